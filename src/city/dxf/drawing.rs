@@ -1,0 +1,90 @@
+//! A drawing as plain data: entities on layers, in the units of the drawing.
+
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+/// The unit that a drawing's header states (`$INSUNITS`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Units {
+    /// Code 0: taken as metres.
+    Unitless,
+    Inches,
+    Feet,
+    Millimetres,
+    Centimetres,
+    #[default]
+    Metres,
+}
+
+impl Units {
+    pub fn metres(self) -> f64 {
+        match self {
+            Self::Unitless | Self::Metres => 1.0,
+            Self::Inches => 0.0254,
+            Self::Feet => 0.3048,
+            Self::Millimetres => 0.001,
+            Self::Centimetres => 0.01,
+        }
+    }
+}
+
+/// A vertex of a polyline with the bulge of the piece that follows it: the tangent of a quarter of
+/// the swept angle, positive counter-clockwise.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PolyVertex {
+    pub at: DVec2,
+    pub bulge: f64,
+}
+
+/// The geometry of an entity. Angles in degrees, as DXF has them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Shape {
+    Line {
+        from: DVec2,
+        to: DVec2,
+    },
+    /// Always counter-clockwise from one angle to the other: DXF arcs have no direction of travel.
+    Arc {
+        centre: DVec2,
+        radius: f64,
+        from_deg: f64,
+        to_deg: f64,
+    },
+    Polyline {
+        vertices: Vec<PolyVertex>,
+        closed: bool,
+    },
+    Circle {
+        centre: DVec2,
+        radius: f64,
+    },
+    Text {
+        at: DVec2,
+        height: f64,
+        text: String,
+    },
+}
+
+/// An entity with what an error needs to name it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Entity {
+    pub layer: String,
+    pub shape: Shape,
+    /// Hexadecimal, as CAD programs show it; empty where the drawing has none.
+    pub handle: String,
+    /// Line of the file at which the entity starts; 0 for a drawing made in memory.
+    pub line: usize,
+}
+
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Drawing {
+    pub units: Units,
+    pub entities: Vec<Entity>,
+}
+
+impl Drawing {
+    /// Adds an entity that has no place in a file yet.
+    pub fn add(&mut self, layer: &str, shape: Shape) {
+        self.entities.push(Entity { layer: layer.to_owned(), shape, handle: String::new(), line: 0 });
+    }
+}

@@ -1,0 +1,72 @@
+//! Trigonometry that gives the same bits on every machine.
+//!
+//! The standard library forwards to the platform's libm, whose last bit differs between systems.
+//! Whatever reaches the state of a run goes through these functions (`clippy.toml` bans the others).
+
+use std::f64::consts::{PI, TAU};
+
+pub fn sin(angle_rad: f64) -> f64 {
+    libm::sin(angle_rad)
+}
+
+pub fn cos(angle_rad: f64) -> f64 {
+    libm::cos(angle_rad)
+}
+
+/// Sine and cosine of one angle.
+pub fn sin_cos(angle_rad: f64) -> (f64, f64) {
+    libm::sincos(angle_rad)
+}
+
+pub fn tan(angle_rad: f64) -> f64 {
+    libm::tan(angle_rad)
+}
+
+pub fn asin(sine: f64) -> f64 {
+    libm::asin(sine)
+}
+
+pub fn acos(cosine: f64) -> f64 {
+    libm::acos(cosine)
+}
+
+pub fn atan(tangent: f64) -> f64 {
+    libm::atan(tangent)
+}
+
+pub fn atan2(y: f64, x: f64) -> f64 {
+    libm::atan2(y, x)
+}
+
+pub fn exp(exponent: f64) -> f64 {
+    libm::exp(exponent)
+}
+
+pub fn pow(base: f64, exponent: f64) -> f64 {
+    libm::pow(base, exponent)
+}
+
+/// Brings an angle into (-pi, pi].
+pub fn wrap_angle(angle_rad: f64) -> f64 {
+    if angle_rad > -PI && angle_rad <= PI {
+        return angle_rad;
+    }
+    let wrapped = libm::fmod(angle_rad + PI, TAU);
+    if wrapped <= 0.0 { wrapped + PI } else { wrapped - PI }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wrapped_angles_lie_in_the_half_open_turn() {
+        for k in -20..=20 {
+            let angle = wrap_angle(0.3 + f64::from(k) * TAU);
+            assert!((angle - 0.3).abs() < 1e-12, "{angle}");
+        }
+        assert_eq!(wrap_angle(PI), PI);
+        assert!((wrap_angle(-PI) - PI).abs() < 1e-12);
+        assert!((wrap_angle(3.0 * PI) - PI).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,7 @@
+//! City3D: the digital twin of a 1:25 scaled smart city for connected and automated vehicles.
+//!
+//! `ARCHITECTURE.md` says which module does what and which may use which.
+
+pub mod city;
+pub mod geom;
+pub mod snapshot;

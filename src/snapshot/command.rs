@@ -1,0 +1,105 @@
+//! Commands: the only way to change the world. A network packet, a key press and a replayed log
+//! all become one of these.
+
+use super::{Indicator, VehicleId};
+use crate::geom::Pose2;
+use serde::{Deserialize, Serialize};
+
+/// One desired state of a vehicle on its way, city frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TrajectoryPoint {
+    /// Simulated time at which the vehicle shall be here.
+    pub time_s: f64,
+    /// Pose of the front-axle centre on its path: the point that the tracking control leads.
+    pub pose: Pose2,
+    pub speed_mps: f64,
+}
+
+/// The desired motion of one vehicle over a horizon that covers its stopping distance.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Trajectory {
+    pub vehicle: VehicleId,
+    /// Counted by the sender, one up for each message to this vehicle; older ones are dropped.
+    pub sequence: u32,
+    /// In time order.
+    pub points: Vec<TrajectoryPoint>,
+    /// The sender holds the vehicle back for a yield sign or the right of way of another.
+    pub yielding: bool,
+    pub indicator: Indicator,
+}
+
+/// Body shapes that the city can draw.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BodyType {
+    #[default]
+    Sedan,
+    Hatchback,
+    Suv,
+    Van,
+}
+
+/// How a vehicle looks.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Appearance {
+    pub body: BodyType,
+    /// sRGB.
+    pub colour: [u8; 3],
+}
+
+impl Default for Appearance {
+    fn default() -> Self {
+        Self { body: BodyType::Sedan, colour: [178, 34, 34] }
+    }
+}
+
+/// What brings a vehicle into the world.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Setup<Spec> {
+    pub id: VehicleId,
+    pub name: String,
+    pub appearance: Appearance,
+    /// Middle of the outline.
+    pub pose: Pose2,
+    pub speed_mps: f64,
+    /// How the vehicle is built and controlled.
+    pub spec: Spec,
+}
+
+/// Pedals and wheel of a human driver.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Pedals {
+    pub gas: f64,
+    pub brake: f64,
+    pub handbrake: f64,
+    /// Desired steering angle, left-positive.
+    pub steering_rad: f64,
+    pub reverse: bool,
+    pub indicator: Indicator,
+}
+
+/// A change of the world, applied at the tick at which it arrives.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum SimCommand {
+    Start,
+    Pause,
+    /// Back to the initial conditions: the run that follows equals the first one exactly.
+    Reset,
+    Follow(Trajectory),
+    Remove(VehicleId),
+    /// A person takes the vehicle over, or drives on with new pedals.
+    Drive(VehicleId, Pedals),
+    /// The person gives it back to its algorithm.
+    Release(VehicleId),
+}
+
+impl SimCommand {
+    /// The vehicle it is for; commands are applied in the order of (vehicle, sequence).
+    pub fn vehicle(&self) -> Option<VehicleId> {
+        match self {
+            Self::Start | Self::Pause | Self::Reset => None,
+            Self::Follow(trajectory) => Some(trajectory.vehicle),
+            Self::Remove(id) | Self::Drive(id, _) | Self::Release(id) => Some(*id),
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! What is known of a vehicle: once (its build and looks) and at every tick (its state).
+
+use super::Appearance;
+use crate::geom::{OrientedRect, Pose2, trig};
+use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// The number of a vehicle; its order is the order of everything that is done for each vehicle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct VehicleId(pub u32);
+
+impl fmt::Display for VehicleId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.0)
+    }
+}
+
+/// What a vehicle is doing, as the vehicle list shows it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// Set up, and no trajectory has come yet.
+    #[default]
+    Waiting,
+    Driving,
+    /// Held back by a yield sign or the right of way of another.
+    Yielding,
+    /// Standing.
+    Stopped,
+    /// A person drives.
+    Manual,
+    /// No trajectory for longer than the link timeout: it brakes to a stop on its path.
+    LinkLost,
+    Collided,
+    /// At the end of its route.
+    Finished,
+    /// A vehicle of the laboratory, drawn as it is measured.
+    Physical,
+}
+
+impl Status {
+    pub const ALL: [Self; 9] = [
+        Self::Waiting,
+        Self::Driving,
+        Self::Yielding,
+        Self::Stopped,
+        Self::Manual,
+        Self::LinkLost,
+        Self::Collided,
+        Self::Finished,
+        Self::Physical,
+    ];
+
+    /// The status in words, as tables show it.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Waiting => "waiting",
+            Self::Driving => "driving",
+            Self::Yielding => "yielding",
+            Self::Stopped => "stopped",
+            Self::Manual => "manual",
+            Self::LinkLost => "link lost",
+            Self::Collided => "collided",
+            Self::Finished => "finished",
+            Self::Physical => "physical",
+        }
+    }
+}
+
+/// Turn signal, as the lamps show it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Indicator {
+    #[default]
+    Off,
+    Left,
+    Right,
+    Hazard,
+}
+
+/// The measures of a vehicle that drawing and driving need, city metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Dimensions {
+    pub length_m: f64,
+    pub width_m: f64,
+    pub height_m: f64,
+    pub wheelbase_m: f64,
+    /// Between the middles of the left and right wheels.
+    pub track_m: f64,
+    pub wheel_radius_m: f64,
+}
+
+impl Dimensions {
+    /// From the middle of the outline forward to the front axle. The overhangs are equal.
+    pub fn front_axle_m(&self) -> f64 {
+        self.wheelbase_m / 2.0
+    }
+}
+
+/// The unchanging part of a vehicle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct VehicleInfo {
+    pub id: VehicleId,
+    /// The name it goes by in the laboratory: VICON's subject.
+    pub name: String,
+    pub dimensions: Dimensions,
+    pub appearance: Appearance,
+    /// Name of the dynamics model.
+    pub model: String,
+}
+
+/// One wheel: front left, front right, rear left, rear right.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct WheelState {
+    /// Rolled angle about the axle, growing as the vehicle moves forward.
+    pub spin_rad: f64,
+    /// Steering angle of this wheel, left-positive.
+    pub steer_rad: f64,
+    /// Height of the wheel's centre above the road in its rest position is the wheel's radius; this
+    /// is how far the suspension has lifted it towards the body.
+    pub lift_m: f64,
+}
+
+/// A vehicle at one tick.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct VehicleState {
+    pub id: VehicleId,
+    pub status: Status,
+    /// Middle of the outline, on the ground when the body is level.
+    pub position: DVec3,
+    /// City from body.
+    pub orientation: DQuat,
+    /// City frame.
+    pub velocity_mps: DVec3,
+    /// Along the heading, negative in reverse.
+    pub speed_mps: f64,
+    /// Along the heading.
+    pub acceleration_mps2: f64,
+    pub yaw_rate_radps: f64,
+    /// Steering angle of the front axle's middle, left-positive.
+    pub steering_rad: f64,
+    /// Pedals in [0, 1].
+    pub gas: f64,
+    pub brake: f64,
+    pub handbrake: f64,
+    pub reverse: bool,
+    pub brake_lights: bool,
+    pub indicator: Indicator,
+    pub wheels: [WheelState; 4],
+    /// Front-axle centre from the desired path, left-positive; 0 without a path.
+    pub lateral_error_m: f64,
+    /// Since the start, along the vehicle's own track.
+    pub distance_m: f64,
+}
+
+impl VehicleState {
+    /// Position and heading seen from above.
+    pub fn pose(&self) -> Pose2 {
+        let forward = self.orientation * DVec3::X;
+        Pose2 { position: self.position.truncate(), yaw_rad: trig::atan2(forward.y, forward.x) }
+    }
+
+    /// The body's outline seen from above.
+    pub fn outline(&self, dimensions: &Dimensions) -> OrientedRect {
+        OrientedRect::new(self.pose(), dimensions.length_m, dimensions.width_m)
+    }
+}
