@@ -3,5 +3,8 @@
 //! `ARCHITECTURE.md` says which module does what and which may use which.
 
 pub mod city;
+pub mod environment;
 pub mod geom;
+pub mod mainframe;
 pub mod snapshot;
+pub mod wire;

@@ -1,0 +1,184 @@
+//! One connected and automated vehicle as the control framework knows it.
+
+use super::estimate::Estimate;
+use super::right_of_way::Passage;
+use super::{Ahead, Controller, Decision, DriverParams, Route, SetupError, controller};
+use crate::city::{LabMap, LaneId};
+use crate::snapshot::{Indicator, VehicleId};
+use crate::wire::Measurement;
+use serde::{Deserialize, Serialize};
+
+/// The measures of a vehicle that control needs, laboratory metres. The overhangs are equal and the
+/// measured pose is that of the outline's middle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Body {
+    pub length_m: f64,
+    pub wheelbase_m: f64,
+}
+
+impl Body {
+    /// From the middle of the outline to the front axle.
+    pub fn front_axle_m(&self) -> f64 {
+        self.wheelbase_m / 2.0
+    }
+
+    /// From the front axle to the front bumper.
+    pub fn overhang_m(&self) -> f64 {
+        (self.length_m - self.wheelbase_m) / 2.0
+    }
+}
+
+/// What the control framework is told of a vehicle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CavSetup {
+    pub id: VehicleId,
+    /// Name of the control algorithm, see [`CONTROLLERS`](super::CONTROLLERS).
+    pub controller: String,
+    pub driver: DriverParams,
+    pub body: Body,
+    /// Lanes to drive, each a successor of the one before.
+    pub route: Vec<LaneId>,
+    pub speed_mps: f64,
+}
+
+/// The plan model: a double integrator along the route (the paper, eq. 7).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Reference {
+    pub axle_s: f64,
+    pub speed_mps: f64,
+    pub acceleration_mps2: f64,
+}
+
+#[derive(Debug)]
+pub struct Cav {
+    pub id: VehicleId,
+    pub driver: DriverParams,
+    pub body: Body,
+    pub route: Route,
+    pub passage: Passage,
+    pub reference: Reference,
+    pub indicator: Indicator,
+    pub is_yielding: bool,
+    /// Counts the messages to the vehicle.
+    pub sequence: u32,
+    controller: Box<dyn Controller>,
+    setup_speed_mps: f64,
+    estimate: Option<Estimate>,
+    /// The estimate brought to the time of the control step.
+    axle_s: f64,
+}
+
+/// How far the plan may run ahead of, or fall behind, what is measured.
+const REFERENCE_SLACK_M: f64 = 0.04;
+const REFERENCE_SLACK_MPS: f64 = 0.08;
+
+impl Cav {
+    pub(super) fn new(map: &LabMap, setup: CavSetup) -> Result<Self, SetupError> {
+        if setup.route.is_empty() {
+            return Err(SetupError::EmptyRoute { vehicle: setup.id });
+        }
+        let controller = controller(&setup.controller, setup.driver)
+            .ok_or(SetupError::UnknownController { vehicle: setup.id, name: setup.controller })?;
+        Ok(Self {
+            id: setup.id,
+            driver: setup.driver,
+            body: setup.body,
+            route: Route::new(map, &setup.route, setup.body, &setup.driver),
+            passage: Passage::default(),
+            reference: Reference::default(),
+            indicator: Indicator::Off,
+            is_yielding: false,
+            sequence: 0,
+            controller,
+            setup_speed_mps: setup.speed_mps,
+            estimate: None,
+            axle_s: 0.0,
+        })
+    }
+
+    /// Whether a pose of it has arrived yet.
+    pub fn is_seen(&self) -> bool {
+        self.estimate.is_some()
+    }
+
+    /// Front-axle centre along the route, as measured and brought to the current time.
+    pub fn axle_s(&self) -> f64 {
+        self.axle_s
+    }
+
+    pub fn front_s(&self) -> f64 {
+        self.axle_s + self.body.overhang_m()
+    }
+
+    pub fn rear_s(&self) -> f64 {
+        self.front_s() - self.body.length_m
+    }
+
+    /// Estimated from the measured poses.
+    pub fn speed_mps(&self) -> f64 {
+        self.estimate.map_or(0.0, |estimate| estimate.speed_mps)
+    }
+
+    pub(super) fn see(&mut self, map: &LabMap, seen: &Measurement) {
+        if let Some(estimate) = &mut self.estimate {
+            estimate.update(map, &self.route, self.body, seen);
+            return;
+        }
+        let first = Estimate::first(map, &self.route, self.body, seen, self.setup_speed_mps);
+        self.estimate = Some(first);
+        self.reference =
+            Reference { axle_s: first.axle_s, speed_mps: first.speed_mps, acceleration_mps2: 0.0 };
+        self.axle_s = first.axle_s;
+        let rear_s = self.rear_s();
+        let behind = self.route.sections.iter().take_while(|section| section.to_s < rear_s);
+        self.passage.next_section = behind.count();
+    }
+
+    pub(super) fn advance_to(&mut self, time_s: f64) {
+        if let Some(estimate) = &self.estimate {
+            self.axle_s = estimate.axle_at(time_s);
+        }
+    }
+
+    /// What the driver does about one thing ahead, or about a free road.
+    pub(super) fn acceleration_for(&self, ahead: Option<Ahead>) -> f64 {
+        let desired = self.route.speed_at(self.axle_s);
+        self.controller.acceleration(self.reference.speed_mps, desired, ahead)
+    }
+
+    /// The end of the route as a standing thing ahead; its front bumper comes to the end.
+    pub(super) fn end_of_route(&self) -> Option<Ahead> {
+        let gap_m = self.route.length() + self.driver.standstill_gap_m - self.front_s();
+        (gap_m < super::SIGHT_M).then_some(Ahead { gap_m, speed_mps: 0.0 })
+    }
+
+    /// Advances the plan by a control step, within its bounds and near to what is measured.
+    pub(super) fn apply(&mut self, decision: Decision, dt_s: f64) {
+        let measured_mps = self.speed_mps();
+        let old = self.reference;
+        let base_mps = old
+            .speed_mps
+            .clamp((measured_mps - REFERENCE_SLACK_MPS).max(0.0), measured_mps + REFERENCE_SLACK_MPS);
+        let allowed_mps = self.route.speed_at(old.axle_s + base_mps * dt_s);
+        let lowest_mps = (base_mps + self.driver.min_acceleration_mps2 * dt_s).max(0.0);
+        let wanted_mps = (base_mps + decision.acceleration_mps2 * dt_s).max(0.0);
+        let speed_mps = wanted_mps.min(allowed_mps.max(lowest_mps));
+        let ahead_m = old.axle_s + (base_mps + speed_mps) / 2.0 * dt_s - self.axle_s;
+        let ahead_m = ahead_m.clamp(-REFERENCE_SLACK_M, REFERENCE_SLACK_M);
+        let acceleration_mps2 =
+            if dt_s > 0.0 { (speed_mps - base_mps) / dt_s } else { decision.acceleration_mps2 };
+        self.reference = Reference { axle_s: self.axle_s + ahead_m, speed_mps, acceleration_mps2 };
+        self.is_yielding = decision.is_yielding;
+    }
+
+    /// The admission number for a section, if it has one.
+    pub(super) fn order_of(&self, section: usize) -> Option<u64> {
+        self.passage.admissions.iter().find(|a| a.section == section).map(|a| a.order)
+    }
+
+    /// Whether its route uses a lane between two arc lengths.
+    pub(super) fn goes_over(&self, lane: LaneId, from_s: f64, to_s: f64) -> bool {
+        (self.route.index_at(from_s)..=self.route.index_at(to_s))
+            .any(|index| self.route.lanes()[index] == lane)
+    }
+}

@@ -1,0 +1,125 @@
+//! The driver model (the paper, eq. 9-10; Treiber, Hennecke and Helbing 2000) with the bounds of
+//! the double-integrator plan model (eq. 7-8).
+
+use crate::geom::trig;
+use serde::{Deserialize, Serialize};
+
+/// Parameters of a driver, laboratory units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DriverParams {
+    /// Desired speed on a free road; posted limits and bends may ask for less.
+    pub desired_speed_mps: f64,
+    /// u_max of eq. 8 and `a` of the driver model, positive.
+    pub max_acceleration_mps2: f64,
+    /// u_min of eq. 8, negative.
+    pub min_acceleration_mps2: f64,
+    /// Desired time headway T.
+    pub headway_s: f64,
+    /// Bumper to bumper distance at standstill s_0.
+    pub standstill_gap_m: f64,
+    /// Exponent delta of the free-road term.
+    pub exponent: f64,
+    /// Lateral acceleration that the driver accepts in bends.
+    pub lateral_acceleration_mps2: f64,
+}
+
+impl Default for DriverParams {
+    /// The usual target speed of the testbed, with accelerations that a full-scale tyre can give.
+    fn default() -> Self {
+        Self {
+            desired_speed_mps: 0.35,
+            max_acceleration_mps2: 0.12,
+            min_acceleration_mps2: -0.20,
+            headway_s: 1.0,
+            standstill_gap_m: 0.08,
+            exponent: 4.0,
+            lateral_acceleration_mps2: 0.12,
+        }
+    }
+}
+
+/// Something ahead on the path that has to be kept clear of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ahead {
+    /// From the own front bumper to its rear.
+    pub gap_m: f64,
+    pub speed_mps: f64,
+}
+
+/// Bumper to bumper distances below this are treated as this: the model divides by the gap.
+const LEAST_GAP_M: f64 = 0.002;
+
+impl DriverParams {
+    /// Acceleration of the driver model at `speed_mps` where `desired_mps` is wanted, clamped to
+    /// [u_min, u_max].
+    pub fn acceleration(&self, speed_mps: f64, desired_mps: f64, ahead: Option<Ahead>) -> f64 {
+        let ratio = speed_mps / desired_mps.max(1e-6);
+        let free = 1.0 - self.power(ratio);
+        let interaction = ahead.map_or(0.0, |ahead| {
+            let ratio = self.desired_gap(speed_mps, ahead.speed_mps) / ahead.gap_m.max(LEAST_GAP_M);
+            ratio * ratio
+        });
+        let u = self.max_acceleration_mps2 * (free - interaction);
+        u.clamp(self.min_acceleration_mps2, self.max_acceleration_mps2)
+    }
+
+    /// s* of eq. 10.
+    pub fn desired_gap(&self, speed_mps: f64, leader_mps: f64) -> f64 {
+        let comfort = 2.0 * (self.min_acceleration_mps2.abs() * self.max_acceleration_mps2).sqrt();
+        let dynamic = speed_mps * self.headway_s + speed_mps * (speed_mps - leader_mps) / comfort;
+        self.standstill_gap_m + dynamic.max(0.0)
+    }
+
+    /// Way to a stand at full braking.
+    pub fn stopping_distance(&self, speed_mps: f64) -> f64 {
+        speed_mps * speed_mps / (2.0 * self.min_acceleration_mps2.abs())
+    }
+
+    fn power(&self, ratio: f64) -> f64 {
+        if self.exponent == 4.0 {
+            let square = ratio * ratio;
+            return square * square;
+        }
+        trig::pow(ratio, self.exponent)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Treiber's road values, in which the model's published behaviour is known.
+    fn treiber() -> DriverParams {
+        DriverParams {
+            desired_speed_mps: 120.0 / 3.6,
+            max_acceleration_mps2: 0.73,
+            min_acceleration_mps2: -1.67,
+            headway_s: 1.6,
+            standstill_gap_m: 2.0,
+            exponent: 4.0,
+            lateral_acceleration_mps2: 3.0,
+        }
+    }
+
+    #[test]
+    fn free_road_and_equilibrium_are_those_of_the_publication() {
+        let driver = treiber();
+        assert_eq!(driver.acceleration(0.0, driver.desired_speed_mps, None), 0.73);
+        assert!(driver.acceleration(driver.desired_speed_mps, driver.desired_speed_mps, None).abs() < 1e-12);
+        // Equilibrium gap s_e(v) = (s0 + v T) / sqrt(1 - (v/v0)^4).
+        let v = 20.0;
+        let gap = (2.0 + v * 1.6) / (1.0 - (v / driver.desired_speed_mps).powi(4)).sqrt();
+        let u = driver.acceleration(v, driver.desired_speed_mps, Some(Ahead { gap_m: gap, speed_mps: v }));
+        assert!(u.abs() < 1e-12, "{u}");
+    }
+
+    #[test]
+    fn both_bounds_hold() {
+        let driver = treiber();
+        let wall = Ahead { gap_m: 1.0, speed_mps: 0.0 };
+        assert_eq!(driver.acceleration(30.0, 33.0, Some(wall)), -1.67);
+        assert_eq!(driver.acceleration(30.0, 5.0, None), -1.67);
+        let leaving = Ahead { gap_m: 100.0, speed_mps: 60.0 };
+        assert!(driver.acceleration(1.0, 33.0, Some(leaving)) <= 0.73);
+    }
+}

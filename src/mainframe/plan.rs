@@ -1,0 +1,53 @@
+//! The message to a vehicle: where it shall be over the next seconds.
+
+use super::{Cav, turn_of};
+use crate::city::{LabMap, LaneKind};
+use crate::snapshot::{Indicator, Trajectory, TrajectoryPoint};
+use crate::wire::empty_trajectory;
+
+/// Times of the points after now. At any speed up to the limits the way covered in the last of them
+/// is longer than the way to a stand.
+const OFFSETS_S: [f64; 13] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9, 1.2, 1.5, 2.0, 2.5, 3.0];
+/// An acceleration is expected to last so long; braking lasts to the stand.
+const ACCELERATION_LASTS_S: f64 = 1.0;
+/// Indicators start this far before a turn, laboratory metres.
+const INDICATE_M: f64 = 1.0;
+/// A lane that turns by more than this is a turn.
+const TURN_RAD: f64 = 0.7;
+
+/// The desired motion of a vehicle from now on, and its indicators.
+pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory {
+    cav.sequence = cav.sequence.wrapping_add(1);
+    cav.indicator = indicator(map, cav);
+    let mut trajectory = empty_trajectory(cav.id, cav.sequence, OFFSETS_S.len());
+    trajectory.yielding = cav.is_yielding;
+    trajectory.indicator = cav.indicator;
+    let (mut s, mut speed_mps, mut last_s) = (cav.reference.axle_s, cav.reference.speed_mps, 0.0);
+    for offset_s in OFFSETS_S {
+        let dt_s = offset_s - last_s;
+        let u = cav.reference.acceleration_mps2;
+        let u = if u > 0.0 && last_s >= ACCELERATION_LASTS_S { 0.0 } else { u };
+        let wanted_mps = (speed_mps + u * dt_s).max(0.0);
+        let next_mps = wanted_mps.min(cav.route.speed_at(s + speed_mps * dt_s));
+        s += (speed_mps + next_mps) / 2.0 * dt_s;
+        (speed_mps, last_s) = (next_mps, offset_s);
+        let pose = cav.route.at(map, s).pose;
+        trajectory.points.push(TrajectoryPoint { time_s: now_s + offset_s, pose, speed_mps });
+    }
+    trajectory
+}
+
+fn indicator(map: &LabMap, cav: &Cav) -> Indicator {
+    let (from_s, to_s) = (cav.rear_s(), cav.front_s() + INDICATE_M);
+    let route = &cav.route;
+    for index in route.index_at(from_s)..=route.index_at(to_s) {
+        let lane = map.lane(route.lanes()[index]);
+        if lane.kind == LaneKind::Connector {
+            let turn = turn_of(map, lane.id);
+            if turn.abs() > TURN_RAD {
+                return if turn > 0.0 { Indicator::Left } else { Indicator::Right };
+            }
+        }
+    }
+    Indicator::Off
+}

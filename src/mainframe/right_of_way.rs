@@ -1,0 +1,353 @@
+//! Right of way: who may enter the conflict zones of a junction, and in which order.
+//!
+//! A vehicle asks for the next section of its route (the conflict zones between which it cannot
+//! wait) in time to stop before it. Once admitted it has a number, and numbers decide in every
+//! zone: a vehicle waits before a zone until those with lower numbers have left it. Since a vehicle
+//! waits for lower numbers alone, keeps the order of its lane, and is admitted only when there is
+//! room for it behind the section, no circle of waiting vehicles can arise inside a junction.
+//! Before a stop or yield line a vehicle is admitted when the area in front of the merging or
+//! crossing point is clear; until then a virtual stopped vehicle stands at the line (the paper,
+//! section III).
+
+use super::route::{Crossing, RANK_MAJOR, RANK_STOP, Rank};
+use super::traffic::Occupancy;
+use super::{Ahead, Cav};
+use crate::city::{LabMap, ZoneKind};
+use serde::{Deserialize, Serialize};
+
+/// Parameters of the right of way, laboratory units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RightOfWayParams {
+    /// A vehicle that gives way is let in when no vehicle with priority is nearer to the conflict
+    /// zone than this.
+    pub clear_area_m: f64,
+    /// Nor arrives at it within this time.
+    pub clear_time_s: f64,
+    /// After waiting so long at a line a vehicle is next, whoever comes.
+    pub patience_s: f64,
+    /// Whether vehicles come to a stand at stop lines even where nobody comes.
+    pub full_stop: bool,
+}
+
+impl Default for RightOfWayParams {
+    fn default() -> Self {
+        Self { clear_area_m: 0.5, clear_time_s: 3.0, patience_s: 12.0, full_stop: true }
+    }
+}
+
+/// How hard a vehicle is ready to brake for one that was admitted before it.
+const COMFORTABLE_BRAKING: f64 = 0.6;
+/// Time and way by which it asks earlier than braking demands.
+const ASK_AHEAD_S: f64 = 0.4;
+const ASK_AHEAD_M: f64 = 0.12;
+/// A vehicle has come to a stand at a line below this speed and this near to it.
+const STANDING_MPS: f64 = 0.012;
+const AT_LINE_M: f64 = 0.16;
+/// Part of its stopping distance that a moving vehicle behind the section is trusted to go on.
+const ROLLS_ON: f64 = 0.7;
+/// A vehicle this far from being able to stop at its line has entered.
+const OVERSHOOT_M: f64 = 0.02;
+/// Bodies keep this far from a zone that others have yet to leave.
+const ZONE_MARGIN_M: f64 = 0.02;
+
+/// An admission to a section of a route.
+#[derive(Clone, Copy, Debug)]
+pub struct Admission {
+    pub section: usize,
+    pub order: u64,
+}
+
+/// What a vehicle has of the right of way.
+#[derive(Clone, Debug, Default)]
+pub struct Passage {
+    /// Sections it was admitted to and has not left, in the order of the way.
+    pub admissions: Vec<Admission>,
+    /// Index of the section that it has to ask for next.
+    pub next_section: usize,
+    /// Since when it stands at the line of that section.
+    standing_since_s: Option<f64>,
+    /// It could not be admitted for want of room behind the section.
+    is_blocked: bool,
+}
+
+/// A vehicle that is near a zone or in it.
+#[derive(Clone, Copy, Debug)]
+struct User {
+    vehicle: usize,
+    side: usize,
+    /// From its front bumper to the zone; negative inside.
+    to_entry_m: f64,
+    /// From its rear bumper to where it leaves the zone, positive until it has left.
+    to_exit_m: f64,
+    order: Option<u64>,
+    rank: Rank,
+}
+
+/// What stands in a vehicle's way because of others' right of way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Hindrance {
+    /// A virtual stopped vehicle at this distance of the front bumper.
+    Stop { gap_m: f64 },
+    /// One that merges ahead: follow it, or wait before the zone, whichever asks for less.
+    Merging { leader: Ahead, wait_gap_m: f64 },
+}
+
+#[derive(Clone, Debug)]
+pub struct RightOfWay {
+    params: RightOfWayParams,
+    next_order: u64,
+    /// By zone, made anew for each control step.
+    users: Vec<Vec<User>>,
+    /// Candidates for admission, kept for its memory.
+    candidates: Vec<(Rank, f64, usize)>,
+}
+
+/// Vehicles this near to a zone are listed with it.
+const HORIZON_M: f64 = 2.0;
+
+impl RightOfWay {
+    pub fn new(params: RightOfWayParams, map: &LabMap) -> Self {
+        let users = vec![Vec::new(); map.zones.len()];
+        Self { params, next_order: 0, users, candidates: Vec::new() }
+    }
+
+    /// Releases sections that were left, then admits those who may go.
+    pub fn update(&mut self, now_s: f64, cavs: &mut [Cav], occupancy: &Occupancy) {
+        for cav in cavs.iter_mut().filter(|cav| cav.is_seen()) {
+            let (rear_s, sections) = (cav.rear_s(), &cav.route.sections);
+            cav.passage.admissions.retain(|admission| sections[admission.section].to_s > rear_s);
+            self.note_standing(now_s, cav);
+        }
+        self.list_users(cavs);
+        self.admit_those_inside(cavs);
+        self.candidates.clear();
+        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_seen()) {
+            if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
+                let distance = section.hold_s - cav.front_s();
+                if distance < asking_distance(cav) {
+                    let rank = if self.is_impatient(now_s, cav) { RANK_MAJOR } else { section.rank };
+                    self.candidates.push((rank, distance, vehicle));
+                }
+            }
+        }
+        let mut candidates = std::mem::take(&mut self.candidates);
+        candidates.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
+        for &(rank, _, vehicle) in &candidates {
+            let may_go = self.may_enter(vehicle, rank, cavs, occupancy);
+            if may_go {
+                self.admit(vehicle, &mut cavs[vehicle]);
+            }
+        }
+        self.candidates = candidates;
+    }
+
+    /// A vehicle that started inside a section, or could not stop before it, is in it: others must know.
+    fn admit_those_inside(&mut self, cavs: &mut [Cav]) {
+        for (vehicle, cav) in cavs.iter_mut().enumerate().filter(|(_, cav)| cav.is_seen()) {
+            while let Some(section) = cav.route.sections.get(cav.passage.next_section) {
+                let to_hold_m = section.hold_s - cav.front_s();
+                if to_hold_m > cav.driver.stopping_distance(cav.speed_mps()) - OVERSHOOT_M {
+                    break;
+                }
+                self.admit(vehicle, cav);
+            }
+        }
+    }
+
+    fn note_standing(&self, now_s: f64, cav: &mut Cav) {
+        cav.passage.is_blocked = false;
+        let Some(section) = cav.route.sections.get(cav.passage.next_section) else { return };
+        let at_line = section.hold_s - cav.front_s() < AT_LINE_M;
+        if cav.speed_mps() < STANDING_MPS && at_line {
+            cav.passage.standing_since_s.get_or_insert(now_s);
+        }
+    }
+
+    fn is_impatient(&self, now_s: f64, cav: &Cav) -> bool {
+        cav.passage.standing_since_s.is_some_and(|since_s| now_s - since_s > self.params.patience_s)
+    }
+
+    fn list_users(&mut self, cavs: &[Cav]) {
+        self.users.iter_mut().for_each(Vec::clear);
+        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_seen()) {
+            let (front_s, rear_s) = (cav.front_s(), cav.rear_s());
+            let route = &cav.route;
+            let mut section = cav.passage.admissions.first().map_or(cav.passage.next_section, |a| a.section);
+            while let Some(here) = route.sections.get(section) {
+                if here.from_s > front_s + HORIZON_M {
+                    break;
+                }
+                let order = cav.order_of(section);
+                for crossing in &route.crossings[here.crossings.clone()] {
+                    let user = User {
+                        vehicle,
+                        side: crossing.side,
+                        to_entry_m: crossing.from_s - front_s,
+                        to_exit_m: crossing.to_s - rear_s,
+                        order,
+                        rank: here.rank,
+                    };
+                    if user.to_exit_m > 0.0 {
+                        self.users[crossing.zone.index()].push(user);
+                    }
+                }
+                section += 1;
+            }
+        }
+    }
+
+    fn may_enter(&self, vehicle: usize, rank: Rank, cavs: &mut [Cav], occupancy: &Occupancy) -> bool {
+        let cav = &cavs[vehicle];
+        let section = &cav.route.sections[cav.passage.next_section];
+        if section.rank == RANK_STOP && self.params.full_stop && cav.passage.standing_since_s.is_none() {
+            return false;
+        }
+        if self.has_leader_before_line(vehicle, cavs, occupancy) {
+            return false;
+        }
+        if !self.has_room_behind(vehicle, cavs, occupancy) {
+            cavs[vehicle].passage.is_blocked = true;
+            return false;
+        }
+        rank == RANK_MAJOR || self.is_clear(vehicle, rank, cavs)
+    }
+
+    /// Whether a vehicle on the same lane stands between it and the line, not yet admitted.
+    fn has_leader_before_line(&self, vehicle: usize, cavs: &[Cav], occupancy: &Occupancy) -> bool {
+        let cav = &cavs[vehicle];
+        let hold_s = cav.route.sections[cav.passage.next_section].hold_s;
+        let within_m = (hold_s - cav.front_s()).max(0.0);
+        let Some(leader) = occupancy.leader(cavs, vehicle, within_m) else { return false };
+        let other = &cavs[leader.vehicle];
+        let other_front_s = leader.rear_s + other.body.length_m;
+        let other_hold = other.route.sections.get(other.passage.next_section).map(|s| s.hold_s);
+        let other_to_hold = other_hold.map_or(f64::INFINITY, |hold_s| hold_s - other.front_s());
+        // Its next line is the same one when it is as far along as the own.
+        other_front_s < hold_s + 0.01 && other_front_s + other_to_hold < hold_s + 0.1
+    }
+
+    /// Whether the vehicle, and all who were admitted on the way to the same place, find room
+    /// between the section and whatever stands or may stop behind it.
+    fn has_room_behind(&self, vehicle: usize, cavs: &[Cav], occupancy: &Occupancy) -> bool {
+        let cav = &cavs[vehicle];
+        let section = &cav.route.sections[cav.passage.next_section];
+        let end_s = section.to_s;
+        let room_for = |other: &Cav| other.body.length_m + other.driver.standstill_gap_m;
+        let exit_index = cav.route.index_at(end_s + 1e-6);
+        let exit_lane = cav.route.lanes()[exit_index];
+        let on_the_way = |other: &Cav| {
+            other.passage.admissions.iter().any(|admission| {
+                let there = &other.route.sections[admission.section];
+                other.rear_s() < there.to_s && other.goes_over(exit_lane, there.from_s, there.to_s + 0.05)
+            })
+        };
+        let others = cavs.iter().enumerate().filter(|(other, cav)| *other != vehicle && cav.is_seen());
+        let admitted = others.filter(|(_, other)| on_the_way(other)).map(|(_, other)| room_for(other));
+        let needed = room_for(cav) + admitted.sum::<f64>();
+        let next_hold_s = cav.route.sections.get(cav.passage.next_section + 1).map(|s| s.hold_s);
+        let mut available_s = next_hold_s.unwrap_or(f64::INFINITY).min(end_s + HORIZON_M);
+        let standing_there =
+            occupancy.first_rear_after(cavs, vehicle, end_s, HORIZON_M, |other| !on_the_way(&cavs[other]));
+        if let Some((other, rear_s)) = standing_there {
+            let other = &cavs[other];
+            let rolls_on_m = ROLLS_ON * other.driver.stopping_distance(other.speed_mps());
+            available_s = available_s.min(rear_s + rolls_on_m);
+        }
+        available_s - end_s >= needed
+    }
+
+    /// Whether nobody with priority is, or soon will be, in the zones of the section.
+    fn is_clear(&self, vehicle: usize, rank: Rank, cavs: &[Cav]) -> bool {
+        let cav = &cavs[vehicle];
+        let section = &cav.route.sections[cav.passage.next_section];
+        cav.route.crossings[section.crossings.clone()].iter().all(|crossing| {
+            self.users[crossing.zone.index()].iter().all(|user| {
+                if user.side == crossing.side || user.vehicle == vehicle {
+                    return true;
+                }
+                if user.order.is_some() {
+                    return user.to_entry_m <= 0.0;
+                }
+                let other = &cavs[user.vehicle];
+                if user.rank >= rank || other.passage.is_blocked {
+                    return true;
+                }
+                let arrival_m = self.params.clear_time_s * other.speed_mps();
+                user.to_entry_m > self.params.clear_area_m.max(arrival_m)
+            })
+        })
+    }
+
+    fn admit(&mut self, vehicle: usize, cav: &mut Cav) {
+        let section = cav.passage.next_section;
+        let order = self.next_order;
+        self.next_order += 1;
+        cav.passage.admissions.push(Admission { section, order });
+        cav.passage.next_section += 1;
+        cav.passage.standing_since_s = None;
+        for crossing in &cav.route.crossings[cav.route.sections[section].crossings.clone()] {
+            for user in &mut self.users[crossing.zone.index()] {
+                if user.vehicle == vehicle && user.side == crossing.side {
+                    user.order.get_or_insert(order);
+                }
+            }
+        }
+    }
+
+    /// What the right of way of others puts in the way of a vehicle.
+    pub fn hindrances(&self, vehicle: usize, cavs: &[Cav], out: &mut Vec<Hindrance>) {
+        let cav = &cavs[vehicle];
+        let front_s = cav.front_s();
+        if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
+            let gap_m = section.hold_s - front_s;
+            // One that can no longer stop was admitted, and is not shown the virtual stopped vehicle.
+            if gap_m < HORIZON_M {
+                out.push(Hindrance::Stop { gap_m });
+            }
+        }
+        for admission in &cav.passage.admissions {
+            let section = &cav.route.sections[admission.section];
+            for crossing in &cav.route.crossings[section.crossings.clone()] {
+                self.hindrances_in(vehicle, cavs, crossing, admission.order, out);
+            }
+        }
+    }
+
+    fn hindrances_in(
+        &self,
+        vehicle: usize,
+        cavs: &[Cav],
+        crossing: &Crossing,
+        order: u64,
+        out: &mut Vec<Hindrance>,
+    ) {
+        let front_s = cavs[vehicle].front_s();
+        let to_entry_m = crossing.from_s - front_s;
+        let to_end_m = crossing.to_s - front_s;
+        for user in &self.users[crossing.zone.index()] {
+            let goes_first = user.order.is_some_and(|other| other < order);
+            if user.side == crossing.side || user.vehicle == vehicle || !goes_first {
+                continue;
+            }
+            let wait_gap_m = to_entry_m - ZONE_MARGIN_M;
+            match crossing.kind {
+                ZoneKind::Merge if to_end_m > 0.0 => {
+                    let speed_mps = cavs[user.vehicle].speed_mps();
+                    let leader = Ahead { gap_m: to_end_m - user.to_exit_m, speed_mps };
+                    out.push(Hindrance::Merging { leader, wait_gap_m });
+                }
+                ZoneKind::Merge => {}
+                // Inside the zone there is no waiting any more: it has to be left.
+                _ if to_entry_m > -ZONE_MARGIN_M => out.push(Hindrance::Stop { gap_m: wait_gap_m }),
+                _ => {}
+            }
+        }
+    }
+}
+
+/// How far from the hold a vehicle asks: early enough to stop comfortably.
+fn asking_distance(cav: &Cav) -> f64 {
+    let speed = cav.speed_mps();
+    let braking = COMFORTABLE_BRAKING * cav.driver.min_acceleration_mps2.abs();
+    speed * speed / (2.0 * braking) + speed * ASK_AHEAD_S + ASK_AHEAD_M + cav.driver.standstill_gap_m
+}

@@ -1,0 +1,106 @@
+//! What goes over the laboratory's link, in laboratory metres, and its conversion to and from the
+//! full-scale city. This is where [`LengthScale`] is applied; sockets live elsewhere.
+
+use crate::geom::{LengthScale, Pose2};
+use crate::snapshot::{
+    FrameSnapshot, Indicator, SimCommand, Trajectory, TrajectoryPoint, VehicleId, VehicleState,
+};
+use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// One measured pose, as motion capture gives it: no speed. Laboratory metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measurement {
+    pub vehicle: VehicleId,
+    /// When the pose was measured.
+    pub stamp_s: f64,
+    /// Middle of the outline, on the floor.
+    pub position: DVec3,
+    /// Laboratory from body, body axes forward, left, up.
+    pub orientation: DQuat,
+}
+
+impl Measurement {
+    /// The pose of a vehicle of the city as the laboratory would measure it.
+    pub fn of(state: &VehicleState, time_s: f64, scale: LengthScale) -> Self {
+        Self {
+            vehicle: state.id,
+            stamp_s: time_s,
+            position: state.position / scale.factor(),
+            orientation: state.orientation,
+        }
+    }
+
+    /// All vehicles of a snapshot, in id order.
+    pub fn all(snapshot: &FrameSnapshot, scale: LengthScale) -> impl Iterator<Item = Self> + '_ {
+        snapshot.vehicles.iter().map(move |state| Self::of(state, snapshot.time_s, scale))
+    }
+
+    pub fn pose_in_lab(&self) -> Pose2 {
+        let forward = self.orientation * DVec3::X;
+        Pose2 { position: self.position.truncate(), yaw_rad: crate::geom::trig::atan2(forward.y, forward.x) }
+    }
+}
+
+/// A message of the control framework to the vehicles. Laboratory metres.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Message {
+    /// Desired motion of one vehicle: poses of the front-axle centre over a horizon that covers the
+    /// stopping distance.
+    Follow(Trajectory),
+    Remove(VehicleId),
+}
+
+impl Message {
+    pub fn vehicle(&self) -> VehicleId {
+        match self {
+            Self::Follow(trajectory) => trajectory.vehicle,
+            Self::Remove(id) => *id,
+        }
+    }
+
+    /// The message as a command of the full-scale city.
+    pub fn into_command(self, scale: LengthScale) -> SimCommand {
+        match self {
+            Self::Follow(trajectory) => SimCommand::Follow(city_from_lab(trajectory, scale)),
+            Self::Remove(id) => SimCommand::Remove(id),
+        }
+    }
+}
+
+fn city_from_lab(mut trajectory: Trajectory, scale: LengthScale) -> Trajectory {
+    for point in &mut trajectory.points {
+        point.pose = point.pose.scaled(scale.factor());
+        point.speed_mps = scale.city_from_lab(point.speed_mps);
+    }
+    trajectory
+}
+
+/// A trajectory with no points yet, to be filled by a controller.
+pub fn empty_trajectory(vehicle: VehicleId, sequence: u32, capacity: usize) -> Trajectory {
+    Trajectory {
+        vehicle,
+        sequence,
+        points: Vec::<TrajectoryPoint>::with_capacity(capacity),
+        yielding: false,
+        indicator: Indicator::Off,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scale_is_applied_to_lengths_and_speeds_and_not_to_time() {
+        let point = TrajectoryPoint { time_s: 3.5, pose: Pose2::new(1.0, -2.0, 0.4), speed_mps: 0.35 };
+        let lab =
+            Trajectory { vehicle: VehicleId(3), sequence: 7, points: vec![point], ..Trajectory::default() };
+        let SimCommand::Follow(city) = Message::Follow(lab).into_command(LengthScale::TESTBED) else {
+            panic!("a trajectory stays one");
+        };
+        assert_eq!(city.points[0].time_s, 3.5);
+        assert_eq!(city.points[0].pose, Pose2::new(25.0, -50.0, 0.4));
+        assert!((city.points[0].speed_mps - 8.75).abs() < 1e-12);
+    }
+}
