@@ -4,4 +4,6 @@
 
 pub mod city;
 pub mod geom;
+pub mod physics;
 pub mod snapshot;
+pub mod vehicle;
