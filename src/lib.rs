@@ -6,5 +6,7 @@ pub mod city;
 pub mod environment;
 pub mod geom;
 pub mod mainframe;
+pub mod physics;
 pub mod snapshot;
+pub mod vehicle;
 pub mod wire;
