@@ -1,20 +1,35 @@
 //! Vehicles: how they are built, how they are controlled, how they move.
+//!
+//! City frame and full-scale SI units throughout. A vehicle is a [`VehicleSpec`], a [`Dynamics`]
+//! model that moves it and a [`Tracker`] that leads its front axle along a trajectory. At each tick
+//! the tracker turns the last [`Motion`] into an [`Actuation`], the model applies it, all bodies make
+//! one physics step, and the model reads its motion back.
 
+mod bicycle;
+mod check;
+mod limits;
+mod path;
+mod pedals;
+mod raycast;
 mod spec;
 mod tracker;
+mod wheels;
 
-pub use spec::{
-    CentreOfMass, ControlGains, Drive, ModelKind, Motor, SpecError, Suspension, TorquePoint, VehicleSpec,
-};
+pub use bicycle::Bicycle;
+pub use check::SpecError;
+pub use pedals::pedals;
+pub use raycast::RaycastCar;
+pub use spec::{CentreOfMass, ControlGains, Drive, ModelKind, Motor, Suspension, TorquePoint, VehicleSpec};
 pub use tracker::{Tracker, Tracking};
 
-use crate::geom::Pose2;
+use crate::geom::{Pose2, trig};
 use crate::physics::Physics;
 use crate::snapshot::WheelState;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// What moves a vehicle: pedals in [0, 1] and the desired steering angle.
+/// What moves a vehicle: pedals in [0, 1] and the desired steering angle. Values outside are clamped,
+/// NaN counts as a pedal left alone and a wheel held still.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Actuation {
     pub gas: f64,
@@ -22,6 +37,7 @@ pub struct Actuation {
     pub handbrake: f64,
     /// Desired angle of the front axle's middle, left-positive.
     pub steering_rad: f64,
+    /// The gas drives backwards.
     pub reverse: bool,
 }
 
@@ -35,31 +51,32 @@ pub struct Motion {
     pub velocity_mps: DVec3,
     /// Along the heading, negative in reverse.
     pub speed_mps: f64,
-    /// Along the heading.
+    /// Along the heading: change of `speed_mps` over the last step.
     pub acceleration_mps2: f64,
     pub yaw_rate_radps: f64,
     /// Angle of the front axle's middle, after rate and limit.
     pub steering_rad: f64,
+    /// Front left, front right, rear left, rear right.
     pub wheels: [WheelState; 4],
 }
 
-/// A dynamics model around the one shared physics step.
+impl Motion {
+    /// Middle of the outline and heading, seen from above.
+    pub fn pose(&self) -> Pose2 {
+        let forward = self.orientation * DVec3::X;
+        Pose2 { position: self.position.truncate(), yaw_rad: trig::atan2(forward.y, forward.x) }
+    }
+}
+
+/// A dynamics model around the one shared physics step: models are interchangeable.
 pub trait VehicleModel {
-    /// Before the step.
+    /// Before the step: from the actuation to forces, or to the next pose. `dt_s` is the length of the step.
     fn apply(&mut self, physics: &mut Physics, spec: &VehicleSpec, actuation: &Actuation, dt_s: f64);
-    /// After the step.
+    /// After the step, once for each.
     fn read_back(&mut self, physics: &Physics, spec: &VehicleSpec, dt_s: f64) -> Motion;
     /// Takes everything of it out of the physics.
     fn remove(&mut self, physics: &mut Physics);
 }
-
-/// A vehicle on four sprung wheels.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct RaycastCar {}
-
-/// A kinematic bicycle.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Bicycle {}
 
 /// The dynamics model of one vehicle.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -70,26 +87,32 @@ pub enum Dynamics {
 
 impl Dynamics {
     /// Puts a vehicle on the road at its rest height, rolling at `speed_mps`. `pose` is the middle
-    /// of its outline.
-    pub fn spawn(_physics: &mut Physics, spec: &VehicleSpec, _pose: Pose2, _speed_mps: f64) -> Self {
+    /// of its outline; `spec` has passed [`VehicleSpec::validate`].
+    pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2, speed_mps: f64) -> Self {
         match spec.model {
-            ModelKind::Raycast => Self::Raycast(RaycastCar {}),
-            ModelKind::Bicycle => Self::Bicycle(Bicycle {}),
+            ModelKind::Raycast => Self::Raycast(RaycastCar::spawn(physics, spec, pose, speed_mps)),
+            ModelKind::Bicycle => Self::Bicycle(Bicycle::spawn(physics, spec, pose, speed_mps)),
+        }
+    }
+
+    fn model(&mut self) -> &mut dyn VehicleModel {
+        match self {
+            Self::Raycast(car) => car,
+            Self::Bicycle(bicycle) => bicycle,
         }
     }
 }
 
 impl VehicleModel for Dynamics {
-    fn apply(&mut self, _physics: &mut Physics, _spec: &VehicleSpec, _actuation: &Actuation, _dt_s: f64) {}
-
-    fn read_back(&mut self, _physics: &Physics, _spec: &VehicleSpec, _dt_s: f64) -> Motion {
-        Motion::default()
+    fn apply(&mut self, physics: &mut Physics, spec: &VehicleSpec, actuation: &Actuation, dt_s: f64) {
+        self.model().apply(physics, spec, actuation, dt_s);
     }
 
-    fn remove(&mut self, _physics: &mut Physics) {}
-}
+    fn read_back(&mut self, physics: &Physics, spec: &VehicleSpec, dt_s: f64) -> Motion {
+        self.model().read_back(physics, spec, dt_s)
+    }
 
-/// The pedals for a throttle in [-1, 1] (the paper, eq. 2-4): gas, brake, handbrake.
-pub fn pedals(throttle: f64) -> (f64, f64, f64) {
-    if throttle <= -0.5 { (0.0, 0.0, 1.0) } else { (throttle.max(0.0), (-throttle).max(0.0), 0.0) }
+    fn remove(&mut self, physics: &mut Physics) {
+        self.model().remove(physics);
+    }
 }

@@ -15,7 +15,7 @@ pub struct VehicleSpec {
     pub motor: Motor,
     /// Of all four wheels together, pedal fully down.
     pub brake_torque_nm: f64,
-    /// Of both rear wheels together.
+    /// Of all four wheels together: an electric parking brake, which in motion brakes every wheel.
     pub handbrake_torque_nm: f64,
     /// Largest angle of the front axle's middle to either side.
     pub steering_limit_rad: f64,
@@ -23,6 +23,8 @@ pub struct VehicleSpec {
     pub suspension: Suspension,
     /// Friction coefficient between tyre and road.
     pub tyre_friction: f64,
+    /// Cornering stiffness of a tyre over its load, 1/rad.
+    pub tyre_cornering: f64,
     /// Drag coefficient times frontal area.
     pub drag_area_m2: f64,
     /// Rolling resistance over weight.
@@ -102,7 +104,8 @@ pub struct ControlGains {
     pub k_e: f64,
     /// Softens it at low speed, m/s.
     pub k_s: f64,
-    /// Tyre slip in a steady turn, s2/m, negative.
+    /// Corrects for tyre slip in a steady turn, s2/m, negative: about -1 / (g tyre_cornering). A model
+    /// without tyre slip leaves it out.
     pub k_a: f64,
     /// Yaw rate damping, s.
     pub k_y: f64,
@@ -116,7 +119,7 @@ pub struct ControlGains {
 
 impl Default for ControlGains {
     fn default() -> Self {
-        Self { k_e: 3.0, k_s: 5.0, k_a: -0.005, k_y: 0.1, speed_p: 1.0, speed_i: 0.1, speed_d: 2.0 }
+        Self { k_e: 3.0, k_s: 2.5, k_a: -0.0068, k_y: 0.05, speed_p: 1.0, speed_i: 0.1, speed_d: 2.0 }
     }
 }
 
@@ -144,48 +147,17 @@ impl Default for VehicleSpec {
                 max_power_w: 110e3,
             },
             brake_torque_nm: 6500.0,
-            handbrake_torque_nm: 2500.0,
+            handbrake_torque_nm: 4500.0,
             steering_limit_rad: 45f64.to_radians(),
             steering_rate_radps: 1.0,
             suspension: Suspension { rest_length_m: 0.35, frequency_hz: 1.5, damping_ratio: 0.4 },
             tyre_friction: 0.9,
+            tyre_cornering: 15.0,
             drag_area_m2: 0.65,
             rolling_resistance: 0.012,
             drive: Drive::Front,
             model: ModelKind::Raycast,
             control: ControlGains::default(),
         }
-    }
-}
-
-/// A figure of a spec that no vehicle can have.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{field} is {found}; {remedy}")]
-pub struct SpecError {
-    /// Path of the field, as in a scenario file.
-    pub field: String,
-    pub found: String,
-    pub remedy: String,
-}
-
-impl VehicleSpec {
-    /// Everything that is wrong with it; empty when it can be driven.
-    pub fn validate(&self) -> Vec<SpecError> {
-        Vec::new()
-    }
-
-    /// Largest acceleration on the level at a speed, m/s2.
-    pub fn max_acceleration_at(&self, _speed_mps: f64) -> f64 {
-        0.0
-    }
-
-    /// Largest deceleration of the service brake at low speed, m/s2.
-    pub fn max_braking(&self) -> f64 {
-        0.0
-    }
-
-    /// Radius of the front axle's track at the steering limit.
-    pub fn min_turn_radius(&self) -> f64 {
-        0.0
     }
 }

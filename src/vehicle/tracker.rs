@@ -1,13 +1,70 @@
-//! Tracking control of one vehicle.
+//! Tracking control of one vehicle: steering by the corrected Stanley law, speed by a PID on the
+//! position along the path with feed-forward (the paper, eq. 1 and its section on speed).
 
-use super::{Actuation, Motion, VehicleSpec};
+use super::path::{Nearest, Path};
+use super::pedals::{HANDBRAKE_THROTTLE, pedals};
+use super::{Actuation, ModelKind, Motion, VehicleSpec};
+use crate::geom::{trig, wrap_angle};
 use crate::snapshot::Trajectory;
 use serde::{Deserialize, Serialize};
 
+/// Path that is kept behind the vehicle as trajectories replace one another.
+const KEPT_BEHIND_M: f64 = 8.0;
+/// A new trajectory that begins this near to the old path continues it.
+const JOINS_WITHIN_M: f64 = 0.4;
+const JOINS_WITHIN_RAD: f64 = 0.4;
+/// Where the vehicle is looked for around its last station.
+const SEARCH_BEHIND_M: f64 = 4.0;
+const SEARCH_AHEAD_M: f64 = 8.0;
+/// Slower than this it stands.
+const STANDING_MPS: f64 = 0.1;
+/// A desired speed below this asks for standing.
+const MOVING_MPS: f64 = 0.05;
+/// A vehicle that stands is not sent after an error smaller than this.
+const CREEP_M: f64 = 0.3;
+/// Throttle that holds a standing vehicle.
+const HOLDING_THROTTLE: f64 = -0.3;
+/// Throttle of the hardest braking without the handbrake.
+const HARDEST_BRAKING: f64 = HANDBRAKE_THROTTLE + 1e-3;
+/// Deceleration of a stop on the path: at least, by plan, at most.
+const STOP_GENTLY_MPS2: f64 = 3.0;
+const STOP_FIRMLY_MPS2: f64 = 4.5;
+const STOP_MOST_MPS2: f64 = 4.8;
+/// How fast a speed error is made good in such a stop, 1/s.
+const STOP_GAIN: f64 = 2.0;
+/// Most that the integral adds, m/s2.
+const INTEGRAL_LIMIT_MPS2: f64 = 1.0;
+
+/// A point of the trajectory on the path.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Milestone {
+    time_s: f64,
+    station: f64,
+    speed_mps: f64,
+}
+
+/// Where the vehicle shall be on its path, and how it shall move, at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Reference {
+    station: f64,
+    speed_mps: f64,
+    acceleration_mps2: f64,
+}
+
 /// Leads a vehicle's front axle along the newest trajectory.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tracker {
-    trajectory: Trajectory,
+    path: Path,
+    milestones: Vec<Milestone>,
+    /// Of the front axle on the path.
+    station: Option<f64>,
+    /// Of the longitudinal position error, m s.
+    integral: f64,
+    /// Speed that a stop on the path still allows.
+    stopping_mps: Option<f64>,
+    /// The stop was asked for, and lasts until the next trajectory.
+    link_lost: bool,
+    steering_rad: f64,
 }
 
 /// What the tracking control wants at one tick.
@@ -21,16 +78,225 @@ pub struct Tracking {
 }
 
 impl Tracker {
-    /// The newest trajectory replaces the older one; the caller has checked its sequence.
+    /// The newest trajectory replaces the older one; the caller has checked its sequence. Points that
+    /// are not finite or not in time order are left out; without any left the older one stays.
     pub fn follow(&mut self, trajectory: Trajectory) {
-        self.trajectory = trajectory;
+        let mut points = trajectory.points;
+        points.retain(|p| p.pose.is_finite() && p.time_s.is_finite() && p.speed_mps.is_finite());
+        let mut latest = f64::NEG_INFINITY;
+        points.retain(|p| {
+            let later = p.time_s > latest;
+            latest = latest.max(p.time_s);
+            later
+        });
+        let Some(first) = points.first() else { return };
+        self.link_lost = false;
+        self.stopping_mps = None;
+
+        let joint = self.path.nearest(
+            first.pose.position,
+            first.pose.yaw_rad,
+            self.station.unwrap_or(f64::NEG_INFINITY) - KEPT_BEHIND_M,
+            f64::INFINITY,
+        );
+        let joint = joint.filter(|near| {
+            near.path_to_left_m.abs() < JOINS_WITHIN_M
+                && wrap_angle(near.heading_rad - first.pose.yaw_rad).abs() < JOINS_WITHIN_RAD
+        });
+        let mut renewed = match joint {
+            // The path so far stays behind the new one: a vehicle that lags is still on it.
+            Some(near) => {
+                let from = self.station.map_or(near.station, |own| own.min(near.station));
+                let mut path = self.path.clone();
+                path.keep(from - KEPT_BEHIND_M, near.station - 1e-3);
+                if path.is_empty() { Path::starting_at(near.station, first.pose) } else { path }
+            }
+            None => {
+                self.station = None;
+                self.integral = 0.0;
+                Path::starting_at(0.0, first.pose)
+            }
+        };
+        self.milestones.clear();
+        let start = renewed.end();
+        for point in &points {
+            let station = renewed.push(point.pose);
+            self.milestones.push(Milestone {
+                time_s: point.time_s,
+                station,
+                speed_mps: point.speed_mps.max(0.0),
+            });
+        }
+        match joint {
+            // All points on one spot of the old path: its shape tells more than they do.
+            Some(near) if renewed.end() - start.max(near.station) < 0.1 && self.path.end() > near.station => {
+                self.milestones.iter_mut().for_each(|milestone| milestone.station = near.station);
+            }
+            _ => self.path = renewed,
+        }
     }
 
-    /// The link is lost: from now on brake to a stop along the last path; the next trajectory ends it.
-    pub fn stop_on_path(&mut self) {}
+    /// The link is lost: from now on brake to a stop along the last path, at no more than 5 m/s2,
+    /// until the next trajectory. Calling it again changes nothing.
+    pub fn stop_on_path(&mut self) {
+        self.link_lost = true;
+    }
 
     /// One control step at simulated time `time_s`.
-    pub fn step(&mut self, _spec: &VehicleSpec, _motion: &Motion, _time_s: f64, _dt_s: f64) -> Tracking {
-        Tracking::default()
+    pub fn step(&mut self, spec: &VehicleSpec, motion: &Motion, time_s: f64, dt_s: f64) -> Tracking {
+        let front = motion.pose().advanced(spec.dimensions.front_axle_m());
+        let (from, to) = self.station.map_or((f64::NEG_INFINITY, f64::INFINITY), |station| {
+            (station - SEARCH_BEHIND_M, station + SEARCH_AHEAD_M)
+        });
+        let nearest = self.path.nearest(front.position, front.yaw_rad, from, to);
+        let Some(nearest) = nearest else {
+            // Nothing to follow yet.
+            let throttle = self.stop(spec, motion, motion.speed_mps, f64::INFINITY, dt_s);
+            return Tracking { actuation: self.actuation(throttle), lateral_error_m: 0.0, throttle };
+        };
+        self.station = Some(nearest.station);
+        let turning = motion.yaw_rate_radps * spec.dimensions.front_axle_m();
+        let velocity = motion.velocity_mps.truncate() + front.left() * turning;
+        let (sin, cos) = trig::sin_cos(nearest.heading_rad);
+        // Of the front axle along the path: faster than the body in a bend.
+        let along = velocity.dot(glam::DVec2::new(cos, sin));
+
+        let throttle = self.throttle(spec, motion, along, time_s, dt_s);
+        if along.abs() > STANDING_MPS || throttle > 0.0 {
+            let yaw = front.yaw_rad;
+            self.steering_rad = stanley(spec, motion, &nearest, yaw, along);
+        }
+        Tracking {
+            actuation: self.actuation(throttle),
+            lateral_error_m: -nearest.path_to_left_m,
+            throttle,
+        }
     }
+
+    fn actuation(&self, throttle: f64) -> Actuation {
+        let (gas, brake, handbrake) = pedals(throttle);
+        Actuation { gas, brake, handbrake, steering_rad: self.steering_rad, reverse: false }
+    }
+
+    /// Throttle of the speed control; `along` is the front axle's speed along the path.
+    fn throttle(&mut self, spec: &VehicleSpec, motion: &Motion, along: f64, time_s: f64, dt_s: f64) -> f64 {
+        let station = self.station.unwrap_or(0.0);
+        let reference = self.reference(time_s).filter(|_| !self.link_lost);
+        let Some(reference) = reference else {
+            return self.stop(spec, motion, along, self.path.end() - station, dt_s);
+        };
+        self.stopping_mps = None;
+        let gains = &spec.control;
+        let error = reference.station - station;
+        let shall_stand = reference.speed_mps < MOVING_MPS && reference.acceleration_mps2 <= 0.0;
+        if shall_stand && error < CREEP_M && along < STANDING_MPS {
+            self.integral = 0.0;
+            return HOLDING_THROTTLE;
+        }
+        // Lost way is made good by being a little faster than desired, not by flooring the gas.
+        let most = gains.speed_d * (1.0 + 0.1 * reference.speed_mps);
+        let pull = gains.speed_p * error;
+        let wanted = reference.acceleration_mps2
+            + pull.clamp(-most, most)
+            + gains.speed_d * (reference.speed_mps - along)
+            + gains.speed_i * self.integral;
+        let throttle = throttle_for(spec, motion, wanted);
+        if throttle.abs() < 1.0 && pull.abs() < most && gains.speed_i > 0.0 {
+            let limit = INTEGRAL_LIMIT_MPS2 / gains.speed_i;
+            self.integral = (self.integral + error * dt_s).clamp(-limit, limit);
+        }
+        throttle
+    }
+
+    /// Throttle that brakes to a stop before the path ends.
+    fn stop(&mut self, spec: &VehicleSpec, motion: &Motion, along: f64, left_m: f64, dt_s: f64) -> f64 {
+        self.integral = 0.0;
+        if along < STANDING_MPS {
+            self.stopping_mps = Some(0.0);
+            return HOLDING_THROTTLE;
+        }
+        let planned = self.stopping_mps.unwrap_or(along);
+        let needed = planned * planned / (2.0 * left_m.max(0.1));
+        let braking = needed.clamp(STOP_GENTLY_MPS2, STOP_FIRMLY_MPS2);
+        let planned = (planned - braking * dt_s).max(0.0);
+        self.stopping_mps = Some(planned);
+        let wanted = -braking + STOP_GAIN * (planned - along);
+        throttle_for(spec, motion, wanted.clamp(-STOP_MOST_MPS2, 0.0))
+    }
+
+    /// The trajectory at a time; `None` where it has ended in motion.
+    fn reference(&self, time_s: f64) -> Option<Reference> {
+        let after = self.milestones.partition_point(|milestone| milestone.time_s <= time_s);
+        let before = after.checked_sub(1).map(|k| self.milestones[k]);
+        match (before, self.milestones.get(after)) {
+            (Some(a), Some(b)) => Some(between(&a, b, time_s)),
+            // It begins later: come up to it.
+            (None, Some(first)) => Some(Reference {
+                station: first.station - first.speed_mps * (first.time_s - time_s),
+                speed_mps: first.speed_mps,
+                acceleration_mps2: 0.0,
+            }),
+            (Some(last), None) if last.speed_mps < 0.3 => {
+                Some(Reference { station: last.station, speed_mps: 0.0, acceleration_mps2: 0.0 })
+            }
+            _ => None,
+        }
+    }
+}
+
+/// Between two points the speed changes evenly; the station follows it, scaled to meet both.
+fn between(a: &Milestone, b: &Milestone, time_s: f64) -> Reference {
+    let lasting = b.time_s - a.time_s;
+    let share = (time_s - a.time_s) / lasting;
+    let gain = b.speed_mps - a.speed_mps;
+    let mean = 0.5 * (a.speed_mps + b.speed_mps);
+    let covered =
+        if mean > 1e-6 { share * (a.speed_mps + 0.5 * gain * share) / mean } else { share };
+    Reference {
+        station: a.station + (b.station - a.station) * covered,
+        speed_mps: a.speed_mps + gain * share,
+        acceleration_mps2: gain / lasting,
+    }
+}
+
+/// Steering angle by the corrected law of Stanley (the paper, eq. 1, with the heading error in place
+/// of the heading), angles left-positive, errors taken at the front axle:
+/// `delta = theta_e - k_a v psi_d' + atan(k_e y_e / (k_s + v)) - k_y (psi' - psi_d')`.
+fn stanley(spec: &VehicleSpec, motion: &Motion, nearest: &Nearest, yaw_rad: f64, along: f64) -> f64 {
+    let gains = &spec.control;
+    let speed = motion.speed_mps.abs();
+    let heading_error = wrap_angle(nearest.heading_rad - yaw_rad);
+    let desired_yaw_rate = along * nearest.curvature;
+    let k_a = match spec.model {
+        ModelKind::Raycast => gains.k_a,
+        ModelKind::Bicycle => 0.0,
+    };
+    heading_error - k_a * speed * desired_yaw_rate
+        + trig::atan(gains.k_e * nearest.path_to_left_m / (gains.k_s + speed))
+        - gains.k_y * (motion.yaw_rate_radps - desired_yaw_rate)
+}
+
+/// Throttle that accelerates the front axle along its path so much: the balance of forces of the
+/// vehicle itself, turned round.
+fn throttle_for(spec: &VehicleSpec, motion: &Motion, wanted_mps2: f64) -> f64 {
+    let speed = motion.speed_mps;
+    let (sin, cos) = trig::sin_cos(motion.steering_rad);
+    let bend = match spec.model {
+        // The front tyres' side force points backwards a little.
+        ModelKind::Raycast => {
+            let (_, rear) = spec.axle_arms();
+            let front_mass = spec.mass_kg * rear / spec.dimensions.wheelbase_m;
+            front_mass * speed * motion.yaw_rate_radps * sin / cos
+        }
+        ModelKind::Bicycle => 0.0,
+    };
+    // The body moves along its heading by the cosine of the front axle's way.
+    let force =
+        spec.mass_kg * wanted_mps2 * cos + spec.drag_force(speed) + spec.rolling_force() + bend;
+    if force >= 0.0 {
+        return (force / spec.motor_force(speed).max(1.0)).min(1.0);
+    }
+    let throttle = (force / spec.brake_force()).max(-1.0);
+    // The handbrake is for what the brake cannot do.
+    if throttle > 1.1 * HANDBRAKE_THROTTLE { throttle.max(HARDEST_BRAKING) } else { throttle }
 }

@@ -1,0 +1,113 @@
+//! The kinematic bicycle: goes where its front wheel points, with the motor, brakes and resistances
+//! of its spec and no tyre slip. Reference point is the middle of the rear axle.
+
+use super::raycast::chassis;
+use super::wheels::{ackermann, pedal, steered};
+use super::{Actuation, Motion, VehicleModel, VehicleSpec};
+use crate::geom::{Pose2, trig, wrap_angle};
+use crate::physics::{BodyId, Physics};
+use crate::snapshot::WheelState;
+use glam::{DQuat, DVec2};
+use serde::{Deserialize, Serialize};
+
+/// A kinematic bicycle.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Bicycle {
+    /// What other vehicles run into. It gives way to nothing.
+    body: BodyId,
+    rear: Pose2,
+    speed_mps: f64,
+    acceleration_mps2: f64,
+    steering_rad: f64,
+    spins_rad: [f64; 4],
+}
+
+impl Bicycle {
+    /// Puts it on the road, rolling at `speed_mps`; `pose` is the middle of its outline.
+    pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2, speed_mps: f64) -> Self {
+        Self {
+            body: physics.add_guided_box(&chassis(spec, pose, speed_mps)),
+            rear: pose.advanced(-spec.dimensions.wheelbase_m / 2.0),
+            speed_mps,
+            acceleration_mps2: 0.0,
+            steering_rad: 0.0,
+            spins_rad: [0.0; 4],
+        }
+    }
+
+    fn middle(&self, spec: &VehicleSpec) -> Pose2 {
+        self.rear.advanced(spec.dimensions.wheelbase_m / 2.0)
+    }
+
+    fn yaw_rate(&self, spec: &VehicleSpec, speed_mps: f64) -> f64 {
+        speed_mps * trig::tan(self.steering_rad) / spec.dimensions.wheelbase_m
+    }
+}
+
+/// Force along the heading: the motor's, held back by brakes and resistances, which stop the vehicle
+/// within the step at most; inside the grip of its tyres.
+fn lengthwise_force(spec: &VehicleSpec, actuation: &Actuation, speed_mps: f64, dt_s: f64) -> f64 {
+    let motor = pedal(actuation.gas) * spec.motor_force(speed_mps);
+    let drive = if actuation.reverse { -motor } else { motor } - spec.drag_force(speed_mps);
+    let brakes = pedal(actuation.brake) * spec.brake_force()
+        + pedal(actuation.handbrake) * spec.handbrake_force()
+        + spec.rolling_force();
+    let held = -(speed_mps * spec.mass_kg / dt_s + drive);
+    let grip = spec.grip_force();
+    (drive + held.clamp(-brakes, brakes)).clamp(-grip, grip)
+}
+
+impl VehicleModel for Bicycle {
+    fn apply(&mut self, physics: &mut Physics, spec: &VehicleSpec, actuation: &Actuation, dt_s: f64) {
+        self.steering_rad = steered(spec, self.steering_rad, actuation.steering_rad, dt_s);
+        let before = self.speed_mps;
+        self.acceleration_mps2 = lengthwise_force(spec, actuation, before, dt_s) / spec.mass_kg;
+        self.speed_mps = before + self.acceleration_mps2 * dt_s;
+        let mean = 0.5 * (before + self.speed_mps);
+        let turn = self.yaw_rate(spec, mean) * dt_s;
+        let chord = Pose2 { yaw_rad: self.rear.yaw_rad + turn / 2.0, ..self.rear };
+        self.rear = Pose2 {
+            position: chord.point_at(mean * dt_s, 0.0),
+            yaw_rad: wrap_angle(self.rear.yaw_rad + turn),
+        };
+        let d = &spec.dimensions;
+        let steer = ackermann(spec, self.steering_rad);
+        for (wheel, spin) in self.spins_rad.iter_mut().enumerate() {
+            let side = if wheel % 2 == 0 { -d.track_m / 2.0 } else { d.track_m / 2.0 };
+            let along = mean * dt_s + turn * side;
+            // A front wheel goes faster by the cosine of its angle.
+            let along = if wheel < 2 { along / trig::cos(steer[wheel]) } else { along };
+            *spin += along / d.wheel_radius_m;
+        }
+        let middle = self.middle(spec);
+        physics.move_to(self.body, middle.position.extend(0.0), middle.yaw_rad);
+    }
+
+    fn read_back(&mut self, _physics: &Physics, spec: &VehicleSpec, _dt_s: f64) -> Motion {
+        let middle = self.middle(spec);
+        let yaw_rate = self.yaw_rate(spec, self.speed_mps);
+        let sideways = yaw_rate * spec.dimensions.wheelbase_m / 2.0;
+        let velocity: DVec2 = middle.forward() * self.speed_mps + middle.left() * sideways;
+        let (sin, cos) = trig::sin_cos(middle.yaw_rad / 2.0);
+        let steer = ackermann(spec, self.steering_rad);
+        let wheel = |k: usize| WheelState {
+            spin_rad: self.spins_rad[k],
+            steer_rad: if k < 2 { steer[k] } else { 0.0 },
+            lift_m: 0.0,
+        };
+        Motion {
+            position: middle.position.extend(0.0),
+            orientation: DQuat::from_xyzw(0.0, 0.0, sin, cos),
+            velocity_mps: velocity.extend(0.0),
+            speed_mps: self.speed_mps,
+            acceleration_mps2: self.acceleration_mps2,
+            yaw_rate_radps: yaw_rate,
+            steering_rad: self.steering_rad,
+            wheels: [wheel(0), wheel(1), wheel(2), wheel(3)],
+        }
+    }
+
+    fn remove(&mut self, physics: &mut Physics) {
+        physics.remove(self.body);
+    }
+}

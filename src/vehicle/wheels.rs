@@ -1,0 +1,57 @@
+//! Steering gear and wheels, which both models share.
+
+use super::VehicleSpec;
+use crate::geom::trig;
+
+/// The front axle's angle one step on: towards the desired one, at no more than the steering rate,
+/// inside the limit.
+pub(super) fn steered(spec: &VehicleSpec, actual_rad: f64, desired_rad: f64, dt_s: f64) -> f64 {
+    let limit = spec.steering_limit_rad;
+    // A desired angle that is not a number leaves the wheels where they are.
+    let desired = if desired_rad.is_nan() { actual_rad } else { desired_rad };
+    let step = spec.steering_rate_radps * dt_s;
+    (actual_rad + (desired.clamp(-limit, limit) - actual_rad).clamp(-step, step)).clamp(-limit, limit)
+}
+
+/// Angles of the left and right front wheel when the axle's middle turns by `axle_rad`: all wheels
+/// roll about one point on the rear axle's line (Ackermann).
+pub(super) fn ackermann(spec: &VehicleSpec, axle_rad: f64) -> [f64; 2] {
+    let tangent = trig::tan(axle_rad);
+    let narrowing = tangent * spec.dimensions.track_m / (2.0 * spec.dimensions.wheelbase_m);
+    [trig::atan2(tangent, 1.0 - narrowing), trig::atan2(tangent, 1.0 + narrowing)]
+}
+
+/// A pedal's value, whatever came in.
+pub(super) fn pedal(value: f64) -> f64 {
+    if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steering_keeps_its_rate_and_limit() {
+        let spec = VehicleSpec::default();
+        assert!((steered(&spec, 0.0, 5.0, 0.01) - spec.steering_rate_radps * 0.01).abs() < 1e-12);
+        assert_eq!(steered(&spec, 0.1, f64::NAN, 0.01), 0.1);
+        let mut angle = 0.0;
+        for _ in 0..1000 {
+            angle = steered(&spec, angle, -5.0, 0.01);
+        }
+        assert_eq!(angle, -spec.steering_limit_rad);
+    }
+
+    #[test]
+    fn both_front_wheels_turn_about_one_point() {
+        let spec = VehicleSpec::default();
+        let d = spec.dimensions;
+        for axle in [-0.7, -0.1, 0.2, 0.7] {
+            let [left, right] = ackermann(&spec, axle);
+            let centre = d.wheelbase_m / axle.tan();
+            assert!((d.wheelbase_m / left.tan() + d.track_m / 2.0 - centre).abs() < 1e-9);
+            assert!((d.wheelbase_m / right.tan() - d.track_m / 2.0 - centre).abs() < 1e-9);
+        }
+        assert_eq!(ackermann(&spec, 0.0), [0.0, 0.0]);
+    }
+}
