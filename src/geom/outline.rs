@@ -72,9 +72,30 @@ impl OrientedRect {
         Some(Overlap { depth })
     }
 
+    /// Overlap with any simple polygon, convex or not.
+    pub fn overlaps_polygon(&self, polygon: &[DVec2]) -> bool {
+        let corners = self.corners();
+        let inside_self = |p: DVec2| {
+            let offset = p - self.centre;
+            offset.dot(self.axis).abs() < self.half.x && offset.dot(self.axis.perp()).abs() < self.half.y
+        };
+        polygon.iter().any(|&p| inside_self(p))
+            || corners.iter().any(|&c| point_in_polygon(c, polygon))
+            || (0..polygon.len()).any(|k| {
+                let (a, b) = (polygon[k], polygon[(k + 1) % polygon.len()]);
+                (0..4).any(|j| segments_cross(a, b, corners[j], corners[(j + 1) % 4]))
+            })
+    }
+
     fn reach(&self, axis: DVec2) -> f64 {
         self.half.x * self.axis.dot(axis).abs() + self.half.y * self.axis.perp_dot(axis).abs()
     }
+}
+
+/// Whether two segments cross in their interiors.
+fn segments_cross(a: DVec2, b: DVec2, c: DVec2, d: DVec2) -> bool {
+    let side = |p: DVec2, q: DVec2, r: DVec2| (q - p).perp_dot(r - p);
+    side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0
 }
 
 /// The convex hull of some points, counter-clockwise (monotone chain).

@@ -72,6 +72,10 @@ pub struct Cav {
 const REFERENCE_SLACK_M: f64 = 0.04;
 const REFERENCE_SLACK_MPS: f64 = 0.08;
 
+/// A route is driven when its vehicle stands this near to its end.
+const FINISHED_WITHIN_M: f64 = 0.05;
+const FINISHED_MPS: f64 = 0.004;
+
 impl Cav {
     pub(super) fn new(map: &LabMap, setup: CavSetup) -> Result<Self, SetupError> {
         if setup.route.is_empty() {
@@ -150,6 +154,11 @@ impl Cav {
     pub(super) fn end_of_route(&self) -> Option<Ahead> {
         let gap_m = self.route.length() + self.driver.standstill_gap_m - self.front_s();
         (gap_m < super::SIGHT_M).then_some(Ahead { gap_m, speed_mps: 0.0 })
+    }
+
+    /// Whether it has come to the end of its route and stands there.
+    pub(super) fn is_finished(&self) -> bool {
+        self.route.length() - self.front_s() < FINISHED_WITHIN_M && self.reference.speed_mps < FINISHED_MPS
     }
 
     /// Advances the plan by a control step, within its bounds and near to what is measured.

@@ -25,6 +25,8 @@ pub struct Trajectory {
     pub points: Vec<TrajectoryPoint>,
     /// The sender holds the vehicle back for a yield sign or the right of way of another.
     pub yielding: bool,
+    /// The vehicle is at the end of its route.
+    pub finished: bool,
     pub indicator: Indicator,
 }
 

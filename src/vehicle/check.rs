@@ -121,7 +121,11 @@ impl VehicleSpec {
             findings.add(
                 "suspension.rest_length_m",
                 self.suspension.rest_length_m,
-                format!("at {} Hz the body sinks {sag:.3} m: at least {:.3}", self.suspension.frequency_hz, 1.2 * sag),
+                format!(
+                    "at {} Hz the body sinks {sag:.3} m: at least {:.3}",
+                    self.suspension.frequency_hz,
+                    1.2 * sag
+                ),
             );
         }
         // Beyond it the outer wheels tip the body before they slip.

@@ -166,11 +166,7 @@ impl Tracker {
             let yaw = front.yaw_rad;
             self.steering_rad = stanley(spec, motion, &nearest, yaw, along);
         }
-        Tracking {
-            actuation: self.actuation(throttle),
-            lateral_error_m: -nearest.path_to_left_m,
-            throttle,
-        }
+        Tracking { actuation: self.actuation(throttle), lateral_error_m: -nearest.path_to_left_m, throttle }
     }
 
     fn actuation(&self, throttle: f64) -> Actuation {
@@ -250,8 +246,7 @@ fn between(a: &Milestone, b: &Milestone, time_s: f64) -> Reference {
     let share = (time_s - a.time_s) / lasting;
     let gain = b.speed_mps - a.speed_mps;
     let mean = 0.5 * (a.speed_mps + b.speed_mps);
-    let covered =
-        if mean > 1e-6 { share * (a.speed_mps + 0.5 * gain * share) / mean } else { share };
+    let covered = if mean > 1e-6 { share * (a.speed_mps + 0.5 * gain * share) / mean } else { share };
     Reference {
         station: a.station + (b.station - a.station) * covered,
         speed_mps: a.speed_mps + gain * share,
@@ -291,8 +286,7 @@ fn throttle_for(spec: &VehicleSpec, motion: &Motion, wanted_mps2: f64) -> f64 {
         ModelKind::Bicycle => 0.0,
     };
     // The body moves along its heading by the cosine of the front axle's way.
-    let force =
-        spec.mass_kg * wanted_mps2 * cos + spec.drag_force(speed) + spec.rolling_force() + bend;
+    let force = spec.mass_kg * wanted_mps2 * cos + spec.drag_force(speed) + spec.rolling_force() + bend;
     if force >= 0.0 {
         return (force / spec.motor_force(speed).max(1.0)).min(1.0);
     }

@@ -83,6 +83,7 @@ pub fn empty_trajectory(vehicle: VehicleId, sequence: u32, capacity: usize) -> T
         sequence,
         points: Vec::<TrajectoryPoint>::with_capacity(capacity),
         yielding: false,
+        finished: false,
         indicator: Indicator::Off,
     }
 }

@@ -1,0 +1,223 @@
+//! Watches a run from outside: where each vehicle is on its route, whether its outline stays in its
+//! lane, how long it stands, which lanes are used.
+
+use crate::city::{CityMap, LaneId, ZoneKind};
+use crate::geom::OrientedRect;
+use crate::scenario::{Experiment, PlannedVehicle};
+use crate::snapshot::{Event, EventKind, FrameSnapshot, VehicleState};
+use glam::DVec2;
+use std::sync::Arc;
+
+/// Figures of one vehicle over a run, full scale.
+#[derive(Clone, Debug)]
+pub struct VehicleTotals {
+    /// Front-axle centre along the route, city metres.
+    pub axle_s: f64,
+    /// Mean and largest distance of the front-axle centre from the desired path.
+    pub lateral_error_sum_m: f64,
+    pub max_lateral_error_m: f64,
+    /// How far the outline has reached beyond the edges of its lane; negative: it kept inside.
+    pub max_lane_excess_m: f64,
+    pub stops: u32,
+    pub longest_stand_s: f64,
+    pub collisions: u32,
+    pub samples: u64,
+}
+
+/// Which lanes have been driven from end to end or begun.
+#[derive(Clone, Debug)]
+pub struct LaneUse {
+    entered: Vec<bool>,
+}
+
+impl LaneUse {
+    pub fn is_used(&self, lane: LaneId) -> bool {
+        self.entered[lane.index()]
+    }
+
+    /// Lanes on which nobody has driven.
+    pub fn unused(&self) -> impl Iterator<Item = LaneId> {
+        self.entered.iter().enumerate().filter(|(_, used)| !**used).map(|(index, _)| LaneId(index as u32))
+    }
+}
+
+#[derive(Clone, Debug)]
+pub struct Observer {
+    map: Arc<CityMap>,
+    tracks: Vec<Track>,
+    lanes: LaneUse,
+    every_ticks: u64,
+}
+
+/// A vehicle's progress on its route.
+#[derive(Clone, Debug)]
+struct Track {
+    route: Vec<LaneId>,
+    /// Index of the lane under the front axle, and the arc length at which it begins.
+    index: usize,
+    lane_start_s: f64,
+    front_axle_m: f64,
+    wheelbase_m: f64,
+    length_m: f64,
+    width_m: f64,
+    stands_since_s: Option<f64>,
+    totals: VehicleTotals,
+}
+
+/// Outlines are looked at this often, in simulated time.
+const SAMPLES_PER_S: u32 = 20;
+
+impl Observer {
+    pub fn new(experiment: &Experiment) -> Self {
+        let mut lanes = LaneUse { entered: vec![false; experiment.city_map.lanes.len()] };
+        for vehicle in &experiment.vehicles {
+            lanes.entered[vehicle.route[0].index()] = true;
+        }
+        Self {
+            map: Arc::clone(&experiment.city_map),
+            tracks: experiment.vehicles.iter().map(Track::new).collect(),
+            lanes,
+            every_ticks: u64::from((experiment.rates.physics_hz / SAMPLES_PER_S).max(1)),
+        }
+    }
+
+    /// Takes a snapshot in, and adds to `events` what only the routes tell: merging.
+    pub fn observe(&mut self, experiment: &Experiment, snapshot: &FrameSnapshot, events: &mut Vec<Event>) {
+        for event in &snapshot.events {
+            self.count(experiment, event);
+        }
+        let samples = snapshot.tick.is_multiple_of(self.every_ticks);
+        for state in &snapshot.vehicles {
+            let Ok(index) = experiment.vehicles.binary_search_by_key(&state.id, |vehicle| vehicle.id) else {
+                continue;
+            };
+            let track = &mut self.tracks[index];
+            track.time_stand(state, snapshot.time_s);
+            if samples {
+                track.sample(&self.map, state);
+                track.advance(&self.map, state, snapshot.time_s, &mut self.lanes, events);
+            }
+        }
+    }
+
+    fn count(&mut self, experiment: &Experiment, event: &Event) {
+        let mut with = |id, count: fn(&mut VehicleTotals)| {
+            if let Ok(index) = experiment.vehicles.binary_search_by_key(&id, |vehicle| vehicle.id) {
+                count(&mut self.tracks[index].totals);
+            }
+        };
+        match &event.kind {
+            EventKind::Stop => with(event.vehicle, |totals| totals.stops += 1),
+            EventKind::Collision { with: other } => {
+                with(event.vehicle, |totals| totals.collisions += 1);
+                with(*other, |totals| totals.collisions += 1);
+            }
+            EventKind::CollisionStatic { .. } => with(event.vehicle, |totals| totals.collisions += 1),
+            _ => {}
+        }
+    }
+
+    /// In the order of the experiment's vehicles.
+    pub fn totals(&self) -> impl Iterator<Item = &VehicleTotals> {
+        self.tracks.iter().map(|track| &track.totals)
+    }
+
+    pub fn lanes(&self) -> &LaneUse {
+        &self.lanes
+    }
+}
+
+impl Track {
+    fn new(vehicle: &PlannedVehicle) -> Self {
+        let size = &vehicle.spec.dimensions;
+        Self {
+            route: vehicle.route.clone(),
+            index: 0,
+            lane_start_s: 0.0,
+            front_axle_m: size.front_axle_m(),
+            wheelbase_m: size.wheelbase_m,
+            length_m: size.length_m,
+            width_m: size.width_m,
+            stands_since_s: None,
+            totals: VehicleTotals {
+                axle_s: 0.0,
+                lateral_error_sum_m: 0.0,
+                max_lateral_error_m: 0.0,
+                max_lane_excess_m: f64::NEG_INFINITY,
+                stops: 0,
+                longest_stand_s: 0.0,
+                collisions: 0,
+                samples: 0,
+            },
+        }
+    }
+
+    fn time_stand(&mut self, state: &VehicleState, time_s: f64) {
+        if state.speed_mps.abs() < 0.1 {
+            let since_s = *self.stands_since_s.get_or_insert(time_s);
+            self.totals.longest_stand_s = self.totals.longest_stand_s.max(time_s - since_s);
+        } else {
+            self.stands_since_s = None;
+        }
+    }
+
+    fn sample(&mut self, map: &CityMap, state: &VehicleState) {
+        let error = state.lateral_error_m.abs();
+        self.totals.samples += 1;
+        self.totals.lateral_error_sum_m += error;
+        self.totals.max_lateral_error_m = self.totals.max_lateral_error_m.max(error);
+        let pose = state.pose();
+        let outline = OrientedRect::new(pose, self.length_m, self.width_m);
+        let beside_rear_axle = |side: f64| pose.point_at(-self.wheelbase_m / 2.0, side * self.width_m / 2.0);
+        let points = outline.corners().into_iter().chain([beside_rear_axle(1.0), beside_rear_axle(-1.0)]);
+        for point in points {
+            let excess = self.excess(map, point);
+            self.totals.max_lane_excess_m = self.totals.max_lane_excess_m.max(excess);
+        }
+    }
+
+    /// How far a point lies beyond the edge of the nearest lane of the route around the vehicle.
+    fn excess(&self, map: &CityMap, point: DVec2) -> f64 {
+        let first = self.index.saturating_sub(2);
+        let last = (self.index + 2).min(self.route.len() - 1);
+        let mut least = f64::INFINITY;
+        for index in first..=last {
+            let lane = map.lane(self.route[index]);
+            let foot = lane.curve.project(point);
+            let beyond_ends = lane.curve.at(foot.s).pose.position.distance(point) - foot.lateral.abs();
+            let is_outermost =
+                (index == 0 && foot.s == 0.0) || (index + 1 == self.route.len() && foot.s > 0.0);
+            if beyond_ends > 0.05 && !is_outermost {
+                continue;
+            }
+            let (left, right) = lane.half_widths_at(foot.s);
+            least = least.min(if foot.lateral > 0.0 { foot.lateral - left } else { -foot.lateral - right });
+        }
+        if least.is_finite() { least } else { 0.0 }
+    }
+
+    fn advance(
+        &mut self,
+        map: &CityMap,
+        state: &VehicleState,
+        time_s: f64,
+        lanes: &mut LaneUse,
+        events: &mut Vec<Event>,
+    ) {
+        let axle = state.pose().point_at(self.front_axle_m, 0.0);
+        loop {
+            let lane = map.lane(self.route[self.index]);
+            let s = lane.curve.project(axle).s;
+            self.totals.axle_s = self.lane_start_s + s;
+            if s < lane.curve.length() - 1e-6 || self.index + 1 == self.route.len() {
+                break;
+            }
+            self.lane_start_s += lane.curve.length();
+            self.index += 1;
+            lanes.entered[self.route[self.index].index()] = true;
+            if map.zones_on(lane.id).any(|zone| zone.kind == ZoneKind::Merge) {
+                events.push(Event { time_s, vehicle: state.id, kind: EventKind::Merge });
+            }
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! `summary.json`: what a run came to.
+
+use super::Observer;
+use crate::scenario::Experiment;
+use crate::snapshot::{Event, FrameSnapshot, Status};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// One vehicle of a summary, full-scale SI units.
+#[derive(Clone, Debug, Serialize)]
+pub struct VehicleSummary {
+    pub name: String,
+    pub status: Status,
+    pub distance_m: f64,
+    pub mean_speed_mps: f64,
+    pub stops: u32,
+    pub longest_stand_s: f64,
+    pub mean_lateral_error_m: f64,
+    pub max_lateral_error_m: f64,
+    /// How far the outline reached beyond its lane's edges; negative is the room that was left.
+    pub max_lane_excess_m: f64,
+    pub collisions: u32,
+}
+
+/// What a run came to, full-scale SI units.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    pub scenario: String,
+    pub seed: u64,
+    pub version: &'static str,
+    pub simulated_s: f64,
+    pub wall_s: f64,
+    pub real_time_factor: f64,
+    pub collisions: usize,
+    /// Digest of the final state, hexadecimal.
+    pub state_hash: String,
+    pub mean_speed_mps: f64,
+    /// Lanes of the map on which nobody has driven.
+    pub unused_lanes: Vec<String>,
+    pub events: Vec<Event>,
+    pub vehicles: BTreeMap<u32, VehicleSummary>,
+}
+
+impl Summary {
+    pub fn new(
+        experiment: &Experiment,
+        observer: &Observer,
+        last: &FrameSnapshot,
+        events: Vec<Event>,
+        wall_s: f64,
+    ) -> Self {
+        let simulated_s = last.time_s;
+        let mut vehicles = BTreeMap::new();
+        for (planned, totals) in experiment.vehicles.iter().zip(observer.totals()) {
+            let state = last.vehicle(planned.id);
+            let distance_m = state.map_or(0.0, |state| state.distance_m);
+            let summary = VehicleSummary {
+                name: planned.name.clone(),
+                status: state.map_or(Status::Finished, |state| state.status),
+                distance_m,
+                mean_speed_mps: distance_m / simulated_s.max(1e-9),
+                stops: totals.stops,
+                longest_stand_s: totals.longest_stand_s,
+                mean_lateral_error_m: totals.lateral_error_sum_m / totals.samples.max(1) as f64,
+                max_lateral_error_m: totals.max_lateral_error_m,
+                max_lane_excess_m: if totals.samples > 0 { totals.max_lane_excess_m } else { 0.0 },
+                collisions: totals.collisions,
+            };
+            vehicles.insert(planned.id.0, summary);
+        }
+        let lanes = observer.lanes().unused().map(|lane| experiment.city_map.lane(lane).name.clone());
+        let mean = |of: fn(&VehicleSummary) -> f64| {
+            vehicles.values().map(of).sum::<f64>() / vehicles.len().max(1) as f64
+        };
+        Self {
+            scenario: experiment.name.clone(),
+            seed: experiment.seed,
+            version: env!("CARGO_PKG_VERSION"),
+            simulated_s,
+            wall_s,
+            real_time_factor: simulated_s / wall_s.max(1e-9),
+            collisions: events.iter().filter(|event| event.kind.is_collision()).count(),
+            state_hash: format!("{:016x}", last.state_hash),
+            mean_speed_mps: mean(|vehicle| vehicle.mean_speed_mps),
+            unused_lanes: lanes.collect(),
+            events,
+            vehicles,
+        }
+    }
+}

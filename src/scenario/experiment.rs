@@ -1,0 +1,133 @@
+//! A validated experiment: everything a run depends on, apart from the commands that come in.
+
+use super::placement::Moved;
+use crate::city::{CityMap, LabMap, LaneId};
+use crate::environment::EnvironmentSpec;
+use crate::geom::{LengthScale, Pose2};
+use crate::mainframe::{Body, CavSetup, DriverParams, RightOfWayParams};
+use crate::snapshot::{Appearance, VehicleId};
+use crate::vehicle::VehicleSpec;
+use std::sync::Arc;
+
+/// How often things happen, per second of simulated time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rates {
+    /// Physics steps.
+    pub physics_hz: u32,
+    /// Control steps; divides the physics rate.
+    pub control_hz: u32,
+}
+
+impl Rates {
+    pub fn dt_s(&self) -> f64 {
+        1.0 / f64::from(self.physics_hz)
+    }
+
+    pub fn ticks_per_control(&self) -> u64 {
+        u64::from(self.physics_hz / self.control_hz)
+    }
+
+    /// Simulated time of a tick.
+    pub fn time_s(&self, tick: u64) -> f64 {
+        tick as f64 / f64::from(self.physics_hz)
+    }
+}
+
+impl Default for Rates {
+    fn default() -> Self {
+        Self { physics_hz: 100, control_hz: 50 }
+    }
+}
+
+/// What a scenario expects of its run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outcome {
+    /// A collision makes the run fail.
+    pub collisions_forbidden: bool,
+}
+
+/// Where a vehicle starts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    pub lane: LaneId,
+    /// Front-axle centre along the lane, laboratory metres.
+    pub at_m: f64,
+    /// Laboratory m/s.
+    pub speed_mps: f64,
+}
+
+/// One vehicle of an experiment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlannedVehicle {
+    pub id: VehicleId,
+    pub name: String,
+    pub appearance: Appearance,
+    pub spec: VehicleSpec,
+    /// Name of the control algorithm.
+    pub controller: String,
+    /// Laboratory units.
+    pub driver: DriverParams,
+    pub route: Vec<LaneId>,
+    pub start: Start,
+}
+
+impl PlannedVehicle {
+    /// The measures that control needs, laboratory metres.
+    pub fn body_in_lab(&self, scale: LengthScale) -> Body {
+        Body {
+            length_m: scale.lab_from_city(self.spec.dimensions.length_m),
+            wheelbase_m: scale.lab_from_city(self.spec.dimensions.wheelbase_m),
+        }
+    }
+
+    /// Middle of the outline when its front-axle centre stands at a place of a lane, city metres.
+    pub fn pose_on(&self, map: &CityMap, lane: LaneId, axle_at_m: f64) -> Pose2 {
+        let axle = map.lane(lane).curve.at(axle_at_m).pose;
+        axle.advanced(-self.spec.dimensions.front_axle_m())
+    }
+}
+
+/// Everything a run depends on.
+#[derive(Clone, Debug)]
+pub struct Experiment {
+    pub name: String,
+    pub description: String,
+    pub seed: u64,
+    pub duration_s: f64,
+    pub rates: Rates,
+    pub scale: LengthScale,
+    pub lab_map: Arc<LabMap>,
+    pub city_map: Arc<CityMap>,
+    /// In id order.
+    pub vehicles: Vec<PlannedVehicle>,
+    /// Those whose places overlapped others, already moved.
+    pub moved: Vec<Moved>,
+    pub right_of_way: RightOfWayParams,
+    pub environment: EnvironmentSpec,
+    /// Without a trajectory for so long a vehicle stops on its path.
+    pub link_timeout_s: f64,
+    pub outcome: Outcome,
+    /// The scenario file and the map, as they were read: what a log keeps.
+    pub scenario_text: String,
+    pub map_bytes: Vec<u8>,
+}
+
+impl Experiment {
+    /// What the control framework is told of the vehicles.
+    pub fn cav_setups(&self) -> Vec<CavSetup> {
+        let setup = |vehicle: &PlannedVehicle| CavSetup {
+            id: vehicle.id,
+            controller: vehicle.controller.clone(),
+            driver: vehicle.driver,
+            body: vehicle.body_in_lab(self.scale),
+            route: vehicle.route.clone(),
+            speed_mps: vehicle.start.speed_mps,
+        };
+        self.vehicles.iter().map(setup).collect()
+    }
+
+    /// Number of physics steps of the whole run.
+    pub fn ticks(&self) -> u64 {
+        (self.duration_s * f64::from(self.rates.physics_hz)).round() as u64
+    }
+}

@@ -1,0 +1,71 @@
+//! Whether vehicles can do what an experiment asks of them: bends and accelerations, with numbers.
+
+use super::experiment::PlannedVehicle;
+use crate::city::LabMap;
+use crate::geom::LengthScale;
+
+/// A turn has to be this much wider than the tightest the vehicle can do, for control to have room.
+const STEERING_RESERVE: f64 = 1.02;
+const GRAVITY: f64 = 9.81;
+
+/// Everything that the vehicle cannot do, in full-scale figures.
+pub fn infeasibilities(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicle) -> Vec<String> {
+    let mut found = Vec::new();
+    let (spec, driver) = (&vehicle.spec, &vehicle.driver);
+    let grip = spec.tyre_friction * GRAVITY;
+    let mut exceeds = |what: &str, asked: f64, possible: f64, remedy: &str| {
+        if asked > possible {
+            let name = &vehicle.name;
+            found.push(format!(
+                "{name}: {what} of {asked:.2} m/s2 at full scale; {possible:.2} is possible: {remedy}"
+            ));
+        }
+    };
+    let u_max = scale.city_from_lab(driver.max_acceleration_mps2);
+    let u_min = scale.city_from_lab(driver.min_acceleration_mps2.abs());
+    let lateral = scale.city_from_lab(driver.lateral_acceleration_mps2);
+    exceeds(
+        "max_acceleration_mps2 asks for an acceleration",
+        u_max,
+        spec.max_acceleration_at(0.0).min(grip),
+        "lower it, or give the vehicle more torque or friction",
+    );
+    exceeds(
+        "min_acceleration_mps2 asks for a deceleration",
+        u_min,
+        (spec.max_braking() / 2.0).min(grip),
+        "raise it towards 0, or give the vehicle stronger brakes (half the pedal has to do) or more friction",
+    );
+    exceeds(
+        "lateral_acceleration_mps2 asks for a cornering acceleration",
+        lateral,
+        grip,
+        "lower it or give the tyres more friction",
+    );
+    for lane in &vehicle.route {
+        let lane = map.lane(*lane);
+        let radius = scale.city_from_lab(lane.curve.min_radius(0.0, lane.curve.length()));
+        if radius < spec.min_turn_radius() * STEERING_RESERVE {
+            found.push(format!(
+                "{}: lane \"{}\" has a bend of radius {radius:.2} m at full scale; the front axle of this \
+                 vehicle needs {:.2} m: choose another route, a larger steering_limit_deg or a shorter wheelbase_m",
+                vehicle.name,
+                lane.name,
+                spec.min_turn_radius() * STEERING_RESERVE,
+            ));
+            break;
+        }
+    }
+    found
+}
+
+/// Whether a vehicle can drive every bend of a lane.
+pub fn can_drive(
+    map: &LabMap,
+    scale: LengthScale,
+    min_turn_radius_m: f64,
+    lane: crate::city::LaneId,
+) -> bool {
+    let curve = &map.lane(lane).curve;
+    scale.city_from_lab(curve.min_radius(0.0, curve.length())) >= min_turn_radius_m * STEERING_RESERVE
+}

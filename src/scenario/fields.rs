@@ -1,0 +1,346 @@
+//! Reading a TOML table field by field: every problem is noted with its line and column and reading
+//! goes on, so that a user sees all of them at once.
+
+use std::cell::RefCell;
+use std::collections::BTreeSet;
+use std::fmt;
+use std::ops::{Range, RangeInclusive};
+use toml::Spanned;
+use toml::de::{DeString, DeTable, DeValue};
+
+/// Something wrong in a scenario file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// From 1.
+    pub line: usize,
+    /// From 1, in characters.
+    pub column: usize,
+    pub message: String,
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {}, column {}: {}", self.line, self.column, self.message)
+    }
+}
+
+/// At most this many problems are kept; a file with more is wrong as a whole.
+const MOST_PROBLEMS: usize = 30;
+
+/// Collects the problems of one file.
+#[derive(Debug)]
+pub struct Problems<'a> {
+    text: &'a str,
+    found: RefCell<Vec<Problem>>,
+}
+
+impl<'a> Problems<'a> {
+    pub fn new(text: &'a str) -> Self {
+        Self { text, found: RefCell::new(Vec::new()) }
+    }
+
+    pub fn add(&self, at: &Range<usize>, message: impl Into<String>) {
+        let mut found = self.found.borrow_mut();
+        if found.len() < MOST_PROBLEMS {
+            let mut start = at.start.min(self.text.len());
+            while !self.text.is_char_boundary(start) {
+                start -= 1;
+            }
+            let before = &self.text[..start];
+            let line = before.matches('\n').count() + 1;
+            let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+            found.push(Problem { line, column, message: message.into() });
+        }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.found.borrow().is_empty()
+    }
+
+    /// All problems in the order of the file.
+    pub fn into_sorted(self) -> Vec<Problem> {
+        let mut found = self.found.into_inner();
+        found.sort_by_key(|problem| (problem.line, problem.column));
+        found.dedup();
+        found
+    }
+}
+
+/// A table being read. What is asked for is known; what was never asked for is a problem in
+/// [`Fields::finish`].
+#[derive(Debug)]
+pub struct Fields<'a, 'p> {
+    table: &'a DeTable<'a>,
+    /// Where the table stands, for problems of missing fields.
+    pub span: Range<usize>,
+    known: RefCell<BTreeSet<&'static str>>,
+    pub problems: &'p Problems<'p>,
+}
+
+type Entry<'a> = (&'a Spanned<DeString<'a>>, &'a Spanned<DeValue<'a>>);
+
+impl<'a, 'p> Fields<'a, 'p> {
+    pub fn new(table: &'a DeTable<'a>, span: Range<usize>, problems: &'p Problems<'p>) -> Self {
+        Self { table, span, known: RefCell::default(), problems }
+    }
+
+    pub fn entry(&self, key: &'static str) -> Option<&'a Spanned<DeValue<'a>>> {
+        self.known.borrow_mut().insert(key);
+        self.table.get(key)
+    }
+
+    /// All entries, of a table whose keys are names.
+    pub fn entries(&self) -> impl Iterator<Item = Entry<'a>> {
+        self.table.iter()
+    }
+
+    /// Where a field stands, or the table if it is not there.
+    pub fn span_of(&self, key: &str) -> Range<usize> {
+        self.table.get(key).map_or(self.span.clone(), Spanned::span)
+    }
+
+    pub fn wrong(&self, key: &str, message: impl Into<String>) {
+        self.problems.add(&self.span_of(key), message);
+    }
+
+    fn wrong_type(&self, key: &str, value: &Spanned<DeValue<'_>>, expected: &str) {
+        let found = value.get_ref().type_str();
+        self.problems
+            .add(&value.span(), format!("{key} is {} {found}; it must be {expected}", article(found)));
+    }
+
+    /// Sets a number if the field is there and in range.
+    pub fn number(&self, key: &'static str, range: RangeInclusive<f64>, into: &mut f64) {
+        let Some(value) = self.entry(key) else { return };
+        let Some(number) = number_of(value.get_ref()) else {
+            return self.wrong_type(key, value, "a number");
+        };
+        if range.contains(&number) {
+            *into = number;
+        } else {
+            let (low, high) = (range.start(), range.end());
+            self.problems.add(
+                &value.span(),
+                format!("{key} is {number}; it must be a number between {low} and {high}"),
+            );
+        }
+    }
+
+    /// A number that has to be there.
+    pub fn required_number(&self, key: &'static str, range: RangeInclusive<f64>) -> f64 {
+        let mut number = *range.start();
+        if self.entry(key).is_none() {
+            self.problems.add(
+                &self.span,
+                format!("{key} is missing: a number between {} and {}", range.start(), range.end()),
+            );
+        }
+        self.number(key, range, &mut number);
+        number
+    }
+
+    /// A whole number, `None` where there is none.
+    pub fn integer(&self, key: &'static str, range: RangeInclusive<u64>) -> Option<u64> {
+        let value = self.entry(key)?;
+        let number = match value.get_ref() {
+            DeValue::Integer(integer) => u64::from_str_radix(integer.as_str(), integer.radix()).ok(),
+            _ => None,
+        };
+        match number {
+            Some(number) if range.contains(&number) => Some(number),
+            _ => {
+                let (low, high) = (range.start(), range.end());
+                self.wrong_type(key, value, &format!("a whole number between {low} and {high}"));
+                None
+            }
+        }
+    }
+
+    pub fn boolean(&self, key: &'static str, into: &mut bool) {
+        let Some(value) = self.entry(key) else { return };
+        match value.get_ref().as_bool() {
+            Some(found) => *into = found,
+            None => self.wrong_type(key, value, "true or false"),
+        }
+    }
+
+    pub fn string(&self, key: &'static str) -> Option<&'a str> {
+        let value = self.entry(key)?;
+        let text = value.get_ref().as_str();
+        if text.is_none() {
+            self.wrong_type(key, value, "a text in quotes");
+        }
+        text
+    }
+
+    pub fn required_string(&self, key: &'static str, meaning: &str) -> Option<&'a str> {
+        if self.entry(key).is_none() {
+            self.problems.add(&self.span, format!("{key} is missing: {meaning}"));
+        }
+        self.string(key)
+    }
+
+    /// One of some words.
+    pub fn choice<T: Copy>(&self, key: &'static str, choices: &[(&str, T)], into: &mut T) {
+        let Some(text) = self.string(key) else { return };
+        if let Some((_, choice)) = choices.iter().find(|(name, _)| *name == text) {
+            *into = *choice;
+        } else {
+            let names = choices.iter().map(|(name, _)| *name);
+            self.wrong(key, format!("{key} is \"{text}\"; {}", one_of(text, names)));
+        }
+    }
+
+    pub fn table(&self, key: &'static str) -> Option<Self> {
+        let value = self.entry(key)?;
+        self.table_of(key, value)
+    }
+
+    /// Tables of an array of tables (`[[key]]`), in the order of the file.
+    pub fn tables(&self, key: &'static str) -> Vec<Self> {
+        let Some(value) = self.entry(key) else { return Vec::new() };
+        let Some(array) = value.get_ref().as_array() else {
+            self.wrong_type(key, value, &format!("one or more [[{key}]] tables"));
+            return Vec::new();
+        };
+        array.iter().filter_map(|value| self.table_of(key, value)).collect()
+    }
+
+    /// An entry that is itself a table.
+    pub fn table_of(&self, key: &str, value: &'a Spanned<DeValue<'a>>) -> Option<Self> {
+        match value.get_ref().as_table() {
+            Some(table) => Some(Self::new(table, value.span(), self.problems)),
+            None => {
+                self.wrong_type(key, value, "a table");
+                None
+            }
+        }
+    }
+
+    /// Texts of an array, each with its place.
+    pub fn strings(&self, key: &'static str) -> Option<Vec<(&'a str, Range<usize>)>> {
+        let value = self.entry(key)?;
+        let Some(array) = value.get_ref().as_array() else {
+            self.wrong_type(key, value, "an array of texts");
+            return None;
+        };
+        let texts = array.iter().filter_map(|item| {
+            let text = item.get_ref().as_str();
+            if text.is_none() {
+                self.wrong_type(key, item, "an array of texts");
+            }
+            Some((text?, item.span()))
+        });
+        Some(texts.collect())
+    }
+
+    /// Numbers of an array of pairs.
+    pub fn pairs(&self, key: &'static str) -> Option<Vec<[f64; 2]>> {
+        let value = self.entry(key)?;
+        let pair = |item: &Spanned<DeValue<'_>>| {
+            let pair = item.get_ref().as_array()?;
+            let numbers: Vec<f64> = pair.iter().filter_map(|n| number_of(n.get_ref())).collect();
+            (pair.len() == 2).then(|| <[f64; 2]>::try_from(numbers).ok())?
+        };
+        let pairs = value.get_ref().as_array().and_then(|array| array.iter().map(pair).collect());
+        if pairs.is_none() {
+            self.wrong_type(key, value, "an array of pairs of numbers, such as [[0, 280], [6000, 250]]");
+        }
+        pairs
+    }
+
+    /// Notes every field that nobody asked for.
+    pub fn finish(self) {
+        let known = self.known.into_inner();
+        for (key, _) in self.table {
+            let name: &str = key.get_ref();
+            if !known.contains(name) {
+                let remedy = one_of(name, known.iter().copied());
+                self.problems.add(&key.span(), format!("unknown key \"{name}\"; {remedy}"));
+            }
+        }
+    }
+}
+
+fn number_of(value: &DeValue<'_>) -> Option<f64> {
+    let number = match value {
+        DeValue::Float(float) => float.as_str().parse::<f64>().ok()?,
+        DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix()).ok()? as f64,
+        _ => return None,
+    };
+    number.is_finite().then_some(number)
+}
+
+fn article(noun: &str) -> &'static str {
+    if noun.starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" }
+}
+
+/// What would be right instead of `found`: the nearest name, or all of them.
+pub fn one_of<'n>(found: &str, names: impl Iterator<Item = &'n str>) -> String {
+    let names: Vec<&str> = names.collect();
+    let nearest = names.iter().map(|name| (edit_distance(found, name), *name)).min();
+    match nearest {
+        Some((distance, name)) if distance <= 1 + name.len() / 4 => format!("did you mean \"{name}\"?"),
+        Some(_) if names.len() <= 24 => format!("there are: {}", names.join(", ")),
+        Some((_, name)) => format!("there are {} names, the nearest is \"{name}\"", names.len()),
+        None => "there are none".to_owned(),
+    }
+}
+
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, ca) in a.chars().take(64).enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, cb) in b.iter().enumerate() {
+            let cost = diagonal + usize::from(ca != *cb);
+            diagonal = row[j + 1];
+            row[j + 1] = cost.min(row[j] + 1).min(row[j + 1] + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn problems_of(text: &str, read: impl Fn(&Fields<'_, '_>)) -> Vec<String> {
+        let problems = Problems::new(text);
+        let table = DeTable::parse(text).unwrap();
+        let fields = Fields::new(table.get_ref(), 0..0, &problems);
+        read(&fields);
+        fields.finish();
+        problems.into_sorted().iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn several_problems_are_found_at_once_each_with_its_place() {
+        let text = "mass_kg = \"heavy\"\nwith_typo = 1\n  friction = -3.0\n";
+        let found = problems_of(text, |fields| {
+            fields.number("mass_kg", 1.0..=10.0, &mut 0.0);
+            fields.number("friction", 0.0..=2.0, &mut 0.0);
+            fields.number("width_typo", 0.0..=2.0, &mut 0.0);
+        });
+        assert_eq!(
+            found,
+            [
+                "line 1, column 11: mass_kg is a string; it must be a number",
+                "line 2, column 1: unknown key \"with_typo\"; did you mean \"width_typo\"?",
+                "line 3, column 14: friction is -3; it must be a number between 0 and 2",
+            ]
+        );
+    }
+
+    #[test]
+    fn numbers_that_are_none_are_refused() {
+        for text in ["x = nan", "x = inf", "x = 1979-05-27", "x = 99999999999999999999999"] {
+            let parsed = DeTable::parse(text);
+            let Ok(table) = parsed else { continue };
+            let problems = Problems::new(text);
+            Fields::new(table.get_ref(), 0..0, &problems).number("x", 0.0..=1.0, &mut 0.0);
+            assert!(!problems.is_empty(), "{text}");
+        }
+    }
+}

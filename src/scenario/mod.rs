@@ -1,0 +1,16 @@
+//! Experiment files, validated into an [`Experiment`].
+
+mod experiment;
+mod feasibility;
+mod fields;
+mod placement;
+mod read;
+mod source;
+mod traffic;
+mod vehicle_type;
+
+pub use experiment::{Experiment, Outcome, PlannedVehicle, Rates, Start};
+pub use fields::Problem;
+pub use placement::Moved;
+pub use read::{Overrides, ScenarioError, read_experiment};
+pub use source::{Library, SourceError, shipped_scenarios};

@@ -1,0 +1,97 @@
+//! Where scenarios and maps come from: files on disk win over those embedded in the program.
+
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Larger files are refused before they are read: no scenario or map comes near.
+const LARGEST_FILE_BYTES: u64 = 64 << 20;
+
+const SCENARIOS: [(&str, &str); 3] = [
+    ("roundabout", include_str!("../../scenarios/roundabout.toml")),
+    ("city", include_str!("../../scenarios/city.toml")),
+    ("straight", include_str!("../../scenarios/straight.toml")),
+];
+const MAPS: [(&str, &[u8]); 1] = [("ids3c", include_bytes!("../../assets/maps/ids3c.dxf"))];
+
+/// A file that cannot be had.
+#[derive(Debug, Error)]
+pub enum SourceError {
+    #[error("{path}: {reason}")]
+    Unreadable { path: PathBuf, reason: std::io::Error },
+    #[error("{path}: {bytes} bytes; files of more than {LARGEST_FILE_BYTES} bytes are not read")]
+    TooLarge { path: PathBuf, bytes: u64 },
+    #[error("{path}: not UTF-8 text (byte {at}); save it as UTF-8")]
+    NotText { path: PathBuf, at: usize },
+    #[error("\"{name}\" is neither a file nor one of the shipped {kind}: {names}")]
+    Unknown { name: String, kind: &'static str, names: String },
+}
+
+/// Names of the scenarios that the program carries.
+pub fn shipped_scenarios() -> impl Iterator<Item = &'static str> {
+    SCENARIOS.iter().map(|(name, _)| *name)
+}
+
+/// Finds maps for a scenario: next to it, in the working directory, or embedded.
+#[derive(Clone, Debug, Default)]
+pub struct Library {
+    folder: PathBuf,
+}
+
+impl Library {
+    /// A library that looks for relative paths in `folder` first.
+    pub fn beside(scenario: &Path) -> Self {
+        Self { folder: scenario.parent().map(Path::to_path_buf).unwrap_or_default() }
+    }
+
+    /// The text of a scenario given as a path or by the name of a shipped one, with the library
+    /// for its maps.
+    ///
+    /// # Errors
+    /// When there is no such file or name, or it is too large or no text.
+    pub fn scenario(name: &str) -> Result<(String, Self), SourceError> {
+        let path = Path::new(name);
+        if path.is_file() {
+            let text = String::from_utf8(read(path)?).map_err(|error| SourceError::NotText {
+                path: path.to_path_buf(),
+                at: error.utf8_error().valid_up_to(),
+            })?;
+            return Ok((text, Self::beside(path)));
+        }
+        let stem = name.strip_prefix("scenarios/").unwrap_or(name);
+        let stem = stem.strip_suffix(".toml").unwrap_or(stem);
+        let embedded = SCENARIOS.iter().find(|(shipped, _)| *shipped == stem);
+        embedded.map(|(_, text)| ((*text).to_owned(), Self::default())).ok_or_else(|| SourceError::Unknown {
+            name: name.to_owned(),
+            kind: "scenarios",
+            names: shipped_scenarios().collect::<Vec<_>>().join(", "),
+        })
+    }
+
+    /// The bytes of a map given as a path or by the name of a shipped one.
+    ///
+    /// # Errors
+    /// When there is no such file or name, or it is too large.
+    pub fn map(&self, name: &str) -> Result<Vec<u8>, SourceError> {
+        for path in [self.folder.join(name), PathBuf::from(name)] {
+            if path.is_file() {
+                return read(&path);
+            }
+        }
+        let embedded = MAPS.iter().find(|(shipped, _)| *shipped == name);
+        embedded.map(|(_, bytes)| bytes.to_vec()).ok_or_else(|| SourceError::Unknown {
+            name: name.to_owned(),
+            kind: "maps",
+            names: MAPS.map(|(name, _)| name).join(", "),
+        })
+    }
+}
+
+/// The bytes of a file of sensible size.
+fn read(path: &Path) -> Result<Vec<u8>, SourceError> {
+    let unreadable = |reason| SourceError::Unreadable { path: path.to_path_buf(), reason };
+    let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
+    if bytes > LARGEST_FILE_BYTES {
+        return Err(SourceError::TooLarge { path: path.to_path_buf(), bytes });
+    }
+    std::fs::read(path).map_err(unreadable)
+}

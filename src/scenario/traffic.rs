@@ -1,0 +1,246 @@
+//! `[traffic]`: many vehicles on seeded routes all over the map.
+
+use super::feasibility::can_drive;
+use crate::city::{LabMap, LaneId, LaneKind};
+use crate::geom::LengthScale;
+use crate::mainframe::DriverParams;
+use crate::vehicle::VehicleSpec;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+/// A share of the traffic that is built alike.
+#[derive(Clone, Debug)]
+pub struct Share {
+    pub spec: VehicleSpec,
+    pub weight: f64,
+}
+
+#[derive(Clone, Debug)]
+pub struct TrafficSpec {
+    pub vehicles: usize,
+    pub shares: Vec<Share>,
+    pub controller: String,
+    pub driver: DriverParams,
+    /// Driver parameters are drawn from up to this part below to this part above their values.
+    pub spread: f64,
+    /// Laboratory m/s.
+    pub start_speed_mps: f64,
+    /// Routes are at least this long, laboratory metres.
+    pub route_length_m: f64,
+}
+
+/// A vehicle of the traffic.
+#[derive(Clone, Debug)]
+pub struct Drawn {
+    pub spec: VehicleSpec,
+    pub driver: DriverParams,
+    pub route: Vec<LaneId>,
+    /// Front-axle centre along the first lane, laboratory metres.
+    pub at_m: f64,
+}
+
+/// Starting places on one lane are this far apart, and this far from its ends, laboratory metres.
+const START_SPACING_M: f64 = 0.45;
+const START_FROM_BEGIN_M: f64 = 0.22;
+const START_FROM_END_M: f64 = 0.30;
+
+/// Draws the vehicles, or says how many find room.
+///
+/// # Errors
+/// The number of starting places, when it is less than the number of vehicles, or the index of a
+/// share whose vehicles can drive no closed part of the map.
+pub fn draw(
+    map: &LabMap,
+    scale: LengthScale,
+    seed: u64,
+    spec: &TrafficSpec,
+) -> Result<Vec<Drawn>, TrafficError> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let networks = networks(map, scale, spec)?;
+    let shares = assign_shares(spec);
+    let mut places = starting_places(map);
+    shuffle(&mut rng, &mut places);
+    let mut vehicles = Vec::new();
+    for share in shares {
+        let network = &networks[share];
+        let place = places.iter().position(|(lane, _)| network[lane.index()]);
+        let Some(place) = place else {
+            return Err(TrafficError::NoRoom { placed: vehicles.len() });
+        };
+        let (lane, at_m) = places.remove(place);
+        vehicles.push((share, lane, at_m));
+    }
+    let starts: Vec<(usize, LaneId)> = vehicles.iter().map(|&(share, lane, _)| (share, lane)).collect();
+    let routes = draw_routes(map, &mut rng, &networks, &starts, spec.route_length_m);
+    let drawn = vehicles.iter().zip(routes).map(|(&(share, _, at_m), route)| Drawn {
+        spec: spec.shares[share].spec.clone(),
+        driver: vary(&mut rng, &spec.driver, spec.spread),
+        route,
+        at_m,
+    });
+    Ok(drawn.collect())
+}
+
+/// Why traffic cannot be drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TrafficError {
+    /// Starting places are used up after so many vehicles.
+    NoRoom { placed: usize },
+    /// Vehicles of this share find no part of the map in which they could drive on for ever.
+    NoNetwork { share: usize },
+}
+
+/// For each share the lanes on which its vehicles can drive on for ever.
+fn networks(map: &LabMap, scale: LengthScale, spec: &TrafficSpec) -> Result<Vec<Vec<bool>>, TrafficError> {
+    let network = |(share, of): (usize, &Share)| {
+        let radius = of.spec.min_turn_radius();
+        let mut open: Vec<bool> =
+            map.lanes.iter().map(|lane| can_drive(map, scale, radius, lane.id)).collect();
+        loop {
+            let dead_ends: Vec<usize> = (0..open.len())
+                .filter(|&index| {
+                    open[index] && !map.lanes[index].successors.iter().any(|next| open[next.index()])
+                })
+                .collect();
+            if dead_ends.is_empty() {
+                break;
+            }
+            dead_ends.iter().for_each(|&index| open[index] = false);
+        }
+        if open.contains(&true) { Ok(open) } else { Err(TrafficError::NoNetwork { share }) }
+    };
+    spec.shares.iter().enumerate().map(network).collect()
+}
+
+/// The share of each vehicle, in proportion to the weights and evenly mixed.
+fn assign_shares(spec: &TrafficSpec) -> Vec<usize> {
+    let total: f64 = spec.shares.iter().map(|share| share.weight).sum();
+    let mut given = vec![0.0; spec.shares.len()];
+    let mut shares = Vec::with_capacity(spec.vehicles);
+    for count in 1..=spec.vehicles {
+        let owed = |k: usize| spec.shares[k].weight / total * count as f64 - given[k];
+        let most = (0..given.len()).max_by(|&a, &b| owed(a).total_cmp(&owed(b)).then(b.cmp(&a)));
+        let share = most.unwrap_or(0);
+        given[share] += 1.0;
+        shares.push(share);
+    }
+    shares
+}
+
+/// Places on lanes outside junctions, clear of every conflict zone.
+fn starting_places(map: &LabMap) -> Vec<(LaneId, f64)> {
+    let mut places = Vec::new();
+    for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
+        let mut at_m = START_FROM_BEGIN_M;
+        while at_m < lane.curve.length() - START_FROM_END_M {
+            let in_zone = map.zones_on(lane.id).any(|zone| {
+                let side = zone.sides.iter().find(|side| side.lane == lane.id);
+                side.is_some_and(|side| {
+                    side.from_m < at_m + START_FROM_END_M && at_m - START_FROM_BEGIN_M < side.to_m
+                })
+            });
+            if in_zone {
+                at_m += 0.05;
+            } else {
+                places.push((lane.id, at_m));
+                at_m += START_SPACING_M;
+            }
+        }
+    }
+    places
+}
+
+/// Grows all routes together, each to where the fewest have been, so that every lane is used.
+fn draw_routes(
+    map: &LabMap,
+    rng: &mut ChaCha8Rng,
+    networks: &[Vec<bool>],
+    starts: &[(usize, LaneId)],
+    length_m: f64,
+) -> Vec<Vec<LaneId>> {
+    let mut visits = vec![0_u32; map.lanes.len()];
+    let mut routes: Vec<Vec<LaneId>> = starts.iter().map(|&(_, lane)| vec![lane]).collect();
+    let mut lengths: Vec<f64> = starts.iter().map(|&(_, lane)| map.lane(lane).curve.length()).collect();
+    starts.iter().for_each(|&(_, lane)| visits[lane.index()] += 1);
+    // The route that is shortest so far grows first: visits are then counted in order of time.
+    while let Some(index) = (0..routes.len())
+        .filter(|&k| lengths[k] < length_m)
+        .min_by(|&a, &b| lengths[a].total_cmp(&lengths[b]))
+    {
+        let open = &networks[starts[index].0];
+        let here = routes[index][routes[index].len() - 1];
+        let way = way_to_least_visited(map, rng, open, &visits, here);
+        if way.is_empty() {
+            break;
+        }
+        for lane in way {
+            routes[index].push(lane);
+            lengths[index] += map.lane(lane).curve.length();
+            visits[lane.index()] += 1;
+        }
+    }
+    routes
+}
+
+/// How many lanes ahead a route looks for one that few have visited.
+const LOOK_AHEAD_LANES: usize = 12;
+
+/// The way to the lane that was visited least of those near, by the fewest lanes; ties by lot.
+fn way_to_least_visited(
+    map: &LabMap,
+    rng: &mut ChaCha8Rng,
+    open: &[bool],
+    visits: &[u32],
+    from: LaneId,
+) -> Vec<LaneId> {
+    let mut reached: Vec<(LaneId, Option<usize>)> = vec![(from, None)];
+    let mut is_reached = vec![false; map.lanes.len()];
+    let mut ring = 0..1;
+    let mut best: Option<(u32, usize, u64, usize)> = None;
+    for depth in 1..=LOOK_AHEAD_LANES {
+        let ring_end = reached.len();
+        for parent in ring {
+            let successors = &map.lane(reached[parent].0).successors;
+            for &next in successors.iter().filter(|next| open[next.index()]) {
+                if std::mem::replace(&mut is_reached[next.index()], true) {
+                    continue;
+                }
+                reached.push((next, Some(parent)));
+                let candidate = (visits[next.index()], depth, rng.next_u64(), reached.len() - 1);
+                if best.is_none_or(|best| candidate < best) {
+                    best = Some(candidate);
+                }
+            }
+        }
+        ring = ring_end..reached.len();
+    }
+    let mut way = Vec::new();
+    let mut at = best.map(|(_, _, _, at)| at);
+    while let Some(index) = at.filter(|&index| index > 0) {
+        way.push(reached[index].0);
+        at = reached[index].1;
+    }
+    way.reverse();
+    way
+}
+
+fn vary(rng: &mut ChaCha8Rng, driver: &DriverParams, spread: f64) -> DriverParams {
+    let mut vary = |value: f64| value * (1.0 + spread * (2.0 * uniform(rng) - 1.0));
+    DriverParams {
+        desired_speed_mps: vary(driver.desired_speed_mps),
+        headway_s: vary(driver.headway_s),
+        standstill_gap_m: vary(driver.standstill_gap_m),
+        max_acceleration_mps2: driver.max_acceleration_mps2 * (1.0 - spread * uniform(rng)),
+        ..*driver
+    }
+}
+
+fn shuffle<T>(rng: &mut ChaCha8Rng, items: &mut [T]) {
+    for k in (1..items.len()).rev() {
+        items.swap(k, (rng.next_u64() % (k as u64 + 1)) as usize);
+    }
+}
+
+fn uniform(rng: &mut ChaCha8Rng) -> f64 {
+    (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+}

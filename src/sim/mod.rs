@@ -1,0 +1,239 @@
+//! The world: vehicles, physics and the experiment's clock. Commands in, snapshots out.
+//!
+//! A run is a function of the experiment and the command stream: no clock of the machine, no thread,
+//! no static, no draw of a random number.
+
+mod collision;
+mod hash;
+mod vehicle;
+
+use crate::geom::OrientedRect;
+use crate::physics::Physics;
+use crate::scenario::{Experiment, PlannedVehicle};
+use crate::snapshot::{Event, EventKind, FrameSnapshot, SimCommand, VehicleId, VehicleInfo, VehicleState};
+use collision::{Collisions, Solids};
+use hash::StateHash;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use vehicle::SimVehicle;
+
+/// The whole simulation.
+#[derive(Clone, Debug)]
+pub struct World {
+    experiment: Arc<Experiment>,
+    solids: Arc<Solids>,
+    roster: Arc<Vec<VehicleInfo>>,
+    state: WorldState,
+}
+
+/// What changes as a run goes on: with the experiment it makes the world again at any tick.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct WorldState {
+    tick: u64,
+    is_running: bool,
+    physics: Physics,
+    /// In id order.
+    vehicles: Vec<SimVehicle>,
+    collisions: Collisions,
+    /// Happened since the last snapshot, outside of a step.
+    pending: Vec<Event>,
+}
+
+impl World {
+    /// The world at the initial conditions of an experiment, with its clock not yet started.
+    pub fn new(experiment: Arc<Experiment>) -> Self {
+        let solids = Arc::new(Solids::of(&experiment.city_map));
+        let state = WorldState::initial(&experiment, &solids);
+        let roster = roster_of(&experiment, &state.vehicles);
+        Self { experiment, solids, roster, state }
+    }
+
+    pub fn experiment(&self) -> &Arc<Experiment> {
+        &self.experiment
+    }
+
+    pub fn tick(&self) -> u64 {
+        self.state.tick
+    }
+
+    pub fn time_s(&self) -> f64 {
+        self.experiment.rates.time_s(self.state.tick)
+    }
+
+    pub fn is_running(&self) -> bool {
+        self.state.is_running
+    }
+
+    pub fn state(&self) -> &WorldState {
+        &self.state
+    }
+
+    /// The world of the same experiment at a state that was kept.
+    pub fn with_state(&self, state: WorldState) -> Self {
+        let roster = roster_of(&self.experiment, &state.vehicles);
+        Self { experiment: Arc::clone(&self.experiment), solids: Arc::clone(&self.solids), roster, state }
+    }
+
+    /// Applies commands, advances by one physics step if the clock runs, and describes the result.
+    /// Commands are applied in the order of (vehicle, sequence); those for the experiment come first.
+    pub fn tick_into(&mut self, commands: &[SimCommand], out: &mut FrameSnapshot) {
+        self.apply_all(commands);
+        out.events.clear();
+        if self.state.is_running {
+            // What happened before the clock ran belongs to its first tick, after a reset too.
+            out.events.append(&mut self.state.pending);
+            self.step(&mut out.events);
+        }
+        self.describe(out);
+    }
+
+    /// The snapshot of the present instant, without events.
+    pub fn snapshot(&self) -> FrameSnapshot {
+        let mut out = FrameSnapshot::default();
+        self.describe(&mut out);
+        out
+    }
+
+    fn apply_all(&mut self, commands: &[SimCommand]) {
+        let key = |command: &SimCommand| {
+            let sequence = if let SimCommand::Follow(t) = command { t.sequence } else { 0 };
+            (command.vehicle(), sequence)
+        };
+        if commands.is_sorted_by_key(key) {
+            commands.iter().for_each(|command| self.apply(command));
+            return;
+        }
+        let mut ordered: Vec<&SimCommand> = commands.iter().collect();
+        ordered.sort_by_key(|command| key(command));
+        ordered.into_iter().for_each(|command| self.apply(command));
+    }
+
+    fn apply(&mut self, command: &SimCommand) {
+        let time_s = self.time_s();
+        match command {
+            SimCommand::Start => self.state.is_running = true,
+            SimCommand::Pause => self.state.is_running = false,
+            SimCommand::Reset => {
+                self.state = WorldState::initial(&self.experiment, &self.solids);
+                self.roster = roster_of(&self.experiment, &self.state.vehicles);
+            }
+            SimCommand::Remove(id) => self.remove(*id),
+            SimCommand::Follow(trajectory) => {
+                if let Some(vehicle) = self.vehicle_mut(trajectory.vehicle) {
+                    vehicle.follow(trajectory, time_s);
+                }
+            }
+            SimCommand::Drive(id, pedals) => {
+                if let Some(vehicle) = self.vehicle_mut(*id) {
+                    vehicle.drive(Some(*pedals));
+                }
+            }
+            SimCommand::Release(id) => {
+                if let Some(vehicle) = self.vehicle_mut(*id) {
+                    vehicle.drive(None);
+                }
+            }
+        }
+    }
+
+    fn vehicle_mut(&mut self, id: VehicleId) -> Option<&mut SimVehicle> {
+        let index = self.state.vehicles.binary_search_by_key(&id, |vehicle| vehicle.state.id).ok()?;
+        Some(&mut self.state.vehicles[index])
+    }
+
+    fn remove(&mut self, id: VehicleId) {
+        let Ok(index) = self.state.vehicles.binary_search_by_key(&id, |vehicle| vehicle.state.id) else {
+            return;
+        };
+        self.state.vehicles.remove(index).leave(&mut self.state.physics);
+        let time_s = self.time_s();
+        self.state.pending.push(Event { time_s, vehicle: id, kind: EventKind::Remove });
+        self.roster = roster_of(&self.experiment, &self.state.vehicles);
+    }
+
+    fn step(&mut self, events: &mut Vec<Event>) {
+        let dt_s = self.experiment.rates.dt_s();
+        let before_s = self.time_s();
+        let state = &mut self.state;
+        for vehicle in &mut state.vehicles {
+            vehicle.actuate(&mut state.physics, before_s, dt_s, self.experiment.link_timeout_s, events);
+        }
+        state.physics.step();
+        state.tick += 1;
+        let time_s = self.experiment.rates.time_s(state.tick);
+        for vehicle in &mut state.vehicles {
+            vehicle.read_back(&state.physics, time_s, dt_s, events);
+        }
+        let first = events.len();
+        state.collisions.find(&state.vehicles, &self.solids, time_s, events);
+        for event in &events[first..] {
+            for vehicle in &mut state.vehicles {
+                let is_hit = matches!(event.kind, EventKind::Collision { with } if with == vehicle.state.id);
+                if is_hit || event.vehicle == vehicle.state.id {
+                    vehicle.collide();
+                }
+            }
+        }
+    }
+
+    fn describe(&self, out: &mut FrameSnapshot) {
+        out.tick = self.state.tick;
+        out.time_s = self.time_s();
+        out.vehicles.clear();
+        out.vehicles.extend(self.state.vehicles.iter().map(|vehicle| vehicle.state.clone()));
+        if !Arc::ptr_eq(&out.roster, &self.roster) {
+            out.roster = Arc::clone(&self.roster);
+        }
+        out.state_hash = StateHash::of(self.state.tick, &out.vehicles);
+    }
+}
+
+impl WorldState {
+    fn initial(experiment: &Experiment, solids: &Solids) -> Self {
+        let mut physics = Physics::new(experiment.rates.dt_s());
+        for solid in solids.iter() {
+            physics.add_static_polygon(&solid.polygon, solid.height_m);
+        }
+        let event = |vehicle, kind| Event { time_s: 0.0, vehicle, kind };
+        let mut pending = Vec::new();
+        let mut vehicles = Vec::with_capacity(experiment.vehicles.len());
+        for planned in &experiment.vehicles {
+            pending.push(event(planned.id, EventKind::Spawn));
+            vehicles.push(spawn(experiment, planned, &mut physics));
+        }
+        for moved in &experiment.moved {
+            pending.push(event(moved.vehicle, EventKind::Moved { behind: moved.behind, by_m: moved.by_m }));
+        }
+        Self { tick: 0, is_running: false, physics, vehicles, collisions: Collisions::default(), pending }
+    }
+}
+
+fn spawn(experiment: &Experiment, planned: &PlannedVehicle, physics: &mut Physics) -> SimVehicle {
+    let scale = experiment.scale;
+    let at_m = scale.city_from_lab(planned.start.at_m);
+    let pose = planned.pose_on(&experiment.city_map, planned.start.lane, at_m);
+    let speed_mps = scale.city_from_lab(planned.start.speed_mps);
+    SimVehicle::spawn(planned.id, &planned.spec, pose, speed_mps, physics, experiment.rates.dt_s())
+}
+
+fn roster_of(experiment: &Experiment, vehicles: &[SimVehicle]) -> Arc<Vec<VehicleInfo>> {
+    let info = |planned: &PlannedVehicle| VehicleInfo {
+        id: planned.id,
+        name: planned.name.clone(),
+        dimensions: planned.spec.dimensions,
+        appearance: planned.appearance,
+        model: match planned.spec.model {
+            crate::vehicle::ModelKind::Raycast => "raycast".to_owned(),
+            crate::vehicle::ModelKind::Bicycle => "bicycle".to_owned(),
+        },
+    };
+    let is_there = |planned: &&PlannedVehicle| {
+        vehicles.binary_search_by_key(&planned.id, |vehicle| vehicle.state.id).is_ok()
+    };
+    Arc::new(experiment.vehicles.iter().filter(is_there).map(info).collect())
+}
+
+/// The outline of a vehicle of the world seen from above.
+fn outline_of(state: &VehicleState, vehicle: &SimVehicle) -> OrientedRect {
+    state.outline(&vehicle.spec().dimensions)
+}

@@ -1,0 +1,223 @@
+//! One vehicle of the world: its dynamics, what it follows, and its state.
+
+use crate::geom::Pose2;
+use crate::physics::Physics;
+use crate::snapshot::{Event, EventKind, Pedals, Status, Trajectory, VehicleId, VehicleState};
+use crate::vehicle::{Actuation, Dynamics, Motion, Tracker, VehicleModel, VehicleSpec};
+use serde::{Deserialize, Serialize};
+
+/// Who moves a vehicle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+enum Driver {
+    Algorithm,
+    Human(Pedals),
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SimVehicle {
+    pub state: VehicleState,
+    spec: VehicleSpec,
+    dynamics: Dynamics,
+    tracker: Tracker,
+    motion: Motion,
+    driver: Driver,
+    /// Time of the last trajectory; `None` before the first.
+    heard_s: Option<f64>,
+    sequence: Option<u32>,
+    is_link_lost: bool,
+    has_collided: bool,
+    /// Since when it stands.
+    standing_since_s: Option<f64>,
+    /// What the last trajectory said of it.
+    is_yielding: bool,
+    is_finished: bool,
+}
+
+/// A vehicle stands below this speed, and moves again above the second.
+const STANDS_MPS: f64 = 0.1;
+const MOVES_MPS: f64 = 0.4;
+/// Pedal travel at which brake lights come on.
+const BRAKE_LIGHT_TRAVEL: f64 = 0.02;
+/// A sequence number this far behind the last one is a restarted sender's, not an old message.
+const SENDER_RESTARTED: u32 = 1 << 16;
+
+impl SimVehicle {
+    pub fn spawn(
+        id: VehicleId,
+        spec: &VehicleSpec,
+        pose: Pose2,
+        speed_mps: f64,
+        physics: &mut Physics,
+        dt_s: f64,
+    ) -> Self {
+        let mut dynamics = Dynamics::spawn(physics, spec, pose, speed_mps);
+        let motion = dynamics.read_back(physics, spec, dt_s);
+        let mut vehicle = Self {
+            state: VehicleState { id, ..VehicleState::default() },
+            spec: spec.clone(),
+            dynamics,
+            tracker: Tracker::default(),
+            motion,
+            driver: Driver::Algorithm,
+            heard_s: None,
+            sequence: None,
+            is_link_lost: false,
+            has_collided: false,
+            standing_since_s: None,
+            is_yielding: false,
+            is_finished: false,
+        };
+        vehicle.describe();
+        vehicle
+    }
+
+    pub fn spec(&self) -> &VehicleSpec {
+        &self.spec
+    }
+
+    pub fn leave(mut self, physics: &mut Physics) {
+        self.dynamics.remove(physics);
+    }
+
+    /// Takes a newer trajectory; an older or repeated one is dropped.
+    pub fn follow(&mut self, trajectory: &Trajectory, time_s: f64) {
+        let is_new = self.sequence.is_none_or(|last| {
+            let ahead = trajectory.sequence.wrapping_sub(last);
+            ahead != 0 && (ahead < u32::MAX / 2 || ahead.wrapping_neg() > SENDER_RESTARTED)
+        });
+        if !is_new || trajectory.points.is_empty() {
+            return;
+        }
+        self.sequence = Some(trajectory.sequence);
+        self.heard_s = Some(time_s);
+        self.is_finished = trajectory.finished;
+        self.is_yielding = trajectory.yielding;
+        self.state.indicator = trajectory.indicator;
+        self.tracker.follow(trajectory.clone());
+    }
+
+    /// Hands the vehicle to a person, or back.
+    pub fn drive(&mut self, pedals: Option<Pedals>) {
+        self.driver = pedals.map_or(Driver::Algorithm, Driver::Human);
+    }
+
+    pub fn collide(&mut self) {
+        self.has_collided = true;
+        self.update_status();
+    }
+
+    /// Before the physics step: from trajectory or pedals to actuation.
+    pub fn actuate(
+        &mut self,
+        physics: &mut Physics,
+        time_s: f64,
+        dt_s: f64,
+        link_timeout_s: f64,
+        events: &mut Vec<Event>,
+    ) {
+        self.watch_link(time_s, link_timeout_s, events);
+        let tracking = self.tracker.step(&self.spec, &self.motion, time_s, dt_s);
+        self.state.lateral_error_m = tracking.lateral_error_m;
+        let actuation = match self.driver {
+            _ if self.has_collided => {
+                Actuation { brake: 0.8, steering_rad: self.motion.steering_rad, ..Actuation::default() }
+            }
+            Driver::Human(pedals) => {
+                self.state.indicator = pedals.indicator;
+                Actuation {
+                    gas: pedals.gas.clamp(0.0, 1.0),
+                    brake: pedals.brake.clamp(0.0, 1.0),
+                    handbrake: pedals.handbrake.clamp(0.0, 1.0),
+                    steering_rad: pedals.steering_rad,
+                    reverse: pedals.reverse,
+                }
+            }
+            Driver::Algorithm => tracking.actuation,
+        };
+        self.state.gas = actuation.gas;
+        self.state.brake = actuation.brake;
+        self.state.handbrake = actuation.handbrake;
+        self.state.reverse = actuation.reverse;
+        self.state.brake_lights =
+            actuation.brake > BRAKE_LIGHT_TRAVEL || actuation.handbrake > BRAKE_LIGHT_TRAVEL;
+        self.dynamics.apply(physics, &self.spec, &actuation, dt_s);
+    }
+
+    fn watch_link(&mut self, time_s: f64, link_timeout_s: f64, events: &mut Vec<Event>) {
+        let Some(heard_s) = self.heard_s else { return };
+        let is_lost = time_s - heard_s > link_timeout_s;
+        if is_lost {
+            self.tracker.stop_on_path();
+        }
+        if is_lost != self.is_link_lost {
+            self.is_link_lost = is_lost;
+            let kind = if is_lost { EventKind::LinkLost } else { EventKind::LinkBack };
+            events.push(Event { time_s, vehicle: self.state.id, kind });
+        }
+    }
+
+    /// After the physics step.
+    pub fn read_back(&mut self, physics: &Physics, time_s: f64, dt_s: f64, events: &mut Vec<Event>) {
+        self.motion = self.dynamics.read_back(physics, &self.spec, dt_s);
+        self.state.distance_m += self.motion.speed_mps.abs() * dt_s;
+        self.describe();
+        self.note_standing(time_s, events);
+        self.note_status(time_s, events);
+    }
+
+    fn describe(&mut self) {
+        let (state, motion) = (&mut self.state, &self.motion);
+        state.position = motion.position;
+        state.orientation = motion.orientation;
+        state.velocity_mps = motion.velocity_mps;
+        state.speed_mps = motion.speed_mps;
+        state.acceleration_mps2 = motion.acceleration_mps2;
+        state.yaw_rate_radps = motion.yaw_rate_radps;
+        state.steering_rad = motion.steering_rad;
+        state.wheels = motion.wheels;
+        self.update_status();
+    }
+
+    fn note_standing(&mut self, time_s: f64, events: &mut Vec<Event>) {
+        let speed_mps = self.motion.speed_mps.abs();
+        let vehicle = self.state.id;
+        match self.standing_since_s {
+            None if speed_mps < STANDS_MPS && self.state.distance_m > 0.0 => {
+                self.standing_since_s = Some(time_s);
+                events.push(Event { time_s, vehicle, kind: EventKind::Stop });
+            }
+            Some(since_s) if speed_mps > MOVES_MPS => {
+                self.standing_since_s = None;
+                events.push(Event { time_s, vehicle, kind: EventKind::Go { stood_s: time_s - since_s } });
+            }
+            _ => {}
+        }
+    }
+
+    fn note_status(&mut self, time_s: f64, events: &mut Vec<Event>) {
+        let before = self.state.status;
+        self.update_status();
+        let after = self.state.status;
+        let kind = match after {
+            Status::Yielding => EventKind::Yield,
+            Status::Finished => EventKind::Finish,
+            _ => return,
+        };
+        if before != after {
+            events.push(Event { time_s, vehicle: self.state.id, kind });
+        }
+    }
+
+    fn update_status(&mut self) {
+        self.state.status = match self.driver {
+            _ if self.has_collided => Status::Collided,
+            Driver::Human(_) => Status::Manual,
+            Driver::Algorithm if self.heard_s.is_none() => Status::Waiting,
+            Driver::Algorithm if self.is_link_lost => Status::LinkLost,
+            Driver::Algorithm if self.is_finished => Status::Finished,
+            Driver::Algorithm if self.is_yielding => Status::Yielding,
+            Driver::Algorithm if self.standing_since_s.is_some() => Status::Stopped,
+            Driver::Algorithm => Status::Driving,
+        };
+    }
+}
