@@ -2,11 +2,13 @@
 //!
 //! `ARCHITECTURE.md` says which module does what and which may use which.
 
+pub mod app;
 pub mod city;
 pub mod environment;
 pub mod geom;
 pub mod mainframe;
 pub mod physics;
+pub mod record;
 pub mod runner;
 pub mod scenario;
 pub mod sim;

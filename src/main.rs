@@ -1,1 +1,5 @@
-fn main() {}
+//! The program `city3d`; everything is in the library.
+
+fn main() -> std::process::ExitCode {
+    city3d::app::main()
+}

@@ -300,7 +300,6 @@ impl Reader {
             controller,
             driver,
             spread,
-            start_speed_mps,
             route_length_m: fastest * duration_s + 10.0,
         };
         let drawn = match traffic::draw(&self.map, scale, seed, &spec) {

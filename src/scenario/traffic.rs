@@ -23,8 +23,6 @@ pub struct TrafficSpec {
     pub driver: DriverParams,
     /// Driver parameters are drawn from up to this part below to this part above their values.
     pub spread: f64,
-    /// Laboratory m/s.
-    pub start_speed_mps: f64,
     /// Routes are at least this long, laboratory metres.
     pub route_length_m: f64,
 }

@@ -42,6 +42,14 @@ impl FrameSnapshot {
         self.roster.binary_search_by_key(&id, |v| v.id).ok().map(|index| &self.roster[index])
     }
 
+    /// Becomes a copy of another snapshot, in the memory it already has.
+    pub fn assign(&mut self, other: &Self) {
+        (self.tick, self.time_s, self.state_hash) = (other.tick, other.time_s, other.state_hash);
+        self.vehicles.clone_from(&other.vehicles);
+        self.roster.clone_from(&other.roster);
+        self.events.clone_from(&other.events);
+    }
+
     /// Vehicles with their unchanging part, in id order.
     pub fn iter(&self) -> impl Iterator<Item = (&VehicleState, &VehicleInfo)> {
         self.vehicles.iter().zip(self.roster.iter())

@@ -1,0 +1,26 @@
+//! From the arguments of a command to an experiment.
+
+use super::{Failure, Model, ScenarioArgs};
+use crate::scenario::{Experiment, Library, Overrides, read_experiment};
+use crate::vehicle::ModelKind;
+use std::sync::Arc;
+
+pub fn experiment(args: &ScenarioArgs) -> Result<Arc<Experiment>, Failure> {
+    let (text, library) = Library::scenario(&args.scenario).map_err(Failure::bad_input)?;
+    let model = args.model.map(|model| match model {
+        Model::Raycast => ModelKind::Raycast,
+        Model::Bicycle => ModelKind::Bicycle,
+    });
+    let overrides = Overrides { seed: args.seed, duration_s: args.duration, model };
+    let experiment =
+        read_experiment(&args.scenario, &text, &library, overrides).map_err(Failure::bad_input)?;
+    for moved in &experiment.moved {
+        tracing::warn!(
+            "vehicle {} overlaps vehicle {} at the start; it starts {:.2} m further back on its lane",
+            moved.vehicle,
+            moved.behind,
+            moved.by_m
+        );
+    }
+    Ok(Arc::new(experiment))
+}

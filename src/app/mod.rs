@@ -1,0 +1,115 @@
+//! The command line: wiring of everything else.
+
+mod check;
+mod generate;
+mod load;
+mod progress;
+mod run;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// The run failed: a collision where the scenario forbids one, a file that cannot be written.
+const EXIT_FAILED: u8 = 1;
+/// The input is wrong.
+const EXIT_BAD_INPUT: u8 = 2;
+
+#[derive(Debug, Parser)]
+#[command(version, about, max_term_width = 110, after_help = "Try: city3d run roundabout --out out")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// Say more; twice for everything.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    verbose: u8,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run a scenario without a window and write its log, vehicles.csv and summary.json
+    Run(run::RunArgs),
+    /// Validate scenarios (.toml) and maps (.dxf)
+    Check(check::CheckArgs),
+    /// Write what lies in assets/, so that anyone can make it again
+    Generate(generate::GenerateArgs),
+}
+
+/// What several commands change of a scenario.
+#[derive(Debug, Args)]
+struct ScenarioArgs {
+    /// A scenario file, or a shipped one: roundabout, city, straight
+    scenario: String,
+    /// Seed of all random draws, instead of the scenario's
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Simulated seconds, instead of the scenario's
+    #[arg(long, value_name = "S", value_parser = positive)]
+    duration: Option<f64>,
+    /// Dynamics of all vehicles, instead of the scenario's
+    #[arg(long)]
+    model: Option<Model>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Model {
+    Raycast,
+    Bicycle,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
+        _ => Err("a number above 0 is needed".to_owned()),
+    }
+}
+
+/// An error with the exit code that it ends the program with.
+#[derive(Debug)]
+struct Failure {
+    code: u8,
+    message: String,
+}
+
+impl Failure {
+    fn bad_input(message: impl ToString) -> Self {
+        Self { code: EXIT_BAD_INPUT, message: message.to_string() }
+    }
+
+    fn failed(message: impl ToString) -> Self {
+        Self { code: EXIT_FAILED, message: message.to_string() }
+    }
+}
+
+/// Runs the program with the arguments of the process.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    start_logging(cli.verbose);
+    let result = match cli.command {
+        Command::Run(args) => run::run(&args),
+        Command::Check(args) => check::check(&args),
+        Command::Generate(args) => generate::generate(&args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("{}", failure.message);
+            ExitCode::from(failure.code)
+        }
+    }
+}
+
+fn start_logging(verbose: u8) {
+    use tracing_subscriber::EnvFilter;
+    let level = ["warn", "info", "debug"][usize::from(verbose.min(2))];
+    let filter = EnvFilter::try_from_env("CITY3D_LOG")
+        .unwrap_or_else(|_| EnvFilter::new(format!("error,city3d={level}")));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
+}
+
+/// Creates the folder that a command writes into.
+fn create_folder(folder: &PathBuf) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|error| {
+        Failure::failed(format!("{}: the folder cannot be created: {error}", folder.display()))
+    })
+}

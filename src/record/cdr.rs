@@ -1,0 +1,81 @@
+//! Common Data Representation, little-endian: the encoding of ROS 2 messages.
+
+/// Writes one message. Each primitive is aligned to its size, counted after the four bytes of the
+/// encapsulation header.
+#[derive(Clone, Debug)]
+pub struct CdrWriter {
+    bytes: Vec<u8>,
+}
+
+const HEADER: [u8; 4] = [0, 1, 0, 0];
+
+impl CdrWriter {
+    /// Begins a message in a buffer whose old content is dropped.
+    pub fn reusing(mut bytes: Vec<u8>) -> Self {
+        bytes.clear();
+        bytes.extend_from_slice(&HEADER);
+        Self { bytes }
+    }
+
+    pub fn into_bytes(self) -> Vec<u8> {
+        self.bytes
+    }
+
+    fn align(&mut self, size: usize) {
+        let used = self.bytes.len() - HEADER.len();
+        let padded = used.next_multiple_of(size);
+        self.bytes.resize(padded + HEADER.len(), 0);
+    }
+
+    pub fn u8(&mut self, value: u8) {
+        self.bytes.push(value);
+    }
+
+    pub fn u32(&mut self, value: u32) {
+        self.align(4);
+        self.bytes.extend_from_slice(&value.to_le_bytes());
+    }
+
+    pub fn u64(&mut self, value: u64) {
+        self.align(8);
+        self.bytes.extend_from_slice(&value.to_le_bytes());
+    }
+
+    pub fn f32(&mut self, value: f32) {
+        self.align(4);
+        self.bytes.extend_from_slice(&value.to_le_bytes());
+    }
+
+    pub fn f64(&mut self, value: f64) {
+        self.align(8);
+        self.bytes.extend_from_slice(&value.to_le_bytes());
+    }
+
+    /// A text: its length with the closing zero, then both.
+    pub fn string(&mut self, text: &str) {
+        self.u32(text.len() as u32 + 1);
+        self.bytes.extend_from_slice(text.as_bytes());
+        self.bytes.push(0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn primitives_are_aligned_after_the_header() {
+        let mut cdr = CdrWriter::reusing(vec![9; 40]);
+        cdr.u8(7);
+        cdr.u32(1);
+        cdr.string("ab");
+        cdr.f64(1.0);
+        let bytes = cdr.into_bytes();
+        assert_eq!(bytes[..8], [0, 1, 0, 0, 7, 0, 0, 0]);
+        assert_eq!(bytes[8..12], 1_u32.to_le_bytes());
+        assert_eq!(bytes[12..19], [3, 0, 0, 0, b'a', b'b', 0]);
+        // 15 bytes so far, the double starts at 16.
+        assert_eq!(bytes[20..28], 1_f64.to_le_bytes());
+        assert_eq!(bytes.len(), 28);
+    }
+}

@@ -1,0 +1,140 @@
+//! Writes the files of a run off the simulation's thread, through a bounded channel.
+
+use super::{LogWriter, VehicleTable};
+use crate::scenario::Experiment;
+use crate::snapshot::{Event, FrameSnapshot};
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use thiserror::Error;
+
+/// A file of a run that cannot be written.
+#[derive(Debug, Error)]
+pub enum RecordError {
+    #[error("{path}: cannot be written: {reason}")]
+    File { path: PathBuf, reason: String },
+    #[error("the recorder's thread ended early")]
+    Thread,
+}
+
+#[derive(Debug)]
+enum Item {
+    Snapshot { snapshot: Box<FrameSnapshot>, in_log: bool, in_table: bool },
+    Event(Event),
+}
+
+/// What is written how often, in ticks.
+#[derive(Clone, Copy, Debug)]
+pub struct Cadence {
+    pub log_ticks: u64,
+    pub table_ticks: u64,
+}
+
+/// Snapshots that may wait to be written: the simulation waits for the disk rather than fill memory.
+const QUEUE: usize = 64;
+
+/// Writes `run.mcap` and `vehicles.csv` into a folder.
+#[derive(Debug)]
+pub struct Recorder {
+    items: Option<SyncSender<Item>>,
+    spent: Receiver<Box<FrameSnapshot>>,
+    thread: Option<JoinHandle<Result<(), RecordError>>>,
+    cadence: Cadence,
+}
+
+impl Recorder {
+    /// Begins both files.
+    ///
+    /// # Errors
+    /// When a file cannot be created.
+    pub fn new(folder: &Path, experiment: &Experiment, cadence: Cadence) -> Result<Self, RecordError> {
+        let (log_path, table_path) = (folder.join("run.mcap"), folder.join("vehicles.csv"));
+        let create = |path: &Path| File::create(path).map(BufWriter::new).map_err(|e| failed(path, e));
+        let log = LogWriter::new(create(&log_path)?, experiment).map_err(|e| failed(&log_path, e))?;
+        let table = VehicleTable::new(create(&table_path)?).map_err(|e| failed(&table_path, e))?;
+        let (items, queue) = sync_channel(QUEUE);
+        let (give_back, spent) = sync_channel(QUEUE);
+        let files = Files { log, table, log_path, table_path };
+        let thread = std::thread::Builder::new()
+            .name("recorder".to_owned())
+            .spawn(move || files.write_all(&queue, &give_back))
+            .map_err(|error| failed(folder, error))?;
+        Ok(Self { items: Some(items), spent, thread: Some(thread), cadence })
+    }
+
+    /// Takes a tick in: its snapshot when one is due, and its events.
+    ///
+    /// # Errors
+    /// What went wrong when a file could not be written.
+    pub fn record(&mut self, snapshot: &FrameSnapshot, events: &[Event]) -> Result<(), RecordError> {
+        for event in events {
+            self.send(Item::Event(event.clone()))?;
+        }
+        let in_log = snapshot.tick.is_multiple_of(self.cadence.log_ticks);
+        let in_table = snapshot.tick.is_multiple_of(self.cadence.table_ticks);
+        if in_log || in_table {
+            let mut copy = self.spent.try_recv().unwrap_or_default();
+            copy.assign(snapshot);
+            self.send(Item::Snapshot { snapshot: copy, in_log, in_table })?;
+        }
+        Ok(())
+    }
+
+    fn send(&mut self, item: Item) -> Result<(), RecordError> {
+        let is_sent = self.items.as_ref().is_some_and(|items| items.send(item).is_ok());
+        if is_sent { Ok(()) } else { self.join().and(Err(RecordError::Thread)) }
+    }
+
+    /// Writes what is left and closes the files.
+    ///
+    /// # Errors
+    /// What went wrong when a file could not be written.
+    pub fn finish(mut self) -> Result<(), RecordError> {
+        self.join()
+    }
+
+    fn join(&mut self) -> Result<(), RecordError> {
+        self.items = None;
+        let Some(thread) = self.thread.take() else { return Ok(()) };
+        thread.join().unwrap_or(Err(RecordError::Thread))
+    }
+}
+
+fn failed(path: &Path, reason: impl ToString) -> RecordError {
+    RecordError::File { path: path.to_path_buf(), reason: reason.to_string() }
+}
+
+struct Files {
+    log: LogWriter<BufWriter<File>>,
+    table: VehicleTable<BufWriter<File>>,
+    log_path: PathBuf,
+    table_path: PathBuf,
+}
+
+impl Files {
+    fn write_all(
+        mut self,
+        queue: &Receiver<Item>,
+        give_back: &SyncSender<Box<FrameSnapshot>>,
+    ) -> Result<(), RecordError> {
+        for item in queue {
+            match item {
+                Item::Event(event) => self.log.event(&event).map_err(|e| failed(&self.log_path, e))?,
+                Item::Snapshot { snapshot, in_log, in_table } => {
+                    if in_log {
+                        self.log.snapshot(&snapshot).map_err(|e| failed(&self.log_path, e))?;
+                    }
+                    if in_table {
+                        self.table.rows(&snapshot).map_err(|e| failed(&self.table_path, e))?;
+                    }
+                    // A full return channel only means that the buffer is made anew.
+                    let _ = give_back.try_send(snapshot);
+                }
+            }
+        }
+        self.log.finish().map_err(|e| failed(&self.log_path, e))?;
+        self.table.finish().map_err(|e| failed(&self.table_path, e))
+    }
+}
