@@ -258,12 +258,11 @@ impl Physics {
         let mut nearest: Option<GroundHit> = None;
         for collider in self.ground.iter().filter_map(|handle| self.colliders.get(*handle)) {
             let reach = nearest.map_or(reach_m, |hit| hit.distance_m) as f32;
-            if let Some(hit) = collider.shape().cast_ray_and_get_normal(collider.position(), &ray, reach, true)
+            if let Some(hit) =
+                collider.shape().cast_ray_and_get_normal(collider.position(), &ray, reach, true)
             {
-                nearest = Some(GroundHit {
-                    distance_m: f64::from(hit.time_of_impact),
-                    normal: dvec(hit.normal),
-                });
+                nearest =
+                    Some(GroundHit { distance_m: f64::from(hit.time_of_impact), normal: dvec(hit.normal) });
             }
         }
         nearest

@@ -91,8 +91,9 @@ mod tests {
 
     #[test]
     fn the_triangles_of_a_concave_outline_cover_its_area() {
-        let outline = [(0.0, 0.0), (6.0, 0.0), (6.0, 4.0), (4.0, 4.0), (4.0, 1.0), (2.0, 1.0), (2.0, 4.0), (0.0, 4.0)]
-            .map(DVec2::from);
+        let outline =
+            [(0.0, 0.0), (6.0, 0.0), (6.0, 4.0), (4.0, 4.0), (4.0, 1.0), (2.0, 1.0), (2.0, 4.0), (0.0, 4.0)]
+                .map(DVec2::from);
         let triangles = triangles(&outline);
         let covered: f64 = triangles.iter().map(|t| doubled_area(t)).sum();
         assert!((covered - doubled_area(&outline)).abs() < 1e-9);

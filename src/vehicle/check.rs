@@ -19,7 +19,7 @@ pub struct SpecError {
 struct Findings(Vec<SpecError>);
 
 impl Findings {
-    fn add(&mut self, field: &str, found: impl ToString, remedy: impl Into<String>) {
+    fn add(&mut self, field: &str, found: impl std::fmt::Display, remedy: impl Into<String>) {
         self.0.push(SpecError { field: field.into(), found: found.to_string(), remedy: remedy.into() });
     }
 
@@ -121,7 +121,11 @@ impl VehicleSpec {
             findings.add(
                 "suspension.rest_length_m",
                 self.suspension.rest_length_m,
-                format!("at {} Hz the body sinks {sag:.3} m: at least {:.3}", self.suspension.frequency_hz, 1.2 * sag),
+                format!(
+                    "at {} Hz the body sinks {sag:.3} m: at least {:.3}",
+                    self.suspension.frequency_hz,
+                    1.2 * sag
+                ),
             );
         }
         // Beyond it the outer wheels tip the body before they slip.

@@ -156,8 +156,7 @@ impl Ride<'_> {
 
         let share = self.spec.mass_kg * footprint.load / self.load;
         let held = -(v_ahead * share / self.dt_s + lengthwise.drive);
-        let force_ahead =
-            lengthwise.drive + held.clamp(-lengthwise.resistance, lengthwise.resistance);
+        let force_ahead = lengthwise.drive + held.clamp(-lengthwise.resistance, lengthwise.resistance);
 
         // The wheel turns with the body during the step, away from its own velocity.
         let turned = self.dt_s * self.state.angular_velocity_radps.dot(normal) * v_ahead;
@@ -198,16 +197,15 @@ impl VehicleModel for RaycastCar {
         let forward = state.orientation * DVec3::X;
         let motor = pedal(actuation.gas) * spec.motor_force(state.velocity_mps.dot(forward));
         let motor = if actuation.reverse { -motor } else { motor };
-        let brakes = pedal(actuation.brake) * spec.brake_force()
-            + pedal(actuation.handbrake) * spec.handbrake_force();
+        let brakes =
+            pedal(actuation.brake) * spec.brake_force() + pedal(actuation.handbrake) * spec.handbrake_force();
 
         let headings = [steer[0], steer[1], 0.0, 0.0].map(|angle| {
             let (sin, cos) = trig::sin_cos(angle);
             DVec2::new(cos, sin)
         });
         let ride = Ride { spec, state, dt_s, load, headings };
-        let mut force =
-            state.velocity_mps * -(spec.drag_force(1.0) * state.velocity_mps.length());
+        let mut force = state.velocity_mps * -(spec.drag_force(1.0) * state.velocity_mps.length());
         let mut torque = DVec3::ZERO;
         for footprint in &footprints {
             let lengthwise = Lengthwise {
@@ -232,8 +230,7 @@ impl VehicleModel for RaycastCar {
     fn read_back(&mut self, physics: &Physics, spec: &VehicleSpec, dt_s: f64) -> Motion {
         let Some(state) = physics.body(self.body) else { return Motion::default() };
         // Of the middle of the outline at the height of the centre of mass: pitching leaves it alone.
-        let middle =
-            state.centre_of_mass - state.orientation * (DVec3::X * spec.centre_of_mass.ahead_m);
+        let middle = state.centre_of_mass - state.orientation * (DVec3::X * spec.centre_of_mass.ahead_m);
         let velocity = state.velocity_at(middle);
         let forward = (state.orientation * DVec3::X).truncate().normalize_or(DVec2::X);
         let speed = velocity.truncate().dot(forward);
