@@ -19,7 +19,7 @@ pub struct SpecError {
 struct Findings(Vec<SpecError>);
 
 impl Findings {
-    fn add(&mut self, field: &str, found: impl ToString, remedy: impl Into<String>) {
+    fn add(&mut self, field: &str, found: impl std::fmt::Display, remedy: impl Into<String>) {
         self.0.push(SpecError { field: field.into(), found: found.to_string(), remedy: remedy.into() });
     }
 

@@ -52,6 +52,15 @@ impl VehicleSpec {
         (half - self.centre_of_mass.ahead_m, half + self.centre_of_mass.ahead_m)
     }
 
+    /// What turning about the rear axle adds to the energy of a body whose front axle moves sideways,
+    /// as a share of what moving as fast would add.
+    pub(super) fn turning_share(&self) -> f64 {
+        let d = &self.dimensions;
+        let (_, rear) = self.axle_arms();
+        let block = (d.length_m * d.length_m + d.width_m * d.width_m) / 12.0;
+        (rear * rear + self.yaw_inertia_factor * block) / (d.wheelbase_m * d.wheelbase_m)
+    }
+
     /// Largest traction of the driven axle, N, under its own load transfer.
     fn traction_force(&self) -> f64 {
         let (front, rear) = self.axle_arms();

@@ -14,8 +14,10 @@ const SPACING_M: f64 = 0.05;
 const MAX_SLOPE: f64 = 0.7;
 /// No vehicle of ours turns tighter.
 const MAX_CURVATURE: f64 = 0.5;
-/// How much a heading error of one radian counts, in metres, where a path passes a place twice.
-const HEADING_WEIGHT_M: f64 = 2.0;
+/// Where a path passes a place twice, the branch that leads along the vehicle's heading is meant: a
+/// larger difference, which no bend needs, counts as so many metres for each radian.
+const HEADING_RAD: f64 = 1.2;
+const HEADING_WEIGHT_M: f64 = 5.0;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Node {
@@ -82,7 +84,8 @@ impl Path {
         let (first, last) = (self.nodes.first()?, self.nodes.last()?);
         let mut best: Option<(f64, Nearest)> = None;
         let mut offer = |distance_squared: f64, nearest: Nearest| {
-            let turn = HEADING_WEIGHT_M * wrap_angle(nearest.heading_rad - yaw_rad);
+            let excess = (wrap_angle(nearest.heading_rad - yaw_rad).abs() - HEADING_RAD).max(0.0);
+            let turn = HEADING_WEIGHT_M * excess;
             let cost = distance_squared + turn * turn;
             if best.is_none_or(|(least, _)| cost < least) {
                 best = Some((cost, nearest));

@@ -5,7 +5,9 @@ use super::path::{Nearest, Path};
 use super::pedals::{HANDBRAKE_THROTTLE, pedals};
 use super::{Actuation, ModelKind, Motion, VehicleSpec};
 use crate::geom::{trig, wrap_angle};
+use crate::physics::GRAVITY_MPS2;
 use crate::snapshot::Trajectory;
+use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 /// Path that is kept behind the vehicle as trajectories replace one another.
@@ -49,6 +51,15 @@ struct Reference {
     station: f64,
     speed_mps: f64,
     acceleration_mps2: f64,
+}
+
+/// How the front axle moves.
+#[derive(Clone, Copy, Debug)]
+struct FrontAxle {
+    /// Along the path; faster than the body in a bend.
+    along_mps: f64,
+    /// That keeps it on the path.
+    steering_rate_radps: f64,
 }
 
 /// Leads a vehicle's front axle along the newest trajectory.
@@ -151,17 +162,24 @@ impl Tracker {
         let nearest = self.path.nearest(front.position, front.yaw_rad, from, to);
         let Some(nearest) = nearest else {
             // Nothing to follow yet.
-            let throttle = self.stop(spec, motion, motion.speed_mps, f64::INFINITY, dt_s);
+            let front = FrontAxle { along_mps: motion.speed_mps, steering_rate_radps: 0.0 };
+            let throttle = self.stop(spec, motion, &front, f64::INFINITY, dt_s);
             return Tracking { actuation: self.actuation(throttle), lateral_error_m: 0.0, throttle };
         };
         self.station = Some(nearest.station);
         let turning = motion.yaw_rate_radps * spec.dimensions.front_axle_m();
         let velocity = motion.velocity_mps.truncate() + front.left() * turning;
         let (sin, cos) = trig::sin_cos(nearest.heading_rad);
-        // Of the front axle along the path: faster than the body in a bend.
-        let along = velocity.dot(glam::DVec2::new(cos, sin));
+        let along = velocity.dot(DVec2::new(cos, sin));
+        let rate = along * nearest.curvature - motion.yaw_rate_radps;
+        let most = spec.steering_rate_radps;
+        let axle = FrontAxle { along_mps: along, steering_rate_radps: rate.clamp(-most, most) };
 
-        let throttle = self.throttle(spec, motion, along, time_s, dt_s);
+        let reference = self.reference(time_s).filter(|_| !self.link_lost);
+        let throttle = match reference {
+            Some(reference) => self.throttle(spec, motion, &axle, reference, dt_s),
+            None => self.stop(spec, motion, &axle, self.path.end() - nearest.station, dt_s),
+        };
         if along.abs() > STANDING_MPS || throttle > 0.0 {
             let yaw = front.yaw_rad;
             self.steering_rad = stanley(spec, motion, &nearest, yaw, along);
@@ -174,13 +192,16 @@ impl Tracker {
         Actuation { gas, brake, handbrake, steering_rad: self.steering_rad, reverse: false }
     }
 
-    /// Throttle of the speed control; `along` is the front axle's speed along the path.
-    fn throttle(&mut self, spec: &VehicleSpec, motion: &Motion, along: f64, time_s: f64, dt_s: f64) -> f64 {
-        let station = self.station.unwrap_or(0.0);
-        let reference = self.reference(time_s).filter(|_| !self.link_lost);
-        let Some(reference) = reference else {
-            return self.stop(spec, motion, along, self.path.end() - station, dt_s);
-        };
+    /// Throttle of the speed control.
+    fn throttle(
+        &mut self,
+        spec: &VehicleSpec,
+        motion: &Motion,
+        front: &FrontAxle,
+        reference: Reference,
+        dt_s: f64,
+    ) -> f64 {
+        let (along, station) = (front.along_mps, self.station.unwrap_or(0.0));
         self.stopping_mps = None;
         let gains = &spec.control;
         let error = reference.station - station;
@@ -196,7 +217,7 @@ impl Tracker {
             + pull.clamp(-most, most)
             + gains.speed_d * (reference.speed_mps - along)
             + gains.speed_i * self.integral;
-        let throttle = throttle_for(spec, motion, wanted);
+        let throttle = throttle_for(spec, motion, front, wanted);
         if throttle.abs() < 1.0 && pull.abs() < most && gains.speed_i > 0.0 {
             let limit = INTEGRAL_LIMIT_MPS2 / gains.speed_i;
             self.integral = (self.integral + error * dt_s).clamp(-limit, limit);
@@ -205,7 +226,15 @@ impl Tracker {
     }
 
     /// Throttle that brakes to a stop before the path ends.
-    fn stop(&mut self, spec: &VehicleSpec, motion: &Motion, along: f64, left_m: f64, dt_s: f64) -> f64 {
+    fn stop(
+        &mut self,
+        spec: &VehicleSpec,
+        motion: &Motion,
+        front: &FrontAxle,
+        left_m: f64,
+        dt_s: f64,
+    ) -> f64 {
+        let along = front.along_mps;
         self.integral = 0.0;
         if along < STANDING_MPS {
             self.stopping_mps = Some(0.0);
@@ -217,7 +246,7 @@ impl Tracker {
         let planned = (planned - braking * dt_s).max(0.0);
         self.stopping_mps = Some(planned);
         let wanted = -braking + STOP_GAIN * (planned - along);
-        throttle_for(spec, motion, wanted.clamp(-STOP_MOST_MPS2, 0.0))
+        throttle_for(spec, motion, front, wanted.clamp(-STOP_MOST_MPS2, 0.0))
     }
 
     /// The trajectory at a time; `None` where it has ended in motion.
@@ -271,22 +300,27 @@ fn stanley(spec: &VehicleSpec, motion: &Motion, nearest: &Nearest, yaw_rad: f64,
         - gains.k_y * (motion.yaw_rate_radps - desired_yaw_rate)
 }
 
-/// Throttle that accelerates the front axle along its path so much: the balance of forces of the
+/// Throttle that accelerates the front axle along its path so much: the balance of power of the
 /// vehicle itself, turned round.
-fn throttle_for(spec: &VehicleSpec, motion: &Motion, wanted_mps2: f64) -> f64 {
+///
+/// With the front axle at speed v_f and angle delta the body's motion holds the energy
+/// `m v_f^2 (cos^2 delta + rho sin^2 delta) / 2`, where rho tells what its turning adds; the motor
+/// moves the body, which is slower than its front axle by cos delta.
+fn throttle_for(spec: &VehicleSpec, motion: &Motion, front: &FrontAxle, wanted_mps2: f64) -> f64 {
     let speed = motion.speed_mps;
     let (sin, cos) = trig::sin_cos(motion.steering_rad);
-    let bend = match spec.model {
-        // The front tyres' side force points backwards a little.
+    let (turning, slip_drag) = match spec.model {
         ModelKind::Raycast => {
-            let (_, rear) = spec.axle_arms();
-            let front_mass = spec.mass_kg * rear / spec.dimensions.wheelbase_m;
-            front_mass * speed * motion.yaw_rate_radps * sin / cos
+            let lateral = speed * motion.yaw_rate_radps;
+            let slip = lateral / (spec.tyre_cornering * GRAVITY_MPS2);
+            (spec.turning_share(), spec.mass_kg * lateral * slip)
         }
-        ModelKind::Bicycle => 0.0,
+        ModelKind::Bicycle => (0.0, 0.0),
     };
-    // The body moves along its heading by the cosine of the front axle's way.
-    let force = spec.mass_kg * wanted_mps2 * cos + spec.drag_force(speed) + spec.rolling_force() + bend;
+    let speeding = wanted_mps2 * (cos * cos + turning * sin * sin) / cos;
+    let bending = front.along_mps * sin * (1.0 - turning) * front.steering_rate_radps;
+    let force =
+        spec.mass_kg * (speeding - bending) + spec.drag_force(speed) + spec.rolling_force() + slip_drag;
     if force >= 0.0 {
         return (force / spec.motor_force(speed).max(1.0)).min(1.0);
     }
