@@ -1,6 +1,7 @@
 //! The static world: lanes with their curves, junctions, signs and scenery.
 
 pub mod dxf;
+pub mod layers;
 mod map;
 
 pub use map::{
