@@ -1,5 +1,6 @@
 //! Drawings as ASCII DXF of release 2000 (AC1015), whole enough for CAD programs to open without repair.
 
+use super::text::encode;
 use super::{Drawing, Entity, Shape, Units};
 use crate::city::layers;
 use glam::DVec2;
@@ -483,26 +484,4 @@ impl Writer {
         self.group(76, 0);
         self.handle(330, block_record);
     }
-}
-
-/// Text for a file of release 2000: characters outside ASCII as `\U+XXXX` in UTF-16 units, control
-/// characters in caret notation, a caret itself with a space behind it.
-fn encode(text: &str) -> String {
-    let mut encoded = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '^' => encoded.push_str("^ "),
-            '\0'..='\u{1f}' => {
-                encoded.push('^');
-                encoded.push(char::from(character as u8 + b'@'));
-            }
-            ' '..='~' => encoded.push(character),
-            _ => {
-                for unit in character.encode_utf16(&mut [0; 2]) {
-                    let _ = write!(encoded, "\\U+{unit:04X}");
-                }
-            }
-        }
-    }
-    encoded
 }
