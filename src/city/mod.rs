@@ -1,6 +1,7 @@
 //! The static world: lanes with their curves, junctions, signs and scenery.
 
 pub mod dxf;
+pub mod generate;
 mod map;
 
 pub use map::{
