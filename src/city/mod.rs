@@ -3,6 +3,7 @@
 mod build;
 pub mod dxf;
 mod error;
+pub mod generate;
 pub mod layers;
 mod map;
 mod route;
