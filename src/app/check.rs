@@ -51,7 +51,7 @@ fn check_file(file: &str) -> Finding {
 fn check_map(file: &str) -> Finding {
     let bytes = Library::default().map(file).map_err(|error| error.to_string())?;
     let loaded = load_map(&bytes).map_err(|errors| {
-        let lines: Vec<String> = errors.errors.iter().map(|error| format!("{file}: {error}")).collect();
+        let lines: Vec<String> = errors.listed.iter().map(|error| format!("{file}: {error}")).collect();
         lines.join("\n")
     })?;
     let length: f64 = loaded.map.lanes.iter().map(|lane| lane.curve.length()).sum();

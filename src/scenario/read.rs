@@ -84,7 +84,7 @@ pub fn read_experiment(
     };
     let loaded = load_map(&map_bytes).map_err(|errors| ScenarioError::Map {
         file: map_name.to_owned(),
-        problems: errors.errors.iter().map(ToString::to_string).collect(),
+        problems: errors.listed.iter().map(ToString::to_string).collect(),
     })?;
     let experiment = Reader { map: Arc::new(loaded.map), overrides }.read(&root, text, map_bytes);
     root.finish();
