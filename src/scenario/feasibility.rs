@@ -13,6 +13,8 @@ pub fn infeasibilities(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicl
     let mut found = Vec::new();
     let (spec, driver) = (&vehicle.spec, &vehicle.driver);
     let grip = spec.tyre_friction * GRAVITY;
+    // More than half the pedal is the handbrake's (the paper, eq. 2).
+    let half_pedal = spec.brake_torque_nm / spec.dimensions.wheel_radius_m / spec.mass_kg / 2.0;
     let mut exceeds = |what: &str, asked: f64, possible: f64, remedy: &str| {
         if asked > possible {
             let name = &vehicle.name;
@@ -33,7 +35,7 @@ pub fn infeasibilities(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicl
     exceeds(
         "min_acceleration_mps2 asks for a deceleration",
         u_min,
-        (spec.max_braking() / 2.0).min(grip),
+        half_pedal.min(grip),
         "raise it towards 0, or give the vehicle stronger brakes (half the pedal has to do) or more friction",
     );
     exceeds(

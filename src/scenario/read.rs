@@ -309,6 +309,7 @@ impl Reader {
                 return;
             }
         };
+        let mut is_infeasible = false;
         let first_id = vehicles.iter().map(|vehicle| vehicle.id.0).max().unwrap_or(0) + 1;
         for (drawn, id) in drawn.into_iter().zip((first_id..).map(VehicleId)) {
             let vehicle = PlannedVehicle {
@@ -321,9 +322,12 @@ impl Reader {
                 driver: drawn.driver,
                 route: drawn.route,
             };
-            for problem in infeasibilities(&self.map, scale, &vehicle) {
-                root.problems.add(&span, problem);
+            // One vehicle that cannot do it stands for all that are built alike.
+            let problems = infeasibilities(&self.map, scale, &vehicle);
+            if !is_infeasible {
+                problems.iter().for_each(|problem| root.problems.add(&span, problem));
             }
+            is_infeasible |= !problems.is_empty();
             vehicles.push(vehicle);
         }
     }
