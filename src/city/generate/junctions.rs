@@ -1,9 +1,10 @@
 //! The junctions: turns between the roads, ways straight across, stop and yield lines.
 
-use super::network::{BEND_SPEED, Network, OmittedTurn};
+use super::network::{BEND_SPEED, LANE_WIDTH, LINE_SETBACK, Line, Network, OmittedTurn};
 use super::path::{Fit, Turn, fit};
 use super::roads::SPACING;
 use crate::city::ControlLineKind;
+use glam::DVec2;
 
 /// No turn is tighter.
 pub(super) const MIN_TURN_RADIUS: f64 = 0.20;
@@ -298,8 +299,6 @@ fn beside(net: &Network, stations: &[(&str, f64)], lanes: &[&str], track: &str) 
 const YIELDING: &[(&str, &[&str], &str)] = &[
     ("south-boulevard/west/outer", WEST_RINGS, "west-roundabout/east-to-ring/outer"),
     ("south-boulevard/west/inner", WEST_RINGS, "west-roundabout/east-to-ring/inner"),
-    ("east-street/south/outer", EAST_RINGS, "east-roundabout/north-to-ring/outer"),
-    ("east-street/south/inner", EAST_RINGS, "east-roundabout/north-to-ring/inner"),
     ("south-boulevard/east/outer", EAST_RINGS, "east-roundabout/west-to-ring/outer"),
     ("south-boulevard/east/inner", EAST_RINGS, "east-roundabout/west-to-ring/inner"),
     ("centre-street/south/outer", SOUTH_WESTBOUND, "junction-centre-south/north-to-west/outer"),
@@ -328,15 +327,34 @@ const SOUTH_WESTBOUND: &[&str] = &["south-boulevard/west/outer", "south-boulevar
 
 /// The yield line of the western roundabout's northern entry: the place of the experiment.
 const NORTHERN_YIELD_Y: f64 = -1.35;
+/// Where East Street's two entries into the eastern roundabout give way: more than the yield clearance
+/// before its outer lane on both.
+const EAST_YIELD: DVec2 = DVec2::new(1.965, -1.12);
 /// Between the southbound lanes of West Street.
 const WEST_STREET_X: f64 = -2.57;
 
 fn add_yielding(net: &mut Network) {
     for lane in ["outer", "inner"] {
         let track = format!("west-street/south/{lane}");
-        let s = net.curve(&track).project(glam::DVec2::new(WEST_STREET_X, NORTHERN_YIELD_Y)).s;
+        let s = net.curve(&track).project(DVec2::new(WEST_STREET_X, NORTHERN_YIELD_Y)).s;
         net.yield_at(&track, s, &format!("west-roundabout/north-to-ring/{lane}"));
     }
+    // Inner and outer entry have only just parted: one line serves both.
+    let at = ["outer", "inner"].map(|lane| {
+        let track = format!("east-street/south/{lane}");
+        let curve = net.curve(&track);
+        let s = curve.project(EAST_YIELD).s;
+        let at = curve.at(s).pose.position;
+        net.cross(
+            &track,
+            s + LINE_SETBACK,
+            net.curve(&track).length(),
+            format!("east-roundabout/north-to-ring/{lane}"),
+        );
+        at
+    });
+    let along = (at[1] - at[0]).normalize_or(DVec2::X) * (LANE_WIDTH / 2.0);
+    net.lines.push(Line { kind: ControlLineKind::Yield, ends: [at[1] + along, at[0] - along] });
     for (track, others, name) in YIELDING {
         net.yield_before(track, others, YIELD_CLEARANCE, name);
     }

@@ -2,12 +2,15 @@
 //!
 //! Nothing here reads a file or a clock: the same drawing comes out every time. The roads are tables
 //! of tangent lines and arcs ([`roads`]); the turns between them follow from their radius
-//! ([`junctions`]); lanes are cut where they branch and named ([`network`]).
+//! ([`junctions`]); lanes are cut where they branch and named ([`network`]);
+//! what stands between the roads are tables again ([`blocks`]), set out by [`scenery`].
 
+mod blocks;
 mod junctions;
 mod network;
 mod path;
 mod roads;
+mod scenery;
 
 pub use network::OmittedTurn;
 
@@ -47,6 +50,7 @@ pub fn ids3c() -> Drawing {
         let [from, to] = line.ends;
         drawing.add(layer, Shape::Line { from, to });
     }
+    scenery::add_all(&mut drawing, &lanes);
     drawing
 }
 

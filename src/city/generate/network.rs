@@ -10,7 +10,7 @@ pub(super) const LANE_WIDTH: f64 = 0.1524;
 /// The usual target speed of the testbed, for ways across a junction and lanes that bend from end to end.
 pub(super) const BEND_SPEED: f64 = 0.35;
 /// How far a stop or yield line lies in front of the junction.
-const LINE_SETBACK: f64 = 0.015;
+pub(super) const LINE_SETBACK: f64 = 0.015;
 
 /// A part of a centre line that crosses a junction.
 #[derive(Clone, Debug)]

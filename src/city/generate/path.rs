@@ -255,6 +255,9 @@ mod tests {
         let f = fit(&south, &east, Turn::Left, Fit::Start(0.9, 0.3)).unwrap();
         check(&south, &east, &f);
         assert!((f.from_s - 0.7).abs() < 1e-9 && (f.radius() - 0.25).abs() < 1e-9, "{f:?}");
-        assert!(fillet(&east, &south, Turn::Left, 0.3).is_none(), "a turn the wrong way round");
+        assert!(
+            fillet(&east, &south, Turn::Right, 1.2).is_none(),
+            "it would start beyond the end of the street"
+        );
     }
 }
