@@ -126,6 +126,7 @@ pub struct Errors {
 /// Follows a plan, sent anew at 50 Hz, for some seconds; errors count after the first `settle` ones.
 pub fn follow(rig: &mut Rig, route: &Curve, plan: &impl Plan, seconds: f64, settle: f64) -> Errors {
     let mut errors = Errors::default();
+    let begin = rig.time();
     let steps = (seconds / DT).round() as u32;
     for k in 0..steps {
         if k % 2 == 0 {
@@ -137,7 +138,7 @@ pub fn follow(rig: &mut Rig, route: &Curve, plan: &impl Plan, seconds: f64, sett
         let near = route.project_within(front, station - 6.0, station + 6.0);
         errors.least_throttle = errors.least_throttle.min(tracking.throttle);
         errors.last = near.lateral;
-        if rig.time() >= settle {
+        if rig.time() - begin >= settle {
             errors.tracker = errors.tracker.max(tracking.lateral_error_m.abs());
             errors.exact = errors.exact.max(near.lateral.abs());
             errors.longitudinal = errors.longitudinal.max((near.s - station).abs());
