@@ -49,9 +49,9 @@ pub struct Motion {
     /// City from body.
     pub orientation: DQuat,
     pub velocity_mps: DVec3,
-    /// Along the heading, negative in reverse.
+    /// Along the heading, at the road, negative in reverse.
     pub speed_mps: f64,
-    /// Along the heading: change of `speed_mps` over the last step.
+    /// Along the heading, of the centre of mass, over the last step.
     pub acceleration_mps2: f64,
     pub yaw_rate_radps: f64,
     /// Angle of the front axle's middle, after rate and limit.

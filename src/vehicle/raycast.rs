@@ -26,8 +26,8 @@ pub struct RaycastCar {
     body: BodyId,
     steering_rad: f64,
     wheels: [WheelState; 4],
-    /// Of the last step, for the acceleration.
-    speed_mps: f64,
+    /// Of the centre of mass along the heading at the last step, for the acceleration.
+    mass_speed_mps: f64,
 }
 
 /// Spring, damper and place of one wheel, from the spec.
@@ -103,7 +103,7 @@ impl RaycastCar {
     /// Puts a car on the road at its rest height, rolling at `speed_mps`.
     pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2, speed_mps: f64) -> Self {
         let body = physics.add_box(&chassis(spec, pose, speed_mps));
-        Self { body, steering_rad: 0.0, wheels: Default::default(), speed_mps }
+        Self { body, steering_rad: 0.0, wheels: Default::default(), mass_speed_mps: speed_mps }
     }
 
     /// Casts the wheels' rays and loads the springs.
@@ -229,13 +229,13 @@ impl VehicleModel for RaycastCar {
 
     fn read_back(&mut self, physics: &Physics, spec: &VehicleSpec, dt_s: f64) -> Motion {
         let Some(state) = physics.body(self.body) else { return Motion::default() };
-        // Of the middle of the outline at the height of the centre of mass: pitching leaves it alone.
-        let middle = state.centre_of_mass - state.orientation * (DVec3::X * spec.centre_of_mass.ahead_m);
-        let velocity = state.velocity_at(middle);
+        // Where the wheels stand: as the body swings back from a stop, they do not.
+        let velocity = state.velocity_at(state.position);
         let forward = (state.orientation * DVec3::X).truncate().normalize_or(DVec2::X);
         let speed = velocity.truncate().dot(forward);
-        let acceleration = (speed - self.speed_mps) / dt_s;
-        self.speed_mps = speed;
+        let mass_speed = state.velocity_mps.truncate().dot(forward);
+        let acceleration = (mass_speed - self.mass_speed_mps) / dt_s;
+        self.mass_speed_mps = mass_speed;
         Motion {
             position: state.position,
             orientation: state.orientation,

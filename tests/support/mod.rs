@@ -109,13 +109,7 @@ pub fn trajectory(route: &Curve, plan: &impl Plan, from: f64, horizon: f64, spac
             TrajectoryPoint { time_s, pose: route.at(station).pose, speed_mps }
         })
         .collect();
-    Trajectory {
-        vehicle: VehicleId(1),
-        sequence: 0,
-        points,
-        yielding: false,
-        indicator: Indicator::Off,
-    }
+    Trajectory { vehicle: VehicleId(1), sequence: 0, points, yielding: false, indicator: Indicator::Off }
 }
 
 /// Largest lateral errors of a run along a route: by the tracker's own account, and measured against
@@ -132,6 +126,7 @@ pub struct Errors {
 /// Follows a plan, sent anew at 50 Hz, for some seconds; errors count after the first `settle` ones.
 pub fn follow(rig: &mut Rig, route: &Curve, plan: &impl Plan, seconds: f64, settle: f64) -> Errors {
     let mut errors = Errors::default();
+    let begin = rig.time();
     let steps = (seconds / DT).round() as u32;
     for k in 0..steps {
         if k % 2 == 0 {
@@ -143,7 +138,7 @@ pub fn follow(rig: &mut Rig, route: &Curve, plan: &impl Plan, seconds: f64, sett
         let near = route.project_within(front, station - 6.0, station + 6.0);
         errors.least_throttle = errors.least_throttle.min(tracking.throttle);
         errors.last = near.lateral;
-        if rig.time() >= settle {
+        if rig.time() - begin >= settle {
             errors.tracker = errors.tracker.max(tracking.lateral_error_m.abs());
             errors.exact = errors.exact.max(near.lateral.abs());
             errors.longitudinal = errors.longitudinal.max((near.s - station).abs());
