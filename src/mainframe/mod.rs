@@ -117,6 +117,7 @@ impl Mainframe {
         decision
     }
 
+    pub fn why(&mut self, index: usize) -> String { self.right_of_way.why(index, &mut self.cavs, &self.occupancy) + &format!(" leader {:?}", self.occupancy.leader(&self.cavs, index, SIGHT_M).map(|l| (self.cavs[l.vehicle].id.0, l.ahead.gap_m))) }
     /// The vehicles under control, in id order.
     pub fn cavs(&self) -> &[Cav] {
         &self.cavs

@@ -212,18 +212,17 @@ impl RightOfWay {
         rank == RANK_MAJOR || self.is_clear(vehicle, rank, cavs)
     }
 
-    /// Whether a vehicle on the same lane stands between it and the line, not yet admitted.
+    /// Whether a vehicle ahead on the way may come to wait for its own admission in the section or
+    /// before it. Numbers then follow the order of the lane, and nobody is blocked by a later one.
     fn has_leader_before_line(&self, vehicle: usize, cavs: &[Cav], occupancy: &Occupancy) -> bool {
         let cav = &cavs[vehicle];
-        let hold_s = cav.route.sections[cav.passage.next_section].hold_s;
-        let within_m = (hold_s - cav.front_s()).max(0.0);
+        let end_s = cav.route.sections[cav.passage.next_section].to_s;
+        let within_m = (end_s - cav.front_s()).max(0.0);
         let Some(leader) = occupancy.leader(cavs, vehicle, within_m) else { return false };
         let other = &cavs[leader.vehicle];
         let other_front_s = leader.rear_s + other.body.length_m;
-        let other_hold = other.route.sections.get(other.passage.next_section).map(|s| s.hold_s);
-        let other_to_hold = other_hold.map_or(f64::INFINITY, |hold_s| hold_s - other.front_s());
-        // Its next line is the same one when it is as far along as the own.
-        other_front_s < hold_s + 0.01 && other_front_s + other_to_hold < hold_s + 0.1
+        let next = other.route.sections.get(other.passage.next_section);
+        next.is_some_and(|next| other_front_s + next.hold_s - other.front_s() < end_s)
     }
 
     /// Whether the vehicle, and all who were admitted on the way to the same place, find room
@@ -276,6 +275,22 @@ impl RightOfWay {
                 user.to_entry_m > self.params.clear_area_m.max(arrival_m)
             })
         })
+    }
+
+    pub fn why(&self, vehicle: usize, cavs: &mut [Cav], occupancy: &Occupancy) -> String {
+        let mut t = String::new();
+        if cavs[vehicle].passage.next_section < cavs[vehicle].route.sections.len() {
+            if self.has_leader_before_line(vehicle, cavs, occupancy) { t += " LEADER"; }
+            if !self.has_room_behind(vehicle, cavs, occupancy) { t += " NOROOM"; }
+            let rank = cavs[vehicle].route.sections[cavs[vehicle].passage.next_section].rank;
+            if !self.is_clear(vehicle, rank, cavs) { t += " NOTCLEAR"; }
+        }
+        for a in &cavs[vehicle].passage.admissions {
+            for c in &cavs[vehicle].route.crossings[cavs[vehicle].route.sections[a.section].crossings.clone()] {
+                for u in &self.users[c.zone.index()] { if u.side != c.side && u.vehicle != vehicle && u.order.is_some_and(|o| o < a.order) { t += &format!(" waits({:?} {} at {:.2} by {} exit {:.2})", c.kind, c.zone.0, c.from_s - cavs[vehicle].front_s(), cavs[u.vehicle].id, u.to_exit_m); } }
+            }
+        }
+        t
     }
 
     fn admit(&mut self, vehicle: usize, cav: &mut Cav) {

@@ -148,7 +148,8 @@ fn starting_places(map: &LabMap) -> Vec<(LaneId, f64)> {
     places
 }
 
-/// Grows all routes together, each to where the fewest have been, so that every lane is used.
+/// Grows all routes together: first each to the nearest lane on which nobody has been yet, then by lot
+/// at every branching. Going for unused lanes alone would crowd the junctions, where lanes are many.
 fn draw_routes(
     map: &LabMap,
     rng: &mut ChaCha8Rng,
@@ -156,70 +157,77 @@ fn draw_routes(
     starts: &[(usize, LaneId)],
     length_m: f64,
 ) -> Vec<Vec<LaneId>> {
-    let mut visits = vec![0_u32; map.lanes.len()];
+    let mut is_used = vec![false; map.lanes.len()];
     let mut routes: Vec<Vec<LaneId>> = starts.iter().map(|&(_, lane)| vec![lane]).collect();
     let mut lengths: Vec<f64> = starts.iter().map(|&(_, lane)| map.lane(lane).curve.length()).collect();
-    starts.iter().for_each(|&(_, lane)| visits[lane.index()] += 1);
-    // The route that is shortest so far grows first: visits are then counted in order of time.
-    while let Some(index) = (0..routes.len())
-        .filter(|&k| lengths[k] < length_m)
-        .min_by(|&a, &b| lengths[a].total_cmp(&lengths[b]))
-    {
+    starts.iter().for_each(|&(_, lane)| is_used[lane.index()] = true);
+    // The route that is shortest so far grows first, so that lanes are used in order of time.
+    loop {
+        let unfinished = (0..routes.len()).filter(|&k| lengths[k] < length_m);
+        let Some(index) = unfinished.min_by(|&a, &b| lengths[a].total_cmp(&lengths[b])) else { break };
         let open = &networks[starts[index].0];
         let here = routes[index][routes[index].len() - 1];
-        let way = way_to_least_visited(map, rng, open, &visits, here);
+        let mut way = way_to_unused(map, rng, open, &is_used, here);
         if way.is_empty() {
-            break;
+            way.extend(successor_by_lot(map, rng, open, here));
+        }
+        if way.is_empty() {
+            // Networks have no dead ends; a map of one lane has.
+            lengths[index] = length_m;
         }
         for lane in way {
             routes[index].push(lane);
             lengths[index] += map.lane(lane).curve.length();
-            visits[lane.index()] += 1;
+            is_used[lane.index()] = true;
         }
     }
     routes
 }
 
-/// How many lanes ahead a route looks for one that few have visited.
+fn successor_by_lot(map: &LabMap, rng: &mut ChaCha8Rng, open: &[bool], from: LaneId) -> Option<LaneId> {
+    let successors: Vec<LaneId> =
+        map.lane(from).successors.iter().copied().filter(|next| open[next.index()]).collect();
+    let lot = rng.next_u64() as usize;
+    successors.get(lot % successors.len().max(1)).copied()
+}
+
+/// How many lanes ahead a route looks for one that nobody has used.
 const LOOK_AHEAD_LANES: usize = 12;
 
-/// The way to the lane that was visited least of those near, by the fewest lanes; ties by lot.
-fn way_to_least_visited(
+/// The way by the fewest lanes to one that nobody has used, ties by lot; empty where none is near.
+fn way_to_unused(
     map: &LabMap,
     rng: &mut ChaCha8Rng,
     open: &[bool],
-    visits: &[u32],
+    is_used: &[bool],
     from: LaneId,
 ) -> Vec<LaneId> {
-    let mut reached: Vec<(LaneId, Option<usize>)> = vec![(from, None)];
+    let mut reached: Vec<(LaneId, usize)> = vec![(from, 0)];
     let mut is_reached = vec![false; map.lanes.len()];
     let mut ring = 0..1;
-    let mut best: Option<(u32, usize, u64, usize)> = None;
-    for depth in 1..=LOOK_AHEAD_LANES {
+    for _ in 0..LOOK_AHEAD_LANES {
         let ring_end = reached.len();
         for parent in ring {
-            let successors = &map.lane(reached[parent].0).successors;
-            for &next in successors.iter().filter(|next| open[next.index()]) {
-                if std::mem::replace(&mut is_reached[next.index()], true) {
-                    continue;
-                }
-                reached.push((next, Some(parent)));
-                let candidate = (visits[next.index()], depth, rng.next_u64(), reached.len() - 1);
-                if best.is_none_or(|best| candidate < best) {
-                    best = Some(candidate);
+            for &next in map.lane(reached[parent].0).successors.iter().filter(|next| open[next.index()]) {
+                if !std::mem::replace(&mut is_reached[next.index()], true) {
+                    reached.push((next, parent));
                 }
             }
         }
         ring = ring_end..reached.len();
+        let unused: Vec<usize> = ring.clone().filter(|&index| !is_used[reached[index].0.index()]).collect();
+        if !unused.is_empty() {
+            let mut at = unused[rng.next_u64() as usize % unused.len()];
+            let mut way = Vec::new();
+            while at > 0 {
+                way.push(reached[at].0);
+                at = reached[at].1;
+            }
+            way.reverse();
+            return way;
+        }
     }
-    let mut way = Vec::new();
-    let mut at = best.map(|(_, _, _, at)| at);
-    while let Some(index) = at.filter(|&index| index > 0) {
-        way.push(reached[index].0);
-        at = reached[index].1;
-    }
-    way.reverse();
-    way
+    Vec::new()
 }
 
 fn vary(rng: &mut ChaCha8Rng, driver: &DriverParams, spread: f64) -> DriverParams {
