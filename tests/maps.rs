@@ -316,6 +316,28 @@ fn side_by_side_lanes_and_roundabout_lanes_leave_each_other_alone() {
     assert_eq!(map.zones[0].kind, ZoneKind::Cross);
 }
 
+/// A car that comes out of a tight bend still cuts its inside, and only that.
+#[test]
+fn a_bend_takes_room_on_its_inside_and_beyond_its_end() {
+    // Right turn from the west into southbound x = 0.25; another lane goes south beside it.
+    let beside = |x: f64| {
+        Plan::default()
+            .arc("LANES", (0.0, -0.25), 0.25, 0.0, 90.0)
+            .line("CONNECTORS", (0.25, -0.25), (0.25, -1.0))
+            .line("LANES", (x, -0.26), (x, -1.0))
+            .line("ARROWS", (-0.1 + 0.25, -0.04), (0.2, -0.09))
+            .map()
+    };
+    // 0.135 m to the left there is room beside a straight lane and a nose that swings out.
+    assert_eq!(beside(0.25 + 0.135).zones.len(), 0);
+    // As far to the right the rear axle cuts in, for a wheelbase beyond the bend.
+    let map = beside(0.25 - 0.135);
+    let connector = map.lanes.iter().find(|lane| lane.kind == LaneKind::Connector).unwrap();
+    let side = |zone: &city3d::city::ConflictZone| zone.sides.into_iter().find(|s| s.lane == connector.id);
+    let tail = map.zones.iter().find_map(side).unwrap();
+    assert!(tail.from_m < 0.02 && (0.12..0.14).contains(&tail.to_m), "{tail:?}");
+}
+
 #[test]
 fn short_lanes_in_line_are_one_way_and_no_conflict() {
     let map = Plan::default()
