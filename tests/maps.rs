@@ -434,3 +434,29 @@ fn loading_is_repeatable_and_scales() {
     assert_eq!(city.zones.len(), map.zones.len());
     assert!((city.min_radius(lane(&map, "turn").id) - 12.5).abs() < 1e-9);
 }
+
+#[test]
+fn the_document_has_the_example_as_it_is_run_and_every_layer() {
+    let document = include_str!("../docs/maps.md");
+    assert!(document.contains(include_str!("peers/draw_map.py")));
+    for kind in SceneryKind::ALL {
+        assert!(document.contains(&format!("`{}`", kind.layer())), "{}", kind.layer());
+    }
+}
+
+/// A map drawn by another program: the output of `tests/peers/draw_map.py` by ezdxf 1.4.
+#[test]
+fn a_map_drawn_with_ezdxf_loads() {
+    let LoadedMap { map, .. } = load_map(include_bytes!("peers/draw_map.dxf")).unwrap();
+    assert_joined(&map);
+    assert_eq!(map.lanes.len(), 3);
+    let (ring, branch) = (lane(&map, "loop"), lane(&map, "branch"));
+    assert!((ring.curve.length() - (4.0 + PI)).abs() < 1e-9);
+    assert_eq!(ring.speed_limit_mps, 0.25);
+    assert!(ring.successors.contains(&ring.id) && branch.successors.is_empty());
+    // The loop comes back to where the branch leaves it, and there they part.
+    assert_eq!(map.zones.len(), 1);
+    assert_eq!(map.zones[0].kind, ZoneKind::Diverge);
+    assert!((map.lines[0].at_m - 0.8).abs() < 1e-9);
+    assert_eq!(map.scenery[0].kind, SceneryKind::Tree);
+}
