@@ -32,7 +32,7 @@ const SAME_WAY_M: f64 = 0.3;
 /// the other lane.
 const ALONGSIDE_RAD: f64 = PI / 6.0;
 /// Most zones that a map may have.
-const MAX_ZONES: usize = 100_000;
+const MAX_ZONES: usize = 10_000;
 
 /// Zones by the ids of their lanes and where they begin.
 pub(super) fn find(roads: &Roads, findings: &mut Findings) -> Vec<ConflictZone> {
