@@ -316,6 +316,28 @@ fn side_by_side_lanes_and_roundabout_lanes_leave_each_other_alone() {
     assert_eq!(map.zones[0].kind, ZoneKind::Cross);
 }
 
+/// A car that comes out of a tight bend still cuts its inside, and only that.
+#[test]
+fn a_bend_takes_room_on_its_inside_and_beyond_its_end() {
+    // Right turn from the west into southbound x = 0.25; another lane goes south beside it.
+    let beside = |x: f64| {
+        Plan::default()
+            .arc("LANES", (0.0, -0.25), 0.25, 0.0, 90.0)
+            .line("CONNECTORS", (0.25, -0.25), (0.25, -1.0))
+            .line("LANES", (x, -0.26), (x, -1.0))
+            .line("ARROWS", (-0.1 + 0.25, -0.04), (0.2, -0.09))
+            .map()
+    };
+    // 0.135 m to the left there is room beside a straight lane and a nose that swings out.
+    assert_eq!(beside(0.25 + 0.135).zones.len(), 0);
+    // As far to the right the rear axle cuts in, for a wheelbase beyond the bend.
+    let map = beside(0.25 - 0.135);
+    let connector = map.lanes.iter().find(|lane| lane.kind == LaneKind::Connector).unwrap();
+    let side = |zone: &city3d::city::ConflictZone| zone.sides.into_iter().find(|s| s.lane == connector.id);
+    let tail = map.zones.iter().find_map(side).unwrap();
+    assert!(tail.from_m < 0.02 && (0.12..0.14).contains(&tail.to_m), "{tail:?}");
+}
+
 #[test]
 fn short_lanes_in_line_are_one_way_and_no_conflict() {
     let map = Plan::default()
@@ -411,4 +433,30 @@ fn loading_is_repeatable_and_scales() {
     let city = city3d::city::LabMap(map.clone()).to_city(city3d::geom::LengthScale::TESTBED);
     assert_eq!(city.zones.len(), map.zones.len());
     assert!((city.min_radius(lane(&map, "turn").id) - 12.5).abs() < 1e-9);
+}
+
+#[test]
+fn the_document_has_the_example_as_it_is_run_and_every_layer() {
+    let document = include_str!("../docs/maps.md");
+    assert!(document.contains(include_str!("peers/draw_map.py")));
+    for kind in SceneryKind::ALL {
+        assert!(document.contains(&format!("`{}`", kind.layer())), "{}", kind.layer());
+    }
+}
+
+/// A map drawn by another program: the output of `tests/peers/draw_map.py` by ezdxf 1.4.
+#[test]
+fn a_map_drawn_with_ezdxf_loads() {
+    let LoadedMap { map, .. } = load_map(include_bytes!("peers/draw_map.dxf")).unwrap();
+    assert_joined(&map);
+    assert_eq!(map.lanes.len(), 3);
+    let (ring, branch) = (lane(&map, "loop"), lane(&map, "branch"));
+    assert!((ring.curve.length() - (4.0 + PI)).abs() < 1e-9);
+    assert_eq!(ring.speed_limit_mps, 0.25);
+    assert!(ring.successors.contains(&ring.id) && branch.successors.is_empty());
+    // The loop comes back to where the branch leaves it, and there they part.
+    assert_eq!(map.zones.len(), 1);
+    assert_eq!(map.zones[0].kind, ZoneKind::Diverge);
+    assert!((map.lines[0].at_m - 0.8).abs() < 1e-9);
+    assert_eq!(map.scenery[0].kind, SceneryKind::Tree);
 }

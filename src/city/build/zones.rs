@@ -3,16 +3,18 @@
 //! The body is the testbed's car, led with the centre of its front axle on the centre line. Driving
 //! an arc steadily its rear axle follows a circle of radius sqrt(r^2 - wheelbase^2) about the same
 //! centre, so that the inner side lies further in than on a straight and the outer front corner
-//! further out. Two places conflict where the centre lines are closer than both half widths swept
-//! and a margin.
+//! further out. Two places conflict where the centre lines are closer than what both bodies reach
+//! towards each other and a margin.
 
 use super::JOIN_TOLERANCE_M;
 use super::lanes::Roads;
 use super::neighbours::bounds;
 use crate::city::error::{Findings, MapErrorKind};
 use crate::city::{ConflictZone, Lane, LaneId, ZoneId, ZoneKind, ZoneSide};
+use crate::geom::{Pose2, wrap_angle};
 use glam::DVec2;
 use std::collections::BTreeMap;
+use std::f64::consts::PI;
 
 /// The reference car: half its width, its wheelbase, and from the rear axle to the front bumper.
 const HALF_WIDTH_M: f64 = 0.05;
@@ -26,8 +28,11 @@ const STEP_M: f64 = 0.005;
 const MERGED_BELOW_M: f64 = 0.02;
 /// Places that one drives through within this distance are one way and no conflict.
 const SAME_WAY_M: f64 = 0.3;
+/// Lanes at a smaller angle run alongside, so that only the sides face each other that are turned to
+/// the other lane.
+const ALONGSIDE_RAD: f64 = PI / 6.0;
 /// Most zones that a map may have.
-const MAX_ZONES: usize = 100_000;
+const MAX_ZONES: usize = 10_000;
 
 /// Zones by the ids of their lanes and where they begin.
 pub(super) fn find(roads: &Roads, findings: &mut Findings) -> Vec<ConflictZone> {
@@ -85,31 +90,36 @@ fn ways_on(lanes: &[Lane], from: usize) -> BTreeMap<LaneId, f64> {
     reached
 }
 
-/// Half the width that the reference car sweeps in a steady turn of this curvature.
-fn half_swept(curvature: f64) -> f64 {
+/// How far to the left and to the right of its centre line the reference car reaches in a steady
+/// turn of this curvature.
+fn half_swept(curvature: f64) -> [f64; 2] {
     if curvature == 0.0 {
-        return HALF_WIDTH_M;
+        return [HALF_WIDTH_M; 2];
     }
     let radius = 1.0 / curvature.abs();
     let rear = (radius * radius - WHEELBASE_M * WHEELBASE_M).max(0.0).sqrt();
     let inner = HALF_WIDTH_M + radius - rear;
     let outer = (rear + HALF_WIDTH_M).hypot(REAR_AXLE_TO_NOSE_M) - radius;
-    inner.max(outer)
+    if curvature > 0.0 { [inner, outer] } else { [outer, inner] }
+}
+
+fn wider(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0].max(b[0]), a[1].max(b[1])]
 }
 
 /// A lane with the width that is swept along it.
 struct Track {
     length: f64,
     bounds: [DVec2; 2],
-    /// From where, and half how wide; a stretch lasts until the next one starts.
-    widths: Vec<(f64, f64)>,
+    /// From where, and how far to the left and right; a stretch lasts until the next one starts.
+    widths: Vec<(f64, [f64; 2])>,
     widest: f64,
 }
 
 impl Track {
     fn new(lane: &Lane, lanes: &[Lane]) -> Self {
         // The rear follows a wheelbase behind: what a segment asks for lasts that far beyond its end.
-        let mut stretches: Vec<(f64, f64, f64)> = Vec::new();
+        let mut stretches: Vec<(f64, f64, [f64; 2])> = Vec::new();
         add_tails(lane, lanes, 0.0, &mut stretches);
         for (k, segment) in lane.curve.segments().iter().enumerate() {
             let from = lane.curve.station(k);
@@ -121,22 +131,34 @@ impl Track {
         starts.retain(|&s| (0.0..length).contains(&s));
         starts.sort_by(f64::total_cmp);
         starts.dedup();
-        let widths: Vec<(f64, f64)> = starts
+        let widths: Vec<(f64, [f64; 2])> = starts
             .into_iter()
             .map(|s| {
                 let here = stretches.iter().filter(|&&(from, to, _)| from <= s && s < to);
-                (s, here.map(|&(.., half)| half).fold(HALF_WIDTH_M, f64::max))
+                (s, here.map(|&(.., sides)| sides).fold([HALF_WIDTH_M; 2], wider))
             })
             .collect();
-        let widest = widths.iter().map(|&(_, half)| half).fold(HALF_WIDTH_M, f64::max);
+        let widest = widths.iter().flat_map(|&(_, sides)| sides).fold(HALF_WIDTH_M, f64::max);
         Self { length, bounds: bounds(lane, widest + MARGIN_M), widths, widest }
     }
 
-    /// Half the width swept around an arc length.
-    fn half_at(&self, s: f64) -> f64 {
+    /// How far a body reaches to the left and right around an arc length.
+    fn sides_at(&self, s: f64) -> [f64; 2] {
         let after = |s: f64| self.widths.partition_point(|&(from, _)| from <= s);
         let (first, last) = (after(s - STEP_M).saturating_sub(1), after(s + STEP_M));
-        self.widths[first..last].iter().map(|&(_, half)| half).fold(HALF_WIDTH_M, f64::max)
+        self.widths[first..last].iter().map(|&(_, sides)| sides).fold([HALF_WIDTH_M; 2], wider)
+    }
+
+    /// How far a body at this place reaches towards a point of another lane: on the side where the
+    /// point lies, or on either where the lanes cross and both come into play.
+    fn reach_towards(&self, place: Place, other: Place) -> f64 {
+        let [left, right] = self.sides_at(place.s);
+        let turn = wrap_angle(other.pose.yaw_rad - place.pose.yaw_rad).abs();
+        if turn.min(PI - turn) > ALONGSIDE_RAD {
+            return left.max(right);
+        }
+        let offset = other.pose.position - place.pose.position;
+        if offset.dot(place.pose.left()) > 0.0 { left } else { right }
     }
 
     fn may_touch(&self, other: &Self) -> bool {
@@ -145,7 +167,7 @@ impl Track {
 }
 
 /// What the ends of the lanes before ask for at the beginning of this one, up to a wheelbase back.
-fn add_tails(lane: &Lane, lanes: &[Lane], behind: f64, stretches: &mut Vec<(f64, f64, f64)>) {
+fn add_tails(lane: &Lane, lanes: &[Lane], behind: f64, stretches: &mut Vec<(f64, f64, [f64; 2])>) {
     for &id in &lane.predecessors {
         let before = &lanes[id.index()];
         let length = before.curve.length();
@@ -170,6 +192,13 @@ struct Pair<'a> {
     shared: [bool; 2],
     /// From the end of the first to the start of the second by way of other lanes, and the other way.
     gaps: [Option<f64>; 2],
+}
+
+/// A point of a lane.
+#[derive(Clone, Copy)]
+struct Place {
+    s: f64,
+    pose: Pose2,
 }
 
 /// A stretch of one lane that conflicts with the other, with the stretch of the other nearest to it.
@@ -234,10 +263,11 @@ impl Pair<'_> {
         let mut step = 0;
         while step <= steps {
             let s = track.length * step as f64 / steps as f64;
-            let point = lane.curve.at(s).pose.position;
-            let foot = other.curve.project(point).s;
-            let distance = other.curve.at(foot).pose.position.distance(point);
-            let reach = track.half_at(s) + other_track.half_at(foot) + MARGIN_M;
+            let here = Place { s, pose: lane.curve.at(s).pose };
+            let foot = other.curve.project(here.pose.position).s;
+            let there = Place { s: foot, pose: other.curve.at(foot).pose };
+            let distance = there.pose.position.distance(here.pose.position);
+            let reach = track.reach_towards(here, there) + other_track.reach_towards(there, here) + MARGIN_M;
             if distance >= reach || self.same_way(of, s, foot) {
                 // The distance changes by no more than one goes, so that some steps cannot conflict.
                 let spare = distance - (track.widest + other_track.widest + MARGIN_M);
@@ -274,11 +304,14 @@ mod tests {
 
     #[test]
     fn swept_widths_are_those_of_the_reference_car() {
-        // Rear axle on a circle of 0.16 m, its inner side at 0.11 m, the front axle on 0.20 m.
-        assert!((half_swept(1.0 / 0.2) - 0.09).abs() < 1e-12);
-        assert_eq!(half_swept(0.0), HALF_WIDTH_M);
+        // Rear axle on a circle of 0.16 m, its inner side at 0.11 m, the front axle on 0.20 m; the nose
+        // 0.16 m ahead of the rear axle and 0.21 m from the centre across it.
+        let [left, right] = half_swept(1.0 / 0.2);
+        assert!((left - 0.09).abs() < 1e-12 && (right - (0.21f64.hypot(0.16) - 0.2)).abs() < 1e-12);
+        assert_eq!(half_swept(-1.0 / 0.2), [right, left]);
+        assert_eq!(half_swept(0.0), [HALF_WIDTH_M; 2]);
         // The concentric lanes of the roundabouts leave each other room.
-        assert!(half_swept(1.0 / 0.466) + half_swept(-1.0 / 0.617) + MARGIN_M < 0.617 - 0.466);
-        assert!(half_swept(1.0 / 100.0) < 0.0502);
+        let (inner, outer) = (half_swept(1.0 / 0.466), half_swept(1.0 / 0.617));
+        assert!(inner[1] + outer[0] + MARGIN_M < 0.617 - 0.466);
     }
 }
