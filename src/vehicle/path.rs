@@ -215,7 +215,9 @@ mod tests {
             let angle = 0.1 * f64::from(k);
             let (sin, cos) = trig::sin_cos(angle);
             let yaw = angle + std::f64::consts::FRAC_PI_2;
-            let near = path.nearest(DVec2::new(10.5 * cos, 10.5 * sin), yaw, -20.0, 60.0).unwrap();
+            let station = 10.0 * angle;
+            let near =
+                path.nearest(DVec2::new(10.5 * cos, 10.5 * sin), yaw, station - 6.0, station + 6.0).unwrap();
             assert!((near.path_to_left_m - 0.5).abs() < 0.01, "{angle} {near:?}");
             assert!((near.station - 10.0 * angle).abs() < 0.03, "{angle} {near:?}");
             assert!(wrap_angle(near.heading_rad - yaw).abs() < 0.02, "{angle} {near:?}");
