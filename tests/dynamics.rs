@@ -2,7 +2,7 @@
 
 mod support;
 
-use city3d::geom::Pose2;
+use city3d::geom::{Pose2, trig};
 use city3d::physics::Physics;
 use city3d::vehicle::{Actuation, Drive, Dynamics, ModelKind, VehicleModel, VehicleSpec};
 use glam::DVec2;
@@ -84,7 +84,7 @@ fn the_turning_circle_follows_from_the_steering_limit() {
     for model in MODELS {
         for degrees in [20.0f64, 45.0] {
             let car = VehicleSpec { steering_limit_rad: degrees.to_radians(), ..spec(model) };
-            let radius = car.dimensions.wheelbase_m / degrees.to_radians().sin();
+            let radius = car.dimensions.wheelbase_m / trig::sin(degrees.to_radians());
             let mut rig = at_origin(car, 2.5);
             let mut track = Vec::new();
             for step in 0..4000 {

@@ -7,9 +7,12 @@
 use crate::geom::{Pose2, trig, wrap_angle};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::FRAC_PI_2;
 
 /// Poses nearer to one another than this are one node.
 const SPACING_M: f64 = 0.05;
+/// Nodes that the vehicle has passed are no nearer than this.
+const KEPT_SPACING_M: f64 = 0.3;
 /// Headings that differ more than this from the chord are noise, and the chord is taken instead.
 const MAX_SLOPE: f64 = 0.7;
 /// No vehicle of ours turns tighter.
@@ -64,18 +67,28 @@ impl Path {
             return 0.0;
         };
         let offset = pose.position - last.pose.position;
-        let ahead = offset.dot(last.pose.forward());
-        if offset.length() < SPACING_M || ahead <= 0.0 {
-            return last.station + ahead.clamp(0.0, SPACING_M);
+        if offset.length_squared() < SPACING_M * SPACING_M {
+            return last.station + offset.dot(last.pose.forward()).clamp(0.0, SPACING_M);
         }
-        let station = last.station + Span::between(last.pose, pose).length;
+        let span = Span::between(last.pose, pose);
+        if wrap_angle(span.chord_yaw - last.pose.yaw_rad).abs() > FRAC_PI_2 {
+            return last.station;
+        }
+        let station = last.station + span.length;
         self.nodes.push(Node { pose, station });
         station
     }
 
-    /// Leaves of the path what lies between two stations, ends included as far as they are nodes.
+    /// Leaves of the path what lies between two stations, thinned out where it is dense.
     pub(super) fn keep(&mut self, from: f64, to: f64) {
-        self.nodes.retain(|node| node.station >= from && node.station <= to);
+        let mut kept = f64::NEG_INFINITY;
+        self.nodes.retain(|node| {
+            let keeps = node.station >= from && node.station <= to && node.station - kept > KEPT_SPACING_M;
+            if keeps {
+                kept = node.station;
+            }
+            keeps
+        });
     }
 
     /// The place nearest to `point` for a vehicle that looks along `yaw_rad`, between two stations;
@@ -84,15 +97,16 @@ impl Path {
         let (first, last) = (self.nodes.first()?, self.nodes.last()?);
         let mut best: Option<(f64, Nearest)> = None;
         let mut offer = |distance_squared: f64, nearest: Nearest| {
-            let excess = (wrap_angle(nearest.heading_rad - yaw_rad).abs() - HEADING_RAD).max(0.0);
-            let turn = HEADING_WEIGHT_M * excess;
-            let cost = distance_squared + turn * turn;
+            let cost = distance_squared + aside(nearest.heading_rad, yaw_rad);
             if best.is_none_or(|(least, _)| cost < least) {
                 best = Some((cost, nearest));
             }
         };
         let begin = self.nodes.partition_point(|node| node.station < from).saturating_sub(1);
-        for pair in self.nodes[begin..].windows(2).take_while(|pair| pair[0].station <= to) {
+        // The chords tell which few of the cubics can be the nearest.
+        let reachable = || self.nodes[begin..].windows(2).take_while(|pair| pair[0].station <= to);
+        let bound = reachable().map(|pair| chord_cost(pair, point, yaw_rad).1).fold(f64::INFINITY, f64::min);
+        for pair in reachable().filter(|pair| chord_cost(pair, point, yaw_rad).0 <= bound) {
             let span = Span::between(pair[0].pose, pair[1].pose);
             let (distance_squared, nearest) = span.nearest(point, pair[0].station);
             offer(distance_squared, nearest);
@@ -115,6 +129,26 @@ impl Path {
         }
         best.map(|(_, nearest)| nearest)
     }
+}
+
+/// What a path that leads elsewhere costs, m2.
+fn aside(heading_rad: f64, yaw_rad: f64) -> f64 {
+    let excess = HEADING_WEIGHT_M * (wrap_angle(heading_rad - yaw_rad).abs() - HEADING_RAD).max(0.0);
+    excess * excess
+}
+
+/// Bounds of the cost of the cubic between two nodes. It stays nearer to its chord than a third of its
+/// length, even at the largest slopes.
+fn chord_cost(pair: &[Node], point: DVec2, yaw_rad: f64) -> (f64, f64) {
+    let (start, offset) = (pair[0].pose.position, pair[1].pose.position - pair[0].pose.position);
+    let share = ((point - start).dot(offset) / offset.length_squared().max(1e-12)).clamp(0.0, 1.0);
+    let distance = (start + offset * share - point).length();
+    let bulge = offset.length() / 3.0;
+    let [first, second] = [0, 1].map(|k| aside(pair[k].pose.yaw_rad, yaw_rad));
+    let nearer = (distance - bulge).max(0.0);
+    let farther = distance + bulge;
+    // Headings in between may turn outside those of the ends; half of the lesser is safe for our bends.
+    (nearer * nearer + 0.5 * first.min(second), farther * farther + 2.0 * first.max(second))
 }
 
 /// The circle (or line) that goes on from a node, and its place nearest to a point.
@@ -148,6 +182,13 @@ struct Span {
     curvature: f64,
 }
 
+/// The tangent of an angle within [`MAX_SLOPE`], to a hundredth: this runs for every pose of every
+/// trajectory.
+fn tangent(angle_rad: f64) -> f64 {
+    let square = angle_rad * angle_rad;
+    angle_rad * (1.0 + square * (1.0 / 3.0 + square * (2.0 / 15.0)))
+}
+
 impl Span {
     fn between(from: Pose2, to: Pose2) -> Self {
         let offset = to.position - from.position;
@@ -156,7 +197,7 @@ impl Span {
         let chord_yaw = trig::atan2(chord.y, chord.x);
         let angles = [from.yaw_rad, to.yaw_rad].map(|yaw| wrap_angle(yaw - chord_yaw));
         let usable = angles.iter().all(|angle| angle.abs() < MAX_SLOPE);
-        let slopes = if usable { angles.map(trig::tan) } else { [0.0; 2] };
+        let slopes = if usable { angles.map(tangent) } else { [0.0; 2] };
         let [a, b] = slopes;
         // Second order of the arc length of the cubic.
         let length = chord_length * (1.0 + (2.0 * a * a + 2.0 * b * b - a * b) / 30.0);
@@ -215,7 +256,9 @@ mod tests {
             let angle = 0.1 * f64::from(k);
             let (sin, cos) = trig::sin_cos(angle);
             let yaw = angle + std::f64::consts::FRAC_PI_2;
-            let near = path.nearest(DVec2::new(10.5 * cos, 10.5 * sin), yaw, -20.0, 60.0).unwrap();
+            let station = 10.0 * angle;
+            let near =
+                path.nearest(DVec2::new(10.5 * cos, 10.5 * sin), yaw, station - 6.0, station + 6.0).unwrap();
             assert!((near.path_to_left_m - 0.5).abs() < 0.01, "{angle} {near:?}");
             assert!((near.station - 10.0 * angle).abs() < 0.03, "{angle} {near:?}");
             assert!(wrap_angle(near.heading_rad - yaw).abs() < 0.02, "{angle} {near:?}");

@@ -227,7 +227,7 @@ impl VehicleModel for RaycastCar {
         physics.set_force(self.body, force, torque);
     }
 
-    fn read_back(&mut self, physics: &Physics, spec: &VehicleSpec, dt_s: f64) -> Motion {
+    fn read_back(&mut self, physics: &Physics, _spec: &VehicleSpec, dt_s: f64) -> Motion {
         let Some(state) = physics.body(self.body) else { return Motion::default() };
         // Where the wheels stand: as the body swings back from a stop, they do not.
         let velocity = state.velocity_at(state.position);

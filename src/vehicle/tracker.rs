@@ -6,7 +6,7 @@ use super::pedals::{HANDBRAKE_THROTTLE, pedals};
 use super::{Actuation, ModelKind, Motion, VehicleSpec};
 use crate::geom::{trig, wrap_angle};
 use crate::physics::GRAVITY_MPS2;
-use crate::snapshot::Trajectory;
+use crate::snapshot::{Trajectory, TrajectoryPoint};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +15,8 @@ const KEPT_BEHIND_M: f64 = 8.0;
 /// A new trajectory that begins this near to the old path continues it.
 const JOINS_WITHIN_M: f64 = 0.4;
 const JOINS_WITHIN_RAD: f64 = 0.4;
+/// A trajectory that stays within this says nothing about the shape of the path.
+const SPOT_M: f64 = 0.1;
 /// Where the vehicle is looked for around its last station.
 const SEARCH_BEHIND_M: f64 = 4.0;
 const SEARCH_AHEAD_M: f64 = 8.0;
@@ -114,36 +116,35 @@ impl Tracker {
             near.path_to_left_m.abs() < JOINS_WITHIN_M
                 && wrap_angle(near.heading_rad - first.pose.yaw_rad).abs() < JOINS_WITHIN_RAD
         });
-        let mut renewed = match joint {
+        self.milestones.clear();
+        let milestone = |point: &TrajectoryPoint, station| Milestone {
+            time_s: point.time_s,
+            station,
+            speed_mps: point.speed_mps.max(0.0),
+        };
+        match joint {
+            // All points on one spot of the old path: its shape tells more than they do.
+            Some(near) if stands(&points) && self.path.end() > near.station => {
+                self.milestones.extend(points.iter().map(|point| milestone(point, near.station)));
+                return;
+            }
             // The path so far stays behind the new one: a vehicle that lags is still on it.
             Some(near) => {
                 let from = self.station.map_or(near.station, |own| own.min(near.station));
-                let mut path = self.path.clone();
-                path.keep(from - KEPT_BEHIND_M, near.station - 1e-3);
-                if path.is_empty() { Path::starting_at(near.station, first.pose) } else { path }
+                self.path.keep(from - KEPT_BEHIND_M, near.station - 1e-3);
+                if self.path.is_empty() {
+                    self.path = Path::starting_at(near.station, first.pose);
+                }
             }
             None => {
                 self.station = None;
                 self.integral = 0.0;
-                Path::starting_at(0.0, first.pose)
+                self.path = Path::starting_at(0.0, first.pose);
             }
-        };
-        self.milestones.clear();
-        let start = renewed.end();
-        for point in &points {
-            let station = renewed.push(point.pose);
-            self.milestones.push(Milestone {
-                time_s: point.time_s,
-                station,
-                speed_mps: point.speed_mps.max(0.0),
-            });
         }
-        match joint {
-            // All points on one spot of the old path: its shape tells more than they do.
-            Some(near) if renewed.end() - start.max(near.station) < 0.1 && self.path.end() > near.station => {
-                self.milestones.iter_mut().for_each(|milestone| milestone.station = near.station);
-            }
-            _ => self.path = renewed,
+        for point in &points {
+            let station = self.path.push(point.pose);
+            self.milestones.push(milestone(point, station));
         }
     }
 
@@ -267,6 +268,12 @@ impl Tracker {
             _ => None,
         }
     }
+}
+
+/// Whether a trajectory stays where it begins.
+fn stands(points: &[TrajectoryPoint]) -> bool {
+    let Some(first) = points.first() else { return true };
+    points.iter().all(|point| point.pose.position.distance(first.pose.position) < SPOT_M)
 }
 
 /// Between two points the speed changes evenly; the station follows it, scaled to meet both.

@@ -48,9 +48,9 @@ mod tests {
         let d = spec.dimensions;
         for axle in [-0.7, -0.1, 0.2, 0.7] {
             let [left, right] = ackermann(&spec, axle);
-            let centre = d.wheelbase_m / axle.tan();
-            assert!((d.wheelbase_m / left.tan() + d.track_m / 2.0 - centre).abs() < 1e-9);
-            assert!((d.wheelbase_m / right.tan() - d.track_m / 2.0 - centre).abs() < 1e-9);
+            let centre = d.wheelbase_m / trig::tan(axle);
+            assert!((d.wheelbase_m / trig::tan(left) + d.track_m / 2.0 - centre).abs() < 1e-9);
+            assert!((d.wheelbase_m / trig::tan(right) - d.track_m / 2.0 - centre).abs() < 1e-9);
         }
         assert_eq!(ackermann(&spec, 0.0), [0.0, 0.0]);
     }
