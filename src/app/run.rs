@@ -59,10 +59,11 @@ fn simulate(args: &RunArgs, experiment: &Arc<Experiment>) -> Result<Summary, Fai
     let start = Instant::now();
     recorder.record(run.snapshot(), &[]).map_err(Failure::failed)?;
     for tick in 0..experiment.ticks() {
-        let snapshot = run.step();
+        run.step();
+        let snapshot = run.snapshot();
         events.clear();
         events.extend_from_slice(&snapshot.events);
-        observer.observe(experiment, snapshot, &mut events);
+        observer.observe(experiment, run.mainframe(), snapshot, &mut events);
         recorder.record(snapshot, &events).map_err(Failure::failed)?;
         all_events.append(&mut events);
         if tick % 100 == 0 {

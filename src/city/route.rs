@@ -4,19 +4,19 @@ use super::{ConflictZone, ControlLine, Lane, LaneId, RoadMap, Scenery, ZoneId};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// A length as the key of a queue: lengths are finite and not negative.
+/// A cost as the key of a queue.
 #[derive(PartialEq)]
-struct Length(f64);
+struct Cost(f64);
 
-impl Eq for Length {}
+impl Eq for Cost {}
 
-impl PartialOrd for Length {
+impl PartialOrd for Cost {
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Length {
+impl Ord for Cost {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.0.total_cmp(&other.0)
     }
@@ -53,15 +53,24 @@ impl RoadMap {
         to: LaneId,
         allowed: impl Fn(LaneId) -> bool,
     ) -> Option<Vec<LaneId>> {
-        if !allowed(from) {
-            return None;
-        }
+        self.cheapest_route(from, to, |lane| allowed(lane).then(|| self.lane(lane).curve.length()))
+    }
+
+    /// The way with the least sum of the costs of its lanes, both ends included (Dijkstra). A cost is
+    /// positive; a lane without one is not driven. Of equal ways always the same one. `None` if there
+    /// is none, or if either end may not be driven.
+    pub fn cheapest_route(
+        &self,
+        from: LaneId,
+        to: LaneId,
+        cost: impl Fn(LaneId) -> Option<f64>,
+    ) -> Option<Vec<LaneId>> {
         let mut best = vec![f64::INFINITY; self.lanes.len()];
         let mut before: Vec<Option<LaneId>> = vec![None; self.lanes.len()];
         let mut open = BinaryHeap::new();
-        best[from.index()] = self.lane(from).curve.length();
-        open.push(Reverse((Length(best[from.index()]), from)));
-        while let Some(Reverse((Length(length), lane))) = open.pop() {
+        best[from.index()] = cost(from)?;
+        open.push(Reverse((Cost(best[from.index()]), from)));
+        while let Some(Reverse((Cost(so_far), lane))) = open.pop() {
             if lane == to {
                 let mut route = vec![to];
                 while let Some(previous) = before[route[route.len() - 1].index()] {
@@ -70,15 +79,16 @@ impl RoadMap {
                 route.reverse();
                 return Some(route);
             }
-            if length > best[lane.index()] {
+            if so_far > best[lane.index()] {
                 continue;
             }
             for &next in &self.lane(lane).successors {
-                let longer = length + self.lane(next).curve.length();
-                if longer < best[next.index()] && allowed(next) {
+                let Some(cost) = cost(next) else { continue };
+                let longer = so_far + cost;
+                if longer < best[next.index()] {
                     best[next.index()] = longer;
                     before[next.index()] = Some(lane);
-                    open.push(Reverse((Length(longer), next)));
+                    open.push(Reverse((Cost(longer), next)));
                 }
             }
         }

@@ -14,6 +14,8 @@ use serde::{Deserialize, Serialize};
 pub struct Body {
     pub length_m: f64,
     pub wheelbase_m: f64,
+    /// Of the front axle's track at the steering limit.
+    pub min_turn_radius_m: f64,
 }
 
 impl Body {
@@ -59,6 +61,8 @@ pub struct Cav {
     pub reference: Reference,
     pub indicator: Indicator,
     pub is_yielding: bool,
+    /// How often it has been sent another way.
+    pub reroutes: u32,
     /// Counts the messages to the vehicle.
     pub sequence: u32,
     controller: Box<dyn Controller>,
@@ -92,6 +96,7 @@ impl Cav {
             reference: Reference::default(),
             indicator: Indicator::Off,
             is_yielding: false,
+            reroutes: 0,
             sequence: 0,
             controller,
             setup_speed_mps: setup.speed_mps,
@@ -178,6 +183,11 @@ impl Cav {
             if dt_s > 0.0 { (speed_mps - base_mps) / dt_s } else { decision.acceleration_mps2 };
         self.reference = Reference { axle_s: self.axle_s + ahead_m, speed_mps, acceleration_mps2 };
         self.is_yielding = decision.is_yielding;
+    }
+
+    /// Takes another way that begins with the same lanes up to the one it is on.
+    pub(super) fn set_route(&mut self, route: Route) -> Route {
+        std::mem::replace(&mut self.route, route)
     }
 
     /// The admission number for a section, if it has one.

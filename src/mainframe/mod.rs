@@ -8,6 +8,7 @@ mod controller;
 mod estimate;
 mod idm;
 mod plan;
+mod reroute;
 mod right_of_way;
 mod route;
 mod traffic;
@@ -82,6 +83,7 @@ impl Mainframe {
         }
         self.occupancy.fill(&self.map, &self.cavs);
         self.right_of_way.update(time_s, &mut self.cavs, &self.occupancy);
+        reroute::reroute_blocked(time_s, &self.map, &mut self.cavs, &self.right_of_way, &self.occupancy);
         for index in 0..self.cavs.len() {
             if self.cavs[index].is_seen() {
                 let decision = self.decide(index);
@@ -117,7 +119,6 @@ impl Mainframe {
         decision
     }
 
-    pub fn why(&mut self, index: usize) -> String { self.right_of_way.why(index, &mut self.cavs, &self.occupancy) + &format!(" leader {:?}", self.occupancy.leader(&self.cavs, index, SIGHT_M).map(|l| (self.cavs[l.vehicle].id.0, l.ahead.gap_m))) }
     /// The vehicles under control, in id order.
     pub fn cavs(&self) -> &[Cav] {
         &self.cavs

@@ -27,11 +27,14 @@ pub struct RightOfWayParams {
     pub patience_s: f64,
     /// Whether vehicles come to a stand at stop lines even where nobody comes.
     pub full_stop: bool,
+    /// A vehicle that has stood so long for want of room behind a junction takes another way, where
+    /// there is one with room. Infinite: it never does.
+    pub reroute_s: f64,
 }
 
 impl Default for RightOfWayParams {
     fn default() -> Self {
-        Self { clear_area_m: 0.5, clear_time_s: 3.0, patience_s: 12.0, full_stop: true }
+        Self { clear_area_m: 0.5, clear_time_s: 3.0, patience_s: 12.0, full_stop: true, reroute_s: f64::INFINITY }
     }
 }
 
@@ -66,8 +69,15 @@ pub struct Passage {
     pub next_section: usize,
     /// Since when it stands at the line of that section.
     standing_since_s: Option<f64>,
-    /// It could not be admitted for want of room behind the section.
-    is_blocked: bool,
+    /// Since when it could not be admitted for want of room behind the section.
+    blocked_since_s: Option<f64>,
+}
+
+impl Passage {
+    /// For how long it has stood because there is no room behind the next section.
+    pub fn blocked_s(&self, now_s: f64) -> f64 {
+        self.blocked_since_s.map_or(0.0, |since_s| now_s - since_s)
+    }
 }
 
 /// A vehicle that is near a zone or in it.
@@ -111,6 +121,10 @@ impl RightOfWay {
         Self { params, next_order: 0, users, candidates: Vec::new() }
     }
 
+    pub fn params(&self) -> &RightOfWayParams {
+        &self.params
+    }
+
     /// Releases sections that were left, then admits those who may go.
     pub fn update(&mut self, now_s: f64, cavs: &mut [Cav], occupancy: &Occupancy) {
         for cav in cavs.iter_mut().filter(|cav| cav.is_seen()) {
@@ -133,7 +147,7 @@ impl RightOfWay {
         let mut candidates = std::mem::take(&mut self.candidates);
         candidates.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
         for &(rank, _, vehicle) in &candidates {
-            let may_go = self.may_enter(vehicle, rank, cavs, occupancy);
+            let may_go = self.may_enter(now_s, vehicle, rank, cavs, occupancy);
             if may_go {
                 self.admit(vehicle, &mut cavs[vehicle]);
             }
@@ -155,7 +169,6 @@ impl RightOfWay {
     }
 
     fn note_standing(&self, now_s: f64, cav: &mut Cav) {
-        cav.passage.is_blocked = false;
         let Some(section) = cav.route.sections.get(cav.passage.next_section) else { return };
         let at_line = section.hold_s - cav.front_s() < AT_LINE_M;
         if cav.speed_mps() < STANDING_MPS && at_line {
@@ -196,7 +209,14 @@ impl RightOfWay {
         }
     }
 
-    fn may_enter(&self, vehicle: usize, rank: Rank, cavs: &mut [Cav], occupancy: &Occupancy) -> bool {
+    fn may_enter(
+        &self,
+        now_s: f64,
+        vehicle: usize,
+        rank: Rank,
+        cavs: &mut [Cav],
+        occupancy: &Occupancy,
+    ) -> bool {
         let cav = &cavs[vehicle];
         let section = &cav.route.sections[cav.passage.next_section];
         if section.rank == RANK_STOP && self.params.full_stop && cav.passage.standing_since_s.is_none() {
@@ -206,9 +226,10 @@ impl RightOfWay {
             return false;
         }
         if !self.has_room_behind(vehicle, cavs, occupancy) {
-            cavs[vehicle].passage.is_blocked = true;
+            cavs[vehicle].passage.blocked_since_s.get_or_insert(now_s);
             return false;
         }
+        cavs[vehicle].passage.blocked_since_s = None;
         rank == RANK_MAJOR || self.is_clear(vehicle, rank, cavs)
     }
 
@@ -227,7 +248,7 @@ impl RightOfWay {
 
     /// Whether the vehicle, and all who were admitted on the way to the same place, find room
     /// between the section and whatever stands or may stop behind it.
-    fn has_room_behind(&self, vehicle: usize, cavs: &[Cav], occupancy: &Occupancy) -> bool {
+    pub fn has_room_behind(&self, vehicle: usize, cavs: &[Cav], occupancy: &Occupancy) -> bool {
         let cav = &cavs[vehicle];
         let section = &cav.route.sections[cav.passage.next_section];
         let end_s = section.to_s;
@@ -237,7 +258,10 @@ impl RightOfWay {
         let on_the_way = |other: &Cav| {
             other.passage.admissions.iter().any(|admission| {
                 let there = &other.route.sections[admission.section];
-                other.rear_s() < there.to_s && other.goes_over(exit_lane, there.from_s, there.to_s + 0.05)
+                // One that was admitted to the section behind as well will not wait between.
+                let goes_on = other.passage.admissions.iter().any(|a| a.section > admission.section);
+                let is_bound_there = other.goes_over(exit_lane, there.from_s, there.to_s + 0.05);
+                other.rear_s() < there.to_s && is_bound_there && !goes_on
             })
         };
         let others = cavs.iter().enumerate().filter(|(other, cav)| *other != vehicle && cav.is_seen());
@@ -268,29 +292,13 @@ impl RightOfWay {
                     return user.to_entry_m <= 0.0;
                 }
                 let other = &cavs[user.vehicle];
-                if user.rank >= rank || other.passage.is_blocked {
+                if user.rank >= rank || other.passage.blocked_since_s.is_some() {
                     return true;
                 }
                 let arrival_m = self.params.clear_time_s * other.speed_mps();
                 user.to_entry_m > self.params.clear_area_m.max(arrival_m)
             })
         })
-    }
-
-    pub fn why(&self, vehicle: usize, cavs: &mut [Cav], occupancy: &Occupancy) -> String {
-        let mut t = String::new();
-        if cavs[vehicle].passage.next_section < cavs[vehicle].route.sections.len() {
-            if self.has_leader_before_line(vehicle, cavs, occupancy) { t += " LEADER"; }
-            if !self.has_room_behind(vehicle, cavs, occupancy) { t += " NOROOM"; }
-            let rank = cavs[vehicle].route.sections[cavs[vehicle].passage.next_section].rank;
-            if !self.is_clear(vehicle, rank, cavs) { t += " NOTCLEAR"; }
-        }
-        for a in &cavs[vehicle].passage.admissions {
-            for c in &cavs[vehicle].route.crossings[cavs[vehicle].route.sections[a.section].crossings.clone()] {
-                for u in &self.users[c.zone.index()] { if u.side != c.side && u.vehicle != vehicle && u.order.is_some_and(|o| o < a.order) { t += &format!(" waits({:?} {} at {:.2} by {} exit {:.2})", c.kind, c.zone.0, c.from_s - cavs[vehicle].front_s(), cavs[u.vehicle].id, u.to_exit_m); } }
-            }
-        }
-        t
     }
 
     fn admit(&mut self, vehicle: usize, cav: &mut Cav) {
@@ -300,6 +308,7 @@ impl RightOfWay {
         cav.passage.admissions.push(Admission { section, order });
         cav.passage.next_section += 1;
         cav.passage.standing_since_s = None;
+        cav.passage.blocked_since_s = None;
         for crossing in &cav.route.crossings[cav.route.sections[section].crossings.clone()] {
             for user in &mut self.users[crossing.zone.index()] {
                 if user.vehicle == vehicle && user.side == crossing.side {

@@ -100,8 +100,8 @@ impl Run {
         &self.world
     }
 
-    pub fn mainframe(&mut self) -> &mut Mainframe {
-        &mut self.mainframe
+    pub fn mainframe(&self) -> &Mainframe {
+        &self.mainframe
     }
 
     pub fn experiment(&self) -> &Arc<Experiment> {

@@ -3,6 +3,7 @@
 
 use crate::city::{CityMap, LaneId, ZoneKind};
 use crate::geom::OrientedRect;
+use crate::mainframe::Mainframe;
 use crate::scenario::{Experiment, PlannedVehicle};
 use crate::snapshot::{Event, EventKind, FrameSnapshot, VehicleState};
 use glam::DVec2;
@@ -53,6 +54,8 @@ pub struct Observer {
 #[derive(Clone, Debug)]
 struct Track {
     route: Vec<LaneId>,
+    /// How often the control framework has changed the route.
+    reroutes: u32,
     /// Index of the lane under the front axle, and the arc length at which it begins.
     index: usize,
     lane_start_s: f64,
@@ -82,7 +85,19 @@ impl Observer {
     }
 
     /// Takes a snapshot in, and adds to `events` what only the routes tell: merging.
-    pub fn observe(&mut self, experiment: &Experiment, snapshot: &FrameSnapshot, events: &mut Vec<Event>) {
+    pub fn observe(
+        &mut self,
+        experiment: &Experiment,
+        mainframe: &Mainframe,
+        snapshot: &FrameSnapshot,
+        events: &mut Vec<Event>,
+    ) {
+        for (track, cav) in self.tracks.iter_mut().zip(mainframe.cavs()) {
+            if track.reroutes != cav.reroutes {
+                track.reroutes = cav.reroutes;
+                track.route = cav.route.lanes().to_vec();
+            }
+        }
         for event in &snapshot.events {
             self.count(experiment, event);
         }
@@ -132,6 +147,7 @@ impl Track {
         let size = &vehicle.spec.dimensions;
         Self {
             route: vehicle.route.clone(),
+            reroutes: 0,
             index: 0,
             lane_start_s: 0.0,
             front_axle_m: size.front_axle_m(),

@@ -1,5 +1,6 @@
 //! A validated experiment: everything a run depends on, apart from the commands that come in.
 
+use super::feasibility::STEERING_RESERVE;
 use super::placement::Moved;
 use crate::city::{CityMap, LabMap, LaneId};
 use crate::environment::EnvironmentSpec;
@@ -77,6 +78,7 @@ impl PlannedVehicle {
         Body {
             length_m: scale.lab_from_city(self.spec.dimensions.length_m),
             wheelbase_m: scale.lab_from_city(self.spec.dimensions.wheelbase_m),
+            min_turn_radius_m: scale.lab_from_city(self.spec.min_turn_radius() * STEERING_RESERVE),
         }
     }
 

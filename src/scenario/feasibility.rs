@@ -5,7 +5,7 @@ use crate::city::LabMap;
 use crate::geom::LengthScale;
 
 /// A turn has to be this much wider than the tightest the vehicle can do, for control to have room.
-const STEERING_RESERVE: f64 = 1.02;
+pub const STEERING_RESERVE: f64 = 1.02;
 const GRAVITY: f64 = 9.81;
 
 /// Everything that the vehicle cannot do, in full-scale figures.

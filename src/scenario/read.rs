@@ -436,6 +436,7 @@ fn read_right_of_way(root: &Fields<'_, '_>) -> RightOfWayParams {
         fields.number("clear_time_s", 0.0..=30.0, &mut params.clear_time_s);
         fields.number("patience_s", 0.0..=3600.0, &mut params.patience_s);
         fields.boolean("full_stop", &mut params.full_stop);
+        fields.number("reroute_s", 1.0..=1e9, &mut params.reroute_s);
         fields.finish();
     }
     params

@@ -1,7 +1,7 @@
 //! `[traffic]`: many vehicles on seeded routes all over the map.
 
 use super::feasibility::can_drive;
-use crate::city::{LabMap, LaneId, LaneKind};
+use crate::city::{LabMap, Lane, LaneId, LaneKind, ZoneKind};
 use crate::geom::LengthScale;
 use crate::mainframe::DriverParams;
 use crate::vehicle::VehicleSpec;
@@ -148,8 +148,9 @@ fn starting_places(map: &LabMap) -> Vec<(LaneId, f64)> {
     places
 }
 
-/// Grows all routes together: first each to the nearest lane on which nobody has been yet, then by lot
-/// at every branching. Going for unused lanes alone would crowd the junctions, where lanes are many.
+/// Grows all routes together: first each to the nearest lane on which nobody has been yet, then to
+/// places drawn by lot. Going for little used lanes all the time would crowd the junctions, where lanes
+/// are many.
 fn draw_routes(
     map: &LabMap,
     rng: &mut ChaCha8Rng,
@@ -157,19 +158,19 @@ fn draw_routes(
     starts: &[(usize, LaneId)],
     length_m: f64,
 ) -> Vec<Vec<LaneId>> {
-    let mut is_used = vec![false; map.lanes.len()];
+    let mut uses = vec![0_u32; map.lanes.len()];
     let mut routes: Vec<Vec<LaneId>> = starts.iter().map(|&(_, lane)| vec![lane]).collect();
     let mut lengths: Vec<f64> = starts.iter().map(|&(_, lane)| map.lane(lane).curve.length()).collect();
-    starts.iter().for_each(|&(_, lane)| is_used[lane.index()] = true);
+    starts.iter().for_each(|&(_, lane)| uses[lane.index()] += 1);
     // The route that is shortest so far grows first, so that lanes are used in order of time.
     loop {
         let unfinished = (0..routes.len()).filter(|&k| lengths[k] < length_m);
         let Some(index) = unfinished.min_by(|&a, &b| lengths[a].total_cmp(&lengths[b])) else { break };
         let open = &networks[starts[index].0];
         let here = routes[index][routes[index].len() - 1];
-        let mut way = way_to_unused(map, rng, open, &is_used, here);
+        let mut way = way_to_unused(map, rng, open, &uses, here);
         if way.is_empty() {
-            way.extend(successor_by_lot(map, rng, open, here));
+            way = trip_by_lot(map, rng, open, &uses, here);
         }
         if way.is_empty() {
             // Networks have no dead ends; a map of one lane has.
@@ -178,17 +179,43 @@ fn draw_routes(
         for lane in way {
             routes[index].push(lane);
             lengths[index] += map.lane(lane).curve.length();
-            is_used[lane.index()] = true;
+            uses[lane.index()] += 1;
         }
     }
     routes
 }
 
-fn successor_by_lot(map: &LabMap, rng: &mut ChaCha8Rng, open: &[bool], from: LaneId) -> Option<LaneId> {
-    let successors: Vec<LaneId> =
-        map.lane(from).successors.iter().copied().filter(|next| open[next.index()]).collect();
-    let lot = rng.next_u64() as usize;
-    successors.get(lot % successors.len().max(1)).copied()
+/// Seconds that a lane with conflict zones costs a driver on average, alone and at mean use.
+const JUNCTION_S: f64 = 2.0;
+const CROWDED_JUNCTION_S: f64 = 4.0;
+
+/// What drivers expect of a lane: the time on it, and the waiting where many others drive.
+fn expected_s(map: &LabMap, uses: &[u32], mean_uses: f64, lane: LaneId) -> f64 {
+    let use_ratio = f64::from(uses[lane.index()]) / mean_uses.max(1.0);
+    let lane = map.lane(lane);
+    let driving_s = lane.curve.length() / lane.speed_limit_mps;
+    let is_junction = map.zones_on(lane.id).any(|zone| zone.kind != ZoneKind::Diverge);
+    let waiting_s = if is_junction { JUNCTION_S + CROWDED_JUNCTION_S * use_ratio * use_ratio } else { 0.0 };
+    driving_s + waiting_s
+}
+
+/// The way that drivers would choose to a lane drawn by lot, in proportion to the lengths of the lanes.
+fn trip_by_lot(map: &LabMap, rng: &mut ChaCha8Rng, open: &[bool], uses: &[u32], from: LaneId) -> Vec<LaneId> {
+    let is_goal = |lane: &&Lane| lane.kind == LaneKind::Lane && open[lane.id.index()] && lane.id != from;
+    let total_m: f64 = map.lanes.iter().filter(is_goal).map(|lane| lane.curve.length()).sum();
+    let mut lot_m = uniform(rng) * total_m;
+    let goal = map.lanes.iter().filter(is_goal).find(|lane| {
+        lot_m -= lane.curve.length();
+        lot_m < 0.0
+    });
+    let mean_uses = f64::from(uses.iter().sum::<u32>()) / uses.len() as f64;
+    let cost = |lane: LaneId| open[lane.index()].then(|| expected_s(map, uses, mean_uses, lane));
+    let way = goal.and_then(|goal| map.cheapest_route(from, goal.id, cost));
+    way.map_or_else(
+        // The goal cannot be reached from here: go on anywhere.
+        || map.lane(from).successors.iter().copied().filter(|next| open[next.index()]).take(1).collect(),
+        |way| way[1..].to_vec(),
+    )
 }
 
 /// How many lanes ahead a route looks for one that nobody has used.
@@ -199,7 +226,7 @@ fn way_to_unused(
     map: &LabMap,
     rng: &mut ChaCha8Rng,
     open: &[bool],
-    is_used: &[bool],
+    uses: &[u32],
     from: LaneId,
 ) -> Vec<LaneId> {
     let mut reached: Vec<(LaneId, usize)> = vec![(from, 0)];
@@ -215,7 +242,7 @@ fn way_to_unused(
             }
         }
         ring = ring_end..reached.len();
-        let unused: Vec<usize> = ring.clone().filter(|&index| !is_used[reached[index].0.index()]).collect();
+        let unused: Vec<usize> = ring.clone().filter(|&index| uses[reached[index].0.index()] == 0).collect();
         if !unused.is_empty() {
             let mut at = unused[rng.next_u64() as usize % unused.len()];
             let mut way = Vec::new();

@@ -1,0 +1,58 @@
+//! Another way for vehicles that stand because their road is full behind the next junction. Without
+//! it, cars that each wait for the next one's place can fill a roundabout or a block for ever.
+
+use super::right_of_way::RightOfWay;
+use super::traffic::Occupancy;
+use super::{Cav, Route};
+use crate::city::{LabMap, LaneId};
+
+/// Slower than this a vehicle stands.
+const STANDING_MPS: f64 = 0.02;
+
+/// Gives vehicles that have been blocked for too long the first other way that has room.
+pub fn reroute_blocked(
+    now_s: f64,
+    map: &LabMap,
+    cavs: &mut [Cav],
+    right_of_way: &RightOfWay,
+    occupancy: &Occupancy,
+) {
+    let patience_s = right_of_way.params().reroute_s;
+    for vehicle in 0..cavs.len() {
+        let cav = &cavs[vehicle];
+        if cav.is_seen() && cav.speed_mps() < STANDING_MPS && cav.passage.blocked_s(now_s) > patience_s {
+            for route in other_ways(map, cav) {
+                let before = cavs[vehicle].set_route(route);
+                let is_section = cavs[vehicle].passage.next_section < cavs[vehicle].route.sections.len();
+                if is_section && right_of_way.has_room_behind(vehicle, cavs, occupancy) {
+                    cavs[vehicle].reroutes += 1;
+                    break;
+                }
+                cavs[vehicle].set_route(before);
+            }
+        }
+    }
+}
+
+/// How many lanes further on another way meets the old one again.
+const REJOIN_LANES: usize = 8;
+
+/// Ways that leave the route at a branching of its next section and come back to it later.
+fn other_ways(map: &LabMap, cav: &Cav) -> Vec<Route> {
+    let Some(section) = cav.route.sections.get(cav.passage.next_section) else { return Vec::new() };
+    let lanes = cav.route.lanes();
+    let can_drive = |lane: LaneId| map.min_radius(lane) >= cav.body.min_turn_radius_m;
+    let (first, last) = (cav.route.index_at(cav.front_s()), cav.route.index_at(section.to_s));
+    let mut ways = Vec::new();
+    for index in (first..=last).take_while(|index| index + 1 < lanes.len()) {
+        let rejoin = (index + REJOIN_LANES).min(lanes.len() - 1);
+        for &other in map.lane(lanes[index]).successors.iter().filter(|other| **other != lanes[index + 1]) {
+            if let Some(detour) = map.shortest_route(other, lanes[rejoin], can_drive) {
+                let (before, after) = (&lanes[..=index], &lanes[rejoin + 1..]);
+                let way: Vec<LaneId> = before.iter().chain(&detour).chain(after).copied().collect();
+                ways.push(Route::new(map, &way, cav.body, &cav.driver));
+            }
+        }
+    }
+    ways
+}
