@@ -25,7 +25,8 @@ pub fn generate(args: &GenerateArgs) -> Result<(), Failure> {
     let What::Map { out } = &args.what;
     create_folder(out)?;
     let path = out.join("ids3c.dxf");
-    std::fs::write(&path, ids3c().to_dxf()).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+    std::fs::write(&path, ids3c().to_dxf())
+        .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
     println!("{}", path.display());
     Ok(())
 }

@@ -42,7 +42,9 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     }
     if summary.collisions > 0 && experiment.outcome.collisions_forbidden {
         let count = summary.collisions;
-        return Err(Failure::failed(format!("{count} collisions in a scenario that forbids them (collisions_forbidden)")));
+        return Err(Failure::failed(format!(
+            "{count} collisions in a scenario that forbids them (collisions_forbidden)"
+        )));
     }
     Ok(())
 }

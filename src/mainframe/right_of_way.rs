@@ -9,7 +9,7 @@
 //! crossing point is clear; until then a virtual stopped vehicle stands at the line (the paper,
 //! section III).
 
-use super::route::{Crossing, RANK_MAJOR, RANK_STOP, Rank};
+use super::route::{Crossing, RANK_MAJOR, RANK_STOP, RANK_YIELD, Rank};
 use super::traffic::Occupancy;
 use super::{Ahead, Cav};
 use crate::city::{LabMap, ZoneKind};
@@ -34,7 +34,13 @@ pub struct RightOfWayParams {
 
 impl Default for RightOfWayParams {
     fn default() -> Self {
-        Self { clear_area_m: 0.5, clear_time_s: 3.0, patience_s: 12.0, full_stop: true, reroute_s: f64::INFINITY }
+        Self {
+            clear_area_m: 0.5,
+            clear_time_s: 3.0,
+            patience_s: 12.0,
+            full_stop: true,
+            reroute_s: f64::INFINITY,
+        }
     }
 }
 
@@ -48,6 +54,8 @@ const STANDING_MPS: f64 = 0.012;
 const AT_LINE_M: f64 = 0.16;
 /// Part of its stopping distance that a moving vehicle behind the section is trusted to go on.
 const ROLLS_ON: f64 = 0.7;
+/// Traffic slower than this may come to a stand.
+const JAM_MPS: f64 = 0.1;
 /// A vehicle this far from being able to stop at its line has entered.
 const OVERSHOOT_M: f64 = 0.02;
 /// Bodies keep this far from a zone that others have yet to leave.
@@ -274,7 +282,11 @@ impl RightOfWay {
         if let Some((other, rear_s)) = standing_there {
             let other = &cavs[other];
             let rolls_on_m = ROLLS_ON * other.driver.stopping_distance(other.speed_mps());
-            available_s = available_s.min(rear_s + rolls_on_m);
+            // Where traffic stands, those who enter from behind a yield line leave a place free: a
+            // roundabout that is full to the last place cannot turn.
+            let is_jammed = section.rank == RANK_YIELD && other.speed_mps() < JAM_MPS;
+            let spare_m = if is_jammed { room_for(cav) } else { 0.0 };
+            available_s = available_s.min(rear_s + rolls_on_m - spare_m);
         }
         available_s - end_s >= needed
     }
@@ -324,8 +336,9 @@ impl RightOfWay {
         let front_s = cav.front_s();
         if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
             let gap_m = section.hold_s - front_s;
-            // One that can no longer stop was admitted, and is not shown the virtual stopped vehicle.
-            if gap_m < HORIZON_M {
+            // One that can no longer stop was admitted, and is not shown the virtual stopped vehicle;
+            // nor is one that has yet to ask.
+            if gap_m < asking_distance(cav) {
                 out.push(Hindrance::Stop { gap_m });
             }
         }
@@ -362,7 +375,9 @@ impl RightOfWay {
                 }
                 ZoneKind::Merge => {}
                 // Inside the zone there is no waiting any more: it has to be left.
-                _ if to_entry_m > -ZONE_MARGIN_M => out.push(Hindrance::Stop { gap_m: wait_gap_m }),
+                _ if to_entry_m > -ZONE_MARGIN_M && wait_gap_m < asking_distance(&cavs[vehicle]) => {
+                    out.push(Hindrance::Stop { gap_m: wait_gap_m });
+                }
                 _ => {}
             }
         }

@@ -4,7 +4,7 @@ use super::feasibility::STEERING_RESERVE;
 use super::placement::Moved;
 use crate::city::{CityMap, LabMap, LaneId};
 use crate::environment::EnvironmentSpec;
-use crate::geom::{LengthScale, Pose2};
+use crate::geom::{LengthScale, Pose2, trig};
 use crate::mainframe::{Body, CavSetup, DriverParams, RightOfWayParams};
 use crate::snapshot::{Appearance, VehicleId};
 use crate::vehicle::VehicleSpec;
@@ -82,10 +82,15 @@ impl PlannedVehicle {
         }
     }
 
-    /// Middle of the outline when its front-axle centre stands at a place of a lane, city metres.
+    /// Middle of the outline when its front-axle centre stands at a place of a lane, city metres. In a
+    /// bend the body is turned as in a steady turn, its rear axle inside.
     pub fn pose_on(&self, map: &CityMap, lane: LaneId, axle_at_m: f64) -> Pose2 {
-        let axle = map.lane(lane).curve.at(axle_at_m).pose;
-        axle.advanced(-self.spec.dimensions.front_axle_m())
+        let size = &self.spec.dimensions;
+        let curve = &map.lane(lane).curve;
+        let mut axle = curve.at(axle_at_m).pose;
+        let curvature = curve.at(axle_at_m - size.wheelbase_m / 2.0).curvature;
+        axle.yaw_rad -= trig::asin((size.wheelbase_m * curvature).clamp(-1.0, 1.0));
+        axle.advanced(-size.front_axle_m())
     }
 }
 

@@ -137,7 +137,8 @@ fn starting_places(map: &LabMap) -> Vec<(LaneId, f64)> {
                     side.from_m < at_m + START_FROM_END_M && at_m - START_FROM_BEGIN_M < side.to_m
                 })
             });
-            if in_zone {
+            let in_bend = lane.curve.min_radius((at_m - START_FROM_BEGIN_M).max(0.0), at_m).is_finite();
+            if in_zone || in_bend {
                 at_m += 0.05;
             } else {
                 places.push((lane.id, at_m));
