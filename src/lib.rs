@@ -2,6 +2,9 @@
 //!
 //! `ARCHITECTURE.md` says which module does what and which may use which.
 
+pub mod camera;
 pub mod city;
 pub mod geom;
+#[cfg(feature = "render")]
+pub mod render;
 pub mod snapshot;

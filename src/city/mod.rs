@@ -2,6 +2,7 @@
 
 pub mod dxf;
 mod map;
+pub mod scene;
 
 pub use map::{
     CityMap, ConflictZone, ControlLine, ControlLineKind, LabMap, Lane, LaneId, LaneKind, RoadMap, Scenery,
