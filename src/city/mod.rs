@@ -1,9 +1,16 @@
 //! The static world: lanes with their curves, junctions, signs and scenery.
 
+mod build;
 pub mod dxf;
+mod error;
+pub mod generate;
+pub mod layers;
 mod map;
+mod route;
 pub mod scene;
 
+pub use build::{DEFAULT_SPEED_MPS, JOIN_TOLERANCE_M, LANE_WIDTH_M, LoadedMap, load_map, map_of_drawing};
+pub use error::{MapError, MapErrorKind, MapErrors, MapNote};
 pub use map::{
     CityMap, ConflictZone, ControlLine, ControlLineKind, LabMap, Lane, LaneId, LaneKind, RoadMap, Scenery,
     SceneryKind, Shape, ZoneId, ZoneKind, ZoneSide,

@@ -88,3 +88,17 @@ impl Drawing {
         self.entities.push(Entity { layer: layer.to_owned(), shape, handle: String::new(), line: 0 });
     }
 }
+
+impl Entity {
+    /// How errors call it: its kind and its handle, as in "ARC 2F".
+    pub fn label(&self) -> String {
+        let kind = match self.shape {
+            Shape::Line { .. } => "LINE",
+            Shape::Arc { .. } => "ARC",
+            Shape::Polyline { .. } => "LWPOLYLINE",
+            Shape::Circle { .. } => "CIRCLE",
+            Shape::Text { .. } => "TEXT",
+        };
+        if self.handle.is_empty() { kind.to_owned() } else { format!("{kind} {}", self.handle) }
+    }
+}

@@ -1,0 +1,174 @@
+//! The direction of travel of every piece, from lines through arcs, and from arrows.
+
+use super::network::{End, Network, Relation};
+use super::pieces::DrawnLine;
+use super::{REACH_M, named, place};
+use crate::city::dxf::Drawing;
+use crate::city::error::{Findings, MapErrorKind};
+use crate::geom::{Curve, trig, wrap_angle};
+use std::collections::{BTreeSet, VecDeque};
+use std::f64::consts::PI;
+
+/// An arrow belongs to a piece that it is parallel to within this angle.
+const ARROW_ANGLE_DEG: f64 = 20.0;
+
+/// Turns every piece of the network into its direction of travel, and marks it directed.
+///
+/// Directions spread from the pieces that have one over tangent joints: where a piece comes in,
+/// those straight on go out and those beside it come in.
+pub(super) fn assign(
+    network: &mut Network,
+    arrows: &[DrawnLine],
+    drawing: &Drawing,
+    findings: &mut Findings,
+) {
+    let mut spread = Spread {
+        network,
+        drawing,
+        forward: network.pieces.iter().map(|piece| piece.directed.then_some(true)).collect(),
+        queue: VecDeque::new(),
+        reported: BTreeSet::new(),
+    };
+    for index in 0..network.pieces.len() {
+        if network.pieces[index].directed {
+            spread.queue.push_back(index);
+        }
+    }
+    for arrow in arrows {
+        spread.arrow(arrow, findings);
+    }
+    spread.run(findings);
+    for index in 0..network.pieces.len() {
+        if spread.forward[index].is_none() {
+            spread.undirected(index, findings);
+        }
+    }
+    let forward = spread.forward;
+    network.orient(&forward);
+}
+
+struct Spread<'a> {
+    network: &'a Network,
+    drawing: &'a Drawing,
+    /// By piece: whether it is driven as drawn.
+    forward: Vec<Option<bool>>,
+    queue: VecDeque<usize>,
+    reported: BTreeSet<(usize, usize)>,
+}
+
+/// Whether a piece driven as drawn, or not, comes in at one of its ends.
+fn comes_in(end: End, forward: bool) -> bool {
+    (end % 2 == 1) == forward
+}
+
+impl Spread<'_> {
+    fn arrow(&mut self, arrow: &DrawnLine, findings: &mut Findings) {
+        let middle = (arrow.from + arrow.to) / 2.0;
+        let along = arrow.to - arrow.from;
+        let heading = trig::atan2(along.y, along.x);
+        let mut nearest: Option<(f64, usize, bool)> = None;
+        for (index, piece) in self.network.pieces.iter().enumerate() {
+            let foot = piece.segment.pose_at(piece.segment.project(middle).s);
+            let turn = wrap_angle(foot.yaw_rad - heading).abs();
+            let distance = foot.position.distance(middle);
+            let parallel = turn.min(PI - turn) <= ARROW_ANGLE_DEG.to_radians();
+            if parallel && distance <= REACH_M && nearest.is_none_or(|(least, ..)| distance < least) {
+                nearest = Some((distance, index, turn < PI / 2.0));
+            }
+        }
+        let Some((_, index, forward)) = nearest else {
+            let message = format!("the arrow at {} lies along no lane", place(middle));
+            let remedy = "draw it within half a lane width of a lane and parallel to it, or delete it";
+            findings.error(MapErrorKind::Stray, arrow.entity, message, remedy);
+            return;
+        };
+        match self.forward[index] {
+            None => {
+                self.forward[index] = Some(forward);
+                self.queue.push_back(index);
+            }
+            Some(known) if known != forward => {
+                let other = &self.drawing.entities[self.network.pieces[index].entity];
+                let message = format!("the arrow points against {}", named(other));
+                let remedy = "turn the arrow, or turn the line (a LINE is driven from its first point)";
+                findings.error(MapErrorKind::Direction, arrow.entity, message, remedy);
+            }
+            Some(_) => {}
+        }
+    }
+
+    fn run(&mut self, findings: &mut Findings) {
+        let network = self.network;
+        while let Some(index) = self.queue.pop_front() {
+            let Some(forward) = self.forward[index] else { continue };
+            for end in [2 * index, 2 * index + 1] {
+                for &other in network.ends_at(network.node(end)) {
+                    let Some(relation) = (other != end).then(|| network.relation(end, other)).flatten()
+                    else {
+                        continue;
+                    };
+                    let other_in = comes_in(end, forward) == (relation == Relation::Beside);
+                    let other_forward = comes_in(other, true) == other_in;
+                    match self.forward[other / 2] {
+                        None => {
+                            self.forward[other / 2] = Some(other_forward);
+                            self.queue.push_back(other / 2);
+                        }
+                        Some(known) if known != other_forward => self.contradiction(end, other, findings),
+                        Some(_) => {}
+                    }
+                }
+            }
+        }
+    }
+
+    fn contradiction(&mut self, end: End, other: End, findings: &mut Findings) {
+        let (first, second) = (end.min(other), end.max(other));
+        if !self.reported.insert((first, second)) {
+            return;
+        }
+        let entities = [first, second].map(|e| &self.drawing.entities[self.network.pieces[e / 2].entity]);
+        let message = format!(
+            "{} and {} run against each other at {}",
+            named(entities[0]),
+            named(entities[1]),
+            place(self.network.node_position(self.network.node(end)))
+        );
+        let remedy = "turn one of them (REVERSE): a LINE is driven from its first point, and an ARC takes \
+                      the direction of the lines and arrows it is joined to";
+        findings.error(MapErrorKind::Direction, entities[1], message, remedy);
+    }
+
+    /// Reports arcs that nothing gives a direction, once for all that are joined.
+    fn undirected(&mut self, index: usize, findings: &mut Findings) {
+        let before = self.forward.iter().flatten().count();
+        self.forward[index] = Some(true);
+        self.queue.push_back(index);
+        // Their own contradictions are not news while none of them has a direction.
+        self.run(&mut Findings::default());
+        let joined = self.forward.iter().flatten().count() - before - 1;
+        let entity = &self.drawing.entities[self.network.pieces[index].entity];
+        let others = match joined {
+            0 => String::new(),
+            1 => " (nor has one arc that is joined to it)".to_owned(),
+            n => format!(" (nor have {n} arcs that are joined to it)"),
+        };
+        let message = format!("the ARC has no direction of travel{others}");
+        let remedy = "draw a LINE from tail to tip on layer ARROWS along it, or join it to a LINE";
+        findings.error(MapErrorKind::Direction, entity, message, remedy);
+    }
+}
+
+impl Network {
+    /// Reverses the pieces that are driven against their drawing.
+    fn orient(&mut self, forward: &[Option<bool>]) {
+        for (index, forward) in forward.iter().enumerate() {
+            if *forward == Some(false) {
+                self.swap_ends(index);
+                let reversed = Curve::new(vec![self.pieces[index].segment]).reversed();
+                self.pieces[index].segment = reversed.segments()[0];
+            }
+            self.pieces[index].directed = true;
+        }
+    }
+}

@@ -1,0 +1,202 @@
+//! What stands beside the road: ground plans, their names and heights.
+
+use super::labels::shorten;
+use super::{Layers, MAX_COORDINATE_M, REACH_M, pieces, place};
+use crate::city::dxf::{Entity, Shape as Drawn};
+use crate::city::error::{Findings, MapErrorKind};
+use crate::city::{Scenery, SceneryKind, Shape};
+use crate::geom::{Segment, point_in_polygon, trig};
+use glam::DVec2;
+use std::f64::consts::PI;
+
+/// Arcs of outlines become chords that leave them by no more than this, in at most a 3 degree turn each
+/// when they are large.
+const FLATTENING_M: f64 = 1e-3;
+const FINEST_CHORD_RAD: f64 = PI / 60.0;
+
+/// All scenery in the order of the kinds and of the file.
+pub(super) fn build(by_layer: &Layers, metres: f64, findings: &mut Findings) -> Vec<Scenery> {
+    let mut all = Vec::new();
+    for kind in SceneryKind::ALL {
+        let Some(entities) = by_layer.get(kind.layer()) else { continue };
+        let mut pieces = Vec::new();
+        for &entity in entities {
+            if matches!(entity.shape, Drawn::Text { .. }) {
+                continue;
+            }
+            if let Some(shape) = shape(entity, kind, metres, findings) {
+                pieces.push(Scenery { kind, name: String::new(), height_m: None, shape });
+            }
+        }
+        for &entity in entities {
+            if let Drawn::Text { at, text, .. } = &entity.shape {
+                label(&mut pieces, entity, (*at * metres, text), metres, findings);
+            }
+        }
+        all.extend(pieces);
+    }
+    all
+}
+
+/// What would be right instead of an unknown scenery layer.
+pub(super) fn kinds_remedy() -> String {
+    let layers: Vec<&str> = SceneryKind::ALL.iter().map(|kind| kind.layer()).collect();
+    format!("use one of {}", layers.join(", "))
+}
+
+fn shape(entity: &Entity, kind: SceneryKind, metres: f64, findings: &mut Findings) -> Option<Shape> {
+    let (points, closed) = match &entity.shape {
+        Drawn::Circle { centre, radius } => {
+            let (centre, radius_m) = (*centre * metres, radius * metres);
+            if !(centre.abs().max_element() + radius_m <= MAX_COORDINATE_M) {
+                far(entity, findings);
+                return None;
+            }
+            return Some(Shape::Circle { centre, radius_m });
+        }
+        Drawn::Line { from, to } => (vec![*from * metres, *to * metres], false),
+        Drawn::Arc { centre, radius, from_deg, to_deg } => {
+            (flatten(&[pieces::arc(*centre * metres, radius * metres, *from_deg, *to_deg)], false), false)
+        }
+        Drawn::Polyline { vertices, closed } => {
+            let points = flatten(&pieces::polyline_segments(vertices, *closed, metres), *closed);
+            let returns = points.len() > 3 && points[0].distance(points[points.len() - 1]) < FLATTENING_M;
+            (points, *closed || returns)
+        }
+        Drawn::Text { .. } => return None,
+    };
+    if points.iter().any(|p| !(p.abs().max_element() <= MAX_COORDINATE_M)) {
+        far(entity, findings);
+        return None;
+    }
+    outline(points, closed, entity, kind, findings)
+}
+
+fn outline(
+    mut points: Vec<DVec2>,
+    closed: bool,
+    entity: &Entity,
+    kind: SceneryKind,
+    findings: &mut Findings,
+) -> Option<Shape> {
+    points.dedup_by(|a, b| a.distance(*b) < 1e-9);
+    if closed {
+        while points.len() > 1 && points[0].distance(points[points.len() - 1]) < FLATTENING_M {
+            points.pop();
+        }
+        if points.len() < 3 || area(&points).abs() < 1e-8 {
+            let message = "the outline has no area".to_owned();
+            findings.error(
+                MapErrorKind::Degenerate,
+                entity,
+                message,
+                "draw three corners or more, or delete it",
+            );
+            return None;
+        }
+        return Some(Shape::Polygon(points));
+    }
+    if !matches!(kind, SceneryKind::Wall | SceneryKind::Hedge) {
+        let message = format!("an open line on layer {}", kind.layer());
+        let remedy = "close the polyline, or draw a CIRCLE; only walls and hedges may be open";
+        findings.error(MapErrorKind::Unsupported, entity, message, remedy);
+        return None;
+    }
+    if points.len() < 2 {
+        findings.error(MapErrorKind::Degenerate, entity, "a line without length".to_owned(), "delete it");
+        return None;
+    }
+    Some(Shape::Polyline(points))
+}
+
+fn far(entity: &Entity, findings: &mut Findings) {
+    let message = format!("it reaches farther than {MAX_COORDINATE_M} laboratory metres from the origin");
+    let remedy = "check its coordinates and $INSUNITS: the map is drawn at laboratory scale";
+    findings.error(MapErrorKind::Number, entity, message, remedy);
+}
+
+/// Points along lines and arcs; of closed outlines without the last, which is the first.
+fn flatten(segments: &[Segment], closed: bool) -> Vec<DVec2> {
+    let mut points = Vec::new();
+    for segment in segments {
+        let sweep = (segment.length * segment.curvature).abs();
+        let chord = segment.radius().map_or(f64::INFINITY, |radius| {
+            let angle = 2.0 * trig::acos((1.0 - FLATTENING_M / radius).clamp(-1.0, 1.0));
+            angle.max(FINEST_CHORD_RAD)
+        });
+        let pieces = (sweep / chord).ceil().clamp(1.0, 2.0 * PI / FINEST_CHORD_RAD) as usize;
+        for k in 0..pieces {
+            points.push(segment.pose_at(segment.length * k as f64 / pieces as f64).position);
+        }
+    }
+    if let Some(last) = segments.last().filter(|_| !closed) {
+        points.push(last.end().position);
+    }
+    points
+}
+
+fn area(points: &[DVec2]) -> f64 {
+    (0..points.len()).map(|k| points[k].perp_dot(points[(k + 1) % points.len()])).sum::<f64>() / 2.0
+}
+
+/// Gives the piece under a text its name, and the height that may follow it: "theatre h=0.4".
+fn label(
+    pieces: &mut [Scenery],
+    entity: &Entity,
+    (at, text): (DVec2, &str),
+    metres: f64,
+    findings: &mut Findings,
+) {
+    let smallest = pieces
+        .iter()
+        .enumerate()
+        .filter_map(|(k, piece)| extent_under(&piece.shape, at).map(|extent| (extent, k)))
+        .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let Some((_, index)) = smallest else {
+        let message =
+            format!("the text \"{}\" at {} stands on nothing of its layer", shorten(text), place(at));
+        let remedy = "put its insertion point inside the outline, or on the line, that it names";
+        findings.error(MapErrorKind::Stray, entity, message, remedy);
+        return;
+    };
+    let piece = &mut pieces[index];
+    if !piece.name.is_empty() || piece.height_m.is_some() {
+        let message = format!("\"{}\" stands where \"{}\" does", shorten(text), shorten(&piece.name));
+        findings.error(MapErrorKind::Name, entity, message, "delete one of the two texts");
+        return;
+    }
+    let (name, height) = match text.trim().rsplit_once("h=") {
+        Some((name, height)) if name.is_empty() || name.ends_with(' ') => (name.trim(), Some(height)),
+        _ => (text.trim(), None),
+    };
+    piece.name = name.to_owned();
+    if let Some(height) = height {
+        match height.trim().parse::<f64>() {
+            Ok(value) if value > 0.0 && value * metres <= MAX_COORDINATE_M => {
+                piece.height_m = Some(value * metres);
+            }
+            _ => {
+                let message = format!("\"h={}\" is no height", shorten(height));
+                let remedy = "write a positive number in units of the drawing, such as \"h=0.3\"";
+                findings.error(MapErrorKind::Text, entity, message, remedy);
+            }
+        }
+    }
+}
+
+/// Area of a shape that a point lies in, 0 of a line that it lies on.
+fn extent_under(shape: &Shape, at: DVec2) -> Option<f64> {
+    match shape {
+        Shape::Polygon(points) => point_in_polygon(at, points).then(|| area(points).abs()),
+        Shape::Circle { centre, radius_m } => {
+            (centre.distance(at) <= *radius_m).then_some(PI * radius_m * radius_m)
+        }
+        Shape::Polyline(points) => {
+            let on = points.windows(2).any(|pair| {
+                let segment = Segment::line(pair[0], pair[1]);
+                segment.pose_at(segment.project(at).s).position.distance(at) <= REACH_M
+            });
+            on.then_some(0.0)
+        }
+    }
+}

@@ -1,0 +1,284 @@
+//! Conflict zones: where bodies on two lanes can touch.
+//!
+//! The body is the testbed's car, led with the centre of its front axle on the centre line. Driving
+//! an arc steadily its rear axle follows a circle of radius sqrt(r^2 - wheelbase^2) about the same
+//! centre, so that the inner side lies further in than on a straight and the outer front corner
+//! further out. Two places conflict where the centre lines are closer than both half widths swept
+//! and a margin.
+
+use super::JOIN_TOLERANCE_M;
+use super::lanes::Roads;
+use super::neighbours::bounds;
+use crate::city::error::{Findings, MapErrorKind};
+use crate::city::{ConflictZone, Lane, LaneId, ZoneId, ZoneKind, ZoneSide};
+use glam::DVec2;
+use std::collections::BTreeMap;
+
+/// The reference car: half its width, its wheelbase, and from the rear axle to the front bumper.
+const HALF_WIDTH_M: f64 = 0.05;
+const WHEELBASE_M: f64 = 0.12;
+const REAR_AXLE_TO_NOSE_M: f64 = 0.16;
+/// Air between two bodies.
+const MARGIN_M: f64 = 0.01;
+/// Lanes are looked at in steps of this length, and zones rounded outwards by one.
+const STEP_M: f64 = 0.005;
+/// Zones of two lanes closer than this are one.
+const MERGED_BELOW_M: f64 = 0.02;
+/// Places that one drives through within this distance are one way and no conflict.
+const SAME_WAY_M: f64 = 0.3;
+/// Most zones that a map may have.
+const MAX_ZONES: usize = 100_000;
+
+/// Zones by the ids of their lanes and where they begin.
+pub(super) fn find(roads: &Roads, findings: &mut Findings) -> Vec<ConflictZone> {
+    let lanes = &roads.lanes;
+    let tracks: Vec<Track> = lanes.iter().map(|lane| Track::new(lane, lanes)).collect();
+    let ways: Vec<BTreeMap<LaneId, f64>> = (0..lanes.len()).map(|k| ways_on(lanes, k)).collect();
+    let mut zones = Vec::new();
+    for a in 0..lanes.len() {
+        for b in a + 1..lanes.len() {
+            if !tracks[a].may_touch(&tracks[b]) {
+                continue;
+            }
+            let shared = [roads.nodes[a][0] == roads.nodes[b][0], roads.nodes[a][1] == roads.nodes[b][1]];
+            let in_line = follows(&lanes[a], &lanes[b]) || follows(&lanes[b], &lanes[a]);
+            // A lane that leads back to its own start conflicts there with what goes on from its end.
+            if in_line && shared == [false, false] {
+                continue;
+            }
+            let pair = Pair {
+                lanes: [&lanes[a], &lanes[b]],
+                tracks: [&tracks[a], &tracks[b]],
+                shared,
+                gaps: [ways[a].get(&lanes[b].id).copied(), ways[b].get(&lanes[a].id).copied()],
+            };
+            for (kind, sides) in pair.zones() {
+                let id = ZoneId(zones.len() as u32);
+                zones.push(ConflictZone { id, kind, sides });
+            }
+            if zones.len() > MAX_ZONES {
+                let message = format!("more than {MAX_ZONES} places where lanes conflict");
+                findings.error_at(MapErrorKind::Size, 1, String::new(), message, "split the map");
+                return zones;
+            }
+        }
+    }
+    zones
+}
+
+fn follows(first: &Lane, second: &Lane) -> bool {
+    first.successors.contains(&second.id)
+}
+
+/// Lanes that a lane leads to by way of others, with the least distance between its end and their start.
+fn ways_on(lanes: &[Lane], from: usize) -> BTreeMap<LaneId, f64> {
+    let mut reached: BTreeMap<LaneId, f64> = BTreeMap::new();
+    let mut open: Vec<(LaneId, f64)> = lanes[from].successors.iter().map(|&id| (id, 0.0)).collect();
+    while let Some((id, gap)) = open.pop() {
+        if gap > SAME_WAY_M || reached.get(&id).is_some_and(|&known| known <= gap) {
+            continue;
+        }
+        reached.insert(id, gap);
+        let lane = &lanes[id.index()];
+        open.extend(lane.successors.iter().map(|&next| (next, gap + lane.curve.length())));
+    }
+    reached
+}
+
+/// Half the width that the reference car sweeps in a steady turn of this curvature.
+fn half_swept(curvature: f64) -> f64 {
+    if curvature == 0.0 {
+        return HALF_WIDTH_M;
+    }
+    let radius = 1.0 / curvature.abs();
+    let rear = (radius * radius - WHEELBASE_M * WHEELBASE_M).max(0.0).sqrt();
+    let inner = HALF_WIDTH_M + radius - rear;
+    let outer = (rear + HALF_WIDTH_M).hypot(REAR_AXLE_TO_NOSE_M) - radius;
+    inner.max(outer)
+}
+
+/// A lane with the width that is swept along it.
+struct Track {
+    length: f64,
+    bounds: [DVec2; 2],
+    /// From where, and half how wide; a stretch lasts until the next one starts.
+    widths: Vec<(f64, f64)>,
+    widest: f64,
+}
+
+impl Track {
+    fn new(lane: &Lane, lanes: &[Lane]) -> Self {
+        // The rear follows a wheelbase behind: what a segment asks for lasts that far beyond its end.
+        let mut stretches: Vec<(f64, f64, f64)> = Vec::new();
+        add_tails(lane, lanes, 0.0, &mut stretches);
+        for (k, segment) in lane.curve.segments().iter().enumerate() {
+            let from = lane.curve.station(k);
+            stretches.push((from, from + segment.length + WHEELBASE_M, half_swept(segment.curvature)));
+        }
+        let length = lane.curve.length();
+        let mut starts: Vec<f64> = stretches.iter().flat_map(|&(from, to, _)| [from, to]).collect();
+        starts.push(0.0);
+        starts.retain(|&s| (0.0..length).contains(&s));
+        starts.sort_by(f64::total_cmp);
+        starts.dedup();
+        let widths: Vec<(f64, f64)> = starts
+            .into_iter()
+            .map(|s| {
+                let here = stretches.iter().filter(|&&(from, to, _)| from <= s && s < to);
+                (s, here.map(|&(.., half)| half).fold(HALF_WIDTH_M, f64::max))
+            })
+            .collect();
+        let widest = widths.iter().map(|&(_, half)| half).fold(HALF_WIDTH_M, f64::max);
+        Self { length, bounds: bounds(lane, widest + MARGIN_M), widths, widest }
+    }
+
+    /// Half the width swept around an arc length.
+    fn half_at(&self, s: f64) -> f64 {
+        let after = |s: f64| self.widths.partition_point(|&(from, _)| from <= s);
+        let (first, last) = (after(s - STEP_M).saturating_sub(1), after(s + STEP_M));
+        self.widths[first..last].iter().map(|&(_, half)| half).fold(HALF_WIDTH_M, f64::max)
+    }
+
+    fn may_touch(&self, other: &Self) -> bool {
+        self.bounds[0].cmple(other.bounds[1]).all() && other.bounds[0].cmple(self.bounds[1]).all()
+    }
+}
+
+/// What the ends of the lanes before ask for at the beginning of this one, up to a wheelbase back.
+fn add_tails(lane: &Lane, lanes: &[Lane], behind: f64, stretches: &mut Vec<(f64, f64, f64)>) {
+    for &id in &lane.predecessors {
+        let before = &lanes[id.index()];
+        let length = before.curve.length();
+        for (k, segment) in before.curve.segments().iter().enumerate() {
+            let end = length - (before.curve.station(k) + segment.length);
+            let lasts = WHEELBASE_M - behind - end;
+            if lasts > 0.0 {
+                stretches.push((0.0, lasts, half_swept(segment.curvature)));
+            }
+        }
+        // Chains of very short lanes are followed a few lanes back and no further.
+        if behind + length < WHEELBASE_M && stretches.len() < 32 {
+            add_tails(before, lanes, behind + length.max(JOIN_TOLERANCE_M), stretches);
+        }
+    }
+}
+
+struct Pair<'a> {
+    lanes: [&'a Lane; 2],
+    tracks: [&'a Track; 2],
+    /// Whether they start, and whether they end, in one point.
+    shared: [bool; 2],
+    /// From the end of the first to the start of the second by way of other lanes, and the other way.
+    gaps: [Option<f64>; 2],
+}
+
+/// A stretch of one lane that conflicts with the other, with the stretch of the other nearest to it.
+#[derive(Clone, Copy)]
+struct Stretch {
+    from: f64,
+    to: f64,
+    feet: (f64, f64),
+}
+
+impl Pair<'_> {
+    fn zones(&self) -> Vec<(ZoneKind, [ZoneSide; 2])> {
+        let mut zones: Vec<[(f64, f64); 2]> = Vec::new();
+        for stretch in self.stretches(0) {
+            zones.push([(stretch.from, stretch.to), stretch.feet]);
+        }
+        for stretch in self.stretches(1) {
+            zones.push([stretch.feet, (stretch.from, stretch.to)]);
+        }
+        // What overlaps, or nearly, on both lanes is one zone.
+        let near = |a: (f64, f64), b: (f64, f64)| a.0 <= b.1 + MERGED_BELOW_M && b.0 <= a.1 + MERGED_BELOW_M;
+        let mut k = 0;
+        while k < zones.len() {
+            let joined =
+                (k + 1..zones.len()).find(|&l| (0..2).all(|side| near(zones[k][side], zones[l][side])));
+            if let Some(l) = joined {
+                let other = zones.remove(l);
+                for (side, other) in zones[k].iter_mut().zip(other) {
+                    *side = (side.0.min(other.0), side.1.max(other.1));
+                }
+                // It has grown: what did not reach it before may now.
+                k = 0;
+            } else {
+                k += 1;
+            }
+        }
+        zones.sort_by(|a, b| a[0].0.total_cmp(&b[0].0).then(a[1].0.total_cmp(&b[1].0)));
+        zones.into_iter().map(|sides| (self.kind(sides), self.sides(sides))).collect()
+    }
+
+    fn sides(&self, sides: [(f64, f64); 2]) -> [ZoneSide; 2] {
+        [0, 1].map(|k| ZoneSide { lane: self.lanes[k].id, from_m: sides[k].0, to_m: sides[k].1 })
+    }
+
+    fn kind(&self, sides: [(f64, f64); 2]) -> ZoneKind {
+        if self.shared[1] && (0..2).all(|k| sides[k].1 >= self.tracks[k].length) {
+            ZoneKind::Merge
+        } else if self.shared[0] && (0..2).all(|k| sides[k].0 <= 0.0) {
+            ZoneKind::Diverge
+        } else {
+            ZoneKind::Cross
+        }
+    }
+
+    /// Conflicting stretches of one of the lanes, rounded outwards.
+    fn stretches(&self, of: usize) -> Vec<Stretch> {
+        let (lane, other) = (self.lanes[of], self.lanes[1 - of]);
+        let (track, other_track) = (self.tracks[of], self.tracks[1 - of]);
+        let round = |from: f64, to: f64, length: f64| ((from - STEP_M).max(0.0), (to + STEP_M).min(length));
+        let steps = (track.length / STEP_M).ceil().max(1.0) as usize;
+        let mut stretches: Vec<Stretch> = Vec::new();
+        let mut step = 0;
+        while step <= steps {
+            let s = track.length * step as f64 / steps as f64;
+            let point = lane.curve.at(s).pose.position;
+            let foot = other.curve.project(point).s;
+            let distance = other.curve.at(foot).pose.position.distance(point);
+            let reach = track.half_at(s) + other_track.half_at(foot) + MARGIN_M;
+            if distance >= reach || self.same_way(of, s, foot) {
+                // The distance changes by no more than one goes, so that some steps cannot conflict.
+                let spare = distance - (track.widest + other_track.widest + MARGIN_M);
+                step += ((spare / STEP_M).floor().max(0.0) as usize).max(1);
+                continue;
+            }
+            let (from, to) = round(s, s, track.length);
+            let feet = round(foot, foot, other_track.length);
+            match stretches.last_mut().filter(|last| from <= last.to + MERGED_BELOW_M) {
+                Some(last) if feet.0 <= last.feet.1 + 0.1 && last.feet.0 <= feet.1 + 0.1 => {
+                    last.to = to;
+                    last.feet = (last.feet.0.min(feet.0), last.feet.1.max(feet.1));
+                }
+                _ => stretches.push(Stretch { from, to, feet }),
+            }
+            step += 1;
+        }
+        stretches
+    }
+
+    /// Whether one drives from one place to the other within a short distance.
+    fn same_way(&self, of: usize, s: f64, foot: f64) -> bool {
+        let on = |gap: Option<f64>, behind: f64, ahead: f64| {
+            gap.is_some_and(|gap| gap + behind + ahead < SAME_WAY_M)
+        };
+        on(self.gaps[of], self.tracks[of].length - s, foot)
+            || on(self.gaps[1 - of], self.tracks[1 - of].length - foot, s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn swept_widths_are_those_of_the_reference_car() {
+        // Rear axle on a circle of 0.16 m, its inner side at 0.11 m, the front axle on 0.20 m.
+        assert!((half_swept(1.0 / 0.2) - 0.09).abs() < 1e-12);
+        assert_eq!(half_swept(0.0), HALF_WIDTH_M);
+        // The concentric lanes of the roundabouts leave each other room.
+        assert!(half_swept(1.0 / 0.466) + half_swept(-1.0 / 0.617) + MARGIN_M < 0.617 - 0.466);
+        assert!(half_swept(1.0 / 100.0) < 0.0502);
+    }
+}

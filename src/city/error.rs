@@ -1,0 +1,163 @@
+//! What can be wrong with a map drawing, told so that its author finds the place.
+
+use super::dxf::Entity;
+use std::fmt;
+
+/// How many errors are listed; the rest is counted.
+pub const MAX_LISTED: usize = 20;
+
+/// What sort of fault an error is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum MapErrorKind {
+    /// Not an ASCII DXF file, or a damaged one.
+    Format,
+    /// A number that is none, not finite, or beyond what a map can hold.
+    Number,
+    /// An entity of a kind that its layer cannot take.
+    Unsupported,
+    /// A piece without length, a shape without area.
+    Degenerate,
+    /// Ends that should meet and do not.
+    Gap,
+    /// Ends that meet at an angle.
+    Kink,
+    /// The same way drawn twice.
+    Overlap,
+    /// Directions of travel that contradict each other or are not given.
+    Direction,
+    /// A name given twice, or two texts for one thing.
+    Name,
+    /// A text that says nothing useful for its layer.
+    Text,
+    /// A text, arrow or line that belongs to nothing.
+    Stray,
+    /// A layer of a reserved name that means nothing.
+    Layer,
+    /// No lanes at all, or more than a map can hold.
+    Size,
+}
+
+/// One fault of a drawing.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub struct MapError {
+    pub kind: MapErrorKind,
+    /// Line of the file; 0 for a drawing made in memory.
+    pub line: usize,
+    /// Kind and handle of the entity ("ARC 2F"), empty where the fault is not in one.
+    pub entity: String,
+    /// What was found.
+    pub message: String,
+    /// What would be right.
+    pub remedy: String,
+}
+
+impl fmt::Display for MapError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_place(f, self.line, &self.entity)?;
+        write!(f, "{}; {}", self.message, self.remedy)
+    }
+}
+
+fn write_place(f: &mut fmt::Formatter<'_>, line: usize, entity: &str) -> fmt::Result {
+    match (line, entity) {
+        (0, "") => Ok(()),
+        (0, _) => write!(f, "{entity}: "),
+        (_, "") => write!(f, "line {line}: "),
+        (..) => write!(f, "line {line}, {entity}: "),
+    }
+}
+
+/// The faults of a drawing, one a line, in the order of the file.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MapErrors {
+    /// The first [`MAX_LISTED`].
+    pub listed: Vec<MapError>,
+    /// How many more there are.
+    pub left_out: usize,
+}
+
+impl std::error::Error for MapErrors {}
+
+impl fmt::Display for MapErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (k, error) in self.listed.iter().enumerate() {
+            let separator = if k == 0 { "" } else { "\n" };
+            write!(f, "{separator}{error}")?;
+        }
+        if self.left_out > 0 {
+            write!(f, "\nand {} more", self.left_out)?;
+        }
+        Ok(())
+    }
+}
+
+/// Something that a map's author may want to know and that does not stop the map from loading.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MapNote {
+    /// Line of the file; 0 where the note is about the whole.
+    pub line: usize,
+    /// Kind and handle of the entity, or empty.
+    pub entity: String,
+    pub message: String,
+}
+
+impl fmt::Display for MapNote {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_place(f, self.line, &self.entity)?;
+        f.write_str(&self.message)
+    }
+}
+
+/// Collects faults and notes while a drawing is read.
+#[derive(Debug, Default)]
+pub(super) struct Findings {
+    errors: Vec<MapError>,
+    left_out: usize,
+    pub(super) notes: Vec<MapNote>,
+}
+
+/// Errors are kept beyond those listed, for they are found out of order; this bounds their memory.
+const MAX_KEPT: usize = 10 * MAX_LISTED;
+
+impl Findings {
+    /// A fault at an entity.
+    pub(super) fn error(&mut self, kind: MapErrorKind, entity: &Entity, message: String, remedy: &str) {
+        self.error_at(kind, entity.line, entity.label(), message, remedy);
+    }
+
+    pub(super) fn error_at(
+        &mut self,
+        kind: MapErrorKind,
+        line: usize,
+        entity: String,
+        message: String,
+        remedy: &str,
+    ) {
+        if self.errors.len() < MAX_KEPT {
+            self.errors.push(MapError { kind, line, entity, message, remedy: remedy.to_owned() });
+        } else {
+            self.left_out += 1;
+        }
+    }
+
+    pub(super) fn note(&mut self, entity: &Entity, message: String) {
+        self.notes.push(MapNote { line: entity.line, entity: entity.label(), message });
+    }
+
+    pub(super) fn note_all(&mut self, message: String) {
+        self.notes.push(MapNote { line: 0, entity: String::new(), message });
+    }
+
+    /// The errors so far, if there are any.
+    pub(super) fn check(&mut self) -> Result<(), MapErrors> {
+        if self.errors.is_empty() {
+            return Ok(());
+        }
+        let mut listed = std::mem::take(&mut self.errors);
+        listed.sort_by_key(|error| error.line);
+        let left_out = self.left_out + listed.len().saturating_sub(MAX_LISTED);
+        listed.truncate(MAX_LISTED);
+        Err(MapErrors { listed, left_out })
+    }
+}

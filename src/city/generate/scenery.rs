@@ -1,0 +1,257 @@
+//! Scenery: draws the tables of the blocks and lines the roads with trees and lamps.
+
+use super::blocks::{
+    AREAS, Area, BENCHES, BUILDINGS, GROVES, HEDGES, PICNIC_TABLES, Plot, ROUNDS, ROWS, Round, Row, WALLS,
+};
+use super::network::Run;
+use super::{NAME_HEIGHT, distance};
+use crate::city::SceneryKind;
+use crate::city::dxf::{Drawing, PolyVertex, Shape};
+use crate::geom::{Pose2, point_in_polygon};
+use glam::DVec2;
+
+/// Nothing but markings lies closer to the centre of a lane.
+pub(super) const LANE_CLEARANCE: f64 = 0.10;
+/// Trees and lamps stand at least this far from the centre of a lane.
+pub(super) const TRUNK_CLEARANCE: f64 = 0.12;
+pub(super) const LAMP_RADIUS: f64 = 0.006;
+/// Tree crowns: full-scale radius 1.1 to 2 m.
+const CROWN_RADIUS: [f64; 2] = [0.045, 0.08];
+const STREET_CROWN_RADIUS: [f64; 2] = [0.04, 0.06];
+const TREE_SPACING: f64 = 0.34;
+const LAMP_SPACING: f64 = 0.55;
+const BENCH: [f64; 2] = [0.07, 0.022];
+const PICNIC_TABLE: [f64; 2] = [0.075, 0.06];
+/// A circle of so many benches stands round the bed of the town square.
+const BENCHES_ROUND_BED: usize = 6;
+
+/// A number in [0, 1) that is the same for the same two integers (a finaliser of MurmurHash3).
+fn scatter(series: u32, index: u32) -> f64 {
+    let mut h = series.wrapping_mul(0x9E37_79B1) ^ index.wrapping_mul(0x85EB_CA6B).wrapping_add(0x27D4_EB2F);
+    for factor in [0x85EB_CA6B_u32, 0xC2B2_AE35] {
+        h = (h ^ (h >> 15)).wrapping_mul(factor);
+    }
+    f64::from(h ^ (h >> 16)) / 4_294_967_296.0
+}
+
+fn between(range: [f64; 2], share: f64) -> f64 {
+    range[0] + (range[1] - range[0]) * share
+}
+
+fn rectangle([west, south, east, north]: [f64; 4]) -> Vec<DVec2> {
+    [(west, south), (east, south), (east, north), (west, north)].map(DVec2::from).to_vec()
+}
+
+fn turned([x, y, heading_deg]: [f64; 3], size: [f64; 2]) -> Vec<DVec2> {
+    let pose = Pose2::new(x, y, heading_deg.to_radians());
+    [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
+        .map(|(ahead, left)| pose.point_at(ahead * size[0], left * size[1]))
+        .to_vec()
+}
+
+/// What stands so far, for finding places for trees and lamps.
+struct Site<'a> {
+    drawing: &'a mut Drawing,
+    lanes: &'a [Run],
+    /// Ground plans on which nothing can be planted.
+    taken: Vec<Vec<DVec2>>,
+    rounds: Vec<(DVec2, f64)>,
+    lines: Vec<Vec<DVec2>>,
+}
+
+/// Adds all scenery to the drawing of these lanes.
+pub(super) fn add_all(drawing: &mut Drawing, lanes: &[Run]) {
+    let (taken, rounds, lines) = Default::default();
+    let mut site = Site { drawing, lanes, taken, rounds, lines };
+    site.grounds();
+    site.buildings();
+    site.borders();
+    site.furniture();
+    site.lamps();
+    site.trees();
+}
+
+impl Site<'_> {
+    fn polygon(&mut self, kind: SceneryKind, name: &str, corners: &[DVec2], closed: bool) {
+        let vertices = corners.iter().map(|&at| PolyVertex { at, bulge: 0.0 }).collect();
+        self.drawing.add(kind.layer(), Shape::Polyline { vertices, closed });
+        if !name.is_empty() {
+            self.name(kind, name, inner_point(corners));
+        }
+    }
+
+    fn circle(&mut self, kind: SceneryKind, name: &str, centre: DVec2, radius: f64) {
+        self.drawing.add(kind.layer(), Shape::Circle { centre, radius });
+        if !name.is_empty() {
+            self.name(kind, name, centre);
+        }
+    }
+
+    fn name(&mut self, kind: SceneryKind, name: &str, at: DVec2) {
+        self.drawing.add(kind.layer(), Shape::Text { at, height: NAME_HEIGHT, text: name.to_owned() });
+    }
+
+    fn grounds(&mut self) {
+        for Area(kind, name, corners) in AREAS {
+            let corners: Vec<DVec2> = corners.iter().copied().map(DVec2::from).collect();
+            self.polygon(*kind, name, &corners, true);
+            if matches!(kind, SceneryKind::Parking | SceneryKind::Playground) {
+                self.taken.push(corners);
+            }
+        }
+        for Round(kind, name, centre, radius) in ROUNDS {
+            self.circle(*kind, name, DVec2::from(*centre), *radius);
+            if *kind != SceneryKind::Grass {
+                self.rounds.push((DVec2::from(*centre), *radius));
+            }
+        }
+    }
+
+    fn buildings(&mut self) {
+        for Plot(name, edges, height) in BUILDINGS {
+            self.building(name, *edges, *height);
+        }
+        for (series, Row { name, first, size, step, count, heights }) in ROWS.iter().enumerate() {
+            for k in 0..*count {
+                let [x, y] = [0, 1].map(|axis| first[axis] + step[axis] * k as f64);
+                let height = between(*heights, scatter(100 + series as u32, k as u32));
+                // Whole half metres at full scale.
+                let height = (height * 50.0).round() / 50.0;
+                self.building(name, [x, y, x + size[0], y + size[1]], height);
+            }
+        }
+    }
+
+    fn building(&mut self, name: &str, edges: [f64; 4], height: f64) {
+        let corners = rectangle(edges);
+        self.polygon(SceneryKind::Building, &format!("{name} h={height:.2}"), &corners, true);
+        self.taken.push(corners);
+    }
+
+    fn borders(&mut self) {
+        for (kind, lines) in [(SceneryKind::Wall, WALLS), (SceneryKind::Hedge, HEDGES)] {
+            for line in lines {
+                let corners: Vec<DVec2> = line.iter().copied().map(DVec2::from).collect();
+                self.polygon(kind, "", &corners, false);
+                self.lines.push(corners);
+            }
+        }
+    }
+
+    fn furniture(&mut self) {
+        let mut benches = BENCHES.to_vec();
+        for Round(_, name, centre, radius) in ROUNDS {
+            for k in (0..BENCHES_ROUND_BED).filter(|_| *name == "round bed") {
+                let turn_deg = 360.0 / BENCHES_ROUND_BED as f64 * k as f64;
+                let at = Pose2::new(centre[0], centre[1], turn_deg.to_radians()).point_at(radius + 0.06, 0.0);
+                benches.push([at.x, at.y, turn_deg + 90.0]);
+            }
+        }
+        let tables = PICNIC_TABLES.iter().map(|&place| (SceneryKind::PicnicTable, place, PICNIC_TABLE));
+        let all = benches.into_iter().map(|place| (SceneryKind::Bench, place, BENCH)).chain(tables);
+        for (kind, place, size) in all {
+            let corners = turned(place, size);
+            self.polygon(kind, "", &corners, true);
+            self.taken.push(corners);
+        }
+    }
+
+    /// Lamps on the right-hand kerb of every lane that has a kerb.
+    fn lamps(&mut self) {
+        for run in self.lanes.iter().filter(|run| !run.connector) {
+            let mut s = LAMP_SPACING / 2.0;
+            while s < run.curve.length() {
+                let at = run.curve.at(s).pose.point_at(0.0, -TRUNK_CLEARANCE - LAMP_RADIUS);
+                let placed = self.free(at, LAMP_RADIUS, TRUNK_CLEARANCE, 0.3);
+                if placed {
+                    self.circle(SceneryKind::Lamp, "", at, LAMP_RADIUS);
+                    self.rounds.push((at, LAMP_RADIUS));
+                }
+                s += if placed { LAMP_SPACING } else { 0.1 };
+            }
+        }
+    }
+
+    /// Street trees behind the kerb, then groves on jittered grids.
+    fn trees(&mut self) {
+        for (series, run) in self.lanes.iter().filter(|run| !run.connector).enumerate() {
+            let (mut s, mut k) = (0.08, 0);
+            while s < run.curve.length() {
+                let share = scatter(series as u32, 2 * k);
+                let radius = between(STREET_CROWN_RADIUS, share);
+                let beside = LANE_CLEARANCE + radius + 0.005 + 0.02 * share;
+                let planted = self.plant(run.curve.at(s).pose.point_at(0.0, -beside), radius);
+                s += if planted {
+                    TREE_SPACING * (0.85 + 0.3 * scatter(series as u32, 2 * k + 1))
+                } else {
+                    0.06
+                };
+                k += 1;
+            }
+        }
+        for (series, ([west, south, east, north], step)) in GROVES.iter().enumerate() {
+            let (columns, rows) = (((east - west) / step) as u32, ((north - south) / step) as u32);
+            for index in 0..columns.max(1) * rows.max(1) {
+                let (column, row) = (index % columns.max(1), index / columns.max(1));
+                let jitter = |salt: u32| scatter(1000 + 4 * series as u32 + salt, index);
+                let x = west + step * (f64::from(column) + 0.15 + 0.7 * jitter(0));
+                let y = south + step * (f64::from(row) + 0.15 + 0.7 * jitter(1));
+                self.plant(DVec2::new(x, y), between(CROWN_RADIUS, jitter(2)));
+            }
+        }
+    }
+
+    fn plant(&mut self, at: DVec2, radius: f64) -> bool {
+        let free = self.free(at, radius, (LANE_CLEARANCE + radius).max(TRUNK_CLEARANCE), 0.0);
+        if free {
+            self.circle(SceneryKind::Tree, "", at, radius);
+            self.rounds.push((at, radius));
+        }
+        free
+    }
+
+    /// Whether a circle may stand there: clear of lanes by its centre, of all else by its rim, and of
+    /// other circles by `apart` more.
+    fn free(&self, at: DVec2, radius: f64, from_lanes: f64, apart: f64) -> bool {
+        let from_line =
+            |line: &Vec<DVec2>| line.windows(2).all(|w| to_segment(at, w[0], w[1]) > radius + 0.01);
+        self.lanes.iter().all(|lane| distance(&lane.curve, at) >= from_lanes)
+            && self.rounds.iter().all(|(c, r)| {
+                // Crowns of neighbours may touch; a lamp keeps its distance from other lamps only.
+                let gap = if *r == radius { apart } else { 0.0 };
+                c.distance(at) > r + radius + gap.max(0.004)
+            })
+            && self.lines.iter().all(from_line)
+            && self.taken.iter().all(|p| to_polygon(at, p) > radius + 0.005)
+    }
+}
+
+fn to_segment(point: DVec2, a: DVec2, b: DVec2) -> f64 {
+    let along = b - a;
+    let share = ((point - a).dot(along) / along.length_squared()).clamp(0.0, 1.0);
+    (a + along * share).distance(point)
+}
+
+/// Distance from a point to a polygon; zero inside.
+fn to_polygon(point: DVec2, polygon: &[DVec2]) -> f64 {
+    if point_in_polygon(point, polygon) {
+        return 0.0;
+    }
+    let corners = polygon.len();
+    (0..corners)
+        .map(|k| to_segment(point, polygon[k], polygon[(k + 1) % corners]))
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// A point inside a polygon for its name: the mean of its corners, or beside an edge where that lies outside.
+fn inner_point(corners: &[DVec2]) -> DVec2 {
+    let mean = corners.iter().copied().sum::<DVec2>() / corners.len() as f64;
+    if point_in_polygon(mean, corners) {
+        return mean;
+    }
+    let beside = corners.windows(2).map(|w| {
+        let inward = (w[1] - w[0]).perp().normalize_or_zero();
+        (w[0] + w[1]) / 2.0 + inward * NAME_HEIGHT
+    });
+    beside.into_iter().find(|&p| point_in_polygon(p, corners)).unwrap_or(mean)
+}

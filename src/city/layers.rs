@@ -1,0 +1,49 @@
+//! The layers of a map drawing and the colours a CAD program shows them in.
+
+use super::SceneryKind;
+
+pub const LANES: &str = "LANES";
+pub const CONNECTORS: &str = "CONNECTORS";
+pub const STOP_LINES: &str = "STOP_LINES";
+pub const YIELD_LINES: &str = "YIELD_LINES";
+pub const ARROWS: &str = "ARROWS";
+pub const NAMES: &str = "NAMES";
+pub const SPEEDS: &str = "SPEEDS";
+/// What every scenery layer starts with; see [`SceneryKind::layer`].
+pub const SCENERY_PREFIX: &str = "SCENERY_";
+
+/// The kind of scenery a layer holds. DXF layer names do not tell capitals from small letters.
+pub fn scenery_kind(layer: &str) -> Option<SceneryKind> {
+    SceneryKind::ALL.into_iter().find(|kind| kind.layer().eq_ignore_ascii_case(layer))
+}
+
+/// AutoCAD colour index of a layer: 7 is black on white and white on black.
+pub fn colour(layer: &str) -> u8 {
+    match layer.to_ascii_uppercase().as_str() {
+        CONNECTORS => 8,
+        STOP_LINES => 1,
+        YIELD_LINES => 2,
+        ARROWS => 3,
+        NAMES => 4,
+        SPEEDS => 5,
+        _ => scenery_kind(layer).map_or(7, scenery_colour),
+    }
+}
+
+fn scenery_colour(kind: SceneryKind) -> u8 {
+    match kind {
+        SceneryKind::Building => 33,
+        SceneryKind::Wall => 252,
+        SceneryKind::Hedge => 94,
+        SceneryKind::Tree => 96,
+        SceneryKind::Lamp => 41,
+        SceneryKind::Bench => 35,
+        SceneryKind::Grass => 72,
+        SceneryKind::Bed => 220,
+        SceneryKind::Water => 150,
+        SceneryKind::Paving => 254,
+        SceneryKind::Parking => 250,
+        SceneryKind::Playground => 30,
+        SceneryKind::PicnicTable => 37,
+    }
+}

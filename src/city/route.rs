@@ -1,0 +1,93 @@
+//! Ways through the graph of lanes.
+
+use super::{ConflictZone, ControlLine, Lane, LaneId, RoadMap, Scenery, ZoneId};
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+/// A length as the key of a queue: lengths are finite and not negative.
+#[derive(PartialEq)]
+struct Length(f64);
+
+impl Eq for Length {}
+
+impl PartialOrd for Length {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Length {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.0.total_cmp(&other.0)
+    }
+}
+
+impl RoadMap {
+    /// Lanes and zones by id.
+    pub(super) fn new(
+        lanes: Vec<Lane>,
+        zones: Vec<ConflictZone>,
+        lines: Vec<ControlLine>,
+        scenery: Vec<Scenery>,
+    ) -> Self {
+        let mut on_lane: Vec<Vec<(f64, ZoneId)>> = vec![Vec::new(); lanes.len()];
+        for zone in &zones {
+            for side in &zone.sides {
+                on_lane[side.lane.index()].push((side.from_m, zone.id));
+            }
+        }
+        let by_place = |mut zones: Vec<(f64, ZoneId)>| {
+            zones.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            zones.into_iter().map(|(_, id)| id).collect()
+        };
+        let zones_of_lane = on_lane.into_iter().map(by_place).collect();
+        Self { lanes, zones, lines, scenery, zones_of_lane }
+    }
+
+    /// The shortest way over allowed lanes, both ends included: the least sum of the lengths of its
+    /// lanes, whole lanes counted (Dijkstra). Of equal ways always the same one. `None` if there is
+    /// none, or if either end is not allowed.
+    pub fn shortest_route(
+        &self,
+        from: LaneId,
+        to: LaneId,
+        allowed: impl Fn(LaneId) -> bool,
+    ) -> Option<Vec<LaneId>> {
+        if !allowed(from) {
+            return None;
+        }
+        let mut best = vec![f64::INFINITY; self.lanes.len()];
+        let mut before: Vec<Option<LaneId>> = vec![None; self.lanes.len()];
+        let mut open = BinaryHeap::new();
+        best[from.index()] = self.lane(from).curve.length();
+        open.push(Reverse((Length(best[from.index()]), from)));
+        while let Some(Reverse((Length(length), lane))) = open.pop() {
+            if lane == to {
+                let mut route = vec![to];
+                while let Some(previous) = before[route[route.len() - 1].index()] {
+                    route.push(previous);
+                }
+                route.reverse();
+                return Some(route);
+            }
+            if length > best[lane.index()] {
+                continue;
+            }
+            for &next in &self.lane(lane).successors {
+                let longer = length + self.lane(next).curve.length();
+                if longer < best[next.index()] && allowed(next) {
+                    best[next.index()] = longer;
+                    before[next.index()] = Some(lane);
+                    open.push(Reverse((Length(longer), next)));
+                }
+            }
+        }
+        None
+    }
+
+    /// The tightest radius of a lane's centre line, in metres of the map; infinite of a straight lane.
+    pub fn min_radius(&self, lane: LaneId) -> f64 {
+        let curve = &self.lane(lane).curve;
+        curve.min_radius(0.0, curve.length())
+    }
+}
