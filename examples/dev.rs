@@ -21,30 +21,42 @@ fn main() {
     tracing_subscriber::fmt().init();
     let t0 = std::time::Instant::now();
     let context = Context::headless(&AdapterPreference::from_environment()).unwrap();
-    let mut ground = Mesh::default();
-    let g = Finish::new(Surface::Grass, [96, 128, 62], Class::Grass);
-    for x in -4..4 { for y in -4..4 {
-    let (x, y) = (x as f32 * 20.0, y as f32 * 20.0);
-    let g = if y == 0.0 { Finish::new(Surface::Asphalt, [90, 90, 92], Class::Road) } else { g };
-    ground.plate(&[vec3(x, y, 0.0), vec3(x + 20.0, y, 0.0), vec3(x + 20.0, y + 20.0, 0.0), vec3(x, y + 20.0, 0.0)], g, 4.0);
-    }}
-    ground.block(vec3(20.0, 30.0, 0.0), vec3(12.0, 12.0, 9.0), 0.0, Finish::new(Surface::Brick, [170, 110, 90], Class::Building));
-    let scene = SceneDescription { meshes: vec![ground], bounds: [vec3(-80.0, -80.0, 0.0), vec3(80.0, 80.0, 15.0)] };
+    let map = city3d::city::map_of_drawing(&city3d::city::generate::ids3c()).unwrap_or_else(|e| panic!("{e}"));
+    println!("map {:?}", t0.elapsed());
+    let map = map.map.to_city(city3d::geom::LengthScale::TESTBED);
+    let scene = SceneDescription::from_map(&map);
+    println!("triangles {:?} bounds {:?}", scene.meshes.iter().map(|m| m.triangle_count()).collect::<Vec<_>>(), scene.bounds);
     println!("scene {:?}", t0.elapsed());
-    let mut renderer = Renderer::new(&context, &scene, Settings::default()).unwrap();
+    let mut renderer = Renderer::new(&context, &scene, Settings { quality: if std::env::var("FAST").is_ok() { Quality::FAST } else { Quality::HIGH }, ..Settings::default() }).unwrap();
     println!("renderer {:?}", t0.elapsed());
     let kinds = [BodyType::Sedan, BodyType::Hatchback, BodyType::Suv, BodyType::Van];
-    let colours = [[178, 34, 34], [40, 80, 150], [220, 222, 225], [40, 44, 48]];
-    let (vehicles, roster): (Vec<_>, Vec<_>) = (0..4).map(|k| car(k, kinds[k as usize], colours[k as usize], Pose2::new(f64::from(k) * 7.0, 8.0, 0.0))).unzip();
+    let colours = [[178, 34, 34], [40, 80, 150], [220, 222, 225], [40, 44, 48], [196, 148, 48], [72, 110, 84]];
+    let mut cars = Vec::new();
+    for (k, lane) in map.lanes.iter().filter(|l| l.curve.length() > 12.0).enumerate() {
+        let k = k as u32;
+        let pose = lane.curve.at(lane.curve.length() * (0.3 + 0.1 * f64::from(k % 5))).pose;
+        let pose = pose.advanced(-1.5);
+        if cars.iter().any(|(s, _): &(VehicleState, VehicleInfo)| s.position.truncate().distance(pose.position) < 9.0) { continue; }
+        cars.push(car(cars.len() as u32, kinds[(k * 7 % 4) as usize], colours[(k * 5 % 6) as usize], pose));
+    }
+    println!("cars {}", cars.len());
+    let (vehicles, roster): (Vec<_>, Vec<_>) = cars.into_iter().unzip();
     let snapshot = FrameSnapshot { vehicles, roster: Arc::new(roster), ..Default::default() };
     let lens = Lens { extent: [1280, 720], ..Default::default() };
     let views = [
-        Camera::Orbit { target: dvec3(10.0, 8.0, 0.8), distance_m: 17.0, azimuth_rad: -1.0, elevation_rad: 0.25 },
-        Camera::Orbit { target: dvec3(10.0, 8.0, 0.8), distance_m: 17.0, azimuth_rad: -2.3, elevation_rad: 0.2 },
+        Camera::Orbit { target: dvec3(-50.0, -48.0, 0.0), distance_m: 48.0, azimuth_rad: 0.9, elevation_rad: 0.42 },
         Camera::onboard(VehicleId(0), Mount::Windscreen),
+        Camera::chase(VehicleId(12)),
+        Camera::Overhead { centre: dvec2(0.0, 0.0), height_m: 180.0 },
+        Camera::Orbit { target: dvec3(-20.0, 15.0, 2.0), distance_m: 60.0, azimuth_rad: -2.0, elevation_rad: 0.5 },
+        Camera::onboard(VehicleId(20), Mount::Bumper),
+        Camera::Overhead { centre: dvec2(0.0, -10.0), height_m: 50.0 },
+        Camera::chase(VehicleId(5)),
     ].map(|c| c.view(&snapshot, &lens).unwrap());
+    for m in &scene.meshes { for v in &m.vertices { assert!(v.position.is_finite() && v.normal.is_finite() && v.uv.is_finite() && v.position.abs().max_element() < 2000.0, "{v:?}"); } }
     let t = std::time::Instant::now();
-    let images = renderer.render(&snapshot, &views).unwrap();
-    println!("3 pictures {:?}", t.elapsed());
+    let mut images = Vec::new();
+    for (k, v) in views.iter().enumerate() { images.extend(renderer.render(&snapshot, &[*v]).unwrap()); println!("view {k} {:?}", t.elapsed()); }
+    println!("pictures {:?}", t.elapsed());
     for (k, image) in images.iter().enumerate() { write_png(std::path::Path::new(&format!("/tmp/render/a{k}.png")), image).unwrap(); }
 }

@@ -37,7 +37,7 @@ fn vertex_main(in: VertexIn) -> Fragment {
 
 @fragment
 fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
-    let texel = textureSample(surfaces, surface_sampler, in.uv, in.layer);
+    let texel = textureSampleBias(surfaces, surface_sampler, in.uv, in.layer, -0.5);
     var pattern = texel.rgb;
     if detail {
         let broad = textureSample(surfaces, surface_sampler, in.uv * 0.113 + 0.37, in.layer).rgb;

@@ -7,7 +7,8 @@ use glam::Vec3;
 pub struct Quality {
     /// Samples a pixel: 1 or 4.
     pub samples: u32,
-    /// How many texels along the steeper direction a texture lookup may take.
+    /// How many texels along the steeper direction a texture lookup may take; a software adapter
+    /// takes one.
     pub anisotropy: u16,
     /// Shadow edges of several lookups instead of one.
     pub soft_shadows: bool,

@@ -5,12 +5,14 @@
 mod buildings;
 mod field;
 mod grounds;
+mod lettering;
 mod markings;
 mod mesh;
 mod plants;
 mod polygon;
 mod props;
 mod roads;
+mod special;
 
 pub use mesh::{Class, Finish, Mesh, Surface, Vertex};
 

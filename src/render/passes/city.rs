@@ -62,6 +62,8 @@ impl CityPass {
             ],
         });
         let view = textures::surfaces(context);
+        // Mesa's software adapter walks an ellipse of texels for anisotropy and does not come back
+        // where derivatives are degenerate (seen with 22.3).
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("surfaces"),
             address_mode_u: wgpu::AddressMode::Repeat,
@@ -69,7 +71,7 @@ impl CityPass {
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
             mipmap_filter: wgpu::MipmapFilterMode::Linear,
-            anisotropy_clamp: quality.anisotropy,
+            anisotropy_clamp: if context.is_software { 1 } else { quality.anisotropy },
             ..Default::default()
         });
         let surfaces = device.create_bind_group(&wgpu::BindGroupDescriptor {
