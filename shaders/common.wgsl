@@ -40,7 +40,9 @@ fn sky_colour(direction: vec3<f32>) -> vec3<f32> {
 }
 
 fn hazed(radiance: vec3<f32>, distance: f32) -> vec3<f32> {
-    let clear = exp(-distance * frame.haze.w);
+    // Clear nearby, closed at the horizon.
+    let depth = distance * frame.haze.w;
+    let clear = exp(-depth * sqrt(depth));
     return mix(frame.haze.rgb, radiance, clear);
 }
 

@@ -45,7 +45,7 @@ fn vertex_main(in: VertexIn) -> Fragment {
     out.gloss = 0.0;
     out.glow = vec3<f32>(0.0);
     switch in.material {
-        case PAINT: { albedo *= in.paint.rgb; out.gloss = 0.8; }
+        case PAINT: { albedo *= in.paint.rgb; out.gloss = 0.5; }
         case GLASS: { out.gloss = 1.0; }
         case HEAD: { out.gloss = 0.9; out.glow = vec3<f32>(0.9, 0.88, 0.8) * 0.5; }
         case TAIL: { out.gloss = 0.6; out.glow = vec3<f32>(1.0, 0.02, 0.01) * (0.12 + in.lamps.x * 4.5); }

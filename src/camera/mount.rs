@@ -179,6 +179,9 @@ mod tests {
     #[test]
     fn a_missing_vehicle_is_named_with_those_present() {
         let error = Camera::chase(VehicleId(3)).view(&snapshot(0.0), &Lens::default()).unwrap_err();
-        assert!(error.to_string().contains("no vehicle 3") && error.to_string().ends_with("are 7"), "{error}");
+        assert!(
+            error.to_string().contains("no vehicle 3") && error.to_string().ends_with("are 7"),
+            "{error}"
+        );
     }
 }

@@ -171,7 +171,8 @@ mod tests {
     #[test]
     fn projection_is_opencvs() {
         let lens = Lens { extent: [640, 480], ..Lens::default() };
-        let view = View::new(Extrinsics::looking_at(DVec3::new(1.0, 2.0, 3.0), DVec3::new(9.0, 2.0, 3.0)), &lens);
+        let view =
+            View::new(Extrinsics::looking_at(DVec3::new(1.0, 2.0, 3.0), DVec3::new(9.0, 2.0, 3.0)), &lens);
         let k = lens.intrinsics();
         // Looking east: right is south (-y), down is -z.
         let pixel = view.project(DVec3::new(11.0, 1.0, 2.5)).unwrap();

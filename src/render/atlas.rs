@@ -54,8 +54,7 @@ impl Atlas {
             })
         };
         let attachment = wgpu::TextureUsages::RENDER_ATTACHMENT;
-        let color =
-            texture("pictures", attachments.format, 1, attachment | wgpu::TextureUsages::COPY_SRC);
+        let color = texture("pictures", attachments.format, 1, attachment | wgpu::TextureUsages::COPY_SRC);
         let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let samples_view = (attachments.samples > 1)
             .then(|| view(&texture("samples", attachments.format, attachments.samples, attachment)));
@@ -79,7 +78,13 @@ impl Atlas {
     }
 
     /// Copies tiles into a buffer, one after the other from `offset` on.
-    pub(super) fn copy_to(&self, encoder: &mut wgpu::CommandEncoder, tiles: usize, buffer: &wgpu::Buffer, offset: u64) {
+    pub(super) fn copy_to(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        tiles: usize,
+        buffer: &wgpu::Buffer,
+        offset: u64,
+    ) {
         for tile in 0..tiles {
             let [x, y] = self.origin(tile);
             encoder.copy_texture_to_buffer(

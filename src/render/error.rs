@@ -14,7 +14,9 @@ pub enum RenderError {
     NoSuchAdapter { wanted: String, present: String },
     #[error("the adapter {adapter} gives no device: {source}")]
     NoDevice { adapter: String, source: wgpu::RequestDeviceError },
-    #[error("a view of {width} x {height} pixels was asked for; the adapter draws from 1 x 1 to {most} x {most}")]
+    #[error(
+        "a view of {width} x {height} pixels was asked for; the adapter draws from 1 x 1 to {most} x {most}"
+    )]
     Extent { width: u32, height: u32, most: u32 },
     #[error("the projection or pose of view {index} holds a number that is not finite")]
     View { index: usize },

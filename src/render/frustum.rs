@@ -25,9 +25,9 @@ impl Frustum {
     }
 
     pub(super) fn may_see_ball(&self, centre: Vec3, radius: f32) -> bool {
-        self.planes.iter().all(|plane| {
-            plane.truncate().dot(centre) + plane.w >= -radius * plane.truncate().length()
-        })
+        self.planes
+            .iter()
+            .all(|plane| plane.truncate().dot(centre) + plane.w >= -radius * plane.truncate().length())
     }
 }
 

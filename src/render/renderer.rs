@@ -4,6 +4,7 @@
 use super::atlas::{Atlas, Ring, padded_row, tile_bytes};
 use super::fleet::{Fleet, linear_from_srgb};
 use super::frustum::Frustum;
+use super::passes::Attachments;
 use super::passes::city::CityPass;
 use super::passes::common::{FrameGroup, gpu_data};
 use super::passes::contact::ContactPass;
@@ -11,7 +12,6 @@ use super::passes::light::LightGroup;
 use super::passes::shadow::{ShadowPass, SunView};
 use super::passes::sky::SkyPass;
 use super::passes::vehicle::VehiclePass;
-use super::passes::Attachments;
 use super::settings::{EXPOSURE, HAZE_SRGB, radiance_of};
 use super::standing::Standing;
 use super::{Context, Image, RenderError, Settings, TargetView};
@@ -313,9 +313,9 @@ impl Renderer {
         gpu_data::Frame {
             to_sun: to_sun.extend(time_s).to_array(),
             sun: [2.55, 2.28, 1.86, EXPOSURE],
-            sky_light: [0.52, 0.64, 0.84, 0.0],
-            ground_light: [0.26, 0.26, 0.22, 0.0],
-            haze: [haze[0], haze[1], haze[2], 0.0011],
+            sky_light: [0.60, 0.72, 0.92, 0.0],
+            ground_light: [0.34, 0.34, 0.30, 0.0],
+            haze: [haze[0], haze[1], haze[2], 1.0 / 720.0],
             shadow_from_world: self.sun_view.shadow_from_world.to_cols_array_2d(),
             shadow_texel: [1.0 / self.settings.quality.shadow_texels as f32, self.sun_view.texel_m, 0.0, 0.0],
         }

@@ -65,7 +65,11 @@ impl Standing {
         let raised = raised.values_mut().map(|bucket| packed.add(&mut bucket.mesh)).collect();
         let ground = ground.values_mut().map(|bucket| packed.add(&mut bucket.mesh)).collect();
         let buffer = |label, contents, usage| {
-            device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents, usage })
+            device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some(label),
+                contents,
+                usage,
+            })
         };
         Self {
             vertices: buffer("city", bytemuck::cast_slice(&packed.vertices), wgpu::BufferUsages::VERTEX),
@@ -139,8 +143,10 @@ pub(super) fn pack_normal(n: Vec3) -> [i8; 4] {
 
 /// Cuts a triangle of the ground along the cells' edges.
 fn split_into(cells: &mut BTreeMap<[i32; 2], Bucket>, corners: [Vertex; 3]) {
-    let [low, high] = [corners[0].position.min(corners[1].position).min(corners[2].position),
-        corners[0].position.max(corners[1].position).max(corners[2].position)];
+    let [low, high] = [
+        corners[0].position.min(corners[1].position).min(corners[2].position),
+        corners[0].position.max(corners[1].position).max(corners[2].position),
+    ];
     let (first, last) = (cell_of(low), cell_of(high));
     // The plain around the city is one piece: nothing is gained by cutting it.
     let whole = high.x - low.x > 8.0 * CELL_M || high.y - low.y > 8.0 * CELL_M;

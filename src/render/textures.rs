@@ -40,7 +40,13 @@ pub(super) fn panorama(context: &Context, sun: Sun) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor::default())
 }
 
-fn texture(context: &Context, label: &str, [width, height]: [u32; 2], layers: u32, mips: u32) -> wgpu::Texture {
+fn texture(
+    context: &Context,
+    label: &str,
+    [width, height]: [u32; 2],
+    layers: u32,
+    mips: u32,
+) -> wgpu::Texture {
     context.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
         size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },
@@ -69,7 +75,11 @@ fn upload(
             aspect: wgpu::TextureAspect::All,
         },
         bytes,
-        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(width * 4), rows_per_image: Some(height) },
+        wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(width * 4),
+            rows_per_image: Some(height),
+        },
         wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
     );
 }

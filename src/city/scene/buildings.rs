@@ -129,7 +129,8 @@ impl Side {
 
     /// A face on it between parts of its width and two heights.
     fn face(&self, mesh: &mut Mesh, [a, b]: [f32; 2], z: [f32; 2], uv: [Vec2; 2], finish: Finish) {
-        let corners = [self.at(a, z[0], 0.0), self.at(b, z[0], 0.0), self.at(b, z[1], 0.0), self.at(a, z[1], 0.0)];
+        let corners =
+            [self.at(a, z[0], 0.0), self.at(b, z[0], 0.0), self.at(b, z[1], 0.0), self.at(a, z[1], 0.0)];
         let uvs = [uv[0], Vec2::new(uv[1].x, uv[0].y), uv[1], Vec2::new(uv[0].x, uv[1].y)];
         let low = if z[0] < 0.5 { 165 } else { 235 };
         mesh.shaded_face(&corners, &uvs, finish, &[low, low, 255, 255]);
@@ -219,7 +220,11 @@ fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str, eaves: f32
             front.slab(mesh, [middle, 3.4], [0.05, high], 0.09, wall(Surface::Wood, colour));
         }
     } else {
-        let middle = if style.ground.surface == Surface::Shopfront { 0.5 } else { 0.5 / (width / BAY_M).round().max(1.0) };
+        let middle = if style.ground.surface == Surface::Shopfront {
+            0.5
+        } else {
+            0.5 / (width / BAY_M).round().max(1.0)
+        };
         let middle = if width < 4.0 { width / 2.0 } else { middle * width };
         front.slab(mesh, [middle, 1.5], [0.05, 2.42], 0.06, TRIM);
         front.slab(mesh, [middle, 1.16], [0.05, 2.25], 0.11, wall(Surface::Wood, [92, 62, 46]));
@@ -231,7 +236,8 @@ fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str, eaves: f32
         return;
     }
     let letter = (0.86 * width / lettering::width_of(&text, 1.0)).min(0.62);
-    let z = if style.gates.is_some() { (storey * 1.15).clamp(2.6, eaves - 0.6) + 0.62 } else { storey * 0.93 };
+    let z =
+        if style.gates.is_some() { (storey * 1.15).clamp(2.6, eaves - 0.6) + 0.62 } else { storey * 0.93 };
     let board_width = lettering::width_of(&text, letter) + 0.7;
     let half = letter * 0.80;
     front.slab(mesh, [width / 2.0, board_width], [z - half, z + half], 0.14, board);
@@ -267,7 +273,11 @@ fn flat_roof(mesh: &mut Mesh, place: &Place<'_>, ring: &[Vec2], eaves: f32) {
         if place.dice(20 + k) < 0.6 {
             let corner = ring[k as usize % ring.len()];
             let at = centre.lerp(corner, 0.25 + 0.3 * place.dice(30 + k));
-            let size = Vec3::new(1.0 + 1.6 * place.dice(40 + k), 1.0 + place.dice(50 + k), 0.7 + 0.9 * place.dice(60 + k));
+            let size = Vec3::new(
+                1.0 + 1.6 * place.dice(40 + k),
+                1.0 + place.dice(50 + k),
+                0.7 + 0.9 * place.dice(60 + k),
+            );
             mesh.block(at.extend(eaves), size, yaw, DARK.shaded(1.9));
         }
     }
@@ -306,10 +316,13 @@ fn gable_roof(mesh: &mut Mesh, ring: &[Vec2], eaves: f32, rise: f32, style: &Sty
     let half = a.distance(d) / 2.0;
     let slope_drop = rise / half * OVERHANG_M;
     let ridge = |p: Vec2, end: f32| (p + along * end).extend(eaves + rise);
-    let eave = |p: Vec2, side: f32, end: f32| (p + along * end + out * (side * OVERHANG_M)).extend(eaves - slope_drop);
+    let eave = |p: Vec2, side: f32, end: f32| {
+        (p + along * end + out * (side * OVERHANG_M)).extend(eaves - slope_drop)
+    };
     let length = a.distance(b) + 2.0 * OVERHANG_M;
     let run = (half + OVERHANG_M).hypot(rise + slope_drop);
-    let uvs = [Vec2::ZERO, Vec2::new(length, 0.0), Vec2::new(length, run), Vec2::new(0.0, run)].map(|uv| uv / 3.0);
+    let uvs =
+        [Vec2::ZERO, Vec2::new(length, 0.0), Vec2::new(length, run), Vec2::new(0.0, run)].map(|uv| uv / 3.0);
     for (corners, lift) in [
         ([eave(a, 1.0, -1.0), eave(b, 1.0, 1.0), ridge(ridge_b, 1.0), ridge(ridge_a, -1.0)], 0.14),
         ([eave(c, -1.0, 1.0), eave(d, -1.0, -1.0), ridge(ridge_a, -1.0), ridge(ridge_b, 1.0)], 0.14),
@@ -330,5 +343,10 @@ fn gable_roof(mesh: &mut Mesh, ring: &[Vec2], eaves: f32, rise: f32, style: &Sty
     }
     let at = ridge_a.lerp(ridge_b, 0.22 + 0.5 * place.dice(12)) + out * (0.25 * half);
     let chimney = wall(Surface::Brick, [150, 96, 80]);
-    mesh.block(at.extend(eaves + 0.4 * rise), Vec3::new(0.7, 0.6, 0.6 * rise + 0.7), along.to_angle(), chimney);
+    mesh.block(
+        at.extend(eaves + 0.4 * rise),
+        Vec3::new(0.7, 0.6, 0.6 * rise + 0.7),
+        along.to_angle(),
+        chimney,
+    );
 }

@@ -41,7 +41,8 @@ impl Field {
     pub(super) fn lower(&mut self, [low, high]: [DVec2; 2], value: impl Fn(DVec2) -> f64) {
         let first = ((low - self.low) / self.step).floor().max(DVec2::ZERO);
         let last = ((high - self.low) / self.step).ceil();
-        let (last_column, last_row) = ((last.x as usize).min(self.columns - 1), (last.y as usize).min(self.rows - 1));
+        let (last_column, last_row) =
+            ((last.x as usize).min(self.columns - 1), (last.y as usize).min(self.rows - 1));
         for row in first.y as usize..=last_row {
             for column in first.x as usize..=last_column {
                 let found = value(self.node(column, row)) as f32;
@@ -86,7 +87,8 @@ impl Field {
         }
         let (fx, fy) = ((at.x - column as f64) as f32, (at.y - row as f64) as f32);
         let value = |dc: usize, dr: usize| self.values[(row + dr) * self.columns + column + dc];
-        let (a, b) = (value(0, 0) * (1.0 - fx) + value(1, 0) * fx, value(0, 1) * (1.0 - fx) + value(1, 1) * fx);
+        let (a, b) =
+            (value(0, 0) * (1.0 - fx) + value(1, 0) * fx, value(0, 1) * (1.0 - fx) + value(1, 1) * fx);
         a * (1.0 - fy) + b * fy
     }
 
@@ -116,7 +118,8 @@ impl Field {
                 }
                 let node = |dc: usize, dr: usize| (row + dr) * self.columns + column + dc;
                 // Bottom, right, top, left.
-                let edges = [(node(0, 0), false), (node(1, 0), true), (node(0, 1), false), (node(0, 0), true)];
+                let edges =
+                    [(node(0, 0), false), (node(1, 0), true), (node(0, 1), false), (node(0, 0), true)];
                 let crossing = |k: usize| low[k] != low[(k + 1) % 4];
                 let middle_low = corner.iter().sum::<f32>() < 0.0;
                 for k in (0..4).filter(|&k| crossing(k) && low[k]) {
@@ -172,7 +175,8 @@ fn regions_of(rings: Vec<Vec<DVec2>>, least_area: f64) -> Vec<Region> {
     regions.sort_by(|a, b| doubled_area(&a.outer).total_cmp(&doubled_area(&b.outer)));
     for hole in holes {
         let home = regions.iter_mut().find(|region| {
-            doubled_area(&region.outer) > doubled_area(&hole).abs() && point_in_polygon(hole[0], &region.outer)
+            doubled_area(&region.outer) > doubled_area(&hole).abs()
+                && point_in_polygon(hole[0], &region.outer)
         });
         if let Some(region) = home {
             region.holes.push(hole);
@@ -218,6 +222,9 @@ mod tests {
         let square = [(-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0)].map(DVec2::from).to_vec();
         let distance = field.distance_to(&[square], 3.0);
         assert!((distance.at(DVec2::new(5.0, 0.0)) - 1.0).abs() < 1e-5);
-        assert!((distance.at(DVec2::new(7.0, 8.0)) - 5.0).abs() < 1e-2 || distance.at(DVec2::new(7.0, 8.0)).is_infinite());
+        assert!(
+            (distance.at(DVec2::new(7.0, 8.0)) - 5.0).abs() < 1e-2
+                || distance.at(DVec2::new(7.0, 8.0)).is_infinite()
+        );
     }
 }

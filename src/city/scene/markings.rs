@@ -56,7 +56,11 @@ fn ribbon(mesh: &mut Mesh, line: &[Pose2], offset: f64, width: f64, finish: Fini
     for pair in line.windows(2) {
         let (a, b) = (pair[0], pair[1]);
         let (low, high) = (offset - width / 2.0, offset + width / 2.0);
-        polygon(mesh, &[a.point_at(0.0, low), b.point_at(0.0, low), b.point_at(0.0, high), a.point_at(0.0, high)], finish);
+        polygon(
+            mesh,
+            &[a.point_at(0.0, low), b.point_at(0.0, low), b.point_at(0.0, high), a.point_at(0.0, high)],
+            finish,
+        );
     }
 }
 
@@ -85,7 +89,7 @@ fn dashes(mesh: &mut Mesh, map: &CityMap, lane: &Lane) {
         Some(Pose2 { position: (pose.position + other) / 2.0, ..pose })
     };
     let mut from = GAP_M / 2.0;
-    while from + DASH_M < length {
+    while from + DASH_M < length - 1.0 {
         let line: Vec<Pose2> = (0..=4).filter_map(|k| beside(from + DASH_M * f64::from(k) / 4.0)).collect();
         if line.len() == 5 {
             ribbon(mesh, &line, 0.0, LINE_M, WHITE);
@@ -119,7 +123,11 @@ fn centre_lines(mesh: &mut Mesh, map: &CityMap, lane: &Lane, field: &RoadField) 
                 && (0.6 * lane.width_m..1.5 * lane.width_m).contains(&apart);
             (along && inside && beside).then_some((pose.position + there.position) / 2.0)
         });
-        match found.filter(|&at| field.distance.at(at) < 0.0) {
+        // Where the neighbour changes, the line begins anew.
+        let goes_on = |at: DVec2| {
+            line.last().is_none_or(|last| (at - last.position).dot(last.left()).abs() < 0.15 * lane.width_m)
+        };
+        match found.filter(|&at| field.distance.at(at) < 0.0 && goes_on(at)) {
             Some(position) => line.push(Pose2 { position, ..pose }),
             None => double_line(mesh, &std::mem::take(&mut line)),
         }
@@ -174,7 +182,11 @@ fn yield_triangles(mesh: &mut Mesh, driving: Pose2, [a, b]: [DVec2; 2]) {
     let back = driving.forward() * -height;
     for k in 0..count as usize {
         let middle = a + along * (margin + (k as f64 + 0.5) * pitch);
-        polygon(mesh, &[middle - along * (width / 2.0), middle + along * (width / 2.0), middle + back], WHITE);
+        polygon(
+            mesh,
+            &[middle - along * (width / 2.0), middle + along * (width / 2.0), middle + back],
+            WHITE,
+        );
     }
 }
 

@@ -144,8 +144,10 @@ impl Mesh {
     /// A box with its bottom left out, turned about z. `centre` is the middle of its bottom.
     pub fn block(&mut self, centre: Vec3, size: Vec3, yaw_rad: f32, finish: Finish) {
         let (sin, cos) = yaw_rad.sin_cos();
-        let (ahead, left) = (Vec3::new(cos, sin, 0.0) * size.x / 2.0, Vec3::new(-sin, cos, 0.0) * size.y / 2.0);
-        let ring = [centre + ahead + left, centre - ahead + left, centre - ahead - left, centre + ahead - left];
+        let (ahead, left) =
+            (Vec3::new(cos, sin, 0.0) * size.x / 2.0, Vec3::new(-sin, cos, 0.0) * size.y / 2.0);
+        let ring =
+            [centre + ahead + left, centre - ahead + left, centre - ahead - left, centre + ahead - left];
         self.prism(&ring, size.z, finish, finish);
     }
 

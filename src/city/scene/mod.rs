@@ -77,3 +77,6 @@ impl Place<'_> {
         (h >> 8) as f32 / (1 << 24) as f32
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -26,17 +26,16 @@ pub(super) fn tree(mesh: &mut Mesh, place: &Place<'_>) {
     match place.dice(3) {
         // Round crowns of three clumps.
         d if d < 0.52 => {
-            let height = (2.2 * radius + 2.2) * scale;
-            let trunk = (height - 1.15 * radius).max(1.4);
-            mesh.frustum(foot, [0.05 * radius + 0.10, 0.06 * radius + 0.03], trunk, 6, BARK);
+            let height = (2.5 * radius + 1.6) * scale;
+            mesh.frustum(foot, [0.05 * radius + 0.09, 0.05], height - 1.0 * radius, 6, BARK);
             let turn = place.dice(4) * TAU;
-            let top = foot + Vec3::Z * (height - 0.75 * radius);
-            blob(mesh, top, Vec3::new(0.78, 0.78, 0.74) * radius, place.seed, leaves);
-            for k in 0..2 {
-                let (sin, cos) = (turn + PI * k as f32 + 0.4 * place.dice(5)).sin_cos();
-                let low = Vec3::new(cos, sin, 0.0) * (0.42 * radius) - Vec3::Z * (0.38 * radius);
-                let size = Vec3::new(0.60, 0.60, 0.54) * radius;
-                blob(mesh, top + low, size, place.seed + 7 + k, leaves.shaded(0.93));
+            let top = foot + Vec3::Z * (height - 0.86 * radius);
+            blob(mesh, top, Vec3::new(0.84, 0.84, 0.86) * radius, place.seed, leaves);
+            for k in 0..3 {
+                let (sin, cos) = (turn + TAU / 3.0 * (k as f32 + 0.3 * place.dice(5))).sin_cos();
+                let low = Vec3::new(cos, sin, 0.0) * (0.44 * radius) - Vec3::Z * (0.46 * radius);
+                let size = Vec3::new(0.62, 0.62, 0.58) * radius;
+                blob(mesh, top + low, size, place.seed + 7 + k, leaves.shaded(0.94));
             }
         }
         // Upright, one clump.
@@ -72,7 +71,9 @@ fn blob(mesh: &mut Mesh, centre: Vec3, size: Vec3, seed: u32, finish: Finish) {
     const AROUND: u32 = 9;
     const RINGS: u32 = 6;
     let bulge = |k: u32, ring: u32| {
-        let h = (k % AROUND).wrapping_mul(73_856_093) ^ ring.wrapping_mul(19_349_663) ^ seed.wrapping_mul(83_492_791);
+        let h = (k % AROUND).wrapping_mul(73_856_093)
+            ^ ring.wrapping_mul(19_349_663)
+            ^ seed.wrapping_mul(83_492_791);
         0.86 + 0.26 * ((h.wrapping_mul(0x9E37_79B1) >> 16) & 0xff) as f32 / 255.0
     };
     let base = mesh.vertices.len() as u32;
@@ -84,8 +85,9 @@ fn blob(mesh: &mut Mesh, centre: Vec3, size: Vec3, seed: u32, finish: Finish) {
             let pole = ring == 0 || ring == RINGS;
             let swell = if pole { 0.95 } else { bulge(k, ring) };
             let normal = (out / size).normalize_or(Vec3::Z);
-            let openness = (150.0 + 105.0 * (0.5 + 0.5 * sin_up)) as u8;
-            let uv = Vec2::new(k as f32 / AROUND as f32 * 2.0, ring as f32 / RINGS as f32) * (size.x / 1.6).max(0.6);
+            let openness = (176.0 + 79.0 * (0.5 + 0.5 * sin_up)) as u8;
+            let uv = Vec2::new(k as f32 / AROUND as f32 * 2.0, ring as f32 / RINGS as f32)
+                * (size.x / 1.6).max(0.6);
             mesh.vertex(Vertex { position: centre + out * size * swell, normal, uv, finish, openness });
         }
     }

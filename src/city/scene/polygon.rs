@@ -233,7 +233,12 @@ mod tests {
     #[test]
     fn simplifying_keeps_corners_and_drops_the_rest() {
         let mut ring = Vec::new();
-        for (a, b) in [((0.0, 0.0), (4.0, 0.0)), ((4.0, 0.0), (4.0, 4.0)), ((4.0, 4.0), (0.0, 4.0)), ((0.0, 4.0), (0.0, 0.0))] {
+        for (a, b) in [
+            ((0.0, 0.0), (4.0, 0.0)),
+            ((4.0, 0.0), (4.0, 4.0)),
+            ((4.0, 4.0), (0.0, 4.0)),
+            ((0.0, 4.0), (0.0, 0.0)),
+        ] {
             for k in 0..10 {
                 ring.push(DVec2::from(a).lerp(DVec2::from(b), f64::from(k) / 10.0));
             }

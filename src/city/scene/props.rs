@@ -89,8 +89,7 @@ pub(super) fn lamp(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) {
     mesh.block(head, Vec3::new(0.55, 0.22, 0.10), towards.to_angle(), POST);
     // Its lens, seen from below.
     let (ahead, left) = (towards * 0.24, towards.perp() * 0.09);
-    let lens = [ahead + left, ahead - left, -ahead - left, -ahead + left]
-        .map(|d| head + d.extend(-0.01));
+    let lens = [ahead + left, ahead - left, -ahead - left, -ahead + left].map(|d| head + d.extend(-0.01));
     mesh.plate(&lens, LANTERN, 1.0);
 }
 
@@ -113,9 +112,19 @@ pub(super) fn picnic_table(mesh: &mut Mesh, place: &Place<'_>) {
     let ahead = Vec2::from_angle(yaw).extend(0.0);
     mesh.block(at + Vec3::Z * 0.72, Vec3::new(length, width * 0.5, 0.06), yaw, SLATS);
     for end in [-0.36, 0.36] {
-        mesh.block(at + side * (width * end * 1.2) + Vec3::Z * 0.42, Vec3::new(length, 0.28, 0.05), yaw, SLATS);
+        mesh.block(
+            at + side * (width * end * 1.2) + Vec3::Z * 0.42,
+            Vec3::new(length, 0.28, 0.05),
+            yaw,
+            SLATS,
+        );
         mesh.block(at + ahead * (length * end), Vec3::new(0.09, width * 0.75, 0.42), yaw, SLATS.shaded(0.8));
-        mesh.block(at + ahead * (length * end) + Vec3::Z * 0.4, Vec3::new(0.09, 0.3, 0.32), yaw, SLATS.shaded(0.8));
+        mesh.block(
+            at + ahead * (length * end) + Vec3::Z * 0.4,
+            Vec3::new(0.09, 0.3, 0.32),
+            yaw,
+            SLATS.shaded(0.8),
+        );
     }
 }
 
@@ -155,7 +164,8 @@ pub(super) fn playground(mesh: &mut Mesh, place: &Place<'_>) {
     }
     mesh.block(tower + Vec3::Z * 1.25, Vec3::new(1.3, 1.3, 0.08), 0.0, SLATS);
     let peak = tower + Vec3::Z * 3.0;
-    let eaves = [(-0.8, -0.8), (0.8, -0.8), (0.8, 0.8), (-0.8, 0.8)].map(|(x, y)| tower + Vec3::new(x, y, 2.3));
+    let eaves =
+        [(-0.8, -0.8), (0.8, -0.8), (0.8, 0.8), (-0.8, 0.8)].map(|(x, y)| tower + Vec3::new(x, y, 2.3));
     for k in 0..4 {
         mesh.plate(&[eaves[k], eaves[(k + 1) % 4], peak], BLUE, 2.0);
     }
@@ -169,6 +179,11 @@ pub(super) fn playground(mesh: &mut Mesh, place: &Place<'_>) {
     for k in 0..4 {
         let x = -0.9 + 0.6 * k as f32;
         mesh.block(frame + Vec3::new(x, 0.0, 0.0), Vec3::new(0.07, 0.07, 1.5), 0.0, YELLOW);
-        mesh.block(frame + Vec3::new(0.0, 0.0, 0.35 + 0.36 * k as f32), Vec3::new(1.9, 0.06, 0.06), 0.0, BLUE);
+        mesh.block(
+            frame + Vec3::new(0.0, 0.0, 0.35 + 0.36 * k as f32),
+            Vec3::new(1.9, 0.06, 0.06),
+            0.0,
+            BLUE,
+        );
     }
 }

@@ -3,7 +3,7 @@
 use super::field::Field;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::polygon::Region;
-use crate::city::{CityMap, Lane};
+use crate::city::{CityMap, Lane, LaneId};
 use crate::geom::Segment;
 use glam::{DVec2, Vec2, Vec3};
 
@@ -46,7 +46,7 @@ struct Profile {
 }
 
 impl Profile {
-    fn new(lane: &Lane) -> Self {
+    fn new(map: &CityMap, lane: &Lane) -> Self {
         let length = lane.curve.length();
         let count = (length / 0.5).ceil().max(1.0) as usize;
         let step = length / count as f64;
@@ -54,16 +54,26 @@ impl Profile {
             .map(|k| lane.half_widths_at((k as f64 * step).clamp(1e-6, (length - 1e-6).max(1e-6))))
             .collect();
         let half = lane.width_m / 2.0;
+        // What bends of the lanes before and behind ask for at the ends of this one.
+        let beyond = |ids: &[LaneId], at_start: bool| {
+            let near = |lane: &Lane| if at_start { (lane.curve.length() - 1e-6).max(0.0) } else { 1e-6 };
+            ids.iter().map(|&id| map.lane(id)).map(|lane| lane.half_widths_at(near(lane))).collect::<Vec<_>>()
+        };
+        let (before, after) = (beyond(&lane.predecessors, true), beyond(&lane.successors, false));
         let smooth = |side: &dyn Fn(&(f64, f64)) -> f64| -> Vec<f64> {
             let reach = (TAPER_M / step) as usize;
+            let widest = |widths: &[(f64, f64)]| widths.iter().map(side).fold(half, f64::max);
+            let (before, after) = (widest(&before), widest(&after));
+            let eased = |width: f64, away: f64| {
+                let far = (away / TAPER_M).min(1.0);
+                half + (width - half) * (1.0 - far * far * (3.0 - 2.0 * far))
+            };
             (0..=count)
                 .map(|k| {
+                    let ends = eased(before, k as f64 * step).max(eased(after, (count - k) as f64 * step));
                     (k.saturating_sub(reach)..=(k + reach).min(count))
-                        .map(|j| {
-                            let far = k.abs_diff(j) as f64 * step / TAPER_M;
-                            half + (side(&raw[j]) - half) * (1.0 - far * far * (3.0 - 2.0 * far)).max(0.0)
-                        })
-                        .fold(half, f64::max)
+                        .map(|j| eased(side(&raw[j]), k.abs_diff(j) as f64 * step))
+                        .fold(ends, f64::max)
                 })
                 .collect()
         };
@@ -100,14 +110,15 @@ impl RoadField {
         let reach = FILLET_M + 2.5;
         let mut raw = Field::new([low - MARGIN_M, high + MARGIN_M], STEP_M);
         for lane in &map.lanes {
-            let profile = Profile::new(lane);
+            let profile = Profile::new(map, lane);
             for (index, segment) in lane.curve.segments().iter().enumerate() {
                 let station = lane.curve.station(index);
                 let margin = lane.width_m + reach;
                 raw.lower(segment_box(segment, margin), |point| {
                     let (s, lateral) = on_segment(segment, point);
                     let beyond = (-s).max(s - segment.length).max(0.0);
-                    let side = lateral.abs() - profile.at(station + s.clamp(0.0, segment.length), lateral > 0.0);
+                    let side =
+                        lateral.abs() - profile.at(station + s.clamp(0.0, segment.length), lateral > 0.0);
                     if beyond > 0.0 { beyond.hypot(side.max(0.0)) } else { side }
                 });
             }
@@ -116,9 +127,13 @@ impl RoadField {
         let out = raw.rings(FILLET_M as f32, 0.01);
         let back = raw.distance_to(&out, reach);
         let fillet = FILLET_M as f32;
-        let distance = raw.with(&back, |raw, back| {
-            if raw >= fillet || !back.is_finite() { raw } else { raw.min(fillet - back) }
-        });
+        let distance =
+            raw.with(
+                &back,
+                |raw, back| {
+                    if raw >= fillet || !back.is_finite() { raw } else { raw.min(fillet - back) }
+                },
+            );
         Self { distance }
     }
 }

@@ -122,7 +122,11 @@ fn clock(mesh: &mut Mesh, centre: Vec3, out: Vec2) {
         let along = across * cos + Vec3::Z * sin;
         let side = (across * -sin + Vec3::Z * cos) * 0.05;
         let foot = centre + out.extend(0.0) * 0.04;
-        mesh.plate(&[foot - side, foot + along * length - side, foot + along * length + side, foot + side], DARK, 2.0);
+        mesh.plate(
+            &[foot - side, foot + along * length - side, foot + along * length + side, foot + side],
+            DARK,
+            2.0,
+        );
     }
 }
 

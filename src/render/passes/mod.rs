@@ -38,8 +38,7 @@ pub(super) fn picture_pipeline(
     state: &PictureState<'_>,
 ) -> wgpu::RenderPipeline {
     let module = state.shader.module(device);
-    let options =
-        wgpu::PipelineCompilationOptions { constants: state.constants, ..Default::default() };
+    let options = wgpu::PipelineCompilationOptions { constants: state.constants, ..Default::default() };
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: None,
         bind_group_layouts: state.groups,

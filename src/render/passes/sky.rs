@@ -89,7 +89,11 @@ impl SkyPass {
         );
         let (vertices, indices) = dome();
         let buffer = |contents, usage| {
-            device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some("sky"), contents, usage })
+            device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some("sky"),
+                contents,
+                usage,
+            })
         };
         Self {
             pipeline,

@@ -78,8 +78,7 @@ mod tests {
     #[test]
     fn attributes_lie_where_the_instance_has_them() {
         let rows = offset_of!(Instance, rows);
-        let offsets =
-            [rows, rows + 16, rows + 32, offset_of!(Instance, paint), offset_of!(Instance, lamps)];
+        let offsets = [rows, rows + 16, rows + 32, offset_of!(Instance, paint), offset_of!(Instance, lamps)];
         assert_eq!(ATTRIBUTES.map(|a| a.offset as usize), offsets);
         assert_eq!(size_of::<Instance>(), offset_of!(Instance, lamps) + 16);
     }

@@ -82,8 +82,9 @@ fn paint(at: [f32; 2]) -> Texel {
 
 fn brick(at: [f32; 2]) -> Texel {
     let (inside, piece) = bond(at, 8, 24, [0.03, 0.09], 0.5);
-    let tone = 0.80 + 0.30 * (hash(piece, 9, 6) - 0.5) + 0.10 * (value(at, [80, 80], 51) - 0.5);
-    if inside > 0.5 { grey(tone) } else { ([0.86, 0.84, 0.80], 1.0) }
+    let tone = 0.78 + 0.16 * (hash(piece, 9, 6) - 0.5) + 0.10 * (value(at, [80, 80], 51) - 0.5);
+    let joint = 1.0 - inside.min(1.0);
+    (std::array::from_fn(|k| tone + ([0.98, 0.97, 0.95][k] - tone) * joint), 1.0)
 }
 
 /// Soft edge of a rectangle: 1 inside, 0 outside.
@@ -106,7 +107,8 @@ fn windows(at: [f32; 2]) -> Texel {
     let [u, v] = at;
     let wall = render_wall(at);
     if within(at, [0.30, 0.70], [0.30, 0.80]) {
-        let frame = !within(at, [0.325, 0.675], [0.325, 0.775]) || (u - 0.5).abs() < 0.012 || (v - 0.62).abs() < 0.01;
+        let frame =
+            !within(at, [0.325, 0.675], [0.325, 0.775]) || (u - 0.5).abs() < 0.012 || (v - 0.62).abs() < 0.01;
         return if frame { ([0.95, 0.95, 0.93], 1.0) } else { pane([u, (v - 0.3) * 2.0], 1) };
     }
     if within(at, [0.27, 0.73], [0.262, 0.30]) {

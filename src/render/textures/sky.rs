@@ -19,7 +19,8 @@ pub(super) fn paint([width, height]: [u32; 2], to_sun: Vec3) -> Vec<u8> {
             let elevation = elevation_of(v);
             (0..width).flat_map(move |x| {
                 let u = (x as f32 + 0.5) / width as f32;
-                let [r, g, b] = colour(u, elevation, to_sun).map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
+                let [r, g, b] =
+                    colour(u, elevation, to_sun).map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
                 [r, g, b, 255]
             })
         })

@@ -23,7 +23,16 @@ struct Shape {
 }
 
 const SEDAN: Shape = Shape {
-    deck: &[(0.0, 0.60), (0.06, 0.635), (0.2, 0.645), (0.5, 0.615), (0.7, 0.60), (0.88, 0.54), (0.97, 0.49), (1.0, 0.46)],
+    deck: &[
+        (0.0, 0.60),
+        (0.06, 0.635),
+        (0.2, 0.645),
+        (0.5, 0.615),
+        (0.7, 0.60),
+        (0.88, 0.54),
+        (0.97, 0.49),
+        (1.0, 0.46),
+    ],
     cabin: [0.15, 0.31, 0.565, 0.735],
     pillar: 0.46,
     roof_fall: 0.035,
@@ -31,7 +40,16 @@ const SEDAN: Shape = Shape {
     rear_glass: true,
 };
 const HATCHBACK: Shape = Shape {
-    deck: &[(0.0, 0.60), (0.04, 0.64), (0.2, 0.645), (0.5, 0.61), (0.74, 0.60), (0.9, 0.535), (0.975, 0.48), (1.0, 0.45)],
+    deck: &[
+        (0.0, 0.60),
+        (0.04, 0.64),
+        (0.2, 0.645),
+        (0.5, 0.61),
+        (0.74, 0.60),
+        (0.9, 0.535),
+        (0.975, 0.48),
+        (1.0, 0.45),
+    ],
     cabin: [0.02, 0.14, 0.585, 0.765],
     pillar: 0.45,
     roof_fall: 0.055,
@@ -39,7 +57,16 @@ const HATCHBACK: Shape = Shape {
     rear_glass: true,
 };
 const SUV: Shape = Shape {
-    deck: &[(0.0, 0.60), (0.03, 0.635), (0.2, 0.64), (0.5, 0.62), (0.73, 0.615), (0.9, 0.585), (0.975, 0.54), (1.0, 0.50)],
+    deck: &[
+        (0.0, 0.60),
+        (0.03, 0.635),
+        (0.2, 0.64),
+        (0.5, 0.62),
+        (0.73, 0.615),
+        (0.9, 0.585),
+        (0.975, 0.54),
+        (1.0, 0.50),
+    ],
     cabin: [0.015, 0.085, 0.575, 0.735],
     pillar: 0.45,
     roof_fall: 0.02,
@@ -138,9 +165,8 @@ impl Builder<'_> {
         let end = ((2.0 * t - 1.0).abs() - 0.93).max(0.0) / 0.07;
         let low = self.sill + 0.10 * self.height * end * end;
         let high = self.deck(t) - 0.05 * self.height * end * end;
-        let side = |sign: f32| {
-            move |&(y, z): &(f32, f32)| Vec3::new(x, sign * y * half, low + z * (high - low))
-        };
+        let side =
+            |sign: f32| move |&(y, z): &(f32, f32)| Vec3::new(x, sign * y * half, low + z * (high - low));
         let mut ring: Vec<Vec3> = SECTION.iter().map(side(-1.0)).collect();
         ring.extend(SECTION.iter().rev().skip(1).map(side(1.0)));
         ring
@@ -148,7 +174,8 @@ impl Builder<'_> {
 
     fn shell(&mut self) {
         let stops = [
-            0.0, 0.008, 0.02, 0.045, 0.09, 0.16, 0.25, 0.36, 0.48, 0.60, 0.70, 0.78, 0.85, 0.91, 0.955, 0.98, 0.992, 1.0,
+            0.0, 0.008, 0.02, 0.045, 0.09, 0.16, 0.25, 0.36, 0.48, 0.60, 0.70, 0.78, 0.85, 0.91, 0.955, 0.98,
+            0.992, 1.0,
         ];
         let loft = Loft { sections: stops.iter().map(|&t| self.shell_section(t)).collect() };
         let last = stops.len() - 2;
@@ -200,14 +227,28 @@ impl Builder<'_> {
             let farther = x + facing * 0.004;
             let (lamp_low, lamp_high) = (z(0.56), z(0.86));
             for side in [-1.0_f32, 1.0] {
-                let band = |a: f32, b: f32| [(side * a * half).min(side * b * half), (side * a * half).max(side * b * half)];
+                let band = |a: f32, b: f32| {
+                    [(side * a * half).min(side * b * half), (side * a * half).max(side * b * half)]
+                };
                 let left = side > 0.0;
                 if facing > 0.0 {
                     self.mesh.upright(x, facing, band(0.55, 0.97), [lamp_low, lamp_high], HEAD);
-                    self.mesh.upright(farther, facing, band(0.86, 0.97), [lamp_low, z(0.70)], indicator(left));
+                    self.mesh.upright(
+                        farther,
+                        facing,
+                        band(0.86, 0.97),
+                        [lamp_low, z(0.70)],
+                        indicator(left),
+                    );
                 } else {
                     self.mesh.upright(x, facing, band(0.52, 0.97), [lamp_low, lamp_high], TAIL);
-                    self.mesh.upright(farther, facing, band(0.78, 0.97), [lamp_low, z(0.68)], indicator(left));
+                    self.mesh.upright(
+                        farther,
+                        facing,
+                        band(0.78, 0.97),
+                        [lamp_low, z(0.68)],
+                        indicator(left),
+                    );
                     self.mesh.upright(farther, facing, band(0.54, 0.68), [lamp_low, z(0.66)], REVERSE);
                 }
             }
@@ -241,7 +282,8 @@ impl Builder<'_> {
             let t = stops[k];
             let (x, foot) = (self.x(t), self.deck(t) - 0.01);
             let at_foot = k == 0 || k == last;
-            let fall = self.shape.roof_fall * ((front_roof - t) / (front_roof - rear_roof)).clamp(0.0, 1.0).powi(2);
+            let fall =
+                self.shape.roof_fall * ((front_roof - t) / (front_roof - rear_roof)).clamp(0.0, 1.0).powi(2);
             let front = 0.02 * ((t - front_roof + 0.12) / 0.12).clamp(0.0, 1.0);
             let roof = if at_foot { foot + 0.012 } else { self.height * (1.0 - fall - front) - 0.02 };
             let wide = self.plan(t) * 0.935;
@@ -277,7 +319,11 @@ impl Builder<'_> {
                     0 => PAINT,
                     1 if side_glass => GLASS,
                     2.. if is_end && (rear_glass || section > 0) => {
-                        if from_foot == 2 { PAINT } else { GLASS }
+                        if from_foot == 2 {
+                            PAINT
+                        } else {
+                            GLASS
+                        }
                     }
                     1 if is_end && section > 0 => GLASS,
                     _ => PAINT,
@@ -341,7 +387,14 @@ mod tests {
     use super::*;
 
     fn dimensions(height_m: f64) -> Dimensions {
-        Dimensions { length_m: 5.0, width_m: 2.5, height_m, wheelbase_m: 3.0, track_m: 2.1, wheel_radius_m: 0.35 }
+        Dimensions {
+            length_m: 5.0,
+            width_m: 2.5,
+            height_m,
+            wheelbase_m: 3.0,
+            track_m: 2.1,
+            wheel_radius_m: 0.35,
+        }
     }
 
     #[test]

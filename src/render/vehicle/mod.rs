@@ -83,12 +83,7 @@ impl VehicleMesh {
     pub(super) fn upright(&mut self, x: f32, facing: f32, y: [f32; 2], z: [f32; 2], skin: Skin) {
         let (a, b) = if facing > 0.0 { (y[0], y[1]) } else { (y[1], y[0]) };
         self.plate(
-            &[
-                Vec3::new(x, a, z[0]),
-                Vec3::new(x, b, z[0]),
-                Vec3::new(x, b, z[1]),
-                Vec3::new(x, a, z[1]),
-            ],
+            &[Vec3::new(x, a, z[0]), Vec3::new(x, b, z[0]), Vec3::new(x, b, z[1]), Vec3::new(x, a, z[1])],
             skin,
         );
     }
