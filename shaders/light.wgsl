@@ -7,8 +7,10 @@
 override soft_shadows: bool = true;
 
 fn sunlit(world: vec3<f32>, normal: vec3<f32>) -> f32 {
-    // Moved along the normal by more than a texel, so that a surface does not shade itself.
-    let lifted = world + normal * (frame.shadow_texel.y * 1.6);
+    // Moved along the normal by more than a texel, farther where the sun grazes it, so that a surface
+    // does not shade itself.
+    let grazing = 1.0 - clamp(dot(normal, frame.to_sun.xyz), 0.0, 1.0);
+    let lifted = world + normal * (frame.shadow_texel.y * (1.2 + 2.6 * grazing * grazing));
     let p = frame.shadow_from_world * vec4<f32>(lifted, 1.0);
     let uv = p.xy * vec2<f32>(0.5, -0.5) + 0.5;
     if !soft_shadows {

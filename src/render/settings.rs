@@ -24,7 +24,7 @@ impl Quality {
         Self { samples: 4, anisotropy: 8, soft_shadows: true, detail: true, shadow_texels: 4096 };
     /// For many cameras on a software adapter.
     pub const FAST: Self =
-        Self { samples: 1, anisotropy: 1, soft_shadows: false, detail: false, shadow_texels: 4096 };
+        Self { samples: 1, anisotropy: 1, soft_shadows: false, detail: false, shadow_texels: 2048 };
 }
 
 /// Where the sun stands.

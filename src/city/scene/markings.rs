@@ -108,6 +108,18 @@ fn centre_lines(mesh: &mut Mesh, map: &CityMap, lane: &Lane, field: &RoadField) 
         .iter()
         .filter(|other| other.kind == LaneKind::Lane && other.id > lane.id && near(lane, other))
         .collect();
+    let alongside: Vec<&Lane> = map
+        .lanes
+        .iter()
+        .filter(|other| other.kind == LaneKind::Lane && other.id != lane.id && near(lane, other))
+        .collect();
+    // Of lanes that merge, the one nearest to the other direction has the line.
+    let is_nearest = |at: DVec2, own: f64| {
+        alongside.iter().all(|other| {
+            let foot = other.curve.at(other.curve.project(at).s).pose;
+            foot.position.distance(at) > own - 0.05 * lane.width_m
+        })
+    };
     let length = lane.curve.length();
     let count = (length / STEP_M).ceil().max(1.0) as usize;
     let mut line: Vec<Pose2> = Vec::new();
@@ -121,7 +133,8 @@ fn centre_lines(mesh: &mut Mesh, map: &CityMap, lane: &Lane, field: &RoadField) 
             let apart = (there.position - pose.position).dot(pose.left());
             let beside = foot.lateral.abs() < 0.45 * lane.width_m
                 && (0.6 * lane.width_m..1.5 * lane.width_m).contains(&apart);
-            (along && inside && beside).then_some((pose.position + there.position) / 2.0)
+            let middle = (pose.position + there.position) / 2.0;
+            (along && inside && beside && is_nearest(middle, apart / 2.0)).then_some(middle)
         });
         // Where the neighbour changes, the line begins anew.
         let goes_on = |at: DVec2| {

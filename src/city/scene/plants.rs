@@ -87,7 +87,7 @@ fn blob(mesh: &mut Mesh, centre: Vec3, size: Vec3, seed: u32, finish: Finish) {
             let normal = (out / size).normalize_or(Vec3::Z);
             let openness = (176.0 + 79.0 * (0.5 + 0.5 * sin_up)) as u8;
             let uv = Vec2::new(k as f32 / AROUND as f32 * 2.0, ring as f32 / RINGS as f32)
-                * (size.x / 1.6).max(0.6);
+                * (size.x / 0.8).max(0.9);
             mesh.vertex(Vertex { position: centre + out * size * swell, normal, uv, finish, openness });
         }
     }
