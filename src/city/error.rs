@@ -149,6 +149,11 @@ impl Findings {
         self.notes.push(MapNote { line: 0, entity: String::new(), message });
     }
 
+    /// The errors so far, if one of them says that it is too much to go on.
+    pub(super) fn check_size(&mut self) -> Result<(), MapErrors> {
+        if self.errors.iter().any(|error| error.kind == MapErrorKind::Size) { self.check() } else { Ok(()) }
+    }
+
     /// The errors so far, if there are any.
     pub(super) fn check(&mut self) -> Result<(), MapErrors> {
         if self.errors.is_empty() {

@@ -34,6 +34,8 @@ pub const DEFAULT_SPEED_MPS: f64 = 0.5;
 pub const MAX_COORDINATE_M: f64 = 1000.0;
 /// Most pieces of lanes, and most metres of them, that a map may have.
 pub const MAX_PIECES: usize = 5000;
+/// Most entities on any one layer that means something.
+pub const MAX_ENTITIES_OF_LAYER: usize = 5000;
 pub const MAX_LANES_LENGTH_M: f64 = 1000.0;
 
 /// A map and what its author may want to know about it.
@@ -71,6 +73,7 @@ fn build_map(read: &ReadDrawing) -> Result<LoadedMap, MapErrors> {
         by_layer.entry(entity.layer.to_ascii_uppercase()).or_default().push(entity);
     }
     check_layers(&by_layer, read, &mut findings);
+    findings.check_size()?;
     let scenery = scenery::build(&by_layer, metres, &mut findings);
 
     let pieces = pieces::build(&read.drawing, metres, &mut findings);
@@ -90,6 +93,11 @@ fn build_map(read: &ReadDrawing) -> Result<LoadedMap, MapErrors> {
     findings.check()?;
     let map = RoadMap::new(roads.lanes, zones, lines, scenery);
     Ok(LoadedMap { map: LabMap(map), notes: findings.notes })
+}
+
+/// Whether a point lies where a map may.
+fn in_map(at: DVec2) -> bool {
+    at.is_finite() && at.abs().max_element() <= MAX_COORDINATE_M
 }
 
 /// Whether the layer holds lanes, and of which kind.
@@ -122,6 +130,10 @@ fn check_layers(by_layer: &Layers, read: &ReadDrawing, findings: &mut Findings) 
     let mut ignored: BTreeMap<String, usize> = BTreeMap::new();
     for (layer, entities) in by_layer {
         if is_known(layer) {
+            if entities.len() > MAX_ENTITIES_OF_LAYER {
+                let message = format!("layer {layer} has more than {MAX_ENTITIES_OF_LAYER} entities");
+                findings.error(MapErrorKind::Size, entities[0], message, "split the map");
+            }
             continue;
         }
         if layer.starts_with(layers::SCENERY_PREFIX) {

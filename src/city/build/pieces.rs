@@ -1,11 +1,14 @@
 //! Straight lines and arcs out of the entities of the lane layers.
 
-use super::{JOIN_TOLERANCE_M, Layers, MAX_COORDINATE_M, MAX_LANES_LENGTH_M, MAX_PIECES, lane_kind};
+use super::{JOIN_TOLERANCE_M, Layers, MAX_COORDINATE_M, MAX_LANES_LENGTH_M, MAX_PIECES, in_map, lane_kind};
 use crate::city::LaneKind;
 use crate::city::dxf::{Drawing, Entity, PolyVertex, Shape};
 use crate::city::error::{Findings, MapErrorKind};
 use crate::geom::{Pose2, Segment, trig};
 use glam::DVec2;
+
+/// Arcs of larger radii lose too many digits, and mean a straight line.
+const MAX_RADIUS_M: f64 = 1e6;
 
 /// A straight or circular part of a lane, as drawn.
 #[derive(Clone, Debug)]
@@ -94,12 +97,13 @@ pub(super) fn polyline_segments(vertices: &[PolyVertex], closed: bool, metres: f
     for (k, vertex) in vertices.iter().enumerate().take(count) {
         let next = vertices[(k + 1) % vertices.len()].at * metres;
         let line = Segment::line(vertex.at * metres, next);
-        if vertex.bulge == 0.0 {
+        let half_sweep = 2.0 * trig::atan(vertex.bulge);
+        let curvature = 4.0 * vertex.bulge / (line.length * (1.0 + vertex.bulge * vertex.bulge));
+        // Bulges of rounding noise are straight.
+        if curvature.abs() * MAX_RADIUS_M < 1.0 {
             segments.push(line);
             continue;
         }
-        let half_sweep = 2.0 * trig::atan(vertex.bulge);
-        let curvature = 4.0 * vertex.bulge / (line.length * (1.0 + vertex.bulge * vertex.bulge));
         let start = Pose2 {
             position: line.start.position,
             yaw_rad: crate::geom::wrap_angle(line.start.yaw_rad - half_sweep),
@@ -113,11 +117,16 @@ pub(super) fn polyline_segments(vertices: &[PolyVertex], closed: bool, metres: f
 fn check(segment: &Segment, entity: &Entity, findings: &mut Findings) -> bool {
     let end = segment.end();
     let finite = segment.length.is_finite() && segment.curvature.is_finite() && end.is_finite();
-    let far = |p: DVec2| !(p.abs().max_element() <= MAX_COORDINATE_M);
-    if !finite || far(segment.start.position) || far(end.position) || segment.length > MAX_LANES_LENGTH_M {
+    let inside = in_map(segment.start.position) && in_map(end.position);
+    if !finite || !inside || segment.length > MAX_LANES_LENGTH_M {
         let message = format!("it reaches farther than {MAX_COORDINATE_M} laboratory metres from the origin");
         let remedy = "check its coordinates and $INSUNITS: the map is drawn at laboratory scale";
         findings.error(MapErrorKind::Number, entity, message, remedy);
+        return false;
+    }
+    if segment.radius().is_some_and(|radius| radius > MAX_RADIUS_M) {
+        let message = format!("an arc of a radius over {MAX_RADIUS_M:e} m is straight for all purposes");
+        findings.error(MapErrorKind::Number, entity, message, "draw a LINE");
         return false;
     }
     if segment.length < JOIN_TOLERANCE_M {

@@ -1,7 +1,7 @@
 //! What stands beside the road: ground plans, their names and heights.
 
 use super::labels::shorten;
-use super::{Layers, MAX_COORDINATE_M, REACH_M, pieces, place};
+use super::{Layers, MAX_COORDINATE_M, REACH_M, in_map, pieces, place};
 use crate::city::dxf::{Entity, Shape as Drawn};
 use crate::city::error::{Findings, MapErrorKind};
 use crate::city::{Scenery, SceneryKind, Shape};
@@ -12,11 +12,14 @@ use std::f64::consts::PI;
 /// Arcs of outlines become chords that leave them by no more than this, in at most a 3 degree turn each
 /// when they are large.
 const FLATTENING_M: f64 = 1e-3;
+/// Most corners of all scenery.
+const MAX_POINTS: usize = 100_000;
 const FINEST_CHORD_RAD: f64 = PI / 60.0;
 
 /// All scenery in the order of the kinds and of the file.
 pub(super) fn build(by_layer: &Layers, metres: f64, findings: &mut Findings) -> Vec<Scenery> {
     let mut all = Vec::new();
+    let mut points = 0;
     for kind in SceneryKind::ALL {
         let Some(entities) = by_layer.get(kind.layer()) else { continue };
         let mut pieces = Vec::new();
@@ -25,6 +28,15 @@ pub(super) fn build(by_layer: &Layers, metres: f64, findings: &mut Findings) -> 
                 continue;
             }
             if let Some(shape) = shape(entity, kind, metres, findings) {
+                points += match &shape {
+                    Shape::Polygon(points) | Shape::Polyline(points) => points.len(),
+                    Shape::Circle { .. } => 1,
+                };
+                if points > MAX_POINTS {
+                    let message = format!("scenery of more than {MAX_POINTS} points");
+                    findings.error(MapErrorKind::Size, entity, message, "draw plainer outlines");
+                    return all;
+                }
                 pieces.push(Scenery { kind, name: String::new(), height_m: None, shape });
             }
         }
@@ -48,7 +60,7 @@ fn shape(entity: &Entity, kind: SceneryKind, metres: f64, findings: &mut Finding
     let (points, closed) = match &entity.shape {
         Drawn::Circle { centre, radius } => {
             let (centre, radius_m) = (*centre * metres, radius * metres);
-            if !(centre.abs().max_element() + radius_m <= MAX_COORDINATE_M) {
+            if !in_map(centre + radius_m) || !in_map(centre - radius_m) {
                 far(entity, findings);
                 return None;
             }
@@ -65,7 +77,7 @@ fn shape(entity: &Entity, kind: SceneryKind, metres: f64, findings: &mut Finding
         }
         Drawn::Text { .. } => return None,
     };
-    if points.iter().any(|p| !(p.abs().max_element() <= MAX_COORDINATE_M)) {
+    if !points.iter().all(|&p| in_map(p)) {
         far(entity, findings);
         return None;
     }

@@ -3,7 +3,7 @@
 use crate::city::error::{Findings, MapErrorKind};
 
 /// Larger files are refused. The whole city has less than a megabyte.
-pub const MAX_BYTES: usize = 64 << 20;
+pub const MAX_BYTES: usize = 16 << 20;
 
 /// A code, its value and the line of the file on which the code stands.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +35,7 @@ impl<'a> Groups<'a> {
     /// Refuses what is not an ASCII DXF file at first sight.
     pub(super) fn new(bytes: &'a [u8], findings: &mut Findings) -> Result<Self, Broken> {
         const AS_DXF: &str = "save the drawing as ASCII DXF, release 2000 or later";
+        let mut line = 1;
         let refusal = if bytes.len() > MAX_BYTES {
             Some((
                 format!("the file has {} MiB, more than {}", bytes.len() >> 20, MAX_BYTES >> 20),
@@ -48,12 +49,12 @@ impl<'a> Groups<'a> {
             Some(("the file is a DWG drawing".to_owned(), AS_DXF))
         } else {
             bytes.iter().position(|&b| b == 0).map(|at| {
-                let line = bytes[..at].iter().filter(|&&b| b == b'\n').count() + 1;
-                (format!("a zero byte in line {line}: the file is not text"), AS_DXF)
+                line += bytes[..at].iter().filter(|&&b| b == b'\n').count();
+                ("a zero byte: the file is not text".to_owned(), AS_DXF)
             })
         };
         if let Some((message, remedy)) = refusal {
-            findings.error_at(MapErrorKind::Format, 1, String::new(), message, remedy);
+            findings.error_at(MapErrorKind::Format, line, String::new(), message, remedy);
             return Err(Broken);
         }
         let rest = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);

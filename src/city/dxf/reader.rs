@@ -53,6 +53,9 @@ impl ReadDrawing {
     }
 }
 
+/// Most entities that a drawing may have, of all kinds and layers.
+pub const MAX_ENTITIES: usize = 500_000;
+
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Section {
     Outside,
@@ -105,7 +108,7 @@ impl Reader {
                 continue;
             }
             if let Some(raw) = raw.take() {
-                self.finish(&raw);
+                self.finish(&raw)?;
             }
             let keyword = group.keyword();
             match (section, keyword.as_str()) {
@@ -162,7 +165,18 @@ impl Reader {
         };
     }
 
-    fn finish(&mut self, raw: &Raw) {
+    fn finish(&mut self, raw: &Raw) -> Result<(), Broken> {
+        if self.read.drawing.entities.len() + self.read.unread.len() >= MAX_ENTITIES {
+            let message = format!("more than {MAX_ENTITIES} entities");
+            let remedy = "keep only the map in the drawing";
+            self.findings.error_at(MapErrorKind::Size, raw.line, String::new(), message, remedy);
+            return Err(Broken);
+        }
+        self.take(raw);
+        Ok(())
+    }
+
+    fn take(&mut self, raw: &Raw) {
         let head = Head::of(raw);
         // Parts of an entity that went before, and drawings of a sheet rather than of the map.
         if matches!(raw.kind.as_str(), "VERTEX" | "SEQEND" | "ATTRIB") || head.paper_space {
@@ -418,5 +432,9 @@ fn number(group: &Group) -> Result<f64, Fault> {
         remedy: "a finite number is due: draw the entity again",
     };
     let value: f64 = group.keyword().parse().map_err(|_| fault("not a number"))?;
-    if value.is_finite() { Ok(value) } else { Err(fault("not finite")) }
+    match value {
+        _ if value.is_finite() => Ok(value),
+        _ if value.is_nan() => Err(fault("not a number")),
+        _ => Err(fault("not finite")),
+    }
 }

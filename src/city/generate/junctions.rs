@@ -50,7 +50,7 @@ struct Junction {
     /// width of the road between.
     reach: f64,
     arms: &'static [Arm],
-    /// Turns onto or from an arc, whose radius follows from where they start or end.
+    /// Turns of another radius; onto or from an arc it follows from where they start or end.
     fits: &'static [(Side, Side, Fit)],
 }
 
@@ -175,7 +175,8 @@ const JUNCTIONS: &[Junction] = &[
             stop(East, MAIN_WEST, MAIN_EAST),
             arm(South, WEST_NORTH, WEST_SOUTH),
         ],
-        fits: &[],
+        // Right turns of their own lanes, wide enough for cars that steer 20 degrees.
+        fits: &[(East, North, Fit::Radius(0.38)), (South, East, Fit::Radius(0.38))],
     },
     Junction {
         name: "junction-main-centre",

@@ -65,13 +65,13 @@ impl Pen {
     }
 
     /// Straight on until the pen's x is this.
-    pub(super) fn to_x(self, x: f64) -> Self {
+    pub(super) fn until_x(self, x: f64) -> Self {
         let length = (x - self.at.position.x) / self.at.forward().x;
         self.piece(length, 0.0)
     }
 
     /// Straight on until the pen's y is this.
-    pub(super) fn to_y(self, y: f64) -> Self {
+    pub(super) fn until_y(self, y: f64) -> Self {
         let length = (y - self.at.position.y) / self.at.forward().y;
         self.piece(length, 0.0)
     }
@@ -244,12 +244,12 @@ mod tests {
 
     #[test]
     fn fillets_touch_lines_and_arcs() {
-        let east = Pen::at(-1.0, 0.0, EAST).to_x(1.0).left(0.5, QUARTER).curve();
-        let south = Pen::at(0.9, 1.0, SOUTH).to_y(-1.0).curve();
+        let east = Pen::at(-1.0, 0.0, EAST).until_x(1.0).left(0.5, QUARTER).curve();
+        let south = Pen::at(0.9, 1.0, SOUTH).until_y(-1.0).curve();
         let f = fillet(&east, &south, Turn::Right, 0.3).unwrap();
         check(&east, &south, &f);
         assert!((f.from_s - 1.6).abs() < 1e-12, "{f:?}");
-        let north = Pen::at(1.2, -1.0, NORTH).to_y(2.0).curve();
+        let north = Pen::at(1.2, -1.0, NORTH).until_y(2.0).curve();
         let f = fillet(&east, &north, Turn::Left, 0.35).unwrap();
         check(&east, &north, &f);
         let f = fit(&south, &east, Turn::Left, Fit::Start(0.9, 0.3)).unwrap();

@@ -53,20 +53,26 @@ pub(super) fn add_all(network: &mut Network) {
 /// North Avenue, Second Avenue, the north-east loop and the Crescent.
 fn northern(net: &mut Network) {
     let table = [
-        ("north-avenue/west", Pen::at(2.294, NORTH_WB, WEST).to_x(-1.88).left(OUTER, QUARTER)),
-        ("north-avenue/east", Pen::at(WEST_NB, 2.18, NORTH).right(INNER, QUARTER).to_x(2.294)),
+        ("north-avenue/west", Pen::at(2.294, NORTH_WB, WEST).until_x(-1.88).left(OUTER, QUARTER)),
+        ("north-avenue/east", Pen::at(WEST_NB, 2.18, NORTH).right(INNER, QUARTER).until_x(2.294)),
         (
             "north-east-loop/south",
-            Pen::at(2.294, NORTH_EB, EAST).right(INNER, QUARTER).to_y(1.25).right(INNER, QUARTER),
+            Pen::at(2.294, NORTH_EB, EAST).right(INNER, QUARTER).until_y(1.25).right(INNER, QUARTER),
         ),
         (
             "north-east-loop/north",
-            Pen::at(2.294, 0.633, EAST).left(OUTER, QUARTER).to_y(2.18).left(OUTER, QUARTER),
+            Pen::at(2.294, 0.633, EAST).left(OUTER, QUARTER).until_y(2.18).left(OUTER, QUARTER),
         ),
-        ("crescent/north", Pen::at(2.294, 0.784, WEST).to_x(1.70).right(INNER, QUARTER).to_y(SECOND_WB)),
-        ("crescent/south", Pen::at(1.083, SECOND_WB, SOUTH).to_y(1.25).left(OUTER, QUARTER).to_x(2.294)),
-        ("second-avenue/west", Pen::at(EAST_NB, SECOND_WB, WEST).to_x(WEST_SB)),
-        ("second-avenue/east", Pen::at(WEST_SB, SECOND_EB, EAST).to_x(EAST_NB)),
+        (
+            "crescent/north",
+            Pen::at(2.294, 0.784, WEST).until_x(1.70).right(INNER, QUARTER).until_y(SECOND_WB),
+        ),
+        (
+            "crescent/south",
+            Pen::at(1.083, SECOND_WB, SOUTH).until_y(1.25).left(OUTER, QUARTER).until_x(2.294),
+        ),
+        ("second-avenue/west", Pen::at(EAST_NB, SECOND_WB, WEST).until_x(WEST_SB)),
+        ("second-avenue/east", Pen::at(WEST_SB, SECOND_EB, EAST).until_x(EAST_NB)),
     ];
     for (name, pen) in table {
         net.add(name, None, pen.curve());
@@ -107,14 +113,16 @@ fn streets(net: &mut Network) {
     let [west_inner, west_outer] = [INNER, OUTER].map(|r| ring(WEST_RING, r));
     let [east_inner, east_outer] = [INNER, OUTER].map(|r| ring(EAST_RING, r));
 
-    let lane = Pen::at(WEST_SB, 2.18, SOUTH).to_y(WEST_RING.y).curve();
+    let lane = Pen::at(WEST_SB, 2.18, SOUTH).until_y(WEST_RING.y).curve();
     net.add("west-street/south/inner", None, into_ring(&lane, &west_inner));
-    let lane =
-        Pen::at(WEST_SB, NARROW_NORTH_OF, SOUTH).shift(Turn::Right, TAPER, SPACING).to_y(WEST_RING.y).curve();
+    let lane = Pen::at(WEST_SB, NARROW_NORTH_OF, SOUTH)
+        .shift(Turn::Right, TAPER, SPACING)
+        .until_y(WEST_RING.y)
+        .curve();
     net.add("west-street/south/outer", None, into_ring(&lane, &west_outer));
-    let lane = Pen::at(WEST_NB, WEST_RING.y, NORTH).to_y(2.18).curve();
+    let lane = Pen::at(WEST_NB, WEST_RING.y, NORTH).until_y(2.18).curve();
     net.add("west-street/north/inner", None, out_of_ring(&west_inner, &lane));
-    let lane = Pen::at(WEST_NB + SPACING, WEST_RING.y, NORTH).to_y(WIDE_SOUTH_OF);
+    let lane = Pen::at(WEST_NB + SPACING, WEST_RING.y, NORTH).until_y(WIDE_SOUTH_OF);
     let lane = lane.shift(Turn::Left, TAPER, SPACING).curve();
     net.add("west-street/north/outer", None, out_of_ring(&west_outer, &lane));
 
@@ -122,20 +130,20 @@ fn streets(net: &mut Network) {
     let (small, large) = (0.46, 0.46 + SPACING);
     let arcs_from_y = SOUTH_WB + large;
     let arcs_from_x = CENTRE_NB + large;
-    let pen = Pen::at(CENTRE_SB, NORTH_WB, SOUTH).to_y(arcs_from_y).right(large, QUARTER);
+    let pen = Pen::at(CENTRE_SB, NORTH_WB, SOUTH).until_y(arcs_from_y).right(large, QUARTER);
     net.add("centre-street/south/inner", None, pen.curve());
     let pen = Pen::at(CENTRE_SB, NARROW_NORTH_OF, SOUTH).shift(Turn::Right, TAPER, SPACING);
-    net.add("centre-street/south/outer", None, pen.to_y(arcs_from_y).right(small, QUARTER).curve());
-    let pen = Pen::at(arcs_from_x, SOUTH_WB, WEST).right(large, QUARTER).to_y(NORTH_WB);
+    net.add("centre-street/south/outer", None, pen.until_y(arcs_from_y).right(small, QUARTER).curve());
+    let pen = Pen::at(arcs_from_x, SOUTH_WB, WEST).right(large, QUARTER).until_y(NORTH_WB);
     net.add("centre-street/north/inner", None, pen.curve());
-    let pen = Pen::at(arcs_from_x, SOUTH_WB + SPACING, WEST).right(small, QUARTER).to_y(WIDE_SOUTH_OF);
+    let pen = Pen::at(arcs_from_x, SOUTH_WB + SPACING, WEST).right(small, QUARTER).until_y(WIDE_SOUTH_OF);
     net.add("centre-street/north/outer", None, pen.shift(Turn::Left, TAPER, SPACING).curve());
 
     // One lane each way, which the roundabout's outer entry and exit leave and join.
-    let lane = Pen::at(EAST_SB, NORTH_WB, SOUTH).to_y(EAST_RING.y).curve();
+    let lane = Pen::at(EAST_SB, NORTH_WB, SOUTH).until_y(EAST_RING.y).curve();
     net.add("east-street/south/inner", None, into_ring(&lane, &east_inner));
     net.add("east-street/south/outer", None, last_segment(&into_ring(&lane, &east_outer)));
-    let lane = Pen::at(EAST_NB, EAST_RING.y, NORTH).to_y(NORTH_WB).curve();
+    let lane = Pen::at(EAST_NB, EAST_RING.y, NORTH).until_y(NORTH_WB).curve();
     net.add("east-street/north/inner", None, out_of_ring(&east_inner, &lane));
     net.add("east-street/north/outer", None, first_segment(&out_of_ring(&east_outer, &lane)));
 
@@ -148,15 +156,15 @@ fn streets(net: &mut Network) {
 /// Main Boulevard and South Boulevard.
 fn boulevards(net: &mut Network) {
     let table = [
-        ("main-boulevard/west/inner", Pen::at(EAST_NB, MAIN_WB, WEST).to_x(WEST_SB)),
+        ("main-boulevard/west/inner", Pen::at(EAST_NB, MAIN_WB, WEST).until_x(WEST_SB)),
         (
             "main-boulevard/west/outer",
-            Pen::at(NARROW_EAST_OF, MAIN_WB, WEST).shift(Turn::Right, MAIN_TAPER, SPACING).to_x(WEST_NB),
+            Pen::at(NARROW_EAST_OF, MAIN_WB, WEST).shift(Turn::Right, MAIN_TAPER, SPACING).until_x(WEST_NB),
         ),
-        ("main-boulevard/east/inner", Pen::at(WEST_SB, MAIN_EB, EAST).to_x(EAST_NB)),
+        ("main-boulevard/east/inner", Pen::at(WEST_SB, MAIN_EB, EAST).until_x(EAST_NB)),
         (
             "main-boulevard/east/outer",
-            Pen::at(WEST_NB, MAIN_EB - SPACING, EAST).to_x(WIDE_WEST_OF).shift(
+            Pen::at(WEST_NB, MAIN_EB - SPACING, EAST).until_x(WIDE_WEST_OF).shift(
                 Turn::Left,
                 MAIN_TAPER,
                 SPACING,
@@ -174,11 +182,11 @@ fn boulevards(net: &mut Network) {
         let rise = RISE_RADIUS + SOUTH_EB - SPACING - y;
         let [west, east] =
             ["west", "east"].map(|side| net.curve(&format!("{side}-roundabout/ring/{lane}")).clone());
-        let pen = Pen::at(WEST_RING.x, WEST_RING.y - radius, EAST).to_x(RISE_FROM_X).left(rise, FRAC_PI_4);
+        let pen = Pen::at(WEST_RING.x, WEST_RING.y - radius, EAST).until_x(RISE_FROM_X).left(rise, FRAC_PI_4);
         net.add(&format!("south-boulevard/east/{lane}"), None, into_ring(&pen.curve(), &east));
 
         let y = if lane == "outer" { SOUTH_WB + SPACING } else { SOUTH_WB };
-        let pen = Pen::at(EAST_RING.x, y, WEST).to_x(WEST_RING.x);
+        let pen = Pen::at(EAST_RING.x, y, WEST).until_x(WEST_RING.x);
         let from_ring = out_of_ring(&east, &pen.curve());
         net.add(&format!("south-boulevard/west/{lane}"), None, into_ring(&from_ring, &west));
     }
@@ -189,7 +197,7 @@ fn byways(net: &mut Network) {
     let (leave_x, leave_y, join_y) = (-1.16, MAIN_EB - SPACING, SOUTH_WB + SPACING);
     let ramp = Pen::at(leave_x, leave_y, EAST)
         .right(ENTRY_RADIUS, QUARTER)
-        .to_y(join_y + ENTRY_RADIUS)
+        .until_y(join_y + ENTRY_RADIUS)
         .right(ENTRY_RADIUS, QUARTER);
     net.add("ramp/south", Some(BEND_SPEED), ramp.curve());
 
@@ -199,7 +207,7 @@ fn byways(net: &mut Network) {
     let rise =
         first + second + (third + (std::f64::consts::SQRT_2 - 1.0) * fourth) / std::f64::consts::SQRT_2;
     let square = Pen::at(WEST_NB + SPACING, WIDE_SOUTH_OF, NORTH)
-        .to_y(SECOND_EB - rise)
+        .until_y(SECOND_EB - rise)
         .right(first, QUARTER)
         .left(second, QUARTER)
         .right(third, half)

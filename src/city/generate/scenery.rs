@@ -1,7 +1,8 @@
 //! Scenery: draws the tables of the blocks and lines the roads with trees and lamps.
 
 use super::blocks::{
-    AREAS, Area, BENCHES, BUILDINGS, GROVES, HEDGES, PICNIC_TABLES, Plot, ROUNDS, ROWS, Round, Row, WALLS,
+    AREAS, Area, BENCHES, BUILDINGS, DRIVES, GROVES, HEDGES, PICNIC_TABLES, Plot, ROUNDS, ROWS, Round, Row,
+    WALLS,
 };
 use super::network::Run;
 use super::{NAME_HEIGHT, distance};
@@ -15,9 +16,9 @@ pub(super) const LANE_CLEARANCE: f64 = 0.10;
 /// Trees and lamps stand at least this far from the centre of a lane.
 pub(super) const TRUNK_CLEARANCE: f64 = 0.12;
 pub(super) const LAMP_RADIUS: f64 = 0.006;
-/// Tree crowns: full-scale radius 1.1 to 2 m.
+/// Tree crowns: full-scale radius 1.1 to 2 m, smaller in streets.
 const CROWN_RADIUS: [f64; 2] = [0.045, 0.08];
-const STREET_CROWN_RADIUS: [f64; 2] = [0.04, 0.06];
+const STREET_CROWN_RADIUS: [f64; 2] = [0.032, 0.05];
 const TREE_SPACING: f64 = 0.34;
 const LAMP_SPACING: f64 = 0.55;
 const BENCH: [f64; 2] = [0.07, 0.022];
@@ -99,6 +100,11 @@ impl Site<'_> {
                 self.taken.push(corners);
             }
         }
+        for edges in DRIVES {
+            let corners = rectangle(*edges);
+            self.polygon(SceneryKind::Paving, "", &corners, true);
+            self.taken.push(corners);
+        }
         for Round(kind, name, centre, radius) in ROUNDS {
             self.circle(*kind, name, DVec2::from(*centre), *radius);
             if *kind != SceneryKind::Grass {
@@ -178,9 +184,12 @@ impl Site<'_> {
             let (mut s, mut k) = (0.08, 0);
             while s < run.curve.length() {
                 let share = scatter(series as u32, 2 * k);
-                let radius = between(STREET_CROWN_RADIUS, share);
-                let beside = LANE_CLEARANCE + radius + 0.005 + 0.02 * share;
-                let planted = self.plant(run.curve.at(s).pose.point_at(0.0, -beside), radius);
+                // The smallest where none of another size has room.
+                let planted =
+                    [between(STREET_CROWN_RADIUS, share), STREET_CROWN_RADIUS[0]].iter().any(|&radius| {
+                        let beside = LANE_CLEARANCE + radius + 0.003 + 0.01 * share;
+                        self.plant(run.curve.at(s).pose.point_at(0.0, -beside), radius)
+                    });
                 s += if planted {
                     TREE_SPACING * (0.85 + 0.3 * scatter(series as u32, 2 * k + 1))
                 } else {
