@@ -49,7 +49,7 @@ fn light_plain() -> SceneDescription {
 
 fn renderer(context: &Context, scene: &SceneDescription, samples: u32) -> Renderer {
     let quality = Quality { samples, shadow_texels: 1024, ..Quality::FAST };
-    Renderer::new(context, scene, Settings { quality, ..Settings::default() }).unwrap()
+    Renderer::new(context, scene, Settings { quality, ..Settings::default() }).expect("a renderer")
 }
 
 const DIMENSIONS: Dimensions = Dimensions {
@@ -122,7 +122,7 @@ fn projected(view: &View, state: &VehicleState) -> [f64; 4] {
         let sign = |bit: u32| if k >> bit & 1 == 0 { -1.0 } else { 1.0 };
         let z = if k >> 2 & 1 == 0 { 0.0 } else { half.z };
         let at = state.position + state.orientation * DVec3::new(sign(0) * half.x, sign(1) * half.y, z);
-        view.project(at).unwrap()
+        view.project(at).expect("in front of the camera")
     });
     corners.fold([f64::MAX, f64::MAX, f64::MIN, f64::MIN], |b, p| {
         [b[0].min(p.x), b[1].min(p.y), b[2].max(p.x), b[3].max(p.y)]

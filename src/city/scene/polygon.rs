@@ -69,7 +69,7 @@ impl Region {
 
     /// Triangles that cover the region, corners counter-clockwise.
     pub fn triangulate(&self) -> Vec<[DVec2; 3]> {
-        clip_ears(self.bridged())
+        clip_ears(&self.bridged())
     }
 
     /// One ring that visits every hole over a bridge.
@@ -134,7 +134,7 @@ fn inside_either_way(p: DVec2, a: DVec2, b: DVec2, c: DVec2) -> bool {
     (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0)
 }
 
-fn clip_ears(ring: Vec<DVec2>) -> Vec<[DVec2; 3]> {
+fn clip_ears(ring: &[DVec2]) -> Vec<[DVec2; 3]> {
     let count = ring.len();
     if count < 3 {
         return Vec::new();
@@ -148,7 +148,7 @@ fn clip_ears(ring: Vec<DVec2>) -> Vec<[DVec2; 3]> {
         let turn = (b - a).perp_dot(c - b);
         // After a whole round without an ear only degenerate corners are left: cut the flattest.
         let forced = misses > left;
-        let ear = turn > 0.0 && (forced || is_ear(&ring, &next, at, [a, b, c]));
+        let ear = turn > 0.0 && (forced || is_ear(ring, &next, at, [a, b, c]));
         if ear || turn.abs() < 1e-12 || (forced && misses > 2 * left) {
             if turn > 1e-12 {
                 triangles.push([a, b, c]);

@@ -126,9 +126,9 @@ fn windows(at: [f32; 2]) -> Texel {
 fn glazing(at: [f32; 2]) -> Texel {
     let [u, v] = at;
     if v < 0.22 {
-        return grey(if v < 0.02 || v > 0.2 { 0.62 } else { render_wall(at) });
+        return grey(if !(0.02..=0.2).contains(&v) { 0.62 } else { render_wall(at) });
     }
-    let mullion = u < 0.03 || u > 0.97 || (u - 0.5).abs() < 0.014 || v > 0.975;
+    let mullion = !(0.03..=0.97).contains(&u) || (u - 0.5).abs() < 0.014 || v > 0.975;
     if mullion { grey(0.42) } else { pane([u, (v - 0.2) * 1.25], if u < 0.5 { 3 } else { 4 }) }
 }
 
@@ -136,9 +136,9 @@ fn shopfront(at: [f32; 2]) -> Texel {
     let [u, v] = at;
     if v > 0.86 {
         // The board above the window takes the tint at full strength.
-        return grey(if v < 0.875 || v > 0.985 { 0.55 } else { 1.0 });
+        return grey(if !(0.875..=0.985).contains(&v) { 0.55 } else { 1.0 });
     }
-    if v < 0.12 || u < 0.04 || u > 0.96 {
+    if v < 0.12 || !(0.04..=0.96).contains(&u) {
         return ([0.30, 0.29, 0.28], 1.0);
     }
     if (u - 0.5).abs() < 0.012 || (v - 0.70).abs() < 0.008 || !within(at, [0.055, 0.945], [0.135, 0.85]) {
