@@ -116,12 +116,14 @@ impl Mesh {
 
     /// A flat convex face, corners counter-clockwise seen from outside, with uv per corner.
     pub fn face(&mut self, corners: &[Vec3], uvs: &[Vec2], finish: Finish) {
-        self.shaded_face(corners, uvs, finish, &[255; 8]);
+        self.shaded_face(corners, uvs, finish, &vec![255; corners.len()]);
     }
 
-    /// A flat convex face whose corners are open to the sky to different degrees.
+    /// A flat convex face whose corners are open to the sky to different degrees; as many uvs and
+    /// degrees as corners.
     pub fn shaded_face(&mut self, corners: &[Vec3], uvs: &[Vec2], finish: Finish, openness: &[u8]) {
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(Vec3::Z);
+        debug_assert!(uvs.len() == corners.len() && openness.len() == corners.len());
         let base = self.vertices.len() as u32;
         for ((&position, &uv), &openness) in corners.iter().zip(uvs).zip(openness.iter()) {
             self.vertices.push(Vertex { position, normal, uv, finish, openness });

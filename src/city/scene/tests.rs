@@ -82,3 +82,15 @@ fn the_same_map_gives_the_same_scene() {
     let map = city();
     assert!(SceneDescription::from_map(&map) == SceneDescription::from_map(&map));
 }
+
+#[test]
+fn faces_of_many_corners_stay_in_their_outline() {
+    let mut mesh = Mesh::default();
+    let finish = Finish::new(Surface::Plain, [255; 3], Class::Building);
+    mesh.frustum(Vec3::ZERO, [1.0, 0.8], 2.0, 20, finish);
+    mesh.block(Vec3::new(50.0, 0.0, 0.0), Vec3::ONE, 0.3, finish);
+    for t in mesh.indices.chunks_exact(3) {
+        let [a, b, c] = [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize].position);
+        assert!(a.distance(b).max(b.distance(c)).max(c.distance(a)) < 3.0, "a spike from {a} to {b} and {c}");
+    }
+}
