@@ -3,12 +3,15 @@
 //! `ARCHITECTURE.md` says which module does what and which may use which.
 
 pub mod app;
+pub mod camera;
 pub mod city;
 pub mod environment;
 pub mod geom;
 pub mod mainframe;
 pub mod physics;
 pub mod record;
+#[cfg(feature = "render")]
+pub mod render;
 pub mod runner;
 pub mod scenario;
 pub mod sim;

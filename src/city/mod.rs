@@ -7,6 +7,7 @@ pub mod generate;
 pub mod layers;
 mod map;
 mod route;
+pub mod scene;
 
 pub use build::{DEFAULT_SPEED_MPS, JOIN_TOLERANCE_M, LANE_WIDTH_M, LoadedMap, load_map, map_of_drawing};
 pub use error::{MapError, MapErrorKind, MapErrors, MapNote};

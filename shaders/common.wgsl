@@ -1,0 +1,52 @@
+// What every pass knows: the frame, the view, and how light reaches the eye.
+
+struct Frame {
+    // Unit vector towards the sun; w: simulated time in seconds.
+    to_sun: vec4<f32>,
+    // Radiance of the sun on a surface that faces it; w: exposure.
+    sun: vec4<f32>,
+    // Light from above and from the ground.
+    sky_light: vec4<f32>,
+    ground_light: vec4<f32>,
+    // Colour of the haze; w: density per metre.
+    haze: vec4<f32>,
+    shadow_from_world: mat4x4<f32>,
+    // x: size of a texel of the shadow map in its coordinates, y: in metres.
+    shadow_texel: vec4<f32>,
+}
+
+struct View {
+    clip_from_world: mat4x4<f32>,
+    eye: vec4<f32>,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<uniform> view: View;
+
+// Narkowicz 2015, the ACES filmic curve in five numbers. The target encodes sRGB.
+fn display(radiance: vec3<f32>) -> vec4<f32> {
+    let x = radiance * frame.sun.w;
+    let curve = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
+    return vec4<f32>(clamp(curve, vec3<f32>(0.0), vec3<f32>(1.0)), 1.0);
+}
+
+// The sky without sun and clouds, as reflections and the haze at the horizon see it.
+fn sky_colour(direction: vec3<f32>) -> vec3<f32> {
+    let up = clamp(direction.z, 0.0, 1.0);
+    let zenith = vec3<f32>(0.16, 0.34, 0.78);
+    let sky = mix(frame.haze.rgb, zenith, 1.0 - exp(-3.2 * up));
+    let below = clamp(-direction.z * 4.0, 0.0, 1.0);
+    return mix(sky, frame.ground_light.rgb * 0.6, below);
+}
+
+fn hazed(radiance: vec3<f32>, distance: f32) -> vec3<f32> {
+    // Clear nearby, closed at the horizon.
+    let depth = distance * frame.haze.w;
+    let clear = exp(-depth * sqrt(depth));
+    return mix(frame.haze.rgb, radiance, clear);
+}
+
+// sRGB to linear, for colours of vertices.
+fn linear_from_srgb(c: vec3<f32>) -> vec3<f32> {
+    return c * (c * (c * 0.305306011 + 0.682171111) + 0.012522878);
+}

@@ -1,0 +1,30 @@
+// The sky: a dome around the eye, painted once at start-up and drawn behind everything.
+
+@group(2) @binding(0) var panorama: texture_2d<f32>;
+@group(2) @binding(1) var panorama_sampler: sampler;
+
+struct VertexIn {
+    // Unit vector of the dome.
+    @location(0) direction: vec3<f32>,
+    @location(1) uv: vec2<f32>,
+}
+
+struct Fragment {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) uv: vec2<f32>,
+}
+
+@vertex
+fn vertex_main(in: VertexIn) -> Fragment {
+    var out: Fragment;
+    let clip = view.clip_from_world * vec4<f32>(view.eye.xyz + in.direction * 100.0, 1.0);
+    // Depth 0 is the far plane.
+    out.clip = vec4<f32>(clip.xy, 0.0, clip.w);
+    out.uv = in.uv;
+    return out;
+}
+
+@fragment
+fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
+    return vec4<f32>(textureSample(panorama, panorama_sampler, in.uv).rgb, 1.0);
+}

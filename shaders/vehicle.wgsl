@@ -1,0 +1,72 @@
+// Vehicles: bodies and wheels as instances, with their lamps.
+
+struct VertexIn {
+    @location(0) position: vec3<f32>,
+    @location(1) normal: vec4<f32>,
+    @location(2) colour: vec4<f32>,
+    @location(4) material: u32,
+    // City from body, by rows.
+    @location(5) row_x: vec4<f32>,
+    @location(6) row_y: vec4<f32>,
+    @location(7) row_z: vec4<f32>,
+    @location(8) paint: vec4<f32>,
+    // Brake, left indicator, right indicator, reverse.
+    @location(9) lamps: vec4<f32>,
+}
+
+struct Fragment {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) world: vec3<f32>,
+    @location(1) normal: vec3<f32>,
+    @location(2) albedo: vec4<f32>,
+    @location(3) glow: vec3<f32>,
+    @location(4) gloss: f32,
+}
+
+// Parts of a vehicle; `vehicle/mod.rs` has them as `Part`.
+const PAINT: u32 = 1u;
+const GLASS: u32 = 2u;
+const HEAD: u32 = 3u;
+const TAIL: u32 = 4u;
+const INDICATOR_LEFT: u32 = 5u;
+const INDICATOR_RIGHT: u32 = 6u;
+const REVERSE: u32 = 7u;
+const BRIGHT: u32 = 8u;
+
+@vertex
+fn vertex_main(in: VertexIn) -> Fragment {
+    var out: Fragment;
+    let local = vec4<f32>(in.position, 1.0);
+    out.world = vec3<f32>(dot(in.row_x, local), dot(in.row_y, local), dot(in.row_z, local));
+    out.clip = view.clip_from_world * vec4<f32>(out.world, 1.0);
+    let n = in.normal.xyz;
+    out.normal = vec3<f32>(dot(in.row_x.xyz, n), dot(in.row_y.xyz, n), dot(in.row_z.xyz, n));
+    var albedo = linear_from_srgb(in.colour.rgb);
+    out.gloss = 0.0;
+    out.glow = vec3<f32>(0.0);
+    switch in.material {
+        case PAINT: { albedo *= in.paint.rgb; out.gloss = 0.5; }
+        case GLASS: { out.gloss = 1.0; }
+        case HEAD: { out.gloss = 0.9; out.glow = vec3<f32>(0.9, 0.88, 0.8) * 0.5; }
+        case TAIL: { out.gloss = 0.6; out.glow = vec3<f32>(1.0, 0.02, 0.01) * (0.12 + in.lamps.x * 4.5); }
+        case INDICATOR_LEFT: { out.gloss = 0.6; out.glow = vec3<f32>(1.0, 0.32, 0.01) * in.lamps.y * 5.0; }
+        case INDICATOR_RIGHT: { out.gloss = 0.6; out.glow = vec3<f32>(1.0, 0.32, 0.01) * in.lamps.z * 5.0; }
+        case REVERSE: { out.gloss = 0.6; out.glow = vec3<f32>(1.0, 1.0, 0.95) * in.lamps.w * 4.0; }
+        case BRIGHT: { out.gloss = 0.7; }
+        default: {}
+    }
+    out.albedo = vec4<f32>(albedo, in.colour.a);
+    return out;
+}
+
+@fragment
+fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
+    var m: Material;
+    m.albedo = in.albedo.rgb;
+    m.gloss = in.gloss;
+    m.openness = in.albedo.a;
+    let from_eye = in.world - view.eye.xyz;
+    let distance = length(from_eye);
+    let radiance = shade(m, in.world, normalize(in.normal), -from_eye / distance) + in.glow;
+    return display(hazed(radiance, distance));
+}

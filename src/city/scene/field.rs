@@ -1,0 +1,232 @@
+//! Distances on a grid and the curves of equal distance through it.
+//!
+//! The outline of a road network is what is left of hundreds of overlapping lanes. As a field of
+//! distances the union is a minimum, rounding of corners is a dilation followed by an erosion
+//! (J. Serra, *Image Analysis and Mathematical Morphology*, 1982), and outlines are its level curves
+//! (marching squares).
+
+use super::polygon::{Region, doubled_area, simplify_ring};
+use crate::geom::point_in_polygon;
+use glam::DVec2;
+use std::collections::HashMap;
+
+/// A number at each node of a square grid.
+#[derive(Clone, Debug)]
+pub(super) struct Field {
+    low: DVec2,
+    step: f64,
+    columns: usize,
+    rows: usize,
+    values: Vec<f32>,
+}
+
+impl Field {
+    /// Infinite everywhere.
+    pub(super) fn new([low, high]: [DVec2; 2], step: f64) -> Self {
+        let size = ((high - low) / step).ceil();
+        let (columns, rows) = (size.x as usize + 1, size.y as usize + 1);
+        Self { low, step, columns, rows, values: vec![f32::INFINITY; columns * rows] }
+    }
+
+    /// The same grid, infinite everywhere.
+    pub(super) fn like(&self) -> Self {
+        Self { values: vec![f32::INFINITY; self.values.len()], ..*self }
+    }
+
+    fn node(&self, column: usize, row: usize) -> DVec2 {
+        self.low + DVec2::new(column as f64, row as f64) * self.step
+    }
+
+    /// Lowers the values in a box to those of a function.
+    pub(super) fn lower(&mut self, [low, high]: [DVec2; 2], value: impl Fn(DVec2) -> f64) {
+        let first = ((low - self.low) / self.step).floor().max(DVec2::ZERO);
+        let last = ((high - self.low) / self.step).ceil();
+        let (last_column, last_row) =
+            ((last.x as usize).min(self.columns - 1), (last.y as usize).min(self.rows - 1));
+        for row in first.y as usize..=last_row {
+            for column in first.x as usize..=last_column {
+                let found = value(self.node(column, row)) as f32;
+                let kept = &mut self.values[row * self.columns + column];
+                *kept = kept.min(found);
+            }
+        }
+    }
+
+    /// The distance to closed rings, up to `reach`; farther nodes stay infinite.
+    pub(super) fn distance_to(&self, rings: &[Vec<DVec2>], reach: f64) -> Self {
+        let mut field = self.like();
+        for ring in rings {
+            for (k, &a) in ring.iter().enumerate() {
+                let b = ring[(k + 1) % ring.len()];
+                let along = b - a;
+                let length_squared = along.length_squared().max(1e-12);
+                field.lower([a.min(b) - reach, a.max(b) + reach], |p| {
+                    let t = ((p - a).dot(along) / length_squared).clamp(0.0, 1.0);
+                    p.distance(a + along * t)
+                });
+            }
+        }
+        field
+    }
+
+    /// A new field out of the values of two.
+    pub(super) fn with(&self, other: &Self, combine: impl Fn(f32, f32) -> f32) -> Self {
+        let values = self.values.iter().zip(&other.values).map(|(&a, &b)| combine(a, b)).collect();
+        Self { values, ..*self }
+    }
+
+    /// The value at a point, between nodes; infinite outside the grid.
+    pub(super) fn at(&self, point: DVec2) -> f32 {
+        let at = (point - self.low) / self.step;
+        if !(at.x >= 0.0 && at.y >= 0.0) {
+            return f32::INFINITY;
+        }
+        let (column, row) = (at.x as usize, at.y as usize);
+        if column + 1 >= self.columns || row + 1 >= self.rows {
+            return f32::INFINITY;
+        }
+        let (fx, fy) = ((at.x - column as f64) as f32, (at.y - row as f64) as f32);
+        let value = |dc: usize, dr: usize| self.values[(row + dr) * self.columns + column + dc];
+        let [sw, se, nw, ne] = [value(0, 0), value(1, 0), value(0, 1), value(1, 1)];
+        // Between a number and infinity lies infinity; products would give no number at all.
+        if [sw, se, nw, ne].iter().any(|v| !v.is_finite()) {
+            return f32::INFINITY;
+        }
+        let (a, b) = (sw * (1.0 - fx) + se * fx, nw * (1.0 - fx) + ne * fx);
+        a * (1.0 - fy) + b * fy
+    }
+
+    /// Curves along which the field has a value, closed, lower values to their left, simplified to
+    /// within `tolerance`.
+    pub(super) fn rings(&self, level: f32, tolerance: f64) -> Vec<Vec<DVec2>> {
+        // The rim counts as high, so that every curve closes.
+        let value = |column: usize, row: usize| {
+            let rim = column == 0 || row == 0 || column + 1 == self.columns || row + 1 == self.rows;
+            let found = self.values[row * self.columns + column] - level;
+            if rim { found.max(self.step as f32) } else { found.min(1e3) }
+        };
+        // An edge of the grid is named by its lower node and its direction.
+        let mut next: HashMap<(usize, bool), (usize, bool)> = HashMap::new();
+        let mut starts = Vec::new();
+        for row in 0..self.rows - 1 {
+            for column in 0..self.columns - 1 {
+                let corner = [
+                    value(column, row),
+                    value(column + 1, row),
+                    value(column + 1, row + 1),
+                    value(column, row + 1),
+                ];
+                let low = corner.map(|v| v < 0.0);
+                if low[0] == low[1] && low[1] == low[2] && low[2] == low[3] {
+                    continue;
+                }
+                let node = |dc: usize, dr: usize| (row + dr) * self.columns + column + dc;
+                // Bottom, right, top, left.
+                let edges =
+                    [(node(0, 0), false), (node(1, 0), true), (node(0, 1), false), (node(0, 0), true)];
+                let crossing = |k: usize| low[k] != low[(k + 1) % 4];
+                let middle_low = corner.iter().sum::<f32>() < 0.0;
+                for k in (0..4).filter(|&k| crossing(k) && low[k]) {
+                    // Leaving the low corner k counter-clockwise: the curve enters here and leaves
+                    // where the low side began, keeping low to its left.
+                    let order: [usize; 3] = if middle_low { [1, 2, 3] } else { [3, 2, 1] };
+                    let exit = order.iter().map(|d| (k + d) % 4).find(|&e| crossing(e) && !low[e]);
+                    if let Some(exit) = exit {
+                        next.insert(edges[k], edges[exit]);
+                        starts.push(edges[k]);
+                    }
+                }
+            }
+        }
+        let place = |(node, upright): (usize, bool)| {
+            let (column, row) = (node % self.columns, node / self.columns);
+            let (to_column, to_row) = if upright { (column, row + 1) } else { (column + 1, row) };
+            let (a, b) = (value(column, row), value(to_column, to_row));
+            let t = f64::from(a / (a - b)).clamp(0.0, 1.0);
+            self.node(column, row).lerp(self.node(to_column, to_row), t)
+        };
+        let mut rings = Vec::new();
+        for start in starts {
+            let mut ring = Vec::new();
+            let mut at = start;
+            while let Some(then) = next.remove(&at) {
+                ring.push(place(at));
+                at = then;
+            }
+            if ring.len() > 3 {
+                let ring = simplify_ring(&ring, tolerance);
+                if ring.len() > 2 {
+                    rings.push(ring);
+                }
+            }
+        }
+        rings
+    }
+
+    /// Where the field is below a level. Regions and holes smaller than `least_area` are left out.
+    pub(super) fn regions(&self, level: f32, tolerance: f64, least_area: f64) -> Vec<Region> {
+        let rings = self.rings(level, tolerance);
+        regions_of(rings, least_area)
+    }
+}
+
+/// Sorts rings into outer rings with their holes.
+fn regions_of(rings: Vec<Vec<DVec2>>, least_area: f64) -> Vec<Region> {
+    let large = rings.into_iter().filter(|ring| doubled_area(ring).abs() > 2.0 * least_area);
+    let (outer, holes): (Vec<_>, Vec<_>) = large.partition(|ring| doubled_area(ring) > 0.0);
+    let mut regions: Vec<Region> =
+        outer.into_iter().map(|outer| Region { outer, holes: Vec::new() }).collect();
+    regions.sort_by(|a, b| doubled_area(&a.outer).total_cmp(&doubled_area(&b.outer)));
+    for hole in holes {
+        let home = regions.iter_mut().find(|region| {
+            doubled_area(&region.outer) > doubled_area(&hole).abs()
+                && point_in_polygon(hole[0], &region.outer)
+        });
+        if let Some(region) = home {
+            region.holes.push(hole);
+        }
+    }
+    regions
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ring_field(inner: f64, outer: f64) -> Field {
+        let mut field = Field::new([DVec2::splat(-10.0), DVec2::splat(10.0)], 0.25);
+        field.lower([DVec2::splat(-10.0), DVec2::splat(10.0)], |p| {
+            (p.length() - (inner + outer) / 2.0).abs() - (outer - inner) / 2.0
+        });
+        field
+    }
+
+    #[test]
+    fn a_ring_has_an_outline_and_a_hole() {
+        let regions = ring_field(3.0, 6.0).regions(0.0, 0.01, 0.1);
+        assert_eq!(regions.len(), 1);
+        assert_eq!(regions[0].holes.len(), 1);
+        let area: f64 = regions[0].triangulate().iter().map(|t| doubled_area(t) / 2.0).sum();
+        assert!((area / (std::f64::consts::PI * 27.0) - 1.0).abs() < 0.01, "{area}");
+    }
+
+    #[test]
+    fn the_complement_reaches_the_rim() {
+        let field = ring_field(3.0, 6.0);
+        let outside = field.with(&field, |a, _| -a);
+        let mut regions = outside.regions(0.0, 0.01, 0.1);
+        assert_eq!(regions.len(), 2);
+        let whole = regions.remove(1);
+        assert!(whole.holes.len() == 1 && doubled_area(&whole.outer) / 2.0 > 385.0);
+    }
+
+    #[test]
+    fn distances_are_those_to_the_ring() {
+        let field = ring_field(3.0, 6.0);
+        let square = [(-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0)].map(DVec2::from).to_vec();
+        let distance = field.distance_to(&[square], 3.0);
+        assert!((distance.at(DVec2::new(5.0, 0.0)) - 1.0).abs() < 1e-5);
+        assert!(distance.at(DVec2::new(7.0, 8.0)).is_infinite());
+        assert!(distance.at(DVec2::new(90.0, 8.0)).is_infinite());
+    }
+}

@@ -1,0 +1,251 @@
+//! Paint on the road, derived from the lanes: lines between and beside them, stop lines, yield
+//! triangles, arrows.
+
+use super::mesh::{Class, Finish, Mesh, Surface};
+use super::roads::{RoadField, band};
+use crate::city::{CityMap, ControlLineKind, Lane, LaneId, LaneKind};
+use crate::geom::{Pose2, wrap_angle};
+use glam::{DVec2, Vec2};
+use std::collections::BTreeSet;
+
+/// Paint lies this high on the asphalt.
+const PAINT_M: f32 = 0.012;
+const LINE_M: f64 = 0.13;
+const DASH_M: f64 = 2.4;
+const GAP_M: f64 = 3.6;
+/// Between the two lines of a double line, middle to middle.
+const DOUBLE_M: f64 = 0.30;
+/// Along a line.
+const STEP_M: f64 = 0.6;
+
+pub(super) const WHITE: Finish = Finish::new(Surface::Paint, [236, 236, 232], Class::Marking);
+const YELLOW: Finish = Finish::new(Surface::Paint, [236, 178, 48], Class::Marking);
+
+pub(super) fn markings(map: &CityMap, field: &RoadField) -> Mesh {
+    let mut mesh = Mesh::default();
+    edges(&mut mesh, field);
+    for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
+        dashes(&mut mesh, map, lane);
+        centre_lines(&mut mesh, map, lane, field);
+        arrows(&mut mesh, map, lane);
+    }
+    for line in &map.lines {
+        let lane = map.lane(line.lane);
+        let driving = lane.curve.at(line.at_m).pose;
+        match line.kind {
+            ControlLineKind::Stop => stop_line(&mut mesh, driving, line.ends),
+            ControlLineKind::Yield => yield_triangles(&mut mesh, driving, line.ends),
+        }
+    }
+    mesh
+}
+
+fn polygon(mesh: &mut Mesh, corners: &[DVec2], finish: Finish) {
+    let mut corners: Vec<_> = corners.iter().map(|p| p.as_vec2()).collect();
+    let area: f32 = (0..corners.len()).map(|k| corners[k].perp_dot(corners[(k + 1) % corners.len()])).sum();
+    if area < 0.0 {
+        corners.reverse();
+    }
+    let uvs: Vec<Vec2> = corners.iter().map(|p| *p / 2.0).collect();
+    let corners: Vec<_> = corners.iter().map(|p| p.extend(PAINT_M)).collect();
+    mesh.face(&corners, &uvs, finish);
+}
+
+/// A ribbon along points with their headings.
+fn ribbon(mesh: &mut Mesh, line: &[Pose2], offset: f64, width: f64, finish: Finish) {
+    for pair in line.windows(2) {
+        let (a, b) = (pair[0], pair[1]);
+        let (low, high) = (offset - width / 2.0, offset + width / 2.0);
+        polygon(
+            mesh,
+            &[a.point_at(0.0, low), b.point_at(0.0, low), b.point_at(0.0, high), a.point_at(0.0, high)],
+            finish,
+        );
+    }
+}
+
+/// Solid white where the asphalt's lanes end.
+fn edges(mesh: &mut Mesh, field: &RoadField) {
+    let half = LINE_M as f32 / 2.0;
+    for ring in field.distance.rings(-0.04, 0.012) {
+        if super::polygon::doubled_area(&ring).abs() > 30.0 {
+            band(mesh, &ring, [Vec2::new(-half, PAINT_M), Vec2::new(half, PAINT_M)], WHITE);
+        }
+    }
+}
+
+/// Dashed white between a lane and its neighbour on the right.
+fn dashes(mesh: &mut Mesh, map: &CityMap, lane: &Lane) {
+    let Some(neighbour) = lane.right.map(|id| map.lane(id)) else { return };
+    let length = lane.curve.length();
+    let beside = |s: f64| -> Option<Pose2> {
+        let pose = lane.curve.at(s).pose;
+        let foot = neighbour.curve.project(pose.point_at(0.0, -lane.width_m));
+        let inside = foot.s > 0.01 && foot.s < neighbour.curve.length() - 0.01;
+        if !inside || foot.lateral.abs() > 0.35 * lane.width_m {
+            return None;
+        }
+        let other = neighbour.curve.at(foot.s).pose.position;
+        Some(Pose2 { position: (pose.position + other) / 2.0, ..pose })
+    };
+    let mut from = GAP_M / 2.0;
+    while from + DASH_M < length - 1.0 {
+        let line: Vec<Pose2> = (0..=4).filter_map(|k| beside(from + DASH_M * f64::from(k) / 4.0)).collect();
+        if line.len() == 5 {
+            ribbon(mesh, &line, 0.0, LINE_M, WHITE);
+        }
+        from += DASH_M + GAP_M;
+    }
+}
+
+/// Double yellow between a lane and one of the other direction to its left.
+fn centre_lines(mesh: &mut Mesh, map: &CityMap, lane: &Lane, field: &RoadField) {
+    if lane.left.is_some() && lane.left.is_some_and(|left| alongside_all(map, lane, left)) {
+        return;
+    }
+    let opposite: Vec<&Lane> = map
+        .lanes
+        .iter()
+        .filter(|other| other.kind == LaneKind::Lane && other.id > lane.id && near(lane, other))
+        .collect();
+    let alongside: Vec<&Lane> = map
+        .lanes
+        .iter()
+        .filter(|other| other.kind == LaneKind::Lane && other.id != lane.id && near(lane, other))
+        .collect();
+    // Of lanes that merge, the one nearest to the other direction has the line.
+    let is_nearest = |at: DVec2, own: f64| {
+        alongside.iter().all(|other| {
+            let foot = other.curve.at(other.curve.project(at).s).pose;
+            foot.position.distance(at) > own - 0.05 * lane.width_m
+        })
+    };
+    let length = lane.curve.length();
+    let count = (length / STEP_M).ceil().max(1.0) as usize;
+    let mut line: Vec<Pose2> = Vec::new();
+    for k in 0..=count {
+        let pose = lane.curve.at(length * k as f64 / count as f64).pose;
+        let found = opposite.iter().find_map(|other| {
+            let foot = other.curve.project(pose.point_at(0.0, lane.width_m));
+            let there = other.curve.at(foot.s).pose;
+            let along = wrap_angle(there.yaw_rad - pose.yaw_rad).abs() > 2.8;
+            let inside = foot.s > 0.001 && foot.s < other.curve.length() - 0.001;
+            let apart = (there.position - pose.position).dot(pose.left());
+            let beside = foot.lateral.abs() < 0.45 * lane.width_m
+                && (0.6 * lane.width_m..1.5 * lane.width_m).contains(&apart);
+            let middle = (pose.position + there.position) / 2.0;
+            (along && inside && beside && is_nearest(middle, apart / 2.0)).then_some(middle)
+        });
+        // Where the neighbour changes, the line begins anew.
+        let goes_on = |at: DVec2| {
+            line.last().is_none_or(|last| (at - last.position).dot(last.left()).abs() < 0.15 * lane.width_m)
+        };
+        match found.filter(|&at| field.distance.at(at) < 0.0 && goes_on(at)) {
+            Some(position) => line.push(Pose2 { position, ..pose }),
+            None => double_line(mesh, &std::mem::take(&mut line)),
+        }
+    }
+    double_line(mesh, &line);
+}
+
+fn double_line(mesh: &mut Mesh, line: &[Pose2]) {
+    if line.len() > 2 {
+        ribbon(mesh, line, DOUBLE_M / 2.0, LINE_M, YELLOW);
+        ribbon(mesh, line, -DOUBLE_M / 2.0, LINE_M, YELLOW);
+    }
+}
+
+/// Whether the neighbour goes along with the whole lane, so that nothing of the other direction can.
+fn alongside_all(map: &CityMap, lane: &Lane, neighbour: LaneId) -> bool {
+    let neighbour = map.lane(neighbour);
+    [0.05, 0.5, 0.95].iter().all(|part| {
+        let pose = lane.curve.at(lane.curve.length() * part).pose;
+        let foot = neighbour.curve.project(pose.point_at(0.0, lane.width_m));
+        foot.lateral.abs() < 0.35 * lane.width_m
+    })
+}
+
+/// Whether two lanes may run beside one another.
+fn near(a: &Lane, b: &Lane) -> bool {
+    let ends = |lane: &Lane| {
+        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        for (_, point) in lane.curve.sample(10.0) {
+            (low, high) = (low.min(point.pose.position), high.max(point.pose.position));
+        }
+        [low - lane.width_m * 2.0, high + lane.width_m * 2.0]
+    };
+    let ([a_low, a_high], [b_low, b_high]) = (ends(a), ends(b));
+    a_low.cmple(b_high).all() && b_low.cmple(a_high).all()
+}
+
+fn stop_line(mesh: &mut Mesh, driving: Pose2, [a, b]: [DVec2; 2]) {
+    let back = driving.forward() * -0.45;
+    let inset = (b - a).try_normalize().unwrap_or(DVec2::X) * 0.15;
+    polygon(mesh, &[a + inset, b - inset, b - inset + back, a + inset + back], WHITE);
+}
+
+/// A row of triangles that point at whoever comes.
+fn yield_triangles(mesh: &mut Mesh, driving: Pose2, [a, b]: [DVec2; 2]) {
+    let (width, pitch, height) = (0.46, 0.66, 0.72);
+    let across = b - a;
+    let length = across.length();
+    let Some(along) = across.try_normalize() else { return };
+    let count = (length / pitch).floor().max(1.0);
+    let margin = (length - count * pitch) / 2.0;
+    let back = driving.forward() * -height;
+    for k in 0..count as usize {
+        let middle = a + along * (margin + (k as f64 + 0.5) * pitch);
+        polygon(
+            mesh,
+            &[middle - along * (width / 2.0), middle + along * (width / 2.0), middle + back],
+            WHITE,
+        );
+    }
+}
+
+/// Where a lane may lead.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Turn {
+    Left,
+    Straight,
+    Right,
+}
+
+/// Arrows before a junction, where the lanes that go on turn off.
+fn arrows(mesh: &mut Mesh, map: &CityMap, lane: &Lane) {
+    let length = lane.curve.length();
+    let turns: BTreeSet<Turn> = lane
+        .successors
+        .iter()
+        .map(|&id| map.lane(id))
+        .filter(|next| next.kind == LaneKind::Connector)
+        .map(|next| {
+            let turned = wrap_angle(next.curve.end().yaw_rad - next.curve.start().yaw_rad);
+            if turned > 0.5 {
+                Turn::Left
+            } else if turned < -0.5 {
+                Turn::Right
+            } else {
+                Turn::Straight
+            }
+        })
+        .collect();
+    let turning = turns.iter().any(|turn| *turn != Turn::Straight);
+    if length < 16.0 || !turning || lane.curve.at(length - 8.0).curvature.abs() > 1e-3 {
+        return;
+    }
+    let foot = lane.curve.at(length - 8.5).pose;
+    let at = |ahead: f64, left: f64| foot.point_at(ahead, left);
+    let tip_m = if turns.contains(&Turn::Straight) { 3.0 } else { 1.9 };
+    polygon(mesh, &[at(0.0, -0.09), at(tip_m, -0.09), at(tip_m, 0.09), at(0.0, 0.09)], WHITE);
+    if turns.contains(&Turn::Straight) {
+        polygon(mesh, &[at(tip_m, -0.34), at(tip_m + 1.1, 0.0), at(tip_m, 0.34)], WHITE);
+    }
+    for (turn, side) in [(Turn::Left, 1.0), (Turn::Right, -1.0)] {
+        if turns.contains(&turn) {
+            let bend = |ahead: f64, out: f64| at(ahead, side * out);
+            polygon(mesh, &[bend(1.25, 0.0), bend(1.72, 0.46), bend(1.90, 0.40), bend(1.55, -0.02)], WHITE);
+            polygon(mesh, &[bend(1.42, 0.52), bend(2.25, 0.30), bend(2.02, 1.05)], WHITE);
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! Triangles with what they are made of: plain data that any renderer can take.
+
+use glam::{Vec2, Vec3};
+
+/// What a surface is made of. Its texture is a grey or natural pattern that the vertex colour tints.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Surface {
+    #[default]
+    Plain,
+    Asphalt,
+    Grass,
+    Slabs,
+    Concrete,
+    Paint,
+    Brick,
+    /// A bay of a rendered wall with a window; one unit of u is a bay, one of v a storey.
+    Windows,
+    /// A bay of an office wall, mostly glass.
+    Glazing,
+    /// A bay of a shop front: window down to the pavement.
+    Shopfront,
+    RoofTiles,
+    Gravel,
+    Leaves,
+    Wood,
+    Water,
+    Sand,
+    Flowers,
+    Glass,
+    Metal,
+}
+
+impl Surface {
+    pub const COUNT: usize = 19;
+}
+
+/// What a pixel shows, for pictures of meaning instead of light.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Class {
+    #[default]
+    Sky,
+    Road,
+    Marking,
+    Pavement,
+    Grass,
+    Building,
+    Wall,
+    Vegetation,
+    Pole,
+    Furniture,
+    Water,
+    Vehicle,
+}
+
+/// The look of a face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Finish {
+    pub surface: Surface,
+    /// sRGB, multiplied with the surface's texture.
+    pub colour: [u8; 3],
+    pub class: Class,
+}
+
+impl Finish {
+    pub const fn new(surface: Surface, colour: [u8; 3], class: Class) -> Self {
+        Self { surface, colour, class }
+    }
+
+    /// The same in another brightness; `factor` 1 changes nothing.
+    pub fn shaded(self, factor: f32) -> Self {
+        Self { colour: self.colour.map(|c| (f32::from(c) * factor).clamp(0.0, 255.0) as u8), ..self }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vertex {
+    /// Metres, relative to the origin of the mesh's owner.
+    pub position: Vec3,
+    pub normal: Vec3,
+    /// In repeats of the surface's texture.
+    pub uv: Vec2,
+    pub finish: Finish,
+    /// How much of the sky's light reaches it, 255 for all.
+    pub openness: u8,
+}
+
+/// Indexed triangles, counter-clockwise seen from outside.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    pub vertices: Vec<Vertex>,
+    pub indices: Vec<u32>,
+}
+
+impl Mesh {
+    pub fn triangle_count(&self) -> usize {
+        self.indices.len() / 3
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.indices.is_empty()
+    }
+
+    pub fn vertex(&mut self, vertex: Vertex) -> u32 {
+        self.vertices.push(vertex);
+        self.vertices.len() as u32 - 1
+    }
+
+    /// Appends another mesh.
+    pub fn append(&mut self, other: &Self) {
+        let base = self.vertices.len() as u32;
+        self.vertices.extend_from_slice(&other.vertices);
+        self.indices.extend(other.indices.iter().map(|i| i + base));
+    }
+
+    /// A flat convex face, corners counter-clockwise seen from outside, with uv per corner.
+    pub fn face(&mut self, corners: &[Vec3], uvs: &[Vec2], finish: Finish) {
+        self.shaded_face(corners, uvs, finish, &vec![255; corners.len()]);
+    }
+
+    /// A flat convex face whose corners are open to the sky to different degrees; as many uvs and
+    /// degrees as corners.
+    pub fn shaded_face(&mut self, corners: &[Vec3], uvs: &[Vec2], finish: Finish, openness: &[u8]) {
+        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(Vec3::Z);
+        debug_assert!(uvs.len() == corners.len() && openness.len() == corners.len());
+        let base = self.vertices.len() as u32;
+        for ((&position, &uv), &openness) in corners.iter().zip(uvs).zip(openness.iter()) {
+            self.vertices.push(Vertex { position, normal, uv, finish, openness });
+        }
+        for k in 2..corners.len() as u32 {
+            self.indices.extend([base, base + k - 1, base + k]);
+        }
+    }
+
+    /// A flat convex face whose texture is laid on in metres along its own axes.
+    pub fn plate(&mut self, corners: &[Vec3], finish: Finish, metres_per_repeat: f32) {
+        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(Vec3::Z);
+        let across = if normal.z.abs() > 0.9 { Vec3::X } else { Vec3::Z.cross(normal).normalize_or(Vec3::X) };
+        let up = normal.cross(across);
+        let uvs: Vec<Vec2> =
+            corners.iter().map(|c| Vec2::new(c.dot(across), c.dot(up)) / metres_per_repeat).collect();
+        self.face(corners, &uvs, finish);
+    }
+
+    /// A box with its bottom left out, turned about z. `centre` is the middle of its bottom.
+    pub fn block(&mut self, centre: Vec3, size: Vec3, yaw_rad: f32, finish: Finish) {
+        let (sin, cos) = yaw_rad.sin_cos();
+        let (ahead, left) =
+            (Vec3::new(cos, sin, 0.0) * size.x / 2.0, Vec3::new(-sin, cos, 0.0) * size.y / 2.0);
+        let ring =
+            [centre + ahead + left, centre - ahead + left, centre - ahead - left, centre + ahead - left];
+        self.prism(&ring, size.z, finish, finish);
+    }
+
+    /// Upright walls on a counter-clockwise ring of points and a lid (the ring has to be convex).
+    pub fn prism(&mut self, ring: &[Vec3], height: f32, side: Finish, lid: Finish) {
+        let up = Vec3::Z * height;
+        for (k, &a) in ring.iter().enumerate() {
+            let b = ring[(k + 1) % ring.len()];
+            self.plate(&[a, b, b + up, a + up], side, 2.0);
+        }
+        let top: Vec<Vec3> = ring.iter().map(|&p| p + up).collect();
+        self.plate(&top, lid, 2.0);
+    }
+
+    /// A cone frustum standing upright, smooth around, with a lid when the top has a radius.
+    pub fn frustum(&mut self, foot: Vec3, radii: [f32; 2], height: f32, sides: u32, finish: Finish) {
+        let base = self.vertices.len() as u32;
+        let slope = (radii[0] - radii[1]) / height.max(1e-3);
+        for k in 0..=sides {
+            let (sin, cos) = (std::f32::consts::TAU * k as f32 / sides as f32).sin_cos();
+            let normal = Vec3::new(cos, sin, slope).normalize_or(Vec3::Z);
+            for (radius, z) in [(radii[0], 0.0), (radii[1], height)] {
+                let position = foot + Vec3::new(cos * radius, sin * radius, z);
+                let uv = Vec2::new(k as f32 / sides as f32 * 2.0, z / 2.0);
+                self.vertices.push(Vertex { position, normal, uv, finish, openness: 255 });
+            }
+        }
+        for k in 0..sides {
+            let a = base + 2 * k;
+            self.indices.extend([a, a + 2, a + 3, a, a + 3, a + 1]);
+        }
+        if radii[1] > 0.02 {
+            let top: Vec<Vec3> = (0..sides)
+                .map(|k| {
+                    let (sin, cos) = (std::f32::consts::TAU * k as f32 / sides as f32).sin_cos();
+                    foot + Vec3::new(cos * radii[1], sin * radii[1], height)
+                })
+                .collect();
+            self.plate(&top, finish, 2.0);
+        }
+    }
+
+    /// Drops vertices that repeat bit for bit.
+    pub fn weld(&mut self) {
+        let mut seen = std::collections::HashMap::new();
+        let mut kept = Vec::with_capacity(self.vertices.len());
+        let slot: Vec<u32> = self
+            .vertices
+            .iter()
+            .map(|v| {
+                let key = (
+                    v.position.to_array().map(f32::to_bits),
+                    v.normal.to_array().map(|x| (x * 512.0).round() as i32),
+                    v.uv.to_array().map(f32::to_bits),
+                    (v.finish.surface, v.finish.colour, v.finish.class, v.openness),
+                );
+                *seen.entry(key).or_insert_with(|| {
+                    kept.push(*v);
+                    kept.len() as u32 - 1
+                })
+            })
+            .collect();
+        self.vertices = kept;
+        for index in &mut self.indices {
+            *index = slot[*index as usize];
+        }
+    }
+
+    /// The smallest box around all vertices.
+    pub fn bounds(&self) -> [Vec3; 2] {
+        self.vertices.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], v| {
+            [low.min(v.position), high.max(v.position)]
+        })
+    }
+}

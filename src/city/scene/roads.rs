@@ -1,0 +1,244 @@
+//! Ground: asphalt from the union of all lanes, kerbs and pavements along its outline, grass beyond.
+
+use super::field::Field;
+use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
+use super::polygon::Region;
+use crate::city::{CityMap, Lane, LaneId};
+use crate::geom::Segment;
+use glam::{DVec2, Vec2, Vec3};
+
+/// Distance between nodes of the grid.
+const STEP_M: f64 = 0.25;
+/// Corners between roads are rounded with this radius; narrower gaps are road.
+const FILLET_M: f64 = 2.2;
+/// Asphalt beyond the outermost lanes.
+const SHOULDER_M: f32 = 0.30;
+const PAVEMENT_M: f32 = 2.0;
+/// Around everything.
+const MARGIN_M: f64 = 14.0;
+/// The plain reaches this far beyond the city.
+const PLAIN_M: f32 = 1400.0;
+/// How far ahead of a bend its widening begins.
+const TAPER_M: f64 = 5.0;
+/// Holes in the asphalt that are smaller are no islands.
+const LEAST_ISLAND_M2: f64 = 2.5;
+
+pub(super) const KERB_M: f32 = 0.12;
+/// Height of the ground beyond the pavements.
+pub(super) const GRASS_M: f32 = 0.10;
+
+pub(super) const ASPHALT: Finish = Finish::new(Surface::Asphalt, [92, 93, 97], Class::Road);
+pub(super) const GRASS: Finish = Finish::new(Surface::Grass, [104, 122, 72], Class::Grass);
+const KERB: Finish = Finish::new(Surface::Concrete, [186, 184, 178], Class::Pavement);
+pub(super) const PAVEMENT: Finish = Finish::new(Surface::Slabs, [172, 166, 156], Class::Pavement);
+
+/// The road surface as a field: signed distance to the edge of the outermost lanes, negative on the
+/// road, corners rounded.
+pub(super) struct RoadField {
+    pub(super) distance: Field,
+}
+
+/// Half widths of a lane along its length, with tapers in front of and behind widened bends.
+struct Profile {
+    left: Vec<f64>,
+    right: Vec<f64>,
+    step: f64,
+}
+
+impl Profile {
+    fn new(map: &CityMap, lane: &Lane) -> Self {
+        let length = lane.curve.length();
+        let count = (length / 0.5).ceil().max(1.0) as usize;
+        let step = length / count as f64;
+        let raw: Vec<(f64, f64)> = (0..=count)
+            .map(|k| lane.half_widths_at((k as f64 * step).clamp(1e-6, (length - 1e-6).max(1e-6))))
+            .collect();
+        let half = lane.width_m / 2.0;
+        // What bends of the lanes before and behind ask for at the ends of this one.
+        let beyond = |ids: &[LaneId], at_start: bool| {
+            let near = |lane: &Lane| if at_start { (lane.curve.length() - 1e-6).max(0.0) } else { 1e-6 };
+            ids.iter().map(|&id| map.lane(id)).map(|lane| lane.half_widths_at(near(lane))).collect::<Vec<_>>()
+        };
+        let (before, after) = (beyond(&lane.predecessors, true), beyond(&lane.successors, false));
+        let smooth = |side: &dyn Fn(&(f64, f64)) -> f64| -> Vec<f64> {
+            let reach = (TAPER_M / step) as usize;
+            let widest = |widths: &[(f64, f64)]| widths.iter().map(side).fold(half, f64::max);
+            let (before, after) = (widest(&before), widest(&after));
+            let eased = |width: f64, away: f64| {
+                let far = (away / TAPER_M).min(1.0);
+                half + (width - half) * (1.0 - far * far * (3.0 - 2.0 * far))
+            };
+            (0..=count)
+                .map(|k| {
+                    let ends = eased(before, k as f64 * step).max(eased(after, (count - k) as f64 * step));
+                    (k.saturating_sub(reach)..=(k + reach).min(count))
+                        .map(|j| eased(side(&raw[j]), k.abs_diff(j) as f64 * step))
+                        .fold(ends, f64::max)
+                })
+                .collect()
+        };
+        Self { left: smooth(&|w| w.0), right: smooth(&|w| w.1), step }
+    }
+
+    fn at(&self, s: f64, left: bool) -> f64 {
+        let table = if left { &self.left } else { &self.right };
+        let at = (s / self.step.max(1e-9)).clamp(0.0, (table.len() - 1) as f64);
+        let k = (at as usize).min(table.len().saturating_sub(2));
+        let next = table[(k + 1).min(table.len() - 1)];
+        table[k] + (next - table[k]) * (at - k as f64)
+    }
+}
+
+/// Arc length and lateral position of a point on a segment, also beyond its ends.
+fn on_segment(segment: &Segment, point: DVec2) -> (f64, f64) {
+    let (Some(centre), Some(radius)) = (segment.centre(), segment.radius()) else {
+        let offset = point - segment.start.position;
+        let forward = segment.start.forward();
+        return (offset.dot(forward), forward.perp_dot(offset));
+    };
+    let (from, start) = (point - centre, segment.start.position - centre);
+    let sign = segment.curvature.signum();
+    let middle = segment.length / radius / 2.0;
+    let turned = sign * start.perp_dot(from).atan2(start.dot(from));
+    let turned = middle + crate::geom::wrap_angle(turned - middle);
+    (turned * radius, sign * (radius - from.length()))
+}
+
+impl RoadField {
+    pub(super) fn new(map: &CityMap) -> Self {
+        let [low, high] = map.bounds();
+        let reach = FILLET_M + 2.5;
+        let mut raw = Field::new([low - MARGIN_M, high + MARGIN_M], STEP_M);
+        for lane in &map.lanes {
+            let profile = Profile::new(map, lane);
+            for (index, segment) in lane.curve.segments().iter().enumerate() {
+                let station = lane.curve.station(index);
+                let margin = lane.width_m + reach;
+                raw.lower(segment_box(segment, margin), |point| {
+                    let (s, lateral) = on_segment(segment, point);
+                    let beyond = (-s).max(s - segment.length).max(0.0);
+                    let side =
+                        lateral.abs() - profile.at(station + s.clamp(0.0, segment.length), lateral > 0.0);
+                    if beyond > 0.0 { beyond.hypot(side.max(0.0)) } else { side }
+                });
+            }
+        }
+        // Closing: out by the radius of a fillet, then in again.
+        let out = raw.rings(FILLET_M as f32, 0.01);
+        let back = raw.distance_to(&out, reach);
+        let fillet = FILLET_M as f32;
+        let distance =
+            raw.with(
+                &back,
+                |raw, back| {
+                    if raw >= fillet || !back.is_finite() { raw } else { raw.min(fillet - back) }
+                },
+            );
+        Self { distance }
+    }
+}
+
+/// The box around a segment of a curve and a margin.
+fn segment_box(segment: &Segment, margin: f64) -> [DVec2; 2] {
+    let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+    let pieces = ((segment.length / 2.0).ceil() as usize).max(1);
+    for k in 0..=pieces {
+        let at = segment.pose_at(segment.length * k as f64 / pieces as f64).position;
+        (low, high) = (low.min(at), high.max(at));
+    }
+    [low - margin, high + margin]
+}
+
+/// A region as a level surface, textured in metres from above.
+pub(super) fn level(mesh: &mut Mesh, region: &Region, z: f32, finish: Finish, metres_per_repeat: f32) {
+    for triangle in region.triangulate() {
+        let corners = triangle.map(|p| p.as_vec2().extend(z));
+        let uvs = triangle.map(|p| p.as_vec2() / metres_per_repeat);
+        mesh.face(&corners, &uvs, finish);
+    }
+}
+
+/// A band beside a closed ring: from `from` metres to its right to `to`, at two heights. Rings of a
+/// region have the region to their left, so that right is outside.
+pub(super) fn band(mesh: &mut Mesh, ring: &[DVec2], [from, to]: [Vec2; 2], finish: Finish) {
+    let count = ring.len();
+    let outward = |k: usize| {
+        let (before, at, after) = (ring[(k + count - 1) % count], ring[k], ring[(k + 1) % count]);
+        let (a, b) = (
+            (at - before).try_normalize().unwrap_or(DVec2::X),
+            (after - at).try_normalize().unwrap_or(DVec2::X),
+        );
+        let mean = (a + b).try_normalize().unwrap_or(a);
+        // Longer in corners, so that the band keeps its width along both edges.
+        -mean.perp() / mean.dot(a).max(0.4)
+    };
+    let facing = (to - from).perp();
+    let mut along = 0.0;
+    let row = |mesh: &mut Mesh, k: usize, along: f32| {
+        let out = outward(k % count).as_vec2();
+        let at = ring[k % count].as_vec2();
+        let normal = (out.normalize_or(Vec2::X) * facing.x).extend(facing.y).normalize_or(Vec3::Z);
+        for edge in [from, to] {
+            let position = (at + out * edge.x).extend(edge.y);
+            let uv = Vec2::new(along, edge.x + edge.y) / 2.0;
+            mesh.vertex(Vertex { position, normal, uv, finish, openness: 255 });
+        }
+    };
+    let base = mesh.vertices.len() as u32;
+    for k in 0..=count {
+        row(mesh, k, along);
+        along += ring[k % count].distance(ring[(k + 1) % count]) as f32;
+    }
+    for k in 0..count as u32 {
+        let a = base + 2 * k;
+        mesh.indices.extend([a, a + 1, a + 3, a, a + 3, a + 2]);
+    }
+}
+
+/// Asphalt, kerbs, pavements and grass.
+pub(super) fn ground(field: &RoadField) -> Mesh {
+    let mut mesh = Mesh::default();
+    let road = &field.distance;
+    for region in road.regions(SHOULDER_M + 0.06, 0.015, LEAST_ISLAND_M2) {
+        level(&mut mesh, &region, 0.0, ASPHALT, 5.0);
+    }
+    let edges = road.regions(SHOULDER_M, 0.012, LEAST_ISLAND_M2);
+    let rings: Vec<Vec<DVec2>> =
+        edges.into_iter().flat_map(|r| std::iter::once(r.outer).chain(r.holes)).collect();
+    for ring in &rings {
+        band(&mut mesh, ring, [Vec2::ZERO, Vec2::new(0.02, KERB_M + 0.006)], KERB.shaded(0.86));
+        band(&mut mesh, ring, [Vec2::new(0.02, KERB_M + 0.006), Vec2::new(0.20, KERB_M + 0.006)], KERB);
+    }
+    // Distance from the kerb, off the road.
+    let off = road.distance_to(&rings, f64::from(PAVEMENT_M) + 1.0);
+    let pavement = road.with(&off, |road, off| (off - PAVEMENT_M).max(SHOULDER_M + 0.04 - road));
+    for region in pavement.regions(0.0, 0.02, 0.2) {
+        level(&mut mesh, &region, KERB_M, PAVEMENT, 2.4);
+    }
+    let green = road.with(&off, |road, off| {
+        if road < SHOULDER_M { PAVEMENT_M } else { PAVEMENT_M - 0.06 - off.min(PAVEMENT_M + 4.0) }
+    });
+    for region in green.regions(0.0, 0.03, 0.5) {
+        level(&mut mesh, &region, GRASS_M, GRASS, 6.0);
+    }
+    mesh
+}
+
+/// The plain around the city, to the haze.
+pub(super) fn plain(map: &CityMap) -> Mesh {
+    let [low, high] = map.bounds();
+    let (low, high) = ((low - MARGIN_M + 0.6).as_vec2(), (high + MARGIN_M - 0.6).as_vec2());
+    let (far_low, far_high) = (low - PLAIN_M, high + PLAIN_M);
+    let mut mesh = Mesh::default();
+    for [a, b] in [
+        [far_low, Vec2::new(far_high.x, low.y)],
+        [Vec2::new(far_low.x, high.y), far_high],
+        [Vec2::new(far_low.x, low.y), Vec2::new(low.x, high.y)],
+        [Vec2::new(high.x, low.y), Vec2::new(far_high.x, high.y)],
+    ] {
+        let ring = [a, Vec2::new(b.x, a.y), b, Vec2::new(a.x, b.y)];
+        let uvs = ring.map(|p| p / 6.0);
+        mesh.face(&ring.map(|p| p.extend(GRASS_M - 0.02)), &uvs, GRASS);
+    }
+    mesh
+}

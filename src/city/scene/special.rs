@@ -1,0 +1,154 @@
+//! What only some buildings have: canopies, pavilions, towers, domes.
+
+use super::buildings::DARK;
+use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
+use glam::{Vec2, Vec3};
+use std::f32::consts::{FRAC_PI_2, TAU};
+
+const STONE: Finish = Finish::new(Surface::Concrete, [226, 220, 206], Class::Building);
+const COPPER: Finish = Finish::new(Surface::Metal, [112, 158, 142], Class::Building);
+const SLATE: Finish = Finish::new(Surface::RoofTiles, [92, 94, 102], Class::Building);
+const RED: Finish = Finish::new(Surface::Metal, [190, 44, 40], Class::Building);
+const WHITE: Finish = Finish::new(Surface::Metal, [236, 236, 232], Class::Building);
+
+fn middle(ring: &[Vec2]) -> Vec2 {
+    ring.iter().copied().sum::<Vec2>() / ring.len().max(1) as f32
+}
+
+/// Builds what is open on all sides; false where the name asks for a closed building.
+pub(super) fn pavilion(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32) -> bool {
+    let centre = middle(ring);
+    let columns = |mesh: &mut Mesh, inset: f32, radius: f32, finish: Finish| {
+        for corner in ring {
+            let foot = corner.lerp(centre, inset).extend(0.1);
+            mesh.frustum(foot, [radius, radius * 0.9], height - 0.7, 10, finish);
+        }
+    };
+    if name.contains("canopy") {
+        columns(mesh, 0.18, 0.22, WHITE);
+        let slab: Vec<Vec3> = ring.iter().map(|p| p.extend(height - 0.7)).collect();
+        mesh.prism(&slab, 0.7, RED, WHITE.shaded(0.8));
+        let under: Vec<Vec3> = slab.iter().rev().copied().collect();
+        mesh.plate(&under, WHITE, 2.0);
+        // Pumps on islands.
+        let across = (ring[1] - ring[0]).normalize_or(Vec2::X);
+        for part in [-0.22_f32, 0.22] {
+            let at = centre + across * (part * ring[0].distance(ring[1]));
+            let yaw = across.to_angle() + FRAC_PI_2;
+            mesh.block(at.extend(0.1), Vec3::new(4.4, 1.1, 0.2), yaw, STONE);
+            for along in [-1.0_f32, 1.0] {
+                let foot = (at + across.perp() * along).extend(0.3);
+                mesh.block(foot, Vec3::new(0.9, 0.55, 1.15), yaw, WHITE);
+                mesh.block(foot + Vec3::Z * 1.15, Vec3::new(0.9, 0.55, 0.35), yaw, RED);
+            }
+        }
+        return true;
+    }
+    if name.contains("bandstand") {
+        let floor: Vec<Vec3> = ring.iter().map(|p| p.extend(0.1)).collect();
+        mesh.prism(&floor, 0.5, STONE, Finish::new(Surface::Wood, [150, 116, 84], Class::Building));
+        columns(mesh, 0.08, 0.10, WHITE);
+        let peak = centre.extend(height + 0.9);
+        for (k, corner) in ring.iter().enumerate() {
+            let out = |p: Vec2| (p + (p - centre) * 0.12).extend(height - 0.65);
+            let (a, b) = (out(*corner), out(ring[(k + 1) % ring.len()]));
+            mesh.plate(&[a, b, peak], COPPER, 2.0);
+            mesh.plate(&[b, a, peak], STONE.shaded(0.7), 2.0);
+        }
+        return true;
+    }
+    false
+}
+
+/// Towers, domes and spires on closed buildings.
+pub(super) fn additions(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32) {
+    let centre = middle(ring);
+    let yaw = (ring[1] - ring[0]).to_angle();
+    if name.contains("town hall") {
+        let foot = centre.extend(height - 0.5);
+        mesh.block(foot, Vec3::new(3.6, 3.6, 6.5), yaw, STONE);
+        for k in 0..4 {
+            let out = Vec2::from_angle(yaw + FRAC_PI_2 * k as f32);
+            clock(mesh, (centre + out * 1.83).extend(height + 4.4), out);
+        }
+        spire(mesh, centre.extend(height + 6.0), 2.0, 4.2, yaw, COPPER);
+    } else if name.contains("chapel") {
+        let foot = ring[0].lerp(centre, 0.35);
+        mesh.block(foot.extend(0.1), Vec3::new(3.2, 3.2, height + 2.5), yaw, STONE);
+        spire(mesh, foot.extend(height + 2.6), 1.8, 6.0, yaw, SLATE);
+    } else if name.contains("observatory") {
+        dome(mesh, centre.extend(height), 0.34 * ring[0].distance(ring[1]).min(ring[1].distance(ring[2])));
+    } else if name.contains("hose tower") {
+        spire(mesh, centre.extend(height + 0.5), 0.56 * ring[0].distance(ring[1]), 1.6, yaw, SLATE);
+    } else if name.contains("factory") || name.contains("mill") {
+        mesh.frustum(ring[2].lerp(centre, 0.3).extend(0.1), [0.9, 0.6], height + 7.0, 14, DARK.shaded(2.0));
+    } else if name.contains("theatre") {
+        // A portico along the first side.
+        let out = -(ring[1] - ring[0]).normalize_or(Vec2::X).perp();
+        for k in 0..5 {
+            let at = ring[0].lerp(ring[1], 0.16 + 0.17 * k as f32) + out * 0.9;
+            mesh.frustum(at.extend(0.1), [0.34, 0.28], height * 0.62, 12, STONE);
+        }
+        let slab = (ring[0] + ring[1]) / 2.0 + out * 0.7;
+        let size = Vec3::new(0.8 * ring[0].distance(ring[1]), 1.5, 0.9);
+        mesh.block(slab.extend(0.1 + height * 0.62), size, yaw, STONE);
+    }
+}
+
+fn spire(mesh: &mut Mesh, foot: Vec3, half: f32, height: f32, yaw: f32, finish: Finish) {
+    let corner = |k: usize| {
+        let at = Vec2::from_angle(yaw + FRAC_PI_2 * (k as f32 + 0.5)) * (half * std::f32::consts::SQRT_2);
+        foot + at.extend(0.0)
+    };
+    for k in 0..4 {
+        mesh.plate(&[corner(k), corner(k + 1), foot + Vec3::Z * height], finish, 3.0);
+    }
+}
+
+fn clock(mesh: &mut Mesh, centre: Vec3, out: Vec2) {
+    let across = out.perp().extend(0.0);
+    let disc = |radius: f32, lift: f32| -> Vec<Vec3> {
+        (0..16)
+            .map(|k| {
+                let (sin, cos) = (TAU * k as f32 / 16.0).sin_cos();
+                centre + out.extend(0.0) * lift + (across * cos + Vec3::Z * sin) * radius
+            })
+            .collect()
+    };
+    mesh.plate(&disc(1.05, 0.0), DARK, 2.0);
+    mesh.plate(&disc(0.92, 0.02), WHITE, 2.0);
+    for (angle, length) in [(FRAC_PI_2, 0.75_f32), (0.35, 0.5)] {
+        let (sin, cos) = f32::sin_cos(angle);
+        let along = across * cos + Vec3::Z * sin;
+        let side = (across * -sin + Vec3::Z * cos) * 0.05;
+        let foot = centre + out.extend(0.0) * 0.04;
+        mesh.plate(
+            &[foot - side, foot + along * length - side, foot + along * length + side, foot + side],
+            DARK,
+            2.0,
+        );
+    }
+}
+
+fn dome(mesh: &mut Mesh, foot: Vec3, radius: f32) {
+    const AROUND: u32 = 20;
+    const RINGS: u32 = 6;
+    mesh.frustum(foot, [radius, radius], 1.2, AROUND, STONE);
+    let base = mesh.vertices.len() as u32;
+    for ring in 0..=RINGS {
+        let (up, wide) = (FRAC_PI_2 * ring as f32 / RINGS as f32).sin_cos();
+        for k in 0..=AROUND {
+            let (sin, cos) = (TAU * k as f32 / AROUND as f32).sin_cos();
+            let normal = Vec3::new(cos * wide, sin * wide, up);
+            let position = foot + Vec3::Z * 1.2 + normal * radius;
+            mesh.vertex(Vertex { position, normal, uv: Vec2::ZERO, finish: WHITE, openness: 255 });
+        }
+    }
+    for ring in 0..RINGS {
+        for k in 0..AROUND {
+            let a = base + ring * (AROUND + 1) + k;
+            let b = a + AROUND + 1;
+            mesh.indices.extend([a, a + 1, b + 1, a, b + 1, b]);
+        }
+    }
+}

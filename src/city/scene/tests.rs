@@ -1,0 +1,96 @@
+use super::*;
+use crate::city::{LaneKind, generate, map_of_drawing};
+use crate::geom::LengthScale;
+use glam::{DVec2, Vec2};
+
+fn city() -> CityMap {
+    map_of_drawing(&generate::ids3c()).unwrap().map.to_city(LengthScale::TESTBED)
+}
+
+/// Triangles of a class that look up, as seen from above.
+fn level_triangles(scene: &SceneDescription, class: Class) -> Vec<[Vec2; 3]> {
+    let mut found = Vec::new();
+    for mesh in &scene.meshes {
+        for t in mesh.indices.chunks_exact(3) {
+            let corners = [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize]);
+            if corners.iter().all(|v| v.finish.class == class && v.position.z < 0.05 && v.normal.z > 0.9) {
+                found.push(corners.map(|v| v.position.truncate()));
+            }
+        }
+    }
+    found
+}
+
+fn covers(t: &[Vec2; 3], p: Vec2) -> bool {
+    (0..3).all(|k| (t[(k + 1) % 3] - t[k]).perp_dot(p - t[k]) >= -1e-3)
+}
+
+#[test]
+fn every_lane_lies_on_asphalt_from_edge_to_edge() {
+    let map = city();
+    let scene = SceneDescription::from_map(&map);
+    let asphalt = level_triangles(&scene, Class::Road);
+    for lane in &map.lanes {
+        let half = lane.width_m / 2.0 - 0.05;
+        for (_, point) in lane.curve.sample(4.0) {
+            for left in [-half, 0.0, half] {
+                let at = point.pose.point_at(0.0, left).as_vec2();
+                assert!(asphalt.iter().any(|t| covers(t, at)), "{} lies bare at {at}", lane.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn yellow_lines_keep_to_the_middle_between_directions() {
+    let map = city();
+    let field = roads::RoadField::new(&map);
+    let mesh = markings::markings(&map, &field);
+    let yellow = mesh.vertices.iter().filter(|v| v.finish.colour[2] < 100);
+    let mut count = 0;
+    for vertex in yellow {
+        let at: DVec2 = vertex.position.truncate().as_dvec2();
+        for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
+            let far = lane.curve.at(lane.curve.project(at).s).pose.position.distance(at);
+            assert!(far > 0.33 * lane.width_m, "yellow at {at}, {far} m from the middle of {}", lane.name);
+        }
+        count += 1;
+    }
+    assert!(count > 1000, "{count} corners of yellow lines");
+}
+
+#[test]
+fn nothing_solid_stands_on_a_lane_and_all_numbers_are_finite() {
+    let map = city();
+    let scene = SceneDescription::from_map(&map);
+    let solid = [Class::Building, Class::Wall, Class::Pole, Class::Furniture];
+    for v in scene.meshes.iter().flat_map(|mesh| &mesh.vertices) {
+        assert!(v.position.is_finite() && v.normal.is_finite() && v.uv.is_finite(), "{v:?}");
+        let low = v.position.z < 2.5;
+        if low && solid.contains(&v.finish.class) {
+            let at = v.position.truncate().as_dvec2();
+            for lane in &map.lanes {
+                let far = lane.curve.at(lane.curve.project(at).s).pose.position.distance(at);
+                assert!(far > 1.5, "{:?} at {at}, {far} m from {}", v.finish.class, lane.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_same_map_gives_the_same_scene() {
+    let map = city();
+    assert!(SceneDescription::from_map(&map) == SceneDescription::from_map(&map));
+}
+
+#[test]
+fn faces_of_many_corners_stay_in_their_outline() {
+    let mut mesh = Mesh::default();
+    let finish = Finish::new(Surface::Plain, [255; 3], Class::Building);
+    mesh.frustum(Vec3::ZERO, [1.0, 0.8], 2.0, 20, finish);
+    mesh.block(Vec3::new(50.0, 0.0, 0.0), Vec3::ONE, 0.3, finish);
+    for t in mesh.indices.chunks_exact(3) {
+        let [a, b, c] = [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize].position);
+        assert!(a.distance(b).max(b.distance(c)).max(c.distance(a)) < 3.0, "a spike from {a} to {b} and {c}");
+    }
+}

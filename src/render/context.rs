@@ -1,0 +1,121 @@
+//! Finding an adapter and opening it.
+
+use super::RenderError;
+use tracing::info;
+
+/// Which adapter to take.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum AdapterPreference {
+    /// A real GPU where there is one, the software adapter else.
+    #[default]
+    Best,
+    /// The software adapter: the same pixels on every machine with the same driver.
+    Software,
+    /// The first whose name contains this, whatever its case.
+    Named(String),
+}
+
+impl AdapterPreference {
+    /// The environment variable that [`AdapterPreference::from_environment`] reads.
+    pub const VARIABLE: &'static str = "CITY3D_ADAPTER";
+
+    /// `software`, `best` or a part of an adapter's name.
+    pub fn parse(text: &str) -> Self {
+        match text.trim().to_lowercase().as_str() {
+            "" | "best" => Self::Best,
+            "software" | "cpu" => Self::Software,
+            name => Self::Named(name.to_owned()),
+        }
+    }
+
+    /// From `CITY3D_ADAPTER`; the best one where it is not set.
+    pub fn from_environment() -> Self {
+        std::env::var(Self::VARIABLE).map_or(Self::Best, |text| Self::parse(&text))
+    }
+}
+
+/// An open adapter.
+#[derive(Clone, Debug)]
+pub struct Context {
+    pub device: wgpu::Device,
+    pub queue: wgpu::Queue,
+    /// Name and driver, as logs and reports show it.
+    pub adapter_name: String,
+    /// Whether pictures are computed on the CPU.
+    pub is_software: bool,
+}
+
+/// Where a view is drawn to: a window's surface or a texture that is read back.
+#[derive(Clone, Copy, Debug)]
+pub struct TargetView<'a> {
+    pub color: &'a wgpu::TextureView,
+    pub format: wgpu::TextureFormat,
+    /// Width and height in pixels.
+    pub extent: [u32; 2],
+}
+
+impl Context {
+    /// Opens an adapter without a window.
+    ///
+    /// # Errors
+    /// [`RenderError::NoAdapter`] where the machine has none, which names the package to install;
+    /// [`RenderError::NoSuchAdapter`] with those there are; [`RenderError::NoDevice`].
+    pub fn headless(preference: &AdapterPreference) -> Result<Self, RenderError> {
+        pollster::block_on(Self::open(preference))
+    }
+
+    async fn open(preference: &AdapterPreference) -> Result<Self, RenderError> {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::PRIMARY;
+        let instance = wgpu::Instance::new(descriptor);
+        let mut adapters = instance.enumerate_adapters(wgpu::Backends::PRIMARY).await;
+        let rank = |kind: wgpu::DeviceType| match kind {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::IntegratedGpu => 1,
+            wgpu::DeviceType::VirtualGpu => 2,
+            wgpu::DeviceType::Other => 3,
+            wgpu::DeviceType::Cpu => 4,
+        };
+        adapters.sort_by_key(|a| rank(a.get_info().device_type));
+        let names = || adapters.iter().map(|a| a.get_info().name).collect::<Vec<_>>().join(", ");
+        let found = match preference {
+            AdapterPreference::Best => adapters.first(),
+            AdapterPreference::Software => {
+                adapters.iter().find(|a| a.get_info().device_type == wgpu::DeviceType::Cpu)
+            }
+            AdapterPreference::Named(wanted) => {
+                let wanted = wanted.to_lowercase();
+                adapters.iter().find(|a| a.get_info().name.to_lowercase().contains(&wanted))
+            }
+        };
+        let Some(adapter) = found else {
+            return Err(match preference {
+                AdapterPreference::Named(wanted) if !adapters.is_empty() => {
+                    RenderError::NoSuchAdapter { wanted: wanted.clone(), present: names() }
+                }
+                AdapterPreference::Software if !adapters.is_empty() => RenderError::NoAdapter {
+                    wanted: format!(" that draws on the CPU (there are: {})", names()),
+                },
+                _ => RenderError::NoAdapter { wanted: String::new() },
+            });
+        };
+        let about = adapter.get_info();
+        let is_software = about.device_type == wgpu::DeviceType::Cpu;
+        let adapter_name = format!("{} ({:?}, {})", about.name, about.backend, about.driver_info);
+        let (device, queue) = adapter
+            .request_device(&wgpu::DeviceDescriptor {
+                label: Some("city3d"),
+                required_features: wgpu::Features::empty(),
+                required_limits: wgpu::Limits::default().using_resolution(adapter.limits()),
+                ..Default::default()
+            })
+            .await
+            .map_err(|source| RenderError::NoDevice { adapter: adapter_name.clone(), source })?;
+        if is_software {
+            info!(adapter = adapter_name, "drawing on the CPU with the software adapter");
+        } else {
+            info!(adapter = adapter_name, "drawing");
+        }
+        Ok(Self { device, queue, adapter_name, is_software })
+    }
+}

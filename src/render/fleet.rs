@@ -1,0 +1,289 @@
+//! Vehicles of one snapshot on the GPU: meshes by build, instances by tick.
+
+use super::Context;
+use super::RenderError;
+use super::frustum::Frustum;
+use super::passes::city::gpu_data::Vertex;
+use super::passes::vehicle::gpu_data::Instance;
+use super::vehicle::{self, MeshKey, VehicleMesh};
+use crate::snapshot::{FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
+use glam::{Mat3, Quat, Vec3};
+use std::collections::BTreeMap;
+use std::f32::consts::PI;
+use std::ops::Range;
+use wgpu::util::DeviceExt;
+
+/// Turn signals flash this often a second.
+const FLASHES_HZ: f64 = 1.5;
+/// Wheels and lamps of vehicles farther away than this are not worth their triangles.
+const WHEELS_WITHIN_M: f32 = 120.0;
+
+#[derive(Clone, Debug)]
+struct Build {
+    body: Range<u32>,
+    wheel: Range<u32>,
+}
+
+/// A vehicle of the snapshot that a view may see.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sight {
+    index: usize,
+    distance_m: f32,
+    is_carrier: bool,
+}
+
+#[derive(Debug)]
+struct Placed {
+    id: VehicleId,
+    key: MeshKey,
+    centre: Vec3,
+    radius: f32,
+}
+
+#[derive(Debug)]
+pub(super) struct Fleet {
+    mesh: VehicleMesh,
+    builds: BTreeMap<MeshKey, Build>,
+    /// Vertices and indices of all builds; `None` before the first.
+    buffers: Option<(wgpu::Buffer, wgpu::Buffer)>,
+    instances: wgpu::Buffer,
+    capacity: usize,
+    placed: Vec<Placed>,
+}
+
+impl Fleet {
+    pub(super) fn new(device: &wgpu::Device) -> Self {
+        let capacity = 64;
+        Self {
+            mesh: VehicleMesh::default(),
+            builds: BTreeMap::new(),
+            buffers: None,
+            instances: instance_buffer(device, capacity),
+            capacity,
+            placed: Vec::new(),
+        }
+    }
+
+    /// Takes the vehicles of a snapshot.
+    ///
+    /// # Errors
+    /// [`RenderError::Vehicle`] for measures or poses that cannot be drawn.
+    pub(super) fn update(&mut self, context: &Context, snapshot: &FrameSnapshot) -> Result<(), RenderError> {
+        for (state, info) in snapshot.iter() {
+            check(state, info)?;
+        }
+        self.make_builds(&context.device, snapshot);
+        self.placed.clear();
+        let count = snapshot.vehicles.len();
+        let (mut bodies, mut wheels, mut contacts) = (Vec::new(), Vec::new(), Vec::new());
+        for (state, info) in snapshot.iter() {
+            let d = &info.dimensions;
+            let half = Vec3::new(d.length_m as f32, d.width_m as f32, d.height_m as f32) / 2.0;
+            self.placed.push(Placed {
+                id: state.id,
+                key: MeshKey::new(info.appearance.body, d),
+                centre: state.position.as_vec3() + Vec3::Z * half.z,
+                radius: half.length(),
+            });
+            let lamps = lamps(state, snapshot.time_s);
+            let paint = info.appearance.colour.map(linear_from_srgb);
+            let body = Instance {
+                rows: rows(Mat3::from_quat(state.orientation.as_quat()), state.position.as_vec3()),
+                paint: [paint[0], paint[1], paint[2], 1.0],
+                lamps,
+            };
+            bodies.push(body);
+            wheels.extend(self::wheels(state, info).map(|rows| Instance { rows, ..body }));
+            let sheet = vehicle::half_of_sheet_metal(d);
+            contacts.push(Instance { paint: [half.x, sheet, 0.0, 0.0], ..body });
+        }
+        if count > self.capacity {
+            self.capacity = count.next_power_of_two();
+            self.instances = instance_buffer(&context.device, self.capacity);
+        }
+        bodies.append(&mut wheels);
+        bodies.append(&mut contacts);
+        context.queue.write_buffer(&self.instances, 0, bytemuck::cast_slice(&bodies));
+        Ok(())
+    }
+
+    fn make_builds(&mut self, device: &wgpu::Device, snapshot: &FrameSnapshot) {
+        let known = self.builds.len();
+        for info in snapshot.roster.iter() {
+            let (kind, d) = (info.appearance.body, &info.dimensions);
+            let mesh = &mut self.mesh;
+            self.builds.entry(MeshKey::new(kind, d)).or_insert_with(|| Build {
+                body: append(mesh, &vehicle::body(kind, d)),
+                wheel: append(mesh, &vehicle::wheel(d.wheel_radius_m as f32)),
+            });
+        }
+        if self.builds.len() > known {
+            let buffer = |contents, usage| {
+                device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                    label: Some("vehicles"),
+                    contents,
+                    usage,
+                })
+            };
+            self.buffers = Some((
+                buffer(bytemuck::cast_slice(&self.mesh.vertices), wgpu::BufferUsages::VERTEX),
+                buffer(bytemuck::cast_slice(&self.mesh.indices), wgpu::BufferUsages::INDEX),
+            ));
+        }
+    }
+
+    /// Vehicles that a view may see, nearest first.
+    pub(super) fn seen(&self, frustum: &Frustum, eye: Vec3, carrier: Option<VehicleId>) -> Vec<Sight> {
+        let mut seen: Vec<Sight> = self
+            .placed
+            .iter()
+            .enumerate()
+            .filter(|(_, p)| frustum.may_see_ball(p.centre, p.radius + 1.0))
+            .map(|(index, p)| Sight {
+                index,
+                distance_m: p.centre.distance(eye),
+                is_carrier: carrier == Some(p.id),
+            })
+            .collect();
+        seen.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
+        seen
+    }
+
+    /// Middle and radius of the ball around each vehicle.
+    pub(super) fn balls(&self) -> impl Iterator<Item = (Vec3, f32)> {
+        self.placed.iter().map(|p| (p.centre, p.radius))
+    }
+
+    fn bind(&self, pass: &mut wgpu::RenderPass<'_>) -> bool {
+        let Some((vertices, indices)) = &self.buffers else { return false };
+        pass.set_vertex_buffer(0, vertices.slice(..));
+        pass.set_vertex_buffer(1, self.instances.slice(..));
+        pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
+        true
+    }
+
+    /// Groups and pipeline are set already.
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, seen: &[Sight]) {
+        if !self.bind(pass) {
+            return;
+        }
+        let count = self.placed.len() as u32;
+        for sight in seen {
+            let Some(build) = self.builds.get(&self.placed[sight.index].key) else { continue };
+            let index = sight.index as u32;
+            pass.draw_indexed(build.body.clone(), 0, index..index + 1);
+            // A camera inside the body would see the wheels through it.
+            if !sight.is_carrier && sight.distance_m < WHEELS_WITHIN_M {
+                let first = count + 4 * index;
+                pass.draw_indexed(build.wheel.clone(), 0, first..first + 4);
+            }
+        }
+    }
+
+    /// Groups and pipeline are set already.
+    pub(super) fn draw_shadows(&self, pass: &mut wgpu::RenderPass<'_>) {
+        if !self.bind(pass) {
+            return;
+        }
+        for (index, placed) in (0_u32..).zip(&self.placed) {
+            let Some(build) = self.builds.get(&placed.key) else { continue };
+            pass.draw_indexed(build.body.clone(), 0, index..index + 1);
+        }
+    }
+
+    /// Group 0 and pipeline are set already.
+    pub(super) fn draw_contacts(&self, pass: &mut wgpu::RenderPass<'_>, seen: &[Sight]) {
+        let first = 5 * self.placed.len() as u32;
+        pass.set_vertex_buffer(0, self.instances.slice(..));
+        for sight in seen {
+            let index = first + sight.index as u32;
+            pass.draw(0..4, index..index + 1);
+        }
+    }
+}
+
+fn instance_buffer(device: &wgpu::Device, vehicles: usize) -> wgpu::Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("vehicle instances"),
+        // A body, four wheels and a patch each.
+        size: (vehicles * 6 * size_of::<Instance>()) as u64,
+        usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
+
+fn append(mesh: &mut VehicleMesh, part: &VehicleMesh) -> Range<u32> {
+    let (base, start) = (mesh.vertices.len() as u32, mesh.indices.len() as u32);
+    let vertices: &[Vertex] = &part.vertices;
+    mesh.vertices.extend_from_slice(vertices);
+    mesh.indices.extend(part.indices.iter().map(|k| k + base));
+    start..mesh.indices.len() as u32
+}
+
+fn check(state: &VehicleState, info: &VehicleInfo) -> Result<(), RenderError> {
+    let d = &info.dimensions;
+    let measures = [
+        ("length", d.length_m),
+        ("width", d.width_m),
+        ("height", d.height_m),
+        ("wheelbase", d.wheelbase_m),
+        ("wheel radius", d.wheel_radius_m),
+    ];
+    for (what, found) in measures {
+        if !(found.is_finite() && found > 0.0) {
+            return Err(RenderError::Vehicle { vehicle: info.id, what, found });
+        }
+    }
+    if !(state.position.is_finite() && state.orientation.is_finite()) {
+        let found = state.position.length();
+        return Err(RenderError::Vehicle { vehicle: info.id, what: "pose", found });
+    }
+    Ok(())
+}
+
+fn lamps(state: &VehicleState, time_s: f64) -> [f32; 4] {
+    let flash = (time_s * FLASHES_HZ).rem_euclid(1.0) < 0.5;
+    let on = |yes: bool| if yes { 1.0 } else { 0.0 };
+    let left = matches!(state.indicator, Indicator::Left | Indicator::Hazard);
+    let right = matches!(state.indicator, Indicator::Right | Indicator::Hazard);
+    [on(state.brake_lights), on(left && flash), on(right && flash), on(state.reverse)]
+}
+
+fn rows(rotation: Mat3, position: Vec3) -> [[f32; 4]; 3] {
+    [0, 1, 2].map(|k| rotation.row(k).extend(position[k]).to_array())
+}
+
+/// City from wheel: front left, front right, rear left, rear right.
+fn wheels(state: &VehicleState, info: &VehicleInfo) -> impl Iterator<Item = [[f32; 4]; 3]> {
+    let d = &info.dimensions;
+    let (orientation, position) = (state.orientation.as_quat(), state.position.as_vec3());
+    let radius = d.wheel_radius_m as f32;
+    let axle = d.wheelbase_m as f32 / 2.0;
+    // The outer face of a wheel stands a finger's width out of the sheet metal at least.
+    let least = vehicle::half_of_sheet_metal(d) + 0.015 - super::vehicle::WHEEL_WIDTH_M / 2.0;
+    let half_track = (d.track_m as f32 / 2.0).clamp(least, least + 0.05);
+    let wheels = state.wheels;
+    (0..4).map(move |k| {
+        let left = k % 2 == 0;
+        let wheel = &wheels[k];
+        let at = Vec3::new(
+            if k < 2 { axle } else { -axle },
+            if left { half_track } else { -half_track },
+            radius + wheel.lift_m as f32,
+        );
+        let spin = wheel.spin_rad.rem_euclid(std::f64::consts::TAU) as f32;
+        let steer = Quat::from_rotation_z(wheel.steer_rad as f32);
+        let turn = if left {
+            Quat::from_rotation_y(spin)
+        } else {
+            Quat::from_rotation_z(PI) * Quat::from_rotation_y(-spin)
+        };
+        rows(Mat3::from_quat(orientation * steer * turn), position + orientation * at)
+    })
+}
+
+/// Of one 8-bit channel.
+pub(super) fn linear_from_srgb(value: u8) -> f32 {
+    let c = f32::from(value) / 255.0;
+    if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+}

@@ -1,0 +1,31 @@
+//! Camera pictures: the GPU renderer, its read-back and the PNG writer.
+//!
+//! [`Context`] finds an adapter, [`Renderer`] draws snapshots of a scene into [`Image`]s or into a
+//! [`TargetView`] of anyone's, [`PngStream`] writes pictures to disk while the next ones are drawn.
+//!
+//! Bind groups are numbered by how often they change: 0 frame and view, 1 pass (the shadow map),
+//! 2 materials. What differs between objects comes as instances.
+
+mod atlas;
+mod context;
+mod error;
+mod fleet;
+mod frustum;
+mod image;
+mod passes;
+mod png;
+mod renderer;
+mod settings;
+mod shader;
+mod standing;
+mod stream;
+mod textures;
+mod vehicle;
+
+pub use context::{AdapterPreference, Context, TargetView};
+pub use error::RenderError;
+pub use image::Image;
+pub use png::write_png;
+pub use renderer::{Pending, Renderer};
+pub use settings::{Quality, Settings, Sun};
+pub use stream::PngStream;

@@ -1,0 +1,138 @@
+//! The standing city: front to back, things that rise before the ground that they hide.
+
+use super::{Attachments, PictureState, picture_pipeline, sampler_entry, texture_entry};
+use crate::render::frustum::Frustum;
+use crate::render::settings::Quality;
+use crate::render::shader::Shader;
+use crate::render::standing::Standing;
+use crate::render::textures;
+use glam::Vec3;
+
+pub(in crate::render) mod gpu_data {
+    use bytemuck::{Pod, Zeroable};
+
+    /// A vertex of the city or of a vehicle.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Pod, Zeroable)]
+    pub(in crate::render) struct Vertex {
+        pub(in crate::render) position: [f32; 3],
+        pub(in crate::render) normal: [i8; 4],
+        /// sRGB; the last is the openness to the sky.
+        pub(in crate::render) colour: [u8; 4],
+        pub(in crate::render) uv: [f32; 2],
+        /// Layer of the texture array in the lowest byte, class in the next; of vehicles the part.
+        pub(in crate::render) material: u32,
+    }
+
+    pub(in crate::render) const ATTRIBUTES: [wgpu::VertexAttribute; 5] = wgpu::vertex_attr_array![
+        0 => Float32x3, 1 => Snorm8x4, 2 => Unorm8x4, 3 => Float32x2, 4 => Uint32
+    ];
+
+    pub(in crate::render) const LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
+        array_stride: size_of::<Vertex>() as u64,
+        step_mode: wgpu::VertexStepMode::Vertex,
+        attributes: &ATTRIBUTES,
+    };
+}
+
+/// Bind group 2 and the pipeline.
+#[derive(Debug)]
+pub(in crate::render) struct CityPass {
+    pipeline: wgpu::RenderPipeline,
+    surfaces: wgpu::BindGroup,
+}
+
+impl CityPass {
+    pub(in crate::render) fn new(
+        context: &crate::render::Context,
+        attachments: Attachments,
+        quality: Quality,
+        groups: [&wgpu::BindGroupLayout; 2],
+    ) -> Self {
+        let device = &context.device;
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("surfaces"),
+            entries: &[
+                texture_entry(
+                    0,
+                    wgpu::TextureSampleType::Float { filterable: true },
+                    wgpu::TextureViewDimension::D2Array,
+                ),
+                sampler_entry(1, wgpu::SamplerBindingType::Filtering),
+            ],
+        });
+        let view = textures::surfaces(context);
+        // Mesa's software adapter walks an ellipse of texels for anisotropy and does not come back
+        // where derivatives are degenerate (seen with 22.3).
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("surfaces"),
+            address_mode_u: wgpu::AddressMode::Repeat,
+            address_mode_v: wgpu::AddressMode::Repeat,
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            mipmap_filter: wgpu::MipmapFilterMode::Linear,
+            anisotropy_clamp: if context.is_software { 1 } else { quality.anisotropy },
+            ..Default::default()
+        });
+        let surfaces = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("surfaces"),
+            layout: &layout,
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
+                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
+            ],
+        });
+        let pipeline = picture_pipeline(
+            device,
+            attachments,
+            &PictureState {
+                shader: Shader::City,
+                groups: &[Some(groups[0]), Some(groups[1]), Some(&layout)],
+                buffers: &[Some(gpu_data::LAYOUT)],
+                constants: &[
+                    ("soft_shadows", f64::from(u8::from(quality.soft_shadows))),
+                    ("detail", f64::from(u8::from(quality.detail))),
+                ],
+                topology: wgpu::PrimitiveTopology::TriangleList,
+                cull: true,
+                blend: None,
+                write_depth: true,
+            },
+        );
+        Self { pipeline, surfaces }
+    }
+
+    /// Groups 0 and 1 are set already.
+    pub(in crate::render) fn draw(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        standing: &Standing,
+        frustum: &Frustum,
+        eye: Vec3,
+        ground: bool,
+    ) {
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(2, &self.surfaces, &[]);
+        standing.draw(pass, frustum, eye, ground);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::gpu_data::{ATTRIBUTES, Vertex};
+    use std::mem::offset_of;
+
+    #[test]
+    fn attributes_lie_where_the_vertex_has_them() {
+        let offsets = [
+            offset_of!(Vertex, position),
+            offset_of!(Vertex, normal),
+            offset_of!(Vertex, colour),
+            offset_of!(Vertex, uv),
+            offset_of!(Vertex, material),
+        ];
+        assert_eq!(ATTRIBUTES.map(|a| a.offset as usize), offsets);
+        let last = ATTRIBUTES[4];
+        assert_eq!((last.offset + last.format.size()) as usize, size_of::<Vertex>());
+    }
+}

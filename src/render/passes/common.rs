@@ -1,0 +1,157 @@
+//! Bind group 0: the frame, and one slot for each view of it.
+
+use super::uniform_entry;
+use bytemuck::Zeroable;
+use gpu_data::{Frame, View};
+
+pub(in crate::render) mod gpu_data {
+    use bytemuck::{Pod, Zeroable};
+
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Pod, Zeroable)]
+    pub(in crate::render) struct Frame {
+        pub(in crate::render) to_sun: [f32; 4],
+        pub(in crate::render) sun: [f32; 4],
+        pub(in crate::render) sky_light: [f32; 4],
+        pub(in crate::render) ground_light: [f32; 4],
+        pub(in crate::render) haze: [f32; 4],
+        pub(in crate::render) shadow_from_world: [[f32; 4]; 4],
+        pub(in crate::render) shadow_texel: [f32; 4],
+    }
+
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Pod, Zeroable)]
+    pub(in crate::render) struct View {
+        pub(in crate::render) clip_from_world: [[f32; 4]; 4],
+        pub(in crate::render) eye: [f32; 4],
+    }
+}
+
+/// Distance between the slots of two views: the alignment that every adapter accepts.
+const SLOT: u64 = 256;
+
+/// Uniform buffers of group 0. Each view of a submission has its own slot, because a buffer that is
+/// written twice before one submission holds the last value for both.
+#[derive(Debug)]
+pub(in crate::render) struct FrameGroup {
+    pub(in crate::render) layout: wgpu::BindGroupLayout,
+    pub(in crate::render) group: wgpu::BindGroup,
+    frame: wgpu::Buffer,
+    views: wgpu::Buffer,
+    capacity: u64,
+}
+
+impl FrameGroup {
+    pub(in crate::render) fn new(device: &wgpu::Device) -> Self {
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("frame and view"),
+            entries: &[
+                uniform_entry(0, false, size_of::<Frame>() as u64),
+                uniform_entry(1, true, size_of::<View>() as u64),
+            ],
+        });
+        let frame = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("frame"),
+            size: size_of::<Frame>() as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let capacity = 16;
+        let views = view_buffer(device, capacity);
+        let group = bind(device, &layout, &frame, &views);
+        Self { layout, group, frame, views, capacity }
+    }
+
+    /// Writes the frame and every view; the offset of view `k` is [`FrameGroup::offset`].
+    pub(in crate::render) fn write(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        frame: &Frame,
+        views: &[View],
+    ) {
+        if views.len() as u64 > self.capacity {
+            self.capacity = (views.len() as u64).next_power_of_two();
+            self.views = view_buffer(device, self.capacity);
+            self.group = bind(device, &self.layout, &self.frame, &self.views);
+        }
+        queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
+        let mut bytes = vec![0_u8; views.len() * SLOT as usize];
+        for (slot, view) in bytes.chunks_exact_mut(SLOT as usize).zip(views) {
+            slot[..size_of::<View>()].copy_from_slice(bytemuck::bytes_of(view));
+        }
+        queue.write_buffer(&self.views, 0, &bytes);
+    }
+
+    pub(in crate::render) fn offset(view: usize) -> u32 {
+        (view as u64 * SLOT) as u32
+    }
+
+    /// Writes a frame without views, for the shadow of the standing city.
+    pub(in crate::render) fn write_frame(&self, queue: &wgpu::Queue, frame: &Frame) {
+        queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
+        queue.write_buffer(&self.views, 0, bytemuck::bytes_of(&View::zeroed()));
+    }
+}
+
+fn view_buffer(device: &wgpu::Device, capacity: u64) -> wgpu::Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("views"),
+        size: capacity * SLOT,
+        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
+
+fn bind(
+    device: &wgpu::Device,
+    layout: &wgpu::BindGroupLayout,
+    frame: &wgpu::Buffer,
+    views: &wgpu::Buffer,
+) -> wgpu::BindGroup {
+    device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("frame and view"),
+        layout,
+        entries: &[
+            wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() },
+            wgpu::BindGroupEntry {
+                binding: 1,
+                resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                    buffer: views,
+                    offset: 0,
+                    size: wgpu::BufferSize::new(size_of::<View>() as u64),
+                }),
+            },
+        ],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::shader::{Shader, tests::layout, tests::validated};
+    use std::mem::offset_of;
+
+    #[test]
+    fn structs_lie_as_the_shader_reads_them() {
+        for shader in Shader::ALL {
+            let module = validated(shader);
+            let frame = [
+                offset_of!(Frame, to_sun),
+                offset_of!(Frame, sun),
+                offset_of!(Frame, sky_light),
+                offset_of!(Frame, ground_light),
+                offset_of!(Frame, haze),
+                offset_of!(Frame, shadow_from_world),
+                offset_of!(Frame, shadow_texel),
+            ];
+            let (offsets, size) = layout(&module, "Frame");
+            assert_eq!(offsets, frame.map(|o| o as u32));
+            assert_eq!(size as usize, size_of::<Frame>());
+            let view = [offset_of!(View, clip_from_world), offset_of!(View, eye)];
+            let (offsets, size) = layout(&module, "View");
+            assert_eq!(offsets, view.map(|o| o as u32));
+            assert_eq!(size as usize, size_of::<View>());
+        }
+    }
+}

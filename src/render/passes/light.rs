@@ -1,0 +1,37 @@
+//! Bind group 1: the sun's shadow, as the passes of a picture read it.
+
+use super::{sampler_entry, texture_entry};
+
+#[derive(Debug)]
+pub(in crate::render) struct LightGroup {
+    pub(in crate::render) layout: wgpu::BindGroupLayout,
+    pub(in crate::render) group: wgpu::BindGroup,
+}
+
+impl LightGroup {
+    pub(in crate::render) fn new(device: &wgpu::Device, shadow_map: &wgpu::TextureView) -> Self {
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("light"),
+            entries: &[
+                texture_entry(0, wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2),
+                sampler_entry(1, wgpu::SamplerBindingType::Comparison),
+            ],
+        });
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("shadow"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            compare: Some(wgpu::CompareFunction::LessEqual),
+            ..Default::default()
+        });
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("light"),
+            layout: &layout,
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(shadow_map) },
+                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
+            ],
+        });
+        Self { layout, group }
+    }
+}

@@ -1,0 +1,120 @@
+//! One file a pass, each with its shader of the same name in `shaders/`.
+
+pub(super) mod city;
+pub(super) mod common;
+pub(super) mod contact;
+pub(super) mod light;
+pub(super) mod shadow;
+pub(super) mod sky;
+pub(super) mod vehicle;
+
+use super::shader::Shader;
+
+/// Depth of the picture: 1 at the near plane, 0 at the far one, where floats are densest.
+pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+/// The attachments that the passes of a picture are built for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Attachments {
+    pub(super) format: wgpu::TextureFormat,
+    pub(super) samples: u32,
+}
+
+/// What differs between the pipelines of a picture.
+pub(super) struct PictureState<'a> {
+    pub(super) shader: Shader,
+    pub(super) groups: &'a [Option<&'a wgpu::BindGroupLayout>],
+    pub(super) buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
+    pub(super) constants: &'a [(&'a str, f64)],
+    pub(super) topology: wgpu::PrimitiveTopology,
+    pub(super) cull: bool,
+    pub(super) blend: Option<wgpu::BlendState>,
+    pub(super) write_depth: bool,
+}
+
+pub(super) fn picture_pipeline(
+    device: &wgpu::Device,
+    attachments: Attachments,
+    state: &PictureState<'_>,
+) -> wgpu::RenderPipeline {
+    let module = state.shader.module(device);
+    let options = wgpu::PipelineCompilationOptions { constants: state.constants, ..Default::default() };
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: None,
+        bind_group_layouts: state.groups,
+        immediate_size: 0,
+    });
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(&format!("{:?}", state.shader)),
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vertex_main"),
+            compilation_options: options.clone(),
+            buffers: state.buffers,
+        },
+        primitive: wgpu::PrimitiveState {
+            topology: state.topology,
+            cull_mode: state.cull.then_some(wgpu::Face::Back),
+            ..Default::default()
+        },
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH,
+            depth_write_enabled: Some(state.write_depth),
+            depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState { count: attachments.samples, ..Default::default() },
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("fragment_main"),
+            compilation_options: options,
+            targets: &[Some(wgpu::ColorTargetState {
+                format: attachments.format,
+                blend: state.blend,
+                write_mask: wgpu::ColorWrites::ALL,
+            })],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
+/// A uniform buffer's entry in a layout.
+pub(super) fn uniform_entry(binding: u32, dynamic: bool, size: u64) -> wgpu::BindGroupLayoutEntry {
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Uniform,
+            has_dynamic_offset: dynamic,
+            min_binding_size: wgpu::BufferSize::new(size),
+        },
+        count: None,
+    }
+}
+
+/// A texture's entry in a layout, for fragments.
+pub(super) fn texture_entry(
+    binding: u32,
+    sample_type: wgpu::TextureSampleType,
+    view_dimension: wgpu::TextureViewDimension,
+) -> wgpu::BindGroupLayoutEntry {
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::FRAGMENT,
+        ty: wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false },
+        count: None,
+    }
+}
+
+/// A sampler's entry in a layout, for fragments.
+pub(super) fn sampler_entry(binding: u32, ty: wgpu::SamplerBindingType) -> wgpu::BindGroupLayoutEntry {
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::FRAGMENT,
+        ty: wgpu::BindingType::Sampler(ty),
+        count: None,
+    }
+}

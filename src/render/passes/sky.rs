@@ -1,0 +1,138 @@
+//! The sky: a dome with a panorama that is painted once, drawn last where nothing else is.
+
+use super::{Attachments, PictureState, picture_pipeline, sampler_entry, texture_entry};
+use crate::render::Context;
+use crate::render::settings::Sun;
+use crate::render::shader::Shader;
+use crate::render::textures;
+use glam::Vec3;
+use wgpu::util::DeviceExt;
+
+pub(in crate::render) mod gpu_data {
+    use bytemuck::{Pod, Zeroable};
+
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Pod, Zeroable)]
+    pub(in crate::render) struct Vertex {
+        pub(in crate::render) direction: [f32; 3],
+        pub(in crate::render) uv: [f32; 2],
+    }
+
+    pub(in crate::render) const LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
+        array_stride: size_of::<Vertex>() as u64,
+        step_mode: wgpu::VertexStepMode::Vertex,
+        attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x2],
+    };
+}
+
+const AROUND: u32 = 32;
+/// Elevations of the rings of the dome as parts of the way from below the horizon to the zenith.
+const RINGS: u32 = 10;
+
+#[derive(Debug)]
+pub(in crate::render) struct SkyPass {
+    pipeline: wgpu::RenderPipeline,
+    panorama: wgpu::BindGroup,
+    vertices: wgpu::Buffer,
+    indices: wgpu::Buffer,
+    count: u32,
+}
+
+impl SkyPass {
+    pub(in crate::render) fn new(
+        context: &Context,
+        attachments: Attachments,
+        sun: Sun,
+        groups: [&wgpu::BindGroupLayout; 2],
+    ) -> Self {
+        let device = &context.device;
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("sky"),
+            entries: &[
+                texture_entry(
+                    0,
+                    wgpu::TextureSampleType::Float { filterable: true },
+                    wgpu::TextureViewDimension::D2,
+                ),
+                sampler_entry(1, wgpu::SamplerBindingType::Filtering),
+            ],
+        });
+        let view = textures::panorama(context, sun);
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("sky"),
+            address_mode_u: wgpu::AddressMode::Repeat,
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..Default::default()
+        });
+        let panorama = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("sky"),
+            layout: &layout,
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
+                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
+            ],
+        });
+        let pipeline = picture_pipeline(
+            device,
+            attachments,
+            &PictureState {
+                shader: Shader::Sky,
+                groups: &[Some(groups[0]), Some(groups[1]), Some(&layout)],
+                buffers: &[Some(gpu_data::LAYOUT)],
+                constants: &[],
+                topology: wgpu::PrimitiveTopology::TriangleList,
+                cull: false,
+                blend: None,
+                write_depth: false,
+            },
+        );
+        let (vertices, indices) = dome();
+        let buffer = |contents, usage| {
+            device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some("sky"),
+                contents,
+                usage,
+            })
+        };
+        Self {
+            pipeline,
+            panorama,
+            count: indices.len() as u32,
+            vertices: buffer(bytemuck::cast_slice(&vertices), wgpu::BufferUsages::VERTEX),
+            indices: buffer(bytemuck::cast_slice(&indices), wgpu::BufferUsages::INDEX),
+        }
+    }
+
+    /// Groups 0 and 1 are set already.
+    pub(in crate::render) fn draw(&self, pass: &mut wgpu::RenderPass<'_>) {
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(2, &self.panorama, &[]);
+        pass.set_vertex_buffer(0, self.vertices.slice(..));
+        pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint16);
+        pass.draw_indexed(0..self.count, 0, 0..1);
+    }
+}
+
+fn dome() -> (Vec<gpu_data::Vertex>, Vec<u16>) {
+    let mut vertices = Vec::new();
+    for ring in 0..=RINGS {
+        let v = ring as f32 / RINGS as f32;
+        let (up, out) = textures::elevation_of(v).sin_cos();
+        for k in 0..=AROUND {
+            let u = k as f32 / AROUND as f32;
+            let (sin, cos) = (u * std::f32::consts::TAU).sin_cos();
+            let direction = Vec3::new(cos * out, sin * out, up).to_array();
+            vertices.push(gpu_data::Vertex { direction, uv: [u, v] });
+        }
+    }
+    let mut indices = Vec::new();
+    for ring in 0..RINGS {
+        for k in 0..AROUND {
+            let a = (ring * (AROUND + 1) + k) as u16;
+            let b = a + AROUND as u16 + 1;
+            indices.extend([a, a + 1, b + 1, a, b + 1, b]);
+        }
+    }
+    (vertices, indices)
+}

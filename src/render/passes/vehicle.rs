@@ -1,0 +1,85 @@
+//! Vehicles: bodies and wheels, nearest first.
+
+use super::{Attachments, PictureState, city, picture_pipeline};
+use crate::render::fleet::{Fleet, Sight};
+use crate::render::settings::Quality;
+use crate::render::shader::Shader;
+
+pub(in crate::render) mod gpu_data {
+    use bytemuck::{Pod, Zeroable};
+
+    /// A body or a wheel where it is now.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Pod, Zeroable)]
+    pub(in crate::render) struct Instance {
+        /// City from body, by rows.
+        pub(in crate::render) rows: [[f32; 4]; 3],
+        /// Linear colour of the paint. Of the patch under a vehicle half its length and width.
+        pub(in crate::render) paint: [f32; 4],
+        /// Brake, left indicator, right indicator, reverse: 0 off to 1 on.
+        pub(in crate::render) lamps: [f32; 4],
+    }
+
+    pub(in crate::render) const ATTRIBUTES: [wgpu::VertexAttribute; 5] = wgpu::vertex_attr_array![
+        5 => Float32x4, 6 => Float32x4, 7 => Float32x4, 8 => Float32x4, 9 => Float32x4
+    ];
+
+    pub(in crate::render) const LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
+        array_stride: size_of::<Instance>() as u64,
+        step_mode: wgpu::VertexStepMode::Instance,
+        attributes: &ATTRIBUTES,
+    };
+}
+
+#[derive(Debug)]
+pub(in crate::render) struct VehiclePass {
+    pipeline: wgpu::RenderPipeline,
+}
+
+impl VehiclePass {
+    pub(in crate::render) fn new(
+        device: &wgpu::Device,
+        attachments: Attachments,
+        quality: Quality,
+        groups: [&wgpu::BindGroupLayout; 2],
+    ) -> Self {
+        let pipeline = picture_pipeline(
+            device,
+            attachments,
+            &PictureState {
+                shader: Shader::Vehicle,
+                groups: &[Some(groups[0]), Some(groups[1])],
+                buffers: &[Some(city::gpu_data::LAYOUT), Some(gpu_data::LAYOUT)],
+                constants: &[("soft_shadows", f64::from(u8::from(quality.soft_shadows)))],
+                topology: wgpu::PrimitiveTopology::TriangleList,
+                cull: true,
+                blend: None,
+                write_depth: true,
+            },
+        );
+        Self { pipeline }
+    }
+
+    /// Groups 0 and 1 are set already.
+    pub(in crate::render) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, fleet: &Fleet, seen: &[Sight]) {
+        if seen.is_empty() {
+            return;
+        }
+        pass.set_pipeline(&self.pipeline);
+        fleet.draw(pass, seen);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::gpu_data::{ATTRIBUTES, Instance};
+    use std::mem::offset_of;
+
+    #[test]
+    fn attributes_lie_where_the_instance_has_them() {
+        let rows = offset_of!(Instance, rows);
+        let offsets = [rows, rows + 16, rows + 32, offset_of!(Instance, paint), offset_of!(Instance, lamps)];
+        assert_eq!(ATTRIBUTES.map(|a| a.offset as usize), offsets);
+        assert_eq!(size_of::<Instance>(), offset_of!(Instance, lamps) + 16);
+    }
+}

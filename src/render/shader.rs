@@ -1,0 +1,117 @@
+//! Shader sources: from disk in debug builds where they lie there, embedded else.
+
+use std::borrow::Cow;
+
+/// One file of `shaders/`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Source {
+    name: &'static str,
+    embedded: &'static str,
+}
+
+macro_rules! source {
+    ($name:literal) => {
+        Source { name: $name, embedded: include_str!(concat!("../../shaders/", $name)) }
+    };
+}
+
+const COMMON: Source = source!("common.wgsl");
+const LIGHT: Source = source!("light.wgsl");
+const CITY: Source = source!("city.wgsl");
+const VEHICLE: Source = source!("vehicle.wgsl");
+const CONTACT: Source = source!("contact.wgsl");
+const SHADOW: Source = source!("shadow.wgsl");
+const SKY: Source = source!("sky.wgsl");
+
+/// The shader of a pass: its own file after those it builds on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shader {
+    City,
+    Vehicle,
+    Contact,
+    Shadow,
+    Sky,
+}
+
+impl Shader {
+    #[cfg(test)]
+    pub(super) const ALL: [Self; 5] = [Self::City, Self::Vehicle, Self::Contact, Self::Shadow, Self::Sky];
+
+    fn parts(self) -> &'static [Source] {
+        match self {
+            Self::City => &[COMMON, LIGHT, CITY],
+            Self::Vehicle => &[COMMON, LIGHT, VEHICLE],
+            Self::Contact => &[COMMON, CONTACT],
+            Self::Shadow => &[COMMON, SHADOW],
+            Self::Sky => &[COMMON, SKY],
+        }
+    }
+
+    pub(super) fn text(self) -> String {
+        self.parts().iter().map(|part| part.text()).collect::<Vec<_>>().join("\n")
+    }
+
+    pub(super) fn module(self, device: &wgpu::Device) -> wgpu::ShaderModule {
+        device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(match self {
+                Self::City => "city",
+                Self::Vehicle => "vehicle",
+                Self::Contact => "contact",
+                Self::Shadow => "shadow",
+                Self::Sky => "sky",
+            }),
+            source: wgpu::ShaderSource::Wgsl(Cow::Owned(self.text())),
+        })
+    }
+}
+
+impl Source {
+    fn text(self) -> Cow<'static, str> {
+        if cfg!(debug_assertions) {
+            let path = std::path::Path::new("shaders").join(self.name);
+            if let Ok(text) = std::fs::read_to_string(path) {
+                return Cow::Owned(text);
+            }
+        }
+        Cow::Borrowed(self.embedded)
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// The shader after naga's parser and validator.
+    pub(crate) fn validated(shader: Shader) -> naga::Module {
+        let text = shader.text();
+        let module = naga::front::wgsl::parse_str(&text)
+            .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
+        let flags = naga::valid::ValidationFlags::all();
+        naga::valid::Validator::new(flags, naga::valid::Capabilities::empty())
+            .validate(&module)
+            .unwrap_or_else(|error| panic!("{shader:?}: {}", error.emit_to_string(&text)));
+        module
+    }
+
+    /// Byte offsets of a WGSL struct's members, and its size.
+    pub(crate) fn layout(module: &naga::Module, name: &str) -> (Vec<u32>, u32) {
+        let (_, ty) = module
+            .types
+            .iter()
+            .find(|(_, ty)| ty.name.as_deref() == Some(name))
+            .unwrap_or_else(|| panic!("the shader has no struct {name}"));
+        match &ty.inner {
+            naga::TypeInner::Struct { members, span } => {
+                (members.iter().map(|member| member.offset).collect(), *span)
+            }
+            other => panic!("{name} is {other:?}"),
+        }
+    }
+
+    #[test]
+    fn every_shader_is_valid() {
+        for shader in Shader::ALL {
+            validated(shader);
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! Textures made in code at start-up: the patterns of surfaces and the panorama of the sky.
+
+mod noise;
+mod patterns;
+mod sky;
+
+use super::{Context, Sun};
+use crate::city::scene::Surface;
+use rayon::prelude::*;
+
+pub(super) use sky::elevation_of;
+
+/// Texels along an edge of a surface's pattern.
+const SIZE: u32 = 256;
+const SKY: [u32; 2] = [2048, 512];
+
+/// An array texture with a layer for each [`Surface`] and all its mipmaps.
+pub(super) fn surfaces(context: &Context) -> wgpu::TextureView {
+    let mips = SIZE.ilog2() + 1;
+    let texture = texture(context, "surfaces", [SIZE, SIZE], Surface::COUNT as u32, mips);
+    let layers: Vec<Vec<Vec<u8>>> = (0..Surface::COUNT as u8)
+        .into_par_iter()
+        .map(|layer| mipmaps(patterns::pattern(layer, SIZE), SIZE))
+        .collect();
+    for (layer, levels) in (0..).zip(&layers) {
+        for (level, bytes) in (0..).zip(levels) {
+            upload(context, &texture, [SIZE >> level, SIZE >> level], layer, level, bytes);
+        }
+    }
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2Array),
+        ..Default::default()
+    })
+}
+
+/// The sky from below the horizon to the zenith, east in the middle of its left edge.
+pub(super) fn panorama(context: &Context, sun: Sun) -> wgpu::TextureView {
+    let texture = texture(context, "sky", SKY, 1, 1);
+    upload(context, &texture, SKY, 0, 0, &sky::paint(SKY, sun.direction()));
+    texture.create_view(&wgpu::TextureViewDescriptor::default())
+}
+
+fn texture(
+    context: &Context,
+    label: &str,
+    [width, height]: [u32; 2],
+    layers: u32,
+    mips: u32,
+) -> wgpu::Texture {
+    context.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },
+        mip_level_count: mips,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::Rgba8UnormSrgb,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    })
+}
+
+fn upload(
+    context: &Context,
+    texture: &wgpu::Texture,
+    [width, height]: [u32; 2],
+    layer: u32,
+    mip_level: u32,
+    bytes: &[u8],
+) {
+    context.queue.write_texture(
+        wgpu::TexelCopyTextureInfo {
+            texture,
+            mip_level,
+            origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+            aspect: wgpu::TextureAspect::All,
+        },
+        bytes,
+        wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(width * 4),
+            rows_per_image: Some(height),
+        },
+        wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+    );
+}
+
+/// A square picture and its halves down to one texel, averaged as light.
+fn mipmaps(base: Vec<u8>, size: u32) -> Vec<Vec<u8>> {
+    let mut levels = vec![base];
+    let mut edge = size as usize;
+    while edge > 1 {
+        let above = &levels[levels.len() - 1];
+        let half = edge / 2;
+        let mut level = Vec::with_capacity(half * half * 4);
+        for y in 0..half {
+            for x in 0..half {
+                for channel in 0..4 {
+                    let at = |dx: usize, dy: usize| {
+                        f32::from(above[((2 * y + dy) * edge + 2 * x + dx) * 4 + channel])
+                    };
+                    let four = [at(0, 0), at(1, 0), at(0, 1), at(1, 1)];
+                    let mean = if channel == 3 {
+                        four.iter().sum::<f32>() / 4.0
+                    } else {
+                        // A square is near enough to the sRGB curve.
+                        (four.iter().map(|v| v * v).sum::<f32>() / 4.0).sqrt()
+                    };
+                    level.push(mean.round() as u8);
+                }
+            }
+        }
+        levels.push(level);
+        edge = half;
+    }
+    levels
+}

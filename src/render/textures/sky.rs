@@ -1,0 +1,65 @@
+//! The sky: haze at the horizon, far hills, clouds, the sun.
+
+use super::noise::octaves;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Elevation that a row of the panorama shows, v from 0 to 1. Rows are closer near the horizon,
+/// where most cameras look.
+pub(in crate::render) fn elevation_of(v: f32) -> f32 {
+    -0.12 + 0.55 * v + (std::f32::consts::FRAC_PI_2 + 0.12 - 0.55) * v * v * v
+}
+
+/// sRGB texels, row by row with v growing.
+pub(super) fn paint([width, height]: [u32; 2], to_sun: Vec3) -> Vec<u8> {
+    (0..height)
+        .into_par_iter()
+        .flat_map_iter(|y| {
+            let v = (y as f32 + 0.5) / height as f32;
+            let elevation = elevation_of(v);
+            (0..width).flat_map(move |x| {
+                let u = (x as f32 + 0.5) / width as f32;
+                let [r, g, b] =
+                    colour(u, elevation, to_sun).map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
+                [r, g, b, 255]
+            })
+        })
+        .collect()
+}
+
+fn mix(a: [f32; 3], b: [f32; 3], part: f32) -> [f32; 3] {
+    [0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * part)
+}
+
+/// As displayed: sRGB in [0, 1].
+fn colour(u: f32, elevation: f32, to_sun: Vec3) -> [f32; 3] {
+    let (up, out) = elevation.sin_cos();
+    let (sin, cos) = (u * std::f32::consts::TAU).sin_cos();
+    let direction = Vec3::new(cos * out, sin * out, up);
+    let horizon = super::super::settings::HAZE_SRGB;
+    let rise = 1.0 - (-4.2 * up.max(0.0)).exp();
+    let mut sky = mix(horizon, [0.30, 0.52, 0.82], rise);
+    // Flat clouds, seen from below: nearer the horizon they are closer together.
+    let height = up.max(0.015) + 0.10;
+    let plane = [direction.x / height * 0.045 + 0.5, direction.y / height * 0.075 + 0.5];
+    let cover = ((octaves(plane, [9, 9], 6, 201) - 0.53) * 4.6).clamp(0.0, 1.0);
+    let fade = ((up - 0.02) * 7.0).clamp(0.0, 1.0);
+    let lit = 0.90 + 0.10 * octaves(plane, [24, 24], 3, 207);
+    sky = mix(sky, [lit, lit, lit * 1.01], cover * fade * 0.78);
+    let towards = direction.dot(to_sun);
+    let glow = towards.max(0.0).powi(24) * 0.30 + towards.max(0.0).powi(400) * 0.5;
+    sky = mix(sky, [1.0, 0.97, 0.88], glow.min(1.0));
+    if towards > 0.99993 {
+        sky = [1.0, 1.0, 0.97];
+    }
+    // Two chains of hills in the haze.
+    for (seed, height, base, part) in [(221, 0.060, 0.008, 0.30), (231, 0.034, 0.002, 0.55)] {
+        let crest = base + height * (octaves([u, 0.3], [9, 2], 5, seed) - 0.30).max(0.0);
+        let edge = ((crest - elevation) / 0.0015).clamp(0.0, 1.0);
+        sky = mix(sky, mix(horizon, [0.38, 0.50, 0.46], part), edge);
+    }
+    if elevation < 0.0 {
+        sky = mix(sky, horizon, (-elevation * 60.0).min(1.0));
+    }
+    sky
+}
