@@ -109,7 +109,14 @@ pub fn trajectory(route: &Curve, plan: &impl Plan, from: f64, horizon: f64, spac
             TrajectoryPoint { time_s, pose: route.at(station).pose, speed_mps }
         })
         .collect();
-    Trajectory { vehicle: VehicleId(1), sequence: 0, points, yielding: false, indicator: Indicator::Off }
+    Trajectory {
+        vehicle: VehicleId(1),
+        sequence: 0,
+        points,
+        yielding: false,
+        finished: false,
+        indicator: Indicator::Off,
+    }
 }
 
 /// Largest lateral errors of a run along a route: by the tracker's own account, and measured against
