@@ -1,0 +1,27 @@
+#!/usr/bin/env bash
+# From a fresh machine with Rust to pictures of the roundabout. Everything goes to out/ and target/.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+source scripts/setup.sh
+
+set_up
+
+say "building"
+cargo build --release --locked
+city3d="${CARGO_TARGET_DIR:-target}/release/city3d"
+
+say "running the roundabout"
+"$city3d" run scenarios/roundabout.toml --out out/roundabout
+
+say "drawing what its cameras see"
+"$city3d" frames scenarios/roundabout.toml --out out/frames \
+    --vehicle 1 --vehicle 4 --camera windscreen --camera chase --every 5 --size 960x540
+
+say "done"
+cat <<END
+run       $PWD/out/roundabout
+          summary.json   what happened, in figures
+          vehicles.csv   every vehicle, ten times a second
+          run.mcap       the whole log: open it in Foxglove
+pictures  $PWD/out/frames ($(find out/frames -name '*.png' | wc -l) PNG files; frames.csv says what they are)
+END

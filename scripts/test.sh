@@ -1,0 +1,28 @@
+#!/usr/bin/env bash
+# Everything a change has to pass: format, lints, the build without a GPU, documentation, all tests.
+# With CI=true a test that cannot run for want of a graphics adapter or a peer fails.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+source scripts/setup.sh
+
+step() {
+    say "$*"
+    local start=$SECONDS
+    "$@"
+    echo "-- $((SECONDS - start)) s"
+}
+
+set_up_tests
+
+step cargo fmt --check
+step cargo clippy --locked --all-targets -- -D warnings
+step cargo clippy --locked --all-targets --no-default-features -- -D warnings
+step env RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
+if cargo nextest --version >/dev/null 2>&1; then
+    step cargo nextest run --locked --no-fail-fast
+    step cargo test --locked --doc
+else
+    step cargo test --locked --no-fail-fast
+fi
+
+say "all passed in $((SECONDS / 60)) min $((SECONDS % 60)) s"

@@ -1,0 +1,70 @@
+"""Reads a run log with the public MCAP tools and prints what is in it as JSON.
+
+Messages are decoded twice, by mcap-ros2-support and by rosbags, from the schemas in the file alone.
+
+usage: read_log.py run.mcap
+"""
+
+import json
+import sys
+
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+VEHICLE = ["id", "status", "lights", "x", "y", "z", "qx", "qy", "qz", "qw", "speed", "steering", "lateral_error", "distance"]
+
+
+def snapshot(message):
+    vehicles = [{name: getattr(vehicle, name) for name in VEHICLE} for vehicle in message.vehicles]
+    for vehicle, source in zip(vehicles, message.vehicles):
+        vehicle["wheel_spin"] = [float(angle) for angle in source.wheel_spin]
+    return {"tick": message.tick, "time": message.time, "state_hash": f"{message.state_hash:016x}", "vehicles": vehicles}
+
+
+def with_ros2_support(path):
+    topics, snapshots, events = {}, [], []
+    with open(path, "rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _schema, channel, _message, decoded in reader.iter_decoded_messages():
+            topics[channel.topic] = topics.get(channel.topic, 0) + 1
+            if channel.topic == "/city3d/snapshot":
+                snapshots.append(snapshot(decoded))
+            else:
+                events.append({"kind": decoded.kind, **json.loads(decoded.json)})
+    return topics, [snapshots[0], snapshots[-1]], events
+
+
+def with_rosbags(path):
+    store = get_typestore(Stores.EMPTY)
+    snapshots = []
+    with open(path, "rb") as file:
+        reader = make_reader(file)
+        for schema, channel, message in reader.iter_messages(topics=["/city3d/snapshot"]):
+            if schema.name not in store.fielddefs:
+                store.register(get_types_from_msg(schema.data.decode(), schema.name))
+            snapshots.append(snapshot(store.deserialize_cdr(message.data, schema.name)))
+    return [snapshots[0], snapshots[-1]]
+
+
+def contents(path):
+    topics, ends, events = with_ros2_support(path)
+    if with_rosbags(path) != ends:
+        raise SystemExit("mcap-ros2-support and rosbags read different snapshots")
+    with open(path, "rb") as file:
+        reader = make_reader(file)
+        header = reader.get_header()
+        return {
+            "profile": header.profile,
+            "topics": topics,
+            "ends": ends,
+            "events": events,
+            "attachments": {item.name: item.data.decode("utf-8", "replace")[:80] for item in reader.iter_attachments()},
+            "metadata": {item.name: item.metadata for item in reader.iter_metadata()},
+        }
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    json.dump(contents(sys.argv[1]), sys.stdout)
