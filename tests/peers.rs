@@ -24,7 +24,8 @@ fn root() -> PathBuf {
 
 fn output(command: &mut Command) -> (Output, String) {
     let output = command.output().unwrap();
-    let [out, err] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+    let [out, err] =
+        [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
     (output, format!("{command:?}\n{out}{err}"))
 }
 
@@ -72,7 +73,7 @@ fn a_map_drawn_with_ezdxf_can_be_driven() {
             let vehicle = &summary["vehicles"][id];
             // Full scale: the loop is 179 m long, the way from it to the end of the branch 103 m.
             assert!(vehicle["distance_m"].as_f64().unwrap() > 60.0, "{model}: {vehicle}");
-            assert!(vehicle["max_lateral_error_m"].as_f64().unwrap() < 0.3, "{model}: {vehicle}");
+            assert!(vehicle["max_lane_excess_m"].as_f64().unwrap() < 0.0, "{model}: {vehicle}");
         }
     }
 }
