@@ -15,7 +15,8 @@ say "running the roundabout"
 
 say "drawing what its cameras see"
 "$city3d" frames scenarios/roundabout.toml --out out/frames \
-    --vehicle 1 --vehicle 4 --camera windscreen --camera chase --every 5 --size 960x540
+    --vehicle path1_a --vehicle path2_a --camera windscreen --camera chase \
+    --camera overhead --at "-56.75,-54.25" --every 3 --size 960x540
 
 say "done"
 cat <<END
