@@ -9,6 +9,7 @@
 //! crossing point is clear; until then a virtual stopped vehicle stands at the line (the paper,
 //! section III).
 
+use super::loops::Loops;
 use super::route::{Crossing, RANK_MAJOR, RANK_STOP, RANK_YIELD, Rank};
 use super::traffic::Occupancy;
 use super::{Ahead, Cav};
@@ -77,12 +78,12 @@ pub struct Passage {
     pub next_section: usize,
     /// Since when it stands at the line of that section.
     standing_since_s: Option<f64>,
-    /// Since when it could not be admitted for want of room behind the section.
+    /// Since when it could not be admitted because those ahead stand in the section or behind it.
     blocked_since_s: Option<f64>,
 }
 
 impl Passage {
-    /// For how long it has stood because there is no room behind the next section.
+    /// For how long it could not be admitted because of those ahead.
     pub fn blocked_s(&self, now_s: f64) -> f64 {
         self.blocked_since_s.map_or(0.0, |since_s| now_s - since_s)
     }
@@ -114,6 +115,7 @@ pub enum Hindrance {
 pub struct RightOfWay {
     params: RightOfWayParams,
     next_order: u64,
+    loops: Loops,
     /// By zone, made anew for each control step.
     users: Vec<Vec<User>>,
     /// Candidates for admission, kept for its memory.
@@ -126,7 +128,7 @@ const HORIZON_M: f64 = 2.0;
 impl RightOfWay {
     pub fn new(params: RightOfWayParams, map: &LabMap) -> Self {
         let users = vec![Vec::new(); map.zones.len()];
-        Self { params, next_order: 0, users, candidates: Vec::new() }
+        Self { params, next_order: 0, loops: Loops::new(map), users, candidates: Vec::new() }
     }
 
     pub fn params(&self) -> &RightOfWayParams {
@@ -141,6 +143,7 @@ impl RightOfWay {
             self.note_standing(now_s, cav);
         }
         self.list_users(cavs);
+        self.loops.recount(cavs);
         self.admit_those_inside(cavs);
         self.candidates.clear();
         for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_seen()) {
@@ -230,10 +233,10 @@ impl RightOfWay {
         if section.rank == RANK_STOP && self.params.full_stop && cav.passage.standing_since_s.is_none() {
             return false;
         }
-        if self.has_leader_before_line(vehicle, cavs, occupancy) {
-            return false;
-        }
-        if !self.has_room_behind(vehicle, cavs, occupancy) {
+        if self.has_leader_before_line(vehicle, cavs, occupancy)
+            || !self.has_room_behind(vehicle, cavs, occupancy)
+            || !self.loops.have_room(&cavs[vehicle])
+        {
             cavs[vehicle].passage.blocked_since_s.get_or_insert(now_s);
             return false;
         }
@@ -314,6 +317,7 @@ impl RightOfWay {
     }
 
     fn admit(&mut self, vehicle: usize, cav: &mut Cav) {
+        self.loops.enter(cav);
         let section = cav.passage.next_section;
         let order = self.next_order;
         self.next_order += 1;
