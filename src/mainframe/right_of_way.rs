@@ -47,6 +47,10 @@ impl Default for RightOfWayParams {
 
 /// How hard a vehicle is ready to brake for one that was admitted before it.
 const COMFORTABLE_BRAKING: f64 = 0.6;
+/// How hard it brakes where that is unlikely to be needed.
+const FIRM_BRAKING: f64 = 0.8;
+/// Vehicles slower than this may stop before they have left a zone.
+const LEAVING_MPS: f64 = 0.06;
 /// Time and way by which it asks earlier than braking demands.
 const ASK_AHEAD_S: f64 = 0.4;
 const ASK_AHEAD_M: f64 = 0.12;
@@ -379,8 +383,13 @@ impl RightOfWay {
                 }
                 ZoneKind::Merge => {}
                 // Inside the zone there is no waiting any more: it has to be left.
-                _ if to_entry_m > -ZONE_MARGIN_M && wait_gap_m < asking_distance(&cavs[vehicle]) => {
-                    out.push(Hindrance::Stop { gap_m: wait_gap_m });
+                _ if to_entry_m > -ZONE_MARGIN_M => {
+                    // One that is leaving the zone is likely gone before braking has to begin.
+                    let is_leaving = user.to_entry_m < 0.0 && cavs[user.vehicle].speed_mps() > LEAVING_MPS;
+                    let braking = if is_leaving { FIRM_BRAKING } else { COMFORTABLE_BRAKING };
+                    if wait_gap_m < braking_distance(&cavs[vehicle], braking) {
+                        out.push(Hindrance::Stop { gap_m: wait_gap_m });
+                    }
                 }
                 _ => {}
             }
@@ -390,7 +399,10 @@ impl RightOfWay {
 
 /// How far from the hold a vehicle asks: early enough to stop comfortably.
 fn asking_distance(cav: &Cav) -> f64 {
-    let speed = cav.speed_mps();
-    let braking = COMFORTABLE_BRAKING * cav.driver.min_acceleration_mps2.abs();
-    speed * speed / (2.0 * braking) + speed * ASK_AHEAD_S + ASK_AHEAD_M + cav.driver.standstill_gap_m
+    braking_distance(cav, COMFORTABLE_BRAKING) + cav.speed_mps() * ASK_AHEAD_S + ASK_AHEAD_M
+}
+
+/// Way to a stand at a part of full braking, and the distance that is kept standing.
+fn braking_distance(cav: &Cav, part: f64) -> f64 {
+    cav.driver.stopping_distance(cav.speed_mps()) / part + cav.driver.standstill_gap_m
 }
