@@ -7,6 +7,7 @@ mod cav;
 mod controller;
 mod estimate;
 mod idm;
+mod loops;
 mod plan;
 mod reroute;
 mod right_of_way;

@@ -6,6 +6,8 @@ use super::traffic::Occupancy;
 use super::{Cav, Route};
 use crate::city::{LabMap, LaneId};
 
+/// A vehicle this far ahead leaves room to turn off before it, laboratory metres.
+const LEADER_WITHIN_M: f64 = 2.0;
 /// Slower than this a vehicle stands.
 const STANDING_MPS: f64 = 0.02;
 
@@ -21,7 +23,8 @@ pub fn reroute_blocked(
     for vehicle in 0..cavs.len() {
         let cav = &cavs[vehicle];
         if cav.is_seen() && cav.speed_mps() < STANDING_MPS && cav.passage.blocked_s(now_s) > patience_s {
-            for route in other_ways(map, cav) {
+            let leader_s = occupancy.leader(cavs, vehicle, LEADER_WITHIN_M).map(|leader| leader.rear_s);
+            for route in other_ways(map, cav, leader_s.unwrap_or(f64::INFINITY)) {
                 let before = cavs[vehicle].set_route(route);
                 let is_section = cavs[vehicle].passage.next_section < cavs[vehicle].route.sections.len();
                 if is_section && right_of_way.has_room_behind(vehicle, cavs, occupancy) {
@@ -37,14 +40,18 @@ pub fn reroute_blocked(
 /// How many lanes further on another way meets the old one again.
 const REJOIN_LANES: usize = 8;
 
-/// Ways that leave the route at a branching of its next section and come back to it later.
-fn other_ways(map: &LabMap, cav: &Cav) -> Vec<Route> {
+/// Ways that leave the route at a branching of its next section, before whoever stands ahead, and come
+/// back to it later.
+fn other_ways(map: &LabMap, cav: &Cav, leader_s: f64) -> Vec<Route> {
     let Some(section) = cav.route.sections.get(cav.passage.next_section) else { return Vec::new() };
     let lanes = cav.route.lanes();
     let can_drive = |lane: LaneId| map.min_radius(lane) >= cav.body.min_turn_radius_m;
-    let (first, last) = (cav.route.index_at(cav.front_s()), cav.route.index_at(section.to_s));
+    let (first, last) = (cav.route.index_at(cav.front_s()), cav.route.index_at(section.to_s.min(leader_s)));
     let mut ways = Vec::new();
     for index in (first..=last).take_while(|index| index + 1 < lanes.len()) {
+        if cav.route.lane_end(index + 1) > leader_s {
+            break;
+        }
         let rejoin = (index + REJOIN_LANES).min(lanes.len() - 1);
         for &other in map.lane(lanes[index]).successors.iter().filter(|other| **other != lanes[index + 1]) {
             if let Some(detour) = map.shortest_route(other, lanes[rejoin], can_drive) {

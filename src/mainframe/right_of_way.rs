@@ -9,6 +9,7 @@
 //! crossing point is clear; until then a virtual stopped vehicle stands at the line (the paper,
 //! section III).
 
+use super::loops::Loops;
 use super::route::{Crossing, RANK_MAJOR, RANK_STOP, RANK_YIELD, Rank};
 use super::traffic::Occupancy;
 use super::{Ahead, Cav};
@@ -46,6 +47,10 @@ impl Default for RightOfWayParams {
 
 /// How hard a vehicle is ready to brake for one that was admitted before it.
 const COMFORTABLE_BRAKING: f64 = 0.6;
+/// How hard it brakes where that is unlikely to be needed.
+const FIRM_BRAKING: f64 = 0.8;
+/// Vehicles slower than this may stop before they have left a zone.
+const LEAVING_MPS: f64 = 0.06;
 /// Time and way by which it asks earlier than braking demands.
 const ASK_AHEAD_S: f64 = 0.4;
 const ASK_AHEAD_M: f64 = 0.12;
@@ -77,12 +82,12 @@ pub struct Passage {
     pub next_section: usize,
     /// Since when it stands at the line of that section.
     standing_since_s: Option<f64>,
-    /// Since when it could not be admitted for want of room behind the section.
+    /// Since when it could not be admitted because those ahead stand in the section or behind it.
     blocked_since_s: Option<f64>,
 }
 
 impl Passage {
-    /// For how long it has stood because there is no room behind the next section.
+    /// For how long it could not be admitted because of those ahead.
     pub fn blocked_s(&self, now_s: f64) -> f64 {
         self.blocked_since_s.map_or(0.0, |since_s| now_s - since_s)
     }
@@ -114,6 +119,7 @@ pub enum Hindrance {
 pub struct RightOfWay {
     params: RightOfWayParams,
     next_order: u64,
+    loops: Loops,
     /// By zone, made anew for each control step.
     users: Vec<Vec<User>>,
     /// Candidates for admission, kept for its memory.
@@ -126,7 +132,7 @@ const HORIZON_M: f64 = 2.0;
 impl RightOfWay {
     pub fn new(params: RightOfWayParams, map: &LabMap) -> Self {
         let users = vec![Vec::new(); map.zones.len()];
-        Self { params, next_order: 0, users, candidates: Vec::new() }
+        Self { params, next_order: 0, loops: Loops::new(map), users, candidates: Vec::new() }
     }
 
     pub fn params(&self) -> &RightOfWayParams {
@@ -141,6 +147,7 @@ impl RightOfWay {
             self.note_standing(now_s, cav);
         }
         self.list_users(cavs);
+        self.loops.recount(cavs);
         self.admit_those_inside(cavs);
         self.candidates.clear();
         for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_seen()) {
@@ -230,10 +237,10 @@ impl RightOfWay {
         if section.rank == RANK_STOP && self.params.full_stop && cav.passage.standing_since_s.is_none() {
             return false;
         }
-        if self.has_leader_before_line(vehicle, cavs, occupancy) {
-            return false;
-        }
-        if !self.has_room_behind(vehicle, cavs, occupancy) {
+        if self.has_leader_before_line(vehicle, cavs, occupancy)
+            || !self.has_room_behind(vehicle, cavs, occupancy)
+            || !self.loops.have_room(&cavs[vehicle])
+        {
             cavs[vehicle].passage.blocked_since_s.get_or_insert(now_s);
             return false;
         }
@@ -314,6 +321,7 @@ impl RightOfWay {
     }
 
     fn admit(&mut self, vehicle: usize, cav: &mut Cav) {
+        self.loops.enter(cav);
         let section = cav.passage.next_section;
         let order = self.next_order;
         self.next_order += 1;
@@ -375,8 +383,13 @@ impl RightOfWay {
                 }
                 ZoneKind::Merge => {}
                 // Inside the zone there is no waiting any more: it has to be left.
-                _ if to_entry_m > -ZONE_MARGIN_M && wait_gap_m < asking_distance(&cavs[vehicle]) => {
-                    out.push(Hindrance::Stop { gap_m: wait_gap_m });
+                _ if to_entry_m > -ZONE_MARGIN_M => {
+                    // One that is leaving the zone is likely gone before braking has to begin.
+                    let is_leaving = user.to_entry_m < 0.0 && cavs[user.vehicle].speed_mps() > LEAVING_MPS;
+                    let braking = if is_leaving { FIRM_BRAKING } else { COMFORTABLE_BRAKING };
+                    if wait_gap_m < braking_distance(&cavs[vehicle], braking) {
+                        out.push(Hindrance::Stop { gap_m: wait_gap_m });
+                    }
                 }
                 _ => {}
             }
@@ -386,7 +399,10 @@ impl RightOfWay {
 
 /// How far from the hold a vehicle asks: early enough to stop comfortably.
 fn asking_distance(cav: &Cav) -> f64 {
-    let speed = cav.speed_mps();
-    let braking = COMFORTABLE_BRAKING * cav.driver.min_acceleration_mps2.abs();
-    speed * speed / (2.0 * braking) + speed * ASK_AHEAD_S + ASK_AHEAD_M + cav.driver.standstill_gap_m
+    braking_distance(cav, COMFORTABLE_BRAKING) + cav.speed_mps() * ASK_AHEAD_S + ASK_AHEAD_M
+}
+
+/// Way to a stand at a part of full braking, and the distance that is kept standing.
+fn braking_distance(cav: &Cav, part: f64) -> f64 {
+    cav.driver.stopping_distance(cav.speed_mps()) / part + cav.driver.standstill_gap_m
 }

@@ -187,8 +187,8 @@ fn draw_routes(
 }
 
 /// Seconds that a lane with conflict zones costs a driver on average, alone and at mean use.
-const JUNCTION_S: f64 = 2.0;
-const CROWDED_JUNCTION_S: f64 = 4.0;
+const JUNCTION_S: f64 = 4.0;
+const CROWDED_JUNCTION_S: f64 = 6.0;
 
 /// What drivers expect of a lane: the time on it, and the waiting where many others drive.
 fn expected_s(map: &LabMap, uses: &[u32], mean_uses: f64, lane: LaneId) -> f64 {
@@ -200,14 +200,16 @@ fn expected_s(map: &LabMap, uses: &[u32], mean_uses: f64, lane: LaneId) -> f64 {
     driving_s + waiting_s
 }
 
-/// The way that drivers would choose to a lane drawn by lot, in proportion to the lengths of the lanes.
+/// The way that drivers would choose to a lane drawn by lot, more likely a long one: junctions are
+/// where cars wait.
 fn trip_by_lot(map: &LabMap, rng: &mut ChaCha8Rng, open: &[bool], uses: &[u32], from: LaneId) -> Vec<LaneId> {
     let is_goal = |lane: &&Lane| lane.kind == LaneKind::Lane && open[lane.id.index()] && lane.id != from;
-    let total_m: f64 = map.lanes.iter().filter(is_goal).map(|lane| lane.curve.length()).sum();
-    let mut lot_m = uniform(rng) * total_m;
+    let weight = |lane: &Lane| lane.curve.length() * lane.curve.length();
+    let total: f64 = map.lanes.iter().filter(is_goal).map(weight).sum();
+    let mut lot = uniform(rng) * total;
     let goal = map.lanes.iter().filter(is_goal).find(|lane| {
-        lot_m -= lane.curve.length();
-        lot_m < 0.0
+        lot -= weight(lane);
+        lot < 0.0
     });
     let mean_uses = f64::from(uses.iter().sum::<u32>()) / uses.len() as f64;
     let cost = |lane: LaneId| open[lane.index()].then(|| expected_s(map, uses, mean_uses, lane));

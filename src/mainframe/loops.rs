@@ -1,0 +1,89 @@
+//! Short loops of lanes (roundabouts, small blocks) and how many vehicles may be on each. A loop that
+//! is full turns no more: each vehicle waits for the place of the next. Those who want to enter wait
+//! outside while it is half full, which is also about where a loop carries the most.
+
+use super::Cav;
+use crate::city::{LabMap, LaneId};
+use std::collections::BTreeSet;
+
+/// Longer loops do not fill up, laboratory metres.
+const LONGEST_M: f64 = 8.0;
+/// Length of a place for one standing vehicle.
+const PLACE_M: f64 = 0.28;
+/// Part of the places of a loop that may be taken.
+const TAKEN: f64 = 0.5;
+/// A section's way out is looked at this far behind its end.
+const BEHIND_SECTION_M: f64 = 0.05;
+
+#[derive(Clone, Debug)]
+pub struct Loops {
+    most: Vec<u32>,
+    of_lane: Vec<Vec<usize>>,
+    /// Vehicles on each loop or admitted to it, counted anew for each control step.
+    count: Vec<u32>,
+}
+
+impl Loops {
+    pub fn new(map: &LabMap) -> Self {
+        let loops: BTreeSet<Vec<LaneId>> =
+            map.lanes.iter().filter_map(|lane| shortest_loop(map, lane.id)).collect();
+        let mut of_lane = vec![Vec::new(); map.lanes.len()];
+        let mut most = Vec::new();
+        for lanes in &loops {
+            let length_m: f64 = lanes.iter().map(|lane| map.lane(*lane).curve.length()).sum();
+            for lane in lanes {
+                of_lane[lane.index()].push(most.len());
+            }
+            most.push(((TAKEN * length_m / PLACE_M) as u32).max(2));
+        }
+        Self { count: vec![0; most.len()], most, of_lane }
+    }
+
+    /// Counts the vehicles on each loop.
+    pub fn recount(&mut self, cavs: &[Cav]) {
+        self.count.fill(0);
+        for cav in cavs.iter().filter(|cav| cav.is_seen()) {
+            for entered in self.of(cav, None) {
+                self.count[entered] += 1;
+            }
+        }
+    }
+
+    /// Whether every loop that a vehicle would enter with its next section has a place for it.
+    pub fn have_room(&self, cav: &Cav) -> bool {
+        let already = self.of(cav, None);
+        self.of(cav, Some(cav.passage.next_section))
+            .difference(&already)
+            .all(|&entered| self.count[entered] < self.most[entered])
+    }
+
+    /// Counts a vehicle in on the loops of its next section.
+    pub fn enter(&mut self, cav: &Cav) {
+        let already = self.of(cav, None);
+        for &entered in self.of(cav, Some(cav.passage.next_section)).difference(&already) {
+            self.count[entered] += 1;
+        }
+    }
+
+    /// The loops that a vehicle is on or was admitted to; with one more section, those it would be on.
+    fn of(&self, cav: &Cav, section: Option<usize>) -> BTreeSet<usize> {
+        let admitted = cav.passage.admissions.iter().map(|admission| admission.section);
+        let sections = admitted.chain(section).filter_map(|section| cav.route.sections.get(section));
+        let end_s = sections.map(|section| section.to_s + BEHIND_SECTION_M).fold(cav.front_s(), f64::max);
+        let lanes = cav.route.index_at(cav.rear_s())..=cav.route.index_at(end_s);
+        let lanes = &cav.route.lanes()[lanes];
+        lanes.iter().flat_map(|lane| self.of_lane[lane.index()].iter().copied()).collect()
+    }
+}
+
+/// The lanes of the shortest loop through a lane, in id order, if it is a short one.
+fn shortest_loop(map: &LabMap, lane: LaneId) -> Option<Vec<LaneId>> {
+    let ways = map.lane(lane).successors.iter().filter_map(|next| map.shortest_route(*next, lane, |_| true));
+    let length = |way: &Vec<LaneId>| way.iter().map(|lane| map.lane(*lane).curve.length()).sum::<f64>();
+    let mut shortest = ways.min_by(|a, b| length(a).total_cmp(&length(b)))?;
+    if length(&shortest) > LONGEST_M {
+        return None;
+    }
+    shortest.sort_unstable();
+    Some(shortest)
+}
