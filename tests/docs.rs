@@ -1,4 +1,5 @@
 //! The documents say what the program does: keys, defaults and ranges of scenarios, files of a run.
+#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,6 +1,7 @@
 //! City3D against independent programs: what they write it reads, what it writes they read.
 //!
 //! `scripts/test.sh` installs the peers and names their Python in `CITY3D_PEERS_PYTHON`.
+#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use serde_json::Value;
 use std::ffi::OsString;

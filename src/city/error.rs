@@ -71,7 +71,7 @@ fn write_place(f: &mut fmt::Formatter<'_>, line: usize, entity: &str) -> fmt::Re
 /// The faults of a drawing, one a line, in the order of the file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MapErrors {
-    /// The first [`MAX_LISTED`].
+    /// The first `MAX_LISTED`.
     pub listed: Vec<MapError>,
     /// How many more there are.
     pub left_out: usize,

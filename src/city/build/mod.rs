@@ -21,7 +21,7 @@ use std::collections::BTreeMap;
 /// Width of every lane: that of the testbed.
 pub const LANE_WIDTH_M: f64 = 0.1524;
 /// Ends closer than this are one point; moving them together is reported unless they are closer
-/// than [`SILENT_JOIN_M`].
+/// than `SILENT_JOIN_M`.
 pub const JOIN_TOLERANCE_M: f64 = 1e-3;
 pub const SILENT_JOIN_M: f64 = 1e-6;
 /// Texts, arrows and gaps belong to a lane up to this distance.

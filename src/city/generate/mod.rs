@@ -1,9 +1,9 @@
 //! Draws the shipped city: the layout of the IDS3C testbed as a DXF drawing in laboratory metres.
 //!
 //! Nothing here reads a file or a clock: the same drawing comes out every time. The roads are tables
-//! of tangent lines and arcs ([`roads`]); the turns between them follow from their radius
-//! ([`junctions`]); lanes are cut where they branch and named ([`network`]);
-//! what stands between the roads are tables again ([`blocks`]), set out by [`scenery`].
+//! of tangent lines and arcs (`roads`); the turns between them follow from their radius
+//! (`junctions`); lanes are cut where they branch and named (`network`);
+//! what stands between the roads are tables again (`blocks`), set out by `scenery`.
 
 mod blocks;
 mod junctions;
