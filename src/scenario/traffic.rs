@@ -149,6 +149,10 @@ fn starting_places(map: &LabMap) -> Vec<(LaneId, f64)> {
     places
 }
 
+/// After so much of every route the whole map is covered anew: some vehicles will have been sent another
+/// way by then, or stand.
+const COVER_EVERY_M: f64 = 16.0;
+
 /// Grows all routes together: first each to the nearest lane on which nobody has been yet, then to
 /// places drawn by lot. Going for little used lanes all the time would crowd the junctions, where lanes
 /// are many.
@@ -160,16 +164,25 @@ fn draw_routes(
     length_m: f64,
 ) -> Vec<Vec<LaneId>> {
     let mut uses = vec![0_u32; map.lanes.len()];
+    let mut is_covered = vec![false; map.lanes.len()];
+    let mut cover_again_at_m = COVER_EVERY_M;
     let mut routes: Vec<Vec<LaneId>> = starts.iter().map(|&(_, lane)| vec![lane]).collect();
     let mut lengths: Vec<f64> = starts.iter().map(|&(_, lane)| map.lane(lane).curve.length()).collect();
-    starts.iter().for_each(|&(_, lane)| uses[lane.index()] += 1);
+    for &(_, lane) in starts {
+        uses[lane.index()] += 1;
+        is_covered[lane.index()] = true;
+    }
     // The route that is shortest so far grows first, so that lanes are used in order of time.
     loop {
         let unfinished = (0..routes.len()).filter(|&k| lengths[k] < length_m);
         let Some(index) = unfinished.min_by(|&a, &b| lengths[a].total_cmp(&lengths[b])) else { break };
+        if lengths[index] > cover_again_at_m {
+            cover_again_at_m += COVER_EVERY_M;
+            is_covered.fill(false);
+        }
         let open = &networks[starts[index].0];
         let here = routes[index][routes[index].len() - 1];
-        let mut way = way_to_unused(map, rng, open, &uses, here);
+        let mut way = way_to_unused(map, rng, open, &is_covered, here);
         if way.is_empty() {
             way = trip_by_lot(map, rng, open, &uses, here);
         }
@@ -181,6 +194,7 @@ fn draw_routes(
             routes[index].push(lane);
             lengths[index] += map.lane(lane).curve.length();
             uses[lane.index()] += 1;
+            is_covered[lane.index()] = true;
         }
     }
     routes
@@ -229,7 +243,7 @@ fn way_to_unused(
     map: &LabMap,
     rng: &mut ChaCha8Rng,
     open: &[bool],
-    uses: &[u32],
+    is_covered: &[bool],
     from: LaneId,
 ) -> Vec<LaneId> {
     let mut reached: Vec<(LaneId, usize)> = vec![(from, 0)];
@@ -245,7 +259,7 @@ fn way_to_unused(
             }
         }
         ring = ring_end..reached.len();
-        let unused: Vec<usize> = ring.clone().filter(|&index| uses[reached[index].0.index()] == 0).collect();
+        let unused: Vec<usize> = ring.clone().filter(|&index| !is_covered[reached[index].0.index()]).collect();
         if !unused.is_empty() {
             let mut at = unused[rng.next_u64() as usize % unused.len()];
             let mut way = Vec::new();
