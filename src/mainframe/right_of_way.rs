@@ -15,6 +15,7 @@ use super::traffic::Occupancy;
 use super::{Ahead, Cav};
 use crate::city::{LabMap, ZoneKind};
 use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
 
 /// Parameters of the right of way, laboratory units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -106,6 +107,27 @@ struct User {
     rank: Rank,
 }
 
+/// A vehicle that asks to be admitted.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    rank: Rank,
+    /// Infinite while it moves.
+    standing_since_s: f64,
+    distance: f64,
+    vehicle: usize,
+}
+
+impl Candidate {
+    /// By rank; of equal ones who has stood longest, then who is nearest.
+    fn before(&self, other: &Self) -> Ordering {
+        self.rank
+            .cmp(&other.rank)
+            .then(self.standing_since_s.total_cmp(&other.standing_since_s))
+            .then(self.distance.total_cmp(&other.distance))
+            .then(self.vehicle.cmp(&other.vehicle))
+    }
+}
+
 /// What stands in a vehicle's way because of others' right of way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Hindrance {
@@ -123,7 +145,7 @@ pub struct RightOfWay {
     /// By zone, made anew for each control step.
     users: Vec<Vec<User>>,
     /// Candidates for admission, kept for its memory.
-    candidates: Vec<(Rank, f64, usize)>,
+    candidates: Vec<Candidate>,
 }
 
 /// Vehicles this near to a zone are listed with it.
@@ -155,13 +177,14 @@ impl RightOfWay {
                 let distance = section.hold_s - cav.front_s();
                 if distance < asking_distance(cav) {
                     let rank = if self.is_impatient(now_s, cav) { RANK_MAJOR } else { section.rank };
-                    self.candidates.push((rank, distance, vehicle));
+                    let standing_since_s = cav.passage.standing_since_s.unwrap_or(f64::INFINITY);
+                    self.candidates.push(Candidate { rank, standing_since_s, distance, vehicle });
                 }
             }
         }
         let mut candidates = std::mem::take(&mut self.candidates);
-        candidates.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
-        for &(rank, _, vehicle) in &candidates {
+        candidates.sort_by(Candidate::before);
+        for &Candidate { rank, vehicle, .. } in &candidates {
             let may_go = self.may_enter(now_s, vehicle, rank, cavs, occupancy);
             if may_go {
                 self.admit(vehicle, &mut cavs[vehicle]);
@@ -237,9 +260,11 @@ impl RightOfWay {
         if section.rank == RANK_STOP && self.params.full_stop && cav.passage.standing_since_s.is_none() {
             return false;
         }
+        // Where lanes only narrow, holding one of them back would starve it.
+        let waits_for_loops = section.rank >= RANK_YIELD;
         if self.has_leader_before_line(vehicle, cavs, occupancy)
             || !self.has_room_behind(vehicle, cavs, occupancy)
-            || !self.loops.have_room(&cavs[vehicle])
+            || (waits_for_loops && !self.loops.have_room(&cavs[vehicle]))
         {
             cavs[vehicle].passage.blocked_since_s.get_or_insert(now_s);
             return false;
