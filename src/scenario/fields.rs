@@ -99,6 +99,18 @@ impl<'a, 'p> Fields<'a, 'p> {
         self.table.get(key).map_or(self.span.clone(), Spanned::span)
     }
 
+    /// Where a field of this table or of tables in it stands, as far as the path is there.
+    pub fn span_of_path<'k>(&self, path: impl Iterator<Item = &'k str>) -> Range<usize> {
+        let mut span = self.span.clone();
+        let mut table = Some(self.table);
+        for key in path {
+            let Some(value) = table.and_then(|table| table.get(key)) else { break };
+            span = value.span();
+            table = value.get_ref().as_table();
+        }
+        span
+    }
+
     pub fn wrong(&self, key: &str, message: impl Into<String>) {
         self.problems.add(&self.span_of(key), message);
     }
@@ -116,17 +128,12 @@ impl<'a, 'p> Fields<'a, 'p> {
     /// Sets a number if the field is there and in range.
     pub fn number(&self, key: &'static str, range: RangeInclusive<f64>, into: &mut f64) {
         let Some(value) = self.entry(key) else { return };
-        let (low, high) = (range.start(), range.end());
-        let Some(number) = number_of(value.get_ref()) else {
-            return self.wrong_type(key, value, &format!("a number between {low} and {high}"));
-        };
-        if range.contains(&number) {
-            *into = number;
-        } else {
-            self.problems.add(
-                &value.span(),
-                format!("{key} is {number}; it must be a number between {low} and {high}"),
-            );
+        match number_of(value.get_ref()) {
+            Some(number) if range.contains(&number) => *into = number,
+            _ => {
+                let (low, high) = (range.start(), range.end());
+                self.wrong_type(key, value, &format!("a number between {low} and {high}"));
+            }
         }
     }
 
@@ -332,7 +339,7 @@ mod tests {
             [
                 "line 1, column 11: mass_kg is a string; it must be a number between 1 and 10",
                 "line 2, column 1: unknown key \"with_typo\"; did you mean \"width_typo\"?",
-                "line 3, column 14: friction is -3; it must be a number between 0 and 2",
+                "line 3, column 14: friction is -3.0; it must be a number between 0 and 2",
             ]
         );
     }

@@ -60,7 +60,12 @@ pub fn read_experiment(
     let problems = Problems::new(text);
     let (document, syntax_errors) = DeTable::parse_recoverable(text);
     for error in &syntax_errors {
-        problems.add(&error.span().unwrap_or(0..0), error.message().to_owned());
+        let remedy = match error.message() {
+            "duplicate key" => "; it is there already: keep one",
+            message if message.contains("recursion") || message.contains("recurse") => "; nest less deeply",
+            _ => "",
+        };
+        problems.add(&error.span().unwrap_or(0..0), format!("{}{remedy}", error.message()));
     }
     let fail = |problems: Problems<'_>| ScenarioError::Scenario {
         file: file.to_owned(),
@@ -154,7 +159,8 @@ impl Reader {
         let mut fleet = Fleet::default();
         basis.read_vehicles(root, &named, &mut fleet);
         basis.read_traffic(root, &named, &mut fleet);
-        if fleet.is_empty() {
+        // Something under `vehicle` that is wrong has been told already.
+        if fleet.is_empty() && (root.entry("vehicle").is_none() || root.problems.is_empty()) {
             root.problems.add(&(0..0), "no vehicles: add [[vehicle]] tables or a [traffic] table");
         }
         let city_map = Arc::new(self.map.to_city(scale));

@@ -90,6 +90,9 @@ fn read_shares(fields: &Fields<'_, '_>, named: &Named) -> Vec<Share> {
     let Some(table) = fields.table("types") else {
         return vec![Share { spec: named.types["default"].clone(), weight: 1.0 }];
     };
+    if table.entries().next().is_none() {
+        fields.wrong("types", "types is empty; give it shares, such as { default = 1 }, or leave it out");
+    }
     let mut shares = Vec::new();
     for (name, value) in table.entries() {
         let key: &str = name.get_ref();

@@ -62,12 +62,13 @@ pub fn read_vehicle_type(fields: Fields<'_, '_>) -> VehicleSpec {
     for error in spec.validate() {
         // Where the scenario has the field: dimensions without a table, angles in degrees.
         let field = error.field.strip_prefix("dimensions.").unwrap_or(&error.field);
-        let key = match field.split(['.', '[']).next().unwrap_or(field) {
+        let path = field.split('.').map(|part| match part.split('[').next().unwrap_or(part) {
             "steering_limit_rad" => "steering_limit_deg",
             "steering_rate_radps" => "steering_rate_deg_per_s",
             key => key,
-        };
-        fields.wrong(key, format!("{field} is {}; {}", error.found, error.remedy));
+        });
+        let message = format!("{field} is {}; {}", error.found, error.remedy);
+        fields.problems.add(&fields.span_of_path(path), message);
     }
     fields.finish();
     spec
