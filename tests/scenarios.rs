@@ -1,6 +1,8 @@
 //! Scenarios that are wrong: the program refuses each with its place and what would be right, and is
 //! never brought down.
 
+#![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
+
 use city3d::scenario::{Library, Overrides, ScenarioError, read_experiment, shipped_scenarios};
 use proptest::prelude::*;
 use std::collections::BTreeSet;

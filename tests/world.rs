@@ -1,6 +1,8 @@
 //! The world as a function of experiment and commands: it repeats, forks, reports collisions when they
 //! happen, and looks after vehicles that nobody talks to.
 
+#![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
+
 use city3d::city::dxf::{Drawing, Shape};
 use city3d::geom::Pose2;
 use city3d::runner::Run;
@@ -158,8 +160,8 @@ fn an_overlapping_vehicle_starts_behind_the_first() {
 fn corners(snapshot: &FrameSnapshot, state: &VehicleState) -> Vec<DVec2> {
     let size = snapshot.info(state.id).unwrap().dimensions;
     let (ahead, left) = (state.orientation * glam::DVec3::X, state.orientation * glam::DVec3::Y);
-    let ahead = ahead.truncate().normalize() * (size.length_m / 2.0);
-    let left = left.truncate().normalize() * (size.width_m / 2.0);
+    let ahead = ahead.truncate().normalize_or(DVec2::X) * (size.length_m / 2.0);
+    let left = left.truncate().normalize_or(DVec2::Y) * (size.width_m / 2.0);
     let c = state.position.truncate();
     vec![c + ahead + left, c - ahead + left, c - ahead - left, c + ahead - left]
 }

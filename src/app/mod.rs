@@ -80,10 +80,12 @@ struct Failure {
 }
 
 impl Failure {
+    #[allow(clippy::needless_pass_by_value, reason = "the shape that map_err wants")]
     fn bad_input(message: impl ToString) -> Self {
         Self { code: EXIT_BAD_INPUT, message: message.to_string() }
     }
 
+    #[allow(clippy::needless_pass_by_value, reason = "the shape that map_err wants")]
     fn failed(message: impl ToString) -> Self {
         Self { code: EXIT_FAILED, message: message.to_string() }
     }

@@ -109,7 +109,9 @@ fn read_shares(fields: &Fields<'_, '_>, named: &Named) -> Vec<Share> {
         match weight.filter(|weight: &f64| weight.is_finite() && *weight > 0.0) {
             Some(weight) => shares.push(Share { spec: spec.clone(), weight }),
             None => {
-                fields.problems.add(&value.span(), format!("the share of \"{key}\" must be a number above 0"))
+                fields
+                    .problems
+                    .add(&value.span(), format!("the share of \"{key}\" must be a number above 0"));
             }
         }
     }
