@@ -44,7 +44,7 @@ struct ScenarioArgs {
     #[arg(long)]
     seed: Option<u64>,
     /// Simulated seconds, instead of the scenario's
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", value_parser = duration)]
     duration: Option<f64>,
     /// Dynamics of all vehicles, instead of the scenario's
     #[arg(long)]
@@ -57,10 +57,18 @@ enum Model {
     Bicycle,
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+fn pace(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
-        _ => Err("a number above 0 is needed".to_owned()),
+        Ok(factor) if (0.001..=1e6).contains(&factor) => Ok(factor),
+        _ => Err("a factor between 0.001 and 1000000 is needed".to_owned()),
+    }
+}
+
+fn duration(text: &str) -> Result<f64, String> {
+    // As in a scenario: traffic draws its routes for the whole of it.
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.01..=86_400.0).contains(&seconds) => Ok(seconds),
+        _ => Err("a number of seconds between 0.01 and 86400 is needed".to_owned()),
     }
 }
 
@@ -72,10 +80,12 @@ struct Failure {
 }
 
 impl Failure {
+    #[allow(clippy::needless_pass_by_value, reason = "the shape that map_err wants")]
     fn bad_input(message: impl ToString) -> Self {
         Self { code: EXIT_BAD_INPUT, message: message.to_string() }
     }
 
+    #[allow(clippy::needless_pass_by_value, reason = "the shape that map_err wants")]
     fn failed(message: impl ToString) -> Self {
         Self { code: EXIT_FAILED, message: message.to_string() }
     }

@@ -17,7 +17,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Times real time; without it as fast as the machine can
-    #[arg(long, value_name = "X", value_parser = super::positive)]
+    #[arg(long, value_name = "X", value_parser = super::pace)]
     speed: Option<f64>,
     /// Snapshots per simulated second in the log
     #[arg(long, value_name = "HZ", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..))]

@@ -8,4 +8,4 @@ mod table;
 
 pub use log::LogWriter;
 pub use recorder::{Cadence, RecordError, Recorder};
-pub use table::VehicleTable;
+pub use table::{COLUMNS, VehicleTable};

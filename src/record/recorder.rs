@@ -102,6 +102,7 @@ impl Recorder {
     }
 }
 
+#[allow(clippy::needless_pass_by_value, reason = "the shape that map_err wants")]
 fn failed(path: &Path, reason: impl ToString) -> RecordError {
     RecordError::File { path: path.to_path_buf(), reason: reason.to_string() }
 }

@@ -8,8 +8,16 @@ use crate::geom::LengthScale;
 pub const STEERING_RESERVE: f64 = 1.02;
 const GRAVITY: f64 = 9.81;
 
+/// Something that a vehicle cannot do.
+#[derive(Debug)]
+pub struct Infeasible {
+    /// The field of the vehicle that asks for it.
+    pub field: &'static str,
+    pub message: String,
+}
+
 /// Everything that the vehicle cannot do, in full-scale figures.
-pub fn infeasibilities(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicle) -> Vec<String> {
+pub fn infeasibilities(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicle) -> Vec<Infeasible> {
     let mut found = Vec::new();
     let (spec, driver) = (&vehicle.spec, &vehicle.driver);
     let grip = spec.tyre_friction * GRAVITY;
@@ -18,9 +26,10 @@ pub fn infeasibilities(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicl
     let mut exceeds = |what: &str, asked: f64, possible: f64, remedy: &str| {
         if asked > possible {
             let name = &vehicle.name;
-            found.push(format!(
+            let message = format!(
                 "{name}: {what} of {asked:.2} m/s2 at full scale; {possible:.2} is possible: {remedy}"
-            ));
+            );
+            found.push(Infeasible { field: "driver", message });
         }
     };
     let u_max = scale.city_from_lab(driver.max_acceleration_mps2);
@@ -48,17 +57,38 @@ pub fn infeasibilities(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicl
         let lane = map.lane(*lane);
         let radius = scale.city_from_lab(lane.curve.min_radius(0.0, lane.curve.length()));
         if radius < spec.min_turn_radius() * STEERING_RESERVE {
-            found.push(format!(
+            let message = format!(
                 "{}: lane \"{}\" has a bend of radius {radius:.2} m at full scale; the front axle of this \
                  vehicle needs {:.2} m: choose another route, a larger steering_limit_deg or a shorter wheelbase_m",
                 vehicle.name,
                 lane.name,
                 spec.min_turn_radius() * STEERING_RESERVE,
-            ));
+            );
+            found.push(Infeasible { field: "route", message });
             break;
         }
     }
+    found.extend(overrun(map, scale, vehicle));
     found
+}
+
+/// A start so fast that the route is too short to stop on.
+fn overrun(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicle) -> Option<Infeasible> {
+    let route_m: f64 = vehicle.route.iter().map(|lane| map.lane(*lane).curve.length()).sum();
+    let overhang_m =
+        scale.lab_from_city((vehicle.spec.dimensions.length_m - vehicle.spec.dimensions.wheelbase_m) / 2.0);
+    let left_m = route_m - vehicle.start.at_m - overhang_m;
+    let needed_m = vehicle.driver.stopping_distance(vehicle.start.speed_mps);
+    (vehicle.start.speed_mps > 0.0 && needed_m > left_m).then(|| Infeasible {
+        field: "speed_mps",
+        message: format!(
+            "{}: at {} m/s it needs {needed_m:.2} laboratory metres to stop, and its route ends after \
+             {:.2}: start slower or further back, or give it a longer route",
+            vehicle.name,
+            vehicle.start.speed_mps,
+            left_m.max(0.0)
+        ),
+    })
 }
 
 /// Whether a vehicle can drive every bend of a lane.

@@ -99,30 +99,41 @@ impl<'a, 'p> Fields<'a, 'p> {
         self.table.get(key).map_or(self.span.clone(), Spanned::span)
     }
 
+    /// Where a field of this table or of tables in it stands, as far as the path is there.
+    pub fn span_of_path<'k>(&self, path: impl Iterator<Item = &'k str>) -> Range<usize> {
+        let mut span = self.span.clone();
+        let mut table = Some(self.table);
+        for key in path {
+            let Some(value) = table.and_then(|table| table.get(key)) else { break };
+            span = value.span();
+            table = value.get_ref().as_table();
+        }
+        span
+    }
+
     pub fn wrong(&self, key: &str, message: impl Into<String>) {
         self.problems.add(&self.span_of(key), message);
     }
 
     fn wrong_type(&self, key: &str, value: &Spanned<DeValue<'_>>, expected: &str) {
-        let found = value.get_ref().type_str();
-        self.problems
-            .add(&value.span(), format!("{key} is {} {found}; it must be {expected}", article(found)));
+        let found = match value.get_ref() {
+            // Of the right type and yet wrong: not finite, negative, beyond 64 bits.
+            DeValue::Integer(number) => number.as_str().chars().take(32).collect(),
+            DeValue::Float(number) => number.as_str().chars().take(32).collect(),
+            other => format!("{} {}", article(other.type_str()), other.type_str()),
+        };
+        self.problems.add(&value.span(), format!("{key} is {found}; it must be {expected}"));
     }
 
     /// Sets a number if the field is there and in range.
     pub fn number(&self, key: &'static str, range: RangeInclusive<f64>, into: &mut f64) {
         let Some(value) = self.entry(key) else { return };
-        let Some(number) = number_of(value.get_ref()) else {
-            return self.wrong_type(key, value, "a number");
-        };
-        if range.contains(&number) {
-            *into = number;
-        } else {
-            let (low, high) = (range.start(), range.end());
-            self.problems.add(
-                &value.span(),
-                format!("{key} is {number}; it must be a number between {low} and {high}"),
-            );
+        match number_of(value.get_ref()) {
+            Some(number) if range.contains(&number) => *into = number,
+            _ => {
+                let (low, high) = (range.start(), range.end());
+                self.wrong_type(key, value, &format!("a number between {low} and {high}"));
+            }
         }
     }
 
@@ -326,9 +337,9 @@ mod tests {
         assert_eq!(
             found,
             [
-                "line 1, column 11: mass_kg is a string; it must be a number",
+                "line 1, column 11: mass_kg is a string; it must be a number between 1 and 10",
                 "line 2, column 1: unknown key \"with_typo\"; did you mean \"width_typo\"?",
-                "line 3, column 14: friction is -3; it must be a number between 0 and 2",
+                "line 3, column 14: friction is -3.0; it must be a number between 0 and 2",
             ]
         );
     }

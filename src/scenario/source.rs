@@ -20,9 +20,11 @@ pub enum SourceError {
     Unreadable { path: PathBuf, reason: std::io::Error },
     #[error("{path}: {bytes} bytes; files of more than {LARGEST_FILE_BYTES} bytes are not read")]
     TooLarge { path: PathBuf, bytes: u64 },
-    #[error("{path}: not UTF-8 text (byte {at}); save it as UTF-8")]
-    NotText { path: PathBuf, at: usize },
-    #[error("\"{name}\" is neither a file nor one of the shipped {kind}: {names}")]
+    #[error("{path}: line {line}, column {column}: not UTF-8 text; save the file as UTF-8")]
+    NotText { path: PathBuf, line: usize, column: usize },
+    #[error(
+        "\"{name}\" is neither a file nor one of the shipped {kind}: {names}; give the path of a file or one of these names"
+    )]
     Unknown { name: String, kind: &'static str, names: String },
 }
 
@@ -51,10 +53,7 @@ impl Library {
     pub fn scenario(name: &str) -> Result<(String, Self), SourceError> {
         let path = Path::new(name);
         if path.is_file() {
-            let text = String::from_utf8(read(path)?).map_err(|error| SourceError::NotText {
-                path: path.to_path_buf(),
-                at: error.utf8_error().valid_up_to(),
-            })?;
+            let text = String::from_utf8(read(path)?).map_err(|error| not_text(path, &error))?;
             return Ok((text, Self::beside(path)));
         }
         let stem = name.strip_prefix("scenarios/").unwrap_or(name);
@@ -83,6 +82,16 @@ impl Library {
             kind: "maps",
             names: MAPS.map(|(name, _)| name).join(", "),
         })
+    }
+}
+
+fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> SourceError {
+    let good = String::from_utf8_lossy(&error.as_bytes()[..error.utf8_error().valid_up_to()]);
+    let last_line = good.rsplit('\n').next().unwrap_or_default();
+    SourceError::NotText {
+        path: path.to_path_buf(),
+        line: good.matches('\n').count() + 1,
+        column: last_line.chars().count() + 1,
     }
 }
 

@@ -16,10 +16,11 @@ pub fn read_vehicle_type(fields: Fields<'_, '_>) -> VehicleSpec {
     fields.number("brake_torque_nm", 10.0..=200_000.0, &mut spec.brake_torque_nm);
     fields.number("handbrake_torque_nm", 0.0..=200_000.0, &mut spec.handbrake_torque_nm);
     fields.number("tyre_friction", 0.01..=3.0, &mut spec.tyre_friction);
+    fields.number("tyre_cornering", 2.0..=60.0, &mut spec.tyre_cornering);
     fields.number("drag_area_m2", 0.0..=20.0, &mut spec.drag_area_m2);
     fields.number("rolling_resistance", 0.0..=0.5, &mut spec.rolling_resistance);
-    degrees(&fields, "steering_limit_deg", 1.0..=80.0, &mut spec.steering_limit_rad);
-    degrees(&fields, "steering_rate_deg_per_s", 1.0..=1000.0, &mut spec.steering_rate_radps);
+    degrees(&fields, "steering_limit_deg", 3.0..=60.0, &mut spec.steering_limit_rad);
+    degrees(&fields, "steering_rate_deg_per_s", 3.0..=1000.0, &mut spec.steering_rate_radps);
     let size = &mut spec.dimensions;
     fields.number("length_m", 1.0..=25.0, &mut size.length_m);
     fields.number("width_m", 0.5..=5.0, &mut size.width_m);
@@ -59,7 +60,15 @@ pub fn read_vehicle_type(fields: Fields<'_, '_>) -> VehicleSpec {
         control.finish();
     }
     for error in spec.validate() {
-        fields.wrong(error.field.split('.').next_back().unwrap_or_default(), error.to_string());
+        // Where the scenario has the field: dimensions without a table, angles in degrees.
+        let field = error.field.strip_prefix("dimensions.").unwrap_or(&error.field);
+        let path = field.split('.').map(|part| match part.split('[').next().unwrap_or(part) {
+            "steering_limit_rad" => "steering_limit_deg",
+            "steering_rate_radps" => "steering_rate_deg_per_s",
+            key => key,
+        });
+        let message = format!("{field} is {}; {}", error.found, error.remedy);
+        fields.problems.add(&fields.span_of_path(path), message);
     }
     fields.finish();
     spec

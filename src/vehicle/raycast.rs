@@ -16,6 +16,9 @@ use std::f64::consts::TAU;
 
 /// Underside of the box that others run into, above the road.
 const CLEARANCE_M: f64 = 0.2;
+/// The box lies this far inside the outline: contact would hold slow vehicles apart before their
+/// outlines overlap, and a collision is the overlap of outlines.
+const BUMPER_M: f64 = 0.03;
 /// Bump stops begin at this share of the spring's length at rest and are this many times stiffer.
 const BUMP_LENGTH: f64 = 0.3;
 const BUMP_STIFFNESS: f64 = 6.0;
@@ -81,7 +84,7 @@ fn mounts(spec: &VehicleSpec) -> [Mount; 4] {
     })
 }
 
-/// The box of a vehicle: its outline, its mass, its inertia as that of a homogeneous block.
+/// The box of a vehicle: a little inside its outline, with its mass, its inertia that of a homogeneous block of the outline.
 pub(super) fn chassis(spec: &VehicleSpec, pose: Pose2, speed_mps: f64) -> BoxBody {
     let d = &spec.dimensions;
     let size = DVec3::new(d.length_m, d.width_m, d.height_m);
@@ -91,7 +94,7 @@ pub(super) fn chassis(spec: &VehicleSpec, pose: Pose2, speed_mps: f64) -> BoxBod
         position: pose.position.extend(0.0),
         yaw_rad: pose.yaw_rad,
         velocity_mps: pose.forward().extend(0.0) * speed_mps,
-        size_m: size,
+        size_m: size - DVec3::new(2.0 * BUMPER_M, 2.0 * BUMPER_M, 0.0),
         clearance_m: CLEARANCE_M.min(0.5 * d.height_m),
         mass_kg: spec.mass_kg,
         centre_of_mass_m: DVec3::new(spec.centre_of_mass.ahead_m, 0.0, spec.centre_of_mass.height_m),

@@ -1,0 +1,125 @@
+//! The parts of a scenario that are named or hold for all: vehicle types, drivers, rates, right of way,
+//! the environment.
+
+use super::experiment::Rates;
+use super::fields::{Fields, one_of};
+use super::vehicle_type::read_vehicle_type;
+use crate::environment::EnvironmentSpec;
+use crate::mainframe::{CONTROLLERS, DriverParams, RightOfWayParams};
+use crate::vehicle::{ModelKind, VehicleSpec};
+use std::collections::BTreeMap;
+
+/// Named parts of the file that vehicles refer to.
+pub struct Named {
+    pub types: BTreeMap<String, VehicleSpec>,
+    /// Control algorithm and parameters.
+    pub drivers: BTreeMap<String, (String, DriverParams)>,
+}
+
+impl Named {
+    /// `model` replaces that of every type.
+    pub fn read(root: &Fields<'_, '_>, model: Option<ModelKind>) -> Self {
+        Self { types: read_types(root, model), drivers: read_drivers(root) }
+    }
+}
+
+fn read_types(root: &Fields<'_, '_>, model: Option<ModelKind>) -> BTreeMap<String, VehicleSpec> {
+    let mut types = BTreeMap::from([("default".to_owned(), VehicleSpec::default())]);
+    if let Some(tables) = root.table("vehicle_type") {
+        for (name, value) in tables.entries() {
+            if let Some(fields) = tables.table_of(name.get_ref(), value) {
+                types.insert(name.get_ref().to_string(), read_vehicle_type(fields));
+            }
+        }
+    }
+    if let Some(model) = model {
+        types.values_mut().for_each(|spec| spec.model = model);
+    }
+    types
+}
+
+/// The named thing a field refers to; the one called "default" where the field is not there.
+pub fn pick<T: Clone>(fields: &Fields<'_, '_>, key: &'static str, named: &BTreeMap<String, T>) -> Option<T> {
+    let name = match fields.entry(key) {
+        Some(_) => fields.string(key)?,
+        None => "default",
+    };
+    let found = named.get(name).cloned();
+    if found.is_none() {
+        fields.wrong(
+            key,
+            format!("{key} \"{name}\" is not defined; {}", one_of(name, named.keys().map(String::as_str))),
+        );
+    }
+    found
+}
+
+fn read_drivers(root: &Fields<'_, '_>) -> BTreeMap<String, (String, DriverParams)> {
+    let mut drivers = BTreeMap::from([("default".to_owned(), ("idm".to_owned(), DriverParams::default()))]);
+    let Some(tables) = root.table("driver") else { return drivers };
+    for (name, value) in tables.entries() {
+        let Some(fields) = tables.table_of(name.get_ref(), value) else { continue };
+        let controller = fields.string("controller").unwrap_or("idm").to_owned();
+        if !CONTROLLERS.contains(&controller.as_str()) {
+            let remedy = one_of(&controller, CONTROLLERS.into_iter());
+            fields.wrong("controller", format!("there is no control algorithm \"{controller}\"; {remedy}"));
+        }
+        let mut params = DriverParams::default();
+        fields.number("desired_speed_mps", 0.01..=2.0, &mut params.desired_speed_mps);
+        fields.number("max_acceleration_mps2", 0.001..=10.0, &mut params.max_acceleration_mps2);
+        fields.number("min_acceleration_mps2", -10.0..=-0.001, &mut params.min_acceleration_mps2);
+        fields.number("headway_s", 0.1..=10.0, &mut params.headway_s);
+        fields.number("standstill_gap_m", 0.005..=1.0, &mut params.standstill_gap_m);
+        fields.number("exponent", 1.0..=10.0, &mut params.exponent);
+        fields.number("lateral_acceleration_mps2", 0.001..=10.0, &mut params.lateral_acceleration_mps2);
+        fields.finish();
+        drivers.insert(name.get_ref().to_string(), (controller, params));
+    }
+    drivers
+}
+
+pub fn read_rates(root: &Fields<'_, '_>) -> Rates {
+    let mut rates = Rates::default();
+    if let Some(fields) = root.table("rates") {
+        let physics = fields.integer("physics_hz", 20..=2000).unwrap_or(u64::from(rates.physics_hz));
+        let control = fields.integer("control_hz", 1..=2000).unwrap_or(u64::from(rates.control_hz));
+        if physics % control != 0 {
+            let message = format!("control_hz is {control}; it must divide physics_hz, which is {physics}");
+            fields.wrong("control_hz", message);
+        } else {
+            rates = Rates { physics_hz: physics as u32, control_hz: control as u32 };
+        }
+        fields.finish();
+    }
+    rates
+}
+
+pub fn read_right_of_way(root: &Fields<'_, '_>) -> RightOfWayParams {
+    let mut params = RightOfWayParams::default();
+    if let Some(fields) = root.table("right_of_way") {
+        fields.number("clear_area_m", 0.0..=10.0, &mut params.clear_area_m);
+        fields.number("clear_time_s", 0.0..=30.0, &mut params.clear_time_s);
+        fields.number("patience_s", 0.0..=3600.0, &mut params.patience_s);
+        fields.boolean("full_stop", &mut params.full_stop);
+        fields.number("reroute_s", 1.0..=1e9, &mut params.reroute_s);
+        fields.finish();
+    }
+    params
+}
+
+pub fn read_environment(root: &Fields<'_, '_>) -> EnvironmentSpec {
+    const PROFILES: [(&str, EnvironmentSpec); 2] =
+        [("ideal", EnvironmentSpec::IDEAL), ("testbed", EnvironmentSpec::TESTBED)];
+    let mut spec = EnvironmentSpec::IDEAL;
+    if let Some(fields) = root.table("environment") {
+        fields.choice("profile", &PROFILES, &mut spec);
+        fields.number("measurement_delay_s", 0.0..=5.0, &mut spec.measurement_delay_s);
+        fields.number("command_delay_s", 0.0..=5.0, &mut spec.command_delay_s);
+        fields.number("jitter_s", 0.0..=5.0, &mut spec.jitter_s);
+        fields.number("loss", 0.0..=0.99, &mut spec.loss);
+        fields.number("position_noise_m", 0.0..=0.1, &mut spec.position_noise_m);
+        fields.number("yaw_noise_rad", 0.0..=0.5, &mut spec.yaw_noise_rad);
+        fields.finish();
+    }
+    spec
+}

@@ -1,0 +1,119 @@
+//! `[traffic]`: vehicles that are drawn by lot.
+
+use super::experiment::{PlannedVehicle, Start};
+use super::feasibility::infeasibilities;
+use super::fields::{Fields, one_of};
+use super::read::{Basis, Fleet};
+use super::read_settings::{Named, pick};
+use super::read_vehicles::{MOST_VEHICLES, default_appearance};
+use super::traffic::{self, Share, TrafficError, TrafficSpec};
+use crate::snapshot::VehicleId;
+use std::collections::BTreeSet;
+
+impl Basis<'_> {
+    /// Reads the `[traffic]` table and draws its vehicles; their ids follow those of the file.
+    pub fn read_traffic(&self, root: &Fields<'_, '_>, named: &Named, fleet: &mut Fleet) {
+        let Some(fields) = root.table("traffic") else { return };
+        let first_id = fleet.names.keys().next_back().map_or(1, |id| id.0 + 1);
+        fleet.places.insert(VehicleId(first_id), fields.span.clone());
+        let count = fields.integer("vehicles", 1..=MOST_VEHICLES as u64).unwrap_or(50) as usize;
+        let vehicles_span = fields.span_of("vehicles");
+        let (mut spread, mut start_speed_mps) = (0.1, 0.0);
+        fields.number("spread", 0.0..=0.5, &mut spread);
+        fields.number("start_speed_mps", 0.0..=1.0, &mut start_speed_mps);
+        let shares = read_shares(&fields, named);
+        let driver = pick(&fields, "driver", &named.drivers);
+        let span = fields.span.clone();
+        fields.finish();
+        let Some((controller, driver)) = driver.filter(|_| !shares.is_empty()) else { return };
+        let fastest = driver.desired_speed_mps * (1.0 + spread);
+        let spec = TrafficSpec {
+            vehicles: count,
+            shares,
+            controller,
+            driver,
+            spread,
+            route_length_m: fastest * self.duration_s + 10.0,
+        };
+        let drawn = match traffic::draw(self.map, self.scale, self.seed, &spec) {
+            Ok(drawn) => drawn,
+            Err(error) => {
+                root.problems.add(&vehicles_span, error_text(error, count));
+                return;
+            }
+        };
+        let mut is_infeasible = false;
+        let taken: BTreeSet<String> = fleet.names.values().cloned().collect();
+        for (drawn, id) in drawn.into_iter().zip((first_id..).map(VehicleId)) {
+            let mut name = format!("cav{id}");
+            while taken.contains(&name) {
+                name.push('_');
+            }
+            let vehicle = PlannedVehicle {
+                id,
+                name: name.clone(),
+                appearance: default_appearance(id),
+                start: Start { lane: drawn.route[0], at_m: drawn.at_m, speed_mps: start_speed_mps },
+                spec: drawn.spec,
+                controller: spec.controller.clone(),
+                driver: drawn.driver,
+                route: drawn.route,
+            };
+            // One vehicle that cannot do it stands for all that are built alike.
+            if !is_infeasible {
+                for problem in infeasibilities(self.map, self.scale, &vehicle) {
+                    is_infeasible = true;
+                    root.problems.add(&span, problem.message);
+                }
+            }
+            fleet.places.insert(id, span.clone());
+            fleet.names.insert(id, name);
+            fleet.vehicles.push(vehicle);
+        }
+    }
+}
+
+fn error_text(error: TrafficError, count: usize) -> String {
+    match error {
+        TrafficError::NoRoom { placed } => {
+            format!("vehicles = {count}, and the map has starting places for {placed}; ask for fewer")
+        }
+        TrafficError::NoNetwork { share } => format!(
+            "vehicles of type number {} in shares find no closed way on this map that they can drive; \
+             give them a larger steering_limit_deg",
+            share + 1
+        ),
+    }
+}
+
+fn read_shares(fields: &Fields<'_, '_>, named: &Named) -> Vec<Share> {
+    let Some(table) = fields.table("types") else {
+        return vec![Share { spec: named.types["default"].clone(), weight: 1.0 }];
+    };
+    if table.entries().next().is_none() {
+        fields.wrong("types", "types is empty; give it shares, such as { default = 1 }, or leave it out");
+    }
+    let mut shares = Vec::new();
+    for (name, value) in table.entries() {
+        let key: &str = name.get_ref();
+        let Some(spec) = named.types.get(key) else {
+            let remedy = one_of(key, named.types.keys().map(String::as_str));
+            fields.problems.add(&name.span(), format!("vehicle type \"{key}\" is not defined; {remedy}"));
+            continue;
+        };
+        let weight = match value.get_ref() {
+            toml::de::DeValue::Float(weight) => weight.as_str().parse().ok(),
+            toml::de::DeValue::Integer(weight) => weight.as_str().parse().ok(),
+            _ => None,
+        };
+        match weight.filter(|weight: &f64| weight.is_finite() && *weight > 0.0) {
+            Some(weight) => shares.push(Share { spec: spec.clone(), weight }),
+            None => {
+                fields
+                    .problems
+                    .add(&value.span(), format!("the share of \"{key}\" must be a number above 0"));
+            }
+        }
+    }
+    shares
+}

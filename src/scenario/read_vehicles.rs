@@ -1,0 +1,199 @@
+//! `[[vehicle]]`: one vehicle with its build, driver, route and start.
+
+use super::experiment::{PlannedVehicle, Start};
+use super::feasibility::infeasibilities;
+use super::fields::{Fields, one_of};
+use super::read::{Basis, Fleet};
+use super::read_settings::{Named, pick};
+use super::vehicle_type::MODELS;
+use crate::city::LaneId;
+use crate::snapshot::{Appearance, BodyType, VehicleId};
+use crate::vehicle::VehicleSpec;
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+/// More vehicles than any map has room for.
+pub const MOST_VEHICLES: usize = 10_000;
+
+impl Basis<'_> {
+    /// Reads the `[[vehicle]]` tables.
+    pub fn read_vehicles(&self, root: &Fields<'_, '_>, named: &Named, fleet: &mut Fleet) {
+        let tables = root.tables("vehicle");
+        if tables.len() > MOST_VEHICLES {
+            let message = format!("{} vehicles; at most {MOST_VEHICLES} can be used", tables.len());
+            root.wrong("vehicle", message);
+            return;
+        }
+        let mut taken = BTreeSet::new();
+        for (index, fields) in tables.into_iter().enumerate() {
+            let id = fields.integer("id", 0..=65_535).unwrap_or(index as u64 + 1);
+            let id = VehicleId(id as u32);
+            let name = fields.string("name").map_or_else(|| format!("cav{id}"), str::to_owned);
+            if let Some(other) = fleet.names.get(&id) {
+                fields.wrong("id", format!("vehicle id {id} is taken by \"{other}\"; choose another"));
+            }
+            if !taken.insert(name.clone()) {
+                fields.wrong("name", format!("the name \"{name}\" is taken; choose another"));
+            }
+            if !is_topic_name(&name) {
+                let remedy = "use at most 64 letters, digits and underscores, a letter first: it becomes \
+                              part of a ROS topic";
+                fields.wrong("name", format!("\"{}\" cannot be a name; {remedy}", name.escape_debug()));
+            }
+            fleet.places.entry(id).or_insert(fields.span.clone());
+            fleet.names.entry(id).or_insert(name.clone());
+            if let Some(vehicle) = self.read_vehicle(&fields, id, name, named) {
+                for problem in infeasibilities(self.map, self.scale, &vehicle) {
+                    fields.problems.add(&fields.span_of(problem.field), problem.message);
+                }
+                fleet.vehicles.push(vehicle);
+            }
+            fields.finish();
+        }
+    }
+
+    fn read_vehicle(
+        &self,
+        fields: &Fields<'_, '_>,
+        id: VehicleId,
+        name: String,
+        named: &Named,
+    ) -> Option<PlannedVehicle> {
+        let appearance = read_appearance(fields, id);
+        let spec = self.read_spec(fields, named);
+        let driver = pick(fields, "driver", &named.drivers);
+        let route = self.read_route(fields);
+        let mut at_m = f64::NAN;
+        fields.number("at_m", 0.0..=1000.0, &mut at_m);
+        if at_m.is_nan() && fields.entry("at_m").is_none() {
+            let meaning = "at_m is missing: where on the first lane of the route the front axle starts";
+            fields.problems.add(&fields.span, format!("{meaning}, in laboratory metres"));
+        }
+        let mut speed_mps = 0.0;
+        fields.number("speed_mps", 0.0..=2.0, &mut speed_mps);
+        let (spec, (controller, driver), route) = (spec?, driver?, route?);
+        let length_m = self.map.lane(route[0]).curve.length();
+        if at_m > length_m {
+            let lane = &self.map.lane(route[0]).name;
+            fields.wrong(
+                "at_m",
+                format!("at_m is {at_m}; lane \"{lane}\" is {length_m:.3} m long: start on it"),
+            );
+        }
+        let start = Start { lane: route[0], at_m, speed_mps };
+        Some(PlannedVehicle { id, name, appearance, spec, controller, driver, route, start })
+    }
+
+    fn read_spec(&self, fields: &Fields<'_, '_>, named: &Named) -> Option<VehicleSpec> {
+        let mut spec = pick(fields, "type", &named.types)?;
+        fields.choice("model", &MODELS, &mut spec.model);
+        if let Some(model) = self.model {
+            spec.model = model;
+        }
+        Some(spec)
+    }
+
+    /// Lane names, first to last, joined by the shortest ways.
+    fn read_route(&self, fields: &Fields<'_, '_>) -> Option<Vec<LaneId>> {
+        let Some(names) = fields.strings("route") else {
+            if fields.entry("route").is_none() {
+                let meaning =
+                    "route is missing: names of lanes, the first where it starts, the last where it ends";
+                fields.problems.add(&fields.span, meaning);
+            }
+            return None;
+        };
+        let mut route: Vec<LaneId> = Vec::new();
+        let lanes: Vec<Option<LaneId>> =
+            names.iter().map(|(name, span)| self.lane(fields, name, span)).collect();
+        for ((name, span), lane) in names.iter().zip(lanes) {
+            let lane = lane?;
+            let Some(&last) = route.last() else {
+                route.push(lane);
+                continue;
+            };
+            let Some(way) = self.map.shortest_route(last, lane, |_| true) else {
+                let from = &self.map.lane(last).name;
+                fields.problems.add(
+                    span,
+                    format!(
+                        "no way leads from lane \"{from}\" to lane \"{name}\"; name lanes that lie on one way"
+                    ),
+                );
+                return None;
+            };
+            route.extend_from_slice(&way[1..]);
+        }
+        if route.is_empty() {
+            fields.wrong("route", "route is empty; name at least the lane where the vehicle starts");
+            return None;
+        }
+        Some(route)
+    }
+
+    fn lane(&self, fields: &Fields<'_, '_>, name: &str, span: &Range<usize>) -> Option<LaneId> {
+        let lane = self.map.lane_by_name(name);
+        if lane.is_none() {
+            let remedy = one_of(name, self.map.lanes.iter().map(|lane| lane.name.as_str()));
+            fields.problems.add(span, format!("the map has no lane \"{name}\"; {remedy}"));
+        }
+        lane.map(|lane| lane.id)
+    }
+}
+
+const BODIES: [(&str, BodyType); 4] = [
+    ("sedan", BodyType::Sedan),
+    ("hatchback", BodyType::Hatchback),
+    ("suv", BodyType::Suv),
+    ("van", BodyType::Van),
+];
+
+/// Colours that tell many cars apart and that cars are sold in.
+const PALETTE: [[u8; 3]; 10] = [
+    [178, 34, 34],
+    [28, 79, 140],
+    [230, 230, 226],
+    [38, 40, 44],
+    [222, 158, 28],
+    [62, 112, 66],
+    [150, 156, 162],
+    [96, 48, 110],
+    [206, 92, 30],
+    [70, 140, 160],
+];
+
+/// The looks of a vehicle for which the file states none.
+pub fn default_appearance(id: VehicleId) -> Appearance {
+    let index = id.0 as usize;
+    Appearance {
+        body: BODIES[index / PALETTE.len() % BODIES.len()].1,
+        colour: PALETTE[index % PALETTE.len()],
+    }
+}
+
+fn read_appearance(fields: &Fields<'_, '_>, id: VehicleId) -> Appearance {
+    let mut appearance = default_appearance(id);
+    fields.choice("shape", &BODIES, &mut appearance.body);
+    if let Some(text) = fields.string("colour") {
+        match parse_colour(text) {
+            Some(colour) => appearance.colour = colour,
+            None => fields.wrong("colour", format!("colour is \"{text}\"; write it as \"#rrggbb\"")),
+        }
+    }
+    appearance
+}
+
+fn parse_colour(text: &str) -> Option<[u8; 3]> {
+    let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6 && digits.is_ascii())?;
+    let value = u32::from_str_radix(digits, 16).ok()?;
+    let [_, red, green, blue] = value.to_be_bytes();
+    Some([red, green, blue])
+}
+
+/// Whether a text can be part of a ROS topic.
+fn is_topic_name(name: &str) -> bool {
+    let mut characters = name.chars();
+    characters.next().is_some_and(|c| c.is_ascii_alphabetic())
+        && name.len() <= 64
+        && characters.all(|c| c.is_ascii_alphanumeric() || c == '_')
+}

@@ -1,0 +1,206 @@
+//! The program as its users meet it: exit codes, files, formats.
+
+#![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::time::{Duration, Instant};
+
+fn city3d(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_city3d")).args(args).current_dir(folder).output().unwrap()
+}
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn code(output: &Output) -> i32 {
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(!stderr.contains("panicked"), "{stderr}");
+    output.status.code().expect("no signal")
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+/// A car that drives on into a standing one.
+fn crash(collisions_forbidden: bool) -> String {
+    format!(
+        "name = \"crash\"\nduration_s = 6.0\ncollisions_forbidden = {collisions_forbidden}\n\
+         [driver.blind]\ncontroller = \"cruise\"\n\
+         [driver.parked]\ndesired_speed_mps = 0.01\n\
+         [[vehicle]]\nname = \"parked\"\nroute = [\"main-boulevard/east/inner/1\"]\nat_m = 0.9\ndriver = \"parked\"\n\
+         [[vehicle]]\nname = \"blind\"\nroute = [\"main-boulevard/east/inner/1\"]\nat_m = 0.3\nspeed_mps = 0.3\ndriver = \"blind\"\n"
+    )
+}
+
+#[test]
+fn everything_that_is_shipped_is_good() {
+    let files = [
+        "scenarios/roundabout.toml",
+        "scenarios/city.toml",
+        "scenarios/straight.toml",
+        "assets/maps/ids3c.dxf",
+        "roundabout",
+        "ids3c",
+    ];
+    let output = city3d(&root(), &[&["check"], &files[..]].concat());
+    assert_eq!(code(&output), 0, "{output:?}");
+    assert_eq!(stdout(&output).matches(": good: ").count(), files.len());
+}
+
+#[test]
+fn help_is_there_for_every_command() {
+    let help = city3d(&root(), &["--help"]);
+    assert_eq!(code(&help), 0);
+    let listed = stdout(&help);
+    for command in ["run", "check", "generate"] {
+        assert!(listed.contains(&format!("  {command}")), "{listed}");
+        let output = city3d(&root(), &[command, "--help"]);
+        assert_eq!(code(&output), 0, "{command}");
+        assert!(stdout(&output).contains("Usage: city3d"), "{command}");
+    }
+    assert!(stdout(&city3d(&root(), &["run", "--help"])).contains("--speed"));
+    assert!(stdout(&city3d(&root(), &["--version"])).contains(env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn wrong_arguments_are_bad_input() {
+    let out = tempfile::tempdir().unwrap();
+    let folder = out.path().to_str().unwrap();
+    for args in [
+        vec!["fly"],
+        vec!["run", "straight"],
+        vec!["run", "nowhere", "--out", folder],
+        vec!["run", "straight", "--out", folder, "--duration", "-1"],
+        vec!["run", "straight", "--out", folder, "--duration", "1e300"],
+        vec!["run", "straight", "--out", folder, "--speed", "0"],
+        vec!["run", "straight", "--out", folder, "--speed", "1e-300"],
+        vec!["run", "straight", "--out", folder, "--seed", "-5"],
+        vec!["run", "straight", "--out", folder, "--model", "boat"],
+        vec!["run", "straight", "--out", folder, "--log-hz", "0"],
+        vec!["check"],
+        vec!["check", "nowhere.toml"],
+        vec!["check", "nowhere.dxf"],
+        vec!["check", folder],
+    ] {
+        let output = city3d(out.path(), &args);
+        assert_eq!(code(&output), 2, "{args:?}");
+        assert!(!output.stderr.is_empty(), "{args:?}");
+    }
+    assert_eq!(std::fs::read_dir(out.path()).unwrap().count(), 0, "nothing is written for bad input");
+}
+
+#[test]
+fn a_run_writes_what_the_documents_promise() {
+    // Shipped scenarios run from any folder.
+    let out = tempfile::tempdir().unwrap();
+    let output = city3d(out.path(), &["run", "straight", "--out", "here/there", "--duration", "2", "--json"]);
+    assert_eq!(code(&output), 0, "{output:?}");
+    let folder = out.path().join("here/there");
+
+    let printed: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let text = std::fs::read_to_string(folder.join("summary.json")).unwrap();
+    let summary: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(printed["state_hash"], summary["state_hash"]);
+    assert_eq!(summary["scenario"], "straight");
+    assert_eq!((&summary["seed"], &summary["collisions"]), (&1.into(), &0.into()));
+    assert!((summary["simulated_s"].as_f64().unwrap() - 2.0).abs() < 1e-9);
+    let factor = summary["simulated_s"].as_f64().unwrap() / summary["wall_s"].as_f64().unwrap();
+    assert!((summary["real_time_factor"].as_f64().unwrap() - factor).abs() < 1e-6 * factor);
+    let hash = summary["state_hash"].as_str().unwrap();
+    assert!(hash.len() == 16 && u64::from_str_radix(hash, 16).is_ok(), "{hash}");
+    let spawn = &summary["events"][0];
+    assert_eq!((&spawn["kind"], &spawn["vehicle"], &spawn["t"]), (&"spawn".into(), &1.into(), &0.0.into()));
+    for id in ["1", "2"] {
+        let vehicle = &summary["vehicles"][id];
+        for field in ["distance_m", "stops", "mean_lateral_error_m", "max_lateral_error_m", "collisions"] {
+            assert!(vehicle[field].is_number(), "{field} of {vehicle}");
+        }
+        assert_eq!(vehicle["status"], "driving");
+    }
+
+    let mut table = csv::Reader::from_path(folder.join("vehicles.csv")).unwrap();
+    let columns: Vec<String> = table.headers().unwrap().iter().map(str::to_owned).collect();
+    assert_eq!(columns, city3d::record::COLUMNS);
+    let rows: Vec<csv::StringRecord> = table.records().map(Result::unwrap).collect();
+    // Ten a second, the first instant included, for each of two vehicles.
+    assert_eq!(rows.len(), 21 * 2);
+    assert_eq!((&rows[1][0], &rows[1][2], &rows[1][3]), ("0.000", "2", "follower"));
+    let distance: f64 = rows[40][16].parse().unwrap();
+    let told = summary["vehicles"]["1"]["distance_m"].as_f64().unwrap();
+    assert!((distance - told).abs() < 0.001, "{distance} {told}");
+
+    let log = std::fs::read(folder.join("run.mcap")).unwrap();
+    let times = mcap::MessageStream::new(&log)
+        .unwrap()
+        .map(Result::unwrap)
+        .filter(|message| message.channel.topic.contains("snapshot"))
+        .map(|message| message.log_time)
+        .collect::<Vec<_>>();
+    assert_eq!(times.len(), 101);
+    assert!(times.is_sorted());
+}
+
+#[test]
+fn a_collision_fails_the_run_where_it_is_forbidden() {
+    let out = tempfile::tempdir().unwrap();
+    for (forbidden, expected) in [(true, 1), (false, 0)] {
+        std::fs::write(out.path().join("crash.toml"), crash(forbidden)).unwrap();
+        let output = city3d(out.path(), &["run", "crash.toml", "--out", "out"]);
+        assert_eq!(code(&output), expected, "{output:?}");
+        let text = std::fs::read_to_string(out.path().join("out/summary.json")).unwrap();
+        let summary: Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(summary["collisions"], 1);
+        for id in ["1", "2"] {
+            assert_eq!(summary["vehicles"][id]["collisions"], 1);
+            assert_eq!(summary["vehicles"][id]["status"], "collided");
+        }
+    }
+}
+
+#[test]
+fn check_prints_one_json_line_a_file() {
+    let out = tempfile::tempdir().unwrap();
+    std::fs::write(out.path().join("bad.toml"), "nam = 3\n").unwrap();
+    let output = city3d(out.path(), &["check", "--json", "straight", "bad.toml", "ids3c"]);
+    assert_eq!(code(&output), 2);
+    let lines: Vec<Value> = stdout(&output).lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let good: Vec<bool> = lines.iter().map(|line| line["ok"].as_bool().unwrap()).collect();
+    assert_eq!(good, [true, false, true]);
+    assert!(lines[1]["message"].as_str().unwrap().contains("bad.toml: line 1, column 1"));
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_fails_with_its_name() {
+    let out = tempfile::tempdir().unwrap();
+    std::fs::write(out.path().join("file"), "").unwrap();
+    for folder in ["file", "file/below"] {
+        let output = city3d(out.path(), &["run", "straight", "--out", folder]);
+        assert_eq!(code(&output), 1);
+        assert!(String::from_utf8_lossy(&output.stderr).contains(folder), "{output:?}");
+    }
+    let output = city3d(out.path(), &["generate", "map", "--out", "file"]);
+    assert_eq!(code(&output), 1);
+}
+
+#[test]
+fn speed_keeps_pace_with_the_clock() {
+    let out = tempfile::tempdir().unwrap();
+    let start = Instant::now();
+    let output =
+        city3d(out.path(), &["run", "straight", "--out", "out", "--duration", "1.5", "--speed", "1"]);
+    assert_eq!(code(&output), 0);
+    assert!(start.elapsed() >= Duration::from_millis(1500), "{:?}", start.elapsed());
+}
+
+#[test]
+fn the_map_can_be_made_again_byte_by_byte() {
+    let out = tempfile::tempdir().unwrap();
+    let output = city3d(out.path(), &["generate", "map", "--out", "maps"]);
+    assert_eq!(code(&output), 0);
+    let made = std::fs::read(out.path().join("maps/ids3c.dxf")).unwrap();
+    assert!(made == std::fs::read(root().join("assets/maps/ids3c.dxf")).unwrap());
+}
