@@ -115,6 +115,13 @@ impl Renderer {
         self.finish(pending)
     }
 
+    /// How many views of an extent one call can take: their pictures come back in one buffer, whose
+    /// size the adapter limits.
+    pub fn views_at_once(&self, extent: [u32; 2]) -> usize {
+        let most = self.context.device.limits().max_buffer_size;
+        (most / tile_bytes(extent).max(1)).max(1) as usize
+    }
+
     /// Submits the drawing of all views and returns at once; [`Renderer::finish`] waits for the
     /// pictures. Several batches may be on their way, each holds its own memory.
     ///
