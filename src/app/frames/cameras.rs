@@ -25,7 +25,7 @@ pub(super) struct CameraArgs {
     #[arg(long, value_name = "DEG", default_value_t = 235.0, value_parser = degrees, allow_hyphen_values = true)]
     azimuth: f64,
     /// How high an orbit camera stands above the horizon
-    #[arg(long, value_name = "DEG", default_value_t = 28.0, value_parser = elevation)]
+    #[arg(long, value_name = "DEG", default_value_t = 40.0, value_parser = elevation)]
     elevation: f64,
 }
 
