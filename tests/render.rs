@@ -34,6 +34,7 @@ fn black_plain() -> SceneDescription {
     mesh.plate(&ring, black, 1.0);
     SceneDescription {
         meshes: vec![mesh],
+        distant: Vec::new(),
         bounds: [Vec3::new(-60.0, -60.0, 0.0), Vec3::new(60.0, 60.0, 10.0)],
     }
 }

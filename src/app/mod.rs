@@ -1,6 +1,8 @@
 //! The command line: wiring of everything else.
 
 mod check;
+#[cfg(feature = "render")]
+mod frames;
 mod generate;
 mod load;
 mod progress;
@@ -29,6 +31,9 @@ struct Cli {
 enum Command {
     /// Run a scenario without a window and write its log, vehicles.csv and summary.json
     Run(run::RunArgs),
+    /// Take camera pictures of a scenario: PNG files and frames.csv
+    #[cfg(feature = "render")]
+    Frames(frames::FramesArgs),
     /// Validate scenarios (.toml) and maps (.dxf)
     Check(check::CheckArgs),
     /// Write what lies in assets/, so that anyone can make it again
@@ -97,6 +102,8 @@ pub fn main() -> ExitCode {
     start_logging(cli.verbose);
     let result = match cli.command {
         Command::Run(args) => run::run(&args),
+        #[cfg(feature = "render")]
+        Command::Frames(args) => frames::frames(&args),
         Command::Check(args) => check::check(&args),
         Command::Generate(args) => generate::generate(&args),
     };

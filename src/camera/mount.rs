@@ -47,7 +47,7 @@ impl Mount {
     fn in_body(self, info: &VehicleInfo) -> (DVec3, f64, f64) {
         let d = &info.dimensions;
         match self {
-            Self::Windscreen => (DVec3::new(0.10 * d.length_m, 0.0, 0.86 * d.height_m), 0.0, -0.06),
+            Self::Windscreen => (DVec3::new(0.14 * d.length_m, 0.0, 0.91 * d.height_m), 0.0, -0.06),
             Self::Bumper => (DVec3::new(0.5 * d.length_m + 0.03, 0.0, 0.55), 0.0, 0.0),
             Self::Custom { position, yaw_rad, pitch_rad } => (position, yaw_rad, pitch_rad),
         }

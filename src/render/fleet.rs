@@ -2,9 +2,9 @@
 
 use super::Context;
 use super::RenderError;
-use super::frustum::Frustum;
 use super::passes::city::gpu_data::Vertex;
 use super::passes::vehicle::gpu_data::Instance;
+use super::standing::Gaze;
 use super::vehicle::{self, MeshKey, VehicleMesh};
 use crate::snapshot::{FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
 use glam::{Mat3, Quat, Vec3};
@@ -15,13 +15,17 @@ use wgpu::util::DeviceExt;
 
 /// Turn signals flash this often a second.
 const FLASHES_HZ: f64 = 1.5;
-/// Wheels and lamps of vehicles farther away than this are not worth their triangles.
-const WHEELS_WITHIN_M: f32 = 120.0;
+/// Wheels of fewer pixels than this across are left out.
+const WHEELS_FROM_PX: f32 = 2.0;
+/// By how much the simpler bodies and wheels differ from the full ones.
+const COARSENESS_M: f32 = 0.16;
 
 #[derive(Clone, Debug)]
 struct Build {
     body: Range<u32>,
     wheel: Range<u32>,
+    distant_body: Range<u32>,
+    distant_wheel: Range<u32>,
 }
 
 /// A vehicle of the snapshot that a view may see.
@@ -29,7 +33,8 @@ struct Build {
 pub(super) struct Sight {
     index: usize,
     distance_m: f32,
-    is_carrier: bool,
+    is_coarse: bool,
+    has_wheels: bool,
 }
 
 #[derive(Debug)]
@@ -38,6 +43,7 @@ struct Placed {
     key: MeshKey,
     centre: Vec3,
     radius: f32,
+    wheel_radius: f32,
 }
 
 #[derive(Debug)]
@@ -84,6 +90,7 @@ impl Fleet {
                 key: MeshKey::new(info.appearance.body, d),
                 centre: state.position.as_vec3() + Vec3::Z * half.z,
                 radius: half.length(),
+                wheel_radius: d.wheel_radius_m as f32,
             });
             let lamps = lamps(state, snapshot.time_s);
             let paint = info.appearance.colour.map(linear_from_srgb);
@@ -112,9 +119,14 @@ impl Fleet {
         for info in snapshot.roster.iter() {
             let (kind, d) = (info.appearance.body, &info.dimensions);
             let mesh = &mut self.mesh;
-            self.builds.entry(MeshKey::new(kind, d)).or_insert_with(|| Build {
-                body: append(mesh, &vehicle::body(kind, d)),
-                wheel: append(mesh, &vehicle::wheel(d.wheel_radius_m as f32)),
+            self.builds.entry(MeshKey::new(kind, d)).or_insert_with(|| {
+                let (body, radius) = (vehicle::body(kind, d), d.wheel_radius_m as f32);
+                Build {
+                    body: append(mesh, &body),
+                    wheel: append(mesh, &vehicle::wheel(radius, vehicle::WHEEL_SIDES)),
+                    distant_body: append(mesh, &body.simplified(COARSENESS_M * 2.0)),
+                    distant_wheel: append(mesh, &vehicle::wheel(radius, vehicle::WHEEL_SIDES * 2 / 5)),
+                }
             });
         }
         if self.builds.len() > known {
@@ -133,16 +145,23 @@ impl Fleet {
     }
 
     /// Vehicles that a view may see, nearest first.
-    pub(super) fn seen(&self, frustum: &Frustum, eye: Vec3, carrier: Option<VehicleId>) -> Vec<Sight> {
+    pub(super) fn seen(&self, gaze: &Gaze<'_>, carrier: Option<VehicleId>) -> Vec<Sight> {
         let mut seen: Vec<Sight> = self
             .placed
             .iter()
             .enumerate()
-            .filter(|(_, p)| frustum.may_see_ball(p.centre, p.radius + 1.0))
-            .map(|(index, p)| Sight {
-                index,
-                distance_m: p.centre.distance(eye),
-                is_carrier: carrier == Some(p.id),
+            .filter(|(_, p)| gaze.frustum.may_see_ball(p.centre, p.radius + 1.0))
+            .map(|(index, p)| {
+                let distance_m = p.centre.distance(gaze.eye);
+                let pixels = |length_m| gaze.sharpness.pixels(length_m, distance_m);
+                let is_carrier = carrier == Some(p.id);
+                Sight {
+                    index,
+                    distance_m,
+                    is_coarse: pixels(COARSENESS_M) < gaze.coarse_below_px && !is_carrier,
+                    // A camera inside the body would see the wheels through it.
+                    has_wheels: pixels(2.0 * p.wheel_radius) > WHEELS_FROM_PX && !is_carrier,
+                }
             })
             .collect();
         seen.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
@@ -171,11 +190,15 @@ impl Fleet {
         for sight in seen {
             let Some(build) = self.builds.get(&self.placed[sight.index].key) else { continue };
             let index = sight.index as u32;
-            pass.draw_indexed(build.body.clone(), 0, index..index + 1);
-            // A camera inside the body would see the wheels through it.
-            if !sight.is_carrier && sight.distance_m < WHEELS_WITHIN_M {
+            let (body, wheel) = if sight.is_coarse {
+                (&build.distant_body, &build.distant_wheel)
+            } else {
+                (&build.body, &build.wheel)
+            };
+            pass.draw_indexed(body.clone(), 0, index..index + 1);
+            if sight.has_wheels {
                 let first = count + 4 * index;
-                pass.draw_indexed(build.wheel.clone(), 0, first..first + 4);
+                pass.draw_indexed(wheel.clone(), 0, first..first + 4);
             }
         }
     }

@@ -1,4 +1,4 @@
-//! What a view can see.
+//! What a view can see, and how sharply.
 
 use glam::{Mat4, Vec3, Vec4};
 
@@ -31,6 +31,32 @@ impl Frustum {
     }
 }
 
+/// How large things appear in a view.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sharpness {
+    /// Pixels that a metre covers where the clip coordinate w is 1.
+    pixels_per_m: f32,
+    /// Growth of w with distance; 0 for parallel rays.
+    w_per_m: f32,
+    /// Of parallel rays.
+    w: f32,
+}
+
+impl Sharpness {
+    /// From clip coordinates and the height of the picture in pixels.
+    pub(super) fn new(clip_from_world: &Mat4, height: u32) -> Self {
+        let (up, w) = (clip_from_world.row(1), clip_from_world.row(3));
+        let pixels_per_m = up.truncate().length() * height as f32 / 2.0;
+        Self { pixels_per_m, w_per_m: w.truncate().length(), w: w.w.abs() }
+    }
+
+    /// Pixels that a length covers at a distance from the eye.
+    pub(super) fn pixels(&self, length_m: f32, distance_m: f32) -> f32 {
+        let w = if self.w_per_m > 1e-6 { self.w_per_m * distance_m } else { self.w };
+        length_m * self.pixels_per_m / w.max(1e-6)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -46,6 +72,10 @@ mod tests {
             assert_eq!(frustum.may_see_ball(at, 0.1), seen, "{at}");
             assert_eq!(frustum.may_see_box([at - 0.1, at + 0.1]), seen, "{at}");
         }
+        let far = view.project(DVec3::new(20.0, 0.0, 0.0)).unwrap()
+            - view.project(DVec3::new(20.0, 0.0, 1.0)).unwrap();
+        let sharpness = Sharpness::new(&view.clip_from_world().as_mat4(), 480);
+        assert!((f64::from(sharpness.pixels(1.0, 20.0)) - far.y).abs() < 1e-3, "{far}");
         assert!(frustum.may_see_box([Vec3::splat(-50.0), Vec3::splat(50.0)]));
     }
 }

@@ -3,7 +3,7 @@
 
 use super::atlas::{Atlas, Ring, padded_row, tile_bytes};
 use super::fleet::{Fleet, linear_from_srgb};
-use super::frustum::Frustum;
+use super::frustum::{Frustum, Sharpness};
 use super::passes::Attachments;
 use super::passes::city::CityPass;
 use super::passes::common::{FrameGroup, gpu_data};
@@ -13,7 +13,7 @@ use super::passes::shadow::{ShadowPass, SunView};
 use super::passes::sky::SkyPass;
 use super::passes::vehicle::VehiclePass;
 use super::settings::{EXPOSURE, HAZE_SRGB, radiance_of};
-use super::standing::Standing;
+use super::standing::{Gaze, Standing};
 use super::{Context, Image, RenderError, Settings, TargetView};
 use crate::camera::View;
 use crate::city::scene::SceneDescription;
@@ -113,6 +113,13 @@ impl Renderer {
     pub fn render(&mut self, snapshot: &FrameSnapshot, views: &[View]) -> Result<Vec<Image>, RenderError> {
         let pending = self.begin(snapshot, views)?;
         self.finish(pending)
+    }
+
+    /// How many views of an extent one call can take: their pictures come back in one buffer, whose
+    /// size the adapter limits.
+    pub fn views_at_once(&self, extent: [u32; 2]) -> usize {
+        let most = self.context.device.limits().max_buffer_size;
+        (most / tile_bytes(extent).max(1)).max(1) as usize
     }
 
     /// Submits the drawing of all views and returns at once; [`Renderer::finish`] waits for the
@@ -296,13 +303,19 @@ impl Renderer {
     }
 
     fn draw_view(&self, pass: &mut wgpu::RenderPass<'_>, view: &View) {
-        let frustum = Frustum::new(&view.clip_from_world().as_mat4());
-        let eye = view.extrinsics.position.as_vec3();
-        let seen = self.fleet.seen(&frustum, eye, view.carrier);
+        let clip_from_world = view.clip_from_world().as_mat4();
+        let frustum = Frustum::new(&clip_from_world);
+        let gaze = Gaze {
+            frustum: &frustum,
+            sharpness: Sharpness::new(&clip_from_world, view.extent[1]),
+            eye: view.extrinsics.position.as_vec3(),
+            coarse_below_px: self.settings.quality.coarse_below_px,
+        };
+        let seen = self.fleet.seen(&gaze, view.carrier);
         // Nearest first, as far as can be told: what is hidden costs no shading.
         self.vehicles.draw(pass, &self.fleet, &seen);
-        self.city.draw(pass, &self.standing, &frustum, eye, false);
-        self.city.draw(pass, &self.standing, &frustum, eye, true);
+        self.city.draw(pass, &self.standing, &gaze, false);
+        self.city.draw(pass, &self.standing, &gaze, true);
         self.sky.draw(pass);
         self.contact.draw(pass, &self.fleet, &seen);
     }
@@ -315,7 +328,7 @@ impl Renderer {
             sun: [2.55, 2.28, 1.86, EXPOSURE],
             sky_light: [0.60, 0.72, 0.92, 0.0],
             ground_light: [0.34, 0.34, 0.30, 0.0],
-            haze: [haze[0], haze[1], haze[2], 1.0 / 720.0],
+            haze: [haze[0], haze[1], haze[2], 1.0 / 950.0],
             shadow_from_world: self.sun_view.shadow_from_world.to_cols_array_2d(),
             shadow_texel: [1.0 / self.settings.quality.shadow_texels as f32, self.sun_view.texel_m, 0.0, 0.0],
         }

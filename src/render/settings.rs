@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 /// How much work a pixel is worth.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
     /// Samples a pixel: 1 or 4.
     pub samples: u32,
@@ -16,15 +16,29 @@ pub struct Quality {
     pub detail: bool,
     /// Texels along an edge of the shadow map.
     pub shadow_texels: u32,
+    /// Simpler meshes stand in for distant ones where they differ by fewer pixels than this.
+    pub coarse_below_px: f32,
 }
 
 impl Quality {
     /// For pictures that people look at.
-    pub const HIGH: Self =
-        Self { samples: 4, anisotropy: 8, soft_shadows: true, detail: true, shadow_texels: 4096 };
+    pub const HIGH: Self = Self {
+        samples: 4,
+        anisotropy: 8,
+        soft_shadows: true,
+        detail: true,
+        shadow_texels: 4096,
+        coarse_below_px: 0.8,
+    };
     /// For many cameras on a software adapter.
-    pub const FAST: Self =
-        Self { samples: 1, anisotropy: 1, soft_shadows: false, detail: false, shadow_texels: 2048 };
+    pub const FAST: Self = Self {
+        samples: 1,
+        anisotropy: 1,
+        soft_shadows: false,
+        detail: false,
+        shadow_texels: 2048,
+        coarse_below_px: 2.5,
+    };
 }
 
 /// Where the sun stands.

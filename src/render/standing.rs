@@ -1,7 +1,7 @@
 //! The standing city on the GPU: one buffer, cut into square cells so that each view draws what it
 //! may see, near cells first.
 
-use super::frustum::Frustum;
+use super::frustum::{Frustum, Sharpness};
 use super::passes::city::gpu_data::Vertex as GpuVertex;
 use crate::city::scene::{Mesh, SceneDescription, Vertex};
 use glam::Vec3;
@@ -20,12 +20,32 @@ struct Cell {
     indices: Range<u32>,
 }
 
+/// By how much the outline of a tree of few faces differs from that of its full mesh.
+const COARSENESS_M: f32 = 0.30;
+
+/// Something upright in a cell: its full mesh and, where there is one, the one for a distance.
+#[derive(Clone, Debug)]
+struct Raised {
+    near: Cell,
+    distant: Option<Cell>,
+}
+
 #[derive(Debug)]
 pub(super) struct Standing {
     vertices: wgpu::Buffer,
     indices: wgpu::Buffer,
-    raised: Vec<Cell>,
+    raised: Vec<Raised>,
     ground: Vec<Cell>,
+}
+
+/// What a view needs of the standing city.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gaze<'a> {
+    pub(super) frustum: &'a Frustum,
+    pub(super) sharpness: Sharpness,
+    pub(super) eye: Vec3,
+    /// See [`super::Quality::coarse_below_px`].
+    pub(super) coarse_below_px: f32,
 }
 
 /// What one cell holds before it is packed.
@@ -36,33 +56,20 @@ struct Bucket {
     slots: std::collections::HashMap<u32, u32>,
 }
 
+type Buckets = BTreeMap<[i32; 2], Bucket>;
+
 impl Standing {
     pub(super) fn new(device: &wgpu::Device, scene: &SceneDescription) -> Self {
-        let mut raised: BTreeMap<[i32; 2], Bucket> = BTreeMap::new();
-        let mut ground: BTreeMap<[i32; 2], Bucket> = BTreeMap::new();
-        for mesh in &scene.meshes {
-            for bucket in raised.values_mut().chain(ground.values_mut()) {
-                bucket.slots.clear();
-            }
-            for triangle in mesh.indices.chunks_exact(3) {
-                let corners = [triangle[0], triangle[1], triangle[2]].map(|k| mesh.vertices[k as usize]);
-                if corners.iter().any(|v| v.position.z > RISES_ABOVE_M) {
-                    let middle = corners.iter().map(|v| v.position).sum::<Vec3>() / 3.0;
-                    let bucket = raised.entry(cell_of(middle)).or_default();
-                    for &k in triangle {
-                        let slot = *bucket
-                            .slots
-                            .entry(k)
-                            .or_insert_with(|| bucket.mesh.vertex(mesh.vertices[k as usize]));
-                        bucket.mesh.indices.push(slot);
-                    }
-                } else {
-                    split_into(&mut ground, corners);
-                }
-            }
-        }
+        let (mut raised, mut ground) = sort_into_cells(&scene.meshes);
+        let (mut distant, _) = sort_into_cells(&scene.distant);
         let mut packed = Packed::default();
-        let raised = raised.values_mut().map(|bucket| packed.add(&mut bucket.mesh)).collect();
+        // All full meshes first: shadows draw them in one piece.
+        let near: Vec<_> = raised.iter_mut().map(|(at, b)| (*at, packed.add(&mut b.mesh))).collect();
+        let raised = near.into_iter().map(|(at, near)| {
+            let distant = distant.get_mut(&at).map(|bucket| packed.add(&mut bucket.mesh));
+            Raised { near, distant }
+        });
+        let raised = raised.collect();
         let ground = ground.values_mut().map(|bucket| packed.add(&mut bucket.mesh)).collect();
         let buffer = |label, contents, usage| {
             device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
@@ -80,13 +87,18 @@ impl Standing {
     }
 
     /// Group 0 to 2 and the pipeline are set already.
-    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, frustum: &Frustum, eye: Vec3, ground: bool) {
-        let cells = if ground { &self.ground } else { &self.raised };
-        let mut seen: Vec<(f32, &Cell)> = cells
-            .iter()
-            .filter(|cell| frustum.may_see_box(cell.bounds))
-            .map(|cell| (eye.clamp(cell.bounds[0], cell.bounds[1]).distance_squared(eye), cell))
-            .collect();
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, gaze: &Gaze<'_>, ground: bool) {
+        let mut seen: Vec<(f32, &Cell)> = Vec::new();
+        if ground {
+            seen.extend(self.ground.iter().filter_map(|cell| Some((gaze.sees(cell)?, cell))));
+        } else {
+            seen.extend(self.raised.iter().filter_map(|place| {
+                let distance_m = gaze.sees(&place.near)?;
+                let coarse = gaze.sharpness.pixels(COARSENESS_M, distance_m) < gaze.coarse_below_px;
+                let cell = place.distant.as_ref().filter(|_| coarse).unwrap_or(&place.near);
+                Some((distance_m, cell))
+            }));
+        }
         seen.sort_by(|a, b| a.0.total_cmp(&b.0));
         pass.set_vertex_buffer(0, self.vertices.slice(..));
         pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
@@ -100,8 +112,43 @@ impl Standing {
         let Some((first, last)) = self.raised.first().zip(self.raised.last()) else { return };
         pass.set_vertex_buffer(0, self.vertices.slice(..));
         pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
-        pass.draw_indexed(first.indices.start..last.indices.end, 0, 0..1);
+        pass.draw_indexed(first.near.indices.start..last.near.indices.end, 0, 0..1);
     }
+}
+
+impl Gaze<'_> {
+    /// The least distance to what a cell holds, if it may be seen.
+    fn sees(&self, cell: &Cell) -> Option<f32> {
+        let [low, high] = cell.bounds;
+        self.frustum.may_see_box(cell.bounds).then(|| self.eye.clamp(low, high).distance(self.eye))
+    }
+}
+
+/// What rises above the ground by the cell of its faces' middles, and the ground cut along cells.
+fn sort_into_cells(meshes: &[Mesh]) -> (Buckets, Buckets) {
+    let (mut raised, mut ground) = (Buckets::new(), Buckets::new());
+    for mesh in meshes {
+        for bucket in raised.values_mut() {
+            bucket.slots.clear();
+        }
+        for triangle in mesh.indices.chunks_exact(3) {
+            let corners = [triangle[0], triangle[1], triangle[2]].map(|k| mesh.vertices[k as usize]);
+            if corners.iter().any(|v| v.position.z > RISES_ABOVE_M) {
+                let middle = corners.iter().map(|v| v.position).sum::<Vec3>() / 3.0;
+                let bucket = raised.entry(cell_of(middle)).or_default();
+                for &k in triangle {
+                    let slot = *bucket
+                        .slots
+                        .entry(k)
+                        .or_insert_with(|| bucket.mesh.vertex(mesh.vertices[k as usize]));
+                    bucket.mesh.indices.push(slot);
+                }
+            } else {
+                split_into(&mut ground, corners);
+            }
+        }
+    }
+    (raised, ground)
 }
 
 fn cell_of(at: Vec3) -> [i32; 2] {
@@ -142,7 +189,7 @@ pub(super) fn pack_normal(n: Vec3) -> [i8; 4] {
 }
 
 /// Cuts a triangle of the ground along the cells' edges.
-fn split_into(cells: &mut BTreeMap<[i32; 2], Bucket>, corners: [Vertex; 3]) {
+fn split_into(cells: &mut Buckets, corners: [Vertex; 3]) {
     let [low, high] = [
         corners[0].position.min(corners[1].position).min(corners[2].position),
         corners[0].position.max(corners[1].position).max(corners[2].position),

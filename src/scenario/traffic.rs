@@ -259,7 +259,8 @@ fn way_to_unused(
             }
         }
         ring = ring_end..reached.len();
-        let unused: Vec<usize> = ring.clone().filter(|&index| !is_covered[reached[index].0.index()]).collect();
+        let unused: Vec<usize> =
+            ring.clone().filter(|&index| !is_covered[reached[index].0.index()]).collect();
         if !unused.is_empty() {
             let mut at = unused[rng.next_u64() as usize % unused.len()];
             let mut way = Vec::new();

@@ -23,6 +23,9 @@ use glam::Vec3;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneDescription {
     pub meshes: Vec<Mesh>,
+    /// What rises above the ground once more, with trees of few faces: for views in which they are
+    /// small. Without it `meshes` serve at every distance.
+    pub distant: Vec<Mesh>,
     /// The box that holds the city itself, without the plain around it.
     pub bounds: [Vec3; 2],
 }
@@ -31,13 +34,14 @@ impl SceneDescription {
     /// The roads with their markings, the ground, and everything of the map's scenery.
     pub fn from_map(map: &CityMap) -> Self {
         let field = roads::RoadField::new(map);
-        let mut scenery = Mesh::default();
+        let (mut scenery, mut distant) = (Mesh::default(), Mesh::default());
         // Street furniture turns towards the road, so it needs to know where that is.
         for (index, piece) in map.scenery.iter().enumerate() {
             let place = Place { piece, seed: index as u32 };
+            let before = scenery.mark();
             match piece.kind {
                 SceneryKind::Building => buildings::building(&mut scenery, &place, map),
-                SceneryKind::Tree => plants::tree(&mut scenery, &place),
+                SceneryKind::Tree => plants::tree(&mut scenery, &place, plants::Leafage::NEAR),
                 SceneryKind::Hedge => plants::hedge(&mut scenery, &place),
                 SceneryKind::Wall => props::wall(&mut scenery, &place),
                 SceneryKind::Lamp => props::lamp(&mut scenery, &place, map),
@@ -50,12 +54,17 @@ impl SceneDescription {
                 | SceneryKind::Paving
                 | SceneryKind::Parking => grounds::ground(&mut scenery, &place),
             }
+            match piece.kind {
+                SceneryKind::Tree => plants::tree(&mut distant, &place, plants::Leafage::DISTANT),
+                _ => distant.append_since(&scenery, before),
+            }
         }
         let meshes = vec![roads::ground(&field), roads::plain(map), markings::markings(map, &field), scenery];
         let [low, high] = map.bounds();
         let top = meshes.iter().map(|mesh| mesh.bounds()[1].z).fold(1.0, f32::max);
         let bounds = [low.as_vec2().extend(0.0), high.as_vec2().extend(top)];
-        Self { meshes: meshes.into_iter().filter(|mesh| !mesh.is_empty()).collect(), bounds }
+        let meshes: Vec<Mesh> = meshes.into_iter().filter(|mesh| !mesh.is_empty()).collect();
+        Self { meshes, distant: vec![distant], bounds }
     }
 }
 

@@ -15,8 +15,22 @@ const HEDGE: Finish = Finish::new(Surface::Leaves, [108, 140, 74], Class::Vegeta
 const GREENS: [[u8; 3]; 6] =
     [[118, 150, 70], [98, 138, 66], [138, 160, 78], [92, 126, 72], [126, 142, 60], [112, 146, 88]];
 
+/// Faces around a crown and from its bottom to its top, and around a trunk.
+#[derive(Clone, Copy)]
+pub(super) struct Leafage {
+    around: u32,
+    rings: u32,
+    trunk: u32,
+}
+
+impl Leafage {
+    pub(super) const NEAR: Self = Self { around: 9, rings: 6, trunk: 6 };
+    /// For trees of a few pixels.
+    pub(super) const DISTANT: Self = Self { around: 5, rings: 3, trunk: 3 };
+}
+
 /// A trunk and its crown; the drawing's circle is the crown's, the kind is drawn by lot.
-pub(super) fn tree(mesh: &mut Mesh, place: &Place<'_>) {
+pub(super) fn tree(mesh: &mut Mesh, place: &Place<'_>, leafage: Leafage) {
     let Shape::Circle { centre, radius_m } = place.piece.shape else { return };
     let foot = centre.as_vec2().extend(0.08);
     let radius = radius_m as f32;
@@ -27,91 +41,103 @@ pub(super) fn tree(mesh: &mut Mesh, place: &Place<'_>) {
         // Round crowns of three clumps.
         d if d < 0.52 => {
             let height = (2.5 * radius + 1.6) * scale;
-            mesh.frustum(foot, [0.05 * radius + 0.09, 0.05], height - 1.0 * radius, 6, BARK);
+            mesh.frustum(foot, [0.05 * radius + 0.09, 0.05], height - 1.0 * radius, leafage.trunk, BARK);
             let turn = place.dice(4) * TAU;
             let top = foot + Vec3::Z * (height - 0.86 * radius);
-            blob(mesh, top, Vec3::new(0.84, 0.84, 0.86) * radius, place.seed, leaves);
+            blob(mesh, top, Vec3::new(0.84, 0.84, 0.86) * radius, (place.seed, leafage), leaves);
             for k in 0..3 {
                 let (sin, cos) = (turn + TAU / 3.0 * (k as f32 + 0.3 * place.dice(5))).sin_cos();
                 let low = Vec3::new(cos, sin, 0.0) * (0.44 * radius) - Vec3::Z * (0.46 * radius);
                 let size = Vec3::new(0.62, 0.62, 0.58) * radius;
-                blob(mesh, top + low, size, place.seed + 7 + k, leaves.shaded(0.94));
+                blob(mesh, top + low, size, (place.seed + 7 + k, leafage), leaves.shaded(0.94));
             }
         }
         // Upright, one clump.
         d if d < 0.74 => {
             let height = (3.2 * radius + 2.4) * scale;
-            mesh.frustum(foot, [0.14, 0.09], height * 0.4, 6, BIRCH);
+            mesh.frustum(foot, [0.14, 0.09], height * 0.4, leafage.trunk, BIRCH);
             let middle = foot + Vec3::Z * (height * 0.62);
             let size = Vec3::new(0.72 * radius, 0.72 * radius, height * 0.40);
-            blob(mesh, middle, size, place.seed, leaves.shaded(1.06));
+            blob(mesh, middle, size, (place.seed, leafage), leaves.shaded(1.06));
         }
         // Conifers of three cones.
         d if d < 0.90 => {
             let height = (3.4 * radius + 2.6) * scale;
             let needles = Finish::new(Surface::Leaves, [78, 112, 76], Class::Vegetation);
-            mesh.frustum(foot, [0.17, 0.13], 1.2, 6, BARK);
+            mesh.frustum(foot, [0.17, 0.13], 1.2, leafage.trunk, BARK);
             for (from, to, wide) in [(0.13, 0.52, 0.92), (0.36, 0.76, 0.70), (0.60, 1.0, 0.46)] {
                 let at = foot + Vec3::Z * (height * from);
-                cone(mesh, at, wide * radius, height * (to - from), needles.shaded(0.85 + 0.3 * from));
+                cone(
+                    mesh,
+                    at,
+                    wide * radius,
+                    height * (to - from),
+                    leafage,
+                    needles.shaded(0.85 + 0.3 * from),
+                );
             }
         }
         // Wide and flat.
         _ => {
             let height = (1.7 * radius + 2.4) * scale;
-            mesh.frustum(foot, [0.20, 0.10], height * 0.62, 6, BARK);
+            mesh.frustum(foot, [0.20, 0.10], height * 0.62, leafage.trunk, BARK);
             let middle = foot + Vec3::Z * (height * 0.74);
-            blob(mesh, middle, Vec3::new(radius, radius, 0.52 * radius), place.seed, leaves.shaded(0.97));
+            blob(
+                mesh,
+                middle,
+                Vec3::new(radius, radius, 0.52 * radius),
+                (place.seed, leafage),
+                leaves.shaded(0.97),
+            );
         }
     }
 }
 
-/// A clump of leaves: a ball of 6 by 10 faces, bulging here and there, darker below.
-fn blob(mesh: &mut Mesh, centre: Vec3, size: Vec3, seed: u32, finish: Finish) {
-    const AROUND: u32 = 9;
-    const RINGS: u32 = 6;
+/// A clump of leaves: a ball, bulging here and there, darker below.
+fn blob(mesh: &mut Mesh, centre: Vec3, size: Vec3, (seed, leafage): (u32, Leafage), finish: Finish) {
+    let Leafage { around, rings, .. } = leafage;
     let bulge = |k: u32, ring: u32| {
-        let h = (k % AROUND).wrapping_mul(73_856_093)
+        let h = (k % around).wrapping_mul(73_856_093)
             ^ ring.wrapping_mul(19_349_663)
             ^ seed.wrapping_mul(83_492_791);
         0.86 + 0.26 * ((h.wrapping_mul(0x9E37_79B1) >> 16) & 0xff) as f32 / 255.0
     };
     let base = mesh.vertices.len() as u32;
-    for ring in 0..=RINGS {
-        let (sin_up, cos_up) = (PI * (ring as f32 / RINGS as f32 - 0.5)).sin_cos();
-        for k in 0..=AROUND {
-            let (sin, cos) = (TAU * (k as f32 + 0.5 * (ring % 2) as f32) / AROUND as f32).sin_cos();
+    for ring in 0..=rings {
+        let (sin_up, cos_up) = (PI * (ring as f32 / rings as f32 - 0.5)).sin_cos();
+        for k in 0..=around {
+            let (sin, cos) = (TAU * (k as f32 + 0.5 * (ring % 2) as f32) / around as f32).sin_cos();
             let out = Vec3::new(cos * cos_up, sin * cos_up, sin_up);
-            let pole = ring == 0 || ring == RINGS;
+            let pole = ring == 0 || ring == rings;
             let swell = if pole { 0.95 } else { bulge(k, ring) };
             let normal = (out / size).normalize_or(Vec3::Z);
             let openness = (176.0 + 79.0 * (0.5 + 0.5 * sin_up)) as u8;
-            let uv = Vec2::new(k as f32 / AROUND as f32 * 2.0, ring as f32 / RINGS as f32)
+            let uv = Vec2::new(k as f32 / around as f32 * 2.0, ring as f32 / rings as f32)
                 * (size.x / 0.8).max(0.9);
             mesh.vertex(Vertex { position: centre + out * size * swell, normal, uv, finish, openness });
         }
     }
-    for ring in 0..RINGS {
-        for k in 0..AROUND {
-            let a = base + ring * (AROUND + 1) + k;
-            let b = a + AROUND + 1;
+    for ring in 0..rings {
+        for k in 0..around {
+            let a = base + ring * (around + 1) + k;
+            let b = a + around + 1;
             if ring > 0 {
                 mesh.indices.extend([a, a + 1, b + 1]);
             }
-            if ring + 1 < RINGS || ring == 0 {
+            if ring + 1 < rings || ring == 0 {
                 mesh.indices.extend([a, b + 1, b]);
             }
         }
     }
 }
 
-fn cone(mesh: &mut Mesh, foot: Vec3, radius: f32, height: f32, finish: Finish) {
-    const SIDES: u32 = 9;
+fn cone(mesh: &mut Mesh, foot: Vec3, radius: f32, height: f32, leafage: Leafage, finish: Finish) {
+    let sides = leafage.around;
     let base = mesh.vertices.len() as u32;
-    for k in 0..=SIDES {
-        let (sin, cos) = (TAU * k as f32 / SIDES as f32).sin_cos();
+    for k in 0..=sides {
+        let (sin, cos) = (TAU * k as f32 / sides as f32).sin_cos();
         let normal = Vec3::new(cos * height, sin * height, radius).normalize_or(Vec3::Z);
-        let uv = Vec2::new(k as f32 / SIDES as f32 * 2.0, 0.0);
+        let uv = Vec2::new(k as f32 / sides as f32 * 2.0, 0.0);
         let rim = foot + Vec3::new(cos, sin, 0.0) * radius;
         mesh.vertex(Vertex { position: rim, normal, uv, finish, openness: 170 });
         let tip = foot + Vec3::Z * height;
@@ -124,7 +150,7 @@ fn cone(mesh: &mut Mesh, foot: Vec3, radius: f32, height: f32, finish: Finish) {
         finish: finish.shaded(0.6),
         openness: 110,
     });
-    for k in 0..SIDES {
+    for k in 0..sides {
         let a = base + 2 * k;
         mesh.indices.extend([a, a + 2, a + 1]);
         mesh.indices.extend([a + 2, a, middle]);

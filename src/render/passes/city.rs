@@ -1,12 +1,10 @@
 //! The standing city: front to back, things that rise before the ground that they hide.
 
 use super::{Attachments, PictureState, picture_pipeline, sampler_entry, texture_entry};
-use crate::render::frustum::Frustum;
 use crate::render::settings::Quality;
 use crate::render::shader::Shader;
-use crate::render::standing::Standing;
+use crate::render::standing::{Gaze, Standing};
 use crate::render::textures;
-use glam::Vec3;
 
 pub(in crate::render) mod gpu_data {
     use bytemuck::{Pod, Zeroable};
@@ -107,13 +105,12 @@ impl CityPass {
         &self,
         pass: &mut wgpu::RenderPass<'_>,
         standing: &Standing,
-        frustum: &Frustum,
-        eye: Vec3,
+        gaze: &Gaze<'_>,
         ground: bool,
     ) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(2, &self.surfaces, &[]);
-        standing.draw(pass, frustum, eye, ground);
+        standing.draw(pass, gaze, ground);
     }
 }
 

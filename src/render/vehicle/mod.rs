@@ -8,9 +8,10 @@ use super::passes::city::gpu_data::Vertex;
 use super::standing::pack_normal;
 use crate::snapshot::{BodyType, Dimensions};
 use glam::Vec3;
+use std::collections::BTreeMap;
 
 pub(super) use body::{body, half_of_sheet_metal};
-pub(super) use wheel::{WIDTH_M as WHEEL_WIDTH_M, wheel};
+pub(super) use wheel::{SIDES as WHEEL_SIDES, WIDTH_M as WHEEL_WIDTH_M, wheel};
 
 /// What a face of a vehicle is; `shaders/vehicle.wgsl` has the same numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -65,6 +66,37 @@ impl VehicleMesh {
             material: skin.part as u32,
         });
         self.vertices.len() as u32 - 1
+    }
+
+    /// The same of fewer triangles, for a distance: vertices within a cube of an edge become one
+    /// (Rossignac and Borrel 1993). Parts keep their own vertices at the common place, so that lamps and
+    /// windows stay and nothing gapes.
+    pub(super) fn simplified(&self, edge_m: f32) -> Self {
+        let cube = |v: &Vertex| v.position.map(|x| (x / edge_m).round() as i32);
+        let mut places: BTreeMap<[i32; 3], (Vec3, f32)> = BTreeMap::new();
+        for vertex in &self.vertices {
+            let place = places.entry(cube(vertex)).or_default();
+            *place = (place.0 + Vec3::from(vertex.position), place.1 + 1.0);
+        }
+        let mut known = BTreeMap::new();
+        let mut simple = Self::default();
+        for corners in self.indices.chunks_exact(3) {
+            let cubes = [0, 1, 2].map(|k| cube(&self.vertices[corners[k] as usize]));
+            if cubes[0] == cubes[1] || cubes[1] == cubes[2] || cubes[2] == cubes[0] {
+                continue;
+            }
+            for (&index, cube) in corners.iter().zip(cubes) {
+                let vertex = self.vertices[index as usize];
+                let facing = vertex.normal.map(|n| n / 48);
+                let slot = *known.entry((cube, vertex.material, facing)).or_insert_with(|| {
+                    let (sum, count) = places[&cube];
+                    simple.vertices.push(Vertex { position: (sum / count).to_array(), ..vertex });
+                    simple.vertices.len() as u32 - 1
+                });
+                simple.indices.push(slot);
+            }
+        }
+        simple
     }
 
     /// A flat convex face, corners counter-clockwise seen from outside.
