@@ -41,7 +41,7 @@ pub struct FramesArgs {
     #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = size)]
     size: [u32; 2],
     /// Simulated seconds from one picture of a camera to its next
-    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = super::positive)]
+    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = positive)]
     every: f64,
     /// Simulated time of the first pictures
     #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
@@ -69,6 +69,13 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     parts.map(|(w, h)| [w, h]).ok_or_else(|| {
         format!("a width and a height from 1 to {LARGEST_EDGE} pixels are needed, as in 640x480")
     })
+}
+
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
+        _ => Err("a number above 0 is needed".to_owned()),
+    }
 }
 
 fn not_negative(text: &str) -> Result<f64, String> {

@@ -19,7 +19,7 @@ pub(super) struct CameraArgs {
     #[arg(long, value_name = "X,Y", value_parser = point, allow_hyphen_values = true)]
     at: Option<DVec2>,
     /// Metres from an orbit, overhead or chase camera to what it looks at
-    #[arg(long, value_name = "M", value_parser = super::super::positive)]
+    #[arg(long, value_name = "M", value_parser = super::positive)]
     distance: Option<f64>,
     /// Where an orbit camera stands, seen from what it looks at, counter-clockwise from east
     #[arg(long, value_name = "DEG", default_value_t = 235.0, value_parser = degrees, allow_hyphen_values = true)]
