@@ -1,0 +1,177 @@
+//! The roundabout experiment of the paper (section III), asserted on the trajectories, with both
+//! dynamics models.
+
+#![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
+
+use city3d::runner::{Observer, Run};
+use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
+use city3d::snapshot::VehicleId;
+use city3d::vehicle::ModelKind;
+use glam::DVec2;
+use std::sync::Arc;
+
+const PATH1: [VehicleId; 3] = [VehicleId(1), VehicleId(2), VehicleId(3)];
+const PATH2: [VehicleId; 3] = [VehicleId(4), VehicleId(5), VehicleId(6)];
+/// Lane with the yield line, laboratory y of the line, and the lane that begins at the merging point.
+const YIELD_LANE: &str = "west-street/south/outer/2";
+const MERGED_LANE: &str = "west-roundabout/ring/outer/3";
+
+fn experiment(model: ModelKind, change: impl Fn(&str) -> String) -> Arc<Experiment> {
+    let (text, library) = Library::scenario("roundabout").unwrap();
+    let overrides = Overrides { model: Some(model), ..Overrides::default() };
+    Arc::new(read_experiment("roundabout.toml", &change(&text), &library, overrides).unwrap())
+}
+
+/// One vehicle at one tick.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    time_s: f64,
+    speed_mps: f64,
+    /// From the front bumper to the yield line along the lane, laboratory metres; behind it negative.
+    to_line_m: Option<f64>,
+}
+
+#[derive(Debug)]
+struct Outcome {
+    tracks: Vec<Vec<Sample>>,
+    /// When each vehicle's front axle reached the merging point.
+    merged_s: Vec<f64>,
+    /// Largest lateral error and reach of the outline beyond the lane, city metres.
+    worst_lateral_m: f64,
+    worst_excess_m: f64,
+    collisions: usize,
+    positions: Vec<DVec2>,
+}
+
+impl Outcome {
+    fn of(&self, id: VehicleId) -> &[Sample] {
+        &self.tracks[id.0 as usize - 1]
+    }
+
+    fn merged_s(&self, id: VehicleId) -> f64 {
+        self.merged_s[id.0 as usize - 1]
+    }
+
+    /// Times at which it began and ended to stand with the line still ahead, and where.
+    fn stands(&self, id: VehicleId) -> Vec<(f64, f64, f64)> {
+        let mut stands: Vec<(f64, f64, f64)> = Vec::new();
+        let mut is_standing = false;
+        for sample in self.of(id) {
+            let Some(to_line_m) = sample.to_line_m.filter(|m| *m > -0.02) else {
+                is_standing = false;
+                continue;
+            };
+            if sample.speed_mps.abs() > 0.1 {
+                is_standing = false;
+            } else if is_standing {
+                stands.last_mut().unwrap().1 = sample.time_s;
+            } else {
+                is_standing = true;
+                stands.push((sample.time_s, sample.time_s, to_line_m));
+            }
+        }
+        stands
+    }
+}
+
+fn run(experiment: &Arc<Experiment>) -> Outcome {
+    let map = &experiment.city_map;
+    let yield_lane = map.lane_by_name(YIELD_LANE).unwrap();
+    let line_m = map.lines.iter().find(|line| line.lane == yield_lane.id).unwrap().at_m;
+    let merging_point = map.lane_by_name(MERGED_LANE).unwrap().curve.start();
+    let mut run = Run::new(Arc::clone(experiment)).unwrap();
+    let mut observer = Observer::new(experiment);
+    let count = experiment.vehicles.len();
+    let mut outcome = Outcome {
+        tracks: vec![Vec::new(); count],
+        merged_s: vec![f64::INFINITY; count],
+        worst_lateral_m: 0.0,
+        worst_excess_m: f64::NEG_INFINITY,
+        collisions: 0,
+        positions: Vec::new(),
+    };
+    for _ in 0..experiment.ticks() {
+        run.step();
+        let snapshot = run.snapshot();
+        observer.observe(experiment, run.mainframe(), snapshot, &mut Vec::new());
+        outcome.collisions += snapshot.events.iter().filter(|event| event.kind.is_collision()).count();
+        for (index, (state, info)) in snapshot.iter().enumerate() {
+            let front = state.pose().point_at(info.dimensions.length_m / 2.0, 0.0);
+            let foot = yield_lane.curve.project(front);
+            let is_on_it = foot.lateral.abs() < 1.0 && foot.s > 0.0;
+            let to_line_m = is_on_it.then(|| (line_m - foot.s) / experiment.scale.factor());
+            let sample = Sample { time_s: snapshot.time_s, speed_mps: state.speed_mps, to_line_m };
+            outcome.tracks[index].push(sample);
+            let axle = state.pose().point_at(info.dimensions.front_axle_m(), 0.0);
+            let beyond = (axle - merging_point.position).dot(merging_point.forward());
+            let is_there = (0.0..5.0).contains(&beyond) && axle.distance(merging_point.position) < 5.0;
+            if is_there && outcome.merged_s[index].is_infinite() {
+                outcome.merged_s[index] = snapshot.time_s;
+            }
+        }
+    }
+    for totals in observer.totals() {
+        outcome.worst_lateral_m = outcome.worst_lateral_m.max(totals.max_lateral_error_m);
+        outcome.worst_excess_m = outcome.worst_excess_m.max(totals.max_lane_excess_m);
+    }
+    outcome.positions = run.snapshot().vehicles.iter().map(|v| v.position.truncate()).collect();
+    outcome
+}
+
+#[test]
+fn the_yield_line_is_3_3_m_along_path_1() {
+    let experiment = experiment(ModelKind::Bicycle, str::to_owned);
+    let map = &experiment.lab_map;
+    let route = [
+        "junction-west-second/north-to-south",
+        "west-street/south/inner/1",
+        "west-street/south/outer/1",
+        "junction-main-west/north-to-south/outer",
+        YIELD_LANE,
+    ]
+    .map(|name| map.lane_by_name(name).unwrap());
+    // Path 1 begins where West Street crosses y = 1.95.
+    let origin_m = route[0].curve.project(DVec2::new(-2.497, 1.95)).s;
+    let before_m: f64 = route[..4].iter().map(|lane| lane.curve.length()).sum();
+    let line = map.lines.iter().find(|line| line.lane == route[4].id).unwrap();
+    let along_m = before_m + line.at_m - origin_m;
+    assert!((along_m - 3.3).abs() < 0.06, "{along_m}");
+}
+
+#[test]
+fn the_papers_outcome_with_both_dynamics() {
+    for model in [ModelKind::Raycast, ModelKind::Bicycle] {
+        let outcome = run(&experiment(model, str::to_owned));
+        assert_eq!(outcome.collisions, 0, "{model:?}");
+        assert!(outcome.worst_lateral_m < 0.30, "{model:?}: {}", outcome.worst_lateral_m);
+        assert!(outcome.worst_excess_m < 0.0, "{model:?}: {}", outcome.worst_excess_m);
+
+        let first = outcome.stands(PATH1[0]);
+        assert_eq!(first.len(), 1, "{model:?}: the first of Path 1 stands once: {first:?}");
+        let (from_s, to_s, to_line_m) = first[0];
+        assert!((1.0..=4.0).contains(&(to_s - from_s)), "{model:?}: {first:?}");
+        assert!((0.0..=0.15).contains(&to_line_m), "{model:?}: {first:?}");
+
+        let merged_s = outcome.merged_s(PATH1[0]);
+        let before = PATH2.iter().filter(|id| outcome.merged_s(**id) < merged_s).count();
+        let after = PATH2.iter().filter(|id| outcome.merged_s(**id) > merged_s).count();
+        assert!(before > 0 && after > 0 && before + after == 3, "{model:?}: {:?}", outcome.merged_s);
+
+        let second = outcome.stands(PATH1[1]);
+        assert!(second.len() >= 2, "{model:?}: the second of Path 1 stops, creeps, stops: {second:?}");
+        let (last_from_s, _, last_to_line_m) = second[second.len() - 1];
+        assert!(second[0].2 - last_to_line_m > 0.1, "{model:?}: it creeps forward: {second:?}");
+        assert!(last_from_s > to_s, "{model:?}: after the first has gone: {second:?}");
+        assert!(outcome.merged_s(PATH1[1]) > outcome.merged_s(PATH2[2]), "{model:?}");
+    }
+}
+
+#[test]
+fn delaying_the_measurements_changes_the_trajectories() {
+    let delayed = |text: &str| format!("{text}\n[environment]\nmeasurement_delay_s = 0.2\n");
+    let now = run(&experiment(ModelKind::Raycast, str::to_owned));
+    let late = run(&experiment(ModelKind::Raycast, delayed));
+    assert_eq!(late.collisions, 0);
+    let farthest = now.positions.iter().zip(&late.positions).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+    assert!(farthest > 0.5, "{farthest}");
+}
