@@ -17,7 +17,9 @@ use std::time::Duration;
 const CARS_PER_LANE: usize = 50;
 /// Full scale.
 const SPEED_MPS: f64 = 8.0;
-const SPACING_M: f64 = 30.0;
+const SPACING_M: f64 = 16.0;
+/// A map holds a kilometre of lanes at laboratory scale: at this scale that is room for all cars.
+const SCALE: f64 = 100.0;
 const CONTROL_TICKS: u64 = 2;
 const HORIZON_POINTS: u32 = 13;
 
@@ -25,27 +27,31 @@ const HORIZON_POINTS: u32 = 13;
 fn parade(cars: usize, model: ModelKind) -> Arc<Experiment> {
     let lanes = cars.div_ceil(CARS_PER_LANE);
     let mut drawing = Drawing::default();
-    let mut text = "name = \"parade\"\nduration_s = 100.0\nmap = \"parade.dxf\"\n".to_owned();
+    let mut text = format!(
+        "name = \"parade\"\nduration_s = 100.0\nmap = \"parade.dxf\"\nlength_scale = {SCALE}\n\
+         [driver.default]\nmax_acceleration_mps2 = 0.03\nmin_acceleration_mps2 = -0.05\n\
+         lateral_acceleration_mps2 = 0.03\n"
+    );
     for lane in 0..lanes {
         let y = lane as f64 * 0.3;
-        drawing.add("LANES", Shape::Line { from: DVec2::new(0.0, y), to: DVec2::new(200.0, y) });
+        drawing.add("LANES", Shape::Line { from: DVec2::new(0.0, y), to: DVec2::new(9.0, y) });
         let at = DVec2::new(1.0, y);
         drawing.add("NAMES", Shape::Text { at, height: 0.05, text: format!("lane{lane}") });
     }
     for car in 0..cars {
-        let at_m = 0.4 + (car % CARS_PER_LANE) as f64 * SPACING_M / 25.0;
+        let at_m = 0.4 + (car % CARS_PER_LANE) as f64 * SPACING_M / SCALE;
         let _ = write!(
             text,
             "[[vehicle]]\nroute = [\"lane{}\"]\nat_m = {at_m}\nspeed_mps = {}\n",
             car / CARS_PER_LANE,
-            SPEED_MPS / 25.0
+            SPEED_MPS / SCALE
         );
     }
     let folder = tempfile::tempdir().expect("a folder for the map");
     std::fs::write(folder.path().join("parade.dxf"), drawing.to_dxf()).expect("a file for the map");
     let library = Library::beside(&folder.path().join("parade.toml"));
     let overrides = Overrides { model: Some(model), ..Overrides::default() };
-    Arc::new(read_experiment("parade", &text, &library, overrides).expect("a scenario of this bench"))
+    Arc::new(read_experiment("parade", &text, &library, overrides).unwrap_or_else(|error| panic!("{error}")))
 }
 
 /// A world in motion and what drives it on.
