@@ -203,14 +203,17 @@ impl Fleet {
         }
     }
 
-    /// Groups and pipeline are set already.
-    pub(super) fn draw_shadows(&self, pass: &mut wgpu::RenderPass<'_>) {
+    /// Groups and pipeline are set already. Simpler bodies do where a texel of the shadow map is nearly as
+    /// large as what they differ by.
+    pub(super) fn draw_shadows(&self, pass: &mut wgpu::RenderPass<'_>, texel_m: f32) {
+        let is_coarse = COARSENESS_M < 2.0 * texel_m;
         if !self.bind(pass) {
             return;
         }
         for (index, placed) in (0_u32..).zip(&self.placed) {
             let Some(build) = self.builds.get(&placed.key) else { continue };
-            pass.draw_indexed(build.body.clone(), 0, index..index + 1);
+            let body = if is_coarse { &build.distant_body } else { &build.body };
+            pass.draw_indexed(body.clone(), 0, index..index + 1);
         }
     }
 

@@ -199,7 +199,7 @@ impl ShadowPass {
         self.touched.clear();
         self.touched.extend(fleet.balls().map(|(centre, radius)| self.sun.patch(centre, radius)));
         pass.set_pipeline(&self.vehicles);
-        fleet.draw_shadows(&mut pass);
+        fleet.draw_shadows(&mut pass, self.sun.texel_m);
     }
 }
 
