@@ -11,7 +11,8 @@ fn five_minutes(seed: Option<u64>) -> Summary {
     let overrides = Overrides { seed, ..Overrides::default() };
     let experiment = Arc::new(read_experiment("city.toml", &text, &library, overrides).unwrap());
     assert_eq!(experiment.vehicles.len(), 50);
-    let limits: Vec<f64> = experiment.vehicles.iter().map(|v| v.spec.steering_limit_rad.to_degrees()).collect();
+    let limits: Vec<f64> =
+        experiment.vehicles.iter().map(|v| v.spec.steering_limit_rad.to_degrees()).collect();
     assert!(limits.iter().any(|deg| *deg < 21.0) && limits.iter().any(|deg| *deg > 44.0), "{limits:?}");
     let mut run = Run::new(Arc::clone(&experiment)).unwrap();
     let mut observer = Observer::new(&experiment);
