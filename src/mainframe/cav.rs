@@ -76,6 +76,8 @@ pub struct Cav {
 const REFERENCE_SLACK_M: f64 = 0.04;
 const REFERENCE_SLACK_MPS: f64 = 0.08;
 
+/// What lies just behind a section is looked for this far on.
+const BEHIND_SECTION_M: f64 = 1e-6;
 /// A route is driven when its vehicle stands this near to its end.
 const FINISHED_WITHIN_M: f64 = 0.05;
 const FINISHED_MPS: f64 = 0.004;
@@ -193,6 +195,12 @@ impl Cav {
     /// The admission number for a section, if it has one.
     pub(super) fn order_of(&self, section: usize) -> Option<u64> {
         self.passage.admissions.iter().find(|a| a.section == section).map(|a| a.order)
+    }
+
+    /// The lane that its route takes behind a section.
+    pub(super) fn way_out_of(&self, section: usize) -> LaneId {
+        let end_s = self.route.sections[section].to_s + BEHIND_SECTION_M;
+        self.route.lanes()[self.route.index_at(end_s)]
     }
 
     /// Whether its route uses a lane between two arc lengths.

@@ -13,7 +13,7 @@ use super::loops::Loops;
 use super::route::{Crossing, RANK_MAJOR, RANK_STOP, RANK_YIELD, Rank};
 use super::traffic::Occupancy;
 use super::{Ahead, Cav};
-use crate::city::{LabMap, ZoneKind};
+use crate::city::{LabMap, LaneId, ZoneKind};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 
@@ -184,10 +184,17 @@ impl RightOfWay {
         }
         let mut candidates = std::mem::take(&mut self.candidates);
         candidates.sort_by(Candidate::before);
-        for &Candidate { rank, vehicle, .. } in &candidates {
-            let may_go = self.may_enter(now_s, vehicle, rank, cavs, occupancy);
-            if may_go {
+        // Ways out that someone who stands waits for: nobody who came later takes the place.
+        let mut awaited: Vec<LaneId> = Vec::new();
+        for &Candidate { rank, vehicle, standing_since_s, .. } in &candidates {
+            let exit = cavs[vehicle].way_out_of(cavs[vehicle].passage.next_section);
+            if awaited.contains(&exit) {
+                continue;
+            }
+            if self.may_enter(now_s, vehicle, rank, cavs, occupancy) {
                 self.admit(vehicle, &mut cavs[vehicle]);
+            } else if standing_since_s.is_finite() && !self.has_room_behind(vehicle, cavs, occupancy) {
+                awaited.push(exit);
             }
         }
         self.candidates = candidates;
@@ -293,8 +300,7 @@ impl RightOfWay {
         let section = &cav.route.sections[cav.passage.next_section];
         let end_s = section.to_s;
         let room_for = |other: &Cav| other.body.length_m + other.driver.standstill_gap_m;
-        let exit_index = cav.route.index_at(end_s + 1e-6);
-        let exit_lane = cav.route.lanes()[exit_index];
+        let exit_lane = cav.way_out_of(cav.passage.next_section);
         let on_the_way = |other: &Cav| {
             other.passage.admissions.iter().any(|admission| {
                 let there = &other.route.sections[admission.section];

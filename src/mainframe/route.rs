@@ -46,8 +46,9 @@ pub struct Section {
 #[derive(Clone, Copy, Debug)]
 pub struct Fork {
     pub other: LaneId,
-    /// Where the lanes part, along the route.
+    /// Where the lanes part, along the route, and where bodies on them are clear of one another.
     pub from_s: f64,
+    pub to_s: f64,
     /// How far along the other lane the bodies still touch.
     pub other_to_m: f64,
 }
@@ -149,7 +150,8 @@ impl Route {
                 let side = usize::from(zone.sides[0].lane != lane);
                 let (own, other) = (zone.sides[side], zone.sides[1 - side]);
                 if zone.kind == ZoneKind::Diverge {
-                    self.forks.push(Fork { other: other.lane, from_s: start, other_to_m: other.to_m });
+                    let to_s = start + own.to_m;
+                    self.forks.push(Fork { other: other.lane, from_s: start, to_s, other_to_m: other.to_m });
                 } else {
                     let (from_s, to_s) = (start + own.from_m, start + own.to_m);
                     self.crossings.push(Crossing { zone: zone.id, kind: zone.kind, side, from_s, to_s });

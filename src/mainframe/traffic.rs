@@ -27,6 +27,9 @@ pub struct Leader {
     pub ahead: Ahead,
 }
 
+/// Lanes that start together are clear of one another after less than this, laboratory metres.
+const FORK_REACH_M: f64 = 2.0;
+
 impl Occupancy {
     pub fn fill(&mut self, map: &LabMap, cavs: &[Cav]) {
         self.on_lane.resize_with(map.lanes.len(), Vec::new);
@@ -69,10 +72,13 @@ impl Occupancy {
                 consider(other.vehicle, start + other.front_m, start + other.rear_m);
             }
         }
-        let first = route.forks.partition_point(|fork| fork.from_s < front_s - cav.body.length_m);
+        let first = route.forks.partition_point(|fork| fork.from_s < front_s - FORK_REACH_M);
         for fork in &route.forks[first..] {
             if fork.from_s > front_s + within_m {
                 break;
+            }
+            if fork.to_s < front_s {
+                continue;
             }
             for other in &self.on_lane[fork.other.index()] {
                 if other.rear_m < fork.other_to_m {
