@@ -186,14 +186,16 @@ impl RightOfWay {
         candidates.sort_by(Candidate::before);
         // Ways out that someone who stands waits for: nobody who came later takes the place.
         let mut awaited: Vec<LaneId> = Vec::new();
-        for &Candidate { rank, vehicle, standing_since_s, .. } in &candidates {
+        for candidate in &candidates {
+            let vehicle = candidate.vehicle;
             let exit = cavs[vehicle].way_out_of(cavs[vehicle].passage.next_section);
             if awaited.contains(&exit) {
                 continue;
             }
-            if self.may_enter(now_s, vehicle, rank, cavs, occupancy) {
+            let has_room = self.has_room_behind(vehicle, cavs, occupancy);
+            if self.may_enter(now_s, candidate, has_room, cavs, occupancy) {
                 self.admit(vehicle, &mut cavs[vehicle]);
-            } else if standing_since_s.is_finite() && !self.has_room_behind(vehicle, cavs, occupancy) {
+            } else if candidate.standing_since_s.is_finite() && !has_room {
                 awaited.push(exit);
             }
         }
@@ -257,11 +259,12 @@ impl RightOfWay {
     fn may_enter(
         &self,
         now_s: f64,
-        vehicle: usize,
-        rank: Rank,
+        candidate: &Candidate,
+        has_room: bool,
         cavs: &mut [Cav],
         occupancy: &Occupancy,
     ) -> bool {
+        let Candidate { rank, vehicle, .. } = *candidate;
         let cav = &cavs[vehicle];
         let section = &cav.route.sections[cav.passage.next_section];
         if section.rank == RANK_STOP && self.params.full_stop && cav.passage.standing_since_s.is_none() {
@@ -269,8 +272,8 @@ impl RightOfWay {
         }
         // Where lanes only narrow, holding one of them back would starve it.
         let waits_for_loops = section.rank >= RANK_YIELD;
-        if self.has_leader_before_line(vehicle, cavs, occupancy)
-            || !self.has_room_behind(vehicle, cavs, occupancy)
+        if !has_room
+            || self.has_leader_before_line(vehicle, cavs, occupancy)
             || (waits_for_loops && !self.loops.have_room(&cavs[vehicle]))
         {
             cavs[vehicle].passage.blocked_since_s.get_or_insert(now_s);
