@@ -29,5 +29,7 @@ pub enum RenderError {
     #[error("{path}: {source}", path = path.display())]
     Png { path: PathBuf, source: ::image::ImageError },
     #[error("{path}: {source}", path = path.display())]
+    Encoding { path: PathBuf, source: ::png::EncodingError },
+    #[error("{path}: {source}", path = path.display())]
     File { path: PathBuf, source: std::io::Error },
 }

@@ -9,6 +9,7 @@
 mod atlas;
 mod context;
 mod error;
+mod files;
 mod fleet;
 mod frustum;
 mod grid;
@@ -27,9 +28,10 @@ mod vehicle;
 
 pub use context::{AdapterPreference, Context, TargetView};
 pub use error::RenderError;
+pub use files::Format;
 pub use image::{Image, Plane};
 pub use png::write_png;
 pub use renderer::{Pending, Renderer};
 pub use request::{Pictures, Request};
 pub use settings::{Quality, Settings, Sun};
-pub use stream::PngStream;
+pub use stream::{Order, PngStream};
