@@ -14,6 +14,7 @@ pub mod record;
 pub mod render;
 pub mod runner;
 pub mod scenario;
+pub mod sensor;
 pub mod sim;
 pub mod snapshot;
 pub mod vehicle;

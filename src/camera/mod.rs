@@ -6,8 +6,10 @@
 
 #![allow(clippy::disallowed_methods, reason = "cameras draw; no state of a run depends on them")]
 
+mod kind;
 mod mount;
 mod projection;
 
-pub use mount::{Camera, CameraError, Mount};
+pub use kind::{Kinds, PictureKind};
+pub use mount::{Camera, CameraError, Mount, Place};
 pub use projection::{Extrinsics, Intrinsics, Lens, Projection, View};

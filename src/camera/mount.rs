@@ -1,7 +1,7 @@
 //! Cameras that follow the snapshot: each gives a [`View`] of one instant.
 
 use super::{Extrinsics, Lens, View};
-use crate::snapshot::{FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
+use crate::snapshot::{Dimensions, FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -14,9 +14,38 @@ pub enum Mount {
     Windscreen,
     /// In the middle of the front bumper.
     Bumper,
-    /// Anywhere: a point of the body frame (x forward, y left, z up, origin on the ground under the
-    /// middle of the outline), and angles: yaw to the left, pitch upwards.
-    Custom { position: DVec3, yaw_rad: f64, pitch_rad: f64 },
+    /// A place of one's own, or looking elsewhere. Angles turn the camera from straight ahead: yaw to
+    /// the left, then pitch upwards, then roll with the right side down.
+    Custom { place: Place, yaw_rad: f64, pitch_rad: f64, roll_rad: f64 },
+}
+
+/// A point of a vehicle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Place {
+    Windscreen,
+    Bumper,
+    /// In the body frame, city metres: x forward, y left, z up, origin on the ground under the middle
+    /// of the outline.
+    Point(DVec3),
+}
+
+impl Place {
+    fn in_body(self, d: &Dimensions) -> DVec3 {
+        match self {
+            Self::Windscreen => DVec3::new(0.14 * d.length_m, 0.0, 0.91 * d.height_m),
+            Self::Bumper => DVec3::new(0.5 * d.length_m + 0.03, 0.0, 0.55),
+            Self::Point(point) => point,
+        }
+    }
+
+    /// The pitch of a camera there that is not told where to look.
+    pub fn usual_pitch_rad(self) -> f64 {
+        match self {
+            Self::Windscreen => -0.06,
+            Self::Bumper | Self::Point(_) => 0.0,
+        }
+    }
 }
 
 /// A camera that can give a view of every snapshot.
@@ -44,20 +73,24 @@ pub enum CameraError {
 }
 
 impl Mount {
-    fn in_body(self, info: &VehicleInfo) -> (DVec3, f64, f64) {
-        let d = &info.dimensions;
-        match self {
-            Self::Windscreen => (DVec3::new(0.14 * d.length_m, 0.0, 0.91 * d.height_m), 0.0, -0.06),
-            Self::Bumper => (DVec3::new(0.5 * d.length_m + 0.03, 0.0, 0.55), 0.0, 0.0),
-            Self::Custom { position, yaw_rad, pitch_rad } => (position, yaw_rad, pitch_rad),
-        }
+    /// Body from camera: where it is and how it is turned.
+    fn in_body(self, info: &VehicleInfo) -> (DVec3, DQuat) {
+        let (place, [yaw_rad, pitch_rad, roll_rad]) = match self {
+            Self::Windscreen => (Place::Windscreen, [0.0, Place::Windscreen.usual_pitch_rad(), 0.0]),
+            Self::Bumper => (Place::Bumper, [0.0, Place::Bumper.usual_pitch_rad(), 0.0]),
+            Self::Custom { place, yaw_rad, pitch_rad, roll_rad } => (place, [yaw_rad, pitch_rad, roll_rad]),
+        };
+        (place.in_body(&info.dimensions), body_from_camera(yaw_rad, pitch_rad, roll_rad))
     }
 }
 
-/// Body axes (forward, left, up) from camera axes (right, down, forward), turned by yaw and pitch.
-fn body_from_camera(yaw_rad: f64, pitch_rad: f64) -> DQuat {
+/// Body axes (forward, left, up) from camera axes (right, down, forward), turned by the angles of a mount.
+fn body_from_camera(yaw_rad: f64, pitch_rad: f64, roll_rad: f64) -> DQuat {
     let looking_ahead = DQuat::from_mat3(&DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X));
-    DQuat::from_axis_angle(DVec3::Z, yaw_rad) * DQuat::from_axis_angle(DVec3::Y, -pitch_rad) * looking_ahead
+    DQuat::from_axis_angle(DVec3::Z, yaw_rad)
+        * DQuat::from_axis_angle(DVec3::Y, -pitch_rad)
+        * DQuat::from_axis_angle(DVec3::X, roll_rad)
+        * looking_ahead
 }
 
 impl Camera {
@@ -78,10 +111,10 @@ impl Camera {
         let extrinsics = match *self {
             Self::Onboard { vehicle, mount } => {
                 let (state, info) = carrier(snapshot, vehicle)?;
-                let (position, yaw_rad, pitch_rad) = mount.in_body(info);
+                let (position, body_from_camera) = mount.in_body(info);
                 let extrinsics = Extrinsics {
                     position: state.position + state.orientation * position,
-                    orientation: state.orientation * body_from_camera(yaw_rad, pitch_rad),
+                    orientation: state.orientation * body_from_camera,
                 };
                 return Ok(View { carrier: Some(vehicle), ..View::new(extrinsics, lens) });
             }
@@ -121,7 +154,7 @@ fn carrier(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::snapshot::{Appearance, Dimensions};
+    use crate::snapshot::Appearance;
     use std::sync::Arc;
 
     fn snapshot(yaw_rad: f64) -> FrameSnapshot {
@@ -160,6 +193,33 @@ mod tests {
         let left = ahead.cross(DVec3::Z) * -5.0;
         assert!(view.project(at + left).unwrap().x < 300.0);
         assert_eq!(view.carrier, Some(VehicleId(7)));
+    }
+
+    #[test]
+    fn angles_of_a_mount_turn_it_to_the_left_upwards_and_to_the_right() {
+        let snapshot = snapshot(0.0);
+        let eye = DVec3::new(1.0, 0.5, 1.2);
+        let look = |[yaw_deg, pitch_deg, roll_deg]: [f64; 3]| {
+            let [yaw_rad, pitch_rad, roll_rad] = [yaw_deg, pitch_deg, roll_deg].map(f64::to_radians);
+            let mount = Mount::Custom { place: Place::Point(eye), yaw_rad, pitch_rad, roll_rad };
+            let view = Camera::onboard(VehicleId(7), mount).view(&snapshot, &Lens::default()).unwrap();
+            assert!(view.extrinsics.position.distance(DVec3::new(11.0, 20.5, 1.2)) < 1e-9);
+            let axes = view.extrinsics.orientation;
+            [axes * DVec3::X, axes * DVec3::Y, axes * DVec3::Z]
+        };
+        let is = |a: DVec3, b: DVec3| assert!(a.distance(b) < 1e-9, "{a} {b}");
+        let [right, down, forward] = look([90.0, 0.0, 0.0]);
+        (is(right, DVec3::X), is(down, -DVec3::Z), is(forward, DVec3::Y));
+        let [right, down, forward] = look([0.0, 90.0, 0.0]);
+        (is(right, -DVec3::Y), is(down, DVec3::X), is(forward, DVec3::Z));
+        let [right, down, forward] = look([0.0, 0.0, 90.0]);
+        (is(right, -DVec3::Z), is(down, DVec3::Y), is(forward, DVec3::X));
+        // Pitch is about the camera's own axis after yaw, roll about the one along which it looks then.
+        let [right, _, forward] = look([90.0, 30.0, 90.0]);
+        (
+            is(forward, DVec3::new(0.0, 0.75_f64.sqrt(), 0.5)),
+            is(right, DVec3::new(0.0, 0.5, -(0.75_f64.sqrt()))),
+        );
     }
 
     #[test]

@@ -22,10 +22,14 @@ pub enum RenderError {
     View { index: usize },
     #[error("vehicle {vehicle} cannot be drawn: its {what} is {found}; it has to be finite and above zero")]
     Vehicle { vehicle: VehicleId, what: &'static str, found: f64 },
+    #[error("pictures of instances cannot tell vehicle {vehicle}: numbers from 1 to 65535 can be told")]
+    Number { vehicle: VehicleId },
     #[error("the pictures did not come back from the adapter: {0}")]
     Readback(String),
     #[error("{path}: {source}", path = path.display())]
     Png { path: PathBuf, source: ::image::ImageError },
+    #[error("{path}: {source}", path = path.display())]
+    Encoding { path: PathBuf, source: ::png::EncodingError },
     #[error("{path}: {source}", path = path.display())]
     File { path: PathBuf, source: std::io::Error },
 }

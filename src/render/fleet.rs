@@ -96,7 +96,7 @@ impl Fleet {
             let paint = info.appearance.colour.map(linear_from_srgb);
             let body = Instance {
                 rows: rows(Mat3::from_quat(state.orientation.as_quat()), state.position.as_vec3()),
-                paint: [paint[0], paint[1], paint[2], 1.0],
+                paint: [paint[0], paint[1], paint[2], state.id.0 as f32],
                 lamps,
             };
             bodies.push(body);

@@ -14,3 +14,17 @@ impl Image {
         [self.rgb[at], self.rgb[at + 1], self.rgb[at + 2]]
     }
 }
+
+/// One value a pixel, rows from top to bottom.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plane<T> {
+    pub width: u32,
+    pub height: u32,
+    pub values: Vec<T>,
+}
+
+impl<T: Copy> Plane<T> {
+    pub fn at(&self, x: u32, y: u32) -> T {
+        self.values[y as usize * self.width as usize + x as usize]
+    }
+}

@@ -1,9 +1,11 @@
 //! Draws snapshots: all views of one call are of the same instant, go to the adapter in one
 //! submission and come back through one buffer.
 
-use super::atlas::{Atlas, Ring, padded_row, tile_bytes};
-use super::fleet::{Fleet, linear_from_srgb};
+use super::atlas::{Atlas, Ring};
+use super::fleet::{Fleet, Sight, linear_from_srgb};
 use super::frustum::{Frustum, Sharpness};
+use super::grid::{padded_row, tile_bytes};
+use super::kinds::{self, KindsDrawing, KindsTile};
 use super::passes::Attachments;
 use super::passes::city::CityPass;
 use super::passes::common::{FrameGroup, gpu_data};
@@ -12,10 +14,11 @@ use super::passes::light::LightGroup;
 use super::passes::shadow::{ShadowPass, SunView};
 use super::passes::sky::SkyPass;
 use super::passes::vehicle::VehiclePass;
+use super::request::{Pictures, Places, Request, places};
 use super::settings::{EXPOSURE, HAZE_SRGB, radiance_of};
-use super::standing::{Gaze, Standing};
+use super::standing::{Gaze, SeenCells, Standing};
 use super::{Context, Image, RenderError, Settings, TargetView};
-use crate::camera::View;
+use crate::camera::{PictureKind, View};
 use crate::city::scene::SceneDescription;
 use crate::snapshot::FrameSnapshot;
 use glam::Vec3;
@@ -36,6 +39,8 @@ pub struct Renderer {
     vehicles: VehiclePass,
     contact: ContactPass,
     sky: SkyPass,
+    /// From the first picture that is no colour on.
+    kinds: Option<KindsDrawing>,
     standing: Standing,
     fleet: Fleet,
     sun_view: SunView,
@@ -45,12 +50,19 @@ pub struct Renderer {
     window: Option<Atlas>,
 }
 
+/// What a view may see: found once, drawn by each of its passes.
+#[derive(Debug)]
+pub(super) struct Seen {
+    pub(super) vehicles: Vec<Sight>,
+    pub(super) cells: SeenCells,
+}
+
 /// Pictures on their way back from the adapter.
 #[derive(Debug)]
 pub struct Pending {
     buffer: wgpu::Buffer,
-    /// Of each view where its picture begins and how large it is.
-    places: Vec<(u64, [u32; 2])>,
+    /// Of each view.
+    places: Vec<Places>,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
     submission: wgpu::SubmissionIndex,
     bgra: bool,
@@ -75,6 +87,7 @@ impl Renderer {
             vehicles: VehiclePass::new(device, attachments, quality, groups),
             contact: ContactPass::new(device, attachments, &frame.layout),
             sky: SkyPass::new(context, attachments, settings.sun, groups),
+            kinds: None,
             standing: Standing::new(device, scene),
             fleet: Fleet::new(device),
             context: context.clone(),
@@ -115,41 +128,77 @@ impl Renderer {
         self.finish(pending)
     }
 
-    /// How many views of an extent one call can take: their pictures come back in one buffer, whose
-    /// size the adapter limits.
+    /// Pictures of all kinds that are asked for, in the order of the requests.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`], and [`RenderError::Number`] for vehicles whose number no pixel can hold
+    /// where instances are asked for.
+    pub fn render_kinds(
+        &mut self,
+        snapshot: &FrameSnapshot,
+        requests: &[Request],
+    ) -> Result<Vec<Pictures>, RenderError> {
+        let pending = self.begin_kinds(snapshot, requests)?;
+        self.finish_kinds(pending)
+    }
+
+    /// How many views of an extent one call can take in colour: their pictures come back in one buffer,
+    /// whose size the adapter limits.
     pub fn views_at_once(&self, extent: [u32; 2]) -> usize {
         let most = self.context.device.limits().max_buffer_size;
         (most / tile_bytes(extent).max(1)).max(1) as usize
     }
 
-    /// Submits the drawing of all views and returns at once; [`Renderer::finish`] waits for the
-    /// pictures. Several batches may be on their way, each holds its own memory.
+    /// How many of these requests, from the first on, one call can take: one at least.
+    pub fn requests_at_once(&self, requests: &[Request]) -> usize {
+        let most = self.context.device.limits().max_buffer_size;
+        let ends = requests.iter().scan(0, |end, request| {
+            *end += request.bytes();
+            Some(*end)
+        });
+        ends.take_while(|&end| end <= most).count().max(1).min(requests.len())
+    }
+
+    /// Submits the drawing of all views in colour and returns at once; [`Renderer::finish`] waits for
+    /// the pictures. Several batches may be on their way, each holds its own memory.
     ///
     /// # Errors
     /// As [`Renderer::render`], before anything is submitted.
     pub fn begin(&mut self, snapshot: &FrameSnapshot, views: &[View]) -> Result<Pending, RenderError> {
-        let mut encoder = self.prepare(snapshot, views)?;
+        let requests: Vec<Request> = views.iter().map(Request::from).collect();
+        self.begin_kinds(snapshot, &requests)
+    }
+
+    /// Submits the drawing of all pictures and returns at once; [`Renderer::finish_kinds`] waits for
+    /// them. What a view may see is found once for all its kinds.
+    ///
+    /// # Errors
+    /// As [`Renderer::render_kinds`], before anything is submitted.
+    pub fn begin_kinds(
+        &mut self,
+        snapshot: &FrameSnapshot,
+        requests: &[Request],
+    ) -> Result<Pending, RenderError> {
+        if requests.iter().any(|request| request.kinds.contains(PictureKind::Instance)) {
+            kinds::check_numbers(snapshot)?;
+        }
+        let views: Vec<View> = requests.iter().map(|request| request.view).collect();
+        let mut encoder = self.prepare(snapshot, &views)?;
+        let (places, bytes) = places(requests);
+        if places.iter().any(|place| place.depth.or(place.meaning).is_some()) {
+            let device = &self.context.device;
+            let drawing = self.kinds.get_or_insert_with(|| KindsDrawing::new(device));
+            drawing.pass.write(device, &self.context.queue, &views);
+        }
+        let seen: Vec<Seen> = views.iter().map(|view| self.look(view)).collect();
+        let buffer = self.ring.take(&self.context.device, bytes.max(4));
         let mut by_extent: BTreeMap<[u32; 2], Vec<usize>> = BTreeMap::new();
         for (index, view) in views.iter().enumerate() {
             by_extent.entry(view.extent).or_default().push(index);
         }
-        let bytes: u64 = views.iter().map(|view| tile_bytes(view.extent)).sum();
-        let buffer = self.ring.take(&self.context.device, bytes.max(4));
-        let mut places = vec![(0, [0; 2]); views.len()];
-        let mut offset = 0;
         for (&extent, indices) in &by_extent {
-            self.make_atlas(extent, indices.len());
-            let Some(atlas) = self.atlases.get(&extent) else { continue };
-            for batch in indices.chunks(atlas.capacity) {
-                let tiles: Vec<_> =
-                    batch.iter().enumerate().map(|(tile, &index)| (index, atlas.origin(tile))).collect();
-                self.draw_tiles(&mut encoder, atlas, &atlas.color_view, views, &tiles);
-                atlas.copy_to(&mut encoder, batch.len(), &buffer, offset);
-                for &index in batch {
-                    places[index] = (offset, extent);
-                    offset += tile_bytes(extent);
-                }
-            }
+            self.draw_colors(&mut encoder, (extent, indices), (&places, &seen), &buffer);
+            self.draw_kinds(&mut encoder, (extent, indices), (&places, &seen), &buffer);
         }
         let submission = self.context.queue.submit([encoder.finish()]);
         let (sender, mapped) = mpsc::channel();
@@ -164,27 +213,79 @@ impl Renderer {
         Ok(Pending { buffer, places, mapped, submission, bgra })
     }
 
-    /// Waits for a batch and takes its pictures.
+    /// Draws those of some views of one extent that are wanted in colour.
+    fn draw_colors(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        (extent, indices): ([u32; 2], &[usize]),
+        (places, seen): (&[Places], &[Seen]),
+        buffer: &wgpu::Buffer,
+    ) {
+        let wanted: Vec<(usize, u64)> =
+            indices.iter().filter_map(|&index| Some((index, places[index].color?))).collect();
+        if wanted.is_empty() {
+            return;
+        }
+        self.make_atlas(extent, wanted.len());
+        let Some(atlas) = self.atlases.get(&extent) else { return };
+        for batch in wanted.chunks(atlas.grid.capacity) {
+            let tiles: Vec<_> = batch
+                .iter()
+                .enumerate()
+                .map(|(tile, &(index, _))| (index, atlas.grid.origin(tile)))
+                .collect();
+            self.draw_tiles(encoder, atlas, &atlas.color_view, seen, &tiles);
+            for (tile, &(_, at)) in batch.iter().enumerate() {
+                atlas.grid.copy_tile(encoder, (&atlas.color, tile), (buffer, at));
+            }
+        }
+    }
+
+    /// Draws those of some views of one extent that are wanted in other kinds.
+    fn draw_kinds(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        (extent, indices): ([u32; 2], &[usize]),
+        (places, seen): (&[Places], &[Seen]),
+        buffer: &wgpu::Buffer,
+    ) {
+        let Some(drawing) = &mut self.kinds else { return };
+        let tiles: Vec<KindsTile> = indices
+            .iter()
+            .map(|&view| KindsTile { view, depth_at: places[view].depth, meaning_at: places[view].meaning })
+            .filter(|tile| tile.depth_at.or(tile.meaning_at).is_some())
+            .collect();
+        let scene = kinds::Scene { standing: &self.standing, fleet: &self.fleet, seen };
+        let room = (buffer, self.settings.batch_bytes);
+        drawing.draw(&self.context.device, encoder, scene, (extent, &tiles), room);
+    }
+
+    /// Waits for a batch of [`Renderer::begin`] and takes its pictures.
     ///
     /// # Errors
     /// [`RenderError::Readback`] where the adapter was lost.
     pub fn finish(&mut self, pending: Pending) -> Result<Vec<Image>, RenderError> {
+        let pictures = self.finish_kinds(pending)?;
+        Ok(pictures.into_iter().filter_map(|pictures| pictures.rgb).collect())
+    }
+
+    /// Waits for a batch and takes its pictures.
+    ///
+    /// # Errors
+    /// [`RenderError::Readback`] where the adapter was lost.
+    pub fn finish_kinds(&mut self, pending: Pending) -> Result<Vec<Pictures>, RenderError> {
         let wait = wgpu::PollType::Wait { submission_index: Some(pending.submission), timeout: None };
         let lost = |error: &dyn std::fmt::Display| RenderError::Readback(error.to_string());
         self.context.device.poll(wait).map_err(|error| lost(&error))?;
         pending.mapped.recv().map_err(|error| lost(&error))?.map_err(|error| lost(&error))?;
-        let images = {
+        let pictures = {
             let view = pending.buffer.slice(..).get_mapped_range().map_err(|error| lost(&error))?;
             let bytes: &[u8] = &view;
-            pending
-                .places
-                .par_iter()
-                .map(|&(offset, extent)| unpack(&bytes[offset as usize..], extent, pending.bgra))
-                .collect()
+            pending.places.par_iter().map(|places| unpack_all(bytes, places, pending.bgra)).collect()
         };
         pending.buffer.unmap();
         self.ring.put_back(pending.buffer);
-        Ok(images)
+        Ok(pictures)
     }
 
     /// Draws one view into a target of the format that the renderer was built for: a window. The view's
@@ -199,11 +300,11 @@ impl Renderer {
         target: TargetView<'_>,
     ) -> Result<(), RenderError> {
         let mut encoder = self.prepare(snapshot, std::slice::from_ref(view))?;
-        if self.window.as_ref().is_none_or(|atlas| atlas.tile != target.extent) {
+        if self.window.as_ref().is_none_or(|atlas| atlas.grid.tile != target.extent) {
             self.window = Some(self.new_atlas(target.extent, 1));
         }
         if let Some(atlas) = &self.window {
-            self.draw_tiles(&mut encoder, atlas, target.color, std::slice::from_ref(view), &[(0, [0, 0])]);
+            self.draw_tiles(&mut encoder, atlas, target.color, &[self.look(view)], &[(0, [0, 0])]);
         }
         self.context.queue.submit([encoder.finish()]);
         Ok(())
@@ -247,8 +348,7 @@ impl Renderer {
 
     /// Sees to an atlas for views of an extent.
     fn make_atlas(&mut self, extent: [u32; 2], views: usize) {
-        let fits = |atlas: &Atlas| atlas.capacity >= views || atlas.is_full_size;
-        if !self.atlases.get(&extent).is_some_and(fits) {
+        if !self.atlases.get(&extent).is_some_and(|atlas| atlas.grid.suits(views)) {
             let atlas = self.new_atlas(extent, views);
             self.atlases.insert(extent, atlas);
         }
@@ -259,7 +359,7 @@ impl Renderer {
         encoder: &mut wgpu::CommandEncoder,
         atlas: &Atlas,
         color: &wgpu::TextureView,
-        views: &[View],
+        seen: &[Seen],
         tiles: &[(usize, [u32; 2])],
     ) {
         let [r, g, b] = HAZE_SRGB.map(|c| f64::from(linear_from_srgb((c * 255.0) as u8)));
@@ -291,18 +391,17 @@ impl Renderer {
             }),
             ..Default::default()
         });
-        let [width, height] = atlas.tile;
+        let [width, height] = atlas.grid.tile;
         for &(index, [x, y]) in tiles {
-            let view = &views[index];
             pass.set_viewport(x as f32, y as f32, width as f32, height as f32, 0.0, 1.0);
             pass.set_scissor_rect(x, y, width, height);
             pass.set_bind_group(0, &self.frame.group, &[FrameGroup::offset(index)]);
             pass.set_bind_group(1, &self.light.group, &[]);
-            self.draw_view(&mut pass, view);
+            self.draw_view(&mut pass, &seen[index]);
         }
     }
 
-    fn draw_view(&self, pass: &mut wgpu::RenderPass<'_>, view: &View) {
+    fn look(&self, view: &View) -> Seen {
         let clip_from_world = view.clip_from_world().as_mat4();
         let frustum = Frustum::new(&clip_from_world);
         let gaze = Gaze {
@@ -311,13 +410,16 @@ impl Renderer {
             eye: view.extrinsics.position.as_vec3(),
             coarse_below_px: self.settings.quality.coarse_below_px,
         };
-        let seen = self.fleet.seen(&gaze, view.carrier);
+        Seen { vehicles: self.fleet.seen(&gaze, view.carrier), cells: self.standing.seen(&gaze) }
+    }
+
+    fn draw_view(&self, pass: &mut wgpu::RenderPass<'_>, seen: &Seen) {
         // Nearest first, as far as can be told: what is hidden costs no shading.
-        self.vehicles.draw(pass, &self.fleet, &seen);
-        self.city.draw(pass, &self.standing, &gaze, false);
-        self.city.draw(pass, &self.standing, &gaze, true);
+        self.vehicles.draw(pass, &self.fleet, &seen.vehicles);
+        self.city.draw(pass, &self.standing, &seen.cells.raised);
+        self.city.draw(pass, &self.standing, &seen.cells.ground);
         self.sky.draw(pass);
-        self.contact.draw(pass, &self.fleet, &seen);
+        self.contact.draw(pass, &self.fleet, &seen.vehicles);
     }
 
     fn frame_data(&self, time_s: f32) -> gpu_data::Frame {
@@ -332,6 +434,17 @@ impl Renderer {
             shadow_from_world: self.sun_view.shadow_from_world.to_cols_array_2d(),
             shadow_texel: [1.0 / self.settings.quality.shadow_texels as f32, self.sun_view.texel_m, 0.0, 0.0],
         }
+    }
+}
+
+fn unpack_all(bytes: &[u8], places: &Places, bgra: bool) -> Pictures {
+    let from = |at: Option<u64>| at.map(|at| &bytes[at as usize..]);
+    let meaning = |kind| from(places.meaning).filter(|_| places.kinds.contains(kind));
+    Pictures {
+        rgb: from(places.color).map(|bytes| unpack(bytes, places.extent, bgra)),
+        depth: from(places.depth).map(|bytes| kinds::depths(bytes, places.extent)),
+        semantic: meaning(PictureKind::Semantic).map(|bytes| kinds::classes(bytes, places.extent)),
+        instance: meaning(PictureKind::Instance).map(|bytes| kinds::vehicles(bytes, places.extent)),
     }
 }
 

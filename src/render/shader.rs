@@ -22,6 +22,7 @@ const VEHICLE: Source = source!("vehicle.wgsl");
 const CONTACT: Source = source!("contact.wgsl");
 const SHADOW: Source = source!("shadow.wgsl");
 const SKY: Source = source!("sky.wgsl");
+const KINDS: Source = source!("kinds.wgsl");
 
 /// The shader of a pass: its own file after those it builds on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,11 +32,13 @@ pub(super) enum Shader {
     Contact,
     Shadow,
     Sky,
+    Kinds,
 }
 
 impl Shader {
     #[cfg(test)]
-    pub(super) const ALL: [Self; 5] = [Self::City, Self::Vehicle, Self::Contact, Self::Shadow, Self::Sky];
+    pub(super) const ALL: [Self; 6] =
+        [Self::City, Self::Vehicle, Self::Contact, Self::Shadow, Self::Sky, Self::Kinds];
 
     fn parts(self) -> &'static [Source] {
         match self {
@@ -44,6 +47,7 @@ impl Shader {
             Self::Contact => &[COMMON, CONTACT],
             Self::Shadow => &[COMMON, SHADOW],
             Self::Sky => &[COMMON, SKY],
+            Self::Kinds => &[KINDS],
         }
     }
 
@@ -59,6 +63,7 @@ impl Shader {
                 Self::Contact => "contact",
                 Self::Shadow => "shadow",
                 Self::Sky => "sky",
+                Self::Kinds => "kinds",
             }),
             source: wgpu::ShaderSource::Wgsl(Cow::Owned(self.text())),
         })

@@ -48,6 +48,19 @@ pub(super) struct Gaze<'a> {
     pub(super) coarse_below_px: f32,
 }
 
+/// Indices of the cells that a view may see, near ones first.
+#[derive(Clone, Debug, Default)]
+pub(super) struct SeenCells {
+    pub(super) raised: Vec<Range<u32>>,
+    pub(super) ground: Vec<Range<u32>>,
+}
+
+fn near_first<'c>(cells: impl Iterator<Item = (f32, &'c Cell)>) -> Vec<Range<u32>> {
+    let mut cells: Vec<_> = cells.collect();
+    cells.sort_by(|a, b| a.0.total_cmp(&b.0));
+    cells.into_iter().map(|(_, cell)| cell.indices.clone()).collect()
+}
+
 /// What one cell holds before it is packed.
 #[derive(Default)]
 struct Bucket {
@@ -86,24 +99,23 @@ impl Standing {
         }
     }
 
-    /// Group 0 to 2 and the pipeline are set already.
-    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, gaze: &Gaze<'_>, ground: bool) {
-        let mut seen: Vec<(f32, &Cell)> = Vec::new();
-        if ground {
-            seen.extend(self.ground.iter().filter_map(|cell| Some((gaze.sees(cell)?, cell))));
-        } else {
-            seen.extend(self.raised.iter().filter_map(|place| {
-                let distance_m = gaze.sees(&place.near)?;
-                let coarse = gaze.sharpness.pixels(COARSENESS_M, distance_m) < gaze.coarse_below_px;
-                let cell = place.distant.as_ref().filter(|_| coarse).unwrap_or(&place.near);
-                Some((distance_m, cell))
-            }));
-        }
-        seen.sort_by(|a, b| a.0.total_cmp(&b.0));
+    /// What a view may see.
+    pub(super) fn seen(&self, gaze: &Gaze<'_>) -> SeenCells {
+        let raised = self.raised.iter().filter_map(|place| {
+            let distance_m = gaze.sees(&place.near)?;
+            let coarse = gaze.sharpness.pixels(COARSENESS_M, distance_m) < gaze.coarse_below_px;
+            Some((distance_m, place.distant.as_ref().filter(|_| coarse).unwrap_or(&place.near)))
+        });
+        let ground = self.ground.iter().filter_map(|cell| Some((gaze.sees(cell)?, cell)));
+        SeenCells { raised: near_first(raised), ground: near_first(ground) }
+    }
+
+    /// Draws cells of [`Standing::seen`]; the pipeline and its groups are set already.
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, cells: &[Range<u32>]) {
         pass.set_vertex_buffer(0, self.vertices.slice(..));
         pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
-        for (_, cell) in seen {
-            pass.draw_indexed(cell.indices.clone(), 0, 0..1);
+        for indices in cells {
+            pass.draw_indexed(indices.clone(), 0, 0..1);
         }
     }
 

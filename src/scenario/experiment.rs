@@ -6,6 +6,7 @@ use crate::city::{CityMap, LabMap, LaneId};
 use crate::environment::EnvironmentSpec;
 use crate::geom::{LengthScale, Pose2, trig};
 use crate::mainframe::{Body, CavSetup, DriverParams, RightOfWayParams};
+use crate::sensor::Sensor;
 use crate::snapshot::{Appearance, VehicleId};
 use crate::vehicle::VehicleSpec;
 use std::sync::Arc;
@@ -70,6 +71,7 @@ pub struct PlannedVehicle {
     pub driver: DriverParams,
     pub route: Vec<LaneId>,
     pub start: Start,
+    pub sensors: Vec<Sensor>,
 }
 
 impl PlannedVehicle {

@@ -245,6 +245,31 @@ impl<'a, 'p> Fields<'a, 'p> {
         Some(texts.collect())
     }
 
+    /// As many numbers as a place has; `example` says what they are.
+    pub fn numbers<const N: usize>(
+        &self,
+        key: &'static str,
+        range: RangeInclusive<f64>,
+        example: &str,
+    ) -> Option<[f64; N]> {
+        let value = self.entry(key)?;
+        let all = |array: &[Spanned<DeValue<'_>>]| -> Option<[f64; N]> {
+            let numbers: Vec<f64> = array.iter().filter_map(|n| number_of(n.get_ref())).collect();
+            if numbers.len() == array.len() { <[f64; N]>::try_from(numbers).ok() } else { None }
+        };
+        let numbers = value.get_ref().as_array().and_then(|array| all(array));
+        let within = numbers.filter(|numbers| numbers.iter().all(|number| range.contains(number)));
+        if within.is_none() {
+            let (low, high) = (range.start(), range.end());
+            let what = format!("{N} numbers between {low} and {high}, such as {example}");
+            match numbers {
+                Some(_) => self.wrong(key, format!("{key} is out of range; it must be {what}")),
+                None => self.wrong_type(key, value, &what),
+            }
+        }
+        within
+    }
+
     /// Numbers of an array of pairs.
     pub fn pairs(&self, key: &'static str) -> Option<Vec<[f64; 2]>> {
         let value = self.entry(key)?;

@@ -5,6 +5,7 @@ mod feasibility;
 mod fields;
 mod placement;
 mod read;
+mod read_sensors;
 mod read_settings;
 mod read_traffic;
 mod read_vehicles;

@@ -1,6 +1,6 @@
 //! From the text of a scenario file to an [`Experiment`].
 
-use super::experiment::{Experiment, Outcome, PlannedVehicle};
+use super::experiment::{Experiment, Outcome, PlannedVehicle, Rates};
 use super::fields::{Fields, Problem, Problems};
 use super::read_settings::{Named, read_environment, read_rates, read_right_of_way};
 use super::{Library, Moved, SourceError, placement};
@@ -105,6 +105,7 @@ pub(super) struct Basis<'m> {
     pub model: Option<ModelKind>,
     pub seed: u64,
     pub duration_s: f64,
+    pub rates: Rates,
 }
 
 /// The vehicles read so far, and what the file has used up.
@@ -154,8 +155,9 @@ impl Reader {
         root.boolean("collisions_forbidden", &mut collisions_forbidden);
         duration_s = self.overrides.duration_s.unwrap_or(duration_s);
         let seed = self.overrides.seed.unwrap_or(seed);
-        let named = Named::read(root, self.overrides.model);
-        let basis = Basis { map: &self.map, scale, model: self.overrides.model, seed, duration_s };
+        let rates = read_rates(root);
+        let named = Named::read(root, self.overrides.model, rates);
+        let basis = Basis { map: &self.map, scale, model: self.overrides.model, seed, duration_s, rates };
         let mut fleet = Fleet::default();
         basis.read_vehicles(root, &named, &mut fleet);
         basis.read_traffic(root, &named, &mut fleet);
@@ -171,7 +173,7 @@ impl Reader {
             description,
             seed,
             duration_s,
-            rates: read_rates(root),
+            rates,
             scale,
             city_map,
             lab_map: Arc::clone(&self.map),

@@ -3,37 +3,41 @@
 
 use super::experiment::Rates;
 use super::fields::{Fields, one_of};
-use super::vehicle_type::read_vehicle_type;
+use super::vehicle_type::{VehicleType, read_vehicle_type};
 use crate::environment::EnvironmentSpec;
 use crate::mainframe::{CONTROLLERS, DriverParams, RightOfWayParams};
-use crate::vehicle::{ModelKind, VehicleSpec};
+use crate::vehicle::ModelKind;
 use std::collections::BTreeMap;
 
 /// Named parts of the file that vehicles refer to.
 pub struct Named {
-    pub types: BTreeMap<String, VehicleSpec>,
+    pub types: BTreeMap<String, VehicleType>,
     /// Control algorithm and parameters.
     pub drivers: BTreeMap<String, (String, DriverParams)>,
 }
 
 impl Named {
     /// `model` replaces that of every type.
-    pub fn read(root: &Fields<'_, '_>, model: Option<ModelKind>) -> Self {
-        Self { types: read_types(root, model), drivers: read_drivers(root) }
+    pub fn read(root: &Fields<'_, '_>, model: Option<ModelKind>, rates: Rates) -> Self {
+        Self { types: read_types(root, model, rates), drivers: read_drivers(root) }
     }
 }
 
-fn read_types(root: &Fields<'_, '_>, model: Option<ModelKind>) -> BTreeMap<String, VehicleSpec> {
-    let mut types = BTreeMap::from([("default".to_owned(), VehicleSpec::default())]);
+fn read_types(
+    root: &Fields<'_, '_>,
+    model: Option<ModelKind>,
+    rates: Rates,
+) -> BTreeMap<String, VehicleType> {
+    let mut types = BTreeMap::from([("default".to_owned(), VehicleType::default())]);
     if let Some(tables) = root.table("vehicle_type") {
         for (name, value) in tables.entries() {
             if let Some(fields) = tables.table_of(name.get_ref(), value) {
-                types.insert(name.get_ref().to_string(), read_vehicle_type(fields));
+                types.insert(name.get_ref().to_string(), read_vehicle_type(fields, rates));
             }
         }
     }
     if let Some(model) = model {
-        types.values_mut().for_each(|spec| spec.model = model);
+        types.values_mut().for_each(|kind| kind.spec.model = model);
     }
     types
 }

@@ -4,6 +4,7 @@ use super::experiment::{PlannedVehicle, Start};
 use super::feasibility::infeasibilities;
 use super::fields::{Fields, one_of};
 use super::read::{Basis, Fleet};
+use super::read_sensors::read_sensors;
 use super::read_settings::{Named, pick};
 use super::read_vehicles::{MOST_VEHICLES, default_appearance};
 use super::traffic::{self, Share, TrafficError, TrafficSpec};
@@ -23,6 +24,7 @@ impl Basis<'_> {
         fields.number("start_speed_mps", 0.0..=1.0, &mut start_speed_mps);
         let shares = read_shares(&fields, named);
         let driver = pick(&fields, "driver", &named.drivers);
+        let sensors = read_sensors(&fields, self.rates);
         let span = fields.span.clone();
         fields.finish();
         let Some((controller, driver)) = driver.filter(|_| !shares.is_empty()) else { return };
@@ -54,7 +56,8 @@ impl Basis<'_> {
                 name: name.clone(),
                 appearance: default_appearance(id),
                 start: Start { lane: drawn.route[0], at_m: drawn.at_m, speed_mps: start_speed_mps },
-                spec: drawn.spec,
+                spec: drawn.build.spec,
+                sensors: sensors.clone().unwrap_or(drawn.build.sensors),
                 controller: spec.controller.clone(),
                 driver: drawn.driver,
                 route: drawn.route,
@@ -88,7 +91,7 @@ fn error_text(error: TrafficError, count: usize) -> String {
 
 fn read_shares(fields: &Fields<'_, '_>, named: &Named) -> Vec<Share> {
     let Some(table) = fields.table("types") else {
-        return vec![Share { spec: named.types["default"].clone(), weight: 1.0 }];
+        return vec![Share { build: named.types["default"].clone(), weight: 1.0 }];
     };
     if table.entries().next().is_none() {
         fields.wrong("types", "types is empty; give it shares, such as { default = 1 }, or leave it out");
@@ -96,7 +99,7 @@ fn read_shares(fields: &Fields<'_, '_>, named: &Named) -> Vec<Share> {
     let mut shares = Vec::new();
     for (name, value) in table.entries() {
         let key: &str = name.get_ref();
-        let Some(spec) = named.types.get(key) else {
+        let Some(build) = named.types.get(key) else {
             let remedy = one_of(key, named.types.keys().map(String::as_str));
             fields.problems.add(&name.span(), format!("vehicle type \"{key}\" is not defined; {remedy}"));
             continue;
@@ -107,7 +110,7 @@ fn read_shares(fields: &Fields<'_, '_>, named: &Named) -> Vec<Share> {
             _ => None,
         };
         match weight.filter(|weight: &f64| weight.is_finite() && *weight > 0.0) {
-            Some(weight) => shares.push(Share { spec: spec.clone(), weight }),
+            Some(weight) => shares.push(Share { build: build.clone(), weight }),
             None => {
                 fields
                     .problems

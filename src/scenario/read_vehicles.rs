@@ -4,11 +4,11 @@ use super::experiment::{PlannedVehicle, Start};
 use super::feasibility::infeasibilities;
 use super::fields::{Fields, one_of};
 use super::read::{Basis, Fleet};
+use super::read_sensors::read_sensors;
 use super::read_settings::{Named, pick};
-use super::vehicle_type::MODELS;
+use super::vehicle_type::{MODELS, VehicleType};
 use crate::city::LaneId;
 use crate::snapshot::{Appearance, BodyType, VehicleId};
-use crate::vehicle::VehicleSpec;
 use std::collections::BTreeSet;
 use std::ops::Range;
 
@@ -60,7 +60,8 @@ impl Basis<'_> {
         named: &Named,
     ) -> Option<PlannedVehicle> {
         let appearance = read_appearance(fields, id);
-        let spec = self.read_spec(fields, named);
+        let build = self.read_build(fields, named);
+        let sensors = read_sensors(fields, self.rates);
         let driver = pick(fields, "driver", &named.drivers);
         let route = self.read_route(fields);
         let mut at_m = f64::NAN;
@@ -71,7 +72,8 @@ impl Basis<'_> {
         }
         let mut speed_mps = 0.0;
         fields.number("speed_mps", 0.0..=2.0, &mut speed_mps);
-        let (spec, (controller, driver), route) = (spec?, driver?, route?);
+        let (VehicleType { spec, sensors: usual }, (controller, driver), route) = (build?, driver?, route?);
+        let sensors = sensors.unwrap_or(usual);
         let length_m = self.map.lane(route[0]).curve.length();
         if at_m > length_m {
             let lane = &self.map.lane(route[0]).name;
@@ -81,16 +83,16 @@ impl Basis<'_> {
             );
         }
         let start = Start { lane: route[0], at_m, speed_mps };
-        Some(PlannedVehicle { id, name, appearance, spec, controller, driver, route, start })
+        Some(PlannedVehicle { id, name, appearance, spec, controller, driver, route, start, sensors })
     }
 
-    fn read_spec(&self, fields: &Fields<'_, '_>, named: &Named) -> Option<VehicleSpec> {
-        let mut spec = pick(fields, "type", &named.types)?;
-        fields.choice("model", &MODELS, &mut spec.model);
+    fn read_build(&self, fields: &Fields<'_, '_>, named: &Named) -> Option<VehicleType> {
+        let mut build = pick(fields, "type", &named.types)?;
+        fields.choice("model", &MODELS, &mut build.spec.model);
         if let Some(model) = self.model {
-            spec.model = model;
+            build.spec.model = model;
         }
-        Some(spec)
+        Some(build)
     }
 
     /// Lane names, first to last, joined by the shortest ways.
@@ -191,7 +193,7 @@ fn parse_colour(text: &str) -> Option<[u8; 3]> {
 }
 
 /// Whether a text can be part of a ROS topic.
-fn is_topic_name(name: &str) -> bool {
+pub fn is_topic_name(name: &str) -> bool {
     let mut characters = name.chars();
     characters.next().is_some_and(|c| c.is_ascii_alphabetic())
         && name.len() <= 64

@@ -1,17 +1,17 @@
 //! `[traffic]`: many vehicles on seeded routes all over the map.
 
 use super::feasibility::can_drive;
+use super::vehicle_type::VehicleType;
 use crate::city::{LabMap, Lane, LaneId, LaneKind, ZoneKind};
 use crate::geom::LengthScale;
 use crate::mainframe::DriverParams;
-use crate::vehicle::VehicleSpec;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 /// A share of the traffic that is built alike.
 #[derive(Clone, Debug)]
 pub struct Share {
-    pub spec: VehicleSpec,
+    pub build: VehicleType,
     pub weight: f64,
 }
 
@@ -30,7 +30,7 @@ pub struct TrafficSpec {
 /// A vehicle of the traffic.
 #[derive(Clone, Debug)]
 pub struct Drawn {
-    pub spec: VehicleSpec,
+    pub build: VehicleType,
     pub driver: DriverParams,
     pub route: Vec<LaneId>,
     /// Front-axle centre along the first lane, laboratory metres.
@@ -71,7 +71,7 @@ pub fn draw(
     let starts: Vec<(usize, LaneId)> = vehicles.iter().map(|&(share, lane, _)| (share, lane)).collect();
     let routes = draw_routes(map, &mut rng, &networks, &starts, spec.route_length_m);
     let drawn = vehicles.iter().zip(routes).map(|(&(share, _, at_m), route)| Drawn {
-        spec: spec.shares[share].spec.clone(),
+        build: spec.shares[share].build.clone(),
         driver: vary(&mut rng, &spec.driver, spec.spread),
         route,
         at_m,
@@ -91,7 +91,7 @@ pub enum TrafficError {
 /// For each share the lanes on which its vehicles can drive on for ever.
 fn networks(map: &LabMap, scale: LengthScale, spec: &TrafficSpec) -> Result<Vec<Vec<bool>>, TrafficError> {
     let network = |(share, of): (usize, &Share)| {
-        let radius = of.spec.min_turn_radius();
+        let radius = of.build.spec.min_turn_radius();
         let mut open: Vec<bool> =
             map.lanes.iter().map(|lane| can_drive(map, scale, radius, lane.id)).collect();
         loop {

@@ -1,13 +1,24 @@
-//! `[vehicle_type.NAME]`: how vehicles are built. Full-scale SI units, angles in degrees.
+//! `[vehicle_type.NAME]`: how vehicles are built, and what they carry. Full-scale SI units, angles in degrees.
 
+use super::experiment::Rates;
 use super::fields::Fields;
+use super::read_sensors::read_sensors;
+use crate::sensor::Sensor;
 use crate::vehicle::{Drive, ModelKind, TorquePoint, VehicleSpec};
 
 pub const MODELS: [(&str, ModelKind); 2] = [("raycast", ModelKind::Raycast), ("bicycle", ModelKind::Bicycle)];
 const DRIVES: [(&str, Drive); 3] = [("front", Drive::Front), ("rear", Drive::Rear), ("all", Drive::All)];
 
+/// A build with the sensors that its vehicles carry unless they state their own.
+#[derive(Clone, Debug, Default)]
+pub struct VehicleType {
+    pub spec: VehicleSpec,
+    pub sensors: Vec<Sensor>,
+}
+
 /// Reads a vehicle type; what it does not state is that of the default car.
-pub fn read_vehicle_type(fields: Fields<'_, '_>) -> VehicleSpec {
+pub fn read_vehicle_type(fields: Fields<'_, '_>, rates: Rates) -> VehicleType {
+    let sensors = read_sensors(&fields, rates).unwrap_or_default();
     let mut spec = VehicleSpec::default();
     fields.choice("model", &MODELS, &mut spec.model);
     fields.choice("drive", &DRIVES, &mut spec.drive);
@@ -71,7 +82,7 @@ pub fn read_vehicle_type(fields: Fields<'_, '_>) -> VehicleSpec {
         fields.problems.add(&fields.span_of_path(path), message);
     }
     fields.finish();
-    spec
+    VehicleType { spec, sensors }
 }
 
 fn degrees(fields: &Fields<'_, '_>, key: &'static str, range: std::ops::RangeInclusive<f64>, into: &mut f64) {

@@ -3,6 +3,7 @@
 #![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
 
 mod buildings;
+mod class;
 mod field;
 mod grounds;
 mod lettering;

@@ -3,8 +3,9 @@
 use super::{Attachments, PictureState, picture_pipeline, sampler_entry, texture_entry};
 use crate::render::settings::Quality;
 use crate::render::shader::Shader;
-use crate::render::standing::{Gaze, Standing};
+use crate::render::standing::Standing;
 use crate::render::textures;
+use std::ops::Range;
 
 pub(in crate::render) mod gpu_data {
     use bytemuck::{Pod, Zeroable};
@@ -105,12 +106,11 @@ impl CityPass {
         &self,
         pass: &mut wgpu::RenderPass<'_>,
         standing: &Standing,
-        gaze: &Gaze<'_>,
-        ground: bool,
+        cells: &[Range<u32>],
     ) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(2, &self.surfaces, &[]);
-        standing.draw(pass, gaze, ground);
+        standing.draw(pass, cells);
     }
 }
 

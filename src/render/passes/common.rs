@@ -134,7 +134,8 @@ mod tests {
 
     #[test]
     fn structs_lie_as_the_shader_reads_them() {
-        for shader in Shader::ALL {
+        // Kinds have no light and so no frame.
+        for shader in Shader::ALL.into_iter().filter(|shader| *shader != Shader::Kinds) {
             let module = validated(shader);
             let frame = [
                 offset_of!(Frame, to_sun),

@@ -14,7 +14,8 @@ pub(in crate::render) mod gpu_data {
     pub(in crate::render) struct Instance {
         /// City from body, by rows.
         pub(in crate::render) rows: [[f32; 4]; 3],
-        /// Linear colour of the paint. Of the patch under a vehicle half its length and width.
+        /// Linear colour of the paint, and the number of the vehicle. Of the patch under a vehicle half its
+        /// length and width.
         pub(in crate::render) paint: [f32; 4],
         /// Brake, left indicator, right indicator, reverse: 0 off to 1 on.
         pub(in crate::render) lamps: [f32; 4],

@@ -1,0 +1,59 @@
+// What pixels show instead of how they look: distance, class and vehicle, without light.
+
+struct View {
+    clip_from_world: mat4x4<f32>,
+    // Times (x, y, z, 1): metres along the optical axis.
+    depth_from_world: vec4<f32>,
+}
+
+@group(0) @binding(0) var<uniform> view: View;
+
+// The class of everything that belongs to a vehicle.
+override vehicle_class: u32 = 0u;
+
+struct Fragment {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) depth: f32,
+    // Class, vehicle.
+    @location(1) @interpolate(flat) meaning: vec2<u32>,
+}
+
+struct Pixel {
+    @location(0) depth: f32,
+    @location(1) meaning: vec2<u32>,
+}
+
+fn seen(world: vec3<f32>, meaning: vec2<u32>) -> Fragment {
+    var out: Fragment;
+    out.clip = view.clip_from_world * vec4<f32>(world, 1.0);
+    out.depth = dot(view.depth_from_world, vec4<f32>(world, 1.0));
+    out.meaning = meaning;
+    return out;
+}
+
+@vertex
+fn city_main(@location(0) position: vec3<f32>, @location(4) material: u32) -> Fragment {
+    return seen(position, vec2<u32>((material >> 8u) & 0xffu, 0u));
+}
+
+struct VehicleIn {
+    @location(0) position: vec3<f32>,
+    // City from body, by rows.
+    @location(5) row_x: vec4<f32>,
+    @location(6) row_y: vec4<f32>,
+    @location(7) row_z: vec4<f32>,
+    // The last is the number of the vehicle.
+    @location(8) paint: vec4<f32>,
+}
+
+@vertex
+fn vehicle_main(in: VehicleIn) -> Fragment {
+    let local = vec4<f32>(in.position, 1.0);
+    let world = vec3<f32>(dot(in.row_x, local), dot(in.row_y, local), dot(in.row_z, local));
+    return seen(world, vec2<u32>(vehicle_class, u32(in.paint.w)));
+}
+
+@fragment
+fn fragment_main(in: Fragment) -> Pixel {
+    return Pixel(in.depth, in.meaning);
+}
