@@ -54,3 +54,18 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     let radiance = shade(m, in.world, normalize(in.normal), -from_eye / distance);
     return display(hazed(radiance, distance));
 }
+
+@vertex
+fn swift_vertex(in: VertexIn) -> Swift {
+    let colour = vec4<f32>(linear_from_srgb(in.colour.rgb), in.colour.a);
+    var out = swift_light(Material(colour.rgb, 0.0, colour.a), in.position, in.normal.xyz, vec3<f32>(0.0));
+    out.uv = in.uv;
+    out.layer = in.material & 0xffu;
+    return out;
+}
+
+@fragment
+fn swift_fragment(in: Swift) -> @location(0) vec4<f32> {
+    let texel = textureSample(surfaces, surface_sampler, in.uv, in.layer).rgb;
+    return swift_shade(in, linear_from_srgb(texel));
+}

@@ -2,6 +2,7 @@
 
 use super::Context;
 use super::RenderError;
+use super::horizon::Pillar;
 use super::passes::city::gpu_data::Vertex;
 use super::passes::vehicle::gpu_data::Instance;
 use super::standing::Gaze;
@@ -44,6 +45,17 @@ struct Placed {
     centre: Vec3,
     radius: f32,
     wheel_radius: f32,
+}
+
+impl Placed {
+    fn pillar(&self) -> Pillar {
+        Pillar {
+            middle: self.centre.truncate(),
+            radius_m: self.radius,
+            // Roof boxes and a body that heaves reach higher than its half height above the middle.
+            top_m: self.centre.z + self.radius,
+        }
+    }
 }
 
 #[derive(Debug)]
@@ -151,6 +163,7 @@ impl Fleet {
             .iter()
             .enumerate()
             .filter(|(_, p)| gaze.frustum.may_see_ball(p.centre, p.radius + 1.0))
+            .filter(|(_, p)| !gaze.horizon.hides(&p.pillar()))
             .map(|(index, p)| {
                 let distance_m = p.centre.distance(gaze.eye);
                 let pixels = |length_m| gaze.sharpness.pixels(length_m, distance_m);

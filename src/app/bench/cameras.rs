@@ -66,7 +66,7 @@ pub fn cameras(args: &CamerasArgs) -> Result<(), Failure> {
         args.adapter.as_deref().map_or_else(AdapterPreference::from_environment, AdapterPreference::parse);
     let context = Context::headless(&preference).map_err(Failure::failed)?;
     let scene = SceneDescription::from_map(&experiment.city_map);
-    let settings = Settings { quality: Quality::FAST, ..Settings::default() };
+    let settings = Settings { quality: Quality::LOW, ..Settings::default() };
     let mut renderer = Renderer::new(&context, &scene, settings).map_err(Failure::failed)?;
     let mut run = Run::new(experiment).map_err(Failure::bad_input)?;
     while run.snapshot().time_s < args.from {

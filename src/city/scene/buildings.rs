@@ -1,7 +1,7 @@
 //! Buildings from their ground plans: storeys of windows, doors, signs, flat and gabled roofs, and
 //! what names ask for.
 
-use super::Place;
+use super::{Place, Wall};
 use super::grounds::ring_of;
 use super::lettering;
 use super::mesh::{Class, Finish, Mesh, Surface};
@@ -151,7 +151,7 @@ pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) {
         return;
     }
     let name = place.piece.name.to_lowercase();
-    let height = place.piece.height_m.map_or(6.5 + 6.0 * place.dice(9), |h| h as f32).clamp(2.2, 120.0);
+    let height = height_of(place);
     if special::pavilion(mesh, &name, &ring, height) {
         return;
     }
@@ -160,7 +160,7 @@ pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) {
     let short = sides.iter().map(Side::width).fold(f32::INFINITY, f32::min);
     let style = style(place, &name, short, height);
     let gabled = style.gabled && ring.len() == 4;
-    let rise = if gabled { (0.42 * short).min(0.42 * height) } else { 0.0 };
+    let rise = if gabled { rise_of(short, height) } else { 0.0 };
     let eaves = height - rise;
     for side in &sides {
         storeys(mesh, side, &style, eaves);
@@ -173,6 +173,29 @@ pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) {
     let front = front_of(&sides, map);
     entrance(mesh, &front, &style, &name, eaves);
     special::additions(mesh, &name, &ring, height);
+}
+
+fn height_of(place: &Place<'_>) -> f32 {
+    place.piece.height_m.map_or(6.5 + 6.0 * place.dice(9), |h| h as f32).clamp(2.2, 120.0)
+}
+
+/// Of a gabled roof, from the eaves to the ridge.
+fn rise_of(short_m: f32, height: f32) -> f32 {
+    (0.42 * short_m).min(0.42 * height)
+}
+
+/// The outer walls, as high as nothing can be seen through them.
+pub(super) fn opaque_walls(place: &Place<'_>) -> Vec<Wall> {
+    let ring: Vec<Vec2> = ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect();
+    if ring.len() < 3 || special::is_open(&place.piece.name.to_lowercase()) {
+        return Vec::new();
+    }
+    let sides = || (0..ring.len()).map(|k| (ring[k], ring[(k + 1) % ring.len()]));
+    let short = sides().map(|(from, to)| from.distance(to)).fold(f32::INFINITY, f32::min);
+    let height_m = height_of(place);
+    // Under the eaves, whatever the roof is.
+    let height_m = height_m - rise_of(short, height_m);
+    sides().map(|(from, to)| Wall { from, to, height_m }).collect()
 }
 
 /// The side that is nearest to a road, wide ones before narrow ones.

@@ -107,19 +107,6 @@ impl Mesh {
         self.vertices.len() as u32 - 1
     }
 
-    /// How much it holds: for [`Mesh::append_since`].
-    pub(super) fn mark(&self) -> (usize, usize) {
-        (self.vertices.len(), self.indices.len())
-    }
-
-    /// Appends what another mesh was given after a mark, provided it shares no vertices with what was
-    /// there before.
-    pub(super) fn append_since(&mut self, other: &Self, (vertices, indices): (usize, usize)) {
-        let base = self.vertices.len() as u32;
-        self.vertices.extend_from_slice(&other.vertices[vertices..]);
-        self.indices.extend(other.indices[indices..].iter().map(|i| i - vertices as u32 + base));
-    }
-
     /// Appends another mesh.
     pub fn append(&mut self, other: &Self) {
         let base = self.vertices.len() as u32;

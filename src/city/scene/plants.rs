@@ -1,6 +1,6 @@
 //! Trees of several kinds and hedges.
 
-use super::Place;
+use super::{Level, Object, Place};
 use super::grounds::ring_of;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use crate::city::Shape;
@@ -21,16 +21,31 @@ pub(super) struct Leafage {
     around: u32,
     rings: u32,
     trunk: u32,
+    /// Whether a crown of several clumps has all of them.
+    clumps: bool,
 }
 
 impl Leafage {
-    pub(super) const NEAR: Self = Self { around: 9, rings: 6, trunk: 6 };
+    const NEAR: Self = Self { around: 9, rings: 6, trunk: 6, clumps: true };
+    const DISTANT: Self = Self { around: 5, rings: 3, trunk: 3, clumps: true };
     /// For trees of a few pixels.
-    pub(super) const DISTANT: Self = Self { around: 5, rings: 3, trunk: 3 };
+    const FAR: Self = Self { around: 4, rings: 3, trunk: 3, clumps: false };
+}
+
+/// A tree at all its levels of detail.
+pub(super) fn tree_object(place: &Place<'_>) -> Object {
+    let level = |(leafage, error_m)| {
+        let mut mesh = Mesh::default();
+        tree(&mut mesh, place, leafage);
+        Level { mesh, error_m }
+    };
+    Object {
+        levels: [(Leafage::NEAR, 0.0), (Leafage::DISTANT, 0.30), (Leafage::FAR, 0.75)].map(level).to_vec(),
+    }
 }
 
 /// A trunk and its crown; the drawing's circle is the crown's, the kind is drawn by lot.
-pub(super) fn tree(mesh: &mut Mesh, place: &Place<'_>, leafage: Leafage) {
+fn tree(mesh: &mut Mesh, place: &Place<'_>, leafage: Leafage) {
     let Shape::Circle { centre, radius_m } = place.piece.shape else { return };
     let foot = centre.as_vec2().extend(0.08);
     let radius = radius_m as f32;
@@ -44,8 +59,9 @@ pub(super) fn tree(mesh: &mut Mesh, place: &Place<'_>, leafage: Leafage) {
             mesh.frustum(foot, [0.05 * radius + 0.09, 0.05], height - 1.0 * radius, leafage.trunk, BARK);
             let turn = place.dice(4) * TAU;
             let top = foot + Vec3::Z * (height - 0.86 * radius);
-            blob(mesh, top, Vec3::new(0.84, 0.84, 0.86) * radius, (place.seed, leafage), leaves);
-            for k in 0..3 {
+            let crown = if leafage.clumps { Vec3::new(0.84, 0.84, 0.86) } else { Vec3::new(1.0, 1.0, 0.98) };
+            blob(mesh, top, crown * radius, (place.seed, leafage), leaves);
+            for k in 0..if leafage.clumps { 3 } else { 0 } {
                 let (sin, cos) = (turn + TAU / 3.0 * (k as f32 + 0.3 * place.dice(5))).sin_cos();
                 let low = Vec3::new(cos, sin, 0.0) * (0.44 * radius) - Vec3::Z * (0.46 * radius);
                 let size = Vec3::new(0.62, 0.62, 0.58) * radius;

@@ -10,7 +10,7 @@ fn city() -> CityMap {
 /// Triangles of a class that look up, as seen from above.
 fn level_triangles(scene: &SceneDescription, class: Class) -> Vec<[Vec2; 3]> {
     let mut found = Vec::new();
-    for mesh in &scene.meshes {
+    for mesh in &scene.ground {
         for t in mesh.indices.chunks_exact(3) {
             let corners = [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize]);
             if corners.iter().all(|v| v.finish.class == class && v.position.z < 0.05 && v.normal.z > 0.9) {
@@ -64,7 +64,7 @@ fn nothing_solid_stands_on_a_lane_and_all_numbers_are_finite() {
     let map = city();
     let scene = SceneDescription::from_map(&map);
     let solid = [Class::Building, Class::Wall, Class::Pole, Class::Furniture];
-    for v in scene.meshes.iter().flat_map(|mesh| &mesh.vertices) {
+    for v in scene.meshes().flat_map(|mesh| &mesh.vertices) {
         assert!(v.position.is_finite() && v.normal.is_finite() && v.uv.is_finite(), "{v:?}");
         let low = v.position.z < 2.5;
         if low && solid.contains(&v.finish.class) {

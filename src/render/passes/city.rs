@@ -60,7 +60,7 @@ impl CityPass {
                 sampler_entry(1, wgpu::SamplerBindingType::Filtering),
             ],
         });
-        let view = textures::surfaces(context);
+        let view = textures::surfaces(context, attachments.texture_format());
         // Mesa's software adapter walks an ellipse of texels for anisotropy and does not come back
         // where derivatives are degenerate (seen with 22.3).
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
@@ -86,6 +86,7 @@ impl CityPass {
             attachments,
             &PictureState {
                 shader: Shader::City,
+                entries: attachments.entries(),
                 groups: &[Some(groups[0]), Some(groups[1]), Some(&layout)],
                 buffers: &[Some(gpu_data::LAYOUT)],
                 constants: &[
@@ -106,7 +107,7 @@ impl CityPass {
         &self,
         pass: &mut wgpu::RenderPass<'_>,
         standing: &Standing,
-        cells: &[Range<u32>],
+        cells: &Range<u32>,
     ) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(2, &self.surfaces, &[]);
