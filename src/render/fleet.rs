@@ -26,6 +26,7 @@ struct Build {
     wheel: Range<u32>,
     distant_body: Range<u32>,
     distant_wheel: Range<u32>,
+    half_track_m: f32,
 }
 
 /// A vehicle of the snapshot that a view may see.
@@ -49,6 +50,7 @@ struct Placed {
 #[derive(Debug)]
 pub(super) struct Fleet {
     mesh: VehicleMesh,
+    models: vehicle::Models,
     builds: BTreeMap<MeshKey, Build>,
     /// Vertices and indices of all builds; `None` before the first.
     buffers: Option<(wgpu::Buffer, wgpu::Buffer)>,
@@ -62,6 +64,7 @@ impl Fleet {
         let capacity = 64;
         Self {
             mesh: VehicleMesh::default(),
+            models: vehicle::Models::default(),
             builds: BTreeMap::new(),
             buffers: None,
             instances: instance_buffer(device, capacity),
@@ -84,7 +87,8 @@ impl Fleet {
         let (mut bodies, mut wheels, mut contacts) = (Vec::new(), Vec::new(), Vec::new());
         for (state, info) in snapshot.iter() {
             let d = &info.dimensions;
-            let half = Vec3::new(d.length_m as f32, d.width_m as f32, d.height_m as f32) / 2.0;
+            let height_m = d.height_m * info.appearance.body.height_factor();
+            let half = Vec3::new(d.length_m as f32, d.width_m as f32, height_m as f32) / 2.0;
             self.placed.push(Placed {
                 id: state.id,
                 key: MeshKey::new(info.appearance.body, d),
@@ -100,8 +104,10 @@ impl Fleet {
                 lamps,
             };
             bodies.push(body);
-            wheels.extend(self::wheels(state, info).map(|rows| Instance { rows, ..body }));
-            let sheet = vehicle::half_of_sheet_metal(d);
+            let key = MeshKey::new(info.appearance.body, d);
+            let half_track_m = self.builds.get(&key).map_or(d.track_m as f32 / 2.0, |b| b.half_track_m);
+            wheels.extend(self::wheels(state, info, half_track_m).map(|rows| Instance { rows, ..body }));
+            let sheet = vehicle::SHEET_METAL * half.y;
             contacts.push(Instance { paint: [half.x, sheet, 0.0, 0.0], ..body });
         }
         if count > self.capacity {
@@ -119,13 +125,15 @@ impl Fleet {
         for info in snapshot.roster.iter() {
             let (kind, d) = (info.appearance.body, &info.dimensions);
             let mesh = &mut self.mesh;
+            let models = &self.models;
             self.builds.entry(MeshKey::new(kind, d)).or_insert_with(|| {
-                let (body, radius) = (vehicle::body(kind, d), d.wheel_radius_m as f32);
+                let build = models.build(kind, d);
                 Build {
-                    body: append(mesh, &body),
-                    wheel: append(mesh, &vehicle::wheel(radius, vehicle::WHEEL_SIDES)),
-                    distant_body: append(mesh, &body.simplified(COARSENESS_M * 2.0)),
-                    distant_wheel: append(mesh, &vehicle::wheel(radius, vehicle::WHEEL_SIDES * 2 / 5)),
+                    body: append(mesh, &build.body),
+                    wheel: append(mesh, &build.wheel),
+                    distant_body: append(mesh, &build.far_body),
+                    distant_wheel: append(mesh, &build.far_wheel),
+                    half_track_m: build.half_track_m,
                 }
             });
         }
@@ -280,14 +288,15 @@ fn rows(rotation: Mat3, position: Vec3) -> [[f32; 4]; 3] {
 }
 
 /// City from wheel: front left, front right, rear left, rear right.
-fn wheels(state: &VehicleState, info: &VehicleInfo) -> impl Iterator<Item = [[f32; 4]; 3]> {
+fn wheels(
+    state: &VehicleState,
+    info: &VehicleInfo,
+    half_track: f32,
+) -> impl Iterator<Item = [[f32; 4]; 3]> {
     let d = &info.dimensions;
     let (orientation, position) = (state.orientation.as_quat(), state.position.as_vec3());
     let radius = d.wheel_radius_m as f32;
     let axle = d.wheelbase_m as f32 / 2.0;
-    // The outer face of a wheel stands a finger's width out of the sheet metal at least.
-    let least = vehicle::half_of_sheet_metal(d) + 0.015 - super::vehicle::WHEEL_WIDTH_M / 2.0;
-    let half_track = (d.track_m as f32 / 2.0).clamp(least, least + 0.05);
     let wheels = state.wheels;
     (0..4).map(move |k| {
         let left = k % 2 == 0;
