@@ -8,13 +8,18 @@ mod grounds;
 mod lettering;
 mod markings;
 mod mesh;
+mod parked;
 mod plants;
 mod polygon;
 mod props;
 mod roads;
+mod signs;
 mod special;
+mod wear;
 
+pub use lettering::glyph_cell;
 pub use mesh::{Class, Finish, Mesh, Surface, Vertex};
+pub use signs::sign_cell;
 
 use super::{CityMap, SceneryKind};
 use glam::Vec3;
@@ -59,7 +64,17 @@ impl SceneDescription {
                 _ => distant.append_since(&scenery, before),
             }
         }
-        let meshes = vec![roads::ground(&field), roads::plain(map), markings::markings(map, &field), scenery];
+        for mesh in [&mut scenery, &mut distant] {
+            signs::signs(mesh, map, &field);
+        }
+        parked::cars([&mut scenery, &mut distant], map);
+        let meshes = vec![
+            roads::ground(&field),
+            roads::plain(map),
+            wear::wear(map),
+            markings::markings(map, &field),
+            scenery,
+        ];
         let [low, high] = map.bounds();
         let top = meshes.iter().map(|mesh| mesh.bounds()[1].z).fold(1.0, f32::max);
         let bounds = [low.as_vec2().extend(0.0), high.as_vec2().extend(top)];
@@ -77,14 +92,19 @@ struct Place<'a> {
 impl Place<'_> {
     /// A number in [0, 1), another one for each `salt`.
     fn dice(&self, salt: u32) -> f32 {
-        let mut h = self.seed.wrapping_mul(0x9E37_79B1) ^ salt.wrapping_mul(0x85EB_CA77);
-        h ^= h >> 15;
-        h = h.wrapping_mul(0x2C1B_3C6D);
-        h ^= h >> 12;
-        h = h.wrapping_mul(0x297A_2D39);
-        h ^= h >> 15;
-        (h >> 8) as f32 / (1 << 24) as f32
+        dice(self.seed, salt)
     }
+}
+
+/// A number in [0, 1) for two integers.
+fn dice(seed: u32, salt: u32) -> f32 {
+    let mut h = seed.wrapping_mul(0x9E37_79B1) ^ salt.wrapping_mul(0x85EB_CA77);
+    h ^= h >> 15;
+    h = h.wrapping_mul(0x2C1B_3C6D);
+    h ^= h >> 12;
+    h = h.wrapping_mul(0x297A_2D39);
+    h ^= h >> 15;
+    (h >> 8) as f32 / (1 << 24) as f32
 }
 
 #[cfg(test)]
