@@ -63,7 +63,7 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
         let broad = textureSample(surfaces, surface_sampler, in.world.xy * 0.021 + 0.37, ground).g;
         if layer == GRASS || layer == ASPHALT || layer == LANE {
             // About 1 on average: the pattern's mean is 0.6.
-            pattern *= 0.15 + 0.85 * broad / 0.6;
+            pattern *= 0.5 + 0.5 * broad / 0.6;
         }
     }
     var m: Material;

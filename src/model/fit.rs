@@ -87,7 +87,9 @@ pub fn fitted(model: &Model, measures: &Measures) -> Fitted {
     let widest = low.y.abs().max(high.y.abs()).max(1e-3);
     let across = measures.width / 2.0 / widest;
     let z = Stretch::new(&match radius {
-        Some(radius) => vec![(0.0, 0.0), (2.0 * radius, 2.0 * measures.wheel_radius), (high.z, measures.height)],
+        Some(radius) => {
+            vec![(0.0, 0.0), (2.0 * radius, 2.0 * measures.wheel_radius), (high.z, measures.height)]
+        }
         None => vec![(low.z, 0.0), (high.z, measures.height)],
     });
     let stretched = |wanted: &dyn Fn(&Node) -> bool| -> Vec<Part> {
@@ -120,7 +122,8 @@ pub fn fitted(model: &Model, measures: &Measures) -> Fitted {
         for vertex in parts.iter_mut().flat_map(|part| &mut part.vertices) {
             let turned = node.model_from_mesh.transform_vector3(vertex.position) * side;
             vertex.position = turned * scale;
-            vertex.normal = (node.model_from_mesh.transform_vector3(vertex.normal) * side).normalize_or(Vec3::Y);
+            vertex.normal =
+                (node.model_from_mesh.transform_vector3(vertex.normal) * side).normalize_or(Vec3::Y);
         }
         parts
     };

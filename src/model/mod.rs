@@ -168,7 +168,12 @@ impl Builder {
     /// A grid of points as a smooth surface. Rows of `points` have equal length; the face between rows
     /// r, r + 1 and columns c, c + 1 has what `skin` says, `None` leaves it out. It faces along
     /// (next column) x (next row).
-    pub fn grid(&mut self, points: &[Vec<Vec3>], openness: impl Fn(Vec3) -> u8, skin: impl Fn(usize, usize) -> Option<Skin>) {
+    pub fn grid(
+        &mut self,
+        points: &[Vec<Vec3>],
+        openness: impl Fn(Vec3) -> u8,
+        skin: impl Fn(usize, usize) -> Option<Skin>,
+    ) {
         let (rows, columns) = (points.len(), points.first().map_or(0, Vec::len));
         let at = |r: usize, c: usize| points[r][c];
         // Of the four faces around a point, so that folded ones weigh nothing.
@@ -189,9 +194,9 @@ impl Builder {
                 let corners = [(r, c), (r, c + 1), (r + 1, c + 1), (r + 1, c)];
                 let place = corners.map(|(r, c)| at(r, c));
                 let [p, q, s, t] = corners.map(|(r, c)| {
-                    *slots.entry((r, c, skin.name)).or_insert_with(|| {
-                        self.vertex(skin, at(r, c), normal(r, c), openness(at(r, c)))
-                    })
+                    *slots
+                        .entry((r, c, skin.name))
+                        .or_insert_with(|| self.vertex(skin, at(r, c), normal(r, c), openness(at(r, c))))
                 });
                 let flat = |a: usize, b: usize, c: usize| {
                     (place[b] - place[a]).cross(place[c] - place[a]).length_squared() < 1e-10

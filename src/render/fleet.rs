@@ -6,11 +6,13 @@ use super::passes::city::gpu_data::Vertex;
 use super::passes::vehicle::gpu_data::Instance;
 use super::standing::Gaze;
 use super::vehicle::{self, MeshKey, VehicleMesh};
-use crate::snapshot::{FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
+use crate::model::Model;
+use crate::snapshot::{BodyType, FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
 use glam::{Mat3, Quat, Vec3};
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
 use std::ops::Range;
+use std::sync::Arc;
 use wgpu::util::DeviceExt;
 
 /// Turn signals flash this often a second.
@@ -71,6 +73,12 @@ impl Fleet {
             capacity,
             placed: Vec::new(),
         }
+    }
+
+    /// Draws a body type with a model from now on.
+    pub(super) fn set_model(&mut self, body: BodyType, model: Arc<Model>) {
+        self.models.insert(body, model);
+        self.builds.retain(|key, _| key.body() != body);
     }
 
     /// Takes the vehicles of a snapshot.
@@ -288,11 +296,7 @@ fn rows(rotation: Mat3, position: Vec3) -> [[f32; 4]; 3] {
 }
 
 /// City from wheel: front left, front right, rear left, rear right.
-fn wheels(
-    state: &VehicleState,
-    info: &VehicleInfo,
-    half_track: f32,
-) -> impl Iterator<Item = [[f32; 4]; 3]> {
+fn wheels(state: &VehicleState, info: &VehicleInfo, half_track: f32) -> impl Iterator<Item = [[f32; 4]; 3]> {
     let d = &info.dimensions;
     let (orientation, position) = (state.orientation.as_quat(), state.position.as_vec3());
     let radius = d.wheel_radius_m as f32;

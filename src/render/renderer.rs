@@ -17,11 +17,12 @@ use super::standing::{Gaze, Standing};
 use super::{Context, Image, RenderError, Settings, TargetView};
 use crate::camera::View;
 use crate::city::scene::SceneDescription;
-use crate::snapshot::FrameSnapshot;
+use crate::model::Model;
+use crate::snapshot::{BodyType, FrameSnapshot};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 
 /// Draws one scene and whatever drives in it.
 #[derive(Debug)]
@@ -93,6 +94,11 @@ impl Renderer {
         renderer.shadow.draw_standing(&mut encoder, &renderer.frame, &renderer.standing);
         context.queue.submit([encoder.finish()]);
         Ok(renderer)
+    }
+
+    /// Draws vehicles of a body type with a model, stretched to the measures of each.
+    pub fn set_vehicle_model(&mut self, body: BodyType, model: Arc<Model>) {
+        self.fleet.set_model(body, model);
     }
 
     /// What it was built for.

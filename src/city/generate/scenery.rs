@@ -1,8 +1,8 @@
 //! Scenery: draws the tables of the blocks and lines the roads with trees and lamps.
 
 use super::blocks::{
-    AREAS, Area, BENCHES, BUILDINGS, DRIVES, FRONTS, GROVES, HEDGES, PICNIC_TABLES, Plot, ROUNDS, ROWS, Round, Row,
-    WALLS,
+    AREAS, Area, BENCHES, BUILDINGS, DRIVES, FRONTS, GROVES, HEDGES, PICNIC_TABLES, Plot, ROUNDS, ROWS,
+    Round, Row, WALLS,
 };
 use super::network::Run;
 use super::{NAME_HEIGHT, distance};

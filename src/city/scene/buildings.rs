@@ -104,7 +104,8 @@ fn style(place: &Place<'_>, name: &str, short_m: f32, height: f32) -> Style {
             d if d < 0.75 => sash,
             _ => plaster,
         };
-        let ground = if upper.surface == Surface::Balcony { wall(Surface::Windows, balcony.colour) } else { upper };
+        let ground =
+            if upper.surface == Surface::Balcony { wall(Surface::Windows, balcony.colour) } else { upper };
         return Style { upper, ground: ground.shaded(0.95), ..base };
     }
     if has(name, &["row house", "terrace"]) && place.dice(5) < 0.55 {
@@ -160,7 +161,8 @@ impl Side {
     fn panel(&self, mesh: &mut Mesh, [middle, width]: [f32; 2], z: [f32; 2], out: f32, finish: Finish) {
         let part = |x: f32| x / self.width().max(1e-3);
         let (a, b) = (part(middle - width / 2.0), part(middle + width / 2.0));
-        let corners = [self.at(a, z[0], out), self.at(b, z[0], out), self.at(b, z[1], out), self.at(a, z[1], out)];
+        let corners =
+            [self.at(a, z[0], out), self.at(b, z[0], out), self.at(b, z[1], out), self.at(a, z[1], out)];
         mesh.shaded_face(&corners, &[Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y], finish, &[170, 170, 235, 235]);
     }
 
@@ -376,8 +378,11 @@ fn gable_roof(mesh: &mut Mesh, ring: &[Vec2], eaves: f32, rise: f32, style: &Sty
         mesh.plate(&[q, r, top[2], top[1]], TRIM, 2.0);
         mesh.plate(&[s, p, top[0], top[3]], TRIM, 2.0);
     }
-    let plain =
-        if style.upper.surface == Surface::Sash { BARE_BRICK } else { wall(Surface::Concrete, style.upper.colour) };
+    let plain = if style.upper.surface == Surface::Sash {
+        BARE_BRICK
+    } else {
+        wall(Surface::Concrete, style.upper.colour)
+    };
     for [left, right, top] in [[d, a, ridge_a], [b, c, ridge_b]] {
         let corners = [left.extend(eaves), right.extend(eaves), top.extend(eaves + rise)];
         mesh.plate(&corners, plain, 2.0);

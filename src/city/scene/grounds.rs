@@ -46,11 +46,13 @@ pub(super) fn distance_to(shape: &Shape, point: DVec2) -> f64 {
     };
     match shape {
         Shape::Circle { centre, radius_m } => centre.distance(point) - radius_m,
-        Shape::Polyline(line) => line.windows(2).map(|w| to_segment(w[0], w[1])).fold(f64::INFINITY, f64::min),
-        Shape::Polygon(ring) if point_in_polygon(point, ring) => 0.0,
-        Shape::Polygon(ring) => {
-            (0..ring.len()).map(|k| to_segment(ring[k], ring[(k + 1) % ring.len()])).fold(f64::INFINITY, f64::min)
+        Shape::Polyline(line) => {
+            line.windows(2).map(|w| to_segment(w[0], w[1])).fold(f64::INFINITY, f64::min)
         }
+        Shape::Polygon(ring) if point_in_polygon(point, ring) => 0.0,
+        Shape::Polygon(ring) => (0..ring.len())
+            .map(|k| to_segment(ring[k], ring[(k + 1) % ring.len()]))
+            .fold(f64::INFINITY, f64::min),
     }
 }
 

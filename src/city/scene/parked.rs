@@ -38,7 +38,13 @@ fn finish_of(part: &Part, paint: [u8; 3]) -> Finish {
     Finish::new(surface, colour, Class::Vehicle)
 }
 
-fn add(mesh: &mut Mesh, parts: &[Part], paint: [u8; 3], place: impl Fn(Vec3) -> Vec3, turn: impl Fn(Vec3) -> Vec3) {
+fn add(
+    mesh: &mut Mesh,
+    parts: &[Part],
+    paint: [u8; 3],
+    place: impl Fn(Vec3) -> Vec3,
+    turn: impl Fn(Vec3) -> Vec3,
+) {
     for part in parts {
         let finish = finish_of(part, paint);
         let base = mesh.vertices.len() as u32;
@@ -57,13 +63,16 @@ fn add(mesh: &mut Mesh, parts: &[Part], paint: [u8; 3], place: impl Fn(Vec3) -> 
 pub(super) fn cars([near, far]: [&mut Mesh; 2], map: &CityMap) {
     let shapes = [car::HATCHBACK, car::SEDAN, car::SUV, car::HATCHBACK, car::VAN, car::SUV, car::SEDAN];
     let models = shapes.map(|shape| {
-        let height = SIZE.height * shape.height / car::SEDAN.height * if shape.height > 2.0 { 0.95 } else { 1.0 };
+        let height =
+            SIZE.height * shape.height / car::SEDAN.height * if shape.height > 2.0 { 0.95 } else { 1.0 };
         fitted(&car::model(&shape), &Measures { height, ..SIZE })
     });
     let parks = map.scenery.iter().enumerate().filter(|(_, piece)| piece.kind == SceneryKind::Parking);
     for (index, piece) in parks {
         let Shape::Polygon(ring) = &piece.shape else { continue };
-        for (number, Bay { mouth, into }) in bays_of(&super::polygon::counter_clockwise(ring)).into_iter().enumerate() {
+        for (number, Bay { mouth, into }) in
+            bays_of(&super::polygon::counter_clockwise(ring)).into_iter().enumerate()
+        {
             let dice = |salt: u32| super::dice(index as u32 * 131 + number as u32, salt);
             if dice(1) > TAKEN {
                 continue;
@@ -72,7 +81,8 @@ pub(super) fn cars([near, far]: [&mut Mesh; 2], map: &CityMap) {
             let paint = COLOURS[(dice(3) * COLOURS.len() as f32) as usize % COLOURS.len()];
             // Some have backed in.
             let ahead = into.as_vec2() * if dice(4) < 0.3 { -1.0 } else { 1.0 };
-            let middle = mouth.as_vec2() + into.as_vec2() * (SIZE.length / 2.0 + 0.25 + 0.3 * dice(5))
+            let middle = mouth.as_vec2()
+                + into.as_vec2() * (SIZE.length / 2.0 + 0.25 + 0.3 * dice(5))
                 + into.as_vec2().perp() * (0.24 * (dice(6) - 0.5));
             let left = ahead.perp();
             let turn = |v: Vec3| (ahead * v.x + left * v.y).extend(v.z);
@@ -85,10 +95,15 @@ pub(super) fn cars([near, far]: [&mut Mesh; 2], map: &CityMap) {
                 for (x, side) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0_f32)] {
                     let hub = Vec3::new(x * SIZE.wheelbase / 2.0, side * half_track, SIZE.wheel_radius);
                     let about = |v: Vec3| Vec3::new(side * v.x, side * v.y, v.z);
-                    add(mesh, wheel.unwrap_or(&model.wheel), paint, |v| place(hub + about(v)), |n| turn(about(n)));
+                    add(
+                        mesh,
+                        wheel.unwrap_or(&model.wheel),
+                        paint,
+                        |v| place(hub + about(v)),
+                        |n| turn(about(n)),
+                    );
                 }
             }
         }
     }
 }
-

@@ -83,7 +83,7 @@ pub(super) fn tree(mesh: &mut Mesh, place: &Place<'_>, leafage: Leafage) {
             trunk(mesh, foot, [0.10, 0.05], height * 0.7, leafage, BIRCH);
             let (sin, cos) = turn.sin_cos();
             let lean = Vec3::new(cos, sin, 0.0) * (0.16 * radius);
-            for (up, wide, tall) in [(0.46, 0.78, 0.20), (0.72, 0.60, 0.24)] {
+            for (up, wide, tall) in [(0.48, 0.80, 0.24), (0.72, 0.58, 0.26)] {
                 let middle = foot + Vec3::Z * (height * up) + if up < 0.5 { lean } else { -lean };
                 let size = Vec3::new(wide * radius, wide * radius, tall * height);
                 blob(mesh, clump(middle, size, 0.30), leafage, leaves.shaded(1.08));
@@ -111,7 +111,12 @@ pub(super) fn tree(mesh: &mut Mesh, place: &Place<'_>, leafage: Leafage) {
             trunk(mesh, foot, [0.16, 0.08], height * 0.55, leafage, BARK);
             limbs(mesh, foot, height * 0.36, radius, turn, leafage);
             let middle = foot + Vec3::Z * (height * 0.70);
-            blob(mesh, clump(middle, Vec3::new(radius * 1.04, radius * 1.04, 0.34 * height), 0.24), leafage, leaves);
+            blob(
+                mesh,
+                clump(middle, Vec3::new(radius * 1.04, radius * 1.04, 0.34 * height), 0.24),
+                leafage,
+                leaves,
+            );
         }
     }
 }
@@ -166,7 +171,10 @@ fn lumps(direction: Vec3, seed: u32) -> f32 {
 fn blob(mesh: &mut Mesh, clump: Clump, leafage: Leafage, finish: Finish) {
     let Leafage { around, rings, .. } = leafage;
     let base = mesh.vertices.len() as u32;
-    let swell = |out: Vec3| 1.0 + clump.rough * lumps(out, clump.seed);
+    let swell = |out: Vec3| {
+        let fine = lumps(out * 2.3, clump.seed + 11);
+        1.0 + clump.rough * (0.8 * lumps(out, clump.seed) + 0.45 * fine)
+    };
     for ring in 0..=rings {
         let (sin_up, cos_up) = (PI * (ring as f32 / rings as f32 - 0.5)).sin_cos();
         for k in 0..=around {
@@ -178,8 +186,11 @@ fn blob(mesh: &mut Mesh, clump: Clump, leafage: Leafage, finish: Finish) {
             let height = 0.5 + 0.5 * sin_up;
             let hollow = (0.5 + (reach - 1.0) / clump.rough.max(0.05) * 0.5).clamp(0.0, 1.0);
             let open = clump.dark + (1.0 - clump.dark) * height * (0.62 + 0.38 * hollow);
-            let uv = Vec2::new(k as f32 / around as f32 * 2.6 * clump.size.x, ring as f32 / rings as f32 * 1.5 * clump.size.z);
-            let uv = uv * 0.9;
+            let uv = Vec2::new(
+                k as f32 / around as f32 * 2.6 * clump.size.x,
+                ring as f32 / rings as f32 * 1.5 * clump.size.z,
+            );
+            let uv = uv * 1.5;
             let position = clump.centre + out * clump.size * reach;
             mesh.vertex(Vertex { position, normal, uv, finish, openness: (255.0 * open) as u8 });
         }
@@ -199,7 +210,14 @@ fn blob(mesh: &mut Mesh, clump: Clump, leafage: Leafage, finish: Finish) {
 }
 
 /// A tier of a conifer: a cone whose rim goes in and out, dark below.
-fn tier(mesh: &mut Mesh, foot: Vec3, [radius, height]: [f32; 2], turn: f32, leafage: Leafage, finish: Finish) {
+fn tier(
+    mesh: &mut Mesh,
+    foot: Vec3,
+    [radius, height]: [f32; 2],
+    turn: f32,
+    leafage: Leafage,
+    finish: Finish,
+) {
     let sides = leafage.around + leafage.around % 2;
     let base = mesh.vertices.len() as u32;
     for k in 0..=sides {

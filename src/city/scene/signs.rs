@@ -30,13 +30,20 @@ impl Sign {
     /// Corners in the cell's coordinates from -1 to 1, counter-clockwise for a reader.
     fn outline(self) -> Vec<Vec2> {
         let round = |count: usize, turn: f32, radius: f32| {
-            (0..count).map(|k| Vec2::from_angle(turn + std::f32::consts::TAU * k as f32 / count as f32) * radius).collect()
+            (0..count)
+                .map(|k| Vec2::from_angle(turn + std::f32::consts::TAU * k as f32 / count as f32) * radius)
+                .collect()
         };
         match self {
             Self::Yield => vec![Vec2::new(0.0, -1.0), Vec2::new(1.0, 0.74), Vec2::new(-1.0, 0.74)],
             Self::Stop => round(8, std::f32::consts::FRAC_PI_8, 1.06),
             Self::Roundabout => round(12, 0.0, 0.99),
-            Self::Parking => vec![Vec2::new(-0.97, -0.97), Vec2::new(0.97, -0.97), Vec2::new(0.97, 0.97), Vec2::new(-0.97, 0.97)],
+            Self::Parking => vec![
+                Vec2::new(-0.97, -0.97),
+                Vec2::new(0.97, -0.97),
+                Vec2::new(0.97, 0.97),
+                Vec2::new(-0.97, 0.97),
+            ],
         }
     }
 }
@@ -55,7 +62,9 @@ fn stand(mesh: &mut Mesh, foot: Vec2, towards: Vec2, signs: &[Sign]) {
     for (k, &sign) in signs.iter().enumerate() {
         let middle = foot.extend(MIDDLE_M - 0.80 * k as f32) - towards.extend(0.0) * 0.05;
         let outline = sign.outline();
-        let place = |p: Vec2, back: f32| middle + right * (p.x * HALF_M) + Vec3::Z * (p.y * HALF_M) + towards.extend(0.0) * back;
+        let place = |p: Vec2, back: f32| {
+            middle + right * (p.x * HALF_M) + Vec3::Z * (p.y * HALF_M) + towards.extend(0.0) * back
+        };
         let corners: Vec<Vec3> = outline.iter().map(|&p| place(p, 0.0)).collect();
         let cell = Vec2::new((sign as usize % CELLS) as f32, (sign as usize / CELLS) as f32);
         let uvs: Vec<Vec2> = outline
@@ -76,9 +85,15 @@ fn roadside(map: &CityMap, field: &RoadField, pose: Pose2) -> Option<DVec2> {
     let clear_of_things = map.scenery.iter().all(|piece| {
         let solid = matches!(
             piece.kind,
-            SceneryKind::Building | SceneryKind::Wall | SceneryKind::Hedge | SceneryKind::Tree | SceneryKind::Lamp
+            SceneryKind::Building
+                | SceneryKind::Wall
+                | SceneryKind::Hedge
+                | SceneryKind::Tree
+                | SceneryKind::Lamp
         );
-        !solid || super::grounds::distance_to(&piece.shape, at) > if piece.kind == SceneryKind::Tree { -0.4 } else { 0.25 }
+        !solid
+            || super::grounds::distance_to(&piece.shape, at)
+                > if piece.kind == SceneryKind::Tree { -0.4 } else { 0.25 }
     });
     clear_of_things.then_some(at)
 }
@@ -110,7 +125,8 @@ pub(super) fn signs(mesh: &mut Mesh, map: &CityMap, field: &RoadField) {
             lane.kind == LaneKind::Lane && [0.1, 0.5, 0.9].iter().all(|&part| bend(part) > 0.04)
         };
         let next = |lane: &Lane| lane.successors.iter().map(|&id| map.lane(id)).collect::<Vec<_>>();
-        let into_ring = next(lane).into_iter().any(|after| is_ring(after) || next(after).into_iter().any(is_ring));
+        let into_ring =
+            next(lane).into_iter().any(|after| is_ring(after) || next(after).into_iter().any(is_ring));
         let signs: &[Sign] = match line.kind {
             ControlLineKind::Stop => &[Sign::Stop],
             ControlLineKind::Yield if into_ring => &[Sign::Yield, Sign::Roundabout],

@@ -13,7 +13,8 @@ fn level_triangles(scene: &SceneDescription, surface: Surface) -> Vec<[Vec2; 3]>
     for mesh in &scene.meshes {
         for t in mesh.indices.chunks_exact(3) {
             let corners = [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize]);
-            if corners.iter().all(|v| v.finish.surface == surface && v.position.z < 0.05 && v.normal.z > 0.9) {
+            if corners.iter().all(|v| v.finish.surface == surface && v.position.z < 0.05 && v.normal.z > 0.9)
+            {
                 found.push(corners.map(|v| v.position.truncate()));
             }
         }

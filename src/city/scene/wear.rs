@@ -48,8 +48,13 @@ fn tracks(mesh: &mut Mesh, lane: &Lane) {
     let mut before: Option<(Pose2, f64)> = None;
     let mut put = |pose: Pose2, s: f64| {
         if let Some((last, from)) = before {
-            let corners = [last.point_at(0.0, -half), pose.point_at(0.0, -half), pose.point_at(0.0, half), last.point_at(0.0, half)]
-                .map(|p| p.as_vec2().extend(TRACKS_M));
+            let corners = [
+                last.point_at(0.0, -half),
+                pose.point_at(0.0, -half),
+                pose.point_at(0.0, half),
+                last.point_at(0.0, half),
+            ]
+            .map(|p| p.as_vec2().extend(TRACKS_M));
             let (a, b) = (((start + from) / REPEAT_M) as f32, ((start + s) / REPEAT_M) as f32);
             let uvs = [Vec2::new(0.0, a), Vec2::new(0.0, b), Vec2::new(1.0, b), Vec2::new(1.0, a)];
             mesh.face(&corners, &uvs, TRACKS);

@@ -2,8 +2,8 @@
 
 use super::shape::{Rear, Shape, along};
 use super::{
-    Builder, Detail, GRILLE, HALF_M, HEAD, INDICATOR, LENGTH_M, PAINT, PLASTIC, REVERSE, Skin, TAIL,
-    WELL, WHEEL_RADIUS_M, WHEELBASE_M,
+    Builder, Detail, GRILLE, HALF_M, HEAD, INDICATOR, LENGTH_M, PAINT, PLASTIC, REVERSE, Skin, TAIL, WELL,
+    WHEEL_RADIUS_M, WHEELBASE_M,
 };
 use glam::Vec3;
 
@@ -49,7 +49,8 @@ impl Shape {
         let end = usize::from(facing < 0.0);
         let [top, bottom] = self.rake[end];
         // The bumper stands out most, at two fifths of the height.
-        let back = if t > 0.40 { top * ((t - 0.40) / 0.60).powi(2) } else { bottom * ((0.40 - t) / 0.40).powi(2) };
+        let back =
+            if t > 0.40 { top * ((t - 0.40) / 0.60).powi(2) } else { bottom * ((0.40 - t) / 0.40).powi(2) };
         facing * (LENGTH_M / 2.0 - back - self.bow[end] * f.abs().powf(2.4))
     }
 
@@ -89,7 +90,8 @@ fn columns(detail: Detail) -> Vec<Column> {
     let side: &[f32] = if near { &[-2.22] } else { &[-2.0] };
     columns.extend(side.iter().map(|&x| Column::Side(x, 0.0)));
     for axle in [-WHEELBASE_M / 2.0, WHEELBASE_M / 2.0] {
-        let cuts: &[f32] = if near { &[-1.0, -0.86, -0.5, 0.0, 0.5, 0.86, 1.0] } else { &[-1.0, -0.6, 0.6, 1.0] };
+        let cuts: &[f32] =
+            if near { &[-1.0, -0.86, -0.5, 0.0, 0.5, 0.86, 1.0] } else { &[-1.0, -0.6, 0.6, 1.0] };
         columns.push(Column::Side(axle - ARCH_M, 0.0));
         columns.extend(cuts.iter().map(|&cut| {
             let up = (1.0 - cut * cut).max(0.0).sqrt();
@@ -153,7 +155,13 @@ fn skin(shape: &Shape, detail: Detail, [a, b]: [Column; 2], t: f32, left: bool) 
             let (inner, outer) = (f.min(g), f.max(g));
             if facing > 0.0 {
                 match t {
-                    t if t < 0.1 && detail == Detail::Near => if outer < 0.7 { GRILLE } else { PLASTIC },
+                    t if t < 0.1 && detail == Detail::Near => {
+                        if outer < 0.7 {
+                            GRILLE
+                        } else {
+                            PLASTIC
+                        }
+                    }
                     t if t < 0.3 && detail == Detail::Near && outer < 0.7 => GRILLE,
                     t if (0.59..0.9).contains(&t) && inner > 0.6 => {
                         let is_indicator = inner > 0.8 && t < 0.7;
@@ -164,9 +172,21 @@ fn skin(shape: &Shape, detail: Detail, [a, b]: [Column; 2], t: f32, left: bool) 
                 }
             } else {
                 match t {
-                    t if t < 0.3 && detail == Detail::Near => PLASTIC,
-                    t if tall && inner > 0.8 && (0.3..0.9).contains(&t) => if t < 0.5 { indicator } else { TAIL },
-                    t if tall => if inner > 0.6 && inner < 0.8 && (0.3..0.5).contains(&t) { REVERSE } else { PAINT },
+                    t if t < if shape.clad { 0.3 } else { 0.1 } && detail == Detail::Near => PLASTIC,
+                    t if tall && inner > 0.8 && (0.3..0.9).contains(&t) => {
+                        if t < 0.5 {
+                            indicator
+                        } else {
+                            TAIL
+                        }
+                    }
+                    t if tall => {
+                        if inner > 0.6 && inner < 0.8 && (0.3..0.5).contains(&t) {
+                            REVERSE
+                        } else {
+                            PAINT
+                        }
+                    }
                     t if (0.59..0.9).contains(&t) && inner > 0.6 => match t {
                         t if t > 0.7 || (detail == Detail::Far && inner < 0.8) => TAIL,
                         _ if inner > 0.8 => indicator,
@@ -179,7 +199,13 @@ fn skin(shape: &Shape, detail: Detail, [a, b]: [Column; 2], t: f32, left: bool) 
         (Column::Side(..), Column::End(facing, _)) | (Column::End(facing, _), Column::Side(..)) => {
             let lamp = (0.59..0.9).contains(&t) || (tall && facing < 0.0 && (0.3..0.9).contains(&t));
             match (lamp, facing > 0.0) {
-                (true, true) => if t < 0.7 && detail == Detail::Near { indicator } else { HEAD },
+                (true, true) => {
+                    if t < 0.7 && detail == Detail::Near {
+                        indicator
+                    } else {
+                        HEAD
+                    }
+                }
                 (true, false) if tall => PAINT,
                 (true, false) => TAIL,
                 _ if t < 0.1 => PLASTIC,
@@ -228,7 +254,8 @@ fn deck(builder: &mut Builder, shape: &Shape, detail: Detail, facing: f32) {
     let [rear_foot, .., front_foot] = shape.cabin.stations;
     let foot = if facing > 0.0 { front_foot - 0.10 } else { rear_foot + 0.10 };
     let parts: &[f32] = if detail == Detail::Near { &[0.0, 0.35, 0.7, 0.9, 1.0] } else { &[0.0, 0.7, 1.0] };
-    let across: &[f32] = if detail == Detail::Near { &[-1.0, -0.62, 0.0, 0.62, 1.0] } else { &[-1.0, 0.0, 1.0] };
+    let across: &[f32] =
+        if detail == Detail::Near { &[-1.0, -0.62, 0.0, 0.62, 1.0] } else { &[-1.0, 0.0, 1.0] };
     let reach = LENGTH_M / 2.0 - shape.bow[usize::from(facing < 0.0)];
     let mut points: Vec<Vec<Vec3>> = parts
         .iter()

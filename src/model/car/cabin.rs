@@ -69,7 +69,19 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
     let sections: Vec<Vec<Vec3>> = stations
         .iter()
         .enumerate()
-        .map(|(k, station)| section(shape, station, if k == last { 0.10 } else if k == 0 { -0.05 } else { 0.0 }))
+        .map(|(k, station)| {
+            section(
+                shape,
+                station,
+                if k == last {
+                    0.10
+                } else if k == 0 {
+                    -0.05
+                } else {
+                    0.0
+                },
+            )
+        })
         .collect();
     let points = sections[0].len() - 1;
     // Windscreen and rear window by themselves, so that their edges stay sharp.
@@ -79,11 +91,15 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
         // (next point) x (next section) turned about, so sections go backwards.
         let part: Vec<Vec<Vec3>> = sections[range.clone()].iter().rev().cloned().collect();
         let count = part.len() - 1;
-        builder.grid(&part, |_| 250, |row, point| {
-            let station = first + count - 1 - row;
-            let up = point.min(points - 1 - point);
-            Some(skin(shape, detail, &stations, station, up, end))
-        });
+        builder.grid(
+            &part,
+            |_| 250,
+            |row, point| {
+                let station = first + count - 1 - row;
+                let up = point.min(points - 1 - point);
+                Some(skin(shape, detail, &stations, station, up, end))
+            },
+        );
     }
     if shape.rear == Rear::Cargo && detail == Detail::Near {
         let x = -super::LENGTH_M / 2.0 + 0.045;
@@ -93,7 +109,11 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
             let lean = |z: f32| x + 0.03 * (z - low);
             let corner = |y: f32, z: f32| Vec3::new(lean(z) - 0.02, y, z);
             let (y0, y1) = (a.max(b), a.min(b));
-            builder.plate(&[corner(y0, low), corner(y1, low), corner(y1, high), corner(y0, high)], GLASS, 240);
+            builder.plate(
+                &[corner(y0, low), corner(y1, low), corner(y1, high), corner(y0, high)],
+                GLASS,
+                240,
+            );
         }
         let seam = [(0.01, 0.5), (-0.01, 0.5), (-0.01, 1.9), (0.01, 1.9)];
         builder.plate(&seam.map(|(y, z)| Vec3::new(x - 0.06, y, z)), SEAM, 200);
@@ -101,21 +121,52 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
 }
 
 /// What a face is made of: behind which station, how far up, and on which end.
-fn skin(shape: &Shape, detail: Detail, stations: &[Station], station: usize, up: usize, end: Option<f32>) -> Skin {
+fn skin(
+    shape: &Shape,
+    detail: Detail,
+    stations: &[Station],
+    station: usize,
+    up: usize,
+    end: Option<f32>,
+) -> Skin {
     let cargo = shape.rear == Rear::Cargo;
     let glass_at_end = |facing: f32| !(cargo && facing < 0.0);
     match (end, up) {
-        (_, FOOT) => if end.is_some() { SEAM } else { PAINT },
+        (_, FOOT) => {
+            if end.is_some() {
+                SEAM
+            } else {
+                PAINT
+            }
+        }
         // Beside the windscreen a triangle of glass, beside the rear window a pillar.
-        (Some(facing), SILL) => if facing > 0.0 { GLASS } else { PAINT },
+        (Some(facing), SILL) => {
+            if facing > 0.0 {
+                GLASS
+            } else {
+                PAINT
+            }
+        }
         (Some(_), RAIL) => PAINT,
-        (Some(facing), GUTTER..) => if glass_at_end(facing) { GLASS } else { PAINT },
+        (Some(facing), GUTTER..) => {
+            if glass_at_end(facing) {
+                GLASS
+            } else {
+                PAINT
+            }
+        }
         (None, SILL) => {
             let [_, rear_roof, rear_glass, pillar, ..] = shape.cabin.stations;
             let middle = (stations[station].x + stations[station + 1].x) / 2.0;
             let is_pillar = (middle - pillar).abs() < 0.05 && detail == Detail::Near;
             let behind = (rear_glass > rear_roof && middle < rear_glass) || (cargo && middle < pillar);
-            if behind { PAINT } else if is_pillar { PLASTIC } else { GLASS }
+            if behind {
+                PAINT
+            } else if is_pillar {
+                PLASTIC
+            } else {
+                GLASS
+            }
         }
         _ => PAINT,
     }

@@ -35,8 +35,8 @@ pub(super) const HEAD: Skin = Skin::new("head", [214, 220, 226]).rough(0.1);
 pub(super) const TAIL: Skin = Skin::new("tail", [128, 10, 12]).rough(0.2);
 pub(super) const REVERSE: Skin = Skin::new("reverse", [196, 196, 196]).rough(0.2);
 pub(super) const INDICATOR: [Skin; 2] = [
-    Skin::new("indicator_left", [186, 98, 24]).rough(0.2),
-    Skin::new("indicator_right", [186, 98, 24]).rough(0.2),
+    Skin::new("indicator_left", [176, 104, 48]).rough(0.2),
+    Skin::new("indicator_right", [176, 104, 48]).rough(0.2),
 ];
 
 /// How many faces a car may have.
@@ -62,15 +62,22 @@ pub fn model(shape: &Shape) -> Model {
     ];
     let axle = WHEELBASE_M / 2.0;
     let out = HALF_M - wheel::WIDTH_M / 2.0 - 0.012;
-    for (name, x, y) in
-        [("front_left", axle, out), ("front_right", axle, -out), ("rear_left", -axle, out), ("rear_right", -axle, -out)]
-    {
+    for (name, x, y) in [
+        ("front_left", axle, out),
+        ("front_right", axle, -out),
+        ("rear_left", -axle, out),
+        ("rear_right", -axle, -out),
+    ] {
         let turn = if y > 0.0 { 0.0 } else { PI };
-        let place = Affine3A::from_rotation_translation(Quat::from_rotation_z(turn), Vec3::new(x, y, WHEEL_RADIUS_M));
+        let place =
+            Affine3A::from_rotation_translation(Quat::from_rotation_z(turn), Vec3::new(x, y, WHEEL_RADIUS_M));
         nodes.push(Node { name: format!("wheel_{name}"), mesh: 2, model_from_mesh: place });
     }
-    Model { meshes: vec![near, far, wheel::wheel(WHEEL_RADIUS_M, 16), wheel::wheel(WHEEL_RADIUS_M, 8)], nodes }
-        .with_far_wheel()
+    Model {
+        meshes: vec![near, far, wheel::wheel(WHEEL_RADIUS_M, 16), wheel::wheel(WHEEL_RADIUS_M, 8)],
+        nodes,
+    }
+    .with_far_wheel()
 }
 
 impl Model {

@@ -2,8 +2,8 @@
 
 use super::shape::{Rear, Shape};
 use super::{
-    Builder, CHROME, Detail, HALF_M, LENGTH_M, PAINT, PLASTIC, PLATE, SEAM, Skin, TAIL, WHEEL_RADIUS_M, WHEELBASE_M,
-    WIDTH_M,
+    Builder, CHROME, Detail, HALF_M, LENGTH_M, PAINT, PLASTIC, PLATE, SEAM, Skin, TAIL, WHEEL_RADIUS_M,
+    WHEELBASE_M, WIDTH_M,
 };
 use glam::Vec3;
 
@@ -36,7 +36,8 @@ pub(super) fn trim(builder: &mut Builder, shape: &Shape, detail: Detail) {
             let [_, rear_roof, _, _, front_roof, _] = shape.cabin.stations;
             let y = side * (shape.cabin.roof_half - 0.06);
             let z = shape.cabin.roof[0];
-            let (low, high) = (Vec3::new(rear_roof + 0.15, y - 0.02, z), Vec3::new(front_roof - 0.1, y + 0.02, z + 0.065));
+            let (low, high) =
+                (Vec3::new(rear_roof + 0.15, y - 0.02, z), Vec3::new(front_roof - 0.1, y + 0.02, z + 0.065));
             builder.block(low, high, PLASTIC, 240);
         }
     }

@@ -21,7 +21,12 @@ pub(super) fn wheel(radius: f32, sides: u32) -> Vec<Part> {
     let angle = |k: u32| TAU * k as f32 / sides as f32;
     // Tread, shoulder and side wall of the tyre, then the lip of the rim.
     let ring = |y: f32, r: f32| (0..=sides).map(|k| turned(angle(k), y, r)).collect::<Vec<_>>();
-    let tyre = [ring(-0.85 * half, radius), ring(0.78 * half, radius), ring(half, 0.90 * radius), ring(half - 0.006, rim)];
+    let tyre = [
+        ring(-0.85 * half, radius),
+        ring(0.78 * half, radius),
+        ring(half, 0.90 * radius),
+        ring(half - 0.006, rim),
+    ];
     builder.grid(&tyre, |_| 190, |_, _| Some(TYRE));
     let lip = [ring(half - 0.006, rim), ring(half - 0.045, 0.90 * rim)];
     builder.grid(&lip, |_| 220, |_, _| Some(RIM));
@@ -39,7 +44,8 @@ pub(super) fn wheel(radius: f32, sides: u32) -> Vec<Part> {
             ];
             builder.plate(&[corners[3], corners[2], corners[1], corners[0]], RIM, 230);
         }
-        let hub: Vec<Vec3> = (0..10).map(|k| turned(TAU * k as f32 / 10.0, half - 0.016, 0.30 * rim)).collect();
+        let hub: Vec<Vec3> =
+            (0..10).map(|k| turned(TAU * k as f32 / 10.0, half - 0.016, 0.30 * rim)).collect();
         builder.plate(&hub, RIM, 240);
     } else {
         let face: Vec<Vec3> = (0..5).map(|k| turned(TAU * k as f32 / 5.0, half - 0.02, 0.80 * rim)).collect();

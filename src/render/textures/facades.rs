@@ -54,7 +54,13 @@ impl Window {
         let (wide, high) = (3.0 * (self.across[1] - self.across[0]), 3.1 * (self.up[1] - self.up[0]));
         let edge = (x * wide).min((1.0 - x) * wide).min(y * high).min((1.0 - y) * high);
         // The reveal shades what lies behind it.
-        let shade = if (1.0 - y) * high < 0.13 { 0.55 } else if x * wide < 0.06 { 0.72 } else { 1.0 };
+        let shade = if (1.0 - y) * high < 0.13 {
+            0.55
+        } else if x * wide < 0.06 {
+            0.72
+        } else {
+            1.0
+        };
         if edge < 0.055 || (x - 0.5).abs() * wide < 0.035 || (y - self.bar).abs() * high < 0.028 {
             return Some(tinted(self.frame, shade));
         }
@@ -84,8 +90,18 @@ pub(super) fn windows(at: [f32; 2]) -> Texel {
     if within(at, [0.26, 0.76], [0.215, 0.245]) || within(at, [0.27, 0.75], [0.815, 0.83]) {
         return grey(wall * 0.80);
     }
-    let run = if (at[0] - 0.29).abs() < 0.012 || (at[0] - 0.71).abs() < 0.012 { at[1].min(0.215) * 0.30 } else { 0.0 };
-    let band = if at[1] < 0.022 { 0.84 } else if at[1] < 0.05 { 1.04 } else { 1.0 };
+    let run = if (at[0] - 0.29).abs() < 0.012 || (at[0] - 0.71).abs() < 0.012 {
+        at[1].min(0.215) * 0.30
+    } else {
+        0.0
+    };
+    let band = if at[1] < 0.022 {
+        0.84
+    } else if at[1] < 0.05 {
+        1.04
+    } else {
+        1.0
+    };
     grey((wall - run) * band)
 }
 
@@ -141,7 +157,7 @@ pub(super) fn balcony(at: [f32; 2]) -> Texel {
         return grey(if v < 0.012 { 0.50 } else { 0.97 });
     }
     if within(at, [0.10, 0.90], [0.055, 0.37]) {
-        let rail = v > 0.345 || v < 0.075;
+        let rail = !(0.075..=0.345).contains(&v);
         let bar = (u * 34.0).fract() < 0.26;
         if rail || bar {
             return tinted(DARK, 1.0);
@@ -173,7 +189,13 @@ pub(super) fn glazing(at: [f32; 2]) -> Texel {
     let sheen = if ((u * 0.8 + y + hash(seed, 3, 2)) * 1.7).fract() < 0.35 { 0.07 } else { 0.0 };
     // Desks and lamps of the storey behind, dim.
     let lamp = y > 0.86 && (u * 6.0).fract() < 0.5;
-    let room = if lamp { 0.26 } else if y < 0.28 && hash((u * 10.0) as i32, 4, 71) > 0.5 { 0.05 } else { 0.10 };
+    let room = if lamp {
+        0.26
+    } else if y < 0.28 && hash((u * 10.0) as i32, 4, 71) > 0.5 {
+        0.05
+    } else {
+        0.10
+    };
     let level = room + 0.10 * y + sheen;
     ([level * 0.78, level * 0.97, level * 1.16], 0.10)
 }
@@ -194,9 +216,8 @@ pub(super) fn shopfront(at: [f32; 2]) -> Texel {
         let panel = within(at, [0.10, 0.47], [0.035, 0.105]) || within(at, [0.53, 0.90], [0.035, 0.105]);
         return grey(if panel { 0.46 } else { 0.60 });
     }
-    let frame = !within(at, [0.06, 0.94], [0.145, 0.80])
-        || (u - 0.5).abs() < 0.012
-        || (v - 0.66).abs() < 0.009;
+    let frame =
+        !within(at, [0.06, 0.94], [0.145, 0.80]) || (u - 0.5).abs() < 0.012 || (v - 0.66).abs() < 0.009;
     if frame {
         return tinted(DARK, 0.9);
     }
@@ -261,5 +282,11 @@ pub(super) fn gate(at: [f32; 2]) -> Texel {
         return ([0.12, 0.15, 0.18], 0.15);
     }
     let panel = (0.08..0.92).contains(&cell) && (0.16..0.88).contains(&row);
-    grey(if joint { 0.62 } else if panel { 0.96 } else { 0.88 })
+    grey(if joint {
+        0.62
+    } else if panel {
+        0.96
+    } else {
+        0.88
+    })
 }

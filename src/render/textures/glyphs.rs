@@ -30,7 +30,9 @@ pub(super) fn letters(at: [f32; 2]) -> Texel {
             for (dc, dr) in [(1, 0), (0, 1), (1, 1), (-1, 1)] {
                 let straight = dc == 0 || dr == 0;
                 // Diagonals only where no corner goes round.
-                if set(column + dc, row + dr) && (straight || !(set(column + dc, row) || set(column, row + dr))) {
+                if set(column + dc, row + dr)
+                    && (straight || !(set(column + dc, row) || set(column, row + dr)))
+                {
                     distance = distance.min(to_segment([x, y], here, centre(column + dc, row + dr)));
                 }
             }
@@ -71,7 +73,13 @@ pub(super) fn signs(at: [f32; 2]) -> Texel {
         // Priority road.
         4 => {
             let inside = 1.0 - x.abs() - y.abs();
-            if inside > 0.34 { YELLOW } else if inside > 0.04 { WHITE } else { BLACK }
+            if inside > 0.34 {
+                YELLOW
+            } else if inside > 0.04 {
+                WHITE
+            } else {
+                BLACK
+            }
         }
         // Speed limit of 30.
         5 => {
@@ -119,7 +127,11 @@ fn stop(x: f32, y: f32) -> [f32; 3] {
         }
         1 => ly > 0.72 || lx.abs() < w,
         2 => (lx.hypot(ly * 0.74) - 0.56).abs() < 0.20,
-        _ => lx < -0.74 + 2.0 * w || (ly > 0.72 || (0.0..0.28).contains(&ly)) || (ly > 0.0 && lx > 0.74 - 1.6 * w),
+        _ => {
+            lx < -0.74 + 2.0 * w
+                || (ly > 0.72 || (0.0..0.28).contains(&ly))
+                || (ly > 0.0 && lx > 0.74 - 1.6 * w)
+        }
     };
     if ink { WHITE } else { RED }
 }

@@ -86,7 +86,8 @@ fn lane(at: [f32; 2]) -> Texel {
     // Nothing at the edges, where other asphalt goes on.
     let inside = (1.0 - (2.0 * u - 1.0).abs().powi(6)).max(0.0);
     let broad = octaves(at, [3, 8], 4, 315) - 0.5;
-    let level = 0.80 + grain(at, [110, 300]) + 0.14 * broad - inside * (0.10 * tracks + 0.09 * oil - 0.05)
+    let level = 0.80 + grain(at, [110, 300]) + 0.14 * broad
+        - inside * (0.10 * tracks + 0.09 * oil - 0.05)
         - 0.20 * crack([u, v], [3, 10]) * inside;
     grey(level)
 }
@@ -94,8 +95,8 @@ fn lane(at: [f32; 2]) -> Texel {
 fn patch(at: [f32; 2]) -> Texel {
     let [u, v] = at;
     let rim = u.min(1.0 - u).min(v.min(1.0 - v));
-    let seal = rim < 0.030 + 0.02 * value(at, [12, 12], 321);
-    grey(if seal { 0.40 } else { 0.62 + grain(at, [100, 100]) * 0.8 })
+    let seal = rim < 0.012 + 0.02 * value(at, [12, 12], 321);
+    grey(if seal { 0.50 } else { 0.71 + grain(at, [100, 100]) })
 }
 
 fn manhole(at: [f32; 2]) -> Texel {
@@ -107,7 +108,8 @@ fn manhole(at: [f32; 2]) -> Texel {
         r if r > 0.74 => grey(0.66),
         r if r > 0.70 => grey(0.36),
         _ => {
-            let stud = ((x * 7.0).fract().abs() - 0.5).abs() < 0.32 && ((y * 7.0).fract().abs() - 0.5).abs() < 0.32;
+            let stud =
+                ((x * 7.0).fract().abs() - 0.5).abs() < 0.32 && ((y * 7.0).fract().abs() - 0.5).abs() < 0.32;
             ([0.56, 0.55, 0.53].map(|c: f32| if stud { c + 0.10 } else { c - 0.12 }), 0.85)
         }
     }
@@ -119,7 +121,14 @@ fn grass(at: [f32; 2]) -> Texel {
     let tufts = octaves(at, [7, 7], 4, 12) - 0.5;
     let dry = ((octaves(at, [4, 4], 3, 17) - 0.54) * 5.0).clamp(0.0, 1.0);
     let level = 0.80 + 0.26 * blades + 0.16 * fine + 0.26 * tufts;
-    ([level * (1.0 + 0.10 * tufts + 0.16 * dry), level * (1.0 + 0.02 * dry), level * (0.94 - 0.12 * tufts)], 1.0)
+    (
+        [
+            level * (1.0 + 0.10 * tufts + 0.16 * dry),
+            level * (1.0 + 0.02 * dry),
+            level * (0.94 - 0.12 * tufts),
+        ],
+        1.0,
+    )
 }
 
 /// Joint lines of a bond: 0 in a joint to 1 inside, and a number of the piece.
@@ -181,7 +190,7 @@ fn gravel(at: [f32; 2]) -> Texel {
 
 /// Leaves as small ovals, each in a light of its own, over the dark between them.
 fn leaves(at: [f32; 2]) -> Texel {
-    const CELLS: i32 = 22;
+    const CELLS: i32 = 26;
     let clumps = octaves(at, [5, 5], 3, 101);
     let mut level = 0.20 + 0.30 * clumps;
     let [x, y] = at.map(|c| c * CELLS as f32);

@@ -114,6 +114,10 @@ pub(super) struct MeshKey {
 }
 
 impl MeshKey {
+    pub(super) fn body(self) -> BodyType {
+        self.body
+    }
+
     pub(super) fn new(body: BodyType, d: &Dimensions) -> Self {
         let measures = [d.length_m, d.width_m, d.height_m, d.wheelbase_m, d.wheel_radius_m]
             .map(|m| (m * 1000.0).round().clamp(1.0, 1e6) as u32);

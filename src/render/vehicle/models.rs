@@ -35,7 +35,9 @@ impl Default for Models {
             (BodyType::Van, car::VAN),
             (BodyType::Pickup, car::PICKUP),
         ];
-        Self { models: shipped.into_iter().map(|(body, shape)| (body, Arc::new(car::model(&shape)))).collect() }
+        Self {
+            models: shipped.into_iter().map(|(body, shape)| (body, Arc::new(car::model(&shape)))).collect(),
+        }
     }
 }
 
@@ -124,7 +126,10 @@ mod tests {
             let faces = build.far_body.indices.len() / 3;
             assert!(faces < 500 && faces * 3 < build.body.indices.len() / 3, "{kind:?}: {faces}");
             for lamp in 3..=6 {
-                assert!(build.far_body.vertices.iter().any(|v| v.material == lamp), "{kind:?} without {lamp}");
+                assert!(
+                    build.far_body.vertices.iter().any(|v| v.material == lamp),
+                    "{kind:?} without {lamp}"
+                );
             }
         }
     }
