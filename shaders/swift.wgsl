@@ -51,9 +51,6 @@ fn swift_display(radiance: vec3<f32>) -> vec4<f32> {
 }
 
 fn swift_shade(in: Swift, pattern: vec3<f32>) -> vec4<f32> {
-    var lit = 0.0;
-    if dot(in.sunlight, vec3<f32>(1.0)) > 0.0 {
-        lit = textureSampleCompareLevel(shadow_map, shadow_sampler, in.shadow.xy, in.shadow.z);
-    }
+    let lit = textureSampleCompareLevel(shadow_map, shadow_sampler, in.shadow.xy, in.shadow.z);
     return swift_display(pattern * (in.ambient + in.sunlight * lit) + frame.haze.rgb * in.shadow.w);
 }

@@ -1,6 +1,6 @@
 //! The ground cut into square cells, so that each view draws what it may see of it.
 
-use crate::city::scene::{Mesh, Vertex};
+use crate::city::scene::{Mesh, Surface, Vertex};
 use glam::Vec3;
 use std::collections::BTreeMap;
 
@@ -12,13 +12,15 @@ const WHOLE_FROM_M: f32 = 200.0;
 /// Meshes by the cell they lie in.
 pub(super) type Cells = BTreeMap<[i32; 2], Mesh>;
 
-/// Meshes of the ground, cut along the edges of cells.
-pub(super) fn cut(meshes: &[Mesh]) -> Cells {
+/// What meshes of the ground have of some surfaces, cut along the edges of cells.
+pub(super) fn cut(meshes: &[Mesh], of: &dyn Fn(Surface) -> bool) -> Cells {
     let mut cells = Cells::new();
     for mesh in meshes {
         for triangle in mesh.indices.chunks_exact(3) {
             let corners = [triangle[0], triangle[1], triangle[2]].map(|k| mesh.vertices[k as usize]);
-            split_into(&mut cells, corners);
+            if of(corners[0].finish.surface) {
+                split_into(&mut cells, corners);
+            }
         }
     }
     cells
@@ -84,7 +86,7 @@ fn clip(corners: &[Vertex], axis: usize, at: f32, keep_above: bool) -> Vec<Verte
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::city::scene::{Class, Finish, Surface};
+    use crate::city::scene::{Class, Finish};
     use glam::Vec2;
 
     #[test]

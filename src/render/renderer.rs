@@ -20,11 +20,12 @@ use super::standing::{Gaze, SeenCells, Standing};
 use super::{Context, Image, RenderError, Settings, TargetView};
 use crate::camera::{PictureKind, View};
 use crate::city::scene::SceneDescription;
-use crate::snapshot::FrameSnapshot;
+use crate::model::Model;
+use crate::snapshot::{BodyType, FrameSnapshot};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 
 /// Draws one scene and whatever drives in it.
 #[derive(Debug)]
@@ -109,6 +110,11 @@ impl Renderer {
         renderer.shadow.draw_standing(&mut encoder, &renderer.frame, &renderer.standing);
         context.queue.submit([encoder.finish()]);
         Ok(renderer)
+    }
+
+    /// Draws vehicles of a body type with a model, stretched to the measures of each.
+    pub fn set_vehicle_model(&mut self, body: BodyType, model: Arc<Model>) {
+        self.fleet.set_model(body, model);
     }
 
     /// What it was built for.
@@ -415,6 +421,7 @@ impl Renderer {
     fn look_at(&mut self, views: &[View]) -> Vec<Seen> {
         let mut lists = Vec::new();
         let seen: Vec<Seen> = views.iter().map(|view| self.look(view, &mut lists)).collect();
+        if std::env::var("TRI").is_ok() { let f=|g: &dyn Fn(&Seen)->usize| { let s: &Vec<Seen>=&seen; s.iter().map(|x| g(x)).sum::<usize>()/s.len() }; eprintln!("raised {} ground {} lines {} cars {} cartris {}", f(&|s| s.cells.raised.len()/3), f(&|s| s.cells.ground.len()/3), f(&|s| s.cells.lines.len()/3), f(&|s| s.vehicles.len()), f(&|s| self.fleet.tris(&s.vehicles))); }
         self.standing.write(&self.context.device, &self.context.queue, &lists);
         seen
     }
@@ -437,8 +444,7 @@ impl Renderer {
     fn draw_view(&self, pass: &mut wgpu::RenderPass<'_>, seen: &Seen) {
         // Nearest first, as far as can be told: what is hidden costs no shading.
         self.vehicles.draw(pass, &self.fleet, &seen.vehicles);
-        self.city.draw(pass, &self.standing, &seen.cells.raised);
-        self.city.draw(pass, &self.standing, &seen.cells.ground);
+        self.city.draw(pass, &self.standing, &seen.cells);
         self.sky.draw(pass);
         self.contact.draw(pass, &self.fleet, &seen.vehicles);
     }

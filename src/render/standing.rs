@@ -8,7 +8,7 @@ use super::cells;
 use super::frustum::{Frustum, Sharpness};
 use super::horizon::{Horizon, Pillar};
 use super::passes::city::gpu_data::Vertex as GpuVertex;
-use crate::city::scene::{Mesh, SceneDescription, Vertex, Wall};
+use crate::city::scene::{Mesh, SceneDescription, Surface, Vertex, Wall};
 use glam::Vec3;
 use std::ops::Range;
 use wgpu::util::DeviceExt;
@@ -37,6 +37,8 @@ pub(super) struct Standing {
     indices: Vec<u32>,
     objects: Vec<Piece>,
     ground: Vec<Piece>,
+    /// Painted lines, whose cover of a pixel is computed.
+    lines: Vec<Piece>,
     walls: Vec<Wall>,
     /// Everything that throws a shadow.
     shadows: (wgpu::Buffer, u32),
@@ -60,6 +62,7 @@ pub(super) struct Gaze<'a> {
 pub(super) struct SeenCells {
     pub(super) raised: Range<u32>,
     pub(super) ground: Range<u32>,
+    pub(super) lines: Range<u32>,
 }
 
 impl Standing {
@@ -70,8 +73,12 @@ impl Standing {
             .iter()
             .map(|object| packed.piece(object.levels.iter().map(|level| (&level.mesh, level.error_m))))
             .collect();
-        let ground = cells::cut(&scene.ground);
-        let ground = ground.values().map(|mesh| packed.piece(std::iter::once((mesh, 0.0)))).collect();
+        let mut pieces = |of: &dyn Fn(Surface) -> bool| {
+            let cells = cells::cut(&scene.ground, of);
+            cells.values().map(|mesh| packed.piece(std::iter::once((mesh, 0.0)))).collect()
+        };
+        let ground = pieces(&|surface| surface != Surface::Line);
+        let lines = pieces(&|surface| surface == Surface::Line);
         let finest = objects.iter().flat_map(|piece| piece.levels.first());
         let shadows: Vec<u32> = finest.flat_map(|level| packed.of(level)).copied().collect();
         let buffer = |label, contents, usage| {
@@ -91,6 +98,7 @@ impl Standing {
             indices: packed.indices,
             objects,
             ground,
+            lines,
             walls: scene.walls.clone(),
         }
     }
@@ -104,7 +112,8 @@ impl Standing {
     pub(super) fn see(&self, gaze: &Gaze<'_>, lists: &mut Vec<u32>) -> SeenCells {
         let raised = self.list(&self.objects, gaze, lists);
         let ground = self.list(&self.ground, gaze, lists);
-        SeenCells { raised, ground }
+        let lines = self.list(&self.lines, gaze, lists);
+        SeenCells { raised, ground, lines }
     }
 
     fn list(&self, pieces: &[Piece], gaze: &Gaze<'_>, lists: &mut Vec<u32>) -> Range<u32> {

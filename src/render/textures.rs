@@ -1,5 +1,7 @@
 //! Textures made in code at start-up: the patterns of surfaces and the panorama of the sky.
 
+mod facades;
+mod glyphs;
 mod noise;
 mod patterns;
 mod sky;

@@ -57,6 +57,8 @@ struct Report {
     img_per_s_no_png: f64,
     mpix_per_s: f64,
     all_cameras_hz: f64,
+    /// Time of all cores for a picture, nothing written; where the system tells it.
+    cpu_ms_per_img: Option<f64>,
     adapter: String,
 }
 
@@ -73,7 +75,9 @@ pub fn cameras(args: &CamerasArgs) -> Result<(), Failure> {
         run.step();
     }
     let mut film = Film { run, args };
+    let before = cpu_s();
     let drawn = film.for_a_while(&mut renderer, None)?;
+    let spent = cpu_s().zip(before).map(|(after, before)| after - before);
     let written = match &args.png {
         Some(folder) => {
             super::super::create_folder(folder)?;
@@ -93,10 +97,20 @@ pub fn cameras(args: &CamerasArgs) -> Result<(), Failure> {
         img_per_s_no_png: rate(drawn),
         mpix_per_s: rate(drawn) * f64::from(args.width) * f64::from(args.height) / 1e6,
         all_cameras_hz: rate(written) / f64::from(args.cameras),
+        cpu_ms_per_img: spent.map(|spent| 1e3 * spent / drawn.0 as f64),
         adapter: context.adapter_name,
     };
     println!("{}", serde_json::to_string(&report).map_err(Failure::failed)?);
     Ok(())
+}
+
+/// What this process has had of all cores, as Linux tells it.
+fn cpu_s() -> Option<f64> {
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // The name in brackets may hold spaces; after it come the state and ten more fields.
+    let mut fields = stat.rsplit_once(')')?.1.split_whitespace().skip(11);
+    let ticks = fields.next()?.parse::<f64>().ok()? + fields.next()?.parse::<f64>().ok()?;
+    Some(ticks / 100.0)
 }
 
 /// A run that is filmed.

@@ -9,13 +9,18 @@ mod grounds;
 mod lettering;
 mod markings;
 mod mesh;
+mod parked;
 mod plants;
 mod polygon;
 mod props;
 mod roads;
+mod signs;
 mod special;
+mod wear;
 
+pub use lettering::glyph_cell;
 pub use mesh::{Class, Finish, Mesh, Surface, Vertex};
+pub use signs::sign_cell;
 
 use super::{CityMap, SceneryKind};
 use glam::{Vec2, Vec3};
@@ -103,8 +108,16 @@ impl SceneDescription {
                 walls.extend(buildings::opaque_walls(&place));
             }
         }
+        objects.extend(signs::signs(map, &field));
+        objects.extend(parked::cars(map));
         objects.retain(|object: &Object| !object.is_empty());
-        let mut ground = vec![roads::ground(&field), roads::plain(map), markings::markings(map, &field), lying];
+        let mut ground = vec![
+            roads::ground(&field),
+            roads::plain(map),
+            wear::wear(map),
+            markings::markings(map, &field),
+            lying,
+        ];
         ground.retain(|mesh| !mesh.is_empty());
         let [low, high] = map.bounds();
         let finest = objects.iter().flat_map(|object| object.levels.first()).map(|level| &level.mesh);
@@ -129,14 +142,19 @@ struct Place<'a> {
 impl Place<'_> {
     /// A number in [0, 1), another one for each `salt`.
     fn dice(&self, salt: u32) -> f32 {
-        let mut h = self.seed.wrapping_mul(0x9E37_79B1) ^ salt.wrapping_mul(0x85EB_CA77);
-        h ^= h >> 15;
-        h = h.wrapping_mul(0x2C1B_3C6D);
-        h ^= h >> 12;
-        h = h.wrapping_mul(0x297A_2D39);
-        h ^= h >> 15;
-        (h >> 8) as f32 / (1 << 24) as f32
+        dice(self.seed, salt)
     }
+}
+
+/// A number in [0, 1) for two integers.
+fn dice(seed: u32, salt: u32) -> f32 {
+    let mut h = seed.wrapping_mul(0x9E37_79B1) ^ salt.wrapping_mul(0x85EB_CA77);
+    h ^= h >> 15;
+    h = h.wrapping_mul(0x2C1B_3C6D);
+    h ^= h >> 12;
+    h = h.wrapping_mul(0x297A_2D39);
+    h ^= h >> 15;
+    (h >> 8) as f32 / (1 << 24) as f32
 }
 
 #[cfg(test)]
