@@ -131,7 +131,10 @@ impl SceneDescription {
         }
         let roads = roads::LEVELS.map(|error_m| Level { mesh: roads::ground(&field, error_m), error_m });
         let mut ground = vec![Object { levels: roads.to_vec() }];
-        let rest = [roads::plain(map), wear::wear(map), markings::markings(map, &field), lying];
+        let painted = markings::LEVELS
+            .map(|error_m| Level { mesh: markings::markings(map, &field, error_m), error_m });
+        ground.push(Object { levels: painted.to_vec() });
+        let rest = [roads::plain(map), wear::wear(map), lying];
         ground.extend(rest.map(Object::of_one_level));
         ground.retain(|object| !object.is_empty());
         let [low, high] = map.bounds();

@@ -12,7 +12,7 @@ const COARSENESS_M: f32 = 0.32;
 const COARSER_M: [f32; 2] = [0.5, 0.85];
 
 /// How far the outline of a body of each level lies from the finest one's.
-pub(in crate::render) const ERRORS_M: [f32; 4] = [0.0, 0.05, 0.13, 0.24];
+pub(in crate::render) const ERRORS_M: [f32; 5] = [0.0, 0.05, 0.12, 0.24, 0.4];
 
 /// Models of body types; what is not among them is drawn as a sedan.
 #[derive(Clone, Debug)]
@@ -68,11 +68,11 @@ impl Models {
         let far_wheel = fitted
             .far_wheel
             .map_or_else(|| wheel.simplified(COARSENESS_M / 2.0), |parts| VehicleMesh::new(&parts));
-        let coarser = COARSER_M.map(|edge_m| {
-            (far_body.simplified(edge_m), far_wheel.simplified(COARSER_M[1] / 2.0))
-        });
+        let disc = far_wheel.simplified(COARSER_M[1] / 2.0);
+        let coarser = COARSER_M.map(|edge_m| (far_body.simplified(edge_m), disc.clone()));
+        let finer = [(body, wheel), (far_body.clone(), far_wheel), (far_body, disc)];
         Build {
-            levels: [(body, wheel), (far_body, far_wheel)].into_iter().chain(coarser).collect(),
+            levels: finer.into_iter().chain(coarser).collect(),
             half_track_m: fitted.half_track.unwrap_or(d.track_m as f32 / 2.0),
         }
     }
