@@ -53,6 +53,9 @@ fn scenario(section: &str, key: &str, line: &str) -> String {
     match section {
         "" => _ = top.insert(key, line),
         "[[vehicle]]" => _ = vehicle.insert(key, line),
+        _ if section.ends_with("sensor]]") && key != "kind" => {
+            rest = format!("{section}\nkind = \"camera\"\n{line}\n");
+        }
         _ => rest = format!("{section}\n{line}\n"),
     }
     let lines = |table: BTreeMap<&str, &str>| table.into_values().collect::<Vec<_>>().join("\n");
@@ -102,8 +105,9 @@ fn scenario_keys_are_all_described_and_no_others() {
         let (_, list) = told.split_once(&format!("unknown key \"{WRONG}\"; there are: ")).unwrap();
         // Tables within a table, which have their own.
         let tables: &[&str] = match section.as_str() {
+            "[[vehicle]]" | "[traffic]" => &["sensor"],
             "" => &["rates", "vehicle", "vehicle_type", "driver", "right_of_way", "environment", "traffic"],
-            "[vehicle_type.default]" => &["centre_of_mass", "motor", "suspension", "control"],
+            "[vehicle_type.default]" => &["centre_of_mass", "motor", "suspension", "control", "sensor"],
             _ => &[],
         };
         let known: BTreeSet<String> = list.lines().next().unwrap().split(", ").map(str::to_owned).collect();
