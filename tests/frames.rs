@@ -199,6 +199,35 @@ fn with_magenta_car(folder: &Path) -> String {
 }
 
 #[test]
+fn the_table_is_as_described() {
+    if !can_draw() {
+        return;
+    }
+    let document = include_str!("../docs/cameras.md");
+    let (_, section) = document.split_once("\n## frames.csv\n").expect("a section");
+    let rows = section
+        .lines()
+        .skip_while(|line| !line.starts_with("| column"))
+        .take_while(|line| line.starts_with('|'));
+    let described: Vec<&str> = rows
+        .flat_map(|row| row.split('|').nth(1).unwrap_or_default().split('`').skip(1).step_by(2))
+        .collect();
+    let folder = tempfile::tempdir().expect("a folder");
+    let arguments = ["--camera", "overhead", "--duration", "0.5", "--size", "16x16", "--kind", "semantic"];
+    run_well("straight", folder.path(), &arguments);
+    let mut reader = csv::Reader::from_path(folder.path().join("frames.csv")).expect("frames.csv");
+    let columns: Vec<String> = reader.headers().expect("a header").iter().map(str::to_owned).collect();
+    assert_eq!(columns, described);
+    // A camera of the city has no vehicle.
+    let [row] = &table(folder.path())[..] else { panic!("one row") };
+    assert_eq!(
+        (row.file.as_str(), row.vehicle.as_str(), row.id),
+        ("overhead_city_00000000_semantic.png", "city", None)
+    );
+    assert!(row.vehicle_position().is_none() && row.vehicle_orientation().is_none());
+}
+
+#[test]
 fn the_car_ahead_is_in_the_picture_where_its_pose_says() {
     if !can_draw() {
         return;

@@ -2,6 +2,7 @@
 //! software adapter.
 #![cfg(feature = "render")]
 #![allow(clippy::disallowed_methods, reason = "only draws")]
+#![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
 
 use city3d::camera::{Camera, Extrinsics, Kinds, Lens, Mount, PictureKind, Projection, View};
 use city3d::city::scene::{Class, Finish, Mesh, SceneDescription, Surface};
