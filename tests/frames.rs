@@ -3,6 +3,7 @@
 
 use city3d::camera::{Extrinsics, Intrinsics, Projection, View};
 use city3d::city::scene::Class;
+use city3d::geom::trig;
 use city3d::render::{AdapterPreference, Context};
 use city3d::runner::Run;
 use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
@@ -328,7 +329,7 @@ fn the_cameras_of_the_scenario_take_pictures_at_their_rates() {
     ];
     let said = run_well(scenario.to_str().expect("text"), &out, arguments.as_flattened());
     assert!(said.starts_with("12 pictures of 32 x 20"), "{said}");
-    let focal = 10.0 / 15_f64.to_radians().tan();
+    let focal = 10.0 / trig::tan(15_f64.to_radians());
     assert!(table(&out).iter().all(|row| (row.fy - focal).abs() < 1e-9 && row.kind != "rgb"));
 }
 

@@ -149,9 +149,10 @@ impl Renderer {
         (most / tile_bytes(extent).max(1)).max(1) as usize
     }
 
-    /// How many of these requests, from the first on, one call can take: one at least.
+    /// How many of these requests, from the first on, one call can take within what a batch may use and
+    /// the adapter's limits: one at least.
     pub fn requests_at_once(&self, requests: &[Request]) -> usize {
-        let most = self.context.device.limits().max_buffer_size;
+        let most = self.context.device.limits().max_buffer_size.min(self.settings.batch_bytes);
         let ends = requests.iter().scan(0, |end, request| {
             *end += request.bytes();
             Some(*end)
