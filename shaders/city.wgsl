@@ -35,22 +35,93 @@ fn vertex_main(in: VertexIn) -> Fragment {
     return out;
 }
 
+// `Surface::Line` and the layer under it; asphalt's metres per repeat and tint are those of
+// `city/scene/roads.rs`.
+const ASPHALT: u32 = 1u;
+const GRASS: u32 = 2u;
+const LANE: u32 = 19u;
+const LINE: u32 = 20u;
+const ASPHALT_TINT: vec3<f32> = vec3<f32>(0.156, 0.156, 0.162);
+
+// How much of a pixel a line covers: `at.x` metres from its middle, `at.y` half its width, `across`
+// metres from pixel to pixel. Exact for a box filter, also where the line is thinner than a pixel.
+fn covered(at: vec2<f32>, across: f32) -> f32 {
+    let w = max(across, 1e-4);
+    return clamp((at.y - at.x) / w + 0.5, 0.0, 1.0) - clamp((-at.y - at.x) / w + 0.5, 0.0, 1.0);
+}
+
 @fragment
 fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
-    let texel = textureSampleBias(surfaces, surface_sampler, in.uv, in.layer, -0.5);
+    let is_line = in.layer == LINE;
+    let layer = select(in.layer, ASPHALT, is_line);
+    let uv = select(in.uv, in.world.xy * 0.2, is_line);
+    let texel = textureSampleBias(surfaces, surface_sampler, uv, layer, -0.5);
+    let across = length(vec2<f32>(dpdx(in.uv.x), dpdy(in.uv.x)));
     var pattern = texel.rgb;
     if detail {
-        let broad = textureSample(surfaces, surface_sampler, in.uv * 0.113 + 0.37, in.layer).rgb;
-        if in.layer >= 1u && in.layer <= 2u {
-            pattern = pattern * (0.45 + 1.1 * broad / max(vec3<f32>(0.05), vec3<f32>(dot(broad, vec3<f32>(0.1)) + 0.45)));
+        let ground = select(ASPHALT, GRASS, layer == GRASS);
+        let broad = textureSample(surfaces, surface_sampler, in.world.xy * 0.021 + 0.37, ground).g;
+        if layer == GRASS || layer == ASPHALT || layer == LANE {
+            // About 1 on average: the pattern's mean is 0.6.
+            pattern *= 0.5 + 0.5 * broad / 0.6;
         }
     }
     var m: Material;
     m.albedo = pattern * in.colour.rgb;
+    if is_line {
+        // Paint wears where stones stand out.
+        let paint = in.colour.rgb * (0.62 + 0.5 * texel.g);
+        m.albedo = mix(pattern * ASPHALT_TINT, paint, covered(in.uv, across));
+    }
     m.gloss = 1.0 - texel.a;
     m.openness = in.colour.a;
     let from_eye = in.world - view.eye.xyz;
     let distance = length(from_eye);
     let radiance = shade(m, in.world, normalize(in.normal), -from_eye / distance);
     return display(hazed(radiance, distance));
+}
+
+@vertex
+fn swift_vertex(in: VertexIn) -> Swift {
+    let colour = vec4<f32>(linear_from_srgb(in.colour.rgb), in.colour.a);
+    var out = swift_light(Material(colour.rgb, 0.0, colour.a), in.position, in.normal.xyz, vec3<f32>(0.0));
+    out.uv = in.uv;
+    out.layer = in.material & 0xffu;
+    return out;
+}
+
+@fragment
+fn swift_fragment(in: Swift) -> @location(0) vec4<f32> {
+    let texel = textureSample(surfaces, surface_sampler, in.uv, in.layer).rgb;
+    return swift_shade(in, linear_from_srgb(texel));
+}
+
+struct SwiftLine {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) ambient: vec3<f32>,
+    @location(1) sunlight: vec3<f32>,
+    @location(2) shadow: vec4<f32>,
+    // Metres from the line's middle, half its width, and the place on the asphalt.
+    @location(3) at: vec2<f32>,
+    @location(4) ground: vec2<f32>,
+    @location(5) paint: vec3<f32>,
+}
+
+@vertex
+fn swift_line_vertex(in: VertexIn) -> SwiftLine {
+    let white = Material(vec3<f32>(1.0), 0.0, in.colour.a);
+    let light = swift_light(white, in.position, in.normal.xyz, vec3<f32>(0.0));
+    return SwiftLine(
+        light.clip, light.ambient, light.sunlight, light.shadow, in.uv, in.position.xy * 0.2,
+        linear_from_srgb(in.colour.rgb),
+    );
+}
+
+@fragment
+fn swift_line_fragment(in: SwiftLine) -> @location(0) vec4<f32> {
+    let texel = linear_from_srgb(textureSample(surfaces, surface_sampler, in.ground, ASPHALT).rgb);
+    let across = length(vec2<f32>(dpdx(in.at.x), dpdy(in.at.x)));
+    let paint = in.paint * (0.62 + 0.5 * texel.g);
+    let albedo = mix(texel * ASPHALT_TINT, paint, covered(in.at, across));
+    return swift_shade(Swift(in.clip, in.ambient, in.sunlight, in.shadow, in.at, 0u), albedo);
 }

@@ -33,29 +33,48 @@ const INDICATOR_RIGHT: u32 = 6u;
 const REVERSE: u32 = 7u;
 const BRIGHT: u32 = 8u;
 
-@vertex
-fn vertex_main(in: VertexIn) -> Fragment {
-    var out: Fragment;
+// What a vertex looks like: its place, and its material with the light of lamps.
+struct Look {
+    world: vec3<f32>,
+    normal: vec3<f32>,
+    material: Material,
+    glow: vec3<f32>,
+}
+
+fn look_of(in: VertexIn) -> Look {
+    var out: Look;
     let local = vec4<f32>(in.position, 1.0);
     out.world = vec3<f32>(dot(in.row_x, local), dot(in.row_y, local), dot(in.row_z, local));
-    out.clip = view.clip_from_world * vec4<f32>(out.world, 1.0);
     let n = in.normal.xyz;
     out.normal = vec3<f32>(dot(in.row_x.xyz, n), dot(in.row_y.xyz, n), dot(in.row_z.xyz, n));
     var albedo = linear_from_srgb(in.colour.rgb);
-    out.gloss = 0.0;
+    var gloss = 0.0;
     out.glow = vec3<f32>(0.0);
     switch in.material {
-        case PAINT: { albedo *= in.paint.rgb; out.gloss = 0.5; }
-        case GLASS: { out.gloss = 1.0; }
-        case HEAD: { out.gloss = 0.9; out.glow = vec3<f32>(0.9, 0.88, 0.8) * 0.5; }
-        case TAIL: { out.gloss = 0.6; out.glow = vec3<f32>(1.0, 0.02, 0.01) * (0.12 + in.lamps.x * 4.5); }
-        case INDICATOR_LEFT: { out.gloss = 0.6; out.glow = vec3<f32>(1.0, 0.32, 0.01) * in.lamps.y * 5.0; }
-        case INDICATOR_RIGHT: { out.gloss = 0.6; out.glow = vec3<f32>(1.0, 0.32, 0.01) * in.lamps.z * 5.0; }
-        case REVERSE: { out.gloss = 0.6; out.glow = vec3<f32>(1.0, 1.0, 0.95) * in.lamps.w * 4.0; }
-        case BRIGHT: { out.gloss = 0.7; }
+        case PAINT: { albedo *= in.paint.rgb; gloss = 0.5; }
+        case GLASS: { gloss = 1.0; }
+        case HEAD: { gloss = 0.9; out.glow = vec3<f32>(0.9, 0.88, 0.8) * 0.5; }
+        case TAIL: { gloss = 0.6; out.glow = vec3<f32>(1.0, 0.02, 0.01) * (0.12 + in.lamps.x * 4.5); }
+        case INDICATOR_LEFT: { gloss = 0.6; out.glow = vec3<f32>(1.0, 0.32, 0.01) * in.lamps.y * 5.0; }
+        case INDICATOR_RIGHT: { gloss = 0.6; out.glow = vec3<f32>(1.0, 0.32, 0.01) * in.lamps.z * 5.0; }
+        case REVERSE: { gloss = 0.6; out.glow = vec3<f32>(1.0, 1.0, 0.95) * in.lamps.w * 4.0; }
+        case BRIGHT: { gloss = 0.7; }
         default: {}
     }
-    out.albedo = vec4<f32>(albedo, in.colour.a);
+    out.material = Material(albedo, gloss, in.colour.a);
+    return out;
+}
+
+@vertex
+fn vertex_main(in: VertexIn) -> Fragment {
+    let look = look_of(in);
+    var out: Fragment;
+    out.clip = view.clip_from_world * vec4<f32>(look.world, 1.0);
+    out.world = look.world;
+    out.normal = look.normal;
+    out.albedo = vec4<f32>(look.material.albedo, look.material.openness);
+    out.gloss = look.material.gloss;
+    out.glow = look.glow;
     return out;
 }
 
@@ -69,4 +88,15 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     let distance = length(from_eye);
     let radiance = shade(m, in.world, normalize(in.normal), -from_eye / distance) + in.glow;
     return display(hazed(radiance, distance));
+}
+
+@vertex
+fn swift_vertex(in: VertexIn) -> Swift {
+    let look = look_of(in);
+    return swift_light(look.material, look.world, normalize(look.normal), look.glow);
+}
+
+@fragment
+fn swift_fragment(in: Swift) -> @location(0) vec4<f32> {
+    return swift_shade(in, vec3<f32>(1.0));
 }

@@ -8,6 +8,7 @@ pub mod city;
 pub mod environment;
 pub mod geom;
 pub mod mainframe;
+pub mod model;
 pub mod physics;
 pub mod record;
 #[cfg(feature = "render")]

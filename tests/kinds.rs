@@ -30,7 +30,7 @@ fn context() -> Option<Context> {
 }
 
 fn renderer(context: &Context, scene: &SceneDescription) -> Renderer {
-    let quality = Quality { shadow_texels: 1024, ..Quality::FAST };
+    let quality = Quality { shadow_texels: 1024, ..Quality::LOW };
     Renderer::new(context, scene, Settings { quality, ..Settings::default() }).expect("a renderer")
 }
 
@@ -47,9 +47,9 @@ fn wall_on_a_plain() -> SceneDescription {
     let wall = Finish::new(Surface::Plain, [200; 3], Class::Wall);
     mesh.block(Vec3::new(WALL_X + 0.5, 0.0, 0.0), Vec3::new(1.0, 20.0, 4.0), 0.0, wall);
     SceneDescription {
-        meshes: vec![mesh],
-        distant: Vec::new(),
+        ground: vec![mesh],
         bounds: [Vec3::new(-60.0, -60.0, 0.0), Vec3::new(60.0, 60.0, 10.0)],
+        ..SceneDescription::default()
     }
 }
 

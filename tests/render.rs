@@ -33,23 +33,23 @@ fn black_plain() -> SceneDescription {
         [(-60.0, -60.0), (60.0, -60.0), (60.0, 60.0), (-60.0, 60.0)].map(|(x, y)| Vec3::new(x, y, 0.0));
     mesh.plate(&ring, black, 1.0);
     SceneDescription {
-        meshes: vec![mesh],
-        distant: Vec::new(),
+        ground: vec![mesh],
         bounds: [Vec3::new(-60.0, -60.0, 0.0), Vec3::new(60.0, 60.0, 10.0)],
+        ..SceneDescription::default()
     }
 }
 
 /// Light ground, on which they do.
 fn light_plain() -> SceneDescription {
     let mut scene = black_plain();
-    for vertex in &mut scene.meshes[0].vertices {
+    for vertex in &mut scene.ground[0].vertices {
         vertex.finish.colour = [160, 160, 160];
     }
     scene
 }
 
 fn renderer(context: &Context, scene: &SceneDescription, samples: u32) -> Renderer {
-    let quality = Quality { samples, shadow_texels: 1024, ..Quality::FAST };
+    let quality = Quality { samples, shadow_texels: 1024, ..Quality::LOW };
     Renderer::new(context, scene, Settings { quality, ..Settings::default() }).expect("a renderer")
 }
 

@@ -278,7 +278,7 @@ fn open(args: &FramesArgs, experiment: &Experiment) -> Result<Renderer, Failure>
         args.adapter.as_deref().map_or_else(AdapterPreference::from_environment, AdapterPreference::parse);
     let context = Context::headless(&preference).map_err(failure)?;
     let quality = match args.quality {
-        Quality::Fast => Preset::FAST,
+        Quality::Fast => Preset::LOW,
         Quality::High => Preset::HIGH,
     };
     let scene = SceneDescription::from_map(&experiment.city_map);

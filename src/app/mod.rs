@@ -1,5 +1,7 @@
 //! The command line: wiring of everything else.
 
+#[cfg(feature = "render")]
+mod bench;
 mod check;
 #[cfg(feature = "render")]
 mod frames;
@@ -36,6 +38,10 @@ enum Command {
     Frames(Box<frames::FramesArgs>),
     /// Validate scenarios (.toml) and maps (.dxf)
     Check(check::CheckArgs),
+    /// Measure this machine: one JSON line each
+    #[cfg(feature = "render")]
+    #[command(subcommand)]
+    Bench(bench::BenchCommand),
     /// Write what lies in assets/, so that anyone can make it again
     Generate(generate::GenerateArgs),
 }
@@ -105,6 +111,8 @@ pub fn main() -> ExitCode {
         #[cfg(feature = "render")]
         Command::Frames(args) => frames::frames(&args),
         Command::Check(args) => check::check(&args),
+        #[cfg(feature = "render")]
+        Command::Bench(command) => bench::bench(&command),
         Command::Generate(args) => generate::generate(&args),
     };
     match result {

@@ -150,6 +150,11 @@ impl View {
         self.projection.clip_from_camera(self.extent) * camera_from_world
     }
 
+    /// Whether all its rays come from one point; parallel ones and those of any matrix do not.
+    pub fn has_eye(&self) -> bool {
+        matches!(self.projection, Projection::Pinhole { .. })
+    }
+
     /// Where a point of the city appears, in pixels (integers are the middles of pixels), also
     /// outside the image; `None` behind the near plane.
     pub fn project(&self, point: DVec3) -> Option<DVec2> {

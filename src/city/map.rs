@@ -229,6 +229,8 @@ pub struct Scenery {
     pub name: String,
     /// Height above ground where the drawing states one.
     pub height_m: Option<f64>,
+    /// Where its front looks, counter-clockwise from east, where the drawing states it.
+    pub front_rad: Option<f64>,
     pub shape: Shape,
 }
 
@@ -301,6 +303,7 @@ impl RoadMap {
         });
         let points = |points: &[DVec2]| points.iter().map(|&p| p * factor).collect();
         let scenery = self.scenery.iter().map(|s| Scenery {
+            front_rad: s.front_rad,
             height_m: s.height_m.map(|h| h * factor),
             shape: match &s.shape {
                 Shape::Polygon(p) => Shape::Polygon(points(p)),

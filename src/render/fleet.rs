@@ -2,30 +2,29 @@
 
 use super::Context;
 use super::RenderError;
+use super::horizon::Pillar;
 use super::passes::city::gpu_data::Vertex;
 use super::passes::vehicle::gpu_data::Instance;
 use super::standing::Gaze;
 use super::vehicle::{self, MeshKey, VehicleMesh};
-use crate::snapshot::{FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
+use crate::model::Model;
+use crate::snapshot::{BodyType, FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
 use glam::{Mat3, Quat, Vec3};
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
 use std::ops::Range;
+use std::sync::Arc;
 use wgpu::util::DeviceExt;
 
 /// Turn signals flash this often a second.
 const FLASHES_HZ: f64 = 1.5;
 /// Wheels of fewer pixels than this across are left out.
 const WHEELS_FROM_PX: f32 = 2.0;
-/// By how much the simpler bodies and wheels differ from the full ones.
-const COARSENESS_M: f32 = 0.16;
-
 #[derive(Clone, Debug)]
 struct Build {
-    body: Range<u32>,
-    wheel: Range<u32>,
-    distant_body: Range<u32>,
-    distant_wheel: Range<u32>,
+    /// Bodies and wheels, the finest first.
+    levels: Vec<(Range<u32>, Range<u32>)>,
+    half_track_m: f32,
 }
 
 /// A vehicle of the snapshot that a view may see.
@@ -33,7 +32,7 @@ struct Build {
 pub(super) struct Sight {
     index: usize,
     distance_m: f32,
-    is_coarse: bool,
+    level: usize,
     has_wheels: bool,
 }
 
@@ -46,9 +45,21 @@ struct Placed {
     wheel_radius: f32,
 }
 
+impl Placed {
+    fn pillar(&self) -> Pillar {
+        Pillar {
+            middle: self.centre.truncate(),
+            radius_m: self.radius,
+            // Roof boxes and a body that heaves reach higher than its half height above the middle.
+            top_m: self.centre.z + self.radius,
+        }
+    }
+}
+
 #[derive(Debug)]
 pub(super) struct Fleet {
     mesh: VehicleMesh,
+    models: vehicle::Models,
     builds: BTreeMap<MeshKey, Build>,
     /// Vertices and indices of all builds; `None` before the first.
     buffers: Option<(wgpu::Buffer, wgpu::Buffer)>,
@@ -62,12 +73,19 @@ impl Fleet {
         let capacity = 64;
         Self {
             mesh: VehicleMesh::default(),
+            models: vehicle::Models::default(),
             builds: BTreeMap::new(),
             buffers: None,
             instances: instance_buffer(device, capacity),
             capacity,
             placed: Vec::new(),
         }
+    }
+
+    /// Draws a body type with a model from now on.
+    pub(super) fn set_model(&mut self, body: BodyType, model: Arc<Model>) {
+        self.models.insert(body, model);
+        self.builds.retain(|key, _| key.body() != body);
     }
 
     /// Takes the vehicles of a snapshot.
@@ -84,7 +102,8 @@ impl Fleet {
         let (mut bodies, mut wheels, mut contacts) = (Vec::new(), Vec::new(), Vec::new());
         for (state, info) in snapshot.iter() {
             let d = &info.dimensions;
-            let half = Vec3::new(d.length_m as f32, d.width_m as f32, d.height_m as f32) / 2.0;
+            let height_m = d.height_m * info.appearance.body.height_factor();
+            let half = Vec3::new(d.length_m as f32, d.width_m as f32, height_m as f32) / 2.0;
             self.placed.push(Placed {
                 id: state.id,
                 key: MeshKey::new(info.appearance.body, d),
@@ -100,8 +119,10 @@ impl Fleet {
                 lamps,
             };
             bodies.push(body);
-            wheels.extend(self::wheels(state, info).map(|rows| Instance { rows, ..body }));
-            let sheet = vehicle::half_of_sheet_metal(d);
+            let key = MeshKey::new(info.appearance.body, d);
+            let half_track_m = self.builds.get(&key).map_or(d.track_m as f32 / 2.0, |b| b.half_track_m);
+            wheels.extend(self::wheels(state, info, half_track_m).map(|rows| Instance { rows, ..body }));
+            let sheet = vehicle::SHEET_METAL * half.y;
             contacts.push(Instance { paint: [half.x, sheet, 0.0, 0.0], ..body });
         }
         if count > self.capacity {
@@ -119,13 +140,16 @@ impl Fleet {
         for info in snapshot.roster.iter() {
             let (kind, d) = (info.appearance.body, &info.dimensions);
             let mesh = &mut self.mesh;
+            let models = &self.models;
             self.builds.entry(MeshKey::new(kind, d)).or_insert_with(|| {
-                let (body, radius) = (vehicle::body(kind, d), d.wheel_radius_m as f32);
+                let build = models.build(kind, d);
                 Build {
-                    body: append(mesh, &body),
-                    wheel: append(mesh, &vehicle::wheel(radius, vehicle::WHEEL_SIDES)),
-                    distant_body: append(mesh, &body.simplified(COARSENESS_M * 2.0)),
-                    distant_wheel: append(mesh, &vehicle::wheel(radius, vehicle::WHEEL_SIDES * 2 / 5)),
+                    levels: build
+                        .levels
+                        .iter()
+                        .map(|(body, wheel)| (append(mesh, body), append(mesh, wheel)))
+                        .collect(),
+                    half_track_m: build.half_track_m,
                 }
             });
         }
@@ -151,6 +175,7 @@ impl Fleet {
             .iter()
             .enumerate()
             .filter(|(_, p)| gaze.frustum.may_see_ball(p.centre, p.radius + 1.0))
+            .filter(|(_, p)| !gaze.horizon.hides(&p.pillar()))
             .map(|(index, p)| {
                 let distance_m = p.centre.distance(gaze.eye);
                 let pixels = |length_m| gaze.sharpness.pixels(length_m, distance_m);
@@ -158,7 +183,12 @@ impl Fleet {
                 Sight {
                     index,
                     distance_m,
-                    is_coarse: pixels(COARSENESS_M) < gaze.coarse_below_px && !is_carrier,
+                    level: if is_carrier {
+                        0
+                    } else {
+                        let fits = |error_m: &f32| pixels(*error_m) < gaze.coarse_below_px;
+                        vehicle::ERRORS_M.iter().rposition(fits).unwrap_or(0)
+                    },
                     // A camera inside the body would see the wheels through it.
                     has_wheels: pixels(2.0 * p.wheel_radius) > WHEELS_FROM_PX && !is_carrier,
                 }
@@ -173,6 +203,7 @@ impl Fleet {
         self.placed.iter().map(|p| (p.centre, p.radius))
     }
 
+    pub(super) fn tris(&self, seen: &[Sight]) -> usize { seen.iter().map(|s| { let b=&self.builds[&self.placed[s.index].key].levels[s.level]; (b.0.len() + if s.has_wheels { b.1.len()*4 } else {0}) as usize /3 }).sum() }
     fn bind(&self, pass: &mut wgpu::RenderPass<'_>) -> bool {
         let Some((vertices, indices)) = &self.buffers else { return false };
         pass.set_vertex_buffer(0, vertices.slice(..));
@@ -190,11 +221,7 @@ impl Fleet {
         for sight in seen {
             let Some(build) = self.builds.get(&self.placed[sight.index].key) else { continue };
             let index = sight.index as u32;
-            let (body, wheel) = if sight.is_coarse {
-                (&build.distant_body, &build.distant_wheel)
-            } else {
-                (&build.body, &build.wheel)
-            };
+            let Some((body, wheel)) = build.levels.get(sight.level) else { continue };
             pass.draw_indexed(body.clone(), 0, index..index + 1);
             if sight.has_wheels {
                 let first = count + 4 * index;
@@ -206,13 +233,13 @@ impl Fleet {
     /// Groups and pipeline are set already. Simpler bodies do where a texel of the shadow map is nearly as
     /// large as what they differ by.
     pub(super) fn draw_shadows(&self, pass: &mut wgpu::RenderPass<'_>, texel_m: f32) {
-        let is_coarse = COARSENESS_M < 2.0 * texel_m;
+        let level = usize::from(vehicle::ERRORS_M[1] < 2.0 * texel_m);
         if !self.bind(pass) {
             return;
         }
         for (index, placed) in (0_u32..).zip(&self.placed) {
             let Some(build) = self.builds.get(&placed.key) else { continue };
-            let body = if is_coarse { &build.distant_body } else { &build.body };
+            let Some((body, _)) = build.levels.get(level) else { continue };
             pass.draw_indexed(body.clone(), 0, index..index + 1);
         }
     }
@@ -280,14 +307,11 @@ fn rows(rotation: Mat3, position: Vec3) -> [[f32; 4]; 3] {
 }
 
 /// City from wheel: front left, front right, rear left, rear right.
-fn wheels(state: &VehicleState, info: &VehicleInfo) -> impl Iterator<Item = [[f32; 4]; 3]> {
+fn wheels(state: &VehicleState, info: &VehicleInfo, half_track: f32) -> impl Iterator<Item = [[f32; 4]; 3]> {
     let d = &info.dimensions;
     let (orientation, position) = (state.orientation.as_quat(), state.position.as_vec3());
     let radius = d.wheel_radius_m as f32;
     let axle = d.wheelbase_m as f32 / 2.0;
-    // The outer face of a wheel stands a finger's width out of the sheet metal at least.
-    let least = vehicle::half_of_sheet_metal(d) + 0.015 - super::vehicle::WHEEL_WIDTH_M / 2.0;
-    let half_track = (d.track_m as f32 / 2.0).clamp(least, least + 0.05);
     let wheels = state.wheels;
     (0..4).map(move |k| {
         let left = k % 2 == 0;

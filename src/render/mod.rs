@@ -7,12 +7,14 @@
 //! 2 materials. What differs between objects comes as instances.
 
 mod atlas;
+mod cells;
 mod context;
 mod error;
 mod files;
 mod fleet;
 mod frustum;
 mod grid;
+mod horizon;
 mod image;
 mod kinds;
 mod passes;

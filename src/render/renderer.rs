@@ -20,11 +20,12 @@ use super::standing::{Gaze, SeenCells, Standing};
 use super::{Context, Image, RenderError, Settings, TargetView};
 use crate::camera::{PictureKind, View};
 use crate::city::scene::SceneDescription;
-use crate::snapshot::FrameSnapshot;
+use crate::model::Model;
+use crate::snapshot::{BodyType, FrameSnapshot};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 
 /// Draws one scene and whatever drives in it.
 #[derive(Debug)]
@@ -76,7 +77,10 @@ impl Renderer {
     pub fn new(context: &Context, scene: &SceneDescription, settings: Settings) -> Result<Self, RenderError> {
         let device = &context.device;
         let quality = settings.quality;
-        let attachments = Attachments { format: settings.format, samples: quality.samples };
+        let light_at_vertices = quality.light_at_vertices;
+        let format =
+            if light_at_vertices { settings.format.remove_srgb_suffix() } else { settings.format };
+        let attachments = Attachments { format, samples: quality.samples, light_at_vertices };
         let frame = FrameGroup::new(device);
         let sun_view = SunView::around(scene.bounds, settings.sun.direction(), quality.shadow_texels);
         let shadow = ShadowPass::new(device, &frame.layout, sun_view);
@@ -106,6 +110,11 @@ impl Renderer {
         renderer.shadow.draw_standing(&mut encoder, &renderer.frame, &renderer.standing);
         context.queue.submit([encoder.finish()]);
         Ok(renderer)
+    }
+
+    /// Draws vehicles of a body type with a model, stretched to the measures of each.
+    pub fn set_vehicle_model(&mut self, body: BodyType, model: Arc<Model>) {
+        self.fleet.set_model(body, model);
     }
 
     /// What it was built for.
@@ -191,7 +200,7 @@ impl Renderer {
             let drawing = self.kinds.get_or_insert_with(|| KindsDrawing::new(device));
             drawing.pass.write(device, &self.context.queue, &views);
         }
-        let seen: Vec<Seen> = views.iter().map(|view| self.look(view)).collect();
+        let seen = self.look_at(&views);
         let buffer = self.ring.take(&self.context.device, bytes.max(4));
         let mut by_extent: BTreeMap<[u32; 2], Vec<usize>> = BTreeMap::new();
         for (index, view) in views.iter().enumerate() {
@@ -304,8 +313,9 @@ impl Renderer {
         if self.window.as_ref().is_none_or(|atlas| atlas.grid.tile != target.extent) {
             self.window = Some(self.new_atlas(target.extent, 1));
         }
+        let seen = self.look_at(std::slice::from_ref(view));
         if let Some(atlas) = &self.window {
-            self.draw_tiles(&mut encoder, atlas, target.color, &[self.look(view)], &[(0, [0, 0])]);
+            self.draw_tiles(&mut encoder, atlas, target.color, &seen, &[(0, [0, 0])]);
         }
         self.context.queue.submit([encoder.finish()]);
         Ok(())
@@ -363,7 +373,13 @@ impl Renderer {
         seen: &[Seen],
         tiles: &[(usize, [u32; 2])],
     ) {
-        let [r, g, b] = HAZE_SRGB.map(|c| f64::from(linear_from_srgb((c * 255.0) as u8)));
+        let [r, g, b] = HAZE_SRGB.map(|c| {
+            if self.attachments.format.is_srgb() {
+                f64::from(linear_from_srgb((c * 255.0) as u8))
+            } else {
+                f64::from(c)
+            }
+        });
         let clear = wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a: 1.0 });
         let attachment = match &atlas.samples_view {
             Some(samples) => wgpu::RenderPassColorAttachment {
@@ -402,23 +418,34 @@ impl Renderer {
         }
     }
 
-    fn look(&self, view: &View) -> Seen {
+    /// What each view may see, with the lists of the city's triangles on their way to the adapter.
+    fn look_at(&mut self, views: &[View]) -> Vec<Seen> {
+        let mut lists = Vec::new();
+        let seen: Vec<Seen> = views.iter().map(|view| self.look(view, &mut lists)).collect();
+        if std::env::var("TRI").is_ok() { let f=|g: &dyn Fn(&Seen)->usize| { let s: &Vec<Seen>=&seen; s.iter().map(|x| g(x)).sum::<usize>()/s.len() }; eprintln!("raised {} ground {} lines {} cars {} cartris {}", f(&|s| s.cells.raised.len()/3), f(&|s| s.cells.ground.len()/3), f(&|s| s.cells.lines.len()/3), f(&|s| s.vehicles.len()), f(&|s| self.fleet.tris(&s.vehicles))); }
+        self.standing.write(&self.context.device, &self.context.queue, &lists);
+        seen
+    }
+
+    fn look(&self, view: &View, lists: &mut Vec<u32>) -> Seen {
         let clip_from_world = view.clip_from_world().as_mat4();
         let frustum = Frustum::new(&clip_from_world);
+        let eye = view.extrinsics.position.as_vec3();
+        let horizon = self.standing.horizon(view.has_eye().then_some(eye));
         let gaze = Gaze {
             frustum: &frustum,
+            horizon: &horizon,
             sharpness: Sharpness::new(&clip_from_world, view.extent[1]),
-            eye: view.extrinsics.position.as_vec3(),
+            eye,
             coarse_below_px: self.settings.quality.coarse_below_px,
         };
-        Seen { vehicles: self.fleet.seen(&gaze, view.carrier), cells: self.standing.seen(&gaze) }
+        Seen { vehicles: self.fleet.seen(&gaze, view.carrier), cells: self.standing.see(&gaze, lists) }
     }
 
     fn draw_view(&self, pass: &mut wgpu::RenderPass<'_>, seen: &Seen) {
         // Nearest first, as far as can be told: what is hidden costs no shading.
         self.vehicles.draw(pass, &self.fleet, &seen.vehicles);
-        self.city.draw(pass, &self.standing, &seen.cells.raised);
-        self.city.draw(pass, &self.standing, &seen.cells.ground);
+        self.city.draw(pass, &self.standing, &seen.cells);
         self.sky.draw(pass);
         self.contact.draw(pass, &self.fleet, &seen.vehicles);
     }

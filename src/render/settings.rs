@@ -5,6 +5,9 @@ use glam::Vec3;
 /// How much work a pixel is worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
+    /// Light is worked out at the vertices instead of at each pixel: without reflections of the sun, dust
+    /// and wear of the ground, and without what the other settings promise of them.
+    pub light_at_vertices: bool,
     /// Samples a pixel: 1 or 4.
     pub samples: u32,
     /// How many texels along the steeper direction a texture lookup may take; a software adapter
@@ -21,8 +24,31 @@ pub struct Quality {
 }
 
 impl Quality {
+    /// The presets, from the quickest to the finest.
+    pub const PRESETS: [(&'static str, Self); 4] =
+        [("low", Self::LOW), ("medium", Self::MEDIUM), ("high", Self::HIGH), ("ultra", Self::ULTRA)];
+
+    /// The preset for an adapter: one that draws on the CPU gets the quickest.
+    pub fn auto(is_software: bool) -> Self {
+        if is_software { Self::LOW } else { Self::HIGH }
+    }
+
+    /// For a GPU of modest means.
+    pub const MEDIUM: Self = Self {
+        light_at_vertices: false,
+        samples: 4,
+        anisotropy: 4,
+        soft_shadows: true,
+        detail: false,
+        shadow_texels: 2048,
+        coarse_below_px: 1.5,
+    };
+    /// For stills.
+    pub const ULTRA: Self =
+        Self { anisotropy: 16, shadow_texels: 8192, coarse_below_px: 0.3, ..Self::HIGH };
     /// For pictures that people look at.
     pub const HIGH: Self = Self {
+        light_at_vertices: false,
         samples: 4,
         anisotropy: 8,
         soft_shadows: true,
@@ -31,7 +57,8 @@ impl Quality {
         coarse_below_px: 0.8,
     };
     /// For many cameras on a software adapter.
-    pub const FAST: Self = Self {
+    pub const LOW: Self = Self {
+        light_at_vertices: true,
         samples: 1,
         anisotropy: 1,
         soft_shadows: false,

@@ -17,6 +17,7 @@ macro_rules! source {
 
 const COMMON: Source = source!("common.wgsl");
 const LIGHT: Source = source!("light.wgsl");
+const SWIFT: Source = source!("swift.wgsl");
 const CITY: Source = source!("city.wgsl");
 const VEHICLE: Source = source!("vehicle.wgsl");
 const CONTACT: Source = source!("contact.wgsl");
@@ -42,8 +43,8 @@ impl Shader {
 
     fn parts(self) -> &'static [Source] {
         match self {
-            Self::City => &[COMMON, LIGHT, CITY],
-            Self::Vehicle => &[COMMON, LIGHT, VEHICLE],
+            Self::City => &[COMMON, LIGHT, SWIFT, CITY],
+            Self::Vehicle => &[COMMON, LIGHT, SWIFT, VEHICLE],
             Self::Contact => &[COMMON, CONTACT],
             Self::Shadow => &[COMMON, SHADOW],
             Self::Sky => &[COMMON, SKY],

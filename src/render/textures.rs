@@ -1,5 +1,7 @@
 //! Textures made in code at start-up: the patterns of surfaces and the panorama of the sky.
 
+mod facades;
+mod glyphs;
 mod noise;
 mod patterns;
 mod sky;
@@ -15,9 +17,9 @@ const SIZE: u32 = 256;
 const SKY: [u32; 2] = [2048, 512];
 
 /// An array texture with a layer for each [`Surface`] and all its mipmaps.
-pub(super) fn surfaces(context: &Context) -> wgpu::TextureView {
+pub(super) fn surfaces(context: &Context, format: wgpu::TextureFormat) -> wgpu::TextureView {
     let mips = SIZE.ilog2() + 1;
-    let texture = texture(context, "surfaces", [SIZE, SIZE], Surface::COUNT as u32, mips);
+    let texture = texture(context, ("surfaces", format), [SIZE, SIZE], Surface::COUNT as u32, mips);
     let layers: Vec<Vec<Vec<u8>>> = (0..Surface::COUNT as u8)
         .into_par_iter()
         .map(|layer| mipmaps(patterns::pattern(layer, SIZE), SIZE))
@@ -34,15 +36,15 @@ pub(super) fn surfaces(context: &Context) -> wgpu::TextureView {
 }
 
 /// The sky from below the horizon to the zenith, east in the middle of its left edge.
-pub(super) fn panorama(context: &Context, sun: Sun) -> wgpu::TextureView {
-    let texture = texture(context, "sky", SKY, 1, 1);
+pub(super) fn panorama(context: &Context, sun: Sun, format: wgpu::TextureFormat) -> wgpu::TextureView {
+    let texture = texture(context, ("sky", format), SKY, 1, 1);
     upload(context, &texture, SKY, 0, 0, &sky::paint(SKY, sun.direction()));
     texture.create_view(&wgpu::TextureViewDescriptor::default())
 }
 
 fn texture(
     context: &Context,
-    label: &str,
+    (label, format): (&str, wgpu::TextureFormat),
     [width, height]: [u32; 2],
     layers: u32,
     mips: u32,
@@ -53,7 +55,7 @@ fn texture(
         mip_level_count: mips,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::Rgba8UnormSrgb,
+        format,
         usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
     })

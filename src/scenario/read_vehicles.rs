@@ -145,11 +145,12 @@ impl Basis<'_> {
     }
 }
 
-const BODIES: [(&str, BodyType); 4] = [
+const BODIES: [(&str, BodyType); 5] = [
     ("sedan", BodyType::Sedan),
     ("hatchback", BodyType::Hatchback),
     ("suv", BodyType::Suv),
     ("van", BodyType::Van),
+    ("pickup", BodyType::Pickup),
 ];
 
 /// Colours that tell many cars apart and that cars are sold in.
@@ -170,7 +171,8 @@ const PALETTE: [[u8; 3]; 10] = [
 pub fn default_appearance(id: VehicleId) -> Appearance {
     let index = id.0 as usize;
     Appearance {
-        body: BODIES[index / PALETTE.len() % BODIES.len()].1,
+        // Neighbours in number differ in both.
+        body: BODIES[(index * 2 + index / PALETTE.len()) % BODIES.len()].1,
         colour: PALETTE[index % PALETTE.len()],
     }
 }

@@ -31,7 +31,7 @@ pub struct Trajectory {
 }
 
 /// Body shapes that the city can draw.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BodyType {
     #[default]
@@ -39,6 +39,23 @@ pub enum BodyType {
     Hatchback,
     Suv,
     Van,
+    Pickup,
+    /// A model of the user's: its place among those of the scenario.
+    Own(u16),
+}
+
+impl BodyType {
+    /// Height of the body as drawn over the vehicle's stated height: that is a sedan's, and a van on the
+    /// same wheels stands higher. Physics does not know.
+    pub fn height_factor(self) -> f64 {
+        match self {
+            Self::Sedan | Self::Own(_) => 1.0,
+            Self::Hatchback => 1.02,
+            Self::Suv => 1.18,
+            Self::Pickup => 1.17,
+            Self::Van => 1.40,
+        }
+    }
 }
 
 /// How a vehicle looks.

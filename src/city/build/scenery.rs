@@ -37,7 +37,7 @@ pub(super) fn build(by_layer: &Layers, metres: f64, findings: &mut Findings) -> 
                     findings.error(MapErrorKind::Size, entity, message, "draw plainer outlines");
                     return all;
                 }
-                pieces.push(Scenery { kind, name: String::new(), height_m: None, shape });
+                pieces.push(Scenery { kind, name: String::new(), height_m: None, front_rad: None, shape });
             }
         }
         for &entity in entities {
@@ -151,7 +151,8 @@ fn area(points: &[DVec2]) -> f64 {
     (0..points.len()).map(|k| points[k].perp_dot(points[(k + 1) % points.len()])).sum::<f64>() / 2.0
 }
 
-/// Gives the piece under a text its name, and the height that may follow it: "theatre h=0.4".
+/// Gives the piece under a text its name, and the height and the side of its front that may follow it:
+/// "theatre h=0.4 front=N".
 fn label(
     pieces: &mut [Scenery],
     entity: &Entity,
@@ -177,11 +178,20 @@ fn label(
         findings.error(MapErrorKind::Name, entity, message, "delete one of the two texts");
         return;
     }
-    let (name, height) = match text.trim().rsplit_once("h=") {
-        Some((name, height)) if name.is_empty() || name.ends_with(' ') => (name.trim(), Some(height)),
-        _ => (text.trim(), None),
-    };
+    let (text, front) = trailing(text, "front=");
+    let (name, height) = trailing(text, "h=");
     piece.name = name.to_owned();
+    if let Some(front) = front {
+        const SIDES: [(&str, f64); 4] = [("E", 0.0), ("N", 0.5 * PI), ("W", PI), ("S", -0.5 * PI)];
+        match SIDES.iter().find(|(letter, _)| front.trim().eq_ignore_ascii_case(letter)) {
+            Some((_, angle)) => piece.front_rad = Some(*angle),
+            None => {
+                let message = format!("\"front={}\" is no side", shorten(front));
+                let remedy = "write one of front=N, front=E, front=S and front=W";
+                findings.error(MapErrorKind::Text, entity, message, remedy);
+            }
+        }
+    }
     if let Some(height) = height {
         match height.trim().parse::<f64>() {
             Ok(value) if value > 0.0 && value * metres <= MAX_COORDINATE_M => {
@@ -193,6 +203,14 @@ fn label(
                 findings.error(MapErrorKind::Text, entity, message, remedy);
             }
         }
+    }
+}
+
+/// A text without the value at its end that follows a key, and that value.
+fn trailing<'a>(text: &'a str, key: &str) -> (&'a str, Option<&'a str>) {
+    match text.trim().rsplit_once(key) {
+        Some((name, value)) if name.is_empty() || name.ends_with(' ') => (name.trim(), Some(value)),
+        _ => (text.trim(), None),
     }
 }
 

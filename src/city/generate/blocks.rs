@@ -5,6 +5,17 @@ use crate::city::SceneryKind::{self, Bed, Grass, Parking, Paving, Playground, Wa
 /// An upright rectangle: name, west, south, east and north edge, height (zero of what is flat).
 pub(super) struct Plot(pub &'static str, pub [f64; 4], pub f64);
 
+/// Buildings whose front does not look at the nearest road.
+pub(super) const FRONTS: &[(&str, &str)] = &[
+    ("fire station", "W"),
+    ("theatre", "S"),
+    ("hotel", "S"),
+    ("cinema", "S"),
+    ("town hall", "W"),
+    ("filling station shop", "W"),
+    ("garden house", "S"),
+];
+
 /// Buildings that stand alone. Heights are the full-scale ones over 25: four to 25 m.
 pub(super) const BUILDINGS: &[Plot] = &[
     // Town square: east row, south row, west.

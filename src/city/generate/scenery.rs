@@ -1,8 +1,8 @@
 //! Scenery: draws the tables of the blocks and lines the roads with trees and lamps.
 
 use super::blocks::{
-    AREAS, Area, BENCHES, BUILDINGS, DRIVES, GROVES, HEDGES, PICNIC_TABLES, Plot, ROUNDS, ROWS, Round, Row,
-    WALLS,
+    AREAS, Area, BENCHES, BUILDINGS, DRIVES, FRONTS, GROVES, HEDGES, PICNIC_TABLES, Plot, ROUNDS, ROWS,
+    Round, Row, WALLS,
 };
 use super::network::Run;
 use super::{NAME_HEIGHT, distance};
@@ -130,7 +130,9 @@ impl Site<'_> {
 
     fn building(&mut self, name: &str, edges: [f64; 4], height: f64) {
         let corners = rectangle(edges);
-        self.polygon(SceneryKind::Building, &format!("{name} h={height:.2}"), &corners, true);
+        let front = FRONTS.iter().find(|(known, _)| *known == name);
+        let front = front.map(|(_, side)| format!(" front={side}")).unwrap_or_default();
+        self.polygon(SceneryKind::Building, &format!("{name} h={height:.2}{front}"), &corners, true);
         self.taken.push(corners);
     }
 

@@ -1,7 +1,7 @@
 //! Buildings from their ground plans: storeys of windows, doors, signs, flat and gabled roofs, and
 //! what names ask for.
 
-use super::Place;
+use super::{Place, Wall};
 use super::grounds::ring_of;
 use super::lettering;
 use super::mesh::{Class, Finish, Mesh, Surface};
@@ -30,10 +30,12 @@ const PLASTERS: [[u8; 3]; 7] = [
     [226, 226, 220],
     [196, 206, 190],
 ];
-const BRICKS: [[u8; 3]; 3] = [[176, 112, 88], [158, 104, 86], [188, 142, 112]];
+/// Tints of brick, whose red is its own.
+const BRICKS: [[u8; 3]; 3] = [[255, 250, 244], [236, 216, 200], [255, 236, 214]];
 const TILES: [[u8; 3]; 4] = [[170, 92, 66], [146, 82, 64], [104, 102, 106], [134, 98, 78]];
+/// Boards, light enough for dark letters.
 const SIGNS: [[u8; 3]; 6] =
-    [[38, 78, 62], [126, 42, 44], [40, 62, 104], [176, 118, 40], [70, 58, 84], [44, 44, 48]];
+    [[150, 176, 150], [206, 122, 104], [140, 168, 196], [226, 186, 96], [226, 214, 190], [184, 166, 190]];
 const TRIM: Finish = wall(Surface::Concrete, [206, 202, 194]);
 const FLAT_ROOF: Finish = wall(Surface::Gravel, [150, 148, 144]);
 pub(super) const DARK: Finish = wall(Surface::Metal, [72, 76, 80]);
@@ -70,36 +72,54 @@ fn style(place: &Place<'_>, name: &str, short_m: f32, height: f32) -> Style {
         sign: None,
         gates: None,
     };
+    let sash = wall(Surface::Sash, pick(&BRICKS, 6));
+    let balcony = wall(Surface::Balcony, pick(&PLASTERS, 1));
     if has(name, &["fire station"]) {
-        let brick = wall(Surface::Windows, [190, 98, 78]);
-        let sign = Some(wall(Surface::Plain, [176, 34, 32]));
-        return Style { upper: brick, ground: brick, sign, gates: Some([190, 38, 34]), ..base };
+        let sign = Some(wall(Surface::Plain, [232, 226, 214]));
+        let brick = Finish { colour: BRICKS[0], ..sash };
+        return Style { upper: brick, ground: brick, sign, gates: Some([196, 34, 30]), ..base };
     }
     if has(name, &["hose tower", "mill"]) {
-        let brick = wall(Surface::Brick, [176, 108, 86]);
-        return Style { upper: brick, ground: brick, ..base };
+        return Style { upper: BARE_BRICK, ground: BARE_BRICK, ..base };
     }
     if has(name, &["warehouse", "factory", "depot", "workshop"]) {
         let sheet = wall(Surface::Concrete, pick(&[[186, 190, 190], [170, 182, 188], [196, 188, 174]], 4));
-        return Style { upper: sheet, ground: sheet, sign, gates: Some([96, 108, 118]), ..base };
+        return Style { upper: sheet, ground: sheet, sign, gates: Some([112, 124, 134]), ..base };
     }
     if has(name, &["office", "department"]) {
         let glazing = wall(Surface::Glazing, [214, 218, 220]);
         return Style { upper: glazing, ground: shop, sign, ..base };
     }
     if has(name, &["shop", "bakery", "pharmacy", "cafe", "cinema", "theatre", "hotel", "store", "station"]) {
-        return Style { ground: shop, sign, ..base };
+        let upper = if place.dice(5) < 0.3 { sash } else { plaster };
+        return Style { upper, ground: shop, sign, ..base };
     }
     if has(name, &["town hall", "observatory", "school"]) {
         let stone = wall(Surface::Windows, [222, 208, 182]);
         return Style { upper: stone, ground: stone, sign, ..base };
     }
-    if !dwelling && place.dice(5) < 0.5 {
-        let brick = wall(Surface::Windows, pick(&BRICKS, 6));
-        return Style { upper: brick, ground: brick, ..base };
+    if has(name, &["apartments"]) {
+        let upper = match place.dice(5) {
+            d if d < 0.40 => balcony,
+            d if d < 0.75 => sash,
+            _ => plaster,
+        };
+        let ground =
+            if upper.surface == Surface::Balcony { wall(Surface::Windows, balcony.colour) } else { upper };
+        return Style { upper, ground: ground.shaded(0.95), ..base };
+    }
+    if has(name, &["row house", "terrace"]) && place.dice(5) < 0.55 {
+        return Style { upper: sash, ground: sash, ..base };
+    }
+    if dwelling && !has(name, &["chapel", "terrace"]) && place.dice(5) < 0.5 {
+        let shutters = Finish { surface: Surface::Shutters, ..plaster };
+        return Style { upper: shutters, ground: shutters.shaded(0.97), ..base };
     }
     base
 }
+
+/// Bricks of the colour that [`Surface::Sash`] has.
+const BARE_BRICK: Finish = wall(Surface::Brick, [190, 118, 95]);
 
 /// One wall: where it stands and how wide it is, seen from outside.
 #[derive(Clone, Copy)]
@@ -132,8 +152,18 @@ impl Side {
         let corners =
             [self.at(a, z[0], 0.0), self.at(b, z[0], 0.0), self.at(b, z[1], 0.0), self.at(a, z[1], 0.0)];
         let uvs = [uv[0], Vec2::new(uv[1].x, uv[0].y), uv[1], Vec2::new(uv[0].x, uv[1].y)];
-        let low = if z[0] < 0.5 { 165 } else { 235 };
-        mesh.shaded_face(&corners, &uvs, finish, &[low, low, 255, 255]);
+        // The ground hides half of the sky's neighbourhood from the foot of a wall.
+        let low = if z[0] < 0.5 { 140 } else { 235 };
+        mesh.shaded_face(&corners, &uvs, finish, &[low, low, 250, 250]);
+    }
+
+    /// A picture in front of it: middle and width in metres along it, heights, how far in front.
+    fn panel(&self, mesh: &mut Mesh, [middle, width]: [f32; 2], z: [f32; 2], out: f32, finish: Finish) {
+        let part = |x: f32| x / self.width().max(1e-3);
+        let (a, b) = (part(middle - width / 2.0), part(middle + width / 2.0));
+        let corners =
+            [self.at(a, z[0], out), self.at(b, z[0], out), self.at(b, z[1], out), self.at(a, z[1], out)];
+        mesh.shaded_face(&corners, &[Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y], finish, &[170, 170, 235, 235]);
     }
 
     /// A slab in front of it: middle and width in metres along it, heights, thickness.
@@ -151,7 +181,7 @@ pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) {
         return;
     }
     let name = place.piece.name.to_lowercase();
-    let height = place.piece.height_m.map_or(6.5 + 6.0 * place.dice(9), |h| h as f32).clamp(2.2, 120.0);
+    let height = height_of(place);
     if special::pavilion(mesh, &name, &ring, height) {
         return;
     }
@@ -160,7 +190,7 @@ pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) {
     let short = sides.iter().map(Side::width).fold(f32::INFINITY, f32::min);
     let style = style(place, &name, short, height);
     let gabled = style.gabled && ring.len() == 4;
-    let rise = if gabled { (0.42 * short).min(0.42 * height) } else { 0.0 };
+    let rise = if gabled { rise_of(short, height) } else { 0.0 };
     let eaves = height - rise;
     for side in &sides {
         storeys(mesh, side, &style, eaves);
@@ -170,13 +200,41 @@ pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) {
     } else {
         flat_roof(mesh, place, &ring, eaves);
     }
-    let front = front_of(&sides, map);
+    let front = front_of(&sides, map, place.piece.front_rad);
     entrance(mesh, &front, &style, &name, eaves);
     special::additions(mesh, &name, &ring, height);
 }
 
+fn height_of(place: &Place<'_>) -> f32 {
+    place.piece.height_m.map_or(6.5 + 6.0 * place.dice(9), |h| h as f32).clamp(2.2, 120.0)
+}
+
+/// Of a gabled roof, from the eaves to the ridge.
+fn rise_of(short_m: f32, height: f32) -> f32 {
+    (0.42 * short_m).min(0.42 * height)
+}
+
+/// The outer walls, as high as nothing can be seen through them.
+pub(super) fn opaque_walls(place: &Place<'_>) -> Vec<Wall> {
+    let ring: Vec<Vec2> = ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect();
+    if ring.len() < 3 || special::is_open(&place.piece.name.to_lowercase()) {
+        return Vec::new();
+    }
+    let sides = || (0..ring.len()).map(|k| (ring[k], ring[(k + 1) % ring.len()]));
+    let short = sides().map(|(from, to)| from.distance(to)).fold(f32::INFINITY, f32::min);
+    let height_m = height_of(place);
+    // Under the eaves, whatever the roof is.
+    let height_m = height_m - rise_of(short, height_m);
+    sides().map(|(from, to)| Wall { from, to, height_m }).collect()
+}
+
 /// The side that is nearest to a road, wide ones before narrow ones.
-fn front_of(sides: &[Side], map: &CityMap) -> Side {
+fn front_of(sides: &[Side], map: &CityMap, stated_rad: Option<f64>) -> Side {
+    if let Some(angle) = stated_rad {
+        let wanted = Vec2::from_angle(angle as f32);
+        let facing = |side: &Side| side.outward().dot(wanted) + 0.02 * side.width().min(20.0);
+        return sides.iter().copied().max_by(|a, b| facing(a).total_cmp(&facing(b))).unwrap_or(sides[0]);
+    }
     let far = |side: &Side| {
         let at = side.at(0.5, 0.0, 1.0).truncate().as_dvec2();
         let nearest =
@@ -193,7 +251,7 @@ fn storeys(mesh: &mut Mesh, side: &Side, style: &Style, eaves: f32) {
     let first = eaves / storeys;
     let uv = |finish: Finish, from: f32, to: f32| match finish.surface {
         // Patterns of walls without windows are laid on in metres.
-        Surface::Brick | Surface::Concrete => {
+        Surface::Brick | Surface::Concrete | Surface::Plain => {
             [Vec2::new(0.0, from * first / 2.0), Vec2::new(side.width() / 2.0, to * first / 2.0)]
         }
         _ => [Vec2::new(0.0, from), Vec2::new(bays, to)],
@@ -216,8 +274,8 @@ fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str, eaves: f32
         for k in 0..count as u32 {
             let middle = width * (k as f32 + 0.5) / count;
             let high = (storey * 1.15).clamp(2.6, eaves - 0.6);
-            front.slab(mesh, [middle, 3.7], [0.05, high + 0.18], 0.05, TRIM);
-            front.slab(mesh, [middle, 3.4], [0.05, high], 0.09, wall(Surface::Wood, colour));
+            front.slab(mesh, [middle, 3.8], [0.02, high + 0.2], 0.06, TRIM);
+            front.panel(mesh, [middle, 3.4], [0.05, high], 0.075, wall(Surface::Gate, colour));
         }
     } else {
         let middle = if style.ground.surface == Surface::Shopfront {
@@ -226,9 +284,14 @@ fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str, eaves: f32
             0.5 / (width / BAY_M).round().max(1.0)
         };
         let middle = if width < 4.0 { width / 2.0 } else { middle * width };
-        front.slab(mesh, [middle, 1.5], [0.05, 2.42], 0.06, TRIM);
-        front.slab(mesh, [middle, 1.16], [0.05, 2.25], 0.11, wall(Surface::Wood, [92, 62, 46]));
-        front.slab(mesh, [middle, 1.9], [0.02, 0.16], 0.7, TRIM.shaded(0.9));
+        // The opening is as wide as the texture's window that it replaces.
+        front.slab(mesh, [middle, 1.56], [0.02, 2.74], 0.05, TRIM);
+        front.panel(mesh, [middle, 1.34], [0.16, 2.66], 0.065, wall(Surface::Door, [255, 255, 255]));
+        front.slab(mesh, [middle, 1.9], [0.02, 0.16], 0.6, TRIM.shaded(0.9));
+        let canopy = style.ground.surface != Surface::Shopfront && !style.gabled && eaves > 8.0;
+        if canopy {
+            front.slab(mesh, [middle, 2.2], [2.84, 2.98], 0.95, TRIM.shaded(0.95));
+        }
     }
     let Some(board) = style.sign else { return };
     let text = name.trim().to_uppercase();
@@ -239,17 +302,19 @@ fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str, eaves: f32
     let z =
         if style.gates.is_some() { (storey * 1.15).clamp(2.6, eaves - 0.6) + 0.62 } else { storey * 0.93 };
     let board_width = lettering::width_of(&text, letter) + 0.7;
-    let half = letter * 0.80;
+    let half = letter * 0.72;
     front.slab(mesh, [width / 2.0, board_width], [z - half, z + half], 0.14, board);
-    let cream = wall(Surface::Plain, [250, 244, 226]);
-    lettering::write(mesh, &text, front.at(0.5, z, 0.145), front.across().extend(0.0), letter, cream);
+    lettering::write(mesh, &text, front.at(0.5, z, 0.145), front.across().extend(0.0), letter, board);
     // Awnings over shop windows, in the colour of the board.
     if style.ground.surface == Surface::Shopfront && has(name, &["cafe", "bakery", "flower", "hotel"]) {
         let (a, b) = (front.at(0.04, z - half, 0.1), front.at(0.96, z - half, 0.1));
         let drop = front.outward().extend(0.0) * 1.3 - Vec3::Z * 0.45;
-        let striped = board.shaded(1.5);
-        mesh.plate(&[a + drop, b + drop, b, a], striped, 2.0);
-        mesh.plate(&[a, b, b + drop, a + drop], striped.shaded(0.6), 2.0);
+        let striped = Finish { surface: Surface::Awning, ..board.shaded(1.1) };
+        let stripes = (width / 2.4).round().max(1.0);
+        let uvs = [Vec2::ZERO, Vec2::new(stripes, 0.0), Vec2::new(stripes, 1.0), Vec2::Y];
+        mesh.face(&[a + drop, b + drop, b, a], &uvs, striped);
+        let under = striped.shaded(0.6);
+        mesh.face(&[a, b, b + drop, a + drop], &[uvs[3], uvs[2], uvs[1], uvs[0]], under);
     }
 }
 
@@ -336,7 +401,11 @@ fn gable_roof(mesh: &mut Mesh, ring: &[Vec2], eaves: f32, rise: f32, style: &Sty
         mesh.plate(&[q, r, top[2], top[1]], TRIM, 2.0);
         mesh.plate(&[s, p, top[0], top[3]], TRIM, 2.0);
     }
-    let plain = wall(Surface::Concrete, style.upper.colour);
+    let plain = if style.upper.surface == Surface::Sash {
+        BARE_BRICK
+    } else {
+        wall(Surface::Concrete, style.upper.colour)
+    };
     for [left, right, top] in [[d, a, ridge_a], [b, c, ridge_b]] {
         let corners = [left.extend(eaves), right.extend(eaves), top.extend(eaves + rise)];
         mesh.plate(&corners, plain, 2.0);

@@ -4,7 +4,7 @@ use super::Class;
 
 impl Class {
     /// In the order of their numbers.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Sky,
         Self::Road,
         Self::Marking,
@@ -17,6 +17,7 @@ impl Class {
         Self::Furniture,
         Self::Water,
         Self::Vehicle,
+        Self::Sign,
     ];
 
     /// As the documents write it.
@@ -34,6 +35,7 @@ impl Class {
             Self::Furniture => "furniture",
             Self::Water => "water",
             Self::Vehicle => "vehicle",
+            Self::Sign => "sign",
         }
     }
 
@@ -53,6 +55,7 @@ impl Class {
             Self::Furniture => [220, 160, 60],
             Self::Water => [30, 80, 220],
             Self::Vehicle => [0, 0, 142],
+            Self::Sign => [220, 220, 0],
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Level scenery: parks, beds, ponds, squares and car parks.
 
 use super::Place;
-use super::markings::WHITE;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::{Region, counter_clockwise};
 use super::roads::{ASPHALT, band, level};
@@ -9,11 +8,12 @@ use crate::city::{SceneryKind, Shape};
 use crate::geom::point_in_polygon;
 use glam::{DVec2, Vec2};
 
-const LAWN: Finish = Finish::new(Surface::Grass, [92, 122, 62], Class::Grass);
-const SQUARE: Finish = Finish::new(Surface::Slabs, [196, 182, 160], Class::Pavement);
+const LAWN: Finish = Finish::new(Surface::Grass, [98, 116, 68], Class::Grass);
+const PAVED: Finish = Finish::new(Surface::Slabs, [184, 176, 160], Class::Pavement);
+const SQUARE: Finish = Finish::new(Surface::Setts, [190, 176, 156], Class::Pavement);
 const STONE: Finish = Finish::new(Surface::Concrete, [176, 172, 164], Class::Wall);
 const SOIL: Finish = Finish::new(Surface::Flowers, [255, 255, 255], Class::Vegetation);
-const POND: Finish = Finish::new(Surface::Water, [58, 96, 104], Class::Water);
+const POND: Finish = Finish::new(Surface::Water, [74, 112, 116], Class::Water);
 
 /// A parking bay: along the row and into it.
 const BAY_M: f64 = 3.0;
@@ -37,6 +37,25 @@ pub(super) fn ring_of(shape: &Shape) -> Vec<DVec2> {
     }
 }
 
+/// From a shape to a point: negative inside circles, zero inside polygons.
+pub(super) fn distance_to(shape: &Shape, point: DVec2) -> f64 {
+    let to_segment = |a: DVec2, b: DVec2| {
+        let along = b - a;
+        let share = ((point - a).dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
+        (a + along * share).distance(point)
+    };
+    match shape {
+        Shape::Circle { centre, radius_m } => centre.distance(point) - radius_m,
+        Shape::Polyline(line) => {
+            line.windows(2).map(|w| to_segment(w[0], w[1])).fold(f64::INFINITY, f64::min)
+        }
+        Shape::Polygon(ring) if point_in_polygon(point, ring) => 0.0,
+        Shape::Polygon(ring) => (0..ring.len())
+            .map(|k| to_segment(ring[k], ring[(k + 1) % ring.len()]))
+            .fold(f64::INFINITY, f64::min),
+    }
+}
+
 /// Grass, beds, water, paving and car parks.
 pub(super) fn ground(mesh: &mut Mesh, place: &Place<'_>) {
     let ring = ring_of(&place.piece.shape);
@@ -53,9 +72,13 @@ pub(super) fn ground(mesh: &mut Mesh, place: &Place<'_>) {
             rim(mesh, &ring, 0.24);
             level(mesh, &region, 0.19, POND, 5.0);
         }
-        SceneryKind::Paving => level(mesh, &region, 0.145, SQUARE, 3.2),
+        SceneryKind::Paving => {
+            let is_square = place.piece.name.contains("square") || place.piece.name.contains("court");
+            let (finish, repeat_m) = if is_square { (SQUARE, 2.2) } else { (PAVED, 2.4) };
+            level(mesh, &region, 0.145, finish, repeat_m);
+        }
         SceneryKind::Parking => {
-            level(mesh, &region, 0.165, ASPHALT.shaded(1.1), 5.0);
+            level(mesh, &region, 0.165, ASPHALT, 5.0);
             rim(mesh, &ring, 0.26);
             bays(mesh, &ring);
         }
@@ -71,12 +94,19 @@ fn rim(mesh: &mut Mesh, ring: &[DVec2], top: f32) {
     }
 }
 
-/// Slanted bays in rows along the longest edge, an aisle between each two.
-fn bays(mesh: &mut Mesh, ring: &[DVec2]) {
+/// A parking bay: the middle of its mouth, where a car in it looks, and its number.
+pub(super) struct Bay {
+    pub(super) mouth: DVec2,
+    pub(super) into: DVec2,
+}
+
+/// Rows of slanted bays along the longest edge, an aisle between each two: the feet and tips of the
+/// lines between bays, row by row.
+fn bay_lines(ring: &[DVec2]) -> Vec<Vec<[DVec2; 2]>> {
     let count = ring.len();
     let edge = |k: usize| ring[(k + 1) % count] - ring[k];
     let longest = (0..count).max_by(|&a, &b| edge(a).length().total_cmp(&edge(b).length())).unwrap_or(0);
-    let Some(along) = edge(longest).try_normalize() else { return };
+    let Some(along) = edge(longest).try_normalize() else { return Vec::new() };
     let into = along.perp();
     let depth = ring.iter().map(|p| (*p - ring[longest]).dot(into)).fold(0.0, f64::max);
     let length = edge(longest).length();
@@ -84,19 +114,35 @@ fn bays(mesh: &mut Mesh, ring: &[DVec2]) {
     if depth > 2.0 * BAY_DEPTH_M {
         rows.push((depth - 0.45, -1.0));
     }
-    for (at, towards) in rows {
-        let mut x = 0.8;
-        while x < length - SLANT_M - 0.5 {
-            let foot = ring[longest] + along * x + into * at;
-            let tip = foot + along * SLANT_M + into * (towards * (BAY_DEPTH_M - 0.45));
-            if point_in_polygon(foot, ring) && point_in_polygon(tip, ring) {
-                let half = (tip - foot).try_normalize().unwrap_or(into).perp() * 0.055;
-                let corners = counter_clockwise(&[foot - half, tip - half, tip + half, foot + half]);
-                let uvs: Vec<Vec2> = corners.iter().map(|p| p.as_vec2() / 2.0).collect();
-                let corners: Vec<_> = corners.iter().map(|p| p.as_vec2().extend(0.178)).collect();
-                mesh.face(&corners, &uvs, WHITE);
+    rows.into_iter()
+        .map(|(at, towards)| {
+            let mut lines = Vec::new();
+            let mut x = 0.8;
+            while x < length - SLANT_M - 0.5 {
+                let foot = ring[longest] + along * x + into * at;
+                let tip = foot + along * SLANT_M + into * (towards * (BAY_DEPTH_M - 0.45));
+                if point_in_polygon(foot, ring) && point_in_polygon(tip, ring) {
+                    lines.push([foot, tip]);
+                }
+                x += BAY_M;
             }
-            x += BAY_M;
-        }
+            lines
+        })
+        .collect()
+}
+
+/// The bays of a car park.
+pub(super) fn bays_of(ring: &[DVec2]) -> Vec<Bay> {
+    let between = |pair: &[[DVec2; 2]]| {
+        let [a, b] = [pair[0], pair[1]];
+        let (foot, tip) = ((a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0);
+        Bay { mouth: tip, into: (foot - tip).try_normalize().unwrap_or(DVec2::X) }
+    };
+    bay_lines(ring).iter().flat_map(|row| row.windows(2).map(between).collect::<Vec<_>>()).collect()
+}
+
+fn bays(mesh: &mut Mesh, ring: &[DVec2]) {
+    for [foot, tip] in bay_lines(ring).into_iter().flatten() {
+        super::markings::straight_line(mesh, foot, tip, 0.178);
     }
 }

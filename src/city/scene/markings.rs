@@ -2,7 +2,7 @@
 //! triangles, arrows.
 
 use super::mesh::{Class, Finish, Mesh, Surface};
-use super::roads::{RoadField, band};
+use super::roads::{RoadField, band_with};
 use crate::city::{CityMap, ControlLineKind, Lane, LaneId, LaneKind};
 use crate::geom::{Pose2, wrap_angle};
 use glam::{DVec2, Vec2};
@@ -20,6 +20,14 @@ const STEP_M: f64 = 0.6;
 
 pub(super) const WHITE: Finish = Finish::new(Surface::Paint, [236, 236, 232], Class::Marking);
 const YELLOW: Finish = Finish::new(Surface::Paint, [236, 178, 48], Class::Marking);
+
+/// Paint lines carry some asphalt on both sides, so that what covers less than a pixel of width still
+/// covers pixels: its shade there is computed.
+const MARGIN: f64 = 3.0;
+
+const fn line_of(finish: Finish) -> Finish {
+    Finish { surface: Surface::Line, ..finish }
+}
 
 pub(super) fn markings(map: &CityMap, field: &RoadField) -> Mesh {
     let mut mesh = Mesh::default();
@@ -51,25 +59,38 @@ fn polygon(mesh: &mut Mesh, corners: &[DVec2], finish: Finish) {
     mesh.face(&corners, &uvs, finish);
 }
 
-/// A ribbon along points with their headings.
-fn ribbon(mesh: &mut Mesh, line: &[Pose2], offset: f64, width: f64, finish: Finish) {
+/// A painted line along points with their headings.
+fn ribbon(mesh: &mut Mesh, line: &[Pose2], offset: f64, width: f64, margin: [f64; 2], finish: Finish) {
+    let half = width / 2.0;
+    let [right, left] = margin;
     for pair in line.windows(2) {
         let (a, b) = (pair[0], pair[1]);
-        let (low, high) = (offset - width / 2.0, offset + width / 2.0);
-        polygon(
-            mesh,
-            &[a.point_at(0.0, low), b.point_at(0.0, low), b.point_at(0.0, high), a.point_at(0.0, high)],
-            finish,
-        );
+        let corner = |pose: Pose2, out: f64| pose.point_at(0.0, offset + out).as_vec2().extend(PAINT_M);
+        let corners = [corner(a, -right), corner(b, -right), corner(b, left), corner(a, left)];
+        let uv = |out: f64| Vec2::new(out as f32, half as f32);
+        mesh.face(&corners, &[uv(-right), uv(-right), uv(left), uv(left)], line_of(finish));
     }
+}
+
+/// A white line between two points at a height: of a car park.
+pub(super) fn straight_line(mesh: &mut Mesh, from: DVec2, to: DVec2, z: f32) {
+    let Some(along) = (to - from).try_normalize() else { return };
+    let half = 0.055;
+    let side = along.perp() * (MARGIN * half);
+    let corners = [from - side, to - side, to + side, from + side].map(|p| p.as_vec2().extend(z));
+    let uv = |out: f64| Vec2::new((out * MARGIN * half) as f32, half as f32);
+    mesh.face(&corners, &[uv(-1.0), uv(-1.0), uv(1.0), uv(1.0)], line_of(WHITE));
 }
 
 /// Solid white where the asphalt's lanes end.
 fn edges(mesh: &mut Mesh, field: &RoadField) {
     let half = LINE_M as f32 / 2.0;
+    // The kerb stands less than the full margin away.
+    let (inner, outer) = (-half * MARGIN as f32, half * 2.2);
     for ring in field.distance.rings(-0.04, 0.012) {
         if super::polygon::doubled_area(&ring).abs() > 30.0 {
-            band(mesh, &ring, [Vec2::new(-half, PAINT_M), Vec2::new(half, PAINT_M)], WHITE);
+            let edges = [Vec2::new(inner, PAINT_M), Vec2::new(outer, PAINT_M)];
+            band_with(mesh, &ring, edges, line_of(WHITE), |_, edge| Vec2::new(edge.x, half));
         }
     }
 }
@@ -92,7 +113,7 @@ fn dashes(mesh: &mut Mesh, map: &CityMap, lane: &Lane) {
     while from + DASH_M < length - 1.0 {
         let line: Vec<Pose2> = (0..=4).filter_map(|k| beside(from + DASH_M * f64::from(k) / 4.0)).collect();
         if line.len() == 5 {
-            ribbon(mesh, &line, 0.0, LINE_M, WHITE);
+            ribbon(mesh, &line, 0.0, LINE_M, [MARGIN * LINE_M / 2.0; 2], WHITE);
         }
         from += DASH_M + GAP_M;
     }
@@ -150,8 +171,10 @@ fn centre_lines(mesh: &mut Mesh, map: &CityMap, lane: &Lane, field: &RoadField) 
 
 fn double_line(mesh: &mut Mesh, line: &[Pose2]) {
     if line.len() > 2 {
-        ribbon(mesh, line, DOUBLE_M / 2.0, LINE_M, YELLOW);
-        ribbon(mesh, line, -DOUBLE_M / 2.0, LINE_M, YELLOW);
+        // The two meet in the middle between them.
+        let (inner, outer) = (DOUBLE_M / 2.0, MARGIN * LINE_M / 2.0);
+        ribbon(mesh, line, DOUBLE_M / 2.0, LINE_M, [inner, outer], YELLOW);
+        ribbon(mesh, line, -DOUBLE_M / 2.0, LINE_M, [outer, inner], YELLOW);
     }
 }
 

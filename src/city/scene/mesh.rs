@@ -29,10 +29,41 @@ pub enum Surface {
     Flowers,
     Glass,
     Metal,
+    /// A lane from its right edge (u 0) to its left one, with the tracks of tyres.
+    Lane,
+    /// A painted line on asphalt: u metres from its middle, v half its width. It has no layer of its own:
+    /// how much of a pixel it covers is computed.
+    Line,
+    /// Asphalt laid later, with sealed edges.
+    Patch,
+    /// An iron cover in asphalt.
+    Manhole,
+    /// A bay of a brick wall with a sash window.
+    Sash,
+    /// A bay of a rendered wall with a window between shutters.
+    Shutters,
+    /// A bay of a modern block with a balcony.
+    Balcony,
+    /// A house door.
+    Door,
+    /// A wide door of panels.
+    Gate,
+    /// Letters and digits, light on dark, in cells: see `lettering`.
+    Letters,
+    /// Faces of road signs, in cells: see `signs`.
+    Signs,
+    /// Small stones laid in arcs.
+    Setts,
+    /// Needles of conifers.
+    Needles,
+    /// Stripes of cloth.
+    Awning,
+    /// Lacquered sheet metal.
+    CarPaint,
 }
 
 impl Surface {
-    pub const COUNT: usize = 19;
+    pub const COUNT: usize = 34;
 }
 
 /// What a pixel shows, for pictures of meaning instead of light.
@@ -52,6 +83,8 @@ pub enum Class {
     Furniture,
     Water,
     Vehicle,
+    /// Faces of road signs; their poles are poles.
+    Sign,
 }
 
 /// The look of a face.
@@ -105,19 +138,6 @@ impl Mesh {
     pub fn vertex(&mut self, vertex: Vertex) -> u32 {
         self.vertices.push(vertex);
         self.vertices.len() as u32 - 1
-    }
-
-    /// How much it holds: for [`Mesh::append_since`].
-    pub(super) fn mark(&self) -> (usize, usize) {
-        (self.vertices.len(), self.indices.len())
-    }
-
-    /// Appends what another mesh was given after a mark, provided it shares no vertices with what was
-    /// there before.
-    pub(super) fn append_since(&mut self, other: &Self, (vertices, indices): (usize, usize)) {
-        let base = self.vertices.len() as u32;
-        self.vertices.extend_from_slice(&other.vertices[vertices..]);
-        self.indices.extend(other.indices[indices..].iter().map(|i| i - vertices as u32 + base));
     }
 
     /// Appends another mesh.

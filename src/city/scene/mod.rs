@@ -9,63 +9,127 @@ mod grounds;
 mod lettering;
 mod markings;
 mod mesh;
+mod parked;
 mod plants;
 mod polygon;
 mod props;
 mod roads;
+mod signs;
 mod special;
+mod wear;
 
+pub use lettering::glyph_cell;
 pub use mesh::{Class, Finish, Mesh, Surface, Vertex};
+pub use signs::sign_cell;
 
 use super::{CityMap, SceneryKind};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 /// Everything that stands in the city, in metres relative to the city's origin.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneDescription {
-    pub meshes: Vec<Mesh>,
-    /// What rises above the ground once more, with trees of few faces: for views in which they are
-    /// small. Without it `meshes` serve at every distance.
-    pub distant: Vec<Mesh>,
+    /// What lies: roads with their markings, lawns, water, and the plain around the city.
+    pub ground: Vec<Mesh>,
+    /// What stands on it, piece by piece.
+    pub objects: Vec<Object>,
+    /// Opaque walls that hide what is behind them.
+    pub walls: Vec<Wall>,
     /// The box that holds the city itself, without the plain around it.
     pub bounds: [Vec3; 2],
+}
+
+/// Something that stands in the city, at one or more levels of detail.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Object {
+    /// The finest first.
+    pub levels: Vec<Level>,
+}
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Level {
+    pub mesh: Mesh,
+    /// How far its outline and what can be told apart on it may lie from where they are in the finest
+    /// level, metres; 0 for that one.
+    pub error_m: f32,
+}
+
+/// An upright rectangle that stands on the ground and that nothing can be seen through.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wall {
+    pub from: Vec2,
+    pub to: Vec2,
+    pub height_m: f32,
+}
+
+impl Object {
+    fn of_one_level(mesh: Mesh) -> Self {
+        Self { levels: vec![Level { mesh, error_m: 0.0 }] }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.levels.iter().all(|level| level.mesh.is_empty())
+    }
 }
 
 impl SceneDescription {
     /// The roads with their markings, the ground, and everything of the map's scenery.
     pub fn from_map(map: &CityMap) -> Self {
         let field = roads::RoadField::new(map);
-        let (mut scenery, mut distant) = (Mesh::default(), Mesh::default());
+        let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());
         // Street furniture turns towards the road, so it needs to know where that is.
         for (index, piece) in map.scenery.iter().enumerate() {
             let place = Place { piece, seed: index as u32 };
-            let before = scenery.mark();
-            match piece.kind {
-                SceneryKind::Building => buildings::building(&mut scenery, &place, map),
-                SceneryKind::Tree => plants::tree(&mut scenery, &place, plants::Leafage::NEAR),
-                SceneryKind::Hedge => plants::hedge(&mut scenery, &place),
-                SceneryKind::Wall => props::wall(&mut scenery, &place),
-                SceneryKind::Lamp => props::lamp(&mut scenery, &place, map),
-                SceneryKind::Bench => props::bench(&mut scenery, &place),
-                SceneryKind::PicnicTable => props::picnic_table(&mut scenery, &place),
-                SceneryKind::Playground => props::playground(&mut scenery, &place),
+            let one = |draw: &dyn Fn(&mut Mesh)| {
+                let mut mesh = Mesh::default();
+                draw(&mut mesh);
+                Object::of_one_level(mesh)
+            };
+            objects.push(match piece.kind {
+                SceneryKind::Building => {
+                    one(&|mesh| buildings::building(mesh, &place, map))
+                }
+                SceneryKind::Tree => plants::tree_object(&place),
+                SceneryKind::Hedge => one(&|mesh| plants::hedge(mesh, &place)),
+                SceneryKind::Wall => one(&|mesh| props::wall(mesh, &place)),
+                SceneryKind::Lamp => one(&|mesh| props::lamp(mesh, &place, map)),
+                SceneryKind::Bench => one(&|mesh| props::bench(mesh, &place)),
+                SceneryKind::PicnicTable => one(&|mesh| props::picnic_table(mesh, &place)),
+                SceneryKind::Playground => one(&|mesh| props::playground(mesh, &place)),
                 SceneryKind::Grass
                 | SceneryKind::Bed
                 | SceneryKind::Water
                 | SceneryKind::Paving
-                | SceneryKind::Parking => grounds::ground(&mut scenery, &place),
-            }
-            match piece.kind {
-                SceneryKind::Tree => plants::tree(&mut distant, &place, plants::Leafage::DISTANT),
-                _ => distant.append_since(&scenery, before),
+                | SceneryKind::Parking => {
+                    grounds::ground(&mut lying, &place);
+                    continue;
+                }
+            });
+            if piece.kind == SceneryKind::Building {
+                walls.extend(buildings::opaque_walls(&place));
             }
         }
-        let meshes = vec![roads::ground(&field), roads::plain(map), markings::markings(map, &field), scenery];
+        objects.extend(signs::signs(map, &field));
+        objects.extend(parked::cars(map));
+        objects.retain(|object: &Object| !object.is_empty());
+        let mut ground = vec![
+            roads::ground(&field),
+            roads::plain(map),
+            wear::wear(map),
+            markings::markings(map, &field),
+            lying,
+        ];
+        ground.retain(|mesh| !mesh.is_empty());
         let [low, high] = map.bounds();
-        let top = meshes.iter().map(|mesh| mesh.bounds()[1].z).fold(1.0, f32::max);
+        let finest = objects.iter().flat_map(|object| object.levels.first()).map(|level| &level.mesh);
+        let top = ground.iter().chain(finest).map(|mesh| mesh.bounds()[1].z).fold(1.0, f32::max);
         let bounds = [low.as_vec2().extend(0.0), high.as_vec2().extend(top)];
-        let meshes: Vec<Mesh> = meshes.into_iter().filter(|mesh| !mesh.is_empty()).collect();
-        Self { meshes, distant: vec![distant], bounds }
+        Self { ground, objects, walls, bounds }
+    }
+
+    /// Every mesh at every level of detail.
+    pub fn meshes(&self) -> impl Iterator<Item = &Mesh> {
+        let objects = self.objects.iter().flat_map(|object| &object.levels).map(|level| &level.mesh);
+        self.ground.iter().chain(objects)
     }
 }
 
@@ -78,14 +142,19 @@ struct Place<'a> {
 impl Place<'_> {
     /// A number in [0, 1), another one for each `salt`.
     fn dice(&self, salt: u32) -> f32 {
-        let mut h = self.seed.wrapping_mul(0x9E37_79B1) ^ salt.wrapping_mul(0x85EB_CA77);
-        h ^= h >> 15;
-        h = h.wrapping_mul(0x2C1B_3C6D);
-        h ^= h >> 12;
-        h = h.wrapping_mul(0x297A_2D39);
-        h ^= h >> 15;
-        (h >> 8) as f32 / (1 << 24) as f32
+        dice(self.seed, salt)
     }
+}
+
+/// A number in [0, 1) for two integers.
+fn dice(seed: u32, salt: u32) -> f32 {
+    let mut h = seed.wrapping_mul(0x9E37_79B1) ^ salt.wrapping_mul(0x85EB_CA77);
+    h ^= h >> 15;
+    h = h.wrapping_mul(0x2C1B_3C6D);
+    h ^= h >> 12;
+    h = h.wrapping_mul(0x297A_2D39);
+    h ^= h >> 15;
+    (h >> 8) as f32 / (1 << 24) as f32
 }
 
 #[cfg(test)]

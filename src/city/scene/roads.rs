@@ -27,8 +27,8 @@ pub(super) const KERB_M: f32 = 0.12;
 /// Height of the ground beyond the pavements.
 pub(super) const GRASS_M: f32 = 0.10;
 
-pub(super) const ASPHALT: Finish = Finish::new(Surface::Asphalt, [92, 93, 97], Class::Road);
-pub(super) const GRASS: Finish = Finish::new(Surface::Grass, [104, 122, 72], Class::Grass);
+pub(super) const ASPHALT: Finish = Finish::new(Surface::Asphalt, [110, 110, 112], Class::Road);
+pub(super) const GRASS: Finish = Finish::new(Surface::Grass, [104, 118, 74], Class::Grass);
 const KERB: Finish = Finish::new(Surface::Concrete, [186, 184, 178], Class::Pavement);
 pub(super) const PAVEMENT: Finish = Finish::new(Surface::Slabs, [172, 166, 156], Class::Pavement);
 
@@ -160,7 +160,18 @@ pub(super) fn level(mesh: &mut Mesh, region: &Region, z: f32, finish: Finish, me
 
 /// A band beside a closed ring: from `from` metres to its right to `to`, at two heights. Rings of a
 /// region have the region to their left, so that right is outside.
-pub(super) fn band(mesh: &mut Mesh, ring: &[DVec2], [from, to]: [Vec2; 2], finish: Finish) {
+pub(super) fn band(mesh: &mut Mesh, ring: &[DVec2], edges: [Vec2; 2], finish: Finish) {
+    band_with(mesh, ring, edges, finish, |along, edge| Vec2::new(along, edge.x + edge.y) / 2.0);
+}
+
+/// [`band`], with texture coordinates from the way along it and the edge.
+pub(super) fn band_with(
+    mesh: &mut Mesh,
+    ring: &[DVec2],
+    [from, to]: [Vec2; 2],
+    finish: Finish,
+    uv: impl Fn(f32, Vec2) -> Vec2,
+) {
     let count = ring.len();
     let outward = |k: usize| {
         let (before, at, after) = (ring[(k + count - 1) % count], ring[k], ring[(k + 1) % count]);
@@ -180,8 +191,7 @@ pub(super) fn band(mesh: &mut Mesh, ring: &[DVec2], [from, to]: [Vec2; 2], finis
         let normal = (out.normalize_or(Vec2::X) * facing.x).extend(facing.y).normalize_or(Vec3::Z);
         for edge in [from, to] {
             let position = (at + out * edge.x).extend(edge.y);
-            let uv = Vec2::new(along, edge.x + edge.y) / 2.0;
-            mesh.vertex(Vertex { position, normal, uv, finish, openness: 255 });
+            mesh.vertex(Vertex { position, normal, uv: uv(along, edge), finish, openness: 255 });
         }
     };
     let base = mesh.vertices.len() as u32;

@@ -60,6 +60,11 @@ pub(super) fn pavilion(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32) 
     false
 }
 
+/// Whether it is one of those that can be looked through: see [`pavilion`].
+pub(super) fn is_open(name: &str) -> bool {
+    name.contains("canopy") || name.contains("bandstand")
+}
+
 /// Towers, domes and spires on closed buildings.
 pub(super) fn additions(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32) {
     let centre = middle(ring);

@@ -7,13 +7,14 @@ fn city() -> CityMap {
     map_of_drawing(&generate::ids3c()).unwrap().map.to_city(LengthScale::TESTBED)
 }
 
-/// Triangles of a class that look up, as seen from above.
-fn level_triangles(scene: &SceneDescription, class: Class) -> Vec<[Vec2; 3]> {
+/// Triangles of a surface that look up, as seen from above.
+fn level_triangles(scene: &SceneDescription, surface: Surface) -> Vec<[Vec2; 3]> {
     let mut found = Vec::new();
-    for mesh in &scene.meshes {
+    for mesh in &scene.ground {
         for t in mesh.indices.chunks_exact(3) {
             let corners = [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize]);
-            if corners.iter().all(|v| v.finish.class == class && v.position.z < 0.05 && v.normal.z > 0.9) {
+            if corners.iter().all(|v| v.finish.surface == surface && v.position.z < 0.05 && v.normal.z > 0.9)
+            {
                 found.push(corners.map(|v| v.position.truncate()));
             }
         }
@@ -29,7 +30,7 @@ fn covers(t: &[Vec2; 3], p: Vec2) -> bool {
 fn every_lane_lies_on_asphalt_from_edge_to_edge() {
     let map = city();
     let scene = SceneDescription::from_map(&map);
-    let asphalt = level_triangles(&scene, Class::Road);
+    let asphalt = level_triangles(&scene, Surface::Asphalt);
     for lane in &map.lanes {
         let half = lane.width_m / 2.0 - 0.05;
         for (_, point) in lane.curve.sample(4.0) {
@@ -64,7 +65,7 @@ fn nothing_solid_stands_on_a_lane_and_all_numbers_are_finite() {
     let map = city();
     let scene = SceneDescription::from_map(&map);
     let solid = [Class::Building, Class::Wall, Class::Pole, Class::Furniture];
-    for v in scene.meshes.iter().flat_map(|mesh| &mesh.vertices) {
+    for v in scene.meshes().flat_map(|mesh| &mesh.vertices) {
         assert!(v.position.is_finite() && v.normal.is_finite() && v.uv.is_finite(), "{v:?}");
         let low = v.position.z < 2.5;
         if low && solid.contains(&v.finish.class) {

@@ -3,9 +3,8 @@
 use super::{Attachments, PictureState, picture_pipeline, sampler_entry, texture_entry};
 use crate::render::settings::Quality;
 use crate::render::shader::Shader;
-use crate::render::standing::Standing;
+use crate::render::standing::{SeenCells, Standing};
 use crate::render::textures;
-use std::ops::Range;
 
 pub(in crate::render) mod gpu_data {
     use bytemuck::{Pod, Zeroable};
@@ -38,6 +37,8 @@ pub(in crate::render) mod gpu_data {
 #[derive(Debug)]
 pub(in crate::render) struct CityPass {
     pipeline: wgpu::RenderPipeline,
+    /// Where painted lines have one of their own.
+    lines: Option<wgpu::RenderPipeline>,
     surfaces: wgpu::BindGroup,
 }
 
@@ -60,7 +61,7 @@ impl CityPass {
                 sampler_entry(1, wgpu::SamplerBindingType::Filtering),
             ],
         });
-        let view = textures::surfaces(context);
+        let view = textures::surfaces(context, attachments.texture_format());
         // Mesa's software adapter walks an ellipse of texels for anisotropy and does not come back
         // where derivatives are degenerate (seen with 22.3).
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
@@ -81,36 +82,47 @@ impl CityPass {
                 wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
             ],
         });
-        let pipeline = picture_pipeline(
-            device,
-            attachments,
-            &PictureState {
-                shader: Shader::City,
-                groups: &[Some(groups[0]), Some(groups[1]), Some(&layout)],
-                buffers: &[Some(gpu_data::LAYOUT)],
-                constants: &[
-                    ("soft_shadows", f64::from(u8::from(quality.soft_shadows))),
-                    ("detail", f64::from(u8::from(quality.detail))),
-                ],
-                topology: wgpu::PrimitiveTopology::TriangleList,
-                cull: true,
-                blend: None,
-                write_depth: true,
-            },
-        );
-        Self { pipeline, surfaces }
+        let pipeline = |entries| {
+            picture_pipeline(
+                device,
+                attachments,
+                &PictureState {
+                    shader: Shader::City,
+                    entries,
+                    groups: &[Some(groups[0]), Some(groups[1]), Some(&layout)],
+                    buffers: &[Some(gpu_data::LAYOUT)],
+                    constants: &[
+                        ("soft_shadows", f64::from(u8::from(quality.soft_shadows))),
+                        ("detail", f64::from(u8::from(quality.detail))),
+                    ],
+                    topology: wgpu::PrimitiveTopology::TriangleList,
+                    cull: true,
+                    blend: None,
+                    write_depth: true,
+                },
+            )
+        };
+        let lines = attachments.light_at_vertices.then(|| pipeline(["swift_line_vertex", "swift_line_fragment"]));
+        Self { pipeline: pipeline(attachments.entries()), lines, surfaces }
     }
 
-    /// Groups 0 and 1 are set already.
+    /// Draws what a view sees; groups 0 and 1 are set already.
     pub(in crate::render) fn draw(
         &self,
         pass: &mut wgpu::RenderPass<'_>,
         standing: &Standing,
-        cells: &[Range<u32>],
+        seen: &SeenCells,
     ) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(2, &self.surfaces, &[]);
-        standing.draw(pass, cells);
+        standing.draw(pass, &seen.raised);
+        // Over the ground, so that the depth test spares the ground under them.
+        if let Some(lines) = &self.lines {
+            pass.set_pipeline(lines);
+        }
+        standing.draw(pass, &seen.lines);
+        pass.set_pipeline(&self.pipeline);
+        standing.draw(pass, &seen.ground);
     }
 }
 

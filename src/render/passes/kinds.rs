@@ -101,6 +101,7 @@ impl KindsPass {
         pass.set_pipeline(&self.city);
         standing.draw(pass, &seen.cells.raised);
         standing.draw(pass, &seen.cells.ground);
+        standing.draw(pass, &seen.cells.lines);
     }
 }
 

@@ -19,11 +19,31 @@ pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 pub(super) struct Attachments {
     pub(super) format: wgpu::TextureFormat,
     pub(super) samples: u32,
+    /// See [`super::Quality::light_at_vertices`]; the target takes what is encoded as sRGB already.
+    pub(super) light_at_vertices: bool,
+}
+
+impl Attachments {
+    /// What a texture of colours is made as, so that what is sampled suits the shaders.
+    pub(super) fn texture_format(self) -> wgpu::TextureFormat {
+        if self.light_at_vertices {
+            wgpu::TextureFormat::Rgba8Unorm
+        } else {
+            wgpu::TextureFormat::Rgba8UnormSrgb
+        }
+    }
+
+    /// Entry points of a shader that has a pair for either way to light.
+    pub(super) fn entries(self) -> [&'static str; 2] {
+        if self.light_at_vertices { ["swift_vertex", "swift_fragment"] } else { ["vertex_main", "fragment_main"] }
+    }
 }
 
 /// What differs between the pipelines of a picture.
 pub(super) struct PictureState<'a> {
     pub(super) shader: Shader,
+    /// Of vertices and of fragments.
+    pub(super) entries: [&'a str; 2],
     pub(super) groups: &'a [Option<&'a wgpu::BindGroupLayout>],
     pub(super) buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
     pub(super) constants: &'a [(&'a str, f64)],
@@ -50,7 +70,7 @@ pub(super) fn picture_pipeline(
         layout: Some(&layout),
         vertex: wgpu::VertexState {
             module: &module,
-            entry_point: Some("vertex_main"),
+            entry_point: Some(state.entries[0]),
             compilation_options: options.clone(),
             buffers: state.buffers,
         },
@@ -69,7 +89,7 @@ pub(super) fn picture_pipeline(
         multisample: wgpu::MultisampleState { count: attachments.samples, ..Default::default() },
         fragment: Some(wgpu::FragmentState {
             module: &module,
-            entry_point: Some("fragment_main"),
+            entry_point: Some(state.entries[1]),
             compilation_options: options,
             targets: &[Some(wgpu::ColorTargetState {
                 format: attachments.format,

@@ -49,6 +49,7 @@ impl VehiclePass {
             attachments,
             &PictureState {
                 shader: Shader::Vehicle,
+                entries: attachments.entries(),
                 groups: &[Some(groups[0]), Some(groups[1])],
                 buffers: &[Some(city::gpu_data::LAYOUT), Some(gpu_data::LAYOUT)],
                 constants: &[("soft_shadows", f64::from(u8::from(quality.soft_shadows)))],

@@ -1,9 +1,10 @@
 //! The pattern of each surface: what tints multiply. Alpha is dullness, 255 for no gloss at all.
 
 use super::noise::{hash, octaves, value};
+use super::{facades, glyphs};
 use crate::city::scene::Surface;
 
-type Texel = ([f32; 3], f32);
+pub(super) type Texel = ([f32; 3], f32);
 
 /// RGBA texels of a layer, row by row with v growing.
 pub(super) fn pattern(layer: u8, size: u32) -> Vec<u8> {
@@ -14,9 +15,9 @@ pub(super) fn pattern(layer: u8, size: u32) -> Vec<u8> {
         l if l == Surface::Concrete as u8 => concrete,
         l if l == Surface::Paint as u8 => paint,
         l if l == Surface::Brick as u8 => brick,
-        l if l == Surface::Windows as u8 => windows,
-        l if l == Surface::Glazing as u8 => glazing,
-        l if l == Surface::Shopfront as u8 => shopfront,
+        l if l == Surface::Windows as u8 => facades::windows,
+        l if l == Surface::Glazing as u8 => facades::glazing,
+        l if l == Surface::Shopfront as u8 => facades::shopfront,
         l if l == Surface::RoofTiles as u8 => roof_tiles,
         l if l == Surface::Gravel as u8 => gravel,
         l if l == Surface::Leaves as u8 => leaves,
@@ -24,6 +25,20 @@ pub(super) fn pattern(layer: u8, size: u32) -> Vec<u8> {
         l if l == Surface::Water as u8 => water,
         l if l == Surface::Sand as u8 => sand,
         l if l == Surface::Flowers as u8 => flowers,
+        l if l == Surface::Lane as u8 => lane,
+        l if l == Surface::Patch as u8 => patch,
+        l if l == Surface::Manhole as u8 => manhole,
+        l if l == Surface::Sash as u8 => facades::sash,
+        l if l == Surface::Shutters as u8 => facades::shutters,
+        l if l == Surface::Balcony as u8 => facades::balcony,
+        l if l == Surface::Door as u8 => facades::door,
+        l if l == Surface::Gate as u8 => facades::gate,
+        l if l == Surface::Letters as u8 => glyphs::letters,
+        l if l == Surface::Signs as u8 => glyphs::signs,
+        l if l == Surface::Setts as u8 => setts,
+        l if l == Surface::Needles as u8 => needles,
+        l if l == Surface::Awning as u8 => awning,
+        l if l == Surface::CarPaint as u8 => |_| ([1.0; 3], 0.5),
         l if l == Surface::Glass as u8 => |_| ([0.10, 0.13, 0.16], 0.1),
         l if l == Surface::Metal as u8 => |_| ([1.0; 3], 0.7),
         _ => |_| ([1.0; 3], 1.0),
@@ -38,25 +53,86 @@ pub(super) fn pattern(layer: u8, size: u32) -> Vec<u8> {
     texels
 }
 
-fn grey(level: f32) -> Texel {
+pub(super) fn grey(level: f32) -> Texel {
     ([level; 3], 1.0)
 }
 
+/// Grain, stones, stains and fine cracks; its mean is that of [`lane`].
 fn asphalt(at: [f32; 2]) -> Texel {
-    let grain = value(at, [128, 128], 1) - 0.5;
-    let stone = if value(at, [90, 90], 7) > 0.86 { 0.10 } else { 0.0 };
-    grey(0.82 + 0.16 * grain + 0.16 * (octaves(at, [4, 4], 4, 2) - 0.5) + stone)
+    let broad = octaves(at, [3, 3], 4, 2) - 0.5;
+    grey(0.80 + grain(at, [150, 150]) + 0.16 * broad - 0.16 * crack(at, [5, 5]))
+}
+
+fn grain(at: [f32; 2], cells: [i32; 2]) -> f32 {
+    let stone = if value(at, cells.map(|c| c * 3 / 5), 7) > 0.84 { 0.09 } else { 0.0 };
+    0.15 * (value(at, cells, 1) - 0.5) + stone
+}
+
+/// 1 on thin lines that wander, and only here and there.
+fn crack(at: [f32; 2], cells: [i32; 2]) -> f32 {
+    let line = (octaves(at, cells, 3, 301) - 0.5).abs();
+    let there = ((value(at, [3, 3], 305) - 0.62) * 6.0).clamp(0.0, 1.0);
+    (1.0 - line / 0.008).max(0.0) * there
+}
+
+/// u across the lane, v along it: tyres polish two tracks, oil drips between them.
+fn lane(at: [f32; 2]) -> Texel {
+    let [u, v] = at;
+    // As wide as two lanes of asphalt are long.
+    let near = |track: f32| (-((u - track) / 0.085).powi(2)).exp();
+    let wander = 0.02 * (value([0.0, v], [1, 6], 311) - 0.5);
+    let tracks = near(0.27 + wander) + near(0.73 + wander);
+    let oil = (-((u - 0.5) / 0.07).powi(2)).exp() * (0.35 + 0.65 * value(at, [6, 20], 313));
+    // Nothing at the edges, where other asphalt goes on.
+    let inside = (1.0 - (2.0 * u - 1.0).abs().powi(6)).max(0.0);
+    let broad = octaves(at, [3, 8], 4, 315) - 0.5;
+    let level = 0.80 + grain(at, [110, 300]) + 0.14 * broad
+        - inside * (0.10 * tracks + 0.09 * oil - 0.05)
+        - 0.20 * crack([u, v], [3, 10]) * inside;
+    grey(level)
+}
+
+fn patch(at: [f32; 2]) -> Texel {
+    let [u, v] = at;
+    let rim = u.min(1.0 - u).min(v.min(1.0 - v));
+    let seal = rim < 0.012 + 0.02 * value(at, [12, 12], 321);
+    grey(if seal { 0.50 } else { 0.71 + grain(at, [100, 100]) })
+}
+
+fn manhole(at: [f32; 2]) -> Texel {
+    let [x, y] = at.map(|c| 2.0 * c - 1.0);
+    let r = x.hypot(y);
+    match r {
+        r if r > 0.90 => grey(0.80 + grain(at, [40, 40])),
+        r if r > 0.84 => grey(0.42),
+        r if r > 0.74 => grey(0.66),
+        r if r > 0.70 => grey(0.36),
+        _ => {
+            let stud =
+                ((x * 7.0).fract().abs() - 0.5).abs() < 0.32 && ((y * 7.0).fract().abs() - 0.5).abs() < 0.32;
+            ([0.56, 0.55, 0.53].map(|c: f32| if stud { c + 0.10 } else { c - 0.12 }), 0.85)
+        }
+    }
 }
 
 fn grass(at: [f32; 2]) -> Texel {
-    let blades = value(at, [96, 64], 11) - 0.5;
-    let tufts = octaves(at, [6, 6], 4, 12) - 0.5;
-    let level = 0.80 + 0.30 * blades + 0.34 * tufts;
-    ([level * (1.0 + 0.12 * tufts), level, level * (0.92 - 0.2 * tufts)], 1.0)
+    let blades = value(at, [128, 96], 11) - 0.5;
+    let fine = value(at, [64, 128], 15) - 0.5;
+    let tufts = octaves(at, [7, 7], 4, 12) - 0.5;
+    let dry = ((octaves(at, [4, 4], 3, 17) - 0.54) * 5.0).clamp(0.0, 1.0);
+    let level = 0.80 + 0.26 * blades + 0.16 * fine + 0.26 * tufts;
+    (
+        [
+            level * (1.0 + 0.10 * tufts + 0.16 * dry),
+            level * (1.0 + 0.02 * dry),
+            level * (0.94 - 0.12 * tufts),
+        ],
+        1.0,
+    )
 }
 
 /// Joint lines of a bond: 0 in a joint to 1 inside, and a number of the piece.
-fn bond([u, v]: [f32; 2], columns: i32, rows: i32, joint: [f32; 2], shift: f32) -> (f32, i32) {
+pub(super) fn bond([u, v]: [f32; 2], columns: i32, rows: i32, joint: [f32; 2], shift: f32) -> (f32, i32) {
     let row = (v * rows as f32).floor();
     let x = u * columns as f32 + if row as i32 % 2 == 0 { 0.0 } else { shift };
     let (fx, fy) = (x.fract(), (v * rows as f32).fract());
@@ -66,9 +142,19 @@ fn bond([u, v]: [f32; 2], columns: i32, rows: i32, joint: [f32; 2], shift: f32) 
 }
 
 fn slabs(at: [f32; 2]) -> Texel {
-    let (inside, piece) = bond(at, 4, 4, [0.035, 0.035], 0.5);
-    let tone = 0.88 + 0.10 * (hash(piece, 3, 5) - 0.5) + 0.08 * (octaves(at, [16, 16], 3, 21) - 0.5);
-    grey(tone * (0.70 + 0.30 * inside))
+    let (inside, piece) = bond(at, 4, 6, [0.018, 0.027], 0.5);
+    let tone = 0.86 + 0.13 * (hash(piece, 3, 5) - 0.5) + 0.10 * (octaves(at, [16, 16], 3, 21) - 0.5);
+    let stain = 0.10 * ((octaves(at, [3, 3], 3, 25) - 0.55) * 4.0).clamp(0.0, 1.0);
+    grey((tone - stain) * (0.66 + 0.34 * inside))
+}
+
+fn setts(at: [f32; 2]) -> Texel {
+    let [u, v] = at;
+    // Rows in shallow arcs.
+    let bent = v + 0.5 / 12.0 * (std::f32::consts::TAU * 2.0 * u).sin() * 0.35;
+    let (inside, piece) = bond([u, bent.rem_euclid(1.0)], 12, 12, [0.10, 0.10], 0.5);
+    let tone = 0.80 + 0.24 * (hash(piece, 5, 8) - 0.5) + 0.10 * (value(at, [60, 60], 27) - 0.5);
+    grey(tone * (0.58 + 0.42 * inside))
 }
 
 fn concrete(at: [f32; 2]) -> Texel {
@@ -80,78 +166,11 @@ fn paint(at: [f32; 2]) -> Texel {
     grey(0.96 - 0.5 * worn + 0.05 * (value(at, [90, 90], 43) - 0.5))
 }
 
-fn brick(at: [f32; 2]) -> Texel {
+pub(super) fn brick(at: [f32; 2]) -> Texel {
     let (inside, piece) = bond(at, 8, 24, [0.03, 0.09], 0.5);
     let tone = 0.78 + 0.16 * (hash(piece, 9, 6) - 0.5) + 0.10 * (value(at, [80, 80], 51) - 0.5);
     let joint = 1.0 - inside.min(1.0);
     (std::array::from_fn(|k| tone + ([0.98, 0.97, 0.95][k] - tone) * joint), 1.0)
-}
-
-/// Soft edge of a rectangle: 1 inside, 0 outside.
-fn within([u, v]: [f32; 2], [left, right]: [f32; 2], [low, high]: [f32; 2]) -> bool {
-    u > left && u < right && v > low && v < high
-}
-
-/// Panes reflect the sky: brighter towards the top, with a faint slanted sheen.
-fn pane([u, v]: [f32; 2], seed: i32) -> Texel {
-    let sheen = if ((u * 1.2 + v + hash(seed, 1, 2)) * 3.0).fract() < 0.35 { 0.05 } else { 0.0 };
-    let level = 0.10 + 0.16 * v + sheen;
-    ([level * 0.72, level * 0.95, level * 1.18], 0.12)
-}
-
-fn render_wall(at: [f32; 2]) -> f32 {
-    0.93 + 0.06 * (octaves(at, [12, 12], 4, 61) - 0.5)
-}
-
-fn windows(at: [f32; 2]) -> Texel {
-    let [u, v] = at;
-    let wall = render_wall(at);
-    if within(at, [0.30, 0.70], [0.30, 0.80]) {
-        let frame =
-            !within(at, [0.325, 0.675], [0.325, 0.775]) || (u - 0.5).abs() < 0.012 || (v - 0.62).abs() < 0.01;
-        return if frame { ([0.95, 0.95, 0.93], 1.0) } else { pane([u, (v - 0.3) * 2.0], 1) };
-    }
-    if within(at, [0.27, 0.73], [0.262, 0.30]) {
-        return grey(0.80);
-    }
-    if within(at, [0.28, 0.72], [0.80, 0.835]) {
-        return grey(0.72);
-    }
-    // A floor band, and the shade under the sill.
-    let band = if v < 0.03 { 0.86 } else { 1.0 };
-    let shade = if within(at, [0.28, 0.74], [0.235, 0.262]) { 0.84 } else { 1.0 };
-    grey(wall * band * shade)
-}
-
-fn glazing(at: [f32; 2]) -> Texel {
-    let [u, v] = at;
-    if v < 0.22 {
-        return grey(if !(0.02..=0.2).contains(&v) { 0.62 } else { render_wall(at) });
-    }
-    let mullion = !(0.03..=0.97).contains(&u) || (u - 0.5).abs() < 0.014 || v > 0.975;
-    if mullion { grey(0.42) } else { pane([u, (v - 0.2) * 1.25], if u < 0.5 { 3 } else { 4 }) }
-}
-
-fn shopfront(at: [f32; 2]) -> Texel {
-    let [u, v] = at;
-    if v > 0.86 {
-        // The board above the window takes the tint at full strength.
-        return grey(if !(0.875..=0.985).contains(&v) { 0.55 } else { 1.0 });
-    }
-    if v < 0.12 || !(0.04..=0.96).contains(&u) {
-        return ([0.30, 0.29, 0.28], 1.0);
-    }
-    if (u - 0.5).abs() < 0.012 || (v - 0.70).abs() < 0.008 || !within(at, [0.055, 0.945], [0.135, 0.85]) {
-        return ([0.16, 0.16, 0.17], 1.0);
-    }
-    // Warm light inside, goods as dim shapes.
-    let (x, y) = ((u * 14.0) as i32, (v * 9.0) as i32);
-    let goods = if v < 0.5 && hash(x, y, 71) > 0.45 { 0.16 * hash(x, y, 72) } else { 0.0 };
-    let (mut colour, _) = pane([u, v], 5);
-    colour[0] += 0.12 + goods;
-    colour[1] += 0.08 + goods * 0.8;
-    colour[2] += 0.02 + goods * 0.6;
-    (colour, 0.2)
 }
 
 fn roof_tiles(at: [f32; 2]) -> Texel {
@@ -169,11 +188,40 @@ fn gravel(at: [f32; 2]) -> Texel {
     grey(0.80 + 0.34 * (value(at, [110, 110], 91) - 0.5) + 0.12 * (octaves(at, [6, 6], 3, 92) - 0.5))
 }
 
+/// Leaves as small ovals, each in a light of its own, over the dark between them.
 fn leaves(at: [f32; 2]) -> Texel {
-    let clumps = octaves(at, [10, 10], 4, 101);
-    let glints = value(at, [72, 72], 103);
-    let level = 0.36 + 0.95 * (clumps - 0.25) + 0.30 * (glints - 0.5);
-    ([level * (0.92 + 0.16 * clumps), level, level * 0.86], 1.0)
+    const CELLS: i32 = 26;
+    let clumps = octaves(at, [5, 5], 3, 101);
+    let mut level = 0.20 + 0.30 * clumps;
+    let [x, y] = at.map(|c| c * CELLS as f32);
+    let (ix, iy) = (x.floor() as i32, y.floor() as i32);
+    for dy in -1..=1 {
+        for dx in -1..=1 {
+            let (cx, cy) = (ix + dx, iy + dy);
+            let draw = |salt: u32| hash(cx.rem_euclid(CELLS), cy.rem_euclid(CELLS), 103 + salt);
+            let (ox, oy) = (x - cx as f32 - draw(0), y - cy as f32 - draw(1));
+            let (sin, cos) = (draw(2) * std::f32::consts::PI).sin_cos();
+            let (a, b) = ((ox * cos + oy * sin) / 0.78, (oy * cos - ox * sin) / 0.40);
+            if a * a + b * b < 1.0 {
+                let light = 0.46 + 0.44 * draw(3) + 0.34 * (clumps - 0.5) - 0.10 * (a * a + b * b);
+                level = level.max(light);
+            }
+        }
+    }
+    ([level * (0.90 + 0.14 * clumps), level, level * 0.82], 1.0)
+}
+
+fn needles(at: [f32; 2]) -> Texel {
+    let tufts = value(at, [26, 14], 105);
+    let fine = value(at, [96, 40], 107);
+    let level = 0.34 + 0.52 * tufts * (0.5 + 0.5 * fine) + 0.20 * (octaves(at, [6, 6], 3, 109) - 0.5);
+    ([level * 0.92, level, level * 0.94], 1.0)
+}
+
+fn awning([u, v]: [f32; 2]) -> Texel {
+    let light = (u * 4.0).fract() < 0.5;
+    let fold = 1.0 - 0.10 * (1.0 - v).powi(2);
+    grey(if light { 1.0 } else { 0.42 } * fold)
 }
 
 fn wood(at: [f32; 2]) -> Texel {
@@ -184,8 +232,10 @@ fn wood(at: [f32; 2]) -> Texel {
 }
 
 fn water(at: [f32; 2]) -> Texel {
-    let ripple = octaves(at, [8, 14], 4, 121) - 0.5;
-    ([0.80 + 0.25 * ripple, 0.88 + 0.22 * ripple, 0.92 + 0.2 * ripple], 0.12)
+    let ripple = octaves(at, [6, 11], 4, 121) - 0.5;
+    let glint = ((value(at, [40, 64], 123) - 0.80) * 3.0).max(0.0);
+    let deep = 0.62 + 0.5 * ripple + 0.25 * glint;
+    ([deep * 0.82, deep * 0.95, deep], 0.08)
 }
 
 fn sand(at: [f32; 2]) -> Texel {

@@ -1,17 +1,18 @@
-//! Meshes of vehicles, made in code to the measure of each: bodies as smooth lofts, wheels apart.
+//! Meshes of vehicles: models stretched to the measures of each, their materials told by name.
 
-mod body;
-mod loft;
-mod wheel;
+mod models;
 
 use super::passes::city::gpu_data::Vertex;
 use super::standing::pack_normal;
+use crate::model::{self, Material};
 use crate::snapshot::{BodyType, Dimensions};
 use glam::Vec3;
 use std::collections::BTreeMap;
 
-pub(super) use body::{body, half_of_sheet_metal};
-pub(super) use wheel::{SIDES as WHEEL_SIDES, WIDTH_M as WHEEL_WIDTH_M, wheel};
+pub(super) use models::{ERRORS_M, Models};
+
+/// Half width of sheet metal over that of the outline, to which mirrors reach.
+pub(super) const SHEET_METAL: f32 = 0.88;
 
 /// What a face of a vehicle is; `shaders/vehicle.wgsl` has the same numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -28,25 +29,23 @@ pub(super) enum Part {
     Bright = 8,
 }
 
-/// A part with its colour (sRGB) where the part does not give it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) struct Skin {
-    pub(super) part: Part,
-    pub(super) colour: [u8; 3],
-}
-
-impl Skin {
-    pub(super) const fn new(part: Part, colour: [u8; 3]) -> Self {
-        Self { part, colour }
+impl Part {
+    /// What a material is by its name; endings that modelling programs add (".001") do not count.
+    fn of(material: &Material) -> Self {
+        let name = material.name.split('.').next().unwrap_or_default().to_ascii_lowercase();
+        match name.as_str() {
+            "paint" => Self::Paint,
+            "glass" => Self::Glass,
+            "head" => Self::Head,
+            "tail" => Self::Tail,
+            "indicator_left" => Self::IndicatorLeft,
+            "indicator_right" => Self::IndicatorRight,
+            "reverse" => Self::Reverse,
+            _ if material.metallic > 0.5 || material.roughness < 0.3 => Self::Bright,
+            _ => Self::Dull,
+        }
     }
 }
-
-pub(super) const PAINT: Skin = Skin::new(Part::Paint, [255, 255, 255]);
-pub(super) const GLASS: Skin = Skin::new(Part::Glass, [26, 32, 38]);
-pub(super) const PLASTIC: Skin = Skin::new(Part::Dull, [30, 31, 33]);
-pub(super) const HEAD: Skin = Skin::new(Part::Head, [225, 228, 232]);
-pub(super) const TAIL: Skin = Skin::new(Part::Tail, [120, 10, 12]);
-pub(super) const REVERSE: Skin = Skin::new(Part::Reverse, [190, 190, 190]);
 
 /// Triangles of a vehicle in its body frame, metres.
 #[derive(Clone, Debug, Default)]
@@ -56,16 +55,22 @@ pub(super) struct VehicleMesh {
 }
 
 impl VehicleMesh {
-    pub(super) fn vertex(&mut self, position: Vec3, normal: Vec3, skin: Skin, openness: u8) -> u32 {
-        let [r, g, b] = skin.colour;
-        self.vertices.push(Vertex {
-            position: position.to_array(),
-            normal: pack_normal(normal),
-            colour: [r, g, b, openness],
-            uv: [0.0; 2],
-            material: skin.part as u32,
-        });
-        self.vertices.len() as u32 - 1
+    pub(super) fn new(parts: &[model::Part]) -> Self {
+        let mut mesh = Self::default();
+        for part in parts {
+            let base = mesh.vertices.len() as u32;
+            let [r, g, b] = part.material.colour;
+            let material = Part::of(&part.material) as u32;
+            mesh.vertices.extend(part.vertices.iter().map(|v| Vertex {
+                position: v.position.to_array(),
+                normal: pack_normal(v.normal),
+                colour: [r, g, b, v.openness],
+                uv: [0.0; 2],
+                material,
+            }));
+            mesh.indices.extend(part.indices.iter().map(|k| k + base));
+        }
+        mesh
     }
 
     /// The same of fewer triangles, for a distance: vertices within a cube of an edge become one
@@ -98,55 +103,24 @@ impl VehicleMesh {
         }
         simple
     }
-
-    /// A flat convex face, corners counter-clockwise seen from outside.
-    pub(super) fn plate(&mut self, corners: &[Vec3], skin: Skin) {
-        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(Vec3::Z);
-        let base = self.vertices.len() as u32;
-        for &corner in corners {
-            self.vertex(corner, normal, skin, 255);
-        }
-        for k in 2..corners.len() as u32 {
-            self.indices.extend([base, base + k - 1, base + k]);
-        }
-    }
-
-    /// A plate that faces ahead (`facing` 1) or back (-1) at x, between two y and two z.
-    pub(super) fn upright(&mut self, x: f32, facing: f32, y: [f32; 2], z: [f32; 2], skin: Skin) {
-        let (a, b) = if facing > 0.0 { (y[0], y[1]) } else { (y[1], y[0]) };
-        self.plate(
-            &[Vec3::new(x, a, z[0]), Vec3::new(x, b, z[0]), Vec3::new(x, b, z[1]), Vec3::new(x, a, z[1])],
-            skin,
-        );
-    }
-
-    /// A closed box.
-    pub(super) fn block(&mut self, low: Vec3, high: Vec3, skin: Skin) {
-        let at = |k: usize| {
-            Vec3::new(
-                if k & 1 == 0 { low.x } else { high.x },
-                if k & 2 == 0 { low.y } else { high.y },
-                if k & 4 == 0 { low.z } else { high.z },
-            )
-        };
-        for face in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
-            self.plate(&face.map(at), skin);
-        }
-    }
 }
 
 /// What a body is made for; vehicles that share it share the mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct MeshKey {
-    body: u8,
+    body: BodyType,
     /// Length, width, height, wheelbase, wheel radius in millimetres.
     measures: [u32; 5],
 }
 
 impl MeshKey {
+    pub(super) fn body(self) -> BodyType {
+        self.body
+    }
+
     pub(super) fn new(body: BodyType, d: &Dimensions) -> Self {
         let measures = [d.length_m, d.width_m, d.height_m, d.wheelbase_m, d.wheel_radius_m]
             .map(|m| (m * 1000.0).round().clamp(1.0, 1e6) as u32);
-        Self { body: body as u8, measures }
+        Self { body, measures }
     }
 }

@@ -1,0 +1,18 @@
+//! `city3d bench`: measurements that can be set beside those of other simulators, one JSON line each.
+
+mod cameras;
+
+use super::Failure;
+use clap::Subcommand;
+
+#[derive(Debug, Subcommand)]
+pub enum BenchCommand {
+    /// Camera pictures a second, of a scenario or of a neutral scene that other engines draw too
+    Cameras(cameras::CamerasArgs),
+}
+
+pub fn bench(command: &BenchCommand) -> Result<(), Failure> {
+    match command {
+        BenchCommand::Cameras(args) => cameras::cameras(args),
+    }
+}

@@ -1,0 +1,154 @@
+//! Road signs where the map has lines and car parks: a post and a face that whoever comes can read.
+
+use super::Object;
+use super::mesh::{Class, Finish, Mesh, Surface};
+use super::roads::RoadField;
+use crate::city::{CityMap, ControlLineKind, Lane, LaneKind, SceneryKind, Shape};
+use crate::geom::Pose2;
+use glam::{DVec2, Vec2, Vec3};
+
+/// Cells along and up the layer of [`Surface::Signs`].
+const CELLS: usize = 4;
+const FACE: Finish = Finish::new(Surface::Signs, [255, 255, 255], Class::Sign);
+const BACK: Finish = Finish::new(Surface::Metal, [126, 130, 134], Class::Sign);
+const POST: Finish = Finish::new(Surface::Metal, [118, 122, 126], Class::Pole);
+
+/// The sign drawn at a place of the layer, counted from the lowest row, and where in its cell that is.
+pub fn sign_cell([u, v]: [f32; 2]) -> (usize, [f32; 2]) {
+    let (x, y) = (u * CELLS as f32, v * CELLS as f32);
+    (y.floor() as usize * CELLS + x.floor() as usize, [x.fract(), y.fract()])
+}
+
+#[derive(Clone, Copy)]
+enum Sign {
+    Yield = 0,
+    Stop = 1,
+    Roundabout = 2,
+    Parking = 3,
+}
+
+impl Sign {
+    /// Corners in the cell's coordinates from -1 to 1, counter-clockwise for a reader.
+    fn outline(self) -> Vec<Vec2> {
+        let round = |count: usize, turn: f32, radius: f32| {
+            (0..count)
+                .map(|k| Vec2::from_angle(turn + std::f32::consts::TAU * k as f32 / count as f32) * radius)
+                .collect()
+        };
+        match self {
+            Self::Yield => vec![Vec2::new(0.0, -1.0), Vec2::new(1.0, 0.74), Vec2::new(-1.0, 0.74)],
+            Self::Stop => round(8, std::f32::consts::FRAC_PI_8, 1.06),
+            Self::Roundabout => round(12, 0.0, 0.99),
+            Self::Parking => vec![
+                Vec2::new(-0.97, -0.97),
+                Vec2::new(0.97, -0.97),
+                Vec2::new(0.97, 0.97),
+                Vec2::new(-0.97, 0.97),
+            ],
+        }
+    }
+}
+
+/// Half the width of a sign.
+const HALF_M: f32 = 0.36;
+/// Height of a sign's middle.
+const MIDDLE_M: f32 = 2.35;
+
+/// A sign on a post of its own, read by those who drive along `towards`.
+fn stand(foot: Vec2, towards: Vec2, signs: &[Sign]) -> Object {
+    let mut mesh = Mesh::default();
+    let top = MIDDLE_M + HALF_M + 0.05;
+    mesh.frustum(foot.extend(0.1), [0.038, 0.038], top - 0.1, 5, POST);
+    // Readers look along `towards`: their right is its right.
+    let right = (-towards.perp()).extend(0.0);
+    for (k, &sign) in signs.iter().enumerate() {
+        let middle = foot.extend(MIDDLE_M - 0.80 * k as f32) - towards.extend(0.0) * 0.05;
+        let outline = sign.outline();
+        let place = |p: Vec2, back: f32| {
+            middle + right * (p.x * HALF_M) + Vec3::Z * (p.y * HALF_M) + towards.extend(0.0) * back
+        };
+        let corners: Vec<Vec3> = outline.iter().map(|&p| place(p, 0.0)).collect();
+        let cell = Vec2::new((sign as usize % CELLS) as f32, (sign as usize / CELLS) as f32);
+        let uvs: Vec<Vec2> = outline
+            .iter()
+            .map(|p| (cell + (*p * 0.97 + 1.0).clamp(Vec2::ZERO, Vec2::splat(2.0)) / 2.0) / CELLS as f32)
+            .collect();
+        mesh.face(&corners, &uvs, FACE);
+        let behind: Vec<Vec3> = outline.iter().rev().map(|&p| place(p, 0.012)).collect();
+        mesh.plate(&behind, BACK, 1.0);
+    }
+    Object::of_one_level(mesh)
+}
+
+/// To the right of the road at a pose: the nearest place behind the kerb, if there is one.
+fn roadside(map: &CityMap, field: &RoadField, pose: Pose2) -> Option<DVec2> {
+    let beside = |out: f64| pose.point_at(0.0, -out);
+    let kerb = (10..60).map(|k| f64::from(k) * 0.1).find(|&out| field.distance.at(beside(out)) > 0.75)?;
+    let at = beside(kerb);
+    let clear_of_things = map.scenery.iter().all(|piece| {
+        let solid = matches!(
+            piece.kind,
+            SceneryKind::Building
+                | SceneryKind::Wall
+                | SceneryKind::Hedge
+                | SceneryKind::Tree
+                | SceneryKind::Lamp
+        );
+        !solid
+            || super::grounds::distance_to(&piece.shape, at)
+                > if piece.kind == SceneryKind::Tree { -0.4 } else { 0.25 }
+    });
+    clear_of_things.then_some(at)
+}
+
+fn at_line(map: &CityMap, field: &RoadField, lane: &Lane, at_m: f64) -> Option<(DVec2, Vec2)> {
+    let try_at = |back: f64| {
+        let pose = lane.curve.at((at_m - back).max(0.0)).pose;
+        Some((roadside(map, field, pose)?, pose.forward().as_vec2()))
+    };
+    [0.3, 0.9, 1.8, 3.0, 4.5, 6.5].into_iter().find_map(try_at)
+}
+
+/// Signs at stop and yield lines and at car parks.
+pub(super) fn signs(map: &CityMap, field: &RoadField) -> Vec<Object> {
+    let mut found = Vec::new();
+    let mut standing: Vec<DVec2> = Vec::new();
+    for line in &map.lines {
+        let lane = map.lane(line.lane);
+        // The neighbour on the right stands nearer to the kerb.
+        if lane.right.is_some_and(|right| map.lines.iter().any(|l| l.lane == right)) {
+            continue;
+        }
+        let Some((at, towards)) = at_line(map, field, lane, line.at_m) else { continue };
+        if standing.iter().any(|known| known.distance(at) < 1.2) {
+            continue;
+        }
+        // Lanes of a ring turn left all the way.
+        let is_ring = |lane: &Lane| {
+            let bend = |part: f64| lane.curve.at(lane.curve.length() * part).curvature;
+            lane.kind == LaneKind::Lane && [0.1, 0.5, 0.9].iter().all(|&part| bend(part) > 0.04)
+        };
+        let next = |lane: &Lane| lane.successors.iter().map(|&id| map.lane(id)).collect::<Vec<_>>();
+        let into_ring =
+            next(lane).into_iter().any(|after| is_ring(after) || next(after).into_iter().any(is_ring));
+        let signs: &[Sign] = match line.kind {
+            ControlLineKind::Stop => &[Sign::Stop],
+            ControlLineKind::Yield if into_ring => &[Sign::Yield, Sign::Roundabout],
+            ControlLineKind::Yield => &[Sign::Yield],
+        };
+        found.push(stand(at.as_vec2(), towards, signs));
+        standing.push(at);
+    }
+    for piece in map.scenery.iter().filter(|piece| piece.kind == SceneryKind::Parking) {
+        let Shape::Polygon(corners) = &piece.shape else { continue };
+        let middle = corners.iter().copied().sum::<DVec2>() / corners.len().max(1) as f64;
+        // At the corner nearest to a road, read from the road.
+        let nearest = corners.iter().min_by(|a, b| field.distance.at(**a).total_cmp(&field.distance.at(**b)));
+        if let Some(corner) = nearest {
+            let at = corner.lerp(middle, 0.06);
+            let towards = (middle - *corner).try_normalize().unwrap_or(DVec2::X);
+            found.push(stand(at.as_vec2(), towards.as_vec2(), &[Sign::Parking]));
+        }
+    }
+    found
+}

@@ -1,0 +1,300 @@
+//! The shell of a car up to its shoulders with the openings for the wheels, bonnet, boot or bed.
+
+use super::shape::{Rear, Shape, along};
+use super::{
+    Builder, Detail, GRILLE, HALF_M, HEAD, INDICATOR, LENGTH_M, PAINT, PLASTIC, REVERSE, Skin, TAIL, WELL,
+    WHEEL_RADIUS_M, WHEELBASE_M,
+};
+use glam::Vec3;
+
+/// Around a wheel.
+const ARCH_M: f32 = 1.19 * WHEEL_RADIUS_M;
+/// How deep the wheels' houses reach inwards.
+const WELL_M: f32 = 0.34;
+/// Rows of the shell from the sill (0) to the shoulder (1), and its half width there as part of the most.
+const ROWS: [(f32, f32); 7] =
+    [(0.0, 0.945), (0.15, 0.985), (0.36, 1.0), (0.60, 0.997), (0.76, 0.98), (0.92, 0.938), (1.0, 0.885)];
+const FAR_ROWS: [(f32, f32); 4] = [(0.0, 0.96), (0.60, 1.0), (0.92, 0.94), (1.0, 0.885)];
+/// Columns of the front and the rear from the middle outwards.
+const FRONT: [f32; 5] = [0.0, 0.36, 0.62, 0.82, 1.0];
+const FAR_FRONT: [f32; 4] = [0.0, 0.62, 0.82, 1.0];
+
+/// Where a column of the shell stands.
+#[derive(Clone, Copy)]
+enum Column {
+    /// On the side, at x, with the lower edge at least so high.
+    Side(f32, f32),
+    /// On the front (1) or the rear (-1), at a part of the half width.
+    End(f32, f32),
+}
+
+pub(super) fn half_at(x: f32) -> f32 {
+    let out = (x.abs() / (LENGTH_M / 2.0)).min(1.0);
+    HALF_M * (1.0 - 0.03 * out.powi(3) - 0.10 * ((out - 0.72).max(0.0) / 0.28).powi(2))
+}
+
+fn profile(rows: &[(f32, f32)], t: f32) -> f32 {
+    let after = rows.partition_point(|r| r.0 < t).clamp(1, rows.len() - 1);
+    let (a, b) = (rows[after - 1], rows[after]);
+    a.1 + (b.1 - a.1) * ((t - a.0) / (b.0 - a.0)).clamp(0.0, 1.0)
+}
+
+impl Shape {
+    pub(super) fn shoulder_at(&self, x: f32) -> f32 {
+        along(self.shoulder, x)
+    }
+
+    /// The outermost x on an end at a part of its half width and a row.
+    pub(super) fn end_x(&self, facing: f32, f: f32, t: f32) -> f32 {
+        let end = usize::from(facing < 0.0);
+        let [top, bottom] = self.rake[end];
+        // The bumper stands out most, at two fifths of the height.
+        let back =
+            if t > 0.40 { top * ((t - 0.40) / 0.60).powi(2) } else { bottom * ((0.40 - t) / 0.40).powi(2) };
+        facing * (LENGTH_M / 2.0 - back - self.bow[end] * f.abs().powf(2.4))
+    }
+
+    /// A point of the side: y outwards.
+    pub(super) fn side_point(&self, x: f32, t: f32, low: f32) -> Vec3 {
+        let high = self.shoulder_at(x);
+        let end = (x.abs() - 1.9).max(0.0) / 0.6;
+        let sill = self.sill + 0.06 * end * end;
+        let low = low.max(sill);
+        let z = low + t * (high - low);
+        let part = ((z - sill) / (high - sill)).clamp(0.0, 1.0);
+        let facing = x.signum();
+        let reach = LENGTH_M / 2.0 - self.bow[usize::from(facing < 0.0)];
+        // Towards the ends the side leans with the front and the rear.
+        let lean = ((x.abs() - 1.95) / (reach - 1.95)).clamp(0.0, 1.0);
+        let x = x + lean * (self.end_x(facing, 1.0, part) - facing * reach);
+        Vec3::new(x, half_at(x) * profile(&ROWS, part), z)
+    }
+
+    fn point(&self, column: Column, t: f32) -> Vec3 {
+        match column {
+            Column::Side(x, low) => self.side_point(x, t, low),
+            Column::End(facing, f) => {
+                let reach = LENGTH_M / 2.0 - self.bow[usize::from(facing < 0.0)];
+                let edge = self.side_point(facing * reach, t, 0.0);
+                Vec3::new(self.end_x(facing, f, t), edge.y * f, edge.z)
+            }
+        }
+    }
+}
+
+/// Columns of one side from the middle of the rear to the middle of the front.
+fn columns(detail: Detail) -> Vec<Column> {
+    let near = detail == Detail::Near;
+    let ends: &[f32] = if near { &FRONT } else { &FAR_FRONT };
+    let mut columns: Vec<Column> = ends.iter().map(|&f| Column::End(-1.0, f)).collect();
+    let side: &[f32] = if near { &[-2.22] } else { &[-2.0] };
+    columns.extend(side.iter().map(|&x| Column::Side(x, 0.0)));
+    for axle in [-WHEELBASE_M / 2.0, WHEELBASE_M / 2.0] {
+        let cuts: &[f32] =
+            if near { &[-1.0, -0.86, -0.5, 0.0, 0.5, 0.86, 1.0] } else { &[-1.0, -0.6, 0.6, 1.0] };
+        columns.push(Column::Side(axle - ARCH_M, 0.0));
+        columns.extend(cuts.iter().map(|&cut| {
+            let up = (1.0 - cut * cut).max(0.0).sqrt();
+            Column::Side(axle + cut * ARCH_M, WHEEL_RADIUS_M * 0.92 + up * ARCH_M)
+        }));
+        columns.push(Column::Side(axle + ARCH_M, 0.0));
+        if axle < 0.0 && near {
+            columns.extend([-0.55, 0.30].map(|x| Column::Side(x, 0.0)));
+        }
+    }
+    let side: &[f32] = if near { &[2.14] } else { &[2.0] };
+    columns.extend(side.iter().map(|&x| Column::Side(x, 0.0)));
+    columns.extend(ends.iter().rev().map(|&f| Column::End(1.0, f)));
+    columns
+}
+
+/// Low and inward parts see less of the sky.
+fn openness(p: Vec3) -> u8 {
+    (255.0 * (0.58 + 0.42 * (p.z / 0.8).clamp(0.0, 1.0))) as u8
+}
+
+pub(super) fn shell(builder: &mut Builder, shape: &Shape, detail: Detail) {
+    let columns = columns(detail);
+    let rows: &[(f32, f32)] = if detail == Detail::Near { &ROWS } else { &FAR_ROWS };
+    for side in [1.0_f32, -1.0] {
+        let mirrored = |p: Vec3| Vec3::new(p.x, p.y * side, p.z);
+        // Columns run forwards; rows upwards on the right, downwards on the left, to face outwards.
+        let mut points: Vec<Vec<Vec3>> = rows
+            .iter()
+            .map(|&(t, _)| columns.iter().map(|&column| mirrored(shape.point(column, t))).collect())
+            .collect();
+        if side > 0.0 {
+            points.reverse();
+        }
+        let count = rows.len() - 1;
+        builder.grid(&points, openness, |row, column| {
+            let row = if side > 0.0 { count - 1 - row } else { row };
+            Some(skin(shape, detail, [columns[column], columns[column + 1]], rows[row].0, side > 0.0))
+        });
+        if detail == Detail::Near {
+            wells(builder, shape, &columns, side);
+        }
+    }
+    deck(builder, shape, detail, 1.0);
+    match shape.rear {
+        Rear::Bed => bed(builder, shape),
+        _ => deck(builder, shape, detail, -1.0),
+    }
+    let (low, y) = (shape.sill + 0.02, HALF_M * 0.9);
+    let x = LENGTH_M / 2.0 - 0.25;
+    let floor = [(-x, -y), (-x, y), (x, y), (x, -y)].map(|(x, y)| Vec3::new(x, y, low));
+    builder.plate(&floor, WELL, 60);
+}
+
+/// What a face of the shell is made of: between two columns, from the row `t` up.
+fn skin(shape: &Shape, detail: Detail, [a, b]: [Column; 2], t: f32, left: bool) -> Skin {
+    let indicator = INDICATOR[usize::from(!left)];
+    let tall = matches!(shape.rear, Rear::Cargo | Rear::Bed);
+    match (a, b) {
+        (Column::End(facing, f), Column::End(_, g)) => {
+            let (inner, outer) = (f.min(g), f.max(g));
+            if facing > 0.0 {
+                match t {
+                    t if t < 0.1 && detail == Detail::Near => {
+                        if outer < 0.7 {
+                            GRILLE
+                        } else {
+                            PLASTIC
+                        }
+                    }
+                    t if t < 0.3 && detail == Detail::Near && outer < 0.7 => GRILLE,
+                    t if (0.59..0.9).contains(&t) && inner > 0.6 => {
+                        let is_indicator = inner > 0.8 && t < 0.7;
+                        if is_indicator { indicator } else { HEAD }
+                    }
+                    t if (0.59..0.7).contains(&t) => GRILLE,
+                    _ => PAINT,
+                }
+            } else {
+                match t {
+                    t if t < if shape.clad { 0.3 } else { 0.1 } && detail == Detail::Near => PLASTIC,
+                    t if tall && inner > 0.8 && (0.3..0.9).contains(&t) => {
+                        if t < 0.5 {
+                            indicator
+                        } else {
+                            TAIL
+                        }
+                    }
+                    t if tall => {
+                        if inner > 0.6 && inner < 0.8 && (0.3..0.5).contains(&t) {
+                            REVERSE
+                        } else {
+                            PAINT
+                        }
+                    }
+                    t if (0.59..0.9).contains(&t) && inner > 0.6 => match t {
+                        t if t > 0.7 || (detail == Detail::Far && inner < 0.8) => TAIL,
+                        _ if inner > 0.8 => indicator,
+                        _ => REVERSE,
+                    },
+                    _ => PAINT,
+                }
+            }
+        }
+        (Column::Side(..), Column::End(facing, _)) | (Column::End(facing, _), Column::Side(..)) => {
+            let lamp = (0.59..0.9).contains(&t) || (tall && facing < 0.0 && (0.3..0.9).contains(&t));
+            match (lamp, facing > 0.0) {
+                (true, true) => {
+                    if t < 0.7 && detail == Detail::Near {
+                        indicator
+                    } else {
+                        HEAD
+                    }
+                }
+                (true, false) if tall => PAINT,
+                (true, false) => TAIL,
+                _ if t < 0.1 => PLASTIC,
+                _ => PAINT,
+            }
+        }
+        (Column::Side(_, low_a), Column::Side(_, low_b)) => {
+            let at_arch = low_a.max(low_b) > 0.0;
+            match t {
+                t if t < 0.1 && (shape.clad || !at_arch) && detail == Detail::Near => PLASTIC,
+                _ => PAINT,
+            }
+        }
+    }
+}
+
+/// The houses of the wheels: from the edge of the opening inwards, and the wall behind the wheel.
+fn wells(builder: &mut Builder, shape: &Shape, columns: &[Column], side: f32) {
+    let sides: Vec<(f32, f32)> = columns
+        .iter()
+        .filter_map(|column| match *column {
+            Column::Side(x, low) if low > 0.0 => Some((x, low)),
+            _ => None,
+        })
+        .collect();
+    for arch in sides.chunks(7) {
+        let row = |inward: f32, drop: bool| -> Vec<Vec3> {
+            arch.iter()
+                .map(|&(x, low)| {
+                    let edge = shape.side_point(x, 0.0, low);
+                    Vec3::new(edge.x, side * (edge.y - inward), if drop { shape.sill } else { edge.z })
+                })
+                .collect()
+        };
+        let mut points = vec![row(0.0, false), row(WELL_M, false), row(WELL_M, true)];
+        if side < 0.0 {
+            points.reverse();
+        }
+        // Inside out: it is looked at from below and from beside.
+        builder.grid(&points, |p| if p.y.abs() > HALF_M - 0.1 { 120 } else { 50 }, |_, _| Some(WELL));
+    }
+}
+
+/// Bonnet (`facing` 1) or boot (-1): level across, a little higher in the middle.
+fn deck(builder: &mut Builder, shape: &Shape, detail: Detail, facing: f32) {
+    let [rear_foot, .., front_foot] = shape.cabin.stations;
+    let foot = if facing > 0.0 { front_foot - 0.10 } else { rear_foot + 0.10 };
+    let parts: &[f32] = if detail == Detail::Near { &[0.0, 0.35, 0.7, 0.9, 1.0] } else { &[0.0, 0.7, 1.0] };
+    let across: &[f32] =
+        if detail == Detail::Near { &[-1.0, -0.62, 0.0, 0.62, 1.0] } else { &[-1.0, 0.0, 1.0] };
+    let reach = LENGTH_M / 2.0 - shape.bow[usize::from(facing < 0.0)];
+    let mut points: Vec<Vec<Vec3>> = parts
+        .iter()
+        .map(|&part| {
+            let x = foot + (facing * reach - foot) * part;
+            let edge = shape.side_point(x, 1.0, 0.0);
+            let crown = shape.crown * (1.0 - part.powi(4));
+            across
+                .iter()
+                .map(|&f| {
+                    let end = Vec3::new(shape.end_x(facing, f, 1.0), edge.y * f, edge.z);
+                    let on = Vec3::new(edge.x, edge.y * f, edge.z + crown * (1.0 - f * f));
+                    on.lerp(end, part.powi(6))
+                })
+                .collect()
+        })
+        .collect();
+    if facing > 0.0 {
+        points.reverse();
+    }
+    builder.grid(&points, |_| 250, |_, _| Some(PAINT));
+}
+
+/// The open bed of a pickup: floor and walls, and a rim on the walls.
+fn bed(builder: &mut Builder, shape: &Shape) {
+    const WALL_M: f32 = 0.07;
+    let (front, rear) = (shape.cabin.stations[0] + 0.04, -LENGTH_M / 2.0 + 0.10);
+    let (high, low) = (shape.shoulder_at(-1.6) - 0.005, 0.72);
+    let outer = half_at(-1.6) * ROWS[6].1 + 0.01;
+    let inner = outer - WALL_M;
+    let inside = [(rear + WALL_M, -inner), (rear + WALL_M, inner), (front, inner), (front, -inner)];
+    let outside = [(rear - 0.08, -outer), (rear - 0.08, outer), (front, outer), (front, -outer)];
+    let at = |p: (f32, f32), z: f32| Vec3::new(p.0, p.1, z);
+    for k in 0..4 {
+        let next = (k + 1) % 4;
+        let (a, b) = (inside[k], inside[next]);
+        builder.plate(&[at(b, high), at(a, high), at(a, low), at(b, low)], PLASTIC, 150);
+        builder.plate(&[at(outside[next], high), at(outside[k], high), at(a, high), at(b, high)], PAINT, 250);
+    }
+    let floor = [3, 2, 1, 0].map(|k| at(inside[k], low));
+    builder.plate(&floor, PLASTIC, 110);
+}

@@ -1,0 +1,173 @@
+//! The cabin: windscreen and rear window, side windows between pillars, roof.
+
+use super::shape::{Rear, Shape};
+use super::{Builder, Detail, GLASS, PAINT, PLASTIC, SEAM, Skin, body};
+use glam::Vec3;
+
+/// Rows of the cabin from its foot to the middle of the roof: part of its height, part of the way from
+/// the half width at the foot to that of the roof, and for the middle rows part of the roof's half width.
+const FOOT: usize = 0;
+const SILL: usize = 1;
+const RAIL: usize = 2;
+const GUTTER: usize = 3;
+
+struct Station {
+    x: f32,
+    /// Height of the roof, in its middle.
+    roof: f32,
+    /// The foot of a window: the rows lie in one line there.
+    at_foot: bool,
+}
+
+fn stations(shape: &Shape, detail: Detail) -> Vec<Station> {
+    let [rear_foot, rear_roof, rear_glass, pillar, front_roof, front_foot] = shape.cabin.stations;
+    let [rear, top, front] = shape.cabin.roof;
+    let on = |x: f32| {
+        let middle = (rear_roof + front_roof) / 2.0;
+        let t = ((x - middle) / (front_roof - middle)).clamp(-1.0, 1.0);
+        top + (if t > 0.0 { front } else { rear } - top) * t * t
+    };
+    let station = |x: f32| Station { x, roof: on(x), at_foot: false };
+    let foot = |x: f32| Station { x, roof: 0.0, at_foot: true };
+    let mut all = vec![foot(rear_foot), station(rear_roof)];
+    if detail == Detail::Near {
+        if rear_glass > rear_roof && rear_glass < pillar {
+            all.push(station(rear_glass));
+        }
+        all.extend([station(pillar - 0.06), station(pillar + 0.06)]);
+    }
+    all.extend([station(front_roof), foot(front_foot)]);
+    all
+}
+
+fn section(shape: &Shape, station: &Station, bulge: f32) -> Vec<Vec3> {
+    let x = station.x;
+    let base = shape.shoulder_at(x) - 0.012;
+    let wide = body::half_at(x) * 0.875;
+    let roof_half = shape.cabin.roof_half * if station.at_foot { 1.06 } else { 1.0 };
+    let top = if station.at_foot { wide * 0.94 } else { roof_half };
+    let high = if station.at_foot { base + shape.crown + 0.02 } else { station.roof };
+    let rise = high - base;
+    // The sides curve inwards towards the roof.
+    let rows = [
+        (wide, base),
+        (wide + (top - wide) * 0.06, base + 0.07 * rise),
+        (wide + (top - wide) * 0.86, base + 0.86 * rise),
+        (top * 0.985, base + 0.945 * rise),
+        (top * 0.80, base + 0.99 * rise),
+        (0.0, high),
+    ];
+    let forward = |y: f32| bulge * (1.0 - (y / wide).powi(2));
+    let mut ring: Vec<Vec3> = rows.iter().map(|&(y, z)| Vec3::new(x + forward(y), -y, z)).collect();
+    ring.extend(rows.iter().rev().skip(1).map(|&(y, z)| Vec3::new(x + forward(y), y, z)));
+    ring
+}
+
+pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
+    let stations = stations(shape, detail);
+    let last = stations.len() - 1;
+    let sections: Vec<Vec<Vec3>> = stations
+        .iter()
+        .enumerate()
+        .map(|(k, station)| {
+            section(
+                shape,
+                station,
+                if k == last {
+                    0.10
+                } else if k == 0 {
+                    -0.05
+                } else {
+                    0.0
+                },
+            )
+        })
+        .collect();
+    let points = sections[0].len() - 1;
+    // Windscreen and rear window by themselves, so that their edges stay sharp.
+    for (range, end) in [(0..2, Some(-1.0)), (1..last, None), (last - 1..last + 1, Some(1.0))] {
+        let first = range.start;
+        // Sections run forwards and points over the top from right to left: outwards is along
+        // (next point) x (next section) turned about, so sections go backwards.
+        let part: Vec<Vec<Vec3>> = sections[range.clone()].iter().rev().cloned().collect();
+        let count = part.len() - 1;
+        builder.grid(
+            &part,
+            |_| 250,
+            |row, point| {
+                let station = first + count - 1 - row;
+                let up = point.min(points - 1 - point);
+                Some(skin(shape, detail, &stations, station, up, end))
+            },
+        );
+    }
+    if shape.rear == Rear::Cargo && detail == Detail::Near {
+        let x = -super::LENGTH_M / 2.0 + 0.045;
+        for side in [-1.0_f32, 1.0] {
+            let (a, b) = (side * 0.08, side * 0.70);
+            let (low, high) = (shape.shoulder_at(-2.4) + 0.12, shape.height - 0.28);
+            let lean = |z: f32| x + 0.03 * (z - low);
+            let corner = |y: f32, z: f32| Vec3::new(lean(z) - 0.02, y, z);
+            let (y0, y1) = (a.max(b), a.min(b));
+            builder.plate(
+                &[corner(y0, low), corner(y1, low), corner(y1, high), corner(y0, high)],
+                GLASS,
+                240,
+            );
+        }
+        let seam = [(0.01, 0.5), (-0.01, 0.5), (-0.01, 1.9), (0.01, 1.9)];
+        builder.plate(&seam.map(|(y, z)| Vec3::new(x - 0.06, y, z)), SEAM, 200);
+    }
+}
+
+/// What a face is made of: behind which station, how far up, and on which end.
+fn skin(
+    shape: &Shape,
+    detail: Detail,
+    stations: &[Station],
+    station: usize,
+    up: usize,
+    end: Option<f32>,
+) -> Skin {
+    let cargo = shape.rear == Rear::Cargo;
+    let glass_at_end = |facing: f32| !(cargo && facing < 0.0);
+    match (end, up) {
+        (_, FOOT) => {
+            if end.is_some() {
+                SEAM
+            } else {
+                PAINT
+            }
+        }
+        // Beside the windscreen a triangle of glass, beside the rear window a pillar.
+        (Some(facing), SILL) => {
+            if facing > 0.0 {
+                GLASS
+            } else {
+                PAINT
+            }
+        }
+        (Some(_), RAIL) => PAINT,
+        (Some(facing), GUTTER..) => {
+            if glass_at_end(facing) {
+                GLASS
+            } else {
+                PAINT
+            }
+        }
+        (None, SILL) => {
+            let [_, rear_roof, rear_glass, pillar, ..] = shape.cabin.stations;
+            let middle = (stations[station].x + stations[station + 1].x) / 2.0;
+            let is_pillar = (middle - pillar).abs() < 0.05 && detail == Detail::Near;
+            let behind = (rear_glass > rear_roof && middle < rear_glass) || (cargo && middle < pillar);
+            if behind {
+                PAINT
+            } else if is_pillar {
+                PLASTIC
+            } else {
+                GLASS
+            }
+        }
+        _ => PAINT,
+    }
+}

@@ -1,0 +1,89 @@
+//! Cars made in code: a shell around the outline with openings for the wheels, bonnet and boot on it, a
+//! cabin of glass and pillars.
+
+mod body;
+mod cabin;
+mod shape;
+mod trim;
+mod wheel;
+
+use super::{Builder, Model, Node, Skin};
+use glam::{Affine3A, Quat, Vec3};
+use shape::Shape;
+use std::f32::consts::PI;
+
+pub use shape::{HATCHBACK, PICKUP, SEDAN, SUV, VAN};
+
+/// Length of all cars here, from bumper to bumper.
+pub const LENGTH_M: f32 = 5.0;
+/// From mirror to mirror.
+pub const WIDTH_M: f32 = 2.5;
+pub const WHEELBASE_M: f32 = 3.0;
+pub const WHEEL_RADIUS_M: f32 = 0.34;
+/// Half the width of the sheet metal.
+pub(super) const HALF_M: f32 = 1.10;
+
+pub(super) const PAINT: Skin = Skin::new("paint", [255, 255, 255]).rough(0.35);
+pub(super) const GLASS: Skin = Skin::new("glass", [22, 27, 32]).rough(0.05);
+pub(super) const PLASTIC: Skin = Skin::new("plastic", [30, 31, 33]);
+pub(super) const SEAM: Skin = Skin::new("seam", [12, 12, 13]);
+pub(super) const WELL: Skin = Skin::new("well", [14, 14, 15]);
+pub(super) const GRILLE: Skin = Skin::new("grille", [20, 20, 22]).rough(0.5);
+pub(super) const CHROME: Skin = Skin::new("chrome", [190, 194, 198]).metal().rough(0.2);
+pub(super) const PLATE: Skin = Skin::new("number_plate", [226, 226, 220]);
+pub(super) const HEAD: Skin = Skin::new("head", [214, 220, 226]).rough(0.1);
+pub(super) const TAIL: Skin = Skin::new("tail", [128, 10, 12]).rough(0.2);
+pub(super) const REVERSE: Skin = Skin::new("reverse", [196, 196, 196]).rough(0.2);
+pub(super) const INDICATOR: [Skin; 2] = [
+    Skin::new("indicator_left", [176, 104, 48]).rough(0.2),
+    Skin::new("indicator_right", [176, 104, 48]).rough(0.2),
+];
+
+/// How many faces a car may have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Detail {
+    Near,
+    Far,
+}
+
+/// Nodes `body`, `body_far` and four wheels.
+pub fn model(shape: &Shape) -> Model {
+    let bodies = [Detail::Near, Detail::Far].map(|detail| {
+        let mut builder = Builder::default();
+        body::shell(&mut builder, shape, detail);
+        cabin::cabin(&mut builder, shape, detail);
+        trim::trim(&mut builder, shape, detail);
+        builder.finish()
+    });
+    let [near, far] = bodies;
+    let mut nodes = vec![
+        Node { name: "body".to_owned(), mesh: 0, model_from_mesh: Affine3A::IDENTITY },
+        Node { name: "far_body".to_owned(), mesh: 1, model_from_mesh: Affine3A::IDENTITY },
+    ];
+    let axle = WHEELBASE_M / 2.0;
+    let out = HALF_M - wheel::WIDTH_M / 2.0 - 0.012;
+    for (name, x, y) in [
+        ("front_left", axle, out),
+        ("front_right", axle, -out),
+        ("rear_left", -axle, out),
+        ("rear_right", -axle, -out),
+    ] {
+        let turn = if y > 0.0 { 0.0 } else { PI };
+        let place =
+            Affine3A::from_rotation_translation(Quat::from_rotation_z(turn), Vec3::new(x, y, WHEEL_RADIUS_M));
+        nodes.push(Node { name: format!("wheel_{name}"), mesh: 2, model_from_mesh: place });
+    }
+    Model {
+        meshes: vec![near, far, wheel::wheel(WHEEL_RADIUS_M, 16), wheel::wheel(WHEEL_RADIUS_M, 8)],
+        nodes,
+    }
+    .with_far_wheel()
+}
+
+impl Model {
+    fn with_far_wheel(mut self) -> Self {
+        let model_from_mesh = Affine3A::from_translation(Vec3::Z * WHEEL_RADIUS_M);
+        self.nodes.push(Node { name: "far_wheel".to_owned(), mesh: 3, model_from_mesh });
+        self
+    }
+}

@@ -1,0 +1,124 @@
+//! What is set on a body: mirrors, seams of the doors, handles, number plates, rails, arches.
+
+use super::shape::{Rear, Shape};
+use super::{
+    Builder, CHROME, Detail, HALF_M, LENGTH_M, PAINT, PLASTIC, PLATE, SEAM, Skin, TAIL, WHEEL_RADIUS_M,
+    WHEELBASE_M, WIDTH_M,
+};
+use glam::Vec3;
+
+pub(super) fn trim(builder: &mut Builder, shape: &Shape, detail: Detail) {
+    mirrors(builder, shape);
+    if detail == Detail::Far {
+        arches(builder);
+        return;
+    }
+    for side in [1.0_f32, -1.0] {
+        let [_, _, _, pillar, _, front_foot] = shape.cabin.stations;
+        let front = front_foot - 0.22;
+        let rear = (pillar - 0.95).max(-WHEELBASE_M / 2.0 + WHEEL_RADIUS_M * 0.7);
+        let doors: &[f32] = match shape.rear {
+            Rear::Cargo => &[front, pillar],
+            Rear::Bed => &[front, shape.cabin.stations[0] + 0.05, pillar],
+            _ => &[front, pillar, rear],
+        };
+        for &x in doors {
+            seam(builder, shape, x, side);
+        }
+        for x in [pillar + 0.14, rear + 0.22] {
+            if x > pillar || matches!(shape.rear, Rear::Boot | Rear::Hatch) {
+                let at = on_side(shape, x, 0.80, side);
+                let (low, high) = (at - Vec3::new(0.09, 0.022, 0.016), at + Vec3::new(0.09, 0.022, 0.016));
+                builder.block(low, high, if shape.clad { PLASTIC } else { PAINT }, 230);
+            }
+        }
+        if shape.rails {
+            let [_, rear_roof, _, _, front_roof, _] = shape.cabin.stations;
+            let y = side * (shape.cabin.roof_half - 0.06);
+            let z = shape.cabin.roof[0];
+            let (low, high) =
+                (Vec3::new(rear_roof + 0.15, y - 0.02, z), Vec3::new(front_roof - 0.1, y + 0.02, z + 0.065));
+            builder.block(low, high, PLASTIC, 240);
+        }
+    }
+    plates(builder, shape);
+}
+
+fn on_side(shape: &Shape, x: f32, t: f32, side: f32) -> Vec3 {
+    let p = shape.side_point(x, t, 0.0);
+    Vec3::new(p.x, side * (p.y + 0.004), p.z)
+}
+
+/// A dark line down a side where two doors meet.
+fn seam(builder: &mut Builder, shape: &Shape, x: f32, side: f32) {
+    const HALF_WIDTH_M: f32 = 0.006;
+    for pair in [0.15, 0.36, 0.60, 0.92, 0.99].windows(2) {
+        let corner = |dx: f32, t: f32| on_side(shape, x + dx, t, side);
+        let (a, b) = if side > 0.0 { (HALF_WIDTH_M, -HALF_WIDTH_M) } else { (-HALF_WIDTH_M, HALF_WIDTH_M) };
+        let corners = [corner(a, pair[0]), corner(b, pair[0]), corner(b, pair[1]), corner(a, pair[1])];
+        builder.plate(&corners, SEAM, 200);
+    }
+}
+
+/// The body's widest points: a foot and a housing with its glass.
+fn mirrors(builder: &mut Builder, shape: &Shape) {
+    let x = shape.cabin.stations[5] - 0.32;
+    let z = shape.shoulder_at(x) + 0.05;
+    for side in [1.0_f32, -1.0] {
+        let (inner, outer) = (side * (HALF_M - 0.10), side * WIDTH_M / 2.0);
+        let (low, high) = (inner.min(outer), inner.max(outer));
+        builder.block(Vec3::new(x - 0.05, low, z), Vec3::new(x + 0.07, high, z + 0.14), PAINT, 240);
+        let (a, b) = (outer - side * 0.015, outer - side * 0.15);
+        let (a, b) = (a.max(b), a.min(b));
+        let back = x - 0.052;
+        let glass = [(a, z + 0.015), (b, z + 0.015), (b, z + 0.125), (a, z + 0.125)];
+        builder.plate(&glass.map(|(y, z)| Vec3::new(back, y, z)), CHROME, 255);
+    }
+}
+
+/// An upright plate on an end: half width, lower and upper edge.
+fn on_end(builder: &mut Builder, shape: &Shape, facing: f32, half: f32, z: [f32; 2], skin: Skin) {
+    let high = shape.shoulder_at(facing * LENGTH_M / 2.0);
+    let t = |z: f32| ((z - shape.sill) / (high - shape.sill)).clamp(0.0, 1.0);
+    let x = shape.end_x(facing, 0.0, t(z[0])).abs().max(shape.end_x(facing, 0.0, t(z[1])).abs());
+    let x = facing * (x + 0.008).min(LENGTH_M / 2.0);
+    let (a, b) = if facing > 0.0 { (-half, half) } else { (half, -half) };
+    let corners = [(a, z[0]), (b, z[0]), (b, z[1]), (a, z[1])].map(|(y, z)| Vec3::new(x, y, z));
+    builder.plate(&corners, skin, 240);
+}
+
+fn plates(builder: &mut Builder, shape: &Shape) {
+    let front = shape.shoulder_at(LENGTH_M / 2.0);
+    let row = |end: f32, t: f32| shape.sill + t * (end - shape.sill);
+    let z = row(front, 0.40);
+    on_end(builder, shape, 1.0, 0.26, [z, z + 0.11], PLATE);
+    let rear = shape.shoulder_at(-LENGTH_M / 2.0);
+    let z = if shape.rear == Rear::Bed { row(rear, 0.30) } else { row(rear, 0.56) };
+    on_end(builder, shape, -1.0, 0.26, [z, z + 0.11], PLATE);
+    // The third brake light, under the rear edge of the roof.
+    let [_, rear_roof, ..] = shape.cabin.stations;
+    let z = shape.cabin.roof[0] - 0.045;
+    let x = rear_roof - 0.06;
+    let lamp = [(0.16, z - 0.03), (-0.16, z - 0.03), (-0.16, z), (0.16, z)];
+    builder.plate(&lamp.map(|(y, z)| Vec3::new(x, y, z)), TAIL, 240);
+    if shape.rear == Rear::Boot {
+        let z = row(front, 0.745);
+        on_end(builder, shape, 1.0, 0.38, [z, z + 0.014], CHROME);
+    }
+}
+
+/// Dark rounds in place of the wheels' houses, for a distance.
+fn arches(builder: &mut Builder) {
+    for axle in [-WHEELBASE_M / 2.0, WHEELBASE_M / 2.0] {
+        for side in [-1.0_f32, 1.0] {
+            let y = side * (HALF_M - 0.16);
+            let r = 1.3 * WHEEL_RADIUS_M;
+            let ring = [(-r, 0.2), (r, 0.2), (r, 0.5), (0.5 * r, 0.8), (-0.5 * r, 0.8), (-r, 0.5)];
+            let mut ring = ring.map(|(x, z)| Vec3::new(axle + x, y, z));
+            if side > 0.0 {
+                ring.reverse();
+            }
+            builder.plate(&ring, SEAM, 120);
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! A wheel: tyre, rim and spokes; its axle along y, its outer face towards +y.
+
+use super::super::{Builder, Part, Skin};
+use glam::Vec3;
+use std::f32::consts::TAU;
+
+pub(super) const WIDTH_M: f32 = 0.22;
+const TYRE: Skin = Skin::new("tyre", [27, 27, 28]);
+const RIM: Skin = Skin::new("rim", [176, 180, 185]).metal().rough(0.3);
+const DISC: Skin = Skin::new("disc", [34, 35, 37]);
+const SPOKES: u32 = 5;
+
+pub(super) fn wheel(radius: f32, sides: u32) -> Vec<Part> {
+    let mut builder = Builder::default();
+    let half = WIDTH_M / 2.0;
+    let rim = 0.68 * radius;
+    let turned = |angle: f32, y: f32, r: f32| {
+        let (sin, cos) = angle.sin_cos();
+        Vec3::new(r * sin, y, r * cos)
+    };
+    let angle = |k: u32| TAU * k as f32 / sides as f32;
+    // Tread, shoulder and side wall of the tyre, then the lip of the rim.
+    let ring = |y: f32, r: f32| (0..=sides).map(|k| turned(angle(k), y, r)).collect::<Vec<_>>();
+    let tyre = [
+        ring(-0.85 * half, radius),
+        ring(0.78 * half, radius),
+        ring(half, 0.90 * radius),
+        ring(half - 0.006, rim),
+    ];
+    builder.grid(&tyre, |_| 190, |_, _| Some(TYRE));
+    let lip = [ring(half - 0.006, rim), ring(half - 0.045, 0.90 * rim)];
+    builder.grid(&lip, |_| 220, |_, _| Some(RIM));
+    let disc: Vec<Vec3> = (0..sides).map(|k| turned(angle(k), half - 0.05, 0.90 * rim)).collect();
+    builder.plate(&disc, DISC, 150);
+    if sides > 10 {
+        for k in 0..SPOKES {
+            let middle = TAU * k as f32 / SPOKES as f32;
+            let (wide, narrow) = (0.40, 0.15);
+            let corners = [
+                turned(middle + wide, half - 0.02, 0.26 * rim),
+                turned(middle + narrow, half - 0.012, 0.92 * rim),
+                turned(middle - narrow, half - 0.012, 0.92 * rim),
+                turned(middle - wide, half - 0.02, 0.26 * rim),
+            ];
+            builder.plate(&[corners[3], corners[2], corners[1], corners[0]], RIM, 230);
+        }
+        let hub: Vec<Vec3> =
+            (0..10).map(|k| turned(TAU * k as f32 / 10.0, half - 0.016, 0.30 * rim)).collect();
+        builder.plate(&hub, RIM, 240);
+    } else {
+        let face: Vec<Vec3> = (0..5).map(|k| turned(TAU * k as f32 / 5.0, half - 0.02, 0.80 * rim)).collect();
+        builder.plate(&face, RIM, 200);
+    }
+    builder.finish()
+}

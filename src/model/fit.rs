@@ -1,0 +1,149 @@
+//! A car's model stretched to the measures of a vehicle: bumpers and mirrors to its outline, openings
+//! to its axles and wheels.
+
+use super::{Model, Node, Part};
+use glam::Vec3;
+
+/// Full-scale measures of a vehicle, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measures {
+    pub length: f32,
+    pub width: f32,
+    pub height: f32,
+    pub wheelbase: f32,
+    pub wheel_radius: f32,
+}
+
+/// Meshes of a vehicle: bodies in its body frame, wheels about their own middles, the outer face
+/// towards +y.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Fitted {
+    pub body: Vec<Part>,
+    pub wheel: Vec<Part>,
+    /// Of few faces; where the model has them.
+    pub far_body: Option<Vec<Part>>,
+    pub far_wheel: Option<Vec<Part>>,
+    /// From the middle to the middle of a wheel; `None` without wheels.
+    pub half_track: Option<f32>,
+}
+
+/// Nodes of this beginning are wheels.
+const WHEEL: &str = "wheel";
+/// Nodes of this beginning stand in for the others at a distance.
+const FAR: &str = "far_";
+const FAR_WHEEL: &str = "far_wheel";
+
+fn is_body(node: &Node) -> bool {
+    !node.name.starts_with(WHEEL) && !node.name.starts_with(FAR)
+}
+
+/// A line through knots, straight beyond them.
+struct Stretch {
+    knots: Vec<(f32, f32)>,
+}
+
+impl Stretch {
+    /// Leaves out knots that do not grow by at least a centimetre.
+    fn new(knots: &[(f32, f32)]) -> Self {
+        let mut kept: Vec<(f32, f32)> = Vec::new();
+        for &(from, to) in knots {
+            if kept.last().is_none_or(|last| from > last.0 + 0.01 && to > last.1) {
+                kept.push((from, to));
+            }
+        }
+        Self { knots: kept }
+    }
+
+    /// Value and slope.
+    fn at(&self, x: f32) -> (f32, f32) {
+        let knots = &self.knots;
+        if knots.len() < 2 {
+            return (x, 1.0);
+        }
+        let after = knots.partition_point(|k| k.0 < x).clamp(1, knots.len() - 1);
+        let (a, b) = (knots[after - 1], knots[after]);
+        let slope = (b.1 - a.1) / (b.0 - a.0);
+        (a.1 + (x - a.0) * slope, slope)
+    }
+}
+
+/// A model to measure. The box around its body and wheels becomes the vehicle's; where it has wheels,
+/// those and the axles come to lie where the vehicle has them.
+pub fn fitted(model: &Model, measures: &Measures) -> Fitted {
+    let Some([low, high]) = model.bounds(|node| !node.name.starts_with(FAR)) else {
+        return Fitted::default();
+    };
+    let wheels: Vec<&Node> = model.nodes.iter().filter(|node| node.name.starts_with(WHEEL)).collect();
+    let middles = wheels.iter().map(|node| Vec3::from(node.model_from_mesh.translation));
+    let (rear, front) =
+        middles.clone().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), m| (a.min(m.x), b.max(m.x)));
+    let radius = wheels.first().map(|node| radius_of(model, node));
+    let (half, axle) = (measures.length / 2.0, measures.wheelbase / 2.0);
+    let x = Stretch::new(&if wheels.is_empty() || front < rear + 0.1 {
+        vec![(low.x, -half), (high.x, half)]
+    } else {
+        vec![(low.x, -half), (rear, -axle), (front, axle), (high.x, half)]
+    });
+    let widest = low.y.abs().max(high.y.abs()).max(1e-3);
+    let across = measures.width / 2.0 / widest;
+    let z = Stretch::new(&match radius {
+        Some(radius) => {
+            vec![(0.0, 0.0), (2.0 * radius, 2.0 * measures.wheel_radius), (high.z, measures.height)]
+        }
+        None => vec![(low.z, 0.0), (high.z, measures.height)],
+    });
+    let stretched = |wanted: &dyn Fn(&Node) -> bool| -> Vec<Part> {
+        let mut parts = Vec::new();
+        for node in model.nodes.iter().filter(|node| wanted(node)) {
+            let turn = node.model_from_mesh.matrix3.inverse().transpose();
+            for part in model.parts(node) {
+                let mut part = part.clone();
+                for vertex in &mut part.vertices {
+                    let at = node.model_from_mesh.transform_point3(vertex.position);
+                    let ((px, sx), (pz, sz)) = (x.at(at.x), z.at(at.z));
+                    vertex.position = Vec3::new(px, at.y * across, pz);
+                    let normal = Vec3::from(turn * glam::Vec3A::from(vertex.normal));
+                    vertex.normal = (normal / Vec3::new(sx, across, sz)).normalize_or(Vec3::Z);
+                }
+                if node.model_from_mesh.matrix3.determinant() < 0.0 {
+                    part.indices.chunks_exact_mut(3).for_each(|t| t.swap(1, 2));
+                }
+                parts.push(part);
+            }
+        }
+        parts
+    };
+    let wheel = |node: &Node| -> Vec<Part> {
+        let scale = measures.wheel_radius / radius_of(model, node);
+        // Made for the left side: of a wheel on the right, the other face is the outer one.
+        let left = node.model_from_mesh.translation.y >= 0.0;
+        let side = if left { Vec3::ONE } else { Vec3::new(-1.0, -1.0, 1.0) };
+        let mut parts = model.parts(node).to_vec();
+        for vertex in parts.iter_mut().flat_map(|part| &mut part.vertices) {
+            let turned = node.model_from_mesh.transform_vector3(vertex.position) * side;
+            vertex.position = turned * scale;
+            vertex.normal =
+                (node.model_from_mesh.transform_vector3(vertex.normal) * side).normalize_or(Vec3::Y);
+        }
+        parts
+    };
+    let far = stretched(&|node| node.name.starts_with(FAR) && !node.name.starts_with(FAR_WHEEL));
+    Fitted {
+        body: stretched(&is_body),
+        wheel: wheels.first().map(|node| wheel(node)).unwrap_or_default(),
+        far_body: (!far.is_empty()).then_some(far),
+        far_wheel: model.node(FAR_WHEEL).map(wheel),
+        half_track: middles.map(|m| m.y.abs() * across).reduce(f32::max),
+    }
+}
+
+/// Half the height of a wheel's mesh.
+fn radius_of(model: &Model, node: &Node) -> f32 {
+    let heights = model
+        .parts(node)
+        .iter()
+        .flat_map(|part| &part.vertices)
+        .map(|vertex| node.model_from_mesh.transform_vector3(vertex.position).z);
+    let (low, high) = heights.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), z| (a.min(z), b.max(z)));
+    if high > low { ((high - low) / 2.0).max(1e-3) } else { 1.0 }
+}

@@ -1,0 +1,292 @@
+//! Walls with windows, shop fronts and doors: one repeat is a bay of a storey, v upwards.
+
+use super::noise::{hash, octaves, value};
+use super::patterns::{Texel, brick, grey};
+
+fn within([u, v]: [f32; 2], [left, right]: [f32; 2], [low, high]: [f32; 2]) -> bool {
+    u > left && u < right && v > low && v < high
+}
+
+fn tinted([r, g, b]: [f32; 3], level: f32) -> Texel {
+    ([r * level, g * level, b * level], 1.0)
+}
+
+/// Panes: the dark of a room with curtains at its sides, the sky's sheen above.
+fn pane([x, y]: [f32; 2], seed: i32) -> Texel {
+    let sheen = if ((x * 0.9 + y * 0.7 + hash(seed, 1, 2)) * 2.0).fract() < 0.30 { 0.05 } else { 0.0 };
+    let level = 0.085 + 0.13 * y * y + sheen;
+    let fold = 0.5 + 0.5 * (x * 95.0).sin();
+    if !(0.17..=0.83).contains(&x) && seed % 3 != 2 {
+        // Curtains behind glass.
+        let cloth = 0.34 + 0.10 * fold + 0.08 * y;
+        return ([cloth * 0.95, cloth * 0.94, cloth * 0.90], 0.35);
+    }
+    if seed % 4 == 1 && y > 0.72 {
+        let blind = 0.52 - 0.05 * ((y * 60.0).fract() - 0.5).abs();
+        return ([blind, blind * 0.98, blind * 0.92], 0.4);
+    }
+    ([level * 0.74, level * 0.94, level * 1.14], 0.12)
+}
+
+/// Render with faint stains that run down.
+fn render_wall(at: [f32; 2]) -> f32 {
+    let run = value(at, [40, 3], 63) - 0.5;
+    0.92 + 0.07 * (octaves(at, [10, 10], 3, 61) - 0.5) + 0.035 * run
+}
+
+/// A window in an opening: frame, sashes, the shade of the reveal at its top and left.
+struct Window {
+    across: [f32; 2],
+    up: [f32; 2],
+    frame: [f32; 3],
+    /// Bars between panes: one upright, one across at this part of the height.
+    bar: f32,
+    seed: i32,
+}
+
+impl Window {
+    fn at(&self, [u, v]: [f32; 2]) -> Option<Texel> {
+        let x = (u - self.across[0]) / (self.across[1] - self.across[0]);
+        let y = (v - self.up[0]) / (self.up[1] - self.up[0]);
+        if !(0.0..1.0).contains(&x) || !(0.0..1.0).contains(&y) {
+            return None;
+        }
+        let (wide, high) = (3.0 * (self.across[1] - self.across[0]), 3.1 * (self.up[1] - self.up[0]));
+        let edge = (x * wide).min((1.0 - x) * wide).min(y * high).min((1.0 - y) * high);
+        // The reveal shades what lies behind it.
+        let shade = if (1.0 - y) * high < 0.13 {
+            0.55
+        } else if x * wide < 0.06 {
+            0.72
+        } else {
+            1.0
+        };
+        if edge < 0.055 || (x - 0.5).abs() * wide < 0.035 || (y - self.bar).abs() * high < 0.028 {
+            return Some(tinted(self.frame, shade));
+        }
+        let (colour, dull) = pane([x, y], self.seed);
+        Some((colour.map(|c| c * shade), dull))
+    }
+}
+
+const WHITE: [f32; 3] = [0.94, 0.94, 0.92];
+const DARK: [f32; 3] = [0.17, 0.18, 0.19];
+const RED: [f32; 3] = [0.64, 0.40, 0.32];
+
+/// A plain casement under a small cornice.
+pub(super) fn windows(at: [f32; 2]) -> Texel {
+    let window = Window { across: [0.30, 0.70], up: [0.28, 0.80], frame: WHITE, bar: 0.66, seed: 4 };
+    if let Some(texel) = window.at(at) {
+        return texel;
+    }
+    let wall = render_wall(at);
+    // Surround, sill with its shade, cornice with its shade.
+    if within(at, [0.25, 0.75], [0.245, 0.28]) || within(at, [0.25, 0.75], [0.83, 0.865]) {
+        return grey(1.0);
+    }
+    if within(at, [0.27, 0.73], [0.28, 0.83]) {
+        return grey(0.99);
+    }
+    if within(at, [0.26, 0.76], [0.215, 0.245]) || within(at, [0.27, 0.75], [0.815, 0.83]) {
+        return grey(wall * 0.80);
+    }
+    let run = if (at[0] - 0.29).abs() < 0.012 || (at[0] - 0.71).abs() < 0.012 {
+        at[1].min(0.215) * 0.30
+    } else {
+        0.0
+    };
+    let band = if at[1] < 0.022 {
+        0.84
+    } else if at[1] < 0.05 {
+        1.04
+    } else {
+        1.0
+    };
+    grey((wall - run) * band)
+}
+
+/// Brick in its own red, so that frames and stone stay white under a tint near white.
+pub(super) fn sash(at: [f32; 2]) -> Texel {
+    let window = Window { across: [0.32, 0.68], up: [0.26, 0.80], frame: WHITE, bar: 0.50, seed: 7 };
+    if let Some((colour, dull)) = window.at(at) {
+        return (colour, dull);
+    }
+    if within(at, [0.28, 0.72], [0.225, 0.26]) {
+        return ([1.0, 1.0, 1.0], 1.0);
+    }
+    if within(at, [0.285, 0.715], [0.80, 0.875]) {
+        // Soldier bricks over the opening, a keystone in their middle.
+        let joint = (at[0] * 44.0).fract() < 0.16;
+        let key = (at[0] - 0.5).abs() < 0.035;
+        let level = if joint { 1.25 } else { 0.92 };
+        return if key { grey(0.96) } else { tinted(RED, level) };
+    }
+    let (colour, dull) = brick([at[0], at[1]]);
+    let shade = if within(at, [0.29, 0.73], [0.195, 0.225]) { 0.78 } else { 1.0 };
+    let course = if at[1] > 0.965 { 1.14 } else { 1.0 };
+    ([0, 1, 2].map(|k| colour[k] * 1.16 * RED[k] * shade * course), dull)
+}
+
+pub(super) fn shutters(at: [f32; 2]) -> Texel {
+    let window = Window { across: [0.345, 0.655], up: [0.27, 0.78], frame: WHITE, bar: 0.34, seed: 9 };
+    if let Some(texel) = window.at(at) {
+        return texel;
+    }
+    for [left, right] in [[0.205, 0.335], [0.665, 0.795]] {
+        if within(at, [left, right], [0.265, 0.785]) {
+            let slat = ((at[1] - 0.265) * 46.0).fract();
+            let x = (at[0] - left) / (right - left);
+            let rim = !(0.10..=0.90).contains(&x);
+            let level = if rim { 0.40 } else { 0.27 + 0.16 * slat };
+            return tinted([0.78, 1.0, 0.92], level);
+        }
+        if within(at, [left + 0.008, right + 0.014], [0.25, 0.785]) {
+            return grey(render_wall(at) * 0.76);
+        }
+    }
+    if within(at, [0.33, 0.67], [0.235, 0.27]) {
+        return grey(1.0);
+    }
+    grey(render_wall(at))
+}
+
+/// Windows to the floor behind a railing, every other bay a closed wall beside them.
+pub(super) fn balcony(at: [f32; 2]) -> Texel {
+    let [u, v] = at;
+    if v < 0.055 {
+        return grey(if v < 0.012 { 0.50 } else { 0.97 });
+    }
+    if within(at, [0.10, 0.90], [0.055, 0.37]) {
+        let rail = !(0.075..=0.345).contains(&v);
+        let bar = (u * 34.0).fract() < 0.26;
+        if rail || bar {
+            return tinted(DARK, 1.0);
+        }
+    }
+    let window = Window { across: [0.18, 0.82], up: [0.06, 0.76], frame: DARK, bar: 0.86, seed: 5 };
+    if let Some((colour, dull)) = window.at(at) {
+        // The railing's shade.
+        return (colour, dull);
+    }
+    if within(at, [0.06, 0.94], [0.86, 1.0]) {
+        // Under the next balcony.
+        return grey(0.70 + 0.22 * (1.0 - v) / 0.14);
+    }
+    grey(render_wall(at))
+}
+
+pub(super) fn glazing(at: [f32; 2]) -> Texel {
+    let [u, v] = at;
+    if v < 0.22 {
+        return grey(if !(0.02..=0.2).contains(&v) { 0.62 } else { render_wall(at) });
+    }
+    let mullion = !(0.03..=0.97).contains(&u) || (u - 0.5).abs() < 0.014 || v > 0.975;
+    if mullion {
+        return grey(0.42);
+    }
+    let seed = if u < 0.5 { 3 } else { 8 };
+    let y = (v - 0.22) / 0.755;
+    let sheen = if ((u * 0.8 + y + hash(seed, 3, 2)) * 1.7).fract() < 0.35 { 0.07 } else { 0.0 };
+    // Desks and lamps of the storey behind, dim.
+    let lamp = y > 0.86 && (u * 6.0).fract() < 0.5;
+    let room = if lamp {
+        0.26
+    } else if y < 0.28 && hash((u * 10.0) as i32, 4, 71) > 0.5 {
+        0.05
+    } else {
+        0.10
+    };
+    let level = room + 0.10 * y + sheen;
+    ([level * 0.78, level * 0.97, level * 1.16], 0.10)
+}
+
+pub(super) fn shopfront(at: [f32; 2]) -> Texel {
+    let [u, v] = at;
+    if v > 0.82 {
+        // The board above the window takes the tint at full strength.
+        let moulding = !(0.845..=0.975).contains(&v);
+        return grey(if moulding { 0.62 } else { 0.92 });
+    }
+    if !(0.045..=0.955).contains(&u) {
+        // Pilasters in the colour of the board.
+        let middle = ((u + 0.5).fract() - 0.5).abs();
+        return grey(if middle < 0.03 { 0.80 } else { 0.60 });
+    }
+    if v < 0.13 {
+        let panel = within(at, [0.10, 0.47], [0.035, 0.105]) || within(at, [0.53, 0.90], [0.035, 0.105]);
+        return grey(if panel { 0.46 } else { 0.60 });
+    }
+    let frame =
+        !within(at, [0.06, 0.94], [0.145, 0.80]) || (u - 0.5).abs() < 0.012 || (v - 0.66).abs() < 0.009;
+    if frame {
+        return tinted(DARK, 0.9);
+    }
+    // A lit room: back wall, shelves with goods, things in the window.
+    let x = if u < 0.5 { (u - 0.06) / 0.428 } else { (u - 0.512) / 0.428 };
+    let y = (v - 0.145) / 0.655;
+    let depth = 0.55 + 0.45 * (1.0 - (2.0 * x - 1.0).powi(2));
+    let mut colour = [0.34, 0.29, 0.22].map(|c: f32| c * depth * (0.62 + 0.55 * y));
+    let (row, column) = ((y * 5.0) as i32, (x * 9.0) as i32 + if u < 0.5 { 0 } else { 20 });
+    let (fx, fy) = ((x * 9.0).fract(), (y * 5.0).fract());
+    let goods = row < 4 && fy < 0.30 + 0.5 * hash(row, column, 75) && (0.12..0.88).contains(&fx);
+    if goods && hash(row, column, 76) > 0.25 {
+        let hue = [0, 1, 2].map(|k| 0.18 + 0.42 * hash(row * 7 + k, column, 77));
+        colour = [0, 1, 2].map(|k| colour[k] * 0.45 + hue[k] * 0.5 * depth);
+    } else if fy < 0.06 && row < 5 {
+        colour = colour.map(|c| c * 0.6);
+    }
+    let sheen = if ((u * 1.1 + v * 0.8) * 2.3).fract() < 0.22 { 0.05 } else { 0.0 };
+    (colour.map(|c| c + sheen), 0.25)
+}
+
+/// A panelled door in a white frame, a fanlight above.
+pub(super) fn door(at: [f32; 2]) -> Texel {
+    let [u, v] = at;
+    if !(0.10..=0.90).contains(&u) || v > 0.955 {
+        return ([0.95, 0.94, 0.92], 1.0);
+    }
+    if v > 0.80 {
+        let bar = v < 0.825 || (u - 0.5).abs() < 0.015;
+        return if bar { ([0.95, 0.94, 0.92], 1.0) } else { ([0.14, 0.18, 0.22], 0.12) };
+    }
+    // The leaf keeps a colour of its own: a dark red wood.
+    let base = 0.85 + 0.25 * (value([u, v], [24, 5], 111) - 0.5);
+    let mut level = base;
+    for [low, high] in [[0.06, 0.34], [0.40, 0.74]] {
+        for [left, right] in [[0.18, 0.46], [0.54, 0.82]] {
+            if within(at, [left, right], [low, high]) {
+                let rim = !within(at, [left + 0.03, right - 0.03], [low + 0.015, high - 0.015]);
+                level = if rim { base * 0.62 } else { base * 0.92 };
+            }
+        }
+    }
+    if (u - 0.85).abs() < 0.018 && (v - 0.385).abs() < 0.022 {
+        return ([0.82, 0.74, 0.50], 0.4);
+    }
+    if v < 0.03 {
+        level *= 0.6;
+    }
+    ([0.36 * level, 0.20 * level, 0.15 * level], 0.85)
+}
+
+/// Panels with a row of windows, the tint is that of the panels.
+pub(super) fn gate(at: [f32; 2]) -> Texel {
+    let [u, v] = at;
+    if !(0.02..=0.98).contains(&u) || v > 0.985 {
+        return grey(0.55);
+    }
+    let row = (v * 6.0).fract();
+    let joint = row < 0.05 || (u * 4.0).fract() < 0.02;
+    let cell = (u * 4.0).fract();
+    if (0.50..0.84).contains(&v) && (0.10..0.90).contains(&cell) && (0.14..0.86).contains(&row) {
+        return ([0.12, 0.15, 0.18], 0.15);
+    }
+    let panel = (0.08..0.92).contains(&cell) && (0.16..0.88).contains(&row);
+    grey(if joint {
+        0.62
+    } else if panel {
+        0.96
+    } else {
+        0.88
+    })
+}
