@@ -203,7 +203,14 @@ impl Fleet {
         self.placed.iter().map(|p| (p.centre, p.radius))
     }
 
-    pub(super) fn tris(&self, seen: &[Sight]) -> usize { seen.iter().map(|s| { let b=&self.builds[&self.placed[s.index].key].levels[s.level]; (b.0.len() + if s.has_wheels { b.1.len()*4 } else {0}) as usize /3 }).sum() }
+    pub(super) fn tris(&self, seen: &[Sight]) -> usize {
+        seen.iter()
+            .map(|s| {
+                let b = &self.builds[&self.placed[s.index].key].levels[s.level];
+                (b.0.len() + if s.has_wheels { b.1.len() * 4 } else { 0 }) as usize / 3
+            })
+            .sum()
+    }
     fn bind(&self, pass: &mut wgpu::RenderPass<'_>) -> bool {
         let Some((vertices, indices)) = &self.buffers else { return false };
         pass.set_vertex_buffer(0, vertices.slice(..));
