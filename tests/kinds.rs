@@ -5,7 +5,7 @@
 #![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
 
 use city3d::camera::{Camera, Extrinsics, Kinds, Lens, Mount, PictureKind, Projection, View};
-use city3d::city::scene::{Class, Finish, Mesh, SceneDescription, Surface};
+use city3d::city::scene::{Class, Finish, Mesh, Object, SceneDescription, Surface};
 use city3d::render::{
     AdapterPreference, Context, Pictures, Plane, Quality, RenderError, Renderer, Request, Settings,
 };
@@ -47,7 +47,7 @@ fn wall_on_a_plain() -> SceneDescription {
     let wall = Finish::new(Surface::Plain, [200; 3], Class::Wall);
     mesh.block(Vec3::new(WALL_X + 0.5, 0.0, 0.0), Vec3::new(1.0, 20.0, 4.0), 0.0, wall);
     SceneDescription {
-        ground: vec![mesh],
+        ground: vec![Object::of_one_level(mesh)],
         bounds: [Vec3::new(-60.0, -60.0, 0.0), Vec3::new(60.0, 60.0, 10.0)],
         ..SceneDescription::default()
     }

@@ -3,7 +3,7 @@
 #![allow(clippy::disallowed_methods, reason = "only draws")]
 
 use city3d::camera::{Camera, Extrinsics, Lens, Mount, View};
-use city3d::city::scene::{Class, Finish, Mesh, SceneDescription, Surface};
+use city3d::city::scene::{Class, Finish, Mesh, Object, SceneDescription, Surface};
 use city3d::render::{
     AdapterPreference, Context, Image, PngStream, Quality, RenderError, Renderer, Settings,
 };
@@ -33,7 +33,7 @@ fn black_plain() -> SceneDescription {
         [(-60.0, -60.0), (60.0, -60.0), (60.0, 60.0), (-60.0, 60.0)].map(|(x, y)| Vec3::new(x, y, 0.0));
     mesh.plate(&ring, black, 1.0);
     SceneDescription {
-        ground: vec![mesh],
+        ground: vec![Object::of_one_level(mesh)],
         bounds: [Vec3::new(-60.0, -60.0, 0.0), Vec3::new(60.0, 60.0, 10.0)],
         ..SceneDescription::default()
     }
@@ -42,7 +42,7 @@ fn black_plain() -> SceneDescription {
 /// Light ground, on which they do.
 fn light_plain() -> SceneDescription {
     let mut scene = black_plain();
-    for vertex in &mut scene.ground[0].vertices {
+    for vertex in &mut scene.ground[0].levels[0].mesh.vertices {
         vertex.finish.colour = [160, 160, 160];
     }
     scene

@@ -1,6 +1,6 @@
 //! The ground cut into square cells, so that each view draws what it may see of it.
 
-use crate::city::scene::{Mesh, Surface, Vertex};
+use crate::city::scene::{Level, Mesh, Object, Surface, Vertex};
 use glam::Vec3;
 use std::collections::BTreeMap;
 
@@ -10,17 +10,25 @@ const CELL_M: f32 = 13.0;
 const WHOLE_FROM_M: f32 = 200.0;
 
 /// Meshes by the cell they lie in.
-pub(super) type Cells = BTreeMap<[i32; 2], Mesh>;
+type Cells = BTreeMap<[i32; 2], Mesh>;
 
-/// What meshes of the ground have of some surfaces, cut along the edges of cells.
-pub(super) fn cut(meshes: &[Mesh], of: &dyn Fn(Surface) -> bool) -> Cells {
+/// What a part of the ground has of some surfaces, cut along the edges of cells: the levels of each cell.
+pub(super) fn cut(object: &Object, of: &dyn Fn(Surface) -> bool) -> Vec<Vec<Level>> {
+    let mut found: BTreeMap<[i32; 2], Vec<Level>> = BTreeMap::new();
+    for level in &object.levels {
+        for (at, mesh) in cut_mesh(&level.mesh, of) {
+            found.entry(at).or_default().push(Level { mesh, error_m: level.error_m });
+        }
+    }
+    found.into_values().collect()
+}
+
+fn cut_mesh(mesh: &Mesh, of: &dyn Fn(Surface) -> bool) -> Cells {
     let mut cells = Cells::new();
-    for mesh in meshes {
-        for triangle in mesh.indices.chunks_exact(3) {
-            let corners = [triangle[0], triangle[1], triangle[2]].map(|k| mesh.vertices[k as usize]);
-            if of(corners[0].finish.surface) {
-                split_into(&mut cells, corners);
-            }
+    for triangle in mesh.indices.chunks_exact(3) {
+        let corners = [triangle[0], triangle[1], triangle[2]].map(|k| mesh.vertices[k as usize]);
+        if of(corners[0].finish.surface) {
+            split_into(&mut cells, corners);
         }
     }
     cells

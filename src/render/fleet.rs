@@ -198,19 +198,20 @@ impl Fleet {
         seen
     }
 
+    pub(super) fn triangles(&self, seen: &[Sight]) -> u64 {
+        let indices = |sight: &Sight| {
+            let build = self.builds.get(&self.placed[sight.index].key)?;
+            let (body, wheel) = build.levels.get(sight.level)?;
+            Some(body.len() + if sight.has_wheels { 4 * wheel.len() } else { 0 })
+        };
+        seen.iter().filter_map(indices).sum::<usize>() as u64 / 3
+    }
+
     /// Middle and radius of the ball around each vehicle.
     pub(super) fn balls(&self) -> impl Iterator<Item = (Vec3, f32)> {
         self.placed.iter().map(|p| (p.centre, p.radius))
     }
 
-    pub(super) fn tris(&self, seen: &[Sight]) -> usize {
-        seen.iter()
-            .map(|s| {
-                let b = &self.builds[&self.placed[s.index].key].levels[s.level];
-                (b.0.len() + if s.has_wheels { b.1.len() * 4 } else { 0 }) as usize / 3
-            })
-            .sum()
-    }
     fn bind(&self, pass: &mut wgpu::RenderPass<'_>) -> bool {
         let Some((vertices, indices)) = &self.buffers else { return false };
         pass.set_vertex_buffer(0, vertices.slice(..));

@@ -48,6 +48,8 @@ pub struct Renderer {
     sun_view: SunView,
     atlases: BTreeMap<[u32; 2], Atlas>,
     ring: Ring,
+    /// Triangles of the last batch.
+    triangles: u64,
     /// Depth and samples of the target that was drawn to last.
     window: Option<Atlas>,
 }
@@ -92,6 +94,7 @@ impl Renderer {
             sun_view,
             atlases: BTreeMap::new(),
             ring: Ring::default(),
+            triangles: 0,
             window: None,
         };
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -109,6 +112,11 @@ impl Renderer {
     /// What it was built for.
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// How many triangles the views of the last batch were given, without the sky.
+    pub fn triangles(&self) -> u64 {
+        self.triangles
     }
 
     /// The adapter that draws.
@@ -401,20 +409,8 @@ impl Renderer {
     fn look_at(&mut self, views: &[View]) -> Vec<Seen> {
         let mut lists = Vec::new();
         let seen: Vec<Seen> = views.iter().map(|view| self.look(view, &mut lists)).collect();
-        if std::env::var("TRI").is_ok() {
-            let f = |g: &dyn Fn(&Seen) -> usize| {
-                let s: &Vec<Seen> = &seen;
-                s.iter().map(|x| g(x)).sum::<usize>() / s.len()
-            };
-            eprintln!(
-                "raised {} ground {} lines {} cars {} cartris {}",
-                f(&|s| s.cells.raised.len() / 3),
-                f(&|s| s.cells.ground.len() / 3),
-                f(&|s| s.cells.lines.len() / 3),
-                f(&|s| s.vehicles.len()),
-                f(&|s| self.fleet.tris(&s.vehicles))
-            );
-        }
+        let count = |seen: &Seen| seen.cells.triangles() + self.fleet.triangles(&seen.vehicles);
+        self.triangles = seen.iter().map(count).sum();
         self.standing.write(&self.context.device, &self.context.queue, &lists);
         seen
     }

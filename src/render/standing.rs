@@ -65,6 +65,12 @@ pub(super) struct SeenCells {
     pub(super) lines: Range<u32>,
 }
 
+impl SeenCells {
+    pub(super) fn triangles(&self) -> u64 {
+        [&self.raised, &self.ground, &self.lines].iter().map(|list| list.len() as u64 / 3).sum()
+    }
+}
+
 impl Standing {
     pub(super) fn new(device: &wgpu::Device, scene: &SceneDescription) -> Self {
         let mut packed = Packed::default();
@@ -73,9 +79,11 @@ impl Standing {
             .iter()
             .map(|object| packed.piece(object.levels.iter().map(|level| (&level.mesh, level.error_m))))
             .collect();
-        let mut pieces = |of: &dyn Fn(Surface) -> bool| {
-            let cells = cells::cut(&scene.ground, of);
-            cells.values().map(|mesh| packed.piece(std::iter::once((mesh, 0.0)))).collect()
+        let mut pieces = |of: &dyn Fn(Surface) -> bool| -> Vec<Piece> {
+            let cells = scene.ground.iter().flat_map(|object| cells::cut(object, of));
+            cells
+                .map(|levels| packed.piece(levels.iter().map(|level| (&level.mesh, level.error_m))))
+                .collect()
         };
         let ground = pieces(&|surface| surface != Surface::Line);
         let lines = pieces(&|surface| surface == Surface::Line);

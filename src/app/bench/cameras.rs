@@ -59,6 +59,7 @@ struct Report {
     all_cameras_hz: f64,
     /// Time of all cores for a picture, nothing written; where the system tells it.
     cpu_ms_per_img: Option<f64>,
+    triangles_per_img: u64,
     adapter: String,
 }
 
@@ -98,6 +99,7 @@ pub fn cameras(args: &CamerasArgs) -> Result<(), Failure> {
         mpix_per_s: rate(drawn) * f64::from(args.width) * f64::from(args.height) / 1e6,
         all_cameras_hz: rate(written) / f64::from(args.cameras),
         cpu_ms_per_img: spent.map(|spent| 1e3 * spent / drawn.0 as f64),
+        triangles_per_img: renderer.triangles() / u64::from(args.cameras),
         adapter: context.adapter_name,
     };
     println!("{}", serde_json::to_string(&report).map_err(Failure::failed)?);

@@ -1,6 +1,7 @@
 //! Triangles with what they are made of: plain data that any renderer can take.
 
-use glam::{Vec2, Vec3};
+use glam::{IVec3, Vec2, Vec3};
+use std::collections::HashMap;
 
 /// What a surface is made of. Its texture is a grey or natural pattern that the vertex colour tints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -88,7 +89,7 @@ pub enum Class {
 }
 
 /// The look of a face.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Finish {
     pub surface: Surface,
     /// sRGB, multiplied with the surface's texture.
@@ -227,7 +228,7 @@ impl Mesh {
 
     /// Drops vertices that repeat bit for bit.
     pub fn weld(&mut self) {
-        let mut seen = std::collections::HashMap::new();
+        let mut seen = HashMap::new();
         let mut kept = Vec::with_capacity(self.vertices.len());
         let slot: Vec<u32> = self
             .vertices
@@ -249,6 +250,35 @@ impl Mesh {
         for index in &mut self.indices {
             *index = slot[*index as usize];
         }
+    }
+
+    /// The same of fewer triangles, for a distance: vertices within a cube of an edge become one
+    /// (Rossignac and Borrel 1993). Faces keep their finish and the side they look to.
+    pub fn simplified(&self, edge_m: f32) -> Self {
+        let cube = |v: &Vertex| (v.position / edge_m).round().as_ivec3();
+        let mut places: HashMap<IVec3, (Vec3, f32)> = HashMap::new();
+        for vertex in &self.vertices {
+            let place = places.entry(cube(vertex)).or_default();
+            *place = (place.0 + vertex.position, place.1 + 1.0);
+        }
+        let mut known = HashMap::new();
+        let mut simple = Self::default();
+        for corners in self.indices.chunks_exact(3) {
+            let corners = [0, 1, 2].map(|k| self.vertices[corners[k] as usize]);
+            let cubes = corners.map(|vertex| cube(&vertex));
+            if cubes[0] == cubes[1] || cubes[1] == cubes[2] || cubes[2] == cubes[0] {
+                continue;
+            }
+            for (vertex, cube) in corners.into_iter().zip(cubes) {
+                let facing = (vertex.normal * 2.0).round().as_ivec3();
+                let slot = *known.entry((cube, vertex.finish, facing)).or_insert_with(|| {
+                    let (sum, count) = places[&cube];
+                    simple.vertex(Vertex { position: sum / count, ..vertex })
+                });
+                simple.indices.push(slot);
+            }
+        }
+        simple
     }
 
     /// The smallest box around all vertices.

@@ -29,7 +29,7 @@ use glam::{Vec2, Vec3};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneDescription {
     /// What lies: roads with their markings, lawns, water, and the plain around the city.
-    pub ground: Vec<Mesh>,
+    pub ground: Vec<Object>,
     /// What stands on it, piece by piece.
     pub objects: Vec<Object>,
     /// Opaque walls that hide what is behind them.
@@ -61,9 +61,24 @@ pub struct Wall {
     pub height_m: f32,
 }
 
+/// Edges of the cubes within which vertices become one in the coarser levels.
+const COARSER_M: [f32; 3] = [0.16, 0.4, 1.0];
+
 impl Object {
-    fn of_one_level(mesh: Mesh) -> Self {
+    pub fn of_one_level(mesh: Mesh) -> Self {
         Self { levels: vec![Level { mesh, error_m: 0.0 }] }
+    }
+
+    /// Simplifies the coarsest level further, as far as it pays.
+    fn add_coarser_levels(&mut self) {
+        let Some(base) = self.levels.last().cloned() else { return };
+        for edge_m in COARSER_M.into_iter().filter(|edge_m| edge_m / 2.0 > base.error_m) {
+            let mesh = base.mesh.simplified(edge_m);
+            let last = self.levels.last().map_or(0, |level| level.mesh.triangle_count());
+            if mesh.triangle_count() * 4 < last * 3 && !mesh.is_empty() {
+                self.levels.push(Level { mesh, error_m: edge_m / 2.0 });
+            }
+        }
     }
 
     pub fn is_empty(&self) -> bool {
@@ -109,25 +124,24 @@ impl SceneDescription {
         objects.extend(signs::signs(map, &field));
         objects.extend(parked::cars(map));
         objects.retain(|object: &Object| !object.is_empty());
-        let mut ground = vec![
-            roads::ground(&field),
-            roads::plain(map),
-            wear::wear(map),
-            markings::markings(map, &field),
-            lying,
-        ];
-        ground.retain(|mesh| !mesh.is_empty());
+        for object in &mut objects {
+            object.add_coarser_levels();
+        }
+        let roads = roads::LEVELS.map(|error_m| Level { mesh: roads::ground(&field, error_m), error_m });
+        let mut ground = vec![Object { levels: roads.to_vec() }];
+        let rest = [roads::plain(map), wear::wear(map), markings::markings(map, &field), lying];
+        ground.extend(rest.map(Object::of_one_level));
+        ground.retain(|object| !object.is_empty());
         let [low, high] = map.bounds();
-        let finest = objects.iter().flat_map(|object| object.levels.first()).map(|level| &level.mesh);
-        let top = ground.iter().chain(finest).map(|mesh| mesh.bounds()[1].z).fold(1.0, f32::max);
+        let finest = ground.iter().chain(&objects).filter_map(|object| object.levels.first());
+        let top = finest.map(|level| level.mesh.bounds()[1].z).fold(1.0, f32::max);
         let bounds = [low.as_vec2().extend(0.0), high.as_vec2().extend(top)];
         Self { ground, objects, walls, bounds }
     }
 
     /// Every mesh at every level of detail.
     pub fn meshes(&self) -> impl Iterator<Item = &Mesh> {
-        let objects = self.objects.iter().flat_map(|object| &object.levels).map(|level| &level.mesh);
-        self.ground.iter().chain(objects)
+        self.ground.iter().chain(&self.objects).flat_map(|object| &object.levels).map(|level| &level.mesh)
     }
 }
 

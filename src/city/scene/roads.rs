@@ -206,13 +206,17 @@ pub(super) fn band_with(
 }
 
 /// Asphalt, kerbs, pavements and grass.
-pub(super) fn ground(field: &RoadField) -> Mesh {
+/// How far edges may lie from where they are, level by level.
+pub(super) const LEVELS: [f32; 3] = [0.0, 0.08, 0.30];
+
+pub(super) fn ground(field: &RoadField, error_m: f32) -> Mesh {
+    let within = |finest: f64| finest.max(f64::from(error_m));
     let mut mesh = Mesh::default();
     let road = &field.distance;
-    for region in road.regions(SHOULDER_M + 0.06, 0.015, LEAST_ISLAND_M2) {
+    for region in road.regions(SHOULDER_M + 0.06, within(0.015), LEAST_ISLAND_M2) {
         level(&mut mesh, &region, 0.0, ASPHALT, 5.0);
     }
-    let edges = road.regions(SHOULDER_M, 0.012, LEAST_ISLAND_M2);
+    let edges = road.regions(SHOULDER_M, within(0.012), LEAST_ISLAND_M2);
     let rings: Vec<Vec<DVec2>> =
         edges.into_iter().flat_map(|r| std::iter::once(r.outer).chain(r.holes)).collect();
     for ring in &rings {
@@ -222,13 +226,13 @@ pub(super) fn ground(field: &RoadField) -> Mesh {
     // Distance from the kerb, off the road.
     let off = road.distance_to(&rings, f64::from(PAVEMENT_M) + 1.0);
     let pavement = road.with(&off, |road, off| (off - PAVEMENT_M).max(SHOULDER_M + 0.04 - road));
-    for region in pavement.regions(0.0, 0.02, 0.2) {
+    for region in pavement.regions(0.0, within(0.02), 0.2) {
         level(&mut mesh, &region, KERB_M, PAVEMENT, 2.4);
     }
     let green = road.with(&off, |road, off| {
         if road < SHOULDER_M { PAVEMENT_M } else { PAVEMENT_M - 0.06 - off.min(PAVEMENT_M + 4.0) }
     });
-    for region in green.regions(0.0, 0.03, 0.5) {
+    for region in green.regions(0.0, within(0.03), 0.5) {
         level(&mut mesh, &region, GRASS_M, GRASS, 6.0);
     }
     mesh

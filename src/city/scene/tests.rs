@@ -10,7 +10,7 @@ fn city() -> CityMap {
 /// Triangles of a surface that look up, as seen from above.
 fn level_triangles(scene: &SceneDescription, surface: Surface) -> Vec<[Vec2; 3]> {
     let mut found = Vec::new();
-    for mesh in &scene.ground {
+    for mesh in scene.ground.iter().map(|object| &object.levels[0].mesh) {
         for t in mesh.indices.chunks_exact(3) {
             let corners = [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize]);
             if corners.iter().all(|v| v.finish.surface == surface && v.position.z < 0.05 && v.normal.z > 0.9)

@@ -9,10 +9,10 @@ use std::sync::Arc;
 /// Bodies without few faces of their own are simplified to within this.
 const COARSENESS_M: f32 = 0.32;
 /// Bodies of a few pixels are simplified to within this.
-const SIMPLE_M: f32 = 0.85;
+const COARSER_M: [f32; 2] = [0.5, 0.85];
 
 /// How far the outline of a body of each level lies from the finest one's.
-pub(in crate::render) const ERRORS_M: [f32; 3] = [0.0, 0.10, 0.35];
+pub(in crate::render) const ERRORS_M: [f32; 4] = [0.0, 0.05, 0.13, 0.24];
 
 /// Models of body types; what is not among them is drawn as a sedan.
 #[derive(Clone, Debug)]
@@ -68,10 +68,11 @@ impl Models {
         let far_wheel = fitted
             .far_wheel
             .map_or_else(|| wheel.simplified(COARSENESS_M / 2.0), |parts| VehicleMesh::new(&parts));
-        let simple = far_body.simplified(SIMPLE_M);
-        let simple_wheel = far_wheel.simplified(SIMPLE_M / 2.0);
+        let coarser = COARSER_M.map(|edge_m| {
+            (far_body.simplified(edge_m), far_wheel.simplified(COARSER_M[1] / 2.0))
+        });
         Build {
-            levels: vec![(body, wheel), (far_body, far_wheel), (simple, simple_wheel)],
+            levels: [(body, wheel), (far_body, far_wheel)].into_iter().chain(coarser).collect(),
             half_track_m: fitted.half_track.unwrap_or(d.track_m as f32 / 2.0),
         }
     }
