@@ -9,7 +9,7 @@ set -euo pipefail
 
 # What draws without a GPU, and the C compiler and linker that Rust calls.
 RUN_PACKAGES=(mesa-vulkan-drivers libvulkan1 gcc libc6-dev)
-TEST_PACKAGES=(python3 python3-venv)
+TEST_PACKAGES=(python3 python3-venv ffmpeg)
 PEERS=target/peers
 
 say() { printf '\n== %s\n' "$*"; }

@@ -31,9 +31,41 @@ fn seen(world: vec3<f32>, meaning: vec2<u32>) -> Fragment {
     return out;
 }
 
+// Class of a vertex of the city, which is no vehicle.
+fn meaning_of(material: u32) -> vec2<u32> {
+    return vec2<u32>((material >> 8u) & 0xffu, 0u);
+}
+
 @vertex
 fn city_main(@location(0) position: vec3<f32>, @location(4) material: u32) -> Fragment {
-    return seen(position, vec2<u32>((material >> 8u) & 0xffu, 0u));
+    return seen(position, meaning_of(material));
+}
+
+struct LineFragment {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) depth: f32,
+    @location(1) @interpolate(flat) meaning: vec2<u32>,
+    // Metres from the line's middle, and half its width.
+    @location(2) at: vec2<f32>,
+}
+
+@vertex
+fn line_main(
+    @location(0) position: vec3<f32>,
+    @location(3) at: vec2<f32>,
+    @location(4) material: u32,
+) -> LineFragment {
+    let line = seen(position, meaning_of(material));
+    return LineFragment(line.clip, line.depth, line.meaning, at);
+}
+
+// Beside its paint a line carries asphalt for the colours alone: here the road below is seen.
+@fragment
+fn line_fragment(in: LineFragment) -> Pixel {
+    if abs(in.at.x) > in.at.y {
+        discard;
+    }
+    return Pixel(in.depth, in.meaning);
 }
 
 struct VehicleIn {

@@ -1,6 +1,7 @@
 //! The documents say what the program does: keys, defaults and ranges of scenarios, files of a run.
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
+use city3d::city::scene::Class;
 use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -53,6 +54,9 @@ fn scenario(section: &str, key: &str, line: &str) -> String {
     match section {
         "" => _ = top.insert(key, line),
         "[[vehicle]]" => _ = vehicle.insert(key, line),
+        _ if section.ends_with("sensor]]") && key != "kind" => {
+            rest = format!("{section}\nkind = \"camera\"\n{line}\n");
+        }
         _ => rest = format!("{section}\n{line}\n"),
     }
     let lines = |table: BTreeMap<&str, &str>| table.into_values().collect::<Vec<_>>().join("\n");
@@ -102,8 +106,9 @@ fn scenario_keys_are_all_described_and_no_others() {
         let (_, list) = told.split_once(&format!("unknown key \"{WRONG}\"; there are: ")).unwrap();
         // Tables within a table, which have their own.
         let tables: &[&str] = match section.as_str() {
+            "[[vehicle]]" | "[traffic]" => &["sensor"],
             "" => &["rates", "vehicle", "vehicle_type", "driver", "right_of_way", "environment", "traffic"],
-            "[vehicle_type.default]" => &["centre_of_mass", "motor", "suspension", "control"],
+            "[vehicle_type.default]" => &["centre_of_mass", "motor", "suspension", "control", "sensor"],
             _ => &[],
         };
         let known: BTreeSet<String> = list.lines().next().unwrap().split(", ").map(str::to_owned).collect();
@@ -181,6 +186,26 @@ fn first_cells(text: &str) -> BTreeSet<String> {
 fn section<'t>(text: &'t str, title: &str) -> &'t str {
     let (_, rest) = text.split_once(&format!("\n## {title}\n")).unwrap();
     rest.split("\n## ").next().unwrap()
+}
+
+#[test]
+fn classes_are_as_described() {
+    let text = document("docs/cameras.md");
+    let rows: Vec<Vec<&str>> = text
+        .lines()
+        .skip_while(|line| !line.starts_with("| class | number |"))
+        .skip(2)
+        .take_while(|line| line.starts_with('|'))
+        .map(|line| line.trim_matches('|').split('|').map(|cell| cell.trim().trim_matches('`')).collect())
+        .collect();
+    let classes: Vec<Vec<String>> = Class::ALL
+        .into_iter()
+        .map(|class| {
+            let [r, g, b] = class.colour();
+            vec![class.name().to_owned(), (class as u8).to_string(), format!("{r} {g} {b}")]
+        })
+        .collect();
+    assert_eq!(rows, classes);
 }
 
 #[test]

@@ -2,6 +2,8 @@
 #![cfg(feature = "render")]
 
 use city3d::camera::{Extrinsics, Intrinsics, Projection, View};
+use city3d::city::scene::Class;
+use city3d::geom::trig;
 use city3d::render::{AdapterPreference, Context};
 use city3d::runner::Run;
 use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
@@ -45,6 +47,8 @@ fn run_well(scenario: &str, folder: &Path, arguments: &[&str]) -> String {
 #[derive(Debug, Deserialize)]
 struct Row {
     file: String,
+    kind: String,
+    scale: Option<f64>,
     vehicle: String,
     camera: String,
     tick: u64,
@@ -62,6 +66,14 @@ struct Row {
     cy: f64,
     width: u32,
     height: u32,
+    id: Option<u32>,
+    vehicle_x: Option<f64>,
+    vehicle_y: Option<f64>,
+    vehicle_z: Option<f64>,
+    vehicle_qx: Option<f64>,
+    vehicle_qy: Option<f64>,
+    vehicle_qz: Option<f64>,
+    vehicle_qw: Option<f64>,
 }
 
 impl Row {
@@ -74,6 +86,14 @@ impl Row {
             extent: [self.width, self.height],
             carrier: None,
         }
+    }
+
+    fn vehicle_position(&self) -> Option<DVec3> {
+        Some(DVec3::new(self.vehicle_x?, self.vehicle_y?, self.vehicle_z?))
+    }
+
+    fn vehicle_orientation(&self) -> Option<DQuat> {
+        Some(DQuat::from_xyzw(self.vehicle_qx?, self.vehicle_qy?, self.vehicle_qz?, self.vehicle_qw?))
     }
 
     fn picture(&self, folder: &Path) -> image::RgbImage {
@@ -148,6 +168,9 @@ fn every_camera_has_its_pictures_and_rows() {
     let info = at.roster.iter().find(|info| info.name == "path1_b").expect("the vehicle");
     let state = at.vehicle(info.id).expect("its state");
     let row = rows.iter().find(|row| row.file == "windscreen_path1_b_00000150.png").expect("its row");
+    let pose = (row.vehicle_position().expect("a pose"), row.vehicle_orientation().expect("a pose"));
+    assert!(pose.0.distance(state.position) < 1e-9 && pose.1.angle_between(state.orientation) < 1e-6);
+    assert_eq!((row.id, row.kind.as_str(), row.scale), (Some(2), "rgb", None));
     let extrinsics = row.view().extrinsics;
     assert!(extrinsics.position.distance(state.position) < 2.0, "{row:?} {state:?}");
     assert!(extrinsics.forward().dot(state.orientation * DVec3::X) > 0.99, "{row:?} {state:?}");
@@ -177,6 +200,35 @@ fn with_magenta_car(folder: &Path) -> String {
 }
 
 #[test]
+fn the_table_is_as_described() {
+    if !can_draw() {
+        return;
+    }
+    let document = include_str!("../docs/cameras.md");
+    let (_, section) = document.split_once("\n## frames.csv\n").expect("a section");
+    let rows = section
+        .lines()
+        .skip_while(|line| !line.starts_with("| column"))
+        .take_while(|line| line.starts_with('|'));
+    let described: Vec<&str> = rows
+        .flat_map(|row| row.split('|').nth(1).unwrap_or_default().split('`').skip(1).step_by(2))
+        .collect();
+    let folder = tempfile::tempdir().expect("a folder");
+    let arguments = ["--camera", "overhead", "--duration", "0.5", "--size", "16x16", "--kind", "semantic"];
+    run_well("straight", folder.path(), &arguments);
+    let mut reader = csv::Reader::from_path(folder.path().join("frames.csv")).expect("frames.csv");
+    let columns: Vec<String> = reader.headers().expect("a header").iter().map(str::to_owned).collect();
+    assert_eq!(columns, described);
+    // A camera of the city has no vehicle.
+    let [row] = &table(folder.path())[..] else { panic!("one row") };
+    assert_eq!(
+        (row.file.as_str(), row.vehicle.as_str(), row.id),
+        ("overhead_city_00000000_semantic.png", "city", None)
+    );
+    assert!(row.vehicle_position().is_none() && row.vehicle_orientation().is_none());
+}
+
+#[test]
 fn the_car_ahead_is_in_the_picture_where_its_pose_says() {
     if !can_draw() {
         return;
@@ -185,8 +237,14 @@ fn the_car_ahead_is_in_the_picture_where_its_pose_says() {
     let scenario = with_magenta_car(folder.path());
     let out = folder.path().join("pictures");
     // The second vehicle follows the first along a straight street.
-    let arguments = ["--size", "320x240", "--vehicle", "path1_b", "--every", "1", "--duration", "3"];
-    run_well(&scenario, &out, &arguments);
+    let arguments = [
+        ["--size", "320x240"],
+        ["--camera", "windscreen"],
+        ["--vehicle", "path1_b"],
+        ["--every", "1"],
+        ["--duration", "3"],
+    ];
+    run_well(&scenario, &out, arguments.as_flattened());
     let experiment = experiment(&scenario);
     let rows = table(&out);
     assert_eq!(rows.len(), 4);
@@ -214,11 +272,146 @@ fn the_car_ahead_is_in_the_picture_where_its_pose_says() {
 }
 
 #[test]
+fn the_cameras_of_the_scenario_take_pictures_at_their_rates() {
+    if !can_draw() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = std::fs::read_to_string(SCENARIO).expect("the scenario");
+    let own = |images: &str| {
+        format!(
+            "[[vehicle.sensor]]\nkind = \"camera\"\nname = \"left\"\nposition_m = [0.5, 1.3, 1.2]\n\
+             yaw_deg = 90\nroll_deg = 90\nsize_px = [40, 24]\nrate_hz = 4\nimages = [{images}]\n"
+        )
+    };
+    let types = own("\"rgb\"").replace("[[vehicle.", "[[vehicle_type.default.");
+    let text = text.replace("model = \"raycast\"\n", &format!("model = \"raycast\"\n{types}"));
+    let text = text + &own("\"instance\", \"rgb\"") + "[traffic]\nvehicles = 2\n";
+    let scenario = folder.path().join("sensors.toml");
+    std::fs::write(&scenario, text).expect("a scenario");
+    let out = folder.path().join("pictures");
+    let said = run_well(scenario.to_str().expect("text"), &out, &["--duration", "1"]);
+    let rows = table(&out);
+    let of = |camera: &str, vehicle: &str, kind: &str| -> Vec<u64> {
+        let is = |row: &&Row| (&*row.camera, &*row.vehicle, &*row.kind) == (camera, vehicle, kind);
+        rows.iter().filter(is).map(|row| row.tick).collect()
+    };
+    for kind in ["rgb", "depth", "semantic", "instance"] {
+        assert_eq!(of("windscreen", "path1_b", kind), [0, 50, 100], "{kind}");
+    }
+    assert_eq!(of("rear", "path2_a", "rgb"), [0, 100]);
+    assert_eq!(of("left", "path2_c", "instance"), [0, 25, 50, 75, 100]);
+    // From the type: those that state nothing, and the traffic.
+    for vehicle in ["path1_a", "path1_c", "path2_b", "path2_c", "cav7", "cav8"] {
+        assert_eq!(of("left", vehicle, "rgb"), [0, 25, 50, 75, 100], "{vehicle}");
+    }
+    assert_eq!(rows.len(), 4 * 3 + 2 + 7 * 5);
+    assert!(said.starts_with("49 pictures of 40 x 24 and 640 x 480"), "{said}");
+    assert!(rows.iter().all(|row| out.join(&row.file).is_file()));
+    // It looks to the left of its car, its own right side down.
+    let row = rows.iter().find(|row| row.camera == "left" && row.tick == 50).expect("a row");
+    let body = row.vehicle_orientation().expect("a pose");
+    let camera = row.view().extrinsics;
+    assert!(camera.forward().distance(body * DVec3::Y) < 1e-6);
+    assert!((camera.orientation * DVec3::X).distance(body * DVec3::NEG_Z) < 1e-6);
+    let place = row.vehicle_position().expect("a pose") + body * DVec3::new(0.5, 1.3, 1.2);
+    assert!(camera.position.distance(place) < 1e-6);
+
+    // What the command line states wins.
+    let out = folder.path().join("stated");
+    let arguments = [
+        ["--duration", "1"],
+        ["--sensor", "windscreen"],
+        ["--size", "32x20"],
+        ["--fps", "5"],
+        ["--kind", "depth,instance"],
+        ["--fov", "30"],
+    ];
+    let said = run_well(scenario.to_str().expect("text"), &out, arguments.as_flattened());
+    assert!(said.starts_with("12 pictures of 32 x 20"), "{said}");
+    let focal = 10.0 / trig::tan(15_f64.to_radians());
+    assert!(table(&out).iter().all(|row| (row.fy - focal).abs() < 1e-9 && row.kind != "rgb"));
+}
+
+/// The numbers of a `.npy` file of 32-bit floats, row by row.
+fn read_npy(path: &Path, shape: [u32; 2]) -> Vec<f32> {
+    let bytes = std::fs::read(path).expect("a file");
+    let length = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    let header = std::str::from_utf8(&bytes[10..10 + length]).expect("text");
+    assert!(header.contains(&format!("'shape': ({}, {})", shape[1], shape[0])), "{header}");
+    bytes[10 + length..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+}
+
+#[test]
+fn depth_of_the_files_lies_on_the_road() {
+    if !can_draw() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let take = |name: &str, more: &[&str]| {
+        let out = folder.path().join(name);
+        let arguments = [
+            ["--camera", "windscreen"],
+            ["--vehicle", "path1_b"],
+            ["--size", "160x120"],
+            ["--from", "4"],
+            ["--duration", "4"],
+        ];
+        run_well(
+            SCENARIO,
+            &out,
+            &[arguments.as_flattened(), &["--kind", "depth", "--kind", "semantic"], more].concat(),
+        );
+        (table(&out), out)
+    };
+    let (exact, exact_at) = take("exact", &["--depth-format", "f32"]);
+    let (counted, counted_at) = take("counted", &[]);
+    let (coarse, coarse_at) = take("coarse", &["--depth-scale", "0.001", "--palette"]);
+    let row = |rows: &[Row], kind: &str| rows.iter().position(|row| row.kind == kind).expect("a row");
+    let (exact_row, counted_row) = (&exact[row(&exact, "depth")], &counted[row(&counted, "depth")]);
+    assert_eq!((exact_row.scale, counted_row.scale), (Some(1.0), Some(1.0 / 256.0)));
+    assert_eq!(exact_row.file, "windscreen_path1_b_00000400_depth.npy");
+    let metres = read_npy(&exact_at.join(&exact_row.file), [160, 120]);
+    let read = |at: &Path, row: &Row| image::open(at.join(&row.file)).expect("a picture");
+    let counts = read(&counted_at, counted_row).into_luma16();
+    let millimetres = read(&coarse_at, &coarse[row(&coarse, "depth")]).into_luma16();
+    let classes = read(&counted_at, &counted[row(&counted, "semantic")]).into_luma8();
+    let colours = read(&coarse_at, &coarse[row(&coarse, "semantic")]).into_rgb8();
+    let view = counted_row.view();
+    let mut roads = 0;
+    for (x, y, class) in classes.enumerate_pixels() {
+        let (exact_m, count) = (f64::from(metres[(y * 160 + x) as usize]), counts.get_pixel(x, y).0[0]);
+        let class = Class::ALL[usize::from(class.0[0])];
+        assert_eq!(colours.get_pixel(x, y).0, class.colour());
+        assert_eq!(exact_m.is_infinite(), class == Class::Sky);
+        assert_eq!(count == 0, exact_m > 65_535.4 / 256.0, "{exact_m} m are {count}");
+        let depth_m = f64::from(count) * counted_row.scale.expect("a scale");
+        assert!(count == 0 || (depth_m - exact_m).abs() < 0.5 / 256.0 + 1e-4, "{exact_m} m are {depth_m}");
+        let [thousandths] = millimetres.get_pixel(x, y).0;
+        assert_eq!(thousandths == 0, exact_m > 65.5354, "{exact_m} m are {thousandths} mm");
+        if class == Class::Road && count > 0 {
+            for depth_m in [depth_m, exact_m] {
+                let (u, v) = (f64::from(x), f64::from(y));
+                let ray = DVec3::new(
+                    (u - counted_row.cx) / counted_row.fx,
+                    (v - counted_row.cy) / counted_row.fy,
+                    1.0,
+                );
+                let point = view.extrinsics.position + view.extrinsics.orientation * (ray * depth_m);
+                assert!(point.z.abs() < 0.01, "({x}, {y}) at {depth_m} m: {point}");
+            }
+            roads += 1;
+        }
+    }
+    assert!(roads > 2000, "{roads} pixels of road");
+}
+
+#[test]
 fn what_cannot_be_done_is_told_with_exit_code_2() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("a-file");
     std::fs::write(&file, "no folder").expect("a file");
-    let cases: [(&Path, &[&str], &str); 9] = [
+    let cases: [(&Path, &[&str], &str); 18] = [
         (folder.path(), &["--size", "0x48"], "from 1 to 8192"),
         (folder.path(), &["--size", "8193x48"], "from 1 to 8192"),
         (folder.path(), &["--size", "large"], "as in 640x480"),
@@ -228,6 +421,15 @@ fn what_cannot_be_done_is_told_with_exit_code_2() {
         (folder.path(), &["--fov", "180"], "1 to 150"),
         (folder.path(), &["--camera", "roof"], "windscreen"),
         (&file, &[], "a-file"),
+        (folder.path(), &["--fps", "101"], "--fps 100 or less"),
+        (folder.path(), &["--fps", "10", "--every", "1"], "cannot be used with"),
+        (folder.path(), &["--sensor", "roof"], "there are: rear, windscreen"),
+        (folder.path(), &["--sensor", "rear", "--camera", "chase"], "cannot be used with"),
+        (folder.path(), &["--kind", "colour"], "instance"),
+        (folder.path(), &["--depth-scale", "0"], "from 0.000001 to 1"),
+        (&folder.path().join("a.mp4"), &["--camera", "chase"], "of one camera, and these are 6"),
+        (&folder.path().join("a.mp4"), &["--sensor", "rear", "--kind", "depth"], "of kind rgb"),
+        (Path::new("-"), &["--sensor", "rear", "--size", "65x48"], "even width and height"),
     ];
     for (out, arguments, expected) in cases {
         let output = frames(SCENARIO, out, arguments);

@@ -2,6 +2,7 @@
 //! software adapter.
 #![cfg(feature = "render")]
 #![allow(clippy::disallowed_methods, reason = "only draws")]
+#![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
 
 use city3d::camera::{Camera, Extrinsics, Kinds, Lens, Mount, PictureKind, Projection, View};
 use city3d::city::scene::{Class, Finish, Mesh, Object, SceneDescription, Surface};
@@ -13,7 +14,7 @@ use city3d::scenario::{Library, Overrides, read_experiment};
 use city3d::snapshot::{
     Appearance, BodyType, Dimensions, FrameSnapshot, VehicleId, VehicleInfo, VehicleState,
 };
-use glam::{DQuat, DVec2, DVec3, Vec3};
+use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
 use std::sync::Arc;
 
 /// The software adapter; without one a test is skipped loudly, and fails in CI.
@@ -132,12 +133,14 @@ impl Seen {
     }
 
     /// What holds of every picture: vehicles where the classes say so, and depth where there is anything.
-    fn assert_agree(&self) {
+    /// Cars that are parked are of that class and have no number.
+    fn assert_agree(&self, has_parked: bool) {
         for &(x, y) in &self.pixels {
             let (depth, class) = (self.depth.at(x, y), self.semantic.at(x, y));
-            assert!(class <= Class::Vehicle as u8, "class {class} at ({x}, {y})");
-            let is_vehicle = class == Class::Vehicle as u8;
-            assert_eq!(self.instance.at(x, y) > 0, is_vehicle, "class {class} at ({x}, {y})");
+            assert!(usize::from(class) < Class::ALL.len(), "class {class} at ({x}, {y})");
+            let (is_vehicle, has_number) = (class == Class::Vehicle as u8, self.instance.at(x, y) > 0);
+            let agree = has_number == is_vehicle || has_parked && is_vehicle;
+            assert!(agree, "class {class}, number {has_number} at ({x}, {y})");
             assert_eq!(depth.is_infinite(), class == Class::Sky as u8, "class {class} at ({x}, {y})");
             assert!(depth > 0.0, "depth {depth} at ({x}, {y})");
         }
@@ -173,7 +176,7 @@ fn a_wall_and_the_ground_lie_at_their_distances() {
         looking(DVec3::new(3.0, -9.0, 5.0), DVec3::new(20.0, 2.0, 1.0)),
     ] {
         let seen = Seen::new(take(&mut renderer, &snapshot(Vec::new()), &view));
-        seen.assert_agree();
+        seen.assert_agree(false);
         let (mut walls, mut roads) = (0, 0);
         for at in seen.of_class(Class::Road) {
             let point = unprojected(&view, at, seen.depth.at(at.0, at.1));
@@ -205,6 +208,36 @@ fn a_wall_and_the_ground_lie_at_their_distances() {
 }
 
 #[test]
+fn a_painted_line_is_as_wide_as_its_paint() {
+    let Some(context) = context() else { return };
+    let mut scene = wall_on_a_plain();
+    let paint = Finish::new(Surface::Line, [230; 3], Class::Marking);
+    // Along x from 0 to 12 m, of 0.4 m; for the colours the mesh is wider, and lies higher than the road.
+    let corners = [(0.0, -0.6), (12.0, -0.6), (12.0, 0.6), (0.0, 0.6)];
+    let across = corners.map(|(_, y)| Vec2::new(y, 0.2));
+    scene.ground[0].face(&corners.map(|(x, y)| Vec3::new(x, y, 0.012)), &across, paint);
+    let mut renderer = renderer(&context, &scene);
+    let view = looking(DVec3::new(-6.0, -0.5, 3.0), DVec3::new(8.0, 0.0, 0.0));
+    let seen = Seen::new(take(&mut renderer, &snapshot(Vec::new()), &view));
+    seen.assert_agree(false);
+    let mut painted = 0;
+    for at in seen.pixels.iter().copied() {
+        let class = seen.semantic.at(at.0, at.1);
+        if class != Class::Road as u8 && class != Class::Marking as u8 {
+            continue;
+        }
+        let point = unprojected(&view, at, seen.depth.at(at.0, at.1));
+        let is_paint = point.y.abs() < 0.2 && (0.0..12.0).contains(&point.x);
+        let is_border =
+            (point.y.abs() - 0.2).abs() < 0.02 || point.x.abs() < 0.03 || (point.x - 12.0).abs() < 0.2;
+        assert!(is_border || is_paint == (class == Class::Marking as u8), "class {class} at {point}");
+        assert!(class == Class::Marking as u8 || point.z.abs() < 1e-3, "road at {point}");
+        painted += u32::from(class == Class::Marking as u8);
+    }
+    assert!(painted > 300, "{painted} pixels of paint");
+}
+
+#[test]
 fn a_car_is_where_its_pose_says_in_every_kind() {
     let Some(context) = context() else { return };
     let mut renderer = renderer(&context, &wall_on_a_plain());
@@ -224,7 +257,7 @@ fn a_car_is_where_its_pose_says_in_every_kind() {
         let pictures = take(&mut renderer, &snapshot(vec![(state, info)]), &view);
         let image = pictures.rgb.clone().unwrap();
         let seen = Seen::new(pictures);
-        seen.assert_agree();
+        seen.assert_agree(false);
         let got = seen.outline(id as u16).expect("the car shows");
         // Bodies are round, so that a silhouette stays within the box and nearly fills it.
         for side in 0..4 {
@@ -267,7 +300,7 @@ fn who_stands_in_front_hides_the_others() {
     let view = looking(DVec3::new(-14.0, 0.0, 1.4), DVec3::new(20.0, 0.0, 1.0));
     let cars = [car(4, DVec2::new(6.0, 2.0), 1.57), car(9, DVec2::new(-2.0, 0.0), 0.0)];
     let seen = Seen::new(take(&mut renderer, &snapshot(cars.to_vec()), &view));
-    seen.assert_agree();
+    seen.assert_agree(false);
     // A point of the near one's rear, in front of the far one's side.
     let hidden = view.project(DVec3::new(-4.5, 0.0, 0.9)).unwrap().round().as_uvec2();
     assert_eq!(seen.instance.at(hidden.x, hidden.y), 9);
@@ -294,7 +327,7 @@ fn depth_lies_on_the_road_of_the_city() {
     for (id, mount) in [(2, Mount::Windscreen), (4, Mount::Windscreen), (6, Mount::Bumper)] {
         let view = Camera::onboard(VehicleId(id), mount).view(at, &lens()).unwrap();
         let seen = Seen::new(take(&mut renderer, at, &view));
-        seen.assert_agree();
+        seen.assert_agree(true);
         for pixel in seen.of_class(Class::Road) {
             let depth = seen.depth.at(pixel.0, pixel.1);
             let point = unprojected(&view, pixel, depth);

@@ -125,3 +125,50 @@ fn compare_with_table(table: &Path, last: &Value) {
         }
     }
 }
+
+#[cfg(feature = "render")]
+#[test]
+fn numpy_and_pillow_read_the_pictures_of_all_kinds() {
+    use city3d::render::{AdapterPreference, Context};
+    let Some(python) = python() else { return };
+    if let Err(error) = Context::headless(&AdapterPreference::Software) {
+        assert!(std::env::var_os("CI").is_none(), "pictures cannot be tested: {error}");
+        eprintln!("SKIPPED: {error}");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let take = |out: &str, more: &[&str]| {
+        let common =
+            ["frames", "roundabout", "--sensor", "windscreen", "--size", "200x150", "--quality", "fast"];
+        let times = ["--from", "12", "--duration", "12", "--adapter", "software", "--out", out];
+        city3d(&[&common, &times[..], more].concat(), folder);
+        let document = root().join("docs/cameras.md");
+        let (output, told) = peer(&python, "read_frames.py", &[&folder.join(out), &document]);
+        assert!(output.status.success(), "{told}");
+        serde_json::from_slice::<Value>(&output.stdout).unwrap()
+    };
+    let seen = take("exact", &["--depth-format", "f32"]);
+    assert_eq!(seen["depth"], serde_json::json!(["float32", [150, 200]]));
+    assert_eq!(seen["modes"], serde_json::json!({ "rgb": "RGB", "semantic": "L", "instance": "I;16" }));
+    assert_eq!(seen["sky"], seen["sky_by_class"]);
+    assert!(seen["road"].as_u64().unwrap() > 2000 && seen["highest"].as_f64().unwrap() < 0.01, "{seen}");
+    // Its own bonnet and the car ahead, whose rear is half a length behind its middle.
+    let vehicles = seen["vehicles"].as_object().unwrap();
+    assert!(vehicles["2"]["pixels"].as_u64().unwrap() > 1000, "{seen}");
+    city3d(&["run", "roundabout", "--duration", "12", "--out", "run"], folder);
+    let mut table = csv::Reader::from_path(folder.join("run/vehicles.csv")).unwrap();
+    let rows = table.records().map(Result::unwrap);
+    let ahead = rows.filter(|row| &row[1] == "1200" && &row[2] == "1").last().unwrap();
+    for (axis, column) in [(0, 5), (1, 6)] {
+        let (found, known) =
+            (vehicles["1"]["middle"][axis].as_f64().unwrap(), ahead[column].parse::<f64>().unwrap());
+        assert!((found - known).abs() < 3.0, "axis {axis}: {found}, and it is at {known}");
+    }
+    for (_, vehicle) in vehicles {
+        assert_eq!(vehicle["classes"], serde_json::json!([11]));
+    }
+    let coloured = take("coloured", &["--depth-format", "f32", "--palette"]);
+    assert_eq!(coloured["modes"]["semantic"], "P");
+    assert_eq!(coloured["vehicles"], seen["vehicles"]);
+}

@@ -72,8 +72,9 @@ fn check_scenario(file: &str) -> Finding {
     let (text, library) = Library::scenario(file).map_err(|error| error.to_string())?;
     let experiment =
         read_experiment(file, &text, &library, Overrides::default()).map_err(|error| error.to_string())?;
+    let sensors: usize = experiment.vehicles.iter().map(|vehicle| vehicle.sensors.len()).sum();
     let mut text = format!(
-        "good: {} vehicles, {} s, seed {}",
+        "good: {} vehicles, {sensors} sensors, {} s, seed {}",
         experiment.vehicles.len(),
         experiment.duration_s,
         experiment.seed

@@ -1,54 +1,74 @@
-//! `city3d frames`: camera pictures of a scenario as PNG files, with `frames.csv` beside them.
+//! `city3d frames`: camera pictures of a scenario as files, with `frames.csv` beside them, or as a video.
 //!
-//! Files are `<camera>_<vehicle>_<tick, 8 digits>.png`, so that each camera's pictures sort by time;
-//! cameras that belong to no vehicle have `city` in its place. A row of `frames.csv` names the file and
-//! gives the instant, where the camera stood (position in city metres; quaternion of the rotation from
-//! its axes, x right, y down, z forward as in OpenCV, into the city's) and its intrinsics in pixels.
+//! Files are `<camera>_<vehicle>_<tick, 8 digits>.png`, so that each camera's pictures sort by time, with
+//! `_<kind>` before the dot where they are no colours; cameras that belong to no vehicle have `city` in
+//! its place. `docs/cameras.md` describes the files, the columns of the table and the axes.
 
 #![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
 
 mod cameras;
+mod kinds;
+mod schedule;
+mod shots;
 mod table;
+mod video;
+mod y4m;
 
 use super::{Failure, ScenarioArgs, load, progress};
-use crate::camera::Lens;
+use crate::camera::Kinds;
 use crate::city::scene::SceneDescription;
 use crate::render::{
-    AdapterPreference, Context, PngStream, Quality as Preset, RenderError, Renderer, Settings,
+    AdapterPreference, Context, Image, Order, Pending, PngStream, Quality as Preset, RenderError, Renderer,
+    Settings,
 };
 use crate::runner::Run;
 use crate::scenario::Experiment;
-use cameras::{CameraArgs, Shot};
+use cameras::CameraArgs;
 use clap::{Args, ValueEnum};
-use std::path::PathBuf;
+use indicatif::ProgressBar;
+use kinds::{KindArgs, file_name};
+use schedule::Schedule;
+use shots::{Shot, Stated};
+use std::collections::{BTreeSet, VecDeque};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 use table::{Row, Table};
+use video::{Destination, Reader, Video};
+use y4m::FrameRate;
 
 /// Longest edge of a picture that can be asked for.
 const LARGEST_EDGE: u32 = 8192;
+/// Pictures of a video that are drawn ahead.
+const DRAWN_AHEAD: usize = 2;
 
 #[derive(Debug, Args)]
 pub struct FramesArgs {
     #[command(flatten)]
     scenario: ScenarioArgs,
-    /// Folder for the pictures and frames.csv
-    #[arg(long, value_name = "DIR")]
+    /// Folder for the pictures and frames.csv; or a video of one camera: a file such as run.mp4 (with
+    /// ffmpeg) or run.y4m, or "-" for a Y4M stream to standard output
+    #[arg(long, value_name = "DIR|FILE|-")]
     out: PathBuf,
     #[command(flatten)]
     cameras: CameraArgs,
-    /// Width and height of the pictures in pixels
-    #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = size)]
-    size: [u32; 2],
-    /// Simulated seconds from one picture of a camera to its next
-    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = positive)]
-    every: f64,
+    #[command(flatten)]
+    kinds: KindArgs,
+    /// Width and height of the pictures in pixels [default: the sensors', or 640x480]
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
+    /// Simulated seconds from one picture of a camera to its next [default: by the sensors' rates, or 1]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    every: Option<f64>,
+    /// Pictures per simulated second, instead of --every [default for a video: 30]
+    #[arg(long, value_name = "HZ", value_parser = positive, conflicts_with = "every")]
+    fps: Option<f64>,
     /// Simulated time of the first pictures
     #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
     from: f64,
-    /// Angle between the upper and the lower edge of the pictures
-    #[arg(long, value_name = "DEG", default_value_t = 50.0, value_parser = field_of_view)]
-    fov: f64,
+    /// Angle between the upper and the lower edge of the pictures [default: the sensors', or 50]
+    #[arg(long, value_name = "DEG", value_parser = field_of_view)]
+    fov: Option<f64>,
     /// Work that a pixel is worth: high for looking at, fast for many cameras without a GPU
     #[arg(long, default_value = "high")]
     quality: Quality,
@@ -92,62 +112,165 @@ fn field_of_view(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The ticks at which pictures are taken.
-#[derive(Clone, Copy, Debug)]
-struct Schedule {
-    from_s: f64,
-    every_s: f64,
-    physics_hz: f64,
-    last: u64,
-}
-
-impl Schedule {
-    fn new(args: &FramesArgs, experiment: &Experiment) -> Result<Self, Failure> {
-        let (step_s, last) = (experiment.rates.dt_s(), experiment.ticks());
-        if args.every < step_s {
-            return Err(Failure::bad_input(format!(
-                "--every {} s is shorter than a physics step; take {step_s} s or more",
-                args.every
-            )));
-        }
-        if args.from > experiment.rates.time_s(last) {
-            return Err(Failure::bad_input(format!(
-                "--from {} s lies after the end of the run at {} s; take an earlier time or a longer --duration",
-                args.from, experiment.duration_s
-            )));
-        }
-        let physics_hz = f64::from(experiment.rates.physics_hz);
-        Ok(Self { from_s: args.from, every_s: args.every, physics_hz, last })
-    }
-
-    /// The tick nearest to the time at which pictures are due for the `count`-th time.
-    fn tick(&self, count: u64) -> u64 {
-        ((self.from_s + count as f64 * self.every_s) * self.physics_hz).round() as u64
-    }
-
-    fn ticks(self) -> impl Iterator<Item = u64> {
-        (0..).map(move |count| self.tick(count)).take_while(move |&tick| tick <= self.last)
-    }
-}
-
 pub fn frames(args: &FramesArgs) -> Result<(), Failure> {
     let experiment = load::experiment(&args.scenario)?;
-    let shots = cameras::shots(&args.cameras, &experiment)?;
-    let schedule = Schedule::new(args, &experiment)?;
-    let mut table = Table::create(&args.out)?;
-    let mut renderer = open(args, &experiment)?;
-    let adapter = renderer.context().adapter_name.clone();
-    let start = Instant::now();
-    let count = take(args, &experiment, &shots, schedule, (&mut renderer, &mut table))?;
-    let wall_s = start.elapsed().as_secs_f64();
-    println!(
-        "{count} pictures of {} x {} and frames.csv in {}: {:.1} images/s on {adapter}",
-        args.size[0],
-        args.size[1],
-        args.out.display(),
-        count as f64 / wall_s.max(1e-9)
-    );
-    Ok(())
+    let destination = Destination::of(&args.out);
+    let stated = stated(args, &destination, &experiment)?;
+    let shots = shots::shots(&args.cameras, &stated, &experiment)?;
+    let schedule = Schedule::new(args.from, &shots, &experiment)?;
+    let film = Film { args, experiment: &experiment, shots: &shots };
+    match &destination {
+        Destination::Folder(folder) => film.take_pictures(schedule, folder),
+        _ => film.take_video(schedule, &destination),
+    }
+}
+
+/// What the command line says of all cameras.
+fn stated(args: &FramesArgs, destination: &Destination, experiment: &Experiment) -> Result<Stated, Failure> {
+    let is_video = !matches!(destination, Destination::Folder(_));
+    let kinds = args.kinds.stated();
+    if is_video && kinds.is_some_and(|kinds| kinds != Kinds::RGB) {
+        return Err(Failure::bad_input(
+            "a video is of kind rgb; leave --kind out, or give --out a folder for single pictures",
+        ));
+    }
+    let video_hz = experiment.rates.physics_hz.min(30);
+    Ok(Stated {
+        extent: args.size,
+        vertical_fov_rad: args.fov.map(f64::to_radians),
+        every_s: args.every.or(args.fps.map(|fps| 1.0 / fps)),
+        usual_every_s: if is_video { 1.0 / f64::from(video_hz) } else { 1.0 },
+        kinds: if is_video { Some(Kinds::RGB) } else { kinds },
+    })
+}
+
+/// The pictures of a run.
+struct Film<'a> {
+    args: &'a FramesArgs,
+    experiment: &'a Arc<Experiment>,
+    shots: &'a [Shot],
+}
+
+impl Film<'_> {
+    /// Files of a folder.
+    fn take_pictures(&self, mut schedule: Schedule, folder: &Path) -> Result<(), Failure> {
+        let mut table = Table::create(folder)?;
+        let mut renderer = open(self.args, self.experiment)?;
+        let adapter = renderer.context().adapter_name.clone();
+        let start = Instant::now();
+        let mut run = Run::new(Arc::clone(self.experiment)).map_err(Failure::bad_input)?;
+        let mut stream = PngStream::new(&mut renderer);
+        let bar = progress::simulated_seconds(self.experiment.duration_s);
+        while let Some((tick, due)) = schedule.next(self.shots) {
+            advance(&mut run, tick, &bar);
+            let orders = self.order(&run, &due, folder, &mut table)?;
+            stream.push_orders(run.snapshot(), orders).map_err(failure)?;
+        }
+        let count = stream.finish().map_err(failure)?;
+        table.finish()?;
+        bar.finish_and_clear();
+        let speed = count as f64 / start.elapsed().as_secs_f64().max(1e-9);
+        let sizes: BTreeSet<[u32; 2]> = self.shots.iter().map(|shot| shot.lens.extent).collect();
+        let sizes: Vec<String> = sizes.iter().map(|[width, height]| format!("{width} x {height}")).collect();
+        let (sizes, folder) = (sizes.join(" and "), folder.display());
+        println!("{count} pictures of {sizes} and frames.csv in {folder}: {speed:.1} images/s on {adapter}");
+        Ok(())
+    }
+
+    /// The files of those shots that are due, each with its row.
+    fn order(
+        &self,
+        run: &Run,
+        due: &[usize],
+        folder: &Path,
+        table: &mut Table,
+    ) -> Result<Vec<Order>, Failure> {
+        let snapshot = run.snapshot();
+        let mut orders = Vec::with_capacity(due.len());
+        for shot in due.iter().map(|&index| &self.shots[index]) {
+            // A vehicle that is no longer there takes no pictures.
+            let Some(view) = shot.view(snapshot).map_err(Failure::failed)? else { continue };
+            let mut files = Vec::with_capacity(shot.kinds.len());
+            for format in shot.kinds.iter().map(|kind| self.args.kinds.format(kind)) {
+                let file = file_name(&shot.stem(snapshot.tick), format);
+                table.add(&Row::new((&file, format), shot, snapshot, &view))?;
+                files.push((format, folder.join(file)));
+            }
+            orders.push(Order { view, files });
+        }
+        Ok(orders)
+    }
+
+    /// One camera, picture after picture. What is said goes to standard error: the stream may have the
+    /// output.
+    fn take_video(&self, mut schedule: Schedule, destination: &Destination) -> Result<(), Failure> {
+        let shot = self.only_shot()?;
+        let rate = FrameRate::of_period(shot.every_s);
+        let mut renderer = open(self.args, self.experiment)?;
+        let Some(mut video) = Video::create(destination, shot.lens.extent, rate)? else { return Ok(()) };
+        let start = Instant::now();
+        let mut run = Run::new(Arc::clone(self.experiment)).map_err(Failure::bad_input)?;
+        let bar = progress::simulated_seconds(self.experiment.duration_s);
+        let mut drawn: VecDeque<Pending> = VecDeque::new();
+        let mut count = 0_u64;
+        loop {
+            let next = schedule.next(self.shots);
+            if let Some((tick, _)) = next {
+                advance(&mut run, tick, &bar);
+                let snapshot = run.snapshot();
+                let Some(view) = shot.view(snapshot).map_err(Failure::failed)? else { continue };
+                drawn.push_back(renderer.begin(snapshot, &[view]).map_err(failure)?);
+            }
+            if next.is_some() && drawn.len() <= DRAWN_AHEAD {
+                continue;
+            }
+            let Some(pending) = drawn.pop_front() else { break };
+            let images: Vec<Image> = renderer.finish(pending).map_err(failure)?;
+            for image in &images {
+                if video.add(image)? == Reader::Left {
+                    bar.finish_and_clear();
+                    return Ok(());
+                }
+                count += 1;
+            }
+        }
+        let reader = video.finish()?;
+        bar.finish_and_clear();
+        if reader == Reader::Listens {
+            let speed = count as f64 / start.elapsed().as_secs_f64().max(1e-9);
+            let [width, height] = shot.lens.extent;
+            let (out, adapter) = (self.args.out.display(), &renderer.context().adapter_name);
+            eprintln!("{count} pictures of {width} x {height} in {out}: {speed:.1} images/s on {adapter}");
+        }
+        Ok(())
+    }
+
+    fn only_shot(&self) -> Result<&Shot, Failure> {
+        let [shot] = self.shots else {
+            let count = self.shots.len();
+            return Err(Failure::bad_input(format!(
+                "a video is of one camera, and these are {count}; choose one with --vehicle and with --camera or --sensor"
+            )));
+        };
+        let [width, height] = shot.lens.extent;
+        if !(width.is_multiple_of(2) && height.is_multiple_of(2)) {
+            return Err(Failure::bad_input(format!(
+                "a video of {width} x {height} pixels cannot be coded; give it an even width and height by --size"
+            )));
+        }
+        Ok(shot)
+    }
+}
+
+/// Drives on to a tick.
+fn advance(run: &mut Run, tick: u64, bar: &ProgressBar) {
+    while run.snapshot().tick < tick {
+        run.step();
+        if run.snapshot().tick.is_multiple_of(100) {
+            progress::show(bar, run.snapshot().time_s);
+        }
+    }
+    progress::show(bar, run.snapshot().time_s);
 }
 
 fn open(args: &FramesArgs, experiment: &Experiment) -> Result<Renderer, Failure> {
@@ -168,51 +291,4 @@ fn failure(error: RenderError) -> Failure {
         RenderError::NoSuchAdapter { .. } | RenderError::Extent { .. } => Failure::bad_input(error),
         _ => Failure::failed(error),
     }
-}
-
-fn take(
-    args: &FramesArgs,
-    experiment: &Arc<Experiment>,
-    shots: &[Shot],
-    schedule: Schedule,
-    (renderer, table): (&mut Renderer, &mut Table),
-) -> Result<u64, Failure> {
-    let vertical_fov_rad = args.fov.to_radians();
-    let aspect = f64::from(args.size[0]) / f64::from(args.size[1]);
-    let lens = Lens { vertical_fov_rad, extent: args.size, ..Lens::default() };
-    let mut run = Run::new(Arc::clone(experiment)).map_err(Failure::bad_input)?;
-    let together = renderer.views_at_once(args.size);
-    let mut stream = PngStream::new(renderer);
-    let bar = progress::simulated_seconds(experiment.duration_s);
-    for tick in schedule.ticks() {
-        while run.snapshot().tick < tick {
-            run.step();
-            if run.snapshot().tick.is_multiple_of(100) {
-                progress::show(&bar, run.snapshot().time_s);
-            }
-        }
-        let snapshot = run.snapshot();
-        let (mut views, mut paths) = (Vec::new(), Vec::new());
-        for shot in shots {
-            // A vehicle that is no longer there takes no pictures.
-            if !shot.is_present(snapshot) {
-                continue;
-            }
-            let camera = shot.camera(snapshot, &args.cameras, vertical_fov_rad, aspect);
-            let view = camera.view(snapshot, &lens).map_err(Failure::failed)?;
-            let file = format!("{}_{}_{tick:08}.png", shot.kind.name(), shot.name);
-            table.add(&Row::new(&file, shot, snapshot, &view, &lens))?;
-            paths.push(args.out.join(file));
-            views.push(view);
-        }
-        for views in views.chunks(together) {
-            let paths = paths.drain(..views.len()).collect();
-            stream.push(snapshot, views, paths).map_err(failure)?;
-        }
-        progress::show(&bar, snapshot.time_s);
-    }
-    let count = stream.finish().map_err(failure)?;
-    table.finish()?;
-    bar.finish_and_clear();
-    Ok(count)
 }

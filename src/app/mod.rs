@@ -35,7 +35,7 @@ enum Command {
     Run(run::RunArgs),
     /// Take camera pictures of a scenario: PNG files and frames.csv
     #[cfg(feature = "render")]
-    Frames(frames::FramesArgs),
+    Frames(Box<frames::FramesArgs>),
     /// Validate scenarios (.toml) and maps (.dxf)
     Check(check::CheckArgs),
     /// Measure this machine: one JSON line each

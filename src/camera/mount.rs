@@ -207,19 +207,18 @@ mod tests {
             let axes = view.extrinsics.orientation;
             [axes * DVec3::X, axes * DVec3::Y, axes * DVec3::Z]
         };
-        let is = |a: DVec3, b: DVec3| assert!(a.distance(b) < 1e-9, "{a} {b}");
-        let [right, down, forward] = look([90.0, 0.0, 0.0]);
-        (is(right, DVec3::X), is(down, -DVec3::Z), is(forward, DVec3::Y));
-        let [right, down, forward] = look([0.0, 90.0, 0.0]);
-        (is(right, -DVec3::Y), is(down, DVec3::X), is(forward, DVec3::Z));
-        let [right, down, forward] = look([0.0, 0.0, 90.0]);
-        (is(right, -DVec3::Z), is(down, DVec3::Y), is(forward, DVec3::X));
+        let is = |a: [DVec3; 3], b: [DVec3; 3]| {
+            assert!(a.iter().zip(&b).all(|(a, b)| a.distance(*b) < 1e-9), "{a:?} {b:?}");
+        };
+        // Where right, down and forward of the camera point to.
+        is(look([90.0, 0.0, 0.0]), [DVec3::X, -DVec3::Z, DVec3::Y]);
+        is(look([0.0, 90.0, 0.0]), [-DVec3::Y, DVec3::X, DVec3::Z]);
+        is(look([0.0, 0.0, 90.0]), [-DVec3::Z, DVec3::Y, DVec3::X]);
         // Pitch is about the camera's own axis after yaw, roll about the one along which it looks then.
-        let [right, _, forward] = look([90.0, 30.0, 90.0]);
-        (
-            is(forward, DVec3::new(0.0, 0.75_f64.sqrt(), 0.5)),
-            is(right, DVec3::new(0.0, 0.5, -(0.75_f64.sqrt()))),
-        );
+        let (sin, cos) = 30_f64.to_radians().sin_cos();
+        let ahead = DVec3::new(0.0, cos, sin);
+        is(look([90.0, 30.0, 0.0]), [DVec3::X, DVec3::new(0.0, sin, -cos), ahead]);
+        is(look([90.0, 30.0, 90.0]), [DVec3::new(0.0, sin, -cos), -DVec3::X, ahead]);
     }
 
     #[test]

@@ -48,30 +48,3 @@ impl Atlas {
         Self { grid, color_view: view(&color), color, samples_view, depth_view }
     }
 }
-
-/// Buffers that pictures come back through; each is used again once it has been read.
-#[derive(Debug, Default)]
-pub(super) struct Ring {
-    free: Vec<wgpu::Buffer>,
-}
-
-impl Ring {
-    pub(super) fn take(&mut self, device: &wgpu::Device, bytes: u64) -> wgpu::Buffer {
-        // The smallest that is large enough; those too small for the work at hand are let go.
-        self.free.sort_by_key(wgpu::Buffer::size);
-        if let Some(k) = self.free.iter().position(|b| b.size() >= bytes) {
-            return self.free.remove(k);
-        }
-        self.free.clear();
-        device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("read-back"),
-            size: bytes,
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        })
-    }
-
-    pub(super) fn put_back(&mut self, buffer: wgpu::Buffer) {
-        self.free.push(buffer);
-    }
-}

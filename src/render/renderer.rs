@@ -1,10 +1,10 @@
 //! Draws snapshots: all views of one call are of the same instant, go to the adapter in one
 //! submission and come back through one buffer.
 
-use super::atlas::{Atlas, Ring};
+use super::atlas::Atlas;
 use super::fleet::{Fleet, Sight, linear_from_srgb};
 use super::frustum::{Frustum, Sharpness};
-use super::grid::{padded_row, tile_bytes};
+use super::grid::tile_bytes;
 use super::kinds::{self, KindsDrawing, KindsTile};
 use super::passes::Attachments;
 use super::passes::city::CityPass;
@@ -14,6 +14,7 @@ use super::passes::light::LightGroup;
 use super::passes::shadow::{ShadowPass, SunView};
 use super::passes::sky::SkyPass;
 use super::passes::vehicle::VehiclePass;
+use super::readback::{Arrived, Pending, Ring};
 use super::request::{Pictures, Places, Request, places};
 use super::settings::{EXPOSURE, HAZE_SRGB, radiance_of};
 use super::standing::{Gaze, SeenCells, Standing};
@@ -25,7 +26,7 @@ use crate::snapshot::{BodyType, FrameSnapshot};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::sync::{Arc, mpsc};
+use std::sync::Arc;
 
 /// Draws one scene and whatever drives in it.
 #[derive(Debug)]
@@ -60,17 +61,6 @@ pub(super) struct Seen {
     pub(super) cells: SeenCells,
 }
 
-/// Pictures on their way back from the adapter.
-#[derive(Debug)]
-pub struct Pending {
-    buffer: wgpu::Buffer,
-    /// Of each view.
-    places: Vec<Places>,
-    mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
-    submission: wgpu::SubmissionIndex,
-    bgra: bool,
-}
-
 impl Renderer {
     /// Uploads a scene and builds the pipelines.
     ///
@@ -80,8 +70,7 @@ impl Renderer {
         let device = &context.device;
         let quality = settings.quality;
         let light_at_vertices = quality.light_at_vertices;
-        let format =
-            if light_at_vertices { settings.format.remove_srgb_suffix() } else { settings.format };
+        let format = if light_at_vertices { settings.format.remove_srgb_suffix() } else { settings.format };
         let attachments = Attachments { format, samples: quality.samples, light_at_vertices };
         let frame = FrameGroup::new(device);
         let sun_view = SunView::around(scene.bounds, settings.sun.direction(), quality.shadow_texels);
@@ -166,9 +155,10 @@ impl Renderer {
         (most / tile_bytes(extent).max(1)).max(1) as usize
     }
 
-    /// How many of these requests, from the first on, one call can take: one at least.
+    /// How many of these requests, from the first on, one call can take within what a batch may use and
+    /// the adapter's limits: one at least.
     pub fn requests_at_once(&self, requests: &[Request]) -> usize {
-        let most = self.context.device.limits().max_buffer_size;
+        let most = self.context.device.limits().max_buffer_size.min(self.settings.batch_bytes);
         let ends = requests.iter().scan(0, |end, request| {
             *end += request.bytes();
             Some(*end)
@@ -218,16 +208,7 @@ impl Renderer {
             self.draw_kinds(&mut encoder, (extent, indices), (&places, &seen), &buffer);
         }
         let submission = self.context.queue.submit([encoder.finish()]);
-        let (sender, mapped) = mpsc::channel();
-        buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
-            // Nobody waits any longer when the batch was dropped.
-            let _ = sender.send(result);
-        });
-        let bgra = matches!(
-            self.attachments.format,
-            wgpu::TextureFormat::Bgra8Unorm | wgpu::TextureFormat::Bgra8UnormSrgb
-        );
-        Ok(Pending { buffer, places, mapped, submission, bgra })
+        Ok(self.ring.send((buffer, submission), places, self.attachments.format))
     }
 
     /// Draws those of some views of one extent that are wanted in colour.
@@ -291,18 +272,17 @@ impl Renderer {
     /// # Errors
     /// [`RenderError::Readback`] where the adapter was lost.
     pub fn finish_kinds(&mut self, pending: Pending) -> Result<Vec<Pictures>, RenderError> {
-        let wait = wgpu::PollType::Wait { submission_index: Some(pending.submission), timeout: None };
-        let lost = |error: &dyn std::fmt::Display| RenderError::Readback(error.to_string());
-        self.context.device.poll(wait).map_err(|error| lost(&error))?;
-        pending.mapped.recv().map_err(|error| lost(&error))?.map_err(|error| lost(&error))?;
-        let pictures = {
-            let view = pending.buffer.slice(..).get_mapped_range().map_err(|error| lost(&error))?;
-            let bytes: &[u8] = &view;
-            pending.places.par_iter().map(|places| unpack_all(bytes, places, pending.bgra)).collect()
-        };
-        pending.buffer.unmap();
-        self.ring.put_back(pending.buffer);
-        Ok(pictures)
+        let arrived = self.wait(pending)?;
+        Ok((0..arrived.len()).into_par_iter().map(|index| arrived.pictures(index)).collect())
+    }
+
+    /// Waits for a batch. Its pictures can be taken from any thread, one by one; until the last has been
+    /// it holds its memory.
+    ///
+    /// # Errors
+    /// [`RenderError::Readback`] where the adapter was lost.
+    pub fn wait(&self, pending: Pending) -> Result<Arrived, RenderError> {
+        pending.wait(&self.context.device)
     }
 
     /// Draws one view into a target of the format that the renderer was built for: a window. The view's
@@ -472,30 +452,4 @@ impl Renderer {
             shadow_texel: [1.0 / self.settings.quality.shadow_texels as f32, self.sun_view.texel_m, 0.0, 0.0],
         }
     }
-}
-
-fn unpack_all(bytes: &[u8], places: &Places, bgra: bool) -> Pictures {
-    let from = |at: Option<u64>| at.map(|at| &bytes[at as usize..]);
-    let meaning = |kind| from(places.meaning).filter(|_| places.kinds.contains(kind));
-    Pictures {
-        rgb: from(places.color).map(|bytes| unpack(bytes, places.extent, bgra)),
-        depth: from(places.depth).map(|bytes| kinds::depths(bytes, places.extent)),
-        semantic: meaning(PictureKind::Semantic).map(|bytes| kinds::classes(bytes, places.extent)),
-        instance: meaning(PictureKind::Instance).map(|bytes| kinds::vehicles(bytes, places.extent)),
-    }
-}
-
-/// RGB out of padded rows of RGBA.
-fn unpack(bytes: &[u8], [width, height]: [u32; 2], bgra: bool) -> Image {
-    let row = padded_row(width) as usize;
-    let mut rgb = vec![0; width as usize * height as usize * 3];
-    for (to, from) in rgb.chunks_exact_mut(width as usize * 3).zip(bytes.chunks(row)) {
-        for (pixel, texel) in to.chunks_exact_mut(3).zip(from.chunks_exact(4)) {
-            pixel.copy_from_slice(&texel[..3]);
-            if bgra {
-                pixel.swap(0, 2);
-            }
-        }
-    }
-    Image { width, height, rgb }
 }

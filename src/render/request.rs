@@ -23,17 +23,6 @@ pub struct Pictures {
     pub instance: Option<Plane<u16>>,
 }
 
-impl Pictures {
-    /// Memory that they take.
-    pub fn bytes(&self) -> usize {
-        let size = |plane: Option<usize>| plane.unwrap_or(0);
-        size(self.rgb.as_ref().map(|image| image.rgb.len()))
-            + size(self.depth.as_ref().map(|plane| plane.values.len() * size_of::<f32>()))
-            + size(self.semantic.as_ref().map(|plane| plane.values.len()))
-            + size(self.instance.as_ref().map(|plane| plane.values.len() * size_of::<u16>()))
-    }
-}
-
 impl From<&View> for Request {
     /// In colour.
     fn from(view: &View) -> Self {

@@ -44,8 +44,7 @@ impl Quality {
         coarse_below_px: 1.5,
     };
     /// For stills.
-    pub const ULTRA: Self =
-        Self { anisotropy: 16, shadow_texels: 8192, coarse_below_px: 0.3, ..Self::HIGH };
+    pub const ULTRA: Self = Self { anisotropy: 16, shadow_texels: 8192, coarse_below_px: 0.3, ..Self::HIGH };
     /// For pictures that people look at.
     pub const HIGH: Self = Self {
         light_at_vertices: false,

@@ -1,17 +1,18 @@
 //! Pictures to disk while the next ones are drawn.
 
-use super::{Format, Pending, Pictures, RenderError, Renderer, Request};
-use crate::camera::View;
+use super::grid::tile_bytes;
+use super::{Format, Pending, RenderError, Renderer, Request};
+use crate::camera::{Kinds, View};
 use crate::snapshot::FrameSnapshot;
-use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::path::PathBuf;
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 
 /// Batches that may be on the adapter at a time.
 const IN_FLIGHT: usize = 2;
-/// Bytes of pictures that may wait for their encoder at a time; a larger picture waits alone.
-const QUEUE_BYTES: usize = 96 << 20;
+/// Bytes of pictures that may be on the adapter or wait for their encoder at a time; a larger batch is
+/// alone.
+const MOST_BYTES: u64 = 384 << 20;
 
 /// A view and the files that are made of its pictures.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,28 +30,24 @@ pub struct PngStream<'a> {
     in_flight: VecDeque<(Pending, Vec<Order>)>,
     done: mpsc::Receiver<Done>,
     report: mpsc::Sender<Done>,
-    queue: Queue,
+    /// Of everything that has been pushed and is not written yet.
+    bytes: u64,
+    /// Files at the encoders.
+    in_queue: usize,
     written: u64,
 }
 
-/// What waits for its encoder.
-#[derive(Clone, Copy, Debug, Default)]
-struct Queue {
-    views: usize,
-    bytes: usize,
-}
-
-/// A view whose files are written, or could not be.
+/// A file that is written, or could not be.
 #[derive(Debug)]
 struct Done {
-    bytes: usize,
-    result: Result<u64, RenderError>,
+    bytes: u64,
+    result: Result<(), RenderError>,
 }
 
 impl<'a> PngStream<'a> {
     pub fn new(renderer: &'a mut Renderer) -> Self {
         let (report, done) = mpsc::channel();
-        Self { renderer, in_flight: VecDeque::new(), done, report, queue: Queue::default(), written: 0 }
+        Self { renderer, in_flight: VecDeque::new(), done, report, bytes: 0, in_queue: 0, written: 0 }
     }
 
     /// Draws views of one snapshot in colour and writes each to the path of the same index. Returns as
@@ -87,7 +84,12 @@ impl<'a> PngStream<'a> {
             let requests: Vec<Request> = orders.iter().map(Order::request).collect();
             let count = self.renderer.requests_at_once(&requests);
             let rest = orders.split_off(count);
+            let bytes: u64 = orders.iter().map(Order::bytes).sum();
+            while self.bytes > 0 && self.bytes + bytes > MOST_BYTES {
+                self.make_room()?;
+            }
             let pending = self.renderer.begin_kinds(snapshot, &requests[..count])?;
+            self.bytes += bytes;
             self.in_flight.push_back((pending, orders));
             if self.in_flight.len() > IN_FLIGHT {
                 self.deliver()?;
@@ -105,23 +107,33 @@ impl<'a> PngStream<'a> {
         while !self.in_flight.is_empty() {
             self.deliver()?;
         }
-        while self.queue.views > 0 {
+        while self.in_queue > 0 {
             self.wait_for_one()?;
         }
         Ok(self.written)
     }
 
+    fn make_room(&mut self) -> Result<(), RenderError> {
+        if self.in_flight.is_empty() { self.wait_for_one() } else { self.deliver() }
+    }
+
+    /// Hands the pictures of the oldest batch to the encoders.
     fn deliver(&mut self) -> Result<(), RenderError> {
         let Some((pending, orders)) = self.in_flight.pop_front() else { return Ok(()) };
-        let pictures = self.renderer.finish_kinds(pending)?;
-        for (pictures, order) in pictures.into_iter().zip(orders) {
-            let bytes = pictures.bytes();
-            while self.queue.views > 0 && self.queue.bytes + bytes > QUEUE_BYTES {
-                self.wait_for_one()?;
+        let arrived = Arc::new(self.renderer.wait(pending)?);
+        for (index, order) in orders.into_iter().enumerate() {
+            let bytes = tile_bytes(order.view.extent);
+            for (format, path) in order.files {
+                self.in_queue += 1;
+                let (arrived, report) = (Arc::clone(&arrived), self.report.clone());
+                rayon::spawn(move || {
+                    let pictures = arrived.some_pictures(index, Kinds::NONE.with(format.kind()));
+                    // The last one gives the memory of the batch back.
+                    drop(arrived);
+                    // The stream was dropped with an error when nobody listens.
+                    let _ = report.send(Done { bytes, result: format.write(&path, &pictures) });
+                });
             }
-            self.queue = Queue { views: self.queue.views + 1, bytes: self.queue.bytes + bytes };
-            let report = self.report.clone();
-            rayon::spawn(move || encode(pictures, order, &report));
         }
         Ok(())
     }
@@ -129,8 +141,10 @@ impl<'a> PngStream<'a> {
     fn wait_for_one(&mut self) -> Result<(), RenderError> {
         // The stream holds a sender itself, so that receiving cannot fail.
         if let Ok(done) = self.done.recv() {
-            self.queue = Queue { views: self.queue.views - 1, bytes: self.queue.bytes - done.bytes };
-            self.written += done.result?;
+            self.in_queue -= 1;
+            self.bytes -= done.bytes;
+            done.result?;
+            self.written += 1;
         }
         Ok(())
     }
@@ -140,12 +154,9 @@ impl Order {
     fn request(&self) -> Request {
         Request { view: self.view, kinds: self.files.iter().map(|(format, _)| format.kind()).collect() }
     }
-}
 
-#[allow(clippy::needless_pass_by_value, reason = "runs on another thread, which owns what it writes")]
-fn encode(pictures: Pictures, order: Order, report: &mpsc::Sender<Done>) {
-    let files = order.files.len() as u64;
-    let written = order.files.par_iter().try_for_each(|(format, path)| format.write(path, &pictures));
-    // The stream was dropped with an error when nobody listens.
-    let _ = report.send(Done { bytes: pictures.bytes(), result: written.map(|()| files) });
+    /// Memory that its pictures take on their way, about.
+    fn bytes(&self) -> u64 {
+        tile_bytes(self.view.extent) * self.files.len() as u64
+    }
 }

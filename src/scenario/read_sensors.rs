@@ -32,9 +32,11 @@ pub fn read_sensors(fields: &Fields<'_, '_>, rates: Rates) -> Option<Vec<Sensor>
     Some(tables.into_iter().map(|table| read_sensor(table, rates, &mut taken)).collect())
 }
 
+type Read = fn(&Fields<'_, '_>) -> SensorKind;
+const KINDS: [(&str, Read); 1] = [("camera", read_camera)];
+
 fn read_sensor(fields: Fields<'_, '_>, rates: Rates, taken: &mut BTreeSet<String>) -> Sensor {
-    let mut read: fn(&Fields<'_, '_>) -> SensorKind = read_camera;
-    const KINDS: [(&str, fn(&Fields<'_, '_>) -> SensorKind); 1] = [("camera", read_camera)];
+    let mut read: Read = read_camera;
     if fields.required_string("kind", "what the sensor is, such as \"camera\"").is_some() {
         fields.choice("kind", &KINDS, &mut read);
     }
@@ -92,16 +94,17 @@ fn read_mount(fields: &Fields<'_, '_>) -> Mount {
         }
         place = Place::Point(DVec3::from_array(point));
     }
-    let [mut yaw_deg, mut pitch_deg, mut roll_deg] = [0.0, place.usual_pitch_rad().to_degrees(), 0.0];
+    let usual = [0.0, place.usual_pitch_rad().to_degrees(), 0.0];
+    let [mut yaw_deg, mut pitch_deg, mut roll_deg] = usual;
     fields.number("yaw_deg", -360.0..=360.0, &mut yaw_deg);
     fields.number("pitch_deg", -90.0..=90.0, &mut pitch_deg);
     fields.number("roll_deg", -180.0..=180.0, &mut roll_deg);
-    let is_turned = ["yaw_deg", "pitch_deg", "roll_deg"].iter().any(|&key| fields.entry(key).is_some());
+    let angles = [yaw_deg, pitch_deg, roll_deg];
     match place {
-        Place::Windscreen if !is_turned => Mount::Windscreen,
-        Place::Bumper if !is_turned => Mount::Bumper,
+        Place::Windscreen if angles == usual => Mount::Windscreen,
+        Place::Bumper if angles == usual => Mount::Bumper,
         place => {
-            let [yaw_rad, pitch_rad, roll_rad] = [yaw_deg, pitch_deg, roll_deg].map(f64::to_radians);
+            let [yaw_rad, pitch_rad, roll_rad] = angles.map(f64::to_radians);
             Mount::Custom { place, yaw_rad, pitch_rad, roll_rad }
         }
     }

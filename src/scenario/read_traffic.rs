@@ -6,7 +6,7 @@ use super::fields::{Fields, one_of};
 use super::read::{Basis, Fleet};
 use super::read_sensors::read_sensors;
 use super::read_settings::{Named, pick};
-use super::read_vehicles::{MOST_VEHICLES, default_appearance};
+use super::read_vehicles::{LARGEST_ID, MOST_VEHICLES, default_appearance};
 use super::traffic::{self, Share, TrafficError, TrafficSpec};
 use crate::snapshot::VehicleId;
 use std::collections::BTreeSet;
@@ -19,6 +19,13 @@ impl Basis<'_> {
         fleet.places.insert(VehicleId(first_id), fields.span.clone());
         let count = fields.integer("vehicles", 1..=MOST_VEHICLES as u64).unwrap_or(50) as usize;
         let vehicles_span = fields.span_of("vehicles");
+        if u64::from(first_id) + count as u64 - 1 > LARGEST_ID {
+            let message = format!(
+                "the traffic's ids begin at {first_id}, after the largest of [[vehicle]], and {count} do not fit \
+                 below {LARGEST_ID}; give those vehicles smaller ids"
+            );
+            fields.problems.add(&vehicles_span, message);
+        }
         let (mut spread, mut start_speed_mps) = (0.1, 0.0);
         fields.number("spread", 0.0..=0.5, &mut spread);
         fields.number("start_speed_mps", 0.0..=1.0, &mut start_speed_mps);

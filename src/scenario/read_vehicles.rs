@@ -12,6 +12,8 @@ use crate::snapshot::{Appearance, BodyType, VehicleId};
 use std::collections::BTreeSet;
 use std::ops::Range;
 
+/// The largest number that a pixel of a picture of instances can hold; 0 stands for no vehicle there.
+pub const LARGEST_ID: u64 = 65_535;
 /// More vehicles than any map has room for.
 pub const MOST_VEHICLES: usize = 10_000;
 
@@ -26,7 +28,7 @@ impl Basis<'_> {
         }
         let mut taken = BTreeSet::new();
         for (index, fields) in tables.into_iter().enumerate() {
-            let id = fields.integer("id", 0..=65_535).unwrap_or(index as u64 + 1);
+            let id = fields.integer("id", 1..=LARGEST_ID).unwrap_or(index as u64 + 1);
             let id = VehicleId(id as u32);
             let name = fields.string("name").map_or_else(|| format!("cav{id}"), str::to_owned);
             if let Some(other) = fleet.names.get(&id) {

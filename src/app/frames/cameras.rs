@@ -1,7 +1,7 @@
-//! Which cameras of which vehicles take pictures.
+//! Cameras of the command line: on vehicles, behind them, and above the city.
 
 use super::super::Failure;
-use crate::camera::{Camera, Mount};
+use crate::camera::{Camera, Lens, Mount};
 use crate::scenario::{Experiment, PlannedVehicle};
 use crate::snapshot::{FrameSnapshot, VehicleId};
 use clap::{Args, ValueEnum};
@@ -12,12 +12,16 @@ pub(super) struct CameraArgs {
     /// Vehicle by number or name, may be given more than once; all of them without it
     #[arg(long, value_name = "ID|NAME")]
     vehicle: Vec<String>,
-    /// Camera, may be given more than once
-    #[arg(long, default_value = "windscreen")]
-    camera: Vec<Kind>,
+    /// Camera, may be given more than once; without it those that the scenario gives its vehicles, and
+    /// where it gives them none the windscreen
+    #[arg(long)]
+    pub(super) camera: Vec<Kind>,
+    /// Of the scenario's sensors those of this name, may be given more than once
+    #[arg(long, value_name = "NAME", conflicts_with = "camera")]
+    pub(super) sensor: Vec<String>,
     /// Point of the city in metres that orbit and overhead look at; a --vehicle or the whole city without it
     #[arg(long, value_name = "X,Y", value_parser = point, allow_hyphen_values = true)]
-    at: Option<DVec2>,
+    pub(super) at: Option<DVec2>,
     /// Metres from an orbit, overhead or chase camera to what it looks at
     #[arg(long, value_name = "M", value_parser = super::positive)]
     distance: Option<f64>,
@@ -54,8 +58,17 @@ impl Kind {
         }
     }
 
+    /// Of a camera that a vehicle carries.
+    pub(super) fn mount(self) -> Option<Mount> {
+        match self {
+            Self::Windscreen => Some(Mount::Windscreen),
+            Self::Bumper => Some(Mount::Bumper),
+            Self::Chase | Self::Orbit | Self::Overhead => None,
+        }
+    }
+
     /// Whether it needs no vehicle.
-    fn stands_alone(self) -> bool {
+    pub(super) fn stands_alone(self) -> bool {
         matches!(self, Self::Orbit | Self::Overhead)
     }
 }
@@ -84,52 +97,49 @@ fn elevation(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A camera that takes pictures throughout a run.
-#[derive(Clone, Debug)]
-pub(super) struct Shot {
-    pub(super) kind: Kind,
-    /// Of the vehicle, or `city`.
-    pub(super) name: String,
+/// Where a camera that no vehicle carries stands.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Standpoint {
+    kind: Kind,
     vehicle: Option<VehicleId>,
+    at: Option<DVec2>,
+    distance_m: Option<f64>,
+    azimuth_rad: f64,
+    elevation_rad: f64,
     /// Middle of the city and half its width and height.
     city: [DVec2; 2],
 }
 
-/// What was asked for, camera by camera.
-pub(super) fn shots(args: &CameraArgs, experiment: &Experiment) -> Result<Vec<Shot>, Failure> {
-    let mut chosen: Vec<&PlannedVehicle> = Vec::new();
-    for wanted in &args.vehicle {
-        let vehicle = find(wanted, experiment)?;
-        if !chosen.iter().any(|known| known.id == vehicle.id) {
-            chosen.push(vehicle);
+impl CameraArgs {
+    /// The vehicles that were asked for by name or number; none means all.
+    pub(super) fn chosen<'e>(&self, experiment: &'e Experiment) -> Result<Vec<&'e PlannedVehicle>, Failure> {
+        let mut chosen: Vec<&PlannedVehicle> = Vec::new();
+        for wanted in &self.vehicle {
+            let vehicle = find(wanted, experiment)?;
+            if !chosen.iter().any(|known| known.id == vehicle.id) {
+                chosen.push(vehicle);
+            }
         }
+        Ok(chosen)
     }
-    let [low, high] = experiment.city_map.bounds();
-    let city = [(low + high) / 2.0, (high - low) / 2.0];
-    let mut shots: Vec<Shot> = Vec::new();
-    for &kind in &args.camera {
-        if shots.iter().any(|shot| shot.kind == kind) {
-            continue;
-        }
-        if kind.stands_alone() && (chosen.is_empty() || args.at.is_some()) {
-            shots.push(Shot { kind, name: "city".to_owned(), vehicle: None, city });
-            continue;
-        }
-        let all = experiment.vehicles.iter().filter(|_| chosen.is_empty());
-        shots.extend(all.chain(chosen.iter().copied()).map(|vehicle| Shot {
+
+    pub(super) fn standpoint(
+        &self,
+        kind: Kind,
+        vehicle: Option<VehicleId>,
+        experiment: &Experiment,
+    ) -> Standpoint {
+        let [low, high] = experiment.city_map.bounds();
+        Standpoint {
             kind,
-            name: vehicle.name.clone(),
-            vehicle: Some(vehicle.id),
-            city,
-        }));
+            vehicle,
+            at: self.at,
+            distance_m: self.distance,
+            azimuth_rad: self.azimuth.to_radians(),
+            elevation_rad: self.elevation.to_radians(),
+            city: [(low + high) / 2.0, (high - low) / 2.0],
+        }
     }
-    if shots.is_empty() {
-        let name = &experiment.name;
-        return Err(Failure::bad_input(format!(
-            "scenario {name} has no vehicle to carry a camera; take --camera orbit or overhead"
-        )));
-    }
-    Ok(shots)
 }
 
 fn find<'a>(wanted: &str, experiment: &'a Experiment) -> Result<&'a PlannedVehicle, Failure> {
@@ -150,44 +160,34 @@ fn find<'a>(wanted: &str, experiment: &'a Experiment) -> Result<&'a PlannedVehic
     })
 }
 
-impl Shot {
-    /// The camera at one instant; `aspect` is width over height of its pictures.
-    pub(super) fn camera(
-        &self,
-        snapshot: &FrameSnapshot,
-        args: &CameraArgs,
-        vertical_fov_rad: f64,
-        aspect: f64,
-    ) -> Camera {
+impl Standpoint {
+    /// The camera at one instant.
+    pub(super) fn camera(&self, snapshot: &FrameSnapshot, lens: &Lens) -> Camera {
         let id = self.vehicle.unwrap_or_default();
         let followed = self.vehicle.and_then(|id| snapshot.vehicle(id));
-        let spot = followed.map(|state| state.position).or(args.at.map(|at| at.extend(0.0)));
+        let spot = followed.map(|state| state.position).or(self.at.map(|at| at.extend(0.0)));
         let [middle, half] = self.city;
         // Far enough for all of the city in the picture, in its width and in its height.
-        let slope = (vertical_fov_rad / 2.0).tan();
+        let slope = (lens.vertical_fov_rad / 2.0).tan();
+        let aspect = f64::from(lens.extent[0]) / f64::from(lens.extent[1]);
         let fits_m = (half.y / slope).max(half.x / (slope * aspect));
         match self.kind {
             Kind::Windscreen => Camera::onboard(id, Mount::Windscreen),
             Kind::Bumper => Camera::onboard(id, Mount::Bumper),
-            Kind::Chase => match args.distance {
+            Kind::Chase => match self.distance_m {
                 Some(distance_m) => Camera::Chase { vehicle: id, distance_m, height_m: 0.4 * distance_m },
                 None => Camera::chase(id),
             },
             Kind::Orbit => Camera::Orbit {
                 target: spot.unwrap_or(middle.extend(0.0)) + DVec3::Z * 0.8,
-                distance_m: args.distance.unwrap_or(if spot.is_some() { 22.0 } else { fits_m }),
-                azimuth_rad: args.azimuth.to_radians(),
-                elevation_rad: args.elevation.to_radians(),
+                distance_m: self.distance_m.unwrap_or(if spot.is_some() { 22.0 } else { fits_m }),
+                azimuth_rad: self.azimuth_rad,
+                elevation_rad: self.elevation_rad,
             },
             Kind::Overhead => Camera::Overhead {
                 centre: spot.map_or(middle, DVec3::truncate),
-                height_m: args.distance.unwrap_or(if spot.is_some() { 45.0 } else { fits_m }),
+                height_m: self.distance_m.unwrap_or(if spot.is_some() { 45.0 } else { fits_m }),
             },
         }
-    }
-
-    /// Whether its vehicle is there to take pictures of.
-    pub(super) fn is_present(&self, snapshot: &FrameSnapshot) -> bool {
-        self.vehicle.is_none_or(|id| snapshot.vehicle(id).is_some())
     }
 }

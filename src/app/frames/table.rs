@@ -1,8 +1,9 @@
-//! `frames.csv`: where each picture was taken and with which lens.
+//! `frames.csv`: what each picture is, where it was taken and with which lens.
 
 use super::super::Failure;
-use super::cameras::Shot;
-use crate::camera::{Lens, View};
+use super::shots::Shot;
+use crate::camera::View;
+use crate::render::Format;
 use crate::snapshot::FrameSnapshot;
 use serde::Serialize;
 use std::fs::File;
@@ -12,6 +13,9 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Serialize)]
 pub(super) struct Row<'a> {
     file: &'a str,
+    kind: &'static str,
+    /// Metres that a value of the file stands for, of depths.
+    scale: Option<f64>,
     vehicle: &'a str,
     camera: &'a str,
     tick: u64,
@@ -30,21 +34,34 @@ pub(super) struct Row<'a> {
     cy: f64,
     width: u32,
     height: u32,
+    id: Option<u32>,
+    /// Middle of the vehicle's outline on the ground, and city from body.
+    vehicle_x: Option<f64>,
+    vehicle_y: Option<f64>,
+    vehicle_z: Option<f64>,
+    vehicle_qx: Option<f64>,
+    vehicle_qy: Option<f64>,
+    vehicle_qz: Option<f64>,
+    vehicle_qw: Option<f64>,
 }
 
 impl<'a> Row<'a> {
     pub(super) fn new(
-        file: &'a str,
+        (file, format): (&'a str, Format),
         shot: &'a Shot,
         snapshot: &FrameSnapshot,
         view: &View,
-        lens: &Lens,
     ) -> Self {
-        let (p, q, k) = (view.extrinsics.position, view.extrinsics.orientation, lens.intrinsics());
+        let (p, q, k) = (view.extrinsics.position, view.extrinsics.orientation, shot.lens.intrinsics());
+        let carrier = shot.vehicle.and_then(|id| snapshot.vehicle(id));
+        let position = carrier.map(|state| state.position);
+        let orientation = carrier.map(|state| state.orientation);
         Self {
             file,
-            vehicle: &shot.name,
-            camera: shot.kind.name(),
+            kind: format.kind().name(),
+            scale: format.metres_per_value(),
+            vehicle: &shot.owner,
+            camera: &shot.camera,
             tick: snapshot.tick,
             t: snapshot.time_s,
             x: p.x,
@@ -60,6 +77,14 @@ impl<'a> Row<'a> {
             cy: k.cy,
             width: view.extent[0],
             height: view.extent[1],
+            id: carrier.map(|state| state.id.0),
+            vehicle_x: position.map(|p| p.x),
+            vehicle_y: position.map(|p| p.y),
+            vehicle_z: position.map(|p| p.z),
+            vehicle_qx: orientation.map(|q| q.x),
+            vehicle_qy: orientation.map(|q| q.y),
+            vehicle_qz: orientation.map(|q| q.z),
+            vehicle_qw: orientation.map(|q| q.w),
         }
     }
 }

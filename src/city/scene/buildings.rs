@@ -1,13 +1,13 @@
 //! Buildings from their ground plans: storeys of windows, doors, signs, flat and gabled roofs, and
 //! what names ask for.
 
-use super::{Place, Wall};
 use super::grounds::ring_of;
 use super::lettering;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::Region;
 use super::roads::level;
 use super::special;
+use super::{Place, Wall};
 use crate::city::CityMap;
 use glam::{Vec2, Vec3};
 

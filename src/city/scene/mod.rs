@@ -100,9 +100,7 @@ impl SceneDescription {
                 Object::of_one_level(mesh)
             };
             objects.push(match piece.kind {
-                SceneryKind::Building => {
-                    one(&|mesh| buildings::building(mesh, &place, map))
-                }
+                SceneryKind::Building => one(&|mesh| buildings::building(mesh, &place, map)),
                 SceneryKind::Tree => plants::tree_object(&place),
                 SceneryKind::Hedge => one(&|mesh| plants::hedge(mesh, &place)),
                 SceneryKind::Wall => one(&|mesh| props::wall(mesh, &place)),

@@ -1,8 +1,8 @@
 //! Cars that stand in the bays of car parks.
 
 use super::grounds::{Bay, bays_of};
-use super::{Level, Object};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
+use super::{Level, Object};
 use crate::city::{CityMap, SceneryKind, Shape};
 use crate::model::{Measures, Part, car, fitted};
 use glam::Vec3;

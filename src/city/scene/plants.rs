@@ -1,8 +1,8 @@
 //! Trees of several kinds and hedges.
 
-use super::{Level, Object, Place};
 use super::grounds::ring_of;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
+use super::{Level, Object, Place};
 use crate::city::Shape;
 use glam::{Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
@@ -43,7 +43,8 @@ pub(super) fn tree_object(place: &Place<'_>) -> Object {
         tree(&mut mesh, place, leafage);
         Level { mesh, error_m }
     };
-    let levels = [(Leafage::NEAR, 0.0), (Leafage::MIDDLE, 0.15), (Leafage::DISTANT, 0.30), (Leafage::FAR, 0.7)];
+    let levels =
+        [(Leafage::NEAR, 0.0), (Leafage::MIDDLE, 0.15), (Leafage::DISTANT, 0.30), (Leafage::FAR, 0.7)];
     Object { levels: levels.map(level).to_vec() }
 }
 

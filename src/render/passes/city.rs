@@ -102,7 +102,8 @@ impl CityPass {
                 },
             )
         };
-        let lines = attachments.light_at_vertices.then(|| pipeline(["swift_line_vertex", "swift_line_fragment"]));
+        let lines =
+            attachments.light_at_vertices.then(|| pipeline(["swift_line_vertex", "swift_line_fragment"]));
         Self { pipeline: pipeline(attachments.entries()), lines, surfaces }
     }
 

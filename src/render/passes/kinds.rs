@@ -29,10 +29,11 @@ pub(in crate::render) mod gpu_data {
     }
 }
 
-/// Pipelines for what stands and what drives, and a uniform slot for each view.
+/// Pipelines for what stands, for painted lines and for what drives, and a uniform slot for each view.
 #[derive(Debug)]
 pub(in crate::render) struct KindsPass {
     city: wgpu::RenderPipeline,
+    lines: wgpu::RenderPipeline,
     vehicles: wgpu::RenderPipeline,
     layout: wgpu::BindGroupLayout,
     slots: Option<Slots>,
@@ -52,13 +53,14 @@ impl KindsPass {
             entries: &[uniform_entry(0, true, size_of::<gpu_data::View>() as u64)],
         });
         let module = Shader::Kinds.module(device);
-        let pipeline = |entry, buffers: &[Option<wgpu::VertexBufferLayout<'_>>]| {
-            pipeline(device, &layout, &module, entry, buffers)
+        let pipeline = |entries, buffers: &[Option<wgpu::VertexBufferLayout<'_>>]| {
+            pipeline(device, &layout, &module, entries, buffers)
         };
         Self {
-            city: pipeline("city_main", &[Some(city::gpu_data::LAYOUT)]),
+            city: pipeline(["city_main", "fragment_main"], &[Some(city::gpu_data::LAYOUT)]),
+            lines: pipeline(["line_main", "line_fragment"], &[Some(city::gpu_data::LAYOUT)]),
             vehicles: pipeline(
-                "vehicle_main",
+                ["vehicle_main", "fragment_main"],
                 &[Some(city::gpu_data::LAYOUT), Some(vehicle::gpu_data::LAYOUT)],
             ),
             layout,
@@ -101,6 +103,7 @@ impl KindsPass {
         pass.set_pipeline(&self.city);
         standing.draw(pass, &seen.cells.raised);
         standing.draw(pass, &seen.cells.ground);
+        pass.set_pipeline(&self.lines);
         standing.draw(pass, &seen.cells.lines);
     }
 }
@@ -142,7 +145,7 @@ fn pipeline(
     device: &wgpu::Device,
     layout: &wgpu::BindGroupLayout,
     module: &wgpu::ShaderModule,
-    entry: &str,
+    [vertex, fragment]: [&str; 2],
     buffers: &[Option<wgpu::VertexBufferLayout<'_>>],
 ) -> wgpu::RenderPipeline {
     let constants = [("vehicle_class", f64::from(Class::Vehicle as u8))];
@@ -159,7 +162,7 @@ fn pipeline(
         layout: Some(&layout),
         vertex: wgpu::VertexState {
             module,
-            entry_point: Some(entry),
+            entry_point: Some(vertex),
             compilation_options: options.clone(),
             buffers,
         },
@@ -174,7 +177,7 @@ fn pipeline(
         multisample: wgpu::MultisampleState::default(),
         fragment: Some(wgpu::FragmentState {
             module,
-            entry_point: Some("fragment_main"),
+            entry_point: Some(fragment),
             compilation_options: options,
             targets: &[target(DEPTH_FORMAT), target(MEANING_FORMAT)],
         }),

@@ -35,7 +35,11 @@ impl Attachments {
 
     /// Entry points of a shader that has a pair for either way to light.
     pub(super) fn entries(self) -> [&'static str; 2] {
-        if self.light_at_vertices { ["swift_vertex", "swift_fragment"] } else { ["vertex_main", "fragment_main"] }
+        if self.light_at_vertices {
+            ["swift_vertex", "swift_fragment"]
+        } else {
+            ["vertex_main", "fragment_main"]
+        }
     }
 }
 

@@ -1,0 +1,157 @@
+//! Pictures on their way back from the adapter. Once they have arrived, any thread can take them out of the
+//! buffer they came through; it is used again when nobody needs it any longer.
+
+use super::grid::padded_row;
+use super::kinds;
+use super::request::{Pictures, Places};
+use super::{Image, RenderError};
+use crate::camera::{Kinds, PictureKind};
+use std::sync::mpsc;
+
+/// Buffers that pictures come back through; each is used again once it has been read.
+#[derive(Debug)]
+pub(super) struct Ring {
+    free: Vec<wgpu::Buffer>,
+    /// Where buffers come back to.
+    returned: mpsc::Receiver<wgpu::Buffer>,
+    home: mpsc::Sender<wgpu::Buffer>,
+}
+
+/// A batch that has been submitted.
+#[derive(Debug)]
+pub struct Pending {
+    buffer: wgpu::Buffer,
+    home: mpsc::Sender<wgpu::Buffer>,
+    /// Of each view.
+    places: Vec<Places>,
+    mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
+    submission: wgpu::SubmissionIndex,
+    bgra: bool,
+}
+
+/// A batch whose pictures are there.
+#[derive(Debug)]
+pub struct Arrived {
+    buffer: wgpu::Buffer,
+    home: mpsc::Sender<wgpu::Buffer>,
+    /// There until the end.
+    bytes: Option<wgpu::BufferView>,
+    places: Vec<Places>,
+    bgra: bool,
+}
+
+impl Default for Ring {
+    fn default() -> Self {
+        let (home, returned) = mpsc::channel();
+        Self { free: Vec::new(), returned, home }
+    }
+}
+
+impl Ring {
+    pub(super) fn take(&mut self, device: &wgpu::Device, bytes: u64) -> wgpu::Buffer {
+        self.free.extend(self.returned.try_iter());
+        // The smallest that is large enough; those too small for the work at hand are let go.
+        self.free.sort_by_key(wgpu::Buffer::size);
+        if let Some(k) = self.free.iter().position(|b| b.size() >= bytes) {
+            return self.free.remove(k);
+        }
+        self.free.clear();
+        device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read-back"),
+            size: bytes,
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// Asks for a buffer that has been submitted to be mapped.
+    pub(super) fn send(
+        &self,
+        (buffer, submission): (wgpu::Buffer, wgpu::SubmissionIndex),
+        places: Vec<Places>,
+        format: wgpu::TextureFormat,
+    ) -> Pending {
+        let (sender, mapped) = mpsc::channel();
+        buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
+            // Nobody waits any longer when the batch was dropped.
+            let _ = sender.send(result);
+        });
+        let bgra = matches!(format, wgpu::TextureFormat::Bgra8Unorm | wgpu::TextureFormat::Bgra8UnormSrgb);
+        Pending { buffer, home: self.home.clone(), places, mapped, submission, bgra }
+    }
+}
+
+impl Pending {
+    pub(super) fn wait(self, device: &wgpu::Device) -> Result<Arrived, RenderError> {
+        let wait = wgpu::PollType::Wait { submission_index: Some(self.submission), timeout: None };
+        let lost = |error: &dyn std::fmt::Display| RenderError::Readback(error.to_string());
+        device.poll(wait).map_err(|error| lost(&error))?;
+        self.mapped.recv().map_err(|error| lost(&error))?.map_err(|error| lost(&error))?;
+        let bytes = self.buffer.slice(..).get_mapped_range().map_err(|error| lost(&error))?;
+        let Self { buffer, home, places, bgra, .. } = self;
+        Ok(Arrived { buffer, home, bytes: Some(bytes), places, bgra })
+    }
+}
+
+impl Arrived {
+    /// How many views it has pictures of.
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// The pictures of a view, by its place in the batch.
+    ///
+    /// # Panics
+    /// Where the batch has no such view.
+    pub fn pictures(&self, index: usize) -> Pictures {
+        self.some_pictures(index, self.places[index].kinds)
+    }
+
+    /// Those pictures of a view that are of some kinds and were asked for.
+    ///
+    /// # Panics
+    /// Where the batch has no such view.
+    pub fn some_pictures(&self, index: usize, wanted: Kinds) -> Pictures {
+        let Places { extent, kinds: there, color, depth, meaning } = self.places[index];
+        let bytes: &[u8] = self.bytes.as_deref().unwrap_or_default();
+        let of = |kind, at: Option<u64>| {
+            let is_there = wanted.contains(kind) && there.contains(kind);
+            at.filter(|_| is_there).map(|at| &bytes[at as usize..])
+        };
+        Pictures {
+            rgb: of(PictureKind::Rgb, color).map(|bytes| colors(bytes, extent, self.bgra)),
+            depth: of(PictureKind::Depth, depth).map(|bytes| kinds::depths(bytes, extent)),
+            semantic: of(PictureKind::Semantic, meaning).map(|bytes| kinds::classes(bytes, extent)),
+            instance: of(PictureKind::Instance, meaning).map(|bytes| kinds::vehicles(bytes, extent)),
+        }
+    }
+}
+
+impl Drop for Arrived {
+    fn drop(&mut self) {
+        // A buffer is unmapped once nobody looks at it.
+        self.bytes = None;
+        self.buffer.unmap();
+        // The renderer may be gone.
+        let _ = self.home.send(self.buffer.clone());
+    }
+}
+
+/// RGB out of padded rows of RGBA.
+fn colors(bytes: &[u8], [width, height]: [u32; 2], bgra: bool) -> Image {
+    let row = padded_row(width) as usize;
+    let mut rgb = vec![0; width as usize * height as usize * 3];
+    for (to, from) in rgb.chunks_exact_mut(width as usize * 3).zip(bytes.chunks(row)) {
+        for (pixel, texel) in to.chunks_exact_mut(3).zip(from.chunks_exact(4)) {
+            pixel.copy_from_slice(&texel[..3]);
+            if bgra {
+                pixel.swap(0, 2);
+            }
+        }
+    }
+    Image { width, height, rgb }
+}
