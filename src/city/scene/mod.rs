@@ -8,6 +8,7 @@ mod grounds;
 mod lettering;
 mod markings;
 mod mesh;
+mod models;
 mod parked;
 mod plants;
 mod polygon;
@@ -22,7 +23,10 @@ pub use mesh::{Class, Finish, Mesh, Surface, Vertex};
 pub use signs::sign_cell;
 
 use super::{CityMap, SceneryKind};
+use crate::model::Model;
 use glam::Vec3;
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Everything that stands in the city, in metres relative to the city's origin.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -36,8 +40,14 @@ pub struct SceneDescription {
 }
 
 impl SceneDescription {
-    /// The roads with their markings, the ground, and everything of the map's scenery.
+    /// The roads with their markings, the ground, and everything of the map's scenery, without models of
+    /// the user's.
     pub fn from_map(map: &CityMap) -> Self {
+        Self::with_models(map, &BTreeMap::new())
+    }
+
+    /// [`Self::from_map`] with the models that the map places, by name; those that are missing are left out.
+    pub fn with_models(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Self {
         let field = roads::RoadField::new(map);
         let (mut scenery, mut distant) = (Mesh::default(), Mesh::default());
         // Street furniture turns towards the road, so it needs to know where that is.
@@ -67,6 +77,7 @@ impl SceneDescription {
         for mesh in [&mut scenery, &mut distant] {
             signs::signs(mesh, map, &field);
         }
+        models::place([&mut scenery, &mut distant], map, models);
         parked::cars([&mut scenery, &mut distant], map);
         let meshes = vec![
             roads::ground(&field),
