@@ -115,6 +115,7 @@ fn broken() -> Vec<(&'static str, Vec<u8>, &'static str)> {
         ("not_finite", nan, "accessor 0 (POSITION): element 0 is not finite"),
         ("index_beyond", beyond, "mesh 0 (flat), primitive 0: indices: vertex 9 of 3"),
         ("half_a_document", triangle(|d| *d = json!({ "asset": {} })), "JSON chunk"),
+        ("no_accessors", triangle(|d| d["accessors"] = json!([])), "mesh 0, attributes: accessor 0 of 0"),
         ("no_such_view", triangle(|d| d["accessors"][0]["bufferView"] = json!(7)), "accessors[0].bufferView"),
         ("too_many", triangle(|d| d["accessors"][0]["count"] = json!(4)), "4 elements do not fit"),
         ("overflow", triangle(|d| d["accessors"][0]["byteOffset"] = json!(u64::MAX - 3)), "do not fit"),

@@ -181,8 +181,8 @@ fn models_made_with_trimesh_are_drawn_at_their_place_and_size() {
     let (output, told) = peer(&python, "make_glb.py", &[folder]);
     assert!(output.status.success(), "{told}");
     let mut drawing = city3d::city::generate::ids3c();
-    // On the town square, far from trees. City metres are 25 times as many.
-    let at = glam::DVec2::new(-0.80, 0.90);
+    // On the meadow east of the city. City metres are 25 times as many.
+    let at = glam::DVec2::new(3.60, 0.0);
     let text = "peer_house.glb turn=90 scale=1.5".to_owned();
     drawing.add("MODELS", Shape::Text { at, height: 0.02, text });
     std::fs::write(folder.join("town.dxf"), drawing.to_dxf()).unwrap();
@@ -193,16 +193,16 @@ fn models_made_with_trimesh_are_drawn_at_their_place_and_size() {
     let take = |extra: &[&str], out: &str| {
         let common =
             ["frames", "town.toml", "--adapter", "software", "--camera", "overhead", "--size", "240x240"];
-        let rest = ["--distance", "60", "--fov", "20", "--every", "1", "--duration", "0.5", "--out", out];
+        let rest = ["--distance", "60", "--fov", "12", "--every", "1", "--duration", "0.5", "--out", out];
         let all: Vec<&str> = common.iter().chain(&rest).chain(extra).copied().collect();
         city3d(&all, folder);
         let mut found = std::fs::read_dir(folder.join(out)).unwrap().map(|entry| entry.unwrap().path());
         magenta(&found.find(|path| path.extension().is_some_and(|e| e == "png")).unwrap())
     };
-    let focal = 120.0 / 10_f64.to_radians().tan();
+    let focal = 120.0 / 6_f64.to_radians().tan();
     // The house, 4 x 6 x 2 m in its file, times 1.5, its front to the north: 6 m from west to east and 3 m
     // from south to north, seen at the height of its roof.
-    let house = take(&["--at=-20,22.5"], "house");
+    let house = take(&["--at=90,0"], "house");
     let scale = focal / (60.0 - 9.1);
     for (got, want) in house.into_iter().zip([-3.0, -1.5, 3.0, 1.5]) {
         assert!((got - (120.0 + want * scale)).abs() < 2.0, "{house:?}, {got} is not {want} m");

@@ -74,8 +74,10 @@ impl SceneDescription {
                 _ => distant.append_since(&scenery, before),
             }
         }
+        let [low, high] = map.bounds().map(|corner| corner.as_vec2());
         for mesh in [&mut scenery, &mut distant] {
             signs::signs(mesh, map, &field);
+            plants::woods(mesh, [low, high]);
         }
         models::place([&mut scenery, &mut distant], map, models);
         parked::cars([&mut scenery, &mut distant], map);

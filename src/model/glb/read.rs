@@ -70,8 +70,17 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8]), Fault> {
 /// [`ModelError`] for whatever is no usable glTF binary file.
 pub fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     let (text, blob) = chunks(bytes)?;
-    let json = gltf::json::deserialize::from_slice(text)
+    let json: gltf::json::Root = gltf::json::deserialize::from_slice(text)
         .map_err(|error| fault("JSON chunk", error.to_string(), DAMAGED))?;
+    // The crate's own checks look at this accessor before they know that it is there.
+    for (index, mesh) in json.meshes.iter().enumerate() {
+        for wrong in mesh.primitives.iter().flat_map(|p| p.attributes.values()) {
+            if wrong.value() >= json.accessors.len() {
+                let message = format!("accessor {} of {}", wrong.value(), json.accessors.len());
+                return Err(fault(&format!("mesh {index}, attributes"), message, DAMAGED));
+            }
+        }
+    }
     let document = gltf::Document::from_json(json).map_err(|error| match error {
         gltf::Error::Validation(faults) => {
             let (place, message) = faults.first().map_or((String::new(), String::new()), |(path, error)| {
@@ -103,7 +112,7 @@ pub fn read(bytes: &[u8]) -> Result<Model, ModelError> {
         add(&mut model, &root, Mat4::IDENTITY, (0, most))?;
     }
     let farthest = model.bounds(|_| true).map(|[low, high]| low.abs().max(high.abs()).max_element());
-    match farthest {
+    match farthest.filter(|_| model.triangle_count() > 0) {
         None => Err(fault("scene", "it shows no triangles", "export at least one mesh")),
         Some(far) if !far.is_finite() || far > FARTHEST_M => {
             let message = format!("it reaches {far:.0} m from its origin");
