@@ -16,7 +16,7 @@ use std::path::Path;
 pub fn write_png(path: &Path, image: &Image) -> Result<(), RenderError> {
     let at = |source| RenderError::File { path: path.to_owned(), source };
     let mut file = BufWriter::new(File::create(path).map_err(at)?);
-    PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Adaptive)
+    PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Up)
         .write_image(&image.rgb, image.width, image.height, ExtendedColorType::Rgb8)
         .map_err(|source| RenderError::Png { path: path.to_owned(), source })?;
     file.flush().map_err(at)

@@ -70,7 +70,7 @@ impl CityPass {
             address_mode_v: wgpu::AddressMode::Repeat,
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
-            mipmap_filter: if std::env::var("MIPN").is_ok() {
+            mipmap_filter: if quality.light_at_vertices {
                 wgpu::MipmapFilterMode::Nearest
             } else {
                 wgpu::MipmapFilterMode::Linear
