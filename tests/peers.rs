@@ -172,3 +172,92 @@ fn numpy_and_pillow_read_the_pictures_of_all_kinds() {
     assert_eq!(coloured["modes"]["semantic"], "P");
     assert_eq!(coloured["vehicles"], seen["vehicles"]);
 }
+
+#[test]
+fn pygltflib_and_trimesh_read_the_shipped_models() {
+    let Some(python) = python() else { return };
+    let paths: Vec<PathBuf> =
+        city3d::model::SHIPPED.iter().map(|(name, _)| root().join("assets/models").join(name)).collect();
+    let files: Vec<&Path> = paths.iter().map(PathBuf::as_path).collect();
+    let (output, told) = peer(&python, "check_glb.py", &files);
+    assert!(output.status.success(), "{told}");
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    for (name, bytes) in city3d::model::SHIPPED {
+        let (theirs, ours) = (&found[name], city3d::model::glb::read(bytes).unwrap());
+        assert_eq!(theirs["triangles"], ours.triangle_count(), "{name}");
+        if ours.node("body").is_none() {
+            continue;
+        }
+        // glTF's axes: x across, y up, z along.
+        let [low, high] = ours.bounds(|_| true).unwrap();
+        for (axis, want) in [(0, high.y - low.y), (1, high.z - low.z), (2, high.x - low.x)] {
+            let got = theirs["size"][axis].as_f64().unwrap();
+            assert!((got - f64::from(want)).abs() < 1e-3, "{name}: {got} along {axis}, not {want}");
+        }
+        for material in ["paint", "glass", "head", "tail", "indicator_left", "indicator_right", "reverse"] {
+            assert!(
+                theirs["materials"].as_array().unwrap().iter().any(|m| m == material),
+                "{name}: {material}"
+            );
+        }
+    }
+}
+
+/// The box around the magenta pixels of a picture.
+#[cfg(feature = "render")]
+fn magenta(path: &Path) -> [f64; 4] {
+    let picture = image::open(path).unwrap().to_rgb8();
+    let mut found = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
+    for (x, y, pixel) in picture.enumerate_pixels() {
+        let [r, g, b] = pixel.0.map(i32::from);
+        if r > g + 40 && b > g + 40 && (r - b).abs() < 70 {
+            let (x, y) = (f64::from(x), f64::from(y));
+            found = [found[0].min(x), found[1].min(y), found[2].max(x + 1.0), found[3].max(y + 1.0)];
+        }
+    }
+    found
+}
+
+#[cfg(feature = "render")]
+#[test]
+fn models_made_with_trimesh_are_drawn_at_their_place_and_size() {
+    use city3d::city::dxf::Shape;
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (output, told) = peer(&python, "make_glb.py", &[folder]);
+    assert!(output.status.success(), "{told}");
+    let mut drawing = city3d::city::generate::ids3c();
+    // On the meadow east of the city. City metres are 25 times as many.
+    let at = glam::DVec2::new(3.60, 0.0);
+    let text = "peer_house.glb turn=90 scale=1.5".to_owned();
+    drawing.add("MODELS", Shape::Text { at, height: 0.02, text });
+    std::fs::write(folder.join("town.dxf"), drawing.to_dxf()).unwrap();
+    let scenario = "name = \"models\"\nmap = \"town.dxf\"\nduration_s = 1.0\n[[vehicle]]\nname = \"own\"\n\
+                    shape = \"peer_car.glb\"\ncolour = \"#ff00ff\"\n\
+                    route = [\"main-boulevard/east/inner/1\"]\nat_m = 0.9\n";
+    std::fs::write(folder.join("town.toml"), scenario).unwrap();
+    let take = |extra: &[&str], out: &str| {
+        let common =
+            ["frames", "town.toml", "--adapter", "software", "--camera", "overhead", "--size", "240x240"];
+        let rest = ["--distance", "60", "--fov", "12", "--every", "1", "--duration", "0.5", "--out", out];
+        let all: Vec<&str> = common.iter().chain(&rest).chain(extra).copied().collect();
+        city3d(&all, folder);
+        let mut found = std::fs::read_dir(folder.join(out)).unwrap().map(|entry| entry.unwrap().path());
+        magenta(&found.find(|path| path.extension().is_some_and(|e| e == "png")).unwrap())
+    };
+    let focal = 120.0 / 6_f64.to_radians().tan();
+    // The house, 4 x 6 x 2 m in its file, times 1.5, its front to the north: 6 m from west to east and 3 m
+    // from south to north, seen at the height of its roof.
+    let house = take(&["--at=90,0"], "house");
+    let scale = focal / (60.0 - 9.1);
+    for (got, want) in house.into_iter().zip([-3.0, -1.5, 3.0, 1.5]) {
+        assert!((got - (120.0 + want * scale)).abs() < 2.0, "{house:?}, {got} is not {want} m");
+    }
+    // The car, half the vehicle's size in its file, drives east: 5.0 x 2.5 m, painted up to its roof.
+    let car = take(&["--vehicle", "own"], "car");
+    let scale = focal / (60.0 - 1.5);
+    for (got, want) in car.into_iter().zip([-2.5, -1.25, 2.5, 1.25]) {
+        assert!((got - (120.0 + want * scale)).abs() < 2.5, "{car:?}, {got} is not {want} m");
+    }
+}

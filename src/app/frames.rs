@@ -281,8 +281,13 @@ fn open(args: &FramesArgs, experiment: &Experiment) -> Result<Renderer, Failure>
         Quality::Fast => Preset::LOW,
         Quality::High => Preset::HIGH,
     };
-    let scene = SceneDescription::from_map(&experiment.city_map);
-    Renderer::new(&context, &scene, Settings { quality, ..Settings::default() }).map_err(failure)
+    let scene = SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
+    let settings = Settings { quality, ..Settings::default() };
+    let mut renderer = Renderer::new(&context, &scene, settings).map_err(failure)?;
+    for (&body, model) in &experiment.models.vehicles {
+        renderer.set_vehicle_model(body, Arc::clone(model));
+    }
+    Ok(renderer)
 }
 
 /// What the user asked for wrongly ends with another code than what went wrong underway.

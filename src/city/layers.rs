@@ -9,6 +9,8 @@ pub const YIELD_LINES: &str = "YIELD_LINES";
 pub const ARROWS: &str = "ARROWS";
 pub const NAMES: &str = "NAMES";
 pub const SPEEDS: &str = "SPEEDS";
+/// Texts that name model files, each at the place where its model stands.
+pub const MODELS: &str = "MODELS";
 /// What every scenery layer starts with; see [`SceneryKind::layer`].
 pub const SCENERY_PREFIX: &str = "SCENERY_";
 
@@ -26,6 +28,7 @@ pub fn colour(layer: &str) -> u8 {
         ARROWS => 3,
         NAMES => 4,
         SPEEDS => 5,
+        MODELS => 6,
         _ => scenery_kind(layer).map_or(7, scenery_colour),
     }
 }

@@ -234,6 +234,21 @@ pub struct Scenery {
     pub shape: Shape,
 }
 
+/// A model from a file at a place.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlacedModel {
+    /// As the drawing names it: "shed.glb".
+    pub file: String,
+    /// Where its origin stands.
+    pub at: DVec2,
+    /// Where its front looks, counter-clockwise from east.
+    pub front_rad: f64,
+    /// Its size over that in the file, which is in full-scale metres.
+    pub size: f64,
+    /// Line of the drawing, 0 for one made in memory.
+    pub line: usize,
+}
+
 /// Lanes, zones, lines and scenery in one frame; [`LabMap`] and [`CityMap`] say which.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RoadMap {
@@ -243,6 +258,8 @@ pub struct RoadMap {
     pub zones: Vec<ConflictZone>,
     pub lines: Vec<ControlLine>,
     pub scenery: Vec<Scenery>,
+    /// Models from files, only to be looked at: nothing collides with them.
+    pub models: Vec<PlacedModel>,
     /// For each lane the zones that lie on it, by where they begin.
     pub(super) zones_of_lane: Vec<Vec<ZoneId>>,
 }
@@ -319,6 +336,7 @@ impl RoadMap {
             zones: zones.collect(),
             lines: lines.collect(),
             scenery: scenery.collect(),
+            models: self.models.iter().map(|m| PlacedModel { at: m.at * factor, ..m.clone() }).collect(),
             zones_of_lane: self.zones_of_lane.clone(),
         }
     }

@@ -41,7 +41,7 @@ impl RoadMap {
             zones.into_iter().map(|(_, id)| id).collect()
         };
         let zones_of_lane = on_lane.into_iter().map(by_place).collect();
-        Self { lanes, zones, lines, scenery, zones_of_lane }
+        Self { lanes, zones, lines, scenery, models: Vec::new(), zones_of_lane }
     }
 
     /// The shortest way over allowed lanes, both ends included: the least sum of the lengths of its

@@ -7,8 +7,12 @@
 
 pub mod car;
 mod fit;
+pub mod glb;
+mod shipped;
 
 pub use fit::{Fitted, Measures, fitted};
+pub use glb::ModelError;
+pub use shipped::{SHIPPED, made, shipped};
 
 use glam::{Affine3A, Vec2, Vec3};
 

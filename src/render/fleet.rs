@@ -153,7 +153,7 @@ impl Fleet {
                 }
             });
         }
-        if self.builds.len() > known {
+        if self.builds.len() > known && !self.mesh.indices.is_empty() {
             let buffer = |contents, usage| {
                 device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                     label: Some("vehicles"),

@@ -63,7 +63,7 @@ impl Quality {
         soft_shadows: false,
         detail: false,
         shadow_texels: 2048,
-        coarse_below_px: 2.5,
+        coarse_below_px: 3.5,
     };
 }
 

@@ -1,6 +1,7 @@
 //! A validated experiment: everything a run depends on, apart from the commands that come in.
 
 use super::feasibility::STEERING_RESERVE;
+use super::models::Models;
 use super::placement::Moved;
 use crate::city::{CityMap, LabMap, LaneId};
 use crate::environment::EnvironmentSpec;
@@ -116,6 +117,8 @@ pub struct Experiment {
     /// Without a trajectory for so long a vehicle stops on its path.
     pub link_timeout_s: f64,
     pub outcome: Outcome,
+    /// For pictures; nothing that moves depends on them.
+    pub models: Models,
     /// The scenario file and the map, as they were read: what a log keeps.
     pub scenario_text: String,
     pub map_bytes: Vec<u8>,

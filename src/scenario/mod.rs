@@ -3,6 +3,7 @@
 mod experiment;
 mod feasibility;
 mod fields;
+mod models;
 mod placement;
 mod read;
 mod read_sensors;
@@ -15,6 +16,7 @@ mod vehicle_type;
 
 pub use experiment::{Experiment, Outcome, PlannedVehicle, Rates, Start};
 pub use fields::Problem;
+pub use models::Models;
 pub use placement::Moved;
 pub use read::{Overrides, ScenarioError, read_experiment};
 pub use source::{Library, SourceError, shipped_scenarios};

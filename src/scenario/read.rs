@@ -2,6 +2,7 @@
 
 use super::experiment::{Experiment, Outcome, PlannedVehicle, Rates};
 use super::fields::{Fields, Problem, Problems};
+use super::models::{ModelReader, Models};
 use super::read_settings::{Named, read_environment, read_rates, read_right_of_way};
 use super::{Library, Moved, SourceError, placement};
 use crate::city::{CityMap, LabMap, load_map};
@@ -87,19 +88,31 @@ pub fn read_experiment(
         file: map_name.to_owned(),
         problems: errors.listed.iter().map(ToString::to_string).collect(),
     })?;
-    let experiment = Reader { map: Arc::new(loaded.map), overrides }.read(&root, text, map_bytes);
+    let models = ModelReader::new(library);
+    let reader = Reader { map: Arc::new(loaded.map), models: &models, overrides };
+    let mut experiment = reader.read(&root, text, map_bytes);
+    let (models, faults) = models.finish(&experiment.lab_map.models);
+    experiment.models = models;
     root.finish();
-    if problems.is_empty() { Ok(experiment) } else { Err(fail(problems)) }
+    if !problems.is_empty() {
+        return Err(fail(problems));
+    }
+    if !faults.is_empty() {
+        return Err(ScenarioError::Map { file: map_name.to_owned(), problems: faults });
+    }
+    Ok(experiment)
 }
 
-struct Reader {
+struct Reader<'m> {
     map: Arc<LabMap>,
+    models: &'m ModelReader<'m>,
     overrides: Overrides,
 }
 
 /// What vehicles are read against.
 pub(super) struct Basis<'m> {
     pub map: &'m LabMap,
+    pub models: &'m ModelReader<'m>,
     pub scale: LengthScale,
     /// All vehicles get this dynamics model.
     pub model: Option<ModelKind>,
@@ -139,7 +152,7 @@ impl Fleet {
     }
 }
 
-impl Reader {
+impl Reader<'_> {
     fn read(&self, root: &Fields<'_, '_>, text: &str, map_bytes: Vec<u8>) -> Experiment {
         let name =
             root.required_string("name", "a short name of the experiment").unwrap_or_default().to_owned();
@@ -157,7 +170,8 @@ impl Reader {
         let seed = self.overrides.seed.unwrap_or(seed);
         let rates = read_rates(root);
         let named = Named::read(root, self.overrides.model, rates);
-        let basis = Basis { map: &self.map, scale, model: self.overrides.model, seed, duration_s, rates };
+        let model = self.overrides.model;
+        let basis = Basis { map: &self.map, models: self.models, scale, model, seed, duration_s, rates };
         let mut fleet = Fleet::default();
         basis.read_vehicles(root, &named, &mut fleet);
         basis.read_traffic(root, &named, &mut fleet);
@@ -183,6 +197,7 @@ impl Reader {
             environment: read_environment(root),
             link_timeout_s,
             outcome: Outcome { collisions_forbidden },
+            models: Models::default(),
             scenario_text: text.to_owned(),
             map_bytes,
         }

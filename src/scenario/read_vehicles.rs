@@ -61,7 +61,7 @@ impl Basis<'_> {
         name: String,
         named: &Named,
     ) -> Option<PlannedVehicle> {
-        let appearance = read_appearance(fields, id);
+        let appearance = self.read_appearance(fields, id);
         let build = self.read_build(fields, named);
         let sensors = read_sensors(fields, self.rates);
         let driver = pick(fields, "driver", &named.drivers);
@@ -145,7 +145,7 @@ impl Basis<'_> {
     }
 }
 
-const BODIES: [(&str, BodyType); 5] = [
+pub(super) const BODIES: [(&str, BodyType); 5] = [
     ("sedan", BodyType::Sedan),
     ("hatchback", BodyType::Hatchback),
     ("suv", BodyType::Suv),
@@ -177,16 +177,25 @@ pub fn default_appearance(id: VehicleId) -> Appearance {
     }
 }
 
-fn read_appearance(fields: &Fields<'_, '_>, id: VehicleId) -> Appearance {
-    let mut appearance = default_appearance(id);
-    fields.choice("shape", &BODIES, &mut appearance.body);
-    if let Some(text) = fields.string("colour") {
-        match parse_colour(text) {
-            Some(colour) => appearance.colour = colour,
-            None => fields.wrong("colour", format!("colour is \"{text}\"; write it as \"#rrggbb\"")),
+impl Basis<'_> {
+    fn read_appearance(&self, fields: &Fields<'_, '_>, id: VehicleId) -> Appearance {
+        let mut appearance = default_appearance(id);
+        let text = fields.entry("shape").and_then(|value| value.get_ref().as_str());
+        match text.filter(|text| text.to_ascii_lowercase().ends_with(".glb")) {
+            Some(file) => match self.models.own(file) {
+                Ok(body) => appearance.body = body,
+                Err(problem) => fields.wrong("shape", problem),
+            },
+            None => fields.choice("shape", &BODIES, &mut appearance.body),
         }
+        if let Some(text) = fields.string("colour") {
+            match parse_colour(text) {
+                Some(colour) => appearance.colour = colour,
+                None => fields.wrong("colour", format!("colour is \"{text}\"; write it as \"#rrggbb\"")),
+            }
+        }
+        appearance
     }
-    appearance
 }
 
 fn parse_colour(text: &str) -> Option<[u8; 3]> {

@@ -66,6 +66,29 @@ impl Library {
         })
     }
 
+    /// The bytes of a model given as a path or by the name of a shipped one.
+    ///
+    /// # Errors
+    /// When there is no such file or name, or it is too large.
+    pub fn model(&self, name: &str) -> Result<Vec<u8>, SourceError> {
+        for path in [self.folder.join(name), PathBuf::from(name)] {
+            if path.is_file() {
+                return read(&path);
+            }
+        }
+        let embedded = crate::model::shipped(name);
+        embedded.map(<[u8]>::to_vec).ok_or_else(|| SourceError::Unknown {
+            name: name.to_owned(),
+            kind: "models",
+            names: crate::model::SHIPPED.map(|(name, _)| name).join(", "),
+        })
+    }
+
+    /// Whether a model lies beside the scenario or in the working directory.
+    pub fn has_own_model(&self, name: &str) -> bool {
+        [self.folder.join(name), PathBuf::from(name)].iter().any(|path| path.is_file())
+    }
+
     /// The bytes of a map given as a path or by the name of a shipped one.
     ///
     /// # Errors

@@ -68,7 +68,7 @@ pub fn cameras(args: &CamerasArgs) -> Result<(), Failure> {
     let preference =
         args.adapter.as_deref().map_or_else(AdapterPreference::from_environment, AdapterPreference::parse);
     let context = Context::headless(&preference).map_err(Failure::failed)?;
-    let scene = SceneDescription::from_map(&experiment.city_map);
+    let scene = SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
     let settings = Settings { quality: Quality::LOW, ..Settings::default() };
     let mut renderer = Renderer::new(&context, &scene, settings).map_err(Failure::failed)?;
     let mut run = Run::new(experiment).map_err(Failure::bad_input)?;

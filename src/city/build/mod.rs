@@ -75,6 +75,7 @@ fn build_map(read: &ReadDrawing) -> Result<LoadedMap, MapErrors> {
     check_layers(&by_layer, read, &mut findings);
     findings.check_size()?;
     let scenery = scenery::build(&by_layer, metres, &mut findings);
+    let models = scenery::models(&by_layer, metres, &mut findings);
 
     let pieces = pieces::build(&read.drawing, metres, &mut findings);
     findings.check()?;
@@ -91,7 +92,8 @@ fn build_map(read: &ReadDrawing) -> Result<LoadedMap, MapErrors> {
     neighbours::link(&mut roads.lanes);
     let zones = zones::find(&roads, &mut findings);
     findings.check()?;
-    let map = RoadMap::new(roads.lanes, zones, lines, scenery);
+    let mut map = RoadMap::new(roads.lanes, zones, lines, scenery);
+    map.models = models;
     Ok(LoadedMap { map: LabMap(map), notes: findings.notes })
 }
 
@@ -112,7 +114,7 @@ fn lane_kind(layer: &str) -> Option<LaneKind> {
 }
 
 fn is_known(layer: &str) -> bool {
-    const KNOWN: [&str; 7] = [
+    const KNOWN: [&str; 8] = [
         layers::LANES,
         layers::CONNECTORS,
         layers::STOP_LINES,
@@ -120,6 +122,7 @@ fn is_known(layer: &str) -> bool {
         layers::ARROWS,
         layers::NAMES,
         layers::SPEEDS,
+        layers::MODELS,
     ];
     KNOWN.contains(&layer) || layers::scenery_kind(layer).is_some()
 }

@@ -4,7 +4,7 @@ use super::labels::shorten;
 use super::{Layers, MAX_COORDINATE_M, REACH_M, in_map, pieces, place};
 use crate::city::dxf::{Entity, Shape as Drawn};
 use crate::city::error::{Findings, MapErrorKind};
-use crate::city::{Scenery, SceneryKind, Shape};
+use crate::city::{PlacedModel, Scenery, SceneryKind, Shape, layers};
 use crate::geom::{Segment, point_in_polygon, trig};
 use glam::DVec2;
 use std::f64::consts::PI;
@@ -48,6 +48,58 @@ pub(super) fn build(by_layer: &Layers, metres: f64, findings: &mut Findings) -> 
         all.extend(pieces);
     }
     all
+}
+
+/// Models that texts on their layer name: "shed.glb", or "shed.glb turn=90 scale=1.2".
+pub(super) fn models(by_layer: &Layers, metres: f64, findings: &mut Findings) -> Vec<PlacedModel> {
+    let mut placed = Vec::new();
+    for &entity in by_layer.get(layers::MODELS).into_iter().flatten() {
+        let Drawn::Text { at, text, .. } = &entity.shape else {
+            findings.note(entity, format!("layer {} takes texts only: ignored", layers::MODELS));
+            continue;
+        };
+        let at = *at * metres;
+        if !in_map(at) {
+            far(entity, findings);
+            continue;
+        }
+        let (rest, size) = trailing(text, "scale=");
+        let (file, turn) = trailing(rest, "turn=");
+        let number =
+            |key: &str, text: Option<&str>, usual: f64, range: std::ops::RangeInclusive<f64>| match text {
+                None => Ok(usual),
+                Some(text) => match text.trim().parse::<f64>() {
+                    Ok(value) if range.contains(&value) => Ok(value),
+                    _ => Err(format!(
+                        "\"{key}{}\" is no number from {} to {}",
+                        shorten(text),
+                        range.start(),
+                        range.end()
+                    )),
+                },
+            };
+        let turn = number("turn=", turn, 0.0, -360.0..=360.0);
+        let size = number("scale=", size, 1.0, 0.001..=1000.0);
+        let is_file = file.to_ascii_lowercase().ends_with(".glb") && !file.chars().any(char::is_control);
+        match (turn, size) {
+            (Ok(turn_deg), Ok(size)) if is_file => placed.push(PlacedModel {
+                file: file.to_owned(),
+                at,
+                front_rad: turn_deg.to_radians(),
+                size,
+                line: entity.line,
+            }),
+            (turn, size) => {
+                let message = turn
+                    .err()
+                    .or(size.err())
+                    .unwrap_or_else(|| format!("\"{}\" names no model", shorten(text)));
+                let remedy = "write the name of a .glb file, then turn in degrees and scale if need be, such as \"shed.glb turn=90 scale=1.2\"";
+                findings.error(MapErrorKind::Text, entity, message, remedy);
+            }
+        }
+    }
+    placed
 }
 
 /// What would be right instead of an unknown scenery layer.

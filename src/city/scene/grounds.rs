@@ -6,7 +6,7 @@ use super::polygon::{Region, counter_clockwise};
 use super::roads::{ASPHALT, band, level};
 use crate::city::{SceneryKind, Shape};
 use crate::geom::point_in_polygon;
-use glam::{DVec2, Vec2};
+use glam::{DVec2, Vec2, Vec3};
 
 const LAWN: Finish = Finish::new(Surface::Grass, [98, 116, 68], Class::Grass);
 const PAVED: Finish = Finish::new(Surface::Slabs, [184, 176, 160], Class::Pavement);
@@ -14,6 +14,9 @@ const SQUARE: Finish = Finish::new(Surface::Setts, [190, 176, 156], Class::Pavem
 const STONE: Finish = Finish::new(Surface::Concrete, [176, 172, 164], Class::Wall);
 const SOIL: Finish = Finish::new(Surface::Flowers, [255, 255, 255], Class::Vegetation);
 const POND: Finish = Finish::new(Surface::Water, [74, 112, 116], Class::Water);
+
+const SWAN: Finish = Finish::new(Surface::Plain, [240, 240, 236], Class::Furniture);
+const BEAK: Finish = Finish::new(Surface::Plain, [214, 112, 40], Class::Furniture);
 
 /// A parking bay: along the row and into it.
 const BAY_M: f64 = 3.0;
@@ -71,6 +74,9 @@ pub(super) fn ground(mesh: &mut Mesh, place: &Place<'_>) {
         SceneryKind::Water => {
             rim(mesh, &ring, 0.24);
             level(mesh, &region, 0.19, POND, 5.0);
+            if place.piece.name.contains("swan") {
+                swans(mesh, place);
+            }
         }
         SceneryKind::Paving => {
             let is_square = place.piece.name.contains("square") || place.piece.name.contains("court");
@@ -83,6 +89,38 @@ pub(super) fn ground(mesh: &mut Mesh, place: &Place<'_>) {
             bays(mesh, &ring);
         }
         _ => level(mesh, &region, 0.125, LAWN, 6.0),
+    }
+}
+
+/// Two swans on their pond.
+fn swans(mesh: &mut Mesh, place: &Place<'_>) {
+    let Shape::Circle { centre, radius_m } = place.piece.shape else { return };
+    for (turn, away) in [(0.7_f32, 0.35), (3.4, 0.45)] {
+        let out = Vec2::from_angle(turn);
+        let at = (centre.as_vec2() + out * (radius_m as f32 * away)).extend(0.19);
+        let ahead = Vec2::from_angle(turn + 1.9).extend(0.0);
+        let side = Vec3::Z.cross(ahead);
+        // A section across the body from the tail to the breast: along, half width, height.
+        let rows = [
+            (-0.55, 0.02, 0.40),
+            (-0.30, 0.20, 0.34),
+            (0.05, 0.26, 0.36),
+            (0.36, 0.16, 0.30),
+            (0.46, 0.03, 0.20),
+        ];
+        let ridge = |(x, _, high): (f32, f32, f32)| at + ahead * x + Vec3::Z * high;
+        let edge =
+            |(x, half, _): (f32, f32, f32), sign: f32| at + ahead * x + side * (half * sign) + Vec3::Z * 0.06;
+        for pair in rows.windows(2) {
+            let [a, b] = [pair[0], pair[1]];
+            mesh.plate(&[edge(a, -1.0), edge(b, -1.0), ridge(b), ridge(a)], SWAN, 1.0);
+            mesh.plate(&[edge(b, 1.0), edge(a, 1.0), ridge(a), ridge(b)], SWAN, 1.0);
+        }
+        let neck = at + ahead * 0.40;
+        mesh.frustum(neck + Vec3::Z * 0.16, [0.06, 0.035], 0.56, 6, SWAN);
+        let head = neck + ahead * 0.07 + Vec3::Z * 0.70;
+        mesh.block(head, Vec3::new(0.22, 0.09, 0.09), ahead.y.atan2(ahead.x), SWAN);
+        mesh.block(head + ahead * 0.15, Vec3::new(0.10, 0.05, 0.05), ahead.y.atan2(ahead.x), BEAK);
     }
 }
 

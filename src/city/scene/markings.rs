@@ -2,6 +2,7 @@
 //! triangles, arrows.
 
 use super::mesh::{Class, Finish, Mesh, Surface};
+use super::polygon::simplify_line;
 use super::roads::{RoadField, band_with};
 use crate::city::{CityMap, ControlLineKind, Lane, LaneId, LaneKind};
 use crate::geom::{Pose2, wrap_angle};
@@ -17,6 +18,8 @@ const GAP_M: f64 = 3.6;
 const DOUBLE_M: f64 = 0.30;
 /// Along a line.
 const STEP_M: f64 = 0.6;
+/// No line is drawn more exactly than this.
+const FINEST_M: f64 = 0.006;
 
 pub(super) const WHITE: Finish = Finish::new(Surface::Paint, [236, 236, 232], Class::Marking);
 const YELLOW: Finish = Finish::new(Surface::Paint, [236, 178, 48], Class::Marking);
@@ -29,12 +32,17 @@ const fn line_of(finish: Finish) -> Finish {
     Finish { surface: Surface::Line, ..finish }
 }
 
-pub(super) fn markings(map: &CityMap, field: &RoadField) -> Mesh {
+/// How far lines may lie from where they are, level by level.
+pub(super) const LEVELS: [f32; 3] = [0.0, 0.03, 0.10];
+
+/// Everything painted on the roads, to within `error_m` of where it is.
+pub(super) fn markings(map: &CityMap, field: &RoadField, error_m: f32) -> Mesh {
     let mut mesh = Mesh::default();
-    edges(&mut mesh, field);
+    let within = f64::from(error_m).max(FINEST_M);
+    edges(&mut mesh, field, within);
     for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
-        dashes(&mut mesh, map, lane);
-        centre_lines(&mut mesh, map, lane, field);
+        dashes(&mut mesh, map, lane, within);
+        centre_lines(&mut mesh, map, lane, (field, within));
         arrows(&mut mesh, map, lane);
     }
     for line in &map.lines {
@@ -57,6 +65,13 @@ fn polygon(mesh: &mut Mesh, corners: &[DVec2], finish: Finish) {
     let uvs: Vec<Vec2> = corners.iter().map(|p| *p / 2.0).collect();
     let corners: Vec<_> = corners.iter().map(|p| p.extend(PAINT_M)).collect();
     mesh.face(&corners, &uvs, finish);
+}
+
+/// The poses that a line needs to stay where it is.
+fn thinned(line: &[Pose2], within: f64) -> Vec<Pose2> {
+    let points: Vec<DVec2> = line.iter().map(|pose| pose.position).collect();
+    let mut kept = simplify_line(&points, within).into_iter().peekable();
+    line.iter().filter(|pose| kept.next_if_eq(&pose.position).is_some()).copied().collect()
 }
 
 /// A painted line along points with their headings.
@@ -83,11 +98,11 @@ pub(super) fn straight_line(mesh: &mut Mesh, from: DVec2, to: DVec2, z: f32) {
 }
 
 /// Solid white where the asphalt's lanes end.
-fn edges(mesh: &mut Mesh, field: &RoadField) {
+fn edges(mesh: &mut Mesh, field: &RoadField, within: f64) {
     let half = LINE_M as f32 / 2.0;
     // The kerb stands less than the full margin away.
     let (inner, outer) = (-half * MARGIN as f32, half * 2.2);
-    for ring in field.distance.rings(-0.04, 0.012) {
+    for ring in field.distance.rings(-0.04, within.max(0.012)) {
         if super::polygon::doubled_area(&ring).abs() > 30.0 {
             let edges = [Vec2::new(inner, PAINT_M), Vec2::new(outer, PAINT_M)];
             band_with(mesh, &ring, edges, line_of(WHITE), |_, edge| Vec2::new(edge.x, half));
@@ -96,7 +111,7 @@ fn edges(mesh: &mut Mesh, field: &RoadField) {
 }
 
 /// Dashed white between a lane and its neighbour on the right.
-fn dashes(mesh: &mut Mesh, map: &CityMap, lane: &Lane) {
+fn dashes(mesh: &mut Mesh, map: &CityMap, lane: &Lane, within: f64) {
     let Some(neighbour) = lane.right.map(|id| map.lane(id)) else { return };
     let length = lane.curve.length();
     let beside = |s: f64| -> Option<Pose2> {
@@ -113,14 +128,14 @@ fn dashes(mesh: &mut Mesh, map: &CityMap, lane: &Lane) {
     while from + DASH_M < length - 1.0 {
         let line: Vec<Pose2> = (0..=4).filter_map(|k| beside(from + DASH_M * f64::from(k) / 4.0)).collect();
         if line.len() == 5 {
-            ribbon(mesh, &line, 0.0, LINE_M, [MARGIN * LINE_M / 2.0; 2], WHITE);
+            ribbon(mesh, &thinned(&line, within), 0.0, LINE_M, [MARGIN * LINE_M / 2.0; 2], WHITE);
         }
         from += DASH_M + GAP_M;
     }
 }
 
 /// Double yellow between a lane and one of the other direction to its left.
-fn centre_lines(mesh: &mut Mesh, map: &CityMap, lane: &Lane, field: &RoadField) {
+fn centre_lines(mesh: &mut Mesh, map: &CityMap, lane: &Lane, (field, within): (&RoadField, f64)) {
     if lane.left.is_some() && lane.left.is_some_and(|left| alongside_all(map, lane, left)) {
         return;
     }
@@ -163,14 +178,15 @@ fn centre_lines(mesh: &mut Mesh, map: &CityMap, lane: &Lane, field: &RoadField) 
         };
         match found.filter(|&at| field.distance.at(at) < 0.0 && goes_on(at)) {
             Some(position) => line.push(Pose2 { position, ..pose }),
-            None => double_line(mesh, &std::mem::take(&mut line)),
+            None => double_line(mesh, &std::mem::take(&mut line), within),
         }
     }
-    double_line(mesh, &line);
+    double_line(mesh, &line, within);
 }
 
-fn double_line(mesh: &mut Mesh, line: &[Pose2]) {
+fn double_line(mesh: &mut Mesh, line: &[Pose2], within: f64) {
     if line.len() > 2 {
+        let line = &thinned(line, within);
         // The two meet in the middle between them.
         let (inner, outer) = (DOUBLE_M / 2.0, MARGIN * LINE_M / 2.0);
         ribbon(mesh, line, DOUBLE_M / 2.0, LINE_M, [inner, outer], YELLOW);

@@ -9,6 +9,7 @@ mod grounds;
 mod lettering;
 mod markings;
 mod mesh;
+mod models;
 mod parked;
 mod plants;
 mod polygon;
@@ -23,7 +24,10 @@ pub use mesh::{Class, Finish, Mesh, Surface, Vertex};
 pub use signs::sign_cell;
 
 use super::{CityMap, SceneryKind};
+use crate::model::Model;
 use glam::{Vec2, Vec3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Everything that stands in the city, in metres relative to the city's origin.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -87,8 +91,14 @@ impl Object {
 }
 
 impl SceneDescription {
-    /// The roads with their markings, the ground, and everything of the map's scenery.
+    /// The roads with their markings, the ground, and everything of the map's scenery, without models of
+    /// the user's.
     pub fn from_map(map: &CityMap) -> Self {
+        Self::with_models(map, &BTreeMap::new())
+    }
+
+    /// [`Self::from_map`] with the models that the map places, by name; those that are missing are left out.
+    pub fn with_models(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Self {
         let field = roads::RoadField::new(map);
         let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());
         // Street furniture turns towards the road, so it needs to know where that is.
@@ -121,7 +131,10 @@ impl SceneDescription {
                 walls.extend(buildings::opaque_walls(&place));
             }
         }
+        let [low, high] = map.bounds().map(|corner| corner.as_vec2());
         objects.extend(signs::signs(map, &field));
+        objects.extend(plants::woods([low, high]));
+        objects.extend(models::place(map, models));
         objects.extend(parked::cars(map));
         objects.retain(|object: &Object| !object.is_empty());
         for object in &mut objects {
@@ -129,13 +142,15 @@ impl SceneDescription {
         }
         let roads = roads::LEVELS.map(|error_m| Level { mesh: roads::ground(&field, error_m), error_m });
         let mut ground = vec![Object { levels: roads.to_vec() }];
-        let rest = [roads::plain(map), wear::wear(map), markings::markings(map, &field), lying];
+        let painted =
+            markings::LEVELS.map(|error_m| Level { mesh: markings::markings(map, &field, error_m), error_m });
+        ground.push(Object { levels: painted.to_vec() });
+        let rest = [roads::plain(map), wear::wear(map), lying];
         ground.extend(rest.map(Object::of_one_level));
         ground.retain(|object| !object.is_empty());
-        let [low, high] = map.bounds();
         let finest = ground.iter().chain(&objects).filter_map(|object| object.levels.first());
         let top = finest.map(|level| level.mesh.bounds()[1].z).fold(1.0, f32::max);
-        let bounds = [low.as_vec2().extend(0.0), high.as_vec2().extend(top)];
+        let bounds = [low.extend(0.0), high.extend(top)];
         Self { ground, objects, walls, bounds }
     }
 

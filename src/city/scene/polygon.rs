@@ -42,7 +42,8 @@ pub fn simplify_ring(ring: &[DVec2], tolerance: f64) -> Vec<DVec2> {
     out
 }
 
-fn simplify_line(line: &[DVec2], tolerance: f64) -> Vec<DVec2> {
+/// The same of a line from its first point to its last.
+pub(super) fn simplify_line(line: &[DVec2], tolerance: f64) -> Vec<DVec2> {
     let (first, last) = (line[0], line[line.len() - 1]);
     let chord = (last - first).try_normalize();
     let off = |p: DVec2| match chord {

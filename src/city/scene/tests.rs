@@ -46,7 +46,7 @@ fn every_lane_lies_on_asphalt_from_edge_to_edge() {
 fn yellow_lines_keep_to_the_middle_between_directions() {
     let map = city();
     let field = roads::RoadField::new(&map);
-    let mesh = markings::markings(&map, &field);
+    let mesh = markings::markings(&map, &field, 0.0);
     let yellow = mesh.vertices.iter().filter(|v| v.finish.colour[2] < 100);
     let mut count = 0;
     for vertex in yellow {

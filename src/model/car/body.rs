@@ -14,7 +14,7 @@ const WELL_M: f32 = 0.34;
 /// Rows of the shell from the sill (0) to the shoulder (1), and its half width there as part of the most.
 const ROWS: [(f32, f32); 7] =
     [(0.0, 0.945), (0.15, 0.985), (0.36, 1.0), (0.60, 0.997), (0.76, 0.98), (0.92, 0.938), (1.0, 0.885)];
-const FAR_ROWS: [(f32, f32); 4] = [(0.0, 0.96), (0.60, 1.0), (0.92, 0.94), (1.0, 0.885)];
+const FAR_ROWS: [(f32, f32); 5] = [(0.0, 0.96), (0.60, 1.0), (0.76, 0.98), (0.92, 0.94), (1.0, 0.885)];
 /// Columns of the front and the rear from the middle outwards.
 const FRONT: [f32; 5] = [0.0, 0.36, 0.62, 0.82, 1.0];
 const FAR_FRONT: [f32; 4] = [0.0, 0.62, 0.82, 1.0];
@@ -90,8 +90,7 @@ fn columns(detail: Detail) -> Vec<Column> {
     let side: &[f32] = if near { &[-2.22] } else { &[-2.0] };
     columns.extend(side.iter().map(|&x| Column::Side(x, 0.0)));
     for axle in [-WHEELBASE_M / 2.0, WHEELBASE_M / 2.0] {
-        let cuts: &[f32] =
-            if near { &[-1.0, -0.86, -0.5, 0.0, 0.5, 0.86, 1.0] } else { &[-1.0, -0.6, 0.6, 1.0] };
+        let cuts: &[f32] = if near { &[-1.0, -0.86, -0.5, 0.0, 0.5, 0.86, 1.0] } else { &[-0.85, 0.85] };
         columns.push(Column::Side(axle - ARCH_M, 0.0));
         columns.extend(cuts.iter().map(|&cut| {
             let up = (1.0 - cut * cut).max(0.0).sqrt();
@@ -187,11 +186,14 @@ fn skin(shape: &Shape, detail: Detail, [a, b]: [Column; 2], t: f32, left: bool) 
                             PAINT
                         }
                     }
-                    t if (0.59..0.9).contains(&t) && inner > 0.6 => match t {
-                        t if t > 0.7 || (detail == Detail::Far && inner < 0.8) => TAIL,
-                        _ if inner > 0.8 => indicator,
-                        _ => REVERSE,
-                    },
+                    t if (0.59..0.9).contains(&t) && inner > 0.6 => {
+                        if t < 0.7 && inner > 0.8 {
+                            indicator
+                        } else {
+                            TAIL
+                        }
+                    }
+                    t if (0.59..0.7).contains(&t) && inner > 0.3 => REVERSE,
                     _ => PAINT,
                 }
             }

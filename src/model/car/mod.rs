@@ -32,7 +32,7 @@ pub(super) const GRILLE: Skin = Skin::new("grille", [20, 20, 22]).rough(0.5);
 pub(super) const CHROME: Skin = Skin::new("chrome", [190, 194, 198]).metal().rough(0.2);
 pub(super) const PLATE: Skin = Skin::new("number_plate", [226, 226, 220]);
 pub(super) const HEAD: Skin = Skin::new("head", [214, 220, 226]).rough(0.1);
-pub(super) const TAIL: Skin = Skin::new("tail", [128, 10, 12]).rough(0.2);
+pub(super) const TAIL: Skin = Skin::new("tail", [98, 8, 10]).rough(0.2);
 pub(super) const REVERSE: Skin = Skin::new("reverse", [196, 196, 196]).rough(0.2);
 pub(super) const INDICATOR: [Skin; 2] = [
     Skin::new("indicator_left", [176, 104, 48]).rough(0.2),

@@ -70,7 +70,11 @@ impl CityPass {
             address_mode_v: wgpu::AddressMode::Repeat,
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
-            mipmap_filter: wgpu::MipmapFilterMode::Linear,
+            mipmap_filter: if std::env::var("MIPN").is_ok() {
+                wgpu::MipmapFilterMode::Nearest
+            } else {
+                wgpu::MipmapFilterMode::Linear
+            },
             anisotropy_clamp: if context.is_software { 1 } else { quality.anisotropy },
             ..Default::default()
         });

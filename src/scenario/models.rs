@@ -1,0 +1,88 @@
+//! Models of the user's: cars that vehicles name as their shape, buildings that the map places.
+
+use super::Library;
+use super::read_vehicles::BODIES;
+use crate::city::PlacedModel;
+use crate::model::{Model, glb};
+use crate::snapshot::BodyType;
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The models that an experiment brings along; all others are the program's own.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Models {
+    /// Of body types: those of the user's, and shipped ones for which a file lies beside the scenario.
+    pub vehicles: BTreeMap<BodyType, Arc<Model>>,
+    /// Those that the map places, by the name that it gives.
+    pub placed: BTreeMap<String, Arc<Model>>,
+}
+
+/// Loads models while a scenario is read, each file once.
+pub(super) struct ModelReader<'l> {
+    library: &'l Library,
+    own: RefCell<Vec<(String, Arc<Model>)>>,
+}
+
+impl<'l> ModelReader<'l> {
+    pub(super) fn new(library: &'l Library) -> Self {
+        Self { library, own: RefCell::new(Vec::new()) }
+    }
+
+    fn load(&self, name: &str) -> Result<Arc<Model>, String> {
+        let bytes = self.library.model(name).map_err(|error| error.to_string())?;
+        let model = glb::read(&bytes).map_err(|error| format!("{name}: {error}"))?;
+        Ok(Arc::new(model))
+    }
+
+    /// The body type of a vehicle's own model.
+    pub(super) fn own(&self, name: &str) -> Result<BodyType, String> {
+        let mut own = self.own.borrow_mut();
+        let index = match own.iter().position(|(known, _)| known == name) {
+            Some(index) => index,
+            None => {
+                let model = self.load(name)?;
+                if model.node("wheel").is_none()
+                    && model.bounds(|node| !node.name.starts_with("far_")).is_none()
+                {
+                    return Err(format!(
+                        "{name}: no mesh but of distant views; name the body's node \"body\""
+                    ));
+                }
+                own.push((name.to_owned(), model));
+                own.len() - 1
+            }
+        };
+        u16::try_from(index).map(BodyType::Own).map_err(|_| "more models than 65536".to_owned())
+    }
+
+    /// All models that the vehicles named, the map's, and shipped ones that a file replaces; and what is
+    /// wrong with those that cannot be used.
+    pub(super) fn finish(self, placed: &[PlacedModel]) -> (Models, Vec<String>) {
+        let (mut models, mut problems) = (Models::default(), Vec::new());
+        for (name, body) in BODIES {
+            let file = format!("{name}.glb");
+            if self.library.has_own_model(&file) {
+                match self.load(&file) {
+                    Ok(model) => drop(models.vehicles.insert(body, model)),
+                    Err(problem) => problems.push(problem),
+                }
+            }
+        }
+        for place in placed {
+            if models.placed.contains_key(&place.file) {
+                continue;
+            }
+            match self.load(&place.file) {
+                Ok(model) => drop(models.placed.insert(place.file.clone(), model)),
+                Err(problem) => {
+                    let line = if place.line > 0 { format!("line {}: ", place.line) } else { String::new() };
+                    problems.push(format!("{line}{problem}"));
+                }
+            }
+        }
+        let own = self.own.into_inner().into_iter();
+        models.vehicles.extend((0..).map(BodyType::Own).zip(own.map(|(_, model)| model)));
+        (models, problems)
+    }
+}
