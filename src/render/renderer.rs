@@ -410,20 +410,6 @@ impl Renderer {
         let mut lists = Vec::new();
         let seen: Vec<Seen> = views.iter().map(|view| self.look(view, &mut lists)).collect();
         let count = |seen: &Seen| seen.cells.triangles() + self.fleet.triangles(&seen.vehicles);
-        if std::env::var("TRI").is_ok() {
-            let f = |g: &dyn Fn(&Seen) -> usize| {
-                let s: &Vec<Seen> = &seen;
-                s.iter().map(|x| g(x)).sum::<usize>() / s.len()
-            };
-            eprintln!(
-                "raised {} ground {} lines {} cars {} cartris {}",
-                f(&|s| s.cells.raised.len() / 3),
-                f(&|s| s.cells.ground.len() / 3),
-                f(&|s| s.cells.lines.len() / 3),
-                f(&|s| s.vehicles.len()),
-                f(&|s| self.fleet.triangles(&s.vehicles) as usize)
-            );
-        }
         self.triangles = seen.iter().map(count).sum();
         self.standing.write(&self.context.device, &self.context.queue, &lists);
         seen
