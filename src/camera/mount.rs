@@ -46,8 +46,10 @@ pub enum CameraError {
 impl Mount {
     fn in_body(self, info: &VehicleInfo) -> (DVec3, f64, f64) {
         let d = &info.dimensions;
+        // A van's driver sits higher than a sedan's.
+        let height_m = d.height_m * info.appearance.body.height_factor();
         match self {
-            Self::Windscreen => (DVec3::new(0.14 * d.length_m, 0.0, 0.91 * d.height_m), 0.0, -0.06),
+            Self::Windscreen => (DVec3::new(0.14 * d.length_m, 0.0, 0.91 * height_m), 0.0, -0.06),
             Self::Bumper => (DVec3::new(0.5 * d.length_m + 0.03, 0.0, 0.55), 0.0, 0.0),
             Self::Custom { position, yaw_rad, pitch_rad } => (position, yaw_rad, pitch_rad),
         }
