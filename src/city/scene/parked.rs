@@ -59,7 +59,7 @@ fn add(
     }
 }
 
-/// Parks cars in some bays: of all faces in the first mesh, of few in the second.
+/// Parks cars in some bays.
 pub(super) fn cars([near, far]: [&mut Mesh; 2], map: &CityMap) {
     let shapes = [car::HATCHBACK, car::SEDAN, car::SUV, car::HATCHBACK, car::VAN, car::SUV, car::SEDAN];
     let models = shapes.map(|shape| {
@@ -88,20 +88,17 @@ pub(super) fn cars([near, far]: [&mut Mesh; 2], map: &CityMap) {
             let turn = |v: Vec3| (ahead * v.x + left * v.y).extend(v.z);
             let place = |v: Vec3| turn(v) + middle.extend(GROUND_M);
             let half_track = model.half_track.unwrap_or(0.8);
-            let bodies = [Some(&model.body), model.far_body.as_ref()];
-            let wheels = [Some(&model.wheel), model.far_wheel.as_ref()];
-            for ((mesh, body), wheel) in [&mut *near, &mut *far].into_iter().zip(bodies).zip(wheels) {
-                add(mesh, body.unwrap_or(&model.body), paint, place, turn);
+            // The bodies for a distance: a car park of full ones would cost more than the street.
+            let (body, wheel) = (
+                model.far_body.as_ref().unwrap_or(&model.body),
+                model.far_wheel.as_ref().unwrap_or(&model.wheel),
+            );
+            for mesh in [&mut *near, &mut *far] {
+                add(mesh, body, paint, place, turn);
                 for (x, side) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0_f32)] {
                     let hub = Vec3::new(x * SIZE.wheelbase / 2.0, side * half_track, SIZE.wheel_radius);
                     let about = |v: Vec3| Vec3::new(side * v.x, side * v.y, v.z);
-                    add(
-                        mesh,
-                        wheel.unwrap_or(&model.wheel),
-                        paint,
-                        |v| place(hub + about(v)),
-                        |n| turn(about(n)),
-                    );
+                    add(mesh, wheel, paint, |v| place(hub + about(v)), |n| turn(about(n)));
                 }
             }
         }

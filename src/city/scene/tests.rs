@@ -105,6 +105,33 @@ fn nothing_solid_stands_on_a_lane_and_all_numbers_are_finite() {
     }
 }
 
+/// Vertices are what a software adapter is slowest with.
+#[test]
+fn the_city_keeps_to_its_budget_of_triangles() {
+    let scene = SceneDescription::from_map(&city());
+    let count = |meshes: &[Mesh]| meshes.iter().map(Mesh::triangle_count).sum::<usize>();
+    let of = |class: Class| {
+        let mesh = scene
+            .meshes
+            .iter()
+            .flat_map(|m| m.indices.chunks_exact(3).map(move |t| m.vertices[t[0] as usize]));
+        mesh.filter(|v| v.finish.class == class).count()
+    };
+    let classes = [
+        Class::Road,
+        Class::Marking,
+        Class::Pavement,
+        Class::Grass,
+        Class::Building,
+        Class::Vegetation,
+        Class::Vehicle,
+    ]
+    .map(|class| (class, of(class)));
+    let (near, far) = (count(&scene.meshes), count(&scene.distant));
+    println!("{near} triangles, {far} of what rises for a distance; {classes:?}");
+    assert!(near < 120_000 && far < 60_000, "{near} near, {far} far");
+}
+
 #[test]
 fn the_same_map_gives_the_same_scene() {
     let map = city();
