@@ -30,14 +30,6 @@ fn restore_vertex(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4
     return vec4<f32>(f32(corner & 1u) * 4.0 - 1.0, f32(corner >> 1u) * 4.0 - 1.0, 0.0, 1.0);
 }
 
-// The map once more as colours, for adapters that sample those more readily: the first 8 bits of the depth
-// in red, the next in green.
-@fragment
-fn pack_fragment(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
-    let depth = clamp(textureLoad(standing, vec2<i32>(at.xy), 0), 0.0, 1.0) * 255.0;
-    return vec4<f32>(floor(depth) / 255.0, fract(depth), 0.0, 1.0);
-}
-
 @fragment
 fn restore_fragment(@builtin(position) at: vec4<f32>) -> @builtin(frag_depth) f32 {
     return textureLoad(standing, vec2<i32>(at.xy), 0);

@@ -1,10 +1,6 @@
 // Light worked out at the vertices, for adapters on which a fragment is dear: what is left for fragments is
 // the texture, the shadow and the display curve.
 
-// The shadow map as colours, see `pack_fragment`.
-@group(1) @binding(2) var shadow_colours: texture_2d<f32>;
-@group(1) @binding(3) var nearest_sampler: sampler;
-
 struct Swift {
     @builtin(position) clip: vec4<f32>,
     // Light of the sky and of lamps that reaches the eye.
@@ -55,7 +51,6 @@ fn swift_display(radiance: vec3<f32>) -> vec4<f32> {
 }
 
 fn swift_shade(in: Swift, pattern: vec3<f32>) -> vec4<f32> {
-    let texel = textureSampleLevel(shadow_colours, nearest_sampler, in.shadow.xy, 0.0);
-    let lit = select(0.0, 1.0, in.shadow.z <= texel.r + texel.g / 255.0);
+    let lit = textureSampleCompareLevel(shadow_map, shadow_sampler, in.shadow.xy, in.shadow.z);
     return swift_display(pattern * (in.ambient + in.sunlight * lit) + frame.haze.rgb * in.shadow.w);
 }

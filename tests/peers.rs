@@ -246,7 +246,7 @@ fn models_made_with_trimesh_are_drawn_at_their_place_and_size() {
         let mut found = std::fs::read_dir(folder.join(out)).unwrap().map(|entry| entry.unwrap().path());
         magenta(&found.find(|path| path.extension().is_some_and(|e| e == "png")).unwrap())
     };
-    let focal = 120.0 / 6_f64.to_radians().tan();
+    let focal = 120.0 / city3d::geom::trig::tan(6_f64.to_radians());
     // The house, 4 x 6 x 2 m in its file, times 1.5, its front to the north: 6 m from west to east and 3 m
     // from south to north, seen at the height of its roof.
     let house = take(&["--at=90,0"], "house");

@@ -74,8 +74,8 @@ impl Renderer {
         let attachments = Attachments { format, samples: quality.samples, light_at_vertices };
         let frame = FrameGroup::new(device);
         let sun_view = SunView::around(scene.bounds, settings.sun.direction(), quality.shadow_texels);
-        let shadow = ShadowPass::new(device, &frame.layout, sun_view, light_at_vertices);
-        let light = LightGroup::new(device, &shadow.map, &shadow.colours(device));
+        let shadow = ShadowPass::new(device, &frame.layout, sun_view);
+        let light = LightGroup::new(device, &shadow.map);
         let groups = [&frame.layout, &light.layout];
         let renderer = Self {
             city: CityPass::new(context, attachments, quality, groups),

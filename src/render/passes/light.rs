@@ -9,23 +9,12 @@ pub(in crate::render) struct LightGroup {
 }
 
 impl LightGroup {
-    /// From the sun's depths, and the same as colours.
-    pub(in crate::render) fn new(
-        device: &wgpu::Device,
-        shadow_map: &wgpu::TextureView,
-        colours: &wgpu::TextureView,
-    ) -> Self {
+    pub(in crate::render) fn new(device: &wgpu::Device, shadow_map: &wgpu::TextureView) -> Self {
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("light"),
             entries: &[
                 texture_entry(0, wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2),
                 sampler_entry(1, wgpu::SamplerBindingType::Comparison),
-                texture_entry(
-                    2,
-                    wgpu::TextureSampleType::Float { filterable: true },
-                    wgpu::TextureViewDimension::D2,
-                ),
-                sampler_entry(3, wgpu::SamplerBindingType::Filtering),
             ],
         });
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
@@ -35,18 +24,12 @@ impl LightGroup {
             compare: Some(wgpu::CompareFunction::LessEqual),
             ..Default::default()
         });
-        let nearest = device.create_sampler(&wgpu::SamplerDescriptor {
-            label: Some("shadow as colours"),
-            ..Default::default()
-        });
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("light"),
             layout: &layout,
             entries: &[
                 wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(shadow_map) },
                 wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
-                wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::TextureView(colours) },
-                wgpu::BindGroupEntry { binding: 3, resource: wgpu::BindingResource::Sampler(&nearest) },
             ],
         });
         Self { layout, group }

@@ -68,32 +68,14 @@ pub(in crate::render) struct ShadowPass {
     city: wgpu::RenderPipeline,
     vehicles: wgpu::RenderPipeline,
     restore: wgpu::RenderPipeline,
-    /// The map as colours, where the passes of a picture read that.
-    packed: Option<Packed>,
     sun: SunView,
     /// Patches that hold shadows of vehicles since the last tick.
     touched: Vec<[u32; 4]>,
 }
 
-/// What makes colours of the map's depths.
-#[derive(Debug)]
-struct Packed {
-    colours: wgpu::TextureView,
-    map: wgpu::BindGroup,
-    pipeline: wgpu::RenderPipeline,
-}
-
-const PACKED_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-
 impl ShadowPass {
-    /// With `is_packed` the map is there as colours too.
-    pub(in crate::render) fn new(
-        device: &wgpu::Device,
-        frame: &wgpu::BindGroupLayout,
-        sun: SunView,
-        is_packed: bool,
-    ) -> Self {
-        let texture_of = |label, format| {
+    pub(in crate::render) fn new(device: &wgpu::Device, frame: &wgpu::BindGroupLayout, sun: SunView) -> Self {
+        let texture = |label| {
             device
                 .create_texture(&wgpu::TextureDescriptor {
                     label: Some(label),
@@ -101,29 +83,25 @@ impl ShadowPass {
                     mip_level_count: 1,
                     sample_count: 1,
                     dimension: wgpu::TextureDimension::D2,
-                    format,
+                    format: FORMAT,
                     usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
                     view_formats: &[],
                 })
                 .create_view(&wgpu::TextureViewDescriptor::default())
         };
-        let texture = |label| texture_of(label, FORMAT);
         let (map, standing) = (texture("shadow map"), texture("shadow of the standing city"));
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("standing shadow"),
             entries: &[texture_entry(0, wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2)],
         });
-        let group_of = |view| {
-            device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("shadow"),
-                layout: &layout,
-                entries: &[wgpu::BindGroupEntry {
-                    binding: 0,
-                    resource: wgpu::BindingResource::TextureView(view),
-                }],
-            })
-        };
-        let restore_group = group_of(&standing);
+        let restore_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("standing shadow"),
+            layout: &layout,
+            entries: &[wgpu::BindGroupEntry {
+                binding: 0,
+                resource: wgpu::BindingResource::TextureView(&standing),
+            }],
+        });
         let module = Shader::Shadow.module(device);
         let pipeline = |entry: &str, groups: &[Option<&wgpu::BindGroupLayout>], restore: bool| {
             let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
@@ -177,13 +155,7 @@ impl ShadowPass {
                 cache: None,
             })
         };
-        let packed = is_packed.then(|| Packed {
-            colours: texture_of("shadow map as colours", PACKED_FORMAT),
-            map: group_of(&map),
-            pipeline: pack_pipeline(device, &module, [frame, &layout]),
-        });
         Self {
-            packed,
             city: pipeline("city_vertex", &[Some(frame)], false),
             vehicles: pipeline("vehicle_vertex", &[Some(frame)], false),
             restore: pipeline("restore_vertex", &[Some(frame), Some(&layout)], true),
@@ -215,7 +187,6 @@ impl ShadowPass {
         frame: &FrameGroup,
         fleet: &Fleet,
     ) {
-        let mut stale = self.touched.clone();
         let mut pass = begin(encoder, &self.map, wgpu::LoadOp::Load);
         pass.set_bind_group(0, &frame.group, &[0]);
         pass.set_pipeline(&self.restore);
@@ -229,89 +200,7 @@ impl ShadowPass {
         self.touched.extend(fleet.balls().map(|(centre, radius)| self.sun.patch(centre, radius)));
         pass.set_pipeline(&self.vehicles);
         fleet.draw_shadows(&mut pass, self.sun.texel_m);
-        drop(pass);
-        stale.extend_from_slice(&self.touched);
-        self.pack(encoder, frame, &stale);
     }
-
-    /// Brings patches of the map as colours up to date.
-    fn pack(&self, encoder: &mut wgpu::CommandEncoder, frame: &FrameGroup, stale: &[[u32; 4]]) {
-        let Some(packed) = &self.packed else { return };
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("shadow as colours"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &packed.colours,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Store },
-            })],
-            ..Default::default()
-        });
-        pass.set_pipeline(&packed.pipeline);
-        pass.set_bind_group(0, &frame.group, &[0]);
-        pass.set_bind_group(1, &packed.map, &[]);
-        for &[x, y, width, height] in stale.iter().filter(|p| p[2] > 0 && p[3] > 0) {
-            pass.set_scissor_rect(x, y, width, height);
-            pass.draw(0..4, 0..1);
-        }
-    }
-
-    /// The map as colours; one texel of no meaning where there is none.
-    pub(in crate::render) fn colours(&self, device: &wgpu::Device) -> wgpu::TextureView {
-        self.packed.as_ref().map_or_else(
-            || {
-                device
-                    .create_texture(&wgpu::TextureDescriptor {
-                        label: Some("no shadow"),
-                        size: wgpu::Extent3d::default(),
-                        mip_level_count: 1,
-                        sample_count: 1,
-                        dimension: wgpu::TextureDimension::D2,
-                        format: PACKED_FORMAT,
-                        usage: wgpu::TextureUsages::TEXTURE_BINDING,
-                        view_formats: &[],
-                    })
-                    .create_view(&wgpu::TextureViewDescriptor::default())
-            },
-            |packed| packed.colours.clone(),
-        )
-    }
-}
-
-fn pack_pipeline(
-    device: &wgpu::Device,
-    module: &wgpu::ShaderModule,
-    [frame, map]: [&wgpu::BindGroupLayout; 2],
-) -> wgpu::RenderPipeline {
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some("shadow as colours"),
-        bind_group_layouts: &[Some(frame), Some(map)],
-        immediate_size: 0,
-    });
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("shadow as colours"),
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module,
-            entry_point: Some("restore_vertex"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState {
-            topology: wgpu::PrimitiveTopology::TriangleStrip,
-            ..Default::default()
-        },
-        depth_stencil: None,
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module,
-            entry_point: Some("pack_fragment"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(PACKED_FORMAT.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
 }
 
 fn begin<'a>(
