@@ -174,6 +174,21 @@ fn check_prints_one_json_line_a_file() {
 }
 
 #[test]
+fn check_lists_the_lanes_that_routes_can_name() {
+    let text = stdout(&city3d(&root(), &["check", "--lanes", "ids3c"]));
+    let row = text.lines().find(|line| line.starts_with("west-roundabout/ring/outer/3 ")).unwrap();
+    let cells: Vec<&str> = row.split_whitespace().collect();
+    assert!(cells[1].parse::<f64>().unwrap() > 0.1 && cells[2].parse::<f64>().unwrap() > 0.1, "{row}");
+    assert!(cells.len() > 3, "it leads somewhere: {row}");
+    assert!(cells[3..].iter().all(|next| text.contains(&format!("\n{next} "))), "{row}");
+
+    let output = city3d(&root(), &["check", "--json", "--lanes", "straight"]);
+    let line: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let lanes = line["lanes"].as_array().unwrap();
+    assert!(lanes.iter().any(|lane| lane["kind"] == "connector") && lanes[0]["successors"].is_array());
+}
+
+#[test]
 fn a_folder_that_cannot_be_written_fails_with_its_name() {
     let out = tempfile::tempdir().unwrap();
     std::fs::write(out.path().join("file"), "").unwrap();

@@ -309,8 +309,9 @@ impl RightOfWay {
                 let there = &other.route.sections[admission.section];
                 // One that was admitted to the section behind as well will not wait between.
                 let goes_on = other.passage.admissions.iter().any(|a| a.section > admission.section);
-                let is_bound_there = other.goes_over(exit_lane, there.from_s, there.to_s + 0.05);
-                other.rear_s() < there.to_s && is_bound_there && !goes_on
+                !goes_on
+                    && other.rear_s() < there.to_s
+                    && other.goes_over(exit_lane, there.from_s, there.to_s + 0.05)
             })
         };
         let others = cavs.iter().enumerate().filter(|(other, cav)| *other != vehicle && cav.is_seen());

@@ -59,7 +59,7 @@ pub struct Route {
     /// Arc length at the start of each lane, and the whole length at the end.
     stations: Vec<f64>,
     /// Index of the lane at every [`PLACE_STEP_M`] of the way, for look-up.
-    places: Vec<usize>,
+    places: Vec<u32>,
     pub crossings: Vec<Crossing>,
     pub sections: Vec<Section>,
     pub forks: Vec<Fork>,
@@ -80,6 +80,14 @@ const LEFT_TURN_RAD: f64 = 0.8;
 impl Route {
     /// The way over some lanes, each a successor of the one before.
     pub fn new(map: &LabMap, lanes: &[LaneId], body: Body, driver: &DriverParams) -> Self {
+        let mut route = Self::without_speeds(map, lanes, body);
+        route.plan_speeds(map, body, driver);
+        route
+    }
+
+    /// The way without the speeds that it allows, for those who ask whether it is worth driving; before
+    /// it is driven it needs [`Route::plan_speeds`].
+    pub(super) fn without_speeds(map: &LabMap, lanes: &[LaneId], body: Body) -> Self {
         let mut stations = vec![0.0];
         for lane in lanes {
             stations.push(stations[stations.len() - 1] + map.lane(*lane).curve.length());
@@ -93,10 +101,13 @@ impl Route {
             forks: Vec::new(),
             profile: SpeedProfile::default(),
         };
-        route.profile = SpeedProfile::new(map, &route, body, driver);
         route.find_crossings(map);
         route.find_sections(map, body);
         route
+    }
+
+    pub(super) fn plan_speeds(&mut self, map: &LabMap, body: Body, driver: &DriverParams) {
+        self.profile = SpeedProfile::new(map, self, body, driver);
     }
 
     pub fn lanes(&self) -> &[LaneId] {
@@ -121,7 +132,7 @@ impl Route {
     pub fn index_at(&self, s: f64) -> usize {
         // Asked for many times for each vehicle and control step: no search over the whole way.
         let place = (s / PLACE_STEP_M).max(0.0) as usize;
-        let mut index = self.places[place.min(self.places.len() - 1)];
+        let mut index = self.places[place.min(self.places.len() - 1)] as usize;
         while index + 1 < self.lanes.len() && self.stations[index + 1] <= s {
             index += 1;
         }
@@ -220,14 +231,14 @@ impl Route {
 }
 
 /// For each step along the way the lane at its beginning.
-fn places(stations: &[f64]) -> Vec<usize> {
+fn places(stations: &[f64]) -> Vec<u32> {
     let last = stations.len().saturating_sub(2);
     let mut index = 0;
     let mut place = |k: usize| {
         while index < last && stations[index + 1] <= k as f64 * PLACE_STEP_M {
             index += 1;
         }
-        index
+        index as u32
     };
     let count = (stations[stations.len() - 1] / PLACE_STEP_M) as usize + 1;
     (0..count).map(&mut place).collect()

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 /// Poses nearer to one another than this are one node.
 const SPACING_M: f64 = 0.05;
 /// Nodes that the vehicle has passed are no nearer than this.
-const KEPT_SPACING_M: f64 = 0.3;
+const KEPT_SPACING_M: f64 = 0.5;
 /// Cosine of 0.7 rad. Headings that differ more than this from the chord are noise, and the chord is
 /// taken instead.
 const LEAST_COSINE: f64 = 0.765;
@@ -202,7 +202,7 @@ fn extension(node: &Node, curvature: f64, point: DVec2) -> Nearest {
 /// The cubic between two poses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Span {
-    start: DVec2,
+    /// Of the chord.
     middle: DVec2,
     /// Unit vector.
     chord: DVec2,
@@ -230,8 +230,8 @@ impl Span {
         // Second order of the arc length of the cubic.
         let length = chord_length * (1.0 + (2.0 * a * a + 2.0 * b * b - a * b) / 30.0);
         let curvature = (turn / length).clamp(-MAX_CURVATURE, MAX_CURVATURE);
-        let start = from.pose.position;
-        Self { start, middle: start + offset / 2.0, chord, chord_length, slopes, length, curvature }
+        let middle = from.pose.position + offset / 2.0;
+        Self { middle, chord, chord_length, slopes, length, curvature }
     }
 
     /// No point of the cubic is farther than this from the middle of its chord: it stays nearer to its
@@ -249,8 +249,8 @@ impl Span {
 
     /// The square of the distance to the nearest place, and that place; stations are those of the ends.
     fn nearest(&self, point: DVec2, from: f64, to: f64) -> (f64, Nearest) {
-        let local = (point - self.start) / self.chord_length;
-        let (x, y) = (local.dot(self.chord), local.dot(self.chord.perp()));
+        let local = (point - self.middle) / self.chord_length;
+        let (x, y) = (0.5 + local.dot(self.chord), local.dot(self.chord.perp()));
         let mut u = x.clamp(0.0, 1.0);
         for _ in 0..3 {
             let (offset, slope) = self.cubic(u);

@@ -10,8 +10,9 @@ use crate::snapshot::{Trajectory, TrajectoryPoint};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-/// Path that is kept behind the vehicle as trajectories replace one another.
-const KEPT_BEHIND_M: f64 = 8.0;
+/// Path that is kept behind the vehicle as trajectories replace one another: what is searched, and the
+/// way of a control step.
+const KEPT_BEHIND_M: f64 = 5.0;
 /// A new trajectory that begins this near to the old path continues it.
 const JOINS_WITHIN_M: f64 = 0.4;
 const JOINS_WITHIN_RAD: f64 = 0.4;
