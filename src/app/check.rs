@@ -5,6 +5,7 @@ use crate::city::{LabMap, LaneId, LaneKind, load_map};
 use crate::scenario::{Library, Overrides, read_experiment};
 use clap::Args;
 use serde::Serialize;
+use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -98,12 +99,14 @@ fn lane_rows(map: &LabMap) -> Vec<LaneRow<'_>> {
 fn print_lanes(map: &LabMap) {
     let rows = lane_rows(map);
     let width = rows.iter().map(|row| row.name.len()).max().unwrap_or(0).max(4);
-    println!("{:<width$}  length m  limit m/s  goes on to", "lane");
+    let mut text = format!("{:<width$}  length m  limit m/s  goes on to\n", "lane");
     for row in rows {
         let (length_m, limit_mps) = (row.length_m, row.speed_limit_mps);
         let next = row.successors.join(" ");
-        println!("{:<width$}  {length_m:>8.3}  {limit_mps:>9.2}  {next}", row.name);
+        text.push_str(&format!("{:<width$}  {length_m:>8.3}  {limit_mps:>9.2}  {next}\n", row.name));
     }
+    // A reader that has seen enough and closes its end, such as `head`, is no failure.
+    let _ = std::io::stdout().write_all(text.as_bytes());
 }
 
 fn check_file(file: &str) -> Finding {

@@ -99,6 +99,10 @@ impl Extent {
 /// A centre line stays within half of this of its points this far apart.
 const EXTENT_STEP_M: f64 = 0.5;
 
+/// The widening of a tight bend does not end with its lane but runs out within this, city metres: a rear
+/// axle that leaves a bend is still on its inside.
+const TAPER_M: f64 = 0.6;
+
 /// Outlines are looked at this often, in simulated time.
 const SAMPLES_PER_S: u32 = 20;
 
@@ -237,10 +241,10 @@ impl Track {
             }
             let lane = map.lane(self.route[index]);
             let foot = lane.curve.project(point);
-            let beyond_ends = foot.distance - foot.lateral.abs();
+            let beyond_ends_m = (foot.distance.powi(2) - foot.lateral.powi(2)).max(0.0).sqrt();
             let is_outermost =
                 (index == 0 && foot.s == 0.0) || (index + 1 == self.route.len() && foot.s > 0.0);
-            if beyond_ends > 0.05 && !is_outermost {
+            if beyond_ends_m > TAPER_M && !is_outermost {
                 continue;
             }
             let (left, right) = lane.half_widths_at(foot.s);
