@@ -83,7 +83,7 @@ impl Segment {
         }
         let turned = s * self.curvature;
         let (sin, cos) = trig::sin_cos(turned);
-        let position = self.start.position + self.chord(sin, cos);
+        let position = self.turned_to(sin, cos);
         Pose2 { position, yaw_rad: wrap_angle(self.start.yaw_rad + turned) }
     }
 
@@ -106,27 +106,30 @@ impl Segment {
         }
         let s = self.nearest_s(point, from_s, to_s);
         let (sin, cos) = trig::sin_cos(s * self.curvature);
-        let foot = self.start.position + self.chord(sin, cos);
+        let foot = self.turned_to(sin, cos);
         let offset = point - foot;
         let left = self.left() * cos - self.forward() * sin;
         Projection { s, lateral: offset.dot(left), distance: offset.length() }
     }
 
-    /// From the start to where an arc has turned by an angle.
-    fn chord(&self, sin: f64, cos: f64) -> DVec2 {
-        self.forward() * (sin / self.curvature) + self.left() * ((1.0 - cos) / self.curvature)
+    /// Where an arc has turned by an angle.
+    fn turned_to(&self, sin: f64, cos: f64) -> DVec2 {
+        self.start.position
+            + self.forward() * (sin / self.curvature)
+            + self.left() * ((1.0 - cos) / self.curvature)
     }
 
     /// The nearest arc length of an arc between two: of those that look at the point the one inside the
     /// part, else the nearer end.
     fn nearest_s(&self, point: DVec2, from_s: f64, to_s: f64) -> f64 {
-        // From the centre, in the frame of the start and times the curvature, whose sign cancels.
-        let offset = (point - self.start.position) * self.curvature;
-        let turned = trig::atan2(offset.dot(self.forward()), 1.0 - offset.dot(self.left()));
+        let radius = 1.0 / self.curvature.abs();
+        let centre = self.start.position + self.left() / self.curvature;
+        let (start_from_centre, from_centre) = (self.start.position - centre, point - centre);
+        let turned = trig::atan2(start_from_centre.perp_dot(from_centre), start_from_centre.dot(from_centre))
+            * self.curvature.signum();
         // The angle is measured from the middle of the part, so that long arcs wrap at the far side.
-        let middle = (from_s + to_s) / 2.0;
-        let ahead = wrap_angle(turned - middle * self.curvature) / self.curvature;
-        (middle + ahead).clamp(from_s, to_s)
+        let middle = (from_s + to_s) / 2.0 / radius;
+        ((middle + wrap_angle(turned - middle)) * radius).clamp(from_s, to_s)
     }
 
     fn reversed(&self) -> Self {
