@@ -219,3 +219,26 @@ fn the_map_can_be_made_again_byte_by_byte() {
     let made = std::fs::read(out.path().join("maps/ids3c.dxf")).unwrap();
     assert!(made == std::fs::read(root().join("assets/maps/ids3c.dxf")).unwrap());
 }
+
+#[test]
+fn a_reader_that_closes_its_end_is_no_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let commands: [&[&str]; 4] = [
+        &["check", "--lanes", "ids3c"],
+        &["check", "--json", "ids3c"],
+        &["run", "straight", "--duration", "0.1", "--out", "out"],
+        &["generate", "map", "--out", "maps"],
+    ];
+    for args in commands {
+        // The end that is read is dropped at once.
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let output = Command::new(env!("CARGO_BIN_EXE_city3d"))
+            .args(args)
+            .current_dir(folder.path())
+            .stdout(writer)
+            .output()
+            .unwrap();
+        assert_eq!(code(&output), 0, "{args:?}: {output:?}");
+    }
+}

@@ -1,11 +1,11 @@
 //! `city3d check`: validates scenarios and maps.
 
 use super::Failure;
+use super::say::{complain, say};
 use crate::city::{LabMap, LaneId, LaneKind, load_map};
 use crate::scenario::{Library, Overrides, read_experiment};
 use clap::Args;
 use serde::Serialize;
-use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -47,16 +47,16 @@ pub fn check(args: &CheckArgs) -> Result<(), Failure> {
         let finding = check_file(file);
         bad += usize::from(finding.is_err());
         if args.json {
-            println!("{}", as_json(file, &finding, args.lanes));
+            say(as_json(file, &finding, args.lanes))?;
         } else {
             match finding {
                 Ok(good) => {
-                    println!("{file}: {}", good.text);
+                    say(format_args!("{file}: {}", good.text))?;
                     if args.lanes {
-                        print_lanes(&good.map);
+                        print_lanes(&good.map)?;
                     }
                 }
-                Err(text) => eprintln!("{text}"),
+                Err(text) => complain(text),
             }
         }
     }
@@ -96,7 +96,7 @@ fn lane_rows(map: &LabMap) -> Vec<LaneRow<'_>> {
     rows
 }
 
-fn print_lanes(map: &LabMap) {
+fn print_lanes(map: &LabMap) -> Result<(), Failure> {
     let rows = lane_rows(map);
     let width = rows.iter().map(|row| row.name.len()).max().unwrap_or(0).max(4);
     let mut text = format!("{:<width$}  length m  limit m/s  goes on to\n", "lane");
@@ -105,8 +105,7 @@ fn print_lanes(map: &LabMap) {
         let next = row.successors.join(" ");
         text.push_str(&format!("{:<width$}  {length_m:>8.3}  {limit_mps:>9.2}  {next}\n", row.name));
     }
-    // A reader that has seen enough and closes its end, such as `head`, is no failure.
-    let _ = std::io::stdout().write_all(text.as_bytes());
+    say(text.trim_end())
 }
 
 fn check_file(file: &str) -> Finding {

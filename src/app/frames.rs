@@ -10,6 +10,7 @@
 mod cameras;
 mod table;
 
+use super::say::say;
 use super::{Failure, ScenarioArgs, load, progress};
 use crate::camera::Lens;
 use crate::city::scene::SceneDescription;
@@ -140,14 +141,13 @@ pub fn frames(args: &FramesArgs) -> Result<(), Failure> {
     let start = Instant::now();
     let count = take(args, &experiment, &shots, schedule, (&mut renderer, &mut table))?;
     let wall_s = start.elapsed().as_secs_f64();
-    println!(
+    say(format_args!(
         "{count} pictures of {} x {} and frames.csv in {}: {:.1} images/s on {adapter}",
         args.size[0],
         args.size[1],
         args.out.display(),
         count as f64 / wall_s.max(1e-9)
-    );
-    Ok(())
+    ))
 }
 
 fn open(args: &FramesArgs, experiment: &Experiment) -> Result<Renderer, Failure> {

@@ -1,5 +1,6 @@
 //! `city3d generate`: writes what lies in `assets/`.
 
+use super::say::say;
 use super::{Failure, create_folder};
 use crate::city::generate::ids3c;
 use clap::{Args, Subcommand};
@@ -27,6 +28,5 @@ pub fn generate(args: &GenerateArgs) -> Result<(), Failure> {
     let path = out.join("ids3c.dxf");
     std::fs::write(&path, ids3c().to_dxf())
         .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
-    println!("{}", path.display());
-    Ok(())
+    say(path.display())
 }

@@ -37,6 +37,9 @@ pub struct Section {
     pub crossings: Range<usize>,
     pub from_s: f64,
     pub to_s: f64,
+    /// Behind the last zone that another way crosses. Further on ways only merge: who stands there
+    /// holds up nobody but those who follow.
+    pub clear_s: f64,
     /// Where the front bumper waits: at the control line, or short of the first zone.
     pub hold_s: f64,
     pub rank: Rank,
@@ -206,7 +209,9 @@ impl Route {
                 None if self.turns_left(map, from_s, to_s) => (from_s - HOLD_BEFORE_ZONE_M, RANK_LEFT_TURN),
                 None => (from_s - HOLD_BEFORE_ZONE_M, RANK_MAJOR),
             };
-            self.sections.push(Section { crossings: first..end, from_s, to_s, hold_s, rank });
+            let crossed = self.crossings[first..end].iter().filter(|c| c.kind == ZoneKind::Cross);
+            let clear_s = crossed.map(|c| c.to_s).fold(from_s, f64::max);
+            self.sections.push(Section { crossings: first..end, from_s, to_s, clear_s, hold_s, rank });
             (first, free_from_s) = (end, to_s);
         }
     }
