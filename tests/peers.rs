@@ -2,6 +2,7 @@
 //!
 //! `scripts/test.sh` installs the peers and names their Python in `CITY3D_PEERS_PYTHON`.
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
+#![allow(clippy::disallowed_methods, reason = "looks at pictures; no state of a run depends on it")]
 
 use serde_json::Value;
 use std::ffi::OsString;
@@ -246,7 +247,7 @@ fn models_made_with_trimesh_are_drawn_at_their_place_and_size() {
         let mut found = std::fs::read_dir(folder.join(out)).unwrap().map(|entry| entry.unwrap().path());
         magenta(&found.find(|path| path.extension().is_some_and(|e| e == "png")).unwrap())
     };
-    let focal = 120.0 / 6_f64.to_radians().tan();
+    let focal = 120.0 / city3d::geom::trig::tan(6_f64.to_radians());
     // The house, 4 x 6 x 2 m in its file, times 1.5, its front to the north: 6 m from west to east and 3 m
     // from south to north, seen at the height of its roof.
     let house = take(&["--at=90,0"], "house");

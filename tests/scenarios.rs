@@ -75,10 +75,11 @@ const CORPUS: &[(&str, usize, usize, &str)] = &[
     ("table_twice", 5, 2, "duplicate key; it is there already: keep one"),
     ("taken_by_default", 7, 1, "the name \"cav2\" is taken; choose another"),
     ("too_fast_for_the_route", 7, 13, "start slower or further back, or give it a longer route"),
-    ("too_much_traffic", 4, 12, "and the map has starting places for 65; ask for fewer"),
+    ("too_much_traffic", 4, 12, "and the map has starting places for 86; ask for fewer"),
     ("torque_curve_backwards", 4, 16, "is 0 after 6000; put the points in order of speed"),
     ("torque_curve_of_words", 4, 16, "of pairs of numbers, such as [[0, 280], [6000, 250]]"),
     ("traffic_beyond_the_ids", 8, 12, "below 65535; give those vehicles smaller ids"),
+    ("traffic_is_no_table", 3, 11, "traffic is 3; it must be a table"),
     ("traffic_of_negative_share", 5, 21, "the share of \"default\" must be a number above 0"),
     ("traffic_of_unknown_type", 5, 11, "vehicle type \"van\" is not defined; there are: default"),
     ("traffic_without_a_way", 5, 12, "they can drive; give them a larger steering_limit_deg"),
@@ -195,6 +196,30 @@ fn several_faults_are_told_at_once_in_the_order_of_the_file() {
     let of = |file: &str| lines.iter().filter(|line| line.starts_with(file)).count();
     assert_eq!((of("many_faults.toml: line "), of("two_unknown_lanes.toml: line ")), (8, 2), "{stderr}");
     assert_eq!(lines.last(), Some(&"2 of 2 files cannot be used"));
+}
+
+#[test]
+fn a_lane_named_again_is_a_lap() {
+    let lane = "west-roundabout/ring/outer/3";
+    let route = |names: &[&str]| {
+        let text = format!("name = \"x\"\nduration_s = 1.0\n[[vehicle]]\nroute = {names:?}\nat_m = 0.1\n");
+        read_experiment("x", &text, &Library::default(), Overrides::default()).unwrap()
+    };
+    let once = route(&[lane, lane]);
+    let map = &once.lab_map;
+    let lanes = &once.vehicles[0].route;
+    assert!(lanes.len() > 2 && lanes.first() == lanes.last(), "{lanes:?}");
+    assert!(lanes.windows(2).all(|pair| map.lane(pair[0]).successors.contains(&pair[1])));
+    assert!(lanes.iter().all(|lane| map.lane(*lane).name.starts_with("west-roundabout")), "the shortest way");
+    let twice = route(&[lane, lane, lane]);
+    assert_eq!(twice.vehicles[0].route.len(), 2 * lanes.len() - 1);
+}
+
+#[test]
+fn eighty_vehicles_find_a_place() {
+    let text = "name = \"x\"\nduration_s = 1.0\n[traffic]\nvehicles = 80\n";
+    let experiment = read_experiment("x", text, &Library::default(), Overrides::default()).unwrap();
+    assert_eq!((experiment.vehicles.len(), experiment.moved.len()), (80, 0));
 }
 
 /// Sixty thousand vehicles take no longer to refuse than a few.

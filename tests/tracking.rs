@@ -76,7 +76,7 @@ fn a_coarse_trajectory_is_followed_as_well() {
         // Half a second between points and between messages.
         for k in 0..1500 {
             if k % 50 == 0 {
-                rig.tracker.follow(trajectory(&route, &steady(6.0), rig.time(), 5.0, 0.5));
+                rig.tracker.follow(&trajectory(&route, &steady(6.0), rig.time(), 5.0, 0.5));
             }
             rig.track();
             worst = worst.max(route.project(rig.front().position).lateral.abs());
@@ -161,7 +161,7 @@ fn an_overshot_place_is_not_driven_back_to() {
         for k in 0..1500 {
             if k % 2 == 0 {
                 let time = rig.time();
-                rig.tracker.follow(trajectory(
+                rig.tracker.follow(&trajectory(
                     &route,
                     &|t: f64| (if t < 0.5 { 8.0 * t } else { 4.0 }, if t < 0.5 { 8.0 } else { 0.0 }),
                     time,
@@ -211,7 +211,7 @@ fn a_trajectory_that_ends_in_motion_is_followed_by_a_stop() {
     for model in MODELS {
         let route = route(0.0, &[(200.0, 0.0)]);
         let mut rig = Rig::on(spec(model), &route, 0.0, 8.0);
-        rig.tracker.follow(trajectory(&route, &steady(8.0), 0.0, 4.0, 0.1));
+        rig.tracker.follow(&trajectory(&route, &steady(8.0), 0.0, 4.0, 0.1));
         for _ in 0..1000 {
             rig.track();
         }
@@ -269,18 +269,18 @@ fn nonsense_in_a_trajectory_is_left_out() {
     let route = route(0.0, &[(100.0, 0.0)]);
     let mut tracker = Tracker::default();
     let good = trajectory(&route, &steady(5.0), 0.0, 4.0, 0.1);
-    tracker.follow(good.clone());
+    tracker.follow(&good);
     let before = tracker.clone();
     let mut nonsense = good.clone();
     nonsense.points.iter_mut().for_each(|point| point.pose.position.x = f64::NAN);
-    tracker.follow(nonsense);
+    tracker.follow(&nonsense);
     assert_eq!(tracker, before, "nothing usable: the last one stays");
     let mut mixed = good.clone();
     let wild = TrajectoryPoint { time_s: f64::INFINITY, ..good.points[3] };
     mixed.points.insert(3, wild);
     mixed.points.insert(9, good.points[1]);
     let mut one = Tracker::default();
-    one.follow(mixed);
+    one.follow(&mixed);
     assert_eq!(one, before);
     let spec = VehicleSpec::default();
     let tracking = one.step(&spec, &Motion::default(), 0.0, DT);

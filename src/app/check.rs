@@ -1,23 +1,45 @@
 //! `city3d check`: validates scenarios and maps.
 
 use super::Failure;
-use crate::city::load_map;
+use super::say::{complain, say};
+use crate::city::{LabMap, LaneId, LaneKind, load_map};
 use crate::scenario::{Library, Overrides, read_experiment};
 use clap::Args;
+use serde::Serialize;
 use std::path::Path;
+use std::sync::Arc;
 
 #[derive(Debug, Args)]
 pub struct CheckArgs {
     /// Scenarios (.toml) and maps (.dxf), as files or names of shipped ones
     #[arg(required = true, value_name = "FILE")]
     files: Vec<String>,
+    /// List the lanes as well, of a scenario those of its map: names for routes
+    #[arg(long)]
+    lanes: bool,
     /// One JSON line a file instead of text
     #[arg(long)]
     json: bool,
 }
 
-/// What was found in one file: what it holds, or what is wrong.
-type Finding = Result<String, String>;
+/// What a file that can be used holds.
+struct Good {
+    text: String,
+    map: Arc<LabMap>,
+}
+
+/// What was found in one file, or what is wrong.
+type Finding = Result<Good, String>;
+
+/// A lane as it is listed, laboratory metres.
+#[derive(Serialize)]
+struct LaneRow<'m> {
+    name: &'m str,
+    kind: LaneKind,
+    length_m: f64,
+    speed_limit_mps: f64,
+    successors: Vec<&'m str>,
+}
 
 pub fn check(args: &CheckArgs) -> Result<(), Failure> {
     let mut bad = 0;
@@ -25,15 +47,16 @@ pub fn check(args: &CheckArgs) -> Result<(), Failure> {
         let finding = check_file(file);
         bad += usize::from(finding.is_err());
         if args.json {
-            let (ok, text) = match &finding {
-                Ok(text) => (true, text),
-                Err(text) => (false, text),
-            };
-            println!("{}", serde_json::json!({ "file": file, "ok": ok, "message": text }));
+            say(as_json(file, &finding, args.lanes))?;
         } else {
             match finding {
-                Ok(text) => println!("{file}: {text}"),
-                Err(text) => eprintln!("{text}"),
+                Ok(good) => {
+                    say(format_args!("{file}: {}", good.text))?;
+                    if args.lanes {
+                        print_lanes(&good.map)?;
+                    }
+                }
+                Err(text) => complain(text),
             }
         }
     }
@@ -41,6 +64,48 @@ pub fn check(args: &CheckArgs) -> Result<(), Failure> {
         return Err(Failure::bad_input(format!("{bad} of {} files cannot be used", args.files.len())));
     }
     Ok(())
+}
+
+fn as_json(file: &str, finding: &Finding, with_lanes: bool) -> serde_json::Value {
+    let (ok, text) = match finding {
+        Ok(good) => (true, &good.text),
+        Err(text) => (false, text),
+    };
+    let mut line = serde_json::json!({ "file": file, "ok": ok, "message": text });
+    if let Some(good) = finding.as_ref().ok().filter(|_| with_lanes) {
+        line["lanes"] = serde_json::json!(lane_rows(&good.map));
+    }
+    line
+}
+
+/// By name.
+fn lane_rows(map: &LabMap) -> Vec<LaneRow<'_>> {
+    let name = |id: &LaneId| map.lane(*id).name.as_str();
+    let mut rows: Vec<LaneRow<'_>> = map
+        .lanes
+        .iter()
+        .map(|lane| LaneRow {
+            name: &lane.name,
+            kind: lane.kind,
+            length_m: lane.curve.length(),
+            speed_limit_mps: lane.speed_limit_mps,
+            successors: lane.successors.iter().map(name).collect(),
+        })
+        .collect();
+    rows.sort_by_key(|row| row.name);
+    rows
+}
+
+fn print_lanes(map: &LabMap) -> Result<(), Failure> {
+    let rows = lane_rows(map);
+    let width = rows.iter().map(|row| row.name.len()).max().unwrap_or(0).max(4);
+    let mut text = format!("{:<width$}  length m  limit m/s  goes on to\n", "lane");
+    for row in rows {
+        let (length_m, limit_mps) = (row.length_m, row.speed_limit_mps);
+        let next = row.successors.join(" ");
+        text.push_str(&format!("{:<width$}  {length_m:>8.3}  {limit_mps:>9.2}  {next}\n", row.name));
+    }
+    say(text.trim_end())
 }
 
 fn check_file(file: &str) -> Finding {
@@ -65,7 +130,7 @@ fn check_map(file: &str) -> Finding {
     for note in &loaded.notes {
         text.push_str(&format!("\n{file}: note: {note}"));
     }
-    Ok(text)
+    Ok(Good { text, map: Arc::new(loaded.map) })
 }
 
 fn check_scenario(file: &str) -> Finding {
@@ -85,5 +150,5 @@ fn check_scenario(file: &str) -> Finding {
             moved.vehicle, moved.behind, moved.by_m
         ));
     }
-    Ok(text)
+    Ok(Good { text, map: Arc::clone(&experiment.lab_map) })
 }

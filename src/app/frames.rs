@@ -14,6 +14,7 @@ mod table;
 mod video;
 mod y4m;
 
+use super::say::say;
 use super::{Failure, ScenarioArgs, load, progress};
 use crate::camera::Kinds;
 use crate::city::scene::SceneDescription;
@@ -180,8 +181,9 @@ impl Film<'_> {
         let sizes: BTreeSet<[u32; 2]> = self.shots.iter().map(|shot| shot.lens.extent).collect();
         let sizes: Vec<String> = sizes.iter().map(|[width, height]| format!("{width} x {height}")).collect();
         let (sizes, folder) = (sizes.join(" and "), folder.display());
-        println!("{count} pictures of {sizes} and frames.csv in {folder}: {speed:.1} images/s on {adapter}");
-        Ok(())
+        say(format_args!(
+            "{count} pictures of {sizes} and frames.csv in {folder}: {speed:.1} images/s on {adapter}"
+        ))
     }
 
     /// The files of those shots that are due, each with its row.

@@ -1,5 +1,6 @@
 //! `city3d generate`: writes what lies in `assets/`.
 
+use super::say::say;
 use super::{Failure, create_folder};
 use crate::city::generate::ids3c;
 use crate::model::{glb, made};
@@ -41,6 +42,5 @@ fn write(folder: &PathBuf, name: &str, bytes: &[u8]) -> Result<(), Failure> {
     create_folder(folder)?;
     let path = folder.join(name);
     std::fs::write(&path, bytes).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
-    println!("{}", path.display());
-    Ok(())
+    say(path.display())
 }

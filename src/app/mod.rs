@@ -9,6 +9,7 @@ mod generate;
 mod load;
 mod progress;
 mod run;
+mod say;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -118,7 +119,7 @@ pub fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("{}", failure.message);
+            say::complain(failure.message);
             ExitCode::from(failure.code)
         }
     }

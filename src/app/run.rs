@@ -1,5 +1,6 @@
 //! `city3d run`: a scenario from its start to its end.
 
+use super::say::say;
 use super::{Failure, ScenarioArgs, create_folder, load, progress};
 use crate::record::{Cadence, Recorder};
 use crate::runner::{Observer, Run, Summary};
@@ -36,9 +37,9 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     let summary = simulate(args, &experiment)?;
     write_summary(&args.out, &summary)?;
     if args.json {
-        println!("{}", serde_json::to_string(&summary).map_err(Failure::failed)?);
+        say(serde_json::to_string(&summary).map_err(Failure::failed)?)?;
     } else {
-        print(&summary, &args.out);
+        print(&summary, &args.out)?;
     }
     if summary.collisions > 0 && experiment.outcome.collisions_forbidden {
         let count = summary.collisions;
@@ -93,15 +94,15 @@ fn write_summary(folder: &Path, summary: &Summary) -> Result<(), Failure> {
     std::fs::write(&path, text).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
 }
 
-fn print(summary: &Summary, folder: &Path) {
-    println!(
+fn print(summary: &Summary, folder: &Path) -> Result<(), Failure> {
+    say(format_args!(
         "{}: {:.1} s simulated in {:.2} s ({:.0} times real time), seed {}",
         summary.scenario, summary.simulated_s, summary.wall_s, summary.real_time_factor, summary.seed
-    );
-    println!("collisions {}   mean speed {:.2} m/s", summary.collisions, summary.mean_speed_mps);
-    println!("  id  name      status      distance m  mean m/s  stops  longest stand s  max lateral m");
+    ))?;
+    say(format_args!("collisions {}   mean speed {:.2} m/s", summary.collisions, summary.mean_speed_mps))?;
+    say("  id  name      status      distance m  mean m/s  stops  longest stand s  max lateral m")?;
     for (id, v) in summary.vehicles.iter().take(20) {
-        println!(
+        say(format_args!(
             "{id:>4}  {:<8}  {:<10}  {:>10.1}  {:>8.2}  {:>5}  {:>15.1}  {:>13.3}",
             v.name,
             v.status.label(),
@@ -110,10 +111,10 @@ fn print(summary: &Summary, folder: &Path) {
             v.stops,
             v.longest_stand_s,
             v.max_lateral_error_m
-        );
+        ))?;
     }
     if summary.vehicles.len() > 20 {
-        println!("      and {} more in summary.json", summary.vehicles.len() - 20);
+        say(format_args!("      and {} more in summary.json", summary.vehicles.len() - 20))?;
     }
-    println!("state {}   written to {}", summary.state_hash, folder.display());
+    say(format_args!("state {}   written to {}", summary.state_hash, folder.display()))
 }

@@ -80,7 +80,10 @@ impl Mount {
             Self::Bumper => (Place::Bumper, [0.0, Place::Bumper.usual_pitch_rad(), 0.0]),
             Self::Custom { place, yaw_rad, pitch_rad, roll_rad } => (place, [yaw_rad, pitch_rad, roll_rad]),
         };
-        (place.in_body(&info.dimensions), body_from_camera(yaw_rad, pitch_rad, roll_rad))
+        // A van's driver sits higher than a sedan's.
+        let height_m = info.dimensions.height_m * info.appearance.body.height_factor();
+        let dimensions = Dimensions { height_m, ..info.dimensions };
+        (place.in_body(&dimensions), body_from_camera(yaw_rad, pitch_rad, roll_rad))
     }
 }
 

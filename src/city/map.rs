@@ -73,7 +73,7 @@ impl Lane {
 
     /// Distance from the centre line to the left and to the right edge at an arc length.
     pub fn half_widths_at(&self, s: f64) -> (f64, f64) {
-        let curvature = self.curve.at(s).curvature;
+        let curvature = self.curve.curvature_at(s);
         let (half, widening) = (self.width_m / 2.0, self.widening(curvature));
         if curvature > 0.0 { (half + widening, half) } else { (half, half + widening) }
     }

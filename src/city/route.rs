@@ -95,6 +95,15 @@ impl RoadMap {
         None
     }
 
+    /// The shortest way from the end of a lane back to it, the lane itself last; `None` where no way
+    /// leads back.
+    pub fn shortest_loop(&self, lane: LaneId) -> Option<Vec<LaneId>> {
+        let length = |way: &Vec<LaneId>| way.iter().map(|lane| self.lane(*lane).curve.length()).sum::<f64>();
+        let ways = self.lane(lane).successors.iter();
+        let ways = ways.filter_map(|next| self.shortest_route(*next, lane, |_| true));
+        ways.min_by(|a, b| length(a).total_cmp(&length(b)))
+    }
+
     /// The tightest radius of a lane's centre line, in metres of the map; infinite of a straight lane.
     pub fn min_radius(&self, lane: LaneId) -> f64 {
         let curve = &self.lane(lane).curve;

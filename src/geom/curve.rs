@@ -28,8 +28,11 @@ pub struct CurvePoint {
 pub struct Projection {
     /// Arc length of the foot from the start of the curve.
     pub s: f64,
-    /// Signed distance of the point from the curve, positive where the point lies to the left.
+    /// Signed distance of the point from the curve's tangent there, positive where the point lies to
+    /// the left.
     pub lateral: f64,
+    /// From the foot to the point; more than the size of `lateral` beyond the ends.
+    pub distance: f64,
 }
 
 impl Segment {
@@ -80,9 +83,7 @@ impl Segment {
         }
         let turned = s * self.curvature;
         let (sin, cos) = trig::sin_cos(turned);
-        let position = self.start.position
-            + self.forward() * (sin / self.curvature)
-            + self.left() * ((1.0 - cos) / self.curvature);
+        let position = self.turned_to(sin, cos);
         Pose2 { position, yaw_rad: wrap_angle(self.start.yaw_rad + turned) }
     }
 
@@ -92,25 +93,43 @@ impl Segment {
 
     /// The nearest point of the segment.
     pub fn project(&self, point: DVec2) -> Projection {
-        let s = self.nearest_s(point).clamp(0.0, self.length);
-        let foot = self.pose_at(s);
-        let lateral = (point - foot.position).dot(foot.left());
-        Projection { s, lateral }
+        self.project_within(point, 0.0, self.length)
     }
 
-    fn nearest_s(&self, point: DVec2) -> f64 {
-        let offset = point - self.start.position;
-        let Some(centre) = self.centre() else {
-            return offset.dot(self.forward());
-        };
-        let from_centre = point - centre;
-        let start_from_centre = self.start.position - centre;
+    /// The nearest point of the part between two arc lengths.
+    fn project_within(&self, point: DVec2, from_s: f64, to_s: f64) -> Projection {
+        if self.curvature == 0.0 {
+            let offset = point - self.start.position;
+            let (along, lateral) = (offset.dot(self.forward()), offset.dot(self.left()));
+            let s = along.clamp(from_s, to_s);
+            return Projection { s, lateral, distance: DVec2::new(along - s, lateral).length() };
+        }
+        let s = self.nearest_s(point, from_s, to_s);
+        let (sin, cos) = trig::sin_cos(s * self.curvature);
+        let foot = self.turned_to(sin, cos);
+        let offset = point - foot;
+        let left = self.left() * cos - self.forward() * sin;
+        Projection { s, lateral: offset.dot(left), distance: offset.length() }
+    }
+
+    /// Where an arc has turned by an angle.
+    fn turned_to(&self, sin: f64, cos: f64) -> DVec2 {
+        self.start.position
+            + self.forward() * (sin / self.curvature)
+            + self.left() * ((1.0 - cos) / self.curvature)
+    }
+
+    /// The nearest arc length of an arc between two: of those that look at the point the one inside the
+    /// part, else the nearer end.
+    fn nearest_s(&self, point: DVec2, from_s: f64, to_s: f64) -> f64 {
+        let radius = 1.0 / self.curvature.abs();
+        let centre = self.start.position + self.left() / self.curvature;
+        let (start_from_centre, from_centre) = (self.start.position - centre, point - centre);
         let turned = trig::atan2(start_from_centre.perp_dot(from_centre), start_from_centre.dot(from_centre))
             * self.curvature.signum();
-        let radius = 1.0 / self.curvature.abs();
-        // Of an arc, the angle is measured from its middle so that long arcs wrap at the far side.
-        let middle = self.length / radius / 2.0;
-        (middle + wrap_angle(turned - middle)) * radius
+        // The angle is measured from the middle of the part, so that long arcs wrap at the far side.
+        let middle = (from_s + to_s) / 2.0 / radius;
+        ((middle + wrap_angle(turned - middle)) * radius).clamp(from_s, to_s)
     }
 
     fn reversed(&self) -> Self {
@@ -175,6 +194,14 @@ impl Curve {
         CurvePoint { pose: segment.pose_at(s - self.stations[index]), curvature: segment.curvature }
     }
 
+    /// Curvature at arc length `s`, left-positive; 0 beyond either end.
+    pub fn curvature_at(&self, s: f64) -> f64 {
+        if s < 0.0 || s > self.length() {
+            return 0.0;
+        }
+        self.segments[self.segment_index_at(s)].curvature
+    }
+
     pub fn start(&self) -> Pose2 {
         self.segments[0].start
     }
@@ -192,18 +219,17 @@ impl Curve {
     pub fn project_within(&self, point: DVec2, from_s: f64, to_s: f64) -> Projection {
         let (from_s, to_s) = (from_s.clamp(0.0, self.length()), to_s.clamp(0.0, self.length()));
         let (first, last) = (self.segment_index_at(from_s), self.segment_index_at(to_s));
-        let mut best: Option<(f64, Projection)> = None;
+        let mut best: Option<Projection> = None;
         for index in first..=last {
-            let segment = &self.segments[index];
-            let s = (self.stations[index] + segment.project(point).s).clamp(from_s, to_s);
-            let foot = segment.pose_at(s - self.stations[index]);
-            let distance = foot.position.distance_squared(point);
-            if best.is_none_or(|(least, _)| distance < least) {
-                let lateral = (point - foot.position).dot(foot.left());
-                best = Some((distance, Projection { s, lateral }));
+            let (segment, station) = (&self.segments[index], self.stations[index]);
+            let from_here = (from_s - station).clamp(0.0, segment.length);
+            let to_here = (to_s - station).clamp(from_here, segment.length);
+            let foot = segment.project_within(point, from_here, to_here);
+            if best.is_none_or(|best| foot.distance < best.distance) {
+                best = Some(Projection { s: station + foot.s, ..foot });
             }
         }
-        best.map_or(Projection { s: from_s, lateral: 0.0 }, |(_, projection)| projection)
+        best.unwrap_or(Projection { s: from_s, lateral: 0.0, distance: f64::INFINITY })
     }
 
     /// The same curve driven the other way.
@@ -320,6 +346,17 @@ mod tests {
         for k in 0..=40 {
             let s = ring.length * f64::from(k) / 40.0;
             assert!((ring.project(ring.pose_at(s).point_at(0.0, 0.2)).s - s).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn of_an_arc_of_several_turns_the_part_that_is_asked_for_is_found() {
+        let spiral = Curve::new(vec![Segment::arc(DVec2::ZERO, 2.0, 0.3, -15.0)]);
+        for k in 0..=30 {
+            let s = spiral.length() * f64::from(k) / 30.0;
+            let foot = spiral.project_within(spiral.at(s).pose.point_at(0.0, 0.2), s - 2.0, s + 2.0);
+            assert!((foot.s - s).abs() < 1e-9 && (foot.lateral - 0.2).abs() < 1e-9, "{s} {foot:?}");
+            assert!((foot.distance - 0.2).abs() < 1e-9);
         }
     }
 }

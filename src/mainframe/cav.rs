@@ -187,9 +187,15 @@ impl Cav {
         self.is_yielding = decision.is_yielding;
     }
 
-    /// Takes another way that begins with the same lanes up to the one it is on.
+    /// Tries another way that begins with the same lanes up to the one it is on; gives the old one.
     pub(super) fn set_route(&mut self, route: Route) -> Route {
         std::mem::replace(&mut self.route, route)
+    }
+
+    /// Drives the way that it has tried.
+    pub(super) fn take_new_route(&mut self, map: &LabMap) {
+        self.reroutes += 1;
+        self.route.plan_speeds(map, self.body, &self.driver);
     }
 
     /// The admission number for a section, if it has one.

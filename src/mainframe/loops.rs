@@ -26,7 +26,7 @@ pub struct Loops {
 impl Loops {
     pub fn new(map: &LabMap) -> Self {
         let loops: BTreeSet<Vec<LaneId>> =
-            map.lanes.iter().filter_map(|lane| shortest_loop(map, lane.id)).collect();
+            map.lanes.iter().filter_map(|lane| short_loop(map, lane.id)).collect();
         let mut of_lane = vec![Vec::new(); map.lanes.len()];
         let mut most = Vec::new();
         for lanes in &loops {
@@ -42,48 +42,51 @@ impl Loops {
     /// Counts the vehicles on each loop.
     pub fn recount(&mut self, cavs: &[Cav]) {
         self.count.fill(0);
+        let mut on = Vec::new();
         for cav in cavs.iter().filter(|cav| cav.is_seen()) {
-            for entered in self.of(cav, None) {
-                self.count[entered] += 1;
-            }
+            self.list(cav, None, &mut on);
+            on.iter().for_each(|&entered: &usize| self.count[entered] += 1);
         }
     }
 
     /// Whether every loop that a vehicle would enter with its next section has a place for it.
     pub fn have_room(&self, cav: &Cav) -> bool {
-        let already = self.of(cav, None);
-        self.of(cav, Some(cav.passage.next_section))
-            .difference(&already)
-            .all(|&entered| self.count[entered] < self.most[entered])
+        self.would_enter(cav).iter().all(|&entered| self.count[entered] < self.most[entered])
     }
 
     /// Counts a vehicle in on the loops of its next section.
     pub fn enter(&mut self, cav: &Cav) {
-        let already = self.of(cav, None);
-        for &entered in self.of(cav, Some(cav.passage.next_section)).difference(&already) {
-            self.count[entered] += 1;
-        }
+        self.would_enter(cav).into_iter().for_each(|entered| self.count[entered] += 1);
     }
 
-    /// The loops that a vehicle is on or was admitted to; with one more section, those it would be on.
-    fn of(&self, cav: &Cav, section: Option<usize>) -> BTreeSet<usize> {
+    fn would_enter(&self, cav: &Cav) -> Vec<usize> {
+        let (mut already, mut then) = (Vec::new(), Vec::new());
+        self.list(cav, None, &mut already);
+        self.list(cav, Some(cav.passage.next_section), &mut then);
+        then.retain(|entered| !already.contains(entered));
+        then
+    }
+
+    /// The loops that a vehicle is on or was admitted to, each once; with one more section, those it
+    /// would be on.
+    fn list(&self, cav: &Cav, section: Option<usize>, out: &mut Vec<usize>) {
         let admitted = cav.passage.admissions.iter().map(|admission| admission.section);
         let sections = admitted.chain(section).filter_map(|section| cav.route.sections.get(section));
         let end_s = sections.map(|section| section.to_s + BEHIND_SECTION_M).fold(cav.front_s(), f64::max);
         let lanes = cav.route.index_at(cav.rear_s())..=cav.route.index_at(end_s);
-        let lanes = &cav.route.lanes()[lanes];
-        lanes.iter().flat_map(|lane| self.of_lane[lane.index()].iter().copied()).collect()
+        out.clear();
+        for lane in &cav.route.lanes()[lanes] {
+            out.extend_from_slice(&self.of_lane[lane.index()]);
+        }
+        out.sort_unstable();
+        out.dedup();
     }
 }
 
 /// The lanes of the shortest loop through a lane, in id order, if it is a short one.
-fn shortest_loop(map: &LabMap, lane: LaneId) -> Option<Vec<LaneId>> {
-    let ways = map.lane(lane).successors.iter().filter_map(|next| map.shortest_route(*next, lane, |_| true));
-    let length = |way: &Vec<LaneId>| way.iter().map(|lane| map.lane(*lane).curve.length()).sum::<f64>();
-    let mut shortest = ways.min_by(|a, b| length(a).total_cmp(&length(b)))?;
-    if length(&shortest) > LONGEST_M {
-        return None;
-    }
-    shortest.sort_unstable();
-    Some(shortest)
+fn short_loop(map: &LabMap, lane: LaneId) -> Option<Vec<LaneId>> {
+    let mut lanes = map.shortest_loop(lane)?;
+    let length_m: f64 = lanes.iter().map(|lane| map.lane(*lane).curve.length()).sum();
+    lanes.sort_unstable();
+    (length_m <= LONGEST_M).then_some(lanes)
 }

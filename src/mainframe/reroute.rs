@@ -24,11 +24,13 @@ pub fn reroute_blocked(
         let cav = &cavs[vehicle];
         if cav.is_seen() && cav.speed_mps() < STANDING_MPS && cav.passage.blocked_s(now_s) > patience_s {
             let leader_s = occupancy.leader(cavs, vehicle, LEADER_WITHIN_M).map(|leader| leader.rear_s);
-            for route in other_ways(map, cav, leader_s.unwrap_or(f64::INFINITY)) {
+            let body = cav.body;
+            for way in other_ways(map, cav, leader_s.unwrap_or(f64::INFINITY)) {
+                let route = Route::without_speeds(map, &way, body);
                 let before = cavs[vehicle].set_route(route);
                 let is_section = cavs[vehicle].passage.next_section < cavs[vehicle].route.sections.len();
                 if is_section && right_of_way.has_room_behind(vehicle, cavs, occupancy) {
-                    cavs[vehicle].reroutes += 1;
+                    cavs[vehicle].take_new_route(map);
                     break;
                 }
                 cavs[vehicle].set_route(before);
@@ -42,7 +44,7 @@ const REJOIN_LANES: usize = 8;
 
 /// Ways that leave the route at a branching of its next section, before whoever stands ahead, and come
 /// back to it later.
-fn other_ways(map: &LabMap, cav: &Cav, leader_s: f64) -> Vec<Route> {
+fn other_ways(map: &LabMap, cav: &Cav, leader_s: f64) -> Vec<Vec<LaneId>> {
     let Some(section) = cav.route.sections.get(cav.passage.next_section) else { return Vec::new() };
     let lanes = cav.route.lanes();
     let can_drive = |lane: LaneId| map.min_radius(lane) >= cav.body.min_turn_radius_m;
@@ -56,8 +58,7 @@ fn other_ways(map: &LabMap, cav: &Cav, leader_s: f64) -> Vec<Route> {
         for &other in map.lane(lanes[index]).successors.iter().filter(|other| **other != lanes[index + 1]) {
             if let Some(detour) = map.shortest_route(other, lanes[rejoin], can_drive) {
                 let (before, after) = (&lanes[..=index], &lanes[rejoin + 1..]);
-                let way: Vec<LaneId> = before.iter().chain(&detour).chain(after).copied().collect();
-                ways.push(Route::new(map, &way, cav.body, &cav.driver));
+                ways.push(before.iter().chain(&detour).chain(after).copied().collect());
             }
         }
     }

@@ -4,7 +4,8 @@
 //! wait) in time to stop before it. Once admitted it has a number, and numbers decide in every
 //! zone: a vehicle waits before a zone until those with lower numbers have left it. Since a vehicle
 //! waits for lower numbers alone, keeps the order of its lane, and is admitted only when there is
-//! room for it behind the section, no circle of waiting vehicles can arise inside a junction.
+//! room for it behind the last crossing of the section, no circle of waiting vehicles can arise inside
+//! a junction.
 //! Before a stop or yield line a vehicle is admitted when the area in front of the merging or
 //! crossing point is clear; until then a virtual stopped vehicle stands at the line (the paper,
 //! section III).
@@ -23,7 +24,8 @@ pub struct RightOfWayParams {
     /// A vehicle that gives way is let in when no vehicle with priority is nearer to the conflict
     /// zone than this.
     pub clear_area_m: f64,
-    /// Nor arrives at it within this time.
+    /// Nor arrives at it within this time. One that comes asks for the junction itself some 2 s before it,
+    /// and has it from then on: shorter times change nothing.
     pub clear_time_s: f64,
     /// After waiting so long at a line a vehicle is next, whoever comes.
     pub patience_s: f64,
@@ -297,11 +299,11 @@ impl RightOfWay {
     }
 
     /// Whether the vehicle, and all who were admitted on the way to the same place, find room
-    /// between the section and whatever stands or may stop behind it.
+    /// between the last crossing of the section and whatever stands or may stop behind it.
     pub fn has_room_behind(&self, vehicle: usize, cavs: &[Cav], occupancy: &Occupancy) -> bool {
         let cav = &cavs[vehicle];
         let section = &cav.route.sections[cav.passage.next_section];
-        let end_s = section.to_s;
+        let clear_s = section.clear_s;
         let room_for = |other: &Cav| other.body.length_m + other.driver.standstill_gap_m;
         let exit_lane = cav.way_out_of(cav.passage.next_section);
         let on_the_way = |other: &Cav| {
@@ -309,17 +311,18 @@ impl RightOfWay {
                 let there = &other.route.sections[admission.section];
                 // One that was admitted to the section behind as well will not wait between.
                 let goes_on = other.passage.admissions.iter().any(|a| a.section > admission.section);
-                let is_bound_there = other.goes_over(exit_lane, there.from_s, there.to_s + 0.05);
-                other.rear_s() < there.to_s && is_bound_there && !goes_on
+                !goes_on
+                    && other.rear_s() < there.to_s
+                    && other.goes_over(exit_lane, there.from_s, there.to_s + 0.05)
             })
         };
         let others = cavs.iter().enumerate().filter(|(other, cav)| *other != vehicle && cav.is_seen());
         let admitted = others.filter(|(_, other)| on_the_way(other)).map(|(_, other)| room_for(other));
         let needed = room_for(cav) + admitted.sum::<f64>();
         let next_hold_s = cav.route.sections.get(cav.passage.next_section + 1).map(|s| s.hold_s);
-        let mut available_s = next_hold_s.unwrap_or(f64::INFINITY).min(end_s + HORIZON_M);
+        let mut available_s = next_hold_s.unwrap_or(f64::INFINITY).min(clear_s + HORIZON_M);
         let standing_there =
-            occupancy.first_rear_after(cavs, vehicle, end_s, HORIZON_M, |other| !on_the_way(&cavs[other]));
+            occupancy.first_rear_after(cavs, vehicle, clear_s, HORIZON_M, |other| !on_the_way(&cavs[other]));
         if let Some((other, rear_s)) = standing_there {
             let other = &cavs[other];
             let rolls_on_m = ROLLS_ON * other.driver.stopping_distance(other.speed_mps());
@@ -329,7 +332,7 @@ impl RightOfWay {
             let spare_m = if is_jammed { room_for(cav) } else { 0.0 };
             available_s = available_s.min(rear_s + rolls_on_m - spare_m);
         }
-        available_s - end_s >= needed
+        available_s - clear_s >= needed
     }
 
     /// Whether nobody with priority is, or soon will be, in the zones of the section.

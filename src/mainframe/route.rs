@@ -37,6 +37,9 @@ pub struct Section {
     pub crossings: Range<usize>,
     pub from_s: f64,
     pub to_s: f64,
+    /// Behind the last zone that another way crosses. Further on ways only merge: who stands there
+    /// holds up nobody but those who follow.
+    pub clear_s: f64,
     /// Where the front bumper waits: at the control line, or short of the first zone.
     pub hold_s: f64,
     pub rank: Rank,
@@ -58,12 +61,16 @@ pub struct Route {
     lanes: Vec<LaneId>,
     /// Arc length at the start of each lane, and the whole length at the end.
     stations: Vec<f64>,
+    /// Index of the lane at every [`PLACE_STEP_M`] of the way, for look-up.
+    places: Vec<u32>,
     pub crossings: Vec<Crossing>,
     pub sections: Vec<Section>,
     pub forks: Vec<Fork>,
     profile: SpeedProfile,
 }
 
+/// About the length of a connector: one look-up seldom passes more than one or two lanes.
+const PLACE_STEP_M: f64 = 0.25;
 /// Vehicles wait this far before a zone that has no line, laboratory metres.
 const HOLD_BEFORE_ZONE_M: f64 = 0.02;
 /// A line belongs to the section that starts at most this far behind it.
@@ -76,11 +83,20 @@ const LEFT_TURN_RAD: f64 = 0.8;
 impl Route {
     /// The way over some lanes, each a successor of the one before.
     pub fn new(map: &LabMap, lanes: &[LaneId], body: Body, driver: &DriverParams) -> Self {
+        let mut route = Self::without_speeds(map, lanes, body);
+        route.plan_speeds(map, body, driver);
+        route
+    }
+
+    /// The way without the speeds that it allows, for those who ask whether it is worth driving; before
+    /// it is driven it needs [`Route::plan_speeds`].
+    pub(super) fn without_speeds(map: &LabMap, lanes: &[LaneId], body: Body) -> Self {
         let mut stations = vec![0.0];
         for lane in lanes {
             stations.push(stations[stations.len() - 1] + map.lane(*lane).curve.length());
         }
         let mut route = Self {
+            places: places(&stations),
             lanes: lanes.to_vec(),
             stations,
             crossings: Vec::new(),
@@ -88,10 +104,13 @@ impl Route {
             forks: Vec::new(),
             profile: SpeedProfile::default(),
         };
-        route.profile = SpeedProfile::new(map, &route, body, driver);
         route.find_crossings(map);
         route.find_sections(map, body);
         route
+    }
+
+    pub(super) fn plan_speeds(&mut self, map: &LabMap, body: Body, driver: &DriverParams) {
+        self.profile = SpeedProfile::new(map, self, body, driver);
     }
 
     pub fn lanes(&self) -> &[LaneId] {
@@ -114,7 +133,13 @@ impl Route {
 
     /// Index of the lane at an arc length; the first or last beyond the ends.
     pub fn index_at(&self, s: f64) -> usize {
-        self.stations[1..self.lanes.len()].partition_point(|&end| end <= s)
+        // Asked for many times for each vehicle and control step: no search over the whole way.
+        let place = (s / PLACE_STEP_M).max(0.0) as usize;
+        let mut index = self.places[place.min(self.places.len() - 1)] as usize;
+        while index + 1 < self.lanes.len() && self.stations[index + 1] <= s {
+            index += 1;
+        }
+        index
     }
 
     /// The point of the way at an arc length, straight on beyond its ends.
@@ -126,16 +151,15 @@ impl Route {
     /// The nearest point of the way between two arc lengths.
     pub fn project(&self, map: &LabMap, point: DVec2, from_s: f64, to_s: f64) -> Projection {
         let (first, last) = (self.index_at(from_s), self.index_at(to_s));
-        let mut best: Option<(f64, Projection)> = None;
+        let mut best: Option<Projection> = None;
         for index in first..=last {
             let (curve, start) = (&map.lane(self.lanes[index]).curve, self.stations[index]);
             let foot = curve.project_within(point, from_s - start, to_s - start);
-            let distance = curve.at(foot.s).pose.position.distance_squared(point);
-            if best.is_none_or(|(least, _)| distance < least) {
-                best = Some((distance, Projection { s: start + foot.s, lateral: foot.lateral }));
+            if best.is_none_or(|best| foot.distance < best.distance) {
+                best = Some(Projection { s: start + foot.s, ..foot });
             }
         }
-        best.map_or(Projection { s: from_s, lateral: 0.0 }, |(_, foot)| foot)
+        best.unwrap_or(Projection { s: from_s, lateral: 0.0, distance: f64::INFINITY })
     }
 
     /// The speed that limits and bends allow at an arc length, with braking ahead for what comes.
@@ -185,7 +209,9 @@ impl Route {
                 None if self.turns_left(map, from_s, to_s) => (from_s - HOLD_BEFORE_ZONE_M, RANK_LEFT_TURN),
                 None => (from_s - HOLD_BEFORE_ZONE_M, RANK_MAJOR),
             };
-            self.sections.push(Section { crossings: first..end, from_s, to_s, hold_s, rank });
+            let crossed = self.crossings[first..end].iter().filter(|c| c.kind == ZoneKind::Cross);
+            let clear_s = crossed.map(|c| c.to_s).fold(from_s, f64::max);
+            self.sections.push(Section { crossings: first..end, from_s, to_s, clear_s, hold_s, rank });
             (first, free_from_s) = (end, to_s);
         }
     }
@@ -207,6 +233,20 @@ impl Route {
             lane.kind == LaneKind::Connector && turn_of(map, lane.id) > LEFT_TURN_RAD
         })
     }
+}
+
+/// For each step along the way the lane at its beginning.
+fn places(stations: &[f64]) -> Vec<u32> {
+    let last = stations.len().saturating_sub(2);
+    let mut index = 0;
+    let mut place = |k: usize| {
+        while index < last && stations[index + 1] <= k as f64 * PLACE_STEP_M {
+            index += 1;
+        }
+        index as u32
+    };
+    let count = (stations[stations.len() - 1] / PLACE_STEP_M) as usize + 1;
+    (0..count).map(&mut place).collect()
 }
 
 /// The last line after `free_from_s` that belongs to a zone which begins at `from_s`.

@@ -32,13 +32,17 @@ pub struct Cadence {
     pub table_ticks: u64,
 }
 
-/// Snapshots that may wait to be written: the simulation waits for the disk rather than fill memory.
-const QUEUE: usize = 64;
+/// Items are handed over so many at a time: waking the writer for each costs more than making it.
+const BATCH: usize = 16;
+/// Batches that may wait to be written: the simulation waits for the disk rather than fill memory.
+const QUEUE: usize = 4;
 
 /// Writes `run.mcap` and `vehicles.csv` into a folder.
 #[derive(Debug)]
 pub struct Recorder {
-    items: Option<SyncSender<Item>>,
+    items: Option<SyncSender<Vec<Item>>>,
+    /// Not yet handed over.
+    batch: Vec<Item>,
     spent: Receiver<Box<FrameSnapshot>>,
     thread: Option<JoinHandle<Result<(), RecordError>>>,
     cadence: Cadence,
@@ -55,13 +59,13 @@ impl Recorder {
         let log = LogWriter::new(create(&log_path)?, experiment).map_err(|e| failed(&log_path, e))?;
         let table = VehicleTable::new(create(&table_path)?).map_err(|e| failed(&table_path, e))?;
         let (items, queue) = sync_channel(QUEUE);
-        let (give_back, spent) = sync_channel(QUEUE);
+        let (give_back, spent) = sync_channel(QUEUE * BATCH);
         let files = Files { log, table, log_path, table_path };
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || files.write_all(&queue, &give_back))
             .map_err(|error| failed(folder, error))?;
-        Ok(Self { items: Some(items), spent, thread: Some(thread), cadence })
+        Ok(Self { items: Some(items), batch: Vec::new(), spent, thread: Some(thread), cadence })
     }
 
     /// Takes a tick in: its snapshot when one is due, and its events.
@@ -83,7 +87,13 @@ impl Recorder {
     }
 
     fn send(&mut self, item: Item) -> Result<(), RecordError> {
-        let is_sent = self.items.as_ref().is_some_and(|items| items.send(item).is_ok());
+        self.batch.push(item);
+        if self.batch.len() < BATCH { Ok(()) } else { self.hand_over() }
+    }
+
+    fn hand_over(&mut self) -> Result<(), RecordError> {
+        let batch = std::mem::take(&mut self.batch);
+        let is_sent = self.items.as_ref().is_some_and(|items| items.send(batch).is_ok());
         if is_sent { Ok(()) } else { self.join().and(Err(RecordError::Thread)) }
     }
 
@@ -92,6 +102,7 @@ impl Recorder {
     /// # Errors
     /// What went wrong when a file could not be written.
     pub fn finish(mut self) -> Result<(), RecordError> {
+        self.hand_over()?;
         self.join()
     }
 
@@ -117,10 +128,10 @@ struct Files {
 impl Files {
     fn write_all(
         mut self,
-        queue: &Receiver<Item>,
+        queue: &Receiver<Vec<Item>>,
         give_back: &SyncSender<Box<FrameSnapshot>>,
     ) -> Result<(), RecordError> {
-        for item in queue {
+        for item in queue.iter().flatten() {
             match item {
                 Item::Event(event) => self.log.event(&event).map_err(|e| failed(&self.log_path, e))?,
                 Item::Snapshot { snapshot, in_log, in_table } => {

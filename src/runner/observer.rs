@@ -1,7 +1,7 @@
 //! Watches a run from outside: where each vehicle is on its route, whether its outline stays in its
 //! lane, how long it stands, which lanes are used.
 
-use crate::city::{CityMap, LaneId, ZoneKind};
+use crate::city::{CityMap, Lane, LaneId, ZoneKind};
 use crate::geom::OrientedRect;
 use crate::mainframe::Mainframe;
 use crate::scenario::{Experiment, PlannedVehicle};
@@ -45,6 +45,8 @@ impl LaneUse {
 #[derive(Clone, Debug)]
 pub struct Observer {
     map: Arc<CityMap>,
+    /// By lane.
+    extents: Vec<Extent>,
     tracks: Vec<Track>,
     lanes: LaneUse,
     every_ticks: u64,
@@ -67,6 +69,40 @@ struct Track {
     totals: VehicleTotals,
 }
 
+/// A box around a lane's centre line, and how far its edges are from it at most, city metres.
+#[derive(Clone, Copy, Debug)]
+struct Extent {
+    low: DVec2,
+    high: DVec2,
+    half_width_m: f64,
+}
+
+impl Extent {
+    fn of(lane: &Lane) -> Self {
+        let mut extent =
+            Self { low: DVec2::INFINITY, high: DVec2::NEG_INFINITY, half_width_m: lane.width_m / 2.0 };
+        for (_, point) in lane.curve.sample(EXTENT_STEP_M) {
+            extent.low = extent.low.min(point.pose.position - EXTENT_STEP_M / 2.0);
+            extent.high = extent.high.max(point.pose.position + EXTENT_STEP_M / 2.0);
+            let half_width_m = lane.width_m / 2.0 + lane.widening(point.curvature);
+            extent.half_width_m = extent.half_width_m.max(half_width_m);
+        }
+        extent
+    }
+
+    /// No point lies beyond the lane's edges by less than this.
+    fn least_excess(&self, point: DVec2) -> f64 {
+        point.distance(point.clamp(self.low, self.high)) - self.half_width_m
+    }
+}
+
+/// A centre line stays within half of this of its points this far apart.
+const EXTENT_STEP_M: f64 = 0.5;
+
+/// The widening of a tight bend does not end with its lane but runs out within this, city metres: a rear
+/// axle that leaves a bend is still on its inside.
+const TAPER_M: f64 = 0.6;
+
 /// Outlines are looked at this often, in simulated time.
 const SAMPLES_PER_S: u32 = 20;
 
@@ -78,6 +114,7 @@ impl Observer {
         }
         Self {
             map: Arc::clone(&experiment.city_map),
+            extents: experiment.city_map.lanes.iter().map(Extent::of).collect(),
             tracks: experiment.vehicles.iter().map(Track::new).collect(),
             lanes,
             every_ticks: u64::from((experiment.rates.physics_hz / SAMPLES_PER_S).max(1)),
@@ -109,7 +146,7 @@ impl Observer {
             let track = &mut self.tracks[index];
             track.time_stand(state, snapshot.time_s);
             if samples {
-                track.sample(&self.map, state);
+                track.sample(&self.map, &self.extents, state);
                 track.advance(&self.map, state, snapshot.time_s, &mut self.lanes, events);
             }
         }
@@ -177,33 +214,37 @@ impl Track {
         }
     }
 
-    fn sample(&mut self, map: &CityMap, state: &VehicleState) {
+    fn sample(&mut self, map: &CityMap, extents: &[Extent], state: &VehicleState) {
         let error = state.lateral_error_m.abs();
         self.totals.samples += 1;
         self.totals.lateral_error_sum_m += error;
         self.totals.max_lateral_error_m = self.totals.max_lateral_error_m.max(error);
-        let pose = state.pose();
-        let outline = OrientedRect::new(pose, self.length_m, self.width_m);
-        let beside_rear_axle = |side: f64| pose.point_at(-self.wheelbase_m / 2.0, side * self.width_m / 2.0);
-        let points = outline.corners().into_iter().chain([beside_rear_axle(1.0), beside_rear_axle(-1.0)]);
-        for point in points {
-            let excess = self.excess(map, point);
+        let half = DVec2::new(self.length_m, self.width_m) / 2.0;
+        let outline = OrientedRect { centre: state.position.truncate(), axis: state.forward(), half };
+        let rear_axle = outline.centre - outline.axis * (self.wheelbase_m / 2.0);
+        let side = outline.axis.perp() * half.y;
+        for point in outline.corners().into_iter().chain([rear_axle + side, rear_axle - side]) {
+            let excess = self.excess(map, extents, point);
             self.totals.max_lane_excess_m = self.totals.max_lane_excess_m.max(excess);
         }
     }
 
     /// How far a point lies beyond the edge of the nearest lane of the route around the vehicle.
-    fn excess(&self, map: &CityMap, point: DVec2) -> f64 {
+    fn excess(&self, map: &CityMap, extents: &[Extent], point: DVec2) -> f64 {
         let first = self.index.saturating_sub(2);
         let last = (self.index + 2).min(self.route.len() - 1);
         let mut least = f64::INFINITY;
-        for index in first..=last {
+        // The lane under the front axle first: most others are then too far away to be looked at.
+        for index in std::iter::once(self.index).chain((first..=last).filter(|k| *k != self.index)) {
+            if extents[self.route[index].index()].least_excess(point) >= least {
+                continue;
+            }
             let lane = map.lane(self.route[index]);
             let foot = lane.curve.project(point);
-            let beyond_ends = lane.curve.at(foot.s).pose.position.distance(point) - foot.lateral.abs();
+            let beyond_ends_m = (foot.distance.powi(2) - foot.lateral.powi(2)).max(0.0).sqrt();
             let is_outermost =
                 (index == 0 && foot.s == 0.0) || (index + 1 == self.route.len() && foot.s > 0.0);
-            if beyond_ends > 0.05 && !is_outermost {
+            if beyond_ends_m > TAPER_M && !is_outermost {
                 continue;
             }
             let (left, right) = lane.half_widths_at(foot.s);
@@ -220,7 +261,7 @@ impl Track {
         lanes: &mut LaneUse,
         events: &mut Vec<Event>,
     ) {
-        let axle = state.pose().point_at(self.front_axle_m, 0.0);
+        let axle = state.position.truncate() + state.forward() * self.front_axle_m;
         loop {
             let lane = map.lane(self.route[self.index]);
             let s = lane.curve.project(axle).s;

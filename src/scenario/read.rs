@@ -176,8 +176,9 @@ impl Reader<'_> {
         let mut fleet = Fleet::default();
         basis.read_vehicles(root, &named, &mut fleet);
         basis.read_traffic(root, &named, &mut fleet);
-        // Something under `vehicle` that is wrong has been told already.
-        if fleet.is_empty() && (root.entry("vehicle").is_none() || root.problems.is_empty()) {
+        // Something under `vehicle` or `traffic` that is wrong has been told already.
+        let is_asked_for = root.entry("vehicle").is_some() || root.entry("traffic").is_some();
+        if fleet.is_empty() && (!is_asked_for || root.problems.is_empty()) {
             root.problems.add(&(0..0), "no vehicles: add [[vehicle]] tables or a [traffic] table");
         }
         let city_map = Arc::new(self.map.to_city(scale));

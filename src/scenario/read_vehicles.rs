@@ -116,7 +116,13 @@ impl Basis<'_> {
                 route.push(lane);
                 continue;
             };
-            let Some(way) = self.map.shortest_route(last, lane, |_| true) else {
+            // The same lane again is a lap.
+            let way = if last == lane {
+                self.map.shortest_loop(lane)
+            } else {
+                self.map.shortest_route(last, lane, |_| true).map(|way| way[1..].to_vec())
+            };
+            let Some(way) = way else {
                 let from = &self.map.lane(last).name;
                 fields.problems.add(
                     span,
@@ -126,7 +132,7 @@ impl Basis<'_> {
                 );
                 return None;
             };
-            route.extend_from_slice(&way[1..]);
+            route.extend(way);
         }
         if route.is_empty() {
             fields.wrong("route", "route is empty; name at least the lane where the vehicle starts");

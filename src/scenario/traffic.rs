@@ -37,8 +37,10 @@ pub struct Drawn {
     pub at_m: f64,
 }
 
-/// Starting places on one lane are this far apart, and this far from its ends, laboratory metres.
-const START_SPACING_M: f64 = 0.45;
+/// Starting places on one lane are this far apart, laboratory metres: the first distance at which all
+/// vehicles find one.
+const START_SPACINGS_M: [f64; 3] = [0.45, 0.36, 0.28];
+/// And this far from its ends.
 const START_FROM_BEGIN_M: f64 = 0.22;
 const START_FROM_END_M: f64 = 0.30;
 
@@ -53,21 +55,16 @@ pub fn draw(
     seed: u64,
     spec: &TrafficSpec,
 ) -> Result<Vec<Drawn>, TrafficError> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let networks = networks(map, scale, spec)?;
     let shares = assign_shares(spec);
-    let mut places = starting_places(map);
-    shuffle(&mut rng, &mut places);
-    let mut vehicles = Vec::new();
-    for share in shares {
-        let network = &networks[share];
-        let place = places.iter().position(|(lane, _)| network[lane.index()]);
-        let Some(place) = place else {
-            return Err(TrafficError::NoRoom { placed: vehicles.len() });
-        };
-        let (lane, at_m) = places.remove(place);
-        vehicles.push((share, lane, at_m));
-    }
+    let mut placed = 0;
+    let found = START_SPACINGS_M.into_iter().find_map(|spacing_m| {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let vehicles = draw_starts(map, &mut rng, &networks, &shares, spacing_m);
+        placed = placed.max(vehicles.len());
+        (vehicles.len() == shares.len()).then_some((rng, vehicles))
+    });
+    let (mut rng, vehicles) = found.ok_or(TrafficError::NoRoom { placed })?;
     let starts: Vec<(usize, LaneId)> = vehicles.iter().map(|&(share, lane, _)| (share, lane)).collect();
     let routes = draw_routes(map, &mut rng, &networks, &starts, spec.route_length_m);
     let drawn = vehicles.iter().zip(routes).map(|(&(share, _, at_m), route)| Drawn {
@@ -125,8 +122,28 @@ fn assign_shares(spec: &TrafficSpec) -> Vec<usize> {
     shares
 }
 
+/// Share, lane and place of each vehicle; fewer than there are shares where the places are used up.
+fn draw_starts(
+    map: &LabMap,
+    rng: &mut ChaCha8Rng,
+    networks: &[Vec<bool>],
+    shares: &[usize],
+    spacing_m: f64,
+) -> Vec<(usize, LaneId, f64)> {
+    let mut places = starting_places(map, spacing_m);
+    shuffle(rng, &mut places);
+    let mut vehicles = Vec::new();
+    for &share in shares {
+        let place = places.iter().position(|(lane, _)| networks[share][lane.index()]);
+        let Some(place) = place else { break };
+        let (lane, at_m) = places.remove(place);
+        vehicles.push((share, lane, at_m));
+    }
+    vehicles
+}
+
 /// Places on lanes outside junctions, clear of every conflict zone.
-fn starting_places(map: &LabMap) -> Vec<(LaneId, f64)> {
+fn starting_places(map: &LabMap, spacing_m: f64) -> Vec<(LaneId, f64)> {
     let mut places = Vec::new();
     for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
         let mut at_m = START_FROM_BEGIN_M;
@@ -142,7 +159,7 @@ fn starting_places(map: &LabMap) -> Vec<(LaneId, f64)> {
                 at_m += 0.05;
             } else {
                 places.push((lane.id, at_m));
-                at_m += START_SPACING_M;
+                at_m += spacing_m;
             }
         }
     }

@@ -93,7 +93,7 @@ impl SimVehicle {
         self.is_finished = trajectory.finished;
         self.is_yielding = trajectory.yielding;
         self.state.indicator = trajectory.indicator;
-        self.tracker.follow(trajectory.clone());
+        self.tracker.follow(trajectory);
     }
 
     /// Hands the vehicle to a person, or back.

@@ -2,7 +2,7 @@
 
 use super::Appearance;
 use crate::geom::{OrientedRect, Pose2, trig};
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -161,8 +161,14 @@ impl VehicleState {
         Pose2 { position: self.position.truncate(), yaw_rad: trig::atan2(forward.y, forward.x) }
     }
 
+    /// Unit vector of the heading, seen from above.
+    pub fn forward(&self) -> DVec2 {
+        (self.orientation * DVec3::X).truncate().normalize_or(DVec2::X)
+    }
+
     /// The body's outline seen from above.
     pub fn outline(&self, dimensions: &Dimensions) -> OrientedRect {
-        OrientedRect::new(self.pose(), dimensions.length_m, dimensions.width_m)
+        let half = DVec2::new(dimensions.length_m, dimensions.width_m) / 2.0;
+        OrientedRect { centre: self.position.truncate(), axis: self.forward(), half }
     }
 }

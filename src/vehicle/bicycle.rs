@@ -2,7 +2,7 @@
 //! of its spec and no tyre slip. Reference point is the middle of the rear axle.
 
 use super::raycast::chassis;
-use super::wheels::{ackermann, pedal, steered};
+use super::wheels::{angle_of, front_headings, pedal, steered};
 use super::{Actuation, Motion, VehicleModel, VehicleSpec};
 use crate::geom::{Pose2, trig, wrap_angle};
 use crate::physics::{BodyId, Physics};
@@ -71,12 +71,12 @@ impl VehicleModel for Bicycle {
             yaw_rad: wrap_angle(self.rear.yaw_rad + turn),
         };
         let d = &spec.dimensions;
-        let steer = ackermann(spec, self.steering_rad);
+        let headings = front_headings(spec, self.steering_rad);
         for (wheel, spin) in self.spins_rad.iter_mut().enumerate() {
             let side = if wheel % 2 == 0 { -d.track_m / 2.0 } else { d.track_m / 2.0 };
             let along = mean * dt_s + turn * side;
             // A front wheel goes faster by the cosine of its angle.
-            let along = if wheel < 2 { along / trig::cos(steer[wheel]) } else { along };
+            let along = if wheel < 2 { along / headings[wheel].x } else { along };
             *spin += along / d.wheel_radius_m;
         }
         let middle = self.middle(spec);
@@ -89,7 +89,7 @@ impl VehicleModel for Bicycle {
         let sideways = yaw_rate * spec.dimensions.wheelbase_m / 2.0;
         let velocity: DVec2 = middle.forward() * self.speed_mps + middle.left() * sideways;
         let (sin, cos) = trig::sin_cos(middle.yaw_rad / 2.0);
-        let steer = ackermann(spec, self.steering_rad);
+        let steer = front_headings(spec, self.steering_rad).map(angle_of);
         let wheel = |k: usize| WheelState {
             spin_rad: self.spins_rad[k],
             steer_rad: if k < 2 { steer[k] } else { 0.0 },

@@ -25,7 +25,7 @@ pub use tracker::{Tracker, Tracking};
 use crate::geom::{Pose2, trig};
 use crate::physics::Physics;
 use crate::snapshot::WheelState;
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 /// What moves a vehicle: pedals in [0, 1] and the desired steering angle. Values outside are clamped,
@@ -61,6 +61,11 @@ pub struct Motion {
 }
 
 impl Motion {
+    /// Unit vector of the heading, seen from above.
+    pub fn forward(&self) -> DVec2 {
+        (self.orientation * DVec3::X).truncate().normalize_or(DVec2::X)
+    }
+
     /// Middle of the outline and heading, seen from above.
     pub fn pose(&self) -> Pose2 {
         let forward = self.orientation * DVec3::X;

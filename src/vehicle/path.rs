@@ -3,18 +3,21 @@
 //! Between two poses runs a cubic in the frame of their chord that has both headings at its ends, so
 //! that an arc sampled every few metres stays an arc (the chord alone would be 0.2 m off). Before the
 //! first and behind the last pose the curve goes on with its curvature there.
+//!
+//! Every vehicle asks for its place at every tick and every trajectory is made into a path, so
+//! headings are unit vectors here and angles are left to the few places that need one.
 
 use crate::geom::{Pose2, trig, wrap_angle};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
-use std::f64::consts::FRAC_PI_2;
 
 /// Poses nearer to one another than this are one node.
 const SPACING_M: f64 = 0.05;
 /// Nodes that the vehicle has passed are no nearer than this.
-const KEPT_SPACING_M: f64 = 0.3;
-/// Headings that differ more than this from the chord are noise, and the chord is taken instead.
-const MAX_SLOPE: f64 = 0.7;
+const KEPT_SPACING_M: f64 = 0.5;
+/// Cosine of 0.7 rad. Headings that differ more than this from the chord are noise, and the chord is
+/// taken instead.
+const LEAST_COSINE: f64 = 0.765;
 /// No vehicle of ours turns tighter.
 const MAX_CURVATURE: f64 = 0.5;
 /// Where a path passes a place twice, the branch that leads along the vehicle's heading is meant: a
@@ -22,10 +25,15 @@ const MAX_CURVATURE: f64 = 0.5;
 const HEADING_RAD: f64 = 1.2;
 const HEADING_WEIGHT_M: f64 = 5.0;
 
+/// A pose of the path, and the curve that leads to it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Node {
     pose: Pose2,
+    /// Unit vector of the heading.
+    forward: DVec2,
     station: f64,
+    /// From the node before; of the first node without meaning.
+    span: Span,
 }
 
 /// A curve with stations: metres along it, from an origin that stays as the path is renewed.
@@ -38,12 +46,28 @@ pub(super) struct Path {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Nearest {
     pub station: f64,
-    /// Of the path's tangent.
-    pub heading_rad: f64,
+    /// Unit vector along the path.
+    pub tangent: DVec2,
     /// Left-positive.
     pub curvature: f64,
     /// How far to the left of the point the path runs.
     pub path_to_left_m: f64,
+}
+
+/// The best place so far, and how near anything better has to be.
+struct Best {
+    cost: f64,
+    within_m: f64,
+    nearest: Option<Nearest>,
+}
+
+impl Best {
+    fn offer(&mut self, distance_squared: f64, nearest: Nearest, forward: DVec2) {
+        let cost = distance_squared + aside(nearest.tangent, forward);
+        if cost < self.cost {
+            *self = Self { cost, within_m: cost.sqrt(), nearest: Some(nearest) };
+        }
+    }
 }
 
 impl Path {
@@ -55,155 +79,165 @@ impl Path {
         self.nodes.last().map_or(0.0, |node| node.station)
     }
 
-    /// A path that begins at `station`.
-    pub(super) fn starting_at(station: f64, pose: Pose2) -> Self {
-        Self { nodes: vec![Node { pose, station }] }
+    /// Begins anew with one pose at `station`.
+    pub(super) fn restart(&mut self, station: f64, pose: Pose2) {
+        self.nodes.clear();
+        self.nodes.push(Node { pose, forward: pose.forward(), station, span: Span::default() });
     }
 
     /// Adds a pose at the end and gives its station. One that is not ahead of the end is not added.
     pub(super) fn push(&mut self, pose: Pose2) -> f64 {
         let Some(last) = self.nodes.last() else {
-            self.nodes.push(Node { pose, station: 0.0 });
+            self.restart(0.0, pose);
             return 0.0;
         };
         let offset = pose.position - last.pose.position;
+        let ahead = offset.dot(last.forward);
         if offset.length_squared() < SPACING_M * SPACING_M {
-            return last.station + offset.dot(last.pose.forward()).clamp(0.0, SPACING_M);
+            return last.station + ahead.clamp(0.0, SPACING_M);
         }
-        let span = Span::between(last.pose, pose);
-        if wrap_angle(span.chord_yaw - last.pose.yaw_rad).abs() > FRAC_PI_2 {
+        if ahead < 0.0 {
             return last.station;
         }
-        let station = last.station + span.length;
-        self.nodes.push(Node { pose, station });
-        station
+        let mut node = Node { pose, forward: pose.forward(), station: 0.0, span: Span::default() };
+        node.span = Span::between(last, &node);
+        node.station = last.station + node.span.length;
+        self.nodes.push(node);
+        node.station
     }
 
     /// Leaves of the path what lies between two stations, thinned out where it is dense.
     pub(super) fn keep(&mut self, from: f64, to: f64) {
-        let mut kept = f64::NEG_INFINITY;
-        self.nodes.retain(|node| {
-            let keeps = node.station >= from && node.station <= to && node.station - kept > KEPT_SPACING_M;
+        let mut before: Option<Node> = None;
+        let mut is_next = false;
+        self.nodes.retain_mut(|node| {
+            let is_apart = before.is_none_or(|before| node.station - before.station > KEPT_SPACING_M);
+            let keeps = node.station >= from && node.station <= to && is_apart;
             if keeps {
-                kept = node.station;
+                if let Some(before) = before.filter(|_| !is_next) {
+                    node.span = Span::between(&before, node);
+                }
+                before = Some(*node);
             }
+            is_next = keeps;
             keeps
         });
     }
 
-    /// The place nearest to `point` for a vehicle that looks along `yaw_rad`, between two stations;
-    /// the ends' extensions count where the range reaches them. `None` for an empty path.
-    pub(super) fn nearest(&self, point: DVec2, yaw_rad: f64, from: f64, to: f64) -> Option<Nearest> {
+    /// The place nearest to `point` for a vehicle that looks along the unit vector `forward`, between
+    /// two stations; the ends' extensions count where the range reaches them. `None` for an empty path.
+    pub(super) fn nearest(&self, point: DVec2, forward: DVec2, from: f64, to: f64) -> Option<Nearest> {
         let (first, last) = (self.nodes.first()?, self.nodes.last()?);
-        let mut best: Option<(f64, Nearest)> = None;
-        let mut offer = |distance_squared: f64, nearest: Nearest| {
-            let cost = distance_squared + aside(nearest.heading_rad, yaw_rad);
-            if best.is_none_or(|(least, _)| cost < least) {
-                best = Some((cost, nearest));
-            }
-        };
         let begin = self.nodes.partition_point(|node| node.station < from).saturating_sub(1);
-        // The chords tell which few of the cubics can be the nearest.
+        let mut best = Best { cost: f64::INFINITY, within_m: f64::INFINITY, nearest: None };
         let reachable = || self.nodes[begin..].windows(2).take_while(|pair| pair[0].station <= to);
-        let bound = reachable().map(|pair| chord_cost(pair, point, yaw_rad).1).fold(f64::INFINITY, f64::min);
-        for pair in reachable().filter(|pair| chord_cost(pair, point, yaw_rad).0 <= bound) {
-            let span = Span::between(pair[0].pose, pair[1].pose);
-            let (distance_squared, nearest) = span.nearest(point, pair[0].station);
-            offer(distance_squared, nearest);
-        }
-        let curvature_of = |pair: Option<&[Node]>| {
-            pair.map_or(0.0, |pair| Span::between(pair[0].pose, pair[1].pose).curvature)
-        };
-        if first.station >= from || self.nodes.len() == 1 {
-            let nearest = extension(first, curvature_of(self.nodes.get(..2)), point);
-            if nearest.station < first.station || self.nodes.len() == 1 {
-                offer(nearest.path_to_left_m * nearest.path_to_left_m, nearest);
+        // The likeliest one first: it tells which few of the others can be nearer.
+        let to_middle = |pair: &[Node]| pair[1].span.middle.distance_squared(point);
+        let likeliest = reachable().min_by(|a, b| to_middle(a).total_cmp(&to_middle(b)));
+        if let Some(pair) = likeliest {
+            let (distance_squared, nearest) = pair[1].span.nearest(point, pair[0].station, pair[1].station);
+            best.offer(distance_squared, nearest, forward);
+            let likeliest_station = pair[1].station;
+            for pair in reachable().filter(|pair| pair[1].station != likeliest_station) {
+                let reach = best.within_m + pair[1].span.reach();
+                if to_middle(pair) <= reach * reach {
+                    let (distance_squared, nearest) =
+                        pair[1].span.nearest(point, pair[0].station, pair[1].station);
+                    best.offer(distance_squared, nearest, forward);
+                }
             }
         }
-        if last.station <= to {
-            let pair = self.nodes.len().checked_sub(2).map(|k| &self.nodes[k..]);
-            let nearest = extension(last, curvature_of(pair), point);
-            if nearest.station > last.station {
-                offer(nearest.path_to_left_m * nearest.path_to_left_m, nearest);
-            }
+        let is_one = self.nodes.len() == 1;
+        if is_one || (first.station >= from && first.ahead_of(point) < 0.0) {
+            let curvature = self.nodes.get(1).map_or(0.0, |second| second.span.curvature);
+            let nearest = extension(first, curvature, point);
+            best.offer(nearest.path_to_left_m * nearest.path_to_left_m, nearest, forward);
         }
-        best.map(|(_, nearest)| nearest)
+        if !is_one && last.station <= to && last.ahead_of(point) > 0.0 {
+            let nearest = extension(last, last.span.curvature, point);
+            best.offer(nearest.path_to_left_m * nearest.path_to_left_m, nearest, forward);
+        }
+        best.nearest
+    }
+}
+
+impl Node {
+    /// How far ahead of the node, along its heading, a point lies.
+    fn ahead_of(&self, point: DVec2) -> f64 {
+        (point - self.pose.position).dot(self.forward)
     }
 }
 
 /// What a path that leads elsewhere costs, m2.
-fn aside(heading_rad: f64, yaw_rad: f64) -> f64 {
-    let excess = HEADING_WEIGHT_M * (wrap_angle(heading_rad - yaw_rad).abs() - HEADING_RAD).max(0.0);
+fn aside(tangent: DVec2, forward: DVec2) -> f64 {
+    // Cosine of HEADING_RAD: nearly always the path leads where the vehicle looks.
+    if tangent.dot(forward) > 0.3624 {
+        return 0.0;
+    }
+    let excess = HEADING_WEIGHT_M * (angle_between(forward, tangent).abs() - HEADING_RAD).max(0.0);
     excess * excess
 }
 
-/// Bounds of the cost of the cubic between two nodes. It stays nearer to its chord than a third of its
-/// length, even at the largest slopes.
-fn chord_cost(pair: &[Node], point: DVec2, yaw_rad: f64) -> (f64, f64) {
-    let (start, offset) = (pair[0].pose.position, pair[1].pose.position - pair[0].pose.position);
-    let share = ((point - start).dot(offset) / offset.length_squared().max(1e-12)).clamp(0.0, 1.0);
-    let distance = (start + offset * share - point).length();
-    let bulge = offset.length() / 3.0;
-    let [first, second] = [0, 1].map(|k| aside(pair[k].pose.yaw_rad, yaw_rad));
-    let nearer = (distance - bulge).max(0.0);
-    let farther = distance + bulge;
-    // Headings in between may turn outside those of the ends; half of the lesser is safe for our bends.
-    (nearer * nearer + 0.5 * first.min(second), farther * farther + 2.0 * first.max(second))
+/// From one unit vector to another, left-positive.
+pub(super) fn angle_between(from: DVec2, to: DVec2) -> f64 {
+    trig::atan2(from.perp_dot(to), from.dot(to))
 }
 
 /// The circle (or line) that goes on from a node, and its place nearest to a point.
 fn extension(node: &Node, curvature: f64, point: DVec2) -> Nearest {
     let offset = point - node.pose.position;
-    let (ahead, left) = (offset.dot(node.pose.forward()), offset.dot(node.pose.left()));
-    let (along, turn, to_left) = if curvature.abs() < 1e-6 {
-        (ahead, 0.0, -left)
+    let (ahead, left) = (offset.dot(node.forward), offset.dot(node.forward.perp()));
+    let (along, tangent, to_left) = if curvature.abs() < 1e-6 {
+        (ahead, node.forward, -left)
     } else {
         let from_centre = DVec2::new(curvature * ahead, 1.0 - curvature * left);
+        let distance = from_centre.length();
         let turn = trig::atan2(from_centre.x, from_centre.y);
-        (turn / curvature, turn, (from_centre.length() - 1.0) / curvature)
+        let unit = from_centre / distance.max(1e-12);
+        (turn / curvature, node.forward * unit.y + node.forward.perp() * unit.x, (distance - 1.0) / curvature)
     };
-    Nearest {
-        station: node.station + along,
-        heading_rad: wrap_angle(node.pose.yaw_rad + turn),
-        curvature,
-        path_to_left_m: to_left,
-    }
+    Nearest { station: node.station + along, tangent, curvature, path_to_left_m: to_left }
 }
 
 /// The cubic between two poses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Span {
-    start: DVec2,
+    /// Of the chord.
+    middle: DVec2,
+    /// Unit vector.
     chord: DVec2,
     chord_length: f64,
-    chord_yaw: f64,
     /// Slopes against the chord at both ends.
     slopes: [f64; 2],
     length: f64,
     curvature: f64,
 }
 
-/// The tangent of an angle within [`MAX_SLOPE`], to a hundredth: this runs for every pose of every
-/// trajectory.
-fn tangent(angle_rad: f64) -> f64 {
-    let square = angle_rad * angle_rad;
-    angle_rad * (1.0 + square * (1.0 / 3.0 + square * (2.0 / 15.0)))
-}
-
 impl Span {
-    fn between(from: Pose2, to: Pose2) -> Self {
-        let offset = to.position - from.position;
+    fn between(from: &Node, to: &Node) -> Self {
+        let offset = to.pose.position - from.pose.position;
         let chord_length = offset.length().max(1e-9);
         let chord = offset / chord_length;
-        let chord_yaw = trig::atan2(chord.y, chord.x);
-        let angles = [from.yaw_rad, to.yaw_rad].map(|yaw| wrap_angle(yaw - chord_yaw));
-        let usable = angles.iter().all(|angle| angle.abs() < MAX_SLOPE);
-        let slopes = if usable { angles.map(tangent) } else { [0.0; 2] };
+        let cosines = [from.forward.dot(chord), to.forward.dot(chord)];
+        let usable = cosines.iter().all(|cosine| *cosine > LEAST_COSINE);
+        let (slopes, turn) = if usable {
+            let slopes = [chord.perp_dot(from.forward) / cosines[0], chord.perp_dot(to.forward) / cosines[1]];
+            (slopes, wrap_angle(to.pose.yaw_rad - from.pose.yaw_rad))
+        } else {
+            ([0.0; 2], 0.0)
+        };
         let [a, b] = slopes;
         // Second order of the arc length of the cubic.
         let length = chord_length * (1.0 + (2.0 * a * a + 2.0 * b * b - a * b) / 30.0);
-        let turn = if usable { angles[1] - angles[0] } else { 0.0 };
         let curvature = (turn / length).clamp(-MAX_CURVATURE, MAX_CURVATURE);
-        Self { start: from.position, chord, chord_length, chord_yaw, slopes, length, curvature }
+        let middle = from.pose.position + offset / 2.0;
+        Self { middle, chord, chord_length, slopes, length, curvature }
+    }
+
+    /// No point of the cubic is farther than this from the middle of its chord: it stays nearer to its
+    /// chord than a third of the chord's length, even at the largest slopes.
+    fn reach(&self) -> f64 {
+        self.chord_length * (0.5 + 1.0 / 3.0)
     }
 
     /// Offset to the left of the chord over its length, and slope, at a share of the chord.
@@ -213,9 +247,10 @@ impl Span {
         (a * u * w * w - b * u * u * w, a * w * (1.0 - 3.0 * u) + b * u * (3.0 * u - 2.0))
     }
 
-    fn nearest(&self, point: DVec2, station: f64) -> (f64, Nearest) {
-        let local = (point - self.start) / self.chord_length;
-        let (x, y) = (local.dot(self.chord), local.dot(self.chord.perp()));
+    /// The square of the distance to the nearest place, and that place; stations are those of the ends.
+    fn nearest(&self, point: DVec2, from: f64, to: f64) -> (f64, Nearest) {
+        let local = (point - self.middle) / self.chord_length;
+        let (x, y) = (0.5 + local.dot(self.chord), local.dot(self.chord.perp()));
         let mut u = x.clamp(0.0, 1.0);
         for _ in 0..3 {
             let (offset, slope) = self.cubic(u);
@@ -225,8 +260,8 @@ impl Span {
         let miss = DVec2::new(u - x, offset - y) * self.chord_length;
         let tangent = DVec2::new(1.0, slope) / (1.0 + slope * slope).sqrt();
         let nearest = Nearest {
-            station: station + u * self.length,
-            heading_rad: wrap_angle(self.chord_yaw + trig::atan(slope)),
+            station: from + u * (to - from),
+            tangent: self.chord * tangent.x + self.chord.perp() * tangent.y,
             curvature: self.curvature,
             path_to_left_m: tangent.perp_dot(miss),
         };
@@ -255,15 +290,54 @@ mod tests {
         for k in -10..40 {
             let angle = 0.1 * f64::from(k);
             let (sin, cos) = trig::sin_cos(angle);
-            let yaw = angle + std::f64::consts::FRAC_PI_2;
+            let forward = DVec2::new(-sin, cos);
             let station = 10.0 * angle;
-            let near =
-                path.nearest(DVec2::new(10.5 * cos, 10.5 * sin), yaw, station - 6.0, station + 6.0).unwrap();
+            let point = DVec2::new(10.5 * cos, 10.5 * sin);
+            let near = path.nearest(point, forward, station - 6.0, station + 6.0).unwrap();
             assert!((near.path_to_left_m - 0.5).abs() < 0.01, "{angle} {near:?}");
             assert!((near.station - 10.0 * angle).abs() < 0.03, "{angle} {near:?}");
-            assert!(wrap_angle(near.heading_rad - yaw).abs() < 0.02, "{angle} {near:?}");
+            assert!(angle_between(forward, near.tangent).abs() < 0.02, "{angle} {near:?}");
             assert!((near.curvature - 0.1).abs() < 0.002);
         }
+    }
+
+    #[test]
+    fn a_thinned_path_is_where_it_was() {
+        let mut path = circle(0.01, 200);
+        let whole = path.clone();
+        path.keep(3.0, 15.0);
+        assert!(path.nodes.len() < 40 && path.nodes[0].station >= 3.0 && path.end() <= 15.0);
+        for k in 4..14 {
+            let (sin, cos) = trig::sin_cos(0.1 * f64::from(k));
+            let near = |path: &Path| {
+                path.nearest(DVec2::new(9.0 * cos, 9.0 * sin), DVec2::new(-sin, cos), 0.0, 20.0)
+            };
+            let (thin, dense) = (near(&path).unwrap(), near(&whole).unwrap());
+            assert!((thin.station - dense.station).abs() < 0.01, "{thin:?} {dense:?}");
+            assert!((thin.path_to_left_m - dense.path_to_left_m).abs() < 1e-3, "{thin:?} {dense:?}");
+        }
+    }
+
+    #[test]
+    fn where_a_path_crosses_itself_the_branch_ahead_is_meant() {
+        // East along the x axis, round a loop, and back across it to the south.
+        let mut path = Path::default();
+        for k in 0..=10 {
+            path.push(Pose2::new(-20.0 + 2.0 * f64::from(k), 0.0, 0.0));
+        }
+        for k in 1..=15 {
+            let angle = f64::from(k) * 0.1 * std::f64::consts::PI;
+            let (sin, cos) = trig::sin_cos(angle);
+            path.push(Pose2::new(10.0 * sin, 10.0 - 10.0 * cos, wrap_angle(angle)));
+        }
+        for k in 1..=10 {
+            path.push(Pose2::new(-10.0, 10.0 - 2.0 * f64::from(k), -std::f64::consts::FRAC_PI_2));
+        }
+        let place = DVec2::new(-10.2, 0.1);
+        let east = path.nearest(place, DVec2::X, f64::NEG_INFINITY, f64::INFINITY).unwrap();
+        let south = path.nearest(place, -DVec2::Y, f64::NEG_INFINITY, f64::INFINITY).unwrap();
+        assert!((east.station - 9.8).abs() < 0.05 && east.tangent.x > 0.99, "{east:?}");
+        assert!(south.station > 60.0 && south.tangent.y < -0.99, "{south:?}");
     }
 
     #[test]
@@ -273,9 +347,10 @@ mod tests {
             path.push(Pose2::new(3.0, 4.0, 1.0));
         }
         assert_eq!(path.nodes.len(), 1);
-        let point = Pose2::new(3.0, 4.0, 1.0).point_at(-2.0, -0.5);
-        let near = path.nearest(point, 1.0, -5.0, 5.0).unwrap();
+        let pose = Pose2::new(3.0, 4.0, 1.0);
+        let point = pose.point_at(-2.0, -0.5);
+        let near = path.nearest(point, pose.forward(), -5.0, 5.0).unwrap();
         assert!((near.path_to_left_m - 0.5).abs() < 1e-9 && (near.station + 2.0).abs() < 1e-9);
-        assert!(Path::default().nearest(point, 1.0, -5.0, 5.0).is_none());
+        assert!(Path::default().nearest(point, DVec2::X, -5.0, 5.0).is_none());
     }
 }

@@ -5,9 +5,9 @@
 //! and not on the load; its brake is an impulse that the gas switches off; and a sliding wheel
 //! carries twice as much lengthwise as sideways. Here forces follow from loads, in SI units.
 
-use super::wheels::{ackermann, pedal, steered};
+use super::wheels::{angle_of, front_headings, pedal, steered};
 use super::{Actuation, Drive, Motion, VehicleModel, VehicleSpec};
-use crate::geom::{Pose2, trig};
+use crate::geom::Pose2;
 use crate::physics::{BodyId, BodyState, BoxBody, GRAVITY_MPS2, Physics};
 use crate::snapshot::WheelState;
 use glam::{DVec2, DVec3};
@@ -42,6 +42,7 @@ struct Mount {
 }
 
 /// What a wheel feels of the road.
+#[derive(Clone, Copy)]
 struct Footprint {
     wheel: usize,
     point: DVec3,
@@ -109,13 +110,18 @@ impl RaycastCar {
         Self { body, steering_rad: 0.0, wheels: Default::default(), mass_speed_mps: speed_mps }
     }
 
-    /// Casts the wheels' rays and loads the springs.
-    fn footprints(&mut self, physics: &Physics, spec: &VehicleSpec, state: &BodyState) -> Vec<Footprint> {
+    /// Casts the wheels' rays and loads the springs. A wheel in the air has no footprint.
+    fn footprints(
+        &mut self,
+        physics: &Physics,
+        spec: &VehicleSpec,
+        state: &BodyState,
+    ) -> [Option<Footprint>; 4] {
         let up = state.orientation * DVec3::Z;
         let (rest, radius, sag) = (spec.suspension.rest_length_m, spec.dimensions.wheel_radius_m, sag(spec));
         let damping_time = 2.0 * spec.suspension.damping_ratio / (spec.suspension.frequency_hz * TAU);
         let bump = BUMP_LENGTH * (rest - sag);
-        let mut footprints = Vec::with_capacity(4);
+        let mut footprints = [None; 4];
         for (wheel, mount) in mounts(spec).iter().enumerate() {
             let top = state.position + state.orientation * mount.top;
             let hit = physics.cast_to_ground(top, -up, rest + radius);
@@ -132,7 +138,7 @@ impl RaycastCar {
                 * (rest - length
                     + damping_time * closing
                     + (BUMP_STIFFNESS - 1.0) * (bump - length).max(0.0));
-            footprints.push(Footprint { wheel, point, normal: hit.normal, load: load.max(0.0) });
+            footprints[wheel] = Some(Footprint { wheel, point, normal: hit.normal, load: load.max(0.0) });
         }
         footprints
     }
@@ -185,9 +191,9 @@ impl VehicleModel for RaycastCar {
     fn apply(&mut self, physics: &mut Physics, spec: &VehicleSpec, actuation: &Actuation, dt_s: f64) {
         let Some(state) = physics.body(self.body) else { return };
         self.steering_rad = steered(spec, self.steering_rad, actuation.steering_rad, dt_s);
-        let steer = ackermann(spec, self.steering_rad);
-        self.wheels[0].steer_rad = steer[0];
-        self.wheels[1].steer_rad = steer[1];
+        let [left, right] = front_headings(spec, self.steering_rad);
+        self.wheels[0].steer_rad = angle_of(left);
+        self.wheels[1].steer_rad = angle_of(right);
 
         let footprints = self.footprints(physics, spec, &state);
         let driven = |wheel: usize| match spec.drive {
@@ -195,22 +201,19 @@ impl VehicleModel for RaycastCar {
             Drive::Rear => wheel >= 2,
             Drive::All => true,
         };
-        let load: f64 = footprints.iter().map(|f| f.load).sum();
-        let driven_load: f64 = footprints.iter().filter(|f| driven(f.wheel)).map(|f| f.load).sum();
+        let load: f64 = footprints.iter().flatten().map(|f| f.load).sum();
+        let driven_load: f64 = footprints.iter().flatten().filter(|f| driven(f.wheel)).map(|f| f.load).sum();
         let forward = state.orientation * DVec3::X;
         let motor = pedal(actuation.gas) * spec.motor_force(state.velocity_mps.dot(forward));
         let motor = if actuation.reverse { -motor } else { motor };
         let brakes =
             pedal(actuation.brake) * spec.brake_force() + pedal(actuation.handbrake) * spec.handbrake_force();
 
-        let headings = [steer[0], steer[1], 0.0, 0.0].map(|angle| {
-            let (sin, cos) = trig::sin_cos(angle);
-            DVec2::new(cos, sin)
-        });
+        let headings = [left, right, DVec2::X, DVec2::X];
         let ride = Ride { spec, state, dt_s, load, headings };
         let mut force = state.velocity_mps * -(spec.drag_force(1.0) * state.velocity_mps.length());
         let mut torque = DVec3::ZERO;
-        for footprint in &footprints {
+        for footprint in footprints.iter().flatten() {
             let lengthwise = Lengthwise {
                 drive: if driven(footprint.wheel) && driven_load > 0.0 {
                     motor * footprint.load / driven_load

@@ -1,17 +1,18 @@
 //! Tracking control of one vehicle: steering by the corrected Stanley law, speed by a PID on the
 //! position along the path with feed-forward (the paper, eq. 1 and its section on speed).
 
-use super::path::{Nearest, Path};
+use super::path::{Nearest, Path, angle_between};
 use super::pedals::{HANDBRAKE_THROTTLE, pedals};
 use super::{Actuation, ModelKind, Motion, VehicleSpec};
-use crate::geom::{trig, wrap_angle};
+use crate::geom::trig;
 use crate::physics::GRAVITY_MPS2;
 use crate::snapshot::{Trajectory, TrajectoryPoint};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-/// Path that is kept behind the vehicle as trajectories replace one another.
-const KEPT_BEHIND_M: f64 = 8.0;
+/// Path that is kept behind the vehicle as trajectories replace one another: what is searched, and the
+/// way of a control step.
+const KEPT_BEHIND_M: f64 = 5.0;
 /// A new trajectory that begins this near to the old path continues it.
 const JOINS_WITHIN_M: f64 = 0.4;
 const JOINS_WITHIN_RAD: f64 = 0.4;
@@ -93,28 +94,18 @@ pub struct Tracking {
 impl Tracker {
     /// The newest trajectory replaces the older one; the caller has checked its sequence. Points that
     /// are not finite or not in time order are left out; without any left the older one stays.
-    pub fn follow(&mut self, trajectory: Trajectory) {
-        let mut points = trajectory.points;
-        points.retain(|p| p.pose.is_finite() && p.time_s.is_finite() && p.speed_mps.is_finite());
-        let mut latest = f64::NEG_INFINITY;
-        points.retain(|p| {
-            let later = p.time_s > latest;
-            latest = latest.max(p.time_s);
-            later
-        });
-        let Some(first) = points.first() else { return };
+    pub fn follow(&mut self, trajectory: &Trajectory) {
+        let points = usable(&trajectory.points);
+        let Some(first) = points.clone().next() else { return };
         self.link_lost = false;
         self.stopping_mps = None;
 
-        let joint = self.path.nearest(
-            first.pose.position,
-            first.pose.yaw_rad,
-            self.station.unwrap_or(f64::NEG_INFINITY) - KEPT_BEHIND_M,
-            f64::INFINITY,
-        );
+        let forward = first.pose.forward();
+        let from = self.station.unwrap_or(f64::NEG_INFINITY) - KEPT_BEHIND_M;
+        let joint = self.path.nearest(first.pose.position, forward, from, f64::INFINITY);
         let joint = joint.filter(|near| {
             near.path_to_left_m.abs() < JOINS_WITHIN_M
-                && wrap_angle(near.heading_rad - first.pose.yaw_rad).abs() < JOINS_WITHIN_RAD
+                && angle_between(near.tangent, forward).abs() < JOINS_WITHIN_RAD
         });
         self.milestones.clear();
         let milestone = |point: &TrajectoryPoint, station| Milestone {
@@ -124,8 +115,8 @@ impl Tracker {
         };
         match joint {
             // All points on one spot of the old path: its shape tells more than they do.
-            Some(near) if stands(&points) && self.path.end() > near.station => {
-                self.milestones.extend(points.iter().map(|point| milestone(point, near.station)));
+            Some(near) if stands(points.clone()) && self.path.end() > near.station => {
+                self.milestones.extend(points.map(|point| milestone(point, near.station)));
                 return;
             }
             // The path so far stays behind the new one: a vehicle that lags is still on it.
@@ -133,16 +124,16 @@ impl Tracker {
                 let from = self.station.map_or(near.station, |own| own.min(near.station));
                 self.path.keep(from - KEPT_BEHIND_M, near.station - 1e-3);
                 if self.path.is_empty() {
-                    self.path = Path::starting_at(near.station, first.pose);
+                    self.path.restart(near.station, first.pose);
                 }
             }
             None => {
                 self.station = None;
                 self.integral = 0.0;
-                self.path = Path::starting_at(0.0, first.pose);
+                self.path.restart(0.0, first.pose);
             }
         }
-        for point in &points {
+        for point in points {
             let station = self.path.push(point.pose);
             self.milestones.push(milestone(point, station));
         }
@@ -156,11 +147,12 @@ impl Tracker {
 
     /// One control step at simulated time `time_s`.
     pub fn step(&mut self, spec: &VehicleSpec, motion: &Motion, time_s: f64, dt_s: f64) -> Tracking {
-        let front = motion.pose().advanced(spec.dimensions.front_axle_m());
+        let forward = motion.forward();
+        let axle = motion.position.truncate() + forward * spec.dimensions.front_axle_m();
         let (from, to) = self.station.map_or((f64::NEG_INFINITY, f64::INFINITY), |station| {
             (station - SEARCH_BEHIND_M, station + SEARCH_AHEAD_M)
         });
-        let nearest = self.path.nearest(front.position, front.yaw_rad, from, to);
+        let nearest = self.path.nearest(axle, forward, from, to);
         let Some(nearest) = nearest else {
             // Nothing to follow yet.
             let front = FrontAxle { along_mps: motion.speed_mps, steering_rate_radps: 0.0 };
@@ -169,21 +161,19 @@ impl Tracker {
         };
         self.station = Some(nearest.station);
         let turning = motion.yaw_rate_radps * spec.dimensions.front_axle_m();
-        let velocity = motion.velocity_mps.truncate() + front.left() * turning;
-        let (sin, cos) = trig::sin_cos(nearest.heading_rad);
-        let along = velocity.dot(DVec2::new(cos, sin));
+        let velocity = motion.velocity_mps.truncate() + forward.perp() * turning;
+        let along = velocity.dot(nearest.tangent);
         let rate = along * nearest.curvature - motion.yaw_rate_radps;
         let most = spec.steering_rate_radps;
-        let axle = FrontAxle { along_mps: along, steering_rate_radps: rate.clamp(-most, most) };
+        let front = FrontAxle { along_mps: along, steering_rate_radps: rate.clamp(-most, most) };
 
         let reference = self.reference(time_s).filter(|_| !self.link_lost);
         let throttle = match reference {
-            Some(reference) => self.throttle(spec, motion, &axle, reference, dt_s),
-            None => self.stop(spec, motion, &axle, self.path.end() - nearest.station, dt_s),
+            Some(reference) => self.throttle(spec, motion, &front, reference, dt_s),
+            None => self.stop(spec, motion, &front, self.path.end() - nearest.station, dt_s),
         };
         if along.abs() > STANDING_MPS || throttle > 0.0 {
-            let yaw = front.yaw_rad;
-            self.steering_rad = stanley(spec, motion, &nearest, yaw, along);
+            self.steering_rad = stanley(spec, motion, &nearest, forward, along);
         }
         Tracking { actuation: self.actuation(throttle), lateral_error_m: -nearest.path_to_left_m, throttle }
     }
@@ -270,10 +260,21 @@ impl Tracker {
     }
 }
 
+/// The points that are finite and later than all before them.
+fn usable(points: &[TrajectoryPoint]) -> impl Iterator<Item = &TrajectoryPoint> + Clone {
+    let mut latest = f64::NEG_INFINITY;
+    let finite = |p: &&TrajectoryPoint| p.pose.is_finite() && p.time_s.is_finite() && p.speed_mps.is_finite();
+    points.iter().filter(finite).filter(move |point| {
+        let is_later = point.time_s > latest;
+        latest = latest.max(point.time_s);
+        is_later
+    })
+}
+
 /// Whether a trajectory stays where it begins.
-fn stands(points: &[TrajectoryPoint]) -> bool {
-    let Some(first) = points.first() else { return true };
-    points.iter().all(|point| point.pose.position.distance(first.pose.position) < SPOT_M)
+fn stands<'a>(mut points: impl Iterator<Item = &'a TrajectoryPoint>) -> bool {
+    let Some(first) = points.next() else { return true };
+    points.all(|point| point.pose.position.distance_squared(first.pose.position) < SPOT_M * SPOT_M)
 }
 
 /// Between two points the speed changes evenly; the station follows it, scaled to meet both.
@@ -293,10 +294,10 @@ fn between(a: &Milestone, b: &Milestone, time_s: f64) -> Reference {
 /// Steering angle by the corrected law of Stanley (the paper, eq. 1, with the heading error in place
 /// of the heading), angles left-positive, errors taken at the front axle:
 /// `delta = theta_e - k_a v psi_d' + atan(k_e y_e / (k_s + v)) - k_y (psi' - psi_d')`.
-fn stanley(spec: &VehicleSpec, motion: &Motion, nearest: &Nearest, yaw_rad: f64, along: f64) -> f64 {
+fn stanley(spec: &VehicleSpec, motion: &Motion, nearest: &Nearest, forward: DVec2, along: f64) -> f64 {
     let gains = &spec.control;
     let speed = motion.speed_mps.abs();
-    let heading_error = wrap_angle(nearest.heading_rad - yaw_rad);
+    let heading_error = angle_between(forward, nearest.tangent);
     let desired_yaw_rate = along * nearest.curvature;
     let k_a = match spec.model {
         ModelKind::Raycast => gains.k_a,

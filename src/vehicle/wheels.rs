@@ -2,6 +2,7 @@
 
 use super::VehicleSpec;
 use crate::geom::trig;
+use glam::DVec2;
 
 /// The front axle's angle one step on: towards the desired one, at no more than the steering rate,
 /// inside the limit.
@@ -13,12 +14,17 @@ pub(super) fn steered(spec: &VehicleSpec, actual_rad: f64, desired_rad: f64, dt_
     (actual_rad + (desired.clamp(-limit, limit) - actual_rad).clamp(-step, step)).clamp(-limit, limit)
 }
 
-/// Angles of the left and right front wheel when the axle's middle turns by `axle_rad`: all wheels
-/// roll about one point on the rear axle's line (Ackermann).
-pub(super) fn ackermann(spec: &VehicleSpec, axle_rad: f64) -> [f64; 2] {
+/// Directions of the left and right front wheel, body frame, when the axle's middle turns by
+/// `axle_rad`: all wheels roll about one point on the rear axle's line (Ackermann).
+pub(super) fn front_headings(spec: &VehicleSpec, axle_rad: f64) -> [DVec2; 2] {
     let tangent = trig::tan(axle_rad);
     let narrowing = tangent * spec.dimensions.track_m / (2.0 * spec.dimensions.wheelbase_m);
-    [trig::atan2(tangent, 1.0 - narrowing), trig::atan2(tangent, 1.0 + narrowing)]
+    [1.0 - narrowing, 1.0 + narrowing].map(|along| DVec2::new(along, tangent).normalize_or(DVec2::X))
+}
+
+/// The angle of a direction of the body frame, left-positive.
+pub(super) fn angle_of(heading: DVec2) -> f64 {
+    trig::atan2(heading.y, heading.x)
 }
 
 /// A pedal's value, whatever came in.
@@ -47,11 +53,11 @@ mod tests {
         let spec = VehicleSpec::default();
         let d = spec.dimensions;
         for axle in [-0.7, -0.1, 0.2, 0.7] {
-            let [left, right] = ackermann(&spec, axle);
+            let [left, right] = front_headings(&spec, axle).map(angle_of);
             let centre = d.wheelbase_m / trig::tan(axle);
             assert!((d.wheelbase_m / trig::tan(left) + d.track_m / 2.0 - centre).abs() < 1e-9);
             assert!((d.wheelbase_m / trig::tan(right) - d.track_m / 2.0 - centre).abs() < 1e-9);
         }
-        assert_eq!(ackermann(&spec, 0.0), [0.0, 0.0]);
+        assert_eq!(front_headings(&spec, 0.0).map(angle_of), [0.0, 0.0]);
     }
 }

@@ -137,7 +137,7 @@ pub fn follow(rig: &mut Rig, route: &Curve, plan: &impl Plan, seconds: f64, sett
     let steps = (seconds / DT).round() as u32;
     for k in 0..steps {
         if k % 2 == 0 {
-            rig.tracker.follow(trajectory(route, plan, rig.time(), 4.0, 0.1));
+            rig.tracker.follow(&trajectory(route, plan, rig.time(), 4.0, 0.1));
         }
         let tracking = rig.track();
         let front = rig.front().position;

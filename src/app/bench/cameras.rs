@@ -1,5 +1,6 @@
 //! Camera pictures a second: drawn, read back and, with `--png`, written to disk.
 
+use super::super::say::say;
 use super::super::{Failure, load};
 use crate::camera::{Camera, Lens, Mount, View};
 use crate::city::scene::SceneDescription;
@@ -102,8 +103,7 @@ pub fn cameras(args: &CamerasArgs) -> Result<(), Failure> {
         triangles_per_img: renderer.triangles() / u64::from(args.cameras),
         adapter: context.adapter_name,
     };
-    println!("{}", serde_json::to_string(&report).map_err(Failure::failed)?);
-    Ok(())
+    say(serde_json::to_string(&report).map_err(Failure::failed)?)
 }
 
 /// What this process has had of all cores, as Linux tells it.

@@ -90,6 +90,11 @@ fn style(place: &Place<'_>, name: &str, short_m: f32, height: f32) -> Style {
         let glazing = wall(Surface::Glazing, [214, 218, 220]);
         return Style { upper: glazing, ground: shop, sign, ..base };
     }
+    if has(name, &["theatre", "hotel", "cinema"]) {
+        let stone =
+            wall(Surface::Windows, if has(name, &["hotel"]) { [214, 196, 168] } else { [228, 218, 198] });
+        return Style { upper: stone, ground: shop, sign, ..base };
+    }
     if has(name, &["shop", "bakery", "pharmacy", "cafe", "cinema", "theatre", "hotel", "store", "station"]) {
         let upper = if place.dice(5) < 0.3 { sash } else { plaster };
         return Style { upper, ground: shop, sign, ..base };
@@ -270,7 +275,7 @@ fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str, eaves: f32
     let width = front.width();
     let storey = eaves / (eaves / STOREY_M).round().max(1.0);
     if let Some(colour) = style.gates {
-        let count = ((width - 1.0) / 4.4).floor().max(1.0);
+        let count = ((width - 0.6) / 4.1).floor().max(1.0);
         for k in 0..count as u32 {
             let middle = width * (k as f32 + 0.5) / count;
             let high = (storey * 1.15).clamp(2.6, eaves - 0.6);

@@ -15,7 +15,7 @@ const HEDGE: Finish = Finish::new(Surface::Leaves, [104, 128, 74], Class::Vegeta
 const GREENS: [[u8; 3]; 6] =
     [[122, 142, 76], [104, 130, 72], [136, 148, 84], [98, 122, 78], [128, 138, 68], [116, 138, 92]];
 /// Crowns that are not green.
-const COPPER: [u8; 3] = [128, 84, 74];
+const COPPER: [u8; 3] = [122, 92, 78];
 /// How far crowns reach beyond the circle of the drawing, which stays clear of the lanes by more.
 const REACH: f32 = 1.30;
 
@@ -66,7 +66,7 @@ fn tree(mesh: &mut Mesh, place: &Place<'_>, leafage: Leafage) {
     let foot = centre.as_vec2().extend(0.06);
     let radius = radius_m as f32 * REACH;
     let green = GREENS[(place.dice(1) * GREENS.len() as f32) as usize % GREENS.len()];
-    let colour = if place.dice(6) > 0.93 { COPPER } else { green };
+    let colour = if place.dice(6) > 0.95 { COPPER } else { green };
     let leaves = Finish::new(Surface::Leaves, colour, Class::Vegetation);
     let scale = 0.88 + 0.34 * place.dice(2);
     let seed = place.seed;

@@ -1,6 +1,6 @@
-//! Polygons with holes into triangles, by ear clipping after cutting bridges to the holes
-//! (D. Eberly, *Triangulation by Ear Clipping*, 2002).
+//! Polygons with holes, and triangles that cover them.
 
+use earcut::Earcut;
 use glam::DVec2;
 
 /// A region of the plane: the outer ring counter-clockwise, holes clockwise.
@@ -70,124 +70,19 @@ impl Region {
 
     /// Triangles that cover the region, corners counter-clockwise.
     pub fn triangulate(&self) -> Vec<[DVec2; 3]> {
-        clip_ears(&self.bridged())
-    }
-
-    /// One ring that visits every hole over a bridge.
-    fn bridged(&self) -> Vec<DVec2> {
-        let mut ring = self.outer.clone();
-        let mut holes: Vec<&Vec<DVec2>> = self.holes.iter().filter(|h| h.len() > 2).collect();
-        let rightmost = |hole: &[DVec2]| hole.iter().map(|p| p.x).fold(f64::NEG_INFINITY, f64::max);
-        holes.sort_by(|a, b| rightmost(b).total_cmp(&rightmost(a)));
-        for hole in holes {
-            let start = (0..hole.len()).max_by(|&a, &b| hole[a].x.total_cmp(&hole[b].x)).unwrap_or(0);
-            let Some(at) = visible_corner(&ring, hole[start]) else { continue };
-            let mut bridged = ring[..=at].to_vec();
-            bridged.extend(hole[start..].iter().chain(&hole[..=start]));
-            bridged.extend(&ring[at..]);
-            ring = bridged;
+        let mut points: Vec<[f64; 2]> = self.outer.iter().map(DVec2::to_array).collect();
+        let mut starts: Vec<u32> = Vec::new();
+        for hole in self.holes.iter().filter(|hole| hole.len() > 2) {
+            starts.push(points.len() as u32);
+            points.extend(hole.iter().map(DVec2::to_array));
         }
-        ring
+        let mut corners: Vec<u32> = Vec::new();
+        Earcut::new().earcut(points.iter().copied(), &starts, &mut corners);
+        let at = |k: u32| DVec2::from(points[k as usize]);
+        let triangles = corners.chunks_exact(3).map(|t| [at(t[0]), at(t[1]), at(t[2])]);
+        let upright = triangles.map(|t| if doubled_area(&t) < 0.0 { [t[0], t[2], t[1]] } else { t });
+        upright.filter(|t| doubled_area(t) > 1e-12).collect()
     }
-}
-
-/// The corner of the ring that a point sees when it looks along +x.
-fn visible_corner(ring: &[DVec2], point: DVec2) -> Option<usize> {
-    let mut best: Option<(f64, usize, DVec2)> = None;
-    for (k, &a) in ring.iter().enumerate() {
-        let b = ring[(k + 1) % ring.len()];
-        // Edges of a counter-clockwise ring that go up bound it on the right.
-        if a.y <= point.y && b.y >= point.y && b.y > a.y {
-            let x = a.x + (point.y - a.y) / (b.y - a.y) * (b.x - a.x);
-            if x >= point.x && best.is_none_or(|(least, ..)| x < least) {
-                let corner = if a.x > b.x { k } else { (k + 1) % ring.len() };
-                best = Some((x, corner, DVec2::new(x, point.y)));
-            }
-        }
-    }
-    let (_, corner, hit) = best?;
-    // A reflex corner inside the triangle (point, hit, corner) would hide the corner.
-    let tip = ring[corner];
-    let hidden = |k: &usize| {
-        let p = ring[*k];
-        p != tip && inside_either_way(p, point, hit, tip) && is_reflex(ring, *k)
-    };
-    (0..ring.len())
-        .filter(hidden)
-        .min_by(|&a, &b| {
-            let steep = |k: usize| {
-                let d = ring[k] - point;
-                (d.y.abs() / d.x.max(1e-12), d.length())
-            };
-            let ((sa, da), (sb, db)) = (steep(a), steep(b));
-            sa.total_cmp(&sb).then(da.total_cmp(&db))
-        })
-        .or(Some(corner))
-}
-
-fn is_reflex(ring: &[DVec2], k: usize) -> bool {
-    let (before, at, after) = (ring[(k + ring.len() - 1) % ring.len()], ring[k], ring[(k + 1) % ring.len()]);
-    (at - before).perp_dot(after - at) <= 0.0
-}
-
-fn inside_either_way(p: DVec2, a: DVec2, b: DVec2, c: DVec2) -> bool {
-    let (u, v, w) = ((b - a).perp_dot(p - a), (c - b).perp_dot(p - b), (a - c).perp_dot(p - c));
-    (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0)
-}
-
-fn clip_ears(ring: &[DVec2]) -> Vec<[DVec2; 3]> {
-    let count = ring.len();
-    if count < 3 {
-        return Vec::new();
-    }
-    let mut next: Vec<usize> = (1..=count).map(|k| k % count).collect();
-    let mut previous: Vec<usize> = (0..count).map(|k| (k + count - 1) % count).collect();
-    let mut triangles = Vec::with_capacity(count - 2);
-    let (mut at, mut left, mut misses) = (0, count, 0);
-    while left > 3 {
-        let (a, b, c) = (ring[previous[at]], ring[at], ring[next[at]]);
-        let turn = (b - a).perp_dot(c - b);
-        // After a whole round without an ear only degenerate corners are left: cut the flattest.
-        let forced = misses > left;
-        let ear = turn > 0.0 && (forced || is_ear(ring, &next, at, [a, b, c]));
-        if ear || turn.abs() < 1e-12 || (forced && misses > 2 * left) {
-            if turn > 1e-12 {
-                triangles.push([a, b, c]);
-            }
-            next[previous[at]] = next[at];
-            previous[next[at]] = previous[at];
-            left -= 1;
-            misses = 0;
-            at = next[next[at]];
-        } else {
-            misses += 1;
-            at = next[at];
-        }
-    }
-    let (a, b, c) = (ring[previous[at]], ring[at], ring[next[at]]);
-    if (b - a).perp_dot(c - b) > 1e-12 {
-        triangles.push([a, b, c]);
-    }
-    triangles
-}
-
-fn is_ear(ring: &[DVec2], next: &[usize], at: usize, [a, b, c]: [DVec2; 3]) -> bool {
-    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-    let mut k = next[next[at]];
-    let stop = at;
-    while next[k] != stop {
-        let p = ring[k];
-        if p.x >= low.x && p.x <= high.x && p.y >= low.y && p.y <= high.y && p != a && p != b && p != c {
-            let inside = (b - a).perp_dot(p - a) >= 0.0
-                && (c - b).perp_dot(p - b) >= 0.0
-                && (a - c).perp_dot(p - c) >= 0.0;
-            if inside {
-                return false;
-            }
-        }
-        k = next[k];
-    }
-    true
 }
 
 #[cfg(test)]

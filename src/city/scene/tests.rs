@@ -22,6 +22,33 @@ fn level_triangles(scene: &SceneDescription, surface: Surface) -> Vec<[Vec2; 3]>
     found
 }
 
+#[test]
+fn nothing_lies_on_a_lane_but_what_belongs_to_it() {
+    let map = city();
+    let scene = SceneDescription::from_map(&map);
+    let mut above = Vec::new();
+    for mesh in scene.meshes() {
+        for t in mesh.indices.chunks_exact(3) {
+            let corners = [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize]);
+            let class = corners[0].finish.class;
+            let foreign = !matches!(class, Class::Road | Class::Marking);
+            if foreign && corners.iter().all(|v| v.position.z < 2.0 && v.normal.z > 0.9) {
+                above.push((class, corners.map(|v| v.position.truncate())));
+            }
+        }
+    }
+    for lane in &map.lanes {
+        let half = lane.width_m / 2.0 - 0.05;
+        for (_, point) in lane.curve.sample(3.0) {
+            for left in [-half, 0.0, half] {
+                let at = point.pose.point_at(0.0, left).as_vec2();
+                let found = above.iter().find(|(_, t)| covers(t, at));
+                assert!(found.is_none(), "{found:?} lies on {} at {at}", lane.name);
+            }
+        }
+    }
+}
+
 fn covers(t: &[Vec2; 3], p: Vec2) -> bool {
     (0..3).all(|k| (t[(k + 1) % 3] - t[k]).perp_dot(p - t[k]) >= -1e-3)
 }
@@ -74,6 +101,23 @@ fn nothing_solid_stands_on_a_lane_and_all_numbers_are_finite() {
                 let far = lane.curve.at(lane.curve.project(at).s).pose.position.distance(at);
                 assert!(far > 1.5, "{:?} at {at}, {far} m from {}", v.finish.class, lane.name);
             }
+        }
+    }
+}
+
+/// Triangles are what a software adapter is slowest with.
+#[test]
+fn the_city_keeps_to_its_budget_of_triangles() {
+    let scene = SceneDescription::from_map(&city());
+    let all = || scene.ground.iter().chain(&scene.objects);
+    let finest: usize = all().map(|object| object.levels[0].mesh.triangle_count()).sum();
+    let coarsest: usize =
+        all().filter_map(|object| object.levels.last()).map(|level| level.mesh.triangle_count()).sum();
+    assert!(finest < 130_000 && coarsest < 30_000, "{finest} in full, {coarsest} at their coarsest");
+    for object in all() {
+        for pair in object.levels.windows(2) {
+            assert!(pair[1].mesh.triangle_count() <= pair[0].mesh.triangle_count());
+            assert!(pair[1].error_m > pair[0].error_m);
         }
     }
 }

@@ -211,7 +211,7 @@ fn part(primitive: &gltf::Primitive<'_>, blob: &[u8]) -> Result<Part, Fault> {
             .collect(),
         None => (0..positions.len() as u32).collect(),
     };
-    if indices.len() % 3 != 0 {
+    if !indices.len().is_multiple_of(3) {
         return Err(fault("indices", format!("{} of them make no triangles", indices.len()), DAMAGED));
     }
     if let Some(wrong) = indices.iter().find(|&&k| k as usize >= positions.len()) {

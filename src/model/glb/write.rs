@@ -31,7 +31,7 @@ impl Writer {
     fn accessor(&mut self, bytes: &[u8], target: u32, mut accessor: Value) -> usize {
         let offset = self.blob.len();
         self.blob.extend_from_slice(bytes);
-        while self.blob.len() % 4 != 0 {
+        while !self.blob.len().is_multiple_of(4) {
             self.blob.push(0);
         }
         self.views.push(json!({
@@ -149,7 +149,7 @@ pub fn write(model: &Model) -> Vec<u8> {
         "buffers": [{ "byteLength": writer.blob.len() }],
     });
     let mut text = document.to_string().into_bytes();
-    while text.len() % 4 != 0 {
+    while !text.len().is_multiple_of(4) {
         text.push(b' ');
     }
     let total = 12 + 8 + text.len() + 8 + writer.blob.len();

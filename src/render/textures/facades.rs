@@ -121,7 +121,8 @@ pub(super) fn sash(at: [f32; 2]) -> Texel {
         let level = if joint { 1.25 } else { 0.92 };
         return if key { grey(0.96) } else { tinted(RED, level) };
     }
-    let (colour, dull) = brick([at[0], at[1]]);
+    // Three bricks of 2 m side by side make a bay.
+    let (colour, dull) = brick([at[0] * 1.5, at[1] * 1.5]);
     let shade = if within(at, [0.29, 0.73], [0.195, 0.225]) { 0.78 } else { 1.0 };
     let course = if at[1] > 0.965 { 1.14 } else { 1.0 };
     ([0, 1, 2].map(|k| colour[k] * 1.16 * RED[k] * shade * course), dull)

@@ -1,0 +1,24 @@
+//! What commands print. A reader that has had enough (`city3d run city --out out | head -3`) closes the
+//! pipe: the command goes on quietly, and its exit code still tells how it went.
+
+use super::Failure;
+use std::fmt::Display;
+use std::io::{ErrorKind, Write, stderr, stdout};
+
+/// Prints a line.
+///
+/// # Errors
+/// When it cannot be written for another reason than that nobody reads on.
+pub fn say(line: impl Display) -> Result<(), Failure> {
+    match writeln!(stdout(), "{line}") {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::failed(format!("standard output: {error}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Prints a line to standard error. Where that is closed too there is nobody left to tell.
+pub fn complain(line: impl Display) {
+    let _ = writeln!(stderr(), "{line}");
+}
