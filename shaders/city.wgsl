@@ -41,6 +41,7 @@ const ASPHALT: u32 = 1u;
 const GRASS: u32 = 2u;
 const LANE: u32 = 19u;
 const LINE: u32 = 20u;
+const LANTERN: u32 = 34u;
 const ASPHALT_TINT: vec3<f32> = vec3<f32>(0.156, 0.156, 0.162);
 
 // How much of a pixel a line covers: `at.x` metres from its middle, `at.y` half its width, `across`
@@ -48,6 +49,27 @@ const ASPHALT_TINT: vec3<f32> = vec3<f32>(0.156, 0.156, 0.162);
 fn covered(at: vec2<f32>, across: f32) -> f32 {
     let w = max(across, 1e-4);
     return clamp((at.y - at.x) / w + 0.5, 0.0, 1.0) - clamp((-at.y - at.x) / w + 0.5, 0.0, 1.0);
+}
+
+// Light of its own at night: lamps, and rooms behind some of the windows.
+fn shining(layer: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> {
+    if !lamplit {
+        return vec3<f32>(0.0);
+    }
+    if layer == LANTERN {
+        return vec3<f32>(5.0, 4.2, 2.9) * frame.zenith.w;
+    }
+    let is_shop = layer == 9u;
+    let has_windows = layer == 7u || layer == 8u || is_shop || (layer >= 23u && layer <= 25u);
+    if !has_windows {
+        return vec3<f32>(0.0);
+    }
+    let bay = floor(uv);
+    let dice = fract(sin(dot(bay, vec2<f32>(12.9898, 78.233)) + f32(layer) * 3.7) * 437.5453);
+    let is_lit = select(0.0, 1.0, dice < 0.38 || is_shop);
+    let pane = 1.0 - smoothstep(0.42, 0.7, texel.a);
+    let warm = mix(vec3<f32>(0.85, 0.58, 0.28), vec3<f32>(0.70, 0.68, 0.60), fract(dice * 17.0));
+    return warm * ((0.35 + 2.6 * texel.g) * (0.6 + dice) * is_lit * pane * frame.zenith.w);
 }
 
 @fragment
@@ -78,7 +100,7 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     let from_eye = in.world - view.eye.xyz;
     let distance = length(from_eye);
     let radiance = shade(m, in.world, normalize(in.normal), -from_eye / distance);
-    return display(hazed(radiance, distance));
+    return display(hazed(radiance + shining(in.layer, in.uv, texel), distance));
 }
 
 @vertex
@@ -92,8 +114,15 @@ fn swift_vertex(in: VertexIn) -> Swift {
 
 @fragment
 fn swift_fragment(in: Swift) -> @location(0) vec4<f32> {
-    let texel = textureSample(surfaces, surface_sampler, in.uv, in.layer).rgb;
-    return swift_shade(in, linear_from_srgb(texel));
+    let texel = textureSample(surfaces, surface_sampler, in.uv, in.layer);
+    let pattern = linear_from_srgb(texel.rgb);
+    if lamplit {
+        var lit = in;
+        // Not by the albedo, which the pattern is about to be multiplied with.
+        lit.ambient += shining(in.layer, in.uv, vec4<f32>(pattern, texel.a)) / max(pattern, vec3<f32>(0.02)) * (1.0 - in.shadow.w);
+        return swift_shade(lit, pattern);
+    }
+    return swift_shade(in, pattern);
 }
 
 struct SwiftLine {

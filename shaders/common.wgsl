@@ -13,6 +13,10 @@ struct Frame {
     shadow_from_world: mat4x4<f32>,
     // x: size of a texel of the shadow map in its coordinates, y: in metres.
     shadow_texel: vec4<f32>,
+    // Radiance of the sky overhead; w: how bright lamps burn, 0 by day.
+    zenith: vec4<f32>,
+    // Place in the map of lamplight from city metres: times xy plus zw.
+    lamp_place: vec4<f32>,
 }
 
 struct View {
@@ -33,8 +37,7 @@ fn display(radiance: vec3<f32>) -> vec4<f32> {
 // The sky without sun and clouds, as reflections and the haze at the horizon see it.
 fn sky_colour(direction: vec3<f32>) -> vec3<f32> {
     let up = clamp(direction.z, 0.0, 1.0);
-    let zenith = vec3<f32>(0.16, 0.34, 0.78);
-    let sky = mix(frame.haze.rgb, zenith, 1.0 - exp(-3.2 * up));
+    let sky = mix(frame.haze.rgb, frame.zenith.rgb, 1.0 - exp(-3.2 * up));
     let below = clamp(-direction.z * 4.0, 0.0, 1.0);
     return mix(sky, frame.ground_light.rgb * 0.6, below);
 }

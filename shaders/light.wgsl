@@ -6,6 +6,21 @@
 // 1: four taps a texel and a half apart; 0: one tap.
 override soft_shadows: bool = true;
 
+@group(1) @binding(2) var lamp_map: texture_2d<f32>;
+@group(1) @binding(3) var lamp_sampler: sampler;
+
+// Whether lamps burn.
+override lamplit: bool = false;
+
+// Light of street lamps and headlights on a surface. The map holds what reaches the ground, so that a wall
+// takes what lies before it.
+fn lamplight(world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    let at = (world.xy + normal.xy * 1.2) * frame.lamp_place.xy + frame.lamp_place.zw;
+    let ground = textureSampleLevel(lamp_map, lamp_sampler, at, 0.0).rgb;
+    let height = 1.0 - smoothstep(3.5, 8.5, world.z);
+    return ground * (frame.zenith.w * height * (0.62 + 0.38 * normal.z));
+}
+
 fn sunlit(world: vec3<f32>, normal: vec3<f32>) -> f32 {
     // Moved along the normal by more than a texel, farther where the sun grazes it, so that a surface
     // does not shade itself.
@@ -39,6 +54,9 @@ fn shade(m: Material, world: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>) ->
     }
     let above = mix(frame.ground_light.rgb, frame.sky_light.rgb, normal.z * 0.5 + 0.5);
     var radiance = m.albedo * (frame.sun.rgb * sun + above * m.openness);
+    if lamplit {
+        radiance += m.albedo * lamplight(world, normal);
+    }
     if m.gloss > 0.0 {
         let grazing = 1.0 - clamp(dot(normal, to_eye), 0.0, 1.0);
         let fresnel = m.gloss * (0.06 + 0.94 * pow(grazing, 5.0));

@@ -35,6 +35,16 @@ fn swift_light(m: Material, world: vec3<f32>, normal: vec3<f32>, glow: vec3<f32>
         ambient = mix(ambient, sky_colour(mirrored) * m.openness, fresnel);
         sunlight *= 1.0 - fresnel;
     }
+    if lamplit {
+        // The moon's shadows are too faint to be worth a lookup; the ground takes the light of lamps at
+        // each pixel instead, what rises from it at its vertices.
+        let is_ground = normal.z > 0.9 && world.z < 0.4;
+        let lamps = select(m.albedo * lamplight(world, normal), vec3<f32>(0.0), is_ground);
+        out.ambient = (ambient + sunlight * 0.6 + lamps + glow) * clear;
+        out.sunlight = select(vec3<f32>(0.0), m.albedo * frame.zenith.w, is_ground) * clear;
+        out.shadow = vec4<f32>(world.xy * frame.lamp_place.xy + frame.lamp_place.zw, 0.0, 1.0 - clear);
+        return out;
+    }
     out.ambient = (ambient + glow) * clear;
     out.sunlight = sunlight * clear;
     let grazing_sun = 1.0 - facing;
@@ -51,6 +61,10 @@ fn swift_display(radiance: vec3<f32>) -> vec4<f32> {
 }
 
 fn swift_shade(in: Swift, pattern: vec3<f32>) -> vec4<f32> {
+    if lamplit {
+        let lamps = textureSampleLevel(lamp_map, lamp_sampler, in.shadow.xy, 0.0).rgb;
+        return swift_display(pattern * (in.ambient + in.sunlight * lamps) + frame.haze.rgb * in.shadow.w);
+    }
     let lit = textureSampleCompareLevel(shadow_map, shadow_sampler, in.shadow.xy, in.shadow.z);
     return swift_display(pattern * (in.ambient + in.sunlight * lit) + frame.haze.rgb * in.shadow.w);
 }

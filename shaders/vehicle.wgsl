@@ -53,8 +53,8 @@ fn look_of(in: VertexIn) -> Look {
     switch in.material {
         case PAINT: { albedo *= in.paint.rgb; gloss = 0.5; }
         case GLASS: { gloss = 1.0; }
-        case HEAD: { gloss = 0.9; out.glow = vec3<f32>(0.9, 0.88, 0.8) * 0.5; }
-        case TAIL: { gloss = 0.6; out.glow = vec3<f32>(1.0, 0.02, 0.01) * (0.12 + in.lamps.x * 4.5); }
+        case HEAD: { gloss = 0.9; out.glow = vec3<f32>(0.9, 0.88, 0.8) * (0.5 + 4.0 * frame.zenith.w); }
+        case TAIL: { gloss = 0.6; out.glow = vec3<f32>(1.0, 0.02, 0.01) * (0.12 + 0.9 * frame.zenith.w + in.lamps.x * 4.5); }
         case INDICATOR_LEFT: { gloss = 0.6; out.glow = vec3<f32>(1.0, 0.32, 0.01) * in.lamps.y * 5.0; }
         case INDICATOR_RIGHT: { gloss = 0.6; out.glow = vec3<f32>(1.0, 0.32, 0.01) * in.lamps.z * 5.0; }
         case REVERSE: { gloss = 0.6; out.glow = vec3<f32>(1.0, 1.0, 0.95) * in.lamps.w * 4.0; }

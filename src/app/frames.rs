@@ -19,11 +19,11 @@ use super::{Failure, ScenarioArgs, load, progress};
 use crate::camera::Kinds;
 use crate::city::scene::SceneDescription;
 use crate::render::{
-    AdapterPreference, Context, Image, Order, Pending, PngStream, Quality as Preset, RenderError, Renderer,
-    Settings,
+    AdapterPreference, Context, Daylight, Image, Order, Pending, PngStream, Quality as Preset, RenderError,
+    Renderer, Settings,
 };
 use crate::runner::Run;
-use crate::scenario::Experiment;
+use crate::scenario::{Experiment, TimeOfDay};
 use cameras::CameraArgs;
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
@@ -70,7 +70,10 @@ pub struct FramesArgs {
     /// Angle between the upper and the lower edge of the pictures [default: the sensors', or 50]
     #[arg(long, value_name = "DEG", value_parser = field_of_view)]
     fov: Option<f64>,
-    /// Work that a pixel is worth: high for looking at, fast for many cameras without a GPU
+    /// Light of the pictures: noon, low_sun, night or a time such as 17:30 [default: the scenario's]
+    #[arg(long, value_name = "TIME")]
+    time: Option<TimeOfDay>,
+    /// Work that a pixel is worth: high for looking at, low for many cameras without a GPU, auto by the adapter
     #[arg(long, default_value = "high")]
     quality: Quality,
     /// "software", or a part of the name of the adapter that draws; the best one without it [env: CITY3D_ADAPTER]
@@ -80,8 +83,12 @@ pub struct FramesArgs {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Quality {
-    Fast,
+    #[value(alias = "fast")]
+    Low,
+    Medium,
     High,
+    Ultra,
+    Auto,
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
@@ -280,11 +287,16 @@ fn open(args: &FramesArgs, experiment: &Experiment) -> Result<Renderer, Failure>
         args.adapter.as_deref().map_or_else(AdapterPreference::from_environment, AdapterPreference::parse);
     let context = Context::headless(&preference).map_err(failure)?;
     let quality = match args.quality {
-        Quality::Fast => Preset::LOW,
+        Quality::Low => Preset::LOW,
+        Quality::Medium => Preset::MEDIUM,
         Quality::High => Preset::HIGH,
+        Quality::Ultra => Preset::ULTRA,
+        Quality::Auto => Preset::auto(context.is_software),
     };
     let scene = SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
-    let settings = Settings { quality, ..Settings::default() };
+    let time = args.time.unwrap_or(experiment.time_of_day);
+    let daylight = Daylight { hours: time.hours as f32 };
+    let settings = Settings { quality, daylight, ..Settings::default() };
     let mut renderer = Renderer::new(&context, &scene, settings).map_err(failure)?;
     for (&body, model) in &experiment.models.vehicles {
         renderer.set_vehicle_model(body, Arc::clone(model));

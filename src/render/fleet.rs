@@ -252,6 +252,13 @@ impl Fleet {
         }
     }
 
+    /// The ground that headlights reach, of every vehicle; group 0 and pipeline are set already.
+    pub(super) fn draw_beams(&self, pass: &mut wgpu::RenderPass<'_>) {
+        let count = self.placed.len() as u32;
+        pass.set_vertex_buffer(0, self.instances.slice(..));
+        pass.draw(0..4, 5 * count..6 * count);
+    }
+
     /// Group 0 and pipeline are set already.
     pub(super) fn draw_contacts(&self, pass: &mut wgpu::RenderPass<'_>, seen: &[Sight]) {
         let first = 5 * self.placed.len() as u32;

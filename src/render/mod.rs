@@ -9,6 +9,7 @@
 mod atlas;
 mod cells;
 mod context;
+mod daylight;
 mod error;
 mod files;
 mod fleet;
@@ -30,6 +31,7 @@ mod textures;
 mod vehicle;
 
 pub use context::{AdapterPreference, Context, TargetView};
+pub use daylight::Daylight;
 pub use error::RenderError;
 pub use files::Format;
 pub use image::{Image, Plane};
@@ -37,5 +39,5 @@ pub use png::write_png;
 pub use readback::{Arrived, Pending};
 pub use renderer::Renderer;
 pub use request::{Pictures, Request};
-pub use settings::{Quality, Settings, Sun};
+pub use settings::{Quality, Settings};
 pub use stream::{Order, PngStream};

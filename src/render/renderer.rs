@@ -2,6 +2,7 @@
 //! submission and come back through one buffer.
 
 use super::atlas::Atlas;
+use super::daylight::Light;
 use super::fleet::{Fleet, Sight, linear_from_srgb};
 use super::frustum::{Frustum, Sharpness};
 use super::grid::tile_bytes;
@@ -10,20 +11,19 @@ use super::passes::Attachments;
 use super::passes::city::CityPass;
 use super::passes::common::{FrameGroup, gpu_data};
 use super::passes::contact::ContactPass;
+use super::passes::lamps::LampPass;
 use super::passes::light::LightGroup;
 use super::passes::shadow::{ShadowPass, SunView};
 use super::passes::sky::SkyPass;
 use super::passes::vehicle::VehiclePass;
 use super::readback::{Arrived, Pending, Ring};
 use super::request::{Pictures, Places, Request, places};
-use super::settings::{EXPOSURE, HAZE_SRGB, radiance_of};
 use super::standing::{Gaze, SeenCells, Standing};
 use super::{Context, Image, RenderError, Settings, TargetView};
 use crate::camera::{PictureKind, View};
 use crate::city::scene::SceneDescription;
 use crate::model::Model;
 use crate::snapshot::{BodyType, FrameSnapshot};
-use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -37,6 +37,8 @@ pub struct Renderer {
     frame: FrameGroup,
     light: LightGroup,
     shadow: ShadowPass,
+    lamps: LampPass,
+    daylight: Light,
     city: CityPass,
     vehicles: VehiclePass,
     contact: ContactPass,
@@ -73,15 +75,25 @@ impl Renderer {
         let format = if light_at_vertices { settings.format.remove_srgb_suffix() } else { settings.format };
         let attachments = Attachments { format, samples: quality.samples, light_at_vertices };
         let frame = FrameGroup::new(device);
-        let sun_view = SunView::around(scene.bounds, settings.sun.direction(), quality.shadow_texels);
+        let daylight = settings.daylight.light();
+        let sun_view = SunView::around(scene.bounds, daylight.to_sun, quality.shadow_texels);
         let shadow = ShadowPass::new(device, &frame.layout, sun_view);
-        let light = LightGroup::new(device, &shadow.map);
+        let lamplit = daylight.lamps > 0.0;
+        let lamp_texels = if !lamplit {
+            1
+        } else if light_at_vertices {
+            512
+        } else {
+            1024
+        };
+        let lamps = LampPass::new(device, &frame.layout, scene, lamp_texels);
+        let light = LightGroup::new(device, &shadow.map, &lamps.map_view);
         let groups = [&frame.layout, &light.layout];
         let renderer = Self {
-            city: CityPass::new(context, attachments, quality, groups),
-            vehicles: VehiclePass::new(device, attachments, quality, groups),
+            city: CityPass::new(context, attachments, (quality, lamplit), groups),
+            vehicles: VehiclePass::new(device, attachments, (quality, lamplit), groups),
             contact: ContactPass::new(device, attachments, &frame.layout),
-            sky: SkyPass::new(context, attachments, settings.sun, groups),
+            sky: SkyPass::new(context, attachments, &daylight, groups),
             kinds: None,
             standing: Standing::new(device, scene),
             fleet: Fleet::new(device),
@@ -91,6 +103,8 @@ impl Renderer {
             frame,
             light,
             shadow,
+            lamps,
+            daylight,
             sun_view,
             atlases: BTreeMap::new(),
             ring: Ring::default(),
@@ -100,6 +114,9 @@ impl Renderer {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         renderer.frame.write_frame(&context.queue, &renderer.frame_data(0.0));
         renderer.shadow.draw_standing(&mut encoder, &renderer.frame, &renderer.standing);
+        if lamplit {
+            renderer.lamps.draw_standing(&mut encoder, &renderer.frame);
+        }
         context.queue.submit([encoder.finish()]);
         Ok(renderer)
     }
@@ -337,6 +354,9 @@ impl Renderer {
         self.frame.write(device, &self.context.queue, &frame, &slots);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.shadow.draw_vehicles(&mut encoder, &self.frame, &self.fleet);
+        if self.daylight.lamps > 0.0 {
+            self.lamps.draw_vehicles(&mut encoder, &self.frame, &self.fleet);
+        }
         Ok(encoder)
     }
 
@@ -360,7 +380,7 @@ impl Renderer {
         seen: &[Seen],
         tiles: &[(usize, [u32; 2])],
     ) {
-        let [r, g, b] = HAZE_SRGB.map(|c| {
+        let [r, g, b] = self.daylight.haze_srgb.map(|c| {
             if self.attachments.format.is_srgb() {
                 f64::from(linear_from_srgb((c * 255.0) as u8))
             } else {
@@ -439,16 +459,19 @@ impl Renderer {
     }
 
     fn frame_data(&self, time_s: f32) -> gpu_data::Frame {
-        let haze = HAZE_SRGB.map(|c| radiance_of(linear_from_srgb((c * 255.0) as u8)));
-        let to_sun: Vec3 = self.settings.sun.direction();
+        let light = &self.daylight;
+        let haze = light.radiance_of(light.haze_srgb);
+        let with = |[r, g, b]: [f32; 3], w: f32| [r, g, b, w];
         gpu_data::Frame {
-            to_sun: to_sun.extend(time_s).to_array(),
-            sun: [2.55, 2.28, 1.86, EXPOSURE],
-            sky_light: [0.60, 0.72, 0.92, 0.0],
-            ground_light: [0.34, 0.34, 0.30, 0.0],
-            haze: [haze[0], haze[1], haze[2], 1.0 / 950.0],
+            to_sun: light.to_sun.extend(time_s).to_array(),
+            sun: with(light.sun, light.exposure),
+            sky_light: with(light.sky, 0.0),
+            ground_light: with(light.ground, 0.0),
+            haze: with(haze, 1.0 / 950.0),
             shadow_from_world: self.sun_view.shadow_from_world.to_cols_array_2d(),
             shadow_texel: [1.0 / self.settings.quality.shadow_texels as f32, self.sun_view.texel_m, 0.0, 0.0],
+            zenith: with(light.zenith, light.lamps),
+            lamp_place: self.lamps.place,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What a renderer is built for: quality, time of day, pixel format.
 
-use glam::Vec3;
+use super::Daylight;
 
 /// How much work a pixel is worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,34 +67,10 @@ impl Quality {
     };
 }
 
-/// Where the sun stands.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sun {
-    /// Counter-clockwise from east.
-    pub azimuth_rad: f32,
-    pub elevation_rad: f32,
-}
-
-impl Sun {
-    /// The unit vector towards it, city frame.
-    pub fn direction(self) -> Vec3 {
-        let (sin, cos) = self.azimuth_rad.sin_cos();
-        let (up, out) = self.elevation_rad.sin_cos();
-        Vec3::new(cos * out, sin * out, up)
-    }
-}
-
-impl Default for Sun {
-    /// A clear afternoon: in the south-west.
-    fn default() -> Self {
-        Self { azimuth_rad: -2.35, elevation_rad: 0.66 }
-    }
-}
-
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     pub quality: Quality,
-    pub sun: Sun,
+    pub daylight: Daylight,
     /// Of the targets that [`super::Renderer::draw`] is given; pictures are read back in sRGB whatever it is.
     pub format: wgpu::TextureFormat,
     /// The most memory in bytes that one batch of views may take on the adapter.
@@ -105,25 +81,9 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             quality: Quality::HIGH,
-            sun: Sun::default(),
+            daylight: Daylight::default(),
             format: wgpu::TextureFormat::Rgba8UnormSrgb,
             batch_bytes: 192 << 20,
         }
     }
-}
-
-/// The horizon as displayed, sRGB: the panorama ends in it and far things fade into it.
-pub(super) const HAZE_SRGB: [f32; 3] = [0.80, 0.855, 0.90];
-/// Multiplies radiance before the display curve.
-pub(super) const EXPOSURE: f32 = 0.82;
-
-/// Radiance that the shaders' display curve shows as a linear value in [0, 1): its inverse.
-pub(super) fn radiance_of(displayed: f32) -> f32 {
-    let curve = |x: f32| (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
-    let (mut low, mut high) = (0.0_f32, 16.0_f32);
-    for _ in 0..40 {
-        let middle = (low + high) / 2.0;
-        if curve(middle) < displayed { low = middle } else { high = middle }
-    }
-    low / EXPOSURE
 }

@@ -23,6 +23,7 @@ const VEHICLE: Source = source!("vehicle.wgsl");
 const CONTACT: Source = source!("contact.wgsl");
 const SHADOW: Source = source!("shadow.wgsl");
 const SKY: Source = source!("sky.wgsl");
+const LAMPS: Source = source!("lamps.wgsl");
 const KINDS: Source = source!("kinds.wgsl");
 
 /// The shader of a pass: its own file after those it builds on.
@@ -34,12 +35,13 @@ pub(super) enum Shader {
     Shadow,
     Sky,
     Kinds,
+    Lamps,
 }
 
 impl Shader {
     #[cfg(test)]
-    pub(super) const ALL: [Self; 6] =
-        [Self::City, Self::Vehicle, Self::Contact, Self::Shadow, Self::Sky, Self::Kinds];
+    pub(super) const ALL: [Self; 7] =
+        [Self::City, Self::Vehicle, Self::Contact, Self::Shadow, Self::Sky, Self::Kinds, Self::Lamps];
 
     fn parts(self) -> &'static [Source] {
         match self {
@@ -49,6 +51,7 @@ impl Shader {
             Self::Shadow => &[COMMON, SHADOW],
             Self::Sky => &[COMMON, SKY],
             Self::Kinds => &[KINDS],
+            Self::Lamps => &[COMMON, LAMPS],
         }
     }
 
@@ -65,6 +68,7 @@ impl Shader {
                 Self::Shadow => "shadow",
                 Self::Sky => "sky",
                 Self::Kinds => "kinds",
+                Self::Lamps => "lamps",
             }),
             source: wgpu::ShaderSource::Wgsl(Cow::Owned(self.text())),
         })

@@ -6,7 +6,8 @@ mod noise;
 mod patterns;
 mod sky;
 
-use super::{Context, Sun};
+use super::Context;
+use super::daylight::Light;
 use crate::city::scene::Surface;
 use rayon::prelude::*;
 
@@ -36,9 +37,9 @@ pub(super) fn surfaces(context: &Context, format: wgpu::TextureFormat) -> wgpu::
 }
 
 /// The sky from below the horizon to the zenith, east in the middle of its left edge.
-pub(super) fn panorama(context: &Context, sun: Sun, format: wgpu::TextureFormat) -> wgpu::TextureView {
+pub(super) fn panorama(context: &Context, light: &Light, format: wgpu::TextureFormat) -> wgpu::TextureView {
     let texture = texture(context, ("sky", format), SKY, 1, 1);
-    upload(context, &texture, SKY, 0, 0, &sky::paint(SKY, sun.direction()));
+    upload(context, &texture, SKY, 0, 0, &sky::paint(SKY, light));
     texture.create_view(&wgpu::TextureViewDescriptor::default())
 }
 

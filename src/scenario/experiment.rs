@@ -3,6 +3,7 @@
 use super::feasibility::STEERING_RESERVE;
 use super::models::Models;
 use super::placement::Moved;
+use super::time_of_day::TimeOfDay;
 use crate::city::{CityMap, LabMap, LaneId};
 use crate::environment::EnvironmentSpec;
 use crate::geom::{LengthScale, Pose2, trig};
@@ -114,6 +115,8 @@ pub struct Experiment {
     pub moved: Vec<Moved>,
     pub right_of_way: RightOfWayParams,
     pub environment: EnvironmentSpec,
+    /// For pictures.
+    pub time_of_day: TimeOfDay,
     /// Without a trajectory for so long a vehicle stops on its path.
     pub link_timeout_s: f64,
     pub outcome: Outcome,

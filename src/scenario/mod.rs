@@ -11,6 +11,7 @@ mod read_settings;
 mod read_traffic;
 mod read_vehicles;
 mod source;
+mod time_of_day;
 mod traffic;
 mod vehicle_type;
 
@@ -20,3 +21,4 @@ pub use models::Models;
 pub use placement::Moved;
 pub use read::{Overrides, ScenarioError, read_experiment};
 pub use source::{Library, SourceError, shipped_scenarios};
+pub use time_of_day::TimeOfDay;

@@ -4,6 +4,7 @@ use super::experiment::{Experiment, Outcome, PlannedVehicle, Rates};
 use super::fields::{Fields, Problem, Problems};
 use super::models::{ModelReader, Models};
 use super::read_settings::{Named, read_environment, read_rates, read_right_of_way};
+use super::time_of_day::read_time_of_day;
 use super::{Library, Moved, SourceError, placement};
 use crate::city::{CityMap, LabMap, load_map};
 use crate::geom::LengthScale;
@@ -196,6 +197,7 @@ impl Reader<'_> {
             moved,
             right_of_way: read_right_of_way(root),
             environment: read_environment(root),
+            time_of_day: read_time_of_day(root),
             link_timeout_s,
             outcome: Outcome { collisions_forbidden },
             models: Models::default(),

@@ -61,10 +61,12 @@ pub enum Surface {
     Awning,
     /// Lacquered sheet metal.
     CarPaint,
+    /// The lens of a street lamp.
+    Lantern,
 }
 
 impl Surface {
-    pub const COUNT: usize = 34;
+    pub const COUNT: usize = 35;
 }
 
 /// What a pixel shows, for pictures of meaning instead of light.

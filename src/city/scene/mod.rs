@@ -40,6 +40,8 @@ pub struct SceneDescription {
     pub walls: Vec<Wall>,
     /// The box that holds the city itself, without the plain around it.
     pub bounds: [Vec3; 2],
+    /// Lenses of street lamps.
+    pub lamps: Vec<Vec3>,
 }
 
 /// Something that stands in the city, at one or more levels of detail.
@@ -101,6 +103,7 @@ impl SceneDescription {
     pub fn with_models(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Self {
         let field = roads::RoadField::new(map);
         let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());
+        let mut lamps = Vec::new();
         // Street furniture turns towards the road, so it needs to know where that is.
         for (index, piece) in map.scenery.iter().enumerate() {
             let place = Place { piece, seed: index as u32 };
@@ -114,7 +117,11 @@ impl SceneDescription {
                 SceneryKind::Tree => plants::tree_object(&place),
                 SceneryKind::Hedge => one(&|mesh| plants::hedge(mesh, &place)),
                 SceneryKind::Wall => one(&|mesh| props::wall(mesh, &place)),
-                SceneryKind::Lamp => one(&|mesh| props::lamp(mesh, &place, map)),
+                SceneryKind::Lamp => {
+                    let mut mesh = Mesh::default();
+                    lamps.push(props::lamp(&mut mesh, &place, map));
+                    Object::of_one_level(mesh)
+                }
                 SceneryKind::Bench => one(&|mesh| props::bench(mesh, &place)),
                 SceneryKind::PicnicTable => one(&|mesh| props::picnic_table(mesh, &place)),
                 SceneryKind::Playground => one(&|mesh| props::playground(mesh, &place)),
@@ -151,7 +158,7 @@ impl SceneDescription {
         let finest = ground.iter().chain(&objects).filter_map(|object| object.levels.first());
         let top = finest.map(|level| level.mesh.bounds()[1].z).fold(1.0, f32::max);
         let bounds = [low.extend(0.0), high.extend(top)];
-        Self { ground, objects, walls, bounds }
+        Self { ground, objects, walls, bounds, lamps }
     }
 
     /// Every mesh at every level of detail.

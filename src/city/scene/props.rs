@@ -11,7 +11,7 @@ use glam::{DVec2, Vec2, Vec3};
 const STONE_WALL: Finish = Finish::new(Surface::Brick, [188, 168, 146], Class::Wall);
 const COPING: Finish = Finish::new(Surface::Concrete, [196, 192, 184], Class::Wall);
 const POST: Finish = Finish::new(Surface::Metal, [64, 70, 74], Class::Pole);
-const LANTERN: Finish = Finish::new(Surface::Plain, [248, 244, 226], Class::Pole);
+const LANTERN: Finish = Finish::new(Surface::Lantern, [248, 244, 226], Class::Pole);
 const SLATS: Finish = Finish::new(Surface::Wood, [150, 108, 70], Class::Furniture);
 const IRON: Finish = Finish::new(Surface::Metal, [58, 60, 62], Class::Furniture);
 
@@ -71,8 +71,8 @@ fn rectangle(shape: &Shape) -> (f32, f32, f32) {
     }
 }
 
-/// A street lamp whose arm reaches over the nearest lane.
-pub(super) fn lamp(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) {
+/// A street lamp whose arm reaches over the nearest lane; says where its lens is.
+pub(super) fn lamp(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) -> Vec3 {
     let foot = middle(&place.piece.shape);
     let height = place.piece.height_m.map_or(6.2, |h| h as f32);
     let nearest = map
@@ -91,6 +91,7 @@ pub(super) fn lamp(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) {
     let (ahead, left) = (towards * 0.24, towards.perp() * 0.09);
     let lens = [ahead + left, ahead - left, -ahead - left, -ahead + left].map(|d| head + d.extend(-0.01));
     mesh.plate(&lens, LANTERN, 1.0);
+    head
 }
 
 pub(super) fn bench(mesh: &mut Mesh, place: &Place<'_>) {

@@ -46,7 +46,7 @@ impl CityPass {
     pub(in crate::render) fn new(
         context: &crate::render::Context,
         attachments: Attachments,
-        quality: Quality,
+        (quality, lamplit): (Quality, bool),
         groups: [&wgpu::BindGroupLayout; 2],
     ) -> Self {
         let device = &context.device;
@@ -97,6 +97,7 @@ impl CityPass {
                     buffers: &[Some(gpu_data::LAYOUT)],
                     constants: &[
                         ("soft_shadows", f64::from(u8::from(quality.soft_shadows))),
+                        ("lamplit", f64::from(u8::from(lamplit))),
                         ("detail", f64::from(u8::from(quality.detail))),
                     ],
                     topology: wgpu::PrimitiveTopology::TriangleList,

@@ -17,6 +17,8 @@ pub(in crate::render) mod gpu_data {
         pub(in crate::render) haze: [f32; 4],
         pub(in crate::render) shadow_from_world: [[f32; 4]; 4],
         pub(in crate::render) shadow_texel: [f32; 4],
+        pub(in crate::render) zenith: [f32; 4],
+        pub(in crate::render) lamp_place: [f32; 4],
     }
 
     #[repr(C)]
@@ -145,6 +147,8 @@ mod tests {
                 offset_of!(Frame, haze),
                 offset_of!(Frame, shadow_from_world),
                 offset_of!(Frame, shadow_texel),
+                offset_of!(Frame, zenith),
+                offset_of!(Frame, lamp_place),
             ];
             let (offsets, size) = layout(&module, "Frame");
             assert_eq!(offsets, frame.map(|o| o as u32));

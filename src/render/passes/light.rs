@@ -1,4 +1,4 @@
-//! Bind group 1: the sun's shadow, as the passes of a picture read it.
+//! Bind group 1: the sun's shadow and the light of lamps, as the passes of a picture read it.
 
 use super::{sampler_entry, texture_entry};
 
@@ -9,12 +9,22 @@ pub(in crate::render) struct LightGroup {
 }
 
 impl LightGroup {
-    pub(in crate::render) fn new(device: &wgpu::Device, shadow_map: &wgpu::TextureView) -> Self {
+    pub(in crate::render) fn new(
+        device: &wgpu::Device,
+        shadow_map: &wgpu::TextureView,
+        lamp_map: &wgpu::TextureView,
+    ) -> Self {
+        let both = wgpu::ShaderStages::VERTEX_FRAGMENT;
+        let filterable = wgpu::TextureSampleType::Float { filterable: true };
+        let lamps = texture_entry(2, filterable, wgpu::TextureViewDimension::D2);
+        let smooth = sampler_entry(3, wgpu::SamplerBindingType::Filtering);
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("light"),
             entries: &[
                 texture_entry(0, wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2),
                 sampler_entry(1, wgpu::SamplerBindingType::Comparison),
+                wgpu::BindGroupLayoutEntry { visibility: both, ..lamps },
+                wgpu::BindGroupLayoutEntry { visibility: both, ..smooth },
             ],
         });
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
@@ -24,12 +34,20 @@ impl LightGroup {
             compare: Some(wgpu::CompareFunction::LessEqual),
             ..Default::default()
         });
+        let smooth = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("lamplight"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..Default::default()
+        });
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("light"),
             layout: &layout,
             entries: &[
                 wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(shadow_map) },
                 wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
+                wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::TextureView(lamp_map) },
+                wgpu::BindGroupEntry { binding: 3, resource: wgpu::BindingResource::Sampler(&smooth) },
             ],
         });
         Self { layout, group }

@@ -2,7 +2,7 @@
 
 use super::{Attachments, PictureState, picture_pipeline, sampler_entry, texture_entry};
 use crate::render::Context;
-use crate::render::settings::Sun;
+use crate::render::daylight::Light;
 use crate::render::shader::Shader;
 use crate::render::textures;
 use glam::Vec3;
@@ -42,7 +42,7 @@ impl SkyPass {
     pub(in crate::render) fn new(
         context: &Context,
         attachments: Attachments,
-        sun: Sun,
+        light: &Light,
         groups: [&wgpu::BindGroupLayout; 2],
     ) -> Self {
         let device = &context.device;
@@ -57,7 +57,7 @@ impl SkyPass {
                 sampler_entry(1, wgpu::SamplerBindingType::Filtering),
             ],
         });
-        let view = textures::panorama(context, sun, attachments.texture_format());
+        let view = textures::panorama(context, light, attachments.texture_format());
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("sky"),
             address_mode_u: wgpu::AddressMode::Repeat,

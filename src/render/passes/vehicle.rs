@@ -41,7 +41,7 @@ impl VehiclePass {
     pub(in crate::render) fn new(
         device: &wgpu::Device,
         attachments: Attachments,
-        quality: Quality,
+        (quality, lamplit): (Quality, bool),
         groups: [&wgpu::BindGroupLayout; 2],
     ) -> Self {
         let pipeline = picture_pipeline(
@@ -52,7 +52,10 @@ impl VehiclePass {
                 entries: attachments.entries(),
                 groups: &[Some(groups[0]), Some(groups[1])],
                 buffers: &[Some(city::gpu_data::LAYOUT), Some(gpu_data::LAYOUT)],
-                constants: &[("soft_shadows", f64::from(u8::from(quality.soft_shadows)))],
+                constants: &[
+                    ("soft_shadows", f64::from(u8::from(quality.soft_shadows))),
+                    ("lamplit", f64::from(u8::from(lamplit))),
+                ],
                 topology: wgpu::PrimitiveTopology::TriangleList,
                 cull: true,
                 blend: None,

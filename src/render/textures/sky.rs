@@ -1,6 +1,7 @@
 //! The sky: haze at the horizon, far hills, clouds, the sun.
 
-use super::noise::octaves;
+use super::super::daylight::Light;
+use super::noise::{hash, octaves};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -11,7 +12,7 @@ pub(in crate::render) fn elevation_of(v: f32) -> f32 {
 }
 
 /// sRGB texels, row by row with v growing.
-pub(super) fn paint([width, height]: [u32; 2], to_sun: Vec3) -> Vec<u8> {
+pub(super) fn paint([width, height]: [u32; 2], light: &Light) -> Vec<u8> {
     (0..height)
         .into_par_iter()
         .flat_map_iter(|y| {
@@ -20,7 +21,7 @@ pub(super) fn paint([width, height]: [u32; 2], to_sun: Vec3) -> Vec<u8> {
             (0..width).flat_map(move |x| {
                 let u = (x as f32 + 0.5) / width as f32;
                 let [r, g, b] =
-                    colour(u, elevation, to_sun).map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
+                    colour(u, elevation, light).map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
                 [r, g, b, 255]
             })
         })
@@ -32,34 +33,56 @@ fn mix(a: [f32; 3], b: [f32; 3], part: f32) -> [f32; 3] {
 }
 
 /// As displayed: sRGB in [0, 1].
-fn colour(u: f32, elevation: f32, to_sun: Vec3) -> [f32; 3] {
+fn colour(u: f32, elevation: f32, light: &Light) -> [f32; 3] {
     let (up, out) = elevation.sin_cos();
     let (sin, cos) = (u * std::f32::consts::TAU).sin_cos();
     let direction = Vec3::new(cos * out, sin * out, up);
-    let horizon = super::super::settings::HAZE_SRGB;
+    let horizon = light.haze_srgb;
     let rise = 1.0 - (-4.2 * up.max(0.0)).exp();
-    let mut sky = mix(horizon, [0.30, 0.52, 0.82], rise);
+    let mut sky = mix(horizon, light.zenith_srgb, rise);
     // Flat clouds, seen from below: nearer the horizon they are closer together.
     let height = up.max(0.015) + 0.10;
     let plane = [direction.x / height * 0.045 + 0.5, direction.y / height * 0.075 + 0.5];
     let cover = ((octaves(plane, [9, 9], 6, 201) - 0.53) * 4.6).clamp(0.0, 1.0);
     let fade = ((up - 0.02) * 7.0).clamp(0.0, 1.0);
     let lit = 0.90 + 0.10 * octaves(plane, [24, 24], 3, 207);
-    sky = mix(sky, [lit, lit, lit * 1.01], cover * fade * 0.78);
-    let towards = direction.dot(to_sun);
-    let glow = towards.max(0.0).powi(24) * 0.30 + towards.max(0.0).powi(400) * 0.5;
-    sky = mix(sky, [1.0, 0.97, 0.88], glow.min(1.0));
+    let towards = direction.dot(light.to_sun);
+    let night = night_of(light);
+    sky = sky.map(|c| c + night * star(direction) * (up * 6.0).clamp(0.0, 1.0));
+    sky = mix(sky, light.cloud_srgb.map(|c| c * lit), cover * fade * (0.78 - 0.2 * night));
+    let glow = (towards.max(0.0).powi(24) * 0.30 + towards.max(0.0).powi(400) * 0.5) * (1.0 - 0.7 * night);
+    // Low, the sun lights the haze far around it.
+    let low = (1.0 - 2.5 * light.to_sun.z).clamp(0.0, 1.0) * (1.0 - night);
+    let wide = low * towards.max(0.0).powi(5) * 0.55 * (-5.0 * up.max(0.0)).exp();
+    sky = mix(sky, light.glow_srgb, (glow + wide).min(1.0));
     if towards > 0.99993 {
-        sky = [1.0, 1.0, 0.97];
+        sky = if night > 0.5 { [0.93, 0.94, 0.90] } else { [1.0, 1.0, 0.97] };
     }
     // Two chains of hills in the haze.
     for (seed, height, base, part) in [(221, 0.060, 0.008, 0.30), (231, 0.034, 0.002, 0.55)] {
         let crest = base + height * (octaves([u, 0.3], [9, 2], 5, seed) - 0.30).max(0.0);
         let edge = ((crest - elevation) / 0.0015).clamp(0.0, 1.0);
-        sky = mix(sky, mix(horizon, [0.38, 0.50, 0.46], part), edge);
+        sky = mix(sky, mix(horizon, light.hills_srgb, part), edge);
     }
     if elevation < 0.0 {
         sky = mix(sky, horizon, (-elevation * 60.0).min(1.0));
     }
     sky
+}
+
+/// 0 by day, 1 at night.
+fn night_of(light: &Light) -> f32 {
+    ((0.16 - light.zenith_srgb[2]) / 0.08).clamp(0.0, 1.0)
+}
+
+/// Brightness of the star in a direction, if there is one.
+fn star(direction: Vec3) -> f32 {
+    let cell = direction * 150.0;
+    let [x, y, z] = cell.floor().to_array().map(|c| c as i32);
+    let dice = hash(x * 31 + z * 57, y * 17 - z * 91, 301);
+    if dice < 0.982 {
+        return 0.0;
+    }
+    let offset = (cell - cell.floor() - 0.5).length();
+    (dice - 0.975) * 26.0 * (1.0 - offset * 2.4).max(0.0)
 }

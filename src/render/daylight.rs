@@ -1,0 +1,215 @@
+//! The light of a time of day: sun or moon, sky, haze, exposure, and whether lamps burn.
+
+use glam::Vec3;
+use std::f32::consts::PI;
+
+/// When pictures are taken; decides where the sun stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Daylight {
+    /// Local time from midnight.
+    pub hours: f32,
+}
+
+impl Daylight {
+    pub const NOON: Self = Self { hours: 12.0 };
+    pub const LOW_SUN: Self = Self { hours: 16.5 };
+    pub const NIGHT: Self = Self { hours: 22.0 };
+
+    /// Unit vector towards the sun: an autumn day in the middle north, with the sun at its highest at 11.
+    fn to_sun(self) -> Vec3 {
+        let turn = (self.hours - 11.0) / 12.0 * PI;
+        let (latitude, declination) = (44_f32.to_radians(), 4_f32.to_radians());
+        let ((sin_l, cos_l), (sin_d, cos_d)) = (latitude.sin_cos(), declination.sin_cos());
+        Vec3::new(
+            -cos_d * turn.sin(),
+            sin_d * cos_l - cos_d * sin_l * turn.cos(),
+            sin_l * sin_d + cos_l * cos_d * turn.cos(),
+        )
+    }
+
+    pub(super) fn light(self) -> Light {
+        let to_sun = self.to_sun();
+        let elevation_deg = to_sun.z.clamp(-1.0, 1.0).asin().to_degrees();
+        let to_moon = Vec3::new(-0.50, -0.49, 0.71).normalize_or(Vec3::Z);
+        let is_moonlit = elevation_deg < DUSK_DEG;
+        Light {
+            to_sun: if is_moonlit {
+                to_moon
+            } else {
+                Vec3::new(to_sun.x, to_sun.y, to_sun.z.max(0.03)).normalize_or(Vec3::Z)
+            },
+            ..mixed(elevation_deg)
+        }
+    }
+}
+
+impl Default for Daylight {
+    fn default() -> Self {
+        Self::NOON
+    }
+}
+
+/// Radiance unless said otherwise, for shaders and for the panorama of the sky.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Light {
+    /// Unit vector towards the sun, or towards the moon at night.
+    pub(super) to_sun: Vec3,
+    pub(super) sun: [f32; 3],
+    pub(super) sky: [f32; 3],
+    pub(super) ground: [f32; 3],
+    /// Overhead, as reflections see it.
+    pub(super) zenith: [f32; 3],
+    /// As displayed, sRGB.
+    pub(super) haze_srgb: [f32; 3],
+    pub(super) zenith_srgb: [f32; 3],
+    pub(super) cloud_srgb: [f32; 3],
+    /// Around the sun.
+    pub(super) glow_srgb: [f32; 3],
+    pub(super) hills_srgb: [f32; 3],
+    /// Multiplies radiance before the display curve.
+    pub(super) exposure: f32,
+    /// 0 off to 1: lamps of streets, windows and cars.
+    pub(super) lamps: f32,
+}
+
+/// Below this elevation the moon takes the place of the sun; neither throws light at it.
+const DUSK_DEG: f32 = -3.0;
+
+/// Elevation of the sun in degrees and its light, rising.
+const STEPS: [(f32, Light); 4] = [
+    (
+        -9.0,
+        Light {
+            to_sun: Vec3::Z,
+            sun: [0.10, 0.12, 0.17],
+            sky: [0.10, 0.13, 0.21],
+            ground: [0.06, 0.06, 0.075],
+            zenith: [0.010, 0.014, 0.035],
+            haze_srgb: [0.105, 0.12, 0.165],
+            zenith_srgb: [0.020, 0.028, 0.065],
+            cloud_srgb: [0.13, 0.14, 0.18],
+            glow_srgb: [0.55, 0.60, 0.70],
+            hills_srgb: [0.03, 0.04, 0.06],
+            exposure: 0.82,
+            lamps: 1.0,
+        },
+    ),
+    (
+        DUSK_DEG,
+        Light {
+            to_sun: Vec3::Z,
+            sun: [0.0, 0.0, 0.0],
+            sky: [0.22, 0.25, 0.36],
+            ground: [0.12, 0.12, 0.13],
+            zenith: [0.05, 0.08, 0.20],
+            haze_srgb: [0.56, 0.45, 0.45],
+            zenith_srgb: [0.12, 0.18, 0.36],
+            cloud_srgb: [0.45, 0.36, 0.42],
+            glow_srgb: [0.95, 0.55, 0.35],
+            hills_srgb: [0.12, 0.13, 0.18],
+            exposure: 1.0,
+            lamps: 1.0,
+        },
+    ),
+    (
+        8.0,
+        Light {
+            to_sun: Vec3::Z,
+            sun: [2.20, 1.42, 0.72],
+            sky: [0.46, 0.52, 0.66],
+            ground: [0.24, 0.22, 0.19],
+            zenith: [0.13, 0.25, 0.55],
+            haze_srgb: [0.90, 0.78, 0.66],
+            zenith_srgb: [0.27, 0.43, 0.70],
+            cloud_srgb: [0.98, 0.84, 0.72],
+            glow_srgb: [1.0, 0.85, 0.58],
+            hills_srgb: [0.40, 0.42, 0.42],
+            exposure: 1.10,
+            lamps: 0.0,
+        },
+    ),
+    (
+        30.0,
+        Light {
+            to_sun: Vec3::Z,
+            sun: [2.55, 2.28, 1.86],
+            sky: [0.60, 0.72, 0.92],
+            ground: [0.34, 0.34, 0.30],
+            zenith: [0.16, 0.34, 0.78],
+            haze_srgb: [0.80, 0.855, 0.90],
+            zenith_srgb: [0.30, 0.52, 0.82],
+            cloud_srgb: [1.0, 1.0, 1.01],
+            glow_srgb: [1.0, 0.97, 0.88],
+            hills_srgb: [0.38, 0.50, 0.46],
+            exposure: 0.82,
+            lamps: 0.0,
+        },
+    ),
+];
+
+fn mixed(elevation_deg: f32) -> Light {
+    let above = STEPS.iter().position(|(from, _)| elevation_deg < *from);
+    let (below, next) = match above {
+        Some(0) => return STEPS[0].1,
+        Some(k) => (&STEPS[k - 1], &STEPS[k]),
+        None => return STEPS[STEPS.len() - 1].1,
+    };
+    let part = (elevation_deg - below.0) / (next.0 - below.0);
+    let (a, b) = (&below.1, &next.1);
+    let one = |a: f32, b: f32| a + (b - a) * part;
+    let all = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|k| one(a[k], b[k]));
+    Light {
+        to_sun: Vec3::Z,
+        sun: all(a.sun, b.sun),
+        sky: all(a.sky, b.sky),
+        ground: all(a.ground, b.ground),
+        zenith: all(a.zenith, b.zenith),
+        haze_srgb: all(a.haze_srgb, b.haze_srgb),
+        zenith_srgb: all(a.zenith_srgb, b.zenith_srgb),
+        cloud_srgb: all(a.cloud_srgb, b.cloud_srgb),
+        glow_srgb: all(a.glow_srgb, b.glow_srgb),
+        hills_srgb: all(a.hills_srgb, b.hills_srgb),
+        exposure: one(a.exposure, b.exposure),
+        lamps: one(a.lamps, b.lamps),
+    }
+}
+
+impl Light {
+    /// Radiance that the shaders' display curve shows as an sRGB value below 1: its inverse.
+    pub(super) fn radiance_of(&self, displayed: [f32; 3]) -> [f32; 3] {
+        let curve = |x: f32| (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
+        displayed.map(|c| {
+            let wanted = super::fleet::linear_from_srgb((c * 255.0) as u8);
+            let (mut low, mut high) = (0.0_f32, 16.0_f32);
+            for _ in 0..40 {
+                let middle = (low + high) / 2.0;
+                if curve(middle) < wanted { low = middle } else { high = middle }
+            }
+            low / self.exposure
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sun_is_high_at_noon_low_in_the_west_later_and_gives_way_to_lamps_and_moon() {
+        let [noon, low, night] = [Daylight::NOON, Daylight::LOW_SUN, Daylight::NIGHT].map(Daylight::light);
+        assert!(noon.to_sun.z > 0.7 && noon.to_sun.y < 0.0, "{}", noon.to_sun);
+        assert!((0.08..0.25).contains(&low.to_sun.z) && low.to_sun.x < -0.9, "{}", low.to_sun);
+        assert!(night.to_sun.z > 0.3 && night.sun[0] < noon.sun[0] / 10.0);
+        assert_eq!([noon.lamps, low.lamps, night.lamps], [0.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn no_minute_of_the_day_jumps() {
+        let light = |minute: u16| Daylight { hours: f32::from(minute) / 60.0 }.light();
+        for minute in 0..24 * 60 - 1 {
+            let (a, b) = (light(minute), light(minute + 1));
+            let step = (0..3).map(|k| (a.sky[k] - b.sky[k]).abs().max((a.sun[k] - b.sun[k]).abs()));
+            assert!(step.fold(0.0, f32::max) < 0.06, "minute {minute}");
+        }
+    }
+}
