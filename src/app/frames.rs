@@ -14,18 +14,15 @@ mod table;
 mod video;
 mod y4m;
 
+use super::look::{self, LookArgs, failure};
 use super::say::say;
 use super::{Failure, ScenarioArgs, load, progress};
 use crate::camera::Kinds;
-use crate::city::scene::SceneDescription;
-use crate::render::{
-    AdapterPreference, Context, Daylight, Image, Order, Pending, PngStream, Quality as Preset, RenderError,
-    Renderer, Settings,
-};
+use crate::render::{Image, Order, Pending, PngStream};
 use crate::runner::Run;
-use crate::scenario::{Experiment, TimeOfDay};
+use crate::scenario::Experiment;
 use cameras::CameraArgs;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use indicatif::ProgressBar;
 use kinds::{KindArgs, file_name};
 use schedule::Schedule;
@@ -70,25 +67,8 @@ pub struct FramesArgs {
     /// Angle between the upper and the lower edge of the pictures [default: the sensors', or 50]
     #[arg(long, value_name = "DEG", value_parser = field_of_view)]
     fov: Option<f64>,
-    /// Light of the pictures: noon, low_sun, night or a time such as 17:30 [default: the scenario's]
-    #[arg(long, value_name = "TIME")]
-    time: Option<TimeOfDay>,
-    /// Work that a pixel is worth: high for looking at, low for many cameras without a GPU, auto by the adapter
-    #[arg(long, default_value = "high")]
-    quality: Quality,
-    /// "software", or a part of the name of the adapter that draws; the best one without it [env: CITY3D_ADAPTER]
-    #[arg(long, value_name = "NAME")]
-    adapter: Option<String>,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Quality {
-    #[value(alias = "fast")]
-    Low,
-    Medium,
-    High,
-    Ultra,
-    Auto,
+    #[command(flatten)]
+    look: LookArgs,
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
@@ -163,7 +143,7 @@ impl Film<'_> {
     /// Files of a folder.
     fn take_pictures(&self, mut schedule: Schedule, folder: &Path) -> Result<(), Failure> {
         let mut table = Table::create(folder)?;
-        let mut renderer = open(self.args, self.experiment)?;
+        let mut renderer = look::open(&self.args.look, self.experiment, look::Quality::High)?;
         let adapter = renderer.context().adapter_name.clone();
         let start = Instant::now();
         let mut run = Run::new(Arc::clone(self.experiment)).map_err(Failure::bad_input)?;
@@ -215,7 +195,7 @@ impl Film<'_> {
     fn take_video(&self, mut schedule: Schedule, destination: &Destination) -> Result<(), Failure> {
         let shot = self.only_shot()?;
         let rate = FrameRate::of_period(shot.every_s);
-        let mut renderer = open(self.args, self.experiment)?;
+        let mut renderer = look::open(&self.args.look, self.experiment, look::Quality::High)?;
         let Some(mut video) = Video::create(destination, shot.lens.extent, rate)? else { return Ok(()) };
         let start = Instant::now();
         let mut run = Run::new(Arc::clone(self.experiment)).map_err(Failure::bad_input)?;
@@ -280,34 +260,4 @@ fn advance(run: &mut Run, tick: u64, bar: &ProgressBar) {
         }
     }
     progress::show(bar, run.snapshot().time_s);
-}
-
-fn open(args: &FramesArgs, experiment: &Experiment) -> Result<Renderer, Failure> {
-    let preference =
-        args.adapter.as_deref().map_or_else(AdapterPreference::from_environment, AdapterPreference::parse);
-    let context = Context::headless(&preference).map_err(failure)?;
-    let quality = match args.quality {
-        Quality::Low => Preset::LOW,
-        Quality::Medium => Preset::MEDIUM,
-        Quality::High => Preset::HIGH,
-        Quality::Ultra => Preset::ULTRA,
-        Quality::Auto => Preset::auto(context.is_software),
-    };
-    let scene = SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
-    let time = args.time.unwrap_or(experiment.time_of_day);
-    let daylight = Daylight { hours: time.hours as f32 };
-    let settings = Settings { quality, daylight, ..Settings::default() };
-    let mut renderer = Renderer::new(&context, &scene, settings).map_err(failure)?;
-    for (&body, model) in &experiment.models.vehicles {
-        renderer.set_vehicle_model(body, Arc::clone(model));
-    }
-    Ok(renderer)
-}
-
-/// What the user asked for wrongly ends with another code than what went wrong underway.
-fn failure(error: RenderError) -> Failure {
-    match error {
-        RenderError::NoSuchAdapter { .. } | RenderError::Extent { .. } => Failure::bad_input(error),
-        _ => Failure::failed(error),
-    }
 }

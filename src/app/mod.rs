@@ -7,6 +7,8 @@ mod check;
 mod frames;
 mod generate;
 mod load;
+#[cfg(feature = "render")]
+mod look;
 mod progress;
 mod run;
 mod say;

@@ -1,10 +1,10 @@
 //! Camera pictures a second: drawn, read back and, with `--png`, written to disk.
 
+use super::super::look::{self, LookArgs};
 use super::super::say::say;
 use super::super::{Failure, load};
 use crate::camera::{Camera, Lens, Mount, View};
-use crate::city::scene::SceneDescription;
-use crate::render::{AdapterPreference, Context, PngStream, Quality, RenderError, Renderer, Settings};
+use crate::render::{PngStream, Quality, RenderError, Renderer};
 use crate::runner::Run;
 use crate::snapshot::FrameSnapshot;
 use clap::Args;
@@ -40,9 +40,8 @@ pub struct CamerasArgs {
     /// Folder to write the pictures into as well; without it they are only read back
     #[arg(long, value_name = "DIR")]
     png: Option<PathBuf>,
-    /// "software", or a part of the name of the adapter that draws; the best one without it [env: CITY3D_ADAPTER]
-    #[arg(long, value_name = "NAME")]
-    adapter: Option<String>,
+    #[command(flatten)]
+    look: LookArgs,
 }
 
 /// One line of the report; the first keys are those that the benches of other engines print.
@@ -61,17 +60,13 @@ struct Report {
     /// Time of all cores for a picture, nothing written; where the system tells it.
     cpu_ms_per_img: Option<f64>,
     triangles_per_img: u64,
+    preset: &'static str,
     adapter: String,
 }
 
 pub fn cameras(args: &CamerasArgs) -> Result<(), Failure> {
     let experiment = load::experiment(&args.scenario)?;
-    let preference =
-        args.adapter.as_deref().map_or_else(AdapterPreference::from_environment, AdapterPreference::parse);
-    let context = Context::headless(&preference).map_err(Failure::failed)?;
-    let scene = SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
-    let settings = Settings { quality: Quality::LOW, ..Settings::default() };
-    let mut renderer = Renderer::new(&context, &scene, settings).map_err(Failure::failed)?;
+    let mut renderer = look::open(&args.look, &experiment, look::Quality::Low)?;
     let mut run = Run::new(experiment).map_err(Failure::bad_input)?;
     while run.snapshot().time_s < args.from {
         run.step();
@@ -101,9 +96,16 @@ pub fn cameras(args: &CamerasArgs) -> Result<(), Failure> {
         all_cameras_hz: rate(written) / f64::from(args.cameras),
         cpu_ms_per_img: spent.map(|spent| 1e3 * spent / drawn.0 as f64),
         triangles_per_img: renderer.triangles() / u64::from(args.cameras),
-        adapter: context.adapter_name,
+        preset: preset_of(&renderer),
+        adapter: renderer.context().adapter_name.clone(),
     };
     say(serde_json::to_string(&report).map_err(Failure::failed)?)
+}
+
+/// The name of the preset it was made for.
+fn preset_of(renderer: &Renderer) -> &'static str {
+    let known = Quality::PRESETS.iter().find(|(_, quality)| *quality == renderer.settings().quality);
+    known.map_or("other", |(name, _)| name)
 }
 
 /// What this process has had of all cores, as Linux tells it.

@@ -1,0 +1,67 @@
+//! How pictures look, and the renderer for it: what the commands that draw have in common.
+
+use super::Failure;
+use crate::city::scene::SceneDescription;
+use crate::render::{
+    AdapterPreference, Context, Daylight, Quality as Preset, RenderError, Renderer, Settings,
+};
+use crate::scenario::{Experiment, TimeOfDay};
+use clap::{Args, ValueEnum};
+use std::sync::Arc;
+
+#[derive(Debug, Args)]
+pub(super) struct LookArgs {
+    /// Light of the pictures: noon, low_sun, night or a time such as 17:30 [default: the scenario's]
+    #[arg(long, value_name = "TIME")]
+    pub(super) time: Option<TimeOfDay>,
+    /// Work that a pixel is worth: high for looking at, low for many cameras without a GPU, auto by the adapter
+    #[arg(long)]
+    pub(super) quality: Option<Quality>,
+    /// "software", or a part of the name of the adapter that draws; the best one without it [env: CITY3D_ADAPTER]
+    #[arg(long, value_name = "NAME")]
+    pub(super) adapter: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum Quality {
+    #[value(alias = "fast")]
+    Low,
+    Medium,
+    High,
+    Ultra,
+    Auto,
+}
+
+/// A renderer of an experiment's city, with the models of its scenario.
+///
+/// # Errors
+/// Where there is no such adapter, or none at all.
+pub(super) fn open(args: &LookArgs, experiment: &Experiment, usual: Quality) -> Result<Renderer, Failure> {
+    let preference =
+        args.adapter.as_deref().map_or_else(AdapterPreference::from_environment, AdapterPreference::parse);
+    let context = Context::headless(&preference).map_err(failure)?;
+    let quality = match args.quality.unwrap_or(usual) {
+        Quality::Low => Preset::LOW,
+        Quality::Medium => Preset::MEDIUM,
+        Quality::High => Preset::HIGH,
+        Quality::Ultra => Preset::ULTRA,
+        Quality::Auto => Preset::auto(context.is_software),
+    };
+    let scene = SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
+    let time = args.time.unwrap_or(experiment.time_of_day);
+    let daylight = Daylight { hours: time.hours as f32 };
+    let settings = Settings { quality, daylight, ..Settings::default() };
+    let mut renderer = Renderer::new(&context, &scene, settings).map_err(failure)?;
+    for (&body, model) in &experiment.models.vehicles {
+        renderer.set_vehicle_model(body, Arc::clone(model));
+    }
+    Ok(renderer)
+}
+
+/// What the user asked for wrongly ends with another code than what went wrong underway.
+pub(super) fn failure(error: RenderError) -> Failure {
+    match error {
+        RenderError::NoSuchAdapter { .. } | RenderError::Extent { .. } => Failure::bad_input(error),
+        _ => Failure::failed(error),
+    }
+}
