@@ -439,3 +439,25 @@ fn what_cannot_be_done_is_told_with_exit_code_2() {
         assert!(!said.contains("panicked"), "{arguments:?}: {said}");
     }
 }
+
+#[test]
+fn the_camera_bench_prints_one_line_and_writes_its_pictures() {
+    if !can_draw() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_city3d"))
+        .args(["bench", "cameras", SCENARIO, "--adapter", "software", "--cameras", "8", "--from", "1"])
+        .args(["--width", "64", "--height", "48", "--seconds", "0.2", "--png"])
+        .arg(folder.path())
+        .output()
+        .expect("the program starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let line: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one line of JSON");
+    assert_eq!((&line["cameras"], &line["w"], &line["h"]), (&8.into(), &64.into(), &48.into()));
+    assert_eq!(line["preset"], "low");
+    let images = line["images"].as_u64().unwrap();
+    assert!(images >= 8 && images % 8 == 0, "{line}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count() as u64, images);
+    assert!(line["img_per_s"].as_f64().unwrap() > 0.0 && line["triangles_per_img"].as_u64().unwrap() > 100);
+}
