@@ -50,7 +50,7 @@ pub struct Renderer {
     sun_view: SunView,
     atlases: BTreeMap<[u32; 2], Atlas>,
     ring: Ring,
-    /// Triangles of the last batch.
+    /// Of a view of the last batch, in the mean.
     triangles: u64,
     /// Depth and samples of the target that was drawn to last.
     window: Option<Atlas>,
@@ -131,7 +131,7 @@ impl Renderer {
         &self.settings
     }
 
-    /// How many triangles the views of the last batch were given, without the sky.
+    /// How many triangles a view of the last batch was given in the mean, without the sky.
     pub fn triangles(&self) -> u64 {
         self.triangles
     }
@@ -430,7 +430,7 @@ impl Renderer {
         let mut lists = Vec::new();
         let seen: Vec<Seen> = views.iter().map(|view| self.look(view, &mut lists)).collect();
         let count = |seen: &Seen| seen.cells.triangles() + self.fleet.triangles(&seen.vehicles);
-        self.triangles = seen.iter().map(count).sum();
+        self.triangles = seen.iter().map(count).sum::<u64>() / (seen.len() as u64).max(1);
         self.standing.write(&self.context.device, &self.context.queue, &lists);
         seen
     }

@@ -95,7 +95,7 @@ pub fn cameras(args: &CamerasArgs) -> Result<(), Failure> {
         mpix_per_s: rate(drawn) * f64::from(args.width) * f64::from(args.height) / 1e6,
         all_cameras_hz: rate(written) / f64::from(args.cameras),
         cpu_ms_per_img: spent.map(|spent| 1e3 * spent / drawn.0 as f64),
-        triangles_per_img: renderer.triangles() / u64::from(args.cameras),
+        triangles_per_img: renderer.triangles(),
         preset: preset_of(&renderer),
         adapter: renderer.context().adapter_name.clone(),
     };

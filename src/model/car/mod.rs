@@ -33,7 +33,7 @@ pub(super) const CHROME: Skin = Skin::new("chrome", [190, 194, 198]).metal().rou
 pub(super) const PLATE: Skin = Skin::new("number_plate", [226, 226, 220]);
 pub(super) const HEAD: Skin = Skin::new("head", [214, 220, 226]).rough(0.1);
 pub(super) const TAIL: Skin = Skin::new("tail", [98, 8, 10]).rough(0.2);
-pub(super) const REVERSE: Skin = Skin::new("reverse", [196, 196, 196]).rough(0.2);
+pub(super) const REVERSE: Skin = Skin::new("reverse", [132, 130, 128]).rough(0.2);
 pub(super) const INDICATOR: [Skin; 2] = [
     Skin::new("indicator_left", [176, 104, 48]).rough(0.2),
     Skin::new("indicator_right", [176, 104, 48]).rough(0.2),
