@@ -1,13 +1,16 @@
 //! `city3d frames` as a user runs it: small pictures on the software adapter.
 #![cfg(feature = "render")]
 
+#[path = "support/drawing.rs"]
+mod drawing;
+
 use city3d::camera::{Extrinsics, Intrinsics, Projection, View};
 use city3d::city::scene::Class;
 use city3d::geom::trig;
-use city3d::render::{AdapterPreference, Context};
 use city3d::runner::Run;
 use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d::snapshot::{FrameSnapshot, VehicleInfo, VehicleState};
+use drawing::software;
 use glam::{DQuat, DVec3};
 use serde::Deserialize;
 use std::path::Path;
@@ -15,18 +18,6 @@ use std::process::{Command, Output};
 use std::sync::Arc;
 
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/roundabout.toml");
-
-/// Whether there is a software adapter; without one a test is skipped loudly, and fails in CI.
-fn can_draw() -> bool {
-    match Context::headless(&AdapterPreference::Software) {
-        Ok(_) => true,
-        Err(error) => {
-            assert!(std::env::var_os("CI").is_none(), "pictures cannot be tested: {error}");
-            eprintln!("SKIPPED: {error}");
-            false
-        }
-    }
-}
 
 fn frames(scenario: &str, folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_city3d"))
@@ -122,7 +113,7 @@ fn snapshot(experiment: &Arc<Experiment>, tick: u64) -> FrameSnapshot {
 
 #[test]
 fn every_camera_has_its_pictures_and_rows() {
-    if !can_draw() {
+    if software().is_none() {
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");
@@ -201,7 +192,7 @@ fn with_magenta_car(folder: &Path) -> String {
 
 #[test]
 fn the_table_is_as_described() {
-    if !can_draw() {
+    if software().is_none() {
         return;
     }
     let document = include_str!("../docs/cameras.md");
@@ -230,7 +221,7 @@ fn the_table_is_as_described() {
 
 #[test]
 fn the_car_ahead_is_in_the_picture_where_its_pose_says() {
-    if !can_draw() {
+    if software().is_none() {
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");
@@ -273,7 +264,7 @@ fn the_car_ahead_is_in_the_picture_where_its_pose_says() {
 
 #[test]
 fn the_cameras_of_the_scenario_take_pictures_at_their_rates() {
-    if !can_draw() {
+    if software().is_none() {
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");
@@ -344,7 +335,7 @@ fn read_npy(path: &Path, shape: [u32; 2]) -> Vec<f32> {
 
 #[test]
 fn depth_of_the_files_lies_on_the_road() {
-    if !can_draw() {
+    if software().is_none() {
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");
@@ -442,7 +433,7 @@ fn what_cannot_be_done_is_told_with_exit_code_2() {
 
 #[test]
 fn the_camera_bench_prints_one_line_and_writes_its_pictures() {
-    if !can_draw() {
+    if software().is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();

@@ -4,30 +4,20 @@
 #![allow(clippy::disallowed_methods, reason = "only draws")]
 #![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
 
+#[path = "support/drawing.rs"]
+mod drawing;
+
 use city3d::camera::{Camera, Extrinsics, Kinds, Lens, Mount, PictureKind, Projection, View};
 use city3d::city::scene::{Class, Finish, Mesh, Object, SceneDescription, Surface};
-use city3d::render::{
-    AdapterPreference, Context, Pictures, Plane, Quality, RenderError, Renderer, Request, Settings,
-};
+use city3d::render::{Context, Pictures, Plane, Quality, RenderError, Renderer, Request, Settings};
 use city3d::runner::Run;
 use city3d::scenario::{Library, Overrides, read_experiment};
 use city3d::snapshot::{
     Appearance, BodyType, Dimensions, FrameSnapshot, VehicleId, VehicleInfo, VehicleState,
 };
+use drawing::software;
 use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
 use std::sync::Arc;
-
-/// The software adapter; without one a test is skipped loudly, and fails in CI.
-fn context() -> Option<Context> {
-    match Context::headless(&AdapterPreference::Software) {
-        Ok(context) => Some(context),
-        Err(error) => {
-            assert!(std::env::var_os("CI").is_none(), "pictures cannot be tested: {error}");
-            eprintln!("SKIPPED: {error}");
-            None
-        }
-    }
-}
 
 fn renderer(context: &Context, scene: &SceneDescription) -> Renderer {
     let quality = Quality { shadow_texels: 1024, ..Quality::LOW };
@@ -168,7 +158,7 @@ fn corners(view: &View, state: &VehicleState) -> [(DVec2, f64); 8] {
 
 #[test]
 fn a_wall_and_the_ground_lie_at_their_distances() {
-    let Some(context) = context() else { return };
+    let Some(context) = software() else { return };
     let mut renderer = renderer(&context, &wall_on_a_plain());
     // Straight at the wall, and askew from above.
     for view in [
@@ -209,7 +199,7 @@ fn a_wall_and_the_ground_lie_at_their_distances() {
 
 #[test]
 fn a_painted_line_is_as_wide_as_its_paint() {
-    let Some(context) = context() else { return };
+    let Some(context) = software() else { return };
     let mut scene = wall_on_a_plain();
     let paint = Finish::new(Surface::Line, [230; 3], Class::Marking);
     // Along x from 0 to 12 m, of 0.4 m; for the colours the mesh is wider, and lies higher than the road.
@@ -239,7 +229,7 @@ fn a_painted_line_is_as_wide_as_its_paint() {
 
 #[test]
 fn a_car_is_where_its_pose_says_in_every_kind() {
-    let Some(context) = context() else { return };
+    let Some(context) = software() else { return };
     let mut renderer = renderer(&context, &wall_on_a_plain());
     let view = looking(DVec3::new(-14.0, 0.0, 1.4), DVec3::new(20.0, 0.0, 1.0));
     for (id, x, y, yaw) in [
@@ -295,7 +285,7 @@ fn a_car_is_where_its_pose_says_in_every_kind() {
 
 #[test]
 fn who_stands_in_front_hides_the_others() {
-    let Some(context) = context() else { return };
+    let Some(context) = software() else { return };
     let mut renderer = renderer(&context, &wall_on_a_plain());
     let view = looking(DVec3::new(-14.0, 0.0, 1.4), DVec3::new(20.0, 0.0, 1.0));
     let cars = [car(4, DVec2::new(6.0, 2.0), 1.57), car(9, DVec2::new(-2.0, 0.0), 0.0)];
@@ -313,7 +303,7 @@ fn who_stands_in_front_hides_the_others() {
 
 #[test]
 fn depth_lies_on_the_road_of_the_city() {
-    let Some(context) = context() else { return };
+    let Some(context) = software() else { return };
     let (text, library) = Library::scenario("roundabout").unwrap();
     let experiment = read_experiment("roundabout", &text, &library, Overrides::default()).unwrap();
     let scene = SceneDescription::from_map(&experiment.city_map);
@@ -344,7 +334,7 @@ fn depth_lies_on_the_road_of_the_city() {
 
 #[test]
 fn requests_get_what_they_ask_for_whatever_the_others_want() {
-    let Some(context) = context() else { return };
+    let Some(context) = software() else { return };
     let mut renderer = renderer(&context, &wall_on_a_plain());
     let snapshot = snapshot(vec![car(3, DVec2::new(2.0, 0.0), 0.3)]);
     let small = Lens { extent: [33, 20], ..Lens::default() };
@@ -387,7 +377,7 @@ fn requests_get_what_they_ask_for_whatever_the_others_want() {
 
 #[test]
 fn vehicles_that_no_pixel_can_tell_are_refused_by_number() {
-    let Some(context) = context() else { return };
+    let Some(context) = software() else { return };
     let mut renderer = renderer(&context, &wall_on_a_plain());
     let view = looking(DVec3::new(-14.0, 0.0, 1.4), DVec3::new(20.0, 0.0, 1.0));
     for id in [0, 65_536] {

@@ -2,6 +2,9 @@
 #![cfg(feature = "render")]
 #![allow(clippy::disallowed_methods, reason = "only draws")]
 
+#[path = "support/drawing.rs"]
+mod drawing;
+
 use city3d::camera::{Camera, Extrinsics, Lens, Mount, View};
 use city3d::city::scene::{Class, Finish, Mesh, Object, SceneDescription, Surface};
 use city3d::render::{
@@ -10,20 +13,9 @@ use city3d::render::{
 use city3d::snapshot::{
     Appearance, BodyType, Dimensions, FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState,
 };
+use drawing::software;
 use glam::{DQuat, DVec2, DVec3, Vec3};
 use std::sync::Arc;
-
-/// The software adapter; without one a test is skipped loudly, and fails in CI.
-fn context() -> Option<Context> {
-    match Context::headless(&AdapterPreference::Software) {
-        Ok(context) => Some(context),
-        Err(error) => {
-            assert!(std::env::var_os("CI").is_none(), "pictures cannot be tested: {error}");
-            eprintln!("SKIPPED: {error}");
-            None
-        }
-    }
-}
 
 /// Black level ground, on which shadows leave no trace.
 fn black_plain() -> SceneDescription {
@@ -132,7 +124,7 @@ fn projected(view: &View, state: &VehicleState) -> [f64; 4] {
 
 #[test]
 fn a_car_is_in_the_picture_where_its_pose_says() {
-    let Some(context) = context() else { return };
+    let Some(context) = software() else { return };
     let mut renderer = renderer(&context, &black_plain(), 1);
     let view = looking(DVec3::new(0.0, 0.0, 1.4), DVec3::new(20.0, 0.0, 1.0));
     for (x, y, yaw) in
@@ -164,7 +156,7 @@ fn count(image: &Image, wanted: impl Fn([u8; 3]) -> bool) -> usize {
 
 #[test]
 fn brake_lamps_light_up() {
-    let Some(context) = context() else { return };
+    let Some(context) = software() else { return };
     let mut renderer = renderer(&context, &black_plain(), 1);
     let view = looking(DVec3::new(-9.0, 0.0, 1.6), DVec3::new(0.0, 0.0, 0.8));
     let (mut state, info) = car(1, DVec2::ZERO, 0.0);
@@ -178,7 +170,7 @@ fn brake_lamps_light_up() {
 
 #[test]
 fn indicators_flash_on_their_side() {
-    let Some(context) = context() else { return };
+    let Some(context) = software() else { return };
     let mut renderer = renderer(&context, &black_plain(), 1);
     let view = looking(DVec3::new(-9.0, 0.0, 1.6), DVec3::new(0.0, 0.0, 0.8));
     let mut picture = |indicator, time_s| {
@@ -196,7 +188,7 @@ fn indicators_flash_on_their_side() {
 
 #[test]
 fn views_of_one_call_are_what_each_would_be_alone() {
-    let Some(context) = context() else { return };
+    let Some(context) = software() else { return };
     let scene = light_plain();
     let mut renderer = renderer(&context, &scene, 4);
     let snapshot = snapshot(vec![car(1, DVec2::ZERO, 0.3), car(2, DVec2::new(12.0, 1.0), 0.3)]);
@@ -218,7 +210,7 @@ fn views_of_one_call_are_what_each_would_be_alone() {
 
 #[test]
 fn shadows_follow_and_leave_nothing_behind() {
-    let Some(context) = context() else { return };
+    let Some(context) = software() else { return };
     let scene = light_plain();
     let mut moved = renderer(&context, &scene, 1);
     let view = looking(DVec3::new(0.0, -0.1, 45.0), DVec3::ZERO);
@@ -236,7 +228,7 @@ fn shadows_follow_and_leave_nothing_behind() {
 
 #[test]
 fn the_own_body_leaves_the_windscreens_view_free() {
-    let Some(context) = context() else { return };
+    let Some(context) = software() else { return };
     let mut renderer = renderer(&context, &light_plain(), 1);
     for body in [BodyType::Sedan, BodyType::Hatchback, BodyType::Suv, BodyType::Van] {
         let (state, mut info) = car(1, DVec2::ZERO, 0.0);
@@ -252,7 +244,7 @@ fn the_own_body_leaves_the_windscreens_view_free() {
 
 #[test]
 fn what_cannot_be_drawn_is_refused_by_name() {
-    let Some(context) = context() else { return };
+    let Some(context) = software() else { return };
     let mut renderer = renderer(&context, &black_plain(), 1);
     let good = looking(DVec3::new(-9.0, 0.0, 1.6), DVec3::ZERO);
     let empty = snapshot(Vec::new());
@@ -272,7 +264,7 @@ fn what_cannot_be_drawn_is_refused_by_name() {
 
 #[test]
 fn a_stream_writes_every_picture_and_reports_a_bad_path() {
-    let Some(context) = context() else { return };
+    let Some(context) = software() else { return };
     let mut renderer = renderer(&context, &light_plain(), 1);
     let folder = tempfile::tempdir().unwrap();
     let small = Lens { extent: [64, 48], ..Lens::default() };

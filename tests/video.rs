@@ -2,24 +2,15 @@
 #![cfg(feature = "render")]
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
-use city3d::render::{AdapterPreference, Context};
+#[path = "support/drawing.rs"]
+mod drawing;
+
+use drawing::software;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
 const SIZE: [usize; 2] = [96, 64];
-
-/// Whether there is a software adapter; without one a test is skipped loudly, and fails in CI.
-fn can_draw() -> bool {
-    match Context::headless(&AdapterPreference::Software) {
-        Ok(_) => true,
-        Err(error) => {
-            assert!(std::env::var_os("CI").is_none(), "pictures cannot be tested: {error}");
-            eprintln!("SKIPPED: {error}");
-            false
-        }
-    }
-}
 
 /// Whether the peer is there; without it a test is skipped loudly, and fails in CI.
 fn has_ffmpeg() -> bool {
@@ -83,7 +74,7 @@ fn difference(single: &image::RgbImage, rgb: &[u8]) -> f64 {
 
 #[test]
 fn the_stream_has_every_picture_and_nothing_else() {
-    if !can_draw() {
+    if software().is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -115,7 +106,7 @@ fn the_stream_has_every_picture_and_nothing_else() {
 
 #[test]
 fn a_reader_that_leaves_ends_it_quietly() {
-    if !can_draw() {
+    if software().is_none() {
         return;
     }
     let mut command = frames(Path::new("-"));
@@ -132,7 +123,7 @@ fn a_reader_that_leaves_ends_it_quietly() {
 
 #[test]
 fn ffmpeg_takes_the_stream_and_shows_the_same_colours() {
-    if !can_draw() || !has_ffmpeg() {
+    if software().is_none() || !has_ffmpeg() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -192,7 +183,7 @@ fn with_ffmpeg(folder: &Path, script: Option<&str>) -> (Option<i32>, String) {
 
 #[test]
 fn without_ffmpeg_or_with_its_error_the_user_is_told() {
-    if !can_draw() {
+    if software().is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();

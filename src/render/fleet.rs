@@ -104,9 +104,10 @@ impl Fleet {
             let d = &info.dimensions;
             let height_m = d.height_m * info.appearance.body.height_factor();
             let half = Vec3::new(d.length_m as f32, d.width_m as f32, height_m as f32) / 2.0;
+            let key = MeshKey::new(info.appearance.body, d);
             self.placed.push(Placed {
                 id: state.id,
-                key: MeshKey::new(info.appearance.body, d),
+                key,
                 centre: state.position.as_vec3() + Vec3::Z * half.z,
                 radius: half.length(),
                 wheel_radius: d.wheel_radius_m as f32,
@@ -119,7 +120,6 @@ impl Fleet {
                 lamps,
             };
             bodies.push(body);
-            let key = MeshKey::new(info.appearance.body, d);
             let half_track_m = self.builds.get(&key).map_or(d.track_m as f32 / 2.0, |b| b.half_track_m);
             wheels.extend(self::wheels(state, info, half_track_m).map(|rows| Instance { rows, ..body }));
             let sheet = vehicle::SHEET_METAL * half.y;

@@ -5,7 +5,6 @@ use super::atlas::Atlas;
 use super::daylight::Light;
 use super::fleet::{Fleet, Sight, linear_from_srgb};
 use super::frustum::{Frustum, Sharpness};
-use super::grid::tile_bytes;
 use super::kinds::{self, KindsDrawing, KindsTile};
 use super::passes::Attachments;
 use super::passes::city::CityPass;
@@ -163,13 +162,6 @@ impl Renderer {
     ) -> Result<Vec<Pictures>, RenderError> {
         let pending = self.begin_kinds(snapshot, requests)?;
         self.finish_kinds(pending)
-    }
-
-    /// How many views of an extent one call can take in colour: their pictures come back in one buffer,
-    /// whose size the adapter limits.
-    pub fn views_at_once(&self, extent: [u32; 2]) -> usize {
-        let most = self.context.device.limits().max_buffer_size;
-        (most / tile_bytes(extent).max(1)).max(1) as usize
     }
 
     /// How many of these requests, from the first on, one call can take within what a batch may use and

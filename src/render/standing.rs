@@ -2,7 +2,7 @@
 //! may see, near ones first.
 //!
 //! The lists are made on the CPU, at a few nanoseconds a triangle. On a software adapter each triangle that
-//! is not drawn saves a hundred times that, and on a GPU a view is two draw calls.
+//! is not drawn saves a hundred times that, and on a GPU a view is three draw calls.
 
 use super::cells;
 use super::frustum::{Frustum, Sharpness};

@@ -2,6 +2,7 @@
 
 use glam::{IVec3, Vec2, Vec3};
 use std::collections::HashMap;
+use std::hash::Hash;
 
 /// What a surface is made of. Its texture is a grey or natural pattern that the vertex colour tints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -122,6 +123,41 @@ pub struct Vertex {
     pub openness: u8,
 }
 
+/// Fewer triangles for a distance: vertices within a cube of an edge come to one place, the mean of theirs, and
+/// those of one kind there become one (Rossignac and Borrel 1993). `position` and `moved` read and set the place
+/// of a vertex; as all kinds share the places, nothing gapes.
+pub fn clustered<V, K: Eq + Hash>(
+    (vertices, indices): (&[V], &[u32]),
+    edge_m: f32,
+    (position, moved): (impl Fn(&V) -> Vec3, impl Fn(&V, Vec3) -> V),
+    kind: impl Fn(&V) -> K,
+) -> (Vec<V>, Vec<u32>) {
+    let cube = |v: &V| (position(v) / edge_m).round().as_ivec3();
+    let mut places: HashMap<IVec3, (Vec3, f32)> = HashMap::new();
+    for vertex in vertices {
+        let place = places.entry(cube(vertex)).or_default();
+        *place = (place.0 + position(vertex), place.1 + 1.0);
+    }
+    let mut known = HashMap::new();
+    let (mut kept, mut corners_kept) = (Vec::new(), Vec::new());
+    for triangle in indices.chunks_exact(3) {
+        let corners = [0, 1, 2].map(|k| &vertices[triangle[k] as usize]);
+        let cubes = corners.map(&cube);
+        if cubes[0] == cubes[1] || cubes[1] == cubes[2] || cubes[2] == cubes[0] {
+            continue;
+        }
+        for (vertex, cube) in corners.into_iter().zip(cubes) {
+            let slot = *known.entry((cube, kind(vertex))).or_insert_with(|| {
+                let (sum, count) = places[&cube];
+                kept.push(moved(vertex, sum / count));
+                kept.len() as u32 - 1
+            });
+            corners_kept.push(slot);
+        }
+    }
+    (kept, corners_kept)
+}
+
 /// Indexed triangles, counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
@@ -141,13 +177,6 @@ impl Mesh {
     pub fn vertex(&mut self, vertex: Vertex) -> u32 {
         self.vertices.push(vertex);
         self.vertices.len() as u32 - 1
-    }
-
-    /// Appends another mesh.
-    pub fn append(&mut self, other: &Self) {
-        let base = self.vertices.len() as u32;
-        self.vertices.extend_from_slice(&other.vertices);
-        self.indices.extend(other.indices.iter().map(|i| i + base));
     }
 
     /// A flat convex face, corners counter-clockwise seen from outside, with uv per corner.
@@ -254,33 +283,13 @@ impl Mesh {
         }
     }
 
-    /// The same of fewer triangles, for a distance: vertices within a cube of an edge become one
-    /// (Rossignac and Borrel 1993). Faces keep their finish and the side they look to.
+    /// The same of fewer triangles, for a distance; see [`clustered`]. Faces keep their finish and the side
+    /// they look to.
     pub fn simplified(&self, edge_m: f32) -> Self {
-        let cube = |v: &Vertex| (v.position / edge_m).round().as_ivec3();
-        let mut places: HashMap<IVec3, (Vec3, f32)> = HashMap::new();
-        for vertex in &self.vertices {
-            let place = places.entry(cube(vertex)).or_default();
-            *place = (place.0 + vertex.position, place.1 + 1.0);
-        }
-        let mut known = HashMap::new();
-        let mut simple = Self::default();
-        for corners in self.indices.chunks_exact(3) {
-            let corners = [0, 1, 2].map(|k| self.vertices[corners[k] as usize]);
-            let cubes = corners.map(|vertex| cube(&vertex));
-            if cubes[0] == cubes[1] || cubes[1] == cubes[2] || cubes[2] == cubes[0] {
-                continue;
-            }
-            for (vertex, cube) in corners.into_iter().zip(cubes) {
-                let facing = (vertex.normal * 2.0).round().as_ivec3();
-                let slot = *known.entry((cube, vertex.finish, facing)).or_insert_with(|| {
-                    let (sum, count) = places[&cube];
-                    simple.vertex(Vertex { position: sum / count, ..vertex })
-                });
-                simple.indices.push(slot);
-            }
-        }
-        simple
+        let kind = |v: &Vertex| (v.finish, (v.normal * 2.0).round().as_ivec3());
+        let place = (|v: &Vertex| v.position, |v: &Vertex, position| Vertex { position, ..*v });
+        let (vertices, indices) = clustered((&self.vertices, &self.indices), edge_m, place, kind);
+        Self { vertices, indices }
     }
 
     /// The smallest box around all vertices.

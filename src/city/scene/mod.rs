@@ -20,7 +20,7 @@ mod special;
 mod wear;
 
 pub use lettering::glyph_cell;
-pub use mesh::{Class, Finish, Mesh, Surface, Vertex};
+pub use mesh::{Class, Finish, Mesh, Surface, Vertex, clustered};
 pub use signs::sign_cell;
 
 use super::{CityMap, SceneryKind};

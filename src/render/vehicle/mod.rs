@@ -4,10 +4,10 @@ mod models;
 
 use super::passes::city::gpu_data::Vertex;
 use super::standing::pack_normal;
+use crate::city::scene::clustered;
 use crate::model::{self, Material};
 use crate::snapshot::{BodyType, Dimensions};
 use glam::Vec3;
-use std::collections::BTreeMap;
 
 pub(super) use models::{ERRORS_M, Models};
 
@@ -73,35 +73,14 @@ impl VehicleMesh {
         mesh
     }
 
-    /// The same of fewer triangles, for a distance: vertices within a cube of an edge become one
-    /// (Rossignac and Borrel 1993). Parts keep their own vertices at the common place, so that lamps and
-    /// windows stay and nothing gapes.
+    /// The same of fewer triangles, for a distance; see [`clustered`]. Parts keep their own vertices, so that
+    /// lamps and windows stay.
     pub(super) fn simplified(&self, edge_m: f32) -> Self {
-        let cube = |v: &Vertex| v.position.map(|x| (x / edge_m).round() as i32);
-        let mut places: BTreeMap<[i32; 3], (Vec3, f32)> = BTreeMap::new();
-        for vertex in &self.vertices {
-            let place = places.entry(cube(vertex)).or_default();
-            *place = (place.0 + Vec3::from(vertex.position), place.1 + 1.0);
-        }
-        let mut known = BTreeMap::new();
-        let mut simple = Self::default();
-        for corners in self.indices.chunks_exact(3) {
-            let cubes = [0, 1, 2].map(|k| cube(&self.vertices[corners[k] as usize]));
-            if cubes[0] == cubes[1] || cubes[1] == cubes[2] || cubes[2] == cubes[0] {
-                continue;
-            }
-            for (&index, cube) in corners.iter().zip(cubes) {
-                let vertex = self.vertices[index as usize];
-                let facing = vertex.normal.map(|n| n / 48);
-                let slot = *known.entry((cube, vertex.material, facing)).or_insert_with(|| {
-                    let (sum, count) = places[&cube];
-                    simple.vertices.push(Vertex { position: (sum / count).to_array(), ..vertex });
-                    simple.vertices.len() as u32 - 1
-                });
-                simple.indices.push(slot);
-            }
-        }
-        simple
+        let kind = |v: &Vertex| (v.material, v.normal.map(|n| n / 48));
+        let moved = |v: &Vertex, at: Vec3| Vertex { position: at.to_array(), ..*v };
+        let place = (|v: &Vertex| Vec3::from(v.position), moved);
+        let (vertices, indices) = clustered((&self.vertices, &self.indices), edge_m, place, kind);
+        Self { vertices, indices }
     }
 }
 
