@@ -176,6 +176,11 @@ fn mixed(elevation_deg: f32) -> Light {
 
 impl Light {
     /// Radiance that the shaders' display curve shows as an sRGB value below 1: its inverse.
+    /// Whether lamps burn.
+    pub(super) fn is_lamplit(&self) -> bool {
+        self.lamps > 0.0
+    }
+
     pub(super) fn radiance_of(&self, displayed: [f32; 3]) -> [f32; 3] {
         let curve = |x: f32| (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
         displayed.map(|c| {

@@ -130,7 +130,7 @@ fn pipeline(
     [vertex, fragment]: [&str; 2],
     buffer: wgpu::VertexBufferLayout<'_>,
 ) -> wgpu::RenderPipeline {
-    let module = Shader::Lamps.module(device);
+    let module = Shader::Lamps.module(device, None);
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some(vertex),
         bind_group_layouts: &[Some(frame)],
