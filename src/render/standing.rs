@@ -195,6 +195,7 @@ impl Gaze<'_> {
 struct Packed {
     vertices: Vec<GpuVertex>,
     indices: Vec<u32>,
+    pieces: u32,
 }
 
 impl Packed {
@@ -207,11 +208,12 @@ impl Packed {
                 let [low, high] = mesh.bounds();
                 bounds = [bounds[0].min(low), bounds[1].max(high)];
                 let (base, start) = (self.vertices.len() as u32, self.indices.len() as u32);
-                self.vertices.extend(mesh.vertices.iter().map(pack));
+                self.vertices.extend(mesh.vertices.iter().map(|v| pack(v, self.pieces)));
                 self.indices.extend(mesh.indices.iter().map(|k| k + base));
                 Level { error_m, indices: start..self.indices.len() as u32 }
             })
             .collect();
+        self.pieces += 1;
         Piece { bounds, levels }
     }
 
@@ -220,15 +222,15 @@ impl Packed {
     }
 }
 
-/// A vertex as the shaders read it.
-fn pack(v: &Vertex) -> GpuVertex {
+/// A vertex of a piece as the shaders read it.
+fn pack(v: &Vertex, piece: u32) -> GpuVertex {
     let [r, g, b] = v.finish.colour;
     GpuVertex {
         position: v.position.to_array(),
         normal: pack_normal(v.normal),
         colour: [r, g, b, v.openness],
         uv: v.uv.to_array(),
-        material: v.finish.surface as u32 | (v.finish.class as u32) << 8,
+        material: v.finish.surface as u32 | (v.finish.class as u32) << 8 | (piece & 0xff) << 16,
     }
 }
 
