@@ -98,7 +98,7 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     var m: Physical;
     m.albedo = pattern * in.colour.rgb;
     // Dust and dirt dull what would be smooth; asphalt is never quite dull.
-    m.roughness = texel.a;
+    m.roughness = select(texel.a, LACQUER, layer == CAR_PAINT);
     if layer == ASPHALT || layer == LANE {
         m.roughness = 0.93 - 0.16 * texel.g;
     }
@@ -111,7 +111,6 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     }
     m.openness = in.colour.a;
     m.metallic = 0.0;
-    m.coat = select(0.0, 1.0, layer == CAR_PAINT);
     m.translucent = select(0.0, 0.4, layer == LEAVES || layer == NEEDLES);
     let from_eye = in.world - view.eye.xyz;
     let distance = length(from_eye);

@@ -50,6 +50,9 @@ struct Material {
 @group(1) @binding(4) var sky_map: texture_2d<f32>;
 @group(1) @binding(5) var sky_sampler: sampler;
 
+// Roughness of the lacquer over the paint of cars.
+const LACQUER: f32 = 0.12;
+
 // A surface as light at a pixel meets it.
 struct Physical {
     albedo: vec3<f32>,
@@ -59,8 +62,6 @@ struct Physical {
     roughness: f32,
     // 1: bare metal, which mirrors in its own colour.
     metallic: f32,
-    // 1: under clear lacquer.
-    coat: f32,
     // What shines through it from behind: leaves.
     translucent: f32,
 }
@@ -148,24 +149,15 @@ fn shade(m: Physical, world: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>) ->
     let n_v = max(dot(normal, to_eye), 1e-3);
     let halfway = normalize(frame.to_sun.xyz + to_eye);
     let n_h = max(dot(normal, halfway), 0.0);
-    let grazing = fifth(1.0 - dot(to_eye, halfway));
-    // Under lacquer, which bends light as the binder does, only metal mirrors.
-    let f0 = mix(vec3<f32>(0.04 * (1.0 - m.coat)), m.albedo, m.metallic);
-    let f90 = max(m.metallic, 1.0 - m.coat);
-    let direction = reflect(-to_eye, normal);
+    let f0 = mix(vec3<f32>(0.04), m.albedo, m.metallic);
+    // Real surfaces ripple, so that at a grazing angle they mirror less than a perfect plane.
+    let f90 = 0.75 + 0.25 * m.metallic;
     let share = mirror_share(m.roughness, n_v);
-    let image = mirrored(world, direction, m.roughness) * m.openness;
-    var mirror = image * (f0 * share.x + f90 * share.y);
-    var glint = (f0 + (f90 - f0) * grazing) * (highlight(n_h, n_l, n_v, m.roughness) * n_l);
-    if m.coat > 0.0 {
-        // Lacquer ripples, so that at a grazing angle it mirrors less than a pane.
-        let film = m.coat * (0.04 + 0.6 * fifth(1.0 - n_v));
-        direct *= 1.0 - film;
-        ambient *= 1.0 - film;
-        mirror = mix(mirror, mirrored(world, direction, 0.04) * m.openness, film);
-        glint += (0.04 + 0.96 * grazing) * (m.coat * highlight(n_h, n_l, n_v, 0.16) * n_l);
-    }
-    direct += frame.sun.rgb * min(glint * seen_sun, vec3<f32>(12.0));
+    let image = mirrored(world, reflect(-to_eye, normal), m.roughness) * m.openness;
+    let mirror = image * (f0 * share.x + f90 * share.y);
+    let fresnel = f0 + (f90 - f0) * fifth(1.0 - dot(to_eye, halfway));
+    let glint = fresnel * (highlight(n_h, n_l, n_v, m.roughness) * n_l * seen_sun);
+    direct += frame.sun.rgb * min(glint, vec3<f32>(12.0));
     // Sharp images are of things farther away than what occludes.
     ambient += mirror * m.roughness;
     direct += mirror * (1.0 - m.roughness);

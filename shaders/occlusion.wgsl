@@ -69,12 +69,16 @@ fn fragment_main(in: Tile) -> @location(0) vec2<f32> {
     let far = radius * radius;
     // Rounding of depths and facets of round things shade nothing.
     let flat_enough = 0.02 + 0.004 * here.position.z;
+    // From look to look by a turn of the direction.
+    let part = 6.2831853 * TURNS / f32(looks);
+    let next = mat2x2<f32>(cos(part), sin(part), -sin(part), cos(part));
+    let first = 6.2831853 * turn;
+    var direction = vec2<f32>(cos(first), sin(first));
     var kept = 0.0;
     for (var k = 0u; k < looks; k++) {
         let out = (f32(k) + step_in) / f32(looks);
-        let angle = 6.2831853 * (TURNS * (f32(k) + 0.5) / f32(looks) + turn);
-        let offset = vec2<f32>(cos(angle), sin(angle)) * (out * reach);
-        let pixel = place.pixel + vec2<i32>(round(offset));
+        let pixel = place.pixel + vec2<i32>(round(direction * (out * reach)));
+        direction = next * direction;
         let v = seen_at(place, pixel).position - here.position;
         let vv = dot(v, v);
         let near = max(1.0 - vv / far, 0.0);

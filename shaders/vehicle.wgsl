@@ -21,8 +21,8 @@ struct Fragment {
     @location(1) normal: vec3<f32>,
     @location(2) albedo: vec4<f32>,
     @location(3) glow: vec3<f32>,
-    // Roughness, metallic, coat.
-    @location(4) @interpolate(flat) finish: vec3<f32>,
+    // Roughness, metallic.
+    @location(4) @interpolate(flat) finish: vec2<f32>,
 }
 
 // Parts of a vehicle; `vehicle/mod.rs` has them as `Part`.
@@ -82,10 +82,10 @@ fn vertex_main(in: VertexIn) -> Fragment {
     // Some of the cabin shows through its windows.
     let behind = select(0.0, 0.02, part == GLASS);
     out.albedo = vec4<f32>(look.material.albedo + behind, look.material.openness);
-    out.finish = vec3<f32>(
-        f32((in.material >> 8u) & 0xffu) / 255.0,
+    let rough = f32((in.material >> 8u) & 0xffu) / 255.0;
+    out.finish = vec2<f32>(
+        select(rough, LACQUER, part == PAINT || (part >= HEAD && part <= REVERSE)),
         f32((in.material >> 16u) & 0xffu) / 255.0,
-        select(0.0, 1.0, part == PAINT || (part >= HEAD && part <= REVERSE)),
     );
     out.glow = look.glow;
     return out;
@@ -98,7 +98,6 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     m.openness = in.albedo.a;
     m.roughness = in.finish.x;
     m.metallic = in.finish.y;
-    m.coat = in.finish.z;
     m.translucent = 0.0;
     let from_eye = in.world - view.eye.xyz;
     let distance = length(from_eye);

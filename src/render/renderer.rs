@@ -89,7 +89,7 @@ impl Renderer {
         };
         let lamps = LampPass::new(device, &frame.layout, scene, lamp_texels);
         let sky_map = textures::sky_map(context, &daylight);
-        let light = LightGroup::new(device, &shadow.map, &lamps.map_view, &sky_map);
+        let light = LightGroup::new(context, &shadow.map, &lamps.map_view, &sky_map);
         let groups = [&frame.layout, &light.layout];
         let renderer = Self {
             city: CityPass::new(context, attachments, (quality, lamplit), groups),

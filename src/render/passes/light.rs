@@ -1,6 +1,7 @@
 //! Bind group 1: the sun's shadow, the light of lamps and the sky, as the passes of a picture read them.
 
 use super::{sampler_entry, texture_entry};
+use crate::render::Context;
 
 #[derive(Debug)]
 pub(in crate::render) struct LightGroup {
@@ -10,7 +11,7 @@ pub(in crate::render) struct LightGroup {
 
 impl LightGroup {
     pub(in crate::render) fn new(
-        device: &wgpu::Device,
+        Context { device, is_software, .. }: &Context,
         shadow_map: &wgpu::TextureView,
         lamp_map: &wgpu::TextureView,
         sky_map: &wgpu::TextureView,
@@ -47,7 +48,11 @@ impl LightGroup {
             label: Some("mirrored sky"),
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
-            mipmap_filter: wgpu::MipmapFilterMode::Linear,
+            mipmap_filter: if *is_software {
+                wgpu::MipmapFilterMode::Nearest
+            } else {
+                wgpu::MipmapFilterMode::Linear
+            },
             ..Default::default()
         });
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
