@@ -92,10 +92,12 @@ fn mirrored(world: vec3<f32>, direction: vec3<f32>, roughness: f32) -> vec3<f32>
     let open = smoothstep(0.17 - blur, 0.17 + blur, direction.z);
     var above = sky_at(direction, roughness);
     if lamplit {
-        // Lenses of street lamps, where their light falls brightest on the ground below.
+        // Lenses of street lamps, over where they light the ground the most.
         let over = world.xy + direction.xy * (5.0 / max(direction.z, 0.2));
-        let lens = textureSampleLevel(lamp_map, lamp_sampler, over * frame.lamp_place.xy + frame.lamp_place.zw, 0.0).rgb;
-        above += (0.08 * lens + lens * lens * lens) * frame.zenith.w;
+        let at = over * frame.lamp_place.xy + frame.lamp_place.zw;
+        let near = min(textureSampleLevel(lamp_map, lamp_sampler, at, 0.0).a, 1.0);
+        let lens = 0.06 * near + near * near * near * (1.0 - roughness) * (1.0 - roughness);
+        above += vec3<f32>(1.05, 0.80, 0.48) * (lens * frame.zenith.w);
     }
     return mix(street, above, open);
 }

@@ -87,11 +87,11 @@ impl Renderer {
         } else {
             1024
         };
-        let lamps = LampPass::new(device, &frame.layout, scene, lamp_texels);
+        let lamps = LampPass::new(device, &frame.layout, scene, (lamp_texels, !light_at_vertices));
         let sky_map = textures::sky_map(context, &daylight);
         let light = LightGroup::new(context, &shadow.map, &lamps.map_view, &sky_map);
         let groups = [&frame.layout, &light.layout];
-        let renderer = Self {
+        let mut renderer = Self {
             city: CityPass::new(context, attachments, (quality, lamplit), groups),
             vehicles: VehiclePass::new(device, attachments, (quality, lamplit), groups),
             contact: ContactPass::new(device, attachments, &frame.layout),
@@ -118,7 +118,7 @@ impl Renderer {
         renderer.frame.write_frame(&context.queue, &renderer.frame_data(0.0));
         renderer.shadow.draw_standing(&mut encoder, &renderer.frame, &renderer.standing);
         if lamplit {
-            renderer.lamps.draw_standing(&mut encoder, &renderer.frame);
+            renderer.lamps.draw_standing(context, &mut encoder, &renderer.frame, &scene.lamps);
         }
         context.queue.submit([encoder.finish()]);
         Ok(renderer)
@@ -350,7 +350,7 @@ impl Renderer {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.shadow.draw_vehicles(&mut encoder, &self.frame, &self.fleet);
         if self.daylight.lamps > 0.0 {
-            self.lamps.draw_vehicles(&mut encoder, &self.frame, &self.fleet);
+            self.lamps.draw_vehicles(&self.context, &mut encoder, &self.frame, &self.fleet);
         }
         Ok(encoder)
     }
