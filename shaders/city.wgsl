@@ -21,6 +21,8 @@ struct Fragment {
     @location(2) colour: vec4<f32>,
     @location(3) uv: vec2<f32>,
     @location(4) @interpolate(flat) layer: u32,
+    // A number of the building or other piece that it belongs to.
+    @location(5) @interpolate(flat) seed: u32,
 }
 
 @vertex
@@ -32,6 +34,7 @@ fn vertex_main(in: VertexIn) -> Fragment {
     out.colour = vec4<f32>(linear_from_srgb(in.colour.rgb), in.colour.a);
     out.uv = in.uv;
     out.layer = in.material & 0xffu;
+    out.seed = (in.material >> 16u) & 0xffu;
     return out;
 }
 
@@ -41,6 +44,9 @@ const ASPHALT: u32 = 1u;
 const GRASS: u32 = 2u;
 const LANE: u32 = 19u;
 const LINE: u32 = 20u;
+const LEAVES: u32 = 12u;
+const NEEDLES: u32 = 31u;
+const CAR_PAINT: u32 = 33u;
 const LANTERN: u32 = 34u;
 const ASPHALT_TINT: vec3<f32> = vec3<f32>(0.156, 0.156, 0.162);
 
@@ -52,7 +58,7 @@ fn covered(at: vec2<f32>, across: f32) -> f32 {
 }
 
 // Light of its own at night: lamps, and rooms behind some of the windows.
-fn shining(layer: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> {
+fn shining(layer: u32, salt: f32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> {
     if !lamplit {
         return vec3<f32>(0.0);
     }
@@ -65,7 +71,7 @@ fn shining(layer: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> {
         return vec3<f32>(0.0);
     }
     let bay = floor(uv);
-    let dice = fract(sin(dot(bay, vec2<f32>(12.9898, 78.233)) + f32(layer) * 3.7) * 437.5453);
+    let dice = fract(sin(dot(bay, vec2<f32>(12.9898, 78.233)) + f32(layer) * 3.7 + salt) * 437.5453);
     let is_lit = select(0.0, 1.0, dice < 0.38 || is_shop);
     let pane = 1.0 - smoothstep(0.42, 0.7, texel.a);
     let warm = mix(vec3<f32>(0.85, 0.58, 0.28), vec3<f32>(0.70, 0.68, 0.60), fract(dice * 17.0));
@@ -88,19 +94,31 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
             pattern *= 0.5 + 0.5 * broad / 0.6;
         }
     }
-    var m: Material;
+    let normal = normalize(in.normal);
+    var m: Physical;
     m.albedo = pattern * in.colour.rgb;
+    // Dust and dirt dull what would be smooth; asphalt is never quite dull.
+    m.roughness = select(texel.a, LACQUER, layer == CAR_PAINT);
+    if layer == ASPHALT || layer == LANE {
+        m.roughness = 0.93 - 0.16 * texel.g;
+    }
     if is_line {
         // Paint wears where stones stand out.
         let paint = in.colour.rgb * (0.62 + 0.5 * texel.g);
-        m.albedo = mix(pattern * ASPHALT_TINT, paint, covered(in.uv, across));
+        let cover = covered(in.uv, across);
+        m.albedo = mix(pattern * ASPHALT_TINT, paint, cover);
+        m.roughness = mix(m.roughness, 0.7, cover);
     }
-    m.gloss = 1.0 - texel.a;
     m.openness = in.colour.a;
+    m.metallic = 0.0;
+    m.translucent = select(0.0, 0.4, layer == LEAVES || layer == NEEDLES);
     let from_eye = in.world - view.eye.xyz;
     let distance = length(from_eye);
-    let radiance = shade(m, in.world, normalize(in.normal), -from_eye / distance);
-    return display(hazed(radiance + shining(in.layer, in.uv, texel), distance));
+    let lit = shade(m, in.world, normal, -from_eye / distance);
+    // Walls of a building differ by where they face.
+    let side = floor(in.normal.xy * 3.0 + 0.5);
+    let salt = f32(in.seed) * 7.31 + side.x * 2.17 + side.y * 5.93;
+    return sampled(lit, shining(in.layer, salt, in.uv, texel), distance);
 }
 
 // Patterns come as square roots of what they reflect.
@@ -124,7 +142,7 @@ fn swift_fragment(in: Swift) -> @location(0) vec4<f32> {
     if lamplit {
         var lit = in;
         // Not by the albedo, which the pattern is about to be multiplied with.
-        let own = shining(in.layer, in.places.zw, pattern) / max(pattern.rgb, vec3<f32>(0.02));
+        let own = shining(in.layer, 0.0, in.places.zw, pattern) / max(pattern.rgb, vec3<f32>(0.02));
         lit.ambient += vec4<f32>(own * (SUN.w * (1.0 - in.ambient.w)), 0.0);
         return swift_shade(lit, pattern.rgb);
     }
@@ -172,7 +190,7 @@ fn swift_plain_vertex(in: VertexIn) -> Plain {
     let layer = in.material & 0xffu;
     let mean = textureLoad(surfaces, vec2<i32>(0), layer, textureNumLevels(surfaces) - 1u);
     let albedo = linear_from_srgb(in.colour.rgb) * mean.rgb * mean.rgb;
-    let glow = select(vec3<f32>(0.0), shining(layer, in.uv, mean), layer == LANTERN);
+    let glow = select(vec3<f32>(0.0), shining(layer, 0.0, in.uv, mean), layer == LANTERN);
     return plain_light(Material(albedo, 0.0, in.colour.a), in.position, in.normal.xyz, glow);
 }
 

@@ -252,11 +252,15 @@ impl Fleet {
         }
     }
 
-    /// The ground that headlights reach, of every vehicle; group 0 and pipeline are set already.
+    /// The ground that headlights reach, of every vehicle in the order of [`Self::balls`]; groups, pipeline and
+    /// the second vertex buffer are set already.
     pub(super) fn draw_beams(&self, pass: &mut wgpu::RenderPass<'_>) {
-        let count = self.placed.len() as u32;
-        pass.set_vertex_buffer(0, self.instances.slice(..));
-        pass.draw(0..4, 5 * count..6 * count);
+        let count = self.placed.len();
+        if count == 0 {
+            return;
+        }
+        pass.set_vertex_buffer(0, self.instances.slice((5 * count * size_of::<Instance>()) as u64..));
+        pass.draw(0..4, 0..count as u32);
     }
 
     /// Group 0 and pipeline are set already.

@@ -10,6 +10,7 @@ mod atlas;
 mod cells;
 mod context;
 mod daylight;
+mod develop;
 mod error;
 mod files;
 mod fleet;

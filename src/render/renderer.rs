@@ -3,7 +3,8 @@
 
 use super::atlas::Atlas;
 use super::daylight::Light;
-use super::fleet::{Fleet, Sight, linear_from_srgb};
+use super::develop::Develop;
+use super::fleet::{Fleet, Sight};
 use super::frustum::{Frustum, Sharpness};
 use super::kinds::{self, KindsDrawing, KindsTile};
 use super::passes::city::CityPass;
@@ -18,7 +19,7 @@ use super::passes::{Attachments, light_constants};
 use super::readback::{Arrived, Pending, Ring};
 use super::request::{Pictures, Places, Request, places};
 use super::standing::{Gaze, SeenCells, Standing};
-use super::{Context, Image, RenderError, Settings, TargetView};
+use super::{Context, Image, RenderError, Settings, TargetView, textures};
 use crate::camera::{PictureKind, View};
 use crate::city::scene::SceneDescription;
 use crate::model::Model;
@@ -42,6 +43,8 @@ pub struct Renderer {
     vehicles: VehiclePass,
     contact: ContactPass,
     sky: SkyPass,
+    /// Where samples are radiance.
+    develop: Option<Develop>,
     /// From the first picture that is no colour on.
     kinds: Option<KindsDrawing>,
     standing: Standing,
@@ -72,8 +75,7 @@ impl Renderer {
         let device = &context.device;
         let quality = settings.quality;
         let light_at_vertices = quality.light_at_vertices;
-        let format = if light_at_vertices { settings.format.remove_srgb_suffix() } else { settings.format };
-        let attachments = Attachments { format, samples: quality.samples, light_at_vertices };
+        let attachments = Attachments::new(&settings);
         let frame = FrameGroup::new(device);
         let daylight = settings.daylight.light();
         let sun_view = SunView::around(scene.bounds, daylight.to_sun, quality.shadow_texels);
@@ -89,15 +91,17 @@ impl Renderer {
         };
         // By night every surface looks for the light of lamps.
         let averted_from = (light_at_vertices && !lamplit).then_some(daylight.to_sun);
-        let lamps = LampPass::new(device, &frame.layout, scene, lamp_texels);
-        let light = LightGroup::new(device, &shadow.map, &lamps.map_view);
+        let lamps = LampPass::new(device, &frame.layout, scene, (lamp_texels, !light_at_vertices));
+        let sky_map = textures::sky_map(context, &daylight);
+        let light = LightGroup::new(context, &shadow.map, &lamps.map_view, &sky_map);
         let fixed = fixed_frame(&daylight, &sun_view, quality.shadow_texels, lamps.place);
         let groups = [&frame.layout, &light.layout];
-        let renderer = Self {
+        let mut renderer = Self {
             city: CityPass::new(context, attachments, &quality, (&fixed, &constants), groups),
             vehicles: VehiclePass::new(device, attachments, (&fixed, &constants), groups),
             contact: ContactPass::new(device, attachments, &frame.layout),
             sky: SkyPass::new(context, attachments, &daylight, groups),
+            develop: (!light_at_vertices).then(|| Develop::new(device, attachments, quality, &frame.layout)),
             kinds: None,
             standing: Standing::new(device, scene, averted_from),
             fleet: Fleet::new(device),
@@ -119,7 +123,7 @@ impl Renderer {
         renderer.frame.write_frame(&context.queue, &renderer.frame_data(0.0));
         renderer.shadow.draw_standing(&mut encoder, &renderer.frame, &renderer.standing);
         if lamplit {
-            renderer.lamps.draw_standing(&mut encoder, &renderer.frame);
+            renderer.lamps.draw_standing(context, &mut encoder, &renderer.frame, &scene.lamps);
         }
         context.queue.submit([encoder.finish()]);
         Ok(renderer)
@@ -222,7 +226,7 @@ impl Renderer {
             self.draw_kinds(&mut encoder, (extent, indices), (&places, &seen), &buffer);
         }
         let submission = self.context.queue.submit([encoder.finish()]);
-        Ok(self.ring.send((buffer, submission), places, self.attachments.format))
+        Ok(self.ring.send((buffer, submission), places, self.attachments.shown))
     }
 
     /// Draws those of some views of one extent that are wanted in colour.
@@ -246,7 +250,8 @@ impl Renderer {
                 .enumerate()
                 .map(|(tile, &(index, _))| (index, atlas.grid.origin(tile)))
                 .collect();
-            self.draw_tiles(encoder, atlas, &atlas.color_view, seen, &tiles);
+            let target = (&atlas.color_view, self.attachments.shown);
+            self.draw_tiles(encoder, atlas, target, seen, &tiles);
             for (tile, &(_, at)) in batch.iter().enumerate() {
                 atlas.grid.copy_tile(encoder, (&atlas.color, tile), (buffer, at));
             }
@@ -299,8 +304,9 @@ impl Renderer {
         pending.wait(&self.context.device)
     }
 
-    /// Draws one view into a target of the format that the renderer was built for: a window. The view's
-    /// picture fills the target, so that its extent should have the target's proportions.
+    /// Draws one view into a target: a window. The view's picture fills the target, so that its extent should
+    /// have the target's proportions. Where light is worked out at the vertices, the target has to be of the
+    /// format that the renderer was built for, without the suffix sRGB.
     ///
     /// # Errors
     /// As [`Renderer::render`].
@@ -314,9 +320,12 @@ impl Renderer {
         if self.window.as_ref().is_none_or(|atlas| atlas.grid.tile != target.extent) {
             self.window = Some(self.new_atlas(target.extent, 1));
         }
+        if let Some(develop) = &mut self.develop {
+            develop.prepare(&self.context.device, &self.frame.layout, target.format);
+        }
         let seen = self.look_at(std::slice::from_ref(view));
         if let Some(atlas) = &self.window {
-            self.draw_tiles(&mut encoder, atlas, target.color, &seen, &[(0, [0, 0])]);
+            self.draw_tiles(&mut encoder, atlas, (target.color, target.format), &seen, &[(0, [0, 0])]);
         }
         self.context.queue.submit([encoder.finish()]);
         Ok(())
@@ -339,26 +348,21 @@ impl Renderer {
             }
         }
         self.fleet.update(&self.context, snapshot)?;
-        let slots: Vec<gpu_data::View> = views
-            .iter()
-            .map(|view| gpu_data::View {
-                clip_from_world: view.clip_from_world().as_mat4().to_cols_array_2d(),
-                eye: view.extrinsics.position.as_vec3().extend(1.0).to_array(),
-            })
-            .collect();
+        let slots: Vec<gpu_data::View> = views.iter().map(gpu_data::View::new).collect();
         let frame = self.frame_data(snapshot.time_s as f32);
         let device = &self.context.device;
         self.frame.write(device, &self.context.queue, &frame, &slots);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.shadow.draw_vehicles(&mut encoder, &self.frame, &self.fleet);
         if self.daylight.is_lamplit() {
-            self.lamps.draw_vehicles(&mut encoder, &self.frame, &self.fleet);
+            self.lamps.draw_vehicles(&self.context, &mut encoder, &self.frame, &self.fleet);
         }
         Ok(encoder)
     }
 
     fn new_atlas(&self, extent: [u32; 2], views: usize) -> Atlas {
-        Atlas::new(&self.context.device, extent, views, self.attachments, self.settings.batch_bytes)
+        let bytes = self.settings.batch_bytes;
+        Atlas::new(&self.context.device, (extent, views), self.attachments, self.develop.as_ref(), bytes)
     }
 
     /// Sees to an atlas for views of an extent.
@@ -373,41 +377,46 @@ impl Renderer {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         atlas: &Atlas,
+        target: (&wgpu::TextureView, wgpu::TextureFormat),
+        seen: &[Seen],
+        tiles: &[(usize, [u32; 2])],
+    ) {
+        self.draw_samples(encoder, atlas, target.0, seen, tiles);
+        if let Some((develop, negative)) = self.develop.as_ref().zip(atlas.negative.as_ref()) {
+            develop.draw(encoder, (&self.frame, negative), target, (tiles, atlas.grid.tile));
+        }
+    }
+
+    /// Draws tiles of an atlas: radiance into its samples, or what is shown into a target.
+    fn draw_samples(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        atlas: &Atlas,
         color: &wgpu::TextureView,
         seen: &[Seen],
         tiles: &[(usize, [u32; 2])],
     ) {
-        let [r, g, b] = self.daylight.haze_srgb.map(|c| {
-            if self.attachments.format.is_srgb() {
-                f64::from(linear_from_srgb((c * 255.0) as u8))
-            } else {
-                f64::from(c)
-            }
-        });
-        let clear = wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a: 1.0 });
-        let attachment = match &atlas.samples_view {
-            Some(samples) => wgpu::RenderPassColorAttachment {
-                view: samples,
-                depth_slice: None,
-                resolve_target: Some(color),
-                ops: wgpu::Operations { load: clear, store: wgpu::StoreOp::Discard },
-            },
-            None => wgpu::RenderPassColorAttachment {
-                view: color,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations { load: clear, store: wgpu::StoreOp::Store },
-            },
+        let haze = self.daylight.haze_srgb;
+        let haze = if self.develop.is_some() { self.daylight.radiance_of(haze) } else { haze };
+        let [r, g, b] = haze.map(f64::from);
+        // Ambient occlusion takes nothing of it.
+        let a = if self.develop.is_some() { 0.0 } else { 1.0 };
+        let load = wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a });
+        let keep = wgpu::Operations { load, store: wgpu::StoreOp::Store };
+        let drop = wgpu::Operations { load, store: wgpu::StoreOp::Discard };
+        let (view, resolve_target, ops) = match &atlas.samples_view {
+            Some(samples) if self.develop.is_some() => (samples, None, keep),
+            Some(samples) => (samples, Some(color), drop),
+            None => (color, None, keep),
         };
+        let attachment = wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target, ops };
+        let depth_store = if self.develop.is_some() { wgpu::StoreOp::Store } else { wgpu::StoreOp::Discard };
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("pictures"),
             color_attachments: &[Some(attachment)],
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
                 view: &atlas.depth_view,
-                depth_ops: Some(wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(0.0),
-                    store: wgpu::StoreOp::Discard,
-                }),
+                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: depth_store }),
                 stencil_ops: None,
             }),
             ..Default::default()
@@ -477,7 +486,7 @@ fn fixed_frame(
         sun: with(light.sun, light.exposure),
         sky_light: with(light.sky, 0.0),
         ground_light: with(light.ground, 0.0),
-        haze: with(light.radiance_of(light.haze_srgb), 1.0 / 950.0),
+        haze: with(light.radiance_of(light.haze_srgb), 1.0 / 520.0),
         shadow_from_world: sun_view.shadow_from_world.to_cols_array_2d(),
         shadow_texel: [1.0 / shadow_texels as f32, sun_view.texel_m, 0.0, 0.0],
         zenith: with(light.zenith, light.lamps),

@@ -26,6 +26,11 @@ const SHADOW: Source = source!("shadow.wgsl");
 const SKY: Source = source!("sky.wgsl");
 const LAMPS: Source = source!("lamps.wgsl");
 const KINDS: Source = source!("kinds.wgsl");
+const TILE: Source = source!("tile.wgsl");
+const ONE_SAMPLE: Source = source!("one_sample.wgsl");
+const MANY_SAMPLES: Source = source!("many_samples.wgsl");
+const OCCLUSION: Source = source!("occlusion.wgsl");
+const DISPLAY: Source = source!("display.wgsl");
 
 /// The shader of a pass: its own file after those it builds on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,12 +42,32 @@ pub(super) enum Shader {
     Sky,
     Kinds,
     Lamps,
+    Occlusion(Samples),
+    Display(Samples),
+}
+
+/// Samples of a pixel, which shaders read in different ways.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Samples {
+    One,
+    Many,
 }
 
 impl Shader {
     #[cfg(test)]
-    pub(super) const ALL: [Self; 7] =
-        [Self::City, Self::Vehicle, Self::Contact, Self::Shadow, Self::Sky, Self::Kinds, Self::Lamps];
+    pub(super) const ALL: [Self; 11] = [
+        Self::City,
+        Self::Vehicle,
+        Self::Contact,
+        Self::Shadow,
+        Self::Sky,
+        Self::Kinds,
+        Self::Lamps,
+        Self::Occlusion(Samples::One),
+        Self::Occlusion(Samples::Many),
+        Self::Display(Samples::One),
+        Self::Display(Samples::Many),
+    ];
 
     fn parts(self) -> &'static [Source] {
         match self {
@@ -53,6 +78,10 @@ impl Shader {
             Self::Sky => &[COMMON, SKY],
             Self::Kinds => &[KINDS],
             Self::Lamps => &[COMMON, LAMPS],
+            Self::Occlusion(Samples::One) => &[COMMON, TILE, ONE_SAMPLE, OCCLUSION],
+            Self::Occlusion(Samples::Many) => &[COMMON, TILE, MANY_SAMPLES, OCCLUSION],
+            Self::Display(Samples::One) => &[COMMON, TILE, ONE_SAMPLE, DISPLAY],
+            Self::Display(Samples::Many) => &[COMMON, TILE, MANY_SAMPLES, DISPLAY],
         }
     }
 
@@ -73,6 +102,8 @@ impl Shader {
                 Self::Sky => "sky",
                 Self::Kinds => "kinds",
                 Self::Lamps => "lamps",
+                Self::Occlusion(_) => "occlusion",
+                Self::Display(_) => "display",
             }),
             source: wgpu::ShaderSource::Wgsl(Cow::Owned(self.text(fixed))),
         })

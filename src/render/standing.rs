@@ -254,6 +254,7 @@ struct Packed {
     vertices: Vec<GpuVertex>,
     indices: Vec<u32>,
     to_sun: Option<Vec3>,
+    pieces: u32,
 }
 
 impl Packed {
@@ -268,7 +269,7 @@ impl Packed {
                 bounds = [bounds[0].min(low), bounds[1].max(high)];
                 is_figured |= mesh.vertices.iter().any(|v| v.finish.surface.is_figured());
                 let (base, start) = (self.vertices.len() as u32, self.indices.len() as u32);
-                self.vertices.extend(mesh.vertices.iter().map(pack));
+                self.vertices.extend(mesh.vertices.iter().map(|v| pack(v, self.pieces)));
                 let is_averted = |triangle: &&[u32]| {
                     let faces_away =
                         |sun| triangle.iter().all(|&k| mesh.vertices[k as usize].normal.dot(sun) <= 0.0);
@@ -282,6 +283,7 @@ impl Packed {
                 Level { error_m, indices: start..self.indices.len() as u32, averted_from }
             })
             .collect();
+        self.pieces += 1;
         Piece { bounds, levels, is_figured }
     }
 
@@ -290,15 +292,15 @@ impl Packed {
     }
 }
 
-/// A vertex as the shaders read it.
-fn pack(v: &Vertex) -> GpuVertex {
+/// A vertex of a piece as the shaders read it.
+fn pack(v: &Vertex, piece: u32) -> GpuVertex {
     let [r, g, b] = v.finish.colour;
     GpuVertex {
         position: v.position.to_array(),
         normal: pack_normal(v.normal),
         colour: [r, g, b, v.openness],
         uv: v.uv.to_array(),
-        material: v.finish.surface as u32 | (v.finish.class as u32) << 8,
+        material: v.finish.surface as u32 | (v.finish.class as u32) << 8 | (piece & 0xff) << 16,
     }
 }
 

@@ -20,6 +20,8 @@ const SIZE: u32 = 256;
 const SKY: [u32; 2] = [2048, 512];
 /// For adapters that draw on the CPU: it stays in their caches.
 const SMALL_SKY: [u32; 2] = [1024, 256];
+/// Texels along an edge of the sky that surfaces mirror.
+const SKY_MAP: u32 = 64;
 
 /// An array texture with a layer for each [`Surface`] and all its mipmaps.
 pub(super) fn surfaces(context: &Context, attachments: Attachments) -> wgpu::TextureView {
@@ -47,11 +49,27 @@ pub(super) fn surfaces(context: &Context, attachments: Attachments) -> wgpu::Tex
     })
 }
 
-/// The sky from below the horizon to the zenith, east in the middle of its left edge.
-pub(super) fn panorama(context: &Context, light: &Light, attachments: Attachments) -> wgpu::TextureView {
-    let size = if attachments.light_at_vertices { SMALL_SKY } else { SKY };
-    let texture = texture(context, ("sky", attachments.texture_format()), size, 1, 1);
-    upload(context, &texture, size, 0, 0, &sky::paint(size, light));
+/// The sky from below the horizon to the zenith, east in the middle of its left edge: as displayed, or as
+/// radiance.
+pub(super) fn panorama(context: &Context, light: &Light, as_displayed: bool) -> wgpu::TextureView {
+    let (format, size, bytes) = if as_displayed {
+        (wgpu::TextureFormat::Rgba8Unorm, SMALL_SKY, sky::paint(SMALL_SKY, light))
+    } else {
+        (wgpu::TextureFormat::Rgba16Float, SKY, sky::paint_radiance(SKY, light))
+    };
+    let texture = texture(context, ("sky", format), size, 1, 1);
+    upload(context, &texture, size, 0, 0, &bytes);
+    texture.create_view(&wgpu::TextureViewDescriptor::default())
+}
+
+/// Radiance of the sky above the horizon for surfaces that mirror it: half an octahedron, unfolded to a square,
+/// with all mipmaps.
+pub(super) fn sky_map(context: &Context, light: &Light) -> wgpu::TextureView {
+    let format = wgpu::TextureFormat::Rgba16Float;
+    let texture = texture(context, ("mirrored sky", format), [SKY_MAP; 2], 1, SKY_MAP.ilog2() + 1);
+    for (level, bytes) in (0..).zip(sky::mirrored(SKY_MAP, light)) {
+        upload(context, &texture, [SKY_MAP >> level; 2], 0, level, &bytes);
+    }
     texture.create_view(&wgpu::TextureViewDescriptor::default())
 }
 
@@ -104,7 +122,7 @@ fn upload(
         bytes,
         wgpu::TexelCopyBufferLayout {
             offset: 0,
-            bytes_per_row: Some(width * 4),
+            bytes_per_row: Some(bytes.len() as u32 / height),
             rows_per_image: Some(height),
         },
         wgpu::Extent3d { width, height, depth_or_array_layers: 1 },

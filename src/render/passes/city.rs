@@ -19,7 +19,8 @@ pub(in crate::render) mod gpu_data {
         /// sRGB; the last is the openness to the sky.
         pub(in crate::render) colour: [u8; 4],
         pub(in crate::render) uv: [f32; 2],
-        /// Layer of the texture array in the lowest byte, class in the next; of vehicles the part.
+        /// Layer of the texture array in the lowest byte, class in the next, then a number of the piece that
+        /// it belongs to; of vehicles part, roughness and metallic.
         pub(in crate::render) material: u32,
     }
 

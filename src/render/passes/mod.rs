@@ -3,31 +3,64 @@
 pub(super) mod city;
 pub(super) mod common;
 pub(super) mod contact;
+pub(super) mod display;
 pub(super) mod kinds;
 pub(super) mod lamps;
 pub(super) mod light;
+pub(super) mod occlusion;
 pub(super) mod shadow;
 pub(super) mod sky;
+pub(super) mod tiles;
 pub(super) mod vehicle;
 
 use super::Quality;
 use super::daylight::Light;
-use super::shader::Shader;
+use super::settings::Settings;
+use super::shader::{Samples, Shader};
 use common::gpu_data::Frame;
 
 /// Depth of the picture: 1 at the near plane, 0 at the far one, where floats are densest.
 pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
+/// Radiance of a sample; alpha is the share of it that ambient occlusion may take.
+const RADIANCE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
+
 /// The attachments that the passes of a picture are built for.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Attachments {
+    /// Of samples: radiance, or what is shown.
     pub(super) format: wgpu::TextureFormat,
+    /// Of pixels that are shown. The shaders encode as sRGB.
+    pub(super) shown: wgpu::TextureFormat,
     pub(super) samples: u32,
-    /// See [`super::Quality::light_at_vertices`]; the target takes what is encoded as sRGB already.
+    /// See [`super::Quality::light_at_vertices`]; samples hold what is shown.
     pub(super) light_at_vertices: bool,
 }
 
 impl Attachments {
+    pub(super) fn new(settings: &Settings) -> Self {
+        let shown = settings.format.remove_srgb_suffix();
+        let light_at_vertices = settings.quality.light_at_vertices;
+        let format = if light_at_vertices { shown } else { RADIANCE };
+        Self { format, shown, samples: settings.quality.samples, light_at_vertices }
+    }
+
+    /// How shaders read samples.
+    fn reading(self) -> Samples {
+        if self.samples > 1 { Samples::Many } else { Samples::One }
+    }
+
+    /// The entry of a texture of samples in a layout.
+    fn sampled(self, entry: wgpu::BindGroupLayoutEntry) -> wgpu::BindGroupLayoutEntry {
+        let ty = match entry.ty {
+            wgpu::BindingType::Texture { sample_type, view_dimension, .. } => {
+                wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: self.samples > 1 }
+            }
+            other => other,
+        };
+        wgpu::BindGroupLayoutEntry { ty, ..entry }
+    }
+
     /// What a texture of colours is made as, so that what is sampled suits the shaders.
     pub(super) fn texture_format(self) -> wgpu::TextureFormat {
         if self.light_at_vertices {

@@ -57,7 +57,7 @@ impl SkyPass {
                 sampler_entry(1, wgpu::SamplerBindingType::Filtering),
             ],
         });
-        let view = textures::panorama(context, light, attachments);
+        let view = textures::panorama(context, light, attachments.light_at_vertices);
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("sky"),
             address_mode_u: wgpu::AddressMode::Repeat,
