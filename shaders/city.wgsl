@@ -188,9 +188,13 @@ fn swift_line_fragment(in: SwiftLine) -> @location(0) vec4<f32> {
 @vertex
 fn swift_plain_vertex(in: VertexIn) -> Plain {
     let layer = in.material & 0xffu;
-    let mean = textureLoad(surfaces, vec2<i32>(0), layer, textureNumLevels(surfaces) - 1u);
-    let albedo = linear_from_srgb(in.colour.rgb) * mean.rgb * mean.rgb;
-    let glow = select(vec3<f32>(0.0), shining(layer, 0.0, in.uv, mean), layer == LANTERN);
+    var albedo = vertex_colour(in.colour.rgb);
+    var glow = vec3<f32>(0.0);
+    if !flat_light {
+        let mean = textureLoad(surfaces, vec2<i32>(0), layer, textureNumLevels(surfaces) - 1u);
+        albedo *= mean.rgb * mean.rgb;
+        glow = select(vec3<f32>(0.0), shining(layer, 0.0, in.uv, mean), layer == LANTERN);
+    }
     return plain_light(Material(albedo, 0.0, in.colour.a), in.position, in.normal.xyz, glow);
 }
 

@@ -43,7 +43,19 @@ fn sky_between(direction: vec3<f32>, haze: vec3<f32>, zenith: vec3<f32>, ground:
     return mix(sky, ground * 0.6, below);
 }
 
-// sRGB to linear, for colours of vertices.
+// Faces in their own colours under one light, as other engines draw a scene that is compared with them: no
+// textures, no shadows, no display curve.
+override flat_light: bool = false;
+
+// Colours of vertices: linear, of a flat light as they are.
+fn vertex_colour(c: vec3<f32>) -> vec3<f32> {
+    if flat_light {
+        return c;
+    }
+    return linear_from_srgb(c);
+}
+
+// sRGB to linear.
 fn linear_from_srgb(c: vec3<f32>) -> vec3<f32> {
     return c * (c * (c * 0.305306011 + 0.682171111) + 0.012522878);
 }

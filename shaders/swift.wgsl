@@ -87,6 +87,10 @@ struct Plain {
 }
 
 fn plain_light(m: Material, world: vec3<f32>, normal: vec3<f32>, glow: vec3<f32>) -> Plain {
+    if flat_light {
+        let light = SKY_LIGHT.rgb + SUN.rgb * max(dot(normal, TO_SUN), 0.0);
+        return Plain(view.clip_from_world * vec4<f32>(world, 1.0), m.albedo * light);
+    }
     let light = swift_light(m, world, normal, glow);
     return Plain(light.clip, swift_shade(light, vec3<f32>(1.0)).rgb);
 }

@@ -53,7 +53,7 @@ fn look_of(in: VertexIn) -> Look {
     out.world = vec3<f32>(dot(in.row_x, local), dot(in.row_y, local), dot(in.row_z, local));
     let n = in.normal.xyz;
     out.normal = vec3<f32>(dot(in.row_x.xyz, n), dot(in.row_y.xyz, n), dot(in.row_z.xyz, n));
-    var albedo = linear_from_srgb(in.colour.rgb);
+    var albedo = vertex_colour(in.colour.rgb);
     var gloss = 0.0;
     out.glow = vec3<f32>(0.0);
     switch part_of(in) {

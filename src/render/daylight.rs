@@ -1,5 +1,6 @@
 //! The light of a time of day: sun or moon, sky, haze, exposure, and whether lamps burn.
 
+use super::FlatLight;
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -171,6 +172,19 @@ fn mixed(elevation_deg: f32) -> Light {
         hills_srgb: all(a.hills_srgb, b.hills_srgb),
         exposure: one(a.exposure, b.exposure),
         lamps: one(a.lamps, b.lamps),
+    }
+}
+
+impl FlatLight {
+    pub(super) fn light(self) -> Light {
+        Light {
+            to_sun: self.to_sun.normalize_or(Vec3::Z),
+            sun: [self.sun; 3],
+            sky: [self.ambient; 3],
+            ground: [self.ambient; 3],
+            haze_srgb: self.background,
+            ..Daylight::NOON.light()
+        }
     }
 }
 

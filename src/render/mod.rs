@@ -8,6 +8,7 @@
 
 mod atlas;
 mod cells;
+mod clock;
 mod context;
 mod daylight;
 mod develop;
@@ -40,5 +41,5 @@ pub use png::write_png;
 pub use readback::{Arrived, Pending};
 pub use renderer::Renderer;
 pub use request::{Pictures, Request};
-pub use settings::{Quality, Settings};
+pub use settings::{FlatLight, Quality, Settings};
 pub use stream::{Order, PngStream};

@@ -2,6 +2,7 @@
 //! submission and come back through one buffer.
 
 use super::atlas::Atlas;
+use super::clock::Clock;
 use super::daylight::Light;
 use super::develop::Develop;
 use super::fleet::{Fleet, Sight};
@@ -18,8 +19,8 @@ use super::passes::vehicle::VehiclePass;
 use super::passes::{Attachments, light_constants};
 use super::readback::{Arrived, Pending, Ring};
 use super::request::{Pictures, Places, Request, places};
-use super::standing::{Gaze, SeenCells, Standing};
-use super::{Context, Image, RenderError, Settings, TargetView, textures};
+use super::standing::{Gaze, Patterns, SeenCells, Standing};
+use super::{Context, FlatLight, Image, RenderError, Settings, TargetView, textures};
 use crate::camera::{PictureKind, View};
 use crate::city::scene::SceneDescription;
 use crate::model::Model;
@@ -49,6 +50,7 @@ pub struct Renderer {
     kinds: Option<KindsDrawing>,
     standing: Standing,
     fleet: Fleet,
+    clock: Option<Clock>,
     /// The frame but for its time.
     fixed: gpu_data::Frame,
     atlases: BTreeMap<[u32; 2], Atlas>,
@@ -77,11 +79,11 @@ impl Renderer {
         let light_at_vertices = quality.light_at_vertices;
         let attachments = Attachments::new(&settings);
         let frame = FrameGroup::new(device);
-        let daylight = settings.daylight.light();
+        let daylight = settings.flat.map_or_else(|| settings.daylight.light(), FlatLight::light);
         let sun_view = SunView::around(scene.bounds, daylight.to_sun, quality.shadow_texels);
         let shadow = ShadowPass::new(device, &frame.layout, sun_view);
         let lamplit = daylight.is_lamplit();
-        let constants = light_constants(&quality, &daylight);
+        let constants = light_constants(&settings, &daylight);
         let lamp_texels = if !lamplit {
             1
         } else if light_at_vertices {
@@ -104,7 +106,8 @@ impl Renderer {
             develop: (!light_at_vertices).then(|| Develop::new(device, attachments, quality, &frame.layout)),
             kinds: None,
             standing: Standing::new(device, scene, averted_from),
-            fleet: Fleet::new(device),
+            fleet: Fleet::new(device, settings.flat.is_none()),
+            clock: None,
             context: context.clone(),
             settings,
             attachments,
@@ -142,6 +145,20 @@ impl Renderer {
     /// How many triangles a view of the last batch was given in the mean, without the sky.
     pub fn triangles(&self) -> u64 {
         self.triangles
+    }
+
+    /// Has the adapter take the time of each batch from now on, where it can.
+    pub fn keep_time(&mut self) {
+        self.clock = Clock::new(&self.context);
+    }
+
+    pub fn stop_keeping_time(&mut self) {
+        self.clock = None;
+    }
+
+    /// Seconds that the adapter took for the last batch, which is waited for; `None` unless it keeps time.
+    pub fn seconds_of_last_batch(&self) -> Option<f64> {
+        self.clock.as_ref()?.seconds(&self.context.device)
     }
 
     /// The adapter that draws.
@@ -216,6 +233,9 @@ impl Renderer {
             drawing.pass.write(device, &self.context.queue, &views);
         }
         let seen = self.look_at(&views);
+        if let Some(clock) = &self.clock {
+            clock.start(&mut encoder);
+        }
         let buffer = self.ring.take(&self.context.device, bytes.max(4));
         let mut by_extent: BTreeMap<[u32; 2], Vec<usize>> = BTreeMap::new();
         for (index, view) in views.iter().enumerate() {
@@ -224,6 +244,9 @@ impl Renderer {
         for (&extent, indices) in &by_extent {
             self.draw_colors(&mut encoder, (extent, indices), (&places, &seen), &buffer);
             self.draw_kinds(&mut encoder, (extent, indices), (&places, &seen), &buffer);
+        }
+        if let Some(clock) = &self.clock {
+            clock.stop(&mut encoder);
         }
         let submission = self.context.queue.submit([encoder.finish()]);
         Ok(self.ring.send((buffer, submission), places, self.attachments.shown))
@@ -452,7 +475,11 @@ impl Renderer {
             sharpness: Sharpness::new(&clip_from_world, view.extent[1]),
             eye,
             coarse_below_px: self.settings.quality.coarse_below_px,
-            leaves_out_patterns: self.settings.quality.light_at_vertices,
+            patterns: match (self.settings.flat, self.settings.quality.light_at_vertices) {
+                (Some(_), _) => Patterns::None,
+                (None, true) => Patterns::Near,
+                (None, false) => Patterns::All,
+            },
         };
         Seen { vehicles: self.fleet.seen(&gaze, view.carrier), cells: self.standing.see(&gaze, lists) }
     }
@@ -461,8 +488,10 @@ impl Renderer {
         // Nearest first, as far as can be told: what is hidden costs no shading.
         self.vehicles.draw(pass, &self.fleet, &seen.vehicles);
         self.city.draw(pass, &self.standing, &seen.cells);
-        self.sky.draw(pass);
-        self.contact.draw(pass, &self.fleet, &seen.vehicles);
+        if self.settings.flat.is_none() {
+            self.sky.draw(pass);
+            self.contact.draw(pass, &self.fleet, &seen.vehicles);
+        }
     }
 
     /// The frame of a time in seconds.

@@ -1,6 +1,7 @@
 //! What a renderer is built for: quality, time of day, pixel format.
 
 use super::Daylight;
+use glam::Vec3;
 
 /// How much work a pixel is worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,10 +75,23 @@ impl Quality {
     };
 }
 
+/// Faces in their own colours, of which `ambient + sun * cos` is seen: no textures, shadows, sky or display curve.
+/// Other engines draw the same, so that pictures and speed can be compared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlatLight {
+    pub to_sun: Vec3,
+    pub ambient: f32,
+    pub sun: f32,
+    /// Behind everything, as displayed.
+    pub background: [f32; 3],
+}
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     pub quality: Quality,
     pub daylight: Daylight,
+    /// In place of the time of day; for qualities that light at the vertices.
+    pub flat: Option<FlatLight>,
     /// Of the targets that [`super::Renderer::draw`] is given, where light is worked out at the vertices (without
     /// the suffix sRGB: the shaders encode); pictures are read back in sRGB whatever it is.
     pub format: wgpu::TextureFormat,
@@ -90,6 +104,7 @@ impl Default for Settings {
         Self {
             quality: Quality::HIGH,
             daylight: Daylight::default(),
+            flat: None,
             format: wgpu::TextureFormat::Rgba8UnormSrgb,
             batch_bytes: 192 << 20,
         }

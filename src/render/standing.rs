@@ -66,6 +66,15 @@ pub(super) struct Standing {
     lists: wgpu::Buffer,
 }
 
+/// Which things show the patterns of their surfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Patterns {
+    All,
+    /// Those whose pattern is not too fine to be seen.
+    Near,
+    None,
+}
+
 /// What a view needs of the standing city.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gaze<'a> {
@@ -75,8 +84,7 @@ pub(super) struct Gaze<'a> {
     pub(super) eye: Vec3,
     /// See [`super::Quality::coarse_below_px`].
     pub(super) coarse_below_px: f32,
-    /// Whether things whose patterns are too fine to be seen go without.
-    pub(super) leaves_out_patterns: bool,
+    pub(super) patterns: Patterns,
 }
 
 /// Where in the lists of a batch those of a view are.
@@ -149,9 +157,12 @@ impl Standing {
     /// Adds what a view may see to the lists of a batch.
     pub(super) fn see(&self, gaze: &Gaze<'_>, lists: &mut Vec<u32>) -> SeenCells {
         let seen = gaze.all_seen(&self.objects);
-        let (plain, raised): (Vec<_>, Vec<_>) =
-            seen.iter().partition(|sight| gaze.leaves_out_patterns && sight.is_plain);
-        let (ground, painted) = (gaze.all_seen(&self.ground), gaze.all_seen(&self.lines));
+        let (plain, raised): (Vec<_>, Vec<_>) = seen.iter().partition(|sight| sight.is_plain);
+        let (mut ground, painted) = (gaze.all_seen(&self.ground), gaze.all_seen(&self.lines));
+        let mut plain = plain;
+        if gaze.patterns == Patterns::None {
+            plain.append(&mut ground);
+        }
         SeenCells {
             plain: self.list(&plain, Level::all, lists),
             raised: self.list(&raised, Level::facing, lists),
@@ -244,7 +255,11 @@ impl Gaze<'_> {
             return None;
         }
         let level = piece.levels.iter().rev().find(|level| pixels(level.error_m) < self.coarse_below_px);
-        let is_plain = !piece.is_figured && pixels(PATTERN_M) < PATTERN_FROM_PX;
+        let is_plain = match self.patterns {
+            Patterns::All => false,
+            Patterns::Near => !piece.is_figured && pixels(PATTERN_M) < PATTERN_FROM_PX,
+            Patterns::None => true,
+        };
         level.or(piece.levels.first()).map(|level| Sight { distance_m, level, is_plain })
     }
 }

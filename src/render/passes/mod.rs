@@ -13,7 +13,6 @@ pub(super) mod sky;
 pub(super) mod tiles;
 pub(super) mod vehicle;
 
-use super::Quality;
 use super::daylight::Light;
 use super::settings::Settings;
 use super::shader::{Samples, Shader};
@@ -80,9 +79,11 @@ impl Attachments {
     }
 }
 
-/// What the shaders of solid things are told for good: `light.wgsl` has them as overrides.
-pub(super) fn light_constants(quality: &Quality, light: &Light) -> [(&'static str, f64); 2] {
+/// What the shaders of solid things are told for good: `common.wgsl` and `light.wgsl` have them as overrides.
+pub(super) fn light_constants(settings: &Settings, light: &Light) -> [(&'static str, f64); 3] {
+    let quality = &settings.quality;
     [
+        ("flat_light", f64::from(u8::from(settings.flat.is_some()))),
         ("soft_shadows", f64::from(u8::from(quality.soft_shadows))),
         ("lamplit", f64::from(u8::from(light.is_lamplit()))),
     ]
