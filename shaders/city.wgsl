@@ -121,37 +121,48 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     return sampled(lit, shining(in.layer, salt, in.uv, texel), distance);
 }
 
+// Patterns come as square roots of what they reflect.
+fn swift_pattern(uv: vec2<f32>, layer: u32) -> vec4<f32> {
+    let texel = textureSample(surfaces, surface_sampler, uv, layer);
+    return vec4<f32>(texel.rgb * texel.rgb, texel.a);
+}
+
 @vertex
 fn swift_vertex(in: VertexIn) -> Swift {
     let colour = vec4<f32>(linear_from_srgb(in.colour.rgb), in.colour.a);
     var out = swift_light(Material(colour.rgb, 0.0, colour.a), in.position, in.normal.xyz, vec3<f32>(0.0));
-    out.uv = in.uv;
+    out.places = vec4<f32>(out.places.xy, in.uv);
     out.layer = in.material & 0xffu;
     return out;
 }
 
 @fragment
 fn swift_fragment(in: Swift) -> @location(0) vec4<f32> {
-    let texel = textureSample(surfaces, surface_sampler, in.uv, in.layer);
-    let pattern = linear_from_srgb(texel.rgb);
+    let pattern = swift_pattern(in.places.zw, in.layer);
     if lamplit {
         var lit = in;
         // Not by the albedo, which the pattern is about to be multiplied with.
-        lit.ambient += shining(in.layer, 0.0, in.uv, vec4<f32>(pattern, texel.a)) / max(pattern, vec3<f32>(0.02)) * (1.0 - in.shadow.w);
-        return swift_shade(lit, pattern);
+        let own = shining(in.layer, 0.0, in.places.zw, pattern) / max(pattern.rgb, vec3<f32>(0.02));
+        lit.ambient += vec4<f32>(own * (SUN.w * (1.0 - in.ambient.w)), 0.0);
+        return swift_shade(lit, pattern.rgb);
     }
-    return swift_shade(in, pattern);
+    return swift_shade(in, pattern.rgb);
+}
+
+// Turned away from the sun: no shadow to look for.
+@fragment
+fn swift_averted_fragment(in: Swift) -> @location(0) vec4<f32> {
+    return swift_seen(in, swift_pattern(in.places.zw, in.layer).rgb, vec3<f32>(0.0));
 }
 
 struct SwiftLine {
     @builtin(position) clip: vec4<f32>,
-    @location(0) ambient: vec3<f32>,
-    @location(1) sunlight: vec3<f32>,
-    @location(2) shadow: vec4<f32>,
-    // Metres from the line's middle, half its width, and the place on the asphalt.
-    @location(3) at: vec2<f32>,
-    @location(4) ground: vec2<f32>,
-    @location(5) paint: vec3<f32>,
+    @location(0) ambient: vec4<f32>,
+    @location(1) direct: vec4<f32>,
+    @location(2) places: vec4<f32>,
+    // Its colour, and half its width; metres from its middle are in `place`.
+    @location(3) paint: vec4<f32>,
+    @location(4) place: f32,
 }
 
 @vertex
@@ -159,16 +170,31 @@ fn swift_line_vertex(in: VertexIn) -> SwiftLine {
     let white = Material(vec3<f32>(1.0), 0.0, in.colour.a);
     let light = swift_light(white, in.position, in.normal.xyz, vec3<f32>(0.0));
     return SwiftLine(
-        light.clip, light.ambient, light.sunlight, light.shadow, in.uv, in.position.xy * 0.2,
-        linear_from_srgb(in.colour.rgb),
+        light.clip, light.ambient, light.direct, vec4<f32>(light.places.xy, in.position.xy * 0.2),
+        vec4<f32>(linear_from_srgb(in.colour.rgb), in.uv.y), in.uv.x,
     );
 }
 
 @fragment
 fn swift_line_fragment(in: SwiftLine) -> @location(0) vec4<f32> {
-    let texel = linear_from_srgb(textureSample(surfaces, surface_sampler, in.ground, ASPHALT).rgb);
-    let across = length(vec2<f32>(dpdx(in.at.x), dpdy(in.at.x)));
-    let paint = in.paint * (0.62 + 0.5 * texel.g);
-    let albedo = mix(texel * ASPHALT_TINT, paint, covered(in.at, across));
-    return swift_shade(Swift(in.clip, in.ambient, in.sunlight, in.shadow, in.at, 0u), albedo);
+    let texel = swift_pattern(in.places.zw, ASPHALT);
+    let across = length(vec2<f32>(dpdx(in.place), dpdy(in.place)));
+    let paint = in.paint.rgb * (0.62 + 0.5 * texel.g);
+    let albedo = mix(texel.rgb * ASPHALT_TINT, paint, covered(vec2<f32>(in.place, in.paint.w), across));
+    return swift_shade(Swift(in.clip, in.ambient, in.direct, in.places, 0u), albedo);
+}
+
+// From afar a pattern is its mean.
+@vertex
+fn swift_plain_vertex(in: VertexIn) -> Plain {
+    let layer = in.material & 0xffu;
+    let mean = textureLoad(surfaces, vec2<i32>(0), layer, textureNumLevels(surfaces) - 1u);
+    let albedo = linear_from_srgb(in.colour.rgb) * mean.rgb * mean.rgb;
+    let glow = select(vec3<f32>(0.0), shining(layer, 0.0, in.uv, mean), layer == LANTERN);
+    return plain_light(Material(albedo, 0.0, in.colour.a), in.position, in.normal.xyz, glow);
+}
+
+@fragment
+fn swift_plain_fragment(in: Plain) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.colour, 1.0);
 }

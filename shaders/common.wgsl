@@ -33,10 +33,14 @@ struct View {
 
 // The sky without sun and clouds, as reflections and the haze at the horizon see it.
 fn sky_colour(direction: vec3<f32>) -> vec3<f32> {
+    return sky_between(direction, frame.haze.rgb, frame.zenith.rgb, frame.ground_light.rgb);
+}
+
+fn sky_between(direction: vec3<f32>, haze: vec3<f32>, zenith: vec3<f32>, ground: vec3<f32>) -> vec3<f32> {
     let up = clamp(direction.z, 0.0, 1.0);
-    let sky = mix(frame.haze.rgb, frame.zenith.rgb, 1.0 - exp(-3.2 * up));
+    let sky = mix(haze, zenith, 1.0 - exp(-3.2 * up));
     let below = clamp(-direction.z * 4.0, 0.0, 1.0);
-    return mix(sky, frame.ground_light.rgb * 0.6, below);
+    return mix(sky, ground * 0.6, below);
 }
 
 // sRGB to linear, for colours of vertices.

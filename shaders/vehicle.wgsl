@@ -106,12 +106,12 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
 }
 
 @vertex
-fn swift_vertex(in: VertexIn) -> Swift {
+fn swift_vertex(in: VertexIn) -> Plain {
     let look = look_of(in);
-    return swift_light(look.material, look.world, normalize(look.normal), look.glow);
+    return plain_light(look.material, look.world, normalize(look.normal), look.glow);
 }
 
 @fragment
-fn swift_fragment(in: Swift) -> @location(0) vec4<f32> {
-    return swift_shade(in, vec3<f32>(1.0));
+fn swift_fragment(in: Plain) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.colour, 1.0);
 }

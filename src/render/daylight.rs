@@ -175,6 +175,11 @@ fn mixed(elevation_deg: f32) -> Light {
 }
 
 impl Light {
+    /// Whether lamps burn.
+    pub(super) fn is_lamplit(&self) -> bool {
+        self.lamps > 0.0
+    }
+
     /// Radiance that the display curve of `shaders/display.wgsl` shows as an sRGB value below 1: its inverse.
     pub(super) fn radiance_of(&self, displayed: [f32; 3]) -> [f32; 3] {
         displayed.map(|c| {

@@ -7,7 +7,6 @@ use super::develop::Develop;
 use super::fleet::{Fleet, Sight};
 use super::frustum::{Frustum, Sharpness};
 use super::kinds::{self, KindsDrawing, KindsTile};
-use super::passes::Attachments;
 use super::passes::city::CityPass;
 use super::passes::common::{FrameGroup, gpu_data};
 use super::passes::contact::ContactPass;
@@ -16,6 +15,7 @@ use super::passes::light::LightGroup;
 use super::passes::shadow::{ShadowPass, SunView};
 use super::passes::sky::SkyPass;
 use super::passes::vehicle::VehiclePass;
+use super::passes::{Attachments, light_constants};
 use super::readback::{Arrived, Pending, Ring};
 use super::request::{Pictures, Places, Request, places};
 use super::standing::{Gaze, SeenCells, Standing};
@@ -49,7 +49,8 @@ pub struct Renderer {
     kinds: Option<KindsDrawing>,
     standing: Standing,
     fleet: Fleet,
-    sun_view: SunView,
+    /// The frame but for its time.
+    fixed: gpu_data::Frame,
     atlases: BTreeMap<[u32; 2], Atlas>,
     ring: Ring,
     /// Of a view of the last batch, in the mean.
@@ -79,7 +80,8 @@ impl Renderer {
         let daylight = settings.daylight.light();
         let sun_view = SunView::around(scene.bounds, daylight.to_sun, quality.shadow_texels);
         let shadow = ShadowPass::new(device, &frame.layout, sun_view);
-        let lamplit = daylight.lamps > 0.0;
+        let lamplit = daylight.is_lamplit();
+        let constants = light_constants(&quality, &daylight);
         let lamp_texels = if !lamplit {
             1
         } else if light_at_vertices {
@@ -87,18 +89,21 @@ impl Renderer {
         } else {
             1024
         };
+        // By night every surface looks for the light of lamps.
+        let averted_from = (light_at_vertices && !lamplit).then_some(daylight.to_sun);
         let lamps = LampPass::new(device, &frame.layout, scene, (lamp_texels, !light_at_vertices));
         let sky_map = textures::sky_map(context, &daylight);
         let light = LightGroup::new(context, &shadow.map, &lamps.map_view, &sky_map);
+        let fixed = fixed_frame(&daylight, &sun_view, quality.shadow_texels, lamps.place);
         let groups = [&frame.layout, &light.layout];
         let mut renderer = Self {
-            city: CityPass::new(context, attachments, (quality, lamplit), groups),
-            vehicles: VehiclePass::new(device, attachments, (quality, lamplit), groups),
+            city: CityPass::new(context, attachments, &quality, (&fixed, &constants), groups),
+            vehicles: VehiclePass::new(device, attachments, (&fixed, &constants), groups),
             contact: ContactPass::new(device, attachments, &frame.layout),
             sky: SkyPass::new(context, attachments, &daylight, groups),
             develop: (!light_at_vertices).then(|| Develop::new(device, attachments, quality, &frame.layout)),
             kinds: None,
-            standing: Standing::new(device, scene),
+            standing: Standing::new(device, scene, averted_from),
             fleet: Fleet::new(device),
             context: context.clone(),
             settings,
@@ -108,7 +113,7 @@ impl Renderer {
             shadow,
             lamps,
             daylight,
-            sun_view,
+            fixed,
             atlases: BTreeMap::new(),
             ring: Ring::default(),
             triangles: 0,
@@ -349,7 +354,7 @@ impl Renderer {
         self.frame.write(device, &self.context.queue, &frame, &slots);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.shadow.draw_vehicles(&mut encoder, &self.frame, &self.fleet);
-        if self.daylight.lamps > 0.0 {
+        if self.daylight.is_lamplit() {
             self.lamps.draw_vehicles(&self.context, &mut encoder, &self.frame, &self.fleet);
         }
         Ok(encoder)
@@ -447,6 +452,7 @@ impl Renderer {
             sharpness: Sharpness::new(&clip_from_world, view.extent[1]),
             eye,
             coarse_below_px: self.settings.quality.coarse_below_px,
+            leaves_out_patterns: self.settings.quality.light_at_vertices,
         };
         Seen { vehicles: self.fleet.seen(&gaze, view.carrier), cells: self.standing.see(&gaze, lists) }
     }
@@ -459,20 +465,31 @@ impl Renderer {
         self.contact.draw(pass, &self.fleet, &seen.vehicles);
     }
 
+    /// The frame of a time in seconds.
     fn frame_data(&self, time_s: f32) -> gpu_data::Frame {
-        let light = &self.daylight;
-        let haze = light.radiance_of(light.haze_srgb);
-        let with = |[r, g, b]: [f32; 3], w: f32| [r, g, b, w];
-        gpu_data::Frame {
-            to_sun: light.to_sun.extend(time_s).to_array(),
-            sun: with(light.sun, light.exposure),
-            sky_light: with(light.sky, 0.0),
-            ground_light: with(light.ground, 0.0),
-            haze: with(haze, 1.0 / 520.0),
-            shadow_from_world: self.sun_view.shadow_from_world.to_cols_array_2d(),
-            shadow_texel: [1.0 / self.settings.quality.shadow_texels as f32, self.sun_view.texel_m, 0.0, 0.0],
-            zenith: with(light.zenith, light.lamps),
-            lamp_place: self.lamps.place,
-        }
+        let mut frame = self.fixed;
+        frame.to_sun[3] = time_s;
+        frame
+    }
+}
+
+/// What a frame says that stays as it is: all but the time.
+fn fixed_frame(
+    light: &Light,
+    sun_view: &SunView,
+    shadow_texels: u32,
+    lamp_place: [f32; 4],
+) -> gpu_data::Frame {
+    let with = |[r, g, b]: [f32; 3], w: f32| [r, g, b, w];
+    gpu_data::Frame {
+        to_sun: light.to_sun.extend(0.0).to_array(),
+        sun: with(light.sun, light.exposure),
+        sky_light: with(light.sky, 0.0),
+        ground_light: with(light.ground, 0.0),
+        haze: with(light.radiance_of(light.haze_srgb), 1.0 / 520.0),
+        shadow_from_world: sun_view.shadow_from_world.to_cols_array_2d(),
+        shadow_texel: [1.0 / shadow_texels as f32, sun_view.texel_m, 0.0, 0.0],
+        zenith: with(light.zenith, light.lamps),
+        lamp_place,
     }
 }

@@ -1,5 +1,6 @@
 //! Shader sources: from disk in debug builds where they lie there, embedded else.
 
+use super::passes::common::gpu_data::Frame;
 use std::borrow::Cow;
 
 /// One file of `shaders/`.
@@ -84,11 +85,14 @@ impl Shader {
         }
     }
 
-    pub(super) fn text(self) -> String {
-        self.parts().iter().map(|part| part.text()).collect::<Vec<_>>().join("\n")
+    /// With what of a frame never changes, where it is told, as constants.
+    pub(super) fn text(self, fixed: Option<&Frame>) -> String {
+        let constants = fixed.map(|frame| Cow::Owned(constants(frame)));
+        let parts = self.parts().iter().map(|part| part.text());
+        constants.into_iter().chain(parts).collect::<Vec<_>>().join("\n")
     }
 
-    pub(super) fn module(self, device: &wgpu::Device) -> wgpu::ShaderModule {
+    pub(super) fn module(self, device: &wgpu::Device, fixed: Option<&Frame>) -> wgpu::ShaderModule {
         device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(match self {
                 Self::City => "city",
@@ -101,9 +105,28 @@ impl Shader {
                 Self::Occlusion(_) => "occlusion",
                 Self::Display(_) => "display",
             }),
-            source: wgpu::ShaderSource::Wgsl(Cow::Owned(self.text())),
+            source: wgpu::ShaderSource::Wgsl(Cow::Owned(self.text(fixed))),
         })
     }
+}
+
+/// The members of a frame but for the time as constants of their names in capitals.
+fn constants(frame: &Frame) -> String {
+    let list = |values: &[f32]| values.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(", ");
+    let vectors = [
+        ("SUN", frame.sun),
+        ("SKY_LIGHT", frame.sky_light),
+        ("GROUND_LIGHT", frame.ground_light),
+        ("HAZE", frame.haze),
+        ("SHADOW_TEXEL", frame.shadow_texel),
+        ("ZENITH", frame.zenith),
+        ("LAMP_PLACE", frame.lamp_place),
+    ];
+    let vectors = vectors.map(|(name, v)| format!("const {name} = vec4<f32>({});\n", list(&v)));
+    let to_sun = list(&frame.to_sun[..3]);
+    let shadow = list(frame.shadow_from_world.as_flattened());
+    vectors.concat()
+        + &format!("const TO_SUN = vec3<f32>({to_sun});\nconst SHADOW_FROM_WORLD = mat4x4<f32>({shadow});\n")
 }
 
 impl Source {
@@ -121,10 +144,11 @@ impl Source {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use bytemuck::Zeroable;
 
     /// The shader after naga's parser and validator.
     pub(crate) fn validated(shader: Shader) -> naga::Module {
-        let text = shader.text();
+        let text = shader.text(Some(&Frame::zeroed()));
         let module = naga::front::wgsl::parse_str(&text)
             .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
         let flags = naga::valid::ValidationFlags::all();

@@ -20,6 +20,7 @@ impl ContactPass {
             attachments,
             &PictureState {
                 shader: Shader::Contact,
+                fixed: None,
                 entries: ["vertex_main", "fragment_main"],
                 groups: &[Some(frame)],
                 buffers: &[Some(vehicle::gpu_data::LAYOUT)],

@@ -264,7 +264,7 @@ fn pipeline(
     [vertex, fragment]: [&str; 2],
     buffers: &[Option<wgpu::VertexBufferLayout<'_>>],
 ) -> wgpu::RenderPipeline {
-    let module = Shader::Lamps.module(device);
+    let module = Shader::Lamps.module(device, None);
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some(vertex),
         bind_group_layouts: &groups.map(Some),

@@ -16,17 +16,14 @@ impl LightGroup {
         lamp_map: &wgpu::TextureView,
         sky_map: &wgpu::TextureView,
     ) -> Self {
-        let both = wgpu::ShaderStages::VERTEX_FRAGMENT;
         let filterable = wgpu::TextureSampleType::Float { filterable: true };
-        let lamps = texture_entry(2, filterable, wgpu::TextureViewDimension::D2);
-        let smooth = sampler_entry(3, wgpu::SamplerBindingType::Filtering);
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("light"),
             entries: &[
                 texture_entry(0, wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2),
                 sampler_entry(1, wgpu::SamplerBindingType::Comparison),
-                wgpu::BindGroupLayoutEntry { visibility: both, ..lamps },
-                wgpu::BindGroupLayoutEntry { visibility: both, ..smooth },
+                texture_entry(2, filterable, wgpu::TextureViewDimension::D2),
+                sampler_entry(3, wgpu::SamplerBindingType::Filtering),
                 texture_entry(4, filterable, wgpu::TextureViewDimension::D2),
                 sampler_entry(5, wgpu::SamplerBindingType::Filtering),
             ],

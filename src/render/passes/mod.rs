@@ -13,8 +13,11 @@ pub(super) mod sky;
 pub(super) mod tiles;
 pub(super) mod vehicle;
 
+use super::Quality;
+use super::daylight::Light;
 use super::settings::Settings;
 use super::shader::{Samples, Shader};
+use common::gpu_data::Frame;
 
 /// Depth of the picture: 1 at the near plane, 0 at the far one, where floats are densest.
 pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
@@ -77,9 +80,19 @@ impl Attachments {
     }
 }
 
+/// What the shaders of solid things are told for good: `light.wgsl` has them as overrides.
+pub(super) fn light_constants(quality: &Quality, light: &Light) -> [(&'static str, f64); 2] {
+    [
+        ("soft_shadows", f64::from(u8::from(quality.soft_shadows))),
+        ("lamplit", f64::from(u8::from(light.is_lamplit()))),
+    ]
+}
+
 /// What differs between the pipelines of a picture.
 pub(super) struct PictureState<'a> {
     pub(super) shader: Shader,
+    /// What of the frame never changes, for shaders that have it as constants.
+    pub(super) fixed: Option<&'a Frame>,
     /// Of vertices and of fragments.
     pub(super) entries: [&'a str; 2],
     pub(super) groups: &'a [Option<&'a wgpu::BindGroupLayout>],
@@ -96,7 +109,7 @@ pub(super) fn picture_pipeline(
     attachments: Attachments,
     state: &PictureState<'_>,
 ) -> wgpu::RenderPipeline {
-    let module = state.shader.module(device);
+    let module = state.shader.module(device, state.fixed);
     let options = wgpu::PipelineCompilationOptions { constants: state.constants, ..Default::default() };
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: None,
@@ -154,7 +167,7 @@ pub(super) fn uniform_entry(binding: u32, dynamic: bool, size: u64) -> wgpu::Bin
     }
 }
 
-/// A texture's entry in a layout, for fragments.
+/// A texture's entry in a layout.
 pub(super) fn texture_entry(
     binding: u32,
     sample_type: wgpu::TextureSampleType,
@@ -162,17 +175,17 @@ pub(super) fn texture_entry(
 ) -> wgpu::BindGroupLayoutEntry {
     wgpu::BindGroupLayoutEntry {
         binding,
-        visibility: wgpu::ShaderStages::FRAGMENT,
+        visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
         ty: wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false },
         count: None,
     }
 }
 
-/// A sampler's entry in a layout, for fragments.
+/// A sampler's entry in a layout.
 pub(super) fn sampler_entry(binding: u32, ty: wgpu::SamplerBindingType) -> wgpu::BindGroupLayoutEntry {
     wgpu::BindGroupLayoutEntry {
         binding,
-        visibility: wgpu::ShaderStages::FRAGMENT,
+        visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
         ty: wgpu::BindingType::Sampler(ty),
         count: None,
     }

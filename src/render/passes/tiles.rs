@@ -13,7 +13,7 @@ pub(super) fn pipeline(
     constants: &[(&str, f64)],
     format: wgpu::TextureFormat,
 ) -> wgpu::RenderPipeline {
-    let module = shader.module(device);
+    let module = shader.module(device, None);
     let options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: None,
