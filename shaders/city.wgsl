@@ -75,7 +75,7 @@ fn shining(layer: u32, salt: f32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> 
     let is_lit = select(0.0, 1.0, dice < 0.38 || is_shop);
     let pane = 1.0 - smoothstep(0.42, 0.7, texel.a);
     let warm = mix(vec3<f32>(0.85, 0.58, 0.28), vec3<f32>(0.70, 0.68, 0.60), fract(dice * 17.0));
-    return warm * ((0.35 + 2.6 * texel.g) * (0.6 + dice) * is_lit * pane * frame.zenith.w);
+    return warm * ((0.3 + 2.0 * texel.g) * (0.6 + dice) * is_lit * pane * frame.zenith.w);
 }
 
 @fragment
