@@ -115,3 +115,14 @@ fn swift_vertex(in: VertexIn) -> Plain {
 fn swift_fragment(in: Plain) -> @location(0) vec4<f32> {
     return vec4<f32>(in.colour, 1.0);
 }
+
+@vertex
+fn flat_vertex(in: VertexIn) -> Flat {
+    let plain = swift_vertex(in);
+    return Flat(plain.clip, plain.colour);
+}
+
+@fragment
+fn flat_fragment(in: Flat) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.colour, 1.0);
+}
