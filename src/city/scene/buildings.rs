@@ -2,13 +2,13 @@
 //! what names ask for.
 
 use super::grounds::ring_of;
+use super::lanes::LaneBoxes;
 use super::lettering;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::Region;
 use super::roads::level;
 use super::special;
 use super::{Place, Wall};
-use crate::city::CityMap;
 use glam::{Vec2, Vec3};
 
 const STOREY_M: f32 = 3.1;
@@ -180,7 +180,7 @@ impl Side {
 }
 
 /// A building with everything on it.
-pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) {
+pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, lanes: &LaneBoxes<'_>) {
     let ring: Vec<Vec2> = ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect();
     if ring.len() < 3 {
         return;
@@ -205,7 +205,7 @@ pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) {
     } else {
         flat_roof(mesh, place, &ring, eaves);
     }
-    let front = front_of(&sides, map, place.piece.front_rad);
+    let front = front_of(&sides, lanes, place.piece.front_rad);
     entrance(mesh, &front, &style, &name, eaves);
     special::additions(mesh, &name, &ring, height);
 }
@@ -234,7 +234,7 @@ pub(super) fn opaque_walls(place: &Place<'_>) -> Vec<Wall> {
 }
 
 /// The side that is nearest to a road, wide ones before narrow ones.
-fn front_of(sides: &[Side], map: &CityMap, stated_rad: Option<f64>) -> Side {
+fn front_of(sides: &[Side], lanes: &LaneBoxes<'_>, stated_rad: Option<f64>) -> Side {
     if let Some(angle) = stated_rad {
         let wanted = Vec2::from_angle(angle as f32);
         let facing = |side: &Side| side.outward().dot(wanted) + 0.02 * side.width().min(20.0);
@@ -242,9 +242,8 @@ fn front_of(sides: &[Side], map: &CityMap, stated_rad: Option<f64>) -> Side {
     }
     let far = |side: &Side| {
         let at = side.at(0.5, 0.0, 1.0).truncate().as_dvec2();
-        let nearest =
-            map.lanes.iter().map(|lane| lane.curve.at(lane.curve.project(at).s).pose.position.distance(at));
-        nearest.fold(f64::INFINITY, f64::min) as f32 - side.width().min(12.0)
+        let away = lanes.nearest(at).map_or(f64::INFINITY, |nearest| nearest.distance(at));
+        away as f32 - side.width().min(12.0)
     };
     let fallback = sides[0];
     sides.iter().copied().min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or(fallback)

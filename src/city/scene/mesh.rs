@@ -1,7 +1,7 @@
 //! Triangles with what they are made of: plain data that any renderer can take.
 
 use glam::{IVec3, Vec2, Vec3};
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 use std::hash::Hash;
 
 /// What a surface is made of. Its texture is a grey or natural pattern that the vertex colour tints.
@@ -133,12 +133,12 @@ pub fn clustered<V, K: Eq + Hash>(
     kind: impl Fn(&V) -> K,
 ) -> (Vec<V>, Vec<u32>) {
     let cube = |v: &V| (position(v) / edge_m).round().as_ivec3();
-    let mut places: HashMap<IVec3, (Vec3, f32)> = HashMap::new();
+    let mut places: FxHashMap<IVec3, (Vec3, f32)> = FxHashMap::default();
     for vertex in vertices {
         let place = places.entry(cube(vertex)).or_default();
         *place = (place.0 + position(vertex), place.1 + 1.0);
     }
-    let mut known = HashMap::new();
+    let mut known = FxHashMap::default();
     let (mut kept, mut corners_kept) = (Vec::new(), Vec::new());
     for triangle in indices.chunks_exact(3) {
         let corners = [0, 1, 2].map(|k| &vertices[triangle[k] as usize]);
@@ -172,6 +172,13 @@ impl Mesh {
 
     pub fn is_empty(&self) -> bool {
         self.indices.is_empty()
+    }
+
+    /// Adds the triangles of another.
+    pub fn append(&mut self, other: &Self) {
+        let base = self.vertices.len() as u32;
+        self.vertices.extend_from_slice(&other.vertices);
+        self.indices.extend(other.indices.iter().map(|k| k + base));
     }
 
     pub fn vertex(&mut self, vertex: Vertex) -> u32 {
@@ -259,7 +266,8 @@ impl Mesh {
 
     /// Drops vertices that repeat bit for bit.
     pub fn weld(&mut self) {
-        let mut seen = HashMap::new();
+        let mut seen = FxHashMap::default();
+        seen.reserve(self.vertices.len());
         let mut kept = Vec::with_capacity(self.vertices.len());
         let slot: Vec<u32> = self
             .vertices

@@ -6,6 +6,7 @@ mod buildings;
 mod class;
 mod field;
 mod grounds;
+mod lanes;
 mod lettering;
 mod markings;
 mod mesh;
@@ -24,8 +25,9 @@ pub use mesh::{Class, Finish, Mesh, Surface, Vertex, clustered};
 pub use signs::sign_cell;
 
 use super::{CityMap, SceneryKind};
+use crate::geom::scatter;
 use crate::model::Model;
-use glam::{Vec2, Vec3};
+use glam::{Affine3A, Mat3, Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -87,6 +89,26 @@ impl Object {
         }
     }
 
+    /// The same turned, moved and scaled evenly, with another look of its faces.
+    fn placed(&self, city_from_object: Affine3A, look: impl Fn(Finish) -> Finish) -> Self {
+        let turn = Mat3::from(city_from_object.matrix3);
+        let scale = turn.x_axis.length();
+        let vertex = |v: &Vertex| Vertex {
+            position: city_from_object.transform_point3(v.position),
+            normal: turn * v.normal / scale,
+            finish: look(v.finish),
+            ..*v
+        };
+        let level = |level: &Level| Level {
+            mesh: Mesh {
+                vertices: level.mesh.vertices.iter().map(vertex).collect(),
+                indices: level.mesh.indices.clone(),
+            },
+            error_m: level.error_m * scale,
+        };
+        Self { levels: self.levels.iter().map(level).collect() }
+    }
+
     pub fn is_empty(&self) -> bool {
         self.levels.iter().all(|level| level.mesh.is_empty())
     }
@@ -102,6 +124,7 @@ impl SceneDescription {
     /// [`Self::from_map`] with the models that the map places, by name; those that are missing are left out.
     pub fn with_models(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Self {
         let field = roads::RoadField::new(map);
+        let lanes = lanes::LaneBoxes::new(map);
         let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());
         let mut lamps = Vec::new();
         // Street furniture turns towards the road, so it needs to know where that is.
@@ -113,13 +136,13 @@ impl SceneDescription {
                 Object::of_one_level(mesh)
             };
             objects.push(match piece.kind {
-                SceneryKind::Building => one(&|mesh| buildings::building(mesh, &place, map)),
+                SceneryKind::Building => one(&|mesh| buildings::building(mesh, &place, &lanes)),
                 SceneryKind::Tree => plants::tree_object(&place),
                 SceneryKind::Hedge => one(&|mesh| plants::hedge(mesh, &place)),
                 SceneryKind::Wall => one(&|mesh| props::wall(mesh, &place)),
                 SceneryKind::Lamp => {
                     let mut mesh = Mesh::default();
-                    lamps.push(props::lamp(&mut mesh, &place, map));
+                    lamps.push(props::lamp(&mut mesh, &place, &lanes));
                     Object::of_one_level(mesh)
                 }
                 SceneryKind::Bench => one(&|mesh| props::bench(mesh, &place)),
@@ -139,7 +162,7 @@ impl SceneDescription {
             }
         }
         let [low, high] = map.bounds().map(|corner| corner.as_vec2());
-        objects.extend(signs::signs(map, &field));
+        objects.extend(signs::signs(map, &field, &lanes));
         objects.extend(plants::woods([low, high]));
         objects.extend(models::place(map, models));
         objects.extend(parked::cars(map));
@@ -147,10 +170,11 @@ impl SceneDescription {
         for object in &mut objects {
             object.add_coarser_levels();
         }
-        let roads = roads::LEVELS.map(|error_m| Level { mesh: roads::ground(&field, error_m), error_m });
+        let outlines = roads::Outlines::new(&field);
+        let roads = roads::LEVELS.map(|error_m| Level { mesh: outlines.ground(error_m), error_m });
         let mut ground = vec![Object { levels: roads.to_vec() }];
-        let painted =
-            markings::LEVELS.map(|error_m| Level { mesh: markings::markings(map, &field, error_m), error_m });
+        let paint = markings::Paint::new(map, &field, &lanes);
+        let painted = markings::LEVELS.map(|error_m| Level { mesh: paint.mesh(error_m), error_m });
         ground.push(Object { levels: painted.to_vec() });
         let rest = [roads::plain(map), wear::wear(map), lying];
         ground.extend(rest.map(Object::of_one_level));
@@ -182,13 +206,7 @@ impl Place<'_> {
 
 /// A number in [0, 1) for two integers.
 fn dice(seed: u32, salt: u32) -> f32 {
-    let mut h = seed.wrapping_mul(0x9E37_79B1) ^ salt.wrapping_mul(0x85EB_CA77);
-    h ^= h >> 15;
-    h = h.wrapping_mul(0x2C1B_3C6D);
-    h ^= h >> 12;
-    h = h.wrapping_mul(0x297A_2D39);
-    h ^= h >> 15;
-    (h >> 8) as f32 / (1 << 24) as f32
+    scatter::unit(seed.wrapping_mul(0x9E37_79B1) ^ salt.wrapping_mul(0x85EB_CA77))
 }
 
 #[cfg(test)]

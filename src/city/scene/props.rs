@@ -2,10 +2,11 @@
 
 use super::Place;
 use super::grounds::ring_of;
+use super::lanes::LaneBoxes;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::Region;
 use super::roads::level;
-use crate::city::{CityMap, Shape};
+use crate::city::Shape;
 use glam::{DVec2, Vec2, Vec3};
 
 const STONE_WALL: Finish = Finish::new(Surface::Brick, [188, 168, 146], Class::Wall);
@@ -72,14 +73,10 @@ fn rectangle(shape: &Shape) -> (f32, f32, f32) {
 }
 
 /// A street lamp whose arm reaches over the nearest lane; says where its lens is.
-pub(super) fn lamp(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) -> Vec3 {
+pub(super) fn lamp(mesh: &mut Mesh, place: &Place<'_>, lanes: &LaneBoxes<'_>) -> Vec3 {
     let foot = middle(&place.piece.shape);
     let height = place.piece.height_m.map_or(6.2, |h| h as f32);
-    let nearest = map
-        .lanes
-        .iter()
-        .map(|lane| lane.curve.at(lane.curve.project(foot.as_dvec2()).s).pose.position)
-        .min_by(|a, b| a.distance_squared(foot.as_dvec2()).total_cmp(&b.distance_squared(foot.as_dvec2())));
+    let nearest = lanes.nearest(foot.as_dvec2());
     let towards = nearest.map_or(Vec2::X, |at| (at.as_vec2() - foot).normalize_or(Vec2::X));
     let base = foot.extend(0.08);
     mesh.frustum(base, [0.10, 0.05], height, 6, POST);

@@ -1,6 +1,7 @@
 //! Road signs where the map has lines and car parks: a post and a face that whoever comes can read.
 
 use super::Object;
+use super::lanes::LaneBoxes;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::roads::RoadField;
 use crate::city::{CityMap, ControlLineKind, Lane, LaneKind, SceneryKind, Shape};
@@ -110,7 +111,7 @@ fn at_line(map: &CityMap, field: &RoadField, lane: &Lane, at_m: f64) -> Option<(
 }
 
 /// Signs at stop and yield lines and at car parks.
-pub(super) fn signs(map: &CityMap, field: &RoadField) -> Vec<Object> {
+pub(super) fn signs(map: &CityMap, field: &RoadField, lanes: &LaneBoxes<'_>) -> Vec<Object> {
     let mut found = Vec::new();
     let mut standing: Vec<DVec2> = Vec::new();
     for line in &map.lines {
@@ -143,7 +144,8 @@ pub(super) fn signs(map: &CityMap, field: &RoadField) -> Vec<Object> {
         let Shape::Polygon(corners) = &piece.shape else { continue };
         let middle = corners.iter().copied().sum::<DVec2>() / corners.len().max(1) as f64;
         // At the corner nearest to a road, read from the road.
-        let nearest = corners.iter().min_by(|a, b| field.distance.at(**a).total_cmp(&field.distance.at(**b)));
+        let away = |at: DVec2| lanes.nearest(at).map_or(f64::INFINITY, |nearest| nearest.distance(at));
+        let nearest = corners.iter().min_by(|a, b| away(**a).total_cmp(&away(**b)));
         if let Some(corner) = nearest {
             let at = corner.lerp(middle, 0.06);
             let towards = (middle - *corner).try_normalize().unwrap_or(DVec2::X);

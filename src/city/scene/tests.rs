@@ -3,7 +3,7 @@ use crate::city::{LaneKind, generate, map_of_drawing};
 use crate::geom::LengthScale;
 use glam::{DVec2, Vec2};
 
-fn city() -> CityMap {
+pub(super) fn city() -> CityMap {
     map_of_drawing(&generate::ids3c()).unwrap().map.to_city(LengthScale::TESTBED)
 }
 
@@ -73,7 +73,7 @@ fn every_lane_lies_on_asphalt_from_edge_to_edge() {
 fn yellow_lines_keep_to_the_middle_between_directions() {
     let map = city();
     let field = roads::RoadField::new(&map);
-    let mesh = markings::markings(&map, &field, 0.0);
+    let mesh = markings::Paint::new(&map, &field, &lanes::LaneBoxes::new(&map)).mesh(0.0);
     let yellow = mesh.vertices.iter().filter(|v| v.finish.colour[2] < 100);
     let mut count = 0;
     for vertex in yellow {
