@@ -5,6 +5,7 @@
 mod buildings;
 mod class;
 mod field;
+mod foliage;
 mod grounds;
 mod lanes;
 mod lettering;
@@ -18,6 +19,7 @@ mod props;
 mod roads;
 mod signs;
 mod special;
+mod trees;
 mod wear;
 
 pub use lettering::glyph_cell;
@@ -125,6 +127,7 @@ impl SceneDescription {
     pub fn with_models(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Self {
         let field = roads::RoadField::new(map);
         let lanes = lanes::LaneBoxes::new(map);
+        let nursery = trees::Nursery::new();
         let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());
         let mut lamps = Vec::new();
         // Street furniture turns towards the road, so it needs to know where that is.
@@ -137,7 +140,7 @@ impl SceneDescription {
             };
             objects.push(match piece.kind {
                 SceneryKind::Building => one(&|mesh| buildings::building(mesh, &place, &lanes)),
-                SceneryKind::Tree => plants::tree_object(&place),
+                SceneryKind::Tree => nursery.tree(&place),
                 SceneryKind::Hedge => one(&|mesh| plants::hedge(mesh, &place)),
                 SceneryKind::Wall => one(&|mesh| props::wall(mesh, &place)),
                 SceneryKind::Lamp => {
