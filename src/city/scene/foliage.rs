@@ -92,7 +92,7 @@ impl Crown {
 
     /// Whether a point lies well within another clump than `index`.
     fn is_hidden(&self, point: Vec3, index: usize) -> bool {
-        self.clumps.iter().enumerate().any(|(k, clump)| k != index && clump.depth(point) < 0.88)
+        self.clumps.iter().enumerate().any(|(k, clump)| k != index && clump.depth(point) < 0.94)
     }
 
     fn clump(&self, mesh: &mut Mesh, index: usize, [around, rings]: [u32; 2]) {
@@ -160,7 +160,7 @@ impl Crown {
         let along = side * cos + over * sin;
         let along = (along + 0.55 * out - 0.25 * Vec3::Z).normalize_or(Vec3::X);
         let across = out.cross(along).normalize_or(Vec3::X);
-        let length = (0.30 + 0.22 * dice(5)) * clump.size.x.max(clump.size.z);
+        let length = (0.30 + 0.18 * dice(5)) * clump.size.min_element();
         let half = length * (0.34 + 0.16 * dice(6));
         let corners = [
             foot,
@@ -185,8 +185,9 @@ impl Crown {
         mesh.indices.extend([base, base + 1, base + 2, base, base + 2, base + 3]);
     }
 
-    /// One hull around all clumps, of so many faces around and from bottom to top.
-    pub(super) fn hull(&self, mesh: &mut Mesh, [around, rings]: [u32; 2]) {
+    /// One hull around all clumps, of so many faces around and from bottom to top, stretched to the box around
+    /// the leaves at their finest.
+    pub(super) fn hull(&self, mesh: &mut Mesh, [around, rings]: [u32; 2], [low, high]: [Vec3; 2]) {
         let (middle, half) = self.bulk();
         let base = mesh.vertices.len() as u32;
         for ring in 0..=rings {
@@ -197,7 +198,7 @@ impl Crown {
                 let along = (out * half).normalize_or(Vec3::Z);
                 let reach =
                     self.clumps.iter().filter_map(|clump| clump.far_side(middle, along)).fold(0.0, f32::max);
-                let reach = reach.max(0.55 * (out * half).length());
+                let reach = reach.max(0.42 * (out * half).length());
                 let uv = Vec2::new(
                     k as f32 / around as f32 * (TAU * half.x * REPEATS).round(),
                     ring as f32 / rings as f32 * PI * half.z * REPEATS,
@@ -205,6 +206,11 @@ impl Crown {
                 mesh.vertex(self.leaf(middle + along * reach, (out / half).normalize_or(Vec3::Z), uv, 1.0));
             }
         }
+        let drawn = &mut mesh.vertices[base as usize..];
+        let least = drawn.iter().map(|v| v.position).fold(Vec3::INFINITY, Vec3::min);
+        let most = drawn.iter().map(|v| v.position).fold(Vec3::NEG_INFINITY, Vec3::max);
+        let stretch = (high - low) / (most - least).max(Vec3::splat(1e-3));
+        drawn.iter_mut().for_each(|v| v.position = low + (v.position - least) * stretch);
         for ring in 0..rings {
             for k in 0..around {
                 let a = base + ring * (around + 1) + k;
@@ -232,7 +238,8 @@ pub(super) fn limb(mesh: &mut Mesh, joints: &[(Vec3, f32)], sides: u32, finish: 
         for k in 0..=sides {
             let (sin, cos) = (TAU * (k % sides) as f32 / sides as f32).sin_cos();
             let normal = a * cos + b * sin;
-            let uv = Vec2::new(k as f32 / sides as f32 * 0.5, way / 2.0);
+            // Across the grain, so that its lines run up the bark.
+            let uv = Vec2::new(way / 2.0, k as f32 / sides as f32 * 0.5);
             mesh.vertex(Vertex { position: at + normal * radius, normal, uv, finish, openness: 200 });
         }
     }

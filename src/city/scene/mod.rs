@@ -6,6 +6,7 @@ mod buildings;
 mod class;
 mod field;
 mod foliage;
+mod furniture;
 mod grounds;
 mod lanes;
 mod lettering;
@@ -29,6 +30,7 @@ pub use signs::sign_cell;
 use super::{CityMap, SceneryKind};
 use crate::geom::scatter;
 use crate::model::Model;
+use furniture::Piece;
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -79,14 +81,29 @@ impl Object {
         Self { levels: vec![Level { mesh, error_m: 0.0 }] }
     }
 
+    /// Adds a level that differs by `error_m`, or by more where its outline says so. One that saves no
+    /// triangles is left out.
+    fn add_level(&mut self, mesh: Mesh, error_m: f32) {
+        let (Some(finest), Some(last)) = (self.levels.first(), self.levels.last()) else { return };
+        if mesh.triangle_count() >= last.mesh.triangle_count() || mesh.is_empty() {
+            return;
+        }
+        let (fine, coarse) = (finest.mesh.reach(), mesh.reach());
+        let apart_m = fine.iter().zip(&coarse).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let error_m = error_m.max(apart_m);
+        if error_m > last.error_m {
+            self.levels.push(Level { mesh, error_m });
+        }
+    }
+
     /// Simplifies the coarsest level further, as far as it pays.
     fn add_coarser_levels(&mut self) {
         let Some(base) = self.levels.last().cloned() else { return };
         for edge_m in COARSER_M.into_iter().filter(|edge_m| edge_m / 2.0 > base.error_m) {
             let mesh = base.mesh.simplified(edge_m);
             let last = self.levels.last().map_or(0, |level| level.mesh.triangle_count());
-            if mesh.triangle_count() * 4 < last * 3 && !mesh.is_empty() {
-                self.levels.push(Level { mesh, error_m: edge_m / 2.0 });
+            if mesh.triangle_count() * 4 < last * 3 {
+                self.add_level(mesh, edge_m / 2.0);
             }
         }
     }
@@ -128,6 +145,19 @@ impl SceneDescription {
         let field = roads::RoadField::new(map);
         let lanes = lanes::LaneBoxes::new(map);
         let nursery = trees::Nursery::new();
+        let furniture = furniture::Furniture::new(models);
+        // Off the road, and clear of all that stands.
+        let is_free = |at: Vec2, but: usize| {
+            let others = map.scenery.iter().enumerate().filter(|(index, piece)| {
+                let is_flat = matches!(piece.kind, SceneryKind::Grass | SceneryKind::Paving);
+                let is_tree = piece.kind == SceneryKind::Tree;
+                *index != but && !is_flat && !is_tree
+            });
+            field.distance.at(at.as_dvec2()) > 1.0
+                && others
+                    .into_iter()
+                    .all(|(_, piece)| grounds::distance_to(&piece.shape, at.as_dvec2()) > 0.5)
+        };
         let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());
         let mut lamps = Vec::new();
         // Street furniture turns towards the road, so it needs to know where that is.
@@ -141,26 +171,33 @@ impl SceneDescription {
             objects.push(match piece.kind {
                 SceneryKind::Building => one(&|mesh| buildings::building(mesh, &place, &lanes)),
                 SceneryKind::Tree => nursery.tree(&place),
-                SceneryKind::Hedge => one(&|mesh| plants::hedge(mesh, &place)),
+                SceneryKind::Hedge => plants::hedge(&place),
                 SceneryKind::Wall => one(&|mesh| props::wall(mesh, &place)),
                 SceneryKind::Lamp => {
-                    let mut mesh = Mesh::default();
-                    lamps.push(props::lamp(&mut mesh, &place, &lanes));
-                    Object::of_one_level(mesh)
+                    let lamp = props::lamp(&place, &lanes, &furniture);
+                    lamps.extend(furniture::lens(&lamp));
+                    lamp
                 }
-                SceneryKind::Bench => one(&|mesh| props::bench(mesh, &place)),
-                SceneryKind::PicnicTable => one(&|mesh| props::picnic_table(mesh, &place)),
+                SceneryKind::Bench => {
+                    objects.extend(props::bench(&place, &furniture, |at| is_free(at, index)));
+                    continue;
+                }
+                SceneryKind::PicnicTable => props::picnic_table(&place, &furniture),
                 SceneryKind::Playground => one(&|mesh| props::playground(mesh, &place)),
-                SceneryKind::Grass
-                | SceneryKind::Bed
-                | SceneryKind::Water
-                | SceneryKind::Paving
-                | SceneryKind::Parking => {
+                SceneryKind::Water => {
+                    grounds::ground(&mut lying, &place);
+                    one(&|mesh| grounds::pond_life(mesh, &place))
+                }
+                SceneryKind::Grass | SceneryKind::Bed | SceneryKind::Paving | SceneryKind::Parking => {
                     grounds::ground(&mut lying, &place);
                     continue;
                 }
             });
             if piece.kind == SceneryKind::Building {
+                let pumps = buildings::pumps(&place).into_iter();
+                objects.extend(pumps.map(|(at, front)| furniture.place(Piece::FuelPump, at, front, 1.0)));
+                let board = buildings::price_board(&place).filter(|&(at, _)| is_free(at, index));
+                objects.extend(board.map(|board| Object::of_one_level(special::price_board_at(board))));
                 walls.extend(buildings::opaque_walls(&place));
             }
         }

@@ -57,14 +57,29 @@ const MIDDLE_M: f32 = 2.35;
 
 /// A sign on a post of its own, read by those who drive along `towards`.
 fn stand(foot: Vec2, towards: Vec2, signs: &[Sign]) -> Object {
+    let mut object = Object::of_one_level(draw(foot, towards, signs, 5));
+    object.add_level(draw(foot, towards, signs, 3), 0.04);
+    object.add_level(draw(foot, towards, signs, 1), 0.10);
+    object
+}
+
+/// With so many faces around the post; three and one are for a distance, the face square in the latter.
+fn draw(foot: Vec2, towards: Vec2, signs: &[Sign], sides: u32) -> Mesh {
     let mut mesh = Mesh::default();
     let top = MIDDLE_M + HALF_M + 0.05;
-    mesh.frustum(foot.extend(0.1), [0.038, 0.038], top - 0.1, 5, POST);
+    // A point has no lid.
+    let thin = if sides > 3 { 0.038 } else { 0.0 };
+    mesh.frustum(foot.extend(0.1), [0.038, thin], top - 0.1, sides.max(3), POST);
     // Readers look along `towards`: their right is its right.
     let right = (-towards.perp()).extend(0.0);
     for (k, &sign) in signs.iter().enumerate() {
         let middle = foot.extend(MIDDLE_M - 0.80 * k as f32) - towards.extend(0.0) * 0.05;
-        let outline = sign.outline();
+        let mut outline = sign.outline();
+        if sides == 1 && outline.len() > 4 {
+            outline = Sign::Parking.outline().into_iter().map(|p| p * 0.92).collect();
+        } else if sides == 3 && outline.len() == 12 {
+            outline = outline.into_iter().step_by(2).collect();
+        }
         let place = |p: Vec2, back: f32| {
             middle + right * (p.x * HALF_M) + Vec3::Z * (p.y * HALF_M) + towards.extend(0.0) * back
         };
@@ -75,10 +90,13 @@ fn stand(foot: Vec2, towards: Vec2, signs: &[Sign]) -> Object {
             .map(|p| (cell + (*p * 0.97 + 1.0).clamp(Vec2::ZERO, Vec2::splat(2.0)) / 2.0) / CELLS as f32)
             .collect();
         mesh.face(&corners, &uvs, FACE);
+        if sides == 1 && k > 0 {
+            continue;
+        }
         let behind: Vec<Vec3> = outline.iter().rev().map(|&p| place(p, 0.012)).collect();
         mesh.plate(&behind, BACK, 1.0);
     }
-    Object::of_one_level(mesh)
+    mesh
 }
 
 /// To the right of the road at a pose: the nearest place behind the kerb, if there is one.

@@ -2,7 +2,7 @@
 
 use super::foliage::{Clump, Crown, Leafage, limb};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
-use super::{Level, Object, Place};
+use super::{Object, Place};
 use crate::city::Shape;
 use glam::{Affine3A, Quat, Vec2, Vec3};
 use std::f32::consts::TAU;
@@ -52,11 +52,11 @@ enum Detail {
     Hull([u32; 2], u32),
 }
 
-/// The finest first; how far each may lie from it, in radii of the crown.
-const LEVELS: [(Detail, f32); 5] = [
-    (Detail::Clumps(Leafage { clumps: [6, 4], sprays: 34 }, 6), 0.0),
-    (Detail::Clumps(Leafage { clumps: [5, 3], sprays: 0 }, 4), 0.07),
-    (Detail::Hull([7, 4], 3), 0.13),
+const FINEST: Detail = Detail::Clumps(Leafage { clumps: [5, 3], sprays: 30 }, 5);
+/// For a distance; how far each may lie from the finest, in radii of the crown.
+const COARSER: [(Detail, f32); 4] = [
+    (Detail::Hull([8, 5], 3), 0.11),
+    (Detail::Hull([7, 3], 3), 0.13),
     (Detail::Hull([5, 3], 3), 0.24),
     (Detail::Hull([4, 2], 3), 0.50),
 ];
@@ -69,12 +69,16 @@ pub(super) struct Nursery {
 impl Nursery {
     pub(super) fn new() -> Self {
         let shape = |kind: Kind, variant: u32| {
-            let level = |(detail, error_m)| {
+            let grown = |detail| {
                 let mut mesh = Mesh::default();
                 grow(&mut mesh, kind, variant, detail);
-                Level { mesh, error_m }
+                mesh
             };
-            Object { levels: LEVELS.map(level).to_vec() }
+            let mut object = Object::of_one_level(grown(FINEST));
+            for (detail, error_m) in COARSER {
+                object.add_level(grown(detail), error_m);
+            }
+            object
         };
         let of_kind = |kind| (0..VARIANTS).map(move |variant| shape(kind, variant));
         Self { shapes: KINDS.into_iter().flat_map(of_kind).collect() }
@@ -138,7 +142,11 @@ fn grow(mesh: &mut Mesh, kind: Kind, variant: u32, detail: Detail) {
         Detail::Hull(faces, sides) => {
             let top = Vec3::Z * (tree.clear + 0.3) + tree.bend();
             limb(mesh, &[(Vec3::ZERO, tree.girth), (top, tree.girth * 0.6)], sides, tree.bark());
-            crown.hull(mesh, faces);
+            let mut leaves = Mesh::default();
+            if let Detail::Clumps(leafage, _) = FINEST {
+                crown.draw(&mut leaves, leafage);
+            }
+            crown.hull(mesh, faces, leaves.bounds());
         }
     }
 }
@@ -258,8 +266,8 @@ fn spruce(mesh: &mut Mesh, seed: u32, detail: Detail) {
     let dice = |salt: u32| super::dice(seed, salt);
     let height = 4.5 * (0.92 + 0.2 * dice(1));
     let (sides, tiers, trunk) = match detail {
-        Detail::Clumps(leafage, _) if leafage.sprays > 0 => (14, 7, 6),
-        Detail::Clumps(..) => (10, 4, 4),
+        Detail::Clumps(..) => (12, 6, 5),
+        Detail::Hull([8, _], _) => (8, 4, 3),
         Detail::Hull([7, _], _) => (6, 3, 3),
         Detail::Hull([5, _], _) => (5, 2, 3),
         Detail::Hull(..) => (4, 1, 3),
