@@ -1,16 +1,14 @@
 //! Noise that repeats without a seam.
 
+use crate::geom::scatter;
+
 /// A well-mixed number in [0, 1) for a lattice point.
 pub(super) fn hash(x: i32, y: i32, seed: u32) -> f32 {
-    let mut h = (x as u32).wrapping_mul(0x9E37_79B1)
-        ^ (y as u32).wrapping_mul(0x85EB_CA77)
-        ^ seed.wrapping_mul(0xC2B2_AE3D);
-    h ^= h >> 15;
-    h = h.wrapping_mul(0x2C1B_3C6D);
-    h ^= h >> 12;
-    h = h.wrapping_mul(0x297A_2D39);
-    h ^= h >> 15;
-    (h >> 8) as f32 / (1 << 24) as f32
+    scatter::unit(
+        (x as u32).wrapping_mul(0x9E37_79B1)
+            ^ (y as u32).wrapping_mul(0x85EB_CA77)
+            ^ seed.wrapping_mul(0xC2B2_AE3D),
+    )
 }
 
 /// Value noise in [0, 1] with period 1 in u and v, `cells` lattice cells along each.
