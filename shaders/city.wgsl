@@ -185,8 +185,7 @@ fn swift_line_fragment(in: SwiftLine) -> @location(0) vec4<f32> {
 }
 
 // From afar a pattern is its mean.
-@vertex
-fn swift_plain_vertex(in: VertexIn) -> Plain {
+fn plain_of(in: VertexIn) -> Plain {
     let layer = in.material & 0xffu;
     var albedo = vertex_colour(in.colour.rgb);
     var glow = vec3<f32>(0.0);
@@ -198,6 +197,11 @@ fn swift_plain_vertex(in: VertexIn) -> Plain {
     return plain_light(Material(albedo, 0.0, in.colour.a), in.position, in.normal.xyz, glow);
 }
 
+@vertex
+fn swift_plain_vertex(in: VertexIn) -> Plain {
+    return plain_of(in);
+}
+
 @fragment
 fn swift_plain_fragment(in: Plain) -> @location(0) vec4<f32> {
     return vec4<f32>(in.colour, 1.0);
@@ -205,7 +209,7 @@ fn swift_plain_fragment(in: Plain) -> @location(0) vec4<f32> {
 
 @vertex
 fn flat_vertex(in: VertexIn) -> Flat {
-    let plain = swift_plain_vertex(in);
+    let plain = plain_of(in);
     return Flat(plain.clip, plain.colour);
 }
 
