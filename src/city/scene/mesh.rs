@@ -342,18 +342,20 @@ impl Mesh {
     }
 
     /// How far it reaches to all sides: level ones 22.5 degrees apart, up and down, and half up and half down.
-    pub fn reach(&self) -> [f32; 26] {
+    pub fn reach(&self) -> [f32; 34] {
         const SLANT: f32 = std::f32::consts::FRAC_1_SQRT_2;
         // Sine and cosine of 22.5 degrees.
         const S: f32 = 0.382_683_43;
         const C: f32 = 0.923_879_5;
-        self.vertices.iter().fold([f32::NEG_INFINITY; 26], |mut reach, v| {
+        self.vertices.iter().fold([f32::NEG_INFINITY; 34], |mut reach, v| {
             let p = v.position;
             let q = p * SLANT;
             let level = [p.x, p.y, q.x + q.y, q.x - q.y];
             let between = [C * p.x + S * p.y, S * p.x + C * p.y, C * p.x - S * p.y, S * p.x - C * p.y];
+            let (sum, difference) = ((p.x + p.y) / 2.0, (p.x - p.y) / 2.0);
+            let slanted = [q.z + sum, q.z - sum, q.z + difference, q.z - difference];
             let upward = [p.z, q.y + q.z, q.y - q.z, q.x + q.z, q.x - q.z];
-            for (k, along) in level.into_iter().chain(between).chain(upward).enumerate() {
+            for (k, along) in level.into_iter().chain(between).chain(upward).chain(slanted).enumerate() {
                 reach[2 * k] = reach[2 * k].max(along);
                 reach[2 * k + 1] = reach[2 * k + 1].max(-along);
             }

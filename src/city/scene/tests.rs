@@ -188,9 +188,9 @@ fn coarser_levels_keep_to_their_error() {
             let name = format!("{:?} at {}", finest.vertices[0].finish.class, finest.vertices[0].position);
             let sides = finest.reach().into_iter().zip(level.mesh.reach());
             let outline_m = sides.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            // Copies are turned, so that their outlines are told along other directions than they were measured.
+            // Copies are turned: their outlines are told along directions between those that were measured.
             assert!(
-                outline_m < 1.3 * level.error_m,
+                outline_m < 1.5 * level.error_m,
                 "{name}: outlines differ by {outline_m} m of {}",
                 level.error_m
             );
