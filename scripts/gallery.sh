@@ -6,20 +6,38 @@ city3d=${1:-city3d}
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 
-# The west roundabout: path1_b and path1_c wait at the yield line while path2_a drives past.
-"$city3d" frames roundabout --out "$folder" --size 1280x720 --quality high --from 13 --duration 13 \
-    --camera orbit --at=-60.5,-39 --distance 20 --azimuth 332 --elevation 20 --fov 42
-mv "$folder"/orbit_city_*.png docs/images/hero.png
+# take NAME SCENARIO ARGUMENTS...: one picture into docs/images.
+take() {
+    name=$1
+    scenario=$2
+    shift 2
+    "$city3d" frames "$scenario" --out "$folder" "$@" >/dev/null
+    mv "$folder"/*.png "docs/images/$name.png"
+}
 
-# The same city at night, and with many cameras in mind.
-"$city3d" frames city --out "$folder" --size 960x540 --quality high --time night --from 20 --duration 20 \
-    --camera chase --vehicle 20
-mv "$folder"/chase_*.png docs/images/night.png
-"$city3d" frames city --out "$folder" --size 960x540 --quality low --from 20 --duration 20 \
-    --camera windscreen --vehicle 12
-mv "$folder"/windscreen_*.png docs/images/low.png
+# The west roundabout: path1_b and path1_c wait at the yield line while path2_a drives past.
+take hero roundabout --size 1280x720 --quality high --from 13 --duration 13 \
+    --camera orbit --at=-60.5,-39 --distance 20 --azimuth 332 --elevation 20 --fov 42
 
 # What the camera of a waiting car sees.
-"$city3d" frames roundabout --out "$folder" --size 960x600 --quality high --from 12 --duration 12 \
+take windscreen roundabout --size 960x600 --quality high --from 12 --duration 12 \
     --camera windscreen --vehicle path1_b --fov 55
-mv "$folder"/windscreen_path1_b_*.png docs/images/windscreen.png
+
+# The same city at three times of day, and with many cameras in mind.
+for time in noon low_sun night; do
+    take "$time" city --size 960x540 --quality high --time "$time" --from 20 --duration 20 \
+        --camera chase --vehicle 20
+done
+take low city --size 960x540 --quality low --from 20 --duration 20 --camera windscreen --vehicle 12
+
+# One street in each preset.
+for preset in low medium high ultra; do
+    take "preset-$preset" city --size 640x360 --quality "$preset" --from 0 --duration 0.01 \
+        --camera chase --vehicle 20
+done
+
+# What the pictures say besides colour; depth from black nearby to white at 65 m.
+take kind-depth city --size 640x360 --quality low --from 0 --duration 0.01 \
+    --camera chase --vehicle 20 --kind depth
+take kind-semantic city --size 640x360 --quality low --from 0 --duration 0.01 \
+    --camera chase --vehicle 20 --kind semantic --palette

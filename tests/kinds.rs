@@ -387,3 +387,70 @@ fn vehicles_that_no_pixel_can_tell_are_refused_by_number() {
         assert!(renderer.render(&with, &[view]).is_ok());
     }
 }
+
+/// What the finest preset shows of a kind of thing on more than two pixels across, the quickest one shows too,
+/// within so many pixels.
+#[test]
+fn low_shows_what_ultra_shows() {
+    const AROUND: i32 = 3;
+    let Some(context) = software() else { return };
+    let (text, library) = Library::scenario("city").unwrap();
+    let experiment = Arc::new(read_experiment("city", &text, &library, Overrides::default()).unwrap());
+    let scene = SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
+    let run = Run::new(experiment).unwrap();
+    let snapshot = run.snapshot();
+    let kinds: Kinds = [PictureKind::Semantic, PictureKind::Instance].into_iter().collect();
+    let requests: Vec<Request> = snapshot
+        .vehicles
+        .iter()
+        .step_by(9)
+        .map(|vehicle| {
+            let view = Camera::onboard(vehicle.id, Mount::Windscreen).view(snapshot, &lens()).unwrap();
+            Request { view, kinds }
+        })
+        .collect();
+    let pictures = |quality: Quality| {
+        let settings = Settings { quality, ..Settings::default() };
+        Renderer::new(&context, &scene, settings).unwrap().render_kinds(snapshot, &requests).unwrap()
+    };
+    let (low, ultra) = (pictures(Quality::LOW), pictures(Quality { shadow_texels: 512, ..Quality::ULTRA }));
+    let kinds_of_things = [Class::Building, Class::Marking, Class::Vehicle].map(|class| class as u8);
+    let (mut looked_at, mut missing) = (0_u32, 0_u32);
+    for (low, ultra) in low.iter().zip(&ultra) {
+        let (low, ultra) = (low.semantic.as_ref().unwrap(), ultra.semantic.as_ref().unwrap());
+        let (width, height) = (ultra.width as i32, ultra.height as i32);
+        let square = |picture: &Plane<u8>, (x, y): (i32, i32), reach: i32| -> Vec<u8> {
+            let rows = (y - reach).max(0)..=(y + reach).min(height - 1);
+            let columns = (x - reach).max(0)..=(x + reach).min(width - 1);
+            rows.flat_map(|y| columns.clone().map(move |x| (x, y)))
+                .map(|(x, y)| picture.at(x as u32, y as u32))
+                .collect()
+        };
+        for at in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            let class = ultra.at(at.0 as u32, at.1 as u32);
+            if kinds_of_things.contains(&class) && square(ultra, at, 1).iter().all(|&c| c == class) {
+                looked_at += 1;
+                missing += u32::from(!square(low, at, AROUND).contains(&class));
+            }
+        }
+    }
+    assert!(looked_at > 20_000, "{looked_at}");
+    assert!(missing == 0, "{missing} of {looked_at} pixels");
+    let seen_on = |pictures: &[Pictures]| -> Vec<Vec<u16>> {
+        let numbers = |pictures: &Pictures| {
+            let plane = pictures.instance.as_ref().unwrap();
+            let mut counts = std::collections::BTreeMap::new();
+            for &number in plane.values.iter().filter(|&&number| number > 0) {
+                *counts.entry(number).or_insert(0) += 1;
+            }
+            counts.into_iter().filter(|&(_, count)| count > 8).map(|(number, _)| number).collect()
+        };
+        pictures.iter().map(numbers).collect()
+    };
+    for (low, ultra) in low.iter().zip(seen_on(&ultra)) {
+        let plane = low.instance.as_ref().unwrap();
+        for number in ultra {
+            assert!(plane.values.contains(&number), "vehicle {number}");
+        }
+    }
+}

@@ -475,6 +475,7 @@ impl Renderer {
             sharpness: Sharpness::new(&clip_from_world, view.extent[1]),
             eye,
             coarse_below_px: self.settings.quality.coarse_below_px,
+            least_px: self.settings.quality.least_px,
             patterns: match (self.settings.flat, self.settings.quality.light_at_vertices) {
                 (Some(_), _) => Patterns::None,
                 (None, true) => Patterns::Near,

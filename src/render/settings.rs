@@ -25,6 +25,8 @@ pub struct Quality {
     pub shadow_texels: u32,
     /// Simpler meshes stand in for distant ones where they differ by fewer pixels than this.
     pub coarse_below_px: f32,
+    /// Things of fewer pixels than this across are not drawn.
+    pub least_px: f32,
 }
 
 impl Quality {
@@ -47,6 +49,7 @@ impl Quality {
         occlusion_looks: 6,
         shadow_texels: 2048,
         coarse_below_px: 1.5,
+        least_px: 1.0,
     };
     /// For stills.
     pub const ULTRA: Self =
@@ -61,6 +64,7 @@ impl Quality {
         occlusion_looks: 10,
         shadow_texels: 4096,
         coarse_below_px: 0.8,
+        least_px: 1.0,
     };
     /// For many cameras on a software adapter.
     pub const LOW: Self = Self {
@@ -71,7 +75,8 @@ impl Quality {
         detail: false,
         occlusion_looks: 0,
         shadow_texels: 2048,
-        coarse_below_px: 3.5,
+        coarse_below_px: 4.0,
+        least_px: 2.0,
     };
 }
 

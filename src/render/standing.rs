@@ -13,11 +13,9 @@ use glam::Vec3;
 use std::ops::Range;
 use wgpu::util::DeviceExt;
 
-/// Things of fewer pixels than this across are not drawn.
-const LEAST_PX: f32 = 1.0;
 /// What can be told apart in the patterns of most surfaces, and how many pixels it takes to be worth a texture.
 const PATTERN_M: f32 = 0.25;
-const PATTERN_FROM_PX: f32 = 4.0;
+const PATTERN_FROM_PX: f32 = 6.0;
 
 /// A piece of the city at one level of detail or more, the finest first.
 #[derive(Clone, Debug)]
@@ -85,6 +83,8 @@ pub(super) struct Gaze<'a> {
     /// See [`super::Quality::coarse_below_px`].
     pub(super) coarse_below_px: f32,
     pub(super) patterns: Patterns,
+    /// See [`super::Quality::least_px`].
+    pub(super) least_px: f32,
 }
 
 /// Where in the lists of a batch those of a view are.
@@ -251,7 +251,8 @@ impl Gaze<'_> {
         }
         let distance_m = self.eye.clamp(low, high).distance(self.eye);
         let pixels = |length_m| self.sharpness.pixels(length_m, distance_m);
-        if pixels((high - low).length()) < LEAST_PX || self.horizon.hides(&Pillar::around(piece.bounds)) {
+        if pixels((high - low).length()) < self.least_px || self.horizon.hides(&Pillar::around(piece.bounds))
+        {
             return None;
         }
         let level = piece.levels.iter().rev().find(|level| pixels(level.error_m) < self.coarse_below_px);
