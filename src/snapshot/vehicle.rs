@@ -32,6 +32,8 @@ pub enum Status {
     Manual,
     /// No trajectory for longer than the link timeout: it brakes to a stop on its path.
     LinkLost,
+    /// Has hit something: it brakes and stays. A person who takes it over drives it on, and is clear of it
+    /// after some metres.
     Collided,
     /// At the end of its route.
     Finished,
