@@ -158,7 +158,12 @@ fn a_person_may_turn_off_and_the_way_goes_on_from_there() {
     let planned = run.experiment().vehicles[0].route.clone();
     // The first branching, and the way that is not planned.
     let branch = (0..planned.len() - 1)
-        .find(|k| map.lane(planned[*k]).successors.iter().any(|next| *next != planned[k + 1] && map.min_radius(*next) > 8.0))
+        .find(|k| {
+            map.lane(planned[*k])
+                .successors
+                .iter()
+                .any(|next| *next != planned[k + 1] && map.min_radius(*next) > 8.0)
+        })
         .unwrap();
     let mut way = planned[..=branch].to_vec();
     let other = map.lane(planned[branch]).successors.iter().find(|next| **next != planned[branch + 1]);

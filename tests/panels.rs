@@ -116,6 +116,7 @@ impl Desk {
             textures: &textures,
             footer: "an adapter",
             frames_per_s: 30.0,
+            most_moving_pixels: Some(100_000),
         };
         let actions = ui::show(ui, &mut self.state, &shown);
         self.actions.extend(actions);
@@ -186,9 +187,10 @@ fn six_vehicles_are_sorted_filtered_and_selected() {
     for pressed in [true, false] {
         let modifiers = egui::Modifiers::NONE;
         let button = egui::PointerButton::Primary;
+        // As a slow window gets them: both before the next pass.
         harness.event(egui::Event::PointerButton { pos: place, button, pressed, modifiers });
-        harness.run_steps(2);
     }
+    harness.run_steps(2);
     assert_eq!(harness.state().state.selection.vehicle, Some(VehicleId(3)));
     harness.state_mut().state.table.filter = "nowhere".to_owned();
     harness.run_steps(2);
@@ -210,6 +212,19 @@ fn of_five_hundred_rows_only_those_in_sight_are_drawn_and_the_selected_one_comes
 }
 
 #[test]
+fn keys_of_one_pass_are_taken_in_their_order() {
+    let mut harness = with(6);
+    for key in [egui::Key::PageDown, egui::Key::P, egui::Key::PageDown, egui::Key::P, egui::Key::PageUp] {
+        harness.key_press(key);
+    }
+    harness.run_steps(2);
+    let state = &harness.state().state;
+    assert_eq!(state.selection.vehicle, Some(VehicleId(1)));
+    let open: Vec<_> = state.previews.iter().map(|preview| preview.vehicle.0).collect();
+    assert_eq!(open, [1, 2]);
+}
+
+#[test]
 fn panels_do_not_grow_by_themselves() {
     let mut harness = with(500);
     let edge = |harness: &Harness<'static, Desk>| harness.get_by_label("Previews").rect().left();
@@ -220,6 +235,10 @@ fn panels_do_not_grow_by_themselves() {
     harness.run_steps(100);
     assert_eq!((edge(&harness), city(&harness)), before);
     assert!(before.1[0] > 400 && before.1[1] > 500, "the city has room: {:?}", before.1);
+    harness.state_mut().moment.phase = Phase::Running;
+    harness.run_steps(2);
+    let [width, height] = city(&harness);
+    assert!((90_000..=101_000).contains(&(width * height)), "coarser while it moves: {width} x {height}");
 }
 
 #[test]

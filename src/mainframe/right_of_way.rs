@@ -163,7 +163,14 @@ const HORIZON_M: f64 = 2.0;
 impl RightOfWay {
     pub fn new(params: RightOfWayParams, map: &LabMap) -> Self {
         let users = vec![Vec::new(); map.zones.len()];
-        Self { params, next_order: FIRST_ORDER, next_intruder: 0, loops: Loops::new(map), users, candidates: Vec::new() }
+        Self {
+            params,
+            next_order: FIRST_ORDER,
+            next_intruder: 0,
+            loops: Loops::new(map),
+            users,
+            candidates: Vec::new(),
+        }
     }
 
     pub fn params(&self) -> &RightOfWayParams {

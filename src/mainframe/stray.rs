@@ -49,9 +49,8 @@ fn lane_under(map: &LabMap, cav: &Cav) -> Option<LaneId> {
     let near = map.lanes.iter().filter_map(|lane| {
         let foot = lane.curve.project(axle);
         let turn = wrap_angle(cav.pose.yaw_rad - lane.curve.at(foot.s).pose.yaw_rad).abs();
-        let is_on = foot.distance < ON_LANE_M
-            && turn < ALONG_RAD
-            && lane.curve.length() - foot.s > LEFT_OF_LANE_M;
+        let is_on =
+            foot.distance < ON_LANE_M && turn < ALONG_RAD && lane.curve.length() - foot.s > LEFT_OF_LANE_M;
         is_on.then_some((foot.distance + turn * METRES_PER_RAD, lane.id))
     });
     near.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|(_, lane)| lane)

@@ -59,8 +59,7 @@ impl Occupancy {
         for lane in &map.lanes {
             let foot = lane.curve.project(cav.pose.position);
             if foot.distance < reach_m + OBSTACLE_MARGIN_M {
-                let occupant =
-                    Occupant { vehicle, front_m: foot.s + reach_m, rear_m: foot.s - reach_m };
+                let occupant = Occupant { vehicle, front_m: foot.s + reach_m, rear_m: foot.s - reach_m };
                 self.on_lane[lane.id.index()].push(occupant);
             }
         }

@@ -4,6 +4,7 @@ use super::viewpoint::Mode;
 use super::{Action, Look, Preset, Shown, State};
 use crate::live::{Order, Phase, Speed};
 use egui::{Button, ComboBox, RichText, Ui};
+use std::path::Path;
 
 /// Speeds that the picker offers.
 const SPEEDS: [f64; 8] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
@@ -108,17 +109,22 @@ fn clock(ui: &mut Ui, shown: &Shown<'_>) {
 }
 
 fn scenario(ui: &mut Ui, shown: &Shown<'_>, actions: &mut Vec<Action>) {
-    let picker = ComboBox::from_id_salt("scenario").selected_text(shown.scenario);
-    picker
-        .show_ui(ui, |ui| {
-            for name in shown.scenarios {
-                if ui.selectable_label(name == shown.scenario, name).clicked() && name != shown.scenario {
-                    actions.push(Action::Scenario(name.clone()));
-                }
+    // A whole path would leave no room for the rest.
+    let short = |name: &str| -> String {
+        let stem = Path::new(name).file_stem();
+        stem.map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned())
+    };
+    let picker = ComboBox::from_id_salt("scenario").selected_text(short(shown.scenario));
+    let choices = |ui: &mut Ui| {
+        for name in shown.scenarios {
+            let chosen = ui.selectable_label(name == shown.scenario, short(name)).on_hover_text(name);
+            if chosen.clicked() && name != shown.scenario {
+                actions.push(Action::Scenario(name.clone()));
             }
-        })
-        .response
-        .on_hover_text("The experiment; another one begins at its start");
+        }
+    };
+    let tip = format!("The experiment {}; another one begins at its start", shown.scenario);
+    picker.show_ui(ui, choices).response.on_hover_text(tip);
 }
 
 fn cameras(ui: &mut Ui, state: &mut State) {

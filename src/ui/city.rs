@@ -2,7 +2,9 @@
 
 use super::layers::{self, Canvas};
 use super::{Picture, Shown, Slot, State, map};
+use crate::live::Phase;
 use crate::snapshot::VehicleId;
+use egui::emath::GuiRounding as _;
 use egui::{Align2, Color32, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Ui};
 use glam::DVec3;
 
@@ -12,11 +14,12 @@ const NEAR_POINTS: f32 = 16.0;
 const SCROLL_STEP: f64 = 40.0;
 
 pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>) {
-    let rect = ui.available_rect_before_wrap();
+    let rect = ui.available_rect_before_wrap().round_to_pixels(ui.ctx().pixels_per_point());
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     move_camera(ui, &response, state);
     state.viewpoint.attend(shown.seen);
-    let extent = super::pixels(rect.size(), ui.ctx().pixels_per_point(), state.resolution());
+    let moves = shown.moment.phase == Phase::Running || response.dragged();
+    let extent = extent(rect, ui.ctx().pixels_per_point(), shown.most_moving_pixels.filter(|_| moves));
     let view = state.viewpoint.view(shown.seen, extent);
     state.pictures.push(Picture { slot: Slot::City, view });
     super::paint_picture(ui, rect, shown, Slot::City);
@@ -37,6 +40,14 @@ pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>) {
     }
     dashboard(ui, rect, state, shown);
     notice(ui, rect, state);
+}
+
+/// Pixels of the picture: those of its place, or fewer.
+fn extent(rect: Rect, pixels_per_point: f32, most: Option<u32>) -> [u32; 2] {
+    let [width, height] = super::pixels(rect.size(), pixels_per_point);
+    let there = width as f32 * height as f32;
+    let scale = most.map_or(1.0, |most| (most as f32 / there).sqrt().min(1.0));
+    super::pixels(rect.size(), pixels_per_point * scale)
 }
 
 fn move_camera(ui: &Ui, response: &Response, state: &mut State) {
@@ -101,7 +112,7 @@ fn dashboard(ui: &Ui, rect: Rect, state: &State, shown: &Shown<'_>) {
         .show(ui.ctx(), |ui| {
             egui::Frame::popup(ui.style()).show(ui, |ui| {
                 ui.vertical_centered(|ui| {
-                    ui.set_max_width(250.0);
+                    ui.set_width(300.0);
                     ui.label(RichText::new(speed).size(30.0).strong());
                     ui.label(format!("gear {gear}   {arrows}"));
                     ui.small("W S pedals   A D steer   B handbrake   R reverse   Enter gives back");

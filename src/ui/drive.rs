@@ -4,7 +4,7 @@ use super::{Action, Shown, State};
 use crate::cockpit::{KeyboardDriver, Keys};
 use crate::live::{Order, Phase};
 use crate::snapshot::{Indicator, Pedals, SimCommand, VehicleId};
-use egui::{Key, Modifiers, Ui};
+use egui::{Key, Ui};
 
 /// The user at the wheel of a vehicle.
 #[derive(Clone, Copy, Debug)]
@@ -20,6 +20,18 @@ impl Driving {
     /// Takes a vehicle of a moment over; `None` where it is not there.
     pub fn take_over(vehicle: VehicleId, shown_run: u32, steering_rad: f64) -> Self {
         Self { vehicle, keyboard: KeyboardDriver::taking_over(steering_rad), told: None, run: shown_run }
+    }
+
+    /// Does what a pressed key asks of the vehicle. `false` for a key that has nothing to do with it.
+    pub fn press(&mut self, key: Key) -> bool {
+        match key {
+            Key::R => self.keyboard.shift(),
+            Key::Q => self.keyboard.indicate(Indicator::Left),
+            Key::E => self.keyboard.indicate(Indicator::Right),
+            Key::H => self.keyboard.indicate(Indicator::Hazard),
+            _ => return false,
+        }
+        true
     }
 
     pub fn keyboard(&self) -> &KeyboardDriver {
@@ -43,19 +55,6 @@ pub fn step(ui: &Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Act
     let is_typing = ui.ctx().text_edit_focused();
     let dt_s = ui.input(|input| f64::from(input.stable_dt.min(0.1)));
     let keys = if is_typing { Keys::default() } else { held(ui) };
-    if !is_typing {
-        let pressed = |key| ui.input_mut(|input| input.consume_key(Modifiers::NONE, key));
-        if pressed(Key::R) {
-            driving.keyboard.shift();
-        }
-        for (key, wanted) in
-            [(Key::Q, Indicator::Left), (Key::E, Indicator::Right), (Key::H, Indicator::Hazard)]
-        {
-            if pressed(key) {
-                driving.keyboard.indicate(wanted);
-            }
-        }
-    }
     state.viewpoint.rear = ui.input(|input| input.key_down(Key::V)) && !is_typing;
     // Pedals that nobody holds against a standing clock do not travel.
     let dt_s = if shown.moment.phase == Phase::Running { dt_s } else { 0.0 };

@@ -5,94 +5,81 @@ use super::viewpoint::Mode;
 use super::{Action, Shown, State};
 use crate::live::{Order, Phase};
 use crate::snapshot::VehicleId;
-use egui::{Key, Modifiers, Ui};
+use egui::{Event, Key, Modifiers, Ui};
 use glam::DVec3;
 
-const CAMERA_KEYS: [Key; 5] = [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5];
 /// Way of the camera in a second that a key is held, for each metre that it is away from what it sees.
 const FLY_MPS: f64 = 25.0;
 
-/// Does what the pressed keys ask for, unless a text is being typed.
+/// Does what the pressed keys ask for, in their order, unless a text is being typed.
 pub fn act(ui: &Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
     if ui.ctx().text_edit_focused() {
         return;
     }
-    let pressed = |key: Key| ui.input_mut(|input| input.consume_key(Modifiers::NONE, key));
-    let with_control = |key: Key| ui.input_mut(|input| input.consume_key(Modifiers::COMMAND, key));
-    if with_control(Key::R) {
-        actions.push(Action::Order(Order::Reset));
-    }
-    if with_control(Key::Q) {
-        actions.push(Action::Quit);
-    }
-    if pressed(Key::Space) {
-        let is_running = shown.moment.phase == Phase::Running;
-        actions.push(Action::Order(if is_running { Order::Pause } else { Order::Start }));
-    }
-    if pressed(Key::N) {
-        actions.push(Action::Order(Order::Step));
-    }
-    for (keys, faster) in [([Key::Plus, Key::Equals], true), ([Key::Minus, Key::Minus], false)] {
-        if keys.into_iter().any(pressed) {
-            actions.push(Action::Order(Order::Speed(other_speed(shown.moment.speed, faster))));
+    for (key, modifiers) in pressed(ui) {
+        if modifiers.command {
+            match key {
+                Key::R => actions.push(Action::Order(Order::Reset)),
+                Key::Q => actions.push(Action::Quit),
+                _ => {}
+            }
+        } else if state.driving.as_mut().is_none_or(|driving| !driving.press(key)) {
+            press(key, state, shown, actions);
         }
-    }
-    if pressed(Key::F1) || pressed(Key::Questionmark) {
-        state.open.help = !state.open.help;
-    }
-    if pressed(Key::F12) {
-        actions.push(Action::Screenshot);
-    }
-    for (key, mode) in CAMERA_KEYS.into_iter().zip(Mode::ALL) {
-        if pressed(key) {
-            state.set_mode(mode);
-        }
-    }
-    select(state, shown, pressed, actions);
-    if pressed(Key::L) {
-        state.layers.labels = !state.layers.labels;
-    }
-    if pressed(Key::M) {
-        state.layers.map = !state.layers.map;
     }
     if state.driving.is_none() {
         fly(ui, state);
     }
 }
 
-fn select(state: &mut State, shown: &Shown<'_>, pressed: impl Fn(Key) -> bool, actions: &mut Vec<Action>) {
-    for (key, forward) in [(Key::PageDown, true), (Key::PageUp, false)] {
-        if pressed(key) {
-            state.selection.vehicle = neighbour(shown, state.selection.vehicle, forward);
+/// Keys that went down since the last pass, without those that only repeat.
+fn pressed(ui: &Ui) -> Vec<(Key, Modifiers)> {
+    let of = |event: &Event| match *event {
+        Event::Key { key, pressed: true, repeat: false, modifiers, .. } => Some((key, modifiers)),
+        _ => None,
+    };
+    ui.input(|input| input.events.iter().filter_map(of).collect())
+}
+
+fn press(key: Key, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+    let moment = shown.moment;
+    match key {
+        Key::Space if moment.phase == Phase::Running => actions.push(Action::Order(Order::Pause)),
+        Key::Space => actions.push(Action::Order(Order::Start)),
+        Key::N => actions.push(Action::Order(Order::Step)),
+        Key::Plus | Key::Equals => actions.push(Action::Order(Order::Speed(other_speed(moment.speed, true)))),
+        Key::Minus => actions.push(Action::Order(Order::Speed(other_speed(moment.speed, false)))),
+        Key::F1 | Key::Questionmark => state.open.help = !state.open.help,
+        Key::F12 => actions.push(Action::Screenshot),
+        Key::L => state.layers.labels = !state.layers.labels,
+        Key::M => state.layers.map = !state.layers.map,
+        Key::Num1 => state.set_mode(Mode::Orbit),
+        Key::Num2 => state.set_mode(Mode::Chase),
+        Key::Num3 => state.set_mode(Mode::Onboard),
+        Key::Num4 => state.set_mode(Mode::Overhead),
+        Key::Num5 => state.set_mode(Mode::Free),
+        _ => press_for_vehicle(key, state, shown, actions),
+    }
+}
+
+fn press_for_vehicle(key: Key, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+    let selected = state.selection.vehicle;
+    match key {
+        Key::PageDown | Key::PageUp => {
+            state.selection.vehicle = neighbour(shown, selected, key == Key::PageDown);
             state.table.reveal = true;
         }
-    }
-    if pressed(Key::F) {
-        let wanted = state.selection.vehicle;
-        let follow = if state.viewpoint.follow == wanted { None } else { wanted };
-        state.follow(follow);
-    }
-    if pressed(Key::P)
-        && let Some(vehicle) = state.selection.vehicle
-    {
-        state.toggle_preview(vehicle);
-    }
-    if pressed(Key::Enter) {
-        match (state.driven(), state.selection.vehicle) {
-            (Some(_), _) => actions.push(Action::GiveBack),
-            (None, Some(vehicle)) => actions.push(Action::Drive(vehicle)),
-            (None, None) => {}
-        }
-    }
-    if pressed(Key::Escape) {
-        if state.open.help {
-            state.open.help = false;
-        } else if state.driving.is_some() {
-            actions.push(Action::GiveBack);
-        } else {
+        Key::F => state.follow(selected.filter(|_| state.viewpoint.follow != selected)),
+        Key::P => selected.into_iter().for_each(|vehicle| state.toggle_preview(vehicle)),
+        Key::Enter if state.driving.is_some() => actions.push(Action::GiveBack),
+        Key::Enter => actions.extend(selected.map(Action::Drive)),
+        Key::Escape if state.open.help => state.open.help = false,
+        Key::Escape if state.driving.is_some() => actions.push(Action::GiveBack),
+        Key::Escape => {
             state.selection.vehicle = None;
             state.follow(None);
         }
+        _ => {}
     }
 }
 

@@ -1,6 +1,6 @@
 //! What is drawn over the city: names, lanes, routes, conflict zones.
 
-use super::{Shown, State, status};
+use super::{Mode, Shown, State, status};
 use crate::camera::View;
 use crate::city::{CityMap, LaneId, ZoneKind};
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, Ui};
@@ -124,7 +124,9 @@ fn labels(canvas: &Canvas<'_>, state: &State, shown: &Shown<'_>) {
     for (vehicle, info) in shown.seen.iter() {
         let is_selected = state.selection.vehicle == Some(vehicle.id);
         let top = vehicle.position + DVec3::Z * (info.dimensions.height_m + 1.0);
-        let is_carrier = canvas.view.carrier == Some(vehicle.id);
+        // Whose eyes these are, and who is right before them, is known.
+        let is_carrier = canvas.view.carrier == Some(vehicle.id)
+            || (state.viewpoint.mode == Mode::Chase && state.viewpoint.follow == Some(vehicle.id));
         if is_carrier || !(is_selected || (state.layers.labels && eye.distance(top) < LABELS_WITHIN_M)) {
             continue;
         }

@@ -56,6 +56,8 @@ pub struct Shown<'a> {
     pub footer: &'a str,
     /// Pictures of the window in a second.
     pub frames_per_s: f64,
+    /// The most pixels that the large view may have while it moves; on a screen with more it is coarser.
+    pub most_moving_pixels: Option<u32>,
 }
 
 /// A place for a picture.
@@ -194,11 +196,6 @@ impl State {
         self.viewpoint.follow = vehicle;
     }
 
-    /// Pixels of the large view for each of the screen, along an edge.
-    fn resolution(&self) -> f32 {
-        1.0
-    }
-
     /// Says something to the user for some seconds.
     pub fn say(&mut self, text: impl Into<String>, now_s: f64) {
         self.notice = Some((text.into(), now_s + 6.0));
@@ -221,24 +218,31 @@ impl State {
     }
 }
 
+/// The colour of the ground of the panels. They do not paint it: whoever draws them clears to it.
+pub const GROUND: egui::Color32 = egui::Color32::from_gray(27);
+
 /// One pass over all panels. Afterwards `state.pictures` holds the pictures that they need.
 pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Action> {
     let mut actions = Vec::new();
     state.pictures.clear();
     state.attend(shown);
     keys::act(ui, state, shown, &mut actions);
-    egui::Panel::top("bar").show(ui, |ui| {
+    let frame = egui::Frame::side_top_panel(ui.style()).fill(egui::Color32::TRANSPARENT);
+    egui::Panel::top("bar").frame(frame).show(ui, |ui| {
         ui.add_space(3.0);
         bar::show(ui, state, shown, &mut actions);
         ui.add_space(3.0);
     });
-    egui::Panel::bottom("footer").show(ui, |ui| footer(ui, shown));
-    egui::Panel::left("vehicles").default_size(400.0).size_range(180.0..=640.0).show(ui, |ui| {
+    egui::Panel::bottom("footer").frame(frame).show(ui, |ui| footer(ui, shown));
+    egui::Panel::left("vehicles").frame(frame).default_size(400.0).size_range(180.0..=640.0).show(ui, |ui| {
         vehicles::show(ui, &shown.moment.now, shown.drivers, &mut state.table, &mut state.selection);
     });
-    egui::Panel::right("previews").default_size(270.0).size_range(160.0..=640.0).show(ui, |ui| {
-        preview::show_all(ui, state, shown, &mut actions);
-    });
+    egui::Panel::right("previews").frame(frame).default_size(270.0).size_range(160.0..=640.0).show(
+        ui,
+        |ui| {
+            preview::show_all(ui, state, shown, &mut actions);
+        },
+    );
     egui::CentralPanel::no_frame().show(ui, |ui| city::show(ui, state, shown));
     layers::window(ui, state);
     help::window(ui, state);
@@ -257,8 +261,8 @@ fn footer(ui: &mut egui::Ui, shown: &Shown<'_>) {
 }
 
 /// Size in pixels of a place on screen, each edge one at least.
-fn pixels(size: egui::Vec2, pixels_per_point: f32, scale: f32) -> [u32; 2] {
-    [size.x, size.y].map(|points| (points * pixels_per_point * scale).round().clamp(1.0, 8192.0) as u32)
+fn pixels(size: egui::Vec2, pixels_per_point: f32) -> [u32; 2] {
+    [size.x, size.y].map(|points| (points * pixels_per_point).round().clamp(1.0, 8192.0) as u32)
 }
 
 /// Paints the picture of a slot, or a dark place where it has not come yet.

@@ -4,6 +4,7 @@ use super::history::{History, KEPT_S, Sample};
 use super::{Action, Picture, Shown, Slot, State, status};
 use crate::camera::{Camera, Lens, Mount, Place, View};
 use crate::snapshot::{FrameSnapshot, VehicleId, VehicleState};
+use egui::emath::GuiRounding as _;
 use egui::{Align2, Color32, ComboBox, FontId, RichText, Sense, Ui, Vec2};
 use egui_plot::{Line, Plot, PlotPoints};
 use serde::{Deserialize, Serialize};
@@ -148,14 +149,18 @@ fn drive_button(ui: &mut Ui, vehicle: VehicleId, state: &State, actions: &mut Ve
     }
 }
 
+/// A whole number of pixels, each of them one of the camera's.
 fn picture(ui: &mut Ui, preview: &Preview, shown: &Shown<'_>, state: &mut State) {
-    let width = ui.available_width().max(40.0);
-    let (rect, _) = ui.allocate_exact_size(Vec2::new(width, width / ASPECT), Sense::hover());
+    let per_point = ui.ctx().pixels_per_point();
+    let width = (ui.available_width().max(40.0) * per_point).floor();
+    let size = Vec2::new(width, (width / ASPECT).round()) / per_point;
+    let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
     if !ui.is_rect_visible(rect) {
         return;
     }
+    let rect = egui::Rect::from_min_size(rect.min.round_to_pixels(per_point), size);
     let slot = Slot::Preview(preview.vehicle);
-    let extent = super::pixels(rect.size(), ui.ctx().pixels_per_point(), 1.0);
+    let extent = super::pixels(size, per_point);
     if let Some(view) = preview.view(shown.seen, extent) {
         state.pictures.push(Picture { slot, view });
     }

@@ -5,6 +5,7 @@ use super::super::{Failure, ScenarioArgs, load};
 use crate::city::LaneId;
 use crate::cockpit::Handling;
 use crate::live::{Live, Moment, Options, Order, Phase, Speed};
+use crate::render::Context;
 use crate::scenario::{Experiment, shipped_scenarios};
 use crate::snapshot::{FrameSnapshot, SimCommand, VehicleId};
 use crate::ui::{self, Action, Drivers, Driving, History, Look, Mode, Picture, Shown, Slot, State};
@@ -45,7 +46,11 @@ pub struct Desk {
     scenarios: Vec<String>,
     footer: String,
     adapter: String,
+    most_moving_pixels: Option<u32>,
 }
+
+/// A software adapter shades no more of them at a rate that looks like motion.
+const MOST_MOVING_PIXELS: u32 = 240_000;
 
 /// What panels have to know of an experiment.
 struct Facts {
@@ -96,6 +101,7 @@ impl Desk {
             scenarios,
             footer: String::new(),
             adapter: String::new(),
+            most_moving_pixels: None,
         })
     }
 
@@ -122,9 +128,10 @@ impl Desk {
         self.order(Order::Speed(speed));
     }
 
-    /// The adapter that draws, as the footer names it.
-    pub fn set_adapter(&mut self, name: &str) {
-        name.clone_into(&mut self.adapter);
+    /// The adapter that draws: what it is called, and how much it can.
+    pub fn set_adapter(&mut self, context: &Context) {
+        context.adapter_name.clone_into(&mut self.adapter);
+        self.most_moving_pixels = context.is_software.then_some(MOST_MOVING_PIXELS);
     }
 
     /// Whether the city moves, so that it has to be drawn again and again.
@@ -163,6 +170,7 @@ impl Desk {
             textures,
             footer: &self.footer,
             frames_per_s,
+            most_moving_pixels: self.most_moving_pixels,
         };
         ui::show(ui, &mut self.state, &shown)
     }

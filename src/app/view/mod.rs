@@ -1,10 +1,13 @@
 //! `city3d view`: the window in which the city is watched, steered and driven.
 
+mod bench;
 mod desk;
 mod picture;
 mod settings;
 mod stage;
 mod window;
+
+pub(super) use bench::{BenchArgs, bench};
 
 use super::{Failure, Model, ScenarioArgs, load, look};
 use crate::live::Speed;

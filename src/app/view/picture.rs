@@ -53,7 +53,7 @@ impl From<ModeArg> for Mode {
     }
 }
 
-const USUAL_SIZE: [u32; 2] = [1280, 720];
+pub(super) const USUAL_SIZE: [u32; 2] = [1280, 720];
 /// Panels find their sizes in the first passes, and pictures come with the second.
 const PASSES: u32 = 4;
 
@@ -61,7 +61,7 @@ pub fn take(args: &ViewArgs, file: &Path) -> Result<(), Failure> {
     let context = Context::headless(&args.preference()).map_err(super::look::failure)?;
     let place = Place { logs: args.out.clone(), on_news: Arc::new(|| {}) };
     let mut desk = args.desk(&context, &super::Settings::default(), place)?;
-    desk.set_adapter(&context.adapter_name);
+    desk.set_adapter(&context);
     run_to(&desk, args.picture.at);
     choose(&mut desk, &args.picture)?;
     let look = desk.state.look;
@@ -113,13 +113,8 @@ fn shoot(desk: &mut Desk, stage: &mut Stage, extent: [u32; 2]) -> Result<Image, 
     let egui = super::window::egui_context();
     let texture = stage.memory(extent);
     let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-    let size = egui::vec2(extent[0] as f32, extent[1] as f32);
     for pass in 0..PASSES {
-        let input = egui::RawInput {
-            screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, size)),
-            time: Some(f64::from(pass)),
-            ..Default::default()
-        };
+        let input = input(extent, f64::from(pass));
         let textures = stage.textures();
         let mut actions = Vec::new();
         let output = egui.run_ui(input, |ui| actions.extend(desk.pass(ui, &textures, 0.0)));
@@ -128,4 +123,14 @@ fn shoot(desk: &mut Desk, stage: &mut Stage, extent: [u32; 2]) -> Result<Image, 
         stage.paint(&egui, output, &[Screen { view: &view, extent }]);
     }
     stage.read(&texture)
+}
+
+/// What egui is told of a screen of some pixels that nobody touches.
+pub(super) fn input(extent: [u32; 2], time_s: f64) -> egui::RawInput {
+    let size = egui::vec2(extent[0] as f32, extent[1] as f32);
+    egui::RawInput {
+        screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, size)),
+        time: Some(time_s),
+        ..Default::default()
+    }
 }

@@ -5,7 +5,7 @@ use super::super::{Failure, look};
 use crate::render::{Context, Image, Quality, Renderer, TargetView, read_texture};
 use crate::scenario::Experiment;
 use crate::snapshot::FrameSnapshot;
-use crate::ui::{Look, Picture, Preset, Slot};
+use crate::ui::{self, Look, Picture, Preset, Slot};
 use egui_wgpu::{RendererOptions, ScreenDescriptor};
 use std::collections::BTreeMap;
 
@@ -45,7 +45,9 @@ impl Stage {
         format: wgpu::TextureFormat,
     ) -> Result<Self, Failure> {
         let city = renderer(&context, experiment, look)?;
-        let panels = egui_wgpu::Renderer::new(&context.device, format, RendererOptions::default());
+        // Dithering would cost a software adapter at every pixel what only gradients need.
+        let options = RendererOptions { dithering: false, ..RendererOptions::default() };
+        let panels = egui_wgpu::Renderer::new(&context.device, format, options);
         Ok(Self { context, city, panels, format, slots: BTreeMap::new() })
     }
 
@@ -157,6 +159,16 @@ impl Stage {
         gone.iter().for_each(|id| self.panels.free_texture(id));
     }
 
+    /// What lies under the panels, which have no ground of their own: a clear costs less than a rectangle.
+    fn ground(&self) -> wgpu::Color {
+        let [r, g, b, _] = if self.format.is_srgb() {
+            egui::Rgba::from(ui::GROUND).to_array().map(f64::from)
+        } else {
+            ui::GROUND.to_array().map(|part| f64::from(part) / 255.0)
+        };
+        wgpu::Color { r, g, b, a: 1.0 }
+    }
+
     fn paint_primitives(
         &mut self,
         primitives: &[egui::ClippedPrimitive],
@@ -174,7 +186,7 @@ impl Stage {
                 depth_slice: None,
                 resolve_target: None,
                 ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                    load: wgpu::LoadOp::Clear(self.ground()),
                     store: wgpu::StoreOp::Store,
                 },
             })],

@@ -42,6 +42,8 @@ pub fn open(args: &ViewArgs) -> Result<(), Failure> {
 pub fn egui_context() -> egui::Context {
     let context = egui::Context::default();
     context.set_theme(egui::Theme::Dark);
+    // Where pictures take long, a click does too.
+    context.options_mut(|options| options.input_options.max_click_duration = 2.0);
     context
 }
 
@@ -162,7 +164,7 @@ impl Shell {
             let _ = proxy.send_event(News);
         });
         let mut desk = args.desk(&context, &settings, Place { logs, on_news })?;
-        desk.set_adapter(&context.adapter_name);
+        desk.set_adapter(&context);
         let stage = Stage::new(context, desk.experiment(), desk.state.look, config.format)?;
         let egui = egui_context();
         let most = stage.context().device.limits().max_texture_dimension_2d as usize;
