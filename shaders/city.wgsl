@@ -21,6 +21,8 @@ struct Fragment {
     @location(2) colour: vec4<f32>,
     @location(3) uv: vec2<f32>,
     @location(4) @interpolate(flat) layer: u32,
+    // A number of the building or other piece that it belongs to.
+    @location(5) @interpolate(flat) seed: u32,
 }
 
 @vertex
@@ -32,6 +34,7 @@ fn vertex_main(in: VertexIn) -> Fragment {
     out.colour = vec4<f32>(linear_from_srgb(in.colour.rgb), in.colour.a);
     out.uv = in.uv;
     out.layer = in.material & 0xffu;
+    out.seed = (in.material >> 16u) & 0xffu;
     return out;
 }
 
@@ -41,6 +44,9 @@ const ASPHALT: u32 = 1u;
 const GRASS: u32 = 2u;
 const LANE: u32 = 19u;
 const LINE: u32 = 20u;
+const LEAVES: u32 = 12u;
+const NEEDLES: u32 = 31u;
+const CAR_PAINT: u32 = 33u;
 const LANTERN: u32 = 34u;
 const ASPHALT_TINT: vec3<f32> = vec3<f32>(0.156, 0.156, 0.162);
 
@@ -52,7 +58,7 @@ fn covered(at: vec2<f32>, across: f32) -> f32 {
 }
 
 // Light of its own at night: lamps, and rooms behind some of the windows.
-fn shining(layer: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> {
+fn shining(layer: u32, salt: f32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> {
     if !lamplit {
         return vec3<f32>(0.0);
     }
@@ -65,7 +71,7 @@ fn shining(layer: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> {
         return vec3<f32>(0.0);
     }
     let bay = floor(uv);
-    let dice = fract(sin(dot(bay, vec2<f32>(12.9898, 78.233)) + f32(layer) * 3.7) * 437.5453);
+    let dice = fract(sin(dot(bay, vec2<f32>(12.9898, 78.233)) + f32(layer) * 3.7 + salt) * 437.5453);
     let is_lit = select(0.0, 1.0, dice < 0.38 || is_shop);
     let pane = 1.0 - smoothstep(0.42, 0.7, texel.a);
     let warm = mix(vec3<f32>(0.85, 0.58, 0.28), vec3<f32>(0.70, 0.68, 0.60), fract(dice * 17.0));
@@ -88,52 +94,75 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
             pattern *= 0.5 + 0.5 * broad / 0.6;
         }
     }
-    var m: Material;
+    let normal = normalize(in.normal);
+    var m: Physical;
     m.albedo = pattern * in.colour.rgb;
+    // Dust and dirt dull what would be smooth; asphalt is never quite dull.
+    m.roughness = select(texel.a, LACQUER, layer == CAR_PAINT);
+    if layer == ASPHALT || layer == LANE {
+        m.roughness = 0.93 - 0.16 * texel.g;
+    }
     if is_line {
         // Paint wears where stones stand out.
         let paint = in.colour.rgb * (0.62 + 0.5 * texel.g);
-        m.albedo = mix(pattern * ASPHALT_TINT, paint, covered(in.uv, across));
+        let cover = covered(in.uv, across);
+        m.albedo = mix(pattern * ASPHALT_TINT, paint, cover);
+        m.roughness = mix(m.roughness, 0.7, cover);
     }
-    m.gloss = 1.0 - texel.a;
     m.openness = in.colour.a;
+    m.metallic = 0.0;
+    m.translucent = select(0.0, 0.4, layer == LEAVES || layer == NEEDLES);
     let from_eye = in.world - view.eye.xyz;
     let distance = length(from_eye);
-    let radiance = shade(m, in.world, normalize(in.normal), -from_eye / distance);
-    return display(hazed(radiance + shining(in.layer, in.uv, texel), distance));
+    let lit = shade(m, in.world, normal, -from_eye / distance);
+    // Walls of a building differ by where they face.
+    let side = floor(in.normal.xy * 3.0 + 0.5);
+    let salt = f32(in.seed) * 7.31 + side.x * 2.17 + side.y * 5.93;
+    return sampled(lit, shining(in.layer, salt, in.uv, texel), distance);
+}
+
+// Patterns come as square roots of what they reflect.
+fn swift_pattern(uv: vec2<f32>, layer: u32) -> vec4<f32> {
+    let texel = textureSample(surfaces, surface_sampler, uv, layer);
+    return vec4<f32>(texel.rgb * texel.rgb, texel.a);
 }
 
 @vertex
 fn swift_vertex(in: VertexIn) -> Swift {
     let colour = vec4<f32>(linear_from_srgb(in.colour.rgb), in.colour.a);
     var out = swift_light(Material(colour.rgb, 0.0, colour.a), in.position, in.normal.xyz, vec3<f32>(0.0));
-    out.uv = in.uv;
+    out.places = vec4<f32>(out.places.xy, in.uv);
     out.layer = in.material & 0xffu;
     return out;
 }
 
 @fragment
 fn swift_fragment(in: Swift) -> @location(0) vec4<f32> {
-    let texel = textureSample(surfaces, surface_sampler, in.uv, in.layer);
-    let pattern = linear_from_srgb(texel.rgb);
+    let pattern = swift_pattern(in.places.zw, in.layer);
     if lamplit {
         var lit = in;
         // Not by the albedo, which the pattern is about to be multiplied with.
-        lit.ambient += shining(in.layer, in.uv, vec4<f32>(pattern, texel.a)) / max(pattern, vec3<f32>(0.02)) * (1.0 - in.shadow.w);
-        return swift_shade(lit, pattern);
+        let own = shining(in.layer, 0.0, in.places.zw, pattern) / max(pattern.rgb, vec3<f32>(0.02));
+        lit.ambient += vec4<f32>(own * (SUN.w * (1.0 - in.ambient.w)), 0.0);
+        return swift_shade(lit, pattern.rgb);
     }
-    return swift_shade(in, pattern);
+    return swift_shade(in, pattern.rgb);
+}
+
+// Turned away from the sun: no shadow to look for.
+@fragment
+fn swift_averted_fragment(in: Swift) -> @location(0) vec4<f32> {
+    return swift_seen(in, swift_pattern(in.places.zw, in.layer).rgb, vec3<f32>(0.0));
 }
 
 struct SwiftLine {
     @builtin(position) clip: vec4<f32>,
-    @location(0) ambient: vec3<f32>,
-    @location(1) sunlight: vec3<f32>,
-    @location(2) shadow: vec4<f32>,
-    // Metres from the line's middle, half its width, and the place on the asphalt.
-    @location(3) at: vec2<f32>,
-    @location(4) ground: vec2<f32>,
-    @location(5) paint: vec3<f32>,
+    @location(0) ambient: vec4<f32>,
+    @location(1) direct: vec4<f32>,
+    @location(2) places: vec4<f32>,
+    // Its colour, and half its width; metres from its middle are in `place`.
+    @location(3) paint: vec4<f32>,
+    @location(4) place: f32,
 }
 
 @vertex
@@ -141,16 +170,35 @@ fn swift_line_vertex(in: VertexIn) -> SwiftLine {
     let white = Material(vec3<f32>(1.0), 0.0, in.colour.a);
     let light = swift_light(white, in.position, in.normal.xyz, vec3<f32>(0.0));
     return SwiftLine(
-        light.clip, light.ambient, light.sunlight, light.shadow, in.uv, in.position.xy * 0.2,
-        linear_from_srgb(in.colour.rgb),
+        light.clip, light.ambient, light.direct, vec4<f32>(light.places.xy, in.position.xy * 0.2),
+        vec4<f32>(linear_from_srgb(in.colour.rgb), in.uv.y), in.uv.x,
     );
 }
 
 @fragment
 fn swift_line_fragment(in: SwiftLine) -> @location(0) vec4<f32> {
-    let texel = linear_from_srgb(textureSample(surfaces, surface_sampler, in.ground, ASPHALT).rgb);
-    let across = length(vec2<f32>(dpdx(in.at.x), dpdy(in.at.x)));
-    let paint = in.paint * (0.62 + 0.5 * texel.g);
-    let albedo = mix(texel * ASPHALT_TINT, paint, covered(in.at, across));
-    return swift_shade(Swift(in.clip, in.ambient, in.sunlight, in.shadow, in.at, 0u), albedo);
+    let texel = swift_pattern(in.places.zw, ASPHALT);
+    let across = length(vec2<f32>(dpdx(in.place), dpdy(in.place)));
+    let paint = in.paint.rgb * (0.62 + 0.5 * texel.g);
+    let albedo = mix(texel.rgb * ASPHALT_TINT, paint, covered(vec2<f32>(in.place, in.paint.w), across));
+    return swift_shade(Swift(in.clip, in.ambient, in.direct, in.places, 0u), albedo);
+}
+
+// From afar a pattern is its mean.
+@vertex
+fn swift_plain_vertex(in: VertexIn) -> Plain {
+    let layer = in.material & 0xffu;
+    var albedo = vertex_colour(in.colour.rgb);
+    var glow = vec3<f32>(0.0);
+    if !flat_light {
+        let mean = textureLoad(surfaces, vec2<i32>(0), layer, textureNumLevels(surfaces) - 1u);
+        albedo *= mean.rgb * mean.rgb;
+        glow = select(vec3<f32>(0.0), shining(layer, 0.0, in.uv, mean), layer == LANTERN);
+    }
+    return plain_light(Material(albedo, 0.0, in.colour.a), in.position, in.normal.xyz, glow);
+}
+
+@fragment
+fn swift_plain_fragment(in: Plain) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.colour, 1.0);
 }

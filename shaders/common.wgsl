@@ -22,34 +22,40 @@ struct Frame {
 struct View {
     clip_from_world: mat4x4<f32>,
     eye: vec4<f32>,
+    // From clip coordinates: x right, y down, z forward, metres.
+    camera_from_clip: mat4x4<f32>,
+    // Width and height in pixels, and how far depths of one surface may differ: a part of them plus so much.
+    extent: vec4<f32>,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<uniform> view: View;
 
-// Narkowicz 2015, the ACES filmic curve in five numbers. The target encodes sRGB.
-fn display(radiance: vec3<f32>) -> vec4<f32> {
-    let x = radiance * frame.sun.w;
-    let curve = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
-    return vec4<f32>(clamp(curve, vec3<f32>(0.0), vec3<f32>(1.0)), 1.0);
-}
-
 // The sky without sun and clouds, as reflections and the haze at the horizon see it.
 fn sky_colour(direction: vec3<f32>) -> vec3<f32> {
+    return sky_between(direction, frame.haze.rgb, frame.zenith.rgb, frame.ground_light.rgb);
+}
+
+fn sky_between(direction: vec3<f32>, haze: vec3<f32>, zenith: vec3<f32>, ground: vec3<f32>) -> vec3<f32> {
     let up = clamp(direction.z, 0.0, 1.0);
-    let sky = mix(frame.haze.rgb, frame.zenith.rgb, 1.0 - exp(-3.2 * up));
+    let sky = mix(haze, zenith, 1.0 - exp(-3.2 * up));
     let below = clamp(-direction.z * 4.0, 0.0, 1.0);
-    return mix(sky, frame.ground_light.rgb * 0.6, below);
+    return mix(sky, ground * 0.6, below);
 }
 
-fn hazed(radiance: vec3<f32>, distance: f32) -> vec3<f32> {
-    // Clear nearby, closed at the horizon.
-    let depth = distance * frame.haze.w;
-    let clear = exp(-depth * sqrt(depth));
-    return mix(frame.haze.rgb, radiance, clear);
+// Faces in their own colours under one light, as other engines draw a scene that is compared with them: no
+// textures, no shadows, no display curve.
+override flat_light: bool = false;
+
+// Colours of vertices: linear, of a flat light as they are.
+fn vertex_colour(c: vec3<f32>) -> vec3<f32> {
+    if flat_light {
+        return c;
+    }
+    return linear_from_srgb(c);
 }
 
-// sRGB to linear, for colours of vertices.
+// sRGB to linear.
 fn linear_from_srgb(c: vec3<f32>) -> vec3<f32> {
     return c * (c * (c * 0.305306011 + 0.682171111) + 0.012522878);
 }

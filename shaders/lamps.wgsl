@@ -1,11 +1,36 @@
 // The map of lamplight: what reaches the ground, seen from above, of street lamps and of vehicles.
 
+// Walls near lamps, list after list: from x, y to z, w, metres.
+@group(1) @binding(0) var<storage, read> walls: array<vec4<f32>>;
+
 struct Spot {
     @builtin(position) clip: vec4<f32>,
     // Metres, from under the lamp or in the body's plane.
     @location(0) at: vec2<f32>,
     // Height of the lamp; or half length and half width of the body, and how hard it brakes.
     @location(1) @interpolate(flat) size: vec3<f32>,
+    // The lens, and the place, in the city.
+    @location(2) @interpolate(flat) lens: vec2<f32>,
+    @location(3) place: vec2<f32>,
+    // The first and the number of the walls that stand near.
+    @location(4) @interpolate(flat) list: vec2<u32>,
+}
+
+// Whether no wall stands between a lens and a place.
+fn reaches(spot: Spot) -> bool {
+    let ray = spot.place - spot.lens;
+    for (var k = 0u; k < spot.list.y; k++) {
+        let wall = walls[spot.list.x + k];
+        let along = wall.zw - wall.xy;
+        let off = wall.xy - spot.lens;
+        let across = ray.x * along.y - ray.y * along.x;
+        let t = (off.x * along.y - off.y * along.x) / across;
+        let u = (off.x * ray.y - off.y * ray.x) / across;
+        if t > 0.0 && t < 1.0 && u >= 0.0 && u <= 1.0 {
+            return false;
+        }
+    }
+    return true;
 }
 
 // City metres to the map.
@@ -21,9 +46,14 @@ fn corner_of(index: u32) -> vec2<f32> {
 const REACH: f32 = 17.0;
 
 @vertex
-fn lamp_vertex(@builtin(vertex_index) corner: u32, @location(0) lamp: vec3<f32>) -> Spot {
+fn lamp_vertex(
+    @builtin(vertex_index) corner: u32,
+    @location(0) lamp: vec3<f32>,
+    @location(10) list: vec2<u32>,
+) -> Spot {
     let at = corner_of(corner) * REACH;
-    return Spot(on_map(lamp.xy + at), at, vec3<f32>(lamp.z, 0.0, 0.0));
+    let place = lamp.xy + at;
+    return Spot(on_map(place), at, vec3<f32>(lamp.z, 0.0, 0.0), lamp.xy, place, list);
 }
 
 @fragment
@@ -32,8 +62,10 @@ fn lamp_fragment(in: Spot) -> @location(0) vec4<f32> {
     let height = in.size.x;
     // Optics throw light to the sides: less steep than the cosine law.
     let fall = pow(height * height / (height * height + far), 1.35);
-    let edge = clamp(1.0 - far / (REACH * REACH), 0.0, 1.0);
-    return vec4<f32>(vec3<f32>(1.05, 0.80, 0.48) * (fall * edge * edge), 1.0);
+    let edge = select(0.0, clamp(1.0 - far / (REACH * REACH), 0.0, 1.0), reaches(in));
+    // Alpha tells how near a street lamp is.
+    let light = fall * edge * edge;
+    return vec4<f32>(vec3<f32>(1.05, 0.80, 0.48) * light, light);
 }
 
 struct Vehicle {
@@ -42,6 +74,7 @@ struct Vehicle {
     @location(6) row_y: vec4<f32>,
     @location(8) half_size: vec4<f32>,
     @location(9) lamps: vec4<f32>,
+    @location(10) list: vec2<u32>,
 }
 
 @vertex
@@ -49,8 +82,10 @@ fn beam_vertex(in: Vehicle) -> Spot {
     let c = corner_of(in.corner);
     let at = vec2<f32>(12.0 + c.x * 20.0, c.y * 9.0);
     let local = vec4<f32>(at, 0.0, 1.0);
-    let world = vec2<f32>(dot(in.row_x, local), dot(in.row_y, local));
-    return Spot(on_map(world), at, vec3<f32>(in.half_size.xy, in.lamps.x));
+    let place = vec2<f32>(dot(in.row_x, local), dot(in.row_y, local));
+    let nose = vec4<f32>(in.half_size.x, 0.0, 0.0, 1.0);
+    let lens = vec2<f32>(dot(in.row_x, nose), dot(in.row_y, nose));
+    return Spot(on_map(place), at, vec3<f32>(in.half_size.xy, in.lamps.x), lens, place, in.list);
 }
 
 // One lamp of a pair, `at` from its lens: wide nearby, and a bright patch ahead.
@@ -71,5 +106,5 @@ fn beam_fragment(in: Spot) -> @location(0) vec4<f32> {
     let tail = exp(-(behind * behind + in.at.y * in.at.y * 0.6)) * smoothstep(-0.4, 0.3, behind);
     let light = vec3<f32>(0.95, 0.92, 0.84) * ahead * 1.7
         + vec3<f32>(1.0, 0.05, 0.03) * tail * (0.22 + 0.7 * in.size.z);
-    return vec4<f32>(light, 1.0);
+    return vec4<f32>(select(vec3<f32>(0.0), light, reaches(in)), 0.0);
 }

@@ -26,10 +26,11 @@ fn vertex_main(in: VertexIn) -> Fragment {
 
 @fragment
 fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
-    return vec4<f32>(textureSample(panorama, panorama_sampler, in.uv).rgb, 1.0);
+    // Nothing keeps light away from it.
+    return vec4<f32>(textureSample(panorama, panorama_sampler, in.uv).rgb, 0.0);
 }
 
-// The panorama is encoded as sRGB, and so is the target.
+// This one's panorama is encoded as sRGB, and so is the target.
 @fragment
 fn swift_fragment(in: Fragment) -> @location(0) vec4<f32> {
     return vec4<f32>(textureSample(panorama, panorama_sampler, in.uv).rgb, 1.0);

@@ -4,6 +4,7 @@ struct VertexIn {
     @location(0) position: vec3<f32>,
     @location(1) normal: vec4<f32>,
     @location(2) colour: vec4<f32>,
+    // Part, roughness, metallic: a byte each.
     @location(4) material: u32,
     // City from body, by rows.
     @location(5) row_x: vec4<f32>,
@@ -20,7 +21,8 @@ struct Fragment {
     @location(1) normal: vec3<f32>,
     @location(2) albedo: vec4<f32>,
     @location(3) glow: vec3<f32>,
-    @location(4) gloss: f32,
+    // Roughness, metallic.
+    @location(4) @interpolate(flat) finish: vec2<f32>,
 }
 
 // Parts of a vehicle; `vehicle/mod.rs` has them as `Part`.
@@ -41,16 +43,20 @@ struct Look {
     glow: vec3<f32>,
 }
 
+fn part_of(in: VertexIn) -> u32 {
+    return in.material & 0xffu;
+}
+
 fn look_of(in: VertexIn) -> Look {
     var out: Look;
     let local = vec4<f32>(in.position, 1.0);
     out.world = vec3<f32>(dot(in.row_x, local), dot(in.row_y, local), dot(in.row_z, local));
     let n = in.normal.xyz;
     out.normal = vec3<f32>(dot(in.row_x.xyz, n), dot(in.row_y.xyz, n), dot(in.row_z.xyz, n));
-    var albedo = linear_from_srgb(in.colour.rgb);
+    var albedo = vertex_colour(in.colour.rgb);
     var gloss = 0.0;
     out.glow = vec3<f32>(0.0);
-    switch in.material {
+    switch part_of(in) {
         case PAINT: { albedo *= in.paint.rgb; gloss = 0.5; }
         case GLASS: { gloss = 1.0; }
         case HEAD: { gloss = 0.9; out.glow = vec3<f32>(0.9, 0.88, 0.8) * (0.5 + 4.0 * frame.zenith.w); }
@@ -72,31 +78,40 @@ fn vertex_main(in: VertexIn) -> Fragment {
     out.clip = view.clip_from_world * vec4<f32>(look.world, 1.0);
     out.world = look.world;
     out.normal = look.normal;
-    out.albedo = vec4<f32>(look.material.albedo, look.material.openness);
-    out.gloss = look.material.gloss;
+    let part = part_of(in);
+    // Some of the cabin shows through its windows.
+    let behind = select(0.0, 0.02, part == GLASS);
+    out.albedo = vec4<f32>(look.material.albedo + behind, look.material.openness);
+    let rough = f32((in.material >> 8u) & 0xffu) / 255.0;
+    out.finish = vec2<f32>(
+        select(rough, LACQUER, part == PAINT || (part >= HEAD && part <= REVERSE)),
+        f32((in.material >> 16u) & 0xffu) / 255.0,
+    );
     out.glow = look.glow;
     return out;
 }
 
 @fragment
 fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
-    var m: Material;
+    var m: Physical;
     m.albedo = in.albedo.rgb;
-    m.gloss = in.gloss;
     m.openness = in.albedo.a;
+    m.roughness = in.finish.x;
+    m.metallic = in.finish.y;
+    m.translucent = 0.0;
     let from_eye = in.world - view.eye.xyz;
     let distance = length(from_eye);
-    let radiance = shade(m, in.world, normalize(in.normal), -from_eye / distance) + in.glow;
-    return display(hazed(radiance, distance));
+    let lit = shade(m, in.world, normalize(in.normal), -from_eye / distance);
+    return sampled(lit, in.glow, distance);
 }
 
 @vertex
-fn swift_vertex(in: VertexIn) -> Swift {
+fn swift_vertex(in: VertexIn) -> Plain {
     let look = look_of(in);
-    return swift_light(look.material, look.world, normalize(look.normal), look.glow);
+    return plain_light(look.material, look.world, normalize(look.normal), look.glow);
 }
 
 @fragment
-fn swift_fragment(in: Swift) -> @location(0) vec4<f32> {
-    return swift_shade(in, vec3<f32>(1.0));
+fn swift_fragment(in: Plain) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.colour, 1.0);
 }

@@ -32,14 +32,22 @@ pub(super) enum Quality {
     Auto,
 }
 
+/// The adapter that draws.
+///
+/// # Errors
+/// Where there is no such adapter, or none at all.
+pub(super) fn context(args: &LookArgs) -> Result<Context, Failure> {
+    let preference =
+        args.adapter.as_deref().map_or_else(AdapterPreference::from_environment, AdapterPreference::parse);
+    Context::headless(&preference).map_err(failure)
+}
+
 /// A renderer of an experiment's city, with the models of its scenario.
 ///
 /// # Errors
 /// Where there is no such adapter, or none at all.
 pub(super) fn open(args: &LookArgs, experiment: &Experiment, usual: Quality) -> Result<Renderer, Failure> {
-    let preference =
-        args.adapter.as_deref().map_or_else(AdapterPreference::from_environment, AdapterPreference::parse);
-    let context = Context::headless(&preference).map_err(failure)?;
+    let context = context(args)?;
     let quality = match args.quality.unwrap_or(usual) {
         Quality::Low => Preset::LOW,
         Quality::Medium => Preset::MEDIUM,

@@ -123,7 +123,7 @@ impl Context {
         let (device, queue) = adapter
             .request_device(&wgpu::DeviceDescriptor {
                 label: Some("city3d"),
-                required_features: wgpu::Features::empty(),
+                required_features: adapter.features() & super::clock::FEATURES,
                 required_limits: wgpu::Limits::default().using_resolution(adapter.limits()),
                 ..Default::default()
             })

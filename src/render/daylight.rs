@@ -1,5 +1,6 @@
 //! The light of a time of day: sun or moon, sky, haze, exposure, and whether lamps burn.
 
+use super::FlatLight;
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -115,16 +116,16 @@ const STEPS: [(f32, Light); 4] = [
         8.0,
         Light {
             to_sun: Vec3::Z,
-            sun: [2.20, 1.42, 0.72],
-            sky: [0.46, 0.52, 0.66],
-            ground: [0.24, 0.22, 0.19],
+            sun: [2.15, 1.42, 0.76],
+            sky: [0.56, 0.60, 0.72],
+            ground: [0.30, 0.27, 0.23],
             zenith: [0.13, 0.25, 0.55],
-            haze_srgb: [0.90, 0.78, 0.66],
+            haze_srgb: [0.89, 0.80, 0.71],
             zenith_srgb: [0.27, 0.43, 0.70],
             cloud_srgb: [0.98, 0.84, 0.72],
             glow_srgb: [1.0, 0.85, 0.58],
             hills_srgb: [0.40, 0.42, 0.42],
-            exposure: 1.10,
+            exposure: 1.20,
             lamps: 0.0,
         },
     ),
@@ -132,16 +133,16 @@ const STEPS: [(f32, Light); 4] = [
         30.0,
         Light {
             to_sun: Vec3::Z,
-            sun: [2.55, 2.28, 1.86],
-            sky: [0.60, 0.72, 0.92],
-            ground: [0.34, 0.34, 0.30],
+            sun: [2.45, 2.20, 1.82],
+            sky: [0.74, 0.84, 1.00],
+            ground: [0.42, 0.41, 0.36],
             zenith: [0.16, 0.34, 0.78],
             haze_srgb: [0.80, 0.855, 0.90],
             zenith_srgb: [0.30, 0.52, 0.82],
             cloud_srgb: [1.0, 1.0, 1.01],
             glow_srgb: [1.0, 0.97, 0.88],
             hills_srgb: [0.38, 0.50, 0.46],
-            exposure: 0.82,
+            exposure: 0.64,
             lamps: 0.0,
         },
     ),
@@ -174,20 +175,40 @@ fn mixed(elevation_deg: f32) -> Light {
     }
 }
 
+impl FlatLight {
+    pub(super) fn light(self) -> Light {
+        Light {
+            to_sun: self.to_sun.normalize_or(Vec3::Z),
+            sun: [self.sun; 3],
+            sky: [self.ambient; 3],
+            ground: [self.ambient; 3],
+            haze_srgb: self.background,
+            ..Daylight::NOON.light()
+        }
+    }
+}
+
 impl Light {
-    /// Radiance that the shaders' display curve shows as an sRGB value below 1: its inverse.
+    /// Whether lamps burn.
+    pub(super) fn is_lamplit(&self) -> bool {
+        self.lamps > 0.0
+    }
+
+    /// Radiance that the display curve of `shaders/display.wgsl` shows as an sRGB value below 1: its inverse.
     pub(super) fn radiance_of(&self, displayed: [f32; 3]) -> [f32; 3] {
-        let curve = |x: f32| (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
         displayed.map(|c| {
-            let wanted = super::fleet::linear_from_srgb((c * 255.0) as u8);
-            let (mut low, mut high) = (0.0_f32, 16.0_f32);
-            for _ in 0..40 {
-                let middle = (low + high) / 2.0;
-                if curve(middle) < wanted { low = middle } else { high = middle }
-            }
-            low / self.exposure
+            let y = linear_from_srgb(c).min(0.995);
+            // The positive root of x (2.51 x + 0.03) = y (x (2.43 x + 0.59) + 0.14).
+            let (a, b) = (2.51 - 2.43 * y, 0.03 - 0.59 * y);
+            (((b * b + 4.0 * a * 0.14 * y).sqrt() - b) / (2.0 * a)).max(0.0) / self.exposure
         })
     }
+}
+
+/// Of a channel from 0 to 1.
+fn linear_from_srgb(c: f32) -> f32 {
+    let c = c.clamp(0.0, 1.0);
+    if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
 #[cfg(test)]
@@ -201,6 +222,17 @@ mod tests {
         assert!((0.08..0.25).contains(&low.to_sun.z) && low.to_sun.x < -0.9, "{}", low.to_sun);
         assert!(night.to_sun.z > 0.3 && night.sun[0] < noon.sun[0] / 10.0);
         assert_eq!([noon.lamps, low.lamps, night.lamps], [0.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn radiance_is_what_the_display_curve_shows_as_it_was() {
+        let light = Daylight::NOON.light();
+        for srgb in [0.0, 0.02, 0.2, 0.5, 0.9, 0.99] {
+            let [radiance, ..] = light.radiance_of([srgb; 3]);
+            let x = radiance * light.exposure;
+            let shown = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
+            assert!((shown - linear_from_srgb(srgb)).abs() < 1e-5, "{srgb}: {shown}");
+        }
     }
 
     #[test]

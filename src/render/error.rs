@@ -27,8 +27,6 @@ pub enum RenderError {
     #[error("the pictures did not come back from the adapter: {0}")]
     Readback(String),
     #[error("{path}: {source}", path = path.display())]
-    Png { path: PathBuf, source: ::image::ImageError },
-    #[error("{path}: {source}", path = path.display())]
     Encoding { path: PathBuf, source: ::png::EncodingError },
     #[error("{path}: {source}", path = path.display())]
     File { path: PathBuf, source: std::io::Error },

@@ -56,7 +56,7 @@ impl Format {
     /// Writes the picture of this kind, if it was taken.
     ///
     /// # Errors
-    /// [`RenderError::File`], [`RenderError::Png`] or [`RenderError::Encoding`] with the path.
+    /// [`RenderError::File`] or [`RenderError::Encoding`] with the path.
     pub fn write(self, path: &Path, pictures: &Pictures) -> Result<(), RenderError> {
         match self {
             Self::Rgb => pictures.rgb.as_ref().map(|image| write_png(path, image)),

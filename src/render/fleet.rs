@@ -66,10 +66,12 @@ pub(super) struct Fleet {
     instances: wgpu::Buffer,
     capacity: usize,
     placed: Vec<Placed>,
+    /// Whether paint is told as linear light, and not as sRGB.
+    paints_linear: bool,
 }
 
 impl Fleet {
-    pub(super) fn new(device: &wgpu::Device) -> Self {
+    pub(super) fn new(device: &wgpu::Device, paints_linear: bool) -> Self {
         let capacity = 64;
         Self {
             mesh: VehicleMesh::default(),
@@ -79,6 +81,7 @@ impl Fleet {
             instances: instance_buffer(device, capacity),
             capacity,
             placed: Vec::new(),
+            paints_linear,
         }
     }
 
@@ -113,7 +116,8 @@ impl Fleet {
                 wheel_radius: d.wheel_radius_m as f32,
             });
             let lamps = lamps(state, snapshot.time_s);
-            let paint = info.appearance.colour.map(linear_from_srgb);
+            let as_told = |c: u8| if self.paints_linear { linear_from_srgb(c) } else { f32::from(c) / 255.0 };
+            let paint = info.appearance.colour.map(as_told);
             let body = Instance {
                 rows: rows(Mat3::from_quat(state.orientation.as_quat()), state.position.as_vec3()),
                 paint: [paint[0], paint[1], paint[2], state.id.0 as f32],
@@ -252,11 +256,15 @@ impl Fleet {
         }
     }
 
-    /// The ground that headlights reach, of every vehicle; group 0 and pipeline are set already.
+    /// The ground that headlights reach, of every vehicle in the order of [`Self::balls`]; groups, pipeline and
+    /// the second vertex buffer are set already.
     pub(super) fn draw_beams(&self, pass: &mut wgpu::RenderPass<'_>) {
-        let count = self.placed.len() as u32;
-        pass.set_vertex_buffer(0, self.instances.slice(..));
-        pass.draw(0..4, 5 * count..6 * count);
+        let count = self.placed.len();
+        if count == 0 {
+            return;
+        }
+        pass.set_vertex_buffer(0, self.instances.slice((5 * count * size_of::<Instance>()) as u64..));
+        pass.draw(0..4, 0..count as u32);
     }
 
     /// Group 0 and pipeline are set already.

@@ -8,8 +8,10 @@
 
 mod atlas;
 mod cells;
+mod clock;
 mod context;
 mod daylight;
+mod develop;
 mod error;
 mod files;
 mod fleet;
@@ -39,5 +41,5 @@ pub use png::write_png;
 pub use readback::{Arrived, Pending, read_texture};
 pub use renderer::Renderer;
 pub use request::{Pictures, Request};
-pub use settings::{Quality, Settings};
+pub use settings::{FlatLight, Quality, Settings};
 pub use stream::{Order, PngStream};

@@ -1,26 +1,58 @@
 //! PNG files.
 
 use super::{Image, RenderError};
-use ::image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use ::image::{ExtendedColorType, ImageEncoder};
 use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::Path;
 
 /// Writes a picture as PNG, compressed for speed rather than size. Its bytes are sRGB, which is
 /// what readers take a PNG without a colour profile for.
 ///
 /// # Errors
-/// [`RenderError::File`] where the file cannot be made or the disk is full, [`RenderError::Png`]
+/// [`RenderError::File`] where the file cannot be made or the disk is full, [`RenderError::Encoding`]
 /// where the encoder refuses; both name the path.
 pub fn write_png(path: &Path, image: &Image) -> Result<(), RenderError> {
-    let at = |source| RenderError::File { path: path.to_owned(), source };
-    let mut file = BufWriter::new(File::create(path).map_err(at)?);
-    PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Up)
-        .write_image(&image.rgb, image.width, image.height, ExtendedColorType::Rgb8)
-        .map_err(|source| RenderError::Png { path: path.to_owned(), source })?;
-    file.flush().map_err(at)
+    let bytes = image.width as usize * 3;
+    write_rows(path, [image.width, image.height], |y, row| {
+        row.copy_from_slice(&image.rgb[y * bytes..][..bytes]);
+    })
 }
+
+/// [`write_png`] of a picture whose rows come one by one: `fill` writes the pixels of a row, from the top on.
+/// Rows go through the filter "up" to the compressor some at a time, so that they stay in the processor's cache;
+/// the encoder of `png` would want them all at once.
+pub(super) fn write_rows(
+    path: &Path,
+    [width, height]: [u32; 2],
+    mut fill: impl FnMut(usize, &mut [u8]),
+) -> Result<(), RenderError> {
+    let at = |source| RenderError::File { path: path.to_owned(), source };
+    let encoding = |source| RenderError::Encoding { path: path.to_owned(), source };
+    let bytes = width as usize * 3;
+    let data = Vec::with_capacity(width as usize * height as usize);
+    let mut compressor = fdeflate::Compressor::new(data).map_err(at)?;
+    let (mut above, mut row) = (vec![0; bytes], vec![0; bytes]);
+    let mut filtered = Vec::with_capacity(ROWS * (bytes + 1));
+    for y in 0..height as usize {
+        fill(y, &mut row);
+        filtered.push(::png::Filter::Up as u8);
+        filtered.extend(row.iter().zip(&above).map(|(here, above)| here.wrapping_sub(*above)));
+        std::mem::swap(&mut row, &mut above);
+        if y % ROWS == ROWS - 1 {
+            compressor.write_data(&filtered).map_err(at)?;
+            filtered.clear();
+        }
+    }
+    compressor.write_data(&filtered).map_err(at)?;
+    let data = compressor.finish().map_err(at)?;
+    let mut encoder = ::png::Encoder::new(File::create(path).map_err(at)?, width, height);
+    encoder.set_color(::png::ColorType::Rgb);
+    let mut writer = encoder.write_header().map_err(encoding)?;
+    writer.write_chunk(::png::chunk::IDAT, &data).map_err(encoding)?;
+    writer.finish().map_err(encoding)
+}
+
+/// How many rows go to the compressor at a time.
+const ROWS: usize = 16;
 
 #[cfg(test)]
 mod tests {

@@ -3,9 +3,11 @@
 
 use super::grid::{padded_row, tile_bytes};
 use super::kinds;
+use super::png;
 use super::request::{Pictures, Places};
 use super::{Context, Image, RenderError};
 use crate::camera::{Kinds, PictureKind};
+use std::path::Path;
 use std::sync::mpsc;
 
 /// Buffers that pictures come back through; each is used again once it has been read.
@@ -131,6 +133,23 @@ impl Arrived {
     }
 }
 
+impl Arrived {
+    /// Writes the picture of a view in colour as PNG, if it was taken, without a copy of it in between.
+    ///
+    /// # Errors
+    /// As [`super::write_png`].
+    ///
+    /// # Panics
+    /// Where the batch has no such view.
+    pub fn write_png(&self, index: usize, path: &Path) -> Result<(), RenderError> {
+        let Places { extent, kinds, color, .. } = self.places[index];
+        let Some(at) = color.filter(|_| kinds.contains(PictureKind::Rgb)) else { return Ok(()) };
+        let bytes = &self.bytes.as_deref().unwrap_or_default()[at as usize..];
+        let padded = padded_row(extent[0]) as usize;
+        png::write_rows(path, extent, |y, row| row_of_colors(row, &bytes[y * padded..], self.bgra))
+    }
+}
+
 impl Drop for Arrived {
     fn drop(&mut self) {
         // A buffer is unmapped once nobody looks at it.
@@ -169,15 +188,57 @@ pub fn read_texture(context: &Context, texture: &wgpu::Texture) -> Result<Image,
 
 /// RGB out of padded rows of RGBA.
 fn colors(bytes: &[u8], [width, height]: [u32; 2], bgra: bool) -> Image {
-    let row = padded_row(width) as usize;
+    let padded = padded_row(width) as usize;
     let mut rgb = vec![0; width as usize * height as usize * 3];
-    for (to, from) in rgb.chunks_exact_mut(width as usize * 3).zip(bytes.chunks(row)) {
-        for (pixel, texel) in to.chunks_exact_mut(3).zip(from.chunks_exact(4)) {
-            pixel.copy_from_slice(&texel[..3]);
-            if bgra {
-                pixel.swap(0, 2);
+    for (to, from) in rgb.chunks_exact_mut(width as usize * 3).zip(bytes.chunks(padded)) {
+        row_of_colors(to, from, bgra);
+    }
+    Image { width, height, rgb }
+}
+
+/// A row of RGB out of one of RGBA.
+fn row_of_colors(to: &mut [u8], from: &[u8], bgra: bool) {
+    // Four pixels at a time, as words.
+    let (fours, rest) = to.as_chunks_mut::<12>();
+    let (texels, _) = from.as_chunks::<16>();
+    for (four, texels) in fours.iter_mut().zip(texels) {
+        let word = |k: usize| {
+            let [r, g, b, a] = [texels[k], texels[k + 1], texels[k + 2], texels[k + 3]];
+            u32::from_le_bytes(if bgra { [b, g, r, a] } else { [r, g, b, a] })
+        };
+        let (a, b, c, d) = (word(0), word(4), word(8), word(12));
+        four[..4].copy_from_slice(&(a & 0xff_ffff | b << 24).to_le_bytes());
+        four[4..8].copy_from_slice(&(b >> 8 & 0xffff | c << 16).to_le_bytes());
+        four[8..].copy_from_slice(&(c >> 16 & 0xff | d << 8).to_le_bytes());
+    }
+    for (pixel, texel) in rest.chunks_exact_mut(3).zip(from[fours.len() * 16..].chunks_exact(4)) {
+        pixel.copy_from_slice(&texel[..3]);
+        if bgra {
+            pixel.swap(0, 2);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_lose_their_alpha_and_padding() {
+        for (width, bgra) in [(1, false), (4, true), (7, false), (13, true)] {
+            let texel = |k: usize| [k as u8, k as u8 + 50, k as u8 + 100, 255];
+            let mut bytes = vec![9; 2 * padded_row(width) as usize];
+            for y in 0..2 {
+                for x in 0..width as usize {
+                    let at = y * padded_row(width) as usize + 4 * x;
+                    bytes[at..at + 4].copy_from_slice(&texel(20 * y + x));
+                }
+            }
+            let image = colors(&bytes, [width, 2], bgra);
+            for (x, y) in [(0, 0), (width - 1, 0), (width / 2, 1), (width - 1, 1)] {
+                let [r, g, b, _] = texel(20 * y as usize + x as usize);
+                assert_eq!(image.pixel(x, y), if bgra { [b, g, r] } else { [r, g, b] }, "{width} {x} {y}");
             }
         }
     }
-    Image { width, height, rgb }
 }

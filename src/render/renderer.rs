@@ -2,11 +2,12 @@
 //! submission and come back through one buffer.
 
 use super::atlas::Atlas;
+use super::clock::Clock;
 use super::daylight::Light;
-use super::fleet::{Fleet, Sight, linear_from_srgb};
+use super::develop::Develop;
+use super::fleet::{Fleet, Sight};
 use super::frustum::{Frustum, Sharpness};
 use super::kinds::{self, KindsDrawing, KindsTile};
-use super::passes::Attachments;
 use super::passes::city::CityPass;
 use super::passes::common::{FrameGroup, gpu_data};
 use super::passes::contact::ContactPass;
@@ -15,10 +16,11 @@ use super::passes::light::LightGroup;
 use super::passes::shadow::{ShadowPass, SunView};
 use super::passes::sky::SkyPass;
 use super::passes::vehicle::VehiclePass;
+use super::passes::{Attachments, light_constants};
 use super::readback::{Arrived, Pending, Ring};
 use super::request::{Pictures, Places, Request, places};
-use super::standing::{Gaze, SeenCells, Standing};
-use super::{Context, Image, RenderError, Settings, TargetView};
+use super::standing::{Gaze, Patterns, SeenCells, Standing};
+use super::{Context, FlatLight, Image, RenderError, Settings, TargetView, textures};
 use crate::camera::{PictureKind, View};
 use crate::city::scene::SceneDescription;
 use crate::model::Model;
@@ -42,11 +44,15 @@ pub struct Renderer {
     vehicles: VehiclePass,
     contact: ContactPass,
     sky: SkyPass,
+    /// Where samples are radiance.
+    develop: Option<Develop>,
     /// From the first picture that is no colour on.
     kinds: Option<KindsDrawing>,
     standing: Standing,
     fleet: Fleet,
-    sun_view: SunView,
+    clock: Option<Clock>,
+    /// The frame but for its time.
+    fixed: gpu_data::Frame,
     atlases: BTreeMap<[u32; 2], Atlas>,
     ring: Ring,
     /// Of a view of the last batch, in the mean.
@@ -71,13 +77,13 @@ impl Renderer {
         let device = &context.device;
         let quality = settings.quality;
         let light_at_vertices = quality.light_at_vertices;
-        let format = if light_at_vertices { settings.format.remove_srgb_suffix() } else { settings.format };
-        let attachments = Attachments { format, samples: quality.samples, light_at_vertices };
+        let attachments = Attachments::new(&settings);
         let frame = FrameGroup::new(device);
-        let daylight = settings.daylight.light();
+        let daylight = settings.flat.map_or_else(|| settings.daylight.light(), FlatLight::light);
         let sun_view = SunView::around(scene.bounds, daylight.to_sun, quality.shadow_texels);
         let shadow = ShadowPass::new(device, &frame.layout, sun_view);
-        let lamplit = daylight.lamps > 0.0;
+        let lamplit = daylight.is_lamplit();
+        let constants = light_constants(&settings, &daylight);
         let lamp_texels = if !lamplit {
             1
         } else if light_at_vertices {
@@ -85,17 +91,23 @@ impl Renderer {
         } else {
             1024
         };
-        let lamps = LampPass::new(device, &frame.layout, scene, lamp_texels);
-        let light = LightGroup::new(device, &shadow.map, &lamps.map_view);
+        // By night every surface looks for the light of lamps.
+        let averted_from = (light_at_vertices && !lamplit).then_some(daylight.to_sun);
+        let lamps = LampPass::new(device, &frame.layout, scene, (lamp_texels, !light_at_vertices));
+        let sky_map = textures::sky_map(context, &daylight);
+        let light = LightGroup::new(context, &shadow.map, &lamps.map_view, &sky_map);
+        let fixed = fixed_frame(&daylight, &sun_view, quality.shadow_texels, lamps.place);
         let groups = [&frame.layout, &light.layout];
-        let renderer = Self {
-            city: CityPass::new(context, attachments, (quality, lamplit), groups),
-            vehicles: VehiclePass::new(device, attachments, (quality, lamplit), groups),
+        let mut renderer = Self {
+            city: CityPass::new(context, attachments, &quality, (&fixed, &constants), groups),
+            vehicles: VehiclePass::new(device, attachments, (&fixed, &constants), groups),
             contact: ContactPass::new(device, attachments, &frame.layout),
             sky: SkyPass::new(context, attachments, &daylight, groups),
+            develop: (!light_at_vertices).then(|| Develop::new(device, attachments, quality, &frame.layout)),
             kinds: None,
-            standing: Standing::new(device, scene),
-            fleet: Fleet::new(device),
+            standing: Standing::new(device, scene, averted_from),
+            fleet: Fleet::new(device, settings.flat.is_none()),
+            clock: None,
             context: context.clone(),
             settings,
             attachments,
@@ -104,7 +116,7 @@ impl Renderer {
             shadow,
             lamps,
             daylight,
-            sun_view,
+            fixed,
             atlases: BTreeMap::new(),
             ring: Ring::default(),
             triangles: 0,
@@ -114,7 +126,7 @@ impl Renderer {
         renderer.frame.write_frame(&context.queue, &renderer.frame_data(0.0));
         renderer.shadow.draw_standing(&mut encoder, &renderer.frame, &renderer.standing);
         if lamplit {
-            renderer.lamps.draw_standing(&mut encoder, &renderer.frame);
+            renderer.lamps.draw_standing(context, &mut encoder, &renderer.frame, &scene.lamps);
         }
         context.queue.submit([encoder.finish()]);
         Ok(renderer)
@@ -133,6 +145,20 @@ impl Renderer {
     /// How many triangles a view of the last batch was given in the mean, without the sky.
     pub fn triangles(&self) -> u64 {
         self.triangles
+    }
+
+    /// Has the adapter take the time of each batch from now on, where it can.
+    pub fn keep_time(&mut self) {
+        self.clock = Clock::new(&self.context);
+    }
+
+    pub fn stop_keeping_time(&mut self) {
+        self.clock = None;
+    }
+
+    /// Seconds that the adapter took for the last batch, which is waited for; `None` unless it keeps time.
+    pub fn seconds_of_last_batch(&self) -> Option<f64> {
+        self.clock.as_ref()?.seconds(&self.context.device)
     }
 
     /// The adapter that draws.
@@ -207,6 +233,9 @@ impl Renderer {
             drawing.pass.write(device, &self.context.queue, &views);
         }
         let seen = self.look_at(&views);
+        if let Some(clock) = &self.clock {
+            clock.start(&mut encoder);
+        }
         let buffer = self.ring.take(&self.context.device, bytes.max(4));
         let mut by_extent: BTreeMap<[u32; 2], Vec<usize>> = BTreeMap::new();
         for (index, view) in views.iter().enumerate() {
@@ -216,8 +245,11 @@ impl Renderer {
             self.draw_colors(&mut encoder, (extent, indices), (&places, &seen), &buffer);
             self.draw_kinds(&mut encoder, (extent, indices), (&places, &seen), &buffer);
         }
+        if let Some(clock) = &self.clock {
+            clock.stop(&mut encoder);
+        }
         let submission = self.context.queue.submit([encoder.finish()]);
-        Ok(self.ring.send((buffer, submission), places, self.attachments.format))
+        Ok(self.ring.send((buffer, submission), places, self.attachments.shown))
     }
 
     /// Draws those of some views of one extent that are wanted in colour.
@@ -241,7 +273,8 @@ impl Renderer {
                 .enumerate()
                 .map(|(tile, &(index, _))| (index, atlas.grid.origin(tile)))
                 .collect();
-            self.draw_tiles(encoder, atlas, &atlas.color_view, seen, &tiles);
+            let target = (&atlas.color_view, self.attachments.shown);
+            self.draw_tiles(encoder, atlas, target, seen, &tiles);
             for (tile, &(_, at)) in batch.iter().enumerate() {
                 atlas.grid.copy_tile(encoder, (&atlas.color, tile), (buffer, at));
             }
@@ -294,14 +327,10 @@ impl Renderer {
         pending.wait(&self.context.device)
     }
 
-    /// The format of the targets that it draws to: that of its settings, without sRGB encoding by the
-    /// adapter where the shaders encode themselves.
-    pub fn format(&self) -> wgpu::TextureFormat {
-        self.attachments.format
-    }
-
-    /// Draws views of one instant into targets of the renderer's format, each view into the target of the
-    /// same index. A view's picture fills its target, so that its extent should have the target's proportions.
+    /// Draws views of one instant into targets, each view into the target of the same index: a window and what
+    /// its panels show. A view's picture fills its target, so that its extent should have the target's
+    /// proportions. Where light is worked out at the vertices, targets have to be of the format that the
+    /// renderer was built for, without the suffix sRGB.
     ///
     /// # Errors
     /// As [`Renderer::render`].
@@ -318,8 +347,12 @@ impl Renderer {
             if !self.targets.contains_key(&target.extent) {
                 self.targets.insert(target.extent, self.new_atlas(target.extent, 1));
             }
+            if let Some(develop) = &mut self.develop {
+                develop.prepare(&self.context.device, &self.frame.layout, target.format);
+            }
             if let Some(atlas) = self.targets.get(&target.extent) {
-                self.draw_tiles(&mut encoder, atlas, target.color, &seen, &[(index, [0, 0])]);
+                let place = (target.color, target.format);
+                self.draw_tiles(&mut encoder, atlas, place, &seen, &[(index, [0, 0])]);
             }
         }
         self.context.queue.submit([encoder.finish()]);
@@ -343,26 +376,21 @@ impl Renderer {
             }
         }
         self.fleet.update(&self.context, snapshot)?;
-        let slots: Vec<gpu_data::View> = views
-            .iter()
-            .map(|view| gpu_data::View {
-                clip_from_world: view.clip_from_world().as_mat4().to_cols_array_2d(),
-                eye: view.extrinsics.position.as_vec3().extend(1.0).to_array(),
-            })
-            .collect();
+        let slots: Vec<gpu_data::View> = views.iter().map(gpu_data::View::new).collect();
         let frame = self.frame_data(snapshot.time_s as f32);
         let device = &self.context.device;
         self.frame.write(device, &self.context.queue, &frame, &slots);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.shadow.draw_vehicles(&mut encoder, &self.frame, &self.fleet);
-        if self.daylight.lamps > 0.0 {
-            self.lamps.draw_vehicles(&mut encoder, &self.frame, &self.fleet);
+        if self.daylight.is_lamplit() {
+            self.lamps.draw_vehicles(&self.context, &mut encoder, &self.frame, &self.fleet);
         }
         Ok(encoder)
     }
 
     fn new_atlas(&self, extent: [u32; 2], views: usize) -> Atlas {
-        Atlas::new(&self.context.device, extent, views, self.attachments, self.settings.batch_bytes)
+        let bytes = self.settings.batch_bytes;
+        Atlas::new(&self.context.device, (extent, views), self.attachments, self.develop.as_ref(), bytes)
     }
 
     /// Sees to an atlas for views of an extent.
@@ -377,41 +405,46 @@ impl Renderer {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         atlas: &Atlas,
+        target: (&wgpu::TextureView, wgpu::TextureFormat),
+        seen: &[Seen],
+        tiles: &[(usize, [u32; 2])],
+    ) {
+        self.draw_samples(encoder, atlas, target.0, seen, tiles);
+        if let Some((develop, negative)) = self.develop.as_ref().zip(atlas.negative.as_ref()) {
+            develop.draw(encoder, (&self.frame, negative), target, (tiles, atlas.grid.tile));
+        }
+    }
+
+    /// Draws tiles of an atlas: radiance into its samples, or what is shown into a target.
+    fn draw_samples(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        atlas: &Atlas,
         color: &wgpu::TextureView,
         seen: &[Seen],
         tiles: &[(usize, [u32; 2])],
     ) {
-        let [r, g, b] = self.daylight.haze_srgb.map(|c| {
-            if self.attachments.format.is_srgb() {
-                f64::from(linear_from_srgb((c * 255.0) as u8))
-            } else {
-                f64::from(c)
-            }
-        });
-        let clear = wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a: 1.0 });
-        let attachment = match &atlas.samples_view {
-            Some(samples) => wgpu::RenderPassColorAttachment {
-                view: samples,
-                depth_slice: None,
-                resolve_target: Some(color),
-                ops: wgpu::Operations { load: clear, store: wgpu::StoreOp::Discard },
-            },
-            None => wgpu::RenderPassColorAttachment {
-                view: color,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations { load: clear, store: wgpu::StoreOp::Store },
-            },
+        let haze = self.daylight.haze_srgb;
+        let haze = if self.develop.is_some() { self.daylight.radiance_of(haze) } else { haze };
+        let [r, g, b] = haze.map(f64::from);
+        // Ambient occlusion takes nothing of it.
+        let a = if self.develop.is_some() { 0.0 } else { 1.0 };
+        let load = wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a });
+        let keep = wgpu::Operations { load, store: wgpu::StoreOp::Store };
+        let drop = wgpu::Operations { load, store: wgpu::StoreOp::Discard };
+        let (view, resolve_target, ops) = match &atlas.samples_view {
+            Some(samples) if self.develop.is_some() => (samples, None, keep),
+            Some(samples) => (samples, Some(color), drop),
+            None => (color, None, keep),
         };
+        let attachment = wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target, ops };
+        let depth_store = if self.develop.is_some() { wgpu::StoreOp::Store } else { wgpu::StoreOp::Discard };
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("pictures"),
             color_attachments: &[Some(attachment)],
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
                 view: &atlas.depth_view,
-                depth_ops: Some(wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(0.0),
-                    store: wgpu::StoreOp::Discard,
-                }),
+                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: depth_store }),
                 stencil_ops: None,
             }),
             ..Default::default()
@@ -447,6 +480,11 @@ impl Renderer {
             sharpness: Sharpness::new(&clip_from_world, view.extent[1]),
             eye,
             coarse_below_px: self.settings.quality.coarse_below_px,
+            patterns: match (self.settings.flat, self.settings.quality.light_at_vertices) {
+                (Some(_), _) => Patterns::None,
+                (None, true) => Patterns::Near,
+                (None, false) => Patterns::All,
+            },
         };
         Seen { vehicles: self.fleet.seen(&gaze, view.carrier), cells: self.standing.see(&gaze, lists) }
     }
@@ -455,24 +493,37 @@ impl Renderer {
         // Nearest first, as far as can be told: what is hidden costs no shading.
         self.vehicles.draw(pass, &self.fleet, &seen.vehicles);
         self.city.draw(pass, &self.standing, &seen.cells);
-        self.sky.draw(pass);
-        self.contact.draw(pass, &self.fleet, &seen.vehicles);
+        if self.settings.flat.is_none() {
+            self.sky.draw(pass);
+            self.contact.draw(pass, &self.fleet, &seen.vehicles);
+        }
     }
 
+    /// The frame of a time in seconds.
     fn frame_data(&self, time_s: f32) -> gpu_data::Frame {
-        let light = &self.daylight;
-        let haze = light.radiance_of(light.haze_srgb);
-        let with = |[r, g, b]: [f32; 3], w: f32| [r, g, b, w];
-        gpu_data::Frame {
-            to_sun: light.to_sun.extend(time_s).to_array(),
-            sun: with(light.sun, light.exposure),
-            sky_light: with(light.sky, 0.0),
-            ground_light: with(light.ground, 0.0),
-            haze: with(haze, 1.0 / 950.0),
-            shadow_from_world: self.sun_view.shadow_from_world.to_cols_array_2d(),
-            shadow_texel: [1.0 / self.settings.quality.shadow_texels as f32, self.sun_view.texel_m, 0.0, 0.0],
-            zenith: with(light.zenith, light.lamps),
-            lamp_place: self.lamps.place,
-        }
+        let mut frame = self.fixed;
+        frame.to_sun[3] = time_s;
+        frame
+    }
+}
+
+/// What a frame says that stays as it is: all but the time.
+fn fixed_frame(
+    light: &Light,
+    sun_view: &SunView,
+    shadow_texels: u32,
+    lamp_place: [f32; 4],
+) -> gpu_data::Frame {
+    let with = |[r, g, b]: [f32; 3], w: f32| [r, g, b, w];
+    gpu_data::Frame {
+        to_sun: light.to_sun.extend(0.0).to_array(),
+        sun: with(light.sun, light.exposure),
+        sky_light: with(light.sky, 0.0),
+        ground_light: with(light.ground, 0.0),
+        haze: with(light.radiance_of(light.haze_srgb), 1.0 / 520.0),
+        shadow_from_world: sun_view.shadow_from_world.to_cols_array_2d(),
+        shadow_texel: [1.0 / shadow_texels as f32, sun_view.texel_m, 0.0, 0.0],
+        zenith: with(light.zenith, light.lamps),
+        lamp_place,
     }
 }

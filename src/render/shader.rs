@@ -1,5 +1,6 @@
 //! Shader sources: from disk in debug builds where they lie there, embedded else.
 
+use super::passes::common::gpu_data::Frame;
 use std::borrow::Cow;
 
 /// One file of `shaders/`.
@@ -25,6 +26,11 @@ const SHADOW: Source = source!("shadow.wgsl");
 const SKY: Source = source!("sky.wgsl");
 const LAMPS: Source = source!("lamps.wgsl");
 const KINDS: Source = source!("kinds.wgsl");
+const TILE: Source = source!("tile.wgsl");
+const ONE_SAMPLE: Source = source!("one_sample.wgsl");
+const MANY_SAMPLES: Source = source!("many_samples.wgsl");
+const OCCLUSION: Source = source!("occlusion.wgsl");
+const DISPLAY: Source = source!("display.wgsl");
 
 /// The shader of a pass: its own file after those it builds on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,12 +42,32 @@ pub(super) enum Shader {
     Sky,
     Kinds,
     Lamps,
+    Occlusion(Samples),
+    Display(Samples),
+}
+
+/// Samples of a pixel, which shaders read in different ways.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Samples {
+    One,
+    Many,
 }
 
 impl Shader {
     #[cfg(test)]
-    pub(super) const ALL: [Self; 7] =
-        [Self::City, Self::Vehicle, Self::Contact, Self::Shadow, Self::Sky, Self::Kinds, Self::Lamps];
+    pub(super) const ALL: [Self; 11] = [
+        Self::City,
+        Self::Vehicle,
+        Self::Contact,
+        Self::Shadow,
+        Self::Sky,
+        Self::Kinds,
+        Self::Lamps,
+        Self::Occlusion(Samples::One),
+        Self::Occlusion(Samples::Many),
+        Self::Display(Samples::One),
+        Self::Display(Samples::Many),
+    ];
 
     fn parts(self) -> &'static [Source] {
         match self {
@@ -52,14 +78,21 @@ impl Shader {
             Self::Sky => &[COMMON, SKY],
             Self::Kinds => &[KINDS],
             Self::Lamps => &[COMMON, LAMPS],
+            Self::Occlusion(Samples::One) => &[COMMON, TILE, ONE_SAMPLE, OCCLUSION],
+            Self::Occlusion(Samples::Many) => &[COMMON, TILE, MANY_SAMPLES, OCCLUSION],
+            Self::Display(Samples::One) => &[COMMON, TILE, ONE_SAMPLE, DISPLAY],
+            Self::Display(Samples::Many) => &[COMMON, TILE, MANY_SAMPLES, DISPLAY],
         }
     }
 
-    pub(super) fn text(self) -> String {
-        self.parts().iter().map(|part| part.text()).collect::<Vec<_>>().join("\n")
+    /// With what of a frame never changes, where it is told, as constants.
+    pub(super) fn text(self, fixed: Option<&Frame>) -> String {
+        let constants = fixed.map(|frame| Cow::Owned(constants(frame)));
+        let parts = self.parts().iter().map(|part| part.text());
+        constants.into_iter().chain(parts).collect::<Vec<_>>().join("\n")
     }
 
-    pub(super) fn module(self, device: &wgpu::Device) -> wgpu::ShaderModule {
+    pub(super) fn module(self, device: &wgpu::Device, fixed: Option<&Frame>) -> wgpu::ShaderModule {
         device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(match self {
                 Self::City => "city",
@@ -69,10 +102,31 @@ impl Shader {
                 Self::Sky => "sky",
                 Self::Kinds => "kinds",
                 Self::Lamps => "lamps",
+                Self::Occlusion(_) => "occlusion",
+                Self::Display(_) => "display",
             }),
-            source: wgpu::ShaderSource::Wgsl(Cow::Owned(self.text())),
+            source: wgpu::ShaderSource::Wgsl(Cow::Owned(self.text(fixed))),
         })
     }
+}
+
+/// The members of a frame but for the time as constants of their names in capitals.
+fn constants(frame: &Frame) -> String {
+    let list = |values: &[f32]| values.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(", ");
+    let vectors = [
+        ("SUN", frame.sun),
+        ("SKY_LIGHT", frame.sky_light),
+        ("GROUND_LIGHT", frame.ground_light),
+        ("HAZE", frame.haze),
+        ("SHADOW_TEXEL", frame.shadow_texel),
+        ("ZENITH", frame.zenith),
+        ("LAMP_PLACE", frame.lamp_place),
+    ];
+    let vectors = vectors.map(|(name, v)| format!("const {name} = vec4<f32>({});\n", list(&v)));
+    let to_sun = list(&frame.to_sun[..3]);
+    let shadow = list(frame.shadow_from_world.as_flattened());
+    vectors.concat()
+        + &format!("const TO_SUN = vec3<f32>({to_sun});\nconst SHADOW_FROM_WORLD = mat4x4<f32>({shadow});\n")
 }
 
 impl Source {
@@ -90,10 +144,11 @@ impl Source {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use bytemuck::Zeroable;
 
     /// The shader after naga's parser and validator.
     pub(crate) fn validated(shader: Shader) -> naga::Module {
-        let text = shader.text();
+        let text = shader.text(Some(&Frame::zeroed()));
         let module = naga::front::wgsl::parse_str(&text)
             .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
         let flags = naga::valid::ValidationFlags::all();

@@ -15,19 +15,39 @@ use wgpu::util::DeviceExt;
 
 /// Things of fewer pixels than this across are not drawn.
 const LEAST_PX: f32 = 1.0;
+/// What can be told apart in the patterns of most surfaces, and how many pixels it takes to be worth a texture.
+const PATTERN_M: f32 = 0.25;
+const PATTERN_FROM_PX: f32 = 4.0;
 
 /// A piece of the city at one level of detail or more, the finest first.
 #[derive(Clone, Debug)]
 struct Piece {
     bounds: [Vec3; 2],
     levels: Vec<Level>,
+    /// Whether its pattern tells what it is: windows, doors, letters.
+    is_figured: bool,
 }
 
 #[derive(Clone, Debug)]
 struct Level {
     error_m: f32,
-    /// Of [`Standing::indices`].
+    /// Of [`Standing::indices`]; what is turned away from the sun comes last.
     indices: Range<u32>,
+    averted_from: u32,
+}
+
+impl Level {
+    fn all(&self) -> Range<u32> {
+        self.indices.clone()
+    }
+
+    fn facing(&self) -> Range<u32> {
+        self.indices.start..self.averted_from
+    }
+
+    fn averted(&self) -> Range<u32> {
+        self.averted_from..self.indices.end
+    }
 }
 
 #[derive(Debug)]
@@ -46,6 +66,15 @@ pub(super) struct Standing {
     lists: wgpu::Buffer,
 }
 
+/// Which things show the patterns of their surfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Patterns {
+    All,
+    /// Those whose pattern is not too fine to be seen.
+    Near,
+    None,
+}
+
 /// What a view needs of the standing city.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gaze<'a> {
@@ -55,25 +84,34 @@ pub(super) struct Gaze<'a> {
     pub(super) eye: Vec3,
     /// See [`super::Quality::coarse_below_px`].
     pub(super) coarse_below_px: f32,
+    pub(super) patterns: Patterns,
 }
 
 /// Where in the lists of a batch those of a view are.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SeenCells {
     pub(super) raised: Range<u32>,
+    /// What is turned away from the sun.
+    pub(super) averted: Range<u32>,
+    /// What stands too far away for its pattern to be seen.
+    pub(super) plain: Range<u32>,
     pub(super) ground: Range<u32>,
     pub(super) lines: Range<u32>,
 }
 
 impl SeenCells {
     pub(super) fn triangles(&self) -> u64 {
-        [&self.raised, &self.ground, &self.lines].iter().map(|list| list.len() as u64 / 3).sum()
+        [&self.raised, &self.averted, &self.plain, &self.ground, &self.lines]
+            .iter()
+            .map(|list| list.len() as u64 / 3)
+            .sum()
     }
 }
 
 impl Standing {
-    pub(super) fn new(device: &wgpu::Device, scene: &SceneDescription) -> Self {
-        let mut packed = Packed::default();
+    /// With a direction towards the sun, what is turned away from it is drawn for itself.
+    pub(super) fn new(device: &wgpu::Device, scene: &SceneDescription, to_sun: Option<Vec3>) -> Self {
+        let mut packed = Packed { to_sun, ..Packed::default() };
         let objects: Vec<Piece> = scene
             .objects
             .iter()
@@ -118,18 +156,32 @@ impl Standing {
 
     /// Adds what a view may see to the lists of a batch.
     pub(super) fn see(&self, gaze: &Gaze<'_>, lists: &mut Vec<u32>) -> SeenCells {
-        let raised = self.list(&self.objects, gaze, lists);
-        let ground = self.list(&self.ground, gaze, lists);
-        let lines = self.list(&self.lines, gaze, lists);
-        SeenCells { raised, ground, lines }
+        let seen = gaze.all_seen(&self.objects);
+        let (plain, raised): (Vec<_>, Vec<_>) = seen.iter().partition(|sight| sight.is_plain);
+        let (mut ground, painted) = (gaze.all_seen(&self.ground), gaze.all_seen(&self.lines));
+        let mut plain = plain;
+        if gaze.patterns == Patterns::None {
+            plain.append(&mut ground);
+        }
+        SeenCells {
+            plain: self.list(&plain, Level::all, lists),
+            raised: self.list(&raised, Level::facing, lists),
+            averted: self.list(&raised, Level::averted, lists),
+            ground: self.list(&ground, Level::all, lists),
+            lines: self.list(&painted, Level::all, lists),
+        }
     }
 
-    fn list(&self, pieces: &[Piece], gaze: &Gaze<'_>, lists: &mut Vec<u32>) -> Range<u32> {
-        let mut seen: Vec<(f32, &Level)> = pieces.iter().filter_map(|piece| gaze.sees(piece)).collect();
-        seen.sort_by(|a, b| a.0.total_cmp(&b.0));
+    fn list(
+        &self,
+        seen: &[Sight<'_>],
+        part: impl Fn(&Level) -> Range<u32>,
+        lists: &mut Vec<u32>,
+    ) -> Range<u32> {
         let start = lists.len() as u32;
-        for (_, level) in seen {
-            lists.extend_from_slice(&self.indices[level.indices.start as usize..level.indices.end as usize]);
+        for sight in seen {
+            let Range { start, end } = part(sight.level);
+            lists.extend_from_slice(&self.indices[start as usize..end as usize]);
         }
         start..lists.len() as u32
     }
@@ -174,9 +226,25 @@ fn list_buffer(device: &wgpu::Device, size: u64) -> wgpu::Buffer {
     })
 }
 
+/// A piece that a view may see.
+#[derive(Clone, Copy)]
+struct Sight<'p> {
+    /// The least there may be.
+    distance_m: f32,
+    level: &'p Level,
+    /// Whether its pattern is too fine to be seen.
+    is_plain: bool,
+}
+
 impl Gaze<'_> {
-    /// The level of a piece to draw and its least distance, if it may be seen.
-    fn sees<'p>(&self, piece: &'p Piece) -> Option<(f32, &'p Level)> {
+    /// Pieces that may be seen, nearest first.
+    fn all_seen<'p>(&self, pieces: &'p [Piece]) -> Vec<Sight<'p>> {
+        let mut seen: Vec<Sight<'p>> = pieces.iter().filter_map(|piece| self.sees(piece)).collect();
+        seen.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
+        seen
+    }
+
+    fn sees<'p>(&self, piece: &'p Piece) -> Option<Sight<'p>> {
         let [low, high] = piece.bounds;
         if !self.frustum.may_see_box(piece.bounds) {
             return None;
@@ -187,7 +255,12 @@ impl Gaze<'_> {
             return None;
         }
         let level = piece.levels.iter().rev().find(|level| pixels(level.error_m) < self.coarse_below_px);
-        level.or(piece.levels.first()).map(|level| (distance_m, level))
+        let is_plain = match self.patterns {
+            Patterns::All => false,
+            Patterns::Near => !piece.is_figured && pixels(PATTERN_M) < PATTERN_FROM_PX,
+            Patterns::None => true,
+        };
+        level.or(piece.levels.first()).map(|level| Sight { distance_m, level, is_plain })
     }
 }
 
@@ -195,24 +268,38 @@ impl Gaze<'_> {
 struct Packed {
     vertices: Vec<GpuVertex>,
     indices: Vec<u32>,
+    to_sun: Option<Vec3>,
+    pieces: u32,
 }
 
 impl Packed {
     fn piece<'m>(&mut self, levels: impl Iterator<Item = (&'m Mesh, f32)>) -> Piece {
         let mut bounds = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        let mut is_figured = false;
         let levels = levels
             .map(|(mesh, error_m)| {
                 let mut mesh = mesh.clone();
                 mesh.weld();
                 let [low, high] = mesh.bounds();
                 bounds = [bounds[0].min(low), bounds[1].max(high)];
+                is_figured |= mesh.vertices.iter().any(|v| v.finish.surface.is_figured());
                 let (base, start) = (self.vertices.len() as u32, self.indices.len() as u32);
-                self.vertices.extend(mesh.vertices.iter().map(pack));
-                self.indices.extend(mesh.indices.iter().map(|k| k + base));
-                Level { error_m, indices: start..self.indices.len() as u32 }
+                self.vertices.extend(mesh.vertices.iter().map(|v| pack(v, self.pieces)));
+                let is_averted = |triangle: &&[u32]| {
+                    let faces_away =
+                        |sun| triangle.iter().all(|&k| mesh.vertices[k as usize].normal.dot(sun) <= 0.0);
+                    self.to_sun.is_some_and(faces_away)
+                };
+                let (averted, facing): (Vec<&[u32]>, Vec<&[u32]>) =
+                    mesh.indices.chunks_exact(3).partition(is_averted);
+                self.indices.extend(facing.into_iter().flatten().map(|k| k + base));
+                let averted_from = self.indices.len() as u32;
+                self.indices.extend(averted.into_iter().flatten().map(|k| k + base));
+                Level { error_m, indices: start..self.indices.len() as u32, averted_from }
             })
             .collect();
-        Piece { bounds, levels }
+        self.pieces += 1;
+        Piece { bounds, levels, is_figured }
     }
 
     fn of(&self, level: &Level) -> &[u32] {
@@ -220,15 +307,15 @@ impl Packed {
     }
 }
 
-/// A vertex as the shaders read it.
-fn pack(v: &Vertex) -> GpuVertex {
+/// A vertex of a piece as the shaders read it.
+fn pack(v: &Vertex, piece: u32) -> GpuVertex {
     let [r, g, b] = v.finish.colour;
     GpuVertex {
         position: v.position.to_array(),
         normal: pack_normal(v.normal),
         colour: [r, g, b, v.openness],
         uv: v.uv.to_array(),
-        material: v.finish.surface as u32 | (v.finish.class as u32) << 8,
+        material: v.finish.surface as u32 | (v.finish.class as u32) << 8 | (piece & 0xff) << 16,
     }
 }
 

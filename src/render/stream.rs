@@ -127,11 +127,17 @@ impl<'a> PngStream<'a> {
                 self.in_queue += 1;
                 let (arrived, report) = (Arc::clone(&arrived), self.report.clone());
                 rayon::spawn(move || {
-                    let pictures = arrived.some_pictures(index, Kinds::NONE.with(format.kind()));
+                    let result = match format {
+                        Format::Rgb => arrived.write_png(index, &path),
+                        _ => {
+                            let pictures = arrived.some_pictures(index, Kinds::NONE.with(format.kind()));
+                            format.write(&path, &pictures)
+                        }
+                    };
                     // The last one gives the memory of the batch back.
                     drop(arrived);
                     // The stream was dropped with an error when nobody listens.
-                    let _ = report.send(Done { bytes, result: format.write(&path, &pictures) });
+                    let _ = report.send(Done { bytes, result });
                 });
             }
         }

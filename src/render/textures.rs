@@ -8,6 +8,8 @@ mod sky;
 
 use super::Context;
 use super::daylight::Light;
+use super::fleet::linear_from_srgb;
+use super::passes::Attachments;
 use crate::city::scene::Surface;
 use rayon::prelude::*;
 
@@ -16,14 +18,25 @@ pub(super) use sky::elevation_of;
 /// Texels along an edge of a surface's pattern.
 const SIZE: u32 = 256;
 const SKY: [u32; 2] = [2048, 512];
+/// For adapters that draw on the CPU: it stays in their caches.
+const SMALL_SKY: [u32; 2] = [1024, 256];
+/// Texels along an edge of the sky that surfaces mirror.
+const SKY_MAP: u32 = 64;
 
 /// An array texture with a layer for each [`Surface`] and all its mipmaps.
-pub(super) fn surfaces(context: &Context, format: wgpu::TextureFormat) -> wgpu::TextureView {
+pub(super) fn surfaces(context: &Context, attachments: Attachments) -> wgpu::TextureView {
     let mips = SIZE.ilog2() + 1;
-    let texture = texture(context, ("surfaces", format), [SIZE, SIZE], Surface::COUNT as u32, mips);
+    let texture = texture(
+        context,
+        ("surfaces", attachments.texture_format()),
+        [SIZE, SIZE],
+        Surface::COUNT as u32,
+        mips,
+    );
     let layers: Vec<Vec<Vec<u8>>> = (0..Surface::COUNT as u8)
         .into_par_iter()
         .map(|layer| mipmaps(patterns::pattern(layer, SIZE), SIZE))
+        .map(|levels| if attachments.light_at_vertices { square_roots(levels) } else { levels })
         .collect();
     for (layer, levels) in (0..).zip(&layers) {
         for (level, bytes) in (0..).zip(levels) {
@@ -36,11 +49,40 @@ pub(super) fn surfaces(context: &Context, format: wgpu::TextureFormat) -> wgpu::
     })
 }
 
-/// The sky from below the horizon to the zenith, east in the middle of its left edge.
-pub(super) fn panorama(context: &Context, light: &Light, format: wgpu::TextureFormat) -> wgpu::TextureView {
-    let texture = texture(context, ("sky", format), SKY, 1, 1);
-    upload(context, &texture, SKY, 0, 0, &sky::paint(SKY, light));
+/// The sky from below the horizon to the zenith, east in the middle of its left edge: as displayed, or as
+/// radiance.
+pub(super) fn panorama(context: &Context, light: &Light, as_displayed: bool) -> wgpu::TextureView {
+    let (format, size, bytes) = if as_displayed {
+        (wgpu::TextureFormat::Rgba8Unorm, SMALL_SKY, sky::paint(SMALL_SKY, light))
+    } else {
+        (wgpu::TextureFormat::Rgba16Float, SKY, sky::paint_radiance(SKY, light))
+    };
+    let texture = texture(context, ("sky", format), size, 1, 1);
+    upload(context, &texture, size, 0, 0, &bytes);
     texture.create_view(&wgpu::TextureViewDescriptor::default())
+}
+
+/// Radiance of the sky above the horizon for surfaces that mirror it: half an octahedron, unfolded to a square,
+/// with all mipmaps.
+pub(super) fn sky_map(context: &Context, light: &Light) -> wgpu::TextureView {
+    let format = wgpu::TextureFormat::Rgba16Float;
+    let texture = texture(context, ("mirrored sky", format), [SKY_MAP; 2], 1, SKY_MAP.ilog2() + 1);
+    for (level, bytes) in (0..).zip(sky::mirrored(SKY_MAP, light)) {
+        upload(context, &texture, [SKY_MAP >> level; 2], 0, level, &bytes);
+    }
+    texture.create_view(&wgpu::TextureViewDescriptor::default())
+}
+
+/// Instead of sRGB the square root of what is reflected, which takes a shader one multiplication to undo.
+fn square_roots(mut levels: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
+    let table: [u8; 256] =
+        std::array::from_fn(|value| (linear_from_srgb(value as u8).sqrt() * 255.0).round() as u8);
+    for texel in levels.iter_mut().flat_map(|level| level.chunks_exact_mut(4)) {
+        for channel in &mut texel[..3] {
+            *channel = table[usize::from(*channel)];
+        }
+    }
+    levels
 }
 
 fn texture(
@@ -80,7 +122,7 @@ fn upload(
         bytes,
         wgpu::TexelCopyBufferLayout {
             offset: 0,
-            bytes_per_row: Some(width * 4),
+            bytes_per_row: Some(bytes.len() as u32 / height),
             rows_per_image: Some(height),
         },
         wgpu::Extent3d { width, height, depth_or_array_layers: 1 },

@@ -1,9 +1,13 @@
 //! `city3d bench`: measurements that can be set beside those of other simulators, one JSON line each.
 
 mod cameras;
+mod neutral;
 
 use super::Failure;
 use clap::Subcommand;
+
+/// Simulated seconds from one set of pictures to the next.
+const STEP_S: f64 = 0.1;
 
 #[derive(Debug, Subcommand)]
 pub enum BenchCommand {

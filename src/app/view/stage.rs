@@ -18,8 +18,8 @@ pub struct Stage {
     slots: BTreeMap<Slot, Texture>,
 }
 
-/// What a picture is drawn to and painted from. The city's shaders write colours as sRGB, by themselves or
-/// through a view that encodes; the panels take them as they are.
+/// What a picture is drawn to and painted from: the city's shaders encode colours as sRGB themselves, the
+/// panels take them as they are.
 struct Texture {
     extent: [u32; 2],
     texture: wgpu::Texture,
@@ -27,7 +27,6 @@ struct Texture {
 }
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-const ENCODED: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
 
 /// What the panels are painted to.
 #[derive(Clone, Copy, Debug)]
@@ -78,16 +77,15 @@ impl Stage {
         for picture in pictures {
             self.make_texture(picture);
         }
-        let format = self.city.format();
         let views: Vec<wgpu::TextureView> = pictures
             .iter()
             .filter_map(|picture| self.slots.get(&picture.slot))
-            .map(|slot| slot.texture.create_view(&view_as(format)))
+            .map(|slot| slot.texture.create_view(&wgpu::TextureViewDescriptor::default()))
             .collect();
         let targets: Vec<TargetView<'_>> = views
             .iter()
             .zip(pictures)
-            .map(|(color, picture)| TargetView { color, format, extent: picture.view.extent })
+            .map(|(color, picture)| TargetView { color, format: FORMAT, extent: picture.view.extent })
             .collect();
         let views: Vec<_> = pictures.iter().map(|picture| picture.view).collect();
         self.city.draw(snapshot, &views, &targets).map_err(look::failure)
@@ -107,9 +105,9 @@ impl Stage {
             dimension: wgpu::TextureDimension::D2,
             format: FORMAT,
             usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
-            view_formats: &[ENCODED],
+            view_formats: &[],
         });
-        let view = texture.create_view(&view_as(FORMAT));
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let id = match self.slots.get(&picture.slot) {
             Some(slot) => {
                 let filter = wgpu::FilterMode::Linear;
@@ -195,10 +193,6 @@ impl Stage {
         self.panels.render(&mut pass.forget_lifetime(), primitives, &size);
         queue.submit(before.into_iter().chain([encoder.finish()]));
     }
-}
-
-fn view_as(format: wgpu::TextureFormat) -> wgpu::TextureViewDescriptor<'static> {
-    wgpu::TextureViewDescriptor { format: Some(format), ..Default::default() }
 }
 
 fn renderer(context: &Context, experiment: &Experiment, look: Look) -> Result<Renderer, Failure> {

@@ -68,6 +68,24 @@ pub enum Surface {
 
 impl Surface {
     pub const COUNT: usize = 35;
+
+    /// Whether its pattern shows things, which are missed also from afar, and not only what it is made of.
+    pub fn is_figured(self) -> bool {
+        matches!(
+            self,
+            Self::Windows
+                | Self::Glazing
+                | Self::Shopfront
+                | Self::Sash
+                | Self::Shutters
+                | Self::Balcony
+                | Self::Door
+                | Self::Gate
+                | Self::Letters
+                | Self::Signs
+                | Self::Awning
+        )
+    }
 }
 
 /// What a pixel shows, for pictures of meaning instead of light.

@@ -1,5 +1,6 @@
 //! The standing city: front to back, things that rise before the ground that they hide.
 
+use super::common::gpu_data::Frame;
 use super::{Attachments, PictureState, picture_pipeline, sampler_entry, texture_entry};
 use crate::render::settings::Quality;
 use crate::render::shader::Shader;
@@ -18,7 +19,8 @@ pub(in crate::render) mod gpu_data {
         /// sRGB; the last is the openness to the sky.
         pub(in crate::render) colour: [u8; 4],
         pub(in crate::render) uv: [f32; 2],
-        /// Layer of the texture array in the lowest byte, class in the next; of vehicles the part.
+        /// Layer of the texture array in the lowest byte, class in the next, then a number of the piece that
+        /// it belongs to; of vehicles part, roughness and metallic.
         pub(in crate::render) material: u32,
     }
 
@@ -37,16 +39,28 @@ pub(in crate::render) mod gpu_data {
 #[derive(Debug)]
 pub(in crate::render) struct CityPass {
     pipeline: wgpu::RenderPipeline,
-    /// Where painted lines have one of their own.
-    lines: Option<wgpu::RenderPipeline>,
+    /// Where light is worked out at the vertices.
+    swift: Option<Swift>,
     surfaces: wgpu::BindGroup,
+}
+
+/// Pipelines of their own for parts of the city.
+#[derive(Debug)]
+struct Swift {
+    /// Painted lines.
+    lines: wgpu::RenderPipeline,
+    /// What shows no pattern.
+    plain: wgpu::RenderPipeline,
+    /// What is turned away from the sun.
+    averted: wgpu::RenderPipeline,
 }
 
 impl CityPass {
     pub(in crate::render) fn new(
         context: &crate::render::Context,
         attachments: Attachments,
-        (quality, lamplit): (Quality, bool),
+        quality: &Quality,
+        (fixed, constants): (&Frame, &[(&str, f64)]),
         groups: [&wgpu::BindGroupLayout; 2],
     ) -> Self {
         let device = &context.device;
@@ -61,7 +75,7 @@ impl CityPass {
                 sampler_entry(1, wgpu::SamplerBindingType::Filtering),
             ],
         });
-        let view = textures::surfaces(context, attachments.texture_format());
+        let view = textures::surfaces(context, attachments);
         // Mesa's software adapter walks an ellipse of texels for anisotropy and does not come back
         // where derivatives are degenerate (seen with 22.3).
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
@@ -86,20 +100,19 @@ impl CityPass {
                 wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
             ],
         });
+        let mut constants = constants.to_vec();
+        constants.push(("detail", f64::from(u8::from(quality.detail))));
         let pipeline = |entries| {
             picture_pipeline(
                 device,
                 attachments,
                 &PictureState {
                     shader: Shader::City,
+                    fixed: Some(fixed),
                     entries,
                     groups: &[Some(groups[0]), Some(groups[1]), Some(&layout)],
                     buffers: &[Some(gpu_data::LAYOUT)],
-                    constants: &[
-                        ("soft_shadows", f64::from(u8::from(quality.soft_shadows))),
-                        ("lamplit", f64::from(u8::from(lamplit))),
-                        ("detail", f64::from(u8::from(quality.detail))),
-                    ],
+                    constants: &constants,
                     topology: wgpu::PrimitiveTopology::TriangleList,
                     cull: true,
                     blend: None,
@@ -107,9 +120,12 @@ impl CityPass {
                 },
             )
         };
-        let lines =
-            attachments.light_at_vertices.then(|| pipeline(["swift_line_vertex", "swift_line_fragment"]));
-        Self { pipeline: pipeline(attachments.entries()), lines, surfaces }
+        let swift = attachments.light_at_vertices.then(|| Swift {
+            lines: pipeline(["swift_line_vertex", "swift_line_fragment"]),
+            plain: pipeline(["swift_plain_vertex", "swift_plain_fragment"]),
+            averted: pipeline(["swift_vertex", "swift_averted_fragment"]),
+        });
+        Self { pipeline: pipeline(attachments.entries()), swift, surfaces }
     }
 
     /// Draws what a view sees; groups 0 and 1 are set already.
@@ -119,12 +135,18 @@ impl CityPass {
         standing: &Standing,
         seen: &SeenCells,
     ) {
-        pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(2, &self.surfaces, &[]);
+        if let Some(swift) = &self.swift {
+            pass.set_pipeline(&swift.plain);
+            standing.draw(pass, &seen.plain);
+            pass.set_pipeline(&swift.averted);
+            standing.draw(pass, &seen.averted);
+        }
+        pass.set_pipeline(&self.pipeline);
         standing.draw(pass, &seen.raised);
         // Over the ground, so that the depth test spares the ground under them.
-        if let Some(lines) = &self.lines {
-            pass.set_pipeline(lines);
+        if let Some(swift) = &self.swift {
+            pass.set_pipeline(&swift.lines);
         }
         standing.draw(pass, &seen.lines);
         pass.set_pipeline(&self.pipeline);

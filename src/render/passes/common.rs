@@ -5,6 +5,7 @@ use bytemuck::Zeroable;
 use gpu_data::{Frame, View};
 
 pub(in crate::render) mod gpu_data {
+    use crate::camera::Projection;
     use bytemuck::{Pod, Zeroable};
 
     #[repr(C)]
@@ -26,6 +27,26 @@ pub(in crate::render) mod gpu_data {
     pub(in crate::render) struct View {
         pub(in crate::render) clip_from_world: [[f32; 4]; 4],
         pub(in crate::render) eye: [f32; 4],
+        pub(in crate::render) camera_from_clip: [[f32; 4]; 4],
+        pub(in crate::render) extent: [f32; 4],
+    }
+
+    impl View {
+        pub(in crate::render) fn new(view: &crate::camera::View) -> Self {
+            let [width, height] = view.extent.map(|edge| edge as f32);
+            // Depths of a lens fall with distance; those of parallel rays are even, a unit the whole range.
+            let [part, most] = match view.projection {
+                Projection::Orthographic { near_m, far_m, .. } => [0.0, (0.2 / (far_m - near_m)) as f32],
+                _ => [0.03, 0.0],
+            };
+            let camera_from_clip = view.projection.clip_from_camera(view.extent).inverse();
+            Self {
+                clip_from_world: view.clip_from_world().as_mat4().to_cols_array_2d(),
+                eye: view.extrinsics.position.as_vec3().extend(1.0).to_array(),
+                camera_from_clip: camera_from_clip.as_mat4().to_cols_array_2d(),
+                extent: [width, height, part, most],
+            }
+        }
     }
 }
 
@@ -153,7 +174,12 @@ mod tests {
             let (offsets, size) = layout(&module, "Frame");
             assert_eq!(offsets, frame.map(|o| o as u32));
             assert_eq!(size as usize, size_of::<Frame>());
-            let view = [offset_of!(View, clip_from_world), offset_of!(View, eye)];
+            let view = [
+                offset_of!(View, clip_from_world),
+                offset_of!(View, eye),
+                offset_of!(View, camera_from_clip),
+                offset_of!(View, extent),
+            ];
             let (offsets, size) = layout(&module, "View");
             assert_eq!(offsets, view.map(|o| o as u32));
             assert_eq!(size as usize, size_of::<View>());

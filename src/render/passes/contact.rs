@@ -20,13 +20,22 @@ impl ContactPass {
             attachments,
             &PictureState {
                 shader: Shader::Contact,
+                fixed: None,
                 entries: ["vertex_main", "fragment_main"],
                 groups: &[Some(frame)],
                 buffers: &[Some(vehicle::gpu_data::LAYOUT)],
                 constants: &[],
                 topology: wgpu::PrimitiveTopology::TriangleStrip,
                 cull: false,
-                blend: Some(wgpu::BlendState::ALPHA_BLENDING),
+                // Alpha says how much of a sample's light is ambient, which a patch does not change.
+                blend: Some(wgpu::BlendState {
+                    alpha: wgpu::BlendComponent {
+                        src_factor: wgpu::BlendFactor::Zero,
+                        dst_factor: wgpu::BlendFactor::One,
+                        operation: wgpu::BlendOperation::Add,
+                    },
+                    ..wgpu::BlendState::ALPHA_BLENDING
+                }),
                 write_depth: false,
             },
         );

@@ -52,7 +52,7 @@ impl KindsPass {
             label: Some("view of kinds"),
             entries: &[uniform_entry(0, true, size_of::<gpu_data::View>() as u64)],
         });
-        let module = Shader::Kinds.module(device);
+        let module = Shader::Kinds.module(device, None);
         let pipeline = |entries, buffers: &[Option<wgpu::VertexBufferLayout<'_>>]| {
             pipeline(device, &layout, &module, entries, buffers)
         };

@@ -2,14 +2,47 @@
 //! All views share it. What stands is drawn once; at each tick vehicles are added to a copy.
 
 use super::{common::FrameGroup, vehicle};
-use crate::city::scene::SceneDescription;
+use crate::city::scene::{SceneDescription, Wall};
+use crate::render::Context;
 use crate::render::fleet::Fleet;
 use crate::render::shader::Shader;
+use glam::{Vec2, Vec3};
 use wgpu::util::DeviceExt;
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 /// Around the city, so that what lies outside of it takes no light from the edge.
 const MARGIN_M: f32 = 4.0;
+/// How far street lamps and vehicles throw light, as `shaders/lamps.wgsl` has it.
+const LAMP_REACH_M: f32 = 17.0;
+const BEAM_REACH_M: f32 = 32.0;
+/// Light goes over what is lower.
+const LOWEST_WALL_M: f32 = 2.5;
+
+/// Where in a list of walls those of a lamp are: the first and how many.
+type Part = [u32; 2];
+
+/// Walls near lamps, a list for each.
+#[derive(Debug, Default)]
+struct Shades {
+    walls: Vec<[f32; 4]>,
+    parts: Vec<Part>,
+}
+
+impl Shades {
+    /// Those that show a lamp their front and stand within its reach: backs stand behind fronts.
+    fn add(&mut self, walls: &[Wall], lamp: Vec2, reach_m: f32) {
+        let first = self.walls.len();
+        let near = walls.iter().filter(|wall| {
+            let along = wall.to - wall.from;
+            let is_front = (wall.from - lamp).perp_dot(along) > 0.0;
+            let part = ((lamp - wall.from).dot(along) / along.length_squared().max(1e-6)).clamp(0.0, 1.0);
+            let distance_m = (wall.from + along * part).distance(lamp);
+            is_front && distance_m < reach_m && wall.height_m > LOWEST_WALL_M
+        });
+        self.walls.extend(near.map(|wall| [wall.from.x, wall.from.y, wall.to.x, wall.to.y]));
+        self.parts.push([first as u32, (self.walls.len() - first) as u32]);
+    }
+}
 
 #[derive(Debug)]
 pub(in crate::render) struct LampPass {
@@ -23,6 +56,59 @@ pub(in crate::render) struct LampPass {
     beams: wgpu::RenderPipeline,
     positions: wgpu::Buffer,
     count: u32,
+    walls: Vec<Wall>,
+    /// Whether walls keep the light of vehicles.
+    shades_beams: bool,
+    layout: wgpu::BindGroupLayout,
+    street: ShadeGroup,
+    traffic: ShadeGroup,
+}
+
+/// [`Shades`] on the adapter.
+#[derive(Debug)]
+struct ShadeGroup {
+    walls: wgpu::Buffer,
+    parts: wgpu::Buffer,
+    group: wgpu::BindGroup,
+}
+
+impl ShadeGroup {
+    fn new(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, [walls, parts]: [u64; 2]) -> Self {
+        let buffer = |label, size, usage| {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size,
+                usage: usage | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        let walls = buffer("walls near lamps", walls.max(16), wgpu::BufferUsages::STORAGE);
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("walls near lamps"),
+            layout,
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: walls.as_entire_binding() }],
+        });
+        let parts = buffer("lists of walls", parts.max(8), wgpu::BufferUsages::VERTEX);
+        Self { walls, parts, group }
+    }
+
+    /// Takes other lists.
+    fn write(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        layout: &wgpu::BindGroupLayout,
+        shades: &Shades,
+    ) {
+        let walls: &[u8] = bytemuck::cast_slice(&shades.walls);
+        let parts: &[u8] = bytemuck::cast_slice(&shades.parts);
+        let sizes = [walls.len() as u64, parts.len() as u64];
+        if sizes[0] > self.walls.size() || sizes[1] > self.parts.size() {
+            *self = Self::new(device, layout, sizes.map(u64::next_power_of_two));
+        }
+        queue.write_buffer(&self.walls, 0, walls);
+        queue.write_buffer(&self.parts, 0, parts);
+    }
 }
 
 impl LampPass {
@@ -30,7 +116,7 @@ impl LampPass {
         device: &wgpu::Device,
         frame: &wgpu::BindGroupLayout,
         scene: &SceneDescription,
-        texels: u32,
+        (texels, shades_beams): (u32, bool),
     ) -> Self {
         let texture = |label, usage| {
             device.create_texture(&wgpu::TextureDescriptor {
@@ -52,42 +138,88 @@ impl LampPass {
             step_mode: wgpu::VertexStepMode::Instance,
             attributes: &wgpu::vertex_attr_array![0 => Float32x3],
         };
-        let beams = ["beam_vertex", "beam_fragment"];
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("walls near lamps"),
+            entries: &[wgpu::BindGroupLayoutEntry {
+                binding: 0,
+                visibility: wgpu::ShaderStages::FRAGMENT,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Storage { read_only: true },
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            }],
+        });
+        let empty = || ShadeGroup::new(device, &layout, [0, 0]);
+        let lists = wgpu::VertexBufferLayout {
+            array_stride: size_of::<Part>() as u64,
+            step_mode: wgpu::VertexStepMode::Instance,
+            attributes: &wgpu::vertex_attr_array![10 => Uint32x2],
+        };
+        let groups = [frame, &layout];
+        let lamps = [lamp_layout, lists.clone()].map(Some);
+        let beams = [vehicle::gpu_data::LAYOUT, lists].map(Some);
         Self {
             map_view: map.create_view(&wgpu::TextureViewDescriptor::default()),
             place: place(scene),
             map,
             standing,
-            lamps: pipeline(device, frame, ["lamp_vertex", "lamp_fragment"], lamp_layout),
-            beams: pipeline(device, frame, beams, vehicle::gpu_data::LAYOUT),
+            lamps: pipeline(device, groups, ["lamp_vertex", "lamp_fragment"], &lamps),
+            beams: pipeline(device, groups, ["beam_vertex", "beam_fragment"], &beams),
+            walls: scene.walls.clone(),
+            shades_beams,
+            street: empty(),
+            traffic: empty(),
             count: positions.len() as u32,
             positions: device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some("street lamps"),
                 contents: bytemuck::cast_slice(&positions),
                 usage: wgpu::BufferUsages::VERTEX,
             }),
+            layout,
         }
     }
 
     /// Draws the street lamps, once.
-    pub(in crate::render) fn draw_standing(&self, encoder: &mut wgpu::CommandEncoder, frame: &FrameGroup) {
-        let clear = wgpu::LoadOp::Clear(wgpu::Color::BLACK);
+    pub(in crate::render) fn draw_standing(
+        &mut self,
+        Context { device, queue, .. }: &Context,
+        encoder: &mut wgpu::CommandEncoder,
+        frame: &FrameGroup,
+        lamps: &[Vec3],
+    ) {
+        let mut shades = Shades::default();
+        for lamp in lamps {
+            shades.add(&self.walls, lamp.truncate(), LAMP_REACH_M);
+        }
+        self.street.write(device, queue, &self.layout, &shades);
+        let clear = wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT);
         let mut pass = begin(encoder, &self.standing, clear);
         if self.count > 0 {
             pass.set_pipeline(&self.lamps);
             pass.set_bind_group(0, &frame.group, &[0]);
+            pass.set_bind_group(1, &self.street.group, &[]);
             pass.set_vertex_buffer(0, self.positions.slice(..));
+            pass.set_vertex_buffer(1, self.street.parts.slice(..));
             pass.draw(0..4, 0..self.count);
         }
     }
 
     /// Brings the light of vehicles up to date.
     pub(in crate::render) fn draw_vehicles(
-        &self,
+        &mut self,
+        Context { device, queue, .. }: &Context,
         encoder: &mut wgpu::CommandEncoder,
         frame: &FrameGroup,
         fleet: &Fleet,
     ) {
+        let walls: &[Wall] = if self.shades_beams { &self.walls } else { &[] };
+        let mut shades = Shades::default();
+        for (centre, _) in fleet.balls() {
+            shades.add(walls, centre.truncate(), BEAM_REACH_M);
+        }
+        self.traffic.write(device, queue, &self.layout, &shades);
         encoder.copy_texture_to_texture(
             self.standing.as_image_copy(),
             self.map.as_image_copy(),
@@ -96,6 +228,8 @@ impl LampPass {
         let mut pass = begin(encoder, &self.map, wgpu::LoadOp::Load);
         pass.set_pipeline(&self.beams);
         pass.set_bind_group(0, &frame.group, &[0]);
+        pass.set_bind_group(1, &self.traffic.group, &[]);
+        pass.set_vertex_buffer(1, self.traffic.parts.slice(..));
         fleet.draw_beams(&mut pass);
     }
 }
@@ -126,14 +260,14 @@ fn begin<'a>(
 
 fn pipeline(
     device: &wgpu::Device,
-    frame: &wgpu::BindGroupLayout,
+    groups: [&wgpu::BindGroupLayout; 2],
     [vertex, fragment]: [&str; 2],
-    buffer: wgpu::VertexBufferLayout<'_>,
+    buffers: &[Option<wgpu::VertexBufferLayout<'_>>],
 ) -> wgpu::RenderPipeline {
-    let module = Shader::Lamps.module(device);
+    let module = Shader::Lamps.module(device, None);
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some(vertex),
-        bind_group_layouts: &[Some(frame)],
+        bind_group_layouts: &groups.map(Some),
         immediate_size: 0,
     });
     let one = wgpu::BlendComponent {
@@ -148,7 +282,7 @@ fn pipeline(
             module: &module,
             entry_point: Some(vertex),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[Some(buffer)],
+            buffers,
         },
         primitive: wgpu::PrimitiveState {
             topology: wgpu::PrimitiveTopology::TriangleStrip,
@@ -169,4 +303,26 @@ fn pipeline(
         multiview_mask: None,
         cache: None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn walls_that_show_a_lamp_their_front_are_listed_and_no_others() {
+        // Counter-clockwise around a building, as the scene has them.
+        let corners = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]].map(Vec2::from);
+        let wall = |k: usize| Wall { from: corners[k], to: corners[(k + 1) % 4], height_m: 6.0 };
+        let walls: Vec<Wall> = (0..4).map(wall).collect();
+        let mut shades = Shades::default();
+        shades.add(&walls, Vec2::new(5.0, -3.0), 17.0);
+        shades.add(&walls, Vec2::new(-40.0, 5.0), 17.0);
+        shades.add(&walls, Vec2::new(14.0, 14.0), 17.0);
+        assert_eq!(shades.parts, [[0, 1], [1, 0], [1, 2]]);
+        assert_eq!(shades.walls[0], [0.0, 0.0, 10.0, 0.0]);
+        let low = Wall { height_m: 1.0, ..walls[0] };
+        shades.add(&[low], Vec2::new(5.0, -3.0), 17.0);
+        assert_eq!(shades.parts[3], [3, 0]);
+    }
 }

@@ -1,6 +1,7 @@
-//! Bind group 1: the sun's shadow and the light of lamps, as the passes of a picture read it.
+//! Bind group 1: the sun's shadow, the light of lamps and the sky, as the passes of a picture read them.
 
 use super::{sampler_entry, texture_entry};
+use crate::render::Context;
 
 #[derive(Debug)]
 pub(in crate::render) struct LightGroup {
@@ -10,21 +11,21 @@ pub(in crate::render) struct LightGroup {
 
 impl LightGroup {
     pub(in crate::render) fn new(
-        device: &wgpu::Device,
+        Context { device, is_software, .. }: &Context,
         shadow_map: &wgpu::TextureView,
         lamp_map: &wgpu::TextureView,
+        sky_map: &wgpu::TextureView,
     ) -> Self {
-        let both = wgpu::ShaderStages::VERTEX_FRAGMENT;
         let filterable = wgpu::TextureSampleType::Float { filterable: true };
-        let lamps = texture_entry(2, filterable, wgpu::TextureViewDimension::D2);
-        let smooth = sampler_entry(3, wgpu::SamplerBindingType::Filtering);
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("light"),
             entries: &[
                 texture_entry(0, wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2),
                 sampler_entry(1, wgpu::SamplerBindingType::Comparison),
-                wgpu::BindGroupLayoutEntry { visibility: both, ..lamps },
-                wgpu::BindGroupLayoutEntry { visibility: both, ..smooth },
+                texture_entry(2, filterable, wgpu::TextureViewDimension::D2),
+                sampler_entry(3, wgpu::SamplerBindingType::Filtering),
+                texture_entry(4, filterable, wgpu::TextureViewDimension::D2),
+                sampler_entry(5, wgpu::SamplerBindingType::Filtering),
             ],
         });
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
@@ -40,6 +41,17 @@ impl LightGroup {
             min_filter: wgpu::FilterMode::Linear,
             ..Default::default()
         });
+        let between_levels = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("mirrored sky"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            mipmap_filter: if *is_software {
+                wgpu::MipmapFilterMode::Nearest
+            } else {
+                wgpu::MipmapFilterMode::Linear
+            },
+            ..Default::default()
+        });
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("light"),
             layout: &layout,
@@ -48,6 +60,11 @@ impl LightGroup {
                 wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
                 wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::TextureView(lamp_map) },
                 wgpu::BindGroupEntry { binding: 3, resource: wgpu::BindingResource::Sampler(&smooth) },
+                wgpu::BindGroupEntry { binding: 4, resource: wgpu::BindingResource::TextureView(sky_map) },
+                wgpu::BindGroupEntry {
+                    binding: 5,
+                    resource: wgpu::BindingResource::Sampler(&between_levels),
+                },
             ],
         });
         Self { layout, group }

@@ -3,28 +3,63 @@
 pub(super) mod city;
 pub(super) mod common;
 pub(super) mod contact;
+pub(super) mod display;
 pub(super) mod kinds;
 pub(super) mod lamps;
 pub(super) mod light;
+pub(super) mod occlusion;
 pub(super) mod shadow;
 pub(super) mod sky;
+pub(super) mod tiles;
 pub(super) mod vehicle;
 
-use super::shader::Shader;
+use super::daylight::Light;
+use super::settings::Settings;
+use super::shader::{Samples, Shader};
+use common::gpu_data::Frame;
 
 /// Depth of the picture: 1 at the near plane, 0 at the far one, where floats are densest.
 pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
+/// Radiance of a sample; alpha is the share of it that ambient occlusion may take.
+const RADIANCE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
+
 /// The attachments that the passes of a picture are built for.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Attachments {
+    /// Of samples: radiance, or what is shown.
     pub(super) format: wgpu::TextureFormat,
+    /// Of pixels that are shown. The shaders encode as sRGB.
+    pub(super) shown: wgpu::TextureFormat,
     pub(super) samples: u32,
-    /// See [`super::Quality::light_at_vertices`]; the target takes what is encoded as sRGB already.
+    /// See [`super::Quality::light_at_vertices`]; samples hold what is shown.
     pub(super) light_at_vertices: bool,
 }
 
 impl Attachments {
+    pub(super) fn new(settings: &Settings) -> Self {
+        let shown = settings.format.remove_srgb_suffix();
+        let light_at_vertices = settings.quality.light_at_vertices;
+        let format = if light_at_vertices { shown } else { RADIANCE };
+        Self { format, shown, samples: settings.quality.samples, light_at_vertices }
+    }
+
+    /// How shaders read samples.
+    fn reading(self) -> Samples {
+        if self.samples > 1 { Samples::Many } else { Samples::One }
+    }
+
+    /// The entry of a texture of samples in a layout.
+    fn sampled(self, entry: wgpu::BindGroupLayoutEntry) -> wgpu::BindGroupLayoutEntry {
+        let ty = match entry.ty {
+            wgpu::BindingType::Texture { sample_type, view_dimension, .. } => {
+                wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: self.samples > 1 }
+            }
+            other => other,
+        };
+        wgpu::BindGroupLayoutEntry { ty, ..entry }
+    }
+
     /// What a texture of colours is made as, so that what is sampled suits the shaders.
     pub(super) fn texture_format(self) -> wgpu::TextureFormat {
         if self.light_at_vertices {
@@ -44,9 +79,21 @@ impl Attachments {
     }
 }
 
+/// What the shaders of solid things are told for good: `common.wgsl` and `light.wgsl` have them as overrides.
+pub(super) fn light_constants(settings: &Settings, light: &Light) -> [(&'static str, f64); 3] {
+    let quality = &settings.quality;
+    [
+        ("flat_light", f64::from(u8::from(settings.flat.is_some()))),
+        ("soft_shadows", f64::from(u8::from(quality.soft_shadows))),
+        ("lamplit", f64::from(u8::from(light.is_lamplit()))),
+    ]
+}
+
 /// What differs between the pipelines of a picture.
 pub(super) struct PictureState<'a> {
     pub(super) shader: Shader,
+    /// What of the frame never changes, for shaders that have it as constants.
+    pub(super) fixed: Option<&'a Frame>,
     /// Of vertices and of fragments.
     pub(super) entries: [&'a str; 2],
     pub(super) groups: &'a [Option<&'a wgpu::BindGroupLayout>],
@@ -63,7 +110,7 @@ pub(super) fn picture_pipeline(
     attachments: Attachments,
     state: &PictureState<'_>,
 ) -> wgpu::RenderPipeline {
-    let module = state.shader.module(device);
+    let module = state.shader.module(device, state.fixed);
     let options = wgpu::PipelineCompilationOptions { constants: state.constants, ..Default::default() };
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: None,
@@ -121,7 +168,7 @@ pub(super) fn uniform_entry(binding: u32, dynamic: bool, size: u64) -> wgpu::Bin
     }
 }
 
-/// A texture's entry in a layout, for fragments.
+/// A texture's entry in a layout.
 pub(super) fn texture_entry(
     binding: u32,
     sample_type: wgpu::TextureSampleType,
@@ -129,17 +176,17 @@ pub(super) fn texture_entry(
 ) -> wgpu::BindGroupLayoutEntry {
     wgpu::BindGroupLayoutEntry {
         binding,
-        visibility: wgpu::ShaderStages::FRAGMENT,
+        visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
         ty: wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false },
         count: None,
     }
 }
 
-/// A sampler's entry in a layout, for fragments.
+/// A sampler's entry in a layout.
 pub(super) fn sampler_entry(binding: u32, ty: wgpu::SamplerBindingType) -> wgpu::BindGroupLayoutEntry {
     wgpu::BindGroupLayoutEntry {
         binding,
-        visibility: wgpu::ShaderStages::FRAGMENT,
+        visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
         ty: wgpu::BindingType::Sampler(ty),
         count: None,
     }

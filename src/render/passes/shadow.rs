@@ -102,7 +102,7 @@ impl ShadowPass {
                 resource: wgpu::BindingResource::TextureView(&standing),
             }],
         });
-        let module = Shader::Shadow.module(device);
+        let module = Shader::Shadow.module(device, None);
         let pipeline = |entry: &str, groups: &[Option<&wgpu::BindGroupLayout>], restore: bool| {
             let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some(entry),

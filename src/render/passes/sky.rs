@@ -57,7 +57,7 @@ impl SkyPass {
                 sampler_entry(1, wgpu::SamplerBindingType::Filtering),
             ],
         });
-        let view = textures::panorama(context, light, attachments.texture_format());
+        let view = textures::panorama(context, light, attachments.light_at_vertices);
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("sky"),
             address_mode_u: wgpu::AddressMode::Repeat,
@@ -78,6 +78,7 @@ impl SkyPass {
             attachments,
             &PictureState {
                 shader: Shader::Sky,
+                fixed: None,
                 entries: ["vertex_main", attachments.entries()[1]],
                 groups: &[Some(groups[0]), Some(groups[1]), Some(&layout)],
                 buffers: &[Some(gpu_data::LAYOUT)],

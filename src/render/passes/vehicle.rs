@@ -1,8 +1,8 @@
 //! Vehicles: bodies and wheels, nearest first.
 
+use super::common::gpu_data::Frame;
 use super::{Attachments, PictureState, city, picture_pipeline};
 use crate::render::fleet::{Fleet, Sight};
-use crate::render::settings::Quality;
 use crate::render::shader::Shader;
 
 pub(in crate::render) mod gpu_data {
@@ -41,7 +41,7 @@ impl VehiclePass {
     pub(in crate::render) fn new(
         device: &wgpu::Device,
         attachments: Attachments,
-        (quality, lamplit): (Quality, bool),
+        (fixed, constants): (&Frame, &[(&str, f64)]),
         groups: [&wgpu::BindGroupLayout; 2],
     ) -> Self {
         let pipeline = picture_pipeline(
@@ -49,13 +49,11 @@ impl VehiclePass {
             attachments,
             &PictureState {
                 shader: Shader::Vehicle,
+                fixed: Some(fixed),
                 entries: attachments.entries(),
                 groups: &[Some(groups[0]), Some(groups[1])],
                 buffers: &[Some(city::gpu_data::LAYOUT), Some(gpu_data::LAYOUT)],
-                constants: &[
-                    ("soft_shadows", f64::from(u8::from(quality.soft_shadows))),
-                    ("lamplit", f64::from(u8::from(lamplit))),
-                ],
+                constants,
                 topology: wgpu::PrimitiveTopology::TriangleList,
                 cull: true,
                 blend: None,

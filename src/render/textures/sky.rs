@@ -12,20 +12,69 @@ pub(in crate::render) fn elevation_of(v: f32) -> f32 {
 }
 
 /// sRGB texels, row by row with v growing.
-pub(super) fn paint([width, height]: [u32; 2], light: &Light) -> Vec<u8> {
+pub(super) fn paint(size: [u32; 2], light: &Light) -> Vec<u8> {
+    texels(size, |u, elevation| {
+        let [r, g, b] = colour(u, elevation, light).map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
+        [r, g, b, 255]
+    })
+}
+
+/// Radiance as half floats, row by row with v growing.
+pub(super) fn paint_radiance(size: [u32; 2], light: &Light) -> Vec<u8> {
+    texels(size, |u, elevation| halves(light.radiance_of(colour(u, elevation, light))))
+}
+
+/// Radiance above the horizon as half floats, unfolded as `sky_at` of `shaders/light.wgsl` reads it, level by
+/// level.
+pub(super) fn mirrored(size: u32, light: &Light) -> Vec<Vec<u8>> {
+    let at = |k: u32| (k as f32 + 0.5) / size as f32 * 2.0 - 1.0;
+    let texel = |index: u32| {
+        let (a, b) = (at(index % size), at(index / size));
+        let (x, y) = ((a + b) / 2.0, (a - b) / 2.0);
+        let direction = Vec3::new(x, y, 1.0 - x.abs() - y.abs()).normalize_or(Vec3::Z);
+        let u = direction.y.atan2(direction.x).rem_euclid(std::f32::consts::TAU) / std::f32::consts::TAU;
+        // Hills at the horizon are for the panorama.
+        light.radiance_of(colour(u, direction.z.asin().max(0.07), light))
+    };
+    let mut level: Vec<[f32; 3]> = (0..size * size).into_par_iter().map(texel).collect();
+    let mut edge = size as usize;
+    let mut levels = Vec::new();
+    loop {
+        levels.push(level.iter().flat_map(|&radiance| halves(radiance)).collect());
+        if edge == 1 {
+            return levels;
+        }
+        edge /= 2;
+        let mean = |index: usize| {
+            let corner = index / edge * 4 * edge + index % edge * 2;
+            let four = [corner, corner + 1, corner + 2 * edge, corner + 2 * edge + 1].map(|k| level[k]);
+            [0, 1, 2].map(|channel| four.iter().map(|texel| texel[channel]).sum::<f32>() / 4.0)
+        };
+        level = (0..edge * edge).map(mean).collect();
+    }
+}
+
+fn halves(radiance: [f32; 3]) -> [u8; 8] {
+    let [r, g, b] = radiance.map(|c| half(c).to_le_bytes());
+    [r[0], r[1], g[0], g[1], b[0], b[1], 0, 0]
+}
+
+fn texels<const N: usize>([width, height]: [u32; 2], texel: impl Fn(f32, f32) -> [u8; N] + Sync) -> Vec<u8> {
+    let texel = &texel;
     (0..height)
         .into_par_iter()
         .flat_map_iter(|y| {
-            let v = (y as f32 + 0.5) / height as f32;
-            let elevation = elevation_of(v);
-            (0..width).flat_map(move |x| {
-                let u = (x as f32 + 0.5) / width as f32;
-                let [r, g, b] =
-                    colour(u, elevation, light).map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
-                [r, g, b, 255]
-            })
+            let elevation = elevation_of((y as f32 + 0.5) / height as f32);
+            (0..width).flat_map(move |x| texel((x as f32 + 0.5) / width as f32, elevation))
         })
         .collect()
+}
+
+/// Bits of the half float next to a number from 0 to 60000.
+fn half(value: f32) -> u16 {
+    // Scaled so that the exponents' biases meet; numbers too small for it become subnormal, then 0.
+    let scaled = (value.clamp(0.0, 6e4) * f32::from_bits(0x0780_0000)).to_bits();
+    (scaled.wrapping_add(0x1000) >> 13) as u16
 }
 
 fn mix(a: [f32; 3], b: [f32; 3], part: f32) -> [f32; 3] {
@@ -85,4 +134,25 @@ fn star(direction: Vec3) -> f32 {
     }
     let offset = (cell - cell.floor() - 0.5).length();
     (dice - 0.975) * 26.0 * (1.0 - offset * 2.4).max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::half;
+
+    #[test]
+    fn half_floats_are_those_next_to_a_number() {
+        for (value, bits) in [
+            (0.0, 0x0000),
+            (1.0, 0x3c00),
+            (0.5, 0x3800),
+            (0.1, 0x2e66),
+            (1.9995, 0x3fff),
+            (300.0, 0x5cb0),
+            (6.0e-5, 0x03ef),
+            (-1.0, 0x0000),
+        ] {
+            assert_eq!(half(value), bits, "{value}");
+        }
+    }
 }

@@ -47,6 +47,12 @@ impl Part {
     }
 }
 
+/// Part, roughness and metallic of a material, a byte each.
+fn packed(material: &Material) -> u32 {
+    let byte = |part: f32| (part.clamp(0.0, 1.0) * 255.0).round() as u32;
+    Part::of(material) as u32 | byte(material.roughness) << 8 | byte(material.metallic) << 16
+}
+
 /// Triangles of a vehicle in its body frame, metres.
 #[derive(Clone, Debug, Default)]
 pub(super) struct VehicleMesh {
@@ -60,7 +66,7 @@ impl VehicleMesh {
         for part in parts {
             let base = mesh.vertices.len() as u32;
             let [r, g, b] = part.material.colour;
-            let material = Part::of(&part.material) as u32;
+            let material = packed(&part.material);
             mesh.vertices.extend(part.vertices.iter().map(|v| Vertex {
                 position: v.position.to_array(),
                 normal: pack_normal(v.normal),

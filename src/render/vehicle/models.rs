@@ -133,7 +133,7 @@ mod tests {
             );
             for lamp in 3..=6 {
                 assert!(
-                    build.levels[1].0.vertices.iter().any(|v| v.material == lamp),
+                    build.levels[1].0.vertices.iter().any(|v| v.material & 0xff == lamp),
                     "{kind:?} without {lamp}"
                 );
             }

@@ -1,0 +1,72 @@
+// From radiance to what a screen shows: occlusion, exposure, the filmic curve, sRGB, and a dither against bands.
+
+@group(1) @binding(2) var occlusion: texture_2d<f32>;
+
+override occluded: bool = true;
+// Whether the target encodes sRGB once more.
+override target_encodes: bool = false;
+
+// Narkowicz 2015, the ACES filmic curve in five numbers.
+fn filmic(x: vec3<f32>) -> vec3<f32> {
+    let curve = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
+    return clamp(curve, vec3<f32>(0.0), vec3<f32>(1.0));
+}
+
+fn srgb_from_linear_exactly(c: vec3<f32>) -> vec3<f32> {
+    return select(1.055 * pow(c, vec3<f32>(1.0 / 2.4)) - 0.055, c * 12.92, c < vec3<f32>(0.0031308));
+}
+
+fn linear_from_srgb_exactly(c: vec3<f32>) -> vec3<f32> {
+    return select(pow((c + 0.055) / 1.055, vec3<f32>(2.4)), c / 12.92, c < vec3<f32>(0.04045));
+}
+
+// The mean of the occlusion over 4 by 4 pixels, of those that show the same surface: depths of a plane are
+// linear in pixels.
+fn open_at(place: Place) -> f32 {
+    var near: array<vec2<f32>, 16>;
+    for (var k = 0; k < 16; k++) {
+        let pixel = place.pixel + vec2<i32>((k & 3) - 1, (k >> 2u) - 1);
+        near[k] = textureLoad(occlusion, texel_of(place, pixel), 0).xy;
+    }
+    // This pixel and its neighbours.
+    let here = near[5];
+    let left = here.y - near[4].y;
+    let right = near[6].y - here.y;
+    let up = here.y - near[1].y;
+    let down = near[9].y - here.y;
+    let slope = vec2<f32>(select(right, left, abs(left) < abs(right)), select(down, up, abs(up) < abs(down)));
+    let slack = here.y * view.extent.z + view.extent.w + 0.5 * (abs(slope.x) + abs(slope.y));
+    var sum = vec2<f32>(0.0);
+    for (var k = 0; k < 16; k++) {
+        let expected = here.y + slope.x * f32((k & 3) - 1) + slope.y * f32((k >> 2u) - 1);
+        let weight = max(1.0 - abs(near[k].y - expected) / max(slack, 1e-9), 0.0);
+        sum += weight * vec2<f32>(near[k].x, 1.0);
+    }
+    return sum.x / max(sum.y, 1e-4);
+}
+
+// Interleaved gradient noise (Jimenez 2014), from -0.5 to 0.5.
+fn dither(pixel: vec2<i32>) -> f32 {
+    return fract(52.9829189 * fract(dot(vec2<f32>(pixel), vec2<f32>(0.06711056, 0.00583715)))) - 0.5;
+}
+
+@fragment
+fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
+    let place = place_of(in);
+    var kept = 0.0;
+    if occluded {
+        kept = 1.0 - open_at(place);
+    }
+    // Each sample through the curve before their mean, so that edges against what is bright stay smooth.
+    let count = sample_count();
+    var sum = vec3<f32>(0.0);
+    for (var k = 0u; k < count; k++) {
+        let sample = radiance_at(place.origin + place.pixel, k);
+        sum += filmic(sample.rgb * (frame.sun.w * (1.0 - kept * sample.a)));
+    }
+    let shown = srgb_from_linear_exactly(sum / f32(count)) + dither(place.pixel) / 255.0;
+    if target_encodes {
+        return vec4<f32>(linear_from_srgb_exactly(clamp(shown, vec3<f32>(0.0), vec3<f32>(1.0))), 1.0);
+    }
+    return vec4<f32>(shown, 1.0);
+}

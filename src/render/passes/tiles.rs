@@ -1,0 +1,79 @@
+//! Passes over whole tiles: no vertices, one target, and in bind group 1 what was drawn before.
+
+use super::common::FrameGroup;
+use crate::render::shader::Shader;
+
+/// Views of the frame by number, each with the upper left corner of its tile, and the extent of a tile.
+pub(in crate::render) type Tiles<'a> = (&'a [(usize, [u32; 2])], [u32; 2]);
+
+pub(super) fn pipeline(
+    device: &wgpu::Device,
+    shader: Shader,
+    groups: [&wgpu::BindGroupLayout; 2],
+    constants: &[(&str, f64)],
+    format: wgpu::TextureFormat,
+) -> wgpu::RenderPipeline {
+    let module = shader.module(device, None);
+    let options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: None,
+        bind_group_layouts: &groups.map(Some),
+        immediate_size: 0,
+    });
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(&format!("{shader:?}")),
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("tile_vertex"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: None,
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("fragment_main"),
+            compilation_options: options,
+            targets: &[Some(wgpu::ColorTargetState {
+                format,
+                blend: None,
+                write_mask: wgpu::ColorWrites::ALL,
+            })],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
+/// Draws tiles of a target anew.
+pub(super) fn draw(
+    encoder: &mut wgpu::CommandEncoder,
+    target: &wgpu::TextureView,
+    pipeline: &wgpu::RenderPipeline,
+    (frame, group): (&FrameGroup, &wgpu::BindGroup),
+    (tiles, [width, height]): Tiles<'_>,
+) {
+    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: Some("tiles"),
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view: target,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                store: wgpu::StoreOp::Store,
+            },
+        })],
+        ..Default::default()
+    });
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(1, group, &[]);
+    for &(view, [x, y]) in tiles {
+        pass.set_viewport(x as f32, y as f32, width as f32, height as f32, 0.0, 1.0);
+        pass.set_scissor_rect(x, y, width, height);
+        pass.set_bind_group(0, &frame.group, &[FrameGroup::offset(view)]);
+        pass.draw(0..3, 0..1);
+    }
+}
