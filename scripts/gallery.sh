@@ -23,3 +23,7 @@ mv "$folder"/windscreen_*.png docs/images/low.png
 "$city3d" frames roundabout --out "$folder" --size 960x600 --quality high --from 12 --duration 12 \
     --camera windscreen --vehicle path1_b --fov 55
 mv "$folder"/windscreen_path1_b_*.png docs/images/windscreen.png
+
+# The window, as it is after eight seconds.
+"$city3d" view roundabout --fresh --picture docs/images/window.png --at 8 --size 1280x720 --quality high \
+    --mode chase --select path1_b --preview path1_b --preview path2_a

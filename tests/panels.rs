@@ -364,6 +364,10 @@ fn keys_at_the_wheel_become_pedals_and_a_reset_takes_it_away() {
     harness.run_steps(20);
     let pedals = last(&harness);
     assert!(pedals.gas == 0.0 && pedals.brake > 0.2, "{pedals:?}");
+    harness.state_mut().actions.clear();
+    harness.key_press(egui::Key::Enter);
+    harness.step();
+    assert_eq!(harness.state().actions, [Action::GiveBack], "no pedal comes after it");
     harness.state_mut().moment.run = 2;
     harness.run_steps(2);
     assert_eq!(harness.state().state.driven(), None);

@@ -4,8 +4,10 @@
 #![cfg(feature = "window")]
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
+use city3d::city::dxf::{Drawing, Shape};
 use city3d::record::read_commands;
 use city3d::snapshot::{SimCommand, VehicleId};
+use glam::DVec2;
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -172,17 +174,37 @@ fn rows(folder: &Path, id: &str) -> Vec<(String, f64, f64)> {
         .collect()
 }
 
-/// One car with much room before it, and one far away.
+/// Two cars on roads of their own, on open ground: whoever leaves a bend too late hits nothing. The road of
+/// the first goes straight for 25 m, then to the right.
+fn draw(folder: &Path) -> PathBuf {
+    let mut drawing = Drawing::default();
+    let name = |drawing: &mut Drawing, at: DVec2, text: &str| {
+        drawing.add("NAMES", Shape::Text { at, height: 0.02, text: text.to_owned() });
+    };
+    drawing.add("LANES", Shape::Line { from: DVec2::ZERO, to: DVec2::new(1.0, 0.0) });
+    name(&mut drawing, DVec2::new(0.5, 0.0), "straight");
+    let centre = DVec2::new(1.0, -0.8);
+    drawing.add("LANES", Shape::Arc { centre, radius: 0.8, from_deg: 0.0, to_deg: 90.0 });
+    drawing.add("LANES", Shape::Line { from: DVec2::new(-3.0, 2.0), to: DVec2::new(-1.0, 2.0) });
+    name(&mut drawing, DVec2::new(-2.0, 2.0), "other");
+    let map = folder.join("map.dxf");
+    std::fs::write(&map, drawing.to_dxf()).unwrap();
+    let scenario = folder.join("wheel.toml");
+    std::fs::write(&scenario, SCENARIO).unwrap();
+    scenario
+}
+
 const SCENARIO: &str = r#"
 name = "wheel"
+map = "map.dxf"
 duration_s = 600
 [[vehicle]]
 name = "mine"
-route = ["main-boulevard/east/inner/1", "second-avenue/west/1"]
-at_m = 0.5
+route = ["straight"]
+at_m = 0.2
 [[vehicle]]
 name = "other"
-route = ["second-avenue/west/1"]
+route = ["other"]
 at_m = 0.2
 "#;
 
@@ -190,13 +212,13 @@ at_m = 0.2
 fn a_user_starts_watches_drives_and_quits() {
     let Some(display) = Display::open() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let scenario = folder.path().join("wheel.toml");
-    std::fs::write(&scenario, SCENARIO).unwrap();
+    let scenario = draw(folder.path());
     let program = Program::open(&display, folder.path(), &[scenario.to_str().unwrap()]);
     let log = folder.path().join("log").join("run-1");
 
     // Select by a click on the first row, two previews.
-    pause_ms(1500);
+    // The first picture is there, and so is what a click may meet.
+    program.screenshot();
     program.click(80, 117);
     program.key("p");
     program.key("Next");
@@ -208,10 +230,10 @@ fn a_user_starts_watches_drives_and_quits() {
         let part = image::imageops::crop_imm(picture, x, y, w, h).to_image();
         part.pixels().map(|pixel| pixel.0).collect::<BTreeSet<_>>().len()
     };
-    assert!(colours(&watched, (460, 200), (500, 400)) > 1000, "the city is there");
-    assert!(colours(&watched, (1030, 90), (230, 170)) > 300, "and what the first car's camera sees");
+    assert!(colours(&watched, (460, 200), (500, 400)) > 200, "the city is there");
+    assert!(colours(&watched, (1030, 90), (230, 170)) > 200, "and what the first car's camera sees");
 
-    // At the wheel: east along the boulevard, to the right into Centre Street.
+    // At the wheel: straight on, to the right through the bend, and on.
     program.key("Return");
     program.key("space");
     until("the log", || log.join("run.mcap").is_file());

@@ -41,6 +41,10 @@ impl Driving {
 
 /// Moves the pedals by the keys that are held, and tells the vehicle of them.
 pub fn step(ui: &Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+    // What is given back in this pass is told nothing more: the last command counts.
+    if actions.contains(&Action::GiveBack) {
+        return;
+    }
     let Some(driving) = &mut state.driving else { return };
     // A reset gives every vehicle back.
     if driving.run != shown.moment.run {
