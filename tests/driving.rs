@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use city3d::city::{CityMap, LaneId};
-use city3d::geom::wrap_angle;
+use city3d::geom::{trig, wrap_angle};
 use city3d::runner::Run;
 use city3d::scenario::{Library, Overrides, read_experiment};
 use city3d::snapshot::{EventKind, Pedals, SimCommand, Status, VehicleId, VehicleState};
@@ -39,7 +39,7 @@ impl Person {
         Pedals {
             gas: (0.25 * error).clamp(0.0, 0.6),
             brake: (-0.2 * error).clamp(0.0, 0.6),
-            steering_rad: (2.0 * 3.0 * angle.sin() / ahead.length()).atan(),
+            steering_rad: trig::atan2(2.0 * 3.0 * trig::sin_cos(angle).0, ahead.length()),
             ..Pedals::default()
         }
     }

@@ -254,7 +254,9 @@ fn footer(ui: &mut egui::Ui, shown: &Shown<'_>) {
     ui.horizontal(|ui| {
         ui.small("Space start/pause   N step   click a car to select   F follow   P preview   Enter drive   F1 all keys");
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            ui.small(format!("{:.0} pictures/s", shown.frames_per_s));
+            if shown.frames_per_s > 0.0 {
+                ui.small(format!("{:.0} pictures/s", shown.frames_per_s));
+            }
             ui.add(egui::Label::new(egui::RichText::new(shown.footer).small().weak()).truncate());
         });
     });

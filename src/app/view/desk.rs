@@ -144,6 +144,11 @@ impl Desk {
         &self.state.pictures
     }
 
+    /// Takes samples for the running plots of the open previews.
+    pub fn note(&mut self, moment: &Moment) {
+        self.history.note(&moment.now, self.state.previews.iter().map(|preview| preview.vehicle));
+    }
+
     /// One pass of the panels over the latest moment.
     pub fn pass(
         &mut self,
@@ -153,7 +158,7 @@ impl Desk {
     ) -> Vec<Action> {
         let moment = self.live.moment();
         self.seen.blend(&moment.before, &moment.now, moment.weight_at(Instant::now()));
-        self.history.note(&moment.now, self.state.previews.iter().map(|preview| preview.vehicle));
+        self.note(&moment);
         let log = moment.folder.as_ref().map(|folder| format!("log {}   ", folder.display()));
         self.footer = format!("{}{}", log.unwrap_or_default(), self.adapter);
         let shown = Shown {

@@ -62,7 +62,8 @@ pub fn take(args: &ViewArgs, file: &Path) -> Result<(), Failure> {
     let place = Place { logs: args.out.clone(), on_news: Arc::new(|| {}) };
     let mut desk = args.desk(&context, &super::Settings::default(), place)?;
     desk.set_adapter(&context);
-    run_to(&desk, args.picture.at);
+    open_previews(&mut desk, &args.picture)?;
+    run_to(&mut desk, args.picture.at);
     choose(&mut desk, &args.picture)?;
     let look = desk.state.look;
     let mut stage = Stage::new(context, desk.experiment(), look, wgpu::TextureFormat::Rgba8Unorm)?;
@@ -72,20 +73,26 @@ pub fn take(args: &ViewArgs, file: &Path) -> Result<(), Failure> {
 }
 
 /// Steps the run to a time and waits for it.
-fn run_to(desk: &Desk, time_s: f64) {
+fn run_to(desk: &mut Desk, time_s: f64) {
     let ticks = (time_s * f64::from(desk.experiment().rates.physics_hz)).round() as u64;
     for tick in 1..=ticks {
         desk.order(Order::Step);
         while desk.moment().now.tick < tick {
             std::thread::sleep(Duration::from_micros(20));
         }
+        let moment = desk.moment();
+        desk.note(&moment);
     }
 }
 
-fn choose(desk: &mut Desk, args: &PictureArgs) -> Result<(), Failure> {
+fn open_previews(desk: &mut Desk, args: &PictureArgs) -> Result<(), Failure> {
     let previews: Vec<VehicleId> =
         args.preview.iter().map(|name| find(desk, name)).collect::<Result<_, _>>()?;
     previews.into_iter().for_each(|vehicle| desk.state.toggle_preview(vehicle));
+    Ok(())
+}
+
+fn choose(desk: &mut Desk, args: &PictureArgs) -> Result<(), Failure> {
     if let Some(name) = &args.select {
         let vehicle = find(desk, name)?;
         desk.state.selection.vehicle = Some(vehicle);
