@@ -75,7 +75,7 @@ fn shining(layer: u32, salt: f32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> 
     let is_lit = select(0.0, 1.0, dice < 0.38 || is_shop);
     let pane = 1.0 - smoothstep(0.42, 0.7, texel.a);
     let warm = mix(vec3<f32>(0.85, 0.58, 0.28), vec3<f32>(0.70, 0.68, 0.60), fract(dice * 17.0));
-    return warm * ((0.35 + 2.6 * texel.g) * (0.6 + dice) * is_lit * pane * frame.zenith.w);
+    return warm * ((0.3 + 2.0 * texel.g) * (0.6 + dice) * is_lit * pane * frame.zenith.w);
 }
 
 @fragment
@@ -185,8 +185,7 @@ fn swift_line_fragment(in: SwiftLine) -> @location(0) vec4<f32> {
 }
 
 // From afar a pattern is its mean.
-@vertex
-fn swift_plain_vertex(in: VertexIn) -> Plain {
+fn plain_of(in: VertexIn) -> Plain {
     let layer = in.material & 0xffu;
     var albedo = vertex_colour(in.colour.rgb);
     var glow = vec3<f32>(0.0);
@@ -198,7 +197,23 @@ fn swift_plain_vertex(in: VertexIn) -> Plain {
     return plain_light(Material(albedo, 0.0, in.colour.a), in.position, in.normal.xyz, glow);
 }
 
+@vertex
+fn swift_plain_vertex(in: VertexIn) -> Plain {
+    return plain_of(in);
+}
+
 @fragment
 fn swift_plain_fragment(in: Plain) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.colour, 1.0);
+}
+
+@vertex
+fn flat_vertex(in: VertexIn) -> Flat {
+    let plain = plain_of(in);
+    return Flat(plain.clip, plain.colour);
+}
+
+@fragment
+fn flat_fragment(in: Flat) -> @location(0) vec4<f32> {
     return vec4<f32>(in.colour, 1.0);
 }

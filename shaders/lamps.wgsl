@@ -104,7 +104,7 @@ fn beam_fragment(in: Spot) -> @location(0) vec4<f32> {
     let ahead = beam(vec2<f32>(x, in.at.y - side)) + beam(vec2<f32>(x, in.at.y + side));
     let behind = -in.at.x - in.size.x;
     let tail = exp(-(behind * behind + in.at.y * in.at.y * 0.6)) * smoothstep(-0.4, 0.3, behind);
-    let light = vec3<f32>(0.95, 0.92, 0.84) * ahead * 1.7
+    let light = vec3<f32>(0.95, 0.92, 0.84) * ahead * 1.1
         + vec3<f32>(1.0, 0.05, 0.03) * tail * (0.22 + 0.7 * in.size.z);
     return vec4<f32>(select(vec3<f32>(0.0), light, reaches(in)), 0.0);
 }

@@ -16,9 +16,14 @@ override lamplit: bool = false;
 // takes what lies before it.
 fn lamplight(world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let at = (world.xy + normal.xy * 1.2) * frame.lamp_place.xy + frame.lamp_place.zw;
-    let ground = textureSampleLevel(lamp_map, lamp_sampler, at, 0.0).rgb;
+    let ground = textureSampleLevel(lamp_map, lamp_sampler, at, 0.0);
+    let street = vec3<f32>(1.05, 0.80, 0.48) * ground.a;
+    // Headlights shine along the ground: not far up, and not on the tops of things.
+    let beams = max(ground.rgb - street, vec3<f32>(0.0));
+    let raised = smoothstep(0.15, 0.5, world.z);
+    let low = (1.0 - smoothstep(0.6, 1.6, world.z)) * (1.0 - raised * clamp(normal.z, 0.0, 1.0));
     let height = 1.0 - smoothstep(3.5, 8.5, world.z);
-    return ground * (frame.zenith.w * height * (0.62 + 0.38 * normal.z));
+    return (street * height + beams * low) * (frame.zenith.w * (0.62 + 0.38 * normal.z));
 }
 
 fn sunlit(world: vec3<f32>, normal: vec3<f32>) -> f32 {

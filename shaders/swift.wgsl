@@ -86,6 +86,12 @@ struct Plain {
     @location(0) colour: vec3<f32>,
 }
 
+// In flat light the corners of a face are alike: nothing to interpolate.
+struct Flat {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) @interpolate(flat) colour: vec3<f32>,
+}
+
 fn plain_light(m: Material, world: vec3<f32>, normal: vec3<f32>, glow: vec3<f32>) -> Plain {
     if flat_light {
         let light = SKY_LIGHT.rgb + SUN.rgb * max(dot(normal, TO_SUN), 0.0);

@@ -105,13 +105,28 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     return sampled(lit, in.glow, distance);
 }
 
-@vertex
-fn swift_vertex(in: VertexIn) -> Plain {
+fn plain_of(in: VertexIn) -> Plain {
     let look = look_of(in);
     return plain_light(look.material, look.world, normalize(look.normal), look.glow);
 }
 
+@vertex
+fn swift_vertex(in: VertexIn) -> Plain {
+    return plain_of(in);
+}
+
 @fragment
 fn swift_fragment(in: Plain) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.colour, 1.0);
+}
+
+@vertex
+fn flat_vertex(in: VertexIn) -> Flat {
+    let plain = plain_of(in);
+    return Flat(plain.clip, plain.colour);
+}
+
+@fragment
+fn flat_fragment(in: Flat) -> @location(0) vec4<f32> {
     return vec4<f32>(in.colour, 1.0);
 }

@@ -6,11 +6,11 @@
 mod drawing;
 
 use city3d::camera::{Camera, Extrinsics, Lens, View};
-use city3d::city::scene::{Class, Finish, Mesh, Object, SceneDescription, Surface};
+use city3d::city::scene::{Class, Finish, Mesh, Object, SceneDescription, Surface, Wall};
 use city3d::render::{Context, Daylight, Image, Quality, Renderer, Settings, TargetView};
 use city3d::snapshot::FrameSnapshot;
 use drawing::software;
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 
 const HIGH: Quality = Quality { shadow_texels: 1024, ..Quality::HIGH };
 
@@ -171,6 +171,26 @@ fn tiles_look_alike_wherever_they_lie_and_know_nothing_of_each_other() {
             assert!(far <= 20, "{samples} samples, tile {index}: {far} pixels differ");
         }
     }
+}
+
+#[test]
+fn no_lamp_shines_through_a_wall() {
+    let Some(context) = software() else { return };
+    let lamp = Vec3::new(0.0, -4.0, 6.0);
+    let wall = Wall { from: Vec2::new(-20.0, 0.0), to: Vec2::new(20.0, 0.0), height_m: 8.0 };
+    let green_at = |walls: Vec<Wall>, y: f64| {
+        let scene = SceneDescription { lamps: vec![lamp], walls, ..card(118, None) };
+        let mut renderer = renderer(&context, &scene, HIGH, Daylight::NIGHT);
+        let view = from_above(40.0);
+        let at = view.project(DVec3::new(0.0, y, 0.0)).expect("in view");
+        let (x, y) = (at.x.round() as u32, at.y.round() as u32);
+        mean(&take(&mut renderer, &[view])[0], [x - 3, y - 2, x + 3, y + 3])
+    };
+    let [before, behind] = [-9.0, 1.5].map(|y| green_at(vec![wall], y));
+    let [open, dark] = [1.5, 18.0].map(|y| green_at(Vec::new(), y));
+    assert!(before > dark + 20.0, "{before} {dark}");
+    assert!(open > dark + 20.0, "without a wall: {open} {dark}");
+    assert!((behind - dark).abs() < 4.0, "{behind} {dark}");
 }
 
 #[test]

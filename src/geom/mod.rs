@@ -7,6 +7,7 @@
 mod curve;
 mod outline;
 mod pose;
+pub mod scatter;
 pub mod trig;
 mod units;
 

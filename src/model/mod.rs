@@ -9,6 +9,7 @@ pub mod car;
 mod fit;
 pub mod glb;
 mod shipped;
+pub mod street;
 
 pub use fit::{Fitted, Measures, fitted};
 pub use glb::ModelError;

@@ -1,7 +1,7 @@
 //! A picture in memory.
 
 /// Rows from top to bottom, three bytes a pixel: red, green, blue, encoded as sRGB.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Image {
     pub width: u32,
     pub height: u32,

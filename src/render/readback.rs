@@ -134,6 +134,19 @@ impl Arrived {
 }
 
 impl Arrived {
+    /// Reads the picture of a view in colour into an image whose memory is used again, if it was taken: fresh
+    /// memory costs as much as the reading.
+    ///
+    /// # Panics
+    /// Where the batch has no such view.
+    pub fn read_rgb(&self, index: usize, image: &mut Image) {
+        let Places { extent, kinds, color, .. } = self.places[index];
+        if let Some(at) = color.filter(|_| kinds.contains(PictureKind::Rgb)) {
+            let bytes = &self.bytes.as_deref().unwrap_or_default()[at as usize..];
+            read_colors(bytes, extent, self.bgra, image);
+        }
+    }
+
     /// Writes the picture of a view in colour as PNG, if it was taken, without a copy of it in between.
     ///
     /// # Errors
@@ -186,14 +199,20 @@ pub fn read_texture(context: &Context, texture: &wgpu::Texture) -> Result<Image,
     arrived.pictures(0).rgb.ok_or_else(|| RenderError::Readback("no colours".to_owned()))
 }
 
-/// RGB out of padded rows of RGBA.
-fn colors(bytes: &[u8], [width, height]: [u32; 2], bgra: bool) -> Image {
+/// RGB out of padded rows of RGBA, into an image whose memory is used again.
+fn read_colors(bytes: &[u8], [width, height]: [u32; 2], bgra: bool, image: &mut Image) {
     let padded = padded_row(width) as usize;
-    let mut rgb = vec![0; width as usize * height as usize * 3];
-    for (to, from) in rgb.chunks_exact_mut(width as usize * 3).zip(bytes.chunks(padded)) {
+    (image.width, image.height) = (width, height);
+    image.rgb.resize(width as usize * height as usize * 3, 0);
+    for (to, from) in image.rgb.chunks_exact_mut(width as usize * 3).zip(bytes.chunks(padded)) {
         row_of_colors(to, from, bgra);
     }
-    Image { width, height, rgb }
+}
+
+fn colors(bytes: &[u8], extent: [u32; 2], bgra: bool) -> Image {
+    let mut image = Image::default();
+    read_colors(bytes, extent, bgra, &mut image);
+    image
 }
 
 /// A row of RGB out of one of RGBA.

@@ -150,7 +150,7 @@ fn mipmaps(base: Vec<u8>, size: u32) -> Vec<Vec<u8>> {
                         // A square is near enough to the sRGB curve.
                         (four.iter().map(|v| v * v).sum::<f32>() / 4.0).sqrt()
                     };
-                    level.push(mean.round() as u8);
+                    level.push((mean + 0.5) as u8);
                 }
             }
         }

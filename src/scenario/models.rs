@@ -3,7 +3,7 @@
 use super::Library;
 use super::read_vehicles::BODIES;
 use crate::city::PlacedModel;
-use crate::model::{Model, glb};
+use crate::model::{Model, glb, street};
 use crate::snapshot::BodyType;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -14,7 +14,8 @@ use std::sync::Arc;
 pub struct Models {
     /// Of body types: those of the user's, and shipped ones for which a file lies beside the scenario.
     pub vehicles: BTreeMap<BodyType, Arc<Model>>,
-    /// Those that the map places, by the name that it gives.
+    /// Those that the map places, by the name that it gives, and street furniture for which a file lies
+    /// beside the scenario.
     pub placed: BTreeMap<String, Arc<Model>>,
 }
 
@@ -67,6 +68,12 @@ impl<'l> ModelReader<'l> {
                     Ok(model) => drop(models.vehicles.insert(body, model)),
                     Err(problem) => problems.push(problem),
                 }
+            }
+        }
+        for file in street::FURNITURE.into_iter().filter(|file| self.library.has_own_model(file)) {
+            match self.load(file) {
+                Ok(model) => drop(models.placed.insert(file.to_owned(), model)),
+                Err(problem) => problems.push(problem),
             }
         }
         for place in placed {

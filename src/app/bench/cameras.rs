@@ -5,7 +5,7 @@ use crate::app::look::{self, LookArgs};
 use crate::app::say::say;
 use crate::app::{Failure, Model, ScenarioArgs, create_folder, load};
 use crate::camera::{Camera, Lens, Mount, View};
-use crate::render::{PngStream, Quality, RenderError, Renderer, Request, write_png};
+use crate::render::{Image, Pending, PngStream, Quality, RenderError, Renderer, Request, write_png};
 use crate::runner::Run;
 use crate::snapshot::FrameSnapshot;
 use clap::Args;
@@ -215,10 +215,10 @@ impl Film<'_> {
     fn parts(&mut self, renderer: &mut Renderer) -> Result<Parts, Failure> {
         let folder = self.args.png.clone();
         renderer.keep_time();
-        let mut sum = Parts::default();
+        let (mut sum, mut pictures) = (Parts::default(), Vec::new());
         for round in 0..=ALONE {
             let (snapshot, views) = self.next()?;
-            let parts = batch_alone(renderer, snapshot, &views, folder.as_deref())?;
+            let parts = batch_alone(renderer, snapshot, &views, (&mut pictures, folder.as_deref()))?;
             // Pipelines and memory are made at the first.
             if round > 0 {
                 sum.cpu += parts.cpu;
@@ -249,8 +249,9 @@ impl Film<'_> {
             images = stream.finish().map_err(Failure::failed)?;
         } else {
             let mut pending = VecDeque::new();
+            let mut taken: Vec<Image> = Vec::new();
             let mut finish = |renderer: &mut Renderer, batch| -> Result<(), Failure> {
-                images += renderer.finish(batch).map_err(Failure::failed)?.len() as u64;
+                images += take(renderer, batch, &mut taken)? as u64;
                 Ok(())
             };
             while start.elapsed().as_secs_f64() < seconds {
@@ -270,6 +271,14 @@ impl Film<'_> {
         }
         Ok((images, start.elapsed().as_secs_f64()))
     }
+}
+
+/// Takes the pictures of a batch into memory that is used again; says how many there were.
+fn take(renderer: &Renderer, batch: Pending, images: &mut Vec<Image>) -> Result<usize, Failure> {
+    let arrived = renderer.wait(batch).map_err(Failure::failed)?;
+    images.resize_with(arrived.len(), Image::default);
+    images.par_iter_mut().enumerate().for_each(|(k, image)| arrived.read_rgb(k, image));
+    Ok(arrived.len())
 }
 
 /// As many views at a time as the renderer takes.
@@ -294,11 +303,11 @@ fn batch_alone(
     renderer: &mut Renderer,
     snapshot: &FrameSnapshot,
     views: &[View],
-    folder: Option<&Path>,
+    (pictures, folder): (&mut Vec<Image>, Option<&Path>),
 ) -> Result<Parts, Failure> {
     let failed = |error: RenderError| Failure::failed(error);
     let mut parts = Parts::default();
-    let mut pictures = Vec::new();
+    let mut taken = 0;
     for views in in_batches(renderer, views) {
         let start = Instant::now();
         let pending = renderer.begin(snapshot, &views).map_err(failed)?;
@@ -308,15 +317,18 @@ fn batch_alone(
         let waited_s = start.elapsed().as_secs_f64();
         parts.gpu += renderer.seconds_of_last_batch().unwrap_or(waited_s);
         let start = Instant::now();
-        let taken = (0..arrived.len()).into_par_iter().map(|k| arrived.pictures(k).rgb);
-        pictures.extend(taken.collect::<Vec<_>>().into_iter().flatten());
+        let from = taken;
+        taken += arrived.len();
+        pictures.resize_with(pictures.len().max(taken), Image::default);
+        let room = pictures[from..taken].par_iter_mut().enumerate();
+        room.for_each(|(k, image)| arrived.read_rgb(k, image));
         parts.readback += start.elapsed().as_secs_f64();
     }
     if let Some(folder) = folder {
         let start = Instant::now();
         let paths = paths(folder, snapshot, pictures.len());
         let write = |(path, image): (&PathBuf, &_)| write_png(path, image);
-        paths.par_iter().zip(&pictures).try_for_each(write).map_err(failed)?;
+        paths.par_iter().zip(pictures.par_iter()).try_for_each(write).map_err(failed)?;
         parts.png = Some(start.elapsed().as_secs_f64());
     }
     let ms = |seconds: f64| 1e3 * seconds / views.len() as f64;

@@ -2,13 +2,13 @@
 //! what names ask for.
 
 use super::grounds::ring_of;
+use super::lanes::LaneBoxes;
 use super::lettering;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::Region;
 use super::roads::level;
 use super::special;
 use super::{Place, Wall};
-use crate::city::CityMap;
 use glam::{Vec2, Vec3};
 
 const STOREY_M: f32 = 3.1;
@@ -152,14 +152,18 @@ impl Side {
         (self.from.lerp(self.to, part) + self.outward() * out).extend(z)
     }
 
-    /// A face on it between parts of its width and two heights.
-    fn face(&self, mesh: &mut Mesh, [a, b]: [f32; 2], z: [f32; 2], uv: [Vec2; 2], finish: Finish) {
-        let corners =
-            [self.at(a, z[0], 0.0), self.at(b, z[0], 0.0), self.at(b, z[1], 0.0), self.at(a, z[1], 0.0)];
+    /// A face on it between two heights; `open` is how much light its upper edge gets.
+    fn face(&self, mesh: &mut Mesh, z: [f32; 2], uv: [Vec2; 2], finish: Finish, open: u8) {
+        let corners = [
+            self.at(0.0, z[0], 0.0),
+            self.at(1.0, z[0], 0.0),
+            self.at(1.0, z[1], 0.0),
+            self.at(0.0, z[1], 0.0),
+        ];
         let uvs = [uv[0], Vec2::new(uv[1].x, uv[0].y), uv[1], Vec2::new(uv[0].x, uv[1].y)];
         // The ground hides half of the sky's neighbourhood from the foot of a wall.
         let low = if z[0] < 0.5 { 140 } else { 235 };
-        mesh.shaded_face(&corners, &uvs, finish, &[low, low, 250, 250]);
+        mesh.shaded_face(&corners, &uvs, finish, &[low, low, open, open]);
     }
 
     /// A picture in front of it: middle and width in metres along it, heights, how far in front.
@@ -180,7 +184,7 @@ impl Side {
 }
 
 /// A building with everything on it.
-pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) {
+pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, lanes: &LaneBoxes<'_>) {
     let ring: Vec<Vec2> = ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect();
     if ring.len() < 3 {
         return;
@@ -205,9 +209,21 @@ pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) {
     } else {
         flat_roof(mesh, place, &ring, eaves);
     }
-    let front = front_of(&sides, map, place.piece.front_rad);
+    let front = front_of(&sides, lanes, place.piece.front_rad);
     entrance(mesh, &front, &style, &name, eaves);
     special::additions(mesh, &name, &ring, height);
+}
+
+/// Fuel pumps that belong to it: where each stands and looks to.
+pub(super) fn pumps(place: &Place<'_>) -> Vec<(Vec3, Vec2)> {
+    let ring: Vec<Vec2> = ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect();
+    special::pumps(&place.piece.name.to_lowercase(), &ring)
+}
+
+/// Where the board with its prices stands, and the way along it.
+pub(super) fn price_board(place: &Place<'_>) -> Option<(Vec2, Vec2)> {
+    let ring: Vec<Vec2> = ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect();
+    special::price_board(&place.piece.name.to_lowercase(), &ring)
 }
 
 fn height_of(place: &Place<'_>) -> f32 {
@@ -234,7 +250,7 @@ pub(super) fn opaque_walls(place: &Place<'_>) -> Vec<Wall> {
 }
 
 /// The side that is nearest to a road, wide ones before narrow ones.
-fn front_of(sides: &[Side], map: &CityMap, stated_rad: Option<f64>) -> Side {
+fn front_of(sides: &[Side], lanes: &LaneBoxes<'_>, stated_rad: Option<f64>) -> Side {
     if let Some(angle) = stated_rad {
         let wanted = Vec2::from_angle(angle as f32);
         let facing = |side: &Side| side.outward().dot(wanted) + 0.02 * side.width().min(20.0);
@@ -242,9 +258,8 @@ fn front_of(sides: &[Side], map: &CityMap, stated_rad: Option<f64>) -> Side {
     }
     let far = |side: &Side| {
         let at = side.at(0.5, 0.0, 1.0).truncate().as_dvec2();
-        let nearest =
-            map.lanes.iter().map(|lane| lane.curve.at(lane.curve.project(at).s).pose.position.distance(at));
-        nearest.fold(f64::INFINITY, f64::min) as f32 - side.width().min(12.0)
+        let away = lanes.nearest(at).map_or(f64::INFINITY, |nearest| nearest.distance(at));
+        away as f32 - side.width().min(12.0)
     };
     let fallback = sides[0];
     sides.iter().copied().min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or(fallback)
@@ -261,9 +276,12 @@ fn storeys(mesh: &mut Mesh, side: &Side, style: &Style, eaves: f32) {
         }
         _ => [Vec2::new(0.0, from), Vec2::new(bays, to)],
     };
-    side.face(mesh, [0.0, 1.0], [FOOT_M, first], uv(style.ground, 0.0, 1.0), style.ground);
+    // Overhanging eaves keep light from the wall under them.
+    let under = if style.gabled { 165 } else { 250 };
+    let above_ground = if storeys > 1.0 { 240 } else { under };
+    side.face(mesh, [FOOT_M, first], uv(style.ground, 0.0, 1.0), style.ground, above_ground);
     if storeys > 1.0 {
-        side.face(mesh, [0.0, 1.0], [first, eaves], uv(style.upper, 0.0, storeys - 1.0), style.upper);
+        side.face(mesh, [first, eaves], uv(style.upper, 0.0, storeys - 1.0), style.upper, under);
     }
     // A plinth, so that walls do not grow out of the lawn.
     if style.ground.surface != Surface::Shopfront {
@@ -319,7 +337,12 @@ fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str, eaves: f32
         let uvs = [Vec2::ZERO, Vec2::new(stripes, 0.0), Vec2::new(stripes, 1.0), Vec2::Y];
         mesh.face(&[a + drop, b + drop, b, a], &uvs, striped);
         let under = striped.shaded(0.6);
-        mesh.face(&[a, b, b + drop, a + drop], &[uvs[3], uvs[2], uvs[1], uvs[0]], under);
+        mesh.shaded_face(
+            &[a, b, b + drop, a + drop],
+            &[uvs[3], uvs[2], uvs[1], uvs[0]],
+            under,
+            &[90, 90, 170, 170],
+        );
     }
 }
 
@@ -401,7 +424,9 @@ fn gable_roof(mesh: &mut Mesh, ring: &[Vec2], eaves: f32, rise: f32, style: &Sty
         mesh.face(&top, &uvs, style.tiles);
         // Underside and fascia.
         let [p, q, r, s] = corners;
-        mesh.plate(&[q, p, s, r], TRIM.shaded(0.75), 2.0);
+        let first = mesh.vertices.len();
+        mesh.plate(&[q, p, s, r], TRIM.shaded(0.85), 2.0);
+        mesh.set_openness(first, 90);
         mesh.plate(&[p, q, top[1], top[0]], TRIM, 2.0);
         mesh.plate(&[q, r, top[2], top[1]], TRIM, 2.0);
         mesh.plate(&[s, p, top[0], top[3]], TRIM, 2.0);

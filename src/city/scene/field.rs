@@ -8,7 +8,7 @@
 use super::polygon::{Region, doubled_area, simplify_ring};
 use crate::geom::point_in_polygon;
 use glam::DVec2;
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 /// A number at each node of a square grid.
 #[derive(Clone, Debug)]
@@ -37,35 +37,46 @@ impl Field {
         self.low + DVec2::new(column as f64, row as f64) * self.step
     }
 
-    /// Lowers the values in a box to those of a function.
-    pub(super) fn lower(&mut self, [low, high]: [DVec2; 2], value: impl Fn(DVec2) -> f64) {
+    /// Lowers the values in a box to those of a function, which is not asked where `least`, a quicker one
+    /// that is nowhere above it, is no lower than what is there.
+    pub(super) fn lower(
+        &mut self,
+        [low, high]: [DVec2; 2],
+        least: impl Fn(DVec2) -> f64,
+        value: impl Fn(DVec2) -> f64,
+    ) {
         let first = ((low - self.low) / self.step).floor().max(DVec2::ZERO);
         let last = ((high - self.low) / self.step).ceil();
         let (last_column, last_row) =
             ((last.x as usize).min(self.columns - 1), (last.y as usize).min(self.rows - 1));
         for row in first.y as usize..=last_row {
             for column in first.x as usize..=last_column {
-                let found = value(self.node(column, row)) as f32;
+                let at = self.node(column, row);
                 let kept = &mut self.values[row * self.columns + column];
-                *kept = kept.min(found);
+                if least(at) < f64::from(*kept) {
+                    *kept = kept.min(value(at) as f32);
+                }
             }
         }
     }
 
     /// The distance to closed rings, up to `reach`; farther nodes stay infinite.
     pub(super) fn distance_to(&self, rings: &[Vec<DVec2>], reach: f64) -> Self {
+        // Roots are taken once, at the end.
         let mut field = self.like();
         for ring in rings {
             for (k, &a) in ring.iter().enumerate() {
                 let b = ring[(k + 1) % ring.len()];
                 let along = b - a;
-                let length_squared = along.length_squared().max(1e-12);
-                field.lower([a.min(b) - reach, a.max(b) + reach], |p| {
-                    let t = ((p - a).dot(along) / length_squared).clamp(0.0, 1.0);
-                    p.distance(a + along * t)
-                });
+                let per_length = 1.0 / along.length_squared().max(1e-12);
+                let squared = |p: DVec2| {
+                    let t = ((p - a).dot(along) * per_length).clamp(0.0, 1.0);
+                    p.distance_squared(a + along * t)
+                };
+                field.lower([a.min(b) - reach, a.max(b) + reach], |_| 0.0, squared);
             }
         }
+        field.values.iter_mut().for_each(|value| *value = value.sqrt());
         field
     }
 
@@ -96,9 +107,8 @@ impl Field {
         a * (1.0 - fy) + b * fy
     }
 
-    /// Curves along which the field has a value, closed, lower values to their left, simplified to
-    /// within `tolerance`.
-    pub(super) fn rings(&self, level: f32, tolerance: f64) -> Vec<Vec<DVec2>> {
+    /// Curves along which the field has a value, closed, lower values to their left.
+    pub(super) fn rings(&self, level: f32) -> Vec<Vec<DVec2>> {
         // The rim counts as high, so that every curve closes.
         let value = |column: usize, row: usize| {
             let rim = column == 0 || row == 0 || column + 1 == self.columns || row + 1 == self.rows;
@@ -106,10 +116,32 @@ impl Field {
             if rim { found.max(self.step as f32) } else { found.min(1e3) }
         };
         // An edge of the grid is named by its lower node and its direction.
-        let mut next: HashMap<(usize, bool), (usize, bool)> = HashMap::new();
+        let mut next: FxHashMap<(usize, bool), (usize, bool)> = FxHashMap::default();
         let mut starts = Vec::new();
+        let is_low = |node: usize| self.values[node] < level;
+        let mut mixed = Vec::new();
         for row in 0..self.rows - 1 {
-            for column in 0..self.columns - 1 {
+            let (below, above) = (row * self.columns, (row + 1) * self.columns);
+            // Most cells lie on one side: they are told apart from those with a curve in them first.
+            mixed.clear();
+            let mut before = [is_low(below), is_low(above)];
+            for column in 1..self.columns {
+                let here = [is_low(below + column), is_low(above + column)];
+                if here[0] != here[1] || here != before {
+                    mixed.push(column - 1);
+                }
+                before = here;
+            }
+            if row == 0 || row + 2 == self.rows {
+                // Next to the rim, which counts as high.
+                mixed = (0..self.columns - 1).collect();
+            } else if mixed.last() != Some(&(self.columns - 2)) {
+                mixed.push(self.columns - 2);
+            }
+            if mixed.first() != Some(&0) {
+                mixed.insert(0, 0);
+            }
+            for &column in &mixed {
                 let corner = [
                     value(column, row),
                     value(column + 1, row),
@@ -154,24 +186,21 @@ impl Field {
                 at = then;
             }
             if ring.len() > 3 {
-                let ring = simplify_ring(&ring, tolerance);
-                if ring.len() > 2 {
-                    rings.push(ring);
-                }
+                rings.push(ring);
             }
         }
         rings
     }
-
-    /// Where the field is below a level. Regions and holes smaller than `least_area` are left out.
-    pub(super) fn regions(&self, level: f32, tolerance: f64, least_area: f64) -> Vec<Region> {
-        let rings = self.rings(level, tolerance);
-        regions_of(rings, least_area)
-    }
 }
 
-/// Sorts rings into outer rings with their holes.
-fn regions_of(rings: Vec<Vec<DVec2>>, least_area: f64) -> Vec<Region> {
+/// The same rings of fewer points, to within `tolerance`.
+pub(super) fn simplified(rings: &[Vec<DVec2>], tolerance: f64) -> Vec<Vec<DVec2>> {
+    let rings = rings.iter().map(|ring| simplify_ring(ring, tolerance));
+    rings.filter(|ring| ring.len() > 2).collect()
+}
+
+/// Sorts rings into outer rings with their holes; what is smaller than `least_area` is left out.
+pub(super) fn regions_of(rings: Vec<Vec<DVec2>>, least_area: f64) -> Vec<Region> {
     let large = rings.into_iter().filter(|ring| doubled_area(ring).abs() > 2.0 * least_area);
     let (outer, holes): (Vec<_>, Vec<_>) = large.partition(|ring| doubled_area(ring) > 0.0);
     let mut regions: Vec<Region> =
@@ -195,15 +224,14 @@ mod tests {
 
     fn ring_field(inner: f64, outer: f64) -> Field {
         let mut field = Field::new([DVec2::splat(-10.0), DVec2::splat(10.0)], 0.25);
-        field.lower([DVec2::splat(-10.0), DVec2::splat(10.0)], |p| {
-            (p.length() - (inner + outer) / 2.0).abs() - (outer - inner) / 2.0
-        });
+        let distance = |p: DVec2| (p.length() - (inner + outer) / 2.0).abs() - (outer - inner) / 2.0;
+        field.lower([DVec2::splat(-10.0), DVec2::splat(10.0)], distance, distance);
         field
     }
 
     #[test]
     fn a_ring_has_an_outline_and_a_hole() {
-        let regions = ring_field(3.0, 6.0).regions(0.0, 0.01, 0.1);
+        let regions = regions_of(simplified(&ring_field(3.0, 6.0).rings(0.0), 0.01), 0.1);
         assert_eq!(regions.len(), 1);
         assert_eq!(regions[0].holes.len(), 1);
         let area: f64 = regions[0].triangulate().iter().map(|t| doubled_area(t) / 2.0).sum();
@@ -214,7 +242,7 @@ mod tests {
     fn the_complement_reaches_the_rim() {
         let field = ring_field(3.0, 6.0);
         let outside = field.with(&field, |a, _| -a);
-        let mut regions = outside.regions(0.0, 0.01, 0.1);
+        let mut regions = regions_of(simplified(&outside.rings(0.0), 0.01), 0.1);
         assert_eq!(regions.len(), 2);
         let whole = regions.remove(1);
         assert!(whole.holes.len() == 1 && doubled_area(&whole.outer) / 2.0 > 385.0);

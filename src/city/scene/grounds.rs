@@ -72,11 +72,10 @@ pub(super) fn ground(mesh: &mut Mesh, place: &Place<'_>) {
             level(mesh, &region, 0.30, SOIL, 3.2);
         }
         SceneryKind::Water => {
-            rim(mesh, &ring, 0.24);
-            level(mesh, &region, 0.19, POND, 5.0);
-            if place.piece.name.contains("swan") {
-                swans(mesh, place);
-            }
+            let top = Vec2::new(0.10, POND_M + 0.07);
+            band(mesh, &ring, [Vec2::new(-0.30, POND_M - 0.03), top], SHORE);
+            band(mesh, &ring, [top, Vec2::new(0.75, 0.11)], BANK);
+            level(mesh, &region, POND_M, POND, 5.0);
         }
         SceneryKind::Paving => {
             let is_square = place.piece.name.contains("square") || place.piece.name.contains("court");
@@ -92,12 +91,78 @@ pub(super) fn ground(mesh: &mut Mesh, place: &Place<'_>) {
     }
 }
 
+/// Height of the water of ponds.
+const POND_M: f32 = 0.165;
+const SHORE: Finish = Finish::new(Surface::Sand, [172, 152, 116], Class::Grass);
+const BANK: Finish = Finish::new(Surface::Grass, [92, 112, 62], Class::Grass);
+const STONES: Finish = Finish::new(Surface::Concrete, [150, 146, 138], Class::Furniture);
+const REEDS: Finish = Finish::new(Surface::Plain, [96, 118, 58], Class::Vegetation);
+
+/// What stands on the banks of a pond and swims on it: stones, reeds, swans.
+pub(super) fn pond_life(mesh: &mut Mesh, place: &Place<'_>) {
+    let ring = ring_of(&place.piece.shape);
+    if ring.len() < 3 {
+        return;
+    }
+    if place.piece.name.contains("swan") {
+        swans(mesh, place);
+    }
+    let count = ring.len() as u32;
+    let at = |k: u32, out: f32| {
+        let (here, next) = (ring[(k % count) as usize].as_vec2(), ring[((k + 1) % count) as usize].as_vec2());
+        let outward = -(next - here).perp().normalize_or(Vec2::X);
+        here.lerp(next, place.dice(900 + k)) + outward * out
+    };
+    for k in 0..count / 2 {
+        let dice = |salt: u32| place.dice(100 + 16 * k + salt);
+        let spot = (dice(1) * count as f32) as u32;
+        if dice(2) < 0.5 {
+            let size = 0.16 + 0.26 * dice(3);
+            stone(mesh, at(spot, -0.12 + 0.2 * dice(4)).extend(POND_M - 0.04), size, dice(5) * 6.0);
+        } else {
+            for blade in 0..9 {
+                let dice = |salt: u32| place.dice(2000 + 160 * k + 8 * blade + salt);
+                let foot = at(spot, -0.45 + 0.35 * dice(1))
+                    + Vec2::from_angle(std::f32::consts::TAU * dice(2)) * (0.3 * dice(3));
+                reed(mesh, foot.extend(POND_M - 0.02), 0.5 + 0.6 * dice(4), std::f32::consts::TAU * dice(5));
+            }
+        }
+    }
+}
+
+/// A boulder of a few faces.
+fn stone(mesh: &mut Mesh, foot: Vec3, size: f32, turn: f32) {
+    let ring = |radius: f32, z: f32, shift: f32| -> Vec<Vec3> {
+        (0..5)
+            .map(|k| {
+                let out = Vec2::from_angle(turn + shift + std::f32::consts::TAU * k as f32 / 5.0);
+                foot + (out * radius * (0.8 + 0.3 * ((k * 2 + 1) % 3) as f32 / 2.0)).extend(z)
+            })
+            .collect()
+    };
+    let (low, high) = (ring(size, 0.0, 0.0), ring(0.6 * size, 0.55 * size, 0.3));
+    for k in 0..5 {
+        let n = (k + 1) % 5;
+        mesh.plate(&[low[k], low[n], high[n], high[k]], STONES.shaded(0.86), 1.5);
+    }
+    mesh.plate(&high, STONES, 1.5);
+}
+
+/// A blade that is seen from both sides.
+fn reed(mesh: &mut Mesh, foot: Vec3, height: f32, turn: f32) {
+    let side = Vec2::from_angle(turn).extend(0.0) * 0.018;
+    let tip = foot + Vec3::Z * height + Vec2::from_angle(turn + 1.3).extend(0.0) * (0.22 * height);
+    let finish = REEDS.shaded(0.8 + 0.35 * (turn / std::f32::consts::TAU));
+    mesh.shaded_face(&[foot - side, foot + side, tip], &[Vec2::ZERO; 3], finish, &[110, 110, 250]);
+    mesh.shaded_face(&[foot + side, foot - side, tip], &[Vec2::ZERO; 3], finish, &[110, 110, 250]);
+}
+
 /// Two swans on their pond.
 fn swans(mesh: &mut Mesh, place: &Place<'_>) {
     let Shape::Circle { centre, radius_m } = place.piece.shape else { return };
     for (turn, away) in [(0.7_f32, 0.35), (3.4, 0.45)] {
         let out = Vec2::from_angle(turn);
-        let at = (centre.as_vec2() + out * (radius_m as f32 * away)).extend(0.19);
+        let at = (centre.as_vec2() + out * (radius_m as f32 * away)).extend(POND_M - 0.02);
         let ahead = Vec2::from_angle(turn + 1.9).extend(0.0);
         let side = Vec3::Z.cross(ahead);
         // A section across the body from the tail to the breast: along, half width, height.

@@ -1,6 +1,8 @@
 //! Paint on the road, derived from the lanes: lines between and beside them, stop lines, yield
 //! triangles, arrows.
 
+use super::field::simplified;
+use super::lanes::LaneBoxes;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::simplify_line;
 use super::roads::{RoadField, band_with};
@@ -35,25 +37,51 @@ const fn line_of(finish: Finish) -> Finish {
 /// How far lines may lie from where they are, level by level.
 pub(super) const LEVELS: [f32; 3] = [0.0, 0.03, 0.10];
 
-/// Everything painted on the roads, to within `error_m` of where it is.
-pub(super) fn markings(map: &CityMap, field: &RoadField, error_m: f32) -> Mesh {
-    let mut mesh = Mesh::default();
-    let within = f64::from(error_m).max(FINEST_M);
-    edges(&mut mesh, field, within);
-    for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
-        dashes(&mut mesh, map, lane, within);
-        centre_lines(&mut mesh, map, lane, (field, within));
-        arrows(&mut mesh, map, lane);
-    }
-    for line in &map.lines {
-        let lane = map.lane(line.lane);
-        let driving = lane.curve.at(line.at_m).pose;
-        match line.kind {
-            ControlLineKind::Stop => stop_line(&mut mesh, driving, line.ends),
-            ControlLineKind::Yield => yield_triangles(&mut mesh, driving, line.ends),
+/// Everything painted on the roads.
+pub(super) struct Paint {
+    /// Along the ends of the asphalt's lanes, closed.
+    edges: Vec<Vec<DVec2>>,
+    dashes: Vec<Vec<Pose2>>,
+    /// Between two lines of a double one.
+    doubles: Vec<Vec<Pose2>>,
+    /// Stop lines, yield triangles, arrows.
+    figures: Mesh,
+}
+
+impl Paint {
+    pub(super) fn new(map: &CityMap, field: &RoadField, boxes: &LaneBoxes<'_>) -> Self {
+        let mut figures = Mesh::default();
+        let (mut dashes, mut doubles) = (Vec::new(), Vec::new());
+        for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
+            add_dashes(&mut dashes, map, lane);
+            add_centre_lines(&mut doubles, map, lane, (field, boxes));
+            arrows(&mut figures, map, lane);
         }
+        for line in &map.lines {
+            let lane = map.lane(line.lane);
+            let driving = lane.curve.at(line.at_m).pose;
+            match line.kind {
+                ControlLineKind::Stop => stop_line(&mut figures, driving, line.ends),
+                ControlLineKind::Yield => yield_triangles(&mut figures, driving, line.ends),
+            }
+        }
+        Self { edges: field.distance.rings(-0.04), dashes, doubles, figures }
     }
-    mesh
+
+    /// All of it, to within `error_m` of where it is.
+    pub(super) fn mesh(&self, error_m: f32) -> Mesh {
+        let mut mesh = Mesh::default();
+        let within = f64::from(error_m).max(FINEST_M);
+        paint_edges(&mut mesh, &self.edges, within);
+        for dash in &self.dashes {
+            ribbon(&mut mesh, &thinned(dash, within), 0.0, LINE_M, [MARGIN * LINE_M / 2.0; 2], WHITE);
+        }
+        for line in &self.doubles {
+            double_line(&mut mesh, &thinned(line, within));
+        }
+        mesh.append(&self.figures);
+        mesh
+    }
 }
 
 fn polygon(mesh: &mut Mesh, corners: &[DVec2], finish: Finish) {
@@ -98,11 +126,11 @@ pub(super) fn straight_line(mesh: &mut Mesh, from: DVec2, to: DVec2, z: f32) {
 }
 
 /// Solid white where the asphalt's lanes end.
-fn edges(mesh: &mut Mesh, field: &RoadField, within: f64) {
+fn paint_edges(mesh: &mut Mesh, rings: &[Vec<DVec2>], within: f64) {
     let half = LINE_M as f32 / 2.0;
     // The kerb stands less than the full margin away.
     let (inner, outer) = (-half * MARGIN as f32, half * 2.2);
-    for ring in field.distance.rings(-0.04, within.max(0.012)) {
+    for ring in simplified(rings, within.max(0.012)) {
         if super::polygon::doubled_area(&ring).abs() > 30.0 {
             let edges = [Vec2::new(inner, PAINT_M), Vec2::new(outer, PAINT_M)];
             band_with(mesh, &ring, edges, line_of(WHITE), |_, edge| Vec2::new(edge.x, half));
@@ -111,7 +139,7 @@ fn edges(mesh: &mut Mesh, field: &RoadField, within: f64) {
 }
 
 /// Dashed white between a lane and its neighbour on the right.
-fn dashes(mesh: &mut Mesh, map: &CityMap, lane: &Lane, within: f64) {
+fn add_dashes(dashes: &mut Vec<Vec<Pose2>>, map: &CityMap, lane: &Lane) {
     let Some(neighbour) = lane.right.map(|id| map.lane(id)) else { return };
     let length = lane.curve.length();
     let beside = |s: f64| -> Option<Pose2> {
@@ -128,27 +156,25 @@ fn dashes(mesh: &mut Mesh, map: &CityMap, lane: &Lane, within: f64) {
     while from + DASH_M < length - 1.0 {
         let line: Vec<Pose2> = (0..=4).filter_map(|k| beside(from + DASH_M * f64::from(k) / 4.0)).collect();
         if line.len() == 5 {
-            ribbon(mesh, &thinned(&line, within), 0.0, LINE_M, [MARGIN * LINE_M / 2.0; 2], WHITE);
+            dashes.push(line);
         }
         from += DASH_M + GAP_M;
     }
 }
 
 /// Double yellow between a lane and one of the other direction to its left.
-fn centre_lines(mesh: &mut Mesh, map: &CityMap, lane: &Lane, (field, within): (&RoadField, f64)) {
-    if lane.left.is_some() && lane.left.is_some_and(|left| alongside_all(map, lane, left)) {
+fn add_centre_lines(
+    doubles: &mut Vec<Vec<Pose2>>,
+    map: &CityMap,
+    lane: &Lane,
+    (field, boxes): (&RoadField, &LaneBoxes<'_>),
+) {
+    if lane.left.is_some_and(|left| alongside_all(map, lane, left)) {
         return;
     }
-    let opposite: Vec<&Lane> = map
-        .lanes
-        .iter()
-        .filter(|other| other.kind == LaneKind::Lane && other.id > lane.id && near(lane, other))
-        .collect();
-    let alongside: Vec<&Lane> = map
-        .lanes
-        .iter()
-        .filter(|other| other.kind == LaneKind::Lane && other.id != lane.id && near(lane, other))
-        .collect();
+    let alongside: Vec<&Lane> =
+        boxes.near(lane).filter(|other| other.kind == LaneKind::Lane && other.id != lane.id).collect();
+    let opposite: Vec<&Lane> = alongside.iter().copied().filter(|other| other.id > lane.id).collect();
     // Of lanes that merge, the one nearest to the other direction has the line.
     let is_nearest = |at: DVec2, own: f64| {
         alongside.iter().all(|other| {
@@ -178,20 +204,18 @@ fn centre_lines(mesh: &mut Mesh, map: &CityMap, lane: &Lane, (field, within): (&
         };
         match found.filter(|&at| field.distance.at(at) < 0.0 && goes_on(at)) {
             Some(position) => line.push(Pose2 { position, ..pose }),
-            None => double_line(mesh, &std::mem::take(&mut line), within),
+            None => doubles.push(std::mem::take(&mut line)),
         }
     }
-    double_line(mesh, &line, within);
+    doubles.push(line);
+    doubles.retain(|line| line.len() > 2);
 }
 
-fn double_line(mesh: &mut Mesh, line: &[Pose2], within: f64) {
-    if line.len() > 2 {
-        let line = &thinned(line, within);
-        // The two meet in the middle between them.
-        let (inner, outer) = (DOUBLE_M / 2.0, MARGIN * LINE_M / 2.0);
-        ribbon(mesh, line, DOUBLE_M / 2.0, LINE_M, [inner, outer], YELLOW);
-        ribbon(mesh, line, -DOUBLE_M / 2.0, LINE_M, [outer, inner], YELLOW);
-    }
+fn double_line(mesh: &mut Mesh, line: &[Pose2]) {
+    // The two meet in the middle between them.
+    let (inner, outer) = (DOUBLE_M / 2.0, MARGIN * LINE_M / 2.0);
+    ribbon(mesh, line, DOUBLE_M / 2.0, LINE_M, [inner, outer], YELLOW);
+    ribbon(mesh, line, -DOUBLE_M / 2.0, LINE_M, [outer, inner], YELLOW);
 }
 
 /// Whether the neighbour goes along with the whole lane, so that nothing of the other direction can.
@@ -202,19 +226,6 @@ fn alongside_all(map: &CityMap, lane: &Lane, neighbour: LaneId) -> bool {
         let foot = neighbour.curve.project(pose.point_at(0.0, lane.width_m));
         foot.lateral.abs() < 0.35 * lane.width_m
     })
-}
-
-/// Whether two lanes may run beside one another.
-fn near(a: &Lane, b: &Lane) -> bool {
-    let ends = |lane: &Lane| {
-        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        for (_, point) in lane.curve.sample(10.0) {
-            (low, high) = (low.min(point.pose.position), high.max(point.pose.position));
-        }
-        [low - lane.width_m * 2.0, high + lane.width_m * 2.0]
-    };
-    let ([a_low, a_high], [b_low, b_high]) = (ends(a), ends(b));
-    a_low.cmple(b_high).all() && b_low.cmple(a_high).all()
 }
 
 fn stop_line(mesh: &mut Mesh, driving: Pose2, [a, b]: [DVec2; 2]) {

@@ -1,7 +1,7 @@
 //! Triangles with what they are made of: plain data that any renderer can take.
 
 use glam::{IVec3, Vec2, Vec3};
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 use std::hash::Hash;
 
 /// What a surface is made of. Its texture is a grey or natural pattern that the vertex colour tints.
@@ -151,12 +151,12 @@ pub fn clustered<V, K: Eq + Hash>(
     kind: impl Fn(&V) -> K,
 ) -> (Vec<V>, Vec<u32>) {
     let cube = |v: &V| (position(v) / edge_m).round().as_ivec3();
-    let mut places: HashMap<IVec3, (Vec3, f32)> = HashMap::new();
+    let mut places: FxHashMap<IVec3, (Vec3, f32)> = FxHashMap::default();
     for vertex in vertices {
         let place = places.entry(cube(vertex)).or_default();
         *place = (place.0 + position(vertex), place.1 + 1.0);
     }
-    let mut known = HashMap::new();
+    let mut known = FxHashMap::default();
     let (mut kept, mut corners_kept) = (Vec::new(), Vec::new());
     for triangle in indices.chunks_exact(3) {
         let corners = [0, 1, 2].map(|k| &vertices[triangle[k] as usize]);
@@ -176,6 +176,10 @@ pub fn clustered<V, K: Eq + Hash>(
     (kept, corners_kept)
 }
 
+/// Feet of walls and posts stand no higher.
+const LOW_M: f32 = 0.35;
+const FOOT_OPENNESS: u8 = 140;
+
 /// Indexed triangles, counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
@@ -190,6 +194,13 @@ impl Mesh {
 
     pub fn is_empty(&self) -> bool {
         self.indices.is_empty()
+    }
+
+    /// Adds the triangles of another.
+    pub fn append(&mut self, other: &Self) {
+        let base = self.vertices.len() as u32;
+        self.vertices.extend_from_slice(&other.vertices);
+        self.indices.extend(other.indices.iter().map(|k| k + base));
     }
 
     pub fn vertex(&mut self, vertex: Vertex) -> u32 {
@@ -241,10 +252,25 @@ impl Mesh {
         let up = Vec3::Z * height;
         for (k, &a) in ring.iter().enumerate() {
             let b = ring[(k + 1) % ring.len()];
+            let first = self.vertices.len();
             self.plate(&[a, b, b + up, a + up], side, 2.0);
+            self.shade_foot(first);
         }
         let top: Vec<Vec3> = ring.iter().map(|&p| p + up).collect();
         self.plate(&top, lid, 2.0);
+    }
+
+    /// Darkens what vertices from `first` on stand low on the ground with, which hides half of what is around
+    /// them.
+    fn shade_foot(&mut self, first: usize) {
+        for vertex in self.vertices[first..].iter_mut().filter(|v| v.position.z < LOW_M) {
+            vertex.openness = vertex.openness.min(FOOT_OPENNESS);
+        }
+    }
+
+    /// Sets how open the vertices from `first` on are.
+    pub fn set_openness(&mut self, first: usize, openness: u8) {
+        self.vertices[first..].iter_mut().for_each(|vertex| vertex.openness = openness);
     }
 
     /// A cone frustum standing upright, smooth around, with a lid when the top has a radius.
@@ -260,9 +286,13 @@ impl Mesh {
                 self.vertices.push(Vertex { position, normal, uv, finish, openness: 255 });
             }
         }
+        self.shade_foot(base as usize);
         for k in 0..sides {
             let a = base + 2 * k;
-            self.indices.extend([a, a + 2, a + 3, a, a + 3, a + 1]);
+            self.indices.extend([a, a + 2, a + 3]);
+            if radii[1] > 0.0 {
+                self.indices.extend([a, a + 3, a + 1]);
+            }
         }
         if radii[1] > 0.02 {
             let top: Vec<Vec3> = (0..sides)
@@ -277,7 +307,8 @@ impl Mesh {
 
     /// Drops vertices that repeat bit for bit.
     pub fn weld(&mut self) {
-        let mut seen = HashMap::new();
+        let mut seen = FxHashMap::default();
+        seen.reserve(self.vertices.len());
         let mut kept = Vec::with_capacity(self.vertices.len());
         let slot: Vec<u32> = self
             .vertices
@@ -308,6 +339,28 @@ impl Mesh {
         let place = (|v: &Vertex| v.position, |v: &Vertex, position| Vertex { position, ..*v });
         let (vertices, indices) = clustered((&self.vertices, &self.indices), edge_m, place, kind);
         Self { vertices, indices }
+    }
+
+    /// How far it reaches to all sides: level ones 22.5 degrees apart, up and down, and half up and half down.
+    pub fn reach(&self) -> [f32; 34] {
+        const SLANT: f32 = std::f32::consts::FRAC_1_SQRT_2;
+        // Sine and cosine of 22.5 degrees.
+        const S: f32 = 0.382_683_43;
+        const C: f32 = 0.923_879_5;
+        self.vertices.iter().fold([f32::NEG_INFINITY; 34], |mut reach, v| {
+            let p = v.position;
+            let q = p * SLANT;
+            let level = [p.x, p.y, q.x + q.y, q.x - q.y];
+            let between = [C * p.x + S * p.y, S * p.x + C * p.y, C * p.x - S * p.y, S * p.x - C * p.y];
+            let (sum, difference) = ((p.x + p.y) / 2.0, (p.x - p.y) / 2.0);
+            let slanted = [q.z + sum, q.z - sum, q.z + difference, q.z - difference];
+            let upward = [p.z, q.y + q.z, q.y - q.z, q.x + q.z, q.x - q.z];
+            for (k, along) in level.into_iter().chain(between).chain(upward).chain(slanted).enumerate() {
+                reach[2 * k] = reach[2 * k].max(along);
+                reach[2 * k + 1] = reach[2 * k + 1].max(-along);
+            }
+            reach
+        })
     }
 
     /// The smallest box around all vertices.

@@ -5,7 +5,10 @@
 mod buildings;
 mod class;
 mod field;
+mod foliage;
+mod furniture;
 mod grounds;
+mod lanes;
 mod lettering;
 mod markings;
 mod mesh;
@@ -17,6 +20,7 @@ mod props;
 mod roads;
 mod signs;
 mod special;
+mod trees;
 mod wear;
 
 pub use lettering::glyph_cell;
@@ -24,8 +28,10 @@ pub use mesh::{Class, Finish, Mesh, Surface, Vertex, clustered};
 pub use signs::sign_cell;
 
 use super::{CityMap, SceneryKind};
+use crate::geom::scatter;
 use crate::model::Model;
-use glam::{Vec2, Vec3};
+use furniture::Piece;
+use glam::{Affine3A, Mat3, Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -75,16 +81,51 @@ impl Object {
         Self { levels: vec![Level { mesh, error_m: 0.0 }] }
     }
 
+    /// Adds a level that differs by `error_m`, or by more where its outline says so. One that saves no
+    /// triangles is left out.
+    fn add_level(&mut self, mesh: Mesh, error_m: f32) {
+        let (Some(finest), Some(last)) = (self.levels.first(), self.levels.last()) else { return };
+        if mesh.triangle_count() >= last.mesh.triangle_count() || mesh.is_empty() {
+            return;
+        }
+        let (fine, coarse) = (finest.mesh.reach(), mesh.reach());
+        let apart_m = fine.iter().zip(&coarse).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let error_m = error_m.max(apart_m);
+        if error_m > last.error_m {
+            self.levels.push(Level { mesh, error_m });
+        }
+    }
+
     /// Simplifies the coarsest level further, as far as it pays.
     fn add_coarser_levels(&mut self) {
         let Some(base) = self.levels.last().cloned() else { return };
         for edge_m in COARSER_M.into_iter().filter(|edge_m| edge_m / 2.0 > base.error_m) {
             let mesh = base.mesh.simplified(edge_m);
             let last = self.levels.last().map_or(0, |level| level.mesh.triangle_count());
-            if mesh.triangle_count() * 4 < last * 3 && !mesh.is_empty() {
-                self.levels.push(Level { mesh, error_m: edge_m / 2.0 });
+            if mesh.triangle_count() * 4 < last * 3 {
+                self.add_level(mesh, edge_m / 2.0);
             }
         }
+    }
+
+    /// The same turned, moved and scaled evenly, with another look of its faces.
+    fn placed(&self, city_from_object: Affine3A, look: impl Fn(Finish) -> Finish) -> Self {
+        let turn = Mat3::from(city_from_object.matrix3);
+        let scale = turn.x_axis.length();
+        let vertex = |v: &Vertex| Vertex {
+            position: city_from_object.transform_point3(v.position),
+            normal: turn * v.normal / scale,
+            finish: look(v.finish),
+            ..*v
+        };
+        let level = |level: &Level| Level {
+            mesh: Mesh {
+                vertices: level.mesh.vertices.iter().map(vertex).collect(),
+                indices: level.mesh.indices.clone(),
+            },
+            error_m: level.error_m * scale,
+        };
+        Self { levels: self.levels.iter().map(level).collect() }
     }
 
     pub fn is_empty(&self) -> bool {
@@ -102,6 +143,21 @@ impl SceneDescription {
     /// [`Self::from_map`] with the models that the map places, by name; those that are missing are left out.
     pub fn with_models(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Self {
         let field = roads::RoadField::new(map);
+        let lanes = lanes::LaneBoxes::new(map);
+        let nursery = trees::Nursery::new();
+        let furniture = furniture::Furniture::new(models);
+        // Off the road, and clear of all that stands.
+        let is_free = |at: Vec2, but: usize| {
+            let others = map.scenery.iter().enumerate().filter(|(index, piece)| {
+                let is_flat = matches!(piece.kind, SceneryKind::Grass | SceneryKind::Paving);
+                let is_tree = piece.kind == SceneryKind::Tree;
+                *index != but && !is_flat && !is_tree
+            });
+            field.distance.at(at.as_dvec2()) > 1.0
+                && others
+                    .into_iter()
+                    .all(|(_, piece)| grounds::distance_to(&piece.shape, at.as_dvec2()) > 0.5)
+        };
         let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());
         let mut lamps = Vec::new();
         // Street furniture turns towards the road, so it needs to know where that is.
@@ -113,33 +169,40 @@ impl SceneDescription {
                 Object::of_one_level(mesh)
             };
             objects.push(match piece.kind {
-                SceneryKind::Building => one(&|mesh| buildings::building(mesh, &place, map)),
-                SceneryKind::Tree => plants::tree_object(&place),
-                SceneryKind::Hedge => one(&|mesh| plants::hedge(mesh, &place)),
+                SceneryKind::Building => one(&|mesh| buildings::building(mesh, &place, &lanes)),
+                SceneryKind::Tree => nursery.tree(&place),
+                SceneryKind::Hedge => plants::hedge(&place),
                 SceneryKind::Wall => one(&|mesh| props::wall(mesh, &place)),
                 SceneryKind::Lamp => {
-                    let mut mesh = Mesh::default();
-                    lamps.push(props::lamp(&mut mesh, &place, map));
-                    Object::of_one_level(mesh)
+                    let lamp = props::lamp(&place, &lanes, &furniture);
+                    lamps.extend(furniture::lens(&lamp));
+                    lamp
                 }
-                SceneryKind::Bench => one(&|mesh| props::bench(mesh, &place)),
-                SceneryKind::PicnicTable => one(&|mesh| props::picnic_table(mesh, &place)),
+                SceneryKind::Bench => {
+                    objects.extend(props::bench(&place, &furniture, |at| is_free(at, index)));
+                    continue;
+                }
+                SceneryKind::PicnicTable => props::picnic_table(&place, &furniture),
                 SceneryKind::Playground => one(&|mesh| props::playground(mesh, &place)),
-                SceneryKind::Grass
-                | SceneryKind::Bed
-                | SceneryKind::Water
-                | SceneryKind::Paving
-                | SceneryKind::Parking => {
+                SceneryKind::Water => {
+                    grounds::ground(&mut lying, &place);
+                    one(&|mesh| grounds::pond_life(mesh, &place))
+                }
+                SceneryKind::Grass | SceneryKind::Bed | SceneryKind::Paving | SceneryKind::Parking => {
                     grounds::ground(&mut lying, &place);
                     continue;
                 }
             });
             if piece.kind == SceneryKind::Building {
+                let pumps = buildings::pumps(&place).into_iter();
+                objects.extend(pumps.map(|(at, front)| furniture.place(Piece::FuelPump, at, front, 1.0)));
+                let board = buildings::price_board(&place).filter(|&(at, _)| is_free(at, index));
+                objects.extend(board.map(|board| Object::of_one_level(special::price_board_at(board))));
                 walls.extend(buildings::opaque_walls(&place));
             }
         }
         let [low, high] = map.bounds().map(|corner| corner.as_vec2());
-        objects.extend(signs::signs(map, &field));
+        objects.extend(signs::signs(map, &field, &lanes));
         objects.extend(plants::woods([low, high]));
         objects.extend(models::place(map, models));
         objects.extend(parked::cars(map));
@@ -147,10 +210,11 @@ impl SceneDescription {
         for object in &mut objects {
             object.add_coarser_levels();
         }
-        let roads = roads::LEVELS.map(|error_m| Level { mesh: roads::ground(&field, error_m), error_m });
+        let outlines = roads::Outlines::new(&field);
+        let roads = roads::LEVELS.map(|error_m| Level { mesh: outlines.ground(error_m), error_m });
         let mut ground = vec![Object { levels: roads.to_vec() }];
-        let painted =
-            markings::LEVELS.map(|error_m| Level { mesh: markings::markings(map, &field, error_m), error_m });
+        let paint = markings::Paint::new(map, &field, &lanes);
+        let painted = markings::LEVELS.map(|error_m| Level { mesh: paint.mesh(error_m), error_m });
         ground.push(Object { levels: painted.to_vec() });
         let rest = [roads::plain(map), wear::wear(map), lying];
         ground.extend(rest.map(Object::of_one_level));
@@ -182,13 +246,7 @@ impl Place<'_> {
 
 /// A number in [0, 1) for two integers.
 fn dice(seed: u32, salt: u32) -> f32 {
-    let mut h = seed.wrapping_mul(0x9E37_79B1) ^ salt.wrapping_mul(0x85EB_CA77);
-    h ^= h >> 15;
-    h = h.wrapping_mul(0x2C1B_3C6D);
-    h ^= h >> 12;
-    h = h.wrapping_mul(0x297A_2D39);
-    h ^= h >> 15;
-    (h >> 8) as f32 / (1 << 24) as f32
+    scatter::unit(seed.wrapping_mul(0x9E37_79B1) ^ salt.wrapping_mul(0x85EB_CA77))
 }
 
 #[cfg(test)]

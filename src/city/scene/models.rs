@@ -1,21 +1,21 @@
 //! Models from files at the places that the map gives them.
 
+use super::Object;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::roads::GRASS_M;
-use super::{Level, Object};
 use crate::city::{CityMap, PlacedModel};
 use crate::model::{Material, Model, Node};
 use glam::{Affine3A, Quat, Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Nodes of this beginning stand in for all others at a distance.
-const FAR: &str = "far_";
+/// Nodes of these beginnings stand in for all others at a distance, the latter at a greater one.
+const FAR: [&str; 2] = ["far_", "farther_"];
 /// One repeat of a pattern, where a file does not lay it on.
 const REPEAT_M: f32 = 2.0;
 
 /// Materials of these names get the pattern of that surface, and what is not built its class.
-const SURFACES: [(&str, Surface, Class); 24] = [
+const SURFACES: [(&str, Surface, Class); 25] = [
     ("brick", Surface::Brick, Class::Building),
     ("concrete", Surface::Concrete, Class::Building),
     ("windows", Surface::Windows, Class::Building),
@@ -40,13 +40,16 @@ const SURFACES: [(&str, Surface, Class); 24] = [
     ("setts", Surface::Setts, Class::Pavement),
     ("sand", Surface::Sand, Class::Pavement),
     ("water", Surface::Water, Class::Water),
+    ("lantern", Surface::Lantern, Class::Pole),
 ];
 
-fn finish_of(material: &Material) -> Finish {
+/// The look of a material; what has no class of its own is of `class`.
+fn finish_of(material: &Material, class: Class) -> Finish {
     let name = material.name.split('.').next().unwrap_or_default().to_ascii_lowercase();
     let known = SURFACES.iter().find(|(known, ..)| *known == name);
     let plain = if material.metallic > 0.5 { Surface::Metal } else { Surface::Plain };
-    let (surface, class) = known.map_or((plain, Class::Building), |&(_, surface, class)| (surface, class));
+    let (surface, known) = known.map_or((plain, Class::Building), |&(_, surface, class)| (surface, class));
+    let class = if known == Class::Building { class } else { known };
     Finish::new(surface, material.colour, class)
 }
 
@@ -63,12 +66,12 @@ fn laid_on(position: Vec3, normal: Vec3) -> Vec2 {
     at / REPEAT_M
 }
 
-fn add(mesh: &mut Mesh, model: &Model, city_from_model: Affine3A, wanted: impl Fn(&Node) -> bool) {
+fn add(mesh: &mut Mesh, model: &Model, class: Class, wanted: impl Fn(&Node) -> bool) {
     for node in model.nodes.iter().filter(|node| wanted(node)) {
-        let here = city_from_model * node.model_from_mesh;
+        let here = node.model_from_mesh;
         let turn = here.matrix3.inverse().transpose();
         for part in model.parts(node) {
-            let finish = finish_of(&part.material);
+            let finish = finish_of(&part.material, class);
             let is_laid_on = part.vertices.iter().any(|v| v.uv != Vec2::ZERO);
             let base = mesh.vertices.len() as u32;
             mesh.vertices.extend(part.vertices.iter().map(|v| Vertex {
@@ -88,10 +91,26 @@ fn add(mesh: &mut Mesh, model: &Model, city_from_model: Affine3A, wanted: impl F
     }
 }
 
-/// How far the shape of nodes for a distance may lie from that of the others.
-const FAR_ERROR_M: f32 = 0.3;
+/// How far the shapes of nodes for a distance may lie from that of the others, unless their outlines say more.
+pub(super) const FAR_ERRORS_M: [f32; 2] = [0.3, 0.6];
 
-/// All placed models, each with what it has for a distance.
+/// A model in its own frame, with what it has for a distance; what its materials do not tell is of `class`.
+pub(super) fn object(model: &Model, class: Class, far_errors_m: [f32; 2]) -> Object {
+    // Which stand-in a node is of; `None` of the model itself.
+    let rank = |node: &Node| FAR.iter().position(|start| node.name.starts_with(start));
+    let mesh = |wanted: Option<usize>| {
+        let mut mesh = Mesh::default();
+        add(&mut mesh, model, class, |node| rank(node) == wanted);
+        mesh
+    };
+    let mut object = Object::of_one_level(mesh(None));
+    for (k, error_m) in far_errors_m.into_iter().enumerate() {
+        object.add_level(mesh(Some(k)), error_m);
+    }
+    object
+}
+
+/// All models that the map places.
 pub(super) fn place(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Vec<Object> {
     let placed = map.models.iter().filter_map(|placed| Some((placed, models.get(&placed.file)?)));
     placed
@@ -101,14 +120,7 @@ pub(super) fn place(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Vec
                 Quat::from_rotation_z(*front_rad as f32),
                 at.as_vec2().extend(GRASS_M),
             );
-            let is_far = |node: &Node| node.name.starts_with(FAR);
-            let level = |far: bool| {
-                let mut mesh = Mesh::default();
-                add(&mut mesh, model, here, |node| is_far(node) == far);
-                Level { mesh, error_m: if far { FAR_ERROR_M } else { 0.0 } }
-            };
-            let has_far = model.nodes.iter().any(is_far);
-            Object { levels: if has_far { vec![level(false), level(true)] } else { vec![level(false)] } }
+            object(model, Class::Building, FAR_ERRORS_M).placed(here, |finish| finish)
         })
         .collect()
 }

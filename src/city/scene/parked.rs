@@ -5,7 +5,7 @@ use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::{Level, Object};
 use crate::city::{CityMap, SceneryKind, Shape};
 use crate::model::{Measures, Part, car, fitted};
-use glam::Vec3;
+use glam::{Affine3A, Mat3, Vec3};
 
 /// How many of a hundred bays are taken.
 const TAKEN: f32 = 0.52;
@@ -26,11 +26,11 @@ const COLOURS: [[u8; 3]; 8] = [
     [74, 92, 80],
 ];
 
-/// The look of a material of a car in the street.
-fn finish_of(part: &Part, paint: [u8; 3]) -> Finish {
+/// The look of a material of a car in the street, in white.
+fn finish_of(part: &Part) -> Finish {
     let colour = part.material.colour;
     let (surface, colour) = match part.material.name.as_str() {
-        "paint" => (Surface::CarPaint, paint),
+        "paint" => (Surface::CarPaint, [255, 255, 255]),
         "glass" => (Surface::Glass, [255, 255, 255]),
         name if name.starts_with("indicator") => (Surface::Plain, [150, 84, 30]),
         _ if part.material.metallic > 0.5 => (Surface::Metal, colour),
@@ -39,15 +39,9 @@ fn finish_of(part: &Part, paint: [u8; 3]) -> Finish {
     Finish::new(surface, colour, Class::Vehicle)
 }
 
-fn add(
-    mesh: &mut Mesh,
-    parts: &[Part],
-    paint: [u8; 3],
-    place: impl Fn(Vec3) -> Vec3,
-    turn: impl Fn(Vec3) -> Vec3,
-) {
+fn add(mesh: &mut Mesh, parts: &[Part], place: impl Fn(Vec3) -> Vec3, turn: impl Fn(Vec3) -> Vec3) {
     for part in parts {
-        let finish = finish_of(part, paint);
+        let finish = finish_of(part);
         let base = mesh.vertices.len() as u32;
         mesh.vertices.extend(part.vertices.iter().map(|v| Vertex {
             position: place(v.position),
@@ -63,15 +57,34 @@ fn add(
 /// By how much the bodies of few faces differ from the full ones.
 const COARSENESS_M: f32 = 0.16;
 
+/// A car in white at all its levels of detail, about the middle of its outline on the ground.
+fn car_object(shape: &car::Shape) -> Object {
+    let height = SIZE.height * shape.height / car::SEDAN.height * if shape.height > 2.0 { 0.95 } else { 1.0 };
+    let model = fitted(&car::model(shape), &Measures { height, ..SIZE });
+    let half_track = model.half_track.unwrap_or(0.8);
+    let bodies = [Some(&model.body), model.far_body.as_ref()];
+    let wheels = [Some(&model.wheel), model.far_wheel.as_ref()];
+    let mut object = Object::default();
+    for ((error_m, body), wheel) in [0.0, COARSENESS_M].into_iter().zip(bodies).zip(wheels) {
+        let mut mesh = Mesh::default();
+        add(&mut mesh, body.unwrap_or(&model.body), |v| v, |n| n);
+        for (x, side) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0_f32)] {
+            let hub = Vec3::new(x * SIZE.wheelbase / 2.0, side * half_track, SIZE.wheel_radius);
+            let about = |v: Vec3| Vec3::new(side * v.x, side * v.y, v.z);
+            add(&mut mesh, wheel.unwrap_or(&model.wheel), |v| hub + about(v), about);
+        }
+        object.levels.push(Level { mesh, error_m });
+    }
+    object.add_coarser_levels();
+    object
+}
+
 /// Parks cars in some bays.
 pub(super) fn cars(map: &CityMap) -> Vec<Object> {
     let mut parked = Vec::new();
-    let shapes = [car::HATCHBACK, car::SEDAN, car::SUV, car::HATCHBACK, car::VAN, car::SUV, car::SEDAN];
-    let models = shapes.map(|shape| {
-        let height =
-            SIZE.height * shape.height / car::SEDAN.height * if shape.height > 2.0 { 0.95 } else { 1.0 };
-        fitted(&car::model(&shape), &Measures { height, ..SIZE })
-    });
+    let bodies = [car::HATCHBACK, car::SEDAN, car::SUV, car::VAN].map(|shape| car_object(&shape));
+    /// Which of them stand about, by how usual they are.
+    const USUAL: [usize; 7] = [0, 1, 2, 0, 3, 2, 1];
     let parks = map.scenery.iter().enumerate().filter(|(_, piece)| piece.kind == SceneryKind::Parking);
     for (index, piece) in parks {
         let Shape::Polygon(ring) = &piece.shape else { continue };
@@ -82,37 +95,19 @@ pub(super) fn cars(map: &CityMap) -> Vec<Object> {
             if dice(1) > TAKEN {
                 continue;
             }
-            let model = &models[(dice(2) * models.len() as f32) as usize % models.len()];
-            let paint = COLOURS[(dice(3) * COLOURS.len() as f32) as usize % COLOURS.len()];
+            let body = &bodies[USUAL[(dice(2) * USUAL.len() as f32) as usize % USUAL.len()]];
+            let colour = COLOURS[(dice(3) * COLOURS.len() as f32) as usize % COLOURS.len()];
             // Some have backed in.
             let ahead = into.as_vec2() * if dice(4) < 0.3 { -1.0 } else { 1.0 };
             let middle = mouth.as_vec2()
                 + into.as_vec2() * (SIZE.length / 2.0 + 0.25 + 0.3 * dice(5))
                 + into.as_vec2().perp() * (0.24 * (dice(6) - 0.5));
-            let left = ahead.perp();
-            let turn = |v: Vec3| (ahead * v.x + left * v.y).extend(v.z);
-            let place = |v: Vec3| turn(v) + middle.extend(GROUND_M);
-            let half_track = model.half_track.unwrap_or(0.8);
-            let bodies = [Some(&model.body), model.far_body.as_ref()];
-            let wheels = [Some(&model.wheel), model.far_wheel.as_ref()];
-            let mut object = Object::default();
-            for ((error_m, body), wheel) in [0.0, COARSENESS_M].into_iter().zip(bodies).zip(wheels) {
-                let mut mesh = Mesh::default();
-                add(&mut mesh, body.unwrap_or(&model.body), paint, place, turn);
-                for (x, side) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0_f32)] {
-                    let hub = Vec3::new(x * SIZE.wheelbase / 2.0, side * half_track, SIZE.wheel_radius);
-                    let about = |v: Vec3| Vec3::new(side * v.x, side * v.y, v.z);
-                    add(
-                        &mut mesh,
-                        wheel.unwrap_or(&model.wheel),
-                        paint,
-                        |v| place(hub + about(v)),
-                        |n| turn(about(n)),
-                    );
-                }
-                object.levels.push(Level { mesh, error_m });
-            }
-            parked.push(object);
+            let turn = Mat3::from_cols(ahead.extend(0.0), ahead.perp().extend(0.0), Vec3::Z);
+            let place = Affine3A::from_mat3_translation(turn, middle.extend(GROUND_M));
+            parked.push(body.placed(place, |finish| match finish.surface {
+                Surface::CarPaint => Finish { colour, ..finish },
+                _ => finish,
+            }));
         }
     }
     parked

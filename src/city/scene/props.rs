@@ -1,19 +1,22 @@
-//! Walls, lamps, benches, tables and a playground.
+//! Walls, a playground, and where furniture stands.
 
-use super::Place;
+use super::furniture::{Furniture, Piece};
 use super::grounds::ring_of;
+use super::lanes::LaneBoxes;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::Region;
 use super::roads::level;
-use crate::city::{CityMap, Shape};
+use super::{Object, Place};
+use crate::city::Shape;
 use glam::{DVec2, Vec2, Vec3};
 
 const STONE_WALL: Finish = Finish::new(Surface::Brick, [188, 168, 146], Class::Wall);
 const COPING: Finish = Finish::new(Surface::Concrete, [196, 192, 184], Class::Wall);
-const POST: Finish = Finish::new(Surface::Metal, [64, 70, 74], Class::Pole);
-const LANTERN: Finish = Finish::new(Surface::Lantern, [248, 244, 226], Class::Pole);
 const SLATS: Finish = Finish::new(Surface::Wood, [150, 108, 70], Class::Furniture);
 const IRON: Finish = Finish::new(Surface::Metal, [58, 60, 62], Class::Furniture);
+
+/// Furniture stands in lawns and between slabs.
+const FOOT_M: f32 = 0.13;
 
 /// A prism along an open line.
 pub(super) fn along(mesh: &mut Mesh, line: &[DVec2], width: f32, height: f32, side: Finish, top: Finish) {
@@ -71,62 +74,37 @@ fn rectangle(shape: &Shape) -> (f32, f32, f32) {
     }
 }
 
-/// A street lamp whose arm reaches over the nearest lane; says where its lens is.
-pub(super) fn lamp(mesh: &mut Mesh, place: &Place<'_>, map: &CityMap) -> Vec3 {
+/// A street lamp whose arm reaches over the nearest lane.
+pub(super) fn lamp(place: &Place<'_>, lanes: &LaneBoxes<'_>, furniture: &Furniture) -> Object {
     let foot = middle(&place.piece.shape);
-    let height = place.piece.height_m.map_or(6.2, |h| h as f32);
-    let nearest = map
-        .lanes
-        .iter()
-        .map(|lane| lane.curve.at(lane.curve.project(foot.as_dvec2()).s).pose.position)
-        .min_by(|a, b| a.distance_squared(foot.as_dvec2()).total_cmp(&b.distance_squared(foot.as_dvec2())));
+    let nearest = lanes.nearest(foot.as_dvec2());
     let towards = nearest.map_or(Vec2::X, |at| (at.as_vec2() - foot).normalize_or(Vec2::X));
-    let base = foot.extend(0.08);
-    mesh.frustum(base, [0.10, 0.05], height, 6, POST);
-    let arm = (foot + towards * 0.7).extend(height + 0.02);
-    mesh.block(arm, Vec3::new(1.5, 0.07, 0.07), towards.to_angle(), POST);
-    let head = (foot + towards * 1.35).extend(height - 0.03);
-    mesh.block(head, Vec3::new(0.55, 0.22, 0.10), towards.to_angle(), POST);
-    // Its lens, seen from below.
-    let (ahead, left) = (towards * 0.24, towards.perp() * 0.09);
-    let lens = [ahead + left, ahead - left, -ahead - left, -ahead + left].map(|d| head + d.extend(-0.01));
-    mesh.plate(&lens, LANTERN, 1.0);
-    head
+    // As high as the map says, if it says it.
+    let stated = place.piece.height_m.zip(furniture.height(Piece::Lamp));
+    let scale = stated.map_or(1.0, |(stated, own)| stated as f32 / own);
+    furniture.place(Piece::Lamp, foot.extend(0.08), towards, scale)
 }
 
-pub(super) fn bench(mesh: &mut Mesh, place: &Place<'_>) {
-    let (length, width, yaw) = rectangle(&place.piece.shape);
-    let at = middle(&place.piece.shape).extend(0.13);
-    let side = Vec2::from_angle(yaw).perp().extend(0.0);
-    mesh.block(at + Vec3::Z * 0.38, Vec3::new(length, width * 0.8, 0.06), yaw, SLATS);
-    mesh.block(at + side * (width * 0.42) + Vec3::Z * 0.5, Vec3::new(length, 0.06, 0.42), yaw, SLATS);
-    let ahead = Vec2::from_angle(yaw).extend(0.0);
-    for end in [-0.38, 0.38] {
-        mesh.block(at + ahead * (length * end), Vec3::new(0.08, width * 0.7, 0.38), yaw, IRON);
+/// A bench, and for some a bin beside it.
+pub(super) fn bench(place: &Place<'_>, furniture: &Furniture, is_free: impl Fn(Vec2) -> bool) -> Vec<Object> {
+    let (length, _, yaw) = rectangle(&place.piece.shape);
+    let at = middle(&place.piece.shape);
+    let ahead = Vec2::from_angle(yaw);
+    let front = -ahead.perp();
+    let mut pieces = vec![furniture.place(Piece::Bench, at.extend(FOOT_M), front, 1.0)];
+    let beside = [1.0_f32, -1.0].map(|side| at + ahead * (side * (length / 2.0 + 0.55)));
+    if place.dice(2) < 0.5
+        && let Some(&spot) = beside.iter().find(|&&spot| is_free(spot))
+    {
+        pieces.push(furniture.place(Piece::Bin, spot.extend(FOOT_M), front, 1.0));
     }
+    pieces
 }
 
-pub(super) fn picnic_table(mesh: &mut Mesh, place: &Place<'_>) {
-    let (length, width, yaw) = rectangle(&place.piece.shape);
-    let at = middle(&place.piece.shape).extend(0.12);
-    let side = Vec2::from_angle(yaw).perp().extend(0.0);
-    let ahead = Vec2::from_angle(yaw).extend(0.0);
-    mesh.block(at + Vec3::Z * 0.72, Vec3::new(length, width * 0.5, 0.06), yaw, SLATS);
-    for end in [-0.36, 0.36] {
-        mesh.block(
-            at + side * (width * end * 1.2) + Vec3::Z * 0.42,
-            Vec3::new(length, 0.28, 0.05),
-            yaw,
-            SLATS,
-        );
-        mesh.block(at + ahead * (length * end), Vec3::new(0.09, width * 0.75, 0.42), yaw, SLATS.shaded(0.8));
-        mesh.block(
-            at + ahead * (length * end) + Vec3::Z * 0.4,
-            Vec3::new(0.09, 0.3, 0.32),
-            yaw,
-            SLATS.shaded(0.8),
-        );
-    }
+pub(super) fn picnic_table(place: &Place<'_>, furniture: &Furniture) -> Object {
+    let (.., yaw) = rectangle(&place.piece.shape);
+    let front = -Vec2::from_angle(yaw).perp();
+    furniture.place(Piece::PicnicTable, middle(&place.piece.shape).extend(FOOT_M), front, 1.0)
 }
 
 /// Sand with a swing, a slide and a climbing frame.

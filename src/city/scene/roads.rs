@@ -1,6 +1,6 @@
 //! Ground: asphalt from the union of all lanes, kerbs and pavements along its outline, grass beyond.
 
-use super::field::Field;
+use super::field::{Field, regions_of, simplified};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::polygon::Region;
 use crate::city::{CityMap, Lane, LaneId};
@@ -14,6 +14,8 @@ const FILLET_M: f64 = 2.2;
 /// Asphalt beyond the outermost lanes.
 const SHOULDER_M: f32 = 0.30;
 const PAVEMENT_M: f32 = 2.0;
+/// Distances are worked out this far beyond what is asked of them.
+const BEYOND_M: f64 = 0.6;
 /// Around everything.
 const MARGIN_M: f64 = 14.0;
 /// The plain reaches this far beyond the city.
@@ -33,7 +35,7 @@ const KERB: Finish = Finish::new(Surface::Concrete, [186, 184, 178], Class::Pave
 pub(super) const PAVEMENT: Finish = Finish::new(Surface::Slabs, [172, 166, 156], Class::Pavement);
 
 /// The road surface as a field: signed distance to the edge of the outermost lanes, negative on the
-/// road, corners rounded.
+/// road, corners rounded; infinite far from any.
 pub(super) struct RoadField {
     pub(super) distance: Field,
 }
@@ -80,6 +82,10 @@ impl Profile {
         Self { left: smooth(&|w| w.0), right: smooth(&|w| w.1), step }
     }
 
+    fn widest(&self) -> f64 {
+        self.left.iter().chain(&self.right).fold(0.0, |widest, width| width.max(widest))
+    }
+
     fn at(&self, s: f64, left: bool) -> f64 {
         let table = if left { &self.left } else { &self.right };
         let at = (s / self.step.max(1e-9)).clamp(0.0, (table.len() - 1) as f64);
@@ -107,33 +113,40 @@ fn on_segment(segment: &Segment, point: DVec2) -> (f64, f64) {
 impl RoadField {
     pub(super) fn new(map: &CityMap) -> Self {
         let [low, high] = map.bounds();
-        let reach = FILLET_M + 2.5;
+        let reach = FILLET_M + BEYOND_M;
         let mut raw = Field::new([low - MARGIN_M, high + MARGIN_M], STEP_M);
         for lane in &map.lanes {
             let profile = Profile::new(map, lane);
+            let widest = profile.widest();
             for (index, segment) in lane.curve.segments().iter().enumerate() {
                 let station = lane.curve.station(index);
-                let margin = lane.width_m + reach;
-                raw.lower(segment_box(segment, margin), |point| {
+                let margin = widest + reach;
+                let ring = segment.centre().zip(segment.radius());
+                let forward = segment.start.forward();
+                // No point is nearer than the whole circle or line is; far ones do not matter.
+                let least = |point: DVec2| {
+                    let away = match ring {
+                        Some((centre, radius)) => (point.distance(centre) - radius).abs(),
+                        None => forward.perp_dot(point - segment.start.position).abs(),
+                    };
+                    if away > margin { f64::INFINITY } else { away - widest }
+                };
+                raw.lower(segment_box(segment, margin), least, |point| {
                     let (s, lateral) = on_segment(segment, point);
                     let beyond = (-s).max(s - segment.length).max(0.0);
                     let side =
                         lateral.abs() - profile.at(station + s.clamp(0.0, segment.length), lateral > 0.0);
-                    if beyond > 0.0 { beyond.hypot(side.max(0.0)) } else { side }
+                    if beyond > 0.0 { DVec2::new(beyond, side.max(0.0)).length() } else { side }
                 });
             }
         }
         // Closing: out by the radius of a fillet, then in again.
-        let out = raw.rings(FILLET_M as f32, 0.01);
+        let out = simplified(&raw.rings(FILLET_M as f32), 0.01);
         let back = raw.distance_to(&out, reach);
         let fillet = FILLET_M as f32;
-        let distance =
-            raw.with(
-                &back,
-                |raw, back| {
-                    if raw >= fillet || !back.is_finite() { raw } else { raw.min(fillet - back) }
-                },
-            );
+        let deepest = reach as f32;
+        let distance = raw
+            .with(&back, |raw, back| if raw >= fillet { raw } else { raw.min(fillet - back.min(deepest)) });
         Self { distance }
     }
 }
@@ -205,37 +218,65 @@ pub(super) fn band_with(
     }
 }
 
-/// Asphalt, kerbs, pavements and grass.
 /// How far edges may lie from where they are, level by level.
 pub(super) const LEVELS: [f32; 3] = [0.0, 0.08, 0.30];
 
-pub(super) fn ground(field: &RoadField, error_m: f32) -> Mesh {
-    let within = |finest: f64| finest.max(f64::from(error_m));
-    let mut mesh = Mesh::default();
-    let road = &field.distance;
-    for region in road.regions(SHOULDER_M + 0.06, within(0.015), LEAST_ISLAND_M2) {
-        level(&mut mesh, &region, 0.0, ASPHALT, 5.0);
+/// Outlines of what covers the ground, as fine as the grid has them.
+pub(super) struct Outlines {
+    asphalt: Vec<Vec<DVec2>>,
+    kerbs: Vec<Vec<DVec2>>,
+    pavement: Vec<Vec<DVec2>>,
+    grass: Vec<Vec<DVec2>>,
+}
+
+fn rings_of(regions: Vec<Region>) -> Vec<Vec<DVec2>> {
+    regions.into_iter().flat_map(|region| std::iter::once(region.outer).chain(region.holes)).collect()
+}
+
+/// Kerbs are followed to within this at most.
+const KERBS_WITHIN_M: f64 = 0.012;
+
+impl Outlines {
+    pub(super) fn new(field: &RoadField) -> Self {
+        let road = &field.distance;
+        let kerbs = road.rings(SHOULDER_M);
+        // Distance from the kerb, off the road.
+        let edges = regions_of(simplified(&kerbs, KERBS_WITHIN_M), LEAST_ISLAND_M2);
+        let off = road.distance_to(&rings_of(edges), f64::from(PAVEMENT_M) + BEYOND_M);
+        let pavement = road.with(&off, |road, off| (off - PAVEMENT_M).max(SHOULDER_M + 0.04 - road));
+        let grass = road.with(&off, |road, off| {
+            if road < SHOULDER_M { PAVEMENT_M } else { PAVEMENT_M - 0.06 - off.min(PAVEMENT_M + 4.0) }
+        });
+        Self {
+            asphalt: road.rings(SHOULDER_M + 0.06),
+            kerbs,
+            pavement: pavement.rings(0.0),
+            grass: grass.rings(0.0),
+        }
     }
-    let edges = road.regions(SHOULDER_M, within(0.012), LEAST_ISLAND_M2);
-    let rings: Vec<Vec<DVec2>> =
-        edges.into_iter().flat_map(|r| std::iter::once(r.outer).chain(r.holes)).collect();
-    for ring in &rings {
-        band(&mut mesh, ring, [Vec2::ZERO, Vec2::new(0.02, KERB_M + 0.006)], KERB.shaded(0.86));
-        band(&mut mesh, ring, [Vec2::new(0.02, KERB_M + 0.006), Vec2::new(0.20, KERB_M + 0.006)], KERB);
+
+    /// Asphalt, kerbs, pavements and grass.
+    pub(super) fn ground(&self, error_m: f32) -> Mesh {
+        let within = |finest: f64| finest.max(f64::from(error_m));
+        let regions =
+            |rings: &[Vec<DVec2>], finest: f64, least| regions_of(simplified(rings, within(finest)), least);
+        let mut mesh = Mesh::default();
+        for region in regions(&self.asphalt, 0.015, LEAST_ISLAND_M2) {
+            level(&mut mesh, &region, 0.0, ASPHALT, 5.0);
+        }
+        for ring in rings_of(regions(&self.kerbs, KERBS_WITHIN_M, LEAST_ISLAND_M2)) {
+            let top = KERB_M + 0.006;
+            band(&mut mesh, &ring, [Vec2::ZERO, Vec2::new(0.02, top)], KERB.shaded(0.86));
+            band(&mut mesh, &ring, [Vec2::new(0.02, top), Vec2::new(0.20, top)], KERB);
+        }
+        for region in regions(&self.pavement, 0.02, 0.2) {
+            level(&mut mesh, &region, KERB_M, PAVEMENT, 2.4);
+        }
+        for region in regions(&self.grass, 0.03, 0.5) {
+            level(&mut mesh, &region, GRASS_M, GRASS, 6.0);
+        }
+        mesh
     }
-    // Distance from the kerb, off the road.
-    let off = road.distance_to(&rings, f64::from(PAVEMENT_M) + 1.0);
-    let pavement = road.with(&off, |road, off| (off - PAVEMENT_M).max(SHOULDER_M + 0.04 - road));
-    for region in pavement.regions(0.0, within(0.02), 0.2) {
-        level(&mut mesh, &region, KERB_M, PAVEMENT, 2.4);
-    }
-    let green = road.with(&off, |road, off| {
-        if road < SHOULDER_M { PAVEMENT_M } else { PAVEMENT_M - 0.06 - off.min(PAVEMENT_M + 4.0) }
-    });
-    for region in green.regions(0.0, within(0.03), 0.5) {
-        level(&mut mesh, &region, GRASS_M, GRASS, 6.0);
-    }
-    mesh
 }
 
 /// The plain around the city, to the haze.

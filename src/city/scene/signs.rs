@@ -1,6 +1,7 @@
 //! Road signs where the map has lines and car parks: a post and a face that whoever comes can read.
 
 use super::Object;
+use super::lanes::LaneBoxes;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::roads::RoadField;
 use crate::city::{CityMap, ControlLineKind, Lane, LaneKind, SceneryKind, Shape};
@@ -56,14 +57,29 @@ const MIDDLE_M: f32 = 2.35;
 
 /// A sign on a post of its own, read by those who drive along `towards`.
 fn stand(foot: Vec2, towards: Vec2, signs: &[Sign]) -> Object {
+    let mut object = Object::of_one_level(draw(foot, towards, signs, 5));
+    object.add_level(draw(foot, towards, signs, 3), 0.04);
+    object.add_level(draw(foot, towards, signs, 1), 0.10);
+    object
+}
+
+/// With so many faces around the post; three and one are for a distance, the face square in the latter.
+fn draw(foot: Vec2, towards: Vec2, signs: &[Sign], sides: u32) -> Mesh {
     let mut mesh = Mesh::default();
     let top = MIDDLE_M + HALF_M + 0.05;
-    mesh.frustum(foot.extend(0.1), [0.038, 0.038], top - 0.1, 5, POST);
+    // A point has no lid.
+    let thin = if sides > 3 { 0.038 } else { 0.0 };
+    mesh.frustum(foot.extend(0.1), [0.038, thin], top - 0.1, sides.max(3), POST);
     // Readers look along `towards`: their right is its right.
     let right = (-towards.perp()).extend(0.0);
     for (k, &sign) in signs.iter().enumerate() {
         let middle = foot.extend(MIDDLE_M - 0.80 * k as f32) - towards.extend(0.0) * 0.05;
-        let outline = sign.outline();
+        let mut outline = sign.outline();
+        if sides == 1 && outline.len() > 4 {
+            outline = Sign::Parking.outline().into_iter().map(|p| p * 0.92).collect();
+        } else if sides == 3 && outline.len() == 12 {
+            outline = outline.into_iter().step_by(2).collect();
+        }
         let place = |p: Vec2, back: f32| {
             middle + right * (p.x * HALF_M) + Vec3::Z * (p.y * HALF_M) + towards.extend(0.0) * back
         };
@@ -74,10 +90,13 @@ fn stand(foot: Vec2, towards: Vec2, signs: &[Sign]) -> Object {
             .map(|p| (cell + (*p * 0.97 + 1.0).clamp(Vec2::ZERO, Vec2::splat(2.0)) / 2.0) / CELLS as f32)
             .collect();
         mesh.face(&corners, &uvs, FACE);
+        if sides == 1 && k > 0 {
+            continue;
+        }
         let behind: Vec<Vec3> = outline.iter().rev().map(|&p| place(p, 0.012)).collect();
         mesh.plate(&behind, BACK, 1.0);
     }
-    Object::of_one_level(mesh)
+    mesh
 }
 
 /// To the right of the road at a pose: the nearest place behind the kerb, if there is one.
@@ -110,7 +129,7 @@ fn at_line(map: &CityMap, field: &RoadField, lane: &Lane, at_m: f64) -> Option<(
 }
 
 /// Signs at stop and yield lines and at car parks.
-pub(super) fn signs(map: &CityMap, field: &RoadField) -> Vec<Object> {
+pub(super) fn signs(map: &CityMap, field: &RoadField, lanes: &LaneBoxes<'_>) -> Vec<Object> {
     let mut found = Vec::new();
     let mut standing: Vec<DVec2> = Vec::new();
     for line in &map.lines {
@@ -143,7 +162,8 @@ pub(super) fn signs(map: &CityMap, field: &RoadField) -> Vec<Object> {
         let Shape::Polygon(corners) = &piece.shape else { continue };
         let middle = corners.iter().copied().sum::<DVec2>() / corners.len().max(1) as f64;
         // At the corner nearest to a road, read from the road.
-        let nearest = corners.iter().min_by(|a, b| field.distance.at(**a).total_cmp(&field.distance.at(**b)));
+        let away = |at: DVec2| lanes.nearest(at).map_or(f64::INFINITY, |nearest| nearest.distance(at));
+        let nearest = corners.iter().min_by(|a, b| away(**a).total_cmp(&away(**b)));
         if let Some(corner) = nearest {
             let at = corner.lerp(middle, 0.06);
             let towards = (middle - *corner).try_normalize().unwrap_or(DVec2::X);

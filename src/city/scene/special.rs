@@ -1,6 +1,7 @@
 //! What only some buildings have: canopies, pavilions, towers, domes.
 
 use super::buildings::DARK;
+use super::lettering;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use glam::{Vec2, Vec3};
 use std::f32::consts::{FRAC_PI_2, TAU};
@@ -29,18 +30,13 @@ pub(super) fn pavilion(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32) 
         let slab: Vec<Vec3> = ring.iter().map(|p| p.extend(height - 0.7)).collect();
         mesh.prism(&slab, 0.7, RED, WHITE.shaded(0.8));
         let under: Vec<Vec3> = slab.iter().rev().copied().collect();
+        let first = mesh.vertices.len();
         mesh.plate(&under, WHITE, 2.0);
-        // Pumps on islands.
-        let across = (ring[1] - ring[0]).normalize_or(Vec2::X);
-        for part in [-0.22_f32, 0.22] {
-            let at = centre + across * (part * ring[0].distance(ring[1]));
-            let yaw = across.to_angle() + FRAC_PI_2;
-            mesh.block(at.extend(0.1), Vec3::new(4.4, 1.1, 0.2), yaw, STONE);
-            for along in [-1.0_f32, 1.0] {
-                let foot = (at + across.perp() * along).extend(0.3);
-                mesh.block(foot, Vec3::new(0.9, 0.55, 1.15), yaw, WHITE);
-                mesh.block(foot + Vec3::Z * 1.15, Vec3::new(0.9, 0.55, 0.35), yaw, RED);
-            }
+        mesh.set_openness(first, 130);
+        // Islands for the pumps.
+        for (at, along) in islands(ring) {
+            let yaw = along.to_angle();
+            mesh.block(at.extend(0.1), Vec3::new(ISLAND_M, 1.1, ISLAND_TOP_M - 0.1), yaw, STONE);
         }
         return true;
     }
@@ -53,11 +49,79 @@ pub(super) fn pavilion(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32) 
             let out = |p: Vec2| (p + (p - centre) * 0.12).extend(height - 0.65);
             let (a, b) = (out(*corner), out(ring[(k + 1) % ring.len()]));
             mesh.plate(&[a, b, peak], COPPER, 2.0);
-            mesh.plate(&[b, a, peak], STONE.shaded(0.7), 2.0);
+            let first = mesh.vertices.len();
+            mesh.plate(&[b, a, peak], STONE.shaded(0.8), 2.0);
+            mesh.set_openness(first, 100);
         }
         return true;
     }
     false
+}
+
+/// Length of an island under a canopy, and the height of its top.
+const ISLAND_M: f32 = 4.4;
+const ISLAND_TOP_M: f32 = 0.28;
+
+/// Middle and direction of the islands under a canopy.
+fn islands(ring: &[Vec2]) -> [(Vec2, Vec2); 2] {
+    let across = (ring[1] - ring[0]).normalize_or(Vec2::X);
+    let place = |part: f32| middle(ring) + across * (part * ring[0].distance(ring[1]));
+    [-0.22, 0.22].map(|part| (place(part), across.perp()))
+}
+
+/// Fuel pumps under a canopy: where each stands and looks to.
+pub(super) fn pumps(name: &str, ring: &[Vec2]) -> Vec<(Vec3, Vec2)> {
+    if !name.contains("canopy") || ring.len() < 3 {
+        return Vec::new();
+    }
+    let on_island = |(at, along): (Vec2, Vec2)| {
+        [-1.1_f32, 1.1].map(|away| ((at + along * away).extend(ISLAND_TOP_M), along.perp()))
+    };
+    islands(ring).into_iter().flat_map(on_island).collect()
+}
+
+/// Height of the board with the prices of a filling station, and how far it stands from the canopy.
+const BOARD_M: f32 = 4.6;
+const BOARD_AWAY_M: f32 = 2.3;
+
+/// Where the board with the prices stands, and the way along it.
+pub(super) fn price_board(name: &str, ring: &[Vec2]) -> Option<(Vec2, Vec2)> {
+    let away = (*ring.first()? - *ring.get(1)?).try_normalize()?;
+    name.contains("canopy").then(|| (ring[0] + away * BOARD_AWAY_M, away.perp()))
+}
+
+/// A board on two posts, read from both sides.
+pub(super) fn price_board_at((at, along): (Vec2, Vec2)) -> Mesh {
+    let mut mesh = Mesh::default();
+    let yaw = along.to_angle();
+    let class = |finish: Finish| Finish { class: Class::Sign, ..finish };
+    for end in [-0.72_f32, 0.72] {
+        let post = Finish { class: Class::Pole, ..WHITE.shaded(0.8) };
+        mesh.block((at + along * end).extend(0.1), Vec3::new(0.14, 0.14, BOARD_M - 0.1), yaw, post);
+    }
+    for (from, to, finish) in [(3.5, BOARD_M, RED), (1.5, 3.5, DARK.shaded(0.5))] {
+        let first = mesh.vertices.len();
+        mesh.block(at.extend(from), Vec3::new(1.6, 0.22, to - from), yaw, class(finish));
+        mesh.set_openness(first, 235);
+    }
+    for side in [-1.0_f32, 1.0] {
+        let across = (along * side).extend(0.0);
+        let face = |z: f32, out: f32| (at - along.perp() * (side * out)).extend(z);
+        let board = class(Finish::new(Surface::Plain, [232, 206, 110], Class::Sign));
+        for (z, text) in [(4.05, "FUEL"), (3.02, "1 79"), (2.48, "1 86"), (1.94, "1 58")] {
+            let half = (across * 0.68, Vec3::Z * 0.23);
+            let middle = face(z, 0.115);
+            let corners = [
+                middle - half.0 - half.1,
+                middle + half.0 - half.1,
+                middle + half.0 + half.1,
+                middle - half.0 + half.1,
+            ];
+            mesh.plate(&corners, board, 2.0);
+            lettering::write(&mut mesh, text, face(z, 0.125), across, 0.30, board);
+        }
+    }
+    mesh
 }
 
 /// Whether it is one of those that can be looked through: see [`pavilion`].

@@ -9,10 +9,9 @@ mod wheel;
 
 use super::{Builder, Model, Node, Skin};
 use glam::{Affine3A, Quat, Vec3};
-use shape::Shape;
 use std::f32::consts::PI;
 
-pub use shape::{HATCHBACK, PICKUP, SEDAN, SUV, VAN};
+pub use shape::{HATCHBACK, PICKUP, SEDAN, SUV, Shape, VAN};
 
 /// Length of all cars here, from bumper to bumper.
 pub const LENGTH_M: f32 = 5.0;

@@ -122,7 +122,7 @@ impl CityPass {
         };
         let swift = attachments.light_at_vertices.then(|| Swift {
             lines: pipeline(["swift_line_vertex", "swift_line_fragment"]),
-            plain: pipeline(["swift_plain_vertex", "swift_plain_fragment"]),
+            plain: pipeline(attachments.plain_entries(["swift_plain_vertex", "swift_plain_fragment"])),
             averted: pipeline(["swift_vertex", "swift_averted_fragment"]),
         });
         Self { pipeline: pipeline(attachments.entries()), swift, surfaces }

@@ -34,7 +34,7 @@ impl Shades {
         let first = self.walls.len();
         let near = walls.iter().filter(|wall| {
             let along = wall.to - wall.from;
-            let is_front = (wall.from - lamp).perp_dot(along) > 0.0;
+            let is_front = (lamp - wall.from).perp_dot(along) > 0.0;
             let part = ((lamp - wall.from).dot(along) / along.length_squared().max(1e-6)).clamp(0.0, 1.0);
             let distance_m = (wall.from + along * part).distance(lamp);
             is_front && distance_m < reach_m && wall.height_m > LOWEST_WALL_M

@@ -34,6 +34,8 @@ pub(super) struct Attachments {
     pub(super) samples: u32,
     /// See [`super::Quality::light_at_vertices`]; samples hold what is shown.
     pub(super) light_at_vertices: bool,
+    /// See [`Settings::flat`].
+    pub(super) is_flat: bool,
 }
 
 impl Attachments {
@@ -41,7 +43,8 @@ impl Attachments {
         let shown = settings.format.remove_srgb_suffix();
         let light_at_vertices = settings.quality.light_at_vertices;
         let format = if light_at_vertices { shown } else { RADIANCE };
-        Self { format, shown, samples: settings.quality.samples, light_at_vertices }
+        let (samples, is_flat) = (settings.quality.samples, settings.flat.is_some());
+        Self { format, shown, samples, light_at_vertices, is_flat }
     }
 
     /// How shaders read samples.
@@ -67,6 +70,11 @@ impl Attachments {
         } else {
             wgpu::TextureFormat::Rgba8UnormSrgb
         }
+    }
+
+    /// Entry points of what has no texture.
+    pub(super) fn plain_entries(self, usual: [&'static str; 2]) -> [&'static str; 2] {
+        if self.is_flat { ["flat_vertex", "flat_fragment"] } else { usual }
     }
 
     /// Entry points of a shader that has a pair for either way to light.

@@ -50,7 +50,7 @@ impl VehiclePass {
             &PictureState {
                 shader: Shader::Vehicle,
                 fixed: Some(fixed),
-                entries: attachments.entries(),
+                entries: attachments.plain_entries(attachments.entries()),
                 groups: &[Some(groups[0]), Some(groups[1])],
                 buffers: &[Some(city::gpu_data::LAYOUT), Some(gpu_data::LAYOUT)],
                 constants,

@@ -1,29 +1,34 @@
 //! Noise that repeats without a seam.
 
+use crate::geom::scatter;
+
 /// A well-mixed number in [0, 1) for a lattice point.
 pub(super) fn hash(x: i32, y: i32, seed: u32) -> f32 {
-    let mut h = (x as u32).wrapping_mul(0x9E37_79B1)
-        ^ (y as u32).wrapping_mul(0x85EB_CA77)
-        ^ seed.wrapping_mul(0xC2B2_AE3D);
-    h ^= h >> 15;
-    h = h.wrapping_mul(0x2C1B_3C6D);
-    h ^= h >> 12;
-    h = h.wrapping_mul(0x297A_2D39);
-    h ^= h >> 15;
-    (h >> 8) as f32 / (1 << 24) as f32
+    scatter::unit(
+        (x as u32).wrapping_mul(0x9E37_79B1)
+            ^ (y as u32).wrapping_mul(0x85EB_CA77)
+            ^ seed.wrapping_mul(0xC2B2_AE3D),
+    )
 }
 
 /// Value noise in [0, 1] with period 1 in u and v, `cells` lattice cells along each.
 pub(super) fn value([u, v]: [f32; 2], cells: [i32; 2], seed: u32) -> f32 {
-    let (x, y) = (u * cells[0] as f32, v * cells[1] as f32);
-    let (ix, iy) = (x.floor(), y.floor());
-    let smooth = |t: f32| t * t * (3.0 - 2.0 * t);
-    let (fx, fy) = (smooth(x - ix), smooth(y - iy));
-    let at = |dx: i32, dy: i32| {
-        hash((ix as i32 + dx).rem_euclid(cells[0]), (iy as i32 + dy).rem_euclid(cells[1]), seed)
-    };
-    let (a, b) = (at(0, 0) + (at(1, 0) - at(0, 0)) * fx, at(0, 1) + (at(1, 1) - at(0, 1)) * fx);
+    let ([x0, x1], fx) = lattice(u * cells[0] as f32, cells[0]);
+    let ([y0, y1], fy) = lattice(v * cells[1] as f32, cells[1]);
+    let (a, b) = (hash(x0, y0, seed), hash(x0, y1, seed));
+    let (a, b) = (a + (hash(x1, y0, seed) - a) * fx, b + (hash(x1, y1, seed) - b) * fx);
     a + (b - a) * fy
+}
+
+/// The lattice points on both sides of a place, and how far it lies between them, smoothed. Start-up asks some
+/// ten million times: no division, no call.
+fn lattice(x: f32, cells: i32) -> ([i32; 2], f32) {
+    let whole = x as i32;
+    let below = whole - i32::from((whole as f32) > x);
+    let t = x - below as f32;
+    let first = if (0..cells).contains(&below) { below } else { below.rem_euclid(cells) };
+    let second = if first + 1 == cells { 0 } else { first + 1 };
+    ([first, second], t * t * (3.0 - 2.0 * t))
 }
 
 /// Octaves of [`value`], each twice as fine and half as strong; about 0.5 on average.

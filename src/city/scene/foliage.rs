@@ -1,0 +1,254 @@
+//! Crowns of trees: clumps of leaves one beside the other with sprays between them, and hulls of few faces
+//! around them for a distance.
+
+use super::mesh::{Finish, Mesh, Vertex};
+use glam::{Quat, Vec2, Vec3};
+use std::f32::consts::{PI, TAU};
+
+/// An ellipsoid with lumps.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Clump {
+    pub(super) centre: Vec3,
+    pub(super) size: Vec3,
+    /// Of its colour.
+    pub(super) tone: f32,
+}
+
+impl Clump {
+    /// How far out of it a point lies: 1 on its surface.
+    fn depth(&self, point: Vec3) -> f32 {
+        ((point - self.centre) / self.size).length()
+    }
+
+    /// The farther of the two points at which a ray meets it, as a distance along the unit ray.
+    fn far_side(&self, from: Vec3, along: Vec3) -> Option<f32> {
+        let (o, d) = ((from - self.centre) / self.size, along / self.size);
+        let (a, b, c) = (d.length_squared(), o.dot(d), o.length_squared() - 1.0);
+        let root = b * b - a * c;
+        (root >= 0.0).then(|| (root.sqrt() - b) / a).filter(|t| *t > 0.0)
+    }
+}
+
+/// How finely crowns are drawn.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Leafage {
+    /// Faces around a clump and from its bottom to its top.
+    pub(super) clumps: [u32; 2],
+    /// Twigs that stand out of them.
+    pub(super) sprays: u32,
+}
+
+/// All of the leaves of a tree.
+#[derive(Clone, Debug)]
+pub(super) struct Crown {
+    pub(super) clumps: Vec<Clump>,
+    pub(super) finish: Finish,
+    pub(super) seed: u32,
+}
+
+/// Repeats of the pattern over a length of one.
+const REPEATS: f32 = 1.4;
+/// How much of a clump's size its lumps add and take.
+const ROUGH: f32 = 0.16;
+/// Light that is left inside a crown, and at the bottom of it.
+const INSIDE: f32 = 0.34;
+
+impl Crown {
+    fn dice(&self, index: u32, salt: u32) -> f32 {
+        super::dice(self.seed.wrapping_mul(977).wrapping_add(index), salt)
+    }
+
+    /// Middle and half size of the box around all clumps.
+    fn bulk(&self) -> (Vec3, Vec3) {
+        let low = self.clumps.iter().map(|c| c.centre - c.size).fold(Vec3::INFINITY, Vec3::min);
+        let high = self.clumps.iter().map(|c| c.centre + c.size).fold(Vec3::NEG_INFINITY, Vec3::max);
+        ((low + high) / 2.0, ((high - low) / 2.0).max(Vec3::splat(1e-3)))
+    }
+
+    /// The vertex at a point of the surface: what lies deep in the crown or low on it gets less light, and
+    /// its normal leans to that of the whole.
+    fn leaf(&self, position: Vec3, normal: Vec3, uv: Vec2, tone: f32) -> Vertex {
+        let (middle, half) = self.bulk();
+        let out = (position - middle) / half;
+        let height = 0.5 + 0.5 * out.z.clamp(-1.0, 1.0);
+        let bare = ((out.length() - 0.45) / 0.55).clamp(0.0, 1.0);
+        let open = INSIDE + (1.0 - INSIDE) * (0.55 * height + 0.45 * bare) * (0.5 + 0.5 * bare);
+        let whole = (out / half).normalize_or(Vec3::Z);
+        let normal = (normal * 0.62 + whole * 0.38 + Vec3::Z * 0.10).normalize_or(Vec3::Z);
+        // Leaves at the top are the younger ones.
+        let finish = self.finish.shaded(tone * (0.90 + 0.16 * height));
+        Vertex { position, normal, uv, finish, openness: (255.0 * open) as u8 }
+    }
+
+    /// Clumps and sprays.
+    pub(super) fn draw(&self, mesh: &mut Mesh, leafage: Leafage) {
+        for index in 0..self.clumps.len() {
+            self.clump(mesh, index, leafage.clumps);
+        }
+        for k in 0..leafage.sprays {
+            self.spray(mesh, k);
+        }
+    }
+
+    /// Whether a point lies well within another clump than `index`.
+    fn is_hidden(&self, point: Vec3, index: usize) -> bool {
+        self.clumps.iter().enumerate().any(|(k, clump)| k != index && clump.depth(point) < 0.94)
+    }
+
+    fn clump(&self, mesh: &mut Mesh, index: usize, [around, rings]: [u32; 2]) {
+        let clump = self.clumps[index];
+        let dice = |salt: u32| self.dice(index as u32, salt);
+        let axis = Vec3::new(dice(21) - 0.5, dice(22) - 0.5, 0.0).normalize_or(Vec3::X);
+        let lean = Quat::from_axis_angle(axis, 0.9 * dice(23)) * Quat::from_rotation_z(TAU * dice(24));
+        let base = mesh.vertices.len() as u32;
+        for ring in 0..=rings {
+            let (sin_up, cos_up) = (PI * (ring as f32 / rings as f32 - 0.5)).sin_cos();
+            for k in 0..=around {
+                let turned = k % around;
+                let (sin, cos) = (TAU * (turned as f32 + 0.5 * (ring % 2) as f32) / around as f32).sin_cos();
+                let out = lean * Vec3::new(cos * cos_up, sin * cos_up, sin_up);
+                // A pole is one point whatever the column.
+                let column = if ring == 0 || ring == rings { 0 } else { turned };
+                let reach = 1.0 + ROUGH * (2.0 * dice(40 + ring * around + column) - 1.0);
+                let uv = Vec2::new(
+                    (k as f32 / around as f32) * (TAU * clump.size.x * REPEATS).round().max(1.0),
+                    ring as f32 / rings as f32 * PI * clump.size.z * REPEATS,
+                );
+                let at = clump.centre + out * clump.size * reach;
+                mesh.vertex(self.leaf(at, (out / clump.size).normalize_or(Vec3::Z), uv, clump.tone));
+            }
+        }
+        let corner = |mesh: &Mesh, k: u32| mesh.vertices[k as usize].position;
+        for ring in 0..rings {
+            for k in 0..around {
+                let a = base + ring * (around + 1) + k;
+                let b = a + around + 1;
+                let mut faces = Vec::with_capacity(2);
+                if ring > 0 {
+                    faces.push([a, a + 1, b + 1]);
+                }
+                if ring + 1 < rings {
+                    faces.push([a, b + 1, b]);
+                }
+                for face in faces {
+                    if !face.iter().all(|&k| self.is_hidden(corner(mesh, k), index)) {
+                        mesh.indices.extend(face);
+                    }
+                }
+            }
+        }
+    }
+
+    /// A twig with leaves: a kite that stands out of a clump.
+    fn spray(&self, mesh: &mut Mesh, number: u32) {
+        let dice = |salt: u32| self.dice(1000 + number, salt);
+        let index = (dice(1) * self.clumps.len() as f32) as usize % self.clumps.len().max(1);
+        let Some(&clump) = self.clumps.get(index) else { return };
+        let (middle, _) = self.bulk();
+        let turn = TAU * dice(2);
+        let up = 1.7 * dice(3) - 0.7;
+        let flat = (1.0 - up * up).max(0.0).sqrt();
+        let away = (clump.centre - middle).normalize_or(Vec3::Z);
+        let out = (Vec3::new(turn.cos() * flat, turn.sin() * flat, up) + 0.7 * away).normalize_or(Vec3::Z);
+        // Under the surface, whose lumps may lie as deep.
+        let foot = clump.centre + out * clump.size * 0.80;
+        if self.is_hidden(foot, index) {
+            return;
+        }
+        let (side, over) = out.any_orthonormal_pair();
+        let (sin, cos) = (TAU * dice(4)).sin_cos();
+        let along = side * cos + over * sin;
+        let along = (along + 0.55 * out - 0.25 * Vec3::Z).normalize_or(Vec3::X);
+        let across = out.cross(along).normalize_or(Vec3::X);
+        let length = (0.30 + 0.18 * dice(5)) * clump.size.min_element();
+        let half = length * (0.34 + 0.16 * dice(6));
+        let corners = [
+            foot,
+            foot + along * (0.55 * length) - across * half,
+            foot + along * length,
+            foot + along * (0.55 * length) + across * half + out * (0.12 * length),
+        ];
+        let facing = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let order = if facing.dot(out) > 0.0 { [0, 1, 2, 3] } else { [0, 3, 2, 1] };
+        let normal = (facing * facing.dot(out).signum()).normalize_or(out);
+        let normal = (normal * 0.6 + out * 0.6).normalize_or(out);
+        let start = Vec2::new(dice(7), dice(8));
+        let uv = |k: usize| {
+            let from = corners[k] - foot;
+            start + Vec2::new(from.dot(across), from.dot(along)) * REPEATS
+        };
+        let tone = clump.tone * (0.92 + 0.22 * dice(9));
+        let base = mesh.vertices.len() as u32;
+        for k in order {
+            mesh.vertex(self.leaf(corners[k], normal, uv(k), tone));
+        }
+        mesh.indices.extend([base, base + 1, base + 2, base, base + 2, base + 3]);
+    }
+
+    /// One hull around all clumps, of so many faces around and from bottom to top, stretched to the box around
+    /// the leaves at their finest.
+    pub(super) fn hull(&self, mesh: &mut Mesh, [around, rings]: [u32; 2], [low, high]: [Vec3; 2]) {
+        let (middle, half) = self.bulk();
+        let base = mesh.vertices.len() as u32;
+        for ring in 0..=rings {
+            let (sin_up, cos_up) = (PI * (ring as f32 / rings as f32 - 0.5)).sin_cos();
+            for k in 0..=around {
+                let turn = TAU * ((k % around) as f32 + 0.5 * (ring % 2) as f32) / around as f32;
+                let out = Vec3::new(turn.cos() * cos_up, turn.sin() * cos_up, sin_up);
+                let along = (out * half).normalize_or(Vec3::Z);
+                let reach =
+                    self.clumps.iter().filter_map(|clump| clump.far_side(middle, along)).fold(0.0, f32::max);
+                let reach = reach.max(0.42 * (out * half).length());
+                let uv = Vec2::new(
+                    k as f32 / around as f32 * (TAU * half.x * REPEATS).round(),
+                    ring as f32 / rings as f32 * PI * half.z * REPEATS,
+                );
+                mesh.vertex(self.leaf(middle + along * reach, (out / half).normalize_or(Vec3::Z), uv, 1.0));
+            }
+        }
+        let drawn = &mut mesh.vertices[base as usize..];
+        let least = drawn.iter().map(|v| v.position).fold(Vec3::INFINITY, Vec3::min);
+        let most = drawn.iter().map(|v| v.position).fold(Vec3::NEG_INFINITY, Vec3::max);
+        let stretch = (high - low) / (most - least).max(Vec3::splat(1e-3));
+        drawn.iter_mut().for_each(|v| v.position = low + (v.position - least) * stretch);
+        for ring in 0..rings {
+            for k in 0..around {
+                let a = base + ring * (around + 1) + k;
+                let b = a + around + 1;
+                if ring > 0 {
+                    mesh.indices.extend([a, a + 1, b + 1]);
+                }
+                if ring + 1 < rings {
+                    mesh.indices.extend([a, b + 1, b]);
+                }
+            }
+        }
+    }
+}
+
+/// A trunk or a branch through points, of a radius at each.
+pub(super) fn limb(mesh: &mut Mesh, joints: &[(Vec3, f32)], sides: u32, finish: Finish) {
+    let (Some(first), Some(last)) = (joints.first(), joints.last()) else { return };
+    let along = (last.0 - first.0).normalize_or(Vec3::Z);
+    let (a, b) = along.any_orthonormal_pair();
+    let base = mesh.vertices.len() as u32;
+    let mut way = 0.0;
+    for (row, &(at, radius)) in joints.iter().enumerate() {
+        way += at.distance(joints[row.saturating_sub(1)].0);
+        for k in 0..=sides {
+            let (sin, cos) = (TAU * (k % sides) as f32 / sides as f32).sin_cos();
+            let normal = a * cos + b * sin;
+            // Across the grain, so that its lines run up the bark.
+            let uv = Vec2::new(way / 2.0, k as f32 / sides as f32 * 0.5);
+            mesh.vertex(Vertex { position: at + normal * radius, normal, uv, finish, openness: 200 });
+        }
+    }
+    // `b` is `along` x `a`, so that angles grow counter-clockwise seen from the far end.
+    for row in 1..joints.len() as u32 {
+        for k in 0..sides {
+            let c = base + (row - 1) * (sides + 1) + k;
+            let d = c + sides + 1;
+            mesh.indices.extend([c, c + 1, d + 1, c, d + 1, d]);
+        }
+    }
+}
