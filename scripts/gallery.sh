@@ -41,3 +41,7 @@ take kind-depth city --size 640x360 --quality low --from 0 --duration 0.01 \
     --camera chase --vehicle 20 --kind depth
 take kind-semantic city --size 640x360 --quality low --from 0 --duration 0.01 \
     --camera chase --vehicle 20 --kind semantic --palette
+
+# The window, as it is after eight seconds.
+"$city3d" view roundabout --fresh --picture docs/images/window.png --at 8 --size 1280x720 --quality high \
+    --mode chase --select path1_b --preview path1_b --preview path2_a

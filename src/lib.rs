@@ -5,8 +5,10 @@
 pub mod app;
 pub mod camera;
 pub mod city;
+pub mod cockpit;
 pub mod environment;
 pub mod geom;
+pub mod live;
 pub mod mainframe;
 pub mod model;
 pub mod physics;
@@ -18,5 +20,7 @@ pub mod scenario;
 pub mod sensor;
 pub mod sim;
 pub mod snapshot;
+#[cfg(feature = "window")]
+pub mod ui;
 pub mod vehicle;
 pub mod wire;

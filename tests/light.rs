@@ -214,7 +214,7 @@ fn a_target_of_anyones_shows_what_is_read_back() {
         });
         let color = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let target = TargetView { color: &color, format, extent: [160, 120] };
-        renderer.draw(&FrameSnapshot::default(), &view, target).expect("drawn");
+        renderer.draw(&FrameSnapshot::default(), &[view], &[target]).expect("drawn");
         let shown = texels(&context, &texture);
         let far = wanted
             .rgb

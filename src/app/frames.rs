@@ -71,7 +71,7 @@ pub struct FramesArgs {
     look: LookArgs,
 }
 
-fn size(text: &str) -> Result<[u32; 2], String> {
+pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
     let edge = |text: &str| text.parse().ok().filter(|edge| (1..=LARGEST_EDGE).contains(edge));
     let parts = text.split_once(['x', 'X']).and_then(|(w, h)| edge(w).zip(edge(h)));
     parts.map(|(w, h)| [w, h]).ok_or_else(|| {

@@ -9,7 +9,7 @@ use crate::scenario::{Experiment, TimeOfDay};
 use clap::{Args, ValueEnum};
 use std::sync::Arc;
 
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 pub(super) struct LookArgs {
     /// Light of the pictures: noon, low_sun, night or a time such as 17:30 [default: the scenario's]
     #[arg(long, value_name = "TIME")]
@@ -55,11 +55,24 @@ pub(super) fn open(args: &LookArgs, experiment: &Experiment, usual: Quality) -> 
         Quality::Ultra => Preset::ULTRA,
         Quality::Auto => Preset::auto(context.is_software),
     };
-    let scene = SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
     let time = args.time.unwrap_or(experiment.time_of_day);
-    let daylight = Daylight { hours: time.hours as f32 };
+    renderer(&context, experiment, quality, time.hours)
+}
+
+/// A renderer of an experiment's city on an open adapter, at a time of day.
+///
+/// # Errors
+/// Where the adapter does not take the scene.
+pub(super) fn renderer(
+    context: &Context,
+    experiment: &Experiment,
+    quality: Preset,
+    hours: f64,
+) -> Result<Renderer, Failure> {
+    let scene = SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
+    let daylight = Daylight { hours: hours as f32 };
     let settings = Settings { quality, daylight, ..Settings::default() };
-    let mut renderer = Renderer::new(&context, &scene, settings).map_err(failure)?;
+    let mut renderer = Renderer::new(context, &scene, settings).map_err(failure)?;
     for (&body, model) in &experiment.models.vehicles {
         renderer.set_vehicle_model(body, Arc::clone(model));
     }

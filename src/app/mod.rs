@@ -12,6 +12,8 @@ mod look;
 mod progress;
 mod run;
 mod say;
+#[cfg(feature = "window")]
+mod view;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -23,10 +25,16 @@ const EXIT_FAILED: u8 = 1;
 const EXIT_BAD_INPUT: u8 = 2;
 
 #[derive(Debug, Parser)]
-#[command(version, about, max_term_width = 110, after_help = "Try: city3d run roundabout --out out")]
+#[command(
+    version,
+    about,
+    max_term_width = 110,
+    after_help = "Without a command the window opens. Try: city3d run roundabout --out out"
+)]
+#[cfg_attr(not(feature = "window"), command(subcommand_required = true, arg_required_else_help = true))]
 struct Cli {
     #[command(subcommand)]
-    command: Command,
+    command: Option<Command>,
     /// Say more; twice for everything.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
@@ -34,6 +42,9 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Open the window: watch, steer and drive [what happens without a command]
+    #[cfg(feature = "window")]
+    View(Box<view::ViewArgs>),
     /// Run a scenario without a window and write its log, vehicles.csv and summary.json
     Run(run::RunArgs),
     /// Take camera pictures of a scenario: PNG files and frames.csv
@@ -50,7 +61,7 @@ enum Command {
 }
 
 /// What several commands change of a scenario.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 struct ScenarioArgs {
     /// A scenario file, or a shipped one: roundabout, city, straight
     scenario: String,
@@ -110,13 +121,8 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     start_logging(cli.verbose);
     let result = match cli.command {
-        Command::Run(args) => run::run(&args),
-        #[cfg(feature = "render")]
-        Command::Frames(args) => frames::frames(&args),
-        Command::Check(args) => check::check(&args),
-        #[cfg(feature = "render")]
-        Command::Bench(command) => bench::bench(&command),
-        Command::Generate(args) => generate::generate(&args),
+        None => without_command(),
+        Some(command) => run_command(command),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -124,6 +130,30 @@ pub fn main() -> ExitCode {
             say::complain(failure.message);
             ExitCode::from(failure.code)
         }
+    }
+}
+
+#[cfg(feature = "window")]
+fn without_command() -> Result<(), Failure> {
+    view::view(&view::ViewArgs::default())
+}
+
+#[cfg(not(feature = "window"))]
+fn without_command() -> Result<(), Failure> {
+    Err(Failure::bad_input("this program was built without the window; see city3d --help"))
+}
+
+fn run_command(command: Command) -> Result<(), Failure> {
+    match command {
+        #[cfg(feature = "window")]
+        Command::View(args) => view::view(&args),
+        Command::Run(args) => run::run(&args),
+        #[cfg(feature = "render")]
+        Command::Frames(args) => frames::frames(&args),
+        Command::Check(args) => check::check(&args),
+        #[cfg(feature = "render")]
+        Command::Bench(command) => bench::bench(&command),
+        Command::Generate(args) => generate::generate(&args),
     }
 }
 

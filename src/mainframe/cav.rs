@@ -2,8 +2,10 @@
 
 use super::estimate::Estimate;
 use super::right_of_way::Passage;
+use super::stray;
 use super::{Ahead, Controller, Decision, DriverParams, Route, SetupError, controller};
 use crate::city::{LabMap, LaneId};
+use crate::geom::Pose2;
 use crate::snapshot::{Indicator, VehicleId};
 use crate::wire::Measurement;
 use serde::{Deserialize, Serialize};
@@ -68,6 +70,10 @@ pub struct Cav {
     controller: Box<dyn Controller>,
     setup_speed_mps: f64,
     estimate: Option<Estimate>,
+    /// It is on no lane in the direction of travel: a person drives it as no route does.
+    is_astray: bool,
+    /// As measured.
+    pub pose: Pose2,
     /// The estimate brought to the time of the control step.
     axle_s: f64,
 }
@@ -103,6 +109,8 @@ impl Cav {
             controller,
             setup_speed_mps: setup.speed_mps,
             estimate: None,
+            is_astray: false,
+            pose: Pose2::default(),
             axle_s: 0.0,
         })
     }
@@ -112,9 +120,19 @@ impl Cav {
         self.estimate.is_some()
     }
 
+    /// Whether it is somewhere on its route.
+    pub fn is_on_route(&self) -> bool {
+        self.is_seen() && !self.is_astray
+    }
+
     /// Front-axle centre along the route, as measured and brought to the current time.
     pub fn axle_s(&self) -> f64 {
         self.axle_s
+    }
+
+    /// Front-axle centre along the route at the last measured pose.
+    pub(super) fn measured_s(&self) -> f64 {
+        self.estimate.map_or(0.0, |estimate| estimate.axle_s)
     }
 
     pub fn front_s(&self) -> f64 {
@@ -130,13 +148,42 @@ impl Cav {
         self.estimate.map_or(0.0, |estimate| estimate.speed_mps)
     }
 
+    /// As those behind it may count on: nothing of one that is on no lane.
+    pub(super) fn speed_along_mps(&self) -> f64 {
+        if self.is_astray { 0.0 } else { self.speed_mps() }
+    }
+
     pub(super) fn see(&mut self, map: &LabMap, seen: &Measurement) {
-        if let Some(estimate) = &mut self.estimate {
-            estimate.update(map, &self.route, self.body, seen);
+        self.pose = seen.pose_in_lab();
+        let Some(estimate) = &mut self.estimate else {
+            self.begin(map, seen, self.setup_speed_mps);
             return;
+        };
+        estimate.update(map, &self.route, self.body, seen);
+        let speed_mps = estimate.speed_mps;
+        if !stray::has_left(map, self) {
+            self.is_astray = false;
+        } else {
+            let way = stray::way_from(map, self);
+            self.is_astray = way.is_none();
+            if let Some(way) = way {
+                self.route = Route::new(map, &way, self.body, &self.driver);
+                self.reroutes += 1;
+                self.begin(map, seen, speed_mps);
+            }
         }
-        let first = Estimate::first(map, &self.route, self.body, seen, self.setup_speed_mps);
+    }
+
+    /// Front-axle centre from the route, left-positive.
+    pub(super) fn lateral_m(&self) -> f64 {
+        self.estimate.map_or(0.0, |estimate| estimate.lateral_m)
+    }
+
+    /// Takes it to be on the first lane of its route.
+    fn begin(&mut self, map: &LabMap, seen: &Measurement, speed_mps: f64) {
+        let first = Estimate::first(map, &self.route, self.body, seen, speed_mps);
         self.estimate = Some(first);
+        self.passage = Passage::default();
         self.reference =
             Reference { axle_s: first.axle_s, speed_mps: first.speed_mps, acceleration_mps2: 0.0 };
         self.axle_s = first.axle_s;

@@ -43,7 +43,7 @@ impl Loops {
     pub fn recount(&mut self, cavs: &[Cav]) {
         self.count.fill(0);
         let mut on = Vec::new();
-        for cav in cavs.iter().filter(|cav| cav.is_seen()) {
+        for cav in cavs.iter().filter(|cav| cav.is_on_route()) {
             self.list(cav, None, &mut on);
             on.iter().for_each(|&entered: &usize| self.count[entered] += 1);
         }

@@ -12,6 +12,7 @@ mod plan;
 mod reroute;
 mod right_of_way;
 mod route;
+mod stray;
 mod traffic;
 
 pub use cav::{Body, Cav, CavSetup};
@@ -86,7 +87,8 @@ impl Mainframe {
         self.right_of_way.update(time_s, &mut self.cavs, &self.occupancy);
         reroute::reroute_blocked(time_s, &self.map, &mut self.cavs, &self.right_of_way, &self.occupancy);
         for index in 0..self.cavs.len() {
-            if self.cavs[index].is_seen() {
+            // One that is on no lane hears nothing, and stops when it is given back there.
+            if self.cavs[index].is_on_route() {
                 let decision = self.decide(index);
                 let cav = &mut self.cavs[index];
                 cav.apply(decision, dt_s);

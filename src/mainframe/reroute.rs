@@ -22,7 +22,7 @@ pub fn reroute_blocked(
     let patience_s = right_of_way.params().reroute_s;
     for vehicle in 0..cavs.len() {
         let cav = &cavs[vehicle];
-        if cav.is_seen() && cav.speed_mps() < STANDING_MPS && cav.passage.blocked_s(now_s) > patience_s {
+        if cav.is_on_route() && cav.speed_mps() < STANDING_MPS && cav.passage.blocked_s(now_s) > patience_s {
             let leader_s = occupancy.leader(cavs, vehicle, LEADER_WITHIN_M).map(|leader| leader.rear_s);
             let body = cav.body;
             for way in other_ways(map, cav, leader_s.unwrap_or(f64::INFINITY)) {

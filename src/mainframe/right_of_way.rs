@@ -83,6 +83,8 @@ pub struct Passage {
     pub admissions: Vec<Admission>,
     /// Index of the section that it has to ask for next.
     pub next_section: usize,
+    /// It has been where it could stop before that section.
+    was_before_line: bool,
     /// Since when it stands at the line of that section.
     standing_since_s: Option<f64>,
     /// Since when it could not be admitted because those ahead stand in the section or behind it.
@@ -143,6 +145,8 @@ pub enum Hindrance {
 pub struct RightOfWay {
     params: RightOfWayParams,
     next_order: u64,
+    /// Of those who go in without having been admitted; below all others.
+    next_intruder: u64,
     loops: Loops,
     /// By zone, made anew for each control step.
     users: Vec<Vec<User>>,
@@ -150,13 +154,23 @@ pub struct RightOfWay {
     candidates: Vec<Candidate>,
 }
 
+/// Numbers of those who were admitted begin here; below are those of intruders.
+const FIRST_ORDER: u64 = 1 << 32;
+
 /// Vehicles this near to a zone are listed with it.
 const HORIZON_M: f64 = 2.0;
 
 impl RightOfWay {
     pub fn new(params: RightOfWayParams, map: &LabMap) -> Self {
         let users = vec![Vec::new(); map.zones.len()];
-        Self { params, next_order: 0, loops: Loops::new(map), users, candidates: Vec::new() }
+        Self {
+            params,
+            next_order: FIRST_ORDER,
+            next_intruder: 0,
+            loops: Loops::new(map),
+            users,
+            candidates: Vec::new(),
+        }
     }
 
     pub fn params(&self) -> &RightOfWayParams {
@@ -165,7 +179,7 @@ impl RightOfWay {
 
     /// Releases sections that were left, then admits those who may go.
     pub fn update(&mut self, now_s: f64, cavs: &mut [Cav], occupancy: &Occupancy) {
-        for cav in cavs.iter_mut().filter(|cav| cav.is_seen()) {
+        for cav in cavs.iter_mut().filter(|cav| cav.is_on_route()) {
             let (rear_s, sections) = (cav.rear_s(), &cav.route.sections);
             cav.passage.admissions.retain(|admission| sections[admission.section].to_s > rear_s);
             self.note_standing(now_s, cav);
@@ -174,7 +188,7 @@ impl RightOfWay {
         self.loops.recount(cavs);
         self.admit_those_inside(cavs);
         self.candidates.clear();
-        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_seen()) {
+        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_on_route()) {
             if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
                 let distance = section.hold_s - cav.front_s();
                 if distance < asking_distance(cav) {
@@ -196,7 +210,9 @@ impl RightOfWay {
             }
             let has_room = self.has_room_behind(vehicle, cavs, occupancy);
             if self.may_enter(now_s, candidate, has_room, cavs, occupancy) {
-                self.admit(vehicle, &mut cavs[vehicle]);
+                let order = self.next_order;
+                self.next_order += 1;
+                self.admit(vehicle, &mut cavs[vehicle], order);
             } else if candidate.standing_since_s.is_finite() && !has_room {
                 awaited.push(exit);
             }
@@ -205,14 +221,20 @@ impl RightOfWay {
     }
 
     /// A vehicle that started inside a section, or could not stop before it, is in it: others must know.
+    /// One that was before the line and did not stop, as a person may, goes before all who were admitted.
     fn admit_those_inside(&mut self, cavs: &mut [Cav]) {
-        for (vehicle, cav) in cavs.iter_mut().enumerate().filter(|(_, cav)| cav.is_seen()) {
+        for (vehicle, cav) in cavs.iter_mut().enumerate().filter(|(_, cav)| cav.is_on_route()) {
             while let Some(section) = cav.route.sections.get(cav.passage.next_section) {
                 let to_hold_m = section.hold_s - cav.front_s();
                 if to_hold_m > cav.driver.stopping_distance(cav.speed_mps()) - OVERSHOOT_M {
+                    cav.passage.was_before_line = true;
                     break;
                 }
-                self.admit(vehicle, cav);
+                let counter =
+                    if cav.passage.was_before_line { &mut self.next_intruder } else { &mut self.next_order };
+                let order = *counter;
+                *counter += 1;
+                self.admit(vehicle, cav, order);
             }
         }
     }
@@ -231,7 +253,7 @@ impl RightOfWay {
 
     fn list_users(&mut self, cavs: &[Cav]) {
         self.users.iter_mut().for_each(Vec::clear);
-        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_seen()) {
+        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_on_route()) {
             let (front_s, rear_s) = (cav.front_s(), cav.rear_s());
             let route = &cav.route;
             let mut section = cav.passage.admissions.first().map_or(cav.passage.next_section, |a| a.section);
@@ -316,7 +338,7 @@ impl RightOfWay {
                     && other.goes_over(exit_lane, there.from_s, there.to_s + 0.05)
             })
         };
-        let others = cavs.iter().enumerate().filter(|(other, cav)| *other != vehicle && cav.is_seen());
+        let others = cavs.iter().enumerate().filter(|(other, cav)| *other != vehicle && cav.is_on_route());
         let admitted = others.filter(|(_, other)| on_the_way(other)).map(|(_, other)| room_for(other));
         let needed = room_for(cav) + admitted.sum::<f64>();
         let next_hold_s = cav.route.sections.get(cav.passage.next_section + 1).map(|s| s.hold_s);
@@ -357,11 +379,10 @@ impl RightOfWay {
         })
     }
 
-    fn admit(&mut self, vehicle: usize, cav: &mut Cav) {
+    fn admit(&mut self, vehicle: usize, cav: &mut Cav, order: u64) {
         self.loops.enter(cav);
         let section = cav.passage.next_section;
-        let order = self.next_order;
-        self.next_order += 1;
+        cav.passage.was_before_line = false;
         cav.passage.admissions.push(Admission { section, order });
         cav.passage.next_section += 1;
         cav.passage.standing_since_s = None;

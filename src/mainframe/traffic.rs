@@ -30,11 +30,18 @@ pub struct Leader {
 /// Lanes that start together are clear of one another after less than this, laboratory metres.
 const FORK_REACH_M: f64 = 2.0;
 
+/// What is not on a lane is kept clear of by so much, laboratory metres: half of a vehicle's width.
+const OBSTACLE_MARGIN_M: f64 = 0.05;
+
 impl Occupancy {
     pub fn fill(&mut self, map: &LabMap, cavs: &[Cav]) {
         self.on_lane.resize_with(map.lanes.len(), Vec::new);
         self.on_lane.iter_mut().for_each(Vec::clear);
         for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_seen()) {
+            if !cav.is_on_route() {
+                self.add_obstacle(map, vehicle, cav);
+                continue;
+            }
             let (rear_s, front_s) = (cav.rear_s(), cav.front_s());
             let (first, last) = (cav.route.index_at(rear_s), cav.route.index_at(front_s));
             for index in first..=last {
@@ -42,6 +49,18 @@ impl Occupancy {
                 let lane = cav.route.lanes()[index];
                 let occupant = Occupant { vehicle, front_m: front_s - start, rear_m: rear_s - start };
                 self.on_lane[lane.index()].push(occupant);
+            }
+        }
+    }
+
+    /// A vehicle that is on no lane, or across some: all that it may reach into know it.
+    fn add_obstacle(&mut self, map: &LabMap, vehicle: usize, cav: &Cav) {
+        let reach_m = cav.body.length_m / 2.0;
+        for lane in &map.lanes {
+            let foot = lane.curve.project(cav.pose.position);
+            if foot.distance < reach_m + OBSTACLE_MARGIN_M {
+                let occupant = Occupant { vehicle, front_m: foot.s + reach_m, rear_m: foot.s - reach_m };
+                self.on_lane[lane.id.index()].push(occupant);
             }
         }
     }
@@ -58,7 +77,7 @@ impl Occupancy {
                 return;
             }
             if nearest.is_none_or(|leader| rear_s < leader.rear_s) {
-                let ahead = Ahead { gap_m: rear_s - front_s, speed_mps: cavs[vehicle].speed_mps() };
+                let ahead = Ahead { gap_m: rear_s - front_s, speed_mps: cavs[vehicle].speed_along_mps() };
                 nearest = Some(Leader { vehicle, rear_s, ahead });
             }
         };

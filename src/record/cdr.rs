@@ -59,6 +59,43 @@ impl CdrWriter {
     }
 }
 
+/// Reads the primitives of one message in their order; `None` where the bytes end before.
+#[derive(Clone, Debug)]
+pub struct CdrReader<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> CdrReader<'a> {
+    /// Begins behind the encapsulation header, which has to be that of [`CdrWriter`].
+    pub fn new(bytes: &'a [u8]) -> Option<Self> {
+        Some(Self { bytes: bytes.strip_prefix(&HEADER)?, at: 0 })
+    }
+
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let start = self.at.next_multiple_of(N);
+        let bytes = self.bytes.get(start..start + N)?.try_into().ok()?;
+        self.at = start + N;
+        Some(bytes)
+    }
+
+    pub fn u8(&mut self) -> Option<u8> {
+        self.take::<1>().map(|[byte]| byte)
+    }
+
+    pub fn u32(&mut self) -> Option<u32> {
+        self.take().map(u32::from_le_bytes)
+    }
+
+    pub fn u64(&mut self) -> Option<u64> {
+        self.take().map(u64::from_le_bytes)
+    }
+
+    pub fn f64(&mut self) -> Option<f64> {
+        self.take().map(f64::from_le_bytes)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -77,5 +114,22 @@ mod tests {
         // 15 bytes so far, the double starts at 16.
         assert_eq!(bytes[20..28], 1_f64.to_le_bytes());
         assert_eq!(bytes.len(), 28);
+    }
+
+    #[test]
+    fn what_was_written_is_read_and_no_more() {
+        let mut cdr = CdrWriter::reusing(Vec::new());
+        cdr.u8(7);
+        cdr.f64(0.1);
+        cdr.u32(9);
+        cdr.u64(u64::MAX);
+        let bytes = cdr.into_bytes();
+        let mut read = CdrReader::new(&bytes).unwrap();
+        assert_eq!(
+            (read.u8(), read.f64(), read.u32(), read.u64()),
+            (Some(7), Some(0.1), Some(9), Some(u64::MAX))
+        );
+        assert_eq!((read.u8(), read.u64()), (None, None));
+        assert!(CdrReader::new(&bytes[1..]).is_none());
     }
 }

@@ -2,10 +2,11 @@
 //! the `mcap` tools and ROS readers open.
 
 use super::schema::{
-    EVENT_SCHEMA, EVENT_TYPE, SNAPSHOT_SCHEMA, SNAPSHOT_TYPE, encode_event, encode_snapshot,
+    COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, SNAPSHOT_SCHEMA, SNAPSHOT_TYPE, encode_command,
+    encode_event, encode_snapshot,
 };
 use crate::scenario::Experiment;
-use crate::snapshot::{Event, FrameSnapshot};
+use crate::snapshot::{Event, FrameSnapshot, SimCommand};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, McapResult, WriteOptions, Writer};
 use std::borrow::Cow;
@@ -17,6 +18,7 @@ pub struct LogWriter<W: Write + Seek> {
     writer: Writer<W>,
     snapshots: u16,
     events: u16,
+    commands: u16,
     sequence: u32,
     buffer: Vec<u8>,
 }
@@ -26,6 +28,9 @@ impl<W: Write + Seek> std::fmt::Debug for LogWriter<W> {
         f.debug_struct("LogWriter").field("messages", &self.sequence).finish_non_exhaustive()
     }
 }
+
+/// Where the commands of persons are.
+pub(super) const COMMAND_TOPIC: &str = "/city3d/command";
 
 /// Chunks this large are compressed and written at once: what a killed process loses at most.
 const CHUNK_BYTES: u64 = 512 << 10;
@@ -61,7 +66,8 @@ impl<W: Write + Seek> LogWriter<W> {
         };
         let snapshots = channel("/city3d/snapshot", SNAPSHOT_TYPE, SNAPSHOT_SCHEMA)?;
         let events = channel("/city3d/event", EVENT_TYPE, EVENT_SCHEMA)?;
-        Ok(Self { writer, snapshots, events, sequence: 0, buffer: Vec::new() })
+        let commands = channel(COMMAND_TOPIC, COMMAND_TYPE, COMMAND_SCHEMA)?;
+        Ok(Self { writer, snapshots, events, commands, sequence: 0, buffer: Vec::new() })
     }
 
     /// Adds a snapshot.
@@ -80,6 +86,20 @@ impl<W: Write + Seek> LogWriter<W> {
     pub fn event(&mut self, event: &Event) -> McapResult<()> {
         self.buffer = encode_event(event, std::mem::take(&mut self.buffer));
         self.message(self.events, event.time_s)
+    }
+
+    /// Adds a command of a person that is applied in the step after a tick.
+    ///
+    /// # Errors
+    /// When it cannot be written; what was written before stays readable.
+    pub fn command(&mut self, tick: u64, time_s: f64, command: &SimCommand) -> McapResult<()> {
+        match encode_command(tick, command, std::mem::take(&mut self.buffer)) {
+            Some(bytes) => {
+                self.buffer = bytes;
+                self.message(self.commands, time_s)
+            }
+            None => Ok(()),
+        }
     }
 
     fn message(&mut self, channel_id: u16, time_s: f64) -> McapResult<()> {

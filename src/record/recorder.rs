@@ -2,7 +2,7 @@
 
 use super::{LogWriter, VehicleTable};
 use crate::scenario::Experiment;
-use crate::snapshot::{Event, FrameSnapshot};
+use crate::snapshot::{Event, FrameSnapshot, SimCommand};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -17,12 +17,15 @@ pub enum RecordError {
     File { path: PathBuf, reason: String },
     #[error("the recorder's thread ended early")]
     Thread,
+    #[error("{path}: no log of City3D: {reason}")]
+    NoLog { path: PathBuf, reason: String },
 }
 
 #[derive(Debug)]
 enum Item {
     Snapshot { snapshot: Box<FrameSnapshot>, in_log: bool, in_table: bool },
     Event(Event),
+    Command { tick: u64, time_s: f64, command: SimCommand },
 }
 
 /// What is written how often, in ticks.
@@ -86,6 +89,14 @@ impl Recorder {
         Ok(())
     }
 
+    /// Takes a command of a person in that the next tick after this snapshot applies.
+    ///
+    /// # Errors
+    /// What went wrong when a file could not be written.
+    pub fn command(&mut self, before: &FrameSnapshot, command: &SimCommand) -> Result<(), RecordError> {
+        self.send(Item::Command { tick: before.tick, time_s: before.time_s, command: command.clone() })
+    }
+
     fn send(&mut self, item: Item) -> Result<(), RecordError> {
         self.batch.push(item);
         if self.batch.len() < BATCH { Ok(()) } else { self.hand_over() }
@@ -134,6 +145,9 @@ impl Files {
         for item in queue.iter().flatten() {
             match item {
                 Item::Event(event) => self.log.event(&event).map_err(|e| failed(&self.log_path, e))?,
+                Item::Command { tick, time_s, command } => {
+                    self.log.command(tick, time_s, &command).map_err(|e| failed(&self.log_path, e))?;
+                }
                 Item::Snapshot { snapshot, in_log, in_table } => {
                     if in_log {
                         self.log.snapshot(&snapshot).map_err(|e| failed(&self.log_path, e))?;

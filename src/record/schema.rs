@@ -1,7 +1,7 @@
 //! The messages of a log in ROS 2's interface language, and their encoding.
 
-use super::cdr::CdrWriter;
-use crate::snapshot::{Event, FrameSnapshot, VehicleState};
+use super::cdr::{CdrReader, CdrWriter};
+use crate::snapshot::{Event, FrameSnapshot, Indicator, Pedals, SimCommand, VehicleId, VehicleState};
 
 pub const SNAPSHOT_TYPE: &str = "city3d_msgs/msg/Snapshot";
 pub const SNAPSHOT_SCHEMA: &str = "\
@@ -70,17 +70,32 @@ pub fn encode_snapshot(snapshot: &FrameSnapshot, buffer: Vec<u8>) -> Vec<u8> {
     cdr.into_bytes()
 }
 
+/// Bits of the indicators among the lights.
+const LEFT: u8 = 4;
+const RIGHT: u8 = 8;
+
+fn indicator_bits(indicator: Indicator) -> u8 {
+    match indicator {
+        Indicator::Off => 0,
+        Indicator::Left => LEFT,
+        Indicator::Right => RIGHT,
+        Indicator::Hazard => LEFT | RIGHT,
+    }
+}
+
+fn indicator_of(bits: u8) -> Indicator {
+    match (bits & LEFT != 0, bits & RIGHT != 0) {
+        (false, false) => Indicator::Off,
+        (true, false) => Indicator::Left,
+        (false, true) => Indicator::Right,
+        (true, true) => Indicator::Hazard,
+    }
+}
+
 fn encode_vehicle(cdr: &mut CdrWriter, v: &VehicleState) {
-    use crate::snapshot::Indicator::{Hazard, Left, Off, Right};
-    let indicators = match v.indicator {
-        Off => 0,
-        Left => 4,
-        Right => 8,
-        Hazard => 12,
-    };
     cdr.u32(v.id.0);
     cdr.u8(v.status as u8);
-    cdr.u8(u8::from(v.reverse) | u8::from(v.brake_lights) << 1 | indicators);
+    cdr.u8(u8::from(v.reverse) | u8::from(v.brake_lights) << 1 | indicator_bits(v.indicator));
     for metres in v.position.to_array() {
         cdr.f64(metres);
     }
@@ -111,4 +126,97 @@ pub fn encode_event(event: &Event, buffer: Vec<u8>) -> Vec<u8> {
     cdr.string(json["kind"].as_str().unwrap_or_default());
     cdr.string(&json.to_string());
     cdr.into_bytes()
+}
+
+pub const COMMAND_TYPE: &str = "city3d_msgs/msg/Command";
+pub const COMMAND_SCHEMA: &str = "\
+# What a person did, beside the trajectories of the control framework: with the scenario it makes the
+# run again exactly.
+# It was applied in the step that begins at this tick.
+uint64 tick
+uint32 vehicle
+# drive 0 (the person takes it over, or drives on with these pedals), release 1 (the person gives it
+# back), remove 2
+uint8 kind
+# Bits: 1 reverse, 4 left indicator, 8 right indicator.
+uint8 lights
+# Pedals in [0, 1].
+float64 gas
+float64 brake
+float64 handbrake
+# Desired angle of the front axle, left-positive, radians.
+float64 steering
+";
+
+const DRIVE: u8 = 0;
+const RELEASE: u8 = 1;
+const REMOVE: u8 = 2;
+
+/// The message of a command that is for a vehicle and comes from a person; `None` for others.
+pub fn encode_command(tick: u64, command: &SimCommand, buffer: Vec<u8>) -> Option<Vec<u8>> {
+    let (vehicle, kind, pedals) = match command {
+        SimCommand::Drive(vehicle, pedals) => (vehicle, DRIVE, *pedals),
+        SimCommand::Release(vehicle) => (vehicle, RELEASE, Pedals::default()),
+        SimCommand::Remove(vehicle) => (vehicle, REMOVE, Pedals::default()),
+        SimCommand::Start | SimCommand::Pause | SimCommand::Reset | SimCommand::Follow(_) => return None,
+    };
+    let mut cdr = CdrWriter::reusing(buffer);
+    cdr.u64(tick);
+    cdr.u32(vehicle.0);
+    cdr.u8(kind);
+    cdr.u8(u8::from(pedals.reverse) | indicator_bits(pedals.indicator));
+    for number in [pedals.gas, pedals.brake, pedals.handbrake, pedals.steering_rad] {
+        cdr.f64(number);
+    }
+    Some(cdr.into_bytes())
+}
+
+/// The tick and the command of a message; `None` for what is none.
+pub fn decode_command(bytes: &[u8]) -> Option<(u64, SimCommand)> {
+    let mut cdr = CdrReader::new(bytes)?;
+    let (tick, vehicle) = (cdr.u64()?, VehicleId(cdr.u32()?));
+    let (kind, lights) = (cdr.u8()?, cdr.u8()?);
+    let pedals = Pedals {
+        gas: cdr.f64()?,
+        brake: cdr.f64()?,
+        handbrake: cdr.f64()?,
+        steering_rad: cdr.f64()?,
+        reverse: lights & 1 != 0,
+        indicator: indicator_of(lights),
+    };
+    let command = match kind {
+        DRIVE => SimCommand::Drive(vehicle, pedals),
+        RELEASE => SimCommand::Release(vehicle),
+        REMOVE => SimCommand::Remove(vehicle),
+        _ => return None,
+    };
+    Some((tick, command))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_come_back_to_the_last_bit() {
+        let pedals = Pedals {
+            gas: 0.1,
+            brake: 1.0 / 3.0,
+            handbrake: 1.0,
+            steering_rad: -0.123_456_789_012_345_6,
+            reverse: true,
+            indicator: Indicator::Hazard,
+        };
+        for command in [
+            SimCommand::Drive(VehicleId(7), pedals),
+            SimCommand::Drive(VehicleId(8), Pedals { indicator: Indicator::Left, ..Pedals::default() }),
+            SimCommand::Release(VehicleId(70_000)),
+            SimCommand::Remove(VehicleId(0)),
+        ] {
+            let bytes = encode_command(u64::MAX, &command, vec![1; 3]).unwrap();
+            assert_eq!(decode_command(&bytes), Some((u64::MAX, command)));
+            assert_eq!(decode_command(&bytes[..bytes.len() - 1]), None);
+        }
+        assert_eq!(encode_command(0, &SimCommand::Reset, Vec::new()), None);
+    }
 }

@@ -43,6 +43,7 @@ pub struct Context {
     pub adapter_name: String,
     /// Whether pictures are computed on the CPU.
     pub is_software: bool,
+    pub adapter: wgpu::Adapter,
 }
 
 /// Where a view is drawn to: a window's surface or a texture that is read back.
@@ -61,14 +62,31 @@ impl Context {
     /// [`RenderError::NoAdapter`] where the machine has none, which names the package to install;
     /// [`RenderError::NoSuchAdapter`] with those there are; [`RenderError::NoDevice`].
     pub fn headless(preference: &AdapterPreference) -> Result<Self, RenderError> {
-        pollster::block_on(Self::open(preference))
-    }
-
-    async fn open(preference: &AdapterPreference) -> Result<Self, RenderError> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::PRIMARY;
         let instance = wgpu::Instance::new(descriptor);
+        pollster::block_on(Self::open(&instance, preference, None))
+    }
+
+    /// Opens an adapter that can show its pictures on a surface of a window.
+    ///
+    /// # Errors
+    /// As [`Context::headless`].
+    pub fn for_surface(
+        instance: &wgpu::Instance,
+        surface: &wgpu::Surface<'_>,
+        preference: &AdapterPreference,
+    ) -> Result<Self, RenderError> {
+        pollster::block_on(Self::open(instance, preference, Some(surface)))
+    }
+
+    async fn open(
+        instance: &wgpu::Instance,
+        preference: &AdapterPreference,
+        surface: Option<&wgpu::Surface<'_>>,
+    ) -> Result<Self, RenderError> {
         let mut adapters = instance.enumerate_adapters(wgpu::Backends::PRIMARY).await;
+        adapters.retain(|adapter| surface.is_none_or(|surface| adapter.is_surface_supported(surface)));
         let rank = |kind: wgpu::DeviceType| match kind {
             wgpu::DeviceType::DiscreteGpu => 0,
             wgpu::DeviceType::IntegratedGpu => 1,
@@ -116,6 +134,6 @@ impl Context {
         } else {
             info!(adapter = adapter_name, "drawing");
         }
-        Ok(Self { device, queue, adapter_name, is_software })
+        Ok(Self { device, queue, adapter_name, is_software, adapter: adapter.clone() })
     }
 }

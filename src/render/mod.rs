@@ -38,7 +38,7 @@ pub use error::RenderError;
 pub use files::Format;
 pub use image::{Image, Plane};
 pub use png::write_png;
-pub use readback::{Arrived, Pending};
+pub use readback::{Arrived, Pending, read_texture};
 pub use renderer::Renderer;
 pub use request::{Pictures, Request};
 pub use settings::{FlatLight, Quality, Settings};

@@ -1,11 +1,11 @@
 //! Pictures on their way back from the adapter. Once they have arrived, any thread can take them out of the
 //! buffer they came through; it is used again when nobody needs it any longer.
 
-use super::grid::padded_row;
+use super::grid::{padded_row, tile_bytes};
 use super::kinds;
 use super::png;
 use super::request::{Pictures, Places};
-use super::{Image, RenderError};
+use super::{Context, Image, RenderError};
 use crate::camera::{Kinds, PictureKind};
 use std::path::Path;
 use std::sync::mpsc;
@@ -171,6 +171,32 @@ impl Drop for Arrived {
         // The renderer may be gone.
         let _ = self.home.send(self.buffer.clone());
     }
+}
+
+/// The colours of a texture of four bytes a pixel that can be copied from, whatever its order of channels.
+///
+/// # Errors
+/// [`RenderError::Readback`] where the adapter was lost.
+pub fn read_texture(context: &Context, texture: &wgpu::Texture) -> Result<Image, RenderError> {
+    let extent = [texture.width(), texture.height()];
+    let mut ring = Ring::default();
+    let buffer = ring.take(&context.device, tile_bytes(extent));
+    let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let layout = wgpu::TexelCopyBufferLayout {
+        offset: 0,
+        bytes_per_row: Some(padded_row(extent[0])),
+        rows_per_image: None,
+    };
+    encoder.copy_texture_to_buffer(
+        texture.as_image_copy(),
+        wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
+        texture.size(),
+    );
+    let submission = context.queue.submit([encoder.finish()]);
+    let place = Places { extent, kinds: Kinds::RGB, color: Some(0), depth: None, meaning: None };
+    let pending = ring.send((buffer, submission), vec![place], texture.format());
+    let arrived = pending.wait(&context.device)?;
+    arrived.pictures(0).rgb.ok_or_else(|| RenderError::Readback("no colours".to_owned()))
 }
 
 /// RGB out of padded rows of RGBA, into an image whose memory is used again.

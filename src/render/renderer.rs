@@ -57,8 +57,8 @@ pub struct Renderer {
     ring: Ring,
     /// Of a view of the last batch, in the mean.
     triangles: u64,
-    /// Depth and samples of the target that was drawn to last.
-    window: Option<Atlas>,
+    /// Depth and samples of the targets that were drawn to last, by their extents.
+    targets: BTreeMap<[u32; 2], Atlas>,
 }
 
 /// What a view may see: found once, drawn by each of its passes.
@@ -120,7 +120,7 @@ impl Renderer {
             atlases: BTreeMap::new(),
             ring: Ring::default(),
             triangles: 0,
-            window: None,
+            targets: BTreeMap::new(),
         };
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         renderer.frame.write_frame(&context.queue, &renderer.frame_data(0.0));
@@ -327,28 +327,33 @@ impl Renderer {
         pending.wait(&self.context.device)
     }
 
-    /// Draws one view into a target: a window. The view's picture fills the target, so that its extent should
-    /// have the target's proportions. Where light is worked out at the vertices, the target has to be of the
-    /// format that the renderer was built for, without the suffix sRGB.
+    /// Draws views of one instant into targets, each view into the target of the same index: a window and what
+    /// its panels show. A view's picture fills its target, so that its extent should have the target's
+    /// proportions. Where light is worked out at the vertices, targets have to be of the format that the
+    /// renderer was built for, without the suffix sRGB.
     ///
     /// # Errors
     /// As [`Renderer::render`].
     pub fn draw(
         &mut self,
         snapshot: &FrameSnapshot,
-        view: &View,
-        target: TargetView<'_>,
+        views: &[View],
+        targets: &[TargetView<'_>],
     ) -> Result<(), RenderError> {
-        let mut encoder = self.prepare(snapshot, std::slice::from_ref(view))?;
-        if self.window.as_ref().is_none_or(|atlas| atlas.grid.tile != target.extent) {
-            self.window = Some(self.new_atlas(target.extent, 1));
-        }
-        if let Some(develop) = &mut self.develop {
-            develop.prepare(&self.context.device, &self.frame.layout, target.format);
-        }
-        let seen = self.look_at(std::slice::from_ref(view));
-        if let Some(atlas) = &self.window {
-            self.draw_tiles(&mut encoder, atlas, (target.color, target.format), &seen, &[(0, [0, 0])]);
+        let mut encoder = self.prepare(snapshot, views)?;
+        self.targets.retain(|extent, _| targets.iter().any(|target| target.extent == *extent));
+        let seen = self.look_at(views);
+        for (index, target) in targets.iter().enumerate().take(views.len()) {
+            if !self.targets.contains_key(&target.extent) {
+                self.targets.insert(target.extent, self.new_atlas(target.extent, 1));
+            }
+            if let Some(develop) = &mut self.develop {
+                develop.prepare(&self.context.device, &self.frame.layout, target.format);
+            }
+            if let Some(atlas) = self.targets.get(&target.extent) {
+                let place = (target.color, target.format);
+                self.draw_tiles(&mut encoder, atlas, place, &seen, &[(index, [0, 0])]);
+            }
         }
         self.context.queue.submit([encoder.finish()]);
         Ok(())

@@ -132,7 +132,7 @@ impl Observer {
         for (track, cav) in self.tracks.iter_mut().zip(mainframe.cavs()) {
             if track.reroutes != cav.reroutes {
                 track.reroutes = cav.reroutes;
-                track.route = cav.route.lanes().to_vec();
+                track.take_route(cav.route.lanes());
             }
         }
         for event in &snapshot.events {
@@ -203,6 +203,14 @@ impl Track {
                 samples: 0,
             },
         }
+    }
+
+    /// A way that goes on from where the vehicle is, or that begins there.
+    fn take_route(&mut self, lanes: &[LaneId]) {
+        if !lanes.starts_with(&self.route[..=self.index]) {
+            (self.index, self.lane_start_s) = (0, self.totals.axle_s);
+        }
+        self.route = lanes.to_vec();
     }
 
     fn time_stand(&mut self, state: &VehicleState, time_s: f64) {

@@ -26,6 +26,8 @@ pub struct SimVehicle {
     sequence: Option<u32>,
     is_link_lost: bool,
     has_collided: bool,
+    /// Distance driven at the last collision.
+    collided_at_m: f64,
     /// Since when it stands.
     standing_since_s: Option<f64>,
     /// What the last trajectory said of it.
@@ -38,6 +40,8 @@ const STANDS_MPS: f64 = 0.1;
 const MOVES_MPS: f64 = 0.4;
 /// Pedal travel at which brake lights come on.
 const BRAKE_LIGHT_TRAVEL: f64 = 0.02;
+/// A person who has hit something and drives on so far is clear of it.
+const CLEAR_AFTER_M: f64 = 5.0;
 /// A sequence number this far behind the last one is a restarted sender's, not an old message.
 const SENDER_RESTARTED: u32 = 1 << 16;
 
@@ -63,6 +67,7 @@ impl SimVehicle {
             sequence: None,
             is_link_lost: false,
             has_collided: false,
+            collided_at_m: 0.0,
             standing_since_s: None,
             is_yielding: false,
             is_finished: false,
@@ -96,13 +101,26 @@ impl SimVehicle {
         self.tracker.follow(trajectory);
     }
 
-    /// Hands the vehicle to a person, or back.
+    /// Hands the vehicle to a person, or back. A person may drive a vehicle on that has collided.
     pub fn drive(&mut self, pedals: Option<Pedals>) {
-        self.driver = pedals.map_or(Driver::Algorithm, Driver::Human);
+        let was_human = matches!(self.driver, Driver::Human(_));
+        match pedals {
+            Some(pedals) => {
+                self.has_collided &= was_human;
+                self.driver = Driver::Human(pedals);
+            }
+            // The path that was tracked lies where the person took over.
+            None if was_human => {
+                self.driver = Driver::Algorithm;
+                self.tracker = Tracker::default();
+            }
+            None => {}
+        }
     }
 
     pub fn collide(&mut self) {
         self.has_collided = true;
+        self.collided_at_m = self.state.distance_m;
         self.update_status();
     }
 
@@ -119,9 +137,6 @@ impl SimVehicle {
         let tracking = self.tracker.step(&self.spec, &self.motion, time_s, dt_s);
         self.state.lateral_error_m = tracking.lateral_error_m;
         let actuation = match self.driver {
-            _ if self.has_collided => {
-                Actuation { brake: 0.8, steering_rad: self.motion.steering_rad, ..Actuation::default() }
-            }
             Driver::Human(pedals) => {
                 self.state.indicator = pedals.indicator;
                 Actuation {
@@ -131,6 +146,9 @@ impl SimVehicle {
                     steering_rad: pedals.steering_rad,
                     reverse: pedals.reverse,
                 }
+            }
+            Driver::Algorithm if self.has_collided => {
+                Actuation { brake: 0.8, steering_rad: self.motion.steering_rad, ..Actuation::default() }
             }
             Driver::Algorithm => tracking.actuation,
         };
@@ -160,6 +178,10 @@ impl SimVehicle {
     pub fn read_back(&mut self, physics: &Physics, time_s: f64, dt_s: f64, events: &mut Vec<Event>) {
         self.motion = self.dynamics.read_back(physics, &self.spec, dt_s);
         self.state.distance_m += self.motion.speed_mps.abs() * dt_s;
+        let is_clear = self.state.distance_m - self.collided_at_m > CLEAR_AFTER_M;
+        if is_clear && matches!(self.driver, Driver::Human(_)) {
+            self.has_collided = false;
+        }
         self.describe();
         self.note_standing(time_s, events);
         self.note_status(time_s, events);

@@ -32,6 +32,8 @@ pub enum Status {
     Manual,
     /// No trajectory for longer than the link timeout: it brakes to a stop on its path.
     LinkLost,
+    /// Has hit something: it brakes and stays. A person who takes it over drives it on, and is clear of it
+    /// after some metres.
     Collided,
     /// At the end of its route.
     Finished,
@@ -159,6 +161,20 @@ impl VehicleState {
     pub fn pose(&self) -> Pose2 {
         let forward = self.orientation * DVec3::X;
         Pose2 { position: self.position.truncate(), yaw_rad: trig::atan2(forward.y, forward.x) }
+    }
+
+    /// Moves back towards an earlier state: what is seen of the motion lies between the two.
+    pub(super) fn blend_from(&mut self, earlier: &Self, weight: f64) {
+        let between = |from, to| super::lerp(from, to, weight);
+        self.position = earlier.position.lerp(self.position, weight);
+        self.orientation = earlier.orientation.lerp(self.orientation, weight);
+        self.speed_mps = between(earlier.speed_mps, self.speed_mps);
+        self.steering_rad = between(earlier.steering_rad, self.steering_rad);
+        for (wheel, before) in self.wheels.iter_mut().zip(&earlier.wheels) {
+            wheel.spin_rad = between(before.spin_rad, wheel.spin_rad);
+            wheel.steer_rad = between(before.steer_rad, wheel.steer_rad);
+            wheel.lift_m = between(before.lift_m, wheel.lift_m);
+        }
     }
 
     /// Unit vector of the heading, seen from above.

@@ -13,10 +13,15 @@ const STEP_S: f64 = 0.1;
 pub enum BenchCommand {
     /// Camera pictures a second, of a scenario or of a neutral scene that other engines draw too
     Cameras(cameras::CamerasArgs),
+    /// Pictures of the window a second, while the run goes on in real time; needs no display
+    #[cfg(feature = "window")]
+    Window(super::view::BenchArgs),
 }
 
 pub fn bench(command: &BenchCommand) -> Result<(), Failure> {
     match command {
         BenchCommand::Cameras(args) => cameras::cameras(args),
+        #[cfg(feature = "window")]
+        BenchCommand::Window(args) => super::view::bench(args),
     }
 }

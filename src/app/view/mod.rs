@@ -1,0 +1,144 @@
+//! `city3d view`: the window in which the city is watched, steered and driven.
+
+mod bench;
+mod desk;
+mod picture;
+mod settings;
+mod stage;
+mod window;
+
+pub(super) use bench::{BenchArgs, bench};
+
+use super::{Failure, Model, ScenarioArgs, load, look};
+use crate::live::Speed;
+use crate::render::{AdapterPreference, Context};
+use crate::ui::{Look, Mode, Preset};
+use clap::Args;
+use desk::{Desk, Place};
+use settings::Settings;
+use std::path::PathBuf;
+
+/// The scenario of a window that is opened without one.
+pub(super) const FIRST_SCENARIO: &str = "roundabout";
+
+#[derive(Debug, Args)]
+pub struct ViewArgs {
+    /// A scenario file, or a shipped one: roundabout, city, straight
+    #[arg(default_value = FIRST_SCENARIO)]
+    scenario: String,
+    /// Seed of all random draws, instead of the scenario's
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Simulated seconds, instead of the scenario's
+    #[arg(long, value_name = "S", value_parser = super::duration)]
+    duration: Option<f64>,
+    /// Dynamics of all vehicles, instead of the scenario's
+    #[arg(long)]
+    model: Option<Model>,
+    /// Folder for the logs: run-1 for the first run, run-2 after a reset [default: a new one in the user's data folder]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Keep no log
+    #[arg(long, conflicts_with = "out")]
+    no_log: bool,
+    #[command(flatten)]
+    look: look::LookArgs,
+    /// Size of the window in pixels [default: that of the last time]
+    #[arg(long, value_name = "WxH", value_parser = super::frames::size)]
+    size: Option<[u32; 2]>,
+    /// Times real time, or "fastest"
+    #[arg(long, value_name = "X", value_parser = speed)]
+    speed: Option<Speed>,
+    /// Begin to run at once
+    #[arg(long)]
+    start: bool,
+    /// Neither read nor write what is remembered between runs: layout, quality, layers
+    #[arg(long)]
+    fresh: bool,
+    #[command(flatten)]
+    picture: picture::PictureArgs,
+}
+
+fn speed(text: &str) -> Result<Speed, String> {
+    match text.parse::<f64>() {
+        _ if text == "fastest" => Ok(Speed::Unlimited),
+        Ok(factor) if (Speed::SLOWEST..=Speed::FASTEST).contains(&factor) => Ok(Speed::Times(factor)),
+        _ => Err("a factor between 0.1 and 100, or \"fastest\" is needed".to_owned()),
+    }
+}
+
+impl Default for ViewArgs {
+    fn default() -> Self {
+        Self {
+            scenario: FIRST_SCENARIO.to_owned(),
+            seed: None,
+            duration: None,
+            model: None,
+            out: None,
+            no_log: false,
+            look: look::LookArgs::default(),
+            size: None,
+            speed: None,
+            start: false,
+            fresh: false,
+            picture: picture::PictureArgs::default(),
+        }
+    }
+}
+
+pub fn view(args: &ViewArgs) -> Result<(), Failure> {
+    if let Some(file) = &args.picture.picture {
+        return picture::take(args, file);
+    }
+    window::open(args)
+}
+
+impl ViewArgs {
+    fn scenario(&self, name: &str) -> ScenarioArgs {
+        ScenarioArgs {
+            scenario: name.to_owned(),
+            seed: self.seed,
+            duration: self.duration,
+            model: self.model,
+        }
+    }
+
+    fn preference(&self) -> AdapterPreference {
+        let named = self.look.adapter.as_deref().map(AdapterPreference::parse);
+        named.unwrap_or_else(AdapterPreference::from_environment)
+    }
+
+    fn settings(&self) -> Settings {
+        if self.fresh { Settings::default() } else { Settings::load() }
+    }
+
+    /// The run and the panels, with what was asked for and what is remembered.
+    fn desk(&self, context: &Context, settings: &Settings, place: Place) -> Result<Desk, Failure> {
+        let scenario = self.scenario(&self.scenario);
+        let experiment = load::experiment(&scenario)?;
+        let remembered = settings.preset.filter(|_| self.look.quality.is_none());
+        let preset = remembered.unwrap_or_else(|| preset(self.look.quality, context.is_software));
+        let hours = self.look.time.unwrap_or(experiment.time_of_day).hours;
+        let mut desk = Desk::new(scenario, experiment, Look { preset, hours }, place)?;
+        desk.state.table = settings.table.clone();
+        desk.state.layers = settings.layers;
+        if settings.mode == Mode::Overhead {
+            desk.state.set_mode(Mode::Overhead);
+        }
+        if let Some(speed) = self.speed {
+            desk.set_speed(speed);
+        }
+        Ok(desk)
+    }
+}
+
+fn preset(wanted: Option<look::Quality>, is_software: bool) -> Preset {
+    match wanted {
+        Some(look::Quality::Low) => Preset::Low,
+        Some(look::Quality::Medium) => Preset::Medium,
+        Some(look::Quality::High) => Preset::High,
+        Some(look::Quality::Ultra) => Preset::Ultra,
+        Some(look::Quality::Auto) | None if is_software => Preset::Low,
+        Some(look::Quality::Auto) | None => Preset::High,
+    }
+}

@@ -1,0 +1,124 @@
+//! How fast simulated time goes by.
+
+use std::time::{Duration, Instant};
+
+/// Simulated seconds in a second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Speed {
+    Times(f64),
+    /// As fast as the machine can.
+    Unlimited,
+}
+
+impl Default for Speed {
+    fn default() -> Self {
+        Self::Times(1.0)
+    }
+}
+
+impl Speed {
+    pub const SLOWEST: f64 = 0.1;
+    pub const FASTEST: f64 = 100.0;
+
+    /// A factor within what is offered.
+    pub fn times(factor: f64) -> Self {
+        Self::Times(if factor.is_finite() { factor.clamp(Self::SLOWEST, Self::FASTEST) } else { 1.0 })
+    }
+}
+
+/// Simulated time that goes on with the clock of the machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clock {
+    since: Instant,
+    from_s: f64,
+    factor: f64,
+}
+
+/// A run this far behind its clock lets the lost time go instead of hurrying after it.
+const MOST_BEHIND: Duration = Duration::from_millis(100);
+
+impl Clock {
+    /// Shows `from_s` now and goes on `factor` times as fast as the machine's.
+    pub fn new(now: Instant, from_s: f64, factor: f64) -> Self {
+        Self { since: now, from_s, factor }
+    }
+
+    pub fn simulated_s(&self, now: Instant) -> f64 {
+        self.from_s + now.saturating_duration_since(self.since).as_secs_f64() * self.factor
+    }
+
+    /// From now until it shows a time; nothing when it does already.
+    pub fn until(&self, now: Instant, time_s: f64) -> Duration {
+        let left_s = (time_s - self.simulated_s(now)) / self.factor;
+        Duration::try_from_secs_f64(left_s.max(0.0)).unwrap_or_default()
+    }
+
+    /// Goes back to where the run is when that is too far behind.
+    pub fn let_go(&mut self, now: Instant, time_s: f64) {
+        let behind_s = (self.simulated_s(now) - time_s) / self.factor;
+        if behind_s > MOST_BEHIND.as_secs_f64() {
+            *self = Self::new(now, time_s, self.factor);
+        }
+    }
+}
+
+/// Simulated seconds in a second, measured over a while.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rate {
+    since: Instant,
+    from_s: f64,
+    factor: f64,
+}
+
+const MEASURED_OVER: Duration = Duration::from_millis(500);
+
+impl Rate {
+    pub(super) fn new(now: Instant, time_s: f64) -> Self {
+        Self { since: now, from_s: time_s, factor: 0.0 }
+    }
+
+    /// Takes note of where the run is.
+    pub(super) fn note(&mut self, now: Instant, time_s: f64) {
+        let passed = now.saturating_duration_since(self.since);
+        if passed >= MEASURED_OVER {
+            let factor = (time_s - self.from_s) / passed.as_secs_f64();
+            *self = Self { since: now, from_s: time_s, factor };
+        }
+    }
+
+    pub(super) fn factor(&self) -> f64 {
+        self.factor
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clock_goes_by_its_factor() {
+        let now = Instant::now();
+        let clock = Clock::new(now, 10.0, 0.5);
+        assert_eq!(clock.simulated_s(now + Duration::from_secs(4)), 12.0);
+        assert_eq!(clock.until(now, 11.0), Duration::from_secs(2));
+        assert_eq!(clock.until(now + Duration::from_secs(9), 11.0), Duration::ZERO);
+    }
+
+    #[test]
+    fn a_run_far_behind_lets_the_lost_time_go_and_a_little_one_is_made_good() {
+        let now = Instant::now();
+        let mut clock = Clock::new(now, 0.0, 2.0);
+        let later = now + Duration::from_secs(1);
+        clock.let_go(later, 1.9);
+        assert_eq!(clock.simulated_s(later), 2.0);
+        clock.let_go(later, 0.5);
+        assert_eq!(clock.simulated_s(later), 0.5);
+    }
+
+    #[test]
+    fn speeds_stay_within_what_is_offered() {
+        assert_eq!(Speed::times(0.0), Speed::Times(0.1));
+        assert_eq!(Speed::times(f64::NAN), Speed::Times(1.0));
+        assert_eq!(Speed::times(3.0), Speed::Times(3.0));
+    }
+}

@@ -1,0 +1,105 @@
+//! The files of a run that someone watches: the same as those of `city3d run`, one folder for each run.
+
+use super::LiveError;
+use crate::record::{Cadence, Recorder};
+use crate::runner::{Observer, Run, Summary};
+use crate::snapshot::{Event, SimCommand};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Snapshots and rows of the table in a simulated second, as `city3d run` writes them.
+const LOG_HZ: u32 = 50;
+const TABLE_HZ: u32 = 10;
+
+/// Records one run after another.
+pub(super) struct Recording {
+    root: Option<PathBuf>,
+    run: u32,
+    files: Option<Files>,
+}
+
+struct Files {
+    folder: PathBuf,
+    recorder: Recorder,
+    observer: Observer,
+    events: Vec<Event>,
+    simulated_in: Duration,
+}
+
+impl Recording {
+    pub(super) fn new(root: Option<PathBuf>, run: u32) -> Self {
+        Self { root, run, files: None }
+    }
+
+    /// What follows belongs to this run.
+    pub(super) fn next(&mut self, run: u32) {
+        self.run = run;
+        self.files = None;
+    }
+
+    /// The number of the present run.
+    pub(super) fn run(&self) -> u32 {
+        self.run
+    }
+
+    pub(super) fn folder(&self) -> Option<&Path> {
+        self.files.as_ref().map(|files| files.folder.as_path())
+    }
+
+    /// One tick of a run with commands of persons, recorded where it shall be.
+    pub(super) fn step(&mut self, run: &mut Run, commands: &[SimCommand]) -> Result<(), LiveError> {
+        if let (Some(root), None) = (&self.root, &self.files) {
+            self.files = Some(Files::begin(root.join(format!("run-{}", self.run)), run)?);
+        }
+        commands.iter().for_each(|command| run.inject(command.clone()));
+        let Some(files) = &mut self.files else {
+            run.step();
+            return Ok(());
+        };
+        for command in commands {
+            files.recorder.command(run.snapshot(), command)?;
+        }
+        files.step(run)
+    }
+
+    /// Ends the files of the present run.
+    pub(super) fn finish(&mut self, run: &Run) -> Result<(), LiveError> {
+        self.files.take().map_or(Ok(()), |files| files.finish(run))
+    }
+}
+
+impl Files {
+    fn begin(folder: PathBuf, run: &Run) -> Result<Self, LiveError> {
+        std::fs::create_dir_all(&folder)
+            .map_err(|source| LiveError::File { path: folder.clone(), source })?;
+        let experiment = run.experiment();
+        let every = |hz: u32| u64::from((experiment.rates.physics_hz / hz).max(1));
+        let cadence = Cadence { log_ticks: every(LOG_HZ), table_ticks: every(TABLE_HZ) };
+        let mut recorder = Recorder::new(&folder, experiment, cadence)?;
+        recorder.record(run.snapshot(), &[])?;
+        let observer = Observer::new(experiment);
+        Ok(Self { folder, recorder, observer, events: Vec::new(), simulated_in: Duration::ZERO })
+    }
+
+    fn step(&mut self, run: &mut Run) -> Result<(), LiveError> {
+        let start = Instant::now();
+        run.step();
+        self.simulated_in += start.elapsed();
+        let snapshot = run.snapshot();
+        let mut events = snapshot.events.clone();
+        self.observer.observe(run.experiment(), run.mainframe(), snapshot, &mut events);
+        self.recorder.record(snapshot, &events)?;
+        self.events.append(&mut events);
+        Ok(())
+    }
+
+    fn finish(self, run: &Run) -> Result<(), LiveError> {
+        self.recorder.finish()?;
+        let wall_s = self.simulated_in.as_secs_f64();
+        let summary = Summary::new(run.experiment(), &self.observer, run.snapshot(), self.events, wall_s);
+        let path = self.folder.join("summary.json");
+        let text = serde_json::to_string_pretty(&summary)
+            .map_err(|error| LiveError::File { path: path.clone(), source: error.into() })?;
+        std::fs::write(&path, text).map_err(|source| LiveError::File { path, source })
+    }
+}

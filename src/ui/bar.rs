@@ -1,0 +1,212 @@
+//! The bar at the top: the experiment's controls, its clock, the scenario, and what is shown.
+
+use super::viewpoint::Mode;
+use super::{Action, Look, Preset, Shown, State};
+use crate::live::{Order, Phase, Speed};
+use egui::{Button, ComboBox, RichText, Ui};
+use std::path::Path;
+
+/// Speeds that the picker offers.
+const SPEEDS: [f64; 8] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
+
+pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+    ui.horizontal_wrapped(|ui| {
+        run_controls(ui, shown, actions);
+        ui.separator();
+        speed(ui, shown.moment.speed, actions);
+        clock(ui, shown);
+        ui.separator();
+        scenario(ui, shown, actions);
+        ui.separator();
+        cameras(ui, state);
+        ui.separator();
+        look(ui, state, actions);
+        ui.toggle_value(&mut state.open.layers, "Layers")
+            .on_hover_text("Labels, lanes, routes, conflict zones, map");
+        ui.toggle_value(&mut state.open.help, "Help").on_hover_text("All keys (F1)");
+    });
+}
+
+fn run_controls(ui: &mut Ui, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+    let phase = &shown.moment.phase;
+    let can_run = !matches!(phase, Phase::Failed(_));
+    let mut button = |ui: &mut Ui, text: &str, enabled: bool, tip: &str, order: Order| {
+        if ui.add_enabled(enabled, Button::new(text)).on_hover_text(tip).clicked() {
+            actions.push(Action::Order(order));
+        }
+    };
+    if *phase == Phase::Running {
+        button(ui, "\u{23f8} Pause", true, "Hold the experiment (Space)", Order::Pause);
+    } else {
+        button(ui, "\u{25b6} Start", can_run, "Let the experiment run (Space)", Order::Start);
+    }
+    button(ui, "\u{23ed} Step", can_run, "One tick, then hold (N)", Order::Step);
+    let tip = "Back to the start; a new log begins (Ctrl+R)";
+    button(ui, "\u{27f2} Reset", true, tip, Order::Reset);
+}
+
+fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<Action>) {
+    let mut chosen = present;
+    ComboBox::from_id_salt("speed")
+        .selected_text(speed_label(present))
+        .width(64.0)
+        .show_ui(ui, |ui| {
+            for factor in SPEEDS {
+                ui.selectable_value(&mut chosen, Speed::Times(factor), speed_label(Speed::Times(factor)));
+            }
+            ui.selectable_value(&mut chosen, Speed::Unlimited, speed_label(Speed::Unlimited));
+        })
+        .response
+        .on_hover_text("Simulated seconds in a second (+ and -)");
+    if chosen != present {
+        actions.push(Action::Order(Order::Speed(chosen)));
+    }
+}
+
+fn speed_label(speed: Speed) -> String {
+    match speed {
+        Speed::Times(factor) => format!("{factor}x"),
+        Speed::Unlimited => "fastest".to_owned(),
+    }
+}
+
+/// The next speed up or down the list.
+pub fn other_speed(present: Speed, faster: bool) -> Speed {
+    let Speed::Times(factor) = present else {
+        return if faster { present } else { Speed::Times(SPEEDS[SPEEDS.len() - 1]) };
+    };
+    let next = if faster {
+        SPEEDS.iter().find(|speed| **speed > factor * 1.001)
+    } else {
+        SPEEDS.iter().rev().find(|speed| **speed < factor * 0.999)
+    };
+    match next {
+        Some(speed) => Speed::Times(*speed),
+        None if faster => Speed::Unlimited,
+        None => present,
+    }
+}
+
+fn clock(ui: &mut Ui, shown: &Shown<'_>) {
+    let moment = shown.moment;
+    let text = format!("{:7.2} s", moment.now.time_s);
+    let tip =
+        format!("Experiment clock, tick {}; the scenario lasts {} s", moment.now.tick, shown.duration_s);
+    ui.label(RichText::new(text).monospace().strong()).on_hover_text(tip);
+    let (text, tip) = match &moment.phase {
+        Phase::Running => (
+            format!("{:.2}x real time", moment.real_time_factor),
+            "Simulated seconds in a second, as measured",
+        ),
+        Phase::Over => (
+            "scenario over".to_owned(),
+            "The scenario's duration is over: Start goes on beyond it, Reset begins again",
+        ),
+        Phase::Failed(reason) => (format!("failed: {reason}"), "Reset begins again"),
+        phase => (phase.label().to_owned(), "Start or Space lets it run"),
+    };
+    ui.label(text).on_hover_text(tip);
+}
+
+fn scenario(ui: &mut Ui, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+    // A whole path would leave no room for the rest.
+    let short = |name: &str| -> String {
+        let stem = Path::new(name).file_stem();
+        stem.map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned())
+    };
+    let picker = ComboBox::from_id_salt("scenario").selected_text(short(shown.scenario));
+    let choices = |ui: &mut Ui| {
+        for name in shown.scenarios {
+            let chosen = ui.selectable_label(name == shown.scenario, short(name)).on_hover_text(name);
+            if chosen.clicked() && name != shown.scenario {
+                actions.push(Action::Scenario(name.clone()));
+            }
+        }
+    };
+    let tip = format!("The experiment {}; another one begins at its start", shown.scenario);
+    picker.show_ui(ui, choices).response.on_hover_text(tip);
+}
+
+fn cameras(ui: &mut Ui, state: &mut State) {
+    for (index, mode) in Mode::ALL.into_iter().enumerate() {
+        let tip = format!("{} ({})", camera_tip(mode), index + 1);
+        let is_on = state.viewpoint.mode == mode;
+        if ui.selectable_label(is_on, mode.label()).on_hover_text(tip).clicked() {
+            state.set_mode(mode);
+        }
+    }
+}
+
+fn camera_tip(mode: Mode) -> &'static str {
+    match mode {
+        Mode::Orbit => {
+            "Around a point or the followed vehicle: drag to turn, right-drag to move, scroll to zoom"
+        }
+        Mode::Chase => "Behind the selected vehicle",
+        Mode::Onboard => "From behind the windscreen of the selected vehicle",
+        Mode::Overhead => "Straight down",
+        Mode::Free => "Fly with W A S D, Q and E; drag to look around",
+    }
+}
+
+fn look(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
+    let before = state.look;
+    ComboBox::from_id_salt("quality")
+        .selected_text(state.look.preset.label())
+        .width(70.0)
+        .show_ui(ui, |ui| {
+            for preset in Preset::ALL {
+                ui.selectable_value(&mut state.look.preset, preset, preset.label());
+            }
+        })
+        .response
+        .on_hover_text("Quality of the pictures: low for machines without a GPU");
+    ComboBox::from_id_salt("time")
+        .selected_text(time_label(state.look.hours))
+        .width(70.0)
+        .show_ui(ui, |ui| {
+            for (hours, label) in TIMES {
+                ui.selectable_value(&mut state.look.hours, hours, label);
+            }
+        })
+        .response
+        .on_hover_text("Time of day");
+    if state.look != before {
+        actions.push(Action::Look(state.look));
+    }
+}
+
+const TIMES: [(f64, &str); 5] =
+    [(8.0, "morning"), (12.0, "noon"), (16.5, "low sun"), (18.2, "dusk"), (22.0, "night")];
+
+fn time_label(hours: f64) -> String {
+    let named = TIMES.iter().find(|(time, _)| (time - hours).abs() < 1e-6);
+    let minutes = (hours * 60.0).round() as u32;
+    named.map_or_else(|| format!("{:02}:{:02}", minutes / 60, minutes % 60), |(_, label)| (*label).to_owned())
+}
+
+impl Look {
+    /// In words.
+    pub fn label(&self) -> String {
+        format!("{}, {}", self.preset.label(), time_label(self.hours))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn speeds_go_up_and_down_the_list_to_its_ends() {
+        assert_eq!(other_speed(Speed::Times(1.0), true), Speed::Times(2.0));
+        assert_eq!(other_speed(Speed::Times(3.0), false), Speed::Times(2.0));
+        assert_eq!(other_speed(Speed::Times(0.1), false), Speed::Times(0.1));
+        assert_eq!(other_speed(Speed::Times(20.0), true), Speed::Unlimited);
+        assert_eq!(other_speed(Speed::Unlimited, false), Speed::Times(20.0));
+    }
+
+    #[test]
+    fn times_of_day_have_names_or_the_hour() {
+        assert_eq!((time_label(22.0), time_label(17.5)), ("night".to_owned(), "17:30".to_owned()));
+    }
+}

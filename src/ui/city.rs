@@ -1,0 +1,137 @@
+//! The large view of the city: its picture, what is drawn over it, and the mouse in it.
+
+use super::layers::{self, Canvas};
+use super::{Picture, Shown, Slot, State, map};
+use crate::live::Phase;
+use crate::snapshot::VehicleId;
+use egui::emath::GuiRounding as _;
+use egui::{Align2, Color32, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Ui};
+use glam::DVec3;
+
+/// A click this near to a vehicle, in points, means it.
+const NEAR_POINTS: f32 = 16.0;
+/// Points of scrolling that are one step of zoom.
+const SCROLL_STEP: f64 = 40.0;
+
+pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>) {
+    let rect = ui.available_rect_before_wrap().round_to_pixels(ui.ctx().pixels_per_point());
+    let response = ui.allocate_rect(rect, Sense::click_and_drag());
+    move_camera(ui, &response, state);
+    state.viewpoint.attend(shown.seen);
+    let moves = shown.moment.phase == Phase::Running || response.dragged();
+    let extent = extent(rect, ui.ctx().pixels_per_point(), shown.most_moving_pixels.filter(|_| moves));
+    let view = state.viewpoint.view(shown.seen, extent);
+    state.pictures.push(Picture { slot: Slot::City, view });
+    super::paint_picture(ui, rect, shown, Slot::City);
+    let canvas = Canvas::new(ui, &view, rect);
+    if let (true, Some(at)) =
+        (response.clicked() || response.double_clicked(), response.interact_pointer_pos())
+    {
+        let picked = pick(&canvas, shown, at);
+        state.selection.vehicle = picked;
+        state.table.reveal = picked.is_some();
+        if response.double_clicked() && picked.is_some() {
+            state.selection.follow = picked;
+        }
+    }
+    layers::paint(&canvas, state, shown);
+    if state.layers.map {
+        map::show(ui, rect, state, shown);
+    }
+    dashboard(ui, rect, state, shown);
+    notice(ui, rect, state);
+}
+
+/// Pixels of the picture: those of its place, or fewer.
+fn extent(rect: Rect, pixels_per_point: f32, most: Option<u32>) -> [u32; 2] {
+    let [width, height] = super::pixels(rect.size(), pixels_per_point);
+    let there = width as f32 * height as f32;
+    let scale = most.map_or(1.0, |most| (most as f32 / there).sqrt().min(1.0));
+    super::pixels(rect.size(), pixels_per_point * scale)
+}
+
+fn move_camera(ui: &Ui, response: &Response, state: &mut State) {
+    let delta = response.drag_delta();
+    let (right, down) = (f64::from(delta.x), f64::from(delta.y));
+    let shifts = ui.input(|input| input.modifiers.shift);
+    if response.dragged_by(PointerButton::Primary) && !shifts {
+        state.viewpoint.turn(right, down);
+    } else if response.dragged() {
+        state.viewpoint.shift(right, down);
+    }
+    if response.hovered() {
+        let (scroll, zoom) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+        let steps = f64::from(scroll) / SCROLL_STEP + f64::from(zoom - 1.0) * 8.0;
+        if steps != 0.0 {
+            state.viewpoint.zoom(steps);
+        }
+    }
+}
+
+/// The vehicle at a point of the screen; of several the nearest to the camera.
+fn pick(canvas: &Canvas<'_>, shown: &Shown<'_>, at: Pos2) -> Option<VehicleId> {
+    let hits = shown.seen.iter().filter_map(|(vehicle, info)| {
+        let d = &info.dimensions;
+        let forward = vehicle.orientation * DVec3::X * (d.length_m / 2.0);
+        let middle = vehicle.position + DVec3::Z * (d.height_m / 2.0);
+        let [front, centre, rear] = [middle + forward, middle, middle - forward].map(|p| canvas.place(p));
+        let centre = centre?;
+        let reach = front.zip(rear).map_or(0.0, |(front, rear)| front.distance(rear) / 2.0);
+        let distance = distance_to_segment(at, front.unwrap_or(centre), rear.unwrap_or(centre));
+        (distance < NEAR_POINTS.max(0.45 * reach)).then_some((canvas.depth(middle), vehicle.id))
+    });
+    hits.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, id)| id)
+}
+
+fn distance_to_segment(point: Pos2, from: Pos2, to: Pos2) -> f32 {
+    let along = to - from;
+    let share = if along.length_sq() > 0.0 { (point - from).dot(along) / along.length_sq() } else { 0.0 };
+    point.distance(from + along * share.clamp(0.0, 1.0))
+}
+
+/// Speed and pedals of the vehicle that the user drives.
+fn dashboard(ui: &Ui, rect: Rect, state: &State, shown: &Shown<'_>) {
+    let Some(driving) = &state.driving else { return };
+    let Some(vehicle) = shown.moment.now.vehicle(driving.vehicle) else { return };
+    let pedals = driving.keyboard().pedals();
+    let gear = match (pedals.reverse, driving.keyboard().is_shifting()) {
+        (_, true) => "stop to shift",
+        (true, false) => "R",
+        (false, false) => "D",
+    };
+    let arrows = match pedals.indicator {
+        crate::snapshot::Indicator::Off => "",
+        crate::snapshot::Indicator::Left => "\u{25c0} ",
+        crate::snapshot::Indicator::Right => " \u{25b6}",
+        crate::snapshot::Indicator::Hazard => "\u{25c0} \u{25b6}",
+    };
+    let speed = format!("{:.0} km/h", vehicle.speed_mps.abs() * 3.6);
+    egui::Area::new(ui.scope_id().with("dashboard"))
+        .fixed_pos(rect.center_bottom() + egui::vec2(0.0, -10.0))
+        .pivot(Align2::CENTER_BOTTOM)
+        .show(ui.ctx(), |ui| {
+            egui::Frame::popup(ui.style()).show(ui, |ui| {
+                ui.vertical_centered(|ui| {
+                    ui.set_width(300.0);
+                    ui.label(RichText::new(speed).size(30.0).strong());
+                    ui.label(format!("gear {gear}   {arrows}"));
+                    ui.small("W S pedals   A D steer   B handbrake   R reverse   Enter gives back");
+                });
+            });
+        });
+}
+
+fn notice(ui: &Ui, rect: Rect, state: &mut State) {
+    let now_s = ui.input(|input| input.time);
+    state.notice = state.notice.take().filter(|(_, until_s)| now_s < *until_s);
+    if let Some((text, until_s)) = &state.notice {
+        let painter = ui.painter_at(rect);
+        let galley =
+            painter.layout(text.clone(), FontId::proportional(14.0), Color32::WHITE, rect.width() - 40.0);
+        let place = Align2::CENTER_TOP.anchor_size(rect.center_top() + egui::vec2(0.0, 14.0), galley.size());
+        painter.rect_filled(place.expand(8.0), 5.0, Color32::from_black_alpha(200));
+        painter.galley(place.min, galley, Color32::WHITE);
+        let left = (until_s - now_s).max(0.0);
+        ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(left));
+    }
+}

@@ -1,0 +1,82 @@
+//! The sheet of all keys.
+
+use super::{State, status};
+use crate::snapshot::Status;
+use egui::{RichText, Ui};
+
+type Section = (&'static str, &'static [(&'static str, &'static str)]);
+
+const SECTIONS: [Section; 4] = [
+    (
+        "Experiment",
+        &[
+            ("Space", "start, pause"),
+            ("N", "one tick"),
+            ("Ctrl+R", "reset"),
+            ("+  -", "faster, slower"),
+            ("F12", "screenshot"),
+            ("Ctrl+Q", "quit"),
+        ],
+    ),
+    (
+        "Look",
+        &[
+            ("1 to 5", "orbit, chase, onboard, overhead, free camera"),
+            ("drag", "turn the view"),
+            ("right-drag", "move the view"),
+            ("wheel", "zoom"),
+            ("W A S D  Q E", "move the camera (arrows too)"),
+            ("L", "labels over cars"),
+            ("M", "map"),
+        ],
+    ),
+    (
+        "Vehicles",
+        &[
+            ("click", "select, in the city or in the table"),
+            ("double click", "follow"),
+            ("PgUp  PgDn", "select the next one"),
+            ("F", "follow the selected one, or stop following"),
+            ("P", "open or close its preview"),
+            ("Enter", "take the wheel, give it back"),
+            ("Esc", "give back, deselect"),
+        ],
+    ),
+    (
+        "Driving",
+        &[
+            ("W  S", "gas, brake (arrows too)"),
+            ("A  D", "steer (arrows too)"),
+            ("B", "handbrake"),
+            ("R", "reverse gear, at a stand"),
+            ("Q  E  H", "indicators left, right, both"),
+            ("V", "look back"),
+        ],
+    ),
+];
+
+pub fn window(ui: &Ui, state: &mut State) {
+    egui::Window::new("Keys and statuses").open(&mut state.open.help).resizable(false).show(ui.ctx(), |ui| {
+        ui.columns(2, |columns| {
+            for (index, (title, keys)) in SECTIONS.iter().enumerate() {
+                let ui = &mut columns[index % 2];
+                ui.label(RichText::new(*title).strong());
+                egui::Grid::new(*title).num_columns(2).show(ui, |ui| {
+                    for (key, what) in *keys {
+                        ui.monospace(*key);
+                        ui.label(*what);
+                        ui.end_row();
+                    }
+                });
+                ui.add_space(8.0);
+            }
+        });
+        ui.separator();
+        for status in Status::ALL {
+            ui.horizontal(|ui| {
+                ui.label(RichText::new(status.label()).color(status::colour(status)).strong());
+                ui.label(status::meaning(status));
+            });
+        }
+    });
+}

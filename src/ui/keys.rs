@@ -1,0 +1,116 @@
+//! What the keys do, apart from driving.
+
+use super::bar::other_speed;
+use super::viewpoint::Mode;
+use super::{Action, Shown, State};
+use crate::live::{Order, Phase};
+use crate::snapshot::VehicleId;
+use egui::{Event, Key, Modifiers, Ui};
+use glam::DVec3;
+
+/// Way of the camera in a second that a key is held, for each metre that it is away from what it sees.
+const FLY_MPS: f64 = 25.0;
+
+/// Does what the pressed keys ask for, in their order, unless a text is being typed.
+pub fn act(ui: &Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+    if ui.ctx().text_edit_focused() {
+        return;
+    }
+    for (key, modifiers) in pressed(ui) {
+        if modifiers.command {
+            match key {
+                Key::R => actions.push(Action::Order(Order::Reset)),
+                Key::Q => actions.push(Action::Quit),
+                _ => {}
+            }
+        } else if state.driving.as_mut().is_none_or(|driving| !driving.press(key)) {
+            press(key, state, shown, actions);
+        }
+    }
+    if state.driving.is_none() {
+        fly(ui, state);
+    }
+}
+
+/// Keys that went down since the last pass, without those that only repeat.
+fn pressed(ui: &Ui) -> Vec<(Key, Modifiers)> {
+    let of = |event: &Event| match *event {
+        Event::Key { key, pressed: true, repeat: false, modifiers, .. } => Some((key, modifiers)),
+        _ => None,
+    };
+    ui.input(|input| input.events.iter().filter_map(of).collect())
+}
+
+fn press(key: Key, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+    let moment = shown.moment;
+    match key {
+        Key::Space if moment.phase == Phase::Running => actions.push(Action::Order(Order::Pause)),
+        Key::Space => actions.push(Action::Order(Order::Start)),
+        Key::N => actions.push(Action::Order(Order::Step)),
+        Key::Plus | Key::Equals => actions.push(Action::Order(Order::Speed(other_speed(moment.speed, true)))),
+        Key::Minus => actions.push(Action::Order(Order::Speed(other_speed(moment.speed, false)))),
+        Key::F1 | Key::Questionmark => state.open.help = !state.open.help,
+        Key::F12 => actions.push(Action::Screenshot),
+        Key::L => state.layers.labels = !state.layers.labels,
+        Key::M => state.layers.map = !state.layers.map,
+        Key::Num1 => state.set_mode(Mode::Orbit),
+        Key::Num2 => state.set_mode(Mode::Chase),
+        Key::Num3 => state.set_mode(Mode::Onboard),
+        Key::Num4 => state.set_mode(Mode::Overhead),
+        Key::Num5 => state.set_mode(Mode::Free),
+        _ => press_for_vehicle(key, state, shown, actions),
+    }
+}
+
+fn press_for_vehicle(key: Key, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+    let selected = state.selection.vehicle;
+    match key {
+        Key::PageDown | Key::PageUp => {
+            state.selection.vehicle = neighbour(shown, selected, key == Key::PageDown);
+            state.table.reveal = true;
+        }
+        Key::F => state.follow(selected.filter(|_| state.viewpoint.follow != selected)),
+        Key::P => selected.into_iter().for_each(|vehicle| state.toggle_preview(vehicle)),
+        Key::Enter if state.driving.is_some() => actions.push(Action::GiveBack),
+        Key::Enter => actions.extend(selected.map(Action::Drive)),
+        Key::Escape if state.open.help => state.open.help = false,
+        Key::Escape if state.driving.is_some() => actions.push(Action::GiveBack),
+        Key::Escape => {
+            state.selection.vehicle = None;
+            state.follow(None);
+        }
+        _ => {}
+    }
+}
+
+/// The vehicle behind or before another in the order of their numbers, round and round.
+fn neighbour(shown: &Shown<'_>, from: Option<VehicleId>, forward: bool) -> Option<VehicleId> {
+    let vehicles = &shown.moment.now.vehicles;
+    let count = vehicles.len();
+    let place = from.and_then(|id| vehicles.iter().position(|vehicle| vehicle.id == id));
+    let next = match (place, forward) {
+        (None, true) => 0,
+        (None, false) => count.checked_sub(1)?,
+        (Some(place), true) => (place + 1) % count,
+        (Some(place), false) => (place + count - 1) % count,
+    };
+    vehicles.get(next).map(|vehicle| vehicle.id)
+}
+
+/// Moves the camera while keys are held.
+fn fly(ui: &Ui, state: &mut State) {
+    let (by, dt_s) = ui.input(|input| {
+        let axis = |more: [Key; 2], less: [Key; 2]| {
+            let is = |keys: [Key; 2]| f64::from(u8::from(keys.into_iter().any(|key| input.key_down(key))));
+            if input.modifiers.any() { 0.0 } else { is(more) - is(less) }
+        };
+        let right = axis([Key::D, Key::ArrowRight], [Key::A, Key::ArrowLeft]);
+        let forward = axis([Key::W, Key::ArrowUp], [Key::S, Key::ArrowDown]);
+        let up = axis([Key::E, Key::E], [Key::Q, Key::Q]);
+        (DVec3::new(right, forward, up), f64::from(input.stable_dt.min(0.1)))
+    });
+    if by != DVec3::ZERO {
+        state.viewpoint.fly(by * FLY_MPS * dt_s);
+        ui.ctx().request_repaint();
+    }
+}

@@ -1,0 +1,146 @@
+//! What is drawn over the city: names, lanes, routes, conflict zones.
+
+use super::{Mode, Shown, State, status};
+use crate::camera::View;
+use crate::city::{CityMap, LaneId, ZoneKind};
+use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, Ui};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// Which layers are on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Layers {
+    pub labels: bool,
+    pub lanes: bool,
+    pub routes: bool,
+    pub zones: bool,
+    pub map: bool,
+}
+
+impl Default for Layers {
+    fn default() -> Self {
+        Self { labels: true, lanes: false, routes: false, zones: false, map: true }
+    }
+}
+
+/// Lines on the ground are drawn in pieces of this length.
+const STEP_M: f64 = 2.0;
+/// Labels of vehicles farther away than this are left out.
+const LABELS_WITHIN_M: f64 = 250.0;
+
+/// The window with the switches.
+pub fn window(ui: &Ui, state: &mut State) {
+    let layers = &mut state.layers;
+    egui::Window::new("Layers").open(&mut state.open.layers).resizable(false).show(ui.ctx(), |ui| {
+        ui.checkbox(&mut layers.labels, "Labels over vehicles (L)");
+        ui.checkbox(&mut layers.lanes, "Lanes");
+        ui.checkbox(&mut layers.routes, "Route of the selected vehicle, or of all");
+        ui.checkbox(&mut layers.zones, "Conflict zones");
+        ui.checkbox(&mut layers.map, "Map (M)");
+    });
+}
+
+/// Where points of the city are on screen.
+pub struct Canvas<'a> {
+    painter: Painter,
+    view: &'a View,
+    rect: Rect,
+}
+
+impl<'a> Canvas<'a> {
+    pub fn new(ui: &Ui, view: &'a View, rect: Rect) -> Self {
+        Self { painter: ui.painter_at(rect), view, rect }
+    }
+
+    /// `None` behind the camera.
+    pub fn place(&self, point: DVec3) -> Option<Pos2> {
+        let pixel = self.view.project(point)?;
+        let [width, height] = self.view.extent.map(f64::from);
+        let share = egui::vec2(((pixel.x + 0.5) / width) as f32, ((pixel.y + 0.5) / height) as f32);
+        let place = self.rect.min + share * self.rect.size();
+        // Far outside, coordinates lose their meaning.
+        (share.x.abs() < 20.0 && share.y.abs() < 20.0).then_some(place)
+    }
+
+    /// How far in front of the camera a point is.
+    pub fn depth(&self, point: DVec3) -> f64 {
+        (point - self.view.extrinsics.position).dot(self.view.extrinsics.forward())
+    }
+
+    fn lane(&self, map: &CityMap, lane: LaneId, (from_m, to_m): (f64, f64), stroke: Stroke) {
+        let curve = &map.lane(lane).curve;
+        let count = ((to_m - from_m) / STEP_M).ceil().max(1.0) as u32;
+        let mut before: Option<Pos2> = None;
+        for k in 0..=count {
+            let s = from_m + (to_m - from_m) * f64::from(k) / f64::from(count);
+            let here = self.place(curve.at(s).pose.position.extend(0.05));
+            if let (Some(from), Some(to)) = (before, here) {
+                self.painter.line_segment([from, to], stroke);
+            }
+            before = here;
+        }
+    }
+}
+
+/// Draws the layers that are on.
+pub fn paint(canvas: &Canvas<'_>, state: &State, shown: &Shown<'_>) {
+    let map = shown.map;
+    let whole = |lane: LaneId| (0.0, map.lane(lane).curve.length());
+    if state.layers.lanes {
+        let stroke = Stroke::new(1.0, Color32::from_rgba_unmultiplied(120, 220, 255, 150));
+        map.lanes.iter().for_each(|lane| canvas.lane(map, lane.id, whole(lane.id), stroke));
+    }
+    if state.layers.zones {
+        for zone in &map.zones {
+            let colour = match zone.kind {
+                ZoneKind::Cross => Color32::from_rgba_unmultiplied(255, 90, 80, 170),
+                ZoneKind::Merge => Color32::from_rgba_unmultiplied(255, 180, 60, 170),
+                ZoneKind::Diverge => continue,
+            };
+            for side in &zone.sides {
+                canvas.lane(map, side.lane, (side.from_m, side.to_m), Stroke::new(3.0, colour));
+            }
+        }
+    }
+    if state.layers.routes {
+        for (vehicle, info) in shown.seen.iter() {
+            if state.selection.vehicle.is_some_and(|selected| selected != vehicle.id) {
+                continue;
+            }
+            let [r, g, b] = info.appearance.colour;
+            let stroke = Stroke::new(2.5, Color32::from_rgba_unmultiplied(r, g, b, 220));
+            let mut lanes = shown.routes.get(&vehicle.id).cloned().unwrap_or_default();
+            lanes.sort_unstable();
+            lanes.dedup();
+            lanes.into_iter().for_each(|lane| canvas.lane(map, lane, whole(lane), stroke));
+        }
+    }
+    labels(canvas, state, shown);
+}
+
+fn labels(canvas: &Canvas<'_>, state: &State, shown: &Shown<'_>) {
+    let eye = canvas.view.extrinsics.position;
+    for (vehicle, info) in shown.seen.iter() {
+        let is_selected = state.selection.vehicle == Some(vehicle.id);
+        let top = vehicle.position + DVec3::Z * (info.dimensions.height_m + 1.0);
+        // Whose eyes these are, and who is right before them, is known.
+        let is_carrier = canvas.view.carrier == Some(vehicle.id)
+            || (state.viewpoint.mode == Mode::Chase && state.viewpoint.follow == Some(vehicle.id));
+        if is_carrier || !(is_selected || (state.layers.labels && eye.distance(top) < LABELS_WITHIN_M)) {
+            continue;
+        }
+        let Some(place) = canvas.place(top) else { continue };
+        let text = format!("{} {}", vehicle.id, info.name);
+        let font = FontId::proportional(if is_selected { 13.0 } else { 11.0 });
+        let painter = &canvas.painter;
+        let text = painter.layout_no_wrap(text, font, status::colour(vehicle.status));
+        let rect = Align2::CENTER_BOTTOM.anchor_size(place, text.size());
+        painter.rect_filled(rect.expand2(egui::vec2(3.0, 1.0)), 3.0, Color32::from_black_alpha(150));
+        painter.galley(rect.min, text, Color32::WHITE);
+        if is_selected {
+            let foot = canvas.place(vehicle.position).unwrap_or(place);
+            painter.line_segment([rect.center_bottom(), foot], Stroke::new(1.0, Color32::WHITE));
+        }
+    }
+}

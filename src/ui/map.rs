@@ -1,0 +1,51 @@
+//! The small map in a corner of the city.
+
+use super::{Shown, State, status};
+use egui::{Color32, Pos2, Rect, Sense, Stroke, Ui, Vec2};
+use glam::DVec2;
+
+const SIZE: f32 = 150.0;
+const MARGIN: f32 = 8.0;
+
+/// North is up. A click moves the large view there.
+pub fn show(ui: &Ui, rect: Rect, state: &mut State, shown: &Shown<'_>) {
+    let points = || {
+        let curves = shown.map.lanes.iter().map(|lane| &lane.curve);
+        curves.flat_map(|curve| [curve.start().position, curve.end().position])
+    };
+    let low = points().fold(DVec2::INFINITY, DVec2::min);
+    let high = points().fold(DVec2::NEG_INFINITY, DVec2::max);
+    if !low.is_finite() || rect.width() < 2.5 * SIZE || rect.height() < 2.0 * SIZE {
+        return;
+    }
+    let place = Rect::from_min_size(rect.right_top() + Vec2::new(-SIZE - MARGIN, MARGIN), Vec2::splat(SIZE));
+    let scale = f64::from(SIZE - 12.0) / (high - low).max_element().max(1.0);
+    let middle = (low + high) / 2.0;
+    let on_screen = |point: DVec2| -> Pos2 {
+        let from_middle = (point - middle) * scale;
+        place.center() + Vec2::new(from_middle.x as f32, -from_middle.y as f32)
+    };
+    let painter = ui.painter_at(place);
+    painter.rect_filled(place, 4.0, Color32::from_black_alpha(170));
+    let stroke = Stroke::new(1.0, Color32::from_gray(130));
+    for lane in &shown.map.lanes {
+        let line: Vec<Pos2> =
+            lane.curve.sample(4.0).into_iter().map(|(_, point)| on_screen(point.pose.position)).collect();
+        painter.line(line, stroke);
+    }
+    for vehicle in &shown.seen.vehicles {
+        let is_selected = state.selection.vehicle == Some(vehicle.id);
+        let at = on_screen(vehicle.position.truncate());
+        painter.circle_filled(at, if is_selected { 4.0 } else { 2.5 }, status::colour(vehicle.status));
+        if is_selected {
+            painter.circle_stroke(at, 5.5, Stroke::new(1.5, Color32::WHITE));
+        }
+    }
+    let response = ui.interact(place, ui.scope_id().with("map"), Sense::click_and_drag());
+    if let (true, Some(at)) = (response.clicked() || response.dragged(), response.interact_pointer_pos()) {
+        let from_middle = at - place.center();
+        let point = DVec2::new(f64::from(from_middle.x), f64::from(-from_middle.y)) / scale + middle;
+        state.viewpoint.look_at(point);
+    }
+    response.on_hover_text("Click to look there (M hides the map)");
+}

@@ -1,0 +1,281 @@
+//! The panels of the window: functions of a moment of the run and of what the user has chosen. They
+//! draw with egui, say which pictures they need, and return what is to be done; they touch neither
+//! the run nor the GPU.
+
+mod bar;
+mod city;
+mod drive;
+mod help;
+mod history;
+mod keys;
+mod layers;
+mod map;
+mod preview;
+mod status;
+mod vehicles;
+mod viewpoint;
+
+pub use drive::Driving;
+pub use history::History;
+pub use layers::Layers;
+pub use preview::{Eye, Preview};
+pub use vehicles::Table;
+pub use viewpoint::{Mode, Viewpoint};
+
+use crate::camera::View;
+use crate::city::{CityMap, LaneId};
+use crate::cockpit::Handling;
+use crate::live::{Moment, Order};
+use crate::snapshot::{FrameSnapshot, VehicleId};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Names of the algorithms that drive.
+pub type Drivers = BTreeMap<VehicleId, String>;
+
+/// What the panels show, apart from what the user has chosen.
+#[derive(Debug)]
+pub struct Shown<'a> {
+    /// What tables and numbers tell.
+    pub moment: &'a Moment,
+    /// What is seen in the city: between the last two ticks while the run goes on.
+    pub seen: &'a FrameSnapshot,
+    pub history: &'a History,
+    pub map: &'a CityMap,
+    pub drivers: &'a Drivers,
+    /// Lanes that a vehicle is going to drive, by the scenario.
+    pub routes: &'a BTreeMap<VehicleId, Vec<LaneId>>,
+    /// What driving by hand has to know of the vehicles.
+    pub handling: &'a BTreeMap<VehicleId, Handling>,
+    pub scenario: &'a str,
+    pub duration_s: f64,
+    pub scenarios: &'a [String],
+    /// Textures of the pictures that were asked for.
+    pub textures: &'a BTreeMap<Slot, egui::TextureId>,
+    /// What the line at the bottom says: the adapter, where the log is.
+    pub footer: &'a str,
+    /// Pictures of the window in a second.
+    pub frames_per_s: f64,
+    /// The most pixels that the large view may have while it moves; on a screen with more it is coarser.
+    pub most_moving_pixels: Option<u32>,
+}
+
+/// A place for a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Slot {
+    City,
+    Preview(VehicleId),
+}
+
+/// A picture that the panels need.
+#[derive(Clone, Copy, Debug)]
+pub struct Picture {
+    pub slot: Slot,
+    pub view: View,
+}
+
+/// What the user wants done that the panels cannot do.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Action {
+    Order(Order),
+    Drive(VehicleId),
+    GiveBack,
+    Scenario(String),
+    Look(Look),
+    Screenshot,
+    Quit,
+}
+
+/// How much work a pixel is worth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Preset {
+    Low,
+    Medium,
+    #[default]
+    High,
+    Ultra,
+}
+
+impl Preset {
+    pub const ALL: [Self; 4] = [Self::Low, Self::Medium, Self::High, Self::Ultra];
+
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Low => "low",
+            Self::Medium => "medium",
+            Self::High => "high",
+            Self::Ultra => "ultra",
+        }
+    }
+}
+
+/// How pictures look.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Look {
+    pub preset: Preset,
+    /// Local time from midnight.
+    pub hours: f64,
+}
+
+/// Which vehicle the user means.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Selection {
+    pub vehicle: Option<VehicleId>,
+    /// To be followed from now on.
+    pub follow: Option<VehicleId>,
+}
+
+/// Sheets and windows that are open.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Open {
+    #[serde(skip)]
+    pub help: bool,
+    #[serde(skip)]
+    pub layers: bool,
+}
+
+/// What the user has chosen.
+#[derive(Clone, Debug)]
+pub struct State {
+    pub viewpoint: Viewpoint,
+    pub selection: Selection,
+    pub previews: Vec<Preview>,
+    pub table: Table,
+    pub layers: Layers,
+    pub look: Look,
+    pub open: Open,
+    /// Of the vehicle that the user drives.
+    pub driving: Option<Driving>,
+    /// Said to the user for a while, and until when, in seconds of egui's clock.
+    pub notice: Option<(String, f64)>,
+    /// The pictures that this pass needs.
+    pub pictures: Vec<Picture>,
+}
+
+impl State {
+    pub fn new(snapshot: &FrameSnapshot, look: Look) -> Self {
+        Self {
+            viewpoint: Viewpoint::around(snapshot),
+            selection: Selection::default(),
+            previews: Vec::new(),
+            table: Table::default(),
+            layers: Layers::default(),
+            look,
+            open: Open::default(),
+            driving: None,
+            notice: None,
+            pictures: Vec::new(),
+        }
+    }
+
+    /// Opens the preview of a vehicle, or closes it.
+    pub fn toggle_preview(&mut self, vehicle: VehicleId) {
+        let count = self.previews.len();
+        self.previews.retain(|preview| preview.vehicle != vehicle);
+        if self.previews.len() == count {
+            self.previews.push(Preview { vehicle, eye: Eye::default() });
+        }
+    }
+
+    /// The vehicle that the user drives.
+    pub fn driven(&self) -> Option<VehicleId> {
+        self.driving.as_ref().map(|driving| driving.vehicle)
+    }
+
+    pub fn set_mode(&mut self, mode: Mode) {
+        if matches!(mode, Mode::Chase | Mode::Onboard) {
+            self.viewpoint.follow = self.selection.vehicle.or(self.viewpoint.follow);
+        }
+        let nearest = self.selection.vehicle;
+        self.viewpoint.set_mode(mode, nearest);
+    }
+
+    pub fn follow(&mut self, vehicle: Option<VehicleId>) {
+        self.viewpoint.follow = vehicle;
+    }
+
+    /// Says something to the user for some seconds.
+    pub fn say(&mut self, text: impl Into<String>, now_s: f64) {
+        self.notice = Some((text.into(), now_s + 6.0));
+    }
+
+    /// Forgets what belongs to vehicles that are not there.
+    fn attend(&mut self, shown: &Shown<'_>) {
+        let is_there = |id: VehicleId| shown.moment.now.vehicle(id).is_some();
+        self.selection.vehicle = self.selection.vehicle.filter(|id| is_there(*id));
+        if let Some(vehicle) = self.selection.follow.take() {
+            self.viewpoint.follow = Some(vehicle);
+            if matches!(self.viewpoint.mode, Mode::Free | Mode::Overhead) {
+                self.viewpoint.set_mode(Mode::Orbit, Some(vehicle));
+            }
+        }
+        self.viewpoint.attend(shown.seen);
+        if self.driving.as_ref().is_some_and(|driving| !is_there(driving.vehicle)) {
+            self.driving = None;
+        }
+    }
+}
+
+/// The colour of the ground of the panels. They do not paint it: whoever draws them clears to it.
+pub const GROUND: egui::Color32 = egui::Color32::from_gray(27);
+
+/// One pass over all panels. Afterwards `state.pictures` holds the pictures that they need.
+pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Action> {
+    let mut actions = Vec::new();
+    state.pictures.clear();
+    state.attend(shown);
+    keys::act(ui, state, shown, &mut actions);
+    let frame = egui::Frame::side_top_panel(ui.style()).fill(egui::Color32::TRANSPARENT);
+    egui::Panel::top("bar").frame(frame).show(ui, |ui| {
+        ui.add_space(3.0);
+        bar::show(ui, state, shown, &mut actions);
+        ui.add_space(3.0);
+    });
+    egui::Panel::bottom("footer").frame(frame).show(ui, |ui| footer(ui, shown));
+    egui::Panel::left("vehicles").frame(frame).default_size(400.0).size_range(180.0..=640.0).show(ui, |ui| {
+        vehicles::show(ui, &shown.moment.now, shown.drivers, &mut state.table, &mut state.selection);
+    });
+    egui::Panel::right("previews").frame(frame).default_size(270.0).size_range(160.0..=640.0).show(
+        ui,
+        |ui| {
+            preview::show_all(ui, state, shown, &mut actions);
+        },
+    );
+    egui::CentralPanel::no_frame().show(ui, |ui| city::show(ui, state, shown));
+    layers::window(ui, state);
+    help::window(ui, state);
+    drive::step(ui, state, shown, &mut actions);
+    actions
+}
+
+fn footer(ui: &mut egui::Ui, shown: &Shown<'_>) {
+    ui.horizontal(|ui| {
+        ui.small("Space start/pause   N step   click a car to select   F follow   P preview   Enter drive   F1 all keys");
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            if shown.frames_per_s > 0.0 {
+                ui.small(format!("{:.0} pictures/s", shown.frames_per_s));
+            }
+            ui.add(egui::Label::new(egui::RichText::new(shown.footer).small().weak()).truncate());
+        });
+    });
+}
+
+/// Size in pixels of a place on screen, each edge one at least.
+fn pixels(size: egui::Vec2, pixels_per_point: f32) -> [u32; 2] {
+    [size.x, size.y].map(|points| (points * pixels_per_point).round().clamp(1.0, 8192.0) as u32)
+}
+
+/// Paints the picture of a slot, or a dark place where it has not come yet.
+fn paint_picture(ui: &egui::Ui, rect: egui::Rect, shown: &Shown<'_>, slot: Slot) {
+    match shown.textures.get(&slot) {
+        Some(&texture) => {
+            let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
+            ui.painter().image(texture, rect, whole, egui::Color32::WHITE);
+        }
+        None => {
+            ui.painter().rect_filled(rect, 0.0, egui::Color32::from_gray(20));
+        }
+    }
+}

@@ -1,0 +1,255 @@
+//! The panels at the right: what one vehicle sees, how it is driven, and how well.
+
+use super::history::{History, KEPT_S, Sample};
+use super::{Action, Picture, Shown, Slot, State, status};
+use crate::camera::{Camera, Lens, Mount, Place, View};
+use crate::snapshot::{FrameSnapshot, VehicleId, VehicleState};
+use egui::emath::GuiRounding as _;
+use egui::{Align2, Color32, ComboBox, FontId, RichText, Sense, Ui, Vec2};
+use egui_plot::{Line, Plot, PlotPoints};
+use serde::{Deserialize, Serialize};
+
+/// Where a preview looks from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Eye {
+    #[default]
+    Windscreen,
+    Bumper,
+    Rear,
+    Chase,
+}
+
+impl Eye {
+    const ALL: [(Self, &'static str); 4] = [
+        (Self::Windscreen, "windscreen"),
+        (Self::Bumper, "bumper"),
+        (Self::Rear, "rear"),
+        (Self::Chase, "chase"),
+    ];
+
+    fn label(self) -> &'static str {
+        Self::ALL.iter().find(|(eye, _)| *eye == self).map_or("", |(_, label)| label)
+    }
+
+    fn camera(self, vehicle: VehicleId) -> Camera {
+        let back = Mount::Custom {
+            place: Place::Windscreen,
+            yaw_rad: std::f64::consts::PI,
+            pitch_rad: -0.06,
+            roll_rad: 0.0,
+        };
+        match self {
+            Self::Windscreen => Camera::onboard(vehicle, Mount::Windscreen),
+            Self::Bumper => Camera::onboard(vehicle, Mount::Bumper),
+            Self::Rear => Camera::onboard(vehicle, back),
+            Self::Chase => Camera::chase(vehicle),
+        }
+    }
+}
+
+/// One preview panel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Preview {
+    pub vehicle: VehicleId,
+    pub eye: Eye,
+}
+
+impl Preview {
+    /// What its camera sees, as `city3d frames` sees it with the lens of its kind.
+    pub fn view(&self, seen: &FrameSnapshot, extent: [u32; 2]) -> Option<View> {
+        let lens = Lens { extent, ..Lens::default() };
+        self.eye.camera(self.vehicle).view(seen, &lens).ok()
+    }
+}
+
+/// Width over height of the pictures.
+const ASPECT: f32 = 4.0 / 3.0;
+
+/// Shows all panels that are open.
+pub fn show_all(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        ui.heading("Previews");
+        let selected = state.selection.vehicle.filter(|id| !state.previews.iter().any(|p| p.vehicle == *id));
+        let add = ui.add_enabled(selected.is_some(), egui::Button::new("+ Open"));
+        let add = add.on_hover_text("Camera, pedals and plots of the selected vehicle (P)");
+        let add = add.on_disabled_hover_text("Select a vehicle first: click it in the city or in the table");
+        if let (true, Some(vehicle)) = (add.clicked(), selected) {
+            state.toggle_preview(vehicle);
+        }
+    });
+    if state.previews.is_empty() {
+        ui.label(RichText::new("Select a vehicle and press P to see what its camera sees.").weak());
+        return;
+    }
+    egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+        let mut previews = std::mem::take(&mut state.previews);
+        previews.retain_mut(|preview| {
+            let is_kept = ui.push_id(preview.vehicle.0, |ui| show(ui, preview, state, shown, actions)).inner;
+            ui.separator();
+            is_kept
+        });
+        state.previews = previews;
+    });
+}
+
+/// Shows a panel; `false` once it is closed.
+fn show(
+    ui: &mut Ui,
+    preview: &mut Preview,
+    state: &mut State,
+    shown: &Shown<'_>,
+    actions: &mut Vec<Action>,
+) -> bool {
+    let now = &shown.moment.now;
+    let (Some(vehicle), Some(info)) = (now.vehicle(preview.vehicle), now.info(preview.vehicle)) else {
+        return ui
+            .horizontal(|ui| {
+                ui.label(format!("Vehicle {} is not there any more.", preview.vehicle));
+                !ui.small_button("Close").clicked()
+            })
+            .inner;
+    };
+    let mut is_kept = true;
+    ui.horizontal(|ui| {
+        let [r, g, b] = info.appearance.colour;
+        super::vehicles::chip(ui, Color32::from_rgb(r, g, b));
+        ui.label(RichText::new(format!("{} {}", vehicle.id, info.name)).strong());
+        let text = RichText::new(vehicle.status.label()).color(status::colour(vehicle.status));
+        ui.label(text).on_hover_text(status::meaning(vehicle.status));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            is_kept = !ui.small_button("x").on_hover_text("Close this preview").clicked();
+        });
+    });
+    picture(ui, preview, shown, state);
+    ui.horizontal(|ui| {
+        ComboBox::from_id_salt("eye")
+            .selected_text(preview.eye.label())
+            .width(90.0)
+            .show_ui(ui, |ui| {
+                for (eye, label) in Eye::ALL {
+                    ui.selectable_value(&mut preview.eye, eye, label);
+                }
+            })
+            .response
+            .on_hover_text("Where the picture is taken from");
+        drive_button(ui, preview.vehicle, state, actions);
+    });
+    pedals(ui, vehicle);
+    plots(ui, shown.history, preview.vehicle, now.time_s);
+    is_kept
+}
+
+fn drive_button(ui: &mut Ui, vehicle: VehicleId, state: &State, actions: &mut Vec<Action>) {
+    if state.driven() == Some(vehicle) {
+        if ui.button("Give back").on_hover_text("Back to its algorithm (Enter)").clicked() {
+            actions.push(Action::GiveBack);
+        }
+    } else if ui.button("Drive").on_hover_text("Take the wheel with the keyboard (Enter)").clicked() {
+        actions.push(Action::Drive(vehicle));
+    }
+}
+
+/// A whole number of pixels, each of them one of the camera's.
+fn picture(ui: &mut Ui, preview: &Preview, shown: &Shown<'_>, state: &mut State) {
+    let per_point = ui.ctx().pixels_per_point();
+    let width = (ui.available_width().max(40.0) * per_point).floor();
+    let size = Vec2::new(width, (width / ASPECT).round()) / per_point;
+    let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
+    if !ui.is_rect_visible(rect) {
+        return;
+    }
+    let rect = egui::Rect::from_min_size(rect.min.round_to_pixels(per_point), size);
+    let slot = Slot::Preview(preview.vehicle);
+    let extent = super::pixels(size, per_point);
+    if let Some(view) = preview.view(shown.seen, extent) {
+        state.pictures.push(Picture { slot, view });
+    }
+    super::paint_picture(ui, rect, shown, slot);
+}
+
+/// Steering, gas, brake and handbrake as bars and numbers, and the speed.
+fn pedals(ui: &mut Ui, vehicle: &VehicleState) {
+    let steering_deg = vehicle.steering_rad.to_degrees();
+    let gear = if vehicle.reverse { "  R" } else { "" };
+    ui.label(RichText::new(format!("{:.1} km/h{gear}", vehicle.speed_mps * 3.6)).monospace().strong())
+        .on_hover_text("Speed along its heading");
+    steering(ui, steering_deg);
+    bar(ui, "Gas", vehicle.gas, Color32::from_rgb(90, 170, 90));
+    bar(ui, "Brake", vehicle.brake, Color32::from_rgb(205, 80, 70));
+    bar(ui, "Handbrake", vehicle.handbrake, Color32::from_rgb(205, 140, 60));
+}
+
+const NAME_WIDTH: f32 = 72.0;
+const NUMBER_WIDTH: f32 = 56.0;
+const BAR_HEIGHT: f32 = 14.0;
+/// Steering angle at the end of the bar.
+const STEERING_END_DEG: f64 = 45.0;
+
+fn bar(ui: &mut Ui, name: &str, value: f64, colour: Color32) {
+    gauge(ui, name, &format!("{value:.2}"), |painter, rect| {
+        let width = rect.width() * value.clamp(0.0, 1.0) as f32;
+        painter.rect_filled(
+            egui::Rect::from_min_size(rect.min, Vec2::new(width, rect.height())),
+            2.0,
+            colour,
+        );
+    });
+}
+
+/// Left is left.
+fn steering(ui: &mut Ui, angle_deg: f64) {
+    gauge(ui, "Steering", &format!("{angle_deg:+.1}\u{b0}"), |painter, rect| {
+        let share = (-angle_deg / STEERING_END_DEG).clamp(-1.0, 1.0) as f32;
+        let middle = rect.center().x;
+        let end = middle + share * rect.width() / 2.0;
+        let part = egui::Rect::from_x_y_ranges(middle.min(end)..=middle.max(end), rect.y_range());
+        painter.rect_filled(part, 0.0, Color32::from_rgb(90, 140, 210));
+        painter.vline(middle, rect.y_range(), egui::Stroke::new(1.0, Color32::GRAY));
+    });
+}
+
+fn gauge(ui: &mut Ui, name: &str, number: &str, fill: impl FnOnce(&egui::Painter, egui::Rect)) {
+    let size = Vec2::new(ui.available_width(), BAR_HEIGHT);
+    let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
+    response.widget_info(|| {
+        egui::WidgetInfo::labeled(egui::Role::ProgressIndicator, true, format!("{name} {number}"))
+    });
+    let painter = ui.painter_at(rect);
+    let colour = ui.visuals().text_color();
+    let font = FontId::proportional(12.0);
+    painter.text(rect.left_center(), Align2::LEFT_CENTER, name, font, colour);
+    painter.text(rect.right_center(), Align2::RIGHT_CENTER, number, FontId::monospace(12.0), colour);
+    let mut track = rect.shrink2(Vec2::new(0.0, 2.0));
+    track.min.x += NAME_WIDTH;
+    track.max.x = (track.max.x - NUMBER_WIDTH).max(track.min.x);
+    painter.rect_filled(track, 2.0, ui.visuals().extreme_bg_color);
+    fill(&painter, track);
+}
+
+fn plots(ui: &mut Ui, history: &History, vehicle: VehicleId, now_s: f64) {
+    let series = |of: fn(&Sample) -> f64| -> Vec<[f64; 2]> {
+        history.of(vehicle).map(|sample| [sample.time_s - now_s, of(sample)]).collect()
+    };
+    let blue = Color32::from_rgb(110, 175, 255);
+    plot(ui, "Speed, km/h", series(|sample| sample.speed_mps * 3.6), (0.0, 50.0), blue);
+    let orange = Color32::from_rgb(235, 160, 80);
+    plot(ui, "Lateral error, cm", series(|sample| sample.lateral_error_m * 100.0), (-10.0, 10.0), orange);
+}
+
+fn plot(ui: &mut Ui, name: &str, points: Vec<[f64; 2]>, (low, high): (f64, f64), colour: Color32) {
+    let last = points.last().map_or_else(String::new, |[_, value]| format!(" {value:.1}"));
+    ui.label(RichText::new(format!("{name}:{last}")).small())
+        .on_hover_text(format!("The last {KEPT_S:.0} simulated seconds"));
+    Plot::new(name)
+        .height(56.0)
+        .include_x(-KEPT_S)
+        .include_x(0.0)
+        .include_y(low)
+        .include_y(high)
+        .allow_zoom(false)
+        .allow_drag(false)
+        .allow_scroll(false)
+        .show_axes([false, true])
+        .y_axis_min_width(26.0)
+        .show(ui, |plot| plot.line(Line::new(name, PlotPoints::from(points)).color(colour)));
+}

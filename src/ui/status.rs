@@ -1,0 +1,46 @@
+//! Statuses of vehicles on screen: colour and meaning.
+
+use crate::snapshot::Status;
+use egui::Color32;
+
+/// The colour of a status, readable on a dark ground.
+pub fn colour(status: Status) -> Color32 {
+    match status {
+        Status::Waiting => Color32::from_rgb(160, 160, 160),
+        Status::Driving => Color32::from_rgb(120, 200, 120),
+        Status::Yielding => Color32::from_rgb(235, 195, 80),
+        Status::Stopped => Color32::from_rgb(235, 140, 80),
+        Status::Manual => Color32::from_rgb(110, 175, 255),
+        Status::LinkLost => Color32::from_rgb(230, 110, 230),
+        Status::Collided => Color32::from_rgb(255, 85, 85),
+        Status::Finished => Color32::from_rgb(150, 170, 190),
+        Status::Physical => Color32::from_rgb(90, 210, 210),
+    }
+}
+
+/// What a status says, as tooltips tell it.
+pub fn meaning(status: Status) -> &'static str {
+    match status {
+        Status::Waiting => "Set up; no trajectory has come yet",
+        Status::Driving => "Follows its trajectory",
+        Status::Yielding => "Held back by a yield sign or by the right of way of another",
+        Status::Stopped => "Stands",
+        Status::Manual => "A person drives",
+        Status::LinkLost => "No trajectory for longer than the link timeout: it brakes to a stop on its path",
+        Status::Collided => "Has hit something; it brakes and stays. A person who takes it over can drive on",
+        Status::Finished => "At the end of its route",
+        Status::Physical => "A vehicle of the laboratory, drawn as it is measured",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn statuses_are_told_apart_by_colour_and_words() {
+        let colours: std::collections::HashSet<_> = Status::ALL.map(colour).into();
+        let meanings: std::collections::HashSet<_> = Status::ALL.map(meaning).into();
+        assert_eq!((colours.len(), meanings.len()), (Status::ALL.len(), Status::ALL.len()));
+    }
+}

@@ -1,0 +1,241 @@
+//! The table of all vehicles.
+
+use super::{Drivers, Selection, status};
+use crate::snapshot::{FrameSnapshot, Status, VehicleId};
+use egui::{Align, Color32, Layout, RichText, Sense, Ui, Vec2};
+use egui_extras::{Column, TableBuilder};
+use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
+
+/// What the table is sorted by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Key {
+    #[default]
+    Id,
+    Name,
+    Driver,
+    Status,
+    X,
+    Y,
+    Speed,
+}
+
+impl Key {
+    const COLUMNS: [(Self, &'static str, &'static str); 7] = [
+        (Self::Id, "ID", "Number and colour"),
+        (Self::Name, "Name", "As the scenario calls it"),
+        (Self::Driver, "Driver", "The algorithm that drives it, or a person"),
+        (Self::Status, "Status", "What it is doing; hover over a row for the meaning"),
+        (Self::X, "x m", "Metres to the east of the city's middle"),
+        (Self::Y, "y m", "Metres to the north of the city's middle"),
+        (Self::Speed, "km/h", "Speed along its heading"),
+    ];
+}
+
+/// How the table is shown.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Table {
+    pub key: Key,
+    pub descending: bool,
+    /// Rows whose texts contain all of these words.
+    #[serde(skip)]
+    pub filter: String,
+    /// The row of the selected vehicle comes into sight once.
+    #[serde(skip)]
+    pub reveal: bool,
+}
+
+/// One vehicle in the table.
+#[derive(Clone, Debug, PartialEq)]
+struct Row<'a> {
+    id: VehicleId,
+    colour: Color32,
+    name: &'a str,
+    driver: &'a str,
+    status: Status,
+    x_m: f64,
+    y_m: f64,
+    speed_kmh: f64,
+}
+
+impl Row<'_> {
+    fn cmp_by(&self, other: &Self, key: Key) -> Ordering {
+        match key {
+            Key::Id => Ordering::Equal,
+            Key::Name => self.name.cmp(other.name),
+            Key::Driver => self.driver.cmp(other.driver),
+            Key::Status => self.status.label().cmp(other.status.label()),
+            Key::X => self.x_m.total_cmp(&other.x_m),
+            Key::Y => self.y_m.total_cmp(&other.y_m),
+            Key::Speed => self.speed_kmh.total_cmp(&other.speed_kmh),
+        }
+        .then(self.id.cmp(&other.id))
+    }
+
+    fn contains(&self, word: &str) -> bool {
+        let texts = [self.name, self.driver, self.status.label()];
+        texts.iter().any(|text| text.to_lowercase().contains(word)) || self.id.to_string() == word
+    }
+}
+
+/// Rows that match, in order.
+fn rows<'a>(snapshot: &'a FrameSnapshot, drivers: &'a Drivers, table: &Table) -> Vec<Row<'a>> {
+    let words: Vec<String> = table.filter.split_whitespace().map(str::to_lowercase).collect();
+    let row = |(vehicle, info): (&'a crate::snapshot::VehicleState, &'a crate::snapshot::VehicleInfo)| {
+        let [r, g, b] = info.appearance.colour;
+        let driver = drivers.get(&vehicle.id).map_or("", String::as_str);
+        Row {
+            id: vehicle.id,
+            colour: Color32::from_rgb(r, g, b),
+            name: &info.name,
+            driver: if vehicle.status == Status::Manual { "human" } else { driver },
+            status: vehicle.status,
+            x_m: vehicle.position.x,
+            y_m: vehicle.position.y,
+            speed_kmh: vehicle.speed_mps * 3.6,
+        }
+    };
+    let mut rows: Vec<Row<'a>> = snapshot.iter().map(row).collect();
+    rows.retain(|row| words.iter().all(|word| row.contains(word)));
+    rows.sort_by(|a, b| a.cmp_by(b, table.key));
+    if table.descending {
+        rows.reverse();
+    }
+    rows
+}
+
+const ROW_HEIGHT: f32 = 20.0;
+
+/// Shows the table. A click selects, a double click follows.
+pub fn show(
+    ui: &mut Ui,
+    snapshot: &FrameSnapshot,
+    drivers: &Drivers,
+    table: &mut Table,
+    selection: &mut Selection,
+) {
+    let shown = rows(snapshot, drivers, table);
+    ui.horizontal(|ui| {
+        ui.heading("Vehicles");
+        let all = snapshot.vehicles.len();
+        let count = if shown.len() == all { all.to_string() } else { format!("{} of {all}", shown.len()) };
+        ui.label(RichText::new(count).weak());
+    });
+    // From the right, so that the row is never wider than the panel and the panel never grows by it.
+    let line = egui::vec2(ui.available_width(), ui.spacing().interact_size.y);
+    ui.allocate_ui_with_layout(line, Layout::right_to_left(Align::Center), |ui| {
+        let clear = ui.add_enabled(!table.filter.is_empty(), egui::Button::new("x"));
+        if clear.on_hover_text("Show all").clicked() {
+            table.filter.clear();
+        }
+        let field = egui::TextEdit::singleline(&mut table.filter)
+            .hint_text("Filter by name, status, driver or ID")
+            .desired_width(ui.available_width());
+        ui.add(field);
+    });
+    // The filter may just have been typed into.
+    let shown = rows(snapshot, drivers, table);
+    if shown.is_empty() {
+        let text = if snapshot.vehicles.is_empty() {
+            "This scenario has no vehicles."
+        } else {
+            "No vehicle matches the filter."
+        };
+        ui.add_space(8.0);
+        ui.label(RichText::new(text).weak());
+        return;
+    }
+    grid(ui, &shown, table, selection);
+}
+
+fn grid(ui: &mut Ui, shown: &[Row<'_>], table: &mut Table, selection: &mut Selection) {
+    // A click on a text of a row means the row.
+    ui.style_mut().interaction.selectable_labels = false;
+    let mut builder = TableBuilder::new(ui)
+        .striped(true)
+        .sense(Sense::click())
+        .auto_shrink(false)
+        .cell_layout(Layout::left_to_right(Align::Center))
+        .column(Column::initial(44.0).at_least(36.0))
+        .column(Column::initial(66.0).at_least(40.0).clip(true))
+        .column(Column::initial(50.0).at_least(36.0).clip(true))
+        .column(Column::initial(68.0).at_least(40.0).clip(true))
+        .columns(Column::initial(46.0).at_least(40.0), 2)
+        .column(Column::remainder().at_least(40.0));
+    if std::mem::take(&mut table.reveal)
+        && let Some(row) = shown.iter().position(|row| Some(row.id) == selection.vehicle)
+    {
+        builder = builder.scroll_to_row(row, None);
+    }
+    builder
+        .header(ROW_HEIGHT, |mut header| {
+            for (key, title, tip) in Key::COLUMNS {
+                header.col(|ui| heading(ui, table, key, (title, tip)));
+            }
+        })
+        .body(|body| {
+            body.rows(ROW_HEIGHT, shown.len(), |mut line| {
+                let row = &shown[line.index()];
+                line.set_selected(Some(row.id) == selection.vehicle);
+                cells(&mut line, row);
+                let response = line.response();
+                if response.clicked() {
+                    selection.vehicle = Some(row.id);
+                }
+                if response.double_clicked() {
+                    selection.follow = Some(row.id);
+                }
+                response.on_hover_text(status::meaning(row.status));
+            });
+        });
+}
+
+fn heading(ui: &mut Ui, table: &mut Table, key: Key, (title, tip): (&str, &str)) {
+    let mark = match (table.key == key, table.descending) {
+        (false, _) => "",
+        (true, false) => " \u{23f6}",
+        (true, true) => " \u{23f7}",
+    };
+    let text = RichText::new(format!("{title}{mark}")).strong();
+    let button = ui.add(egui::Button::new(text).frame(false));
+    if button.on_hover_text(format!("{tip}. Click to sort")).clicked() {
+        table.descending = table.key == key && !table.descending;
+        table.key = key;
+    }
+}
+
+fn cells(line: &mut egui_extras::TableRow<'_, '_>, row: &Row<'_>) {
+    line.col(|ui| {
+        chip(ui, row.colour);
+        ui.label(row.id.to_string());
+    });
+    line.col(|ui| {
+        ui.label(row.name);
+    });
+    line.col(|ui| {
+        ui.label(row.driver);
+    });
+    line.col(|ui| {
+        ui.label(RichText::new(row.status.label()).color(status::colour(row.status)));
+    });
+    for number in [row.x_m, row.y_m, row.speed_kmh] {
+        line.col(|ui| {
+            ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.monospace(tenths(number)));
+        });
+    }
+}
+
+/// With one digit behind the point, and no minus before nothing.
+fn tenths(number: f64) -> String {
+    format!("{:.1}", (number * 10.0).round() / 10.0 + 0.0)
+}
+
+/// A patch of the colour of a vehicle.
+pub fn chip(ui: &mut Ui, colour: Color32) {
+    let (rect, _) = ui.allocate_exact_size(Vec2::splat(11.0), Sense::hover());
+    ui.painter().rect_filled(rect, 2.0, colour);
+    let edge = egui::Stroke::new(1.0, ui.visuals().weak_text_color());
+    ui.painter().rect_stroke(rect, 2.0, edge, egui::StrokeKind::Inside);
+}

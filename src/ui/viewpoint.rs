@@ -1,0 +1,343 @@
+//! Where the large view looks from, and how mouse and keys move it.
+
+#![allow(clippy::disallowed_methods, reason = "cameras draw; no state of a run depends on them")]
+
+use crate::camera::{Camera, Extrinsics, Lens, Mount, View};
+use crate::snapshot::{FrameSnapshot, VehicleId};
+use glam::{DMat3, DQuat, DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// The kinds of large view.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mode {
+    /// Around a point, or around a vehicle that is followed.
+    #[default]
+    Orbit,
+    /// Behind a vehicle.
+    Chase,
+    /// Behind the windscreen of a vehicle.
+    Onboard,
+    /// Straight down, north at the top.
+    Overhead,
+    /// Flies where the keys send it.
+    Free,
+}
+
+impl Mode {
+    pub const ALL: [Self; 5] = [Self::Orbit, Self::Chase, Self::Onboard, Self::Overhead, Self::Free];
+
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Orbit => "Orbit",
+            Self::Chase => "Chase",
+            Self::Onboard => "Onboard",
+            Self::Overhead => "Overhead",
+            Self::Free => "Free",
+        }
+    }
+}
+
+/// The large view's camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Viewpoint {
+    pub mode: Mode,
+    /// Whose motion the camera shares. Chase and onboard need one; the others may go without.
+    pub follow: Option<VehicleId>,
+    /// Looks back from the vehicle.
+    pub rear: bool,
+    target: DVec3,
+    distance_m: f64,
+    azimuth_rad: f64,
+    elevation_rad: f64,
+    /// Of the free camera.
+    eye: DVec3,
+    yaw_rad: f64,
+    pitch_rad: f64,
+}
+
+const NEAREST_M: f64 = 3.0;
+const FARTHEST_M: f64 = 600.0;
+const LOWEST_RAD: f64 = 0.03;
+const STEEPEST_RAD: f64 = FRAC_PI_2 - 0.02;
+/// Turn of the camera for a pixel that the mouse is dragged.
+const RAD_PER_POINT: f64 = 0.006;
+
+impl Viewpoint {
+    /// Around everything that drives.
+    pub fn around(snapshot: &FrameSnapshot) -> Self {
+        let positions = || snapshot.vehicles.iter().map(|v| v.position);
+        let low = positions().fold(DVec3::INFINITY, DVec3::min);
+        let high = positions().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let (target, reach_m) =
+            if low.is_finite() { ((low + high) / 2.0, (high - low).length()) } else { (DVec3::ZERO, 150.0) };
+        let distance_m = (1.1 * reach_m).clamp(50.0, 240.0);
+        Self {
+            mode: Mode::Orbit,
+            follow: None,
+            rear: false,
+            target,
+            distance_m,
+            azimuth_rad: -1.9,
+            elevation_rad: 0.85,
+            eye: target + DVec3::new(-0.3, -0.75, 0.5) * distance_m,
+            yaw_rad: 1.2,
+            pitch_rad: -0.5,
+        }
+    }
+
+    /// Takes another mode, from about where it is. A mode that needs a vehicle takes `nearest`.
+    pub fn set_mode(&mut self, mode: Mode, nearest: Option<VehicleId>) {
+        if matches!(mode, Mode::Chase | Mode::Onboard) {
+            self.follow = self.follow.or(nearest);
+        }
+        if mode == Mode::Free && self.mode != Mode::Free {
+            let (sin, cos) = self.azimuth_rad.sin_cos();
+            let (up, out) = self.elevation_rad.sin_cos();
+            self.eye = self.target + DVec3::new(cos * out, sin * out, up) * self.distance_m;
+            (self.yaw_rad, self.pitch_rad) = (self.azimuth_rad + FRAC_PI_2 * 2.0, -self.elevation_rad);
+            self.follow = None;
+        }
+        self.mode = mode;
+    }
+
+    /// Keeps up with what is followed. A vehicle that has left is not followed any longer.
+    pub fn attend(&mut self, seen: &FrameSnapshot) {
+        self.follow = self.follow.filter(|id| seen.vehicle(*id).is_some());
+        if let Some(vehicle) = self.follow.and_then(|id| seen.vehicle(id)) {
+            self.target = vehicle.position;
+        } else if matches!(self.mode, Mode::Chase | Mode::Onboard) {
+            self.mode = Mode::Orbit;
+        }
+    }
+
+    /// Moves the middle of the view to a point of the ground.
+    pub fn look_at(&mut self, point: DVec2) {
+        self.follow = None;
+        self.target = point.extend(0.0);
+        if matches!(self.mode, Mode::Chase | Mode::Onboard) {
+            self.mode = Mode::Orbit;
+        }
+        if self.mode == Mode::Free {
+            self.eye = self.target - self.forward() * 40.0;
+        }
+    }
+
+    fn forward(&self) -> DVec3 {
+        let (sin, cos) = self.yaw_rad.sin_cos();
+        let (up, out) = self.pitch_rad.sin_cos();
+        DVec3::new(cos * out, sin * out, up)
+    }
+
+    fn camera(&self) -> Camera {
+        match (self.mode, self.follow) {
+            (Mode::Chase, Some(vehicle)) => {
+                let distance_m = if self.rear { -8.0 } else { 9.0 };
+                Camera::Chase { vehicle, distance_m, height_m: 3.6 }
+            }
+            (Mode::Onboard, Some(vehicle)) => Camera::onboard(vehicle, Mount::Windscreen),
+            (Mode::Overhead, _) => {
+                Camera::Overhead { centre: self.target.truncate(), height_m: self.distance_m }
+            }
+            (Mode::Free, _) => Camera::Fixed(Extrinsics::looking_at(self.eye, self.eye + self.forward())),
+            _ => Camera::Orbit {
+                target: self.target + DVec3::Z,
+                distance_m: self.distance_m,
+                azimuth_rad: self.azimuth_rad,
+                elevation_rad: self.elevation_rad,
+            },
+        }
+    }
+
+    /// The view of an instant, in a picture of some pixels.
+    pub fn view(&self, seen: &FrameSnapshot, extent: [u32; 2]) -> View {
+        let lens = Lens { extent, ..Lens::default() };
+        let fallback = || {
+            let from = self.target + DVec3::new(0.0, -1.0, 1.0) * self.distance_m;
+            View::new(Extrinsics::looking_at(from, self.target), &lens)
+        };
+        let view = self.camera().view(seen, &lens);
+        let mut view = view.unwrap_or_else(|_| fallback());
+        if self.rear && self.mode == Mode::Onboard {
+            let about = DQuat::from_mat3(&DMat3::from_cols(-DVec3::X, DVec3::Y, -DVec3::Z));
+            view.extrinsics.orientation *= about;
+        }
+        if self.rear && self.mode == Mode::Chase {
+            self.look_back(seen, &mut view);
+        }
+        view
+    }
+
+    /// From before the vehicle, over it, at what comes behind.
+    fn look_back(&self, seen: &FrameSnapshot, view: &mut View) {
+        if let Some(state) = self.follow.and_then(|id| seen.vehicle(id)) {
+            let back = -state.forward().extend(0.0);
+            let target = state.position + back * 6.0 + DVec3::Z;
+            view.extrinsics = Extrinsics::looking_at(view.extrinsics.position, target);
+        }
+    }
+
+    /// The mouse was dragged by so many points: turns the view.
+    pub fn turn(&mut self, right: f64, down: f64) {
+        match self.mode {
+            Mode::Overhead => self.shift(right, down),
+            Mode::Free => {
+                self.yaw_rad = (self.yaw_rad - right * RAD_PER_POINT).rem_euclid(TAU);
+                self.pitch_rad = (self.pitch_rad - down * RAD_PER_POINT).clamp(-1.5, 1.5);
+            }
+            Mode::Orbit => {
+                self.azimuth_rad = (self.azimuth_rad - right * RAD_PER_POINT).rem_euclid(TAU);
+                let elevation = self.elevation_rad + down * RAD_PER_POINT;
+                self.elevation_rad = elevation.clamp(LOWEST_RAD, STEEPEST_RAD);
+            }
+            Mode::Chase | Mode::Onboard => {}
+        }
+    }
+
+    /// The mouse was dragged by so many points: takes the ground with it.
+    pub fn shift(&mut self, right: f64, down: f64) {
+        let metres = self.distance_m * 0.0016;
+        match self.mode {
+            Mode::Overhead => {
+                self.follow = None;
+                self.target += DVec3::new(-right, down, 0.0) * metres;
+            }
+            Mode::Orbit => {
+                self.follow = None;
+                let (sin, cos) = self.azimuth_rad.sin_cos();
+                // Towards the viewer and to the right, on the ground.
+                let (near, east) = (DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0));
+                self.target -= (east * right + near * down) * metres;
+            }
+            Mode::Free => self.fly(DVec3::new(-right, 0.0, down) * 0.05),
+            Mode::Chase | Mode::Onboard => {}
+        }
+    }
+
+    /// Nearer for positive steps of the mouse wheel.
+    pub fn zoom(&mut self, steps: f64) {
+        if self.mode == Mode::Free {
+            self.fly(DVec3::new(0.0, steps * 3.0, 0.0));
+        } else {
+            self.distance_m = (self.distance_m * 0.88_f64.powf(steps)).clamp(NEAREST_M, FARTHEST_M);
+        }
+    }
+
+    /// Goes by metres to the right, forward and up, seen from the camera.
+    pub fn fly(&mut self, by: DVec3) {
+        match self.mode {
+            Mode::Free => {
+                let forward = self.forward();
+                let right = forward.cross(DVec3::Z).normalize_or(DVec3::X);
+                self.eye += right * by.x + forward * by.y + DVec3::Z * by.z;
+                self.eye.z = self.eye.z.max(0.5);
+            }
+            Mode::Orbit | Mode::Overhead => {
+                let ahead =
+                    if self.mode == Mode::Overhead { FRAC_PI_2 } else { self.azimuth_rad + FRAC_PI_2 * 2.0 };
+                let (sin, cos) = ahead.sin_cos();
+                self.target += DVec3::new(cos, sin, 0.0) * by.y + DVec3::new(sin, -cos, 0.0) * by.x;
+                if by.x != 0.0 || by.y != 0.0 {
+                    self.follow = None;
+                }
+            }
+            Mode::Chase | Mode::Onboard => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::snapshot::{Appearance, Dimensions, VehicleInfo, VehicleState};
+    use std::sync::Arc;
+
+    fn snapshot(x: f64) -> FrameSnapshot {
+        let dimensions = Dimensions {
+            length_m: 5.0,
+            width_m: 2.5,
+            height_m: 1.5,
+            wheelbase_m: 3.0,
+            track_m: 2.1,
+            wheel_radius_m: 0.34,
+        };
+        let info = VehicleInfo {
+            id: VehicleId(3),
+            name: "car".into(),
+            dimensions,
+            appearance: Appearance::default(),
+            model: String::new(),
+        };
+        let vehicle =
+            VehicleState { id: VehicleId(3), position: DVec3::new(x, 4.0, 0.0), ..VehicleState::default() };
+        FrameSnapshot { vehicles: vec![vehicle], roster: Arc::new(vec![info]), ..FrameSnapshot::default() }
+    }
+
+    fn sees(viewpoint: &Viewpoint, seen: &FrameSnapshot) -> bool {
+        let pixel = viewpoint.view(seen, [400, 300]).project(seen.vehicles[0].position + DVec3::Z);
+        pixel.is_some_and(|p| (0.0..400.0).contains(&p.x) && (0.0..300.0).contains(&p.y))
+    }
+
+    #[test]
+    fn every_mode_but_onboard_sees_the_vehicle_that_it_follows() {
+        let seen = snapshot(10.0);
+        for mode in [Mode::Orbit, Mode::Chase, Mode::Overhead] {
+            let mut viewpoint = Viewpoint::around(&snapshot(-200.0));
+            viewpoint.follow = Some(VehicleId(3));
+            viewpoint.set_mode(mode, None);
+            viewpoint.attend(&seen);
+            assert!(sees(&viewpoint, &seen), "{mode:?}");
+        }
+        let mut viewpoint = Viewpoint::around(&seen);
+        viewpoint.set_mode(Mode::Free, None);
+        assert!(sees(&viewpoint, &seen), "the free camera starts where the orbit was");
+        viewpoint.set_mode(Mode::Onboard, Some(VehicleId(3)));
+        assert_eq!(viewpoint.view(&seen, [400, 300]).carrier, Some(VehicleId(3)));
+    }
+
+    #[test]
+    fn looking_back_sees_what_is_behind() {
+        let seen = snapshot(10.0);
+        let behind = DVec3::new(-15.0, 4.0, 0.5);
+        for mode in [Mode::Chase, Mode::Onboard] {
+            let mut viewpoint = Viewpoint::around(&seen);
+            viewpoint.set_mode(mode, Some(VehicleId(3)));
+            viewpoint.rear = true;
+            let pixel = viewpoint.view(&seen, [400, 300]).project(behind);
+            assert!(pixel.is_some_and(|p| (50.0..350.0).contains(&p.x)), "{mode:?} {pixel:?}");
+        }
+    }
+
+    #[test]
+    fn a_vehicle_that_has_left_is_not_followed_and_nothing_breaks_without_any() {
+        let mut viewpoint = Viewpoint::around(&snapshot(10.0));
+        viewpoint.set_mode(Mode::Chase, Some(VehicleId(3)));
+        let empty = FrameSnapshot::default();
+        viewpoint.attend(&empty);
+        assert_eq!((viewpoint.mode, viewpoint.follow), (Mode::Orbit, None));
+        assert!(viewpoint.view(&empty, [1, 1]).clip_from_world().is_finite());
+        assert!(Viewpoint::around(&empty).view(&empty, [8, 8]).clip_from_world().is_finite());
+    }
+
+    #[test]
+    fn dragging_takes_the_ground_along_and_zooming_brings_it_nearer() {
+        let seen = snapshot(10.0);
+        for mode in [Mode::Orbit, Mode::Overhead] {
+            let mut viewpoint = Viewpoint::around(&seen);
+            viewpoint.set_mode(mode, None);
+            let at = |viewpoint: &Viewpoint| {
+                viewpoint.view(&seen, [800, 600]).project(seen.vehicles[0].position).unwrap()
+            };
+            let before = at(&viewpoint);
+            viewpoint.shift(40.0, 25.0);
+            let moved = at(&viewpoint) - before;
+            assert!(moved.x > 15.0 && moved.y > 8.0, "{mode:?} {moved}");
+            let (near, far) = (viewpoint.distance_m, {
+                viewpoint.zoom(-2.0);
+                viewpoint.distance_m
+            });
+            assert!(far > near);
+        }
+    }
+}

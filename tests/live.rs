@@ -1,0 +1,212 @@
+//! A run on its own thread: started, paused, stepped, reset, paced, driven by a person, and its log.
+#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
+
+use city3d::live::{Live, Moment, Options, Order, Phase, Speed};
+use city3d::record::read_commands;
+use city3d::runner::Run;
+use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
+use city3d::snapshot::{FrameSnapshot, Pedals, SimCommand, Status, VehicleId};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+fn roundabout(duration_s: f64) -> Arc<Experiment> {
+    let (text, library) = Library::scenario("roundabout").unwrap();
+    let overrides = Overrides { duration_s: Some(duration_s), ..Overrides::default() };
+    Arc::new(read_experiment("roundabout", &text, &library, overrides).unwrap())
+}
+
+fn live(folder: Option<&Path>) -> Live {
+    let options = Options { record: folder.map(Into::into), ..Options::default() };
+    Live::new(roundabout(40.0), options).unwrap()
+}
+
+/// Waits until a moment is as it should be.
+fn until(live: &Live, what: &str, is_so: impl Fn(&Moment) -> bool) -> Arc<Moment> {
+    let start = Instant::now();
+    loop {
+        let moment = live.moment();
+        if is_so(&moment) {
+            return moment;
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "never came: {what}; now {moment:?}");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// The same run in lockstep, up to a tick.
+fn reference(tick: u64) -> FrameSnapshot {
+    let mut run = Run::new(roundabout(40.0)).unwrap();
+    while run.snapshot().tick < tick {
+        run.step();
+    }
+    run.snapshot().clone()
+}
+
+#[test]
+fn it_waits_to_be_started_and_stands_while_paused() {
+    let live = live(None);
+    std::thread::sleep(Duration::from_millis(50));
+    assert_eq!((live.moment().phase.clone(), live.moment().now.tick), (Phase::Ready, 0));
+    live.order(Order::Start);
+    until(&live, "running", |moment| moment.phase == Phase::Running && moment.now.tick > 5);
+    live.order(Order::Pause);
+    let paused = until(&live, "paused", |moment| moment.phase == Phase::Paused);
+    std::thread::sleep(Duration::from_millis(100));
+    assert_eq!(live.moment().now.tick, paused.now.tick);
+    assert_eq!(paused.weight_at(Instant::now()), 1.0, "what stands is seen where it is");
+    assert_eq!(paused.now.state_hash, reference(paused.now.tick).state_hash);
+    live.stop().unwrap();
+}
+
+#[test]
+fn a_step_is_exactly_one_tick() {
+    let live = live(None);
+    for tick in 1..=5 {
+        live.order(Order::Step);
+        let moment = until(&live, "a step", |moment| moment.now.tick >= tick);
+        assert_eq!((moment.now.tick, moment.phase.clone()), (tick, Phase::Paused));
+        assert_eq!(moment.before.tick, tick - 1);
+    }
+    assert_eq!(live.moment().now.state_hash, reference(5).state_hash);
+}
+
+#[test]
+fn after_a_reset_the_run_is_the_first_one_again() {
+    let live = live(None);
+    let first = live.moment().now.state_hash;
+    live.order(Order::Command(SimCommand::Drive(VehicleId(1), Pedals { gas: 1.0, ..Pedals::default() })));
+    live.order(Order::Speed(Speed::Unlimited));
+    live.order(Order::Start);
+    until(&live, "far on", |moment| moment.now.tick > 300);
+    live.order(Order::Reset);
+    let again = until(&live, "reset", |moment| moment.phase == Phase::Ready);
+    assert_eq!((again.now.tick, again.now.state_hash, again.run), (0, first, 2));
+    assert_eq!(again.before.tick, 0);
+    for _ in 0..30 {
+        live.order(Order::Step);
+    }
+    let moment = until(&live, "30 steps", |moment| moment.now.tick == 30);
+    assert_eq!(moment.now.state_hash, reference(30).state_hash, "nobody drives by hand any more");
+}
+
+#[test]
+fn simulated_time_goes_by_the_speed_that_is_asked_for() {
+    let live = live(None);
+    for (speed, least, most) in [(0.1, 0.05, 0.15), (1.0, 0.8, 1.2), (4.0, 3.2, 4.8)] {
+        live.order(Order::Speed(Speed::times(speed)));
+        live.order(Order::Start);
+        let start = (Instant::now(), live.moment().now.time_s);
+        std::thread::sleep(Duration::from_millis(700));
+        let factor = (live.moment().now.time_s - start.1) / start.0.elapsed().as_secs_f64();
+        assert!((least..most).contains(&factor), "{factor} times real time instead of {speed}");
+        let shown = live.moment().real_time_factor;
+        assert!((least..most).contains(&shown), "it says {shown} instead of {speed}");
+    }
+}
+
+#[test]
+fn as_fast_as_possible_comes_to_the_end_and_can_go_on_beyond() {
+    let live = Live::new(roundabout(5.0), Options::default()).unwrap();
+    live.order(Order::Speed(Speed::Unlimited));
+    live.order(Order::Start);
+    let over = until(&live, "the end", |moment| moment.phase == Phase::Over);
+    assert_eq!(over.now.tick, 500);
+    assert_eq!(over.now.state_hash, reference(500).state_hash);
+    live.order(Order::Start);
+    until(&live, "beyond the end", |moment| moment.now.tick > 600);
+}
+
+#[test]
+fn poses_between_ticks_follow_the_clock() {
+    let live = live(None);
+    live.order(Order::Speed(Speed::times(0.1)));
+    live.order(Order::Start);
+    let moment = until(&live, "two ticks", |moment| moment.now.tick > 2);
+    let clock = moment.clock.unwrap();
+    // A tick takes 100 ms at this speed, and the run is never behind by more than one.
+    let now = Instant::now();
+    assert!(moment.weight_at(now + clock.until(now, moment.now.time_s)) > 0.999);
+    let middle = (moment.before.time_s + moment.now.time_s) / 2.0;
+    if clock.simulated_s(now) < middle {
+        let weight = moment.weight_at(now + clock.until(now, middle));
+        assert!((weight - 0.5).abs() < 0.01, "{weight}");
+    }
+    assert_eq!(moment.now.tick - moment.before.tick, 1);
+}
+
+#[test]
+fn what_a_person_commands_is_in_the_log_and_makes_the_run_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let live = live(Some(folder.path()));
+    live.order(Order::Speed(Speed::times(10.0)));
+    live.order(Order::Start);
+    let vehicle = VehicleId(1);
+    until(&live, "two seconds", |moment| moment.now.tick > 200);
+    for gas in [0.1, 0.3, 1.0 / 3.0] {
+        let pedals = Pedals { gas, steering_rad: 0.013 * gas, ..Pedals::default() };
+        live.order(Order::Command(SimCommand::Drive(vehicle, pedals)));
+        until(&live, "the pedal", |moment| moment.now.vehicle(vehicle).unwrap().gas == gas);
+    }
+    let taken = live.moment().now.tick;
+    let manual = until(&live, "some way by hand", |moment| moment.now.tick > taken + 30);
+    assert_eq!(manual.now.vehicle(vehicle).unwrap().status, Status::Manual);
+    live.order(Order::Command(SimCommand::Release(vehicle)));
+    until(&live, "given back", |moment| moment.now.vehicle(vehicle).unwrap().status != Status::Manual);
+    live.order(Order::Pause);
+    let last = until(&live, "paused", |moment| moment.phase == Phase::Paused);
+    // Closed in mid-run: the files are whole.
+    live.stop().unwrap();
+
+    let folder = folder.path().join("run-1");
+    let commands = read_commands(&folder.join("run.mcap")).unwrap();
+    assert_eq!(commands.len(), 4, "{commands:?}");
+    let mut again = Run::new(roundabout(40.0)).unwrap();
+    while again.snapshot().tick < last.now.tick {
+        let tick = again.snapshot().tick;
+        for (_, command) in commands.iter().filter(|(at, _)| *at == tick) {
+            again.inject(command.clone());
+        }
+        again.step();
+    }
+    assert_eq!(again.snapshot().state_hash, last.now.state_hash);
+    assert_ne!(reference(last.now.tick).state_hash, last.now.state_hash, "the person changed the run");
+    let summary: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(summary["state_hash"], format!("{:016x}", last.now.state_hash));
+    let table = std::fs::read_to_string(folder.join("vehicles.csv")).unwrap();
+    assert!(table.lines().any(|line| line.contains(",manual,")), "the table tells who drove");
+}
+
+#[test]
+fn each_run_has_its_files_and_one_that_never_began_has_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let recorded = live(Some(folder.path()));
+    recorded.order(Order::Step);
+    until(&recorded, "a step", |moment| moment.now.tick == 1);
+    recorded.order(Order::Reset);
+    recorded.order(Order::Step);
+    let second =
+        until(&recorded, "a step of the second run", |moment| moment.run == 2 && moment.now.tick == 1);
+    assert_eq!(second.folder.as_deref(), Some(folder.path().join("run-2").as_path()));
+    recorded.order(Order::Reset);
+    until(&recorded, "a third run", |moment| moment.run == 3);
+    recorded.stop().unwrap();
+    for run in ["run-1", "run-2"] {
+        assert!(read_commands(&folder.path().join(run).join("run.mcap")).unwrap().is_empty(), "{run}");
+        assert!(folder.path().join(run).join("summary.json").is_file(), "{run}");
+    }
+    assert!(!folder.path().join("run-3").exists());
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_stops_the_run_with_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("taken");
+    std::fs::write(&file, "a file").unwrap();
+    let live = live(Some(&file));
+    live.order(Order::Start);
+    let failed = until(&live, "the failure", |moment| matches!(moment.phase, Phase::Failed(_)));
+    let Phase::Failed(reason) = &failed.phase else { unreachable!() };
+    assert!(reason.contains("taken"), "{reason}");
+}

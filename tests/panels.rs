@@ -1,0 +1,374 @@
+//! The panels of the window, one by one, with what they may have to show.
+#![cfg(feature = "window")]
+#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
+
+use city3d::city::{CityMap, LaneId};
+use city3d::cockpit::Handling;
+use city3d::live::{Moment, Order, Phase, Speed};
+use city3d::scenario::{Library, Overrides, read_experiment};
+use city3d::snapshot::{
+    Appearance, Dimensions, FrameSnapshot, SimCommand, Status, VehicleId, VehicleInfo, VehicleState,
+};
+use city3d::ui::{self, Action, Drivers, Driving, History, Look, Mode, Preset, Shown, Slot, State};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use glam::DVec3;
+use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
+
+fn map() -> Arc<CityMap> {
+    static MAP: OnceLock<Arc<CityMap>> = OnceLock::new();
+    let read = || {
+        let (text, library) = Library::scenario("straight").unwrap();
+        read_experiment("straight", &text, &library, Overrides::default()).unwrap().city_map
+    };
+    Arc::clone(MAP.get_or_init(read))
+}
+
+/// Everything that the panels are shown, and what they ask for.
+struct Desk {
+    state: State,
+    moment: Moment,
+    history: History,
+    map: Arc<CityMap>,
+    drivers: Drivers,
+    routes: BTreeMap<VehicleId, Vec<LaneId>>,
+    handling: BTreeMap<VehicleId, Handling>,
+    actions: Vec<Action>,
+}
+
+fn fleet(count: u32) -> FrameSnapshot {
+    let dimensions = Dimensions {
+        length_m: 5.0,
+        width_m: 2.5,
+        height_m: 1.5,
+        wheelbase_m: 3.0,
+        track_m: 2.1,
+        wheel_radius_m: 0.34,
+    };
+    let info = |id| VehicleInfo {
+        id: VehicleId(id),
+        name: format!("car{id}"),
+        dimensions,
+        appearance: Appearance::default(),
+        model: "raycast".to_owned(),
+    };
+    let state = |id: u32| VehicleState {
+        id: VehicleId(id),
+        status: Status::ALL[id as usize % 4],
+        position: DVec3::new(f64::from(id) * 2.0, -f64::from(id % 7), 0.0),
+        speed_mps: f64::from(id % 13),
+        ..VehicleState::default()
+    };
+    FrameSnapshot {
+        tick: 250,
+        time_s: 2.5,
+        vehicles: (1..=count).map(state).collect(),
+        roster: Arc::new((1..=count).map(info).collect()),
+        ..FrameSnapshot::default()
+    }
+}
+
+impl Desk {
+    fn with(now: FrameSnapshot) -> Self {
+        let now = Arc::new(now);
+        let ids = || now.vehicles.iter().map(|v| v.id);
+        let handling = Handling { wheelbase_m: 3.0, steering_limit_rad: 0.7 };
+        Self {
+            state: State::new(&now, Look { preset: Preset::Low, hours: 12.0 }),
+            history: History::default(),
+            map: map(),
+            drivers: ids().map(|id| (id, "idm".to_owned())).collect(),
+            routes: BTreeMap::new(),
+            handling: ids().map(|id| (id, handling)).collect(),
+            actions: Vec::new(),
+            moment: Moment {
+                before: Arc::clone(&now),
+                now,
+                phase: Phase::Paused,
+                speed: Speed::Times(1.0),
+                clock: None,
+                real_time_factor: 0.0,
+                run: 1,
+                folder: None,
+            },
+        }
+    }
+
+    fn change(&mut self, change: impl FnOnce(&mut FrameSnapshot)) {
+        change(Arc::make_mut(&mut self.moment.now));
+    }
+
+    fn show(&mut self, ui: &mut egui::Ui) {
+        self.history.note(&self.moment.now, self.state.previews.iter().map(|p| p.vehicle));
+        let textures = BTreeMap::new();
+        let shown = Shown {
+            moment: &self.moment,
+            seen: &self.moment.now,
+            history: &self.history,
+            map: &self.map,
+            drivers: &self.drivers,
+            routes: &self.routes,
+            handling: &self.handling,
+            scenario: "straight",
+            duration_s: 30.0,
+            scenarios: &["straight".to_owned(), "city".to_owned()],
+            textures: &textures,
+            footer: "an adapter",
+            frames_per_s: 30.0,
+            most_moving_pixels: Some(100_000),
+        };
+        let actions = ui::show(ui, &mut self.state, &shown);
+        self.actions.extend(actions);
+    }
+}
+
+fn harness(desk: Desk) -> Harness<'static, Desk> {
+    let mut harness = Harness::builder()
+        .with_size([1280.0, 720.0])
+        .build_ui_state(|ui, desk: &mut Desk| desk.show(ui), desk);
+    harness.run_steps(4);
+    harness
+}
+
+fn with(count: u32) -> Harness<'static, Desk> {
+    harness(Desk::with(fleet(count)))
+}
+
+fn click(harness: &mut Harness<'static, Desk>, label: &str) {
+    harness.get_by_label(label).click();
+    harness.run_steps(3);
+}
+
+fn press(harness: &mut Harness<'static, Desk>, key: egui::Key) {
+    harness.key_press(key);
+    harness.run_steps(2);
+}
+
+#[test]
+fn without_vehicles_the_table_says_so_and_nothing_breaks() {
+    let mut harness = with(0);
+    harness.get_by_label("This scenario has no vehicles.");
+    for key in [egui::Key::PageDown, egui::Key::F, egui::Key::P, egui::Key::Enter, egui::Key::Num2] {
+        press(&mut harness, key);
+    }
+    assert_eq!(harness.state().actions, []);
+    assert_eq!(harness.state().state.viewpoint.mode, Mode::Orbit, "there is nothing to chase");
+}
+
+#[test]
+fn one_vehicle_is_listed_with_what_the_snapshot_says() {
+    let mut desk = Desk::with(fleet(1));
+    desk.change(|now| {
+        let vehicle = &mut now.vehicles[0];
+        (vehicle.status, vehicle.speed_mps) = (Status::Yielding, 10.0);
+        vehicle.position = DVec3::new(-66.25, 13.0, 0.0);
+    });
+    let harness = harness(desk);
+    for label in ["car1", "idm", "yielding", "36.0", "13.0"] {
+        harness.get_by_label(label);
+    }
+}
+
+#[test]
+fn six_vehicles_are_sorted_filtered_and_selected() {
+    let mut harness = with(6);
+    let top = |harness: &Harness<'static, Desk>, name: &str| harness.get_by_label(name).rect().top();
+    assert!(top(&harness, "car1") < top(&harness, "car6"));
+    click(&mut harness, "Name");
+    click(&mut harness, "Name \u{23f6}");
+    assert!(top(&harness, "car1") > top(&harness, "car6"), "the second click turns the order round");
+    harness.state_mut().state.table.filter = "CAR3".to_owned();
+    harness.run_steps(2);
+    harness.get_by_label("1 of 6");
+    assert!(harness.query_by_label("car1").is_none());
+    let place = harness.get_by_label("car3").rect().center();
+    harness.event(egui::Event::PointerMoved(place));
+    for pressed in [true, false] {
+        let modifiers = egui::Modifiers::NONE;
+        let button = egui::PointerButton::Primary;
+        // As a slow window gets them: both before the next pass.
+        harness.event(egui::Event::PointerButton { pos: place, button, pressed, modifiers });
+    }
+    harness.run_steps(2);
+    assert_eq!(harness.state().state.selection.vehicle, Some(VehicleId(3)));
+    harness.state_mut().state.table.filter = "nowhere".to_owned();
+    harness.run_steps(2);
+    harness.get_by_label("No vehicle matches the filter.");
+}
+
+#[test]
+fn of_five_hundred_rows_only_those_in_sight_are_drawn_and_the_selected_one_comes_into_sight() {
+    let mut harness = with(500);
+    harness.get_by_label("500");
+    let drawn = (1..=500).filter(|k| harness.query_by_label(&format!("car{k}")).is_some()).count();
+    assert!((10..60).contains(&drawn), "{drawn} rows");
+    assert!(harness.query_by_label("car490").is_none());
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(489));
+    press(&mut harness, egui::Key::PageDown);
+    harness.run_steps(30);
+    assert_eq!(harness.state().state.selection.vehicle, Some(VehicleId(490)));
+    harness.get_by_label("car490");
+}
+
+#[test]
+fn keys_of_one_pass_are_taken_in_their_order() {
+    let mut harness = with(6);
+    for key in [egui::Key::PageDown, egui::Key::P, egui::Key::PageDown, egui::Key::P, egui::Key::PageUp] {
+        harness.key_press(key);
+    }
+    harness.run_steps(2);
+    let state = &harness.state().state;
+    assert_eq!(state.selection.vehicle, Some(VehicleId(1)));
+    let open: Vec<_> = state.previews.iter().map(|preview| preview.vehicle.0).collect();
+    assert_eq!(open, [1, 2]);
+}
+
+#[test]
+fn panels_do_not_grow_by_themselves() {
+    let mut harness = with(500);
+    let edge = |harness: &Harness<'static, Desk>| harness.get_by_label("Previews").rect().left();
+    let city = |harness: &Harness<'static, Desk>| {
+        harness.state().state.pictures.iter().find(|p| p.slot == Slot::City).unwrap().view.extent
+    };
+    let before = (edge(&harness), city(&harness));
+    harness.run_steps(100);
+    assert_eq!((edge(&harness), city(&harness)), before);
+    assert!(before.1[0] > 400 && before.1[1] > 500, "the city has room: {:?}", before.1);
+    harness.state_mut().moment.phase = Phase::Running;
+    harness.run_steps(2);
+    let [width, height] = city(&harness);
+    assert!((90_000..=101_000).contains(&(width * height)), "coarser while it moves: {width} x {height}");
+}
+
+#[test]
+fn statuses_of_trouble_are_shown_and_explained() {
+    for (status, label) in [(Status::LinkLost, "link lost"), (Status::Collided, "collided")] {
+        let mut desk = Desk::with(fleet(1));
+        desk.change(|now| now.vehicles[0].status = status);
+        desk.state.toggle_preview(VehicleId(1));
+        let mut harness = harness(desk);
+        assert_eq!(harness.get_all_by_label(label).count(), 2, "in the table and in the preview");
+        press(&mut harness, egui::Key::F1);
+        harness.run_steps(10);
+        let count = |text: &'static str| harness.query_all_by_label_contains(text).count();
+        assert!(count("No trajectory for longer than the link timeout") > 0);
+        assert!(count("Has hit something") > 0);
+        press(&mut harness, egui::Key::Escape);
+        harness.run_steps(10);
+        assert_eq!(harness.query_all_by_label_contains("A vehicle of the laboratory").count(), 0);
+    }
+}
+
+#[test]
+fn the_bar_starts_pauses_steps_and_resets() {
+    let mut harness = with(6);
+    click(&mut harness, "\u{25b6} Start");
+    click(&mut harness, "\u{23ed} Step");
+    click(&mut harness, "\u{27f2} Reset");
+    harness.get_by_label("   2.50 s");
+    harness.get_by_label("paused");
+    let orders = |harness: &Harness<'static, Desk>| harness.state().actions.clone();
+    assert_eq!(orders(&harness), [Order::Start, Order::Step, Order::Reset].map(Action::Order));
+    harness.state_mut().moment.phase = Phase::Running;
+    harness.state_mut().moment.real_time_factor = 0.98;
+    harness.state_mut().actions.clear();
+    harness.run_steps(2);
+    harness.get_by_label("0.98x real time");
+    click(&mut harness, "\u{23f8} Pause");
+    press(&mut harness, egui::Key::Space);
+    press(&mut harness, egui::Key::Plus);
+    let expected = [Order::Pause, Order::Pause, Order::Speed(Speed::Times(2.0))].map(Action::Order);
+    assert_eq!(orders(&harness), expected);
+}
+
+#[test]
+fn keys_typed_into_the_filter_are_no_orders() {
+    let mut harness = with(6);
+    harness.get_by_role(egui::accesskit::Role::TextInput).focus();
+    harness.run_steps(2);
+    for key in [egui::Key::Space, egui::Key::N, egui::Key::P, egui::Key::Num4] {
+        press(&mut harness, key);
+    }
+    assert_eq!(harness.state().actions, []);
+    assert_eq!(harness.state().state.viewpoint.mode, Mode::Orbit);
+}
+
+#[test]
+fn a_run_that_failed_says_why_and_offers_a_reset_alone() {
+    let mut desk = Desk::with(fleet(1));
+    desk.moment.phase = Phase::Failed("/full: cannot be written".to_owned());
+    let mut harness = harness(desk);
+    harness.get_by_label("failed: /full: cannot be written");
+    click(&mut harness, "\u{25b6} Start");
+    click(&mut harness, "\u{27f2} Reset");
+    assert_eq!(harness.state().actions, [Action::Order(Order::Reset)]);
+}
+
+#[test]
+fn a_preview_tells_pedals_and_asks_for_its_picture() {
+    let mut desk = Desk::with(fleet(6));
+    desk.change(|now| {
+        let vehicle = &mut now.vehicles[1];
+        (vehicle.gas, vehicle.brake, vehicle.handbrake) = (0.25, 0.5, 1.0);
+        (vehicle.steering_rad, vehicle.speed_mps) = (-0.1, 5.0);
+    });
+    desk.state.selection.vehicle = Some(VehicleId(2));
+    let mut harness = harness(desk);
+    press(&mut harness, egui::Key::P);
+    for label in ["Gas 0.25", "Brake 0.50", "Handbrake 1.00", "Steering -5.7\u{b0}", "18.0 km/h"] {
+        harness.get_by_label(label);
+    }
+    let slots: Vec<Slot> = harness.state().state.pictures.iter().map(|picture| picture.slot).collect();
+    assert_eq!(slots, [Slot::Preview(VehicleId(2)), Slot::City]);
+    let picture = harness.state().state.pictures[0];
+    assert_eq!(picture.view.carrier, Some(VehicleId(2)));
+    click(&mut harness, "Drive");
+    assert_eq!(harness.state().actions, [Action::Drive(VehicleId(2))]);
+    press(&mut harness, egui::Key::P);
+    assert_eq!(harness.state().state.previews, []);
+}
+
+#[test]
+fn a_vehicle_that_leaves_takes_nothing_down_with_it() {
+    let mut desk = Desk::with(fleet(2));
+    desk.state.toggle_preview(VehicleId(2));
+    desk.state.selection.vehicle = Some(VehicleId(2));
+    desk.state.driving = Some(Driving::take_over(VehicleId(2), 1, 0.0));
+    let mut harness = harness(desk);
+    harness.state_mut().moment.now = Arc::new(fleet(1));
+    harness.run_steps(3);
+    harness.get_by_label("Vehicle 2 is not there any more.");
+    assert_eq!((harness.state().state.selection.vehicle, harness.state().state.driven()), (None, None));
+    click(&mut harness, "Close");
+    assert_eq!(harness.state().state.previews, []);
+}
+
+#[test]
+fn keys_at_the_wheel_become_pedals_and_a_reset_takes_it_away() {
+    let mut desk = Desk::with(fleet(1));
+    desk.moment.phase = Phase::Running;
+    desk.state.driving = Some(Driving::take_over(VehicleId(1), 1, 0.05));
+    let mut harness = harness(desk);
+    let last = |harness: &Harness<'static, Desk>| match harness.state().actions.last() {
+        Some(Action::Order(Order::Command(SimCommand::Drive(VehicleId(1), pedals)))) => *pedals,
+        other => panic!("no pedals: {other:?}"),
+    };
+    harness.key_down(egui::Key::W);
+    harness.key_down(egui::Key::ArrowLeft);
+    harness.run_steps(20);
+    let pedals = last(&harness);
+    assert!(pedals.gas > 0.2 && pedals.steering_rad > 0.05, "{pedals:?}");
+    harness.key_up(egui::Key::W);
+    harness.key_down(egui::Key::S);
+    harness.run_steps(20);
+    let pedals = last(&harness);
+    assert!(pedals.gas == 0.0 && pedals.brake > 0.2, "{pedals:?}");
+    harness.state_mut().actions.clear();
+    harness.key_press(egui::Key::Enter);
+    harness.step();
+    assert_eq!(harness.state().actions, [Action::GiveBack], "no pedal comes after it");
+    harness.state_mut().moment.run = 2;
+    harness.run_steps(2);
+    assert_eq!(harness.state().state.driven(), None);
+}

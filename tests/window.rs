@@ -1,0 +1,334 @@
+//! The window: a real one on a virtual display, driven by keys and mouse, and its picture without one.
+//!
+//! Needs Xvfb and xdotool (`scripts/setup.sh tests`); without them the test is skipped loudly, and fails in CI.
+#![cfg(feature = "window")]
+#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
+
+use city3d::city::dxf::{Drawing, Shape};
+use city3d::record::read_commands;
+use city3d::snapshot::{SimCommand, VehicleId};
+use glam::DVec2;
+use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+const CITY3D: &str = env!("CARGO_BIN_EXE_city3d");
+const WITHIN: Duration = Duration::from_secs(60);
+
+/// A virtual display, gone with its value.
+struct Display {
+    server: Child,
+    name: String,
+}
+
+impl Display {
+    fn open() -> Option<Self> {
+        let there = |tool: &str| {
+            let path = std::env::var_os("PATH").unwrap_or_default();
+            std::env::split_paths(&path).any(|folder| folder.join(tool).is_file())
+        };
+        let missing: Vec<&str> = ["Xvfb", "xdotool"].into_iter().filter(|tool| !there(tool)).collect();
+        if !missing.is_empty() {
+            let remedy = "run scripts/setup.sh tests";
+            assert!(std::env::var_os("CI").is_none(), "{missing:?} missing: {remedy}");
+            eprintln!("SKIPPED: no window is tested, {missing:?} missing: {remedy}");
+            return None;
+        }
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", "1400x900x24", "-nolisten", "tcp"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        BufReader::new(server.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        assert!(!line.trim().is_empty(), "Xvfb gave no display");
+        Some(Self { server, name: format!(":{}", line.trim()) })
+    }
+
+    fn xdotool(&self, args: &[&str]) -> String {
+        let output = Command::new("xdotool").args(args).env("DISPLAY", &self.name).output().unwrap();
+        String::from_utf8(output.stdout).unwrap().trim().to_owned()
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+/// The program with its window on a display.
+struct Program<'a> {
+    display: &'a Display,
+    child: Child,
+    window: String,
+    folder: PathBuf,
+}
+
+impl<'a> Program<'a> {
+    fn open(display: &'a Display, folder: &Path, args: &[&str]) -> Self {
+        let child = Command::new(CITY3D)
+            .args(["view", "--fresh", "--quality", "low", "--size", "1280x720", "--adapter", "software"])
+            .args(args)
+            .arg("--out")
+            .arg(folder.join("log"))
+            .current_dir(folder)
+            .env("DISPLAY", &display.name)
+            .env_remove("WAYLAND_DISPLAY")
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut program = Self { display, child, window: String::new(), folder: folder.to_path_buf() };
+        let start = Instant::now();
+        while program.window.is_empty() {
+            assert!(
+                start.elapsed() < WITHIN && program.child.try_wait().unwrap().is_none(),
+                "no window opens"
+            );
+            std::thread::sleep(Duration::from_millis(100));
+            program.window = display.xdotool(&["search", "--onlyvisible", "--name", "City3D"]);
+        }
+        // Without a window manager nobody else gives it the keys.
+        display.xdotool(&["windowfocus", "--sync", &program.window]);
+        program
+    }
+
+    fn key(&self, key: &str) {
+        self.display.xdotool(&["key", key]);
+        pause_ms(250);
+    }
+
+    fn hold(&self, keys: &[&str], ms: u64) {
+        keys.iter().for_each(|key| _ = self.display.xdotool(&["keydown", key]));
+        pause_ms(ms);
+        keys.iter().for_each(|key| _ = self.display.xdotool(&["keyup", key]));
+    }
+
+    fn click(&self, x: u32, y: u32) {
+        let place = [x.to_string(), y.to_string()];
+        self.display.xdotool(&["mousemove", "--window", &self.window, &place[0], &place[1]]);
+        pause_ms(200);
+        self.display.xdotool(&["click", "1"]);
+        pause_ms(500);
+    }
+
+    /// Takes a screenshot with F12.
+    fn screenshot(&self) -> image::RgbImage {
+        let pictures = || -> BTreeSet<PathBuf> {
+            let files = std::fs::read_dir(&self.folder).unwrap().map(|entry| entry.unwrap().path());
+            files.filter(|path| path.extension().is_some_and(|e| e == "png")).collect()
+        };
+        for path in pictures() {
+            std::fs::remove_file(path).unwrap();
+        }
+        self.key("F12");
+        until("a screenshot", || pictures().len() == 1);
+        pause_ms(300);
+        image::open(pictures().first().unwrap()).unwrap().to_rgb8()
+    }
+
+    fn quit(mut self) {
+        self.key("ctrl+q");
+        let start = Instant::now();
+        while start.elapsed() < WITHIN {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                assert!(status.success(), "{status}");
+                return;
+            }
+            pause_ms(50);
+        }
+        panic!("it does not quit");
+    }
+}
+
+impl Drop for Program<'_> {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn pause_ms(ms: u64) {
+    std::thread::sleep(Duration::from_millis(ms));
+}
+
+fn until(what: &str, is_so: impl Fn() -> bool) {
+    let start = Instant::now();
+    while !is_so() {
+        assert!(start.elapsed() < WITHIN, "never came: {what}");
+        pause_ms(50);
+    }
+}
+
+/// Rows of `vehicles.csv` of one vehicle: status, yaw, distance.
+fn rows(folder: &Path, id: &str) -> Vec<(String, f64, f64)> {
+    let table = std::fs::read_to_string(folder.join("vehicles.csv")).unwrap();
+    let cells = table.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+    cells
+        .filter(|cells| cells[2] == id)
+        .map(|cells| (cells[4].clone(), cells[8].parse().unwrap(), cells[16].parse().unwrap()))
+        .collect()
+}
+
+/// Two cars on roads of their own, on open ground: whoever leaves a bend too late hits nothing. The road of
+/// the first goes straight for 25 m, then to the right.
+fn draw(folder: &Path) -> PathBuf {
+    let mut drawing = Drawing::default();
+    let name = |drawing: &mut Drawing, at: DVec2, text: &str| {
+        drawing.add("NAMES", Shape::Text { at, height: 0.02, text: text.to_owned() });
+    };
+    drawing.add("LANES", Shape::Line { from: DVec2::ZERO, to: DVec2::new(1.0, 0.0) });
+    name(&mut drawing, DVec2::new(0.5, 0.0), "straight");
+    let centre = DVec2::new(1.0, -0.8);
+    drawing.add("LANES", Shape::Arc { centre, radius: 0.8, from_deg: 0.0, to_deg: 90.0 });
+    drawing.add("LANES", Shape::Line { from: DVec2::new(-3.0, 2.0), to: DVec2::new(-1.0, 2.0) });
+    name(&mut drawing, DVec2::new(-2.0, 2.0), "other");
+    let map = folder.join("map.dxf");
+    std::fs::write(&map, drawing.to_dxf()).unwrap();
+    let scenario = folder.join("wheel.toml");
+    std::fs::write(&scenario, SCENARIO).unwrap();
+    scenario
+}
+
+const SCENARIO: &str = r#"
+name = "wheel"
+map = "map.dxf"
+duration_s = 600
+[[vehicle]]
+name = "mine"
+route = ["straight"]
+at_m = 0.2
+[[vehicle]]
+name = "other"
+route = ["other"]
+at_m = 0.2
+"#;
+
+#[test]
+fn a_user_starts_watches_drives_and_quits() {
+    let Some(display) = Display::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = draw(folder.path());
+    let program = Program::open(&display, folder.path(), &[scenario.to_str().unwrap()]);
+    let log = folder.path().join("log").join("run-1");
+
+    // Select by a click on the first row, two previews.
+    // The first picture is there, and so is what a click may meet.
+    program.screenshot();
+    program.click(80, 117);
+    program.key("p");
+    program.key("Next");
+    program.key("p");
+    program.key("Prior");
+    let watched = program.screenshot();
+    assert_eq!(watched.dimensions(), (1280, 720));
+    let colours = |picture: &image::RgbImage, (x, y): (u32, u32), (w, h): (u32, u32)| {
+        let part = image::imageops::crop_imm(picture, x, y, w, h).to_image();
+        part.pixels().map(|pixel| pixel.0).collect::<BTreeSet<_>>().len()
+    };
+    assert!(colours(&watched, (460, 200), (500, 400)) > 200, "the city is there");
+    assert!(colours(&watched, (1030, 90), (230, 170)) > 200, "and what the first car's camera sees");
+
+    // At the wheel: straight on, to the right through the bend, and on.
+    program.key("Return");
+    program.key("space");
+    until("the log", || log.join("run.mcap").is_file());
+    program.hold(&["w"], 2500);
+    pause_ms(500);
+    program.hold(&["d"], 2600);
+    program.hold(&["w"], 2500);
+    program.hold(&["s"], 1500);
+    program.key("Return");
+    pause_ms(1500);
+
+    // Pause, a step, a reset, another size.
+    program.key("space");
+    program.key("n");
+    let paused = program.screenshot();
+    let again = program.screenshot();
+    let differing = paused.pixels().zip(again.pixels()).filter(|(a, b)| a != b).count();
+    assert!(differing < 1280 * 720 / 20, "nothing moves while paused: {differing} pixels differ");
+    program.key("ctrl+r");
+    display.xdotool(&["windowsize", "--sync", &program.window, "900", "600"]);
+    pause_ms(500);
+    assert_eq!(program.screenshot().dimensions(), (900, 600));
+    program.quit();
+
+    let rows = rows(&log, "1");
+    let manual: Vec<_> = rows.iter().filter(|row| row.0 == "manual").collect();
+    let statuses: BTreeSet<&str> = rows.iter().map(|row| row.0.as_str()).collect();
+    let commands = read_commands(&log.join("run.mcap")).unwrap();
+    assert!(!manual.is_empty(), "the person drove: {statuses:?}, {:?}", commands.first());
+    let (first, last) = (manual[0], manual[manual.len() - 1]);
+    assert!(last.2 - first.2 > 50.0, "{} m by hand", last.2 - first.2);
+    let turned = manual.iter().map(|row| (row.1 - first.1).abs()).fold(0.0, f64::max);
+    assert!(turned > 0.6, "through a bend: {turned} rad");
+    assert_ne!(rows.last().unwrap().0, "manual", "it was given back");
+    let ends = |command: &SimCommand| *command == SimCommand::Release(VehicleId(1));
+    assert_eq!(commands.iter().filter(|(_, command)| ends(command)).count(), 1);
+    assert!(commands.len() > 20, "pedals travel: {}", commands.len());
+    assert!(log.join("summary.json").is_file(), "the log is whole");
+    assert!(!folder.path().join("log").join("run-2").exists(), "nothing ran after the reset");
+}
+
+#[test]
+fn without_a_display_it_says_what_to_do() {
+    let output = Command::new(CITY3D)
+        .args(["view", "--fresh", "--no-log"])
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .env_remove("WAYLAND_SOCKET")
+        .output()
+        .unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("no window can be opened") && said.contains("city3d view --picture"), "{said}");
+}
+
+#[test]
+fn a_preview_is_the_picture_that_frames_takes() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("window.png");
+    let at = "8";
+    let run = |args: &[&str]| {
+        let output =
+            Command::new(CITY3D).args(args).args(["--quality", "low", "--adapter", "software"]).output();
+        let output = output.unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        if !output.status.success() && said.contains("adapter") {
+            assert!(std::env::var_os("CI").is_none(), "{said}");
+            eprintln!("SKIPPED: {said}");
+            return false;
+        }
+        assert!(output.status.success(), "{said}");
+        true
+    };
+    let picture = file.to_str().unwrap();
+    let arguments = ["view", "roundabout", "--picture", picture, "--at", at, "--preview", "path1_b"];
+    if !run(&arguments) {
+        return;
+    }
+    let frames = folder.path().join("frames");
+    let arguments = ["--vehicle", "path1_b", "--camera", "windscreen", "--from", at, "--duration", at];
+    let out = ["frames", "roundabout", "--size", "253x190", "--out", frames.to_str().unwrap()];
+    run(&[&out[..], &arguments[..]].concat());
+    let taken = std::fs::read_dir(&frames).unwrap().map(|entry| entry.unwrap().path());
+    let taken = taken.filter(|path| path.extension().is_some_and(|e| e == "png")).collect::<Vec<_>>();
+    assert_eq!(taken.len(), 1, "{taken:?}");
+    let taken = image::open(&taken[0]).unwrap().to_rgb8();
+    let window = image::open(&file).unwrap().to_rgb8();
+    let (width, height) = taken.dimensions();
+    let differing = |(x, y): (u32, u32), every: usize| {
+        let pixels = (0..(width * height)).step_by(every).map(|k| (k % width, k / width));
+        pixels.filter(|(dx, dy)| window.get_pixel(x + dx, y + dy) != taken.get_pixel(*dx, *dy)).count()
+    };
+    let places =
+        (0..=window.height() - height).flat_map(|y| (900..=window.width() - width).map(move |x| (x, y)));
+    let best = places.min_by_key(|place| differing(*place, 997)).unwrap();
+    let wrong = differing(best, 1);
+    assert!(wrong * 500 < (width * height) as usize, "{wrong} pixels differ at {best:?}");
+}
