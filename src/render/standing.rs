@@ -100,6 +100,11 @@ pub(super) struct SeenCells {
 }
 
 impl SeenCells {
+    /// What rises from the ground, however it is lit.
+    pub(super) fn all_raised(&self) -> [&Range<u32>; 3] {
+        [&self.plain, &self.averted, &self.raised]
+    }
+
     pub(super) fn triangles(&self) -> u64 {
         [&self.raised, &self.averted, &self.plain, &self.ground, &self.lines]
             .iter()

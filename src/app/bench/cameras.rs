@@ -330,6 +330,8 @@ fn batch_alone(
         let write = |(path, image): (&PathBuf, &_)| write_png(path, image);
         paths.par_iter().zip(pictures.par_iter()).try_for_each(write).map_err(failed)?;
         parts.png = Some(start.elapsed().as_secs_f64());
+        // Those of the measurement itself are to be counted alone.
+        paths.iter().try_for_each(std::fs::remove_file).map_err(Failure::failed)?;
     }
     let ms = |seconds: f64| 1e3 * seconds / views.len() as f64;
     let Parts { cpu, gpu, readback, png } = parts;

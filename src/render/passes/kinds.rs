@@ -101,7 +101,9 @@ impl KindsPass {
         pass.set_pipeline(&self.vehicles);
         fleet.draw(pass, &seen.vehicles);
         pass.set_pipeline(&self.city);
-        standing.draw(pass, &seen.cells.raised);
+        for raised in seen.cells.all_raised() {
+            standing.draw(pass, raised);
+        }
         standing.draw(pass, &seen.cells.ground);
         pass.set_pipeline(&self.lines);
         standing.draw(pass, &seen.cells.lines);

@@ -12,7 +12,7 @@ const COARSENESS_M: f32 = 0.32;
 const COARSER_M: [f32; 2] = [0.5, 0.85];
 
 /// How far the outline of a body of each level lies from the finest one's.
-pub(in crate::render) const ERRORS_M: [f32; 5] = [0.0, 0.05, 0.12, 0.24, 0.4];
+pub(in crate::render) const ERRORS_M: [f32; 5] = [0.0, 0.05, 0.12, 0.45, 0.75];
 
 /// Models of body types; what is not among them is drawn as a sedan.
 #[derive(Clone, Debug)]
