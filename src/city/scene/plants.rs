@@ -8,7 +8,7 @@ use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
 
 const HEDGE: Finish = Finish::new(Surface::Leaves, [104, 128, 74], Class::Vegetation);
-const WOODS: Finish = Finish::new(Surface::Leaves, [118, 138, 92], Class::Vegetation);
+const WOODS: Finish = Finish::new(Surface::Leaves, [66, 84, 56], Class::Vegetation);
 
 /// Woods around the city where its plain begins, so that streets do not end in nothing: two belts of a
 /// wavy height, seen from inside.
@@ -17,6 +17,9 @@ pub(super) fn woods([low, high]: [Vec2; 2]) -> Vec<Object> {
     const COUNT: u32 = 72;
     /// So many faces are one object.
     const STRETCH: u32 = 6;
+    /// From one point of a belt to the next.
+    const CROWNS: u32 = 3;
+    const METRES_PER_REPEAT: f32 = 7.0;
     let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
     for (belt, away, tall, tone) in [(0_u32, 46.0, 8.0, 1.0), (1, 92.0, 15.0, 0.9)] {
         let point = |k: u32| {
@@ -36,30 +39,38 @@ pub(super) fn woods([low, high]: [Vec2; 2]) -> Vec<Object> {
         for k in 0..COUNT {
             let ((a, high_a), (b, high_b)) = (point(k), point(k + 1));
             let dice = |salt: u32| super::dice(k, salt + belt);
-            // Two crowns with a dip between them.
-            let peak = |part: f32, salt: u32| {
-                let rise = 0.4 + 2.6 * dice(salt);
-                a.lerp(b, part).extend(high_a + (high_b - high_a) * part + rise)
-            };
-            let (first, second) = (peak(0.2 + 0.2 * dice(45), 41), peak(0.65 + 0.2 * dice(47), 43));
-            let then = along + a.distance(b) / 5.0;
-            let (foot_b, foot_a) = (b.extend(0.0), a.extend(0.0));
-            let (top_a, top_b) = (a.extend(high_a), b.extend(high_b));
+            let then = along + a.distance(b) / METRES_PER_REPEAT;
             // Seen from the city: its right is where angles grow. Crowns take the light from above, whoever
             // looks at them against the sun.
             let inward = (a - b).perp().extend(0.0).normalize_or(Vec3::X);
-            let normal = (inward + 1.3 * Vec3::Z).normalize_or(Vec3::Z);
-            let finish = WOODS.shaded(tone * (0.92 + 0.16 * dice(49)));
-            let base = mesh.vertices.len() as u32;
-            for (position, openness) in
-                [(foot_b, 130), (foot_a, 130), (top_a, 235), (first, 255), (second, 255), (top_b, 235)]
-            {
-                let part = (position.truncate() - a).length() / a.distance(b).max(1e-3);
-                let uv = Vec2::new(along + (then - along) * part, position.z / 5.0);
-                mesh.vertex(Vertex { position, normal, uv, finish, openness });
+            for crown in 0..CROWNS {
+                let salt = 50 + 8 * crown;
+                let [from, to] = [crown, crown + 1].map(|c| c as f32 / CROWNS as f32);
+                let lean = 0.35 * (dice(salt) - 0.5);
+                let normal = (inward + Vec3::Z * (0.7 + 0.8 * dice(salt + 4))).normalize_or(Vec3::Z);
+                let finish = WOODS.shaded(tone * (0.72 + 0.5 * dice(salt + 2)));
+                let rise = 0.8 + 2.4 * dice(salt + 6);
+                let base = mesh.vertices.len() as u32;
+                // A foot and a rounded top, from right to left as seen from the city.
+                for (part, above, openness) in [
+                    (1.0, None, 70),
+                    (0.0, None, 70),
+                    (0.0, Some(0.0), 190),
+                    (0.22, Some(0.75), 240),
+                    (0.5 + lean, Some(1.0), 255),
+                    (0.8, Some(0.7), 240),
+                    (1.0, Some(0.0), 190),
+                ] {
+                    let part = from + (to - from) * part;
+                    let top = |above: f32| high_a + (high_b - high_a) * part + rise * above;
+                    let position = a.lerp(b, part).extend(above.map_or(0.0, top));
+                    let u = along + (then - along) * part;
+                    let uv = Vec2::new(u, position.z / METRES_PER_REPEAT);
+                    mesh.vertex(Vertex { position, normal, uv, finish, openness });
+                }
+                let fan = (1..6).flat_map(|corner| [base, base + corner, base + corner + 1]);
+                mesh.indices.extend(fan);
             }
-            let fan = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]];
-            mesh.indices.extend(fan.iter().flatten().map(|corner| base + corner));
             along = then;
             if (k + 1) % STRETCH == 0 {
                 woods.push(Object::of_one_level(std::mem::take(&mut mesh)));
