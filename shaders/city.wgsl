@@ -198,22 +198,12 @@ fn plain_of(in: VertexIn) -> Plain {
 }
 
 @vertex
-fn swift_plain_vertex(in: VertexIn) -> Plain {
+fn plain_vertex(in: VertexIn) -> Plain {
     return plain_of(in);
-}
-
-@fragment
-fn swift_plain_fragment(in: Plain) -> @location(0) vec4<f32> {
-    return vec4<f32>(in.colour, 1.0);
 }
 
 @vertex
 fn flat_vertex(in: VertexIn) -> Flat {
     let plain = plain_of(in);
     return Flat(plain.clip, plain.colour);
-}
-
-@fragment
-fn flat_fragment(in: Flat) -> @location(0) vec4<f32> {
-    return vec4<f32>(in.colour, 1.0);
 }

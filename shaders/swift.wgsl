@@ -100,3 +100,13 @@ fn plain_light(m: Material, world: vec3<f32>, normal: vec3<f32>, glow: vec3<f32>
     let light = swift_light(m, world, normal, glow);
     return Plain(light.clip, swift_shade(light, vec3<f32>(1.0)).rgb);
 }
+
+@fragment
+fn plain_fragment(in: Plain) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.colour, 1.0);
+}
+
+@fragment
+fn flat_fragment(in: Flat) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.colour, 1.0);
+}

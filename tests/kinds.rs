@@ -12,11 +12,9 @@ use city3d::city::scene::{Class, Finish, Mesh, Object, SceneDescription, Surface
 use city3d::render::{Context, Pictures, Plane, Quality, RenderError, Renderer, Request, Settings};
 use city3d::runner::Run;
 use city3d::scenario::{Library, Overrides, read_experiment};
-use city3d::snapshot::{
-    Appearance, BodyType, Dimensions, FrameSnapshot, VehicleId, VehicleInfo, VehicleState,
-};
-use drawing::software;
-use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
+use city3d::snapshot::{FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
+use drawing::{DIMENSIONS, snapshot, software};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 use std::sync::Arc;
 
 fn renderer(context: &Context, scene: &SceneDescription) -> Renderer {
@@ -43,35 +41,8 @@ fn wall_on_a_plain() -> SceneDescription {
     }
 }
 
-const DIMENSIONS: Dimensions = Dimensions {
-    length_m: 5.0,
-    width_m: 2.5,
-    height_m: 1.5,
-    wheelbase_m: 3.0,
-    track_m: 2.1,
-    wheel_radius_m: 0.35,
-};
-
 fn car(id: u32, at: DVec2, yaw_rad: f64) -> (VehicleState, VehicleInfo) {
-    let state = VehicleState {
-        id: VehicleId(id),
-        position: at.extend(0.0),
-        orientation: DQuat::from_axis_angle(DVec3::Z, yaw_rad),
-        ..VehicleState::default()
-    };
-    let info = VehicleInfo {
-        id: VehicleId(id),
-        name: format!("cav{id}"),
-        dimensions: DIMENSIONS,
-        appearance: Appearance { body: BodyType::Sedan, colour: [255, 0, 255] },
-        model: "test".into(),
-    };
-    (state, info)
-}
-
-fn snapshot(cars: Vec<(VehicleState, VehicleInfo)>) -> FrameSnapshot {
-    let (vehicles, roster): (Vec<_>, Vec<_>) = cars.into_iter().unzip();
-    FrameSnapshot { vehicles, roster: Arc::new(roster), ..FrameSnapshot::default() }
+    drawing::car(id, at, yaw_rad, [255, 0, 255])
 }
 
 /// A width that is no multiple of what rows are padded to.

@@ -10,12 +10,9 @@ use city3d::city::scene::{Class, Finish, Mesh, Object, SceneDescription, Surface
 use city3d::render::{
     AdapterPreference, Context, Image, PngStream, Quality, RenderError, Renderer, Settings,
 };
-use city3d::snapshot::{
-    Appearance, BodyType, Dimensions, FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState,
-};
-use drawing::software;
-use glam::{DQuat, DVec2, DVec3, Vec3};
-use std::sync::Arc;
+use city3d::snapshot::{BodyType, FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
+use drawing::{DIMENSIONS, snapshot, software};
+use glam::{DVec2, DVec3, Vec3};
 
 /// Black level ground, on which shadows leave no trace.
 fn black_plain() -> SceneDescription {
@@ -45,35 +42,8 @@ fn renderer(context: &Context, scene: &SceneDescription, samples: u32) -> Render
     Renderer::new(context, scene, Settings { quality, ..Settings::default() }).expect("a renderer")
 }
 
-const DIMENSIONS: Dimensions = Dimensions {
-    length_m: 5.0,
-    width_m: 2.5,
-    height_m: 1.5,
-    wheelbase_m: 3.0,
-    track_m: 2.1,
-    wheel_radius_m: 0.35,
-};
-
 fn car(id: u32, at: DVec2, yaw_rad: f64) -> (VehicleState, VehicleInfo) {
-    let state = VehicleState {
-        id: VehicleId(id),
-        position: at.extend(0.0),
-        orientation: DQuat::from_axis_angle(DVec3::Z, yaw_rad),
-        ..VehicleState::default()
-    };
-    let info = VehicleInfo {
-        id: VehicleId(id),
-        name: format!("cav{id}"),
-        dimensions: DIMENSIONS,
-        appearance: Appearance { body: BodyType::Sedan, colour: [225, 225, 230] },
-        model: "test".into(),
-    };
-    (state, info)
-}
-
-fn snapshot(cars: Vec<(VehicleState, VehicleInfo)>) -> FrameSnapshot {
-    let (vehicles, roster): (Vec<_>, Vec<_>) = cars.into_iter().unzip();
-    FrameSnapshot { vehicles, roster: Arc::new(roster), ..FrameSnapshot::default() }
+    drawing::car(id, at, yaw_rad, [225, 225, 230])
 }
 
 fn lens() -> Lens {

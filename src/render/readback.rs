@@ -140,11 +140,16 @@ impl Arrived {
     /// # Panics
     /// Where the batch has no such view.
     pub fn read_rgb(&self, index: usize, image: &mut Image) {
-        let Places { extent, kinds, color, .. } = self.places[index];
-        if let Some(at) = color.filter(|_| kinds.contains(PictureKind::Rgb)) {
-            let bytes = &self.bytes.as_deref().unwrap_or_default()[at as usize..];
-            read_colors(bytes, extent, self.bgra, image);
+        if let Some(bytes) = self.rgba(index) {
+            read_colors(bytes, self.places[index].extent, self.bgra, image);
         }
+    }
+
+    /// Padded rows of the picture of a view in colour, and what comes after it, if it was taken.
+    fn rgba(&self, index: usize) -> Option<&[u8]> {
+        let Places { kinds, color, .. } = self.places[index];
+        let at = color.filter(|_| kinds.contains(PictureKind::Rgb))?;
+        Some(&self.bytes.as_deref().unwrap_or_default()[at as usize..])
     }
 
     /// Writes the picture of a view in colour as PNG, if it was taken, without a copy of it in between.
@@ -155,9 +160,8 @@ impl Arrived {
     /// # Panics
     /// Where the batch has no such view.
     pub fn write_png(&self, index: usize, path: &Path) -> Result<(), RenderError> {
-        let Places { extent, kinds, color, .. } = self.places[index];
-        let Some(at) = color.filter(|_| kinds.contains(PictureKind::Rgb)) else { return Ok(()) };
-        let bytes = &self.bytes.as_deref().unwrap_or_default()[at as usize..];
+        let Some(bytes) = self.rgba(index) else { return Ok(()) };
+        let extent = self.places[index].extent;
         let padded = padded_row(extent[0]) as usize;
         png::write_rows(path, extent, |y, row| row_of_colors(row, &bytes[y * padded..], self.bgra))
     }

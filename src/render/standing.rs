@@ -162,9 +162,8 @@ impl Standing {
     /// Adds what a view may see to the lists of a batch.
     pub(super) fn see(&self, gaze: &Gaze<'_>, lists: &mut Vec<u32>) -> SeenCells {
         let seen = gaze.all_seen(&self.objects);
-        let (plain, raised): (Vec<_>, Vec<_>) = seen.iter().partition(|sight| sight.is_plain);
+        let (mut plain, raised): (Vec<_>, Vec<_>) = seen.iter().partition(|sight| sight.is_plain);
         let (mut ground, painted) = (gaze.all_seen(&self.ground), gaze.all_seen(&self.lines));
-        let mut plain = plain;
         if gaze.patterns == Patterns::None {
             plain.append(&mut ground);
         }

@@ -1,6 +1,13 @@
-//! The adapter that tests of pictures draw with.
+//! The adapter that tests of pictures draw with, and what stands in front of their cameras.
+
+#![allow(dead_code, reason = "each test uses its own part")]
 
 use city3d::render::{AdapterPreference, Context};
+use city3d::snapshot::{
+    Appearance, BodyType, Dimensions, FrameSnapshot, VehicleId, VehicleInfo, VehicleState,
+};
+use glam::{DQuat, DVec2, DVec3};
+use std::sync::Arc;
 
 /// The software adapter; without one a test is skipped loudly, and fails in CI.
 pub fn software() -> Option<Context> {
@@ -12,4 +19,36 @@ pub fn software() -> Option<Context> {
             None
         }
     }
+}
+
+pub const DIMENSIONS: Dimensions = Dimensions {
+    length_m: 5.0,
+    width_m: 2.5,
+    height_m: 1.5,
+    wheelbase_m: 3.0,
+    track_m: 2.1,
+    wheel_radius_m: 0.35,
+};
+
+/// A sedan of [`DIMENSIONS`] and of a colour in sRGB.
+pub fn car(id: u32, at: DVec2, yaw_rad: f64, colour: [u8; 3]) -> (VehicleState, VehicleInfo) {
+    let state = VehicleState {
+        id: VehicleId(id),
+        position: at.extend(0.0),
+        orientation: DQuat::from_axis_angle(DVec3::Z, yaw_rad),
+        ..VehicleState::default()
+    };
+    let info = VehicleInfo {
+        id: VehicleId(id),
+        name: format!("cav{id}"),
+        dimensions: DIMENSIONS,
+        appearance: Appearance { body: BodyType::Sedan, colour },
+        model: "test".into(),
+    };
+    (state, info)
+}
+
+pub fn snapshot(cars: Vec<(VehicleState, VehicleInfo)>) -> FrameSnapshot {
+    let (vehicles, roster): (Vec<_>, Vec<_>) = cars.into_iter().unzip();
+    FrameSnapshot { vehicles, roster: Arc::new(roster), ..FrameSnapshot::default() }
 }

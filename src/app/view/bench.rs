@@ -90,13 +90,8 @@ fn film(
     let mut start = (Instant::now(), desk.moment().now.time_s);
     for picture in 0.. {
         let begin = Instant::now();
-        let input = super::picture::input(extent, begin.duration_since(start.0).as_secs_f64());
-        let textures = stage.textures();
-        let mut actions = Vec::new();
-        let output = egui.run_ui(input, |ui| actions.extend(desk.pass(ui, &textures, 0.0)));
-        desk.act(actions, 0.0);
-        stage.draw(desk.seen(), desk.pictures())?;
-        stage.paint(&egui, output, &[Screen { view: &view, extent }]);
+        let time_s = begin.duration_since(start.0).as_secs_f64();
+        super::picture::draw_pass(desk, stage, &egui, time_s, &Screen { view: &view, extent })?;
         let wait = wgpu::PollType::wait_indefinitely();
         stage.context().device.poll(wait).map_err(Failure::failed)?;
         if picture < WARM_UP {

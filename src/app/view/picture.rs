@@ -121,19 +121,31 @@ fn shoot(desk: &mut Desk, stage: &mut Stage, extent: [u32; 2]) -> Result<Image, 
     let texture = stage.memory(extent);
     let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
     for pass in 0..PASSES {
-        let input = input(extent, f64::from(pass));
-        let textures = stage.textures();
-        let mut actions = Vec::new();
-        let output = egui.run_ui(input, |ui| actions.extend(desk.pass(ui, &textures, 0.0)));
-        desk.act(actions, 0.0);
-        stage.draw(desk.seen(), desk.pictures())?;
-        stage.paint(&egui, output, &[Screen { view: &view, extent }]);
+        draw_pass(desk, stage, &egui, f64::from(pass), &Screen { view: &view, extent })?;
     }
     stage.read(&texture)
 }
 
+/// Draws the window as it is at a time in seconds, which nobody touches.
+pub(super) fn draw_pass(
+    desk: &mut Desk,
+    stage: &mut Stage,
+    egui: &egui::Context,
+    time_s: f64,
+    screen: &Screen<'_>,
+) -> Result<(), Failure> {
+    let textures = stage.textures();
+    let mut actions = Vec::new();
+    let input = input(screen.extent, time_s);
+    let output = egui.run_ui(input, |ui| actions.extend(desk.pass(ui, &textures, 0.0)));
+    desk.act(actions, 0.0);
+    stage.draw(desk.seen(), desk.pictures())?;
+    stage.paint(egui, output, std::slice::from_ref(screen));
+    Ok(())
+}
+
 /// What egui is told of a screen of some pixels that nobody touches.
-pub(super) fn input(extent: [u32; 2], time_s: f64) -> egui::RawInput {
+fn input(extent: [u32; 2], time_s: f64) -> egui::RawInput {
     let size = egui::vec2(extent[0] as f32, extent[1] as f32);
     egui::RawInput {
         screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, size)),

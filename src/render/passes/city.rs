@@ -102,13 +102,14 @@ impl CityPass {
         });
         let mut constants = constants.to_vec();
         constants.push(("detail", f64::from(u8::from(quality.detail))));
+        let module = Shader::City.module(device, Some(fixed));
         let pipeline = |entries| {
             picture_pipeline(
                 device,
                 attachments,
                 &PictureState {
                     shader: Shader::City,
-                    fixed: Some(fixed),
+                    module: &module,
                     entries,
                     groups: &[Some(groups[0]), Some(groups[1]), Some(&layout)],
                     buffers: &[Some(gpu_data::LAYOUT)],
@@ -122,7 +123,7 @@ impl CityPass {
         };
         let swift = attachments.light_at_vertices.then(|| Swift {
             lines: pipeline(["swift_line_vertex", "swift_line_fragment"]),
-            plain: pipeline(attachments.plain_entries(["swift_plain_vertex", "swift_plain_fragment"])),
+            plain: pipeline(attachments.plain_entries()),
             averted: pipeline(["swift_vertex", "swift_averted_fragment"]),
         });
         Self { pipeline: pipeline(attachments.entries()), swift, surfaces }

@@ -20,7 +20,7 @@ impl ContactPass {
             attachments,
             &PictureState {
                 shader: Shader::Contact,
-                fixed: None,
+                module: &Shader::Contact.module(device, None),
                 entries: ["vertex_main", "fragment_main"],
                 groups: &[Some(frame)],
                 buffers: &[Some(vehicle::gpu_data::LAYOUT)],

@@ -16,7 +16,6 @@ pub(super) mod vehicle;
 use super::daylight::Light;
 use super::settings::Settings;
 use super::shader::{Samples, Shader};
-use common::gpu_data::Frame;
 
 /// Depth of the picture: 1 at the near plane, 0 at the far one, where floats are densest.
 pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
@@ -72,9 +71,9 @@ impl Attachments {
         }
     }
 
-    /// Entry points of what has no texture.
-    pub(super) fn plain_entries(self, usual: [&'static str; 2]) -> [&'static str; 2] {
-        if self.is_flat { ["flat_vertex", "flat_fragment"] } else { usual }
+    /// Entry points for what is lit at its vertices for good.
+    pub(super) fn plain_entries(self) -> [&'static str; 2] {
+        if self.is_flat { ["flat_vertex", "flat_fragment"] } else { ["plain_vertex", "plain_fragment"] }
     }
 
     /// Entry points of a shader that has a pair for either way to light.
@@ -100,8 +99,8 @@ pub(super) fn light_constants(settings: &Settings, light: &Light) -> [(&'static 
 /// What differs between the pipelines of a picture.
 pub(super) struct PictureState<'a> {
     pub(super) shader: Shader,
-    /// What of the frame never changes, for shaders that have it as constants.
-    pub(super) fixed: Option<&'a Frame>,
+    /// Of the shader: made once where several pipelines need it.
+    pub(super) module: &'a wgpu::ShaderModule,
     /// Of vertices and of fragments.
     pub(super) entries: [&'a str; 2],
     pub(super) groups: &'a [Option<&'a wgpu::BindGroupLayout>],
@@ -118,7 +117,7 @@ pub(super) fn picture_pipeline(
     attachments: Attachments,
     state: &PictureState<'_>,
 ) -> wgpu::RenderPipeline {
-    let module = state.shader.module(device, state.fixed);
+    let module = state.module;
     let options = wgpu::PipelineCompilationOptions { constants: state.constants, ..Default::default() };
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: None,
@@ -129,7 +128,7 @@ pub(super) fn picture_pipeline(
         label: Some(&format!("{:?}", state.shader)),
         layout: Some(&layout),
         vertex: wgpu::VertexState {
-            module: &module,
+            module,
             entry_point: Some(state.entries[0]),
             compilation_options: options.clone(),
             buffers: state.buffers,
@@ -148,7 +147,7 @@ pub(super) fn picture_pipeline(
         }),
         multisample: wgpu::MultisampleState { count: attachments.samples, ..Default::default() },
         fragment: Some(wgpu::FragmentState {
-            module: &module,
+            module,
             entry_point: Some(state.entries[1]),
             compilation_options: options,
             targets: &[Some(wgpu::ColorTargetState {

@@ -78,7 +78,7 @@ impl SkyPass {
             attachments,
             &PictureState {
                 shader: Shader::Sky,
-                fixed: None,
+                module: &Shader::Sky.module(device, None),
                 entries: ["vertex_main", attachments.entries()[1]],
                 groups: &[Some(groups[0]), Some(groups[1]), Some(&layout)],
                 buffers: &[Some(gpu_data::LAYOUT)],

@@ -49,8 +49,12 @@ impl VehiclePass {
             attachments,
             &PictureState {
                 shader: Shader::Vehicle,
-                fixed: Some(fixed),
-                entries: attachments.plain_entries(attachments.entries()),
+                module: &Shader::Vehicle.module(device, Some(fixed)),
+                entries: if attachments.light_at_vertices {
+                    attachments.plain_entries()
+                } else {
+                    attachments.entries()
+                },
                 groups: &[Some(groups[0]), Some(groups[1])],
                 buffers: &[Some(city::gpu_data::LAYOUT), Some(gpu_data::LAYOUT)],
                 constants,
