@@ -257,3 +257,33 @@ fn a_stream_writes_every_picture_and_reports_a_bad_path() {
     stream.push(&at(0), &[view], vec![folder.path().join("none/a.png")]).unwrap();
     assert!(stream.finish().unwrap_err().to_string().contains("none/a.png"));
 }
+
+#[test]
+fn what_a_view_cannot_see_costs_it_nothing() {
+    let Some(context) = software() else { return };
+    // Boxes in front of a camera at the middle, then twenty times as many behind it.
+    let boxes = |xs: std::ops::Range<i32>| {
+        xs.flat_map(|x| (-4..4).map(move |y| Vec3::new(3.0 * x as f32, 3.0 * y as f32, 0.0))).map(|at| {
+            let mut mesh = Mesh::default();
+            let finish = Finish::new(Surface::Plain, [200, 60, 60], Class::Building);
+            mesh.block(at, Vec3::splat(1.5), 0.0, finish);
+            Object::of_one_level(mesh)
+        })
+    };
+    let mut near = black_plain();
+    near.objects.extend(boxes(4..8));
+    let mut large = near.clone();
+    large.objects.extend(boxes(-84..-4));
+    let views = vec![looking(DVec3::new(0.0, 0.0, 2.0), DVec3::new(20.0, 0.0, 1.0)); 12];
+    let triangles = |scene: &SceneDescription, views: &[View]| {
+        let mut renderer = renderer(&context, scene, 1);
+        renderer.render(&FrameSnapshot::default(), views).expect("pictures");
+        renderer.triangles()
+    };
+    let one = triangles(&near, &views[..1]);
+    // Two or three sides of each box face the camera; the plain is cut into cells.
+    assert!((32 * 4..=32 * 6 + 300).contains(&one), "{one}");
+    assert_eq!(triangles(&large, &views[..1]), one);
+    // A view among others is given what it is given alone.
+    assert_eq!(triangles(&near, &views), one);
+}

@@ -47,7 +47,7 @@ impl Pillar {
 }
 
 impl Horizon {
-    pub(super) fn new(eye: Vec3, walls: &[Wall]) -> Self {
+    pub(super) fn new<'w>(eye: Vec3, walls: impl IntoIterator<Item = &'w Wall>) -> Self {
         let mut horizon = Self { eye, buckets: vec![[NOTHING; DEPTH]; BUCKETS] };
         for wall in walls {
             horizon.raise(wall);

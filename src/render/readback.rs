@@ -219,27 +219,13 @@ fn colors(bytes: &[u8], extent: [u32; 2], bgra: bool) -> Image {
     image
 }
 
-/// A row of RGB out of one of RGBA.
+/// A row of RGB out of one of RGBA, which may go on after it.
 fn row_of_colors(to: &mut [u8], from: &[u8], bgra: bool) {
-    // Four pixels at a time, as words.
-    let (fours, rest) = to.as_chunks_mut::<12>();
-    let (texels, _) = from.as_chunks::<16>();
-    for (four, texels) in fours.iter_mut().zip(texels) {
-        let word = |k: usize| {
-            let [r, g, b, a] = [texels[k], texels[k + 1], texels[k + 2], texels[k + 3]];
-            u32::from_le_bytes(if bgra { [b, g, r, a] } else { [r, g, b, a] })
-        };
-        let (a, b, c, d) = (word(0), word(4), word(8), word(12));
-        four[..4].copy_from_slice(&(a & 0xff_ffff | b << 24).to_le_bytes());
-        four[4..8].copy_from_slice(&(b >> 8 & 0xffff | c << 16).to_le_bytes());
-        four[8..].copy_from_slice(&(c >> 16 & 0xff | d << 8).to_le_bytes());
-    }
-    for (pixel, texel) in rest.chunks_exact_mut(3).zip(from[fours.len() * 16..].chunks_exact(4)) {
-        pixel.copy_from_slice(&texel[..3]);
-        if bgra {
-            pixel.swap(0, 2);
-        }
-    }
+    let from = &from[..to.len() / 3 * 4];
+    let convert = if bgra { garb::bytes::bgra_to_rgb } else { garb::bytes::rgba_to_rgb };
+    // A row is whole pixels on both sides.
+    let converted = convert(from, to);
+    debug_assert!(converted.is_ok(), "{converted:?}");
 }
 
 #[cfg(test)]

@@ -473,7 +473,7 @@ impl Renderer {
         let clip_from_world = view.clip_from_world().as_mat4();
         let frustum = Frustum::new(&clip_from_world);
         let eye = view.extrinsics.position.as_vec3();
-        let horizon = self.standing.horizon(view.has_eye().then_some(eye));
+        let horizon = self.standing.horizon(view.has_eye().then_some(eye), &frustum);
         let gaze = Gaze {
             frustum: &frustum,
             horizon: &horizon,
