@@ -58,6 +58,15 @@ pub fn pick<T: Clone>(fields: &Fields<'_, '_>, key: &'static str, named: &BTreeM
     found
 }
 
+/// The driver who is a person. What a scenario states of it holds for the algorithm that drives once the
+/// person gives the wheel back.
+const HUMAN: &str = "human";
+
+/// Whether a table names the person as its driver.
+pub fn is_human(fields: &Fields<'_, '_>) -> bool {
+    fields.entry("driver").and_then(|value| value.get_ref().as_str()) == Some(HUMAN)
+}
+
 fn read_drivers(root: &Fields<'_, '_>) -> BTreeMap<String, (String, DriverParams)> {
     let mut drivers = BTreeMap::from([("default".to_owned(), ("idm".to_owned(), DriverParams::default()))]);
     let Some(tables) = root.table("driver") else { return drivers };
@@ -79,6 +88,9 @@ fn read_drivers(root: &Fields<'_, '_>) -> BTreeMap<String, (String, DriverParams
         fields.finish();
         drivers.insert(name.get_ref().to_string(), (controller, params));
     }
+    // A person may give the wheel to an algorithm.
+    let usual = drivers["default"].clone();
+    drivers.entry(HUMAN.to_owned()).or_insert(usual);
     drivers
 }
 
