@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 pub struct Named {
     pub types: BTreeMap<String, VehicleType>,
     /// Control algorithm and parameters.
-    pub drivers: BTreeMap<String, (String, DriverParams)>,
+    pub drivers: Drivers,
 }
 
 impl Named {
@@ -67,7 +67,18 @@ pub fn is_human(fields: &Fields<'_, '_>) -> bool {
     fields.entry("driver").and_then(|value| value.get_ref().as_str()) == Some(HUMAN)
 }
 
-fn read_drivers(root: &Fields<'_, '_>) -> BTreeMap<String, (String, DriverParams)> {
+type Drivers = BTreeMap<String, (String, DriverParams)>;
+
+fn read_drivers(root: &Fields<'_, '_>) -> Drivers {
+    let mut drivers = stated_drivers(root);
+    // A person may give the wheel to an algorithm.
+    let usual = drivers["default"].clone();
+    drivers.entry(HUMAN.to_owned()).or_insert(usual);
+    drivers
+}
+
+/// The drivers of the file, and the one for vehicles that name none.
+fn stated_drivers(root: &Fields<'_, '_>) -> Drivers {
     let mut drivers = BTreeMap::from([("default".to_owned(), ("idm".to_owned(), DriverParams::default()))]);
     let Some(tables) = root.table("driver") else { return drivers };
     for (name, value) in tables.entries() {
@@ -88,9 +99,6 @@ fn read_drivers(root: &Fields<'_, '_>) -> BTreeMap<String, (String, DriverParams
         fields.finish();
         drivers.insert(name.get_ref().to_string(), (controller, params));
     }
-    // A person may give the wheel to an algorithm.
-    let usual = drivers["default"].clone();
-    drivers.entry(HUMAN.to_owned()).or_insert(usual);
     drivers
 }
 
