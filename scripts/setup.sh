@@ -7,8 +7,9 @@
 # demo.sh and test.sh source this file for its functions.
 set -euo pipefail
 
-# What draws without a GPU, and the C compiler and linker that Rust calls.
-RUN_PACKAGES=(mesa-vulkan-drivers libvulkan1 libxkbcommon-x11-0 libxcursor1 libxi6 libxrandr2 gcc libc6-dev)
+# What draws without a GPU, what finds gamepads, and the C compiler and linker that Rust calls.
+RUN_PACKAGES=(mesa-vulkan-drivers libvulkan1 libxkbcommon-x11-0 libxcursor1 libxi6 libxrandr2 libudev-dev pkg-config
+    gcc libc6-dev)
 TEST_PACKAGES=(xvfb xdotool python3 python3-venv ffmpeg)
 PEERS=target/peers
 

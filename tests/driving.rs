@@ -238,3 +238,50 @@ fn after_a_collision_a_person_can_back_out_and_drive_on() {
         assert_eq!(state(&run, VehicleId(1)).status, Status::Collided, "{model:?}: the other one stays");
     }
 }
+
+#[test]
+fn a_car_for_a_person_stands_until_somebody_drives_it_and_the_others_live_with_it() {
+    for model in MODELS {
+        let mut run = shipped("student", model);
+        let (student, behind) = (VehicleId(1), VehicleId(2));
+        assert_eq!(state(&run, student).status, Status::Manual, "from the start");
+        let from = state(&run, student).position;
+        for _ in 0..6000 {
+            run.step();
+            no_collision(&run);
+            let events = &run.snapshot().events;
+            let noise = events.iter().find(|e| e.vehicle == student && e.kind != EventKind::Spawn);
+            assert!(noise.is_none(), "{model:?}: {noise:?}");
+            assert_eq!(state(&run, student).status, Status::Manual);
+        }
+        assert!(state(&run, student).position.distance(from) < 0.05, "{model:?}: it rolls away");
+        let gap = state(&run, behind).position.distance(from) - 5.0;
+        assert!((0.5..12.0).contains(&gap), "{model:?}: the one behind waits behind it, {gap} m");
+        for round in 3..=5 {
+            let driven = state(&run, VehicleId(round)).distance_m;
+            assert!(driven > 180.0, "{model:?}: {round} is held up, {driven} m in a minute");
+        }
+        // Given back, it goes in among them.
+        run.inject(SimCommand::Release(student));
+        go_on(&mut run, 60);
+        let driven = (state(&run, student).distance_m, state(&run, behind).distance_m);
+        assert!(driven.0 > 80.0 && driven.1 > 60.0, "{model:?}: {driven:?}");
+    }
+}
+
+#[test]
+fn a_person_who_hesitates_at_the_line_can_still_drive_in() {
+    let mut run = shipped("student", ModelKind::Bicycle);
+    let id = VehicleId(1);
+    go_on(&mut run, 20);
+    let way = run.experiment().vehicles[0].route.clone();
+    // Somebody polite would look; the others are there to make room.
+    let person = Person { way, speed_mps: 4.0 };
+    let map = Arc::clone(&run.experiment().city_map);
+    while state(&run, id).distance_m < 60.0 {
+        run.inject(SimCommand::Drive(id, person.pedals(&map, state(&run, id))));
+        run.step();
+        assert!(run.snapshot().time_s < 60.0, "{} m", state(&run, id).distance_m);
+    }
+    assert!(run.mainframe().cavs()[0].is_on_route());
+}

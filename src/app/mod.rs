@@ -61,9 +61,9 @@ enum Command {
 }
 
 /// What several commands change of a scenario.
-#[derive(Clone, Debug, Args)]
+#[derive(Clone, Debug, Default, PartialEq, Args)]
 struct ScenarioArgs {
-    /// A scenario file, or a shipped one: roundabout, city, straight
+    /// A scenario file, or a shipped one: roundabout, city, straight, student
     scenario: String,
     /// Seed of all random draws, instead of the scenario's
     #[arg(long)]
@@ -76,7 +76,7 @@ struct ScenarioArgs {
     model: Option<Model>,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Model {
     Raycast,
     Bicycle,

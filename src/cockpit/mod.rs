@@ -1,5 +1,11 @@
-//! The person at the wheel: from keys to pedals and steering, with the ramps that a foot and a hand have.
+//! The person at the wheel: from keys, gamepads and steering wheels to pedals and steering.
 
-mod keyboard;
+mod device;
+mod devices;
+mod driver;
+mod learn;
 
-pub use keyboard::{Handling, KeyboardDriver, Keys};
+pub use device::{Control, Device, Function, Lever, Levers, Profile, Steering};
+pub use devices::{DeviceEvent, Devices, Plug};
+pub use driver::{Driver, Handling, Hands, Keys};
+pub use learn::{Assignment, Learner};

@@ -1,9 +1,11 @@
 //! How fast simulated time goes by.
 
+use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
 /// Simulated seconds in a second.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Speed {
     Times(f64),
     /// As fast as the machine can.
@@ -19,6 +21,14 @@ impl Default for Speed {
 impl Speed {
     pub const SLOWEST: f64 = 0.1;
     pub const FASTEST: f64 = 100.0;
+
+    /// The same within what is offered.
+    pub fn sane(self) -> Self {
+        match self {
+            Self::Times(factor) => Self::times(factor),
+            Self::Unlimited => self,
+        }
+    }
 
     /// A factor within what is offered.
     pub fn times(factor: f64) -> Self {

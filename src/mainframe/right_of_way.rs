@@ -66,6 +66,10 @@ const ROLLS_ON: f64 = 0.7;
 const JAM_MPS: f64 = 0.1;
 /// A vehicle this far from being able to stop at its line has entered.
 const OVERSHOOT_M: f64 = 0.02;
+/// One that could go and stands for so long is driven by a person, or does not obey: others go first.
+const HESITATES_S: f64 = 2.0;
+/// So long after it has lost its admission it asks again, should it stand there still.
+const ASKS_AGAIN_S: f64 = 8.0;
 /// Bodies keep this far from a zone that others have yet to leave.
 const ZONE_MARGIN_M: f64 = 0.02;
 
@@ -89,6 +93,10 @@ pub struct Passage {
     standing_since_s: Option<f64>,
     /// Since when it could not be admitted because those ahead stand in the section or behind it.
     blocked_since_s: Option<f64>,
+    /// Since when it stands although it was admitted and nothing is in its way.
+    hesitates_since_s: Option<f64>,
+    /// Before this time it is not admitted while it stands.
+    asks_from_s: f64,
 }
 
 impl Passage {
@@ -183,6 +191,7 @@ impl RightOfWay {
             let (rear_s, sections) = (cav.rear_s(), &cav.route.sections);
             cav.passage.admissions.retain(|admission| sections[admission.section].to_s > rear_s);
             self.note_standing(now_s, cav);
+            withdraw_from_hesitant(now_s, cav);
         }
         self.list_users(cavs);
         self.loops.recount(cavs);
@@ -191,7 +200,8 @@ impl RightOfWay {
         for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_on_route()) {
             if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
                 let distance = section.hold_s - cav.front_s();
-                if distance < asking_distance(cav) {
+                let asks = now_s >= cav.passage.asks_from_s || cav.speed_mps() > STANDING_MPS;
+                if asks && distance < asking_distance(cav) {
                     let rank = if self.is_impatient(now_s, cav) { RANK_MAJOR } else { section.rank };
                     let standing_since_s = cav.passage.standing_since_s.unwrap_or(f64::INFINITY);
                     self.candidates.push(Candidate { rank, standing_since_s, distance, vehicle });
@@ -452,6 +462,26 @@ impl RightOfWay {
                 _ => {}
             }
         }
+    }
+}
+
+/// Takes the sections that a vehicle has not entered from it when it does not go where it may: nobody waits for
+/// somebody who has fallen asleep at the line. Those who are driven by their plan go at once.
+fn withdraw_from_hesitant(now_s: f64, cav: &mut Cav) {
+    let front_s = cav.front_s();
+    let is_ahead = |admission: &Admission| cav.route.sections[admission.section].from_s > front_s;
+    let stands = cav.speed_mps() < STANDING_MPS && cav.reference.acceleration_mps2 > 0.0;
+    let first = cav.passage.admissions.iter().position(is_ahead).filter(|_| stands);
+    let Some(first) = first else {
+        cav.passage.hesitates_since_s = None;
+        return;
+    };
+    let since_s = *cav.passage.hesitates_since_s.get_or_insert(now_s);
+    if now_s - since_s > HESITATES_S {
+        let passage = &mut cav.passage;
+        passage.next_section = passage.admissions[first].section;
+        passage.admissions.truncate(first);
+        (passage.hesitates_since_s, passage.asks_from_s) = (None, now_s + ASKS_AGAIN_S);
     }
 }
 

@@ -71,6 +71,8 @@ pub struct PlannedVehicle {
     pub controller: String,
     /// Laboratory units.
     pub driver: DriverParams,
+    /// A person is at the wheel from the start; the algorithm drives once the person gives it back.
+    pub is_human: bool,
     pub route: Vec<LaneId>,
     pub start: Start,
     pub sensors: Vec<Sensor>,

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 pub struct Named {
     pub types: BTreeMap<String, VehicleType>,
     /// Control algorithm and parameters.
-    pub drivers: BTreeMap<String, (String, DriverParams)>,
+    pub drivers: Drivers,
 }
 
 impl Named {
@@ -58,7 +58,27 @@ pub fn pick<T: Clone>(fields: &Fields<'_, '_>, key: &'static str, named: &BTreeM
     found
 }
 
-fn read_drivers(root: &Fields<'_, '_>) -> BTreeMap<String, (String, DriverParams)> {
+/// The driver who is a person. What a scenario states of it holds for the algorithm that drives once the
+/// person gives the wheel back.
+const HUMAN: &str = "human";
+
+/// Whether a table names the person as its driver.
+pub fn is_human(fields: &Fields<'_, '_>) -> bool {
+    fields.entry("driver").and_then(|value| value.get_ref().as_str()) == Some(HUMAN)
+}
+
+type Drivers = BTreeMap<String, (String, DriverParams)>;
+
+fn read_drivers(root: &Fields<'_, '_>) -> Drivers {
+    let mut drivers = stated_drivers(root);
+    // A person may give the wheel to an algorithm.
+    let usual = drivers["default"].clone();
+    drivers.entry(HUMAN.to_owned()).or_insert(usual);
+    drivers
+}
+
+/// The drivers of the file, and the one for vehicles that name none.
+fn stated_drivers(root: &Fields<'_, '_>) -> Drivers {
     let mut drivers = BTreeMap::from([("default".to_owned(), ("idm".to_owned(), DriverParams::default()))]);
     let Some(tables) = root.table("driver") else { return drivers };
     for (name, value) in tables.entries() {

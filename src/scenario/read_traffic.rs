@@ -5,7 +5,7 @@ use super::feasibility::infeasibilities;
 use super::fields::{Fields, one_of};
 use super::read::{Basis, Fleet};
 use super::read_sensors::read_sensors;
-use super::read_settings::{Named, pick};
+use super::read_settings::{Named, is_human, pick};
 use super::read_vehicles::{LARGEST_ID, MOST_VEHICLES, default_appearance};
 use super::traffic::{self, Share, TrafficError, TrafficSpec};
 use crate::snapshot::VehicleId;
@@ -31,6 +31,10 @@ impl Basis<'_> {
         fields.number("start_speed_mps", 0.0..=1.0, &mut start_speed_mps);
         let shares = read_shares(&fields, named);
         let driver = pick(&fields, "driver", &named.drivers);
+        if is_human(&fields) {
+            let remedy = "choose a [driver] for it, and write vehicles for persons as [[vehicle]] tables";
+            fields.wrong("driver", format!("no person can drive the traffic; {remedy}"));
+        }
         let sensors = read_sensors(&fields, self.rates);
         let span = fields.span.clone();
         fields.finish();
@@ -67,6 +71,7 @@ impl Basis<'_> {
                 sensors: sensors.clone().unwrap_or(drawn.build.sensors),
                 controller: spec.controller.clone(),
                 driver: drawn.driver,
+                is_human: false,
                 route: drawn.route,
             };
             // One vehicle that cannot do it stands for all that are built alike.

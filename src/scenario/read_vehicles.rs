@@ -5,7 +5,7 @@ use super::feasibility::infeasibilities;
 use super::fields::{Fields, one_of};
 use super::read::{Basis, Fleet};
 use super::read_sensors::read_sensors;
-use super::read_settings::{Named, pick};
+use super::read_settings::{Named, is_human, pick};
 use super::vehicle_type::{MODELS, VehicleType};
 use crate::city::LaneId;
 use crate::snapshot::{Appearance, BodyType, VehicleId};
@@ -65,6 +65,7 @@ impl Basis<'_> {
         let build = self.read_build(fields, named);
         let sensors = read_sensors(fields, self.rates);
         let driver = pick(fields, "driver", &named.drivers);
+        let is_human = is_human(fields);
         let route = self.read_route(fields);
         let mut at_m = f64::NAN;
         fields.number("at_m", 0.0..=1000.0, &mut at_m);
@@ -85,7 +86,18 @@ impl Basis<'_> {
             );
         }
         let start = Start { lane: route[0], at_m, speed_mps };
-        Some(PlannedVehicle { id, name, appearance, spec, controller, driver, route, start, sensors })
+        Some(PlannedVehicle {
+            id,
+            name,
+            appearance,
+            spec,
+            controller,
+            driver,
+            is_human,
+            route,
+            start,
+            sensors,
+        })
     }
 
     fn read_build(&self, fields: &Fields<'_, '_>, named: &Named) -> Option<VehicleType> {

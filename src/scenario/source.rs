@@ -6,10 +6,11 @@ use thiserror::Error;
 /// Larger files are refused before they are read: no scenario or map comes near.
 const LARGEST_FILE_BYTES: u64 = 64 << 20;
 
-const SCENARIOS: [(&str, &str); 3] = [
+const SCENARIOS: [(&str, &str); 4] = [
     ("roundabout", include_str!("../../scenarios/roundabout.toml")),
     ("city", include_str!("../../scenarios/city.toml")),
     ("straight", include_str!("../../scenarios/straight.toml")),
+    ("student", include_str!("../../scenarios/student.toml")),
 ];
 const MAPS: [(&str, &[u8]); 1] = [("ids3c", include_bytes!("../../assets/maps/ids3c.dxf"))];
 

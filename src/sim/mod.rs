@@ -213,7 +213,12 @@ fn spawn(experiment: &Experiment, planned: &PlannedVehicle, physics: &mut Physic
     let at_m = scale.city_from_lab(planned.start.at_m);
     let pose = planned.pose_on(&experiment.city_map, planned.start.lane, at_m);
     let speed_mps = scale.city_from_lab(planned.start.speed_mps);
-    SimVehicle::spawn(planned.id, &planned.spec, pose, speed_mps, physics, experiment.rates.dt_s())
+    let dt_s = experiment.rates.dt_s();
+    let mut vehicle = SimVehicle::spawn(planned.id, &planned.spec, pose, speed_mps, physics, dt_s);
+    if planned.is_human {
+        vehicle.begin_by_hand();
+    }
+    vehicle
 }
 
 fn roster_of(experiment: &Experiment, vehicles: &[SimVehicle]) -> Arc<Vec<VehicleInfo>> {

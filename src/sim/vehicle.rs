@@ -101,6 +101,12 @@ impl SimVehicle {
         self.tracker.follow(trajectory);
     }
 
+    /// A person sits at the wheel from the start, with no foot on a pedal.
+    pub fn begin_by_hand(&mut self) {
+        self.drive(Some(Pedals::default()));
+        self.update_status();
+    }
+
     /// Hands the vehicle to a person, or back. A person may drive a vehicle on that has collided.
     pub fn drive(&mut self, pedals: Option<Pedals>) {
         let was_human = matches!(self.driver, Driver::Human(_));
@@ -163,6 +169,10 @@ impl SimVehicle {
 
     fn watch_link(&mut self, time_s: f64, link_timeout_s: f64, events: &mut Vec<Event>) {
         let Some(heard_s) = self.heard_s else { return };
+        // A person needs no link.
+        if matches!(self.driver, Driver::Human(_)) {
+            return;
+        }
         let is_lost = time_s - heard_s > link_timeout_s;
         if is_lost {
             self.tracker.stop_on_path();

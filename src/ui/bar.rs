@@ -23,6 +23,8 @@ pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec
         look(ui, state, actions);
         ui.toggle_value(&mut state.open.layers, "Layers")
             .on_hover_text("Labels, lanes, routes, conflict zones, map");
+        ui.toggle_value(&mut state.open.controllers, "Gamepad")
+            .on_hover_text("Gamepad and steering wheel: what their axes and buttons do (F2)");
         ui.toggle_value(&mut state.open.help, "Help").on_hover_text("All keys (F1)");
     });
 }
@@ -95,11 +97,11 @@ fn clock(ui: &mut Ui, shown: &Shown<'_>) {
     ui.label(RichText::new(text).monospace().strong()).on_hover_text(tip);
     let (text, tip) = match &moment.phase {
         Phase::Running => (
-            format!("{:.2}x real time", moment.real_time_factor),
-            "Simulated seconds in a second, as measured",
+            format!("at {:.2}x", moment.real_time_factor),
+            "Real-time factor: simulated seconds in a second, as measured",
         ),
         Phase::Over => (
-            "scenario over".to_owned(),
+            "over".to_owned(),
             "The scenario's duration is over: Start goes on beyond it, Reset begins again",
         ),
         Phase::Failed(reason) => (format!("failed: {reason}"), "Reset begins again"),
@@ -153,7 +155,7 @@ fn look(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
     let before = state.look;
     ComboBox::from_id_salt("quality")
         .selected_text(state.look.preset.label())
-        .width(70.0)
+        .width(62.0)
         .show_ui(ui, |ui| {
             for preset in Preset::ALL {
                 ui.selectable_value(&mut state.look.preset, preset, preset.label());
@@ -163,7 +165,7 @@ fn look(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
         .on_hover_text("Quality of the pictures: low for machines without a GPU");
     ComboBox::from_id_salt("time")
         .selected_text(time_label(state.look.hours))
-        .width(70.0)
+        .width(62.0)
         .show_ui(ui, |ui| {
             for (hours, label) in TIMES {
                 ui.selectable_value(&mut state.look.hours, hours, label);

@@ -39,7 +39,9 @@ pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>) {
         map::show(ui, rect, state, shown);
     }
     dashboard(ui, rect, state, shown);
-    notice(ui, rect, state);
+    loading(ui, rect, shown);
+    let free = if state.layers.map { map::beside(rect) } else { rect };
+    notice(ui, free, state);
 }
 
 /// Pixels of the picture: those of its place, or fewer.
@@ -93,8 +95,8 @@ fn distance_to_segment(point: Pos2, from: Pos2, to: Pos2) -> f32 {
 fn dashboard(ui: &Ui, rect: Rect, state: &State, shown: &Shown<'_>) {
     let Some(driving) = &state.driving else { return };
     let Some(vehicle) = shown.moment.now.vehicle(driving.vehicle) else { return };
-    let pedals = driving.keyboard().pedals();
-    let gear = match (pedals.reverse, driving.keyboard().is_shifting()) {
+    let pedals = driving.driver().pedals();
+    let gear = match (pedals.reverse, driving.driver().is_shifting()) {
         (_, true) => "stop to shift",
         (true, false) => "R",
         (false, false) => "D",
@@ -115,7 +117,28 @@ fn dashboard(ui: &Ui, rect: Rect, state: &State, shown: &Shown<'_>) {
                     ui.set_width(300.0);
                     ui.label(RichText::new(speed).size(30.0).strong());
                     ui.label(format!("gear {gear}   {arrows}"));
-                    ui.small("W S pedals   A D steer   B handbrake   R reverse   Enter gives back");
+                    ui.small(if driving.is_by_device() {
+                        "by gamepad or wheel   F2 its buttons   Enter gives back"
+                    } else {
+                        "W S pedals   A D steer   B handbrake   R reverse   Enter gives back"
+                    });
+                });
+            });
+        });
+}
+
+/// Says what is being loaded; the city behind it stays as it was.
+fn loading(ui: &Ui, rect: Rect, shown: &Shown<'_>) {
+    let Some(what) = shown.loading else { return };
+    egui::Area::new(ui.scope_id().with("loading"))
+        .fixed_pos(rect.center())
+        .pivot(Align2::CENTER_CENTER)
+        .interactable(false)
+        .show(ui.ctx(), |ui| {
+            egui::Frame::popup(ui.style()).show(ui, |ui| {
+                ui.horizontal(|ui| {
+                    ui.spinner();
+                    ui.label(what);
                 });
             });
         });

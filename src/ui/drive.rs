@@ -1,7 +1,7 @@
-//! Driving by hand: keys become the pedals of a vehicle.
+//! Driving by hand: keys, gamepads and steering wheels become the pedals of a vehicle.
 
 use super::{Action, Shown, State};
-use crate::cockpit::{KeyboardDriver, Keys};
+use crate::cockpit::{Driver, Function, Hands, Keys};
 use crate::live::{Order, Phase};
 use crate::snapshot::{Indicator, Pedals, SimCommand, VehicleId};
 use egui::{Key, Ui};
@@ -10,36 +10,67 @@ use egui::{Key, Ui};
 #[derive(Clone, Copy, Debug)]
 pub struct Driving {
     pub vehicle: VehicleId,
-    keyboard: KeyboardDriver,
+    driver: Driver,
+    /// With a gamepad or a steering wheel, not with keys: what was used last counts.
+    by_device: bool,
     /// The pedals that the vehicle has been told of.
     told: Option<Pedals>,
     run: u32,
 }
 
 impl Driving {
-    /// Takes a vehicle of a moment over; `None` where it is not there.
+    /// Takes a vehicle over in a run, with its wheels as they are.
     pub fn take_over(vehicle: VehicleId, shown_run: u32, steering_rad: f64) -> Self {
-        Self { vehicle, keyboard: KeyboardDriver::taking_over(steering_rad), told: None, run: shown_run }
+        let driver = Driver::taking_over(steering_rad);
+        Self { vehicle, driver, by_device: false, told: None, run: shown_run }
     }
 
     /// Does what a pressed key asks of the vehicle. `false` for a key that has nothing to do with it.
     pub fn press(&mut self, key: Key) -> bool {
         match key {
-            Key::R => self.keyboard.shift(),
-            Key::Q => self.keyboard.indicate(Indicator::Left),
-            Key::E => self.keyboard.indicate(Indicator::Right),
-            Key::H => self.keyboard.indicate(Indicator::Hazard),
+            Key::R => self.driver.shift(),
+            Key::Q => self.driver.indicate(Indicator::Left),
+            Key::E => self.driver.indicate(Indicator::Right),
+            Key::H => self.driver.indicate(Indicator::Hazard),
             _ => return false,
         }
         true
     }
 
-    pub fn keyboard(&self) -> &KeyboardDriver {
-        &self.keyboard
+    /// The same for a button of a device.
+    fn push(&mut self, function: Function) {
+        match function {
+            Function::Reverse => self.driver.shift(),
+            Function::IndicateLeft => self.driver.indicate(Indicator::Left),
+            Function::IndicateRight => self.driver.indicate(Indicator::Right),
+            Function::Hazard => self.driver.indicate(Indicator::Hazard),
+            // Those that are held are asked for at each pass.
+            _ => {}
+        }
+    }
+
+    pub fn driver(&self) -> &Driver {
+        &self.driver
+    }
+
+    pub fn is_by_device(&self) -> bool {
+        self.by_device
     }
 }
 
-/// Moves the pedals by the keys that are held, and tells the vehicle of them.
+/// Does what pressed buttons of gamepads and wheels ask for.
+pub fn act(state: &mut State, actions: &mut Vec<Action>) {
+    for function in state.devices.take_pressed() {
+        match (&mut state.driving, function) {
+            (Some(_), Function::TakeWheel) => actions.push(Action::GiveBack),
+            (None, Function::TakeWheel) => actions.extend(state.selection.vehicle.map(Action::Drive)),
+            (Some(driving), function) => driving.push(function),
+            (None, _) => {}
+        }
+    }
+}
+
+/// Moves the pedals by the keys that are held and the levers of the device in use, and tells the vehicle of them.
 pub fn step(ui: &Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
     // What is given back in this pass is told nothing more: the last command counts.
     if actions.contains(&Action::GiveBack) {
@@ -59,10 +90,22 @@ pub fn step(ui: &Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Act
     let is_typing = ui.ctx().text_edit_focused();
     let dt_s = ui.input(|input| f64::from(input.stable_dt.min(0.1)));
     let keys = if is_typing { Keys::default() } else { held(ui) };
-    state.viewpoint.rear = ui.input(|input| input.key_down(Key::V)) && !is_typing;
+    let looks_back = ui.input(|input| input.key_down(Key::V)) && !is_typing;
+    state.viewpoint.rear = looks_back || state.devices.is_held(Function::LookBack);
+    driving.by_device = (driving.by_device || state.devices.take_used()) && keys == Keys::default();
+    let hands = match state.devices.levers() {
+        Some(levers) if driving.by_device => Hands::Levers(levers),
+        None if driving.by_device => {
+            // It has been unplugged, and nobody knows where its pedals are.
+            driving.by_device = false;
+            driving.driver.let_go();
+            Hands::Keys(keys)
+        }
+        _ => Hands::Keys(keys),
+    };
     // Pedals that nobody holds against a standing clock do not travel.
     let dt_s = if shown.moment.phase == Phase::Running { dt_s } else { 0.0 };
-    let pedals = driving.keyboard.step(keys, vehicle.speed_mps, handling, dt_s);
+    let pedals = driving.driver.step(hands, vehicle.speed_mps, handling, dt_s);
     if driving.told != Some(pedals) {
         driving.told = Some(pedals);
         actions.push(Action::Order(Order::Command(SimCommand::Drive(driving.vehicle, pedals))));

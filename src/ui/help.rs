@@ -51,12 +51,13 @@ const SECTIONS: [Section; 4] = [
             ("R", "reverse gear, at a stand"),
             ("Q  E  H", "indicators left, right, both"),
             ("V", "look back"),
+            ("F2", "gamepad and steering wheel"),
         ],
     ),
 ];
 
 pub fn window(ui: &Ui, state: &mut State) {
-    egui::Window::new("Keys and statuses").open(&mut state.open.help).resizable(false).show(ui.ctx(), |ui| {
+    super::sheet(ui, "Keys and statuses").open(&mut state.open.help).show(ui.ctx(), |ui| {
         ui.columns(2, |columns| {
             for (index, (title, keys)) in SECTIONS.iter().enumerate() {
                 let ui = &mut columns[index % 2];

@@ -50,6 +50,7 @@ fn press(key: Key, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Actio
         Key::Plus | Key::Equals => actions.push(Action::Order(Order::Speed(other_speed(moment.speed, true)))),
         Key::Minus => actions.push(Action::Order(Order::Speed(other_speed(moment.speed, false)))),
         Key::F1 | Key::Questionmark => state.open.help = !state.open.help,
+        Key::F2 => state.open.controllers = !state.open.controllers,
         Key::F12 => actions.push(Action::Screenshot),
         Key::L => state.layers.labels = !state.layers.labels,
         Key::M => state.layers.map = !state.layers.map,
@@ -73,7 +74,9 @@ fn press_for_vehicle(key: Key, state: &mut State, shown: &Shown<'_>, actions: &m
         Key::P => selected.into_iter().for_each(|vehicle| state.toggle_preview(vehicle)),
         Key::Enter if state.driving.is_some() => actions.push(Action::GiveBack),
         Key::Enter => actions.extend(selected.map(Action::Drive)),
+        Key::Escape if state.devices.learning().is_some() => state.devices.stop_learning(),
         Key::Escape if state.open.help => state.open.help = false,
+        Key::Escape if state.open.controllers => state.open.controllers = false,
         Key::Escape if state.driving.is_some() => actions.push(Action::GiveBack),
         Key::Escape => {
             state.selection.vehicle = None;

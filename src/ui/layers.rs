@@ -1,8 +1,9 @@
 //! What is drawn over the city: names, lanes, routes, conflict zones.
 
-use super::{Mode, Shown, State, status};
+use super::{Mode, Shown, State, sight, status};
 use crate::camera::View;
 use crate::city::{CityMap, LaneId, ZoneKind};
+use crate::snapshot::{VehicleId, VehicleInfo, VehicleState};
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, Ui};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -32,7 +33,7 @@ const LABELS_WITHIN_M: f64 = 250.0;
 /// The window with the switches.
 pub fn window(ui: &Ui, state: &mut State) {
     let layers = &mut state.layers;
-    egui::Window::new("Layers").open(&mut state.open.layers).resizable(false).show(ui.ctx(), |ui| {
+    super::sheet(ui, "Layers").open(&mut state.open.layers).show(ui.ctx(), |ui| {
         ui.checkbox(&mut layers.labels, "Labels over vehicles (L)");
         ui.checkbox(&mut layers.lanes, "Lanes");
         ui.checkbox(&mut layers.routes, "Route of the selected vehicle, or of all");
@@ -119,28 +120,77 @@ pub fn paint(canvas: &Canvas<'_>, state: &State, shown: &Shown<'_>) {
     labels(canvas, state, shown);
 }
 
+/// A label over a vehicle.
+struct Label {
+    id: VehicleId,
+    name: String,
+    colour: Color32,
+    /// Where it stands on screen, and the vehicle under it.
+    place: Pos2,
+    foot: Pos2,
+    depth: f64,
+    is_selected: bool,
+    /// A wall is before the vehicle.
+    is_hidden: bool,
+}
+
+/// Names of the vehicles in sight. Of labels that would cover one another the nearest stays.
 fn labels(canvas: &Canvas<'_>, state: &State, shown: &Shown<'_>) {
-    let eye = canvas.view.extrinsics.position;
-    for (vehicle, info) in shown.seen.iter() {
-        let is_selected = state.selection.vehicle == Some(vehicle.id);
-        let top = vehicle.position + DVec3::Z * (info.dimensions.height_m + 1.0);
-        // Whose eyes these are, and who is right before them, is known.
-        let is_carrier = canvas.view.carrier == Some(vehicle.id)
-            || (state.viewpoint.mode == Mode::Chase && state.viewpoint.follow == Some(vehicle.id));
-        if is_carrier || !(is_selected || (state.layers.labels && eye.distance(top) < LABELS_WITHIN_M)) {
+    let mut labels: Vec<Label> =
+        shown.seen.iter().filter_map(|seen| label(canvas, state, shown, seen)).collect();
+    labels.sort_by(|a, b| b.is_selected.cmp(&a.is_selected).then(a.depth.total_cmp(&b.depth)));
+    let mut taken: Vec<Rect> = Vec::new();
+    for label in labels {
+        let faded = |colour: Color32| if label.is_hidden { colour.gamma_multiply(0.45) } else { colour };
+        let font = FontId::proportional(if label.is_selected { 13.0 } else { 11.0 });
+        let painter = &canvas.painter;
+        // Those that nobody has named are called by their number already.
+        let is_numbered = label.name == format!("cav{}", label.id);
+        let text = if is_numbered { label.name } else { format!("{} {}", label.id, label.name) };
+        let text = painter.layout_no_wrap(text, font, faded(label.colour));
+        let rect = Align2::CENTER_BOTTOM.anchor_size(label.place, text.size());
+        let ground = rect.expand2(egui::vec2(3.0, 1.0));
+        if taken.iter().any(|other| other.intersects(ground)) {
             continue;
         }
-        let Some(place) = canvas.place(top) else { continue };
-        let text = format!("{} {}", vehicle.id, info.name);
-        let font = FontId::proportional(if is_selected { 13.0 } else { 11.0 });
-        let painter = &canvas.painter;
-        let text = painter.layout_no_wrap(text, font, status::colour(vehicle.status));
-        let rect = Align2::CENTER_BOTTOM.anchor_size(place, text.size());
-        painter.rect_filled(rect.expand2(egui::vec2(3.0, 1.0)), 3.0, Color32::from_black_alpha(150));
+        taken.push(ground);
+        painter.rect_filled(ground, 3.0, faded(Color32::from_black_alpha(150)));
         painter.galley(rect.min, text, Color32::WHITE);
-        if is_selected {
-            let foot = canvas.place(vehicle.position).unwrap_or(place);
-            painter.line_segment([rect.center_bottom(), foot], Stroke::new(1.0, Color32::WHITE));
+        if label.is_selected {
+            let line = Stroke::new(1.0, faded(Color32::WHITE));
+            painter.line_segment([rect.center_bottom(), label.foot], line);
         }
     }
+}
+
+/// The label of a vehicle; `None` where it has none to be seen.
+fn label(
+    canvas: &Canvas<'_>,
+    state: &State,
+    shown: &Shown<'_>,
+    (vehicle, info): (&VehicleState, &VehicleInfo),
+) -> Option<Label> {
+    let eye = canvas.view.extrinsics.position;
+    let is_selected = state.selection.vehicle == Some(vehicle.id);
+    let roof = vehicle.position + DVec3::Z * info.dimensions.height_m;
+    let top = roof + DVec3::Z;
+    // Whose eyes these are, and who is right before them, is known.
+    let is_carrier = canvas.view.carrier == Some(vehicle.id)
+        || (state.viewpoint.mode == Mode::Chase && state.viewpoint.follow == Some(vehicle.id));
+    if is_carrier || !(is_selected || (state.layers.labels && eye.distance(top) < LABELS_WITHIN_M)) {
+        return None;
+    }
+    let place = canvas.place(top)?;
+    // One that is selected can be found behind walls too.
+    let is_hidden = sight::is_hidden(eye, roof, shown.walls);
+    (is_selected || !is_hidden).then(|| Label {
+        id: vehicle.id,
+        name: info.name.clone(),
+        colour: status::colour(vehicle.status),
+        place,
+        foot: canvas.place(vehicle.position).unwrap_or(place),
+        depth: canvas.depth(top),
+        is_selected,
+        is_hidden,
+    })
 }

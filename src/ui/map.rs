@@ -7,6 +7,13 @@ use glam::DVec2;
 const SIZE: f32 = 150.0;
 const MARGIN: f32 = 8.0;
 
+/// What is left of a place beside the map; all of it where that is too small for one.
+pub fn beside(rect: Rect) -> Rect {
+    let has_room = rect.width() >= 2.5 * SIZE && rect.height() >= 2.0 * SIZE;
+    let taken = if has_room { SIZE + MARGIN } else { 0.0 };
+    Rect::from_min_max(rect.min, rect.max - Vec2::new(taken, 0.0))
+}
+
 /// North is up. A click moves the large view there.
 pub fn show(ui: &Ui, rect: Rect, state: &mut State, shown: &Shown<'_>) {
     let points = || {

@@ -4,6 +4,7 @@
 
 mod bar;
 mod city;
+mod controllers;
 mod drive;
 mod help;
 mod history;
@@ -11,6 +12,7 @@ mod keys;
 mod layers;
 mod map;
 mod preview;
+mod sight;
 mod status;
 mod vehicles;
 mod viewpoint;
@@ -23,8 +25,9 @@ pub use vehicles::Table;
 pub use viewpoint::{Mode, Viewpoint};
 
 use crate::camera::View;
+use crate::city::scene::Wall;
 use crate::city::{CityMap, LaneId};
-use crate::cockpit::Handling;
+use crate::cockpit::{Devices, Handling};
 use crate::live::{Moment, Order};
 use crate::snapshot::{FrameSnapshot, VehicleId};
 use serde::{Deserialize, Serialize};
@@ -42,6 +45,8 @@ pub struct Shown<'a> {
     pub seen: &'a FrameSnapshot,
     pub history: &'a History,
     pub map: &'a CityMap,
+    /// What hides vehicles from sight.
+    pub walls: &'a [Wall],
     pub drivers: &'a Drivers,
     /// Lanes that a vehicle is going to drive, by the scenario.
     pub routes: &'a BTreeMap<VehicleId, Vec<LaneId>>,
@@ -50,6 +55,8 @@ pub struct Shown<'a> {
     pub scenario: &'a str,
     pub duration_s: f64,
     pub scenarios: &'a [String],
+    /// What is being loaded, in words; nothing changes before it is there.
+    pub loading: Option<&'a str>,
     /// Textures of the pictures that were asked for.
     pub textures: &'a BTreeMap<Slot, egui::TextureId>,
     /// What the line at the bottom says: the adapter, where the log is.
@@ -82,6 +89,8 @@ pub enum Action {
     GiveBack,
     Scenario(String),
     Look(Look),
+    /// What does what on gamepads and wheels has changed.
+    KeepDevices,
     Screenshot,
     Quit,
 }
@@ -118,6 +127,20 @@ pub struct Look {
     pub hours: f64,
 }
 
+/// Widths of the panels at the sides, points.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Widths {
+    pub vehicles: f32,
+    pub previews: f32,
+}
+
+impl Default for Widths {
+    fn default() -> Self {
+        Self { vehicles: 425.0, previews: 270.0 }
+    }
+}
+
 /// Which vehicle the user means.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
@@ -134,6 +157,8 @@ pub struct Open {
     pub help: bool,
     #[serde(skip)]
     pub layers: bool,
+    #[serde(skip)]
+    pub controllers: bool,
 }
 
 /// What the user has chosen.
@@ -146,8 +171,11 @@ pub struct State {
     pub layers: Layers,
     pub look: Look,
     pub open: Open,
+    pub widths: Widths,
     /// Of the vehicle that the user drives.
     pub driving: Option<Driving>,
+    /// Gamepads and steering wheels.
+    pub devices: Devices,
     /// Said to the user for a while, and until when, in seconds of egui's clock.
     pub notice: Option<(String, f64)>,
     /// The pictures that this pass needs.
@@ -164,7 +192,9 @@ impl State {
             layers: Layers::default(),
             look,
             open: Open::default(),
+            widths: Widths::default(),
             driving: None,
+            devices: Devices::default(),
             notice: None,
             pictures: Vec::new(),
         }
@@ -218,6 +248,11 @@ impl State {
     }
 }
 
+/// Panels at the sides grow no wider, points.
+const WIDEST: f32 = 640.0;
+/// Nor than this share of the window.
+const MOST_OF_WINDOW: f32 = 0.333;
+
 /// The colour of the ground of the panels. They do not paint it: whoever draws them clears to it.
 pub const GROUND: egui::Color32 = egui::Color32::from_gray(27);
 
@@ -227,6 +262,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Acti
     state.pictures.clear();
     state.attend(shown);
     keys::act(ui, state, shown, &mut actions);
+    drive::act(state, &mut actions);
     let frame = egui::Frame::side_top_panel(ui.style()).fill(egui::Color32::TRANSPARENT);
     egui::Panel::top("bar").frame(frame).show(ui, |ui| {
         ui.add_space(3.0);
@@ -234,20 +270,48 @@ pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Acti
         ui.add_space(3.0);
     });
     egui::Panel::bottom("footer").frame(frame).show(ui, |ui| footer(ui, shown));
-    egui::Panel::left("vehicles").frame(frame).default_size(400.0).size_range(180.0..=640.0).show(ui, |ui| {
+    // However small the window is, the city keeps a third of it.
+    let most = (ui.available_width() * MOST_OF_WINDOW).clamp(0.0, WIDEST);
+    let side = |panel: egui::Panel, width: f32, least: f32| {
+        panel.frame(frame).default_size(width.min(most)).size_range(least.min(most)..=most)
+    };
+    // One that has less room than it wishes for is another panel in a window of another width: that makes egui
+    // give it its width again.
+    let room = |wished: f32| if wished > most { most as u32 } else { 0 };
+    let panel = egui::Panel::left(("vehicles", room(state.widths.vehicles)));
+    let panel = side(panel, state.widths.vehicles, 180.0);
+    let panel = panel.show(ui, |ui| {
+        // However little is in it, a panel keeps its width.
+        ui.set_min_width(ui.available_width());
         vehicles::show(ui, &shown.moment.now, shown.drivers, &mut state.table, &mut state.selection);
     });
-    egui::Panel::right("previews").frame(frame).default_size(270.0).size_range(160.0..=640.0).show(
-        ui,
-        |ui| {
-            preview::show_all(ui, state, shown, &mut actions);
-        },
-    );
+    wish(&mut state.widths.vehicles, panel.response.rect.width(), most);
+    let panel = egui::Panel::right(("previews", room(state.widths.previews)));
+    let panel = side(panel, state.widths.previews, 160.0);
+    let panel = panel.show(ui, |ui| {
+        ui.set_min_width(ui.available_width());
+        preview::show_all(ui, state, shown, &mut actions);
+    });
+    wish(&mut state.widths.previews, panel.response.rect.width(), most);
     egui::CentralPanel::no_frame().show(ui, |ui| city::show(ui, state, shown));
     layers::window(ui, state);
+    controllers::window(ui, state, &mut actions);
     help::window(ui, state);
     drive::step(ui, state, shown, &mut actions);
     actions
+}
+
+/// Takes down the width that the user has given a panel. One that only has no room for more keeps its wish.
+fn wish(wished: &mut f32, width: f32, most: f32) {
+    if (width - wished.min(most)).abs() > 0.5 {
+        *wished = width;
+    }
+}
+
+/// A window over the city that does not cover the bar, nor what is at the sides where there is room.
+fn sheet(ui: &egui::Ui, title: &'static str) -> egui::Window<'static> {
+    let top = ui.ctx().content_rect().center_top() + egui::vec2(0.0, 70.0);
+    egui::Window::new(title).pivot(egui::Align2::CENTER_TOP).default_pos(top).resizable(false)
 }
 
 fn footer(ui: &mut egui::Ui, shown: &Shown<'_>) {

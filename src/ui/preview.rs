@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 /// Where a preview looks from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Eye {
     #[default]
     Windscreen,

@@ -107,6 +107,21 @@ fn rows<'a>(snapshot: &'a FrameSnapshot, drivers: &'a Drivers, table: &Table) ->
 }
 
 const ROW_HEIGHT: f32 = 20.0;
+/// Widths of the columns, points: what is usual, and what is readable still.
+const WIDTHS: [(f32, f32); 7] =
+    [(44.0, 40.0), (66.0, 46.0), (50.0, 34.0), (68.0, 56.0), (46.0, 44.0), (46.0, 44.0), (44.0, 42.0)];
+
+/// The columns that find room, by their places in [`Key::COLUMNS`]: where they lie and who drives go first.
+fn columns(width: f32, spacing: f32) -> Vec<usize> {
+    let needed = |columns: &[usize]| columns.iter().map(|&k| WIDTHS[k].1 + spacing).sum::<f32>();
+    let mut columns: Vec<usize> = (0..WIDTHS.len()).collect();
+    for dropped in [&[4, 5][..], &[2], &[1]] {
+        if needed(&columns) > width {
+            columns.retain(|k| !dropped.contains(k));
+        }
+    }
+    columns
+}
 
 /// Shows the table. A click selects, a double click follows.
 pub fn show(
@@ -153,17 +168,21 @@ pub fn show(
 fn grid(ui: &mut Ui, shown: &[Row<'_>], table: &mut Table, selection: &mut Selection) {
     // A click on a text of a row means the row.
     ui.style_mut().interaction.selectable_labels = false;
+    let spacing = ui.spacing().item_spacing.x;
+    let scrollbar = ui.spacing().scroll.bar_width + ui.spacing().scroll.bar_inner_margin;
+    let width = ui.available_width() - scrollbar;
+    let columns = columns(width, spacing);
+    let usual: f32 = columns.iter().map(|&k| WIDTHS[k].0).sum();
+    let share = ((width - spacing * columns.len() as f32) / usual).max(0.0);
     let mut builder = TableBuilder::new(ui)
         .striped(true)
         .sense(Sense::click())
         .auto_shrink(false)
-        .cell_layout(Layout::left_to_right(Align::Center))
-        .column(Column::initial(44.0).at_least(36.0))
-        .column(Column::initial(66.0).at_least(40.0).clip(true))
-        .column(Column::initial(50.0).at_least(36.0).clip(true))
-        .column(Column::initial(68.0).at_least(40.0).clip(true))
-        .columns(Column::initial(46.0).at_least(40.0), 2)
-        .column(Column::remainder().at_least(40.0));
+        .cell_layout(Layout::left_to_right(Align::Center));
+    for &k in &columns {
+        let (usual_width, least) = WIDTHS[k];
+        builder = builder.column(Column::exact((usual_width * share).max(least)).clip(true));
+    }
     if std::mem::take(&mut table.reveal)
         && let Some(row) = shown.iter().position(|row| Some(row.id) == selection.vehicle)
     {
@@ -171,7 +190,8 @@ fn grid(ui: &mut Ui, shown: &[Row<'_>], table: &mut Table, selection: &mut Selec
     }
     builder
         .header(ROW_HEIGHT, |mut header| {
-            for (key, title, tip) in Key::COLUMNS {
+            for &k in &columns {
+                let (key, title, tip) = Key::COLUMNS[k];
                 header.col(|ui| heading(ui, table, key, (title, tip)));
             }
         })
@@ -179,7 +199,7 @@ fn grid(ui: &mut Ui, shown: &[Row<'_>], table: &mut Table, selection: &mut Selec
             body.rows(ROW_HEIGHT, shown.len(), |mut line| {
                 let row = &shown[line.index()];
                 line.set_selected(Some(row.id) == selection.vehicle);
-                cells(&mut line, row);
+                columns.iter().for_each(|&k| cell(&mut line, row, Key::COLUMNS[k].0));
                 let response = line.response();
                 if response.clicked() {
                     selection.vehicle = Some(row.id);
@@ -206,25 +226,25 @@ fn heading(ui: &mut Ui, table: &mut Table, key: Key, (title, tip): (&str, &str))
     }
 }
 
-fn cells(line: &mut egui_extras::TableRow<'_, '_>, row: &Row<'_>) {
-    line.col(|ui| {
-        chip(ui, row.colour);
-        ui.label(row.id.to_string());
+fn cell(line: &mut egui_extras::TableRow<'_, '_>, row: &Row<'_>, key: Key) {
+    line.col(|ui| match key {
+        Key::Id => {
+            chip(ui, row.colour);
+            ui.label(row.id.to_string());
+        }
+        Key::Name => _ = ui.label(row.name),
+        Key::Driver => _ = ui.label(row.driver),
+        Key::Status => {
+            ui.label(RichText::new(row.status.label()).color(status::colour(row.status)));
+        }
+        Key::X => number(ui, row.x_m),
+        Key::Y => number(ui, row.y_m),
+        Key::Speed => number(ui, row.speed_kmh),
     });
-    line.col(|ui| {
-        ui.label(row.name);
-    });
-    line.col(|ui| {
-        ui.label(row.driver);
-    });
-    line.col(|ui| {
-        ui.label(RichText::new(row.status.label()).color(status::colour(row.status)));
-    });
-    for number in [row.x_m, row.y_m, row.speed_kmh] {
-        line.col(|ui| {
-            ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.monospace(tenths(number)));
-        });
-    }
+}
+
+fn number(ui: &mut Ui, value: f64) {
+    ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.monospace(tenths(value)));
 }
 
 /// With one digit behind the point, and no minus before nothing.
@@ -238,4 +258,17 @@ pub fn chip(ui: &mut Ui, colour: Color32) {
     ui.painter().rect_filled(rect, 2.0, colour);
     let edge = egui::Stroke::new(1.0, ui.visuals().weak_text_color());
     ui.painter().rect_stroke(rect, 2.0, edge, egui::StrokeKind::Inside);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_narrow_table_drops_what_matters_least() {
+        assert_eq!(columns(400.0, 8.0), [0, 1, 2, 3, 4, 5, 6]);
+        assert_eq!(columns(290.0, 8.0), [0, 1, 2, 3, 6]);
+        assert_eq!(columns(230.0, 8.0), [0, 1, 3, 6]);
+        assert_eq!(columns(160.0, 8.0), [0, 3, 6]);
+    }
 }

@@ -1,14 +1,16 @@
 //! What the window shows and does, without a window: the run on its thread, the panels, and the orders
 //! that go from these to that.
 
-use super::super::{Failure, ScenarioArgs, load};
+use super::super::{Failure, ScenarioArgs};
+use super::settings::{Settings, Views};
 use crate::city::LaneId;
+use crate::city::scene::{SceneDescription, Wall};
 use crate::cockpit::Handling;
 use crate::live::{Live, Moment, Options, Order, Phase, Speed};
 use crate::render::Context;
 use crate::scenario::{Experiment, shipped_scenarios};
 use crate::snapshot::{FrameSnapshot, SimCommand, VehicleId};
-use crate::ui::{self, Action, Drivers, Driving, History, Look, Mode, Picture, Shown, Slot, State};
+use crate::ui::{self, Action, Drivers, Driving, History, Look, Mode, Picture, Preview, Shown, Slot, State};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -26,9 +28,10 @@ pub struct Place {
 pub enum Wish {
     /// The pictures look otherwise from now on.
     Look,
-    /// Another city.
-    Scene,
+    /// Another experiment.
+    Scenario(ScenarioArgs),
     Screenshot,
+    KeepDevices,
     Quit,
 }
 
@@ -41,9 +44,11 @@ pub struct Desk {
     pub state: State,
     history: History,
     seen: FrameSnapshot,
-    /// Runs that ended with other scenarios.
-    runs_before: u32,
     scenarios: Vec<String>,
+    /// What is being loaded, in words.
+    pub loading: Option<String>,
+    /// The run in which the user was last put at the wheel.
+    seated_in: u32,
     footer: String,
     adapter: String,
     most_moving_pixels: Option<u32>,
@@ -57,6 +62,9 @@ struct Facts {
     drivers: Drivers,
     routes: BTreeMap<VehicleId, Vec<LaneId>>,
     handling: BTreeMap<VehicleId, Handling>,
+    walls: Vec<Wall>,
+    /// The vehicle that the user drives from the start.
+    own: Option<VehicleId>,
 }
 
 impl Facts {
@@ -71,6 +79,8 @@ impl Facts {
                     (v.id, Handling { wheelbase_m, steering_limit_rad: v.spec.steering_limit_rad })
                 })
                 .collect(),
+            walls: SceneDescription::walls_of(&experiment.city_map),
+            own: vehicles().find(|v| v.is_human).map(|v| v.id),
         }
     }
 }
@@ -88,7 +98,7 @@ impl Desk {
         if !scenarios.contains(&args.scenario) {
             scenarios.insert(0, args.scenario.clone());
         }
-        Ok(Self {
+        let mut desk = Self {
             facts: Facts::of(&experiment),
             state: State::new(&seen, look),
             args,
@@ -97,15 +107,18 @@ impl Desk {
             experiment,
             history: History::default(),
             seen,
-            runs_before: 0,
             scenarios,
+            loading: None,
+            seated_in: 0,
             footer: String::new(),
             adapter: String::new(),
             most_moving_pixels: None,
-        })
+        };
+        desk.seat(0.0);
+        Ok(desk)
     }
 
-    pub fn experiment(&self) -> &Experiment {
+    pub fn experiment(&self) -> &Arc<Experiment> {
         &self.experiment
     }
 
@@ -159,6 +172,7 @@ impl Desk {
         let moment = self.live.moment();
         self.seen.blend(&moment.before, &moment.now, moment.weight_at(Instant::now()));
         self.note(&moment);
+        self.seat(ui.input(|input| input.time));
         let log = moment.folder.as_ref().map(|folder| format!("log {}   ", folder.display()));
         self.footer = format!("{}{}", log.unwrap_or_default(), self.adapter);
         let shown = Shown {
@@ -166,12 +180,14 @@ impl Desk {
             seen: &self.seen,
             history: &self.history,
             map: &self.experiment.city_map,
+            walls: &self.facts.walls,
             drivers: &self.facts.drivers,
             routes: &self.facts.routes,
             handling: &self.facts.handling,
             scenario: &self.args.scenario,
             duration_s: self.experiment.duration_s,
             scenarios: &self.scenarios,
+            loading: self.loading.as_deref(),
             textures,
             footer: &self.footer,
             frames_per_s,
@@ -190,14 +206,25 @@ impl Desk {
                 Action::GiveBack => self.give_back(),
                 Action::Look(_) => wishes.push(Wish::Look),
                 Action::Screenshot => wishes.push(Wish::Screenshot),
+                Action::KeepDevices => wishes.push(Wish::KeepDevices),
                 Action::Quit => wishes.push(Wish::Quit),
-                Action::Scenario(name) => match self.change_to(&name) {
-                    Ok(()) => wishes.push(Wish::Scene),
-                    Err(failure) => self.state.say(failure.message, now_s),
-                },
+                Action::Scenario(scenario) => {
+                    wishes.push(Wish::Scenario(ScenarioArgs { scenario, ..self.args.clone() }));
+                }
             }
         }
         wishes
+    }
+
+    /// Puts the user at the wheel of the vehicle that the scenario has for persons, once a run.
+    fn seat(&mut self, now_s: f64) {
+        let run = self.live.moment().run;
+        if self.seated_in != run {
+            self.seated_in = run;
+            if let Some(vehicle) = self.facts.own {
+                self.take_over(vehicle, now_s);
+            }
+        }
     }
 
     fn take_over(&mut self, vehicle: VehicleId, now_s: f64) {
@@ -221,23 +248,65 @@ impl Desk {
     }
 
     /// Ends the present run, log and all, and begins with another scenario.
-    fn change_to(&mut self, name: &str) -> Result<(), Failure> {
-        let args = ScenarioArgs { scenario: name.to_owned(), ..self.args.clone() };
-        let experiment = load::experiment(&args)?;
-        let runs_before = self.runs_before + self.live.moment().run;
-        let live = start(&experiment, &self.place, runs_before)?;
+    ///
+    /// # Errors
+    /// Where it cannot be run; the present one goes on then.
+    pub fn enter(
+        &mut self,
+        args: ScenarioArgs,
+        experiment: Arc<Experiment>,
+        now_s: f64,
+    ) -> Result<(), Failure> {
+        let live = start(&experiment, &self.place, self.live.moment().run)?;
         let old = std::mem::replace(&mut self.live, live);
-        let ended = old.stop().map_err(Failure::failed);
-        (self.runs_before, self.args) = (runs_before, args);
+        self.args = args;
         self.facts = Facts::of(&experiment);
         self.experiment = experiment;
         let first = self.live.moment();
         let look = self.state.look;
         let before = std::mem::replace(&mut self.state, State::new(&first.now, look));
         (self.state.table, self.state.layers) = (before.table, before.layers);
-        self.state.look.hours = self.experiment.time_of_day.hours;
-        self.set_speed(first.speed);
-        ended
+        (self.state.devices, self.state.widths) = (before.devices, before.widths);
+        self.set_speed(old.moment().speed);
+        if let Err(error) = old.stop() {
+            self.state.say(error.to_string(), now_s);
+        }
+        Ok(())
+    }
+
+    /// Shows things as they were shown when the window was last closed.
+    pub fn restore(&mut self, settings: &Settings) {
+        let state = &mut self.state;
+        (state.table, state.layers, state.widths) =
+            (settings.table.clone(), settings.layers, settings.widths);
+        let views = Some(&settings.views).filter(|views| views.scenario == self.args.scenario);
+        let find = |name: &String| self.experiment.vehicles.iter().find(|v| v.name == *name).map(|v| v.id);
+        let previews = views.into_iter().flat_map(|views| &views.previews);
+        state.previews =
+            previews.filter_map(|(name, eye)| Some(Preview { vehicle: find(name)?, eye: *eye })).collect();
+        // Who drives looks from behind the car.
+        if state.driving.is_none() {
+            let followed = views.and_then(|views| views.followed.as_ref()).and_then(find);
+            state.selection.vehicle = followed;
+            state.set_mode(settings.mode);
+            state.follow(followed);
+        }
+    }
+
+    /// Takes down how things are shown.
+    pub fn remember(&self, settings: &mut Settings) {
+        let state = &self.state;
+        (settings.table, settings.layers, settings.widths) =
+            (state.table.clone(), state.layers, state.widths);
+        (settings.mode, settings.speed) = (state.viewpoint.mode, Some(self.live.moment().speed));
+        let name =
+            |id: VehicleId| self.experiment.vehicles.iter().find(|v| v.id == id).map(|v| v.name.clone());
+        let previews = state.previews.iter().filter_map(|p| Some((name(p.vehicle)?, p.eye)));
+        settings.views = Views {
+            scenario: self.args.scenario.clone(),
+            followed: state.viewpoint.follow.and_then(name),
+            previews: previews.collect(),
+        };
     }
 
     /// Ends the run and finishes its log.

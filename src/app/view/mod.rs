@@ -2,9 +2,12 @@
 
 mod bench;
 mod desk;
+mod gamepads;
+mod loading;
 mod picture;
 mod settings;
 mod stage;
+mod surface;
 mod window;
 
 pub(super) use bench::{BenchArgs, bench};
@@ -12,7 +15,7 @@ pub(super) use bench::{BenchArgs, bench};
 use super::{Failure, Model, ScenarioArgs, load, look};
 use crate::live::Speed;
 use crate::render::{AdapterPreference, Context};
-use crate::ui::{Look, Mode, Preset};
+use crate::ui::{Look, Preset};
 use clap::Args;
 use desk::{Desk, Place};
 use settings::Settings;
@@ -23,7 +26,7 @@ pub(super) const FIRST_SCENARIO: &str = "roundabout";
 
 #[derive(Debug, Args)]
 pub struct ViewArgs {
-    /// A scenario file, or a shipped one: roundabout, city, straight
+    /// A scenario file, or a shipped one: roundabout, city, straight, student
     #[arg(default_value = FIRST_SCENARIO)]
     scenario: String,
     /// Seed of all random draws, instead of the scenario's
@@ -52,7 +55,7 @@ pub struct ViewArgs {
     /// Begin to run at once
     #[arg(long)]
     start: bool,
-    /// Neither read nor write what is remembered between runs: layout, quality, layers
+    /// Neither read nor write what is remembered between runs: layout, quality, previews, gamepads
     #[arg(long)]
     fresh: bool,
     #[command(flatten)]
@@ -120,12 +123,8 @@ impl ViewArgs {
         let preset = remembered.unwrap_or_else(|| preset(self.look.quality, context.is_software));
         let hours = self.look.time.unwrap_or(experiment.time_of_day).hours;
         let mut desk = Desk::new(scenario, experiment, Look { preset, hours }, place)?;
-        desk.state.table = settings.table.clone();
-        desk.state.layers = settings.layers;
-        if settings.mode == Mode::Overhead {
-            desk.state.set_mode(Mode::Overhead);
-        }
-        if let Some(speed) = self.speed {
+        desk.restore(settings);
+        if let Some(speed) = self.speed.or(settings.speed.map(Speed::sane)) {
             desk.set_speed(speed);
         }
         Ok(desk)

@@ -1,7 +1,11 @@
 //! What the window remembers between runs, in a file of the user's.
 
-use crate::ui::{Layers, Mode, Preset, Table};
+use crate::cockpit::Profile;
+use crate::live::Speed;
+use crate::ui::{Eye, Layers, Mode, Preset, Table, Widths};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -12,40 +16,73 @@ pub struct Settings {
     /// `None` as long as the user has not chosen: what suits the adapter.
     pub preset: Option<Preset>,
     pub mode: Mode,
+    /// `None` as long as the user has not chosen.
+    pub speed: Option<Speed>,
     pub layers: Layers,
     pub table: Table,
+    pub widths: Widths,
+    pub views: Views,
+}
+
+/// Which vehicles were watched, by their names, in one scenario.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Views {
+    pub scenario: String,
+    pub followed: Option<String>,
+    pub previews: Vec<(String, Eye)>,
 }
 
 impl Settings {
     /// Those of the last time, or the usual ones where there are none that can be read.
     pub fn load() -> Self {
-        let Some(path) = file() else { return Self::default() };
-        let Ok(text) = std::fs::read_to_string(&path) else { return Self::default() };
-        toml::from_str(&text).unwrap_or_else(|error| {
-            tracing::warn!("{}: not used: {error}", path.display());
-            Self::default()
-        })
+        file("view.toml").map(|path| read(&path)).unwrap_or_default()
     }
 
-    /// Keeps them for the next time. A folder that cannot be written is no reason to fail.
+    /// Keeps them for the next time.
     pub fn save(&self) {
-        let Some(path) = file() else { return };
-        if let Err(error) = self.write(&path) {
-            tracing::warn!("{}: settings are not kept: {error}", path.display());
-        }
-    }
-
-    fn write(&self, path: &Path) -> std::io::Result<()> {
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder)?;
-        }
-        let text = toml::to_string_pretty(self).map_err(std::io::Error::other)?;
-        std::fs::write(path, text)
+        keep("view.toml", self);
     }
 }
 
-fn file() -> Option<PathBuf> {
-    folder("XDG_CONFIG_HOME", ".config").map(|folder| folder.join("city3d").join("view.toml"))
+/// What controls of gamepads and wheels do, as it was chosen, by device.
+pub type Profiles = BTreeMap<String, Profile>;
+
+pub fn load_profiles() -> Profiles {
+    file("devices.toml").map(|path| read(&path)).unwrap_or_default()
+}
+
+pub fn save_profiles(profiles: &Profiles) {
+    keep("devices.toml", profiles);
+}
+
+/// What is in a file, or the usual where there is none that can be read.
+fn read<T: Default + DeserializeOwned>(path: &Path) -> T {
+    let Ok(text) = std::fs::read_to_string(path) else { return T::default() };
+    toml::from_str(&text).unwrap_or_else(|error| {
+        tracing::warn!("{}: not used: {error}", path.display());
+        T::default()
+    })
+}
+
+/// Writes a file of the user's. A folder that cannot be written is no reason to fail.
+fn keep(name: &str, value: &impl Serialize) {
+    let Some(path) = file(name) else { return };
+    if let Err(error) = write(&path, value) {
+        tracing::warn!("{}: settings are not kept: {error}", path.display());
+    }
+}
+
+fn write(path: &Path, value: &impl Serialize) -> std::io::Result<()> {
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder)?;
+    }
+    let text = toml::to_string_pretty(value).map_err(std::io::Error::other)?;
+    std::fs::write(path, text)
+}
+
+fn file(name: &str) -> Option<PathBuf> {
+    folder("XDG_CONFIG_HOME", ".config").map(|folder| folder.join("city3d").join(name))
 }
 
 /// A new folder for the logs of a window on a scenario.
@@ -92,6 +129,7 @@ fn date(days: u64) -> [u64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cockpit::{Control, Function, Lever};
 
     #[test]
     fn days_become_dates() {
@@ -111,10 +149,33 @@ mod tests {
             mode: Mode::Overhead,
             layers: Layers { lanes: true, labels: false, ..Layers::default() },
             table: Table { descending: true, ..Table::default() },
+            speed: Some(Speed::Times(2.0)),
+            widths: Widths { vehicles: 321.5, previews: 300.0 },
+            views: Views {
+                scenario: "roundabout".to_owned(),
+                followed: Some("path1_a".to_owned()),
+                previews: vec![("path1_b".to_owned(), Eye::Rear)],
+            },
         };
-        settings.write(&path).unwrap();
-        let text = std::fs::read_to_string(&path).unwrap();
-        assert_eq!(toml::from_str::<Settings>(&text).unwrap(), settings);
-        assert_eq!(toml::from_str::<Settings>("from_a_later_version = 1").unwrap(), Settings::default());
+        write(&path, &settings).unwrap();
+        assert_eq!(read::<Settings>(&path), settings);
+        std::fs::write(&path, "from_a_later_version = 1").unwrap();
+        assert_eq!(read::<Settings>(&path), Settings::default());
+        std::fs::write(&path, "size = [").unwrap();
+        assert_eq!(read::<Settings>(&path), Settings::default());
+    }
+
+    #[test]
+    fn what_was_assigned_on_a_device_comes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("devices.toml");
+        let axis = Control::Axis(0x0003_0002);
+        let pedal = Lever { control: axis, rest: 0.987_654_321, full: -0.9, dead_zone: 0.03 };
+        let buttons = [(Function::TakeWheel, Control::Button(0x0001_0120))];
+        let mut profile = Profile::usual(Some(Control::Axis(0x0003_0000)), true, &buttons);
+        profile.levers.insert(Function::Gas, pedal);
+        let profiles = Profiles::from([("Wheel \"G\" 0300".to_owned(), profile)]);
+        write(&path, &profiles).unwrap();
+        assert_eq!(read::<Profiles>(&path), profiles);
     }
 }

@@ -55,9 +55,8 @@ impl Stage {
     }
 
     /// From now on another city, or the same one in another light.
-    pub fn set_scene(&mut self, experiment: &Experiment, look: Look) -> Result<(), Failure> {
-        self.city = renderer(&self.context, experiment, look)?;
-        Ok(())
+    pub fn set_city(&mut self, city: Renderer) {
+        self.city = city;
     }
 
     /// The textures of the pictures that have been drawn.
@@ -195,7 +194,8 @@ impl Stage {
     }
 }
 
-fn renderer(context: &Context, experiment: &Experiment, look: Look) -> Result<Renderer, Failure> {
+/// What draws the city of an experiment.
+pub fn renderer(context: &Context, experiment: &Experiment, look: Look) -> Result<Renderer, Failure> {
     let quality = match look.preset {
         Preset::Low => Quality::LOW,
         Preset::Medium => Quality::MEDIUM,

@@ -1,9 +1,13 @@
 //! The window itself: its surface, its events, and when it is drawn.
 
 use super::desk::{Desk, Place, Wish};
-use super::settings::log_folder;
+use super::gamepads::Gamepads;
+use super::loading::{Loading, Request};
+use super::settings::{load_profiles, log_folder, save_profiles};
 use super::stage::{Screen, Stage};
+use super::surface::Surface;
 use super::{Failure, Settings, ViewArgs};
+use crate::cockpit::Devices;
 use crate::live::Order;
 use crate::render::{Context, write_png};
 use std::sync::Arc;
@@ -19,7 +23,10 @@ const USUAL_SIZE: [u32; 2] = [1280, 720];
 const FRAME: Duration = Duration::from_millis(1000 / 60);
 const SOFTWARE_FRAME: Duration = Duration::from_millis(1000 / 30);
 
-/// Told to the window from the run's thread: there is something new to see.
+/// A window that cannot be drawn to is tried again after this.
+const AGAIN: Duration = Duration::from_millis(50);
+
+/// Told to the window from other threads: there is something new to see.
 #[derive(Clone, Copy, Debug)]
 struct News;
 
@@ -57,13 +64,16 @@ struct App<'a> {
 /// Everything that is there while the window is open.
 struct Shell {
     window: Arc<Window>,
-    instance: wgpu::Instance,
-    surface: wgpu::Surface<'static>,
-    config: wgpu::SurfaceConfiguration,
+    surface: Surface,
     stage: Stage,
     desk: Desk,
     egui: egui::Context,
     input: egui_winit::State,
+    gamepads: Gamepads,
+    /// What is being loaded, and what is to be done then.
+    loading: Option<Loading>,
+    next: Option<Wish>,
+    on_news: Arc<dyn Fn() + Send + Sync>,
     settings: Settings,
     remembers: bool,
     is_hidden: bool,
@@ -114,7 +124,8 @@ impl ApplicationHandler<News> for App<'_> {
             shell.want(Duration::ZERO);
         }
         match event {
-            WindowEvent::CloseRequested => events.exit(),
+            // Some systems take the window away without asking.
+            WindowEvent::CloseRequested | WindowEvent::Destroyed => events.exit(),
             WindowEvent::Resized(size) => shell.resize(size),
             WindowEvent::Occluded(is_hidden) => shell.is_hidden = is_hidden,
             WindowEvent::RedrawRequested => match shell.redraw() {
@@ -157,15 +168,19 @@ impl Shell {
         let surface = instance.create_surface(Arc::clone(&window)).map_err(Failure::failed)?;
         let context =
             Context::for_surface(&instance, &surface, &args.preference()).map_err(super::look::failure)?;
-        let config = configuration(&surface, &context, window.inner_size())?;
+        let surface = Surface::new(Arc::clone(&window), instance, surface, &context)?;
         let logs = if args.no_log { None } else { args.out.clone().or_else(|| log_folder(&args.scenario)) };
-        let on_news = Arc::new(move || {
+        let on_news: Arc<dyn Fn() + Send + Sync> = Arc::new(move || {
             // The event loop may have ended before the run.
             let _ = proxy.send_event(News);
         });
-        let mut desk = args.desk(&context, &settings, Place { logs, on_news })?;
+        let mut desk = args.desk(&context, &settings, Place { logs, on_news: Arc::clone(&on_news) })?;
         desk.set_adapter(&context);
-        let stage = Stage::new(context, desk.experiment(), desk.state.look, config.format)?;
+        if !args.fresh {
+            desk.state.devices = Devices::new(load_profiles());
+        }
+        let gamepads = Gamepads::listen(Arc::clone(&on_news));
+        let stage = Stage::new(context, desk.experiment(), desk.state.look, surface.format())?;
         let egui = egui_context();
         let most = stage.context().device.limits().max_texture_dimension_2d as usize;
         let input = egui_winit::State::new(
@@ -179,15 +194,17 @@ impl Shell {
         if args.start {
             desk.order(Order::Start);
         }
-        let mut shell = Self {
+        Ok(Self {
             window,
-            instance,
             surface,
-            config,
             stage,
             desk,
             egui,
             input,
+            gamepads,
+            loading: None,
+            next: None,
+            on_news,
             settings,
             remembers: !args.fresh,
             is_hidden: false,
@@ -195,29 +212,12 @@ impl Shell {
             due: Some(Instant::now()),
             drawn: Instant::now(),
             interval_s: 0.0,
-        };
-        shell.configure();
-        Ok(shell)
-    }
-
-    fn has_size(&self) -> bool {
-        let size = self.window.inner_size();
-        size.width > 0 && size.height > 0
-    }
-
-    fn configure(&mut self) {
-        let most = self.stage.context().device.limits().max_texture_dimension_2d;
-        let size = self.window.inner_size();
-        if size.width > 0 && size.height > 0 {
-            (self.config.width, self.config.height) = (size.width.min(most), size.height.min(most));
-            self.surface.configure(&self.stage.context().device, &self.config);
-        }
+        })
     }
 
     fn resize(&mut self, size: PhysicalSize<u32>) {
-        // A minimised window has no size on some systems: nothing is drawn until it has one again.
-        if size.width > 0 && size.height > 0 {
-            self.configure();
+        if self.surface.has_size() {
+            self.surface.configure();
             self.settings.size = Some(size.into());
             self.want(Duration::ZERO);
         }
@@ -238,10 +238,12 @@ impl Shell {
     /// One pass of the panels, drawn. `false` when the user wants to quit.
     fn redraw(&mut self) -> Result<bool, Failure> {
         self.due = None;
-        if self.is_hidden || !self.has_size() {
+        if self.is_hidden || !self.surface.has_size() {
             return Ok(true);
         }
         self.measure();
+        self.hear_gamepads();
+        self.take_loaded();
         let textures = self.stage.textures();
         let input = self.input.take_egui_input(&self.window);
         let (desk, frames_per_s) = (&mut self.desk, 1.0 / self.interval_s.max(1e-3));
@@ -257,7 +259,7 @@ impl Shell {
             if wish == Wish::Quit {
                 return Ok(false);
             }
-            self.grant(&wish)?;
+            self.grant(wish);
         }
         if self.desk.is_moving() {
             self.want(Duration::ZERO);
@@ -265,6 +267,15 @@ impl Shell {
             self.want(delay);
         }
         Ok(true)
+    }
+
+    fn hear_gamepads(&mut self) {
+        let now_s = self.egui.input(|input| input.time);
+        while let Some(event) = self.gamepads.try_next() {
+            if let Some(text) = self.desk.state.devices.take(event, now_s) {
+                self.desk.state.say(text, now_s);
+            }
+        }
     }
 
     fn measure(&mut self) {
@@ -280,22 +291,12 @@ impl Shell {
 
     /// Shows a pass on the window, if that can be drawn to.
     fn present(&mut self, output: egui::FullOutput) {
-        use wgpu::CurrentSurfaceTexture::{
-            Lost, Occluded, Outdated, Suboptimal, Success, Timeout, Validation,
+        let Some(texture) = self.surface.next() else {
+            self.stage.paint(&self.egui, output, &[]);
+            self.want(AGAIN);
+            return;
         };
-        let extent = [self.config.width, self.config.height];
-        let texture = match self.surface.get_current_texture() {
-            Success(texture) | Suboptimal(texture) => texture,
-            Timeout | Occluded => {
-                self.stage.paint(&self.egui, output, &[]);
-                return;
-            }
-            problem @ (Outdated | Lost | Validation) => {
-                self.stage.paint(&self.egui, output, &[]);
-                self.recover(matches!(problem, Lost));
-                return;
-            }
-        };
+        let extent = self.surface.extent();
         let view_of = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let view = view_of(&texture.texture);
         let memory = std::mem::take(&mut self.wants_shot).then(|| self.stage.memory(extent));
@@ -310,31 +311,62 @@ impl Shell {
         }
     }
 
-    /// Makes the surface usable again; the next picture is drawn soon.
-    fn recover(&mut self, is_lost: bool) {
-        if is_lost {
-            match self.instance.create_surface(Arc::clone(&self.window)) {
-                Ok(surface) => self.surface = surface,
-                Err(error) => tracing::warn!("the window's surface is lost: {error}"),
-            }
-        }
-        self.configure();
-        self.want(Duration::from_millis(50));
-    }
-
-    fn grant(&mut self, wish: &Wish) -> Result<(), Failure> {
-        let look = self.desk.state.look;
+    fn grant(&mut self, wish: Wish) {
         match wish {
-            Wish::Look => {
-                self.settings.preset = Some(look.preset);
-                self.stage.set_scene(self.desk.experiment(), look)?;
-            }
-            Wish::Scene => self.stage.set_scene(self.desk.experiment(), look)?,
+            Wish::Look | Wish::Scenario(_) => self.load(wish),
             Wish::Screenshot => self.wants_shot = true,
-            Wish::Quit => {}
+            Wish::KeepDevices if self.remembers => save_profiles(self.desk.state.devices.profiles()),
+            Wish::KeepDevices | Wish::Quit => {}
         }
         self.want(Duration::ZERO);
-        Ok(())
+    }
+
+    /// Begins to load what is wished, or does so once what is being loaded is there.
+    fn load(&mut self, wish: Wish) {
+        if self.loading.is_some() {
+            // A scenario comes with the look that is chosen by then.
+            if !matches!((&self.next, &wish), (Some(Wish::Scenario(_)), Wish::Look)) {
+                self.next = Some(wish);
+            }
+            return;
+        }
+        let look = self.desk.state.look;
+        let request = match wish {
+            Wish::Scenario(args) => Request::Scenario(args, look),
+            _ => {
+                self.settings.preset = Some(look.preset);
+                Request::Look(Arc::clone(self.desk.experiment()), look)
+            }
+        };
+        self.desk.loading = Some(request.label());
+        match Loading::begin(request, self.stage.context(), Arc::clone(&self.on_news)) {
+            Ok(loading) => self.loading = Some(loading),
+            Err(failure) => self.say(failure.message),
+        }
+    }
+
+    /// Shows what has been loaded.
+    fn take_loaded(&mut self) {
+        let Some(outcome) = self.loading.as_ref().and_then(Loading::try_finish) else { return };
+        (self.loading, self.desk.loading) = (None, None);
+        let shown = outcome.and_then(|loaded| {
+            if let Some((args, experiment)) = loaded.scenario {
+                self.desk.enter(args, experiment, self.egui.input(|input| input.time))?;
+                self.desk.state.look.hours = loaded.look.hours;
+            }
+            self.stage.set_city(loaded.city);
+            Ok(())
+        });
+        if let Err(failure) = shown {
+            self.say(failure.message);
+        }
+        if let Some(wish) = self.next.take() {
+            self.load(wish);
+        }
+    }
+
+    fn say(&mut self, text: String) {
+        self.desk.state.say(text, self.egui.input(|input| input.time));
     }
 
     /// Writes a picture of the window into the working folder.
@@ -343,37 +375,15 @@ impl Shell {
         let written = self.stage.read(memory);
         let written = written.and_then(|image| write_png(file.as_ref(), &image).map_err(Failure::failed));
         let said = written.map_or_else(|failure| failure.message, |()| format!("Screenshot: {file}"));
-        self.desk.state.say(said, self.egui.input(|input| input.time));
+        self.say(said);
         self.want(Duration::ZERO);
     }
 
     fn close(mut self) -> Result<(), Failure> {
         if self.remembers {
-            self.settings.layers = self.desk.state.layers;
-            self.settings.table = self.desk.state.table.clone();
-            self.settings.mode = self.desk.state.viewpoint.mode;
+            self.desk.remember(&mut self.settings);
             self.settings.save();
         }
         self.desk.close()
     }
-}
-
-/// A surface whose colours are taken as they are: panels and city encode theirs themselves.
-fn configuration(
-    surface: &wgpu::Surface<'_>,
-    context: &Context,
-    size: PhysicalSize<u32>,
-) -> Result<wgpu::SurfaceConfiguration, Failure> {
-    let adapter = &context.adapter;
-    let mut config = surface
-        .get_default_config(adapter, size.width.max(1), size.height.max(1))
-        .ok_or_else(|| Failure::failed(format!("{} cannot draw to this window", context.adapter_name)))?;
-    let formats = surface.get_capabilities(adapter).formats;
-    let wanted = [wgpu::TextureFormat::Bgra8Unorm, wgpu::TextureFormat::Rgba8Unorm];
-    if let Some(format) = wanted.into_iter().find(|format| formats.contains(format)) {
-        config.format = format;
-    }
-    config.present_mode = wgpu::PresentMode::AutoVsync;
-    config.desired_maximum_frame_latency = 1;
-    Ok(config)
 }

@@ -229,6 +229,15 @@ impl SceneDescription {
         Self { ground, objects, walls, bounds, lamps }
     }
 
+    /// The walls alone, as far as the map states them.
+    pub fn walls_of(map: &CityMap) -> Vec<Wall> {
+        let pieces = map.scenery.iter().enumerate();
+        let buildings = pieces.filter(|(_, piece)| piece.kind == SceneryKind::Building);
+        buildings
+            .flat_map(|(index, piece)| buildings::opaque_walls(&Place { piece, seed: index as u32 }))
+            .collect()
+    }
+
     /// Every mesh at every level of detail.
     pub fn meshes(&self) -> impl Iterator<Item = &Mesh> {
         self.ground.iter().chain(&self.objects).flat_map(|object| &object.levels).map(|level| &level.mesh)

@@ -1,0 +1,172 @@
+//! The page of gamepads and steering wheels: which axis and button does what, assigned by moving it.
+
+use super::{Action, State};
+use crate::cockpit::{Control, Device, Devices, Function};
+use egui::{RichText, Sense, Ui, Vec2};
+
+pub fn window(ui: &Ui, state: &mut State, actions: &mut Vec<Action>) {
+    let mut is_open = state.open.controllers;
+    if !is_open {
+        state.devices.stop_learning();
+        return;
+    }
+    finish(ui, state, actions);
+    super::sheet(ui, "Gamepad and steering wheel").open(&mut is_open).show(ui.ctx(), |ui| {
+        ui.set_width(WIDTH);
+        let devices = &mut state.devices;
+        let numbers: Vec<usize> = devices.iter().map(|(number, _)| number).collect();
+        if numbers.is_empty() {
+            nothing(ui, devices);
+        }
+        for number in numbers {
+            ui.push_id(number, |ui| show(ui, devices, number, actions));
+        }
+    });
+    state.open.controllers = is_open;
+}
+
+const WIDTH: f32 = 470.0;
+
+/// Takes over what has been found out.
+fn finish(ui: &Ui, state: &mut State, actions: &mut Vec<Action>) {
+    let now_s = ui.input(|input| input.time);
+    if let Some(taken) = state.devices.try_finish(now_s) {
+        actions.push(Action::KeepDevices);
+        if !taken.is_empty() {
+            let names: Vec<&str> = taken.into_iter().map(Function::label).collect();
+            state.say(
+                format!("It did something else before, which has no control now: {}.", names.join(", ")),
+                now_s,
+            );
+        }
+    }
+    if state.devices.learning().is_some() {
+        ui.ctx().request_repaint();
+    }
+}
+
+fn nothing(ui: &mut Ui, devices: &Devices) {
+    ui.label("No gamepad or steering wheel is plugged in. The keyboard drives: W A S D, F1 lists its keys.");
+    ui.label(RichText::new("Plug one in at any time; it appears here.").weak());
+    if let Some(reason) = devices.missing() {
+        ui.label(RichText::new(reason).weak());
+    }
+}
+
+fn show(ui: &mut Ui, devices: &mut Devices, number: usize, actions: &mut Vec<Action>) {
+    let Some(device) = devices.get(number).cloned() else { return };
+    ui.horizontal(|ui| {
+        ui.label(RichText::new(&device.name).strong());
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            if ui.small_button("Restore").on_hover_text("As it was before anything was assigned").clicked() {
+                devices.restore(number);
+                actions.push(Action::KeepDevices);
+            }
+        });
+    });
+    egui::Grid::new("functions").num_columns(5).show(ui, |ui| {
+        for function in Function::ALL {
+            row(ui, devices, (number, &device), function, actions);
+            ui.end_row();
+        }
+    });
+    let mut eases = device.profile.eases;
+    let tip = "For sticks, which are short; a steering wheel turns the car's own";
+    if ui.checkbox(&mut eases, "Steers less the faster the car is").on_hover_text(tip).changed() {
+        devices.change(number, |profile| profile.eases = eases);
+        actions.push(Action::KeepDevices);
+    }
+    let request = devices.learning().filter(|(of, _)| *of == number);
+    let text = request.map_or_else(
+        || {
+            "Assign asks you to move the axis or pedal, or to press the button; its range is learnt."
+                .to_owned()
+        },
+        |(_, learner)| format!("{}: {} Esc cancels.", learner.function().label(), learner.request()),
+    );
+    let text = RichText::new(text);
+    ui.label(if request.is_some() { text.strong() } else { text.weak() });
+    ui.separator();
+}
+
+fn row(
+    ui: &mut Ui,
+    devices: &mut Devices,
+    (number, device): (usize, &Device),
+    function: Function,
+    actions: &mut Vec<Action>,
+) {
+    ui.label(function.label());
+    let control = device.profile.control(function);
+    let text = control.map_or_else(|| "not assigned".to_owned(), |control| control.to_string());
+    ui.label(if control.is_some() { RichText::new(text) } else { RichText::new(text).weak() });
+    meter(ui, device, function);
+    let learns =
+        devices.learning().is_some_and(|(of, learner)| of == number && learner.function() == function);
+    ui.horizontal(|ui| {
+        let label = format!("Assign {}", function.label());
+        let assign = ui
+            .add(egui::Button::selectable(learns, if learns { "move it ..." } else { "Assign" }).frame(true));
+        assign.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, label.clone()));
+        if assign.clicked() {
+            if learns { devices.stop_learning() } else { devices.learn(number, function) }
+        }
+        if control.is_some() {
+            adjust(ui, devices, number, (function, control), actions);
+        }
+    });
+}
+
+/// Turned round, with nothing happening at the beginning of its way, or without a control again.
+fn adjust(
+    ui: &mut Ui,
+    devices: &mut Devices,
+    number: usize,
+    (function, control): (Function, Option<Control>),
+    actions: &mut Vec<Action>,
+) {
+    let mut changed = false;
+    let has_way = matches!(control, Some(Control::Axis(_))) || function.is_lever();
+    if has_way
+        && ui.small_button("Invert").on_hover_text("Left becomes right, pressed becomes released").clicked()
+    {
+        devices.change(number, |profile| profile.invert(function));
+        changed = true;
+    }
+    if ui.small_button("x").on_hover_text("Assign nothing").clicked() {
+        devices.change(number, |profile| profile.clear(function));
+        changed = true;
+    }
+    let dead = devices.get(number).and_then(|device| device.profile.dead_zone(function));
+    if let (true, Some(before)) = (has_way, dead) {
+        let mut percent = before * 100.0;
+        let value = egui::DragValue::new(&mut percent).range(0.0..=60.0).fixed_decimals(0).suffix(" %");
+        if ui.add(value).on_hover_text("Dead zone: part of the way in which nothing happens yet").changed() {
+            devices.change(number, |profile| profile.set_dead_zone(function, percent / 100.0));
+            changed = true;
+        }
+    }
+    if changed {
+        actions.push(Action::KeepDevices);
+    }
+}
+
+/// What a control does at present. Left is left.
+fn meter(ui: &mut Ui, device: &Device, function: Function) {
+    let (rect, response) = ui.allocate_exact_size(Vec2::new(90.0, 10.0), Sense::hover());
+    let position = device.position(function);
+    response.widget_info(|| {
+        let text = format!("{} {position:.2}", function.label());
+        egui::WidgetInfo::labeled(egui::Role::ProgressIndicator, true, text)
+    });
+    let painter = ui.painter();
+    painter.rect_filled(rect, 2.0, ui.visuals().extreme_bg_color);
+    let (from, to) = if function == Function::Steering {
+        let middle = rect.center().x;
+        (middle, middle - position as f32 * rect.width() / 2.0)
+    } else {
+        (rect.left(), rect.left() + position as f32 * rect.width())
+    };
+    let part = egui::Rect::from_x_y_ranges(from.min(to)..=from.max(to), rect.y_range());
+    painter.rect_filled(part, 2.0, egui::Color32::from_rgb(90, 140, 210));
+}
