@@ -158,7 +158,11 @@ pub fn encode_command(tick: u64, command: &SimCommand, buffer: Vec<u8>) -> Optio
         SimCommand::Drive(vehicle, pedals) => (vehicle, DRIVE, *pedals),
         SimCommand::Release(vehicle) => (vehicle, RELEASE, Pedals::default()),
         SimCommand::Remove(vehicle) => (vehicle, REMOVE, Pedals::default()),
-        SimCommand::Start | SimCommand::Pause | SimCommand::Reset | SimCommand::Follow(_) => return None,
+        SimCommand::Start
+        | SimCommand::Pause
+        | SimCommand::Reset
+        | SimCommand::Spawn(_)
+        | SimCommand::Follow(_) => return None,
     };
     let mut cdr = CdrWriter::reusing(buffer);
     cdr.u64(tick);

@@ -9,7 +9,7 @@ use crate::environment::EnvironmentSpec;
 use crate::geom::{LengthScale, Pose2, trig};
 use crate::mainframe::{Body, CavSetup, DriverParams, RightOfWayParams};
 use crate::sensor::Sensor;
-use crate::snapshot::{Appearance, VehicleId};
+use crate::snapshot::{Appearance, Setup, VehicleId};
 use crate::vehicle::VehicleSpec;
 use std::sync::Arc;
 
@@ -95,6 +95,25 @@ impl PlannedVehicle {
         let curvature = curve.at(axle_at_m - size.wheelbase_m / 2.0).curvature;
         axle.yaw_rad -= trig::asin((size.wheelbase_m * curvature).clamp(-1.0, 1.0));
         axle.advanced(-size.front_axle_m())
+    }
+
+    /// Where it starts: the middle of its outline, laboratory metres.
+    pub fn pose_in_lab(&self, map: &CityMap, scale: LengthScale) -> Pose2 {
+        let at_m = scale.city_from_lab(self.start.at_m);
+        self.pose_on(map, self.start.lane, at_m).scaled(1.0 / scale.factor())
+    }
+
+    /// What brings it into the city. Its pose went through laboratory metres, so that it is the same to
+    /// the last bit whether it came over the laboratory's link or not.
+    pub fn setup(&self, map: &CityMap, scale: LengthScale) -> Setup {
+        Setup {
+            id: self.id,
+            name: self.name.clone(),
+            appearance: self.appearance,
+            pose: self.pose_in_lab(map, scale).scaled(scale.factor()),
+            speed_mps: scale.city_from_lab(self.start.speed_mps),
+            spec: self.spec.clone(),
+        }
     }
 }
 
