@@ -3,11 +3,15 @@
 
 mod control;
 mod observer;
+mod seen;
+mod served;
 mod summary;
 
 pub use control::Control;
 pub use observer::{LaneUse, Observer, VehicleTotals};
-pub use summary::{Summary, VehicleSummary};
+pub use seen::SeenCity;
+pub use served::{Applied, Rules, Sender, Served};
+pub use summary::{LinkSummary, Summary, VehicleSummary};
 
 use crate::mainframe::{Mainframe, SetupError};
 use crate::scenario::Experiment;

@@ -100,16 +100,12 @@ impl World {
     }
 
     fn apply_all(&mut self, commands: &[SimCommand]) {
-        let key = |command: &SimCommand| {
-            let sequence = if let SimCommand::Follow(t) = command { t.sequence } else { 0 };
-            (command.vehicle(), sequence)
-        };
-        if commands.is_sorted_by_key(key) {
+        if commands.is_sorted_by_key(SimCommand::order) {
             commands.iter().for_each(|command| self.apply(command));
             return;
         }
         let mut ordered: Vec<&SimCommand> = commands.iter().collect();
-        ordered.sort_by_key(|command| key(command));
+        ordered.sort_by_key(|command| command.order());
         ordered.into_iter().for_each(|command| self.apply(command));
     }
 

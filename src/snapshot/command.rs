@@ -142,4 +142,9 @@ impl SimCommand {
             Self::Remove(id) | Self::Drive(id, _) | Self::Release(id) => Some(*id),
         }
     }
+
+    /// Commands of a tick are applied in this order; those that are equal in it, as they came.
+    pub fn order(&self) -> (Option<VehicleId>, u32) {
+        (self.vehicle(), if let Self::Follow(trajectory) = self { trajectory.sequence } else { 0 })
+    }
 }
