@@ -53,7 +53,7 @@ pub(super) fn write(trajectories: &[Trajectory], out: &mut Writer) -> Result<(),
     for trajectory in trajectories {
         out.u32(trajectory.vehicle.0);
         out.u32(trajectory.sequence);
-        out.u8(u8::from(trajectory.yielding) * YIELDING | u8::from(trajectory.finished) * FINISHED);
+        out.u8((u8::from(trajectory.yielding) * YIELDING) | (u8::from(trajectory.finished) * FINISHED));
         out.u8(trajectory.indicator as u8);
         out.count("points", trajectory.points.len(), MOST_POINTS)?;
         out.u8(0);
