@@ -22,6 +22,11 @@ pub struct LogArgs {
     csv_hz: u32,
 }
 
+/// The folder of one of several runs of a process, counted from 1: the first has the folder that was asked for.
+pub fn folder_of(out: Option<&Path>, part: u32) -> Option<PathBuf> {
+    out.map(|folder| if part <= 1 { folder.to_path_buf() } else { folder.join(format!("part-{part}")) })
+}
+
 /// The files of one run; with no folder only what happens is kept.
 pub struct Files {
     folder: Option<PathBuf>,

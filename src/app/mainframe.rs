@@ -1,6 +1,6 @@
 //! `city3d mainframe`: the control framework in a process of its own, as in the laboratory.
 
-use super::files::{Files, LogArgs, conclude};
+use super::files::{Files, LogArgs, conclude, folder_of};
 use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
 use crate::link::{Client, Heard, read_key};
@@ -353,10 +353,7 @@ impl<'a> Remote<'a> {
         match &mut self.files {
             Some(files) => files.tick(Some(self.control.mainframe()), snapshot),
             None => {
-                let folder = self.args.out.as_ref().map(|folder| match self.part {
-                    1 => folder.clone(),
-                    part => folder.join(format!("part-{part}")),
-                });
+                let folder = folder_of(self.args.out.as_deref(), self.part);
                 let mut files = Files::begin_lasting(folder, &self.experiment, self.args.log)?;
                 files.first(snapshot)?;
                 self.files = Some(files);

@@ -1,6 +1,6 @@
 //! `city3d serve`: the city alone, driven over the laboratory's link.
 
-use super::files::{Files, LogArgs, conclude};
+use super::files::{Files, LogArgs, conclude, folder_of};
 use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
 use crate::link::{Allowed, Inbound, Origin, Server, ServerOptions, read_key};
@@ -256,10 +256,7 @@ impl Serving<'_> {
         let files = match &mut self.files {
             Some(files) => files,
             None => {
-                let folder = self.args.out.as_ref().map(|folder| match self.part {
-                    1 => folder.clone(),
-                    part => folder.join(format!("part-{part}")),
-                });
+                let folder = folder_of(self.args.out.as_deref(), self.part);
                 self.files.insert(Files::begin_lasting(folder, &experiment, self.args.log)?)
             }
         };
