@@ -58,7 +58,7 @@ const STANDING: Duration = Duration::from_millis(100);
 const MOST_SUBSCRIBERS: usize = 64;
 /// In lockstep the sender is held back by the barriers.
 const RATE_IN_LOCKSTEP: f64 = 1e6;
-/// So long a city in lockstep stays for the last barrier.
+/// So long a city whose time is over still tells its last poses.
 const LINGER: Duration = Duration::from_millis(300);
 /// Datagrams that are taken in before the clock is looked at again.
 const AT_ONCE: usize = 1024;
@@ -135,10 +135,11 @@ impl Serving<'_> {
             self.receive(self.wait())?;
             self.advance()?;
         }
-        // The last poses may be lost: whoever waits for them asks again.
-        let until = Instant::now() + if self.args.lockstep { LINGER } else { Duration::ZERO };
+        // The last poses may be lost on their way.
+        let until = Instant::now() + if self.is_over() { LINGER } else { Duration::ZERO };
         while let Some(left) = until.checked_duration_since(Instant::now()) {
-            self.receive(left)?;
+            self.receive(left.min(STANDING))?;
+            self.publish();
         }
         Ok(())
     }
