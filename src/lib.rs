@@ -8,6 +8,7 @@ pub mod city;
 pub mod cockpit;
 pub mod environment;
 pub mod geom;
+pub mod link;
 pub mod live;
 pub mod mainframe;
 pub mod model;

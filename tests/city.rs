@@ -20,7 +20,7 @@ fn five_minutes(seed: Option<u64>) -> Summary {
     for _ in 0..experiment.ticks() {
         run.step();
         events.extend_from_slice(&run.snapshot().events);
-        observer.observe(&experiment, run.mainframe(), run.snapshot(), &mut events);
+        observer.observe(Some(run.mainframe()), run.snapshot(), &mut events);
     }
     Summary::new(&experiment, &observer, run.snapshot(), events, 1.0)
 }

@@ -56,7 +56,7 @@ fn help_is_there_for_every_command() {
     let help = city3d(&root(), &["--help"]);
     assert_eq!(code(&help), 0);
     let listed = stdout(&help);
-    for command in ["run", "check", "generate"] {
+    for command in ["run", "serve", "mainframe", "check", "generate"] {
         assert!(listed.contains(&format!("  {command}")), "{listed}");
         let output = city3d(&root(), &[command, "--help"]);
         assert_eq!(code(&output), 0, "{command}");
@@ -81,6 +81,12 @@ fn wrong_arguments_are_bad_input() {
         vec!["run", "straight", "--out", folder, "--seed", "-5"],
         vec!["run", "straight", "--out", folder, "--model", "boat"],
         vec!["run", "straight", "--out", folder, "--log-hz", "0"],
+        vec!["serve", "nowhere"],
+        vec!["serve", "straight", "--bind", "nowhere"],
+        vec!["serve", "straight", "--allow", "the laboratory"],
+        vec!["serve", "straight", "--key", "nowhere"],
+        vec!["serve", "straight", "--rate", "0"],
+        vec!["mainframe", "straight", "--city", "nowhere"],
         vec!["check"],
         vec!["check", "nowhere.toml"],
         vec!["check", "nowhere.dxf"],

@@ -93,7 +93,7 @@ fn run(experiment: &Arc<Experiment>) -> Outcome {
     for _ in 0..experiment.ticks() {
         run.step();
         let snapshot = run.snapshot();
-        observer.observe(experiment, run.mainframe(), snapshot, &mut Vec::new());
+        observer.observe(Some(run.mainframe()), snapshot, &mut Vec::new());
         outcome.collisions += snapshot.events.iter().filter(|event| event.kind.is_collision()).count();
         for (index, (state, info)) in snapshot.iter().enumerate() {
             let front = state.pose().point_at(info.dimensions.length_m / 2.0, 0.0);

@@ -6,14 +6,7 @@ use crate::vehicle::ModelKind;
 use std::sync::Arc;
 
 pub fn experiment(args: &ScenarioArgs) -> Result<Arc<Experiment>, Failure> {
-    let (text, library) = Library::scenario(&args.scenario).map_err(Failure::bad_input)?;
-    let model = args.model.map(|model| match model {
-        Model::Raycast => ModelKind::Raycast,
-        Model::Bicycle => ModelKind::Bicycle,
-    });
-    let overrides = Overrides { seed: args.seed, duration_s: args.duration, model };
-    let experiment =
-        read_experiment(&args.scenario, &text, &library, overrides).map_err(Failure::bad_input)?;
+    let experiment = read(args, false)?;
     for moved in &experiment.moved {
         tracing::warn!(
             "vehicle {} overlaps vehicle {} at the start; it starts {:.2} m further back on its lane",
@@ -23,4 +16,19 @@ pub fn experiment(args: &ScenarioArgs) -> Result<Arc<Experiment>, Failure> {
         );
     }
     Ok(Arc::new(experiment))
+}
+
+/// The experiment of a city whose vehicles come over the link.
+pub fn city(args: &ScenarioArgs) -> Result<Experiment, Failure> {
+    read(args, true).map(Experiment::without_vehicles)
+}
+
+fn read(args: &ScenarioArgs, allows_no_vehicles: bool) -> Result<Experiment, Failure> {
+    let (text, library) = Library::scenario(&args.scenario).map_err(Failure::bad_input)?;
+    let model = args.model.map(|model| match model {
+        Model::Raycast => ModelKind::Raycast,
+        Model::Bicycle => ModelKind::Bicycle,
+    });
+    let overrides = Overrides { seed: args.seed, duration_s: args.duration, model, allows_no_vehicles };
+    read_experiment(&args.scenario, &text, &library, overrides).map_err(Failure::bad_input)
 }

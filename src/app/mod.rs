@@ -3,15 +3,18 @@
 #[cfg(feature = "render")]
 mod bench;
 mod check;
+mod files;
 #[cfg(feature = "render")]
 mod frames;
 mod generate;
 mod load;
 #[cfg(feature = "render")]
 mod look;
+mod mainframe;
 mod progress;
 mod run;
 mod say;
+mod serve;
 #[cfg(feature = "window")]
 mod view;
 
@@ -47,6 +50,10 @@ enum Command {
     View(Box<view::ViewArgs>),
     /// Run a scenario without a window and write its log, vehicles.csv and summary.json
     Run(run::RunArgs),
+    /// Serve the city alone: vehicles and commands come over UDP, poses go back
+    Serve(Box<serve::ServeArgs>),
+    /// Run the control framework alone, for a city that is served
+    Mainframe(Box<mainframe::MainframeArgs>),
     /// Take camera pictures of a scenario: PNG files and frames.csv
     #[cfg(feature = "render")]
     Frames(Box<frames::FramesArgs>),
@@ -58,6 +65,26 @@ enum Command {
     Bench(bench::BenchCommand),
     /// Write what lies in assets/, so that anyone can make it again
     Generate(generate::GenerateArgs),
+}
+
+/// What both ends of the laboratory's link have to agree on.
+#[derive(Clone, Debug, Args)]
+struct LinkArgs {
+    /// World of the city, where there are several; 0 is any
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    world: u32,
+    /// File with a key that both ends share, 16 bytes or more: others are not listened to
+    #[arg(long, value_name = "FILE")]
+    key: Option<PathBuf>,
+}
+
+/// Set when the process is told to end.
+fn on_end() -> Result<std::sync::Arc<std::sync::atomic::AtomicBool>, Failure> {
+    let ends = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
+    let told = std::sync::Arc::clone(&ends);
+    ctrlc::set_handler(move || told.store(true, std::sync::atomic::Ordering::Relaxed))
+        .map_err(Failure::failed)?;
+    Ok(ends)
 }
 
 /// What several commands change of a scenario.
@@ -148,6 +175,8 @@ fn run_command(command: Command) -> Result<(), Failure> {
         #[cfg(feature = "window")]
         Command::View(args) => view::view(&args),
         Command::Run(args) => run::run(&args),
+        Command::Serve(args) => serve::serve(&args),
+        Command::Mainframe(args) => mainframe::mainframe(&args),
         #[cfg(feature = "render")]
         Command::Frames(args) => frames::frames(&args),
         Command::Check(args) => check::check(&args),

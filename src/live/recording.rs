@@ -74,7 +74,7 @@ impl Files {
             .map_err(|source| LiveError::File { path: folder.clone(), source })?;
         let experiment = run.experiment();
         let every = |hz: u32| u64::from((experiment.rates.physics_hz / hz).max(1));
-        let cadence = Cadence { log_ticks: every(LOG_HZ), table_ticks: every(TABLE_HZ) };
+        let cadence = Cadence { log_ticks: every(LOG_HZ), table_ticks: every(TABLE_HZ), flush_ticks: None };
         let mut recorder = Recorder::new(&folder, experiment, cadence)?;
         recorder.record(run.snapshot(), &[])?;
         let observer = Observer::new(experiment);
@@ -87,7 +87,7 @@ impl Files {
         self.simulated_in += start.elapsed();
         let snapshot = run.snapshot();
         let mut events = snapshot.events.clone();
-        self.observer.observe(run.experiment(), run.mainframe(), snapshot, &mut events);
+        self.observer.observe(Some(run.mainframe()), snapshot, &mut events);
         self.recorder.record(snapshot, &events)?;
         self.events.append(&mut events);
         Ok(())

@@ -11,6 +11,8 @@ const BETA: f64 = 0.2;
 /// How far around the expected place the foot on the route is looked for, laboratory metres.
 const SEARCH_BEHIND_M: f64 = 0.15;
 const SEARCH_AHEAD_M: f64 = 0.40;
+/// A vehicle farther than this from the first lanes of its route does not begin there.
+const BEGINS_WITHIN_M: f64 = 0.1;
 
 /// An alpha-beta filter over the arc length along the route.
 #[derive(Clone, Copy, Debug)]
@@ -28,7 +30,11 @@ impl Estimate {
     /// From the first pose of a vehicle, whose speed is that of its setup.
     pub fn first(map: &LabMap, route: &Route, body: Body, seen: &Measurement, speed_mps: f64) -> Self {
         let axle = seen.pose_in_lab().point_at(body.front_axle_m(), 0.0);
-        let foot = route.project(map, axle, 0.0, route.lane_end(1));
+        let mut foot = route.project(map, axle, 0.0, route.lane_end(1));
+        if foot.distance > BEGINS_WITHIN_M {
+            // Control has begun while the vehicle was on its way.
+            foot = route.project(map, axle, 0.0, route.length());
+        }
         Self { stamp_s: seen.stamp_s, axle_s: foot.s, speed_mps, lateral_m: foot.lateral }
     }
 

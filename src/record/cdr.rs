@@ -51,6 +51,12 @@ impl CdrWriter {
         self.bytes.extend_from_slice(&value.to_le_bytes());
     }
 
+    /// A sequence of bytes: its length, then they.
+    pub fn octets(&mut self, octets: &[u8]) {
+        self.u32(octets.len() as u32);
+        self.bytes.extend_from_slice(octets);
+    }
+
     /// A text: its length with the closing zero, then both.
     pub fn string(&mut self, text: &str) {
         self.u32(text.len() as u32 + 1);
@@ -93,6 +99,18 @@ impl<'a> CdrReader<'a> {
 
     pub fn f64(&mut self) -> Option<f64> {
         self.take().map(f64::from_le_bytes)
+    }
+
+    pub fn octets(&mut self) -> Option<&'a [u8]> {
+        let length = self.u32()? as usize;
+        let octets = self.bytes.get(self.at..self.at.checked_add(length)?)?;
+        self.at += length;
+        Some(octets)
+    }
+
+    pub fn string(&mut self) -> Option<String> {
+        let octets = self.octets()?;
+        String::from_utf8(octets.strip_suffix(&[0])?.to_vec()).ok()
     }
 }
 

@@ -2,8 +2,8 @@
 //! the `mcap` tools and ROS readers open.
 
 use super::schema::{
-    COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, SNAPSHOT_SCHEMA, SNAPSHOT_TYPE, encode_command,
-    encode_event, encode_snapshot,
+    COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, NETWORK_SCHEMA, NETWORK_TYPE, NetworkCommand,
+    SNAPSHOT_SCHEMA, SNAPSHOT_TYPE, encode_command, encode_event, encode_network, encode_snapshot,
 };
 use crate::scenario::Experiment;
 use crate::snapshot::{Event, FrameSnapshot, SimCommand};
@@ -19,6 +19,7 @@ pub struct LogWriter<W: Write + Seek> {
     snapshots: u16,
     events: u16,
     commands: u16,
+    network: u16,
     sequence: u32,
     buffer: Vec<u8>,
 }
@@ -31,6 +32,9 @@ impl<W: Write + Seek> std::fmt::Debug for LogWriter<W> {
 
 /// Where the commands of persons are.
 pub(super) const COMMAND_TOPIC: &str = "/city3d/command";
+
+/// Where that is which came over the laboratory's link.
+pub(super) const NETWORK_TOPIC: &str = "/city3d/network";
 
 /// Chunks this large are compressed and written at once: what a killed process loses at most.
 const CHUNK_BYTES: u64 = 512 << 10;
@@ -67,7 +71,8 @@ impl<W: Write + Seek> LogWriter<W> {
         let snapshots = channel("/city3d/snapshot", SNAPSHOT_TYPE, SNAPSHOT_SCHEMA)?;
         let events = channel("/city3d/event", EVENT_TYPE, EVENT_SCHEMA)?;
         let commands = channel(COMMAND_TOPIC, COMMAND_TYPE, COMMAND_SCHEMA)?;
-        Ok(Self { writer, snapshots, events, commands, sequence: 0, buffer: Vec::new() })
+        let network = channel(NETWORK_TOPIC, NETWORK_TYPE, NETWORK_SCHEMA)?;
+        Ok(Self { writer, snapshots, events, commands, network, sequence: 0, buffer: Vec::new() })
     }
 
     /// Adds a snapshot.
@@ -102,6 +107,15 @@ impl<W: Write + Seek> LogWriter<W> {
         }
     }
 
+    /// Adds what came over the laboratory's link.
+    ///
+    /// # Errors
+    /// When it cannot be written; what was written before stays readable.
+    pub fn network(&mut self, time_s: f64, command: &NetworkCommand) -> McapResult<()> {
+        self.buffer = encode_network(command, std::mem::take(&mut self.buffer));
+        self.message(self.network, time_s)
+    }
+
     fn message(&mut self, channel_id: u16, time_s: f64) -> McapResult<()> {
         self.sequence = self.sequence.wrapping_add(1);
         let nanoseconds = (time_s * 1e9).round() as u64;
@@ -112,6 +126,14 @@ impl<W: Write + Seek> LogWriter<W> {
             publish_time: nanoseconds,
         };
         self.writer.write_to_known_channel(&header, &self.buffer)
+    }
+
+    /// Ends the present chunk: what has been added stays readable whatever happens.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn flush(&mut self) -> McapResult<()> {
+        self.writer.flush()
     }
 
     /// Writes the index and ends the log.

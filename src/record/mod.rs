@@ -8,6 +8,7 @@ mod schema;
 mod table;
 
 pub use log::LogWriter;
-pub use reader::read_commands;
+pub use reader::{read_commands, read_network};
 pub use recorder::{Cadence, RecordError, Recorder};
+pub use schema::NetworkCommand;
 pub use table::{COLUMNS, VehicleTable};

@@ -1,6 +1,6 @@
 //! Writes the files of a run off the simulation's thread, through a bounded channel.
 
-use super::{LogWriter, VehicleTable};
+use super::{LogWriter, NetworkCommand, VehicleTable};
 use crate::scenario::Experiment;
 use crate::snapshot::{Event, FrameSnapshot, SimCommand};
 use std::fs::File;
@@ -26,6 +26,8 @@ enum Item {
     Snapshot { snapshot: Box<FrameSnapshot>, in_log: bool, in_table: bool },
     Event(Event),
     Command { tick: u64, time_s: f64, command: SimCommand },
+    Network { time_s: f64, command: NetworkCommand },
+    Flush,
 }
 
 /// What is written how often, in ticks.
@@ -33,6 +35,9 @@ enum Item {
 pub struct Cadence {
     pub log_ticks: u64,
     pub table_ticks: u64,
+    /// What has come is on the disk after so many ticks at the latest, as far as a killed process is
+    /// concerned; without it, when a chunk of the log is full.
+    pub flush_ticks: Option<u64>,
 }
 
 /// Items are handed over so many at a time: waking the writer for each costs more than making it.
@@ -86,6 +91,10 @@ impl Recorder {
             copy.assign(snapshot);
             self.send(Item::Snapshot { snapshot: copy, in_log, in_table })?;
         }
+        if self.cadence.flush_ticks.is_some_and(|ticks| snapshot.tick.is_multiple_of(ticks)) {
+            self.send(Item::Flush)?;
+            self.hand_over()?;
+        }
         Ok(())
     }
 
@@ -95,6 +104,14 @@ impl Recorder {
     /// What went wrong when a file could not be written.
     pub fn command(&mut self, before: &FrameSnapshot, command: &SimCommand) -> Result<(), RecordError> {
         self.send(Item::Command { tick: before.tick, time_s: before.time_s, command: command.clone() })
+    }
+
+    /// Takes in what came over the laboratory's link.
+    ///
+    /// # Errors
+    /// What went wrong when a file could not be written.
+    pub fn network(&mut self, time_s: f64, command: NetworkCommand) -> Result<(), RecordError> {
+        self.send(Item::Network { time_s, command })
     }
 
     fn send(&mut self, item: Item) -> Result<(), RecordError> {
@@ -147,6 +164,13 @@ impl Files {
                 Item::Event(event) => self.log.event(&event).map_err(|e| failed(&self.log_path, e))?,
                 Item::Command { tick, time_s, command } => {
                     self.log.command(tick, time_s, &command).map_err(|e| failed(&self.log_path, e))?;
+                }
+                Item::Network { time_s, command } => {
+                    self.log.network(time_s, &command).map_err(|e| failed(&self.log_path, e))?;
+                }
+                Item::Flush => {
+                    self.log.flush().map_err(|e| failed(&self.log_path, e))?;
+                    self.table.flush().map_err(|e| failed(&self.table_path, e))?;
                 }
                 Item::Snapshot { snapshot, in_log, in_table } => {
                     if in_log {

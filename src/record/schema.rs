@@ -158,7 +158,11 @@ pub fn encode_command(tick: u64, command: &SimCommand, buffer: Vec<u8>) -> Optio
         SimCommand::Drive(vehicle, pedals) => (vehicle, DRIVE, *pedals),
         SimCommand::Release(vehicle) => (vehicle, RELEASE, Pedals::default()),
         SimCommand::Remove(vehicle) => (vehicle, REMOVE, Pedals::default()),
-        SimCommand::Start | SimCommand::Pause | SimCommand::Reset | SimCommand::Follow(_) => return None,
+        SimCommand::Start
+        | SimCommand::Pause
+        | SimCommand::Reset
+        | SimCommand::Spawn(_)
+        | SimCommand::Follow(_) => return None,
     };
     let mut cdr = CdrWriter::reusing(buffer);
     cdr.u64(tick);
@@ -193,9 +197,57 @@ pub fn decode_command(bytes: &[u8]) -> Option<(u64, SimCommand)> {
     Some((tick, command))
 }
 
+pub const NETWORK_TYPE: &str = "city3d_msgs/msg/NetworkCommand";
+pub const NETWORK_SCHEMA: &str = "\
+# Something that came over the laboratory's link and was carried out.
+# In the step that begins at this tick.
+uint64 tick
+# Address of who has sent it.
+string sender
+# Kind of the datagram and its body, as docs/wire.md has them; of trajectories one at a time.
+uint8 kind
+uint8[] body
+";
+
+/// Something that came over the laboratory's link and was carried out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NetworkCommand {
+    /// The step that carried it out begins at this tick.
+    pub tick: u64,
+    /// Address of who has sent it.
+    pub sender: String,
+    /// As [`wire`](crate::wire) has it: kind and body of a datagram.
+    pub kind: u8,
+    pub body: Vec<u8>,
+}
+
+pub fn encode_network(command: &NetworkCommand, buffer: Vec<u8>) -> Vec<u8> {
+    let mut cdr = CdrWriter::reusing(buffer);
+    cdr.u64(command.tick);
+    cdr.string(&command.sender);
+    cdr.u8(command.kind);
+    cdr.octets(&command.body);
+    cdr.into_bytes()
+}
+
+/// `None` for what is none.
+pub fn decode_network(bytes: &[u8]) -> Option<NetworkCommand> {
+    let mut cdr = CdrReader::new(bytes)?;
+    let (tick, sender, kind) = (cdr.u64()?, cdr.string()?, cdr.u8()?);
+    Some(NetworkCommand { tick, sender, kind, body: cdr.octets()?.to_vec() })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn network_commands_come_back() {
+        let command = NetworkCommand { tick: 9, sender: "[::1]:7".to_owned(), kind: 3, body: vec![0, 255] };
+        let bytes = encode_network(&command, Vec::new());
+        assert_eq!(decode_network(&bytes), Some(command));
+        assert_eq!(decode_network(&bytes[..bytes.len() - 1]), None);
+    }
 
     #[test]
     fn commands_come_back_to_the_last_bit() {

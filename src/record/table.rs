@@ -77,6 +77,12 @@ impl<W: Write> VehicleTable<W> {
     }
 
     /// # Errors
+    /// When the rows so far cannot be written.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.sink.flush()
+    }
+
+    /// # Errors
     /// When the last rows cannot be written.
     pub fn finish(mut self) -> io::Result<()> {
         self.sink.flush()

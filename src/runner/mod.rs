@@ -1,13 +1,18 @@
 //! Lockstep of world, environment and control framework, without clocks or threads: a run is exactly
 //! repeatable and as fast as the machine.
 
+mod control;
 mod observer;
+mod seen;
+mod served;
 mod summary;
 
+pub use control::Control;
 pub use observer::{LaneUse, Observer, VehicleTotals};
-pub use summary::{Summary, VehicleSummary};
+pub use seen::SeenCity;
+pub use served::{Applied, Rules, Sender, Served};
+pub use summary::{LinkSummary, Summary, VehicleSummary};
 
-use crate::environment::Environment;
 use crate::mainframe::{Mainframe, SetupError};
 use crate::scenario::Experiment;
 use crate::sim::World;
@@ -19,14 +24,11 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub struct Run {
     world: World,
-    mainframe: Mainframe,
-    environment: Environment,
+    control: Control,
     snapshot: FrameSnapshot,
     commands: Vec<SimCommand>,
     /// Given from outside, for the next tick.
     injected: Vec<SimCommand>,
-    measurements: Vec<Measurement>,
-    messages: Vec<Message>,
     delivered: Vec<Message>,
 }
 
@@ -37,16 +39,13 @@ impl Run {
     /// When the control framework cannot take a vehicle's setup.
     pub fn new(experiment: Arc<Experiment>) -> Result<Self, SetupError> {
         let world = World::new(experiment);
-        let (mainframe, environment) = control_of(world.experiment())?;
+        let control = Control::new(world.experiment())?;
         Ok(Self {
             snapshot: world.snapshot(),
             world,
-            mainframe,
-            environment,
+            control,
             commands: Vec::new(),
             injected: vec![SimCommand::Start],
-            measurements: Vec::new(),
-            messages: Vec::new(),
             delivered: Vec::new(),
         })
     }
@@ -56,7 +55,7 @@ impl Run {
     /// # Errors
     /// As for [`Run::new`].
     pub fn reset(&mut self) -> Result<(), SetupError> {
-        (self.mainframe, self.environment) = control_of(self.world.experiment())?;
+        self.control = Control::new(self.world.experiment())?;
         self.world.tick_into(&[SimCommand::Reset], &mut self.snapshot);
         self.injected = vec![SimCommand::Start];
         Ok(())
@@ -69,18 +68,11 @@ impl Run {
 
     /// One physics step, with a control step before it when one is due.
     pub fn step(&mut self) -> &FrameSnapshot {
-        let experiment = Arc::clone(self.world.experiment());
-        let (time_s, scale) = (self.world.time_s(), experiment.scale);
-        self.measurements.clear();
-        self.messages.clear();
+        let scale = self.world.experiment().scale;
         self.delivered.clear();
         self.commands.clear();
-        if self.world.tick().is_multiple_of(experiment.rates.ticks_per_control()) {
-            let seen = Measurement::all(&self.snapshot, scale);
-            self.environment.measure(time_s, seen, &mut self.measurements);
-            self.mainframe.step(time_s, &self.measurements, &mut self.messages);
-        }
-        self.environment.command(time_s, self.messages.drain(..), &mut self.delivered);
+        let now = (self.world.tick(), self.world.time_s());
+        self.control.step(now, Measurement::all(&self.snapshot, scale), &mut self.delivered);
         self.commands.extend(self.delivered.drain(..).map(|message| message.into_command(scale)));
         self.commands.append(&mut self.injected);
         self.world.tick_into(&self.commands, &mut self.snapshot);
@@ -101,16 +93,10 @@ impl Run {
     }
 
     pub fn mainframe(&self) -> &Mainframe {
-        &self.mainframe
+        self.control.mainframe()
     }
 
     pub fn experiment(&self) -> &Arc<Experiment> {
         self.world.experiment()
     }
-}
-
-fn control_of(experiment: &Experiment) -> Result<(Mainframe, Environment), SetupError> {
-    let map = Arc::clone(&experiment.lab_map);
-    let mainframe = Mainframe::new(map, experiment.cav_setups(), experiment.right_of_way)?;
-    Ok((mainframe, Environment::new(experiment.environment, experiment.seed)))
 }

@@ -5,7 +5,7 @@ use crate::city::{CityMap, Lane, LaneId, ZoneKind};
 use crate::geom::OrientedRect;
 use crate::mainframe::Mainframe;
 use crate::scenario::{Experiment, PlannedVehicle};
-use crate::snapshot::{Event, EventKind, FrameSnapshot, VehicleState};
+use crate::snapshot::{Dimensions, Event, EventKind, FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
 use glam::DVec2;
 use std::sync::Arc;
 
@@ -47,7 +47,10 @@ pub struct Observer {
     map: Arc<CityMap>,
     /// By lane.
     extents: Vec<Extent>,
+    /// In id order.
     tracks: Vec<Track>,
+    /// Whose vehicles have their tracks.
+    roster: Arc<Vec<VehicleInfo>>,
     lanes: LaneUse,
     every_ticks: u64,
 }
@@ -55,6 +58,9 @@ pub struct Observer {
 /// A vehicle's progress on its route.
 #[derive(Clone, Debug)]
 struct Track {
+    id: VehicleId,
+    name: String,
+    /// Empty where nobody has told it.
     route: Vec<LaneId>,
     /// How often the control framework has changed the route.
     reroutes: u32,
@@ -115,32 +121,36 @@ impl Observer {
         Self {
             map: Arc::clone(&experiment.city_map),
             extents: experiment.city_map.lanes.iter().map(Extent::of).collect(),
-            tracks: experiment.vehicles.iter().map(Track::new).collect(),
+            tracks: experiment.vehicles.iter().map(Track::planned).collect(),
+            roster: Arc::default(),
             lanes,
             every_ticks: u64::from((experiment.rates.physics_hz / SAMPLES_PER_S).max(1)),
         }
     }
 
-    /// Takes a snapshot in, and adds to `events` what only the routes tell: merging.
+    /// Takes a snapshot in, and adds to `events` what only the routes tell: merging. Without a control
+    /// framework routes stay as they are.
     pub fn observe(
         &mut self,
-        experiment: &Experiment,
-        mainframe: &Mainframe,
+        mainframe: Option<&Mainframe>,
         snapshot: &FrameSnapshot,
         events: &mut Vec<Event>,
     ) {
-        for (track, cav) in self.tracks.iter_mut().zip(mainframe.cavs()) {
-            if track.reroutes != cav.reroutes {
+        self.welcome(&snapshot.roster);
+        for cav in mainframe.into_iter().flat_map(Mainframe::cavs) {
+            if let Some(track) = self.track(cav.id)
+                && track.reroutes != cav.reroutes
+            {
                 track.reroutes = cav.reroutes;
                 track.take_route(cav.route.lanes());
             }
         }
         for event in &snapshot.events {
-            self.count(experiment, event);
+            self.count(event);
         }
         let samples = snapshot.tick.is_multiple_of(self.every_ticks);
         for state in &snapshot.vehicles {
-            let Ok(index) = experiment.vehicles.binary_search_by_key(&state.id, |vehicle| vehicle.id) else {
+            let Ok(index) = self.tracks.binary_search_by_key(&state.id, |track| track.id) else {
                 continue;
             };
             let track = &mut self.tracks[index];
@@ -152,10 +162,28 @@ impl Observer {
         }
     }
 
-    fn count(&mut self, experiment: &Experiment, event: &Event) {
+    /// Begins the tracks of vehicles that came while the run went on.
+    fn welcome(&mut self, roster: &Arc<Vec<VehicleInfo>>) {
+        if Arc::ptr_eq(&self.roster, roster) {
+            return;
+        }
+        self.roster = Arc::clone(roster);
+        for info in roster.iter() {
+            if let Err(index) = self.tracks.binary_search_by_key(&info.id, |track| track.id) {
+                self.tracks.insert(index, Track::new(info.id, &info.name, &info.dimensions));
+            }
+        }
+    }
+
+    fn track(&mut self, id: VehicleId) -> Option<&mut Track> {
+        let index = self.tracks.binary_search_by_key(&id, |track| track.id).ok()?;
+        Some(&mut self.tracks[index])
+    }
+
+    fn count(&mut self, event: &Event) {
         let mut with = |id, count: fn(&mut VehicleTotals)| {
-            if let Ok(index) = experiment.vehicles.binary_search_by_key(&id, |vehicle| vehicle.id) {
-                count(&mut self.tracks[index].totals);
+            if let Some(track) = self.track(id) {
+                count(&mut track.totals);
             }
         };
         match &event.kind {
@@ -169,7 +197,12 @@ impl Observer {
         }
     }
 
-    /// In the order of the experiment's vehicles.
+    /// Number, name and figures of the vehicles, in id order.
+    pub fn vehicles(&self) -> impl Iterator<Item = (VehicleId, &str, &VehicleTotals)> {
+        self.tracks.iter().map(|track| (track.id, track.name.as_str(), &track.totals))
+    }
+
+    /// In id order.
     pub fn totals(&self) -> impl Iterator<Item = &VehicleTotals> {
         self.tracks.iter().map(|track| &track.totals)
     }
@@ -180,10 +213,16 @@ impl Observer {
 }
 
 impl Track {
-    fn new(vehicle: &PlannedVehicle) -> Self {
-        let size = &vehicle.spec.dimensions;
+    fn planned(vehicle: &PlannedVehicle) -> Self {
+        let route = vehicle.route.clone();
+        Self { route, ..Self::new(vehicle.id, &vehicle.name, &vehicle.spec.dimensions) }
+    }
+
+    fn new(id: VehicleId, name: &str, size: &Dimensions) -> Self {
         Self {
-            route: vehicle.route.clone(),
+            id,
+            name: name.to_owned(),
+            route: Vec::new(),
             reroutes: 0,
             index: 0,
             lane_start_s: 0.0,
@@ -227,6 +266,9 @@ impl Track {
         self.totals.samples += 1;
         self.totals.lateral_error_sum_m += error;
         self.totals.max_lateral_error_m = self.totals.max_lateral_error_m.max(error);
+        if self.route.is_empty() {
+            return;
+        }
         let half = DVec2::new(self.length_m, self.width_m) / 2.0;
         let outline = OrientedRect { centre: state.position.truncate(), axis: state.forward(), half };
         let rear_axle = outline.centre - outline.axis * (self.wheelbase_m / 2.0);
@@ -270,7 +312,7 @@ impl Track {
         events: &mut Vec<Event>,
     ) {
         let axle = state.position.truncate() + state.forward() * self.front_axle_m;
-        loop {
+        while !self.route.is_empty() {
             let lane = map.lane(self.route[self.index]);
             let s = lane.curve.project(axle).s;
             self.totals.axle_s = self.lane_start_s + s;

@@ -3,6 +3,7 @@
 use super::Observer;
 use crate::scenario::Experiment;
 use crate::snapshot::{Event, FrameSnapshot, Status};
+use crate::wire::Drops;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -39,6 +40,24 @@ pub struct Summary {
     pub unused_lanes: Vec<String>,
     pub events: Vec<Event>,
     pub vehicles: BTreeMap<u32, VehicleSummary>,
+    /// Of a run whose vehicles are driven over the laboratory's link.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub link: Option<LinkSummary>,
+}
+
+/// What went over the laboratory's link.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct LinkSummary {
+    /// Datagrams that have come.
+    pub received: u64,
+    /// Of them those that could be used.
+    pub used: u64,
+    /// That were sent and have not come, as far as their senders' sequences tell.
+    pub missing: u64,
+    /// Datagrams, and single trajectories and requests, that were not used, by reason.
+    pub dropped: Drops,
+    /// Seconds that simulated time fell behind the clock and let go.
+    pub let_go_s: f64,
 }
 
 impl Summary {
@@ -51,11 +70,11 @@ impl Summary {
     ) -> Self {
         let simulated_s = last.time_s;
         let mut vehicles = BTreeMap::new();
-        for (planned, totals) in experiment.vehicles.iter().zip(observer.totals()) {
-            let state = last.vehicle(planned.id);
+        for (id, name, totals) in observer.vehicles() {
+            let state = last.vehicle(id);
             let distance_m = state.map_or(0.0, |state| state.distance_m);
             let summary = VehicleSummary {
-                name: planned.name.clone(),
+                name: name.to_owned(),
                 status: state.map_or(Status::Finished, |state| state.status),
                 distance_m,
                 mean_speed_mps: distance_m / simulated_s.max(1e-9),
@@ -63,10 +82,12 @@ impl Summary {
                 longest_stand_s: totals.longest_stand_s,
                 mean_lateral_error_m: totals.lateral_error_sum_m / totals.samples.max(1) as f64,
                 max_lateral_error_m: totals.max_lateral_error_m,
-                max_lane_excess_m: if totals.samples > 0 { totals.max_lane_excess_m } else { 0.0 },
+                max_lane_excess_m: Some(totals.max_lane_excess_m)
+                    .filter(|excess_m| excess_m.is_finite())
+                    .unwrap_or(0.0),
                 collisions: totals.collisions,
             };
-            vehicles.insert(planned.id.0, summary);
+            vehicles.insert(id.0, summary);
         }
         let lanes = observer.lanes().unused().map(|lane| experiment.city_map.lane(lane).name.clone());
         let mean = |of: fn(&VehicleSummary) -> f64| {
@@ -85,6 +106,7 @@ impl Summary {
             unused_lanes: lanes.collect(),
             events,
             vehicles,
+            link: None,
         }
     }
 }

@@ -9,8 +9,9 @@ use crate::environment::EnvironmentSpec;
 use crate::geom::{LengthScale, Pose2, trig};
 use crate::mainframe::{Body, CavSetup, DriverParams, RightOfWayParams};
 use crate::sensor::Sensor;
-use crate::snapshot::{Appearance, VehicleId};
+use crate::snapshot::{Appearance, Dimensions, Setup, VehicleId};
 use crate::vehicle::VehicleSpec;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// How often things happen, per second of simulated time.
@@ -78,6 +79,15 @@ pub struct PlannedVehicle {
     pub sensors: Vec<Sensor>,
 }
 
+/// Middle of the outline of a vehicle of these measures, see [`PlannedVehicle::pose_on`].
+pub fn pose_on(size: &Dimensions, map: &CityMap, lane: LaneId, axle_at_m: f64) -> Pose2 {
+    let curve = &map.lane(lane).curve;
+    let mut axle = curve.at(axle_at_m).pose;
+    let curvature = curve.at(axle_at_m - size.wheelbase_m / 2.0).curvature;
+    axle.yaw_rad -= trig::asin((size.wheelbase_m * curvature).clamp(-1.0, 1.0));
+    axle.advanced(-size.front_axle_m())
+}
+
 impl PlannedVehicle {
     /// The measures that control needs, laboratory metres.
     pub fn body_in_lab(&self, scale: LengthScale) -> Body {
@@ -91,12 +101,26 @@ impl PlannedVehicle {
     /// Middle of the outline when its front-axle centre stands at a place of a lane, city metres. In a
     /// bend the body is turned as in a steady turn, its rear axle inside.
     pub fn pose_on(&self, map: &CityMap, lane: LaneId, axle_at_m: f64) -> Pose2 {
-        let size = &self.spec.dimensions;
-        let curve = &map.lane(lane).curve;
-        let mut axle = curve.at(axle_at_m).pose;
-        let curvature = curve.at(axle_at_m - size.wheelbase_m / 2.0).curvature;
-        axle.yaw_rad -= trig::asin((size.wheelbase_m * curvature).clamp(-1.0, 1.0));
-        axle.advanced(-size.front_axle_m())
+        pose_on(&self.spec.dimensions, map, lane, axle_at_m)
+    }
+
+    /// Where it starts: the middle of its outline, laboratory metres.
+    pub fn pose_in_lab(&self, map: &CityMap, scale: LengthScale) -> Pose2 {
+        let at_m = scale.city_from_lab(self.start.at_m);
+        self.pose_on(map, self.start.lane, at_m).scaled(1.0 / scale.factor())
+    }
+
+    /// What brings it into the city. Its pose went through laboratory metres, so that it is the same to
+    /// the last bit whether it came over the laboratory's link or not.
+    pub fn setup(&self, map: &CityMap, scale: LengthScale) -> Setup {
+        Setup {
+            id: self.id,
+            name: self.name.clone(),
+            appearance: self.appearance,
+            pose: self.pose_in_lab(map, scale).scaled(scale.factor()),
+            speed_mps: scale.city_from_lab(self.start.speed_mps),
+            spec: self.spec.clone(),
+        }
     }
 }
 
@@ -113,6 +137,8 @@ pub struct Experiment {
     pub city_map: Arc<CityMap>,
     /// In id order.
     pub vehicles: Vec<PlannedVehicle>,
+    /// The builds that the file names; `default` is always there.
+    pub vehicle_types: BTreeMap<String, VehicleSpec>,
     /// Those whose places overlapped others, already moved.
     pub moved: Vec<Moved>,
     pub right_of_way: RightOfWayParams,
@@ -141,6 +167,11 @@ impl Experiment {
             speed_mps: vehicle.start.speed_mps,
         };
         self.vehicles.iter().map(setup).collect()
+    }
+
+    /// The same without its vehicles: they come over the link.
+    pub fn without_vehicles(self) -> Self {
+        Self { vehicles: Vec::new(), moved: Vec::new(), ..self }
     }
 
     /// Number of physics steps of the whole run.

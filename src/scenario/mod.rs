@@ -15,10 +15,11 @@ mod time_of_day;
 mod traffic;
 mod vehicle_type;
 
-pub use experiment::{Experiment, Outcome, PlannedVehicle, Rates, Start};
+pub use experiment::{Experiment, Outcome, PlannedVehicle, Rates, Start, pose_on};
 pub use fields::Problem;
 pub use models::Models;
 pub use placement::Moved;
 pub use read::{Overrides, ScenarioError, read_experiment};
+pub use read_vehicles::{LARGEST_ID, is_topic_name};
 pub use source::{Library, SourceError, shipped_scenarios};
 pub use time_of_day::TimeOfDay;

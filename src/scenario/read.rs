@@ -47,6 +47,8 @@ pub struct Overrides {
     pub duration_s: Option<f64>,
     /// All vehicles get this dynamics model.
     pub model: Option<ModelKind>,
+    /// A file without vehicles will do: they come from elsewhere.
+    pub allows_no_vehicles: bool,
 }
 
 /// Reads and validates a scenario. `file` is the name that errors carry.
@@ -178,7 +180,8 @@ impl Reader<'_> {
         basis.read_traffic(root, &named, &mut fleet);
         // Something under `vehicle` or `traffic` that is wrong has been told already.
         let is_asked_for = root.entry("vehicle").is_some() || root.entry("traffic").is_some();
-        if fleet.is_empty() && (!is_asked_for || root.problems.is_empty()) {
+        let needs_vehicles = !self.overrides.allows_no_vehicles;
+        if needs_vehicles && fleet.is_empty() && (!is_asked_for || root.problems.is_empty()) {
             root.problems.add(&(0..0), "no vehicles: add [[vehicle]] tables or a [traffic] table");
         }
         let city_map = Arc::new(self.map.to_city(scale));
@@ -195,6 +198,7 @@ impl Reader<'_> {
             lab_map: Arc::clone(&self.map),
             vehicles: fleet.vehicles,
             moved,
+            vehicle_types: named.types.into_iter().map(|(name, build)| (name, build.spec)).collect(),
             right_of_way: read_right_of_way(root),
             environment: read_environment(root),
             time_of_day: read_time_of_day(root),

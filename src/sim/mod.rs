@@ -9,8 +9,11 @@ mod vehicle;
 
 use crate::geom::OrientedRect;
 use crate::physics::Physics;
-use crate::scenario::{Experiment, PlannedVehicle};
-use crate::snapshot::{Event, EventKind, FrameSnapshot, SimCommand, VehicleId, VehicleInfo, VehicleState};
+use crate::scenario::Experiment;
+use crate::snapshot::{
+    Appearance, Event, EventKind, FrameSnapshot, ModelKind, Setup, SimCommand, VehicleId, VehicleInfo,
+    VehicleSpec, VehicleState,
+};
 use collision::{Collisions, Solids};
 use hash::StateHash;
 use serde::{Deserialize, Serialize};
@@ -34,6 +37,8 @@ pub struct WorldState {
     physics: Physics,
     /// In id order.
     vehicles: Vec<SimVehicle>,
+    /// Of the vehicles that commands brought, in the order in which they came.
+    setups: Vec<Setup>,
     collisions: Collisions,
     /// Happened since the last snapshot, outside of a step.
     pending: Vec<Event>,
@@ -44,7 +49,7 @@ impl World {
     pub fn new(experiment: Arc<Experiment>) -> Self {
         let solids = Arc::new(Solids::of(&experiment.city_map));
         let state = WorldState::initial(&experiment, &solids);
-        let roster = roster_of(&experiment, &state.vehicles);
+        let roster = state.roster(&experiment);
         Self { experiment, solids, roster, state }
     }
 
@@ -70,7 +75,7 @@ impl World {
 
     /// The world of the same experiment at a state that was kept.
     pub fn with_state(&self, state: WorldState) -> Self {
-        let roster = roster_of(&self.experiment, &state.vehicles);
+        let roster = state.roster(&self.experiment);
         Self { experiment: Arc::clone(&self.experiment), solids: Arc::clone(&self.solids), roster, state }
     }
 
@@ -95,32 +100,37 @@ impl World {
     }
 
     fn apply_all(&mut self, commands: &[SimCommand]) {
-        let key = |command: &SimCommand| {
-            let sequence = if let SimCommand::Follow(t) = command { t.sequence } else { 0 };
-            (command.vehicle(), sequence)
-        };
-        if commands.is_sorted_by_key(key) {
+        if commands.is_sorted_by_key(SimCommand::order) {
             commands.iter().for_each(|command| self.apply(command));
             return;
         }
         let mut ordered: Vec<&SimCommand> = commands.iter().collect();
-        ordered.sort_by_key(|command| key(command));
+        ordered.sort_by_key(|command| command.order());
         ordered.into_iter().for_each(|command| self.apply(command));
     }
 
     fn apply(&mut self, command: &SimCommand) {
-        let time_s = self.time_s();
+        let (time_s, timeout_s) = (self.time_s(), self.experiment.link_timeout_s);
         match command {
             SimCommand::Start => self.state.is_running = true,
             SimCommand::Pause => self.state.is_running = false,
             SimCommand::Reset => {
+                let setups = std::mem::take(&mut self.state.setups);
                 self.state = WorldState::initial(&self.experiment, &self.solids);
-                self.roster = roster_of(&self.experiment, &self.state.vehicles);
+                setups.into_iter().for_each(|setup| self.state.spawn(&self.experiment, setup));
+                self.roster = self.state.roster(&self.experiment);
             }
+            SimCommand::Spawn(setup) => match self.vehicle_mut(setup.id) {
+                Some(vehicle) => vehicle.hear_anew(),
+                None => {
+                    self.state.spawn(&self.experiment, Setup::clone(setup));
+                    self.roster = self.state.roster(&self.experiment);
+                }
+            },
             SimCommand::Remove(id) => self.remove(*id),
             SimCommand::Follow(trajectory) => {
                 if let Some(vehicle) = self.vehicle_mut(trajectory.vehicle) {
-                    vehicle.follow(trajectory, time_s);
+                    vehicle.follow(trajectory, time_s, timeout_s);
                 }
             }
             SimCommand::Drive(id, pedals) => {
@@ -146,9 +156,10 @@ impl World {
             return;
         };
         self.state.vehicles.remove(index).leave(&mut self.state.physics);
+        self.state.setups.retain(|setup| setup.id != id);
         let time_s = self.time_s();
         self.state.pending.push(Event { time_s, vehicle: id, kind: EventKind::Remove });
-        self.roster = roster_of(&self.experiment, &self.state.vehicles);
+        self.roster = self.state.roster(&self.experiment);
     }
 
     fn step(&mut self, events: &mut Vec<Event>) {
@@ -199,43 +210,57 @@ impl WorldState {
         let mut vehicles = Vec::with_capacity(experiment.vehicles.len());
         for planned in &experiment.vehicles {
             pending.push(event(planned.id, EventKind::Spawn));
-            vehicles.push(spawn(experiment, planned, &mut physics));
+            let setup = planned.setup(&experiment.city_map, experiment.scale);
+            let mut vehicle = SimVehicle::spawn(&setup, &mut physics, experiment.rates.dt_s());
+            if planned.is_human {
+                vehicle.begin_by_hand();
+            }
+            vehicles.push(vehicle);
         }
         for moved in &experiment.moved {
             pending.push(event(moved.vehicle, EventKind::Moved { behind: moved.behind, by_m: moved.by_m }));
         }
-        Self { tick: 0, is_running: false, physics, vehicles, collisions: Collisions::default(), pending }
+        let collisions = Collisions::default();
+        Self { tick: 0, is_running: false, physics, vehicles, setups: Vec::new(), collisions, pending }
+    }
+
+    /// Brings a vehicle in; there is none of its number yet.
+    fn spawn(&mut self, experiment: &Experiment, setup: Setup) {
+        let time_s = experiment.rates.time_s(self.tick);
+        self.pending.push(Event { time_s, vehicle: setup.id, kind: EventKind::Spawn });
+        let index = self.vehicles.partition_point(|vehicle| vehicle.state.id < setup.id);
+        let vehicle = SimVehicle::spawn(&setup, &mut self.physics, experiment.rates.dt_s());
+        self.vehicles.insert(index, vehicle);
+        self.setups.push(setup);
+    }
+
+    /// The unchanging part of the vehicles that are there.
+    fn roster(&self, experiment: &Experiment) -> Arc<Vec<VehicleInfo>> {
+        let is_there =
+            |id| self.vehicles.binary_search_by_key(&id, |vehicle: &SimVehicle| vehicle.state.id).is_ok();
+        let planned = experiment.vehicles.iter().filter(|planned| is_there(planned.id));
+        let planned =
+            planned.map(|planned| info(planned.id, &planned.name, planned.appearance, &planned.spec));
+        let set_up =
+            self.setups.iter().map(|setup| info(setup.id, &setup.name, setup.appearance, &setup.spec));
+        let mut roster: Vec<VehicleInfo> = planned.chain(set_up).collect();
+        roster.sort_by_key(|info| info.id);
+        Arc::new(roster)
     }
 }
 
-fn spawn(experiment: &Experiment, planned: &PlannedVehicle, physics: &mut Physics) -> SimVehicle {
-    let scale = experiment.scale;
-    let at_m = scale.city_from_lab(planned.start.at_m);
-    let pose = planned.pose_on(&experiment.city_map, planned.start.lane, at_m);
-    let speed_mps = scale.city_from_lab(planned.start.speed_mps);
-    let dt_s = experiment.rates.dt_s();
-    let mut vehicle = SimVehicle::spawn(planned.id, &planned.spec, pose, speed_mps, physics, dt_s);
-    if planned.is_human {
-        vehicle.begin_by_hand();
+fn info(id: VehicleId, name: &str, appearance: Appearance, spec: &VehicleSpec) -> VehicleInfo {
+    let model = match spec.model {
+        ModelKind::Raycast => "raycast",
+        ModelKind::Bicycle => "bicycle",
+    };
+    VehicleInfo {
+        id,
+        name: name.to_owned(),
+        dimensions: spec.dimensions,
+        appearance,
+        model: model.to_owned(),
     }
-    vehicle
-}
-
-fn roster_of(experiment: &Experiment, vehicles: &[SimVehicle]) -> Arc<Vec<VehicleInfo>> {
-    let info = |planned: &PlannedVehicle| VehicleInfo {
-        id: planned.id,
-        name: planned.name.clone(),
-        dimensions: planned.spec.dimensions,
-        appearance: planned.appearance,
-        model: match planned.spec.model {
-            crate::vehicle::ModelKind::Raycast => "raycast".to_owned(),
-            crate::vehicle::ModelKind::Bicycle => "bicycle".to_owned(),
-        },
-    };
-    let is_there = |planned: &&PlannedVehicle| {
-        vehicles.binary_search_by_key(&planned.id, |vehicle| vehicle.state.id).is_ok()
-    };
-    Arc::new(experiment.vehicles.iter().filter(is_there).map(info).collect())
 }
 
 /// The outline of a vehicle of the world seen from above.

@@ -1,8 +1,7 @@
 //! One vehicle of the world: its dynamics, what it follows, and its state.
 
-use crate::geom::Pose2;
 use crate::physics::Physics;
-use crate::snapshot::{Event, EventKind, Pedals, Status, Trajectory, VehicleId, VehicleState};
+use crate::snapshot::{Event, EventKind, Pedals, Setup, Status, Trajectory, VehicleState};
 use crate::vehicle::{Actuation, Dynamics, Motion, Tracker, VehicleModel, VehicleSpec};
 use serde::{Deserialize, Serialize};
 
@@ -42,22 +41,13 @@ const MOVES_MPS: f64 = 0.4;
 const BRAKE_LIGHT_TRAVEL: f64 = 0.02;
 /// A person who has hit something and drives on so far is clear of it.
 const CLEAR_AFTER_M: f64 = 5.0;
-/// A sequence number this far behind the last one is a restarted sender's, not an old message.
-const SENDER_RESTARTED: u32 = 1 << 16;
-
 impl SimVehicle {
-    pub fn spawn(
-        id: VehicleId,
-        spec: &VehicleSpec,
-        pose: Pose2,
-        speed_mps: f64,
-        physics: &mut Physics,
-        dt_s: f64,
-    ) -> Self {
-        let mut dynamics = Dynamics::spawn(physics, spec, pose, speed_mps);
+    pub fn spawn(setup: &Setup, physics: &mut Physics, dt_s: f64) -> Self {
+        let spec = &setup.spec;
+        let mut dynamics = Dynamics::spawn(physics, spec, setup.pose, setup.speed_mps);
         let motion = dynamics.read_back(physics, spec, dt_s);
         let mut vehicle = Self {
-            state: VehicleState { id, ..VehicleState::default() },
+            state: VehicleState { id: setup.id, ..VehicleState::default() },
             spec: spec.clone(),
             dynamics,
             tracker: Tracker::default(),
@@ -84,13 +74,16 @@ impl SimVehicle {
         self.dynamics.remove(physics);
     }
 
-    /// Takes a newer trajectory; an older or repeated one is dropped.
-    pub fn follow(&mut self, trajectory: &Trajectory, time_s: f64) {
-        let is_new = self.sequence.is_none_or(|last| {
-            let ahead = trajectory.sequence.wrapping_sub(last);
-            ahead != 0 && (ahead < u32::MAX / 2 || ahead.wrapping_neg() > SENDER_RESTARTED)
-        });
-        if !is_new || trajectory.points.is_empty() {
+    /// Its sender has begun anew: the next trajectory counts whatever its sequence.
+    pub fn hear_anew(&mut self) {
+        self.sequence = None;
+    }
+
+    /// Takes a newer trajectory; an older or repeated one is dropped, and one that ended before the
+    /// link timeout.
+    pub fn follow(&mut self, trajectory: &Trajectory, time_s: f64, link_timeout_s: f64) {
+        let is_new = self.sequence.is_none_or(|last| trajectory.follows(last));
+        if !is_new || trajectory.is_over(time_s - link_timeout_s) {
             return;
         }
         self.sequence = Some(trajectory.sequence);

@@ -1,7 +1,7 @@
 //! Commands: the only way to change the world. A network packet, a key press and a replayed log
 //! all become one of these.
 
-use super::{Indicator, VehicleId};
+use super::{Indicator, VehicleId, VehicleSpec};
 use crate::geom::Pose2;
 use serde::{Deserialize, Serialize};
 
@@ -28,6 +28,22 @@ pub struct Trajectory {
     /// The vehicle is at the end of its route.
     pub finished: bool,
     pub indicator: Indicator,
+}
+
+/// A sequence number this far behind the last one is a restarted sender's, not an old message.
+const SENDER_RESTARTED: u32 = 1 << 16;
+
+impl Trajectory {
+    /// Whether it is newer than one of the same sender with this sequence.
+    pub fn follows(&self, last: u32) -> bool {
+        let ahead = self.sequence.wrapping_sub(last);
+        ahead != 0 && (ahead < u32::MAX / 2 || ahead.wrapping_neg() > SENDER_RESTARTED)
+    }
+
+    /// Whether all of it lies before a time.
+    pub fn is_over(&self, time_s: f64) -> bool {
+        self.points.last().is_none_or(|point| point.time_s < time_s)
+    }
 }
 
 /// Body shapes that the city can draw.
@@ -72,17 +88,18 @@ impl Default for Appearance {
     }
 }
 
-/// What brings a vehicle into the world.
+/// What brings a vehicle into the world, city frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Setup<Spec> {
+pub struct Setup {
     pub id: VehicleId,
     pub name: String,
     pub appearance: Appearance,
     /// Middle of the outline.
     pub pose: Pose2,
+    /// Along the heading.
     pub speed_mps: f64,
     /// How the vehicle is built and controlled.
-    pub spec: Spec,
+    pub spec: VehicleSpec,
 }
 
 /// Pedals and wheel of a human driver.
@@ -104,6 +121,9 @@ pub enum SimCommand {
     Pause,
     /// Back to the initial conditions: the run that follows equals the first one exactly.
     Reset,
+    /// A vehicle is there from now on. One of that number that is there already stays as it is, and takes
+    /// trajectories of any sequence again: its sender has begun anew.
+    Spawn(Box<Setup>),
     Follow(Trajectory),
     Remove(VehicleId),
     /// A person takes the vehicle over, or drives on with new pedals.
@@ -117,8 +137,14 @@ impl SimCommand {
     pub fn vehicle(&self) -> Option<VehicleId> {
         match self {
             Self::Start | Self::Pause | Self::Reset => None,
+            Self::Spawn(setup) => Some(setup.id),
             Self::Follow(trajectory) => Some(trajectory.vehicle),
             Self::Remove(id) | Self::Drive(id, _) | Self::Release(id) => Some(*id),
         }
+    }
+
+    /// Commands of a tick are applied in this order; those that are equal in it, as they came.
+    pub fn order(&self) -> (Option<VehicleId>, u32) {
+        (self.vehicle(), if let Self::Follow(trajectory) = self { trajectory.sequence } else { 0 })
     }
 }

@@ -6,10 +6,12 @@
 
 mod command;
 mod event;
+mod spec;
 mod vehicle;
 
 pub use command::{Appearance, BodyType, Pedals, Setup, SimCommand, Trajectory, TrajectoryPoint};
 pub use event::{Event, EventKind};
+pub use spec::{CentreOfMass, ControlGains, Drive, ModelKind, Motor, Suspension, TorquePoint, VehicleSpec};
 pub use vehicle::{Dimensions, Indicator, Status, VehicleId, VehicleInfo, VehicleState, WheelState};
 
 use serde::{Deserialize, Serialize};

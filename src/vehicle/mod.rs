@@ -11,15 +11,16 @@ mod limits;
 mod path;
 mod pedals;
 mod raycast;
-mod spec;
 mod tracker;
 mod wheels;
 
+pub use crate::snapshot::{
+    CentreOfMass, ControlGains, Drive, ModelKind, Motor, Suspension, TorquePoint, VehicleSpec,
+};
 pub use bicycle::Bicycle;
 pub use check::SpecError;
 pub use pedals::pedals;
 pub use raycast::RaycastCar;
-pub use spec::{CentreOfMass, ControlGains, Drive, ModelKind, Motor, Suspension, TorquePoint, VehicleSpec};
 pub use tracker::{Tracker, Tracking};
 
 use crate::geom::{Pose2, trig};

@@ -1,5 +1,25 @@
 //! What goes over the laboratory's link, in laboratory metres, and its conversion to and from the
 //! full-scale city. This is where [`LengthScale`] is applied; sockets live elsewhere.
+//!
+//! [`Body::encode`] and [`Body::decode`] are the datagrams of `docs/wire.md`.
+
+mod body;
+mod bytes;
+mod drops;
+mod envelope;
+mod setup;
+mod trajectories;
+
+pub use body::{
+    Action, Body, Clock, LONGEST_DETAIL, LONGEST_LEASE_S, MOST_POSES, Outcome, Phase, Poses, Seen,
+};
+pub use bytes::{DecodeError, EncodeError, Fault};
+pub use drops::{DropReason, Drops};
+pub use envelope::{
+    HEADER_BYTES, Header, LONGEST_BODY, LONGEST_DATAGRAM, MAGIC, SHORTEST_KEY, Seal, VERSION,
+};
+pub use setup::{Build, LONGEST_NAME, MOST_PARAMETERS, MOST_TORQUE_POINTS, VehicleSetup};
+pub use trajectories::{MOST_POINTS, MOST_TRAJECTORIES, pack};
 
 use crate::geom::{LengthScale, Pose2};
 use crate::snapshot::{
@@ -7,6 +27,15 @@ use crate::snapshot::{
 };
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
+
+/// Coordinates on the laboratory's floor are at most so large.
+pub const LARGEST_M: f64 = 1000.0;
+/// Angles need not be wrapped, but are at most so large.
+pub const LARGEST_RAD: f64 = 1000.0;
+/// Speeds on the laboratory's floor are at most so large.
+pub const LARGEST_MPS: f64 = 100.0;
+/// Times are at most so large.
+pub const LARGEST_S: f64 = 1e9;
 
 /// One measured pose, as motion capture gives it: no speed. Laboratory metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,6 +1,6 @@
-//! How a vehicle is built and controlled: what a scenario states of it.
+//! How a vehicle is built and controlled: what a scenario or a setup states of it.
 
-use crate::snapshot::Dimensions;
+use super::Dimensions;
 use serde::{Deserialize, Serialize};
 
 /// A vehicle's build and gains, full-scale SI units.

@@ -1,0 +1,186 @@
+//! The files of a run that a command writes: the log, the table and the summary.
+
+use super::say::say;
+use super::{Failure, create_folder};
+use crate::mainframe::Mainframe;
+use crate::record::{Cadence, NetworkCommand, Recorder};
+use crate::runner::{LinkSummary, Observer, Summary};
+use crate::scenario::Experiment;
+use crate::snapshot::{Event, FrameSnapshot};
+use clap::Args;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// How much is written.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct LogArgs {
+    /// Snapshots per simulated second in the log
+    #[arg(long, value_name = "HZ", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..))]
+    log_hz: u32,
+    /// Rows per simulated second and vehicle in vehicles.csv
+    #[arg(long, value_name = "HZ", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
+    csv_hz: u32,
+}
+
+/// The folder of one of several runs of a process, counted from 1: the first has the folder that was asked for.
+pub fn folder_of(out: Option<&Path>, part: u32) -> Option<PathBuf> {
+    out.map(|folder| if part <= 1 { folder.to_path_buf() } else { folder.join(format!("part-{part}")) })
+}
+
+/// The files of one run; with no folder only what happens is kept.
+pub struct Files {
+    folder: Option<PathBuf>,
+    recorder: Option<Recorder>,
+    observer: Observer,
+    events: Vec<Event>,
+    tick_events: Vec<Event>,
+    start: Instant,
+}
+
+impl Files {
+    pub fn begin(folder: Option<PathBuf>, experiment: &Experiment, args: LogArgs) -> Result<Self, Failure> {
+        Self::flushed(folder, experiment, args, None)
+    }
+
+    /// Files of a process that goes on until it is ended: they are whole up to the last second.
+    pub fn begin_lasting(
+        folder: Option<PathBuf>,
+        experiment: &Experiment,
+        args: LogArgs,
+    ) -> Result<Self, Failure> {
+        Self::flushed(folder, experiment, args, Some(experiment.rates.physics_hz.into()))
+    }
+
+    fn flushed(
+        folder: Option<PathBuf>,
+        experiment: &Experiment,
+        args: LogArgs,
+        flush_ticks: Option<u64>,
+    ) -> Result<Self, Failure> {
+        let every = |hz: u32| u64::from((experiment.rates.physics_hz / hz).max(1));
+        let cadence = Cadence { log_ticks: every(args.log_hz), table_ticks: every(args.csv_hz), flush_ticks };
+        let recorder = match &folder {
+            Some(folder) => {
+                create_folder(folder)?;
+                Some(Recorder::new(folder, experiment, cadence).map_err(Failure::failed)?)
+            }
+            None => None,
+        };
+        let observer = Observer::new(experiment);
+        let start = Instant::now();
+        Ok(Self { folder, recorder, observer, events: Vec::new(), tick_events: Vec::new(), start })
+    }
+
+    /// The instant at which the run begins.
+    pub fn first(&mut self, snapshot: &FrameSnapshot) -> Result<(), Failure> {
+        match &mut self.recorder {
+            Some(recorder) => recorder.record(snapshot, &[]).map_err(Failure::failed),
+            None => Ok(()),
+        }
+    }
+
+    /// What came over the laboratory's link.
+    pub fn network(&mut self, time_s: f64, command: NetworkCommand) -> Result<(), Failure> {
+        match &mut self.recorder {
+            Some(recorder) => recorder.network(time_s, command).map_err(Failure::failed),
+            None => Ok(()),
+        }
+    }
+
+    /// The instant after a tick.
+    pub fn tick(&mut self, mainframe: Option<&Mainframe>, snapshot: &FrameSnapshot) -> Result<(), Failure> {
+        self.tick_events.clear();
+        self.tick_events.extend_from_slice(&snapshot.events);
+        self.observer.observe(mainframe, snapshot, &mut self.tick_events);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.record(snapshot, &self.tick_events).map_err(Failure::failed)?;
+        }
+        self.events.append(&mut self.tick_events);
+        Ok(())
+    }
+
+    /// Ends the files, and writes the summary.
+    pub fn finish(
+        self,
+        experiment: &Experiment,
+        last: &FrameSnapshot,
+        link: Option<LinkSummary>,
+    ) -> Result<Summary, Failure> {
+        if let Some(recorder) = self.recorder {
+            recorder.finish().map_err(Failure::failed)?;
+        }
+        let wall_s = self.start.elapsed().as_secs_f64();
+        let summary = Summary::new(experiment, &self.observer, last, self.events, wall_s);
+        let summary = Summary { link, ..summary };
+        if let Some(folder) = &self.folder {
+            write_summary(folder, &summary)?;
+        }
+        Ok(summary)
+    }
+}
+
+fn write_summary(folder: &Path, summary: &Summary) -> Result<(), Failure> {
+    let path = folder.join("summary.json");
+    let text = serde_json::to_string_pretty(summary).map_err(Failure::failed)?;
+    std::fs::write(&path, text).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
+}
+
+/// Says what a run came to, and whether it has failed.
+pub fn conclude(
+    summary: &Summary,
+    experiment: &Experiment,
+    folder: Option<&Path>,
+    json: bool,
+) -> Result<(), Failure> {
+    if json {
+        say(serde_json::to_string(summary).map_err(Failure::failed)?)?;
+    } else {
+        print(summary, folder)?;
+    }
+    if summary.collisions > 0 && experiment.outcome.collisions_forbidden {
+        let count = summary.collisions;
+        return Err(Failure::failed(format!(
+            "{count} collisions in a scenario that forbids them (collisions_forbidden)"
+        )));
+    }
+    Ok(())
+}
+
+fn print(summary: &Summary, folder: Option<&Path>) -> Result<(), Failure> {
+    say(format_args!(
+        "{}: {:.1} s simulated in {:.2} s ({:.0} times real time), seed {}",
+        summary.scenario, summary.simulated_s, summary.wall_s, summary.real_time_factor, summary.seed
+    ))?;
+    say(format_args!("collisions {}   mean speed {:.2} m/s", summary.collisions, summary.mean_speed_mps))?;
+    say("  id  name      status      distance m  mean m/s  stops  longest stand s  max lateral m")?;
+    for (id, v) in summary.vehicles.iter().take(20) {
+        say(format_args!(
+            "{id:>4}  {:<8}  {:<10}  {:>10.1}  {:>8.2}  {:>5}  {:>15.1}  {:>13.3}",
+            v.name,
+            v.status.label(),
+            v.distance_m,
+            v.mean_speed_mps,
+            v.stops,
+            v.longest_stand_s,
+            v.max_lateral_error_m
+        ))?;
+    }
+    if summary.vehicles.len() > 20 {
+        say(format_args!("      and {} more in summary.json", summary.vehicles.len() - 20))?;
+    }
+    if let Some(link) = &summary.link {
+        let reasons: Vec<String> =
+            link.dropped.iter().map(|(reason, count)| format!("{count} {}", reason.label())).collect();
+        let reasons = if reasons.is_empty() { String::new() } else { format!(": {}", reasons.join(", ")) };
+        say(format_args!(
+            "link: {} datagrams, {} missing, {} dropped{reasons}",
+            link.received,
+            link.missing,
+            link.dropped.total()
+        ))?;
+    }
+    match folder {
+        Some(folder) => say(format_args!("state {}   written to {}", summary.state_hash, folder.display())),
+        None => say(format_args!("state {}", summary.state_hash)),
+    }
+}

@@ -1,0 +1,325 @@
+//! `city3d serve`: the city alone, driven over the laboratory's link.
+
+use super::files::{Files, LogArgs, conclude, folder_of};
+use super::say::say;
+use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
+use crate::link::{Allowed, Inbound, Origin, Server, ServerOptions, read_key};
+use crate::live::Clock;
+use crate::record::NetworkCommand;
+use crate::runner::{LinkSummary, Rules, Served};
+use crate::snapshot::FrameSnapshot;
+use crate::wire::{Body, Outcome};
+use clap::Args;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+#[derive(Debug, Args)]
+pub struct ServeArgs {
+    #[command(flatten)]
+    scenario: ScenarioArgs,
+    #[command(flatten)]
+    link: LinkArgs,
+    #[command(flatten)]
+    log: LogArgs,
+    /// Folder for run.mcap, vehicles.csv and summary.json; without it nothing is written
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Address and port to listen on; one that others can reach has to be asked for
+    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:9870")]
+    bind: String,
+    /// Who may send: an address or a network, again for more; without it all that can reach the port
+    #[arg(long, value_name = "IP")]
+    allow: Vec<Allowed>,
+    /// Wait at each tick for who leads, instead of for the clock: runs repeat exactly
+    #[arg(long)]
+    lockstep: bool,
+    /// Senders that may set up vehicles beside the one who leads
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    guests: usize,
+    /// Datagrams that each sender may send in a second
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(1..))]
+    rate: u32,
+    /// Times real time
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = super::pace)]
+    speed: f64,
+    /// Without a window
+    #[arg(long)]
+    headless: bool,
+    /// Print the summary as JSON instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+/// Poses that stand are sent again after this, for subscribers that have missed them.
+const STANDING: Duration = Duration::from_millis(100);
+/// Who get poses at once, at most.
+const MOST_SUBSCRIBERS: usize = 64;
+/// In lockstep the sender is held back by the barriers.
+const RATE_IN_LOCKSTEP: f64 = 1e6;
+/// So long a city whose time is over still tells its last poses.
+const LINGER: Duration = Duration::from_millis(300);
+/// Datagrams that are taken in before the clock is looked at again.
+const AT_ONCE: usize = 1024;
+
+pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
+    let experiment = load::city(&args.scenario)?;
+    let rate_per_s = if args.lockstep { RATE_IN_LOCKSTEP } else { f64::from(args.rate) };
+    let options = ServerOptions {
+        address: args.bind.clone(),
+        world: args.link.world,
+        seal: read_key(args.link.key.as_deref()).map_err(Failure::bad_input)?,
+        allowed: args.allow.clone(),
+        rate_per_s,
+    };
+    let ends = on_end()?;
+    let server = Server::bind(&options).map_err(Failure::bad_input)?;
+    if !server.is_loopback() && args.allow.is_empty() && args.link.key.is_none() {
+        tracing::warn!(
+            "{} can be reached from other machines, and all of them may send; --allow and --key limit them",
+            server.address()
+        );
+    }
+    if !args.headless {
+        tracing::warn!("the window does not show a served city yet; it is served without one (--headless)");
+    }
+    let pace = if args.lockstep { ", in lockstep" } else { "" };
+    say(format_args!("{} is served on udp {}{pace}", experiment.name, server.address()))?;
+    let rules = Rules { is_lockstep: args.lockstep, guests: args.guests };
+    let duration = args.scenario.duration.map(|_| experiment.ticks());
+    let mut serving = Serving {
+        args,
+        server,
+        served: Served::new(experiment, rules),
+        files: None,
+        part: 1,
+        subscribers: Vec::new(),
+        clock: None,
+        told: Instant::now(),
+        begun: Instant::now(),
+        let_go_s: 0.0,
+        duration,
+    };
+    serving.serve(&ends)?;
+    serving.conclude()
+}
+
+struct Subscriber {
+    origin: Origin,
+    every_ticks: u64,
+    until: Instant,
+}
+
+struct Serving<'a> {
+    args: &'a ServeArgs,
+    server: Server,
+    served: Served,
+    files: Option<Files>,
+    /// Counts the runs: a reset begins a new one, with files of its own.
+    part: u32,
+    subscribers: Vec<Subscriber>,
+    /// While the experiment runs.
+    clock: Option<Clock>,
+    /// When poses were sent last.
+    told: Instant,
+    begun: Instant,
+    let_go_s: f64,
+    /// Ticks after which it ends.
+    duration: Option<u64>,
+}
+
+impl Serving<'_> {
+    fn serve(&mut self, ends: &AtomicBool) -> Result<(), Failure> {
+        while !ends.load(Ordering::Relaxed) && !self.is_over() {
+            self.receive(self.wait())?;
+            self.advance()?;
+        }
+        // The last poses may be lost on their way.
+        let until = Instant::now() + if self.is_over() { LINGER } else { Duration::ZERO };
+        while let Some(left) = until.checked_duration_since(Instant::now()) {
+            self.receive(left.min(STANDING))?;
+            self.publish();
+        }
+        Ok(())
+    }
+
+    fn is_over(&self) -> bool {
+        self.duration.is_some_and(|ticks| self.snapshot().tick >= ticks)
+    }
+
+    /// Takes in what comes, waiting no longer than this for the first of it.
+    fn receive(&mut self, wait: Duration) -> Result<(), Failure> {
+        let mut wait = wait;
+        for _ in 0..AT_ONCE {
+            let Some(inbound) = self.server.receive(wait) else { break };
+            self.take(inbound)?;
+            wait = Duration::ZERO;
+        }
+        Ok(())
+    }
+
+    fn snapshot(&self) -> &FrameSnapshot {
+        self.served.snapshot()
+    }
+
+    /// How long it may wait for datagrams before something is due.
+    fn wait(&self) -> Duration {
+        let now = Instant::now();
+        let standing = STANDING.saturating_sub(now.duration_since(self.told));
+        match self.clock {
+            Some(clock) => clock.until(now, self.snapshot().time_s),
+            None => standing.max(Duration::from_micros(1)),
+        }
+    }
+
+    fn take(&mut self, Inbound { origin, body }: Inbound) -> Result<(), Failure> {
+        if let Body::Barrier { tick, .. } = body {
+            // Of who leads it is a sign of life as well.
+            self.served.take(origin.0, self.begun.elapsed().as_secs_f64(), body);
+            return self.barrier(origin, tick);
+        }
+        if let Body::Subscribe { request, every_ticks, lease_s } = body
+            && !self.subscribe(origin, every_ticks.into(), lease_s)
+        {
+            let detail = format!("there are {MOST_SUBSCRIBERS} subscribers already");
+            let tick = self.snapshot().tick;
+            self.server.tell(origin, &Body::Ack { request, outcome: Outcome::Busy, tick, detail });
+            return Ok(());
+        }
+        let is_new = matches!(body, Body::Subscribe { .. } | Body::Setup { .. });
+        if let Some(answer) = self.served.take(origin.0, self.begun.elapsed().as_secs_f64(), body) {
+            self.server.tell(origin, &answer);
+        }
+        if is_new && !self.served.is_running() {
+            self.apply()?;
+            self.publish();
+        }
+        Ok(())
+    }
+
+    /// Whether there is room for a subscriber.
+    fn subscribe(&mut self, origin: Origin, every_ticks: u64, lease_s: f64) -> bool {
+        self.subscribers
+            .retain(|subscriber| subscriber.origin != origin && self.server.knows(subscriber.origin));
+        let has_room = self.subscribers.len() < MOST_SUBSCRIBERS;
+        if lease_s > 0.0 && has_room {
+            let until = Instant::now() + Duration::from_secs_f64(lease_s);
+            self.subscribers.push(Subscriber { origin, every_ticks, until });
+        }
+        has_room
+    }
+
+    fn barrier(&mut self, origin: Origin, tick: u64) -> Result<(), Failure> {
+        if !self.args.lockstep || self.served.leader() != Some(origin.0) {
+            return Ok(());
+        }
+        if tick == self.snapshot().tick && self.served.is_running() && !self.is_over() {
+            return self.tick();
+        }
+        for poses in self.served.poses() {
+            self.server.tell(origin, &poses);
+        }
+        Ok(())
+    }
+
+    /// What is due by the clock.
+    fn advance(&mut self) -> Result<(), Failure> {
+        if !self.served.is_running() {
+            self.clock = None;
+            self.apply()?;
+        } else if !self.args.lockstep {
+            let now = Instant::now();
+            let time_s = self.snapshot().time_s;
+            let mut clock = *self.clock.get_or_insert_with(|| Clock::new(now, time_s, self.args.speed));
+            if self.snapshot().time_s <= clock.simulated_s(now) {
+                self.tick()?;
+            }
+            let behind_s = clock.simulated_s(Instant::now());
+            clock.let_go(Instant::now(), self.snapshot().time_s);
+            self.let_go_s += (behind_s - clock.simulated_s(Instant::now())).max(0.0);
+            self.clock = Some(clock);
+        }
+        if self.told.elapsed() >= STANDING {
+            self.publish();
+        }
+        Ok(())
+    }
+
+    /// Applies what has come while the clock stands.
+    fn apply(&mut self) -> Result<(), Failure> {
+        if self.served.has_pending() { self.tick() } else { Ok(()) }
+    }
+
+    fn tick(&mut self) -> Result<(), Failure> {
+        let experiment = Arc::clone(self.served.experiment());
+        let (before, time_s) = (self.snapshot().tick, self.snapshot().time_s);
+        let files = match &mut self.files {
+            Some(files) => files,
+            None => {
+                let folder = folder_of(self.args.out.as_deref(), self.part);
+                self.files.insert(Files::begin_lasting(folder, &experiment, self.args.log)?)
+            }
+        };
+        if before == 0 && self.served.is_running() {
+            files.first(self.served.snapshot())?;
+        }
+        let after = self.served.tick().tick;
+        for applied in self.served.applied() {
+            let sender = self.server.label(Origin(applied.sender));
+            let (kind, body) = applied.body.to_log().map_err(Failure::failed)?;
+            files.network(time_s, NetworkCommand { tick: before, sender, kind, body })?;
+        }
+        if after > before {
+            files.tick(None, self.served.snapshot())?;
+        }
+        for reason in self.served.drain_dropped() {
+            self.server.count(reason);
+        }
+        if after < before {
+            // The present instant is that of the new run already; the files end with what they have.
+            self.end_part()?;
+        }
+        self.publish();
+        Ok(())
+    }
+
+    fn end_part(&mut self) -> Result<(), Failure> {
+        let Some(files) = self.files.take() else { return Ok(()) };
+        self.part += 1;
+        files.finish(self.served.experiment(), self.served.snapshot(), Some(self.figures())).map(drop)
+    }
+
+    fn figures(&self) -> LinkSummary {
+        let (received, used, dropped, missing) = self.server.figures();
+        LinkSummary { received, used, missing, dropped, let_go_s: self.let_go_s }
+    }
+
+    /// Sends the present poses to those who have asked for them.
+    fn publish(&mut self) {
+        let (now, tick) = (Instant::now(), self.snapshot().tick);
+        self.told = now;
+        self.subscribers.retain(|subscriber| subscriber.until > now);
+        if self.subscribers.is_empty() {
+            return;
+        }
+        let poses = self.served.poses();
+        let is_standing = !self.served.is_running();
+        for subscriber in &self.subscribers {
+            if is_standing || tick.is_multiple_of(subscriber.every_ticks) {
+                poses.iter().for_each(|poses| self.server.tell(subscriber.origin, poses));
+            }
+        }
+    }
+
+    /// Writes the rest, and says what the run came to.
+    fn conclude(mut self) -> Result<(), Failure> {
+        let experiment = Arc::clone(self.served.experiment());
+        let files = match self.files.take() {
+            Some(files) => files,
+            None => Files::begin(None, &experiment, self.args.log)?,
+        };
+        let summary = files.finish(&experiment, self.served.snapshot(), Some(self.figures()))?;
+        conclude(&summary, &experiment, self.args.out.as_deref(), self.args.json)
+    }
+}

@@ -1,0 +1,201 @@
+//! Little-endian primitives of datagrams, and what is said of those that cannot be read.
+
+use super::VERSION;
+use thiserror::Error;
+
+/// What is wrong with a datagram, and where.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("{field}, byte {offset}: {fault}")]
+pub struct DecodeError {
+    /// As `docs/wire.md` calls it.
+    pub field: &'static str,
+    /// From the start of the datagram.
+    pub offset: usize,
+    pub fault: Fault,
+}
+
+/// What is wrong with a field.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum Fault {
+    #[error("{needed} bytes are needed here, {left} are left")]
+    Short { needed: usize, left: usize },
+    #[error("{found} bytes are longer than {most}")]
+    Long { found: usize, most: usize },
+    #[error("{found} bytes too many")]
+    Trailing { found: usize },
+    #[error("it does not begin as a datagram of this link does")]
+    Magic,
+    #[error("version {found}; version {VERSION} is spoken here")]
+    Version { found: u8 },
+    #[error("the check value does not fit the bytes: damaged on its way, or made by another key")]
+    Check,
+    #[error("not authenticated, and a shared key is asked for here")]
+    Unauthenticated,
+    #[error("authenticated by a shared key, and none is known here")]
+    NoKey,
+    #[error("not a finite number")]
+    NotFinite,
+    #[error("{found}; it must be between {least} and {most}")]
+    OutOfRange { found: f64, least: f64, most: f64 },
+    #[error("{found} stands for nothing; there are {known}")]
+    Unknown { found: u64, known: &'static str },
+    #[error("not UTF-8 text")]
+    NotText,
+    #[error("not later than the one before")]
+    NotLater,
+}
+
+/// Something that fits in no datagram.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("{what}: {found}; at most {most} fit in a datagram")]
+pub struct EncodeError {
+    pub what: &'static str,
+    pub found: usize,
+    pub most: usize,
+}
+
+/// Writes the primitives of a datagram in their order.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Writer {
+    pub bytes: Vec<u8>,
+}
+
+impl Writer {
+    pub fn u8(&mut self, value: u8) {
+        self.bytes.push(value);
+    }
+
+    pub fn u16(&mut self, value: u16) {
+        self.bytes.extend_from_slice(&value.to_le_bytes());
+    }
+
+    pub fn u32(&mut self, value: u32) {
+        self.bytes.extend_from_slice(&value.to_le_bytes());
+    }
+
+    pub fn u64(&mut self, value: u64) {
+        self.bytes.extend_from_slice(&value.to_le_bytes());
+    }
+
+    pub fn f64(&mut self, value: f64) {
+        self.bytes.extend_from_slice(&value.to_le_bytes());
+    }
+
+    /// Its length in one byte, then the text in UTF-8.
+    pub fn text(&mut self, what: &'static str, text: &str, most: usize) -> Result<(), EncodeError> {
+        self.count(what, text.len(), most)?;
+        self.bytes.extend_from_slice(text.as_bytes());
+        Ok(())
+    }
+
+    /// How many follow, in one byte.
+    pub fn count(&mut self, what: &'static str, found: usize, most: usize) -> Result<(), EncodeError> {
+        let byte = u8::try_from(found).ok().filter(|_| found <= most);
+        self.u8(byte.ok_or(EncodeError { what, found, most })?);
+        Ok(())
+    }
+}
+
+/// Reads the primitives of a datagram in their order.
+#[derive(Clone, Debug)]
+pub(super) struct Reader<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Reader<'a> {
+    /// Begins at a byte of a datagram.
+    pub fn new(bytes: &'a [u8], at: usize) -> Self {
+        Self { bytes, at }
+    }
+
+    pub fn error(&self, field: &'static str, size: usize, fault: Fault) -> DecodeError {
+        DecodeError { field, offset: self.at - size, fault }
+    }
+
+    fn take(&mut self, field: &'static str, needed: usize) -> Result<&'a [u8], DecodeError> {
+        let left = self.bytes.len().saturating_sub(self.at);
+        if needed > left {
+            return Err(self.error(field, 0, Fault::Short { needed, left }));
+        }
+        self.at += needed;
+        Ok(&self.bytes[self.at - needed..self.at])
+    }
+
+    fn array<const N: usize>(&mut self, field: &'static str) -> Result<[u8; N], DecodeError> {
+        let mut array = [0; N];
+        array.copy_from_slice(self.take(field, N)?);
+        Ok(array)
+    }
+
+    pub fn u8(&mut self, field: &'static str) -> Result<u8, DecodeError> {
+        self.array::<1>(field).map(|[byte]| byte)
+    }
+
+    pub fn u16(&mut self, field: &'static str) -> Result<u16, DecodeError> {
+        self.array(field).map(u16::from_le_bytes)
+    }
+
+    pub fn u32(&mut self, field: &'static str) -> Result<u32, DecodeError> {
+        self.array(field).map(u32::from_le_bytes)
+    }
+
+    pub fn u64(&mut self, field: &'static str) -> Result<u64, DecodeError> {
+        self.array(field).map(u64::from_le_bytes)
+    }
+
+    /// A finite number of a range.
+    pub fn number(&mut self, field: &'static str, least: f64, most: f64) -> Result<f64, DecodeError> {
+        let found = self.array(field).map(f64::from_le_bytes)?;
+        if !found.is_finite() {
+            return Err(self.error(field, 8, Fault::NotFinite));
+        }
+        if !(least..=most).contains(&found) {
+            return Err(self.error(field, 8, Fault::OutOfRange { found, least, most }));
+        }
+        Ok(found)
+    }
+
+    /// A whole number of a range, read already.
+    pub fn within<T>(&self, field: &'static str, found: T, (least, most): (T, T)) -> Result<T, DecodeError>
+    where
+        T: Copy + PartialOrd + Into<u32>,
+    {
+        if found >= least && found <= most {
+            return Ok(found);
+        }
+        let [found, least, most] = [found, least, most].map(|value| f64::from(value.into()));
+        Err(self.error(field, size_of::<T>(), Fault::OutOfRange { found, least, most }))
+    }
+
+    /// What a byte stands for.
+    pub fn one_of<T: Copy>(
+        &mut self,
+        field: &'static str,
+        all: &[T],
+        known: &'static str,
+    ) -> Result<T, DecodeError> {
+        let found = self.u8(field)?;
+        all.get(usize::from(found))
+            .copied()
+            .ok_or_else(|| self.error(field, 1, Fault::Unknown { found: found.into(), known }))
+    }
+
+    pub fn text(&mut self, field: &'static str, most: usize) -> Result<String, DecodeError> {
+        let length = usize::from(self.u8(field)?);
+        if length > most {
+            return Err(self.error(field, 1, Fault::Long { found: length, most }));
+        }
+        let bytes = self.take(field, length)?;
+        let text = std::str::from_utf8(bytes).map_err(|_| self.error(field, length, Fault::NotText))?;
+        Ok(text.to_owned())
+    }
+
+    /// Nothing may be left.
+    pub fn finish(self) -> Result<(), DecodeError> {
+        match self.bytes.len().saturating_sub(self.at) {
+            0 => Ok(()),
+            found => Err(self.error("end", 0, Fault::Trailing { found })),
+        }
+    }
+}

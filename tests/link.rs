@@ -1,0 +1,200 @@
+//! City and control framework in two processes, as in the laboratory.
+#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
+
+#[path = "support/link.rs"]
+mod link;
+
+use city3d::link::{Client, Heard};
+use city3d::snapshot::Status;
+use city3d::wire::{Body, Phase, Poses, Seal, Seen};
+use link::{city3d, digests, events, mainframe, serve, serve_at, summary};
+use std::time::{Duration, Instant};
+
+/// Every tick in the log.
+const EVERY_TICK: [&str; 2] = ["--log-hz", "100"];
+
+#[test]
+fn in_lockstep_two_processes_do_what_one_does_tick_by_tick() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // Delays, jitter and loss are in the control framework's process.
+    let text = std::fs::read_to_string(link::root().join("scenarios/roundabout.toml")).unwrap();
+    let text = format!("{text}\n[environment]\nprofile = \"testbed\"\n");
+    std::fs::write(folder.join("testbed.toml"), text).unwrap();
+    for (scenario, duration) in [("roundabout", "40"), ("testbed.toml", "8"), ("city", "3")] {
+        let run = [&["run", scenario, "--duration", duration, "--out", "run"], &EVERY_TICK[..]].concat();
+        assert!(city3d(&run, folder).output().unwrap().status.success());
+        let rest = ["--duration", duration, "--lockstep", "--out", "served"];
+        let mut city = serve(&[&[scenario], &rest[..], &EVERY_TICK[..]].concat(), folder);
+        let arguments = [&[scenario, "--duration", duration, "--out", "far"], &EVERY_TICK[..]].concat();
+        let mut far = mainframe(&city.address, &arguments, folder);
+        assert_eq!((far.wait(), city.wait()), (0, 0), "{scenario}");
+
+        let alone = digests(&folder.join("run/run.mcap"));
+        assert_eq!(alone.len(), duration.parse::<usize>().unwrap() * 100 + 1);
+        for other in ["served", "far"] {
+            let digests = digests(&folder.join(other).join("run.mcap"));
+            let first = alone.iter().zip(&digests).find(|(a, b)| a != b);
+            assert_eq!((first, digests.len()), (None, alone.len()), "{scenario}: {other}");
+        }
+        let [run, served, far] = ["run", "served", "far"].map(|name| summary(&folder.join(name)));
+        assert_eq!(run["state_hash"], served["state_hash"]);
+        assert_eq!(events(&run, "merge"), events(&far, "merge"), "{scenario}");
+        assert_eq!(served["collisions"], 0);
+    }
+}
+
+#[test]
+fn in_real_time_the_same_merge_in_the_same_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let alone = ["run", "roundabout", "--duration", "18", "--out", "run"];
+    assert!(city3d(&alone, folder).output().unwrap().status.success());
+    let expected = events(&summary(&folder.join("run")), "merge");
+    assert!(expected.len() > 10);
+    for attempt in 1.. {
+        let mut city = serve(&["roundabout", "--duration", "18", "--speed", "3", "--out", "served"], folder);
+        let mut far = mainframe(&city.address, &["roundabout", "--duration", "18", "--out", "far"], folder);
+        assert_eq!((far.wait(), city.wait()), (0, 0));
+        let [served, far] = ["served", "far"].map(|name| summary(&folder.join(name)));
+        // A machine that stops one of the processes for a while shows in the link.
+        let is_held_up = served["link"]["let_go_s"] != 0.0 || !events(&served, "link_lost").is_empty();
+        if is_held_up && attempt < 4 {
+            continue;
+        }
+        let found = events(&far, "merge");
+        assert_eq!(found.len(), expected.len(), "{found:?} {expected:?}");
+        for ((vehicle, time_s), (expected, expected_s)) in found.iter().zip(&expected) {
+            assert_eq!(vehicle, expected, "{found:?}");
+            assert!((time_s - expected_s).abs() < 0.3, "vehicle {vehicle}: {time_s} s, alone {expected_s} s");
+        }
+        assert_eq!(served["collisions"], 0);
+        assert_eq!(served["link"]["dropped"].as_object().unwrap().len(), 0, "{}", served["link"]);
+        return;
+    }
+}
+
+/// Somebody who watches a city.
+struct Watcher {
+    client: Client,
+    renewed: Option<Instant>,
+}
+
+impl Watcher {
+    fn new(city: &str) -> Self {
+        let client = Client::new(city, 0, Seal::Checksum).unwrap();
+        Self { client, renewed: None }
+    }
+
+    fn next(&mut self) -> Poses {
+        let begun = Instant::now();
+        loop {
+            if self.renewed.is_none_or(|renewed| renewed.elapsed() > Duration::from_secs(1)) {
+                self.client.renew();
+                self.client.send(&Body::Subscribe { request: 1, every_ticks: 1, lease_s: 60.0 });
+                self.renewed = Some(Instant::now());
+            }
+            if let Some(Heard::Body(Body::Poses(poses))) = self.client.receive(Duration::from_millis(500)) {
+                self.renewed = Some(Instant::now());
+                return poses;
+            }
+            assert!(begun.elapsed() < Duration::from_secs(100), "no poses come");
+        }
+    }
+
+    /// Watches until something is so of the vehicles; what has been seen until then.
+    fn until(&mut self, what: &str, is_so: impl Fn(&Poses) -> bool) -> Vec<Poses> {
+        let begun = Instant::now();
+        let mut seen = Vec::new();
+        loop {
+            let poses = self.next();
+            let is_over = is_so(&poses);
+            seen.push(poses);
+            if is_over {
+                return seen;
+            }
+            assert!(begun.elapsed() < Duration::from_secs(100), "never {what}: {:?}", seen.last());
+        }
+    }
+}
+
+/// The hardest deceleration of any vehicle, full scale, over ticks that follow one another.
+fn hardest_braking(seen: &[Poses]) -> f64 {
+    let mut hardest = 0.0f64;
+    // Over a few ticks, for poses have speeds only by their differences.
+    for three in seen.windows(11).filter(|all| all[10].tick == all[0].tick + 10) {
+        let at = |k: usize| three[k].vehicles.iter().map(|seen| seen.pose.position * 25.0);
+        for ((a, b), c) in at(0).zip(at(5)).zip(at(10)) {
+            let (early, late) = ((b - a).length() / 0.05, (c - b).length() / 0.05);
+            hardest = hardest.max((early - late) / 0.05);
+        }
+    }
+    hardest
+}
+
+fn all(poses: &Poses, status: Status) -> bool {
+    poses.vehicles.len() == 6 && poses.vehicles.iter().all(|seen| seen.status == status)
+}
+
+fn drive(poses: &Poses) -> bool {
+    let drives = |seen: &&Seen| matches!(seen.status, Status::Driving | Status::Yielding);
+    poses.phase == Phase::Running && poses.vehicles.iter().filter(drives).count() >= 5
+}
+
+/// Whether nothing has moved between the last poses.
+fn stand(seen: &[Poses]) -> bool {
+    seen.len() > 60
+        && seen[seen.len() - 50]
+            .vehicles
+            .iter()
+            .zip(&seen[seen.len() - 1].vehicles)
+            .all(|(a, b)| (a.pose.position - b.pose.position).length() * 25.0 < 0.02)
+}
+
+#[test]
+fn mainframe_and_city_may_be_killed_and_restarted() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let served = |out| ["roundabout", "--speed", "2", "--out", out];
+    let mut city = serve(&served("first"), folder);
+    let address = city.address.clone();
+    let start = || mainframe(&address, &["roundabout", "--duration", "60", "--out", "far"], folder);
+    let mut far = start();
+    let mut watcher = Watcher::new(&address);
+    watcher.until("do they drive", |poses| drive(poses) && poses.time_s > 3.0);
+
+    far.signal("-KILL");
+    far.wait();
+    let mut seen = watcher.until("do they lose the link", |poses| all(poses, Status::LinkLost));
+    while !stand(&seen) {
+        seen.push(watcher.next());
+        assert!(seen.len() < 3000, "they do not stop");
+    }
+    assert!(hardest_braking(&seen) < 5.3, "{} m/s2", hardest_braking(&seen));
+    assert!(hardest_braking(&seen) > 2.0, "{} m/s2", hardest_braking(&seen));
+
+    let mut far = start();
+    watcher.until("do they go on", drive);
+    let before = watcher.next();
+
+    city.signal("-KILL");
+    city.wait();
+    let mut city = serve_at(&address, &served("second"), folder);
+    // Poses of the old one may still be on their way; in the new one time begins anew.
+    let is_new = |poses: &Poses| (1.5..before.time_s - 0.5).contains(&poses.time_s);
+    let seen = watcher.until("do they go on in the new city", |poses| drive(poses) && is_new(poses));
+    for (old, new) in before.vehicles.iter().zip(&seen.last().unwrap().vehicles) {
+        let way_m = (old.pose.position - new.pose.position).length();
+        assert!(way_m < 1.5, "vehicle {} has jumped {way_m} m", old.pose.vehicle);
+    }
+    assert_eq!((far.end(), city.end()), (0, 0));
+    let second = summary(&folder.join("second"));
+    assert_eq!(second["collisions"], 0);
+    assert!(digests(&folder.join("second/run.mcap")).len() > 50);
+    // What a killed process had written stays readable, as far as it goes.
+    let bytes = std::fs::read(folder.join("first/run.mcap")).unwrap();
+    let torn =
+        mcap::MessageStream::new_with_options(&bytes, mcap::read::Options::IgnoreEndMagic.into()).unwrap();
+    let last_s = torn.map_while(Result::ok).map(|message| message.log_time as f64 * 1e-9).last().unwrap();
+    assert!(last_s > before.time_s - 3.0, "the log ends at {last_s} s, the city at {} s", before.time_s);
+}
