@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// How far nodes for a distance lie from the others.
-const FAR_ERRORS_M: [f32; 2] = [0.06, 0.16];
+const FAR_ERRORS_M: [f32; 2] = [0.065, 0.18];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Piece {

@@ -143,13 +143,13 @@ pub struct Vertex {
 
 /// Fewer triangles for a distance: vertices within a cube of an edge come to one place, the mean of theirs, and
 /// those of one kind there become one (Rossignac and Borrel 1993). `position` and `moved` read and set the place
-/// of a vertex; as all kinds share the places, nothing gapes.
+/// of a vertex; as all kinds share the places, nothing gapes. How far a vertex has moved at most comes last.
 pub fn clustered<V, K: Eq + Hash>(
     (vertices, indices): (&[V], &[u32]),
     edge_m: f32,
     (position, moved): (impl Fn(&V) -> Vec3, impl Fn(&V, Vec3) -> V),
     kind: impl Fn(&V) -> K,
-) -> (Vec<V>, Vec<u32>) {
+) -> (Vec<V>, Vec<u32>, f32) {
     let cube = |v: &V| (position(v) / edge_m).round().as_ivec3();
     let mut places: FxHashMap<IVec3, (Vec3, f32)> = FxHashMap::default();
     for vertex in vertices {
@@ -173,7 +173,33 @@ pub fn clustered<V, K: Eq + Hash>(
             corners_kept.push(slot);
         }
     }
-    (kept, corners_kept)
+    let moved_m = |v: &V| {
+        let (sum, count) = places[&cube(v)];
+        position(v).distance(sum / count)
+    };
+    let most_m = vertices.iter().map(moved_m).fold(0.0, f32::max);
+    (kept, corners_kept, most_m)
+}
+
+/// How far points reach to all sides: level ones 22.5 degrees apart, up and down, and half up and half down.
+pub fn reach(points: impl Iterator<Item = Vec3>) -> [f32; 34] {
+    const SLANT: f32 = std::f32::consts::FRAC_1_SQRT_2;
+    // Sine and cosine of 22.5 degrees.
+    const S: f32 = 0.382_683_43;
+    const C: f32 = 0.923_879_5;
+    points.fold([f32::NEG_INFINITY; 34], |mut reach, p| {
+        let q = p * SLANT;
+        let level = [p.x, p.y, q.x + q.y, q.x - q.y];
+        let between = [C * p.x + S * p.y, S * p.x + C * p.y, C * p.x - S * p.y, S * p.x - C * p.y];
+        let (sum, difference) = ((p.x + p.y) / 2.0, (p.x - p.y) / 2.0);
+        let slanted = [q.z + sum, q.z - sum, q.z + difference, q.z - difference];
+        let upward = [p.z, q.y + q.z, q.y - q.z, q.x + q.z, q.x - q.z];
+        for (k, along) in level.into_iter().chain(between).chain(upward).chain(slanted).enumerate() {
+            reach[2 * k] = reach[2 * k].max(along);
+            reach[2 * k + 1] = reach[2 * k + 1].max(-along);
+        }
+        reach
+    })
 }
 
 /// Feet of walls and posts stand no higher.
@@ -332,35 +358,24 @@ impl Mesh {
         }
     }
 
-    /// The same of fewer triangles, for a distance; see [`clustered`]. Faces keep their finish and the side
-    /// they look to.
-    pub fn simplified(&self, edge_m: f32) -> Self {
-        let kind = |v: &Vertex| (v.finish, (v.normal * 2.0).round().as_ivec3());
+    /// The same of fewer triangles, for a distance; see [`clustered`]. Faces keep their finish, the side they look
+    /// to, and where on them windows and letters are. How far a vertex has moved at most comes with it.
+    pub fn simplified(&self, edge_m: f32) -> (Self, f32) {
+        let figure = |v: &Vertex| v.finish.surface.is_figured().then(|| (v.uv * 16.0).round().as_ivec2());
+        let kind = |v: &Vertex| (v.finish, (v.normal * 2.0).round().as_ivec3(), figure(v));
         let place = (|v: &Vertex| v.position, |v: &Vertex, position| Vertex { position, ..*v });
-        let (vertices, indices) = clustered((&self.vertices, &self.indices), edge_m, place, kind);
-        Self { vertices, indices }
+        let (vertices, indices, moved_m) = clustered((&self.vertices, &self.indices), edge_m, place, kind);
+        (Self { vertices, indices }, moved_m)
     }
 
-    /// How far it reaches to all sides: level ones 22.5 degrees apart, up and down, and half up and half down.
+    /// How far the outlines of two meshes lie apart at most, along the directions of [`reach`].
+    pub fn outline_apart(&self, other: &Self) -> f32 {
+        self.reach().iter().zip(&other.reach()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    }
+
+    /// See [`reach`].
     pub fn reach(&self) -> [f32; 34] {
-        const SLANT: f32 = std::f32::consts::FRAC_1_SQRT_2;
-        // Sine and cosine of 22.5 degrees.
-        const S: f32 = 0.382_683_43;
-        const C: f32 = 0.923_879_5;
-        self.vertices.iter().fold([f32::NEG_INFINITY; 34], |mut reach, v| {
-            let p = v.position;
-            let q = p * SLANT;
-            let level = [p.x, p.y, q.x + q.y, q.x - q.y];
-            let between = [C * p.x + S * p.y, S * p.x + C * p.y, C * p.x - S * p.y, S * p.x - C * p.y];
-            let (sum, difference) = ((p.x + p.y) / 2.0, (p.x - p.y) / 2.0);
-            let slanted = [q.z + sum, q.z - sum, q.z + difference, q.z - difference];
-            let upward = [p.z, q.y + q.z, q.y - q.z, q.x + q.z, q.x - q.z];
-            for (k, along) in level.into_iter().chain(between).chain(upward).chain(slanted).enumerate() {
-                reach[2 * k] = reach[2 * k].max(along);
-                reach[2 * k + 1] = reach[2 * k + 1].max(-along);
-            }
-            reach
-        })
+        reach(self.vertices.iter().map(|v| v.position))
     }
 
     /// The smallest box around all vertices.
