@@ -1,56 +1,95 @@
 //! The ground cut into square cells, so that each view draws what it may see of it.
 
-use crate::city::scene::{Level, Mesh, Object, Surface, Vertex};
+use crate::city::scene::{CELL_M, Level, Mesh, Object, Surface, Vertex};
 use glam::Vec3;
 use std::collections::BTreeMap;
 
-/// Edge of a cell.
-const CELL_M: f32 = 13.0;
 /// Triangles as large as this stay in one piece: they lie around the city.
 const WHOLE_FROM_M: f32 = 200.0;
 
 /// Meshes by the cell they lie in.
 type Cells = BTreeMap<[i32; 2], Mesh>;
 
-/// What a part of the ground has of some surfaces, cut along the edges of cells: the levels of each cell.
-pub(super) fn cut(object: &Object, of: &dyn Fn(Surface) -> bool) -> Vec<Vec<Level>> {
+/// What the ground has of some surfaces, cut along the edges of cells: the levels of each cell. What comes later in
+/// the ground lies on top, and is drawn first, so that nothing is shaded under it.
+pub(super) fn cut(ground: &[Object], of: &dyn Fn(Surface) -> bool) -> Vec<Vec<Level>> {
+    let mut errors: Vec<f32> = ground.iter().flat_map(|o| &o.levels).map(|level| level.error_m).collect();
+    errors.sort_by(f32::total_cmp);
+    errors.dedup();
     let mut found: BTreeMap<[i32; 2], Vec<Level>> = BTreeMap::new();
-    for level in &object.levels {
-        for (at, mesh) in cut_mesh(&level.mesh, of) {
-            found.entry(at).or_default().push(Level { mesh, error_m: level.error_m });
+    for error_m in errors {
+        let mut cells = Cells::new();
+        for object in ground.iter().rev() {
+            let level = object.levels.iter().rev().find(|level| level.error_m <= error_m);
+            if let Some(level) = level.or(object.levels.first()) {
+                cut_mesh(&mut cells, &level.mesh, of);
+            }
+        }
+        for (at, mesh) in cells {
+            found.entry(at).or_default().push(Level { mesh, error_m });
         }
     }
     found.into_values().collect()
 }
 
-fn cut_mesh(mesh: &Mesh, of: &dyn Fn(Surface) -> bool) -> Cells {
-    let mut cells = Cells::new();
-    for triangle in mesh.indices.chunks_exact(3) {
-        let corners = [triangle[0], triangle[1], triangle[2]].map(|k| mesh.vertices[k as usize]);
-        if of(corners[0].finish.surface) {
-            split_into(&mut cells, corners);
+fn cut_mesh(cells: &mut Cells, mesh: &Mesh, of: &dyn Fn(Surface) -> bool) {
+    let corner = |k: u32| mesh.vertices[k as usize];
+    let mut triangles = mesh.indices.chunks_exact(3).peekable();
+    while let Some(t) = triangles.next() {
+        let corners = [t[0], t[1], t[2]].map(corner);
+        if !of(corners[0].finish.surface) {
+            continue;
+        }
+        // Two triangles that are one face are cut as one: it takes half as many pieces.
+        let fourth = triangles
+            .next_if(|next| next[0] == t[0] && next[1] == t[2] && is_one_face(&corners, &corner(next[2])));
+        match fourth {
+            Some(next) => split_into(cells, &[corners[0], corners[1], corners[2], corner(next[2])]),
+            None => split_into(cells, &corners),
         }
     }
-    cells
+}
+
+/// How far the fourth corner of a face may lie from where the other three would have it, metres and repeats of a
+/// texture.
+const APART: f32 = 0.01;
+
+/// Whether a fourth corner goes on with a triangle: a convex plane face with an even texture.
+fn is_one_face([a, b, c]: &[Vertex; 3], d: &Vertex) -> bool {
+    let normal = (b.position - a.position).cross(c.position - a.position).normalize_or_zero();
+    let corners = [a, b, c, d].map(|v| v.position);
+    let is_convex = (0..4).all(|k| {
+        let [p, q, r] = [k, (k + 1) % 4, (k + 2) % 4].map(|k| corners[k]);
+        (q - p).cross(r - q).dot(normal) > 0.0
+    });
+    // d = a + x (b - a) + y (c - a), by least squares.
+    let (e, f, g) = (b.position - a.position, c.position - a.position, d.position - a.position);
+    let (ee, ef, ff) = (e.dot(e), e.dot(f), f.dot(f));
+    let scale = 1.0 / (ee * ff - ef * ef);
+    let (x, y) = ((ff * g.dot(e) - ef * g.dot(f)) * scale, (ee * g.dot(f) - ef * g.dot(e)) * scale);
+    let uv = a.uv + (b.uv - a.uv) * x + (c.uv - a.uv) * y;
+    is_convex
+        && (e * x + f * y).distance(g) < APART
+        && uv.distance(d.uv) < APART
+        && [b, c, d].iter().all(|v| v.finish == a.finish && v.normal.distance(a.normal) < 0.1)
 }
 
 fn cell_of(at: Vec3) -> [i32; 2] {
     [at.x, at.y].map(|x| (x / CELL_M).floor() as i32)
 }
 
-/// Cuts a triangle of the ground along the cells' edges.
-fn split_into(cells: &mut Cells, corners: [Vertex; 3]) {
-    let [low, high] = [
-        corners[0].position.min(corners[1].position).min(corners[2].position),
-        corners[0].position.max(corners[1].position).max(corners[2].position),
-    ];
+/// Cuts a convex face of the ground along the cells' edges.
+fn split_into(cells: &mut Cells, corners: &[Vertex]) {
+    let positions = || corners.iter().map(|v| v.position);
+    let (low, high) =
+        (positions().fold(Vec3::INFINITY, Vec3::min), positions().fold(Vec3::NEG_INFINITY, Vec3::max));
     let (first, last) = (cell_of(low), cell_of(high));
     let whole = (high - low).truncate().max_element() > WHOLE_FROM_M;
     if whole {
-        return fan(cells.entry([i32::MAX, i32::MAX]).or_default(), &corners);
+        return fan(cells.entry([i32::MAX, i32::MAX]).or_default(), corners);
     }
     for x in first[0]..=last[0] {
-        let column = clip(&clip(&corners, 0, x as f32 * CELL_M, true), 0, (x + 1) as f32 * CELL_M, false);
+        let column = clip(&clip(corners, 0, x as f32 * CELL_M, true), 0, (x + 1) as f32 * CELL_M, false);
         for y in first[1]..=last[1] {
             let piece = clip(&clip(&column, 1, y as f32 * CELL_M, true), 1, (y + 1) as f32 * CELL_M, false);
             if piece.len() > 2 {
@@ -97,18 +136,43 @@ mod tests {
     use crate::city::scene::{Class, Finish};
     use glam::Vec2;
 
+    fn vertex(x: f32, y: f32) -> Vertex {
+        let finish = Finish::new(Surface::Asphalt, [255; 3], Class::Road);
+        Vertex { position: Vec3::new(x, y, 0.0), normal: Vec3::Z, uv: Vec2::new(x, y), finish, openness: 255 }
+    }
+
+    #[test]
+    fn what_lies_on_top_comes_first_and_faces_are_cut_whole() {
+        let face = |z: f32| {
+            let mut vertices = [(1.0, 1.0), (30.0, 1.0), (30.0, 5.0), (1.0, 5.0)].map(|(x, y)| vertex(x, y));
+            vertices.iter_mut().for_each(|v| v.position.z = z);
+            Mesh { vertices: vertices.to_vec(), indices: vec![0, 1, 2, 0, 2, 3] }
+        };
+        let levels = [0.0, 0.1].map(|error_m| Level { mesh: face(0.0), error_m });
+        let ground = [Object { levels: levels.to_vec() }, Object::of_one_level(face(0.01))];
+        let cells = cut(&ground, &|_| true);
+        assert_eq!(cells.len(), 3);
+        for levels in &cells {
+            assert_eq!(levels.iter().map(|level| level.error_m).collect::<Vec<_>>(), [0.0, 0.1]);
+            let heights =
+                levels[1].mesh.indices.iter().map(|&k| levels[1].mesh.vertices[k as usize].position.z);
+            // Two triangles each, the upper face first.
+            assert_eq!(heights.collect::<Vec<_>>(), [[0.01; 6], [0.0; 6]].concat());
+        }
+        // Not one face: bent, dented, with a texture that is not even.
+        let corners = [vertex(0.0, 0.0), vertex(1.0, 0.0), vertex(1.0, 1.0)];
+        assert!(is_one_face(&corners, &vertex(0.0, 1.0)));
+        let bent = Vertex { position: Vec3::new(0.0, 1.0, 0.1), ..vertex(0.0, 1.0) };
+        let drawn = Vertex { uv: Vec2::new(0.0, 1.3), ..vertex(0.0, 1.0) };
+        for other in [bent, drawn, vertex(0.9, 0.2), vertex(0.5, 0.5)] {
+            assert!(!is_one_face(&corners, &other), "{other:?}");
+        }
+    }
+
     #[test]
     fn cutting_keeps_the_area() {
-        let finish = Finish::new(Surface::Asphalt, [255; 3], Class::Road);
-        let corner = |x, y| Vertex {
-            position: Vec3::new(x, y, 0.0),
-            normal: Vec3::Z,
-            uv: Vec2::new(x, y),
-            finish,
-            openness: 255,
-        };
         let mut cells = BTreeMap::new();
-        split_into(&mut cells, [corner(-50.0, -3.0), corner(70.0, 5.0), corner(11.0, 90.0)]);
+        split_into(&mut cells, &[vertex(-50.0, -3.0), vertex(70.0, 5.0), vertex(11.0, 90.0)]);
         let area = |mesh: &Mesh| -> f32 {
             mesh.indices
                 .chunks(3)

@@ -8,6 +8,8 @@ pub(super) struct Grid {
     pub(super) tile: [u32; 2],
     columns: u32,
     rows: u32,
+    /// Of the texture.
+    width: u32,
     /// How many views fit.
     pub(super) capacity: usize,
     /// Whether more views would not fit either.
@@ -31,7 +33,8 @@ impl Grid {
         let columns = (f64::from(affordable).sqrt().ceil() as u32).clamp(1, most_columns.max(1));
         let rows = affordable.div_ceil(columns).clamp(1, most_rows.max(1));
         let capacity = (columns * rows).min(affordable) as usize;
-        Self { tile, columns, rows, capacity, is_full_size: capacity < wanted }
+        let width = if columns > 1 { spread(columns * tile[0]).min(most) } else { tile[0] };
+        Self { tile, columns, rows, width, capacity, is_full_size: capacity < wanted }
     }
 
     /// Whether so many views need no other one.
@@ -41,8 +44,7 @@ impl Grid {
 
     /// Of the texture.
     pub(super) fn size(&self) -> wgpu::Extent3d {
-        let [width, height] = self.tile;
-        wgpu::Extent3d { width: self.columns * width, height: self.rows * height, depth_or_array_layers: 1 }
+        wgpu::Extent3d { width: self.width, height: self.rows * self.tile[1], depth_or_array_layers: 1 }
     }
 
     /// Upper left corner of a tile.
@@ -78,6 +80,14 @@ impl Grid {
             wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
         );
     }
+}
+
+/// A little wider: where rows begin at multiples of a page of memory, the rows of a block that a software adapter
+/// works at fall on the same few lines of the processor's cache. Odd multiples of 256 bytes spread them best
+/// (50 pictures of 640x480 of large faces in one texture: 1.52 ms each, so 1.30 ms).
+fn spread(width: u32) -> u32 {
+    const TEXELS: u32 = 64;
+    (width.div_ceil(TEXELS) | 1) * TEXELS
 }
 
 /// Bytes of a row of texels of four bytes in a read-back buffer.

@@ -27,6 +27,7 @@ mod renderer;
 mod request;
 mod settings;
 mod shader;
+mod sides;
 mod standing;
 mod stream;
 mod textures;

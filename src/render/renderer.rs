@@ -479,6 +479,7 @@ impl Renderer {
             horizon: &horizon,
             sharpness: Sharpness::new(&clip_from_world, view.extent[1]),
             eye,
+            has_eye: view.has_eye(),
             coarse_below_px: self.settings.quality.coarse_below_px,
             least_px: self.settings.quality.least_px,
             patterns: match (self.settings.flat, self.settings.quality.light_at_vertices) {

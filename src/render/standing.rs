@@ -8,6 +8,7 @@ use super::cells;
 use super::frustum::{Frustum, Sharpness};
 use super::horizon::{Horizon, Pillar};
 use super::passes::city::gpu_data::Vertex as GpuVertex;
+use super::sides::{self, Side};
 use crate::city::scene::{Mesh, SceneDescription, Surface, Vertex, Wall};
 use glam::Vec3;
 use std::ops::Range;
@@ -29,22 +30,15 @@ struct Piece {
 #[derive(Clone, Debug)]
 struct Level {
     error_m: f32,
-    /// Of [`Standing::indices`]; what is turned away from the sun comes last.
-    indices: Range<u32>,
-    averted_from: u32,
+    /// Turned to the sun.
+    facing: Vec<Side>,
+    /// Turned away from it.
+    averted: Vec<Side>,
 }
 
 impl Level {
-    fn all(&self) -> Range<u32> {
-        self.indices.clone()
-    }
-
-    fn facing(&self) -> Range<u32> {
-        self.indices.start..self.averted_from
-    }
-
-    fn averted(&self) -> Range<u32> {
-        self.averted_from..self.indices.end
+    fn all(&self) -> impl Iterator<Item = &Side> {
+        self.facing.iter().chain(&self.averted)
     }
 }
 
@@ -80,6 +74,8 @@ pub(super) struct Gaze<'a> {
     pub(super) horizon: &'a Horizon,
     pub(super) sharpness: Sharpness,
     pub(super) eye: Vec3,
+    /// Whether rays meet in the eye, and do not run side by side.
+    pub(super) has_eye: bool,
     /// See [`super::Quality::coarse_below_px`].
     pub(super) coarse_below_px: f32,
     pub(super) patterns: Patterns,
@@ -123,15 +119,15 @@ impl Standing {
             .map(|object| packed.piece(object.levels.iter().map(|level| (&level.mesh, level.error_m))))
             .collect();
         let mut pieces = |of: &dyn Fn(Surface) -> bool| -> Vec<Piece> {
-            let cells = scene.ground.iter().flat_map(|object| cells::cut(object, of));
-            cells
-                .map(|levels| packed.piece(levels.iter().map(|level| (&level.mesh, level.error_m))))
-                .collect()
+            let cells = cells::cut(&scene.ground, of);
+            let levels = cells.iter().map(|levels| levels.iter().map(|level| (&level.mesh, level.error_m)));
+            levels.map(|levels| packed.piece(levels)).collect()
         };
         let ground = pieces(&|surface| surface != Surface::Line);
         let lines = pieces(&|surface| surface == Surface::Line);
         let finest = objects.iter().flat_map(|piece| piece.levels.first());
-        let shadows: Vec<u32> = finest.flat_map(|level| packed.of(level)).copied().collect();
+        let shadows: Vec<u32> =
+            finest.flat_map(Level::all).flat_map(|side| packed.of(side)).copied().collect();
         let buffer = |label, contents, usage| {
             device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some(label),
@@ -168,24 +164,30 @@ impl Standing {
             plain.append(&mut ground);
         }
         SeenCells {
-            plain: self.list(&plain, Level::all, lists),
-            raised: self.list(&raised, Level::facing, lists),
-            averted: self.list(&raised, Level::averted, lists),
-            ground: self.list(&ground, Level::all, lists),
-            lines: self.list(&painted, Level::all, lists),
+            plain: self.list(gaze, &plain, Level::all, lists),
+            raised: self.list(gaze, &raised, |level| level.facing.iter(), lists),
+            averted: self.list(gaze, &raised, |level| level.averted.iter(), lists),
+            ground: self.list(gaze, &ground, Level::all, lists),
+            lines: self.list(gaze, &painted, Level::all, lists),
         }
     }
 
-    fn list(
+    fn list<'p, I: Iterator<Item = &'p Side>>(
         &self,
-        seen: &[Sight<'_>],
-        part: impl Fn(&Level) -> Range<u32>,
+        gaze: &Gaze<'_>,
+        seen: &[Sight<'p>],
+        part: impl Fn(&'p Level) -> I,
         lists: &mut Vec<u32>,
     ) -> Range<u32> {
         let start = lists.len() as u32;
         for sight in seen {
-            let Range { start, end } = part(sight.level);
-            lists.extend_from_slice(&self.indices[start as usize..end as usize]);
+            for side in part(sight.level) {
+                if gaze.has_eye && side.turns_its_back(gaze.eye, sight.reach_m) {
+                    continue;
+                }
+                let Range { start, end } = side.indices;
+                lists.extend_from_slice(&self.indices[start as usize..end as usize]);
+            }
         }
         start..lists.len() as u32
     }
@@ -235,6 +237,8 @@ fn list_buffer(device: &wgpu::Device, size: u64) -> wgpu::Buffer {
 struct Sight<'p> {
     /// The least there may be.
     distance_m: f32,
+    /// The most there may be.
+    reach_m: f32,
     level: &'p Level,
     /// Whether its pattern is too fine to be seen.
     is_plain: bool,
@@ -259,13 +263,15 @@ impl Gaze<'_> {
         {
             return None;
         }
+        let middle = (low + high) / 2.0;
+        let reach_m = middle.distance(self.eye) + high.distance(middle);
         let level = piece.levels.iter().rev().find(|level| pixels(level.error_m) < self.coarse_below_px);
         let is_plain = match self.patterns {
             Patterns::All => false,
             Patterns::Near => !piece.is_figured && pixels(PATTERN_M) < PATTERN_FROM_PX,
             Patterns::None => true,
         };
-        level.or(piece.levels.first()).map(|level| Sight { distance_m, level, is_plain })
+        level.or(piece.levels.first()).map(|level| Sight { distance_m, reach_m, level, is_plain })
     }
 }
 
@@ -288,7 +294,7 @@ impl Packed {
                 let [low, high] = mesh.bounds();
                 bounds = [bounds[0].min(low), bounds[1].max(high)];
                 is_figured |= mesh.vertices.iter().any(|v| v.finish.surface.is_figured());
-                let (base, start) = (self.vertices.len() as u32, self.indices.len() as u32);
+                let base = self.vertices.len() as u32;
                 self.vertices.extend(mesh.vertices.iter().map(|v| pack(v, self.pieces)));
                 let is_averted = |triangle: &&[u32]| {
                     let faces_away =
@@ -297,18 +303,18 @@ impl Packed {
                 };
                 let (averted, facing): (Vec<&[u32]>, Vec<&[u32]>) =
                     mesh.indices.chunks_exact(3).partition(is_averted);
-                self.indices.extend(facing.into_iter().flatten().map(|k| k + base));
-                let averted_from = self.indices.len() as u32;
-                self.indices.extend(averted.into_iter().flatten().map(|k| k + base));
-                Level { error_m, indices: start..self.indices.len() as u32, averted_from }
+                let at = |k: u32| mesh.vertices[k as usize].position;
+                let indices = &mut self.indices;
+                let [facing, averted] = [facing, averted].map(|part| sides::append(indices, base, at, &part));
+                Level { error_m, facing, averted }
             })
             .collect();
         self.pieces += 1;
         Piece { bounds, levels, is_figured }
     }
 
-    fn of(&self, level: &Level) -> &[u32] {
-        &self.indices[level.indices.start as usize..level.indices.end as usize]
+    fn of(&self, side: &Side) -> &[u32] {
+        &self.indices[side.indices.start as usize..side.indices.end as usize]
     }
 }
 

@@ -65,6 +65,10 @@ pub struct Level {
     pub error_m: f32,
 }
 
+/// Edge of the squares of a grid with a node at the origin that the ground is cut along: no triangle of the level
+/// ground reaches beyond one, but those of the plain around the city.
+pub const CELL_M: f32 = 13.0;
+
 /// An upright rectangle that stands on the ground and that nothing can be seen through.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wall {

@@ -2,6 +2,8 @@
 
 use earcut::Earcut;
 use glam::DVec2;
+use i_overlay::core::fill_rule::FillRule;
+use i_overlay::float::slice::FloatSlice;
 
 /// A region of the plane: the outer ring counter-clockwise, holes clockwise.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -68,6 +70,37 @@ impl Region {
         Self { outer: counter_clockwise(ring), holes: Vec::new() }
     }
 
+    /// Its parts in the squares of a grid with a node at the origin. Triangles of a part stay close together,
+    /// where those of a region that spans the city are slivers from one end to the other.
+    pub fn in_squares(&self, edge: f64) -> Vec<Self> {
+        let contours = |ring: &Vec<DVec2>| ring.iter().map(DVec2::to_array).collect::<Vec<_>>();
+        let region: Vec<_> = std::iter::once(&self.outer).chain(&self.holes).map(contours).collect();
+        let corners = || self.outer.iter().copied();
+        let (low, high) =
+            (corners().fold(DVec2::INFINITY, DVec2::min), corners().fold(-DVec2::INFINITY, DVec2::max));
+        let between = |axis: usize| {
+            let first = (low[axis] / edge).floor() as i64 + 1;
+            (first..).map(|k| k as f64 * edge).take_while(move |&at| at < high[axis])
+        };
+        let (low, high) = (low - edge, high + edge);
+        let lines: Vec<Vec<[f64; 2]>> = between(0)
+            .map(|x| vec![[x, low.y], [x, high.y]])
+            .chain(between(1).map(|y| vec![[low.x, y], [high.x, y]]))
+            .collect();
+        if lines.is_empty() {
+            return vec![self.clone()];
+        }
+        let parts = region.slice_by_as::<i64>(&lines, FillRule::EvenOdd);
+        let ring = |contour: Vec<[f64; 2]>| contour.into_iter().map(DVec2::from).collect::<Vec<_>>();
+        parts
+            .into_iter()
+            .filter_map(|part| {
+                let mut rings = part.into_iter().map(ring);
+                Some(Self { outer: rings.next()?, holes: rings.collect() })
+            })
+            .collect()
+    }
+
     /// Triangles that cover the region, corners counter-clockwise.
     pub fn triangulate(&self) -> Vec<[DVec2; 3]> {
         let mut points: Vec<[f64; 2]> = self.outer.iter().map(DVec2::to_array).collect();
@@ -124,6 +157,32 @@ mod tests {
         let want = (doubled_area(&outer) + doubled_area(&hole)) / 2.0;
         let region = Region { outer, holes: vec![hole] };
         assert!((area(&region) - want).abs() < 1e-9);
+    }
+
+    #[test]
+    fn squares_hold_the_region_among_them() {
+        // A frame around a hole that lies across several squares.
+        let mut hole = square(1.0, 7.5);
+        hole.reverse();
+        let region = Region { outer: square(-2.0, 9.0), holes: vec![hole] };
+        let parts = region.in_squares(2.0);
+        let sum: f64 = parts.iter().map(area).sum();
+        assert!((sum - (121.0 - 42.25)).abs() < 1e-6, "{sum}");
+        let mut squares: Vec<_> = parts
+            .iter()
+            .map(|part| {
+                let low = part.outer.iter().copied().fold(DVec2::INFINITY, DVec2::min);
+                let high = part.outer.iter().copied().fold(-DVec2::INFINITY, DVec2::max);
+                let square = (low / 2.0 + 1e-6).floor();
+                assert!((high / 2.0 - 1e-6).floor() == square, "{part:?}");
+                square.as_ivec2().to_array()
+            })
+            .collect();
+        squares.sort_unstable();
+        squares.dedup();
+        // Of 6 by 6 squares the hole fills the middle 3 by 3 but for the last row and column.
+        assert_eq!(squares.len(), 36 - 4, "{squares:?}");
+        assert_eq!(Region::simple(&square(0.2, 0.9)).in_squares(2.0).len(), 1);
     }
 
     #[test]

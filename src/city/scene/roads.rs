@@ -1,5 +1,6 @@
 //! Ground: asphalt from the union of all lanes, kerbs and pavements along its outline, grass beyond.
 
+use super::CELL_M;
 use super::field::{Field, regions_of, simplified};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::polygon::Region;
@@ -164,7 +165,7 @@ fn segment_box(segment: &Segment, margin: f64) -> [DVec2; 2] {
 
 /// A region as a level surface, textured in metres from above.
 pub(super) fn level(mesh: &mut Mesh, region: &Region, z: f32, finish: Finish, metres_per_repeat: f32) {
-    for triangle in region.triangulate() {
+    for triangle in region.in_squares(f64::from(CELL_M)).iter().flat_map(Region::triangulate) {
         let corners = triangle.map(|p| p.as_vec2().extend(z));
         let uvs = triangle.map(|p| p.as_vec2() / metres_per_repeat);
         mesh.face(&corners, &uvs, finish);
