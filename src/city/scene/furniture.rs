@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// How far nodes for a distance lie from the others.
-const FAR_ERRORS_M: [f32; 2] = [0.065, 0.18];
+const FAR_ERRORS_M: [f32; 2] = [0.06, 0.16];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Piece {
@@ -40,6 +40,7 @@ impl Furniture {
             let own = || Some(Arc::new(glb::read(shipped(file)?).ok()?));
             let model = models.get(file).cloned().or_else(own)?;
             let mut object = models::object(&model, class, FAR_ERRORS_M);
+            object.measure_corners();
             object.add_coarser_levels();
             Some((piece, object))
         };

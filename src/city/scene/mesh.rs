@@ -202,6 +202,35 @@ pub fn reach(points: impl Iterator<Item = Vec3>) -> [f32; 34] {
     })
 }
 
+/// The point of a triangle that is nearest to another (Ericson, *Real-Time Collision Detection*, 5.1.5).
+fn nearest_on([a, b, c]: [Vec3; 3], p: Vec3) -> Vec3 {
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return a;
+    }
+    let (d3, d4) = (ab.dot(p - b), ac.dot(p - b));
+    if d3 >= 0.0 && d4 <= d3 {
+        return b;
+    }
+    let (d5, d6) = (ab.dot(p - c), ac.dot(p - c));
+    if d6 >= 0.0 && d5 <= d6 {
+        return c;
+    }
+    let (vc, vb, va) = (d1 * d4 - d3 * d2, d5 * d2 - d1 * d6, d3 * d6 - d5 * d4);
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return a + ab * (d1 / (d1 - d3));
+    }
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return a + ac * (d2 / (d2 - d6));
+    }
+    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
+        return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
+    }
+    let scale = 1.0 / (va + vb + vc);
+    a + ab * (vb * scale) + ac * (vc * scale)
+}
+
 /// Feet of walls and posts stand no higher.
 const LOW_M: f32 = 0.35;
 const FOOT_OPENNESS: u8 = 140;
@@ -376,6 +405,13 @@ impl Mesh {
     /// See [`reach`].
     pub fn reach(&self) -> [f32; 34] {
         reach(self.vertices.iter().map(|v| v.position))
+    }
+
+    /// From a point to the nearest one of any triangle; takes a look at them all.
+    pub fn distance_to(&self, point: Vec3) -> f32 {
+        let corner = |k: u32| self.vertices[k as usize].position;
+        let triangles = self.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(corner));
+        triangles.map(|t| nearest_on(t, point).distance(point)).fold(f32::INFINITY, f32::min)
     }
 
     /// The smallest box around all vertices.

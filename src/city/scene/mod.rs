@@ -98,6 +98,20 @@ impl Object {
         }
     }
 
+    /// States no less than how far corners of the coarser levels stand out of the finest; for small meshes.
+    fn measure_corners(&mut self) {
+        // Turned copies are rounded.
+        const MARGIN: f32 = 1.005;
+        let [finest, coarser @ ..] = &mut self.levels[..] else { return };
+        let mut least_m = 0.0;
+        for level in coarser {
+            let corners = level.mesh.vertices.iter().map(|v| finest.mesh.distance_to(v.position));
+            let off_m = corners.fold(0.0, f32::max) * MARGIN;
+            level.error_m = level.error_m.max(off_m).max(least_m);
+            least_m = level.error_m + 1e-3;
+        }
+    }
+
     /// Simplifies the coarsest level further, as far as it pays.
     fn add_coarser_levels(&mut self) {
         let Some(base) = self.levels.last().cloned() else { return };

@@ -121,8 +121,10 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
                 240,
             );
         }
-        let seam = [(0.01, 0.5), (-0.01, 0.5), (-0.01, 1.9), (0.01, 1.9)];
-        builder.plate(&seam.map(|(y, z)| Vec3::new(x - 0.06, y, z)), SEAM, 200);
+        if detail == Detail::Near {
+            let seam = [(0.01, 0.5), (-0.01, 0.5), (-0.01, 1.9), (0.01, 1.9)];
+            builder.plate(&seam.map(|(y, z)| Vec3::new(x - 0.06, y, z)), SEAM, 200);
+        }
     }
 }
 

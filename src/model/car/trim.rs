@@ -20,6 +20,7 @@ pub(super) fn trim(builder: &mut Builder, shape: &Shape, detail: Detail) {
             return;
         }
         Detail::Farther => {
+            flat_mirrors(builder, shape);
             painted_wheels(builder);
             return;
         }
@@ -89,6 +90,20 @@ fn mirrors(builder: &mut Builder, shape: &Shape) {
     }
 }
 
+/// Mirrors without depth, for the greatest distance.
+fn flat_mirrors(builder: &mut Builder, shape: &Shape) {
+    let x = shape.cabin.stations[5] - 0.32;
+    let z = shape.shoulder_at(x) + 0.05;
+    for side in [1.0_f32, -1.0] {
+        let (inner, outer) = (side * (HALF_M - 0.10), side * WIDTH_M / 2.0);
+        let mut corners =
+            [(inner, z), (outer, z), (outer, z + 0.14), (inner, z + 0.14)].map(|(y, z)| Vec3::new(x, y, z));
+        builder.plate(&corners, PAINT, 240);
+        corners.reverse();
+        builder.plate(&corners, PAINT, 240);
+    }
+}
+
 /// An upright plate on an end: half width, lower and upper edge.
 fn on_end(builder: &mut Builder, shape: &Shape, facing: f32, half: f32, z: [f32; 2], skin: Skin) {
     let high = shape.shoulder_at(facing * LENGTH_M / 2.0);
@@ -149,6 +164,11 @@ fn painted_wheels(builder: &mut Builder) {
             };
             disc(6, 1.12 * WHEEL_RADIUS_M, 0.004, SEAM);
             disc(4, 0.72 * WHEEL_RADIUS_M, 0.012, FAR_RIM);
+            // What is seen of the tyre from before or behind.
+            let (outer, inner) = (HALF_M - 0.02, HALF_M - 0.24);
+            let (a, b) = if side * axle > 0.0 { (inner, outer) } else { (outer, inner) };
+            let corner = |y: f32, z: f32| Vec3::new(axle, side * y, z);
+            builder.plate(&[corner(a, 0.0), corner(b, 0.0), corner(b, 0.5), corner(a, 0.5)], SEAM, 120);
         }
     }
 }
