@@ -44,6 +44,8 @@ const ASPHALT: u32 = 1u;
 const GRASS: u32 = 2u;
 const LANE: u32 = 19u;
 const LINE: u32 = 20u;
+const PATCH: u32 = 21u;
+const MANHOLE: u32 = 22u;
 const LEAVES: u32 = 12u;
 const NEEDLES: u32 = 31u;
 const CAR_PAINT: u32 = 33u;
@@ -72,8 +74,13 @@ fn shining(layer: u32, salt: f32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> 
     }
     let bay = floor(uv);
     let dice = fract(sin(dot(bay, vec2<f32>(12.9898, 78.233)) + f32(layer) * 3.7 + salt) * 437.5453);
-    let is_lit = select(0.0, 1.0, dice < 0.38 || is_shop);
+    let is_lit = select(0.0, 1.0, dice < 0.38);
     let pane = 1.0 - smoothstep(0.42, 0.7, texel.a);
+    if is_shop {
+        // Things in their own colours under the lamps of the room.
+        let tint = mix(vec3<f32>(1.0, 0.86, 0.66), vec3<f32>(0.95, 0.95, 0.88), fract(dice * 17.0));
+        return texel.rgb * tint * ((2.6 + 1.2 * dice) * pane * frame.zenith.w);
+    }
     let warm = mix(vec3<f32>(0.85, 0.58, 0.28), vec3<f32>(0.70, 0.68, 0.60), fract(dice * 17.0));
     return warm * ((0.3 + 2.0 * texel.g) * (0.6 + dice) * is_lit * pane * frame.zenith.w);
 }
@@ -99,7 +106,8 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     m.albedo = pattern * in.colour.rgb;
     // Dust and dirt dull what would be smooth; asphalt is never quite dull.
     m.roughness = select(texel.a, LACQUER, layer == CAR_PAINT);
-    if layer == ASPHALT || layer == LANE {
+    let is_iron = layer == MANHOLE && texel.a < 0.95;
+    if layer == ASPHALT || layer == LANE || layer == PATCH || (layer == MANHOLE && !is_iron) {
         m.roughness = 0.93 - 0.16 * texel.g;
     }
     if is_line {

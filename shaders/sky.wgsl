@@ -24,6 +24,30 @@ fn vertex_main(in: VertexIn) -> Fragment {
     return out;
 }
 
+struct StarIn {
+    // Unit vector of the dome.
+    @location(0) direction: vec3<f32>,
+    // Radiance, or as displayed where the panorama is.
+    @location(1) colour: vec3<f32>,
+}
+
+struct Star {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) @interpolate(flat) colour: vec3<f32>,
+}
+
+// A point, however fine the picture: texels of the panorama are much larger.
+@vertex
+fn star_vertex(in: StarIn) -> Star {
+    let clip = view.clip_from_world * vec4<f32>(view.eye.xyz + in.direction * 100.0, 1.0);
+    return Star(vec4<f32>(clip.xy, 0.0, clip.w), in.colour);
+}
+
+@fragment
+fn star_fragment(in: Star) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.colour, 0.0);
+}
+
 @fragment
 fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     // Nothing keeps light away from it.

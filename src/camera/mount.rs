@@ -33,7 +33,7 @@ pub enum Place {
 impl Place {
     fn in_body(self, d: &Dimensions) -> DVec3 {
         match self {
-            Self::Windscreen => DVec3::new(0.14 * d.length_m, 0.0, 0.91 * d.height_m),
+            Self::Windscreen => DVec3::new(0.11 * d.length_m, 0.0, 0.88 * d.height_m),
             Self::Bumper => DVec3::new(0.5 * d.length_m + 0.03, 0.0, 0.55),
             Self::Point(point) => point,
         }

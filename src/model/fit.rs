@@ -22,6 +22,8 @@ pub struct Fitted {
     pub wheel: Vec<Part>,
     /// Of few faces; where the model has them.
     pub far_body: Option<Vec<Part>>,
+    /// Of fewer still, with its wheels.
+    pub farther_body: Option<Vec<Part>>,
     pub far_wheel: Option<Vec<Part>>,
     /// From the middle to the middle of a wheel; `None` without wheels.
     pub half_track: Option<f32>,
@@ -32,9 +34,16 @@ const WHEEL: &str = "wheel";
 /// Nodes of this beginning stand in for the others at a distance.
 const FAR: &str = "far_";
 const FAR_WHEEL: &str = "far_wheel";
+/// And these at a greater distance, wheels included.
+const FARTHER: &str = "farther_";
+
+/// Whether a node stands in for others at a distance.
+pub fn is_stand_in(node: &Node) -> bool {
+    node.name.starts_with(FAR) || node.name.starts_with(FARTHER)
+}
 
 fn is_body(node: &Node) -> bool {
-    !node.name.starts_with(WHEEL) && !node.name.starts_with(FAR)
+    !node.name.starts_with(WHEEL) && !is_stand_in(node)
 }
 
 /// A line through knots, straight beyond them.
@@ -70,7 +79,7 @@ impl Stretch {
 /// A model to measure. The box around its body and wheels becomes the vehicle's; where it has wheels,
 /// those and the axles come to lie where the vehicle has them.
 pub fn fitted(model: &Model, measures: &Measures) -> Fitted {
-    let Some([low, high]) = model.bounds(|node| !node.name.starts_with(FAR)) else {
+    let Some([low, high]) = model.bounds(|node| !is_stand_in(node)) else {
         return Fitted::default();
     };
     let wheels: Vec<&Node> = model.nodes.iter().filter(|node| node.name.starts_with(WHEEL)).collect();
@@ -128,10 +137,12 @@ pub fn fitted(model: &Model, measures: &Measures) -> Fitted {
         parts
     };
     let far = stretched(&|node| node.name.starts_with(FAR) && !node.name.starts_with(FAR_WHEEL));
+    let farther = stretched(&|node| node.name.starts_with(FARTHER));
     Fitted {
         body: stretched(&is_body),
         wheel: wheels.first().map(|node| wheel(node)).unwrap_or_default(),
         far_body: (!far.is_empty()).then_some(far),
+        farther_body: (!farther.is_empty()).then_some(farther),
         far_wheel: model.node(FAR_WHEEL).map(wheel),
         half_track: middles.map(|m| m.y.abs() * across).reduce(f32::max),
     }

@@ -11,7 +11,7 @@ pub mod glb;
 mod shipped;
 pub mod street;
 
-pub use fit::{Fitted, Measures, fitted};
+pub use fit::{Fitted, Measures, fitted, is_stand_in};
 pub use glb::ModelError;
 pub use shipped::{SHIPPED, made, shipped};
 

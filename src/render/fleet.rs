@@ -22,9 +22,17 @@ const FLASHES_HZ: f64 = 1.5;
 const WHEELS_FROM_PX: f32 = 2.0;
 #[derive(Clone, Debug)]
 struct Build {
-    /// Bodies and wheels, the finest first.
-    levels: Vec<(Range<u32>, Range<u32>)>,
+    /// The finest first.
+    levels: Vec<BuildLevel>,
     half_track_m: f32,
+}
+
+#[derive(Clone, Debug)]
+struct BuildLevel {
+    body: Range<u32>,
+    /// Empty where the body has its wheels.
+    wheel: Range<u32>,
+    error_m: f32,
 }
 
 /// A vehicle of the snapshot that a view may see.
@@ -151,7 +159,11 @@ impl Fleet {
                     levels: build
                         .levels
                         .iter()
-                        .map(|(body, wheel)| (append(mesh, body), append(mesh, wheel)))
+                        .map(|level| BuildLevel {
+                            body: append(mesh, &level.body),
+                            wheel: append(mesh, &level.wheel),
+                            error_m: level.error_m,
+                        })
                         .collect(),
                     half_track_m: build.half_track_m,
                 }
@@ -184,15 +196,12 @@ impl Fleet {
                 let distance_m = p.centre.distance(gaze.eye);
                 let pixels = |length_m| gaze.sharpness.pixels(length_m, distance_m);
                 let is_carrier = carrier == Some(p.id);
+                let levels = self.builds.get(&p.key).map_or(&[][..], |build| &build.levels);
+                let fits = |level: &BuildLevel| pixels(level.error_m) < gaze.coarse_below_px;
                 Sight {
                     index,
                     distance_m,
-                    level: if is_carrier {
-                        0
-                    } else {
-                        let fits = |error_m: &f32| pixels(*error_m) < gaze.coarse_below_px;
-                        vehicle::ERRORS_M.iter().rposition(fits).unwrap_or(0)
-                    },
+                    level: if is_carrier { 0 } else { levels.iter().rposition(fits).unwrap_or(0) },
                     // A camera inside the body would see the wheels through it.
                     has_wheels: pixels(2.0 * p.wheel_radius) > WHEELS_FROM_PX && !is_carrier,
                 }
@@ -205,7 +214,7 @@ impl Fleet {
     pub(super) fn triangles(&self, seen: &[Sight]) -> u64 {
         let indices = |sight: &Sight| {
             let build = self.builds.get(&self.placed[sight.index].key)?;
-            let (body, wheel) = build.levels.get(sight.level)?;
+            let BuildLevel { body, wheel, .. } = build.levels.get(sight.level)?;
             Some(body.len() + if sight.has_wheels { 4 * wheel.len() } else { 0 })
         };
         seen.iter().filter_map(indices).sum::<usize>() as u64 / 3
@@ -233,9 +242,9 @@ impl Fleet {
         for sight in seen {
             let Some(build) = self.builds.get(&self.placed[sight.index].key) else { continue };
             let index = sight.index as u32;
-            let Some((body, wheel)) = build.levels.get(sight.level) else { continue };
+            let Some(BuildLevel { body, wheel, .. }) = build.levels.get(sight.level) else { continue };
             pass.draw_indexed(body.clone(), 0, index..index + 1);
-            if sight.has_wheels {
+            if sight.has_wheels && !wheel.is_empty() {
                 let first = count + 4 * index;
                 pass.draw_indexed(wheel.clone(), 0, first..first + 4);
             }
@@ -245,14 +254,15 @@ impl Fleet {
     /// Groups and pipeline are set already. Simpler bodies do where a texel of the shadow map is nearly as
     /// large as what they differ by.
     pub(super) fn draw_shadows(&self, pass: &mut wgpu::RenderPass<'_>, texel_m: f32) {
-        let level = usize::from(vehicle::ERRORS_M[1] < 2.0 * texel_m);
         if !self.bind(pass) {
             return;
         }
         for (index, placed) in (0_u32..).zip(&self.placed) {
             let Some(build) = self.builds.get(&placed.key) else { continue };
-            let Some((body, _)) = build.levels.get(level) else { continue };
-            pass.draw_indexed(body.clone(), 0, index..index + 1);
+            let Some(level) = build.levels.iter().take(2).rfind(|level| level.error_m < 2.0 * texel_m) else {
+                continue;
+            };
+            pass.draw_indexed(level.body.clone(), 0, index..index + 1);
         }
     }
 

@@ -13,7 +13,7 @@ use super::passes::Attachments;
 use crate::city::scene::Surface;
 use rayon::prelude::*;
 
-pub(super) use sky::elevation_of;
+pub(super) use sky::{elevation_of, stars};
 
 /// Texels along an edge of a surface's pattern.
 const SIZE: u32 = 256;

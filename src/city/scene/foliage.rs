@@ -51,7 +51,7 @@ const REPEATS: f32 = 1.4;
 /// How much of a clump's size its lumps add and take.
 const ROUGH: f32 = 0.16;
 /// Light that is left inside a crown, and at the bottom of it.
-const INSIDE: f32 = 0.34;
+const INSIDE: f32 = 0.42;
 
 impl Crown {
     fn dice(&self, index: u32, salt: u32) -> f32 {

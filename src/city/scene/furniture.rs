@@ -40,6 +40,7 @@ impl Furniture {
             let own = || Some(Arc::new(glb::read(shipped(file)?).ok()?));
             let model = models.get(file).cloned().or_else(own)?;
             let mut object = models::object(&model, class, FAR_ERRORS_M);
+            object.measure_corners();
             object.add_coarser_levels();
             Some((piece, object))
         };

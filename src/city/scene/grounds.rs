@@ -244,8 +244,70 @@ pub(super) fn bays_of(ring: &[DVec2]) -> Vec<Bay> {
     bay_lines(ring).iter().flat_map(|row| row.windows(2).map(between).collect::<Vec<_>>()).collect()
 }
 
+/// Heights of paint in car parks.
+const PAINT_M: f32 = 0.178;
+const BLUE: Finish = Finish::new(Surface::Paint, [44, 92, 158], Class::Marking);
+
 fn bays(mesh: &mut Mesh, ring: &[DVec2]) {
-    for [foot, tip] in bay_lines(ring).into_iter().flatten() {
-        super::markings::straight_line(mesh, foot, tip, 0.178);
+    let rows = bay_lines(ring);
+    for &[foot, tip] in rows.iter().flatten() {
+        super::markings::straight_line(mesh, foot, tip, PAINT_M);
     }
+    for row in &rows {
+        aisle_arrows(mesh, ring, row);
+    }
+    if let Some(bay) = bays_of(ring).first() {
+        wheelchair_bay(mesh, bay);
+    }
+}
+
+/// Arrows along the aisle in front of a row of bays, where there is room for it.
+fn aisle_arrows(mesh: &mut Mesh, ring: &[DVec2], row: &[[DVec2; 2]]) {
+    const AISLE_M: f64 = 2.0;
+    let (Some([foot, tip]), Some([last, _])) = (row.first(), row.last()) else { return };
+    let Some(along) = (*last - *foot).try_normalize() else { return };
+    let into = if (*tip - *foot).dot(along.perp()) > 0.0 { along.perp() } else { -along.perp() };
+    // Bays on the left have traffic of one direction, those on the right of the other.
+    let (length, ahead) = ((*last - *foot).length(), along * into.dot(along.perp()).signum());
+    let mut s = 4.0;
+    while s < length {
+        let middle = *foot + along * (s + SLANT_M) + into * (BAY_DEPTH_M - 0.45 + AISLE_M);
+        let at = |x: f64, y: f64| middle + ahead * x + ahead.perp() * y;
+        let room = [at(-2.0, -1.4), at(-2.0, 1.4), at(2.0, 1.4), at(2.0, -1.4)];
+        if room.iter().all(|&corner| point_in_polygon(corner, ring)) {
+            let white = |mesh: &mut Mesh, corners: &[DVec2]| {
+                super::markings::figure(mesh, corners, PAINT_M, super::markings::WHITE);
+            };
+            white(mesh, &[at(-1.3, -0.08), at(0.4, -0.08), at(0.4, 0.08), at(-1.3, 0.08)]);
+            white(mesh, &[at(0.4, -0.32), at(1.3, 0.0), at(0.4, 0.32)]);
+        }
+        s += 14.0;
+    }
+}
+
+/// A bay for wheelchairs: blue, with the sign on it.
+fn wheelchair_bay(mesh: &mut Mesh, bay: &Bay) {
+    let (up, right) = (bay.into, -bay.into.perp());
+    let middle = bay.mouth + up * 2.3;
+    let at = |x: f64, y: f64| middle + right * x + up * y;
+    let square = [at(-0.85, -0.95), at(0.85, -0.95), at(0.85, 0.95), at(-0.85, 0.95)];
+    super::markings::figure(mesh, &square, PAINT_M, BLUE);
+    let z = PAINT_M + 0.006;
+    let mut stroke = |points: &[(f64, f64)], half: f64| {
+        for pair in points.windows(2) {
+            let (a, b) = (at(pair[0].0, pair[0].1), at(pair[1].0, pair[1].1));
+            let Some(ahead) = (b - a).try_normalize() else { continue };
+            let (long, side) = (ahead * half, ahead.perp() * half);
+            let corners = [a - long - side, b + long - side, b + long + side, a - long + side];
+            super::markings::figure(mesh, &corners, z, super::markings::WHITE);
+        }
+    };
+    // Head, body, legs, and most of a wheel.
+    stroke(&[(-0.14, 0.62), (-0.10, 0.62)], 0.09);
+    stroke(&[(-0.12, 0.42), (-0.08, 0.02), (0.26, 0.02), (0.42, -0.46), (0.56, -0.42)], 0.055);
+    let wheel = (0..=9).map(|k| {
+        let (sin, cos) = (2.1 + 4.1 * f64::from(k) / 9.0).sin_cos();
+        (-0.06 + 0.40 * cos, -0.22 + 0.40 * sin)
+    });
+    stroke(&wheel.collect::<Vec<_>>(), 0.045);
 }

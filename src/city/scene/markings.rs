@@ -85,13 +85,18 @@ impl Paint {
 }
 
 fn polygon(mesh: &mut Mesh, corners: &[DVec2], finish: Finish) {
+    figure(mesh, corners, PAINT_M, finish);
+}
+
+/// A convex painted shape at a height, its corners in either order.
+pub(super) fn figure(mesh: &mut Mesh, corners: &[DVec2], z: f32, finish: Finish) {
     let mut corners: Vec<_> = corners.iter().map(|p| p.as_vec2()).collect();
     let area: f32 = (0..corners.len()).map(|k| corners[k].perp_dot(corners[(k + 1) % corners.len()])).sum();
     if area < 0.0 {
         corners.reverse();
     }
     let uvs: Vec<Vec2> = corners.iter().map(|p| *p / 2.0).collect();
-    let corners: Vec<_> = corners.iter().map(|p| p.extend(PAINT_M)).collect();
+    let corners: Vec<_> = corners.iter().map(|p| p.extend(z)).collect();
     mesh.face(&corners, &uvs, finish);
 }
 

@@ -143,13 +143,13 @@ pub struct Vertex {
 
 /// Fewer triangles for a distance: vertices within a cube of an edge come to one place, the mean of theirs, and
 /// those of one kind there become one (Rossignac and Borrel 1993). `position` and `moved` read and set the place
-/// of a vertex; as all kinds share the places, nothing gapes.
+/// of a vertex; as all kinds share the places, nothing gapes. How far a vertex has moved at most comes last.
 pub fn clustered<V, K: Eq + Hash>(
     (vertices, indices): (&[V], &[u32]),
     edge_m: f32,
     (position, moved): (impl Fn(&V) -> Vec3, impl Fn(&V, Vec3) -> V),
     kind: impl Fn(&V) -> K,
-) -> (Vec<V>, Vec<u32>) {
+) -> (Vec<V>, Vec<u32>, f32) {
     let cube = |v: &V| (position(v) / edge_m).round().as_ivec3();
     let mut places: FxHashMap<IVec3, (Vec3, f32)> = FxHashMap::default();
     for vertex in vertices {
@@ -173,7 +173,62 @@ pub fn clustered<V, K: Eq + Hash>(
             corners_kept.push(slot);
         }
     }
-    (kept, corners_kept)
+    let moved_m = |v: &V| {
+        let (sum, count) = places[&cube(v)];
+        position(v).distance(sum / count)
+    };
+    let most_m = vertices.iter().map(moved_m).fold(0.0, f32::max);
+    (kept, corners_kept, most_m)
+}
+
+/// How far points reach to all sides: level ones 22.5 degrees apart, up and down, and half up and half down.
+pub fn reach(points: impl Iterator<Item = Vec3>) -> [f32; 34] {
+    const SLANT: f32 = std::f32::consts::FRAC_1_SQRT_2;
+    // Sine and cosine of 22.5 degrees.
+    const S: f32 = 0.382_683_43;
+    const C: f32 = 0.923_879_5;
+    points.fold([f32::NEG_INFINITY; 34], |mut reach, p| {
+        let q = p * SLANT;
+        let level = [p.x, p.y, q.x + q.y, q.x - q.y];
+        let between = [C * p.x + S * p.y, S * p.x + C * p.y, C * p.x - S * p.y, S * p.x - C * p.y];
+        let (sum, difference) = ((p.x + p.y) / 2.0, (p.x - p.y) / 2.0);
+        let slanted = [q.z + sum, q.z - sum, q.z + difference, q.z - difference];
+        let upward = [p.z, q.y + q.z, q.y - q.z, q.x + q.z, q.x - q.z];
+        for (k, along) in level.into_iter().chain(between).chain(upward).chain(slanted).enumerate() {
+            reach[2 * k] = reach[2 * k].max(along);
+            reach[2 * k + 1] = reach[2 * k + 1].max(-along);
+        }
+        reach
+    })
+}
+
+/// The point of a triangle that is nearest to another (Ericson, *Real-Time Collision Detection*, 5.1.5).
+fn nearest_on([a, b, c]: [Vec3; 3], p: Vec3) -> Vec3 {
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return a;
+    }
+    let (d3, d4) = (ab.dot(p - b), ac.dot(p - b));
+    if d3 >= 0.0 && d4 <= d3 {
+        return b;
+    }
+    let (d5, d6) = (ab.dot(p - c), ac.dot(p - c));
+    if d6 >= 0.0 && d5 <= d6 {
+        return c;
+    }
+    let (vc, vb, va) = (d1 * d4 - d3 * d2, d5 * d2 - d1 * d6, d3 * d6 - d5 * d4);
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return a + ab * (d1 / (d1 - d3));
+    }
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return a + ac * (d2 / (d2 - d6));
+    }
+    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
+        return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
+    }
+    let scale = 1.0 / (va + vb + vc);
+    a + ab * (vb * scale) + ac * (vc * scale)
 }
 
 /// Feet of walls and posts stand no higher.
@@ -332,35 +387,31 @@ impl Mesh {
         }
     }
 
-    /// The same of fewer triangles, for a distance; see [`clustered`]. Faces keep their finish and the side
-    /// they look to.
-    pub fn simplified(&self, edge_m: f32) -> Self {
-        let kind = |v: &Vertex| (v.finish, (v.normal * 2.0).round().as_ivec3());
+    /// The same of fewer triangles, for a distance; see [`clustered`]. Faces keep their finish, the side they look
+    /// to, and where on them windows and letters are. How far a vertex has moved at most comes with it.
+    pub fn simplified(&self, edge_m: f32) -> (Self, f32) {
+        let figure = |v: &Vertex| v.finish.surface.is_figured().then(|| (v.uv * 16.0).round().as_ivec2());
+        let kind = |v: &Vertex| (v.finish, (v.normal * 2.0).round().as_ivec3(), figure(v));
         let place = (|v: &Vertex| v.position, |v: &Vertex, position| Vertex { position, ..*v });
-        let (vertices, indices) = clustered((&self.vertices, &self.indices), edge_m, place, kind);
-        Self { vertices, indices }
+        let (vertices, indices, moved_m) = clustered((&self.vertices, &self.indices), edge_m, place, kind);
+        (Self { vertices, indices }, moved_m)
     }
 
-    /// How far it reaches to all sides: level ones 22.5 degrees apart, up and down, and half up and half down.
+    /// How far the outlines of two meshes lie apart at most, along the directions of [`reach`].
+    pub fn outline_apart(&self, other: &Self) -> f32 {
+        self.reach().iter().zip(&other.reach()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    }
+
+    /// See [`reach`].
     pub fn reach(&self) -> [f32; 34] {
-        const SLANT: f32 = std::f32::consts::FRAC_1_SQRT_2;
-        // Sine and cosine of 22.5 degrees.
-        const S: f32 = 0.382_683_43;
-        const C: f32 = 0.923_879_5;
-        self.vertices.iter().fold([f32::NEG_INFINITY; 34], |mut reach, v| {
-            let p = v.position;
-            let q = p * SLANT;
-            let level = [p.x, p.y, q.x + q.y, q.x - q.y];
-            let between = [C * p.x + S * p.y, S * p.x + C * p.y, C * p.x - S * p.y, S * p.x - C * p.y];
-            let (sum, difference) = ((p.x + p.y) / 2.0, (p.x - p.y) / 2.0);
-            let slanted = [q.z + sum, q.z - sum, q.z + difference, q.z - difference];
-            let upward = [p.z, q.y + q.z, q.y - q.z, q.x + q.z, q.x - q.z];
-            for (k, along) in level.into_iter().chain(between).chain(upward).chain(slanted).enumerate() {
-                reach[2 * k] = reach[2 * k].max(along);
-                reach[2 * k + 1] = reach[2 * k + 1].max(-along);
-            }
-            reach
-        })
+        reach(self.vertices.iter().map(|v| v.position))
+    }
+
+    /// From a point to the nearest one of any triangle; takes a look at them all.
+    pub fn distance_to(&self, point: Vec3) -> f32 {
+        let corner = |k: u32| self.vertices[k as usize].position;
+        let triangles = self.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(corner));
+        triangles.map(|t| nearest_on(t, point).distance(point)).fold(f32::INFINITY, f32::min)
     }
 
     /// The smallest box around all vertices.

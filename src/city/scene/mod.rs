@@ -24,7 +24,7 @@ mod trees;
 mod wear;
 
 pub use lettering::glyph_cell;
-pub use mesh::{Class, Finish, Mesh, Surface, Vertex, clustered};
+pub use mesh::{Class, Finish, Mesh, Surface, Vertex, clustered, reach};
 pub use signs::sign_cell;
 
 use super::{CityMap, SceneryKind};
@@ -92,11 +92,23 @@ impl Object {
         if mesh.triangle_count() >= last.mesh.triangle_count() || mesh.is_empty() {
             return;
         }
-        let (fine, coarse) = (finest.mesh.reach(), mesh.reach());
-        let apart_m = fine.iter().zip(&coarse).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        let error_m = error_m.max(apart_m);
+        let error_m = error_m.max(finest.mesh.outline_apart(&mesh));
         if error_m > last.error_m {
             self.levels.push(Level { mesh, error_m });
+        }
+    }
+
+    /// States no less than how far corners of the coarser levels stand out of the finest; for small meshes.
+    fn measure_corners(&mut self) {
+        // Turned copies are rounded.
+        const MARGIN: f32 = 1.005;
+        let [finest, coarser @ ..] = &mut self.levels[..] else { return };
+        let mut least_m = 0.0;
+        for level in coarser {
+            let corners = level.mesh.vertices.iter().map(|v| finest.mesh.distance_to(v.position));
+            let off_m = corners.fold(0.0, f32::max) * MARGIN;
+            level.error_m = level.error_m.max(off_m).max(least_m);
+            least_m = level.error_m + 1e-3;
         }
     }
 
@@ -104,10 +116,10 @@ impl Object {
     fn add_coarser_levels(&mut self) {
         let Some(base) = self.levels.last().cloned() else { return };
         for edge_m in COARSER_M.into_iter().filter(|edge_m| edge_m / 2.0 > base.error_m) {
-            let mesh = base.mesh.simplified(edge_m);
+            let (mesh, moved_m) = base.mesh.simplified(edge_m);
             let last = self.levels.last().map_or(0, |level| level.mesh.triangle_count());
             if mesh.triangle_count() * 4 < last * 3 {
-                self.add_level(mesh, edge_m / 2.0);
+                self.add_level(mesh, base.error_m + moved_m);
             }
         }
     }
@@ -129,7 +141,16 @@ impl Object {
             },
             error_m: level.error_m * scale,
         };
-        Self { levels: self.levels.iter().map(level).collect() }
+        let mut levels: Vec<Level> = self.levels.iter().map(level).collect();
+        // Turned, outlines are measured along other directions.
+        let mut least_m = 0.0;
+        if let [finest, coarser @ ..] = &mut levels[..] {
+            for level in coarser {
+                level.error_m = level.error_m.max(finest.mesh.outline_apart(&level.mesh)).max(least_m);
+                least_m = level.error_m + 1e-3;
+            }
+        }
+        Self { levels }
     }
 
     pub fn is_empty(&self) -> bool {

@@ -92,7 +92,8 @@ pub(super) fn cars(map: &CityMap) -> Vec<Object> {
             bays_of(&super::polygon::counter_clockwise(ring)).into_iter().enumerate()
         {
             let dice = |salt: u32| super::dice(index as u32 * 131 + number as u32, salt);
-            if dice(1) > TAKEN {
+            // The first is for wheelchairs.
+            if number == 0 || dice(1) > TAKEN {
                 continue;
             }
             let body = &bodies[USUAL[(dice(2) * USUAL.len() as f32) as usize % USUAL.len()]];

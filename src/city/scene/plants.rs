@@ -107,7 +107,7 @@ pub(super) fn hedge(place: &Place<'_>) -> Object {
         mesh
     };
     let mut hedge = Object::of_one_level(level(true));
-    hedge.add_level(level(false), 0.10);
+    hedge.add_level(level(false), 0.12);
     hedge
 }
 

@@ -59,7 +59,7 @@ const MIDDLE_M: f32 = 2.35;
 fn stand(foot: Vec2, towards: Vec2, signs: &[Sign]) -> Object {
     let mut object = Object::of_one_level(draw(foot, towards, signs, 5));
     object.add_level(draw(foot, towards, signs, 3), 0.04);
-    object.add_level(draw(foot, towards, signs, 1), 0.10);
+    object.add_level(draw(foot, towards, signs, 1), 0.115);
     object
 }
 

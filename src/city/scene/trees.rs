@@ -15,8 +15,8 @@ const NEEDLES: Finish = Finish::new(Surface::Needles, [200, 200, 200], Class::Ve
 
 /// Greens of crowns.
 const GREENS: [[u8; 3]; 6] =
-    [[122, 142, 76], [104, 130, 72], [136, 148, 84], [98, 122, 78], [128, 138, 68], [116, 138, 92]];
-const NEEDLE_GREENS: [[u8; 3]; 3] = [[104, 128, 98], [92, 118, 96], [112, 130, 92]];
+    [[144, 168, 88], [124, 154, 84], [160, 174, 98], [116, 146, 92], [152, 164, 80], [138, 164, 108]];
+const NEEDLE_GREENS: [[u8; 3]; 3] = [[118, 146, 110], [106, 134, 108], [126, 148, 104]];
 /// Crowns that are not green.
 const COPPER: [u8; 3] = [122, 92, 78];
 /// How far crowns reach beyond the circle of the drawing, which stays clear of the lanes by more.
@@ -60,6 +60,11 @@ const COARSER: [(Detail, f32); 4] = [
     (Detail::Hull([5, 3], 3), 0.24),
     (Detail::Hull([4, 2], 3), 0.50),
 ];
+
+/// Hulls bridge the gaps between clumps and between tiers, which no outline shows: by so much of the width of a
+/// tree may they stand farther out of it than their error.
+#[cfg(test)]
+pub(super) const BRIDGED: f32 = 0.16;
 
 /// Shapes of trees with a crown of radius 1.
 pub(super) struct Nursery {
@@ -278,10 +283,13 @@ fn spruce(mesh: &mut Mesh, seed: u32, detail: Detail) {
         let part = k as f32 / tiers as f32;
         let (from, wide) = (first + (height - first) * part, (1.0 - part) * (0.95 + 0.1 * dice(10 + k)));
         // Tiers reach into those above them, the last to the tip.
+        let next = first + (height - first) * (k + 1) as f32 / tiers as f32;
         let to = if k + 1 == tiers {
             height
         } else {
-            from + (height - from) * (0.30 + 1.1 / tiers as f32).min(1.0)
+            (from + (height - from) * (0.30 + 1.1 / tiers as f32))
+                .max(next + 0.45 * (height - next))
+                .min(height)
         };
         let is_star = tiers > 3;
         tier(

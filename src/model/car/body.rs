@@ -14,10 +14,16 @@ const WELL_M: f32 = 0.34;
 /// Rows of the shell from the sill (0) to the shoulder (1), and its half width there as part of the most.
 const ROWS: [(f32, f32); 7] =
     [(0.0, 0.945), (0.15, 0.985), (0.36, 1.0), (0.60, 0.997), (0.76, 0.98), (0.92, 0.938), (1.0, 0.885)];
-const FAR_ROWS: [(f32, f32); 5] = [(0.0, 0.96), (0.60, 1.0), (0.76, 0.98), (0.92, 0.94), (1.0, 0.885)];
+/// From a distance the sides have fewer rows than the ends, where the lamps are.
+const FAR_ROWS: [f32; 6] = [0.0, 0.15, 0.60, 0.76, 0.92, 1.0];
+const FAR_SIDE_ROWS: [f32; 3] = [0.0, 0.60, 1.0];
 /// Columns of the front and the rear from the middle outwards.
 const FRONT: [f32; 5] = [0.0, 0.36, 0.62, 0.82, 1.0];
 const FAR_FRONT: [f32; 4] = [0.0, 0.62, 0.82, 1.0];
+const FARTHER_FRONT: [f32; 3] = [0.0, 0.62, 1.0];
+/// Where the ends begin, from a distance: up to here lamps reach around the corners.
+const FAR_END_M: f32 = 2.14;
+const FARTHER_END_M: f32 = 2.24;
 
 /// Where a column of the shell stands.
 #[derive(Clone, Copy)]
@@ -85,12 +91,29 @@ impl Shape {
 /// Columns of one side from the middle of the rear to the middle of the front.
 fn columns(detail: Detail) -> Vec<Column> {
     let near = detail == Detail::Near;
-    let ends: &[f32] = if near { &FRONT } else { &FAR_FRONT };
+    let ends: &[f32] = match detail {
+        Detail::Near => &FRONT,
+        Detail::Far => &FAR_FRONT,
+        Detail::Farther => &FARTHER_FRONT,
+    };
     let mut columns: Vec<Column> = ends.iter().map(|&f| Column::End(-1.0, f)).collect();
-    let side: &[f32] = if near { &[-2.22] } else { &[-2.0] };
-    columns.extend(side.iter().map(|&x| Column::Side(x, 0.0)));
-    for axle in [-WHEELBASE_M / 2.0, WHEELBASE_M / 2.0] {
-        let cuts: &[f32] = if near { &[-1.0, -0.86, -0.5, 0.0, 0.5, 0.86, 1.0] } else { &[-0.85, 0.85] };
+    let [rear, front] = match detail {
+        Detail::Near => [-2.22, FAR_END_M],
+        Detail::Far => [-FAR_END_M, FAR_END_M],
+        Detail::Farther => [-FARTHER_END_M, FARTHER_END_M],
+    };
+    columns.push(Column::Side(rear, 0.0));
+    let arches: &[f32] = match detail {
+        Detail::Farther => {
+            // Where the bonnet begins to slope.
+            columns.push(Column::Side(1.2, 0.0));
+            &[]
+        }
+        _ => &[-WHEELBASE_M / 2.0, WHEELBASE_M / 2.0],
+    };
+    for &axle in arches {
+        let cuts: &[f32] =
+            if near { &[-1.0, -0.86, -0.5, 0.0, 0.5, 0.86, 1.0] } else { &[-0.9, -0.5, 0.5, 0.9] };
         columns.push(Column::Side(axle - ARCH_M, 0.0));
         columns.extend(cuts.iter().map(|&cut| {
             let up = (1.0 - cut * cut).max(0.0).sqrt();
@@ -101,8 +124,7 @@ fn columns(detail: Detail) -> Vec<Column> {
             columns.extend([-0.55, 0.30].map(|x| Column::Side(x, 0.0)));
         }
     }
-    let side: &[f32] = if near { &[2.14] } else { &[2.0] };
-    columns.extend(side.iter().map(|&x| Column::Side(x, 0.0)));
+    columns.push(Column::Side(front, 0.0));
     columns.extend(ends.iter().rev().map(|&f| Column::End(1.0, f)));
     columns
 }
@@ -114,24 +136,20 @@ fn openness(p: Vec3) -> u8 {
 
 pub(super) fn shell(builder: &mut Builder, shape: &Shape, detail: Detail) {
     let columns = columns(detail);
-    let rows: &[(f32, f32)] = if detail == Detail::Near { &ROWS } else { &FAR_ROWS };
+    let near_rows = ROWS.map(|row| row.0);
     for side in [1.0_f32, -1.0] {
-        let mirrored = |p: Vec3| Vec3::new(p.x, p.y * side, p.z);
-        // Columns run forwards; rows upwards on the right, downwards on the left, to face outwards.
-        let mut points: Vec<Vec<Vec3>> = rows
-            .iter()
-            .map(|&(t, _)| columns.iter().map(|&column| mirrored(shape.point(column, t))).collect())
-            .collect();
-        if side > 0.0 {
-            points.reverse();
-        }
-        let count = rows.len() - 1;
-        builder.grid(&points, openness, |row, column| {
-            let row = if side > 0.0 { count - 1 - row } else { row };
-            Some(skin(shape, detail, [columns[column], columns[column + 1]], rows[row].0, side > 0.0))
-        });
-        if detail == Detail::Near {
-            wells(builder, shape, &columns, side);
+        match detail {
+            Detail::Near => {
+                panels(builder, shape, detail, (&columns, &near_rows), side);
+                wells(builder, shape, &columns, side);
+            }
+            Detail::Farther => panels(builder, shape, detail, (&columns, &FAR_SIDE_ROWS), side),
+            Detail::Far => {
+                let (rear, front) = (FAR_FRONT.len(), columns.len() - FAR_FRONT.len() - 1);
+                panels(builder, shape, detail, (&columns[..=rear], &FAR_ROWS), side);
+                panels(builder, shape, detail, (&columns[rear..=front], &FAR_SIDE_ROWS), side);
+                panels(builder, shape, detail, (&columns[front..], &FAR_ROWS), side);
+            }
         }
     }
     deck(builder, shape, detail, 1.0);
@@ -145,16 +163,50 @@ pub(super) fn shell(builder: &mut Builder, shape: &Shape, detail: Detail) {
     builder.plate(&floor, WELL, 60);
 }
 
+/// A part of one side's shell: what lies between columns and rows.
+fn panels(
+    builder: &mut Builder,
+    shape: &Shape,
+    detail: Detail,
+    (columns, rows): (&[Column], &[f32]),
+    side: f32,
+) {
+    let at = |column: Column, t: f32| match column {
+        // Where the ends meet the sides, which have fewer rows: nothing may gape.
+        Column::Side(x, _) if detail == Detail::Far && x.abs() >= FAR_END_M => {
+            let after = FAR_SIDE_ROWS.partition_point(|&row| row < t).max(1);
+            let (low, high) = (FAR_SIDE_ROWS[after - 1], FAR_SIDE_ROWS[after]);
+            shape.point(column, low).lerp(shape.point(column, high), (t - low) / (high - low))
+        }
+        _ => shape.point(column, t),
+    };
+    let mirrored = |p: Vec3| Vec3::new(p.x, p.y * side, p.z);
+    // Columns run forwards; rows upwards on the right, downwards on the left, to face outwards.
+    let mut points: Vec<Vec<Vec3>> =
+        rows.iter().map(|&t| columns.iter().map(|&column| mirrored(at(column, t))).collect()).collect();
+    if side > 0.0 {
+        points.reverse();
+    }
+    let count = rows.len() - 1;
+    builder.grid(&points, openness, |row, column| {
+        let row = if side > 0.0 { count - 1 - row } else { row };
+        Some(skin(shape, detail, [columns[column], columns[column + 1]], rows[row], side > 0.0))
+    });
+}
+
 /// What a face of the shell is made of: between two columns, from the row `t` up.
 fn skin(shape: &Shape, detail: Detail, [a, b]: [Column; 2], t: f32, left: bool) -> Skin {
     let indicator = INDICATOR[usize::from(!left)];
+    if detail == Detail::Farther {
+        return farther_skin([a, b], t, left);
+    }
     let tall = matches!(shape.rear, Rear::Cargo | Rear::Bed);
     match (a, b) {
         (Column::End(facing, f), Column::End(_, g)) => {
             let (inner, outer) = (f.min(g), f.max(g));
             if facing > 0.0 {
                 match t {
-                    t if t < 0.1 && detail == Detail::Near => {
+                    t if t < 0.1 => {
                         if outer < 0.7 {
                             GRILLE
                         } else {
@@ -171,13 +223,9 @@ fn skin(shape: &Shape, detail: Detail, [a, b]: [Column; 2], t: f32, left: bool) 
                 }
             } else {
                 match t {
-                    t if t < if shape.clad { 0.3 } else { 0.1 } && detail == Detail::Near => PLASTIC,
+                    t if t < if shape.clad && detail == Detail::Near { 0.3 } else { 0.1 } => PLASTIC,
                     t if tall && inner > 0.8 && (0.3..0.9).contains(&t) => {
-                        if t < 0.5 {
-                            indicator
-                        } else {
-                            TAIL
-                        }
+                        if t < if detail == Detail::Near { 0.5 } else { 0.7 } { indicator } else { TAIL }
                     }
                     t if tall => {
                         if inner > 0.6 && inner < 0.8 && (0.3..0.5).contains(&t) {
@@ -224,6 +272,24 @@ fn skin(shape: &Shape, detail: Detail, [a, b]: [Column; 2], t: f32, left: bool) 
     }
 }
 
+/// [`skin`] at the greatest distance: lamps, the indicators around the corners.
+fn farther_skin([a, b]: [Column; 2], t: f32, left: bool) -> Skin {
+    match (a, b) {
+        _ if t < 0.5 => PAINT,
+        (Column::End(facing, f), Column::End(_, g)) if f.min(g) > 0.6 => {
+            if facing > 0.0 {
+                HEAD
+            } else {
+                TAIL
+            }
+        }
+        (Column::Side(..), Column::End(..)) | (Column::End(..), Column::Side(..)) => {
+            INDICATOR[usize::from(!left)]
+        }
+        _ => PAINT,
+    }
+}
+
 /// The houses of the wheels: from the edge of the opening inwards, and the wall behind the wheel.
 fn wells(builder: &mut Builder, shape: &Shape, columns: &[Column], side: f32) {
     let sides: Vec<(f32, f32)> = columns
@@ -256,8 +322,11 @@ fn deck(builder: &mut Builder, shape: &Shape, detail: Detail, facing: f32) {
     let [rear_foot, .., front_foot] = shape.cabin.stations;
     let foot = if facing > 0.0 { front_foot - 0.10 } else { rear_foot + 0.10 };
     let parts: &[f32] = if detail == Detail::Near { &[0.0, 0.35, 0.7, 0.9, 1.0] } else { &[0.0, 0.7, 1.0] };
-    let across: &[f32] =
-        if detail == Detail::Near { &[-1.0, -0.62, 0.0, 0.62, 1.0] } else { &[-1.0, 0.0, 1.0] };
+    let across: &[f32] = match detail {
+        Detail::Near => &[-1.0, -0.62, 0.0, 0.62, 1.0],
+        Detail::Far => &[-1.0, 0.0, 1.0],
+        Detail::Farther => &[-1.0, 1.0],
+    };
     let reach = LENGTH_M / 2.0 - shape.bow[usize::from(facing < 0.0)];
     let mut points: Vec<Vec<Vec3>> = parts
         .iter()

@@ -1,7 +1,7 @@
 //! The cabin: windscreen and rear window, side windows between pillars, roof.
 
 use super::shape::{Rear, Shape};
-use super::{Builder, Detail, GLASS, PAINT, PLASTIC, SEAM, Skin, body};
+use super::{Builder, DASHBOARD, Detail, GLASS, PAINT, PLASTIC, SEAM, Skin, body};
 use glam::Vec3;
 
 /// Rows of the cabin from its foot to the middle of the roof: part of its height, part of the way from
@@ -35,6 +35,8 @@ fn stations(shape: &Shape, detail: Detail) -> Vec<Station> {
             all.push(station(rear_glass));
         }
         all.extend([station(pillar - 0.06), station(pillar + 0.06)]);
+    } else if shape.rear == Rear::Cargo {
+        all.push(station(pillar));
     }
     all.extend([station(front_roof), foot(front_foot)]);
     all
@@ -66,21 +68,22 @@ fn section(shape: &Shape, station: &Station, bulge: f32) -> Vec<Vec3> {
 pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
     let stations = stations(shape, detail);
     let last = stations.len() - 1;
+    // Which points of a section are kept, and what lies above each of them.
+    let (kept, rows): (&[usize], &[usize]) = match detail {
+        Detail::Farther => (&[0, 2, 4, 6, 8, 10], &[SILL, RAIL, GUTTER]),
+        _ => (&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10], &[FOOT, SILL, RAIL, GUTTER, GUTTER]),
+    };
     let sections: Vec<Vec<Vec3>> = stations
         .iter()
         .enumerate()
         .map(|(k, station)| {
-            section(
-                shape,
-                station,
-                if k == last {
-                    0.10
-                } else if k == 0 {
-                    -0.05
-                } else {
-                    0.0
-                },
-            )
+            let bulge = match k {
+                0 => -0.05,
+                k if k == last => 0.10,
+                _ => 0.0,
+            };
+            let whole = section(shape, station, bulge);
+            kept.iter().map(|&point| whole[point]).collect()
         })
         .collect();
     let points = sections[0].len() - 1;
@@ -96,12 +99,15 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
             |_| 250,
             |row, point| {
                 let station = first + count - 1 - row;
-                let up = point.min(points - 1 - point);
+                let up = rows[point.min(points - 1 - point)];
                 Some(skin(shape, detail, &stations, station, up, end))
             },
         );
     }
-    if shape.rear == Rear::Cargo && detail == Detail::Near {
+    if detail == Detail::Near {
+        dashboard(builder, shape);
+    }
+    if shape.rear == Rear::Cargo {
         let x = -super::LENGTH_M / 2.0 + 0.045;
         for side in [-1.0_f32, 1.0] {
             let (a, b) = (side * 0.08, side * 0.70);
@@ -115,9 +121,22 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
                 240,
             );
         }
-        let seam = [(0.01, 0.5), (-0.01, 0.5), (-0.01, 1.9), (0.01, 1.9)];
-        builder.plate(&seam.map(|(y, z)| Vec3::new(x - 0.06, y, z)), SEAM, 200);
+        if detail == Detail::Near {
+            let seam = [(0.01, 0.5), (-0.01, 0.5), (-0.01, 1.9), (0.01, 1.9)];
+            builder.plate(&seam.map(|(y, z)| Vec3::new(x - 0.06, y, z)), SEAM, 200);
+        }
     }
+}
+
+/// What a camera behind the windscreen sees between it and the bonnet; from outside the glass hides it.
+fn dashboard(builder: &mut Builder, shape: &Shape) {
+    let [.., front_foot] = shape.cabin.stations;
+    let x = [front_foot - 0.80, front_foot - 0.09];
+    let edge = body::half_at(x[1]) * 0.78;
+    // As high as the bonnet at its rear edge.
+    let z = shape.shoulder_at(x[1]) + shape.crown - 0.004;
+    let corners = [(x[0], -edge), (x[1], -edge), (x[1], edge), (x[0], edge)];
+    builder.plate(&corners.map(|(x, y)| Vec3::new(x, y, z)), DASHBOARD, 130);
 }
 
 /// What a face is made of: behind which station, how far up, and on which end.

@@ -25,6 +25,7 @@ pub(super) const HALF_M: f32 = 1.10;
 pub(super) const PAINT: Skin = Skin::new("paint", [255, 255, 255]).rough(0.35);
 pub(super) const GLASS: Skin = Skin::new("glass", [22, 27, 32]).rough(0.05);
 pub(super) const PLASTIC: Skin = Skin::new("plastic", [30, 31, 33]);
+pub(super) const DASHBOARD: Skin = Skin::new("dashboard", [34, 35, 37]);
 pub(super) const SEAM: Skin = Skin::new("seam", [12, 12, 13]);
 pub(super) const WELL: Skin = Skin::new("well", [14, 14, 15]);
 pub(super) const GRILLE: Skin = Skin::new("grille", [20, 20, 22]).rough(0.5);
@@ -43,21 +44,29 @@ pub(super) const INDICATOR: [Skin; 2] = [
 pub(super) enum Detail {
     Near,
     Far,
+    /// Its wheels are painted on.
+    Farther,
 }
 
-/// Nodes `body`, `body_far` and four wheels.
+/// Nodes `body`, four wheels, `far_body`, `far_wheel`, and `farther_body` with wheels of its own.
 pub fn model(shape: &Shape) -> Model {
-    let bodies = [Detail::Near, Detail::Far].map(|detail| {
+    let [near, far, farther] = [Detail::Near, Detail::Far, Detail::Farther].map(|detail| {
         let mut builder = Builder::default();
         body::shell(&mut builder, shape, detail);
         cabin::cabin(&mut builder, shape, detail);
         trim::trim(&mut builder, shape, detail);
         builder.finish()
     });
-    let [near, far] = bodies;
+    let standing = |name: &str, mesh, height| Node {
+        name: name.to_owned(),
+        mesh,
+        model_from_mesh: Affine3A::from_translation(Vec3::Z * height),
+    };
     let mut nodes = vec![
-        Node { name: "body".to_owned(), mesh: 0, model_from_mesh: Affine3A::IDENTITY },
-        Node { name: "far_body".to_owned(), mesh: 1, model_from_mesh: Affine3A::IDENTITY },
+        standing("body", 0, 0.0),
+        standing("far_body", 1, 0.0),
+        standing("farther_body", 2, 0.0),
+        standing("far_wheel", 4, WHEEL_RADIUS_M),
     ];
     let axle = WHEELBASE_M / 2.0;
     let out = HALF_M - wheel::WIDTH_M / 2.0 - 0.012;
@@ -70,19 +79,8 @@ pub fn model(shape: &Shape) -> Model {
         let turn = if y > 0.0 { 0.0 } else { PI };
         let place =
             Affine3A::from_rotation_translation(Quat::from_rotation_z(turn), Vec3::new(x, y, WHEEL_RADIUS_M));
-        nodes.push(Node { name: format!("wheel_{name}"), mesh: 2, model_from_mesh: place });
+        nodes.push(Node { name: format!("wheel_{name}"), mesh: 3, model_from_mesh: place });
     }
-    Model {
-        meshes: vec![near, far, wheel::wheel(WHEEL_RADIUS_M, 16), wheel::wheel(WHEEL_RADIUS_M, 8)],
-        nodes,
-    }
-    .with_far_wheel()
-}
-
-impl Model {
-    fn with_far_wheel(mut self) -> Self {
-        let model_from_mesh = Affine3A::from_translation(Vec3::Z * WHEEL_RADIUS_M);
-        self.nodes.push(Node { name: "far_wheel".to_owned(), mesh: 3, model_from_mesh });
-        self
-    }
+    let wheels = [wheel::wheel(WHEEL_RADIUS_M), wheel::far_wheel(WHEEL_RADIUS_M)];
+    Model { meshes: [near, far, farther].into_iter().chain(wheels).collect(), nodes }
 }

@@ -1,18 +1,31 @@
 //! What is set on a body: mirrors, seams of the doors, handles, number plates, rails, arches.
 
 use super::shape::{Rear, Shape};
+use super::wheel::FAR_RIM;
 use super::{
     Builder, CHROME, Detail, HALF_M, LENGTH_M, PAINT, PLASTIC, PLATE, SEAM, Skin, TAIL, WHEEL_RADIUS_M,
     WHEELBASE_M, WIDTH_M,
 };
 use glam::Vec3;
+use std::f32::consts::TAU;
 
 pub(super) fn trim(builder: &mut Builder, shape: &Shape, detail: Detail) {
-    mirrors(builder, shape);
-    if detail == Detail::Far {
-        arches(builder);
-        return;
+    match detail {
+        Detail::Near => {}
+        Detail::Far => {
+            mirrors(builder, shape);
+            sills(builder, shape);
+            number_plates(builder, shape);
+            arches(builder);
+            return;
+        }
+        Detail::Farther => {
+            flat_mirrors(builder, shape);
+            painted_wheels(builder);
+            return;
+        }
     }
+    mirrors(builder, shape);
     for side in [1.0_f32, -1.0] {
         let [_, _, _, pillar, _, front_foot] = shape.cabin.stations;
         let front = front_foot - 0.22;
@@ -41,7 +54,8 @@ pub(super) fn trim(builder: &mut Builder, shape: &Shape, detail: Detail) {
             builder.block(low, high, PLASTIC, 240);
         }
     }
-    plates(builder, shape);
+    number_plates(builder, shape);
+    ends(builder, shape);
 }
 
 fn on_side(shape: &Shape, x: f32, t: f32, side: f32) -> Vec3 {
@@ -76,6 +90,20 @@ fn mirrors(builder: &mut Builder, shape: &Shape) {
     }
 }
 
+/// Mirrors without depth, for the greatest distance.
+fn flat_mirrors(builder: &mut Builder, shape: &Shape) {
+    let x = shape.cabin.stations[5] - 0.32;
+    let z = shape.shoulder_at(x) + 0.05;
+    for side in [1.0_f32, -1.0] {
+        let (inner, outer) = (side * (HALF_M - 0.10), side * WIDTH_M / 2.0);
+        let mut corners =
+            [(inner, z), (outer, z), (outer, z + 0.14), (inner, z + 0.14)].map(|(y, z)| Vec3::new(x, y, z));
+        builder.plate(&corners, PAINT, 240);
+        corners.reverse();
+        builder.plate(&corners, PAINT, 240);
+    }
+}
+
 /// An upright plate on an end: half width, lower and upper edge.
 fn on_end(builder: &mut Builder, shape: &Shape, facing: f32, half: f32, z: [f32; 2], skin: Skin) {
     let high = shape.shoulder_at(facing * LENGTH_M / 2.0);
@@ -87,7 +115,7 @@ fn on_end(builder: &mut Builder, shape: &Shape, facing: f32, half: f32, z: [f32;
     builder.plate(&corners, skin, 240);
 }
 
-fn plates(builder: &mut Builder, shape: &Shape) {
+fn number_plates(builder: &mut Builder, shape: &Shape) {
     let front = shape.shoulder_at(LENGTH_M / 2.0);
     let row = |end: f32, t: f32| shape.sill + t * (end - shape.sill);
     let z = row(front, 0.40);
@@ -95,6 +123,11 @@ fn plates(builder: &mut Builder, shape: &Shape) {
     let rear = shape.shoulder_at(-LENGTH_M / 2.0);
     let z = if shape.rear == Rear::Bed { row(rear, 0.30) } else { row(rear, 0.56) };
     on_end(builder, shape, -1.0, 0.26, [z, z + 0.11], PLATE);
+}
+
+fn ends(builder: &mut Builder, shape: &Shape) {
+    let front = shape.shoulder_at(LENGTH_M / 2.0);
+    let row = |end: f32, t: f32| shape.sill + t * (end - shape.sill);
     // The third brake light, under the rear edge of the roof.
     let [_, rear_roof, ..] = shape.cabin.stations;
     let z = shape.cabin.roof[0] - 0.045;
@@ -104,6 +137,39 @@ fn plates(builder: &mut Builder, shape: &Shape) {
     if shape.rear == Rear::Boot {
         let z = row(front, 0.745);
         on_end(builder, shape, 1.0, 0.38, [z, z + 0.014], CHROME);
+    }
+}
+
+/// The dark lower edge between the wheels, for a distance.
+fn sills(builder: &mut Builder, shape: &Shape) {
+    let reach = WHEELBASE_M / 2.0 - 1.19 * WHEEL_RADIUS_M;
+    for side in [1.0_f32, -1.0] {
+        let ends = if side > 0.0 { [reach, -reach] } else { [-reach, reach] };
+        let corner = |k: usize, t: f32| on_side(shape, ends[k], t, side);
+        builder.plate(&[corner(0, 0.0), corner(1, 0.0), corner(1, 0.15), corner(0, 0.15)], PLASTIC, 150);
+    }
+}
+
+/// Wheels without depth, for the greatest distance.
+fn painted_wheels(builder: &mut Builder) {
+    for axle in [-WHEELBASE_M / 2.0, WHEELBASE_M / 2.0] {
+        for side in [-1.0_f32, 1.0] {
+            let mut disc = |corners: u32, radius: f32, out: f32, skin: Skin| {
+                let at = |k: u32| {
+                    let (sin, cos) = (side * TAU * (k as f32 + 0.5) / corners as f32).sin_cos();
+                    let middle = Vec3::new(axle, side * (HALF_M + out), WHEEL_RADIUS_M);
+                    middle + Vec3::new(radius * sin, 0.0, radius * cos)
+                };
+                builder.plate(&(0..corners).map(at).collect::<Vec<_>>(), skin, 150);
+            };
+            disc(6, 1.12 * WHEEL_RADIUS_M, 0.004, SEAM);
+            disc(4, 0.72 * WHEEL_RADIUS_M, 0.012, FAR_RIM);
+            // What is seen of the tyre from before or behind.
+            let (outer, inner) = (HALF_M - 0.02, HALF_M - 0.24);
+            let (a, b) = if side * axle > 0.0 { (inner, outer) } else { (outer, inner) };
+            let corner = |y: f32, z: f32| Vec3::new(axle, side * y, z);
+            builder.plate(&[corner(a, 0.0), corner(b, 0.0), corner(b, 0.5), corner(a, 0.5)], SEAM, 120);
+        }
     }
 }
 

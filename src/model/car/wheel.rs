@@ -10,14 +10,20 @@ const RIM: Skin = Skin::new("rim", [176, 180, 185]).metal().rough(0.3);
 const DISC: Skin = Skin::new("disc", [34, 35, 37]);
 const SPOKES: u32 = 5;
 
-pub(super) fn wheel(radius: f32, sides: u32) -> Vec<Part> {
+const SIDES: u32 = 16;
+/// Rim and spokes as one, from a distance.
+pub(super) const FAR_RIM: Skin = Skin::new("far_rim", [112, 114, 118]).rough(0.5);
+
+fn turned(angle: f32, y: f32, r: f32) -> Vec3 {
+    let (sin, cos) = angle.sin_cos();
+    Vec3::new(r * sin, y, r * cos)
+}
+
+pub(super) fn wheel(radius: f32) -> Vec<Part> {
     let mut builder = Builder::default();
+    let sides = SIDES;
     let half = WIDTH_M / 2.0;
     let rim = 0.68 * radius;
-    let turned = |angle: f32, y: f32, r: f32| {
-        let (sin, cos) = angle.sin_cos();
-        Vec3::new(r * sin, y, r * cos)
-    };
     let angle = |k: u32| TAU * k as f32 / sides as f32;
     // Tread, shoulder and side wall of the tyre, then the lip of the rim.
     let ring = |y: f32, r: f32| (0..=sides).map(|k| turned(angle(k), y, r)).collect::<Vec<_>>();
@@ -32,24 +38,32 @@ pub(super) fn wheel(radius: f32, sides: u32) -> Vec<Part> {
     builder.grid(&lip, |_| 220, |_, _| Some(RIM));
     let disc: Vec<Vec3> = (0..sides).map(|k| turned(angle(k), half - 0.05, 0.90 * rim)).collect();
     builder.plate(&disc, DISC, 150);
-    if sides > 10 {
-        for k in 0..SPOKES {
-            let middle = TAU * k as f32 / SPOKES as f32;
-            let (wide, narrow) = (0.40, 0.15);
-            let corners = [
-                turned(middle + wide, half - 0.02, 0.26 * rim),
-                turned(middle + narrow, half - 0.012, 0.92 * rim),
-                turned(middle - narrow, half - 0.012, 0.92 * rim),
-                turned(middle - wide, half - 0.02, 0.26 * rim),
-            ];
-            builder.plate(&[corners[3], corners[2], corners[1], corners[0]], RIM, 230);
-        }
-        let hub: Vec<Vec3> =
-            (0..10).map(|k| turned(TAU * k as f32 / 10.0, half - 0.016, 0.30 * rim)).collect();
-        builder.plate(&hub, RIM, 240);
-    } else {
-        let face: Vec<Vec3> = (0..5).map(|k| turned(TAU * k as f32 / 5.0, half - 0.02, 0.80 * rim)).collect();
-        builder.plate(&face, RIM, 200);
+    for k in 0..SPOKES {
+        let middle = TAU * k as f32 / SPOKES as f32;
+        let (wide, narrow) = (0.40, 0.15);
+        let corners = [
+            turned(middle + wide, half - 0.02, 0.26 * rim),
+            turned(middle + narrow, half - 0.012, 0.92 * rim),
+            turned(middle - narrow, half - 0.012, 0.92 * rim),
+            turned(middle - wide, half - 0.02, 0.26 * rim),
+        ];
+        builder.plate(&[corners[3], corners[2], corners[1], corners[0]], RIM, 230);
     }
+    let hub: Vec<Vec3> = (0..10).map(|k| turned(TAU * k as f32 / 10.0, half - 0.016, 0.30 * rim)).collect();
+    builder.plate(&hub, RIM, 240);
+    builder.finish()
+}
+
+/// Of few faces. It stands a little inwards, because the opening of a far body covers its top.
+pub(super) fn far_wheel(radius: f32) -> Vec<Part> {
+    const SIDES: u32 = 8;
+    let mut builder = Builder::default();
+    let (half, rim) = (WIDTH_M / 2.0, 0.68 * radius);
+    let outer = half - 0.03;
+    let ring = |y: f32, r: f32| (0..=SIDES).map(|k| turned(TAU * k as f32 / SIDES as f32, y, r)).collect();
+    let tyre: [Vec<Vec3>; 3] = [ring(-half, radius), ring(outer, radius), ring(outer, rim)];
+    builder.grid(&tyre, |_| 170, |_, _| Some(TYRE));
+    let face: Vec<Vec3> = (0..SIDES).map(|k| turned(TAU * k as f32 / SIDES as f32, outer, rim)).collect();
+    builder.plate(&face, FAR_RIM, 200);
     builder.finish()
 }

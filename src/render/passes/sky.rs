@@ -23,6 +23,19 @@ pub(in crate::render) mod gpu_data {
         step_mode: wgpu::VertexStepMode::Vertex,
         attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x2],
     };
+
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Pod, Zeroable)]
+    pub(in crate::render) struct Star {
+        pub(in crate::render) direction: [f32; 3],
+        pub(in crate::render) colour: [f32; 3],
+    }
+
+    pub(in crate::render) const STAR_LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
+        array_stride: size_of::<Star>() as u64,
+        step_mode: wgpu::VertexStepMode::Vertex,
+        attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3],
+    };
 }
 
 const AROUND: u32 = 32;
@@ -36,6 +49,8 @@ pub(in crate::render) struct SkyPass {
     vertices: wgpu::Buffer,
     indices: wgpu::Buffer,
     count: u32,
+    /// Pipeline, vertices and how many; `None` by day.
+    stars: Option<(wgpu::RenderPipeline, wgpu::Buffer, u32)>,
 }
 
 impl SkyPass {
@@ -73,22 +88,20 @@ impl SkyPass {
                 wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
             ],
         });
-        let pipeline = picture_pipeline(
-            device,
-            attachments,
-            &PictureState {
-                shader: Shader::Sky,
-                module: &Shader::Sky.module(device, None),
-                entries: ["vertex_main", attachments.entries()[1]],
-                groups: &[Some(groups[0]), Some(groups[1]), Some(&layout)],
-                buffers: &[Some(gpu_data::LAYOUT)],
-                constants: &[],
-                topology: wgpu::PrimitiveTopology::TriangleList,
-                cull: false,
-                blend: None,
-                write_depth: false,
-            },
-        );
+        let module = Shader::Sky.module(device, None);
+        let state = PictureState {
+            shader: Shader::Sky,
+            module: &module,
+            entries: ["vertex_main", attachments.entries()[1]],
+            groups: &[Some(groups[0]), Some(groups[1]), Some(&layout)],
+            buffers: &[Some(gpu_data::LAYOUT)],
+            constants: &[],
+            topology: wgpu::PrimitiveTopology::TriangleList,
+            cull: false,
+            blend: None,
+            write_depth: false,
+        };
+        let pipeline = picture_pipeline(device, attachments, &state);
         let (vertices, indices) = dome();
         let buffer = |contents, usage| {
             device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
@@ -97,9 +110,28 @@ impl SkyPass {
                 usage,
             })
         };
+        let shown = |colour| if attachments.light_at_vertices { colour } else { light.radiance_of(colour) };
+        let stars: Vec<gpu_data::Star> = textures::stars(light)
+            .into_iter()
+            .map(|(direction, colour)| gpu_data::Star {
+                direction: direction.to_array(),
+                colour: shown(colour),
+            })
+            .collect();
+        let stars = (!stars.is_empty()).then(|| {
+            let points = PictureState {
+                entries: ["star_vertex", "star_fragment"],
+                buffers: &[Some(gpu_data::STAR_LAYOUT)],
+                topology: wgpu::PrimitiveTopology::PointList,
+                ..state
+            };
+            let vertices = buffer(bytemuck::cast_slice(&stars), wgpu::BufferUsages::VERTEX);
+            (picture_pipeline(device, attachments, &points), vertices, stars.len() as u32)
+        });
         Self {
             pipeline,
             panorama,
+            stars,
             count: indices.len() as u32,
             vertices: buffer(bytemuck::cast_slice(&vertices), wgpu::BufferUsages::VERTEX),
             indices: buffer(bytemuck::cast_slice(&indices), wgpu::BufferUsages::INDEX),
@@ -113,6 +145,11 @@ impl SkyPass {
         pass.set_vertex_buffer(0, self.vertices.slice(..));
         pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint16);
         pass.draw_indexed(0..self.count, 0, 0..1);
+        if let Some((pipeline, vertices, count)) = &self.stars {
+            pass.set_pipeline(pipeline);
+            pass.set_vertex_buffer(0, vertices.slice(..));
+            pass.draw(0..*count, 0..1);
+        }
     }
 }
 

@@ -222,22 +222,62 @@ pub(super) fn shopfront(at: [f32; 2]) -> Texel {
     if frame {
         return tinted(DARK, 0.9);
     }
-    // A lit room: back wall, shelves with goods, things in the window.
-    let x = if u < 0.5 { (u - 0.06) / 0.428 } else { (u - 0.512) / 0.428 };
+    let half = usize::from(u > 0.5);
+    let x = if half == 0 { (u - 0.06) / 0.428 } else { (u - 0.512) / 0.428 };
     let y = (v - 0.145) / 0.655;
-    let depth = 0.55 + 0.45 * (1.0 - (2.0 * x - 1.0).powi(2));
-    let mut colour = [0.34, 0.29, 0.22].map(|c: f32| c * depth * (0.62 + 0.55 * y));
-    let (row, column) = ((y * 5.0) as i32, (x * 9.0) as i32 + if u < 0.5 { 0 } else { 20 });
-    let (fx, fy) = ((x * 9.0).fract(), (y * 5.0).fract());
-    let goods = row < 4 && fy < 0.30 + 0.5 * hash(row, column, 75) && (0.12..0.88).contains(&fx);
-    if goods && hash(row, column, 76) > 0.25 {
-        let hue = [0, 1, 2].map(|k| 0.18 + 0.42 * hash(row * 7 + k, column, 77));
-        colour = [0, 1, 2].map(|k| colour[k] * 0.45 + hue[k] * 0.5 * depth);
-    } else if fy < 0.06 && row < 5 {
-        colour = colour.map(|c| c * 0.6);
+    let sheen = if ((u * 1.1 + v * 0.8) * 2.3).fract() < 0.22 { 0.04 } else { 0.0 };
+    (shop_room([x, y], half as i32).map(|c| c + sheen), 0.25)
+}
+
+/// What stands behind one pane of a shop window: a room with lamps, shelves of goods at its back, a few larger
+/// things on stands in front.
+fn shop_room([x, y]: [f32; 2], half: i32) -> [f32; 3] {
+    const WALL: [f32; 3] = [0.44, 0.39, 0.32];
+    let hue = |a: i32, b: i32| {
+        let grey = 0.30 + 0.36 * hash(a * 7 + 5, b + 40 * half, 77);
+        [0, 1, 2].map(|k| grey + 0.30 * (hash(a * 7 + k, b + 40 * half, 77) - 0.5))
+    };
+    // Stands close to the glass.
+    for (stand, left) in [(0, 0.10_f32), (1, 0.58)] {
+        let place = (x - left) / 0.32;
+        let top = 0.13 + 0.07 * hash(stand, half, 71);
+        if (0.0..1.0).contains(&place) && y < top {
+            return if y > top - 0.02 { [0.62, 0.58, 0.52] } else { [0.36, 0.33, 0.30] };
+        }
+        let high = 0.16 + 0.12 * hash(stand, half, 72);
+        let wide = 0.20 + 0.14 * hash(stand, half, 73);
+        let (dx, dy) = ((place - 0.5) / wide, (y - top) / high);
+        let is_round = hash(stand, half, 74) < 0.5;
+        let inside =
+            if is_round { dx * dx + (dy - 0.5).powi(2) * 4.0 < 1.0 } else { dx.abs() < 0.8 && dy < 1.0 };
+        if dy > 0.0 && inside {
+            return hue(stand + 60, 3).map(|c| c * (1.0 - 0.28 * dx.max(-0.4)));
+        }
     }
-    let sheen = if ((u * 1.1 + v * 0.8) * 2.3).fract() < 0.22 { 0.05 } else { 0.0 };
-    (colour.map(|c| c + sheen), 0.25)
+    let (left, right, floor, ceiling) = (0.09, 0.91, 0.10, 0.86);
+    if y > ceiling + 0.9 * (left - x).max(x - right).max(0.0) {
+        let is_lamp = (y - 0.93).abs() < 0.022 && ((x * 3.0).fract() - 0.5).abs() < 0.24;
+        return if is_lamp { [0.98, 0.94, 0.84] } else { [0.46, 0.44, 0.40] };
+    }
+    if y < floor - 0.9 * (left - x).max(x - right).max(0.0) {
+        return [0.40, 0.31, 0.23];
+    }
+    if !(left..right).contains(&x) {
+        return WALL.map(|c| c * 0.80);
+    }
+    let (px, py) = ((x - left) / (right - left), (y - floor) / (ceiling - floor));
+    let (row, column) = ((py * 4.6) as i32, (px * 8.0) as i32);
+    let (fx, fy) = ((px * 8.0).fract(), (py * 4.6).fract());
+    // The lamps light the upper part of the wall more.
+    let light = 0.72 + 0.38 * py;
+    if row < 4 && fy < 0.07 {
+        return WALL.map(|c| c * 0.62);
+    }
+    let is_there = hash(row, column + 40 * half, 76) > 0.2;
+    if row < 4 && is_there && (0.10..0.90).contains(&fx) && fy < 0.32 + 0.46 * hash(row, column, 75) {
+        return hue(row, column).map(|c| c * light * 0.92);
+    }
+    WALL.map(|c| c * light)
 }
 
 /// A panelled door in a white frame, a fanlight above.

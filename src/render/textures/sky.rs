@@ -32,9 +32,8 @@ pub(super) fn mirrored(size: u32, light: &Light) -> Vec<Vec<u8>> {
         let (a, b) = (at(index % size), at(index / size));
         let (x, y) = ((a + b) / 2.0, (a - b) / 2.0);
         let direction = Vec3::new(x, y, 1.0 - x.abs() - y.abs()).normalize_or(Vec3::Z);
-        let u = direction.y.atan2(direction.x).rem_euclid(std::f32::consts::TAU) / std::f32::consts::TAU;
         // Hills at the horizon are for the panorama.
-        light.radiance_of(colour(u, direction.z.asin().max(0.07), light))
+        light.radiance_of(colour(turn_of(direction), direction.z.asin().max(0.07), light))
     };
     let mut level: Vec<[f32; 3]> = (0..size * size).into_par_iter().map(texel).collect();
     let mut edge = size as usize;
@@ -89,15 +88,11 @@ fn colour(u: f32, elevation: f32, light: &Light) -> [f32; 3] {
     let horizon = light.haze_srgb;
     let rise = 1.0 - (-4.2 * up.max(0.0)).exp();
     let mut sky = mix(horizon, light.zenith_srgb, rise);
-    // Flat clouds, seen from below: nearer the horizon they are closer together.
-    let height = up.max(0.015) + 0.10;
-    let plane = [direction.x / height * 0.045 + 0.5, direction.y / height * 0.075 + 0.5];
-    let cover = ((octaves(plane, [9, 9], 6, 201) - 0.53) * 4.6).clamp(0.0, 1.0);
+    let cover = cloud_cover(direction);
     let fade = ((up - 0.02) * 7.0).clamp(0.0, 1.0);
-    let lit = 0.90 + 0.10 * octaves(plane, [24, 24], 3, 207);
+    let lit = 0.90 + 0.10 * octaves(cloud_plane(direction), [24, 24], 3, 207);
     let towards = direction.dot(light.to_sun);
     let night = night_of(light);
-    sky = sky.map(|c| c + night * star(direction) * (up * 6.0).clamp(0.0, 1.0));
     sky = mix(sky, light.cloud_srgb.map(|c| c * lit), cover * fade * (0.78 - 0.2 * night));
     let glow = (towards.max(0.0).powi(24) * 0.30 + towards.max(0.0).powi(400) * 0.5) * (1.0 - 0.7 * night);
     // Low, the sun lights the haze far around it.
@@ -124,16 +119,43 @@ fn night_of(light: &Light) -> f32 {
     ((0.16 - light.zenith_srgb[2]) / 0.08).clamp(0.0, 1.0)
 }
 
-/// Brightness of the star in a direction, if there is one.
-fn star(direction: Vec3) -> f32 {
-    let cell = direction * 150.0;
-    let [x, y, z] = cell.floor().to_array().map(|c| c as i32);
-    let dice = hash(x * 31 + z * 57, y * 17 - z * 91, 301);
-    if dice < 0.982 {
-        return 0.0;
+/// Stars that are seen where no cloud is: directions, and colours as displayed. None by day.
+pub(in crate::render) fn stars(light: &Light) -> Vec<(Vec3, [f32; 3])> {
+    const COUNT: i32 = 1400;
+    let night = night_of(light);
+    if night == 0.0 {
+        return Vec::new();
     }
-    let offset = (cell - cell.floor() - 0.5).length();
-    (dice - 0.975) * 26.0 * (1.0 - offset * 2.4).max(0.0)
+    let star = |k: i32| {
+        // Evenly over the dome, but for the haze at the horizon.
+        let up = 0.10 + 0.90 * hash(k, 0, 301);
+        let (sin, cos) = (std::f32::consts::TAU * hash(k, 1, 301)).sin_cos();
+        let out = (1.0 - up * up).sqrt();
+        let direction = Vec3::new(cos * out, sin * out, up);
+        // Faint ones are many; some are warm, some cold.
+        let bright = (0.20 + 0.60 * hash(k, 2, 301).powi(5)) * ((up - 0.08) * 5.0).min(1.0);
+        let warm = hash(k, 3, 301) - 0.5;
+        let behind = colour(turn_of(direction), up.asin(), light);
+        let tint = [1.0 + 0.25 * warm, 1.0, 1.0 - 0.35 * warm];
+        let shown = [0, 1, 2].map(|k| behind[k] + night * bright * tint[k]);
+        (cloud_cover(direction) < 0.2).then_some((direction, shown))
+    };
+    (0..COUNT).filter_map(star).collect()
+}
+
+/// Turns counter-clockwise from east, 0 to 1.
+fn turn_of(direction: Vec3) -> f32 {
+    direction.y.atan2(direction.x).rem_euclid(std::f32::consts::TAU) / std::f32::consts::TAU
+}
+
+/// Flat clouds, seen from below: nearer the horizon they are closer together.
+fn cloud_cover(direction: Vec3) -> f32 {
+    ((octaves(cloud_plane(direction), [9, 9], 6, 201) - 0.53) * 4.6).clamp(0.0, 1.0)
+}
+
+fn cloud_plane(direction: Vec3) -> [f32; 2] {
+    let height = direction.z.max(0.015) + 0.10;
+    [direction.x / height * 0.045 + 0.5, direction.y / height * 0.075 + 0.5]
 }
 
 #[cfg(test)]

@@ -3,16 +3,14 @@
 use super::VehicleMesh;
 use crate::model::{Measures, Model, fitted, glb, shipped};
 use crate::snapshot::{BodyType, Dimensions};
+use glam::Vec3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Bodies without few faces of their own are simplified to within this.
-const COARSENESS_M: f32 = 0.32;
-/// Bodies of a few pixels are simplified to within this.
-const COARSER_M: [f32; 2] = [0.5, 0.85];
-
-/// How far the outline of a body of each level lies from the finest one's.
-pub(in crate::render) const ERRORS_M: [f32; 5] = [0.0, 0.05, 0.12, 0.45, 0.75];
+/// Bodies without few faces of their own are simplified in cubes of these edges, the second with its wheels.
+const COARSENESS_M: [f32; 2] = [0.16, 0.4];
+/// The least that what can be told apart on a coarser body, its lamps and windows, lies off.
+const LEAST_ERRORS_M: [f32; 2] = [0.05, 0.12];
 
 /// Models of body types; what is not among them is drawn as a sedan.
 #[derive(Clone, Debug)]
@@ -20,11 +18,22 @@ pub(in crate::render) struct Models {
     models: BTreeMap<BodyType, Arc<Model>>,
 }
 
+/// A vehicle at one level of detail.
+#[derive(Clone, Debug)]
+pub(in crate::render) struct BuildLevel {
+    pub(in crate::render) body: VehicleMesh,
+    /// Empty where the body has its wheels.
+    pub(in crate::render) wheel: VehicleMesh,
+    /// How far its outline and what can be told apart on it may lie from where they are in the finest
+    /// level, metres.
+    pub(in crate::render) error_m: f32,
+}
+
 /// Meshes of a vehicle to its measures.
 #[derive(Clone, Debug)]
 pub(in crate::render) struct Build {
-    /// Body and wheel, the finest first; how far each may differ is in [`ERRORS_M`].
-    pub(in crate::render) levels: Vec<(VehicleMesh, VehicleMesh)>,
+    /// The finest first.
+    pub(in crate::render) levels: Vec<BuildLevel>,
     /// From the middle of the vehicle to the middle of a wheel.
     pub(in crate::render) half_track_m: f32,
 }
@@ -62,19 +71,39 @@ impl Models {
             wheel_radius: d.wheel_radius_m as f32,
         };
         let fitted = fitted(model, &measures);
+        let half_track_m = fitted.half_track.unwrap_or(d.track_m as f32 / 2.0);
         let (body, wheel) = (VehicleMesh::new(&fitted.body), VehicleMesh::new(&fitted.wheel));
-        let far_body =
-            fitted.far_body.map_or_else(|| body.simplified(COARSENESS_M), |parts| VehicleMesh::new(&parts));
-        let far_wheel = fitted
-            .far_wheel
-            .map_or_else(|| wheel.simplified(COARSENESS_M / 2.0), |parts| VehicleMesh::new(&parts));
-        let disc = far_wheel.simplified(COARSER_M[1] / 2.0);
-        let coarser = COARSER_M.map(|edge_m| (far_body.simplified(edge_m), disc.clone()));
-        let finer = [(body, wheel), (far_body.clone(), far_wheel), (far_body, disc)];
-        Build {
-            levels: finer.into_iter().chain(coarser).collect(),
-            half_track_m: fitted.half_track.unwrap_or(d.track_m as f32 / 2.0),
+        let axle_m = measures.wheelbase / 2.0;
+        let whole = |body: &VehicleMesh, wheel: &VehicleMesh| {
+            let mut whole = body.clone();
+            for (x, side) in [(axle_m, 1.0), (axle_m, -1.0), (-axle_m, 1.0), (-axle_m, -1.0)] {
+                let hub = Vec3::new(x, side * half_track_m, measures.wheel_radius);
+                whole.append(wheel, hub, Vec3::new(side, side, 1.0));
+            }
+            whole
+        };
+        let finest = whole(&body, &wheel);
+        let far_body = match &fitted.far_body {
+            Some(parts) => VehicleMesh::new(parts),
+            None => body.simplified(COARSENESS_M[0]),
+        };
+        let far_wheel = match &fitted.far_wheel {
+            Some(parts) => VehicleMesh::new(parts),
+            None => wheel.simplified(COARSENESS_M[0]),
+        };
+        let farther = match &fitted.farther_body {
+            Some(parts) => VehicleMesh::new(parts),
+            None => finest.simplified(COARSENESS_M[1]),
+        };
+        let mut levels = vec![BuildLevel { body, wheel, error_m: 0.0 }];
+        for ((body, wheel), least_m) in
+            [(far_body, far_wheel), (farther, VehicleMesh::default())].into_iter().zip(LEAST_ERRORS_M)
+        {
+            let before_m = levels.last().map_or(0.0, |level| level.error_m);
+            let error_m = finest.outline_apart(&whole(&body, &wheel)).max(least_m).max(before_m);
+            levels.push(BuildLevel { body, wheel, error_m });
         }
+        Build { levels, half_track_m }
     }
 }
 
@@ -86,8 +115,9 @@ impl Build {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Part;
     use super::*;
-    use glam::Vec3;
+    use crate::model;
 
     fn dimensions(height_m: f64) -> Dimensions {
         Dimensions {
@@ -108,7 +138,7 @@ mod tests {
         for kind in BODIES {
             let d = dimensions(1.5);
             let build = Models::default().build(kind, &d);
-            for mesh in [&build.levels[0].0, &build.levels[1].0] {
+            for mesh in build.levels[..2].iter().map(|level| &level.body) {
                 let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
                 for v in &mesh.vertices {
                     (low, high) = (low.min(v.position.into()), high.max(v.position.into()));
@@ -121,21 +151,69 @@ mod tests {
         }
     }
 
+    /// Triangles of a vehicle with its wheels.
+    fn faces(level: &BuildLevel) -> usize {
+        (level.body.indices.len() + 4 * level.wheel.indices.len()) / 3
+    }
+
+    fn has(level: &BuildLevel, part: Part) -> bool {
+        level.body.indices.iter().any(|&k| level.body.vertices[k as usize].material & 0xff == part as u32)
+    }
+
+    const LAMPS: [Part; 4] = [Part::Head, Part::Tail, Part::IndicatorLeft, Part::IndicatorRight];
+
     #[test]
     fn far_bodies_have_few_faces_and_every_lamp() {
         for kind in BODIES {
             let build = Models::default().build(kind, &dimensions(1.5));
-            let faces = build.levels[1].0.indices.len() / 3;
-            assert!(
-                faces < 420 && faces * 2 < build.levels[0].0.indices.len() / 3,
-                "{kind:?}: {faces} of {}",
-                build.levels[0].0.indices.len() / 3
-            );
-            for lamp in 3..=6 {
-                assert!(
-                    build.levels[1].0.vertices.iter().any(|v| v.material & 0xff == lamp),
-                    "{kind:?} without {lamp}"
-                );
+            let counts: Vec<usize> = build.levels.iter().map(faces).collect();
+            let errors: Vec<f32> = build.levels.iter().map(|level| level.error_m).collect();
+            assert_eq!(counts.len(), 3, "{kind:?}");
+            let body = build.levels[1].body.indices.len() / 3;
+            assert!(body < 420 && counts[1] * 2 < counts[0] && counts[2] < 160, "{kind:?}: {counts:?}");
+            assert!(errors[1] < 0.08 && errors[2] < 0.25, "{kind:?}: {errors:?}");
+            for level in &build.levels {
+                for lamp in LAMPS {
+                    assert!(has(level, lamp), "{kind:?} without {lamp:?} at {} m", level.error_m);
+                }
+            }
+        }
+    }
+
+    /// From behind the windscreen nothing is in the way but the bonnet.
+    #[test]
+    fn the_windscreen_camera_is_behind_the_glass() {
+        for kind in BODIES {
+            let d = dimensions(1.5);
+            let build = Models::default().build(kind, &d);
+            let height = d.height_m * kind.height_factor();
+            let eye = Vec3::new(0.11 * d.length_m as f32, 0.0, (0.88 * height) as f32);
+            let mesh = &build.levels[0].body;
+            let corner = |k: u32| Vec3::from(mesh.vertices[k as usize].position);
+            for t in mesh.indices.chunks_exact(3) {
+                let [a, b, c] = [t[0], t[1], t[2]].map(corner);
+                let faces_eye = (b - a).cross(c - a).dot(eye - a) > 0.0;
+                let is_glass = mesh.vertices[t[0] as usize].material & 0xff == Part::Glass as u32;
+                assert!(!(faces_eye && is_glass), "{kind:?}: glass at {a} faces the camera at {eye}");
+            }
+        }
+    }
+
+    /// A model of a user's need not have anything for a distance.
+    #[test]
+    fn lamps_outlast_simplification() {
+        for kind in BODIES {
+            let mut models = Models::default();
+            let mut model = Model::clone(&models.models[&kind]);
+            model.nodes.retain(|node| !model::is_stand_in(node));
+            models.insert(kind, Arc::new(model));
+            let build = models.build(kind, &dimensions(1.5));
+            let counts: Vec<usize> = build.levels.iter().map(faces).collect();
+            assert!(counts.len() == 3 && counts.is_sorted_by(|a, b| a > b), "{kind:?}: {counts:?}");
+            for level in &build.levels {
+                for lamp in LAMPS {
+                    assert!(has(level, lamp), "{kind:?} without {lamp:?} at {} m", level.error_m);
+                }
             }
         }
     }
