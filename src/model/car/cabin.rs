@@ -133,8 +133,8 @@ fn dashboard(builder: &mut Builder, shape: &Shape) {
     let [.., front_foot] = shape.cabin.stations;
     let x = [front_foot - 0.80, front_foot - 0.09];
     let edge = body::half_at(x[1]) * 0.78;
-    // As high as the bonnet at its rear edge.
-    let z = shape.shoulder_at(x[1]) + shape.crown - 0.004;
+    // Just above the bonnet at its rear edge, so that its middle does not show through.
+    let z = shape.shoulder_at(x[1]) + shape.crown + 0.012;
     let corners = [(x[0], -edge), (x[1], -edge), (x[1], edge), (x[0], edge)];
     builder.plate(&corners.map(|(x, y)| Vec3::new(x, y, z)), DASHBOARD, 130);
 }
