@@ -132,11 +132,18 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
 fn dashboard(builder: &mut Builder, shape: &Shape) {
     let [.., front_foot] = shape.cabin.stations;
     let x = [front_foot - 0.80, front_foot - 0.09];
-    let edge = body::half_at(x[1]) * 0.78;
-    // Just above the bonnet at its rear edge, so that its middle does not show through.
-    let z = shape.shoulder_at(x[1]) + shape.crown + 0.012;
-    let corners = [(x[0], -edge), (x[1], -edge), (x[1], edge), (x[0], edge)];
-    builder.plate(&corners.map(|(x, y)| Vec3::new(x, y, z)), DASHBOARD, 130);
+    let (half, foot) = (body::half_at(x[1]), shape.shoulder_at(x[1]) + 0.003);
+    // Arched like the bonnet, so that nothing of that shows through.
+    let arch = |k: u8| {
+        let f = 0.78 * (f32::from(k) / 4.0 - 1.0);
+        (half * f, foot + shape.crown * (1.0 - f * f))
+    };
+    for k in 0..8 {
+        let (right, left) = (arch(k), arch(k + 1));
+        let corner = |x, (y, z)| Vec3::new(x, y, z);
+        let corners = [corner(x[0], right), corner(x[1], right), corner(x[1], left), corner(x[0], left)];
+        builder.plate(&corners, DASHBOARD, 130);
+    }
 }
 
 /// What a face is made of: behind which station, how far up, and on which end.
