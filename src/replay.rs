@@ -100,7 +100,7 @@ impl Replay {
     /// # Errors
     /// Where the log lacks something or cannot be read.
     pub fn step(&mut self) -> Result<Option<Ticked>, ReplayError> {
-        while let Some(entry) = self.log.next()? {
+        while let Some(entry) = self.log.read()? {
             match entry {
                 Entry::Tick { tick, state_hash } => return self.advance(tick, state_hash).map(Some),
                 other => self.collect(other)?,
@@ -142,7 +142,7 @@ impl Replay {
     /// # Errors
     /// As for [`Replay::step`].
     pub fn differences(&mut self) -> Result<Option<Differences>, ReplayError> {
-        while let Some(entry) = self.log.next()? {
+        while let Some(entry) = self.log.read()? {
             match entry {
                 Entry::Tick { tick, state_hash } => drop(self.advance(tick, state_hash)?),
                 Entry::Snapshot(logged) if logged.tick == self.snapshot.tick => {

@@ -167,16 +167,12 @@ fn print(report: &Report) -> Result<(), Failure> {
     if first.vehicles.is_empty() {
         return say(format_args!("at tick {tick} no vehicle differs by as much as snapshots tell"));
     }
-    for vehicle in &first.vehicles {
-        let DifferentVehicle { id, name, apart_m } = vehicle;
-        match apart_m {
-            Some(apart_m) => {
-                say(format_args!("vehicle {id} ({name}) differs at tick {tick}, {apart_m:.6} m apart"))?
-            }
-            None => {
-                say(format_args!("vehicle {id} ({name}) is there in only one of the two at tick {tick}"))?
-            }
-        }
+    for DifferentVehicle { id, name, apart_m } in &first.vehicles {
+        let how = match apart_m {
+            Some(apart_m) => format!("differs at tick {tick}, {apart_m:.6} m apart"),
+            None => format!("is there in only one of the two at tick {tick}"),
+        };
+        say(format_args!("vehicle {id} ({name}) {how}"))?;
     }
     Ok(())
 }

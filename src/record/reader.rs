@@ -154,7 +154,7 @@ impl LogReader {
     ///
     /// # Errors
     /// [`RecordError::NoLog`] where the file cannot be read.
-    pub fn next(&mut self) -> Result<Option<Entry>, RecordError> {
+    pub fn read(&mut self) -> Result<Option<Entry>, RecordError> {
         match self.ahead.take() {
             Some(entry) => Ok(Some(entry)),
             None => self.next_entry(),
@@ -273,7 +273,7 @@ fn why(error: &McapError) -> String {
 pub fn last_tick(path: &Path) -> Result<(u64, Option<String>), RecordError> {
     let mut log = LogReader::open(path)?;
     let mut last = 0;
-    while let Some(entry) = log.next()? {
+    while let Some(entry) = log.read()? {
         if let Entry::Tick { tick, .. } = entry {
             last = tick;
         }
@@ -312,7 +312,7 @@ pub fn read_network(path: &Path) -> Result<Vec<NetworkCommand>, RecordError> {
 fn read_some<T>(path: &Path, pick: impl Fn(Entry) -> Option<T>) -> Result<Vec<T>, RecordError> {
     let mut log = LogReader::open(path)?;
     let mut found = Vec::new();
-    while let Some(entry) = log.next()? {
+    while let Some(entry) = log.read()? {
         found.extend(pick(entry));
     }
     Ok(found)

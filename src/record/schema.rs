@@ -228,7 +228,7 @@ pub fn encode_trajectory(tick: u64, trajectory: &Trajectory, buffer: Vec<u8>) ->
     cdr.u64(tick);
     cdr.u32(trajectory.vehicle.0);
     cdr.u32(trajectory.sequence);
-    let state = u8::from(trajectory.yielding) * YIELDING | u8::from(trajectory.finished) * FINISHED;
+    let state = (u8::from(trajectory.yielding) * YIELDING) | (u8::from(trajectory.finished) * FINISHED);
     cdr.u8(state | indicator_bits(trajectory.indicator));
     cdr.u32(trajectory.points.len() as u32);
     for point in &trajectory.points {
