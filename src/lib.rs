@@ -16,6 +16,7 @@ pub mod physics;
 pub mod record;
 #[cfg(feature = "render")]
 pub mod render;
+pub mod replay;
 pub mod runner;
 pub mod scenario;
 pub mod sensor;

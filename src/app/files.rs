@@ -3,10 +3,10 @@
 use super::say::say;
 use super::{Failure, create_folder};
 use crate::mainframe::Mainframe;
-use crate::record::{Cadence, NetworkCommand, Recorder};
+use crate::record::{Cadence, NetworkCommand, Origin, Recorder};
 use crate::runner::{LinkSummary, Observer, Summary};
 use crate::scenario::Experiment;
-use crate::snapshot::{Event, FrameSnapshot};
+use crate::snapshot::{Event, FrameSnapshot, SimCommand};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -38,31 +38,20 @@ pub struct Files {
 }
 
 impl Files {
-    pub fn begin(folder: Option<PathBuf>, experiment: &Experiment, args: LogArgs) -> Result<Self, Failure> {
-        Self::flushed(folder, experiment, args, None)
-    }
-
-    /// Files of a process that goes on until it is ended: they are whole up to the last second.
-    pub fn begin_lasting(
+    /// Begins files; they are whole up to the last simulated second whatever becomes of the process.
+    pub fn begin(
         folder: Option<PathBuf>,
         experiment: &Experiment,
+        origin: Origin,
         args: LogArgs,
-    ) -> Result<Self, Failure> {
-        Self::flushed(folder, experiment, args, Some(experiment.rates.physics_hz.into()))
-    }
-
-    fn flushed(
-        folder: Option<PathBuf>,
-        experiment: &Experiment,
-        args: LogArgs,
-        flush_ticks: Option<u64>,
     ) -> Result<Self, Failure> {
         let every = |hz: u32| u64::from((experiment.rates.physics_hz / hz).max(1));
-        let cadence = Cadence { log_ticks: every(args.log_hz), table_ticks: every(args.csv_hz), flush_ticks };
+        let cadence =
+            Cadence { log_ticks: every(args.log_hz), table_ticks: every(args.csv_hz), flush_ticks: every(1) };
         let recorder = match &folder {
             Some(folder) => {
                 create_folder(folder)?;
-                Some(Recorder::new(folder, experiment, cadence).map_err(Failure::failed)?)
+                Some(Recorder::new(folder, experiment, origin, cadence).map_err(Failure::failed)?)
             }
             None => None,
         };
@@ -75,6 +64,14 @@ impl Files {
     pub fn first(&mut self, snapshot: &FrameSnapshot) -> Result<(), Failure> {
         match &mut self.recorder {
             Some(recorder) => recorder.record(snapshot, &[]).map_err(Failure::failed),
+            None => Ok(()),
+        }
+    }
+
+    /// The commands of the step that begins at a tick.
+    pub fn commands(&mut self, tick: u64, time_s: f64, commands: &[SimCommand]) -> Result<(), Failure> {
+        match &mut self.recorder {
+            Some(recorder) => recorder.commands(tick, time_s, commands).map_err(Failure::failed),
             None => Ok(()),
         }
     }

@@ -1,4 +1,5 @@
-//! `city3d frames`: camera pictures of a scenario as files, with `frames.csv` beside them, or as a video.
+//! `city3d frames`: camera pictures of a scenario or of a recorded run as files, with `frames.csv` beside them, or
+//! as a video.
 //!
 //! Files are `<camera>_<vehicle>_<tick, 8 digits>.png`, so that each camera's pictures sort by time, with
 //! `_<kind>` before the dot where they are no colours; cameras that belong to no vehicle have `city` in
@@ -7,6 +8,7 @@
 #![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
 
 mod cameras;
+mod footage;
 mod kinds;
 mod schedule;
 mod shots;
@@ -16,14 +18,13 @@ mod y4m;
 
 use super::look::{self, LookArgs, failure};
 use super::say::say;
-use super::{Failure, ScenarioArgs, load, progress};
+use super::{Failure, ScenarioArgs, progress};
 use crate::camera::Kinds;
 use crate::render::{Image, Order, Pending, PngStream};
-use crate::runner::Run;
 use crate::scenario::Experiment;
 use cameras::CameraArgs;
 use clap::Args;
-use indicatif::ProgressBar;
+use footage::{Footage, Reel};
 use kinds::{KindArgs, file_name};
 use schedule::Schedule;
 use shots::{Shot, Stated};
@@ -101,15 +102,16 @@ fn field_of_view(text: &str) -> Result<f64, String> {
 }
 
 pub fn frames(args: &FramesArgs) -> Result<(), Failure> {
-    let experiment = load::experiment(&args.scenario)?;
+    let footage = Footage::of(&args.scenario)?;
+    let experiment = Arc::clone(footage.experiment());
     let destination = Destination::of(&args.out);
     let stated = stated(args, &destination, &experiment)?;
     let shots = shots::shots(&args.cameras, &stated, &experiment)?;
     let schedule = Schedule::new(args.from, &shots, &experiment)?;
     let film = Film { args, experiment: &experiment, shots: &shots };
     match &destination {
-        Destination::Folder(folder) => film.take_pictures(schedule, folder),
-        _ => film.take_video(schedule, &destination),
+        Destination::Folder(folder) => film.take_pictures(footage, schedule, folder),
+        _ => film.take_video(footage, schedule, &destination),
     }
 }
 
@@ -141,18 +143,18 @@ struct Film<'a> {
 
 impl Film<'_> {
     /// Files of a folder.
-    fn take_pictures(&self, mut schedule: Schedule, folder: &Path) -> Result<(), Failure> {
+    fn take_pictures(&self, footage: Footage, mut schedule: Schedule, folder: &Path) -> Result<(), Failure> {
         let mut table = Table::create(folder)?;
         let mut renderer = look::open(&self.args.look, self.experiment, look::Quality::High)?;
         let adapter = renderer.context().adapter_name.clone();
         let start = Instant::now();
-        let mut run = Run::new(Arc::clone(self.experiment)).map_err(Failure::bad_input)?;
+        let mut reel = footage.begin()?;
         let mut stream = PngStream::new(&mut renderer);
         let bar = progress::simulated_seconds(self.experiment.duration_s);
         while let Some((tick, due)) = schedule.next(self.shots) {
-            advance(&mut run, tick, &bar);
-            let orders = self.order(&run, &due, folder, &mut table)?;
-            stream.push_orders(run.snapshot(), orders).map_err(failure)?;
+            reel.advance(tick, &bar)?;
+            let orders = self.order(&reel, &due, folder, &mut table)?;
+            stream.push_orders(reel.snapshot(), orders).map_err(failure)?;
         }
         let count = stream.finish().map_err(failure)?;
         table.finish()?;
@@ -169,12 +171,12 @@ impl Film<'_> {
     /// The files of those shots that are due, each with its row.
     fn order(
         &self,
-        run: &Run,
+        reel: &Reel,
         due: &[usize],
         folder: &Path,
         table: &mut Table,
     ) -> Result<Vec<Order>, Failure> {
-        let snapshot = run.snapshot();
+        let snapshot = reel.snapshot();
         let mut orders = Vec::with_capacity(due.len());
         for shot in due.iter().map(|&index| &self.shots[index]) {
             // A vehicle that is no longer there takes no pictures.
@@ -192,21 +194,26 @@ impl Film<'_> {
 
     /// One camera, picture after picture. What is said goes to standard error: the stream may have the
     /// output.
-    fn take_video(&self, mut schedule: Schedule, destination: &Destination) -> Result<(), Failure> {
+    fn take_video(
+        &self,
+        footage: Footage,
+        mut schedule: Schedule,
+        destination: &Destination,
+    ) -> Result<(), Failure> {
         let shot = self.only_shot()?;
         let rate = FrameRate::of_period(shot.every_s);
         let mut renderer = look::open(&self.args.look, self.experiment, look::Quality::High)?;
         let Some(mut video) = Video::create(destination, shot.lens.extent, rate)? else { return Ok(()) };
         let start = Instant::now();
-        let mut run = Run::new(Arc::clone(self.experiment)).map_err(Failure::bad_input)?;
+        let mut reel = footage.begin()?;
         let bar = progress::simulated_seconds(self.experiment.duration_s);
         let mut drawn: VecDeque<Pending> = VecDeque::new();
         let mut count = 0_u64;
         loop {
             let next = schedule.next(self.shots);
             if let Some((tick, _)) = next {
-                advance(&mut run, tick, &bar);
-                let snapshot = run.snapshot();
+                reel.advance(tick, &bar)?;
+                let snapshot = reel.snapshot();
                 let Some(view) = shot.view(snapshot).map_err(Failure::failed)? else { continue };
                 drawn.push_back(renderer.begin(snapshot, &[view]).map_err(failure)?);
             }
@@ -249,15 +256,4 @@ impl Film<'_> {
         }
         Ok(shot)
     }
-}
-
-/// Drives on to a tick.
-fn advance(run: &mut Run, tick: u64, bar: &ProgressBar) {
-    while run.snapshot().tick < tick {
-        run.step();
-        if run.snapshot().tick.is_multiple_of(100) {
-            progress::show(bar, run.snapshot().time_s);
-        }
-    }
-    progress::show(bar, run.snapshot().time_s);
 }

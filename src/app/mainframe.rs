@@ -4,6 +4,7 @@ use super::files::{Files, LogArgs, conclude, folder_of};
 use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
 use crate::link::{Client, Heard, read_key};
+use crate::record::Origin;
 use crate::runner::{Control, SeenCity};
 use crate::scenario::{Experiment, PlannedVehicle};
 use crate::wire::{Action, Body, Build, Clock, Outcome, Phase, Poses, Seen, VehicleSetup, pack};
@@ -354,7 +355,7 @@ impl<'a> Remote<'a> {
             Some(files) => files.tick(Some(self.control.mainframe()), snapshot),
             None => {
                 let folder = folder_of(self.args.out.as_deref(), self.part);
-                let mut files = Files::begin_lasting(folder, &self.experiment, self.args.log)?;
+                let mut files = Files::begin(folder, &self.experiment, Origin::Mainframe, self.args.log)?;
                 files.first(snapshot)?;
                 self.files = Some(files);
                 Ok(())

@@ -12,6 +12,7 @@ mod load;
 mod look;
 mod mainframe;
 mod progress;
+mod replay;
 mod run;
 mod say;
 mod serve;
@@ -50,11 +51,13 @@ enum Command {
     View(Box<view::ViewArgs>),
     /// Run a scenario without a window and write its log, vehicles.csv and summary.json
     Run(run::RunArgs),
+    /// Simulate a recorded run again from its log, and compare it
+    Replay(replay::ReplayArgs),
     /// Serve the city alone: vehicles and commands come over UDP, poses go back
     Serve(Box<serve::ServeArgs>),
     /// Run the control framework alone, for a city that is served
     Mainframe(Box<mainframe::MainframeArgs>),
-    /// Take camera pictures of a scenario: PNG files and frames.csv
+    /// Take camera pictures of a scenario or of the log of a run: PNG files and frames.csv
     #[cfg(feature = "render")]
     Frames(Box<frames::FramesArgs>),
     /// Validate scenarios (.toml) and maps (.dxf)
@@ -175,6 +178,7 @@ fn run_command(command: Command) -> Result<(), Failure> {
         #[cfg(feature = "window")]
         Command::View(args) => view::view(&args),
         Command::Run(args) => run::run(&args),
+        Command::Replay(args) => replay::replay(&args),
         Command::Serve(args) => serve::serve(&args),
         Command::Mainframe(args) => mainframe::mainframe(&args),
         #[cfg(feature = "render")]

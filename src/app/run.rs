@@ -2,6 +2,7 @@
 
 use super::files::{Files, LogArgs, conclude};
 use super::{Failure, ScenarioArgs, load, progress};
+use crate::record::Origin;
 use crate::runner::{Run, Summary};
 use crate::scenario::Experiment;
 use clap::Args;
@@ -33,13 +34,15 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
 }
 
 fn simulate(args: &RunArgs, experiment: &Arc<Experiment>) -> Result<Summary, Failure> {
-    let mut files = Files::begin(Some(args.out.clone()), experiment, args.log)?;
+    let mut files = Files::begin(Some(args.out.clone()), experiment, Origin::Run, args.log)?;
     let mut run = Run::new(Arc::clone(experiment)).map_err(Failure::bad_input)?;
     let bar = progress::simulated_seconds(experiment.duration_s);
     let start = Instant::now();
     files.first(run.snapshot())?;
     for tick in 0..experiment.ticks() {
+        let time_s = run.snapshot().time_s;
         run.step();
+        files.commands(tick, time_s, run.commands())?;
         let snapshot = run.snapshot();
         files.tick(Some(run.mainframe()), snapshot)?;
         if tick % 100 == 0 {

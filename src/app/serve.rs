@@ -5,8 +5,8 @@ use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
 use crate::link::{Allowed, Inbound, Origin, Server, ServerOptions, read_key};
 use crate::live::Clock;
-use crate::record::NetworkCommand;
-use crate::runner::{LinkSummary, Rules, Served};
+use crate::record::{NetworkCommand, Origin as LogOrigin};
+use crate::runner::{Applied, LinkSummary, Rules, Served};
 use crate::snapshot::FrameSnapshot;
 use crate::wire::{Body, Outcome};
 use clap::Args;
@@ -103,6 +103,11 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
     };
     serving.serve(&ends)?;
     serving.conclude()
+}
+
+fn logged(server: &Server, tick: u64, applied: &Applied) -> Result<NetworkCommand, Failure> {
+    let (kind, body) = applied.body.to_log().map_err(Failure::failed)?;
+    Ok(NetworkCommand { tick, sender: server.label(Origin(applied.sender)), kind, body })
 }
 
 struct Subscriber {
@@ -258,7 +263,13 @@ impl Serving<'_> {
             Some(files) => files,
             None => {
                 let folder = folder_of(self.args.out.as_deref(), self.part);
-                self.files.insert(Files::begin_lasting(folder, &experiment, self.args.log)?)
+                let files = Files::begin(folder, &experiment, LogOrigin::Served, self.args.log)?;
+                let files = self.files.insert(files);
+                // A reset keeps the vehicles: what brought them belongs to the new run as well.
+                for brought in self.served.brought() {
+                    files.network(time_s, logged(&self.server, before, brought)?)?;
+                }
+                files
             }
         };
         if before == 0 && self.served.is_running() {
@@ -266,9 +277,7 @@ impl Serving<'_> {
         }
         let after = self.served.tick().tick;
         for applied in self.served.applied() {
-            let sender = self.server.label(Origin(applied.sender));
-            let (kind, body) = applied.body.to_log().map_err(Failure::failed)?;
-            files.network(time_s, NetworkCommand { tick: before, sender, kind, body })?;
+            files.network(time_s, logged(&self.server, before, applied)?)?;
         }
         if after > before {
             files.tick(None, self.served.snapshot())?;
@@ -317,7 +326,7 @@ impl Serving<'_> {
         let experiment = Arc::clone(self.served.experiment());
         let files = match self.files.take() {
             Some(files) => files,
-            None => Files::begin(None, &experiment, self.args.log)?,
+            None => Files::begin(None, &experiment, LogOrigin::Served, self.args.log)?,
         };
         let summary = files.finish(&experiment, self.served.snapshot(), Some(self.figures()))?;
         conclude(&summary, &experiment, self.args.out.as_deref(), self.args.json)

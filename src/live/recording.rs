@@ -1,7 +1,7 @@
 //! The files of a run that someone watches: the same as those of `city3d run`, one folder for each run.
 
 use super::LiveError;
-use crate::record::{Cadence, Recorder};
+use crate::record::{Cadence, Origin, Recorder};
 use crate::runner::{Observer, Run, Summary};
 use crate::snapshot::{Event, SimCommand};
 use std::path::{Path, PathBuf};
@@ -56,9 +56,6 @@ impl Recording {
             run.step();
             return Ok(());
         };
-        for command in commands {
-            files.recorder.command(run.snapshot(), command)?;
-        }
         files.step(run)
     }
 
@@ -74,8 +71,9 @@ impl Files {
             .map_err(|source| LiveError::File { path: folder.clone(), source })?;
         let experiment = run.experiment();
         let every = |hz: u32| u64::from((experiment.rates.physics_hz / hz).max(1));
-        let cadence = Cadence { log_ticks: every(LOG_HZ), table_ticks: every(TABLE_HZ), flush_ticks: None };
-        let mut recorder = Recorder::new(&folder, experiment, cadence)?;
+        let cadence =
+            Cadence { log_ticks: every(LOG_HZ), table_ticks: every(TABLE_HZ), flush_ticks: every(1) };
+        let mut recorder = Recorder::new(&folder, experiment, Origin::Run, cadence)?;
         recorder.record(run.snapshot(), &[])?;
         let observer = Observer::new(experiment);
         Ok(Self { folder, recorder, observer, events: Vec::new(), simulated_in: Duration::ZERO })
@@ -83,8 +81,10 @@ impl Files {
 
     fn step(&mut self, run: &mut Run) -> Result<(), LiveError> {
         let start = Instant::now();
+        let (tick, time_s) = (run.snapshot().tick, run.snapshot().time_s);
         run.step();
         self.simulated_in += start.elapsed();
+        self.recorder.commands(tick, time_s, run.commands())?;
         let snapshot = run.snapshot();
         let mut events = snapshot.events.clone();
         self.observer.observe(Some(run.mainframe()), snapshot, &mut events);

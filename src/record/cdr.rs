@@ -97,6 +97,10 @@ impl<'a> CdrReader<'a> {
         self.take().map(u64::from_le_bytes)
     }
 
+    pub fn f32(&mut self) -> Option<f32> {
+        self.take().map(f32::from_le_bytes)
+    }
+
     pub fn f64(&mut self) -> Option<f64> {
         self.take().map(f64::from_le_bytes)
     }

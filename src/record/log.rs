@@ -3,10 +3,11 @@
 
 use super::schema::{
     COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, NETWORK_SCHEMA, NETWORK_TYPE, NetworkCommand,
-    SNAPSHOT_SCHEMA, SNAPSHOT_TYPE, encode_command, encode_event, encode_network, encode_snapshot,
+    SNAPSHOT_SCHEMA, SNAPSHOT_TYPE, TICK_SCHEMA, TICK_TYPE, TRAJECTORY_SCHEMA, TRAJECTORY_TYPE,
+    encode_command, encode_event, encode_network, encode_snapshot, encode_tick, encode_trajectory,
 };
 use crate::scenario::Experiment;
-use crate::snapshot::{Event, FrameSnapshot, SimCommand};
+use crate::snapshot::{Event, FrameSnapshot, ModelKind, SimCommand};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, McapResult, WriteOptions, Writer};
 use std::borrow::Cow;
@@ -20,6 +21,8 @@ pub struct LogWriter<W: Write + Seek> {
     events: u16,
     commands: u16,
     network: u16,
+    trajectories: u16,
+    ticks: u16,
     sequence: u32,
     buffer: Vec<u8>,
 }
@@ -33,6 +36,46 @@ impl<W: Write + Seek> std::fmt::Debug for LogWriter<W> {
 /// Where the commands of persons are.
 pub(super) const COMMAND_TOPIC: &str = "/city3d/command";
 
+/// Where the trajectories of the control framework are.
+pub(super) const TRAJECTORY_TOPIC: &str = "/city3d/trajectory";
+
+/// Where the digest of every tick is.
+pub(super) const TICK_TOPIC: &str = "/city3d/tick";
+
+pub(super) const SNAPSHOT_TOPIC: &str = "/city3d/snapshot";
+
+/// Of the metadata that say what was run.
+pub(super) const METADATA: &str = "city3d";
+/// Counts up when a reader of before would understand a log wrongly, or lack something.
+pub(super) const FORMAT: &str = "2";
+pub(super) const SCENARIO: &str = "scenario.toml";
+pub(super) const MAP: &str = "map.dxf";
+/// Before the names of models among the attachments.
+pub(super) const MODELS: &str = "models/";
+
+/// What has made a log, and with it which of its commands moved the vehicles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// A run in one process: trajectories, and commands of persons.
+    Run,
+    /// A city whose vehicles and commands came over the laboratory's link.
+    Served,
+    /// The control framework in a process of its own: it has seen poses, and no world.
+    Mainframe,
+}
+
+impl Origin {
+    pub(super) const ALL: [Self; 3] = [Self::Run, Self::Served, Self::Mainframe];
+
+    pub(super) fn label(self) -> &'static str {
+        match self {
+            Self::Run => "run",
+            Self::Served => "served",
+            Self::Mainframe => "mainframe",
+        }
+    }
+}
+
 /// Where that is which came over the laboratory's link.
 pub(super) const NETWORK_TOPIC: &str = "/city3d/network";
 
@@ -44,22 +87,30 @@ impl<W: Write + Seek> LogWriter<W> {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn new(sink: W, experiment: &Experiment) -> McapResult<Self> {
+    pub fn new(sink: W, experiment: &Experiment, origin: Origin) -> McapResult<Self> {
         let mut writer = WriteOptions::new()
             .profile("ros2")
             .library(concat!("city3d ", env!("CARGO_PKG_VERSION")))
             .compression(Some(mcap::Compression::Lz4))
             .chunk_size(Some(CHUNK_BYTES))
+            // A chunk is written at once when it is whole, not begun and mended.
+            .disable_seeking(true)
             .create(sink)?;
-        writer.write_metadata(&Metadata { name: "city3d".to_owned(), metadata: metadata_of(experiment) })?;
-        for (name, media_type, data) in [
-            ("scenario.toml", "application/toml", experiment.scenario_text.as_bytes()),
-            ("map.dxf", "image/vnd.dxf", experiment.map_bytes.as_slice()),
-        ] {
+        writer.write_metadata(&Metadata {
+            name: METADATA.to_owned(),
+            metadata: metadata_of(experiment, origin),
+        })?;
+        let models = experiment.models.files.iter();
+        let models = models.map(|(name, file)| (format!("{MODELS}{name}"), "model/gltf-binary", &file[..]));
+        let files = [
+            (SCENARIO.to_owned(), "application/toml", experiment.scenario_text.as_bytes()),
+            (MAP.to_owned(), "image/vnd.dxf", experiment.map_bytes.as_slice()),
+        ];
+        for (name, media_type, data) in files.into_iter().chain(models) {
             writer.attach(&Attachment {
                 log_time: 0,
                 create_time: 0,
-                name: name.to_owned(),
+                name,
                 media_type: media_type.to_owned(),
                 data: Cow::Borrowed(data),
             })?;
@@ -68,11 +119,14 @@ impl<W: Write + Seek> LogWriter<W> {
             let schema = writer.add_schema(name, "ros2msg", schema.as_bytes())?;
             writer.add_channel(schema, topic, "cdr", &BTreeMap::new())
         };
-        let snapshots = channel("/city3d/snapshot", SNAPSHOT_TYPE, SNAPSHOT_SCHEMA)?;
+        let snapshots = channel(SNAPSHOT_TOPIC, SNAPSHOT_TYPE, SNAPSHOT_SCHEMA)?;
         let events = channel("/city3d/event", EVENT_TYPE, EVENT_SCHEMA)?;
         let commands = channel(COMMAND_TOPIC, COMMAND_TYPE, COMMAND_SCHEMA)?;
         let network = channel(NETWORK_TOPIC, NETWORK_TYPE, NETWORK_SCHEMA)?;
-        Ok(Self { writer, snapshots, events, commands, network, sequence: 0, buffer: Vec::new() })
+        let trajectories = channel(TRAJECTORY_TOPIC, TRAJECTORY_TYPE, TRAJECTORY_SCHEMA)?;
+        let ticks = channel(TICK_TOPIC, TICK_TYPE, TICK_SCHEMA)?;
+        let (sequence, buffer) = (0, Vec::new());
+        Ok(Self { writer, snapshots, events, commands, network, trajectories, ticks, sequence, buffer })
     }
 
     /// Adds a snapshot.
@@ -93,11 +147,25 @@ impl<W: Write + Seek> LogWriter<W> {
         self.message(self.events, event.time_s)
     }
 
-    /// Adds a command of a person that is applied in the step after a tick.
+    /// Adds the digest of a tick.
+    ///
+    /// # Errors
+    /// When it cannot be written; what was written before stays readable.
+    pub fn tick(&mut self, tick: u64, time_s: f64, state_hash: u64) -> McapResult<()> {
+        self.buffer = encode_tick(tick, state_hash, std::mem::take(&mut self.buffer));
+        self.message(self.ticks, time_s)
+    }
+
+    /// Adds a command that is applied in the step after a tick: a trajectory, or one of a person. That the
+    /// clock is started goes without saying.
     ///
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
     pub fn command(&mut self, tick: u64, time_s: f64, command: &SimCommand) -> McapResult<()> {
+        if let SimCommand::Follow(trajectory) = command {
+            self.buffer = encode_trajectory(tick, trajectory, std::mem::take(&mut self.buffer));
+            return self.message(self.trajectories, time_s);
+        }
         match encode_command(tick, command, std::mem::take(&mut self.buffer)) {
             Some(bytes) => {
                 self.buffer = bytes;
@@ -145,8 +213,16 @@ impl<W: Write + Seek> LogWriter<W> {
     }
 }
 
-fn metadata_of(experiment: &Experiment) -> BTreeMap<String, String> {
+fn metadata_of(experiment: &Experiment, origin: Origin) -> BTreeMap<String, String> {
+    let model = match experiment.model {
+        None => "",
+        Some(ModelKind::Raycast) => "raycast",
+        Some(ModelKind::Bicycle) => "bicycle",
+    };
     let pairs = [
+        ("format", FORMAT.to_owned()),
+        ("origin", origin.label().to_owned()),
+        ("model", model.to_owned()),
         ("scenario", experiment.name.clone()),
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
         ("seed", experiment.seed.to_string()),

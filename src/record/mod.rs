@@ -1,4 +1,5 @@
-//! Run logs: an MCAP file with every snapshot, event and command of a person, and a CSV table of the vehicles.
+//! Run logs: an MCAP file with snapshots, events, the digest of every tick and every command, and a CSV table of
+//! the vehicles.
 
 mod cdr;
 mod log;
@@ -7,8 +8,8 @@ mod recorder;
 mod schema;
 mod table;
 
-pub use log::LogWriter;
-pub use reader::{read_commands, read_network};
+pub use log::{LogWriter, Origin};
+pub use reader::{Entry, LogReader, is_log, last_tick, read_commands, read_network};
 pub use recorder::{Cadence, RecordError, Recorder};
-pub use schema::NetworkCommand;
+pub use schema::{LoggedSnapshot, LoggedVehicle, NetworkCommand};
 pub use table::{COLUMNS, VehicleTable};

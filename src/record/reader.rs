@@ -1,43 +1,319 @@
-//! What a log says of a run besides its pictures: the commands of persons, which make it again.
+//! Reads logs: what was run, and then, entry by entry, what makes it again. A log that was torn off, as by a
+//! killed process, is read up to its last whole record.
 
 use super::RecordError;
-use super::log::{COMMAND_TOPIC, NETWORK_TOPIC};
-use super::schema::{NetworkCommand, decode_command, decode_network};
-use crate::snapshot::SimCommand;
-use std::path::Path;
+use super::log::{
+    COMMAND_TOPIC, FORMAT, MAP, METADATA, MODELS, NETWORK_TOPIC, Origin, SCENARIO, SNAPSHOT_TOPIC,
+    TICK_TOPIC, TRAJECTORY_TOPIC,
+};
+use super::schema::{
+    LoggedSnapshot, NetworkCommand, decode_command, decode_network, decode_snapshot, decode_tick,
+    decode_trajectory,
+};
+use crate::scenario::{Experiment, Library, Overrides, read_experiment};
+use crate::snapshot::{ModelKind, SimCommand};
+use mcap::McapError;
+use mcap::records::Record;
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// One of the things in a log that make its run again, or tell what it came to. Events are left out.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Entry {
+    /// Applied in the step that begins at the tick: a trajectory, or of a person.
+    Command {
+        tick: u64,
+        command: SimCommand,
+    },
+    /// What came over the laboratory's link.
+    Network(NetworkCommand),
+    /// The digest after a step, or at the beginning.
+    Tick {
+        tick: u64,
+        state_hash: u64,
+    },
+    Snapshot(LoggedSnapshot),
+}
+
+/// A log that is read from its start to its end.
+#[derive(Debug)]
+pub struct LogReader {
+    path: PathBuf,
+    records: Records,
+    /// Topics of channels.
+    topics: HashMap<u16, String>,
+    metadata: BTreeMap<String, String>,
+    attachments: BTreeMap<String, Vec<u8>>,
+    origin: Origin,
+    /// Read while looking for the end of what stands before the messages.
+    ahead: Option<Entry>,
+}
+
+impl LogReader {
+    /// Opens a log of this version's format.
+    ///
+    /// # Errors
+    /// [`RecordError::NoLog`] where the file cannot be read, is none of City3D, or of another format.
+    pub fn open(path: &Path) -> Result<Self, RecordError> {
+        if path.is_file() && !is_log(path) {
+            return Err(no_log(path, "it is no MCAP file; give the run.mcap of a run"));
+        }
+        let mut log = Self {
+            path: path.to_path_buf(),
+            records: Records::open(path).map_err(|error| no_log(path, error))?,
+            topics: HashMap::new(),
+            metadata: BTreeMap::new(),
+            attachments: BTreeMap::new(),
+            origin: Origin::Run,
+            ahead: None,
+        };
+        log.ahead = log.next_entry()?;
+        let torn = log.records.torn.clone();
+        if log.metadata.is_empty() {
+            let why = match torn {
+                Some(why) => format!("{why}; give the run.mcap of a run"),
+                None => "it does not say what was run; give the run.mcap of a run of City3D".to_owned(),
+            };
+            return Err(no_log(path, why));
+        }
+        let format = log.metadata.get("format").map_or("1", String::as_str);
+        if format != FORMAT {
+            return Err(no_log(
+                path,
+                format!(
+                    "its format is {format}, written by version {}, and this is version {} with format {FORMAT}; \
+                     read it with the version that wrote it, or record the run again",
+                    log.version(),
+                    env!("CARGO_PKG_VERSION")
+                ),
+            ));
+        }
+        let origin = log.metadata.get("origin").cloned().unwrap_or_default();
+        let known = Origin::ALL.into_iter().find(|known| known.label() == origin);
+        log.origin = known.ok_or_else(|| no_log(path, format!("unknown origin \"{origin}\"")))?;
+        if let Some(missing) = [SCENARIO, MAP].into_iter().find(|name| !log.attachments.contains_key(*name)) {
+            let why = torn.map(|why| format!(": {why}")).unwrap_or_default();
+            return Err(no_log(
+                path,
+                format!("it ends before {missing}{why}; nothing can be recovered from it"),
+            ));
+        }
+        Ok(log)
+    }
+
+    pub fn origin(&self) -> Origin {
+        self.origin
+    }
+
+    /// The version of City3D that has written it.
+    pub fn version(&self) -> &str {
+        self.metadata.get("version").map_or("?", String::as_str)
+    }
+
+    /// Why nothing more could be read, where the log has no end.
+    pub fn torn(&self) -> Option<&str> {
+        self.records.torn.as_deref()
+    }
+
+    /// What was run, from the log alone: no other file is looked at. Of a served city without vehicles,
+    /// which came over the link.
+    ///
+    /// # Errors
+    /// [`RecordError::NoLog`] where it is damaged, or this version does not take the scenario.
+    pub fn experiment(&self) -> Result<Experiment, RecordError> {
+        let wrong = |why: String| no_log(&self.path, why);
+        let number = |key: &str| self.metadata.get(key).ok_or_else(|| wrong(format!("it lacks \"{key}\"")));
+        let damaged = |key: &str| wrong(format!("\"{key}\" is damaged"));
+        let file = |name: &str| self.attachments.get(name).cloned().unwrap_or_default();
+        let text = String::from_utf8(file(SCENARIO)).map_err(|_| damaged(SCENARIO))?;
+        let models = self.attachments.iter();
+        let models =
+            models.filter_map(|(name, file)| Some((name.strip_prefix(MODELS)?.to_owned(), file.clone())));
+        let library = Library::kept(file(MAP), models.collect());
+        let overrides = Overrides {
+            seed: Some(number("seed")?.parse().map_err(|_| damaged("seed"))?),
+            duration_s: Some(number("duration_s")?.parse().map_err(|_| damaged("duration_s"))?),
+            model: match number("model")?.as_str() {
+                "" => None,
+                "raycast" => Some(ModelKind::Raycast),
+                "bicycle" => Some(ModelKind::Bicycle),
+                _ => return Err(damaged("model")),
+            },
+            allows_no_vehicles: self.origin == Origin::Served,
+        };
+        let name = format!("{}: {SCENARIO}", self.path.display());
+        let experiment =
+            read_experiment(&name, &text, &library, overrides).map_err(|error| wrong(error.to_string()))?;
+        Ok(if self.origin == Origin::Served { experiment.without_vehicles() } else { experiment })
+    }
+
+    /// The next entry; `None` at the end, see [`LogReader::torn`].
+    ///
+    /// # Errors
+    /// [`RecordError::NoLog`] where the file cannot be read.
+    pub fn read(&mut self) -> Result<Option<Entry>, RecordError> {
+        match self.ahead.take() {
+            Some(entry) => Ok(Some(entry)),
+            None => self.next_entry(),
+        }
+    }
+
+    fn next_entry(&mut self) -> Result<Option<Entry>, RecordError> {
+        loop {
+            let record = self.records.next().map_err(|error| no_log(&self.path, error))?;
+            match record {
+                None => return Ok(None),
+                Some(Record::Metadata(data)) if data.name == METADATA => self.metadata = data.metadata,
+                Some(Record::Attachment { header, data, .. }) => {
+                    self.attachments.insert(header.name, data.into_owned());
+                }
+                Some(Record::Channel(channel)) => drop(self.topics.insert(channel.id, channel.topic)),
+                Some(Record::Message { header, data }) => {
+                    let topic = self.topics.get(&header.channel_id).map_or("", String::as_str);
+                    match decode(topic, &data) {
+                        None => {}
+                        Some(Some(entry)) => return Ok(Some(entry)),
+                        Some(None) => self.records.end(format!("a message of {topic} is damaged")),
+                    }
+                }
+                Some(_) => {}
+            }
+        }
+    }
+}
+
+fn no_log(path: &Path, reason: impl ToString) -> RecordError {
+    RecordError::NoLog { path: path.to_path_buf(), reason: reason.to_string() }
+}
+
+/// The entry of a message: `None` for topics that are left out, `Some(None)` for what is damaged.
+fn decode(topic: &str, data: &[u8]) -> Option<Option<Entry>> {
+    let command = |(tick, command)| Entry::Command { tick, command };
+    Some(match topic {
+        COMMAND_TOPIC => decode_command(data).map(command),
+        TRAJECTORY_TOPIC => {
+            decode_trajectory(data).map(|(tick, trajectory)| command((tick, SimCommand::Follow(trajectory))))
+        }
+        NETWORK_TOPIC => decode_network(data).map(Entry::Network),
+        TICK_TOPIC => decode_tick(data).map(|(tick, state_hash)| Entry::Tick { tick, state_hash }),
+        SNAPSHOT_TOPIC => decode_snapshot(data).map(Entry::Snapshot),
+        _ => return None,
+    })
+}
+
+/// Larger records and chunks are none of City3D: a length that is damaged shall not fill the memory.
+const LARGEST_RECORD: usize = 256 << 20;
+
+/// The records of a file, with those inside of chunks, up to the end of its data.
+struct Records {
+    file: File,
+    reader: LinearReader,
+    is_over: bool,
+    torn: Option<String>,
+}
+
+impl std::fmt::Debug for Records {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Records").field("torn", &self.torn).finish_non_exhaustive()
+    }
+}
+
+impl Records {
+    fn open(path: &Path) -> std::io::Result<Self> {
+        let options = LinearReaderOptions::default()
+            .with_skip_end_magic(true)
+            .with_prevalidate_chunk_crcs(true)
+            .with_record_length_limit(LARGEST_RECORD);
+        let reader = LinearReader::new_with_options(options);
+        Ok(Self { file: File::open(path)?, reader, is_over: false, torn: None })
+    }
+
+    fn end(&mut self, why: String) {
+        self.is_over = true;
+        self.torn = Some(why);
+    }
+
+    fn next(&mut self) -> std::io::Result<Option<Record<'static>>> {
+        while !self.is_over {
+            match self.reader.next_event() {
+                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
+                    let read = self.file.read(self.reader.insert(wanted))?;
+                    self.reader.notify_read(read);
+                }
+                Some(Ok(LinearReadEvent::Record { data, opcode })) => {
+                    match mcap::parse_record(opcode, data).map(Record::into_owned) {
+                        Ok(Record::DataEnd(_)) => self.is_over = true,
+                        Ok(record) => return Ok(Some(record)),
+                        Err(error) => self.end(why(&error)),
+                    }
+                }
+                Some(Err(error)) => self.end(why(&error)),
+                None => self.end(why(&McapError::UnexpectedEof)),
+            }
+        }
+        Ok(None)
+    }
+}
+
+fn why(error: &McapError) -> String {
+    match error {
+        McapError::UnexpectedEof | McapError::UnexpectedEoc => "it ends in the middle of a record".to_owned(),
+        McapError::BadMagic => "it is no MCAP file".to_owned(),
+        other => format!("a record is damaged ({other})"),
+    }
+}
+
+/// The last tick of a log, and why it has no end, where it is torn.
+///
+/// # Errors
+/// As for [`LogReader::open`].
+pub fn last_tick(path: &Path) -> Result<(u64, Option<String>), RecordError> {
+    let mut log = LogReader::open(path)?;
+    let mut last = 0;
+    while let Some(entry) = log.read()? {
+        if let Entry::Tick { tick, .. } = entry {
+            last = tick;
+        }
+    }
+    Ok((last, log.torn().map(str::to_owned)))
+}
+
+/// Whether a file is an MCAP file, as logs are.
+pub fn is_log(path: &Path) -> bool {
+    let mut start = [0; mcap::MAGIC.len()];
+    let is_mcap = File::open(path).and_then(|mut file| file.read_exact(&mut start)).is_ok();
+    is_mcap && start == mcap::MAGIC
+}
 
 /// The commands of persons in a log, each with the tick at which the step began that applied it.
 ///
 /// # Errors
-/// [`RecordError::NoLog`] where the file cannot be read or is damaged.
+/// [`RecordError::NoLog`] where the file cannot be read or is none.
 pub fn read_commands(path: &Path) -> Result<Vec<(u64, SimCommand)>, RecordError> {
-    read_topic(path, COMMAND_TOPIC, decode_command)
+    let of_person = |entry| match entry {
+        Entry::Command { command: SimCommand::Follow(_), .. } => None,
+        Entry::Command { tick, command } => Some((tick, command)),
+        _ => None,
+    };
+    read_some(path, of_person)
 }
 
 /// What came over the laboratory's link, in the order in which it was carried out.
 ///
 /// # Errors
-/// [`RecordError::NoLog`] where the file cannot be read or is damaged.
+/// [`RecordError::NoLog`] where the file cannot be read or is none.
 pub fn read_network(path: &Path) -> Result<Vec<NetworkCommand>, RecordError> {
-    read_topic(path, NETWORK_TOPIC, decode_network)
+    read_some(path, |entry| if let Entry::Network(command) = entry { Some(command) } else { None })
 }
 
-fn read_topic<T>(
-    path: &Path,
-    topic: &str,
-    decode: impl Fn(&[u8]) -> Option<T>,
-) -> Result<Vec<T>, RecordError> {
-    let no_log = |reason: &dyn std::fmt::Display| RecordError::NoLog {
-        path: path.to_path_buf(),
-        reason: reason.to_string(),
-    };
-    let bytes = std::fs::read(path).map_err(|error| no_log(&error))?;
+fn read_some<T>(path: &Path, pick: impl Fn(Entry) -> Option<T>) -> Result<Vec<T>, RecordError> {
+    let mut log = LogReader::open(path)?;
     let mut found = Vec::new();
-    for message in mcap::MessageStream::new(&bytes).map_err(|error| no_log(&error))? {
-        let message = message.map_err(|error| no_log(&error))?;
-        if message.channel.topic == topic {
-            found.push(decode(&message.data).ok_or_else(|| no_log(&"a command is damaged"))?);
-        }
+    while let Some(entry) = log.read()? {
+        found.extend(pick(entry));
     }
     Ok(found)
 }

@@ -1,6 +1,6 @@
 //! Writes the files of a run off the simulation's thread, through a bounded channel.
 
-use super::{LogWriter, NetworkCommand, VehicleTable};
+use super::{LogWriter, NetworkCommand, Origin, VehicleTable};
 use crate::scenario::Experiment;
 use crate::snapshot::{Event, FrameSnapshot, SimCommand};
 use std::fs::File;
@@ -25,7 +25,8 @@ pub enum RecordError {
 enum Item {
     Snapshot { snapshot: Box<FrameSnapshot>, in_log: bool, in_table: bool },
     Event(Event),
-    Command { tick: u64, time_s: f64, command: SimCommand },
+    Commands { tick: u64, time_s: f64, commands: Vec<SimCommand> },
+    Tick { tick: u64, time_s: f64, state_hash: u64 },
     Network { time_s: f64, command: NetworkCommand },
     Flush,
 }
@@ -36,8 +37,8 @@ pub struct Cadence {
     pub log_ticks: u64,
     pub table_ticks: u64,
     /// What has come is on the disk after so many ticks at the latest, as far as a killed process is
-    /// concerned; without it, when a chunk of the log is full.
-    pub flush_ticks: Option<u64>,
+    /// concerned.
+    pub flush_ticks: u64,
 }
 
 /// Items are handed over so many at a time: waking the writer for each costs more than making it.
@@ -61,10 +62,15 @@ impl Recorder {
     ///
     /// # Errors
     /// When a file cannot be created.
-    pub fn new(folder: &Path, experiment: &Experiment, cadence: Cadence) -> Result<Self, RecordError> {
+    pub fn new(
+        folder: &Path,
+        experiment: &Experiment,
+        origin: Origin,
+        cadence: Cadence,
+    ) -> Result<Self, RecordError> {
         let (log_path, table_path) = (folder.join("run.mcap"), folder.join("vehicles.csv"));
         let create = |path: &Path| File::create(path).map(BufWriter::new).map_err(|e| failed(path, e));
-        let log = LogWriter::new(create(&log_path)?, experiment).map_err(|e| failed(&log_path, e))?;
+        let log = LogWriter::new(create(&log_path)?, experiment, origin).map_err(|e| failed(&log_path, e))?;
         let table = VehicleTable::new(create(&table_path)?).map_err(|e| failed(&table_path, e))?;
         let (items, queue) = sync_channel(QUEUE);
         let (give_back, spent) = sync_channel(QUEUE * BATCH);
@@ -84,6 +90,8 @@ impl Recorder {
         for event in events {
             self.send(Item::Event(event.clone()))?;
         }
+        let FrameSnapshot { tick, time_s, state_hash, .. } = *snapshot;
+        self.send(Item::Tick { tick, time_s, state_hash })?;
         let in_log = snapshot.tick.is_multiple_of(self.cadence.log_ticks);
         let in_table = snapshot.tick.is_multiple_of(self.cadence.table_ticks);
         if in_log || in_table {
@@ -91,19 +99,22 @@ impl Recorder {
             copy.assign(snapshot);
             self.send(Item::Snapshot { snapshot: copy, in_log, in_table })?;
         }
-        if self.cadence.flush_ticks.is_some_and(|ticks| snapshot.tick.is_multiple_of(ticks)) {
+        if snapshot.tick.is_multiple_of(self.cadence.flush_ticks) {
             self.send(Item::Flush)?;
             self.hand_over()?;
         }
         Ok(())
     }
 
-    /// Takes a command of a person in that the next tick after this snapshot applies.
+    /// Takes the commands in that the step which begins at a tick applies, in their order.
     ///
     /// # Errors
     /// What went wrong when a file could not be written.
-    pub fn command(&mut self, before: &FrameSnapshot, command: &SimCommand) -> Result<(), RecordError> {
-        self.send(Item::Command { tick: before.tick, time_s: before.time_s, command: command.clone() })
+    pub fn commands(&mut self, tick: u64, time_s: f64, commands: &[SimCommand]) -> Result<(), RecordError> {
+        if commands.is_empty() {
+            return Ok(());
+        }
+        self.send(Item::Commands { tick, time_s, commands: commands.to_vec() })
     }
 
     /// Takes in what came over the laboratory's link.
@@ -162,8 +173,13 @@ impl Files {
         for item in queue.iter().flatten() {
             match item {
                 Item::Event(event) => self.log.event(&event).map_err(|e| failed(&self.log_path, e))?,
-                Item::Command { tick, time_s, command } => {
-                    self.log.command(tick, time_s, &command).map_err(|e| failed(&self.log_path, e))?;
+                Item::Commands { tick, time_s, commands } => {
+                    for command in &commands {
+                        self.log.command(tick, time_s, command).map_err(|e| failed(&self.log_path, e))?;
+                    }
+                }
+                Item::Tick { tick, time_s, state_hash } => {
+                    self.log.tick(tick, time_s, state_hash).map_err(|e| failed(&self.log_path, e))?;
                 }
                 Item::Network { time_s, command } => {
                     self.log.network(time_s, &command).map_err(|e| failed(&self.log_path, e))?;

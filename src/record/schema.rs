@@ -1,7 +1,11 @@
 //! The messages of a log in ROS 2's interface language, and their encoding.
 
 use super::cdr::{CdrReader, CdrWriter};
-use crate::snapshot::{Event, FrameSnapshot, Indicator, Pedals, SimCommand, VehicleId, VehicleState};
+use crate::geom::Pose2;
+use crate::snapshot::{
+    Event, FrameSnapshot, Indicator, Pedals, SimCommand, Trajectory, TrajectoryPoint, VehicleId, VehicleState,
+};
+use glam::{DVec2, DVec3};
 
 pub const SNAPSHOT_TYPE: &str = "city3d_msgs/msg/Snapshot";
 pub const SNAPSHOT_SCHEMA: &str = "\
@@ -65,7 +69,7 @@ pub fn encode_snapshot(snapshot: &FrameSnapshot, buffer: Vec<u8>) -> Vec<u8> {
     cdr.u64(snapshot.state_hash);
     cdr.u32(snapshot.vehicles.len() as u32);
     for vehicle in &snapshot.vehicles {
-        encode_vehicle(&mut cdr, vehicle);
+        LoggedVehicle::of(vehicle).write(&mut cdr);
     }
     cdr.into_bytes()
 }
@@ -89,32 +93,6 @@ fn indicator_of(bits: u8) -> Indicator {
         (true, false) => Indicator::Left,
         (false, true) => Indicator::Right,
         (true, true) => Indicator::Hazard,
-    }
-}
-
-fn encode_vehicle(cdr: &mut CdrWriter, v: &VehicleState) {
-    cdr.u32(v.id.0);
-    cdr.u8(v.status as u8);
-    cdr.u8(u8::from(v.reverse) | u8::from(v.brake_lights) << 1 | indicator_bits(v.indicator));
-    for metres in v.position.to_array() {
-        cdr.f64(metres);
-    }
-    for part in v.orientation.to_array() {
-        cdr.f32(part as f32);
-    }
-    let rest = [
-        v.speed_mps,
-        v.acceleration_mps2,
-        v.yaw_rate_radps,
-        v.steering_rad,
-        v.gas,
-        v.brake,
-        v.handbrake,
-        v.lateral_error_m,
-        v.distance_m,
-    ];
-    for number in rest.into_iter().chain(v.wheels.iter().map(|wheel| wheel.spin_rad)) {
-        cdr.f32(number as f32);
     }
 }
 
@@ -197,6 +175,160 @@ pub fn decode_command(bytes: &[u8]) -> Option<(u64, SimCommand)> {
     Some((tick, command))
 }
 
+pub const TICK_TYPE: &str = "city3d_msgs/msg/Tick";
+pub const TICK_SCHEMA: &str = "\
+# One physics step of a run, or its beginning.
+uint64 tick
+# Digest of the state: what a run that is simulated again has to come to.
+uint64 state_hash
+";
+
+pub fn encode_tick(tick: u64, state_hash: u64, buffer: Vec<u8>) -> Vec<u8> {
+    let mut cdr = CdrWriter::reusing(buffer);
+    cdr.u64(tick);
+    cdr.u64(state_hash);
+    cdr.into_bytes()
+}
+
+/// The tick and its digest; `None` for what is none.
+pub fn decode_tick(bytes: &[u8]) -> Option<(u64, u64)> {
+    let mut cdr = CdrReader::new(bytes)?;
+    Some((cdr.u64()?, cdr.u64()?))
+}
+
+pub const TRAJECTORY_TYPE: &str = "city3d_msgs/msg/Trajectory";
+pub const TRAJECTORY_SCHEMA: &str = "\
+# The desired motion of a vehicle, as the control framework has told it and as it reached the vehicle.
+# City frame: full-scale metres, x east, y north; SI units, radians.
+# It was applied in the step that begins at this tick.
+uint64 tick
+uint32 vehicle
+# Counted by the sender.
+uint32 sequence
+# Bits: 1 yielding, 2 at the end of its route, 4 left indicator, 8 right indicator.
+uint8 flags
+# In time order.
+city3d_msgs/TrajectoryPoint[] points
+================================================================================
+MSG: city3d_msgs/TrajectoryPoint
+# Simulated time at which the vehicle shall be here, seconds.
+float64 time
+# Of the front-axle centre.
+float64 x
+float64 y
+float64 yaw
+float64 speed
+";
+
+const YIELDING: u8 = 1;
+const FINISHED: u8 = 2;
+
+pub fn encode_trajectory(tick: u64, trajectory: &Trajectory, buffer: Vec<u8>) -> Vec<u8> {
+    let mut cdr = CdrWriter::reusing(buffer);
+    cdr.u64(tick);
+    cdr.u32(trajectory.vehicle.0);
+    cdr.u32(trajectory.sequence);
+    let state = (u8::from(trajectory.yielding) * YIELDING) | (u8::from(trajectory.finished) * FINISHED);
+    cdr.u8(state | indicator_bits(trajectory.indicator));
+    cdr.u32(trajectory.points.len() as u32);
+    for point in &trajectory.points {
+        let Pose2 { position, yaw_rad } = point.pose;
+        [point.time_s, position.x, position.y, yaw_rad, point.speed_mps].into_iter().for_each(|n| cdr.f64(n));
+    }
+    cdr.into_bytes()
+}
+
+/// The tick and the trajectory of a message; `None` for what is none.
+pub fn decode_trajectory(bytes: &[u8]) -> Option<(u64, Trajectory)> {
+    let mut cdr = CdrReader::new(bytes)?;
+    let (tick, vehicle, sequence, flags) = (cdr.u64()?, VehicleId(cdr.u32()?), cdr.u32()?, cdr.u8()?);
+    let mut points = Vec::new();
+    for _ in 0..cdr.u32()? {
+        let time_s = cdr.f64()?;
+        let pose = Pose2 { position: DVec2::new(cdr.f64()?, cdr.f64()?), yaw_rad: cdr.f64()? };
+        points.push(TrajectoryPoint { time_s, pose, speed_mps: cdr.f64()? });
+    }
+    let (yielding, finished) = (flags & YIELDING != 0, flags & FINISHED != 0);
+    Some((tick, Trajectory { vehicle, sequence, points, yielding, finished, indicator: indicator_of(flags) }))
+}
+
+/// What a log's snapshot says of one vehicle, in the precision of the log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoggedVehicle {
+    pub id: VehicleId,
+    status: u8,
+    lights: u8,
+    /// Middle of the outline, city metres.
+    pub position: DVec3,
+    /// Orientation, then as the schema has them.
+    numbers: [f32; NUMBERS],
+}
+
+/// Single-precision numbers of a vehicle in a snapshot.
+const NUMBERS: usize = 4 + 9 + 4;
+
+impl LoggedVehicle {
+    /// What a log keeps of a state.
+    pub fn of(v: &VehicleState) -> Self {
+        let rest = [
+            v.speed_mps,
+            v.acceleration_mps2,
+            v.yaw_rate_radps,
+            v.steering_rad,
+            v.gas,
+            v.brake,
+            v.handbrake,
+            v.lateral_error_m,
+            v.distance_m,
+        ];
+        let all = v.orientation.to_array().into_iter().chain(rest);
+        let all = all.chain(v.wheels.iter().map(|wheel| wheel.spin_rad));
+        let mut numbers = [0.0; NUMBERS];
+        numbers.iter_mut().zip(all).for_each(|(number, exact)| *number = exact as f32);
+        let lights = u8::from(v.reverse) | u8::from(v.brake_lights) << 1 | indicator_bits(v.indicator);
+        Self { id: v.id, status: v.status as u8, lights, position: v.position, numbers }
+    }
+
+    fn write(&self, cdr: &mut CdrWriter) {
+        cdr.u32(self.id.0);
+        cdr.u8(self.status);
+        cdr.u8(self.lights);
+        self.position.to_array().into_iter().for_each(|metres| cdr.f64(metres));
+        self.numbers.into_iter().for_each(|number| cdr.f32(number));
+    }
+
+    fn read(cdr: &mut CdrReader<'_>) -> Option<Self> {
+        let (id, status, lights) = (VehicleId(cdr.u32()?), cdr.u8()?, cdr.u8()?);
+        let position = DVec3::new(cdr.f64()?, cdr.f64()?, cdr.f64()?);
+        let mut numbers = [0.0; NUMBERS];
+        for number in &mut numbers {
+            *number = cdr.f32()?;
+        }
+        Some(Self { id, status, lights, position, numbers })
+    }
+}
+
+/// What a log keeps of an instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoggedSnapshot {
+    pub tick: u64,
+    pub time_s: f64,
+    pub state_hash: u64,
+    /// In id order.
+    pub vehicles: Vec<LoggedVehicle>,
+}
+
+/// `None` for what is none.
+pub fn decode_snapshot(bytes: &[u8]) -> Option<LoggedSnapshot> {
+    let mut cdr = CdrReader::new(bytes)?;
+    let (tick, time_s, state_hash) = (cdr.u64()?, cdr.f64()?, cdr.u64()?);
+    let mut vehicles = Vec::new();
+    for _ in 0..cdr.u32()? {
+        vehicles.push(LoggedVehicle::read(&mut cdr)?);
+    }
+    Some(LoggedSnapshot { tick, time_s, state_hash, vehicles })
+}
+
 pub const NETWORK_TYPE: &str = "city3d_msgs/msg/NetworkCommand";
 pub const NETWORK_SCHEMA: &str = "\
 # Something that came over the laboratory's link and was carried out.
@@ -240,6 +372,27 @@ pub fn decode_network(bytes: &[u8]) -> Option<NetworkCommand> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn trajectories_and_ticks_come_back_to_the_last_bit() {
+        let point = |time_s: f64| TrajectoryPoint {
+            time_s,
+            pose: Pose2::new(1.0 / 3.0, -0.0, 0.123_456_789_012_345_6),
+            speed_mps: time_s / 7.0,
+        };
+        let trajectory = Trajectory {
+            vehicle: VehicleId(70_000),
+            sequence: u32::MAX,
+            points: (0..13).map(|k| point(f64::from(k) / 10.0)).collect(),
+            yielding: true,
+            finished: false,
+            indicator: Indicator::Right,
+        };
+        let bytes = encode_trajectory(3, &trajectory, vec![1; 3]);
+        assert_eq!(decode_trajectory(&bytes), Some((3, trajectory)));
+        assert_eq!(decode_trajectory(&bytes[..bytes.len() - 1]), None);
+        assert_eq!(decode_tick(&encode_tick(4, u64::MAX, Vec::new())), Some((4, u64::MAX)));
+    }
 
     #[test]
     fn network_commands_come_back() {

@@ -75,11 +75,12 @@ impl Run {
         self.control.step(now, Measurement::all(&self.snapshot, scale), &mut self.delivered);
         self.commands.extend(self.delivered.drain(..).map(|message| message.into_command(scale)));
         self.commands.append(&mut self.injected);
+        self.commands.sort_by_key(SimCommand::order);
         self.world.tick_into(&self.commands, &mut self.snapshot);
         &self.snapshot
     }
 
-    /// The commands of the last step.
+    /// The commands of the last step, in the order in which they were applied.
     pub fn commands(&self) -> &[SimCommand] {
         &self.commands
     }

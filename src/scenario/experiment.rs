@@ -10,7 +10,7 @@ use crate::geom::{LengthScale, Pose2, trig};
 use crate::mainframe::{Body, CavSetup, DriverParams, RightOfWayParams};
 use crate::sensor::Sensor;
 use crate::snapshot::{Appearance, Dimensions, Setup, VehicleId};
-use crate::vehicle::VehicleSpec;
+use crate::vehicle::{ModelKind, VehicleSpec};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -153,6 +153,8 @@ pub struct Experiment {
     /// The scenario file and the map, as they were read: what a log keeps.
     pub scenario_text: String,
     pub map_bytes: Vec<u8>,
+    /// The dynamics model that all vehicles have been given instead of the scenario's.
+    pub model: Option<ModelKind>,
 }
 
 impl Experiment {

@@ -17,22 +17,29 @@ pub struct Models {
     /// Those that the map places, by the name that it gives, and street furniture for which a file lies
     /// beside the scenario.
     pub placed: BTreeMap<String, Arc<Model>>,
+    /// The files that do not come with the program, by the name by which they were asked for, as they were
+    /// read: what a log keeps.
+    pub files: BTreeMap<String, Arc<Vec<u8>>>,
 }
 
 /// Loads models while a scenario is read, each file once.
 pub(super) struct ModelReader<'l> {
     library: &'l Library,
     own: RefCell<Vec<(String, Arc<Model>)>>,
+    files: RefCell<BTreeMap<String, Arc<Vec<u8>>>>,
 }
 
 impl<'l> ModelReader<'l> {
     pub(super) fn new(library: &'l Library) -> Self {
-        Self { library, own: RefCell::new(Vec::new()) }
+        Self { library, own: RefCell::default(), files: RefCell::default() }
     }
 
     fn load(&self, name: &str) -> Result<Arc<Model>, String> {
         let bytes = self.library.model(name).map_err(|error| error.to_string())?;
         let model = glb::read(&bytes).map_err(|error| format!("{name}: {error}"))?;
+        if self.library.has_own_model(name) {
+            self.files.borrow_mut().insert(name.to_owned(), Arc::new(bytes));
+        }
         Ok(Arc::new(model))
     }
 
@@ -86,6 +93,7 @@ impl<'l> ModelReader<'l> {
                 }
             }
         }
+        models.files = self.files.into_inner();
         let own = self.own.into_inner().into_iter();
         models.vehicles.extend((0..).map(BodyType::Own).zip(own.map(|(_, model)| model)));
         (models, problems)

@@ -207,6 +207,7 @@ impl Reader<'_> {
             models: Models::default(),
             scenario_text: text.to_owned(),
             map_bytes,
+            model,
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Where scenarios and maps come from: files on disk win over those embedded in the program.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use thiserror::Error;
 
 /// Larger files are refused before they are read: no scenario or map comes near.
@@ -34,16 +36,36 @@ pub fn shipped_scenarios() -> impl Iterator<Item = &'static str> {
     SCENARIOS.iter().map(|(name, _)| *name)
 }
 
-/// Finds maps for a scenario: next to it, in the working directory, or embedded.
+/// Finds maps and models for a scenario: next to it, in the working directory, or embedded; or, for a
+/// scenario that was kept with them, among those alone.
 #[derive(Clone, Debug, Default)]
 pub struct Library {
     folder: PathBuf,
+    kept: Option<Arc<Kept>>,
+}
+
+#[derive(Debug)]
+struct Kept {
+    map: Vec<u8>,
+    models: BTreeMap<String, Vec<u8>>,
 }
 
 impl Library {
     /// A library that looks for relative paths in `folder` first.
     pub fn beside(scenario: &Path) -> Self {
-        Self { folder: scenario.parent().map(Path::to_path_buf).unwrap_or_default() }
+        Self { folder: scenario.parent().map(Path::to_path_buf).unwrap_or_default(), kept: None }
+    }
+
+    /// A library of what was kept with a scenario: its map, whatever its name, and models by name. No file
+    /// is looked at; what comes with the program is there as well.
+    pub fn kept(map: Vec<u8>, models: BTreeMap<String, Vec<u8>>) -> Self {
+        Self { folder: PathBuf::new(), kept: Some(Arc::new(Kept { map, models })) }
+    }
+
+    /// The file of this name next to the scenario or in the working directory.
+    fn file(&self, name: &str) -> Option<PathBuf> {
+        let paths = [self.folder.join(name), PathBuf::from(name)];
+        paths.into_iter().find(|path| self.kept.is_none() && path.is_file())
     }
 
     /// The text of a scenario given as a path or by the name of a shipped one, with the library
@@ -72,10 +94,11 @@ impl Library {
     /// # Errors
     /// When there is no such file or name, or it is too large.
     pub fn model(&self, name: &str) -> Result<Vec<u8>, SourceError> {
-        for path in [self.folder.join(name), PathBuf::from(name)] {
-            if path.is_file() {
-                return read(&path);
-            }
+        if let Some(bytes) = self.kept.as_ref().and_then(|kept| kept.models.get(name)) {
+            return Ok(bytes.clone());
+        }
+        if let Some(path) = self.file(name) {
+            return read(&path);
         }
         let embedded = crate::model::shipped(name);
         embedded.map(<[u8]>::to_vec).ok_or_else(|| SourceError::Unknown {
@@ -87,7 +110,7 @@ impl Library {
 
     /// Whether a model lies beside the scenario or in the working directory.
     pub fn has_own_model(&self, name: &str) -> bool {
-        [self.folder.join(name), PathBuf::from(name)].iter().any(|path| path.is_file())
+        self.kept.as_ref().is_some_and(|kept| kept.models.contains_key(name)) || self.file(name).is_some()
     }
 
     /// The bytes of a map given as a path or by the name of a shipped one.
@@ -95,10 +118,11 @@ impl Library {
     /// # Errors
     /// When there is no such file or name, or it is too large.
     pub fn map(&self, name: &str) -> Result<Vec<u8>, SourceError> {
-        for path in [self.folder.join(name), PathBuf::from(name)] {
-            if path.is_file() {
-                return read(&path);
-            }
+        if let Some(kept) = &self.kept {
+            return Ok(kept.map.clone());
+        }
+        if let Some(path) = self.file(name) {
+            return read(&path);
         }
         let embedded = MAPS.iter().find(|(shipped, _)| *shipped == name);
         embedded.map(|(_, bytes)| bytes.to_vec()).ok_or_else(|| SourceError::Unknown {

@@ -82,7 +82,18 @@ impl World {
     /// Applies commands, advances by one physics step if the clock runs, and describes the result.
     /// Commands are applied in the order of (vehicle, sequence); those for the experiment come first.
     pub fn tick_into(&mut self, commands: &[SimCommand], out: &mut FrameSnapshot) {
-        self.apply_all(commands);
+        if commands.is_sorted_by_key(SimCommand::order) {
+            return self.tick_as_given(commands, out);
+        }
+        let mut ordered = commands.to_vec();
+        ordered.sort_by_key(SimCommand::order);
+        self.tick_as_given(&ordered, out);
+    }
+
+    /// The same with commands that are applied as they stand: a log has them in the order in which they
+    /// were applied, while the clock stood perhaps one after another.
+    pub fn tick_as_given(&mut self, commands: &[SimCommand], out: &mut FrameSnapshot) {
+        commands.iter().for_each(|command| self.apply(command));
         out.events.clear();
         if self.state.is_running {
             // What happened before the clock ran belongs to its first tick, after a reset too.
@@ -97,16 +108,6 @@ impl World {
         let mut out = FrameSnapshot::default();
         self.describe(&mut out);
         out
-    }
-
-    fn apply_all(&mut self, commands: &[SimCommand]) {
-        if commands.is_sorted_by_key(SimCommand::order) {
-            commands.iter().for_each(|command| self.apply(command));
-            return;
-        }
-        let mut ordered: Vec<&SimCommand> = commands.iter().collect();
-        ordered.sort_by_key(|command| command.order());
-        ordered.into_iter().for_each(|command| self.apply(command));
     }
 
     fn apply(&mut self, command: &SimCommand) {

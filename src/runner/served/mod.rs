@@ -32,6 +32,12 @@ pub struct Applied {
     pub body: Body,
 }
 
+impl Applied {
+    fn is_setup_of(&self, id: VehicleId) -> bool {
+        matches!(&self.body, Body::Setup { setup, .. } if setup.id == id)
+    }
+}
+
 /// A vehicle that was set up.
 #[derive(Clone, Debug)]
 struct Owned {
@@ -74,6 +80,8 @@ pub struct Served {
     snapshot: FrameSnapshot,
     pending: Vec<Pending>,
     applied: Vec<Applied>,
+    /// Setups of the vehicles that are there, in the order in which they came.
+    brought: Vec<Applied>,
     commands: Vec<SimCommand>,
     vehicles: BTreeMap<VehicleId, Owned>,
     /// Senders that have led or set up vehicles: nobody else is worth any memory.
@@ -92,6 +100,7 @@ impl Served {
             rules,
             pending: Vec::new(),
             applied: Vec::new(),
+            brought: Vec::new(),
             commands: Vec::new(),
             vehicles: BTreeMap::new(),
             known: BTreeMap::new(),
@@ -279,6 +288,14 @@ impl Served {
                     continue;
                 }
             }
+            let is_there = |id| self.brought.iter().any(|applied| applied.is_setup_of(id));
+            match &command {
+                SimCommand::Spawn(setup) if !is_there(setup.id) => {
+                    self.brought.push(Applied { sender, body: body.clone() });
+                }
+                SimCommand::Remove(id) => self.brought.retain(|applied| !applied.is_setup_of(*id)),
+                _ => {}
+            }
             self.applied.push(Applied { sender, body });
             self.commands.push(command);
         }
@@ -290,6 +307,11 @@ impl Served {
     /// What the last tick has applied.
     pub fn applied(&self) -> &[Applied] {
         &self.applied
+    }
+
+    /// The setups of the vehicles that are there, in the order in which they came: a reset keeps them.
+    pub fn brought(&self) -> &[Applied] {
+        &self.brought
     }
 
     /// Why things were dropped since the last call.

@@ -1,0 +1,178 @@
+//! `city3d replay`: a recorded run, simulated again from its commands.
+
+use super::say::say;
+use super::{Failure, progress};
+use crate::record::last_tick;
+use crate::replay::{Differences, Replay, ReplayError, Ticked};
+use clap::Args;
+use serde::Serialize;
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+pub struct ReplayArgs {
+    /// The run.mcap of a run
+    log: PathBuf,
+    /// Simulate the run again from its commands alone, and compare the state at every tick
+    #[arg(long)]
+    verify: bool,
+    /// Print the outcome as JSON instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+/// What came of simulating a log again.
+#[derive(Debug, Serialize)]
+struct Report {
+    log: PathBuf,
+    scenario: String,
+    /// Of City3D, which has written the log.
+    version: String,
+    /// Simulated time of the last tick that was compared.
+    simulated_s: f64,
+    /// Ticks whose states are equal, the beginning among them.
+    ticks_agreeing: u64,
+    /// Why the log has no end, where it is torn.
+    torn: Option<String>,
+    first_difference: Option<FirstDifference>,
+}
+
+#[derive(Debug, Serialize)]
+struct FirstDifference {
+    tick: u64,
+    time_s: f64,
+    /// Digests, hexadecimal.
+    recorded: String,
+    simulated: String,
+    /// The tick of the snapshot in which the vehicles were compared, and those that differ.
+    compared_at_tick: Option<u64>,
+    vehicles: Vec<DifferentVehicle>,
+}
+
+#[derive(Debug, Serialize)]
+struct DifferentVehicle {
+    id: u32,
+    name: String,
+    apart_m: Option<f64>,
+}
+
+pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
+    if !args.verify {
+        let log = args.log.display();
+        return Err(Failure::bad_input(format!(
+            "the window does not play logs yet. city3d replay {log} --verify simulates the run again and \
+             compares it; city3d frames {log} --out DIR draws it from any camera"
+        )));
+    }
+    let report = verify(args)?;
+    if args.json {
+        say(serde_json::to_string(&report).map_err(Failure::failed)?)?;
+    } else {
+        print(&report)?;
+    }
+    match report.first_difference {
+        None => Ok(()),
+        Some(first) => Err(Failure::failed(format!(
+            "tick {} of the run that was simulated again differs from the log",
+            first.tick
+        ))),
+    }
+}
+
+fn verify(args: &ReplayArgs) -> Result<Report, Failure> {
+    let (last, _) = last_tick(&args.log).map_err(Failure::bad_input)?;
+    let mut replay = Replay::open(&args.log).map_err(failure)?;
+    warn_of_version(&replay);
+    let bar = progress::simulated_seconds(replay.experiment().rates.time_s(last));
+    let mut ticks_agreeing = 0;
+    let mut first_difference = None;
+    while let Some(ticked) = replay.step().map_err(failure)? {
+        if !ticked.agrees() {
+            first_difference = Some(first(&mut replay, ticked)?);
+            break;
+        }
+        ticks_agreeing += 1;
+        if ticked.tick.is_multiple_of(100) {
+            progress::show(&bar, replay.snapshot().time_s);
+        }
+    }
+    bar.finish_and_clear();
+    Ok(Report {
+        log: args.log.clone(),
+        scenario: replay.experiment().name.clone(),
+        version: replay.log().version().to_owned(),
+        simulated_s: replay.snapshot().time_s,
+        ticks_agreeing,
+        torn: replay.log().torn().map(str::to_owned),
+        first_difference,
+    })
+}
+
+/// Another version may simulate otherwise.
+pub(super) fn warn_of_version(replay: &Replay) {
+    let (theirs, ours) = (replay.log().version(), env!("CARGO_PKG_VERSION"));
+    if theirs != ours {
+        tracing::warn!(
+            "the log was written by version {theirs}, and this is {ours}: it may simulate otherwise"
+        );
+    }
+}
+
+/// A log that cannot be used is bad input.
+pub(super) fn failure(error: ReplayError) -> Failure {
+    Failure::bad_input(error)
+}
+
+fn first(replay: &mut Replay, ticked: Ticked) -> Result<FirstDifference, Failure> {
+    let time_s = replay.snapshot().time_s;
+    let found = replay.differences().map_err(failure)?;
+    let (compared_at_tick, vehicles) = match found {
+        Some(Differences { tick, vehicles }) => (Some(tick), vehicles),
+        None => (None, Vec::new()),
+    };
+    let name = |id| replay.snapshot().info(id).map(|info| info.name.clone()).unwrap_or_default();
+    let vehicles = vehicles.into_iter().map(|found| DifferentVehicle {
+        id: found.vehicle.0,
+        name: name(found.vehicle),
+        apart_m: found.apart_m,
+    });
+    Ok(FirstDifference {
+        tick: ticked.tick,
+        time_s,
+        recorded: format!("{:016x}", ticked.recorded),
+        simulated: format!("{:016x}", ticked.simulated),
+        compared_at_tick,
+        vehicles: vehicles.collect(),
+    })
+}
+
+fn print(report: &Report) -> Result<(), Failure> {
+    if let Some(why) = &report.torn {
+        say(format_args!(
+            "{}: the log has no end: {why}; read up to its last whole record",
+            report.log.display()
+        ))?;
+    }
+    say(format_args!(
+        "{}: {} ticks agree, {:.2} s simulated again from the commands",
+        report.scenario, report.ticks_agreeing, report.simulated_s
+    ))?;
+    let Some(first) = &report.first_difference else { return Ok(()) };
+    say(format_args!(
+        "tick {} ({:.2} s) differs: state {} in the log, {} simulated again",
+        first.tick, first.time_s, first.recorded, first.simulated
+    ))?;
+    let Some(tick) = first.compared_at_tick else {
+        return say("no snapshot follows in the log: which vehicles differ cannot be told");
+    };
+    if first.vehicles.is_empty() {
+        return say(format_args!("at tick {tick} no vehicle differs by as much as snapshots tell"));
+    }
+    for DifferentVehicle { id, name, apart_m } in &first.vehicles {
+        let how = match apart_m {
+            Some(apart_m) => format!("differs at tick {tick}, {apart_m:.6} m apart"),
+            None => format!("is there in only one of the two at tick {tick}"),
+        };
+        say(format_args!("vehicle {id} ({name}) {how}"))?;
+    }
+    Ok(())
+}
