@@ -102,10 +102,21 @@ fn mcap_tools_read_the_log_of_a_run() {
     let [first, last] = [0, 1].map(|end| &log["ends"][end]);
     assert_eq!((first["tick"].as_u64(), last["tick"].as_u64()), (Some(0), Some(300)));
     assert_eq!(last["state_hash"], summary["state_hash"]);
+    // Of every tick, the initial conditions among them; what vehicles were told, twice at 50 Hz.
+    let digests = log["digests"].as_array().unwrap();
+    let ticks: Vec<_> = digests.iter().filter_map(|digest| digest["tick"].as_u64()).collect();
+    assert_eq!(ticks, (0..=300).collect::<Vec<_>>());
+    assert_eq!((&digests[0], &digests[300]["state_hash"]), (&without_vehicles(first), &last["state_hash"]));
+    assert!(log["topics"]["/city3d/trajectory"].as_u64().unwrap() >= 280, "{}", log["topics"]);
     assert_eq!(log["metadata"]["city3d"]["seed"], "5");
     assert!(log["attachments"]["scenario.toml"].as_str().unwrap().contains("Two cars on a straight road"));
     assert!(log["attachments"]["map.dxf"].as_str().unwrap().contains("SECTION"));
     compare_with_table(&folder.join("vehicles.csv"), last);
+}
+
+/// Tick and digest of a snapshot.
+fn without_vehicles(snapshot: &Value) -> Value {
+    serde_json::json!({ "tick": snapshot["tick"], "state_hash": snapshot["state_hash"] })
 }
 
 /// The last rows of `vehicles.csv` are the last snapshot of the log.

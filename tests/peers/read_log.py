@@ -23,16 +23,18 @@ def snapshot(message):
 
 
 def with_ros2_support(path):
-    topics, snapshots, events = {}, [], []
+    topics, snapshots, events, digests = {}, [], [], []
     with open(path, "rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         for _schema, channel, _message, decoded in reader.iter_decoded_messages():
             topics[channel.topic] = topics.get(channel.topic, 0) + 1
             if channel.topic == "/city3d/snapshot":
                 snapshots.append(snapshot(decoded))
-            else:
+            elif channel.topic == "/city3d/event":
                 events.append({"kind": decoded.kind, **json.loads(decoded.json)})
-    return topics, [snapshots[0], snapshots[-1]], events
+            elif channel.topic == "/city3d/tick":
+                digests.append({"tick": decoded.tick, "state_hash": f"{decoded.state_hash:016x}"})
+    return topics, [snapshots[0], snapshots[-1]], events, digests
 
 
 def with_rosbags(path):
@@ -48,7 +50,7 @@ def with_rosbags(path):
 
 
 def contents(path):
-    topics, ends, events = with_ros2_support(path)
+    topics, ends, events, digests = with_ros2_support(path)
     if with_rosbags(path) != ends:
         raise SystemExit("mcap-ros2-support and rosbags read different snapshots")
     with open(path, "rb") as file:
@@ -59,6 +61,7 @@ def contents(path):
             "topics": topics,
             "ends": ends,
             "events": events,
+            "digests": digests,
             "attachments": {item.name: item.data.decode("utf-8", "replace")[:80] for item in reader.iter_attachments()},
             "metadata": {item.name: item.metadata for item in reader.iter_metadata()},
         }
