@@ -5,7 +5,7 @@ use crate::record::{Entry, LogReader, LoggedSnapshot, LoggedVehicle, NetworkComm
 use crate::scenario::Experiment;
 use crate::sim::World;
 use crate::snapshot::{FrameSnapshot, SimCommand, VehicleId};
-use crate::wire::{Action, Body, Build, Message};
+use crate::wire::{Action, Body, Message};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
@@ -178,14 +178,7 @@ fn commands_of(command: &NetworkCommand, experiment: &Experiment) -> Result<Vec<
             list.into_iter().map(|one| Message::Follow(one).into_command(experiment.scale)).collect()
         }
         Body::Setup { setup, .. } => {
-            let spec = match &setup.build {
-                Build::Spec(spec) => spec.as_ref().clone(),
-                Build::Type(name) => {
-                    let name = if name.is_empty() { "default" } else { name };
-                    let known = experiment.vehicle_types.get(name);
-                    known.cloned().ok_or_else(|| format!("vehicle type \"{name}\" is not defined"))?
-                }
-            };
+            let spec = setup.build.resolve(&experiment.vehicle_types)?;
             vec![SimCommand::Spawn(Box::new(setup.in_city(experiment.scale, spec)))]
         }
         Body::Remove { vehicle, .. } => vec![SimCommand::Remove(vehicle)],

@@ -1,37 +1,20 @@
 //! A run on its own thread: started, paused, stepped, reset, paced, driven by a person, and its log.
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
-use city3d::live::{Live, Moment, Options, Order, Phase, Speed};
+#[path = "support/live.rs"]
+mod support;
+
+use city3d::live::{Live, Options, Order, Phase, Speed};
 use city3d::record::read_commands;
 use city3d::runner::Run;
-use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d::snapshot::{FrameSnapshot, Pedals, SimCommand, Status, VehicleId};
 use std::path::Path;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
-
-fn roundabout(duration_s: f64) -> Arc<Experiment> {
-    let (text, library) = Library::scenario("roundabout").unwrap();
-    let overrides = Overrides { duration_s: Some(duration_s), ..Overrides::default() };
-    Arc::new(read_experiment("roundabout", &text, &library, overrides).unwrap())
-}
+use support::{roundabout, until};
 
 fn live(folder: Option<&Path>) -> Live {
     let options = Options { record: folder.map(Into::into), ..Options::default() };
     Live::new(roundabout(40.0), options).unwrap()
-}
-
-/// Waits until a moment is as it should be.
-fn until(live: &Live, what: &str, is_so: impl Fn(&Moment) -> bool) -> Arc<Moment> {
-    let start = Instant::now();
-    loop {
-        let moment = live.moment();
-        if is_so(&moment) {
-            return moment;
-        }
-        assert!(start.elapsed() < Duration::from_secs(60), "never came: {what}; now {moment:?}");
-        std::thread::sleep(Duration::from_millis(1));
-    }
 }
 
 /// The same run in lockstep, up to a tick.

@@ -3,25 +3,21 @@
 
 #[path = "support/link.rs"]
 mod link;
+#[path = "support/live.rs"]
+mod live;
 
-use city3d::live::{Live, Moment, Options, Order, Phase, Speed};
+use city3d::live::{Live, Options, Order, Phase, Speed};
 use city3d::record::{LogWriter, Origin, read_commands};
 use city3d::runner::Run;
-use city3d::scenario::{Experiment, Library, Overrides, read_experiment, shipped_scenarios};
+use city3d::scenario::shipped_scenarios;
 use city3d::snapshot::{Pedals, SimCommand, VehicleId};
 use link::{city3d, mainframe, root, serve};
+use live::{roundabout, until};
 use serde_json::Value;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
-
-fn roundabout(duration_s: f64) -> Arc<Experiment> {
-    let (text, library) = Library::scenario("roundabout").unwrap();
-    let overrides = Overrides { duration_s: Some(duration_s), ..Overrides::default() };
-    Arc::new(read_experiment("roundabout", &text, &library, overrides).unwrap())
-}
 
 /// Exit code, report and what was complained of.
 fn verify(log: &Path) -> (i32, Value, String) {
@@ -66,18 +62,6 @@ fn a_log_needs_no_other_file_and_keeps_what_the_command_line_changed() {
     assert_eq!((code, &report["ticks_agreeing"]), (0, &251.into()), "{said}");
     let models = city3d::record::LogReader::open(&log).unwrap().experiment().unwrap().models;
     assert!(models.files.contains_key("sedan.glb"));
-}
-
-fn until(live: &Live, what: &str, is_so: impl Fn(&Moment) -> bool) -> Arc<Moment> {
-    let start = Instant::now();
-    loop {
-        let moment = live.moment();
-        if is_so(&moment) {
-            return moment;
-        }
-        assert!(start.elapsed() < Duration::from_secs(120), "never came: {what}; now {moment:?}");
-        std::thread::sleep(Duration::from_millis(1));
-    }
 }
 
 #[test]

@@ -13,6 +13,10 @@ type Cells = BTreeMap<[i32; 2], Mesh>;
 /// What the ground has of some surfaces, cut along the edges of cells: the levels of each cell. What comes later in
 /// the ground lies on top, and is drawn first, so that nothing is shaded under it.
 pub(super) fn cut(ground: &[Object], of: &dyn Fn(Surface) -> bool) -> Vec<Vec<Level>> {
+    // Levels of what has other surfaces alone would be this one's cut again.
+    let has = |mesh: &Mesh| mesh.indices.iter().any(|&k| of(mesh.vertices[k as usize].finish.surface));
+    let ground: Vec<&Object> =
+        ground.iter().filter(|object| object.levels.first().is_some_and(|level| has(&level.mesh))).collect();
     let mut errors: Vec<f32> = ground.iter().flat_map(|o| &o.levels).map(|level| level.error_m).collect();
     errors.sort_by(f32::total_cmp);
     errors.dedup();

@@ -4,6 +4,7 @@ use super::bytes::{Reader, Writer};
 use super::{DecodeError, EncodeError, Fault, LARGEST_M, LARGEST_MPS, LARGEST_RAD};
 use crate::geom::{LengthScale, Pose2};
 use crate::snapshot::{Appearance, BodyType, Drive, ModelKind, Setup, TorquePoint, VehicleId, VehicleSpec};
+use std::collections::BTreeMap;
 
 /// Names are at most so long, in bytes.
 pub const LONGEST_NAME: usize = 64;
@@ -27,6 +28,24 @@ pub enum Build {
     Type(String),
     /// Figure by figure, full scale.
     Spec(Box<VehicleSpec>),
+}
+
+impl Build {
+    /// The specification that it names, out of those of the scenario's vehicle types.
+    ///
+    /// # Errors
+    /// Where there is no type of its name; says which there are.
+    pub fn resolve(&self, types: &BTreeMap<String, VehicleSpec>) -> Result<VehicleSpec, String> {
+        match self {
+            Self::Spec(spec) => Ok(VehicleSpec::clone(spec)),
+            Self::Type(name) => {
+                let known = || types.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
+                let name = if name.is_empty() { "default" } else { name };
+                let unknown = || format!("vehicle type \"{name}\" is not defined; there are {}", known());
+                types.get(name).cloned().ok_or_else(unknown)
+            }
+        }
+    }
 }
 
 /// What brings a vehicle into the city. Laboratory metres, but for the build.

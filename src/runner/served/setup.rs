@@ -89,16 +89,7 @@ impl Served {
     }
 
     fn spec_of(&self, setup: &VehicleSetup) -> Result<VehicleSpec, String> {
-        let spec = match &setup.build {
-            Build::Spec(spec) => VehicleSpec::clone(spec),
-            Build::Type(name) => {
-                let types = &self.experiment().vehicle_types;
-                let known = || types.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
-                let name = if name.is_empty() { "default" } else { name };
-                let unknown = || format!("vehicle type \"{name}\" is not defined; there are {}", known());
-                types.get(name).cloned().ok_or_else(unknown)?
-            }
-        };
+        let spec = setup.build.resolve(&self.experiment().vehicle_types)?;
         match spec.validate().first() {
             Some(error) => Err(error.to_string()),
             None => Ok(spec),
