@@ -17,6 +17,8 @@ pub mod record;
 #[cfg(feature = "render")]
 pub mod render;
 pub mod replay;
+#[cfg(feature = "ros")]
+pub mod ros;
 pub mod runner;
 pub mod scenario;
 pub mod sensor;

@@ -1,9 +1,13 @@
 //! `city3d mainframe`: the control framework in a process of its own, as in the laboratory.
 
 use super::files::{Files, LogArgs, conclude, folder_of};
+#[cfg(feature = "ros")]
+use super::ros::{RosArgs, subjects_of};
 use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
 use crate::link::{Client, Heard, read_key};
+#[cfg(feature = "ros")]
+use crate::link::{feedback::ViconFeedback, vicon::Vicon};
 use crate::record::Origin;
 use crate::runner::{Control, SeenCity};
 use crate::scenario::{Experiment, PlannedVehicle};
@@ -26,6 +30,9 @@ pub struct MainframeArgs {
     /// Where the city is served
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:9870")]
     city: String,
+    #[cfg(feature = "ros")]
+    #[command(flatten)]
+    ros: RosArgs,
     /// Folder for run.mcap, vehicles.csv and summary.json, as seen from here; without it nothing is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -80,6 +87,9 @@ struct Remote<'a> {
     /// The barrier behind them, in lockstep.
     barrier: Option<Body>,
     is_over: bool,
+    /// Poses over ROS, in place of the city's own.
+    #[cfg(feature = "ros")]
+    vicon: Option<ViconFeedback>,
 }
 
 /// Poses as they come in, of several ticks where the network has mixed them up.
@@ -116,6 +126,8 @@ impl<'a> Remote<'a> {
         Ok(Self {
             args,
             client,
+            #[cfg(feature = "ros")]
+            vicon: vicon_of(args, &experiment)?,
             control: Control::new(&experiment).map_err(Failure::bad_input)?,
             city: SeenCity::new(Arc::clone(&experiment)),
             experiment,
@@ -137,6 +149,11 @@ impl<'a> Remote<'a> {
             self.client.send(&Body::Hello { token: 0 });
             if let Some(Heard::Body(Body::Clock(clock))) = self.client.receive(Duration::from_millis(200)) {
                 self.check(&clock)?;
+                if clock.is_lockstep && self.sees_by_itself() {
+                    return Err(Failure::bad_input(
+                        "lockstep needs the city's own poses: leave --ros out here, or --lockstep there",
+                    ));
+                }
                 return Ok(Some(clock));
             }
             if !has_said && begun.elapsed() > Duration::from_secs(1) {
@@ -172,9 +189,9 @@ impl<'a> Remote<'a> {
         while !ends.load(Ordering::Relaxed) && !self.is_over {
             if renewed.elapsed() > RENEW {
                 renewed = Instant::now();
-                self.client.send(&subscription(0));
+                self.subscribe();
             }
-            match self.client.receive(AGAIN) {
+            match self.receive() {
                 Some(Heard::Restarted) => {
                     tracing::warn!("the city has been restarted");
                     return Ok(());
@@ -204,12 +221,35 @@ impl<'a> Remote<'a> {
                         }
                         (heard, is_away) = (Instant::now(), true);
                         self.client.probe();
-                        self.client.send(&subscription(0));
+                        self.subscribe();
                     }
                 }
             }
         }
         Ok(())
+    }
+
+    /// Whether poses come from elsewhere than the city.
+    fn sees_by_itself(&self) -> bool {
+        #[cfg(feature = "ros")]
+        return self.vicon.is_some();
+        #[cfg(not(feature = "ros"))]
+        false
+    }
+
+    fn subscribe(&mut self) {
+        if !self.sees_by_itself() {
+            self.client.send(&subscription(0));
+        }
+    }
+
+    /// The next thing that is heard of the city.
+    fn receive(&mut self) -> Option<Heard> {
+        #[cfg(feature = "ros")]
+        if let Some(vicon) = &mut self.vicon {
+            return vicon.receive(&mut self.client);
+        }
+        self.client.receive(AGAIN)
     }
 
     /// Asks until it is answered; `None` where the city has been restarted meanwhile, or it shall end.
@@ -258,7 +298,7 @@ impl<'a> Remote<'a> {
                 Some(_) => {}
             }
         }
-        let is_done = self.ask(ends, "the subscription", subscription)?.is_some();
+        let is_done = self.sees_by_itself() || self.ask(ends, "the subscription", subscription)?.is_some();
         say(format_args!("{} vehicles in the city at {}", experiment.vehicles.len(), self.args.city))?;
         Ok(is_done)
     }
@@ -362,6 +402,16 @@ impl<'a> Remote<'a> {
             }
         }
     }
+}
+
+/// The poses of an experiment's vehicles over ROS, where they are asked for.
+#[cfg(feature = "ros")]
+fn vicon_of(args: &MainframeArgs, experiment: &Experiment) -> Result<Option<ViconFeedback>, Failure> {
+    let heard = subjects_of(experiment);
+    let Some(options) = args.ros.options("/city3d_mainframe", false, heard)? else { return Ok(None) };
+    let vicon = Vicon::start(options).map_err(Failure::bad_input)?;
+    let per_control = experiment.rates.ticks_per_control();
+    Ok(Some(ViconFeedback::new(vicon, experiment.vehicles.len(), per_control)))
 }
 
 fn subscription(request: u32) -> Body {

@@ -13,6 +13,8 @@ mod look;
 mod mainframe;
 mod progress;
 mod replay;
+#[cfg(feature = "ros")]
+mod ros;
 mod run;
 mod say;
 mod serve;

@@ -1,12 +1,14 @@
 //! `city3d serve`: the city alone, driven over the laboratory's link.
 
 use super::files::{Files, LogArgs, conclude, folder_of};
+#[cfg(feature = "ros")]
+use super::ros::{Poses, RosArgs};
 use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
 use crate::link::{Allowed, Inbound, Origin, Server, ServerOptions, read_key};
 use crate::live::Clock;
 use crate::record::{NetworkCommand, Origin as LogOrigin};
-use crate::runner::{Applied, LinkSummary, Rules, Served};
+use crate::runner::{Applied, LinkSummary, RosSummary, Rules, Served};
 use crate::snapshot::FrameSnapshot;
 use crate::wire::{Body, Outcome};
 use clap::Args;
@@ -44,6 +46,13 @@ pub struct ServeArgs {
     /// Times real time
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = super::pace)]
     speed: f64,
+    #[cfg(feature = "ros")]
+    #[command(flatten)]
+    ros: RosArgs,
+    /// Over ROS, simulated time: on /clock and in the stamps
+    #[cfg(feature = "ros")]
+    #[arg(long, requires = "ros")]
+    ros_clock: bool,
     /// Without a window
     #[arg(long)]
     headless: bool,
@@ -100,6 +109,8 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
         begun: Instant::now(),
         let_go_s: 0.0,
         duration,
+        #[cfg(feature = "ros")]
+        ros: Poses::start(&args.ros, args.ros_clock)?,
     };
     serving.serve(&ends)?;
     serving.conclude()
@@ -132,6 +143,8 @@ struct Serving<'a> {
     let_go_s: f64,
     /// Ticks after which it ends.
     duration: Option<u64>,
+    #[cfg(feature = "ros")]
+    ros: Option<Poses>,
 }
 
 impl Serving<'_> {
@@ -301,13 +314,27 @@ impl Serving<'_> {
 
     fn figures(&self) -> LinkSummary {
         let (received, used, dropped, missing) = self.server.figures();
-        LinkSummary { received, used, missing, dropped, let_go_s: self.let_go_s }
+        LinkSummary { received, used, missing, dropped, let_go_s: self.let_go_s, ros: self.ros_figures() }
+    }
+
+    #[cfg(feature = "ros")]
+    fn ros_figures(&self) -> Option<RosSummary> {
+        self.ros.as_ref().map(Poses::figures)
+    }
+
+    #[cfg(not(feature = "ros"))]
+    fn ros_figures(&self) -> Option<RosSummary> {
+        None
     }
 
     /// Sends the present poses to those who have asked for them.
     fn publish(&mut self) {
         let (now, tick) = (Instant::now(), self.snapshot().tick);
         self.told = now;
+        #[cfg(feature = "ros")]
+        if let Some(ros) = &mut self.ros {
+            ros.publish(self.served.snapshot(), self.served.experiment().scale);
+        }
         self.subscribers.retain(|subscriber| subscriber.until > now);
         if self.subscribers.is_empty() {
             return;

@@ -2,9 +2,13 @@
 //! mean is told by [`wire`](crate::wire), what becomes of them by [`runner`](crate::runner).
 
 mod client;
+#[cfg(feature = "ros")]
+pub mod feedback;
 mod key;
 mod senders;
 mod server;
+#[cfg(feature = "ros")]
+pub mod vicon;
 mod window;
 
 pub use client::{Client, Heard};

@@ -1,0 +1,100 @@
+//! Poses over ROS: the options of commands, and what a city publishes.
+
+use super::Failure;
+use crate::geom::LengthScale;
+use crate::link::vicon::{Subject, Vicon, ViconFigures, ViconOptions};
+use crate::ros::{BindAddress, MasterUri, NodeOptions};
+use crate::runner::RosSummary;
+use crate::scenario::{Experiment, PlannedVehicle};
+use crate::snapshot::{FrameSnapshot, VehicleInfo};
+use crate::wire::Measurement;
+use clap::Args;
+use std::sync::Arc;
+
+/// Poses over ROS, as VICON publishes them.
+#[derive(Clone, Debug, Args)]
+pub struct RosArgs {
+    /// Poses over ROS 1 as of VICON; without a master's address by ROS_MASTER_URI, or on this machine
+    #[arg(long, value_name = "MASTER_URI", num_args = 0..=1, require_equals = true)]
+    ros: Option<Option<MasterUri>>,
+    /// Address that the ROS node listens on, 0.0.0.0 for all; ROS_IP or ROS_HOSTNAME, or this machine alone
+    #[arg(long, value_name = "IP", requires = "ros")]
+    ros_bind: Option<BindAddress>,
+    /// Name of the ROS node, instead of the command's
+    #[arg(long, value_name = "NAME", requires = "ros", value_parser = node_name)]
+    ros_name: Option<String>,
+}
+
+fn node_name(text: &str) -> Result<String, String> {
+    let bare = text.trim_start_matches('/');
+    let is_one = bare.starts_with(|c: char| c.is_ascii_alphabetic())
+        && bare.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '_' | '/'));
+    is_one
+        .then(|| format!("/{bare}"))
+        .ok_or_else(|| "letters, digits and _ are needed, a letter first".to_owned())
+}
+
+impl RosArgs {
+    /// What a node is set up with, where ROS is asked for; its name unless told otherwise.
+    pub fn options(
+        &self,
+        name: &str,
+        has_clock: bool,
+        heard: Vec<Subject>,
+    ) -> Result<Option<ViconOptions>, Failure> {
+        let Some(named) = &self.ros else { return Ok(None) };
+        let master = named.clone().map_or_else(MasterUri::of_environment, Ok).map_err(Failure::bad_input)?;
+        let name = self.ros_name.clone().unwrap_or_else(|| name.to_owned());
+        let node = NodeOptions { name, master, bind: self.ros_bind };
+        Ok(Some(ViconOptions { node, has_clock, heard }))
+    }
+}
+
+/// The vehicles of an experiment, as VICON knows them.
+pub fn subjects_of(experiment: &Experiment) -> Vec<Subject> {
+    let subject = |planned: &PlannedVehicle| Subject { vehicle: planned.id, name: planned.name.clone() };
+    experiment.vehicles.iter().map(subject).collect()
+}
+
+/// The poses that a city publishes.
+#[derive(Debug)]
+pub struct Poses {
+    vicon: Vicon,
+    roster: Arc<Vec<VehicleInfo>>,
+    subjects: Arc<Vec<Subject>>,
+}
+
+impl Poses {
+    /// A node, where one is asked for.
+    pub fn start(args: &RosArgs, has_clock: bool) -> Result<Option<Self>, Failure> {
+        let Some(options) = args.options("/city3d", has_clock, Vec::new())? else { return Ok(None) };
+        let vicon = Vicon::start(options).map_err(Failure::bad_input)?;
+        Ok(Some(Self { vicon, roster: Arc::default(), subjects: Arc::default() }))
+    }
+
+    /// Hands over the poses of an instant, and never waits.
+    pub fn publish(&mut self, snapshot: &FrameSnapshot, scale: LengthScale) {
+        if !Arc::ptr_eq(&self.roster, &snapshot.roster) {
+            self.roster = Arc::clone(&snapshot.roster);
+            let subject = |info: &VehicleInfo| Subject { vehicle: info.id, name: info.name.clone() };
+            self.subjects = Arc::new(self.roster.iter().map(subject).collect());
+        }
+        let poses = Measurement::all(snapshot, scale).collect();
+        self.vicon.publish(snapshot.time_s, &self.subjects, poses);
+    }
+
+    pub fn figures(&self) -> RosSummary {
+        summary(self.vicon.figures())
+    }
+}
+
+pub fn summary(figures: ViconFigures) -> RosSummary {
+    RosSummary {
+        published: figures.published,
+        dropped: figures.dropped,
+        dropped_for_slow: figures.slow,
+        heard: figures.heard,
+        master_is_there: figures.is_registered,
+        master_returns: figures.returns,
+    }
+}
