@@ -24,6 +24,7 @@ pub mod scenario;
 pub mod sensor;
 pub mod sim;
 pub mod snapshot;
+pub mod testbed;
 #[cfg(feature = "window")]
 pub mod ui;
 pub mod vehicle;

@@ -4,120 +4,25 @@
 
 #[path = "support/link.rs"]
 mod link;
+#[path = "support/ros.rs"]
+mod ros;
 
 use link::{Process, city3d, events, mainframe, serve, summary};
+use ros::{Ros, has_peers, number};
 use std::io::{BufRead, BufReader, Read};
-use std::net::{TcpListener, TcpStream};
-use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 /// A vehicle of the scenario `roundabout`.
 const CAR: &str = "/vicon/path1_a/path1_a";
 
-/// Whether the peers are there; without them a test is skipped loudly, and fails in CI.
-fn has_peers() -> bool {
-    let is_there = |name: &str| {
-        Command::new("sh").args(["-c", &format!("command -v {name}")]).output().unwrap().status.success()
-    };
-    let missing: Vec<&str> =
-        ["roscore", "rostopic", "rosnode", "rosbag"].into_iter().filter(|name| !is_there(name)).collect();
-    if !missing.is_empty() {
-        let told = format!("{missing:?} are not installed: run scripts/test.sh");
-        assert!(std::env::var_os("CI").is_none(), "ROS cannot be tested: {told}");
-        eprintln!("SKIPPED: {told}");
-    }
-    missing.is_empty()
-}
-
-/// A ROS master of this test and what is asked of it.
-struct Ros<'a> {
-    port: u16,
-    folder: &'a Path,
-}
-
-impl<'a> Ros<'a> {
-    /// On a port that is free.
-    fn new(folder: &'a Path) -> Self {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        Self { port, folder }
-    }
-
-    fn uri(&self) -> String {
-        format!("http://127.0.0.1:{}", self.port)
-    }
-
-    fn command(&self, program: &str) -> Command {
-        let mut command = Command::new(program);
-        command.current_dir(self.folder).env("ROS_MASTER_URI", self.uri()).env("ROS_IP", "127.0.0.1");
-        command.env("ROS_HOME", self.folder).env("ROS_LOG_DIR", self.folder.join("log"));
-        command.env("PYTHONUNBUFFERED", "1").env_remove("ROS_HOSTNAME");
-        command.stdout(Stdio::piped()).stderr(Stdio::piped());
-        command
-    }
-
-    fn core(&self) -> Core {
-        let mut command = self.command("roscore");
-        command.args(["-p", &self.port.to_string()]).stdout(Stdio::null()).stderr(Stdio::null());
-        let core = Core(command.spawn().unwrap());
-        let begun = Instant::now();
-        while TcpStream::connect(("127.0.0.1", self.port)).is_err() {
-            assert!(begun.elapsed() < Duration::from_secs(60), "roscore does not begin");
-            std::thread::sleep(Duration::from_millis(50));
-        }
-        core
-    }
-
-    /// What a program prints; it is ended when that takes too long.
-    fn ask(&self, program: &str, arguments: &[&str]) -> Output {
-        let output = self.command("timeout").args(["60", program]).args(arguments).output().unwrap();
-        assert!(output.status.success(), "{program} {arguments:?}: {output:?}");
-        output
-    }
-
-    /// Lines that a program prints.
-    fn lines(&self, program: &str, arguments: &[&str]) -> Vec<String> {
-        let text = String::from_utf8(self.ask(program, arguments).stdout).unwrap();
-        text.lines().map(str::to_owned).collect()
-    }
-
-    /// Rows of `rostopic echo -p`, without their head.
-    fn rows(&self, arguments: &[&str]) -> Vec<Vec<String>> {
-        let output = self.ask("rostopic", &[&["echo", "-p"], arguments].concat());
-        let text = String::from_utf8(output.stdout).unwrap();
-        let lines = text.lines().filter(|line| !line.starts_with('%'));
-        lines.map(|line| line.split(',').map(str::to_owned).collect()).collect()
-    }
-
-    /// A city that publishes under this master, and who drives in it.
-    fn city(&self, clock: &[&str]) -> (Process, Process) {
-        let ros = format!("--ros={}", self.uri());
-        let rest = ["roundabout", &ros, "--duration", "600", "--csv-hz", "100", "--out", "served"];
-        let city = serve(&[&rest, clock].concat(), self.folder);
-        let far = mainframe(&city.address, &["roundabout", "--duration", "600"], self.folder);
-        (city, far)
-    }
-}
-
-/// A `roscore`, ended as by Ctrl-C: it ends its own processes.
-struct Core(Child);
-
-impl Drop for Core {
-    fn drop(&mut self) {
-        // One that has ended already is no fault here.
-        let _ = Command::new("kill").args(["-INT", &self.0.id().to_string()]).status();
-        let begun = Instant::now();
-        while self.0.try_wait().is_ok_and(|ended| ended.is_none()) {
-            if begun.elapsed() > Duration::from_secs(30) {
-                let _ = self.0.kill();
-            }
-            std::thread::sleep(Duration::from_millis(20));
-        }
-    }
-}
-
-fn number(text: &str) -> f64 {
-    text.parse().unwrap_or_else(|_| panic!("{text:?} is no number"))
+/// A city that publishes under a master, and who drives in it.
+fn city(ros: &Ros<'_>, clock: &[&str]) -> (Process, Process) {
+    let uri = format!("--ros={}", ros.uri());
+    let rest = ["roundabout", &uri, "--duration", "600", "--csv-hz", "100", "--out", "served"];
+    let city = serve(&[&rest, clock].concat(), ros.folder);
+    let far = mainframe(&city.address, &["roundabout", "--duration", "600"], ros.folder);
+    (city, far)
 }
 
 #[test]
@@ -128,7 +33,7 @@ fn poses_come_at_the_rate_of_physics_in_laboratory_metres() {
     let folder = tempfile::tempdir().unwrap();
     let ros = Ros::new(folder.path());
     let _core = ros.core();
-    let (mut city, far) = ros.city(&["--ros-clock"]);
+    let (mut city, far) = city(&ros, &["--ros-clock"]);
 
     // Every tick has its message, by count and stamp, however slow the machine is.
     let poses = ros.rows(&["-n", "300", CAR]);
@@ -191,7 +96,7 @@ fn rostopic_measures_the_rate_of_physics() {
     let folder = tempfile::tempdir().unwrap();
     let ros = Ros::new(folder.path());
     let _core = ros.core();
-    let (_city, _far) = ros.city(&[]);
+    let (_city, _far) = city(&ros, &[]);
     let mut hz = ros.command("rostopic").args(["hz", "-w", "300", CAR]).spawn().unwrap();
     let mut lines = BufReader::new(hz.stdout.take().unwrap()).lines().map_while(Result::ok);
     // A machine that is busy for a while measures something else for a while.
@@ -215,7 +120,7 @@ fn a_master_may_come_late_and_go_and_come_again() {
     }
     let folder = tempfile::tempdir().unwrap();
     let ros = Ros::new(folder.path());
-    let (mut city, _far) = ros.city(&["--ros-clock"]);
+    let (mut city, _far) = city(&ros, &["--ros-clock"]);
     let first = || -> [f64; 2] {
         let rows = ros.rows(&["-n", "1", CAR]);
         [1, 2].map(|column| number(&rows[0][column]))
@@ -251,7 +156,7 @@ fn who_misbehaves_holds_nobody_up() {
     let folder = tempfile::tempdir().unwrap();
     let ros = Ros::new(folder.path());
     let _core = ros.core();
-    let (mut city, _far) = ros.city(&["--ros-clock"]);
+    let (mut city, _far) = city(&ros, &["--ros-clock"]);
     let before = ros.rows(&["-n", "1", CAR]);
     let script = link::root().join("tests/peers/ros_strangers.py");
     // The system's Python has the packages of ROS, whichever comes first in PATH.

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 
 /// File, line and column of its first fault, and words that its message has.
 const CORPUS: &[(&str, usize, usize, &str)] = &[
+    ("address_of_nothing", 5, 11, "write a UDP address as \"192.168.1.21:9901\""),
     ("bend_too_tight", 8, 9, "a larger steering_limit_deg or a shorter wheelbase_m"),
     ("binary_junk", 2, 118, "not UTF-8 text; save the file as UTF-8"),
     ("disconnected_route", 6, 19, "\"south\" to lane \"north\"; name lanes that lie on one way"),
@@ -29,7 +30,9 @@ const CORPUS: &[(&str, usize, usize, &str)] = &[
     ("many_faults", 1, 1, "name is missing: a short name of the experiment"),
     ("map_is_folder", 3, 7, "ids3c; give the path of a file or one of these names"),
     ("map_missing", 3, 7, "ids3c; give the path of a file or one of these names"),
+    ("body_of_neither_kind", 4, 8, "virtual"),
     ("name_for_no_topic", 4, 8, "a letter first: it becomes part of a ROS topic"),
+    ("subject_for_no_topic", 5, 11, "a letter first: it is part of a ROS topic"),
     ("name_missing", 1, 1, "name is missing: a short name of the experiment"),
     ("negative_place", 6, 8, "at_m is -0.5; it must be a number between 0 and 1000"),
     ("negative_seed", 3, 8, "must be a whole number between 0 and 9223372036854775807"),

@@ -5,13 +5,16 @@ use super::files::{Files, LogArgs, conclude, folder_of};
 use super::ros::{RosArgs, subjects_of};
 use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
-use crate::link::{Client, Heard, read_key};
+use crate::link::{Client, Heard, Laboratory, read_key};
 #[cfg(feature = "ros")]
 use crate::link::{feedback::ViconFeedback, vicon::Vicon};
 use crate::record::Origin;
 use crate::runner::{Control, SeenCity};
 use crate::scenario::{Experiment, PlannedVehicle};
-use crate::wire::{Action, Body, Build, Clock, Outcome, Phase, Poses, Seen, VehicleSetup, pack};
+use crate::snapshot::Status;
+use crate::wire::{
+    Action, Body, Build, Clock, Message, Outcome, Phase, Poses, Seal, Seen, VehicleSetup, pack,
+};
 use clap::Args;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -56,9 +59,10 @@ const RENEW: Duration = Duration::from_secs(2);
 pub fn mainframe(args: &MainframeArgs) -> Result<(), Failure> {
     let experiment = load::experiment(&args.scenario)?;
     let seal = read_key(args.link.key.as_deref()).map_err(Failure::bad_input)?;
-    let client = Client::new(&args.city, args.link.world, seal).map_err(Failure::bad_input)?;
+    let client = Client::new(&args.city, args.link.world, seal.clone()).map_err(Failure::bad_input)?;
+    let laboratory = laboratory_of(&experiment, &seal)?;
     let ends = on_end()?;
-    let mut remote = Remote::new(args, Arc::clone(&experiment), client)?;
+    let mut remote = Remote::new(args, Arc::clone(&experiment), client, laboratory)?;
     while !remote.is_over && !ends.load(Ordering::Relaxed) {
         let Some(clock) = remote.greet(&ends)? else { break };
         remote.session(clock, &ends)?;
@@ -87,6 +91,10 @@ struct Remote<'a> {
     /// The barrier behind them, in lockstep.
     barrier: Option<Body>,
     is_over: bool,
+    /// Vehicles that get their trajectories at addresses of their own.
+    laboratory: Laboratory,
+    /// Since when they are waited for, and whether that has been said.
+    waiting: Option<(Instant, bool)>,
     /// Poses over ROS, in place of the city's own.
     #[cfg(feature = "ros")]
     vicon: Option<ViconFeedback>,
@@ -122,8 +130,15 @@ impl Gathered {
 }
 
 impl<'a> Remote<'a> {
-    fn new(args: &'a MainframeArgs, experiment: Arc<Experiment>, client: Client) -> Result<Self, Failure> {
+    fn new(
+        args: &'a MainframeArgs,
+        experiment: Arc<Experiment>,
+        client: Client,
+        laboratory: Laboratory,
+    ) -> Result<Self, Failure> {
         Ok(Self {
+            laboratory,
+            waiting: None,
             args,
             client,
             #[cfg(feature = "ros")]
@@ -191,6 +206,8 @@ impl<'a> Remote<'a> {
                 renewed = Instant::now();
                 self.subscribe();
             }
+            // Their poses come by motion capture or by the city.
+            self.laboratory.poll(&mut Vec::new());
             match self.receive() {
                 Some(Heard::Restarted) => {
                     tracing::warn!("the city has been restarted");
@@ -206,7 +223,11 @@ impl<'a> Remote<'a> {
                         tracing::warn!("the city has been reset");
                         return Ok(());
                     }
-                    if !is_old && let Some(vehicles) = gathered.take(&poses) {
+                    self.laboratory.tell_clock(clock_at(&clock, &poses));
+                    if !is_old
+                        && let Some(vehicles) = gathered.take(&poses)
+                        && self.is_complete(&poses, &vehicles)
+                    {
                         self.answer(&poses, &vehicles, clock.is_lockstep, ends)?;
                     }
                 }
@@ -277,6 +298,34 @@ impl<'a> Remote<'a> {
             }
         }
         Ok(None)
+    }
+
+    /// Whether all vehicles of the laboratory are seen, without which the experiment does not begin.
+    fn is_complete(&mut self, head: &Poses, vehicles: &[Seen]) -> bool {
+        if head.phase != Phase::Ready || self.laboratory.is_empty() {
+            return true;
+        }
+        // The city tells which it has seen; motion capture tells of those alone.
+        let sees_by_itself = self.sees_by_itself();
+        let is_there =
+            |status| if sees_by_itself { status != Status::Unseen } else { status == Status::Physical };
+        let is_seen = |id| vehicles.iter().any(|seen| seen.pose.vehicle == id && is_there(seen.status));
+        let missing: Vec<String> = self
+            .experiment
+            .physical()
+            .map(|(planned, _)| planned)
+            .filter(|planned| !is_seen(planned.id))
+            .map(|planned| format!("{} ({})", planned.id, planned.name))
+            .collect();
+        if missing.is_empty() {
+            return true;
+        }
+        let (since, has_said) = self.waiting.get_or_insert_with(|| (Instant::now(), false));
+        if !*has_said && since.elapsed() > PATIENCE {
+            *has_said = true;
+            tracing::warn!("waiting for the physical vehicles {}: nobody measures them", missing.join(", "));
+        }
+        false
     }
 
     /// Brings the vehicles into the city; `false` when that has to begin again.
@@ -355,6 +404,10 @@ impl<'a> Remote<'a> {
             return Ok(());
         }
         self.control.step(now, vehicles.iter().map(|seen| seen.pose), &mut delivered);
+        self.laboratory.send(delivered.iter().filter_map(|message| match message {
+            Message::Follow(trajectory) => Some(trajectory),
+            Message::Remove(_) => None,
+        }));
         self.batch.clear();
         for body in pack(delivered.into_iter()) {
             if let Some(prepared) = self.client.prepare(&body) {
@@ -412,6 +465,17 @@ fn vicon_of(args: &MainframeArgs, experiment: &Experiment) -> Result<Option<Vico
     let vicon = Vicon::start(options).map_err(Failure::bad_input)?;
     let per_control = experiment.rates.ticks_per_control();
     Ok(Some(ViconFeedback::new(vicon, experiment.vehicles.len(), per_control)))
+}
+
+/// The vehicles of the laboratory.
+fn laboratory_of(experiment: &Experiment, seal: &Seal) -> Result<Laboratory, Failure> {
+    let physical = experiment.physical().map(|(planned, physical)| (planned.id, physical.address.clone()));
+    Laboratory::new(physical, false, 0, seal).map_err(Failure::bad_input)
+}
+
+/// The clock of a city when it sent poses.
+fn clock_at(clock: &Clock, poses: &Poses) -> Clock {
+    Clock { token: 0, tick: poses.tick, time_s: poses.time_s, phase: poses.phase, ..*clock }
 }
 
 fn subscription(request: u32) -> Body {

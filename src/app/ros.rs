@@ -2,7 +2,7 @@
 
 use super::Failure;
 use crate::geom::LengthScale;
-use crate::link::vicon::{Subject, Vicon, ViconFigures, ViconOptions};
+use crate::link::vicon::{EPOCH_S, HeardPose, Subject, Vicon, ViconFigures, ViconOptions, wall_s};
 use crate::ros::{BindAddress, MasterUri, NodeOptions};
 use crate::runner::RosSummary;
 use crate::scenario::{Experiment, PlannedVehicle};
@@ -10,6 +10,7 @@ use crate::snapshot::{FrameSnapshot, VehicleInfo};
 use crate::wire::Measurement;
 use clap::Args;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Poses over ROS, as VICON publishes them.
 #[derive(Clone, Debug, Args)]
@@ -35,6 +36,10 @@ fn node_name(text: &str) -> Result<String, String> {
 }
 
 impl RosArgs {
+    pub fn is_asked_for(&self) -> bool {
+        self.ros.is_some()
+    }
+
     /// What a node is set up with, where ROS is asked for; its name unless told otherwise.
     pub fn options(
         &self,
@@ -52,24 +57,36 @@ impl RosArgs {
 
 /// The vehicles of an experiment, as VICON knows them.
 pub fn subjects_of(experiment: &Experiment) -> Vec<Subject> {
-    let subject = |planned: &PlannedVehicle| Subject { vehicle: planned.id, name: planned.name.clone() };
+    let name = |planned: &PlannedVehicle| match &planned.physical {
+        Some(physical) => physical.subject.clone(),
+        None => planned.name.clone(),
+    };
+    let subject = |planned: &PlannedVehicle| Subject { vehicle: planned.id, name: name(planned) };
     experiment.vehicles.iter().map(subject).collect()
+}
+
+/// Those of the laboratory alone.
+pub fn physical_subjects_of(experiment: &Experiment) -> Vec<Subject> {
+    let is_physical = |id| experiment.physical().any(|(planned, _)| planned.id == id);
+    subjects_of(experiment).into_iter().filter(|subject| is_physical(subject.vehicle)).collect()
 }
 
 /// The poses that a city publishes.
 #[derive(Debug)]
 pub struct Poses {
     vicon: Vicon,
+    /// Stamps are simulated time.
+    has_clock: bool,
     roster: Arc<Vec<VehicleInfo>>,
     subjects: Arc<Vec<Subject>>,
 }
 
 impl Poses {
     /// A node, where one is asked for.
-    pub fn start(args: &RosArgs, has_clock: bool) -> Result<Option<Self>, Failure> {
-        let Some(options) = args.options("/city3d", has_clock, Vec::new())? else { return Ok(None) };
+    pub fn start(args: &RosArgs, has_clock: bool, physical: Vec<Subject>) -> Result<Option<Self>, Failure> {
+        let Some(options) = args.options("/city3d", has_clock, physical)? else { return Ok(None) };
         let vicon = Vicon::start(options).map_err(Failure::bad_input)?;
-        Ok(Some(Self { vicon, roster: Arc::default(), subjects: Arc::default() }))
+        Ok(Some(Self { vicon, has_clock, roster: Arc::default(), subjects: Arc::default() }))
     }
 
     /// Hands over the poses of an instant, and never waits.
@@ -77,10 +94,24 @@ impl Poses {
         if !Arc::ptr_eq(&self.roster, &snapshot.roster) {
             self.roster = Arc::clone(&snapshot.roster);
             let subject = |info: &VehicleInfo| Subject { vehicle: info.id, name: info.name.clone() };
-            self.subjects = Arc::new(self.roster.iter().map(subject).collect());
+            // Of those that are measured others tell.
+            let simulated = self.roster.iter().filter(|info| info.model != "measured");
+            self.subjects = Arc::new(simulated.map(subject).collect());
         }
         let poses = Measurement::all(snapshot, scale).collect();
-        self.vicon.publish(snapshot.time_s, &self.subjects, poses);
+        let stamp_s = if self.has_clock { snapshot.time_s } else { wall_s() };
+        self.vicon.publish(stamp_s, &self.subjects, poses);
+    }
+
+    /// The next pose of a vehicle of the laboratory that has come, on a clock that shows this now.
+    pub fn next(&self, time_s: f64, is_running: bool) -> Option<Measurement> {
+        let HeardPose { pose, .. } = self.vicon.receive(Duration::ZERO)?;
+        let stamp_s = match is_running {
+            _ if pose.stamp_s < EPOCH_S => pose.stamp_s,
+            true => (time_s + pose.stamp_s - wall_s()).max(0.0),
+            false => time_s,
+        };
+        Some(Measurement { stamp_s, ..pose })
     }
 
     pub fn figures(&self) -> RosSummary {

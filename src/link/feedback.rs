@@ -1,7 +1,6 @@
-//! Pose feedback by VICON in place of the city's own: poses of one instant are put together, and put on the city's
-//! clock.
+//! Pose feedback by VICON in place of the city's own: the newest poses of all vehicles, put on the city's clock.
 
-use super::vicon::{Vicon, wall_s};
+use super::vicon::{EPOCH_S, Vicon, wall_s};
 use super::{Client, Heard};
 use crate::snapshot::{Status, VehicleId};
 use crate::wire::{Body, Clock, Measurement, Phase, Poses, Seen};
@@ -11,14 +10,13 @@ use std::time::{Duration, Instant};
 /// So often the city is asked for its clock, while it runs and while it stands.
 const ASK_RUNNING: Duration = Duration::from_millis(200);
 const ASK_STANDING: Duration = Duration::from_millis(20);
-/// Whoever has not come by then is not seen at this instant.
-const HOLD: Duration = Duration::from_millis(8);
+/// Poses of one instant come by several connections: so long the others are waited for.
+const HOLD: Duration = Duration::from_millis(2);
 /// Waits of one look for poses.
-const LOOK: Duration = Duration::from_millis(4);
-/// Instants that are put together at once.
-const MOST_INSTANTS: usize = 16;
-/// Stamps below are simulated seconds, those above seconds since the epoch.
-const EPOCH_S: f64 = 1e8;
+const LOOK: Duration = Duration::from_millis(2);
+/// A vehicle without a pose for so long counts as unseen, and after the second is forgotten.
+const UNSEEN_S: f64 = 0.25;
+const FORGOTTEN_S: f64 = 5.0;
 /// By so much a reading of the clock gets worse each second, against the time that a question takes.
 const AGEING: f64 = 0.01;
 
@@ -48,27 +46,23 @@ impl Reading {
     }
 }
 
-/// Poses of one stamp.
-#[derive(Debug)]
-struct Gathering {
-    begun: Instant,
-    poses: BTreeMap<VehicleId, Measurement>,
-}
-
 /// Listens to VICON for the poses of a city, and to the city for its clock.
 #[derive(Debug)]
 pub struct ViconFeedback {
     vicon: Vicon,
-    /// Vehicles that are waited for at each instant.
+    /// Vehicles that are expected.
     vehicles: usize,
     ticks_per_control: u64,
-    /// By stamp, in nanoseconds.
-    gathered: BTreeMap<u64, Gathering>,
+    /// On the city's clock.
+    newest: BTreeMap<VehicleId, Measurement>,
+    /// The newest instant that was not given yet, and when its first pose came.
+    coming: Option<(f64, Instant)>,
+    /// Time of the poses that were given last.
+    given_s: f64,
+    last_tick: u64,
     reading: Option<Reading>,
     /// The question that was asked last, and when.
     asked: (u64, Option<(Instant, f64)>),
-    /// Of the poses that were given last.
-    last_tick: u64,
 }
 
 impl ViconFeedback {
@@ -77,15 +71,13 @@ impl ViconFeedback {
             vicon,
             vehicles,
             ticks_per_control,
-            gathered: BTreeMap::new(),
+            newest: BTreeMap::new(),
+            coming: None,
+            given_s: 0.0,
+            last_tick: 0,
             reading: None,
             asked: (0, None),
-            last_tick: 0,
         }
-    }
-
-    pub fn vicon(&self) -> &Vicon {
-        &self.vicon
     }
 
     /// The next thing that comes from the city or from VICON, whose poses come as if the city had sent them.
@@ -99,25 +91,17 @@ impl ViconFeedback {
         let mut wait = LOOK;
         while let Some(heard) = self.vicon.receive(wait) {
             wait = Duration::ZERO;
-            let stamp_ns = (heard.pose.stamp_s * 1e9).round() as u64;
-            let begun = Instant::now();
-            let gathering =
-                self.gathered.entry(stamp_ns).or_insert_with(|| Gathering { begun, poses: BTreeMap::new() });
-            gathering.poses.insert(heard.pose.vehicle, heard.pose);
-            if gathering.poses.len() >= self.vehicles {
-                return self.give(stamp_ns);
-            }
+            self.take(heard.pose);
         }
-        let mut waiting = self.gathered.iter();
-        let due = waiting.find(|(_, gathering)| gathering.begun.elapsed() > HOLD).map(|(stamp, _)| *stamp);
-        let crowded = self.gathered.first_key_value().map(|(stamp, _)| *stamp);
-        due.or(crowded.filter(|_| self.gathered.len() > MOST_INSTANTS))
-            .and_then(|stamp_ns| self.give(stamp_ns))
+        self.give()
+    }
+
+    fn is_running(&self) -> bool {
+        self.reading.is_some_and(|reading| reading.clock.phase == Phase::Running)
     }
 
     fn ask(&mut self, client: &mut Client) {
-        let is_running = self.reading.is_some_and(|reading| reading.clock.phase == Phase::Running);
-        let every = if is_running { ASK_RUNNING } else { ASK_STANDING };
+        let every = if self.is_running() { ASK_RUNNING } else { ASK_STANDING };
         let (token, asked) = self.asked;
         if asked.is_none_or(|(when, _)| when.elapsed() >= every) {
             self.asked = (token + 1, Some((Instant::now(), wall_s())));
@@ -132,23 +116,48 @@ impl ViconFeedback {
         }
         let round_trip_s = when.elapsed().as_secs_f64();
         let reading = Reading { clock, wall_s: asked_s + round_trip_s / 2.0, round_trip_s };
+        if clock.phase == Phase::Ready {
+            // A reset: what was before it lies in the future now.
+            self.newest.retain(|_, pose| pose.stamp_s <= clock.time_s);
+            (self.given_s, self.last_tick) = (0.0, 0);
+        }
         if self.reading.is_none_or(|old| old.is_worse_than(&reading)) {
             self.reading = Some(reading);
         }
     }
 
-    /// Gives the poses of an instant, and forgets those before it.
-    fn give(&mut self, stamp_ns: u64) -> Option<Heard> {
-        let gathering = self.gathered.remove(&stamp_ns)?;
-        self.gathered.retain(|stamp, _| *stamp > stamp_ns);
-        let reading = self.reading?;
+    fn take(&mut self, pose: Measurement) {
+        let Some(reading) = self.reading else { return };
+        let time_s = reading.time_s(pose.stamp_s);
+        let pose = Measurement { stamp_s: time_s, ..pose };
+        let newest = self.newest.entry(pose.vehicle).or_insert(pose);
+        if time_s >= newest.stamp_s {
+            *newest = pose;
+        }
+        if time_s > self.given_s || !self.is_running() {
+            let (latest_s, begun) = self.coming.unwrap_or((time_s, Instant::now()));
+            self.coming = Some((latest_s.max(time_s), begun));
+        }
+    }
+
+    /// Gives the newest instant, once all vehicles have come or have been waited for.
+    fn give(&mut self) -> Option<Heard> {
+        let (reading, (time_s, begun)) = (self.reading?, self.coming?);
+        let is_whole =
+            self.newest.len() >= self.vehicles && self.newest.values().all(|pose| pose.stamp_s == time_s);
+        if !is_whole && begun.elapsed() < HOLD {
+            return None;
+        }
+        (self.coming, self.given_s) = (None, time_s);
         let Clock { physics_hz, phase, .. } = reading.clock;
-        let stamp_s = gathering.poses.values().next()?.stamp_s;
-        let time_s = reading.time_s(stamp_s);
         let tick = self.tick_at(time_s * f64::from(physics_hz));
-        let status = if phase == Phase::Running { Status::Driving } else { Status::Waiting };
-        let seen = |pose: Measurement| Seen { pose: Measurement { stamp_s: time_s, ..pose }, status };
-        let vehicles = gathering.poses.into_values().map(seen).collect();
+        self.newest.retain(|_, pose| time_s - pose.stamp_s < FORGOTTEN_S);
+        let status = |pose: &Measurement| match phase {
+            _ if time_s - pose.stamp_s > UNSEEN_S => Status::Unseen,
+            Phase::Running => Status::Driving,
+            Phase::Ready | Phase::Paused => Status::Waiting,
+        };
+        let vehicles = self.newest.values().map(|pose| Seen { pose: *pose, status: status(pose) }).collect();
         Some(Heard::Body(Body::Poses(Poses {
             tick,
             time_s,

@@ -5,6 +5,7 @@ mod client;
 #[cfg(feature = "ros")]
 pub mod feedback;
 mod key;
+mod laboratory;
 mod senders;
 mod server;
 #[cfg(feature = "ros")]
@@ -13,6 +14,7 @@ mod window;
 
 pub use client::{Client, Heard};
 pub use key::{KeyError, read_key};
+pub use laboratory::Laboratory;
 pub use senders::{Bucket, Origin, Senders, Told};
 pub use server::{Allowed, Inbound, Server, ServerOptions};
 pub use window::Window;

@@ -101,7 +101,6 @@ pub struct Vicon {
     frames: Option<broadcast::Sender<Frame>>,
     inbox: Arc<Inbox>,
     counts: Arc<Counts>,
-    has_clock: bool,
     seq: u32,
     stamp: Option<Time>,
     thread: NodeThread,
@@ -125,13 +124,13 @@ impl Vicon {
             publish(&node, coming, has_clock, &counted).await;
         };
         let thread = run(node, work)?;
-        Ok(Self { frames: Some(frames), inbox, counts, has_clock, seq: 0, stamp: None, thread })
+        Ok(Self { frames: Some(frames), inbox, counts, seq: 0, stamp: None, thread })
     }
 
-    /// Hands over the poses of an instant of simulated time, and never waits. Subjects without a pose are not
-    /// seen at that instant.
-    pub fn publish(&mut self, time_s: f64, subjects: &Arc<Vec<Subject>>, poses: Vec<Measurement>) {
-        let stamp = Time::of_seconds(if self.has_clock { time_s } else { wall_s() });
+    /// Hands over the poses of an instant, and never waits. Subjects without a pose are not seen then. The stamp
+    /// counts from the epoch or, where time is simulated, from its start.
+    pub fn publish(&mut self, stamp_s: f64, subjects: &Arc<Vec<Subject>>, poses: Vec<Measurement>) {
+        let stamp = Time::of_seconds(stamp_s);
         self.seq = self.seq.wrapping_add(1);
         let is_later = self.stamp.replace(stamp) != Some(stamp);
         let frame = Frame { seq: self.seq, stamp, is_later, subjects: Arc::clone(subjects), poses };
@@ -176,6 +175,9 @@ impl Drop for Vicon {
         self.thread.join();
     }
 }
+
+/// Stamps below are simulated seconds, those above seconds since the epoch.
+pub const EPOCH_S: f64 = 1e8;
 
 /// Seconds since the epoch.
 pub fn wall_s() -> f64 {
