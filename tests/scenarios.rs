@@ -104,7 +104,7 @@ const CORPUS: &[(&str, usize, usize, &str)] = &[
     ("unknown_key_in_sensor", 8, 1, "unknown key \"fov_deg\"; did you mean \"roll_deg\"?"),
     ("unknown_key_in_traffic", 5, 1, "are: driver, sensor, spread, start_speed_mps, types, vehicles"),
     ("unknown_key_in_type", 4, 1, "wheel_radius_m, wheelbase_m, width_m, yaw_inertia_factor"),
-    ("unknown_key_in_vehicle", 7, 1, "driver, id, model, name, route, sensor, shape, speed_mps, type"),
+    ("unknown_key_in_vehicle", 7, 1, "model, name, route, sensor, shape, speed_mps, subject, type"),
     ("unknown_lane", 5, 10, "did you mean \"main-boulevard/east/inner/1\"?"),
     ("unknown_model", 7, 9, "model is \"raycats\"; did you mean \"raycast\"?"),
     ("unknown_profile", 4, 11, "profile is \"perfect\"; there are: ideal, testbed"),

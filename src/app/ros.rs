@@ -2,7 +2,9 @@
 
 use super::Failure;
 use crate::geom::LengthScale;
-use crate::link::vicon::{EPOCH_S, HeardPose, Subject, Vicon, ViconFigures, ViconOptions, wall_s};
+use crate::link::vicon::{Carrier, EPOCH_S, HeardPose, Subject, Vicon, ViconFigures, ViconOptions, wall_s};
+#[cfg(feature = "rosbridge")]
+use crate::ros::BridgeUri;
 use crate::ros::{BindAddress, MasterUri, NodeOptions};
 use crate::runner::RosSummary;
 use crate::scenario::{Experiment, PlannedVehicle};
@@ -16,8 +18,12 @@ use std::time::Duration;
 #[derive(Clone, Debug, Args)]
 pub struct RosArgs {
     /// Poses over ROS 1 as of VICON; without a master's address by ROS_MASTER_URI, or on this machine
-    #[arg(long, value_name = "MASTER_URI", num_args = 0..=1, require_equals = true)]
+    #[arg(long, value_name = "MASTER_URI", num_args = 0..=1, require_equals = true, group = "carrier")]
     ros: Option<Option<MasterUri>>,
+    /// The same over rosbridge, for ROS 2 or across networks; without its address ws://127.0.0.1:9090
+    #[cfg(feature = "rosbridge")]
+    #[arg(long, value_name = "WS_URI", num_args = 0..=1, require_equals = true, group = "carrier")]
+    rosbridge: Option<Option<BridgeUri>>,
     /// Address that the ROS node listens on, 0.0.0.0 for all; ROS_IP or ROS_HOSTNAME, or this machine alone
     #[arg(long, value_name = "IP", requires = "ros")]
     ros_bind: Option<BindAddress>,
@@ -37,21 +43,34 @@ fn node_name(text: &str) -> Result<String, String> {
 
 impl RosArgs {
     pub fn is_asked_for(&self) -> bool {
+        #[cfg(feature = "rosbridge")]
+        return self.ros.is_some() || self.rosbridge.is_some();
+        #[cfg(not(feature = "rosbridge"))]
         self.ros.is_some()
     }
 
-    /// What a node is set up with, where ROS is asked for; its name unless told otherwise.
+    /// What carries the topics, where that is asked for.
+    fn carrier(&self, name: &str) -> Result<Option<Carrier>, Failure> {
+        #[cfg(feature = "rosbridge")]
+        if let Some(named) = &self.rosbridge {
+            let uri = named.clone().map_or_else(BridgeUri::usual, Ok).map_err(Failure::bad_input)?;
+            return Ok(Some(Carrier::Bridge(uri)));
+        }
+        let Some(named) = &self.ros else { return Ok(None) };
+        let master = named.clone().map_or_else(MasterUri::of_environment, Ok).map_err(Failure::bad_input)?;
+        let name = self.ros_name.clone().unwrap_or_else(|| name.to_owned());
+        Ok(Some(Carrier::Node(NodeOptions { name, master, bind: self.ros_bind })))
+    }
+
+    /// How poses go over ROS, where that is asked for; the node has this name unless told otherwise.
     pub fn options(
         &self,
         name: &str,
         has_clock: bool,
         heard: Vec<Subject>,
     ) -> Result<Option<ViconOptions>, Failure> {
-        let Some(named) = &self.ros else { return Ok(None) };
-        let master = named.clone().map_or_else(MasterUri::of_environment, Ok).map_err(Failure::bad_input)?;
-        let name = self.ros_name.clone().unwrap_or_else(|| name.to_owned());
-        let node = NodeOptions { name, master, bind: self.ros_bind };
-        Ok(Some(ViconOptions { node, has_clock, heard }))
+        let carrier = self.carrier(name)?;
+        Ok(carrier.map(|carrier| ViconOptions { carrier, has_clock, heard }))
     }
 }
 

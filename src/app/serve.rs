@@ -53,7 +53,7 @@ pub struct ServeArgs {
     ros: RosArgs,
     /// Over ROS, simulated time: on /clock and in the stamps
     #[cfg(feature = "ros")]
-    #[arg(long, requires = "ros")]
+    #[arg(long, requires = "carrier")]
     ros_clock: bool,
     /// Without a window
     #[arg(long)]

@@ -1,7 +1,9 @@
 //! Poses over ROS 1 as VICON's bridge publishes them, and those that others publish so.
 
+#[cfg(feature = "rosbridge")]
+use crate::ros::{BridgeUri, run_bridge};
 use crate::ros::{
-    Clock, Header, Node, NodeOptions, NodeThread, Quaternion, RosError, TfMessage, Time, Transform,
+    Clock, Header, NodeOptions, NodeThread, Quaternion, RosError, TfMessage, Time, Topics, Transform,
     TransformStamped, Vector3, run,
 };
 use crate::snapshot::VehicleId;
@@ -31,10 +33,19 @@ pub struct Subject {
     pub name: String,
 }
 
+/// What carries the topics.
+#[derive(Clone, Debug)]
+pub enum Carrier {
+    /// A node of ROS 1.
+    Node(NodeOptions),
+    #[cfg(feature = "rosbridge")]
+    Bridge(BridgeUri),
+}
+
 /// How poses are published and heard.
 #[derive(Clone, Debug)]
 pub struct ViconOptions {
-    pub node: NodeOptions,
+    pub carrier: Carrier,
     /// Simulated time on `/clock` and in the stamps, instead of the clock on the wall.
     pub has_clock: bool,
     /// Whose poses are listened to.
@@ -112,18 +123,16 @@ impl Vicon {
     /// # Errors
     /// When the node cannot be started.
     pub fn start(options: ViconOptions) -> Result<Self, RosError> {
-        let ViconOptions { node, has_clock, heard } = options;
+        let ViconOptions { carrier, has_clock, heard } = options;
         let (frames, coming) = broadcast::channel(QUEUE);
         let (counts, inbox) = (Arc::new(Counts::default()), Arc::new(Inbox::default()));
-        let (counted, filled) = (Arc::clone(&counts), Arc::clone(&inbox));
-        let work = move |node: Node| async move {
-            heard.into_iter().for_each(|subject| hear(&node, subject, &filled, &counted));
-            if has_clock {
-                node.advertise::<Clock>(CLOCK);
-            }
-            publish(&node, coming, has_clock, &counted).await;
+        let work =
+            Work { heard, has_clock, frames: coming, inbox: Arc::clone(&inbox), counts: Arc::clone(&counts) };
+        let thread = match carrier {
+            Carrier::Node(options) => run(options, move |node| work.live(node))?,
+            #[cfg(feature = "rosbridge")]
+            Carrier::Bridge(uri) => run_bridge(uri, move |bridge| work.live(bridge))?,
         };
-        let thread = run(node, work)?;
         Ok(Self { frames: Some(frames), inbox, counts, seq: 0, stamp: None, thread })
     }
 
@@ -188,39 +197,58 @@ fn topic(name: &str) -> String {
     format!("/vicon/{name}/{name}")
 }
 
-/// Publishes instants until no more can come.
-async fn publish(node: &Node, mut frames: Receiver<Frame>, has_clock: bool, counts: &Counts) {
-    let mut subjects: Arc<Vec<Subject>> = Arc::default();
-    loop {
-        match frames.recv().await {
-            Ok(frame) => {
-                if !Arc::ptr_eq(&subjects, &frame.subjects) {
-                    change(node, &subjects, &frame.subjects);
-                    subjects = Arc::clone(&frame.subjects);
+/// What is done on the thread that has the topics.
+struct Work {
+    heard: Vec<Subject>,
+    has_clock: bool,
+    frames: Receiver<Frame>,
+    inbox: Arc<Inbox>,
+    counts: Arc<Counts>,
+}
+
+impl Work {
+    /// Listens, and publishes instants until no more can come.
+    async fn live(mut self, topics: impl Topics) {
+        for subject in std::mem::take(&mut self.heard) {
+            hear(&topics, subject, &self.inbox, &self.counts);
+        }
+        if self.has_clock {
+            topics.advertise::<Clock>(CLOCK);
+        }
+        let mut subjects: Arc<Vec<Subject>> = Arc::default();
+        loop {
+            match self.frames.recv().await {
+                Ok(frame) => {
+                    if !Arc::ptr_eq(&subjects, &frame.subjects) {
+                        change(&topics, &subjects, &frame.subjects);
+                        subjects = Arc::clone(&frame.subjects);
+                    }
+                    publish_frame(&topics, &frame, self.has_clock);
+                    self.counts.published.fetch_add(1, Ordering::Relaxed);
                 }
-                publish_frame(node, &frame, has_clock);
-                counts.published.fetch_add(1, Ordering::Relaxed);
+                Err(RecvError::Lagged(frames)) => {
+                    self.counts.dropped.fetch_add(frames, Ordering::Relaxed);
+                }
+                Err(RecvError::Closed) => return,
             }
-            Err(RecvError::Lagged(frames)) => _ = counts.dropped.fetch_add(frames, Ordering::Relaxed),
-            Err(RecvError::Closed) => return,
         }
     }
 }
 
 /// Offers the topics of those who have come, and takes back those of who is gone.
-fn change(node: &Node, before: &[Subject], after: &[Subject]) {
+fn change(topics: &impl Topics, before: &[Subject], after: &[Subject]) {
     let names = |subjects: &[Subject]| subjects.iter().map(|subject| subject.name.clone()).collect();
     let (before, after): (BTreeSet<String>, BTreeSet<String>) = (names(before), names(after));
-    before.difference(&after).for_each(|name| node.retract(&topic(name)));
-    after.difference(&before).for_each(|name| node.advertise::<TransformStamped>(&topic(name)));
+    before.difference(&after).for_each(|name| topics.retract(&topic(name)));
+    after.difference(&before).for_each(|name| topics.advertise::<TransformStamped>(&topic(name)));
     if !after.is_empty() {
-        node.advertise::<TfMessage>(TF);
+        topics.advertise::<TfMessage>(TF);
     }
 }
 
-fn publish_frame(node: &Node, frame: &Frame, has_clock: bool) {
+fn publish_frame(topics: &impl Topics, frame: &Frame, has_clock: bool) {
     if has_clock {
-        node.publish(CLOCK, || Clock { clock: frame.stamp });
+        topics.publish(CLOCK, || Clock { clock: frame.stamp });
     }
     let find = |pose: &Measurement| {
         let at = frame.subjects.binary_search_by_key(&pose.vehicle, |subject| subject.vehicle).ok()?;
@@ -228,11 +256,11 @@ fn publish_frame(node: &Node, frame: &Frame, has_clock: bool) {
     };
     let named = || frame.poses.iter().filter_map(|pose| Some((find(pose)?, pose)));
     for (name, pose) in named() {
-        node.publish(&topic(name), || transform(name, pose, frame));
+        topics.publish(&topic(name), || transform(name, pose, frame));
     }
     if frame.is_later && !frame.poses.is_empty() {
         let transforms = || named().map(|(name, pose)| transform(name, pose, frame)).collect();
-        node.publish(TF, || TfMessage { transforms: transforms() });
+        topics.publish(TF, || TfMessage { transforms: transforms() });
     }
 }
 
@@ -249,9 +277,9 @@ fn transform(name: &str, pose: &Measurement, frame: &Frame) -> TransformStamped 
 }
 
 /// Listens to the poses of a subject.
-fn hear(node: &Node, subject: Subject, inbox: &Arc<Inbox>, counts: &Arc<Counts>) {
+fn hear(topics: &impl Topics, subject: Subject, inbox: &Arc<Inbox>, counts: &Arc<Counts>) {
     let (inbox, counts) = (Arc::clone(inbox), Arc::clone(counts));
-    node.subscribe(&topic(&subject.name), move |message: TransformStamped| {
+    topics.subscribe(&topic(&subject.name), move |message: TransformStamped| {
         let Some(heard) = heard_pose(subject.vehicle, &message) else {
             return tracing::debug!("{}: a pose that is none is dropped", subject.name);
         };
@@ -288,7 +316,7 @@ mod tests {
         // Nobody listens on the discard port of this machine.
         let master = "http://127.0.0.1:9".parse().unwrap();
         let node = NodeOptions { name: "/test".to_owned(), master, bind: Some("127.0.0.1".parse().unwrap()) };
-        ViconOptions { node, has_clock, heard: Vec::new() }
+        ViconOptions { carrier: Carrier::Node(node), has_clock, heard: Vec::new() }
     }
 
     #[test]

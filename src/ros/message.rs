@@ -1,5 +1,7 @@
 //! The messages of ROS 1 that are published and heard, byte by byte as TCPROS has them.
 
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// How ROS knows a type of messages.
@@ -24,8 +26,8 @@ pub enum MessageError {
     Text,
 }
 
-/// What can be sent and read.
-pub trait Message: Sized {
+/// What can be sent and read; as JSON, its fields have the names that the definition gives them.
+pub trait Message: Sized + Serialize + DeserializeOwned {
     const TYPE: MessageType;
 
     fn write(&self, out: &mut Vec<u8>);
@@ -75,9 +77,11 @@ fn write_text(out: &mut Vec<u8>, text: &str) {
     out.extend(text.as_bytes());
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Time {
+    #[serde(alias = "sec")]
     pub secs: u32,
+    #[serde(alias = "nanosec")]
     pub nsecs: u32,
 }
 
@@ -105,21 +109,23 @@ impl Time {
     }
 }
 
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Header {
+    /// ROS 2 has none.
+    #[serde(default)]
     pub seq: u32,
     pub stamp: Time,
     pub frame_id: String,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Vector3 {
     pub x: f64,
     pub y: f64,
     pub z: f64,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quaternion {
     pub x: f64,
     pub y: f64,
@@ -127,14 +133,14 @@ pub struct Quaternion {
     pub w: f64,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Transform {
     pub translation: Vector3,
     pub rotation: Quaternion,
 }
 
 /// `geometry_msgs/TransformStamped`.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TransformStamped {
     pub header: Header,
     pub child_frame_id: String,
@@ -142,13 +148,13 @@ pub struct TransformStamped {
 }
 
 /// `tf2_msgs/TFMessage`.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TfMessage {
     pub transforms: Vec<TransformStamped>,
 }
 
 /// `rosgraph_msgs/Clock`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Clock {
     pub clock: Time,
 }

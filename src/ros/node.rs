@@ -2,9 +2,10 @@
 
 use super::header::Fields;
 use super::publisher::{Outbox, Publication, framed};
+use super::report::Report;
 use super::subscriber::{Link, Subscription};
 use super::xmlrpc::Value;
-use super::{BindAddress, MasterUri, Message, MessageType, Place, RosError, api, http, publisher};
+use super::{BindAddress, MasterUri, Message, MessageType, Place, RosError, Topics, api, http, publisher};
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::{IpAddr, Ipv4Addr, TcpListener as StdListener, ToSocketAddrs, UdpSocket};
@@ -12,7 +13,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, channel};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Notify;
 use tokio::task::{LocalSet, spawn_local};
@@ -25,8 +26,6 @@ pub(super) const SHORTEST_PAUSE: Duration = Duration::from_millis(250);
 pub(super) const LONGEST_PAUSE: Duration = Duration::from_secs(4);
 /// So often the master is asked whether it still knows this node: one that was restarted does not.
 const LOOK_UP: Duration = Duration::from_secs(1);
-/// That the master is still away is said no more often than this.
-const TELL_EVERY: Duration = Duration::from_secs(60);
 /// So long the end waits for the topics to be taken back; a master may be out of reach.
 const FAREWELL: Duration = Duration::from_secs(2);
 /// A listener that cannot accept tries again after this: the system is out of something.
@@ -124,7 +123,7 @@ struct Inner {
 pub struct NodeThread {
     pub status: Arc<NodeStatus>,
     /// Tells, by its end, that of the thread.
-    ended: Receiver<()>,
+    pub(super) ended: Receiver<()>,
 }
 
 impl NodeThread {
@@ -215,52 +214,12 @@ impl Node {
 
     pub(super) fn shut(&self, why: &str) {
         if !self.0.is_shut.replace(true) {
+            self.0.status.is_registered.store(false, Ordering::Relaxed);
             let why = why.chars().filter(|c| !c.is_control()).take(200).collect::<String>();
             tracing::error!("{} is ended under ROS and says nothing there any more: {why}", self.name());
             self.0.publications.take().values().flat_map(|topic| &topic.outboxes).for_each(|out| out.close());
             self.0.is_changed.notify_one();
         }
-    }
-
-    /// Offers a topic.
-    pub fn advertise<M: Message>(&self, topic: &str) {
-        if !self.is_shut() && !self.0.publications.borrow().contains_key(topic) {
-            let publication = Publication { kind: M::TYPE, outboxes: Vec::new() };
-            self.0.publications.borrow_mut().insert(topic.to_owned(), publication);
-            self.0.is_changed.notify_one();
-        }
-    }
-
-    /// Takes a topic back.
-    pub fn retract(&self, topic: &str) {
-        if let Some(publication) = self.0.publications.borrow_mut().remove(topic) {
-            publication.outboxes.iter().for_each(|outbox| outbox.close());
-            self.0.is_changed.notify_one();
-        }
-    }
-
-    /// Hands a message to the queues of the subscribers of a topic, where there are any.
-    pub fn publish<M: Message>(&self, topic: &str, message: impl FnOnce() -> M) {
-        let publications = self.0.publications.borrow();
-        let Some(publication) = publications.get(topic).filter(|topic| !topic.outboxes.is_empty()) else {
-            return;
-        };
-        let bytes = framed(|out| message().write(out));
-        let is_slow = |outbox: &&Rc<Outbox>| !outbox.push(Rc::clone(&bytes));
-        let slow = publication.outboxes.iter().filter(is_slow).count() as u64;
-        self.0.status.slow.fetch_add(slow, Ordering::Relaxed);
-    }
-
-    /// Listens to a topic, whoever publishes it.
-    pub fn subscribe<M: Message>(&self, topic: &str, hear: impl Fn(M) + 'static) {
-        let name = topic.to_owned();
-        let deliver = move |bytes: &[u8]| match M::decode(bytes) {
-            Ok(message) => hear(message),
-            Err(error) => tracing::debug!("{name}: a message is dropped: {error}"),
-        };
-        let subscription = Rc::new(Subscription::new(topic, M::TYPE, Box::new(deliver)));
-        self.0.subscriptions.borrow_mut().insert(topic.to_owned(), subscription);
-        self.0.is_changed.notify_one();
     }
 
     pub(super) fn publications(&self) -> Vec<(String, &'static str)> {
@@ -358,12 +317,14 @@ impl Node {
 
     /// Keeps the node known to the master for as long as it lives.
     async fn keep(&self, known: &mut Known) {
-        let mut report = Report::new(&self.0);
+        let mut report = Report::new(format!("the ROS master {}", self.master_uri()), &self.0.status);
         let mut pause = SHORTEST_PAUSE;
         loop {
             match self.look_after(known).await {
                 Ok(()) => {
-                    report.is_there();
+                    if !self.is_shut() {
+                        report.is_there();
+                    }
                     pause = SHORTEST_PAUSE;
                     // Whichever comes first; that a second has gone by is no failure.
                     let _ = timeout(LOOK_UP, self.0.is_changed.notified()).await;
@@ -461,6 +422,45 @@ impl Node {
     }
 }
 
+impl Topics for Node {
+    fn advertise<M: Message>(&self, topic: &str) {
+        if !self.is_shut() && !self.0.publications.borrow().contains_key(topic) {
+            let publication = Publication { kind: M::TYPE, outboxes: Vec::new() };
+            self.0.publications.borrow_mut().insert(topic.to_owned(), publication);
+            self.0.is_changed.notify_one();
+        }
+    }
+
+    fn retract(&self, topic: &str) {
+        if let Some(publication) = self.0.publications.borrow_mut().remove(topic) {
+            publication.outboxes.iter().for_each(|outbox| outbox.close());
+            self.0.is_changed.notify_one();
+        }
+    }
+
+    fn publish<M: Message>(&self, topic: &str, message: impl FnOnce() -> M) {
+        let publications = self.0.publications.borrow();
+        let Some(publication) = publications.get(topic).filter(|topic| !topic.outboxes.is_empty()) else {
+            return;
+        };
+        let bytes = framed(|out| message().write(out));
+        let is_slow = |outbox: &&Rc<Outbox>| !outbox.push(Rc::clone(&bytes));
+        let slow = publication.outboxes.iter().filter(is_slow).count() as u64;
+        self.0.status.slow.fetch_add(slow, Ordering::Relaxed);
+    }
+
+    fn subscribe<M: Message>(&self, topic: &str, hear: impl Fn(M) + 'static) {
+        let name = topic.to_owned();
+        let deliver = move |bytes: &[u8]| match M::decode(bytes) {
+            Ok(message) => hear(message),
+            Err(error) => tracing::debug!("{name}: a message is dropped: {error}"),
+        };
+        let subscription = Rc::new(Subscription::new(topic, M::TYPE, Box::new(deliver)));
+        self.0.subscriptions.borrow_mut().insert(topic.to_owned(), subscription);
+        self.0.is_changed.notify_one();
+    }
+}
+
 /// Serves whoever connects, at most so many at once.
 async fn listen<F: Future<Output = ()> + 'static>(
     listener: TcpListener,
@@ -502,43 +502,5 @@ struct Known {
 impl Known {
     fn is_any(&self) -> bool {
         !self.published.is_empty() || !self.heard.is_empty()
-    }
-}
-
-/// What has been said of the master.
-struct Report<'a> {
-    node: &'a Inner,
-    is_there: Option<bool>,
-    told: Option<Instant>,
-}
-
-impl<'a> Report<'a> {
-    fn new(node: &'a Inner) -> Self {
-        Self { node, is_there: None, told: None }
-    }
-
-    fn is_there(&mut self) {
-        let master = &self.node.options.master.uri;
-        self.node.status.is_registered.store(!self.node.is_shut.get(), Ordering::Relaxed);
-        match self.is_there.replace(true) {
-            Some(true) => {}
-            Some(false) => {
-                self.node.status.returns.fetch_add(1, Ordering::Relaxed);
-                tracing::warn!("the ROS master {master} is there again, and knows the topics");
-            }
-            None => tracing::info!("the ROS master {master} knows the topics"),
-        }
-    }
-
-    fn is_away(&mut self, trouble: &RosError) {
-        let master = &self.node.options.master.uri;
-        self.node.status.is_registered.store(false, Ordering::Relaxed);
-        let is_news = self.is_there.replace(false) != Some(false);
-        if is_news || self.told.is_none_or(|told| told.elapsed() >= TELL_EVERY) {
-            tracing::warn!(
-                "the ROS master {master} is away; nothing waits for it, it is tried again: {trouble}"
-            );
-            self.told = Some(Instant::now());
-        }
     }
 }
