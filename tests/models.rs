@@ -87,6 +87,7 @@ fn nobody_looks_through_a_slit_between_body_and_cabin() {
                 part.indices.chunks_exact(3).map(move |t| [corner(&t[0]), corner(&t[1]), corner(&t[2])])
             })
             .collect();
+        let mut inside = Vec::new();
         // Down over the shoulders, from the left, along most of the car, beside the edges of its faces.
         for k in 0..160 {
             for j in 0..180 {
@@ -96,9 +97,13 @@ fn nobody_looks_through_a_slit_between_body_and_cabin() {
                 let hits = triangles.iter().filter_map(|&triangle| hit(triangle, from, along));
                 let first = hits.min_by(|a, b| a.0.total_cmp(&b.0));
                 let (way, is_front) = first.unwrap_or((0.0, true));
-                assert!(is_front, "{name}: inside seen at {}", from + along * way);
+                if !is_front {
+                    inside.push(from + along * way);
+                }
             }
         }
+        // A ray may go between two faces where they share an edge, a slit lets dozens through.
+        assert!(inside.len() < 4, "{name}: inside seen at {inside:?}");
     }
 }
 
