@@ -59,8 +59,14 @@ fn covered(at: vec2<f32>, across: f32) -> f32 {
     return clamp((at.y - at.x) / w + 0.5, 0.0, 1.0) - clamp((-at.y - at.x) / w + 0.5, 0.0, 1.0);
 }
 
+// Walls of a building differ by where they face.
+fn salt_of(seed: u32, normal: vec3<f32>) -> u32 {
+    let side = vec2<u32>(normal.xy * 3.0 + 3.5);
+    return (seed * 73u + side.x * 22u + side.y * 59u) & 0xffu;
+}
+
 // Light of its own at night: lamps, and rooms behind some of the windows.
-fn shining(layer: u32, salt: f32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> {
+fn shining(layer: u32, salt: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> {
     if !lamplit {
         return vec3<f32>(0.0);
     }
@@ -73,7 +79,7 @@ fn shining(layer: u32, salt: f32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> 
         return vec3<f32>(0.0);
     }
     let bay = floor(uv);
-    let dice = fract(sin(dot(bay, vec2<f32>(12.9898, 78.233)) + f32(layer) * 3.7 + salt) * 437.5453);
+    let dice = fract(sin(dot(bay, vec2<f32>(12.9898, 78.233)) + f32(layer) * 3.7 + f32(salt) * 0.731) * 437.5453);
     let is_lit = select(0.0, 1.0, dice < 0.38);
     let pane = 1.0 - smoothstep(0.42, 0.7, texel.a);
     if is_shop {
@@ -121,12 +127,8 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     m.metallic = 0.0;
     m.translucent = select(0.0, 0.4, layer == LEAVES || layer == NEEDLES);
     let from_eye = in.world - view.eye.xyz;
-    let distance = length(from_eye);
-    let lit = shade(m, in.world, normal, -from_eye / distance);
-    // Walls of a building differ by where they face.
-    let side = floor(in.normal.xy * 3.0 + 0.5);
-    let salt = f32(in.seed) * 7.31 + side.x * 2.17 + side.y * 5.93;
-    return sampled(lit, shining(in.layer, salt, in.uv, texel), distance);
+    let lit = shade(m, in.world, normal, -normalize(from_eye));
+    return sampled(lit, shining(in.layer, salt_of(in.seed, in.normal), in.uv, texel), from_eye);
 }
 
 // Patterns come as square roots of what they reflect.
@@ -141,26 +143,27 @@ fn swift_vertex(in: VertexIn) -> Swift {
     var out = swift_light(Material(colour.rgb, 0.0, colour.a), in.position, in.normal.xyz, vec3<f32>(0.0));
     out.places = vec4<f32>(out.places.xy, in.uv);
     out.layer = in.material & 0xffu;
+    if lamplit {
+        out.layer |= salt_of((in.material >> 16u) & 0xffu, in.normal.xyz) << 8u;
+    }
     return out;
 }
 
 @fragment
 fn swift_fragment(in: Swift) -> @location(0) vec4<f32> {
-    let pattern = swift_pattern(in.places.zw, in.layer);
     if lamplit {
-        var lit = in;
-        // Not by the albedo, which the pattern is about to be multiplied with.
-        let own = shining(in.layer, 0.0, in.places.zw, pattern) / max(pattern.rgb, vec3<f32>(0.02));
-        lit.ambient += vec4<f32>(own * (SUN.w * (1.0 - in.ambient.w)), 0.0);
-        return swift_shade(lit, pattern.rgb);
+        let layer = in.layer & 0xffu;
+        let pattern = swift_pattern(in.places.zw, layer);
+        let glow = shining(layer, in.layer >> 8u, in.places.zw, pattern) * (SUN.w * (1.0 - in.ambient.w));
+        return swift_shade(in, pattern.rgb, glow);
     }
-    return swift_shade(in, pattern.rgb);
+    return swift_shade(in, swift_pattern(in.places.zw, in.layer).rgb, vec3<f32>(0.0));
 }
 
 // Turned away from the sun: no shadow to look for.
 @fragment
 fn swift_averted_fragment(in: Swift) -> @location(0) vec4<f32> {
-    return swift_seen(in, swift_pattern(in.places.zw, in.layer).rgb, vec3<f32>(0.0));
+    return swift_seen(in, swift_pattern(in.places.zw, in.layer).rgb, vec3<f32>(0.0), vec3<f32>(0.0));
 }
 
 struct SwiftLine {
@@ -189,7 +192,7 @@ fn swift_line_fragment(in: SwiftLine) -> @location(0) vec4<f32> {
     let across = length(vec2<f32>(dpdx(in.place), dpdy(in.place)));
     let paint = in.paint.rgb * (0.62 + 0.5 * texel.g);
     let albedo = mix(texel.rgb * ASPHALT_TINT, paint, covered(vec2<f32>(in.place, in.paint.w), across));
-    return swift_shade(Swift(in.clip, in.ambient, in.direct, in.places, 0u), albedo);
+    return swift_shade(Swift(in.clip, in.ambient, in.direct, in.places, 0u), albedo, vec3<f32>(0.0));
 }
 
 // From afar a pattern is its mean.
@@ -200,7 +203,7 @@ fn plain_of(in: VertexIn) -> Plain {
     if !flat_light {
         let mean = textureLoad(surfaces, vec2<i32>(0), layer, textureNumLevels(surfaces) - 1u);
         albedo *= mean.rgb * mean.rgb;
-        glow = select(vec3<f32>(0.0), shining(layer, 0.0, in.uv, mean), layer == LANTERN);
+        glow = select(vec3<f32>(0.0), shining(layer, 0u, in.uv, mean), layer == LANTERN);
     }
     return plain_light(Material(albedo, 0.0, in.colour.a), in.position, in.normal.xyz, glow);
 }

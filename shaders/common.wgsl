@@ -43,6 +43,22 @@ fn sky_between(direction: vec3<f32>, haze: vec3<f32>, zenith: vec3<f32>, ground:
     return mix(sky, ground * 0.6, below);
 }
 
+// The haze lies on the ground: the height at which it is a third of what it is there, metres.
+const HAZE_HEIGHT: f32 = 45.0;
+// Where the plain around the city ends, all is haze: metres from the eye.
+const HAZE_END: f32 = 1300.0;
+
+// How much light comes through the haze: clear nearby, closed at the horizon; looks down from high up are clear.
+// The density is that on the ground.
+fn clearness(from_eye: vec3<f32>, eye_height: f32, density: f32) -> f32 {
+    let low = max(min(eye_height, eye_height + from_eye.z), 0.0) / HAZE_HEIGHT;
+    let climb = max(abs(from_eye.z) / HAZE_HEIGHT, 0.01);
+    let mean = exp(-low) * (1.0 - exp(-climb)) / climb;
+    let depth = length(from_eye) * density * mean;
+    let end = smoothstep(0.3 * HAZE_END, HAZE_END, length(from_eye.xy));
+    return exp(-depth * sqrt(depth)) * (1.0 - end);
+}
+
 // Faces in their own colours under one light, as other engines draw a scene that is compared with them: no
 // textures, no shadows, no display curve.
 override flat_light: bool = false;

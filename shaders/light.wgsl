@@ -176,10 +176,8 @@ fn luminance(c: vec3<f32>) -> f32 {
 }
 
 // What a sample holds: radiance behind the haze, and which share of it ambient occlusion may take.
-fn sampled(lit: Lit, glow: vec3<f32>, distance: f32) -> vec4<f32> {
-    // Clear nearby, closed at the horizon.
-    let depth = distance * frame.haze.w;
-    let clear = exp(-depth * sqrt(depth));
+fn sampled(lit: Lit, glow: vec3<f32>, from_eye: vec3<f32>) -> vec4<f32> {
+    let clear = clearness(from_eye, view.eye.z, frame.haze.w);
     let radiance = mix(frame.haze.rgb, lit.radiance + glow, clear);
     let share = luminance(lit.ambient) * clear / max(luminance(radiance), 1e-5);
     return vec4<f32>(min(radiance, vec3<f32>(3e4)), clamp(share, 0.0, 1.0));

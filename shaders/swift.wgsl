@@ -14,6 +14,7 @@ struct Swift {
     @location(1) direct: vec4<f32>,
     // Place in the shadow map or that of lamps, and on the texture.
     @location(2) places: vec4<f32>,
+    // Of the texture; by night what its walls are told apart by is above the lowest eight bits.
     @location(3) @interpolate(flat) layer: u32,
 }
 
@@ -24,8 +25,7 @@ fn swift_light(m: Material, world: vec3<f32>, normal: vec3<f32>, glow: vec3<f32>
     let from_eye = world - view.eye.xyz;
     let distance = length(from_eye);
     let to_eye = -from_eye / max(distance, 1e-4);
-    let depth = distance * HAZE.w;
-    let clear = exp(-depth * sqrt(depth));
+    let clear = clearness(from_eye, view.eye.z, HAZE.w);
     let reaching = clear * SUN.w;
 
     let facing = max(dot(normal, TO_SUN), 0.0);
@@ -66,17 +66,18 @@ fn swift_display(x: vec3<f32>) -> vec4<f32> {
 }
 
 // The colour of a surface with a pattern and that much of the direct light.
-fn swift_seen(in: Swift, pattern: vec3<f32>, lit: vec3<f32>) -> vec4<f32> {
+fn swift_seen(in: Swift, pattern: vec3<f32>, lit: vec3<f32>, glow: vec3<f32>) -> vec4<f32> {
     let haze = HAZE.rgb * (SUN.w * in.ambient.w);
-    return swift_display(pattern * (in.ambient.rgb + in.direct.rgb * lit) + haze);
+    return swift_display(pattern * (in.ambient.rgb + in.direct.rgb * lit) + glow + haze);
 }
 
-fn swift_shade(in: Swift, pattern: vec3<f32>) -> vec4<f32> {
+// With light of the surface's own, exposed as it reaches the eye.
+fn swift_shade(in: Swift, pattern: vec3<f32>, glow: vec3<f32>) -> vec4<f32> {
     if lamplit {
-        return swift_seen(in, pattern, textureSampleLevel(lamp_map, lamp_sampler, in.places.xy, 0.0).rgb);
+        return swift_seen(in, pattern, textureSampleLevel(lamp_map, lamp_sampler, in.places.xy, 0.0).rgb, glow);
     }
     let lit = textureSampleCompareLevel(shadow_map, shadow_sampler, in.places.xy, in.direct.w);
-    return swift_seen(in, pattern, vec3<f32>(lit));
+    return swift_seen(in, pattern, vec3<f32>(lit), glow);
 }
 
 // What is lit at its vertices for good: without texture, its shadow looked up at the vertices.
@@ -98,7 +99,7 @@ fn plain_light(m: Material, world: vec3<f32>, normal: vec3<f32>, glow: vec3<f32>
         return Plain(view.clip_from_world * vec4<f32>(world, 1.0), m.albedo * light);
     }
     let light = swift_light(m, world, normal, glow);
-    return Plain(light.clip, swift_shade(light, vec3<f32>(1.0)).rgb);
+    return Plain(light.clip, swift_shade(light, vec3<f32>(1.0), vec3<f32>(0.0)).rgb);
 }
 
 @fragment

@@ -100,9 +100,8 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     m.metallic = in.finish.y;
     m.translucent = 0.0;
     let from_eye = in.world - view.eye.xyz;
-    let distance = length(from_eye);
-    let lit = shade(m, in.world, normalize(in.normal), -from_eye / distance);
-    return sampled(lit, in.glow, distance);
+    let lit = shade(m, in.world, normalize(in.normal), -normalize(from_eye));
+    return sampled(lit, in.glow, from_eye);
 }
 
 fn plain_of(in: VertexIn) -> Plain {

@@ -5,7 +5,7 @@
 use city3d::city::dxf::Shape;
 use city3d::city::generate;
 use city3d::model::{SHIPPED, glb, is_stand_in};
-use glam::DVec2;
+use glam::{DVec2, Vec3};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -53,6 +53,57 @@ fn every_shipped_model_can_be_read_and_is_of_its_measures() {
                 "{name} {size}"
             );
         }
+    }
+}
+
+/// Where a ray meets a triangle: how far along it, and whether from the front (Moller and Trumbore 1997).
+fn hit([a, b, c]: [Vec3; 3], from: Vec3, along: Vec3) -> Option<(f32, bool)> {
+    let (e, f) = (b - a, c - a);
+    let across = along.cross(f);
+    let turn = e.dot(across);
+    if turn.abs() < 1e-9 {
+        return None;
+    }
+    let start = from - a;
+    let u = start.dot(across) / turn;
+    let v = along.dot(start.cross(e)) / turn;
+    let t = f.dot(start.cross(e)) / turn;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some((t, turn > 0.0))
+}
+
+#[test]
+fn nobody_looks_through_a_slit_between_body_and_cabin() {
+    let cars = SHIPPED.iter().filter_map(|(name, bytes)| Some((name, glb::read(bytes).ok()?)));
+    let cars: Vec<_> = cars.filter(|(_, model)| model.node("body").is_some()).collect();
+    assert!(cars.len() >= 4);
+    for (name, model) in cars {
+        let body = model.node("body").unwrap();
+        let place = |at: Vec3| body.model_from_mesh.transform_point3(at);
+        let triangles: Vec<[Vec3; 3]> = model
+            .parts(body)
+            .iter()
+            .flat_map(|part| {
+                let corner = |&k: &u32| place(part.vertices[k as usize].position);
+                part.indices.chunks_exact(3).map(move |t| [corner(&t[0]), corner(&t[1]), corner(&t[2])])
+            })
+            .collect();
+        let mut inside = Vec::new();
+        // Down over the shoulders, from the left, along most of the car, beside the edges of its faces.
+        for k in 0..160 {
+            for j in 0..180 {
+                let at = Vec3::new(-1.9037 + 0.02017 * k as f32, 0.5 + 0.004 * j as f32, 0.9);
+                let along = Vec3::new(0.0, -0.8, -0.6);
+                let from = at - along * 8.0;
+                let hits = triangles.iter().filter_map(|&triangle| hit(triangle, from, along));
+                let first = hits.min_by(|a, b| a.0.total_cmp(&b.0));
+                let (way, is_front) = first.unwrap_or((0.0, true));
+                if !is_front {
+                    inside.push(from + along * way);
+                }
+            }
+        }
+        // A ray may go between two faces where they share an edge, a slit lets dozens through.
+        assert!(inside.len() < 4, "{name}: inside seen at {inside:?}");
     }
 }
 

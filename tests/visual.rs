@@ -167,3 +167,37 @@ fn a_picture_of_something_else_is_told() {
     let darker = RgbImage::from_pixel(40, 30, image::Rgb([110, 110, 110]));
     assert!(difference(&grey, &darker).1 > MOST_MEAN);
 }
+
+/// Means of the channels in a box: left, top, width, height.
+fn mean(image: &RgbImage, [left, top, width, height]: [u32; 4]) -> [f64; 3] {
+    let part = image::imageops::crop_imm(image, left, top, width, height).to_image();
+    let count = f64::from(width * height);
+    [0, 1, 2].map(|k| part.pixels().map(|pixel| f64::from(pixel.0[k])).sum::<f64>() / count)
+}
+
+#[test]
+fn the_plain_around_the_city_is_the_same_in_every_preset() {
+    let above =
+        ["--camera", "orbit", "--at=0,0", "--distance", "130", "--azimuth", "235", "--elevation", "35"];
+    let taken = ["low", "high"].map(|preset| picture(preset, &[&above[..], &["--quality", preset]].concat()));
+    for corner in [[0, 20, 30, 30], [0, 50, 10, 40], [210, 20, 30, 30]] {
+        let [low, high] = [0, 1].map(|k| mean(&taken[k], corner));
+        assert!(low[1] > low[2], "{corner:?} is not green: {low:?}");
+        for (a, b) in low.iter().zip(&high) {
+            assert!((a - b).abs() < 12.0, "{corner:?}: low {low:?}, high {high:?}");
+        }
+    }
+}
+
+#[test]
+fn at_night_no_light_and_no_shadow_runs_on_beyond_the_city() {
+    let arguments =
+        ["--camera", "overhead", "--at=0,0", "--distance", "420", "--time", "night", "--quality", "high"];
+    let picture = picture("night", &arguments);
+    // What lies left and right of the woods, row by row.
+    for x in [0, picture.width() - 8] {
+        let rows: Vec<f64> = (0..picture.height()).map(|y| mean(&picture, [x, y, 8, 1])[1]).collect();
+        let (least, most) = rows.iter().fold((f64::MAX, 0.0_f64), |(a, b), &row| (a.min(row), b.max(row)));
+        assert!(most - least < 3.5, "between {least} and {most} at {x}");
+    }
+}

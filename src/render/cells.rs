@@ -4,8 +4,11 @@ use crate::city::scene::{CELL_M, Level, Mesh, Object, Surface, Vertex};
 use glam::Vec3;
 use std::collections::BTreeMap;
 
-/// Triangles as large as this stay in one piece: they lie around the city.
-const WHOLE_FROM_M: f32 = 200.0;
+/// Triangles larger than this stay in one piece: they lie around the city.
+const WHOLE_FROM_M: f32 = 3.0 * CELL_M;
+/// They are kept by the cell of this size that their middle lies in, apart from the others.
+const COARSE_M: f32 = 16.0 * CELL_M;
+const COARSE_FROM: i32 = 1 << 20;
 
 /// Meshes by the cell they lie in.
 type Cells = BTreeMap<[i32; 2], Mesh>;
@@ -90,7 +93,9 @@ fn split_into(cells: &mut Cells, corners: &[Vertex]) {
     let (first, last) = (cell_of(low), cell_of(high));
     let whole = (high - low).truncate().max_element() > WHOLE_FROM_M;
     if whole {
-        return fan(cells.entry([i32::MAX, i32::MAX]).or_default(), corners);
+        let middle = (low + high) / 2.0 / COARSE_M;
+        let at = [middle.x, middle.y].map(|x| COARSE_FROM + x.floor() as i32);
+        return fan(cells.entry(at).or_default(), corners);
     }
     for x in first[0]..=last[0] {
         let column = clip(&clip(corners, 0, x as f32 * CELL_M, true), 0, (x + 1) as f32 * CELL_M, false);
@@ -176,7 +181,7 @@ mod tests {
     #[test]
     fn cutting_keeps_the_area() {
         let mut cells = BTreeMap::new();
-        split_into(&mut cells, &[vertex(-50.0, -3.0), vertex(70.0, 5.0), vertex(11.0, 90.0)]);
+        split_into(&mut cells, &[vertex(-15.0, -3.0), vertex(20.0, 5.0), vertex(3.0, 30.0)]);
         let area = |mesh: &Mesh| -> f32 {
             mesh.indices
                 .chunks(3)
@@ -187,11 +192,18 @@ mod tests {
                 .sum()
         };
         let total: f32 = cells.values().map(area).sum();
-        let want = Vec3::new(120.0, 8.0, 0.0).cross(Vec3::new(61.0, 93.0, 0.0)).z / 2.0;
+        let want = Vec3::new(35.0, 8.0, 0.0).cross(Vec3::new(18.0, 33.0, 0.0)).z / 2.0;
         assert!(cells.len() > 6 && (total / want - 1.0).abs() < 1e-4, "{total} {want}");
         for ([x, _], mesh) in &cells {
             let [low, high] = mesh.bounds();
             assert!(low.x >= *x as f32 * CELL_M - 1e-3 && high.x <= (x + 1) as f32 * CELL_M + 1e-3);
         }
+    }
+
+    #[test]
+    fn the_plain_around_the_city_stays_in_large_pieces() {
+        let mut cells = BTreeMap::new();
+        split_into(&mut cells, &[vertex(100.0, 0.0), vertex(150.0, 0.0), vertex(150.0, 80.0)]);
+        assert_eq!(cells.into_values().map(|mesh| mesh.indices).collect::<Vec<_>>(), [vec![0, 1, 2]]);
     }
 }

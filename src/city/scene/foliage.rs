@@ -47,7 +47,7 @@ pub(super) struct Crown {
 }
 
 /// Repeats of the pattern over a length of one.
-const REPEATS: f32 = 1.4;
+const REPEATS: f32 = 2.0;
 /// How much of a clump's size its lumps add and take.
 const ROUGH: f32 = 0.16;
 /// Light that is left inside a crown, and at the bottom of it.
@@ -98,8 +98,10 @@ impl Crown {
     fn clump(&self, mesh: &mut Mesh, index: usize, [around, rings]: [u32; 2]) {
         let clump = self.clumps[index];
         let dice = |salt: u32| self.dice(index as u32, salt);
+        // A slim clump that leaned would have leaves drawn out along it.
+        let lean = 0.9 * dice(23) * clump.size.min_element() / clump.size.max_element();
         let axis = Vec3::new(dice(21) - 0.5, dice(22) - 0.5, 0.0).normalize_or(Vec3::X);
-        let lean = Quat::from_axis_angle(axis, 0.9 * dice(23)) * Quat::from_rotation_z(TAU * dice(24));
+        let lean = Quat::from_axis_angle(axis, lean) * Quat::from_rotation_z(TAU * dice(24));
         let base = mesh.vertices.len() as u32;
         for ring in 0..=rings {
             let (sin_up, cos_up) = (PI * (ring as f32 / rings as f32 - 0.5)).sin_cos();
@@ -151,7 +153,7 @@ impl Crown {
         let away = (clump.centre - middle).normalize_or(Vec3::Z);
         let out = (Vec3::new(turn.cos() * flat, turn.sin() * flat, up) + 0.7 * away).normalize_or(Vec3::Z);
         // Under the surface, whose lumps may lie as deep.
-        let foot = clump.centre + out * clump.size * 0.80;
+        let foot = clump.centre + out * clump.size * 0.62;
         if self.is_hidden(foot, index) {
             return;
         }

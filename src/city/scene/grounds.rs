@@ -79,8 +79,10 @@ pub(super) fn ground(mesh: &mut Mesh, place: &Place<'_>) {
         }
         SceneryKind::Paving => {
             let is_square = place.piece.name.contains("square") || place.piece.name.contains("court");
-            let (finish, repeat_m) = if is_square { (SQUARE, 2.2) } else { (PAVED, 2.4) };
-            level(mesh, &region, 0.145, finish, repeat_m);
+            // Paths cross squares.
+            let (finish, repeat_m, height_m) =
+                if is_square { (SQUARE, 2.2, 0.145) } else { (PAVED, 2.4, 0.155) };
+            level(mesh, &region, height_m, finish, repeat_m);
         }
         SceneryKind::Parking => {
             level(mesh, &region, 0.165, ASPHALT, 5.0);

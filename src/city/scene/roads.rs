@@ -19,8 +19,9 @@ const PAVEMENT_M: f32 = 2.0;
 const BEYOND_M: f64 = 0.6;
 /// Around everything.
 const MARGIN_M: f64 = 14.0;
-/// The plain reaches this far beyond the city.
-const PLAIN_M: f32 = 1400.0;
+/// The plain around the city is a mesh of lines so far away from it, to the haze: where light is worked out at
+/// vertices, so is the haze.
+const PLAIN_LINES_M: [f32; 5] = [50.0, 120.0, 240.0, 480.0, 1400.0];
 /// How far ahead of a bend its widening begins.
 const TAPER_M: f64 = 5.0;
 /// Holes in the asphalt that are smaller are no islands.
@@ -284,17 +285,25 @@ impl Outlines {
 pub(super) fn plain(map: &CityMap) -> Mesh {
     let [low, high] = map.bounds();
     let (low, high) = ((low - MARGIN_M + 0.6).as_vec2(), (high + MARGIN_M - 0.6).as_vec2());
-    let (far_low, far_high) = (low - PLAIN_M, high + PLAIN_M);
+    let lines = |low: f32, high: f32| -> Vec<f32> {
+        let below = PLAIN_LINES_M.iter().rev().map(|away| low - away);
+        below
+            .chain([low, (low + high) / 2.0, high])
+            .chain(PLAIN_LINES_M.iter().map(|away| high + away))
+            .collect()
+    };
+    let (xs, ys) = (lines(low.x, high.x), lines(low.y, high.y));
     let mut mesh = Mesh::default();
-    for [a, b] in [
-        [far_low, Vec2::new(far_high.x, low.y)],
-        [Vec2::new(far_low.x, high.y), far_high],
-        [Vec2::new(far_low.x, low.y), Vec2::new(low.x, high.y)],
-        [Vec2::new(high.x, low.y), Vec2::new(far_high.x, high.y)],
-    ] {
-        let ring = [a, Vec2::new(b.x, a.y), b, Vec2::new(a.x, b.y)];
-        let uvs = ring.map(|p| p / 6.0);
-        mesh.face(&ring.map(|p| p.extend(GRASS_M - 0.02)), &uvs, GRASS);
+    for x in xs.windows(2) {
+        for y in ys.windows(2) {
+            let inside = |a: &[f32], low, high| (low..high).contains(&a[0]);
+            if inside(x, low.x, high.x) && inside(y, low.y, high.y) {
+                continue;
+            }
+            let ring = [[x[0], y[0]], [x[1], y[0]], [x[1], y[1]], [x[0], y[1]]].map(Vec2::from);
+            let uvs = ring.map(|p| p / 6.0);
+            mesh.face(&ring.map(|p| p.extend(GRASS_M - 0.02)), &uvs, GRASS);
+        }
     }
     mesh
 }

@@ -52,7 +52,8 @@ fn section(shape: &Shape, station: &Station, bulge: f32) -> Vec<Vec3> {
     let rise = high - base;
     // The sides curve inwards towards the roof.
     let rows = [
-        (wide, base),
+        // Well under the shoulders of the shell, so that no slit is left between them.
+        (body::half_at(x) * 0.92, base - 0.09),
         (wide + (top - wide) * 0.06, base + 0.07 * rise),
         (wide + (top - wide) * 0.86, base + 0.86 * rise),
         (top * 0.985, base + 0.945 * rise),

@@ -177,7 +177,14 @@ impl ShadowPass {
         let mut pass = begin(encoder, &self.standing, wgpu::LoadOp::Clear(1.0));
         pass.set_pipeline(&self.city);
         pass.set_bind_group(0, &frame.group, &[0]);
+        self.leave_rim(&mut pass);
         standing.draw_shadows(&mut pass);
+    }
+
+    /// Keeps shadows off the outermost texels, which stand for all that lies beyond the map.
+    fn leave_rim(&self, pass: &mut wgpu::RenderPass<'_>) {
+        let inside = self.sun.texels.saturating_sub(2).max(1);
+        pass.set_scissor_rect(1, 1, inside, inside);
     }
 
     /// Brings the shadows of vehicles up to date.
@@ -195,7 +202,7 @@ impl ShadowPass {
             pass.set_scissor_rect(x, y, width, height);
             pass.draw(0..4, 0..1);
         }
-        pass.set_scissor_rect(0, 0, self.sun.texels, self.sun.texels);
+        self.leave_rim(&mut pass);
         self.touched.clear();
         self.touched.extend(fleet.balls().map(|(centre, radius)| self.sun.patch(centre, radius)));
         pass.set_pipeline(&self.vehicles);

@@ -106,10 +106,9 @@ fn colour(u: f32, elevation: f32, light: &Light) -> [f32; 3] {
     for (seed, height, base, part) in [(221, 0.060, 0.008, 0.30), (231, 0.034, 0.002, 0.55)] {
         let crest = base + height * (octaves([u, 0.3], [9, 2], 5, seed) - 0.30).max(0.0);
         let edge = ((crest - elevation) / 0.0015).clamp(0.0, 1.0);
-        sky = mix(sky, mix(horizon, light.hills_srgb, part), edge);
-    }
-    if elevation < 0.0 {
-        sky = mix(sky, horizon, (-elevation * 60.0).min(1.0));
+        // Mist lies at their feet, where the plain ends in haze.
+        let mist = (-(elevation.max(0.0)) / 0.009).exp();
+        sky = mix(sky, mix(horizon, light.hills_srgb, part * (1.0 - mist)), edge);
     }
     sky
 }
