@@ -17,11 +17,14 @@ pub mod record;
 #[cfg(feature = "render")]
 pub mod render;
 pub mod replay;
+#[cfg(feature = "ros")]
+pub mod ros;
 pub mod runner;
 pub mod scenario;
 pub mod sensor;
 pub mod sim;
 pub mod snapshot;
+pub mod testbed;
 #[cfg(feature = "window")]
 pub mod ui;
 pub mod vehicle;

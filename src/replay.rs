@@ -181,6 +181,9 @@ fn commands_of(command: &NetworkCommand, experiment: &Experiment) -> Result<Vec<
             let spec = setup.build.resolve(&experiment.vehicle_types)?;
             vec![SimCommand::Spawn(Box::new(setup.in_city(experiment.scale, spec)))]
         }
+        Body::Poses(poses) => {
+            poses.vehicles.iter().map(|seen| seen.pose.into_command(experiment.scale)).collect()
+        }
         Body::Remove { vehicle, .. } => vec![SimCommand::Remove(vehicle)],
         Body::Command { action, .. } => vec![match action {
             Action::Start => SimCommand::Start,

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 
 /// File, line and column of its first fault, and words that its message has.
 const CORPUS: &[(&str, usize, usize, &str)] = &[
+    ("address_of_nothing", 5, 11, "write a UDP address as \"192.168.1.21:9901\""),
     ("bend_too_tight", 8, 9, "a larger steering_limit_deg or a shorter wheelbase_m"),
     ("binary_junk", 2, 118, "not UTF-8 text; save the file as UTF-8"),
     ("disconnected_route", 6, 19, "\"south\" to lane \"north\"; name lanes that lie on one way"),
@@ -29,7 +30,9 @@ const CORPUS: &[(&str, usize, usize, &str)] = &[
     ("many_faults", 1, 1, "name is missing: a short name of the experiment"),
     ("map_is_folder", 3, 7, "ids3c; give the path of a file or one of these names"),
     ("map_missing", 3, 7, "ids3c; give the path of a file or one of these names"),
+    ("body_of_neither_kind", 4, 8, "virtual"),
     ("name_for_no_topic", 4, 8, "a letter first: it becomes part of a ROS topic"),
+    ("subject_for_no_topic", 5, 11, "a letter first: it is part of a ROS topic"),
     ("name_missing", 1, 1, "name is missing: a short name of the experiment"),
     ("negative_place", 6, 8, "at_m is -0.5; it must be a number between 0 and 1000"),
     ("negative_seed", 3, 8, "must be a whole number between 0 and 9223372036854775807"),
@@ -101,7 +104,7 @@ const CORPUS: &[(&str, usize, usize, &str)] = &[
     ("unknown_key_in_sensor", 8, 1, "unknown key \"fov_deg\"; did you mean \"roll_deg\"?"),
     ("unknown_key_in_traffic", 5, 1, "are: driver, sensor, spread, start_speed_mps, types, vehicles"),
     ("unknown_key_in_type", 4, 1, "wheel_radius_m, wheelbase_m, width_m, yaw_inertia_factor"),
-    ("unknown_key_in_vehicle", 7, 1, "driver, id, model, name, route, sensor, shape, speed_mps, type"),
+    ("unknown_key_in_vehicle", 7, 1, "model, name, route, sensor, shape, speed_mps, subject, type"),
     ("unknown_lane", 5, 10, "did you mean \"main-boulevard/east/inner/1\"?"),
     ("unknown_model", 7, 9, "model is \"raycats\"; did you mean \"raycast\"?"),
     ("unknown_profile", 4, 11, "profile is \"perfect\"; there are: ideal, testbed"),

@@ -30,7 +30,7 @@ namespace city3d {
 static_assert(sizeof(double) == 8, "IEEE 754 double precision is needed");
 
 enum class Status : std::uint8_t {
-    waiting, driving, yielding, stopped, manual, link_lost, collided, finished, physical
+    waiting, driving, yielding, stopped, manual, link_lost, collided, finished, physical, unseen
 };
 
 struct Pose {

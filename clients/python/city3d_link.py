@@ -24,7 +24,8 @@ HEADER = struct.Struct("<4sBBHQQQI")
 HELLO, SETUP, TRAJECTORIES, REMOVE, COMMAND, SUBSCRIBE = 1, 2, 3, 4, 5, 6
 CLOCK, ACK, POSES = 65, 66, 67
 START, PAUSE, RESET = 0, 1, 2
-STATUS = ("waiting", "driving", "yielding", "stopped", "manual", "link lost", "collided", "finished", "physical")
+STATUS = ("waiting", "driving", "yielding", "stopped", "manual", "link lost", "collided", "finished", "physical",
+          "unseen")
 
 Poses = namedtuple("Poses", "tick time phase vehicles")  # vehicles: number -> Pose
 Pose = namedtuple("Pose", "status x y z qx qy qz qw")

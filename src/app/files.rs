@@ -175,6 +175,13 @@ fn print(summary: &Summary, folder: Option<&Path>) -> Result<(), Failure> {
             link.missing,
             link.dropped.total()
         ))?;
+        if let Some(ros) = &link.ros {
+            let master = if ros.master_is_there { "there" } else { "away" };
+            say(format_args!(
+                "ros: poses of {} instants published, {} dropped, {} heard; the master is {master}",
+                ros.published, ros.dropped, ros.heard
+            ))?;
+        }
     }
     match folder {
         Some(folder) => say(format_args!("state {}   written to {}", summary.state_hash, folder.display())),

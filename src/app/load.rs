@@ -18,9 +18,9 @@ pub fn experiment(args: &ScenarioArgs) -> Result<Arc<Experiment>, Failure> {
     Ok(Arc::new(experiment))
 }
 
-/// The experiment of a city whose vehicles come over the link.
+/// The experiment of a city whose vehicles come over the link: it may have none of its own.
 pub fn city(args: &ScenarioArgs) -> Result<Experiment, Failure> {
-    read(args, true).map(Experiment::without_vehicles)
+    read(args, true)
 }
 
 fn read(args: &ScenarioArgs, allows_no_vehicles: bool) -> Result<Experiment, Failure> {

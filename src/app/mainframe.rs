@@ -1,13 +1,20 @@
 //! `city3d mainframe`: the control framework in a process of its own, as in the laboratory.
 
 use super::files::{Files, LogArgs, conclude, folder_of};
+#[cfg(feature = "ros")]
+use super::ros::{RosArgs, subjects_of};
 use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
-use crate::link::{Client, Heard, read_key};
+use crate::link::{Client, Heard, Laboratory, read_key};
+#[cfg(feature = "ros")]
+use crate::link::{feedback::ViconFeedback, vicon::Vicon};
 use crate::record::Origin;
 use crate::runner::{Control, SeenCity};
 use crate::scenario::{Experiment, PlannedVehicle};
-use crate::wire::{Action, Body, Build, Clock, Outcome, Phase, Poses, Seen, VehicleSetup, pack};
+use crate::snapshot::Status;
+use crate::wire::{
+    Action, Body, Build, Clock, Message, Outcome, Phase, Poses, Seal, Seen, VehicleSetup, pack,
+};
 use clap::Args;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -26,6 +33,9 @@ pub struct MainframeArgs {
     /// Where the city is served
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:9870")]
     city: String,
+    #[cfg(feature = "ros")]
+    #[command(flatten)]
+    ros: RosArgs,
     /// Folder for run.mcap, vehicles.csv and summary.json, as seen from here; without it nothing is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -49,9 +59,10 @@ const RENEW: Duration = Duration::from_secs(2);
 pub fn mainframe(args: &MainframeArgs) -> Result<(), Failure> {
     let experiment = load::experiment(&args.scenario)?;
     let seal = read_key(args.link.key.as_deref()).map_err(Failure::bad_input)?;
-    let client = Client::new(&args.city, args.link.world, seal).map_err(Failure::bad_input)?;
+    let client = Client::new(&args.city, args.link.world, seal.clone()).map_err(Failure::bad_input)?;
+    let laboratory = laboratory_of(&experiment, &seal)?;
     let ends = on_end()?;
-    let mut remote = Remote::new(args, Arc::clone(&experiment), client)?;
+    let mut remote = Remote::new(args, Arc::clone(&experiment), client, laboratory)?;
     while !remote.is_over && !ends.load(Ordering::Relaxed) {
         let Some(clock) = remote.greet(&ends)? else { break };
         remote.session(clock, &ends)?;
@@ -80,6 +91,13 @@ struct Remote<'a> {
     /// The barrier behind them, in lockstep.
     barrier: Option<Body>,
     is_over: bool,
+    /// Vehicles that get their trajectories at addresses of their own.
+    laboratory: Laboratory,
+    /// Since when they are waited for, and whether that has been said.
+    waiting: Option<(Instant, bool)>,
+    /// Poses over ROS, in place of the city's own.
+    #[cfg(feature = "ros")]
+    vicon: Option<ViconFeedback>,
 }
 
 /// Poses as they come in, of several ticks where the network has mixed them up.
@@ -112,10 +130,19 @@ impl Gathered {
 }
 
 impl<'a> Remote<'a> {
-    fn new(args: &'a MainframeArgs, experiment: Arc<Experiment>, client: Client) -> Result<Self, Failure> {
+    fn new(
+        args: &'a MainframeArgs,
+        experiment: Arc<Experiment>,
+        client: Client,
+        laboratory: Laboratory,
+    ) -> Result<Self, Failure> {
         Ok(Self {
+            laboratory,
+            waiting: None,
             args,
             client,
+            #[cfg(feature = "ros")]
+            vicon: vicon_of(args, &experiment)?,
             control: Control::new(&experiment).map_err(Failure::bad_input)?,
             city: SeenCity::new(Arc::clone(&experiment)),
             experiment,
@@ -137,6 +164,11 @@ impl<'a> Remote<'a> {
             self.client.send(&Body::Hello { token: 0 });
             if let Some(Heard::Body(Body::Clock(clock))) = self.client.receive(Duration::from_millis(200)) {
                 self.check(&clock)?;
+                if clock.is_lockstep && self.sees_by_itself() {
+                    return Err(Failure::bad_input(
+                        "lockstep needs the city's own poses: leave --ros out here, or --lockstep there",
+                    ));
+                }
                 return Ok(Some(clock));
             }
             if !has_said && begun.elapsed() > Duration::from_secs(1) {
@@ -172,9 +204,11 @@ impl<'a> Remote<'a> {
         while !ends.load(Ordering::Relaxed) && !self.is_over {
             if renewed.elapsed() > RENEW {
                 renewed = Instant::now();
-                self.client.send(&subscription(0));
+                self.subscribe();
             }
-            match self.client.receive(AGAIN) {
+            // Their poses come by motion capture or by the city.
+            self.laboratory.poll(&mut Vec::new());
+            match self.receive() {
                 Some(Heard::Restarted) => {
                     tracing::warn!("the city has been restarted");
                     return Ok(());
@@ -189,7 +223,11 @@ impl<'a> Remote<'a> {
                         tracing::warn!("the city has been reset");
                         return Ok(());
                     }
-                    if !is_old && let Some(vehicles) = gathered.take(&poses) {
+                    self.laboratory.tell_clock(clock_at(&clock, &poses));
+                    if !is_old
+                        && let Some(vehicles) = gathered.take(&poses)
+                        && self.is_complete(&poses, &vehicles)
+                    {
                         self.answer(&poses, &vehicles, clock.is_lockstep, ends)?;
                     }
                 }
@@ -204,12 +242,35 @@ impl<'a> Remote<'a> {
                         }
                         (heard, is_away) = (Instant::now(), true);
                         self.client.probe();
-                        self.client.send(&subscription(0));
+                        self.subscribe();
                     }
                 }
             }
         }
         Ok(())
+    }
+
+    /// Whether poses come from elsewhere than the city.
+    fn sees_by_itself(&self) -> bool {
+        #[cfg(feature = "ros")]
+        return self.vicon.is_some();
+        #[cfg(not(feature = "ros"))]
+        false
+    }
+
+    fn subscribe(&mut self) {
+        if !self.sees_by_itself() {
+            self.client.send(&subscription(0));
+        }
+    }
+
+    /// The next thing that is heard of the city.
+    fn receive(&mut self) -> Option<Heard> {
+        #[cfg(feature = "ros")]
+        if let Some(vicon) = &mut self.vicon {
+            return vicon.receive(&mut self.client);
+        }
+        self.client.receive(AGAIN)
     }
 
     /// Asks until it is answered; `None` where the city has been restarted meanwhile, or it shall end.
@@ -239,6 +300,34 @@ impl<'a> Remote<'a> {
         Ok(None)
     }
 
+    /// Whether all vehicles of the laboratory are seen, without which the experiment does not begin.
+    fn is_complete(&mut self, head: &Poses, vehicles: &[Seen]) -> bool {
+        if head.phase != Phase::Ready || self.laboratory.is_empty() {
+            return true;
+        }
+        // The city tells which it has seen; motion capture tells of those alone.
+        let sees_by_itself = self.sees_by_itself();
+        let is_there =
+            |status| if sees_by_itself { status != Status::Unseen } else { status == Status::Physical };
+        let is_seen = |id| vehicles.iter().any(|seen| seen.pose.vehicle == id && is_there(seen.status));
+        let missing: Vec<String> = self
+            .experiment
+            .physical()
+            .map(|(planned, _)| planned)
+            .filter(|planned| !is_seen(planned.id))
+            .map(|planned| format!("{} ({})", planned.id, planned.name))
+            .collect();
+        if missing.is_empty() {
+            return true;
+        }
+        let (since, has_said) = self.waiting.get_or_insert_with(|| (Instant::now(), false));
+        if !*has_said && since.elapsed() > PATIENCE {
+            *has_said = true;
+            tracing::warn!("waiting for the physical vehicles {}: nobody measures them", missing.join(", "));
+        }
+        false
+    }
+
     /// Brings the vehicles into the city; `false` when that has to begin again.
     fn set_up(&mut self, clock: &Clock, ends: &AtomicBool) -> Result<bool, Failure> {
         let action = |action| move |request| Body::Command { request, action };
@@ -258,7 +347,7 @@ impl<'a> Remote<'a> {
                 Some(_) => {}
             }
         }
-        let is_done = self.ask(ends, "the subscription", subscription)?.is_some();
+        let is_done = self.sees_by_itself() || self.ask(ends, "the subscription", subscription)?.is_some();
         say(format_args!("{} vehicles in the city at {}", experiment.vehicles.len(), self.args.city))?;
         Ok(is_done)
     }
@@ -315,6 +404,10 @@ impl<'a> Remote<'a> {
             return Ok(());
         }
         self.control.step(now, vehicles.iter().map(|seen| seen.pose), &mut delivered);
+        self.laboratory.send(delivered.iter().filter_map(|message| match message {
+            Message::Follow(trajectory) => Some(trajectory),
+            Message::Remove(_) => None,
+        }));
         self.batch.clear();
         for body in pack(delivered.into_iter()) {
             if let Some(prepared) = self.client.prepare(&body) {
@@ -362,6 +455,27 @@ impl<'a> Remote<'a> {
             }
         }
     }
+}
+
+/// The poses of an experiment's vehicles over ROS, where they are asked for.
+#[cfg(feature = "ros")]
+fn vicon_of(args: &MainframeArgs, experiment: &Experiment) -> Result<Option<ViconFeedback>, Failure> {
+    let heard = subjects_of(experiment);
+    let Some(options) = args.ros.options("/city3d_mainframe", false, heard)? else { return Ok(None) };
+    let vicon = Vicon::start(options).map_err(Failure::bad_input)?;
+    let per_control = experiment.rates.ticks_per_control();
+    Ok(Some(ViconFeedback::new(vicon, experiment.vehicles.len(), per_control)))
+}
+
+/// The vehicles of the laboratory.
+fn laboratory_of(experiment: &Experiment, seal: &Seal) -> Result<Laboratory, Failure> {
+    let physical = experiment.physical().map(|(planned, physical)| (planned.id, physical.address.clone()));
+    Laboratory::new(physical, false, 0, seal).map_err(Failure::bad_input)
+}
+
+/// The clock of a city when it sent poses.
+fn clock_at(clock: &Clock, poses: &Poses) -> Clock {
+    Clock { token: 0, tick: poses.tick, time_s: poses.time_s, phase: poses.phase, ..*clock }
 }
 
 fn subscription(request: u32) -> Body {

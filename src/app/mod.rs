@@ -13,9 +13,12 @@ mod look;
 mod mainframe;
 mod progress;
 mod replay;
+#[cfg(feature = "ros")]
+mod ros;
 mod run;
 mod say;
 mod serve;
+mod testbed;
 #[cfg(feature = "window")]
 mod view;
 
@@ -57,6 +60,8 @@ enum Command {
     Serve(Box<serve::ServeArgs>),
     /// Run the control framework alone, for a city that is served
     Mainframe(Box<mainframe::MainframeArgs>),
+    /// Stand in for the laboratory: robots of the physical vehicles, and motion capture
+    Testbed(Box<testbed::TestbedArgs>),
     /// Take camera pictures of a scenario or of the log of a run: PNG files and frames.csv
     #[cfg(feature = "render")]
     Frames(Box<frames::FramesArgs>),
@@ -93,7 +98,7 @@ fn on_end() -> Result<std::sync::Arc<std::sync::atomic::AtomicBool>, Failure> {
 /// What several commands change of a scenario.
 #[derive(Clone, Debug, Default, PartialEq, Args)]
 struct ScenarioArgs {
-    /// A scenario file, or a shipped one: roundabout, city, straight, student
+    /// A scenario file, or a shipped one: roundabout, mixed, city, straight, student
     scenario: String,
     /// Seed of all random draws, instead of the scenario's
     #[arg(long)]
@@ -181,6 +186,7 @@ fn run_command(command: Command) -> Result<(), Failure> {
         Command::Replay(args) => replay::replay(&args),
         Command::Serve(args) => serve::serve(&args),
         Command::Mainframe(args) => mainframe::mainframe(&args),
+        Command::Testbed(args) => testbed::testbed(&args),
         #[cfg(feature = "render")]
         Command::Frames(args) => frames::frames(&args),
         Command::Check(args) => check::check(&args),

@@ -1,15 +1,19 @@
 //! `city3d serve`: the city alone, driven over the laboratory's link.
 
 use super::files::{Files, LogArgs, conclude, folder_of};
+#[cfg(feature = "ros")]
+use super::ros::{Poses, RosArgs, physical_subjects_of};
 use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
-use crate::link::{Allowed, Inbound, Origin, Server, ServerOptions, read_key};
+use crate::link::{Allowed, Inbound, Laboratory, Origin, Server, ServerOptions, read_key};
 use crate::live::Clock;
 use crate::record::{NetworkCommand, Origin as LogOrigin};
-use crate::runner::{Applied, LinkSummary, Rules, Served};
-use crate::snapshot::FrameSnapshot;
-use crate::wire::{Body, Outcome};
+use crate::runner::{Applied, LinkSummary, MOTION_CAPTURE, RosSummary, Rules, Served};
+use crate::scenario::Experiment;
+use crate::snapshot::{FrameSnapshot, VehicleId};
+use crate::wire::{Body, Measurement, Outcome};
 use clap::Args;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -44,6 +48,13 @@ pub struct ServeArgs {
     /// Times real time
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = super::pace)]
     speed: f64,
+    #[cfg(feature = "ros")]
+    #[command(flatten)]
+    ros: RosArgs,
+    /// Over ROS, simulated time: on /clock and in the stamps
+    #[cfg(feature = "ros")]
+    #[arg(long, requires = "carrier")]
+    ros_clock: bool,
     /// Without a window
     #[arg(long)]
     headless: bool,
@@ -65,6 +76,11 @@ const AT_ONCE: usize = 1024;
 
 pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let experiment = load::city(&args.scenario)?;
+    if experiment.physical().next().is_some() && (args.lockstep || args.speed != 1.0) {
+        return Err(Failure::bad_input(
+            "physical vehicles keep to the clock on the wall: leave --lockstep and --speed out, or set body = \"virtual\"",
+        ));
+    }
     let rate_per_s = if args.lockstep { RATE_IN_LOCKSTEP } else { f64::from(args.rate) };
     let options = ServerOptions {
         address: args.bind.clone(),
@@ -72,6 +88,7 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
         seal: read_key(args.link.key.as_deref()).map_err(Failure::bad_input)?,
         allowed: args.allow.clone(),
         rate_per_s,
+        takes_clock: false,
     };
     let ends = on_end()?;
     let server = Server::bind(&options).map_err(Failure::bad_input)?;
@@ -88,6 +105,9 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
     say(format_args!("{} is served on udp {}{pace}", experiment.name, server.address()))?;
     let rules = Rules { is_lockstep: args.lockstep, guests: args.guests };
     let duration = args.scenario.duration.map(|_| experiment.ticks());
+    let laboratory = laboratory_of(args, &experiment)?;
+    #[cfg(feature = "ros")]
+    let ros = Poses::start(&args.ros, args.ros_clock, physical_subjects_of(&experiment))?;
     let mut serving = Serving {
         args,
         server,
@@ -100,6 +120,11 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
         begun: Instant::now(),
         let_go_s: 0.0,
         duration,
+        #[cfg(feature = "ros")]
+        ros,
+        laboratory,
+        seen: BTreeMap::new(),
+        arrived: Vec::new(),
     };
     serving.serve(&ends)?;
     serving.conclude()
@@ -107,7 +132,23 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
 
 fn logged(server: &Server, tick: u64, applied: &Applied) -> Result<NetworkCommand, Failure> {
     let (kind, body) = applied.body.to_log().map_err(Failure::failed)?;
-    Ok(NetworkCommand { tick, sender: server.label(Origin(applied.sender)), kind, body })
+    let sender = match applied.sender {
+        MOTION_CAPTURE => "motion capture".to_owned(),
+        sender => server.label(Origin(sender)),
+    };
+    Ok(NetworkCommand { tick, sender, kind, body })
+}
+
+/// The vehicles of the laboratory, where they themselves tell their poses: without ROS.
+fn laboratory_of(args: &ServeArgs, experiment: &Experiment) -> Result<Laboratory, Failure> {
+    #[cfg(feature = "ros")]
+    let is_asked = !args.ros.is_asked_for();
+    #[cfg(not(feature = "ros"))]
+    let is_asked = true;
+    let physical = experiment.physical().filter(|_| is_asked);
+    let physical = physical.map(|(planned, physical)| (planned.id, physical.address.clone()));
+    let seal = read_key(args.link.key.as_deref()).map_err(Failure::bad_input)?;
+    Laboratory::new(physical, true, 0, &seal).map_err(Failure::bad_input)
 }
 
 struct Subscriber {
@@ -132,6 +173,14 @@ struct Serving<'a> {
     let_go_s: f64,
     /// Ticks after which it ends.
     duration: Option<u64>,
+    #[cfg(feature = "ros")]
+    ros: Option<Poses>,
+    /// Vehicles of the laboratory that tell their poses themselves.
+    laboratory: Laboratory,
+    /// Where they were seen last, while the clock stands.
+    seen: BTreeMap<VehicleId, Measurement>,
+    /// Poses that have come, kept for its memory.
+    arrived: Vec<Measurement>,
 }
 
 impl Serving<'_> {
@@ -228,8 +277,31 @@ impl Serving<'_> {
         Ok(())
     }
 
+    /// Takes in where the vehicles of the laboratory are. While the clock stands, ten times a second is enough.
+    fn look(&mut self) {
+        let is_running = self.served.is_running();
+        let mut arrived = std::mem::take(&mut self.arrived);
+        self.laboratory.poll(&mut arrived);
+        #[cfg(feature = "ros")]
+        if let Some(ros) = &self.ros {
+            let clock = self.clock.filter(|_| is_running);
+            let time_s = clock.map_or(self.snapshot().time_s, |clock| clock.simulated_s(Instant::now()));
+            arrived.extend(std::iter::from_fn(|| ros.next(time_s, is_running)));
+        }
+        if is_running {
+            arrived.drain(..).for_each(|pose| self.served.measure(pose));
+        } else {
+            self.seen.extend(arrived.drain(..).map(|pose| (pose.vehicle, pose)));
+            if self.told.elapsed() >= STANDING {
+                std::mem::take(&mut self.seen).into_values().for_each(|pose| self.served.measure(pose));
+            }
+        }
+        self.arrived = arrived;
+    }
+
     /// What is due by the clock.
     fn advance(&mut self) -> Result<(), Failure> {
+        self.look();
         if !self.served.is_running() {
             self.clock = None;
             self.apply()?;
@@ -301,13 +373,27 @@ impl Serving<'_> {
 
     fn figures(&self) -> LinkSummary {
         let (received, used, dropped, missing) = self.server.figures();
-        LinkSummary { received, used, missing, dropped, let_go_s: self.let_go_s }
+        LinkSummary { received, used, missing, dropped, let_go_s: self.let_go_s, ros: self.ros_figures() }
+    }
+
+    #[cfg(feature = "ros")]
+    fn ros_figures(&self) -> Option<RosSummary> {
+        self.ros.as_ref().map(Poses::figures)
+    }
+
+    #[cfg(not(feature = "ros"))]
+    fn ros_figures(&self) -> Option<RosSummary> {
+        None
     }
 
     /// Sends the present poses to those who have asked for them.
     fn publish(&mut self) {
         let (now, tick) = (Instant::now(), self.snapshot().tick);
         self.told = now;
+        #[cfg(feature = "ros")]
+        if let Some(ros) = &mut self.ros {
+            ros.publish(self.served.snapshot(), self.served.experiment().scale);
+        }
         self.subscribers.retain(|subscriber| subscriber.until > now);
         if self.subscribers.is_empty() {
             return;

@@ -6,10 +6,12 @@ mod channel;
 
 pub use channel::Channel;
 
+use crate::snapshot::VehicleId;
 use crate::wire::{Measurement, Message};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Parameters of an environment. All zero is `ideal`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -26,6 +28,12 @@ pub struct EnvironmentSpec {
     pub position_noise_m: f64,
     /// Standard deviation of a measured heading.
     pub yaw_noise_rad: f64,
+    /// How often a vehicle gets out of sight of motion capture, per second.
+    pub occlusions_hz: f64,
+    /// How long it stays so on average; each time between half and one and a half times as long.
+    pub occlusion_s: f64,
+    /// Time constant by which pedals and steering follow what is asked of them: of `city3d testbed` alone.
+    pub actuator_lag_s: f64,
 }
 
 impl EnvironmentSpec {
@@ -36,10 +44,14 @@ impl EnvironmentSpec {
         loss: 0.0,
         position_noise_m: 0.0,
         yaw_noise_rad: 0.0,
+        occlusions_hz: 0.0,
+        occlusion_s: 0.0,
+        actuator_lag_s: 0.0,
     };
 
     /// Motion capture and wireless link of a laboratory: 20 ms of capture latency, 30 ms to the
-    /// robot, some jitter, one datagram in a hundred lost, noise of a millimetre and half a degree.
+    /// robot, some jitter, one datagram in a hundred lost, noise of a millimetre and half a degree, a vehicle out of
+    /// sight now and then.
     pub const TESTBED: Self = Self {
         measurement_delay_s: 0.02,
         command_delay_s: 0.03,
@@ -47,6 +59,9 @@ impl EnvironmentSpec {
         loss: 0.01,
         position_noise_m: 0.001,
         yaw_noise_rad: 0.009,
+        occlusions_hz: 0.02,
+        occlusion_s: 0.3,
+        actuator_lag_s: 0.05,
     };
 }
 
@@ -58,13 +73,23 @@ pub struct Environment {
     rng: ChaCha8Rng,
     measurements: Channel<Measurement>,
     messages: Channel<Message>,
+    /// Until when vehicles are out of sight.
+    hidden_until_s: BTreeMap<VehicleId, f64>,
+    measured_s: f64,
 }
 
 impl Environment {
     pub fn new(spec: EnvironmentSpec, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(1);
-        Self { spec, rng, measurements: Channel::default(), messages: Channel::default() }
+        Self {
+            spec,
+            rng,
+            measurements: Channel::default(),
+            messages: Channel::default(),
+            hidden_until_s: BTreeMap::new(),
+            measured_s: 0.0,
+        }
     }
 
     /// Takes what motion capture sees now and gives what has arrived at the control framework.
@@ -74,8 +99,9 @@ impl Environment {
         seen: impl Iterator<Item = Measurement>,
         arrived: &mut Vec<Measurement>,
     ) {
+        let dt_s = now_s - std::mem::replace(&mut self.measured_s, now_s);
         for measurement in seen {
-            if self.is_lost() {
+            if self.is_hidden(measurement.vehicle, now_s, dt_s) || self.is_lost() {
                 continue;
             }
             let at = now_s + self.delay(self.spec.measurement_delay_s);
@@ -95,6 +121,22 @@ impl Environment {
             self.messages.send(at, message);
         }
         self.messages.receive(now_s, arrived);
+    }
+
+    /// Whether a vehicle is out of sight, after so long since the poses before.
+    fn is_hidden(&mut self, vehicle: VehicleId, now_s: f64, dt_s: f64) -> bool {
+        if self.spec.occlusions_hz <= 0.0 {
+            return false;
+        }
+        if self.hidden_until_s.get(&vehicle).is_some_and(|until_s| now_s < *until_s) {
+            return true;
+        }
+        let begins = self.uniform() < self.spec.occlusions_hz * dt_s;
+        if begins {
+            let lasts_s = self.spec.occlusion_s * (0.5 + self.uniform());
+            self.hidden_until_s.insert(vehicle, now_s + lasts_s);
+        }
+        begins
     }
 
     fn is_lost(&mut self) -> bool {
@@ -133,7 +175,6 @@ impl Environment {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::snapshot::VehicleId;
     use glam::{DQuat, DVec3};
 
     fn at(x: f64, stamp_s: f64) -> Measurement {

@@ -97,6 +97,9 @@ impl Client {
 
     /// The next thing that comes from the city, waiting no longer than this.
     pub fn receive(&mut self, wait: Duration) -> Option<Heard> {
+        if wait.is_zero() {
+            return self.poll();
+        }
         let until = Instant::now() + wait;
         let mut bytes = [0; LONGEST_DATAGRAM + 1];
         loop {
@@ -118,6 +121,26 @@ impl Client {
                 return None;
             }
         }
+    }
+
+    /// What is there already. The shortest timeout of a socket is that of the system's clock, some milliseconds.
+    fn poll(&mut self) -> Option<Heard> {
+        let mut bytes = [0; LONGEST_DATAGRAM + 1];
+        self.socket.set_nonblocking(true).ok()?;
+        let mut heard = None;
+        while heard.is_none() {
+            match self.socket.recv(&mut bytes) {
+                Ok(length) => heard = self.take(&bytes[..length]),
+                // Somebody was not there; what comes after that may be.
+                Err(error) if error.kind() == ErrorKind::ConnectionRefused => {}
+                Err(_) => break,
+            }
+        }
+        // A socket that waits no more would turn waiting into spinning.
+        if let Err(error) = self.socket.set_nonblocking(false) {
+            tracing::warn!("the link cannot be waited for: {error}");
+        }
+        heard
     }
 
     fn take(&mut self, bytes: &[u8]) -> Option<Heard> {

@@ -2,13 +2,19 @@
 //! mean is told by [`wire`](crate::wire), what becomes of them by [`runner`](crate::runner).
 
 mod client;
+#[cfg(feature = "ros")]
+pub mod feedback;
 mod key;
+mod laboratory;
 mod senders;
 mod server;
+#[cfg(feature = "ros")]
+pub mod vicon;
 mod window;
 
 pub use client::{Client, Heard};
 pub use key::{KeyError, read_key};
+pub use laboratory::Laboratory;
 pub use senders::{Bucket, Origin, Senders, Told};
 pub use server::{Allowed, Inbound, Server, ServerOptions};
 pub use window::Window;

@@ -67,6 +67,8 @@ pub struct ServerOptions {
     pub allowed: Vec<Allowed>,
     /// Datagrams that each address may send in a second.
     pub rate_per_s: f64,
+    /// Whether it is told what the experiment's clock shows: a vehicle is, a city tells.
+    pub takes_clock: bool,
 }
 
 /// A datagram that has been read and may be used.
@@ -125,6 +127,7 @@ impl Server {
             header,
             seal: options.seal.clone(),
             allowed: options.allowed.clone(),
+            takes_clock: options.takes_clock,
             ends: Arc::clone(&ends),
             report: Report { dropped: 0, told: None },
         };
@@ -210,6 +213,7 @@ struct Reader {
     header: Header,
     seal: Seal,
     allowed: Vec<Allowed>,
+    takes_clock: bool,
     ends: Arc<AtomicBool>,
     report: Report,
 }
@@ -259,7 +263,8 @@ impl Reader {
         drop(shared);
         let (header, body) = Body::decode(bytes, &self.seal)
             .map_err(|error| (DropReason::from(&error), format!(": {error}")))?;
-        if !body.is_to_city() {
+        let is_clock = self.takes_clock && matches!(body, Body::Clock(_));
+        if !body.is_to_city() && !is_clock {
             return Err(plain(DropReason::WrongWay));
         }
         let is_ours = header.peer == self.header.session

@@ -8,6 +8,8 @@ use crate::wire::Measurement;
 const ALPHA: f64 = 0.6;
 /// Share of the residual, over the time between two poses, that corrects the speed.
 const BETA: f64 = 0.2;
+/// Poses nearer to one another in time tell nothing about speed: stamps of several clocks jitter.
+const SHORTEST_S: f64 = 0.005;
 /// How far around the expected place the foot on the route is looked for, laboratory metres.
 const SEARCH_BEHIND_M: f64 = 0.15;
 const SEARCH_AHEAD_M: f64 = 0.40;
@@ -50,7 +52,7 @@ impl Estimate {
         let residual = foot.s - expected_s;
         self.stamp_s = seen.stamp_s;
         self.axle_s = expected_s + ALPHA * residual;
-        self.speed_mps = (self.speed_mps + BETA * residual / dt_s).max(0.0);
+        self.speed_mps = (self.speed_mps + BETA * residual / dt_s.max(SHORTEST_S)).max(0.0);
         self.lateral_m = foot.lateral;
     }
 

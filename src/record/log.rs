@@ -2,9 +2,10 @@
 //! the `mcap` tools and ROS readers open.
 
 use super::schema::{
-    COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, NETWORK_SCHEMA, NETWORK_TYPE, NetworkCommand,
-    SNAPSHOT_SCHEMA, SNAPSHOT_TYPE, TICK_SCHEMA, TICK_TYPE, TRAJECTORY_SCHEMA, TRAJECTORY_TYPE,
-    encode_command, encode_event, encode_network, encode_snapshot, encode_tick, encode_trajectory,
+    COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, MEASURED_SCHEMA, MEASURED_TYPE, NETWORK_SCHEMA,
+    NETWORK_TYPE, NetworkCommand, SNAPSHOT_SCHEMA, SNAPSHOT_TYPE, TICK_SCHEMA, TICK_TYPE, TRAJECTORY_SCHEMA,
+    TRAJECTORY_TYPE, encode_command, encode_event, encode_measured, encode_network, encode_snapshot,
+    encode_tick, encode_trajectory,
 };
 use crate::scenario::Experiment;
 use crate::snapshot::{Event, FrameSnapshot, ModelKind, SimCommand};
@@ -22,6 +23,7 @@ pub struct LogWriter<W: Write + Seek> {
     commands: u16,
     network: u16,
     trajectories: u16,
+    measured: u16,
     ticks: u16,
     sequence: u32,
     buffer: Vec<u8>,
@@ -38,6 +40,9 @@ pub(super) const COMMAND_TOPIC: &str = "/city3d/command";
 
 /// Where the trajectories of the control framework are.
 pub(super) const TRAJECTORY_TOPIC: &str = "/city3d/trajectory";
+
+/// Where the measured poses of physical vehicles are.
+pub(super) const MEASURED_TOPIC: &str = "/city3d/measured";
 
 /// Where the digest of every tick is.
 pub(super) const TICK_TOPIC: &str = "/city3d/tick";
@@ -124,9 +129,21 @@ impl<W: Write + Seek> LogWriter<W> {
         let commands = channel(COMMAND_TOPIC, COMMAND_TYPE, COMMAND_SCHEMA)?;
         let network = channel(NETWORK_TOPIC, NETWORK_TYPE, NETWORK_SCHEMA)?;
         let trajectories = channel(TRAJECTORY_TOPIC, TRAJECTORY_TYPE, TRAJECTORY_SCHEMA)?;
+        let measured = channel(MEASURED_TOPIC, MEASURED_TYPE, MEASURED_SCHEMA)?;
         let ticks = channel(TICK_TOPIC, TICK_TYPE, TICK_SCHEMA)?;
         let (sequence, buffer) = (0, Vec::new());
-        Ok(Self { writer, snapshots, events, commands, network, trajectories, ticks, sequence, buffer })
+        Ok(Self {
+            writer,
+            snapshots,
+            events,
+            commands,
+            network,
+            trajectories,
+            measured,
+            ticks,
+            sequence,
+            buffer,
+        })
     }
 
     /// Adds a snapshot.
@@ -156,7 +173,7 @@ impl<W: Write + Seek> LogWriter<W> {
         self.message(self.ticks, time_s)
     }
 
-    /// Adds a command that is applied in the step after a tick: a trajectory, or one of a person. That the
+    /// Adds a command that is applied in the step after a tick: a trajectory, a measured pose, or one of a person. That the
     /// clock is started goes without saying.
     ///
     /// # Errors
@@ -165,6 +182,10 @@ impl<W: Write + Seek> LogWriter<W> {
         if let SimCommand::Follow(trajectory) = command {
             self.buffer = encode_trajectory(tick, trajectory, std::mem::take(&mut self.buffer));
             return self.message(self.trajectories, time_s);
+        }
+        if let SimCommand::Measure(vehicle, pose) = command {
+            self.buffer = encode_measured(tick, *vehicle, pose, std::mem::take(&mut self.buffer));
+            return self.message(self.measured, time_s);
         }
         match encode_command(tick, command, std::mem::take(&mut self.buffer)) {
             Some(bytes) => {
@@ -218,6 +239,8 @@ fn metadata_of(experiment: &Experiment, origin: Origin) -> BTreeMap<String, Stri
         None => "",
         Some(ModelKind::Raycast) => "raycast",
         Some(ModelKind::Bicycle) => "bicycle",
+        // No override: a scenario states it vehicle by vehicle.
+        Some(ModelKind::Measured) => "",
     };
     let pairs = [
         ("format", FORMAT.to_owned()),

@@ -3,12 +3,12 @@
 
 use super::RecordError;
 use super::log::{
-    COMMAND_TOPIC, FORMAT, MAP, METADATA, MODELS, NETWORK_TOPIC, Origin, SCENARIO, SNAPSHOT_TOPIC,
-    TICK_TOPIC, TRAJECTORY_TOPIC,
+    COMMAND_TOPIC, FORMAT, MAP, MEASURED_TOPIC, METADATA, MODELS, NETWORK_TOPIC, Origin, SCENARIO,
+    SNAPSHOT_TOPIC, TICK_TOPIC, TRAJECTORY_TOPIC,
 };
 use super::schema::{
-    LoggedSnapshot, NetworkCommand, decode_command, decode_network, decode_snapshot, decode_tick,
-    decode_trajectory,
+    LoggedSnapshot, NetworkCommand, decode_command, decode_measured, decode_network, decode_snapshot,
+    decode_tick, decode_trajectory,
 };
 use crate::scenario::{Experiment, Library, Overrides, read_experiment};
 use crate::snapshot::{ModelKind, SimCommand};
@@ -197,6 +197,7 @@ fn decode(topic: &str, data: &[u8]) -> Option<Option<Entry>> {
         TRAJECTORY_TOPIC => {
             decode_trajectory(data).map(|(tick, trajectory)| command((tick, SimCommand::Follow(trajectory))))
         }
+        MEASURED_TOPIC => decode_measured(data).map(command),
         NETWORK_TOPIC => decode_network(data).map(Entry::Network),
         TICK_TOPIC => decode_tick(data).map(|(tick, state_hash)| Entry::Tick { tick, state_hash }),
         SNAPSHOT_TOPIC => decode_snapshot(data).map(Entry::Snapshot),

@@ -3,9 +3,10 @@
 use super::cdr::{CdrReader, CdrWriter};
 use crate::geom::Pose2;
 use crate::snapshot::{
-    Event, FrameSnapshot, Indicator, Pedals, SimCommand, Trajectory, TrajectoryPoint, VehicleId, VehicleState,
+    Event, FrameSnapshot, Indicator, MeasuredPose, Pedals, SimCommand, Trajectory, TrajectoryPoint,
+    VehicleId, VehicleState,
 };
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 
 pub const SNAPSHOT_TYPE: &str = "city3d_msgs/msg/Snapshot";
 pub const SNAPSHOT_SCHEMA: &str = "\
@@ -20,7 +21,8 @@ city3d_msgs/VehicleState[] vehicles
 ================================================================================
 MSG: city3d_msgs/VehicleState
 uint32 id
-# waiting 0, driving 1, yielding 2, stopped 3, manual 4, link lost 5, collided 6, finished 7, physical 8
+# waiting 0, driving 1, yielding 2, stopped 3, manual 4, link lost 5, collided 6, finished 7, physical 8,
+# unseen 9
 uint8 status
 # Bits: 1 reverse, 2 brake lights, 4 left indicator, 8 right indicator.
 uint8 lights
@@ -140,6 +142,7 @@ pub fn encode_command(tick: u64, command: &SimCommand, buffer: Vec<u8>) -> Optio
         | SimCommand::Pause
         | SimCommand::Reset
         | SimCommand::Spawn(_)
+        | SimCommand::Measure(..)
         | SimCommand::Follow(_) => return None,
     };
     let mut cdr = CdrWriter::reusing(buffer);
@@ -173,6 +176,39 @@ pub fn decode_command(bytes: &[u8]) -> Option<(u64, SimCommand)> {
         _ => return None,
     };
     Some((tick, command))
+}
+
+pub const MEASURED_TYPE: &str = "city3d_msgs/msg/MeasuredPose";
+pub const MEASURED_SCHEMA: &str = "\
+# Where a physical vehicle was measured to be. City frame: full-scale metres, x east, y north, z up.
+# It was applied in the step that begins at this tick.
+uint64 tick
+uint32 vehicle
+# Simulated time of the measurement, seconds.
+float64 stamp
+# Middle of the outline, on the ground.
+float64[3] position
+# Quaternion x, y, z, w: city from body, body axes forward, left, up.
+float64[4] orientation
+";
+
+pub fn encode_measured(tick: u64, vehicle: VehicleId, pose: &MeasuredPose, buffer: Vec<u8>) -> Vec<u8> {
+    let mut cdr = CdrWriter::reusing(buffer);
+    cdr.u64(tick);
+    cdr.u32(vehicle.0);
+    cdr.f64(pose.stamp_s);
+    let numbers = pose.position.to_array().into_iter().chain(pose.orientation.to_array());
+    numbers.for_each(|number| cdr.f64(number));
+    cdr.into_bytes()
+}
+
+/// The tick and the command of a message; `None` for what is none.
+pub fn decode_measured(bytes: &[u8]) -> Option<(u64, SimCommand)> {
+    let mut cdr = CdrReader::new(bytes)?;
+    let (tick, vehicle, stamp_s) = (cdr.u64()?, VehicleId(cdr.u32()?), cdr.f64()?);
+    let position = DVec3::new(cdr.f64()?, cdr.f64()?, cdr.f64()?);
+    let orientation = DQuat::from_xyzw(cdr.f64()?, cdr.f64()?, cdr.f64()?, cdr.f64()?);
+    Some((tick, SimCommand::Measure(vehicle, MeasuredPose { stamp_s, position, orientation })))
 }
 
 pub const TICK_TYPE: &str = "city3d_msgs/msg/Tick";
@@ -334,9 +370,9 @@ pub const NETWORK_SCHEMA: &str = "\
 # Something that came over the laboratory's link and was carried out.
 # In the step that begins at this tick.
 uint64 tick
-# Address of who has sent it.
+# Address of who has sent it; motion capture has none.
 string sender
-# Kind of the datagram and its body, as docs/wire.md has them; of trajectories one at a time.
+# Kind of the datagram and its body, as docs/wire.md has them; of trajectories and measured poses one at a time.
 uint8 kind
 uint8[] body
 ";
@@ -400,6 +436,16 @@ mod tests {
         let bytes = encode_network(&command, Vec::new());
         assert_eq!(decode_network(&bytes), Some(command));
         assert_eq!(decode_network(&bytes[..bytes.len() - 1]), None);
+    }
+
+    #[test]
+    fn measured_poses_come_back_to_the_last_bit() {
+        let position = DVec3::new(1.0 / 3.0, -2e-300, 7.5);
+        let orientation = DQuat::from_xyzw(0.1, -0.2, 0.3, 0.9);
+        let pose = MeasuredPose { stamp_s: 12.34, position, orientation };
+        let bytes = encode_measured(u64::MAX, VehicleId(7), &pose, vec![1; 3]);
+        assert_eq!(decode_measured(&bytes), Some((u64::MAX, SimCommand::Measure(VehicleId(7), pose))));
+        assert_eq!(decode_measured(&bytes[..bytes.len() - 1]), None);
     }
 
     #[test]

@@ -4,7 +4,9 @@
 use crate::environment::Environment;
 use crate::mainframe::{Mainframe, SetupError};
 use crate::scenario::Experiment;
+use crate::snapshot::VehicleId;
 use crate::wire::{Measurement, Message};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Control of an experiment, tick by tick.
@@ -13,6 +15,8 @@ pub struct Control {
     mainframe: Mainframe,
     environment: Environment,
     ticks_per_control: u64,
+    /// Vehicles of the laboratory: what stands between them and control is there already.
+    physical: BTreeSet<VehicleId>,
     measurements: Vec<Measurement>,
     messages: Vec<Message>,
 }
@@ -26,6 +30,7 @@ impl Control {
             mainframe: Mainframe::new(map, experiment.cav_setups(), experiment.right_of_way)?,
             environment: Environment::new(experiment.environment, experiment.seed),
             ticks_per_control: experiment.rates.ticks_per_control(),
+            physical: experiment.physical().map(|(planned, _)| planned.id).collect(),
             measurements: Vec::new(),
             messages: Vec::new(),
         })
@@ -42,9 +47,18 @@ impl Control {
         self.messages.clear();
         if tick.is_multiple_of(self.ticks_per_control) {
             self.measurements.clear();
+            let (physical, mut measured) = (&self.physical, Vec::new());
+            let seen = seen.filter(|seen| {
+                let is_physical = physical.contains(&seen.vehicle);
+                measured.extend(is_physical.then_some(*seen));
+                !is_physical
+            });
             self.environment.measure(time_s, seen, &mut self.measurements);
+            self.measurements.append(&mut measured);
             self.mainframe.step(time_s, &self.measurements, &mut self.messages);
         }
+        let is_physical = |message: &mut Message| self.physical.contains(&message.vehicle());
+        delivered.extend(self.messages.extract_if(.., is_physical));
         self.environment.command(time_s, self.messages.drain(..), delivered);
     }
 

@@ -10,17 +10,20 @@ mod summary;
 pub use control::Control;
 pub use observer::{LaneUse, Observer, VehicleTotals};
 pub use seen::SeenCity;
-pub use served::{Applied, Rules, Sender, Served};
-pub use summary::{LinkSummary, Summary, VehicleSummary};
+pub use served::{Applied, MOTION_CAPTURE, Rules, Sender, Served};
+pub use summary::{LinkSummary, RosSummary, Summary, VehicleSummary};
 
 use crate::mainframe::{Mainframe, SetupError};
 use crate::scenario::Experiment;
 use crate::sim::World;
 use crate::snapshot::{FrameSnapshot, SimCommand};
+use crate::testbed::{ExperimentClock, Testbed};
 use crate::wire::{Measurement, Message};
 use std::sync::Arc;
 
 /// One run of an experiment in lockstep.
+///
+/// Robots of [`testbed`](crate::testbed) stand in for physical vehicles.
 #[derive(Debug)]
 pub struct Run {
     world: World,
@@ -30,6 +33,10 @@ pub struct Run {
     /// Given from outside, for the next tick.
     injected: Vec<SimCommand>,
     delivered: Vec<Message>,
+    /// Stands in for the physical vehicles, where there are any.
+    testbed: Option<Testbed>,
+    /// Poses that have come from there.
+    measured: Vec<Measurement>,
 }
 
 impl Run {
@@ -40,6 +47,7 @@ impl Run {
     pub fn new(experiment: Arc<Experiment>) -> Result<Self, SetupError> {
         let world = World::new(experiment);
         let control = Control::new(world.experiment())?;
+        let testbed = testbed_of(world.experiment());
         Ok(Self {
             snapshot: world.snapshot(),
             world,
@@ -47,6 +55,8 @@ impl Run {
             commands: Vec::new(),
             injected: vec![SimCommand::Start],
             delivered: Vec::new(),
+            testbed,
+            measured: Vec::new(),
         })
     }
 
@@ -56,6 +66,8 @@ impl Run {
     /// As for [`Run::new`].
     pub fn reset(&mut self) -> Result<(), SetupError> {
         self.control = Control::new(self.world.experiment())?;
+        self.testbed = testbed_of(self.world.experiment());
+        self.measured.clear();
         self.world.tick_into(&[SimCommand::Reset], &mut self.snapshot);
         self.injected = vec![SimCommand::Start];
         Ok(())
@@ -73,6 +85,16 @@ impl Run {
         self.commands.clear();
         let now = (self.world.tick(), self.world.time_s());
         self.control.step(now, Measurement::all(&self.snapshot, scale), &mut self.delivered);
+        self.commands.extend(self.measured.drain(..).map(|pose| pose.into_command(scale)));
+        if let Some(testbed) = &mut self.testbed {
+            testbed.set_clock(ExperimentClock { time_s: now.1, is_running: true });
+            for message in &self.delivered {
+                if let Message::Follow(trajectory) = message {
+                    testbed.follow(trajectory);
+                }
+            }
+            testbed.step(&mut self.measured);
+        }
         self.commands.extend(self.delivered.drain(..).map(|message| message.into_command(scale)));
         self.commands.append(&mut self.injected);
         self.commands.sort_by_key(SimCommand::order);
@@ -100,4 +122,9 @@ impl Run {
     pub fn experiment(&self) -> &Arc<Experiment> {
         self.world.experiment()
     }
+}
+
+/// Robots in place of the physical vehicles of an experiment, where it has any.
+fn testbed_of(experiment: &Experiment) -> Option<Testbed> {
+    experiment.physical().next().map(|_| Testbed::new(experiment))
 }

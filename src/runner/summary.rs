@@ -58,6 +58,25 @@ pub struct LinkSummary {
     pub dropped: Drops,
     /// Seconds that simulated time fell behind the clock and let go.
     pub let_go_s: f64,
+    /// Where poses go over ROS.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ros: Option<RosSummary>,
+}
+
+/// What went over ROS.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct RosSummary {
+    /// Instants whose poses were published.
+    pub published: u64,
+    /// Instants that were not, because ROS fell behind.
+    pub dropped: u64,
+    /// Messages that were dropped for subscribers that were too slow.
+    pub dropped_for_slow: u64,
+    /// Poses of others that were heard.
+    pub heard: u64,
+    /// Whether the master knew the topics at the end, and how often it had been away and come again.
+    pub master_is_there: bool,
+    pub master_returns: u64,
 }
 
 impl Summary {

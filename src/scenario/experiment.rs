@@ -77,6 +77,17 @@ pub struct PlannedVehicle {
     pub route: Vec<LaneId>,
     pub start: Start,
     pub sensors: Vec<Sensor>,
+    /// Of a vehicle of the laboratory, which is measured instead of simulated.
+    pub physical: Option<Physical>,
+}
+
+/// How a vehicle of the laboratory is reached.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Physical {
+    /// UDP address that takes its trajectories.
+    pub address: String,
+    /// What motion capture knows it by.
+    pub subject: String,
 }
 
 /// Middle of the outline of a vehicle of these measures, see [`PlannedVehicle::pose_on`].
@@ -143,6 +154,8 @@ pub struct Experiment {
     pub moved: Vec<Moved>,
     pub right_of_way: RightOfWayParams,
     pub environment: EnvironmentSpec,
+    /// What stands between control and the robots of `city3d testbed`.
+    pub testbed: EnvironmentSpec,
     /// For pictures.
     pub time_of_day: TimeOfDay,
     /// Without a trajectory for so long a vehicle stops on its path.
@@ -169,6 +182,11 @@ impl Experiment {
             speed_mps: vehicle.start.speed_mps,
         };
         self.vehicles.iter().map(setup).collect()
+    }
+
+    /// The vehicles of the laboratory among its vehicles.
+    pub fn physical(&self) -> impl Iterator<Item = (&PlannedVehicle, &Physical)> {
+        self.vehicles.iter().filter_map(|planned| Some((planned, planned.physical.as_ref()?)))
     }
 
     /// The same without its vehicles: they come over the link.

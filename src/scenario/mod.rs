@@ -15,7 +15,7 @@ mod time_of_day;
 mod traffic;
 mod vehicle_type;
 
-pub use experiment::{Experiment, Outcome, PlannedVehicle, Rates, Start, pose_on};
+pub use experiment::{Experiment, Outcome, Physical, PlannedVehicle, Rates, Start, pose_on};
 pub use fields::Problem;
 pub use models::Models;
 pub use placement::Moved;

@@ -184,7 +184,12 @@ impl Reader<'_> {
         if needs_vehicles && fleet.is_empty() && (!is_asked_for || root.problems.is_empty()) {
             root.problems.add(&(0..0), "no vehicles: add [[vehicle]] tables or a [traffic] table");
         }
+        let (environment, testbed) = read_environment(root);
         let city_map = Arc::new(self.map.to_city(scale));
+        // Nothing in a laboratory is on its way when an experiment begins, and the others must not run into it.
+        if fleet.vehicles.iter().any(|vehicle| vehicle.physical.is_some()) {
+            fleet.vehicles.iter_mut().for_each(|vehicle| vehicle.start.speed_mps = 0.0);
+        }
         // Places mean nothing before every vehicle has one.
         let moved = if root.problems.is_empty() { fleet.place(root, &city_map, scale) } else { Vec::new() };
         Experiment {
@@ -200,7 +205,8 @@ impl Reader<'_> {
             moved,
             vehicle_types: named.types.into_iter().map(|(name, build)| (name, build.spec)).collect(),
             right_of_way: read_right_of_way(root),
-            environment: read_environment(root),
+            environment,
+            testbed,
             time_of_day: read_time_of_day(root),
             link_timeout_s,
             outcome: Outcome { collisions_forbidden },

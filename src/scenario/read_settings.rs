@@ -131,10 +131,12 @@ pub fn read_right_of_way(root: &Fields<'_, '_>) -> RightOfWayParams {
     params
 }
 
-pub fn read_environment(root: &Fields<'_, '_>) -> EnvironmentSpec {
+/// The environment, and that of robots: a laboratory is none that is ideal unless the file says so.
+pub fn read_environment(root: &Fields<'_, '_>) -> (EnvironmentSpec, EnvironmentSpec) {
     const PROFILES: [(&str, EnvironmentSpec); 2] =
         [("ideal", EnvironmentSpec::IDEAL), ("testbed", EnvironmentSpec::TESTBED)];
     let mut spec = EnvironmentSpec::IDEAL;
+    let mut testbed = EnvironmentSpec::TESTBED;
     if let Some(fields) = root.table("environment") {
         fields.choice("profile", &PROFILES, &mut spec);
         fields.number("measurement_delay_s", 0.0..=5.0, &mut spec.measurement_delay_s);
@@ -143,7 +145,11 @@ pub fn read_environment(root: &Fields<'_, '_>) -> EnvironmentSpec {
         fields.number("loss", 0.0..=0.99, &mut spec.loss);
         fields.number("position_noise_m", 0.0..=0.1, &mut spec.position_noise_m);
         fields.number("yaw_noise_rad", 0.0..=0.5, &mut spec.yaw_noise_rad);
+        fields.number("occlusions_hz", 0.0..=10.0, &mut spec.occlusions_hz);
+        fields.number("occlusion_s", 0.0..=60.0, &mut spec.occlusion_s);
+        fields.number("actuator_lag_s", 0.0..=5.0, &mut spec.actuator_lag_s);
         fields.finish();
+        testbed = spec;
     }
-    spec
+    (spec, testbed)
 }

@@ -73,6 +73,7 @@ impl Basis<'_> {
                 driver: drawn.driver,
                 is_human: false,
                 route: drawn.route,
+                physical: None,
             };
             // One vehicle that cannot do it stands for all that are built alike.
             if !is_infeasible {

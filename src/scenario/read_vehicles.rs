@@ -1,6 +1,6 @@
 //! `[[vehicle]]`: one vehicle with its build, driver, route and start.
 
-use super::experiment::{PlannedVehicle, Start};
+use super::experiment::{Physical, PlannedVehicle, Start};
 use super::feasibility::infeasibilities;
 use super::fields::{Fields, one_of};
 use super::read::{Basis, Fleet};
@@ -8,7 +8,7 @@ use super::read_sensors::read_sensors;
 use super::read_settings::{Named, is_human, pick};
 use super::vehicle_type::{MODELS, VehicleType};
 use crate::city::LaneId;
-use crate::snapshot::{Appearance, BodyType, VehicleId};
+use crate::snapshot::{Appearance, BodyType, ModelKind, VehicleId};
 use std::collections::BTreeSet;
 use std::ops::Range;
 
@@ -63,6 +63,7 @@ impl Basis<'_> {
     ) -> Option<PlannedVehicle> {
         let appearance = self.read_appearance(fields, id);
         let build = self.read_build(fields, named);
+        let physical = read_physical(fields, id, &name);
         let sensors = read_sensors(fields, self.rates);
         let driver = pick(fields, "driver", &named.drivers);
         let is_human = is_human(fields);
@@ -75,7 +76,11 @@ impl Basis<'_> {
         }
         let mut speed_mps = 0.0;
         fields.number("speed_mps", 0.0..=2.0, &mut speed_mps);
-        let (VehicleType { spec, sensors: usual }, (controller, driver), route) = (build?, driver?, route?);
+        let (VehicleType { mut spec, sensors: usual }, (controller, driver), route) =
+            (build?, driver?, route?);
+        if physical.is_some() {
+            spec.model = ModelKind::Measured;
+        }
         let sensors = sensors.unwrap_or(usual);
         let length_m = self.map.lane(route[0]).curve.length();
         if at_m > length_m {
@@ -97,6 +102,7 @@ impl Basis<'_> {
             route,
             start,
             sensors,
+            physical,
         })
     }
 
@@ -161,6 +167,34 @@ impl Basis<'_> {
         }
         lane.map(|lane| lane.id)
     }
+}
+
+/// Where a vehicle of the laboratory listens unless told otherwise: this port of this machine, and its id.
+const FIRST_PORT: u32 = 9900;
+
+/// Whether a vehicle is one of the laboratory's, and how it is reached.
+fn read_physical(fields: &Fields<'_, '_>, id: VehicleId, name: &str) -> Option<Physical> {
+    let mut is_physical = false;
+    fields.choice("body", &[("virtual", false), ("physical", true)], &mut is_physical);
+    let usual = || format!("127.0.0.1:{}", FIRST_PORT + id.0);
+    let address = fields.string("address").map_or_else(usual, str::to_owned);
+    let port = address.rsplit_once(':').and_then(|(host, port)| {
+        let port = port.parse::<u16>().ok().filter(|port| *port > 0);
+        port.filter(|_| !host.is_empty())
+    });
+    let is_stated = fields.entry("address").is_some();
+    if port.is_none() && (is_physical || is_stated) {
+        let key = if is_stated { "address" } else { "body" };
+        fields.wrong(key, format!("address is \"{address}\"; write a UDP address as \"192.168.1.21:9901\""));
+    }
+    let stated = fields.string("subject");
+    if stated.is_some_and(|subject| !is_topic_name(subject)) {
+        let remedy =
+            "use at most 64 letters, digits and underscores, a letter first: it is part of a ROS topic";
+        fields.wrong("subject", format!("what motion capture cannot know it by; {remedy}"));
+    }
+    let subject = stated.unwrap_or(name).to_owned();
+    is_physical.then_some(Physical { address, subject })
 }
 
 pub(super) const BODIES: [(&str, BodyType); 5] = [

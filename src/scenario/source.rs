@@ -8,8 +8,9 @@ use thiserror::Error;
 /// Larger files are refused before they are read: no scenario or map comes near.
 const LARGEST_FILE_BYTES: u64 = 64 << 20;
 
-const SCENARIOS: [(&str, &str); 4] = [
+const SCENARIOS: [(&str, &str); 5] = [
     ("roundabout", include_str!("../../scenarios/roundabout.toml")),
+    ("mixed", include_str!("../../scenarios/mixed.toml")),
     ("city", include_str!("../../scenarios/city.toml")),
     ("straight", include_str!("../../scenarios/straight.toml")),
     ("student", include_str!("../../scenarios/student.toml")),

@@ -129,6 +129,12 @@ impl World {
                 }
             },
             SimCommand::Remove(id) => self.remove(*id),
+            SimCommand::Measure(id, pose) => {
+                let state = &mut self.state;
+                if let Ok(index) = state.vehicles.binary_search_by_key(id, |vehicle| vehicle.state.id) {
+                    state.vehicles[index].measure(pose, &state.physics, time_s, state.is_running);
+                }
+            }
             SimCommand::Follow(trajectory) => {
                 if let Some(vehicle) = self.vehicle_mut(trajectory.vehicle) {
                     vehicle.follow(trajectory, time_s, timeout_s);
@@ -254,6 +260,7 @@ fn info(id: VehicleId, name: &str, appearance: Appearance, spec: &VehicleSpec) -
     let model = match spec.model {
         ModelKind::Raycast => "raycast",
         ModelKind::Bicycle => "bicycle",
+        ModelKind::Measured => "measured",
     };
     VehicleInfo {
         id,

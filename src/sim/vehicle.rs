@@ -1,7 +1,9 @@
 //! One vehicle of the world: its dynamics, what it follows, and its state.
 
 use crate::physics::Physics;
-use crate::snapshot::{Event, EventKind, Pedals, Setup, Status, Trajectory, VehicleState};
+use crate::snapshot::{
+    Event, EventKind, Indicator, MeasuredPose, Pedals, Setup, Status, Trajectory, VehicleState,
+};
 use crate::vehicle::{Actuation, Dynamics, Motion, Tracker, VehicleModel, VehicleSpec};
 use serde::{Deserialize, Serialize};
 
@@ -90,8 +92,33 @@ impl SimVehicle {
         self.heard_s = Some(time_s);
         self.is_finished = trajectory.finished;
         self.is_yielding = trajectory.yielding;
-        self.state.indicator = trajectory.indicator;
+        if self.state.status != Status::Unseen {
+            self.state.indicator = trajectory.indicator;
+        }
         self.tracker.follow(trajectory);
+    }
+
+    /// Takes a measured pose in, where it is a vehicle of the laboratory. While the clock stands it is there at
+    /// once.
+    pub fn measure(&mut self, pose: &MeasuredPose, physics: &Physics, time_s: f64, is_running: bool) {
+        let Dynamics::Measured(measured) = &mut self.dynamics else { return };
+        // A clock that goes ahead must not keep later poses out.
+        measured.take(&MeasuredPose { stamp_s: pose.stamp_s.min(time_s), ..*pose });
+        if !is_running {
+            measured.carry_to(time_s, &self.spec, 0.0);
+            self.motion = self.dynamics.read_back(physics, &self.spec, 0.0);
+            self.describe();
+        }
+    }
+
+    /// Whether it is one of the laboratory's.
+    fn is_physical(&self) -> bool {
+        matches!(self.dynamics, Dynamics::Measured(_))
+    }
+
+    /// Of one of the laboratory's: whether it is seen. `None` before its first pose.
+    fn is_seen(&self) -> Option<bool> {
+        if let Dynamics::Measured(measured) = &self.dynamics { measured.is_seen() } else { None }
     }
 
     /// A person sits at the wheel from the start, with no foot on a pedal.
@@ -157,13 +184,16 @@ impl SimVehicle {
         self.state.reverse = actuation.reverse;
         self.state.brake_lights =
             actuation.brake > BRAKE_LIGHT_TRAVEL || actuation.handbrake > BRAKE_LIGHT_TRAVEL;
+        if let Dynamics::Measured(measured) = &mut self.dynamics {
+            measured.carry_to(time_s + dt_s, &self.spec, dt_s);
+        }
         self.dynamics.apply(physics, &self.spec, &actuation, dt_s);
     }
 
     fn watch_link(&mut self, time_s: f64, link_timeout_s: f64, events: &mut Vec<Event>) {
         let Some(heard_s) = self.heard_s else { return };
-        // A person needs no link.
-        if matches!(self.driver, Driver::Human(_)) {
+        // A person needs no link, and a vehicle of the laboratory has its own.
+        if matches!(self.driver, Driver::Human(_)) || self.is_physical() {
             return;
         }
         let is_lost = time_s - heard_s > link_timeout_s;
@@ -179,15 +209,16 @@ impl SimVehicle {
 
     /// After the physics step.
     pub fn read_back(&mut self, physics: &Physics, time_s: f64, dt_s: f64, events: &mut Vec<Event>) {
+        let before = self.state.status;
         self.motion = self.dynamics.read_back(physics, &self.spec, dt_s);
         self.state.distance_m += self.motion.speed_mps.abs() * dt_s;
         let is_clear = self.state.distance_m - self.collided_at_m > CLEAR_AFTER_M;
-        if is_clear && matches!(self.driver, Driver::Human(_)) {
+        if is_clear && (matches!(self.driver, Driver::Human(_)) || self.is_physical()) {
             self.has_collided = false;
         }
         self.describe();
         self.note_standing(time_s, events);
-        self.note_status(time_s, events);
+        self.note_status(before, time_s, events);
     }
 
     fn describe(&mut self) {
@@ -219,23 +250,36 @@ impl SimVehicle {
         }
     }
 
-    fn note_status(&mut self, time_s: f64, events: &mut Vec<Event>) {
-        let before = self.state.status;
+    fn note_status(&mut self, before: Status, time_s: f64, events: &mut Vec<Event>) {
         self.update_status();
         let after = self.state.status;
         let kind = match after {
             Status::Yielding => EventKind::Yield,
             Status::Finished => EventKind::Finish,
+            Status::Unseen => EventKind::Unseen,
+            Status::Physical if before == Status::Unseen => EventKind::SeenAgain,
             _ => return,
         };
         if before != after {
+            // For who looks at the city: a vehicle that is drawn where nobody has seen it flashes all its indicators.
+            match kind {
+                EventKind::Unseen => self.state.indicator = Indicator::Hazard,
+                EventKind::SeenAgain => self.state.indicator = Indicator::Off,
+                _ => {}
+            }
             events.push(Event { time_s, vehicle: self.state.id, kind });
         }
     }
 
     fn update_status(&mut self) {
+        let (is_physical, is_seen) = (self.is_physical(), self.is_seen());
         self.state.status = match self.driver {
             _ if self.has_collided => Status::Collided,
+            _ if is_physical => match is_seen {
+                None => Status::Waiting,
+                Some(true) => Status::Physical,
+                Some(false) => Status::Unseen,
+            },
             Driver::Human(_) => Status::Manual,
             Driver::Algorithm if self.heard_s.is_none() => Status::Waiting,
             Driver::Algorithm if self.is_link_lost => Status::LinkLost,

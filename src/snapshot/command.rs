@@ -3,6 +3,7 @@
 
 use super::{Indicator, VehicleId, VehicleSpec};
 use crate::geom::Pose2;
+use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 /// One desired state of a vehicle on its way, city frame.
@@ -114,6 +115,17 @@ pub struct Pedals {
     pub indicator: Indicator,
 }
 
+/// Where a vehicle of the laboratory was measured to be, city frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MeasuredPose {
+    /// Simulated time of the measurement.
+    pub stamp_s: f64,
+    /// Middle of the outline, on the ground.
+    pub position: DVec3,
+    /// City from body.
+    pub orientation: DQuat,
+}
+
 /// A change of the world, applied at the tick at which it arrives.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum SimCommand {
@@ -126,6 +138,8 @@ pub enum SimCommand {
     Spawn(Box<Setup>),
     Follow(Trajectory),
     Remove(VehicleId),
+    /// A vehicle of the laboratory was seen; others are where their dynamics have brought them.
+    Measure(VehicleId, MeasuredPose),
     /// A person takes the vehicle over, or drives on with new pedals.
     Drive(VehicleId, Pedals),
     /// The person gives it back to its algorithm.
@@ -139,7 +153,7 @@ impl SimCommand {
             Self::Start | Self::Pause | Self::Reset => None,
             Self::Spawn(setup) => Some(setup.id),
             Self::Follow(trajectory) => Some(trajectory.vehicle),
-            Self::Remove(id) | Self::Drive(id, _) | Self::Release(id) => Some(*id),
+            Self::Remove(id) | Self::Measure(id, _) | Self::Drive(id, _) | Self::Release(id) => Some(*id),
         }
     }
 

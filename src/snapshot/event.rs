@@ -43,6 +43,10 @@ pub enum EventKind {
     },
     LinkLost,
     LinkBack,
+    /// A vehicle of the laboratory is no longer measured.
+    Unseen,
+    /// It is again.
+    SeenAgain,
     /// At the end of its route.
     Finish,
     Remove,

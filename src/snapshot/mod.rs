@@ -9,7 +9,9 @@ mod event;
 mod spec;
 mod vehicle;
 
-pub use command::{Appearance, BodyType, Pedals, Setup, SimCommand, Trajectory, TrajectoryPoint};
+pub use command::{
+    Appearance, BodyType, MeasuredPose, Pedals, Setup, SimCommand, Trajectory, TrajectoryPoint,
+};
 pub use event::{Event, EventKind};
 pub use spec::{CentreOfMass, ControlGains, Drive, ModelKind, Motor, Suspension, TorquePoint, VehicleSpec};
 pub use vehicle::{Dimensions, Indicator, Status, VehicleId, VehicleInfo, VehicleState, WheelState};

@@ -94,6 +94,8 @@ pub enum ModelKind {
     Raycast,
     /// Kinematic bicycle: goes where its front wheel points.
     Bicycle,
+    /// A vehicle of the laboratory: it is where it is measured to be.
+    Measured,
 }
 
 /// Gains of the tracking control.

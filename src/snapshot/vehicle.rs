@@ -39,10 +39,12 @@ pub enum Status {
     Finished,
     /// A vehicle of the laboratory, drawn as it is measured.
     Physical,
+    /// A vehicle of the laboratory that has not been measured lately: hidden, or away.
+    Unseen,
 }
 
 impl Status {
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Waiting,
         Self::Driving,
         Self::Yielding,
@@ -52,6 +54,7 @@ impl Status {
         Self::Collided,
         Self::Finished,
         Self::Physical,
+        Self::Unseen,
     ];
 
     /// The status in words, as tables show it.
@@ -66,6 +69,7 @@ impl Status {
             Self::Collided => "collided",
             Self::Finished => "finished",
             Self::Physical => "physical",
+            Self::Unseen => "unseen",
         }
     }
 }

@@ -15,6 +15,7 @@ pub fn colour(status: Status) -> Color32 {
         Status::Collided => Color32::from_rgb(255, 85, 85),
         Status::Finished => Color32::from_rgb(150, 170, 190),
         Status::Physical => Color32::from_rgb(90, 210, 210),
+        Status::Unseen => Color32::from_rgb(190, 120, 120),
     }
 }
 
@@ -30,6 +31,7 @@ pub fn meaning(status: Status) -> &'static str {
         Status::Collided => "Has hit something; it brakes and stays. A person who takes it over can drive on",
         Status::Finished => "At the end of its route",
         Status::Physical => "A vehicle of the laboratory, drawn as it is measured",
+        Status::Unseen => "A vehicle of the laboratory that is not measured: it is drawn where it was last",
     }
 }
 

@@ -8,6 +8,7 @@
 mod bicycle;
 mod check;
 mod limits;
+mod measured;
 mod path;
 mod pedals;
 mod raycast;
@@ -19,6 +20,7 @@ pub use crate::snapshot::{
 };
 pub use bicycle::Bicycle;
 pub use check::SpecError;
+pub use measured::{Measured, UNSEEN_AFTER_S};
 pub use pedals::pedals;
 pub use raycast::RaycastCar;
 pub use tracker::{Tracker, Tracking};
@@ -89,6 +91,7 @@ pub trait VehicleModel {
 pub enum Dynamics {
     Raycast(RaycastCar),
     Bicycle(Bicycle),
+    Measured(Measured),
 }
 
 impl Dynamics {
@@ -98,6 +101,7 @@ impl Dynamics {
         match spec.model {
             ModelKind::Raycast => Self::Raycast(RaycastCar::spawn(physics, spec, pose, speed_mps)),
             ModelKind::Bicycle => Self::Bicycle(Bicycle::spawn(physics, spec, pose, speed_mps)),
+            ModelKind::Measured => Self::Measured(Measured::spawn(physics, spec, pose)),
         }
     }
 
@@ -105,6 +109,7 @@ impl Dynamics {
         match self {
             Self::Raycast(car) => car,
             Self::Bicycle(bicycle) => bicycle,
+            Self::Measured(measured) => measured,
         }
     }
 }

@@ -301,7 +301,7 @@ fn stanley(spec: &VehicleSpec, motion: &Motion, nearest: &Nearest, forward: DVec
     let desired_yaw_rate = along * nearest.curvature;
     let k_a = match spec.model {
         ModelKind::Raycast => gains.k_a,
-        ModelKind::Bicycle => 0.0,
+        ModelKind::Bicycle | ModelKind::Measured => 0.0,
     };
     heading_error - k_a * speed * desired_yaw_rate
         + trig::atan(gains.k_e * nearest.path_to_left_m / (gains.k_s + speed))
@@ -323,7 +323,7 @@ fn throttle_for(spec: &VehicleSpec, motion: &Motion, front: &FrontAxle, wanted_m
             let slip = lateral / (spec.tyre_cornering * GRAVITY_MPS2);
             (spec.turning_share(), spec.mass_kg * lateral * slip)
         }
-        ModelKind::Bicycle => (0.0, 0.0),
+        ModelKind::Bicycle | ModelKind::Measured => (0.0, 0.0),
     };
     let speeding = wanted_mps2 * (cos * cos + turning * sin * sin) / cos;
     let bending = front.along_mps * sin * (1.0 - turning) * front.steering_rate_radps;

@@ -356,7 +356,7 @@ impl Poses {
 impl Seen {
     fn read(from: &mut Reader<'_>, stamp_s: f64) -> Result<Self, DecodeError> {
         let vehicle = VehicleId(from.u32("vehicle id")?);
-        let status = from.one_of("status", &Status::ALL, "0 (waiting) to 8 (physical)")?;
+        let status = from.one_of("status", &Status::ALL, "0 (waiting) to 9 (unseen)")?;
         for _ in 0..3 {
             let found = from.u8("reserved")?;
             from.within("reserved", found, (0, 0))?;

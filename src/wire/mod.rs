@@ -23,7 +23,7 @@ pub use trajectories::{MOST_POINTS, MOST_TRAJECTORIES, pack};
 
 use crate::geom::{LengthScale, Pose2};
 use crate::snapshot::{
-    FrameSnapshot, Indicator, SimCommand, Trajectory, TrajectoryPoint, VehicleId, VehicleState,
+    FrameSnapshot, Indicator, MeasuredPose, SimCommand, Trajectory, TrajectoryPoint, VehicleId, VehicleState,
 };
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -63,6 +63,15 @@ impl Measurement {
     /// All vehicles of a snapshot, in id order.
     pub fn all(snapshot: &FrameSnapshot, scale: LengthScale) -> impl Iterator<Item = Self> + '_ {
         snapshot.vehicles.iter().map(move |state| Self::of(state, snapshot.time_s, scale))
+    }
+
+    /// As a command of the full-scale city.
+    pub fn into_command(self, scale: LengthScale) -> SimCommand {
+        let Self { vehicle, stamp_s, position, orientation } = self;
+        SimCommand::Measure(
+            vehicle,
+            MeasuredPose { stamp_s, position: position * scale.factor(), orientation },
+        )
     }
 
     pub fn pose_in_lab(&self) -> Pose2 {

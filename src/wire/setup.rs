@@ -19,7 +19,7 @@ const FIRST_OWN_BODY: u16 = 256;
 const BODIES: [BodyType; 5] =
     [BodyType::Sedan, BodyType::Hatchback, BodyType::Suv, BodyType::Van, BodyType::Pickup];
 const DRIVES: [Drive; 3] = [Drive::Front, Drive::Rear, Drive::All];
-const MODELS: [ModelKind; 2] = [ModelKind::Raycast, ModelKind::Bicycle];
+const MODELS: [ModelKind; 3] = [ModelKind::Raycast, ModelKind::Bicycle, ModelKind::Measured];
 
 /// How a vehicle is built.
 #[derive(Clone, Debug, PartialEq)]
@@ -178,7 +178,7 @@ fn write_spec(spec: &VehicleSpec, out: &mut Writer) -> Result<(), EncodeError> {
 fn read_spec(from: &mut Reader<'_>) -> Result<VehicleSpec, DecodeError> {
     let mut spec = VehicleSpec {
         drive: from.one_of("driven axle", &DRIVES, "0 (front), 1 (rear) and 2 (all)")?,
-        model: from.one_of("dynamics model", &MODELS, "0 (raycast) and 1 (bicycle)")?,
+        model: from.one_of("dynamics model", &MODELS, "0 (raycast), 1 (bicycle) and 2 (measured)")?,
         ..VehicleSpec::default()
     };
     for (field, number) in figures(&mut spec) {

@@ -26,7 +26,7 @@ pub(super) const FIRST_SCENARIO: &str = "roundabout";
 
 #[derive(Debug, Args)]
 pub struct ViewArgs {
-    /// A scenario file, or a shipped one: roundabout, city, straight, student
+    /// A scenario file, or a shipped one: roundabout, mixed, city, straight, student
     #[arg(default_value = FIRST_SCENARIO)]
     scenario: String,
     /// Seed of all random draws, instead of the scenario's

@@ -5,9 +5,9 @@ mod setup;
 
 use crate::scenario::Experiment;
 use crate::sim::World;
-use crate::snapshot::{FrameSnapshot, SimCommand, Trajectory, VehicleId};
+use crate::snapshot::{FrameSnapshot, ModelKind, SimCommand, Status, Trajectory, VehicleId};
 use crate::wire::{
-    Action, Body, Clock, DropReason, MOST_POSES, Measurement, Message, Outcome, Phase, Poses, Seen,
+    Action, Body, Build, Clock, DropReason, MOST_POSES, Measurement, Message, Outcome, Phase, Poses, Seen,
     VehicleSetup,
 };
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -15,6 +15,9 @@ use std::sync::Arc;
 
 /// A sender in one of its sessions.
 pub type Sender = u32;
+
+/// Stands for motion capture, which is no sender.
+pub const MOTION_CAPTURE: Sender = 0;
 
 /// Who may do what.
 #[derive(Clone, Copy, Debug, Default)]
@@ -242,6 +245,29 @@ impl Served {
         };
         self.push(Pending { sender, body: Body::Command { request, action }, command });
         (Outcome::Done, String::new())
+    }
+
+    /// Takes in where a vehicle of the laboratory was measured to be, on the city's clock; of others motion
+    /// capture says nothing here.
+    pub fn measure(&mut self, pose: Measurement) {
+        let is_measured = |owned: &Owned| match &owned.setup.build {
+            Build::Spec(spec) => spec.model == ModelKind::Measured,
+            Build::Type(_) => false,
+        };
+        if self.vehicles.get(&pose.vehicle).is_none_or(|owned| !is_measured(owned)) {
+            return;
+        }
+        let poses = Poses {
+            tick: self.snapshot.tick,
+            time_s: pose.stamp_s,
+            state_hash: 0,
+            phase: self.phase(),
+            part: 0,
+            parts: 1,
+            vehicles: vec![Seen { pose, status: Status::Physical }],
+        };
+        let command = pose.into_command(self.experiment().scale);
+        self.push(Pending { sender: MOTION_CAPTURE, body: Body::Poses(poses), command });
     }
 
     /// Whether the next tick makes a physics step: the clock runs, or will by then.

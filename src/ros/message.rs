@@ -1,0 +1,300 @@
+//! The messages of ROS 1 that are published and heard, byte by byte as TCPROS has them.
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// How ROS knows a type of messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MessageType {
+    /// Package and name.
+    pub name: &'static str,
+    /// Digest of the definition.
+    pub md5sum: &'static str,
+    /// Of the type, and behind it those of all that it consists of.
+    pub definition: &'static str,
+}
+
+/// Bytes that are no message of a type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum MessageError {
+    #[error("the message ends early")]
+    Torn,
+    #[error("{0} bytes too many")]
+    Long(usize),
+    #[error("a text that is no UTF-8")]
+    Text,
+}
+
+/// What can be sent and read; as JSON, its fields have the names that the definition gives them.
+pub trait Message: Sized + Serialize + DeserializeOwned {
+    const TYPE: MessageType;
+
+    fn write(&self, out: &mut Vec<u8>);
+
+    /// # Errors
+    /// [`MessageError`]
+    fn read(from: &mut Bytes<'_>) -> Result<Self, MessageError>;
+
+    /// # Errors
+    /// When the bytes are not just such a message.
+    fn decode(bytes: &[u8]) -> Result<Self, MessageError> {
+        let mut from = Bytes(bytes);
+        let message = Self::read(&mut from)?;
+        if from.0.is_empty() { Ok(message) } else { Err(MessageError::Long(from.0.len())) }
+    }
+}
+
+/// What is left of a message that is being read.
+#[derive(Debug)]
+pub struct Bytes<'a>(&'a [u8]);
+
+impl<'a> Bytes<'a> {
+    fn take<const N: usize>(&mut self) -> Result<[u8; N], MessageError> {
+        let (taken, rest) = self.0.split_first_chunk().ok_or(MessageError::Torn)?;
+        self.0 = rest;
+        Ok(*taken)
+    }
+
+    fn u32(&mut self) -> Result<u32, MessageError> {
+        self.take().map(u32::from_le_bytes)
+    }
+
+    fn f64(&mut self) -> Result<f64, MessageError> {
+        self.take().map(f64::from_le_bytes)
+    }
+
+    fn text(&mut self) -> Result<&'a str, MessageError> {
+        let length = self.u32()? as usize;
+        let (text, rest) = self.0.split_at_checked(length).ok_or(MessageError::Torn)?;
+        self.0 = rest;
+        std::str::from_utf8(text).map_err(|_| MessageError::Text)
+    }
+}
+
+fn write_text(out: &mut Vec<u8>, text: &str) {
+    out.extend((text.len() as u32).to_le_bytes());
+    out.extend(text.as_bytes());
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Time {
+    #[serde(alias = "sec")]
+    pub secs: u32,
+    #[serde(alias = "nanosec")]
+    pub nsecs: u32,
+}
+
+impl Time {
+    /// Seconds since the epoch or, of a simulated clock, since its start.
+    pub fn of_seconds(seconds: f64) -> Self {
+        let nanoseconds = (seconds.max(0.0) * 1e9).round() as u64;
+        Self {
+            secs: u32::try_from(nanoseconds / 1_000_000_000).unwrap_or(u32::MAX),
+            nsecs: (nanoseconds % 1_000_000_000) as u32,
+        }
+    }
+
+    pub fn seconds(self) -> f64 {
+        f64::from(self.secs) + f64::from(self.nsecs) * 1e-9
+    }
+
+    fn write(self, out: &mut Vec<u8>) {
+        out.extend(self.secs.to_le_bytes());
+        out.extend(self.nsecs.to_le_bytes());
+    }
+
+    fn read(from: &mut Bytes<'_>) -> Result<Self, MessageError> {
+        Ok(Self { secs: from.u32()?, nsecs: from.u32()? })
+    }
+}
+
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Header {
+    /// ROS 2 has none.
+    #[serde(default)]
+    pub seq: u32,
+    pub stamp: Time,
+    pub frame_id: String,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Vector3 {
+    pub x: f64,
+    pub y: f64,
+    pub z: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Quaternion {
+    pub x: f64,
+    pub y: f64,
+    pub z: f64,
+    pub w: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Transform {
+    pub translation: Vector3,
+    pub rotation: Quaternion,
+}
+
+/// `geometry_msgs/TransformStamped`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TransformStamped {
+    pub header: Header,
+    pub child_frame_id: String,
+    pub transform: Transform,
+}
+
+/// `tf2_msgs/TFMessage`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TfMessage {
+    pub transforms: Vec<TransformStamped>,
+}
+
+/// `rosgraph_msgs/Clock`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Clock {
+    pub clock: Time,
+}
+
+macro_rules! next_message {
+    ($name:literal) => {
+        concat!(
+            "================================================================================\nMSG: ",
+            $name,
+            "\n"
+        )
+    };
+}
+
+macro_rules! transform_stamped {
+    () => {
+        concat!(
+            "Header header\nstring child_frame_id\nTransform transform\n",
+            next_message!("std_msgs/Header"),
+            "uint32 seq\ntime stamp\nstring frame_id\n",
+            next_message!("geometry_msgs/Transform"),
+            "Vector3 translation\nQuaternion rotation\n",
+            next_message!("geometry_msgs/Vector3"),
+            "float64 x\nfloat64 y\nfloat64 z\n",
+            next_message!("geometry_msgs/Quaternion"),
+            "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
+        )
+    };
+}
+
+impl Message for TransformStamped {
+    const TYPE: MessageType = MessageType {
+        name: "geometry_msgs/TransformStamped",
+        md5sum: "b5764a33bfeb3588febc2682852579b0",
+        definition: transform_stamped!(),
+    };
+
+    fn write(&self, out: &mut Vec<u8>) {
+        out.extend(self.header.seq.to_le_bytes());
+        self.header.stamp.write(out);
+        write_text(out, &self.header.frame_id);
+        write_text(out, &self.child_frame_id);
+        let (p, q) = (self.transform.translation, self.transform.rotation);
+        [p.x, p.y, p.z, q.x, q.y, q.z, q.w].into_iter().for_each(|number| out.extend(number.to_le_bytes()));
+    }
+
+    fn read(from: &mut Bytes<'_>) -> Result<Self, MessageError> {
+        let (seq, stamp) = (from.u32()?, Time::read(from)?);
+        let (frame_id, child_frame_id) = (from.text()?.to_owned(), from.text()?.to_owned());
+        let translation = Vector3 { x: from.f64()?, y: from.f64()?, z: from.f64()? };
+        let rotation = Quaternion { x: from.f64()?, y: from.f64()?, z: from.f64()?, w: from.f64()? };
+        let header = Header { seq, stamp, frame_id };
+        Ok(Self { header, child_frame_id, transform: Transform { translation, rotation } })
+    }
+}
+
+impl Message for TfMessage {
+    const TYPE: MessageType = MessageType {
+        name: "tf2_msgs/TFMessage",
+        md5sum: "94810edda583a504dfda3829e70d7eec",
+        definition: concat!(
+            "geometry_msgs/TransformStamped[] transforms\n",
+            next_message!("geometry_msgs/TransformStamped"),
+            transform_stamped!(),
+        ),
+    };
+
+    fn write(&self, out: &mut Vec<u8>) {
+        out.extend((self.transforms.len() as u32).to_le_bytes());
+        self.transforms.iter().for_each(|transform| transform.write(out));
+    }
+
+    fn read(from: &mut Bytes<'_>) -> Result<Self, MessageError> {
+        // No room is made in advance: what is told may be more than what follows.
+        let transforms = (0..from.u32()?).map(|_| TransformStamped::read(from)).collect::<Result<_, _>>()?;
+        Ok(Self { transforms })
+    }
+}
+
+impl Message for Clock {
+    const TYPE: MessageType = MessageType {
+        name: "rosgraph_msgs/Clock",
+        md5sum: "a9c97c1d230cfc112e270351a944ee47",
+        definition: "time clock\n",
+    };
+
+    fn write(&self, out: &mut Vec<u8>) {
+        self.clock.write(out);
+    }
+
+    fn read(from: &mut Bytes<'_>) -> Result<Self, MessageError> {
+        Ok(Self { clock: Time::read(from)? })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn transform(seq: u32) -> TransformStamped {
+        TransformStamped {
+            header: Header {
+                seq,
+                stamp: Time { secs: 12, nsecs: 340_000_000 },
+                frame_id: "/vicon/world".to_owned(),
+            },
+            child_frame_id: "vicon/a/a".to_owned(),
+            transform: Transform {
+                translation: Vector3 { x: 1.5, y: -2.0, z: 0.0 },
+                rotation: Quaternion { x: 0.0, y: 0.0, z: 0.6, w: 0.8 },
+            },
+        }
+    }
+
+    #[test]
+    fn messages_come_back_as_they_were() {
+        let message = TfMessage { transforms: vec![transform(7), transform(8)] };
+        let mut bytes = Vec::new();
+        message.write(&mut bytes);
+        assert_eq!(TfMessage::decode(&bytes), Ok(message));
+        assert_eq!(TfMessage::decode(&bytes[..bytes.len() - 1]), Err(MessageError::Torn));
+        bytes.push(0);
+        assert_eq!(TfMessage::decode(&bytes), Err(MessageError::Long(1)));
+    }
+
+    proptest! {
+        #[test]
+        fn no_bytes_are_too_strange(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+            // Whatever they are, they are a message or refused.
+            let _ = TransformStamped::decode(&bytes);
+            let _ = TfMessage::decode(&bytes);
+        }
+    }
+
+    #[test]
+    fn seconds_keep_their_nanoseconds() {
+        assert_eq!(Time::of_seconds(12.34), Time { secs: 12, nsecs: 340_000_000 });
+        assert_eq!(Time::of_seconds(0.999_999_999_9), Time { secs: 1, nsecs: 0 });
+        assert_eq!(Time::of_seconds(-1.0), Time::default());
+        assert!((Time::of_seconds(12.34).seconds() - 12.34).abs() < 1e-9);
+    }
+}

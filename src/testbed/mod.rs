@@ -1,0 +1,222 @@
+//! Robots in place of the laboratory's: what they make of trajectories, and how motion capture sees them.
+//! Without sockets or clocks of the wall.
+//!
+//! They drive in full-scale metres as the city's vehicles do, as kinematic bicycles whose pedals and steering
+//! follow late ([`EnvironmentSpec::actuator_lag_s`]); between them and who drives them is an [`Environment`].
+
+use crate::environment::{Environment, EnvironmentSpec};
+use crate::geom::{LengthScale, Pose2};
+use crate::physics::Physics;
+use crate::scenario::{Experiment, PlannedVehicle};
+use crate::snapshot::{ModelKind, SimCommand, Trajectory, VehicleId, VehicleSpec};
+use crate::vehicle::{Actuation, Dynamics, Motion, Tracker, VehicleModel};
+use crate::wire::{Measurement, Message};
+use std::collections::BTreeMap;
+
+/// Holds a robot whose experiment stands.
+const HOLDING: Actuation =
+    Actuation { gas: 0.0, brake: 1.0, handbrake: 1.0, steering_rad: 0.0, reverse: false };
+
+/// A clock that is off by less is brought nearer by this share at each reading, by more it is set.
+const SLEWED_S: f64 = 0.05;
+const SLEW: f64 = 0.1;
+
+/// The experiment's clock, as who drives has told it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ExperimentClock {
+    pub time_s: f64,
+    pub is_running: bool,
+}
+
+/// The robots of an experiment.
+#[derive(Debug)]
+pub struct Testbed {
+    scale: LengthScale,
+    dt_s: f64,
+    link_timeout_s: f64,
+    lag_s: f64,
+    physics: Physics,
+    robots: BTreeMap<VehicleId, Robot>,
+    environment: Environment,
+    /// Steps made; the time in which messages and poses are under way.
+    ticks: u64,
+    clock: ExperimentClock,
+    sent: Vec<Message>,
+    delivered: Vec<Message>,
+}
+
+/// One robot.
+#[derive(Debug)]
+struct Robot {
+    spec: VehicleSpec,
+    /// City metres.
+    start: Pose2,
+    dynamics: Dynamics,
+    motion: Motion,
+    tracker: Tracker,
+    /// What pedals and steering do, behind what is asked of them.
+    actuation: Actuation,
+    /// When the last trajectory came, by the experiment's clock.
+    heard_s: Option<f64>,
+    sequence: Option<u32>,
+}
+
+impl Testbed {
+    /// The physical vehicles of an experiment, at their starts.
+    pub fn new(experiment: &Experiment) -> Self {
+        let dt_s = experiment.rates.dt_s();
+        let mut physics = Physics::new(dt_s);
+        let physical = experiment.vehicles.iter().filter(|planned| planned.physical.is_some());
+        let robots =
+            physical.map(|planned| (planned.id, Robot::new(planned, experiment, &mut physics))).collect();
+        let spec: EnvironmentSpec = experiment.testbed;
+        Self {
+            scale: experiment.scale,
+            dt_s,
+            link_timeout_s: experiment.link_timeout_s,
+            lag_s: spec.actuator_lag_s,
+            physics,
+            robots,
+            environment: Environment::new(spec, experiment.seed),
+            ticks: 0,
+            clock: ExperimentClock::default(),
+            sent: Vec::new(),
+            delivered: Vec::new(),
+        }
+    }
+
+    /// Seconds since its beginning.
+    pub fn time_s(&self) -> f64 {
+        self.ticks as f64 * self.dt_s
+    }
+
+    pub fn clock(&self) -> ExperimentClock {
+        self.clock
+    }
+
+    /// Takes in what the experiment's clock shows. Where it has been reset the robots are put back to their
+    /// starts, as somebody does it in the laboratory.
+    pub fn set_clock(&mut self, clock: ExperimentClock) {
+        let is_reset = !clock.is_running && clock.time_s == 0.0 && self.clock.time_s > 0.0;
+        let ahead_s = clock.time_s - self.clock.time_s;
+        if clock.is_running && self.clock.is_running && ahead_s.abs() < SLEWED_S {
+            // What it is told was under way for a while, now longer, now shorter.
+            self.clock.time_s += ahead_s * SLEW;
+        } else {
+            self.clock = clock;
+        }
+        if is_reset {
+            for robot in self.robots.values_mut() {
+                robot.put_back(&mut self.physics, self.dt_s);
+            }
+        }
+    }
+
+    /// Somebody else drives from now on: sequences begin anew.
+    pub fn hear_anew(&mut self, vehicle: VehicleId) {
+        if let Some(robot) = self.robots.get_mut(&vehicle) {
+            robot.sequence = None;
+        }
+    }
+
+    /// Takes a trajectory in, laboratory metres; it arrives when the environment lets it.
+    pub fn follow(&mut self, trajectory: &Trajectory) {
+        if self.robots.contains_key(&trajectory.vehicle) {
+            self.sent.push(Message::Follow(trajectory.clone()));
+        }
+    }
+
+    /// One step; adds the poses that arrive from motion capture by then. Their stamps are the experiment's clock.
+    pub fn step(&mut self, arrived: &mut Vec<Measurement>) {
+        self.delivered.clear();
+        self.environment.command(self.time_s(), self.sent.drain(..), &mut self.delivered);
+        for message in self.delivered.drain(..) {
+            if let SimCommand::Follow(trajectory) = message.into_command(self.scale)
+                && let Some(robot) = self.robots.get_mut(&trajectory.vehicle)
+            {
+                robot.follow(&trajectory, self.clock.time_s, self.link_timeout_s);
+            }
+        }
+        let share = if self.lag_s > 0.0 { (self.dt_s / self.lag_s).min(1.0) } else { 1.0 };
+        for robot in self.robots.values_mut() {
+            let asked = robot.decide(self.clock, self.dt_s, self.link_timeout_s);
+            robot.approach(&asked, share);
+            robot.dynamics.apply(&mut self.physics, &robot.spec, &robot.actuation, self.dt_s);
+        }
+        self.physics.step();
+        self.ticks += 1;
+        if self.clock.is_running {
+            self.clock.time_s += self.dt_s;
+        }
+        for robot in self.robots.values_mut() {
+            robot.motion = robot.dynamics.read_back(&self.physics, &robot.spec, self.dt_s);
+        }
+        let (now_s, stamp_s, scale) = (self.time_s(), self.clock.time_s, self.scale);
+        let seen = self.robots.iter().map(|(id, robot)| Measurement {
+            vehicle: *id,
+            stamp_s,
+            position: robot.motion.position / scale.factor(),
+            orientation: robot.motion.orientation,
+        });
+        self.environment.measure(now_s, seen, arrived);
+    }
+}
+
+impl Robot {
+    fn new(planned: &PlannedVehicle, experiment: &Experiment, physics: &mut Physics) -> Self {
+        let setup = planned.setup(&experiment.city_map, experiment.scale);
+        let spec = VehicleSpec { model: ModelKind::Bicycle, ..setup.spec };
+        let mut dynamics = Dynamics::spawn(physics, &spec, setup.pose, 0.0);
+        let motion = dynamics.read_back(physics, &spec, experiment.rates.dt_s());
+        Self {
+            spec,
+            start: setup.pose,
+            dynamics,
+            motion,
+            tracker: Tracker::default(),
+            actuation: HOLDING,
+            heard_s: None,
+            sequence: None,
+        }
+    }
+
+    fn put_back(&mut self, physics: &mut Physics, dt_s: f64) {
+        self.dynamics.remove(physics);
+        self.dynamics = Dynamics::spawn(physics, &self.spec, self.start, 0.0);
+        self.motion = self.dynamics.read_back(physics, &self.spec, dt_s);
+        (self.tracker, self.actuation) = (Tracker::default(), HOLDING);
+        (self.heard_s, self.sequence) = (None, None);
+    }
+
+    fn follow(&mut self, trajectory: &Trajectory, time_s: f64, link_timeout_s: f64) {
+        let is_new = self.sequence.is_none_or(|last| trajectory.follows(last));
+        if is_new && !trajectory.is_over(time_s - link_timeout_s) {
+            (self.sequence, self.heard_s) = (Some(trajectory.sequence), Some(time_s));
+            self.tracker.follow(trajectory);
+        }
+    }
+
+    /// What it asks of its pedals and its steering.
+    fn decide(&mut self, clock: ExperimentClock, dt_s: f64, link_timeout_s: f64) -> Actuation {
+        let Some(heard_s) = self.heard_s.filter(|_| clock.is_running) else {
+            return Actuation { steering_rad: self.actuation.steering_rad, ..HOLDING };
+        };
+        if clock.time_s - heard_s > link_timeout_s {
+            self.tracker.stop_on_path();
+        }
+        self.tracker.step(&self.spec, &self.motion, clock.time_s, dt_s).actuation
+    }
+
+    fn approach(&mut self, asked: &Actuation, share: f64) {
+        let now = &mut self.actuation;
+        for (value, asked) in [
+            (&mut now.gas, asked.gas),
+            (&mut now.brake, asked.brake),
+            (&mut now.handbrake, asked.handbrake),
+            (&mut now.steering_rad, asked.steering_rad),
+        ] {
+            *value += (asked - *value) * share;
+        }
+        now.reverse = asked.reverse;
+    }
+}
