@@ -220,6 +220,12 @@ pub(super) fn pumps(place: &Place<'_>) -> Vec<(Vec3, Vec2)> {
     special::pumps(&place.piece.name.to_lowercase(), &ring)
 }
 
+/// Lamps that belong to it.
+pub(super) fn lights(place: &Place<'_>) -> Vec<Vec3> {
+    let ring: Vec<Vec2> = ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect();
+    special::lights(&place.piece.name.to_lowercase(), &ring, height_of(place))
+}
+
 /// Where the board with its prices stands, and the way along it.
 pub(super) fn price_board(place: &Place<'_>) -> Option<(Vec2, Vec2)> {
     let ring: Vec<Vec2> = ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect();

@@ -221,6 +221,7 @@ impl SceneDescription {
             if piece.kind == SceneryKind::Building {
                 let pumps = buildings::pumps(&place).into_iter();
                 objects.extend(pumps.map(|(at, front)| furniture.place(Piece::FuelPump, at, front, 1.0)));
+                lamps.extend(buildings::lights(&place));
                 let board = buildings::price_board(&place).filter(|&(at, _)| is_free(at, index));
                 objects.extend(board.map(|board| Object::of_one_level(special::price_board_at(board))));
                 walls.extend(buildings::opaque_walls(&place));

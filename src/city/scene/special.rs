@@ -11,6 +11,7 @@ const COPPER: Finish = Finish::new(Surface::Metal, [112, 158, 142], Class::Build
 const SLATE: Finish = Finish::new(Surface::RoofTiles, [92, 94, 102], Class::Building);
 const RED: Finish = Finish::new(Surface::Metal, [190, 44, 40], Class::Building);
 const WHITE: Finish = Finish::new(Surface::Metal, [236, 236, 232], Class::Building);
+const LENS: Finish = Finish::new(Surface::Lantern, [255, 250, 235], Class::Building);
 
 fn middle(ring: &[Vec2]) -> Vec2 {
     ring.iter().copied().sum::<Vec2>() / ring.len().max(1) as f32
@@ -33,6 +34,15 @@ pub(super) fn pavilion(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32) 
         let first = mesh.vertices.len();
         mesh.plate(&under, WHITE, 2.0);
         mesh.set_openness(first, 130);
+        for lens in lights(name, ring, height) {
+            let half = Vec3::new(0.55, 0.16, 0.0);
+            let corner = |x: f32, y: f32| lens + Vec3::new(x * half.x, y * half.y, -0.012);
+            mesh.plate(
+                &[corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)],
+                LENS,
+                2.0,
+            );
+        }
         // Islands for the pumps.
         for (at, along) in islands(ring) {
             let yaw = along.to_angle();
@@ -67,6 +77,12 @@ fn islands(ring: &[Vec2]) -> [(Vec2, Vec2); 2] {
     let across = (ring[1] - ring[0]).normalize_or(Vec2::X);
     let place = |part: f32| middle(ring) + across * (part * ring[0].distance(ring[1]));
     [-0.22, 0.22].map(|part| (place(part), across.perp()))
+}
+
+/// Lamps under a canopy, over its pumps.
+pub(super) fn lights(name: &str, ring: &[Vec2], height: f32) -> Vec<Vec3> {
+    let over = |(at, _): (Vec3, Vec2)| at.truncate().extend(height - 0.7);
+    pumps(name, ring).into_iter().map(over).collect()
 }
 
 /// Fuel pumps under a canopy: where each stands and looks to.
