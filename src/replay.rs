@@ -5,7 +5,7 @@ use crate::record::{Entry, LogReader, LoggedSnapshot, LoggedVehicle, NetworkComm
 use crate::scenario::Experiment;
 use crate::sim::World;
 use crate::snapshot::{FrameSnapshot, SimCommand, VehicleId};
-use crate::wire::{Action, Body, Message};
+use crate::wire::Body;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
@@ -117,7 +117,7 @@ impl Replay {
                     .map_err(|reason| ReplayError::Network { tick: command.tick, reason })?;
                 self.commands.extend(commands);
             }
-            Entry::Tick { .. } | Entry::Snapshot(_) => {}
+            Entry::Tick { .. } | Entry::Snapshot(_) | Entry::Event(_) => {}
         }
         Ok(())
     }
@@ -173,20 +173,5 @@ impl Replay {
 /// What the city has done with something that came over the link.
 fn commands_of(command: &NetworkCommand, experiment: &Experiment) -> Result<Vec<SimCommand>, String> {
     let body = Body::from_log(command.kind, &command.body).map_err(|error| error.to_string())?;
-    Ok(match body {
-        Body::Trajectories(list) => {
-            list.into_iter().map(|one| Message::Follow(one).into_command(experiment.scale)).collect()
-        }
-        Body::Setup { setup, .. } => {
-            let spec = setup.build.resolve(&experiment.vehicle_types)?;
-            vec![SimCommand::Spawn(Box::new(setup.in_city(experiment.scale, spec)))]
-        }
-        Body::Remove { vehicle, .. } => vec![SimCommand::Remove(vehicle)],
-        Body::Command { action, .. } => vec![match action {
-            Action::Start => SimCommand::Start,
-            Action::Pause => SimCommand::Pause,
-            Action::Reset => SimCommand::Reset,
-        }],
-        _ => return Err(format!("kind {} is no command", command.kind)),
-    })
+    body.into_commands(experiment.scale, &experiment.vehicle_types)
 }

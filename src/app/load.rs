@@ -1,6 +1,6 @@
 //! From the arguments of a command to an experiment.
 
-use super::{Failure, Model, ScenarioArgs};
+use super::{Failure, Model, ProfileArg, ScenarioArgs};
 use crate::scenario::{Experiment, Library, Overrides, read_experiment};
 use crate::vehicle::ModelKind;
 use std::sync::Arc;
@@ -29,6 +29,8 @@ fn read(args: &ScenarioArgs, allows_no_vehicles: bool) -> Result<Experiment, Fai
         Model::Raycast => ModelKind::Raycast,
         Model::Bicycle => ModelKind::Bicycle,
     });
-    let overrides = Overrides { seed: args.seed, duration_s: args.duration, model, allows_no_vehicles };
+    let environment = args.environment.map(ProfileArg::profile);
+    let overrides =
+        Overrides { seed: args.seed, duration_s: args.duration, model, environment, allows_no_vehicles };
     read_experiment(&args.scenario, &text, &library, overrides).map_err(Failure::bad_input)
 }

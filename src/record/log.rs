@@ -6,6 +6,7 @@ use super::schema::{
     SNAPSHOT_SCHEMA, SNAPSHOT_TYPE, TICK_SCHEMA, TICK_TYPE, TRAJECTORY_SCHEMA, TRAJECTORY_TYPE,
     encode_command, encode_event, encode_network, encode_snapshot, encode_tick, encode_trajectory,
 };
+use crate::environment::Profile;
 use crate::scenario::Experiment;
 use crate::snapshot::{Event, FrameSnapshot, ModelKind, SimCommand};
 use mcap::records::{MessageHeader, Metadata};
@@ -43,6 +44,9 @@ pub(super) const TRAJECTORY_TOPIC: &str = "/city3d/trajectory";
 pub(super) const TICK_TOPIC: &str = "/city3d/tick";
 
 pub(super) const SNAPSHOT_TOPIC: &str = "/city3d/snapshot";
+
+/// Where the events are.
+pub(super) const EVENT_TOPIC: &str = "/city3d/event";
 
 /// Of the metadata that say what was run.
 pub(super) const METADATA: &str = "city3d";
@@ -120,7 +124,7 @@ impl<W: Write + Seek> LogWriter<W> {
             writer.add_channel(schema, topic, "cdr", &BTreeMap::new())
         };
         let snapshots = channel(SNAPSHOT_TOPIC, SNAPSHOT_TYPE, SNAPSHOT_SCHEMA)?;
-        let events = channel("/city3d/event", EVENT_TYPE, EVENT_SCHEMA)?;
+        let events = channel(EVENT_TOPIC, EVENT_TYPE, EVENT_SCHEMA)?;
         let commands = channel(COMMAND_TOPIC, COMMAND_TYPE, COMMAND_SCHEMA)?;
         let network = channel(NETWORK_TOPIC, NETWORK_TYPE, NETWORK_SCHEMA)?;
         let trajectories = channel(TRAJECTORY_TOPIC, TRAJECTORY_TYPE, TRAJECTORY_SCHEMA)?;
@@ -223,6 +227,7 @@ fn metadata_of(experiment: &Experiment, origin: Origin) -> BTreeMap<String, Stri
         ("format", FORMAT.to_owned()),
         ("origin", origin.label().to_owned()),
         ("model", model.to_owned()),
+        ("environment", experiment.profile.map_or("", Profile::name).to_owned()),
         ("scenario", experiment.name.clone()),
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
         ("seed", experiment.seed.to_string()),

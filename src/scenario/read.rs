@@ -7,6 +7,7 @@ use super::read_settings::{Named, read_environment, read_rates, read_right_of_wa
 use super::time_of_day::read_time_of_day;
 use super::{Library, Moved, SourceError, placement};
 use crate::city::{CityMap, LabMap, load_map};
+use crate::environment::Profile;
 use crate::geom::LengthScale;
 use crate::snapshot::VehicleId;
 use crate::vehicle::ModelKind;
@@ -47,6 +48,8 @@ pub struct Overrides {
     pub duration_s: Option<f64>,
     /// All vehicles get this dynamics model.
     pub model: Option<ModelKind>,
+    /// Instead of the environment that the file chooses.
+    pub environment: Option<Profile>,
     /// A file without vehicles will do: they come from elsewhere.
     pub allows_no_vehicles: bool,
 }
@@ -200,7 +203,7 @@ impl Reader<'_> {
             moved,
             vehicle_types: named.types.into_iter().map(|(name, build)| (name, build.spec)).collect(),
             right_of_way: read_right_of_way(root),
-            environment: read_environment(root),
+            environment: read_environment(root, self.overrides.environment),
             time_of_day: read_time_of_day(root),
             link_timeout_s,
             outcome: Outcome { collisions_forbidden },
@@ -208,6 +211,7 @@ impl Reader<'_> {
             scenario_text: text.to_owned(),
             map_bytes,
             model,
+            profile: self.overrides.environment,
         }
     }
 }

@@ -4,7 +4,7 @@
 use super::experiment::Rates;
 use super::fields::{Fields, one_of};
 use super::vehicle_type::{VehicleType, read_vehicle_type};
-use crate::environment::EnvironmentSpec;
+use crate::environment::{EnvironmentSpec, Profile};
 use crate::mainframe::{CONTROLLERS, DriverParams, RightOfWayParams};
 use crate::vehicle::ModelKind;
 use std::collections::BTreeMap;
@@ -131,19 +131,39 @@ pub fn read_right_of_way(root: &Fields<'_, '_>) -> RightOfWayParams {
     params
 }
 
-pub fn read_environment(root: &Fields<'_, '_>) -> EnvironmentSpec {
-    const PROFILES: [(&str, EnvironmentSpec); 2] =
-        [("ideal", EnvironmentSpec::IDEAL), ("testbed", EnvironmentSpec::TESTBED)];
-    let mut spec = EnvironmentSpec::IDEAL;
-    if let Some(fields) = root.table("environment") {
-        fields.choice("profile", &PROFILES, &mut spec);
-        fields.number("measurement_delay_s", 0.0..=5.0, &mut spec.measurement_delay_s);
-        fields.number("command_delay_s", 0.0..=5.0, &mut spec.command_delay_s);
-        fields.number("jitter_s", 0.0..=5.0, &mut spec.jitter_s);
-        fields.number("loss", 0.0..=0.99, &mut spec.loss);
-        fields.number("position_noise_m", 0.0..=0.1, &mut spec.position_noise_m);
-        fields.number("yaw_noise_rad", 0.0..=0.5, &mut spec.yaw_noise_rad);
+/// The environment that a scenario chooses, or the one that is asked for instead.
+pub fn read_environment(root: &Fields<'_, '_>, instead: Option<Profile>) -> EnvironmentSpec {
+    let mut profile = Profile::Ideal;
+    let mut testbed = EnvironmentSpec::TESTBED;
+    let fields = root.table("environment");
+    if let Some(fields) = &fields {
+        fields.choice("profile", &Profile::ALL.map(|profile| (profile.name(), profile)), &mut profile);
+        if let Some(fields) = fields.table("testbed") {
+            read_conditions(&fields, &mut testbed);
+            fields.finish();
+        }
+    }
+    let mut spec = match instead.unwrap_or(profile) {
+        Profile::Ideal => EnvironmentSpec::IDEAL,
+        Profile::Testbed => testbed,
+    };
+    if let Some(fields) = fields {
+        read_conditions(&fields, &mut spec);
         fields.finish();
     }
     spec
+}
+
+fn read_conditions(fields: &Fields<'_, '_>, spec: &mut EnvironmentSpec) {
+    fields.number("measurement_delay_s", 0.0..=5.0, &mut spec.measurement_delay_s);
+    fields.number("command_delay_s", 0.0..=5.0, &mut spec.command_delay_s);
+    fields.number("jitter_s", 0.0..=5.0, &mut spec.jitter_s);
+    fields.number("loss", 0.0..=0.99, &mut spec.loss);
+    fields.number("position_noise_m", 0.0..=0.1, &mut spec.position_noise_m);
+    fields.number("yaw_noise_rad", 0.0..=0.5, &mut spec.yaw_noise_rad);
+    fields.number("occlusion_every_s", 0.0..=3600.0, &mut spec.occlusion_every_s);
+    fields.number("occlusion_s", 0.0..=60.0, &mut spec.occlusion_s);
+    fields.number("actuator_lag_s", 0.0..=2.0, &mut spec.actuator_lag_s);
+    fields.number("speed_disturbance", 0.0..=0.5, &mut spec.speed_disturbance);
+    fields.number("disturbance_time_s", 0.0..=3600.0, &mut spec.disturbance_time_s);
 }
