@@ -66,6 +66,8 @@ pub struct Replay {
     snapshot: FrameSnapshot,
     /// For the next step, in the order in which they were applied.
     commands: Vec<SimCommand>,
+    /// Those of the last step.
+    applied: Vec<SimCommand>,
 }
 
 impl Replay {
@@ -79,7 +81,7 @@ impl Replay {
             return Err(ReplayError::Mainframe);
         }
         let world = World::new(Arc::new(log.experiment()?));
-        Ok(Self { snapshot: world.snapshot(), log, world, commands: Vec::new() })
+        Ok(Self { snapshot: world.snapshot(), log, world, commands: Vec::new(), applied: Vec::new() })
     }
 
     pub fn experiment(&self) -> &Arc<Experiment> {
@@ -88,6 +90,16 @@ impl Replay {
 
     pub fn log(&self) -> &LogReader {
         &self.log
+    }
+
+    /// The commands of the last step, in the order in which they were applied.
+    pub fn applied(&self) -> &[SimCommand] {
+        &self.applied
+    }
+
+    /// The world as it is now, and what was told of it last.
+    pub fn into_world(self) -> World {
+        self.world
     }
 
     /// The world as it was simulated again.
@@ -125,6 +137,7 @@ impl Replay {
     fn advance(&mut self, tick: u64, recorded: u64) -> Result<Ticked, ReplayError> {
         let from = self.world.tick();
         self.world.tick_as_given(&self.commands, &mut self.snapshot);
+        std::mem::swap(&mut self.commands, &mut self.applied);
         self.commands.clear();
         if self.world.tick() != tick {
             return Err(ReplayError::Gap { from, to: tick });

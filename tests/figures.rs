@@ -294,11 +294,14 @@ fn torn_and_empty_logs_are_drawn_as_far_as_they_go() {
     assert!((8.0..19.9).contains(&last), "{last}");
 
     // A log that ends before its first snapshot.
-    let cut = (0..bytes.len()).step_by(4096).find(|&at| {
-        std::fs::write(folder.join("empty.mcap"), &bytes[..at]).unwrap();
-        LogReader::open(&folder.join("empty.mcap")).is_ok_and(|mut log| log.read().unwrap().is_none())
-    });
-    assert!(cut.is_some());
+    let empty = folder.join("empty.mcap");
+    let open = |length: usize| {
+        std::fs::write(&empty, &bytes[..length]).unwrap();
+        LogReader::open(&empty)
+    };
+    let whole = (0..bytes.len()).step_by(8192).find(|&length| open(length).is_ok()).unwrap();
+    let cut = (whole - 8192..whole).step_by(64).find(|&length| open(length).is_ok());
+    assert!(open(cut.unwrap()).unwrap().read().unwrap().is_none());
     let (code, _, said) = tell(&["plot", "empty.mcap", "--out", "empty"], folder);
     assert!(code == 2 && said.contains("nothing to draw"), "{code} {said}");
 }

@@ -25,6 +25,16 @@ pub fn city(args: &ScenarioArgs) -> Result<Experiment, Failure> {
 
 fn read(args: &ScenarioArgs, allows_no_vehicles: bool) -> Result<Experiment, Failure> {
     let (text, library) = Library::scenario(&args.scenario).map_err(Failure::bad_input)?;
+    from_text(args, &text, &library, allows_no_vehicles)
+}
+
+/// The experiment of a text that is the scenario's, or was made from it.
+pub fn from_text(
+    args: &ScenarioArgs,
+    text: &str,
+    library: &Library,
+    allows_no_vehicles: bool,
+) -> Result<Experiment, Failure> {
     let model = args.model.map(|model| match model {
         Model::Raycast => ModelKind::Raycast,
         Model::Bicycle => ModelKind::Bicycle,
@@ -32,5 +42,5 @@ fn read(args: &ScenarioArgs, allows_no_vehicles: bool) -> Result<Experiment, Fai
     let environment = args.environment.map(ProfileArg::profile);
     let overrides =
         Overrides { seed: args.seed, duration_s: args.duration, model, environment, allows_no_vehicles };
-    read_experiment(&args.scenario, &text, &library, overrides).map_err(Failure::bad_input)
+    read_experiment(&args.scenario, text, library, overrides).map_err(Failure::bad_input)
 }

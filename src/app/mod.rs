@@ -5,6 +5,7 @@ mod bench;
 mod check;
 mod compare;
 mod files;
+mod fork;
 #[cfg(feature = "render")]
 mod frames;
 mod generate;
@@ -18,6 +19,7 @@ mod replay;
 mod run;
 mod say;
 mod serve;
+mod sweep;
 #[cfg(feature = "window")]
 mod view;
 
@@ -60,6 +62,8 @@ enum Command {
     Compare(compare::CompareArgs),
     /// Simulate a recorded run again from its log, and compare it
     Replay(replay::ReplayArgs),
+    /// Run a scenario many times, over seeds and parameters, on all cores: one table, and a map of the outcome
+    Sweep(sweep::SweepArgs),
     /// Serve the city alone: vehicles and commands come over UDP, poses go back
     Serve(Box<serve::ServeArgs>),
     /// Run the control framework alone, for a city that is served
@@ -207,6 +211,7 @@ fn run_command(command: Command) -> Result<(), Failure> {
         Command::Plot(args) => plot::plot(&args),
         Command::Compare(args) => compare::compare(&args),
         Command::Replay(args) => replay::replay(&args),
+        Command::Sweep(args) => sweep::sweep(&args),
         Command::Serve(args) => serve::serve(&args),
         Command::Mainframe(args) => mainframe::mainframe(&args),
         #[cfg(feature = "render")]

@@ -33,7 +33,14 @@ pub struct FigureArgs {
     /// Only these vehicles
     #[arg(long = "vehicle", value_name = "ID", value_delimiter = ',')]
     vehicles: Vec<u32>,
-    /// How large they are printed: a column of a paper (88 mm wide) or a page (180 mm)
+    #[command(flatten)]
+    size: SizeArgs,
+}
+
+/// How large figures are.
+#[derive(Clone, Debug, Args)]
+pub struct SizeArgs {
+    /// How large figures are printed: a column of a paper (88 mm wide) or a page (180 mm)
     #[arg(long, value_enum, default_value = "page")]
     size: SizeArg,
 }
@@ -44,12 +51,18 @@ enum SizeArg {
     Page,
 }
 
-impl FigureArgs {
+impl SizeArgs {
     pub fn size(&self) -> Size {
         match self.size {
             SizeArg::Column => Size::Column,
             SizeArg::Page => Size::Page,
         }
+    }
+}
+
+impl FigureArgs {
+    pub fn size(&self) -> Size {
+        self.size.size()
     }
 
     /// How positions are told, by the first of some runs.

@@ -98,6 +98,7 @@ impl Profile {
 #[derive(Clone, Debug)]
 pub struct Environment {
     spec: EnvironmentSpec,
+    seed: u64,
     rng: ChaCha8Rng,
     measurements: Channel<Measurement>,
     messages: Channel<Message>,
@@ -114,12 +115,27 @@ struct Robot {
     off_by: Option<(f64, f64)>,
 }
 
+/// The draws of environments, apart from those of the traffic.
+fn stream(seed: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(1);
+    rng
+}
+
 impl Environment {
     pub fn new(spec: EnvironmentSpec, seed: u64) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(1);
+        let rng = stream(seed);
         let (measurements, messages) = (Channel::default(), Channel::default());
-        Self { spec, rng, measurements, messages, robots: BTreeMap::new() }
+        Self { spec, seed, rng, measurements, messages, robots: BTreeMap::new() }
+    }
+
+    /// Another environment from now on. What is on its way arrives as it would have; draws go on unless the seed is
+    /// another one.
+    pub fn change(&mut self, spec: EnvironmentSpec, seed: u64) {
+        self.spec = spec;
+        if seed != self.seed {
+            (self.seed, self.rng) = (seed, stream(seed));
+        }
     }
 
     /// Takes what motion capture sees now and gives what has arrived at the control framework.

@@ -84,6 +84,19 @@ pub struct Panel {
     pub y: (f64, f64),
     pub lines: Vec<Line>,
     pub rules: Vec<Rule>,
+    /// Coloured areas, under the lines.
+    pub cells: Vec<Cell>,
+    /// Values of x and y with their words, instead of round numbers.
+    pub marks: Option<[Vec<(f64, String)>; 2]>,
+}
+
+/// An area in the colour of a share between 0 and 1, with a word in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cell {
+    pub x: (f64, f64),
+    pub y: (f64, f64),
+    pub share: f64,
+    pub word: String,
 }
 
 impl Panel {

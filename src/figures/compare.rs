@@ -2,8 +2,8 @@
 
 use super::paths::{Layout, Merge, crossings};
 use super::run::{RunLog, Trace};
+use super::series::{AVERAGED_S, differences, moving_average};
 use super::table::{Table, number};
-use super::views::{differences, moving_average};
 use crate::geom::OrientedRect;
 use crate::snapshot::{EventKind, VehicleId};
 use serde::Serialize;
@@ -211,7 +211,7 @@ fn leaves(value: &serde_json::Value) -> BTreeMap<String, String> {
         let under = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
         match value {
             serde_json::Value::Object(map) => {
-                map.iter().for_each(|(key, value)| walk(value, &under(key), found))
+                map.iter().for_each(|(key, value)| walk(value, &under(key), found));
             }
             serde_json::Value::Array(list) => {
                 list.iter()
@@ -244,6 +244,8 @@ struct Of {
     /// Squares and how many.
     acceleration: Mean,
     jerk: Mean,
+    /// While it moves.
+    jerks: Vec<f64>,
     lateral: Mean,
     max_lateral_m: f64,
     tracking: Mean,
@@ -334,7 +336,16 @@ impl Numbers {
 }
 
 /// Speeds are means over so long, and accelerations and jerks differences over it.
-const STEP_S: f64 = super::views::AVERAGED_S;
+const STEP_S: f64 = AVERAGED_S;
+
+/// A vehicle moves above this speed, as its events have it.
+const MOVES_MPS: f64 = 0.4;
+
+/// The middle one of some values; not a number without any.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
 
 /// How a vehicle moved, from its samples alone.
 fn motion(run: &RunLog, trace: &Trace) -> Of {
@@ -355,7 +366,10 @@ fn motion(run: &RunLog, trace: &Trace) -> Of {
     };
     let accelerations = change(&steps);
     accelerations.iter().for_each(|(_, acceleration)| of.acceleration.add(*acceleration));
-    change(&accelerations).iter().for_each(|(_, jerk)| of.jerk.add(*jerk));
+    let jerks = change(&accelerations);
+    jerks.iter().for_each(|(_, jerk)| of.jerk.add(*jerk));
+    let moves = |k: usize| steps[k..k + 3].iter().all(|(_, speed)| *speed > run.lab(MOVES_MPS));
+    of.jerks = jerks.iter().enumerate().filter(|(k, _)| moves(*k)).map(|(_, (_, jerk))| jerk.abs()).collect();
     of
 }
 
@@ -437,6 +451,9 @@ fn rows(runs: &[RunLog; 2], numbers: &[Numbers; 2]) -> Vec<Row> {
     let root = |of: fn(&Of) -> Mean| move |k: usize| Value::number(numbers[k].total(of).root());
     of_run("RMS acceleration", "m/s2", &root(|of| of.acceleration));
     of_run("RMS jerk", "m/s3", &root(|of| of.jerk));
+    of_run("median jerk while moving", "m/s3", &|k| {
+        Value::number(median(numbers[k].vehicles.values().flat_map(|of| of.jerks.iter().copied()).collect()))
+    });
     of_run("RMS lateral error", "m", &root(|of| of.lateral));
     of_run("RMS tracking error", "m", &root(|of| of.tracking));
     let ids: BTreeSet<VehicleId> =
@@ -472,6 +489,7 @@ fn vehicle_rows(id: VehicleId, name: &str, numbers: &[Numbers; 2]) -> Vec<Row> {
         row("least gap", "m", &|of| Value::number(of.least_gap_m)),
         row("RMS acceleration", "m/s2", &|of| Value::number(of.acceleration.root())),
         row("RMS jerk", "m/s3", &|of| Value::number(of.jerk.root())),
+        row("median jerk while moving", "m/s3", &|of| Value::number(median(of.jerks.clone()))),
         row("RMS lateral error", "m", &|of| Value::number(of.lateral.root())),
         row("largest lateral error", "m", &|of| Value::number(of.max_lateral_m)),
         row("RMS tracking error", "m", &|of| Value::number(of.tracking.root())),

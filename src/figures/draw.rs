@@ -4,16 +4,14 @@
 use super::chart::{
     BLACK, Colour, Dash, Figure, GREY, Key, Line, Panel, Rule, Scale, Stroke, ticks, viridis,
 };
+use super::plan::{EDGE_MM, KEY_MM, LINE_MM, Place, Plan};
 use plotters::backend::{BitMapBackend, DrawingBackend, SVGBackend};
 use plotters::coord::Shift;
 use plotters::drawing::{DrawingArea, IntoDrawingArea};
 use plotters::element::{Circle, PathElement, Polygon, Rectangle};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{
-    Color, FontFamily, FontStyle, FontTransform, RGBColor, ShapeStyle, TextStyle, register_font,
-};
+use plotters::style::{Color, FontFamily, FontStyle, FontTransform, RGBColor, ShapeStyle, TextStyle};
 use std::path::Path;
-use std::sync::OnceLock;
 use thiserror::Error;
 
 /// A figure that cannot be drawn.
@@ -47,17 +45,17 @@ impl Size {
 }
 
 /// Names that viewers of SVG look for; in the program they all mean the first.
-const FAMILY: &str = "DejaVu Sans, Verdana, Helvetica, Arial, sans-serif";
+pub(super) const FAMILY: &str = "DejaVu Sans, Verdana, Helvetica, Arial, sans-serif";
 const TEXT_PT: f64 = 8.0;
-const SMALL_PT: f64 = 7.0;
-const MM_PER_PT: f64 = 25.4 / 72.0;
+pub(super) const SMALL_PT: f64 = 7.0;
+pub(super) const MM_PER_PT: f64 = 25.4 / 72.0;
 /// Steps of an SVG, and pixels of a PNG, to the millimetre; each pixel is the mean of so many squared.
 const SVG_PER_MM: f64 = 40.0;
 const PNG_PER_MM: u32 = 10;
 const OVERSAMPLED: u32 = 3;
 /// plotters' size of a font, over the height of its em: as it writes SVG, and as it draws DejaVu.
 const SVG_SIZE: f64 = 1.24;
-const RASTER_SIZE: f64 = 1.164;
+pub(super) const RASTER_SIZE: f64 = 1.164;
 
 type Area<'a, B> = DrawingArea<B, Shift>;
 
@@ -120,154 +118,8 @@ fn shrunk(fine: &[u8], width: usize, height: usize) -> Vec<u8> {
     pixels
 }
 
-/// The program's own font, registered once.
-fn font() -> Result<(), DrawError> {
-    static IS_THERE: OnceLock<bool> = OnceLock::new();
-    let register = || {
-        let normal = register_font(FAMILY, FontStyle::Normal, dejavu::sans::regular());
-        normal.and_then(|()| register_font(FAMILY, FontStyle::Bold, dejavu::sans::bold())).is_ok()
-    };
-    IS_THERE.get_or_init(register).then_some(()).ok_or(DrawError::Font)
-}
-
-fn plot(error: impl std::fmt::Display) -> DrawError {
+pub(super) fn plot(error: impl std::fmt::Display) -> DrawError {
     DrawError::Plot(error.to_string())
-}
-
-/// Width of a text in print.
-fn width_mm(text: &str, points: f64) -> Result<f64, DrawError> {
-    // Measured large, for widths come in whole pixels.
-    let large = 200.0;
-    let style = TextStyle::from((FontFamily::Name(FAMILY), large * RASTER_SIZE));
-    let ((left, _), (right, _)) = style.font.layout_box(text).map_err(plot)?;
-    Ok(f64::from(right - left) / large * points * MM_PER_PT)
-}
-
-/// A rectangle in millimetres from the upper left corner.
-#[derive(Clone, Copy, Debug)]
-struct Place {
-    x: f64,
-    y: f64,
-    width: f64,
-    height: f64,
-}
-
-/// Where everything of a figure is, millimetres.
-struct Plan {
-    width_mm: f64,
-    height_mm: f64,
-    title_y: f64,
-    /// Upper left corner of each key.
-    keys: Vec<(f64, f64)>,
-    scale: Option<Place>,
-    /// Of the space above axes, under the title of the panel.
-    over: f64,
-    panels: Vec<Place>,
-    /// Whether each one is the last of its row.
-    are_last: Vec<bool>,
-    note: Vec<(f64, String)>,
-}
-
-const EDGE_MM: f64 = 2.0;
-const LINE_MM: f64 = 4.0;
-const KEY_MM: f64 = 8.0;
-
-impl Plan {
-    fn of(figure: &Figure, size: Size) -> Result<Self, DrawError> {
-        font()?;
-        let width_mm = size.width_mm();
-        // A column has no room for two panels side by side.
-        let columns = if size == Size::Column { 1 } else { figure.columns.max(1) };
-        let inner_mm = width_mm - 2.0 * EDGE_MM;
-        let mut y = EDGE_MM;
-        let title_y = y;
-        y += LINE_MM + 1.0;
-        let (mut keys, mut x) = (Vec::new(), EDGE_MM);
-        for key in &figure.legend {
-            let wide = KEY_MM + 1.0 + self::width_mm(&key.name, SMALL_PT)? + 4.0;
-            if x > EDGE_MM && x + wide > width_mm - EDGE_MM + 4.0 {
-                (x, y) = (EDGE_MM, y + LINE_MM);
-            }
-            keys.push((x, y));
-            x += wide;
-        }
-        if !figure.legend.is_empty() {
-            y += LINE_MM + 0.5;
-        }
-        let scale = figure.scale.as_ref().map(|_| Place {
-            x: EDGE_MM + 2.0,
-            y,
-            width: (inner_mm - 25.0).min(70.0),
-            height: 2.5,
-        });
-        if scale.is_some() {
-            y += 2.5 + LINE_MM + 0.5;
-        }
-        let has_titles = figure.panels.iter().any(|panel| !panel.title.is_empty());
-        let rules = || figure.panels.iter().flat_map(|panel| &panel.rules);
-        let mut right = 3.0;
-        for rule in rules().filter(|rule| rule.is_level) {
-            right = f64::max(right, self::width_mm(&rule.name, SMALL_PT)? + 2.0);
-        }
-        let left = 14.0;
-        let over = if rules().any(|rule| !rule.is_level) { LINE_MM } else { 1.5 };
-        let (top, bottom) = (if has_titles { LINE_MM + 1.0 } else { 0.0 } + over, 2.0 * LINE_MM + 1.5);
-        // Names of level lines stand to the right of the last column.
-        let cell = (inner_mm - right + 3.0) / columns as f64;
-        let height = figure.row_height * if size == Size::Column { inner_mm * 1.1 } else { inner_mm };
-        let height = if columns == 1 && size == Size::Page { height.min(85.0) } else { height };
-        let (mut panels, mut are_last) = (Vec::new(), Vec::new());
-        for (index, panel) in figure.panels.iter().enumerate() {
-            let column = index % columns;
-            let under = if panel.x_label.is_empty() { 2.0 } else { bottom };
-            panels.push(Place {
-                x: EDGE_MM + cell * column as f64 + left,
-                y: y + top,
-                width: cell - left - 3.0,
-                height,
-            });
-            let is_last = column + 1 == columns;
-            are_last.push(is_last);
-            if is_last || index + 1 == figure.panels.len() {
-                y += top + height + under;
-            }
-        }
-        let mut note = Vec::new();
-        for line in wrapped(&figure.note, inner_mm)? {
-            note.push((y + 0.5, line));
-            y += LINE_MM - 0.6;
-        }
-        Ok(Self {
-            width_mm,
-            height_mm: (y + EDGE_MM).ceil(),
-            title_y,
-            keys,
-            scale,
-            over,
-            panels,
-            are_last,
-            note,
-        })
-    }
-
-    fn extent(&self, per_mm: f64) -> (u32, u32) {
-        ((self.width_mm * per_mm).round() as u32, (self.height_mm * per_mm).round() as u32)
-    }
-}
-
-/// Lines of a note that are not wider than a figure.
-fn wrapped(text: &str, most_mm: f64) -> Result<Vec<String>, DrawError> {
-    let mut lines: Vec<String> = Vec::new();
-    for word in text.split_whitespace() {
-        match lines.last_mut() {
-            Some(line) if width_mm(&format!("{line} {word}"), SMALL_PT)? <= most_mm => {
-                line.push(' ');
-                line.push_str(word);
-            }
-            _ => lines.push(word.to_owned()),
-        }
-    }
-    Ok(lines)
 }
 
 /// Draws on one kind of paper.
@@ -370,20 +222,26 @@ impl<B: DrawingBackend> Pen<'_, B> {
         let x_at = |x: f64| left + (x - panel.x.0) / (panel.x.1 - panel.x.0) * width;
         let y_at = |y: f64| top + height - (y - panel.y.0) / (panel.y.1 - panel.y.0) * height;
         let grid = Stroke { colour: [225, 225, 225], dash: Dash::Solid, width_pt: 0.5 };
-        let (values, decimals) = ticks(panel.x, ((width / 11.0) as usize).max(2));
-        for value in values {
+        let [x_marks, y_marks] = marks(panel, place);
+        for (value, word) in x_marks {
             let x = x_at(value);
             self.stroke(&[(x, top), (x, top + height)], grid)?;
             if !panel.x_label.is_empty() {
-                let under = Words { h: HPos::Center, ..SMALL };
-                self.text(&format!("{value:.decimals$}"), (x, top + height + 2.4), under)?;
+                self.text(&word, (x, top + height + 2.4), Words { h: HPos::Center, ..SMALL })?;
             }
         }
-        let (values, decimals) = ticks(panel.y, ((height / 8.0) as usize).clamp(3, 10));
-        for value in values {
+        for (value, word) in y_marks {
             let y = y_at(value);
             self.stroke(&[(left, y), (left + width, y)], grid)?;
-            self.text(&format!("{value:.decimals$}"), (left - 1.2, y), Words { h: HPos::Right, ..SMALL })?;
+            self.text(&word, (left - 1.2, y), Words { h: HPos::Right, ..SMALL })?;
+        }
+        for cell in &panel.cells {
+            let corners = [(x_at(cell.x.0), y_at(cell.y.1)), (x_at(cell.x.1), y_at(cell.y.0))];
+            let fill = rgb(viridis(cell.share)).filled();
+            self.area.draw(&Rectangle::new(corners.map(|corner| self.at(corner)), fill)).map_err(plot)?;
+            let middle = ((corners[0].0 + corners[1].0) / 2.0, (corners[0].1 + corners[1].1) / 2.0);
+            let colour = if cell.share < 0.6 { [255; 3] } else { BLACK };
+            self.text(&cell.word, middle, Words { colour, h: HPos::Center, ..SMALL })?;
         }
         for rule in &panel.rules {
             self.rule(rule, panel, place)?;
@@ -482,6 +340,19 @@ impl<B: DrawingBackend> Pen<'_, B> {
         }
         Ok(())
     }
+}
+
+/// Values of both axes with their words.
+fn marks(panel: &Panel, place: Place) -> [Vec<(f64, String)>; 2] {
+    if let Some(marks) = &panel.marks {
+        return marks.clone();
+    }
+    let round = |range, most: usize| {
+        let (values, decimals) = ticks(range, most);
+        values.into_iter().map(|value| (value, format!("{value:.decimals$}"))).collect()
+    };
+    let most = [((place.width / 11.0) as usize).max(2), ((place.height / 8.0) as usize).clamp(3, 10)];
+    [round(panel.x, most[0]), round(panel.y, most[1])]
 }
 
 /// Where a rule is on the paper; `None` beyond the axes.

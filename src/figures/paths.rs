@@ -175,7 +175,7 @@ impl Layout {
     /// Position of a member at a sample on the layout's scale, city metres: its front bumper; `None` off its path.
     pub fn position_m(&self, trace: &Trace, member: &Member, sample: usize) -> Option<f64> {
         let front_m = trace.front_m(sample);
-        (member.from_m..=member.to_m).contains(&front_m).then(|| front_m - member.zero_m + self.merge_at_m)
+        (member.from_m..=member.to_m).contains(&front_m).then_some(front_m - member.zero_m + self.merge_at_m)
     }
 }
 

@@ -296,8 +296,8 @@ impl LoggedVehicle {
         let all = all.chain(v.wheels.iter().map(|wheel| wheel.spin_rad));
         let mut numbers = [0.0; NUMBERS];
         numbers.iter_mut().zip(all).for_each(|(number, exact)| *number = exact as f32);
-        let lights = u8::from(v.reverse) * REVERSE
-            | u8::from(v.brake_lights) * BRAKE_LIGHTS
+        let lights = (u8::from(v.reverse) * REVERSE)
+            | (u8::from(v.brake_lights) * BRAKE_LIGHTS)
             | indicator_bits(v.indicator);
         Self { id: v.id, status: v.status as u8, lights, position: v.position, numbers }
     }

@@ -3,12 +3,14 @@
 
 mod control;
 mod observer;
+mod outcome;
 mod seen;
 mod served;
 mod summary;
 
 pub use control::Control;
 pub use observer::{LaneUse, Observer, VehicleTotals};
+pub use outcome::{Outcome, Streams};
 pub use seen::SeenCity;
 pub use served::{Applied, Rules, Sender, Served};
 pub use summary::{LinkSummary, Summary, VehicleSummary};
@@ -48,6 +50,18 @@ impl Run {
             injected: vec![SimCommand::Start],
             delivered: Vec::new(),
         })
+    }
+
+    /// A run that goes on from the middle: a world, and the control that has led its vehicles so far.
+    pub fn resume(world: World, control: Control) -> Self {
+        Self {
+            snapshot: world.snapshot(),
+            world,
+            control,
+            commands: Vec::new(),
+            injected: Vec::new(),
+            delivered: Vec::new(),
+        }
     }
 
     /// Back to the initial conditions: the run that follows equals the first one exactly.
