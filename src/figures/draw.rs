@@ -46,7 +46,7 @@ impl Size {
 
 /// Names that viewers of SVG look for; in the program they all mean the first.
 pub(super) const FAMILY: &str = "DejaVu Sans, Verdana, Helvetica, Arial, sans-serif";
-const TEXT_PT: f64 = 8.0;
+pub(super) const TEXT_PT: f64 = 8.0;
 pub(super) const SMALL_PT: f64 = 7.0;
 pub(super) const MM_PER_PT: f64 = 25.4 / 72.0;
 /// Steps of an SVG, and pixels of a PNG, to the millimetre; each pixel is the mean of so many squared.
@@ -156,18 +156,20 @@ impl<B: DrawingBackend> Pen<'_, B> {
     fn figure(&self, figure: &Figure, plan: &Plan) -> Result<(), DrawError> {
         self.area.fill(&RGBColor(255, 255, 255)).map_err(plot)?;
         let bold = Words { points: TEXT_PT, is_bold: true, v: VPos::Top, ..SMALL };
-        self.text(&figure.title, (EDGE_MM, plan.title_y), bold)?;
-        for (key, &at) in figure.legend.iter().zip(&plan.keys) {
-            self.key(key, at)?;
+        for (y, line) in &plan.title {
+            self.text(line, (EDGE_MM, *y), bold)?;
+        }
+        for (key, at) in &plan.keys {
+            self.key(key, *at)?;
         }
         if let (Some(scale), Some(place)) = (&figure.scale, plan.scale) {
             self.scale(scale, place)?;
         }
-        for ((panel, &place), &is_last) in figure.panels.iter().zip(&plan.panels).zip(&plan.are_last) {
+        for ((panel, &place), &has_names) in figure.panels.iter().zip(&plan.panels).zip(&plan.have_names) {
             self.panel(panel, place)?;
             let title = (place.x, place.y - plan.over - LINE_MM / 2.0 + 0.5);
             self.text(&panel.title, title, Words { points: TEXT_PT, ..SMALL })?;
-            self.names(panel, place, is_last)?;
+            self.names(panel, place, has_names)?;
         }
         for (y, line) in &plan.note {
             self.text(line, (EDGE_MM, *y), Words { colour: GREY, v: VPos::Top, ..SMALL })?;
@@ -268,7 +270,7 @@ impl<B: DrawingBackend> Pen<'_, B> {
     }
 
     /// Names of rules outside of the axes, where they cover nothing: of level ones to the right, of upright ones above.
-    fn names(&self, panel: &Panel, place: Place, is_last: bool) -> Result<(), DrawError> {
+    fn names(&self, panel: &Panel, place: Place, has_names: bool) -> Result<(), DrawError> {
         let words = Words { colour: GREY, ..SMALL };
         let mut level: Vec<(f64, &str)> = Vec::new();
         for rule in &panel.rules {
@@ -280,7 +282,7 @@ impl<B: DrawingBackend> Pen<'_, B> {
             let (off, h) = if rule.is_before { (0.6, HPos::Right) } else { (-0.6, HPos::Left) };
             self.text(&rule.name, (at + off, place.y - 2.0), Words { h, ..words })?;
         }
-        if !is_last {
+        if !has_names {
             return Ok(());
         }
         level.sort_by(|a, b| a.0.total_cmp(&b.0));

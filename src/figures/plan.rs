@@ -1,7 +1,7 @@
 //! Where everything of a figure is on the paper.
 
-use super::chart::Figure;
-use super::draw::{DrawError, FAMILY, MM_PER_PT, RASTER_SIZE, SMALL_PT, Size, plot};
+use super::chart::{Figure, GREY, Key, Stroke};
+use super::draw::{DrawError, FAMILY, MM_PER_PT, RASTER_SIZE, SMALL_PT, Size, TEXT_PT, plot};
 use plotters::style::{FontFamily, FontStyle, TextStyle, register_font};
 use std::sync::OnceLock;
 
@@ -18,21 +18,39 @@ pub struct Place {
 pub struct Plan {
     pub width_mm: f64,
     pub height_mm: f64,
-    pub title_y: f64,
-    /// Upper left corner of each key.
-    pub keys: Vec<(f64, f64)>,
+    pub title: Vec<(f64, String)>,
+    /// With its upper left corner.
+    pub keys: Vec<(Key, (f64, f64))>,
     pub scale: Option<Place>,
     /// Of the space above axes, under the title of the panel.
     pub over: f64,
     pub panels: Vec<Place>,
-    /// Whether each one is the last of its row.
-    pub are_last: Vec<bool>,
+    /// Whether each one has the names of its level lines beside it: the last of its row.
+    pub have_names: Vec<bool>,
     pub note: Vec<(f64, String)>,
 }
 
 pub const EDGE_MM: f64 = 2.0;
 pub const LINE_MM: f64 = 4.0;
 pub const KEY_MM: f64 = 8.0;
+
+/// Width of bold letters over that of others.
+const BOLD: f64 = 1.12;
+
+/// What the legend tells. In a column there is no room beside the axes: it has the level lines as well.
+fn legend(figure: &Figure, size: Size) -> Vec<Key> {
+    let mut keys = figure.legend.clone();
+    if size == Size::Column {
+        for rule in figure.panels.iter().flat_map(|panel| &panel.rules).filter(|rule| rule.is_level) {
+            let stroke = Stroke { colour: GREY, dash: rule.dash, width_pt: 0.8 };
+            let key = Key { name: rule.name.clone(), stroke };
+            if !keys.contains(&key) {
+                keys.push(key);
+            }
+        }
+    }
+    keys
+}
 
 impl Plan {
     pub fn of(figure: &Figure, size: Size) -> Result<Self, DrawError> {
@@ -42,18 +60,23 @@ impl Plan {
         let columns = if size == Size::Column { 1 } else { figure.columns.max(1) };
         let inner_mm = width_mm - 2.0 * EDGE_MM;
         let mut y = EDGE_MM;
-        let title_y = y;
-        y += LINE_MM + 1.0;
+        let mut title = Vec::new();
+        for line in wrapped(&figure.title, TEXT_PT * BOLD, inner_mm)? {
+            title.push((y, line));
+            y += LINE_MM;
+        }
+        y += 1.0;
+        let legend = legend(figure, size);
         let (mut keys, mut x) = (Vec::new(), EDGE_MM);
-        for key in &figure.legend {
+        for key in legend {
             let wide = KEY_MM + 1.0 + self::width_mm(&key.name, SMALL_PT)? + 4.0;
             if x > EDGE_MM && x + wide > width_mm - EDGE_MM + 4.0 {
                 (x, y) = (EDGE_MM, y + LINE_MM);
             }
-            keys.push((x, y));
+            keys.push((key, (x, y)));
             x += wide;
         }
-        if !figure.legend.is_empty() {
+        if !keys.is_empty() {
             y += LINE_MM + 0.5;
         }
         let scale = figure.scale.as_ref().map(|_| Place {
@@ -68,7 +91,8 @@ impl Plan {
         let has_titles = figure.panels.iter().any(|panel| !panel.title.is_empty());
         let rules = || figure.panels.iter().flat_map(|panel| &panel.rules);
         let mut right = 3.0;
-        for rule in rules().filter(|rule| rule.is_level) {
+        let has_names = size == Size::Page;
+        for rule in rules().filter(|rule| rule.is_level && has_names) {
             right = f64::max(right, self::width_mm(&rule.name, SMALL_PT)? + 2.0);
         }
         let left = 14.0;
@@ -78,7 +102,7 @@ impl Plan {
         let cell = (inner_mm - right + 3.0) / columns as f64;
         let height = figure.row_height * if size == Size::Column { inner_mm * 1.1 } else { inner_mm };
         let height = if columns == 1 && size == Size::Page { height.min(85.0) } else { height };
-        let (mut panels, mut are_last) = (Vec::new(), Vec::new());
+        let (mut panels, mut have_names) = (Vec::new(), Vec::new());
         for (index, panel) in figure.panels.iter().enumerate() {
             let column = index % columns;
             let under = if panel.x_label.is_empty() { 2.0 } else { bottom };
@@ -89,25 +113,25 @@ impl Plan {
                 height,
             });
             let is_last = column + 1 == columns;
-            are_last.push(is_last);
+            have_names.push(is_last && has_names);
             if is_last || index + 1 == figure.panels.len() {
                 y += top + height + under;
             }
         }
         let mut note = Vec::new();
-        for line in wrapped(&figure.note, inner_mm)? {
+        for line in wrapped(&figure.note, SMALL_PT, inner_mm)? {
             note.push((y + 0.5, line));
             y += LINE_MM - 0.6;
         }
         Ok(Self {
             width_mm,
             height_mm: (y + EDGE_MM).ceil(),
-            title_y,
+            title,
             keys,
             scale,
             over,
             panels,
-            are_last,
+            have_names,
             note,
         })
     }
@@ -117,12 +141,12 @@ impl Plan {
     }
 }
 
-/// Lines of a note that are not wider than a figure.
-fn wrapped(text: &str, most_mm: f64) -> Result<Vec<String>, DrawError> {
+/// Lines of a text that are not wider than a figure.
+fn wrapped(text: &str, points: f64, most_mm: f64) -> Result<Vec<String>, DrawError> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
         match lines.last_mut() {
-            Some(line) if width_mm(&format!("{line} {word}"), SMALL_PT)? <= most_mm => {
+            Some(line) if width_mm(&format!("{line} {word}"), points)? <= most_mm => {
                 line.push(' ');
                 line.push_str(word);
             }
