@@ -21,6 +21,8 @@ pub enum ReplayError {
          give the log of the city that it drove in (city3d serve --out)"
     )]
     Mainframe,
+    #[error("the log is one of poses that were measured elsewhere: there is no world to simulate again")]
+    Recorded,
     #[error("the log goes from tick {from} to tick {to}: it lacks what lies between")]
     Gap { from: u64, to: u64 },
     #[error("tick {tick}: what came over the link is damaged: {reason}")]
@@ -77,8 +79,9 @@ impl Replay {
     /// Where it is no log from which a run can be made again.
     pub fn open(path: &Path) -> Result<Self, ReplayError> {
         let log = LogReader::open(path)?;
-        if log.origin() == Origin::Mainframe {
-            return Err(ReplayError::Mainframe);
+        if !log.origin().has_world() {
+            let is_recorded = log.origin() == Origin::Recorded;
+            return Err(if is_recorded { ReplayError::Recorded } else { ReplayError::Mainframe });
         }
         let world = World::new(Arc::new(log.experiment()?));
         Ok(Self { snapshot: world.snapshot(), log, world, commands: Vec::new(), applied: Vec::new() })

@@ -330,3 +330,43 @@ fn a_log_of_the_control_framework_has_positions_and_no_pedals() {
         assert!((a - b).abs() < 0.01, "{key:?}: {a} {b}");
     }
 }
+
+#[test]
+fn poses_measured_elsewhere_are_a_run_to_draw_and_to_compare() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    run(&["roundabout", "--duration", "30"], folder);
+    // What motion capture would have written: laboratory metres, its own clock, some rows missing.
+    let mut poses = "time,id,x,y,yaw\n".to_owned();
+    for (index, row) in table(&folder.join("run/vehicles.csv")).iter().enumerate() {
+        if index % 11 != 3 {
+            let [t, x, y] = ["t", "x", "y"].map(|column| number(row, column));
+            poses +=
+                &format!("{:.3},{},{:.6},{:.6},{}\n", 1e6 + t, row["id"], x / 25.0, y / 25.0, row["yaw"]);
+        }
+    }
+    std::fs::write(folder.join("poses.csv"), poses).unwrap();
+    let replay = ["replay", "poses.csv", "--scenario", "roundabout", "--out", "measured"];
+    let (code, said, complained) = tell(&replay, folder);
+    assert_eq!(code, 0, "{said} {complained}");
+    let both = ["compare", "run/run.mcap", "measured/run.mcap", "--out", "both", "--json"];
+    let (code, said, complained) = tell(&both, folder);
+    assert_eq!(code, 0, "{complained}");
+    let comparison: Json = serde_json::from_str(&said).unwrap();
+    assert_eq!(comparison["runs"][1]["label"], "physical");
+    let order = value(&comparison, "merge order", None);
+    assert!(
+        order[0] == order[1] && order[0].as_str().unwrap().starts_with("path2_a path2_b path1_a"),
+        "{order:?}"
+    );
+    let apart = comparison["apart"].as_array().unwrap();
+    assert!(apart.len() == 6 && apart.iter().all(|one| one["max_m"].as_f64().unwrap() < 0.01), "{apart:?}");
+
+    let (code, _, said) = tell(&["replay", "poses.csv"], folder);
+    assert!(code == 2 && said.contains("--scenario and --out"), "{said}");
+    let (code, _, said) = tell(&["replay", "measured/run.mcap", "--verify"], folder);
+    assert!(code == 2 && said.contains("no world to simulate again"), "{said}");
+    std::fs::write(folder.join("poses.csv"), "time,id,x,y,yaw\n0,1,0,zero,0\n").unwrap();
+    let (code, _, said) = tell(&replay, folder);
+    assert!(code == 2 && said.contains("poses.csv: line 2: y is \"zero\""), "{said}");
+}

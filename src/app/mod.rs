@@ -15,6 +15,7 @@ mod look;
 mod mainframe;
 mod plot;
 mod progress;
+mod recorded;
 mod replay;
 mod run;
 mod say;

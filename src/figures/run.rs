@@ -121,7 +121,7 @@ impl RunLog {
             let axle_m = trace.dimensions.front_axle_m();
             let poses: Vec<Pose2> = trace.samples.iter().map(|sample| sample.pose.advanced(axle_m)).collect();
             trace.track = Track::of(&experiment.city_map, &boxes, &poses);
-            if origin == Origin::Mainframe {
+            if !origin.has_world() {
                 // It has no path of its own: how far from the middle of the lane takes its place.
                 let lateral = trace.track.lateral_m.iter();
                 trace.samples.iter_mut().zip(lateral).for_each(|(sample, &m)| sample.lateral_error_m = m);

@@ -5,7 +5,6 @@ use super::paths::{Layout, Member, Stream};
 use super::run::{RunLog, Trace};
 use super::series::{AVERAGED_S, by_speed, differences, moving_average};
 use super::table::{Table, number};
-use crate::record::Origin;
 use crate::snapshot::VehicleId;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -78,10 +77,10 @@ impl<'a> Views<'a> {
         }
         figures.push(self.space_time());
         figures.push(self.lateral_error());
-        if self.runs.iter().any(|run| run.origin != Origin::Mainframe) {
+        if self.runs.iter().any(|run| run.origin.has_world()) {
             figures.push(self.pedals());
         } else {
-            notes.push("a log of the control framework has no pedals: no figure of them".to_owned());
+            notes.push("a log of poses alone has no pedals: no figure of them".to_owned());
         }
         (figures, notes)
     }
@@ -422,8 +421,8 @@ impl<'a> Views<'a> {
         }
         Self::fit_alike(&mut figure, &[0.0], &[0.0]);
         figure.legend = self.keys_of(&ids);
-        let of = match self.runs.iter().any(|run| run.origin == Origin::Mainframe) {
-            true => "the middle of its lane (in a log of the control framework), else from its desired path",
+        let of = match self.runs.iter().any(|run| !run.origin.has_world()) {
+            true => "the middle of its lane (in a log of poses alone), else from its desired path",
             false => "its desired path",
         };
         figure.note =

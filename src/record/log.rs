@@ -66,16 +66,24 @@ pub enum Origin {
     Served,
     /// The control framework in a process of its own: it has seen poses, and no world.
     Mainframe,
+    /// Poses that were measured elsewhere.
+    Recorded,
 }
 
 impl Origin {
-    pub(super) const ALL: [Self; 3] = [Self::Run, Self::Served, Self::Mainframe];
+    pub(super) const ALL: [Self; 4] = [Self::Run, Self::Served, Self::Mainframe, Self::Recorded];
+
+    /// Whether it can be simulated again; otherwise it has seen poses alone.
+    pub fn has_world(self) -> bool {
+        matches!(self, Self::Run | Self::Served)
+    }
 
     pub(super) fn label(self) -> &'static str {
         match self {
             Self::Run => "run",
             Self::Served => "served",
             Self::Mainframe => "mainframe",
+            Self::Recorded => "recorded",
         }
     }
 }
