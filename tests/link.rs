@@ -19,7 +19,7 @@ fn in_lockstep_two_processes_do_what_one_does_tick_by_tick() {
     let folder = folder.path();
     // Delays, jitter and loss are in the control framework's process.
     let text = std::fs::read_to_string(link::root().join("scenarios/roundabout.toml")).unwrap();
-    let text = format!("{text}\n[environment]\nprofile = \"testbed\"\n");
+    let text = text.replace("profile = \"ideal\"", "profile = \"testbed\"");
     std::fs::write(folder.join("testbed.toml"), text).unwrap();
     for (scenario, duration) in [("roundabout", "40"), ("testbed.toml", "8"), ("city", "3")] {
         let run = [&["run", scenario, "--duration", duration, "--out", "run"], &EVERY_TICK[..]].concat();
