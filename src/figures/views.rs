@@ -34,6 +34,26 @@ struct Stretch<'r> {
     points: Vec<(usize, f64, f64)>,
 }
 
+/// What the rows of a stretch tell.
+const STRETCH_COLUMNS: [&str; 7] = ["run", "path", "vehicle", "name", "time_s", "position_m", "speed_mps"];
+
+impl Stretch<'_> {
+    /// Its rows in a table, by [`STRETCH_COLUMNS`].
+    fn rows(&self, run: &str, path: &str) -> impl Iterator<Item = Vec<String>> {
+        self.points.iter().map(move |&(k, position, speed)| {
+            vec![
+                run.to_owned(),
+                path.to_owned(),
+                self.trace.id.to_string(),
+                self.trace.name.clone(),
+                number(self.trace.samples[k].time_s, 3),
+                number(position, 4),
+                number(speed, 5),
+            ]
+        })
+    }
+}
+
 impl<'a> Views<'a> {
     /// Figures of runs of one scenario; of all vehicles unless some are named.
     pub fn new(runs: &'a [RunLog], layout: &'a Layout, only: &BTreeSet<VehicleId>) -> Self {
@@ -244,9 +264,11 @@ impl<'a> Views<'a> {
     /// Speed against position of the vehicles of one path.
     fn speed(&self, stream: usize) -> Figure {
         let path = format!("Path {}", stream + 1);
-        let columns = ["run", "path", "vehicle", "name", "time_s", "position_m", "speed_mps"];
-        let mut figure =
-            self.figure(&format!("speed_path_{}", stream + 1), &format!("speed along {path}"), &columns);
+        let mut figure = self.figure(
+            &format!("speed_path_{}", stream + 1),
+            &format!("speed along {path}"),
+            &STRETCH_COLUMNS,
+        );
         for run in 0..self.runs.len() {
             let mut panel = Panel {
                 title: self.panel_title(run),
@@ -255,22 +277,11 @@ impl<'a> Views<'a> {
                 rules: self.rules(std::iter::once(stream), false),
                 ..Panel::default()
             };
-            for Stretch { trace, points } in self.stretches(run, stream) {
-                let stroke = Stroke { dash: Dash::Solid, ..self.stroke(trace.id) };
-                panel
-                    .lines
-                    .push(Line { points: points.iter().map(|&(_, m, mps)| (m, mps)).collect(), stroke });
-                for (k, position, speed) in points {
-                    figure.table.rows.push(vec![
-                        self.labels[run].clone(),
-                        path.clone(),
-                        trace.id.to_string(),
-                        trace.name.clone(),
-                        number(trace.samples[k].time_s, 3),
-                        number(position, 4),
-                        number(speed, 5),
-                    ]);
-                }
+            for stretch in self.stretches(run, stream) {
+                let stroke = Stroke { dash: Dash::Solid, ..self.stroke(stretch.trace.id) };
+                let points = stretch.points.iter().map(|&(_, m, mps)| (m, mps)).collect();
+                panel.lines.push(Line { points, stroke });
+                figure.table.rows.extend(stretch.rows(&self.labels[run], &path));
             }
             figure.panels.push(panel);
         }
@@ -322,8 +333,7 @@ impl<'a> Views<'a> {
 
     /// Position against time of each path, coloured by speed.
     fn space_time(&self) -> Figure {
-        let columns = ["run", "path", "vehicle", "name", "time_s", "position_m", "speed_mps"];
-        let mut figure = self.figure("space_time", "space-time diagram", &columns);
+        let mut figure = self.figure("space_time", "space-time diagram", &STRETCH_COLUMNS);
         let all = 0..self.layout.streams.len();
         let (mut fastest, mut last_s) = (LEAST_SPEED_MPS, 0.0_f64);
         for run in 0..self.runs.len() {
@@ -353,19 +363,9 @@ impl<'a> Views<'a> {
                     .rules
                     .iter_mut()
                     .for_each(|rule| rule.name = rule.name.replace(&format!(" of {path}"), ""));
-                for Stretch { trace, points } in self.stretches(run, stream) {
-                    panel.lines.extend(by_speed(trace, &points, fastest));
-                    for (k, position, speed) in points {
-                        figure.table.rows.push(vec![
-                            self.labels[run].clone(),
-                            path.clone(),
-                            trace.id.to_string(),
-                            trace.name.clone(),
-                            number(trace.samples[k].time_s, 3),
-                            number(position, 4),
-                            number(speed, 5),
-                        ]);
-                    }
+                for stretch in self.stretches(run, stream) {
+                    panel.lines.extend(by_speed(stretch.trace, &stretch.points, fastest));
+                    figure.table.rows.extend(stretch.rows(&self.labels[run], &path));
                 }
                 figure.panels.push(panel);
             }
