@@ -8,6 +8,7 @@ mod reader;
 mod recorder;
 mod schema;
 mod table;
+mod transforms;
 
 pub use log::{LogWriter, Origin};
 pub use poses::{MeasuredPose, POSE_COLUMNS, pose_at, read_poses};
