@@ -11,6 +11,8 @@ mod load;
 #[cfg(feature = "render")]
 mod look;
 mod mainframe;
+#[cfg(feature = "render")]
+mod pictures;
 mod progress;
 mod replay;
 #[cfg(feature = "ros")]
