@@ -135,6 +135,7 @@ pub(super) struct Instruments {
 }
 
 /// When something has happened in it.
+#[cfg_attr(not(feature = "render"), allow(dead_code, reason = "the bench alone reads them"))]
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Mark {
     /// A datagram of trajectories waits for the next tick.
