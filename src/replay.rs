@@ -5,7 +5,7 @@ use crate::record::{Entry, LogReader, LoggedSnapshot, LoggedVehicle, NetworkComm
 use crate::scenario::Experiment;
 use crate::sim::World;
 use crate::snapshot::{FrameSnapshot, SimCommand, VehicleId};
-use crate::wire::{Action, Body, Message};
+use crate::wire::Body;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
@@ -21,6 +21,8 @@ pub enum ReplayError {
          give the log of the city that it drove in (city3d serve --out)"
     )]
     Mainframe,
+    #[error("the log is one of poses that were measured elsewhere: there is no world to simulate again")]
+    Recorded,
     #[error("the log goes from tick {from} to tick {to}: it lacks what lies between")]
     Gap { from: u64, to: u64 },
     #[error("tick {tick}: what came over the link is damaged: {reason}")]
@@ -66,6 +68,8 @@ pub struct Replay {
     snapshot: FrameSnapshot,
     /// For the next step, in the order in which they were applied.
     commands: Vec<SimCommand>,
+    /// Those of the last step.
+    applied: Vec<SimCommand>,
 }
 
 impl Replay {
@@ -75,11 +79,12 @@ impl Replay {
     /// Where it is no log from which a run can be made again.
     pub fn open(path: &Path) -> Result<Self, ReplayError> {
         let log = LogReader::open(path)?;
-        if log.origin() == Origin::Mainframe {
-            return Err(ReplayError::Mainframe);
+        if !log.origin().has_world() {
+            let is_recorded = log.origin() == Origin::Recorded;
+            return Err(if is_recorded { ReplayError::Recorded } else { ReplayError::Mainframe });
         }
         let world = World::new(Arc::new(log.experiment()?));
-        Ok(Self { snapshot: world.snapshot(), log, world, commands: Vec::new() })
+        Ok(Self { snapshot: world.snapshot(), log, world, commands: Vec::new(), applied: Vec::new() })
     }
 
     pub fn experiment(&self) -> &Arc<Experiment> {
@@ -88,6 +93,16 @@ impl Replay {
 
     pub fn log(&self) -> &LogReader {
         &self.log
+    }
+
+    /// The commands of the last step, in the order in which they were applied.
+    pub fn applied(&self) -> &[SimCommand] {
+        &self.applied
+    }
+
+    /// The world as it is now, and what was told of it last.
+    pub fn into_world(self) -> World {
+        self.world
     }
 
     /// The world as it was simulated again.
@@ -117,7 +132,7 @@ impl Replay {
                     .map_err(|reason| ReplayError::Network { tick: command.tick, reason })?;
                 self.commands.extend(commands);
             }
-            Entry::Tick { .. } | Entry::Snapshot(_) => {}
+            Entry::Tick { .. } | Entry::Snapshot(_) | Entry::Event(_) => {}
         }
         Ok(())
     }
@@ -125,6 +140,7 @@ impl Replay {
     fn advance(&mut self, tick: u64, recorded: u64) -> Result<Ticked, ReplayError> {
         let from = self.world.tick();
         self.world.tick_as_given(&self.commands, &mut self.snapshot);
+        std::mem::swap(&mut self.commands, &mut self.applied);
         self.commands.clear();
         if self.world.tick() != tick {
             return Err(ReplayError::Gap { from, to: tick });
@@ -173,23 +189,5 @@ impl Replay {
 /// What the city has done with something that came over the link.
 fn commands_of(command: &NetworkCommand, experiment: &Experiment) -> Result<Vec<SimCommand>, String> {
     let body = Body::from_log(command.kind, &command.body).map_err(|error| error.to_string())?;
-    Ok(match body {
-        Body::Trajectories(list) => {
-            list.into_iter().map(|one| Message::Follow(one).into_command(experiment.scale)).collect()
-        }
-        Body::Setup { setup, .. } => {
-            let spec = setup.build.resolve(&experiment.vehicle_types)?;
-            vec![SimCommand::Spawn(Box::new(setup.in_city(experiment.scale, spec)))]
-        }
-        Body::Poses(poses) => {
-            poses.vehicles.iter().map(|seen| seen.pose.into_command(experiment.scale)).collect()
-        }
-        Body::Remove { vehicle, .. } => vec![SimCommand::Remove(vehicle)],
-        Body::Command { action, .. } => vec![match action {
-            Action::Start => SimCommand::Start,
-            Action::Pause => SimCommand::Pause,
-            Action::Reset => SimCommand::Reset,
-        }],
-        _ => return Err(format!("kind {} is no command", command.kind)),
-    })
+    body.into_commands(experiment.scale, &experiment.vehicle_types)
 }

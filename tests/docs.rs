@@ -108,6 +108,7 @@ fn scenario_keys_are_all_described_and_no_others() {
         let tables: &[&str] = match section.as_str() {
             "[[vehicle]]" | "[traffic]" => &["sensor"],
             "" => &["rates", "vehicle", "vehicle_type", "driver", "right_of_way", "environment", "traffic"],
+            "[environment]" => &["testbed"],
             "[vehicle_type.default]" => &["centre_of_mass", "motor", "suspension", "control", "sensor"],
             _ => &[],
         };

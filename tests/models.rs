@@ -88,11 +88,15 @@ fn nobody_looks_through_a_slit_between_body_and_cabin() {
             })
             .collect();
         let mut inside = Vec::new();
-        // Down over the shoulders, from the left, along most of the car, beside the edges of its faces.
-        for k in 0..160 {
-            for j in 0..180 {
-                let at = Vec3::new(-1.9037 + 0.02017 * k as f32, 0.5 + 0.004 * j as f32, 0.9);
-                let along = Vec3::new(0.0, -0.8, -0.6);
+        // Down over the shoulders, from the left, along most of the car, and over the rear of those without a boot;
+        // beside the edges of their faces.
+        let left = |k: u32, j: u32| Vec3::new(-1.9037 + 0.02017 * k as f32, 0.5 + 0.004 * j as f32, 0.9);
+        let behind = |k: u32, j: u32| Vec3::new(-2.5 + 0.004 * j as f32, -0.6037 + 0.00754 * k as f32, 0.9);
+        for (k, j) in (0..160).flat_map(|k| (0..180).map(move |j| (k, j))) {
+            let ways =
+                [(left(k, j), Vec3::new(0.0, -0.8, -0.6)), (behind(k, j), Vec3::new(0.954, 0.0, -0.3))];
+            let has_boot = !matches!(*name, "van.glb" | "suv.glb");
+            for (at, along) in ways.into_iter().take(if has_boot { 1 } else { 2 }) {
                 let from = at - along * 8.0;
                 let hits = triangles.iter().filter_map(|&triangle| hit(triangle, from, along));
                 let first = hits.min_by(|a, b| a.0.total_cmp(&b.0));

@@ -132,7 +132,7 @@ fn they_are_one_experiment_over_ros_as_well() {
 fn a_vehicle_out_of_sight_is_marked_until_it_is_found_again() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    mixed(folder, "\n[environment]\nprofile = \"testbed\"\nocclusions_hz = 0.2\nocclusion_s = 0.8\n");
+    mixed(folder, "\n[environment]\nprofile = \"testbed\"\nocclusion_every_s = 5.0\nocclusion_s = 0.8\n");
     let arguments = ["run", "mixed.toml", "--duration", "20", "--out", "run"];
     // Blind driving may end in a collision; that is not what is looked at.
     city3d(&arguments, folder).output().unwrap();

@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
 
+use city3d::environment::{EnvironmentSpec, Profile};
 use city3d::runner::{Observer, Run};
 use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d::snapshot::VehicleId;
@@ -166,9 +167,80 @@ fn the_papers_outcome_with_both_dynamics() {
     }
 }
 
+/// What the two environments of the experiment come to with a seed.
+fn twice(seed: u64) -> [Outcome; 2] {
+    [Profile::Ideal, Profile::Testbed].map(|profile| {
+        let (text, library) = Library::scenario("roundabout").unwrap();
+        let overrides = Overrides { seed: Some(seed), environment: Some(profile), ..Overrides::default() };
+        run(&Arc::new(read_experiment("roundabout.toml", &text, &library, overrides).unwrap()))
+    })
+}
+
+/// The median jerk of vehicles that drive: speeds are means over 0.1 s. A mean of squares would tell of the few hard
+/// stops alone.
+fn roughness(outcome: &Outcome) -> f64 {
+    let mut jerks = Vec::new();
+    for track in &outcome.tracks {
+        let speeds: Vec<f64> = track
+            .chunks_exact(10)
+            .map(|chunk| chunk.iter().map(|sample| sample.speed_mps).sum::<f64>() / 10.0)
+            .collect();
+        let driving = speeds.windows(3).filter(|v| v.iter().all(|speed| *speed > 0.4));
+        jerks.extend(driving.map(|v| ((v[2] - 2.0 * v[1] + v[0]) / 0.01).abs()));
+    }
+    jerks.sort_by(f64::total_cmp);
+    jerks[jerks.len() / 2]
+}
+
+#[test]
+fn the_two_runs_of_the_experiment_differ_in_the_environment_alone() {
+    let (text, library) = Library::scenario("roundabout").unwrap();
+    let [ideal, testbed] = Profile::ALL.map(|profile| {
+        let overrides = Overrides { environment: Some(profile), ..Overrides::default() };
+        read_experiment("roundabout.toml", &text, &library, overrides).unwrap()
+    });
+    assert_eq!(ideal.environment, EnvironmentSpec::IDEAL);
+    assert_ne!(testbed.environment, EnvironmentSpec::IDEAL);
+    assert_eq!(ideal.vehicles, testbed.vehicles);
+    assert_eq!(ideal.right_of_way, testbed.right_of_way);
+    assert_eq!(
+        (ideal.seed, ideal.duration_s, ideal.rates),
+        (testbed.seed, testbed.duration_s, testbed.rates)
+    );
+    assert_eq!(ideal.map_bytes, testbed.map_bytes);
+}
+
+#[test]
+fn in_the_testbed_all_of_path_1_waits_for_all_of_path_2() {
+    // The seed of the scenario.
+    let [ideal, testbed] = twice(6);
+    assert_eq!((ideal.collisions, testbed.collisions), (0, 0));
+    let last = |outcome: &Outcome| PATH2.iter().map(|id| outcome.merged_s(*id)).fold(0.0, f64::max);
+    assert!(ideal.merged_s(PATH1[0]) < last(&ideal), "{:?}", ideal.merged_s);
+    for id in PATH1 {
+        let merged_s = testbed.merged_s(id);
+        assert!(merged_s.is_finite() && merged_s > last(&testbed), "{:?}", testbed.merged_s);
+    }
+    let stands = testbed.stands(PATH1[0]);
+    assert!(stands.iter().map(|(from_s, to_s, _)| to_s - from_s).sum::<f64>() > 5.0, "{stands:?}");
+    let (smooth, rough) = (roughness(&ideal), roughness(&testbed));
+    assert!(rough > 2.0 * smooth, "{rough} {smooth}");
+}
+
+#[test]
+fn the_ideal_run_needs_no_draw_and_the_testbed_may_come_out_either_way() {
+    let runs: Vec<[Outcome; 2]> = (1..=8).map(twice).collect();
+    assert!(runs.iter().all(|[ideal, _]| ideal.positions == runs[0][0].positions));
+    assert!(runs.iter().flatten().all(|outcome| outcome.collisions == 0));
+    let waits = |outcome: &Outcome| PATH2.iter().all(|id| outcome.merged_s(*id) < outcome.merged_s(PATH1[0]));
+    let waiting = runs.iter().filter(|[_, testbed]| waits(testbed)).count();
+    assert!((1..8).contains(&waiting), "{waiting} of 8");
+}
+
 #[test]
 fn delaying_the_measurements_changes_the_trajectories() {
-    let delayed = |text: &str| format!("{text}\n[environment]\nmeasurement_delay_s = 0.2\n");
+    let delayed =
+        |text: &str| text.replace("profile = \"ideal\"", "profile = \"ideal\"\nmeasurement_delay_s = 0.2");
     let now = run(&experiment(ModelKind::Raycast, str::to_owned));
     let late = run(&experiment(ModelKind::Raycast, delayed));
     assert_eq!(late.collisions, 0);

@@ -97,7 +97,12 @@ const CORPUS: &[(&str, usize, usize, &str)] = &[
     ("unknown_driver", 7, 10, "driver \"me\" is not defined; there are: default, human"),
     ("unknown_key", 3, 1, "unknown key \"durations\"; did you mean \"duration_s\"?"),
     ("unknown_key_in_driver", 4, 1, "unknown key \"desired_speed\"; did you mean \"desired_speed_mps\"?"),
-    ("unknown_key_in_environment", 4, 1, "position_noise_m, profile, yaw_noise_rad"),
+    (
+        "unknown_key_in_environment",
+        4,
+        1,
+        "position_noise_m, profile, speed_disturbance, testbed, yaw_noise_rad",
+    ),
     ("unknown_key_in_motor", 4, 1, "there are: gear_ratio, max_power_w, torque_curve"),
     ("unknown_key_in_rates", 4, 1, "unknown key \"physics\"; did you mean \"physics_hz\"?"),
     ("unknown_key_in_right_of_way", 4, 1, "unknown key \"clear_area\"; did you mean \"clear_area_m\"?"),

@@ -356,8 +356,8 @@ fn the_car_of_a_person_is_driven_at_once_and_another_scenario_loads_meanwhile() 
     program.hold(&["w"], 1500);
     program.hold(&["s"], 800);
     // The picker, and its third entry.
-    program.click(490, 15);
-    program.click(465, 85);
+    program.click(535, 15);
+    program.click(510, 85);
     until("the end of the first log", || log("run-1").join("summary.json").is_file());
     pause_ms(1000);
     program.key("n");

@@ -111,7 +111,7 @@ fn a_world_that_was_kept_goes_on_the_same() {
 #[test]
 fn the_driver_models_close_the_loop() {
     let text = Library::scenario("roundabout").unwrap().0;
-    let late_text = format!("{text}\n[environment]\nmeasurement_delay_s = 0.2\n");
+    let late_text = text.replace("profile = \"ideal\"", "profile = \"ideal\"\nmeasurement_delay_s = 0.2");
     let mut prompt = run_of(&read(&text, ModelKind::Raycast));
     let mut late = run_of(&read(&late_text, ModelKind::Raycast));
     let (mut apart_m, mut collisions) = (0.0f64, 0);

@@ -1,6 +1,6 @@
 //! From the arguments of a command to an experiment.
 
-use super::{Failure, Model, ScenarioArgs};
+use super::{Failure, Model, ProfileArg, ScenarioArgs};
 use crate::scenario::{Experiment, Library, Overrides, read_experiment};
 use crate::vehicle::ModelKind;
 use std::sync::Arc;
@@ -37,10 +37,22 @@ pub fn city_of(vehicles: u32, seed: Option<u64>) -> Result<Experiment, Failure> 
 
 fn read(args: &ScenarioArgs, allows_no_vehicles: bool) -> Result<Experiment, Failure> {
     let (text, library) = Library::scenario(&args.scenario).map_err(Failure::bad_input)?;
+    from_text(args, &text, &library, allows_no_vehicles)
+}
+
+/// The experiment of a text that is the scenario's, or was made from it.
+pub fn from_text(
+    args: &ScenarioArgs,
+    text: &str,
+    library: &Library,
+    allows_no_vehicles: bool,
+) -> Result<Experiment, Failure> {
     let model = args.model.map(|model| match model {
         Model::Raycast => ModelKind::Raycast,
         Model::Bicycle => ModelKind::Bicycle,
     });
-    let overrides = Overrides { seed: args.seed, duration_s: args.duration, model, allows_no_vehicles };
-    read_experiment(&args.scenario, &text, &library, overrides).map_err(Failure::bad_input)
+    let environment = args.environment.map(ProfileArg::profile);
+    let overrides =
+        Overrides { seed: args.seed, duration_s: args.duration, model, environment, allows_no_vehicles };
+    read_experiment(&args.scenario, text, library, overrides).map_err(Failure::bad_input)
 }

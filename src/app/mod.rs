@@ -3,7 +3,9 @@
 #[cfg(feature = "render")]
 mod bench;
 mod check;
+mod compare;
 mod files;
+mod fork;
 #[cfg(feature = "render")]
 mod frames;
 mod generate;
@@ -13,17 +15,21 @@ mod look;
 mod mainframe;
 #[cfg(feature = "render")]
 mod pictures;
+mod plot;
 mod progress;
+mod recorded;
 mod replay;
 #[cfg(feature = "ros")]
 mod ros;
 mod run;
 mod say;
 mod serve;
+mod sweep;
 mod testbed;
 #[cfg(feature = "window")]
 mod view;
 
+use crate::environment::Profile;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -56,8 +62,14 @@ enum Command {
     View(Box<view::ViewArgs>),
     /// Run a scenario without a window and write its log, vehicles.csv and summary.json
     Run(run::RunArgs),
+    /// Draw the figures of recorded runs: SVG, PNG, and their data as CSV
+    Plot(plot::PlotArgs),
+    /// Compare two runs of one scenario: figures with both, and a table of what happened
+    Compare(compare::CompareArgs),
     /// Simulate a recorded run again from its log, and compare it
     Replay(replay::ReplayArgs),
+    /// Run a scenario many times, over seeds and parameters, on all cores: one table, and a map of the outcome
+    Sweep(sweep::SweepArgs),
     /// Serve the city alone: vehicles and commands come over UDP, poses go back
     Serve(Box<serve::ServeArgs>),
     /// Run the control framework alone, for a city that is served
@@ -111,6 +123,25 @@ struct ScenarioArgs {
     /// Dynamics of all vehicles, instead of the scenario's
     #[arg(long)]
     model: Option<Model>,
+    /// What stands between control and vehicles, instead of the scenario's profile
+    #[arg(long)]
+    environment: Option<ProfileArg>,
+}
+
+/// An environment on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ProfileArg {
+    Ideal,
+    Testbed,
+}
+
+impl ProfileArg {
+    fn profile(self) -> Profile {
+        match self {
+            Self::Ideal => Profile::Ideal,
+            Self::Testbed => Profile::Testbed,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -185,7 +216,10 @@ fn run_command(command: Command) -> Result<(), Failure> {
         #[cfg(feature = "window")]
         Command::View(args) => view::view(&args),
         Command::Run(args) => run::run(&args),
+        Command::Plot(args) => plot::plot(&args),
+        Command::Compare(args) => compare::compare(&args),
         Command::Replay(args) => replay::replay(&args),
+        Command::Sweep(args) => sweep::sweep(&args),
         Command::Serve(args) => serve::serve(&args),
         Command::Mainframe(args) => mainframe::mainframe(&args),
         Command::Testbed(args) => testbed::testbed(&args),

@@ -1,5 +1,7 @@
 //! `city3d replay`: a recorded run, simulated again from its commands.
 
+use super::files::LogArgs;
+use super::recorded::Recorded;
 use super::say::say;
 use super::{Failure, progress};
 use crate::record::last_tick;
@@ -10,8 +12,17 @@ use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 pub struct ReplayArgs {
-    /// The run.mcap of a run
+    /// The run.mcap of a run, or a CSV of poses that were measured elsewhere (time, id, x, y, yaw; laboratory metres,
+    /// seconds, radians)
     log: PathBuf,
+    /// With poses: the scenario that they are of, for its map and vehicles
+    #[arg(long, value_name = "FILE", conflicts_with = "verify")]
+    scenario: Option<String>,
+    /// With poses: folder for the files of the run that they make
+    #[arg(long, value_name = "DIR", requires = "scenario")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    files: LogArgs,
     /// Simulate the run again from its commands alone, and compare the state at every tick
     #[arg(long)]
     verify: bool,
@@ -56,6 +67,15 @@ struct DifferentVehicle {
 }
 
 pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
+    if let (Some(scenario), Some(out)) = (&args.scenario, &args.out) {
+        return Recorded { poses: &args.log, scenario, out, log: args.files, json: args.json }.replay();
+    }
+    if !args.verify && args.log.extension().is_some_and(|extension| extension == "csv") {
+        return Err(Failure::bad_input(format!(
+            "{}: poses are replayed into files: give --scenario and --out",
+            args.log.display()
+        )));
+    }
     if !args.verify {
         let log = args.log.display();
         return Err(Failure::bad_input(format!(

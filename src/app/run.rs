@@ -1,12 +1,13 @@
 //! `city3d run`: a scenario from its start to its end.
 
 use super::files::{Files, LogArgs, conclude};
+use super::fork::Fork;
 use super::{Failure, ScenarioArgs, load, progress};
-use crate::record::Origin;
+use crate::record::{Origin, is_log};
 use crate::runner::{Run, Summary};
 use crate::scenario::Experiment;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -20,6 +21,12 @@ pub struct RunArgs {
     /// Times real time; without it as fast as the machine can
     #[arg(long, value_name = "X", value_parser = super::pace)]
     speed: Option<f64>,
+    /// Of a log: make its run again up to this tick, and go on from there
+    #[arg(long, value_name = "N")]
+    from_tick: Option<u64>,
+    /// With --from-tick: the scenario from there on, instead of the log's
+    #[arg(long = "scenario", id = "changed", value_name = "FILE", requires = "from_tick")]
+    changed: Option<String>,
     #[command(flatten)]
     log: LogArgs,
     /// Print the summary as JSON instead of text
@@ -28,6 +35,18 @@ pub struct RunArgs {
 }
 
 pub fn run(args: &RunArgs) -> Result<(), Failure> {
+    if let Some(from_tick) = args.from_tick {
+        let (scenario, out, log) = (args.changed.as_ref(), args.out.as_path(), args.log);
+        let (summary, experiment) = Fork { args: &args.scenario, from_tick, scenario, out, log }.run()?;
+        return conclude(&summary, &experiment, Some(&args.out), args.json);
+    }
+    if is_log(Path::new(&args.scenario.scenario)) {
+        return Err(Failure::bad_input(format!(
+            "{log} is the log of a run: --from-tick N goes on from its middle; city3d replay {log} --verify \
+             simulates it again",
+            log = args.scenario.scenario
+        )));
+    }
     let experiment = load::experiment(&args.scenario)?;
     let summary = simulate(args, &experiment)?;
     conclude(&summary, &experiment, Some(&args.out), args.json)

@@ -1,11 +1,12 @@
-//! What stands between the control framework and the vehicles: delay, jitter, loss and noise, in
-//! simulated time and seeded. Running one scenario under two profiles is the comparison of the
+//! What stands between the control framework and the vehicles: delay, jitter, loss, noise, occlusion, and robots that
+//! do not do exactly what they are told; in simulated time and seeded. Running one scenario under two profiles is the comparison of the
 //! virtual with the physical city; nothing else differs between the two.
 
 mod channel;
 
 pub use channel::Channel;
 
+use crate::geom::trig;
 use crate::snapshot::VehicleId;
 use crate::wire::{Measurement, Message};
 use rand_chacha::ChaCha8Rng;
@@ -28,12 +29,16 @@ pub struct EnvironmentSpec {
     pub position_noise_m: f64,
     /// Standard deviation of a measured heading.
     pub yaw_noise_rad: f64,
-    /// How often a vehicle gets out of sight of motion capture, per second.
-    pub occlusions_hz: f64,
-    /// How long it stays so on average; each time between half and one and a half times as long.
+    /// Mean time between two occlusions of a vehicle from motion capture; 0 where there are none.
+    pub occlusion_every_s: f64,
+    /// Mean time that one lasts.
     pub occlusion_s: f64,
-    /// Time constant by which pedals and steering follow what is asked of them: of `city3d testbed` alone.
+    /// By which a robot's drive is late with what its trajectory asks for.
     pub actuator_lag_s: f64,
+    /// Standard deviation of the share by which a robot's speed differs from the one that it is told.
+    pub speed_disturbance: f64,
+    /// How long such a difference lasts: its correlation time.
+    pub disturbance_time_s: f64,
 }
 
 impl EnvironmentSpec {
@@ -44,14 +49,17 @@ impl EnvironmentSpec {
         loss: 0.0,
         position_noise_m: 0.0,
         yaw_noise_rad: 0.0,
-        occlusions_hz: 0.0,
+        occlusion_every_s: 0.0,
         occlusion_s: 0.0,
         actuator_lag_s: 0.0,
+        speed_disturbance: 0.0,
+        disturbance_time_s: 0.0,
     };
 
-    /// Motion capture and wireless link of a laboratory: 20 ms of capture latency, 30 ms to the
-    /// robot, some jitter, one datagram in a hundred lost, noise of a millimetre and half a degree, a vehicle out of
-    /// sight now and then.
+    /// Motion capture, wireless link and robots of a laboratory: 20 ms of capture latency, 30 ms to the
+    /// robot, some jitter, one datagram in a hundred lost, noise of a millimetre and half a degree, a marker hidden
+    /// for a fifth of a second each twenty seconds, drives that are 80 ms late and off by 4 % for a second at a time.
+    /// `docs/roundabout.md` has the reasons.
     pub const TESTBED: Self = Self {
         measurement_delay_s: 0.02,
         command_delay_s: 0.03,
@@ -59,10 +67,30 @@ impl EnvironmentSpec {
         loss: 0.01,
         position_noise_m: 0.001,
         yaw_noise_rad: 0.009,
-        occlusions_hz: 0.02,
-        occlusion_s: 0.3,
-        actuator_lag_s: 0.05,
+        occlusion_every_s: 20.0,
+        occlusion_s: 0.2,
+        actuator_lag_s: 0.08,
+        speed_disturbance: 0.04,
+        disturbance_time_s: 1.0,
     };
+}
+
+/// Which environment a scenario is run in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Profile {
+    Ideal,
+    Testbed,
+}
+
+impl Profile {
+    pub const ALL: [Self; 2] = [Self::Ideal, Self::Testbed];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ideal => "ideal",
+            Self::Testbed => "testbed",
+        }
+    }
 }
 
 /// Both directions of the link. Its random draws come from its own stream, so that no draw of the
@@ -70,25 +98,43 @@ impl EnvironmentSpec {
 #[derive(Clone, Debug)]
 pub struct Environment {
     spec: EnvironmentSpec,
+    seed: u64,
     rng: ChaCha8Rng,
     measurements: Channel<Measurement>,
     messages: Channel<Message>,
-    /// Until when vehicles are out of sight.
-    hidden_until_s: BTreeMap<VehicleId, f64>,
-    measured_s: f64,
+    /// Of each vehicle that is seen or told something.
+    robots: BTreeMap<VehicleId, Robot>,
+}
+
+/// What the laboratory does to one vehicle.
+#[derive(Clone, Copy, Debug, Default)]
+struct Robot {
+    /// When its occlusion begins or began, and when that ends.
+    occluded_s: Option<(f64, f64)>,
+    /// Share by which its speed differs at present, and since when.
+    off_by: Option<(f64, f64)>,
+}
+
+/// The draws of environments, apart from those of the traffic.
+fn stream(seed: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(1);
+    rng
 }
 
 impl Environment {
     pub fn new(spec: EnvironmentSpec, seed: u64) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(1);
-        Self {
-            spec,
-            rng,
-            measurements: Channel::default(),
-            messages: Channel::default(),
-            hidden_until_s: BTreeMap::new(),
-            measured_s: 0.0,
+        let rng = stream(seed);
+        let (measurements, messages) = (Channel::default(), Channel::default());
+        Self { spec, seed, rng, measurements, messages, robots: BTreeMap::new() }
+    }
+
+    /// Another environment from now on. What is on its way arrives as it would have; draws go on unless the seed is
+    /// another one.
+    pub fn change(&mut self, spec: EnvironmentSpec, seed: u64) {
+        self.spec = spec;
+        if seed != self.seed {
+            (self.seed, self.rng) = (seed, stream(seed));
         }
     }
 
@@ -99,9 +145,8 @@ impl Environment {
         seen: impl Iterator<Item = Measurement>,
         arrived: &mut Vec<Measurement>,
     ) {
-        let dt_s = now_s - std::mem::replace(&mut self.measured_s, now_s);
         for measurement in seen {
-            if self.is_hidden(measurement.vehicle, now_s, dt_s) || self.is_lost() {
+            if self.is_occluded(measurement.vehicle, now_s) || self.is_lost() {
                 continue;
             }
             let at = now_s + self.delay(self.spec.measurement_delay_s);
@@ -118,25 +163,57 @@ impl Environment {
                 continue;
             }
             let at = now_s + self.delay(self.spec.command_delay_s);
+            let message = self.as_driven(message, now_s);
             self.messages.send(at, message);
         }
         self.messages.receive(now_s, arrived);
     }
 
-    /// Whether a vehicle is out of sight, after so long since the poses before.
-    fn is_hidden(&mut self, vehicle: VehicleId, now_s: f64, dt_s: f64) -> bool {
-        if self.spec.occlusions_hz <= 0.0 {
+    /// Whether a vehicle is hidden from motion capture. Times between occlusions, and their lengths, are uniform
+    /// between 0 and twice their means.
+    fn is_occluded(&mut self, vehicle: VehicleId, now_s: f64) -> bool {
+        let EnvironmentSpec { occlusion_every_s, occlusion_s, .. } = self.spec;
+        if occlusion_every_s <= 0.0 || occlusion_s <= 0.0 {
             return false;
         }
-        if self.hidden_until_s.get(&vehicle).is_some_and(|until_s| now_s < *until_s) {
-            return true;
+        let mut robot = self.robots.get(&vehicle).copied().unwrap_or_default();
+        if robot.occluded_s.is_none_or(|(_, to_s)| now_s >= to_s) {
+            let from_s = now_s + 2.0 * occlusion_every_s * self.uniform();
+            robot.occluded_s = Some((from_s, from_s + 2.0 * occlusion_s * self.uniform()));
+            self.robots.insert(vehicle, robot);
         }
-        let begins = self.uniform() < self.spec.occlusions_hz * dt_s;
-        if begins {
-            let lasts_s = self.spec.occlusion_s * (0.5 + self.uniform());
-            self.hidden_until_s.insert(vehicle, now_s + lasts_s);
+        robot.occluded_s.is_some_and(|(from_s, to_s)| (from_s..to_s).contains(&now_s))
+    }
+
+    /// What a robot makes of a trajectory: late, and at speeds that differ by its disturbance.
+    fn as_driven(&mut self, message: Message, now_s: f64) -> Message {
+        let Message::Follow(mut trajectory) = message else { return message };
+        let factor = 1.0 + self.disturbance(trajectory.vehicle, now_s);
+        for point in &mut trajectory.points {
+            point.time_s += self.spec.actuator_lag_s;
+            point.speed_mps *= factor;
         }
-        begins
+        Message::Follow(trajectory)
+    }
+
+    /// The present disturbance of a vehicle, a first-order Gauss-Markov process.
+    fn disturbance(&mut self, vehicle: VehicleId, now_s: f64) -> f64 {
+        let EnvironmentSpec { speed_disturbance, disturbance_time_s, .. } = self.spec;
+        if speed_disturbance <= 0.0 {
+            return 0.0;
+        }
+        let drawn = self.gaussian();
+        let robot = self.robots.entry(vehicle).or_default();
+        let off_by = robot.off_by.map_or(speed_disturbance * drawn, |(before, since_s)| {
+            let kept = if disturbance_time_s > 0.0 {
+                trig::exp((since_s - now_s) / disturbance_time_s)
+            } else {
+                0.0
+            };
+            kept * before + (1.0 - kept * kept).max(0.0).sqrt() * speed_disturbance * drawn
+        });
+        robot.off_by = Some((off_by, now_s));
+        off_by
     }
 
     fn is_lost(&mut self) -> bool {
@@ -154,7 +231,7 @@ impl Environment {
         }
         if self.spec.yaw_noise_rad > 0.0 {
             let half = self.spec.yaw_noise_rad * self.gaussian() / 2.0;
-            let (sin, cos) = crate::geom::trig::sin_cos(half);
+            let (sin, cos) = trig::sin_cos(half);
             let turn = glam::DQuat::from_xyzw(0.0, 0.0, sin, cos);
             measurement.orientation = turn * measurement.orientation;
         }
@@ -175,6 +252,7 @@ impl Environment {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::snapshot::{Trajectory, TrajectoryPoint};
     use glam::{DQuat, DVec3};
 
     fn at(x: f64, stamp_s: f64) -> Measurement {
@@ -223,5 +301,51 @@ mod tests {
         assert!((noise.len() as f64 - 3000.0).abs() < 120.0, "{}", noise.len());
         let deviation = (noise.iter().map(|x| x * x).sum::<f64>() / noise.len() as f64).sqrt();
         assert!((deviation - 0.002).abs() < 0.0002, "{deviation}");
+    }
+
+    #[test]
+    fn occlusions_take_their_share_and_come_in_runs() {
+        let spec = EnvironmentSpec { occlusion_every_s: 2.0, occlusion_s: 0.5, ..EnvironmentSpec::IDEAL };
+        let mut environment = Environment::new(spec, 3);
+        let mut seen = Vec::new();
+        for tick in 0..50_000 {
+            let now = f64::from(tick) * 0.01;
+            let mut arrived = Vec::new();
+            environment.measure(now, [at(now, now)].into_iter(), &mut arrived);
+            seen.push(!arrived.is_empty());
+        }
+        let share = seen.iter().filter(|seen| !**seen).count() as f64 / seen.len() as f64;
+        assert!((share - 0.2).abs() < 0.04, "{share}");
+        let begun = seen.windows(2).filter(|pair| pair[0] && !pair[1]).count();
+        assert!((120..=280).contains(&begun), "{begun}");
+    }
+
+    #[test]
+    fn robots_are_late_and_their_speed_wanders_as_stated() {
+        let spec = EnvironmentSpec {
+            actuator_lag_s: 0.08,
+            speed_disturbance: 0.05,
+            disturbance_time_s: 1.0,
+            ..EnvironmentSpec::IDEAL
+        };
+        let mut environment = Environment::new(spec, 3);
+        let mut off = Vec::new();
+        for tick in 0..200_000 {
+            let now = f64::from(tick) * 0.02;
+            let point = TrajectoryPoint { time_s: now, speed_mps: 1.0, ..TrajectoryPoint::default() };
+            let trajectory =
+                Trajectory { vehicle: VehicleId(1), points: vec![point], ..Trajectory::default() };
+            let mut arrived = Vec::new();
+            environment.command(now, [Message::Follow(trajectory)].into_iter(), &mut arrived);
+            let [Message::Follow(trajectory)] = &arrived[..] else { panic!("{arrived:?}") };
+            assert!((trajectory.points[0].time_s - now - 0.08).abs() < 1e-9);
+            off.push(trajectory.points[0].speed_mps - 1.0);
+        }
+        let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / off.len() as f64;
+        let deviation = mean(&mut off.iter().map(|x| x * x)).sqrt();
+        assert!((deviation - 0.05).abs() < 0.004, "{deviation}");
+        // After a second the correlation has fallen to 1 / e.
+        let after = mean(&mut off.iter().zip(&off[50..]).map(|(a, b)| a * b)) / (deviation * deviation);
+        assert!((after - 0.368).abs() < 0.08, "{after}");
     }
 }

@@ -49,6 +49,22 @@ impl OrientedRect {
         Some(Overlap { depth })
     }
 
+    /// How far apart two outlines are at least; 0 where they overlap.
+    pub fn distance(&self, other: &Self) -> f64 {
+        if self.overlap(other).is_some() {
+            return 0.0;
+        }
+        // Of two convex shapes that are apart, a corner of one is nearest to the other.
+        let to = |rect: &Self, point: DVec2| {
+            let offset = point - rect.centre;
+            let beside = DVec2::new(offset.dot(rect.axis), offset.dot(rect.axis.perp())).abs() - rect.half;
+            beside.max(DVec2::ZERO).length()
+        };
+        let ours = self.corners().into_iter().map(|corner| to(other, corner));
+        let theirs = other.corners().into_iter().map(|corner| to(self, corner));
+        ours.chain(theirs).fold(f64::INFINITY, f64::min)
+    }
+
     /// Overlap with a convex polygon given by its corners in order.
     pub fn overlap_convex(&self, polygon: &[DVec2]) -> Option<Overlap> {
         let edges = (0..polygon.len()).filter_map(|k| {

@@ -234,6 +234,22 @@ impl Cav {
         self.is_yielding = decision.is_yielding;
     }
 
+    /// Is driven otherwise from now on.
+    pub(super) fn change_driver(
+        &mut self,
+        map: &LabMap,
+        name: String,
+        driver: DriverParams,
+    ) -> Result<(), SetupError> {
+        self.controller =
+            controller(&name, driver).ok_or(SetupError::UnknownController { vehicle: self.id, name })?;
+        if self.driver != driver {
+            self.driver = driver;
+            self.route.plan_speeds(map, self.body, &self.driver);
+        }
+        Ok(())
+    }
+
     /// Tries another way that begins with the same lanes up to the one it is on; gives the old one.
     pub(super) fn set_route(&mut self, route: Route) -> Route {
         std::mem::replace(&mut self.route, route)

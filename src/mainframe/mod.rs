@@ -122,6 +122,21 @@ impl Mainframe {
         decision
     }
 
+    /// Other drivers and rules from now on, for vehicles that are there already; what they have been told and
+    /// admitted to stays.
+    ///
+    /// # Errors
+    /// When a vehicle names an unknown algorithm.
+    pub fn change(&mut self, setups: Vec<CavSetup>, rules: RightOfWayParams) -> Result<(), SetupError> {
+        self.right_of_way.set_params(rules);
+        for setup in setups {
+            if let Ok(index) = self.cavs.binary_search_by_key(&setup.id, |cav| cav.id) {
+                self.cavs[index].change_driver(&self.map, setup.controller, setup.driver)?;
+            }
+        }
+        Ok(())
+    }
+
     /// The vehicles under control, in id order.
     pub fn cavs(&self) -> &[Cav] {
         &self.cavs

@@ -185,6 +185,11 @@ impl RightOfWay {
         &self.params
     }
 
+    /// Other rules from now on. Who has been admitted stays so.
+    pub fn set_params(&mut self, params: RightOfWayParams) {
+        self.params = params;
+    }
+
     /// Releases sections that were left, then admits those who may go.
     pub fn update(&mut self, now_s: f64, cavs: &mut [Cav], occupancy: &Occupancy) {
         for cav in cavs.iter_mut().filter(|cav| cav.is_on_route()) {

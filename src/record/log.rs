@@ -7,6 +7,7 @@ use super::schema::{
     TRAJECTORY_TYPE, encode_command, encode_event, encode_measured, encode_network, encode_snapshot,
     encode_tick, encode_trajectory,
 };
+use crate::environment::Profile;
 use crate::scenario::Experiment;
 use crate::snapshot::{Event, FrameSnapshot, ModelKind, SimCommand};
 use mcap::records::{MessageHeader, Metadata};
@@ -49,6 +50,9 @@ pub(super) const TICK_TOPIC: &str = "/city3d/tick";
 
 pub(super) const SNAPSHOT_TOPIC: &str = "/city3d/snapshot";
 
+/// Where the events are.
+pub(super) const EVENT_TOPIC: &str = "/city3d/event";
+
 /// Of the metadata that say what was run.
 pub(super) const METADATA: &str = "city3d";
 /// Counts up when a reader of before would understand a log wrongly, or lack something.
@@ -67,16 +71,24 @@ pub enum Origin {
     Served,
     /// The control framework in a process of its own: it has seen poses, and no world.
     Mainframe,
+    /// Poses that were measured elsewhere.
+    Recorded,
 }
 
 impl Origin {
-    pub(super) const ALL: [Self; 3] = [Self::Run, Self::Served, Self::Mainframe];
+    pub(super) const ALL: [Self; 4] = [Self::Run, Self::Served, Self::Mainframe, Self::Recorded];
+
+    /// Whether it can be simulated again; otherwise it has seen poses alone.
+    pub fn has_world(self) -> bool {
+        matches!(self, Self::Run | Self::Served)
+    }
 
     pub(super) fn label(self) -> &'static str {
         match self {
             Self::Run => "run",
             Self::Served => "served",
             Self::Mainframe => "mainframe",
+            Self::Recorded => "recorded",
         }
     }
 }
@@ -125,7 +137,7 @@ impl<W: Write + Seek> LogWriter<W> {
             writer.add_channel(schema, topic, "cdr", &BTreeMap::new())
         };
         let snapshots = channel(SNAPSHOT_TOPIC, SNAPSHOT_TYPE, SNAPSHOT_SCHEMA)?;
-        let events = channel("/city3d/event", EVENT_TYPE, EVENT_SCHEMA)?;
+        let events = channel(EVENT_TOPIC, EVENT_TYPE, EVENT_SCHEMA)?;
         let commands = channel(COMMAND_TOPIC, COMMAND_TYPE, COMMAND_SCHEMA)?;
         let network = channel(NETWORK_TOPIC, NETWORK_TYPE, NETWORK_SCHEMA)?;
         let trajectories = channel(TRAJECTORY_TOPIC, TRAJECTORY_TYPE, TRAJECTORY_SCHEMA)?;
@@ -246,6 +258,7 @@ fn metadata_of(experiment: &Experiment, origin: Origin) -> BTreeMap<String, Stri
         ("format", FORMAT.to_owned()),
         ("origin", origin.label().to_owned()),
         ("model", model.to_owned()),
+        ("environment", experiment.profile.map_or("", Profile::name).to_owned()),
         ("scenario", experiment.name.clone()),
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
         ("seed", experiment.seed.to_string()),

@@ -3,12 +3,14 @@
 
 mod cdr;
 mod log;
+mod poses;
 mod reader;
 mod recorder;
 mod schema;
 mod table;
 
 pub use log::{LogWriter, Origin};
+pub use poses::{MeasuredPose, POSE_COLUMNS, pose_at, read_poses};
 pub use reader::{Entry, LogReader, is_log, last_tick, read_commands, read_network};
 pub use recorder::{Cadence, RecordError, Recorder};
 pub use schema::{LoggedSnapshot, LoggedVehicle, NetworkCommand};

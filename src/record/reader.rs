@@ -3,15 +3,16 @@
 
 use super::RecordError;
 use super::log::{
-    COMMAND_TOPIC, FORMAT, MAP, MEASURED_TOPIC, METADATA, MODELS, NETWORK_TOPIC, Origin, SCENARIO,
-    SNAPSHOT_TOPIC, TICK_TOPIC, TRAJECTORY_TOPIC,
+    COMMAND_TOPIC, EVENT_TOPIC, FORMAT, MAP, MEASURED_TOPIC, METADATA, MODELS, NETWORK_TOPIC, Origin,
+    SCENARIO, SNAPSHOT_TOPIC, TICK_TOPIC, TRAJECTORY_TOPIC,
 };
 use super::schema::{
-    LoggedSnapshot, NetworkCommand, decode_command, decode_measured, decode_network, decode_snapshot,
-    decode_tick, decode_trajectory,
+    LoggedSnapshot, NetworkCommand, decode_command, decode_event, decode_measured, decode_network,
+    decode_snapshot, decode_tick, decode_trajectory,
 };
+use crate::environment::Profile;
 use crate::scenario::{Experiment, Library, Overrides, read_experiment};
-use crate::snapshot::{ModelKind, SimCommand};
+use crate::snapshot::{Event, ModelKind, SimCommand};
 use mcap::McapError;
 use mcap::records::Record;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -20,7 +21,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// One of the things in a log that make its run again, or tell what it came to. Events are left out.
+/// One of the things in a log that make its run again, or tell what it came to.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Entry {
     /// Applied in the step that begins at the tick: a trajectory, or of a person.
@@ -36,6 +37,7 @@ pub enum Entry {
         state_hash: u64,
     },
     Snapshot(LoggedSnapshot),
+    Event(Event),
 }
 
 /// A log that is read from its start to its end.
@@ -142,6 +144,14 @@ impl LogReader {
                 "bicycle" => Some(ModelKind::Bicycle),
                 _ => return Err(damaged("model")),
             },
+            // Logs of before have none.
+            environment: match self.metadata.get("environment").map_or("", String::as_str) {
+                "" => None,
+                name => {
+                    let known = Profile::ALL.into_iter().find(|profile| profile.name() == name);
+                    Some(known.ok_or_else(|| damaged("environment"))?)
+                }
+            },
             allows_no_vehicles: self.origin == Origin::Served,
         };
         let name = format!("{}: {SCENARIO}", self.path.display());
@@ -201,6 +211,7 @@ fn decode(topic: &str, data: &[u8]) -> Option<Option<Entry>> {
         NETWORK_TOPIC => decode_network(data).map(Entry::Network),
         TICK_TOPIC => decode_tick(data).map(|(tick, state_hash)| Entry::Tick { tick, state_hash }),
         SNAPSHOT_TOPIC => decode_snapshot(data).map(Entry::Snapshot),
+        EVENT_TOPIC => decode_event(data).map(Entry::Event),
         _ => return None,
     })
 }

@@ -17,6 +17,8 @@ pub enum RecordError {
     File { path: PathBuf, reason: String },
     #[error("the recorder's thread ended early")]
     Thread,
+    #[error("{path}: line {line}: {reason}")]
+    Poses { path: PathBuf, line: u64, reason: String },
     #[error("{path}: no log of City3D: {reason}")]
     NoLog { path: PathBuf, reason: String },
 }

@@ -3,8 +3,8 @@
 use super::cdr::{CdrReader, CdrWriter};
 use crate::geom::Pose2;
 use crate::snapshot::{
-    Event, FrameSnapshot, Indicator, MeasuredPose, Pedals, SimCommand, Trajectory, TrajectoryPoint,
-    VehicleId, VehicleState,
+    Event, FrameSnapshot, Indicator, MeasuredPose, Pedals, SimCommand, Status, Trajectory, TrajectoryPoint,
+    VehicleId, VehicleState, WheelState,
 };
 use glam::{DQuat, DVec2, DVec3};
 
@@ -76,7 +76,10 @@ pub fn encode_snapshot(snapshot: &FrameSnapshot, buffer: Vec<u8>) -> Vec<u8> {
     cdr.into_bytes()
 }
 
-/// Bits of the indicators among the lights.
+/// Bits of the lights.
+const REVERSE: u8 = 1;
+const BRAKE_LIGHTS: u8 = 2;
+/// And of the indicators among them.
 const LEFT: u8 = 4;
 const RIGHT: u8 = 8;
 
@@ -106,6 +109,13 @@ pub fn encode_event(event: &Event, buffer: Vec<u8>) -> Vec<u8> {
     cdr.string(json["kind"].as_str().unwrap_or_default());
     cdr.string(&json.to_string());
     cdr.into_bytes()
+}
+
+/// `None` for what is none.
+pub fn decode_event(bytes: &[u8]) -> Option<Event> {
+    let mut cdr = CdrReader::new(bytes)?;
+    let (_time, _vehicle, _kind) = (cdr.f64()?, cdr.u32()?, cdr.string()?);
+    serde_json::from_str(&cdr.string()?).ok()
 }
 
 pub const COMMAND_TYPE: &str = "city3d_msgs/msg/Command";
@@ -321,8 +331,37 @@ impl LoggedVehicle {
         let all = all.chain(v.wheels.iter().map(|wheel| wheel.spin_rad));
         let mut numbers = [0.0; NUMBERS];
         numbers.iter_mut().zip(all).for_each(|(number, exact)| *number = exact as f32);
-        let lights = u8::from(v.reverse) | u8::from(v.brake_lights) << 1 | indicator_bits(v.indicator);
+        let lights = (u8::from(v.reverse) * REVERSE)
+            | (u8::from(v.brake_lights) * BRAKE_LIGHTS)
+            | indicator_bits(v.indicator);
         Self { id: v.id, status: v.status as u8, lights, position: v.position, numbers }
+    }
+
+    /// The state, as far as the log tells it; velocities across the heading and lifted wheels are left out.
+    pub fn state(&self) -> VehicleState {
+        let number = |index: usize| f64::from(self.numbers[index]);
+        let mut wheels = [WheelState::default(); 4];
+        wheels.iter_mut().enumerate().for_each(|(index, wheel)| wheel.spin_rad = number(13 + index));
+        VehicleState {
+            id: self.id,
+            status: Status::ALL.get(usize::from(self.status)).copied().unwrap_or_default(),
+            position: self.position,
+            orientation: DQuat::from_xyzw(number(0), number(1), number(2), number(3)),
+            velocity_mps: DVec3::ZERO,
+            speed_mps: number(4),
+            acceleration_mps2: number(5),
+            yaw_rate_radps: number(6),
+            steering_rad: number(7),
+            gas: number(8),
+            brake: number(9),
+            handbrake: number(10),
+            reverse: self.lights & REVERSE != 0,
+            brake_lights: self.lights & BRAKE_LIGHTS != 0,
+            indicator: indicator_of(self.lights),
+            wheels,
+            lateral_error_m: number(11),
+            distance_m: number(12),
+        }
     }
 
     fn write(&self, cdr: &mut CdrWriter) {
@@ -408,6 +447,7 @@ pub fn decode_network(bytes: &[u8]) -> Option<NetworkCommand> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::snapshot::EventKind;
 
     #[test]
     fn trajectories_and_ticks_come_back_to_the_last_bit() {
@@ -428,6 +468,53 @@ mod tests {
         assert_eq!(decode_trajectory(&bytes), Some((3, trajectory)));
         assert_eq!(decode_trajectory(&bytes[..bytes.len() - 1]), None);
         assert_eq!(decode_tick(&encode_tick(4, u64::MAX, Vec::new())), Some((4, u64::MAX)));
+    }
+
+    #[test]
+    fn events_come_back() {
+        for kind in [
+            EventKind::Spawn,
+            EventKind::Go { stood_s: 0.5 },
+            EventKind::Moved { behind: VehicleId(2), by_m: 1.0 / 3.0 },
+            EventKind::Collision { with: VehicleId(3) },
+            EventKind::CollisionStatic { with: "a \"wall\"".to_owned() },
+        ] {
+            let event = Event { time_s: 0.1 + 0.2, vehicle: VehicleId(7), kind };
+            let bytes = encode_event(&event, Vec::new());
+            assert_eq!(decode_event(&bytes), Some(event));
+            assert_eq!(decode_event(&bytes[..bytes.len() - 1]), None);
+        }
+    }
+
+    #[test]
+    fn states_come_back_in_the_precision_of_the_log() {
+        let state = VehicleState {
+            id: VehicleId(9),
+            status: Status::Yielding,
+            position: DVec3::new(1.0 / 3.0, -2.0, 0.5),
+            orientation: DQuat::from_xyzw(0.0, 0.0, 0.6, 0.8),
+            speed_mps: 0.1,
+            gas: 0.3,
+            brake_lights: true,
+            indicator: Indicator::Left,
+            lateral_error_m: -0.01,
+            distance_m: 77.5,
+            ..VehicleState::default()
+        };
+        let logged = LoggedVehicle::of(&state);
+        let back = logged.state();
+        assert_eq!((back.id, back.status, back.position), (state.id, state.status, state.position));
+        assert_eq!((back.brake_lights, back.reverse, back.indicator), (true, false, Indicator::Left));
+        for (a, b) in [
+            (back.speed_mps, 0.1),
+            (back.gas, 0.3),
+            (back.lateral_error_m, -0.01),
+            (back.distance_m, 77.5),
+            (back.pose().yaw_rad, state.pose().yaw_rad),
+        ] {
+            assert!((a - b).abs() < 1e-6, "{a} {b}");
+        }
+        assert_eq!(LoggedVehicle::of(&back), logged);
     }
 
     #[test]

@@ -15,7 +15,6 @@ use std::rc::Rc;
 use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::channel;
 use std::time::Duration;
 use tokio::net::TcpStream;
 use tokio::sync::Notify;
@@ -97,26 +96,17 @@ pub fn run_bridge<F: Future<Output = ()>>(
     uri: BridgeUri,
     work: impl FnOnce(Bridge) -> F + Send + 'static,
 ) -> Result<NodeThread, RosError> {
-    let runtime =
-        tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(RosError::Start)?;
-    let status = Arc::new(NodeStatus::default());
-    let (ending, ended) = channel();
-    let shared = Arc::clone(&status);
-    let live = move || {
-        let _ending = ending;
+    NodeThread::start("rosbridge", move |runtime, status| {
         let bridge = Bridge(Rc::new(Inner {
             uri,
             published: RefCell::default(),
             heard: RefCell::default(),
             outbox: RefCell::default(),
             is_changed: Notify::new(),
-            status: shared,
+            status,
         }));
         runtime.block_on(bridge.live(work(bridge.clone())));
-        runtime.shutdown_background();
-    };
-    std::thread::Builder::new().name("rosbridge".to_owned()).spawn(live).map_err(RosError::Start)?;
-    Ok(NodeThread { status, ended })
+    })
 }
 
 impl Topics for Bridge {

@@ -15,6 +15,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
+use tokio::runtime::Runtime;
 use tokio::sync::Notify;
 use tokio::task::{LocalSet, spawn_local};
 use tokio::time::{sleep, timeout};
@@ -123,10 +124,30 @@ struct Inner {
 pub struct NodeThread {
     pub status: Arc<NodeStatus>,
     /// Tells, by its end, that of the thread.
-    pub(super) ended: Receiver<()>,
+    ended: Receiver<()>,
 }
 
 impl NodeThread {
+    /// Starts a thread with a runtime of its own.
+    pub(super) fn start(
+        name: &str,
+        live: impl FnOnce(&Runtime, Arc<NodeStatus>) + Send + 'static,
+    ) -> Result<Self, RosError> {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+        let runtime = runtime.map_err(RosError::Start)?;
+        let status = Arc::new(NodeStatus::default());
+        let (ending, ended) = channel();
+        let shared = Arc::clone(&status);
+        let live = move || {
+            let _ending = ending;
+            live(&runtime, shared);
+            // Names that are still being looked up keep nobody waiting.
+            runtime.shutdown_background();
+        };
+        std::thread::Builder::new().name(name.to_owned()).spawn(live).map_err(RosError::Start)?;
+        Ok(Self { status, ended })
+    }
+
     /// Waits for its end, but not for a master that does not answer.
     pub fn join(&self) {
         // It answers by its end alone.
@@ -153,13 +174,7 @@ pub fn run<F: Future<Output = ()>>(
     };
     let (calls, topics) = (listen("calls")?, listen("topics")?);
     warn_of_reach(&options.master, bind);
-    let runtime =
-        tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(RosError::Start)?;
-    let status = Arc::new(NodeStatus::default());
-    let (ending, ended) = channel();
-    let shared = Arc::clone(&status);
-    let live = move || {
-        let _ending = ending;
+    NodeThread::start("ros", move |runtime, status| {
         let node = Node(Rc::new(Inner {
             uri: format!("http://{}/", Place { host: host.clone(), port: calls.0 }),
             place: Place { host, port: topics.0 },
@@ -169,14 +184,10 @@ pub fn run<F: Future<Output = ()>>(
             is_changed: Notify::new(),
             is_shut: Cell::new(false),
             last_id: Cell::new(0),
-            status: shared,
+            status,
         }));
-        LocalSet::new().block_on(&runtime, node.live(calls.1, topics.1, work(node.clone())));
-        // Names that are still being looked up keep nobody waiting.
-        runtime.shutdown_background();
-    };
-    std::thread::Builder::new().name("ros".to_owned()).spawn(live).map_err(RosError::Start)?;
-    Ok(NodeThread { status, ended })
+        LocalSet::new().block_on(runtime, node.live(calls.1, topics.1, work(node.clone())));
+    })
 }
 
 /// A node that only this machine reaches is of no use to a master elsewhere.

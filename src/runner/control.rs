@@ -62,6 +62,15 @@ impl Control {
         self.environment.command(time_s, self.messages.drain(..), delivered);
     }
 
+    /// Goes on as another experiment's control: its drivers, rules, environment and seed.
+    ///
+    /// # Errors
+    /// When a vehicle names an unknown algorithm.
+    pub fn change(&mut self, experiment: &Experiment) -> Result<(), SetupError> {
+        self.environment.change(experiment.environment, experiment.seed);
+        self.mainframe.change(experiment.cav_setups(), experiment.right_of_way)
+    }
+
     pub fn mainframe(&self) -> &Mainframe {
         &self.mainframe
     }

@@ -3,12 +3,14 @@
 
 mod control;
 mod observer;
+mod outcome;
 mod seen;
 mod served;
 mod summary;
 
 pub use control::Control;
 pub use observer::{LaneUse, Observer, VehicleTotals};
+pub use outcome::{Outcome, Streams};
 pub use seen::SeenCity;
 pub use served::{Applied, MOTION_CAPTURE, Rules, Sender, Served};
 pub use summary::{LinkSummary, PicturesSummary, RosSummary, Summary, VehicleSummary};
@@ -58,6 +60,21 @@ impl Run {
             testbed,
             measured: Vec::new(),
         })
+    }
+
+    /// A run that goes on from the middle: a world without physical vehicles, and the control that has led its
+    /// vehicles so far.
+    pub fn resume(world: World, control: Control) -> Self {
+        Self {
+            snapshot: world.snapshot(),
+            world,
+            control,
+            commands: Vec::new(),
+            injected: Vec::new(),
+            delivered: Vec::new(),
+            testbed: None,
+            measured: Vec::new(),
+        }
     }
 
     /// Back to the initial conditions: the run that follows equals the first one exactly.

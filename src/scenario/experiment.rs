@@ -5,7 +5,7 @@ use super::models::Models;
 use super::placement::Moved;
 use super::time_of_day::TimeOfDay;
 use crate::city::{CityMap, LabMap, LaneId};
-use crate::environment::EnvironmentSpec;
+use crate::environment::{EnvironmentSpec, Profile};
 use crate::geom::{LengthScale, Pose2, trig};
 use crate::mainframe::{Body, CavSetup, DriverParams, RightOfWayParams};
 use crate::sensor::Sensor;
@@ -168,6 +168,8 @@ pub struct Experiment {
     pub map_bytes: Vec<u8>,
     /// The dynamics model that all vehicles have been given instead of the scenario's.
     pub model: Option<ModelKind>,
+    /// The environment that was asked for instead of the scenario's.
+    pub profile: Option<Profile>,
 }
 
 impl Experiment {

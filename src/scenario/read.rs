@@ -7,6 +7,7 @@ use super::read_settings::{Named, read_environment, read_rates, read_right_of_wa
 use super::time_of_day::read_time_of_day;
 use super::{Library, Moved, SourceError, placement};
 use crate::city::{CityMap, LabMap, load_map};
+use crate::environment::Profile;
 use crate::geom::LengthScale;
 use crate::snapshot::VehicleId;
 use crate::vehicle::ModelKind;
@@ -47,6 +48,8 @@ pub struct Overrides {
     pub duration_s: Option<f64>,
     /// All vehicles get this dynamics model.
     pub model: Option<ModelKind>,
+    /// Instead of the environment that the file chooses.
+    pub environment: Option<Profile>,
     /// A file without vehicles will do: they come from elsewhere.
     pub allows_no_vehicles: bool,
 }
@@ -184,7 +187,7 @@ impl Reader<'_> {
         if needs_vehicles && fleet.is_empty() && (!is_asked_for || root.problems.is_empty()) {
             root.problems.add(&(0..0), "no vehicles: add [[vehicle]] tables or a [traffic] table");
         }
-        let (environment, testbed) = read_environment(root);
+        let (environment, testbed) = read_environment(root, self.overrides.environment);
         let city_map = Arc::new(self.map.to_city(scale));
         // Nothing in a laboratory is on its way when an experiment begins, and the others must not run into it.
         if fleet.vehicles.iter().any(|vehicle| vehicle.physical.is_some()) {
@@ -214,6 +217,7 @@ impl Reader<'_> {
             scenario_text: text.to_owned(),
             map_bytes,
             model,
+            profile: self.overrides.environment,
         }
     }
 }

@@ -4,7 +4,7 @@
 use super::experiment::Rates;
 use super::fields::{Fields, one_of};
 use super::vehicle_type::{VehicleType, read_vehicle_type};
-use crate::environment::EnvironmentSpec;
+use crate::environment::{EnvironmentSpec, Profile};
 use crate::mainframe::{CONTROLLERS, DriverParams, RightOfWayParams};
 use crate::vehicle::ModelKind;
 use std::collections::BTreeMap;
@@ -131,25 +131,45 @@ pub fn read_right_of_way(root: &Fields<'_, '_>) -> RightOfWayParams {
     params
 }
 
-/// The environment, and that of robots: a laboratory is none that is ideal unless the file says so.
-pub fn read_environment(root: &Fields<'_, '_>) -> (EnvironmentSpec, EnvironmentSpec) {
-    const PROFILES: [(&str, EnvironmentSpec); 2] =
-        [("ideal", EnvironmentSpec::IDEAL), ("testbed", EnvironmentSpec::TESTBED)];
-    let mut spec = EnvironmentSpec::IDEAL;
+/// The environment that a scenario chooses, or the one that is asked for instead; and that of robots, which is a
+/// laboratory's whatever is chosen.
+pub fn read_environment(
+    root: &Fields<'_, '_>,
+    instead: Option<Profile>,
+) -> (EnvironmentSpec, EnvironmentSpec) {
+    let mut profile = Profile::Ideal;
     let mut testbed = EnvironmentSpec::TESTBED;
-    if let Some(fields) = root.table("environment") {
-        fields.choice("profile", &PROFILES, &mut spec);
-        fields.number("measurement_delay_s", 0.0..=5.0, &mut spec.measurement_delay_s);
-        fields.number("command_delay_s", 0.0..=5.0, &mut spec.command_delay_s);
-        fields.number("jitter_s", 0.0..=5.0, &mut spec.jitter_s);
-        fields.number("loss", 0.0..=0.99, &mut spec.loss);
-        fields.number("position_noise_m", 0.0..=0.1, &mut spec.position_noise_m);
-        fields.number("yaw_noise_rad", 0.0..=0.5, &mut spec.yaw_noise_rad);
-        fields.number("occlusions_hz", 0.0..=10.0, &mut spec.occlusions_hz);
-        fields.number("occlusion_s", 0.0..=60.0, &mut spec.occlusion_s);
-        fields.number("actuator_lag_s", 0.0..=5.0, &mut spec.actuator_lag_s);
-        fields.finish();
-        testbed = spec;
+    let fields = root.table("environment");
+    if let Some(fields) = &fields {
+        fields.choice("profile", &Profile::ALL.map(|profile| (profile.name(), profile)), &mut profile);
+        if let Some(fields) = fields.table("testbed") {
+            read_conditions(&fields, &mut testbed);
+            fields.finish();
+        }
     }
-    (spec, testbed)
+    let profile = instead.unwrap_or(profile);
+    let mut spec = match profile {
+        Profile::Ideal => EnvironmentSpec::IDEAL,
+        Profile::Testbed => testbed,
+    };
+    if let Some(fields) = fields {
+        read_conditions(&fields, &mut spec);
+        fields.finish();
+    }
+    let robots = if profile == Profile::Testbed { spec } else { testbed };
+    (spec, robots)
+}
+
+fn read_conditions(fields: &Fields<'_, '_>, spec: &mut EnvironmentSpec) {
+    fields.number("measurement_delay_s", 0.0..=5.0, &mut spec.measurement_delay_s);
+    fields.number("command_delay_s", 0.0..=5.0, &mut spec.command_delay_s);
+    fields.number("jitter_s", 0.0..=5.0, &mut spec.jitter_s);
+    fields.number("loss", 0.0..=0.99, &mut spec.loss);
+    fields.number("position_noise_m", 0.0..=0.1, &mut spec.position_noise_m);
+    fields.number("yaw_noise_rad", 0.0..=0.5, &mut spec.yaw_noise_rad);
+    fields.number("occlusion_every_s", 0.0..=3600.0, &mut spec.occlusion_every_s);
+    fields.number("occlusion_s", 0.0..=60.0, &mut spec.occlusion_s);
+    fields.number("actuator_lag_s", 0.0..=2.0, &mut spec.actuator_lag_s);
+    fields.number("speed_disturbance", 0.0..=0.5, &mut spec.speed_disturbance);
+    fields.number("disturbance_time_s", 0.0..=3600.0, &mut spec.disturbance_time_s);
 }

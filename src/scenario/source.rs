@@ -26,6 +26,8 @@ pub enum SourceError {
     TooLarge { path: PathBuf, bytes: u64 },
     #[error("{path}: line {line}, column {column}: not UTF-8 text; save the file as UTF-8")]
     NotText { path: PathBuf, line: usize, column: usize },
+    #[error("{path}: this is {what}")]
+    Other { path: PathBuf, what: &'static str },
     #[error(
         "\"{name}\" is neither a file nor one of the shipped {kind}: {names}; give the path of a file or one of these names"
     )]
@@ -135,6 +137,19 @@ impl Library {
 }
 
 fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> SourceError {
+    const KINDS: [(&[u8], &str); 4] = [
+        (
+            b"\x89MCAP0",
+            "the log of a run, and no scenario: give it to `city3d replay LOG --verify`, `city3d frames LOG`, `city3d \
+             plot LOG` or `city3d compare LOG LOG`",
+        ),
+        (b"\x89PNG", "a picture (PNG), and no scenario: scenarios are text, see docs/scenarios.md"),
+        (b"glTF", "a model (glTF), and no scenario: scenarios are text, see docs/scenarios.md"),
+        (b"\xff\xd8\xff", "a picture (JPEG), and no scenario: scenarios are text, see docs/scenarios.md"),
+    ];
+    if let Some((_, what)) = KINDS.iter().find(|(start, _)| error.as_bytes().starts_with(start)) {
+        return SourceError::Other { path: path.to_path_buf(), what };
+    }
     let good = String::from_utf8_lossy(&error.as_bytes()[..error.utf8_error().valid_up_to()]);
     let last_line = good.rsplit('\n').next().unwrap_or_default();
     SourceError::NotText {

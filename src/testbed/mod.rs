@@ -77,7 +77,8 @@ impl Testbed {
             lag_s: spec.actuator_lag_s,
             physics,
             robots,
-            environment: Environment::new(spec, experiment.seed),
+            // Here drives are late by their dynamics, and not by what they are told.
+            environment: Environment::new(EnvironmentSpec { actuator_lag_s: 0.0, ..spec }, experiment.seed),
             ticks: 0,
             clock: ExperimentClock::default(),
             sent: Vec::new(),

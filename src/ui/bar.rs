@@ -39,6 +39,9 @@ fn run_controls(ui: &mut Ui, shown: &Shown<'_>, actions: &mut Vec<Action>) {
     };
     if *phase == Phase::Running {
         button(ui, "\u{23f8} Pause", true, "Hold the experiment (Space)", Order::Pause);
+    } else if *phase == Phase::Over {
+        let tip = format!("Goes on beyond the {} s of the scenario, until paused (Space)", shown.duration_s);
+        button(ui, "\u{25b6} Go on", true, &tip, Order::Start);
     } else {
         button(ui, "\u{25b6} Start", can_run, "Let the experiment run (Space)", Order::Start);
     }
@@ -94,19 +97,23 @@ fn clock(ui: &mut Ui, shown: &Shown<'_>) {
     let text = format!("{:7.2} s", moment.now.time_s);
     let tip =
         format!("Experiment clock, tick {}; the scenario lasts {} s", moment.now.tick, shown.duration_s);
-    ui.label(RichText::new(text).monospace().strong()).on_hover_text(tip);
+    ui.label(RichText::new(text).monospace().strong()).on_hover_text(&tip);
+    ui.label(RichText::new(format!("/ {} s", shown.duration_s)).weak()).on_hover_text(tip);
     let (text, tip) = match &moment.phase {
         Phase::Running => (
             format!("at {:.2}x", moment.real_time_factor),
             "Real-time factor: simulated seconds in a second, as measured",
         ),
-        Phase::Over => (
-            "over".to_owned(),
-            "The scenario's duration is over: Start goes on beyond it, Reset begins again",
-        ),
+        Phase::Over => {
+            ("over".to_owned(), "The scenario's duration is over: Go on drives beyond it, Reset begins again")
+        }
         Phase::Failed(reason) => (format!("failed: {reason}"), "Reset begins again"),
         phase => (phase.label().to_owned(), "Start or Space lets it run"),
     };
+    let mut text = RichText::new(text);
+    if matches!(moment.phase, Phase::Over | Phase::Failed(_)) {
+        text = text.strong().color(ui.visuals().warn_fg_color);
+    }
     ui.label(text).on_hover_text(tip);
 }
 

@@ -3,7 +3,7 @@
 use super::layers::{self, Canvas};
 use super::{Picture, Shown, Slot, State, map};
 use crate::live::Phase;
-use crate::snapshot::VehicleId;
+use crate::snapshot::{Status, VehicleId};
 use egui::emath::GuiRounding as _;
 use egui::{Align2, Color32, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Ui};
 use glam::DVec3;
@@ -97,9 +97,9 @@ fn dashboard(ui: &Ui, rect: Rect, state: &State, shown: &Shown<'_>) {
     let Some(vehicle) = shown.moment.now.vehicle(driving.vehicle) else { return };
     let pedals = driving.driver().pedals();
     let gear = match (pedals.reverse, driving.driver().is_shifting()) {
-        (_, true) => "stop to shift",
-        (true, false) => "R",
-        (false, false) => "D",
+        (_, true) => "stop first, then the gear changes",
+        (true, false) => "gear R",
+        (false, false) => "gear D",
     };
     let arrows = match pedals.indicator {
         crate::snapshot::Indicator::Off => "",
@@ -114,17 +114,32 @@ fn dashboard(ui: &Ui, rect: Rect, state: &State, shown: &Shown<'_>) {
         .show(ui.ctx(), |ui| {
             egui::Frame::popup(ui.style()).show(ui, |ui| {
                 ui.vertical_centered(|ui| {
-                    ui.set_width(300.0);
+                    ui.set_width(320.0_f32.min(rect.width() - 24.0).max(80.0));
                     ui.label(RichText::new(speed).size(30.0).strong());
-                    ui.label(format!("gear {gear}   {arrows}"));
-                    ui.small(if driving.is_by_device() {
-                        "by gamepad or wheel   F2 its buttons   Enter gives back"
+                    ui.label(format!("{gear}   {arrows}"));
+                    if let Some(trouble) = trouble(vehicle.status, &shown.moment.phase, pedals.reverse) {
+                        ui.label(RichText::new(trouble).strong().color(ui.visuals().warn_fg_color));
+                    }
+                    if driving.is_by_device() {
+                        ui.small("by gamepad or wheel   F2 its buttons   Enter gives back");
                     } else {
-                        "W S pedals   A D steer   B handbrake   R reverse   Enter gives back"
-                    });
+                        ui.small("W S pedals   A D steer   B handbrake   R reverse gear");
+                        ui.small("Q E indicators   V look back   Enter gives back");
+                    }
                 });
             });
         });
+}
+
+/// Why a car does not do what the person at its wheel wants.
+fn trouble(status: Status, phase: &Phase, reverse: bool) -> Option<&'static str> {
+    match (phase, status) {
+        (Phase::Over, _) => Some("The scenario is over: Space goes on, Ctrl+R begins again"),
+        (Phase::Running, Status::Collided) if reverse => Some("Collided: W backs off"),
+        (Phase::Running, Status::Collided) => Some("Collided: W drives on, R then W backs off"),
+        (Phase::Running, _) | (Phase::Failed(_), _) => None,
+        _ => Some("The experiment stands: Space starts it"),
+    }
 }
 
 /// Says what is being loaded; the city behind it stays as it was.

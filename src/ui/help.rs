@@ -56,11 +56,17 @@ const SECTIONS: [Section; 4] = [
     ),
 ];
 
+/// Where the window is narrower, in points, the sheet has one column.
+const TWO_COLUMNS_FROM: f32 = 640.0;
+
 pub fn window(ui: &Ui, state: &mut State) {
-    super::sheet(ui, "Keys and statuses").open(&mut state.open.help).show(ui.ctx(), |ui| {
-        ui.columns(2, |columns| {
+    let room = ui.ctx().content_rect().shrink2(egui::vec2(12.0, 48.0));
+    let sheet = super::sheet(ui, "Keys and statuses").open(&mut state.open.help);
+    sheet.scroll(true).max_size(room.size()).constrain_to(room).show(ui.ctx(), |ui| {
+        let count = if room.width() < TWO_COLUMNS_FROM { 1 } else { 2 };
+        ui.columns(count, |columns| {
             for (index, (title, keys)) in SECTIONS.iter().enumerate() {
-                let ui = &mut columns[index % 2];
+                let ui = &mut columns[index % count];
                 ui.label(RichText::new(*title).strong());
                 egui::Grid::new(*title).num_columns(2).show(ui, |ui| {
                     for (key, what) in *keys {

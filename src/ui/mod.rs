@@ -75,7 +75,7 @@ pub enum Slot {
 }
 
 /// A picture that the panels need.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Picture {
     pub slot: Slot,
     pub view: View,

@@ -172,12 +172,19 @@ fn picture(ui: &mut Ui, preview: &Preview, shown: &Shown<'_>, state: &mut State)
 fn pedals(ui: &mut Ui, vehicle: &VehicleState) {
     let steering_deg = vehicle.steering_rad.to_degrees();
     let gear = if vehicle.reverse { "  R" } else { "" };
-    ui.label(RichText::new(format!("{:.1} km/h{gear}", vehicle.speed_mps * 3.6)).monospace().strong())
-        .on_hover_text("Speed along its heading");
+    ui.label(
+        RichText::new(format!("{:.1} km/h{gear}", tenths(vehicle.speed_mps * 3.6))).monospace().strong(),
+    )
+    .on_hover_text("Speed along its heading");
     steering(ui, steering_deg);
     bar(ui, "Gas", vehicle.gas, Color32::from_rgb(90, 170, 90));
     bar(ui, "Brake", vehicle.brake, Color32::from_rgb(205, 80, 70));
     bar(ui, "Handbrake", vehicle.handbrake, Color32::from_rgb(205, 140, 60));
+}
+
+/// To a tenth, and never -0.0.
+fn tenths(value: f64) -> f64 {
+    (value * 10.0).round() / 10.0 + 0.0
 }
 
 const NAME_WIDTH: f32 = 72.0;

@@ -140,7 +140,7 @@ const ACK: u8 = 66;
 const POSES: u8 = 67;
 
 impl Body {
-    fn kind(&self) -> u8 {
+    pub(super) fn kind(&self) -> u8 {
         match self {
             Self::Hello { .. } => HELLO,
             Self::Setup { .. } => SETUP,

@@ -5,6 +5,7 @@
 
 mod body;
 mod bytes;
+mod commands;
 mod drops;
 mod envelope;
 mod setup;

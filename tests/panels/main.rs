@@ -65,7 +65,7 @@ fn while_paused_the_numbers_are_those_of_the_tick() {
         let steering = format!("Steering {:+.1}\u{b0}", vehicle.steering_rad.to_degrees());
         let pedal = |name: &str, value: f64| format!("{name} {value:.2}");
         harness.get_by_label(&steering);
-        harness.get_by_label(&format!("{:.1} km/h", vehicle.speed_mps * 3.6));
+        harness.get_by_label(&format!("{kmh} km/h"));
         harness.get_by_label(&pedal("Gas", vehicle.gas));
         harness.get_by_label(&pedal("Brake", vehicle.brake));
         harness.get_by_label(&pedal("Handbrake", vehicle.handbrake));
@@ -246,6 +246,65 @@ fn a_vehicle_that_leaves_takes_nothing_down_with_it() {
     assert_eq!((harness.state().state.selection.vehicle, harness.state().state.driven()), (None, None));
     click(&mut harness, "Close");
     assert_eq!(harness.state().state.previews, []);
+}
+
+#[test]
+fn who_sits_at_the_wheel_is_told_why_the_car_does_not_go() {
+    let mut desk = Desk::with(fleet(1));
+    desk.state.driving = Some(Driving::take_over(VehicleId(1), 1, 0.0));
+    let mut harness = harness(desk);
+    for (phase, status, told) in [
+        (Phase::Paused, Status::Manual, Some("The experiment stands")),
+        (Phase::Running, Status::Manual, None),
+        (Phase::Running, Status::Collided, Some("Collided")),
+        (Phase::Over, Status::Manual, Some("The scenario is over")),
+    ] {
+        let desk = harness.state_mut();
+        desk.moment.phase = phase.clone();
+        desk.change(|now| now.vehicles[0].status = status);
+        harness.run_steps(3);
+        for text in ["The experiment stands", "Collided:", "The scenario is over"] {
+            let is_there = harness.query_by_label_contains(text).is_some();
+            assert_eq!(
+                is_there,
+                told.is_some_and(|told| text.starts_with(told)),
+                "{phase:?}, {status:?}: {text}"
+            );
+        }
+    }
+    click(&mut harness, "\u{25b6} Go on");
+    assert_eq!(harness.state().actions.last(), Some(&Action::Order(Order::Start)));
+}
+
+#[test]
+fn the_help_sheet_stays_in_a_small_window_and_scrolls() {
+    let mut harness = with(2);
+    harness.set_size(egui::vec2(600.0, 420.0));
+    press(&mut harness, egui::Key::F1);
+    harness.run_steps(10);
+    for text in ["take the wheel, give it back", "start, pause"] {
+        let rect = harness.get_by_label_contains(text).rect();
+        assert!(rect.left() >= 0.0 && rect.right() <= 600.0, "{text} at {rect:?}");
+    }
+    // What does not fit can be scrolled to.
+    let last = |harness: &Harness<'static, Desk>| {
+        let meanings = harness.query_all_by_label_contains("A vehicle of the laboratory");
+        meanings.map(|meaning| meaning.rect().bottom()).fold(f32::MIN, f32::max)
+    };
+    let before = last(&harness);
+    assert!(before > 420.0, "{before}");
+    harness.event(egui::Event::PointerMoved(egui::pos2(300.0, 200.0)));
+    for _ in 0..60 {
+        harness.event(egui::Event::MouseWheel {
+            unit: egui::MouseWheelUnit::Point,
+            delta: egui::vec2(0.0, -200.0),
+            phase: egui::TouchPhase::Move,
+            source: egui::MouseWheelSource::Unknown,
+            modifiers: egui::Modifiers::NONE,
+        });
+        harness.run_steps(2);
+    }
+    assert!(last(&harness) < 420.0, "{} after scrolling, {before} before", last(&harness));
 }
 
 #[test]

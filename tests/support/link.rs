@@ -116,6 +116,20 @@ pub fn events(summary: &Value, kind: &str) -> Vec<(u64, f64)> {
     events.map(|event| (event["vehicle"].as_u64().unwrap(), event["t"].as_f64().unwrap())).collect()
 }
 
+/// Whether a machine that stopped one of the processes for a while shows in the link of a served city.
+pub fn was_held_up(served: &Value) -> bool {
+    served["link"]["let_go_s"] != 0.0 || !events(served, "link_lost").is_empty()
+}
+
+/// The same vehicles merge in the same order as in a run of one process, at nearly the same times.
+pub fn assert_same_merges(found: &[(u64, f64)], expected: &[(u64, f64)]) {
+    assert_eq!(found.len(), expected.len(), "{found:?} {expected:?}");
+    for ((vehicle, time_s), (expected, expected_s)) in found.iter().zip(expected) {
+        assert_eq!(vehicle, expected, "{found:?}");
+        assert!((time_s - expected_s).abs() < 0.3, "vehicle {vehicle}: {time_s} s, alone {expected_s} s");
+    }
+}
+
 pub fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }

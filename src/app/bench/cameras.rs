@@ -134,7 +134,7 @@ impl CamerasArgs {
             return Ok((Source::Scene(Box::new(scene)), renderer));
         }
         let scenario = self.name.clone().or_else(|| self.scenario.clone()).unwrap_or_default();
-        let args = ScenarioArgs { scenario, seed: self.seed, duration: None, model: self.model };
+        let args = ScenarioArgs { scenario, seed: self.seed, model: self.model, ..ScenarioArgs::default() };
         let experiment = load::experiment(&args)?;
         let renderer = look::open(&self.look, &experiment, look::Quality::Low)?;
         let mut run = Run::new(experiment).map_err(Failure::bad_input)?;

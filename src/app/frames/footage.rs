@@ -23,9 +23,9 @@ impl Footage {
         if !is_log(path) {
             return load::experiment(args).map(Self::Scenario);
         }
-        if args.seed.is_some() || args.model.is_some() {
+        if args.seed.is_some() || args.model.is_some() || args.environment.is_some() {
             return Err(Failure::bad_input(
-                "a log stays as it was recorded: leave --seed and --model out, or give a scenario",
+                "a log stays as it was recorded: leave --seed, --model and --environment out, or give a scenario",
             ));
         }
         let (last, torn) = last_tick(path).map_err(Failure::bad_input)?;

@@ -12,7 +12,7 @@ mod window;
 
 pub(super) use bench::{BenchArgs, bench};
 
-use super::{Failure, Model, ScenarioArgs, load, look};
+use super::{Failure, Model, ProfileArg, ScenarioArgs, load, look};
 use crate::live::Speed;
 use crate::render::{AdapterPreference, Context};
 use crate::ui::{Look, Preset};
@@ -38,6 +38,9 @@ pub struct ViewArgs {
     /// Dynamics of all vehicles, instead of the scenario's
     #[arg(long)]
     model: Option<Model>,
+    /// What stands between control and vehicles, instead of the scenario's profile
+    #[arg(long)]
+    environment: Option<ProfileArg>,
     /// Folder for the logs: run-1 for the first run, run-2 after a reset [default: a new one in the user's data folder]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -77,6 +80,7 @@ impl Default for ViewArgs {
             seed: None,
             duration: None,
             model: None,
+            environment: None,
             out: None,
             no_log: false,
             look: look::LookArgs::default(),
@@ -103,6 +107,7 @@ impl ViewArgs {
             seed: self.seed,
             duration: self.duration,
             model: self.model,
+            environment: self.environment,
         }
     }
 

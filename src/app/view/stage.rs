@@ -16,6 +16,8 @@ pub struct Stage {
     /// Of the screens.
     format: wgpu::TextureFormat,
     slots: BTreeMap<Slot, Texture>,
+    /// What the textures show.
+    drawn: Option<(FrameSnapshot, Vec<Picture>)>,
 }
 
 /// What a picture is drawn to and painted from: the city's shaders encode colours as sRGB themselves, the
@@ -47,7 +49,7 @@ impl Stage {
         // Dithering would cost a software adapter at every pixel what only gradients need.
         let options = RendererOptions { dithering: false, ..RendererOptions::default() };
         let panels = egui_wgpu::Renderer::new(&context.device, format, options);
-        Ok(Self { context, city, panels, format, slots: BTreeMap::new() })
+        Ok(Self { context, city, panels, format, slots: BTreeMap::new(), drawn: None })
     }
 
     pub fn context(&self) -> &Context {
@@ -57,6 +59,7 @@ impl Stage {
     /// From now on another city, or the same one in another light.
     pub fn set_city(&mut self, city: Renderer) {
         self.city = city;
+        self.drawn = None;
     }
 
     /// The textures of the pictures that have been drawn.
@@ -64,8 +67,12 @@ impl Stage {
         self.slots.iter().map(|(slot, texture)| (*slot, texture.id)).collect()
     }
 
-    /// Draws the pictures of a pass, all of one instant.
+    /// Draws the pictures of a pass, all of one instant; what is there already is not drawn again.
     pub fn draw(&mut self, snapshot: &FrameSnapshot, pictures: &[Picture]) -> Result<(), Failure> {
+        if self.drawn.as_ref().is_some_and(|(of, what)| of == snapshot && what == pictures) {
+            return Ok(());
+        }
+        self.drawn = None;
         let gone: Vec<Slot> =
             self.slots.keys().filter(|slot| !pictures.iter().any(|p| p.slot == **slot)).copied().collect();
         for slot in gone {
@@ -87,7 +94,9 @@ impl Stage {
             .map(|(color, picture)| TargetView { color, format: FORMAT, extent: picture.view.extent })
             .collect();
         let views: Vec<_> = pictures.iter().map(|picture| picture.view).collect();
-        self.city.draw(snapshot, &views, &targets).map_err(look::failure)
+        self.city.draw(snapshot, &views, &targets).map_err(look::failure)?;
+        self.drawn = Some((snapshot.clone(), pictures.to_vec()));
+        Ok(())
     }
 
     fn make_texture(&mut self, picture: &Picture) {

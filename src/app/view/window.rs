@@ -371,10 +371,12 @@ impl Shell {
 
     /// Writes a picture of the window into the working folder.
     fn keep(&mut self, memory: &wgpu::Texture) {
-        let file = format!("city3d-{}.png", self.desk.moment().now.tick);
+        let file = unused(self.desk.moment().now.tick);
         let written = self.stage.read(memory);
-        let written = written.and_then(|image| write_png(file.as_ref(), &image).map_err(Failure::failed));
-        let said = written.map_or_else(|failure| failure.message, |()| format!("Screenshot: {file}"));
+        let written = written.and_then(|image| write_png(&file, &image).map_err(Failure::failed));
+        let whole = std::path::absolute(&file).unwrap_or(file);
+        let said =
+            written.map_or_else(|failure| failure.message, |()| format!("Screenshot: {}", whole.display()));
         self.say(said);
         self.want(Duration::ZERO);
     }
@@ -386,4 +388,12 @@ impl Shell {
         }
         self.desk.close()
     }
+}
+
+/// A name for a screenshot of a tick that no file has yet.
+fn unused(tick: u64) -> std::path::PathBuf {
+    let first = std::iter::once(format!("city3d-{tick}.png"));
+    let others = (2..).map(|k| format!("city3d-{tick}-{k}.png"));
+    let mut names = first.chain(others).map(std::path::PathBuf::from);
+    names.find(|name| !name.exists()).unwrap_or_else(|| format!("city3d-{tick}.png").into())
 }

@@ -185,7 +185,7 @@ impl Side {
 
 /// A building with everything on it.
 pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, lanes: &LaneBoxes<'_>) {
-    let ring: Vec<Vec2> = ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect();
+    let ring = outline(place);
     if ring.len() < 3 {
         return;
     }
@@ -214,21 +214,26 @@ pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, lanes: &LaneBoxes<'_>
     special::additions(mesh, &name, &ring, height);
 }
 
+/// Its corners on the ground.
+fn outline(place: &Place<'_>) -> Vec<Vec2> {
+    ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect()
+}
+
 /// Fuel pumps that belong to it: where each stands and looks to.
 pub(super) fn pumps(place: &Place<'_>) -> Vec<(Vec3, Vec2)> {
-    let ring: Vec<Vec2> = ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect();
+    let ring = outline(place);
     special::pumps(&place.piece.name.to_lowercase(), &ring)
 }
 
 /// Lamps that belong to it.
 pub(super) fn lights(place: &Place<'_>) -> Vec<Vec3> {
-    let ring: Vec<Vec2> = ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect();
+    let ring = outline(place);
     special::lights(&place.piece.name.to_lowercase(), &ring, height_of(place))
 }
 
 /// Where the board with its prices stands, and the way along it.
 pub(super) fn price_board(place: &Place<'_>) -> Option<(Vec2, Vec2)> {
-    let ring: Vec<Vec2> = ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect();
+    let ring = outline(place);
     special::price_board(&place.piece.name.to_lowercase(), &ring)
 }
 
@@ -243,7 +248,7 @@ fn rise_of(short_m: f32, height: f32) -> f32 {
 
 /// The outer walls, as high as nothing can be seen through them.
 pub(super) fn opaque_walls(place: &Place<'_>) -> Vec<Wall> {
-    let ring: Vec<Vec2> = ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect();
+    let ring = outline(place);
     if ring.len() < 3 || special::is_open(&place.piece.name.to_lowercase()) {
         return Vec::new();
     }

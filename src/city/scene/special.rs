@@ -28,8 +28,8 @@ pub(super) fn pavilion(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32) 
     };
     if name.contains("canopy") {
         columns(mesh, 0.18, 0.22, WHITE);
-        let slab: Vec<Vec3> = ring.iter().map(|p| p.extend(height - 0.7)).collect();
-        mesh.prism(&slab, 0.7, RED, WHITE.shaded(0.8));
+        let slab: Vec<Vec3> = ring.iter().map(|p| p.extend(height - CANOPY_M)).collect();
+        mesh.prism(&slab, CANOPY_M, RED, WHITE.shaded(0.8));
         let under: Vec<Vec3> = slab.iter().rev().copied().collect();
         let first = mesh.vertices.len();
         mesh.plate(&under, WHITE, 2.0);
@@ -68,6 +68,8 @@ pub(super) fn pavilion(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32) 
     false
 }
 
+/// How thick the roof of a canopy is.
+const CANOPY_M: f32 = 0.7;
 /// Length of an island under a canopy, and the height of its top.
 const ISLAND_M: f32 = 4.4;
 const ISLAND_TOP_M: f32 = 0.28;
@@ -81,7 +83,7 @@ fn islands(ring: &[Vec2]) -> [(Vec2, Vec2); 2] {
 
 /// Lamps under a canopy, over its pumps.
 pub(super) fn lights(name: &str, ring: &[Vec2], height: f32) -> Vec<Vec3> {
-    let over = |(at, _): (Vec3, Vec2)| at.truncate().extend(height - 0.7);
+    let over = |(at, _): (Vec3, Vec2)| at.truncate().extend(height - CANOPY_M);
     pumps(name, ring).into_iter().map(over).collect()
 }
 

@@ -105,6 +105,11 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
             },
         );
     }
+    // Behind the edge of the shell the rear window goes on downwards, so that no slit is left there.
+    if detail == Detail::Near {
+        let under: Vec<Vec3> = sections[0].iter().map(|&point| point + Vec3::new(0.02, 0.0, -0.10)).collect();
+        builder.grid(&[sections[0].clone(), under], |_| 200, |_, _| Some(SEAM));
+    }
     if detail == Detail::Near {
         dashboard(builder, shape);
     }

@@ -1,0 +1,137 @@
+//! `city3d plot`: the figures of recorded runs.
+
+use super::say::say;
+use super::{Failure, create_folder};
+use crate::figures::{Layout, RunLog, Size, Views, write};
+use crate::snapshot::VehicleId;
+use clap::{Args, ValueEnum};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, Args)]
+pub struct PlotArgs {
+    /// The run.mcap of runs; of several each has a folder of its own
+    #[arg(required = true)]
+    logs: Vec<PathBuf>,
+    /// Folder for the figures: SVG, PNG and their data as CSV
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    #[command(flatten)]
+    figures: FigureArgs,
+}
+
+/// What figures show and how large they are.
+#[derive(Clone, Debug, Args)]
+pub struct FigureArgs {
+    /// The merging point: the lane that begins there [default: the one that most vehicles use]
+    #[arg(long, value_name = "LANE")]
+    merge: Option<String>,
+    /// Positions are 0 so many laboratory metres before the merging point [default: where the last vehicle of Path 1
+    /// starts]
+    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = metres)]
+    origin: Option<f64>,
+    /// Only these vehicles
+    #[arg(long = "vehicle", value_name = "ID", value_delimiter = ',')]
+    vehicles: Vec<u32>,
+    #[command(flatten)]
+    size: SizeArgs,
+}
+
+/// How large figures are.
+#[derive(Clone, Debug, Args)]
+pub struct SizeArgs {
+    /// How large figures are printed: a column of a paper (88 mm wide) or a page (180 mm)
+    #[arg(long, value_enum, default_value = "page")]
+    size: SizeArg,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum SizeArg {
+    Column,
+    Page,
+}
+
+impl SizeArgs {
+    pub fn size(&self) -> Size {
+        match self.size {
+            SizeArg::Column => Size::Column,
+            SizeArg::Page => Size::Page,
+        }
+    }
+}
+
+impl FigureArgs {
+    pub fn size(&self) -> Size {
+        self.size.size()
+    }
+
+    /// How positions are told, by the first of some runs.
+    pub fn layout(&self, run: &RunLog) -> Result<Layout, Failure> {
+        let origin_m = self.origin.map(|lab_m| run.experiment.scale.city_from_lab(lab_m));
+        Layout::of(run, self.merge.as_deref(), origin_m).map_err(Failure::bad_input)
+    }
+
+    /// The vehicles that were asked for, all of which are there; none for all.
+    pub fn vehicles(&self, run: &RunLog) -> Result<BTreeSet<VehicleId>, Failure> {
+        let there = || run.vehicles.iter().map(|trace| trace.id.to_string()).collect::<Vec<_>>().join(", ");
+        for &id in &self.vehicles {
+            if run.vehicle(VehicleId(id)).is_none() {
+                return Err(Failure::bad_input(format!("the run has no vehicle {id}; it has {}", there())));
+            }
+        }
+        Ok(self.vehicles.iter().map(|&id| VehicleId(id)).collect())
+    }
+}
+
+fn metres(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(metres) if metres.abs() <= 1000.0 => Ok(metres),
+        _ => Err("a number of metres between -1000 and 1000 is needed".to_owned()),
+    }
+}
+
+/// Reads a log, and says where it ends early.
+pub fn read(log: &Path) -> Result<RunLog, Failure> {
+    let run = RunLog::read(log).map_err(Failure::bad_input)?;
+    if let Some(why) = &run.torn {
+        tracing::warn!("{}: the log has no end: {why}; read up to its last whole record", log.display());
+    }
+    Ok(run)
+}
+
+pub fn plot(args: &PlotArgs) -> Result<(), Failure> {
+    let mut taken = BTreeSet::new();
+    for log in &args.logs {
+        let run = read(log)?;
+        let folder =
+            if args.logs.len() == 1 { args.out.clone() } else { args.out.join(own_folder(log, &mut taken)) };
+        let layout = args.figures.layout(&run)?;
+        let only = args.figures.vehicles(&run)?;
+        let runs = [run];
+        draw(&Views::new(&runs, &layout, &only), args.figures.size(), &folder)?;
+    }
+    Ok(())
+}
+
+/// Writes all figures of some runs, and says which.
+pub fn draw(views: &Views<'_>, size: Size, folder: &PathBuf) -> Result<(), Failure> {
+    create_folder(folder)?;
+    let (figures, notes) = views.all();
+    for figure in &figures {
+        write(figure, size, folder).map_err(Failure::failed)?;
+    }
+    let names: Vec<&str> = figures.iter().map(|figure| figure.name.as_str()).collect();
+    say(format_args!("{}: {} (SVG, PNG, CSV)", folder.display(), names.join(", ")))?;
+    notes.iter().try_for_each(say)
+}
+
+/// The name of a log's folder, or with a number where that is taken.
+fn own_folder(log: &Path, taken: &mut BTreeSet<String>) -> String {
+    let parent = log.parent().and_then(Path::file_name).or(log.file_stem());
+    let name = parent.map_or_else(|| "run".to_owned(), |name| name.to_string_lossy().into_owned());
+    let numbered = (2..).map(|number| format!("{name}-{number}"));
+    let mut free = std::iter::once(name.clone()).chain(numbered).filter(|name| !taken.contains(name));
+    let free = free.next().unwrap_or(name);
+    taken.insert(free.clone());
+    free
+}

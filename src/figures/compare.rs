@@ -1,0 +1,512 @@
+//! Two runs of one scenario side by side: what happened, how smooth it was, and how far apart they went.
+
+use super::paths::{Layout, Merge, crossings};
+use super::run::{RunLog, Trace};
+use super::series::{AVERAGED_S, differences, moving_average};
+use super::table::{Table, number};
+use crate::geom::OrientedRect;
+use crate::snapshot::{EventKind, VehicleId};
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+use thiserror::Error;
+
+/// Runs that cannot be held against each other.
+#[derive(Debug, Error)]
+#[error("{a} and {b} are not runs of one scenario: {what}", a = logs[0], b = logs[1])]
+pub struct CompareError {
+    logs: [String; 2],
+    what: String,
+}
+
+/// A number of both runs, or of one vehicle in both.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    pub quantity: &'static str,
+    /// Empty for numbers, `m`, `s` and the like otherwise; laboratory units.
+    pub unit: &'static str,
+    /// `None` for the whole run.
+    pub vehicle: Option<u32>,
+    pub name: String,
+    pub values: [Value; 2],
+}
+
+/// A number or a word; neither where there is nothing to tell.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Value {
+    None,
+    Count(u64),
+    Number(f64),
+    Text(String),
+}
+
+impl Value {
+    fn number(value: f64) -> Self {
+        if value.is_finite() { Self::Number(value) } else { Self::None }
+    }
+
+    /// As tables show it.
+    pub fn text(&self) -> String {
+        match self {
+            Self::None => String::new(),
+            Self::Count(count) => count.to_string(),
+            Self::Number(value) => number(*value, 4),
+            Self::Text(text) => text.clone(),
+        }
+    }
+}
+
+/// How far apart the same vehicle was in both runs, laboratory metres.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Apart {
+    pub vehicle: u32,
+    pub name: String,
+    pub mean_m: f64,
+    pub max_m: f64,
+    pub max_at_s: f64,
+}
+
+/// Two runs side by side.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    pub scenario: String,
+    pub runs: [Head; 2],
+    /// The lane that begins at the merging point.
+    pub merge: Option<String>,
+    /// What the runs differ in before they begin: "environment.loss: 0, 0.01".
+    pub settings: Vec<String>,
+    pub rows: Vec<Row>,
+    pub apart: Vec<Apart>,
+}
+
+/// Which run it is.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Head {
+    pub label: String,
+    pub log: String,
+    pub seed: u64,
+    pub simulated_s: f64,
+    /// Why the log has no end, where it is torn.
+    pub torn: Option<String>,
+}
+
+impl Comparison {
+    /// Holds two runs against each other.
+    ///
+    /// # Errors
+    /// Where they are not runs of one scenario; says what differs.
+    pub fn of(runs: &[RunLog; 2], layout: &Layout, labels: &[String]) -> Result<Self, CompareError> {
+        let [a, b] = runs;
+        require_same(a, b)?;
+        let numbers = [Numbers::of(a, layout.merge.as_ref()), Numbers::of(b, layout.merge.as_ref())];
+        let head = |run: &RunLog, label: &String| Head {
+            label: label.clone(),
+            log: run.path.display().to_string(),
+            seed: run.experiment.seed,
+            simulated_s: run.end_s,
+            torn: run.torn.clone(),
+        };
+        Ok(Self {
+            scenario: a.experiment.name.clone(),
+            runs: [head(a, &labels[0]), head(b, &labels[1])],
+            merge: layout.merge.as_ref().map(|merge| merge.name.clone()),
+            settings: settings(a, b),
+            rows: rows(runs, &numbers),
+            apart: apart(a, b),
+        })
+    }
+
+    /// The rows as a tidy table: one for each quantity, run and vehicle.
+    pub fn table(&self) -> Table {
+        let mut table = Table::new(&["quantity", "unit", "run", "vehicle", "name", "value"]);
+        for row in &self.rows {
+            for (value, run) in row.values.iter().zip(&self.runs) {
+                let vehicle = row.vehicle.map_or_else(String::new, |id| id.to_string());
+                table.rows.push(vec![
+                    row.quantity.to_owned(),
+                    row.unit.to_owned(),
+                    run.label.clone(),
+                    vehicle,
+                    row.name.clone(),
+                    value.text(),
+                ]);
+            }
+        }
+        table
+    }
+}
+
+/// What runs must have in common.
+fn require_same(a: &RunLog, b: &RunLog) -> Result<(), CompareError> {
+    let mut what = Vec::new();
+    let (x, y) = (&a.experiment, &b.experiment);
+    if x.name != y.name {
+        what.push(format!("the scenarios are \"{}\" and \"{}\"", x.name, y.name));
+    }
+    if x.map_bytes != y.map_bytes {
+        let lanes = [x, y].map(|experiment| experiment.city_map.lanes.len());
+        what.push(format!("the maps differ ({} and {} lanes)", lanes[0], lanes[1]));
+    }
+    if x.scale != y.scale {
+        what.push(format!("the length scales are {} and {}", x.scale.factor(), y.scale.factor()));
+    }
+    let ids = |run: &RunLog| {
+        run.vehicles.iter().map(|trace| (trace.id, trace.name.clone())).collect::<BTreeSet<_>>()
+    };
+    let (ours, theirs) = (ids(a), ids(b));
+    if what.is_empty() && ours.is_disjoint(&theirs) {
+        what.push("they have no vehicle in common, by number and name".to_owned());
+    }
+    let logs = [a, b].map(|run| run.path.display().to_string());
+    if what.is_empty() { Ok(()) } else { Err(CompareError { logs, what: what.join("; ") }) }
+}
+
+/// What the runs differ in before they begin.
+fn settings(a: &RunLog, b: &RunLog) -> Vec<String> {
+    let (x, y) = (&a.experiment, &b.experiment);
+    let mut found = Vec::new();
+    let mut note = |what: &str, values: [String; 2]| {
+        if values[0] != values[1] {
+            found.push(format!("{what}: {}, {}", values[0], values[1]));
+        }
+    };
+    note("seed", [x.seed, y.seed].map(|seed| seed.to_string()));
+    note("duration_s", [x.duration_s, y.duration_s].map(|seconds| seconds.to_string()));
+    note("model", [x.model, y.model].map(|model| format!("{model:?}").to_lowercase()));
+    note("version", [a, b].map(|run| run.version.clone()));
+    note("origin", [a.origin, b.origin].map(|origin| format!("{origin:?}").to_lowercase()));
+    let environment =
+        [x, y].map(|experiment| leaves(&serde_json::to_value(experiment.environment).unwrap_or_default()));
+    note_leaves("environment", &environment, &mut note);
+    // Comments and order do not count.
+    let scenario = [x, y].map(|experiment| {
+        let text: toml::Table = experiment.scenario_text.parse().unwrap_or_default();
+        let mut leaves = leaves(&serde_json::to_value(text).unwrap_or_default());
+        leaves.retain(|key, _| {
+            !["environment", "seed", "duration_s"].iter().any(|known| key.starts_with(known))
+        });
+        leaves
+    });
+    note_leaves("", &scenario, &mut note);
+    found
+}
+
+fn note_leaves(
+    under: &str,
+    leaves: &[BTreeMap<String, String>; 2],
+    note: &mut impl FnMut(&str, [String; 2]),
+) {
+    let keys: BTreeSet<&String> = leaves.iter().flat_map(BTreeMap::keys).collect();
+    for key in keys {
+        let value =
+            |leaves: &BTreeMap<String, String>| leaves.get(key).cloned().unwrap_or_else(|| "none".to_owned());
+        let name = if under.is_empty() { key.clone() } else { format!("{under}.{key}") };
+        note(&name, [value(&leaves[0]), value(&leaves[1])]);
+    }
+}
+
+/// Values of a document by their dotted paths.
+fn leaves(value: &serde_json::Value) -> BTreeMap<String, String> {
+    fn walk(value: &serde_json::Value, path: &str, found: &mut BTreeMap<String, String>) {
+        let under = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
+        match value {
+            serde_json::Value::Object(map) => {
+                map.iter().for_each(|(key, value)| walk(value, &under(key), found));
+            }
+            serde_json::Value::Array(list) => {
+                list.iter()
+                    .enumerate()
+                    .for_each(|(index, value)| walk(value, &under(&(index + 1).to_string()), found));
+            }
+            leaf => drop(found.insert(path.to_owned(), leaf.to_string())),
+        }
+    }
+    let mut found = BTreeMap::new();
+    walk(value, "", &mut found);
+    found
+}
+
+/// A stand of a vehicle.
+#[derive(Clone, Copy, Debug)]
+struct Stand {
+    from_s: f64,
+    to_s: f64,
+}
+
+/// Numbers of one vehicle, laboratory units.
+#[derive(Clone, Debug, Default)]
+struct Of {
+    stands: Vec<Stand>,
+    merges_at_s: Option<f64>,
+    place: Option<u64>,
+    collisions: u64,
+    least_gap_m: f64,
+    /// Squares and how many.
+    acceleration: Mean,
+    jerk: Mean,
+    /// While it moves.
+    jerks: Vec<f64>,
+    lateral: Mean,
+    max_lateral_m: f64,
+    tracking: Mean,
+}
+
+/// A mean of squares while it is taken.
+#[derive(Clone, Copy, Debug, Default)]
+struct Mean {
+    sum: f64,
+    count: u64,
+}
+
+impl Mean {
+    fn add(&mut self, value: f64) {
+        if value.is_finite() {
+            self.sum += value * value;
+            self.count += 1;
+        }
+    }
+
+    fn with(self, other: Self) -> Self {
+        Self { sum: self.sum + other.sum, count: self.count + other.count }
+    }
+
+    /// Not a number where there was nothing.
+    fn root(self) -> f64 {
+        (self.sum / self.count as f64).sqrt()
+    }
+}
+
+/// Numbers of one run.
+struct Numbers {
+    vehicles: BTreeMap<VehicleId, Of>,
+    order: Vec<VehicleId>,
+    /// Between any two vehicles one after the other at the merging point.
+    least_headway_s: f64,
+    least_gap: Option<Gap>,
+    collisions: u64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Gap {
+    gap_m: f64,
+    pair: [VehicleId; 2],
+    time_s: f64,
+}
+
+impl Numbers {
+    fn of(run: &RunLog, merge: Option<&Merge>) -> Self {
+        let mut vehicles: BTreeMap<VehicleId, Of> =
+            run.vehicles.iter().map(|trace| (trace.id, motion(run, trace))).collect();
+        let mut collisions = 0;
+        for event in run.events.iter().filter(|event| event.kind.is_collision()) {
+            collisions += 1;
+            let other = if let EventKind::Collision { with } = event.kind { Some(with) } else { None };
+            for id in std::iter::once(event.vehicle).chain(other) {
+                vehicles.entry(id).or_default().collisions += 1;
+            }
+        }
+        for (id, stands) in stands(run) {
+            vehicles.entry(id).or_default().stands = stands;
+        }
+        let crossed = merge.map(|merge| crossings(run, merge)).unwrap_or_default();
+        for (place, (time_s, id)) in crossed.iter().enumerate() {
+            let of = vehicles.entry(*id).or_default();
+            of.merges_at_s.get_or_insert(*time_s);
+            of.place.get_or_insert(place as u64 + 1);
+        }
+        let headways = crossed.windows(2).map(|pair| pair[1].0 - pair[0].0);
+        let least_headway_s = headways.fold(f64::INFINITY, f64::min);
+        let mut least_gap: Option<Gap> = None;
+        for gap in gaps(run) {
+            for id in gap.pair {
+                let of = vehicles.entry(id).or_default();
+                of.least_gap_m = of.least_gap_m.min(run.lab(gap.gap_m));
+            }
+            if least_gap.is_none_or(|least| gap.gap_m < least.gap_m) {
+                least_gap = Some(gap);
+            }
+        }
+        let order = crossed.into_iter().map(|(_, id)| id).collect();
+        Self { vehicles, order, least_headway_s, least_gap, collisions }
+    }
+
+    fn total(&self, of: impl Fn(&Of) -> Mean) -> Mean {
+        self.vehicles.values().map(of).fold(Mean::default(), Mean::with)
+    }
+}
+
+/// Speeds are means over so long, and accelerations and jerks differences over it.
+const STEP_S: f64 = AVERAGED_S;
+
+/// A vehicle moves above this speed, as its events have it.
+const MOVES_MPS: f64 = 0.4;
+
+/// The middle one of some values; not a number without any.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// How a vehicle moved, from its samples alone.
+fn motion(run: &RunLog, trace: &Trace) -> Of {
+    let mut of = Of { least_gap_m: f64::INFINITY, ..Of::default() };
+    let speeds = moving_average(trace);
+    let mut steps: Vec<(f64, f64)> = Vec::new();
+    for (sample, speed) in trace.samples.iter().zip(speeds) {
+        if steps.last().is_none_or(|(last_s, _)| sample.time_s - last_s > STEP_S - 1e-6) {
+            steps.push((sample.time_s, run.lab(speed)));
+        }
+        let lateral = run.lab(sample.lateral_error_m);
+        of.lateral.add(lateral);
+        of.max_lateral_m = of.max_lateral_m.max(lateral.abs());
+        of.tracking.add(run.lab(sample.tracking_error_m));
+    }
+    let change = |steps: &[(f64, f64)]| -> Vec<(f64, f64)> {
+        steps.windows(2).map(|pair| (pair[1].0, (pair[1].1 - pair[0].1) / (pair[1].0 - pair[0].0))).collect()
+    };
+    let accelerations = change(&steps);
+    accelerations.iter().for_each(|(_, acceleration)| of.acceleration.add(*acceleration));
+    let jerks = change(&accelerations);
+    jerks.iter().for_each(|(_, jerk)| of.jerk.add(*jerk));
+    let moves = |k: usize| steps[k..k + 3].iter().all(|(_, speed)| *speed > run.lab(MOVES_MPS));
+    of.jerks = jerks.iter().enumerate().filter(|(k, _)| moves(*k)).map(|(_, (_, jerk))| jerk.abs()).collect();
+    of
+}
+
+/// Stands of each vehicle, by its events.
+fn stands(run: &RunLog) -> BTreeMap<VehicleId, Vec<Stand>> {
+    let mut found: BTreeMap<VehicleId, Vec<Stand>> = BTreeMap::new();
+    for event in &run.events {
+        let of = found.entry(event.vehicle).or_default();
+        match event.kind {
+            EventKind::Stop => of.push(Stand { from_s: event.time_s, to_s: run.end_s.max(event.time_s) }),
+            EventKind::Go { .. } => {
+                if let Some(last) = of.last_mut() {
+                    last.to_s = event.time_s;
+                }
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+/// The least distance between the outlines of each two vehicles, city metres.
+fn gaps(run: &RunLog) -> Vec<Gap> {
+    let mut found = Vec::new();
+    for (index, a) in run.vehicles.iter().enumerate() {
+        for b in &run.vehicles[index + 1..] {
+            let mut least: Option<Gap> = None;
+            let reach_m = (a.dimensions.length_m.hypot(a.dimensions.width_m)
+                + b.dimensions.length_m.hypot(b.dimensions.width_m))
+                / 2.0;
+            let mut other = b.samples.iter().peekable();
+            for sample in &a.samples {
+                while other.next_if(|next| next.time_s < sample.time_s - 1e-6).is_some() {}
+                let Some(same) = other.peek().filter(|next| next.time_s <= sample.time_s + 1e-6) else {
+                    continue;
+                };
+                let between = sample.pose.position.distance(same.pose.position);
+                if least.is_some_and(|least| between - reach_m >= least.gap_m) {
+                    continue;
+                }
+                let outline = |trace: &Trace, pose| {
+                    OrientedRect::new(pose, trace.dimensions.length_m, trace.dimensions.width_m)
+                };
+                let gap_m = outline(a, sample.pose).distance(&outline(b, same.pose));
+                if least.is_none_or(|least| gap_m < least.gap_m) {
+                    least = Some(Gap { gap_m, pair: [a.id, b.id], time_s: sample.time_s });
+                }
+            }
+            found.extend(least);
+        }
+    }
+    found
+}
+
+/// The whole run first, then vehicle by vehicle.
+fn rows(runs: &[RunLog; 2], numbers: &[Numbers; 2]) -> Vec<Row> {
+    let mut rows = Vec::new();
+    let name = |id: VehicleId| {
+        let trace = runs.iter().find_map(|run| run.vehicle(id));
+        trace.map_or_else(|| id.to_string(), |trace| trace.name.clone())
+    };
+    let mut of_run = |quantity, unit, value: &dyn Fn(usize) -> Value| {
+        rows.push(Row { quantity, unit, vehicle: None, name: String::new(), values: [value(0), value(1)] });
+    };
+    of_run("merge order", "", &|k| {
+        let names: Vec<String> = numbers[k].order.iter().map(|&id| name(id)).collect();
+        if names.is_empty() { Value::None } else { Value::Text(names.join(" ")) }
+    });
+    of_run("least headway at the merging point", "s", &|k| Value::number(numbers[k].least_headway_s));
+    of_run("collisions", "", &|k| Value::Count(numbers[k].collisions));
+    of_run("least gap", "m", &|k| {
+        numbers[k].least_gap.map_or(Value::None, |gap| Value::number(runs[k].lab(gap.gap_m)))
+    });
+    of_run("least gap between", "", &|k| {
+        let text =
+            |gap: Gap| format!("{} and {} at {:.2} s", name(gap.pair[0]), name(gap.pair[1]), gap.time_s);
+        numbers[k].least_gap.map_or(Value::None, |gap| Value::Text(text(gap)))
+    });
+    let root = |of: fn(&Of) -> Mean| move |k: usize| Value::number(numbers[k].total(of).root());
+    of_run("RMS acceleration", "m/s2", &root(|of| of.acceleration));
+    of_run("RMS jerk", "m/s3", &root(|of| of.jerk));
+    of_run("median jerk while moving", "m/s3", &|k| {
+        Value::number(median(numbers[k].vehicles.values().flat_map(|of| of.jerks.iter().copied()).collect()))
+    });
+    of_run("RMS lateral error", "m", &root(|of| of.lateral));
+    of_run("RMS tracking error", "m", &root(|of| of.tracking));
+    let ids: BTreeSet<VehicleId> =
+        numbers.iter().flat_map(|numbers| numbers.vehicles.keys().copied()).collect();
+    for id in ids {
+        rows.extend(vehicle_rows(id, &name(id), numbers));
+    }
+    rows
+}
+
+fn vehicle_rows(id: VehicleId, name: &str, numbers: &[Numbers; 2]) -> Vec<Row> {
+    let before = |of: &Of| -> Option<Vec<Stand>> {
+        let at_s = of.merges_at_s?;
+        Some(of.stands.iter().copied().filter(|stand| stand.from_s < at_s).collect())
+    };
+    let stood = |stands: &[Stand]| stands.iter().fold(0.0, |sum, stand| sum + stand.to_s - stand.from_s);
+    let row = |quantity, unit, value: &dyn Fn(&Of) -> Value| {
+        let of = |k: usize| numbers[k].vehicles.get(&id).map_or(Value::None, value);
+        Row { quantity, unit, vehicle: Some(id.0), name: name.to_owned(), values: [of(0), of(1)] }
+    };
+    vec![
+        row("stops", "", &|of| Value::Count(of.stands.len() as u64)),
+        row("stood", "s", &|of| Value::number(stood(&of.stands))),
+        row("stops before the merging point", "", &|of| {
+            before(of).map_or(Value::None, |stands| Value::Count(stands.len() as u64))
+        }),
+        row("waited there", "s", &|of| {
+            before(of).map_or(Value::None, |stands| Value::number(stood(&stands)))
+        }),
+        row("at the merging point", "s", &|of| of.merges_at_s.map_or(Value::None, Value::number)),
+        row("place in the merge order", "", &|of| of.place.map_or(Value::None, Value::Count)),
+        row("collisions", "", &|of| Value::Count(of.collisions)),
+        row("least gap", "m", &|of| Value::number(of.least_gap_m)),
+        row("RMS acceleration", "m/s2", &|of| Value::number(of.acceleration.root())),
+        row("RMS jerk", "m/s3", &|of| Value::number(of.jerk.root())),
+        row("median jerk while moving", "m/s3", &|of| Value::number(median(of.jerks.clone()))),
+        row("RMS lateral error", "m", &|of| Value::number(of.lateral.root())),
+        row("largest lateral error", "m", &|of| Value::number(of.max_lateral_m)),
+        row("RMS tracking error", "m", &|of| Value::number(of.tracking.root())),
+    ]
+}
+
+fn apart(a: &RunLog, b: &RunLog) -> Vec<Apart> {
+    let mut found = Vec::new();
+    for trace in &a.vehicles {
+        let Some(other) = b.vehicle(trace.id) else { continue };
+        let all = differences(trace, other);
+        let Some((max_at_s, max_m)) = all.iter().copied().max_by(|x, y| x.1.total_cmp(&y.1)) else {
+            continue;
+        };
+        let mean_m = all.iter().map(|(_, m)| m).sum::<f64>() / all.len() as f64;
+        let (mean_m, max_m) = (a.lab(mean_m), a.lab(max_m));
+        found.push(Apart { vehicle: trace.id.0, name: trace.name.clone(), mean_m, max_m, max_at_s });
+    }
+    found
+}

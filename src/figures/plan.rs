@@ -1,0 +1,176 @@
+//! Where everything of a figure is on the paper.
+
+use super::chart::{Figure, GREY, Key, Stroke};
+use super::draw::{DrawError, FAMILY, MM_PER_PT, RASTER_SIZE, SMALL_PT, Size, TEXT_PT, plot};
+use plotters::style::{FontFamily, FontStyle, TextStyle, register_font};
+use std::sync::OnceLock;
+
+/// A rectangle in millimetres from the upper left corner.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    pub x: f64,
+    pub y: f64,
+    pub width: f64,
+    pub height: f64,
+}
+
+/// Where everything of a figure is, millimetres.
+pub struct Plan {
+    pub width_mm: f64,
+    pub height_mm: f64,
+    pub title: Vec<(f64, String)>,
+    /// With its upper left corner.
+    pub keys: Vec<(Key, (f64, f64))>,
+    pub scale: Option<Place>,
+    /// Of the space above axes, under the title of the panel.
+    pub over: f64,
+    pub panels: Vec<Place>,
+    /// Whether each one has the names of its level lines beside it: the last of its row.
+    pub have_names: Vec<bool>,
+    pub note: Vec<(f64, String)>,
+}
+
+pub const EDGE_MM: f64 = 2.0;
+pub const LINE_MM: f64 = 4.0;
+pub const KEY_MM: f64 = 8.0;
+
+/// Width of bold letters over that of others.
+const BOLD: f64 = 1.12;
+
+/// What the legend tells. In a column there is no room beside the axes: it has the level lines as well.
+fn legend(figure: &Figure, size: Size) -> Vec<Key> {
+    let mut keys = figure.legend.clone();
+    if size == Size::Column {
+        for rule in figure.panels.iter().flat_map(|panel| &panel.rules).filter(|rule| rule.is_level) {
+            let stroke = Stroke { colour: GREY, dash: rule.dash, width_pt: 0.8 };
+            let key = Key { name: rule.name.clone(), stroke };
+            if !keys.contains(&key) {
+                keys.push(key);
+            }
+        }
+    }
+    keys
+}
+
+impl Plan {
+    pub fn of(figure: &Figure, size: Size) -> Result<Self, DrawError> {
+        font()?;
+        let width_mm = size.width_mm();
+        // A column has no room for two panels side by side.
+        let columns = if size == Size::Column { 1 } else { figure.columns.max(1) };
+        let inner_mm = width_mm - 2.0 * EDGE_MM;
+        let mut y = EDGE_MM;
+        let mut title = Vec::new();
+        for line in wrapped(&figure.title, TEXT_PT * BOLD, inner_mm)? {
+            title.push((y, line));
+            y += LINE_MM;
+        }
+        y += 1.0;
+        let legend = legend(figure, size);
+        let (mut keys, mut x) = (Vec::new(), EDGE_MM);
+        for key in legend {
+            let wide = KEY_MM + 1.0 + self::width_mm(&key.name, SMALL_PT)? + 4.0;
+            if x > EDGE_MM && x + wide > width_mm - EDGE_MM + 4.0 {
+                (x, y) = (EDGE_MM, y + LINE_MM);
+            }
+            keys.push((key, (x, y)));
+            x += wide;
+        }
+        if !keys.is_empty() {
+            y += LINE_MM + 0.5;
+        }
+        let scale = figure.scale.as_ref().map(|_| Place {
+            x: EDGE_MM + 2.0,
+            y,
+            width: (inner_mm - 25.0).min(70.0),
+            height: 2.5,
+        });
+        if scale.is_some() {
+            y += 2.5 + LINE_MM + 0.5;
+        }
+        let has_titles = figure.panels.iter().any(|panel| !panel.title.is_empty());
+        let rules = || figure.panels.iter().flat_map(|panel| &panel.rules);
+        let mut right = 3.0;
+        let has_names = size == Size::Page;
+        for rule in rules().filter(|rule| rule.is_level && has_names) {
+            right = f64::max(right, self::width_mm(&rule.name, SMALL_PT)? + 2.0);
+        }
+        let left = 14.0;
+        let over = if rules().any(|rule| !rule.is_level) { LINE_MM } else { 1.5 };
+        let (top, bottom) = (if has_titles { LINE_MM + 1.0 } else { 0.0 } + over, 2.0 * LINE_MM + 1.5);
+        // Names of level lines stand to the right of the last column.
+        let cell = (inner_mm - right + 3.0) / columns as f64;
+        let height = figure.row_height * if size == Size::Column { inner_mm * 1.1 } else { inner_mm };
+        let height = if columns == 1 && size == Size::Page { height.min(85.0) } else { height };
+        let (mut panels, mut have_names) = (Vec::new(), Vec::new());
+        for (index, panel) in figure.panels.iter().enumerate() {
+            let column = index % columns;
+            let under = if panel.x_label.is_empty() { 2.0 } else { bottom };
+            panels.push(Place {
+                x: EDGE_MM + cell * column as f64 + left,
+                y: y + top,
+                width: cell - left - 3.0,
+                height,
+            });
+            let is_last = column + 1 == columns;
+            have_names.push(is_last && has_names);
+            if is_last || index + 1 == figure.panels.len() {
+                y += top + height + under;
+            }
+        }
+        let mut note = Vec::new();
+        for line in wrapped(&figure.note, SMALL_PT, inner_mm)? {
+            note.push((y + 0.5, line));
+            y += LINE_MM - 0.6;
+        }
+        Ok(Self {
+            width_mm,
+            height_mm: (y + EDGE_MM).ceil(),
+            title,
+            keys,
+            scale,
+            over,
+            panels,
+            have_names,
+            note,
+        })
+    }
+
+    pub fn extent(&self, per_mm: f64) -> (u32, u32) {
+        ((self.width_mm * per_mm).round() as u32, (self.height_mm * per_mm).round() as u32)
+    }
+}
+
+/// Lines of a text that are not wider than a figure.
+fn wrapped(text: &str, points: f64, most_mm: f64) -> Result<Vec<String>, DrawError> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if width_mm(&format!("{line} {word}"), points)? <= most_mm => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    Ok(lines)
+}
+
+/// The program's own font, registered once.
+fn font() -> Result<(), DrawError> {
+    static IS_THERE: OnceLock<bool> = OnceLock::new();
+    let register = || {
+        let normal = register_font(FAMILY, FontStyle::Normal, dejavu::sans::regular());
+        normal.and_then(|()| register_font(FAMILY, FontStyle::Bold, dejavu::sans::bold())).is_ok()
+    };
+    IS_THERE.get_or_init(register).then_some(()).ok_or(DrawError::Font)
+}
+
+/// Width of a text in print.
+fn width_mm(text: &str, points: f64) -> Result<f64, DrawError> {
+    // Measured large, for widths come in whole pixels.
+    let large = 200.0;
+    let style = TextStyle::from((FontFamily::Name(FAMILY), large * RASTER_SIZE));
+    let ((left, _), (right, _)) = style.font.layout_box(text).map_err(plot)?;
+    Ok(f64::from(right - left) / large * points * MM_PER_PT)
+}

@@ -1,0 +1,146 @@
+//! Poses that were measured elsewhere, as a table: motion capture of a laboratory, another simulator.
+
+use super::RecordError;
+use crate::geom::Pose2;
+use crate::snapshot::VehicleId;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// One vehicle at one instant. Laboratory metres, radians counter-clockwise from east.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeasuredPose {
+    pub time_s: f64,
+    /// Middle of the outline.
+    pub pose: Pose2,
+}
+
+/// Columns of such a table; others are left alone.
+pub const POSE_COLUMNS: [&str; 5] = ["time", "id", "x", "y", "yaw"];
+/// Numbers beyond these are none of a laboratory.
+const LARGEST_M: f64 = 1000.0;
+const LARGEST_S: f64 = 1e12;
+
+/// The poses of each vehicle in order of time; of equal times the last row counts.
+///
+/// # Errors
+/// [`RecordError::Poses`] with the line where the file cannot be read or a number is none.
+pub fn read_poses(path: &Path) -> Result<BTreeMap<VehicleId, Vec<MeasuredPose>>, RecordError> {
+    let wrong = |line: u64, reason: String| RecordError::Poses { path: path.to_path_buf(), line, reason };
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .from_path(path)
+        .map_err(|error| wrong(1, error.to_string()))?;
+    let headers = reader.headers().map_err(|error| wrong(1, error.to_string()))?.clone();
+    let mut places = [0; POSE_COLUMNS.len()];
+    for (place, column) in places.iter_mut().zip(POSE_COLUMNS) {
+        let found = headers.iter().position(|header| header.eq_ignore_ascii_case(column));
+        let needed =
+            || format!("there is no column \"{column}\"; a header with {} is needed", POSE_COLUMNS.join(","));
+        *place = found.ok_or_else(|| wrong(1, needed()))?;
+    }
+    let mut found: BTreeMap<VehicleId, Vec<MeasuredPose>> = BTreeMap::new();
+    for record in reader.records() {
+        let record = record.map_err(|error| wrong(line_of(&error), error.to_string()))?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let number = |index: usize, most: f64| {
+            let text = record.get(places[index]).unwrap_or_default();
+            let number = text.parse::<f64>().ok().filter(|number| number.abs() <= most);
+            let column = POSE_COLUMNS[index];
+            number.ok_or_else(|| {
+                wrong(line, format!("{column} is \"{text}\"; a number between -{most} and {most} is needed"))
+            })
+        };
+        let id = record.get(places[1]).unwrap_or_default();
+        let id: u32 =
+            id.parse().map_err(|_| wrong(line, format!("id is \"{id}\"; a whole number is needed")))?;
+        let time_s = number(0, LARGEST_S)?;
+        let pose = Pose2::new(number(2, LARGEST_M)?, number(3, LARGEST_M)?, number(4, LARGEST_M)?);
+        found.entry(VehicleId(id)).or_default().push(MeasuredPose { time_s, pose });
+    }
+    if found.is_empty() {
+        return Err(wrong(1, "there are no poses in it".to_owned()));
+    }
+    for poses in found.values_mut() {
+        poses.reverse();
+        poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        poses.dedup_by(|later, kept| later.time_s == kept.time_s);
+    }
+    Ok(found)
+}
+
+fn line_of(error: &csv::Error) -> u64 {
+    error.position().map_or(1, csv::Position::line)
+}
+
+/// Where a vehicle is at a time: between two poses on a straight line, over gaps that are no longer than the last
+/// argument; `None` before the first, behind the last, and in longer gaps.
+pub fn pose_at(poses: &[MeasuredPose], time_s: f64, longest_gap_s: f64) -> Option<Pose2> {
+    const ROUNDING_S: f64 = 1e-6;
+    let after = poses.partition_point(|pose| pose.time_s < time_s - ROUNDING_S);
+    let next = poses.get(after)?;
+    if next.time_s <= time_s + ROUNDING_S {
+        return Some(next.pose);
+    }
+    let before = poses.get(after.checked_sub(1)?)?;
+    let gap_s = next.time_s - before.time_s;
+    if gap_s > longest_gap_s {
+        return None;
+    }
+    let share = (time_s - before.time_s) / gap_s;
+    let turn = crate::geom::wrap_angle(next.pose.yaw_rad - before.pose.yaw_rad);
+    let position = before.pose.position.lerp(next.pose.position, share);
+    Some(Pose2 { position, yaw_rad: before.pose.yaw_rad + share * turn })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<BTreeMap<VehicleId, Vec<MeasuredPose>>, String> {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), text).unwrap();
+        read_poses(file.path()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn tables_are_read_in_any_order_of_rows_and_columns() {
+        let found =
+            read("id, yaw, x, y, speed, time\n2,0,1,2,9,0.5\n# a note\n2,3,1.5,2,9,0.25\n7,0,0,0,9,1\n")
+                .unwrap();
+        let poses = &found[&VehicleId(2)];
+        assert_eq!(poses.iter().map(|pose| pose.time_s).collect::<Vec<_>>(), [0.25, 0.5]);
+        assert_eq!((poses[0].pose.position.x, poses[0].pose.yaw_rad, found.len()), (1.5, 3.0, 2));
+        // The last row of a time counts.
+        let twice = read("time,id,x,y,yaw\n1,1,5,0,0\n1,1,6,0,0\n").unwrap();
+        assert_eq!(twice[&VehicleId(1)].iter().map(|pose| pose.pose.position.x).collect::<Vec<_>>(), [6.0]);
+    }
+
+    #[test]
+    fn faults_are_told_with_their_line() {
+        for (text, told) in [
+            ("time,id,x,y\n", "no column \"yaw\""),
+            ("time,id,x,y,yaw\n", "no poses"),
+            ("time,id,x,y,yaw\n0,1,0,0,0\n1,1,nan,0,0\n", "line 3: x is \"nan\""),
+            ("time,id,x,y,yaw\n0,a,0,0,0\n", "line 2: id is \"a\""),
+            ("time,id,x,y,yaw\n0,1,0\n", "line 2"),
+        ] {
+            let said = read(text).unwrap_err();
+            assert!(said.contains(told), "{text}: {said}");
+        }
+    }
+
+    #[test]
+    fn poses_lie_between_the_measured_ones_the_short_way_round() {
+        let pose = |time_s, x, yaw_rad| MeasuredPose { time_s, pose: Pose2::new(x, 0.0, yaw_rad) };
+        let poses = [pose(0.0, 0.0, 3.0), pose(1.0, 2.0, -3.0), pose(5.0, 9.0, 0.0)];
+        let between = pose_at(&poses, 0.5, 1.5).unwrap();
+        assert_eq!(between.position.x, 1.0);
+        assert!((between.yaw_rad - std::f64::consts::PI).abs() < 1e-12, "{}", between.yaw_rad);
+        assert_eq!(pose_at(&poses, 1.0, 1.5).unwrap().position.x, 2.0);
+        assert_eq!(pose_at(&poses, 5.0, 1.5).unwrap().position.x, 9.0);
+        for time_s in [-0.1, 3.0, 5.1] {
+            assert_eq!(pose_at(&poses, time_s, 1.5), None, "{time_s}");
+        }
+    }
+}

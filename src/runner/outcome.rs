@@ -1,0 +1,170 @@
+//! What a run comes to in a few numbers, without files: what parameter studies tabulate.
+
+use super::{Observer, Run};
+use crate::city::{CityMap, LaneId, ZoneKind};
+use crate::mainframe::SetupError;
+use crate::scenario::Experiment;
+use crate::snapshot::{Event, EventKind, VehicleId};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// The streams that meet at the merging point which most routes of an experiment go through.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Streams {
+    /// Name of the lane that begins at the merging point.
+    pub name: String,
+    /// The vehicles of each stream, those of the one that gives way first.
+    pub streams: Vec<Vec<VehicleId>>,
+    /// Which of its merges it is, of each vehicle, counted from 0.
+    which: BTreeMap<VehicleId, usize>,
+}
+
+/// Lines this far before a merging point belong to it, laboratory metres.
+const LINE_WITHIN_M: f64 = 1.0;
+
+impl Streams {
+    /// `None` where no routes of the experiment merge.
+    pub fn of(experiment: &Experiment) -> Option<Self> {
+        let map = &experiment.city_map;
+        // By the lane that begins at a merging point: which vehicles come from which lane, and as which merge.
+        let mut points: BTreeMap<LaneId, BTreeMap<LaneId, BTreeMap<VehicleId, usize>>> = BTreeMap::new();
+        for vehicle in &experiment.vehicles {
+            let merges = vehicle.route.windows(2).filter(|pair| ends_in_merge(map, pair[0]));
+            for (count, pair) in merges.enumerate() {
+                points
+                    .entry(pair[1])
+                    .or_default()
+                    .entry(pair[0])
+                    .or_default()
+                    .entry(vehicle.id)
+                    .or_insert(count);
+            }
+        }
+        let vehicles = |from: &BTreeMap<LaneId, BTreeMap<VehicleId, usize>>| {
+            from.values().map(BTreeMap::len).sum::<usize>()
+        };
+        let met = points.into_iter().filter(|(_, from)| from.len() > 1);
+        let (lane, from) = met.max_by(|a, b| vehicles(&a.1).cmp(&vehicles(&b.1)).then(b.0.cmp(&a.0)))?;
+        let within_m = experiment.scale.city_from_lab(LINE_WITHIN_M);
+        let mut streams: Vec<(bool, LaneId, Vec<VehicleId>)> = from
+            .iter()
+            .map(|(&lane, ids)| (!has_line(map, lane, within_m), lane, ids.keys().copied().collect()))
+            .collect();
+        streams.sort();
+        let which = from.into_values().flatten().collect();
+        let name = map.lane(lane).name.clone();
+        Some(Self { name, streams: streams.into_iter().map(|(_, _, ids)| ids).collect(), which })
+    }
+}
+
+fn ends_in_merge(map: &CityMap, lane: LaneId) -> bool {
+    map.zones_on(lane).any(|zone| zone.kind == ZoneKind::Merge)
+}
+
+/// Whether vehicles give way at a line on a lane or not far before it.
+fn has_line(map: &CityMap, lane: LaneId, within_m: f64) -> bool {
+    let length_m = map.lane(lane).curve.length();
+    map.lines.iter().any(|line| line.lane == lane && length_m - line.at_m <= within_m)
+        || length_m < within_m
+            && map.lane(lane).predecessors.iter().any(|&before| has_line(map, before, within_m - length_m))
+}
+
+/// What a run came to. Laboratory units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// Vehicles in the order in which their front axles came through the merging point.
+    pub merge_order: Vec<VehicleId>,
+    /// How many of the stream that gives way came before the last one of the others; `None` where no streams merge.
+    pub squeezed_in: Option<u32>,
+    /// When the last vehicle came through, if all did.
+    pub all_merged_s: Option<f64>,
+    /// How long each vehicle of the stream that gives way stood before it merged, in the mean.
+    pub mean_wait_s: Option<f64>,
+    pub collisions: u32,
+    pub stops: u32,
+    pub mean_speed_mps: f64,
+    pub max_lateral_error_m: f64,
+    /// Digest of the last state.
+    pub state_hash: u64,
+}
+
+impl Outcome {
+    /// Runs an experiment from its beginning to its end.
+    ///
+    /// # Errors
+    /// When the control framework cannot take a vehicle's setup.
+    pub fn of(experiment: Arc<Experiment>) -> Result<Self, SetupError> {
+        let streams = Streams::of(&experiment);
+        let mut run = Run::new(Arc::clone(&experiment))?;
+        let mut observer = Observer::new(&experiment);
+        let (mut events, mut tick_events) = (Vec::new(), Vec::new());
+        for _ in 0..experiment.ticks() {
+            run.step();
+            tick_events.clear();
+            tick_events.extend_from_slice(&run.snapshot().events);
+            observer.observe(Some(run.mainframe()), run.snapshot(), &mut tick_events);
+            events.append(&mut tick_events);
+        }
+        let last = run.snapshot();
+        let crossings = streams.as_ref().map(|streams| crossings(streams, &events)).unwrap_or_default();
+        let lab = |city: f64| experiment.scale.lab_from_city(city);
+        let driven_m: f64 = last.vehicles.iter().map(|state| state.distance_m).sum();
+        let vehicles = last.vehicles.len().max(1) as f64;
+        let worst = observer.totals().map(|totals| totals.max_lateral_error_m).fold(0.0, f64::max);
+        Ok(Self {
+            squeezed_in: streams.as_ref().map(|streams| squeezed_in(streams, &crossings)),
+            all_merged_s: streams.as_ref().and_then(|streams| {
+                let last_s = crossings.last().map(|(time_s, _)| *time_s);
+                last_s.filter(|_| crossings.len() == streams.which.len())
+            }),
+            mean_wait_s: streams.as_ref().map(|streams| mean_wait(streams, &crossings, &events, last.time_s)),
+            merge_order: crossings.into_iter().map(|(_, id)| id).collect(),
+            collisions: events.iter().filter(|event| event.kind.is_collision()).count() as u32,
+            stops: observer.totals().map(|totals| totals.stops).sum(),
+            mean_speed_mps: lab(driven_m / vehicles / last.time_s.max(1e-9)),
+            max_lateral_error_m: lab(worst),
+            state_hash: last.state_hash,
+        })
+    }
+}
+
+/// When who came through the merging point, in order of time.
+fn crossings(streams: &Streams, events: &[Event]) -> Vec<(f64, VehicleId)> {
+    let mut counts: BTreeMap<VehicleId, usize> = BTreeMap::new();
+    let mut found = Vec::new();
+    for event in events.iter().filter(|event| event.kind == EventKind::Merge) {
+        let count = counts.entry(event.vehicle).or_default();
+        if streams.which.get(&event.vehicle) == Some(count) {
+            found.push((event.time_s, event.vehicle));
+        }
+        *count += 1;
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    found
+}
+
+fn squeezed_in(streams: &Streams, crossings: &[(f64, VehicleId)]) -> u32 {
+    let first: BTreeSet<VehicleId> = streams.streams[0].iter().copied().collect();
+    let last_other = crossings.iter().rposition(|(_, id)| !first.contains(id)).unwrap_or(0);
+    crossings[..last_other].iter().filter(|(_, id)| first.contains(id)).count() as u32
+}
+
+fn mean_wait(streams: &Streams, crossings: &[(f64, VehicleId)], events: &[Event], end_s: f64) -> f64 {
+    let wait = |id: &VehicleId| {
+        let until_s = crossings.iter().find(|(_, other)| other == id).map_or(end_s, |(time_s, _)| *time_s);
+        let mut since_s: Option<f64> = None;
+        let mut waited_s = 0.0;
+        for event in events.iter().filter(|event| event.vehicle == *id && event.time_s < until_s) {
+            match event.kind {
+                EventKind::Stop => since_s = Some(event.time_s),
+                EventKind::Go { .. } => {
+                    waited_s += since_s.take().map_or(0.0, |since_s| event.time_s - since_s);
+                }
+                _ => {}
+            }
+        }
+        waited_s + since_s.map_or(0.0, |since_s| until_s - since_s)
+    };
+    let first = &streams.streams[0];
+    first.iter().map(wait).sum::<f64>() / first.len().max(1) as f64
+}
