@@ -1,6 +1,7 @@
 //! `city3d bench`: measurements that can be set beside those of other simulators, one JSON line each.
 
 mod cameras;
+mod link;
 mod neutral;
 
 use super::Failure;
@@ -13,6 +14,8 @@ const STEP_S: f64 = 0.1;
 pub enum BenchCommand {
     /// Camera pictures a second, of a scenario or of a neutral scene that other engines draw too
     Cameras(cameras::CamerasArgs),
+    /// Latency of the laboratory's link, with and without cameras that draw, beside an echo in Python
+    Link(link::LinkBenchArgs),
     /// Pictures of the window a second, while the run goes on in real time; needs no display
     #[cfg(feature = "window")]
     Window(super::view::BenchArgs),
@@ -21,6 +24,7 @@ pub enum BenchCommand {
 pub fn bench(command: &BenchCommand) -> Result<(), Failure> {
     match command {
         BenchCommand::Cameras(args) => cameras::cameras(args),
+        BenchCommand::Link(args) => link::link(args),
         #[cfg(feature = "window")]
         BenchCommand::Window(args) => super::view::bench(args),
     }
