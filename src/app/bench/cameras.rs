@@ -1,5 +1,6 @@
 //! Camera pictures a second: drawn, read back and, with `--png`, written to disk.
 
+use super::cpu_s;
 use super::neutral::NeutralScene;
 use crate::app::look::{self, LookArgs, in_batches};
 use crate::app::say::say;
@@ -149,15 +150,6 @@ impl CamerasArgs {
 fn preset_of(renderer: &Renderer) -> &'static str {
     let known = Quality::PRESETS.iter().find(|(_, quality)| *quality == renderer.settings().quality);
     known.map_or("other", |(name, _)| name)
-}
-
-/// What this process has had of all cores, as Linux tells it.
-fn cpu_s() -> Option<f64> {
-    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The name in brackets may hold spaces; after it come the state and ten more fields.
-    let mut fields = stat.rsplit_once(')')?.1.split_whitespace().skip(11);
-    let ticks = fields.next()?.parse::<f64>().ok()? + fields.next()?.parse::<f64>().ok()?;
-    Some(ticks / 100.0)
 }
 
 /// What is filmed.
