@@ -2,6 +2,7 @@
 //! the vehicles.
 
 mod cdr;
+mod chunks;
 mod log;
 mod poses;
 mod reader;
@@ -9,6 +10,7 @@ mod recorder;
 mod schema;
 mod table;
 
+pub use chunks::{Chunk, ChunkedLog, Part};
 pub use log::{LogWriter, Origin};
 pub use poses::{MeasuredPose, POSE_COLUMNS, pose_at, read_poses};
 pub use reader::{Entry, LogReader, is_log, last_tick, read_commands, read_network};

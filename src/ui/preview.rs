@@ -133,7 +133,9 @@ fn show(
             })
             .response
             .on_hover_text("Where the picture is taken from");
-        drive_button(ui, preview.vehicle, state, actions);
+        if shown.replay.is_none() {
+            drive_button(ui, preview.vehicle, state, actions);
+        }
     });
     pedals(ui, vehicle);
     plots(ui, shown.history, preview.vehicle, now.time_s);
