@@ -82,7 +82,9 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     }
     if !args.verify {
         return if args.json {
-            Err(Failure::bad_input("--json is of --verify, or of poses with --scenario and --out: give one of them"))
+            Err(Failure::bad_input(
+                "--json is of --verify, or of poses with --scenario and --out: give one of them",
+            ))
         } else {
             watch(log, args)
         };

@@ -73,7 +73,8 @@ impl Cast {
     }
 
     fn info(&self, id: VehicleId) -> VehicleInfo {
-        let unknown = || VehicleInfo::of(id, &format!("vehicle{id}"), Appearance::default(), &VehicleSpec::default());
+        let unknown =
+            || VehicleInfo::of(id, &format!("vehicle{id}"), Appearance::default(), &VehicleSpec::default());
         self.members.get(&id).map_or_else(unknown, |(info, _)| info.clone())
     }
 }

@@ -129,7 +129,8 @@ mod tests {
 
     fn times(aim: Aim) -> (f64, f64) {
         let film = film();
-        let (before, now) = find(&BEGINS_S, aim, &mut |chunk| Some(Arc::clone(&film[chunk]))).unwrap().unwrap();
+        let (before, now) =
+            find(&BEGINS_S, aim, &mut |chunk| Some(Arc::clone(&film[chunk]))).unwrap().unwrap();
         (before.time_s, now.time_s)
     }
 

@@ -14,7 +14,9 @@ pub enum Cue {
     Reverse,
     Pause,
     /// To the next recorded snapshot, or to the one before, and hold.
-    Step { forward: bool },
+    Step {
+        forward: bool,
+    },
     /// To the recorded snapshot nearest to a time; goes on from there where it plays.
     Seek(f64),
     /// To the first recorded snapshot that is not before a time: the one that shows what happened then.
@@ -54,7 +56,15 @@ pub struct Playhead {
 impl Playhead {
     /// Stands at the first snapshot.
     pub(super) fn new(from_s: f64, to_s: f64) -> Self {
-        Self { from_s, to_s, at_s: from_s, before_s: from_s, is_playing: false, is_reverse: false, speed: 1.0 }
+        Self {
+            from_s,
+            to_s,
+            at_s: from_s,
+            before_s: from_s,
+            is_playing: false,
+            is_reverse: false,
+            speed: 1.0,
+        }
     }
 
     /// Simulated seconds in a second, negative backwards.
@@ -82,8 +92,11 @@ impl Playhead {
             Cue::Play | Cue::Reverse => {
                 self.is_reverse = cue == Cue::Reverse;
                 self.is_playing = self.from_s < self.to_s;
-                let (is_over, start_s) =
-                    if self.is_reverse { (self.is_at_start(), self.to_s) } else { (self.is_at_end(), self.from_s) };
+                let (is_over, start_s) = if self.is_reverse {
+                    (self.is_at_start(), self.to_s)
+                } else {
+                    (self.is_at_end(), self.from_s)
+                };
                 is_over.then_some(Aim::Nearest(start_s))
             }
             Cue::Pause => {

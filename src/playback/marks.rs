@@ -42,7 +42,9 @@ impl What {
             Self::TakeOver | Self::GiveBack => Kind::Person,
             Self::Event(event) => match event {
                 EventKind::Collision { .. } | EventKind::CollisionStatic { .. } => Kind::Collision,
-                EventKind::LinkLost | EventKind::LinkBack | EventKind::Unseen | EventKind::SeenAgain => Kind::Link,
+                EventKind::LinkLost | EventKind::LinkBack | EventKind::Unseen | EventKind::SeenAgain => {
+                    Kind::Link
+                }
                 EventKind::Merge => Kind::Merge,
                 EventKind::Yield => Kind::Yield,
                 EventKind::Stop => Kind::Stop,
@@ -123,7 +125,9 @@ mod tests {
     fn of_the_pedals_of_a_person_only_taking_and_giving_back_are_marked() {
         let id = VehicleId(3);
         let mut marker = Marker::new(Rates::default());
-        let mut mark = |tick, command| marker.mark(&Entry::Command { tick, command }).map(|mark| (mark.time_s, mark.what));
+        let mut mark = |tick, command| {
+            marker.mark(&Entry::Command { tick, command }).map(|mark| (mark.time_s, mark.what))
+        };
         let drive = |gas| SimCommand::Drive(id, Pedals { gas, ..Pedals::default() });
         assert_eq!(mark(150, drive(0.1)), Some((1.5, What::TakeOver)));
         assert_eq!(mark(160, drive(0.2)), None);

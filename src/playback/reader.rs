@@ -240,7 +240,8 @@ impl Reader {
             // Those that are new were shown by default.
             shelf.film.clear();
         }
-        let is_news = shelf.searched == shelf.readable || shelf.searched.is_multiple_of(NEWS_EVERY) || is_new_cast;
+        let is_news =
+            shelf.searched == shelf.readable || shelf.searched.is_multiple_of(NEWS_EVERY) || is_new_cast;
         drop(shelf);
         if is_news {
             (self.on_news)();

@@ -102,7 +102,8 @@ impl ChunkedLog {
     pub fn read(&mut self, chunk: usize, part: Part) -> Result<Vec<Entry>, RecordError> {
         let Some(place) = self.chunks.get(chunk) else { return Ok(Vec::new()) };
         let mut bytes = vec![0; place.length as usize];
-        let read = self.file.seek(SeekFrom::Start(place.offset)).and_then(|_| self.file.read_exact(&mut bytes));
+        let read =
+            self.file.seek(SeekFrom::Start(place.offset)).and_then(|_| self.file.read_exact(&mut bytes));
         read.map_err(|error| no_log(&self.path, error))?;
         let options = LinearReaderOptions::default()
             .with_skip_start_magic(true)
@@ -131,7 +132,8 @@ impl ChunkedLog {
     fn entry(&self, message: &[u8], part: Part) -> Result<Option<Entry>, RecordError> {
         /// Channel, sequence, and the times of logging and publishing.
         const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
-        let (Some(&[low, high]), Some(body)) = (message.first_chunk::<2>(), message.get(MESSAGE_HEAD..)) else {
+        let (Some(&[low, high]), Some(body)) = (message.first_chunk::<2>(), message.get(MESSAGE_HEAD..))
+        else {
             return Err(no_log(&self.path, why(&McapError::UnexpectedEof)));
         };
         let channel = u16::from_le_bytes([low, high]);
@@ -150,7 +152,8 @@ fn seconds(nanoseconds: u64) -> f64 {
 
 /// The chunks that the index at the end of a file names; `None` where there is no whole one.
 fn indexed(file: &mut File, size: u64, topics: &mut HashMap<u16, String>) -> Option<Vec<Chunk>> {
-    let options = SummaryReaderOptions::default().with_file_size(size).with_record_length_limit(LARGEST_RECORD);
+    let options =
+        SummaryReaderOptions::default().with_file_size(size).with_record_length_limit(LARGEST_RECORD);
     let mut reader = SummaryReader::new_with_options(options);
     while let Some(event) = reader.next_event() {
         match event.ok()? {
@@ -192,7 +195,8 @@ fn walked(file: &mut File, size: u64) -> std::io::Result<(Vec<Chunk>, Option<Str
         let mut head = [0; HEAD as usize + 16];
         file.seek(SeekFrom::Start(offset))?;
         let there = fill(file, &mut head)?;
-        let number = |from: usize| head[from..from + 8].iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte));
+        let number =
+            |from: usize| head[from..from + 8].iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte));
         let length = number(1);
         if (there as u64) < HEAD || length > size - offset - HEAD {
             return torn(chunks, McapError::UnexpectedEof);

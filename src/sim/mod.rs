@@ -245,10 +245,12 @@ impl WorldState {
         let is_there =
             |id| self.vehicles.binary_search_by_key(&id, |vehicle: &SimVehicle| vehicle.state.id).is_ok();
         let planned = experiment.vehicles.iter().filter(|planned| is_there(planned.id));
-        let planned =
-            planned.map(|planned| VehicleInfo::of(planned.id, &planned.name, planned.appearance, &planned.spec));
-        let set_up =
-            self.setups.iter().map(|setup| VehicleInfo::of(setup.id, &setup.name, setup.appearance, &setup.spec));
+        let planned = planned
+            .map(|planned| VehicleInfo::of(planned.id, &planned.name, planned.appearance, &planned.spec));
+        let set_up = self
+            .setups
+            .iter()
+            .map(|setup| VehicleInfo::of(setup.id, &setup.name, setup.appearance, &setup.spec));
         let mut roster: Vec<VehicleInfo> = planned.chain(set_up).collect();
         roster.sort_by_key(|info| info.id);
         Arc::new(roster)

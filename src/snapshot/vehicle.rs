@@ -124,13 +124,7 @@ impl VehicleInfo {
             ModelKind::Bicycle => "bicycle",
             ModelKind::Measured => "measured",
         };
-        Self {
-            id,
-            name: name.to_owned(),
-            dimensions: spec.dimensions,
-            appearance,
-            model: model.to_owned(),
-        }
+        Self { id, name: name.to_owned(), dimensions: spec.dimensions, appearance, model: model.to_owned() }
     }
 }
 

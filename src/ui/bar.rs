@@ -11,9 +11,9 @@ const SPEEDS: [f64; 8] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
 
 pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
     ui.horizontal_wrapped(|ui| {
-        if shown.replay.is_some() {
+        if let Some(replay) = &shown.replay {
             let tip = format!("What the log {} has recorded; nothing is simulated", shown.scenario);
-            ui.label(RichText::new(format!("Replay of {}", short(shown.scenario))).strong()).on_hover_text(tip);
+            ui.label(RichText::new(format!("Replay of {}", replay.name)).strong()).on_hover_text(tip);
         } else {
             run_controls(ui, shown, actions);
             ui.separator();
@@ -124,13 +124,12 @@ fn clock(ui: &mut Ui, shown: &Shown<'_>) {
     ui.label(text).on_hover_text(tip);
 }
 
-/// A whole path would leave no room for the rest.
-fn short(name: &str) -> String {
-    let stem = Path::new(name).file_stem();
-    stem.map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned())
-}
-
 fn scenario(ui: &mut Ui, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+    // A whole path would leave no room for the rest.
+    let short = |name: &str| -> String {
+        let stem = Path::new(name).file_stem();
+        stem.map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned())
+    };
     let picker = ComboBox::from_id_salt("scenario").selected_text(short(shown.scenario));
     let choices = |ui: &mut Ui| {
         for name in shown.scenarios {

@@ -33,6 +33,11 @@ impl Events {
         self.of = Some(now);
     }
 
+    /// How many match.
+    pub(super) fn count(&self) -> usize {
+        self.matching.len()
+    }
+
     /// Those that match, in order of time.
     pub(super) fn of<'a>(&'a self, marks: &'a [Mark]) -> impl DoubleEndedIterator<Item = &'a Mark> {
         self.matching.iter().filter_map(|place| marks.get(*place))
@@ -56,7 +61,9 @@ pub(super) fn colour(kind: Kind) -> Color32 {
 pub(super) fn name(shown: &Shown<'_>, mark: &Mark) -> String {
     match shown.moment.now.info(mark.vehicle) {
         // Those that nobody has named are called by their number already.
-        Some(info) if info.name != format!("cav{}", mark.vehicle) => format!("{} {}", mark.vehicle, info.name),
+        Some(info) if info.name != format!("cav{}", mark.vehicle) => {
+            format!("{} {}", mark.vehicle, info.name)
+        }
         Some(info) => info.name.clone(),
         None => mark.vehicle.to_string(),
     }
@@ -86,7 +93,7 @@ pub(super) fn window(
     let size = egui::vec2(330.0, 320.0).min(room.size());
     sheet.default_size(size).resizable(true).constrain_to(room).show(ui.ctx(), |ui| {
         ui.horizontal(|ui| {
-            let count = state.events.of(replay.marks).count();
+            let count = state.events.count();
             ui.weak(format!("{count} of {}", replay.marks.len()));
             let field = egui::TextEdit::singleline(&mut state.events.filter)
                 .hint_text("collision, merge 3 ...")

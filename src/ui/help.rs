@@ -12,8 +12,8 @@ const REPLAY: Section = (
         ("Space", "play, pause"),
         ("J", "play backwards"),
         (",  .", "one recorded step back, forward"),
-        ("\u{2190}  \u{2192}", "5 seconds back, forward"),
-        ("[  ]", "event before, next event (Shift+arrows too)"),
+        ("left  right", "5 seconds back, forward"),
+        ("[  ]", "event before, next event (Shift+left, right)"),
         ("Home  End", "start, end"),
         ("+  -", "faster, slower"),
         ("F3", "list of events"),
@@ -78,7 +78,8 @@ const TWO_COLUMNS_FROM: f32 = 640.0;
 pub fn window(ui: &Ui, state: &mut State, is_replay: bool) {
     // Of a recorded run nobody takes the wheel.
     let [experiment, look, vehicles, driving] = &SECTIONS;
-    let sections = if is_replay { vec![&REPLAY, look, vehicles] } else { vec![experiment, look, vehicles, driving] };
+    let sections =
+        if is_replay { vec![&REPLAY, look, vehicles] } else { vec![experiment, look, vehicles, driving] };
     let room = ui.ctx().content_rect().shrink2(egui::vec2(12.0, 48.0));
     let sheet = super::sheet(ui, "Keys and statuses").open(&mut state.open.help);
     sheet.scroll(true).max_size(room.size()).constrain_to(room).show(ui.ctx(), |ui| {

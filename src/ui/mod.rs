@@ -76,6 +76,8 @@ pub struct Shown<'a> {
 /// A recorded run, and where in it the window is.
 #[derive(Clone, Copy, Debug)]
 pub struct Replay<'a> {
+    /// What was recorded, as its scenario calls it.
+    pub name: &'a str,
     pub head: Playhead,
     /// What happened, in order of time.
     pub marks: &'a [Mark],
@@ -265,7 +267,10 @@ impl State {
     /// Forgets what belongs to vehicles that are not there.
     fn attend(&mut self, shown: &Shown<'_>) {
         let is_there = |id: VehicleId| shown.moment.now.vehicle(id).is_some();
-        self.selection.vehicle = self.selection.vehicle.filter(|id| is_there(*id));
+        // One that a jump has selected may be there only where it leads.
+        if !shown.replay.is_some_and(|replay| replay.is_late) {
+            self.selection.vehicle = self.selection.vehicle.filter(|id| is_there(*id));
+        }
         if let Some(vehicle) = self.selection.follow.take() {
             self.viewpoint.follow = Some(vehicle);
             if matches!(self.viewpoint.mode, Mode::Free | Mode::Overhead) {
@@ -363,7 +368,7 @@ fn sheet(ui: &egui::Ui, title: &'static str) -> egui::Window<'static> {
 fn footer(ui: &mut egui::Ui, shown: &Shown<'_>) {
     ui.horizontal(|ui| {
         ui.small(if shown.replay.is_some() {
-            "Space play/pause   , . one step   \u{2190} \u{2192} 5 s   [ ] event   F follow   P preview   F1 all keys"
+            "Space play/pause   left right 5 s   [ ] event   click a car to select   F follow   P preview   F1 all keys"
         } else {
             "Space start/pause   N step   click a car to select   F follow   P preview   Enter drive   F1 all keys"
         });

@@ -247,7 +247,7 @@ fn plots(ui: &mut Ui, history: &History, vehicle: VehicleId, now_s: f64) {
 }
 
 fn plot(ui: &mut Ui, name: &str, points: Vec<[f64; 2]>, (low, high): (f64, f64), colour: Color32) {
-    let last = points.last().map_or_else(String::new, |[_, value]| format!(" {value:.1}"));
+    let last = points.last().map_or_else(String::new, |[_, value]| format!(" {:.1}", tenths(*value)));
     ui.label(RichText::new(format!("{name}:{last}")).small())
         .on_hover_text(format!("The last {KEPT_S:.0} simulated seconds"));
     Plot::new(name)

@@ -3,7 +3,9 @@
 use super::events::{colour, go_to, name};
 use super::{Action, Replay, Shown, State};
 use crate::playback::{Cue, Kind, Mark, SPEEDS};
-use egui::{Align2, Button, Color32, ComboBox, FontId, Key, Modifiers, Pos2, Rect, RichText, Sense, Stroke, Ui, Vec2};
+use egui::{
+    Align2, Button, Color32, ComboBox, FontId, Key, Modifiers, Pos2, Rect, RichText, Sense, Stroke, Ui, Vec2,
+};
 
 /// What the arrows move by, seconds.
 const LEAP_S: f64 = 5.0;
@@ -85,7 +87,7 @@ fn transport(ui: &mut Ui, replay: &Replay<'_>, actions: &mut Vec<Action>) {
         }
     };
     button("\u{23ee}", false, "To the start (Home)", Cue::Seek(head.from_s));
-    button("\u{2212}1", false, "One recorded step back (,)", Cue::Step { forward: false });
+    button("\u{23f4} Step", false, "One recorded step back (,)", Cue::Step { forward: false });
     let is_reversing = head.is_playing && head.is_reverse;
     let cue = if is_reversing { Cue::Pause } else { Cue::Reverse };
     button("\u{25c0} Back", is_reversing, "Play backwards (J)", cue);
@@ -94,7 +96,7 @@ fn transport(ui: &mut Ui, replay: &Replay<'_>, actions: &mut Vec<Action>) {
     } else {
         button("\u{25b6} Play", false, "Play; from the start where it stands at the end (Space)", Cue::Play);
     }
-    button("+1", false, "One recorded step forward (.)", Cue::Step { forward: true });
+    button("Step \u{23f5}", false, "One recorded step forward (.)", Cue::Step { forward: true });
     button("\u{23ed}", false, "To the end (End)", Cue::Seek(head.to_s));
 }
 
@@ -136,7 +138,8 @@ fn speed(ui: &mut Ui, replay: &Replay<'_>, actions: &mut Vec<Action>) {
 fn clock(ui: &mut Ui, shown: &Shown<'_>, replay: &Replay<'_>) {
     let head = &replay.head;
     let text = format!("{:.2} / {:.2} s", head.at_s, head.to_s);
-    ui.label(RichText::new(text).monospace().strong()).on_hover_text("Simulated time, and that of the log's end");
+    ui.label(RichText::new(text).monospace().strong())
+        .on_hover_text("Simulated time, and that of the log's end");
     ui.label(RichText::new(format!("tick {}", shown.moment.now.tick)).weak())
         .on_hover_text("Of the recorded snapshot that tables and numbers tell");
     if replay.is_late {
@@ -150,8 +153,8 @@ fn troubles(ui: &mut Ui, replay: &Replay<'_>) {
         ui.label(RichText::new(text).weak()).on_hover_text("The log is being looked through for events");
     }
     if let Some(why) = replay.torn {
-        let text = RichText::new(format!("\u{26a0} torn off at {:.2} s", replay.head.to_s));
-        ui.label(text.strong().color(ui.visuals().warn_fg_color))
+        let text = RichText::new("\u{26a0} torn off").strong().color(ui.visuals().warn_fg_color);
+        ui.add(egui::Label::new(text).extend())
             .on_hover_text(format!("The log has no end: {why}. It is shown up to its last whole record"));
     }
 }
@@ -191,7 +194,11 @@ fn track(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, replay: &Replay<'_>,
     let size = Vec2::new(ui.available_width(), MARKS + BAR + TIMES);
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::slider(true, head.at_s, "Timeline"));
-    let scale = Scale { rect: rect.shrink2(Vec2::new(MARGIN, 0.0)), from_s: head.from_s, span_s: head.to_s - head.from_s };
+    let scale = Scale {
+        rect: rect.shrink2(Vec2::new(MARGIN, 0.0)),
+        from_s: head.from_s,
+        span_s: head.to_s - head.from_s,
+    };
     paint(ui, rect, &scale, state, replay);
     state.is_scrubbing = response.dragged();
     let pointer = response.interact_pointer_pos();
@@ -218,7 +225,12 @@ fn track(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, replay: &Replay<'_>,
 }
 
 /// What happened near a place on screen.
-fn near<'a>(scale: &Scale, state: &'a State, replay: &'a Replay<'_>, x: f32) -> impl Iterator<Item = &'a Mark> {
+fn near<'a>(
+    scale: &Scale,
+    state: &'a State,
+    replay: &'a Replay<'_>,
+    x: f32,
+) -> impl Iterator<Item = &'a Mark> {
     let (from_s, to_s) = (scale.time_s(x - NEAR), scale.time_s(x + NEAR));
     state.events.of(replay.marks).filter(move |mark| (from_s..=to_s).contains(&mark.time_s))
 }
@@ -264,6 +276,8 @@ fn paint(ui: &Ui, rect: Rect, scale: &Scale, state: &State, replay: &Replay<'_>)
 /// Of marks that fall on one another the gravest is seen.
 fn marks(painter: &egui::Painter, rect: Rect, scale: &Scale, state: &State, replay: &Replay<'_>) {
     let mut columns: Vec<Option<Kind>> = vec![None; (scale.rect.width().max(0.0) / 2.0) as usize + 1];
+    // Where they are many, what happens all the time steps back.
+    let is_crowded = state.events.count() > columns.len() / 2;
     for mark in state.events.of(replay.marks) {
         let column = ((scale.x(mark.time_s) - scale.rect.left()) / 2.0) as usize;
         if let Some(kind) = columns.get_mut(column) {
@@ -273,14 +287,15 @@ fn marks(painter: &egui::Painter, rect: Rect, scale: &Scale, state: &State, repl
     for (column, kind) in columns.into_iter().enumerate() {
         let Some(kind) = kind else { continue };
         // The graver, the taller.
-        let height = match kind {
-            Kind::Collision | Kind::Link | Kind::Person => MARKS - 1.0,
-            Kind::Merge | Kind::Yield | Kind::Stop => 9.0,
-            Kind::Usual => 5.0,
+        let (height, is_grave) = match kind {
+            Kind::Collision | Kind::Link | Kind::Person => (MARKS - 1.0, true),
+            Kind::Merge | Kind::Yield | Kind::Stop => (if is_crowded { 6.0 } else { 9.0 }, false),
+            Kind::Usual => (4.0, false),
         };
+        let faded = if is_crowded && !is_grave { 0.55 } else { 1.0 };
         let x = scale.rect.left() + column as f32 * 2.0 + 1.0;
         let bottom = rect.top() + MARKS - 1.0;
-        painter.vline(x, bottom - height..=bottom, Stroke::new(2.0, colour(kind)));
+        painter.vline(x, bottom - height..=bottom, Stroke::new(2.0, colour(kind).gamma_multiply(faded)));
     }
 }
 

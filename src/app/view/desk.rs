@@ -12,8 +12,8 @@ use crate::render::Context;
 use crate::scenario::{Experiment, shipped_scenarios};
 use crate::snapshot::{FrameSnapshot, SimCommand, VehicleId};
 use crate::ui::{
-    self, Action, Drivers, Driving, History, KEPT_S, Look, Mode, Picture, Preview, Replay, Sample, Shown, Slot,
-    State,
+    self, Action, Drivers, Driving, History, KEPT_S, Look, Mode, Picture, Preview, Replay, Sample, Shown,
+    Slot, State,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -143,12 +143,18 @@ impl Desk {
         let args = ScenarioArgs { scenario: log, ..ScenarioArgs::default() };
         let mut desk = Self::on(Source::Log(Box::new(player)), args, experiment, (look, place));
         if let Some(why) = torn {
-            desk.state.say(format!("The log has no end: {why}. It is shown up to its last whole record."), 0.0);
+            desk.state
+                .say(format!("The log has no end: {why}. It is shown up to its last whole record."), 0.0);
         }
         desk
     }
 
-    fn on(source: Source, args: ScenarioArgs, experiment: Arc<Experiment>, (look, place): (Look, Place)) -> Self {
+    fn on(
+        source: Source,
+        args: ScenarioArgs,
+        experiment: Arc<Experiment>,
+        (look, place): (Look, Place),
+    ) -> Self {
         let seen = FrameSnapshot::clone(&source.moment().now);
         Self {
             facts: Facts::of(&experiment),
@@ -266,7 +272,8 @@ impl Desk {
         let told = self.player().map(|player| (player.head(), player.is_late(), player.told()));
         let replay = told.as_ref().map(|(head, is_late, told)| {
             let Told { marks, searched, torn } = told;
-            Replay { head: *head, is_late: *is_late, marks, searched: *searched, torn: torn.as_deref() }
+            let name = &self.experiment.name;
+            Replay { name, head: *head, is_late: *is_late, marks, searched: *searched, torn: torn.as_deref() }
         });
         let log = moment.folder.as_ref().map(|folder| format!("log {}   ", folder.display()));
         self.footer = format!("{}{}", log.unwrap_or_default(), self.adapter);

@@ -16,6 +16,7 @@ pub(super) use bench::{BenchArgs, bench};
 use super::{Failure, Model, ProfileArg, ScenarioArgs, load, look};
 use crate::live::Speed;
 use crate::playback::{PlaybackError, Player};
+use crate::record::LogReader;
 use crate::render::{AdapterPreference, Context};
 use crate::scenario::TimeOfDay;
 use crate::ui::{Look, Preset};
@@ -106,13 +107,17 @@ impl Default for ViewArgs {
 
 pub fn view(args: &ViewArgs) -> Result<(), Failure> {
     if args.window.picture.at.is_some() && args.window.picture.picture.is_none() {
-        return Err(Failure::bad_input("--at is of a picture: give --picture FILE too; the window begins at 0"));
+        return Err(Failure::bad_input(
+            "--at is of a picture: give --picture FILE too; the window begins at 0",
+        ));
     }
     show(&Subject::Scenario(args))
 }
 
 /// Shows a recorded run.
 pub fn replay(log: &Path, args: &WindowArgs) -> Result<(), Failure> {
+    // Without a display too it is told what is wrong with a log.
+    LogReader::open(log).map_err(Failure::bad_input)?;
     show(&Subject::Log(log, args))
 }
 
@@ -175,7 +180,13 @@ impl WindowArgs {
         Look { preset, hours: self.look.time.unwrap_or(usual).hours }
     }
 
-    fn desk(&self, log: &Path, context: &Context, settings: &Settings, place: Place) -> Result<Desk, Failure> {
+    fn desk(
+        &self,
+        log: &Path,
+        context: &Context,
+        settings: &Settings,
+        place: Place,
+    ) -> Result<Desk, Failure> {
         let on_news = std::sync::Arc::clone(&place.on_news);
         let player = Player::open(log, Box::new(move || on_news())).map_err(|error| match error {
             PlaybackError::Thread(_) => Failure::failed(error),
