@@ -236,7 +236,12 @@ fn files_of_a_run_are_as_described() {
     for message in mcap::MessageStream::new(&log).unwrap() {
         let channel = message.unwrap().channel;
         let schema = channel.schema.clone().unwrap();
-        assert!(text.contains(&format!("| `{}` | `{}` |", channel.topic, schema.name)), "{}", channel.topic);
+        let is_standard = schema.name.starts_with("geometry_msgs/");
+        let topic = if is_standard { "/vicon/<name>/<name>" } else { channel.topic.as_str() };
+        assert!(text.contains(&format!("| `{topic}` | `{}` |", schema.name)), "{}", channel.topic);
+        if is_standard {
+            continue;
+        }
         schemas.insert(String::from_utf8(schema.data.to_vec()).unwrap());
     }
     assert_eq!(schemas.len(), 4);

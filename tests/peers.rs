@@ -108,10 +108,29 @@ fn mcap_tools_read_the_log_of_a_run() {
     assert_eq!(ticks, (0..=300).collect::<Vec<_>>());
     assert_eq!((&digests[0], &digests[300]["state_hash"]), (&without_vehicles(first), &last["state_hash"]));
     assert!(log["topics"]["/city3d/trajectory"].as_u64().unwrap() >= 280, "{}", log["topics"]);
+    transforms_are_those_of_vicon(&log["last_transforms"], last);
     assert_eq!(log["metadata"]["city3d"]["seed"], "5");
     assert!(log["attachments"]["scenario.toml"].as_str().unwrap().contains("Two cars on a straight road"));
     assert!(log["attachments"]["map.dxf"].as_str().unwrap().contains("SECTION"));
     compare_with_table(&folder.join("vehicles.csv"), last);
+}
+
+/// One topic for each vehicle of a snapshot, with its pose in laboratory metres.
+fn transforms_are_those_of_vicon(transforms: &Value, snapshot: &Value) {
+    let (vehicles, transforms) = (snapshot["vehicles"].as_array().unwrap(), transforms.as_object().unwrap());
+    assert_eq!(transforms.len(), vehicles.len());
+    for (name, vehicle) in ["leader", "follower"].iter().zip(vehicles) {
+        let found = &transforms[&format!("/vicon/{name}/{name}")];
+        assert_eq!(found["frames"], serde_json::json!(["/vicon/world", format!("vicon/{name}/{name}")]));
+        assert_eq!(found["time"], snapshot["time"]);
+        let expected =
+            [("x", 25.0), ("y", 25.0), ("z", 25.0), ("qx", 1.0), ("qy", 1.0), ("qz", 1.0), ("qw", 1.0)];
+        for (k, (key, scale)) in expected.into_iter().enumerate() {
+            let expected = vehicle[key].as_f64().unwrap() / scale;
+            let number = found["numbers"][k].as_f64().unwrap();
+            assert!((number - expected).abs() < 1e-6, "{name} {key}: {number} {expected}");
+        }
+    }
 }
 
 /// Tick and digest of a snapshot.

@@ -7,7 +7,7 @@ use crate::ros::{
     TransformStamped, Vector3, run,
 };
 use crate::snapshot::VehicleId;
-use crate::wire::{LARGEST_M, Measurement};
+use crate::wire::{LARGEST_M, Measurement, VICON_WORLD, vicon_frame};
 use glam::{DQuat, DVec3};
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -22,7 +22,6 @@ const QUEUE: usize = 64;
 const INBOX: usize = 4096;
 /// A rotation is one as long as its quaternion is about so long.
 const UNIT: std::ops::RangeInclusive<f64> = 0.9..=1.1;
-const WORLD_FRAME: &str = "/vicon/world";
 const TF: &str = "/tf";
 const CLOCK: &str = "/clock";
 
@@ -194,7 +193,7 @@ pub fn wall_s() -> f64 {
 }
 
 fn topic(name: &str) -> String {
-    format!("/vicon/{name}/{name}")
+    format!("/{}", vicon_frame(name))
 }
 
 /// What is done on the thread that has the topics.
@@ -267,8 +266,8 @@ fn publish_frame(topics: &impl Topics, frame: &Frame, has_clock: bool) {
 fn transform(name: &str, pose: &Measurement, frame: &Frame) -> TransformStamped {
     let (p, q) = (pose.position, pose.orientation);
     TransformStamped {
-        header: Header { seq: frame.seq, stamp: frame.stamp, frame_id: WORLD_FRAME.to_owned() },
-        child_frame_id: format!("vicon/{name}/{name}"),
+        header: Header { seq: frame.seq, stamp: frame.stamp, frame_id: VICON_WORLD.to_owned() },
+        child_frame_id: vicon_frame(name),
         transform: Transform {
             translation: Vector3 { x: p.x, y: p.y, z: p.z },
             rotation: Quaternion { x: q.x, y: q.y, z: q.z, w: q.w },

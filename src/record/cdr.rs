@@ -105,6 +105,11 @@ impl<'a> CdrReader<'a> {
         self.take().map(f64::from_le_bytes)
     }
 
+    /// A sequence of numbers: their count, then they.
+    pub fn f64s(&mut self) -> Option<Vec<f64>> {
+        (0..self.u32()?).map(|_| self.f64()).collect()
+    }
+
     pub fn octets(&mut self) -> Option<&'a [u8]> {
         let length = self.u32()? as usize;
         let octets = self.bytes.get(self.at..self.at.checked_add(length)?)?;

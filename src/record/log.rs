@@ -7,9 +7,12 @@ use super::schema::{
     TRAJECTORY_TYPE, encode_command, encode_event, encode_measured, encode_network, encode_snapshot,
     encode_tick, encode_trajectory,
 };
+use super::transforms::{TRANSFORM_SCHEMA, TRANSFORM_TYPE, encode_transform};
 use crate::environment::Profile;
+use crate::geom::LengthScale;
 use crate::scenario::Experiment;
-use crate::snapshot::{Event, FrameSnapshot, ModelKind, SimCommand};
+use crate::snapshot::{Event, FrameSnapshot, ModelKind, SimCommand, Status};
+use crate::wire::{Measurement, vicon_frame};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, McapResult, WriteOptions, Writer};
 use std::borrow::Cow;
@@ -26,6 +29,10 @@ pub struct LogWriter<W: Write + Seek> {
     trajectories: u16,
     measured: u16,
     ticks: u16,
+    transform_schema: u16,
+    /// Channels of the vehicles' transforms, by the vehicles' names.
+    transforms: BTreeMap<String, u16>,
+    scale: LengthScale,
     sequence: u32,
     buffer: Vec<u8>,
 }
@@ -56,7 +63,7 @@ pub(super) const EVENT_TOPIC: &str = "/city3d/event";
 /// Of the metadata that say what was run.
 pub(super) const METADATA: &str = "city3d";
 /// Counts up when a reader of before would understand a log wrongly, or lack something.
-pub(super) const FORMAT: &str = "2";
+pub(super) const FORMAT: &str = "3";
 pub(super) const SCENARIO: &str = "scenario.toml";
 pub(super) const MAP: &str = "map.dxf";
 /// Before the names of models among the attachments.
@@ -98,6 +105,8 @@ pub(super) const NETWORK_TOPIC: &str = "/city3d/network";
 
 /// Chunks this large are compressed and written at once: what a killed process loses at most.
 const CHUNK_BYTES: u64 = 512 << 10;
+/// Higher ones take twice the time for a fortieth of the size.
+const COMPRESSION_LEVEL: u32 = 1;
 
 impl<W: Write + Seek> LogWriter<W> {
     /// Begins a log with everything a run depends on.
@@ -108,7 +117,10 @@ impl<W: Write + Seek> LogWriter<W> {
         let mut writer = WriteOptions::new()
             .profile("ros2")
             .library(concat!("city3d ", env!("CARGO_PKG_VERSION")))
-            .compression(Some(mcap::Compression::Lz4))
+            .compression(Some(mcap::Compression::Zstd))
+            .compression_level(COMPRESSION_LEVEL)
+            // The writer is a thread of its own already.
+            .compression_threads(0)
             .chunk_size(Some(CHUNK_BYTES))
             // A chunk is written at once when it is whole, not begun and mended.
             .disable_seeking(true)
@@ -143,7 +155,7 @@ impl<W: Write + Seek> LogWriter<W> {
         let trajectories = channel(TRAJECTORY_TOPIC, TRAJECTORY_TYPE, TRAJECTORY_SCHEMA)?;
         let measured = channel(MEASURED_TOPIC, MEASURED_TYPE, MEASURED_SCHEMA)?;
         let ticks = channel(TICK_TOPIC, TICK_TYPE, TICK_SCHEMA)?;
-        let (sequence, buffer) = (0, Vec::new());
+        let transform_schema = writer.add_schema(TRANSFORM_TYPE, "ros2msg", TRANSFORM_SCHEMA.as_bytes())?;
         Ok(Self {
             writer,
             snapshots,
@@ -153,18 +165,40 @@ impl<W: Write + Seek> LogWriter<W> {
             trajectories,
             measured,
             ticks,
-            sequence,
-            buffer,
+            transform_schema,
+            transforms: BTreeMap::new(),
+            scale: experiment.scale,
+            sequence: 0,
+            buffer: Vec::new(),
         })
     }
 
-    /// Adds a snapshot.
+    /// Adds a snapshot, and the transforms of the vehicles that motion capture sees in it.
     ///
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
     pub fn snapshot(&mut self, snapshot: &FrameSnapshot) -> McapResult<()> {
         self.buffer = encode_snapshot(snapshot, std::mem::take(&mut self.buffer));
-        self.message(self.snapshots, snapshot.time_s)
+        self.message(self.snapshots, snapshot.time_s)?;
+        for (state, info) in snapshot.iter().filter(|(state, _)| state.status != Status::Unseen) {
+            let channel = self.transforms_of(&info.name)?;
+            let pose = Measurement::of(state, snapshot.time_s, self.scale);
+            let stamp = nanoseconds(snapshot.time_s);
+            self.buffer = encode_transform(&info.name, &pose, stamp, std::mem::take(&mut self.buffer));
+            self.message(channel, snapshot.time_s)?;
+        }
+        Ok(())
+    }
+
+    /// The channel of a vehicle's transforms.
+    fn transforms_of(&mut self, name: &str) -> McapResult<u16> {
+        if let Some(&channel) = self.transforms.get(name) {
+            return Ok(channel);
+        }
+        let topic = format!("/{}", vicon_frame(name));
+        let channel = self.writer.add_channel(self.transform_schema, &topic, "cdr", &BTreeMap::new())?;
+        self.transforms.insert(name.to_owned(), channel);
+        Ok(channel)
     }
 
     /// Adds an event.
@@ -219,13 +253,9 @@ impl<W: Write + Seek> LogWriter<W> {
 
     fn message(&mut self, channel_id: u16, time_s: f64) -> McapResult<()> {
         self.sequence = self.sequence.wrapping_add(1);
-        let nanoseconds = (time_s * 1e9).round() as u64;
-        let header = MessageHeader {
-            channel_id,
-            sequence: self.sequence,
-            log_time: nanoseconds,
-            publish_time: nanoseconds,
-        };
+        let stamp = nanoseconds(time_s);
+        let header =
+            MessageHeader { channel_id, sequence: self.sequence, log_time: stamp, publish_time: stamp };
         self.writer.write_to_known_channel(&header, &self.buffer)
     }
 
@@ -244,6 +274,11 @@ impl<W: Write + Seek> LogWriter<W> {
     pub fn finish(mut self) -> McapResult<()> {
         self.writer.finish().map(|_| ())
     }
+}
+
+/// A simulated time as logs have it.
+fn nanoseconds(time_s: f64) -> u64 {
+    (time_s * 1e9).round() as u64
 }
 
 fn metadata_of(experiment: &Experiment, origin: Origin) -> BTreeMap<String, String> {

@@ -9,6 +9,7 @@ mod reader;
 mod recorder;
 mod schema;
 mod table;
+mod transforms;
 
 pub use chunks::{Chunk, ChunkedLog, Part};
 pub use log::{LogWriter, Origin};

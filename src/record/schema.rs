@@ -253,17 +253,14 @@ uint32 vehicle
 uint32 sequence
 # Bits: 1 yielding, 2 at the end of its route, 4 left indicator, 8 right indicator.
 uint8 flags
-# In time order.
-city3d_msgs/TrajectoryPoint[] points
-================================================================================
-MSG: city3d_msgs/TrajectoryPoint
-# Simulated time at which the vehicle shall be here, seconds.
-float64 time
+# Its points in time order, column by column, each with one number for every point.
+# Simulated time at which the vehicle shall be there, seconds.
+float64[] time
 # Of the front-axle centre.
-float64 x
-float64 y
-float64 yaw
-float64 speed
+float64[] x
+float64[] y
+float64[] yaw
+float64[] speed
 ";
 
 const YIELDING: u8 = 1;
@@ -276,10 +273,17 @@ pub fn encode_trajectory(tick: u64, trajectory: &Trajectory, buffer: Vec<u8>) ->
     cdr.u32(trajectory.sequence);
     let state = (u8::from(trajectory.yielding) * YIELDING) | (u8::from(trajectory.finished) * FINISHED);
     cdr.u8(state | indicator_bits(trajectory.indicator));
-    cdr.u32(trajectory.points.len() as u32);
-    for point in &trajectory.points {
-        let Pose2 { position, yaw_rad } = point.pose;
-        [point.time_s, position.x, position.y, yaw_rad, point.speed_mps].into_iter().for_each(|n| cdr.f64(n));
+    // Columns of like numbers compress better than rows of unlike ones.
+    let columns: [fn(&TrajectoryPoint) -> f64; 5] = [
+        |point| point.time_s,
+        |point| point.pose.position.x,
+        |point| point.pose.position.y,
+        |point| point.pose.yaw_rad,
+        |point| point.speed_mps,
+    ];
+    for column in columns {
+        cdr.u32(trajectory.points.len() as u32);
+        trajectory.points.iter().for_each(|point| cdr.f64(column(point)));
     }
     cdr.into_bytes()
 }
@@ -288,12 +292,16 @@ pub fn encode_trajectory(tick: u64, trajectory: &Trajectory, buffer: Vec<u8>) ->
 pub fn decode_trajectory(bytes: &[u8]) -> Option<(u64, Trajectory)> {
     let mut cdr = CdrReader::new(bytes)?;
     let (tick, vehicle, sequence, flags) = (cdr.u64()?, VehicleId(cdr.u32()?), cdr.u32()?, cdr.u8()?);
-    let mut points = Vec::new();
-    for _ in 0..cdr.u32()? {
-        let time_s = cdr.f64()?;
-        let pose = Pose2 { position: DVec2::new(cdr.f64()?, cdr.f64()?), yaw_rad: cdr.f64()? };
-        points.push(TrajectoryPoint { time_s, pose, speed_mps: cdr.f64()? });
+    let [times, xs, ys, yaws, speeds] = [cdr.f64s()?, cdr.f64s()?, cdr.f64s()?, cdr.f64s()?, cdr.f64s()?];
+    if [&xs, &ys, &yaws, &speeds].into_iter().any(|column| column.len() != times.len()) {
+        return None;
     }
+    let point = |k: usize| TrajectoryPoint {
+        time_s: times[k],
+        pose: Pose2 { position: DVec2::new(xs[k], ys[k]), yaw_rad: yaws[k] },
+        speed_mps: speeds[k],
+    };
+    let points = (0..times.len()).map(point).collect();
     let (yielding, finished) = (flags & YIELDING != 0, flags & FINISHED != 0);
     Some((tick, Trajectory { vehicle, sequence, points, yielding, finished, indicator: indicator_of(flags) }))
 }

@@ -38,6 +38,14 @@ pub const LARGEST_MPS: f64 = 100.0;
 /// Times are at most so large.
 pub const LARGEST_S: f64 = 1e9;
 
+/// The frame that VICON measures in.
+pub const VICON_WORLD: &str = "/vicon/world";
+
+/// The frame of what VICON tracks; with a slash before it, the topic of its poses.
+pub fn vicon_frame(subject: &str) -> String {
+    format!("vicon/{subject}/{subject}")
+}
+
 /// One measured pose, as motion capture gives it: no speed. Laboratory metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measurement {
