@@ -117,6 +117,14 @@ impl Playhead {
         }
     }
 
+    /// Where it is told to be, before that is looked up: what the next cue of the same pass goes by.
+    pub fn foresee(&mut self, cue: Cue) {
+        match self.obey(cue) {
+            Some(Aim::Nearest(time_s) | Aim::NotBefore(time_s)) => self.at_s = time_s,
+            Some(Aim::After(_) | Aim::Before(_)) | None => {}
+        }
+    }
+
     /// The next speed up or down the list.
     pub fn other_speed(&self, faster: bool) -> f64 {
         let next = if faster {
@@ -174,6 +182,16 @@ mod tests {
         head.at_s = 40.0;
         assert_eq!(head.obey(Cue::Reverse), None);
         assert_eq!(head.obey(Cue::Play), Some(Aim::Nearest(0.0)));
+    }
+
+    #[test]
+    fn cues_of_one_pass_go_by_those_before() {
+        let mut head = Playhead::new(0.0, 40.0);
+        for _ in 0..2 {
+            head.foresee(Cue::Seek(head.at_s + 5.0));
+            head.foresee(Cue::Speed(head.other_speed(true)));
+        }
+        assert_eq!((head.at_s, head.speed), (10.0, 5.0));
     }
 
     #[test]

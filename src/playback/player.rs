@@ -163,6 +163,10 @@ impl Player {
     }
 
     pub fn order(&mut self, cue: Cue) {
+        // What can be shown already is where this one goes from.
+        if let Some(aim) = self.aim {
+            self.reach(aim);
+        }
         if let Some(aim) = self.head.obey(cue) {
             self.aim = Some(aim);
         }

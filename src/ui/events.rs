@@ -12,6 +12,8 @@ pub struct Events {
     pub filter: String,
     /// Places of those that match among all, and of what they were found.
     matching: Vec<usize>,
+    /// The row of the list that was the present one last.
+    present: Option<usize>,
     of: Option<(String, usize)>,
 }
 
@@ -106,7 +108,7 @@ pub(super) fn window(
             ui.label(RichText::new(nothing(replay)).weak());
             return;
         }
-        if let Some(mark) = list(ui, &marks, shown, replay) {
+        if let Some(mark) = list(ui, &marks, state, shown, replay) {
             go_to(&mark, state, actions);
         }
     });
@@ -122,7 +124,13 @@ fn nothing(replay: &Replay<'_>) -> &'static str {
 }
 
 /// The rows; the one that was clicked.
-fn list(ui: &mut Ui, marks: &[Mark], shown: &Shown<'_>, replay: &Replay<'_>) -> Option<Mark> {
+fn list(
+    ui: &mut Ui,
+    marks: &[Mark],
+    state: &mut State,
+    shown: &Shown<'_>,
+    replay: &Replay<'_>,
+) -> Option<Mark> {
     ui.style_mut().interaction.selectable_labels = false;
     let mut clicked = None;
     let at_s = replay.head.at_s;
@@ -136,9 +144,11 @@ fn list(ui: &mut Ui, marks: &[Mark], shown: &Shown<'_>, replay: &Replay<'_>) -> 
         .column(Column::exact(64.0).clip(true))
         .column(Column::initial(130.0).at_least(60.0).clip(true))
         .column(Column::remainder().clip(true));
-    if let (true, Some(row)) = (replay.head.is_playing, present) {
-        builder = builder.scroll_to_row(row, None);
+    // It comes into sight when it is another; apart from that the list is where the user has scrolled it.
+    if let Some(row) = present.filter(|_| state.events.present != present) {
+        builder = builder.scroll_to_row(row, Some(Align::Center));
     }
+    state.events.present = present;
     builder
         .header(ROW_HEIGHT, |mut header| {
             for title in ["Time s", "Event", "Vehicle"] {

@@ -16,11 +16,13 @@ pub fn act(ui: &Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Acti
     if ui.ctx().text_edit_focused() {
         return;
     }
+    let mut replay = shown.replay;
     for (key, modifiers, is_repeated) in pressed(ui) {
         let is_free = !modifiers.command && !modifiers.alt;
-        if let Some(replay) = shown.replay.as_ref().filter(|_| is_free)
+        if let Some(replay) = replay.as_mut().filter(|_| is_free)
             && let Some(cue) = timeline::cue(key, modifiers, replay, state)
         {
+            replay.head.foresee(cue);
             actions.push(Action::Cue(cue));
         } else if is_repeated {
             // Held keys move through a recording, and do nothing else again.

@@ -297,6 +297,9 @@ pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Acti
     let mut actions = Vec::new();
     state.pictures.clear();
     state.attend(shown);
+    if let Some(replay) = &shown.replay {
+        state.events.attend(replay.marks);
+    }
     keys::act(ui, state, shown, &mut actions);
     if shown.replay.is_some() {
         // Buttons of gamepads mean nothing there.
@@ -312,7 +315,6 @@ pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Acti
     });
     egui::Panel::bottom("footer").frame(frame).show(ui, |ui| footer(ui, shown));
     if let Some(replay) = &shown.replay {
-        state.events.attend(replay.marks);
         egui::Panel::bottom("timeline").frame(frame).show(ui, |ui| {
             ui.add_space(2.0);
             timeline::show(ui, state, shown, replay, &mut actions);

@@ -113,7 +113,7 @@ fn keys_are_those_of_players_and_nobody_drives() {
         let told = cues(&harness);
         match (told.as_slice(), cue) {
             ([Cue::Seek(told)], Cue::Seek(wanted)) => {
-                assert!((told - wanted).abs() < 1e-9, "{key:?}: {told}")
+                assert!((told - wanted).abs() < 1e-9, "{key:?}: {told}");
             }
             _ => assert_eq!(told, [cue], "{key:?}"),
         }
