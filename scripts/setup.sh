@@ -11,7 +11,8 @@ set -euo pipefail
 RUN_PACKAGES=(mesa-vulkan-drivers libvulkan1 libxkbcommon-x11-0 libxcursor1 libxi6 libxrandr2 libudev-dev pkg-config
     gcc libc6-dev)
 TEST_PACKAGES=(xvfb xdotool python3 python3-venv ffmpeg g++
-    python3-roslaunch python3-rostopic python3-rosnode python3-rosbag python3-geometry-msgs python3-tf2-msgs)
+    python3-roslaunch python3-rostopic python3-rosnode python3-rosbag python3-geometry-msgs python3-sensor-msgs
+    python3-tf2-msgs)
 PEERS=target/peers
 
 say() { printf '\n== %s\n' "$*"; }

@@ -5,6 +5,7 @@
 #![allow(clippy::disallowed_methods, reason = "looks at pictures; no state of a run depends on it")]
 
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -291,4 +292,61 @@ fn models_made_with_trimesh_are_drawn_at_their_place_and_size() {
     for (got, want) in car.into_iter().zip([-2.5, -1.25, 2.5, 1.25]) {
         assert!((got - (120.0 + want * scale)).abs() < 2.5, "{car:?}, {got} is not {want} m");
     }
+}
+
+#[test]
+fn bags_of_ros_are_poses_to_replay() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    city3d(&["run", "roundabout", "--duration", "3", "--out", "run"], folder);
+    let run = rows(&folder.join("run/vehicles.csv"));
+    for kind in ["ros1", "ros1-bz2", "ros1-lz4", "poses", "ros2"] {
+        let bag = folder.join(format!("{kind}.bag"));
+        let (output, told) =
+            peer(&python, "write_bag.py", &[Path::new(kind), &folder.join("run/run.mcap"), &bag]);
+        assert!(output.status.success(), "{kind}: {told}");
+        let replay = ["replay", bag.to_str().unwrap(), "--scenario", "roundabout", "--out", kind];
+        city3d(&replay, folder);
+        let replayed = rows(&folder.join(kind).join("vehicles.csv"));
+        assert_eq!(replayed.len(), run.len(), "{kind}");
+        for (replayed, run) in replayed.iter().zip(&run) {
+            assert_eq!((&replayed["t"], &replayed["id"]), (&run["t"], &run["id"]), "{kind}");
+            for column in ["x", "y", "yaw"] {
+                let [a, b] = [replayed, run].map(|row| row[column].parse::<f64>().unwrap());
+                assert!((a - b).abs() < 1e-3, "{kind} {column}: {a} {b}");
+            }
+        }
+    }
+
+    let city3d = |args: &[&str]| {
+        let output =
+            Command::new(env!("CARGO_BIN_EXE_city3d")).args(args).current_dir(folder).output().unwrap();
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (code, said) = city3d(&["replay", "ros1.bag"]);
+    assert!(code == Some(2) && said.contains("--scenario and --out"), "{said}");
+    // A bag of other vehicles tells whose poses it has.
+    let (code, said) = city3d(&["replay", "poses.bag", "--scenario", "straight", "--out", "other"]);
+    assert!(
+        code == Some(2) && said.contains("(follower, leader)") && said.contains("/path1_a/pose"),
+        "{said}"
+    );
+    // What was torn is used up to there, what is damaged never ends the program otherwise than by an error.
+    let whole = std::fs::read(folder.join("poses.bag")).unwrap();
+    std::fs::write(folder.join("torn.bag"), &whole[..whole.len() / 2]).unwrap();
+    let (code, said) = city3d(&["replay", "torn.bag", "--scenario", "roundabout", "--out", "torn"]);
+    assert!(code == Some(0) && said.contains("in the middle of a record"), "{said}");
+    for at in (20..whole.len()).step_by(whole.len() / 12) {
+        let mut damaged = whole.clone();
+        damaged[at..at + 4].fill(0xff);
+        std::fs::write(folder.join("damaged.bag"), damaged).unwrap();
+        let (code, said) = city3d(&["replay", "damaged.bag", "--scenario", "roundabout", "--out", "damaged"]);
+        assert!(matches!(code, Some(0 | 2)), "{at}: {code:?} {said}");
+    }
+}
+
+/// The rows of a table, each by its columns.
+fn rows(table: &Path) -> Vec<BTreeMap<String, String>> {
+    csv::Reader::from_path(table).unwrap().deserialize().map(Result::unwrap).collect()
 }

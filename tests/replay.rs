@@ -17,7 +17,8 @@ use live::{roundabout, until};
 use serde_json::Value;
 use std::fs::File;
 use std::io::BufWriter;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::process::Child;
 use std::time::{Duration, Instant};
 
 /// Exit code, report and what was complained of.
@@ -148,6 +149,59 @@ fn a_killed_process_leaves_a_log_up_to_its_last_second() {
         ticks.push(report["ticks_agreeing"].as_u64().unwrap_or(0));
     }
     assert!(ticks.is_sorted() && ticks[7] > 200, "{ticks:?}");
+}
+
+/// A run in real time, and when its log had begun.
+struct Doomed {
+    child: Child,
+    log: PathBuf,
+    since: Instant,
+}
+
+impl Doomed {
+    fn begin(folder: &Path, name: &str) -> Self {
+        let arguments = ["run", "roundabout", "--duration", "600", "--speed", "1", "--out", name];
+        let child = city3d(&arguments, folder).spawn().unwrap();
+        let log = folder.join(name).join("run.mcap");
+        while city3d::record::last_tick(&log).is_err() {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        Self { child, log, since: Instant::now() }
+    }
+
+    /// Ends it without a warning; the simulated seconds that its log lacks.
+    fn kill(mut self) -> f64 {
+        let lived_s = self.since.elapsed().as_secs_f64();
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+        let (code, report, said) = verify(&self.log);
+        assert_eq!(code, 0, "{said}");
+        lived_s - report["simulated_s"].as_f64().unwrap()
+    }
+}
+
+#[test]
+fn fifty_processes_that_are_killed_lose_their_last_second_at_most() {
+    let folder = tempfile::tempdir().unwrap();
+    // Moments that spread evenly over all parts of a second, the same in each run of the test.
+    let moments = (0..50).map(|k| 0.05 + 3.0 * (f64::from(k) * 0.618_034).fract());
+    let mut moments: Vec<f64> = moments.collect();
+    let (mut killed, mut worst_s) = (0, 0.0_f64);
+    while !moments.is_empty() {
+        let mut batch = moments.split_off(moments.len() - 10);
+        batch.sort_by(f64::total_cmp);
+        let runs: Vec<Doomed> =
+            (0..batch.len()).map(|k| Doomed::begin(folder.path(), &format!("run-{}", killed + k))).collect();
+        for (run, moment_s) in runs.into_iter().zip(batch) {
+            // What the machine was late by, the run may have been late by as well.
+            let due = run.since + Duration::from_secs_f64(moment_s);
+            std::thread::sleep(due.saturating_duration_since(Instant::now()));
+            worst_s = worst_s.max(run.kill());
+            killed += 1;
+        }
+    }
+    // A second of the run, and what a busy machine needs to write it.
+    assert!(killed == 50 && worst_s < 1.4, "{killed} killed, and {worst_s} s lost");
 }
 
 /// A log of 3 s of the roundabout in which a command at a tick is another than that which was applied.

@@ -2,11 +2,16 @@
 #![cfg(feature = "ros")]
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
+#[cfg(feature = "render")]
+#[path = "support/drawing.rs"]
+mod drawing;
 #[path = "support/link.rs"]
 mod link;
 #[path = "support/ros.rs"]
 mod ros;
 
+#[cfg(feature = "render")]
+use glam::{DQuat, DVec3};
 use link::{Process, assert_same_merges, city3d, events, mainframe, serve, summary, was_held_up};
 use ros::{Ros, has_peers, number};
 use std::io::{BufRead, BufReader, Read};
@@ -86,6 +91,81 @@ fn poses_come_at_the_rate_of_physics_in_laboratory_metres() {
     let figures = &summary(&folder.path().join("served"))["link"]["ros"];
     assert!(figures["published"].as_u64().unwrap() >= 300, "{figures}");
     assert_eq!((&figures["dropped"], &figures["master_is_there"]), (&0.into(), &true.into()), "{figures}");
+}
+
+/// What a stranger has heard of a camera: a picture, its figures and its transform of one stamp.
+#[cfg(feature = "render")]
+#[derive(serde::Deserialize)]
+struct HeardPicture {
+    stamp: u64,
+    seq: [u32; 2],
+    frames: [String; 2],
+    parent: String,
+    format: String,
+    picture: [u32; 3],
+    info: [u32; 2],
+    #[serde(rename = "K")]
+    k: [f64; 9],
+    #[serde(rename = "D")]
+    d: Vec<f64>,
+    model: String,
+    camera: [f64; 7],
+    vehicle: [f64; 7],
+}
+
+#[cfg(feature = "render")]
+fn pose([x, y, z, i, j, k, w]: [f64; 7]) -> (DVec3, DQuat) {
+    (DVec3::new(x, y, z), DQuat::from_xyzw(i, j, k, w))
+}
+
+#[cfg(feature = "render")]
+#[test]
+fn a_stranger_sees_what_the_cameras_of_the_scenario_see() {
+    if !has_peers() || drawing::software().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let ros = Ros::new(folder.path());
+    let _core = ros.core();
+    let (mut city, _far) = city(&ros, &["--ros-clock", "--ros-cameras", "--adapter", "software"]);
+    let script = link::root().join("tests/peers/ros_pictures.py");
+    let script = script.to_str().unwrap();
+    let told = ros.lines("/usr/bin/python3", &[script, "path1_b", "windscreen", "4"]);
+    assert_eq!(city.end(), 0);
+    let heard: Vec<HeardPicture> = told.iter().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(heard.len(), 4);
+
+    // As the scenario has it: 75 degrees from edge to edge of 640 pixels, whose middles have whole numbers.
+    let focal = 417.0321193;
+    let k = [focal, 0.0, 319.5, 0.0, focal, 239.5, 0.0, 0.0, 1.0];
+    for one in &heard {
+        let [width, height, colours] = one.picture;
+        assert_eq!((one.format.as_str(), [width, height], one.info), ("png", [640, 480], [640, 480]));
+        assert!(colours > 500, "{colours} colours are no picture of a city");
+        let apart = one.k.iter().zip(k).map(|(found, expected)| (found - expected).abs());
+        assert!(apart.fold(0.0, f64::max) < 1e-3, "{:?} instead of {k:?}", one.k);
+        assert_eq!((one.model.as_str(), one.d.as_slice()), ("plumb_bob", &[0.0; 5][..]));
+        assert_eq!((one.seq[0], one.parent.as_str()), (one.seq[1], "/vicon/world"));
+        assert!(one.frames.iter().all(|frame| frame == "path1_b/windscreen"), "{:?}", one.frames);
+        // It sits in its vehicle of that instant and looks ahead, a little downwards.
+        let ((camera, looks), (vehicle, drives)) = (pose(one.camera), pose(one.vehicle));
+        let above_m = camera.z - vehicle.z;
+        assert!(camera.distance(vehicle) < 0.1 && above_m > 0.03, "{camera} in a car at {vehicle}");
+        let ahead = (looks * DVec3::Z).dot(drives * DVec3::X);
+        assert!(ahead > 0.99, "{ahead}");
+    }
+    for pair in heard.windows(2) {
+        assert_eq!(pair[1].seq[0], pair[0].seq[0] + 1, "seq counts");
+    }
+    // The first one comes when somebody begins to listen, the others at the beat.
+    for pair in heard[1..].windows(2) {
+        assert!(pair[1].stamp >= pair[0].stamp + 499_000_000, "twice a second: {}", pair[1].stamp);
+    }
+    // Nobody has listened to the other camera.
+    let pictures = &summary(&folder.path().join("served"))["link"]["ros"]["pictures"];
+    let published = pictures["published"].as_u64().unwrap();
+    let last = u64::from(heard[3].seq[0]);
+    assert!((last..last + 10).contains(&published), "{pictures} after number {last}");
 }
 
 #[test]

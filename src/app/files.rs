@@ -27,6 +27,13 @@ pub fn folder_of(out: Option<&Path>, part: u32) -> Option<PathBuf> {
     out.map(|folder| if part <= 1 { folder.to_path_buf() } else { folder.join(format!("part-{part}")) })
 }
 
+/// A folder that is not there yet, for files of which nobody has said where they shall be: `out/NAME-1`, then `out/NAME-2`.
+pub fn new_folder(name: &str) -> PathBuf {
+    let name = name.replace(|c: char| !(c.is_alphanumeric() || "-_.".contains(c)), "_");
+    let folder = |number: u32| Path::new("out").join(format!("{name}-{number}"));
+    (1..).map(folder).find(|folder| !folder.exists()).unwrap_or_else(|| folder(0))
+}
+
 /// The files of one run; with no folder only what happens is kept.
 pub struct Files {
     folder: Option<PathBuf>,

@@ -1,6 +1,7 @@
 //! `city3d run LOG --from-tick N`: a recorded run that goes on otherwise from the middle.
 
 use super::files::{Files, LogArgs};
+use super::run::drive;
 use super::{Failure, Model, ProfileArg, ScenarioArgs, load, progress, replay};
 use crate::environment::Profile;
 use crate::record::{Origin, is_log};
@@ -19,13 +20,16 @@ pub struct Fork<'a> {
     pub from_tick: u64,
     /// The scenario from there on; without one that of the log.
     pub scenario: Option<&'a String>,
-    pub out: &'a Path,
     pub log: LogArgs,
 }
 
 impl Fork<'_> {
-    /// Makes the run again up to the tick, and goes on; gives its experiment as it is from there on.
-    pub fn run(&self) -> Result<(Summary, Arc<Experiment>), Failure> {
+    /// Makes the run again up to the tick, and goes on; gives its experiment as it is from there on, and the folder that
+    /// was chosen for its files.
+    pub fn run(
+        &self,
+        folder: impl FnOnce(&Experiment) -> PathBuf,
+    ) -> Result<(Summary, Arc<Experiment>, PathBuf), Failure> {
         let path = Path::new(&self.args.scenario);
         if !is_log(path) {
             return Err(Failure::bad_input(format!(
@@ -51,22 +55,13 @@ impl Fork<'_> {
                 self.from_tick
             )));
         }
-        let mut files = Files::begin(Some(PathBuf::from(self.out)), &changed, Origin::Run, self.log)?;
+        let folder = folder(&changed);
+        let mut files = Files::begin(Some(folder.clone()), &changed, Origin::Run, self.log)?;
         let bar = progress::simulated_seconds(changed.duration_s);
         let control = self.remake(&mut replay, &original, &mut files)?;
-        let mut run = Run::resume(replay.into_world(), control(&changed)?);
-        for tick in self.from_tick..changed.ticks() {
-            let time_s = run.snapshot().time_s;
-            run.step();
-            files.commands(tick, time_s, run.commands())?;
-            files.tick(Some(run.mainframe()), run.snapshot())?;
-            if tick % 100 == 0 {
-                progress::show(&bar, run.snapshot().time_s);
-            }
-        }
-        let summary = files.finish(&changed, run.snapshot(), None)?;
-        bar.finish_and_clear();
-        Ok((summary, changed))
+        let run = Run::resume(replay.into_world(), control(&changed)?);
+        let summary = drive(run, &changed, files, None, &bar)?;
+        Ok((summary, changed, folder))
     }
 
     fn changed(&self, original: &Experiment) -> Result<Experiment, Failure> {

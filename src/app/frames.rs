@@ -16,6 +16,7 @@ mod table;
 mod video;
 mod y4m;
 
+use super::files::new_folder;
 use super::look::{self, LookArgs, failure};
 use super::say::say;
 use super::{Failure, ScenarioArgs, progress};
@@ -46,9 +47,10 @@ pub struct FramesArgs {
     #[command(flatten)]
     scenario: ScenarioArgs,
     /// Folder for the pictures and frames.csv; or a video of one camera: a file such as run.mp4 (with
-    /// ffmpeg) or run.y4m, or "-" for a Y4M stream to standard output
+    /// ffmpeg) or run.y4m, or "-" for a Y4M stream to standard output [default: a new folder, as
+    /// out/roundabout-frames-1]
     #[arg(long, value_name = "DIR|FILE|-")]
-    out: PathBuf,
+    out: Option<PathBuf>,
     #[command(flatten)]
     cameras: CameraArgs,
     #[command(flatten)]
@@ -104,11 +106,12 @@ fn field_of_view(text: &str) -> Result<f64, String> {
 pub fn frames(args: &FramesArgs) -> Result<(), Failure> {
     let footage = Footage::of(&args.scenario)?;
     let experiment = Arc::clone(footage.experiment());
-    let destination = Destination::of(&args.out);
+    let out = args.out.clone().unwrap_or_else(|| new_folder(&format!("{}-frames", experiment.name)));
+    let destination = Destination::of(&out);
     let stated = stated(args, &destination, &experiment)?;
     let shots = shots::shots(&args.cameras, &stated, &experiment)?;
     let schedule = Schedule::new(args.from, &shots, &experiment)?;
-    let film = Film { args, experiment: &experiment, shots: &shots };
+    let film = Film { args, experiment: &experiment, shots: &shots, out: &out };
     match &destination {
         Destination::Folder(folder) => film.take_pictures(footage, schedule, folder),
         _ => film.take_video(footage, schedule, &destination),
@@ -139,6 +142,7 @@ struct Film<'a> {
     args: &'a FramesArgs,
     experiment: &'a Arc<Experiment>,
     shots: &'a [Shot],
+    out: &'a Path,
 }
 
 impl Film<'_> {
@@ -235,7 +239,7 @@ impl Film<'_> {
         if reader == Reader::Listens {
             let speed = count as f64 / start.elapsed().as_secs_f64().max(1e-9);
             let [width, height] = shot.lens.extent;
-            let (out, adapter) = (self.args.out.display(), &renderer.context().adapter_name);
+            let (out, adapter) = (self.out.display(), &renderer.context().adapter_name);
             eprintln!("{count} pictures of {width} x {height} in {out}: {speed:.1} images/s on {adapter}");
         }
         Ok(())

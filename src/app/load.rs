@@ -23,6 +23,18 @@ pub fn city(args: &ScenarioArgs) -> Result<Experiment, Failure> {
     read(args, true)
 }
 
+/// The city with so much traffic, whatever its scenario says.
+#[cfg(feature = "render")]
+pub fn city_of(vehicles: u32, seed: Option<u64>) -> Result<Experiment, Failure> {
+    let (text, library) = Library::scenario("city").map_err(Failure::bad_input)?;
+    let mut table: toml::Table = text.parse().map_err(Failure::failed)?;
+    if let Some(traffic) = table.get_mut("traffic").and_then(toml::Value::as_table_mut) {
+        traffic.insert("vehicles".to_owned(), i64::from(vehicles).into());
+    }
+    let overrides = Overrides { seed, ..Overrides::default() };
+    read_experiment("city", &table.to_string(), &library, overrides).map_err(Failure::bad_input)
+}
+
 fn read(args: &ScenarioArgs, allows_no_vehicles: bool) -> Result<Experiment, Failure> {
     let (text, library) = Library::scenario(&args.scenario).map_err(Failure::bad_input)?;
     from_text(args, &text, &library, allows_no_vehicles)

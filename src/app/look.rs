@@ -1,15 +1,16 @@
 //! How pictures look, and the renderer for it: what the commands that draw have in common.
 
 use super::Failure;
+use crate::camera::View;
 use crate::city::scene::SceneDescription;
 use crate::render::{
-    AdapterPreference, Context, Daylight, Quality as Preset, RenderError, Renderer, Settings,
+    AdapterPreference, Context, Daylight, Quality as Preset, RenderError, Renderer, Request, Settings,
 };
 use crate::scenario::{Experiment, TimeOfDay};
 use clap::{Args, ValueEnum};
 use std::sync::Arc;
 
-#[derive(Debug, Default, Args)]
+#[derive(Clone, Debug, Default, Args)]
 pub(super) struct LookArgs {
     /// Light of the pictures: noon, low_sun, night or a time such as 17:30 [default: the scenario's]
     #[arg(long, value_name = "TIME")]
@@ -77,6 +78,18 @@ pub(super) fn renderer(
         renderer.set_vehicle_model(body, Arc::clone(model));
     }
     Ok(renderer)
+}
+
+/// As many views at a time as the renderer takes.
+pub(super) fn in_batches(renderer: &Renderer, views: &[View]) -> Vec<Vec<View>> {
+    let mut rest: Vec<Request> = views.iter().map(Request::from).collect();
+    let mut batches = Vec::new();
+    while !rest.is_empty() {
+        let after = rest.split_off(renderer.requests_at_once(&rest));
+        batches.push(rest.iter().map(|request| request.view).collect());
+        rest = after;
+    }
+    batches
 }
 
 /// What the user asked for wrongly ends with another code than what went wrong underway.

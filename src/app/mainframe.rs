@@ -11,7 +11,7 @@ use crate::link::{feedback::ViconFeedback, vicon::Vicon};
 use crate::record::Origin;
 use crate::runner::{Control, SeenCity};
 use crate::scenario::{Experiment, PlannedVehicle};
-use crate::snapshot::Status;
+use crate::snapshot::{Status, VehicleState};
 use crate::wire::{
     Action, Body, Build, Clock, Message, Outcome, Phase, Poses, Seal, Seen, VehicleSetup, pack,
 };
@@ -339,7 +339,7 @@ impl<'a> Remote<'a> {
         }
         let experiment = Arc::clone(&self.experiment);
         for planned in &experiment.vehicles {
-            let setup = self.setup_of(planned);
+            let setup = setup_of(&experiment, planned, self.city.snapshot().vehicle(planned.id));
             let body = |request| Body::Setup { request, setup: Box::new(setup.clone()) };
             match self.ask(ends, &format!("vehicle {}", planned.id), body)? {
                 None => return Ok(false),
@@ -350,36 +350,6 @@ impl<'a> Remote<'a> {
         let is_done = self.sees_by_itself() || self.ask(ends, "the subscription", subscription)?.is_some();
         say(format_args!("{} vehicles in the city at {}", experiment.vehicles.len(), self.args.city))?;
         Ok(is_done)
-    }
-
-    /// Where a vehicle was seen last, or where it starts.
-    fn setup_of(&self, planned: &PlannedVehicle) -> VehicleSetup {
-        let scale = self.experiment.scale;
-        let driver = &planned.driver;
-        let parameters = [
-            ("desired_speed_mps", driver.desired_speed_mps),
-            ("max_acceleration_mps2", driver.max_acceleration_mps2),
-            ("min_acceleration_mps2", driver.min_acceleration_mps2),
-            ("headway_s", driver.headway_s),
-            ("standstill_gap_m", driver.standstill_gap_m),
-            ("exponent", driver.exponent),
-            ("lateral_acceleration_mps2", driver.lateral_acceleration_mps2),
-        ];
-        let seen = self.city.snapshot().vehicle(planned.id);
-        let (pose, speed_mps) = match seen {
-            Some(state) => (state.pose().scaled(1.0 / scale.factor()), 0.0),
-            None => (planned.pose_in_lab(&self.experiment.city_map, scale), planned.start.speed_mps),
-        };
-        VehicleSetup {
-            id: planned.id,
-            name: planned.name.clone(),
-            controller: planned.controller.clone(),
-            parameters: parameters.map(|(name, value)| (name.to_owned(), value)).into(),
-            appearance: planned.appearance,
-            pose,
-            speed_mps,
-            build: Build::Spec(Box::new(planned.spec.clone())),
-        }
     }
 
     /// Answers the poses of a tick by commands.
@@ -454,6 +424,39 @@ impl<'a> Remote<'a> {
                 Ok(())
             }
         }
+    }
+}
+
+/// What brings a vehicle in where it was seen last, or where it starts.
+pub(super) fn setup_of(
+    experiment: &Experiment,
+    planned: &PlannedVehicle,
+    seen: Option<&VehicleState>,
+) -> VehicleSetup {
+    let scale = experiment.scale;
+    let driver = &planned.driver;
+    let parameters = [
+        ("desired_speed_mps", driver.desired_speed_mps),
+        ("max_acceleration_mps2", driver.max_acceleration_mps2),
+        ("min_acceleration_mps2", driver.min_acceleration_mps2),
+        ("headway_s", driver.headway_s),
+        ("standstill_gap_m", driver.standstill_gap_m),
+        ("exponent", driver.exponent),
+        ("lateral_acceleration_mps2", driver.lateral_acceleration_mps2),
+    ];
+    let (pose, speed_mps) = match seen {
+        Some(state) => (state.pose().scaled(1.0 / scale.factor()), 0.0),
+        None => (planned.pose_in_lab(&experiment.city_map, scale), planned.start.speed_mps),
+    };
+    VehicleSetup {
+        id: planned.id,
+        name: planned.name.clone(),
+        controller: planned.controller.clone(),
+        parameters: parameters.map(|(name, value)| (name.to_owned(), value)).into(),
+        appearance: planned.appearance,
+        pose,
+        speed_mps,
+        build: Build::Spec(Box::new(planned.spec.clone())),
     }
 }
 

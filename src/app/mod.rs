@@ -13,6 +13,8 @@ mod load;
 #[cfg(feature = "render")]
 mod look;
 mod mainframe;
+#[cfg(feature = "render")]
+mod pictures;
 mod plot;
 mod progress;
 mod recorded;

@@ -1,10 +1,10 @@
-//! `city3d replay POSES.csv`: vehicles that were measured elsewhere drive as they were recorded, into the same files
+//! `city3d replay POSES`: vehicles that were measured elsewhere drive as they were recorded, into the same files
 //! as any run.
 
 use super::files::{Files, LogArgs, conclude};
 use super::{Failure, ScenarioArgs, load, progress};
 use crate::geom::trig;
-use crate::record::{MeasuredPose, Origin, pose_at, read_poses};
+use crate::record::{MeasuredPose, Origin, is_log, is_ros1_bag, pose_at, read_bag, read_poses};
 use crate::runner::{SeenCity, Summary};
 use crate::scenario::Experiment;
 use crate::snapshot::{Status, VehicleId};
@@ -28,7 +28,7 @@ pub struct Recorded<'a> {
 
 impl Recorded<'_> {
     pub fn replay(&self) -> Result<(), Failure> {
-        let poses = read_poses(self.poses).map_err(Failure::bad_input)?;
+        let poses = self.read()?;
         let times = || poses.values().flatten().map(|pose| pose.time_s);
         let (from_s, to_s) =
             (times().fold(f64::INFINITY, f64::min), times().fold(f64::NEG_INFINITY, f64::max));
@@ -44,6 +44,18 @@ impl Recorded<'_> {
         let experiment = load::experiment(&args)?;
         let summary = self.write(&poses, from_s, &experiment)?;
         conclude(&summary, &experiment, Some(self.out), self.json)
+    }
+
+    /// The poses of a table, or of a bag by the names of the scenario's vehicles.
+    fn read(&self) -> Result<BTreeMap<VehicleId, Vec<MeasuredPose>>, Failure> {
+        if !is_bag(self.poses) {
+            return read_poses(self.poses).map_err(Failure::bad_input);
+        }
+        let scenario = self.scenario.to_owned();
+        let experiment = load::experiment(&ScenarioArgs { scenario, ..ScenarioArgs::default() })?;
+        let named = experiment.vehicles.iter().map(|planned| (planned.name.clone(), planned.id));
+        let tracked = experiment.physical().map(|(planned, physical)| (physical.subject.clone(), planned.id));
+        read_bag(self.poses, &named.chain(tracked).collect()).map_err(Failure::bad_input)
     }
 
     fn write(
@@ -81,6 +93,11 @@ impl Recorded<'_> {
         bar.finish_and_clear();
         files.finish(experiment, city.snapshot(), None)
     }
+}
+
+/// Whether a file is one in which ROS records.
+fn is_bag(path: &Path) -> bool {
+    is_ros1_bag(path) || is_log(path)
 }
 
 /// The vehicles that are there at a time.

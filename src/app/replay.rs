@@ -4,7 +4,7 @@ use super::files::LogArgs;
 use super::recorded::Recorded;
 use super::say::say;
 use super::{Failure, progress};
-use crate::record::last_tick;
+use crate::record::{is_ros1_bag, last_tick};
 use crate::replay::{Differences, Replay, ReplayError, Ticked};
 use clap::Args;
 use serde::Serialize;
@@ -12,8 +12,9 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub struct ReplayArgs {
-    /// The run.mcap of a run, the folder that it lies in, or a CSV of poses that were measured elsewhere (time, id, x, y, yaw; laboratory metres,
-    /// seconds, radians)
+    /// The run.mcap of a run or the folder that it lies in; or poses that were measured elsewhere: a bag of ROS 1 or
+    /// ROS 2 (MCAP) with transforms or stamped poses of the vehicles' names, or a CSV (time, id, x, y, yaw; laboratory
+    /// metres, seconds, radians)
     log: PathBuf,
     /// With poses: the scenario that they are of, for its map and vehicles
     #[arg(long, value_name = "FILE", conflicts_with = "verify")]
@@ -74,7 +75,8 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
         return Recorded { poses: &args.log, scenario, out, log: args.files, json: args.json }.replay();
     }
     let log = &log_of(&args.log);
-    if !args.verify && args.log.extension().is_some_and(|extension| extension == "csv") {
+    let is_table = log.extension().is_some_and(|extension| extension == "csv");
+    if !args.verify && (is_table || is_ros1_bag(log)) {
         return Err(Failure::bad_input(format!(
             "{}: poses are replayed into files: give --scenario and --out",
             args.log.display()

@@ -1,7 +1,10 @@
 //! Poses over ROS: the options of commands, and what a city publishes.
 
 use super::Failure;
+#[cfg(feature = "render")]
+use super::pictures::Taken;
 use crate::geom::LengthScale;
+use crate::link::onboard::OnboardCamera;
 use crate::link::vicon::{Carrier, EPOCH_S, HeardPose, Subject, Vicon, ViconFigures, ViconOptions, wall_s};
 #[cfg(feature = "rosbridge")]
 use crate::ros::BridgeUri;
@@ -10,7 +13,15 @@ use crate::runner::RosSummary;
 use crate::scenario::{Experiment, PlannedVehicle};
 use crate::snapshot::{FrameSnapshot, VehicleInfo};
 use crate::wire::Measurement;
+#[cfg(feature = "render")]
+use crate::{
+    camera::Projection,
+    link::onboard::{OnboardPicture, PictureSender},
+    render::encode_png,
+};
 use clap::Args;
+#[cfg(feature = "render")]
+use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -70,7 +81,7 @@ impl RosArgs {
         heard: Vec<Subject>,
     ) -> Result<Option<ViconOptions>, Failure> {
         let carrier = self.carrier(name)?;
-        Ok(carrier.map(|carrier| ViconOptions { carrier, has_clock, heard }))
+        Ok(carrier.map(|carrier| ViconOptions { carrier, has_clock, heard, cameras: Vec::new() }))
     }
 }
 
@@ -98,14 +109,30 @@ pub struct Poses {
     has_clock: bool,
     roster: Arc<Vec<VehicleInfo>>,
     subjects: Arc<Vec<Subject>>,
+    /// Of the poses that were published last.
+    #[cfg(feature = "render")]
+    pub stamp_s: f64,
 }
 
 impl Poses {
     /// A node, where one is asked for.
-    pub fn start(args: &RosArgs, has_clock: bool, physical: Vec<Subject>) -> Result<Option<Self>, Failure> {
+    pub fn start(
+        args: &RosArgs,
+        has_clock: bool,
+        physical: Vec<Subject>,
+        cameras: Vec<OnboardCamera>,
+    ) -> Result<Option<Self>, Failure> {
         let Some(options) = args.options("/city3d", has_clock, physical)? else { return Ok(None) };
+        let options = ViconOptions { cameras, ..options };
         let vicon = Vicon::start(options).map_err(Failure::bad_input)?;
-        Ok(Some(Self { vicon, has_clock, roster: Arc::default(), subjects: Arc::default() }))
+        Ok(Some(Self {
+            vicon,
+            has_clock,
+            roster: Arc::default(),
+            subjects: Arc::default(),
+            #[cfg(feature = "render")]
+            stamp_s: 0.0,
+        }))
     }
 
     /// Hands over the poses of an instant, and never waits.
@@ -120,6 +147,16 @@ impl Poses {
         let poses = Measurement::all(snapshot, scale).collect();
         let stamp_s = if self.has_clock { snapshot.time_s } else { wall_s() };
         self.vicon.publish(stamp_s, &self.subjects, poses);
+        #[cfg(feature = "render")]
+        {
+            self.stamp_s = stamp_s;
+        }
+    }
+
+    /// Where onboard pictures are handed over.
+    #[cfg(feature = "render")]
+    pub fn pictures(&self) -> PictureSender {
+        self.vicon.pictures()
     }
 
     /// The next pose of a vehicle of the laboratory that has come, on a clock that shows this now.
@@ -146,5 +183,26 @@ pub fn summary(figures: ViconFigures) -> RosSummary {
         heard: figures.heard,
         master_is_there: figures.is_registered,
         master_returns: figures.returns,
+        pictures: None,
     }
+}
+
+/// Hands over what the cameras of an instant have taken.
+#[cfg(feature = "render")]
+pub fn publish_pictures(sender: &PictureSender, taken: &[Taken], scale: LengthScale) {
+    taken.par_iter().for_each(|taken| {
+        let Projection::Pinhole { intrinsics: k, .. } = taken.view.projection else { return };
+        match encode_png(&taken.image) {
+            Ok(png) => sender.send(OnboardPicture {
+                camera: taken.camera,
+                stamp_s: taken.stamp_s,
+                png,
+                extent: taken.view.extent,
+                pinhole: [k.fx, k.fy, k.cx, k.cy],
+                position: taken.view.extrinsics.position / scale.factor(),
+                orientation: taken.view.extrinsics.orientation,
+            }),
+            Err(error) => tracing::warn!("an onboard picture is dropped: {error}"),
+        }
+    });
 }

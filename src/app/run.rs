@@ -1,12 +1,13 @@
 //! `city3d run`: a scenario from its start to its end.
 
-use super::files::{Files, LogArgs, conclude};
+use super::files::{Files, LogArgs, conclude, new_folder};
 use super::fork::Fork;
 use super::{Failure, ScenarioArgs, load, progress};
 use crate::record::{Origin, is_log};
 use crate::runner::{Run, Summary};
 use crate::scenario::Experiment;
 use clap::Args;
+use indicatif::ProgressBar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -15,9 +16,9 @@ use std::time::{Duration, Instant};
 pub struct RunArgs {
     #[command(flatten)]
     scenario: ScenarioArgs,
-    /// Folder for run.mcap, vehicles.csv and summary.json
+    /// Folder for run.mcap, vehicles.csv and summary.json [default: a new one, as out/roundabout-1]
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    out: Option<PathBuf>,
     /// Times real time; without it as fast as the machine can
     #[arg(long, value_name = "X", value_parser = super::pace)]
     speed: Option<f64>,
@@ -35,10 +36,11 @@ pub struct RunArgs {
 }
 
 pub fn run(args: &RunArgs) -> Result<(), Failure> {
+    let folder = |experiment: &Experiment| args.out.clone().unwrap_or_else(|| new_folder(&experiment.name));
     if let Some(from_tick) = args.from_tick {
-        let (scenario, out, log) = (args.changed.as_ref(), args.out.as_path(), args.log);
-        let (summary, experiment) = Fork { args: &args.scenario, from_tick, scenario, out, log }.run()?;
-        return conclude(&summary, &experiment, Some(&args.out), args.json);
+        let fork = Fork { args: &args.scenario, from_tick, scenario: args.changed.as_ref(), log: args.log };
+        let (summary, experiment, folder) = fork.run(folder)?;
+        return conclude(&summary, &experiment, Some(&folder), args.json);
     }
     if is_log(Path::new(&args.scenario.scenario)) {
         return Err(Failure::bad_input(format!(
@@ -48,26 +50,42 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
         )));
     }
     let experiment = load::experiment(&args.scenario)?;
-    let summary = simulate(args, &experiment)?;
-    conclude(&summary, &experiment, Some(&args.out), args.json)
+    let folder = folder(&experiment);
+    let files = Files::begin(Some(folder.clone()), &experiment, Origin::Run, args.log)?;
+    let summary = simulate(&experiment, files, args.speed)?;
+    conclude(&summary, &experiment, Some(&folder), args.json)
 }
 
-fn simulate(args: &RunArgs, experiment: &Arc<Experiment>) -> Result<Summary, Failure> {
-    let mut files = Files::begin(Some(args.out.clone()), experiment, Origin::Run, args.log)?;
-    let mut run = Run::new(Arc::clone(experiment)).map_err(Failure::bad_input)?;
-    let bar = progress::simulated_seconds(experiment.duration_s);
-    let start = Instant::now();
+/// A run from its start to its end, into its files; as fast as it can be, or so many times real time.
+pub fn simulate(
+    experiment: &Arc<Experiment>,
+    mut files: Files,
+    speed: Option<f64>,
+) -> Result<Summary, Failure> {
+    let run = Run::new(Arc::clone(experiment)).map_err(Failure::bad_input)?;
     files.first(run.snapshot())?;
-    for tick in 0..experiment.ticks() {
+    drive(run, experiment, files, speed, &progress::simulated_seconds(experiment.duration_s))
+}
+
+/// The rest of a run, up to the end of an experiment.
+pub fn drive(
+    mut run: Run,
+    experiment: &Experiment,
+    mut files: Files,
+    speed: Option<f64>,
+    bar: &ProgressBar,
+) -> Result<Summary, Failure> {
+    let start = Instant::now();
+    for tick in run.snapshot().tick..experiment.ticks() {
         let time_s = run.snapshot().time_s;
         run.step();
         files.commands(tick, time_s, run.commands())?;
         let snapshot = run.snapshot();
         files.tick(Some(run.mainframe()), snapshot)?;
         if tick % 100 == 0 {
-            progress::show(&bar, snapshot.time_s);
+            progress::show(bar, snapshot.time_s);
         }
-        if let Some(speed) = args.speed {
+        if let Some(speed) = speed {
             keep_pace(start, snapshot.time_s / speed);
         }
     }

@@ -1,22 +1,37 @@
 //! `city3d serve`: the city alone, driven over the laboratory's link.
 
 use super::files::{Files, LogArgs, conclude, folder_of};
+#[cfg(all(feature = "render", feature = "ros"))]
+use super::look::LookArgs;
+#[cfg(feature = "render")]
+use super::pictures::Pictures;
+#[cfg(all(feature = "render", feature = "ros"))]
+use super::pictures::onboard;
+#[cfg(all(feature = "render", feature = "ros"))]
+use super::ros::publish_pictures;
 #[cfg(feature = "ros")]
 use super::ros::{Poses, RosArgs, physical_subjects_of};
 use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
+#[cfg(all(feature = "render", feature = "ros"))]
+use crate::link::onboard::OnboardCamera;
 use crate::link::{Allowed, Inbound, Laboratory, Origin, Server, ServerOptions, read_key};
 use crate::live::Clock;
 use crate::record::{NetworkCommand, Origin as LogOrigin};
+#[cfg(all(feature = "render", feature = "ros"))]
+use crate::runner::PicturesSummary;
 use crate::runner::{Applied, LinkSummary, MOTION_CAPTURE, RosSummary, Rules, Served};
 use crate::scenario::Experiment;
 use crate::snapshot::{FrameSnapshot, VehicleId};
 use crate::wire::{Body, Measurement, Outcome};
 use clap::Args;
+#[cfg(feature = "render")]
+use clap::{Command, FromArgMatches};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 #[derive(Debug, Args)]
@@ -55,6 +70,17 @@ pub struct ServeArgs {
     #[cfg(feature = "ros")]
     #[arg(long, requires = "carrier")]
     ros_clock: bool,
+    /// Over ROS, pictures of the vehicles' cameras too: those of the scenario, or one behind each windscreen
+    #[cfg(all(feature = "render", feature = "ros"))]
+    #[arg(long, requires = "ros")]
+    ros_cameras: bool,
+    /// Width and height of these pictures in pixels [default: the sensors', or 640x480]
+    #[cfg(all(feature = "render", feature = "ros"))]
+    #[arg(long, value_name = "WxH", requires = "ros_cameras", value_parser = super::frames::size)]
+    ros_camera_size: Option<[u32; 2]>,
+    #[cfg(all(feature = "render", feature = "ros"))]
+    #[command(flatten)]
+    look: LookArgs,
     /// Without a window
     #[arg(long)]
     headless: bool,
@@ -73,9 +99,53 @@ const RATE_IN_LOCKSTEP: f64 = 1e6;
 const LINGER: Duration = Duration::from_millis(300);
 /// Datagrams that are taken in before the clock is looked at again.
 const AT_ONCE: usize = 1024;
+/// Systems wake who sleeps a little late: so long before a tick nobody sleeps.
+const AWAKE: Duration = Duration::from_micros(150);
 
 pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let experiment = load::city(&args.scenario)?;
+    let ends = on_end()?;
+    let mut serving = Serving::open(args, experiment, Instruments::default())?;
+    let pace = if args.lockstep { ", in lockstep" } else { "" };
+    let name = &serving.served.experiment().name;
+    say(format_args!("{name} is served on udp {}{pace}", serving.address()))?;
+    serving.serve(&ends)?;
+    serving.conclude()
+}
+
+#[cfg(feature = "render")]
+impl ServeArgs {
+    /// As of a command line.
+    ///
+    /// # Errors
+    /// Where they are none.
+    pub(super) fn of(arguments: &[&str]) -> Result<Self, Failure> {
+        let command = Self::augment_args(Command::new("serve").no_binary_name(true));
+        let found = command.try_get_matches_from(arguments).map_err(Failure::bad_input)?;
+        Self::from_arg_matches(&found).map_err(Failure::bad_input)
+    }
+}
+
+/// What a served city has for a measurement.
+#[derive(Debug, Default)]
+pub(super) struct Instruments {
+    pub(super) marks: Option<Sender<Mark>>,
+    #[cfg(feature = "render")]
+    pub(super) pictures: Option<Pictures>,
+}
+
+/// When something has happened in it.
+#[cfg_attr(not(feature = "render"), allow(dead_code, reason = "the bench alone reads them"))]
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Mark {
+    /// A datagram of trajectories waits for the next tick.
+    Taken { vehicle: VehicleId, sequence: u32, at: Instant },
+    /// The world has made the step that leads to a tick.
+    Ticked { tick: u64, due: Instant, begun: Instant, done: Instant },
+}
+
+/// The socket of a city.
+fn server_of(args: &ServeArgs, experiment: &Experiment) -> Result<Server, Failure> {
     if experiment.physical().next().is_some() && (args.lockstep || args.speed != 1.0) {
         return Err(Failure::bad_input(
             "physical vehicles keep to the clock on the wall: leave --lockstep and --speed out, or set body = \"virtual\"",
@@ -90,7 +160,6 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
         rate_per_s,
         takes_clock: false,
     };
-    let ends = on_end()?;
     let server = Server::bind(&options).map_err(Failure::bad_input)?;
     if !server.is_loopback() && args.allow.is_empty() && args.link.key.is_none() {
         tracing::warn!(
@@ -101,33 +170,7 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
     if !args.headless {
         tracing::warn!("the window does not show a served city yet; it is served without one (--headless)");
     }
-    let pace = if args.lockstep { ", in lockstep" } else { "" };
-    say(format_args!("{} is served on udp {}{pace}", experiment.name, server.address()))?;
-    let rules = Rules { is_lockstep: args.lockstep, guests: args.guests };
-    let duration = args.scenario.duration.map(|_| experiment.ticks());
-    let laboratory = laboratory_of(args, &experiment)?;
-    #[cfg(feature = "ros")]
-    let ros = Poses::start(&args.ros, args.ros_clock, physical_subjects_of(&experiment))?;
-    let mut serving = Serving {
-        args,
-        server,
-        served: Served::new(experiment, rules),
-        files: None,
-        part: 1,
-        subscribers: Vec::new(),
-        clock: None,
-        told: Instant::now(),
-        begun: Instant::now(),
-        let_go_s: 0.0,
-        duration,
-        #[cfg(feature = "ros")]
-        ros,
-        laboratory,
-        seen: BTreeMap::new(),
-        arrived: Vec::new(),
-    };
-    serving.serve(&ends)?;
-    serving.conclude()
+    Ok(server)
 }
 
 fn logged(server: &Server, tick: u64, applied: &Applied) -> Result<NetworkCommand, Failure> {
@@ -151,13 +194,37 @@ fn laboratory_of(args: &ServeArgs, experiment: &Experiment) -> Result<Laboratory
     Laboratory::new(physical, true, 0, &seal).map_err(Failure::bad_input)
 }
 
+/// Poses and onboard pictures over ROS, as far as they are asked for.
+#[cfg(all(feature = "render", feature = "ros"))]
+fn ros_of(args: &ServeArgs, experiment: &Experiment) -> Result<(Option<Poses>, Option<Pictures>), Failure> {
+    let cameras = if args.ros_cameras { onboard(experiment, args.ros_camera_size) } else { Vec::new() };
+    let named = cameras
+        .iter()
+        .map(|camera| OnboardCamera { vehicle: camera.owner.clone(), camera: camera.name.clone() });
+    let physical = physical_subjects_of(experiment);
+    let ros = Poses::start(&args.ros, args.ros_clock, physical, named.collect())?;
+    let Some(sender) = ros.as_ref().filter(|_| args.ros_cameras).map(Poses::pictures) else {
+        return Ok((ros, None));
+    };
+    if cameras.is_empty() {
+        return Err(Failure::bad_input(format!(
+            "scenario {} has no vehicle to carry a camera; leave --ros-cameras out",
+            experiment.name
+        )));
+    }
+    let (scale, wanted) = (experiment.scale, sender.wanted());
+    let take = move |taken: Vec<_>| publish_pictures(&sender, &taken, scale);
+    let pictures = Pictures::start(&Arc::new(experiment.clone()), args.look.clone(), cameras, wanted, take)?;
+    Ok((ros, Some(pictures)))
+}
+
 struct Subscriber {
     origin: Origin,
     every_ticks: u64,
     until: Instant,
 }
 
-struct Serving<'a> {
+pub(super) struct Serving<'a> {
     args: &'a ServeArgs,
     server: Server,
     served: Served,
@@ -181,10 +248,58 @@ struct Serving<'a> {
     seen: BTreeMap<VehicleId, Measurement>,
     /// Poses that have come, kept for its memory.
     arrived: Vec<Measurement>,
+    instruments: Instruments,
 }
 
-impl Serving<'_> {
-    fn serve(&mut self, ends: &AtomicBool) -> Result<(), Failure> {
+impl<'a> Serving<'a> {
+    /// Opens its sockets; nobody is heard yet.
+    pub(super) fn open(
+        args: &'a ServeArgs,
+        experiment: Experiment,
+        instruments: Instruments,
+    ) -> Result<Self, Failure> {
+        let server = server_of(args, &experiment)?;
+        let rules = Rules { is_lockstep: args.lockstep, guests: args.guests };
+        let duration = args.scenario.duration.map(|_| experiment.ticks());
+        let laboratory = laboratory_of(args, &experiment)?;
+        #[cfg(all(feature = "render", feature = "ros"))]
+        let mut instruments = instruments;
+        #[cfg(all(feature = "render", feature = "ros"))]
+        let ros = {
+            let (ros, pictures) = ros_of(args, &experiment)?;
+            instruments.pictures = instruments.pictures.or(pictures);
+            ros
+        };
+        #[cfg(all(feature = "ros", not(feature = "render")))]
+        let ros = Poses::start(&args.ros, args.ros_clock, physical_subjects_of(&experiment), Vec::new())?;
+        Ok(Self {
+            args,
+            server,
+            served: Served::new(experiment, rules),
+            files: None,
+            part: 1,
+            subscribers: Vec::new(),
+            clock: None,
+            told: Instant::now(),
+            begun: Instant::now(),
+            let_go_s: 0.0,
+            duration,
+            #[cfg(feature = "ros")]
+            ros,
+            laboratory,
+            seen: BTreeMap::new(),
+            arrived: Vec::new(),
+            instruments,
+        })
+    }
+
+    /// Where it listens.
+    pub(super) fn address(&self) -> String {
+        self.server.address()
+    }
+
+    /// Until it is told to end, or its time is over.
+    pub(super) fn serve(&mut self, ends: &AtomicBool) -> Result<(), Failure> {
         while !ends.load(Ordering::Relaxed) && !self.is_over() {
             self.receive(self.wait())?;
             self.advance()?;
@@ -222,7 +337,7 @@ impl Serving<'_> {
         let now = Instant::now();
         let standing = STANDING.saturating_sub(now.duration_since(self.told));
         match self.clock {
-            Some(clock) => clock.until(now, self.snapshot().time_s),
+            Some(clock) => clock.until(now, self.snapshot().time_s).saturating_sub(AWAKE),
             None => standing.max(Duration::from_micros(1)),
         }
     }
@@ -240,6 +355,16 @@ impl Serving<'_> {
             let tick = self.snapshot().tick;
             self.server.tell(origin, &Body::Ack { request, outcome: Outcome::Busy, tick, detail });
             return Ok(());
+        }
+        if let Body::Trajectories(list) = &body
+            && let (Some(marks), Some(first)) = (&self.instruments.marks, list.first())
+        {
+            // Who measures may have ended.
+            let _ = marks.send(Mark::Taken {
+                vehicle: first.vehicle,
+                sequence: first.sequence,
+                at: Instant::now(),
+            });
         }
         let is_new = matches!(body, Body::Subscribe { .. } | Body::Setup { .. });
         if let Some(answer) = self.served.take(origin.0, self.begun.elapsed().as_secs_f64(), body) {
@@ -347,12 +472,21 @@ impl Serving<'_> {
         if before == 0 && self.served.is_running() {
             files.first(self.served.snapshot())?;
         }
+        let begun = Instant::now();
         let after = self.served.tick().tick;
-        for applied in self.served.applied() {
-            files.network(time_s, logged(&self.server, before, applied)?)?;
+        let done = Instant::now();
+        // Who waits for the poses comes before the files.
+        self.publish();
+        if let (Some(marks), Some(clock)) = (&self.instruments.marks, self.clock) {
+            let _ = marks.send(Mark::Ticked { tick: after, due: clock.at(time_s), begun, done });
         }
-        if after > before {
-            files.tick(None, self.served.snapshot())?;
+        if let Some(files) = &mut self.files {
+            for applied in self.served.applied() {
+                files.network(time_s, logged(&self.server, before, applied)?)?;
+            }
+            if after > before {
+                files.tick(None, self.served.snapshot())?;
+            }
         }
         for reason in self.served.drain_dropped() {
             self.server.count(reason);
@@ -361,7 +495,14 @@ impl Serving<'_> {
             // The present instant is that of the new run already; the files end with what they have.
             self.end_part()?;
         }
-        self.publish();
+        #[cfg(feature = "render")]
+        if let Some(pictures) = &mut self.instruments.pictures {
+            #[cfg(feature = "ros")]
+            let stamp_s = self.ros.as_ref().map_or(0.0, |ros| ros.stamp_s);
+            #[cfg(not(feature = "ros"))]
+            let stamp_s = 0.0;
+            pictures.show(self.served.snapshot(), stamp_s);
+        }
         Ok(())
     }
 
@@ -378,7 +519,14 @@ impl Serving<'_> {
 
     #[cfg(feature = "ros")]
     fn ros_figures(&self) -> Option<RosSummary> {
-        self.ros.as_ref().map(Poses::figures)
+        let figures = self.ros.as_ref().map(Poses::figures);
+        #[cfg(feature = "render")]
+        if let (Some(ros), Some(pictures)) = (&self.ros, &self.instruments.pictures) {
+            let (published, lost) = ros.pictures().figures();
+            let pictures = Some(PicturesSummary { published, dropped: lost + pictures.figures().1 });
+            return figures.map(|figures| RosSummary { pictures, ..figures });
+        }
+        figures
     }
 
     #[cfg(not(feature = "ros"))]
@@ -407,8 +555,14 @@ impl Serving<'_> {
         }
     }
 
+    /// Onboard pictures that have been taken.
+    #[cfg(feature = "render")]
+    pub(super) fn pictures_taken(&self) -> u64 {
+        self.instruments.pictures.as_ref().map_or(0, |pictures| pictures.figures().0)
+    }
+
     /// Writes the rest, and says what the run came to.
-    fn conclude(mut self) -> Result<(), Failure> {
+    pub(super) fn conclude(mut self) -> Result<(), Failure> {
         let experiment = Arc::clone(self.served.experiment());
         let files = match self.files.take() {
             Some(files) => files,

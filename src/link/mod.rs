@@ -2,10 +2,13 @@
 //! mean is told by [`wire`](crate::wire), what becomes of them by [`runner`](crate::runner).
 
 mod client;
+mod echo;
 #[cfg(feature = "ros")]
 pub mod feedback;
 mod key;
 mod laboratory;
+#[cfg(feature = "ros")]
+pub mod onboard;
 mod senders;
 mod server;
 #[cfg(feature = "ros")]
@@ -13,6 +16,7 @@ pub mod vicon;
 mod window;
 
 pub use client::{Client, Heard};
+pub use echo::round_trips;
 pub use key::{KeyError, read_key};
 pub use laboratory::Laboratory;
 pub use senders::{Bucket, Origin, Senders, Told};

@@ -1,5 +1,6 @@
 //! Poses over ROS 1 as VICON's bridge publishes them, and those that others publish so.
 
+use super::onboard::{OnboardCamera, PictureSender, PictureTopics, pictures};
 #[cfg(feature = "rosbridge")]
 use crate::ros::{BridgeUri, run_bridge};
 use crate::ros::{
@@ -22,7 +23,7 @@ const QUEUE: usize = 64;
 const INBOX: usize = 4096;
 /// A rotation is one as long as its quaternion is about so long.
 const UNIT: std::ops::RangeInclusive<f64> = 0.9..=1.1;
-const TF: &str = "/tf";
+pub(super) const TF: &str = "/tf";
 const CLOCK: &str = "/clock";
 
 /// What VICON tracks: a vehicle, by its name.
@@ -49,6 +50,8 @@ pub struct ViconOptions {
     pub has_clock: bool,
     /// Whose poses are listened to.
     pub heard: Vec<Subject>,
+    /// Whose pictures are published.
+    pub cameras: Vec<OnboardCamera>,
 }
 
 /// A pose that somebody has published. Its stamp is as it was sent: seconds since the epoch, or simulated ones.
@@ -111,6 +114,7 @@ pub struct Vicon {
     frames: Option<broadcast::Sender<Frame>>,
     inbox: Arc<Inbox>,
     counts: Arc<Counts>,
+    pictures: PictureSender,
     seq: u32,
     stamp: Option<Time>,
     thread: NodeThread,
@@ -122,17 +126,24 @@ impl Vicon {
     /// # Errors
     /// When the node cannot be started.
     pub fn start(options: ViconOptions) -> Result<Self, RosError> {
-        let ViconOptions { carrier, has_clock, heard } = options;
+        let ViconOptions { carrier, has_clock, heard, cameras } = options;
         let (frames, coming) = broadcast::channel(QUEUE);
         let (counts, inbox) = (Arc::new(Counts::default()), Arc::new(Inbox::default()));
-        let work =
-            Work { heard, has_clock, frames: coming, inbox: Arc::clone(&inbox), counts: Arc::clone(&counts) };
+        let (pictures, topics) = pictures(cameras);
+        let work = Work {
+            heard,
+            has_clock,
+            frames: coming,
+            pictures: topics,
+            inbox: Arc::clone(&inbox),
+            counts: Arc::clone(&counts),
+        };
         let thread = match carrier {
             Carrier::Node(options) => run(options, move |node| work.live(node))?,
             #[cfg(feature = "rosbridge")]
             Carrier::Bridge(uri) => run_bridge(uri, move |bridge| work.live(bridge))?,
         };
-        Ok(Self { frames: Some(frames), inbox, counts, seq: 0, stamp: None, thread })
+        Ok(Self { frames: Some(frames), inbox, counts, pictures, seq: 0, stamp: None, thread })
     }
 
     /// Hands over the poses of an instant, and never waits. Subjects without a pose are not seen then. The stamp
@@ -145,6 +156,11 @@ impl Vicon {
         if self.frames.as_ref().is_none_or(|frames| frames.send(frame).is_err()) {
             self.counts.dropped.fetch_add(1, Ordering::Relaxed);
         }
+    }
+
+    /// Where pictures of the cameras are handed over.
+    pub fn pictures(&self) -> PictureSender {
+        self.pictures.clone()
     }
 
     /// The next pose of somebody else, waiting no longer than this.
@@ -201,6 +217,7 @@ struct Work {
     heard: Vec<Subject>,
     has_clock: bool,
     frames: Receiver<Frame>,
+    pictures: PictureTopics,
     inbox: Arc<Inbox>,
     counts: Arc<Counts>,
 }
@@ -214,15 +231,25 @@ impl Work {
         if self.has_clock {
             topics.advertise::<Clock>(CLOCK);
         }
+        self.pictures.advertise(&topics);
         let mut subjects: Arc<Vec<Subject>> = Arc::default();
         loop {
-            match self.frames.recv().await {
+            let frame = tokio::select! {
+                biased;
+                frame = self.frames.recv() => frame,
+                picture = self.pictures.next() => {
+                    self.pictures.publish(&topics, &picture);
+                    continue;
+                }
+            };
+            match frame {
                 Ok(frame) => {
                     if !Arc::ptr_eq(&subjects, &frame.subjects) {
                         change(&topics, &subjects, &frame.subjects);
                         subjects = Arc::clone(&frame.subjects);
                     }
                     publish_frame(&topics, &frame, self.has_clock);
+                    self.pictures.look(&topics);
                     self.counts.published.fetch_add(1, Ordering::Relaxed);
                 }
                 Err(RecvError::Lagged(frames)) => {
@@ -315,7 +342,7 @@ mod tests {
         // Nobody listens on the discard port of this machine.
         let master = "http://127.0.0.1:9".parse().unwrap();
         let node = NodeOptions { name: "/test".to_owned(), master, bind: Some("127.0.0.1".parse().unwrap()) };
-        ViconOptions { carrier: Carrier::Node(node), has_clock, heard: Vec::new() }
+        ViconOptions { carrier: Carrier::Node(node), has_clock, heard: Vec::new(), cameras: Vec::new() }
     }
 
     #[test]

@@ -57,6 +57,12 @@ impl Clock {
         self.from_s + now.saturating_duration_since(self.since).as_secs_f64() * self.factor
     }
 
+    /// When it shows a time.
+    pub fn at(&self, time_s: f64) -> Instant {
+        let left_s = (time_s - self.from_s) / self.factor;
+        self.since + Duration::try_from_secs_f64(left_s.max(0.0)).unwrap_or_default()
+    }
+
     /// From now until it shows a time; nothing when it does already.
     pub fn until(&self, now: Instant, time_s: f64) -> Duration {
         let left_s = (time_s - self.simulated_s(now)) / self.factor;

@@ -1,6 +1,7 @@
 //! Run logs: an MCAP file with snapshots, events, the digest of every tick and every command, and a CSV table of
 //! the vehicles.
 
+mod bag;
 mod cdr;
 mod chunks;
 mod log;
@@ -11,6 +12,7 @@ mod schema;
 mod table;
 mod transforms;
 
+pub use bag::{is_ros1_bag, read_bag};
 pub use chunks::{Chunk, ChunkedLog, Part};
 pub use log::{LogWriter, Origin};
 pub use poses::{MeasuredPose, POSE_COLUMNS, pose_at, read_poses};

@@ -61,12 +61,15 @@ pub fn read_poses(path: &Path) -> Result<BTreeMap<VehicleId, Vec<MeasuredPose>>,
     if found.is_empty() {
         return Err(wrong(1, "there are no poses in it".to_owned()));
     }
-    for poses in found.values_mut() {
-        poses.reverse();
-        poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-        poses.dedup_by(|later, kept| later.time_s == kept.time_s);
-    }
-    Ok(found)
+    Ok(found.into_iter().map(|(vehicle, poses)| (vehicle, in_order(poses))).collect())
+}
+
+/// In order of time; of equal times the last one counts.
+pub(super) fn in_order(mut poses: Vec<MeasuredPose>) -> Vec<MeasuredPose> {
+    poses.reverse();
+    poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    poses.dedup_by(|later, kept| later.time_s == kept.time_s);
+    poses
 }
 
 fn line_of(error: &csv::Error) -> u64 {

@@ -275,6 +275,33 @@ impl Records {
     }
 }
 
+/// Hands over type, topic and bytes of each message of any MCAP file. Tells why it has no end, where it is torn.
+pub(super) fn each_message(
+    path: &Path,
+    mut take: impl FnMut(&str, &str, &[u8]),
+) -> std::io::Result<Option<String>> {
+    let mut records = Records::open(path)?;
+    // Names of types, and types and topics of channels.
+    let mut schemas: HashMap<u16, String> = HashMap::new();
+    let mut channels: HashMap<u16, (String, String)> = HashMap::new();
+    while let Some(record) = records.next()? {
+        match record {
+            Record::Schema { header, .. } => drop(schemas.insert(header.id, header.name)),
+            Record::Channel(channel) => {
+                let kind = schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                channels.insert(channel.id, (kind, channel.topic));
+            }
+            Record::Message { header, data } => {
+                if let Some((kind, topic)) = channels.get(&header.channel_id) {
+                    take(kind, topic, &data);
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok(records.torn)
+}
+
 pub(super) fn why(error: &McapError) -> String {
     match error {
         McapError::UnexpectedEof | McapError::UnexpectedEoc => "it ends in the middle of a record".to_owned(),

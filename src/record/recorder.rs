@@ -21,6 +21,8 @@ pub enum RecordError {
     Poses { path: PathBuf, line: u64, reason: String },
     #[error("{path}: no log of City3D: {reason}")]
     NoLog { path: PathBuf, reason: String },
+    #[error("{path}: no bag of poses: {reason}")]
+    NoBag { path: PathBuf, reason: String },
 }
 
 #[derive(Debug)]

@@ -38,7 +38,7 @@ pub use daylight::Daylight;
 pub use error::RenderError;
 pub use files::Format;
 pub use image::{Image, Plane};
-pub use png::write_png;
+pub use png::{encode_png, write_png};
 pub use readback::{Arrived, Pending, read_texture};
 pub use renderer::Renderer;
 pub use request::{Pictures, Request};

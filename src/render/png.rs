@@ -1,7 +1,9 @@
 //! PNG files.
 
 use super::{Image, RenderError};
+use ::png::EncodingError;
 use std::fs::File;
+use std::io::Write;
 use std::path::Path;
 
 /// Writes a picture as PNG, compressed for speed rather than size. Its bytes are sRGB, which is
@@ -11,25 +13,46 @@ use std::path::Path;
 /// [`RenderError::File`] where the file cannot be made or the disk is full, [`RenderError::Encoding`]
 /// where the encoder refuses; both name the path.
 pub fn write_png(path: &Path, image: &Image) -> Result<(), RenderError> {
-    let bytes = image.width as usize * 3;
-    write_rows(path, [image.width, image.height], |y, row| {
-        row.copy_from_slice(&image.rgb[y * bytes..][..bytes]);
-    })
+    write_rows(path, [image.width, image.height], |y, row| row_of(image, y, row))
+}
+
+/// The bytes of such a file.
+///
+/// # Errors
+/// Where the encoder refuses the picture.
+pub fn encode_png(image: &Image) -> Result<Vec<u8>, EncodingError> {
+    let mut bytes = Vec::new();
+    encode_rows(&mut bytes, [image.width, image.height], |y, row| row_of(image, y, row))?;
+    Ok(bytes)
+}
+
+fn row_of(image: &Image, y: usize, row: &mut [u8]) {
+    row.copy_from_slice(&image.rgb[y * row.len()..][..row.len()]);
 }
 
 /// [`write_png`] of a picture whose rows come one by one: `fill` writes the pixels of a row, from the top on.
-/// Rows go through the filter "up" to the compressor some at a time, so that they stay in the processor's cache;
-/// the encoder of `png` would want them all at once.
 pub(super) fn write_rows(
     path: &Path,
-    [width, height]: [u32; 2],
-    mut fill: impl FnMut(usize, &mut [u8]),
+    extent: [u32; 2],
+    fill: impl FnMut(usize, &mut [u8]),
 ) -> Result<(), RenderError> {
     let at = |source| RenderError::File { path: path.to_owned(), source };
-    let encoding = |source| RenderError::Encoding { path: path.to_owned(), source };
+    encode_rows(File::create(path).map_err(at)?, extent, fill).map_err(|error| match error {
+        EncodingError::IoError(source) => at(source),
+        source => RenderError::Encoding { path: path.to_owned(), source },
+    })
+}
+
+/// Rows go through the filter "up" to the compressor some at a time, so that they stay in the processor's cache;
+/// the encoder of `png` would want them all at once.
+fn encode_rows(
+    to: impl Write,
+    [width, height]: [u32; 2],
+    mut fill: impl FnMut(usize, &mut [u8]),
+) -> Result<(), EncodingError> {
     let bytes = width as usize * 3;
     let data = Vec::with_capacity(width as usize * height as usize);
-    let mut compressor = fdeflate::Compressor::new(data).map_err(at)?;
+    let mut compressor = fdeflate::Compressor::new(data)?;
     let (mut above, mut row) = (vec![0; bytes], vec![0; bytes]);
     let mut filtered = Vec::with_capacity(ROWS * (bytes + 1));
     for y in 0..height as usize {
@@ -38,17 +61,17 @@ pub(super) fn write_rows(
         filtered.extend(row.iter().zip(&above).map(|(here, above)| here.wrapping_sub(*above)));
         std::mem::swap(&mut row, &mut above);
         if y % ROWS == ROWS - 1 {
-            compressor.write_data(&filtered).map_err(at)?;
+            compressor.write_data(&filtered)?;
             filtered.clear();
         }
     }
-    compressor.write_data(&filtered).map_err(at)?;
-    let data = compressor.finish().map_err(at)?;
-    let mut encoder = ::png::Encoder::new(File::create(path).map_err(at)?, width, height);
+    compressor.write_data(&filtered)?;
+    let data = compressor.finish()?;
+    let mut encoder = ::png::Encoder::new(to, width, height);
     encoder.set_color(::png::ColorType::Rgb);
-    let mut writer = encoder.write_header().map_err(encoding)?;
-    writer.write_chunk(::png::chunk::IDAT, &data).map_err(encoding)?;
-    writer.finish().map_err(encoding)
+    let mut writer = encoder.write_header()?;
+    writer.write_chunk(::png::chunk::IDAT, &data)?;
+    writer.finish()
 }
 
 /// How many rows go to the compressor at a time.

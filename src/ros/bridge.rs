@@ -140,6 +140,11 @@ impl Topics for Bridge {
         }
     }
 
+    /// It does not tell who listens behind it.
+    fn is_heard(&self, topic: &str) -> bool {
+        self.0.published.borrow().contains_key(topic)
+    }
+
     fn subscribe<M: Message>(&self, topic: &str, hear: impl Fn(M) + 'static) {
         let name = topic.to_owned();
         let hear = move |value| match serde_json::from_value(value) {

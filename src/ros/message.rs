@@ -56,25 +56,38 @@ impl<'a> Bytes<'a> {
         Ok(*taken)
     }
 
-    fn u32(&mut self) -> Result<u32, MessageError> {
+    pub(super) fn u8(&mut self) -> Result<u8, MessageError> {
+        self.take().map(|[byte]| byte)
+    }
+
+    pub(super) fn u32(&mut self) -> Result<u32, MessageError> {
         self.take().map(u32::from_le_bytes)
     }
 
-    fn f64(&mut self) -> Result<f64, MessageError> {
+    pub(super) fn f64(&mut self) -> Result<f64, MessageError> {
         self.take().map(f64::from_le_bytes)
     }
 
-    fn text(&mut self) -> Result<&'a str, MessageError> {
+    /// As many as are told before them.
+    pub(super) fn bytes(&mut self) -> Result<&'a [u8], MessageError> {
         let length = self.u32()? as usize;
-        let (text, rest) = self.0.split_at_checked(length).ok_or(MessageError::Torn)?;
+        let (bytes, rest) = self.0.split_at_checked(length).ok_or(MessageError::Torn)?;
         self.0 = rest;
-        std::str::from_utf8(text).map_err(|_| MessageError::Text)
+        Ok(bytes)
+    }
+
+    pub(super) fn text(&mut self) -> Result<&'a str, MessageError> {
+        std::str::from_utf8(self.bytes()?).map_err(|_| MessageError::Text)
     }
 }
 
 fn write_text(out: &mut Vec<u8>, text: &str) {
-    out.extend((text.len() as u32).to_le_bytes());
-    out.extend(text.as_bytes());
+    write_bytes(out, text.as_bytes());
+}
+
+pub(super) fn write_bytes(out: &mut Vec<u8>, bytes: &[u8]) {
+    out.extend((bytes.len() as u32).to_le_bytes());
+    out.extend(bytes);
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -118,6 +131,18 @@ pub struct Header {
     pub frame_id: String,
 }
 
+impl Header {
+    pub(super) fn write(&self, out: &mut Vec<u8>) {
+        out.extend(self.seq.to_le_bytes());
+        self.stamp.write(out);
+        write_text(out, &self.frame_id);
+    }
+
+    pub(super) fn read(from: &mut Bytes<'_>) -> Result<Self, MessageError> {
+        Ok(Self { seq: from.u32()?, stamp: Time::read(from)?, frame_id: from.text()?.to_owned() })
+    }
+}
+
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Vector3 {
     pub x: f64,
@@ -159,6 +184,7 @@ pub struct Clock {
     pub clock: Time,
 }
 
+/// Where the definition of another type begins.
 macro_rules! next_message {
     ($name:literal) => {
         concat!(
@@ -169,12 +195,19 @@ macro_rules! next_message {
     };
 }
 
+macro_rules! header {
+    () => {
+        concat!(next_message!("std_msgs/Header"), "uint32 seq\ntime stamp\nstring frame_id\n")
+    };
+}
+
+pub(super) use {header, next_message};
+
 macro_rules! transform_stamped {
     () => {
         concat!(
             "Header header\nstring child_frame_id\nTransform transform\n",
-            next_message!("std_msgs/Header"),
-            "uint32 seq\ntime stamp\nstring frame_id\n",
+            header!(),
             next_message!("geometry_msgs/Transform"),
             "Vector3 translation\nQuaternion rotation\n",
             next_message!("geometry_msgs/Vector3"),
@@ -193,20 +226,16 @@ impl Message for TransformStamped {
     };
 
     fn write(&self, out: &mut Vec<u8>) {
-        out.extend(self.header.seq.to_le_bytes());
-        self.header.stamp.write(out);
-        write_text(out, &self.header.frame_id);
+        self.header.write(out);
         write_text(out, &self.child_frame_id);
         let (p, q) = (self.transform.translation, self.transform.rotation);
         [p.x, p.y, p.z, q.x, q.y, q.z, q.w].into_iter().for_each(|number| out.extend(number.to_le_bytes()));
     }
 
     fn read(from: &mut Bytes<'_>) -> Result<Self, MessageError> {
-        let (seq, stamp) = (from.u32()?, Time::read(from)?);
-        let (frame_id, child_frame_id) = (from.text()?.to_owned(), from.text()?.to_owned());
+        let (header, child_frame_id) = (Header::read(from)?, from.text()?.to_owned());
         let translation = Vector3 { x: from.f64()?, y: from.f64()?, z: from.f64()? };
         let rotation = Quaternion { x: from.f64()?, y: from.f64()?, z: from.f64()?, w: from.f64()? };
-        let header = Header { seq, stamp, frame_id };
         Ok(Self { header, child_frame_id, transform: Transform { translation, rotation } })
     }
 }

@@ -10,6 +10,7 @@ mod header;
 mod http;
 mod message;
 mod node;
+mod picture;
 mod publisher;
 mod report;
 mod subscriber;
@@ -23,6 +24,7 @@ pub use message::{
     TransformStamped, Vector3,
 };
 pub use node::{Node, NodeOptions, NodeStatus, NodeThread, run};
+pub use picture::{CameraInfo, CompressedImage, RegionOfInterest};
 pub use uri::{BindAddress, MasterUri, Place};
 
 use thiserror::Error;
@@ -35,6 +37,8 @@ pub trait Topics {
     fn retract(&self, topic: &str);
     /// Hands a message over to those who listen to a topic that was offered, and never waits.
     fn publish<M: Message>(&self, topic: &str, message: impl FnOnce() -> M);
+    /// Whether anybody may listen to a topic that was offered.
+    fn is_heard(&self, topic: &str) -> bool;
     /// Listens to a topic, whoever publishes it.
     fn subscribe<M: Message>(&self, topic: &str, hear: impl Fn(M) + 'static);
 }

@@ -460,6 +460,10 @@ impl Topics for Node {
         self.0.status.slow.fetch_add(slow, Ordering::Relaxed);
     }
 
+    fn is_heard(&self, topic: &str) -> bool {
+        self.0.publications.borrow().get(topic).is_some_and(|topic| !topic.outboxes.is_empty())
+    }
+
     fn subscribe<M: Message>(&self, topic: &str, hear: impl Fn(M) + 'static) {
         let name = topic.to_owned();
         let deliver = move |bytes: &[u8]| match M::decode(bytes) {

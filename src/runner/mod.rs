@@ -13,7 +13,7 @@ pub use observer::{LaneUse, Observer, VehicleTotals};
 pub use outcome::{Outcome, Streams};
 pub use seen::SeenCity;
 pub use served::{Applied, MOTION_CAPTURE, Rules, Sender, Served};
-pub use summary::{LinkSummary, RosSummary, Summary, VehicleSummary};
+pub use summary::{LinkSummary, PicturesSummary, RosSummary, Summary, VehicleSummary};
 
 use crate::mainframe::{Mainframe, SetupError};
 use crate::scenario::Experiment;

@@ -77,6 +77,17 @@ pub struct RosSummary {
     /// Whether the master knew the topics at the end, and how often it had been away and come again.
     pub master_is_there: bool,
     pub master_returns: u64,
+    /// Onboard pictures, where they are published.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pictures: Option<PicturesSummary>,
+}
+
+/// What became of onboard pictures.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct PicturesSummary {
+    pub published: u64,
+    /// Those that were due and were not published: drawing fell behind, or ROS did.
+    pub dropped: u64,
 }
 
 impl Summary {

@@ -1,11 +1,12 @@
 //! Camera pictures a second: drawn, read back and, with `--png`, written to disk.
 
+use super::cpu_s;
 use super::neutral::NeutralScene;
-use crate::app::look::{self, LookArgs};
+use crate::app::look::{self, LookArgs, in_batches};
 use crate::app::say::say;
 use crate::app::{Failure, Model, ScenarioArgs, create_folder, load};
 use crate::camera::{Camera, Lens, Mount, View};
-use crate::render::{Image, Pending, PngStream, Quality, RenderError, Renderer, Request, write_png};
+use crate::render::{Image, Pending, PngStream, Quality, RenderError, Renderer, write_png};
 use crate::runner::Run;
 use crate::snapshot::FrameSnapshot;
 use clap::Args;
@@ -151,15 +152,6 @@ fn preset_of(renderer: &Renderer) -> &'static str {
     known.map_or("other", |(name, _)| name)
 }
 
-/// What this process has had of all cores, as Linux tells it.
-fn cpu_s() -> Option<f64> {
-    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The name in brackets may hold spaces; after it come the state and ten more fields.
-    let mut fields = stat.rsplit_once(')')?.1.split_whitespace().skip(11);
-    let ticks = fields.next()?.parse::<f64>().ok()? + fields.next()?.parse::<f64>().ok()?;
-    Some(ticks / 100.0)
-}
-
 /// What is filmed.
 enum Source {
     Run(Box<Run>),
@@ -279,18 +271,6 @@ fn take(renderer: &Renderer, batch: Pending, images: &mut Vec<Image>) -> Result<
     images.resize_with(arrived.len(), Image::default);
     images.par_iter_mut().enumerate().for_each(|(k, image)| arrived.read_rgb(k, image));
     Ok(arrived.len())
-}
-
-/// As many views at a time as the renderer takes.
-fn in_batches(renderer: &Renderer, views: &[View]) -> Vec<Vec<View>> {
-    let mut rest: Vec<Request> = views.iter().map(Request::from).collect();
-    let mut batches = Vec::new();
-    while !rest.is_empty() {
-        let after = rest.split_off(renderer.requests_at_once(&rest));
-        batches.push(rest.iter().map(|request| request.view).collect());
-        rest = after;
-    }
-    batches
 }
 
 fn paths(folder: &Path, snapshot: &FrameSnapshot, cameras: usize) -> Vec<PathBuf> {

@@ -1,0 +1,92 @@
+//! What the log of a run costs: the same run with and without one, in turns.
+
+use super::cpu_s;
+use crate::app::files::{Files, LogArgs};
+use crate::app::run::simulate;
+use crate::app::say::say;
+use crate::app::{Failure, ScenarioArgs, create_folder, load};
+use crate::record::Origin;
+use crate::scenario::Experiment;
+use clap::Args;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+#[derive(Debug, Args)]
+pub struct LogBenchArgs {
+    #[command(flatten)]
+    scenario: ScenarioArgs,
+    /// Runs with a log, and as many without
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=100))]
+    pairs: u32,
+    /// Folder for the files, which stay there [default: out/bench-log]
+    #[arg(long, value_name = "DIR", default_value = "out/bench-log")]
+    out: PathBuf,
+    #[command(flatten)]
+    log: LogArgs,
+}
+
+/// One line of the report; times are medians.
+#[derive(Debug, Serialize)]
+struct Report {
+    bench: &'static str,
+    scenario: String,
+    vehicles: usize,
+    simulated_s: f64,
+    /// Of run.mcap alone.
+    log_bytes: u64,
+    bytes_per_s: f64,
+    /// Of the clock, from the first tick until the files are whole.
+    with_log_s: f64,
+    without_log_s: f64,
+    /// What the log adds to the time of a run that goes as fast as it can.
+    overhead: f64,
+    /// What it adds to one in real time: its work on all cores in a simulated second.
+    share_of_a_core: Option<f64>,
+}
+
+/// Of one run.
+#[derive(Clone, Copy, Debug)]
+struct Cost {
+    wall_s: f64,
+    cpu_s: Option<f64>,
+}
+
+pub fn log(args: &LogBenchArgs) -> Result<(), Failure> {
+    let experiment = load::experiment(&args.scenario)?;
+    create_folder(&args.out)?;
+    let (mut with, mut without) = (Vec::new(), Vec::new());
+    for _ in 0..args.pairs {
+        with.push(cost(&experiment, Some(&args.out), args.log)?);
+        without.push(cost(&experiment, None, args.log)?);
+    }
+    let wall = |costs: &[Cost]| median(costs.iter().map(|cost| cost.wall_s).collect());
+    let cpu = |costs: &[Cost]| costs.iter().map(|cost| cost.cpu_s).collect::<Option<Vec<f64>>>().map(median);
+    let work = cpu(&with).zip(cpu(&without)).map(|(with, without)| with - without);
+    let log_bytes = std::fs::metadata(args.out.join("run.mcap")).map_err(Failure::failed)?.len();
+    let report = Report {
+        bench: "city3d_log",
+        scenario: experiment.name.clone(),
+        vehicles: experiment.vehicles.len(),
+        simulated_s: experiment.duration_s,
+        log_bytes,
+        bytes_per_s: log_bytes as f64 / experiment.duration_s,
+        with_log_s: wall(&with),
+        without_log_s: wall(&without),
+        overhead: wall(&with) / wall(&without) - 1.0,
+        share_of_a_core: work.map(|work| work / experiment.duration_s),
+    };
+    say(serde_json::to_string(&report).map_err(Failure::failed)?)
+}
+
+fn cost(experiment: &Arc<Experiment>, folder: Option<&Path>, log: LogArgs) -> Result<Cost, Failure> {
+    let before = cpu_s();
+    let files = Files::begin(folder.map(Path::to_path_buf), experiment, Origin::Run, log)?;
+    let summary = simulate(experiment, files, None)?;
+    Ok(Cost { wall_s: summary.wall_s, cpu_s: cpu_s().zip(before).map(|(after, before)| after - before) })
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}

@@ -1,0 +1,114 @@
+//! The messages of bags that have poses. ROS 1 and ROS 2 differ in how they put numbers in a row alone.
+
+use super::super::cdr::CdrReader;
+use glam::{DQuat, DVec3};
+
+/// A pose as a bag has it, of something that is named by a frame or a topic.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BagPose {
+    /// Names between slashes, as `vicon/car/car`.
+    pub path: String,
+    /// Of the stamp: since the epoch, or simulated.
+    pub time_s: f64,
+    pub position: DVec3,
+    /// World from body.
+    pub orientation: DQuat,
+}
+
+/// The primitives of a message, one after the other; `None` where it ends before.
+pub trait Primitives {
+    /// Whether headers count their messages.
+    const HAS_SEQ: bool;
+    fn u32(&mut self) -> Option<u32>;
+    fn f64(&mut self) -> Option<f64>;
+    fn text(&mut self) -> Option<String>;
+}
+
+impl Primitives for CdrReader<'_> {
+    const HAS_SEQ: bool = false;
+
+    fn u32(&mut self) -> Option<u32> {
+        self.u32()
+    }
+
+    fn f64(&mut self) -> Option<f64> {
+        self.f64()
+    }
+
+    fn text(&mut self) -> Option<String> {
+        self.string()
+    }
+}
+
+/// A message of ROS 1: little-endian, nothing between the numbers.
+pub struct Packed<'a>(&'a [u8]);
+
+impl<'a> Packed<'a> {
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Self(bytes)
+    }
+
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (taken, rest) = self.0.split_first_chunk()?;
+        self.0 = rest;
+        Some(*taken)
+    }
+}
+
+impl Primitives for Packed<'_> {
+    const HAS_SEQ: bool = true;
+
+    fn u32(&mut self) -> Option<u32> {
+        self.take().map(u32::from_le_bytes)
+    }
+
+    fn f64(&mut self) -> Option<f64> {
+        self.take().map(f64::from_le_bytes)
+    }
+
+    fn text(&mut self) -> Option<String> {
+        let length = self.u32()? as usize;
+        let (text, rest) = self.0.split_at_checked(length)?;
+        self.0 = rest;
+        String::from_utf8(text.to_vec()).ok()
+    }
+}
+
+/// The poses of a message, of a type as ROS 1 or ROS 2 names it; none of types that have none, `None` of a damaged
+/// message.
+pub fn poses_of<P: Primitives>(kind: &str, topic: &str, from: &mut P) -> Option<Vec<BagPose>> {
+    Some(match kind.replace("/msg/", "/").as_str() {
+        "geometry_msgs/TransformStamped" => vec![transform(from)?],
+        "tf2_msgs/TFMessage" | "tf/tfMessage" => {
+            // No room is made in advance: what is told may be more than what follows.
+            (0..from.u32()?).map(|_| transform(from)).collect::<Option<_>>()?
+        }
+        "geometry_msgs/PoseStamped" => {
+            let time_s = stamp(from)?;
+            let (position, orientation) = pose(from)?;
+            vec![BagPose { path: topic.to_owned(), time_s, position, orientation }]
+        }
+        _ => Vec::new(),
+    })
+}
+
+fn transform<P: Primitives>(from: &mut P) -> Option<BagPose> {
+    let (time_s, path) = (stamp(from)?, from.text()?);
+    let (position, orientation) = pose(from)?;
+    Some(BagPose { path, time_s, position, orientation })
+}
+
+/// The stamp of a header, seconds; its frame is left out.
+fn stamp<P: Primitives>(from: &mut P) -> Option<f64> {
+    if P::HAS_SEQ {
+        from.u32()?;
+    }
+    let (seconds, nanoseconds) = (from.u32()?, from.u32()?);
+    from.text()?;
+    Some(f64::from(seconds) + f64::from(nanoseconds) * 1e-9)
+}
+
+fn pose<P: Primitives>(from: &mut P) -> Option<(DVec3, DQuat)> {
+    let position = DVec3::new(from.f64()?, from.f64()?, from.f64()?);
+    Some((position, DQuat::from_xyzw(from.f64()?, from.f64()?, from.f64()?, from.f64()?)))
+}

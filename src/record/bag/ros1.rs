@@ -1,0 +1,225 @@
+//! Bags of ROS 1, format 2.0. One that was not closed, or is torn, is read up to its last whole record.
+//!
+//! The format is that of <http://wiki.ros.org/Bags/Format/2.0>: records of a header with named fields and of data;
+//! connections and messages are in chunks, which may be compressed.
+
+use super::Torn;
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{BufReader, Error, ErrorKind, Read, Result};
+use std::path::Path;
+
+const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
+/// Larger parts are none of a bag of poses: a length that is damaged shall not fill the memory.
+const LARGEST: u64 = 256 << 20;
+
+/// What a record is.
+const MESSAGE: u8 = 2;
+const CHUNK: u8 = 5;
+const CONNECTION: u8 = 7;
+
+/// Whether a file is a bag of ROS 1.
+pub fn is_ros1_bag(path: &Path) -> bool {
+    let mut start = [0; MAGIC.len()];
+    File::open(path).and_then(|mut file| file.read_exact(&mut start)).is_ok() && start == MAGIC
+}
+
+/// Hands over type, topic and bytes of each message. Tells why the bag has no end, where it is torn.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn read(path: &Path, mut take: impl FnMut(&str, &str, &[u8])) -> Result<Torn> {
+    let mut file = BufReader::new(File::open(path)?);
+    file.read_exact(&mut [0; MAGIC.len()])?;
+    let mut connections = Connections::default();
+    let outcome = loop {
+        match Record::read(&mut file) {
+            Ok(Some(record)) => {
+                if let Err(error) = connections.read(&record, &mut take) {
+                    break Err(error);
+                }
+            }
+            Ok(None) => break Ok(None),
+            Err(error) => break Err(error),
+        }
+    };
+    match outcome {
+        Err(error) if error.kind() == ErrorKind::UnexpectedEof => {
+            Ok(Some("the bag ends in the middle of a record".to_owned()))
+        }
+        Err(error) if error.kind() == ErrorKind::InvalidData => {
+            Ok(Some(format!("the bag is damaged: {error}")))
+        }
+        other => other,
+    }
+}
+
+/// Header fields and data.
+struct Record {
+    fields: HashMap<String, Vec<u8>>,
+    data: Vec<u8>,
+}
+
+impl Record {
+    /// `None` at the end.
+    fn read(from: &mut impl Read) -> Result<Option<Self>> {
+        let Some(header) = part(from)? else { return Ok(None) };
+        let data = part(from)?.ok_or(ErrorKind::UnexpectedEof)?;
+        Ok(Some(Self { fields: fields(&header)?, data }))
+    }
+
+    fn op(&self) -> u8 {
+        self.fields.get("op").and_then(|op| op.first().copied()).unwrap_or_default()
+    }
+
+    fn connection(&self) -> Result<u32> {
+        let number = self.fields.get("conn").and_then(|bytes| bytes.first_chunk());
+        number.map(|bytes| u32::from_le_bytes(*bytes)).ok_or_else(|| damaged("a record of no connection"))
+    }
+}
+
+fn damaged(why: &str) -> Error {
+    Error::new(ErrorKind::InvalidData, why.to_owned())
+}
+
+/// A part with its length before it; `None` where nothing follows.
+fn part(from: &mut impl Read) -> Result<Option<Vec<u8>>> {
+    let mut length = Vec::new();
+    from.take(4).read_to_end(&mut length)?;
+    let length = match length.first_chunk() {
+        Some(bytes) => u64::from(u32::from_le_bytes(*bytes)),
+        None if length.is_empty() => return Ok(None),
+        None => return Err(ErrorKind::UnexpectedEof.into()),
+    };
+    if length > LARGEST {
+        return Err(damaged("a record that is too large"));
+    }
+    let mut bytes = Vec::new();
+    from.take(length).read_to_end(&mut bytes)?;
+    if (bytes.len() as u64) < length { Err(ErrorKind::UnexpectedEof.into()) } else { Ok(Some(bytes)) }
+}
+
+fn fields(mut header: &[u8]) -> Result<HashMap<String, Vec<u8>>> {
+    let mut found = HashMap::new();
+    while let Some(field) = part(&mut header)? {
+        let equals = field.iter().position(|&byte| byte == b'=');
+        let (name, value) = field.split_at(equals.ok_or_else(|| damaged("a field without a value"))?);
+        found.insert(String::from_utf8_lossy(name).into_owned(), value[1..].to_vec());
+    }
+    Ok(found)
+}
+
+/// Types and topics by the numbers of their connections.
+#[derive(Default)]
+struct Connections(HashMap<u32, (String, String)>);
+
+impl Connections {
+    fn read(&mut self, record: &Record, take: &mut impl FnMut(&str, &str, &[u8])) -> Result<()> {
+        match record.op() {
+            CHUNK => {
+                let chunk = inflate(record)?;
+                let mut from = chunk.as_slice();
+                while let Some(record) = Record::read(&mut from)? {
+                    // Chunks have no chunks in them.
+                    if record.op() != CHUNK {
+                        self.read(&record, take)?;
+                    }
+                }
+            }
+            CONNECTION => {
+                let told = fields(&record.data)?;
+                let text = |fields: &HashMap<String, Vec<u8>>, name: &str| {
+                    fields.get(name).map(|bytes| String::from_utf8_lossy(bytes).into_owned())
+                };
+                let topic = text(&record.fields, "topic").or_else(|| text(&told, "topic"));
+                let of = (text(&told, "type").unwrap_or_default(), topic.unwrap_or_default());
+                self.0.insert(record.connection()?, of);
+            }
+            MESSAGE => {
+                if let Some((kind, topic)) = self.0.get(&record.connection()?) {
+                    take(kind, topic, &record.data);
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+fn inflate(chunk: &Record) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let data = chunk.data.as_slice();
+    let most = LARGEST + 1;
+    let inflated = match chunk.fields.get("compression").map_or(&b"none"[..], Vec::as_slice) {
+        b"none" => return Ok(data.to_vec()),
+        b"lz4" => lz4_flex::frame::FrameDecoder::new(data).take(most).read_to_end(&mut bytes),
+        b"bz2" => bzip2::read::BzDecoder::new(data).take(most).read_to_end(&mut bytes),
+        _ => return Err(damaged("an unknown compression")),
+    };
+    inflated.map_err(|_| damaged("a compressed part"))?;
+    if bytes.len() as u64 > LARGEST { Err(damaged("a compressed part that is too large")) } else { Ok(bytes) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn part_of(bytes: &[u8]) -> Vec<u8> {
+        [&(bytes.len() as u32).to_le_bytes()[..], bytes].concat()
+    }
+
+    fn record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
+        let field = |(name, value): &(&str, &[u8])| part_of(&[name.as_bytes(), b"=", value].concat());
+        let header: Vec<u8> = fields.iter().flat_map(field).collect();
+        [part_of(&header), part_of(data)].concat()
+    }
+
+    /// A bag with a connection and two messages in a chunk.
+    fn bag(compression: &[u8]) -> Vec<u8> {
+        let told = [part_of(b"type=a/B"), part_of(b"topic=/elsewhere")].concat();
+        let connection =
+            record(&[("op", &[CONNECTION]), ("conn", &[3, 0, 0, 0]), ("topic", b"/here")], &told);
+        let message = |data: &[u8]| record(&[("op", &[MESSAGE]), ("conn", &[3, 0, 0, 0])], data);
+        let chunk = [connection, message(b"one"), message(b"two")].concat();
+        let chunk = record(&[("op", &[CHUNK]), ("compression", compression)], &chunk);
+        [MAGIC, &record(&[("op", &[3])], b"   "), &chunk].concat()
+    }
+
+    fn messages(bag: &[u8]) -> (Torn, Vec<String>) {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), bag).unwrap();
+        assert!(is_ros1_bag(file.path()));
+        let mut found = Vec::new();
+        let torn = read(file.path(), |kind, topic, data| {
+            found.push(format!("{kind} {topic} {}", String::from_utf8_lossy(data)));
+        });
+        (torn.unwrap(), found)
+    }
+
+    #[test]
+    fn messages_come_with_their_types_and_topics() {
+        let (torn, found) = messages(&bag(b"none"));
+        assert_eq!((torn, found), (None, vec!["a/B /here one".to_owned(), "a/B /here two".to_owned()]));
+    }
+
+    #[test]
+    fn a_chunk_that_is_torn_gives_what_it_has() {
+        let whole = bag(b"none");
+        let (torn, found) = messages(&whole[..whole.len() - 2]);
+        // The chunk as a record is not whole.
+        assert!(torn.unwrap().contains("in the middle of a record") && found.is_empty());
+        assert!(messages(&bag(b"nine")).0.unwrap().contains("damaged"));
+    }
+
+    proptest! {
+        #[test]
+        fn no_damage_is_too_strange(at in 13_usize..200, byte: u8) {
+            let mut bag = bag(b"none");
+            let at = 13 + at % (bag.len() - 13);
+            bag[at] = byte;
+            // Read or told as damaged.
+            let _ = messages(&bag);
+        }
+    }
+}
