@@ -286,6 +286,28 @@ fn logs_that_hold_no_world_are_watched_too() {
     }
 }
 
+#[cfg(feature = "render")]
+#[test]
+fn opening_and_jumping_are_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("run.mcap");
+    record(&log, 10, Origin::Run);
+    let bench = |jumps: &str| {
+        let program = std::process::Command::new(env!("CARGO_BIN_EXE_city3d"))
+            .args(["bench", "replay", log.to_str().unwrap(), "--jumps", jumps])
+            .output()
+            .unwrap();
+        assert!(program.status.success(), "{}", String::from_utf8_lossy(&program.stderr));
+        serde_json::from_slice::<serde_json::Value>(&program.stdout).unwrap()
+    };
+    let report = bench("20");
+    assert_eq!((&report["jumps"], &report["vehicles"]), (&20.into(), &6.into()));
+    let number = |name: &str| report[name].as_f64().unwrap();
+    assert!(number("jump_median_ms") > 0.0 && number("jump_median_ms") <= number("jump_p99_ms"), "{report}");
+    assert!(number("simulated_s") == 10.0 && number("events") > 10.0 && number("chunks") >= 10.0, "{report}");
+    assert!(number("decoded_chunks") <= 20.0 * 6.0 && number("kept_snapshots") <= 600.0, "{report}");
+}
+
 #[test]
 fn what_is_no_log_is_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -44,7 +44,7 @@ pub struct Player {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
     experiment: Arc<Experiment>,
-    version: String,
+    origin: Origin,
     begins_s: Arc<Vec<f64>>,
     head: Playhead,
     ticker: Ticker,
@@ -104,7 +104,7 @@ impl Player {
             shared,
             thread: Some(thread.map_err(PlaybackError::Thread)?),
             experiment,
-            version: reader.version().to_owned(),
+            origin: reader.origin(),
             begins_s,
             head: Playhead::new(first.time_s, last.time_s),
             ticker: Ticker::stopped(),
@@ -121,9 +121,9 @@ impl Player {
         &self.experiment
     }
 
-    /// Of City3D, which has written the log.
-    pub fn version(&self) -> &str {
-        &self.version
+    /// What has made the log.
+    pub fn origin(&self) -> Origin {
+        self.origin
     }
 
     pub fn head(&self) -> Playhead {

@@ -8,6 +8,7 @@ use crate::city::scene::{SceneDescription, Wall};
 use crate::cockpit::Handling;
 use crate::live::{Live, Moment, Options, Order, Phase, Speed};
 use crate::playback::{Cue, Player, Told};
+use crate::record::Origin;
 use crate::render::Context;
 use crate::scenario::{Experiment, shipped_scenarios};
 use crate::snapshot::{FrameSnapshot, SimCommand, VehicleId};
@@ -139,9 +140,13 @@ impl Desk {
     /// Shows a recorded run; `log` is what it is called.
     pub fn on_log(player: Player, log: String, look: Look, place: Place) -> Self {
         let experiment = Arc::clone(player.experiment());
-        let torn = player.told().torn;
+        let (torn, is_measured) = (player.told().torn, player.origin() == Origin::Recorded);
         let args = ScenarioArgs { scenario: log, ..ScenarioArgs::default() };
         let mut desk = Self::on(Source::Log(Box::new(player)), args, experiment, (look, place));
+        if is_measured {
+            // Whoever drove them was not the scenario's algorithm.
+            desk.facts.drivers.values_mut().for_each(|driver| "recorded".clone_into(driver));
+        }
         if let Some(why) = torn {
             desk.state
                 .say(format!("The log has no end: {why}. It is shown up to its last whole record."), 0.0);

@@ -9,6 +9,7 @@ use crate::render::{Context, Image, write_png};
 use crate::snapshot::VehicleId;
 use crate::ui::{Action, Mode};
 use clap::{Args, ValueEnum};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -137,10 +138,10 @@ fn find(desk: &Desk, name: &str) -> Result<VehicleId, Failure> {
     let planned = desk.experiment().vehicles.iter().map(|v| (v.id, v.name.clone()));
     let there = desk.moment();
     let there = there.now.roster.iter().map(|v| (v.id, v.name.clone()));
-    let vehicles: Vec<(VehicleId, String)> = planned.chain(there).collect();
-    let found = vehicles.iter().find(|(id, called)| called == name || id.to_string() == name);
+    let vehicles: BTreeMap<VehicleId, String> = planned.chain(there).collect();
+    let found = vehicles.iter().find(|(id, called)| *called == name || id.to_string() == name);
     found.map(|(id, _)| *id).ok_or_else(|| {
-        let names: Vec<&str> = vehicles.iter().take(20).map(|(_, name)| name.as_str()).collect();
+        let names: Vec<&str> = vehicles.values().take(20).map(String::as_str).collect();
         Failure::bad_input(format!("no vehicle is called \"{name}\"; there are {}", names.join(", ")))
     })
 }
