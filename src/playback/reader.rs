@@ -67,7 +67,7 @@ impl Shared {
     }
 }
 
-/// Chunks that are decoded ahead in the direction of playing, and behind.
+/// Chunks that are decoded ahead of where it plays, and behind.
 const AHEAD: usize = 2;
 /// Chunks that are looked through before who watches is told.
 const NEWS_EVERY: usize = 50;
@@ -128,17 +128,13 @@ impl Reader {
 
     /// Decodes the wanted chunk and what comes next, as long as nothing else is wanted.
     fn serve(&mut self, want: Want) {
-        let mut chunks = vec![want.chunk];
         let next = chunk_at(&self.begins_s, want.next_s);
-        chunks.extend((1..=AHEAD).map(|k| want.chunk + k));
-        chunks.extend((1..=AHEAD).filter_map(|k| want.chunk.checked_sub(k)));
-        if chunks.contains(&next) {
-            // Where it plays backwards, what lies before is needed first.
-            chunks[1..].sort_by_key(|chunk| chunk.abs_diff(next));
-        } else {
-            chunks.insert(1, next);
-        }
-        for (count, chunk) in chunks.into_iter().enumerate() {
+        // What plays fast is at another place by the next pass, and only about there.
+        let middle = if next.abs_diff(want.chunk) > AHEAD { next } else { want.chunk };
+        let mut around: Vec<usize> = (middle.saturating_sub(AHEAD)..=middle + AHEAD).collect();
+        around.sort_by_key(|chunk| chunk.abs_diff(next));
+        around.retain(|chunk| *chunk != want.chunk);
+        for (count, chunk) in std::iter::once(want.chunk).chain(around).enumerate() {
             let shelf = self.shared.lock();
             let is_over = shelf.ends || (count > 0 && shelf.wanted.is_some());
             let is_there = chunk >= shelf.readable || shelf.film.get(chunk).is_some();

@@ -40,6 +40,9 @@ struct Report {
     /// Until all events of the log are known, beside that.
     events_s: f64,
     events: usize,
+    /// Simulated seconds in a second when it is played as fast as is offered, at 60 pictures a second.
+    played_forwards_x: f64,
+    played_backwards_x: f64,
     /// Decoded for the jumps, what lies ahead and behind with it.
     decoded_chunks: u64,
     /// The most snapshots in memory.
@@ -66,6 +69,9 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     let events_s = start.elapsed().as_secs_f64();
     let before = player.effort().decoded;
     let (jumped, kept) = jump(&mut player, args);
+    let decoded_chunks = player.effort().decoded - before;
+    let played_forwards_x = play(&mut player, Cue::Play);
+    let played_backwards_x = play(&mut player, Cue::Reverse);
     let ms = |times: &[Duration], share: f64| {
         let mut sorted = times.to_vec();
         sorted.sort_unstable();
@@ -86,7 +92,9 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
         jump_max_ms: ms(&jumped, 1.0),
         events_s,
         events: player.told().marks.len(),
-        decoded_chunks: effort.decoded - before,
+        played_forwards_x,
+        played_backwards_x,
+        decoded_chunks,
         kept_snapshots: kept,
     };
     say(serde_json::to_string(&report).map_err(Failure::failed)?)
@@ -97,6 +105,25 @@ fn open(log: &Path) -> Result<Player, Failure> {
         PlaybackError::Thread(_) => Failure::failed(error),
         _ => Failure::bad_input(error),
     })
+}
+
+/// Plays for two seconds, or to the end; how fast that was.
+fn play(player: &mut Player, cue: Cue) -> f64 {
+    const FOR: Duration = Duration::from_secs(2);
+    const PICTURE: Duration = Duration::from_micros(16_667);
+    let head = player.head();
+    let from_s = if cue == Cue::Play { head.from_s } else { head.to_s };
+    player.order(Cue::Seek(from_s));
+    player.order(Cue::Speed(f64::MAX));
+    player.order(cue);
+    let start = Instant::now();
+    while start.elapsed() < FOR && player.head().is_playing {
+        player.look(Instant::now());
+        std::thread::sleep(PICTURE);
+    }
+    let passed_s = start.elapsed().as_secs_f64();
+    player.order(Cue::Pause);
+    (player.head().at_s - from_s).abs() / passed_s
 }
 
 /// Goes to times of the log, one after another; how long each took, and the most snapshots that were in memory.
