@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 #[derive(Clone, Debug, Default, Args)]
 pub(super) struct LookArgs {
-    /// Light of the pictures: noon, low_sun, night or a time such as 17:30 [default: the scenario's]
+    /// Light of the pictures: morning, noon, low_sun, dusk, night or a time such as 17:30 [default: the scenario's]
     #[arg(long, value_name = "TIME")]
     pub(super) time: Option<TimeOfDay>,
     /// Work that a pixel is worth: high for looking at, low for many cameras without a GPU, auto by the adapter

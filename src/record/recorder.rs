@@ -47,8 +47,9 @@ pub struct Cadence {
 
 /// Items are handed over so many at a time: waking the writer for each costs more than making it.
 const BATCH: usize = 16;
-/// Batches that may wait to be written: the simulation waits for the disk rather than fill memory.
-const QUEUE: usize = 4;
+/// Batches that may wait to be written, some hundred ticks: the simulation waits for the disk rather than fill memory, but
+/// not for each chunk that is compressed.
+const QUEUE: usize = 64;
 
 /// Writes `run.mcap` and `vehicles.csv` into a folder.
 #[derive(Debug)]

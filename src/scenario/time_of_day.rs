@@ -11,7 +11,8 @@ pub struct TimeOfDay {
 }
 
 impl TimeOfDay {
-    const NAMES: [(&'static str, f64); 3] = [("noon", 12.0), ("low_sun", 16.5), ("night", 22.0)];
+    const NAMES: [(&'static str, f64); 5] =
+        [("morning", 8.0), ("noon", 12.0), ("low_sun", 16.5), ("dusk", 18.2), ("night", 22.0)];
 }
 
 impl Default for TimeOfDay {
@@ -36,7 +37,8 @@ impl FromStr for TimeOfDay {
                 Ok(Self { hours: f64::from(hours) + f64::from(minutes) / 60.0 })
             }
             _ => Err(
-                "it must be \"noon\", \"low_sun\", \"night\" or a time from 00:00 to 23:59, as in \"17:30\""
+                "it must be \"morning\", \"noon\", \"low_sun\", \"dusk\", \"night\" or a time from 00:00 to 23:59, as in \
+                 \"17:30\""
                     .to_owned(),
             ),
         }
@@ -57,12 +59,17 @@ mod tests {
 
     #[test]
     fn names_and_clock_times_are_read_and_others_refused() {
-        for (text, hours) in
-            [("noon", 12.0), ("low_sun", 16.5), ("night", 22.0), ("17:30", 17.5), ("0:06", 0.1)]
-        {
+        for (text, hours) in [
+            ("noon", 12.0),
+            ("low_sun", 16.5),
+            ("dusk", 18.2),
+            ("night", 22.0),
+            ("17:30", 17.5),
+            ("0:06", 0.1),
+        ] {
             assert_eq!(text.parse(), Ok(TimeOfDay { hours }), "{text}");
         }
-        for text in ["", "dusk", "24:00", "12:60", "+1:00", "12", "12:000", "-1:10"] {
+        for text in ["", "dawn", "24:00", "12:60", "+1:00", "12", "12:000", "-1:10"] {
             assert!(text.parse::<TimeOfDay>().is_err(), "{text}");
         }
     }

@@ -1,7 +1,7 @@
 //! The large view of the city: its picture, what is drawn over it, and the mouse in it.
 
 use super::layers::{self, Canvas};
-use super::{Picture, Shown, Slot, State, map};
+use super::{Picture, Shown, Slot, State, map, status};
 use crate::live::Phase;
 use crate::snapshot::{Status, VehicleId};
 use egui::emath::GuiRounding as _;
@@ -38,6 +38,7 @@ pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>) {
     if state.layers.map {
         map::show(ui, rect, state, shown);
     }
+    followed(ui, rect, state, shown);
     dashboard(ui, rect, state, shown);
     loading(ui, rect, shown);
     let free = if state.layers.map { map::beside(rect) } else { rect };
@@ -157,6 +158,27 @@ fn loading(ui: &Ui, rect: Rect, shown: &Shown<'_>) {
                 });
             });
         });
+}
+
+/// Whose way the camera goes: right before it, a vehicle has no label.
+fn followed(ui: &Ui, rect: Rect, state: &State, shown: &Shown<'_>) {
+    let Some(id) = state.viewpoint.follow else { return };
+    let Some((vehicle, info)) = shown.seen.vehicle(id).zip(shown.seen.info(id)) else { return };
+    let [r, g, b] = info.appearance.colour;
+    let text = format!("{}: {} {}", state.viewpoint.mode.label(), id, info.name);
+    let painter = ui.painter_at(rect);
+    let text = painter.layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
+    let swatch = text.size().y * 0.7;
+    let size = text.size() + egui::vec2(swatch + 6.0, 0.0);
+    let place = Align2::LEFT_TOP.anchor_size(rect.left_top() + egui::vec2(14.0, 12.0), size);
+    painter.rect_filled(place.expand2(egui::vec2(7.0, 4.0)), 4.0, Color32::from_black_alpha(150));
+    let mark = Rect::from_center_size(
+        place.left_center() + egui::vec2(swatch / 2.0, 0.0),
+        egui::Vec2::splat(swatch),
+    );
+    painter.rect_filled(mark, 2.0, Color32::from_rgb(r, g, b));
+    painter.rect_stroke(mark, 2.0, (1.0, status::colour(vehicle.status)), egui::StrokeKind::Outside);
+    painter.galley(place.min + egui::vec2(swatch + 6.0, 0.0), text, Color32::WHITE);
 }
 
 fn notice(ui: &Ui, rect: Rect, state: &mut State) {

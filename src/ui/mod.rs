@@ -31,7 +31,7 @@ use crate::camera::View;
 use crate::city::scene::Wall;
 use crate::city::{CityMap, LaneId};
 use crate::cockpit::{Devices, Handling};
-use crate::live::{Moment, Order};
+use crate::live::{Moment, Order, Phase};
 use crate::playback::{Cue, Mark, Playhead};
 use crate::snapshot::{FrameSnapshot, VehicleId};
 use serde::{Deserialize, Serialize};
@@ -333,7 +333,8 @@ pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Acti
     let panel = panel.show(ui, |ui| {
         // However little is in it, a panel keeps its width.
         ui.set_min_width(ui.available_width());
-        vehicles::show(ui, &shown.moment.now, shown.drivers, &mut state.table, &mut state.selection);
+        let now = (&*shown.moment.now, shown.moment.phase == Phase::Running);
+        vehicles::show(ui, now, shown.drivers, &mut state.table, &mut state.selection);
     });
     wish(&mut state.widths.vehicles, panel.response.rect.width(), most);
     let panel = egui::Panel::right(("previews", room(state.widths.previews)));

@@ -6,6 +6,7 @@ use egui::{Align, Color32, Layout, RichText, Sense, Ui, Vec2};
 use egui_extras::{Column, TableBuilder};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
+use std::collections::BTreeMap;
 
 /// What the table is sorted by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -45,6 +46,33 @@ pub struct Table {
     /// The row of the selected vehicle comes into sight once.
     #[serde(skip)]
     pub reveal: bool,
+    #[serde(skip)]
+    pub(crate) held: HeldOrder,
+}
+
+/// The order of rows that are sorted by what changes all the time: it stays for a while, so that they can be read and
+/// clicked.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct HeldOrder {
+    by: (Key, bool),
+    until_ms: i64,
+    places: BTreeMap<VehicleId, usize>,
+}
+
+/// For so long.
+const HELD_MS: i64 = 1000;
+
+impl HeldOrder {
+    /// Puts rows that are in order into the held one, or holds theirs.
+    fn apply(&mut self, rows: &mut [Row<'_>], by: (Key, bool), now_s: f64) {
+        let now_ms = (now_s * 1e3) as i64;
+        let is_due = by != self.by || !(self.until_ms - HELD_MS..self.until_ms).contains(&now_ms);
+        if is_due {
+            let places = rows.iter().enumerate().map(|(place, row)| (row.id, place)).collect();
+            *self = Self { by, until_ms: now_ms + HELD_MS, places };
+        }
+        rows.sort_by_key(|row| self.places.get(&row.id).copied().unwrap_or(usize::MAX));
+    }
 }
 
 /// One vehicle in the table.
@@ -123,10 +151,11 @@ fn columns(width: f32, spacing: f32) -> Vec<usize> {
     columns
 }
 
-/// Shows the table. A click selects, a double click follows.
+/// Shows the table. A click selects, a double click follows. While the vehicles move the order of the rows changes once a
+/// second.
 pub fn show(
     ui: &mut Ui,
-    snapshot: &FrameSnapshot,
+    (snapshot, moves): (&FrameSnapshot, bool),
     drivers: &Drivers,
     table: &mut Table,
     selection: &mut Selection,
@@ -151,7 +180,11 @@ pub fn show(
         ui.add(field);
     });
     // The filter may just have been typed into.
-    let shown = rows(snapshot, drivers, table);
+    let mut shown = rows(snapshot, drivers, table);
+    if moves {
+        let by = (table.key, table.descending);
+        table.held.apply(&mut shown, by, ui.input(|input| input.time));
+    }
     if shown.is_empty() {
         let text = if snapshot.vehicles.is_empty() {
             "This scenario has no vehicles."
@@ -263,6 +296,29 @@ pub fn chip(ui: &mut Ui, colour: Color32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn row(id: u32, speed_kmh: f64) -> Row<'static> {
+        let (id, colour, status) = (VehicleId(id), Color32::RED, Status::Driving);
+        Row { id, colour, name: "", driver: "", status, x_m: 0.0, y_m: 0.0, speed_kmh }
+    }
+
+    #[test]
+    fn rows_keep_their_places_for_a_second_while_the_vehicles_move() {
+        let mut held = HeldOrder::default();
+        let mut shown = |speeds: [f64; 3], by: (Key, bool), now_s: f64| {
+            let mut rows: Vec<Row<'_>> = speeds.iter().zip(1..).map(|(&speed, id)| row(id, speed)).collect();
+            rows.sort_by(|a, b| a.cmp_by(b, by.0));
+            held.apply(&mut rows, by, now_s);
+            rows.iter().map(|row| row.id.0).collect::<Vec<_>>()
+        };
+        let by = (Key::Speed, false);
+        assert_eq!(shown([3.0, 1.0, 2.0], by, 10.0), [2, 3, 1]);
+        assert_eq!(shown([1.0, 2.0, 3.0], by, 10.9), [2, 3, 1]);
+        assert_eq!(shown([1.0, 2.0, 3.0], by, 11.1), [1, 2, 3]);
+        // Whoever sorts otherwise sees it at once.
+        assert_eq!(shown([3.0, 2.0, 1.0], (Key::Id, false), 11.2), [1, 2, 3]);
+        assert_eq!(shown([3.0, 2.0, 1.0], by, 11.3), [3, 2, 1]);
+    }
 
     #[test]
     fn a_narrow_table_drops_what_matters_least() {
