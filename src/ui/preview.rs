@@ -157,7 +157,9 @@ fn show(
             })
             .response
             .on_hover_text("Where the picture is taken from");
-        drive_button(ui, preview.vehicle, state, actions);
+        if shown.replay.is_none() {
+            drive_button(ui, preview.vehicle, state, actions);
+        }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| speed(ui, vehicle));
     });
     pedals(ui, vehicle);
@@ -292,7 +294,7 @@ fn plot(
     (low, high): (f64, f64),
     colour: Color32,
 ) {
-    let last = points.last().map_or_else(String::new, |[_, value]| format!(" {value:.1}"));
+    let last = points.last().map_or_else(String::new, |[_, value]| format!(" {:.1}", tenths(*value)));
     ui.label(RichText::new(format!("{name}:{last}")).small())
         .on_hover_text(format!("The last {KEPT_S:.0} simulated seconds"));
     Plot::new(name)

@@ -208,6 +208,11 @@ impl Body {
         Ok((self.kind(), out.bytes))
     }
 
+    /// Whether a kind, as a log has it, is that of a vehicle's setup.
+    pub fn is_setup(kind: u8) -> bool {
+        kind == SETUP
+    }
+
     /// What a log has kept.
     ///
     /// # Errors
