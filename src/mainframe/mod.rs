@@ -85,7 +85,7 @@ impl Mainframe {
         }
         self.occupancy.fill(&self.map, &self.cavs);
         self.right_of_way.update(time_s, &mut self.cavs, &self.occupancy);
-        reroute::reroute_blocked(time_s, &self.map, &mut self.cavs, &self.right_of_way, &self.occupancy);
+        reroute::reroute_blocked(time_s, &self.map, &mut self.cavs, &mut self.right_of_way, &self.occupancy);
         for index in 0..self.cavs.len() {
             // One that is on no lane hears nothing, and stops when it is given back there.
             if self.cavs[index].is_on_route() {

@@ -372,6 +372,18 @@ impl RightOfWay {
         available_s - clear_s >= needed
     }
 
+    /// Admits a vehicle that has turned off behind the line of its new way, and can no longer ask there: after all
+    /// who were admitted before.
+    pub fn admit_behind_line(&mut self, vehicle: usize, cavs: &mut [Cav]) {
+        let cav = &mut cavs[vehicle];
+        let section = cav.route.sections.get(cav.passage.next_section);
+        if section.is_some_and(|section| section.hold_s < cav.front_s()) {
+            let order = self.next_order;
+            self.next_order += 1;
+            self.admit(vehicle, cav, order);
+        }
+    }
+
     /// Whether nobody with priority is, or soon will be, in the zones of the section.
     fn is_clear(&self, vehicle: usize, rank: Rank, cavs: &[Cav]) -> bool {
         let cav = &cavs[vehicle];
@@ -443,9 +455,7 @@ impl RightOfWay {
         let to_entry_m = crossing.from_s - front_s;
         let to_end_m = crossing.to_s - front_s;
         for user in &self.users[crossing.zone.index()] {
-            // Who went in unasked has the lowest number, but does not drive into those who are there already.
-            let is_there = order < FIRST_ORDER && user.to_entry_m <= 0.0;
-            let goes_first = user.order.is_some_and(|other| other < order || is_there);
+            let goes_first = user.order.is_some_and(|other| other < order);
             if user.side == crossing.side || user.vehicle == vehicle || !goes_first {
                 continue;
             }
