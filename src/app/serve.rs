@@ -220,8 +220,8 @@ pub(super) struct Serving<'a> {
     arrived: Vec<Measurement>,
     instruments: Instruments,
     losses: Losses,
-    /// The tick before which it has rehearsed.
-    rehearsed: u64,
+    /// It has slept since it has sent anything.
+    has_slept: bool,
 }
 
 impl<'a> Serving<'a> {
@@ -264,7 +264,7 @@ impl<'a> Serving<'a> {
             arrived: Vec::new(),
             instruments,
             losses: Losses::new(Instant::now()),
-            rehearsed: 0,
+            has_slept: false,
         })
     }
 
@@ -316,19 +316,21 @@ impl<'a> Serving<'a> {
         let standing = STANDING.saturating_sub(now.duration_since(self.told));
         match self.clock {
             Some(clock) => {
-                self.server.rest(clock.until(now, self.snapshot().time_s).saturating_sub(AWAKE));
+                let rest = clock.until(now, self.snapshot().time_s).saturating_sub(AWAKE);
+                self.has_slept |= rest > AWAKE;
+                self.server.rest(rest);
                 Ok(())
             }
             None => self.receive(standing.max(Duration::from_micros(1))),
         }
     }
 
-    /// Shortly before a tick whose poses somebody waits for.
+    /// After a sleep, shortly before a tick whose poses somebody waits for.
     fn rehearse(&mut self) {
-        let (now, tick) = (Instant::now(), self.snapshot().tick);
-        let is_soon = |clock: Clock| clock.until(now, self.snapshot().time_s) < REHEARSES;
-        if self.rehearsed != tick && !self.subscribers.is_empty() && self.clock.is_some_and(is_soon) {
-            self.rehearsed = tick;
+        let (now, time_s) = (Instant::now(), self.snapshot().time_s);
+        let is_soon = self.clock.is_some_and(|clock| clock.until(now, time_s) < REHEARSES);
+        if self.has_slept && is_soon && !self.subscribers.is_empty() {
+            self.has_slept = false;
             self.server.rehearse(&self.served.poses());
         }
     }
