@@ -45,3 +45,6 @@ take kind-semantic city --size 640x360 --quality low --from 0 --duration 0.01 \
 # The window, as it is after eight seconds.
 "$city3d" view roundabout --fresh --picture docs/images/window.png --at 8 --size 1280x720 --quality high \
     --mode chase --select path1_b --preview path1_b --preview path2_a
+"$city3d" run roundabout --out "$folder/replayed" >/dev/null
+"$city3d" replay "$folder/replayed" --fresh --picture docs/images/replay.png --at 17.3 --size 1280x720 --quality high \
+    --mode chase --select path1_a --preview path1_a --preview path2_c

@@ -14,6 +14,7 @@ pub mod live;
 pub mod mainframe;
 pub mod model;
 pub mod physics;
+pub mod playback;
 pub mod record;
 #[cfg(feature = "render")]
 pub mod render;

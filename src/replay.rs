@@ -187,7 +187,10 @@ impl Replay {
 }
 
 /// What the city has done with something that came over the link.
-fn commands_of(command: &NetworkCommand, experiment: &Experiment) -> Result<Vec<SimCommand>, String> {
+///
+/// # Errors
+/// In words, where it is damaged.
+pub fn commands_of(command: &NetworkCommand, experiment: &Experiment) -> Result<Vec<SimCommand>, String> {
     let body = Body::from_log(command.kind, &command.body).map_err(|error| error.to_string())?;
     body.into_commands(experiment.scale, &experiment.vehicle_types)
 }

@@ -52,6 +52,28 @@ fn everything_that_is_shipped_is_good() {
 }
 
 #[test]
+fn each_run_that_says_no_folder_has_a_new_one() {
+    let folder = tempfile::tempdir().unwrap();
+    for number in 1..=2 {
+        let output = city3d(folder.path(), &["run", "straight", "--duration", "1"]);
+        let name = format!("out/straight-{number}");
+        assert!(code(&output) == 0 && stdout(&output).contains(&name), "{output:?}");
+        assert!(folder.path().join(name).join("run.mcap").is_file());
+    }
+}
+
+#[test]
+fn what_a_log_costs_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = city3d(folder.path(), &["bench", "log", "straight", "--duration", "2", "--pairs", "1"]);
+    let report: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let length = std::fs::metadata(folder.path().join("out/bench-log/run.mcap")).unwrap().len();
+    assert_eq!(report["log_bytes"].as_u64(), Some(length));
+    assert_eq!((report["vehicles"].as_u64(), report["simulated_s"].as_f64()), (Some(2), Some(2.0)));
+    assert!(report["with_log_s"].as_f64().unwrap() > 0.0, "{report}");
+}
+
+#[test]
 fn help_is_there_for_every_command() {
     let help = city3d(&root(), &["--help"]);
     assert_eq!(code(&help), 0);
@@ -72,7 +94,6 @@ fn wrong_arguments_are_bad_input() {
     let folder = out.path().to_str().unwrap();
     for args in [
         vec!["fly"],
-        vec!["run", "straight"],
         vec!["run", "nowhere", "--out", folder],
         vec!["run", "straight", "--out", folder, "--duration", "-1"],
         vec!["run", "straight", "--out", folder, "--duration", "1e300"],

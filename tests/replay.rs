@@ -7,6 +7,7 @@ mod link;
 mod live;
 
 use city3d::live::{Live, Options, Order, Phase, Speed};
+use city3d::playback::{Cue, Player};
 use city3d::record::{LogWriter, Origin, read_commands};
 use city3d::runner::Run;
 use city3d::scenario::shipped_scenarios;
@@ -102,6 +103,20 @@ fn a_served_city_comes_out_the_same_and_the_far_control_has_nothing_to_compare()
     assert_eq!((code, &report["ticks_agreeing"]), (0, &501.into()), "{said}");
     let (code, _, said) = verify(&folder.join("far/run.mcap"));
     assert!(code == 2 && said.contains("the log of the city"), "{code} {said}");
+    // Both can be watched; whom the link has brought to the city is known by name.
+    for log in ["served/run.mcap", "far/run.mcap"] {
+        let mut player = Player::open(&folder.join(log), Box::new(|| {})).unwrap();
+        player.order(Cue::Seek(4.0));
+        while !player.is_settled() {
+            player.look(Instant::now());
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let now = &player.moment().now;
+        let seen: Vec<_> = now.iter().map(|(v, info)| (v.id.0, info.name.as_str())).collect();
+        let names = ["path1_a", "path1_b", "path1_c", "path2_a", "path2_b", "path2_c"];
+        assert_eq!(seen, (1..).zip(names).collect::<Vec<_>>(), "{log}");
+        assert!((player.head().to_s - 5.0).abs() < 0.1, "{:?}", player.head());
+    }
 }
 
 #[test]
@@ -273,7 +288,7 @@ fn what_is_no_log_of_city3d_is_refused_with_the_remedy() {
     assert!(code == 2 && said.contains("version 0.0.9") && said.contains("record the run again"), "{said}");
     let output = city3d(&["replay", "a file"], folder.path()).output().unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.code() == Some(2) && said.contains("--verify"), "{said}");
+    assert!(output.status.code() == Some(2) && said.contains("record the run again"), "{said}");
 }
 
 #[cfg(feature = "render")]

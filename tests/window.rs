@@ -76,11 +76,16 @@ impl<'a> Program<'a> {
 
     /// Opens it with variables of the environment; what it remembers lies in the folder.
     fn open_with(display: &'a Display, folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Self {
+        let log = folder.join("log");
+        let logged = ["--out", log.to_str().unwrap()];
+        Self::start(display, folder, &[&["view"], args, &logged].concat(), variables)
+    }
+
+    /// Opens the window of a command.
+    fn start(display: &'a Display, folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Self {
         let child = Command::new(CITY3D)
-            .args(["view", "--quality", "low", "--adapter", "software"])
             .args(args)
-            .arg("--out")
-            .arg(folder.join("log"))
+            .args(["--quality", "low", "--adapter", "software"])
             .current_dir(folder)
             .env("DISPLAY", &display.name)
             .env("XDG_CONFIG_HOME", folder.join("config"))
@@ -123,8 +128,19 @@ impl<'a> Program<'a> {
         pause_ms(500);
     }
 
-    /// Takes a screenshot with F12.
+    /// The tick that is shown: a screenshot is named after it.
+    fn tick(&self) -> u64 {
+        let (name, _) = self.shoot();
+        let number = |text: &str| text.strip_prefix("city3d-")?.parse().ok();
+        number(&name).unwrap_or_else(|| panic!("a screenshot is called {name}"))
+    }
+
     fn screenshot(&self) -> image::RgbImage {
+        self.shoot().1
+    }
+
+    /// Takes a screenshot with F12: the stem of its name, and what it shows.
+    fn shoot(&self) -> (String, image::RgbImage) {
         let pictures = || -> BTreeSet<PathBuf> {
             let files = std::fs::read_dir(&self.folder).unwrap().map(|entry| entry.unwrap().path());
             files.filter(|path| path.extension().is_some_and(|e| e == "png")).collect()
@@ -133,9 +149,28 @@ impl<'a> Program<'a> {
             std::fs::remove_file(path).unwrap();
         }
         self.key("F12");
-        until("a screenshot", || pictures().len() == 1);
-        pause_ms(300);
-        image::open(pictures().first().unwrap()).unwrap().to_rgb8()
+        // One that is still being written is none yet.
+        let mut taken = None;
+        until("a screenshot", || {
+            taken = pictures().first().and_then(|path| Some((path.clone(), image::open(path).ok()?)));
+            taken.is_some()
+        });
+        let (path, picture) = taken.unwrap();
+        (path.file_stem().unwrap().to_string_lossy().into_owned(), picture.to_rgb8())
+    }
+
+    /// Drags the mouse, held down, through places, with a while at each.
+    fn drag(&self, places: &[(u32, u32)]) {
+        let move_to = |(x, y): (u32, u32)| {
+            self.display.xdotool(&["mousemove", "--window", &self.window, &x.to_string(), &y.to_string()]);
+            pause_ms(250);
+        };
+        move_to(places[0]);
+        self.display.xdotool(&["mousedown", "1"]);
+        pause_ms(250);
+        places[1..].iter().copied().for_each(move_to);
+        self.display.xdotool(&["mouseup", "1"]);
+        pause_ms(500);
     }
 
     fn quit(mut self) {
@@ -163,7 +198,7 @@ fn pause_ms(ms: u64) {
     std::thread::sleep(Duration::from_millis(ms));
 }
 
-fn until(what: &str, is_so: impl Fn() -> bool) {
+fn until(what: &str, mut is_so: impl FnMut() -> bool) {
     let start = Instant::now();
     while !is_so() {
         assert!(start.elapsed() < WITHIN, "never came: {what}");
@@ -385,45 +420,163 @@ fn without_a_display_it_says_what_to_do() {
     assert!(said.contains("no window can be opened") && said.contains("city3d view --picture"), "{said}");
 }
 
+/// Records the roundabout for some seconds into the folder `run`.
+fn record(folder: &Path, seconds: &str) -> PathBuf {
+    let run = folder.join("run");
+    let arguments = ["run", "roundabout", "--duration", seconds, "--out", run.to_str().unwrap()];
+    let output = Command::new(CITY3D).args(arguments).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    run
+}
+
+#[test]
+fn a_recorded_run_is_played_both_ways_scrubbed_and_searched() {
+    let Some(display) = Display::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let run = record(folder.path(), "20");
+    let files = || -> Vec<(PathBuf, Vec<u8>)> {
+        let files = std::fs::read_dir(&run).unwrap().map(|entry| entry.unwrap().path());
+        let mut files: Vec<_> = files.map(|path| (path.clone(), std::fs::read(path).unwrap())).collect();
+        files.sort();
+        files
+    };
+    let before = files();
+    let arguments = ["replay", run.to_str().unwrap(), "--fresh", "--size", "1280x720", "--at", "1.2"];
+    let program = Program::start(&display, folder.path(), &arguments, &[]);
+    assert_eq!(program.tick(), 120, "where it was asked to open");
+    program.key("space");
+    pause_ms(2000);
+    program.key("space");
+    let played = program.tick();
+    assert!((122..800).contains(&played), "it plays, and holds: {played}");
+    assert_eq!(program.tick(), played, "held, it stands");
+    program.key("period");
+    assert_eq!(program.tick(), played + 2, "one recorded step");
+    program.key("comma");
+    program.key("j");
+    until("the start, backwards", || program.tick() == 0);
+    program.key("End");
+    assert_eq!(program.tick(), 2000);
+    // The bar of the timeline: it goes from 16 to 1264 pixels.
+    program.click(640, 676);
+    let middle = program.tick();
+    assert!((990..=1010).contains(&middle), "a click: {middle}");
+    let held = program.screenshot();
+    program.drag(&[(640, 676), (400, 676), (328, 676)]);
+    let scrubbed = program.tick();
+    assert!((490..=510).contains(&scrubbed), "scrubbed: {scrubbed}");
+    let city = |picture: &image::RgbImage| image::imageops::crop_imm(picture, 430, 200, 560, 400).to_image();
+    let differing =
+        city(&held).pixels().zip(city(&program.screenshot()).pixels()).filter(|(a, b)| a != b).count();
+    assert!(differing > 500, "cars are elsewhere: {differing} pixels differ");
+    // What happened next, by the summary of the run.
+    let summary = std::fs::read_to_string(run.join("summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    let events = summary["events"].as_array().unwrap().iter().map(|event| event["t"].as_f64().unwrap());
+    let next_s = events.filter(|t| t * 100.0 > scrubbed as f64 + 0.1).fold(f64::INFINITY, f64::min);
+    program.key("bracketright");
+    let jumped = program.tick();
+    let wanted = (next_s * 100.0).round() as u64;
+    assert!((wanted..=wanted + 1).contains(&jumped), "{jumped} for the event at {next_s} s");
+    program.key("F3");
+    program.key("Return");
+    program.key("ctrl+r");
+    assert_eq!(program.tick(), jumped, "nobody drives, nothing is reset");
+    program.quit();
+    assert!(files() == before, "the log is as it was");
+}
+
+/// Runs a command that draws; `false` where there is no adapter.
+fn drew(args: &[&str]) -> bool {
+    let output = Command::new(CITY3D).args(args).args(["--quality", "low", "--adapter", "software"]).output();
+    let output = output.unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    if !output.status.success() && said.contains("adapter") {
+        assert!(std::env::var_os("CI").is_none(), "{said}");
+        eprintln!("SKIPPED: {said}");
+        return false;
+    }
+    assert!(output.status.success(), "{said}");
+    true
+}
+
+/// The one picture in a folder.
+fn only_picture(folder: &Path) -> image::RgbImage {
+    let taken = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let taken = taken.filter(|path| path.extension().is_some_and(|e| e == "png")).collect::<Vec<_>>();
+    assert_eq!(taken.len(), 1, "{taken:?}");
+    image::open(&taken[0]).unwrap().to_rgb8()
+}
+
+#[test]
+fn a_preview_of_a_replay_is_the_picture_that_frames_takes_of_the_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = record(folder.path(), "9").join("run.mcap");
+    let log = log.to_str().unwrap();
+    let taken = |at: &str| {
+        let frames = folder.path().join(format!("frames-{at}"));
+        let out = ["frames", log, "--size", "253x190", "--out", frames.to_str().unwrap()];
+        let arguments = ["--vehicle", "path1_b", "--camera", "windscreen", "--from", at, "--duration", at];
+        drew(&[&out[..], &arguments[..]].concat()).then(|| only_picture(&frames))
+    };
+    let Some(frame) = taken("8") else { return };
+    let file = folder.path().join("window.png");
+    let arguments =
+        ["replay", log, "--fresh", "--picture", file.to_str().unwrap(), "--at", "8", "--preview", "path1_b"];
+    assert!(drew(&arguments));
+    let window = image::open(&file).unwrap().to_rgb8();
+    let place = find(&window, &frame);
+    let (width, height) = frame.dimensions();
+    let preview = image::imageops::crop_imm(&window, place.0, place.1, width, height).to_image();
+    // Pixels that differ, and by how much all do in the mean: logs keep orientations in single precision.
+    let differences = |frame: &image::RgbImage| {
+        let pairs = || preview.pixels().zip(frame.pixels());
+        let apart = |(a, b): (&image::Rgb<u8>, &image::Rgb<u8>)| {
+            a.0.iter().zip(b.0).map(|(a, b)| f64::from(a.abs_diff(b))).fold(0.0, f64::max)
+        };
+        let count = pairs().filter(|(a, b)| a != b).count();
+        (count, pairs().map(apart).sum::<f64>() / f64::from(width * height))
+    };
+    let (count, mean) = differences(&frame);
+    assert!(count < 480 && mean < 0.02, "{count} pixels differ, by {mean} in the mean");
+    let (other_count, other_mean) = differences(&taken("8.02").unwrap());
+    assert!(
+        other_count > 4 * 480 && other_mean > 0.2,
+        "the next tick is another: {other_count}, {other_mean}"
+    );
+}
+
+/// Where in a picture of the window another picture lies best.
+fn find(window: &image::RgbImage, taken: &image::RgbImage) -> (u32, u32) {
+    let (width, height) = taken.dimensions();
+    let pixels = || (0..(width * height)).step_by(997).map(|k| (k % width, k / width));
+    let differing = |(x, y): (u32, u32)| {
+        pixels().filter(|(dx, dy)| window.get_pixel(x + dx, y + dy) != taken.get_pixel(*dx, *dy)).count()
+    };
+    let places =
+        (0..=window.height() - height).flat_map(|y| (900..=window.width() - width).map(move |x| (x, y)));
+    places.min_by_key(|place| differing(*place)).unwrap()
+}
+
 #[test]
 fn a_preview_is_the_picture_that_frames_takes() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("window.png");
     let at = "8";
-    let run = |args: &[&str]| {
-        let output =
-            Command::new(CITY3D).args(args).args(["--quality", "low", "--adapter", "software"]).output();
-        let output = output.unwrap();
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        if !output.status.success() && said.contains("adapter") {
-            assert!(std::env::var_os("CI").is_none(), "{said}");
-            eprintln!("SKIPPED: {said}");
-            return false;
-        }
-        assert!(output.status.success(), "{said}");
-        true
-    };
     let picture = file.to_str().unwrap();
     let arguments = ["view", "roundabout", "--picture", picture, "--at", at, "--preview", "path1_b"];
-    if !run(&arguments) {
+    if !drew(&arguments) {
         return;
     }
     let frames = folder.path().join("frames");
     let arguments = ["--vehicle", "path1_b", "--camera", "windscreen", "--from", at, "--duration", at];
     let out = ["frames", "roundabout", "--size", "253x190", "--out", frames.to_str().unwrap()];
-    run(&[&out[..], &arguments[..]].concat());
-    let taken = std::fs::read_dir(&frames).unwrap().map(|entry| entry.unwrap().path());
-    let taken = taken.filter(|path| path.extension().is_some_and(|e| e == "png")).collect::<Vec<_>>();
-    assert_eq!(taken.len(), 1, "{taken:?}");
-    let taken = image::open(&taken[0]).unwrap().to_rgb8();
+    drew(&[&out[..], &arguments[..]].concat());
+    let taken = only_picture(&frames);
     let window = image::open(&file).unwrap().to_rgb8();
+    let best = find(&window, &taken);
     let (width, height) = taken.dimensions();
-    let differing = |(x, y): (u32, u32), every: usize| {
-        let pixels = (0..(width * height)).step_by(every).map(|k| (k % width, k / width));
-        pixels.filter(|(dx, dy)| window.get_pixel(x + dx, y + dy) != taken.get_pixel(*dx, *dy)).count()
-    };
-    let places =
-        (0..=window.height() - height).flat_map(|y| (900..=window.width() - width).map(move |x| (x, y)));
-    let best = places.min_by_key(|place| differing(*place, 997)).unwrap();
-    assert_eq!(differing(best, 1), 0, "pixels differ at {best:?}");
+    let preview = image::imageops::crop_imm(&window, best.0, best.1, width, height).to_image();
+    let differing = preview.pixels().zip(taken.pixels()).filter(|(a, b)| a != b).count();
+    assert_eq!(differing, 0, "pixels differ at {best:?}");
 }

@@ -68,8 +68,8 @@ enum Command {
     Plot(plot::PlotArgs),
     /// Compare two runs of one scenario: figures with both, and a table of what happened
     Compare(compare::CompareArgs),
-    /// Simulate a recorded run again from its log, and compare it
-    Replay(replay::ReplayArgs),
+    /// Watch a recorded run in the window, or simulate it again from its log and compare it
+    Replay(Box<replay::ReplayArgs>),
     /// Run a scenario many times, over seeds and parameters, on all cores: one table, and a map of the outcome
     Sweep(sweep::SweepArgs),
     /// Serve the city alone: vehicles and commands come over UDP, poses go back

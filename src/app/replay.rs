@@ -1,4 +1,4 @@
-//! `city3d replay`: a recorded run, simulated again from its commands.
+//! `city3d replay`: a recorded run, in the window or simulated again from its commands.
 
 use super::files::LogArgs;
 use super::recorded::Recorded;
@@ -8,12 +8,13 @@ use crate::record::{is_ros1_bag, last_tick};
 use crate::replay::{Differences, Replay, ReplayError, Ticked};
 use clap::Args;
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub struct ReplayArgs {
-    /// The run.mcap of a run, or poses that were measured elsewhere: a bag of ROS 1 or ROS 2 (MCAP) with transforms or
-    /// stamped poses of the vehicles' names, or a CSV (time, id, x, y, yaw; laboratory metres, seconds, radians)
+    /// The run.mcap of a run or the folder that it lies in; or poses that were measured elsewhere: a bag of ROS 1 or
+    /// ROS 2 (MCAP) with transforms or stamped poses of the vehicles' names, or a CSV (time, id, x, y, yaw; laboratory
+    /// metres, seconds, radians)
     log: PathBuf,
     /// With poses: the scenario that they are of, for its map and vehicles
     #[arg(long, value_name = "FILE", conflicts_with = "verify")]
@@ -29,6 +30,9 @@ pub struct ReplayArgs {
     /// Print the outcome as JSON instead of text
     #[arg(long)]
     json: bool,
+    #[cfg(feature = "window")]
+    #[command(flatten)]
+    window: super::view::WindowArgs,
 }
 
 /// What came of simulating a log again.
@@ -70,21 +74,24 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     if let (Some(scenario), Some(out)) = (&args.scenario, &args.out) {
         return Recorded { poses: &args.log, scenario, out, log: args.files, json: args.json }.replay();
     }
-    let is_table = args.log.extension().is_some_and(|extension| extension == "csv");
-    if !args.verify && (is_table || is_ros1_bag(&args.log)) {
+    let log = &log_of(&args.log);
+    let is_table = log.extension().is_some_and(|extension| extension == "csv");
+    if !args.verify && (is_table || is_ros1_bag(log)) {
         return Err(Failure::bad_input(format!(
             "{}: poses are replayed into files: give --scenario and --out",
             args.log.display()
         )));
     }
     if !args.verify {
-        let log = args.log.display();
-        return Err(Failure::bad_input(format!(
-            "the window does not play logs yet. city3d replay {log} --verify simulates the run again and \
-             compares it; city3d frames {log} --out DIR draws it from any camera"
-        )));
+        return if args.json {
+            Err(Failure::bad_input(
+                "--json is of --verify, or of poses with --scenario and --out: give one of them",
+            ))
+        } else {
+            watch(log, args)
+        };
     }
-    let report = verify(args)?;
+    let report = verify(log)?;
     if args.json {
         say(serde_json::to_string(&report).map_err(Failure::failed)?)?;
     } else {
@@ -99,9 +106,29 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     }
 }
 
-fn verify(args: &ReplayArgs) -> Result<Report, Failure> {
-    let (last, _) = last_tick(&args.log).map_err(Failure::bad_input)?;
-    let mut replay = Replay::open(&args.log).map_err(failure)?;
+/// The log itself, of a folder of a run the one in it.
+fn log_of(path: &Path) -> PathBuf {
+    if path.is_dir() { path.join("run.mcap") } else { path.to_path_buf() }
+}
+
+#[cfg(feature = "window")]
+fn watch(log: &Path, args: &ReplayArgs) -> Result<(), Failure> {
+    super::view::replay(log, &args.window)
+}
+
+#[cfg(not(feature = "window"))]
+fn watch(log: &Path, _args: &ReplayArgs) -> Result<(), Failure> {
+    crate::record::LogReader::open(log).map_err(Failure::bad_input)?;
+    let log = log.display();
+    Err(Failure::bad_input(format!(
+        "this program was built without the window. city3d replay {log} --verify simulates the run again and \
+         compares it"
+    )))
+}
+
+fn verify(log: &Path) -> Result<Report, Failure> {
+    let (last, _) = last_tick(log).map_err(Failure::bad_input)?;
+    let mut replay = Replay::open(log).map_err(failure)?;
     warn_of_version(&replay);
     let bar = progress::simulated_seconds(replay.experiment().rates.time_s(last));
     let mut ticks_agreeing = 0;
@@ -118,7 +145,7 @@ fn verify(args: &ReplayArgs) -> Result<Report, Failure> {
     }
     bar.finish_and_clear();
     Ok(Report {
-        log: args.log.clone(),
+        log: log.to_path_buf(),
         scenario: replay.experiment().name.clone(),
         version: replay.log().version().to_owned(),
         simulated_s: replay.snapshot().time_s,

@@ -28,8 +28,7 @@ pub fn reroute_blocked(
             for way in other_ways(map, cav, leader_s.unwrap_or(f64::INFINITY)) {
                 let route = Route::without_speeds(map, &way, body);
                 let before = cavs[vehicle].set_route(route);
-                let is_section = cavs[vehicle].passage.next_section < cavs[vehicle].route.sections.len();
-                if is_section && right_of_way.has_room_behind(vehicle, cavs, occupancy) {
+                if is_before_line(&cavs[vehicle]) && right_of_way.has_room_behind(vehicle, cavs, occupancy) {
                     cavs[vehicle].take_new_route(map);
                     break;
                 }
@@ -37,6 +36,11 @@ pub fn reroute_blocked(
             }
         }
     }
+}
+
+/// Whether it stands where it can wait on its way: ways that turn off have to be waited for farther back than others.
+fn is_before_line(cav: &Cav) -> bool {
+    cav.route.sections.get(cav.passage.next_section).is_some_and(|section| section.hold_s >= cav.front_s())
 }
 
 /// How many lanes further on another way meets the old one again.

@@ -446,7 +446,9 @@ impl RightOfWay {
         let to_entry_m = crossing.from_s - front_s;
         let to_end_m = crossing.to_s - front_s;
         for user in &self.users[crossing.zone.index()] {
-            let goes_first = user.order.is_some_and(|other| other < order);
+            // Who went in unasked has the lowest number, but does not drive into those who are there already.
+            let is_there = order < FIRST_ORDER && user.to_entry_m <= 0.0;
+            let goes_first = user.order.is_some_and(|other| other < order || is_there);
             if user.side == crossing.side || user.vehicle == vehicle || !goes_first {
                 continue;
             }

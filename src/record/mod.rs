@@ -3,6 +3,7 @@
 
 mod bag;
 mod cdr;
+mod chunks;
 mod log;
 mod poses;
 mod reader;
@@ -12,6 +13,7 @@ mod table;
 mod transforms;
 
 pub use bag::{is_ros1_bag, read_bag};
+pub use chunks::{Chunk, ChunkedLog, Part};
 pub use log::{LogWriter, Origin};
 pub use poses::{MeasuredPose, POSE_COLUMNS, pose_at, read_poses};
 pub use reader::{Entry, LogReader, is_log, last_tick, read_commands, read_network};

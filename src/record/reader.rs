@@ -115,6 +115,11 @@ impl LogReader {
         self.metadata.get("version").map_or("?", String::as_str)
     }
 
+    /// Topics of the channels that have been met.
+    pub(super) fn topics(&self) -> &HashMap<u16, String> {
+        &self.topics
+    }
+
     /// Why nothing more could be read, where the log has no end.
     pub fn torn(&self) -> Option<&str> {
         self.records.torn.as_deref()
@@ -202,12 +207,12 @@ impl LogReader {
     }
 }
 
-fn no_log(path: &Path, reason: impl ToString) -> RecordError {
+pub(super) fn no_log(path: &Path, reason: impl ToString) -> RecordError {
     RecordError::NoLog { path: path.to_path_buf(), reason: reason.to_string() }
 }
 
 /// The entry of a message: `None` for topics that are left out, `Some(None)` for what is damaged.
-fn decode(topic: &str, data: &[u8]) -> Option<Option<Entry>> {
+pub(super) fn decode(topic: &str, data: &[u8]) -> Option<Option<Entry>> {
     let command = |(tick, command)| Entry::Command { tick, command };
     Some(match topic {
         COMMAND_TOPIC => decode_command(data).map(command),
@@ -224,7 +229,7 @@ fn decode(topic: &str, data: &[u8]) -> Option<Option<Entry>> {
 }
 
 /// Larger records and chunks are none of City3D: a length that is damaged shall not fill the memory.
-const LARGEST_RECORD: usize = 256 << 20;
+pub(super) const LARGEST_RECORD: usize = 256 << 20;
 
 /// The records of a file, with those inside of chunks, up to the end of its data.
 struct Records {
@@ -304,7 +309,7 @@ pub(super) fn each_message(
     Ok(records.torn)
 }
 
-fn why(error: &McapError) -> String {
+pub(super) fn why(error: &McapError) -> String {
     match error {
         McapError::UnexpectedEof | McapError::UnexpectedEoc => "it ends in the middle of a record".to_owned(),
         McapError::BadMagic => "it is no MCAP file".to_owned(),

@@ -11,8 +11,7 @@ use crate::geom::OrientedRect;
 use crate::physics::Physics;
 use crate::scenario::Experiment;
 use crate::snapshot::{
-    Appearance, Event, EventKind, FrameSnapshot, ModelKind, Setup, SimCommand, VehicleId, VehicleInfo,
-    VehicleSpec, VehicleState,
+    Event, EventKind, FrameSnapshot, Setup, SimCommand, VehicleId, VehicleInfo, VehicleState,
 };
 use collision::{Collisions, Solids};
 use hash::StateHash;
@@ -246,28 +245,15 @@ impl WorldState {
         let is_there =
             |id| self.vehicles.binary_search_by_key(&id, |vehicle: &SimVehicle| vehicle.state.id).is_ok();
         let planned = experiment.vehicles.iter().filter(|planned| is_there(planned.id));
-        let planned =
-            planned.map(|planned| info(planned.id, &planned.name, planned.appearance, &planned.spec));
-        let set_up =
-            self.setups.iter().map(|setup| info(setup.id, &setup.name, setup.appearance, &setup.spec));
+        let planned = planned
+            .map(|planned| VehicleInfo::of(planned.id, &planned.name, planned.appearance, &planned.spec));
+        let set_up = self
+            .setups
+            .iter()
+            .map(|setup| VehicleInfo::of(setup.id, &setup.name, setup.appearance, &setup.spec));
         let mut roster: Vec<VehicleInfo> = planned.chain(set_up).collect();
         roster.sort_by_key(|info| info.id);
         Arc::new(roster)
-    }
-}
-
-fn info(id: VehicleId, name: &str, appearance: Appearance, spec: &VehicleSpec) -> VehicleInfo {
-    let model = match spec.model {
-        ModelKind::Raycast => "raycast",
-        ModelKind::Bicycle => "bicycle",
-        ModelKind::Measured => "measured",
-    };
-    VehicleInfo {
-        id,
-        name: name.to_owned(),
-        dimensions: spec.dimensions,
-        appearance,
-        model: model.to_owned(),
     }
 }
 

@@ -1,6 +1,6 @@
 //! What is known of a vehicle: once (its build and looks) and at every tick (its state).
 
-use super::Appearance;
+use super::{Appearance, ModelKind, VehicleSpec};
 use crate::geom::{OrientedRect, Pose2, trig};
 use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -114,6 +114,18 @@ pub struct VehicleInfo {
     pub appearance: Appearance,
     /// Name of the dynamics model.
     pub model: String,
+}
+
+impl VehicleInfo {
+    /// What of a vehicle's build does not change.
+    pub fn of(id: VehicleId, name: &str, appearance: Appearance, spec: &VehicleSpec) -> Self {
+        let model = match spec.model {
+            ModelKind::Raycast => "raycast",
+            ModelKind::Bicycle => "bicycle",
+            ModelKind::Measured => "measured",
+        };
+        Self { id, name: name.to_owned(), dimensions: spec.dimensions, appearance, model: model.to_owned() }
+    }
 }
 
 /// One wheel: front left, front right, rear left, rear right.

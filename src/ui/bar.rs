@@ -11,20 +11,27 @@ const SPEEDS: [f64; 8] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
 
 pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
     ui.horizontal_wrapped(|ui| {
-        run_controls(ui, shown, actions);
-        ui.separator();
-        speed(ui, shown.moment.speed, actions);
-        clock(ui, shown);
-        ui.separator();
-        scenario(ui, shown, actions);
+        if let Some(replay) = &shown.replay {
+            let tip = format!("What the log {} has recorded; nothing is simulated", shown.scenario);
+            ui.label(RichText::new(format!("Replay of {}", replay.name)).strong()).on_hover_text(tip);
+        } else {
+            run_controls(ui, shown, actions);
+            ui.separator();
+            speed(ui, shown.moment.speed, actions);
+            clock(ui, shown);
+            ui.separator();
+            scenario(ui, shown, actions);
+        }
         ui.separator();
         cameras(ui, state);
         ui.separator();
         look(ui, state, actions);
         ui.toggle_value(&mut state.open.layers, "Layers")
             .on_hover_text("Labels, lanes, routes, conflict zones, map");
-        ui.toggle_value(&mut state.open.controllers, "Gamepad")
-            .on_hover_text("Gamepad and steering wheel: what their axes and buttons do (F2)");
+        if shown.replay.is_none() {
+            ui.toggle_value(&mut state.open.controllers, "Gamepad")
+                .on_hover_text("Gamepad and steering wheel: what their axes and buttons do (F2)");
+        }
         ui.toggle_value(&mut state.open.help, "Help").on_hover_text("All keys (F1)");
     });
 }

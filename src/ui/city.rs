@@ -18,7 +18,7 @@ pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>) {
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     move_camera(ui, &response, state);
     state.viewpoint.attend(shown.seen);
-    let moves = shown.moment.phase == Phase::Running || response.dragged();
+    let moves = shown.moment.phase == Phase::Running || response.dragged() || state.is_scrubbing;
     let extent = extent(rect, ui.ctx().pixels_per_point(), shown.most_moving_pixels.filter(|_| moves));
     let view = state.viewpoint.view(shown.seen, extent);
     state.pictures.push(Picture { slot: Slot::City, view });

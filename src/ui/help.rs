@@ -6,6 +6,22 @@ use egui::{RichText, Ui};
 
 type Section = (&'static str, &'static [(&'static str, &'static str)]);
 
+const REPLAY: Section = (
+    "Replay",
+    &[
+        ("Space", "play, pause"),
+        ("J", "play backwards"),
+        (",  .", "one recorded step back, forward"),
+        ("left  right", "5 seconds back, forward"),
+        ("[  ]", "event before, next event (Shift+left, right)"),
+        ("Home  End", "start, end"),
+        ("+  -", "faster, slower"),
+        ("F3", "list of events"),
+        ("F12", "screenshot"),
+        ("Ctrl+Q", "quit"),
+    ],
+);
+
 const SECTIONS: [Section; 4] = [
     (
         "Experiment",
@@ -56,20 +72,31 @@ const SECTIONS: [Section; 4] = [
     ),
 ];
 
+/// What two columns need, points.
+const TWO_COLUMNS: f32 = 700.0;
 /// Where the window is narrower, in points, the sheet has one column.
-const TWO_COLUMNS_FROM: f32 = 640.0;
+const TWO_COLUMNS_FROM: f32 = 720.0;
 
-pub fn window(ui: &Ui, state: &mut State) {
+pub fn window(ui: &Ui, state: &mut State, is_replay: bool) {
+    // Of a recorded run nobody takes the wheel.
+    let [experiment, look, vehicles, driving] = &SECTIONS;
+    let sections =
+        if is_replay { vec![&REPLAY, look, vehicles] } else { vec![experiment, look, vehicles, driving] };
     let room = ui.ctx().content_rect().shrink2(egui::vec2(12.0, 48.0));
     let sheet = super::sheet(ui, "Keys and statuses").open(&mut state.open.help);
-    sheet.scroll(true).max_size(room.size()).constrain_to(room).show(ui.ctx(), |ui| {
-        let count = if room.width() < TWO_COLUMNS_FROM { 1 } else { 2 };
+    let count = if room.width() < TWO_COLUMNS_FROM { 1 } else { 2 };
+    let sheet = sheet.scroll([count == 1, true]).default_height(room.height());
+    sheet.max_size(room.size()).constrain_to(room).show(ui.ctx(), |ui| {
+        if count == 2 {
+            // Columns share the width that there is, whatever they hold.
+            ui.set_min_width(TWO_COLUMNS.min(room.width() - 24.0));
+        }
         ui.columns(count, |columns| {
-            for (index, (title, keys)) in SECTIONS.iter().enumerate() {
+            for (index, (title, keys)) in sections.into_iter().enumerate() {
                 let ui = &mut columns[index % count];
                 ui.label(RichText::new(*title).strong());
                 egui::Grid::new(*title).num_columns(2).show(ui, |ui| {
-                    for (key, what) in *keys {
+                    for (key, what) in keys.iter().filter(|(key, _)| !(is_replay && *key == "Enter")) {
                         ui.monospace(*key);
                         ui.label(*what);
                         ui.end_row();

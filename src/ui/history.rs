@@ -12,6 +12,13 @@ pub struct Sample {
     pub lateral_error_m: f64,
 }
 
+impl From<crate::playback::Glimpse> for Sample {
+    fn from(glimpse: crate::playback::Glimpse) -> Self {
+        let crate::playback::Glimpse { time_s, speed_mps, lateral_error_m } = glimpse;
+        Self { time_s, speed_mps, lateral_error_m }
+    }
+}
+
 /// Simulated seconds that are kept.
 pub const KEPT_S: f64 = 30.0;
 /// Samples are at least this far apart.
@@ -45,6 +52,11 @@ impl History {
             samples.insert(id, kept);
         }
         self.samples = samples;
+    }
+
+    /// Takes the samples of a vehicle as they are recorded, in order of time, instead of those that it has.
+    pub fn set(&mut self, vehicle: VehicleId, samples: impl Iterator<Item = Sample>) {
+        self.samples.insert(vehicle, samples.collect());
     }
 
     pub fn of(&self, id: VehicleId) -> impl Iterator<Item = &Sample> {

@@ -2,7 +2,7 @@
 
 use super::bar::other_speed;
 use super::viewpoint::Mode;
-use super::{Action, Shown, State};
+use super::{Action, Shown, State, timeline};
 use crate::live::{Order, Phase};
 use crate::snapshot::VehicleId;
 use egui::{Event, Key, Modifiers, Ui};
@@ -16,10 +16,19 @@ pub fn act(ui: &Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Acti
     if ui.ctx().text_edit_focused() {
         return;
     }
-    for (key, modifiers) in pressed(ui) {
-        if modifiers.command {
+    let mut replay = shown.replay;
+    for (key, modifiers, is_repeated) in pressed(ui) {
+        let is_free = !modifiers.command && !modifiers.alt;
+        if let Some(replay) = replay.as_mut().filter(|_| is_free)
+            && let Some(cue) = timeline::cue(key, modifiers, replay, state)
+        {
+            replay.head.foresee(cue);
+            actions.push(Action::Cue(cue));
+        } else if is_repeated {
+            // Held keys move through a recording, and do nothing else again.
+        } else if modifiers.command {
             match key {
-                Key::R => actions.push(Action::Order(Order::Reset)),
+                Key::R if shown.replay.is_none() => actions.push(Action::Order(Order::Reset)),
                 Key::Q => actions.push(Action::Quit),
                 _ => {}
             }
@@ -28,14 +37,14 @@ pub fn act(ui: &Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Acti
         }
     }
     if state.driving.is_none() {
-        fly(ui, state);
+        fly(ui, state, shown.replay.is_some());
     }
 }
 
-/// Keys that went down since the last pass, without those that only repeat.
-fn pressed(ui: &Ui) -> Vec<(Key, Modifiers)> {
+/// Keys that went down since the last pass, and whether they only repeat.
+fn pressed(ui: &Ui) -> Vec<(Key, Modifiers, bool)> {
     let of = |event: &Event| match *event {
-        Event::Key { key, pressed: true, repeat: false, modifiers, .. } => Some((key, modifiers)),
+        Event::Key { key, pressed: true, repeat, modifiers, .. } => Some((key, modifiers, repeat)),
         _ => None,
     };
     ui.input(|input| input.events.iter().filter_map(of).collect())
@@ -44,6 +53,10 @@ fn pressed(ui: &Ui) -> Vec<(Key, Modifiers)> {
 fn press(key: Key, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
     let moment = shown.moment;
     match key {
+        // A recorded run is not simulated, and nobody drives in it.
+        Key::Space | Key::N | Key::Plus | Key::Equals | Key::Minus | Key::F2 | Key::Enter
+            if shown.replay.is_some() => {}
+        Key::F3 if shown.replay.is_some() => state.open.events = !state.open.events,
         Key::Space if moment.phase == Phase::Running => actions.push(Action::Order(Order::Pause)),
         Key::Space => actions.push(Action::Order(Order::Start)),
         Key::N => actions.push(Action::Order(Order::Step)),
@@ -76,6 +89,7 @@ fn press_for_vehicle(key: Key, state: &mut State, shown: &Shown<'_>, actions: &m
         Key::Enter => actions.extend(selected.map(Action::Drive)),
         Key::Escape if state.devices.learning().is_some() => state.devices.stop_learning(),
         Key::Escape if state.open.help => state.open.help = false,
+        Key::Escape if state.open.events => state.open.events = false,
         Key::Escape if state.open.controllers => state.open.controllers = false,
         Key::Escape if state.driving.is_some() => actions.push(Action::GiveBack),
         Key::Escape => {
@@ -101,13 +115,15 @@ fn neighbour(shown: &Shown<'_>, from: Option<VehicleId>, forward: bool) -> Optio
 }
 
 /// Moves the camera while keys are held.
-fn fly(ui: &Ui, state: &mut State) {
+fn fly(ui: &Ui, state: &mut State, is_replay: bool) {
     let (by, dt_s) = ui.input(|input| {
         let axis = |more: [Key; 2], less: [Key; 2]| {
             let is = |keys: [Key; 2]| f64::from(u8::from(keys.into_iter().any(|key| input.key_down(key))));
             if input.modifiers.any() { 0.0 } else { is(more) - is(less) }
         };
-        let right = axis([Key::D, Key::ArrowRight], [Key::A, Key::ArrowLeft]);
+        // In a replay these arrows go through time.
+        let arrows = if is_replay { [Key::D, Key::A] } else { [Key::ArrowRight, Key::ArrowLeft] };
+        let right = axis([Key::D, arrows[0]], [Key::A, arrows[1]]);
         let forward = axis([Key::W, Key::ArrowUp], [Key::S, Key::ArrowDown]);
         let up = axis([Key::E, Key::E], [Key::Q, Key::Q]);
         (DVec3::new(right, forward, up), f64::from(input.stable_dt.min(0.1)))

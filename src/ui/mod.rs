@@ -6,6 +6,7 @@ mod bar;
 mod city;
 mod controllers;
 mod drive;
+mod events;
 mod help;
 mod history;
 mod keys;
@@ -14,11 +15,13 @@ mod map;
 mod preview;
 mod sight;
 mod status;
+mod timeline;
 mod vehicles;
 mod viewpoint;
 
 pub use drive::Driving;
-pub use history::History;
+pub use events::Events;
+pub use history::{History, KEPT_S, Sample};
 pub use layers::Layers;
 pub use preview::{Eye, Preview};
 pub use vehicles::Table;
@@ -29,6 +32,7 @@ use crate::city::scene::Wall;
 use crate::city::{CityMap, LaneId};
 use crate::cockpit::{Devices, Handling};
 use crate::live::{Moment, Order, Phase};
+use crate::playback::{Cue, Mark, Playhead};
 use crate::snapshot::{FrameSnapshot, VehicleId};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -65,6 +69,24 @@ pub struct Shown<'a> {
     pub frames_per_s: f64,
     /// The most pixels that the large view may have while it moves; on a screen with more it is coarser.
     pub most_moving_pixels: Option<u32>,
+    /// A recorded run is shown: nobody drives, and time goes as the user wants.
+    pub replay: Option<Replay<'a>>,
+}
+
+/// A recorded run, and where in it the window is.
+#[derive(Clone, Copy, Debug)]
+pub struct Replay<'a> {
+    /// What was recorded, as its scenario calls it.
+    pub name: &'a str,
+    pub head: Playhead,
+    /// What happened, in order of time.
+    pub marks: &'a [Mark],
+    /// How much of the log has been looked through for them, 0 to 1.
+    pub searched: f64,
+    /// Why the log has no end, where it is torn.
+    pub torn: Option<&'a str>,
+    /// Another place is wanted, and has not been read yet.
+    pub is_late: bool,
 }
 
 /// A place for a picture.
@@ -85,6 +107,8 @@ pub struct Picture {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
     Order(Order),
+    /// Of a replay.
+    Cue(Cue),
     Drive(VehicleId),
     GiveBack,
     Scenario(String),
@@ -159,6 +183,9 @@ pub struct Open {
     pub layers: bool,
     #[serde(skip)]
     pub controllers: bool,
+    /// The list of what happened in a recorded run.
+    #[serde(skip)]
+    pub events: bool,
 }
 
 /// What the user has chosen.
@@ -174,6 +201,10 @@ pub struct State {
     pub widths: Widths,
     /// Of the vehicle that the user drives.
     pub driving: Option<Driving>,
+    /// Which of what happened in a recorded run is shown.
+    pub events: Events,
+    /// The place on the timeline is being dragged.
+    pub is_scrubbing: bool,
     /// Gamepads and steering wheels.
     pub devices: Devices,
     /// Said to the user for a while, and until when, in seconds of egui's clock.
@@ -194,6 +225,8 @@ impl State {
             open: Open::default(),
             widths: Widths::default(),
             driving: None,
+            events: Events::default(),
+            is_scrubbing: false,
             devices: Devices::default(),
             notice: None,
             pictures: Vec::new(),
@@ -234,7 +267,10 @@ impl State {
     /// Forgets what belongs to vehicles that are not there.
     fn attend(&mut self, shown: &Shown<'_>) {
         let is_there = |id: VehicleId| shown.moment.now.vehicle(id).is_some();
-        self.selection.vehicle = self.selection.vehicle.filter(|id| is_there(*id));
+        // One that a jump has selected may be there only where it leads.
+        if !shown.replay.is_some_and(|replay| replay.is_late) {
+            self.selection.vehicle = self.selection.vehicle.filter(|id| is_there(*id));
+        }
         if let Some(vehicle) = self.selection.follow.take() {
             self.viewpoint.follow = Some(vehicle);
             if matches!(self.viewpoint.mode, Mode::Free | Mode::Overhead) {
@@ -261,8 +297,16 @@ pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Acti
     let mut actions = Vec::new();
     state.pictures.clear();
     state.attend(shown);
+    if let Some(replay) = &shown.replay {
+        state.events.attend(replay.marks);
+    }
     keys::act(ui, state, shown, &mut actions);
-    drive::act(state, &mut actions);
+    if shown.replay.is_some() {
+        // Buttons of gamepads mean nothing there.
+        drop(state.devices.take_pressed());
+    } else {
+        drive::act(state, &mut actions);
+    }
     let frame = egui::Frame::side_top_panel(ui.style()).fill(egui::Color32::TRANSPARENT);
     egui::Panel::top("bar").frame(frame).show(ui, |ui| {
         ui.add_space(3.0);
@@ -270,6 +314,12 @@ pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Acti
         ui.add_space(3.0);
     });
     egui::Panel::bottom("footer").frame(frame).show(ui, |ui| footer(ui, shown));
+    if let Some(replay) = &shown.replay {
+        egui::Panel::bottom("timeline").frame(frame).show(ui, |ui| {
+            ui.add_space(2.0);
+            timeline::show(ui, state, shown, replay, &mut actions);
+        });
+    }
     // However small the window is, the city keeps a third of it.
     let most = (ui.available_width() * MOST_OF_WINDOW).clamp(0.0, WIDEST);
     let side = |panel: egui::Panel, width: f32, least: f32| {
@@ -297,7 +347,10 @@ pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Acti
     egui::CentralPanel::no_frame().show(ui, |ui| city::show(ui, state, shown));
     layers::window(ui, state);
     controllers::window(ui, state, &mut actions);
-    help::window(ui, state);
+    if let Some(replay) = &shown.replay {
+        events::window(ui, state, shown, replay, &mut actions);
+    }
+    help::window(ui, state, shown.replay.is_some());
     drive::step(ui, state, shown, &mut actions);
     actions
 }
@@ -317,7 +370,11 @@ fn sheet(ui: &egui::Ui, title: &'static str) -> egui::Window<'static> {
 
 fn footer(ui: &mut egui::Ui, shown: &Shown<'_>) {
     ui.horizontal(|ui| {
-        ui.small("Space start/pause   N step   click a car to select   F follow   P preview   Enter drive   F1 all keys");
+        ui.small(if shown.replay.is_some() {
+            "Space play/pause   left right 5 s   [ ] event   click a car to select   F follow   P preview   F1 all keys"
+        } else {
+            "Space start/pause   N step   click a car to select   F follow   P preview   Enter drive   F1 all keys"
+        });
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if shown.frames_per_s > 0.0 {
                 ui.small(format!("{:.0} pictures/s", shown.frames_per_s));

@@ -63,8 +63,30 @@ impl Preview {
     }
 }
 
-/// Width over height of the pictures.
+/// Width over height of the pictures, where there is room.
 const ASPECT: f32 = 4.0 / 3.0;
+/// What a panel needs beside its picture, points: with a plot under the other, and with both side by side.
+const FULL: f32 = 262.0;
+const COMPACT: f32 = 184.0;
+
+/// How large the parts of a panel are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Room {
+    aspect: f32,
+    /// The plots stand side by side, and are lower.
+    is_compact: bool,
+}
+
+impl Room {
+    /// So large that two panels can be seen at once, where there are two.
+    fn of(count: usize, place: Vec2) -> Self {
+        let each = place.y / 2.0;
+        if count < 2 || each >= place.x / ASPECT + FULL {
+            return Self { aspect: ASPECT, is_compact: false };
+        }
+        Self { aspect: (place.x / (each - COMPACT).max(1.0)).clamp(ASPECT, 2.1), is_compact: true }
+    }
+}
 
 /// Shows all panels that are open.
 pub fn show_all(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
@@ -82,10 +104,12 @@ pub fn show_all(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut
         ui.label(RichText::new("Select a vehicle and press P to see what its camera sees.").weak());
         return;
     }
+    let room = Room::of(state.previews.len(), ui.available_size());
     egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         let mut previews = std::mem::take(&mut state.previews);
         previews.retain_mut(|preview| {
-            let is_kept = ui.push_id(preview.vehicle.0, |ui| show(ui, preview, state, shown, actions)).inner;
+            let is_kept =
+                ui.push_id(preview.vehicle.0, |ui| show(ui, (preview, room), state, shown, actions)).inner;
             ui.separator();
             is_kept
         });
@@ -96,7 +120,7 @@ pub fn show_all(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut
 /// Shows a panel; `false` once it is closed.
 fn show(
     ui: &mut Ui,
-    preview: &mut Preview,
+    (preview, room): (&mut Preview, Room),
     state: &mut State,
     shown: &Shown<'_>,
     actions: &mut Vec<Action>,
@@ -121,7 +145,7 @@ fn show(
             is_kept = !ui.small_button("x").on_hover_text("Close this preview").clicked();
         });
     });
-    picture(ui, preview, shown, state);
+    picture(ui, (preview, room.aspect), shown, state);
     ui.horizontal(|ui| {
         ComboBox::from_id_salt("eye")
             .selected_text(preview.eye.label())
@@ -133,10 +157,13 @@ fn show(
             })
             .response
             .on_hover_text("Where the picture is taken from");
-        drive_button(ui, preview.vehicle, state, actions);
+        if shown.replay.is_none() {
+            drive_button(ui, preview.vehicle, state, actions);
+        }
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| speed(ui, vehicle));
     });
     pedals(ui, vehicle);
-    plots(ui, shown.history, preview.vehicle, now.time_s);
+    plots(ui, shown.history, preview.vehicle, (now.time_s, room));
     is_kept
 }
 
@@ -151,10 +178,10 @@ fn drive_button(ui: &mut Ui, vehicle: VehicleId, state: &State, actions: &mut Ve
 }
 
 /// A whole number of pixels, each of them one of the camera's.
-fn picture(ui: &mut Ui, preview: &Preview, shown: &Shown<'_>, state: &mut State) {
+fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &Shown<'_>, state: &mut State) {
     let per_point = ui.ctx().pixels_per_point();
     let width = (ui.available_width().max(40.0) * per_point).floor();
-    let size = Vec2::new(width, (width / ASPECT).round()) / per_point;
+    let size = Vec2::new(width, (width / aspect).round()) / per_point;
     let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
     if !ui.is_rect_visible(rect) {
         return;
@@ -168,14 +195,15 @@ fn picture(ui: &mut Ui, preview: &Preview, shown: &Shown<'_>, state: &mut State)
     super::paint_picture(ui, rect, shown, slot);
 }
 
-/// Steering, gas, brake and handbrake as bars and numbers, and the speed.
+fn speed(ui: &mut Ui, vehicle: &VehicleState) {
+    let gear = if vehicle.reverse { "  R" } else { "" };
+    let text = format!("{:.1} km/h{gear}", tenths(vehicle.speed_mps * 3.6));
+    ui.label(RichText::new(text).monospace().strong()).on_hover_text("Speed along its heading");
+}
+
+/// Steering, gas, brake and handbrake as bars and numbers.
 fn pedals(ui: &mut Ui, vehicle: &VehicleState) {
     let steering_deg = vehicle.steering_rad.to_degrees();
-    let gear = if vehicle.reverse { "  R" } else { "" };
-    ui.label(
-        RichText::new(format!("{:.1} km/h{gear}", tenths(vehicle.speed_mps * 3.6))).monospace().strong(),
-    )
-    .on_hover_text("Speed along its heading");
     steering(ui, steering_deg);
     bar(ui, "Gas", vehicle.gas, Color32::from_rgb(90, 170, 90));
     bar(ui, "Brake", vehicle.brake, Color32::from_rgb(205, 80, 70));
@@ -234,22 +262,43 @@ fn gauge(ui: &mut Ui, name: &str, number: &str, fill: impl FnOnce(&egui::Painter
     fill(&painter, track);
 }
 
-fn plots(ui: &mut Ui, history: &History, vehicle: VehicleId, now_s: f64) {
+fn plots(ui: &mut Ui, history: &History, vehicle: VehicleId, (now_s, room): (f64, Room)) {
     let series = |of: fn(&Sample) -> f64| -> Vec<[f64; 2]> {
         history.of(vehicle).map(|sample| [sample.time_s - now_s, of(sample)]).collect()
     };
+    let height = if room.is_compact { 44.0 } else { 56.0 };
     let blue = Color32::from_rgb(110, 175, 255);
-    plot(ui, "Speed, km/h", series(|sample| sample.speed_mps * 3.6), (0.0, 50.0), blue);
+    let speeds = |ui: &mut Ui| {
+        plot(ui, ("Speed, km/h", height), series(|sample| sample.speed_mps * 3.6), (0.0, 50.0), blue);
+    };
     let orange = Color32::from_rgb(235, 160, 80);
-    plot(ui, "Lateral error, cm", series(|sample| sample.lateral_error_m * 100.0), (-10.0, 10.0), orange);
+    let errors = |ui: &mut Ui| {
+        let errors = series(|sample| sample.lateral_error_m * 100.0);
+        plot(ui, ("Lateral error, cm", height), errors, (-10.0, 10.0), orange);
+    };
+    if room.is_compact {
+        ui.columns(2, |columns| {
+            speeds(&mut columns[0]);
+            errors(&mut columns[1]);
+        });
+    } else {
+        speeds(ui);
+        errors(ui);
+    }
 }
 
-fn plot(ui: &mut Ui, name: &str, points: Vec<[f64; 2]>, (low, high): (f64, f64), colour: Color32) {
-    let last = points.last().map_or_else(String::new, |[_, value]| format!(" {value:.1}"));
+fn plot(
+    ui: &mut Ui,
+    (name, height): (&str, f32),
+    points: Vec<[f64; 2]>,
+    (low, high): (f64, f64),
+    colour: Color32,
+) {
+    let last = points.last().map_or_else(String::new, |[_, value]| format!(" {:.1}", tenths(*value)));
     ui.label(RichText::new(format!("{name}:{last}")).small())
         .on_hover_text(format!("The last {KEPT_S:.0} simulated seconds"));
     Plot::new(name)
-        .height(56.0)
+        .height(height)
         .include_x(-KEPT_S)
         .include_x(0.0)
         .include_y(low)

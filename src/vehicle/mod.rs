@@ -24,6 +24,7 @@ pub use measured::{Measured, UNSEEN_AFTER_S};
 pub use pedals::pedals;
 pub use raycast::RaycastCar;
 pub use tracker::{Tracker, Tracking};
+pub use wheels::set_wheels;
 
 use crate::geom::{Pose2, trig};
 use crate::physics::Physics;

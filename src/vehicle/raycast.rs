@@ -10,7 +10,7 @@ use super::{Actuation, Drive, Motion, VehicleModel, VehicleSpec};
 use crate::geom::Pose2;
 use crate::physics::{BodyId, BodyState, BoxBody, GRAVITY_MPS2, Physics};
 use crate::snapshot::WheelState;
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -82,6 +82,16 @@ fn mounts(spec: &VehicleSpec) -> [Mount; 4] {
     [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(ahead, left)| Mount {
         top: DVec3::new(ahead * d.wheelbase_m / 2.0, left * d.track_m / 2.0, top),
         load: 0.5 * weight * (if ahead > 0.0 { rear } else { front }) / d.wheelbase_m,
+    })
+}
+
+/// How far the springs of a body in a pose have lifted its wheels, on flat ground at z = 0.
+pub(super) fn lifts_m(spec: &VehicleSpec, position: DVec3, orientation: DQuat) -> [f64; 4] {
+    let up = (orientation * DVec3::Z).z.max(0.2);
+    let (rest, radius) = (spec.suspension.rest_length_m, spec.dimensions.wheel_radius_m);
+    mounts(spec).map(|mount| {
+        let to_ground = (position + orientation * mount.top).z / up;
+        rest - (to_ground - radius).min(rest) - sag(spec)
     })
 }
 

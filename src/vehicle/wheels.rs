@@ -1,7 +1,8 @@
 //! Steering gear and wheels, which both models share.
 
-use super::VehicleSpec;
+use super::{ModelKind, VehicleSpec, raycast};
 use crate::geom::trig;
+use crate::snapshot::VehicleState;
 use glam::DVec2;
 
 /// The front axle's angle one step on: towards the desired one, at no more than the steering rate,
@@ -25,6 +26,17 @@ pub(super) fn front_headings(spec: &VehicleSpec, axle_rad: f64) -> [DVec2; 2] {
 /// The angle of a direction of the body frame, left-positive.
 pub(super) fn angle_of(heading: DVec2) -> f64 {
     trig::atan2(heading.y, heading.x)
+}
+
+/// Steers and lifts the wheels of a state as its steering angle and its pose on flat ground have them: for states
+/// that tell these alone, as those of logs do.
+pub fn set_wheels(spec: &VehicleSpec, state: &mut VehicleState) {
+    let [left, right] = front_headings(spec, state.steering_rad).map(angle_of);
+    (state.wheels[0].steer_rad, state.wheels[1].steer_rad) = (left, right);
+    if spec.model == ModelKind::Raycast {
+        let lifts = raycast::lifts_m(spec, state.position, state.orientation);
+        state.wheels.iter_mut().zip(lifts).for_each(|(wheel, lift_m)| wheel.lift_m = lift_m);
+    }
 }
 
 /// A pedal's value, whatever came in.

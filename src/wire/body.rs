@@ -129,6 +129,7 @@ pub enum Body {
 }
 
 const HELLO: u8 = 1;
+const SETUP: u8 = 2;
 const TRAJECTORIES: u8 = 3;
 const REMOVE: u8 = 4;
 const COMMAND: u8 = 5;
@@ -139,13 +140,10 @@ const ACK: u8 = 66;
 const POSES: u8 = 67;
 
 impl Body {
-    /// Kind of [`Body::Setup`].
-    pub const SETUP: u8 = 2;
-
     pub(super) fn kind(&self) -> u8 {
         match self {
             Self::Hello { .. } => HELLO,
-            Self::Setup { .. } => Self::SETUP,
+            Self::Setup { .. } => SETUP,
             Self::Trajectories(_) => TRAJECTORIES,
             Self::Remove { .. } => REMOVE,
             Self::Command { .. } => COMMAND,
@@ -210,6 +208,11 @@ impl Body {
         Ok((self.kind(), out.bytes))
     }
 
+    /// Whether a kind, as a log has it, is that of a vehicle's setup.
+    pub fn is_setup(kind: u8) -> bool {
+        kind == SETUP
+    }
+
     /// What a log has kept.
     ///
     /// # Errors
@@ -258,12 +261,12 @@ impl Body {
 
     fn read(kind: u8, from: &mut Reader<'_>) -> Result<Self, DecodeError> {
         let request = match kind {
-            Self::SETUP | REMOVE | COMMAND | SUBSCRIBE | ACK => from.u32("request")?,
+            SETUP | REMOVE | COMMAND | SUBSCRIBE | ACK => from.u32("request")?,
             _ => 0,
         };
         Ok(match kind {
             HELLO => Self::Hello { token: from.u64("token")? },
-            Self::SETUP => Self::Setup { request, setup: Box::new(VehicleSetup::read(from)?) },
+            SETUP => Self::Setup { request, setup: Box::new(VehicleSetup::read(from)?) },
             TRAJECTORIES => Self::Trajectories(trajectories::read(from)?),
             REMOVE => Self::Remove { request, vehicle: VehicleId(from.u32("vehicle id")?) },
             COMMAND => {

@@ -4,9 +4,10 @@ use city3d::city::scene::Wall;
 use city3d::city::{CityMap, LaneId};
 use city3d::cockpit::Handling;
 use city3d::live::{Moment, Phase, Speed};
+use city3d::playback::{Mark, Playhead};
 use city3d::scenario::{Library, Overrides, read_experiment};
 use city3d::snapshot::{Appearance, Dimensions, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState};
-use city3d::ui::{self, Action, Drivers, History, Look, Preset, Shown, State};
+use city3d::ui::{self, Action, Drivers, History, Look, Preset, Replay, Shown, State};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
@@ -34,6 +35,15 @@ pub struct Desk {
     pub routes: BTreeMap<VehicleId, Vec<LaneId>>,
     pub handling: BTreeMap<VehicleId, Handling>,
     pub actions: Vec<Action>,
+    pub recording: Option<Recording>,
+}
+
+/// A recorded run that the panels are shown.
+pub struct Recording {
+    pub head: Playhead,
+    pub marks: Vec<Mark>,
+    pub searched: f64,
+    pub torn: Option<String>,
 }
 
 pub fn fleet(count: u32) -> FrameSnapshot {
@@ -83,6 +93,7 @@ impl Desk {
             routes: BTreeMap::new(),
             handling: ids().map(|id| (id, handling)).collect(),
             actions: Vec::new(),
+            recording: None,
             moment: Moment {
                 before: Arc::clone(&now),
                 now,
@@ -120,6 +131,14 @@ impl Desk {
             footer: "an adapter",
             frames_per_s: 30.0,
             most_moving_pixels: Some(100_000),
+            replay: self.recording.as_ref().map(|recording| Replay {
+                name: "straight",
+                head: recording.head,
+                marks: &recording.marks,
+                searched: recording.searched,
+                torn: recording.torn.as_deref(),
+                is_late: false,
+            }),
         };
         let actions = ui::show(ui, &mut self.state, &shown);
         self.actions.extend(actions);

@@ -5,6 +5,7 @@
 mod city;
 mod controllers;
 mod desk;
+mod timeline;
 
 use city3d::live::{Order, Phase, Speed};
 use city3d::runner::Run;

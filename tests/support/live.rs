@@ -1,5 +1,7 @@
 //! A run on its own thread, to be waited for.
 
+#![allow(dead_code, reason = "each test uses its own part")]
+
 use city3d::live::{Live, Moment};
 use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
 use std::sync::Arc;

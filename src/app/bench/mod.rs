@@ -4,6 +4,7 @@ mod cameras;
 mod link;
 mod log;
 mod neutral;
+mod replay;
 
 use super::Failure;
 use clap::Subcommand;
@@ -15,6 +16,8 @@ const STEP_S: f64 = 0.1;
 pub enum BenchCommand {
     /// Camera pictures a second, of a scenario or of a neutral scene that other engines draw too
     Cameras(cameras::CamerasArgs),
+    /// How fast a recorded run opens, and how fast any time of it can be shown
+    Replay(replay::ReplayArgs),
     /// Latency of the laboratory's link, with and without cameras that draw, beside an echo in Python
     Link(link::LinkBenchArgs),
     /// What writing the log of a run costs, and how large it gets
@@ -27,6 +30,7 @@ pub enum BenchCommand {
 pub fn bench(command: &BenchCommand) -> Result<(), Failure> {
     match command {
         BenchCommand::Cameras(args) => cameras::cameras(args),
+        BenchCommand::Replay(args) => replay::replay(args),
         BenchCommand::Link(args) => link::link(args),
         BenchCommand::Log(args) => log::log(args),
         #[cfg(feature = "window")]

@@ -38,7 +38,7 @@ pub(super) fn of_log(path: &Path, experiment: &Experiment) -> Result<Vec<Carrier
     let mut carriers = BTreeMap::new();
     while let Some(entry) = log.read().map_err(Failure::bad_input)? {
         let Entry::Network(command) = entry else { continue };
-        if command.kind != Body::SETUP {
+        if !Body::is_setup(command.kind) {
             continue;
         }
         let body = Body::from_log(command.kind, &command.body).map_err(Failure::bad_input)?;

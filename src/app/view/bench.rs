@@ -45,7 +45,7 @@ const WARM_UP: usize = 10;
 
 pub fn bench(args: &BenchArgs) -> Result<(), Failure> {
     let view = &args.view;
-    let context = Context::headless(&view.preference()).map_err(super::look::failure)?;
+    let context = Context::headless(&view.window.preference()).map_err(super::look::failure)?;
     let place = Place { logs: None, on_news: Arc::new(|| {}) };
     let mut desk = view.desk(&context, &Settings::default(), place)?;
     desk.set_adapter(&context);
@@ -53,7 +53,7 @@ pub fn bench(args: &BenchArgs) -> Result<(), Failure> {
     open.into_iter().for_each(|vehicle| desk.state.toggle_preview(vehicle));
     let look = desk.state.look;
     let mut stage = Stage::new(context, desk.experiment(), look, wgpu::TextureFormat::Rgba8Unorm)?;
-    let extent = view.size.unwrap_or(super::picture::USUAL_SIZE);
+    let extent = view.window.size.unwrap_or(super::picture::USUAL_SIZE);
     desk.order(Order::Start);
     let (times, factor) = film(&mut desk, &mut stage, extent, args.seconds)?;
     let mut sorted = times.clone();

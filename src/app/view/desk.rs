@@ -1,5 +1,5 @@
-//! What the window shows and does, without a window: the run on its thread, the panels, and the orders
-//! that go from these to that.
+//! What the window shows and does, without a window: the run on its thread or the log that is played, the panels,
+//! and the orders that go from these to that.
 
 use super::super::{Failure, ScenarioArgs};
 use super::settings::{Settings, Views};
@@ -7,10 +7,15 @@ use crate::city::LaneId;
 use crate::city::scene::{SceneDescription, Wall};
 use crate::cockpit::Handling;
 use crate::live::{Live, Moment, Options, Order, Phase, Speed};
+use crate::playback::{Cue, Player, Told};
+use crate::record::Origin;
 use crate::render::Context;
 use crate::scenario::{Experiment, shipped_scenarios};
 use crate::snapshot::{FrameSnapshot, SimCommand, VehicleId};
-use crate::ui::{self, Action, Drivers, Driving, History, Look, Mode, Picture, Preview, Shown, Slot, State};
+use crate::ui::{
+    self, Action, Drivers, Driving, History, KEPT_S, Look, Mode, Picture, Preview, Replay, Sample, Shown,
+    Slot, State,
+};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -35,10 +40,39 @@ pub enum Wish {
     Quit,
 }
 
+/// What is shown.
+enum Source {
+    /// A run that goes on.
+    Run(Live),
+    /// One that was recorded.
+    Log(Box<Player>),
+}
+
+impl Source {
+    fn moment(&self) -> Arc<Moment> {
+        match self {
+            Self::Run(live) => live.moment(),
+            Self::Log(player) => player.moment(),
+        }
+    }
+
+    /// What is shown at an instant, and how far it lies from the moment's `before` (0) to its `now` (1).
+    fn look(&mut self, now: Instant) -> (Arc<Moment>, f64) {
+        match self {
+            Self::Run(live) => {
+                let moment = live.moment();
+                let weight = moment.weight_at(now);
+                (moment, weight)
+            }
+            Self::Log(player) => player.look(now),
+        }
+    }
+}
+
 pub struct Desk {
     args: ScenarioArgs,
     place: Place,
-    live: Live,
+    source: Source,
     experiment: Arc<Experiment>,
     facts: Facts,
     pub state: State,
@@ -92,30 +126,57 @@ impl Desk {
         look: Look,
         place: Place,
     ) -> Result<Self, Failure> {
-        let live = start(&experiment, &place, 0)?;
-        let seen = FrameSnapshot::clone(&live.moment().now);
+        let source = Source::Run(start(&experiment, &place, 0)?);
         let mut scenarios: Vec<String> = shipped_scenarios().map(str::to_owned).collect();
         if !scenarios.contains(&args.scenario) {
             scenarios.insert(0, args.scenario.clone());
         }
-        let mut desk = Self {
+        let mut desk = Self::on(source, args, experiment, (look, place));
+        desk.scenarios = scenarios;
+        desk.seat(0.0);
+        Ok(desk)
+    }
+
+    /// Shows a recorded run; `log` is what it is called.
+    pub fn on_log(player: Player, log: String, look: Look, place: Place) -> Self {
+        let experiment = Arc::clone(player.experiment());
+        let (torn, is_measured) = (player.told().torn, player.origin() == Origin::Recorded);
+        let args = ScenarioArgs { scenario: log, ..ScenarioArgs::default() };
+        let mut desk = Self::on(Source::Log(Box::new(player)), args, experiment, (look, place));
+        if is_measured {
+            // Whoever drove them was not the scenario's algorithm.
+            desk.facts.drivers.values_mut().for_each(|driver| "recorded".clone_into(driver));
+        }
+        if let Some(why) = torn {
+            desk.state
+                .say(format!("The log has no end: {why}. It is shown up to its last whole record."), 0.0);
+        }
+        desk
+    }
+
+    fn on(
+        source: Source,
+        args: ScenarioArgs,
+        experiment: Arc<Experiment>,
+        (look, place): (Look, Place),
+    ) -> Self {
+        let seen = FrameSnapshot::clone(&source.moment().now);
+        Self {
             facts: Facts::of(&experiment),
             state: State::new(&seen, look),
             args,
             place,
-            live,
+            source,
             experiment,
             history: History::default(),
             seen,
-            scenarios,
+            scenarios: Vec::new(),
             loading: None,
             seated_in: 0,
             footer: String::new(),
             adapter: String::new(),
             most_moving_pixels: None,
-        };
-        desk.seat(0.0);
-        Ok(desk)
+        }
     }
 
     pub fn experiment(&self) -> &Arc<Experiment> {
@@ -128,13 +189,39 @@ impl Desk {
     }
 
     pub fn moment(&self) -> Arc<Moment> {
-        self.live.moment()
+        self.source.moment()
     }
 
     pub fn order(&self, order: Order) {
-        if !self.live.order(order) {
+        if let Source::Run(live) = &self.source
+            && !live.order(order)
+        {
             tracing::warn!("the simulation takes no orders");
         }
+    }
+
+    /// Tells the player of a recorded run where to go.
+    pub fn cue(&mut self, cue: Cue) {
+        if let Source::Log(player) = &mut self.source {
+            player.order(cue);
+        }
+    }
+
+    /// Goes on to where a recorded run is wanted; whether all is there that is to be seen of it.
+    pub fn is_settled(&mut self) -> bool {
+        let (moment, _) = self.source.look(Instant::now());
+        self.note(&moment);
+        // What running plots want is asked for only now.
+        self.source.look(Instant::now());
+        match &self.source {
+            Source::Log(player) => player.is_settled(),
+            Source::Run(_) => true,
+        }
+    }
+
+    /// The player of a recorded run.
+    pub fn player(&self) -> Option<&Player> {
+        if let Source::Log(player) = &self.source { Some(player) } else { None }
     }
 
     pub fn set_speed(&self, speed: Speed) {
@@ -149,7 +236,10 @@ impl Desk {
 
     /// Whether the city moves, so that it has to be drawn again and again.
     pub fn is_moving(&self) -> bool {
-        self.live.moment().phase == Phase::Running
+        match &self.source {
+            Source::Run(live) => live.moment().phase == Phase::Running,
+            Source::Log(player) => player.is_moving(),
+        }
     }
 
     /// The pictures that the last pass asked for.
@@ -159,7 +249,18 @@ impl Desk {
 
     /// Takes samples for the running plots of the open previews.
     pub fn note(&mut self, moment: &Moment) {
-        self.history.note(&moment.now, self.state.previews.iter().map(|preview| preview.vehicle));
+        let watched = self.state.previews.iter().map(|preview| preview.vehicle);
+        match &mut self.source {
+            Source::Run(_) => self.history.note(&moment.now, watched),
+            // Whichever way it is played: what lay before is in the log.
+            Source::Log(player) => {
+                self.history = History::default();
+                for vehicle in watched {
+                    let samples = player.past(vehicle, KEPT_S).into_iter();
+                    self.history.set(vehicle, samples.map(Sample::from));
+                }
+            }
+        }
     }
 
     /// One pass of the panels over the latest moment.
@@ -169,10 +270,16 @@ impl Desk {
         textures: &BTreeMap<Slot, egui::TextureId>,
         frames_per_s: f64,
     ) -> Vec<Action> {
-        let moment = self.live.moment();
-        self.seen.blend(&moment.before, &moment.now, moment.weight_at(Instant::now()));
+        let (moment, weight) = self.source.look(Instant::now());
+        self.seen.blend(&moment.before, &moment.now, weight);
         self.note(&moment);
         self.seat(ui.input(|input| input.time));
+        let told = self.player().map(|player| (player.head(), player.is_late(), player.told()));
+        let replay = told.as_ref().map(|(head, is_late, told)| {
+            let Told { marks, searched, torn } = told;
+            let name = &self.experiment.name;
+            Replay { name, head: *head, is_late: *is_late, marks, searched: *searched, torn: torn.as_deref() }
+        });
         let log = moment.folder.as_ref().map(|folder| format!("log {}   ", folder.display()));
         self.footer = format!("{}{}", log.unwrap_or_default(), self.adapter);
         let shown = Shown {
@@ -192,6 +299,7 @@ impl Desk {
             footer: &self.footer,
             frames_per_s,
             most_moving_pixels: self.most_moving_pixels,
+            replay,
         };
         ui::show(ui, &mut self.state, &shown)
     }
@@ -202,6 +310,7 @@ impl Desk {
         for action in actions {
             match action {
                 Action::Order(order) => self.order(order),
+                Action::Cue(cue) => self.cue(cue),
                 Action::Drive(vehicle) => self.take_over(vehicle, now_s),
                 Action::GiveBack => self.give_back(),
                 Action::Look(_) => wishes.push(Wish::Look),
@@ -218,8 +327,8 @@ impl Desk {
 
     /// Puts the user at the wheel of the vehicle that the scenario has for persons, once a run.
     fn seat(&mut self, now_s: f64) {
-        let run = self.live.moment().run;
-        if self.seated_in != run {
+        let run = self.moment().run;
+        if matches!(self.source, Source::Run(_)) && self.seated_in != run {
             self.seated_in = run;
             if let Some(vehicle) = self.facts.own {
                 self.take_over(vehicle, now_s);
@@ -229,7 +338,7 @@ impl Desk {
 
     fn take_over(&mut self, vehicle: VehicleId, now_s: f64) {
         self.give_back();
-        let moment = self.live.moment();
+        let moment = self.moment();
         let Some(state) = moment.now.vehicle(vehicle) else { return };
         self.state.driving = Some(Driving::take_over(vehicle, moment.run, state.steering_rad));
         self.state.selection.vehicle = Some(vehicle);
@@ -257,18 +366,20 @@ impl Desk {
         experiment: Arc<Experiment>,
         now_s: f64,
     ) -> Result<(), Failure> {
-        let live = start(&experiment, &self.place, self.live.moment().run)?;
-        let old = std::mem::replace(&mut self.live, live);
+        let live = start(&experiment, &self.place, self.moment().run)?;
+        let old = std::mem::replace(&mut self.source, Source::Run(live));
         self.args = args;
         self.facts = Facts::of(&experiment);
         self.experiment = experiment;
-        let first = self.live.moment();
+        let first = self.moment();
         let look = self.state.look;
         let before = std::mem::replace(&mut self.state, State::new(&first.now, look));
         (self.state.table, self.state.layers) = (before.table, before.layers);
         (self.state.devices, self.state.widths) = (before.devices, before.widths);
         self.set_speed(old.moment().speed);
-        if let Err(error) = old.stop() {
+        if let Source::Run(old) = old
+            && let Err(error) = old.stop()
+        {
             self.state.say(error.to_string(), now_s);
         }
         Ok(())
@@ -298,7 +409,10 @@ impl Desk {
         let state = &self.state;
         (settings.table, settings.layers, settings.widths) =
             (state.table.clone(), state.layers, state.widths);
-        (settings.mode, settings.speed) = (state.viewpoint.mode, Some(self.live.moment().speed));
+        settings.mode = state.viewpoint.mode;
+        // What was watched in a recording says nothing of the next run.
+        let Source::Run(live) = &self.source else { return };
+        settings.speed = Some(live.moment().speed);
         let name =
             |id: VehicleId| self.experiment.vehicles.iter().find(|v| v.id == id).map(|v| v.name.clone());
         let previews = state.previews.iter().filter_map(|p| Some((name(p.vehicle)?, p.eye)));
@@ -311,7 +425,10 @@ impl Desk {
 
     /// Ends the run and finishes its log.
     pub fn close(self) -> Result<(), Failure> {
-        self.live.stop().map_err(Failure::failed)
+        match self.source {
+            Source::Run(live) => live.stop().map_err(Failure::failed),
+            Source::Log(_) => Ok(()),
+        }
     }
 }
 

@@ -1,4 +1,5 @@
-//! `city3d view`: the window in which the city is watched, steered and driven.
+//! `city3d view`: the window in which the city is watched, steered and driven; and that of `city3d replay`, in which a
+//! recorded run is watched.
 
 mod bench;
 mod desk;
@@ -14,12 +15,15 @@ pub(super) use bench::{BenchArgs, bench};
 
 use super::{Failure, Model, ProfileArg, ScenarioArgs, load, look};
 use crate::live::Speed;
+use crate::playback::{PlaybackError, Player};
+use crate::record::LogReader;
 use crate::render::{AdapterPreference, Context};
+use crate::scenario::TimeOfDay;
 use crate::ui::{Look, Preset};
 use clap::Args;
 use desk::{Desk, Place};
 use settings::Settings;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The scenario of a window that is opened without one.
 pub(super) const FIRST_SCENARIO: &str = "roundabout";
@@ -47,17 +51,27 @@ pub struct ViewArgs {
     /// Keep no log
     #[arg(long, conflicts_with = "out")]
     no_log: bool,
-    #[command(flatten)]
-    look: look::LookArgs,
-    /// Size of the window in pixels [default: that of the last time]
-    #[arg(long, value_name = "WxH", value_parser = super::frames::size)]
-    size: Option<[u32; 2]>,
     /// Times real time, or "fastest"
     #[arg(long, value_name = "X", value_parser = speed)]
     speed: Option<Speed>,
     /// Begin to run at once
     #[arg(long)]
     start: bool,
+    /// The selected vehicle is driven by hand
+    #[arg(long, requires = "select", requires = "picture")]
+    driven: bool,
+    #[command(flatten)]
+    window: WindowArgs,
+}
+
+/// What the windows of a scenario and of a log have in common.
+#[derive(Debug, Default, Args)]
+pub struct WindowArgs {
+    #[command(flatten)]
+    look: look::LookArgs,
+    /// Size of the window in pixels [default: that of the last time]
+    #[arg(long, value_name = "WxH", value_parser = super::frames::size)]
+    size: Option<[u32; 2]>,
     /// Neither read nor write what is remembered between runs: layout, quality, previews, gamepads
     #[arg(long)]
     fresh: bool,
@@ -83,21 +97,106 @@ impl Default for ViewArgs {
             environment: None,
             out: None,
             no_log: false,
-            look: look::LookArgs::default(),
-            size: None,
             speed: None,
             start: false,
-            fresh: false,
-            picture: picture::PictureArgs::default(),
+            driven: false,
+            window: WindowArgs::default(),
         }
     }
 }
 
 pub fn view(args: &ViewArgs) -> Result<(), Failure> {
-    if let Some(file) = &args.picture.picture {
-        return picture::take(args, file);
+    if args.window.picture.at.is_some() && args.window.picture.picture.is_none() {
+        return Err(Failure::bad_input(
+            "--at is of a picture: give --picture FILE too; the window begins at 0",
+        ));
     }
-    window::open(args)
+    show(&Subject::Scenario(args))
+}
+
+/// Shows a recorded run.
+pub fn replay(log: &Path, args: &WindowArgs) -> Result<(), Failure> {
+    // Without a display too it is told what is wrong with a log.
+    LogReader::open(log).map_err(Failure::bad_input)?;
+    show(&Subject::Log(log, args))
+}
+
+fn show(subject: &Subject<'_>) -> Result<(), Failure> {
+    match &subject.window().picture.picture {
+        Some(file) => picture::take(subject, file),
+        None => window::open(subject),
+    }
+}
+
+/// What a window is opened on.
+#[derive(Clone, Copy, Debug)]
+enum Subject<'a> {
+    Scenario(&'a ViewArgs),
+    Log(&'a Path, &'a WindowArgs),
+}
+
+impl Subject<'_> {
+    fn window(&self) -> &WindowArgs {
+        match self {
+            Self::Scenario(args) => &args.window,
+            Self::Log(_, window) => window,
+        }
+    }
+
+    /// What is shown and the panels, with what was asked for and what is remembered.
+    fn desk(&self, context: &Context, settings: &Settings, place: Place) -> Result<Desk, Failure> {
+        let mut desk = match self {
+            Self::Scenario(args) => args.desk(context, settings, place)?,
+            Self::Log(log, window) => window.desk(log, context, settings, place)?,
+        };
+        desk.set_adapter(context);
+        Ok(desk)
+    }
+
+    /// Where runs are recorded: a log that is shown is left as it is.
+    fn logs(&self) -> Option<PathBuf> {
+        match self {
+            Self::Scenario(args) if !args.no_log => {
+                args.out.clone().or_else(|| settings::log_folder(&args.scenario))
+            }
+            _ => None,
+        }
+    }
+}
+
+impl WindowArgs {
+    fn preference(&self) -> AdapterPreference {
+        let named = self.look.adapter.as_deref().map(AdapterPreference::parse);
+        named.unwrap_or_else(AdapterPreference::from_environment)
+    }
+
+    fn settings(&self) -> Settings {
+        if self.fresh { Settings::default() } else { Settings::load() }
+    }
+
+    fn look(&self, context: &Context, settings: &Settings, usual: TimeOfDay) -> Look {
+        let remembered = settings.preset.filter(|_| self.look.quality.is_none());
+        let preset = remembered.unwrap_or_else(|| preset(self.look.quality, context.is_software));
+        Look { preset, hours: self.look.time.unwrap_or(usual).hours }
+    }
+
+    fn desk(
+        &self,
+        log: &Path,
+        context: &Context,
+        settings: &Settings,
+        place: Place,
+    ) -> Result<Desk, Failure> {
+        let on_news = std::sync::Arc::clone(&place.on_news);
+        let player = Player::open(log, Box::new(move || on_news())).map_err(|error| match error {
+            PlaybackError::Thread(_) => Failure::failed(error),
+            _ => Failure::bad_input(error),
+        })?;
+        let look = self.look(context, settings, player.experiment().time_of_day);
+        let mut desk = Desk::on_log(player, log.display().to_string(), look, place);
+        desk.restore(settings);
+        Ok(desk)
+    }
 }
 
 impl ViewArgs {
@@ -111,23 +210,12 @@ impl ViewArgs {
         }
     }
 
-    fn preference(&self) -> AdapterPreference {
-        let named = self.look.adapter.as_deref().map(AdapterPreference::parse);
-        named.unwrap_or_else(AdapterPreference::from_environment)
-    }
-
-    fn settings(&self) -> Settings {
-        if self.fresh { Settings::default() } else { Settings::load() }
-    }
-
     /// The run and the panels, with what was asked for and what is remembered.
     fn desk(&self, context: &Context, settings: &Settings, place: Place) -> Result<Desk, Failure> {
         let scenario = self.scenario(&self.scenario);
         let experiment = load::experiment(&scenario)?;
-        let remembered = settings.preset.filter(|_| self.look.quality.is_none());
-        let preset = remembered.unwrap_or_else(|| preset(self.look.quality, context.is_software));
-        let hours = self.look.time.unwrap_or(experiment.time_of_day).hours;
-        let mut desk = Desk::new(scenario, experiment, Look { preset, hours }, place)?;
+        let look = self.window.look(context, settings, experiment.time_of_day);
+        let mut desk = Desk::new(scenario, experiment, look, place)?;
         desk.restore(settings);
         if let Some(speed) = self.speed.or(settings.speed.map(Speed::sane)) {
             desk.set_speed(speed);

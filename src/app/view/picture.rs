@@ -1,13 +1,15 @@
-//! A picture of the window without a window: what it would show at an instant of a run.
+//! A picture of the window without a window: what it would show at an instant of a run, or of a log.
 
 use super::desk::{Desk, Place};
 use super::stage::{Screen, Stage};
-use super::{Failure, ViewArgs};
+use super::{Failure, Subject};
 use crate::live::Order;
+use crate::playback::Cue;
 use crate::render::{Context, Image, write_png};
 use crate::snapshot::VehicleId;
 use crate::ui::{Action, Mode};
 use clap::{Args, ValueEnum};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,21 +19,18 @@ pub struct PictureArgs {
     /// Write a picture of the window as a PNG file instead of opening it; needs no display
     #[arg(long, value_name = "FILE")]
     pub picture: Option<PathBuf>,
-    /// Simulated second of the picture
-    #[arg(long, value_name = "S", default_value_t = 0.0, requires = "picture")]
-    at: f64,
+    /// Simulated second of the picture [default: 0]; of a log also that at which the window opens
+    #[arg(long, value_name = "S", value_parser = super::super::frames::not_negative)]
+    pub at: Option<f64>,
     /// Vehicle that is selected, by name or id
-    #[arg(long, value_name = "VEHICLE", requires = "picture")]
+    #[arg(long, value_name = "VEHICLE")]
     select: Option<String>,
     /// Vehicle whose preview is open, by name or id; may be repeated
-    #[arg(long, value_name = "VEHICLE", requires = "picture")]
+    #[arg(long, value_name = "VEHICLE")]
     preview: Vec<String>,
     /// Camera of the large view
-    #[arg(long, value_name = "MODE", requires = "picture")]
+    #[arg(long, value_name = "MODE")]
     mode: Option<ModeArg>,
-    /// The selected vehicle is driven by hand
-    #[arg(long, requires = "select")]
-    driven: bool,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -57,19 +56,47 @@ pub(super) const USUAL_SIZE: [u32; 2] = [1280, 720];
 /// Panels find their sizes in the first passes, and pictures come with the second.
 const PASSES: u32 = 4;
 
-pub fn take(args: &ViewArgs, file: &Path) -> Result<(), Failure> {
+pub fn take(subject: &Subject<'_>, file: &Path) -> Result<(), Failure> {
+    let args = subject.window();
     let context = Context::headless(&args.preference()).map_err(super::look::failure)?;
-    let place = Place { logs: args.out.clone(), on_news: Arc::new(|| {}) };
-    let mut desk = args.desk(&context, &super::Settings::default(), place)?;
-    desk.set_adapter(&context);
+    let logs = if let Subject::Scenario(args) = subject { args.out.clone() } else { None };
+    let place = Place { logs, on_news: Arc::new(|| {}) };
+    let mut desk = subject.desk(&context, &super::Settings::default(), place)?;
     open_previews(&mut desk, &args.picture)?;
-    run_to(&mut desk, args.picture.at);
+    match subject {
+        Subject::Scenario(_) => run_to(&mut desk, args.picture.at.unwrap_or(0.0)),
+        Subject::Log(..) => {
+            desk.cue(Cue::Seek(args.picture.at.unwrap_or(0.0)));
+            wait_for_log(&mut desk);
+        }
+    }
     choose(&mut desk, &args.picture)?;
+    if let (Subject::Scenario(view), Some(vehicle)) = (subject, desk.state.selection.vehicle)
+        && view.driven
+    {
+        desk.act(vec![Action::Drive(vehicle)], f64::NEG_INFINITY);
+    }
     let look = desk.state.look;
     let mut stage = Stage::new(context, desk.experiment(), look, wgpu::TextureFormat::Rgba8Unorm)?;
     let image = shoot(&mut desk, &mut stage, args.size.unwrap_or(USUAL_SIZE))?;
     write_png(file, &image).map_err(Failure::failed)?;
     super::super::say::say(file.display())
+}
+
+/// What the command line says of a window that opens.
+pub fn arrange(desk: &mut Desk, subject: &Subject<'_>) -> Result<(), Failure> {
+    let args = &subject.window().picture;
+    open_previews(desk, args)?;
+    choose(desk, args)?;
+    args.at.into_iter().for_each(|at_s| desk.cue(Cue::Seek(at_s)));
+    Ok(())
+}
+
+/// Waits until a log has been read as far as a picture shows it: the place, what happened, running plots.
+fn wait_for_log(desk: &mut Desk) {
+    while !desk.is_settled() {
+        std::thread::sleep(Duration::from_millis(1));
+    }
 }
 
 /// Steps the run to a time and waits for it.
@@ -86,9 +113,12 @@ fn run_to(desk: &mut Desk, time_s: f64) {
 }
 
 fn open_previews(desk: &mut Desk, args: &PictureArgs) -> Result<(), Failure> {
-    let previews: Vec<VehicleId> =
-        args.preview.iter().map(|name| find(desk, name)).collect::<Result<_, _>>()?;
-    previews.into_iter().for_each(|vehicle| desk.state.toggle_preview(vehicle));
+    for name in &args.preview {
+        let vehicle = find(desk, name)?;
+        if desk.state.previews.iter().all(|preview| preview.vehicle != vehicle) {
+            desk.state.toggle_preview(vehicle);
+        }
+    }
     Ok(())
 }
 
@@ -96,9 +126,6 @@ fn choose(desk: &mut Desk, args: &PictureArgs) -> Result<(), Failure> {
     if let Some(name) = &args.select {
         let vehicle = find(desk, name)?;
         desk.state.selection.vehicle = Some(vehicle);
-        if args.driven {
-            desk.act(vec![Action::Drive(vehicle)], f64::NEG_INFINITY);
-        }
     }
     if let Some(mode) = args.mode {
         desk.state.set_mode(mode.into());
@@ -107,10 +134,14 @@ fn choose(desk: &mut Desk, args: &PictureArgs) -> Result<(), Failure> {
 }
 
 fn find(desk: &Desk, name: &str) -> Result<VehicleId, Failure> {
-    let vehicles = &desk.experiment().vehicles;
-    let found = vehicles.iter().find(|v| v.name == name || v.id.to_string() == name);
-    found.map(|v| v.id).ok_or_else(|| {
-        let names: Vec<&str> = vehicles.iter().take(20).map(|v| v.name.as_str()).collect();
+    // Those of a served city are known by what is there alone.
+    let planned = desk.experiment().vehicles.iter().map(|v| (v.id, v.name.clone()));
+    let there = desk.moment();
+    let there = there.now.roster.iter().map(|v| (v.id, v.name.clone()));
+    let vehicles: BTreeMap<VehicleId, String> = planned.chain(there).collect();
+    let found = vehicles.iter().find(|(id, called)| *called == name || id.to_string() == name);
+    found.map(|(id, _)| *id).ok_or_else(|| {
+        let names: Vec<&str> = vehicles.values().take(20).map(String::as_str).collect();
         Failure::bad_input(format!("no vehicle is called \"{name}\"; there are {}", names.join(", ")))
     })
 }

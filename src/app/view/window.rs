@@ -3,10 +3,10 @@
 use super::desk::{Desk, Place, Wish};
 use super::gamepads::Gamepads;
 use super::loading::{Loading, Request};
-use super::settings::{load_profiles, log_folder, save_profiles};
+use super::settings::{load_profiles, save_profiles};
 use super::stage::{Screen, Stage};
 use super::surface::Surface;
-use super::{Failure, Settings, ViewArgs};
+use super::{Failure, Settings, Subject};
 use crate::cockpit::Devices;
 use crate::live::Order;
 use crate::render::{Context, write_png};
@@ -31,16 +31,16 @@ const AGAIN: Duration = Duration::from_millis(50);
 struct News;
 
 /// Opens the window and stays until it is closed.
-pub fn open(args: &ViewArgs) -> Result<(), Failure> {
+pub fn open(subject: &Subject<'_>) -> Result<(), Failure> {
     let no_display = |error: &dyn std::fmt::Display| {
         Failure::failed(format!(
             "no window can be opened: {error}. On a machine without a display use `city3d run` or `city3d frames`, \
-             `city3d view --picture FILE` for a picture of the window, or a virtual display (xvfb-run city3d); \
+             `city3d view --picture FILE` (`city3d replay LOG --picture FILE`) for a picture of the window, or a virtual display (xvfb-run city3d); \
              over ssh, `ssh -X`"
         ))
     };
     let events = EventLoop::<News>::with_user_event().build().map_err(|error| no_display(&error))?;
-    let mut app = App { args, proxy: events.create_proxy(), shell: None, outcome: Ok(()) };
+    let mut app = App { subject, proxy: events.create_proxy(), shell: None, outcome: Ok(()) };
     events.run_app(&mut app).map_err(|error| no_display(&error))?;
     app.outcome
 }
@@ -55,7 +55,7 @@ pub fn egui_context() -> egui::Context {
 }
 
 struct App<'a> {
-    args: &'a ViewArgs,
+    subject: &'a Subject<'a>,
     proxy: EventLoopProxy<News>,
     shell: Option<Shell>,
     outcome: Result<(), Failure>,
@@ -100,7 +100,7 @@ impl ApplicationHandler<News> for App<'_> {
         if self.shell.is_some() {
             return;
         }
-        match Shell::open(events, self.args, self.proxy.clone()) {
+        match Shell::open(events, self.subject, self.proxy.clone()) {
             Ok(shell) => self.shell = Some(shell),
             Err(failure) => self.finish(events, Err(failure)),
         }
@@ -153,7 +153,12 @@ impl ApplicationHandler<News> for App<'_> {
 }
 
 impl Shell {
-    fn open(events: &ActiveEventLoop, args: &ViewArgs, proxy: EventLoopProxy<News>) -> Result<Self, Failure> {
+    fn open(
+        events: &ActiveEventLoop,
+        subject: &Subject<'_>,
+        proxy: EventLoopProxy<News>,
+    ) -> Result<Self, Failure> {
+        let args = subject.window();
         let settings = args.settings();
         let [width, height] = args.size.or(settings.size).unwrap_or(USUAL_SIZE);
         let attributes = Window::default_attributes()
@@ -169,13 +174,13 @@ impl Shell {
         let context =
             Context::for_surface(&instance, &surface, &args.preference()).map_err(super::look::failure)?;
         let surface = Surface::new(Arc::clone(&window), instance, surface, &context)?;
-        let logs = if args.no_log { None } else { args.out.clone().or_else(|| log_folder(&args.scenario)) };
         let on_news: Arc<dyn Fn() + Send + Sync> = Arc::new(move || {
             // The event loop may have ended before the run.
             let _ = proxy.send_event(News);
         });
-        let mut desk = args.desk(&context, &settings, Place { logs, on_news: Arc::clone(&on_news) })?;
-        desk.set_adapter(&context);
+        let place = Place { logs: subject.logs(), on_news: Arc::clone(&on_news) };
+        let mut desk = subject.desk(&context, &settings, place)?;
+        super::picture::arrange(&mut desk, subject)?;
         if !args.fresh {
             desk.state.devices = Devices::new(load_profiles());
         }
@@ -191,7 +196,7 @@ impl Shell {
             None,
             Some(most),
         );
-        if args.start {
+        if matches!(subject, Subject::Scenario(args) if args.start) {
             desk.order(Order::Start);
         }
         Ok(Self {
