@@ -155,7 +155,13 @@ fn module_of(path: &Path) -> Vec<String> {
 /// Names of the dependencies of the package, as sources write them.
 fn dependencies() -> BTreeSet<String> {
     let manifest: toml::Table = read(&root().join("Cargo.toml")).parse().unwrap();
-    let names = manifest["dependencies"].as_table().unwrap().keys();
+    // Those of some systems alone as well.
+    let targets = manifest.get("target").and_then(|targets| targets.as_table());
+    let tables = targets.into_iter().flat_map(|targets| targets.values()).filter_map(toml::Value::as_table);
+    let names = tables
+        .chain([&manifest])
+        .filter_map(|table| table.get("dependencies")?.as_table())
+        .flat_map(|table| table.keys());
     names.map(|name| name.replace('-', "_")).collect()
 }
 

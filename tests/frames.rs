@@ -3,6 +3,9 @@
 
 #[path = "support/drawing.rs"]
 mod drawing;
+#[allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
+#[path = "support/link.rs"]
+mod link;
 
 use city3d::camera::{Extrinsics, Intrinsics, Projection, View};
 use city3d::city::scene::Class;
@@ -429,6 +432,38 @@ fn what_cannot_be_done_is_told_with_exit_code_2() {
         assert!(said.contains(expected), "{arguments:?}: {said}");
         assert!(!said.contains("panicked"), "{arguments:?}: {said}");
     }
+}
+
+#[test]
+fn vehicles_that_came_over_the_link_carry_their_cameras() {
+    if software().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let length = ["roundabout", "--duration", "1.5"];
+    let mut city = link::serve(&[&length[..], &["--lockstep", "--out", "served"]].concat(), folder);
+    let mut far = link::mainframe(&city.address, &length, folder);
+    assert_eq!((far.wait(), city.wait()), (0, 0));
+    let log = folder.join("served/run.mcap");
+    let log = log.to_str().expect("a path");
+    let cameras = |arguments: &[&str]| -> Vec<(String, String)> {
+        let pictures = folder.join("pictures");
+        run_well(log, &pictures, &[&["--every", "0.5", "--size", "64x48"], arguments].concat());
+        let mut found: Vec<_> = table(&pictures).into_iter().map(|row| (row.vehicle, row.camera)).collect();
+        std::fs::remove_dir_all(pictures).expect("it was there");
+        found.sort();
+        found.dedup();
+        found
+    };
+    let pair = |vehicle: &str, camera: &str| (vehicle.to_owned(), camera.to_owned());
+    let sensors = cameras(&[]);
+    assert!(sensors.contains(&pair("path1_b", "windscreen")) && sensors.contains(&pair("path2_a", "rear")));
+    assert_eq!(cameras(&["--vehicle", "path1_c", "--camera", "chase"]), [pair("path1_c", "chase")]);
+    assert_eq!(cameras(&["--vehicle", "2"]), [pair("path1_b", "windscreen")]);
+    let output = frames(log, &folder.join("none"), &["--vehicle", "path9"]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(2) && said.contains("path1_a (1)"), "{said}");
 }
 
 #[test]

@@ -3,12 +3,13 @@
 
 #[path = "support/link.rs"]
 mod link;
+#[path = "support/watch.rs"]
+mod watch;
 
-use city3d::link::{Client, Heard};
 use city3d::snapshot::Status;
-use city3d::wire::{Body, Phase, Poses, Seal, Seen};
+use city3d::wire::{Phase, Poses, Seen};
 use link::{assert_same_merges, city3d, digests, events, mainframe, serve, serve_at, summary, was_held_up};
-use std::time::{Duration, Instant};
+use watch::{Watcher, hardest_braking, stand, torn_s};
 
 /// Every tick in the log.
 const EVERY_TICK: [&str; 2] = ["--log-hz", "100"];
@@ -67,64 +68,6 @@ fn in_real_time_the_same_merge_in_the_same_order() {
     }
 }
 
-/// Somebody who watches a city.
-struct Watcher {
-    client: Client,
-    renewed: Option<Instant>,
-}
-
-impl Watcher {
-    fn new(city: &str) -> Self {
-        let client = Client::new(city, 0, Seal::Checksum).unwrap();
-        Self { client, renewed: None }
-    }
-
-    fn next(&mut self) -> Poses {
-        let begun = Instant::now();
-        loop {
-            if self.renewed.is_none_or(|renewed| renewed.elapsed() > Duration::from_secs(1)) {
-                self.client.renew();
-                self.client.send(&Body::Subscribe { request: 1, every_ticks: 1, lease_s: 60.0 });
-                self.renewed = Some(Instant::now());
-            }
-            if let Some(Heard::Body(Body::Poses(poses))) = self.client.receive(Duration::from_millis(500)) {
-                self.renewed = Some(Instant::now());
-                return poses;
-            }
-            assert!(begun.elapsed() < Duration::from_secs(100), "no poses come");
-        }
-    }
-
-    /// Watches until something is so of the vehicles; what has been seen until then.
-    fn until(&mut self, what: &str, is_so: impl Fn(&Poses) -> bool) -> Vec<Poses> {
-        let begun = Instant::now();
-        let mut seen = Vec::new();
-        loop {
-            let poses = self.next();
-            let is_over = is_so(&poses);
-            seen.push(poses);
-            if is_over {
-                return seen;
-            }
-            assert!(begun.elapsed() < Duration::from_secs(100), "never {what}: {:?}", seen.last());
-        }
-    }
-}
-
-/// The hardest deceleration of any vehicle, full scale, over ticks that follow one another.
-fn hardest_braking(seen: &[Poses]) -> f64 {
-    let mut hardest = 0.0f64;
-    // Over a few ticks, for poses have speeds only by their differences.
-    for three in seen.windows(11).filter(|all| all[10].tick == all[0].tick + 10) {
-        let at = |k: usize| three[k].vehicles.iter().map(|seen| seen.pose.position * 25.0);
-        for ((a, b), c) in at(0).zip(at(5)).zip(at(10)) {
-            let (early, late) = ((b - a).length() / 0.05, (c - b).length() / 0.05);
-            hardest = hardest.max((early - late) / 0.05);
-        }
-    }
-    hardest
-}
-
 fn all(poses: &Poses, status: Status) -> bool {
     poses.vehicles.len() == 6 && poses.vehicles.iter().all(|seen| seen.status == status)
 }
@@ -132,16 +75,6 @@ fn all(poses: &Poses, status: Status) -> bool {
 fn drive(poses: &Poses) -> bool {
     let drives = |seen: &&Seen| matches!(seen.status, Status::Driving | Status::Yielding);
     poses.phase == Phase::Running && poses.vehicles.iter().filter(drives).count() >= 5
-}
-
-/// Whether nothing has moved between the last poses.
-fn stand(seen: &[Poses]) -> bool {
-    seen.len() > 60
-        && seen[seen.len() - 50]
-            .vehicles
-            .iter()
-            .zip(&seen[seen.len() - 1].vehicles)
-            .all(|(a, b)| (a.pose.position - b.pose.position).length() * 25.0 < 0.02)
 }
 
 #[test]
@@ -163,8 +96,8 @@ fn mainframe_and_city_may_be_killed_and_restarted() {
         seen.push(watcher.next());
         assert!(seen.len() < 3000, "they do not stop");
     }
-    assert!(hardest_braking(&seen) < 5.3, "{} m/s2", hardest_braking(&seen));
-    assert!(hardest_braking(&seen) > 2.0, "{} m/s2", hardest_braking(&seen));
+    let braking = hardest_braking(&seen, 10, |_| true);
+    assert!((2.0..5.3).contains(&braking), "{braking} m/s2");
 
     let mut far = start();
     watcher.until("do they go on", drive);
@@ -184,10 +117,6 @@ fn mainframe_and_city_may_be_killed_and_restarted() {
     let second = summary(&folder.join("second"));
     assert_eq!(second["collisions"], 0);
     assert!(digests(&folder.join("second/run.mcap")).len() > 50);
-    // What a killed process had written stays readable, as far as it goes.
-    let bytes = std::fs::read(folder.join("first/run.mcap")).unwrap();
-    let torn =
-        mcap::MessageStream::new_with_options(&bytes, mcap::read::Options::IgnoreEndMagic.into()).unwrap();
-    let last_s = torn.map_while(Result::ok).map(|message| message.log_time as f64 * 1e-9).last().unwrap();
+    let last_s = torn_s(&folder.join("first/run.mcap"));
     assert!(last_s > before.time_s - 3.0, "the log ends at {last_s} s, the city at {} s", before.time_s);
 }

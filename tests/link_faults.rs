@@ -85,6 +85,11 @@ fn loss_jitter_and_reordering_cause_no_collision_and_are_counted() {
     let (received, missing) = (link["received"].as_f64().unwrap(), link["missing"].as_f64().unwrap());
     assert!((0.02..0.09).contains(&(missing / (missing + received))), "{link}");
     assert!(link["dropped"]["reordered"].as_u64().unwrap() > 10, "{link}");
+    // It has been said while it ran, and not for each of them.
+    let said = city.said();
+    let lines: Vec<&str> = said.lines().filter(|line| line.contains("link, last ")).collect();
+    assert!((1..10).contains(&lines.len()), "{said}");
+    assert!(lines.iter().any(|line| line.contains(" reordered")), "{said}");
     for vehicle in served["vehicles"].as_object().unwrap().values() {
         assert!(vehicle["distance_m"].as_f64().unwrap() > 30.0, "{vehicle}");
     }
@@ -345,7 +350,8 @@ fn addresses_that_are_not_on_the_list_are_foreign() {
 fn the_client_in_python_drives_a_car_around_a_block() {
     let folder = tempfile::tempdir().unwrap();
     let script = link::root().join("clients/python/drive_block.py");
-    drive_block(Command::new("python3").arg("-B").arg(script), folder.path());
+    drive_block(Command::new("python3").arg("-B").arg(&script), folder.path(), None);
+    drive_block(Command::new("python3").arg("-B").arg(script), folder.path(), Some("block key of a client"));
 }
 
 #[test]
@@ -365,14 +371,21 @@ fn the_client_in_cpp_drives_a_car_around_a_block() {
             return;
         }
     }
-    drive_block(&mut Command::new(folder.join("drive_block")), folder);
+    let client = || Command::new(folder.join("drive_block"));
+    drive_block(&mut client(), folder, None);
+    // Longer than a block of the hash, which HMAC treats otherwise.
+    drive_block(&mut client(), folder, Some(&"a long key ".repeat(9)));
 }
 
-/// A client sets up a car, sends it around a block and tells its poses.
-fn drive_block(client: &mut Command, folder: &Path) {
-    let mut city = serve(&["roundabout", "--speed", "4", "--out", "served"], folder);
+/// A client sets up a car, sends it around a block and tells its poses; with a shared key where there is one.
+fn drive_block(client: &mut Command, folder: &Path, key: Option<&str>) {
+    std::fs::write(folder.join("key"), format!("{}\n", key.unwrap_or_default())).unwrap();
+    let file = key.map_or(&[][..], |_| &["key"]);
+    let sealed = key.map_or(&[][..], |_| &["--key", "key"]);
+    let arguments = ["roundabout", "--speed", "8", "--out", "served"];
+    let mut city = serve(&[&arguments[..], sealed].concat(), folder);
     let port = city.address.rsplit(':').next().unwrap();
-    let output = client.arg(port).current_dir(folder).output().unwrap();
+    let output = client.arg(port).args(file).current_dir(folder).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert_eq!(city.end(), 0);
     let told = String::from_utf8(output.stdout).unwrap();

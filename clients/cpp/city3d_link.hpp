@@ -1,4 +1,4 @@
-// A small client of City3D's link (docs/wire.md) in one header: C++17 and POSIX sockets. It has no shared key.
+// A small client of City3D's link (docs/wire.md) in one header: C++17 and POSIX sockets.
 //
 //     city3d::City city("127.0.0.1", 9870);
 //     city.setup(1, "car", {0.5, 1.793, 0.0}, 0.0);
@@ -6,7 +6,8 @@
 //     city.start();
 //     while (auto poses = city.poses(1.0)) city.trajectory(1, points);
 //
-// Metres, metres per second and radians of the laboratory's floor; times are the city's clock.
+// Metres, metres per second and radians of the laboratory's floor; times are the city's clock. A city that is served
+// with --key wants the same key here: the bytes of that file, without the spaces and line ends around them.
 #pragma once
 
 #include <arpa/inet.h>
@@ -15,6 +16,7 @@
 #include <sys/time.h>
 #include <unistd.h>
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <cstring>
@@ -113,13 +115,74 @@ inline std::uint32_t crc32(const std::string& bytes) {
     return ~crc;
 }
 
+/// FIPS 180-4.
+inline std::string sha256(std::string bytes) {
+    static constexpr std::array<std::uint32_t, 64> k = {
+        0x428a2f98, 0x71374491, 0xb5c0fbcf, 0xe9b5dba5, 0x3956c25b, 0x59f111f1, 0x923f82a4, 0xab1c5ed5,
+        0xd807aa98, 0x12835b01, 0x243185be, 0x550c7dc3, 0x72be5d74, 0x80deb1fe, 0x9bdc06a7, 0xc19bf174,
+        0xe49b69c1, 0xefbe4786, 0x0fc19dc6, 0x240ca1cc, 0x2de92c6f, 0x4a7484aa, 0x5cb0a9dc, 0x76f988da,
+        0x983e5152, 0xa831c66d, 0xb00327c8, 0xbf597fc7, 0xc6e00bf3, 0xd5a79147, 0x06ca6351, 0x14292967,
+        0x27b70a85, 0x2e1b2138, 0x4d2c6dfc, 0x53380d13, 0x650a7354, 0x766a0abb, 0x81c2c92e, 0x92722c85,
+        0xa2bfe8a1, 0xa81a664b, 0xc24b8b70, 0xc76c51a3, 0xd192e819, 0xd6990624, 0xf40e3585, 0x106aa070,
+        0x19a4c116, 0x1e376c08, 0x2748774c, 0x34b0bcb5, 0x391c0cb3, 0x4ed8aa4a, 0x5b9cca4f, 0x682e6ff3,
+        0x748f82ee, 0x78a5636f, 0x84c87814, 0x8cc70208, 0x90befffa, 0xa4506ceb, 0xbef9a3f7, 0xc67178f2};
+    std::array<std::uint32_t, 8> state = {0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a,
+                                          0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19};
+    const auto turned = [](std::uint32_t x, int by) { return x >> by | x << (32 - by); };
+    const std::uint64_t bits = 8 * std::uint64_t{bytes.size()};
+    bytes.push_back('\x80');
+    while (bytes.size() % 64 != 56) bytes.push_back('\0');
+    for (int k8 = 56; k8 >= 0; k8 -= 8) bytes.push_back(static_cast<char>(bits >> k8));
+    for (std::size_t at = 0; at < bytes.size(); at += 64) {
+        std::array<std::uint32_t, 64> w{};
+        for (std::size_t i = 0; i < 64; ++i) {
+            if (i < 16) {
+                for (std::size_t j = 0; j < 4; ++j) w[i] = w[i] << 8 | static_cast<std::uint8_t>(bytes[at + 4 * i + j]);
+                continue;
+            }
+            const auto a = w[i - 15], b = w[i - 2];
+            w[i] = w[i - 16] + (turned(a, 7) ^ turned(a, 18) ^ a >> 3) + w[i - 7] + (turned(b, 17) ^ turned(b, 19) ^ b >> 10);
+        }
+        auto [a, b, c, d, e, f, g, h] = state;
+        for (std::size_t i = 0; i < 64; ++i) {
+            const auto t1 = h + (turned(e, 6) ^ turned(e, 11) ^ turned(e, 25)) + ((e & f) ^ (~e & g)) + k[i] + w[i];
+            const auto t2 = (turned(a, 2) ^ turned(a, 13) ^ turned(a, 22)) + ((a & b) ^ (a & c) ^ (b & c));
+            h = g, g = f, f = e, e = d + t1, d = c, c = b, b = a, a = t1 + t2;
+        }
+        const std::array<std::uint32_t, 8> more = {a, b, c, d, e, f, g, h};
+        for (std::size_t i = 0; i < 8; ++i) state[i] += more[i];
+    }
+    std::string digest;
+    for (const auto word : state)
+        for (int by = 24; by >= 0; by -= 8) digest.push_back(static_cast<char>(word >> by));
+    return digest;
+}
+
+/// RFC 2104, the first half.
+inline std::string tag(std::string key, const std::string& bytes) {
+    if (key.size() > 64) key = sha256(key);
+    key.resize(64, '\0');
+    std::string inner = key, outer = key;
+    for (char& c : inner) c = static_cast<char>(c ^ 0x36);
+    for (char& c : outer) c = static_cast<char>(c ^ 0x5c);
+    return sha256(outer + sha256(inner + bytes)).substr(0, 16);
+}
+
+/// In a time that does not tell where they differ.
+inline bool are_same(const std::string& a, const std::string& b) {
+    unsigned differ = a.size() == b.size() ? 0 : 1;
+    for (std::size_t i = 0; i < a.size() && i < b.size(); ++i) differ |= static_cast<std::uint8_t>(a[i] ^ b[i]);
+    return differ == 0;
+}
+
 }  // namespace detail
 
 /// A city that is served, and the sender that this object is to it.
 class City {
 public:
-    explicit City(const std::string& host = "127.0.0.1", std::uint16_t port = 9870, double patience = 10.0)
-        : socket_(::socket(AF_INET, SOCK_DGRAM, 0)), patience_(patience) {
+    explicit City(const std::string& host = "127.0.0.1", std::uint16_t port = 9870, double patience = 10.0,
+                  const std::string& key = "")
+        : socket_(::socket(AF_INET, SOCK_DGRAM, 0)), patience_(patience), key_(key) {
         sockaddr_in address{};
         address.sin_family = AF_INET;
         address.sin_port = htons(port);
@@ -220,18 +283,26 @@ private:
         return duration<double>(steady_clock::now().time_since_epoch()).count();
     }
 
+    /// What is behind a datagram.
+    std::string check(const std::string& bytes) const {
+        if (!key_.empty()) return detail::tag(key_, bytes);
+        detail::Writer out;
+        out.number(detail::crc32(bytes));
+        return out.bytes;
+    }
+
     void send(unsigned kind, const std::string& body) {
         detail::Writer out;
         out.bytes = "C3DL";
         out.number(std::uint8_t{1});
         out.number(static_cast<std::uint8_t>(kind));
-        out.number(std::uint16_t{0});
+        out.number(static_cast<std::uint16_t>(key_.empty() ? 0 : 1));
         out.number(session_);
         out.number(peer_);
         out.number(++sequence_);
         out.number(std::uint32_t{0});
         out.bytes += body;
-        out.number(detail::crc32(out.bytes));
+        out.bytes += check(out.bytes);
         // One that is lost on its way is asked for again, or followed by the next.
         (void)::send(socket_, out.bytes.data(), out.bytes.size(), 0);
     }
@@ -244,17 +315,18 @@ private:
             ::setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &wait, sizeof wait);
             char data[1201];
             const ssize_t length = ::recv(socket_, data, sizeof data, 0);
-            if (length < static_cast<ssize_t>(header_bytes + 4)) {
+            const ssize_t size = key_.empty() ? 4 : 16;
+            if (length < static_cast<ssize_t>(header_bytes) + size) {
                 if (length < 0) ::usleep(1000);
                 continue;
             }
-            Datagram found{static_cast<std::uint8_t>(data[5]), std::string(data, data + length - 4)};
-            const std::string check(data + length - 4, data + length);
+            Datagram found{static_cast<std::uint8_t>(data[5]), std::string(data, data + length - size)};
+            const std::string last(data + length - size, data + length);
             detail::Reader head(found.bytes, 8);
             const auto session = head.number<std::uint64_t>(), peer = head.number<std::uint64_t>();
             const bool is_ours = found.bytes.compare(0, 5, std::string("C3DL\1", 5)) == 0 && peer == session_ &&
                                  (peer_ == 0 || peer_ == session) &&
-                                 detail::Reader(check, 0).number<std::uint32_t>() == detail::crc32(found.bytes);
+                                 detail::are_same(last, check(found.bytes));
             if (!is_ours) continue;
             peer_ = session;
             return found;
@@ -295,6 +367,7 @@ private:
 
     int socket_;
     double patience_;
+    std::string key_;
     std::uint64_t session_ = 0, peer_ = 0, sequence_ = 0;
     std::uint32_t request_ = 0;
     std::map<std::uint32_t, std::uint32_t> counts_;

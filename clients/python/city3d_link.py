@@ -8,7 +8,8 @@
         for poses in city.poses():
             city.trajectory(1, [(poses.time + 0.1 * k, x, y, yaw, speed) for k in range(20)])
 
-Metres, metres per second and radians of the laboratory's floor; times are the city's clock.
+Metres, metres per second and radians of the laboratory's floor; times are the city's clock. A city that is served with
+--key wants the same `key` here: the bytes of that file, without the blanks around them.
 """
 
 import hashlib

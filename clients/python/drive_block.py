@@ -2,7 +2,7 @@
 Street of the map ids3c, and tells where it came by.
 
     city3d serve roundabout --headless &
-    python3 drive_block.py [PORT]
+    python3 drive_block.py [PORT [KEY_FILE]]
 """
 
 import json
@@ -55,7 +55,8 @@ def plan(way, now):
 
 
 def main():
-    city = City(port=int(sys.argv[1]) if len(sys.argv) > 1 else 9870)
+    key = open(sys.argv[2], "rb").read().strip() if len(sys.argv) > 2 else None
+    city = City(port=int(sys.argv[1]) if len(sys.argv) > 1 else 9870, key=key)
     pieces = block()
     way = sum(piece[3] for piece in pieces)
     city.setup(1, "courier", START[0] - FRONT_AXLE, START[1], 0.0, speed=SPEED, algorithm="drive_block")

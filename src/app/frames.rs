@@ -8,6 +8,7 @@
 #![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
 
 mod cameras;
+mod carriers;
 mod footage;
 mod kinds;
 mod schedule;
@@ -109,7 +110,7 @@ pub fn frames(args: &FramesArgs) -> Result<(), Failure> {
     let out = args.out.clone().unwrap_or_else(|| new_folder(&format!("{}-frames", experiment.name)));
     let destination = Destination::of(&out);
     let stated = stated(args, &destination, &experiment)?;
-    let shots = shots::shots(&args.cameras, &stated, &experiment)?;
+    let shots = shots::shots(&args.cameras, &stated, &experiment, &footage.carriers())?;
     let schedule = Schedule::new(args.from, &shots, &experiment)?;
     let film = Film { args, experiment: &experiment, shots: &shots, out: &out };
     match &destination {

@@ -11,7 +11,7 @@ use crate::link::{feedback::ViconFeedback, vicon::Vicon};
 use crate::record::Origin;
 use crate::runner::{Control, SeenCity};
 use crate::scenario::{Experiment, PlannedVehicle};
-use crate::snapshot::{Status, VehicleState};
+use crate::snapshot::{Status, VehicleId, VehicleState};
 use crate::wire::{
     Action, Body, Build, Clock, Message, Outcome, Phase, Poses, Seal, Seen, VehicleSetup, pack,
 };
@@ -84,6 +84,10 @@ struct Remote<'a> {
     files: Option<Files>,
     /// Counts the cities that it has driven in: one that is restarted gets files of its own.
     part: u32,
+    /// Where each vehicle was seen last, whoever has forgotten it since.
+    last_seen: BTreeMap<VehicleId, VehicleState>,
+    /// The city's experiment begins anew, and with it the robots do: not so where it has been restarted.
+    was_reset: bool,
     /// Of the poses that control has answered.
     answered: Option<u64>,
     /// Datagrams with the commands for that tick, by sequence.
@@ -148,6 +152,8 @@ impl<'a> Remote<'a> {
             experiment,
             files: None,
             part: 0,
+            last_seen: BTreeMap::new(),
+            was_reset: false,
             answered: None,
             batch: Vec::new(),
             barrier: None,
@@ -197,6 +203,8 @@ impl<'a> Remote<'a> {
         if !self.set_up(&clock, ends)? {
             return Ok(());
         }
+        // Who drives on where it was is not told of a beginning, to which robots would be put back.
+        let goes_on = !std::mem::take(&mut self.was_reset) && self.part > 0;
         self.control = Control::new(&self.experiment).map_err(Failure::bad_input)?;
         (self.answered, self.barrier) = (None, None);
         let (mut gathered, mut resets) = (Gathered::default(), 0);
@@ -221,9 +229,12 @@ impl<'a> Remote<'a> {
                     resets = if is_before && poses.phase == Phase::Ready { resets + 1 } else { 0 };
                     if resets >= RESET_AFTER {
                         tracing::warn!("the city has been reset");
+                        self.was_reset = true;
                         return Ok(());
                     }
-                    self.laboratory.tell_clock(clock_at(&clock, &poses));
+                    if !goes_on || poses.phase != Phase::Ready {
+                        self.laboratory.tell_clock(clock_at(&clock, &poses));
+                    }
                     if !is_old
                         && let Some(vehicles) = gathered.take(&poses)
                         && self.is_complete(&poses, &vehicles)
@@ -336,10 +347,11 @@ impl<'a> Remote<'a> {
             if self.ask(ends, "the reset", action(Action::Reset))?.is_none() {
                 return Ok(false);
             }
+            self.was_reset = true;
         }
         let experiment = Arc::clone(&self.experiment);
         for planned in &experiment.vehicles {
-            let setup = setup_of(&experiment, planned, self.city.snapshot().vehicle(planned.id));
+            let setup = setup_of(&experiment, planned, self.last_seen.get(&planned.id));
             let body = |request| Body::Setup { request, setup: Box::new(setup.clone()) };
             match self.ask(ends, &format!("vehicle {}", planned.id), body)? {
                 None => return Ok(false),
@@ -373,7 +385,9 @@ impl<'a> Remote<'a> {
             }
             return Ok(());
         }
-        self.control.step(now, vehicles.iter().map(|seen| seen.pose), &mut delivered);
+        // The city tells where it keeps those that nobody sees; that is no measurement.
+        let seen = vehicles.iter().filter(|seen| seen.status != Status::Unseen);
+        self.control.step(now, seen.map(|seen| seen.pose), &mut delivered);
         self.laboratory.send(delivered.iter().filter_map(|message| match message {
             Message::Follow(trajectory) => Some(trajectory),
             Message::Remove(_) => None,
@@ -414,6 +428,7 @@ impl<'a> Remote<'a> {
             self.part += 1;
         }
         let snapshot = self.city.see(head, vehicles);
+        self.last_seen.extend(snapshot.vehicles.iter().map(|state| (state.id, state.clone())));
         match &mut self.files {
             Some(files) => files.tick(Some(self.control.mainframe()), snapshot),
             None => {

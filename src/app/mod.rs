@@ -9,9 +9,11 @@ mod fork;
 #[cfg(feature = "render")]
 mod frames;
 mod generate;
+mod instruments;
 mod load;
 #[cfg(feature = "render")]
 mod look;
+mod losses;
 mod mainframe;
 #[cfg(feature = "render")]
 mod pictures;

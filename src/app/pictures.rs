@@ -12,12 +12,15 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
+#[cfg(target_os = "linux")]
+use thread_priority::{
+    NormalThreadSchedulePolicy, ThreadPriority, ThreadSchedulePolicy, set_thread_priority_and_policy,
+    thread_native_id,
+};
 
 /// Where a scenario gives no vehicle a camera: so many pictures a second behind each windscreen.
 const USUAL_HZ: f64 = 10.0;
 const USUAL_NAME: &str = "windscreen";
-/// Drawing is less urgent than the simulation by so much, as `nice` counts.
-const NICE: i32 = 10;
 
 /// A camera that a vehicle carries.
 #[derive(Clone, Debug)]
@@ -206,11 +209,15 @@ impl Drop for Pictures {
     }
 }
 
-/// Lets the simulation go first wherever both want the processor.
+/// Lets everybody else go first: drawing takes the time that nobody else wants. Who is merely less urgent (`nice`) is
+/// not interrupted at once on Linux, which a tick and the control framework on the same machine would notice.
 fn be_patient() {
     #[cfg(target_os = "linux")]
-    if let Err(error) = rustix::process::setpriority_process(None, NICE) {
-        tracing::debug!("drawing is as urgent as the simulation: {error}");
+    {
+        let policy = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Idle);
+        if let Err(error) = set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Min, policy) {
+            tracing::debug!("drawing is as urgent as the simulation: {error}");
+        }
     }
 }
 

@@ -1,8 +1,10 @@
 //! `city3d serve`: the city alone, driven over the laboratory's link.
 
 use super::files::{Files, LogArgs, conclude, folder_of};
+use super::instruments::{Instruments, Mark};
 #[cfg(all(feature = "render", feature = "ros"))]
 use super::look::LookArgs;
+use super::losses::{Counts, Losses};
 #[cfg(feature = "render")]
 use super::pictures::Pictures;
 #[cfg(all(feature = "render", feature = "ros"))]
@@ -25,13 +27,10 @@ use crate::scenario::Experiment;
 use crate::snapshot::{FrameSnapshot, VehicleId};
 use crate::wire::{Body, Measurement, Outcome};
 use clap::Args;
-#[cfg(feature = "render")]
-use clap::{Command, FromArgMatches};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 #[derive(Debug, Args)]
@@ -99,8 +98,10 @@ const RATE_IN_LOCKSTEP: f64 = 1e6;
 const LINGER: Duration = Duration::from_millis(300);
 /// Datagrams that are taken in before the clock is looked at again.
 const AT_ONCE: usize = 1024;
-/// Systems wake who sleeps a little late: so long before a tick nobody sleeps.
-const AWAKE: Duration = Duration::from_micros(150);
+/// Systems wake who sleeps a little late: so long before a tick nobody sleeps, and what has come is taken in.
+const AWAKE: Duration = Duration::from_micros(400);
+/// Poses are sent to nobody so long before those of a tick: long enough to be done by then.
+const REHEARSES: Duration = Duration::from_micros(200);
 
 pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let experiment = load::city(&args.scenario)?;
@@ -111,37 +112,6 @@ pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
     say(format_args!("{name} is served on udp {}{pace}", serving.address()))?;
     serving.serve(&ends)?;
     serving.conclude()
-}
-
-#[cfg(feature = "render")]
-impl ServeArgs {
-    /// As of a command line.
-    ///
-    /// # Errors
-    /// Where they are none.
-    pub(super) fn of(arguments: &[&str]) -> Result<Self, Failure> {
-        let command = Self::augment_args(Command::new("serve").no_binary_name(true));
-        let found = command.try_get_matches_from(arguments).map_err(Failure::bad_input)?;
-        Self::from_arg_matches(&found).map_err(Failure::bad_input)
-    }
-}
-
-/// What a served city has for a measurement.
-#[derive(Debug, Default)]
-pub(super) struct Instruments {
-    pub(super) marks: Option<Sender<Mark>>,
-    #[cfg(feature = "render")]
-    pub(super) pictures: Option<Pictures>,
-}
-
-/// When something has happened in it.
-#[cfg_attr(not(feature = "render"), allow(dead_code, reason = "the bench alone reads them"))]
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Mark {
-    /// A datagram of trajectories waits for the next tick.
-    Taken { vehicle: VehicleId, sequence: u32, at: Instant },
-    /// The world has made the step that leads to a tick.
-    Ticked { tick: u64, due: Instant, begun: Instant, done: Instant },
 }
 
 /// The socket of a city.
@@ -249,6 +219,9 @@ pub(super) struct Serving<'a> {
     /// Poses that have come, kept for its memory.
     arrived: Vec<Measurement>,
     instruments: Instruments,
+    losses: Losses,
+    /// It has slept since it has sent anything.
+    has_slept: bool,
 }
 
 impl<'a> Serving<'a> {
@@ -290,6 +263,8 @@ impl<'a> Serving<'a> {
             seen: BTreeMap::new(),
             arrived: Vec::new(),
             instruments,
+            losses: Losses::new(Instant::now()),
+            has_slept: false,
         })
     }
 
@@ -301,8 +276,11 @@ impl<'a> Serving<'a> {
     /// Until it is told to end, or its time is over.
     pub(super) fn serve(&mut self, ends: &AtomicBool) -> Result<(), Failure> {
         while !ends.load(Ordering::Relaxed) && !self.is_over() {
-            self.receive(self.wait())?;
+            self.wait()?;
+            self.receive(Duration::ZERO)?;
+            self.rehearse();
             self.advance()?;
+            self.tell_losses();
         }
         // The last poses may be lost on their way.
         let until = Instant::now() + if self.is_over() { LINGER } else { Duration::ZERO };
@@ -332,20 +310,36 @@ impl<'a> Serving<'a> {
         self.served.snapshot()
     }
 
-    /// How long it may wait for datagrams before something is due.
-    fn wait(&self) -> Duration {
+    /// Waits until something is due, or has come that cannot wait for the next tick.
+    fn wait(&mut self) -> Result<(), Failure> {
         let now = Instant::now();
         let standing = STANDING.saturating_sub(now.duration_since(self.told));
         match self.clock {
-            Some(clock) => clock.until(now, self.snapshot().time_s).saturating_sub(AWAKE),
-            None => standing.max(Duration::from_micros(1)),
+            Some(clock) => {
+                let rest = clock.until(now, self.snapshot().time_s).saturating_sub(AWAKE);
+                self.has_slept |= rest > AWAKE;
+                self.server.rest(rest);
+                Ok(())
+            }
+            None => self.receive(standing.max(Duration::from_micros(1))),
         }
     }
 
-    fn take(&mut self, Inbound { origin, body }: Inbound) -> Result<(), Failure> {
+    /// After a sleep, shortly before a tick whose poses somebody waits for.
+    fn rehearse(&mut self) {
+        let (now, time_s) = (Instant::now(), self.snapshot().time_s);
+        let is_soon = self.clock.is_some_and(|clock| clock.until(now, time_s) < REHEARSES);
+        if self.has_slept && is_soon && !self.subscribers.is_empty() {
+            self.has_slept = false;
+            self.server.rehearse(&self.served.poses());
+        }
+    }
+
+    fn take(&mut self, Inbound { origin, body, at }: Inbound) -> Result<(), Failure> {
+        let now_s = at.saturating_duration_since(self.begun).as_secs_f64();
         if let Body::Barrier { tick, .. } = body {
             // Of who leads it is a sign of life as well.
-            self.served.take(origin.0, self.begun.elapsed().as_secs_f64(), body);
+            self.served.take(origin.0, now_s, body);
             return self.barrier(origin, tick);
         }
         if let Body::Subscribe { request, every_ticks, lease_s } = body
@@ -360,14 +354,10 @@ impl<'a> Serving<'a> {
             && let (Some(marks), Some(first)) = (&self.instruments.marks, list.first())
         {
             // Who measures may have ended.
-            let _ = marks.send(Mark::Taken {
-                vehicle: first.vehicle,
-                sequence: first.sequence,
-                at: Instant::now(),
-            });
+            let _ = marks.send(Mark::Taken { vehicle: first.vehicle, sequence: first.sequence, at });
         }
         let is_new = matches!(body, Body::Subscribe { .. } | Body::Setup { .. });
-        if let Some(answer) = self.served.take(origin.0, self.begun.elapsed().as_secs_f64(), body) {
+        if let Some(answer) = self.served.take(origin.0, now_s, body) {
             self.server.tell(origin, &answer);
         }
         if is_new && !self.served.is_running() {
@@ -396,9 +386,7 @@ impl<'a> Serving<'a> {
         if tick == self.snapshot().tick && self.served.is_running() && !self.is_over() {
             return self.tick();
         }
-        for poses in self.served.poses() {
-            self.server.tell(origin, &poses);
-        }
+        self.server.tell_all(origin, &self.served.poses());
         Ok(())
     }
 
@@ -478,7 +466,13 @@ impl<'a> Serving<'a> {
         // Who waits for the poses comes before the files.
         self.publish();
         if let (Some(marks), Some(clock)) = (&self.instruments.marks, self.clock) {
-            let _ = marks.send(Mark::Ticked { tick: after, due: clock.at(time_s), begun, done });
+            let _ = marks.send(Mark::Ticked {
+                tick: after,
+                due: clock.at(time_s),
+                begun,
+                done,
+                sent: Instant::now(),
+            });
         }
         if let Some(files) = &mut self.files {
             for applied in self.served.applied() {
@@ -510,6 +504,17 @@ impl<'a> Serving<'a> {
         let Some(files) = self.files.take() else { return Ok(()) };
         self.part += 1;
         files.finish(self.served.experiment(), self.served.snapshot(), Some(self.figures())).map(drop)
+    }
+
+    /// Says now and then what the link has lost.
+    fn tell_losses(&mut self) {
+        let now = Instant::now();
+        if self.losses.is_due(now) {
+            let (received, _, dropped, missing) = self.server.figures();
+            if let Some(told) = self.losses.since(now, Counts { received, missing, dropped }) {
+                tracing::warn!("{told}");
+            }
+        }
     }
 
     fn figures(&self) -> LinkSummary {
@@ -550,7 +555,7 @@ impl<'a> Serving<'a> {
         let is_standing = !self.served.is_running();
         for subscriber in &self.subscribers {
             if is_standing || tick.is_multiple_of(subscriber.every_ticks) {
-                poses.iter().for_each(|poses| self.server.tell(subscriber.origin, poses));
+                self.server.tell_all(subscriber.origin, &poses);
             }
         }
     }

@@ -183,7 +183,7 @@ impl Station {
 
     fn receive(&mut self, testbed: &mut Testbed, (physics_hz, length_scale): (u32, f64)) {
         for _ in 0..AT_ONCE {
-            let Some(Inbound { origin, body }) = self.server.receive(Duration::ZERO) else { return };
+            let Some(Inbound { origin, body, .. }) = self.server.receive(Duration::ZERO) else { return };
             match body {
                 Body::Hello { token } => {
                     let ExperimentClock { time_s, is_running } = testbed.clock();

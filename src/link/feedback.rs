@@ -10,6 +10,8 @@ use std::time::{Duration, Instant};
 /// So often the city is asked for its clock, while it runs and while it stands.
 const ASK_RUNNING: Duration = Duration::from_millis(200);
 const ASK_STANDING: Duration = Duration::from_millis(20);
+/// A city that has not answered for so long may have been restarted.
+const SILENT: Duration = Duration::from_secs(1);
 /// Poses of one instant come by several connections: so long the others are waited for.
 const HOLD: Duration = Duration::from_millis(2);
 /// Waits of one look for poses.
@@ -63,6 +65,8 @@ pub struct ViconFeedback {
     reading: Option<Reading>,
     /// The question that was asked last, and when.
     asked: (u64, Option<(Instant, f64)>),
+    /// When the city has answered last, or was asked first.
+    answered: Option<Instant>,
 }
 
 impl ViconFeedback {
@@ -77,6 +81,7 @@ impl ViconFeedback {
             last_tick: 0,
             reading: None,
             asked: (0, None),
+            answered: None,
         }
     }
 
@@ -106,10 +111,15 @@ impl ViconFeedback {
         if asked.is_none_or(|(when, _)| when.elapsed() >= every) {
             self.asked = (token + 1, Some((Instant::now(), wall_s())));
             client.send(&Body::Hello { token: token + 1 });
+            // Poses of physical vehicles go on without a city.
+            if self.answered.get_or_insert_with(Instant::now).elapsed() > SILENT {
+                client.probe();
+            }
         }
     }
 
     fn read(&mut self, clock: Clock) {
+        self.answered = Some(Instant::now());
         let (token, Some((when, asked_s))) = self.asked else { return };
         if clock.token != token {
             return;

@@ -102,7 +102,11 @@ impl Station {
     fn poll(&mut self, wants_poses: bool, poses: &mut Vec<Measurement>) {
         if self.renewed.is_none_or(|renewed| renewed.elapsed() >= RENEW) {
             self.renewed = Some(Instant::now());
-            self.client.send(&Body::Hello { token: 0 });
+            // One that says nothing may have been restarted, and does not know to whom it belongs.
+            match self.heard {
+                Some(heard) if heard.elapsed() > RENEW => self.client.probe(),
+                _ => _ = self.client.send(&Body::Hello { token: 0 }),
+            }
             if wants_poses {
                 self.client.send(&Body::Subscribe { request: 0, every_ticks: 1, lease_s: LEASE_S });
             }

@@ -1,14 +1,17 @@
 //! The laboratory's link: sockets, clocks of the wall, and who may send what how fast. What datagrams
 //! mean is told by [`wire`](crate::wire), what becomes of them by [`runner`](crate::runner).
 
+mod burst;
 mod client;
 mod echo;
 #[cfg(feature = "ros")]
 pub mod feedback;
+mod inbox;
 mod key;
 mod laboratory;
 #[cfg(feature = "ros")]
 pub mod onboard;
+mod rehearsal;
 mod senders;
 mod server;
 #[cfg(feature = "ros")]
@@ -17,10 +20,11 @@ mod window;
 
 pub use client::{Client, Heard};
 pub use echo::round_trips;
+pub use inbox::Inbound;
 pub use key::{KeyError, read_key};
 pub use laboratory::Laboratory;
 pub use senders::{Bucket, Origin, Senders, Told};
-pub use server::{Allowed, Inbound, Server, ServerOptions};
+pub use server::{Allowed, Server, ServerOptions};
 pub use window::Window;
 
 use thiserror::Error;

@@ -1,19 +1,19 @@
 //! The city's end of the link: a socket with a thread that reads it, and a bounded queue.
 
 use super::LinkError;
+use super::burst::Bursts;
+use super::inbox::{Inbound, Inbox};
+use super::rehearsal::Rehearsal;
 use super::senders::{Origin, Senders};
 use crate::wire::{Body, DropReason, Drops, Header, LONGEST_DATAGRAM, Seal};
 use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs, UdpSocket};
 use std::str::FromStr;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Datagrams that may wait for the simulation.
-const QUEUE: usize = 4096;
 /// Asked of the system for the socket: a burst of all trajectories of a large fleet.
 const SOCKET_BYTES: usize = 4 << 20;
 /// So often the thread looks whether it shall end.
@@ -71,13 +71,6 @@ pub struct ServerOptions {
     pub takes_clock: bool,
 }
 
-/// A datagram that has been read and may be used.
-#[derive(Clone, Debug)]
-pub struct Inbound {
-    pub origin: Origin,
-    pub body: Body,
-}
-
 #[derive(Debug)]
 struct Shared {
     senders: Senders,
@@ -91,10 +84,12 @@ struct Shared {
 pub struct Server {
     socket: UdpSocket,
     address: SocketAddr,
-    inbox: Receiver<Inbound>,
+    inbox: Arc<Inbox>,
     shared: Arc<Mutex<Shared>>,
     header: Header,
     seal: Seal,
+    bursts: Bursts,
+    rehearsal: Rehearsal,
     ends: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -113,7 +108,7 @@ impl Server {
         // Less than asked for is no fault.
         let _ = socket2::SockRef::from(&socket).set_recv_buffer_size(SOCKET_BYTES);
         socket.set_read_timeout(Some(LOOK_UP)).map_err(no_socket)?;
-        let (queue, inbox) = sync_channel(QUEUE);
+        let inbox = Arc::new(Inbox::default());
         let senders = Senders::new(options.rate_per_s);
         let shared = Shared { senders, drops: Drops::default(), received: 0, used: 0 };
         let shared = Arc::new(Mutex::new(shared));
@@ -122,7 +117,7 @@ impl Server {
             Header { session: super::client::new_session(), world: options.world, ..Header::default() };
         let reader = Reader {
             socket: socket.try_clone().map_err(no_socket)?,
-            queue,
+            inbox: Arc::clone(&inbox),
             shared: Arc::clone(&shared),
             header,
             seal: options.seal.clone(),
@@ -135,7 +130,18 @@ impl Server {
         let thread = Some(thread.map_err(no_socket)?);
         let address = socket.local_addr().map_err(no_socket)?;
         let seal = options.seal.clone();
-        Ok(Self { socket, address, inbox, shared, header, seal, ends, thread })
+        Ok(Self {
+            socket,
+            address,
+            inbox,
+            shared,
+            header,
+            seal,
+            bursts: Bursts::default(),
+            rehearsal: Rehearsal::new()?,
+            ends,
+            thread,
+        })
     }
 
     /// Where it listens.
@@ -150,20 +156,46 @@ impl Server {
 
     /// Waits for the next datagram, at most so long.
     pub fn receive(&self, wait: Duration) -> Option<Inbound> {
-        if wait.is_zero() { self.inbox.try_recv().ok() } else { self.inbox.recv_timeout(wait).ok() }
+        self.inbox.receive(wait)
+    }
+
+    /// Waits until something has come that wants an answer, or much has come, but no longer than this. Trajectories
+    /// are for the next tick.
+    pub fn rest(&self, wait: Duration) {
+        self.inbox.rest(wait);
     }
 
     /// Sends a sender something. One that has begun anew, or that cannot be reached, does not get it.
     pub fn tell(&self, origin: Origin, body: &Body) {
-        let Some(told) = self.lock().senders.tell(origin) else { return };
-        let header = Header { peer: told.session, sequence: told.sequence, ..self.header };
-        match body.encode(header, &self.seal) {
-            Ok(bytes) => {
-                if let Err(error) = self.socket.send_to(&bytes, told.address) {
-                    tracing::debug!("{}: not sent: {error}", told.address);
-                }
+        self.tell_all(origin, std::slice::from_ref(body));
+    }
+
+    /// The same for several things at once.
+    pub fn tell_all(&self, origin: Origin, bodies: &[Body]) {
+        let mut datagrams = Vec::with_capacity(bodies.len());
+        let mut address = None;
+        for body in bodies {
+            let Some(told) = self.lock().senders.tell(origin) else { return };
+            let header = Header { peer: told.session, sequence: told.sequence, ..self.header };
+            match body.encode(header, &self.seal) {
+                Ok(bytes) => datagrams.push(bytes),
+                Err(error) => tracing::warn!("{}: not sent: {error}", told.address),
             }
-            Err(error) => tracing::warn!("{}: not sent: {error}", told.address),
+            address = Some(told.address);
+        }
+        if let Some(address) = address
+            && let Err(error) = self.bursts.send(&self.socket, address, &datagrams)
+        {
+            tracing::debug!("{address}: not sent: {error}");
+        }
+    }
+
+    /// Does everything that [`Server::tell_all`] does, but nobody gets it: what follows soon is faster then.
+    pub fn rehearse(&self, bodies: &[Body]) {
+        for body in bodies {
+            if let Ok(bytes) = body.encode(self.header, &self.seal) {
+                self.rehearsal.run(&bytes);
+            }
         }
     }
 
@@ -207,7 +239,7 @@ impl Drop for Server {
 /// The thread that reads the socket.
 struct Reader {
     socket: UdpSocket,
-    queue: SyncSender<Inbound>,
+    inbox: Arc<Inbox>,
     shared: Arc<Mutex<Shared>>,
     /// Of the city.
     header: Header,
@@ -280,14 +312,15 @@ impl Reader {
         {
             return Err(plain(DropReason::Incomplete));
         }
-        match self.queue.try_send(Inbound { origin, body }) {
-            Ok(()) => {
-                shared.senders.note(from, header.sequence);
-                shared.used += 1;
-                Ok(())
-            }
-            Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => Err(plain(DropReason::Full)),
+        // Nobody else puts anything there.
+        if !self.inbox.has_room() {
+            return Err(plain(DropReason::Full));
         }
+        shared.senders.note(from, header.sequence);
+        shared.used += 1;
+        drop(shared);
+        self.inbox.push(Inbound { origin, body, at: Instant::now() });
+        Ok(())
     }
 
     fn drop_one(&mut self, reason: DropReason, from: SocketAddr, why: &str) {

@@ -76,6 +76,10 @@ pub struct Cav {
     pub pose: Pose2,
     /// The estimate brought to the time of the control step.
     axle_s: f64,
+    speed_mps: f64,
+    /// It has not been seen for long, and may be this far ahead of there.
+    is_lost: bool,
+    ahead_m: f64,
 }
 
 /// How far the plan may run ahead of, or fall behind, what is measured.
@@ -112,6 +116,9 @@ impl Cav {
             is_astray: false,
             pose: Pose2::default(),
             axle_s: 0.0,
+            speed_mps: 0.0,
+            is_lost: false,
+            ahead_m: 0.0,
         })
     }
 
@@ -123,6 +130,11 @@ impl Cav {
     /// Whether it is somewhere on its route.
     pub fn is_on_route(&self) -> bool {
         self.is_seen() && !self.is_astray
+    }
+
+    /// Whether it has not been seen for so long that nobody can say what it does. It counts as standing then.
+    pub fn is_lost(&self) -> bool {
+        self.is_lost
     }
 
     /// Front-axle centre along the route, as measured and brought to the current time.
@@ -139,13 +151,18 @@ impl Cav {
         self.axle_s + self.body.overhang_m()
     }
 
+    /// The farthest place at which its front bumper may be: farther than it is expected where it is lost.
+    pub(super) fn reach_s(&self) -> f64 {
+        self.front_s() + self.ahead_m
+    }
+
     pub fn rear_s(&self) -> f64 {
         self.front_s() - self.body.length_m
     }
 
     /// Estimated from the measured poses.
     pub fn speed_mps(&self) -> f64 {
-        self.estimate.map_or(0.0, |estimate| estimate.speed_mps)
+        self.speed_mps
     }
 
     /// As those behind it may count on: nothing of one that is on no lane.
@@ -153,14 +170,19 @@ impl Cav {
         if self.is_astray { 0.0 } else { self.speed_mps() }
     }
 
-    pub(super) fn see(&mut self, map: &LabMap, seen: &Measurement) {
+    pub(super) fn see(&mut self, map: &LabMap, now_s: f64, seen: &Measurement) {
         self.pose = seen.pose_in_lab();
         let Some(estimate) = &mut self.estimate else {
-            self.begin(map, seen, self.setup_speed_mps);
+            self.begin(map, now_s, seen, self.setup_speed_mps);
             return;
         };
-        estimate.update(map, &self.route, self.body, seen);
-        let speed_mps = estimate.speed_mps;
+        let was_lost = estimate.is_lost(now_s);
+        estimate.update(map, (&self.route, self.body), now_s, seen);
+        let (axle_s, speed_mps) = (estimate.axle_s, estimate.speed_mps);
+        if was_lost {
+            // What it was told meanwhile it may not have heard.
+            self.reference = Reference { axle_s, speed_mps, acceleration_mps2: 0.0 };
+        }
         if !stray::has_left(map, self) {
             self.is_astray = false;
         } else {
@@ -169,7 +191,7 @@ impl Cav {
             if let Some(way) = way {
                 self.route = Route::new(map, &way, self.body, &self.driver);
                 self.reroutes += 1;
-                self.begin(map, seen, speed_mps);
+                self.begin(map, now_s, seen, speed_mps);
             }
         }
     }
@@ -180,8 +202,8 @@ impl Cav {
     }
 
     /// Takes it to be on the first lane of its route.
-    fn begin(&mut self, map: &LabMap, seen: &Measurement, speed_mps: f64) {
-        let first = Estimate::first(map, &self.route, self.body, seen, speed_mps);
+    fn begin(&mut self, map: &LabMap, now_s: f64, seen: &Measurement, speed_mps: f64) {
+        let first = Estimate::first(map, (&self.route, self.body), now_s, seen, speed_mps);
         self.estimate = Some(first);
         self.passage = Passage::default();
         self.reference =
@@ -194,7 +216,10 @@ impl Cav {
 
     pub(super) fn advance_to(&mut self, time_s: f64) {
         if let Some(estimate) = &self.estimate {
-            self.axle_s = estimate.axle_at(time_s);
+            (self.axle_s, self.speed_mps) = estimate.at(time_s);
+            self.is_lost = estimate.is_lost(time_s);
+            let stopping_m = self.driver.stopping_distance(estimate.speed_mps);
+            self.ahead_m = estimate.farthest_at(time_s, stopping_m) - self.axle_s;
         }
     }
 
@@ -217,6 +242,10 @@ impl Cav {
 
     /// Advances the plan by a control step, within its bounds and near to what is measured.
     pub(super) fn apply(&mut self, decision: Decision, dt_s: f64) {
+        if self.is_lost {
+            self.brake(dt_s);
+            return;
+        }
         let measured_mps = self.speed_mps();
         let old = self.reference;
         let base_mps = old
@@ -232,6 +261,16 @@ impl Cav {
             if dt_s > 0.0 { (speed_mps - base_mps) / dt_s } else { decision.acceleration_mps2 };
         self.reference = Reference { axle_s: self.axle_s + ahead_m, speed_mps, acceleration_mps2 };
         self.is_yielding = decision.is_yielding;
+    }
+
+    /// Nobody sees what it does: it is told to come to a stand from where its plan is.
+    fn brake(&mut self, dt_s: f64) {
+        let Reference { axle_s, speed_mps: before_mps, .. } = self.reference;
+        let acceleration_mps2 = self.driver.min_acceleration_mps2;
+        let speed_mps = (before_mps + acceleration_mps2 * dt_s).max(0.0);
+        let axle_s = axle_s + (before_mps + speed_mps) / 2.0 * dt_s;
+        self.reference = Reference { axle_s, speed_mps, acceleration_mps2 };
+        self.is_yielding = false;
     }
 
     /// Is driven otherwise from now on.

@@ -75,7 +75,7 @@ impl Mainframe {
     pub fn step(&mut self, time_s: f64, arrived: &[Measurement], messages: &mut Vec<Message>) {
         for seen in arrived {
             if let Ok(index) = self.cavs.binary_search_by_key(&seen.vehicle, |cav| cav.id) {
-                self.cavs[index].see(&self.map, seen);
+                self.cavs[index].see(&self.map, time_s, seen);
             }
         }
         let dt_s = self.last_step_s.map_or(0.0, |last_s| time_s - last_s);

@@ -202,7 +202,9 @@ impl RightOfWay {
         self.loops.recount(cavs);
         self.admit_those_inside(cavs);
         self.candidates.clear();
-        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_on_route()) {
+        // One that is lost is told to stand, and asks for nothing.
+        let may_ask = |cav: &Cav| cav.is_on_route() && !cav.is_lost();
+        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| may_ask(cav)) {
             if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
                 let distance = section.hold_s - cav.front_s();
                 let asks = now_s >= cav.passage.asks_from_s || cav.speed_mps() > STANDING_MPS;
@@ -257,7 +259,7 @@ impl RightOfWay {
     fn note_standing(&self, now_s: f64, cav: &mut Cav) {
         let Some(section) = cav.route.sections.get(cav.passage.next_section) else { return };
         let at_line = section.hold_s - cav.front_s() < AT_LINE_M;
-        if cav.speed_mps() < STANDING_MPS && at_line {
+        if cav.speed_mps() < STANDING_MPS && at_line && !cav.is_lost() {
             cav.passage.standing_since_s.get_or_insert(now_s);
         }
     }
@@ -269,7 +271,8 @@ impl RightOfWay {
     fn list_users(&mut self, cavs: &[Cav]) {
         self.users.iter_mut().for_each(Vec::clear);
         for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_on_route()) {
-            let (front_s, rear_s) = (cav.front_s(), cav.rear_s());
+            // One that is lost may be anywhere from where it stands to where it gets.
+            let (front_s, rear_s) = (cav.reach_s(), cav.rear_s());
             let route = &cav.route;
             let mut section = cav.passage.admissions.first().map_or(cav.passage.next_section, |a| a.section);
             while let Some(here) = route.sections.get(section) {

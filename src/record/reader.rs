@@ -131,6 +131,15 @@ impl LogReader {
     /// # Errors
     /// [`RecordError::NoLog`] where it is damaged, or this version does not take the scenario.
     pub fn experiment(&self) -> Result<Experiment, RecordError> {
+        let planned = self.planned()?;
+        Ok(if self.origin == Origin::Served { planned.without_vehicles() } else { planned })
+    }
+
+    /// The scenario with all of its vehicles, of which a served city has had those that came over the link.
+    ///
+    /// # Errors
+    /// As for [`LogReader::experiment`].
+    pub fn planned(&self) -> Result<Experiment, RecordError> {
         let wrong = |why: String| no_log(&self.path, why);
         let number = |key: &str| self.metadata.get(key).ok_or_else(|| wrong(format!("it lacks \"{key}\"")));
         let damaged = |key: &str| wrong(format!("\"{key}\" is damaged"));
@@ -160,9 +169,7 @@ impl LogReader {
             allows_no_vehicles: self.origin == Origin::Served,
         };
         let name = format!("{}: {SCENARIO}", self.path.display());
-        let experiment =
-            read_experiment(&name, &text, &library, overrides).map_err(|error| wrong(error.to_string()))?;
-        Ok(if self.origin == Origin::Served { experiment.without_vehicles() } else { experiment })
+        read_experiment(&name, &text, &library, overrides).map_err(|error| wrong(error.to_string()))
     }
 
     /// The next entry; `None` at the end, see [`LogReader::torn`].

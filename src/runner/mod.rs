@@ -18,7 +18,7 @@ pub use summary::{LinkSummary, PicturesSummary, RosSummary, Summary, VehicleSumm
 use crate::mainframe::{Mainframe, SetupError};
 use crate::scenario::Experiment;
 use crate::sim::World;
-use crate::snapshot::{FrameSnapshot, SimCommand};
+use crate::snapshot::{FrameSnapshot, SimCommand, Status};
 use crate::testbed::{ExperimentClock, Testbed};
 use crate::wire::{Measurement, Message};
 use std::sync::Arc;
@@ -101,7 +101,10 @@ impl Run {
         self.delivered.clear();
         self.commands.clear();
         let now = (self.world.tick(), self.world.time_s());
-        self.control.step(now, Measurement::all(&self.snapshot, scale), &mut self.delivered);
+        // Motion capture tells nothing of whom it does not see.
+        let seen = self.snapshot.vehicles.iter().filter(|state| state.status != Status::Unseen);
+        let seen = seen.map(|state| Measurement::of(state, now.1, scale));
+        self.control.step(now, seen, &mut self.delivered);
         self.commands.extend(self.measured.drain(..).map(|pose| pose.into_command(scale)));
         if let Some(testbed) = &mut self.testbed {
             testbed.set_clock(ExperimentClock { time_s: now.1, is_running: true });

@@ -6,6 +6,7 @@ use serde_json::Value;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// A process of this test, ended with it.
@@ -14,6 +15,8 @@ pub struct Process {
     pub child: Child,
     /// Of a city: where it is served.
     pub address: String,
+    /// What it has said on standard error, once that is closed.
+    said: Option<JoinHandle<String>>,
 }
 
 impl Drop for Process {
@@ -48,29 +51,39 @@ pub fn serve_at(address: &str, arguments: &[&str], folder: &Path) -> Process {
         panic!("no address in {line:?}: {told}");
     };
     drain(lines);
-    drain(child.stderr.take().unwrap());
-    Process { child, address }
+    let said = Some(drain(child.stderr.take().unwrap()));
+    Process { child, address, said }
 }
 
 /// Reads on, so that nobody waits for the pipe.
-fn drain(mut pipe: impl Read + Send + 'static) {
+fn drain(mut pipe: impl Read + Send + 'static) -> JoinHandle<String> {
     std::thread::spawn(move || {
         let mut text = String::new();
         if pipe.read_to_string(&mut text).is_ok() && std::env::var_os("CITY3D_TEST_TALK").is_some() {
             eprintln!("{text}");
         }
-    });
+        text
+    })
 }
 
 pub fn mainframe(city: &str, arguments: &[&str], folder: &Path) -> Process {
     let arguments = [&["mainframe"], arguments, &["--city", city]].concat();
     let mut child = city3d(&arguments, folder).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     drain(child.stdout.take().unwrap());
-    drain(child.stderr.take().unwrap());
-    Process { child, address: String::new() }
+    let said = Some(drain(child.stderr.take().unwrap()));
+    Process { child, address: String::new(), said }
 }
 
 impl Process {
+    pub fn new(child: Child) -> Self {
+        Self { child, address: String::new(), said: None }
+    }
+
+    /// What one that has ended had said on standard error.
+    pub fn said(&mut self) -> String {
+        self.said.take().unwrap().join().unwrap()
+    }
+
     /// Waits for its end; the machine may be slow, but nothing takes for ever.
     pub fn wait(&mut self) -> i32 {
         let begun = Instant::now();

@@ -85,9 +85,22 @@ impl<'a> Ros<'a> {
 /// A `roscore`, ended as by Ctrl-C: it ends its own processes.
 pub struct Core(Child);
 
+impl Core {
+    /// As a machine that fails does. Its own processes are its children, and do not end with it.
+    pub fn kill(mut self) {
+        let parent = self.0.id().to_string();
+        let _ = Command::new("pkill").args(["-KILL", "-P", &parent]).status();
+        self.0.kill().unwrap();
+        self.0.wait().unwrap();
+    }
+}
+
 impl Drop for Core {
     fn drop(&mut self) {
-        // One that has ended already is no fault here.
+        if self.0.try_wait().is_ok_and(|ended| ended.is_some()) {
+            return;
+        }
+        // One that ends meanwhile is no fault here.
         let _ = Command::new("kill").args(["-INT", &self.0.id().to_string()]).status();
         let begun = Instant::now();
         while self.0.try_wait().is_ok_and(|ended| ended.is_none()) {

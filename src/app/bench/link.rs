@@ -1,11 +1,12 @@
 //! How long the link takes: from the trajectories of a control framework that are sent over UDP to the poses that
 //! come back, beyond the tick itself, with and without onboard cameras that draw meanwhile.
 
+use super::super::instruments::{Instruments, Mark};
 use super::super::load::city_of;
 use super::super::look::{LookArgs, Quality};
 use super::super::mainframe::setup_of;
 use super::super::pictures::{Onboard, Pictures};
-use super::super::serve::{Instruments, Mark, ServeArgs, Serving};
+use super::super::serve::{ServeArgs, Serving};
 use super::super::{Failure, say::say};
 use crate::camera::{Lens, Mount};
 use crate::link::{Client, Heard, round_trips};
@@ -80,6 +81,8 @@ struct Report {
     late: Spread,
     /// and from the end of the step until its vehicle's pose is there.
     outward: Spread,
+    /// Of that, until the city has handed over the poses of all vehicles to the system.
+    sending: Spread,
     /// The step of the world.
     step: Spread,
     /// The same datagrams, there and back by an echo in Python; where there is one.
@@ -137,7 +140,7 @@ fn measure(args: &LinkBenchArgs, experiment: &Arc<Experiment>, cameras: u32) -> 
             driver.drive(lasting)?;
             let found = driver.samples(&marked, begun);
             let python_echo = echo(&driver.datagrams()?, experiment.rates.dt_s(), lasting)?;
-            let Samples { beyond, inward, late, outward, step } = found;
+            let Samples { beyond, inward, late, outward, sending, step } = found;
             Ok(Report {
                 bench: "city3d_link",
                 vehicles: args.vehicles,
@@ -151,6 +154,7 @@ fn measure(args: &LinkBenchArgs, experiment: &Arc<Experiment>, cameras: u32) -> 
                 inward: Spread::of(inward),
                 late: Spread::of(late),
                 outward: Spread::of(outward),
+                sending: Spread::of(sending),
                 step: Spread::of(step),
                 python_echo,
                 images: 0,
@@ -207,9 +211,9 @@ struct Driver<'a> {
     /// Parts of the poses of the tick that is coming in.
     coming: (u64, Vec<Seen>),
     /// By the first vehicle and the sequence of a datagram.
-    sent: BTreeMap<(VehicleId, u32), Instant>,
+    sent: Vec<((VehicleId, u32), Instant)>,
     /// By tick and vehicle.
-    heard: BTreeMap<(u64, VehicleId), Instant>,
+    heard: Vec<((u64, VehicleId), Instant)>,
 }
 
 impl<'a> Driver<'a> {
@@ -221,8 +225,8 @@ impl<'a> Driver<'a> {
             latest: BTreeMap::new(),
             sequence: 0,
             coming: (0, Vec::new()),
-            sent: BTreeMap::new(),
-            heard: BTreeMap::new(),
+            sent: Vec::new(),
+            heard: Vec::new(),
         })
     }
 
@@ -280,13 +284,15 @@ impl<'a> Driver<'a> {
         if self.sequence.is_multiple_of(RENEW_TICKS) {
             self.client.send(&Body::Subscribe { request: 0, every_ticks: 1, lease_s: LEASE_S });
         }
+        let mut ready = Vec::new();
         for body in self.bodies() {
-            if let Body::Trajectories(list) = &body
-                && let Some(first) = list.first()
-            {
-                self.sent.insert((first.vehicle, first.sequence), Instant::now());
-            }
-            self.client.send(&body);
+            let Body::Trajectories(list) = &body else { continue };
+            let Some(first) = list.first().map(|first| (first.vehicle, first.sequence)) else { continue };
+            ready.extend(self.client.prepare(&body).map(|(_, bytes)| (first, bytes)));
+        }
+        for (first, bytes) in ready {
+            self.sent.push((first, Instant::now()));
+            self.client.resend(&bytes);
         }
     }
 
@@ -307,19 +313,20 @@ impl<'a> Driver<'a> {
     /// What became of the datagrams that were sent after an instant.
     fn samples(&self, marked: &Receiver<Mark>, since: Instant) -> Samples {
         let mut samples = Samples::default();
+        let (sent, heard) = (BTreeMap::from_iter(self.sent.clone()), BTreeMap::from_iter(self.heard.clone()));
         let mut waiting = Vec::new();
         for mark in marked.try_iter() {
             match mark {
                 Mark::Taken { vehicle, sequence, at } => {
-                    if let Some(&sent) = self.sent.get(&(vehicle, sequence))
+                    if let Some(&sent) = sent.get(&(vehicle, sequence))
                         && sent >= since
                     {
                         waiting.push((vehicle, sent, at));
                     }
                 }
-                Mark::Ticked { tick, due, begun, done } => {
+                Mark::Ticked { tick, due, begun, done, sent: handed } => {
                     for (vehicle, sent, taken) in waiting.drain(..) {
-                        let Some(&heard) = self.heard.get(&(tick, vehicle)) else { continue };
+                        let Some(&heard) = heard.get(&(tick, vehicle)) else { continue };
                         let parts = [
                             taken.saturating_duration_since(sent),
                             begun.saturating_duration_since(due.max(taken)),
@@ -329,6 +336,7 @@ impl<'a> Driver<'a> {
                         samples.inward.push(parts[0]);
                         samples.late.push(parts[1]);
                         samples.outward.push(parts[2]);
+                        samples.sending.push(handed.saturating_duration_since(done));
                         samples.step.push(done.saturating_duration_since(begun));
                     }
                 }
@@ -344,6 +352,7 @@ struct Samples {
     inward: Vec<Duration>,
     late: Vec<Duration>,
     outward: Vec<Duration>,
+    sending: Vec<Duration>,
     step: Vec<Duration>,
 }
 

@@ -1,8 +1,9 @@
 //! Cameras of the command line: on vehicles, behind them, and above the city.
 
 use super::super::Failure;
+use super::carriers::Carrier;
 use crate::camera::{Camera, Lens, Mount};
-use crate::scenario::{Experiment, PlannedVehicle};
+use crate::scenario::Experiment;
 use crate::snapshot::{FrameSnapshot, VehicleId};
 use clap::{Args, ValueEnum};
 use glam::{DVec2, DVec3};
@@ -112,10 +113,13 @@ pub(super) struct Standpoint {
 
 impl CameraArgs {
     /// The vehicles that were asked for by name or number; none means all.
-    pub(super) fn chosen<'e>(&self, experiment: &'e Experiment) -> Result<Vec<&'e PlannedVehicle>, Failure> {
-        let mut chosen: Vec<&PlannedVehicle> = Vec::new();
+    pub(super) fn chosen<'c>(
+        &self,
+        (name, carriers): (&str, &'c [Carrier]),
+    ) -> Result<Vec<&'c Carrier>, Failure> {
+        let mut chosen: Vec<&Carrier> = Vec::new();
         for wanted in &self.vehicle {
-            let vehicle = find(wanted, experiment)?;
+            let vehicle = find(wanted, name, carriers)?;
             if !chosen.iter().any(|known| known.id == vehicle.id) {
                 chosen.push(vehicle);
             }
@@ -142,17 +146,16 @@ impl CameraArgs {
     }
 }
 
-fn find<'a>(wanted: &str, experiment: &'a Experiment) -> Result<&'a PlannedVehicle, Failure> {
-    let by_name = experiment.vehicles.iter().find(|vehicle| vehicle.name == wanted);
+fn find<'c>(wanted: &str, name: &str, carriers: &'c [Carrier]) -> Result<&'c Carrier, Failure> {
+    let by_name = carriers.iter().find(|vehicle| vehicle.name == wanted);
     let id = wanted.parse().map(VehicleId);
-    let by_id = || experiment.vehicles.iter().find(|vehicle| Ok(vehicle.id) == id);
+    let by_id = || carriers.iter().find(|vehicle| Ok(vehicle.id) == id);
     by_name.or_else(by_id).ok_or_else(|| {
         let mut present: Vec<String> =
-            experiment.vehicles.iter().take(12).map(|v| format!("{} ({})", v.name, v.id)).collect();
-        if experiment.vehicles.len() > present.len() {
-            present.push(format!("and {} more", experiment.vehicles.len() - present.len()));
+            carriers.iter().take(12).map(|v| format!("{} ({})", v.name, v.id)).collect();
+        if carriers.len() > present.len() {
+            present.push(format!("and {} more", carriers.len() - present.len()));
         }
-        let name = &experiment.name;
         Failure::bad_input(format!(
             "no vehicle of scenario {name} has the name or number \"{wanted}\"; there are: {}",
             present.join(", ")

@@ -2,6 +2,7 @@
 
 use super::super::replay::{failure, warn_of_version};
 use super::super::{Failure, ScenarioArgs, load, progress};
+use super::carriers::{self, Carrier};
 use crate::record::{is_log, last_tick};
 use crate::replay::Replay;
 use crate::runner::Run;
@@ -13,8 +14,8 @@ use std::sync::Arc;
 
 pub(super) enum Footage {
     Scenario(Arc<Experiment>),
-    /// With how long it shall go on.
-    Log(Box<Replay>, Arc<Experiment>),
+    /// With how long it shall go on, and who was there.
+    Log(Box<Replay>, Arc<Experiment>, Vec<Carrier>),
 }
 
 impl Footage {
@@ -37,13 +38,22 @@ impl Footage {
         }
         let duration_s = args.duration.unwrap_or(recorded_s).min(recorded_s);
         let experiment = Experiment { duration_s, ..Experiment::clone(replay.experiment()) };
-        Ok(Self::Log(Box::new(replay), Arc::new(experiment)))
+        let carriers = carriers::of_log(path, &experiment)?;
+        Ok(Self::Log(Box::new(replay), Arc::new(experiment), carriers))
+    }
+
+    /// The vehicles that may carry cameras.
+    pub(super) fn carriers(&self) -> Vec<Carrier> {
+        match self {
+            Self::Scenario(experiment) => carriers::of_experiment(experiment),
+            Self::Log(.., carriers) => carriers.clone(),
+        }
     }
 
     /// Its duration is that of the pictures.
     pub(super) fn experiment(&self) -> &Arc<Experiment> {
         match self {
-            Self::Scenario(experiment) | Self::Log(_, experiment) => experiment,
+            Self::Scenario(experiment) | Self::Log(_, experiment, _) => experiment,
         }
     }
 
@@ -53,7 +63,7 @@ impl Footage {
             Self::Scenario(experiment) => {
                 Run::new(experiment).map(Box::new).map(Reel::Run).map_err(Failure::bad_input)
             }
-            Self::Log(mut replay, _) => {
+            Self::Log(mut replay, ..) => {
                 proceed(&mut replay)?;
                 Ok(Reel::Replay(replay))
             }

@@ -2,8 +2,9 @@
 
 use super::super::Failure;
 use super::cameras::{CameraArgs, Kind, Standpoint};
+use super::carriers::Carrier;
 use crate::camera::{Camera, CameraError, Kinds, Lens, Mount, View};
-use crate::scenario::{Experiment, PlannedVehicle};
+use crate::scenario::Experiment;
 use crate::sensor::{CameraSensor, Sensor, SensorKind};
 use crate::snapshot::{FrameSnapshot, VehicleId};
 
@@ -63,17 +64,19 @@ pub(super) fn shots(
     args: &CameraArgs,
     stated: &Stated,
     experiment: &Experiment,
+    carriers: &[Carrier],
 ) -> Result<Vec<Shot>, Failure> {
-    let chosen = args.chosen(experiment)?;
+    let chosen = args.chosen((&experiment.name, carriers))?;
+    let all: Vec<&Carrier> = if chosen.is_empty() { carriers.iter().collect() } else { chosen.clone() };
     let shots = if args.camera.is_empty() {
-        let shots = of_sensors(args, stated, experiment, &chosen)?;
+        let shots = of_sensors(args, stated, &all)?;
         if shots.is_empty() {
-            of_kinds(&[Kind::Windscreen], args, stated, experiment, &chosen)
+            of_kinds(&[Kind::Windscreen], args, stated, experiment, (&chosen, &all))
         } else {
             shots
         }
     } else {
-        of_kinds(&args.camera, args, stated, experiment, &chosen)
+        of_kinds(&args.camera, args, stated, experiment, (&chosen, &all))
     };
     if shots.is_empty() {
         let name = &experiment.name;
@@ -92,14 +95,7 @@ pub(super) fn shots(
 }
 
 /// The cameras that the scenario gives the chosen vehicles, or all of them.
-fn of_sensors(
-    args: &CameraArgs,
-    stated: &Stated,
-    experiment: &Experiment,
-    chosen: &[&PlannedVehicle],
-) -> Result<Vec<Shot>, Failure> {
-    let all: Vec<&PlannedVehicle> =
-        if chosen.is_empty() { experiment.vehicles.iter().collect() } else { chosen.to_vec() };
+fn of_sensors(args: &CameraArgs, stated: &Stated, all: &[&Carrier]) -> Result<Vec<Shot>, Failure> {
     let carried =
         || all.iter().flat_map(|vehicle| vehicle.sensors.iter().map(move |sensor| (*vehicle, sensor)));
     for wanted in &args.sensor {
@@ -137,7 +133,7 @@ fn of_kinds(
     args: &CameraArgs,
     stated: &Stated,
     experiment: &Experiment,
-    chosen: &[&PlannedVehicle],
+    (chosen, all): (&[&Carrier], &[&Carrier]),
 ) -> Vec<Shot> {
     let mut lens = Lens::default();
     lens.extent = stated.extent.unwrap_or(lens.extent);
@@ -149,7 +145,7 @@ fn of_kinds(
             continue;
         }
         done.push(kind);
-        let mut shot = |vehicle: Option<&PlannedVehicle>| {
+        let mut shot = |vehicle: Option<&Carrier>| {
             let id = vehicle.map(|vehicle| vehicle.id);
             let source = match (kind.mount(), id) {
                 (Some(mount), Some(id)) => Source::Mounted(id, mount),
@@ -167,10 +163,8 @@ fn of_kinds(
         };
         if kind.stands_alone() && (chosen.is_empty() || args.at.is_some()) {
             shot(None);
-        } else if chosen.is_empty() {
-            experiment.vehicles.iter().for_each(|vehicle| shot(Some(vehicle)));
         } else {
-            chosen.iter().for_each(|vehicle| shot(Some(vehicle)));
+            all.iter().for_each(|vehicle| shot(Some(vehicle)));
         }
     }
     shots
