@@ -70,6 +70,8 @@ const OVERSHOOT_M: f64 = 0.02;
 const HESITATES_S: f64 = 2.0;
 /// So long after it has lost its admission it asks again, should it stand there still.
 const ASKS_AGAIN_S: f64 = 8.0;
+/// Vehicles come to a stand with this error: one that would just have room may stand with its tail in the junction.
+const STAND_MARGIN_M: f64 = 0.01;
 /// Bodies keep this far from a zone that others have yet to leave.
 const ZONE_MARGIN_M: f64 = 0.02;
 
@@ -372,7 +374,7 @@ impl RightOfWay {
             let spare_m = if is_jammed { room_for(cav) } else { 0.0 };
             available_s = available_s.min(rear_s + rolls_on_m - spare_m);
         }
-        available_s - clear_s >= needed
+        available_s - clear_s >= needed + STAND_MARGIN_M
     }
 
     /// Admits a vehicle that has turned off behind the line of its new way, and can no longer ask there: after all
