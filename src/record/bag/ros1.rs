@@ -58,14 +58,17 @@ pub fn read(path: &Path, mut take: impl FnMut(&str, &str, &[u8])) -> Result<Torn
 struct Record {
     fields: HashMap<String, Vec<u8>>,
     data: Vec<u8>,
+    /// Otherwise it is a chunk, and this is its beginning.
+    is_whole: bool,
 }
 
 impl Record {
     /// `None` at the end.
     fn read(from: &mut impl Read) -> Result<Option<Self>> {
-        let Some(header) = part(from)? else { return Ok(None) };
-        let data = part(from)?.ok_or(ErrorKind::UnexpectedEof)?;
-        Ok(Some(Self { fields: fields(&header)?, data }))
+        let Some(header) = whole_part(from)? else { return Ok(None) };
+        let (data, is_whole) = part(from)?.ok_or(ErrorKind::UnexpectedEof)?;
+        let record = Self { fields: fields(&header)?, data, is_whole };
+        if is_whole || record.op() == CHUNK { Ok(Some(record)) } else { Err(ErrorKind::UnexpectedEof.into()) }
     }
 
     fn op(&self) -> u8 {
@@ -82,8 +85,8 @@ fn damaged(why: &str) -> Error {
     Error::new(ErrorKind::InvalidData, why.to_owned())
 }
 
-/// A part with its length before it; `None` where nothing follows.
-fn part(from: &mut impl Read) -> Result<Option<Vec<u8>>> {
+/// A part with its length before it, or what there is of it; `None` where nothing follows.
+fn part(from: &mut impl Read) -> Result<Option<(Vec<u8>, bool)>> {
     let mut length = Vec::new();
     from.take(4).read_to_end(&mut length)?;
     let length = match length.first_chunk() {
@@ -96,12 +99,21 @@ fn part(from: &mut impl Read) -> Result<Option<Vec<u8>>> {
     }
     let mut bytes = Vec::new();
     from.take(length).read_to_end(&mut bytes)?;
-    if (bytes.len() as u64) < length { Err(ErrorKind::UnexpectedEof.into()) } else { Ok(Some(bytes)) }
+    let is_whole = bytes.len() as u64 == length;
+    Ok(Some((bytes, is_whole)))
+}
+
+fn whole_part(from: &mut impl Read) -> Result<Option<Vec<u8>>> {
+    match part(from)? {
+        Some((bytes, true)) => Ok(Some(bytes)),
+        Some((_, false)) => Err(ErrorKind::UnexpectedEof.into()),
+        None => Ok(None),
+    }
 }
 
 fn fields(mut header: &[u8]) -> Result<HashMap<String, Vec<u8>>> {
     let mut found = HashMap::new();
-    while let Some(field) = part(&mut header)? {
+    while let Some(field) = whole_part(&mut header)? {
         let equals = field.iter().position(|&byte| byte == b'=');
         let (name, value) = field.split_at(equals.ok_or_else(|| damaged("a field without a value"))?);
         found.insert(String::from_utf8_lossy(name).into_owned(), value[1..].to_vec());
@@ -124,6 +136,9 @@ impl Connections {
                     if record.op() != CHUNK {
                         self.read(&record, take)?;
                     }
+                }
+                if !record.is_whole {
+                    return Err(ErrorKind::UnexpectedEof.into());
                 }
             }
             CONNECTION => {
@@ -156,7 +171,9 @@ fn inflate(chunk: &Record) -> Result<Vec<u8>> {
         b"bz2" => bzip2::read::BzDecoder::new(data).take(most).read_to_end(&mut bytes),
         _ => return Err(damaged("an unknown compression")),
     };
-    inflated.map_err(|_| damaged("a compressed part"))?;
+    if inflated.is_err() && chunk.is_whole {
+        return Err(damaged("a compressed part"));
+    }
     if bytes.len() as u64 > LARGEST { Err(damaged("a compressed part that is too large")) } else { Ok(bytes) }
 }
 
@@ -207,8 +224,8 @@ mod tests {
     fn a_chunk_that_is_torn_gives_what_it_has() {
         let whole = bag(b"none");
         let (torn, found) = messages(&whole[..whole.len() - 2]);
-        // The chunk as a record is not whole.
-        assert!(torn.unwrap().contains("in the middle of a record") && found.is_empty());
+        assert!(torn.unwrap().contains("in the middle of a record"));
+        assert_eq!(found, ["a/B /here one"]);
         assert!(messages(&bag(b"nine")).0.unwrap().contains("damaged"));
     }
 
