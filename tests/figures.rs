@@ -349,7 +349,8 @@ fn poses_measured_elsewhere_are_a_run_to_draw_and_to_compare() {
     let replay = ["replay", "poses.csv", "--scenario", "roundabout", "--out", "measured"];
     let (code, said, complained) = tell(&replay, folder);
     assert_eq!(code, 0, "{said} {complained}");
-    let both = ["compare", "run/run.mcap", "measured/run.mcap", "--out", "both", "--json"];
+    // A folder of a run means the log in it.
+    let both = ["compare", "run", "measured/run.mcap", "--out", "both", "--json"];
     let (code, said, complained) = tell(&both, folder);
     assert_eq!(code, 0, "{complained}");
     let comparison: Json = serde_json::from_str(&said).unwrap();

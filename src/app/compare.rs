@@ -1,5 +1,6 @@
 //! `city3d compare`: two runs of one scenario side by side.
 
+use super::files::log_argument;
 use super::plot::{self, FigureArgs};
 use super::say::say;
 use super::{Failure, create_folder};
@@ -9,9 +10,11 @@ use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 pub struct CompareArgs {
-    /// The run.mcap of one run
+    /// The run.mcap of one run, or its folder
+    #[arg(value_parser = log_argument)]
     a: PathBuf,
     /// And that of another one of the same scenario
+    #[arg(value_parser = log_argument)]
     b: PathBuf,
     /// Folder for figures with both runs (SVG, PNG, CSV), comparison.csv and comparison.json
     #[arg(long, value_name = "DIR")]

@@ -8,6 +8,7 @@ use crate::runner::{LinkSummary, Observer, Summary};
 use crate::scenario::Experiment;
 use crate::snapshot::{Event, FrameSnapshot, SimCommand};
 use clap::Args;
+use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -32,6 +33,17 @@ pub fn new_folder(name: &str) -> PathBuf {
     let name = name.replace(|c: char| !(c.is_alphanumeric() || "-_.".contains(c)), "_");
     let folder = |number: u32| Path::new("out").join(format!("{name}-{number}"));
     (1..).map(folder).find(|folder| !folder.exists()).unwrap_or_else(|| folder(0))
+}
+
+/// The log itself, of a folder of a run the one in it.
+pub fn log_of(path: &Path) -> PathBuf {
+    let inside = path.join("run.mcap");
+    if inside.is_file() { inside } else { path.to_path_buf() }
+}
+
+/// The same of an argument on the command line.
+pub fn log_argument(text: &str) -> Result<PathBuf, Infallible> {
+    Ok(log_of(Path::new(text)))
 }
 
 /// The files of one run; with no folder only what happens is kept.

@@ -1,6 +1,6 @@
 //! `city3d run LOG --from-tick N`: a recorded run that goes on otherwise from the middle.
 
-use super::files::{Files, LogArgs};
+use super::files::{Files, LogArgs, log_of};
 use super::run::drive;
 use super::{Failure, Model, ProfileArg, ScenarioArgs, load, progress, replay};
 use crate::environment::Profile;
@@ -30,7 +30,7 @@ impl Fork<'_> {
         &self,
         folder: impl FnOnce(&Experiment) -> PathBuf,
     ) -> Result<(Summary, Arc<Experiment>, PathBuf), Failure> {
-        let path = Path::new(&self.args.scenario);
+        let path = &log_of(Path::new(&self.args.scenario));
         if !is_log(path) {
             return Err(Failure::bad_input(format!(
                 "{}: --from-tick goes on from the log of a run; give its run.mcap",

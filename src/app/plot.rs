@@ -1,5 +1,6 @@
 //! `city3d plot`: the figures of recorded runs.
 
+use super::files::log_argument;
 use super::say::say;
 use super::{Failure, create_folder};
 use crate::figures::{Layout, RunLog, Size, Views, write};
@@ -10,8 +11,8 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub struct PlotArgs {
-    /// The run.mcap of runs; of several each has a folder of its own
-    #[arg(required = true)]
+    /// The run.mcap of runs, or their folders; of several each has a folder of its own
+    #[arg(required = true, value_parser = log_argument)]
     logs: Vec<PathBuf>,
     /// Folder for the figures: SVG, PNG and their data as CSV
     #[arg(long, value_name = "DIR")]

@@ -1,6 +1,6 @@
 //! `city3d replay`: a recorded run, in the window or simulated again from its commands.
 
-use super::files::LogArgs;
+use super::files::{LogArgs, log_of};
 use super::recorded::Recorded;
 use super::say::say;
 use super::{Failure, progress};
@@ -104,11 +104,6 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
             first.tick
         ))),
     }
-}
-
-/// The log itself, of a folder of a run the one in it.
-fn log_of(path: &Path) -> PathBuf {
-    if path.is_dir() { path.join("run.mcap") } else { path.to_path_buf() }
 }
 
 #[cfg(feature = "window")]

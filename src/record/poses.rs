@@ -29,6 +29,8 @@ pub fn read_poses(path: &Path) -> Result<BTreeMap<VehicleId, Vec<MeasuredPose>>,
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
+        // Those of CRLF are trimmed away; as a pair they would be counted one line late.
+        .terminator(csv::Terminator::Any(b'\n'))
         .from_path(path)
         .map_err(|error| wrong(1, error.to_string()))?;
     let headers = reader.headers().map_err(|error| wrong(1, error.to_string()))?.clone();
@@ -126,6 +128,7 @@ mod tests {
             ("time,id,x,y,yaw\n", "no poses"),
             ("time,id,x,y,yaw\n0,1,0,0,0\n1,1,nan,0,0\n", "line 3: x is \"nan\""),
             ("time,id,x,y,yaw\n0,a,0,0,0\n", "line 2: id is \"a\""),
+            ("time,id,x,y,yaw\r\n0,1,0,0,0\r\n1,1,0,0,zero\r\n", "line 3: yaw is \"zero\""),
             ("time,id,x,y,yaw\n0,1,0\n", "line 2"),
         ] {
             let said = read(text).unwrap_err();

@@ -19,7 +19,7 @@ pub struct LogBenchArgs {
     /// Runs with a log, and as many without
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=100))]
     pairs: u32,
-    /// Folder for the files, which stay there [default: out/bench-log]
+    /// Folder for the files, which stay there
     #[arg(long, value_name = "DIR", default_value = "out/bench-log")]
     out: PathBuf,
     #[command(flatten)]

@@ -1,6 +1,7 @@
 //! `city3d bench replay`: how fast a recorded run opens, and how fast any time of it is shown.
 
 use super::super::Failure;
+use super::super::files::log_argument;
 use super::super::say::say;
 use crate::playback::{Cue, PlaybackError, Player};
 use clap::Args;
@@ -12,7 +13,8 @@ use std::time::{Duration, Instant};
 
 #[derive(Debug, Args)]
 pub struct ReplayArgs {
-    /// The run.mcap of a run
+    /// The run.mcap of a run, or its folder
+    #[arg(value_parser = log_argument)]
     log: PathBuf,
     /// Times to jump to, drawn at random
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]

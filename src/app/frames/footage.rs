@@ -1,12 +1,13 @@
 //! What is drawn: a scenario that is simulated as the pictures need it, or the run of a log, simulated again.
 
+use super::super::files::log_of;
 use super::super::replay::{failure, warn_of_version};
 use super::super::{Failure, ScenarioArgs, load, progress};
 use super::carriers::{self, Carrier};
 use crate::record::{is_log, last_tick};
 use crate::replay::Replay;
 use crate::runner::Run;
-use crate::scenario::Experiment;
+use crate::scenario::{Experiment, shipped_scenarios};
 use crate::snapshot::FrameSnapshot;
 use indicatif::ProgressBar;
 use std::path::Path;
@@ -20,7 +21,10 @@ pub(super) enum Footage {
 
 impl Footage {
     pub(super) fn of(args: &ScenarioArgs) -> Result<Self, Failure> {
+        // A folder may be called as a shipped scenario is, which goes first.
+        let is_shipped = shipped_scenarios().any(|name| name == args.scenario);
         let path = Path::new(&args.scenario);
+        let path = &if is_shipped { path.to_path_buf() } else { log_of(path) };
         if !is_log(path) {
             return load::experiment(args).map(Self::Scenario);
         }
