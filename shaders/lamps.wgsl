@@ -64,7 +64,7 @@ fn lamp_fragment(in: Spot) -> @location(0) vec4<f32> {
     let fall = pow(height * height / (height * height + far), 1.35);
     let edge = select(0.0, clamp(1.0 - far / (REACH * REACH), 0.0, 1.0), reaches(in));
     // Alpha tells how near a street lamp is.
-    let light = fall * edge * edge;
+    let light = 0.64 * fall * edge * edge;
     return vec4<f32>(vec3<f32>(1.05, 0.80, 0.48) * light, light);
 }
 
@@ -104,7 +104,7 @@ fn beam_fragment(in: Spot) -> @location(0) vec4<f32> {
     let ahead = beam(vec2<f32>(x, in.at.y - side)) + beam(vec2<f32>(x, in.at.y + side));
     let behind = -in.at.x - in.size.x;
     let tail = exp(-(behind * behind + in.at.y * in.at.y * 0.6)) * smoothstep(-0.4, 0.3, behind);
-    let light = vec3<f32>(0.95, 0.92, 0.84) * ahead * 1.1
+    let light = vec3<f32>(0.95, 0.92, 0.84) * ahead * 0.85
         + vec3<f32>(1.0, 0.05, 0.03) * tail * (0.22 + 0.7 * in.size.z);
     return vec4<f32>(select(vec3<f32>(0.0), light, reaches(in)), 0.0);
 }

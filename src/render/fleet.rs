@@ -4,9 +4,10 @@ use super::Context;
 use super::RenderError;
 use super::horizon::Pillar;
 use super::passes::city::gpu_data::Vertex;
+use super::passes::glow::gpu_data::Glow;
 use super::passes::vehicle::gpu_data::Instance;
 use super::standing::Gaze;
-use super::vehicle::{self, MeshKey, VehicleMesh};
+use super::vehicle::{self, Lens, MeshKey, Part, VehicleMesh};
 use crate::model::Model;
 use crate::snapshot::{BodyType, FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
 use glam::{Mat3, Quat, Vec3};
@@ -18,12 +19,16 @@ use wgpu::util::DeviceExt;
 
 /// Turn signals flash this often a second.
 const FLASHES_HZ: f64 = 1.5;
+/// Area of a lens, seen along the vehicle.
+const USUAL_LENS_M2: f32 = 0.05;
 /// Wheels of fewer pixels than this across are left out.
 const WHEELS_FROM_PX: f32 = 2.0;
+
 #[derive(Clone, Debug)]
 struct Build {
     /// The finest first.
     levels: Vec<BuildLevel>,
+    lenses: Vec<Lens>,
     half_track_m: f32,
 }
 
@@ -51,6 +56,18 @@ struct Placed {
     centre: Vec3,
     radius: f32,
     wheel_radius: f32,
+    /// City from body.
+    position: Vec3,
+    orientation: Quat,
+    /// As an instance has them.
+    lamps: [f32; 4],
+}
+
+impl Sight {
+    /// Of the vehicle, in the order of the fleet.
+    pub(super) fn index(&self) -> usize {
+        self.index
+    }
 }
 
 impl Placed {
@@ -61,6 +78,27 @@ impl Placed {
             // Roof boxes and a body that heaves reach higher than its half height above the middle.
             top_m: self.centre.z + self.radius,
         }
+    }
+
+    /// Of one of its lamps, if that burns.
+    fn glow(&self, lens: &Lens) -> Option<Glow> {
+        let [brake, left, right, reverse] = self.lamps;
+        // Reach in metres and radiance of a lamp of the usual size, and how narrow its beam is.
+        let (reach_m, colour, narrow) = match lens.part {
+            Part::Head => (1.1, Vec3::new(2.6, 2.5, 2.2), 10.0),
+            Part::Tail => (0.42 + 0.4 * brake, Vec3::new(1.0, 0.05, 0.02) * (0.45 + 1.0 * brake), 1.5),
+            Part::IndicatorLeft => (0.6, Vec3::new(1.0, 0.36, 0.02) * left, 1.0),
+            Part::IndicatorRight => (0.6, Vec3::new(1.0, 0.36, 0.02) * right, 1.0),
+            Part::Reverse => (0.7, Vec3::new(1.0, 1.0, 0.95) * reverse, 1.5),
+            _ => return None,
+        };
+        let size = (lens.area_m2 / USUAL_LENS_M2).sqrt().clamp(0.4, 1.2);
+        let ahead = self.orientation * if lens.is_front { Vec3::X } else { Vec3::NEG_X };
+        (colour.max_element() > 0.0).then(|| Glow {
+            at: (self.position + self.orientation * lens.at).extend(reach_m * size).to_array(),
+            colour: (colour * size).extend(narrow).to_array(),
+            ahead: ahead.extend(0.0).to_array(),
+        })
     }
 }
 
@@ -116,14 +154,17 @@ impl Fleet {
             let height_m = d.height_m * info.appearance.body.height_factor();
             let half = Vec3::new(d.length_m as f32, d.width_m as f32, height_m as f32) / 2.0;
             let key = MeshKey::new(info.appearance.body, d);
+            let lamps = lamps(state, snapshot.time_s);
             self.placed.push(Placed {
                 id: state.id,
                 key,
                 centre: state.position.as_vec3() + Vec3::Z * half.z,
                 radius: half.length(),
                 wheel_radius: d.wheel_radius_m as f32,
+                position: state.position.as_vec3(),
+                orientation: state.orientation.as_quat(),
+                lamps,
             });
-            let lamps = lamps(state, snapshot.time_s);
             let as_told = |c: u8| if self.paints_linear { linear_from_srgb(c) } else { f32::from(c) / 255.0 };
             let paint = info.appearance.colour.map(as_told);
             let body = Instance {
@@ -165,6 +206,7 @@ impl Fleet {
                             error_m: level.error_m,
                         })
                         .collect(),
+                    lenses: build.lenses,
                     half_track_m: build.half_track_m,
                 }
             });
@@ -223,6 +265,14 @@ impl Fleet {
     /// Middle and radius of the ball around each vehicle.
     pub(super) fn balls(&self) -> impl Iterator<Item = (Vec3, f32)> {
         self.placed.iter().map(|p| (p.centre, p.radius))
+    }
+
+    /// How the lamps of each vehicle glow, in the order of the fleet.
+    pub(super) fn glows(&self) -> impl Iterator<Item = impl Iterator<Item = Glow>> {
+        self.placed.iter().map(|placed| {
+            let lenses = self.builds.get(&placed.key).map_or(&[][..], |build| &build.lenses);
+            lenses.iter().filter_map(|lens| placed.glow(lens))
+        })
     }
 
     fn bind(&self, pass: &mut wgpu::RenderPass<'_>) -> bool {

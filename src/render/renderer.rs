@@ -11,6 +11,7 @@ use super::kinds::{self, KindsDrawing, KindsTile};
 use super::passes::city::CityPass;
 use super::passes::common::{FrameGroup, gpu_data};
 use super::passes::contact::ContactPass;
+use super::passes::glow::GlowPass;
 use super::passes::lamps::LampPass;
 use super::passes::light::LightGroup;
 use super::passes::shadow::{ShadowPass, SunView};
@@ -44,6 +45,8 @@ pub struct Renderer {
     vehicles: VehiclePass,
     contact: ContactPass,
     sky: SkyPass,
+    /// Where lamps burn.
+    glow: Option<GlowPass>,
     /// Where samples are radiance.
     develop: Option<Develop>,
     /// From the first picture that is no colour on.
@@ -103,6 +106,7 @@ impl Renderer {
             vehicles: VehiclePass::new(device, attachments, (&fixed, &constants), groups),
             contact: ContactPass::new(device, attachments, &frame.layout),
             sky: SkyPass::new(context, attachments, &daylight, groups),
+            glow: lamplit.then(|| GlowPass::new(device, attachments, &frame.layout, &scene.lamps)),
             develop: (!light_at_vertices).then(|| Develop::new(device, attachments, quality, &frame.layout)),
             kinds: None,
             standing: Standing::new(device, scene, averted_from),
@@ -385,6 +389,9 @@ impl Renderer {
         if self.daylight.is_lamplit() {
             self.lamps.draw_vehicles(&self.context, &mut encoder, &self.frame, &self.fleet);
         }
+        if let Some(glow) = &mut self.glow {
+            glow.write(&self.context, &self.fleet);
+        }
         Ok(encoder)
     }
 
@@ -498,6 +505,9 @@ impl Renderer {
         if self.settings.flat.is_none() {
             self.sky.draw(pass);
             self.contact.draw(pass, &self.fleet, &seen.vehicles);
+        }
+        if let Some(glow) = &self.glow {
+            glow.draw(pass, &seen.vehicles);
         }
     }
 

@@ -22,6 +22,7 @@ const SWIFT: Source = source!("swift.wgsl");
 const CITY: Source = source!("city.wgsl");
 const VEHICLE: Source = source!("vehicle.wgsl");
 const CONTACT: Source = source!("contact.wgsl");
+const GLOW: Source = source!("glow.wgsl");
 const SHADOW: Source = source!("shadow.wgsl");
 const SKY: Source = source!("sky.wgsl");
 const LAMPS: Source = source!("lamps.wgsl");
@@ -38,6 +39,7 @@ pub(super) enum Shader {
     City,
     Vehicle,
     Contact,
+    Glow,
     Shadow,
     Sky,
     Kinds,
@@ -55,10 +57,11 @@ pub(super) enum Samples {
 
 impl Shader {
     #[cfg(test)]
-    pub(super) const ALL: [Self; 11] = [
+    pub(super) const ALL: [Self; 12] = [
         Self::City,
         Self::Vehicle,
         Self::Contact,
+        Self::Glow,
         Self::Shadow,
         Self::Sky,
         Self::Kinds,
@@ -74,6 +77,7 @@ impl Shader {
             Self::City => &[COMMON, LIGHT, SWIFT, CITY],
             Self::Vehicle => &[COMMON, LIGHT, SWIFT, VEHICLE],
             Self::Contact => &[COMMON, CONTACT],
+            Self::Glow => &[COMMON, GLOW],
             Self::Shadow => &[COMMON, SHADOW],
             Self::Sky => &[COMMON, SKY],
             Self::Kinds => &[KINDS],
@@ -98,6 +102,7 @@ impl Shader {
                 Self::City => "city",
                 Self::Vehicle => "vehicle",
                 Self::Contact => "contact",
+                Self::Glow => "glow",
                 Self::Shadow => "shadow",
                 Self::Sky => "sky",
                 Self::Kinds => "kinds",

@@ -4,6 +4,7 @@ pub(super) mod city;
 pub(super) mod common;
 pub(super) mod contact;
 pub(super) mod display;
+pub(super) mod glow;
 pub(super) mod kinds;
 pub(super) mod lamps;
 pub(super) mod light;

@@ -31,10 +31,18 @@ pub(super) enum Part {
 }
 
 impl Part {
+    /// Lamps; those that both sides have are lit as one.
+    const LAMPS: [Self; 5] =
+        [Self::Head, Self::Tail, Self::IndicatorLeft, Self::IndicatorRight, Self::Reverse];
+
+    /// The lamp that a vertex of a material belongs to.
+    fn lamp_of(material: u32) -> Option<Self> {
+        Self::LAMPS.into_iter().find(|&lamp| lamp as u32 == material & 0xff)
+    }
+
     /// Of the material of a vertex.
     fn is_lamp(material: u32) -> bool {
-        let lamps = [Self::Head, Self::Tail, Self::IndicatorLeft, Self::IndicatorRight, Self::Reverse];
-        lamps.iter().any(|&lamp| lamp as u32 == material & 0xff)
+        Self::lamp_of(material).is_some()
     }
 
     /// What a material is by its name; endings that modelling programs add (".001") do not count.
@@ -155,6 +163,20 @@ impl VehicleMesh {
         lamps.into_iter().map(|(lamp, _)| lamp).collect()
     }
 
+    /// Where its lamps shine from.
+    pub(super) fn lenses(&self) -> Vec<Lens> {
+        let lens = |lamp: Lamp| {
+            let size = lamp.high - lamp.low;
+            Some(Lens {
+                part: Part::lamp_of(lamp.vertex.material)?,
+                at: (lamp.low + lamp.high) / 2.0,
+                area_m2: size.y * size.z,
+                is_front: lamp.is_front,
+            })
+        };
+        self.lamps().into_iter().filter_map(lens).collect()
+    }
+
     /// An upright face as large as a lamp, across the vehicle.
     fn add_lamp(&mut self, Lamp { vertex, low, high, is_front }: &Lamp, x: f32) {
         let base = self.vertices.len() as u32;
@@ -164,6 +186,16 @@ impl VehicleMesh {
         let turn = if *is_front { [0, 1, 2, 0, 2, 3] } else { [2, 1, 0, 3, 2, 0] };
         self.indices.extend(turn.map(|k| base + k));
     }
+}
+
+/// A lamp of a vehicle as a light, in the body frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lens {
+    pub(super) part: Part,
+    pub(super) at: Vec3,
+    /// As seen along the vehicle.
+    pub(super) area_m2: f32,
+    pub(super) is_front: bool,
 }
 
 /// The box around a lamp of a vehicle.

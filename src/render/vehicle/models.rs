@@ -1,6 +1,6 @@
 //! Which model each body type has, and what of it goes to the GPU.
 
-use super::VehicleMesh;
+use super::{Lens, VehicleMesh};
 use crate::model::{Measures, Model, fitted, glb, shipped};
 use crate::snapshot::{BodyType, Dimensions};
 use glam::Vec3;
@@ -34,6 +34,8 @@ pub(in crate::render) struct BuildLevel {
 pub(in crate::render) struct Build {
     /// The finest first.
     pub(in crate::render) levels: Vec<BuildLevel>,
+    /// Of its lamps.
+    pub(in crate::render) lenses: Vec<Lens>,
     /// From the middle of the vehicle to the middle of a wheel.
     pub(in crate::render) half_track_m: f32,
 }
@@ -95,6 +97,7 @@ impl Models {
             Some(parts) => VehicleMesh::new(parts),
             None => finest.simplified(COARSENESS_M[1]),
         };
+        let lenses = body.lenses();
         let mut levels = vec![BuildLevel { body, wheel, error_m: 0.0 }];
         for ((body, wheel), least_m) in
             [(far_body, far_wheel), (farther, VehicleMesh::default())].into_iter().zip(LEAST_ERRORS_M)
@@ -103,13 +106,13 @@ impl Models {
             let error_m = finest.outline_apart(&whole(&body, &wheel)).max(least_m).max(before_m);
             levels.push(BuildLevel { body, wheel, error_m });
         }
-        Build { levels, half_track_m }
+        Build { levels, lenses, half_track_m }
     }
 }
 
 impl Build {
     fn empty(d: &Dimensions) -> Self {
-        Self { levels: Vec::new(), half_track_m: d.track_m as f32 / 2.0 }
+        Self { levels: Vec::new(), lenses: Vec::new(), half_track_m: d.track_m as f32 / 2.0 }
     }
 }
 

@@ -1,0 +1,79 @@
+// The glow around what shines at night: lenses of the eye and damp air throw some of its light beside it. It is
+// light alone: no depth, no class.
+
+struct VertexIn {
+    // Corner of a square from -1 to 1.
+    @builtin(vertex_index) corner: u32,
+    // Middle of the light in the city; w: how far its glow reaches, metres.
+    @location(0) at: vec4<f32>,
+    // Radiance in the middle; w: how narrow its beam is, 0 for light to all sides.
+    @location(1) colour: vec4<f32>,
+    // Unit vector along its beam.
+    @location(2) ahead: vec4<f32>,
+}
+
+struct Fragment {
+    @builtin(position) clip: vec4<f32>,
+    // From the middle, 1 at the rim.
+    @location(0) at: vec2<f32>,
+    @location(1) @interpolate(flat) colour: vec3<f32>,
+}
+
+// Radii as parts of half the picture's height: smaller ones become fainter instead, larger ones would veil
+// the picture.
+const LEAST: f32 = 0.012;
+const MOST: f32 = 0.20;
+// The light's housing, pole or car lies less than this before its lens, metres.
+const HOUSING: f32 = 0.45;
+
+@vertex
+fn vertex_main(in: VertexIn) -> Fragment {
+    let corner = vec2<f32>(f32(in.corner & 1u), f32(in.corner >> 1u)) * 2.0 - 1.0;
+    let to_eye = view.eye.xyz - in.at.xyz;
+    let distance = max(length(to_eye), 1e-3);
+    let direction = to_eye / distance;
+    let towards = max(dot(direction, in.ahead.xyz), 0.0);
+    // Shades keep the light of street lamps down.
+    var beam = clamp(1.0 - 1.6 * direction.z, 0.3, 1.0);
+    if in.colour.w > 0.0 {
+        beam = 0.12 * towards + 0.88 * pow(towards, in.colour.w);
+    }
+    let m = view.clip_from_world;
+    let lens = m * vec4<f32>(in.at.xyz + direction * min(HOUSING, 0.5 * distance), 1.0);
+    // Metres at the lens to parts of half the picture's width and height.
+    let across = length(vec3<f32>(m[0].x, m[1].x, m[2].x)) / max(lens.w, 1e-3);
+    let upright = length(vec3<f32>(m[0].y, m[1].y, m[2].y)) / max(lens.w, 1e-3);
+    let wanted = in.at.w * upright;
+    let radius = clamp(wanted, LEAST, MOST);
+    let fainter = min(wanted / LEAST, 1.0);
+    let clear = clearness(-to_eye, view.eye.z, frame.haze.w);
+    var out: Fragment;
+    out.at = corner;
+    out.colour = in.colour.rgb * (beam * fainter * fainter * clear * frame.zenith.w);
+    let is_seen = lens.w > 0.0 && max(out.colour.r, max(out.colour.g, out.colour.b)) * frame.sun.w > 0.004;
+    let reach = select(0.0, radius, is_seen);
+    out.clip = lens + vec4<f32>(corner * vec2<f32>(across / upright, 1.0) * (reach * lens.w), 0.0, 0.0);
+    return out;
+}
+
+// A bright middle that falls off quickly at first, then slowly, to nothing at the rim.
+fn glow_of(in: Fragment) -> vec3<f32> {
+    let far = min(dot(in.at, in.at), 1.0);
+    let rim = 1.0 - far;
+    return in.colour * (rim * rim * (0.035 / (0.035 + far)));
+}
+
+@fragment
+fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
+    let glow = glow_of(in);
+    // Nothing nearby keeps it away: what is left of the share that occlusion may take.
+    return vec4<f32>(glow, min(2.0 * max(glow.r, max(glow.g, glow.b)), 1.0));
+}
+
+// What is shown is brightened as if it were a screen that both shine on.
+@fragment
+fn swift_fragment(in: Fragment) -> @location(0) vec4<f32> {
+    let x = glow_of(in) * frame.sun.w;
+    let shown = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
+    return vec4<f32>(sqrt(clamp(shown, vec3<f32>(0.0), vec3<f32>(1.0))), 0.0);
+}

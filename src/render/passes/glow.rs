@@ -1,0 +1,145 @@
+//! The glow around lamps at night, added to what is seen: soft squares that face the eye, behind nothing that
+//! stands before their lamp.
+
+use super::{Attachments, PictureState, picture_pipeline};
+use crate::render::Context;
+use crate::render::fleet::{Fleet, Sight};
+use crate::render::shader::Shader;
+use glam::Vec3;
+use std::ops::Range;
+use wgpu::util::DeviceExt;
+
+pub(in crate::render) mod gpu_data {
+    use bytemuck::{Pod, Zeroable};
+
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Pod, Zeroable)]
+    pub(in crate::render) struct Glow {
+        /// Middle of the light in the city, and how far its glow reaches, metres.
+        pub(in crate::render) at: [f32; 4],
+        /// Radiance in the middle, and how narrow its beam is: 0 for light to all sides.
+        pub(in crate::render) colour: [f32; 4],
+        /// Unit vector along its beam.
+        pub(in crate::render) ahead: [f32; 4],
+    }
+
+    pub(in crate::render) const LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
+        array_stride: size_of::<Glow>() as u64,
+        step_mode: wgpu::VertexStepMode::Instance,
+        attributes: &wgpu::vertex_attr_array![0 => Float32x4, 1 => Float32x4, 2 => Float32x4],
+    };
+}
+
+use gpu_data::Glow;
+
+/// Of a street lamp: metres, radiance.
+const LAMP_REACH_M: f32 = 1.5;
+const LAMP_COLOUR: [f32; 4] = [1.30, 0.98, 0.58, 0.0];
+
+#[derive(Debug)]
+pub(in crate::render) struct GlowPass {
+    pipeline: wgpu::RenderPipeline,
+    lamps: wgpu::Buffer,
+    lamp_count: u32,
+    vehicles: wgpu::Buffer,
+    /// Where those of each vehicle are, in the order of the fleet.
+    of_vehicles: Vec<Range<u32>>,
+}
+
+impl GlowPass {
+    /// With street lamps at these places.
+    pub(in crate::render) fn new(
+        device: &wgpu::Device,
+        attachments: Attachments,
+        frame: &wgpu::BindGroupLayout,
+        lamps: &[Vec3],
+    ) -> Self {
+        let add = |dst_factor| wgpu::BlendComponent {
+            src_factor: wgpu::BlendFactor::One,
+            dst_factor,
+            operation: wgpu::BlendOperation::Add,
+        };
+        let keep = wgpu::BlendComponent {
+            src_factor: wgpu::BlendFactor::Zero,
+            dst_factor: wgpu::BlendFactor::OneMinusSrcAlpha,
+            operation: wgpu::BlendOperation::Add,
+        };
+        // Radiance adds up; what is shown already stays below white.
+        let (entry, dst_factor) = if attachments.light_at_vertices {
+            ("swift_fragment", wgpu::BlendFactor::OneMinusSrc)
+        } else {
+            ("fragment_main", wgpu::BlendFactor::One)
+        };
+        let pipeline = picture_pipeline(
+            device,
+            attachments,
+            &PictureState {
+                shader: Shader::Glow,
+                module: &Shader::Glow.module(device, None),
+                entries: ["vertex_main", entry],
+                groups: &[Some(frame)],
+                buffers: &[Some(gpu_data::LAYOUT)],
+                constants: &[],
+                topology: wgpu::PrimitiveTopology::TriangleStrip,
+                cull: false,
+                blend: Some(wgpu::BlendState { color: add(dst_factor), alpha: keep }),
+                write_depth: false,
+            },
+        );
+        let street = |lamp: &Vec3| Glow {
+            at: lamp.extend(LAMP_REACH_M).to_array(),
+            colour: LAMP_COLOUR,
+            ahead: [0.0; 4],
+        };
+        let street: Vec<Glow> = lamps.iter().map(street).collect();
+        Self {
+            pipeline,
+            lamp_count: street.len() as u32,
+            lamps: device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some("glow of street lamps"),
+                contents: bytemuck::cast_slice(&street),
+                usage: wgpu::BufferUsages::VERTEX,
+            }),
+            vehicles: buffer(device, 64 * size_of::<Glow>() as u64),
+            of_vehicles: Vec::new(),
+        }
+    }
+
+    /// Takes the lamps of vehicles as they burn now.
+    pub(in crate::render) fn write(&mut self, Context { device, queue, .. }: &Context, fleet: &Fleet) {
+        let mut glows = Vec::new();
+        self.of_vehicles.clear();
+        for of_vehicle in fleet.glows() {
+            let first = glows.len() as u32;
+            glows.extend(of_vehicle);
+            self.of_vehicles.push(first..glows.len() as u32);
+        }
+        let bytes: &[u8] = bytemuck::cast_slice(&glows);
+        if bytes.len() as u64 > self.vehicles.size() {
+            self.vehicles = buffer(device, (bytes.len() as u64).next_power_of_two());
+        }
+        queue.write_buffer(&self.vehicles, 0, bytes);
+    }
+
+    /// Over all that a view draws else; group 0 is set already.
+    pub(in crate::render) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, seen: &[Sight]) {
+        pass.set_pipeline(&self.pipeline);
+        if self.lamp_count > 0 {
+            pass.set_vertex_buffer(0, self.lamps.slice(..));
+            pass.draw(0..4, 0..self.lamp_count);
+        }
+        pass.set_vertex_buffer(0, self.vehicles.slice(..));
+        for glows in seen.iter().filter_map(|sight| self.of_vehicles.get(sight.index())) {
+            pass.draw(0..4, glows.clone());
+        }
+    }
+}
+
+fn buffer(device: &wgpu::Device, size: u64) -> wgpu::Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("glow of vehicles"),
+        size,
+        usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
