@@ -50,6 +50,8 @@ const LEAVES: u32 = 12u;
 const NEEDLES: u32 = 31u;
 const CAR_PAINT: u32 = 33u;
 const LANTERN: u32 = 34u;
+const BOUTIQUE: u32 = 35u;
+const TEAROOM: u32 = 36u;
 const ASPHALT_TINT: vec3<f32> = vec3<f32>(0.156, 0.156, 0.162);
 
 // How much of a pixel a line covers: `at.x` metres from its middle, `at.y` half its width, `across`
@@ -73,7 +75,7 @@ fn shining(layer: u32, salt: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> 
     if layer == LANTERN {
         return vec3<f32>(5.0, 4.2, 2.9) * frame.zenith.w;
     }
-    let is_shop = layer == 9u;
+    let is_shop = layer == 9u || layer == BOUTIQUE || layer == TEAROOM;
     let has_windows = layer == 7u || layer == 8u || is_shop || (layer >= 23u && layer <= 25u);
     if !has_windows {
         return vec3<f32>(0.0);

@@ -1,8 +1,8 @@
 //! Scenery: draws the tables of the blocks and lines the roads with trees and lamps.
 
 use super::blocks::{
-    AREAS, Area, BENCHES, BUILDINGS, DRIVES, FRONTS, GROVES, HEDGES, PICNIC_TABLES, Plot, ROUNDS, ROWS,
-    Round, Row, WALLS,
+    AREAS, Area, BENCHES, BUILDINGS, CLEAR, DRIVES, FRONTS, GROVES, HEDGES, LAMPS, PICNIC_TABLES, Plot,
+    ROUNDS, ROWS, Round, Row, WALLS,
 };
 use super::network::Run;
 use super::{NAME_HEIGHT, distance};
@@ -105,6 +105,7 @@ impl Site<'_> {
             self.polygon(SceneryKind::Paving, "", &corners, true);
             self.taken.push(corners);
         }
+        self.taken.extend(CLEAR.iter().copied().map(rectangle));
         for Round(kind, name, centre, radius) in ROUNDS {
             self.circle(*kind, name, DVec2::from(*centre), *radius);
             if *kind != SceneryKind::Grass {
@@ -164,8 +165,13 @@ impl Site<'_> {
         }
     }
 
-    /// Lamps on the right-hand kerb of every lane that has a kerb.
+    /// Lamps of squares and parks, then on the right-hand kerb of every lane that has a kerb.
     fn lamps(&mut self) {
+        for &at in LAMPS {
+            let at = DVec2::from(at);
+            self.circle(SceneryKind::Lamp, "", at, LAMP_RADIUS);
+            self.rounds.push((at, LAMP_RADIUS));
+        }
         for run in self.lanes.iter().filter(|run| !run.connector) {
             let mut s = LAMP_SPACING / 2.0;
             while s < run.curve.length() {

@@ -55,6 +55,17 @@ fn has(name: &str, words: &[&str]) -> bool {
     words.iter().any(|word| name.contains(word))
 }
 
+/// What stands behind the windows of a shop of a name.
+fn shop_of(name: &str) -> Surface {
+    if has(name, &["cafe", "bakery", "hotel", "restaurant", "theatre", "cinema"]) {
+        Surface::Tearoom
+    } else if has(name, &["shoe", "hat", "department", "fashion", "tailor"]) {
+        Surface::Boutique
+    } else {
+        Surface::Shopfront
+    }
+}
+
 fn style(place: &Place<'_>, name: &str, short_m: f32, height: f32) -> Style {
     let pick = |colours: &[[u8; 3]], salt: u32| {
         colours[(place.dice(salt) * colours.len() as f32) as usize % colours.len()]
@@ -62,7 +73,7 @@ fn style(place: &Place<'_>, name: &str, short_m: f32, height: f32) -> Style {
     let plaster = wall(Surface::Windows, pick(&PLASTERS, 1));
     let tiles = wall(Surface::RoofTiles, pick(&TILES, 2));
     let sign = Some(wall(Surface::Plain, pick(&SIGNS, 3)));
-    let shop = wall(Surface::Shopfront, pick(&SIGNS, 3));
+    let shop = wall(shop_of(name), pick(&SIGNS, 3));
     let dwelling = has(name, &["house", "villa", "terrace", "cottage", "chapel", "school", "farm"]);
     let base = Style {
         upper: plaster,
@@ -295,7 +306,7 @@ fn storeys(mesh: &mut Mesh, side: &Side, style: &Style, eaves: f32) {
         side.face(mesh, [first, eaves], uv(style.upper, 0.0, storeys - 1.0), style.upper, under);
     }
     // A plinth, so that walls do not grow out of the lawn.
-    if style.ground.surface != Surface::Shopfront {
+    if !style.ground.surface.is_shopfront() {
         side.slab(mesh, [side.width() / 2.0, side.width() + 0.08], [0.0, 0.45], 0.05, TRIM.shaded(0.8));
     }
 }
@@ -312,17 +323,14 @@ fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str, eaves: f32
             front.panel(mesh, [middle, 3.4], [0.05, high], 0.075, wall(Surface::Gate, colour));
         }
     } else {
-        let middle = if style.ground.surface == Surface::Shopfront {
-            0.5
-        } else {
-            0.5 / (width / BAY_M).round().max(1.0)
-        };
+        let middle =
+            if style.ground.surface.is_shopfront() { 0.5 } else { 0.5 / (width / BAY_M).round().max(1.0) };
         let middle = if width < 4.0 { width / 2.0 } else { middle * width };
         // The opening is as wide as the texture's window that it replaces.
         front.slab(mesh, [middle, 1.56], [0.02, 2.74], 0.05, TRIM);
         front.panel(mesh, [middle, 1.34], [0.16, 2.66], 0.065, wall(Surface::Door, [255, 255, 255]));
         front.slab(mesh, [middle, 1.9], [0.02, 0.16], 0.6, TRIM.shaded(0.9));
-        let canopy = style.ground.surface != Surface::Shopfront && !style.gabled && eaves > 8.0;
+        let canopy = !style.ground.surface.is_shopfront() && !style.gabled && eaves > 8.0;
         if canopy {
             front.slab(mesh, [middle, 2.2], [2.84, 2.98], 0.95, TRIM.shaded(0.95));
         }
@@ -340,7 +348,7 @@ fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str, eaves: f32
     front.slab(mesh, [width / 2.0, board_width], [z - half, z + half], 0.14, board);
     lettering::write(mesh, &text, front.at(0.5, z, 0.145), front.across().extend(0.0), letter, board);
     // Awnings over shop windows, in the colour of the board.
-    if style.ground.surface == Surface::Shopfront && has(name, &["cafe", "bakery", "flower", "hotel"]) {
+    if style.ground.surface.is_shopfront() && has(name, &["cafe", "bakery", "flower", "hotel"]) {
         let (a, b) = (front.at(0.04, z - half, 0.1), front.at(0.96, z - half, 0.1));
         let drop = front.outward().extend(0.0) * 1.3 - Vec3::Z * 0.45;
         let striped = Finish { surface: Surface::Awning, ..board.shaded(1.1) };

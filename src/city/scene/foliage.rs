@@ -50,6 +50,11 @@ pub(super) struct Crown {
 const REPEATS: f32 = 2.0;
 /// How much of a clump's size its lumps add and take.
 const ROUGH: f32 = 0.16;
+/// Tone of a hull, which has no gaps that are dark, and how much more clumps differ on it.
+const HULL_TONE: f32 = 0.94;
+const HULL_CONTRAST: f32 = 2.4;
+/// How far normals of a hull lean over at most, for each face around it: of few faces each is large.
+const HULL_LEAN: f32 = 0.22;
 /// Light that is left inside a crown, and at the bottom of it.
 const INSIDE: f32 = 0.42;
 
@@ -198,14 +203,22 @@ impl Crown {
                 let turn = TAU * ((k % around) as f32 + 0.5 * (ring % 2) as f32) / around as f32;
                 let out = Vec3::new(turn.cos() * cos_up, turn.sin() * cos_up, sin_up);
                 let along = (out * half).normalize_or(Vec3::Z);
-                let reach =
-                    self.clumps.iter().filter_map(|clump| clump.far_side(middle, along)).fold(0.0, f32::max);
+                let sides =
+                    self.clumps.iter().filter_map(|clump| Some((clump.far_side(middle, along)?, clump.tone)));
+                let outermost = sides.max_by(|a, b| a.0.total_cmp(&b.0));
+                let (reach, tone) = outermost.unwrap_or((0.0, 1.0));
+                // Without gaps between them clumps are told apart by tones, and by normals that lean to all sides.
+                let column = if ring == 0 || ring == rings { 0 } else { k % around };
+                let dice = |salt: u32| self.dice(300 + ring * around + column, salt) - 0.5;
+                let tone = HULL_TONE + HULL_CONTRAST * (tone - 1.0) + 0.2 * dice(31);
+                let lean = HULL_LEAN * around as f32 * Vec3::new(dice(32), dice(33), dice(34));
+                let normal = ((out / half).normalize_or(Vec3::Z) + lean).normalize_or(Vec3::Z);
                 let reach = reach.max(0.42 * (out * half).length());
                 let uv = Vec2::new(
                     k as f32 / around as f32 * (TAU * half.x * REPEATS).round(),
                     ring as f32 / rings as f32 * PI * half.z * REPEATS,
                 );
-                mesh.vertex(self.leaf(middle + along * reach, (out / half).normalize_or(Vec3::Z), uv, 1.0));
+                mesh.vertex(self.leaf(middle + along * reach, normal, uv, tone));
             }
         }
         let drawn = &mut mesh.vertices[base as usize..];

@@ -59,8 +59,8 @@ pub(super) fn distance_to(shape: &Shape, point: DVec2) -> f64 {
     }
 }
 
-/// Grass, beds, water, paving and car parks.
-pub(super) fn ground(mesh: &mut Mesh, place: &Place<'_>) {
+/// Grass, beds, water, paving and car parks, whose rims are open towards these drives.
+pub(super) fn ground(mesh: &mut Mesh, place: &Place<'_>, drives: &[&Shape]) {
     let ring = ring_of(&place.piece.shape);
     if ring.len() < 3 {
         return;
@@ -86,7 +86,7 @@ pub(super) fn ground(mesh: &mut Mesh, place: &Place<'_>) {
         }
         SceneryKind::Parking => {
             level(mesh, &region, 0.165, ASPHALT, 5.0);
-            rim(mesh, &ring, 0.26);
+            open_rim(mesh, &ring, 0.26, drives);
             bays(mesh, &ring);
         }
         _ => level(mesh, &region, 0.125, LAWN, 6.0),
@@ -196,6 +196,49 @@ fn rim(mesh: &mut Mesh, ring: &[DVec2], top: f32) {
     let profile = [Vec2::new(-0.14, 0.1), Vec2::new(-0.14, top), Vec2::new(0.12, top), Vec2::new(0.12, 0.08)];
     for pair in profile.windows(2) {
         band(mesh, ring, [pair[0], pair[1]], STONE);
+    }
+}
+
+/// A [`rim`] with gaps where drives reach it.
+fn open_rim(mesh: &mut Mesh, ring: &[DVec2], top: f32, drives: &[&Shape]) {
+    /// Drives end this near the ring, and gaps are found in steps of so much.
+    const NEAR_M: f64 = 0.3;
+    const STEP_M: f64 = 0.1;
+    let count = ring.len();
+    let along = |k: usize| (ring[(k + 1) % count] - ring[k % count]).try_normalize().unwrap_or(DVec2::X);
+    // Outwards at a corner, longer there so that the edge keeps its width.
+    let outward = |k: usize| {
+        let (before, after) = (along(k + count - 1), along(k));
+        let mean = (before + after).try_normalize().unwrap_or(after);
+        -mean.perp() / mean.dot(after).max(0.4)
+    };
+    for k in 0..count {
+        let (from, to) = (ring[k], ring[(k + 1) % count]);
+        let steps = (from.distance(to) / STEP_M).ceil().max(1.0) as usize;
+        let at = |step: usize| from.lerp(to, step as f64 / steps as f64);
+        let is_closed = |step: usize| drives.iter().all(|drive| distance_to(drive, at(step)) > NEAR_M);
+        let mut step = 0;
+        while step < steps {
+            let first = step;
+            while step < steps && is_closed(step) && is_closed(step + 1) {
+                step += 1;
+            }
+            if step > first {
+                let end = |step: usize, corner: usize| {
+                    if step == 0 || step == steps { outward(corner) } else { -along(k).perp() }
+                };
+                let (a, b) = (end(first, k), end(step, (k + 1) % count));
+                let corner = |at: DVec2, out: DVec2| at.as_vec2().extend(0.08) + out.as_vec2().extend(0.0);
+                let quad = [
+                    corner(at(first), a * 0.12),
+                    corner(at(step), b * 0.12),
+                    corner(at(step), b * -0.14),
+                    corner(at(first), a * -0.14),
+                ];
+                mesh.prism(&quad, top - 0.08, STONE, STONE);
+            }
+            step += 1;
+        }
     }
 }
 

@@ -64,10 +64,19 @@ pub enum Surface {
     CarPaint,
     /// The lens of a street lamp.
     Lantern,
+    /// [`Self::Shopfront`] with clothes behind it.
+    Boutique,
+    /// [`Self::Shopfront`] with tables behind it.
+    Tearoom,
 }
 
 impl Surface {
-    pub const COUNT: usize = 35;
+    pub const COUNT: usize = 37;
+
+    /// Whether it is a bay of a shop front, whatever is sold there.
+    pub fn is_shopfront(self) -> bool {
+        matches!(self, Self::Shopfront | Self::Boutique | Self::Tearoom)
+    }
 
     /// Whether its pattern shows things, which are missed also from afar, and not only what it is made of.
     pub fn is_figured(self) -> bool {
@@ -76,6 +85,8 @@ impl Surface {
             Self::Windows
                 | Self::Glazing
                 | Self::Shopfront
+                | Self::Boutique
+                | Self::Tearoom
                 | Self::Sash
                 | Self::Shutters
                 | Self::Balcony

@@ -22,12 +22,13 @@ mod signs;
 mod special;
 mod trees;
 mod wear;
+mod woods;
 
 pub use lettering::glyph_cell;
 pub use mesh::{Class, Finish, Mesh, Surface, Vertex, clustered, reach};
 pub use signs::sign_cell;
 
-use super::{CityMap, SceneryKind};
+use super::{CityMap, Scenery, SceneryKind, Shape};
 use crate::geom::scatter;
 use crate::model::Model;
 use furniture::Piece;
@@ -185,6 +186,9 @@ impl SceneDescription {
         };
         let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());
         let mut lamps = Vec::new();
+        // Paved ways have no name.
+        let is_drive = |piece: &&Scenery| piece.kind == SceneryKind::Paving && piece.name.is_empty();
+        let drives: Vec<&Shape> = map.scenery.iter().filter(is_drive).map(|piece| &piece.shape).collect();
         // Street furniture turns towards the road, so it needs to know where that is.
         for (index, piece) in map.scenery.iter().enumerate() {
             let place = Place { piece, seed: index as u32 };
@@ -210,11 +214,11 @@ impl SceneDescription {
                 SceneryKind::PicnicTable => props::picnic_table(&place, &furniture),
                 SceneryKind::Playground => one(&|mesh| props::playground(mesh, &place)),
                 SceneryKind::Water => {
-                    grounds::ground(&mut lying, &place);
+                    grounds::ground(&mut lying, &place, &drives);
                     one(&|mesh| grounds::pond_life(mesh, &place))
                 }
                 SceneryKind::Grass | SceneryKind::Bed | SceneryKind::Paving | SceneryKind::Parking => {
-                    grounds::ground(&mut lying, &place);
+                    grounds::ground(&mut lying, &place, &drives);
                     continue;
                 }
             });
@@ -229,7 +233,7 @@ impl SceneDescription {
         }
         let [low, high] = map.bounds().map(|corner| corner.as_vec2());
         objects.extend(signs::signs(map, &field, &lanes));
-        objects.extend(plants::woods([low, high]));
+        objects.extend(woods::woods([low, high]));
         objects.extend(models::place(map, models));
         objects.extend(parked::cars(map));
         objects.retain(|object: &Object| !object.is_empty());

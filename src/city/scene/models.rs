@@ -15,7 +15,7 @@ const FAR: [&str; 2] = ["far_", "farther_"];
 const REPEAT_M: f32 = 2.0;
 
 /// Materials of these names get the pattern of that surface, and what is not built its class.
-const SURFACES: [(&str, Surface, Class); 25] = [
+const SURFACES: [(&str, Surface, Class); 27] = [
     ("brick", Surface::Brick, Class::Building),
     ("concrete", Surface::Concrete, Class::Building),
     ("windows", Surface::Windows, Class::Building),
@@ -24,6 +24,8 @@ const SURFACES: [(&str, Surface, Class); 25] = [
     ("balcony", Surface::Balcony, Class::Building),
     ("glazing", Surface::Glazing, Class::Building),
     ("shopfront", Surface::Shopfront, Class::Building),
+    ("boutique", Surface::Boutique, Class::Building),
+    ("tearoom", Surface::Tearoom, Class::Building),
     ("door", Surface::Door, Class::Building),
     ("gate", Surface::Gate, Class::Building),
     ("roof_tiles", Surface::RoofTiles, Class::Building),

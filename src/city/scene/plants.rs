@@ -1,84 +1,12 @@
-//! Hedges, and woods around the city.
+//! Hedges.
 
 use super::grounds::ring_of;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::{Object, Place};
 use crate::city::Shape;
 use glam::{Vec2, Vec3};
-use std::f32::consts::TAU;
 
 const HEDGE: Finish = Finish::new(Surface::Leaves, [104, 128, 74], Class::Vegetation);
-const WOODS: Finish = Finish::new(Surface::Leaves, [66, 84, 56], Class::Vegetation);
-
-/// Woods around the city where its plain begins, so that streets do not end in nothing: two belts of a
-/// wavy height, seen from inside.
-pub(super) fn woods([low, high]: [Vec2; 2]) -> Vec<Object> {
-    let mut woods = Vec::new();
-    const COUNT: u32 = 72;
-    /// So many faces are one object.
-    const STRETCH: u32 = 6;
-    /// From one point of a belt to the next.
-    const CROWNS: u32 = 3;
-    const METRES_PER_REPEAT: f32 = 7.0;
-    let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
-    for (belt, away, tall, tone) in [(0_u32, 46.0, 8.0, 1.0), (1, 92.0, 15.0, 0.9)] {
-        let point = |k: u32| {
-            let k = k % COUNT;
-            let turn = TAU * k as f32 / COUNT as f32;
-            let (sin, cos) = turn.sin_cos();
-            // Between a circle and a square, in and out a little.
-            let square = 1.0 / cos.abs().max(sin.abs()).powf(0.55);
-            let wander = 9.0 * (super::dice(k, 31 + belt) - 0.5);
-            let at = middle
-                + Vec2::new(cos * half.x, sin * half.y) * square
-                + Vec2::new(cos, sin) * (away + wander);
-            (at, tall * (0.62 + 0.5 * super::dice(k, 37 + belt)))
-        };
-        let mut along = 0.0;
-        let mut mesh = Mesh::default();
-        for k in 0..COUNT {
-            let ((a, high_a), (b, high_b)) = (point(k), point(k + 1));
-            let dice = |salt: u32| super::dice(k, salt + belt);
-            let then = along + a.distance(b) / METRES_PER_REPEAT;
-            // Seen from the city: its right is where angles grow. Crowns take the light from above, whoever
-            // looks at them against the sun.
-            let inward = (a - b).perp().extend(0.0).normalize_or(Vec3::X);
-            for crown in 0..CROWNS {
-                let salt = 50 + 8 * crown;
-                let [from, to] = [crown, crown + 1].map(|c| c as f32 / CROWNS as f32);
-                let lean = 0.35 * (dice(salt) - 0.5);
-                let normal = (inward + Vec3::Z * (0.7 + 0.8 * dice(salt + 4))).normalize_or(Vec3::Z);
-                let finish = WOODS.shaded(tone * (0.72 + 0.5 * dice(salt + 2)));
-                let rise = 0.8 + 2.4 * dice(salt + 6);
-                let base = mesh.vertices.len() as u32;
-                // A foot and a rounded top, from right to left as seen from the city.
-                for (part, above, openness) in [
-                    (1.0, None, 70),
-                    (0.0, None, 70),
-                    (0.0, Some(0.0), 190),
-                    (0.22, Some(0.75), 240),
-                    (0.5 + lean, Some(1.0), 255),
-                    (0.8, Some(0.7), 240),
-                    (1.0, Some(0.0), 190),
-                ] {
-                    let part = from + (to - from) * part;
-                    let top = |above: f32| high_a + (high_b - high_a) * part + rise * above;
-                    let position = a.lerp(b, part).extend(above.map_or(0.0, top));
-                    let u = along + (then - along) * part;
-                    let uv = Vec2::new(u, position.z / METRES_PER_REPEAT);
-                    mesh.vertex(Vertex { position, normal, uv, finish, openness });
-                }
-                let fan = (1..6).flat_map(|corner| [base, base + corner, base + corner + 1]);
-                mesh.indices.extend(fan);
-            }
-            along = then;
-            if (k + 1) % STRETCH == 0 {
-                woods.push(Object::of_one_level(std::mem::take(&mut mesh)));
-            }
-        }
-    }
-    woods
-}
 
 /// Stations of a hedge are this far apart.
 const STATION_M: f32 = 2.6;

@@ -164,13 +164,9 @@ fn skin(
     let cargo = shape.rear == Rear::Cargo;
     let glass_at_end = |facing: f32| !(cargo && facing < 0.0);
     match (end, up) {
-        (_, FOOT) => {
-            if end.is_some() {
-                SEAM
-            } else {
-                PAINT
-            }
-        }
+        // The rubber under the windscreen; the rear window stands on sheet metal.
+        (Some(facing), FOOT) if facing > 0.0 => SEAM,
+        (_, FOOT) => PAINT,
         // Beside the windscreen a triangle of glass, beside the rear window a pillar.
         (Some(facing), SILL) => {
             if facing > 0.0 {

@@ -201,7 +201,23 @@ pub(super) fn glazing(at: [f32; 2]) -> Texel {
     ([level * 0.78, level * 0.97, level * 1.16], 0.10)
 }
 
+/// A bay with shelves of goods behind its windows.
 pub(super) fn shopfront(at: [f32; 2]) -> Texel {
+    shop(at, shop_room)
+}
+
+/// The same with clothes.
+pub(super) fn boutique(at: [f32; 2]) -> Texel {
+    shop(at, clothes_room)
+}
+
+/// The same with tables.
+pub(super) fn tearoom(at: [f32; 2]) -> Texel {
+    shop(at, tea_room)
+}
+
+/// A bay of a shop front; `room` is what is seen behind one of its two panes.
+fn shop(at: [f32; 2], room: impl Fn([f32; 2], i32) -> [f32; 3]) -> Texel {
     let [u, v] = at;
     if v > 0.82 {
         // The board above the window takes the tint at full strength.
@@ -226,7 +242,7 @@ pub(super) fn shopfront(at: [f32; 2]) -> Texel {
     let x = if half == 0 { (u - 0.06) / 0.428 } else { (u - 0.512) / 0.428 };
     let y = (v - 0.145) / 0.655;
     let sheen = if ((u * 1.1 + v * 0.8) * 2.3).fract() < 0.22 { 0.04 } else { 0.0 };
-    (shop_room([x, y], half as i32).map(|c| c + sheen), 0.25)
+    (room([x, y], half as i32).map(|c| c + sheen), 0.25)
 }
 
 /// What stands behind one pane of a shop window: a room with lamps, shelves of goods at its back, a few larger
@@ -278,6 +294,101 @@ fn shop_room([x, y]: [f32; 2], half: i32) -> [f32; 3] {
         return hue(row, column).map(|c| c * light * 0.92);
     }
     WALL.map(|c| c * light)
+}
+
+/// Floor, ceiling with lamps or a plain wall, whose lower part gets less light.
+fn empty_room([x, y]: [f32; 2], wall: [f32; 3], floor: f32) -> [f32; 3] {
+    if y > 0.88 {
+        let is_lamp = (y - 0.94).abs() < 0.02 && ((x * 4.0).fract() - 0.5).abs() < 0.16;
+        return if is_lamp { [0.98, 0.94, 0.84] } else { [0.48, 0.46, 0.43] };
+    }
+    if y < floor {
+        let board = if (x * 9.0 + y * 2.0).fract() < 0.06 { 0.85 } else { 1.0 };
+        return [0.42, 0.32, 0.23].map(|c| c * board);
+    }
+    wall.map(|c| c * (0.70 + 0.34 * y))
+}
+
+/// A rail of clothes at the back, figures that wear some in front.
+fn clothes_room([x, y]: [f32; 2], half: i32) -> [f32; 3] {
+    let cloth = |a: i32, b: i32| {
+        let grey = 0.22 + 0.42 * hash(a * 5 + 3, b + 30 * half, 81);
+        [0, 1, 2].map(|k| grey + 0.26 * (hash(a * 5 + k, b + 30 * half, 82) - 0.5))
+    };
+    for (figure, middle) in [(0, 0.27_f32), (1, 0.74)] {
+        if hash(figure, half, 83) < 0.3 {
+            continue;
+        }
+        let dx = (x - middle).abs();
+        // Head, upper part, skirt or trousers, stand.
+        if (dx / 0.045).powi(2) + ((y - 0.72) / 0.055).powi(2) < 1.0 {
+            return [0.66, 0.58, 0.50];
+        }
+        let waist = 0.055 + 0.05 * ((y - 0.48).abs() / 0.18);
+        if (0.44..0.655).contains(&y) && dx < waist.min(0.105) {
+            return cloth(figure, 1).map(|c| c * (1.0 - 2.2 * dx));
+        }
+        if (0.16..0.44).contains(&y) && dx < 0.06 + 0.10 * (0.44 - y) * f32::from(u8::from(half == 0)) {
+            return cloth(figure, 2).map(|c| c * (1.0 - 2.2 * dx));
+        }
+        if (0.05..0.16).contains(&y) && dx < 0.012 || (0.03..0.055).contains(&y) && dx < 0.08 {
+            return [0.24, 0.23, 0.22];
+        }
+    }
+    let column = (x * 15.0) as i32;
+    let long = 0.30 + 0.16 * hash(column, half, 84);
+    if (0.635..0.65).contains(&y) {
+        return [0.20, 0.20, 0.21];
+    }
+    let gap = (x * 15.0).fract() < 0.14 || (x * 3.1 + 0.3 * half as f32).fract() < 0.2;
+    if !gap && y < 0.635 && y > 0.635 - long {
+        return cloth(column, 7).map(|c| c * 0.85);
+    }
+    empty_room([x, y], [0.56, 0.54, 0.52], 0.14)
+}
+
+/// Tables with chairs before a counter, lamps that hang over them.
+fn tea_room([x, y]: [f32; 2], half: i32) -> [f32; 3] {
+    let wood = |level: f32| [0.46 * level, 0.31 * level, 0.20 * level];
+    for (table, middle) in [(0, 0.26_f32), (1, 0.72)] {
+        let dx = x - middle + 0.05 * (hash(table, half, 91) - 0.5);
+        // Lamp on its cord, cups, table top, foot, backs of chairs.
+        if (0.70..0.78).contains(&y) && dx.abs() < 0.03 + 0.7 * (0.78 - y) {
+            return if y < 0.712 { [1.0, 0.93, 0.74] } else { [0.30, 0.34, 0.32] };
+        }
+        if y >= 0.78 && y < 0.88 && dx.abs() < 0.006 {
+            return [0.16, 0.16, 0.16];
+        }
+        if (0.345..0.385).contains(&y) && (dx.abs() - 0.05).abs() < 0.022 {
+            return [0.86, 0.84, 0.80];
+        }
+        if (0.32..0.345).contains(&y) && dx.abs() < 0.14 {
+            return wood(1.25);
+        }
+        if (0.06..0.32).contains(&y) && dx.abs() < 0.014 || (0.05..0.07).contains(&y) && dx.abs() < 0.07 {
+            return [0.18, 0.17, 0.17];
+        }
+        let chair = dx.abs() - 0.185;
+        if chair.abs() < 0.016 && (0.05..0.46).contains(&y)
+            || (0.0..0.05).contains(&-chair) && (0.22..0.245).contains(&y)
+        {
+            return wood(0.62);
+        }
+    }
+    // The counter, and bottles on a board behind it.
+    if (0.14..0.40).contains(&y) {
+        let panel = (x * 5.0).fract() < 0.06 || y > 0.375;
+        return wood(if panel { 0.95 } else { 0.72 });
+    }
+    if (0.52..0.535).contains(&y) {
+        return wood(0.9);
+    }
+    let column = (x * 18.0) as i32;
+    if y >= 0.535 && y < 0.575 + 0.07 * hash(column, half, 92) && (0.2..0.8).contains(&(x * 18.0).fract()) {
+        let hue = hash(column, half, 93);
+        return [0.24 + 0.3 * hue, 0.40 - 0.12 * hue, 0.26 + 0.1 * hue];
+    }
+    empty_room([x, y], [0.60, 0.48, 0.34], 0.14)
 }
 
 /// A panelled door in a white frame, a fanlight above.

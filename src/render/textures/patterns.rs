@@ -18,6 +18,8 @@ pub(super) fn pattern(layer: u8, size: u32) -> Vec<u8> {
         l if l == Surface::Windows as u8 => facades::windows,
         l if l == Surface::Glazing as u8 => facades::glazing,
         l if l == Surface::Shopfront as u8 => facades::shopfront,
+        l if l == Surface::Boutique as u8 => facades::boutique,
+        l if l == Surface::Tearoom as u8 => facades::tearoom,
         l if l == Surface::RoofTiles as u8 => roof_tiles,
         l if l == Surface::Gravel as u8 => gravel,
         l if l == Surface::Leaves as u8 => leaves,

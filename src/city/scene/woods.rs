@@ -1,0 +1,150 @@
+//! Woods around the city where its plain begins, so that streets do not end in nothing.
+
+use super::Object;
+use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
+use glam::{Vec2, Vec3};
+use std::f32::consts::TAU;
+
+const WOODS: Finish = Finish::new(Surface::Leaves, [66, 84, 56], Class::Vegetation);
+/// Points around the city at which a row of trees bends.
+const POINTS: u32 = 72;
+/// Stretches of so many points are one object.
+const STRETCH: u32 = 6;
+const METRES_PER_REPEAT: f32 = 7.0;
+/// How far rows wander in and out in all.
+const WANDER_M: f32 = 9.0;
+
+/// A row of crowns, one behind the other as the ground rises, seen from the city.
+struct Row {
+    away_m: f32,
+    tall_m: f32,
+    /// Of its colour.
+    tone: f32,
+    /// From one point to the next.
+    crowns: u32,
+    /// The outline of a crown from right to left as seen from the city: part of its width, and of its rise.
+    outline: &'static [(f32, f32, u8)],
+}
+
+const NEAR_OUTLINE: [(f32, f32, u8); 5] =
+    [(0.0, 0.0, 190), (0.22, 0.75, 240), (0.5, 1.0, 255), (0.8, 0.7, 240), (1.0, 0.0, 190)];
+const FAR_OUTLINE: [(f32, f32, u8); 4] =
+    [(0.0, 0.0, 190), (0.3, 0.85, 245), (0.7, 0.95, 245), (1.0, 0.0, 190)];
+
+const ROWS: [Row; 3] = [
+    Row { away_m: 44.0, tall_m: 7.5, tone: 1.0, crowns: 3, outline: &NEAR_OUTLINE },
+    Row { away_m: 66.0, tall_m: 11.0, tone: 0.95, crowns: 2, outline: &FAR_OUTLINE },
+    Row { away_m: 94.0, tall_m: 15.5, tone: 0.9, crowns: 2, outline: &FAR_OUTLINE },
+];
+/// Behind the last row the tops of the trees go on so far, then fall to the ground.
+const BEYOND_M: f32 = 34.0;
+const EDGE_M: f32 = 16.0;
+
+/// Where the row with this number stands at a point, and how high it is there.
+fn place(ground: [Vec2; 2], number: u32, k: u32) -> (Vec2, f32) {
+    let row = &ROWS[number as usize];
+    let wander = WANDER_M * (super::dice(k % POINTS, 31 + number) - 0.5);
+    let tall = row.tall_m * (0.72 + 0.45 * super::dice(k % POINTS, 37 + number));
+    (around(ground, k, row.away_m + wander), tall)
+}
+
+/// A point so far away from the box of the city, between a circle and a square.
+fn around([low, high]: [Vec2; 2], k: u32, away_m: f32) -> Vec2 {
+    let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
+    let (sin, cos) = (TAU * (k % POINTS) as f32 / POINTS as f32).sin_cos();
+    let square = 1.0 / cos.abs().max(sin.abs()).powf(0.55);
+    middle + Vec2::new(cos * half.x, sin * half.y) * square + Vec2::new(cos, sin) * away_m
+}
+
+/// Rows of crowns of a wavy height around the box of the city, closed between them by the tops of the trees.
+pub(super) fn woods(city: [Vec2; 2]) -> Vec<Object> {
+    let mut woods = Vec::new();
+    for (number, row) in (0_u32..).zip(&ROWS) {
+        let (mut mesh, mut along) = (Mesh::default(), 0.0);
+        for k in 0..POINTS {
+            along = crowns(
+                &mut mesh,
+                (row, number),
+                k,
+                [place(city, number, k), place(city, number, k + 1)],
+                along,
+            );
+            tops(&mut mesh, city, number, k);
+            if (k + 1) % STRETCH == 0 {
+                woods.push(Object::of_one_level(std::mem::take(&mut mesh)));
+            }
+        }
+    }
+    woods
+}
+
+/// The crowns of a row from one point to the next; `along` is the way around the row, before and behind them.
+fn crowns(
+    mesh: &mut Mesh,
+    (row, number): (&Row, u32),
+    k: u32,
+    [(a, high_a), (b, high_b)]: [(Vec2, f32); 2],
+    along: f32,
+) -> f32 {
+    let dice = |salt: u32| super::dice(k, salt + number);
+    let then = along + a.distance(b) / METRES_PER_REPEAT;
+    // Crowns take the light from above, whoever looks at them against the sun.
+    let inward = (a - b).perp().extend(0.0).normalize_or(Vec3::X);
+    for crown in 0..row.crowns {
+        let salt = 50 + 8 * crown;
+        let [from, to] = [crown, crown + 1].map(|c| c as f32 / row.crowns as f32);
+        let lean = 0.35 * (dice(salt) - 0.5);
+        let normal = (inward + Vec3::Z * (0.7 + 0.8 * dice(salt + 4))).normalize_or(Vec3::Z);
+        let finish = WOODS.shaded(row.tone * (0.72 + 0.5 * dice(salt + 2)));
+        let rise = (0.8 + 2.4 * dice(salt + 6)) * 3.0 / row.crowns as f32;
+        let base = mesh.vertices.len() as u32;
+        let foot = [(1.0, None, 60), (0.0, None, 60)];
+        let top = row.outline.iter().map(|&(part, above, openness)| (part, Some(above), openness));
+        for (part, above, openness) in foot.into_iter().chain(top) {
+            let bent = if (0.2..0.75).contains(&part) { part + lean } else { part };
+            let part = from + (to - from) * bent;
+            let top = |above: f32| high_a + (high_b - high_a) * part + rise * above;
+            let position = a.lerp(b, part).extend(above.map_or(0.0, top));
+            let u = along + (then - along) * part;
+            let uv = Vec2::new(u, position.z / METRES_PER_REPEAT);
+            mesh.vertex(Vertex { position, normal, uv, finish, openness });
+        }
+        let corners = mesh.vertices.len() as u32 - base;
+        mesh.indices.extend((1..corners - 1).flat_map(|corner| [base, base + corner, base + corner + 1]));
+    }
+    then
+}
+
+/// The tops of the trees behind a row from one point to the next, up to the row behind it, or down to the ground.
+fn tops(mesh: &mut Mesh, city: [Vec2; 2], number: u32, k: u32) {
+    let row = &ROWS[number as usize];
+    let next = ROWS.get(number as usize + 1);
+    // From the row outwards: where, how high, how open.
+    let lines = |k: u32| -> Vec<(Vec3, u8)> {
+        let (at, high) = place(city, number, k);
+        let mut lines = vec![(at.extend(high), 210)];
+        match next {
+            Some(_) => {
+                let (behind, _) = place(city, number + 1, k);
+                lines.push((behind.extend(high - 0.5), 110));
+            }
+            None => {
+                let bump = 2.5 * (super::dice(k % POINTS, 43) - 0.3);
+                let beyond = |away_m: f32| around(city, k, row.away_m + away_m);
+                lines.push((beyond(0.5 * BEYOND_M).extend(high + bump), 235));
+                lines.push((beyond(BEYOND_M).extend(0.85 * high), 220));
+                lines.push((beyond(BEYOND_M + EDGE_M).extend(0.0), 90));
+            }
+        }
+        lines
+    };
+    let (here, there) = (lines(k), lines(k + 1));
+    for step in 0..here.len() - 1 {
+        let corners = [here[step], here[step + 1], there[step + 1], there[step]];
+        let positions = corners.map(|(at, _)| at);
+        let uvs = positions.map(|at| (at.truncate() + Vec2::splat(at.z)) / METRES_PER_REPEAT);
+        // They stand in the light, the sides of crowns in the shade of others.
+        let tone = row.tone * (1.2 + 0.4 * super::dice(k, 61 + 3 * number + step as u32));
+        mesh.shaded_face(&positions, &uvs, WOODS.shaded(tone), &corners.map(|(_, openness)| openness));
+    }
+}
