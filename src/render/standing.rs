@@ -9,7 +9,7 @@ use super::frustum::{Frustum, Sharpness};
 use super::horizon::{Horizon, Pillar};
 use super::passes::city::gpu_data::Vertex as GpuVertex;
 use super::sides::{self, Side};
-use crate::city::scene::{Mesh, SceneDescription, Surface, Vertex, Wall};
+use crate::city::scene::{Mesh, Object, SceneDescription, Surface, Vertex, Wall};
 use glam::Vec3;
 use std::ops::Range;
 use wgpu::util::DeviceExt;
@@ -17,6 +17,15 @@ use wgpu::util::DeviceExt;
 /// What can be told apart in the patterns of most surfaces, and how many pixels it takes to be worth a texture.
 const PATTERN_M: f32 = 0.25;
 const PATTERN_FROM_PX: f32 = 6.0;
+
+/// So far around the city things throw shadows.
+const CITY_MARGIN_M: f32 = 20.0;
+
+fn is_near_city(scene: &SceneDescription, at: Vec3) -> bool {
+    let [low, high] = scene.bounds.map(Vec3::truncate);
+    let at = at.truncate();
+    at.cmpge(low - CITY_MARGIN_M).all() && at.cmple(high + CITY_MARGIN_M).all()
+}
 
 /// A piece of the city at one level of detail or more, the finest first.
 #[derive(Clone, Debug)]
@@ -125,7 +134,13 @@ impl Standing {
         };
         let ground = pieces(&|surface| surface != Surface::Line);
         let lines = pieces(&|surface| surface == Surface::Line);
-        let finest = objects.iter().flat_map(|piece| piece.levels.first());
+        // The map of shadows ends with the city, and so would shadows of what stands around it.
+        let is_near = |(_, object): &(&Piece, &Object)| {
+            let finest = object.levels.first();
+            finest.is_some_and(|level| level.mesh.vertices.iter().any(|v| is_near_city(scene, v.position)))
+        };
+        let casting = objects.iter().zip(&scene.objects).filter(is_near);
+        let finest = casting.flat_map(|(piece, _)| piece.levels.first());
         let shadows: Vec<u32> =
             finest.flat_map(Level::all).flat_map(|side| packed.of(side)).copied().collect();
         let buffer = |label, contents, usage| {
