@@ -20,13 +20,14 @@ impl fmt::Display for VehicleId {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
-    /// Set up, and no trajectory has come yet.
+    /// Set up, and stands: no trajectory has come yet.
     #[default]
     Waiting,
+    /// On its way.
     Driving,
     /// Held back by a yield sign or the right of way of another.
     Yielding,
-    /// Standing.
+    /// Stands; on no lane too, where a person has left it.
     Stopped,
     /// A person drives.
     Manual,
