@@ -17,6 +17,9 @@ use std::time::{Duration, Instant};
 const CITY3D: &str = env!("CARGO_BIN_EXE_city3d");
 const WITHIN: Duration = Duration::from_secs(60);
 
+/// Where the picker of scenarios is in a window of 1280 pixels.
+const PICKER: (u32, u32) = (535, 15);
+
 /// A virtual display, gone with its value.
 struct Display {
     server: Child,
@@ -90,7 +93,9 @@ impl<'a> Program<'a> {
             .env("DISPLAY", &display.name)
             .env("XDG_CONFIG_HOME", folder.join("config"))
             .envs(variables.iter().copied())
+            .env("XDG_DATA_HOME", folder.join("data"))
             .env_remove("WAYLAND_DISPLAY")
+            .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
@@ -173,13 +178,14 @@ impl<'a> Program<'a> {
         pause_ms(500);
     }
 
-    fn quit(mut self) {
+    /// Quits; what it has printed.
+    fn quit(mut self) -> String {
         self.key("ctrl+q");
         let start = Instant::now();
         while start.elapsed() < WITHIN {
             if let Some(status) = self.child.try_wait().unwrap() {
                 assert!(status.success(), "{status}");
-                return;
+                return std::io::read_to_string(self.child.stdout.take().unwrap()).unwrap();
             }
             pause_ms(50);
         }
@@ -334,6 +340,13 @@ fn a_window_lives_through_sizes_and_hiding_and_is_closed_in_mid_run() {
     display.xdotool(&["windowsize", "--sync", &program.window, "640", "480"]);
     pause_ms(500);
     assert_eq!(program.screenshot().dimensions(), (640, 480));
+    // So small that hardly anything is left to draw to, and large again: also while the surface is outdated.
+    for (width, height) in [("1", "1"), ("320", "1"), ("1", "240"), ("640", "480")] {
+        display.xdotool(&["windowsize", &program.window, width, height]);
+        pause_ms(300);
+    }
+    pause_ms(500);
+    assert_eq!(program.screenshot().dimensions(), (640, 480));
     // Hidden, the run goes on; shown again, it is drawn.
     display.xdotool(&["windowunmap", "--sync", &program.window]);
     pause_ms(1500);
@@ -391,19 +404,60 @@ fn the_car_of_a_person_is_driven_at_once_and_another_scenario_loads_meanwhile() 
     program.hold(&["w"], 1500);
     program.hold(&["s"], 800);
     // The picker, and its third entry.
-    program.click(535, 15);
-    program.click(510, 85);
+    program.click(PICKER.0, PICKER.1);
+    program.click(PICKER.0, PICKER.1 + 70);
     until("the end of the first log", || log("run-1").join("summary.json").is_file());
     pause_ms(1000);
     program.key("n");
     until("the second log", || log("run-2").join("run.mcap").is_file());
-    program.quit();
+    let said = program.quit();
+    let lines: Vec<&str> = said.lines().collect();
+    assert!(lines[0].starts_with("student: recorded in ") && lines[0].ends_with("run-1"), "{said}");
+    assert!(!lines[1].starts_with("student") && lines[1].ends_with("run-2"), "{said}");
+    assert!(lines[2].starts_with("city3d replay "), "{said}");
     let driven = rows(&log("run-1"), "1");
     assert!(driven.iter().all(|row| row.0 == "manual"), "from the start, without a key");
     assert!(driven.last().unwrap().2 > 1.0, "{:?}", driven.last());
     let commands = read_commands(&log("run-1").join("run.mcap")).unwrap();
     assert!(commands.iter().all(|(_, command)| command.vehicle() == Some(VehicleId(1))));
     assert!(!rows(&log("run-2"), "1").is_empty());
+}
+
+#[test]
+fn logs_of_which_nobody_said_where_are_called_after_the_scenario_that_ran() {
+    let Some(display) = Display::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let runs = folder.path().join("data").join("city3d").join("runs");
+    let folders = || -> Vec<String> {
+        let inside = std::fs::read_dir(&runs).into_iter().flatten().flatten();
+        let mut names: Vec<_> =
+            inside.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    };
+    let arguments = ["view", "student", "--fresh", "--size", "1280x720"];
+    let program = Program::start(&display, folder.path(), &arguments, &[]);
+    program.screenshot();
+    program.key("n");
+    until("the first log", || folders().len() == 1);
+    // The picker, and its third entry.
+    program.click(PICKER.0, PICKER.1);
+    program.click(PICKER.0, PICKER.1 + 70);
+    pause_ms(2000);
+    until("the second log", || {
+        program.key("n");
+        folders().len() == 2
+    });
+    let said = program.quit();
+    let names = folders();
+    let others = names.iter().filter(|name| !name.starts_with("student-")).count();
+    assert_eq!((names.len(), others), (2, 1), "{names:?}");
+    for name in &names {
+        let (scenario, _) = name.split_once('-').unwrap();
+        let log = runs.join(name).join("run-1");
+        let line = format!("{scenario}: recorded in {}", log.display());
+        assert!(said.contains(&line) && log.join("summary.json").is_file(), "{line}: {said}");
+    }
 }
 
 #[test]
