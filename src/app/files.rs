@@ -89,10 +89,9 @@ impl Files {
     }
 
     /// The commands of the step that begins at a tick.
-    pub fn commands(&mut self, tick: u64, time_s: f64, commands: &[SimCommand]) -> Result<(), Failure> {
-        match &mut self.recorder {
-            Some(recorder) => recorder.commands(tick, time_s, commands).map_err(Failure::failed),
-            None => Ok(()),
+    pub fn commands(&mut self, tick: u64, time_s: f64, commands: &[SimCommand]) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.commands(tick, time_s, commands);
         }
     }
 

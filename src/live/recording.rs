@@ -93,7 +93,7 @@ impl Files {
         let (tick, time_s) = (run.snapshot().tick, run.snapshot().time_s);
         run.step();
         self.simulated_in += start.elapsed();
-        self.recorder.commands(tick, time_s, run.commands())?;
+        self.recorder.commands(tick, time_s, run.commands());
         let snapshot = run.snapshot();
         let mut events = snapshot.events.clone();
         self.observer.observe(Some(run.mainframe()), snapshot, &mut events);
