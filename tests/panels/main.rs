@@ -227,8 +227,9 @@ fn a_number_is_the_same_wherever_it_is_told() {
         now.vehicles[0].speed_mps = 7.25 / 3.6;
     });
     harness.run_steps(3);
-    let told = |text: &str| assert!(harness.query_all_by_label(text).count() > 0, "{text}");
-    ["7.3", "7.3 km/h", "Speed, km/h: 7.3", "Lateral error, cm: 1.7", "Steering +1.7\u{b0}"].map(told);
+    for text in ["7.3", "7.3 km/h", "Speed, km/h: 7.3", "Lateral error, cm: 1.7", "Steering +1.7\u{b0}"] {
+        assert!(harness.query_all_by_label(text).count() > 0, "{text}");
+    }
 }
 
 #[test]
