@@ -169,7 +169,7 @@ fn no_run(path: &Path) -> Failure {
     }
     let told: Vec<String> = runs.iter().take(TOLD).map(|run| run.display().to_string()).collect();
     let more = if runs.len() > TOLD { format!(" and {} more", runs.len() - TOLD) } else { String::new() };
-    Failure::bad_input(format!("{name} has several runs; give one of them: {}{more}", told.join(", ")))
+    Failure::bad_input(format!("{name} is a folder of runs; give one of them: {}{more}", told.join(", ")))
 }
 
 #[cfg(feature = "window")]
