@@ -260,8 +260,9 @@ fn bar(ui: &mut Ui, name: &str, value: f64, colour: Color32) {
 
 /// Left is left.
 fn steering(ui: &mut Ui, angle_deg: f64) {
-    let sign = if angle_deg >= 0.05 { "+" } else { "" };
-    gauge(ui, "Steering", &format!("{sign}{}\u{b0}", tenths(angle_deg)), |painter, rect| {
+    let number = tenths(angle_deg);
+    let sign = if number.starts_with('-') { "" } else { "+" };
+    gauge(ui, "Steering", &format!("{sign}{number}\u{b0}"), |painter, rect| {
         let share = (-angle_deg / STEERING_END_DEG).clamp(-1.0, 1.0) as f32;
         let middle = rect.center().x;
         let end = middle + share * rect.width() / 2.0;

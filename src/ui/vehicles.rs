@@ -345,7 +345,7 @@ mod tests {
         ];
         let context = egui::Context::default();
         let mut checked = 0;
-        let _ = context.run_ui(egui::RawInput::default(), |ui| {
+        let mut output = context.run_ui(egui::RawInput::default(), |ui| {
             for (key, text, is_number) in wide {
                 let style = if is_number { egui::TextStyle::Monospace } else { egui::TextStyle::Body };
                 let font = style.resolve(ui.style());
@@ -355,6 +355,7 @@ mod tests {
                 checked += 1;
             }
         });
+        output.textures_delta.clear();
         assert!(checked >= wide.len());
     }
 
