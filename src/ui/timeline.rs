@@ -81,7 +81,7 @@ impl Section {
         let whole_s = head.to_s - head.from_s;
         let span_s = ((to_s - from_s) * ZOOM_STEP.powi(steps.round() as i32)).max(SHORTEST_S);
         let share = if to_s > from_s { (about_s - from_s) / (to_s - from_s) } else { 0.5 };
-        self.0 = (span_s < whole_s).then(|| (about_s - share * span_s, about_s + (1.0 - share) * span_s));
+        self.0 = (span_s < whole_s).then_some((about_s - share * span_s, about_s + (1.0 - share) * span_s));
         self.shift(head, 0.0);
     }
 

@@ -427,7 +427,7 @@ impl Desk {
         if let Source::Run(old) = old {
             match old.stop() {
                 Ok(folders) => {
-                    self.recorded.extend(folders.into_iter().map(|folder| (old_name.clone(), folder)))
+                    self.recorded.extend(folders.into_iter().map(|folder| (old_name.clone(), folder)));
                 }
                 Err(error) => self.state.say(error.to_string(), now_s),
             }
