@@ -406,6 +406,9 @@ fn poses_measured_elsewhere_are_a_run_to_draw_and_to_compare() {
     };
     let measured = firsts("measured");
     assert!(measured.len() >= 5, "{}", measured.len());
+    // Only poses are known: no pedals.
+    assert!(measured.iter().all(|row| row["gas"].is_empty() && row["lateral_error"].is_empty()));
+    assert!(firsts("run").iter().all(|row| !row["gas"].is_empty() && !row["lateral_error"].is_empty()));
     for (row, run) in measured.iter().flat_map(|row| firsts("run").into_iter().map(move |run| (row, run))) {
         let [told, true_mps] = [row, &run].map(|row| number(row, "speed"));
         // Some brake from the start, by 5 m/s2 at most, and the next pose is up to 0.2 s away.

@@ -29,7 +29,7 @@ pub enum RecordError {
 #[derive(Debug)]
 enum Item {
     Snapshot {
-        snapshot: Box<FrameSnapshot>,
+        snapshot: FrameSnapshot,
         in_log: bool,
         in_table: bool,
     },
@@ -64,7 +64,7 @@ struct Batch {
     /// Vehicles of its snapshots.
     vehicles: usize,
     /// Snapshots that were written.
-    spent: Vec<Box<FrameSnapshot>>,
+    spent: Vec<FrameSnapshot>,
 }
 
 impl Batch {

@@ -54,24 +54,27 @@ impl<W: Write> VehicleTable<W> {
             let row = &mut self.row;
             fixed(row, snapshot.time_s, 3);
             let (tick, id, name, status) = (snapshot.tick, v.id, &info.name, v.status.label());
+            let has_control = info.tells_control();
             // Writing to a string cannot fail.
             let _ = write!(row, ",{tick},{id},{name},{status}");
-            for (number, decimals) in [
-                (p.x, 4),
-                (p.y, 4),
-                (p.z, 4),
-                (yaw, 5),
-                (v.speed_mps, 4),
-                (v.acceleration_mps2, 4),
-                (v.steering_rad, 5),
-                (v.gas, 4),
-                (v.brake, 4),
-                (v.handbrake, 4),
-                (v.lateral_error_m, 4),
-                (v.distance_m, 3),
+            for (number, decimals, is_known) in [
+                (p.x, 4, true),
+                (p.y, 4, true),
+                (p.z, 4, true),
+                (yaw, 5, true),
+                (v.speed_mps, 4, true),
+                (v.acceleration_mps2, 4, true),
+                (v.steering_rad, 5, has_control),
+                (v.gas, 4, has_control),
+                (v.brake, 4, has_control),
+                (v.handbrake, 4, has_control),
+                (v.lateral_error_m, 4, has_control),
+                (v.distance_m, 3, true),
             ] {
                 row.push(',');
-                fixed(row, number, decimals);
+                if is_known {
+                    fixed(row, number, decimals);
+                }
             }
             row.push('\n');
         }

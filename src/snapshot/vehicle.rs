@@ -113,11 +113,16 @@ pub struct VehicleInfo {
     pub name: String,
     pub dimensions: Dimensions,
     pub appearance: Appearance,
-    /// Name of the dynamics model.
+    /// Name of the dynamics model; none where only its poses are known.
     pub model: String,
 }
 
 impl VehicleInfo {
+    /// Whether more than its poses is known: pedals, steering, where it was to drive.
+    pub fn tells_control(&self) -> bool {
+        !self.model.is_empty()
+    }
+
     /// What of a vehicle's build does not change.
     pub fn of(id: VehicleId, name: &str, appearance: Appearance, spec: &VehicleSpec) -> Self {
         let model = match spec.model {
