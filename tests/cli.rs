@@ -121,6 +121,60 @@ fn wrong_arguments_are_bad_input() {
 }
 
 #[test]
+fn what_is_no_log_is_told_what_to_do_instead() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    for out in ["out/one", "out/deep/two"] {
+        let made = city3d(path, &["run", "straight", "--duration", "1", "--out", out]);
+        assert_eq!(code(&made), 0, "{made:?}");
+    }
+    std::fs::create_dir(path.join("empty")).unwrap();
+    std::fs::write(path.join("mine.toml"), crash(false)).unwrap();
+    for (given, told) in [
+        ("roundabout", vec!["is a scenario", "city3d run roundabout --out"]),
+        ("mine.toml", vec!["is a scenario", "city3d run mine.toml --out"]),
+        ("out", vec!["out/one", "out/deep/two"]),
+        ("empty", vec!["without a run"]),
+        ("out/one/summary.json", vec!["city3d replay out/one"]),
+        ("out/one/vehicles.csv", vec!["--scenario SCENARIO --out DIR"]),
+    ] {
+        let output = city3d(path, &["replay", given]);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(code(&output), 2, "{given}: {said}");
+        assert!(told.iter().all(|told| said.contains(told)), "{given}: {said}");
+    }
+}
+
+#[cfg(feature = "window")]
+#[test]
+fn pictures_of_a_log_say_what_cannot_be_had() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    assert_eq!(code(&city3d(path, &["run", "straight", "--duration", "4", "--out", "run"])), 0);
+    let said = |args: &[&str]| {
+        let quality = ["--size", "320x240", "--quality", "low", "--adapter", "software"];
+        let output = city3d(path, &[args, &quality].concat());
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        if said.contains("adapter") && code(&output) == 1 {
+            assert!(std::env::var_os("CI").is_none(), "{said}");
+            eprintln!("SKIPPED: {said}");
+            return None;
+        }
+        Some((code(&output), said))
+    };
+    let (failed, text) = said(&["replay", "run", "--picture", "window.jpg"]).unwrap();
+    assert!(failed == 2 && text.contains("window.png"), "{text}");
+    let Some((failed, text)) = said(&["replay", "run", "--picture", "window.png", "--at", "9"]) else {
+        return;
+    };
+    assert!(failed == 2 && text.contains("ends at 4.00 s"), "{text}");
+    let whole = std::fs::read(path.join("run/run.mcap")).unwrap();
+    std::fs::write(path.join("torn.mcap"), &whole[..whole.len() * 3 / 4]).unwrap();
+    let (failed, text) = said(&["replay", "torn.mcap", "--picture", "window.png"]).unwrap();
+    assert!(failed == 0 && text.contains("the log has no end"), "{text}");
+}
+
+#[test]
 fn a_run_writes_what_the_documents_promise() {
     // Shipped scenarios run from any folder.
     let out = tempfile::tempdir().unwrap();

@@ -5,7 +5,7 @@ use city3d::city::{CityMap, LaneId};
 use city3d::geom::{trig, wrap_angle};
 use city3d::runner::Run;
 use city3d::scenario::{Library, Overrides, read_experiment};
-use city3d::snapshot::{EventKind, Pedals, SimCommand, Status, VehicleId, VehicleState};
+use city3d::snapshot::{EventKind, Indicator, Pedals, SimCommand, Status, VehicleId, VehicleState};
 use city3d::vehicle::ModelKind;
 use glam::DVec2;
 use std::sync::Arc;
@@ -209,7 +209,37 @@ fn off_the_road_it_is_an_obstacle_that_stands_when_it_is_given_back() {
         assert!(!hits, "at {} s", run.snapshot().time_s);
     }
     let vehicle = state(&run, id);
-    assert!(vehicle.speed_mps.abs() < 0.1 && vehicle.status == Status::LinkLost, "{vehicle:?}");
+    assert!(vehicle.speed_mps.abs() < 0.1 && vehicle.status == Status::Stopped, "{vehicle:?}");
+    assert_eq!(vehicle.indicator, Indicator::Hazard);
+}
+
+#[test]
+fn given_back_off_the_road_at_speed_it_brakes_to_a_stand_and_no_link_is_lost() {
+    for model in MODELS {
+        let mut run = run(TWO_IN_LINE, model);
+        go_on(&mut run, 2);
+        let id = VehicleId(1);
+        let mut ticks = 0;
+        // Off the lane, at the speed that it has.
+        while run.mainframe().cavs()[0].is_on_route() {
+            run.inject(SimCommand::Drive(id, Pedals { steering_rad: 0.3, ..Pedals::default() }));
+            run.step();
+            ticks += 1;
+            assert!(ticks < 600, "{model:?}: it never leaves its lane");
+        }
+        let left = state(&run, id).clone();
+        assert!(left.speed_mps > 2.0, "{model:?}: {} m/s", left.speed_mps);
+        run.inject(SimCommand::Release(id));
+        for _ in 0..600 {
+            run.step();
+            assert_ne!(state(&run, id).status, Status::LinkLost, "{model:?}");
+        }
+        let after = state(&run, id);
+        let way_m = after.position.distance(left.position);
+        let braking_m = left.speed_mps.powi(2) / (2.0 * 2.0);
+        assert!(after.speed_mps.abs() < 0.1 && way_m < braking_m + 3.0, "{model:?}: {way_m} m, {after:?}");
+        assert!(matches!(after.status, Status::Stopped | Status::Collided), "{model:?}: {after:?}");
+    }
 }
 
 #[test]

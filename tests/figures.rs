@@ -332,6 +332,45 @@ fn a_log_of_the_control_framework_has_positions_and_no_pedals() {
 }
 
 #[test]
+fn poses_that_are_hardly_meant_so_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut poses = "time,id,x,y,yaw\n".to_owned();
+    for k in 0..100 {
+        let (t, y) = (f64::from(k) * 0.1, 10.0 + f64::from(k) * 0.4);
+        // In full-scale metres; the first one is not seen for three seconds; nobody is the 99th.
+        if !(40..70).contains(&k) {
+            poses += &format!("{t},1,-66.0,{y},1.5708\n");
+        }
+        poses += &format!("{t},99,-60.0,{y},1.5708\n");
+    }
+    std::fs::write(folder.join("poses.csv"), poses).unwrap();
+    let replay = ["replay", "poses.csv", "--scenario", "roundabout", "--out", "measured"];
+    let (code, said, complained) = tell(&replay, folder);
+    assert_eq!(code, 0, "{complained}");
+    for told in ["lie outside of the map", "divide x and y by 25", "no vehicle 99", "from 3.90 s to 7.00 s"] {
+        assert!(complained.contains(told), "{told}: {complained}");
+    }
+    let row = said.lines().find(|line| line.contains("path1_a")).unwrap();
+    assert!(row.trim_end().ends_with(" -"), "{row}");
+    let summary: Json =
+        serde_json::from_slice(&std::fs::read(folder.join("measured/summary.json")).unwrap()).unwrap();
+    let events = summary["events"].as_array().unwrap().iter().filter(|event| event["vehicle"] == 1);
+    let told: Vec<(f64, &str)> =
+        events.map(|event| (event["t"].as_f64().unwrap(), event["kind"].as_str().unwrap())).collect();
+    let gap: Vec<_> =
+        told.iter().filter(|(_, kind)| kind.starts_with("unseen") || kind.starts_with("seen")).collect();
+    assert_eq!(gap.len(), 2, "{told:?}");
+    assert!((gap[0].0 - 3.91).abs() < 0.02 && (gap[1].0 - 7.0).abs() < 0.02, "{told:?}");
+
+    // The table of a run of ours is none of poses.
+    run(&["straight", "--duration", "2"], folder);
+    let (code, _, said) =
+        tell(&["replay", "run/vehicles.csv", "--scenario", "straight", "--out", "again"], folder);
+    assert!(code == 2 && said.contains("full-scale") && said.contains("city3d replay run"), "{said}");
+}
+
+#[test]
 fn poses_measured_elsewhere_are_a_run_to_draw_and_to_compare() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -360,11 +399,36 @@ fn poses_measured_elsewhere_are_a_run_to_draw_and_to_compare() {
         order[0] == order[1] && order[0].as_str().unwrap().starts_with("path2_a path2_b path1_a"),
         "{order:?}"
     );
+    // It begins at the speed that its poses tell: nothing jerks there that did not in the laboratory.
+    let firsts = |run: &str| -> Vec<BTreeMap<String, String>> {
+        let rows = table(&folder.join(run).join("vehicles.csv")).into_iter();
+        rows.filter(|row| number(row, "t") == 0.0).collect()
+    };
+    let measured = firsts("measured");
+    assert!(measured.len() >= 5, "{}", measured.len());
+    // Only poses are known: no pedals.
+    assert!(measured.iter().all(|row| row["gas"].is_empty() && row["lateral_error"].is_empty()));
+    assert!(firsts("run").iter().all(|row| !row["gas"].is_empty() && !row["lateral_error"].is_empty()));
+    for (row, run) in measured.iter().flat_map(|row| firsts("run").into_iter().map(move |run| (row, run))) {
+        let [told, true_mps] = [row, &run].map(|row| number(row, "speed"));
+        // Some brake from the start, by 5 m/s2 at most, and the next pose is up to 0.2 s away.
+        assert!(
+            row["id"] != run["id"] || (true_mps > 1.0 && (told - true_mps).abs() < 0.6),
+            "{told} {true_mps}"
+        );
+    }
+    let jerk = value(&comparison, "RMS jerk", None);
+    let [simulated, measured] = [0, 1].map(|run| jerk[run].as_f64().unwrap());
+    assert!(measured < 3.0 * simulated, "{measured} for {simulated}");
+    // Nobody has told what path it was to follow.
+    let measured: Json =
+        serde_json::from_slice(&std::fs::read(folder.join("measured/summary.json")).unwrap()).unwrap();
+    assert!(measured["vehicles"]["1"]["max_lateral_error_m"].is_null(), "{}", measured["vehicles"]["1"]);
     let apart = comparison["apart"].as_array().unwrap();
     assert!(apart.len() == 6 && apart.iter().all(|one| one["max_m"].as_f64().unwrap() < 0.01), "{apart:?}");
 
     let (code, _, said) = tell(&["replay", "poses.csv"], folder);
-    assert!(code == 2 && said.contains("--scenario and --out"), "{said}");
+    assert!(code == 2 && said.contains("--scenario SCENARIO --out DIR"), "{said}");
     let (code, _, said) = tell(&["replay", "measured/run.mcap", "--verify"], folder);
     assert!(code == 2 && said.contains("no world to simulate again"), "{said}");
     std::fs::write(folder.join("poses.csv"), "time,id,x,y,yaw\n0,1,0,zero,0\n").unwrap();

@@ -4,6 +4,9 @@
 #![cfg(feature = "window")]
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
+#[path = "window/pictures.rs"]
+mod pictures;
+
 use city3d::city::dxf::{Drawing, Shape};
 use city3d::record::read_commands;
 use city3d::snapshot::{SimCommand, VehicleId};
@@ -16,6 +19,9 @@ use std::time::{Duration, Instant};
 
 const CITY3D: &str = env!("CARGO_BIN_EXE_city3d");
 const WITHIN: Duration = Duration::from_secs(60);
+
+/// Where the picker of scenarios is in a window of 1280 pixels.
+const PICKER: (u32, u32) = (535, 15);
 
 /// A virtual display, gone with its value.
 struct Display {
@@ -90,7 +96,9 @@ impl<'a> Program<'a> {
             .env("DISPLAY", &display.name)
             .env("XDG_CONFIG_HOME", folder.join("config"))
             .envs(variables.iter().copied())
+            .env("XDG_DATA_HOME", folder.join("data"))
             .env_remove("WAYLAND_DISPLAY")
+            .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
@@ -173,13 +181,14 @@ impl<'a> Program<'a> {
         pause_ms(500);
     }
 
-    fn quit(mut self) {
+    /// Quits; what it has printed.
+    fn quit(mut self) -> String {
         self.key("ctrl+q");
         let start = Instant::now();
         while start.elapsed() < WITHIN {
             if let Some(status) = self.child.try_wait().unwrap() {
                 assert!(status.success(), "{status}");
-                return;
+                return std::io::read_to_string(self.child.stdout.take().unwrap()).unwrap();
             }
             pause_ms(50);
         }
@@ -334,6 +343,13 @@ fn a_window_lives_through_sizes_and_hiding_and_is_closed_in_mid_run() {
     display.xdotool(&["windowsize", "--sync", &program.window, "640", "480"]);
     pause_ms(500);
     assert_eq!(program.screenshot().dimensions(), (640, 480));
+    // So small that hardly anything is left to draw to, and large again: also while the surface is outdated.
+    for (width, height) in [("1", "1"), ("320", "1"), ("1", "240"), ("640", "480")] {
+        display.xdotool(&["windowsize", &program.window, width, height]);
+        pause_ms(300);
+    }
+    pause_ms(500);
+    assert_eq!(program.screenshot().dimensions(), (640, 480));
     // Hidden, the run goes on; shown again, it is drawn.
     display.xdotool(&["windowunmap", "--sync", &program.window]);
     pause_ms(1500);
@@ -391,19 +407,60 @@ fn the_car_of_a_person_is_driven_at_once_and_another_scenario_loads_meanwhile() 
     program.hold(&["w"], 1500);
     program.hold(&["s"], 800);
     // The picker, and its third entry.
-    program.click(535, 15);
-    program.click(510, 85);
+    program.click(PICKER.0, PICKER.1);
+    program.click(PICKER.0, PICKER.1 + 70);
     until("the end of the first log", || log("run-1").join("summary.json").is_file());
     pause_ms(1000);
     program.key("n");
     until("the second log", || log("run-2").join("run.mcap").is_file());
-    program.quit();
+    let said = program.quit();
+    let lines: Vec<&str> = said.lines().collect();
+    assert!(lines[0].starts_with("student: recorded in ") && lines[0].ends_with("run-1"), "{said}");
+    assert!(!lines[1].starts_with("student") && lines[1].ends_with("run-2"), "{said}");
+    assert!(lines[2].starts_with("city3d replay "), "{said}");
     let driven = rows(&log("run-1"), "1");
     assert!(driven.iter().all(|row| row.0 == "manual"), "from the start, without a key");
     assert!(driven.last().unwrap().2 > 1.0, "{:?}", driven.last());
     let commands = read_commands(&log("run-1").join("run.mcap")).unwrap();
     assert!(commands.iter().all(|(_, command)| command.vehicle() == Some(VehicleId(1))));
     assert!(!rows(&log("run-2"), "1").is_empty());
+}
+
+#[test]
+fn logs_of_which_nobody_said_where_are_called_after_the_scenario_that_ran() {
+    let Some(display) = Display::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let runs = folder.path().join("data").join("city3d").join("runs");
+    let folders = || -> Vec<String> {
+        let inside = std::fs::read_dir(&runs).into_iter().flatten().flatten();
+        let mut names: Vec<_> =
+            inside.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    };
+    let arguments = ["view", "student", "--fresh", "--size", "1280x720"];
+    let program = Program::start(&display, folder.path(), &arguments, &[]);
+    program.screenshot();
+    program.key("n");
+    until("the first log", || folders().len() == 1);
+    // The picker, and its third entry.
+    program.click(PICKER.0, PICKER.1);
+    program.click(PICKER.0, PICKER.1 + 70);
+    pause_ms(2000);
+    until("the second log", || {
+        program.key("n");
+        folders().len() == 2
+    });
+    let said = program.quit();
+    let names = folders();
+    let others = names.iter().filter(|name| !name.starts_with("student-")).count();
+    assert_eq!((names.len(), others), (2, 1), "{names:?}");
+    for name in &names {
+        let (scenario, _) = name.split_once('-').unwrap();
+        let log = runs.join(name).join("run-1");
+        let line = format!("{scenario}: recorded in {}", log.display());
+        assert!(said.contains(&line) && log.join("summary.json").is_file(), "{line}: {said}");
+    }
 }
 
 #[test]
@@ -484,99 +541,4 @@ fn a_recorded_run_is_played_both_ways_scrubbed_and_searched() {
     assert_eq!(program.tick(), jumped, "nobody drives, nothing is reset");
     program.quit();
     assert!(files() == before, "the log is as it was");
-}
-
-/// Runs a command that draws; `false` where there is no adapter.
-fn drew(args: &[&str]) -> bool {
-    let output = Command::new(CITY3D).args(args).args(["--quality", "low", "--adapter", "software"]).output();
-    let output = output.unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    if !output.status.success() && said.contains("adapter") {
-        assert!(std::env::var_os("CI").is_none(), "{said}");
-        eprintln!("SKIPPED: {said}");
-        return false;
-    }
-    assert!(output.status.success(), "{said}");
-    true
-}
-
-/// The one picture in a folder.
-fn only_picture(folder: &Path) -> image::RgbImage {
-    let taken = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let taken = taken.filter(|path| path.extension().is_some_and(|e| e == "png")).collect::<Vec<_>>();
-    assert_eq!(taken.len(), 1, "{taken:?}");
-    image::open(&taken[0]).unwrap().to_rgb8()
-}
-
-#[test]
-fn a_preview_of_a_replay_is_the_picture_that_frames_takes_of_the_log() {
-    let folder = tempfile::tempdir().unwrap();
-    let log = record(folder.path(), "9").join("run.mcap");
-    let log = log.to_str().unwrap();
-    let taken = |at: &str| {
-        let frames = folder.path().join(format!("frames-{at}"));
-        let out = ["frames", log, "--size", "253x190", "--out", frames.to_str().unwrap()];
-        let arguments = ["--vehicle", "path1_b", "--camera", "windscreen", "--from", at, "--duration", at];
-        drew(&[&out[..], &arguments[..]].concat()).then(|| only_picture(&frames))
-    };
-    let Some(frame) = taken("8") else { return };
-    let file = folder.path().join("window.png");
-    let arguments =
-        ["replay", log, "--fresh", "--picture", file.to_str().unwrap(), "--at", "8", "--preview", "path1_b"];
-    assert!(drew(&arguments));
-    let window = image::open(&file).unwrap().to_rgb8();
-    let place = find(&window, &frame);
-    let (width, height) = frame.dimensions();
-    let preview = image::imageops::crop_imm(&window, place.0, place.1, width, height).to_image();
-    // Pixels that differ, and by how much all do in the mean: logs keep orientations in single precision.
-    let differences = |frame: &image::RgbImage| {
-        let pairs = || preview.pixels().zip(frame.pixels());
-        let apart = |(a, b): (&image::Rgb<u8>, &image::Rgb<u8>)| {
-            a.0.iter().zip(b.0).map(|(a, b)| f64::from(a.abs_diff(b))).fold(0.0, f64::max)
-        };
-        let count = pairs().filter(|(a, b)| a != b).count();
-        (count, pairs().map(apart).sum::<f64>() / f64::from(width * height))
-    };
-    let (count, mean) = differences(&frame);
-    assert!(count < 480 && mean < 0.02, "{count} pixels differ, by {mean} in the mean");
-    let (other_count, other_mean) = differences(&taken("8.02").unwrap());
-    assert!(
-        other_count > 4 * 480 && other_mean > 0.2,
-        "the next tick is another: {other_count}, {other_mean}"
-    );
-}
-
-/// Where in a picture of the window another picture lies best.
-fn find(window: &image::RgbImage, taken: &image::RgbImage) -> (u32, u32) {
-    let (width, height) = taken.dimensions();
-    let pixels = || (0..(width * height)).step_by(997).map(|k| (k % width, k / width));
-    let differing = |(x, y): (u32, u32)| {
-        pixels().filter(|(dx, dy)| window.get_pixel(x + dx, y + dy) != taken.get_pixel(*dx, *dy)).count()
-    };
-    let places =
-        (0..=window.height() - height).flat_map(|y| (900..=window.width() - width).map(move |x| (x, y)));
-    places.min_by_key(|place| differing(*place)).unwrap()
-}
-
-#[test]
-fn a_preview_is_the_picture_that_frames_takes() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("window.png");
-    let at = "8";
-    let picture = file.to_str().unwrap();
-    let arguments = ["view", "roundabout", "--picture", picture, "--at", at, "--preview", "path1_b"];
-    if !drew(&arguments) {
-        return;
-    }
-    let frames = folder.path().join("frames");
-    let arguments = ["--vehicle", "path1_b", "--camera", "windscreen", "--from", at, "--duration", at];
-    let out = ["frames", "roundabout", "--size", "253x190", "--out", frames.to_str().unwrap()];
-    drew(&[&out[..], &arguments[..]].concat());
-    let taken = only_picture(&frames);
-    let window = image::open(&file).unwrap().to_rgb8();
-    let best = find(&window, &taken);
-    let (width, height) = taken.dimensions();
-    let preview = image::imageops::crop_imm(&window, best.0, best.1, width, height).to_image();
-    let differing = preview.pixels().zip(taken.pixels()).filter(|(a, b)| a != b).count();
-    assert_eq!(differing, 0, "pixels differ at {best:?}");
 }

@@ -416,6 +416,8 @@ fn a_person_drives_and_gives_back() {
         let mut world = lone_car(model, 0.0);
         let mut out = world.snapshot();
         assert_eq!(out.vehicles[0].status, Status::Waiting);
+        let moving = lone_car(model, 8.0).snapshot();
+        assert_eq!(moving.vehicles[0].status, Status::Driving, "{model:?}: what moves does not wait");
         let full_gas = Pedals { gas: 1.0, steering_rad: 0.1, ..Pedals::default() };
         world.tick_into(&[SimCommand::Start, SimCommand::Drive(FIRST, full_gas)], &mut out);
         for _ in 0..200 {
@@ -454,8 +456,8 @@ fn every_status_of_the_list_is_reached() {
             seen.extend(statuses);
         }
     }
-    for status in [Status::Waiting, Status::Driving, Status::Yielding, Status::Stopped, Status::Finished] {
+    for status in [Status::Driving, Status::Yielding, Status::Stopped, Status::Finished] {
         assert!(seen.contains(&status), "{status:?}");
     }
-    // Link lost, collided and manual have tests of their own.
+    // Waiting, link lost, collided and manual have tests of their own.
 }

@@ -51,6 +51,7 @@ pub struct Files {
     folder: Option<PathBuf>,
     recorder: Option<Recorder>,
     observer: Observer,
+    origin: Origin,
     events: Vec<Event>,
     tick_events: Vec<Event>,
     start: Instant,
@@ -76,7 +77,7 @@ impl Files {
         };
         let observer = Observer::new(experiment);
         let start = Instant::now();
-        Ok(Self { folder, recorder, observer, events: Vec::new(), tick_events: Vec::new(), start })
+        Ok(Self { folder, recorder, observer, origin, events: Vec::new(), tick_events: Vec::new(), start })
     }
 
     /// The instant at which the run begins.
@@ -88,10 +89,9 @@ impl Files {
     }
 
     /// The commands of the step that begins at a tick.
-    pub fn commands(&mut self, tick: u64, time_s: f64, commands: &[SimCommand]) -> Result<(), Failure> {
-        match &mut self.recorder {
-            Some(recorder) => recorder.commands(tick, time_s, commands).map_err(Failure::failed),
-            None => Ok(()),
+    pub fn commands(&mut self, tick: u64, time_s: f64, commands: &[SimCommand]) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.commands(tick, time_s, commands);
         }
     }
 
@@ -128,6 +128,7 @@ impl Files {
         let wall_s = self.start.elapsed().as_secs_f64();
         let summary = Summary::new(experiment, &self.observer, last, self.events, wall_s);
         let summary = Summary { link, ..summary };
+        let summary = if !self.origin.has_world() { summary.of_poses() } else { summary };
         if let Some(folder) = &self.folder {
             write_summary(folder, &summary)?;
         }
@@ -171,14 +172,14 @@ fn print(summary: &Summary, folder: Option<&Path>) -> Result<(), Failure> {
     say("  id  name      status      distance m  mean m/s  stops  longest stand s  max lateral m")?;
     for (id, v) in summary.vehicles.iter().take(20) {
         say(format_args!(
-            "{id:>4}  {:<8}  {:<10}  {:>10.1}  {:>8.2}  {:>5}  {:>15.1}  {:>13.3}",
+            "{id:>4}  {:<8}  {:<10}  {:>10.1}  {:>8.2}  {:>5}  {:>15.1}  {:>13}",
             v.name,
             v.status.label(),
             v.distance_m,
             v.mean_speed_mps,
             v.stops,
             v.longest_stand_s,
-            v.max_lateral_error_m
+            v.max_lateral_error_m.map_or_else(|| "-".to_owned(), |error_m| format!("{error_m:.3}"))
         ))?;
     }
     if summary.vehicles.len() > 20 {

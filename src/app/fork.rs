@@ -142,7 +142,7 @@ impl Fork<'_> {
                 told.sort_by_key(SimCommand::order);
                 let is_control = |command: &&SimCommand| matches!(command, SimCommand::Follow(_));
                 is_as_told &= told.iter().filter(is_control).eq(replay.applied().iter().filter(is_control));
-                files.commands(tick, time_s, replay.applied())?;
+                files.commands(tick, time_s, replay.applied());
                 files.tick(Some(control.mainframe()), replay.snapshot())?;
             }
             if ticked.tick == self.from_tick {

@@ -4,13 +4,16 @@
 use super::files::{Files, LogArgs, conclude};
 use super::{Failure, ScenarioArgs, load, progress};
 use crate::geom::trig;
-use crate::record::{MeasuredPose, Origin, is_log, is_ros1_bag, pose_at, read_bag, read_poses};
+use crate::record::{
+    COLUMNS, MeasuredPose, Origin, POSE_COLUMNS, is_log, is_ros1_bag, pose_at, read_bag, read_poses,
+};
 use crate::runner::{SeenCity, Summary};
 use crate::scenario::Experiment;
 use crate::snapshot::{Status, VehicleId};
 use crate::wire::{Measurement, Phase, Poses, Seen};
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -42,13 +45,70 @@ impl Recorded<'_> {
         let scenario = self.scenario.to_owned();
         let args = ScenarioArgs { scenario, duration: Some(to_s - from_s), ..ScenarioArgs::default() };
         let experiment = load::experiment(&args)?;
+        self.warn(&poses, &experiment);
         let summary = self.write(&poses, from_s, &experiment)?;
         conclude(&summary, &experiment, Some(self.out), self.json)
+    }
+
+    /// The table of a run of ours is no table of poses: it is of the city, and its run can be watched itself.
+    fn tell_own_table(&self) -> Result<(), Failure> {
+        let text = std::fs::File::open(self.poses).map(BufReader::new).and_then(|mut file| {
+            let mut line = String::new();
+            file.read_line(&mut line).map(|_| line)
+        });
+        if text.is_ok_and(|header| header.trim_end() == COLUMNS.join(",")) {
+            let (path, folder) = (self.poses.display(), self.poses.parent().unwrap_or(Path::new(".")));
+            let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+            return Err(Failure::bad_input(format!(
+                "{path} is the vehicles.csv of a run of City3D, in full-scale metres: watch the run itself, by city3d \
+                 replay {}. A table of poses has the columns {}, in laboratory metres",
+                folder.display(),
+                POSE_COLUMNS.join(", ")
+            )));
+        }
+        Ok(())
+    }
+
+    /// Says what in the poses is hardly meant so.
+    fn warn(&self, poses: &BTreeMap<VehicleId, Vec<MeasuredPose>>, experiment: &Experiment) {
+        let path = self.poses.display();
+        let from_s = poses.values().flatten().map(|pose| pose.time_s).fold(f64::INFINITY, f64::min);
+        let strangers: Vec<String> = poses
+            .keys()
+            .filter(|id| experiment.vehicles.iter().all(|planned| planned.id != **id))
+            .map(ToString::to_string)
+            .collect();
+        if !strangers.is_empty() {
+            let known = experiment.vehicles.iter().map(|planned| format!("{} {}", planned.id, planned.name));
+            tracing::warn!(
+                "{path}: the scenario has no vehicle {}; it has {}. They are shown with the usual measures",
+                strangers.join(", "),
+                known.take(20).collect::<Vec<_>>().join(", ")
+            );
+        }
+        if let Some(share) = outside(poses, experiment) {
+            let factor = experiment.scale.factor();
+            tracing::warn!(
+                "{path}: {:.0} % of the poses lie outside of the map. Laboratory metres are needed: are these \
+                 full-scale ones? Then divide x and y by {factor}",
+                share * 100.0
+            );
+        }
+        for (vehicle, poses) in poses {
+            for (before, after) in gaps(poses) {
+                tracing::warn!(
+                    "{path}: vehicle {vehicle} was not measured from {:.2} s to {:.2} s and is not there meanwhile",
+                    before - from_s,
+                    after - from_s
+                );
+            }
+        }
     }
 
     /// The poses of a table, or of a bag by the names of the scenario's vehicles.
     fn read(&self) -> Result<BTreeMap<VehicleId, Vec<MeasuredPose>>, Failure> {
         if !is_bag(self.poses) {
+            self.tell_own_table()?;
             return read_poses(self.poses).map_err(Failure::bad_input);
         }
         let scenario = self.scenario.to_owned();
@@ -71,6 +131,13 @@ impl Recorded<'_> {
         for tick in 0..=last {
             let time_s = experiment.rates.time_s(tick);
             let seen = seen_at(poses, from_s + time_s, time_s);
+            for vehicle in seen.iter().map(|seen| seen.pose.vehicle) {
+                if city.snapshot().vehicle(vehicle).is_none()
+                    && let Some(velocity_mps) = velocity_at(&poses[&vehicle], from_s + time_s)
+                {
+                    city.expect(vehicle, velocity_mps);
+                }
+            }
             let head = Poses {
                 tick,
                 time_s,
@@ -98,6 +165,42 @@ impl Recorded<'_> {
 /// Whether a file is one in which ROS records.
 fn is_bag(path: &Path) -> bool {
     is_ros1_bag(path) || is_log(path)
+}
+
+/// Poses farther than this from everything that the map has are not on it, laboratory metres.
+const OUTSIDE_M: f64 = 1.0;
+/// More of them than this are no strays.
+const STRAY_SHARE: f64 = 0.1;
+
+/// The share of the poses that lie outside of the map, where that is more than some strays.
+fn outside(poses: &BTreeMap<VehicleId, Vec<MeasuredPose>>, experiment: &Experiment) -> Option<f64> {
+    let [low, high] = experiment.city_map.bounds().map(|corner| corner / experiment.scale.factor());
+    let is_outside = |pose: &&MeasuredPose| {
+        let at = pose.pose.position;
+        at.cmplt(low - OUTSIDE_M).any() || at.cmpgt(high + OUTSIDE_M).any()
+    };
+    let all = || poses.values().flatten();
+    let share = all().filter(is_outside).count() as f64 / all().count().max(1) as f64;
+    (share > STRAY_SHARE).then_some(share)
+}
+
+/// From when to when a vehicle was not measured, for longer than is bridged.
+fn gaps(poses: &[MeasuredPose]) -> impl Iterator<Item = (f64, f64)> {
+    let times = poses.windows(2).map(|pair| (pair[0].time_s, pair[1].time_s));
+    times.filter(|(before, after)| after - before > LONGEST_GAP_S)
+}
+
+/// How a vehicle moves from a time on, laboratory metres a second: the next poses tell.
+fn velocity_at(poses: &[MeasuredPose], time_s: f64) -> Option<DVec3> {
+    const AHEAD_S: f64 = 0.1;
+    let here = pose_at(poses, time_s, LONGEST_GAP_S)?;
+    let last = poses.last()?.time_s;
+    let (then_s, then) = [AHEAD_S, AHEAD_S / 10.0]
+        .map(|ahead_s| (time_s + ahead_s).min(last))
+        .into_iter()
+        .filter(|then_s| *then_s > time_s)
+        .find_map(|then_s| Some((then_s, pose_at(poses, then_s, LONGEST_GAP_S)?)))?;
+    Some(((then.position - here.position) / (then_s - time_s)).extend(0.0))
 }
 
 /// The vehicles that are there at a time.

@@ -6,6 +6,7 @@ use super::say::say;
 use super::{Failure, progress};
 use crate::record::{is_ros1_bag, last_tick};
 use crate::replay::{Differences, Replay, ReplayError, Ticked};
+use crate::scenario::shipped_scenarios;
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -74,13 +75,13 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     if let (Some(scenario), Some(out)) = (&args.scenario, &args.out) {
         return Recorded { poses: &args.log, scenario, out, log: args.files, json: args.json }.replay();
     }
+    if let Some(failure) = no_log(&args.log) {
+        return Err(failure);
+    }
     let log = &log_of(&args.log);
     let is_table = log.extension().is_some_and(|extension| extension == "csv");
     if !args.verify && (is_table || is_ros1_bag(log)) {
-        return Err(Failure::bad_input(format!(
-            "{}: poses are replayed into files: give --scenario and --out",
-            args.log.display()
-        )));
+        return Err(poses_need(&args.log));
     }
     if !args.verify {
         return if args.json {
@@ -104,6 +105,71 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
             first.tick
         ))),
     }
+}
+
+/// What poses that were measured elsewhere need.
+fn poses_need(path: &Path) -> Failure {
+    let path = path.display();
+    Failure::bad_input(format!(
+        "{path}: poses that were measured elsewhere become a run first: city3d replay {path} --scenario SCENARIO \
+         --out DIR, with the scenario that has their map and vehicles; then city3d replay DIR"
+    ))
+}
+
+/// Why what was given is no log, where it is something else that is known; with what to do instead.
+fn no_log(path: &Path) -> Option<Failure> {
+    let name = path.display();
+    let file = path.file_name().unwrap_or_default();
+    let run = |scenario: &str| {
+        Failure::bad_input(format!(
+            "{name} is a scenario, and no run of it: record one by city3d run {scenario} --out out/run, and watch it by \
+             city3d replay out/run; or watch it live: city3d view {scenario}"
+        ))
+    };
+    let text = path.to_string_lossy();
+    if !path.exists() && shipped_scenarios().any(|shipped| *shipped == *text) {
+        return Some(run(&text));
+    }
+    if path.is_file() && path.extension().is_some_and(|extension| extension == "toml") {
+        return Some(run(&text));
+    }
+    if path.is_file() && file == "summary.json" {
+        let folder = path.parent().unwrap_or(path).display();
+        return Some(Failure::bad_input(format!(
+            "{name} sums a run up; give the folder that it lies in: city3d replay {folder}"
+        )));
+    }
+    if path.is_dir() && !log_of(path).is_file() {
+        return Some(no_run(path));
+    }
+    None
+}
+
+/// A folder that has no log itself: those of its folders that have.
+fn no_run(path: &Path) -> Failure {
+    const TOLD: usize = 20;
+    let mut runs: Vec<PathBuf> = Vec::new();
+    let mut folders = vec![(path.to_path_buf(), 0)];
+    while let Some((folder, depth)) = folders.pop() {
+        let inside = std::fs::read_dir(&folder).into_iter().flatten().flatten();
+        for inside in inside.map(|entry| entry.path()).filter(|inside| inside.is_dir()) {
+            if inside.join("run.mcap").is_file() {
+                runs.push(inside);
+            } else if depth < 2 {
+                folders.push((inside, depth + 1));
+            }
+        }
+    }
+    runs.sort();
+    let name = path.display();
+    if runs.is_empty() {
+        return Failure::bad_input(format!(
+            "{name} is a folder without a run: give one that has a run.mcap, as city3d run SCENARIO --out DIR makes it"
+        ));
+    }
+    let told: Vec<String> = runs.iter().take(TOLD).map(|run| run.display().to_string()).collect();
+    let more = if runs.len() > TOLD { format!(" and {} more", runs.len() - TOLD) } else { String::new() };
+    Failure::bad_input(format!("{name} is a folder of runs; give one of them: {}{more}", told.join(", ")))
 }
 
 #[cfg(feature = "window")]

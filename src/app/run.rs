@@ -79,7 +79,7 @@ pub fn drive(
     for tick in run.snapshot().tick..experiment.ticks() {
         let time_s = run.snapshot().time_s;
         run.step();
-        files.commands(tick, time_s, run.commands())?;
+        files.commands(tick, time_s, run.commands());
         let snapshot = run.snapshot();
         files.tick(Some(run.mainframe()), snapshot)?;
         if tick % 100 == 0 {

@@ -5,6 +5,7 @@ use super::{Clock, LiveError, Moment, Order, Phase, Recording, Slot, Speed};
 use crate::runner::Run;
 use crate::snapshot::{FrameSnapshot, SimCommand, VehicleId};
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -52,13 +53,14 @@ impl Engine {
     }
 
     /// Runs until it is told to stop, or nobody is left to tell it anything.
-    pub(super) fn live(mut self, inbox: &Receiver<Order>) -> Result<(), LiveError> {
+    pub(super) fn live(mut self, inbox: &Receiver<Order>) -> Result<Vec<PathBuf>, LiveError> {
         loop {
             let mut wait = self.wait();
             loop {
                 match inbox.recv_timeout(wait) {
                     Ok(Order::Stop) | Err(RecvTimeoutError::Disconnected) => {
-                        return self.recording.finish(&self.run);
+                        self.recording.finish(&self.run)?;
+                        return Ok(self.recording.folders().to_vec());
                     }
                     Ok(order) => self.obey(order),
                     Err(RecvTimeoutError::Timeout) => break,

@@ -145,7 +145,7 @@ impl fmt::Debug for Options {
 pub struct Live {
     orders: SyncSender<Order>,
     slot: Arc<Slot>,
-    thread: Option<JoinHandle<Result<(), LiveError>>>,
+    thread: Option<JoinHandle<Result<Vec<PathBuf>, LiveError>>>,
 }
 
 /// Orders that may wait for the thread: a second of pedals of a person and some clicks.
@@ -194,16 +194,16 @@ impl Live {
         self.slot.get()
     }
 
-    /// Ends the run and waits until its files are whole.
+    /// Ends the run and waits until its files are whole: the folders of the runs that were recorded, in order.
     ///
     /// # Errors
     /// What went wrong with them.
-    pub fn stop(mut self) -> Result<(), LiveError> {
+    pub fn stop(mut self) -> Result<Vec<PathBuf>, LiveError> {
         self.join()
     }
 
-    fn join(&mut self) -> Result<(), LiveError> {
-        let Some(thread) = self.thread.take() else { return Ok(()) };
+    fn join(&mut self) -> Result<Vec<PathBuf>, LiveError> {
+        let Some(thread) = self.thread.take() else { return Ok(Vec::new()) };
         // A thread that has ended already does not hear it.
         let _ = self.orders.send(Order::Stop);
         thread.join().unwrap_or(Err(LiveError::Ended))

@@ -16,6 +16,8 @@ pub(super) struct Recording {
     root: Option<PathBuf>,
     run: u32,
     files: Option<Files>,
+    /// Folders of the runs that have begun, in order.
+    folders: Vec<PathBuf>,
 }
 
 struct Files {
@@ -28,7 +30,7 @@ struct Files {
 
 impl Recording {
     pub(super) fn new(root: Option<PathBuf>, run: u32) -> Self {
-        Self { root, run, files: None }
+        Self { root, run, files: None, folders: Vec::new() }
     }
 
     /// What follows belongs to this run.
@@ -49,7 +51,9 @@ impl Recording {
     /// One tick of a run with commands of persons, recorded where it shall be.
     pub(super) fn step(&mut self, run: &mut Run, commands: &[SimCommand]) -> Result<(), LiveError> {
         if let (Some(root), None) = (&self.root, &self.files) {
-            self.files = Some(Files::begin(root.join(format!("run-{}", self.run)), run)?);
+            let folder = root.join(format!("run-{}", self.run));
+            self.files = Some(Files::begin(folder.clone(), run)?);
+            self.folders.push(folder);
         }
         commands.iter().for_each(|command| run.inject(command.clone()));
         let Some(files) = &mut self.files else {
@@ -57,6 +61,11 @@ impl Recording {
             return Ok(());
         };
         files.step(run)
+    }
+
+    /// Where the runs so far are recorded, in order.
+    pub(super) fn folders(&self) -> &[PathBuf] {
+        &self.folders
     }
 
     /// Ends the files of the present run.
@@ -84,7 +93,7 @@ impl Files {
         let (tick, time_s) = (run.snapshot().tick, run.snapshot().time_s);
         run.step();
         self.simulated_in += start.elapsed();
-        self.recorder.commands(tick, time_s, run.commands())?;
+        self.recorder.commands(tick, time_s, run.commands());
         let snapshot = run.snapshot();
         let mut events = snapshot.events.clone();
         self.observer.observe(Some(run.mainframe()), snapshot, &mut events);

@@ -74,6 +74,8 @@ pub struct Cav {
     is_astray: bool,
     /// As measured.
     pub pose: Pose2,
+    /// Along its heading, wherever that leads: what it is told goes by it while it is on no lane.
+    pub(super) heading_mps: f64,
     /// The estimate brought to the time of the control step.
     axle_s: f64,
     speed_mps: f64,
@@ -85,6 +87,9 @@ pub struct Cav {
 /// How far the plan may run ahead of, or fall behind, what is measured.
 const REFERENCE_SLACK_M: f64 = 0.04;
 const REFERENCE_SLACK_MPS: f64 = 0.08;
+
+/// Time constant of the speed along the heading: poses are not exact.
+const HEADING_SPEED_S: f64 = 0.1;
 
 /// What lies just behind a section is looked for this far on.
 const BEHIND_SECTION_M: f64 = 1e-6;
@@ -115,6 +120,7 @@ impl Cav {
             estimate: None,
             is_astray: false,
             pose: Pose2::default(),
+            heading_mps: setup.speed_mps,
             axle_s: 0.0,
             speed_mps: 0.0,
             is_lost: false,
@@ -171,12 +177,18 @@ impl Cav {
     }
 
     pub(super) fn see(&mut self, map: &LabMap, now_s: f64, seen: &Measurement) {
-        self.pose = seen.pose_in_lab();
+        let before = std::mem::replace(&mut self.pose, seen.pose_in_lab());
         let Some(estimate) = &mut self.estimate else {
             self.begin(map, now_s, seen, self.setup_speed_mps);
             return;
         };
         let was_lost = estimate.is_lost(now_s);
+        let way_m = (self.pose.position - before.position).dot(self.pose.forward());
+        let dt_s = seen.stamp_s - estimate.stamp_s;
+        if dt_s > 0.0 {
+            let share = (dt_s / HEADING_SPEED_S).min(1.0);
+            self.heading_mps += share * (way_m / dt_s - self.heading_mps);
+        }
         estimate.update(map, (&self.route, self.body), now_s, seen);
         let (axle_s, speed_mps) = (estimate.axle_s, estimate.speed_mps);
         if was_lost {

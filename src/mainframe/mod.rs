@@ -87,12 +87,14 @@ impl Mainframe {
         self.right_of_way.update(time_s, &mut self.cavs, &self.occupancy);
         reroute::reroute_blocked(time_s, &self.map, &mut self.cavs, &mut self.right_of_way, &self.occupancy);
         for index in 0..self.cavs.len() {
-            // One that is on no lane hears nothing, and stops when it is given back there.
             if self.cavs[index].is_on_route() {
                 let decision = self.decide(index);
                 let cav = &mut self.cavs[index];
                 cav.apply(decision, dt_s);
                 messages.push(Message::Follow(plan::trajectory(&self.map, cav, time_s)));
+            } else if self.cavs[index].is_seen() {
+                // Nobody knows a way for it from there.
+                messages.push(Message::Follow(plan::stand(&mut self.cavs[index], time_s)));
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use super::{Cav, turn_of};
 use crate::city::{LabMap, LaneKind};
+use crate::geom::Pose2;
 use crate::snapshot::{Indicator, Trajectory, TrajectoryPoint};
 use crate::wire::empty_trajectory;
 
@@ -14,6 +15,8 @@ const ACCELERATION_LASTS_S: f64 = 1.0;
 const INDICATE_M: f64 = 1.0;
 /// A lane that turns by more than this is a turn.
 const TURN_RAD: f64 = 0.7;
+/// What moves no faster than this stands, as far as measured poses tell, laboratory metres a second.
+const STANDS_MPS: f64 = 0.02;
 
 /// The desired motion of a vehicle from now on, and its indicators.
 pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory {
@@ -33,6 +36,24 @@ pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory {
         s += (speed_mps + next_mps) / 2.0 * dt_s;
         (speed_mps, last_s) = (next_mps, offset_s);
         let pose = cav.route.at(map, s).pose;
+        trajectory.points.push(TrajectoryPoint { time_s: now_s + offset_s, pose, speed_mps });
+    }
+    trajectory
+}
+
+/// For a vehicle that is on no lane: straight on to a stand, and its hazard lights say why.
+pub fn stand(cav: &mut Cav, now_s: f64) -> Trajectory {
+    cav.sequence = cav.sequence.wrapping_add(1);
+    cav.indicator = Indicator::Hazard;
+    let mut trajectory = empty_trajectory(cav.id, cav.sequence, OFFSETS_S.len());
+    trajectory.indicator = cav.indicator;
+    let axle = cav.pose.point_at(cav.body.front_axle_m(), 0.0);
+    let before_mps = if cav.heading_mps > STANDS_MPS { cav.heading_mps } else { 0.0 };
+    let braking_mps2 = -cav.driver.min_acceleration_mps2;
+    for offset_s in OFFSETS_S {
+        let speed_mps = (before_mps - braking_mps2 * offset_s).max(0.0);
+        let way_m = (before_mps.powi(2) - speed_mps.powi(2)) / (2.0 * braking_mps2);
+        let pose = Pose2 { position: axle + cav.pose.forward() * way_m, ..cav.pose };
         trajectory.points.push(TrajectoryPoint { time_s: now_s + offset_s, pose, speed_mps });
     }
     trajectory

@@ -5,6 +5,8 @@
 #[derive(Clone, Debug)]
 pub struct CdrWriter {
     bytes: Vec<u8>,
+    /// Where the message begins, behind its header.
+    start: usize,
 }
 
 const HEADER: [u8; 4] = [0, 1, 0, 0];
@@ -13,8 +15,13 @@ impl CdrWriter {
     /// Begins a message in a buffer whose old content is dropped.
     pub fn reusing(mut bytes: Vec<u8>) -> Self {
         bytes.clear();
+        Self::behind(bytes)
+    }
+
+    /// Begins a message behind what a buffer holds.
+    pub fn behind(mut bytes: Vec<u8>) -> Self {
         bytes.extend_from_slice(&HEADER);
-        Self { bytes }
+        Self { start: bytes.len(), bytes }
     }
 
     pub fn into_bytes(self) -> Vec<u8> {
@@ -22,9 +29,8 @@ impl CdrWriter {
     }
 
     fn align(&mut self, size: usize) {
-        let used = self.bytes.len() - HEADER.len();
-        let padded = used.next_multiple_of(size);
-        self.bytes.resize(padded + HEADER.len(), 0);
+        let padded = (self.bytes.len() - self.start).next_multiple_of(size);
+        self.bytes.resize(self.start + padded, 0);
     }
 
     pub fn u8(&mut self, value: u8) {
@@ -49,6 +55,19 @@ impl CdrWriter {
     pub fn f64(&mut self, value: f64) {
         self.align(8);
         self.bytes.extend_from_slice(&value.to_le_bytes());
+    }
+
+    /// A sequence of numbers: their count, then they.
+    pub fn f64s(&mut self, numbers: impl ExactSizeIterator<Item = f64>) {
+        let count = numbers.len();
+        self.u32(count as u32);
+        if count > 0 {
+            self.align(8);
+        }
+        let start = self.bytes.len();
+        self.bytes.resize(start + 8 * count, 0);
+        let places = self.bytes[start..].chunks_exact_mut(8);
+        places.zip(numbers).for_each(|(place, number)| place.copy_from_slice(&number.to_le_bytes()));
     }
 
     /// A sequence of bytes: its length, then they.
@@ -141,6 +160,25 @@ mod tests {
         // 15 bytes so far, the double starts at 16.
         assert_eq!(bytes[20..28], 1_f64.to_le_bytes());
         assert_eq!(bytes.len(), 28);
+    }
+
+    #[test]
+    fn messages_are_aligned_wherever_they_begin() {
+        let write = |bytes: Vec<u8>| {
+            let mut cdr = CdrWriter::behind(bytes);
+            cdr.u8(7);
+            cdr.f64s([0.1, 0.2].into_iter());
+            cdr.f64s([].into_iter());
+            cdr.u8(8);
+            cdr.into_bytes()
+        };
+        let alone = write(Vec::new());
+        for before in 1..9 {
+            assert_eq!(write(vec![9; before])[before..], alone);
+        }
+        let mut read = CdrReader::new(&alone).unwrap();
+        assert_eq!((read.u8(), read.f64s()), (Some(7), Some(vec![0.1, 0.2])));
+        assert_eq!((read.f64s(), read.u8(), read.u8()), (Some(vec![]), Some(8), None));
     }
 
     #[test]

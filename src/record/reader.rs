@@ -77,7 +77,9 @@ impl LogReader {
         if log.metadata.is_empty() {
             let why = match torn {
                 Some(why) => format!("{why}; give the run.mcap of a run"),
-                None => "it does not say what was run; give the run.mcap of a run of City3D".to_owned(),
+                None => "it does not say what was run; give the run.mcap of a run of City3D. Of a bag of poses city3d \
+                         replay BAG --scenario SCENARIO --out DIR makes a run"
+                    .to_owned(),
             };
             return Err(no_log(path, why));
         }

@@ -1,8 +1,9 @@
 //! Writes the files of a run off the simulation's thread, through a bounded channel.
 
+use super::log::CommandKind;
 use super::{LogWriter, NetworkCommand, Origin, VehicleTable};
 use crate::scenario::Experiment;
-use crate::snapshot::{Event, FrameSnapshot, SimCommand};
+use crate::snapshot::{Event, FrameSnapshot, SimCommand, VehicleState};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -27,12 +28,50 @@ pub enum RecordError {
 
 #[derive(Debug)]
 enum Item {
-    Snapshot { snapshot: Box<FrameSnapshot>, in_log: bool, in_table: bool },
+    Snapshot {
+        snapshot: FrameSnapshot,
+        in_log: bool,
+        in_table: bool,
+    },
     Event(Event),
-    Commands { tick: u64, time_s: f64, commands: Vec<SimCommand> },
-    Tick { tick: u64, time_s: f64, state_hash: u64 },
-    Network { time_s: f64, command: NetworkCommand },
+    /// Its message is so many of the batch's bytes.
+    Command {
+        kind: CommandKind,
+        time_s: f64,
+        length: usize,
+    },
+    Tick {
+        tick: u64,
+        time_s: f64,
+        state_hash: u64,
+    },
+    Network {
+        time_s: f64,
+        command: NetworkCommand,
+    },
     Flush,
+}
+
+/// What is handed over at once, and comes back empty with the memory that it has.
+///
+/// Commands are encoded before they are handed over: copies of them would be allocated by one thread and freed by the
+/// other, which costs the run more than the encoding.
+#[derive(Debug, Default)]
+struct Batch {
+    items: Vec<Item>,
+    /// The messages of its commands, one behind the other.
+    bytes: Vec<u8>,
+    /// Vehicles of its snapshots.
+    vehicles: usize,
+    /// Snapshots that were written.
+    spent: Vec<FrameSnapshot>,
+}
+
+impl Batch {
+    fn is_full(&self) -> bool {
+        let size = self.bytes.len() + self.vehicles * size_of::<VehicleState>();
+        size >= BATCH_BYTES || self.items.len() >= BATCH_ITEMS
+    }
 }
 
 /// What is written how often, in ticks.
@@ -45,19 +84,21 @@ pub struct Cadence {
     pub flush_ticks: u64,
 }
 
-/// Items are handed over so many at a time: waking the writer for each costs more than making it.
-const BATCH: usize = 16;
-/// Batches that may wait to be written, some hundred ticks: the simulation waits for the disk rather than fill memory, but
-/// not for each chunk that is compressed.
-const QUEUE: usize = 64;
+/// What has come is handed over when it takes so many bytes: waking the writer takes ten microseconds.
+const BATCH_BYTES: usize = 512 << 10;
+/// Or when it is so many items, where they are small.
+const BATCH_ITEMS: usize = 4096;
+/// Batches that may wait to be written: the simulation waits for the disk rather than fill memory, but not for each chunk
+/// that is compressed.
+const QUEUE: usize = 32;
 
 /// Writes `run.mcap` and `vehicles.csv` into a folder.
 #[derive(Debug)]
 pub struct Recorder {
-    items: Option<SyncSender<Vec<Item>>>,
+    batches: Option<SyncSender<Batch>>,
     /// Not yet handed over.
-    batch: Vec<Item>,
-    spent: Receiver<Box<FrameSnapshot>>,
+    batch: Batch,
+    written: Receiver<Batch>,
     thread: Option<JoinHandle<Result<(), RecordError>>>,
     cadence: Cadence,
 }
@@ -77,14 +118,15 @@ impl Recorder {
         let create = |path: &Path| File::create(path).map(BufWriter::new).map_err(|e| failed(path, e));
         let log = LogWriter::new(create(&log_path)?, experiment, origin).map_err(|e| failed(&log_path, e))?;
         let table = VehicleTable::new(create(&table_path)?).map_err(|e| failed(&table_path, e))?;
-        let (items, queue) = sync_channel(QUEUE);
-        let (give_back, spent) = sync_channel(QUEUE * BATCH);
+        let (batches, queue) = sync_channel(QUEUE);
+        let (give_back, written) = sync_channel(QUEUE);
         let files = Files { log, table, log_path, table_path };
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || files.write_all(&queue, &give_back))
             .map_err(|error| failed(folder, error))?;
-        Ok(Self { items: Some(items), batch: Vec::new(), spent, thread: Some(thread), cadence })
+        let batch = Batch::default();
+        Ok(Self { batches: Some(batches), batch, written, thread: Some(thread), cadence })
     }
 
     /// Takes a tick in: its snapshot when one is due, and its events.
@@ -92,34 +134,35 @@ impl Recorder {
     /// # Errors
     /// What went wrong when a file could not be written.
     pub fn record(&mut self, snapshot: &FrameSnapshot, events: &[Event]) -> Result<(), RecordError> {
-        for event in events {
-            self.send(Item::Event(event.clone()))?;
-        }
         let FrameSnapshot { tick, time_s, state_hash, .. } = *snapshot;
-        self.send(Item::Tick { tick, time_s, state_hash })?;
-        let in_log = snapshot.tick.is_multiple_of(self.cadence.log_ticks);
-        let in_table = snapshot.tick.is_multiple_of(self.cadence.table_ticks);
+        let items = &mut self.batch.items;
+        items.extend(events.iter().cloned().map(Item::Event));
+        items.push(Item::Tick { tick, time_s, state_hash });
+        let in_log = tick.is_multiple_of(self.cadence.log_ticks);
+        let in_table = tick.is_multiple_of(self.cadence.table_ticks);
         if in_log || in_table {
-            let mut copy = self.spent.try_recv().unwrap_or_default();
+            let mut copy = self.batch.spent.pop().unwrap_or_default();
             copy.assign(snapshot);
-            self.send(Item::Snapshot { snapshot: copy, in_log, in_table })?;
+            items.push(Item::Snapshot { snapshot: copy, in_log, in_table });
+            self.batch.vehicles += snapshot.vehicles.len();
         }
-        if snapshot.tick.is_multiple_of(self.cadence.flush_ticks) {
-            self.send(Item::Flush)?;
-            self.hand_over()?;
+        let is_flushed = tick.is_multiple_of(self.cadence.flush_ticks);
+        if is_flushed {
+            items.push(Item::Flush);
         }
-        Ok(())
+        if is_flushed || self.batch.is_full() { self.hand_over() } else { Ok(()) }
     }
 
     /// Takes the commands in that the step which begins at a tick applies, in their order.
-    ///
-    /// # Errors
-    /// What went wrong when a file could not be written.
-    pub fn commands(&mut self, tick: u64, time_s: f64, commands: &[SimCommand]) -> Result<(), RecordError> {
-        if commands.is_empty() {
-            return Ok(());
+    pub fn commands(&mut self, tick: u64, time_s: f64, commands: &[SimCommand]) {
+        for command in commands {
+            let bytes = &mut self.batch.bytes;
+            let start = bytes.len();
+            if let Some(kind) = CommandKind::encode(tick, command, bytes) {
+                let length = bytes.len() - start;
+                self.batch.items.push(Item::Command { kind, time_s, length });
+            }
         }
-        self.send(Item::Commands { tick, time_s, commands: commands.to_vec() })
     }
 
     /// Takes in what came over the laboratory's link.
@@ -127,17 +170,15 @@ impl Recorder {
     /// # Errors
     /// What went wrong when a file could not be written.
     pub fn network(&mut self, time_s: f64, command: NetworkCommand) -> Result<(), RecordError> {
-        self.send(Item::Network { time_s, command })
-    }
-
-    fn send(&mut self, item: Item) -> Result<(), RecordError> {
-        self.batch.push(item);
-        if self.batch.len() < BATCH { Ok(()) } else { self.hand_over() }
+        self.batch.items.push(Item::Network { time_s, command });
+        // A city that stands still has no ticks.
+        if self.batch.is_full() { self.hand_over() } else { Ok(()) }
     }
 
     fn hand_over(&mut self) -> Result<(), RecordError> {
-        let batch = std::mem::take(&mut self.batch);
-        let is_sent = self.items.as_ref().is_some_and(|items| items.send(batch).is_ok());
+        let empty = self.written.try_recv().unwrap_or_default();
+        let full = std::mem::replace(&mut self.batch, empty);
+        let is_sent = self.batches.as_ref().is_some_and(|batches| batches.send(full).is_ok());
         if is_sent { Ok(()) } else { self.join().and(Err(RecordError::Thread)) }
     }
 
@@ -151,7 +192,7 @@ impl Recorder {
     }
 
     fn join(&mut self) -> Result<(), RecordError> {
-        self.items = None;
+        self.batches = None;
         let Some(thread) = self.thread.take() else { return Ok(()) };
         thread.join().unwrap_or(Err(RecordError::Thread))
     }
@@ -172,40 +213,52 @@ struct Files {
 impl Files {
     fn write_all(
         mut self,
-        queue: &Receiver<Vec<Item>>,
-        give_back: &SyncSender<Box<FrameSnapshot>>,
+        queue: &Receiver<Batch>,
+        give_back: &SyncSender<Batch>,
     ) -> Result<(), RecordError> {
-        for item in queue.iter().flatten() {
+        for mut batch in queue {
+            self.write(&mut batch)?;
+            // A full return channel only means that memory is taken anew.
+            let _ = give_back.try_send(batch);
+        }
+        self.log.finish().map_err(|e| failed(&self.log_path, e))?;
+        self.table.finish().map_err(|e| failed(&self.table_path, e))
+    }
+
+    /// Writes a batch and leaves it empty.
+    fn write(&mut self, batch: &mut Batch) -> Result<(), RecordError> {
+        let (log_failed, mut messages) = (|error| failed(&self.log_path, error), &batch.bytes[..]);
+        for item in batch.items.drain(..) {
             match item {
-                Item::Event(event) => self.log.event(&event).map_err(|e| failed(&self.log_path, e))?,
-                Item::Commands { tick, time_s, commands } => {
-                    for command in &commands {
-                        self.log.command(tick, time_s, command).map_err(|e| failed(&self.log_path, e))?;
-                    }
+                Item::Event(event) => self.log.event(&event).map_err(log_failed)?,
+                Item::Command { kind, time_s, length } => {
+                    let (message, rest) = messages.split_at(length);
+                    messages = rest;
+                    self.log.encoded(kind, time_s, message).map_err(log_failed)?;
                 }
                 Item::Tick { tick, time_s, state_hash } => {
-                    self.log.tick(tick, time_s, state_hash).map_err(|e| failed(&self.log_path, e))?;
+                    self.log.tick(tick, time_s, state_hash).map_err(log_failed)?;
                 }
                 Item::Network { time_s, command } => {
-                    self.log.network(time_s, &command).map_err(|e| failed(&self.log_path, e))?;
+                    self.log.network(time_s, &command).map_err(log_failed)?;
                 }
                 Item::Flush => {
-                    self.log.flush().map_err(|e| failed(&self.log_path, e))?;
+                    self.log.flush().map_err(log_failed)?;
                     self.table.flush().map_err(|e| failed(&self.table_path, e))?;
                 }
                 Item::Snapshot { snapshot, in_log, in_table } => {
                     if in_log {
-                        self.log.snapshot(&snapshot).map_err(|e| failed(&self.log_path, e))?;
+                        self.log.snapshot(&snapshot).map_err(log_failed)?;
                     }
                     if in_table {
                         self.table.rows(&snapshot).map_err(|e| failed(&self.table_path, e))?;
                     }
-                    // A full return channel only means that the buffer is made anew.
-                    let _ = give_back.try_send(snapshot);
+                    batch.spent.push(snapshot);
                 }
             }
         }
-        self.log.finish().map_err(|e| failed(&self.log_path, e))?;
-        self.table.finish().map_err(|e| failed(&self.table_path, e))
+        batch.bytes.clear();
+        batch.vehicles = 0;
+        Ok(())
     }
 }

@@ -142,20 +142,36 @@ const DRIVE: u8 = 0;
 const RELEASE: u8 = 1;
 const REMOVE: u8 = 2;
 
-/// The message of a command that is for a vehicle and comes from a person; `None` for others.
-pub fn encode_command(tick: u64, command: &SimCommand, buffer: Vec<u8>) -> Option<Vec<u8>> {
-    let (vehicle, kind, pedals) = match command {
-        SimCommand::Drive(vehicle, pedals) => (vehicle, DRIVE, *pedals),
-        SimCommand::Release(vehicle) => (vehicle, RELEASE, Pedals::default()),
-        SimCommand::Remove(vehicle) => (vehicle, REMOVE, Pedals::default()),
-        SimCommand::Start
-        | SimCommand::Pause
-        | SimCommand::Reset
-        | SimCommand::Spawn(_)
-        | SimCommand::Measure(..)
-        | SimCommand::Follow(_) => return None,
-    };
-    let mut cdr = CdrWriter::reusing(buffer);
+/// What a person does with a vehicle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PersonCommand {
+    vehicle: VehicleId,
+    kind: u8,
+    pedals: Pedals,
+}
+
+impl PersonCommand {
+    /// `None` for commands that come from no person, or for no vehicle.
+    pub fn of(command: &SimCommand) -> Option<Self> {
+        let (vehicle, kind, pedals) = match command {
+            SimCommand::Drive(vehicle, pedals) => (*vehicle, DRIVE, *pedals),
+            SimCommand::Release(vehicle) => (*vehicle, RELEASE, Pedals::default()),
+            SimCommand::Remove(vehicle) => (*vehicle, REMOVE, Pedals::default()),
+            SimCommand::Start
+            | SimCommand::Pause
+            | SimCommand::Reset
+            | SimCommand::Spawn(_)
+            | SimCommand::Measure(..)
+            | SimCommand::Follow(_) => return None,
+        };
+        Some(Self { vehicle, kind, pedals })
+    }
+}
+
+/// Adds the message of what a person does to a buffer.
+pub fn encode_command(tick: u64, command: PersonCommand, buffer: Vec<u8>) -> Vec<u8> {
+    let PersonCommand { vehicle, kind, pedals } = command;
+    let mut cdr = CdrWriter::behind(buffer);
     cdr.u64(tick);
     cdr.u32(vehicle.0);
     cdr.u8(kind);
@@ -163,7 +179,7 @@ pub fn encode_command(tick: u64, command: &SimCommand, buffer: Vec<u8>) -> Optio
     for number in [pedals.gas, pedals.brake, pedals.handbrake, pedals.steering_rad] {
         cdr.f64(number);
     }
-    Some(cdr.into_bytes())
+    cdr.into_bytes()
 }
 
 /// The tick and the command of a message; `None` for what is none.
@@ -202,8 +218,9 @@ float64[3] position
 float64[4] orientation
 ";
 
+/// Adds the message of a measured pose to a buffer.
 pub fn encode_measured(tick: u64, vehicle: VehicleId, pose: &MeasuredPose, buffer: Vec<u8>) -> Vec<u8> {
-    let mut cdr = CdrWriter::reusing(buffer);
+    let mut cdr = CdrWriter::behind(buffer);
     cdr.u64(tick);
     cdr.u32(vehicle.0);
     cdr.f64(pose.stamp_s);
@@ -266,25 +283,21 @@ float64[] speed
 const YIELDING: u8 = 1;
 const FINISHED: u8 = 2;
 
+/// Adds the message of a trajectory to a buffer.
 pub fn encode_trajectory(tick: u64, trajectory: &Trajectory, buffer: Vec<u8>) -> Vec<u8> {
-    let mut cdr = CdrWriter::reusing(buffer);
+    let mut cdr = CdrWriter::behind(buffer);
     cdr.u64(tick);
     cdr.u32(trajectory.vehicle.0);
     cdr.u32(trajectory.sequence);
     let state = (u8::from(trajectory.yielding) * YIELDING) | (u8::from(trajectory.finished) * FINISHED);
     cdr.u8(state | indicator_bits(trajectory.indicator));
     // Columns of like numbers compress better than rows of unlike ones.
-    let columns: [fn(&TrajectoryPoint) -> f64; 5] = [
-        |point| point.time_s,
-        |point| point.pose.position.x,
-        |point| point.pose.position.y,
-        |point| point.pose.yaw_rad,
-        |point| point.speed_mps,
-    ];
-    for column in columns {
-        cdr.u32(trajectory.points.len() as u32);
-        trajectory.points.iter().for_each(|point| cdr.f64(column(point)));
-    }
+    let points = &trajectory.points;
+    cdr.f64s(points.iter().map(|point| point.time_s));
+    cdr.f64s(points.iter().map(|point| point.pose.position.x));
+    cdr.f64s(points.iter().map(|point| point.pose.position.y));
+    cdr.f64s(points.iter().map(|point| point.pose.yaw_rad));
+    cdr.f64s(points.iter().map(|point| point.speed_mps));
     cdr.into_bytes()
 }
 
@@ -472,7 +485,7 @@ mod tests {
             finished: false,
             indicator: Indicator::Right,
         };
-        let bytes = encode_trajectory(3, &trajectory, vec![1; 3]);
+        let bytes = encode_trajectory(3, &trajectory, Vec::new());
         assert_eq!(decode_trajectory(&bytes), Some((3, trajectory)));
         assert_eq!(decode_trajectory(&bytes[..bytes.len() - 1]), None);
         assert_eq!(decode_tick(&encode_tick(4, u64::MAX, Vec::new())), Some((4, u64::MAX)));
@@ -538,7 +551,7 @@ mod tests {
         let position = DVec3::new(1.0 / 3.0, -2e-300, 7.5);
         let orientation = DQuat::from_xyzw(0.1, -0.2, 0.3, 0.9);
         let pose = MeasuredPose { stamp_s: 12.34, position, orientation };
-        let bytes = encode_measured(u64::MAX, VehicleId(7), &pose, vec![1; 3]);
+        let bytes = encode_measured(u64::MAX, VehicleId(7), &pose, Vec::new());
         assert_eq!(decode_measured(&bytes), Some((u64::MAX, SimCommand::Measure(VehicleId(7), pose))));
         assert_eq!(decode_measured(&bytes[..bytes.len() - 1]), None);
     }
@@ -559,10 +572,10 @@ mod tests {
             SimCommand::Release(VehicleId(70_000)),
             SimCommand::Remove(VehicleId(0)),
         ] {
-            let bytes = encode_command(u64::MAX, &command, vec![1; 3]).unwrap();
+            let bytes = encode_command(u64::MAX, PersonCommand::of(&command).unwrap(), Vec::new());
             assert_eq!(decode_command(&bytes), Some((u64::MAX, command)));
             assert_eq!(decode_command(&bytes[..bytes.len() - 1]), None);
         }
-        assert_eq!(encode_command(0, &SimCommand::Reset, Vec::new()), None);
+        assert_eq!(PersonCommand::of(&SimCommand::Reset), None);
     }
 }

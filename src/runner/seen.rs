@@ -4,6 +4,8 @@
 use crate::scenario::Experiment;
 use crate::snapshot::{Event, EventKind, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState};
 use crate::wire::{Measurement, Poses, Seen};
+use glam::DVec3;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// As for vehicles of the world: one stands below the first speed, and moves again above the second.
@@ -17,11 +19,27 @@ pub struct SeenCity {
     snapshot: FrameSnapshot,
     /// Since when each vehicle of the snapshot stands.
     standing_since_s: Vec<Option<f64>>,
+    /// Velocities of vehicles that are seen for the first time, or again, city metres a second.
+    expected_mps: BTreeMap<VehicleId, DVec3>,
+    /// All that have been seen.
+    met: BTreeSet<VehicleId>,
 }
 
 impl SeenCity {
     pub fn new(experiment: Arc<Experiment>) -> Self {
-        Self { experiment, snapshot: FrameSnapshot::default(), standing_since_s: Vec::new() }
+        Self {
+            experiment,
+            snapshot: FrameSnapshot::default(),
+            standing_since_s: Vec::new(),
+            expected_mps: BTreeMap::new(),
+            met: BTreeSet::new(),
+        }
+    }
+
+    /// How a vehicle moves, laboratory metres a second, when it is seen for the first time or again: one pose does
+    /// not tell, and without this it begins at rest.
+    pub fn expect(&mut self, vehicle: VehicleId, velocity_mps: DVec3) {
+        self.expected_mps.insert(vehicle, velocity_mps * self.experiment.scale.factor());
     }
 
     pub fn snapshot(&self) -> &FrameSnapshot {
@@ -45,9 +63,14 @@ impl SeenCity {
             self.standing_since_s.push(since_s);
             self.snapshot.vehicles.push(state);
         }
+        self.expected_mps.clear();
         let ids = |vehicles: &[VehicleState]| vehicles.iter().map(|state| state.id).collect::<Vec<_>>();
         if ids(&before) != ids(&self.snapshot.vehicles) {
             self.snapshot.roster = self.roster();
+            let is_there = |id: &VehicleId| self.snapshot.vehicle(*id).is_some();
+            let lost: Vec<VehicleId> = ids(&before).into_iter().filter(|id| !is_there(id)).collect();
+            let unseen = |vehicle| Event { time_s: head.time_s, vehicle, kind: EventKind::Unseen };
+            self.snapshot.events.extend(lost.into_iter().map(unseen));
         }
         &self.snapshot
     }
@@ -66,6 +89,9 @@ impl SeenCity {
                 state.acceleration_mps2 = (state.speed_mps - old.speed_mps) / dt_s;
                 state.distance_m += state.speed_mps.abs() * dt_s;
             }
+        } else if let Some(&velocity_mps) = self.expected_mps.get(&id) {
+            state.velocity_mps = velocity_mps;
+            state.speed_mps = velocity_mps.truncate().dot(state.forward());
         }
         state
     }
@@ -75,7 +101,7 @@ impl SeenCity {
         let (time_s, vehicle, status) = (self.snapshot.time_s, state.id, state.status);
         let mut happened = |kind| self.snapshot.events.push(Event { time_s, vehicle, kind });
         if old.is_none() {
-            happened(EventKind::Spawn);
+            happened(if self.met.insert(vehicle) { EventKind::Spawn } else { EventKind::SeenAgain });
         }
         if old != Some(status) {
             match status {

@@ -16,8 +16,9 @@ pub struct VehicleSummary {
     pub mean_speed_mps: f64,
     pub stops: u32,
     pub longest_stand_s: f64,
-    pub mean_lateral_error_m: f64,
-    pub max_lateral_error_m: f64,
+    /// `None` where nobody has told what path it was to follow.
+    pub mean_lateral_error_m: Option<f64>,
+    pub max_lateral_error_m: Option<f64>,
     /// How far the outline reached beyond its lane's edges; negative is the room that was left.
     pub max_lane_excess_m: f64,
     pub collisions: u32,
@@ -91,6 +92,15 @@ pub struct PicturesSummary {
 }
 
 impl Summary {
+    /// Of vehicles that only their poses are known of.
+    #[must_use]
+    pub fn of_poses(mut self) -> Self {
+        for vehicle in self.vehicles.values_mut() {
+            (vehicle.mean_lateral_error_m, vehicle.max_lateral_error_m) = (None, None);
+        }
+        self
+    }
+
     pub fn new(
         experiment: &Experiment,
         observer: &Observer,
@@ -110,8 +120,8 @@ impl Summary {
                 mean_speed_mps: distance_m / simulated_s.max(1e-9),
                 stops: totals.stops,
                 longest_stand_s: totals.longest_stand_s,
-                mean_lateral_error_m: totals.lateral_error_sum_m / totals.samples.max(1) as f64,
-                max_lateral_error_m: totals.max_lateral_error_m,
+                mean_lateral_error_m: Some(totals.lateral_error_sum_m / totals.samples.max(1) as f64),
+                max_lateral_error_m: Some(totals.max_lateral_error_m),
                 max_lane_excess_m: Some(totals.max_lane_excess_m)
                     .filter(|excess_m| excess_m.is_finite())
                     .unwrap_or(0.0),

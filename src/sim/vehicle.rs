@@ -271,6 +271,10 @@ impl SimVehicle {
         }
     }
 
+    fn moves(&self) -> bool {
+        self.motion.speed_mps.abs() >= STANDS_MPS
+    }
+
     fn update_status(&mut self) {
         let (is_physical, is_seen) = (self.is_physical(), self.is_seen());
         self.state.status = match self.driver {
@@ -281,7 +285,8 @@ impl SimVehicle {
                 Some(false) => Status::Unseen,
             },
             Driver::Human(_) => Status::Manual,
-            Driver::Algorithm if self.heard_s.is_none() => Status::Waiting,
+            // One that is set up in motion drives until it stands.
+            Driver::Algorithm if self.heard_s.is_none() && !self.moves() => Status::Waiting,
             Driver::Algorithm if self.is_link_lost => Status::LinkLost,
             Driver::Algorithm if self.is_finished => Status::Finished,
             Driver::Algorithm if self.is_yielding => Status::Yielding,

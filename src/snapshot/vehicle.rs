@@ -20,13 +20,14 @@ impl fmt::Display for VehicleId {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
-    /// Set up, and no trajectory has come yet.
+    /// Set up, and stands: no trajectory has come yet.
     #[default]
     Waiting,
+    /// On its way.
     Driving,
     /// Held back by a yield sign or the right of way of another.
     Yielding,
-    /// Standing.
+    /// Stands; on no lane too, where a person has left it.
     Stopped,
     /// A person drives.
     Manual,
@@ -112,11 +113,16 @@ pub struct VehicleInfo {
     pub name: String,
     pub dimensions: Dimensions,
     pub appearance: Appearance,
-    /// Name of the dynamics model.
+    /// Name of the dynamics model; none where only its poses are known.
     pub model: String,
 }
 
 impl VehicleInfo {
+    /// Whether more than its poses is known: pedals, steering, where it was to drive.
+    pub fn tells_control(&self) -> bool {
+        !self.model.is_empty()
+    }
+
     /// What of a vehicle's build does not change.
     pub fn of(id: VehicleId, name: &str, appearance: Appearance, spec: &VehicleSpec) -> Self {
         let model = match spec.model {

@@ -1,7 +1,7 @@
 //! The bar at the top: the experiment's controls, its clock, the scenario, and what is shown.
 
 use super::viewpoint::Mode;
-use super::{Action, Look, Preset, Shown, State};
+use super::{Action, Choice, Look, Preset, Shown, State};
 use crate::live::{Order, Phase, Speed};
 use egui::{Button, ComboBox, RichText, Ui};
 use std::path::Path;
@@ -16,7 +16,6 @@ pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec
             ui.label(RichText::new(format!("Replay of {}", replay.name)).strong()).on_hover_text(tip);
         } else {
             run_controls(ui, shown, actions);
-            ui.separator();
             speed(ui, shown.moment.speed, actions);
             clock(ui, shown);
             ui.separator();
@@ -36,11 +35,18 @@ pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec
     });
 }
 
+/// Room of a button of the run, and of what is said of its clock, points.
+const BUTTON: f32 = 72.0;
+const PACE: f32 = 58.0;
+
 fn run_controls(ui: &mut Ui, shown: &Shown<'_>, actions: &mut Vec<Action>) {
     let phase = &shown.moment.phase;
     let can_run = !matches!(phase, Phase::Failed(_));
     let mut button = |ui: &mut Ui, text: &str, enabled: bool, tip: &str, order: Order| {
-        if ui.add_enabled(enabled, Button::new(text)).on_hover_text(tip).clicked() {
+        // Another text takes no other room: what stands beside it stays where it is.
+        let least = if order == Order::Start || order == Order::Pause { BUTTON } else { 0.0 };
+        let button = Button::new(text).min_size(egui::vec2(least, 0.0));
+        if ui.add_enabled(enabled, button).on_hover_text(tip).clicked() {
             actions.push(Action::Order(order));
         }
     };
@@ -61,7 +67,7 @@ fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<Action>) {
     let mut chosen = present;
     ComboBox::from_id_salt("speed")
         .selected_text(speed_label(present))
-        .width(64.0)
+        .width(58.0)
         .show_ui(ui, |ui| {
             for factor in SPEEDS {
                 ui.selectable_value(&mut chosen, Speed::Times(factor), speed_label(Speed::Times(factor)));
@@ -101,14 +107,14 @@ pub fn other_speed(present: Speed, faster: bool) -> Speed {
 
 fn clock(ui: &mut Ui, shown: &Shown<'_>) {
     let moment = shown.moment;
-    let text = format!("{:7.2} s", moment.now.time_s);
+    let text = format!("{:6.2} s", moment.now.time_s);
     let tip =
         format!("Experiment clock, tick {}; the scenario lasts {} s", moment.now.tick, shown.duration_s);
     ui.label(RichText::new(text).monospace().strong()).on_hover_text(&tip);
     ui.label(RichText::new(format!("/ {} s", shown.duration_s)).weak()).on_hover_text(tip);
     let (text, tip) = match &moment.phase {
         Phase::Running => (
-            format!("at {:.2}x", moment.real_time_factor),
+            format!("at {}x", factor(moment.real_time_factor)),
             "Real-time factor: simulated seconds in a second, as measured",
         ),
         Phase::Over => {
@@ -121,7 +127,18 @@ fn clock(ui: &mut Ui, shown: &Shown<'_>) {
     if matches!(moment.phase, Phase::Over | Phase::Failed(_)) {
         text = text.strong().color(ui.visuals().warn_fg_color);
     }
-    ui.label(text).on_hover_text(tip);
+    let line = egui::vec2(PACE, ui.spacing().interact_size.y);
+    let layout = egui::Layout::left_to_right(egui::Align::Center);
+    ui.allocate_ui_with_layout(line, layout, |ui| {
+        ui.set_min_width(PACE);
+        ui.add(egui::Label::new(text).extend()).on_hover_text(tip);
+    });
+}
+
+/// With as many digits as can be read while it changes.
+fn factor(factor: f64) -> String {
+    let digits = if factor < 9.995 { 2 } else { usize::from(factor < 99.95) };
+    format!("{factor:.digits$}")
 }
 
 fn scenario(ui: &mut Ui, shown: &Shown<'_>, actions: &mut Vec<Action>) {
@@ -132,14 +149,23 @@ fn scenario(ui: &mut Ui, shown: &Shown<'_>, actions: &mut Vec<Action>) {
     };
     let picker = ComboBox::from_id_salt("scenario").selected_text(short(shown.scenario));
     let choices = |ui: &mut Ui| {
-        for name in shown.scenarios {
-            let chosen = ui.selectable_label(name == shown.scenario, short(name)).on_hover_text(name);
+        for Choice { name, description } in shown.scenarios {
+            let mut chosen = ui.selectable_label(name == shown.scenario, short(name));
+            if short(name) != *name {
+                chosen = chosen.on_hover_text(name);
+            }
+            if !description.is_empty() {
+                chosen = chosen.on_hover_text(description);
+            }
             if chosen.clicked() && name != shown.scenario {
                 actions.push(Action::Scenario(name.clone()));
             }
         }
     };
-    let tip = format!("The experiment {}; another one begins at its start", shown.scenario);
+    let present = shown.scenarios.iter().find(|choice| choice.name == shown.scenario);
+    let about = present.map(|choice| choice.description.as_str()).filter(|about| !about.is_empty());
+    let tip = about.map_or_else(String::new, |about| format!("{about}.\n"));
+    let tip = format!("{tip}The experiment {}; another one begins at its start", shown.scenario);
     picker.show_ui(ui, choices).response.on_hover_text(tip);
 }
 
@@ -219,6 +245,12 @@ mod tests {
         assert_eq!(other_speed(Speed::Times(0.1), false), Speed::Times(0.1));
         assert_eq!(other_speed(Speed::Times(20.0), true), Speed::Unlimited);
         assert_eq!(other_speed(Speed::Unlimited, false), Speed::Times(20.0));
+    }
+
+    #[test]
+    fn factors_of_all_sizes_take_about_the_same_room() {
+        let told = [0.984, 9.99, 12.345, 451.2].map(factor);
+        assert_eq!(told, ["0.98", "9.99", "12.3", "451"]);
     }
 
     #[test]

@@ -73,9 +73,17 @@ pub(super) fn name(shown: &Shown<'_>, mark: &Mark) -> String {
 
 /// Shows what happened then, and who it happened to.
 pub(super) fn go_to(mark: &Mark, state: &mut State, actions: &mut Vec<Action>) {
+    let cue = attend(mark, state);
+    actions.push(Action::Cue(cue));
+}
+
+/// Brings who it happened to into sight; the cue leads to the time.
+pub(super) fn attend(mark: &Mark, state: &mut State) -> Cue {
     state.selection.vehicle = Some(mark.vehicle);
+    state.selection.follow = Some(mark.vehicle);
+    state.viewpoint.come_near();
     state.table.reveal = true;
-    actions.push(Action::Cue(Cue::Show(mark.time_s)));
+    Cue::Show(mark.time_s)
 }
 
 const ROW_HEIGHT: f32 = 18.0;

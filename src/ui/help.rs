@@ -17,6 +17,7 @@ const REPLAY: Section = (
         ("Home  End", "start, end"),
         ("+  -", "faster, slower"),
         ("F3", "list of events"),
+        ("wheel on the timeline", "shows less or more of the run"),
         ("F12", "screenshot"),
         ("Ctrl+Q", "quit"),
     ],
@@ -96,9 +97,11 @@ pub fn window(ui: &Ui, state: &mut State, is_replay: bool) {
                 let ui = &mut columns[index % count];
                 ui.label(RichText::new(*title).strong());
                 egui::Grid::new(*title).num_columns(2).show(ui, |ui| {
-                    for (key, what) in keys.iter().filter(|(key, _)| !(is_replay && *key == "Enter")) {
+                    let keys = keys.iter().filter(|(key, _)| !(is_replay && *key == "Enter"));
+                    for (key, what) in keys {
+                        let what = if is_replay && *key == "Esc" { "close a list, deselect" } else { what };
                         ui.monospace(*key);
-                        ui.label(*what);
+                        ui.label(what);
                         ui.end_row();
                     }
                 });

@@ -24,6 +24,8 @@ pub use events::Events;
 pub use history::{History, KEPT_S, Sample};
 pub use layers::Layers;
 pub use preview::{Eye, Preview};
+pub use status::is_off_lanes;
+pub use timeline::Section;
 pub use vehicles::Table;
 pub use viewpoint::{Mode, Viewpoint};
 
@@ -31,7 +33,7 @@ use crate::camera::View;
 use crate::city::scene::Wall;
 use crate::city::{CityMap, LaneId};
 use crate::cockpit::{Devices, Handling};
-use crate::live::{Moment, Order, Phase};
+use crate::live::{Moment, Order};
 use crate::playback::{Cue, Mark, Playhead};
 use crate::snapshot::{FrameSnapshot, VehicleId};
 use serde::{Deserialize, Serialize};
@@ -58,7 +60,7 @@ pub struct Shown<'a> {
     pub handling: &'a BTreeMap<VehicleId, Handling>,
     pub scenario: &'a str,
     pub duration_s: f64,
-    pub scenarios: &'a [String],
+    pub scenarios: &'a [Choice],
     /// What is being loaded, in words; nothing changes before it is there.
     pub loading: Option<&'a str>,
     /// Textures of the pictures that were asked for.
@@ -69,8 +71,19 @@ pub struct Shown<'a> {
     pub frames_per_s: f64,
     /// The most pixels that the large view may have while it moves; on a screen with more it is coarser.
     pub most_moving_pixels: Option<u32>,
+    /// Pedals, steering and lateral errors are known; otherwise only poses are.
+    pub tells_control: bool,
     /// A recorded run is shown: nobody drives, and time goes as the user wants.
     pub replay: Option<Replay<'a>>,
+}
+
+/// A scenario that can be picked.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Choice {
+    /// A shipped name, or a file.
+    pub name: String,
+    /// What it is about, as it says itself.
+    pub description: String,
 }
 
 /// A recorded run, and where in it the window is.
@@ -203,6 +216,8 @@ pub struct State {
     pub driving: Option<Driving>,
     /// Which of what happened in a recorded run is shown.
     pub events: Events,
+    /// What the timeline shows of it.
+    pub section: Section,
     /// The place on the timeline is being dragged.
     pub is_scrubbing: bool,
     /// Gamepads and steering wheels.
@@ -226,6 +241,7 @@ impl State {
             widths: Widths::default(),
             driving: None,
             events: Events::default(),
+            section: Section::default(),
             is_scrubbing: false,
             devices: Devices::default(),
             notice: None,
@@ -267,11 +283,13 @@ impl State {
     /// Forgets what belongs to vehicles that are not there.
     fn attend(&mut self, shown: &Shown<'_>) {
         let is_there = |id: VehicleId| shown.moment.now.vehicle(id).is_some();
+        let is_late = shown.replay.is_some_and(|replay| replay.is_late);
         // One that a jump has selected may be there only where it leads.
-        if !shown.replay.is_some_and(|replay| replay.is_late) {
+        if !is_late {
             self.selection.vehicle = self.selection.vehicle.filter(|id| is_there(*id));
         }
-        if let Some(vehicle) = self.selection.follow.take() {
+        let is_seen = |id: VehicleId| shown.seen.vehicle(id).is_some();
+        if let Some(vehicle) = self.selection.follow.take_if(|id| !is_late || is_seen(*id)) {
             self.viewpoint.follow = Some(vehicle);
             if matches!(self.viewpoint.mode, Mode::Free | Mode::Overhead) {
                 self.viewpoint.set_mode(Mode::Orbit, Some(vehicle));
@@ -298,6 +316,10 @@ pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Acti
     state.pictures.clear();
     state.attend(shown);
     if let Some(replay) = &shown.replay {
+        if !state.open.events {
+            // Who does not see the list does not see what it leaves out.
+            state.events.filter.clear();
+        }
         state.events.attend(replay.marks);
     }
     keys::act(ui, state, shown, &mut actions);
@@ -333,17 +355,21 @@ pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Acti
     let panel = panel.show(ui, |ui| {
         // However little is in it, a panel keeps its width.
         ui.set_min_width(ui.available_width());
-        let now = (&*shown.moment.now, shown.moment.phase == Phase::Running);
-        vehicles::show(ui, now, shown.drivers, &mut state.table, &mut state.selection);
+        vehicles::show(ui, shown, &mut state.table, &mut state.selection);
     });
     wish(&mut state.widths.vehicles, panel.response.rect.width(), most);
-    let panel = egui::Panel::right(("previews", room(state.widths.previews)));
-    let panel = side(panel, state.widths.previews, 160.0);
-    let panel = panel.show(ui, |ui| {
-        ui.set_min_width(ui.available_width());
-        preview::show_all(ui, state, shown, &mut actions);
-    });
-    wish(&mut state.widths.previews, panel.response.rect.width(), most);
+    if state.previews.is_empty() {
+        let panel = egui::Panel::right("no previews").frame(frame.inner_margin(0)).resizable(false);
+        panel.exact_size(preview::STRIP).show(ui, |ui| preview::strip(ui, state, shown));
+    } else {
+        let panel = egui::Panel::right(("previews", room(state.widths.previews)));
+        let panel = side(panel, state.widths.previews, 160.0);
+        let panel = panel.show(ui, |ui| {
+            ui.set_min_width(ui.available_width());
+            preview::show_all(ui, state, shown, &mut actions);
+        });
+        wish(&mut state.widths.previews, panel.response.rect.width(), most);
+    }
     egui::CentralPanel::no_frame().show(ui, |ui| city::show(ui, state, shown));
     layers::window(ui, state);
     controllers::window(ui, state, &mut actions);
@@ -377,7 +403,9 @@ fn footer(ui: &mut egui::Ui, shown: &Shown<'_>) {
         });
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if shown.frames_per_s > 0.0 {
-                ui.small(format!("{:.0} pictures/s", shown.frames_per_s));
+                // Of one width, so that what stands beside it stays where it is.
+                let text = format!("{:3.0} pictures/s", shown.frames_per_s);
+                ui.label(egui::RichText::new(text).small().monospace());
             }
             ui.add(egui::Label::new(egui::RichText::new(shown.footer).small().weak()).truncate());
         });

@@ -1,12 +1,13 @@
 //! The panels at the right: what one vehicle sees, how it is driven, and how well.
 
-use super::history::{History, KEPT_S, Sample};
+use super::history::{KEPT_S, Sample};
+use super::vehicles::tenths;
 use super::{Action, Picture, Shown, Slot, State, status};
 use crate::camera::{Camera, Lens, Mount, Place, View};
 use crate::snapshot::{FrameSnapshot, VehicleId, VehicleState};
 use egui::emath::GuiRounding as _;
-use egui::{Align2, Color32, ComboBox, FontId, RichText, Sense, Ui, Vec2};
-use egui_plot::{Line, Plot, PlotPoints};
+use egui::{Align2, Color32, ComboBox, FontId, Rangef, RichText, Sense, Ui, Vec2};
+use egui_plot::{AxisHints, GridMark, Line, Plot, PlotPoints};
 use serde::{Deserialize, Serialize};
 
 /// Where a preview looks from.
@@ -66,8 +67,8 @@ impl Preview {
 /// Width over height of the pictures, where there is room.
 const ASPECT: f32 = 4.0 / 3.0;
 /// What a panel needs beside its picture, points: with a plot under the other, and with both side by side.
-const FULL: f32 = 262.0;
-const COMPACT: f32 = 184.0;
+const FULL: f32 = 294.0;
+const COMPACT: f32 = 216.0;
 
 /// How large the parts of a panel are.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,6 +89,34 @@ impl Room {
     }
 }
 
+/// Width of what is there in their place while none is open, points.
+pub const STRIP: f32 = 24.0;
+
+/// A strip that says what would be there, and opens it: of the selected vehicle, else of the first.
+pub fn strip(ui: &mut Ui, state: &mut State, shown: &Shown<'_>) {
+    let rect = ui.available_rect_before_wrap();
+    let response = ui.allocate_rect(rect, Sense::click());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, "Previews"));
+    let visuals = ui.style().interact(&response);
+    if response.hovered() {
+        ui.painter().rect_filled(rect, 0.0, visuals.bg_fill);
+    }
+    let text = "Previews: what a vehicle's camera sees (P)".to_owned();
+    let galley = ui.painter().layout_no_wrap(text, FontId::proportional(13.0), visuals.text_color());
+    // It reads from the top down, and begins where the panel has its heading.
+    let corner = rect.center_top() + Vec2::new(galley.size().y / 2.0, 10.0);
+    let text = egui::epaint::TextShape::new(corner, galley, visuals.text_color());
+    ui.painter().add(text.with_angle(std::f32::consts::FRAC_PI_2));
+    let first = shown.moment.now.vehicles.first().map(|vehicle| vehicle.id);
+    let tip = "Camera, pedals and plots of the selected vehicle (P)";
+    if response.on_hover_text(tip).clicked()
+        && let Some(vehicle) = state.selection.vehicle.or(first)
+    {
+        state.selection.vehicle = Some(vehicle);
+        state.toggle_preview(vehicle);
+    }
+}
+
 /// Shows all panels that are open.
 pub fn show_all(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
     ui.horizontal(|ui| {
@@ -100,10 +129,6 @@ pub fn show_all(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut
             state.toggle_preview(vehicle);
         }
     });
-    if state.previews.is_empty() {
-        ui.label(RichText::new("Select a vehicle and press P to see what its camera sees.").weak());
-        return;
-    }
     let room = Room::of(state.previews.len(), ui.available_size());
     egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         let mut previews = std::mem::take(&mut state.previews);
@@ -140,7 +165,7 @@ fn show(
         super::vehicles::chip(ui, Color32::from_rgb(r, g, b));
         ui.label(RichText::new(format!("{} {}", vehicle.id, info.name)).strong());
         let text = RichText::new(vehicle.status.label()).color(status::colour(vehicle.status));
-        ui.label(text).on_hover_text(status::meaning(vehicle.status));
+        ui.label(text).on_hover_ui(|ui| _ = ui.label(status::reason(vehicle, info, shown.map)));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             is_kept = !ui.small_button("x").on_hover_text("Close this preview").clicked();
         });
@@ -162,8 +187,8 @@ fn show(
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| speed(ui, vehicle));
     });
-    pedals(ui, vehicle);
-    plots(ui, shown.history, preview.vehicle, (now.time_s, room));
+    pedals(ui, vehicle, shown.tells_control);
+    plots(ui, shown, vehicle, room);
     is_kept
 }
 
@@ -197,22 +222,23 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &Shown<'_>, s
 
 fn speed(ui: &mut Ui, vehicle: &VehicleState) {
     let gear = if vehicle.reverse { "  R" } else { "" };
-    let text = format!("{:.1} km/h{gear}", tenths(vehicle.speed_mps * 3.6));
+    let text = format!("{} km/h{gear}", tenths(vehicle.speed_mps * 3.6));
     ui.label(RichText::new(text).monospace().strong()).on_hover_text("Speed along its heading");
 }
 
-/// Steering, gas, brake and handbrake as bars and numbers.
-fn pedals(ui: &mut Ui, vehicle: &VehicleState) {
+/// Steering, gas, brake and handbrake as bars and numbers; without numbers where only poses are known.
+fn pedals(ui: &mut Ui, vehicle: &VehicleState, is_told: bool) {
+    if !is_told {
+        for name in ["Steering", "Gas", "Brake", "Handbrake"] {
+            gauge(ui, name, "-", |_, _| {});
+        }
+        return;
+    }
     let steering_deg = vehicle.steering_rad.to_degrees();
     steering(ui, steering_deg);
     bar(ui, "Gas", vehicle.gas, Color32::from_rgb(90, 170, 90));
     bar(ui, "Brake", vehicle.brake, Color32::from_rgb(205, 80, 70));
     bar(ui, "Handbrake", vehicle.handbrake, Color32::from_rgb(205, 140, 60));
-}
-
-/// To a tenth, and never -0.0.
-fn tenths(value: f64) -> f64 {
-    (value * 10.0).round() / 10.0 + 0.0
 }
 
 const NAME_WIDTH: f32 = 72.0;
@@ -234,7 +260,9 @@ fn bar(ui: &mut Ui, name: &str, value: f64, colour: Color32) {
 
 /// Left is left.
 fn steering(ui: &mut Ui, angle_deg: f64) {
-    gauge(ui, "Steering", &format!("{angle_deg:+.1}\u{b0}"), |painter, rect| {
+    let number = tenths(angle_deg);
+    let sign = if number.starts_with('-') { "" } else { "+" };
+    gauge(ui, "Steering", &format!("{sign}{number}\u{b0}"), |painter, rect| {
         let share = (-angle_deg / STEERING_END_DEG).clamp(-1.0, 1.0) as f32;
         let middle = rect.center().x;
         let end = middle + share * rect.width() / 2.0;
@@ -262,18 +290,27 @@ fn gauge(ui: &mut Ui, name: &str, number: &str, fill: impl FnOnce(&egui::Painter
     fill(&painter, track);
 }
 
-fn plots(ui: &mut Ui, history: &History, vehicle: VehicleId, (now_s, room): (f64, Room)) {
-    let series = |of: fn(&Sample) -> f64| -> Vec<[f64; 2]> {
-        history.of(vehicle).map(|sample| [sample.time_s - now_s, of(sample)]).collect()
+fn plots(ui: &mut Ui, shown: &Shown<'_>, vehicle: &VehicleState, room: Room) {
+    let (history, now_s) = (shown.history, shown.moment.now.time_s);
+    // The last point is what the numbers say: samples lie some ticks apart.
+    let series = |of: fn(&Sample) -> f64, now: f64| -> Vec<[f64; 2]> {
+        let samples = history.of(vehicle.id).filter(|sample| sample.time_s < now_s);
+        samples.map(|sample| [sample.time_s - now_s, of(sample)]).chain([[0.0, now]]).collect()
     };
-    let height = if room.is_compact { 44.0 } else { 56.0 };
+    let height = if room.is_compact { 52.0 } else { 72.0 };
     let blue = Color32::from_rgb(110, 175, 255);
     let speeds = |ui: &mut Ui| {
-        plot(ui, ("Speed, km/h", height), series(|sample| sample.speed_mps * 3.6), (0.0, 50.0), blue);
+        let speeds = series(|sample| sample.speed_mps * 3.6, vehicle.speed_mps * 3.6);
+        plot(ui, ("Speed, km/h", height), speeds, (0.0, 50.0), blue);
     };
     let orange = Color32::from_rgb(235, 160, 80);
     let errors = |ui: &mut Ui| {
-        let errors = series(|sample| sample.lateral_error_m * 100.0);
+        if !shown.tells_control {
+            let tip = "Only poses are known: nobody has told what path it was to follow";
+            ui.label(RichText::new("Lateral error, cm: -").small()).on_hover_text(tip);
+            return;
+        }
+        let errors = series(|sample| sample.lateral_error_m * 100.0, vehicle.lateral_error_m * 100.0);
         plot(ui, ("Lateral error, cm", height), errors, (-10.0, 10.0), orange);
     };
     if room.is_compact {
@@ -294,9 +331,21 @@ fn plot(
     (low, high): (f64, f64),
     colour: Color32,
 ) {
-    let last = points.last().map_or_else(String::new, |[_, value]| format!(" {:.1}", tenths(*value)));
+    let last = points.last().map_or_else(String::new, |[_, value]| format!(" {}", tenths(*value)));
     ui.label(RichText::new(format!("{name}:{last}")).small())
         .on_hover_text(format!("The last {KEPT_S:.0} simulated seconds"));
+    let text = FontId::monospace(9.0);
+    let colour_of_text = ui.visuals().text_color();
+    let axis = |axis: AxisHints<'static>| {
+        axis.tick_label_font(text.clone())
+            .tick_label_color(colour_of_text)
+            .label_spacing(Rangef::new(6.0, 8.0))
+    };
+    let time = axis(AxisHints::new_x()).min_thickness(11.0).formatter(|mark, _| match mark.value {
+        ago if ago > -0.5 => "0 s".to_owned(),
+        ago => format!("{ago:.0}"),
+    });
+    let value = axis(AxisHints::new_y()).min_thickness(26.0).formatter(|mark, _| format!("{}", mark.value));
     Plot::new(name)
         .height(height)
         .include_x(-KEPT_S)
@@ -306,7 +355,39 @@ fn plot(
         .allow_zoom(false)
         .allow_drag(false)
         .allow_scroll(false)
-        .show_axes([false, true])
-        .y_axis_min_width(26.0)
+        .custom_x_axes(vec![time])
+        .custom_y_axes(vec![value])
+        .x_grid_spacer(|_| marks((-KEPT_S, 0.0), KEPT_S / 2.0))
+        .y_grid_spacer(|grid| marks(grid.bounds, round_step(grid.bounds.1 - grid.bounds.0)))
         .show(ui, |plot| plot.line(Line::new(name, PlotPoints::from(points)).color(colour)));
+}
+
+/// Where numbers stand at an axis: at multiples of a step.
+fn marks((from, to): (f64, f64), step: f64) -> Vec<GridMark> {
+    let (first, last) = ((from / step).ceil() as i64, (to / step).floor() as i64);
+    (first..=last).map(|k| GridMark { value: k as f64 * step, step_size: step }).collect()
+}
+
+/// The smallest of 1, 2, 5, 10, 20 ... of which no more than three find room in a span.
+fn round_step(span: f64) -> f64 {
+    let least = (span / 3.0).max(1.0);
+    let power = 10.0_f64.powi(least.log10().floor() as i32);
+    let step = [1.0, 2.0, 5.0].into_iter().find(|step| step * power >= least);
+    step.unwrap_or(10.0) * power
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_have_two_or_three_round_numbers_whatever_they_span() {
+        let values = |from: f64, to: f64| -> Vec<f64> {
+            marks((from, to), round_step(to - from)).iter().map(|mark| mark.value).collect()
+        };
+        assert_eq!(values(-2.5, 52.5), [0.0, 20.0, 40.0]);
+        assert_eq!(values(-11.0, 11.0), [-10.0, 0.0, 10.0]);
+        assert_eq!(values(-11.0, 190.0), [0.0, 100.0]);
+        assert_eq!(values(-2.75, 57.75), [0.0, 50.0]);
+    }
 }

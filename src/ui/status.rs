@@ -1,6 +1,8 @@
 //! Statuses of vehicles on screen: colour and meaning.
 
-use crate::snapshot::Status;
+use crate::city::CityMap;
+use crate::geom::wrap_angle;
+use crate::snapshot::{Status, VehicleInfo, VehicleState};
 use egui::Color32;
 
 /// The colour of a status, readable on a dark ground.
@@ -19,13 +21,38 @@ pub fn colour(status: Status) -> Color32 {
     }
 }
 
+/// A front axle farther than this from every lane, or turned further from it, is on none: more than control bears with.
+const OFF_LANES_M: f64 = 2.5;
+const OFF_LANES_RAD: f64 = 1.0;
+
+/// Whether a vehicle is on no lane, so that no algorithm knows a way for it.
+pub fn is_off_lanes(vehicle: &VehicleState, info: &VehicleInfo, map: &CityMap) -> bool {
+    let pose = vehicle.pose();
+    let axle = pose.point_at(info.dimensions.front_axle_m(), 0.0);
+    map.lanes.iter().all(|lane| {
+        let foot = lane.curve.project(axle);
+        let turn = wrap_angle(pose.yaw_rad - lane.curve.at(foot.s).pose.yaw_rad);
+        foot.distance > OFF_LANES_M || turn.abs() > OFF_LANES_RAD
+    })
+}
+
+/// What a status says of a vehicle, and why it has it where that can be seen.
+pub fn reason(vehicle: &VehicleState, info: &VehicleInfo, map: &CityMap) -> &'static str {
+    match vehicle.status {
+        Status::Stopped if is_off_lanes(vehicle, info, map) => {
+            "Stands on no lane, where its algorithm knows no way: drive it back onto one (Enter)"
+        }
+        status => meaning(status),
+    }
+}
+
 /// What a status says, as tooltips tell it.
 pub fn meaning(status: Status) -> &'static str {
     match status {
-        Status::Waiting => "Set up; no trajectory has come yet",
+        Status::Waiting => "Set up, and stands: no trajectory has come yet",
         Status::Driving => "Follows its trajectory",
         Status::Yielding => "Held back by a yield sign or by the right of way of another",
-        Status::Stopped => "Stands",
+        Status::Stopped => "Stands: behind others, or where a person has left it on no lane",
         Status::Manual => "A person drives",
         Status::LinkLost => "No trajectory for longer than the link timeout: it brakes to a stop on its path",
         Status::Collided => "Has hit something; it brakes and stays. A person who takes it over can drive on",

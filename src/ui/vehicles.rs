@@ -1,6 +1,8 @@
 //! The table of all vehicles.
 
-use super::{Drivers, Selection, status};
+use super::{Drivers, Selection, Shown, status};
+use crate::city::CityMap;
+use crate::live::Phase;
 use crate::snapshot::{FrameSnapshot, Status, VehicleId};
 use egui::{Align, Color32, Layout, RichText, Sense, Ui, Vec2};
 use egui_extras::{Column, TableBuilder};
@@ -135,13 +137,14 @@ fn rows<'a>(snapshot: &'a FrameSnapshot, drivers: &'a Drivers, table: &Table) ->
 }
 
 const ROW_HEIGHT: f32 = 20.0;
-/// Widths of the columns, points: what is usual, and what is readable still.
-const WIDTHS: [(f32, f32); 7] =
-    [(44.0, 40.0), (66.0, 46.0), (50.0, 34.0), (68.0, 56.0), (46.0, 44.0), (46.0, 44.0), (44.0, 42.0)];
+/// Widths of the columns that their usual texts need, points.
+const WIDTHS: [f32; 7] = [40.0, 50.0, 54.0, 52.0, 47.0, 47.0, 40.0];
+/// Columns in which longer texts may come get shares of what is left.
+const SHARES: [f32; 7] = [0.0, 3.0, 2.0, 1.0, 1.0, 1.0, 1.0];
 
 /// The columns that find room, by their places in [`Key::COLUMNS`]: where they lie and who drives go first.
 fn columns(width: f32, spacing: f32) -> Vec<usize> {
-    let needed = |columns: &[usize]| columns.iter().map(|&k| WIDTHS[k].1 + spacing).sum::<f32>();
+    let needed = |columns: &[usize]| columns.iter().map(|&k| WIDTHS[k] + spacing).sum::<f32>();
     let mut columns: Vec<usize> = (0..WIDTHS.len()).collect();
     for dropped in [&[4, 5][..], &[2], &[1]] {
         if needed(&columns) > width {
@@ -153,18 +156,15 @@ fn columns(width: f32, spacing: f32) -> Vec<usize> {
 
 /// Shows the table. A click selects, a double click follows. While the vehicles move the order of the rows changes once a
 /// second.
-pub fn show(
-    ui: &mut Ui,
-    (snapshot, moves): (&FrameSnapshot, bool),
-    drivers: &Drivers,
-    table: &mut Table,
-    selection: &mut Selection,
-) {
-    let shown = rows(snapshot, drivers, table);
+pub fn show(ui: &mut Ui, shown: &Shown<'_>, table: &mut Table, selection: &mut Selection) {
+    let (snapshot, drivers) = (&*shown.moment.now, shown.drivers);
+    let moves = shown.moment.phase == Phase::Running;
+    let map = shown.map;
+    let listed = rows(snapshot, drivers, table);
     ui.horizontal(|ui| {
         ui.heading("Vehicles");
         let all = snapshot.vehicles.len();
-        let count = if shown.len() == all { all.to_string() } else { format!("{} of {all}", shown.len()) };
+        let count = if listed.len() == all { all.to_string() } else { format!("{} of {all}", listed.len()) };
         ui.label(RichText::new(count).weak());
     });
     // From the right, so that the row is never wider than the panel and the panel never grows by it.
@@ -180,12 +180,12 @@ pub fn show(
         ui.add(field);
     });
     // The filter may just have been typed into.
-    let mut shown = rows(snapshot, drivers, table);
+    let mut listed = rows(snapshot, drivers, table);
     if moves {
         let by = (table.key, table.descending);
-        table.held.apply(&mut shown, by, ui.input(|input| input.time));
+        table.held.apply(&mut listed, by, ui.input(|input| input.time));
     }
-    if shown.is_empty() {
+    if listed.is_empty() {
         let text = if snapshot.vehicles.is_empty() {
             "This scenario has no vehicles."
         } else {
@@ -195,26 +195,32 @@ pub fn show(
         ui.label(RichText::new(text).weak());
         return;
     }
-    grid(ui, &shown, table, selection);
+    grid(ui, &listed, (snapshot, map), table, selection);
 }
 
-fn grid(ui: &mut Ui, shown: &[Row<'_>], table: &mut Table, selection: &mut Selection) {
+fn grid(
+    ui: &mut Ui,
+    shown: &[Row<'_>],
+    (snapshot, map): (&FrameSnapshot, &CityMap),
+    table: &mut Table,
+    selection: &mut Selection,
+) {
     // A click on a text of a row means the row.
     ui.style_mut().interaction.selectable_labels = false;
     let spacing = ui.spacing().item_spacing.x;
     let scrollbar = ui.spacing().scroll.bar_width + ui.spacing().scroll.bar_inner_margin;
     let width = ui.available_width() - scrollbar;
     let columns = columns(width, spacing);
-    let usual: f32 = columns.iter().map(|&k| WIDTHS[k].0).sum();
-    let share = ((width - spacing * columns.len() as f32) / usual).max(0.0);
+    let needed: f32 = columns.iter().map(|&k| WIDTHS[k] + spacing).sum();
+    let shares: f32 = columns.iter().map(|&k| SHARES[k]).sum();
+    let share = ((width - needed) / shares).max(0.0);
     let mut builder = TableBuilder::new(ui)
         .striped(true)
         .sense(Sense::click())
         .auto_shrink(false)
         .cell_layout(Layout::left_to_right(Align::Center));
     for &k in &columns {
-        let (usual_width, least) = WIDTHS[k];
-        builder = builder.column(Column::exact((usual_width * share).max(least)).clip(true));
+        builder = builder.column(Column::exact(WIDTHS[k] + SHARES[k] * share).clip(true));
     }
     if std::mem::take(&mut table.reveal)
         && let Some(row) = shown.iter().position(|row| Some(row.id) == selection.vehicle)
@@ -240,7 +246,12 @@ fn grid(ui: &mut Ui, shown: &[Row<'_>], table: &mut Table, selection: &mut Selec
                 if response.double_clicked() {
                     selection.follow = Some(row.id);
                 }
-                response.on_hover_text(status::meaning(row.status));
+                response.on_hover_ui(|ui| {
+                    let found = snapshot.vehicle(row.id).zip(snapshot.info(row.id));
+                    let why = found.map(|(vehicle, info)| status::reason(vehicle, info, map));
+                    ui.label(format!("{} {}, driver {}", row.id, row.name, row.driver));
+                    ui.label(format!("{}: {}", row.status.label(), why.unwrap_or_default()));
+                });
             });
         });
 }
@@ -280,8 +291,8 @@ fn number(ui: &mut Ui, value: f64) {
     ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.monospace(tenths(value)));
 }
 
-/// With one digit behind the point, and no minus before nothing.
-fn tenths(number: f64) -> String {
+/// With one digit behind the point, and no minus before nothing: all panels tell a number alike.
+pub fn tenths(number: f64) -> String {
     format!("{:.1}", (number * 10.0).round() / 10.0 + 0.0)
 }
 
@@ -321,8 +332,36 @@ mod tests {
     }
 
     #[test]
+    fn usual_texts_are_not_cut_off() {
+        let wide = [
+            (Key::Name, "path2_b", false),
+            (Key::Driver, "recorded", false),
+            (Key::Status, "collided", false),
+            (Key::Status, "link lost", false),
+            (Key::Status, "yielding", false),
+            (Key::X, "-165.3", true),
+            (Key::Y, "-165.3", true),
+            (Key::Speed, "100.0", true),
+        ];
+        let context = egui::Context::default();
+        let mut checked = 0;
+        let mut output = context.run_ui(egui::RawInput::default(), |ui| {
+            for (key, text, is_number) in wide {
+                let style = if is_number { egui::TextStyle::Monospace } else { egui::TextStyle::Body };
+                let font = style.resolve(ui.style());
+                let size = ui.painter().layout_no_wrap(text.to_owned(), font, Color32::WHITE).size();
+                let column = Key::COLUMNS.iter().position(|(other, ..)| *other == key).unwrap();
+                assert!(size.x <= WIDTHS[column], "{text}: {} of {}", size.x, WIDTHS[column]);
+                checked += 1;
+            }
+        });
+        output.textures_delta.clear();
+        assert!(checked >= wide.len());
+    }
+
+    #[test]
     fn a_narrow_table_drops_what_matters_least() {
-        assert_eq!(columns(400.0, 8.0), [0, 1, 2, 3, 4, 5, 6]);
+        assert_eq!(columns(390.0, 8.0), [0, 1, 2, 3, 4, 5, 6]);
         assert_eq!(columns(290.0, 8.0), [0, 1, 2, 3, 6]);
         assert_eq!(columns(230.0, 8.0), [0, 1, 3, 6]);
         assert_eq!(columns(160.0, 8.0), [0, 3, 6]);

@@ -47,6 +47,8 @@ pub struct Viewpoint {
     pub follow: Option<VehicleId>,
     /// Looks back from the vehicle.
     pub rear: bool,
+    /// Corners of the ground that shall be seen whole, until somebody moves the camera.
+    whole: Option<[DVec2; 2]>,
     target: DVec3,
     distance_m: f64,
     azimuth_rad: f64,
@@ -57,6 +59,14 @@ pub struct Viewpoint {
     pitch_rad: f64,
 }
 
+/// What drives is seen with so much of the city around it.
+const AROUND_M: f64 = 18.0;
+/// It takes no more than this share of the picture.
+const MOST_OF_PICTURE: f64 = 0.92;
+/// The distance of a camera that nobody has moved.
+const UNMOVED_M: [f64; 2] = [50.0, 240.0];
+/// What happens to a vehicle is looked at from no farther away.
+const EVENT_M: f64 = 60.0;
 const NEAREST_M: f64 = 3.0;
 const FARTHEST_M: f64 = 600.0;
 const LOWEST_RAD: f64 = 0.03;
@@ -72,11 +82,13 @@ impl Viewpoint {
         let high = positions().fold(DVec3::NEG_INFINITY, DVec3::max);
         let (target, reach_m) =
             if low.is_finite() { ((low + high) / 2.0, (high - low).length()) } else { (DVec3::ZERO, 150.0) };
-        let distance_m = (1.1 * reach_m).clamp(50.0, 240.0);
+        let [nearest, farthest] = UNMOVED_M;
+        let distance_m = (1.1 * reach_m).clamp(nearest, farthest);
         Self {
             mode: Mode::Orbit,
             follow: None,
             rear: false,
+            whole: low.is_finite().then(|| [low.truncate() - AROUND_M, high.truncate() + AROUND_M]),
             target,
             distance_m,
             azimuth_rad: -1.9,
@@ -85,6 +97,42 @@ impl Viewpoint {
             yaw_rad: 1.2,
             pitch_rad: -0.5,
         }
+    }
+
+    /// Goes to where everything that drives is seen, in a picture of some pixels, as long as nobody has moved it.
+    pub fn show_whole(&mut self, seen: &FrameSnapshot, extent: [u32; 2]) {
+        let is_apt = self.follow.is_none() && matches!(self.mode, Mode::Orbit | Mode::Overhead);
+        let Some([low, high]) = self.whole.filter(|_| is_apt && extent.iter().all(|pixels| *pixels > 1))
+        else {
+            return;
+        };
+        let corners = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
+        let room = DVec2::from(extent.map(f64::from));
+        let [nearest, farthest] = UNMOVED_M;
+        let focal = room.y / 2.0 / (Lens::default().vertical_fov_rad / 2.0).tan();
+        let middle = ((low + high) / 2.0).extend(0.0);
+        (self.target, self.distance_m) = (middle, farthest);
+        for _ in 0..12 {
+            let view = self.view(seen, extent);
+            let on_screen = corners.map(|corner| view.project(corner.extend(0.0)));
+            let [Some(a), Some(b), Some(c), Some(d)] = on_screen else {
+                (self.target, self.distance_m) = (middle, farthest);
+                break;
+            };
+            let (least, most) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
+            let off_m = ((least + most) / 2.0 - room / 2.0) * (self.distance_m / focal);
+            self.drag_ground(-off_m.x, -off_m.y);
+            let share = ((most - least) / (room * MOST_OF_PICTURE)).max_element();
+            self.distance_m = (self.distance_m * share).clamp(nearest, farthest);
+        }
+    }
+
+    /// Takes the ground along by metres to the right and towards the viewer.
+    fn drag_ground(&mut self, right_m: f64, near_m: f64) {
+        let azimuth_rad = if self.mode == Mode::Overhead { -FRAC_PI_2 } else { self.azimuth_rad };
+        let (sin, cos) = azimuth_rad.sin_cos();
+        let (near, east) = (DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0));
+        self.target -= east * right_m + near * near_m;
     }
 
     /// Takes another mode, from about where it is. A mode that needs a vehicle takes `nearest`.
@@ -107,14 +155,21 @@ impl Viewpoint {
         self.follow = self.follow.filter(|id| seen.vehicle(*id).is_some());
         if let Some(vehicle) = self.follow.and_then(|id| seen.vehicle(id)) {
             self.target = vehicle.position;
+            self.whole = None;
         } else if matches!(self.mode, Mode::Chase | Mode::Onboard) {
             self.mode = Mode::Orbit;
         }
     }
 
+    /// So near that what happens to the followed vehicle can be seen.
+    pub fn come_near(&mut self) {
+        self.distance_m = self.distance_m.min(EVENT_M);
+        self.whole = None;
+    }
+
     /// Moves the middle of the view to a point of the ground.
     pub fn look_at(&mut self, point: DVec2) {
-        self.follow = None;
+        (self.follow, self.whole) = (None, None);
         self.target = point.extend(0.0);
         if matches!(self.mode, Mode::Chase | Mode::Onboard) {
             self.mode = Mode::Orbit;
@@ -180,6 +235,7 @@ impl Viewpoint {
 
     /// The mouse was dragged by so many points: turns the view.
     pub fn turn(&mut self, right: f64, down: f64) {
+        self.whole = None;
         match self.mode {
             Mode::Overhead => self.shift(right, down),
             Mode::Free => {
@@ -198,17 +254,11 @@ impl Viewpoint {
     /// The mouse was dragged by so many points: takes the ground with it.
     pub fn shift(&mut self, right: f64, down: f64) {
         let metres = self.distance_m * 0.0016;
+        self.whole = None;
         match self.mode {
-            Mode::Overhead => {
+            Mode::Overhead | Mode::Orbit => {
                 self.follow = None;
-                self.target += DVec3::new(-right, down, 0.0) * metres;
-            }
-            Mode::Orbit => {
-                self.follow = None;
-                let (sin, cos) = self.azimuth_rad.sin_cos();
-                // Towards the viewer and to the right, on the ground.
-                let (near, east) = (DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0));
-                self.target -= (east * right + near * down) * metres;
+                self.drag_ground(right * metres, down * metres);
             }
             Mode::Free => self.fly(DVec3::new(-right, 0.0, down) * 0.05),
             Mode::Chase | Mode::Onboard => {}
@@ -217,6 +267,7 @@ impl Viewpoint {
 
     /// Nearer for positive steps of the mouse wheel.
     pub fn zoom(&mut self, steps: f64) {
+        self.whole = None;
         if self.mode == Mode::Free {
             self.fly(DVec3::new(0.0, steps * 3.0, 0.0));
         } else {
@@ -226,6 +277,7 @@ impl Viewpoint {
 
     /// Goes by metres to the right, forward and up, seen from the camera.
     pub fn fly(&mut self, by: DVec3) {
+        self.whole = None;
         match self.mode {
             Mode::Free => {
                 let forward = self.forward();
@@ -294,6 +346,42 @@ mod tests {
         assert!(sees(&viewpoint, &seen), "the free camera starts where the orbit was");
         viewpoint.set_mode(Mode::Onboard, Some(VehicleId(3)));
         assert_eq!(viewpoint.view(&seen, [400, 300]).carrier, Some(VehicleId(3)));
+    }
+
+    #[test]
+    fn at_first_everything_that_drives_is_seen_in_pictures_of_all_shapes() {
+        let mut seen = snapshot(-70.0);
+        seen.vehicles.push(VehicleState {
+            id: VehicleId(4),
+            position: DVec3::new(-10.0, 60.0, 0.0),
+            ..seen.vehicles[0].clone()
+        });
+        for mode in [Mode::Orbit, Mode::Overhead] {
+            for extent in [[586, 662], [1400, 500], [700, 900]] {
+                let mut viewpoint = Viewpoint::around(&seen);
+                viewpoint.set_mode(mode, None);
+                viewpoint.show_whole(&seen, extent);
+                let corners = [(-88.0, -14.0), (8.0, -14.0), (8.0, 78.0), (-88.0, 78.0)];
+                let view = viewpoint.view(&seen, extent);
+                let pixels = corners.map(|(x, y)| view.project(DVec3::new(x, y, 0.0)).unwrap());
+                let size = DVec2::from(extent.map(f64::from));
+                assert!(
+                    pixels.iter().all(|p| p.min_element() >= 0.0 && p.cmple(size).all()),
+                    "{mode:?} {pixels:?}"
+                );
+                let widest = |of: fn(&DVec2) -> f64| {
+                    let values = pixels.iter().map(of);
+                    values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min)
+                };
+                let share = (widest(|p| p.x) / size.x).max(widest(|p| p.y) / size.y);
+                assert!(share > 0.8, "{mode:?} {extent:?}: no farther away than it has to be, {share}");
+                // Whoever has moved it finds it where it was left.
+                viewpoint.zoom(3.0);
+                let left = viewpoint.clone();
+                viewpoint.show_whole(&seen, extent);
+                assert_eq!(viewpoint, left);
+            }
+        }
     }
 
     #[test]

@@ -224,6 +224,7 @@ fn windows_of_all_sizes_are_drawn() {
 fn the_width_of_a_panel_is_taken_from_the_last_time_and_kept() {
     let mut desk = Desk::with(fleet(6));
     (desk.state.widths.vehicles, desk.state.widths.previews) = (330.0, 350.0);
+    desk.state.toggle_preview(VehicleId(1));
     let mut harness = harness(desk);
     harness.run_steps(20);
     let widths = harness.state().state.widths;

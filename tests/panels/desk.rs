@@ -7,7 +7,7 @@ use city3d::live::{Moment, Phase, Speed};
 use city3d::playback::{Mark, Playhead};
 use city3d::scenario::{Library, Overrides, read_experiment};
 use city3d::snapshot::{Appearance, Dimensions, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState};
-use city3d::ui::{self, Action, Drivers, History, Look, Preset, Replay, Shown, State};
+use city3d::ui::{self, Action, Choice, Drivers, History, Look, Preset, Replay, Shown, State};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
@@ -36,6 +36,7 @@ pub struct Desk {
     pub handling: BTreeMap<VehicleId, Handling>,
     pub actions: Vec<Action>,
     pub recording: Option<Recording>,
+    pub tells_control: bool,
 }
 
 /// A recorded run that the panels are shown.
@@ -94,6 +95,7 @@ impl Desk {
             handling: ids().map(|id| (id, handling)).collect(),
             actions: Vec::new(),
             recording: None,
+            tells_control: true,
             moment: Moment {
                 before: Arc::clone(&now),
                 now,
@@ -125,12 +127,14 @@ impl Desk {
             handling: &self.handling,
             scenario: "straight",
             duration_s: 30.0,
-            scenarios: &["straight".to_owned(), "city".to_owned()],
+            scenarios: &["straight", "city"]
+                .map(|name| Choice { name: name.to_owned(), description: format!("What {name} is about") }),
             loading: self.loading.as_deref(),
             textures: &textures,
             footer: "an adapter",
             frames_per_s: 30.0,
             most_moving_pixels: Some(100_000),
+            tells_control: self.tells_control,
             replay: self.recording.as_ref().map(|recording| Replay {
                 name: "straight",
                 head: recording.head,

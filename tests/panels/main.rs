@@ -52,7 +52,7 @@ fn while_paused_the_numbers_are_those_of_the_tick() {
         run.step();
     }
     let mut harness = harness(Desk::with(run.snapshot().clone()));
-    harness.get_by_label("   9.00 s");
+    harness.get_by_label("  9.00 s");
     for (vehicle, info) in run.snapshot().clone().iter() {
         let tenths = |value: f64| format!("{:.1}", (value * 10.0).round() / 10.0 + 0.0);
         let kmh = tenths(vehicle.speed_mps * 3.6);
@@ -130,6 +130,109 @@ fn keys_of_one_pass_are_taken_in_their_order() {
 }
 
 #[test]
+fn without_previews_the_city_has_their_room_and_a_strip_opens_them() {
+    let mut harness = with(6);
+    let strip = harness.get_by_label("Previews").rect();
+    assert!(strip.width() < 30.0 && strip.right() > 1270.0, "{strip:?}");
+    let city = |harness: &Harness<'static, Desk>| {
+        let pictures = &harness.state().state.pictures;
+        pictures.iter().find(|p| p.slot == Slot::City).unwrap().view.extent[0]
+    };
+    let wide = city(&harness);
+    // Nobody is selected: the first one's.
+    click(&mut harness, "Previews");
+    assert_eq!(harness.state().state.previews[0].vehicle, VehicleId(1));
+    harness.run_steps(3);
+    assert!(city(&harness) + 200 < wide, "{} of {wide}", city(&harness));
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(4));
+    press(&mut harness, egui::Key::P);
+    let open: Vec<u32> = harness.state().state.previews.iter().map(|preview| preview.vehicle.0).collect();
+    assert_eq!(open, [1, 4]);
+}
+
+#[test]
+fn what_stands_in_the_bar_stays_where_it_is_while_numbers_change() {
+    let mut harness = with(6);
+    let mut places = Vec::new();
+    for (phase, factor, time_s) in [
+        (Phase::Paused, 0.0, 2.5),
+        (Phase::Running, 0.98, 9.99),
+        (Phase::Running, 12.3, 10.0),
+        (Phase::Running, 451.2, 234.5),
+        (Phase::Over, 0.0, 30.0),
+    ] {
+        let desk = harness.state_mut();
+        (desk.moment.phase, desk.moment.real_time_factor) = (phase, factor);
+        desk.change(|now| now.time_s = time_s);
+        harness.run_steps(3);
+        let left = |label: &str| harness.get_by_label(label).rect().left();
+        places.push((left("\u{23ed} Step"), left("Orbit"), left("Help")));
+    }
+    assert!(places.iter().all(|place| *place == places[0]), "{places:?}");
+}
+
+#[test]
+fn scenarios_tell_what_they_are_about() {
+    let mut harness = with(1);
+    harness.get_by_value("straight").click();
+    harness.run_steps(5);
+    harness.get_by_label("city").hover();
+    harness.run_steps(10);
+    harness.get_by_label("What city is about");
+}
+
+#[test]
+fn who_left_the_road_is_told_why_it_stands() {
+    let mut desk = Desk::with(fleet(1));
+    desk.change(|now| {
+        now.vehicles[0].status = Status::Stopped;
+        now.vehicles[0].position = DVec3::new(4000.0, 0.0, 0.0);
+    });
+    desk.state.toggle_preview(VehicleId(1));
+    let mut harness = harness(desk);
+    for at in 0..2 {
+        let place = harness.get_all_by_label("stopped").nth(at).unwrap().rect().center();
+        harness.hover_at(place);
+        harness.run_steps(10);
+        assert!(harness.query_by_label_contains("Stands on no lane").is_some(), "{at}");
+    }
+}
+
+#[test]
+fn of_poses_alone_no_pedals_are_told() {
+    let mut desk = Desk::with(fleet(1));
+    desk.tells_control = false;
+    desk.state.toggle_preview(VehicleId(1));
+    let harness = harness(desk);
+    for label in ["Steering -", "Gas -", "Brake -", "Handbrake -", "Lateral error, cm: -"] {
+        harness.get_by_label(label);
+    }
+    assert!(harness.query_by_label_contains("Gas 0").is_none());
+}
+
+#[test]
+fn a_number_is_the_same_wherever_it_is_told() {
+    let mut desk = Desk::with(fleet(1));
+    // The nearest number to 1.65 is a little less, and 16.5 is in the middle.
+    desk.change(|now| {
+        let vehicle = &mut now.vehicles[0];
+        (vehicle.speed_mps, vehicle.lateral_error_m) = (1.65 / 3.6, 0.0165);
+        vehicle.steering_rad = 1.65_f64.to_radians();
+    });
+    desk.state.toggle_preview(VehicleId(1));
+    let mut harness = harness(desk);
+    // Samples of plots lie further apart than ticks: what is told is of the tick.
+    harness.state_mut().change(|now| {
+        now.time_s += 0.01;
+        now.vehicles[0].speed_mps = 7.25 / 3.6;
+    });
+    harness.run_steps(3);
+    for text in ["7.3", "7.3 km/h", "Speed, km/h: 7.3", "Lateral error, cm: 1.7", "Steering +1.7\u{b0}"] {
+        assert!(harness.query_all_by_label(text).count() > 0, "{text}");
+    }
+}
+
+#[test]
 fn panels_do_not_grow_by_themselves() {
     let mut harness = with(500);
     let edge = |harness: &Harness<'static, Desk>| harness.get_by_label("Previews").rect().left();
@@ -171,7 +274,7 @@ fn the_bar_starts_pauses_steps_and_resets() {
     click(&mut harness, "\u{25b6} Start");
     click(&mut harness, "\u{23ed} Step");
     click(&mut harness, "\u{27f2} Reset");
-    harness.get_by_label("   2.50 s");
+    harness.get_by_label("  2.50 s");
     harness.get_by_label("paused");
     let orders = |harness: &Harness<'static, Desk>| harness.state().actions.clone();
     assert_eq!(orders(&harness), [Order::Start, Order::Step, Order::Reset].map(Action::Order));

@@ -3,7 +3,7 @@
 use super::desk::{Desk, Recording, click, fleet, harness, press};
 use city3d::playback::{Cue, Mark, Playhead, What};
 use city3d::snapshot::{EventKind, VehicleId};
-use city3d::ui::Action;
+use city3d::ui::{Action, Slot};
 use egui::{Pos2, Rect};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -78,7 +78,13 @@ fn the_buttons_say_where_to_go() {
     let [back, on] = [false, true].map(|forward| Cue::Step { forward });
     let expected = [Cue::Play, Cue::Reverse, back, on, Cue::Seek(0.0), Cue::Seek(40.0), Cue::Show(20.0)];
     assert_eq!(cues(&harness), expected);
-    assert_eq!(harness.state().state.selection.vehicle, Some(VehicleId(3)), "who it happened to");
+    let state = &harness.state().state;
+    assert_eq!(state.selection.vehicle, Some(VehicleId(3)), "who it happened to");
+    assert_eq!(state.viewpoint.follow, Some(VehicleId(3)), "is in sight");
+    let seen = harness.state().moment.now.vehicle(VehicleId(3)).unwrap().position;
+    let picture = state.pictures.iter().find(|picture| picture.slot == Slot::City).unwrap();
+    let from_m = picture.view.extrinsics.position.distance(seen);
+    assert!(picture.view.project(seen).is_some() && from_m < 70.0, "{from_m} m away");
     harness.state_mut().actions.clear();
     let recording = harness.state_mut().recording.as_mut().unwrap();
     (recording.head.is_playing, recording.head.is_reverse, recording.head.speed) = (true, true, 2.0);
@@ -141,6 +147,7 @@ fn what_means_nothing_in_a_replay_is_not_shown() {
     harness.run_steps(5);
     assert!(harness.query_by_label("play backwards").is_some());
     assert!(harness.query_by_label("take the wheel, give it back").is_none());
+    assert!(harness.query_by_label_contains("give back").is_none());
 }
 
 #[test]
@@ -176,6 +183,40 @@ fn a_click_or_a_drag_on_the_timeline_goes_there_and_a_click_on_a_mark_to_what_ha
     assert!(told.len() >= 3, "each place is drawn: {told:?}");
     assert!(matches!(told.last(), Some(Cue::Seek(time_s)) if (time_s - 28.0).abs() < 0.3), "{told:?}");
     assert!(!harness.state().state.is_scrubbing);
+}
+
+#[test]
+fn the_wheel_on_the_timeline_shows_a_part_of_the_run_and_a_button_the_whole_again() {
+    let mut harness = with(some());
+    let rect = track(&harness);
+    harness.event(egui::Event::PointerMoved(rect.center()));
+    harness.run_steps(1);
+    for _ in 0..6 {
+        harness.event(egui::Event::MouseWheel {
+            unit: egui::MouseWheelUnit::Line,
+            delta: egui::vec2(0.0, 1.0),
+            phase: egui::TouchPhase::Move,
+            source: egui::MouseWheelSource::Unknown,
+            modifiers: egui::Modifiers::NONE,
+        });
+        harness.run_steps(1);
+    }
+    harness.run_steps(2);
+    // 40 s times 0.8 six times, about the middle.
+    let rect = track(&harness);
+    click_at(&mut harness, Pos2::new(rect.left() + 8.0, rect.top() + 17.0));
+    let told = cues(&harness);
+    let [Cue::Seek(first_s)] = told[..] else { panic!("{told:?}") };
+    let zoomed_s = 20.0 - 20.0 * 0.8_f64.powi(6);
+    // The playhead at 12.3 s is outside: the part that is shown turned over to it.
+    assert!((first_s - zoomed_s).abs() > 1.0 && (9.0..=12.31).contains(&first_s), "{first_s}, {zoomed_s}");
+    harness.state_mut().actions.clear();
+    click(&mut harness, "Whole run");
+    harness.run_steps(10);
+    let rect = track(&harness);
+    click_at(&mut harness, Pos2::new(rect.center().x, rect.top() + 17.0));
+    let told = cues(&harness);
+    assert!(matches!(told[..], [Cue::Seek(time_s)] if (time_s - 20.0).abs() < 0.05), "{told:?}");
 }
 
 #[test]
@@ -217,6 +258,11 @@ fn of_many_events_those_in_sight_are_listed_and_words_find_the_rest() {
     harness.state_mut().state.events.filter = "nothing".to_owned();
     harness.run_steps(3);
     harness.get_by_label("No event matches the filter.");
+    harness.get_by_label("0 of 5000 events");
+    // Closed, the list leaves nothing out any more.
+    press(&mut harness, egui::Key::F3);
+    harness.run_steps(2);
+    harness.get_by_label("5000 events");
 }
 
 #[test]

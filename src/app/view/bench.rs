@@ -1,6 +1,6 @@
 //! `city3d bench window`: how many pictures of the window a second, drawn into memory while the run goes on.
 
-use super::desk::{Desk, Place};
+use super::desk::{Desk, Logs, Place};
 use super::stage::{Screen, Stage};
 use super::{Failure, Settings, ViewArgs};
 use crate::live::Order;
@@ -46,7 +46,7 @@ const WARM_UP: usize = 10;
 pub fn bench(args: &BenchArgs) -> Result<(), Failure> {
     let view = &args.view;
     let context = Context::headless(&view.window.preference()).map_err(super::look::failure)?;
-    let place = Place { logs: None, on_news: Arc::new(|| {}) };
+    let place = Place { logs: Logs::Nowhere, on_news: Arc::new(|| {}) };
     let mut desk = view.desk(&context, &Settings::default(), place)?;
     desk.set_adapter(&context);
     let open: Vec<_> = desk.experiment().vehicles.iter().take(args.previews).map(|v| v.id).collect();

@@ -1,6 +1,7 @@
 //! What the window shows and does, without a window: the run on its thread or the log that is played, the panels,
 //! and the orders that go from these to that.
 
+use super::super::say::say;
 use super::super::{Failure, ScenarioArgs};
 use super::settings::{Settings, Views};
 use crate::city::LaneId;
@@ -10,11 +11,11 @@ use crate::live::{Live, Moment, Options, Order, Phase, Speed};
 use crate::playback::{Cue, Player, Told};
 use crate::record::Origin;
 use crate::render::Context;
-use crate::scenario::{Experiment, shipped_scenarios};
+use crate::scenario::{Experiment, Library, shipped_scenarios};
 use crate::snapshot::{FrameSnapshot, SimCommand, VehicleId};
 use crate::ui::{
-    self, Action, Drivers, Driving, History, KEPT_S, Look, Mode, Picture, Preview, Replay, Sample, Shown,
-    Slot, State,
+    self, Action, Choice, Drivers, Driving, History, KEPT_S, Look, Mode, Picture, Preview, Replay, Sample,
+    Shown, Slot, State,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -23,9 +24,28 @@ use std::time::Instant;
 
 /// Where runs are recorded, and who is told of news.
 pub struct Place {
-    /// `None`: nowhere.
-    pub logs: Option<PathBuf>,
+    pub logs: Logs,
     pub on_news: Arc<dyn Fn() + Send + Sync>,
+}
+
+/// Where runs are recorded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Logs {
+    Nowhere,
+    /// All of them, one after another.
+    In(PathBuf),
+    /// Among the user's data, those of each scenario in a new folder that is called after it.
+    OfTheUser,
+}
+
+impl Logs {
+    fn of(&self, scenario: &str) -> Option<PathBuf> {
+        match self {
+            Self::Nowhere => None,
+            Self::In(folder) => Some(folder.clone()),
+            Self::OfTheUser => super::settings::log_folder(scenario),
+        }
+    }
 }
 
 /// What has to be done outside after a pass.
@@ -78,7 +98,7 @@ pub struct Desk {
     pub state: State,
     history: History,
     seen: FrameSnapshot,
-    scenarios: Vec<String>,
+    scenarios: Vec<Choice>,
     /// What is being loaded, in words.
     pub loading: Option<String>,
     /// The run in which the user was last put at the wheel.
@@ -86,6 +106,8 @@ pub struct Desk {
     footer: String,
     adapter: String,
     most_moving_pixels: Option<u32>,
+    /// Runs that are over: their scenarios, and where they are recorded.
+    recorded: Vec<(String, PathBuf)>,
 }
 
 /// A software adapter shades no more of them at a rate that looks like motion.
@@ -99,6 +121,8 @@ struct Facts {
     walls: Vec<Wall>,
     /// The vehicle that the user drives from the start.
     own: Option<VehicleId>,
+    /// Pedals, steering and lateral errors are known; otherwise only poses are.
+    tells_control: bool,
 }
 
 impl Facts {
@@ -115,6 +139,7 @@ impl Facts {
                 .collect(),
             walls: SceneDescription::walls_of(&experiment.city_map),
             own: vehicles().find(|v| v.is_human).map(|v| v.id),
+            tells_control: true,
         }
     }
 }
@@ -126,10 +151,11 @@ impl Desk {
         look: Look,
         place: Place,
     ) -> Result<Self, Failure> {
-        let source = Source::Run(start(&experiment, &place, 0)?);
-        let mut scenarios: Vec<String> = shipped_scenarios().map(str::to_owned).collect();
-        if !scenarios.contains(&args.scenario) {
-            scenarios.insert(0, args.scenario.clone());
+        let source = Source::Run(start(&args, &experiment, &place, 0)?);
+        let mut scenarios: Vec<Choice> = shipped_scenarios().map(choice).collect();
+        if scenarios.iter().all(|choice| choice.name != args.scenario) {
+            let description = experiment.description.clone();
+            scenarios.insert(0, Choice { name: args.scenario.clone(), description });
         }
         let mut desk = Self::on(source, args, experiment, (look, place));
         desk.scenarios = scenarios;
@@ -142,7 +168,9 @@ impl Desk {
         let experiment = Arc::clone(player.experiment());
         let (torn, is_measured) = (player.told().torn, player.origin() == Origin::Recorded);
         let args = ScenarioArgs { scenario: log, ..ScenarioArgs::default() };
+        let tells_control = player.origin().has_world();
         let mut desk = Self::on(Source::Log(Box::new(player)), args, experiment, (look, place));
+        desk.facts.tells_control = tells_control;
         if is_measured {
             // Whoever drove them was not the scenario's algorithm.
             desk.facts.drivers.values_mut().for_each(|driver| "recorded".clone_into(driver));
@@ -176,6 +204,7 @@ impl Desk {
             footer: String::new(),
             adapter: String::new(),
             most_moving_pixels: None,
+            recorded: Vec::new(),
         }
     }
 
@@ -299,6 +328,7 @@ impl Desk {
             footer: &self.footer,
             frames_per_s,
             most_moving_pixels: self.most_moving_pixels,
+            tells_control: self.facts.tells_control,
             replay,
         };
         ui::show(ui, &mut self.state, &shown)
@@ -312,7 +342,7 @@ impl Desk {
                 Action::Order(order) => self.order(order),
                 Action::Cue(cue) => self.cue(cue),
                 Action::Drive(vehicle) => self.take_over(vehicle, now_s),
-                Action::GiveBack => self.give_back(),
+                Action::GiveBack => self.give_back(now_s),
                 Action::Look(_) => wishes.push(Wish::Look),
                 Action::Screenshot => wishes.push(Wish::Screenshot),
                 Action::KeepDevices => wishes.push(Wish::KeepDevices),
@@ -337,7 +367,7 @@ impl Desk {
     }
 
     fn take_over(&mut self, vehicle: VehicleId, now_s: f64) {
-        self.give_back();
+        self.give_back(now_s);
         let moment = self.moment();
         let Some(state) = moment.now.vehicle(vehicle) else { return };
         self.state.driving = Some(Driving::take_over(vehicle, moment.run, state.steering_rad));
@@ -349,10 +379,23 @@ impl Desk {
         }
     }
 
-    fn give_back(&mut self) {
-        if let Some(driving) = self.state.driving.take() {
-            self.order(Order::Command(SimCommand::Release(driving.vehicle)));
-            self.state.viewpoint.rear = false;
+    fn give_back(&mut self, now_s: f64) {
+        let Some(driving) = self.state.driving.take() else { return };
+        self.order(Order::Command(SimCommand::Release(driving.vehicle)));
+        self.state.viewpoint.rear = false;
+        let moment = self.moment();
+        let found = moment.now.vehicle(driving.vehicle).zip(moment.now.info(driving.vehicle));
+        if let Some((vehicle, info)) = found
+            && ui::is_off_lanes(vehicle, info, &self.experiment.city_map)
+        {
+            let name = &info.name;
+            self.state.say(
+                format!(
+                    "{name} is on no lane: its algorithm knows no way from there, and brakes it to a stand. \
+                     Drive it back onto a lane (Enter), or reset the run."
+                ),
+                now_s,
+            );
         }
     }
 
@@ -366,9 +409,13 @@ impl Desk {
         experiment: Arc<Experiment>,
         now_s: f64,
     ) -> Result<(), Failure> {
-        let live = start(&experiment, &self.place, self.moment().run)?;
+        // Those of one folder are counted on.
+        let before = if let Logs::In(_) = self.place.logs { self.moment().run } else { 0 };
+        let live = start(&args, &experiment, &self.place, before)?;
         let old = std::mem::replace(&mut self.source, Source::Run(live));
+        let old_name = self.experiment.name.clone();
         self.args = args;
+        self.seated_in = 0;
         self.facts = Facts::of(&experiment);
         self.experiment = experiment;
         let first = self.moment();
@@ -377,10 +424,13 @@ impl Desk {
         (self.state.table, self.state.layers) = (before.table, before.layers);
         (self.state.devices, self.state.widths) = (before.devices, before.widths);
         self.set_speed(old.moment().speed);
-        if let Source::Run(old) = old
-            && let Err(error) = old.stop()
-        {
-            self.state.say(error.to_string(), now_s);
+        if let Source::Run(old) = old {
+            match old.stop() {
+                Ok(folders) => {
+                    self.recorded.extend(folders.into_iter().map(|folder| (old_name.clone(), folder)));
+                }
+                Err(error) => self.state.say(error.to_string(), now_s),
+            }
         }
         Ok(())
     }
@@ -423,18 +473,40 @@ impl Desk {
         };
     }
 
-    /// Ends the run and finishes its log.
-    pub fn close(self) -> Result<(), Failure> {
-        match self.source {
-            Source::Run(live) => live.stop().map_err(Failure::failed),
-            Source::Log(_) => Ok(()),
+    /// Ends the run and finishes its log; says where the logs are.
+    pub fn close(mut self) -> Result<(), Failure> {
+        let Source::Run(live) = self.source else { return Ok(()) };
+        let stopped = live.stop();
+        if let Ok(folders) = &stopped {
+            let name = &self.experiment.name;
+            self.recorded.extend(folders.iter().map(|folder| (name.clone(), folder.clone())));
         }
+        for (scenario, folder) in &self.recorded {
+            say(format_args!("{scenario}: recorded in {}", folder.display()))?;
+        }
+        if let Some((_, last)) = self.recorded.last() {
+            say(format_args!("city3d replay {} shows it again", last.display()))?;
+        }
+        stopped.map(drop).map_err(Failure::failed)
     }
 }
 
-fn start(experiment: &Arc<Experiment>, place: &Place, runs_before: u32) -> Result<Live, Failure> {
+/// A shipped scenario, with what it says of itself.
+fn choice(name: &str) -> Choice {
+    let text = Library::scenario(name).map(|(text, _)| text).unwrap_or_default();
+    let table = text.parse::<toml::Table>().unwrap_or_default();
+    let description = table.get("description").and_then(toml::Value::as_str).unwrap_or_default();
+    Choice { name: name.to_owned(), description: description.to_owned() }
+}
+
+fn start(
+    args: &ScenarioArgs,
+    experiment: &Arc<Experiment>,
+    place: &Place,
+    runs_before: u32,
+) -> Result<Live, Failure> {
     let on_news = Arc::clone(&place.on_news);
-    let options =
-        Options { record: place.logs.clone(), runs_before, on_news: Some(Box::new(move || on_news())) };
+    let record = place.logs.of(&args.scenario);
+    let options = Options { record, runs_before, on_news: Some(Box::new(move || on_news())) };
     Live::new(Arc::clone(experiment), options).map_err(Failure::bad_input)
 }

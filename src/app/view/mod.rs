@@ -21,7 +21,7 @@ use crate::render::{AdapterPreference, Context};
 use crate::scenario::TimeOfDay;
 use crate::ui::{Look, Preset};
 use clap::Args;
-use desk::{Desk, Place};
+use desk::{Desk, Logs, Place};
 use settings::Settings;
 use std::path::{Path, PathBuf};
 
@@ -154,12 +154,10 @@ impl Subject<'_> {
     }
 
     /// Where runs are recorded: a log that is shown is left as it is.
-    fn logs(&self) -> Option<PathBuf> {
+    fn logs(&self) -> Logs {
         match self {
-            Self::Scenario(args) if !args.no_log => {
-                args.out.clone().or_else(|| settings::log_folder(&args.scenario))
-            }
-            _ => None,
+            Self::Scenario(args) if !args.no_log => args.out.clone().map_or(Logs::OfTheUser, Logs::In),
+            _ => Logs::Nowhere,
         }
     }
 }

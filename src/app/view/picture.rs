@@ -1,10 +1,10 @@
 //! A picture of the window without a window: what it would show at an instant of a run, or of a log.
 
-use super::desk::{Desk, Place};
+use super::desk::{Desk, Logs, Place};
 use super::stage::{Screen, Stage};
 use super::{Failure, Subject};
 use crate::live::Order;
-use crate::playback::Cue;
+use crate::playback::{Cue, Player};
 use crate::render::{Context, Image, write_png};
 use crate::snapshot::VehicleId;
 use crate::ui::{Action, Mode};
@@ -17,7 +17,7 @@ use std::time::Duration;
 #[derive(Debug, Default, Args)]
 pub struct PictureArgs {
     /// Write a picture of the window as a PNG file instead of opening it; needs no display
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = png)]
     pub picture: Option<PathBuf>,
     /// Simulated second of the picture [default: 0]; of a log also that at which the window opens
     #[arg(long, value_name = "S", value_parser = super::super::frames::not_negative)]
@@ -31,6 +31,16 @@ pub struct PictureArgs {
     /// Camera of the large view
     #[arg(long, value_name = "MODE")]
     mode: Option<ModeArg>,
+}
+
+/// The name of a PNG file.
+fn png(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
+        return Ok(path);
+    }
+    let right = path.with_extension("png");
+    Err(format!("pictures are written as PNG: a name that ends in .png is needed, as {}", right.display()))
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -59,15 +69,22 @@ const PASSES: u32 = 4;
 pub fn take(subject: &Subject<'_>, file: &Path) -> Result<(), Failure> {
     let args = subject.window();
     let context = Context::headless(&args.preference()).map_err(super::look::failure)?;
-    let logs = if let Subject::Scenario(args) = subject { args.out.clone() } else { None };
+    let asked = if let Subject::Scenario(args) = subject { args.out.clone() } else { None };
+    let logs = asked.map_or(Logs::Nowhere, Logs::In);
     let place = Place { logs, on_news: Arc::new(|| {}) };
     let mut desk = subject.desk(&context, &super::Settings::default(), place)?;
     open_previews(&mut desk, &args.picture)?;
     match subject {
         Subject::Scenario(_) => run_to(&mut desk, args.picture.at.unwrap_or(0.0)),
-        Subject::Log(..) => {
-            desk.cue(Cue::Seek(args.picture.at.unwrap_or(0.0)));
+        Subject::Log(log, _) => {
+            go_to(&mut desk, &args.picture)?;
             wait_for_log(&mut desk);
+            if let Some(why) = desk.player().and_then(|player| player.told().torn) {
+                super::super::say::complain(format_args!(
+                    "{}: the log has no end: {why}; it is shown up to its last whole record",
+                    log.display()
+                ));
+            }
         }
     }
     choose(&mut desk, &args.picture)?;
@@ -88,7 +105,20 @@ pub fn arrange(desk: &mut Desk, subject: &Subject<'_>) -> Result<(), Failure> {
     let args = &subject.window().picture;
     open_previews(desk, args)?;
     choose(desk, args)?;
-    args.at.into_iter().for_each(|at_s| desk.cue(Cue::Seek(at_s)));
+    go_to(desk, args)
+}
+
+/// Goes to where a log shall be shown.
+fn go_to(desk: &mut Desk, args: &PictureArgs) -> Result<(), Failure> {
+    let Some((at_s, head)) = args.at.zip(desk.player().map(Player::head)) else { return Ok(()) };
+    const ROUNDING_S: f64 = 0.011;
+    if at_s > head.to_s + ROUNDING_S {
+        return Err(Failure::bad_input(format!(
+            "--at {at_s}: the log ends at {:.2} s; a time from {:.2} to {:.2} is needed",
+            head.to_s, head.from_s, head.to_s
+        )));
+    }
+    desk.cue(Cue::Seek(at_s));
     Ok(())
 }
 

@@ -92,7 +92,9 @@ pub fn log_folder(scenario: &str) -> Option<PathBuf> {
     let [year, month, day] = date(seconds / 86_400);
     let (hour, minute, second) = (seconds / 3600 % 24, seconds / 60 % 60, seconds % 60);
     let name = format!("{stem}-{year:04}{month:02}{day:02}-{hour:02}{minute:02}{second:02}");
-    folder("XDG_DATA_HOME", ".local/share").map(|folder| folder.join("city3d").join("runs").join(name))
+    let runs = folder("XDG_DATA_HOME", ".local/share")?.join("city3d").join("runs");
+    let others = (2..).map(|k| format!("{name}-{k}"));
+    std::iter::once(name.clone()).chain(others).map(|name| runs.join(name)).find(|folder| !folder.exists())
 }
 
 /// A folder of the user's: by a variable, else in the home folder, on Windows in `APPDATA`.
