@@ -325,7 +325,7 @@ fn bags_of_ros_are_poses_to_replay() {
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
     };
     let (code, said) = city3d(&["replay", "ros1.bag"]);
-    assert!(code == Some(2) && said.contains("--scenario and --out"), "{said}");
+    assert!(code == Some(2) && said.contains("--scenario SCENARIO --out DIR"), "{said}");
     // A bag of other vehicles tells whose poses it has.
     let (code, said) = city3d(&["replay", "poses.bag", "--scenario", "straight", "--out", "other"]);
     assert!(
