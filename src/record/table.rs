@@ -95,7 +95,7 @@ impl<W: Write> VehicleTable<W> {
 }
 
 /// Adds a number with so many decimals, as `{:.N}` writes it but for the last digit of what lies halfway, and faster: it was a
-/// sixth of all that recording costs.
+/// tenth of the writer's work.
 fn fixed(row: &mut String, number: f64, decimals: usize) {
     const EXACT: f64 = 1e15;
     let scaled = (number.abs() * 10_f64.powi(decimals as i32)).round_ties_even();
