@@ -1,10 +1,10 @@
-// The sky: a dome around the eye, painted once at start-up and drawn behind everything.
+// The sky: a box around the eye, painted once at start-up and drawn behind everything.
 
 @group(2) @binding(0) var panorama: texture_2d<f32>;
 @group(2) @binding(1) var panorama_sampler: sampler;
 
 struct VertexIn {
-    // Unit vector of the dome.
+    // A corner of the box around the eye.
     @location(0) direction: vec3<f32>,
     @location(1) uv: vec2<f32>,
 }
@@ -25,7 +25,7 @@ fn vertex_main(in: VertexIn) -> Fragment {
 }
 
 struct StarIn {
-    // Unit vector of the dome.
+    // Unit vector.
     @location(0) direction: vec3<f32>,
     // Radiance, or as displayed where the panorama is.
     @location(1) colour: vec3<f32>,

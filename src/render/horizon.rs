@@ -39,13 +39,6 @@ pub(super) struct Pillar {
     pub(super) top_m: f32,
 }
 
-impl Pillar {
-    pub(super) fn around([low, high]: [Vec3; 2]) -> Self {
-        let half = (high - low).truncate() / 2.0;
-        Self { middle: low.truncate() + half, radius_m: half.length(), top_m: high.z }
-    }
-}
-
 impl Horizon {
     pub(super) fn new<'w>(eye: Vec3, walls: impl IntoIterator<Item = &'w Wall>) -> Self {
         let mut horizon = Self { eye, buckets: vec![[NOTHING; DEPTH]; BUCKETS] };
@@ -88,16 +81,34 @@ impl Horizon {
     pub(super) fn hides(&self, pillar: &Pillar) -> bool {
         let offset = pillar.middle - self.eye.truncate();
         let distance = offset.length();
-        let near = distance - pillar.radius_m;
+        let [near, far] = [distance - pillar.radius_m, distance + pillar.radius_m];
+        let half = (pillar.radius_m / distance).asin();
+        self.hides_span(offset.to_angle(), [-half, half], [near, far], pillar.top_m)
+    }
+
+    /// The same of whatever is in a box that stands on the ground.
+    pub(super) fn hides_box(&self, [low, high]: [Vec3; 2]) -> bool {
+        let top_m = high.z;
+        let [low, high, eye] = [low, high, self.eye].map(Vec3::truncate);
+        let corners = [low, Vec2::new(high.x, low.y), high, Vec2::new(low.x, high.y)].map(|at| at - eye);
+        let near = eye.clamp(low, high).distance(eye);
+        let far = corners.iter().map(|corner| corner.length()).fold(0.0, f32::max);
+        // An eye outside sees it within half a turn.
+        let middle = (low + high) / 2.0 - eye;
+        let turns = corners.map(|corner| middle.angle_to(corner));
+        let span = [turns.into_iter().fold(0.0, f32::min), turns.into_iter().fold(0.0, f32::max)];
+        self.hides_span(middle.to_angle(), span, [near, far], top_m)
+    }
+
+    /// Of what is seen between two turns from an azimuth, between two distances, no higher than `top_m`.
+    fn hides_span(&self, azimuth: f32, [right, left]: [f32; 2], [near, far]: [f32; 2], top_m: f32) -> bool {
         if near < 0.1 {
             return false;
         }
-        let rise = pillar.top_m - self.eye.z;
-        let slope = rise / if rise > 0.0 { near } else { distance + pillar.radius_m };
-        let (azimuth, half) = (offset.to_angle(), (pillar.radius_m / distance).asin());
-        let first = ((azimuth - half + PI) / BUCKET_RAD).floor() as i64;
-        let last = ((azimuth + half + PI) / BUCKET_RAD).floor() as i64;
-        (first..=last).all(|k| {
+        let rise = top_m - self.eye.z;
+        let slope = rise / if rise > 0.0 { near } else { far };
+        let bucket_of = |turn: f32| ((azimuth + turn + PI) / BUCKET_RAD).floor() as i64;
+        (bucket_of(right)..=bucket_of(left)).all(|k| {
             let bucket = &self.buckets[k.rem_euclid(BUCKETS as i64) as usize];
             bucket.iter().any(|screen| screen.distance_m < near && screen.slope > slope)
         })
@@ -151,12 +162,25 @@ mod tests {
     #[test]
     fn never_hides_what_a_line_of_sight_reaches() {
         let walls = block();
-        let mut hidden = 0;
+        let (mut hidden, mut hidden_boxes) = (0, 0);
         for k in 0..400 {
             let eye = Vec3::new(-30.0 + 0.15 * k as f32, -4.0 + 0.05 * k as f32, 1.4);
             let horizon = Horizon::new(eye, &walls);
             for j in 0..60 {
                 let thing = pillar(-30.0 + j as f32, 36.0 + 0.3 * j as f32, 2.0 + 0.1 * j as f32);
+                // Long and narrow, one way or the other.
+                let half = if j % 2 == 0 { Vec2::new(9.0, 0.5) } else { Vec2::new(0.5, 7.0) };
+                let [low, high] = [thing.middle - half, thing.middle + half];
+                if horizon.hides_box([low.extend(0.0), high.extend(thing.top_m)]) {
+                    hidden_boxes += 1;
+                    for corner in [low, high, Vec2::new(low.x, high.y), Vec2::new(high.x, low.y)] {
+                        let rim = corner.extend(thing.top_m);
+                        assert!(
+                            walls.iter().any(|wall| crosses(wall, eye, rim)),
+                            "{eye} sees {low} to {high}"
+                        );
+                    }
+                }
                 if !horizon.hides(&thing) {
                     continue;
                 }
@@ -168,7 +192,7 @@ mod tests {
                 }
             }
         }
-        assert!(hidden > 1000, "{hidden}");
+        assert!(hidden > 1000 && hidden_boxes > 500, "{hidden} {hidden_boxes}");
     }
 
     fn crosses(wall: &Wall, eye: Vec3, point: Vec3) -> bool {

@@ -6,7 +6,7 @@
 
 use super::cells;
 use super::frustum::{Frustum, Sharpness};
-use super::horizon::{Horizon, Pillar};
+use super::horizon::Horizon;
 use super::passes::city::gpu_data::Vertex as GpuVertex;
 use super::sides::{self, Side};
 use crate::city::scene::{Mesh, Object, SceneDescription, Surface, Vertex, Wall};
@@ -279,8 +279,7 @@ impl Gaze<'_> {
         }
         let distance_m = self.eye.clamp(low, high).distance(self.eye);
         let pixels = |length_m| self.sharpness.pixels(length_m, distance_m);
-        if pixels((high - low).length()) < self.least_px || self.horizon.hides(&Pillar::around(piece.bounds))
-        {
+        if pixels((high - low).length()) < self.least_px || self.horizon.hides_box(piece.bounds) {
             return None;
         }
         let middle = (low + high) / 2.0;

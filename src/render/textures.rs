@@ -13,7 +13,7 @@ use super::passes::Attachments;
 use crate::city::scene::Surface;
 use rayon::prelude::*;
 
-pub(super) use sky::{elevation_of, stars};
+pub(super) use sky::{stars, triangles as sky_triangles};
 
 /// Texels along an edge of a surface's pattern.
 const SIZE: u32 = 256;
@@ -49,8 +49,7 @@ pub(super) fn surfaces(context: &Context, attachments: Attachments) -> wgpu::Tex
     })
 }
 
-/// The sky from below the horizon to the zenith, east in the middle of its left edge: as displayed, or as
-/// radiance.
+/// The sky from below the horizon to the zenith, on the faces of [`sky_triangles`]: as displayed, or as radiance.
 pub(super) fn panorama(context: &Context, light: &Light, as_displayed: bool) -> wgpu::TextureView {
     let (format, size, bytes) = if as_displayed {
         (wgpu::TextureFormat::Rgba8Unorm, SMALL_SKY, sky::paint(SMALL_SKY, light))

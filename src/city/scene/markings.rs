@@ -1,12 +1,13 @@
 //! Paint on the road, derived from the lanes: lines between and beside them, stop lines, yield
 //! triangles, arrows.
 
+use super::centre_lines::centre_lines;
 use super::field::simplified;
 use super::lanes::LaneBoxes;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::simplify_line;
 use super::roads::{RoadField, band_with};
-use crate::city::{CityMap, ControlLineKind, Lane, LaneId, LaneKind};
+use crate::city::{CityMap, ControlLineKind, Lane, LaneKind};
 use crate::geom::{Pose2, wrap_angle};
 use glam::{DVec2, Vec2};
 use std::collections::BTreeSet;
@@ -18,8 +19,6 @@ const DASH_M: f64 = 2.4;
 const GAP_M: f64 = 3.6;
 /// Between the two lines of a double line, middle to middle.
 const DOUBLE_M: f64 = 0.30;
-/// Along a line.
-const STEP_M: f64 = 0.6;
 /// No line is drawn more exactly than this.
 const FINEST_M: f64 = 0.006;
 
@@ -51,12 +50,12 @@ pub(super) struct Paint {
 impl Paint {
     pub(super) fn new(map: &CityMap, field: &RoadField, boxes: &LaneBoxes<'_>) -> Self {
         let mut figures = Mesh::default();
-        let (mut dashes, mut doubles) = (Vec::new(), Vec::new());
+        let mut dashes = Vec::new();
         for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
             add_dashes(&mut dashes, map, lane);
-            add_centre_lines(&mut doubles, map, lane, (field, boxes));
             arrows(&mut figures, map, lane);
         }
+        let doubles = centre_lines(map, field, boxes);
         for line in &map.lines {
             let lane = map.lane(line.lane);
             let driving = lane.curve.at(line.at_m).pose;
@@ -167,70 +166,11 @@ fn add_dashes(dashes: &mut Vec<Vec<Pose2>>, map: &CityMap, lane: &Lane) {
     }
 }
 
-/// Double yellow between a lane and one of the other direction to its left.
-fn add_centre_lines(
-    doubles: &mut Vec<Vec<Pose2>>,
-    map: &CityMap,
-    lane: &Lane,
-    (field, boxes): (&RoadField, &LaneBoxes<'_>),
-) {
-    if lane.left.is_some_and(|left| alongside_all(map, lane, left)) {
-        return;
-    }
-    let alongside: Vec<&Lane> =
-        boxes.near(lane).filter(|other| other.kind == LaneKind::Lane && other.id != lane.id).collect();
-    let opposite: Vec<&Lane> = alongside.iter().copied().filter(|other| other.id > lane.id).collect();
-    // Of lanes that merge, the one nearest to the other direction has the line.
-    let is_nearest = |at: DVec2, own: f64| {
-        alongside.iter().all(|other| {
-            let foot = other.curve.at(other.curve.project(at).s).pose;
-            foot.position.distance(at) > own - 0.05 * lane.width_m
-        })
-    };
-    let length = lane.curve.length();
-    let count = (length / STEP_M).ceil().max(1.0) as usize;
-    let mut line: Vec<Pose2> = Vec::new();
-    for k in 0..=count {
-        let pose = lane.curve.at(length * k as f64 / count as f64).pose;
-        let found = opposite.iter().find_map(|other| {
-            let foot = other.curve.project(pose.point_at(0.0, lane.width_m));
-            let there = other.curve.at(foot.s).pose;
-            let along = wrap_angle(there.yaw_rad - pose.yaw_rad).abs() > 2.8;
-            let inside = foot.s > 0.001 && foot.s < other.curve.length() - 0.001;
-            let apart = (there.position - pose.position).dot(pose.left());
-            let beside = foot.lateral.abs() < 0.45 * lane.width_m
-                && (0.6 * lane.width_m..1.5 * lane.width_m).contains(&apart);
-            let middle = (pose.position + there.position) / 2.0;
-            (along && inside && beside && is_nearest(middle, apart / 2.0)).then_some(middle)
-        });
-        // Where the neighbour changes, the line begins anew.
-        let goes_on = |at: DVec2| {
-            line.last().is_none_or(|last| (at - last.position).dot(last.left()).abs() < 0.15 * lane.width_m)
-        };
-        match found.filter(|&at| field.distance.at(at) < 0.0 && goes_on(at)) {
-            Some(position) => line.push(Pose2 { position, ..pose }),
-            None => doubles.push(std::mem::take(&mut line)),
-        }
-    }
-    doubles.push(line);
-    doubles.retain(|line| line.len() > 2);
-}
-
 fn double_line(mesh: &mut Mesh, line: &[Pose2]) {
     // The two meet in the middle between them.
     let (inner, outer) = (DOUBLE_M / 2.0, MARGIN * LINE_M / 2.0);
     ribbon(mesh, line, DOUBLE_M / 2.0, LINE_M, [inner, outer], YELLOW);
     ribbon(mesh, line, -DOUBLE_M / 2.0, LINE_M, [outer, inner], YELLOW);
-}
-
-/// Whether the neighbour goes along with the whole lane, so that nothing of the other direction can.
-fn alongside_all(map: &CityMap, lane: &Lane, neighbour: LaneId) -> bool {
-    let neighbour = map.lane(neighbour);
-    [0.05, 0.5, 0.95].iter().all(|part| {
-        let pose = lane.curve.at(lane.curve.length() * part).pose;
-        let foot = neighbour.curve.project(pose.point_at(0.0, lane.width_m));
-        foot.lateral.abs() < 0.35 * lane.width_m
-    })
 }
 
 fn stop_line(mesh: &mut Mesh, driving: Pose2, [a, b]: [DVec2; 2]) {

@@ -3,6 +3,7 @@
 #![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
 
 mod buildings;
+mod centre_lines;
 mod class;
 mod field;
 mod foliage;
@@ -234,6 +235,7 @@ impl SceneDescription {
         let [low, high] = map.bounds().map(|corner| corner.as_vec2());
         objects.extend(signs::signs(map, &field, &lanes));
         objects.extend(woods::woods([low, high]));
+        walls.extend(woods::walls([low, high]));
         objects.extend(models::place(map, models));
         objects.extend(parked::cars(map));
         objects.retain(|object: &Object| !object.is_empty());
@@ -246,8 +248,12 @@ impl SceneDescription {
         let paint = markings::Paint::new(map, &field, &lanes);
         let painted = markings::LEVELS.map(|error_m| Level { mesh: paint.mesh(error_m), error_m });
         ground.push(Object { levels: painted.to_vec() });
-        let rest = [roads::plain(map), wear::wear(map), lying];
-        ground.extend(rest.map(Object::of_one_level));
+        let mut wear = Object::of_one_level(wear::wear(map));
+        // From afar asphalt is as good.
+        wear.levels.push(Level { mesh: Mesh::default(), error_m: wear::SEEN_M });
+        ground.push(Object::of_one_level(roads::plain(map)));
+        ground.push(wear);
+        ground.push(Object::of_one_level(lying));
         ground.retain(|object| !object.is_empty());
         let finest = ground.iter().chain(&objects).filter_map(|object| object.levels.first());
         let top = finest.map(|level| level.mesh.bounds()[1].z).fold(1.0, f32::max);

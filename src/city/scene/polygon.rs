@@ -1,6 +1,6 @@
 //! Polygons with holes, and triangles that cover them.
 
-use earcut::Earcut;
+use earcut::{Earcut, Refiner};
 use glam::DVec2;
 use i_overlay::core::fill_rule::FillRule;
 use i_overlay::float::slice::FloatSlice;
@@ -111,6 +111,8 @@ impl Region {
         }
         let mut corners: Vec<u32> = Vec::new();
         Earcut::new().earcut(points.iter().copied(), &starts, &mut corners);
+        // Short edges instead of slivers: on a software adapter edges cost more than what they enclose.
+        Refiner::new().refine(&mut corners, &points);
         let at = |k: u32| DVec2::from(points[k as usize]);
         let triangles = corners.chunks_exact(3).map(|t| [at(t[0]), at(t[1]), at(t[2])]);
         let upright = triangles.map(|t| if doubled_area(&t) < 0.0 { [t[0], t[2], t[1]] } else { t });

@@ -49,8 +49,9 @@ fn nothing_lies_on_a_lane_but_what_belongs_to_it() {
     }
 }
 
+/// To within a millimetre.
 fn covers(t: &[Vec2; 3], p: Vec2) -> bool {
-    (0..3).all(|k| (t[(k + 1) % 3] - t[k]).perp_dot(p - t[k]) >= -1e-3)
+    (0..3).all(|k| (t[(k + 1) % 3] - t[k]).normalize_or_zero().perp_dot(p - t[k]) >= -1e-3)
 }
 
 #[test]

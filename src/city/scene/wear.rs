@@ -10,6 +10,8 @@ use glam::Vec2;
 const TRACKS_M: f32 = 0.003;
 const PATCH_M: f32 = 0.006;
 const COVER_M: f32 = 0.008;
+/// What can be told apart of it.
+pub(super) const SEEN_M: f32 = 0.35;
 /// Length of one repeat of the lane's texture.
 const REPEAT_M: f64 = 11.0;
 /// Chords of bends leave them by no more than this.

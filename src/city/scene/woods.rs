@@ -1,15 +1,15 @@
 //! Woods around the city where its plain begins, so that streets do not end in nothing.
 
-use super::Object;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
+use super::{Object, Wall};
 use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
 
 const WOODS: Finish = Finish::new(Surface::Leaves, [66, 84, 56], Class::Vegetation);
 /// Points around the city at which a row of trees bends.
 const POINTS: u32 = 72;
-/// Stretches of so many points are one object.
-const STRETCH: u32 = 6;
+/// Stretches of so many points are one object: short, so that houses hide whole ones.
+const STRETCH: u32 = 2;
 const METRES_PER_REPEAT: f32 = 7.0;
 /// How far rows wander in and out in all.
 const WANDER_M: f32 = 9.0;
@@ -40,6 +40,9 @@ const ROWS: [Row; 3] = [
 const BEYOND_M: f32 = 34.0;
 const EDGE_M: f32 = 16.0;
 
+/// The tops of the trees behind a row end so far below its own, at the row behind it.
+const TOPS_FALL_M: f32 = 0.5;
+
 /// Where the row with this number stands at a point, and how high it is there.
 fn place(ground: [Vec2; 2], number: u32, k: u32) -> (Vec2, f32) {
     let row = &ROWS[number as usize];
@@ -62,13 +65,7 @@ pub(super) fn woods(city: [Vec2; 2]) -> Vec<Object> {
     for (number, row) in (0_u32..).zip(&ROWS) {
         let (mut mesh, mut along) = (Mesh::default(), 0.0);
         for k in 0..POINTS {
-            along = crowns(
-                &mut mesh,
-                (row, number),
-                k,
-                [place(city, number, k), place(city, number, k + 1)],
-                along,
-            );
+            along = crowns(&mut mesh, (row, number), k, [k, k + 1].map(|k| Edge::of(city, number, k)), along);
             tops(&mut mesh, city, number, k);
             if (k + 1) % STRETCH == 0 {
                 woods.push(Object::of_one_level(std::mem::take(&mut mesh)));
@@ -78,18 +75,47 @@ pub(super) fn woods(city: [Vec2; 2]) -> Vec<Object> {
     woods
 }
 
+/// Nothing is seen through the rows up to where their crowns begin to stand apart.
+pub(super) fn walls(city: [Vec2; 2]) -> Vec<Wall> {
+    let wall = |number: u32, k: u32| {
+        let ((to, a), (from, b)) = (place(city, number, k), place(city, number, k + 1));
+        Wall { from, to, height_m: a.min(b) }
+    };
+    (0..ROWS.len() as u32).flat_map(|number| (0..POINTS).map(move |k| wall(number, k))).collect()
+}
+
+/// A row at a point: from the foot up to where its crowns begin to stand apart.
+#[derive(Clone, Copy)]
+struct Edge {
+    at: Vec2,
+    /// Of rows behind others just under the tops of the trees that hide the rest.
+    foot_m: f32,
+    high_m: f32,
+}
+
+impl Edge {
+    fn of(city: [Vec2; 2], number: u32, k: u32) -> Self {
+        let (at, high_m) = place(city, number, k);
+        let before = number.checked_sub(1).map(|before| place(city, before, k).1);
+        Self { at, foot_m: before.map_or(0.0, |high_m| high_m - 2.0 * TOPS_FALL_M), high_m }
+    }
+
+    fn towards(self, other: Self, part: f32) -> Self {
+        let between = |a: f32, b: f32| a + (b - a) * part;
+        Self {
+            at: self.at.lerp(other.at, part),
+            foot_m: between(self.foot_m, other.foot_m),
+            high_m: between(self.high_m, other.high_m),
+        }
+    }
+}
+
 /// The crowns of a row from one point to the next; `along` is the way around the row, before and behind them.
-fn crowns(
-    mesh: &mut Mesh,
-    (row, number): (&Row, u32),
-    k: u32,
-    [(a, high_a), (b, high_b)]: [(Vec2, f32); 2],
-    along: f32,
-) -> f32 {
+fn crowns(mesh: &mut Mesh, (row, number): (&Row, u32), k: u32, [a, b]: [Edge; 2], along: f32) -> f32 {
     let dice = |salt: u32| super::dice(k, salt + number);
-    let then = along + a.distance(b) / METRES_PER_REPEAT;
+    let then = along + a.at.distance(b.at) / METRES_PER_REPEAT;
     // Crowns take the light from above, whoever looks at them against the sun.
-    let inward = (a - b).perp().extend(0.0).normalize_or(Vec3::X);
+    let inward = (a.at - b.at).perp().extend(0.0).normalize_or(Vec3::X);
     for crown in 0..row.crowns {
         let salt = 50 + 8 * crown;
         let [from, to] = [crown, crown + 1].map(|c| c as f32 / row.crowns as f32);
@@ -98,19 +124,26 @@ fn crowns(
         let finish = WOODS.shaded(row.tone * (0.72 + 0.5 * dice(salt + 2)));
         let rise = (0.8 + 2.4 * dice(salt + 6)) * 3.0 / row.crowns as f32;
         let base = mesh.vertices.len() as u32;
-        let foot = [(1.0, None, 60), (0.0, None, 60)];
-        let top = row.outline.iter().map(|&(part, above, openness)| (part, Some(above), openness));
-        for (part, above, openness) in foot.into_iter().chain(top) {
+        // Dark at the ground.
+        let foot_of = |edge: Edge| (60.0 + 130.0 * edge.foot_m / edge.high_m) as u8;
+        let foot = [(1.0, None), (0.0, None)];
+        let top = row.outline.iter().map(|&(part, above, openness)| (part, Some((above, openness))));
+        for (part, above) in foot.into_iter().chain(top) {
             let bent = if (0.2..0.75).contains(&part) { part + lean } else { part };
             let part = from + (to - from) * bent;
-            let top = |above: f32| high_a + (high_b - high_a) * part + rise * above;
-            let position = a.lerp(b, part).extend(above.map_or(0.0, top));
+            let edge = a.towards(b, part);
+            let (z, openness) = match above {
+                Some((above, openness)) => (edge.high_m + rise * above, openness),
+                None => (edge.foot_m, foot_of(edge)),
+            };
             let u = along + (then - along) * part;
-            let uv = Vec2::new(u, position.z / METRES_PER_REPEAT);
-            mesh.vertex(Vertex { position, normal, uv, finish, openness });
+            let uv = Vec2::new(u, z / METRES_PER_REPEAT);
+            mesh.vertex(Vertex { position: edge.at.extend(z), normal, uv, finish, openness });
         }
-        let corners = mesh.vertices.len() as u32 - base;
-        mesh.indices.extend((1..corners - 1).flat_map(|corner| [base, base + corner, base + corner + 1]));
+        // What is below the outline as two triangles, and a fan of it: edges inside a crown cost as much as others.
+        let last = mesh.vertices.len() as u32 - 1;
+        mesh.indices.extend([base, base + 1, base + 2, base, base + 2, last]);
+        mesh.indices.extend((base + 3..last).flat_map(|corner| [base + 2, corner, corner + 1]));
     }
     then
 }
@@ -126,7 +159,7 @@ fn tops(mesh: &mut Mesh, city: [Vec2; 2], number: u32, k: u32) {
         match next {
             Some(_) => {
                 let (behind, _) = place(city, number + 1, k);
-                lines.push((behind.extend(high - 0.5), 110));
+                lines.push((behind.extend(high - TOPS_FALL_M), 110));
             }
             None => {
                 let bump = 2.5 * (super::dice(k % POINTS, 43) - 0.3);

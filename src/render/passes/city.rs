@@ -137,14 +137,15 @@ impl CityPass {
         seen: &SeenCells,
     ) {
         pass.set_bind_group(2, &self.surfaces, &[]);
-        if let Some(swift) = &self.swift {
-            pass.set_pipeline(&swift.plain);
-            standing.draw(pass, &seen.plain);
-            pass.set_pipeline(&swift.averted);
-            standing.draw(pass, &seen.averted);
-        }
         pass.set_pipeline(&self.pipeline);
         standing.draw(pass, &seen.raised);
+        if let Some(swift) = &self.swift {
+            pass.set_pipeline(&swift.averted);
+            standing.draw(pass, &seen.averted);
+            // It is far away, and most of it hidden.
+            pass.set_pipeline(&swift.plain);
+            standing.draw(pass, &seen.plain);
+        }
         // Over the ground, so that the depth test spares the ground under them.
         if let Some(swift) = &self.swift {
             pass.set_pipeline(&swift.lines);

@@ -1,11 +1,10 @@
-//! The sky: a dome with a panorama that is painted once, drawn last where nothing else is.
+//! The sky: a box around the eye with a panorama that is painted once, drawn last where nothing else is.
 
 use super::{Attachments, PictureState, picture_pipeline, sampler_entry, texture_entry};
 use crate::render::Context;
 use crate::render::daylight::Light;
 use crate::render::shader::Shader;
 use crate::render::textures;
-use glam::Vec3;
 use wgpu::util::DeviceExt;
 
 pub(in crate::render) mod gpu_data {
@@ -38,16 +37,11 @@ pub(in crate::render) mod gpu_data {
     };
 }
 
-const AROUND: u32 = 32;
-/// Elevations of the rings of the dome as parts of the way from below the horizon to the zenith.
-const RINGS: u32 = 10;
-
 #[derive(Debug)]
 pub(in crate::render) struct SkyPass {
     pipeline: wgpu::RenderPipeline,
     panorama: wgpu::BindGroup,
     vertices: wgpu::Buffer,
-    indices: wgpu::Buffer,
     count: u32,
     /// Pipeline, vertices and how many; `None` by day.
     stars: Option<(wgpu::RenderPipeline, wgpu::Buffer, u32)>,
@@ -102,12 +96,16 @@ impl SkyPass {
             write_depth: false,
         };
         let pipeline = picture_pipeline(device, attachments, &state);
-        let (vertices, indices) = dome();
-        let buffer = |contents, usage| {
+        let vertices: Vec<gpu_data::Vertex> = textures::sky_triangles()
+            .into_iter()
+            .flatten()
+            .map(|(direction, uv)| gpu_data::Vertex { direction: direction.to_array(), uv })
+            .collect();
+        let buffer = |contents| {
             device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some("sky"),
                 contents,
-                usage,
+                usage: wgpu::BufferUsages::VERTEX,
             })
         };
         let shown = |colour| if attachments.light_at_vertices { colour } else { light.radiance_of(colour) };
@@ -125,16 +123,15 @@ impl SkyPass {
                 topology: wgpu::PrimitiveTopology::PointList,
                 ..state
             };
-            let vertices = buffer(bytemuck::cast_slice(&stars), wgpu::BufferUsages::VERTEX);
+            let vertices = buffer(bytemuck::cast_slice(&stars));
             (picture_pipeline(device, attachments, &points), vertices, stars.len() as u32)
         });
         Self {
             pipeline,
             panorama,
             stars,
-            count: indices.len() as u32,
-            vertices: buffer(bytemuck::cast_slice(&vertices), wgpu::BufferUsages::VERTEX),
-            indices: buffer(bytemuck::cast_slice(&indices), wgpu::BufferUsages::INDEX),
+            count: vertices.len() as u32,
+            vertices: buffer(bytemuck::cast_slice(&vertices)),
         }
     }
 
@@ -143,35 +140,11 @@ impl SkyPass {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(2, &self.panorama, &[]);
         pass.set_vertex_buffer(0, self.vertices.slice(..));
-        pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint16);
-        pass.draw_indexed(0..self.count, 0, 0..1);
+        pass.draw(0..self.count, 0..1);
         if let Some((pipeline, vertices, count)) = &self.stars {
             pass.set_pipeline(pipeline);
             pass.set_vertex_buffer(0, vertices.slice(..));
             pass.draw(0..*count, 0..1);
         }
     }
-}
-
-fn dome() -> (Vec<gpu_data::Vertex>, Vec<u16>) {
-    let mut vertices = Vec::new();
-    for ring in 0..=RINGS {
-        let v = ring as f32 / RINGS as f32;
-        let (up, out) = textures::elevation_of(v).sin_cos();
-        for k in 0..=AROUND {
-            let u = k as f32 / AROUND as f32;
-            let (sin, cos) = (u * std::f32::consts::TAU).sin_cos();
-            let direction = Vec3::new(cos * out, sin * out, up).to_array();
-            vertices.push(gpu_data::Vertex { direction, uv: [u, v] });
-        }
-    }
-    let mut indices = Vec::new();
-    for ring in 0..RINGS {
-        for k in 0..AROUND {
-            let a = (ring * (AROUND + 1) + k) as u16;
-            let b = a + AROUND as u16 + 1;
-            indices.extend([a, a + 1, b + 1, a, b + 1, b]);
-        }
-    }
-    (vertices, indices)
 }

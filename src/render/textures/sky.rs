@@ -5,23 +5,56 @@ use super::noise::{hash, octaves};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Elevation that a row of the panorama shows, v from 0 to 1. Rows are closer near the horizon,
-/// where most cameras look.
-pub(in crate::render) fn elevation_of(v: f32) -> f32 {
-    -0.12 + 0.55 * v + (std::f32::consts::FRAC_PI_2 + 0.12 - 0.55) * v * v * v
+/// Around the eye the sky is a box without a floor, a unit away, whose walls face east, north, west and south. Its
+/// faces are few and large, so that they cost little to draw, and even in the panorama: bands of it, wall by wall
+/// from left to right, each wall as wide as another. From the part of the panorama where a band begins, v from 0
+/// to 1, and its height; the last is the lid, from its edge to where it is over the eye.
+const BANDS: [(f32, f32); 3] = [(0.0, -0.13), (0.5, 0.25), (0.82, 1.0)];
+
+/// Triangles of the box: corners as directions, not of unit length, and places in the panorama.
+pub(in crate::render) fn triangles() -> Vec<[(Vec3, [f32; 2]); 3]> {
+    let mut triangles = Vec::new();
+    for wall in 0..4 {
+        let corner = |side: f32, v: f32| {
+            let u = (wall as f32 + side) / 4.0;
+            (direction(wall, 2.0 * side - 1.0, v), [u, v])
+        };
+        let [(bottom, _), (middle, _), (top, _)] = BANDS;
+        for (low, high) in [(bottom, middle), (middle, top)] {
+            let [a, b, c, d] = [corner(0.0, low), corner(1.0, low), corner(1.0, high), corner(0.0, high)];
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+        triangles.push([corner(0.0, top), corner(1.0, top), corner(0.5, 1.0)]);
+    }
+    triangles
+}
+
+/// What a place of the panorama shows: of a wall, from -1 to 1 across it.
+fn direction(wall: i32, across: f32, v: f32) -> Vec3 {
+    let [(_, foot), (low_end, sill), (top, edge)] = BANDS;
+    let part = |from: f32, to: f32| (v - from) / (to - from);
+    let (out, up) = if v < low_end {
+        (1.0, foot + (sill - foot) * part(0.0, low_end))
+    } else if v < top {
+        (1.0, sill + (edge - sill) * part(low_end, top))
+    } else {
+        (1.0 - part(top, 1.0), edge)
+    };
+    let ahead = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)][wall as usize];
+    Vec3::new(ahead.0 * out - ahead.1 * across, ahead.1 * out + ahead.0 * across, up)
 }
 
 /// sRGB texels, row by row with v growing.
 pub(super) fn paint(size: [u32; 2], light: &Light) -> Vec<u8> {
-    texels(size, |u, elevation| {
-        let [r, g, b] = colour(u, elevation, light).map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
+    texels(size, |direction| {
+        let [r, g, b] = colour(direction, light).map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
         [r, g, b, 255]
     })
 }
 
 /// Radiance as half floats, row by row with v growing.
 pub(super) fn paint_radiance(size: [u32; 2], light: &Light) -> Vec<u8> {
-    texels(size, |u, elevation| halves(light.radiance_of(colour(u, elevation, light))))
+    texels(size, |direction| halves(light.radiance_of(colour(direction, light))))
 }
 
 /// Radiance above the horizon as half floats, unfolded as `sky_at` of `shaders/light.wgsl` reads it, level by
@@ -33,7 +66,9 @@ pub(super) fn mirrored(size: u32, light: &Light) -> Vec<Vec<u8>> {
         let (x, y) = ((a + b) / 2.0, (a - b) / 2.0);
         let direction = Vec3::new(x, y, 1.0 - x.abs() - y.abs()).normalize_or(Vec3::Z);
         // Hills at the horizon are for the panorama.
-        light.radiance_of(colour(turn_of(direction), direction.z.asin().max(0.07), light))
+        let above =
+            Vec3::new(direction.x, direction.y, direction.z.max(0.07 * direction.truncate().length()));
+        light.radiance_of(colour(above.normalize_or(Vec3::Z), light))
     };
     let mut level: Vec<[f32; 3]> = (0..size * size).into_par_iter().map(texel).collect();
     let mut edge = size as usize;
@@ -58,13 +93,16 @@ fn halves(radiance: [f32; 3]) -> [u8; 8] {
     [r[0], r[1], g[0], g[1], b[0], b[1], 0, 0]
 }
 
-fn texels<const N: usize>([width, height]: [u32; 2], texel: impl Fn(f32, f32) -> [u8; N] + Sync) -> Vec<u8> {
+fn texels<const N: usize>([width, height]: [u32; 2], texel: impl Fn(Vec3) -> [u8; N] + Sync) -> Vec<u8> {
     let texel = &texel;
     (0..height)
         .into_par_iter()
         .flat_map_iter(|y| {
-            let elevation = elevation_of((y as f32 + 0.5) / height as f32);
-            (0..width).flat_map(move |x| texel((x as f32 + 0.5) / width as f32, elevation))
+            let v = (y as f32 + 0.5) / height as f32;
+            (0..width).flat_map(move |x| {
+                let u = (x as f32 + 0.5) / width as f32 * 4.0;
+                texel(direction(u as i32, 2.0 * u.fract() - 1.0, v).normalize_or(Vec3::Z))
+            })
         })
         .collect()
 }
@@ -80,11 +118,9 @@ fn mix(a: [f32; 3], b: [f32; 3], part: f32) -> [f32; 3] {
     [0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * part)
 }
 
-/// As displayed: sRGB in [0, 1].
-fn colour(u: f32, elevation: f32, light: &Light) -> [f32; 3] {
-    let (up, out) = elevation.sin_cos();
-    let (sin, cos) = (u * std::f32::consts::TAU).sin_cos();
-    let direction = Vec3::new(cos * out, sin * out, up);
+/// In a direction of unit length, as displayed: sRGB in [0, 1].
+fn colour(direction: Vec3, light: &Light) -> [f32; 3] {
+    let up = direction.z;
     let horizon = light.haze_srgb;
     let rise = 1.0 - (-4.2 * up.max(0.0)).exp();
     let mut sky = mix(horizon, light.zenith_srgb, rise);
@@ -103,6 +139,7 @@ fn colour(u: f32, elevation: f32, light: &Light) -> [f32; 3] {
         sky = if night > 0.5 { [0.93, 0.94, 0.90] } else { [1.0, 1.0, 0.97] };
     }
     // Two chains of hills in the haze.
+    let (u, elevation) = (turn_of(direction), up.asin());
     for (seed, height, base, part) in [(221, 0.060, 0.008, 0.30), (231, 0.034, 0.002, 0.55)] {
         let crest = base + height * (octaves([u, 0.3], [9, 2], 5, seed) - 0.30).max(0.0);
         let edge = ((crest - elevation) / 0.0015).clamp(0.0, 1.0);
@@ -134,7 +171,7 @@ pub(in crate::render) fn stars(light: &Light) -> Vec<(Vec3, [f32; 3])> {
         // Faint ones are many; some are warm, some cold.
         let bright = (0.20 + 0.60 * hash(k, 2, 301).powi(5)) * ((up - 0.08) * 5.0).min(1.0);
         let warm = hash(k, 3, 301) - 0.5;
-        let behind = colour(turn_of(direction), up.asin(), light);
+        let behind = colour(direction, light);
         let tint = [1.0 + 0.25 * warm, 1.0, 1.0 - 0.35 * warm];
         let shown = [0, 1, 2].map(|k| behind[k] + night * bright * tint[k]);
         (cloud_cover(direction) < 0.2).then_some((direction, shown))

@@ -1,0 +1,254 @@
+//! Where the directions of a road meet: lines half-way between lanes and those that come towards them.
+
+use super::lanes::LaneBoxes;
+use super::roads::RoadField;
+use crate::city::{CityMap, Lane, LaneId, LaneKind};
+use crate::geom::{Pose2, wrap_angle};
+use glam::DVec2;
+
+/// Along a line.
+const STEP_M: f64 = 0.6;
+/// Ends of lines that lie so near to each other along a road, and so little beside each other, are of one line:
+/// where lanes begin and end, what lies half-way between them is not found, or jumps.
+const GAP_M: f64 = 4.0;
+const BESIDE_M: f64 = 0.7;
+/// Such ends point at each other within this angle, radians.
+const BEND: f64 = 0.4;
+/// A line is the mean of itself so many steps to both sides, which takes the jumps out.
+const EVEN_STEPS: usize = 2;
+
+/// Lines between lanes of opposite directions.
+pub(super) fn centre_lines(map: &CityMap, field: &RoadField, boxes: &LaneBoxes<'_>) -> Vec<Vec<Pose2>> {
+    let mut pieces = Vec::new();
+    for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
+        add_pieces(&mut pieces, map, lane, (field, boxes));
+    }
+    pieces.retain(|piece| piece.len() > 2);
+    let is_road = |at: DVec2| field.distance.at(at) < 0.0;
+    joined(distinct(pieces), is_road).iter().map(|line| posed(&evened(&in_steps(line)))).collect()
+}
+
+/// Points between a lane and one of the other direction to its left, as far as they go on.
+fn add_pieces(
+    pieces: &mut Vec<Vec<DVec2>>,
+    map: &CityMap,
+    lane: &Lane,
+    (field, boxes): (&RoadField, &LaneBoxes<'_>),
+) {
+    if lane.left.is_some_and(|left| alongside_all(map, lane, left)) {
+        return;
+    }
+    let alongside: Vec<&Lane> =
+        boxes.near(lane).filter(|other| other.kind == LaneKind::Lane && other.id != lane.id).collect();
+    let opposite: Vec<&Lane> = alongside.iter().copied().filter(|other| other.id > lane.id).collect();
+    // Of lanes that merge, the one nearest to the other direction has the line.
+    let is_nearest = |at: DVec2, own: f64| {
+        alongside.iter().all(|other| {
+            let foot = other.curve.at(other.curve.project(at).s).pose;
+            foot.position.distance(at) > own - 0.05 * lane.width_m
+        })
+    };
+    let length = lane.curve.length();
+    let count = (length / STEP_M).ceil().max(1.0) as usize;
+    let mut piece: Vec<DVec2> = Vec::new();
+    for k in 0..=count {
+        let pose = lane.curve.at(length * k as f64 / count as f64).pose;
+        let found = opposite.iter().find_map(|other| {
+            let foot = other.curve.project(pose.point_at(0.0, lane.width_m));
+            let there = other.curve.at(foot.s).pose;
+            let along = wrap_angle(there.yaw_rad - pose.yaw_rad).abs() > 2.8;
+            let inside = foot.s > 0.001 && foot.s < other.curve.length() - 0.001;
+            let apart = (there.position - pose.position).dot(pose.left());
+            let beside = foot.lateral.abs() < 0.45 * lane.width_m
+                && (0.6 * lane.width_m..1.5 * lane.width_m).contains(&apart);
+            let middle = (pose.position + there.position) / 2.0;
+            (along && inside && beside && is_nearest(middle, apart / 2.0)).then_some(middle)
+        });
+        // Where the neighbour changes, the line begins anew.
+        let goes_on = |at: DVec2| {
+            piece.last().is_none_or(|&last| (at - last).dot(pose.left()).abs() < 0.15 * lane.width_m)
+        };
+        match found.filter(|&at| field.distance.at(at) < 0.0 && goes_on(at)) {
+            Some(position) => piece.push(position),
+            None => pieces.push(std::mem::take(&mut piece)),
+        }
+    }
+    pieces.push(piece);
+}
+
+/// Whether the neighbour goes along with the whole lane, so that nothing of the other direction can.
+fn alongside_all(map: &CityMap, lane: &Lane, neighbour: LaneId) -> bool {
+    let neighbour = map.lane(neighbour);
+    [0.05, 0.5, 0.95].iter().all(|part| {
+        let pose = lane.curve.at(lane.curve.length() * part).pose;
+        let foot = neighbour.curve.project(pose.point_at(0.0, lane.width_m));
+        foot.lateral.abs() < 0.35 * lane.width_m
+    })
+}
+
+/// The pieces without those that lie beside longer ones: where lanes merge, each has its own for a while.
+fn distinct(mut pieces: Vec<Vec<DVec2>>) -> Vec<Vec<DVec2>> {
+    pieces.sort_by_key(|piece| std::cmp::Reverse(piece.len()));
+    let mut kept: Vec<Vec<DVec2>> = Vec::new();
+    for piece in pieces {
+        let is_beside = |at: &DVec2| kept.iter().flatten().any(|other| other.distance(*at) < BESIDE_M);
+        if !piece.iter().all(is_beside) {
+            kept.push(piece);
+        }
+    }
+    kept
+}
+
+/// Lines out of pieces whose ends nearly meet on the road.
+fn joined(mut pieces: Vec<Vec<DVec2>>, is_road: impl Fn(DVec2) -> bool) -> Vec<Vec<DVec2>> {
+    let mut lines = Vec::new();
+    while let Some(mut line) = pieces.pop() {
+        // On from its end, then from its beginning.
+        for _ in 0..2 {
+            while let Some((k, from_end)) = next_piece(&line, &pieces, &is_road) {
+                let mut next = pieces.swap_remove(k);
+                if from_end {
+                    next.reverse();
+                }
+                // What overlaps would go back.
+                let forward = outward(&line);
+                let end = line[line.len() - 1];
+                line.extend(next.into_iter().skip_while(|at| (*at - end).dot(forward) <= 0.0));
+            }
+            line.reverse();
+        }
+        lines.push(line);
+    }
+    lines
+}
+
+/// The piece that goes on where a line ends, and whether it does so backwards.
+fn next_piece(
+    line: &[DVec2],
+    pieces: &[Vec<DVec2>],
+    is_road: impl Fn(DVec2) -> bool,
+) -> Option<(usize, bool)> {
+    let (end, forward) = (line[line.len() - 1], outward(line));
+    let gap_to = |ahead: DVec2, onward: DVec2| {
+        let to = ahead - end;
+        let (along, beside) = (to.dot(forward), to.perp_dot(forward).abs());
+        let is_next = (-STEP_M..GAP_M).contains(&along)
+            && beside < BESIDE_M
+            && forward.dot(onward) > BEND.cos()
+            && is_road((end + ahead) / 2.0);
+        is_next.then_some(to.length())
+    };
+    let ends = pieces.iter().enumerate().flat_map(|(k, piece)| {
+        let backwards: Vec<DVec2> = piece.iter().rev().copied().collect();
+        [(k, false, piece[0], -outward(&backwards)), (k, true, backwards[0], -outward(piece))]
+    });
+    ends.filter_map(|(k, from_end, at, onward)| Some((gap_to(at, onward)?, k, from_end)))
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, k, from_end)| (k, from_end))
+}
+
+/// The direction in which a line ends.
+fn outward(line: &[DVec2]) -> DVec2 {
+    let end = line[line.len() - 1];
+    (end - line[line.len().saturating_sub(4)]).normalize_or_zero()
+}
+
+/// The same line with points that are a step apart.
+fn in_steps(line: &[DVec2]) -> Vec<DVec2> {
+    let length: f64 = line.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+    let count = (length / STEP_M).round().max(1.0);
+    let step = length / count;
+    let mut points = vec![line[0]];
+    let mut left = step;
+    for pair in line.windows(2) {
+        let (mut from, to) = (pair[0], pair[1]);
+        while from.distance(to) > left {
+            from += (to - from).normalize_or_zero() * left;
+            points.push(from);
+            left = step;
+        }
+        left -= from.distance(to);
+    }
+    let last = line[line.len() - 1];
+    if points.len() as f64 > count {
+        points.pop();
+    }
+    points.push(last);
+    points
+}
+
+/// Every point moved to the mean of those around it; ends stay.
+fn evened(line: &[DVec2]) -> Vec<DVec2> {
+    let last = line.len() - 1;
+    (0..=last)
+        .map(|k| {
+            let reach = EVEN_STEPS.min(k).min(last - k);
+            let around = &line[k - reach..=k + reach];
+            around.iter().sum::<DVec2>() / around.len() as f64
+        })
+        .collect()
+}
+
+fn posed(line: &[DVec2]) -> Vec<Pose2> {
+    let last = line.len() - 1;
+    let along = |k: usize| match k {
+        _ if last < 2 => line[last] - line[0],
+        // Ends go on in the bend of the line, not along its last chord.
+        0 => 4.0 * line[1] - line[2] - 3.0 * line[0],
+        _ if k == last => 3.0 * line[last] - 4.0 * line[last - 1] + line[last - 2],
+        _ => line[k + 1] - line[k - 1],
+    };
+    let yaw_rad = |along: DVec2| libm::atan2(along.y, along.x);
+    (0..=last).map(|k| Pose2 { position: line[k], yaw_rad: yaw_rad(along(k)) }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn straight(from: f64, to: f64, y: f64) -> Vec<DVec2> {
+        let count = ((to - from).abs() / STEP_M).round();
+        (0..=count as usize).map(|k| DVec2::new(from + (to - from) * k as f64 / count, y)).collect()
+    }
+
+    #[test]
+    fn pieces_that_nearly_meet_are_one_even_line() {
+        // A jump to the side over a gap, then a piece the other way round; a road that is far off.
+        let pieces = vec![
+            straight(0.0, 12.0, 0.0),
+            straight(24.0, 14.0, 0.5),
+            straight(24.3, 36.0, 0.4),
+            straight(0.0, 12.0, 9.0),
+        ];
+        let mut lines = joined(pieces.clone(), |_| true);
+        lines.sort_by_key(Vec::len);
+        assert_eq!(lines.len(), 2, "{lines:?}");
+        let line = posed(&evened(&in_steps(&lines[1])));
+        let mut ends = [line[0].position.x, line[line.len() - 1].position.x];
+        ends.sort_by(f64::total_cmp);
+        assert_eq!(ends, [0.0, 36.0]);
+        for pair in line.windows(2) {
+            let apart = pair[0].position.distance(pair[1].position);
+            assert!((0.4..0.8).contains(&apart), "{apart}");
+            assert!(wrap_angle(pair[1].yaw_rad - pair[0].yaw_rad).abs() < 0.05, "{pair:?}");
+        }
+        // Nothing is joined across what is no road.
+        assert_eq!(joined(pieces, |at| at.x < 12.5).len(), 4);
+    }
+
+    #[test]
+    fn roads_that_cross_stay_apart() {
+        let across: Vec<DVec2> = straight(-12.0, -1.0, 0.0).into_iter().map(DVec2::perp).collect();
+        let lines = joined(vec![straight(0.0, 12.0, 0.0), across, straight(17.0, 30.0, 0.0)], |_| true);
+        assert_eq!(lines.len(), 3);
+    }
+
+    #[test]
+    fn of_lines_beside_each_other_the_longest_is_kept() {
+        let long = straight(0.0, 12.0, 0.0);
+        let pieces = vec![straight(3.1, 5.0, 0.2), long.clone(), straight(11.0, 16.0, 0.1)];
+        let kept = distinct(pieces);
+        assert_eq!(kept.len(), 2, "{kept:?}");
+        assert_eq!(kept[0], long);
+    }
+}
