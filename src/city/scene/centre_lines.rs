@@ -111,8 +111,7 @@ fn joined(mut pieces: Vec<Vec<DVec2>>, is_road: impl Fn(DVec2) -> bool) -> Vec<V
                     next.reverse();
                 }
                 // What overlaps would go back.
-                let forward = outward(&line);
-                let end = line[line.len() - 1];
+                let [_, (end, forward)] = ends(&line);
                 line.extend(next.into_iter().skip_while(|at| (*at - end).dot(forward) <= 0.0));
             }
             line.reverse();
@@ -128,29 +127,30 @@ fn next_piece(
     pieces: &[Vec<DVec2>],
     is_road: impl Fn(DVec2) -> bool,
 ) -> Option<(usize, bool)> {
-    let (end, forward) = (line[line.len() - 1], outward(line));
-    let gap_to = |ahead: DVec2, onward: DVec2| {
+    let [_, (end, forward)] = ends(line);
+    let gap_to = |(ahead, outward): (DVec2, DVec2)| {
         let to = ahead - end;
         let (along, beside) = (to.dot(forward), to.perp_dot(forward).abs());
         let is_next = (-STEP_M..GAP_M).contains(&along)
             && beside < BESIDE_M
-            && forward.dot(onward) > BEND.cos()
+            && forward.dot(-outward) > BEND.cos()
             && is_road((end + ahead) / 2.0);
         is_next.then_some(to.length())
     };
-    let ends = pieces.iter().enumerate().flat_map(|(k, piece)| {
-        let backwards: Vec<DVec2> = piece.iter().rev().copied().collect();
-        [(k, false, piece[0], -outward(&backwards)), (k, true, backwards[0], -outward(piece))]
-    });
-    ends.filter_map(|(k, from_end, at, onward)| Some((gap_to(at, onward)?, k, from_end)))
+    let candidates =
+        pieces.iter().enumerate().flat_map(|(k, piece)| ends(piece).into_iter().zip([(k, false), (k, true)]));
+    candidates
+        .filter_map(|(end, piece)| Some((gap_to(end)?, piece)))
         .min_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, k, from_end)| (k, from_end))
+        .map(|(_, piece)| piece)
 }
 
-/// The direction in which a line ends.
-fn outward(line: &[DVec2]) -> DVec2 {
-    let end = line[line.len() - 1];
-    (end - line[line.len().saturating_sub(4)]).normalize_or_zero()
+/// The first and the last point of a line, and the directions in which it ends there.
+fn ends(line: &[DVec2]) -> [(DVec2, DVec2); 2] {
+    let last = line.len() - 1;
+    let inward = last.min(3);
+    [(0, inward), (last, last - inward)]
+        .map(|(end, from)| (line[end], (line[end] - line[from]).normalize_or_zero()))
 }
 
 /// The same line with points that are a step apart.
