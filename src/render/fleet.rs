@@ -2,15 +2,17 @@
 
 use super::Context;
 use super::RenderError;
+use super::bonnet::Bonnets;
 use super::horizon::Pillar;
 use super::passes::city::gpu_data::Vertex;
 use super::passes::glow::gpu_data::Glow;
 use super::passes::vehicle::gpu_data::Instance;
 use super::standing::Gaze;
 use super::vehicle::{self, Lens, MeshKey, Part, VehicleMesh};
+use crate::camera::View;
 use crate::model::Model;
 use crate::snapshot::{BodyType, FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
-use glam::{Mat3, Quat, Vec3};
+use glam::{DMat4, Mat3, Quat, Vec3};
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
 use std::ops::Range;
@@ -112,6 +114,8 @@ pub(super) struct Fleet {
     instances: wgpu::Buffer,
     capacity: usize,
     placed: Vec<Placed>,
+    /// Of those that carried cameras.
+    bonnets: BTreeMap<MeshKey, Bonnets>,
     /// Whether paint is told as linear light, and not as sRGB.
     paints_linear: bool,
 }
@@ -127,6 +131,7 @@ impl Fleet {
             instances: instance_buffer(device, capacity),
             capacity,
             placed: Vec::new(),
+            bonnets: BTreeMap::new(),
             paints_linear,
         }
     }
@@ -135,6 +140,7 @@ impl Fleet {
     pub(super) fn set_model(&mut self, body: BodyType, model: Arc<Model>) {
         self.models.insert(body, model);
         self.builds.retain(|key, _| key.body() != body);
+        self.bonnets.retain(|key, _| key.body() != body);
     }
 
     /// Takes the vehicles of a snapshot.
@@ -224,6 +230,23 @@ impl Fleet {
                 buffer(bytemuck::cast_slice(&self.mesh.indices), wgpu::BufferUsages::INDEX),
             ));
         }
+    }
+
+    /// Rows from the top of a view in which more may be seen than the vehicle that carries the camera.
+    pub(super) fn open_rows(&mut self, view: &View) -> u32 {
+        let carrier = self.placed.iter().find(|placed| view.carrier == Some(placed.id));
+        let drawn = carrier.and_then(|placed| Some((placed, self.builds.get(&placed.key)?.levels.first()?)));
+        let Some((placed, BuildLevel { body, .. })) = drawn else { return view.extent[1] };
+        let world_from_body =
+            DMat4::from_rotation_translation(placed.orientation.as_dquat(), placed.position.as_dvec3());
+        let clip_from_body = (view.clip_from_world() * world_from_body).as_mat4();
+        let mesh = &self.mesh;
+        let corner = |k: u32| clip_from_body * Vec3::from(mesh.vertices[k as usize].position).extend(1.0);
+        let faces = || {
+            let faces = mesh.indices[body.start as usize..body.end as usize].as_chunks::<3>().0;
+            faces.iter().map(|face| face.map(corner))
+        };
+        self.bonnets.entry(placed.key).or_default().open_rows(clip_from_body, view.extent, faces)
     }
 
     /// Vehicles that a view may see, nearest first.

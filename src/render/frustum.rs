@@ -16,6 +16,13 @@ impl Frustum {
         Self { planes: [w + row(0), w - row(0), w + row(1), w - row(1), row(2), w - row(2)] }
     }
 
+    /// Of the upper part of the picture alone, as a share of its height.
+    pub(super) fn upper(mut self, share: f32) -> Self {
+        let double_w = self.planes[2] + self.planes[3];
+        self.planes[2] -= double_w * (1.0 - share);
+        self
+    }
+
     /// Whether a box may be seen; false only where it cannot.
     pub(super) fn may_see_box(&self, [low, high]: [Vec3; 2]) -> bool {
         self.planes.iter().all(|plane| {
@@ -77,5 +84,14 @@ mod tests {
         let sharpness = Sharpness::new(&view.clip_from_world().as_mat4(), 480);
         assert!((f64::from(sharpness.pixels(1.0, 20.0)) - far.y).abs() < 1e-3, "{far}");
         assert!(frustum.may_see_box([Vec3::splat(-50.0), Vec3::splat(50.0)]));
+        // The lower edge of the upper half is where it looks, that of three quarters half way down from there.
+        let slope = 25_f32.to_radians().tan();
+        for (share, z, seen) in
+            [(0.5, 0.1, true), (0.5, -0.1, false), (0.75, -4.6 * slope, true), (0.75, -5.4 * slope, false)]
+        {
+            let (at, half) = (Vec3::new(10.0, 0.0, z), Vec3::splat(1e-3));
+            assert_eq!(frustum.upper(share).may_see_box([at - half, at + half]), seen, "{share} {z}");
+            assert!(frustum.may_see_box([at - half, at + half]));
+        }
     }
 }

@@ -1,5 +1,27 @@
 //! Equally large views side by side in one texture, so that a batch of them is one render pass.
 
+/// A rectangle of a target that a view is drawn to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tile {
+    pub(super) origin: [u32; 2],
+    pub(super) extent: [u32; 2],
+}
+
+impl Tile {
+    /// Has what is drawn from now on fill it.
+    pub(super) fn enter(self, pass: &mut wgpu::RenderPass<'_>) {
+        let ([x, y], [width, height]) = (self.origin, self.extent);
+        pass.set_viewport(x as f32, y as f32, width as f32, height as f32, 0.0, 1.0);
+        self.keep_to(pass, height);
+    }
+
+    /// Has what is drawn from now on change no more than that many of its rows from the top.
+    pub(super) fn keep_to(self, pass: &mut wgpu::RenderPass<'_>, rows: u32) {
+        let ([x, y], [width, height]) = (self.origin, self.extent);
+        pass.set_scissor_rect(x, y, width, rows.min(height));
+    }
+}
+
 /// Rows of a copy into a buffer are multiples of this.
 const ROW_ALIGNMENT: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
 
@@ -51,6 +73,10 @@ impl Grid {
     pub(super) fn origin(&self, tile: usize) -> [u32; 2] {
         let k = tile as u32;
         [k % self.columns * self.tile[0], k / self.columns * self.tile[1]]
+    }
+
+    pub(super) fn place(&self, tile: usize) -> Tile {
+        Tile { origin: self.origin(tile), extent: self.tile }
     }
 
     /// Copies a tile of a texture of four bytes a texel into a buffer.

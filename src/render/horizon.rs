@@ -24,11 +24,61 @@ struct Screen {
 
 const NOTHING: Screen = Screen { distance_m: f32::INFINITY, slope: f32::NEG_INFINITY };
 
+/// What hides a part of a bucket: from one place in it to another, as shares of its width.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    bucket: usize,
+    right: f32,
+    left: f32,
+    screen: Screen,
+}
+
+/// Parts that lie no farther apart than this share of a bucket, a hundredth of a pixel or so, touch each other.
+const APART: f32 = 1e-3;
+
+impl Screen {
+    /// What both hide, one beside the other.
+    fn and(self, other: Self) -> Self {
+        Self { distance_m: self.distance_m.max(other.distance_m), slope: self.slope.min(other.slope) }
+    }
+}
+
 /// What hides things from one eye.
 #[derive(Clone, Debug)]
 pub(super) struct Horizon {
     eye: Vec3,
     buckets: Vec<[Screen; DEPTH]>,
+    /// What it is asked about counts only between these azimuths.
+    sector: Sector,
+}
+
+/// Azimuths around a middle, up to so far to either side.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sector {
+    pub(super) middle: f32,
+    pub(super) half: f32,
+}
+
+impl Sector {
+    pub(super) const ALL: Self = Self { middle: 0.0, half: PI };
+
+    /// What a view with these looks to its corners sees; all around where it looks too far up or down.
+    pub(super) fn of_view(looks: &[Vec3; 4]) -> Self {
+        let ahead: Vec2 = looks.iter().map(|look| look.truncate()).sum();
+        let half = looks.iter().map(|look| ahead.angle_to(look.truncate()).abs()).fold(0.0, f32::max);
+        let is_level = looks.iter().all(|look| look.truncate().length() > 0.3 * look.length());
+        if is_level && half < 1.4 { Self { middle: ahead.to_angle(), half } } else { Self::ALL }
+    }
+
+    /// The part of a span between two turns from an azimuth that lies in it.
+    fn cut(self, azimuth: f32, [right, left]: [f32; 2]) -> [f32; 2] {
+        let ahead = (self.middle - azimuth + PI).rem_euclid(TAU) - PI;
+        if self.half >= PI {
+            [right, left]
+        } else {
+            [right.max(ahead - self.half), left.min(ahead + self.half)]
+        }
+    }
 }
 
 /// An upright cylinder around something.
@@ -40,20 +90,24 @@ pub(super) struct Pillar {
 }
 
 impl Horizon {
-    pub(super) fn new<'w>(eye: Vec3, walls: impl IntoIterator<Item = &'w Wall>) -> Self {
-        let mut horizon = Self { eye, buckets: vec![[NOTHING; DEPTH]; BUCKETS] };
+    /// Of the walls that are seen in a sector.
+    pub(super) fn new<'w>(eye: Vec3, sector: Sector, walls: impl IntoIterator<Item = &'w Wall>) -> Self {
+        let mut horizon = Self { eye, buckets: vec![[NOTHING; DEPTH]; BUCKETS], sector };
+        let mut parts = Vec::new();
         for wall in walls {
-            horizon.raise(wall);
+            horizon.raise(wall, &mut parts);
         }
+        horizon.join(parts);
         horizon
     }
 
     /// One that hides nothing.
     pub(super) fn open() -> Self {
-        Self::new(Vec3::ZERO, &[])
+        Self::new(Vec3::ZERO, Sector::ALL, &[])
     }
 
-    fn raise(&mut self, wall: &Wall) {
+    /// Raises a wall; of the buckets that it ends in it fills parts.
+    fn raise(&mut self, wall: &Wall, parts: &mut Vec<Part>) {
         let from = wall.from - self.eye.truncate();
         let to = wall.to - self.eye.truncate();
         let length = from.distance(to);
@@ -64,16 +118,51 @@ impl Horizon {
             return;
         }
         let facing = (to - from).perp().to_angle();
-        let right = to.to_angle();
-        let span = (from.to_angle() - right).rem_euclid(TAU);
-        let first = ((right + PI) / BUCKET_RAD).ceil() as i64;
-        let end = ((right + span + PI) / BUCKET_RAD).floor() as i64;
-        for k in first..end {
-            let edges = [k, k + 1].map(|k| k as f32 * BUCKET_RAD - PI);
-            let distances = edges.map(|azimuth| distance_m / (azimuth - facing).cos().max(1e-3));
+        let azimuth = to.to_angle();
+        let span = (from.to_angle() - azimuth).rem_euclid(TAU);
+        // In buckets, from right to left.
+        let right = (azimuth + PI) / BUCKET_RAD;
+        let left = right + span / BUCKET_RAD;
+        let screen = |right: f32, left: f32| {
+            let distances =
+                [right, left].map(|at| distance_m / (at * BUCKET_RAD - PI - facing).cos().max(1e-3));
             let distance_m = distances[0].max(distances[1]);
-            let screen = Screen { distance_m, slope: rise / distance_m };
-            remember(&mut self.buckets[k.rem_euclid(BUCKETS as i64) as usize], screen);
+            Screen { distance_m, slope: rise / distance_m }
+        };
+        let (first, end) = (right.ceil() as i64, left.floor() as i64);
+        let bucket = |k: i64| k.rem_euclid(BUCKETS as i64) as usize;
+        for k in first..end {
+            remember(&mut self.buckets[bucket(k)], screen(k as f32, (k + 1) as f32));
+        }
+        let mut part = |k: i64| {
+            let (from, to) = (right.max(k as f32), left.min((k + 1) as f32));
+            let place = |at: f32| at - k as f32;
+            parts.push(Part {
+                bucket: bucket(k),
+                right: place(from),
+                left: place(to),
+                screen: screen(from, to),
+            });
+        };
+        part(first - 1);
+        if first <= end {
+            part(end);
+        }
+    }
+
+    /// Remembers what walls hide together that each fill a part of a bucket: at the corners of a building, and
+    /// where one house joins the next.
+    fn join(&mut self, mut parts: Vec<Part>) {
+        let steepest = |a: &Part, b: &Part| b.screen.slope.total_cmp(&a.screen.slope);
+        parts.sort_by(|a, b| a.bucket.cmp(&b.bucket).then_with(|| steepest(a, b)));
+        for parts in parts.chunk_by(|a, b| a.bucket == b.bucket) {
+            // No more than are needed: of the others some are farther away, and all are lower.
+            let filling = (2..=parts.len()).find(|&count| fill(&parts[..count]));
+            if let Some(all) =
+                filling.and_then(|count| parts[..count].iter().map(|p| p.screen).reduce(Screen::and))
+            {
+                remember(&mut self.buckets[parts[0].bucket], all);
+            }
         }
     }
 
@@ -101,10 +190,11 @@ impl Horizon {
     }
 
     /// Of what is seen between two turns from an azimuth, between two distances, no higher than `top_m`.
-    fn hides_span(&self, azimuth: f32, [right, left]: [f32; 2], [near, far]: [f32; 2], top_m: f32) -> bool {
+    fn hides_span(&self, azimuth: f32, span: [f32; 2], [near, far]: [f32; 2], top_m: f32) -> bool {
         if near < 0.1 {
             return false;
         }
+        let [right, left] = self.sector.cut(azimuth, span);
         let rise = top_m - self.eye.z;
         let slope = rise / if rise > 0.0 { near } else { far };
         let bucket_of = |turn: f32| ((azimuth + turn + PI) / BUCKET_RAD).floor() as i64;
@@ -113,6 +203,19 @@ impl Horizon {
             bucket.iter().any(|screen| screen.distance_m < near && screen.slope > slope)
         })
     }
+}
+
+/// Whether parts of a bucket leave nothing of it open.
+fn fill(parts: &[Part]) -> bool {
+    let mut filled = 0.0;
+    while filled < 1.0 - APART {
+        let reached = parts.iter().filter(|part| part.right <= filled + APART).map(|part| part.left);
+        match reached.fold(filled, f32::max) {
+            farther if farther > filled => filled = farther,
+            _ => return false,
+        }
+    }
+    true
 }
 
 fn remember(bucket: &mut [Screen; DEPTH], new: Screen) {
@@ -142,7 +245,7 @@ mod tests {
 
     #[test]
     fn hides_what_stands_behind_and_no_more() {
-        let horizon = Horizon::new(Vec3::new(0.0, 0.0, 1.5), &block());
+        let horizon = Horizon::new(Vec3::new(0.0, 0.0, 1.5), Sector::ALL, &block());
         assert!(horizon.hides(&pillar(0.0, 40.0, 3.0)));
         assert!(horizon.hides(&pillar(-12.0, 36.0, 3.0)));
         // In front, beside, on the other side, and above the roof's edge.
@@ -152,9 +255,70 @@ mod tests {
         assert!(!horizon.hides(&pillar(0.0, 40.0, 16.0)));
     }
 
+    /// Whatever the buckets that its corners fall into, and wherever around it begins.
+    #[test]
+    fn a_corner_hides_as_its_walls_do() {
+        for begin in 0..4 {
+            let mut walls = block();
+            walls.rotate_left(begin);
+            for k in 0..200 {
+                let eye = Vec3::new(-32.0 + 0.05 * k as f32, 2.0, 1.5);
+                let horizon = Horizon::new(eye, Sector::ALL, &walls);
+                // Behind the corner towards the eye, seen past it in the middle of the block.
+                let corner = Vec2::new(-10.0, 20.0);
+                let behind = corner + (corner - eye.truncate()).normalize() * 25.0;
+                let thing = Pillar { middle: behind, radius_m: 0.3, top_m: 3.0 };
+                assert!(horizon.hides(&thing), "from {eye}, beginning with wall {begin}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_out_of_a_view_needs_no_wall_before_it() {
+        let eye = Vec3::new(0.0, 0.0, 1.5);
+        // From the middle of the block to behind its left end.
+        let thing = [Vec3::new(-40.0, 40.0, 0.0), Vec3::new(0.0, 42.0, 3.0)];
+        let look = |x: f32, z: f32| Vec3::new(x, 1.0, z);
+        let view = [look(-0.4, 0.3), look(0.4, 0.3), look(0.4, -0.3), look(-0.4, -0.3)];
+        let hides = |sector: Sector| Horizon::new(eye, sector, &block()).hides_box(thing);
+        assert!(!hides(Sector::ALL) && hides(Sector::of_view(&view)));
+        let wide = view.map(|look| look * Vec3::new(2.0, 1.0, 1.0));
+        assert!(!hides(Sector::of_view(&wide)));
+        // Wherever north is, and looking down.
+        for k in 0..12 {
+            let turn = glam::Quat::from_rotation_z(k as f32 * TAU / 12.0 + 0.01);
+            let sector = Sector::of_view(&view.map(|look| turn * look));
+            assert!((sector.half - 0.4_f32.atan()).abs() < 1e-4, "{sector:?}");
+            let [right, left] = sector.cut(sector.middle + 0.3, [-1.0, 1.0]);
+            assert!((left - (sector.half - 0.3)).abs() < 1e-4 && (right + sector.half + 0.3).abs() < 1e-4);
+        }
+        assert!(Sector::of_view(&view.map(|look| look - Vec3::Z * 9.0)).half >= PI);
+    }
+
+    #[test]
+    fn houses_that_join_hide_what_is_behind_the_joint() {
+        let house = |x: f32| -> Vec<Wall> {
+            let ring = [(x, 20.0), (x + 7.3, 20.0), (x + 7.3, 30.0), (x, 30.0)].map(Vec2::from);
+            (0..4).map(|k| Wall { from: ring[k], to: ring[(k + 1) % 4], height_m: 8.0 }).collect()
+        };
+        let hidden = |gap: f32| {
+            let walls = [house(-7.3 - gap), house(0.0)].concat();
+            let eyes = (0..200).map(|k| Vec3::new(-3.0 + 0.03 * k as f32, 0.0, 1.5));
+            eyes.filter(|&eye| {
+                let behind = eye.truncate() * -0.9 + Vec2::new(0.0, 38.0);
+                let thing = Pillar { middle: behind, radius_m: 0.3, top_m: 3.0 };
+                Horizon::new(eye, Sector::ALL, &walls).hides(&thing)
+            })
+            .count()
+        };
+        assert_eq!(hidden(0.0), 200);
+        // Through a gap of a metre it is seen from where the gap opens to it.
+        assert!((1..190).contains(&hidden(1.0)), "{}", hidden(1.0));
+    }
+
     #[test]
     fn an_eye_above_the_roof_sees_over_it() {
-        let horizon = Horizon::new(Vec3::new(0.0, 0.0, 12.0), &block());
+        let horizon = Horizon::new(Vec3::new(0.0, 0.0, 12.0), Sector::ALL, &block());
         assert!(!horizon.hides(&pillar(0.0, 40.0, 3.0)));
     }
 
@@ -165,7 +329,7 @@ mod tests {
         let (mut hidden, mut hidden_boxes) = (0, 0);
         for k in 0..400 {
             let eye = Vec3::new(-30.0 + 0.15 * k as f32, -4.0 + 0.05 * k as f32, 1.4);
-            let horizon = Horizon::new(eye, &walls);
+            let horizon = Horizon::new(eye, Sector::ALL, &walls);
             for j in 0..60 {
                 let thing = pillar(-30.0 + j as f32, 36.0 + 0.3 * j as f32, 2.0 + 0.1 * j as f32);
                 // Long and narrow, one way or the other.

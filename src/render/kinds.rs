@@ -119,13 +119,10 @@ impl KindsDrawing {
             }),
             ..Default::default()
         });
-        let [width, height] = atlas.grid.tile;
         for (k, tile) in batch.iter().enumerate() {
-            let [x, y] = atlas.grid.origin(k);
-            pass.set_viewport(x as f32, y as f32, width as f32, height as f32, 0.0, 1.0);
-            pass.set_scissor_rect(x, y, width, height);
+            let target = (atlas.grid.place(k), tile.view);
             let seen = &scene.seen[tile.view];
-            self.pass.draw(&mut pass, tile.view, (scene.standing, scene.fleet), seen);
+            self.pass.draw(&mut pass, target, (scene.standing, scene.fleet), seen);
         }
     }
 }

@@ -7,6 +7,7 @@
 //! 2 materials. What differs between objects comes as instances.
 
 mod atlas;
+mod bonnet;
 mod cells;
 mod clock;
 mod context;

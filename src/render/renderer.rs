@@ -7,6 +7,8 @@ use super::daylight::Light;
 use super::develop::Develop;
 use super::fleet::{Fleet, Sight};
 use super::frustum::{Frustum, Sharpness};
+use super::grid::Tile;
+use super::horizon::Sector;
 use super::kinds::{self, KindsDrawing, KindsTile};
 use super::passes::city::CityPass;
 use super::passes::common::{FrameGroup, gpu_data};
@@ -26,6 +28,7 @@ use crate::camera::{PictureKind, View};
 use crate::city::scene::SceneDescription;
 use crate::model::Model;
 use crate::snapshot::{BodyType, FrameSnapshot};
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -69,6 +72,8 @@ pub struct Renderer {
 pub(super) struct Seen {
     pub(super) vehicles: Vec<Sight>,
     pub(super) cells: SeenCells,
+    /// Rows from the top in which more may be seen than the vehicle that carries the camera.
+    pub(super) open_rows: u32,
 }
 
 impl Renderer {
@@ -456,31 +461,33 @@ impl Renderer {
             }),
             ..Default::default()
         });
-        let [width, height] = atlas.grid.tile;
-        for &(index, [x, y]) in tiles {
-            pass.set_viewport(x as f32, y as f32, width as f32, height as f32, 0.0, 1.0);
-            pass.set_scissor_rect(x, y, width, height);
+        let extent = atlas.grid.tile;
+        for &(index, origin) in tiles {
             pass.set_bind_group(0, &self.frame.group, &[FrameGroup::offset(index)]);
             pass.set_bind_group(1, &self.light.group, &[]);
-            self.draw_view(&mut pass, &seen[index]);
+            self.draw_view(&mut pass, Tile { origin, extent }, &seen[index]);
         }
     }
 
     /// What each view may see, with the lists of the city's triangles on their way to the adapter.
     fn look_at(&mut self, views: &[View]) -> Vec<Seen> {
         let mut lists = Vec::new();
-        let seen: Vec<Seen> = views.iter().map(|view| self.look(view, &mut lists)).collect();
+        let open_rows: Vec<u32> = views.iter().map(|view| self.fleet.open_rows(view)).collect();
+        let look = |(view, open_rows)| self.look(view, open_rows, &mut lists);
+        let seen: Vec<Seen> = views.iter().zip(open_rows).map(look).collect();
         let count = |seen: &Seen| seen.cells.triangles() + self.fleet.triangles(&seen.vehicles);
         self.triangles = seen.iter().map(count).sum::<u64>() / (seen.len() as u64).max(1);
         self.standing.write(&self.context.device, &self.context.queue, &lists);
         seen
     }
 
-    fn look(&self, view: &View, lists: &mut Vec<u32>) -> Seen {
+    fn look(&self, view: &View, open_rows: u32, lists: &mut Vec<u32>) -> Seen {
         let clip_from_world = view.clip_from_world().as_mat4();
-        let frustum = Frustum::new(&clip_from_world);
+        let whole = Frustum::new(&clip_from_world);
+        let frustum = whole.upper(open_rows as f32 / view.extent[1] as f32);
         let eye = view.extrinsics.position.as_vec3();
-        let horizon = self.standing.horizon(view.has_eye().then_some(eye), &frustum);
+        let sector = Sector::of_view(&looks_to_corners(view));
+        let horizon = self.standing.horizon(view.has_eye().then_some(eye), sector, &frustum);
         let gaze = Gaze {
             frustum: &frustum,
             horizon: &horizon,
@@ -495,12 +502,16 @@ impl Renderer {
                 (None, false) => Patterns::All,
             },
         };
-        Seen { vehicles: self.fleet.seen(&gaze, view.carrier), cells: self.standing.see(&gaze, lists) }
+        let cells = self.standing.see(&gaze, lists);
+        let vehicles = self.fleet.seen(&Gaze { frustum: &whole, ..gaze }, view.carrier);
+        Seen { vehicles, cells, open_rows }
     }
 
-    fn draw_view(&self, pass: &mut wgpu::RenderPass<'_>, seen: &Seen) {
+    fn draw_view(&self, pass: &mut wgpu::RenderPass<'_>, tile: Tile, seen: &Seen) {
+        tile.enter(pass);
         // Nearest first, as far as can be told: what is hidden costs no shading.
         self.vehicles.draw(pass, &self.fleet, &seen.vehicles);
+        tile.keep_to(pass, seen.open_rows);
         self.city.draw(pass, &self.standing, &seen.cells);
         if self.settings.flat.is_none() {
             self.sky.draw(pass);
@@ -517,6 +528,15 @@ impl Renderer {
         frame.to_sun[3] = time_s;
         frame
     }
+}
+
+/// From the eye of a view towards the corners of its picture, one after the other.
+fn looks_to_corners(view: &View) -> [Vec3; 4] {
+    let world_from_clip = view.clip_from_world().inverse();
+    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
+        let corner = world_from_clip.project_point3(DVec3::new(x, y, 0.5));
+        (corner - view.extrinsics.position).as_vec3()
+    })
 }
 
 /// What a frame says that stays as it is: all but the time.

@@ -6,7 +6,7 @@
 
 use super::cells;
 use super::frustum::{Frustum, Sharpness};
-use super::horizon::Horizon;
+use super::horizon::{Horizon, Sector};
 use super::passes::city::gpu_data::Vertex as GpuVertex;
 use super::sides::{self, Side};
 use crate::city::scene::{Mesh, Object, SceneDescription, Surface, Vertex, Wall};
@@ -166,13 +166,13 @@ impl Standing {
     }
 
     /// What hides things in a view from an eye; parallel rays have none.
-    pub(super) fn horizon(&self, eye: Option<Vec3>, frustum: &Frustum) -> Horizon {
+    pub(super) fn horizon(&self, eye: Option<Vec3>, sector: Sector, frustum: &Frustum) -> Horizon {
         // Walls out of sight hide nothing that is in sight.
         let may_see = |wall: &&Wall| {
             let (low, high) = (wall.from.min(wall.to), wall.from.max(wall.to));
             frustum.may_see_box([low.extend(0.0), high.extend(wall.height_m)])
         };
-        eye.map_or_else(Horizon::open, |eye| Horizon::new(eye, self.walls.iter().filter(may_see)))
+        eye.map_or_else(Horizon::open, |eye| Horizon::new(eye, sector, self.walls.iter().filter(may_see)))
     }
 
     /// Adds what a view may see to the lists of a batch.

@@ -242,7 +242,7 @@ impl SceneDescription {
         for object in &mut objects {
             object.add_coarser_levels();
         }
-        let outlines = roads::Outlines::new(&field);
+        let outlines = roads::Outlines::new(&field, wear::covered(map));
         let roads = roads::LEVELS.map(|error_m| Level { mesh: outlines.ground(error_m), error_m });
         let mut ground = vec![Object { levels: roads.to_vec() }];
         let paint = markings::Paint::new(map, &field, &lanes);

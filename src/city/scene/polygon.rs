@@ -3,7 +3,12 @@
 use earcut::{Earcut, Refiner};
 use glam::DVec2;
 use i_overlay::core::fill_rule::FillRule;
+use i_overlay::core::overlay_rule::OverlayRule;
+use i_overlay::float::simplify::SimplifyShape;
+use i_overlay::float::single::SingleFloatOverlay;
 use i_overlay::float::slice::FloatSlice;
+use i_overlay::mesh::float::outline::offset::OutlineOffset;
+use i_overlay::mesh::float::style::OutlineStyle;
 
 /// A region of the plane: the outer ring counter-clockwise, holes clockwise.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -64,7 +69,43 @@ pub(super) fn simplify_line(line: &[DVec2], tolerance: f64) -> Vec<DVec2> {
     }
 }
 
+/// Rings of regions as the overlay library takes them.
+type Shapes = Vec<Vec<Vec<[f64; 2]>>>;
+
+fn shapes(regions: &[Region]) -> Shapes {
+    regions.iter().map(Region::contours).collect()
+}
+
+fn regions(shapes: Shapes) -> Vec<Region> {
+    let ring = |contour: Vec<[f64; 2]>| contour.into_iter().map(DVec2::from).collect::<Vec<_>>();
+    shapes
+        .into_iter()
+        .filter_map(|shape| {
+            let mut rings = shape.into_iter().map(ring);
+            Some(Region { outer: rings.next()?, holes: rings.collect() })
+        })
+        .collect()
+}
+
+/// What rings in either order enclose together, without what lies within `inset` of its rim.
+pub(super) fn inset_union<'r>(rings: impl IntoIterator<Item = &'r [DVec2]>, inset: f64) -> Vec<Region> {
+    let simple: Vec<Region> = rings.into_iter().map(Region::simple).collect();
+    let together = shapes(&simple).simplify_shape_as::<i64>(FillRule::NonZero);
+    regions(together.outline_as::<i64>(&OutlineStyle::new(-inset)))
+}
+
+/// Regions without what others cover.
+pub(super) fn without(kept: &[Region], covered: &[Region]) -> Vec<Region> {
+    regions(shapes(kept).overlay_as::<i64>(&shapes(covered), OverlayRule::Difference, FillRule::NonZero))
+}
+
 impl Region {
+    /// The outer ring, then those of the holes.
+    fn contours(&self) -> Vec<Vec<[f64; 2]>> {
+        let contour = |ring: &Vec<DVec2>| ring.iter().map(DVec2::to_array).collect::<Vec<_>>();
+        std::iter::once(&self.outer).chain(&self.holes).map(contour).collect()
+    }
+
     /// A region without holes from a ring in either order.
     pub fn simple(ring: &[DVec2]) -> Self {
         Self { outer: counter_clockwise(ring), holes: Vec::new() }
@@ -73,8 +114,6 @@ impl Region {
     /// Its parts in the squares of a grid with a node at the origin. Triangles of a part stay close together,
     /// where those of a region that spans the city are slivers from one end to the other.
     pub fn in_squares(&self, edge: f64) -> Vec<Self> {
-        let contours = |ring: &Vec<DVec2>| ring.iter().map(DVec2::to_array).collect::<Vec<_>>();
-        let region: Vec<_> = std::iter::once(&self.outer).chain(&self.holes).map(contours).collect();
         let corners = || self.outer.iter().copied();
         let (low, high) =
             (corners().fold(DVec2::INFINITY, DVec2::min), corners().fold(-DVec2::INFINITY, DVec2::max));
@@ -90,15 +129,7 @@ impl Region {
         if lines.is_empty() {
             return vec![self.clone()];
         }
-        let parts = region.slice_by_as::<i64>(&lines, FillRule::EvenOdd);
-        let ring = |contour: Vec<[f64; 2]>| contour.into_iter().map(DVec2::from).collect::<Vec<_>>();
-        parts
-            .into_iter()
-            .filter_map(|part| {
-                let mut rings = part.into_iter().map(ring);
-                Some(Self { outer: rings.next()?, holes: rings.collect() })
-            })
-            .collect()
+        regions(self.contours().slice_by_as::<i64>(&lines, FillRule::EvenOdd))
     }
 
     /// Triangles that cover the region, corners counter-clockwise.
@@ -185,6 +216,24 @@ mod tests {
         // Of 6 by 6 squares the hole fills the middle 3 by 3 but for the last row and column.
         assert_eq!(squares.len(), 36 - 4, "{squares:?}");
         assert_eq!(Region::simple(&square(0.2, 0.9)).in_squares(2.0).len(), 1);
+    }
+
+    #[test]
+    fn what_is_covered_is_cut_out_but_for_a_rim() {
+        // Two sheets that touch, one turned the other way round, on a larger one.
+        let rectangle = |low: [f64; 2], high: [f64; 2]| {
+            [low, [high[0], low[1]], high, [low[0], high[1]]].map(DVec2::from).to_vec()
+        };
+        let (a, mut b) = (rectangle([0.0, 0.0], [4.0, 3.0]), rectangle([3.99, 0.0], [8.0, 3.0]));
+        b.reverse();
+        let covered = inset_union([&a[..], &b[..]], 0.5);
+        assert_eq!(covered.len(), 1);
+        assert!((area(&covered[0]) - 7.0 * 2.0).abs() < 1e-3, "{covered:?}");
+        let kept = without(&[Region::simple(&rectangle([-2.0, -2.0], [10.0, 5.0]))], &covered);
+        assert_eq!((kept.len(), kept[0].holes.len()), (1, 1));
+        assert!((area(&kept[0]) - (12.0 * 7.0 - 14.0)).abs() < 1e-3, "{kept:?}");
+        // Nothing is left of what is narrower than two rims.
+        assert!(inset_union([&rectangle([0.0, 0.0], [9.0, 0.9])[..]], 0.5).is_empty());
     }
 
     #[test]

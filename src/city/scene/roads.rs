@@ -3,7 +3,7 @@
 use super::CELL_M;
 use super::field::{Field, regions_of, simplified};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
-use super::polygon::Region;
+use super::polygon::{Region, without};
 use crate::city::{CityMap, Lane, LaneId};
 use crate::geom::Segment;
 use glam::{DVec2, Vec2, Vec3};
@@ -223,9 +223,14 @@ pub(super) fn band_with(
 /// How far edges may lie from where they are, level by level.
 pub(super) const LEVELS: [f32; 3] = [0.0, 0.08, 0.30];
 
+/// Asphalt is whole in levels from this on: what lies on it is not drawn in all of them.
+const COVERED_BELOW_M: f32 = LEVELS[2];
+
 /// Outlines of what covers the ground, as fine as the grid has them.
 pub(super) struct Outlines {
     asphalt: Vec<Vec<DVec2>>,
+    /// Where no asphalt is needed, except where it is seen from afar: something lies on it there.
+    covered: Vec<Region>,
     kerbs: Vec<Vec<DVec2>>,
     pavement: Vec<Vec<DVec2>>,
     grass: Vec<Vec<DVec2>>,
@@ -239,7 +244,7 @@ fn rings_of(regions: Vec<Region>) -> Vec<Vec<DVec2>> {
 const KERBS_WITHIN_M: f64 = 0.012;
 
 impl Outlines {
-    pub(super) fn new(field: &RoadField) -> Self {
+    pub(super) fn new(field: &RoadField, covered: Vec<Region>) -> Self {
         let road = &field.distance;
         let kerbs = road.rings(SHOULDER_M);
         // Distance from the kerb, off the road.
@@ -251,6 +256,7 @@ impl Outlines {
         });
         Self {
             asphalt: road.rings(SHOULDER_M + 0.06),
+            covered,
             kerbs,
             pavement: pavement.rings(0.0),
             grass: grass.rings(0.0),
@@ -263,7 +269,11 @@ impl Outlines {
         let regions =
             |rings: &[Vec<DVec2>], finest: f64, least| regions_of(simplified(rings, within(finest)), least);
         let mut mesh = Mesh::default();
-        for region in regions(&self.asphalt, 0.015, LEAST_ISLAND_M2) {
+        let mut asphalt = regions(&self.asphalt, 0.015, LEAST_ISLAND_M2);
+        if error_m < COVERED_BELOW_M {
+            asphalt = without(&asphalt, &self.covered);
+        }
+        for region in asphalt {
             level(&mut mesh, &region, 0.0, ASPHALT, 5.0);
         }
         for ring in rings_of(regions(&self.kerbs, KERBS_WITHIN_M, LEAST_ISLAND_M2)) {

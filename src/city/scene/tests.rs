@@ -2,15 +2,17 @@ use super::*;
 use crate::city::{LaneKind, generate, map_of_drawing};
 use crate::geom::LengthScale;
 use glam::{DVec2, Vec2};
+use std::collections::BTreeMap;
 
 pub(super) fn city() -> CityMap {
     map_of_drawing(&generate::ids3c()).unwrap().map.to_city(LengthScale::TESTBED)
 }
 
-/// Triangles of a surface that look up, as seen from above.
-fn level_triangles(scene: &SceneDescription, surface: Surface) -> Vec<[Vec2; 3]> {
+/// Triangles of a surface that look up, as seen from above, where so large an error is allowed.
+fn level_triangles(scene: &SceneDescription, surface: Surface, error_m: f32) -> Vec<[Vec2; 3]> {
     let mut found = Vec::new();
-    for mesh in scene.ground.iter().map(|object| &object.levels[0].mesh) {
+    let levels = scene.ground.iter().filter_map(|o| o.levels.iter().rev().find(|l| l.error_m <= error_m));
+    for mesh in levels.map(|level| &level.mesh) {
         for t in mesh.indices.chunks_exact(3) {
             let corners = [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize]);
             if corners.iter().all(|v| v.finish.surface == surface && v.position.z < 0.05 && v.normal.z > 0.9)
@@ -54,20 +56,62 @@ fn covers(t: &[Vec2; 3], p: Vec2) -> bool {
     (0..3).all(|k| (t[(k + 1) % 3] - t[k]).normalize_or_zero().perp_dot(p - t[k]) >= -1e-3)
 }
 
+/// Also where tracks lie on the asphalt, which ends under them, and between lanes that run side by side.
 #[test]
 fn every_lane_lies_on_asphalt_from_edge_to_edge() {
     let map = city();
     let scene = SceneDescription::from_map(&map);
-    let asphalt = level_triangles(&scene, Surface::Asphalt);
-    for lane in &map.lanes {
-        let half = lane.width_m / 2.0 - 0.05;
-        for (_, point) in lane.curve.sample(4.0) {
-            for left in [-half, 0.0, half] {
-                let at = point.pose.point_at(0.0, left).as_vec2();
-                assert!(asphalt.iter().any(|t| covers(t, at)), "{} lies bare at {at}", lane.name);
+    for error_m in roads::LEVELS.into_iter().chain([wear::SEEN_M]) {
+        let surfaces = [Surface::Asphalt, Surface::Lane];
+        let paved = surfaces.map(|surface| level_triangles(&scene, surface, error_m)).concat();
+        let squares = by_square(&paved);
+        for lane in &map.lanes {
+            let half = f64::from(lane.width_m as f32) / 2.0;
+            for (_, point) in lane.curve.sample(2.0) {
+                for left in [-half, 0.05 - half, 0.5 - half, -0.5, 0.0, half - 0.51, half - 0.01, half] {
+                    let at = point.pose.point_at(0.0, left).as_vec2();
+                    let near = squares.get(&square_of(at)).into_iter().flatten();
+                    let is_paved = near.into_iter().any(|t| covers(t, at));
+                    assert!(
+                        is_paved,
+                        "{} lies bare at {at}, {left} m from its middle, within {error_m}",
+                        lane.name
+                    );
+                }
             }
         }
     }
+}
+
+/// Most of it would only be hidden.
+#[test]
+fn asphalt_ends_under_the_tracks() {
+    let scene = SceneDescription::from_map(&city());
+    let area = |surface: Surface, error_m: f32| -> f32 {
+        let of = |[a, b, c]: &[Vec2; 3]| (b - a).perp_dot(c - a) / 2.0;
+        level_triangles(&scene, surface, error_m).iter().map(of).sum()
+    };
+    let (whole, near) = (area(Surface::Asphalt, roads::LEVELS[2]), area(Surface::Asphalt, 0.0));
+    assert!(near < whole - 0.6 * area(Surface::Lane, 0.0), "{near} of {whole} m2");
+}
+
+fn square_of(at: Vec2) -> [i32; 2] {
+    (at / 4.0).floor().as_ivec2().to_array()
+}
+
+/// Triangles by the squares that their boxes touch.
+fn by_square(triangles: &[[Vec2; 3]]) -> BTreeMap<[i32; 2], Vec<[Vec2; 3]>> {
+    let mut squares: BTreeMap<_, Vec<_>> = BTreeMap::new();
+    for triangle in triangles {
+        let [a, b, c] = *triangle;
+        let ([west, south], [east, north]) = (square_of(a.min(b).min(c)), square_of(a.max(b).max(c)));
+        for x in west..=east {
+            for y in south..=north {
+                squares.entry([x, y]).or_default().push(*triangle);
+            }
+        }
+    }
+    squares
 }
 
 #[test]

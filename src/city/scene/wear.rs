@@ -1,13 +1,23 @@
 //! What years of traffic leave on asphalt: tyre tracks along the lanes, patches, iron covers.
 
 use super::mesh::{Class, Finish, Mesh, Surface};
+use super::polygon::{Region, inset_union, simplify_ring};
 use super::roads::ASPHALT;
 use crate::city::{CityMap, Lane, LaneKind};
 use crate::geom::Pose2;
-use glam::Vec2;
+use glam::{DVec2, Vec2};
 
-/// Heights over the asphalt, all under the paint.
+/// Heights over the asphalt, all under the paint. Tracks of lanes that run side by side or into each other
+/// differ by steps.
 const TRACKS_M: f32 = 0.003;
+const STEP_M: f32 = 0.0005;
+const STEPS: u32 = 4;
+/// Tracks reach so far over the edges of their lane, into those of the next.
+const LAP_M: f64 = 0.02;
+/// Asphalt goes on so far under the tracks: seen from the side, no gap opens between the two.
+const UNDER_M: f64 = 0.5;
+/// Where it ends under them is followed to within this.
+const WITHIN_M: f64 = 0.06;
 const PATCH_M: f32 = 0.006;
 const COVER_M: f32 = 0.008;
 /// What can be told apart of it.
@@ -21,9 +31,30 @@ const TRACKS: Finish = Finish { surface: Surface::Lane, ..ASPHALT };
 const PATCH: Finish = Finish { surface: Surface::Patch, ..ASPHALT };
 const COVER: Finish = Finish::new(Surface::Manhole, [110, 110, 112], Class::Road);
 
+fn worn(map: &CityMap) -> impl Iterator<Item = &Lane> {
+    map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane)
+}
+
+/// Where tracks lie on the asphalt, so that nothing of it is seen.
+pub(super) fn covered(map: &CityMap) -> Vec<Region> {
+    let sides = |lane: &Lane| -> Vec<DVec2> {
+        let (half, poses) = (lane.width_m / 2.0 + LAP_M, poses(lane));
+        let right = poses.iter().map(|(pose, _)| pose.point_at(0.0, -half));
+        right.chain(poses.iter().rev().map(|(pose, _)| pose.point_at(0.0, half))).collect()
+    };
+    let rings: Vec<Vec<DVec2>> = worn(map).map(sides).collect();
+    let mut covered = inset_union(rings.iter().map(Vec::as_slice), UNDER_M);
+    for region in &mut covered {
+        for ring in std::iter::once(&mut region.outer).chain(&mut region.holes) {
+            *ring = simplify_ring(ring, WITHIN_M);
+        }
+    }
+    covered
+}
+
 pub(super) fn wear(map: &CityMap) -> Mesh {
     let mut mesh = Mesh::default();
-    for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
+    for lane in worn(map) {
         tracks(&mut mesh, lane);
         let spot = |salt: u32| super::dice(lane.id.0, salt);
         let length = lane.curve.length();
@@ -45,34 +76,37 @@ pub(super) fn wear(map: &CityMap) -> Mesh {
 
 /// A ribbon as wide as the lane.
 fn tracks(mesh: &mut Mesh, lane: &Lane) {
-    let half = lane.width_m / 2.0 - 0.02;
+    let half = lane.width_m / 2.0 + LAP_M;
     let start = f64::from(super::dice(lane.id.0, 77)) * 8.0;
-    let mut before: Option<(Pose2, f64)> = None;
-    let mut put = |pose: Pose2, s: f64| {
-        if let Some((last, from)) = before {
-            let corners = [
-                last.point_at(0.0, -half),
-                pose.point_at(0.0, -half),
-                pose.point_at(0.0, half),
-                last.point_at(0.0, half),
-            ]
-            .map(|p| p.as_vec2().extend(TRACKS_M));
-            let (a, b) = (((start + from) / REPEAT_M) as f32, ((start + s) / REPEAT_M) as f32);
-            let uvs = [Vec2::new(0.0, a), Vec2::new(0.0, b), Vec2::new(1.0, b), Vec2::new(1.0, a)];
-            mesh.face(&corners, &uvs, TRACKS);
-        }
-        before = Some((pose, s));
-    };
-    put(lane.curve.at(0.0).pose, 0.0);
+    let z = TRACKS_M + STEP_M * (lane.id.0 % STEPS) as f32;
+    for ends in poses(lane).windows(2) {
+        let [(last, from), (pose, s)] = [ends[0], ends[1]];
+        let corners = [
+            last.point_at(0.0, -half),
+            pose.point_at(0.0, -half),
+            pose.point_at(0.0, half),
+            last.point_at(0.0, half),
+        ]
+        .map(|p| p.as_vec2().extend(z));
+        let (a, b) = (((start + from) / REPEAT_M) as f32, ((start + s) / REPEAT_M) as f32);
+        let uvs = [Vec2::new(0.0, a), Vec2::new(0.0, b), Vec2::new(1.0, b), Vec2::new(1.0, a)];
+        mesh.face(&corners, &uvs, TRACKS);
+    }
+}
+
+/// Along a lane, with the way to each from its start: straight in between.
+fn poses(lane: &Lane) -> Vec<(Pose2, f64)> {
+    let mut poses = vec![(lane.curve.at(0.0).pose, 0.0)];
     for (index, segment) in lane.curve.segments().iter().enumerate() {
         let chord = segment.radius().map_or(f64::INFINITY, |r| (8.0 * r * CHORD_M).sqrt());
         let pieces = (segment.length / chord).ceil().max(1.0) as usize;
         let station = lane.curve.station(index);
         for k in 1..=pieces {
             let along = segment.length * k as f64 / pieces as f64;
-            put(segment.pose_at(along), station + along);
+            poses.push((segment.pose_at(along), station + along));
         }
     }
+    poses
 }
 
 fn rectangle(mesh: &mut Mesh, pose: Pose2, [long, wide]: [f64; 2], z: f32, finish: Finish) {

@@ -9,7 +9,7 @@ const WOODS: Finish = Finish::new(Surface::Leaves, [66, 84, 56], Class::Vegetati
 /// Points around the city at which a row of trees bends.
 const POINTS: u32 = 72;
 /// Stretches of so many points are one object: short, so that houses hide whole ones.
-const STRETCH: u32 = 2;
+const STRETCH: u32 = 1;
 const METRES_PER_REPEAT: f32 = 7.0;
 /// How far rows wander in and out in all.
 const WANDER_M: f32 = 9.0;

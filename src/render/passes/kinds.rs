@@ -4,6 +4,7 @@ use super::{DEPTH, city, uniform_entry, vehicle};
 use crate::camera::View as CameraView;
 use crate::city::scene::Class;
 use crate::render::fleet::Fleet;
+use crate::render::grid::Tile;
 use crate::render::renderer::Seen;
 use crate::render::shader::Shader;
 use crate::render::standing::Standing;
@@ -92,14 +93,16 @@ impl KindsPass {
     pub(in crate::render) fn draw(
         &self,
         pass: &mut wgpu::RenderPass<'_>,
-        view: usize,
+        (tile, view): (Tile, usize),
         (standing, fleet): (&Standing, &Fleet),
         seen: &Seen,
     ) {
         let Some(slots) = &self.slots else { return };
+        tile.enter(pass);
         pass.set_bind_group(0, &slots.group, &[(view * SLOT) as u32]);
         pass.set_pipeline(&self.vehicles);
         fleet.draw(pass, &seen.vehicles);
+        tile.keep_to(pass, seen.open_rows);
         pass.set_pipeline(&self.city);
         for raised in seen.cells.all_raised() {
             standing.draw(pass, raised);

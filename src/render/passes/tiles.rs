@@ -1,6 +1,7 @@
 //! Passes over whole tiles: no vertices, one target, and in bind group 1 what was drawn before.
 
 use super::common::FrameGroup;
+use crate::render::grid::Tile;
 use crate::render::shader::Shader;
 
 /// Views of the frame by number, each with the upper left corner of its tile, and the extent of a tile.
@@ -53,7 +54,7 @@ pub(super) fn draw(
     target: &wgpu::TextureView,
     pipeline: &wgpu::RenderPipeline,
     (frame, group): (&FrameGroup, &wgpu::BindGroup),
-    (tiles, [width, height]): Tiles<'_>,
+    (tiles, extent): Tiles<'_>,
 ) {
     let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
         label: Some("tiles"),
@@ -70,9 +71,8 @@ pub(super) fn draw(
     });
     pass.set_pipeline(pipeline);
     pass.set_bind_group(1, group, &[]);
-    for &(view, [x, y]) in tiles {
-        pass.set_viewport(x as f32, y as f32, width as f32, height as f32, 0.0, 1.0);
-        pass.set_scissor_rect(x, y, width, height);
+    for &(view, origin) in tiles {
+        Tile { origin, extent }.enter(&mut pass);
         pass.set_bind_group(0, &frame.group, &[FrameGroup::offset(view)]);
         pass.draw(0..3, 0..1);
     }

@@ -196,7 +196,35 @@ fn cloud_plane(direction: Vec3) -> [f32; 2] {
 
 #[cfg(test)]
 mod tests {
-    use super::half;
+    use super::{Vec3, direction, half, triangles};
+
+    #[test]
+    fn faces_show_what_the_panorama_has_there_and_close_the_sky() {
+        for [a, b, c] in triangles() {
+            for [x, y] in [[0.2, 0.3], [0.6, 0.1], [0.34, 0.33], [0.05, 0.9]] {
+                let z = 1.0 - x - y;
+                let seen = a.0 * x + b.0 * y + c.0 * z;
+                let [u, v] = [0, 1].map(|k| a.1[k] * x + b.1[k] * y + c.1[k] * z);
+                let wall = (u * 4.0) as i32;
+                let painted = direction(wall, 2.0 * (4.0 * u - wall as f32) - 1.0, v);
+                assert!(seen.distance(painted) < 1e-4, "{seen} shows {painted}");
+            }
+        }
+        // What is looked for lies in one face at least.
+        let inside = |[a, b, c]: [Vec3; 3], look: Vec3| {
+            [(a, b), (b, c), (c, a)].iter().all(|(p, q)| p.cross(*q).dot(look) >= -1e-6)
+                || [(a, b), (b, c), (c, a)].iter().all(|(p, q)| p.cross(*q).dot(look) <= 1e-6)
+        };
+        for k in 0..400 {
+            let (sin, cos) = (0.37 * k as f32).sin_cos();
+            let look = Vec3::new(cos, sin, -0.08 + 0.005 * k as f32);
+            let found = triangles().into_iter().any(|t| {
+                let corners = t.map(|(at, _)| at);
+                inside(corners, look) && corners.iter().sum::<Vec3>().dot(look) > 0.0
+            });
+            assert!(found, "nothing at {look}");
+        }
+    }
 
     #[test]
     fn half_floats_are_those_next_to_a_number() {
