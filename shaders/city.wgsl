@@ -93,6 +93,34 @@ fn shining(layer: u32, salt: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> 
     return warm * ((0.3 + 2.0 * texel.g) * (0.6 + dice) * is_lit * pane * frame.zenith.w);
 }
 
+// Leaves of a crown: its outline is ragged, and gaps between them open towards it.
+struct Leaves {
+    @location(0) colour: vec4<f32>,
+    @builtin(sample_mask) covered: u32,
+}
+
+// Metres of a pixel from which on leaves at the outline are told apart less, and no more.
+const LEAVES_FADE: vec2<f32> = vec2<f32>(0.025, 0.055);
+
+@fragment
+fn crown_fragment(in: Fragment) -> Leaves {
+    let texel = textureSampleBias(surfaces, surface_sampler, in.uv, LEAVES, -0.5);
+    let from_eye = in.world - view.eye.xyz;
+    let distance = length(from_eye);
+    let to_eye = -from_eye / distance;
+    let normal = normalize(in.normal);
+    // Towards the outline fewer leaves stand before what is behind: those that catch most light.
+    let pixel = 2.0 * distance * abs(view.camera_from_clip[1][1]) / view.extent.y;
+    let near = 1.0 - smoothstep(LEAVES_FADE.x, LEAVES_FADE.y, pixel);
+    let sprays = textureSample(surfaces, surface_sampler, in.uv * 0.27, LEAVES).g;
+    let least = 0.80 * near * (1.0 - smoothstep(0.0, 0.75, dot(normal, to_eye)));
+    let cover = clamp((0.35 * texel.g + 0.65 * sprays - least) * 12.0 + 0.5, 0.0, 1.0);
+    let leaf = Physical(texel.rgb * in.colour.rgb, in.colour.a, texel.a, 0.0, 0.4);
+    let seen = sampled(shade(leaf, in.world, normal, to_eye), vec3<f32>(0.0), from_eye);
+    // Of the four samples of a pixel.
+    return Leaves(seen, (1u << u32(round(cover * 4.0))) - 1u);
+}
+
 @fragment
 fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     let is_line = in.layer == LINE;

@@ -19,7 +19,7 @@ use city3d::wire::{Phase, Poses, Seen};
 use link::{Process, mainframe, serve, serve_at, summary};
 use mixed::{PHYSICAL, mixed, testbed};
 use std::path::Path;
-use watch::{Host, Watcher, hardest_braking, stand, torn_s};
+use watch::{Watcher, hardest_braking, stand, torn_s};
 
 fn is_physical(seen: &Seen) -> bool {
     PHYSICAL.iter().any(|(_, id)| *id == u64::from(seen.pose.vehicle.0))
@@ -157,15 +157,8 @@ fn kill(process: &mut Option<Process>) {
     process.wait();
 }
 
-/// Robots are simulated against the clock on the wall in a process of their own: where the host takes the processors
-/// away for longer than this, they jump, and how hard they brake cannot be told from their poses.
-const CALM_S: f64 = 0.02;
-/// How often the mainframe is killed until the host is calm.
-const ATTEMPTS: usize = 4;
-
-/// Kills the mainframe while a virtual and a physical vehicle are on an arc. How long the host kept somebody waiting
-/// while they stopped: see [`CALM_S`].
-fn kill_the_mainframe(lab: &mut Lab<'_>) -> f64 {
+/// Kills the mainframe while a virtual and a physical vehicle are on an arc.
+fn kill_the_mainframe(lab: &mut Lab<'_>) {
     let mut on_arc = [false; 2];
     for _ in 0..200 {
         let seen = lab.watch(0.1);
@@ -178,36 +171,21 @@ fn kill_the_mainframe(lab: &mut Lab<'_>) -> f64 {
     }
     assert_eq!(on_arc, [true; 2], "some of both kinds come by an arc");
     kill(&mut lab.far);
-    let host = Host::watch();
     let seen = lab.watch_them_stop();
-    let kept_waiting_s = host.longest_wait_s();
+    // How hard robots brake is tested where they are stepped in simulated time (`testbed`): in a process of their own
+    // they jump when the host takes the processors away.
     let braking = hardest_braking(&seen, 10, |one| !is_physical(one));
     assert!((2.0..5.3).contains(&braking), "virtual ones: {braking} m/s2");
-    // Their poses have the noise of motion capture: 2 cm or so at full scale.
-    let braking = hardest_braking(&seen, 50, is_physical);
-    let is_calm = kept_waiting_s < CALM_S;
-    assert!(!is_calm || (2.0..5.8).contains(&braking), "physical ones: {braking} m/s2");
     lab.lanes.assert_in_lane(&seen);
     let lost = seen[seen.len() - 1].vehicles.iter().filter(|one| one.status == Status::LinkLost);
     assert_eq!(lost.count(), 3, "the virtual ones");
-    kept_waiting_s
 }
 
 /// Kills mainframe, city and testbed in turn; `between` is done while all drive.
 fn kill_in_turn(lab: &mut Lab<'_>, between: impl FnOnce(&mut Lab<'_>)) {
     lab.watch_them_go("at first");
 
-    for attempt in 1..=ATTEMPTS {
-        let kept_waiting_s = kill_the_mainframe(lab);
-        if kept_waiting_s < CALM_S {
-            break;
-        }
-        eprintln!("attempt {attempt}: the host kept everybody waiting for {kept_waiting_s:.3} s");
-        if attempt < ATTEMPTS {
-            lab.start_mainframe();
-            lab.watch_them_go("after the mainframe was killed on a restless host");
-        }
-    }
+    kill_the_mainframe(lab);
     lab.start_mainframe();
     let seen = lab.watch_them_go("after the mainframe was killed");
     lab.lanes.assert_in_lane(&seen);

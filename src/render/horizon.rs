@@ -172,7 +172,7 @@ impl Horizon {
         let distance = offset.length();
         let [near, far] = [distance - pillar.radius_m, distance + pillar.radius_m];
         let half = (pillar.radius_m / distance).asin();
-        self.hides_span(offset.to_angle(), [-half, half], [near, far], pillar.top_m)
+        self.hides_span(offset.to_angle(), [-half, half], near, self.steepest(pillar.top_m, near, far))
     }
 
     /// The same of whatever is in a box that stands on the ground.
@@ -186,17 +186,45 @@ impl Horizon {
         let middle = (low + high) / 2.0 - eye;
         let turns = corners.map(|corner| middle.angle_to(corner));
         let span = [turns.into_iter().fold(0.0, f32::min), turns.into_iter().fold(0.0, f32::max)];
-        self.hides_span(middle.to_angle(), span, [near, far], top_m)
+        self.hides_span(middle.to_angle(), span, near, self.steepest(top_m, near, far))
     }
 
-    /// Of what is seen between two turns from an azimuth, between two distances, no higher than `top_m`.
-    fn hides_span(&self, azimuth: f32, span: [f32; 2], [near, far]: [f32; 2], top_m: f32) -> bool {
+    /// Slope of the steepest look at something no higher than `top_m` between two distances.
+    fn steepest(&self, top_m: f32, near: f32, far: f32) -> f32 {
+        let rise = top_m - self.eye.z;
+        rise / if rise > 0.0 { near } else { far }
+    }
+
+    /// The same of whatever is in the convex hull of some points and of those below them.
+    pub(super) fn hides_hull(&self, tops: &[Vec3]) -> bool {
+        let eye = self.eye.truncate();
+        let middle = tops.iter().map(|top| top.truncate()).sum::<Vec2>() / tops.len() as f32 - eye;
+        let (mut right, mut left, mut slope) = (0.0_f32, 0.0_f32, f32::NEG_INFINITY);
+        let (mut near, mut far) = (f32::INFINITY, 0.0_f32);
+        for top in tops {
+            let at = top.truncate() - eye;
+            let (ahead, aside) = (middle.dot(at), middle.perp_dot(at));
+            if ahead <= 0.0 {
+                return false;
+            }
+            (right, left) = (right.min(aside / ahead), left.max(aside / ahead));
+            let distance = at.length();
+            (near, far) = (near.min(distance), far.max(distance));
+            slope = slope.max((top.z - self.eye.z) / distance);
+        }
+        let span = [right.atan(), left.atan()];
+        // What lies between two points may be nearer than either, and is seen the more steeply.
+        let between = ((span[1] - span[0]) / 2.0).cos();
+        let slope = if slope > 0.0 { slope / between } else { slope };
+        tops.len() > 2 && self.hides_span(middle.to_angle(), span, near * between, slope)
+    }
+
+    /// Of what is seen between two turns from an azimuth, no nearer than a distance and no more steeply than a slope.
+    fn hides_span(&self, azimuth: f32, span: [f32; 2], near: f32, slope: f32) -> bool {
         if near < 0.1 {
             return false;
         }
         let [right, left] = self.sector.cut(azimuth, span);
-        let rise = top_m - self.eye.z;
-        let slope = rise / if rise > 0.0 { near } else { far };
         let bucket_of = |turn: f32| ((azimuth + turn + PI) / BUCKET_RAD).floor() as i64;
         (bucket_of(right)..=bucket_of(left)).all(|k| {
             let bucket = &self.buckets[k.rem_euclid(BUCKETS as i64) as usize];
@@ -326,7 +354,7 @@ mod tests {
     #[test]
     fn never_hides_what_a_line_of_sight_reaches() {
         let walls = block();
-        let (mut hidden, mut hidden_boxes) = (0, 0);
+        let (mut hidden, mut hidden_boxes, mut hidden_hulls) = (0, 0, 0);
         for k in 0..400 {
             let eye = Vec3::new(-30.0 + 0.15 * k as f32, -4.0 + 0.05 * k as f32, 1.4);
             let horizon = Horizon::new(eye, Sector::ALL, &walls);
@@ -345,6 +373,16 @@ mod tests {
                         );
                     }
                 }
+                // A roof that leans, seen at its corners and between them.
+                let roof = [low.extend(1.0), Vec2::new(high.x, low.y).extend(2.0), high.extend(thing.top_m)];
+                if horizon.hides_hull(&roof) {
+                    hidden_hulls += 1;
+                    for share in 0..30 {
+                        let (k, part) = (share / 10, (share % 10) as f32 / 10.0);
+                        let rim = roof[k].lerp(roof[(k + 1) % 3], part);
+                        assert!(walls.iter().any(|wall| crosses(wall, eye, rim)), "{eye} sees {roof:?}");
+                    }
+                }
                 if !horizon.hides(&thing) {
                     continue;
                 }
@@ -356,7 +394,8 @@ mod tests {
                 }
             }
         }
-        assert!(hidden > 1000 && hidden_boxes > 500, "{hidden} {hidden_boxes}");
+        let all = [hidden, hidden_boxes, hidden_hulls];
+        assert!(all[0] > 1000 && all[1] > 500 && all[2] > all[1], "{all:?}");
     }
 
     fn crosses(wall: &Wall, eye: Vec3, point: Vec3) -> bool {

@@ -22,7 +22,7 @@ use super::passes::vehicle::VehiclePass;
 use super::passes::{Attachments, light_constants};
 use super::readback::{Arrived, Pending, Ring};
 use super::request::{Pictures, Places, Request, places};
-use super::standing::{Gaze, Patterns, SeenCells, Standing};
+use super::standing::{Apart, Gaze, Patterns, SeenCells, Standing};
 use super::{Context, FlatLight, Image, RenderError, Settings, TargetView, textures};
 use crate::camera::{PictureKind, View};
 use crate::city::scene::SceneDescription;
@@ -100,7 +100,11 @@ impl Renderer {
             1024
         };
         // By night every surface looks for the light of lamps.
-        let averted_from = (light_at_vertices && !lamplit).then_some(daylight.to_sun);
+        let apart = match (light_at_vertices, lamplit) {
+            (false, _) => Some(Apart::Crowns),
+            (true, false) => Some(Apart::Averted(daylight.to_sun)),
+            (true, true) => None,
+        };
         let lamps = LampPass::new(device, &frame.layout, scene, (lamp_texels, !light_at_vertices));
         let sky_map = textures::sky_map(context, &daylight);
         let light = LightGroup::new(context, &shadow.map, &lamps.map_view, &sky_map);
@@ -114,7 +118,7 @@ impl Renderer {
             glow: lamplit.then(|| GlowPass::new(device, attachments, &frame.layout, &scene.lamps)),
             develop: (!light_at_vertices).then(|| Develop::new(device, attachments, quality, &frame.layout)),
             kinds: None,
-            standing: Standing::new(device, scene, averted_from),
+            standing: Standing::new(device, scene, apart),
             fleet: Fleet::new(device, settings.flat.is_none()),
             clock: None,
             context: context.clone(),

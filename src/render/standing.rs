@@ -31,6 +31,8 @@ fn is_near_city(scene: &SceneDescription, at: Vec3) -> bool {
 #[derive(Clone, Debug)]
 struct Piece {
     bounds: [Vec3; 2],
+    /// Its corners, the highest where one stands over others; none where they are many.
+    tops: Vec<Vec3>,
     levels: Vec<Level>,
     /// Whether its pattern tells what it is: windows, doors, letters.
     is_figured: bool,
@@ -39,15 +41,14 @@ struct Piece {
 #[derive(Clone, Debug)]
 struct Level {
     error_m: f32,
-    /// Turned to the sun.
-    facing: Vec<Side>,
-    /// Turned away from it.
-    averted: Vec<Side>,
+    main: Vec<Side>,
+    /// See [`Apart`].
+    apart: Vec<Side>,
 }
 
 impl Level {
     fn all(&self) -> impl Iterator<Item = &Side> {
-        self.facing.iter().chain(&self.averted)
+        self.main.iter().chain(&self.apart)
     }
 }
 
@@ -65,6 +66,29 @@ pub(super) struct Standing {
     shadows: (wgpu::Buffer, u32),
     /// The lists of all views of a batch.
     lists: wgpu::Buffer,
+}
+
+/// What of the things that rise from the ground is drawn for itself.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Apart {
+    /// What is turned away from the sun that is in this direction.
+    Averted(Vec3),
+    /// Crowns of trees.
+    Crowns,
+}
+
+impl Apart {
+    fn has(self, corners: [&Vertex; 3]) -> bool {
+        match self {
+            Self::Averted(to_sun) => corners.iter().all(|v| v.normal.dot(to_sun) <= 0.0),
+            // Of hedges, whose leaves are the same, faces are flat.
+            Self::Crowns => {
+                let [a, b, c] = corners;
+                let is_round = a.normal.dot(b.normal).min(b.normal.dot(c.normal)) < 0.999;
+                a.finish.surface == Surface::Leaves && is_round
+            }
+        }
+    }
 }
 
 /// Which things show the patterns of their surfaces.
@@ -96,8 +120,8 @@ pub(super) struct Gaze<'a> {
 #[derive(Clone, Debug, Default)]
 pub(super) struct SeenCells {
     pub(super) raised: Range<u32>,
-    /// What is turned away from the sun.
-    pub(super) averted: Range<u32>,
+    /// See [`Apart`].
+    pub(super) apart: Range<u32>,
     /// What stands too far away for its pattern to be seen.
     pub(super) plain: Range<u32>,
     pub(super) ground: Range<u32>,
@@ -107,11 +131,11 @@ pub(super) struct SeenCells {
 impl SeenCells {
     /// What rises from the ground, however it is lit.
     pub(super) fn all_raised(&self) -> [&Range<u32>; 3] {
-        [&self.plain, &self.averted, &self.raised]
+        [&self.plain, &self.apart, &self.raised]
     }
 
     pub(super) fn triangles(&self) -> u64 {
-        [&self.raised, &self.averted, &self.plain, &self.ground, &self.lines]
+        [&self.raised, &self.apart, &self.plain, &self.ground, &self.lines]
             .iter()
             .map(|list| list.len() as u64 / 3)
             .sum()
@@ -119,9 +143,9 @@ impl SeenCells {
 }
 
 impl Standing {
-    /// With a direction towards the sun, what is turned away from it is drawn for itself.
-    pub(super) fn new(device: &wgpu::Device, scene: &SceneDescription, to_sun: Option<Vec3>) -> Self {
-        let mut packed = Packed { to_sun, ..Packed::default() };
+    /// With something that is drawn for itself.
+    pub(super) fn new(device: &wgpu::Device, scene: &SceneDescription, apart: Option<Apart>) -> Self {
+        let mut packed = Packed { apart, ..Packed::default() };
         let objects: Vec<Piece> = scene
             .objects
             .iter()
@@ -185,8 +209,8 @@ impl Standing {
         }
         SeenCells {
             plain: self.list(gaze, &plain, Level::all, lists),
-            raised: self.list(gaze, &raised, |level| level.facing.iter(), lists),
-            averted: self.list(gaze, &raised, |level| level.averted.iter(), lists),
+            raised: self.list(gaze, &raised, |level| level.main.iter(), lists),
+            apart: self.list(gaze, &raised, |level| level.apart.iter(), lists),
             ground: self.list(gaze, &ground, Level::all, lists),
             lines: self.list(gaze, &painted, Level::all, lists),
         }
@@ -279,7 +303,10 @@ impl Gaze<'_> {
         }
         let distance_m = self.eye.clamp(low, high).distance(self.eye);
         let pixels = |length_m| self.sharpness.pixels(length_m, distance_m);
-        if pixels((high - low).length()) < self.least_px || self.horizon.hides_box(piece.bounds) {
+        if pixels((high - low).length()) < self.least_px
+            || self.horizon.hides_box(piece.bounds)
+            || self.horizon.hides_hull(&piece.tops)
+        {
             return None;
         }
         let middle = (low + high) / 2.0;
@@ -298,12 +325,13 @@ impl Gaze<'_> {
 struct Packed {
     vertices: Vec<GpuVertex>,
     indices: Vec<u32>,
-    to_sun: Option<Vec3>,
+    apart: Option<Apart>,
     pieces: u32,
 }
 
 impl Packed {
     fn piece<'m>(&mut self, levels: impl Iterator<Item = (&'m Mesh, f32)>) -> Piece {
+        let first = self.vertices.len();
         let mut bounds = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         let mut is_figured = false;
         let levels = levels
@@ -315,26 +343,37 @@ impl Packed {
                 is_figured |= mesh.vertices.iter().any(|v| v.finish.surface.is_figured());
                 let base = self.vertices.len() as u32;
                 self.vertices.extend(mesh.vertices.iter().map(|v| pack(v, self.pieces)));
-                let is_averted = |triangle: &&[u32]| {
-                    let faces_away =
-                        |sun| triangle.iter().all(|&k| mesh.vertices[k as usize].normal.dot(sun) <= 0.0);
-                    self.to_sun.is_some_and(faces_away)
+                let is_apart = |triangle: &&[u32]| {
+                    let corners = [0, 1, 2].map(|k| &mesh.vertices[triangle[k] as usize]);
+                    self.apart.is_some_and(|apart| apart.has(corners))
                 };
-                let (averted, facing): (Vec<&[u32]>, Vec<&[u32]>) =
-                    mesh.indices.chunks_exact(3).partition(is_averted);
+                let (apart, main): (Vec<&[u32]>, Vec<&[u32]>) =
+                    mesh.indices.chunks_exact(3).partition(is_apart);
                 let at = |k: u32| mesh.vertices[k as usize].position;
                 let indices = &mut self.indices;
-                let [facing, averted] = [facing, averted].map(|part| sides::append(indices, base, at, &part));
-                Level { error_m, facing, averted }
+                let [main, apart] = [main, apart].map(|part| sides::append(indices, base, at, &part));
+                Level { error_m, main, apart }
             })
             .collect();
         self.pieces += 1;
-        Piece { bounds, levels, is_figured }
+        Piece { bounds, tops: tops(&self.vertices[first..]), levels, is_figured }
     }
 
     fn of(&self, side: &Side) -> &[u32] {
         &self.indices[side.indices.start as usize..side.indices.end as usize]
     }
+}
+
+/// Pieces of more corners are taken for the box around them.
+const MOST_TOPS: usize = 24;
+
+/// The places of vertices seen from above, and how high the highest is there; none where there are many.
+fn tops(vertices: &[GpuVertex]) -> Vec<Vec3> {
+    let mut places: Vec<Vec3> = vertices.iter().map(|v| v.position.into()).collect();
+    let across = |a: &Vec3, b: &Vec3| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y));
+    places.sort_by(|a, b| across(a, b).then(b.z.total_cmp(&a.z)));
+    places.dedup_by(|lower, top| across(lower, top).is_eq());
+    if places.len() > MOST_TOPS { Vec::new() } else { places }
 }
 
 /// A vertex of a piece as the shaders read it.

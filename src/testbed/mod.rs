@@ -221,3 +221,110 @@ impl Robot {
         now.reverse = asked.reverse;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::{Segment, wrap_angle};
+    use crate::scenario::{Library, Overrides, read_experiment};
+    use crate::snapshot::TrajectoryPoint;
+
+    /// Full scale: where a robot's front axle is told to be, from a stand into an arc.
+    struct Path {
+        straight: Segment,
+        arc: Segment,
+    }
+
+    const SPEED_MPS: f64 = 6.0;
+    const GAINED_MPS2: f64 = 1.5;
+
+    impl Path {
+        fn from(start: Pose2) -> Self {
+            let straight = Segment::new(start, 12.0, 0.0);
+            Self { straight, arc: Segment::new(straight.end(), 120.0, 1.0 / 20.0) }
+        }
+
+        fn at(&self, s: f64) -> Pose2 {
+            let beyond = s - self.straight.length;
+            if beyond < 0.0 { self.straight.pose_at(s) } else { self.arc.pose_at(beyond) }
+        }
+
+        /// What is sent at a time: two seconds ahead, of a vehicle that begins to move at 0.
+        fn trajectory(
+            &self,
+            vehicle: VehicleId,
+            sequence: u32,
+            now_s: f64,
+            scale: LengthScale,
+        ) -> Trajectory {
+            let gaining_s = SPEED_MPS / GAINED_MPS2;
+            let point = |k: u32| {
+                let time_s = now_s + 0.1 * f64::from(k);
+                let t = time_s.min(gaining_s);
+                let s = 0.5 * GAINED_MPS2 * t * t + SPEED_MPS * (time_s - gaining_s).max(0.0);
+                let pose = self.at(s).scaled(1.0 / scale.factor());
+                TrajectoryPoint { time_s, pose, speed_mps: GAINED_MPS2 * t / scale.factor() }
+            };
+            Trajectory { vehicle, sequence, points: (0..=20).map(point).collect(), ..Trajectory::default() }
+        }
+
+        fn distance(&self, point: glam::DVec2) -> f64 {
+            (0..1320)
+                .map(|k| self.at(0.1 * f64::from(k)).position.distance(point))
+                .fold(f64::INFINITY, f64::min)
+        }
+    }
+
+    #[test]
+    fn robots_that_are_no_longer_driven_brake_to_a_stand_on_their_path() {
+        let (text, library) = Library::scenario("mixed").unwrap();
+        let experiment = read_experiment("mixed", &text, &library, Overrides::default()).unwrap();
+        let mut testbed = Testbed::new(&experiment);
+        let (id, paths) = {
+            let axle = |robot: &Robot| robot.start.advanced(robot.spec.dimensions.front_axle_m());
+            let paths: BTreeMap<VehicleId, Path> =
+                testbed.robots.iter().map(|(id, robot)| (*id, Path::from(axle(robot)))).collect();
+            (*paths.keys().next().unwrap(), paths)
+        };
+        assert!(paths.len() == 3);
+        testbed.set_clock(ExperimentClock { time_s: 0.0, is_running: true });
+        let (mut arrived, mut speeds, mut accelerations) = (Vec::new(), Vec::new(), Vec::new());
+        let last_heard_s = 6.0;
+        let mut sequence = 0;
+        while testbed.clock().time_s < 12.0 {
+            let now_s = testbed.clock().time_s;
+            if now_s < last_heard_s {
+                sequence += 1;
+                for (id, path) in &paths {
+                    testbed.follow(&path.trajectory(*id, sequence, now_s, experiment.scale));
+                }
+            }
+            testbed.step(&mut arrived);
+            for (id, robot) in &testbed.robots {
+                let axle = robot.motion.position.truncate()
+                    + robot.motion.forward() * robot.spec.dimensions.front_axle_m();
+                let aside_m = paths[id].distance(axle);
+                assert!(aside_m < 0.5, "{id} is {aside_m} m aside at {now_s} s");
+            }
+            let motion = &testbed.robots[&id].motion;
+            speeds.push(motion.speed_mps);
+            accelerations.push(motion.acceleration_mps2);
+        }
+        let dt_s = experiment.rates.dt_s();
+        let at = |time_s: f64| speeds[(time_s / dt_s) as usize];
+        assert!((at(last_heard_s) - SPEED_MPS).abs() < 0.5, "{} m/s where the link ends", at(last_heard_s));
+        let turned =
+            wrap_angle(testbed.robots[&id].motion.forward().to_angle() - paths[&id].straight.start.yaw_rad);
+        assert!(turned.abs() > 0.5, "it stops on the arc, {turned} rad on");
+        // What it was told last ends two seconds later, and before that it takes the link for lost.
+        let braked_s = (0..).find(|k| at(last_heard_s + 0.01 * f64::from(*k)) < SPEED_MPS - 1.0).unwrap();
+        let waited_s = 0.01 * f64::from(braked_s);
+        assert!(
+            (experiment.link_timeout_s..experiment.link_timeout_s + 0.8).contains(&waited_s),
+            "brakes after {waited_s} s"
+        );
+        assert!(at(11.9).abs() < 1e-3, "{} m/s at the end", at(11.9));
+        let hardest = -accelerations.iter().copied().fold(0.0, f64::min);
+        assert!((2.0..5.3).contains(&hardest), "{hardest} m/s2");
+    }
+}

@@ -5,9 +5,6 @@
 use city3d::link::{Client, Heard};
 use city3d::wire::{Body, Poses, Seal, Seen};
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Somebody who watches a city.
@@ -51,35 +48,6 @@ impl Watcher {
             }
             assert!(begun.elapsed() < Duration::from_secs(100), "never {what}: {:?}", seen.last());
         }
-    }
-}
-
-/// Watches how long the host keeps somebody waiting who sleeps for a moment.
-pub struct Host {
-    ends: Arc<AtomicBool>,
-    longest: JoinHandle<Duration>,
-}
-
-impl Host {
-    pub fn watch() -> Self {
-        const MOMENT: Duration = Duration::from_millis(4);
-        let ends = Arc::new(AtomicBool::new(false));
-        let seen = Arc::clone(&ends);
-        let longest = std::thread::spawn(move || {
-            let mut longest = Duration::ZERO;
-            while !seen.load(Ordering::Relaxed) {
-                let begun = Instant::now();
-                std::thread::sleep(MOMENT);
-                longest = longest.max(begun.elapsed().saturating_sub(MOMENT));
-            }
-            longest
-        });
-        Self { ends, longest }
-    }
-
-    pub fn longest_wait_s(self) -> f64 {
-        self.ends.store(true, Ordering::Relaxed);
-        self.longest.join().unwrap().as_secs_f64()
     }
 }
 

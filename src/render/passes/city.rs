@@ -39,6 +39,8 @@ pub(in crate::render) mod gpu_data {
 #[derive(Debug)]
 pub(in crate::render) struct CityPass {
     pipeline: wgpu::RenderPipeline,
+    /// Of what is drawn for itself: see [`crate::render::standing::Apart`].
+    apart: wgpu::RenderPipeline,
     /// Where light is worked out at the vertices.
     swift: Option<Swift>,
     surfaces: wgpu::BindGroup,
@@ -51,8 +53,6 @@ struct Swift {
     lines: wgpu::RenderPipeline,
     /// What shows no pattern.
     plain: wgpu::RenderPipeline,
-    /// What is turned away from the sun.
-    averted: wgpu::RenderPipeline,
 }
 
 impl CityPass {
@@ -124,9 +124,13 @@ impl CityPass {
         let swift = attachments.light_at_vertices.then(|| Swift {
             lines: pipeline(["swift_line_vertex", "swift_line_fragment"]),
             plain: pipeline(attachments.plain_entries()),
-            averted: pipeline(["swift_vertex", "swift_averted_fragment"]),
         });
-        Self { pipeline: pipeline(attachments.entries()), swift, surfaces }
+        let apart = pipeline(if attachments.light_at_vertices {
+            ["swift_vertex", "swift_averted_fragment"]
+        } else {
+            ["vertex_main", "crown_fragment"]
+        });
+        Self { pipeline: pipeline(attachments.entries()), apart, swift, surfaces }
     }
 
     /// Draws what a view sees; groups 0 and 1 are set already.
@@ -139,17 +143,17 @@ impl CityPass {
         pass.set_bind_group(2, &self.surfaces, &[]);
         pass.set_pipeline(&self.pipeline);
         standing.draw(pass, &seen.raised);
+        if !seen.apart.is_empty() {
+            pass.set_pipeline(&self.apart);
+            standing.draw(pass, &seen.apart);
+        }
         if let Some(swift) = &self.swift {
-            pass.set_pipeline(&swift.averted);
-            standing.draw(pass, &seen.averted);
             // It is far away, and most of it hidden.
             pass.set_pipeline(&swift.plain);
             standing.draw(pass, &seen.plain);
         }
         // Over the ground, so that the depth test spares the ground under them.
-        if let Some(swift) = &self.swift {
-            pass.set_pipeline(&swift.lines);
-        }
+        pass.set_pipeline(self.swift.as_ref().map_or(&self.pipeline, |swift| &swift.lines));
         standing.draw(pass, &seen.lines);
         pass.set_pipeline(&self.pipeline);
         standing.draw(pass, &seen.ground);
