@@ -66,7 +66,10 @@ impl Sector {
     pub(super) fn of_view(looks: &[Vec3; 4]) -> Self {
         let ahead: Vec2 = looks.iter().map(|look| look.truncate()).sum();
         let half = looks.iter().map(|look| ahead.angle_to(look.truncate()).abs()).fold(0.0, f32::max);
-        let is_level = looks.iter().all(|look| look.truncate().length() > 0.3 * look.length());
+        // Straight down corners lie on all sides: there is no ahead.
+        let length = |look: Vec3| 0.3 * look.length();
+        let is_level = looks.iter().all(|&look| look.truncate().length() > length(look))
+            && ahead.length() > length(looks[0]);
         if is_level && half < 1.4 { Self { middle: ahead.to_angle(), half } } else { Self::ALL }
     }
 
@@ -321,6 +324,11 @@ mod tests {
             assert!((left - (sector.half - 0.3)).abs() < 1e-4 && (right + sector.half + 0.3).abs() < 1e-4);
         }
         assert!(Sector::of_view(&view.map(|look| look - Vec3::Z * 9.0)).half >= PI);
+        for aside in [0.0, 1e-6, 0.1] {
+            let down = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+                .map(|(x, y)| Vec3::new(0.6 * x + aside, 0.45 * y, -1.0));
+            assert!(Sector::of_view(&down).half >= PI, "{aside}");
+        }
     }
 
     #[test]
