@@ -291,7 +291,7 @@ fn a_user_starts_watches_drives_and_quits() {
     program.hold(&["w"], 2500);
     pause_ms(500);
     program.hold(&["d"], 2600);
-    program.hold(&["w"], 2500);
+    program.hold(&["w"], 3500);
     program.hold(&["s"], 1500);
     program.key("Return");
     pause_ms(1500);

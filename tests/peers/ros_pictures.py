@@ -49,17 +49,21 @@ def pose(transform):
     return [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
 
 
+def complete():
+    """Stamps of which all has been heard; of the first ones some came before somebody listened."""
+    return sorted(set(images) & set(infos) & set(transforms) & set(vehicles))
+
+
 def note(found, stamp, message):
     found[stamp.to_nsec()] = message
-    # tf has the vehicles as well; it counts once the picture is there.
-    if len(set(images) & set(infos) & set(transforms)) >= wanted:
+    if len(complete()) >= wanted:
         whole.set()
 
 
 def hear_tf(message):
     for one in message.transforms:
         if one.child_frame_id == "vicon/%s/%s" % (vehicle, vehicle):
-            vehicles[one.header.stamp.to_nsec()] = one.transform
+            note(vehicles, one.header.stamp, one)
         if one.child_frame_id == frame:
             note(transforms, one.header.stamp, one)
 
@@ -70,8 +74,9 @@ listen = [
     rospy.Subscriber("/%s/camera_info" % frame, CameraInfo, lambda info: note(infos, info.header.stamp, info)),
     rospy.Subscriber("/%s/image/compressed" % frame, CompressedImage, lambda one: note(images, one.header.stamp, one)),
 ]
-assert whole.wait(50), "%d pictures, %d infos, %d transforms" % (len(images), len(infos), len(transforms))
-for stamp in sorted(set(images) & set(infos) & set(transforms))[:wanted]:
+heard = (images, infos, transforms, vehicles)
+assert whole.wait(50), "%d pictures, %d infos, %d transforms, %d vehicles" % tuple(map(len, heard))
+for stamp in complete()[:wanted]:
     image, info, transform = images[stamp], infos[stamp], transforms[stamp]
     width, height, colours = decoded(image.data)
     told = {
@@ -86,6 +91,6 @@ for stamp in sorted(set(images) & set(infos) & set(transforms))[:wanted]:
         "D": info.D,
         "model": info.distortion_model,
         "camera": pose(transform.transform),
-        "vehicle": pose(vehicles[stamp]),
+        "vehicle": pose(vehicles[stamp].transform),
     }
     print(json.dumps(told), flush=True)
