@@ -10,7 +10,7 @@ const BLOCK: u32 = 4;
 /// How far the entries of two projections may lie apart whose pictures hide the same rows: a tenth of a pixel.
 const SAME: f32 = 1e-4;
 /// Cameras of one vehicle or of many alike that are remembered.
-const MOST: usize = 32;
+const MOST: usize = 256;
 
 /// How many rows from the top are open, for each camera that a kind of vehicle carried.
 #[derive(Clone, Debug, Default)]

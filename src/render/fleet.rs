@@ -61,6 +61,8 @@ struct Placed {
     /// City from body.
     position: Vec3,
     orientation: Quat,
+    /// The same in full: far from the origin a camera's place on its vehicle has to be told to the millimetre.
+    world_from_body: DMat4,
     /// As an instance has them.
     lamps: [f32; 4],
 }
@@ -169,6 +171,7 @@ impl Fleet {
                 wheel_radius: d.wheel_radius_m as f32,
                 position: state.position.as_vec3(),
                 orientation: state.orientation.as_quat(),
+                world_from_body: DMat4::from_rotation_translation(state.orientation, state.position),
                 lamps,
             });
             let as_told = |c: u8| if self.paints_linear { linear_from_srgb(c) } else { f32::from(c) / 255.0 };
@@ -237,9 +240,7 @@ impl Fleet {
         let carrier = self.placed.iter().find(|placed| view.carrier == Some(placed.id));
         let drawn = carrier.and_then(|placed| Some((placed, self.builds.get(&placed.key)?.levels.first()?)));
         let Some((placed, BuildLevel { body, .. })) = drawn else { return view.extent[1] };
-        let world_from_body =
-            DMat4::from_rotation_translation(placed.orientation.as_dquat(), placed.position.as_dvec3());
-        let clip_from_body = (view.clip_from_world() * world_from_body).as_mat4();
+        let clip_from_body = (view.clip_from_world() * placed.world_from_body).as_mat4();
         let mesh = &self.mesh;
         let corner = |k: u32| clip_from_body * Vec3::from(mesh.vertices[k as usize].position).extend(1.0);
         let faces = || {

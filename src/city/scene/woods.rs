@@ -8,8 +8,6 @@ use std::f32::consts::TAU;
 const WOODS: Finish = Finish::new(Surface::Leaves, [66, 84, 56], Class::Vegetation);
 /// Points around the city at which a row of trees bends.
 const POINTS: u32 = 72;
-/// Stretches of so many points are one object: short, so that houses hide whole ones.
-const STRETCH: u32 = 1;
 const METRES_PER_REPEAT: f32 = 7.0;
 /// How far rows wander in and out in all.
 const WANDER_M: f32 = 9.0;
@@ -59,17 +57,17 @@ fn around([low, high]: [Vec2; 2], k: u32, away_m: f32) -> Vec2 {
     middle + Vec2::new(cos * half.x, sin * half.y) * square + Vec2::new(cos, sin) * away_m
 }
 
-/// Rows of crowns of a wavy height around the box of the city, closed between them by the tops of the trees.
+/// Rows of crowns of a wavy height around the box of the city, closed between them by the tops of the trees. From
+/// point to point they are an object each: short ones, so that houses hide whole ones.
 pub(super) fn woods(city: [Vec2; 2]) -> Vec<Object> {
     let mut woods = Vec::new();
     for (number, row) in (0_u32..).zip(&ROWS) {
-        let (mut mesh, mut along) = (Mesh::default(), 0.0);
+        let mut along = 0.0;
         for k in 0..POINTS {
+            let mut mesh = Mesh::default();
             along = crowns(&mut mesh, (row, number), k, [k, k + 1].map(|k| Edge::of(city, number, k)), along);
             tops(&mut mesh, city, number, k);
-            if (k + 1) % STRETCH == 0 {
-                woods.push(Object::of_one_level(std::mem::take(&mut mesh)));
-            }
+            woods.push(Object::of_one_level(mesh));
         }
     }
     woods
