@@ -184,7 +184,8 @@ fn kill_the_mainframe(lab: &mut Lab<'_>) {
 /// Kills mainframe, city and testbed in turn; `between` is done while all drive.
 fn kill_in_turn(lab: &mut Lab<'_>, between: impl FnOnce(&mut Lab<'_>)) {
     lab.watch_them_go("at first");
-
+    // The last second of a log is lost with who writes it.
+    lab.watch(3.0);
     kill_the_mainframe(lab);
     lab.start_mainframe();
     let seen = lab.watch_them_go("after the mainframe was killed");
