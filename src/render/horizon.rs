@@ -200,10 +200,13 @@ impl Horizon {
 
     /// The same of whatever is in the convex hull of some points and of those below them.
     pub(super) fn hides_hull(&self, tops: &[Vec3]) -> bool {
+        if tops.len() < 3 {
+            return false;
+        }
         let eye = self.eye.truncate();
         let middle = tops.iter().map(|top| top.truncate()).sum::<Vec2>() / tops.len() as f32 - eye;
         let (mut right, mut left, mut slope) = (0.0_f32, 0.0_f32, f32::NEG_INFINITY);
-        let (mut near, mut far) = (f32::INFINITY, 0.0_f32);
+        let mut near = f32::INFINITY;
         for top in tops {
             let at = top.truncate() - eye;
             let (ahead, aside) = (middle.dot(at), middle.perp_dot(at));
@@ -212,14 +215,14 @@ impl Horizon {
             }
             (right, left) = (right.min(aside / ahead), left.max(aside / ahead));
             let distance = at.length();
-            (near, far) = (near.min(distance), far.max(distance));
+            near = near.min(distance);
             slope = slope.max((top.z - self.eye.z) / distance);
         }
         let span = [right.atan(), left.atan()];
         // What lies between two points may be nearer than either, and is seen the more steeply.
         let between = ((span[1] - span[0]) / 2.0).cos();
         let slope = if slope > 0.0 { slope / between } else { slope };
-        tops.len() > 2 && self.hides_span(middle.to_angle(), span, near * between, slope)
+        self.hides_span(middle.to_angle(), span, near * between, slope)
     }
 
     /// Of what is seen between two turns from an azimuth, no nearer than a distance and no more steeply than a slope.

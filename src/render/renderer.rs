@@ -28,7 +28,7 @@ use crate::camera::{PictureKind, View};
 use crate::city::scene::SceneDescription;
 use crate::model::Model;
 use crate::snapshot::{BodyType, FrameSnapshot};
-use glam::{DVec3, Vec3};
+use glam::{DMat4, DVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -486,11 +486,12 @@ impl Renderer {
     }
 
     fn look(&self, view: &View, open_rows: u32, lists: &mut Vec<u32>) -> Seen {
-        let clip_from_world = view.clip_from_world().as_mat4();
+        let in_full = view.clip_from_world();
+        let clip_from_world = in_full.as_mat4();
         let whole = Frustum::new(&clip_from_world);
         let frustum = whole.upper(open_rows as f32 / view.extent[1] as f32);
         let eye = view.extrinsics.position.as_vec3();
-        let sector = Sector::of_view(&looks_to_corners(view));
+        let sector = Sector::of_view(&looks_to_corners(view.extrinsics.position, &in_full));
         let horizon = self.standing.horizon(view.has_eye().then_some(eye), sector, &frustum);
         let gaze = Gaze {
             frustum: &frustum,
@@ -535,11 +536,11 @@ impl Renderer {
 }
 
 /// From the eye of a view towards the corners of its picture, one after the other.
-fn looks_to_corners(view: &View) -> [Vec3; 4] {
-    let world_from_clip = view.clip_from_world().inverse();
+fn looks_to_corners(eye: DVec3, clip_from_world: &DMat4) -> [Vec3; 4] {
+    let world_from_clip = clip_from_world.inverse();
     [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| {
         let corner = world_from_clip.project_point3(DVec3::new(x, y, 0.5));
-        (corner - view.extrinsics.position).as_vec3()
+        (corner - eye).as_vec3()
     })
 }
 

@@ -369,11 +369,17 @@ const MOST_TOPS: usize = 24;
 
 /// The places of vertices seen from above, and how high the highest is there; none where there are many.
 fn tops(vertices: &[GpuVertex]) -> Vec<Vec3> {
-    let mut places: Vec<Vec3> = vertices.iter().map(|v| v.position.into()).collect();
-    let across = |a: &Vec3, b: &Vec3| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y));
-    places.sort_by(|a, b| across(a, b).then(b.z.total_cmp(&a.z)));
-    places.dedup_by(|lower, top| across(lower, top).is_eq());
-    if places.len() > MOST_TOPS { Vec::new() } else { places }
+    let mut tops: Vec<Vec3> = Vec::new();
+    for at in vertices.iter().map(|v| Vec3::from(v.position)) {
+        if let Some(top) = tops.iter_mut().find(|top| top.truncate() == at.truncate()) {
+            top.z = top.z.max(at.z);
+        } else if tops.len() < MOST_TOPS {
+            tops.push(at);
+        } else {
+            return Vec::new();
+        }
+    }
+    tops
 }
 
 /// A vertex of a piece as the shaders read it.

@@ -280,12 +280,10 @@ mod tests {
         let (text, library) = Library::scenario("mixed").unwrap();
         let experiment = read_experiment("mixed", &text, &library, Overrides::default()).unwrap();
         let mut testbed = Testbed::new(&experiment);
-        let (id, paths) = {
-            let axle = |robot: &Robot| robot.start.advanced(robot.spec.dimensions.front_axle_m());
-            let paths: BTreeMap<VehicleId, Path> =
-                testbed.robots.iter().map(|(id, robot)| (*id, Path::from(axle(robot)))).collect();
-            (*paths.keys().next().unwrap(), paths)
-        };
+        let axle = |robot: &Robot| robot.start.advanced(robot.spec.dimensions.front_axle_m());
+        let paths: BTreeMap<VehicleId, Path> =
+            testbed.robots.iter().map(|(id, robot)| (*id, Path::from(axle(robot)))).collect();
+        let id = *paths.keys().next().unwrap();
         assert!(paths.len() == 3);
         testbed.set_clock(ExperimentClock { time_s: 0.0, is_running: true });
         let (mut arrived, mut speeds, mut accelerations) = (Vec::new(), Vec::new(), Vec::new());
