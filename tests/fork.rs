@@ -55,6 +55,15 @@ fn without_a_change_a_fork_equals_its_origin_at_every_tick_and_a_changed_future_
     assert!((700..760).contains(&same), "{same}");
     let (code, said) = tell(&["replay", "other/run.mcap", "--verify"], folder);
     assert_eq!(code, 0, "{said}");
+    // Into the folder of its origin it would write over what it begins from.
+    let before = std::fs::read(folder.join("first/run.mcap")).unwrap();
+    for out in ["first", "./first/../first"] {
+        let (code, said) =
+            tell(&["run", "first", "--from-tick", "700", "--duration", "24", "--out", out], folder);
+        assert!(code == 2 && said.contains("choose another folder"), "{code} {said}");
+    }
+    assert!(std::fs::read(folder.join("first/run.mcap")).unwrap() == before);
+
     // A fork of a fork: its scenario is not what its first seconds were driven by, and it says so.
     let third = ["run", "other/run.mcap", "--from-tick", "1000", "--duration", "12", "--out", "third"];
     let (code, said) = tell(&third, folder);

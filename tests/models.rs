@@ -4,7 +4,7 @@
 
 use city3d::city::dxf::Shape;
 use city3d::city::generate;
-use city3d::model::{SHIPPED, glb, is_stand_in};
+use city3d::model::{Model, Part, SHIPPED, glb, is_stand_in};
 use glam::{DVec2, Vec3};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -77,16 +77,7 @@ fn nobody_looks_through_a_slit_between_body_and_cabin() {
     let cars: Vec<_> = cars.filter(|(_, model)| model.node("body").is_some()).collect();
     assert!(cars.len() >= 4);
     for (name, model) in cars {
-        let body = model.node("body").unwrap();
-        let place = |at: Vec3| body.model_from_mesh.transform_point3(at);
-        let triangles: Vec<[Vec3; 3]> = model
-            .parts(body)
-            .iter()
-            .flat_map(|part| {
-                let corner = |&k: &u32| place(part.vertices[k as usize].position);
-                part.indices.chunks_exact(3).map(move |t| [corner(&t[0]), corner(&t[1]), corner(&t[2])])
-            })
-            .collect();
+        let triangles = triangles(&model, "body");
         let mut inside = Vec::new();
         // Down over the shoulders, from the left, along most of the car, and over the rear of those without a boot;
         // beside the edges of their faces.
@@ -97,18 +88,61 @@ fn nobody_looks_through_a_slit_between_body_and_cabin() {
                 [(left(k, j), Vec3::new(0.0, -0.8, -0.6)), (behind(k, j), Vec3::new(0.954, 0.0, -0.3))];
             let has_boot = !matches!(*name, "van.glb" | "suv.glb");
             for (at, along) in ways.into_iter().take(if has_boot { 1 } else { 2 }) {
-                let from = at - along * 8.0;
-                let hits = triangles.iter().filter_map(|&triangle| hit(triangle, from, along));
-                let first = hits.min_by(|a, b| a.0.total_cmp(&b.0));
-                let (way, is_front) = first.unwrap_or((0.0, true));
-                if !is_front {
-                    inside.push(from + along * way);
-                }
+                inside.extend(seen_inside(&triangles, at - along * 8.0, along));
             }
         }
         // A ray may go between two faces where they share an edge, a slit lets dozens through.
         assert!(inside.len() < 4, "{name}: inside seen at {inside:?}");
     }
+}
+
+#[test]
+fn cars_in_front_are_closed_at_every_distance() {
+    for (name, bytes) in SHIPPED {
+        let Ok(model) = glb::read(bytes) else { continue };
+        for node in ["far_body", "farther_body"].into_iter().filter(|node| model.node(node).is_some()) {
+            let triangles = triangles(&model, node);
+            // From the height of a bumper's camera, over the tail.
+            let rays = (0..120).flat_map(|k| (0..60).map(move |j| (k, j)));
+            let at = |(k, j)| Vec3::new(-2.0, -0.6037 + 0.01007 * k as f32, 0.85 + 0.0083 * j as f32);
+            let inside: Vec<Vec3> = rays
+                .filter_map(|ray| {
+                    let eye = Vec3::new(-10.0, 0.0, 0.5);
+                    seen_inside(&triangles, eye, (at(ray) - eye).normalize())
+                })
+                .collect();
+            assert!(inside.len() < 4, "{name}, {node}: inside seen at {inside:?}");
+        }
+        for wheel in ["wheel_front_left", "far_wheel"].into_iter().filter(|wheel| model.node(wheel).is_some())
+        {
+            let triangles = triangles(&model, wheel);
+            let middle = triangles.iter().flatten().sum::<Vec3>() / (3 * triangles.len()) as f32;
+            for k in 0..64 {
+                let (sin, cos) = (0.1 * k as f32).sin_cos();
+                let rim = middle + Vec3::new(0.25 * sin, 0.0, 0.25 * cos);
+                let inside = seen_inside(&triangles, rim - Vec3::Y * 4.0, Vec3::Y);
+                assert_eq!(inside, None, "{name}, {wheel}: hollow, seen from the other side of the car");
+            }
+        }
+    }
+}
+
+/// The triangles of a node, in the frame of the car.
+fn triangles(model: &Model, node: &str) -> Vec<[Vec3; 3]> {
+    let node = model.node(node).unwrap();
+    let place = |at: Vec3| node.model_from_mesh.transform_point3(at);
+    let of = |part: &Part| -> Vec<[Vec3; 3]> {
+        let corner = |k: u32| place(part.vertices[k as usize].position);
+        part.indices.chunks_exact(3).map(|t| [corner(t[0]), corner(t[1]), corner(t[2])]).collect()
+    };
+    model.parts(node).iter().flat_map(of).collect()
+}
+
+/// Where a ray first meets the back of a face.
+fn seen_inside(triangles: &[[Vec3; 3]], from: Vec3, along: Vec3) -> Option<Vec3> {
+    let hits = triangles.iter().filter_map(|&triangle| hit(triangle, from, along));
+    let (way, is_front) = hits.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (!is_front).then_some(from + along * way)
 }
 
 /// A glTF binary file of one triangle, its text changed.

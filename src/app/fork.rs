@@ -56,6 +56,13 @@ impl Fork<'_> {
             )));
         }
         let folder = folder(&changed);
+        if log_of(&folder).canonicalize().is_ok_and(|there| path.canonicalize().is_ok_and(|log| log == there))
+        {
+            return Err(Failure::bad_input(format!(
+                "--out {}: the log that the run goes on from lies there and would be written over; choose another folder",
+                folder.display()
+            )));
+        }
         let mut files = Files::begin(Some(folder.clone()), &changed, Origin::Run, self.log)?;
         let bar = progress::simulated_seconds(changed.duration_s);
         let control = self.remake(&mut replay, &original, &mut files)?;

@@ -108,7 +108,7 @@ pub fn frames(args: &FramesArgs) -> Result<(), Failure> {
     let footage = Footage::of(&args.scenario)?;
     let experiment = Arc::clone(footage.experiment());
     let out = args.out.clone().unwrap_or_else(|| new_folder(&format!("{}-frames", experiment.name)));
-    let destination = Destination::of(&out);
+    let destination = Destination::of(&out).map_err(Failure::bad_input)?;
     let stated = stated(args, &destination, &experiment)?;
     let shots = shots::shots(&args.cameras, &stated, &experiment, &footage.carriers())?;
     let schedule = Schedule::new(args.from, &shots, &experiment)?;

@@ -32,7 +32,7 @@ mod testbed;
 mod view;
 
 use crate::environment::Profile;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -188,7 +188,10 @@ impl Failure {
 
 /// Runs the program with the arguments of the process.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::from_arg_matches(&with_negative_numbers(Cli::command()).get_matches()) {
+        Ok(cli) => cli,
+        Err(error) => error.exit(),
+    };
     start_logging(cli.verbose);
     let result = match cli.command {
         None => without_command(),
@@ -201,6 +204,17 @@ pub fn main() -> ExitCode {
             ExitCode::from(failure.code)
         }
     }
+}
+
+/// `--distance -5` is a value that is told what may stand there, and no option that does not exist.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let takes_value = |argument: &clap::Arg| argument.get_action().takes_values();
+    command
+        .mut_args(|argument| {
+            let allowed = takes_value(&argument);
+            argument.allow_negative_numbers(allowed)
+        })
+        .mut_subcommands(with_negative_numbers)
 }
 
 #[cfg(feature = "window")]

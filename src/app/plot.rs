@@ -3,7 +3,7 @@
 use super::files::log_argument;
 use super::say::say;
 use super::{Failure, create_folder};
-use crate::figures::{Layout, RunLog, Size, Views, write};
+use crate::figures::{Layout, RunLog, Size, Trace, Views, write};
 use crate::snapshot::VehicleId;
 use clap::{Args, ValueEnum};
 use std::collections::BTreeSet;
@@ -31,9 +31,9 @@ pub struct FigureArgs {
     /// starts]
     #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = metres)]
     origin: Option<f64>,
-    /// Only these vehicles
+    /// Only these vehicles, by number or name
     #[arg(long = "vehicle", value_name = "ID", value_delimiter = ',')]
-    vehicles: Vec<u32>,
+    vehicles: Vec<String>,
     #[command(flatten)]
     size: SizeArgs,
 }
@@ -74,13 +74,18 @@ impl FigureArgs {
 
     /// The vehicles that were asked for, all of which are there; none for all.
     pub fn vehicles(&self, run: &RunLog) -> Result<BTreeSet<VehicleId>, Failure> {
-        let there = || run.vehicles.iter().map(|trace| trace.id.to_string()).collect::<Vec<_>>().join(", ");
-        for &id in &self.vehicles {
-            if run.vehicle(VehicleId(id)).is_none() {
-                return Err(Failure::bad_input(format!("the run has no vehicle {id}; it has {}", there())));
-            }
-        }
-        Ok(self.vehicles.iter().map(|&id| VehicleId(id)).collect())
+        let there = || {
+            let words = run.vehicles.iter().map(|trace| format!("{} {}", trace.id, trace.name));
+            words.collect::<Vec<_>>().join(", ")
+        };
+        let of = |word: &String| {
+            let is_meant = |trace: &&Trace| trace.name == *word || trace.id.to_string() == *word;
+            let found = run.vehicles.iter().find(is_meant).map(|trace| trace.id);
+            found.ok_or_else(|| {
+                Failure::bad_input(format!("the run has no vehicle {word}; it has {}", there()))
+            })
+        };
+        self.vehicles.iter().map(of).collect()
     }
 }
 

@@ -70,8 +70,12 @@ impl<'a> Views<'a> {
         }
         let all: BTreeSet<VehicleId> =
             runs.iter().flat_map(|run| &run.vehicles).map(|trace| trace.id).collect();
-        for (place, id) in all.into_iter().filter(is_shown).enumerate() {
-            strokes.entry(id).or_insert(Stroke::solid(PALETTE[place % PALETTE.len()]));
+        for id in all.into_iter().filter(is_shown) {
+            let uses = |colour: &Colour| {
+                strokes.values().filter(|stroke: &&Stroke| stroke.colour == *colour).count()
+            };
+            let rarest = PALETTE.into_iter().min_by_key(uses).unwrap_or(BLACK);
+            strokes.entry(id).or_insert(Stroke::solid(rarest));
         }
         let has_own_colours = strokes.len() <= MOST_COLOURS;
         Self { runs, layout, streams, labels: labels(runs), strokes, has_own_colours }

@@ -41,6 +41,9 @@ fn join<P: std::fmt::Display>(file: &str, problems: &[P]) -> String {
     text
 }
 
+/// A scenario with more is none.
+const MOST_SYNTAX_ERRORS: usize = 10;
+
 /// What the command line may change of a scenario.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Overrides {
@@ -66,7 +69,14 @@ pub fn read_experiment(
 ) -> Result<Experiment, ScenarioError> {
     let problems = Problems::new(text);
     let (document, syntax_errors) = DeTable::parse_recoverable(text);
-    for error in &syntax_errors {
+    // Another kind of file has one on every line.
+    let is_other = syntax_errors.len() > MOST_SYNTAX_ERRORS;
+    if is_other {
+        let remedy =
+            "a scenario has lines such as key = value and tables such as [[vehicle]], see docs/scenarios.md";
+        problems.add(&(0..0), format!("this does not look like a scenario: {remedy}"));
+    }
+    for error in syntax_errors.iter().take(if is_other { 2 } else { usize::MAX }) {
         let remedy = match error.message() {
             "duplicate key" => "; it is there already: keep one",
             message if message.contains("recursion") || message.contains("recurse") => "; nest less deeply",

@@ -171,7 +171,7 @@ fn show(
         });
     });
     picture(ui, (preview, room.aspect), shown, state);
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         ComboBox::from_id_salt("eye")
             .selected_text(preview.eye.label())
             .width(90.0)
@@ -185,7 +185,7 @@ fn show(
         if shown.replay.is_none() {
             drive_button(ui, preview.vehicle, state, actions);
         }
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| speed(ui, vehicle));
+        speed(ui, vehicle);
     });
     pedals(ui, vehicle, shown.tells_control);
     plots(ui, shown, vehicle, room);

@@ -13,6 +13,9 @@ use std::thread::JoinHandle;
 /// Extensions of files that ffmpeg encodes.
 const ENCODED: [&str; 5] = ["mp4", "webm", "mkv", "mov", "avi"];
 
+/// What somebody who names such a file wants is no folder.
+const OTHERS: [&str; 9] = ["gif", "png", "jpg", "jpeg", "mpg", "mpeg", "wmv", "flv", "ogv"];
+
 /// What `--out` says.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Destination {
@@ -23,15 +26,25 @@ pub(super) enum Destination {
 }
 
 impl Destination {
-    pub(super) fn of(out: &Path) -> Self {
+    ///
+    /// # Errors
+    /// For files that are neither, what may stand there.
+    pub(super) fn of(out: &Path) -> Result<Self, String> {
         let extension = out.extension().and_then(|text| text.to_str()).unwrap_or_default().to_lowercase();
-        match extension.as_str() {
+        Ok(match extension.as_str() {
             _ if out.as_os_str() == "-" => Self::Stdout,
             _ if out.is_dir() => Self::Folder(out.to_owned()),
             "y4m" => Self::Y4m(out.to_owned()),
             known if ENCODED.contains(&known) => Self::Encoded(out.to_owned()),
+            other if OTHERS.contains(&other) => {
+                return Err(format!(
+                    "--out {}: .{other} is not written; give a folder for pictures, or a video: .y4m, or with ffmpeg .{}",
+                    out.display(),
+                    ENCODED.join(", .")
+                ));
+            }
             _ => Self::Folder(out.to_owned()),
-        }
+        })
     }
 }
 
@@ -215,16 +228,18 @@ mod tests {
 
     #[test]
     fn where_pictures_go_is_told_by_the_name() {
-        let of = |out: &str| Destination::of(Path::new(out));
+        let of = |out: &str| Destination::of(Path::new(out)).unwrap();
         assert_eq!(of("-"), Destination::Stdout);
         assert_eq!(of("out/run.mp4"), Destination::Encoded("out/run.mp4".into()));
         assert_eq!(of("RUN.MKV"), Destination::Encoded("RUN.MKV".into()));
         assert_eq!(of("run.y4m"), Destination::Y4m("run.y4m".into()));
         assert_eq!(of("out/pictures"), Destination::Folder("out/pictures".into()));
         assert_eq!(of("v1.2"), Destination::Folder("v1.2".into()));
+        let wrong = Destination::of(Path::new("out/run.gif")).unwrap_err();
+        assert!(wrong.contains("run.gif") && wrong.contains(".mp4"), "{wrong}");
         let folder = tempfile::tempdir().unwrap();
         let named = folder.path().join("run.mp4");
         std::fs::create_dir(&named).unwrap();
-        assert_eq!(Destination::of(&named), Destination::Folder(named));
+        assert_eq!(Destination::of(&named), Ok(Destination::Folder(named.clone())));
     }
 }

@@ -33,6 +33,13 @@ struct News;
 /// Opens the window and stays until it is closed.
 pub fn open(subject: &Subject<'_>) -> Result<(), Failure> {
     let no_display = |error: &dyn std::fmt::Display| {
+        // What winit tells of the operating system begins with the place in its source.
+        let error = error.to_string();
+        let error = error
+            .rsplit_once(".rs:")
+            .and_then(|(_, rest)| rest.split_once(": "))
+            .map_or(&*error, |(_, why)| why);
+        let error = error.trim_end_matches('.');
         Failure::failed(format!(
             "no window can be opened: {error}. On a machine without a display use `city3d run` or `city3d frames`, \
              `city3d view --picture FILE` (`city3d replay LOG --picture FILE`) for a picture of the window, or a virtual display (xvfb-run city3d); \

@@ -1,7 +1,7 @@
 //! Buildings from their ground plans: storeys of windows, doors, signs, flat and gabled roofs, and
 //! what names ask for.
 
-use super::grounds::ring_of;
+use super::grounds::{distance_to, ring_of};
 use super::lanes::LaneBoxes;
 use super::lettering;
 use super::mesh::{Class, Finish, Mesh, Surface};
@@ -9,6 +9,7 @@ use super::polygon::Region;
 use super::roads::level;
 use super::special;
 use super::{Place, Wall};
+use crate::city::Shape;
 use glam::{Vec2, Vec3};
 
 const STOREY_M: f32 = 3.1;
@@ -195,7 +196,13 @@ impl Side {
 }
 
 /// A building with everything on it.
-pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, lanes: &LaneBoxes<'_>) {
+/// Its front is none of the sides before which the ground `is_built` up.
+pub(super) fn building(
+    mesh: &mut Mesh,
+    place: &Place<'_>,
+    lanes: &LaneBoxes<'_>,
+    is_built: impl Fn(Vec2) -> bool,
+) {
     let ring = outline(place);
     if ring.len() < 3 {
         return;
@@ -220,7 +227,11 @@ pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, lanes: &LaneBoxes<'_>
     } else {
         flat_roof(mesh, place, &ring, eaves);
     }
-    let front = front_of(&sides, lanes, place.piece.front_rad);
+    // As far out as awnings and steps reach, all along.
+    let is_hidden =
+        |side: &Side| [0.1, 0.5, 0.9].iter().any(|&at| is_built(side.at(at, 0.0, 1.4).truncate()));
+    let open: Vec<Side> = sides.iter().copied().filter(|side| !is_hidden(side)).collect();
+    let front = front_of(if open.is_empty() { &sides } else { &open }, lanes, place.piece.front_rad);
     entrance(mesh, &front, &style, &name, eaves);
     special::additions(mesh, &name, &ring, height);
 }
@@ -341,10 +352,16 @@ fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str, eaves: f32
         return;
     }
     let letter = (0.86 * width / lettering::width_of(&text, 1.0)).min(0.62);
-    let z =
-        if style.gates.is_some() { (storey * 1.15).clamp(2.6, eaves - 0.6) + 0.62 } else { storey * 0.93 };
     let board_width = lettering::width_of(&text, letter) + 0.7;
     let half = letter * 0.72;
+    let z = if style.gates.is_some() {
+        (storey * 1.15).clamp(2.6, eaves - 0.6) + 0.62
+    } else if style.ground.surface.is_shopfront() {
+        storey * 0.93
+    } else {
+        // Between the windows of two storeys.
+        (storey * 1.04).min(eaves - half - 0.05)
+    };
     front.slab(mesh, [width / 2.0, board_width], [z - half, z + half], 0.14, board);
     lettering::write(mesh, &text, front.at(0.5, z, 0.145), front.across().extend(0.0), letter, board);
     // Awnings over shop windows, in the colour of the board.
@@ -381,6 +398,7 @@ fn flat_roof(mesh: &mut Mesh, place: &Place<'_>, ring: &[Vec2], eaves: f32) {
     // Plant on the roof.
     let centre = ring.iter().copied().sum::<Vec2>() / ring.len() as f32;
     let yaw = (ring[1] - ring[0]).to_angle();
+    let edge = Shape::Polyline(plan.iter().copied().chain(plan.first().copied()).collect());
     for k in 0..3 {
         if place.dice(20 + k) < 0.6 {
             let corner = ring[k as usize % ring.len()];
@@ -390,7 +408,13 @@ fn flat_roof(mesh: &mut Mesh, place: &Place<'_>, ring: &[Vec2], eaves: f32) {
                 1.0 + place.dice(50 + k),
                 0.7 + 0.9 * place.dice(60 + k),
             );
-            mesh.block(at.extend(eaves), size, yaw, DARK.shaded(1.9));
+            // Nothing sticks out, and towers stand alone on their roofs.
+            let reach = size.truncate().length() / 2.0 + 0.3;
+            let has_room = distance_to(&edge, at.as_dvec2()) > f64::from(reach);
+            let spire = special::spire_reach(&place.piece.name.to_lowercase(), ring);
+            if has_room && spire.is_none_or(|spire| at.distance(centre) > reach + spire) {
+                mesh.block(at.extend(eaves), size, yaw, DARK.shaded(1.9));
+            }
         }
     }
 }

@@ -39,7 +39,7 @@ fn add_pieces(
         return;
     }
     let alongside: Vec<&Lane> =
-        boxes.near(lane).filter(|other| other.kind == LaneKind::Lane && other.id != lane.id).collect();
+        boxes.near(lane, 2.0).filter(|other| other.kind == LaneKind::Lane && other.id != lane.id).collect();
     let opposite: Vec<&Lane> = alongside.iter().copied().filter(|other| other.id > lane.id).collect();
     // Of lanes that merge, the one nearest to the other direction has the line.
     let is_nearest = |at: DVec2, own: f64| {

@@ -24,11 +24,11 @@ impl<'a> LaneBoxes<'a> {
         Self { map, boxes: map.lanes.iter().map(around).collect() }
     }
 
-    /// Lanes that may run beside one, itself among them.
-    pub(super) fn near(&self, lane: &Lane) -> impl Iterator<Item = &'a Lane> {
-        let of = |lane: &Lane| {
+    /// Lanes that may come so near to one, counted in the widths of both, itself among them.
+    pub(super) fn near(&self, lane: &Lane, widths: f64) -> impl Iterator<Item = &'a Lane> {
+        let of = move |lane: &Lane| {
             let [low, high] = self.boxes[lane.id.index()];
-            [low - lane.width_m * 2.0, high + lane.width_m * 2.0]
+            [low - lane.width_m * widths, high + lane.width_m * widths]
         };
         let [low, high] = of(lane);
         self.map.lanes.iter().filter(move |other| {

@@ -185,6 +185,12 @@ impl SceneDescription {
                     .into_iter()
                     .all(|(_, piece)| grounds::distance_to(&piece.shape, at.as_dvec2()) > 0.5)
         };
+        let is_built = |at: Vec2, but: usize| {
+            map.scenery.iter().enumerate().any(|(index, piece)| {
+                let is_solid = matches!(piece.kind, SceneryKind::Building | SceneryKind::Wall);
+                is_solid && index != but && grounds::distance_to(&piece.shape, at.as_dvec2()) <= 0.0
+            })
+        };
         let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());
         let mut lamps = Vec::new();
         // Paved ways have no name.
@@ -199,7 +205,9 @@ impl SceneDescription {
                 Object::of_one_level(mesh)
             };
             objects.push(match piece.kind {
-                SceneryKind::Building => one(&|mesh| buildings::building(mesh, &place, &lanes)),
+                SceneryKind::Building => {
+                    one(&|mesh| buildings::building(mesh, &place, &lanes, |at| is_built(at, index)))
+                }
                 SceneryKind::Tree => nursery.tree(&place),
                 SceneryKind::Hedge => plants::hedge(&place),
                 SceneryKind::Wall => one(&|mesh| props::wall(mesh, &place)),
@@ -248,7 +256,7 @@ impl SceneDescription {
         let paint = markings::Paint::new(map, &field, &lanes);
         let painted = markings::LEVELS.map(|error_m| Level { mesh: paint.mesh(error_m), error_m });
         ground.push(Object { levels: painted.to_vec() });
-        let mut wear = Object::of_one_level(wear::wear(map));
+        let mut wear = Object::of_one_level(wear::wear(map, &lanes));
         // From afar asphalt is as good.
         wear.levels.push(Level { mesh: Mesh::default(), error_m: wear::SEEN_M });
         ground.push(Object::of_one_level(roads::plain(map)));

@@ -61,11 +61,16 @@ fn hedge_piece(mesh: &mut Mesh, [a, b]: [Vec2; 2], height: f32, seed: u32, is_ne
         &[(1.0, 0.0, 90), (0.95, 0.96, 235), (-0.95, 0.96, 235), (-1.0, 0.0, 90)]
     };
     let stations = if is_near { (length / STATION_M).ceil().max(1.0) as u32 } else { 1 };
-    let columns = profile.len() as u32;
-    let base = mesh.vertices.len() as u32;
+    // Of each strip from a point of the profile to the next: strips are flat, as clippers leave them.
+    let normal_of = |k: usize| {
+        let ((out, up, _), (next, above, _)) = (profile[k], profile[k + 1]);
+        (right * (above - up) * height).extend((out - next) * half).normalize_or(Vec3::Z)
+    };
+    let mut rims = Vec::new();
     for station in 0..=stations {
         let along = length * station as f32 / stations as f32;
         let mut round = 0.0;
+        let mut rim = Vec::new();
         for (k, &(out, up, openness)) in profile.iter().enumerate() {
             let salt = station * 16 + k as u32;
             let jitter = if is_near && up > 0.0 { 0.09 * (super::dice(seed, salt) - 0.5) } else { 0.0 };
@@ -75,25 +80,28 @@ fn hedge_piece(mesh: &mut Mesh, [a, b]: [Vec2; 2], height: f32, seed: u32, is_ne
                 round += Vec2::new((out - before) * half, (up - low) * height).length();
             }
             let position = (a + ahead * along + right * out_m).extend(z);
-            let lift = if up > 0.9 { 1.6 } else { 0.25 };
-            let normal = (right * out).extend(lift * up).normalize_or(Vec3::Z);
             let uv = Vec2::new(along, round) * HEDGE_REPEATS;
             let finish = HEDGE.shaded(0.94 + 0.16 * super::dice(seed, 500 + station));
-            mesh.vertex(Vertex { position, normal, uv, finish, openness });
+            rim.push(Vertex { position, normal: Vec3::Z, uv, finish, openness });
         }
+        rims.push(rim);
     }
-    for station in 0..stations {
-        for k in 0..columns - 1 {
-            let c = base + station * columns + k;
-            let d = c + columns;
-            mesh.indices.extend([c, d, d + 1, c, d + 1, c + 1]);
+    for k in 0..profile.len() - 1 {
+        let base = mesh.vertices.len() as u32;
+        for rim in &rims {
+            for v in &rim[k..k + 2] {
+                mesh.vertex(Vertex { normal: normal_of(k), ..*v });
+            }
+        }
+        for c in (0..stations).map(|station| base + 2 * station) {
+            mesh.indices.extend([c, c + 2, c + 3, c, c + 3, c + 1]);
         }
     }
     // Both ends.
-    for (first, facing) in [(base, -ahead), (base + stations * columns, ahead)] {
-        let rim: Vec<u32> = (0..columns)
-            .map(|k| {
-                let v = mesh.vertices[(first + k) as usize];
+    for (rim, facing) in [(&rims[0], -ahead), (&rims[rims.len() - 1], ahead)] {
+        let rim: Vec<u32> = rim
+            .iter()
+            .map(|&v| {
                 let across = v.position.truncate().dot(right);
                 mesh.vertex(Vertex {
                     normal: facing.extend(0.1).normalize_or(Vec3::X),

@@ -240,6 +240,9 @@ fn rings_of(regions: Vec<Region>) -> Vec<Vec<DVec2>> {
     regions.into_iter().flat_map(|region| std::iter::once(region.outer).chain(region.holes)).collect()
 }
 
+/// What meets goes on so far under what is higher, so that nothing gapes where outlines are coarse.
+const UNDER_M: f32 = 0.18;
+
 /// Kerbs are followed to within this at most.
 const KERBS_WITHIN_M: f64 = 0.012;
 
@@ -252,10 +255,10 @@ impl Outlines {
         let off = road.distance_to(&rings_of(edges), f64::from(PAVEMENT_M) + BEYOND_M);
         let pavement = road.with(&off, |road, off| (off - PAVEMENT_M).max(SHOULDER_M + 0.04 - road));
         let grass = road.with(&off, |road, off| {
-            if road < SHOULDER_M { PAVEMENT_M } else { PAVEMENT_M - 0.06 - off.min(PAVEMENT_M + 4.0) }
+            if road < SHOULDER_M { PAVEMENT_M } else { PAVEMENT_M - UNDER_M - off.min(PAVEMENT_M + 4.0) }
         });
         Self {
-            asphalt: road.rings(SHOULDER_M + 0.06),
+            asphalt: road.rings(SHOULDER_M + UNDER_M),
             covered,
             kerbs,
             pavement: pavement.rings(0.0),

@@ -100,7 +100,7 @@ fn draw(foot: Vec2, towards: Vec2, signs: &[Sign], sides: u32) -> Mesh {
 }
 
 /// To the right of the road at a pose: the nearest place behind the kerb, if there is one.
-fn roadside(map: &CityMap, field: &RoadField, pose: Pose2) -> Option<DVec2> {
+fn roadside(map: &CityMap, field: &RoadField, pose: Pose2, from_trees_m: f64) -> Option<DVec2> {
     let beside = |out: f64| pose.point_at(0.0, -out);
     let kerb = (10..60).map(|k| f64::from(k) * 0.1).find(|&out| field.distance.at(beside(out)) > 0.75)?;
     let at = beside(kerb);
@@ -115,17 +115,20 @@ fn roadside(map: &CityMap, field: &RoadField, pose: Pose2) -> Option<DVec2> {
         );
         !solid
             || super::grounds::distance_to(&piece.shape, at)
-                > if piece.kind == SceneryKind::Tree { -0.4 } else { 0.25 }
+                > if piece.kind == SceneryKind::Tree { from_trees_m } else { 0.25 }
     });
     clear_of_things.then_some(at)
 }
 
 fn at_line(map: &CityMap, field: &RoadField, lane: &Lane, at_m: f64) -> Option<(DVec2, Vec2)> {
-    let try_at = |back: f64| {
+    let try_at = |back: f64, from_trees_m: f64| {
         let pose = lane.curve.at((at_m - back).max(0.0)).pose;
-        Some((roadside(map, field, pose)?, pose.forward().as_vec2()))
+        Some((roadside(map, field, pose, from_trees_m)?, pose.forward().as_vec2()))
     };
-    [0.3, 0.9, 1.8, 3.0, 4.5, 6.5].into_iter().find_map(try_at)
+    // Rather a little farther away than in the leaves of a tree.
+    [HALF_M, -0.4].into_iter().find_map(|from_trees_m| {
+        [0.3, 0.9, 1.8, 3.0, 4.5, 6.5].into_iter().find_map(|back| try_at(back, f64::from(from_trees_m)))
+    })
 }
 
 /// Signs at stop and yield lines and at car parks.

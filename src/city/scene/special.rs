@@ -182,6 +182,13 @@ pub(super) fn additions(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32)
     }
 }
 
+/// How far from the middle of a roof a tower or a dome on it reaches, where there is one.
+pub(super) fn spire_reach(name: &str, ring: &[Vec2]) -> Option<f32> {
+    let has_one = ["town hall", "observatory", "hose tower"].iter().any(|known| name.contains(known));
+    let short = ring[0].distance(ring[1]).min(ring[1].distance(ring[2]));
+    has_one.then(|| if name.contains("town hall") { 2.9 } else { 0.8 * short })
+}
+
 fn spire(mesh: &mut Mesh, foot: Vec3, half: f32, height: f32, yaw: f32, finish: Finish) {
     let corner = |k: usize| {
         let at = Vec2::from_angle(yaw + FRAC_PI_2 * (k as f32 + 0.5)) * (half * std::f32::consts::SQRT_2);

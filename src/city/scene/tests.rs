@@ -95,6 +95,60 @@ fn asphalt_ends_under_the_tracks() {
     assert!(near < whole - 0.6 * area(Surface::Lane, 0.0), "{near} of {whole} m2");
 }
 
+/// Else they flicker where they overlap.
+#[test]
+fn tracks_on_one_another_differ_in_height() {
+    let scene = SceneDescription::from_map(&city());
+    let meshes = scene.ground.iter().map(|object| &object.levels[0].mesh);
+    let flat: Vec<(f32, [Vec2; 3])> = meshes
+        .flat_map(|mesh| {
+            let lanes =
+                mesh.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize]));
+            let lanes = lanes.filter(|corners| corners[0].finish.surface == Surface::Lane);
+            lanes
+                .map(|corners| (corners[0].position.z, corners.map(|v| v.position.truncate())))
+                .collect::<Vec<_>>()
+        })
+        .collect();
+    let squares = by_square(&flat.iter().map(|(_, corners)| *corners).collect::<Vec<_>>());
+    let height_of: BTreeMap<[u32; 6], f32> = flat.iter().map(|&(z, corners)| (key_of(corners), z)).collect();
+    let mut laps = 0;
+    for &(z, corners) in &flat {
+        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+        for other in squares.get(&square_of(middle)).into_iter().flatten().filter(|other| **other != corners)
+        {
+            if covers(other, middle) {
+                laps += 1;
+                let apart = (height_of[&key_of(*other)] - z).abs();
+                assert!(apart > 0.0003, "tracks at {middle} lie {apart} m over one another");
+            }
+        }
+        assert!(z < wear::PATCH_M - 0.0003, "tracks at {middle} lie over patches, {z} m");
+    }
+    assert!(laps > 50, "{laps}");
+}
+
+fn key_of(corners: [Vec2; 3]) -> [u32; 6] {
+    let [a, b, c] = corners.map(|p| p.to_array().map(f32::to_bits));
+    [a[0], a[1], b[0], b[1], c[0], c[1]]
+}
+
+/// Leaves thin out towards the outline of what is round; a side of a hedge would be gone, seen along the road.
+#[test]
+fn faces_of_hedges_are_flat() {
+    let shape = crate::city::Shape::Polyline(vec![DVec2::ZERO, DVec2::new(9.0, 2.0), DVec2::new(12.0, 9.0)]);
+    let mut piece = city().scenery.iter().find(|piece| piece.kind == SceneryKind::Hedge).unwrap().clone();
+    piece.shape = shape;
+    for level in plants::hedge(&Place { piece: &piece, seed: 7 }).levels {
+        for t in level.mesh.indices.chunks_exact(3) {
+            let [a, b, c] = [t[0], t[1], t[2]].map(|k| level.mesh.vertices[k as usize]);
+            assert!(a.normal == b.normal && b.normal == c.normal, "{a:?} {b:?} {c:?}");
+            let face = (b.position - a.position).cross(c.position - a.position);
+            assert!(face.normalize_or_zero().dot(a.normal) > 0.7, "turned inside out: {a:?} {b:?} {c:?}");
+        }
+    }
+}
+
 fn square_of(at: Vec2) -> [i32; 2] {
     (at / 4.0).floor().as_ivec2().to_array()
 }

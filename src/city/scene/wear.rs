@@ -1,5 +1,6 @@
 //! What years of traffic leave on asphalt: tyre tracks along the lanes, patches, iron covers.
 
+use super::lanes::LaneBoxes;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::{Region, inset_union, simplify_ring};
 use super::roads::ASPHALT;
@@ -7,19 +8,17 @@ use crate::city::{CityMap, Lane, LaneKind};
 use crate::geom::Pose2;
 use glam::{DVec2, Vec2};
 
-/// Heights over the asphalt, all under the paint. Tracks of lanes that run side by side or into each other
-/// differ by steps.
-const TRACKS_M: f32 = 0.003;
-const STEP_M: f32 = 0.0005;
-const STEPS: u32 = 4;
-/// Tracks reach so far over the edges of their lane, into those of the next.
+/// Heights over the asphalt, all under the paint. Tracks that lie on one another differ by steps.
+const TRACKS_M: f32 = 0.002;
+const STEP_M: f32 = 0.0004;
+/// Tracks reach so far over the edges and the ends of their lane, into those of the next.
 const LAP_M: f64 = 0.02;
 /// Asphalt goes on so far under the tracks: seen from the side, no gap opens between the two.
 const UNDER_M: f64 = 0.5;
 /// Where it ends under them is followed to within this.
 const WITHIN_M: f64 = 0.06;
-const PATCH_M: f32 = 0.006;
-const COVER_M: f32 = 0.008;
+pub(super) const PATCH_M: f32 = 0.0075;
+const COVER_M: f32 = 0.0085;
 /// What can be told apart of it.
 pub(super) const SEEN_M: f32 = 0.35;
 /// Length of one repeat of the lane's texture.
@@ -52,10 +51,23 @@ pub(super) fn covered(map: &CityMap) -> Vec<Region> {
     covered
 }
 
-pub(super) fn wear(map: &CityMap) -> Mesh {
-    let mut mesh = Mesh::default();
+/// How many steps up the tracks of a lane lie, by lane: those that may lie on one another differ.
+fn steps(map: &CityMap, lanes: &LaneBoxes<'_>) -> Vec<u32> {
+    let mut steps = vec![0; map.lanes.len()];
     for lane in worn(map) {
-        tracks(&mut mesh, lane);
+        let before = |other: &&Lane| other.kind == LaneKind::Lane && other.id < lane.id;
+        let taken: Vec<u32> =
+            lanes.near(lane, 0.5).filter(before).map(|other| steps[other.id.index()]).collect();
+        steps[lane.id.index()] = (0..).find(|step| !taken.contains(step)).unwrap_or_default();
+    }
+    steps
+}
+
+pub(super) fn wear(map: &CityMap, lanes: &LaneBoxes<'_>) -> Mesh {
+    let mut mesh = Mesh::default();
+    let steps = steps(map, lanes);
+    for lane in worn(map) {
+        tracks(&mut mesh, lane, TRACKS_M + STEP_M * steps[lane.id.index()] as f32);
         let spot = |salt: u32| super::dice(lane.id.0, salt);
         let length = lane.curve.length();
         let mut at = 4.0 + 22.0 * f64::from(spot(1));
@@ -75,10 +87,9 @@ pub(super) fn wear(map: &CityMap) -> Mesh {
 }
 
 /// A ribbon as wide as the lane.
-fn tracks(mesh: &mut Mesh, lane: &Lane) {
+fn tracks(mesh: &mut Mesh, lane: &Lane, z: f32) {
     let half = lane.width_m / 2.0 + LAP_M;
     let start = f64::from(super::dice(lane.id.0, 77)) * 8.0;
-    let z = TRACKS_M + STEP_M * (lane.id.0 % STEPS) as f32;
     for ends in poses(lane).windows(2) {
         let [(last, from), (pose, s)] = [ends[0], ends[1]];
         let corners = [
@@ -94,9 +105,10 @@ fn tracks(mesh: &mut Mesh, lane: &Lane) {
     }
 }
 
-/// Along a lane, with the way to each from its start: straight in between.
+/// Along a lane and a little beyond its ends, with the way to each from its start: straight in between.
 fn poses(lane: &Lane) -> Vec<(Pose2, f64)> {
-    let mut poses = vec![(lane.curve.at(0.0).pose, 0.0)];
+    let beyond = |pose: Pose2, by: f64| Pose2 { position: pose.point_at(by, 0.0), ..pose };
+    let mut poses = vec![(beyond(lane.curve.at(0.0).pose, -LAP_M), -LAP_M)];
     for (index, segment) in lane.curve.segments().iter().enumerate() {
         let chord = segment.radius().map_or(f64::INFINITY, |r| (8.0 * r * CHORD_M).sqrt());
         let pieces = (segment.length / chord).ceil().max(1.0) as usize;
@@ -105,6 +117,9 @@ fn poses(lane: &Lane) -> Vec<(Pose2, f64)> {
             let along = segment.length * k as f64 / pieces as f64;
             poses.push((segment.pose_at(along), station + along));
         }
+    }
+    if let Some((pose, s)) = poses.last_mut() {
+        (*pose, *s) = (beyond(*pose, LAP_M), *s + LAP_M);
     }
     poses
 }

@@ -112,8 +112,8 @@ impl Edge {
 fn crowns(mesh: &mut Mesh, (row, number): (&Row, u32), k: u32, [a, b]: [Edge; 2], along: f32) -> f32 {
     let dice = |salt: u32| super::dice(k, salt + number);
     let then = along + a.at.distance(b.at) / METRES_PER_REPEAT;
-    // Crowns take the light from above, whoever looks at them against the sun.
-    let inward = (a.at - b.at).perp().extend(0.0).normalize_or(Vec3::X);
+    // Points run counter-clockwise. Crowns take light from above too, whoever looks at them against the sun.
+    let inward = (b.at - a.at).perp().extend(0.0).normalize_or(Vec3::X);
     for crown in 0..row.crowns {
         let salt = 50 + 8 * crown;
         let [from, to] = [crown, crown + 1].map(|c| c as f32 / row.crowns as f32);
@@ -177,5 +177,25 @@ fn tops(mesh: &mut Mesh, city: [Vec2; 2], number: u32, k: u32) {
         // They stand in the light, the sides of crowns in the shade of others.
         let tone = row.tone * (1.2 + 0.4 * super::dice(k, 61 + 3 * number + step as u32));
         mesh.shaded_face(&positions, &uvs, WOODS.shaded(tone), &corners.map(|(_, openness)| openness));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crowns_take_their_light_on_the_side_of_the_city() {
+        let city = [Vec2::splat(-50.0), Vec2::splat(50.0)];
+        for (number, row) in (0_u32..).zip(&ROWS) {
+            let mut mesh = Mesh::default();
+            for k in 0..POINTS {
+                crowns(&mut mesh, (row, number), k, [k, k + 1].map(|k| Edge::of(city, number, k)), 0.0);
+            }
+            assert!(mesh.vertices.len() > 500);
+            for v in mesh.vertices {
+                assert!(v.normal.truncate().dot(v.position.truncate()) < 0.0, "{v:?}");
+            }
+        }
     }
 }

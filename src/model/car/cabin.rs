@@ -42,13 +42,18 @@ fn stations(shape: &Shape, detail: Detail) -> Vec<Station> {
     all
 }
 
-fn section(shape: &Shape, station: &Station, bulge: f32) -> Vec<Vec3> {
+fn section(shape: &Shape, station: &Station, bulge: f32, detail: Detail) -> Vec<Vec3> {
     let x = station.x;
     let base = shape.shoulder_at(x) - 0.012;
     let wide = body::half_at(x) * 0.875;
     let roof_half = shape.cabin.roof_half * if station.at_foot { 1.06 } else { 1.0 };
     let top = if station.at_foot { wide * 0.94 } else { roof_half };
-    let high = if station.at_foot { base + shape.crown + 0.02 } else { station.roof };
+    let high = match (station.at_foot, detail) {
+        (false, _) => station.roof,
+        (true, Detail::Near) => base + shape.crown + 0.02,
+        // Under the bonnet and the boot, which are flatter there: else a slit is left between them.
+        (true, _) => base - 0.02,
+    };
     let rise = high - base;
     // The sides curve inwards towards the roof.
     let rows = [
@@ -83,7 +88,7 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
                 k if k == last => 0.10,
                 _ => 0.0,
             };
-            let whole = section(shape, station, bulge);
+            let whole = section(shape, station, bulge, detail);
             kept.iter().map(|&point| whole[point]).collect()
         })
         .collect();

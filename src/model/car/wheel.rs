@@ -35,7 +35,9 @@ pub(super) fn wheel(radius: f32) -> Vec<Part> {
     ];
     builder.grid(&tyre, |_| 190, |_, _| Some(TYRE));
     let lip = [ring(half - 0.006, rim), ring(half - 0.045, 0.90 * rim)];
-    builder.grid(&lip, |_| 220, |_, _| Some(RIM));
+    // It lies inside: the ground and the well around it keep most of the sky from it.
+    builder.grid(&lip, |_| 110, |_, _| Some(RIM));
+    builder.plate(&inner_side(radius, -0.85 * half, SIDES), TYRE, 60);
     let disc: Vec<Vec3> = (0..sides).map(|k| turned(angle(k), half - 0.05, 0.90 * rim)).collect();
     builder.plate(&disc, DISC, 150);
     for k in 0..SPOKES {
@@ -65,5 +67,11 @@ pub(super) fn far_wheel(radius: f32) -> Vec<Part> {
     builder.grid(&tyre, |_| 170, |_, _| Some(TYRE));
     let face: Vec<Vec3> = (0..SIDES).map(|k| turned(TAU * k as f32 / SIDES as f32, outer, rim)).collect();
     builder.plate(&face, FAR_RIM, 200);
+    builder.plate(&inner_side(radius, -half, SIDES), TYRE, 60);
     builder.finish()
+}
+
+/// What is seen of a wheel from under the car.
+fn inner_side(radius: f32, y: f32, sides: u32) -> Vec<Vec3> {
+    (0..sides).rev().map(|k| turned(TAU * k as f32 / sides as f32, y, radius)).collect()
 }

@@ -11,10 +11,9 @@ fn tinted([r, g, b]: [f32; 3], level: f32) -> Texel {
     ([r * level, g * level, b * level], 1.0)
 }
 
-/// Panes: the dark of a room with curtains at its sides, the sky's sheen above.
+/// Panes: the dark of a room with curtains at its sides, lighter above. What glass mirrors is for the shaders.
 fn pane([x, y]: [f32; 2], seed: i32) -> Texel {
-    let sheen = if ((x * 0.9 + y * 0.7 + hash(seed, 1, 2)) * 2.0).fract() < 0.30 { 0.05 } else { 0.0 };
-    let level = 0.085 + 0.13 * y * y + sheen;
+    let level = 0.1 + 0.13 * y * y;
     let fold = 0.5 + 0.5 * (x * 95.0).sin();
     if !(0.17..=0.83).contains(&x) && seed % 3 != 2 {
         // Curtains behind glass.
@@ -185,9 +184,7 @@ pub(super) fn glazing(at: [f32; 2]) -> Texel {
     if mullion {
         return grey(0.42);
     }
-    let seed = if u < 0.5 { 3 } else { 8 };
     let y = (v - 0.22) / 0.755;
-    let sheen = if ((u * 0.8 + y + hash(seed, 3, 2)) * 1.7).fract() < 0.35 { 0.07 } else { 0.0 };
     // Desks and lamps of the storey behind, dim.
     let lamp = y > 0.86 && (u * 6.0).fract() < 0.5;
     let room = if lamp {
@@ -197,7 +194,7 @@ pub(super) fn glazing(at: [f32; 2]) -> Texel {
     } else {
         0.10
     };
-    let level = room + 0.10 * y + sheen;
+    let level = room + 0.02 + 0.10 * y;
     ([level * 0.78, level * 0.97, level * 1.16], 0.10)
 }
 
