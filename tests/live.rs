@@ -167,7 +167,12 @@ fn what_a_person_commands_is_in_the_log_and_makes_the_run_again() {
         serde_json::from_slice(&std::fs::read(folder.join("summary.json")).unwrap()).unwrap();
     assert_eq!(summary["state_hash"], format!("{:016x}", last.now.state_hash));
     let table = std::fs::read_to_string(folder.join("vehicles.csv")).unwrap();
-    assert!(table.lines().any(|line| line.contains(",manual,")), "the table tells who drove");
+    let mut rows = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let column = rows.next().unwrap().iter().position(|name| *name == "lateral_error").unwrap();
+    let (by_hand, driven): (Vec<_>, Vec<_>) = rows.partition(|row| row.contains(&"manual"));
+    assert!(!by_hand.is_empty(), "the table tells who drove");
+    assert!(by_hand.iter().all(|row| row[column].is_empty()), "nobody told the person what path to follow");
+    assert!(driven.iter().all(|row| !row[column].is_empty()));
 }
 
 #[test]

@@ -214,7 +214,7 @@ impl<'a> Reading<'a> {
             time_s,
             pose,
             speed_mps: state.speed_mps,
-            lateral_error_m: state.lateral_error_m,
+            lateral_error_m: state.told_lateral_error_m().unwrap_or(f64::NAN),
             gas: state.gas,
             brake: state.brake,
             handbrake: state.handbrake,

@@ -68,7 +68,7 @@ impl<W: Write> VehicleTable<W> {
                 (v.gas, 4, has_control),
                 (v.brake, 4, has_control),
                 (v.handbrake, 4, has_control),
-                (v.lateral_error_m, 4, has_control),
+                (v.lateral_error_m, 4, has_control && v.told_lateral_error_m().is_some()),
                 (v.distance_m, 3, true),
             ] {
                 row.push(',');

@@ -262,10 +262,11 @@ impl Track {
     }
 
     fn sample(&mut self, map: &CityMap, extents: &[Extent], state: &VehicleState) {
-        let error = state.lateral_error_m.abs();
-        self.totals.samples += 1;
-        self.totals.lateral_error_sum_m += error;
-        self.totals.max_lateral_error_m = self.totals.max_lateral_error_m.max(error);
+        if let Some(error) = state.told_lateral_error_m().map(f64::abs) {
+            self.totals.samples += 1;
+            self.totals.lateral_error_sum_m += error;
+            self.totals.max_lateral_error_m = self.totals.max_lateral_error_m.max(error);
+        }
         if self.route.is_empty() {
             return;
         }

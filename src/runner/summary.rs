@@ -112,6 +112,7 @@ impl Summary {
         let mut vehicles = BTreeMap::new();
         for (id, name, totals) in observer.vehicles() {
             let state = last.vehicle(id);
+            let had_path = totals.samples > 0;
             let distance_m = state.map_or(0.0, |state| state.distance_m);
             let summary = VehicleSummary {
                 name: name.to_owned(),
@@ -120,8 +121,8 @@ impl Summary {
                 mean_speed_mps: distance_m / simulated_s.max(1e-9),
                 stops: totals.stops,
                 longest_stand_s: totals.longest_stand_s,
-                mean_lateral_error_m: Some(totals.lateral_error_sum_m / totals.samples.max(1) as f64),
-                max_lateral_error_m: Some(totals.max_lateral_error_m),
+                mean_lateral_error_m: had_path.then(|| totals.lateral_error_sum_m / totals.samples as f64),
+                max_lateral_error_m: had_path.then_some(totals.max_lateral_error_m),
                 max_lane_excess_m: Some(totals.max_lane_excess_m)
                     .filter(|excess_m| excess_m.is_finite())
                     .unwrap_or(0.0),

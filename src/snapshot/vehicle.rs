@@ -179,6 +179,11 @@ pub struct VehicleState {
 }
 
 impl VehicleState {
+    /// [`Self::lateral_error_m`] where the vehicle is to follow a path: none while a person drives.
+    pub fn told_lateral_error_m(&self) -> Option<f64> {
+        (self.status != Status::Manual).then_some(self.lateral_error_m)
+    }
+
     /// Position and heading seen from above.
     pub fn pose(&self) -> Pose2 {
         let forward = self.orientation * DVec3::X;

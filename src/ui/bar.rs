@@ -11,6 +11,8 @@ const SPEEDS: [f64; 8] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
 
 pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
     ui.horizontal_wrapped(|ui| {
+        // One row at the width of 1280 points, whatever its menus say.
+        ui.spacing_mut().item_spacing.x = 6.0;
         if let Some(replay) = &shown.replay {
             let tip = format!("What the log {} has recorded; nothing is simulated", shown.scenario);
             ui.label(RichText::new(format!("Replay of {}", replay.name)).strong()).on_hover_text(tip);

@@ -305,8 +305,13 @@ fn plots(ui: &mut Ui, shown: &Shown<'_>, vehicle: &VehicleState, room: Room) {
     };
     let orange = Color32::from_rgb(235, 160, 80);
     let errors = |ui: &mut Ui| {
-        if !shown.tells_control {
-            let tip = "Only poses are known: nobody has told what path it was to follow";
+        let is_manual = vehicle.told_lateral_error_m().is_none();
+        if is_manual || !shown.tells_control {
+            let tip = if is_manual {
+                "A person drives: there is no path to follow"
+            } else {
+                "Only poses are known: nobody has told what path it was to follow"
+            };
             ui.label(RichText::new("Lateral error, cm: -").small()).on_hover_text(tip);
             return;
         }
