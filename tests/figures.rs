@@ -272,9 +272,10 @@ fn runs_of_other_scenarios_are_not_compared_and_it_says_why() {
         "{said}"
     );
     let (code, _, said) = tell(&["plot", "straight/run.mcap", "--vehicle", "7", "--out", "out"], folder);
-    assert!(code == 2 && said.contains("no vehicle 7; it has 1, 2"), "{said}");
+    assert!(code == 2 && said.contains("no vehicle 7; it has 1 leader, 2 follower"), "{said}");
     // Nothing merges on a straight road, and the rest is drawn; of one vehicle as well.
-    let (code, said, _) = tell(&["plot", "straight/run.mcap", "--vehicle", "2", "--out", "out"], folder);
+    let (code, said, _) =
+        tell(&["plot", "straight/run.mcap", "--vehicle", "follower", "--out", "out"], folder);
     assert!(code == 0 && said.contains("no streams merge"), "{said}");
     let rows = table(&folder.join("out/space_time.csv"));
     assert!(!rows.is_empty() && rows.iter().all(|row| row["name"] == "follower"));

@@ -23,7 +23,7 @@ pub use drive::Driving;
 pub use events::Events;
 pub use history::{History, KEPT_S, Sample};
 pub use layers::Layers;
-pub use preview::{Eye, Preview};
+pub use preview::{Eye, OwnCamera, Preview};
 pub use status::is_off_lanes;
 pub use timeline::Section;
 pub use vehicles::Table;
@@ -56,6 +56,8 @@ pub struct Shown<'a> {
     pub drivers: &'a Drivers,
     /// Lanes that a vehicle is going to drive, by the scenario.
     pub routes: &'a BTreeMap<VehicleId, Vec<LaneId>>,
+    /// Cameras that the scenario gives vehicles.
+    pub cameras: &'a BTreeMap<VehicleId, Vec<OwnCamera>>,
     /// What driving by hand has to know of the vehicles.
     pub handling: &'a BTreeMap<VehicleId, Handling>,
     pub scenario: &'a str,
@@ -75,6 +77,12 @@ pub struct Shown<'a> {
     pub tells_control: bool,
     /// A recorded run is shown: nobody drives, and time goes as the user wants.
     pub replay: Option<Replay<'a>>,
+}
+
+impl Shown<'_> {
+    fn cameras_of(&self, vehicle: VehicleId) -> &[OwnCamera] {
+        self.cameras.get(&vehicle).map_or(&[], Vec::as_slice)
+    }
 }
 
 /// A scenario that can be picked.

@@ -19,6 +19,16 @@ pub enum Eye {
     Bumper,
     Rear,
     Chase,
+    /// A camera that the scenario gives the vehicle, by its place among them.
+    Own(usize),
+}
+
+/// A camera that the scenario gives a vehicle.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OwnCamera {
+    pub name: String,
+    pub mount: Mount,
+    pub lens: Lens,
 }
 
 impl Eye {
@@ -29,11 +39,20 @@ impl Eye {
         (Self::Chase, "chase"),
     ];
 
-    fn label(self) -> &'static str {
-        Self::ALL.iter().find(|(eye, _)| *eye == self).map_or("", |(_, label)| label)
+    /// Where the vehicle has this one; after another scenario was loaded it may have none.
+    fn own(self, cameras: &[OwnCamera]) -> Option<&OwnCamera> {
+        if let Self::Own(place) = self { cameras.get(place) } else { None }
     }
 
-    fn camera(self, vehicle: VehicleId) -> Camera {
+    fn label(self, cameras: &[OwnCamera]) -> &str {
+        let known = Self::ALL.iter().find(|(eye, _)| *eye == self).map_or(Self::ALL[0].1, |(_, label)| label);
+        self.own(cameras).map_or(known, |camera| &camera.name)
+    }
+
+    fn camera(self, vehicle: VehicleId, cameras: &[OwnCamera]) -> Camera {
+        if let Some(own) = self.own(cameras) {
+            return Camera::onboard(vehicle, own.mount);
+        }
         let back = Mount::Custom {
             place: Place::Windscreen,
             yaw_rad: std::f64::consts::PI,
@@ -41,7 +60,7 @@ impl Eye {
             roll_rad: 0.0,
         };
         match self {
-            Self::Windscreen => Camera::onboard(vehicle, Mount::Windscreen),
+            Self::Windscreen | Self::Own(_) => Camera::onboard(vehicle, Mount::Windscreen),
             Self::Bumper => Camera::onboard(vehicle, Mount::Bumper),
             Self::Rear => Camera::onboard(vehicle, back),
             Self::Chase => Camera::chase(vehicle),
@@ -57,10 +76,10 @@ pub struct Preview {
 }
 
 impl Preview {
-    /// What its camera sees, as `city3d frames` sees it with the lens of its kind.
-    pub fn view(&self, seen: &FrameSnapshot, extent: [u32; 2]) -> Option<View> {
-        let lens = Lens { extent, ..Lens::default() };
-        self.eye.camera(self.vehicle).view(seen, &lens).ok()
+    /// What its camera sees, as `city3d frames` sees it with the lens of its kind, or of the vehicle's own camera.
+    pub fn view(&self, seen: &FrameSnapshot, cameras: &[OwnCamera], extent: [u32; 2]) -> Option<View> {
+        let lens = self.eye.own(cameras).map_or_else(Lens::default, |own| own.lens);
+        self.eye.camera(self.vehicle, cameras).view(seen, &Lens { extent, ..lens }).ok()
     }
 }
 
@@ -172,12 +191,20 @@ fn show(
     });
     picture(ui, (preview, room.aspect), shown, state);
     ui.horizontal_wrapped(|ui| {
+        let cameras = shown.cameras_of(preview.vehicle);
         ComboBox::from_id_salt("eye")
-            .selected_text(preview.eye.label())
+            .selected_text(preview.eye.label(cameras))
             .width(90.0)
             .show_ui(ui, |ui| {
                 for (eye, label) in Eye::ALL {
                     ui.selectable_value(&mut preview.eye, eye, label);
+                }
+                if !cameras.is_empty() {
+                    ui.separator();
+                }
+                for (place, camera) in cameras.iter().enumerate() {
+                    ui.selectable_value(&mut preview.eye, Eye::Own(place), &camera.name)
+                        .on_hover_text("A camera that the scenario gives this vehicle");
                 }
             })
             .response
@@ -214,7 +241,7 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &Shown<'_>, s
     let rect = egui::Rect::from_min_size(rect.min.round_to_pixels(per_point), size);
     let slot = Slot::Preview(preview.vehicle);
     let extent = super::pixels(size, per_point);
-    if let Some(view) = preview.view(shown.seen, extent) {
+    if let Some(view) = preview.view(shown.seen, shown.cameras_of(preview.vehicle), extent) {
         state.pictures.push(Picture { slot, view });
     }
     super::paint_picture(ui, rect, shown, slot);

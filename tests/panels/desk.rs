@@ -7,7 +7,7 @@ use city3d::live::{Moment, Phase, Speed};
 use city3d::playback::{Mark, Playhead};
 use city3d::scenario::{Library, Overrides, read_experiment};
 use city3d::snapshot::{Appearance, Dimensions, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState};
-use city3d::ui::{self, Action, Choice, Drivers, History, Look, Preset, Replay, Shown, State};
+use city3d::ui::{self, Action, Choice, Drivers, History, Look, OwnCamera, Preset, Replay, Shown, State};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
@@ -33,6 +33,7 @@ pub struct Desk {
     pub loading: Option<String>,
     pub drivers: Drivers,
     pub routes: BTreeMap<VehicleId, Vec<LaneId>>,
+    pub cameras: BTreeMap<VehicleId, Vec<OwnCamera>>,
     pub handling: BTreeMap<VehicleId, Handling>,
     pub actions: Vec<Action>,
     pub recording: Option<Recording>,
@@ -92,6 +93,7 @@ impl Desk {
             loading: None,
             drivers: ids().map(|id| (id, "idm".to_owned())).collect(),
             routes: BTreeMap::new(),
+            cameras: BTreeMap::new(),
             handling: ids().map(|id| (id, handling)).collect(),
             actions: Vec::new(),
             recording: None,
@@ -124,6 +126,7 @@ impl Desk {
             walls: &self.walls,
             drivers: &self.drivers,
             routes: &self.routes,
+            cameras: &self.cameras,
             handling: &self.handling,
             scenario: "straight",
             duration_s: 30.0,

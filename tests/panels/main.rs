@@ -7,11 +7,12 @@ mod controllers;
 mod desk;
 mod timeline;
 
+use city3d::camera::{Lens, Mount, Place};
 use city3d::live::{Order, Phase, Speed};
 use city3d::runner::Run;
 use city3d::scenario::{Library, Overrides, read_experiment};
 use city3d::snapshot::{SimCommand, Status, VehicleId};
-use city3d::ui::{Action, Driving, Mode, Slot};
+use city3d::ui::{Action, Driving, Eye, Mode, OwnCamera, Slot};
 use desk::{Desk, click, fleet, harness, press, with};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -335,6 +336,35 @@ fn a_preview_tells_pedals_and_asks_for_its_picture() {
     assert_eq!(harness.state().actions, [Action::Drive(VehicleId(2))]);
     press(&mut harness, egui::Key::P);
     assert_eq!(harness.state().state.previews, []);
+}
+
+#[test]
+fn a_preview_shows_the_cameras_that_the_scenario_gives_the_vehicle() {
+    let mut desk = Desk::with(fleet(2));
+    let mount = Mount::Custom {
+        place: Place::Point(DVec3::new(0.0, 0.0, 2.2)),
+        yaw_rad: 0.0,
+        pitch_rad: 0.0,
+        roll_rad: 0.0,
+    };
+    let lens = Lens { vertical_fov_rad: 1.2, ..Lens::default() };
+    desk.cameras.insert(VehicleId(2), vec![OwnCamera { name: "roof".to_owned(), mount, lens }]);
+    desk.state.toggle_preview(VehicleId(2));
+    desk.state.toggle_preview(VehicleId(1));
+    for preview in &mut desk.state.previews {
+        preview.eye = Eye::Own(0);
+    }
+    let harness = harness(desk);
+    let view_of = |id: u32| {
+        let slot = Slot::Preview(VehicleId(id));
+        harness.state().state.pictures.iter().find(|picture| picture.slot == slot).unwrap().view
+    };
+    let height_m =
+        |id: u32| view_of(id).extrinsics.position.z - harness.state().moment.now.vehicles[0].position.z;
+    assert!((height_m(2) - 2.2).abs() < 1e-6, "{}", height_m(2));
+    // One that a vehicle of another scenario had is the windscreen's.
+    assert!(height_m(1) < 2.0, "{}", height_m(1));
+    harness.get_by_value("roof");
 }
 
 #[test]

@@ -12,10 +12,11 @@ use crate::playback::{Cue, Player, Told};
 use crate::record::Origin;
 use crate::render::Context;
 use crate::scenario::{Experiment, Library, shipped_scenarios};
+use crate::sensor::{Sensor, SensorKind};
 use crate::snapshot::{FrameSnapshot, SimCommand, VehicleId};
 use crate::ui::{
-    self, Action, Choice, Drivers, Driving, History, KEPT_S, Look, Mode, Picture, Preview, Replay, Sample,
-    Shown, Slot, State,
+    self, Action, Choice, Drivers, Driving, History, KEPT_S, Look, Mode, OwnCamera, Picture, Preview, Replay,
+    Sample, Shown, Slot, State,
 };
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -117,6 +118,7 @@ const MOST_MOVING_PIXELS: u32 = 240_000;
 struct Facts {
     drivers: Drivers,
     routes: BTreeMap<VehicleId, Vec<LaneId>>,
+    cameras: BTreeMap<VehicleId, Vec<OwnCamera>>,
     handling: BTreeMap<VehicleId, Handling>,
     walls: Vec<Wall>,
     /// The vehicle that the user drives from the start.
@@ -125,12 +127,18 @@ struct Facts {
     tells_control: bool,
 }
 
+fn own_camera(sensor: &Sensor) -> OwnCamera {
+    let SensorKind::Camera(camera) = sensor.kind;
+    OwnCamera { name: sensor.name.clone(), mount: camera.mount, lens: camera.lens }
+}
+
 impl Facts {
     fn of(experiment: &Experiment) -> Self {
         let vehicles = || experiment.vehicles.iter();
         Self {
             drivers: vehicles().map(|v| (v.id, v.controller.clone())).collect(),
             routes: vehicles().map(|v| (v.id, v.route.clone())).collect(),
+            cameras: vehicles().map(|v| (v.id, v.sensors.iter().map(own_camera).collect())).collect(),
             handling: vehicles()
                 .map(|v| {
                     let wheelbase_m = v.spec.dimensions.wheelbase_m;
@@ -319,6 +327,7 @@ impl Desk {
             walls: &self.facts.walls,
             drivers: &self.facts.drivers,
             routes: &self.facts.routes,
+            cameras: &self.facts.cameras,
             handling: &self.facts.handling,
             scenario: &self.args.scenario,
             duration_s: self.experiment.duration_s,

@@ -156,7 +156,7 @@ mod tests {
             views: Views {
                 scenario: "roundabout".to_owned(),
                 followed: Some("path1_a".to_owned()),
-                previews: vec![("path1_b".to_owned(), Eye::Rear)],
+                previews: vec![("path1_b".to_owned(), Eye::Rear), ("path1_a".to_owned(), Eye::Own(1))],
             },
         };
         write(&path, &settings).unwrap();
