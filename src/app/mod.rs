@@ -208,11 +208,10 @@ pub fn main() -> ExitCode {
 
 /// `--distance -5` is a value that is told what may stand there, and no option that does not exist.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
-    let takes_value = |argument: &clap::Arg| argument.get_action().takes_values();
     command
         .mut_args(|argument| {
-            let allowed = takes_value(&argument);
-            argument.allow_negative_numbers(allowed)
+            let takes_value = argument.get_action().takes_values();
+            argument.allow_negative_numbers(takes_value)
         })
         .mut_subcommands(with_negative_numbers)
 }

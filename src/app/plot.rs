@@ -29,7 +29,7 @@ pub struct FigureArgs {
     merge: Option<String>,
     /// Positions are 0 so many laboratory metres before the merging point [default: where the last vehicle of Path 1
     /// starts]
-    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = metres)]
+    #[arg(long, value_name = "M", value_parser = metres)]
     origin: Option<f64>,
     /// Only these vehicles, by number or name
     #[arg(long = "vehicle", value_name = "ID", value_delimiter = ',')]

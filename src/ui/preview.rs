@@ -50,9 +50,6 @@ impl Eye {
     }
 
     fn camera(self, vehicle: VehicleId, cameras: &[OwnCamera]) -> Camera {
-        if let Some(own) = self.own(cameras) {
-            return Camera::onboard(vehicle, own.mount);
-        }
         let back = Mount::Custom {
             place: Place::Windscreen,
             yaw_rad: std::f64::consts::PI,
@@ -60,7 +57,10 @@ impl Eye {
             roll_rad: 0.0,
         };
         match self {
-            Self::Windscreen | Self::Own(_) => Camera::onboard(vehicle, Mount::Windscreen),
+            Self::Windscreen => Camera::onboard(vehicle, Mount::Windscreen),
+            Self::Own(_) => {
+                Camera::onboard(vehicle, self.own(cameras).map_or(Mount::Windscreen, |own| own.mount))
+            }
             Self::Bumper => Camera::onboard(vehicle, Mount::Bumper),
             Self::Rear => Camera::onboard(vehicle, back),
             Self::Chase => Camera::chase(vehicle),

@@ -26,6 +26,7 @@ pub(super) enum Destination {
 }
 
 impl Destination {
+    /// By the extension, and by what is there.
     ///
     /// # Errors
     /// For files that are neither, what may stand there.

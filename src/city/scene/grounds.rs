@@ -59,6 +59,15 @@ pub(super) fn distance_to(shape: &Shape, point: DVec2) -> f64 {
     }
 }
 
+/// Whether a point lies in a shape, without the way to its edge.
+pub(super) fn covers(shape: &Shape, point: DVec2) -> bool {
+    match shape {
+        Shape::Circle { centre, radius_m } => centre.distance(point) <= *radius_m,
+        Shape::Polyline(_) => false,
+        Shape::Polygon(ring) => point_in_polygon(point, ring),
+    }
+}
+
 /// Grass, beds, water, paving and car parks, whose rims are open towards these drives.
 pub(super) fn ground(mesh: &mut Mesh, place: &Place<'_>, drives: &[&Shape]) {
     let ring = ring_of(&place.piece.shape);

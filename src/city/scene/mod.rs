@@ -187,8 +187,8 @@ impl SceneDescription {
         };
         let is_built = |at: Vec2, but: usize| {
             map.scenery.iter().enumerate().any(|(index, piece)| {
-                let is_solid = matches!(piece.kind, SceneryKind::Building | SceneryKind::Wall);
-                is_solid && index != but && grounds::distance_to(&piece.shape, at.as_dvec2()) <= 0.0
+                let is_other = piece.kind == SceneryKind::Building && index != but;
+                is_other && grounds::covers(&piece.shape, at.as_dvec2())
             })
         };
         let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());

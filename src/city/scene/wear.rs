@@ -11,6 +11,8 @@ use glam::{DVec2, Vec2};
 /// Heights over the asphalt, all under the paint. Tracks that lie on one another differ by steps.
 const TRACKS_M: f32 = 0.002;
 const STEP_M: f32 = 0.0004;
+/// More would lie over the patches.
+const STEPS: u32 = 13;
 /// Tracks reach so far over the edges and the ends of their lane, into those of the next.
 const LAP_M: f64 = 0.02;
 /// Asphalt goes on so far under the tracks: seen from the side, no gap opens between the two.
@@ -58,7 +60,7 @@ fn steps(map: &CityMap, lanes: &LaneBoxes<'_>) -> Vec<u32> {
         let before = |other: &&Lane| other.kind == LaneKind::Lane && other.id < lane.id;
         let taken: Vec<u32> =
             lanes.near(lane, 0.5).filter(before).map(|other| steps[other.id.index()]).collect();
-        steps[lane.id.index()] = (0..).find(|step| !taken.contains(step)).unwrap_or_default();
+        steps[lane.id.index()] = (0..STEPS).find(|step| !taken.contains(step)).unwrap_or_default();
     }
     steps
 }

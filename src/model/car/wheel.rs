@@ -38,8 +38,7 @@ pub(super) fn wheel(radius: f32) -> Vec<Part> {
     // It lies inside: the ground and the well around it keep most of the sky from it.
     builder.grid(&lip, |_| 110, |_, _| Some(RIM));
     builder.plate(&inner_side(radius, -0.85 * half, SIDES), TYRE, 60);
-    let disc: Vec<Vec3> = (0..sides).map(|k| turned(angle(k), half - 0.05, 0.90 * rim)).collect();
-    builder.plate(&disc, DISC, 150);
+    builder.plate(&circle(half - 0.05, 0.90 * rim, SIDES), DISC, 150);
     for k in 0..SPOKES {
         let middle = TAU * k as f32 / SPOKES as f32;
         let (wide, narrow) = (0.40, 0.15);
@@ -51,8 +50,7 @@ pub(super) fn wheel(radius: f32) -> Vec<Part> {
         ];
         builder.plate(&[corners[3], corners[2], corners[1], corners[0]], RIM, 230);
     }
-    let hub: Vec<Vec3> = (0..10).map(|k| turned(TAU * k as f32 / 10.0, half - 0.016, 0.30 * rim)).collect();
-    builder.plate(&hub, RIM, 240);
+    builder.plate(&circle(half - 0.016, 0.30 * rim, 10), RIM, 240);
     builder.finish()
 }
 
@@ -65,13 +63,17 @@ pub(super) fn far_wheel(radius: f32) -> Vec<Part> {
     let ring = |y: f32, r: f32| (0..=SIDES).map(|k| turned(TAU * k as f32 / SIDES as f32, y, r)).collect();
     let tyre: [Vec<Vec3>; 3] = [ring(-half, radius), ring(outer, radius), ring(outer, rim)];
     builder.grid(&tyre, |_| 170, |_, _| Some(TYRE));
-    let face: Vec<Vec3> = (0..SIDES).map(|k| turned(TAU * k as f32 / SIDES as f32, outer, rim)).collect();
-    builder.plate(&face, FAR_RIM, 200);
+    builder.plate(&circle(outer, rim, SIDES), FAR_RIM, 200);
     builder.plate(&inner_side(radius, -half, SIDES), TYRE, 60);
     builder.finish()
 }
 
+/// Facing outwards.
+fn circle(y: f32, r: f32, sides: u32) -> Vec<Vec3> {
+    (0..sides).map(|k| turned(TAU * k as f32 / sides as f32, y, r)).collect()
+}
+
 /// What is seen of a wheel from under the car.
 fn inner_side(radius: f32, y: f32, sides: u32) -> Vec<Vec3> {
-    (0..sides).rev().map(|k| turned(TAU * k as f32 / sides as f32, y, radius)).collect()
+    circle(y, radius, sides).into_iter().rev().collect()
 }
