@@ -8,7 +8,6 @@ use crate::render::{
 };
 use crate::scenario::{Experiment, TimeOfDay};
 use clap::{Args, ValueEnum};
-use std::sync::Arc;
 
 #[derive(Clone, Debug, Default, Args)]
 pub(super) struct LookArgs {
@@ -40,7 +39,7 @@ pub(super) enum Quality {
 pub(super) fn context(args: &LookArgs) -> Result<Context, Failure> {
     let preference =
         args.adapter.as_deref().map_or_else(AdapterPreference::from_environment, AdapterPreference::parse);
-    Context::headless(&preference).map_err(failure)
+    Context::for_many(&preference).map_err(failure)
 }
 
 /// A renderer of an experiment's city, with the models of its scenario.
@@ -75,7 +74,7 @@ pub(super) fn renderer(
     let settings = Settings { quality, daylight, ..Settings::default() };
     let mut renderer = Renderer::new(context, &scene, settings).map_err(failure)?;
     for (&body, model) in &experiment.models.vehicles {
-        renderer.set_vehicle_model(body, Arc::clone(model));
+        renderer.set_vehicle_model(body, model);
     }
     Ok(renderer)
 }

@@ -1,6 +1,9 @@
 //! Finding an adapter and opening it.
 
 use super::RenderError;
+use super::threads;
+use rayon::prelude::*;
+use std::sync::Arc;
 use tracing::info;
 
 /// Which adapter to take.
@@ -44,6 +47,10 @@ pub struct Context {
     /// Whether pictures are computed on the CPU.
     pub is_software: bool,
     pub adapter: wgpu::Adapter,
+    /// The same adapter, opened again: see [`Context::for_many`].
+    pub(super) peers: Arc<[Context]>,
+    /// Whether it shares the processors with others that draw beside it.
+    pub(super) is_one_of_many: bool,
 }
 
 /// Where a view is drawn to: a window's surface or a texture that is read back.
@@ -62,10 +69,29 @@ impl Context {
     /// [`RenderError::NoAdapter`] where the machine has none, which names the package to install;
     /// [`RenderError::NoSuchAdapter`] with those there are; [`RenderError::NoDevice`].
     pub fn headless(preference: &AdapterPreference) -> Result<Self, RenderError> {
-        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-        descriptor.backends = wgpu::Backends::PRIMARY;
-        let instance = wgpu::Instance::new(descriptor);
-        pollster::block_on(Self::open(&instance, preference, None))
+        pollster::block_on(async { Self::open(find(&instance(), preference, None).await?).await })
+    }
+
+    /// Opens an adapter without a window for many pictures. One that draws on the CPU is opened as often as there are
+    /// processors, so that each draws pictures of its own. Opened once it draws each picture on all of them: what comes
+    /// before the pixels is done on one, and all wait for the last after each pass.
+    ///
+    /// # Errors
+    /// As [`Context::headless`].
+    pub fn for_many(preference: &AdapterPreference) -> Result<Self, RenderError> {
+        let before = threads::of_adapters();
+        let adapter = threads::with_few(|| pollster::block_on(find(&instance(), preference, None)))?;
+        let mut first = pollster::block_on(Self::open(adapter))?;
+        let count = if first.is_software { threads::adapters_at_once(before) } else { 1 };
+        if count > 1 {
+            let open = |_| Self::headless(preference);
+            let peers: Result<Vec<Self>, RenderError> = (1..count).into_par_iter().map(open).collect();
+            let mut peers = peers?;
+            first.is_one_of_many = true;
+            peers.iter_mut().for_each(|peer| peer.is_one_of_many = true);
+            first.peers = peers.into();
+        }
+        Ok(first)
     }
 
     /// Opens an adapter that can show its pictures on a surface of a window.
@@ -77,46 +103,10 @@ impl Context {
         surface: &wgpu::Surface<'_>,
         preference: &AdapterPreference,
     ) -> Result<Self, RenderError> {
-        pollster::block_on(Self::open(instance, preference, Some(surface)))
+        pollster::block_on(async { Self::open(find(instance, preference, Some(surface)).await?).await })
     }
 
-    async fn open(
-        instance: &wgpu::Instance,
-        preference: &AdapterPreference,
-        surface: Option<&wgpu::Surface<'_>>,
-    ) -> Result<Self, RenderError> {
-        let mut adapters = instance.enumerate_adapters(wgpu::Backends::PRIMARY).await;
-        adapters.retain(|adapter| surface.is_none_or(|surface| adapter.is_surface_supported(surface)));
-        let rank = |kind: wgpu::DeviceType| match kind {
-            wgpu::DeviceType::DiscreteGpu => 0,
-            wgpu::DeviceType::IntegratedGpu => 1,
-            wgpu::DeviceType::VirtualGpu => 2,
-            wgpu::DeviceType::Other => 3,
-            wgpu::DeviceType::Cpu => 4,
-        };
-        adapters.sort_by_key(|a| rank(a.get_info().device_type));
-        let names = || adapters.iter().map(|a| a.get_info().name).collect::<Vec<_>>().join(", ");
-        let found = match preference {
-            AdapterPreference::Best => adapters.first(),
-            AdapterPreference::Software => {
-                adapters.iter().find(|a| a.get_info().device_type == wgpu::DeviceType::Cpu)
-            }
-            AdapterPreference::Named(wanted) => {
-                let wanted = wanted.to_lowercase();
-                adapters.iter().find(|a| a.get_info().name.to_lowercase().contains(&wanted))
-            }
-        };
-        let Some(adapter) = found else {
-            return Err(match preference {
-                AdapterPreference::Named(wanted) if !adapters.is_empty() => {
-                    RenderError::NoSuchAdapter { wanted: wanted.clone(), present: names() }
-                }
-                AdapterPreference::Software if !adapters.is_empty() => RenderError::NoAdapter {
-                    wanted: format!(" that draws on the CPU (there are: {})", names()),
-                },
-                _ => RenderError::NoAdapter { wanted: String::new() },
-            });
-        };
+    async fn open(adapter: wgpu::Adapter) -> Result<Self, RenderError> {
         let about = adapter.get_info();
         let is_software = about.device_type == wgpu::DeviceType::Cpu;
         let adapter_name = format!("{} ({:?}, {})", about.name, about.backend, about.driver_info);
@@ -134,6 +124,53 @@ impl Context {
         } else {
             info!(adapter = adapter_name, "drawing");
         }
-        Ok(Self { device, queue, adapter_name, is_software, adapter: adapter.clone() })
+        let peers = Arc::default();
+        Ok(Self { device, queue, adapter_name, is_software, adapter, peers, is_one_of_many: false })
     }
+}
+
+fn instance() -> wgpu::Instance {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = wgpu::Backends::PRIMARY;
+    wgpu::Instance::new(descriptor)
+}
+
+async fn find(
+    instance: &wgpu::Instance,
+    preference: &AdapterPreference,
+    surface: Option<&wgpu::Surface<'_>>,
+) -> Result<wgpu::Adapter, RenderError> {
+    let mut adapters = instance.enumerate_adapters(wgpu::Backends::PRIMARY).await;
+    adapters.retain(|adapter| surface.is_none_or(|surface| adapter.is_surface_supported(surface)));
+    let rank = |kind: wgpu::DeviceType| match kind {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    };
+    adapters.sort_by_key(|a| rank(a.get_info().device_type));
+    let names = || adapters.iter().map(|a| a.get_info().name).collect::<Vec<_>>().join(", ");
+    let found = match preference {
+        AdapterPreference::Best => adapters.first(),
+        AdapterPreference::Software => {
+            adapters.iter().find(|a| a.get_info().device_type == wgpu::DeviceType::Cpu)
+        }
+        AdapterPreference::Named(wanted) => {
+            let wanted = wanted.to_lowercase();
+            adapters.iter().find(|a| a.get_info().name.to_lowercase().contains(&wanted))
+        }
+    };
+    let Some(adapter) = found else {
+        return Err(match preference {
+            AdapterPreference::Named(wanted) if !adapters.is_empty() => {
+                RenderError::NoSuchAdapter { wanted: wanted.clone(), present: names() }
+            }
+            AdapterPreference::Software if !adapters.is_empty() => RenderError::NoAdapter {
+                wanted: format!(" that draws on the CPU (there are: {})", names()),
+            },
+            _ => RenderError::NoAdapter { wanted: String::new() },
+        });
+    };
+    Ok(adapter.clone())
 }

@@ -145,14 +145,8 @@ impl Fleet {
         self.bonnets.retain(|key, _| key.body() != body);
     }
 
-    /// Takes the vehicles of a snapshot.
-    ///
-    /// # Errors
-    /// [`RenderError::Vehicle`] for measures or poses that cannot be drawn.
-    pub(super) fn update(&mut self, context: &Context, snapshot: &FrameSnapshot) -> Result<(), RenderError> {
-        for (state, info) in snapshot.iter() {
-            check(state, info)?;
-        }
+    /// Takes the vehicles of a snapshot that [`check`] has let through.
+    pub(super) fn update(&mut self, context: &Context, snapshot: &FrameSnapshot) {
         self.make_builds(&context.device, snapshot);
         self.placed.clear();
         let count = snapshot.vehicles.len();
@@ -194,7 +188,6 @@ impl Fleet {
         bodies.append(&mut wheels);
         bodies.append(&mut contacts);
         context.queue.write_buffer(&self.instances, 0, bytemuck::cast_slice(&bodies));
-        Ok(())
     }
 
     fn make_builds(&mut self, device: &wgpu::Device, snapshot: &FrameSnapshot) {
@@ -380,7 +373,15 @@ fn append(mesh: &mut VehicleMesh, part: &VehicleMesh) -> Range<u32> {
     start..mesh.indices.len() as u32
 }
 
-fn check(state: &VehicleState, info: &VehicleInfo) -> Result<(), RenderError> {
+/// Whether all vehicles of a snapshot can be drawn.
+///
+/// # Errors
+/// [`RenderError::Vehicle`] for measures or poses that cannot.
+pub(super) fn check(snapshot: &FrameSnapshot) -> Result<(), RenderError> {
+    snapshot.iter().try_for_each(|(state, info)| check_one(state, info))
+}
+
+fn check_one(state: &VehicleState, info: &VehicleInfo) -> Result<(), RenderError> {
     let d = &info.dimensions;
     let measures = [
         ("length", d.length_m),

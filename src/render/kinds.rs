@@ -6,7 +6,7 @@ use super::grid::{Grid, padded_row};
 use super::image::Plane;
 use super::passes::DEPTH;
 use super::passes::kinds::{DEPTH_FORMAT, KindsPass, MEANING_FORMAT, NOTHING};
-use super::renderer::Seen;
+use super::stage::Seen;
 use super::standing::Standing;
 use crate::snapshot::{FrameSnapshot, VehicleId};
 use std::collections::BTreeMap;

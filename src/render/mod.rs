@@ -29,9 +29,11 @@ mod request;
 mod settings;
 mod shader;
 mod sides;
+mod stage;
 mod standing;
 mod stream;
 mod textures;
+mod threads;
 mod vehicle;
 
 pub use context::{AdapterPreference, Context, TargetView};

@@ -22,6 +22,14 @@ pub(super) struct Ring {
 /// A batch that has been submitted.
 #[derive(Debug)]
 pub struct Pending {
+    /// One after the other.
+    pub(super) parts: Vec<PendingPart>,
+}
+
+/// What of a batch one opened adapter draws.
+#[derive(Debug)]
+pub(super) struct PendingPart {
+    device: wgpu::Device,
     buffer: wgpu::Buffer,
     home: mpsc::Sender<wgpu::Buffer>,
     /// Of each view.
@@ -34,6 +42,12 @@ pub struct Pending {
 /// A batch whose pictures are there.
 #[derive(Debug)]
 pub struct Arrived {
+    /// One after the other.
+    parts: Vec<ArrivedPart>,
+}
+
+#[derive(Debug)]
+struct ArrivedPart {
     buffer: wgpu::Buffer,
     home: mpsc::Sender<wgpu::Buffer>,
     /// There until the end.
@@ -69,40 +83,59 @@ impl Ring {
     /// Asks for a buffer that has been submitted to be mapped.
     pub(super) fn send(
         &self,
+        device: &wgpu::Device,
         (buffer, submission): (wgpu::Buffer, wgpu::SubmissionIndex),
-        places: Vec<Places>,
-        format: wgpu::TextureFormat,
-    ) -> Pending {
+        (places, format): (Vec<Places>, wgpu::TextureFormat),
+    ) -> PendingPart {
         let (sender, mapped) = mpsc::channel();
         buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
             // Nobody waits any longer when the batch was dropped.
             let _ = sender.send(result);
         });
         let bgra = matches!(format, wgpu::TextureFormat::Bgra8Unorm | wgpu::TextureFormat::Bgra8UnormSrgb);
-        Pending { buffer, home: self.home.clone(), places, mapped, submission, bgra }
+        let (device, home) = (device.clone(), self.home.clone());
+        PendingPart { device, buffer, home, places, mapped, submission, bgra }
     }
 }
 
 impl Pending {
-    pub(super) fn wait(self, device: &wgpu::Device) -> Result<Arrived, RenderError> {
+    pub(super) fn wait(self) -> Result<Arrived, RenderError> {
+        let parts = self.parts.into_iter().map(PendingPart::wait);
+        Ok(Arrived { parts: parts.collect::<Result<_, _>>()? })
+    }
+}
+
+impl PendingPart {
+    fn wait(self) -> Result<ArrivedPart, RenderError> {
         let wait = wgpu::PollType::Wait { submission_index: Some(self.submission), timeout: None };
         let lost = |error: &dyn std::fmt::Display| RenderError::Readback(error.to_string());
-        device.poll(wait).map_err(|error| lost(&error))?;
+        self.device.poll(wait).map_err(|error| lost(&error))?;
         self.mapped.recv().map_err(|error| lost(&error))?.map_err(|error| lost(&error))?;
         let bytes = self.buffer.slice(..).get_mapped_range().map_err(|error| lost(&error))?;
         let Self { buffer, home, places, bgra, .. } = self;
-        Ok(Arrived { buffer, home, bytes: Some(bytes), places, bgra })
+        Ok(ArrivedPart { buffer, home, bytes: Some(bytes), places, bgra })
     }
 }
 
 impl Arrived {
     /// How many views it has pictures of.
     pub fn len(&self) -> usize {
-        self.places.len()
+        self.parts.iter().map(|part| part.places.len()).sum()
     }
 
     pub fn is_empty(&self) -> bool {
-        self.places.is_empty()
+        self.len() == 0
+    }
+
+    /// The part that has the pictures of a view, and its place there.
+    fn part(&self, mut index: usize) -> (&ArrivedPart, usize) {
+        for part in &self.parts {
+            match index.checked_sub(part.places.len()) {
+                Some(rest) => index = rest,
+                None => return (part, index),
+            }
+        }
+        panic!("the batch has {} views, and not {} more", self.len(), index + 1)
     }
 
     /// The pictures of a view, by its place in the batch.
@@ -110,7 +143,8 @@ impl Arrived {
     /// # Panics
     /// Where the batch has no such view.
     pub fn pictures(&self, index: usize) -> Pictures {
-        self.some_pictures(index, self.places[index].kinds)
+        let (part, index) = self.part(index);
+        part.some_pictures(index, part.places[index].kinds)
     }
 
     /// Those pictures of a view that are of some kinds and were asked for.
@@ -118,6 +152,40 @@ impl Arrived {
     /// # Panics
     /// Where the batch has no such view.
     pub fn some_pictures(&self, index: usize, wanted: Kinds) -> Pictures {
+        let (part, index) = self.part(index);
+        part.some_pictures(index, wanted)
+    }
+
+    /// Reads the picture of a view in colour into an image whose memory is used again, if it was taken: fresh
+    /// memory costs as much as the reading.
+    ///
+    /// # Panics
+    /// Where the batch has no such view.
+    pub fn read_rgb(&self, index: usize, image: &mut Image) {
+        let (part, index) = self.part(index);
+        if let Some(bytes) = part.rgba(index) {
+            read_colors(bytes, part.places[index].extent, part.bgra, image);
+        }
+    }
+
+    /// Writes the picture of a view in colour as PNG, if it was taken, without a copy of it in between.
+    ///
+    /// # Errors
+    /// As [`super::write_png`].
+    ///
+    /// # Panics
+    /// Where the batch has no such view.
+    pub fn write_png(&self, index: usize, path: &Path) -> Result<(), RenderError> {
+        let (part, index) = self.part(index);
+        let Some(bytes) = part.rgba(index) else { return Ok(()) };
+        let extent = part.places[index].extent;
+        let padded = padded_row(extent[0]) as usize;
+        png::write_rows(path, extent, |y, row| row_of_colors(row, &bytes[y * padded..], part.bgra))
+    }
+}
+
+impl ArrivedPart {
+    fn some_pictures(&self, index: usize, wanted: Kinds) -> Pictures {
         let Places { extent, kinds: there, color, depth, meaning } = self.places[index];
         let bytes: &[u8] = self.bytes.as_deref().unwrap_or_default();
         let of = |kind, at: Option<u64>| {
@@ -131,19 +199,6 @@ impl Arrived {
             instance: of(PictureKind::Instance, meaning).map(|bytes| kinds::vehicles(bytes, extent)),
         }
     }
-}
-
-impl Arrived {
-    /// Reads the picture of a view in colour into an image whose memory is used again, if it was taken: fresh
-    /// memory costs as much as the reading.
-    ///
-    /// # Panics
-    /// Where the batch has no such view.
-    pub fn read_rgb(&self, index: usize, image: &mut Image) {
-        if let Some(bytes) = self.rgba(index) {
-            read_colors(bytes, self.places[index].extent, self.bgra, image);
-        }
-    }
 
     /// Padded rows of the picture of a view in colour, and what comes after it, if it was taken.
     fn rgba(&self, index: usize) -> Option<&[u8]> {
@@ -151,23 +206,9 @@ impl Arrived {
         let at = color.filter(|_| kinds.contains(PictureKind::Rgb))?;
         Some(&self.bytes.as_deref().unwrap_or_default()[at as usize..])
     }
-
-    /// Writes the picture of a view in colour as PNG, if it was taken, without a copy of it in between.
-    ///
-    /// # Errors
-    /// As [`super::write_png`].
-    ///
-    /// # Panics
-    /// Where the batch has no such view.
-    pub fn write_png(&self, index: usize, path: &Path) -> Result<(), RenderError> {
-        let Some(bytes) = self.rgba(index) else { return Ok(()) };
-        let extent = self.places[index].extent;
-        let padded = padded_row(extent[0]) as usize;
-        png::write_rows(path, extent, |y, row| row_of_colors(row, &bytes[y * padded..], self.bgra))
-    }
 }
 
-impl Drop for Arrived {
+impl Drop for ArrivedPart {
     fn drop(&mut self) {
         // A buffer is unmapped once nobody looks at it.
         self.bytes = None;
@@ -198,9 +239,8 @@ pub fn read_texture(context: &Context, texture: &wgpu::Texture) -> Result<Image,
     );
     let submission = context.queue.submit([encoder.finish()]);
     let place = Places { extent, kinds: Kinds::RGB, color: Some(0), depth: None, meaning: None };
-    let pending = ring.send((buffer, submission), vec![place], texture.format());
-    let arrived = pending.wait(&context.device)?;
-    arrived.pictures(0).rgb.ok_or_else(|| RenderError::Readback("no colours".to_owned()))
+    let pending = ring.send(&context.device, (buffer, submission), (vec![place], texture.format()));
+    pending.wait()?.some_pictures(0, Kinds::RGB).rgb.ok_or_else(|| RenderError::Readback("no colours".to_owned()))
 }
 
 /// RGB out of padded rows of RGBA, into an image whose memory is used again.

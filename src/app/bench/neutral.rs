@@ -98,7 +98,7 @@ impl NeutralScene {
         let quality = Quality { coarse_below_px: 0.5, ..Quality::LOW };
         let settings = Settings { quality, flat: Some(flat), ..Settings::default() };
         let mut renderer = Renderer::new(context, &file.description(), settings).map_err(Failure::failed)?;
-        renderer.set_vehicle_model(BodyType::Sedan, Arc::new(file.model()));
+        renderer.set_vehicle_model(BodyType::Sedan, &Arc::new(file.model()));
         Ok(renderer)
     }
 

@@ -5,7 +5,7 @@ use crate::camera::View as CameraView;
 use crate::city::scene::Class;
 use crate::render::fleet::Fleet;
 use crate::render::grid::Tile;
-use crate::render::renderer::Seen;
+use crate::render::stage::Seen;
 use crate::render::shader::Shader;
 use crate::render::standing::Standing;
 
