@@ -5,10 +5,10 @@
 #[path = "support/drawing.rs"]
 mod drawing;
 
-use city3d::camera::{Camera, Extrinsics, Lens, Mount, View};
+use city3d::camera::{Camera, Extrinsics, Kinds, Lens, Mount, PictureKind, View};
 use city3d::city::scene::{Class, Finish, Mesh, Object, SceneDescription, Surface};
 use city3d::render::{
-    AdapterPreference, Context, Image, PngStream, Quality, RenderError, Renderer, Settings,
+    AdapterPreference, Context, Image, Pictures, PngStream, Quality, RenderError, Renderer, Request, Settings,
 };
 use city3d::snapshot::{BodyType, FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
 use drawing::{DIMENSIONS, snapshot, software};
@@ -230,6 +230,57 @@ fn what_cannot_be_drawn_is_refused_by_name() {
     assert_eq!(renderer.render(&empty, &[]).unwrap(), Vec::new());
     let named = Context::headless(&AdapterPreference::Named("no such thing".into())).unwrap_err();
     assert!(named.to_string().contains("no such thing"), "{named}");
+}
+
+#[test]
+fn adapters_side_by_side_draw_what_one_draws() {
+    // First: Mesa counts the processors once a process.
+    let many = Context::for_many(&AdapterPreference::Software);
+    let Some(context) = software() else { return };
+    let many = many.expect("the same adapter");
+    if cfg!(target_os = "linux") && std::env::var_os("LP_NUM_THREADS").is_none() {
+        let processors = std::thread::available_parallelism().unwrap().get();
+        assert_eq!(many.times_open(), processors.min(8));
+        // Nobody is kept to the processors that the adapters were told to count.
+        assert_eq!(std::thread::available_parallelism().unwrap().get(), processors);
+    }
+    let (mut one, mut side_by_side) =
+        (renderer(&context, &light_plain(), 1), renderer(&many, &light_plain(), 1));
+    let cars = |tick: u32| snapshot(vec![car(7, DVec2::new(f64::from(tick), 0.0), 0.3)]);
+    let from = |k: u32| looking(DVec3::new(-9.0, f64::from(k), 2.0), DVec3::ZERO);
+    let small = |k| View { extent: [48, 36], ..from(k) };
+    let views = [from(0), small(1), from(2), from(3), small(4)];
+    let alike = |a: &[Image], b: &[Image]| {
+        let pairs = a.iter().zip(b);
+        a.len() == b.len() && pairs.into_iter().all(|(a, b)| a.width == b.width && alike(a, b))
+    };
+    for tick in 0..3 {
+        let (expected, found) = (one.render(&cars(tick), &views), side_by_side.render(&cars(tick), &views));
+        assert!(alike(&expected.unwrap(), &found.unwrap()), "tick {tick}");
+        // Of views that come alone each adapter gets some.
+        let (expected, found) =
+            (one.render(&cars(tick), &views[1..2]), side_by_side.render(&cars(tick), &views[1..2]));
+        assert!(alike(&expected.unwrap(), &found.unwrap()), "tick {tick}");
+        assert_eq!(one.triangles(), side_by_side.triangles());
+    }
+    let requests = views
+        .map(|view| Request { view, kinds: Kinds::RGB.with(PictureKind::Depth).with(PictureKind::Instance) });
+    let expected = one.render_kinds(&cars(1), &requests).unwrap();
+    let found = side_by_side.render_kinds(&cars(1), &requests).unwrap();
+    for (expected, found) in expected.iter().zip(&found) {
+        let count = |pictures: &Pictures| {
+            let instance = pictures.instance.as_ref().expect("asked for");
+            instance.values.iter().filter(|&&id| id == 7).count()
+        };
+        let (expected, count) = (count(expected), count(found));
+        assert!(expected > 5 && expected.abs_diff(count) <= 2 + expected / 100, "{expected} {count}");
+        assert!(found.depth.is_some() && found.rgb.is_some() && found.semantic.is_none());
+    }
+    // What is wrong is told by its place among all, and nothing is drawn.
+    let mut wrong = views;
+    wrong[4].extrinsics.position.x = f64::NAN;
+    assert!(matches!(side_by_side.render(&cars(0), &wrong), Err(RenderError::View { index: 4 })));
+    assert_eq!(side_by_side.render(&cars(0), &[]).unwrap(), Vec::new());
 }
 
 #[test]

@@ -22,7 +22,7 @@ use super::look::{self, LookArgs, failure};
 use super::say::say;
 use super::{Failure, ScenarioArgs, progress};
 use crate::camera::Kinds;
-use crate::render::{Image, Order, Pending, PngStream};
+use crate::render::{Image, Order, Pending, PngStream, Renderer};
 use crate::scenario::Experiment;
 use cameras::CameraArgs;
 use clap::Args;
@@ -147,10 +147,16 @@ struct Film<'a> {
 }
 
 impl Film<'_> {
+    fn open(&self, schedule: &Schedule) -> Result<Renderer, Failure> {
+        let is_many = schedule.clone().has(self.shots, look::Pictures::MANY);
+        let pictures = if is_many { look::Pictures::Many } else { look::Pictures::Few };
+        look::open(&self.args.look, self.experiment, (look::Quality::High, pictures))
+    }
+
     /// Files of a folder.
     fn take_pictures(&self, footage: Footage, mut schedule: Schedule, folder: &Path) -> Result<(), Failure> {
         let mut table = Table::create(folder)?;
-        let mut renderer = look::open(&self.args.look, self.experiment, look::Quality::High)?;
+        let mut renderer = self.open(&schedule)?;
         let adapter = renderer.context().adapter_name.clone();
         let start = Instant::now();
         let mut reel = footage.begin()?;
@@ -207,7 +213,7 @@ impl Film<'_> {
     ) -> Result<(), Failure> {
         let shot = self.only_shot()?;
         let rate = FrameRate::of_period(shot.every_s);
-        let mut renderer = look::open(&self.args.look, self.experiment, look::Quality::High)?;
+        let mut renderer = self.open(&schedule)?;
         let Some(mut video) = Video::create(destination, shot.lens.extent, rate)? else { return Ok(()) };
         let start = Instant::now();
         let mut reel = footage.begin()?;

@@ -32,22 +32,45 @@ pub(super) enum Quality {
     Auto,
 }
 
+/// How many pictures are to come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Pictures {
+    /// So few that the first counts: an adapter that draws on the CPU draws it with all processors.
+    Few,
+    /// So many that only all count: each processor draws pictures of its own.
+    Many,
+}
+
+impl Pictures {
+    /// From so many on there are many: each opened adapter takes its time to begin.
+    pub(super) const MANY: usize = 8;
+}
+
 /// The adapter that draws.
 ///
 /// # Errors
 /// Where there is no such adapter, or none at all.
-pub(super) fn context(args: &LookArgs) -> Result<Context, Failure> {
+pub(super) fn context(args: &LookArgs, pictures: Pictures) -> Result<Context, Failure> {
     let preference =
         args.adapter.as_deref().map_or_else(AdapterPreference::from_environment, AdapterPreference::parse);
-    Context::for_many(&preference).map_err(failure)
+    let context = match pictures {
+        Pictures::Few => Context::headless(&preference),
+        Pictures::Many => Context::for_many(&preference),
+    };
+    context.map_err(failure)
 }
 
 /// A renderer of an experiment's city, with the models of its scenario.
 ///
 /// # Errors
 /// Where there is no such adapter, or none at all.
-pub(super) fn open(args: &LookArgs, experiment: &Experiment, usual: Quality) -> Result<Renderer, Failure> {
-    let context = context(args)?;
+pub(super) fn open(
+    args: &LookArgs,
+    experiment: &Experiment,
+    (usual, pictures): (Quality, Pictures),
+) -> Result<Renderer, Failure> {
+    let (context, scene) = rayon::join(|| context(args, pictures), || scene(experiment));
+    let context = context?;
     let quality = match args.quality.unwrap_or(usual) {
         Quality::Low => Preset::LOW,
         Quality::Medium => Preset::MEDIUM,
@@ -56,7 +79,7 @@ pub(super) fn open(args: &LookArgs, experiment: &Experiment, usual: Quality) -> 
         Quality::Auto => Preset::auto(context.is_software),
     };
     let time = args.time.unwrap_or(experiment.time_of_day);
-    renderer(&context, experiment, quality, time.hours)
+    renderer_of(&context, (experiment, &scene), quality, time.hours)
 }
 
 /// A renderer of an experiment's city on an open adapter, at a time of day.
@@ -69,10 +92,22 @@ pub(super) fn renderer(
     quality: Preset,
     hours: f64,
 ) -> Result<Renderer, Failure> {
-    let scene = SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
+    renderer_of(context, (experiment, &scene(experiment)), quality, hours)
+}
+
+fn scene(experiment: &Experiment) -> SceneDescription {
+    SceneDescription::with_models(&experiment.city_map, &experiment.models.placed)
+}
+
+fn renderer_of(
+    context: &Context,
+    (experiment, scene): (&Experiment, &SceneDescription),
+    quality: Preset,
+    hours: f64,
+) -> Result<Renderer, Failure> {
     let daylight = Daylight { hours: hours as f32 };
     let settings = Settings { quality, daylight, ..Settings::default() };
-    let mut renderer = Renderer::new(context, &scene, settings).map_err(failure)?;
+    let mut renderer = Renderer::new(context, scene, settings).map_err(failure)?;
     for (&body, model) in &experiment.models.vehicles {
         renderer.set_vehicle_model(body, model);
     }

@@ -229,7 +229,8 @@ fn draw(
     mut take: impl FnMut(Vec<Taken>),
     opened: &Sender<Result<String, Failure>>,
 ) {
-    let mut renderer = match look::open(look, experiment, look::Quality::Low) {
+    let pictures = if cameras.len() > 1 { look::Pictures::Many } else { look::Pictures::Few };
+    let mut renderer = match look::open(look, experiment, (look::Quality::Low, pictures)) {
         Ok(renderer) => renderer,
         // Who waits for it tells why.
         Err(failure) => return drop(opened.send(Err(failure))),

@@ -106,6 +106,11 @@ impl Context {
         pollster::block_on(async { Self::open(find(instance, preference, Some(surface)).await?).await })
     }
 
+    /// How often the adapter is open.
+    pub fn times_open(&self) -> usize {
+        1 + self.peers.len()
+    }
+
     async fn open(adapter: wgpu::Adapter) -> Result<Self, RenderError> {
         let about = adapter.get_info();
         let is_software = about.device_type == wgpu::DeviceType::Cpu;
@@ -166,9 +171,9 @@ async fn find(
             AdapterPreference::Named(wanted) if !adapters.is_empty() => {
                 RenderError::NoSuchAdapter { wanted: wanted.clone(), present: names() }
             }
-            AdapterPreference::Software if !adapters.is_empty() => RenderError::NoAdapter {
-                wanted: format!(" that draws on the CPU (there are: {})", names()),
-            },
+            AdapterPreference::Software if !adapters.is_empty() => {
+                RenderError::NoAdapter { wanted: format!(" that draws on the CPU (there are: {})", names()) }
+            }
             _ => RenderError::NoAdapter { wanted: String::new() },
         });
     };

@@ -56,21 +56,22 @@ impl KindsDrawing {
         Self { pass: KindsPass::new(device), atlases: BTreeMap::new() }
     }
 
-    /// Draws views of one extent and copies what was asked for into `buffer`; an atlas may take so many
-    /// `bytes`.
+    /// Draws views of one extent, so many at once at most, and copies what was asked for into `buffer`; an atlas may
+    /// take so many `bytes`.
     pub(super) fn draw(
         &mut self,
         device: &wgpu::Device,
         encoder: &mut wgpu::CommandEncoder,
         scene: Scene<'_>,
         (extent, tiles): ([u32; 2], &[KindsTile]),
-        (buffer, bytes): (&wgpu::Buffer, u64),
+        (buffer, bytes, at_once): (&wgpu::Buffer, u64, usize),
     ) {
         if tiles.is_empty() {
             return;
         }
-        if !self.atlases.get(&extent).is_some_and(|atlas| atlas.grid.suits(tiles.len())) {
-            self.atlases.insert(extent, KindsAtlas::new(device, extent, tiles.len(), bytes));
+        let wanted = tiles.len().min(at_once);
+        if !self.atlases.get(&extent).is_some_and(|atlas| atlas.grid.suits(wanted)) {
+            self.atlases.insert(extent, KindsAtlas::new(device, extent, wanted, bytes));
         }
         let atlas = &self.atlases[&extent];
         for batch in tiles.chunks(atlas.grid.capacity) {

@@ -240,7 +240,11 @@ pub fn read_texture(context: &Context, texture: &wgpu::Texture) -> Result<Image,
     let submission = context.queue.submit([encoder.finish()]);
     let place = Places { extent, kinds: Kinds::RGB, color: Some(0), depth: None, meaning: None };
     let pending = ring.send(&context.device, (buffer, submission), (vec![place], texture.format()));
-    pending.wait()?.some_pictures(0, Kinds::RGB).rgb.ok_or_else(|| RenderError::Readback("no colours".to_owned()))
+    pending
+        .wait()?
+        .some_pictures(0, Kinds::RGB)
+        .rgb
+        .ok_or_else(|| RenderError::Readback("no colours".to_owned()))
 }
 
 /// RGB out of padded rows of RGBA, into an image whose memory is used again.

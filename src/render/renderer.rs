@@ -3,7 +3,7 @@
 
 use super::readback::{Arrived, Pending};
 use super::request::{Pictures, Request};
-use super::stage::Stage;
+use super::stage::{Made, Stage};
 use super::{Context, Image, RenderError, Settings, TargetView, fleet, kinds};
 use crate::camera::{PictureKind, View};
 use crate::city::scene::SceneDescription;
@@ -34,7 +34,9 @@ impl Renderer {
     /// None that a valid scene and adapter give; the adapter's own are logged by wgpu.
     pub fn new(context: &Context, scene: &SceneDescription, settings: Settings) -> Result<Self, RenderError> {
         let opened: Vec<&Context> = std::iter::once(context).chain(&*context.peers).collect();
-        let stages = opened.into_par_iter().map(|context| Stage::new(context, scene, settings)).collect();
+        let made = Made::new(scene, &settings);
+        let stages =
+            opened.into_par_iter().map(|context| Stage::new(context, (scene, &made), settings)).collect();
         let context = context.clone();
         Ok(Self { context, settings, stages, turn: 0, triangles: 0, at_work: Vec::new() })
     }

@@ -22,8 +22,9 @@ use super::passes::vehicle::VehiclePass;
 use super::passes::{Attachments, light_constants};
 use super::readback::{PendingPart, Ring};
 use super::request::{Places, Request, places};
-use super::standing::{Apart, Gaze, Patterns, SeenCells, Standing};
-use super::{Context, FlatLight, Settings, TargetView, textures};
+use super::standing::{Apart, Gaze, Patterns, SeenCells, Sorted, Standing};
+use super::textures::Paintings;
+use super::{Context, FlatLight, Settings, TargetView};
 use crate::camera::View;
 use crate::city::scene::SceneDescription;
 use crate::model::Model;
@@ -75,19 +76,47 @@ pub(super) struct Seen {
     pub(super) open_rows: u32,
 }
 
+/// What is made of a scene before any adapter is needed, for all of them.
+#[derive(Debug)]
+pub(super) struct Made {
+    daylight: Light,
+    paintings: Paintings,
+    sorted: Sorted,
+}
+
+impl Made {
+    pub(super) fn new(scene: &SceneDescription, settings: &Settings) -> Self {
+        let daylight = settings.flat.map_or_else(|| settings.daylight.light(), FlatLight::light);
+        let light_at_vertices = settings.quality.light_at_vertices;
+        // By night every surface looks for the light of lamps.
+        let apart = match (light_at_vertices, daylight.is_lamplit()) {
+            (false, _) => Some(Apart::Crowns),
+            (true, false) => Some(Apart::Averted(daylight.to_sun)),
+            (true, true) => None,
+        };
+        let (paintings, sorted) =
+            rayon::join(|| Paintings::new(&daylight, light_at_vertices), || Sorted::new(scene, apart));
+        Self { daylight, paintings, sorted }
+    }
+}
+
 impl Stage {
     /// Uploads a scene and builds the pipelines.
-    pub(super) fn new(context: &Context, scene: &SceneDescription, settings: Settings) -> Self {
+    pub(super) fn new(
+        context: &Context,
+        (scene, made): (&SceneDescription, &Made),
+        settings: Settings,
+    ) -> Self {
         let device = &context.device;
         let quality = settings.quality;
         let light_at_vertices = quality.light_at_vertices;
         let attachments = Attachments::new(&settings);
         let frame = FrameGroup::new(device);
-        let daylight = settings.flat.map_or_else(|| settings.daylight.light(), FlatLight::light);
+        let Made { daylight, paintings, sorted } = made;
         let sun_view = SunView::around(scene.bounds, daylight.to_sun, quality.shadow_texels);
         let shadow = ShadowPass::new(device, &frame.layout, sun_view);
         let lamplit = daylight.is_lamplit();
-        let constants = light_constants(&settings, &daylight);
+        let constants = light_constants(&settings, daylight);
         let lamp_texels = if !lamplit {
             1
         } else if light_at_vertices {
@@ -95,26 +124,19 @@ impl Stage {
         } else {
             1024
         };
-        // By night every surface looks for the light of lamps.
-        let apart = match (light_at_vertices, lamplit) {
-            (false, _) => Some(Apart::Crowns),
-            (true, false) => Some(Apart::Averted(daylight.to_sun)),
-            (true, true) => None,
-        };
         let lamps = LampPass::new(device, &frame.layout, scene, (lamp_texels, !light_at_vertices));
-        let sky_map = textures::sky_map(context, &daylight);
-        let light = LightGroup::new(context, &shadow.map, &lamps.map_view, &sky_map);
-        let fixed = fixed_frame(&daylight, &sun_view, quality.shadow_texels, lamps.place);
+        let light = LightGroup::new(context, &shadow.map, &lamps.map_view, &paintings.sky_map(context));
+        let fixed = fixed_frame(daylight, &sun_view, quality.shadow_texels, lamps.place);
         let groups = [&frame.layout, &light.layout];
         let mut stage = Self {
-            city: CityPass::new(context, attachments, &quality, (&fixed, &constants), groups),
+            city: CityPass::new(context, attachments, &quality, (&fixed, &constants), groups, paintings),
             vehicles: VehiclePass::new(device, attachments, (&fixed, &constants), groups),
             contact: ContactPass::new(device, attachments, &frame.layout),
-            sky: SkyPass::new(context, attachments, &daylight, groups),
+            sky: SkyPass::new(context, attachments, (daylight, paintings), groups),
             glow: lamplit.then(|| GlowPass::new(device, attachments, &frame.layout, &scene.lamps)),
             develop: (!light_at_vertices).then(|| Develop::new(device, attachments, quality, &frame.layout)),
             kinds: None,
-            standing: Standing::new(device, scene, apart),
+            standing: Standing::new(device, sorted),
             fleet: Fleet::new(device, settings.flat.is_none()),
             clock: None,
             context: context.clone(),
@@ -124,7 +146,7 @@ impl Stage {
             light,
             shadow,
             lamps,
-            daylight,
+            daylight: *daylight,
             fixed,
             atlases: BTreeMap::new(),
             ring: Ring::default(),
@@ -232,6 +254,7 @@ impl Stage {
         (places, seen): (&[Places], &[Seen]),
         buffer: &wgpu::Buffer,
     ) {
+        let room = (buffer, self.settings.batch_bytes, self.views_at_once());
         let Some(drawing) = &mut self.kinds else { return };
         let tiles: Vec<KindsTile> = indices
             .iter()
@@ -239,7 +262,6 @@ impl Stage {
             .filter(|tile| tile.depth_at.or(tile.meaning_at).is_some())
             .collect();
         let scene = kinds::Scene { standing: &self.standing, fleet: &self.fleet, seen };
-        let room = (buffer, self.settings.batch_bytes);
         drawing.draw(&self.context.device, encoder, scene, (extent, &tiles), room);
     }
 
@@ -281,6 +303,12 @@ impl Stage {
         encoder
     }
 
+    /// How many views of a batch are drawn in one pass. An adapter that has one processor draws one after the other into
+    /// the same texture: it has nobody to wait for after a pass, and depths and colours stay in its cache.
+    fn views_at_once(&self) -> usize {
+        if self.context.is_one_of_many { 1 } else { usize::MAX }
+    }
+
     fn new_atlas(&self, extent: [u32; 2], views: usize) -> Atlas {
         let bytes = self.settings.batch_bytes;
         Atlas::new(&self.context.device, (extent, views), self.attachments, self.develop.as_ref(), bytes)
@@ -288,7 +316,7 @@ impl Stage {
 
     /// Sees to an atlas for views of an extent.
     fn make_atlas(&mut self, extent: [u32; 2], views: usize) {
-        let views = if self.context.is_one_of_many { 1 } else { views };
+        let views = views.min(self.views_at_once());
         if !self.atlases.get(&extent).is_some_and(|atlas| atlas.grid.suits(views)) {
             let atlas = self.new_atlas(extent, views);
             self.atlases.insert(extent, atlas);

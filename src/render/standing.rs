@@ -12,6 +12,7 @@ use super::sides::{self, Side};
 use crate::city::scene::{Mesh, Object, SceneDescription, Surface, Vertex, Wall};
 use glam::Vec3;
 use std::ops::Range;
+use std::sync::Arc;
 use wgpu::util::DeviceExt;
 
 /// What can be told apart in the patterns of most surfaces, and how many pixels it takes to be worth a texture.
@@ -52,9 +53,20 @@ impl Level {
     }
 }
 
+/// The standing city on one adapter.
 #[derive(Debug)]
 pub(super) struct Standing {
+    pieces: Arc<Pieces>,
     vertices: wgpu::Buffer,
+    /// Everything that throws a shadow.
+    shadows: (wgpu::Buffer, u32),
+    /// The lists of all views of a batch.
+    lists: wgpu::Buffer,
+}
+
+/// What lists are made of; all adapters share it.
+#[derive(Debug)]
+struct Pieces {
     /// Of all pieces at all levels.
     indices: Vec<u32>,
     objects: Vec<Piece>,
@@ -62,10 +74,15 @@ pub(super) struct Standing {
     /// Painted lines, whose cover of a pixel is computed.
     lines: Vec<Piece>,
     walls: Vec<Wall>,
-    /// Everything that throws a shadow.
-    shadows: (wgpu::Buffer, u32),
-    /// The lists of all views of a batch.
-    lists: wgpu::Buffer,
+}
+
+/// A scene, sorted for drawing: made once, however many adapters draw it.
+#[derive(Debug)]
+pub(super) struct Sorted {
+    pieces: Arc<Pieces>,
+    vertices: Vec<GpuVertex>,
+    /// Of everything that throws a shadow.
+    shadows: Vec<u32>,
 }
 
 /// What of the things that rise from the ground is drawn for itself.
@@ -142,9 +159,9 @@ impl SeenCells {
     }
 }
 
-impl Standing {
+impl Sorted {
     /// With something that is drawn for itself.
-    pub(super) fn new(device: &wgpu::Device, scene: &SceneDescription, apart: Option<Apart>) -> Self {
+    pub(super) fn new(scene: &SceneDescription, apart: Option<Apart>) -> Self {
         let mut packed = Packed { apart, ..Packed::default() };
         let objects: Vec<Piece> = scene
             .objects
@@ -167,6 +184,14 @@ impl Standing {
         let finest = casting.flat_map(|(piece, _)| piece.levels.first());
         let shadows: Vec<u32> =
             finest.flat_map(Level::all).flat_map(|side| packed.of(side)).copied().collect();
+        let Packed { vertices, indices, .. } = packed;
+        let pieces = Pieces { indices, objects, ground, lines, walls: scene.walls.clone() };
+        Self { pieces: Arc::new(pieces), vertices, shadows }
+    }
+}
+
+impl Standing {
+    pub(super) fn new(device: &wgpu::Device, sorted: &Sorted) -> Self {
         let buffer = |label, contents, usage| {
             device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some(label),
@@ -174,18 +199,15 @@ impl Standing {
                 usage,
             })
         };
+        let Sorted { pieces, vertices, shadows } = sorted;
         Self {
-            vertices: buffer("city", bytemuck::cast_slice(&packed.vertices), wgpu::BufferUsages::VERTEX),
+            vertices: buffer("city", bytemuck::cast_slice(vertices), wgpu::BufferUsages::VERTEX),
             shadows: (
-                buffer("city's shadows", bytemuck::cast_slice(&shadows), wgpu::BufferUsages::INDEX),
+                buffer("city's shadows", bytemuck::cast_slice(shadows), wgpu::BufferUsages::INDEX),
                 shadows.len() as u32,
             ),
             lists: list_buffer(device, 1 << 16),
-            indices: packed.indices,
-            objects,
-            ground,
-            lines,
-            walls: scene.walls.clone(),
+            pieces: Arc::clone(pieces),
         }
     }
 
@@ -196,14 +218,16 @@ impl Standing {
             let (low, high) = (wall.from.min(wall.to), wall.from.max(wall.to));
             frustum.may_see_box([low.extend(0.0), high.extend(wall.height_m)])
         };
-        eye.map_or_else(Horizon::open, |eye| Horizon::new(eye, sector, self.walls.iter().filter(may_see)))
+        eye.map_or_else(Horizon::open, |eye| {
+            Horizon::new(eye, sector, self.pieces.walls.iter().filter(may_see))
+        })
     }
 
     /// Adds what a view may see to the lists of a batch.
     pub(super) fn see(&self, gaze: &Gaze<'_>, lists: &mut Vec<u32>) -> SeenCells {
-        let seen = gaze.all_seen(&self.objects);
+        let seen = gaze.all_seen(&self.pieces.objects);
         let (mut plain, raised): (Vec<_>, Vec<_>) = seen.iter().partition(|sight| sight.is_plain);
-        let (mut ground, painted) = (gaze.all_seen(&self.ground), gaze.all_seen(&self.lines));
+        let (mut ground, painted) = (gaze.all_seen(&self.pieces.ground), gaze.all_seen(&self.pieces.lines));
         if gaze.patterns == Patterns::None {
             plain.append(&mut ground);
         }
@@ -230,7 +254,7 @@ impl Standing {
                     continue;
                 }
                 let Range { start, end } = side.indices;
-                lists.extend_from_slice(&self.indices[start as usize..end as usize]);
+                lists.extend_from_slice(&self.pieces.indices[start as usize..end as usize]);
             }
         }
         start..lists.len() as u32

@@ -23,53 +23,79 @@ const SMALL_SKY: [u32; 2] = [1024, 256];
 /// Texels along an edge of the sky that surfaces mirror.
 const SKY_MAP: u32 = 64;
 
-/// An array texture with a layer for each [`Surface`] and all its mipmaps.
-pub(super) fn surfaces(context: &Context, attachments: Attachments) -> wgpu::TextureView {
-    let mips = SIZE.ilog2() + 1;
-    let texture = texture(
-        context,
-        ("surfaces", attachments.texture_format()),
-        [SIZE, SIZE],
-        Surface::COUNT as u32,
-        mips,
-    );
-    let layers: Vec<Vec<Vec<u8>>> = (0..Surface::COUNT as u8)
-        .into_par_iter()
-        .map(|layer| mipmaps(patterns::pattern(layer, SIZE), SIZE))
-        .map(|levels| if attachments.light_at_vertices { square_roots(levels) } else { levels })
-        .collect();
-    for (layer, levels) in (0..).zip(&layers) {
-        for (level, bytes) in (0..).zip(levels) {
-            upload(context, &texture, [SIZE >> level, SIZE >> level], layer, level, bytes);
+/// What the textures of a scene show: painted once, however many adapters draw it.
+#[derive(Debug)]
+pub(super) struct Paintings {
+    /// Mipmaps of each [`Surface`].
+    surfaces: Vec<Vec<Vec<u8>>>,
+    /// See [`Paintings::panorama`]; whether it is as displayed.
+    panorama: (Vec<u8>, bool),
+    /// Mipmaps; see [`Paintings::sky_map`].
+    sky_map: Vec<Vec<u8>>,
+}
+
+impl Paintings {
+    pub(super) fn new(light: &Light, light_at_vertices: bool) -> Self {
+        let surfaces = || {
+            let levels = |layer| mipmaps(patterns::pattern(layer, SIZE), SIZE);
+            let layers = (0..Surface::COUNT as u8).into_par_iter().map(levels);
+            if light_at_vertices { layers.map(square_roots).collect() } else { layers.collect() }
+        };
+        let sky = || {
+            let panorama = if light_at_vertices {
+                sky::paint(SMALL_SKY, light)
+            } else {
+                sky::paint_radiance(SKY, light)
+            };
+            (panorama, sky::mirrored(SKY_MAP, light))
+        };
+        let (surfaces, (panorama, sky_map)) = rayon::join(surfaces, sky);
+        Self { surfaces, panorama: (panorama, light_at_vertices), sky_map }
+    }
+
+    /// An array texture with a layer for each [`Surface`] and all its mipmaps.
+    pub(super) fn surfaces(&self, context: &Context, attachments: Attachments) -> wgpu::TextureView {
+        let texture = texture(
+            context,
+            ("surfaces", attachments.texture_format()),
+            [SIZE, SIZE],
+            Surface::COUNT as u32,
+            SIZE.ilog2() + 1,
+        );
+        for (layer, levels) in (0..).zip(&self.surfaces) {
+            for (level, bytes) in (0..).zip(levels) {
+                upload(context, &texture, [SIZE >> level, SIZE >> level], layer, level, bytes);
+            }
         }
+        texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            ..Default::default()
+        })
     }
-    texture.create_view(&wgpu::TextureViewDescriptor {
-        dimension: Some(wgpu::TextureViewDimension::D2Array),
-        ..Default::default()
-    })
-}
 
-/// The sky from below the horizon to the zenith, on the faces of [`sky_triangles`]: as displayed, or as radiance.
-pub(super) fn panorama(context: &Context, light: &Light, as_displayed: bool) -> wgpu::TextureView {
-    let (format, size, bytes) = if as_displayed {
-        (wgpu::TextureFormat::Rgba8Unorm, SMALL_SKY, sky::paint(SMALL_SKY, light))
-    } else {
-        (wgpu::TextureFormat::Rgba16Float, SKY, sky::paint_radiance(SKY, light))
-    };
-    let texture = texture(context, ("sky", format), size, 1, 1);
-    upload(context, &texture, size, 0, 0, &bytes);
-    texture.create_view(&wgpu::TextureViewDescriptor::default())
-}
-
-/// Radiance of the sky above the horizon for surfaces that mirror it: half an octahedron, unfolded to a square,
-/// with all mipmaps.
-pub(super) fn sky_map(context: &Context, light: &Light) -> wgpu::TextureView {
-    let format = wgpu::TextureFormat::Rgba16Float;
-    let texture = texture(context, ("mirrored sky", format), [SKY_MAP; 2], 1, SKY_MAP.ilog2() + 1);
-    for (level, bytes) in (0..).zip(sky::mirrored(SKY_MAP, light)) {
-        upload(context, &texture, [SKY_MAP >> level; 2], 0, level, &bytes);
+    /// The sky from below the horizon to the zenith, on the faces of [`sky_triangles`]: as displayed, or as radiance.
+    pub(super) fn panorama(&self, context: &Context) -> wgpu::TextureView {
+        let (bytes, as_displayed) = &self.panorama;
+        let (format, size) = if *as_displayed {
+            (wgpu::TextureFormat::Rgba8Unorm, SMALL_SKY)
+        } else {
+            (wgpu::TextureFormat::Rgba16Float, SKY)
+        };
+        let texture = texture(context, ("sky", format), size, 1, 1);
+        upload(context, &texture, size, 0, 0, bytes);
+        texture.create_view(&wgpu::TextureViewDescriptor::default())
     }
-    texture.create_view(&wgpu::TextureViewDescriptor::default())
+
+    /// Radiance of the sky above the horizon for surfaces that mirror it: half an octahedron, unfolded to a square,
+    /// with all mipmaps.
+    pub(super) fn sky_map(&self, context: &Context) -> wgpu::TextureView {
+        let format = wgpu::TextureFormat::Rgba16Float;
+        let texture = texture(context, ("mirrored sky", format), [SKY_MAP; 2], 1, SKY_MAP.ilog2() + 1);
+        for (level, bytes) in (0..).zip(&self.sky_map) {
+            upload(context, &texture, [SKY_MAP >> level; 2], 0, level, bytes);
+        }
+        texture.create_view(&wgpu::TextureViewDescriptor::default())
+    }
 }
 
 /// Instead of sRGB the square root of what is reflected, which takes a shader one multiplication to undo.

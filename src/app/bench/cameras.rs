@@ -87,6 +87,8 @@ struct Report {
     triangles_per_img: u64,
     preset: &'static str,
     adapter: String,
+    /// How often the adapter is open: pictures are drawn side by side.
+    times_open: usize,
 }
 
 pub fn cameras(args: &CamerasArgs) -> Result<(), Failure> {
@@ -123,6 +125,7 @@ pub fn cameras(args: &CamerasArgs) -> Result<(), Failure> {
         triangles_per_img: renderer.triangles(),
         preset: preset_of(&renderer),
         adapter: renderer.context().adapter_name.clone(),
+        times_open: renderer.context().times_open(),
     };
     say(serde_json::to_string(&report).map_err(Failure::failed)?)
 }
@@ -131,13 +134,13 @@ impl CamerasArgs {
     fn open(&self) -> Result<(Source, Renderer), Failure> {
         if let Some(path) = &self.scene {
             let scene = NeutralScene::read(path, self.cameras as usize)?;
-            let renderer = scene.renderer(&look::context(&self.look)?)?;
+            let renderer = scene.renderer(&look::context(&self.look, look::Pictures::Many)?)?;
             return Ok((Source::Scene(Box::new(scene)), renderer));
         }
         let scenario = self.name.clone().or_else(|| self.scenario.clone()).unwrap_or_default();
         let args = ScenarioArgs { scenario, seed: self.seed, model: self.model, ..ScenarioArgs::default() };
         let experiment = load::experiment(&args)?;
-        let renderer = look::open(&self.look, &experiment, look::Quality::Low)?;
+        let renderer = look::open(&self.look, &experiment, (look::Quality::Low, look::Pictures::Many))?;
         let mut run = Run::new(experiment).map_err(Failure::bad_input)?;
         while run.snapshot().time_s < self.from {
             run.step();

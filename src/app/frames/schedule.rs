@@ -5,7 +5,7 @@ use super::shots::Shot;
 use crate::scenario::Experiment;
 
 /// The ticks at which the shots of a run are due.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Schedule {
     from_s: f64,
     physics_hz: f64,
@@ -29,6 +29,16 @@ impl Schedule {
     /// The tick nearest to the time at which a shot is due for the `count`-th time.
     fn tick(&self, every_s: f64, count: u64) -> u64 {
         ((self.from_s + count as f64 * every_s) * self.physics_hz).round() as u64
+    }
+
+    /// Whether there are so many pictures at least.
+    pub(super) fn has(mut self, shots: &[Shot], count: usize) -> bool {
+        let mut found = 0;
+        while found < count {
+            let Some((_, due)) = self.next(shots) else { return false };
+            found += due.len();
+        }
+        true
     }
 
     /// The next tick at which something is due, with the places of what is; `None` at the end of the run.

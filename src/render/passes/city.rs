@@ -5,7 +5,7 @@ use super::{Attachments, PictureState, picture_pipeline, sampler_entry, texture_
 use crate::render::settings::Quality;
 use crate::render::shader::Shader;
 use crate::render::standing::{SeenCells, Standing};
-use crate::render::textures;
+use crate::render::textures::Paintings;
 
 pub(in crate::render) mod gpu_data {
     use bytemuck::{Pod, Zeroable};
@@ -62,6 +62,7 @@ impl CityPass {
         quality: &Quality,
         (fixed, constants): (&Frame, &[(&str, f64)]),
         groups: [&wgpu::BindGroupLayout; 2],
+        paintings: &Paintings,
     ) -> Self {
         let device = &context.device;
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -75,7 +76,7 @@ impl CityPass {
                 sampler_entry(1, wgpu::SamplerBindingType::Filtering),
             ],
         });
-        let view = textures::surfaces(context, attachments);
+        let view = paintings.surfaces(context, attachments);
         // Mesa's software adapter walks an ellipse of texels for anisotropy and does not come back
         // where derivatives are degenerate (seen with 22.3).
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {

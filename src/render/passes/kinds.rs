@@ -5,8 +5,8 @@ use crate::camera::View as CameraView;
 use crate::city::scene::Class;
 use crate::render::fleet::Fleet;
 use crate::render::grid::Tile;
-use crate::render::stage::Seen;
 use crate::render::shader::Shader;
+use crate::render::stage::Seen;
 use crate::render::standing::Standing;
 
 /// Metres along the optical axis; [`NOTHING`] where nothing is seen.

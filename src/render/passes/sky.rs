@@ -4,7 +4,7 @@ use super::{Attachments, PictureState, picture_pipeline, sampler_entry, texture_
 use crate::render::Context;
 use crate::render::daylight::Light;
 use crate::render::shader::Shader;
-use crate::render::textures;
+use crate::render::textures::{self, Paintings};
 use wgpu::util::DeviceExt;
 
 pub(in crate::render) mod gpu_data {
@@ -51,7 +51,7 @@ impl SkyPass {
     pub(in crate::render) fn new(
         context: &Context,
         attachments: Attachments,
-        light: &Light,
+        (light, paintings): (&Light, &Paintings),
         groups: [&wgpu::BindGroupLayout; 2],
     ) -> Self {
         let device = &context.device;
@@ -66,7 +66,7 @@ impl SkyPass {
                 sampler_entry(1, wgpu::SamplerBindingType::Filtering),
             ],
         });
-        let view = textures::panorama(context, light, attachments.light_at_vertices);
+        let view = paintings.panorama(context);
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("sky"),
             address_mode_u: wgpu::AddressMode::Repeat,

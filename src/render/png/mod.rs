@@ -1,7 +1,11 @@
 //! PNG files.
 
+mod deflate;
+
 use super::{Image, RenderError};
 use ::png::EncodingError;
+use deflate::{Deflate, Sample};
+use std::cell::RefCell;
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
@@ -43,6 +47,11 @@ pub(super) fn write_rows(
     })
 }
 
+thread_local! {
+    /// Fresh memory costs as much as a tenth of the compression.
+    static MEMORY: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
+}
+
 /// Rows go through the filter "up" to the compressor some at a time, so that they stay in the processor's cache;
 /// the encoder of `png` would want them all at once.
 fn encode_rows(
@@ -51,31 +60,50 @@ fn encode_rows(
     mut fill: impl FnMut(usize, &mut [u8]),
 ) -> Result<(), EncodingError> {
     let bytes = width as usize * 3;
-    let data = Vec::with_capacity(width as usize * height as usize);
-    let mut compressor = fdeflate::Compressor::new(data)?;
     let (mut above, mut row) = (vec![0; bytes], vec![0; bytes]);
     let mut filtered = Vec::with_capacity(ROWS * (bytes + 1));
+    let mut sample = Sample::default();
+    for y in (height as usize / 2 % SAMPLED..height as usize).step_by(SAMPLED) {
+        above.fill(0);
+        if y > 0 {
+            fill(y - 1, &mut above);
+        }
+        fill(y, &mut row);
+        filter_up(&row, &above, &mut filtered);
+        sample.add(&filtered);
+        filtered.clear();
+    }
+    above.fill(0);
+    let mut data = Deflate::new(MEMORY.take(), sample);
     for y in 0..height as usize {
         fill(y, &mut row);
-        filtered.push(::png::Filter::Up as u8);
-        filtered.extend(row.iter().zip(&above).map(|(here, above)| here.wrapping_sub(*above)));
+        filter_up(&row, &above, &mut filtered);
         std::mem::swap(&mut row, &mut above);
         if y % ROWS == ROWS - 1 {
-            compressor.write_data(&filtered)?;
+            data.write(&filtered);
             filtered.clear();
         }
     }
-    compressor.write_data(&filtered)?;
-    let data = compressor.finish()?;
+    data.write(&filtered);
+    let (memory, count) = data.finish();
     let mut encoder = ::png::Encoder::new(to, width, height);
     encoder.set_color(::png::ColorType::Rgb);
     let mut writer = encoder.write_header()?;
-    writer.write_chunk(::png::chunk::IDAT, &data)?;
+    let written = writer.write_chunk(::png::chunk::IDAT, &memory[..count]);
+    MEMORY.set(memory);
+    written?;
     writer.finish()
 }
 
 /// How many rows go to the compressor at a time.
 const ROWS: usize = 16;
+/// One row of so many tells the compressor which bytes are frequent.
+const SAMPLED: usize = 32;
+
+fn filter_up(row: &[u8], above: &[u8], to: &mut Vec<u8>) {
+    to.push(::png::Filter::Up as u8);
+    to.extend(row.iter().zip(above).map(|(here, above)| here.wrapping_sub(*above)));
+}
 
 #[cfg(test)]
 mod tests {
