@@ -148,6 +148,10 @@ impl Renderer {
             self.at_work.push(self.turn);
             self.turn = (self.turn + 1) % self.stages.len();
         }
+        if parts.len() == self.stages.len() {
+            // Who has got the harder half gets the other one next.
+            self.turn = (self.turn + 1) % self.stages.len();
+        }
         self.triangles = triangles / (requests.len() as u64).max(1);
         Ok(Pending { parts })
     }
