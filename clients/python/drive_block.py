@@ -56,12 +56,16 @@ def plan(way, now):
 
 def main():
     key = open(sys.argv[2], "rb").read().strip() if len(sys.argv) > 2 else None
-    city = City(port=int(sys.argv[1]) if len(sys.argv) > 1 else 9870, key=key)
+    port = int(sys.argv[1]) if len(sys.argv) > 1 else 9870
+    try:
+        city = City(port=port, key=key)
+    except TimeoutError as error:
+        sys.exit(f"port {port}: {error}; start one with: city3d serve roundabout --headless")
     pieces = block()
     way = sum(piece[3] for piece in pieces)
     city.setup(1, "courier", START[0] - FRONT_AXLE, START[1], 0.0, speed=SPEED, algorithm="drive_block")
     city.subscribe(every_ticks=2)
-    began = False
+    began, said = False, None
     for poses in city.poses(wait=30.0):
         pose, now = poses.vehicles[1], poses.time
         points = []
@@ -72,7 +76,8 @@ def main():
         if not began:
             city.start()
             began = True
-        if poses.tick % 100 == 0 or pose.status in ("finished", "collided"):
+        if poses.tick % 100 == 0 or pose.status != said:
+            said = pose.status
             print(json.dumps({"t": now, "x": pose.x, "y": pose.y, "status": pose.status}), flush=True)
         if pose.status in ("finished", "collided") and now > way / SPEED + 3.0:
             break

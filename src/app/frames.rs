@@ -65,7 +65,7 @@ pub struct FramesArgs {
     /// Pictures per simulated second, instead of --every [default for a video: 30]
     #[arg(long, value_name = "HZ", value_parser = positive, conflicts_with = "every")]
     fps: Option<f64>,
-    /// Simulated time of the first pictures
+    /// Simulated time of the first pictures; --duration is that of the end
     #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
     from: f64,
     /// Angle between the upper and the lower edge of the pictures [default: the sensors', or 50]
