@@ -63,6 +63,19 @@ fn each_run_that_says_no_folder_has_a_new_one() {
 }
 
 #[test]
+fn a_folder_whose_run_is_written_over_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    for is_told in [false, true] {
+        let output = city3d(folder.path(), &["run", "straight", "--duration", "1", "--out", "mine"]);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(
+            (code(&output), said.contains("mine: the run that is there is written over")),
+            (0, is_told)
+        );
+    }
+}
+
+#[test]
 fn what_a_log_costs_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let output = city3d(folder.path(), &["bench", "log", "straight", "--duration", "2", "--pairs", "1"]);

@@ -71,6 +71,9 @@ impl Files {
         let recorder = match &folder {
             Some(folder) => {
                 create_folder(folder)?;
+                if folder.join("run.mcap").exists() {
+                    tracing::warn!("{}: the run that is there is written over", folder.display());
+                }
                 Some(Recorder::new(folder, experiment, origin, cadence).map_err(Failure::failed)?)
             }
             None => None,

@@ -33,12 +33,26 @@ pub fn act(ui: &Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Acti
                 _ => {}
             }
         } else if state.driving.as_mut().is_none_or(|driving| !driving.press(key)) {
+            if wants_selection(key, state, shown) {
+                state.say("Click a vehicle first, or press Page Down", ui.input(|input| input.time));
+            }
             press(key, state, shown, actions);
         }
     }
     if state.driving.is_none() {
         fly(ui, state, shown.replay.is_some());
     }
+}
+
+/// Whether a key would do something with a selected vehicle, and there is one to select.
+fn wants_selection(key: Key, state: &State, shown: &Shown<'_>) -> bool {
+    let is_of_vehicle = match key {
+        Key::P => true,
+        Key::F => state.viewpoint.follow.is_none(),
+        Key::Enter => state.driving.is_none() && shown.replay.is_none(),
+        _ => false,
+    };
+    is_of_vehicle && state.selection.vehicle.is_none() && !shown.moment.now.vehicles.is_empty()
 }
 
 /// Keys that went down since the last pass, and whether they only repeat.

@@ -31,6 +31,23 @@ fn without_vehicles_the_table_says_so_and_nothing_breaks() {
 }
 
 #[test]
+fn keys_for_the_selected_vehicle_say_that_there_is_none() {
+    for key in [egui::Key::F, egui::Key::P, egui::Key::Enter] {
+        let mut harness = with(2);
+        press(&mut harness, key);
+        let (said, _) = harness.state().state.notice.clone().expect("it is told");
+        assert_eq!(
+            (said.as_str(), &harness.state().actions[..]),
+            ("Click a vehicle first, or press Page Down", &[][..])
+        );
+        let mut harness = with(2);
+        press(&mut harness, egui::Key::PageDown);
+        press(&mut harness, key);
+        assert_eq!(harness.state().state.notice, None);
+    }
+}
+
+#[test]
 fn one_vehicle_is_listed_with_what_the_snapshot_says() {
     let mut desk = Desk::with(fleet(1));
     desk.change(|now| {

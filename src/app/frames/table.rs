@@ -100,6 +100,12 @@ impl Table {
     /// been done yet.
     pub(super) fn create(folder: &Path) -> Result<Self, Failure> {
         let path = folder.join("frames.csv");
+        if path.exists() {
+            let folder = folder.display();
+            tracing::warn!(
+                "{folder} has pictures already: those of the same names are written over, others stay, and frames.csv is of the new ones alone"
+            );
+        }
         let file = std::fs::create_dir_all(folder).and_then(|()| File::create(&path)).map_err(|error| {
             let folder = folder.display();
             Failure::bad_input(format!("{folder}: pictures cannot be written into this folder: {error}"))

@@ -75,7 +75,15 @@ pub fn take(subject: &Subject<'_>, file: &Path) -> Result<(), Failure> {
     let mut desk = subject.desk(&context, &super::Settings::default(), place)?;
     open_previews(&mut desk, &args.picture)?;
     match subject {
-        Subject::Scenario(_) => run_to(&mut desk, args.picture.at.unwrap_or(0.0)),
+        Subject::Scenario(_) => {
+            let (at_s, end_s) = (args.picture.at.unwrap_or(0.0), desk.experiment().duration_s);
+            if at_s > end_s {
+                return Err(Failure::bad_input(format!(
+                    "--at {at_s}: the run ends at {end_s} s; take an earlier time or a longer --duration"
+                )));
+            }
+            run_to(&mut desk, at_s);
+        }
         Subject::Log(log, _) => {
             go_to(&mut desk, &args.picture)?;
             wait_for_log(&mut desk);

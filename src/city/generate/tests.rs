@@ -248,6 +248,36 @@ fn buildings_stand_apart_and_nothing_grows_in_them() {
     }
 }
 
+/// Metres of the laboratory from the middle of a hedge to its side.
+const HALF_HEDGE: f64 = 0.018;
+
+#[test]
+fn what_people_sit_at_and_walk_along_stands_free() {
+    let map = map();
+    let gap = |a: &Scenery, b: &Scenery| {
+        let (a, b) = (outline(&a.shape), outline(&b.shape));
+        a.iter().flat_map(|a| b.iter().map(|b| a.distance(*b))).fold(f64::INFINITY, f64::min)
+    };
+    let seats = [of_kind(&map, SceneryKind::Bench), of_kind(&map, SceneryKind::PicnicTable)].concat();
+    for (k, seat) in seats.iter().enumerate() {
+        for other in &seats[k + 1..] {
+            // Half a metre of the city.
+            assert!(gap(seat, other) > 0.02, "{:?} and {:?}", seat.shape, other.shape);
+        }
+    }
+    for hedge in of_kind(&map, SceneryKind::Hedge) {
+        for lamp in of_kind(&map, SceneryKind::Lamp) {
+            assert!(gap(hedge, lamp) > HALF_HEDGE + 0.002, "{:?} in {:?}", lamp.shape, hedge.shape);
+        }
+        // A person can walk along the kerb.
+        let (least, lane, at) = nearest_lane(&map, &outline(&hedge.shape));
+        assert!(
+            least - HALF_HEDGE - network::LANE_WIDTH / 2.0 > 0.8 / 25.0,
+            "{at} is {least:.3} from {lane}"
+        );
+    }
+}
+
 #[test]
 fn the_city_is_lived_in() {
     let map = map();
