@@ -90,11 +90,15 @@ fn encode_rows(
     encoder.set_color(::png::ColorType::Rgb);
     let mut writer = encoder.write_header()?;
     let written = writer.write_chunk(::png::chunk::IDAT, &memory[..count]);
-    MEMORY.set(memory);
+    if memory.len() <= MOST_KEPT {
+        MEMORY.set(memory);
+    }
     written?;
     writer.finish()
 }
 
+/// Bytes of memory that a thread keeps for its next picture.
+const MOST_KEPT: usize = 8 << 20;
 /// How many rows go to the compressor at a time.
 const ROWS: usize = 16;
 /// One row of so many tells the compressor which bytes are frequent.
