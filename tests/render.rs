@@ -240,9 +240,14 @@ fn adapters_side_by_side_draw_what_one_draws() {
     let many = many.expect("the same adapter");
     if cfg!(target_os = "linux") && std::env::var_os("LP_NUM_THREADS").is_none() {
         let processors = std::thread::available_parallelism().unwrap().get();
-        assert_eq!(many.times_open(), processors.min(8));
-        // Nobody is kept to the processors that the adapters were told to count.
+        assert_eq!(many.times_open(), processors / processors.div_ceil(8));
+        // Nobody is kept to the processors that the adapters were told to count: neither this thread nor the first.
         assert_eq!(std::thread::available_parallelism().unwrap().get(), processors);
+        let allowed = |thread: &str| {
+            let status = std::fs::read_to_string(format!("/proc/{thread}/status")).unwrap();
+            status.lines().find(|line| line.starts_with("Cpus_allowed_list")).map(str::to_owned)
+        };
+        assert_eq!(allowed("self"), allowed("thread-self"));
     }
     let (mut one, mut side_by_side) =
         (renderer(&context, &light_plain(), 1), renderer(&many, &light_plain(), 1));
@@ -266,6 +271,8 @@ fn adapters_side_by_side_draw_what_one_draws() {
         assert!(alike(&expected.unwrap(), &found.unwrap()), "tick {tick}");
         assert_eq!(one.triangles(), side_by_side.triangles());
     }
+    assert_eq!([1, 50].map(|views| one.batches_ahead(views)), [2, 2]);
+    assert_eq!([1, 50].map(|views| side_by_side.batches_ahead(views)), [2 * many.times_open(), 2]);
     let requests = views
         .map(|view| Request { view, kinds: Kinds::RGB.with(PictureKind::Depth).with(PictureKind::Instance) });
     let expected = one.render_kinds(&cars(1), &requests).unwrap();

@@ -40,8 +40,6 @@ use y4m::FrameRate;
 
 /// Longest edge of a picture that can be asked for.
 const LARGEST_EDGE: u32 = 8192;
-/// Pictures of a video that are drawn ahead.
-const DRAWN_AHEAD: usize = 2;
 
 #[derive(Debug, Args)]
 pub struct FramesArgs {
@@ -228,7 +226,7 @@ impl Film<'_> {
                 let Some(view) = shot.view(snapshot).map_err(Failure::failed)? else { continue };
                 drawn.push_back(renderer.begin(snapshot, &[view]).map_err(failure)?);
             }
-            if next.is_some() && drawn.len() <= DRAWN_AHEAD {
+            if next.is_some() && drawn.len() <= renderer.batches_ahead(1) {
                 continue;
             }
             let Some(pending) = drawn.pop_front() else { break };

@@ -49,8 +49,6 @@ pub struct Context {
     pub adapter: wgpu::Adapter,
     /// The same adapter, opened again: see [`Context::for_many`].
     pub(super) peers: Arc<[Context]>,
-    /// Whether it shares the processors with others that draw beside it.
-    pub(super) is_one_of_many: bool,
 }
 
 /// Where a view is drawn to: a window's surface or a texture that is read back.
@@ -83,14 +81,9 @@ impl Context {
         let adapter = threads::with_few(|| pollster::block_on(find(&instance(), preference, None)))?;
         let mut first = pollster::block_on(Self::open(adapter))?;
         let count = if first.is_software { threads::adapters_at_once(before) } else { 1 };
-        if count > 1 {
-            let open = |_| Self::headless(preference);
-            let peers: Result<Vec<Self>, RenderError> = (1..count).into_par_iter().map(open).collect();
-            let mut peers = peers?;
-            first.is_one_of_many = true;
-            peers.iter_mut().for_each(|peer| peer.is_one_of_many = true);
-            first.peers = peers.into();
-        }
+        let open = |_| Self::headless(preference);
+        let peers: Result<Vec<Self>, RenderError> = (1..count).into_par_iter().map(open).collect();
+        first.peers = peers?.into();
         Ok(first)
     }
 
@@ -130,7 +123,7 @@ impl Context {
             info!(adapter = adapter_name, "drawing");
         }
         let peers = Arc::default();
-        Ok(Self { device, queue, adapter_name, is_software, adapter, peers, is_one_of_many: false })
+        Ok(Self { device, queue, adapter_name, is_software, adapter, peers })
     }
 }
 

@@ -35,8 +35,11 @@ impl Renderer {
     pub fn new(context: &Context, scene: &SceneDescription, settings: Settings) -> Result<Self, RenderError> {
         let opened: Vec<&Context> = std::iter::once(context).chain(&*context.peers).collect();
         let made = Made::new(scene, &settings);
-        let stages =
-            opened.into_par_iter().map(|context| Stage::new(context, (scene, &made), settings)).collect();
+        // Those that share the processors draw one view after the other into the same texture: they have nobody to wait
+        // for after a pass, and depths and colours stay in their caches.
+        let views_at_once = if opened.len() > 1 { 1 } else { usize::MAX };
+        let stage = |context: &Context| Stage::new(context, (scene, &made), settings, views_at_once);
+        let stages = opened.into_par_iter().map(stage).collect();
         let context = context.clone();
         Ok(Self { context, settings, stages, turn: 0, triangles: 0, at_work: Vec::new() })
     }
@@ -111,6 +114,12 @@ impl Renderer {
             Some(*end)
         });
         ends.take_while(|&end| end <= most).count().max(1).min(requests.len())
+    }
+
+    /// How many batches of so many views have to be on their way that every adapter has the next before it is done.
+    pub fn batches_ahead(&self, views: usize) -> usize {
+        let adapters = self.stages.len();
+        2 * adapters.div_ceil(views.clamp(1, adapters))
     }
 
     /// Submits the drawing of all views in colour and returns at once; [`Renderer::finish`] waits for

@@ -38,6 +38,8 @@ use std::sync::Arc;
 pub(super) struct Stage {
     context: Context,
     settings: Settings,
+    /// How many views of a batch are drawn in one pass.
+    views_at_once: usize,
     attachments: Attachments,
     frame: FrameGroup,
     light: LightGroup,
@@ -101,11 +103,12 @@ impl Made {
 }
 
 impl Stage {
-    /// Uploads a scene and builds the pipelines.
+    /// Uploads a scene and builds the pipelines. So many views of a batch are drawn in one pass at most.
     pub(super) fn new(
         context: &Context,
         (scene, made): (&SceneDescription, &Made),
         settings: Settings,
+        views_at_once: usize,
     ) -> Self {
         let device = &context.device;
         let quality = settings.quality;
@@ -141,6 +144,7 @@ impl Stage {
             clock: None,
             context: context.clone(),
             settings,
+            views_at_once,
             attachments,
             frame,
             light,
@@ -254,7 +258,7 @@ impl Stage {
         (places, seen): (&[Places], &[Seen]),
         buffer: &wgpu::Buffer,
     ) {
-        let room = (buffer, self.settings.batch_bytes, self.views_at_once());
+        let room = (buffer, self.settings.batch_bytes, self.views_at_once);
         let Some(drawing) = &mut self.kinds else { return };
         let tiles: Vec<KindsTile> = indices
             .iter()
@@ -303,12 +307,6 @@ impl Stage {
         encoder
     }
 
-    /// How many views of a batch are drawn in one pass. An adapter that has one processor draws one after the other into
-    /// the same texture: it has nobody to wait for after a pass, and depths and colours stay in its cache.
-    fn views_at_once(&self) -> usize {
-        if self.context.is_one_of_many { 1 } else { usize::MAX }
-    }
-
     fn new_atlas(&self, extent: [u32; 2], views: usize) -> Atlas {
         let bytes = self.settings.batch_bytes;
         Atlas::new(&self.context.device, (extent, views), self.attachments, self.develop.as_ref(), bytes)
@@ -316,7 +314,7 @@ impl Stage {
 
     /// Sees to an atlas for views of an extent.
     fn make_atlas(&mut self, extent: [u32; 2], views: usize) {
-        let views = views.min(self.views_at_once());
+        let views = views.min(self.views_at_once);
         if !self.atlases.get(&extent).is_some_and(|atlas| atlas.grid.suits(views)) {
             let atlas = self.new_atlas(extent, views);
             self.atlases.insert(extent, atlas);

@@ -8,8 +8,6 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::{Arc, mpsc};
 
-/// Batches that may be on the adapter at a time.
-const IN_FLIGHT: usize = 2;
 /// Bytes of pictures that may be on the adapter or wait for their encoder at a time; a larger batch is
 /// alone.
 const MOST_BYTES: u64 = 384 << 20;
@@ -91,7 +89,7 @@ impl<'a> PngStream<'a> {
             let pending = self.renderer.begin_kinds(snapshot, &requests[..count])?;
             self.bytes += bytes;
             self.in_flight.push_back((pending, orders));
-            if self.in_flight.len() > IN_FLIGHT {
+            if self.in_flight.len() > self.renderer.batches_ahead(count) {
                 self.deliver()?;
             }
             orders = rest;

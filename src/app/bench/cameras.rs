@@ -16,8 +16,6 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Batches on the adapter at a time where nothing is written.
-const IN_FLIGHT: usize = 2;
 /// Batches that are taken one by one to tell what the parts of the work cost.
 const ALONE: u32 = 5;
 
@@ -253,7 +251,7 @@ impl Film<'_> {
                 let (snapshot, views) = self.next()?;
                 for views in in_batches(renderer, &views) {
                     pending.push_back(renderer.begin(snapshot, &views).map_err(Failure::failed)?);
-                    if pending.len() > IN_FLIGHT
+                    if pending.len() > renderer.batches_ahead(views.len())
                         && let Some(batch) = pending.pop_front()
                     {
                         finish(renderer, batch)?;
