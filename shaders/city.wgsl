@@ -48,6 +48,7 @@ const PATCH: u32 = 21u;
 const MANHOLE: u32 = 22u;
 const LEAVES: u32 = 12u;
 const NEEDLES: u32 = 31u;
+const LETTERS: u32 = 28u;
 const CAR_PAINT: u32 = 33u;
 const LANTERN: u32 = 34u;
 const BOUTIQUE: u32 = 35u;
@@ -60,6 +61,9 @@ fn covered(at: vec2<f32>, across: f32) -> f32 {
     let w = max(across, 1e-4);
     return clamp((at.y - at.x) / w + 0.5, 0.0, 1.0) - clamp((-at.y - at.x) / w + 0.5, 0.0, 1.0);
 }
+
+// How bright boards with names burn at night, over their colour.
+const BOARD_BURNS: f32 = 0.55;
 
 // Walls of a building differ by where they face.
 fn salt_of(seed: u32, normal: vec3<f32>) -> u32 {
@@ -112,8 +116,10 @@ fn crown_fragment(in: Fragment) -> Leaves {
     // Towards the outline fewer leaves stand before what is behind: those that catch most light.
     let pixel = 2.0 * distance * abs(view.camera_from_clip[1][1]) / view.extent.y;
     let near = 1.0 - smoothstep(LEAVES_FADE.x, LEAVES_FADE.y, pixel);
-    let sprays = textureSample(surfaces, surface_sampler, in.uv * 0.27, LEAVES).g;
-    let least = 0.80 * near * (1.0 - smoothstep(0.0, 0.75, dot(normal, to_eye)));
+    let sprays = textureSample(surfaces, surface_sampler, in.uv * 0.20, LEAVES).g;
+    // Where little light comes to, other leaves are behind those of the outline.
+    let bare = smoothstep(0.50, 0.78, in.colour.a);
+    let least = 0.80 * near * bare * (1.0 - smoothstep(0.0, 0.65, dot(normal, to_eye)));
     let cover = clamp((0.35 * texel.g + 0.65 * sprays - least) * 12.0 + 0.5, 0.0, 1.0);
     let leaf = Physical(texel.rgb * in.colour.rgb, in.colour.a, texel.a, 0.0, 0.4);
     let seen = sampled(shade(leaf, in.world, normal, to_eye), vec3<f32>(0.0), from_eye);
@@ -158,7 +164,11 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     m.translucent = select(0.0, 0.4, layer == LEAVES || layer == NEEDLES);
     let from_eye = in.world - view.eye.xyz;
     let lit = shade(m, in.world, normal, -normalize(from_eye));
-    return sampled(lit, shining(in.layer, salt_of(in.seed, in.normal), in.uv, texel), from_eye);
+    var glow = shining(in.layer, salt_of(in.seed, in.normal), in.uv, texel);
+    if lamplit && layer == LETTERS {
+        glow = m.albedo * (BOARD_BURNS * frame.zenith.w);
+    }
+    return sampled(lit, glow, from_eye);
 }
 
 // Patterns come as square roots of what they reflect.
@@ -170,9 +180,12 @@ fn swift_pattern(uv: vec2<f32>, layer: u32) -> vec4<f32> {
 @vertex
 fn swift_vertex(in: VertexIn) -> Swift {
     let colour = vec4<f32>(linear_from_srgb(in.colour.rgb), in.colour.a);
-    var out = swift_light(Material(colour.rgb, 0.0, colour.a), in.position, in.normal.xyz, vec3<f32>(0.0));
+    let layer = in.material & 0xffu;
+    let burns = lamplit && layer == LETTERS;
+    let glow = select(vec3<f32>(0.0), colour.rgb * (BOARD_BURNS * frame.zenith.w), burns);
+    var out = swift_light(Material(colour.rgb, 0.0, colour.a), in.position, in.normal.xyz, glow);
     out.places = vec4<f32>(out.places.xy, in.uv);
-    out.layer = in.material & 0xffu;
+    out.layer = layer;
     if lamplit {
         out.layer |= salt_of((in.material >> 16u) & 0xffu, in.normal.xyz) << 8u;
     }

@@ -35,9 +35,13 @@ fn swift_light(m: Material, world: vec3<f32>, normal: vec3<f32>, glow: vec3<f32>
     if m.gloss > 0.0 {
         let grazing = 1.0 - clamp(dot(normal, to_eye), 0.0, 1.0);
         let squared = grazing * grazing;
-        let fresnel = m.gloss * (0.06 + 0.94 * squared * squared * grazing);
+        // Of a whole face, where a pixel has it on a narrow edge.
+        let fresnel = m.gloss * (0.06 + 0.5 * squared * squared * grazing);
         let mirrored = reflect(-to_eye, normal);
-        ambient = mix(ambient, sky_between(mirrored, HAZE.rgb, ZENITH.rgb, GROUND_LIGHT.rgb) * m.openness, fresnel);
+        // Over the roofs of the streets the sky, below it what stands and lies there.
+        let open = smoothstep(0.02, 0.36, mirrored.z);
+        let sky = sky_between(mirrored, HAZE.rgb, ZENITH.rgb, GROUND_LIGHT.rgb);
+        ambient = mix(ambient, mix(GROUND_LIGHT.rgb * 0.7, sky, open) * m.openness, fresnel);
         sunlight *= 1.0 - fresnel;
     }
     if lamplit {

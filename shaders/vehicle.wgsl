@@ -35,6 +35,9 @@ const INDICATOR_RIGHT: u32 = 6u;
 const REVERSE: u32 = 7u;
 const BRIGHT: u32 = 8u;
 
+// Of white: what the whitest lacquer does.
+const PAINT_REFLECTS: f32 = 0.80;
+
 // What a vertex looks like: its place, and its material with the light of lamps.
 struct Look {
     world: vec3<f32>,
@@ -57,7 +60,7 @@ fn look_of(in: VertexIn) -> Look {
     var gloss = 0.0;
     out.glow = vec3<f32>(0.0);
     switch part_of(in) {
-        case PAINT: { albedo *= in.paint.rgb; gloss = 0.5; }
+        case PAINT: { albedo *= in.paint.rgb * PAINT_REFLECTS; gloss = 0.5; }
         case GLASS: { gloss = 1.0; }
         case HEAD: { gloss = 0.9; out.glow = vec3<f32>(0.9, 0.88, 0.8) * (0.5 + 4.0 * frame.zenith.w); }
         case TAIL: { gloss = 0.6; out.glow = vec3<f32>(1.0, 0.02, 0.01) * (0.12 + 0.9 * frame.zenith.w + in.lamps.x * 4.5); }

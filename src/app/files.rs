@@ -65,7 +65,13 @@ impl Files {
         origin: Origin,
         args: LogArgs,
     ) -> Result<Self, Failure> {
-        let every = |hz: u32| u64::from((experiment.rates.physics_hz / hz).max(1));
+        let physics_hz = experiment.rates.physics_hz;
+        for (option, hz) in [("--log-hz", args.log_hz), ("--csv-hz", args.csv_hz)] {
+            if hz > physics_hz {
+                tracing::warn!("{option} {hz}: there are {physics_hz} instants a second, each is written");
+            }
+        }
+        let every = |hz: u32| u64::from((physics_hz / hz).max(1));
         let cadence =
             Cadence { log_ticks: every(args.log_hz), table_ticks: every(args.csv_hz), flush_ticks: every(1) };
         let recorder = match &folder {

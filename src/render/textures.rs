@@ -13,7 +13,7 @@ use super::passes::Attachments;
 use crate::city::scene::Surface;
 use rayon::prelude::*;
 
-pub(super) use sky::{stars, triangles as sky_triangles};
+pub(super) use sky::{disc, stars, triangles as sky_triangles};
 
 /// Texels along an edge of a surface's pattern.
 const SIZE: u32 = 256;

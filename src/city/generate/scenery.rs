@@ -43,6 +43,19 @@ fn rectangle([west, south, east, north]: [f64; 4]) -> Vec<DVec2> {
     [(west, south), (east, south), (east, north), (west, north)].map(DVec2::from).to_vec()
 }
 
+/// Before the middle of each side of a building whose name is to be read from the street.
+fn before_fronts([west, south, east, north]: [f64; 4]) -> [Vec<DVec2>; 4] {
+    const HALF: f64 = 0.10;
+    const DEEP: f64 = 0.15;
+    let (x, y) = ((west + east) / 2.0, (south + north) / 2.0);
+    [
+        rectangle([west - DEEP, y - HALF, west, y + HALF]),
+        rectangle([east, y - HALF, east + DEEP, y + HALF]),
+        rectangle([x - HALF, south - DEEP, x + HALF, south]),
+        rectangle([x - HALF, north, x + HALF, north + DEEP]),
+    ]
+}
+
 fn turned([x, y, heading_deg]: [f64; 3], size: [f64; 2]) -> Vec<DVec2> {
     let pose = Pose2::new(x, y, heading_deg.to_radians());
     [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
@@ -117,6 +130,9 @@ impl Site<'_> {
     fn buildings(&mut self) {
         for Plot(name, edges, height) in BUILDINGS {
             self.building(name, *edges, *height);
+            if !name.contains("house") && *name != "villa" {
+                self.taken.extend(before_fronts(*edges));
+            }
         }
         for (series, Row { name, first, size, step, count, heights }) in ROWS.iter().enumerate() {
             for k in 0..*count {

@@ -80,6 +80,34 @@ impl Field {
         field
     }
 
+    /// [`Self::distance_to`], negative inside the rings.
+    pub(super) fn signed_distance_to(&self, rings: &[Vec<DVec2>], reach: f64) -> Self {
+        let mut field = self.distance_to(rings, reach);
+        // Where rings cross the rows of the grid, from the left.
+        let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); self.rows];
+        for ring in rings {
+            for (k, &a) in ring.iter().enumerate() {
+                let b = ring[(k + 1) % ring.len()];
+                let [from, to] = [a.y.min(b.y), a.y.max(b.y)].map(|y| ((y - self.low.y) / self.step).ceil());
+                for row in from.max(0.0) as usize..(to.max(0.0) as usize).min(self.rows) {
+                    let y = self.low.y + row as f64 * self.step;
+                    crossings[row].push(a.x + (b.x - a.x) * (y - a.y) / (b.y - a.y));
+                }
+            }
+        }
+        for (row, mut xs) in crossings.into_iter().enumerate() {
+            xs.sort_unstable_by(f64::total_cmp);
+            for pair in xs.chunks_exact(2) {
+                let [from, to] =
+                    [pair[0], pair[1]].map(|x| ((x - self.low.x) / self.step).ceil().max(0.0) as usize);
+                let inside =
+                    row * self.columns + from.min(self.columns)..row * self.columns + to.min(self.columns);
+                field.values[inside].iter_mut().for_each(|value| *value = -*value);
+            }
+        }
+        field
+    }
+
     /// A new field out of the values of two.
     pub(super) fn with(&self, other: &Self, combine: impl Fn(f32, f32) -> f32) -> Self {
         let values = self.values.iter().zip(&other.values).map(|(&a, &b)| combine(a, b)).collect();
@@ -255,6 +283,14 @@ mod tests {
         let distance = field.distance_to(&[square], 3.0);
         assert!((distance.at(DVec2::new(5.0, 0.0)) - 1.0).abs() < 1e-5);
         assert!(distance.at(DVec2::new(7.0, 8.0)).is_infinite());
+        // A hole is outside again.
+        let square =
+            |half: f64| [(-half, -half), (half, -half), (half, half), (-half, half)].map(DVec2::from);
+        let signed = field.signed_distance_to(&[square(6.1).to_vec(), square(2.1).to_vec()], 1.5);
+        for (x, want) in [(0.9, 1.2), (2.6, -0.5), (5.6, -0.5), (6.6, 0.5), (-6.6, 0.5), (-2.6, -0.5)] {
+            let found = signed.at(DVec2::new(x, 0.3));
+            assert!((found - want).abs() < 1e-4, "{found} at {x}");
+        }
         assert!(distance.at(DVec2::new(90.0, 8.0)).is_infinite());
     }
 }

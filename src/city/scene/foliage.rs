@@ -47,11 +47,11 @@ pub(super) struct Crown {
 }
 
 /// Repeats of the pattern over a length of one.
-const REPEATS: f32 = 2.0;
+const REPEATS: f32 = 3.0;
 /// How much of a clump's size its lumps add and take.
 const ROUGH: f32 = 0.16;
 /// Tone of a hull, which has no gaps that are dark, and how much more clumps differ on it.
-const HULL_TONE: f32 = 0.94;
+const HULL_TONE: f32 = 1.02;
 const HULL_CONTRAST: f32 = 2.4;
 /// How far normals of a hull lean over at most, for each face around it: of few faces each is large.
 const HULL_LEAN: f32 = 0.22;

@@ -61,29 +61,94 @@ fn index_of(letter: char) -> Option<usize> {
     }
 }
 
-/// Width of a text for a height of its letters.
-pub(super) fn width_of(text: &str, height: f32) -> f32 {
-    text.chars().count() as f32 * 6.0 * height / 7.0
+/// Of a letter's five columns the first and the last that are set.
+fn columns_of(index: usize) -> [usize; 2] {
+    let set = GLYPHS[index].iter().fold(0, |set, row| set | row);
+    [set.leading_zeros() as usize - 3, 4 - set.trailing_zeros() as usize]
 }
 
-/// Writes a text with the middle of its line at `centre` on a board of a colour; `across` is where
-/// readers' right is, unit. Letters lie in the board's plane and need it behind them.
-pub(super) fn write(mesh: &mut Mesh, text: &str, centre: Vec3, across: Vec3, height: f32, board: Finish) {
+/// Half the gap between two letters goes to each, and this is a space: in columns.
+const SPACE: f32 = 4.0;
+
+/// How much room a letter takes, in columns.
+fn advance(letter: char) -> f32 {
+    index_of(letter).map(columns_of).map_or(SPACE, |[first, last]| (last - first) as f32 + 2.0)
+}
+
+/// Width of a text for a height of its letters.
+pub(super) fn width_of(text: &str, height: f32) -> f32 {
+    text.chars().map(advance).sum::<f32>() * height / 7.0
+}
+
+/// Half the height of a board for letters of a height.
+pub(super) fn half_board(height: f32) -> f32 {
+    4.5 * height / 7.0
+}
+
+/// The face of a board of a colour, with a text in its middle, at `centre`; `across` is where readers' right is,
+/// unit. Width of the board and height of the letters in metres.
+pub(super) fn write(
+    mesh: &mut Mesh,
+    text: &str,
+    centre: Vec3,
+    across: Vec3,
+    [width, height]: [f32; 2],
+    board: Finish,
+) {
     let finish = Finish { surface: Surface::Letters, ..board };
     let unit = height / 7.0;
-    let start = centre - across * (width_of(text, height) / 2.0) - Vec3::Z * (4.5 * unit);
-    for (k, letter) in text.chars().enumerate() {
-        let Some(index) = index_of(letter) else { continue };
-        let corner = start + across * (k as f32 * 6.0 * unit);
-        let (right, up) = (across * (6.0 * unit), Vec3::Z * (9.0 * unit));
-        let cell = Vec2::new((index % CELLS[0]) as f32, (index / CELLS[0]) as f32);
-        let size = Vec2::new(CELLS[0] as f32, CELLS[1] as f32);
-        // A little inside the cell, so that neighbours do not bleed in.
-        let uv = |x: f32, y: f32| (cell + Vec2::new(0.03 + 0.94 * x, 0.03 + 0.94 * y)) / size;
-        mesh.face(
-            &[corner, corner + right, corner + right + up, corner + up],
-            &[uv(0.0, 0.0), uv(1.0, 0.0), uv(1.0, 1.0), uv(0.0, 1.0)],
-            finish,
-        );
+    let cells = Vec2::new(CELLS[0] as f32, CELLS[1] as f32);
+    // All of it from cells, empty ones as well, so that light goes evenly from one end to the other.
+    let empty = Vec2::new(GLYPHS.len() as f32 % cells.x, (GLYPHS.len() / CELLS[0]) as f32) + 0.5;
+    let mut face = |from: f32, to: f32, cell: Option<usize>| {
+        let at = |x: f32, up: f32| centre + across * x + Vec3::Z * (up * half_board(height));
+        let uvs = match cell {
+            None => [empty / cells; 4],
+            Some(index) => {
+                let [first, last] = columns_of(index).map(|column| column as f32);
+                let corner = Vec2::new((index % CELLS[0]) as f32, (index / CELLS[0]) as f32);
+                // A little inside the cell, so that neighbours do not bleed in.
+                let uv =
+                    |x: f32, y: f32| (corner + Vec2::new(x / 6.0, y).map(|part| 0.03 + 0.94 * part)) / cells;
+                [uv(first, 0.0), uv(last + 2.0, 0.0), uv(last + 2.0, 1.0), uv(first, 1.0)]
+            }
+        };
+        mesh.face(&[at(from, -1.0), at(to, -1.0), at(to, 1.0), at(from, 1.0)], &uvs, finish);
+    };
+    let mut x = -width_of(text, height) / 2.0;
+    face(-width / 2.0, x, None);
+    for letter in text.chars() {
+        let next = x + advance(letter) * unit;
+        face(x, next, index_of(letter));
+        x = next;
+    }
+    face(x, width / 2.0, None);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn letters_take_the_room_they_need() {
+        assert_eq!([columns_of(0), columns_of(8), columns_of(27)], [[0, 4], [1, 3], [1, 3]]);
+        assert!((width_of("OIO", 7.0) - 16.0).abs() < 1e-6 && (width_of("O O", 7.0) - 16.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_board_is_covered_from_end_to_end() {
+        let mut mesh = Mesh::default();
+        let board = Finish::new(Surface::Plain, [200; 3], super::super::Class::Wall);
+        write(&mut mesh, "NO 7", Vec3::ZERO, Vec3::X, [3.0, 0.4], board);
+        let area: f32 = mesh
+            .indices
+            .chunks_exact(3)
+            .map(|t| [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize].position))
+            .map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0)
+            .sum();
+        assert!((area - 3.0 * 2.0 * half_board(0.4)).abs() < 1e-5, "{area}");
+        // The empty cells have no letter.
+        let empty = mesh.vertices[0].uv;
+        assert!(glyph_cell(empty.to_array()).is_none(), "{empty}");
     }
 }

@@ -6,7 +6,7 @@ use super::field::simplified;
 use super::lanes::LaneBoxes;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::simplify_line;
-use super::roads::{RoadField, band_with};
+use super::roads::{RoadField, band_along};
 use crate::city::{CityMap, ControlLineKind, Lane, LaneKind};
 use crate::geom::{Pose2, wrap_angle};
 use glam::{DVec2, Vec2};
@@ -137,7 +137,7 @@ fn paint_edges(mesh: &mut Mesh, rings: &[Vec<DVec2>], within: f64) {
     for ring in simplified(rings, within.max(0.012)) {
         if super::polygon::doubled_area(&ring).abs() > 30.0 {
             let edges = [Vec2::new(inner, PAINT_M), Vec2::new(outer, PAINT_M)];
-            band_with(mesh, &ring, edges, line_of(WHITE), |_, edge| Vec2::new(edge.x, half));
+            band_along(mesh, &ring, |_| edges, line_of(WHITE), |_, edge| Vec2::new(edge.x, half));
         }
     }
 }
@@ -207,6 +207,15 @@ enum Turn {
 }
 
 /// Arrows before a junction, where the lanes that go on turn off.
+/// From the end of a lane to the foot of its arrow.
+const ARROW_M: f64 = 8.5;
+
+/// What of a lane is kept free for its arrow, from its start.
+pub(super) fn arrow_room(lane: &Lane) -> [f64; 2] {
+    let foot = lane.curve.length() - ARROW_M;
+    [foot, foot + 4.2]
+}
+
 fn arrows(mesh: &mut Mesh, map: &CityMap, lane: &Lane) {
     let length = lane.curve.length();
     let turns: BTreeSet<Turn> = lane
@@ -229,7 +238,7 @@ fn arrows(mesh: &mut Mesh, map: &CityMap, lane: &Lane) {
     if length < 16.0 || !turning || lane.curve.at(length - 8.0).curvature.abs() > 1e-3 {
         return;
     }
-    let foot = lane.curve.at(length - 8.5).pose;
+    let foot = lane.curve.at(length - ARROW_M).pose;
     let at = |ahead: f64, left: f64| foot.point_at(ahead, left);
     let tip_m = if turns.contains(&Turn::Straight) { 3.0 } else { 1.9 };
     polygon(mesh, &[at(0.0, -0.09), at(tip_m, -0.09), at(tip_m, 0.09), at(0.0, 0.09)], WHITE);

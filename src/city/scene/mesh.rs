@@ -54,7 +54,7 @@ pub enum Surface {
     Letters,
     /// Faces of road signs, in cells: see `signs`.
     Signs,
-    /// Small stones laid in arcs.
+    /// Small stones laid in rows.
     Setts,
     /// Needles of conifers.
     Needles,
@@ -410,7 +410,12 @@ impl Mesh {
 
     /// How far the outlines of two meshes lie apart at most, along the directions of [`reach`].
     pub fn outline_apart(&self, other: &Self) -> f32 {
-        self.reach().iter().zip(&other.reach()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+        self.outline_from(&other.reach())
+    }
+
+    /// [`Self::outline_apart`] from a mesh that reaches so far.
+    pub fn outline_from(&self, other: &[f32; 34]) -> f32 {
+        self.reach().iter().zip(other).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
     }
 
     /// See [`reach`].

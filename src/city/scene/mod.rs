@@ -3,12 +3,14 @@
 #![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
 
 mod buildings;
+mod car_parks;
 mod centre_lines;
 mod class;
 mod field;
 mod foliage;
 mod furniture;
 mod grounds;
+mod kerbs;
 mod lanes;
 mod lettering;
 mod markings;
@@ -21,6 +23,7 @@ mod props;
 mod roads;
 mod signs;
 mod special;
+mod taut;
 mod trees;
 mod wear;
 mod woods;
@@ -33,7 +36,7 @@ use super::{CityMap, Scenery, SceneryKind, Shape};
 use crate::geom::scatter;
 use crate::model::Model;
 use furniture::Piece;
-use glam::{Affine3A, Mat3, Vec2, Vec3};
+use glam::{Affine3A, DVec2, Mat3, Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -147,8 +150,9 @@ impl Object {
         // Turned, outlines are measured along other directions.
         let mut least_m = 0.0;
         if let [finest, coarser @ ..] = &mut levels[..] {
+            let reach = finest.mesh.reach();
             for level in coarser {
-                level.error_m = level.error_m.max(finest.mesh.outline_apart(&level.mesh)).max(least_m);
+                level.error_m = level.error_m.max(level.mesh.outline_from(&reach)).max(least_m);
                 least_m = level.error_m + 1e-3;
             }
         }
@@ -191,6 +195,8 @@ impl SceneDescription {
                 is_other && grounds::covers(&piece.shape, at.as_dvec2())
             })
         };
+        let outlines = roads::Outlines::new(&field, wear::covered(map));
+        let beside_roads = |ring: &[DVec2]| outlines.beside_roads(&field, ring);
         let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());
         let mut lamps = Vec::new();
         // Paved ways have no name.
@@ -223,11 +229,11 @@ impl SceneDescription {
                 SceneryKind::PicnicTable => props::picnic_table(&place, &furniture),
                 SceneryKind::Playground => one(&|mesh| props::playground(mesh, &place)),
                 SceneryKind::Water => {
-                    grounds::ground(&mut lying, &place, &drives);
+                    grounds::ground(&mut lying, &place, &drives, beside_roads);
                     one(&|mesh| grounds::pond_life(mesh, &place))
                 }
                 SceneryKind::Grass | SceneryKind::Bed | SceneryKind::Paving | SceneryKind::Parking => {
-                    grounds::ground(&mut lying, &place, &drives);
+                    grounds::ground(&mut lying, &place, &drives, beside_roads);
                     continue;
                 }
             });
@@ -245,13 +251,12 @@ impl SceneDescription {
         objects.extend(woods::woods([low, high]));
         walls.extend(woods::walls([low, high]));
         objects.extend(models::place(map, models));
-        objects.extend(parked::cars(map));
+        objects.extend(parked::cars(map, &drives));
         objects.retain(|object: &Object| !object.is_empty());
         for object in &mut objects {
             object.add_coarser_levels();
         }
-        let outlines = roads::Outlines::new(&field, wear::covered(map));
-        let roads = roads::LEVELS.map(|error_m| Level { mesh: outlines.ground(error_m), error_m });
+        let roads = roads::LEVELS.map(|error_m| Level { mesh: outlines.ground(error_m, &drives), error_m });
         let mut ground = vec![Object { levels: roads.to_vec() }];
         let paint = markings::Paint::new(map, &field, &lanes);
         let painted = markings::LEVELS.map(|error_m| Level { mesh: paint.mesh(error_m), error_m });

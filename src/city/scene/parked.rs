@@ -1,6 +1,6 @@
 //! Cars that stand in the bays of car parks.
 
-use super::grounds::{Bay, bays_of};
+use super::car_parks::{Bay, CAR_PARK_M, bays_of};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::{Level, Object};
 use crate::city::{CityMap, SceneryKind, Shape};
@@ -9,8 +9,6 @@ use glam::{Affine3A, Mat3, Vec3};
 
 /// How many of a hundred bays are taken.
 const TAKEN: f32 = 0.52;
-/// Height of a car park's asphalt.
-const GROUND_M: f32 = 0.165;
 /// Bays are narrower than the lanes of the testbed's wide cars: what stands in them is of usual size.
 const SIZE: Measures =
     Measures { length: 4.35, width: 2.06, height: 1.46, wheelbase: 2.6, wheel_radius: 0.32 };
@@ -79,8 +77,8 @@ fn car_object(shape: &car::Shape) -> Object {
     object
 }
 
-/// Parks cars in some bays.
-pub(super) fn cars(map: &CityMap) -> Vec<Object> {
+/// Parks cars in some bays of car parks with these drives.
+pub(super) fn cars(map: &CityMap, drives: &[&Shape]) -> Vec<Object> {
     let mut parked = Vec::new();
     let bodies = [car::HATCHBACK, car::SEDAN, car::SUV, car::VAN].map(|shape| car_object(&shape));
     /// Which of them stand about, by how usual they are.
@@ -88,9 +86,8 @@ pub(super) fn cars(map: &CityMap) -> Vec<Object> {
     let parks = map.scenery.iter().enumerate().filter(|(_, piece)| piece.kind == SceneryKind::Parking);
     for (index, piece) in parks {
         let Shape::Polygon(ring) = &piece.shape else { continue };
-        for (number, Bay { mouth, into }) in
-            bays_of(&super::polygon::counter_clockwise(ring)).into_iter().enumerate()
-        {
+        let bays = bays_of(&super::polygon::counter_clockwise(ring), drives);
+        for (number, Bay { middle, ahead }) in bays.into_iter().enumerate() {
             let dice = |salt: u32| super::dice(index as u32 * 131 + number as u32, salt);
             // The first is for wheelchairs.
             if number == 0 || dice(1) > TAKEN {
@@ -99,12 +96,11 @@ pub(super) fn cars(map: &CityMap) -> Vec<Object> {
             let body = &bodies[USUAL[(dice(2) * USUAL.len() as f32) as usize % USUAL.len()]];
             let colour = COLOURS[(dice(3) * COLOURS.len() as f32) as usize % COLOURS.len()];
             // Some have backed in.
-            let ahead = into.as_vec2() * if dice(4) < 0.3 { -1.0 } else { 1.0 };
-            let middle = mouth.as_vec2()
-                + into.as_vec2() * (SIZE.length / 2.0 + 0.25 + 0.3 * dice(5))
-                + into.as_vec2().perp() * (0.24 * (dice(6) - 0.5));
+            let (middle, into) = (middle.as_vec2(), ahead.as_vec2());
+            let ahead = into * if dice(4) < 0.3 { -1.0 } else { 1.0 };
+            let middle = middle + into * (0.3 * dice(5) - 0.3) + into.perp() * (0.24 * (dice(6) - 0.5));
             let turn = Mat3::from_cols(ahead.extend(0.0), ahead.perp().extend(0.0), Vec3::Z);
-            let place = Affine3A::from_mat3_translation(turn, middle.extend(GROUND_M));
+            let place = Affine3A::from_mat3_translation(turn, middle.extend(CAR_PARK_M));
             parked.push(body.placed(place, |finish| match finish.surface {
                 Surface::CarPaint => Finish { colour, ..finish },
                 _ => finish,

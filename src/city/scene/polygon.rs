@@ -31,6 +31,17 @@ pub fn counter_clockwise(ring: &[DVec2]) -> Vec<DVec2> {
     ring
 }
 
+/// Outwards at a corner of a counter-clockwise ring, longer there so that a band of even width keeps it.
+pub(super) fn mitre(ring: &[DVec2], corner: usize) -> DVec2 {
+    let count = ring.len();
+    let at = |k: usize| ring[k % count];
+    let along = |from: DVec2, to: DVec2| (to - from).try_normalize().unwrap_or(DVec2::X);
+    let before = along(at(corner + count - 1), at(corner));
+    let after = along(at(corner), at(corner + 1));
+    let mean = (before + after).try_normalize().unwrap_or(before);
+    -mean.perp() / mean.dot(before).max(0.4)
+}
+
 /// Drops points that lie within `tolerance` of the line through those kept (Douglas, Peucker 1973).
 pub fn simplify_ring(ring: &[DVec2], tolerance: f64) -> Vec<DVec2> {
     if ring.len() < 5 {

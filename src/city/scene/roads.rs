@@ -1,10 +1,12 @@
-//! Ground: asphalt from the union of all lanes, kerbs and pavements along its outline, grass beyond.
+//! Ground: asphalt from the union of all lanes, pavements along its outline, grass beyond.
 
 use super::CELL_M;
 use super::field::{Field, regions_of, simplified};
+use super::kerbs::{self, Kerb};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
-use super::polygon::{Region, without};
-use crate::city::{CityMap, Lane, LaneId};
+use super::polygon::{Region, mitre, without};
+use super::taut::taut;
+use crate::city::{CityMap, Lane, LaneId, SceneryKind, Shape};
 use crate::geom::Segment;
 use glam::{DVec2, Vec2, Vec3};
 
@@ -24,6 +26,8 @@ const MARGIN_M: f64 = 14.0;
 const PLAIN_LINES_M: [f32; 5] = [50.0, 120.0, 240.0, 480.0, 1400.0];
 /// How far ahead of a bend its widening begins.
 const TAPER_M: f64 = 5.0;
+/// The ends of lanes keep so far from what stands beside them, where there is a choice.
+const KEPT_M: f64 = 1.2;
 /// Holes in the asphalt that are smaller are no islands.
 const LEAST_ISLAND_M2: f64 = 2.5;
 
@@ -33,7 +37,6 @@ pub(super) const GRASS_M: f32 = 0.10;
 
 pub(super) const ASPHALT: Finish = Finish::new(Surface::Asphalt, [110, 110, 112], Class::Road);
 pub(super) const GRASS: Finish = Finish::new(Surface::Grass, [104, 118, 74], Class::Grass);
-const KERB: Finish = Finish::new(Surface::Concrete, [186, 184, 178], Class::Pavement);
 pub(super) const PAVEMENT: Finish = Finish::new(Surface::Slabs, [172, 166, 156], Class::Pavement);
 
 /// The road surface as a field: signed distance to the edge of the outermost lanes, negative on the
@@ -147,10 +150,31 @@ impl RoadField {
         let back = raw.distance_to(&out, reach);
         let fillet = FILLET_M as f32;
         let deepest = reach as f32;
-        let distance = raw
+        let rounded = raw
             .with(&back, |raw, back| if raw >= fillet { raw } else { raw.min(fillet - back.min(deepest)) });
+        // Then pulled taut, where nothing stands in the way.
+        let standing = raw.distance_to(&standing(map), 2.0 * KEPT_M);
+        let outline = taut(&rounded.rings(0.0), &raw, |at| f64::from(standing.at(at)) < KEPT_M);
+        let pulled = rounded.signed_distance_to(&outline, f64::from(fillet));
+        let distance = rounded.with(&pulled, |was, now| if now.is_finite() { now } else { was });
         Self { distance }
     }
+}
+
+/// What kerbs keep clear of, as rings: the feet of trees and lamps, and what has edges.
+fn standing(map: &CityMap) -> Vec<Vec<DVec2>> {
+    let pieces = map
+        .scenery
+        .iter()
+        .filter(|piece| !matches!(piece.kind, SceneryKind::Grass | SceneryKind::Paving | SceneryKind::Water));
+    pieces
+        .map(|piece| match &piece.shape {
+            Shape::Circle { centre, .. } => vec![*centre],
+            Shape::Polygon(ring) => ring.clone(),
+            // There and back.
+            Shape::Polyline(line) => line.iter().chain(line.iter().rev()).copied().collect(),
+        })
+        .collect()
 }
 
 /// The box around a segment of a curve and a margin.
@@ -176,42 +200,31 @@ pub(super) fn level(mesh: &mut Mesh, region: &Region, z: f32, finish: Finish, me
 /// A band beside a closed ring: from `from` metres to its right to `to`, at two heights. Rings of a
 /// region have the region to their left, so that right is outside.
 pub(super) fn band(mesh: &mut Mesh, ring: &[DVec2], edges: [Vec2; 2], finish: Finish) {
-    band_with(mesh, ring, edges, finish, |along, edge| Vec2::new(along, edge.x + edge.y) / 2.0);
+    band_along(mesh, ring, |_| edges, finish, |along, edge| Vec2::new(along, edge.x + edge.y) / 2.0);
 }
 
-/// [`band`], with texture coordinates from the way along it and the edge.
-pub(super) fn band_with(
+/// [`band`], with edges of their own at each corner, and texture coordinates from the way along it and the
+/// edge.
+pub(super) fn band_along(
     mesh: &mut Mesh,
     ring: &[DVec2],
-    [from, to]: [Vec2; 2],
+    edges: impl Fn(usize) -> [Vec2; 2],
     finish: Finish,
     uv: impl Fn(f32, Vec2) -> Vec2,
 ) {
     let count = ring.len();
-    let outward = |k: usize| {
-        let (before, at, after) = (ring[(k + count - 1) % count], ring[k], ring[(k + 1) % count]);
-        let (a, b) = (
-            (at - before).try_normalize().unwrap_or(DVec2::X),
-            (after - at).try_normalize().unwrap_or(DVec2::X),
-        );
-        let mean = (a + b).try_normalize().unwrap_or(a);
-        // Longer in corners, so that the band keeps its width along both edges.
-        -mean.perp() / mean.dot(a).max(0.4)
-    };
-    let facing = (to - from).perp();
     let mut along = 0.0;
-    let row = |mesh: &mut Mesh, k: usize, along: f32| {
-        let out = outward(k % count).as_vec2();
+    let base = mesh.vertices.len() as u32;
+    for k in 0..=count {
+        let [from, to] = edges(k % count);
+        let facing = (to - from).perp();
+        let out = mitre(ring, k).as_vec2();
         let at = ring[k % count].as_vec2();
         let normal = (out.normalize_or(Vec2::X) * facing.x).extend(facing.y).normalize_or(Vec3::Z);
         for edge in [from, to] {
             let position = (at + out * edge.x).extend(edge.y);
             mesh.vertex(Vertex { position, normal, uv: uv(along, edge), finish, openness: 255 });
         }
-    };
-    let base = mesh.vertices.len() as u32;
-    for k in 0..=count {
-        row(mesh, k, along);
         along += ring[k % count].distance(ring[(k + 1) % count]) as f32;
     }
     for k in 0..count as u32 {
@@ -232,6 +245,8 @@ pub(super) struct Outlines {
     /// Where no asphalt is needed, except where it is seen from afar: something lies on it there.
     covered: Vec<Region>,
     kerbs: Vec<Vec<DVec2>>,
+    /// Up to the backs of the kerbs.
+    paved: Vec<Region>,
     pavement: Vec<Vec<DVec2>>,
     grass: Vec<Vec<DVec2>>,
 }
@@ -257,17 +272,33 @@ impl Outlines {
         let grass = road.with(&off, |road, off| {
             if road < SHOULDER_M { PAVEMENT_M } else { PAVEMENT_M - UNDER_M - off.min(PAVEMENT_M + 4.0) }
         });
+        let paved = simplified(&road.rings(SHOULDER_M + kerbs::WIDTH_M as f32), 2.0 * KERBS_WITHIN_M);
         Self {
             asphalt: road.rings(SHOULDER_M + UNDER_M),
             covered,
+            paved: regions_of(paved, LEAST_ISLAND_M2),
             kerbs,
             pavement: pavement.rings(0.0),
             grass: grass.rings(0.0),
         }
     }
 
-    /// Asphalt, kerbs, pavements and grass.
-    pub(super) fn ground(&self, error_m: f32) -> Mesh {
+    /// What of the plan within a ring lies behind the kerbs.
+    pub(super) fn beside_roads(&self, field: &RoadField, ring: &[DVec2]) -> Vec<Region> {
+        /// Between the places on the ring where the road is looked for.
+        const LOOK_M: f64 = 1.0;
+        let is_near = (0..ring.len()).any(|k| {
+            let (from, to) = (ring[k], ring[(k + 1) % ring.len()]);
+            let count = (from.distance(to) / LOOK_M).ceil().max(1.0);
+            (0..count as usize)
+                .any(|n| f64::from(field.distance.at(from.lerp(to, n as f64 / count))) < LOOK_M)
+        });
+        let whole = [Region::simple(ring)];
+        if is_near { without(&whole, &self.paved) } else { whole.to_vec() }
+    }
+
+    /// Asphalt, kerbs that are lowered before drives, pavements and grass.
+    pub(super) fn ground(&self, error_m: f32, drives: &[&Shape]) -> Mesh {
         let within = |finest: f64| finest.max(f64::from(error_m));
         let regions =
             |rings: &[Vec<DVec2>], finest: f64, least| regions_of(simplified(rings, within(finest)), least);
@@ -279,12 +310,14 @@ impl Outlines {
         for region in asphalt {
             level(&mut mesh, &region, 0.0, ASPHALT, 5.0);
         }
-        for ring in rings_of(regions(&self.kerbs, KERBS_WITHIN_M, LEAST_ISLAND_M2)) {
-            let top = KERB_M + 0.006;
-            band(&mut mesh, &ring, [Vec2::ZERO, Vec2::new(0.02, top)], KERB.shaded(0.86));
-            band(&mut mesh, &ring, [Vec2::new(0.02, top), Vec2::new(0.20, top)], KERB);
+        let drives = if error_m < kerbs::EVEN_FROM_M { drives } else { &[] };
+        let rings = rings_of(regions(&self.kerbs, KERBS_WITHIN_M, LEAST_ISLAND_M2));
+        let kerbs: Vec<Kerb> = rings.iter().map(|ring| Kerb::new(ring, drives)).collect();
+        for kerb in &kerbs {
+            kerb.draw(&mut mesh);
         }
-        for region in regions(&self.pavement, 0.02, 0.2) {
+        let aprons: Vec<Region> = kerbs.iter().flat_map(Kerb::aprons).collect();
+        for region in without(&regions(&self.pavement, 0.02, 0.2), &aprons) {
             level(&mut mesh, &region, KERB_M, PAVEMENT, 2.4);
         }
         for region in regions(&self.grass, 0.03, 0.5) {

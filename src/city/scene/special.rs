@@ -127,16 +127,7 @@ pub(super) fn price_board_at((at, along): (Vec2, Vec2)) -> Mesh {
         let face = |z: f32, out: f32| (at - along.perp() * (side * out)).extend(z);
         let board = class(Finish::new(Surface::Plain, [232, 206, 110], Class::Sign));
         for (z, text) in [(4.05, "FUEL"), (3.02, "1 79"), (2.48, "1 86"), (1.94, "1 58")] {
-            let half = (across * 0.68, Vec3::Z * 0.23);
-            let middle = face(z, 0.115);
-            let corners = [
-                middle - half.0 - half.1,
-                middle + half.0 - half.1,
-                middle + half.0 + half.1,
-                middle - half.0 + half.1,
-            ];
-            mesh.plate(&corners, board, 2.0);
-            lettering::write(&mut mesh, text, face(z, 0.125), across, 0.30, board);
+            lettering::write(&mut mesh, text, face(z, 0.115), across, [1.36, 0.34], board);
         }
     }
     mesh
@@ -145,6 +136,17 @@ pub(super) fn price_board_at((at, along): (Vec2, Vec2)) -> Mesh {
 /// Whether it is one of those that can be looked through: see [`pavilion`].
 pub(super) fn is_open(name: &str) -> bool {
     name.contains("canopy") || name.contains("bandstand")
+}
+
+/// Columns of a theatre: part of its height, and the lintel on them: how high it is, and how far before the wall.
+const PORTICO: f32 = 0.62;
+const LINTEL_M: f32 = 0.9;
+const PORTICO_OUT_M: f32 = 1.45;
+
+/// Where the board with the name is if there is a portico: height of its middle, and how far before the wall.
+pub(super) fn board_on_portico(name: &str, height: f32) -> Option<(f32, f32)> {
+    let z = 0.1 + PORTICO * height + LINTEL_M / 2.0;
+    name.contains("theatre").then_some((z, PORTICO_OUT_M + 0.06))
 }
 
 /// Towers, domes and spires on closed buildings.
@@ -174,11 +176,11 @@ pub(super) fn additions(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32)
         let out = -(ring[1] - ring[0]).normalize_or(Vec2::X).perp();
         for k in 0..5 {
             let at = ring[0].lerp(ring[1], 0.16 + 0.17 * k as f32) + out * 0.9;
-            mesh.frustum(at.extend(0.1), [0.34, 0.28], height * 0.62, 12, STONE);
+            mesh.frustum(at.extend(0.1), [0.34, 0.28], PORTICO * height, 12, STONE);
         }
-        let slab = (ring[0] + ring[1]) / 2.0 + out * 0.7;
-        let size = Vec3::new(0.8 * ring[0].distance(ring[1]), 1.5, 0.9);
-        mesh.block(slab.extend(0.1 + height * 0.62), size, yaw, STONE);
+        let slab = (ring[0] + ring[1]) / 2.0 + out * (PORTICO_OUT_M - 0.75);
+        let size = Vec3::new(0.8 * ring[0].distance(ring[1]), 1.5, LINTEL_M);
+        mesh.block(slab.extend(0.1 + PORTICO * height), size, yaw, STONE);
     }
 }
 

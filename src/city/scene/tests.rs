@@ -51,9 +51,11 @@ fn nothing_lies_on_a_lane_but_what_belongs_to_it() {
     }
 }
 
-/// To within a millimetre.
+/// To within a millimetre; slivers cover nothing.
 fn covers(t: &[Vec2; 3], p: Vec2) -> bool {
-    (0..3).all(|k| (t[(k + 1) % 3] - t[k]).normalize_or_zero().perp_dot(p - t[k]) >= -1e-3)
+    let doubled_area = (t[1] - t[0]).perp_dot(t[2] - t[0]);
+    doubled_area > 1e-5
+        && (0..3).all(|k| (t[(k + 1) % 3] - t[k]).normalize_or_zero().perp_dot(p - t[k]) >= -1e-3)
 }
 
 /// Also where tracks lie on the asphalt, which ends under them, and between lanes that run side by side.

@@ -23,6 +23,8 @@ pub(super) const PATCH_M: f32 = 0.0075;
 const COVER_M: f32 = 0.0085;
 /// What can be told apart of it.
 pub(super) const SEEN_M: f32 = 0.35;
+/// Half the longest patch.
+const REPAIR_M: f64 = 1.9;
 /// Length of one repeat of the lane's texture.
 const REPEAT_M: f64 = 11.0;
 /// Chords of bends leave them by no more than this.
@@ -75,6 +77,12 @@ pub(super) fn wear(map: &CityMap, lanes: &LaneBoxes<'_>) -> Mesh {
         let mut at = 4.0 + 22.0 * f64::from(spot(1));
         let mut count = 2;
         while at < length - 4.0 {
+            // Arrows are painted on what was not dug up.
+            let [from, to] = super::markings::arrow_room(lane);
+            if (from - REPAIR_M..to + REPAIR_M).contains(&at) {
+                at = to + REPAIR_M;
+                continue;
+            }
             let pose = lane.curve.at(at).pose;
             if spot(count) < 0.55 {
                 patch(&mut mesh, pose, [spot(count + 1), spot(count + 2), spot(count + 3)]);

@@ -9,6 +9,8 @@ const WOODS: Finish = Finish::new(Surface::Leaves, [66, 84, 56], Class::Vegetati
 /// Points around the city at which a row of trees bends.
 const POINTS: u32 = 72;
 const METRES_PER_REPEAT: f32 = 7.0;
+/// Seen from above, leaves of the pattern pass for crowns.
+const TOPS_PER_REPEAT_M: f32 = 31.0;
 /// How far rows wander in and out in all.
 const WANDER_M: f32 = 9.0;
 
@@ -169,14 +171,20 @@ fn tops(mesh: &mut Mesh, city: [Vec2; 2], number: u32, k: u32) {
         }
         lines
     };
+    // They stand in the light, the sides of crowns in the shade of others.
+    let tone =
+        |k: u32, step: usize| row.tone * (1.2 + 0.4 * super::dice(k % POINTS, 61 + 4 * number + step as u32));
     let (here, there) = (lines(k), lines(k + 1));
     for step in 0..here.len() - 1 {
-        let corners = [here[step], here[step + 1], there[step + 1], there[step]];
-        let positions = corners.map(|(at, _)| at);
-        let uvs = positions.map(|at| (at.truncate() + Vec2::splat(at.z)) / METRES_PER_REPEAT);
-        // They stand in the light, the sides of crowns in the shade of others.
-        let tone = row.tone * (1.2 + 0.4 * super::dice(k, 61 + 3 * number + step as u32));
-        mesh.shaded_face(&positions, &uvs, WOODS.shaded(tone), &corners.map(|(_, openness)| openness));
+        let corners =
+            [(k, &here, step), (k, &here, step + 1), (k + 1, &there, step + 1), (k + 1, &there, step)];
+        let positions = corners.map(|(_, line, step)| line[step].0);
+        let uvs = positions.map(|at| (at.truncate() + Vec2::splat(at.z)) / TOPS_PER_REPEAT_M);
+        let first = mesh.vertices.len();
+        mesh.face(&positions, &uvs, WOODS);
+        for (vertex, (k, line, step)) in mesh.vertices[first..].iter_mut().zip(corners) {
+            (vertex.openness, vertex.finish) = (line[step].1, WOODS.shaded(tone(k, step)));
+        }
     }
 }
 

@@ -9,6 +9,8 @@ use glam::Vec3;
 
 /// Around a wheel.
 const ARCH_M: f32 = 1.19 * WHEEL_RADIUS_M;
+/// How far bumpers reach: the number plates on them are the last of the car.
+const END_M: f32 = LENGTH_M / 2.0 - 0.006;
 /// How deep the wheels' houses reach inwards.
 const WELL_M: f32 = 0.34;
 /// Rows of the shell from the sill (0) to the shoulder (1), and its half width there as part of the most.
@@ -57,7 +59,7 @@ impl Shape {
         // The bumper stands out most, at two fifths of the height.
         let back =
             if t > 0.40 { top * ((t - 0.40) / 0.60).powi(2) } else { bottom * ((0.40 - t) / 0.40).powi(2) };
-        facing * (LENGTH_M / 2.0 - back - self.bow[end] * f.abs().powf(2.4))
+        facing * (END_M - back - self.bow[end] * f.abs().powf(2.4))
     }
 
     /// A point of the side: y outwards.
@@ -69,18 +71,29 @@ impl Shape {
         let z = low + t * (high - low);
         let part = ((z - sill) / (high - sill)).clamp(0.0, 1.0);
         let facing = x.signum();
-        let reach = LENGTH_M / 2.0 - self.bow[usize::from(facing < 0.0)];
+        let reach = END_M - self.bow[usize::from(facing < 0.0)];
         // Towards the ends the side leans with the front and the rear.
         let lean = ((x.abs() - 1.95) / (reach - 1.95)).clamp(0.0, 1.0);
         let x = x + lean * (self.end_x(facing, 1.0, part) - facing * reach);
         Vec3::new(x, half_at(x) * profile(&ROWS, part), z)
     }
 
+    /// A point of bonnet (`facing` 1) or boot (-1), which begins at x `foot`: part of the way to the end, and of
+    /// the half width.
+    pub(super) fn on_deck(&self, facing: f32, foot: f32, part: f32, f: f32) -> Vec3 {
+        let reach = END_M - self.bow[usize::from(facing < 0.0)];
+        let edge = self.side_point(foot + (facing * reach - foot) * part, 1.0, 0.0);
+        let crown = self.crown * (1.0 - part.powi(4));
+        let end = Vec3::new(self.end_x(facing, f, 1.0), edge.y * f, edge.z);
+        let on = Vec3::new(edge.x, edge.y * f, edge.z + crown * (1.0 - f * f));
+        on.lerp(end, part.powi(6))
+    }
+
     fn point(&self, column: Column, t: f32) -> Vec3 {
         match column {
             Column::Side(x, low) => self.side_point(x, t, low),
             Column::End(facing, f) => {
-                let reach = LENGTH_M / 2.0 - self.bow[usize::from(facing < 0.0)];
+                let reach = END_M - self.bow[usize::from(facing < 0.0)];
                 let edge = self.side_point(facing * reach, t, 0.0);
                 Vec3::new(self.end_x(facing, f, t), edge.y * f, edge.z)
             }
@@ -327,23 +340,8 @@ fn deck(builder: &mut Builder, shape: &Shape, detail: Detail, facing: f32) {
         Detail::Far => &[-1.0, 0.0, 1.0],
         Detail::Farther => &[-1.0, 1.0],
     };
-    let reach = LENGTH_M / 2.0 - shape.bow[usize::from(facing < 0.0)];
-    let mut points: Vec<Vec<Vec3>> = parts
-        .iter()
-        .map(|&part| {
-            let x = foot + (facing * reach - foot) * part;
-            let edge = shape.side_point(x, 1.0, 0.0);
-            let crown = shape.crown * (1.0 - part.powi(4));
-            across
-                .iter()
-                .map(|&f| {
-                    let end = Vec3::new(shape.end_x(facing, f, 1.0), edge.y * f, edge.z);
-                    let on = Vec3::new(edge.x, edge.y * f, edge.z + crown * (1.0 - f * f));
-                    on.lerp(end, part.powi(6))
-                })
-                .collect()
-        })
-        .collect();
+    let row = |&part: &f32| across.iter().map(|&f| shape.on_deck(facing, foot, part, f)).collect();
+    let mut points: Vec<Vec<Vec3>> = parts.iter().map(row).collect();
     if facing > 0.0 {
         points.reverse();
     }

@@ -15,7 +15,7 @@ pub(super) fn trim(builder: &mut Builder, shape: &Shape, detail: Detail) {
         Detail::Far => {
             mirrors(builder, shape);
             sills(builder, shape);
-            number_plates(builder, shape);
+            number_plates(builder, shape, detail);
             arches(builder);
             return;
         }
@@ -54,8 +54,35 @@ pub(super) fn trim(builder: &mut Builder, shape: &Shape, detail: Detail) {
             builder.block(low, high, PLASTIC, 240);
         }
     }
-    number_plates(builder, shape);
+    bonnet_gaps(builder, shape);
+    number_plates(builder, shape, detail);
     ends(builder, shape);
+}
+
+/// The gaps around the bonnet: along its sides, and across in front of the lamps.
+fn bonnet_gaps(builder: &mut Builder, shape: &Shape) {
+    const HALF_WIDTH_M: f32 = 0.006;
+    let [.., foot] = shape.cabin.stations;
+    // Parts of the way from the windscreen to the front, and of the half width.
+    let (from, to, side) = (0.02, 0.95, 0.86);
+    let on = |part: f32, f: f32| shape.on_deck(1.0, foot - 0.10, part, f) + Vec3::Z * 0.003;
+    let mut gap = |a: [f32; 2], b: [f32; 2], wide: [f32; 2]| {
+        let corner = |[part, f]: [f32; 2], sign: f32| on(part + sign * wide[0], f + sign * wide[1]);
+        let mut corners = [corner(a, -1.0), corner(b, -1.0), corner(b, 1.0), corner(a, 1.0)];
+        if (corners[1] - corners[0]).cross(corners[2] - corners[0]).z < 0.0 {
+            corners.reverse();
+        }
+        builder.plate(&corners, SEAM, 220);
+    };
+    let length = LENGTH_M / 2.0 - foot;
+    for sign in [1.0_f32, -1.0] {
+        for pair in [from, 0.35, 0.7, to].windows(2) {
+            gap([pair[0], sign * side], [pair[1], sign * side], [0.0, HALF_WIDTH_M / HALF_M]);
+        }
+    }
+    for pair in [-side, -0.62, 0.0, 0.62, side].windows(2) {
+        gap([to, pair[0]], [to, pair[1]], [HALF_WIDTH_M / length, 0.0]);
+    }
 }
 
 fn on_side(shape: &Shape, x: f32, t: f32, side: f32) -> Vec3 {
@@ -66,7 +93,8 @@ fn on_side(shape: &Shape, x: f32, t: f32, side: f32) -> Vec3 {
 /// A dark line down a side where two doors meet.
 fn seam(builder: &mut Builder, shape: &Shape, x: f32, side: f32) {
     const HALF_WIDTH_M: f32 = 0.006;
-    for pair in [0.15, 0.36, 0.60, 0.92, 0.99].windows(2) {
+    // All rows of the shell, so that it bulges out nowhere between them.
+    for pair in [0.15, 0.36, 0.60, 0.76, 0.92, 0.99].windows(2) {
         let corner = |dx: f32, t: f32| on_side(shape, x + dx, t, side);
         let (a, b) = if side > 0.0 { (HALF_WIDTH_M, -HALF_WIDTH_M) } else { (-HALF_WIDTH_M, HALF_WIDTH_M) };
         let corners = [corner(a, pair[0]), corner(b, pair[0]), corner(b, pair[1]), corner(a, pair[1])];
@@ -104,25 +132,80 @@ fn flat_mirrors(builder: &mut Builder, shape: &Shape) {
     }
 }
 
-/// An upright plate on an end: half width, lower and upper edge.
-fn on_end(builder: &mut Builder, shape: &Shape, facing: f32, half: f32, z: [f32; 2], skin: Skin) {
-    let high = shape.shoulder_at(facing * LENGTH_M / 2.0);
-    let t = |z: f32| ((z - shape.sill) / (high - shape.sill)).clamp(0.0, 1.0);
-    let x = shape.end_x(facing, 0.0, t(z[0])).abs().max(shape.end_x(facing, 0.0, t(z[1])).abs());
-    let x = facing * (x + 0.008).min(LENGTH_M / 2.0);
-    let (a, b) = if facing > 0.0 { (-half, half) } else { (half, -half) };
-    let corners = [(a, z[0]), (b, z[0]), (b, z[1]), (a, z[1])].map(|(y, z)| Vec3::new(x, y, z));
-    builder.plate(&corners, skin, 240);
+/// How far what is set on an end stands out of it.
+const PROUD_M: f32 = 0.004;
+
+/// An upright plate on an end, so far in front of it: edges from left to right and from below, seen from there.
+fn on_end(
+    builder: &mut Builder,
+    shape: &Shape,
+    facing: f32,
+    out: f32,
+    [across, z]: [[f32; 2]; 2],
+    skin: Skin,
+) {
+    let corners = [[across[0], z[0]], [across[1], z[0]], [across[1], z[1]], [across[0], z[1]]];
+    let x = facing * (end_before(shape, facing, z) + out);
+    builder.plate(&corners.map(|[y, z]| Vec3::new(x, facing * y, z)), skin, 240);
 }
 
-fn number_plates(builder: &mut Builder, shape: &Shape) {
+/// How far the middle of an end reaches between two heights.
+fn end_before(shape: &Shape, facing: f32, z: [f32; 2]) -> f32 {
+    let high = shape.shoulder_at(facing * LENGTH_M / 2.0);
+    let reach = |z: f32| {
+        let t = ((z - shape.sill) / (high - shape.sill)).clamp(0.0, 1.0);
+        shape.end_x(facing, 0.0, t).abs()
+    };
+    reach(z[0]).max(reach(z[1]))
+}
+
+fn number_plates(builder: &mut Builder, shape: &Shape, detail: Detail) {
+    const HALF_M: f32 = 0.26;
+    const HIGH_M: f32 = 0.11;
     let front = shape.shoulder_at(LENGTH_M / 2.0);
-    let row = |end: f32, t: f32| shape.sill + t * (end - shape.sill);
-    let z = row(front, 0.40);
-    on_end(builder, shape, 1.0, 0.26, [z, z + 0.11], PLATE);
     let rear = shape.shoulder_at(-LENGTH_M / 2.0);
-    let z = if shape.rear == Rear::Bed { row(rear, 0.30) } else { row(rear, 0.56) };
-    on_end(builder, shape, -1.0, 0.26, [z, z + 0.11], PLATE);
+    let row = |end: f32, t: f32| shape.sill + t * (end - shape.sill);
+    let behind = if shape.rear == Rear::Bed { 0.30 } else { 0.56 };
+    for (facing, z) in [(1.0, row(front, 0.40)), (-1.0, row(rear, behind))] {
+        on_end(builder, shape, facing, PROUD_M, [[-HALF_M, HALF_M], [z, z + HIGH_M]], PLATE);
+        if detail == Detail::Near {
+            // On the plate, wherever the end below it is.
+            let x = end_before(shape, facing, [z, z + HIGH_M]) + PROUD_M + 0.002;
+            registration(builder, facing, Vec3::new(facing * x, 0.0, z + HIGH_M / 2.0));
+        }
+    }
+}
+
+/// What is written on the plates, about their middle: letters of three by five squares.
+fn registration(builder: &mut Builder, facing: f32, middle: Vec3) {
+    const SQUARE_M: f32 = 0.0145;
+    const ROWS: [&str; 5] = [
+        "### ### ### # #   ### ## ",
+        "#    #   #  # #     # # #",
+        "#    #   #   #     ## # #",
+        "#    #   #   #      # # #",
+        "### ###  #   #    ### ## ",
+    ];
+    let at = |column: usize, row: usize| {
+        let (right, down) =
+            (column as f32 - ROWS[0].len() as f32 / 2.0, row as f32 - ROWS.len() as f32 / 2.0);
+        middle + SQUARE_M * Vec3::new(0.0, facing * right, -down)
+    };
+    for (row, squares) in ROWS.iter().enumerate() {
+        let is_inked = |column: usize| squares.as_bytes().get(column) == Some(&b'#');
+        let mut column = 0;
+        while column < squares.len() {
+            let first = column;
+            while is_inked(column) {
+                column += 1;
+            }
+            if column > first {
+                let corners = [at(first, row + 1), at(column, row + 1), at(column, row), at(first, row)];
+                builder.plate(&corners, SEAM, 240);
+            }
+            column += 1;
+        }
+    }
 }
 
 fn ends(builder: &mut Builder, shape: &Shape) {
@@ -136,7 +219,7 @@ fn ends(builder: &mut Builder, shape: &Shape) {
     builder.plate(&lamp.map(|(y, z)| Vec3::new(x, y, z)), TAIL, 240);
     if shape.rear == Rear::Boot {
         let z = row(front, 0.745);
-        on_end(builder, shape, 1.0, 0.38, [z, z + 0.014], CHROME);
+        on_end(builder, shape, 1.0, PROUD_M, [[-0.38, 0.38], [z, z + 0.014]], CHROME);
     }
 }
 

@@ -43,8 +43,8 @@ pub(in crate::render) struct SkyPass {
     panorama: wgpu::BindGroup,
     vertices: wgpu::Buffer,
     count: u32,
-    /// Pipeline, vertices and how many; `None` by day.
-    stars: Option<(wgpu::RenderPipeline, wgpu::Buffer, u32)>,
+    /// Sun or moon, and by night the stars: pipeline, vertices and how many.
+    lights: Vec<(wgpu::RenderPipeline, wgpu::Buffer, u32)>,
 }
 
 impl SkyPass {
@@ -101,7 +101,7 @@ impl SkyPass {
             .flatten()
             .map(|(direction, uv)| gpu_data::Vertex { direction: direction.to_array(), uv })
             .collect();
-        let buffer = |contents| {
+        let buffer = |contents: &[u8]| {
             device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                 label: Some("sky"),
                 contents,
@@ -109,27 +109,31 @@ impl SkyPass {
             })
         };
         let shown = |colour| if attachments.light_at_vertices { colour } else { light.radiance_of(colour) };
-        let stars: Vec<gpu_data::Star> = textures::stars(light)
-            .into_iter()
-            .map(|(direction, colour)| gpu_data::Star {
-                direction: direction.to_array(),
-                colour: shown(colour),
-            })
-            .collect();
-        let stars = (!stars.is_empty()).then(|| {
-            let points = PictureState {
-                entries: ["star_vertex", "star_fragment"],
-                buffers: &[Some(gpu_data::STAR_LAYOUT)],
-                topology: wgpu::PrimitiveTopology::PointList,
-                ..state
-            };
-            let vertices = buffer(bytemuck::cast_slice(&stars));
-            (picture_pipeline(device, attachments, &points), vertices, stars.len() as u32)
-        });
+        let lights = [
+            (textures::disc(light), wgpu::PrimitiveTopology::TriangleList),
+            (textures::stars(light), wgpu::PrimitiveTopology::PointList),
+        ];
+        let lights =
+            lights.into_iter().filter(|(corners, _)| !corners.is_empty()).map(|(corners, topology)| {
+                let star = |(direction, colour): (glam::Vec3, _)| gpu_data::Star {
+                    direction: direction.to_array(),
+                    colour: shown(colour),
+                };
+                let vertices: Vec<gpu_data::Star> = corners.into_iter().map(star).collect();
+                let state = PictureState {
+                    entries: ["star_vertex", "star_fragment"],
+                    buffers: &[Some(gpu_data::STAR_LAYOUT)],
+                    topology,
+                    ..state
+                };
+                let pipeline = picture_pipeline(device, attachments, &state);
+                (pipeline, buffer(bytemuck::cast_slice(&vertices)), vertices.len() as u32)
+            });
+        let lights = lights.collect();
         Self {
             pipeline,
             panorama,
-            stars,
+            lights,
             count: vertices.len() as u32,
             vertices: buffer(bytemuck::cast_slice(&vertices)),
         }
@@ -141,7 +145,7 @@ impl SkyPass {
         pass.set_bind_group(2, &self.panorama, &[]);
         pass.set_vertex_buffer(0, self.vertices.slice(..));
         pass.draw(0..self.count, 0..1);
-        if let Some((pipeline, vertices, count)) = &self.stars {
+        for (pipeline, vertices, count) in &self.lights {
             pass.set_pipeline(pipeline);
             pass.set_vertex_buffer(0, vertices.slice(..));
             pass.draw(0..*count, 0..1);

@@ -151,10 +151,7 @@ fn slabs(at: [f32; 2]) -> Texel {
 }
 
 fn setts(at: [f32; 2]) -> Texel {
-    let [u, v] = at;
-    // Rows in shallow arcs.
-    let bent = v + 0.5 / 12.0 * (std::f32::consts::TAU * 2.0 * u).sin() * 0.35;
-    let (inside, piece) = bond([u, bent.rem_euclid(1.0)], 12, 12, [0.10, 0.10], 0.5);
+    let (inside, piece) = bond(at, 12, 12, [0.10, 0.10], 0.5);
     let tone = 0.80 + 0.24 * (hash(piece, 5, 8) - 0.5) + 0.10 * (value(at, [60, 60], 27) - 0.5);
     grey(tone * (0.58 + 0.42 * inside))
 }
@@ -244,16 +241,33 @@ fn sand(at: [f32; 2]) -> Texel {
     grey(0.90 + 0.12 * (value(at, [120, 120], 131) - 0.5) + 0.10 * (octaves(at, [5, 5], 4, 132) - 0.5))
 }
 
+/// Clumps of one colour each, of flowers among their leaves.
 fn flowers(at: [f32; 2]) -> Texel {
-    let (x, y) = ((at[0] * 22.0) as i32, (at[1] * 22.0) as i32);
-    let (fx, fy) = ((at[0] * 22.0).fract() - 0.5, (at[1] * 22.0).fract() - 0.5);
-    let pick = hash(x, y, 141);
-    let petal = fx * fx + fy * fy < 0.03 + 0.12 * hash(x, y, 142);
-    if petal && pick < 0.62 {
-        const PETALS: [[f32; 3]; 4] =
-            [[0.93, 0.26, 0.30], [0.97, 0.80, 0.22], [0.94, 0.92, 0.90], [0.62, 0.34, 0.72]];
-        return (PETALS[(pick / 0.62 * 4.0) as usize % 4], 1.0);
+    const PETALS: [[f32; 3]; 4] =
+        [[0.80, 0.20, 0.24], [0.90, 0.72, 0.24], [0.88, 0.86, 0.82], [0.54, 0.34, 0.66]];
+    /// Clumps and flowers along a repeat.
+    const CLUMPS: i32 = 9;
+    const FLOWERS: i32 = 42;
+    let cell = |count: i32| at.map(|c| (c * count as f32).floor() as i32);
+    let seed_of = |x: i32, y: i32, salt: u32| hash(x.rem_euclid(CLUMPS), y.rem_euclid(CLUMPS), salt);
+    // The clump whose middle is nearest.
+    let [cx, cy] = cell(CLUMPS);
+    let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (cx + dx, cy + dy)));
+    let away = |&(x, y): &(i32, i32)| {
+        let middle = [x as f32 + seed_of(x, y, 144), y as f32 + seed_of(x, y, 145)];
+        (middle[0] - at[0] * CLUMPS as f32).hypot(middle[1] - at[1] * CLUMPS as f32)
+    };
+    let (x, y) = around.min_by(|a, b| away(a).total_cmp(&away(b))).unwrap_or((cx, cy));
+    let colour = PETALS[(seed_of(x, y, 146) * 4.0) as usize % 4];
+    let [fx, fy] = cell(FLOWERS);
+    let dice = |salt: u32| hash(fx, fy, salt);
+    let off = [at[0] * FLOWERS as f32 - fx as f32, at[1] * FLOWERS as f32 - fy as f32];
+    let out = (off[0] - 0.3 - 0.4 * dice(147)).hypot(off[1] - 0.3 - 0.4 * dice(148));
+    let radius = 0.22 + 0.20 * dice(142);
+    if out < radius && dice(141) < 0.66 && away(&(x, y)) < 0.62 {
+        let tone = (0.80 + 0.30 * dice(149)) * (1.0 - 0.35 * out / radius);
+        return (colour.map(|c| c * tone), 1.0);
     }
-    let level = 0.26 + 0.22 * value(at, [64, 64], 143);
-    ([level * 0.62, level, level * 0.45], 1.0)
+    let level = 0.20 + 0.22 * value(at, [64, 64], 143);
+    ([level * 0.66, level, level * 0.45], 1.0)
 }

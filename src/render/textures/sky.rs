@@ -135,16 +135,13 @@ fn colour(direction: Vec3, light: &Light) -> [f32; 3] {
     let low = (1.0 - 2.5 * light.to_sun.z).clamp(0.0, 1.0) * (1.0 - night);
     let wide = low * towards.max(0.0).powi(5) * 0.55 * (-5.0 * up.max(0.0)).exp();
     sky = mix(sky, light.glow_srgb, (glow + wide).min(1.0));
-    if towards > 0.99993 {
-        sky = if night > 0.5 { [0.93, 0.94, 0.90] } else { [1.0, 1.0, 0.97] };
-    }
     // Two chains of hills in the haze.
     let (u, elevation) = (turn_of(direction), up.asin());
     for (seed, height, base, part) in [(221, 0.060, 0.008, 0.30), (231, 0.034, 0.002, 0.55)] {
         let crest = base + height * (octaves([u, 0.3], [9, 2], 5, seed) - 0.30).max(0.0);
         let edge = ((crest - elevation) / 0.0015).clamp(0.0, 1.0);
         // Mist lies at their feet, where the plain ends in haze.
-        let mist = (-(elevation.max(0.0)) / 0.009).exp();
+        let mist = (-(elevation.max(0.0)) / 0.018).exp();
         sky = mix(sky, mix(horizon, light.hills_srgb, part * (1.0 - mist)), edge);
     }
     sky
@@ -153,6 +150,20 @@ fn colour(direction: Vec3, light: &Light) -> [f32; 3] {
 /// 0 by day, 1 at night.
 fn night_of(light: &Light) -> f32 {
     ((0.16 - light.zenith_srgb[2]) / 0.08).clamp(0.0, 1.0)
+}
+
+/// The disc of the sun or the moon as triangles: corners as unit vectors, and its colour as displayed. It is sharper
+/// than the texels of the panorama.
+pub(in crate::render) fn disc(light: &Light) -> Vec<(Vec3, [f32; 3])> {
+    const SIDES: u32 = 40;
+    const RADIUS_RAD: f32 = 0.0115;
+    let shown = if night_of(light) > 0.5 { [0.93, 0.94, 0.90] } else { [1.0, 1.0, 0.97] };
+    let (right, up) = light.to_sun.any_orthonormal_pair();
+    let rim = |k: u32| {
+        let (sin, cos) = (std::f32::consts::TAU * k as f32 / SIDES as f32).sin_cos();
+        light.to_sun + RADIUS_RAD * (cos * right + sin * up)
+    };
+    (0..SIDES).flat_map(|k| [light.to_sun, rim(k), rim(k + 1)]).map(|corner| (corner, shown)).collect()
 }
 
 /// Stars that are seen where no cloud is: directions, and colours as displayed. None by day.

@@ -1,0 +1,122 @@
+//! Which side of a building is its front, and what is on it: doors, gates, the board with the name, awnings.
+
+use super::super::lanes::LaneBoxes;
+use super::super::mesh::{Finish, Mesh, Surface};
+use super::super::{lettering, special};
+use super::STOREY_M;
+use super::side::Side;
+use super::style::{Style, TRIM, has, wall};
+use glam::{Vec2, Vec3};
+
+/// Of these sides the one that is nearest to a road, wide ones before narrow ones.
+pub(super) fn front_of(
+    sides: &[Side],
+    open: &[usize],
+    lanes: &LaneBoxes<'_>,
+    stated_rad: Option<f64>,
+) -> usize {
+    let less = |worth: &dyn Fn(&Side) -> f32| {
+        open.iter().copied().min_by(|&a, &b| worth(&sides[a]).total_cmp(&worth(&sides[b]))).unwrap_or(0)
+    };
+    if let Some(angle) = stated_rad {
+        let wanted = Vec2::from_angle(angle as f32);
+        return less(&|side| -side.outward().dot(wanted) - 0.02 * side.width().min(20.0));
+    }
+    less(&|side| {
+        let at = side.at(0.5, 0.0, 1.0).truncate().as_dvec2();
+        let away = lanes.nearest(at).map_or(f64::INFINITY, |nearest| nearest.distance(at));
+        away as f32 - side.width().min(12.0)
+    })
+}
+
+/// The bay of a front that the door is in: the middle one where the public goes in, else the first.
+fn door_bay(front: &Side, style: &Style) -> f32 {
+    if style.sign.is_some() { (front.bays() / 2.0).floor() } else { 0.0 }
+}
+
+/// Part of the width of a front that has no windows on the ground, for doors and gates.
+pub(super) fn windowless(front: &Side, style: &Style) -> [f32; 2] {
+    if style.gates.is_some() {
+        return [0.0, 1.0];
+    }
+    let (bay, count) = (door_bay(front, style), front.bays());
+    [bay / count, (bay + 1.0) / count]
+}
+
+/// A door of a house, or two leaves of glass into a shop, in their bay.
+fn door(mesh: &mut Mesh, front: &Side, style: &Style, eaves: f32) {
+    let width = front.width();
+    let middle = (door_bay(front, style) + 0.5) / front.bays() * width;
+    if style.ground.surface.is_shopfront() {
+        let frame = style.ground.shaded(0.55);
+        let frame = Finish { surface: Surface::Plain, ..frame };
+        front.slab(mesh, [middle, 1.9], [0.02, 2.52], 0.06, frame);
+        for (leaf, across) in [(-0.45, [0.10, 0.35]), (0.45, [0.62, 0.87])] {
+            // What is seen through the window there.
+            let behind = [Vec2::new(across[0], 0.16), Vec2::new(across[1], 0.64)];
+            front.picture(mesh, [middle + leaf, 0.76], [0.22, 2.40], (0.068, behind), style.ground);
+            front.slab(mesh, [middle + 0.16 * leaf, 0.04], [0.95, 1.35], 0.11, TRIM);
+        }
+        front.slab(mesh, [middle, 2.1], [0.02, 0.13], 0.4, TRIM.shaded(0.9));
+        return;
+    }
+    front.slab(mesh, [middle, 1.56], [0.02, 2.74], 0.05, TRIM);
+    front.panel(mesh, [middle, 1.34], [0.16, 2.66], 0.065, wall(Surface::Door, [255, 255, 255]));
+    front.slab(mesh, [middle, 1.9], [0.02, 0.16], 0.6, TRIM.shaded(0.9));
+    if style.sign.is_none() && !style.gabled && eaves > 8.0 {
+        front.slab(mesh, [middle, 2.2], [2.84, 2.98], 0.95, TRIM.shaded(0.95));
+    }
+}
+
+pub(super) fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str, eaves: f32) {
+    let width = front.width();
+    let storey = eaves / (eaves / STOREY_M).round().max(1.0);
+    if let Some(colour) = style.gates {
+        let count = ((width - 0.6) / 4.1).floor().max(1.0);
+        for k in 0..count as u32 {
+            let middle = width * (k as f32 + 0.5) / count;
+            let high = (storey * 1.15).clamp(2.6, eaves - 0.6);
+            front.slab(mesh, [middle, 3.8], [0.02, high + 0.2], 0.06, TRIM);
+            front.panel(mesh, [middle, 3.4], [0.05, high], 0.075, wall(Surface::Gate, colour));
+        }
+    } else {
+        door(mesh, front, style, eaves);
+    }
+    let Some(board) = style.sign else { return };
+    let text = name.trim().to_uppercase();
+    if text.is_empty() {
+        return;
+    }
+    let letter = (0.86 * width / lettering::width_of(&text, 1.0)).min(0.62);
+    let board_width = lettering::width_of(&text, letter) + 0.7;
+    let half = lettering::half_board(letter);
+    let z = if style.gates.is_some() {
+        // On the parapet: there is no room between the gates and the windows above them.
+        eaves + 0.1
+    } else if style.ground.surface.is_shopfront() {
+        storey * 0.93
+    } else {
+        // Between the windows of two storeys.
+        (storey * 1.04).min(eaves - half - 0.05)
+    };
+    let (z, out) = special::board_on_portico(name, eaves).unwrap_or((z, 0.14));
+    front.slab(mesh, [width / 2.0, board_width], [z - half, z + half], out, board);
+    let face = front.at(0.5, z, out + 0.005);
+    lettering::write(mesh, &text, face, front.across().extend(0.0), [board_width, letter], board);
+    // Awnings over shop windows, in the colour of the board.
+    if style.ground.surface.is_shopfront() && has(name, &["cafe", "bakery", "flower", "hotel"]) {
+        let (a, b) = (front.at(0.04, z - half, 0.1), front.at(0.96, z - half, 0.1));
+        let drop = front.outward().extend(0.0) * 1.3 - Vec3::Z * 0.45;
+        let striped = Finish { surface: Surface::Awning, ..board.shaded(1.1) };
+        let stripes = (width / 2.4).round().max(1.0);
+        let uvs = [Vec2::ZERO, Vec2::new(stripes, 0.0), Vec2::new(stripes, 1.0), Vec2::Y];
+        mesh.face(&[a + drop, b + drop, b, a], &uvs, striped);
+        let under = striped.shaded(0.6);
+        mesh.shaded_face(
+            &[a, b, b + drop, a + drop],
+            &[uvs[3], uvs[2], uvs[1], uvs[0]],
+            under,
+            &[90, 90, 170, 170],
+        );
+    }
+}

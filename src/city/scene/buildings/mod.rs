@@ -1,0 +1,157 @@
+//! Buildings from their ground plans: storeys of windows, doors, signs, flat and gabled roofs, and
+//! what names ask for.
+
+mod entrance;
+mod roof;
+mod side;
+mod style;
+
+pub(super) use style::DARK;
+
+use super::grounds::ring_of;
+use super::lanes::LaneBoxes;
+use super::mesh::{Finish, Mesh, Surface};
+use super::special;
+use super::{Place, Wall};
+use glam::{Vec2, Vec3};
+use side::Side;
+use style::{BARE_BRICK, Style, TRIM};
+
+const STOREY_M: f32 = 3.1;
+/// Walls begin here, in the ground.
+const FOOT_M: f32 = 0.05;
+
+/// A building with everything on it.
+/// Its front is none of the sides before which the ground `is_built` up.
+pub(super) fn building(
+    mesh: &mut Mesh,
+    place: &Place<'_>,
+    lanes: &LaneBoxes<'_>,
+    is_built: impl Fn(Vec2) -> bool,
+) {
+    let ring = outline(place);
+    if ring.len() < 3 {
+        return;
+    }
+    let name = place.piece.name.to_lowercase();
+    let height = height_of(place);
+    if special::pavilion(mesh, &name, &ring, height) {
+        return;
+    }
+    let sides: Vec<Side> =
+        (0..ring.len()).map(|k| Side { from: ring[k], to: ring[(k + 1) % ring.len()] }).collect();
+    let short = sides.iter().map(Side::width).fold(f32::INFINITY, f32::min);
+    let style = style::style(place, &name, short, height);
+    let gabled = style.gabled && ring.len() == 4;
+    let rise = if gabled { rise_of(short, height) } else { 0.0 };
+    let eaves = height - rise;
+    if gabled {
+        roof::gable_roof(mesh, &ring, eaves, rise, &style, place);
+    } else {
+        roof::flat_roof(mesh, place, &ring, eaves);
+    }
+    // As far out as awnings and steps reach, all along.
+    let is_hidden =
+        |side: &Side| [0.1, 0.5, 0.9].iter().any(|&at| is_built(side.at(at, 0.0, 1.4).truncate()));
+    let mut open: Vec<usize> = (0..sides.len()).filter(|&k| !is_hidden(&sides[k])).collect();
+    if open.is_empty() {
+        open = (0..sides.len()).collect();
+    }
+    let front = entrance::front_of(&sides, &open, lanes, place.piece.front_rad);
+    for (k, side) in sides.iter().enumerate() {
+        storeys(mesh, side, &style, eaves, (k == front).then(|| entrance::windowless(side, &style)));
+    }
+    entrance::entrance(mesh, &sides[front], &style, &name, eaves);
+    special::additions(mesh, &name, &ring, height);
+}
+
+/// Its corners on the ground.
+fn outline(place: &Place<'_>) -> Vec<Vec2> {
+    ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect()
+}
+
+/// Fuel pumps that belong to it: where each stands and looks to.
+pub(super) fn pumps(place: &Place<'_>) -> Vec<(Vec3, Vec2)> {
+    let ring = outline(place);
+    special::pumps(&place.piece.name.to_lowercase(), &ring)
+}
+
+/// Lamps that belong to it.
+pub(super) fn lights(place: &Place<'_>) -> Vec<Vec3> {
+    let ring = outline(place);
+    special::lights(&place.piece.name.to_lowercase(), &ring, height_of(place))
+}
+
+/// Where the board with its prices stands, and the way along it.
+pub(super) fn price_board(place: &Place<'_>) -> Option<(Vec2, Vec2)> {
+    let ring = outline(place);
+    special::price_board(&place.piece.name.to_lowercase(), &ring)
+}
+
+fn height_of(place: &Place<'_>) -> f32 {
+    place.piece.height_m.map_or(6.5 + 6.0 * place.dice(9), |h| h as f32).clamp(2.2, 120.0)
+}
+
+/// Of a gabled roof, from the eaves to the ridge.
+fn rise_of(short_m: f32, height: f32) -> f32 {
+    (0.42 * short_m).min(0.42 * height)
+}
+
+/// The outer walls, as high as nothing can be seen through them.
+pub(super) fn opaque_walls(place: &Place<'_>) -> Vec<Wall> {
+    let ring = outline(place);
+    if ring.len() < 3 || special::is_open(&place.piece.name.to_lowercase()) {
+        return Vec::new();
+    }
+    let sides = || (0..ring.len()).map(|k| (ring[k], ring[(k + 1) % ring.len()]));
+    let short = sides().map(|(from, to)| from.distance(to)).fold(f32::INFINITY, f32::min);
+    let height_m = height_of(place);
+    // Under the eaves, whatever the roof is.
+    let height_m = height_m - rise_of(short, height_m);
+    sides().map(|(from, to)| Wall { from, to, height_m }).collect()
+}
+
+/// The same wall without windows.
+fn bare(finish: Finish) -> Finish {
+    let surface = match finish.surface {
+        Surface::Sash => Surface::Brick,
+        Surface::Windows | Surface::Shutters | Surface::Balcony => Surface::Concrete,
+        _ => return finish,
+    };
+    let colour = if surface == Surface::Brick { BARE_BRICK.colour } else { finish.colour };
+    Finish { surface, colour, ..finish }
+}
+
+/// The wall of one side, on the ground without windows between these parts of its width.
+fn storeys(mesh: &mut Mesh, side: &Side, style: &Style, eaves: f32, windowless: Option<[f32; 2]>) {
+    let storeys = (eaves / STOREY_M).round().max(1.0);
+    let first = eaves / storeys;
+    let uv = |finish: Finish, [a, b]: [f32; 2], from: f32, to: f32| {
+        let across = match finish.surface {
+            // Patterns of walls without windows are laid on in metres.
+            Surface::Brick | Surface::Concrete | Surface::Plain => Vec2::new(side.width(), first) / 2.0,
+            _ => Vec2::new(side.bays(), 1.0),
+        };
+        [Vec2::new(a, from) * across, Vec2::new(b, to) * across]
+    };
+    // Overhanging eaves keep light from the wall under them.
+    let under = if style.gabled { 165 } else { 250 };
+    let above_ground = if storeys > 1.0 { 240 } else { under };
+    let [from, to] = windowless.unwrap_or([1.0; 2]);
+    for (parts, finish) in
+        [([0.0, from], style.ground), ([from, to], bare(style.ground)), ([to, 1.0], style.ground)]
+    {
+        if parts[0] < parts[1] {
+            side.face(mesh, parts, [FOOT_M, first], uv(finish, parts, 0.0, 1.0), finish, above_ground);
+        }
+    }
+    if storeys > 1.0 {
+        let whole = [0.0, 1.0];
+        let uv = uv(style.upper, whole, 0.0, storeys - 1.0);
+        side.face(mesh, whole, [first, eaves], uv, style.upper, under);
+    }
+    // A plinth, so that walls do not grow out of the lawn.
+    if !style.ground.surface.is_shopfront() {
+        side.slab(mesh, [side.width() / 2.0, side.width() + 0.08], [0.0, 0.45], 0.05, TRIM.shaded(0.8));
+    }
+}
