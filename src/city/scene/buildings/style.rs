@@ -60,7 +60,8 @@ pub(super) fn style(place: &Place<'_>, name: &str, short_m: f32, height: f32) ->
     let tiles = wall(Surface::RoofTiles, pick(&TILES, 2));
     let sign = Some(wall(Surface::Plain, pick(&SIGNS, 3)));
     let shop = wall(shop_of(name), pick(&SIGNS, 3));
-    let dwelling = has(name, &["house", "villa", "terrace", "cottage", "chapel", "school", "farm"]);
+    let dwelling = has(name, &["house", "villa", "terrace", "cottage", "chapel", "school", "farm"])
+        && !has(name, &["warehouse"]);
     let base = Style {
         upper: plaster,
         ground: plaster.shaded(0.95),
