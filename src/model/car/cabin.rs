@@ -119,12 +119,14 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
         dashboard(builder, shape);
     }
     if shape.rear == Rear::Cargo {
-        let x = -super::LENGTH_M / 2.0 + 0.045;
+        let middle = |section: &[Vec3]| section[section.len() / 2];
+        let (foot, top) = (middle(&sections[0]), middle(&sections[1]));
+        // On the doors, along their middle.
+        let lean = |z: f32| foot.lerp(top, (z - foot.z) / (top.z - foot.z)).x - 0.004;
         for side in [-1.0_f32, 1.0] {
             let (a, b) = (side * 0.08, side * 0.70);
             let (low, high) = (shape.shoulder_at(-2.4) + 0.12, shape.height - 0.28);
-            let lean = |z: f32| x + 0.03 * (z - low);
-            let corner = |y: f32, z: f32| Vec3::new(lean(z) - 0.02, y, z);
+            let corner = |y: f32, z: f32| Vec3::new(lean(z), y, z);
             let (y0, y1) = (a.max(b), a.min(b));
             builder.plate(
                 &[corner(y0, low), corner(y1, low), corner(y1, high), corner(y0, high)],
@@ -133,8 +135,16 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
             );
         }
         if detail == Detail::Near {
-            let seam = [(0.01, 0.5), (-0.01, 0.5), (-0.01, 1.9), (0.01, 1.9)];
-            builder.plate(&seam.map(|(y, z)| Vec3::new(x - 0.06, y, z)), SEAM, 200);
+            // As the shell bulges below the shoulder, and the doors lean above it.
+            let high = shape.shoulder_at(-super::LENGTH_M / 2.0);
+            let mut line: Vec<(f32, f32)> = [0.3, 0.4, 0.5, 0.6, 0.8, 1.0]
+                .map(|t| (shape.end_x(-1.0, 0.0, t) - 0.002, shape.sill + t * (high - shape.sill)))
+                .to_vec();
+            line.extend([foot.z, foot.z + 0.9 * (top.z - foot.z)].map(|z| (lean(z), z)));
+            for pair in line.windows(2) {
+                let corners = [(0.01, 0), (-0.01, 0), (-0.01, 1), (0.01, 1)];
+                builder.plate(&corners.map(|(y, k)| Vec3::new(pair[k].0, y, pair[k].1)), SEAM, 200);
+            }
         }
     }
 }
