@@ -43,8 +43,13 @@ fn rectangle([west, south, east, north]: [f64; 4]) -> Vec<DVec2> {
     [(west, south), (east, south), (east, north), (west, north)].map(DVec2::from).to_vec()
 }
 
-/// Before the middle of each side of a building whose name is to be read from the street.
-fn before_fronts([west, south, east, north]: [f64; 4]) -> [Vec<DVec2>; 4] {
+/// Whether the name of a building stands on it, to be read from the street.
+pub(super) fn has_board(name: &str) -> bool {
+    name == "warehouse" || !["house", "villa", "apartments"].iter().any(|home| name.ends_with(home))
+}
+
+/// Before the middle of each side of a building.
+pub(super) fn before_fronts([west, south, east, north]: [f64; 4]) -> [Vec<DVec2>; 4] {
     const HALF: f64 = 0.10;
     const DEEP: f64 = 0.15;
     let (x, y) = ((west + east) / 2.0, (south + north) / 2.0);
@@ -130,7 +135,7 @@ impl Site<'_> {
     fn buildings(&mut self) {
         for Plot(name, edges, height) in BUILDINGS {
             self.building(name, *edges, *height);
-            if !name.contains("house") && *name != "villa" {
+            if has_board(name) {
                 self.taken.extend(before_fronts(*edges));
             }
         }

@@ -1,4 +1,5 @@
-use super::scenery::{LANE_CLEARANCE, TRUNK_CLEARANCE};
+use super::blocks::{BUILDINGS, Plot};
+use super::scenery::{LANE_CLEARANCE, TRUNK_CLEARANCE, before_fronts, has_board};
 use super::*;
 use crate::city::{LabMap, Lane, LaneId, LaneKind, Scenery, SceneryKind, load_map};
 use crate::city::{Shape as Plan, layers};
@@ -276,6 +277,22 @@ fn what_people_sit_at_and_walk_along_stands_free() {
             "{at} is {least:.3} from {lane}"
         );
     }
+}
+
+#[test]
+fn nothing_is_planted_before_the_names_of_buildings() {
+    let map = map();
+    let trees = of_kind(&map, SceneryKind::Tree);
+    let mut boards = 0;
+    for Plot(name, edges, _) in BUILDINGS.iter().filter(|plot| has_board(plot.0)) {
+        boards += 1;
+        for front in before_fronts(*edges) {
+            let found =
+                trees.iter().find(|tree| outline(&tree.shape).iter().any(|&p| point_in_polygon(p, &front)));
+            assert!(found.is_none(), "{:?} before {name}", found.unwrap().shape);
+        }
+    }
+    assert!(boards > 20, "{boards}");
 }
 
 #[test]

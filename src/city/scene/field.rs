@@ -88,10 +88,12 @@ impl Field {
         for ring in rings {
             for (k, &a) in ring.iter().enumerate() {
                 let b = ring[(k + 1) % ring.len()];
-                let [from, to] = [a.y.min(b.y), a.y.max(b.y)].map(|y| ((y - self.low.y) / self.step).ceil());
-                for row in from.max(0.0) as usize..(to.max(0.0) as usize).min(self.rows) {
+                let row_above =
+                    |y: f64| ((y - self.low.y) / self.step).ceil().clamp(0.0, self.rows as f64) as usize;
+                let (from, to) = (row_above(a.y.min(b.y)), row_above(a.y.max(b.y)));
+                for (row, xs) in (from..to).zip(&mut crossings[from..to]) {
                     let y = self.low.y + row as f64 * self.step;
-                    crossings[row].push(a.x + (b.x - a.x) * (y - a.y) / (b.y - a.y));
+                    xs.push(a.x + (b.x - a.x) * (y - a.y) / (b.y - a.y));
                 }
             }
         }

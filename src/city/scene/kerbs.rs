@@ -188,7 +188,7 @@ mod tests {
             let area = (q - p).truncate().perp_dot((r - p).truncate());
             let share = |from: Vec3, to: Vec3| (to - from).truncate().perp_dot(at - from.truncate()) / area;
             let (u, v, w) = (share(q, r), share(r, p), share(p, q));
-            (area.abs() > 1e-9 && u.min(v).min(w) >= 0.0).then(|| u * p.z + v * q.z + w * r.z)
+            (area.abs() > 1e-9 && u.min(v).min(w) >= 0.0).then_some(u * p.z + v * q.z + w * r.z)
         });
         heights.reduce(f32::max)
     }

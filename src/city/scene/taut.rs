@@ -60,10 +60,10 @@ fn even(ring: &[DVec2]) -> Vec<DVec2> {
     let step = length / count as f64;
     let mut points = Vec::with_capacity(count);
     let mut along = 0.0;
-    for k in 0..ring.len() {
-        let piece = ring[k].distance(end(k));
+    for (k, &from) in ring.iter().enumerate() {
+        let piece = from.distance(end(k));
         while points.len() < count && points.len() as f64 * step < along + piece {
-            points.push(ring[k].lerp(end(k), (points.len() as f64 * step - along) / piece));
+            points.push(from.lerp(end(k), (points.len() as f64 * step - along) / piece));
         }
         along += piece;
     }

@@ -58,6 +58,42 @@ fn covers(t: &[Vec2; 3], p: Vec2) -> bool {
         && (0..3).all(|k| (t[(k + 1) % 3] - t[k]).normalize_or_zero().perp_dot(p - t[k]) >= -1e-3)
 }
 
+#[test]
+fn no_window_is_behind_a_door() {
+    let scene = SceneDescription::from_map(&city());
+    let with_windows = [Surface::Windows, Surface::Sash, Surface::Shutters, Surface::Balcony];
+    let mut doors = 0;
+    for mesh in scene.objects.iter().map(|object| &object.levels[0].mesh) {
+        let corners = |t: &[u32]| [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize]);
+        let faces: Vec<_> = mesh.indices.chunks_exact(3).map(corners).collect();
+        for door in faces.iter().filter(|t| t[0].finish.surface == Surface::Door) {
+            doors += 1;
+            // Above it, and beside its frame, where parts of windows would be seen.
+            let corners = door.map(|v| v.position);
+            let top = corners.into_iter().max_by(|a, b| a.z.total_cmp(&b.z)).unwrap();
+            let middle = corners
+                .into_iter()
+                .reduce(Vec3::min)
+                .unwrap()
+                .midpoint(corners.into_iter().reduce(Vec3::max).unwrap());
+            let across = door[0].normal.cross(Vec3::Z) * 0.14;
+            for at in [top + Vec3::Z * 0.04, middle + across * 7.0, middle - across * 7.0] {
+                let at = at - door[0].normal * 0.066;
+                let behind = faces.iter().find(|t| {
+                    let [a, b, c] = t.map(|v| v.position);
+                    let facing = (b - a).cross(c - a);
+                    let edges = [(a, b), (b, c), (c, a)];
+                    let inside = edges.iter().all(|(p, q)| (q - p).cross(at - p).dot(facing) >= 0.0);
+                    let away = (at - a).dot(facing) / facing.length().max(1e-9);
+                    inside && away.abs() < 0.02 && with_windows.contains(&t[0].finish.surface)
+                });
+                assert!(behind.is_none(), "{behind:?} behind a door at {at}");
+            }
+        }
+    }
+    assert!(doors > 60, "{doors}");
+}
+
 /// Also where tracks lie on the asphalt, which ends under them, and between lanes that run side by side.
 #[test]
 fn every_lane_lies_on_asphalt_from_edge_to_edge() {

@@ -44,27 +44,30 @@ pub(super) fn windowless(front: &Side, style: &Style) -> [f32; 2] {
 }
 
 /// A door of a house, or two leaves of glass into a shop, in their bay.
-fn door(mesh: &mut Mesh, front: &Side, style: &Style, eaves: f32) {
+fn door(mesh: &mut Mesh, front: &Side, style: &Style, [storey, eaves]: [f32; 2]) {
     let width = front.width();
     let middle = (door_bay(front, style) + 0.5) / front.bays() * width;
     if style.ground.surface.is_shopfront() {
         let frame = style.ground.shaded(0.55);
         let frame = Finish { surface: Surface::Plain, ..frame };
-        front.slab(mesh, [middle, 1.9], [0.02, 2.52], 0.06, frame);
+        // Under the fascia.
+        let high = 2.52_f32.min(0.8 * storey);
+        front.slab(mesh, [middle, 1.9], [0.02, high], 0.06, frame);
         for (leaf, across) in [(-0.45, [0.10, 0.35]), (0.45, [0.62, 0.87])] {
             // What is seen through the window there.
             let behind = [Vec2::new(across[0], 0.16), Vec2::new(across[1], 0.64)];
-            front.picture(mesh, [middle + leaf, 0.76], [0.22, 2.40], (0.068, behind), style.ground);
+            front.picture(mesh, [middle + leaf, 0.76], [0.22, high - 0.12], (0.068, behind), style.ground);
             front.slab(mesh, [middle + 0.16 * leaf, 0.04], [0.95, 1.35], 0.11, TRIM);
         }
         front.slab(mesh, [middle, 2.1], [0.02, 0.13], 0.4, TRIM.shaded(0.9));
         return;
     }
-    front.slab(mesh, [middle, 1.56], [0.02, 2.74], 0.05, TRIM);
-    front.panel(mesh, [middle, 1.34], [0.16, 2.66], 0.065, wall(Surface::Door, [255, 255, 255]));
+    let high = 2.66_f32.min(storey - 0.14);
+    front.slab(mesh, [middle, 1.56], [0.02, high + 0.08], 0.05, TRIM);
+    front.panel(mesh, [middle, 1.34], [0.16, high], 0.065, wall(Surface::Door, [255, 255, 255]));
     front.slab(mesh, [middle, 1.9], [0.02, 0.16], 0.6, TRIM.shaded(0.9));
     if style.sign.is_none() && !style.gabled && eaves > 8.0 {
-        front.slab(mesh, [middle, 2.2], [2.84, 2.98], 0.95, TRIM.shaded(0.95));
+        front.slab(mesh, [middle, 2.2], [high + 0.18, high + 0.32], 0.95, TRIM.shaded(0.95));
     }
 }
 
@@ -80,7 +83,7 @@ pub(super) fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str,
             front.panel(mesh, [middle, 3.4], [0.05, high], 0.075, wall(Surface::Gate, colour));
         }
     } else {
-        door(mesh, front, style, eaves);
+        door(mesh, front, style, [storey, eaves]);
     }
     let Some(board) = style.sign else { return };
     let text = name.trim().to_uppercase();

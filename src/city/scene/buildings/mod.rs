@@ -142,13 +142,18 @@ fn storeys(mesh: &mut Mesh, side: &Side, style: &Style, eaves: f32, windowless: 
         [([0.0, from], style.ground), ([from, to], bare(style.ground)), ([to, 1.0], style.ground)]
     {
         if parts[0] < parts[1] {
-            side.face(mesh, parts, [FOOT_M, first], uv(finish, parts, 0.0, 1.0), finish, above_ground);
+            side.between(parts).face(
+                mesh,
+                [FOOT_M, first],
+                uv(finish, parts, 0.0, 1.0),
+                finish,
+                above_ground,
+            );
         }
     }
     if storeys > 1.0 {
-        let whole = [0.0, 1.0];
-        let uv = uv(style.upper, whole, 0.0, storeys - 1.0);
-        side.face(mesh, whole, [first, eaves], uv, style.upper, under);
+        let uv = uv(style.upper, [0.0, 1.0], 0.0, storeys - 1.0);
+        side.face(mesh, [first, eaves], uv, style.upper, under);
     }
     // A plinth, so that walls do not grow out of the lawn.
     if !style.ground.surface.is_shopfront() {

@@ -36,18 +36,19 @@ impl Side {
         (self.from.lerp(self.to, part) + self.outward() * out).extend(z)
     }
 
-    /// A face on it between two parts of its width and two heights; `open` is how much light its upper edge gets.
-    pub(super) fn face(
-        &self,
-        mesh: &mut Mesh,
-        [a, b]: [f32; 2],
-        z: [f32; 2],
-        uv: [Vec2; 2],
-        finish: Finish,
-        open: u8,
-    ) {
-        let corners =
-            [self.at(a, z[0], 0.0), self.at(b, z[0], 0.0), self.at(b, z[1], 0.0), self.at(a, z[1], 0.0)];
+    /// What of it lies between two parts of its width.
+    pub(super) fn between(&self, [from, to]: [f32; 2]) -> Self {
+        Self { from: self.from.lerp(self.to, from), to: self.from.lerp(self.to, to) }
+    }
+
+    /// A face on it between two heights; `open` is how much light its upper edge gets.
+    pub(super) fn face(&self, mesh: &mut Mesh, z: [f32; 2], uv: [Vec2; 2], finish: Finish, open: u8) {
+        let corners = [
+            self.at(0.0, z[0], 0.0),
+            self.at(1.0, z[0], 0.0),
+            self.at(1.0, z[1], 0.0),
+            self.at(0.0, z[1], 0.0),
+        ];
         let uvs = [uv[0], Vec2::new(uv[1].x, uv[0].y), uv[1], Vec2::new(uv[0].x, uv[1].y)];
         // The ground hides half of the sky's neighbourhood from the foot of a wall.
         let low = if z[0] < 0.5 { 140 } else { 235 };
