@@ -60,7 +60,7 @@ fn look_of(in: VertexIn) -> Look {
     var gloss = 0.0;
     out.glow = vec3<f32>(0.0);
     switch part_of(in) {
-        case PAINT: { albedo *= in.paint.rgb * PAINT_REFLECTS; gloss = 0.5; }
+        case PAINT: { albedo *= in.paint.rgb * select(PAINT_REFLECTS, 1.0, flat_light); gloss = 0.5; }
         case GLASS: { gloss = 1.0; }
         case HEAD: { gloss = 0.9; out.glow = vec3<f32>(0.9, 0.88, 0.8) * (0.5 + 4.0 * frame.zenith.w); }
         case TAIL: { gloss = 0.6; out.glow = vec3<f32>(1.0, 0.02, 0.01) * (0.12 + 0.9 * frame.zenith.w + in.lamps.x * 4.5); }

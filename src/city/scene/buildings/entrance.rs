@@ -94,8 +94,8 @@ pub(super) fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str,
     let board_width = lettering::width_of(&text, letter) + 0.7;
     let half = lettering::half_board(letter);
     let z = if style.gates.is_some() {
-        // On the parapet: there is no room between the gates and the windows above them.
-        eaves + 0.1
+        // On the parapet or under the roof: there is no room between the gates and the windows above them.
+        if style.gabled { eaves - half - 0.05 } else { eaves + 0.1 }
     } else if style.ground.surface.is_shopfront() {
         storey * 0.93
     } else {
