@@ -3,7 +3,7 @@
 use super::grounds::{covers, ring_of};
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::{Region, mitre};
-use super::roads::{KERB_M, PAVEMENT, band_along};
+use super::roads::{KERB_M, PAVEMENT, PAVEMENT_REPEAT_M, band_along};
 use crate::city::Shape;
 use glam::{DVec2, Vec2};
 
@@ -23,7 +23,7 @@ const DRIVE_WITHIN_M: f64 = 3.0;
 /// Errors of outlines from which on kerbs are even.
 pub(super) const EVEN_FROM_M: f32 = TOP_M - LOWERED_M;
 
-/// One ring of kerb, the road to its left: corners, how far along it they are, heights of the stones.
+/// One ring of kerb, the road to its left: corners, and how far along it they are.
 pub(super) struct Kerb {
     ring: Vec<DVec2>,
     stations: Vec<f64>,
@@ -42,6 +42,7 @@ impl Kerb {
         ring.rotate_left(first.unwrap_or(0));
         let count = ring.len();
         let lowered = lowered(&ring, &drives);
+        let bends: Vec<f64> = lowered.iter().flat_map(|&[a, b]| [a - RAMP_M, a, b, b + RAMP_M]).collect();
         let (mut corners, mut stations) = (Vec::new(), Vec::new());
         let mut along = 0.0;
         for k in 0..count {
@@ -49,10 +50,7 @@ impl Kerb {
             let length = from.distance(to);
             corners.push(from);
             stations.push(along);
-            let mut between: Vec<f64> =
-                lowered.iter().flat_map(|&[a, b]| [a - RAMP_M, a, b, b + RAMP_M]).collect();
-            between.retain(|&s| s > along + 1e-3 && s < along + length - 1e-3);
-            for s in between {
+            for &s in bends.iter().filter(|&&s| s > along + 1e-3 && s < along + length - 1e-3) {
                 corners.push(from.lerp(to, (s - along) / length));
                 stations.push(s);
             }
@@ -103,7 +101,7 @@ impl Kerb {
                 };
                 let high = |k: usize| self.beside(k, APRON_M).as_vec2().extend(KERB_M);
                 let corners = [low(pair[1]), low(pair[0]), high(pair[0]), high(pair[1])];
-                let uvs = corners.map(|p| p.truncate() / 2.4);
+                let uvs = corners.map(|p| p.truncate() / PAVEMENT_REPEAT_M);
                 mesh.face(&corners, &uvs, PAVEMENT);
             }
         }

@@ -206,7 +206,6 @@ enum Turn {
     Right,
 }
 
-/// Arrows before a junction, where the lanes that go on turn off.
 /// From the end of a lane to the foot of its arrow.
 const ARROW_M: f64 = 8.5;
 
@@ -216,6 +215,7 @@ pub(super) fn arrow_room(lane: &Lane) -> [f64; 2] {
     [foot, foot + 4.2]
 }
 
+/// Arrows before a junction, where the lanes that go on turn off.
 fn arrows(mesh: &mut Mesh, map: &CityMap, lane: &Lane) {
     let length = lane.curve.length();
     let turns: BTreeSet<Turn> = lane

@@ -37,6 +37,8 @@ pub(super) const GRASS_M: f32 = 0.10;
 
 pub(super) const ASPHALT: Finish = Finish::new(Surface::Asphalt, [110, 110, 112], Class::Road);
 pub(super) const GRASS: Finish = Finish::new(Surface::Grass, [104, 118, 74], Class::Grass);
+/// Metres for one repeat of its slabs.
+pub(super) const PAVEMENT_REPEAT_M: f32 = 2.4;
 pub(super) const PAVEMENT: Finish = Finish::new(Surface::Slabs, [172, 166, 156], Class::Pavement);
 
 /// The road surface as a field: signed distance to the edge of the outermost lanes, negative on the
@@ -318,7 +320,7 @@ impl Outlines {
         }
         let aprons: Vec<Region> = kerbs.iter().flat_map(Kerb::aprons).collect();
         for region in without(&regions(&self.pavement, 0.02, 0.2), &aprons) {
-            level(&mut mesh, &region, KERB_M, PAVEMENT, 2.4);
+            level(&mut mesh, &region, KERB_M, PAVEMENT, PAVEMENT_REPEAT_M);
         }
         for region in regions(&self.grass, 0.03, 0.5) {
             level(&mut mesh, &region, GRASS_M, GRASS, 6.0);

@@ -3,8 +3,8 @@
 use super::super::lanes::LaneBoxes;
 use super::super::mesh::{Finish, Mesh, Surface};
 use super::super::{lettering, special};
-use super::STOREY_M;
 use super::side::Side;
+use super::storeys_up_to;
 use super::style::{Style, TRIM, has, wall};
 use glam::{Vec2, Vec3};
 
@@ -73,7 +73,7 @@ fn door(mesh: &mut Mesh, front: &Side, style: &Style, [storey, eaves]: [f32; 2])
 
 pub(super) fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str, eaves: f32) {
     let width = front.width();
-    let storey = eaves / (eaves / STOREY_M).round().max(1.0);
+    let storey = eaves / storeys_up_to(eaves);
     if let Some(colour) = style.gates {
         let count = ((width - 0.6) / 4.1).floor().max(1.0);
         for k in 0..count as u32 {

@@ -111,6 +111,11 @@ pub(super) fn opaque_walls(place: &Place<'_>) -> Vec<Wall> {
     sides().map(|(from, to)| Wall { from, to, height_m }).collect()
 }
 
+/// How many storeys of about [`STOREY_M`] there are.
+fn storeys_up_to(eaves: f32) -> f32 {
+    (eaves / STOREY_M).round().max(1.0)
+}
+
 /// The same wall without windows.
 fn bare(finish: Finish) -> Finish {
     let surface = match finish.surface {
@@ -124,7 +129,7 @@ fn bare(finish: Finish) -> Finish {
 
 /// The wall of one side, on the ground without windows between these parts of its width.
 fn storeys(mesh: &mut Mesh, side: &Side, style: &Style, eaves: f32, windowless: Option<[f32; 2]>) {
-    let storeys = (eaves / STOREY_M).round().max(1.0);
+    let storeys = storeys_up_to(eaves);
     let first = eaves / storeys;
     let uv = |finish: Finish, [a, b]: [f32; 2], from: f32, to: f32| {
         let across = match finish.surface {
