@@ -4,7 +4,8 @@ use super::Failure;
 use crate::camera::View;
 use crate::city::scene::SceneDescription;
 use crate::render::{
-    AdapterPreference, Context, Daylight, Quality as Preset, RenderError, Renderer, Request, Settings,
+    AdapterPreference, Context, Daylight, Paintings, Quality as Preset, RenderError, Renderer, Request,
+    Settings,
 };
 use crate::scenario::{Experiment, TimeOfDay};
 use clap::{Args, ValueEnum};
@@ -69,17 +70,23 @@ pub(super) fn open(
     experiment: &Experiment,
     (usual, pictures): (Quality, Pictures),
 ) -> Result<Renderer, Failure> {
-    let (context, scene) = rayon::join(|| context(args, pictures), || scene(experiment));
-    let context = context?;
-    let quality = match args.quality.unwrap_or(usual) {
-        Quality::Low => Preset::LOW,
-        Quality::Medium => Preset::MEDIUM,
-        Quality::High => Preset::HIGH,
-        Quality::Ultra => Preset::ULTRA,
-        Quality::Auto => Preset::auto(context.is_software),
-    };
     let time = args.time.unwrap_or(experiment.time_of_day);
-    renderer_of(&context, (experiment, &scene), quality, time.hours)
+    // The scene takes as long as all that does not need it.
+    let prepared = || -> Result<_, Failure> {
+        let context = context(args, pictures)?;
+        let quality = match args.quality.unwrap_or(usual) {
+            Quality::Low => Preset::LOW,
+            Quality::Medium => Preset::MEDIUM,
+            Quality::High => Preset::HIGH,
+            Quality::Ultra => Preset::ULTRA,
+            Quality::Auto => Preset::auto(context.is_software),
+        };
+        let settings = settings(quality, time.hours);
+        Ok((context, settings, Paintings::new(&settings)))
+    };
+    let (prepared, scene) = rayon::join(prepared, || scene(experiment));
+    let (context, settings, paintings) = prepared?;
+    renderer_of(&context, (experiment, &scene), settings, paintings)
 }
 
 /// A renderer of an experiment's city on an open adapter, at a time of day.
@@ -92,22 +99,26 @@ pub(super) fn renderer(
     quality: Preset,
     hours: f64,
 ) -> Result<Renderer, Failure> {
-    renderer_of(context, (experiment, &scene(experiment)), quality, hours)
+    let settings = settings(quality, hours);
+    let (paintings, scene) = rayon::join(|| Paintings::new(&settings), || scene(experiment));
+    renderer_of(context, (experiment, &scene), settings, paintings)
 }
 
 fn scene(experiment: &Experiment) -> SceneDescription {
     SceneDescription::with_models(&experiment.city_map, &experiment.models.placed)
 }
 
+fn settings(quality: Preset, hours: f64) -> Settings {
+    Settings { quality, daylight: Daylight { hours: hours as f32 }, ..Settings::default() }
+}
+
 fn renderer_of(
     context: &Context,
     (experiment, scene): (&Experiment, &SceneDescription),
-    quality: Preset,
-    hours: f64,
+    settings: Settings,
+    paintings: Paintings,
 ) -> Result<Renderer, Failure> {
-    let daylight = Daylight { hours: hours as f32 };
-    let settings = Settings { quality, daylight, ..Settings::default() };
-    let mut renderer = Renderer::new(context, scene, settings).map_err(failure)?;
+    let mut renderer = Renderer::painted(context, scene, settings, paintings).map_err(failure)?;
     for (&body, model) in &experiment.models.vehicles {
         renderer.set_vehicle_model(body, model);
     }

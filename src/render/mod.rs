@@ -47,3 +47,4 @@ pub use renderer::Renderer;
 pub use request::{Pictures, Request};
 pub use settings::{FlatLight, Quality, Settings};
 pub use stream::{Order, PngStream};
+pub use textures::Paintings;

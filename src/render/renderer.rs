@@ -4,6 +4,7 @@
 use super::readback::{Arrived, Pending};
 use super::request::{Pictures, Request};
 use super::stage::{Made, Stage};
+use super::textures::Paintings;
 use super::{Context, Image, RenderError, Settings, TargetView, fleet, kinds};
 use crate::camera::{PictureKind, View};
 use crate::city::scene::SceneDescription;
@@ -33,8 +34,21 @@ impl Renderer {
     /// # Errors
     /// None that a valid scene and adapter give; the adapter's own are logged by wgpu.
     pub fn new(context: &Context, scene: &SceneDescription, settings: Settings) -> Result<Self, RenderError> {
+        Self::painted(context, scene, settings, Paintings::new(&settings))
+    }
+
+    /// [`Renderer::new`] with paintings that are of these settings.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn painted(
+        context: &Context,
+        scene: &SceneDescription,
+        settings: Settings,
+        paintings: Paintings,
+    ) -> Result<Self, RenderError> {
         let opened: Vec<&Context> = std::iter::once(context).chain(&*context.peers).collect();
-        let made = Made::new(scene, &settings);
+        let made = Made::new(scene, paintings);
         // Those that share the processors draw one view after the other into the same texture: they have nobody to wait
         // for after a pass, and depths and colours stay in their caches.
         let views_at_once = if opened.len() > 1 { 1 } else { usize::MAX };

@@ -24,7 +24,7 @@ use super::readback::{PendingPart, Ring};
 use super::request::{Places, Request, places};
 use super::standing::{Apart, Gaze, Patterns, SeenCells, Sorted, Standing};
 use super::textures::Paintings;
-use super::{Context, FlatLight, Settings, TargetView};
+use super::{Context, Settings, TargetView};
 use crate::camera::View;
 use crate::city::scene::SceneDescription;
 use crate::model::Model;
@@ -81,24 +81,20 @@ pub(super) struct Seen {
 /// What is made of a scene before any adapter is needed, for all of them.
 #[derive(Debug)]
 pub(super) struct Made {
-    daylight: Light,
     paintings: Paintings,
     sorted: Sorted,
 }
 
 impl Made {
-    pub(super) fn new(scene: &SceneDescription, settings: &Settings) -> Self {
-        let daylight = settings.flat.map_or_else(|| settings.daylight.light(), FlatLight::light);
-        let light_at_vertices = settings.quality.light_at_vertices;
+    pub(super) fn new(scene: &SceneDescription, paintings: Paintings) -> Self {
+        let light = &paintings.light;
         // By night every surface looks for the light of lamps.
-        let apart = match (light_at_vertices, daylight.is_lamplit()) {
+        let apart = match (paintings.light_at_vertices, light.is_lamplit()) {
             (false, _) => Some(Apart::Crowns),
-            (true, false) => Some(Apart::Averted(daylight.to_sun)),
+            (true, false) => Some(Apart::Averted(light.to_sun)),
             (true, true) => None,
         };
-        let (paintings, sorted) =
-            rayon::join(|| Paintings::new(&daylight, light_at_vertices), || Sorted::new(scene, apart));
-        Self { daylight, paintings, sorted }
+        Self { sorted: Sorted::new(scene, apart), paintings }
     }
 }
 
@@ -115,7 +111,8 @@ impl Stage {
         let light_at_vertices = quality.light_at_vertices;
         let attachments = Attachments::new(&settings);
         let frame = FrameGroup::new(device);
-        let Made { daylight, paintings, sorted } = made;
+        let Made { paintings, sorted } = made;
+        let daylight = &paintings.light;
         let sun_view = SunView::around(scene.bounds, daylight.to_sun, quality.shadow_texels);
         let shadow = ShadowPass::new(device, &frame.layout, sun_view);
         let lamplit = daylight.is_lamplit();
@@ -135,7 +132,7 @@ impl Stage {
             city: CityPass::new(context, attachments, &quality, (&fixed, &constants), groups, paintings),
             vehicles: VehiclePass::new(device, attachments, (&fixed, &constants), groups),
             contact: ContactPass::new(device, attachments, &frame.layout),
-            sky: SkyPass::new(context, attachments, (daylight, paintings), groups),
+            sky: SkyPass::new(context, attachments, paintings, groups),
             glow: lamplit.then(|| GlowPass::new(device, attachments, &frame.layout, &scene.lamps)),
             develop: (!light_at_vertices).then(|| Develop::new(device, attachments, quality, &frame.layout)),
             kinds: None,

@@ -9,7 +9,7 @@ use super::frustum::{Frustum, Sharpness};
 use super::horizon::{Horizon, Sector};
 use super::passes::city::gpu_data::Vertex as GpuVertex;
 use super::sides::{self, Side};
-use crate::city::scene::{Mesh, Object, SceneDescription, Surface, Vertex, Wall};
+use crate::city::scene::{self, Object, SceneDescription, Surface, Vertex, Wall};
 use glam::Vec3;
 use std::ops::Range;
 use std::sync::Arc;
@@ -162,19 +162,18 @@ impl SeenCells {
 impl Sorted {
     /// With something that is drawn for itself.
     pub(super) fn new(scene: &SceneDescription, apart: Option<Apart>) -> Self {
-        let mut packed = Packed { apart, ..Packed::default() };
-        let objects: Vec<Piece> = scene
-            .objects
-            .iter()
-            .map(|object| packed.piece(object.levels.iter().map(|level| (&level.mesh, level.error_m))))
-            .collect();
-        let mut pieces = |of: &dyn Fn(Surface) -> bool| -> Vec<Piece> {
-            let cells = cells::cut(&scene.ground, of);
-            let levels = cells.iter().map(|levels| levels.iter().map(|level| (&level.mesh, level.error_m)));
-            levels.map(|levels| packed.piece(levels)).collect()
+        let pack_objects = || {
+            let mut packed = Packed { apart, ..Packed::default() };
+            let objects: Vec<Piece> =
+                scene.objects.iter().map(|object| packed.piece(&object.levels)).collect();
+            (packed, objects)
         };
-        let ground = pieces(&|surface| surface != Surface::Line);
-        let lines = pieces(&|surface| surface == Surface::Line);
+        let cut = |lines: bool| cells::cut(&scene.ground, &|surface| (surface == Surface::Line) == lines);
+        let ((mut packed, objects), (ground, lines)) =
+            rayon::join(pack_objects, || rayon::join(|| cut(false), || cut(true)));
+        let mut pieces =
+            |cells: Vec<Vec<scene::Level>>| cells.iter().map(|levels| packed.piece(levels)).collect();
+        let (ground, lines) = (pieces(ground), pieces(lines));
         // The map of shadows ends with the city, and so would shadows of what stands around it.
         let is_near = |(_, object): &(&Piece, &Object)| {
             let finest = object.levels.first();
@@ -354,13 +353,14 @@ struct Packed {
 }
 
 impl Packed {
-    fn piece<'m>(&mut self, levels: impl Iterator<Item = (&'m Mesh, f32)>) -> Piece {
+    fn piece(&mut self, levels: &[scene::Level]) -> Piece {
         let first = self.vertices.len();
         let mut bounds = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         let mut is_figured = false;
         let levels = levels
-            .map(|(mesh, error_m)| {
-                let mut mesh = mesh.clone();
+            .iter()
+            .map(|level| {
+                let mut mesh = level.mesh.clone();
                 mesh.weld();
                 let [low, high] = mesh.bounds();
                 bounds = [bounds[0].min(low), bounds[1].max(high)];
@@ -376,7 +376,7 @@ impl Packed {
                 let at = |k: u32| mesh.vertices[k as usize].position;
                 let indices = &mut self.indices;
                 let [main, apart] = [main, apart].map(|part| sides::append(indices, base, at, &part));
-                Level { error_m, main, apart }
+                Level { error_m: level.error_m, main, apart }
             })
             .collect();
         self.pieces += 1;

@@ -6,10 +6,10 @@ mod noise;
 mod patterns;
 mod sky;
 
-use super::Context;
 use super::daylight::Light;
 use super::fleet::linear_from_srgb;
 use super::passes::Attachments;
+use super::{Context, FlatLight, Settings};
 use crate::city::scene::Surface;
 use rayon::prelude::*;
 
@@ -23,19 +23,26 @@ const SMALL_SKY: [u32; 2] = [1024, 256];
 /// Texels along an edge of the sky that surfaces mirror.
 const SKY_MAP: u32 = 64;
 
-/// What the textures of a scene show: painted once, however many adapters draw it.
+/// What the textures of a scene show: painted once, however many adapters draw it. It takes no scene, and so can be
+/// done while that is made: with [`super::Renderer::painted`].
 #[derive(Debug)]
-pub(super) struct Paintings {
+pub struct Paintings {
+    pub(super) light: Light,
+    /// See [`super::Quality::light_at_vertices`].
+    pub(super) light_at_vertices: bool,
     /// Mipmaps of each [`Surface`].
     surfaces: Vec<Vec<Vec<u8>>>,
-    /// See [`Paintings::panorama`]; whether it is as displayed.
-    panorama: (Vec<u8>, bool),
+    /// See [`Paintings::panorama`].
+    panorama: Vec<u8>,
     /// Mipmaps; see [`Paintings::sky_map`].
     sky_map: Vec<Vec<u8>>,
 }
 
 impl Paintings {
-    pub(super) fn new(light: &Light, light_at_vertices: bool) -> Self {
+    /// Paints what these settings show.
+    pub fn new(settings: &Settings) -> Self {
+        let light = settings.flat.map_or_else(|| settings.daylight.light(), FlatLight::light);
+        let light_at_vertices = settings.quality.light_at_vertices;
         let surfaces = || {
             let levels = |layer| mipmaps(patterns::pattern(layer, SIZE), SIZE);
             let layers = (0..Surface::COUNT as u8).into_par_iter().map(levels);
@@ -43,14 +50,14 @@ impl Paintings {
         };
         let sky = || {
             let panorama = if light_at_vertices {
-                sky::paint(SMALL_SKY, light)
+                sky::paint(SMALL_SKY, &light)
             } else {
-                sky::paint_radiance(SKY, light)
+                sky::paint_radiance(SKY, &light)
             };
-            (panorama, sky::mirrored(SKY_MAP, light))
+            (panorama, sky::mirrored(SKY_MAP, &light))
         };
         let (surfaces, (panorama, sky_map)) = rayon::join(surfaces, sky);
-        Self { surfaces, panorama: (panorama, light_at_vertices), sky_map }
+        Self { light, light_at_vertices, surfaces, panorama, sky_map }
     }
 
     /// An array texture with a layer for each [`Surface`] and all its mipmaps.
@@ -75,14 +82,13 @@ impl Paintings {
 
     /// The sky from below the horizon to the zenith, on the faces of [`sky_triangles`]: as displayed, or as radiance.
     pub(super) fn panorama(&self, context: &Context) -> wgpu::TextureView {
-        let (bytes, as_displayed) = &self.panorama;
-        let (format, size) = if *as_displayed {
+        let (format, size) = if self.light_at_vertices {
             (wgpu::TextureFormat::Rgba8Unorm, SMALL_SKY)
         } else {
             (wgpu::TextureFormat::Rgba16Float, SKY)
         };
         let texture = texture(context, ("sky", format), size, 1, 1);
-        upload(context, &texture, size, 0, 0, bytes);
+        upload(context, &texture, size, 0, 0, &self.panorama);
         texture.create_view(&wgpu::TextureViewDescriptor::default())
     }
 

@@ -37,6 +37,7 @@ use crate::geom::scatter;
 use crate::model::Model;
 use furniture::Piece;
 use glam::{Affine3A, DVec2, Mat3, Vec2, Vec3};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -173,10 +174,11 @@ impl SceneDescription {
 
     /// [`Self::from_map`] with the models that the map places, by name; those that are missing are left out.
     pub fn with_models(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Self {
-        let field = roads::RoadField::new(map);
+        let (field, (nursery, furniture)) = rayon::join(
+            || roads::RoadField::new(map),
+            || rayon::join(trees::Nursery::new, || furniture::Furniture::new(models)),
+        );
         let lanes = lanes::LaneBoxes::new(map);
-        let nursery = trees::Nursery::new();
-        let furniture = furniture::Furniture::new(models);
         // Off the road, and clear of all that stands.
         let is_free = |at: Vec2, but: usize| {
             let others = map.scenery.iter().enumerate().filter(|(index, piece)| {
@@ -253,14 +255,16 @@ impl SceneDescription {
         objects.extend(models::place(map, models));
         objects.extend(parked::cars(map, &drives));
         objects.retain(|object: &Object| !object.is_empty());
-        for object in &mut objects {
-            object.add_coarser_levels();
-        }
-        let roads = roads::LEVELS.map(|error_m| Level { mesh: outlines.ground(error_m, &drives), error_m });
-        let mut ground = vec![Object { levels: roads.to_vec() }];
-        let paint = markings::Paint::new(map, &field, &lanes);
-        let painted = markings::LEVELS.map(|error_m| Level { mesh: paint.mesh(error_m), error_m });
-        ground.push(Object { levels: painted.to_vec() });
+        let roads = |error_m: &f32| Level { mesh: outlines.ground(*error_m, &drives), error_m: *error_m };
+        let paint = || {
+            let paint = markings::Paint::new(map, &field, &lanes);
+            markings::LEVELS.par_iter().map(|&error_m| Level { mesh: paint.mesh(error_m), error_m }).collect()
+        };
+        let (_, (roads, paint)) = rayon::join(
+            || objects.par_iter_mut().for_each(Object::add_coarser_levels),
+            || rayon::join(|| roads::LEVELS.par_iter().map(roads).collect(), paint),
+        );
+        let mut ground = vec![Object { levels: roads }, Object { levels: paint }];
         let mut wear = Object::of_one_level(wear::wear(map, &lanes));
         // From afar asphalt is as good.
         wear.levels.push(Level { mesh: Mesh::default(), error_m: wear::SEEN_M });

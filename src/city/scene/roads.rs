@@ -147,20 +147,22 @@ impl RoadField {
                 });
             }
         }
-        // Closing: out by the radius of a fillet, then in again.
-        let out = simplified(&raw.rings(FILLET_M as f32), 0.01);
-        let back = raw.distance_to(&out, reach);
-        let fillet = FILLET_M as f32;
-        let deepest = reach as f32;
-        let rounded = raw
-            .with(&back, |raw, back| if raw >= fillet { raw } else { raw.min(fillet - back.min(deepest)) });
+        let standing = || raw.distance_to(&standing(map), 2.0 * KEPT_M);
+        let (rounded, standing) = rayon::join(|| closed(&raw, reach), standing);
         // Then pulled taut, where nothing stands in the way.
-        let standing = raw.distance_to(&standing(map), 2.0 * KEPT_M);
         let outline = taut(&rounded.rings(0.0), &raw, |at| f64::from(standing.at(at)) < KEPT_M);
-        let pulled = rounded.signed_distance_to(&outline, f64::from(fillet));
+        let pulled = rounded.signed_distance_to(&outline, FILLET_M);
         let distance = rounded.with(&pulled, |was, now| if now.is_finite() { now } else { was });
         Self { distance }
     }
+}
+
+/// Closes inner corners: out by the radius of a fillet, then in again.
+fn closed(raw: &Field, reach: f64) -> Field {
+    let out = simplified(&raw.rings(FILLET_M as f32), 0.01);
+    let back = raw.distance_to(&out, reach);
+    let (fillet, deepest) = (FILLET_M as f32, reach as f32);
+    raw.with(&back, |raw, back| if raw >= fillet { raw } else { raw.min(fillet - back.min(deepest)) })
 }
 
 /// What kerbs keep clear of, as rings: the feet of trees and lamps, and what has edges.

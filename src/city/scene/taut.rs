@@ -3,6 +3,7 @@
 
 use super::field::Field;
 use glam::DVec2;
+use rayon::prelude::*;
 
 /// Between the points of an outline that is pulled.
 const STEP_M: f64 = 0.4;
@@ -16,8 +17,12 @@ const FARTHEST_M: f64 = 1.6;
 
 /// Rings with the road to their left, pulled taut into what is beside it: lanes stay within, as `lanes` has the
 /// distance to them, and points stay where they are rather than move to where it `is_taken`.
-pub(super) fn taut(rings: &[Vec<DVec2>], lanes: &Field, is_taken: impl Fn(DVec2) -> bool) -> Vec<Vec<DVec2>> {
-    rings.iter().map(|ring| pulled(ring, lanes, &is_taken)).collect()
+pub(super) fn taut(
+    rings: &[Vec<DVec2>],
+    lanes: &Field,
+    is_taken: impl Fn(DVec2) -> bool + Sync,
+) -> Vec<Vec<DVec2>> {
+    rings.par_iter().map(|ring| pulled(ring, lanes, &is_taken)).collect()
 }
 
 fn pulled(ring: &[DVec2], lanes: &Field, is_taken: &impl Fn(DVec2) -> bool) -> Vec<DVec2> {

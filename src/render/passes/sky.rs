@@ -2,7 +2,6 @@
 
 use super::{Attachments, PictureState, picture_pipeline, sampler_entry, texture_entry};
 use crate::render::Context;
-use crate::render::daylight::Light;
 use crate::render::shader::Shader;
 use crate::render::textures::{self, Paintings};
 use wgpu::util::DeviceExt;
@@ -51,10 +50,10 @@ impl SkyPass {
     pub(in crate::render) fn new(
         context: &Context,
         attachments: Attachments,
-        (light, paintings): (&Light, &Paintings),
+        paintings: &Paintings,
         groups: [&wgpu::BindGroupLayout; 2],
     ) -> Self {
-        let device = &context.device;
+        let (device, light) = (&context.device, &paintings.light);
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("sky"),
             entries: &[

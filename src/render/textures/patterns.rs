@@ -49,7 +49,7 @@ pub(super) fn pattern(layer: u8, size: u32) -> Vec<u8> {
     for y in 0..size {
         for x in 0..size {
             let (colour, dull) = draw([x, y].map(|k| (k as f32 + 0.5) / size as f32));
-            texels.extend(colour.iter().chain([&dull]).map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8));
+            texels.extend(colour.iter().chain([&dull]).map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
         }
     }
     texels
@@ -253,18 +253,19 @@ fn flowers(at: [f32; 2]) -> Texel {
     // The clump whose middle is nearest.
     let [cx, cy] = cell(CLUMPS);
     let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (cx + dx, cy + dy)));
-    let away = |&(x, y): &(i32, i32)| {
+    let squared = |(x, y): (i32, i32)| {
         let middle = [x as f32 + seed_of(x, y, 144), y as f32 + seed_of(x, y, 145)];
-        (middle[0] - at[0] * CLUMPS as f32).hypot(middle[1] - at[1] * CLUMPS as f32)
+        [0, 1].map(|k| (middle[k] - at[k] * CLUMPS as f32).powi(2)).iter().sum::<f32>()
     };
-    let (x, y) = around.min_by(|a, b| away(a).total_cmp(&away(b))).unwrap_or((cx, cy));
+    let nearest = around.map(|clump| (squared(clump), clump)).min_by(|a, b| a.0.total_cmp(&b.0));
+    let (squared, (x, y)) = nearest.unwrap_or((0.0, (cx, cy)));
     let colour = PETALS[(seed_of(x, y, 146) * 4.0) as usize % 4];
     let [fx, fy] = cell(FLOWERS);
     let dice = |salt: u32| hash(fx, fy, salt);
     let off = [at[0] * FLOWERS as f32 - fx as f32, at[1] * FLOWERS as f32 - fy as f32];
     let out = (off[0] - 0.3 - 0.4 * dice(147)).hypot(off[1] - 0.3 - 0.4 * dice(148));
     let radius = 0.22 + 0.20 * dice(142);
-    if out < radius && dice(141) < 0.66 && away(&(x, y)) < 0.62 {
+    if out < radius && dice(141) < 0.66 && squared < 0.62 * 0.62 {
         let tone = (0.80 + 0.30 * dice(149)) * (1.0 - 0.35 * out / radius);
         return (colour.map(|c| c * tone), 1.0);
     }

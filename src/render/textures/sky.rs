@@ -47,7 +47,7 @@ fn direction(wall: i32, across: f32, v: f32) -> Vec3 {
 /// sRGB texels, row by row with v growing.
 pub(super) fn paint(size: [u32; 2], light: &Light) -> Vec<u8> {
     texels(size, |direction| {
-        let [r, g, b] = colour(direction, light).map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
+        let [r, g, b] = colour(direction, light).map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8);
         [r, g, b, 255]
     })
 }
@@ -124,21 +124,27 @@ fn colour(direction: Vec3, light: &Light) -> [f32; 3] {
     let horizon = light.haze_srgb;
     let rise = 1.0 - (-4.2 * up.max(0.0)).exp();
     let mut sky = mix(horizon, light.zenith_srgb, rise);
-    let cover = cloud_cover(direction);
     let fade = ((up - 0.02) * 7.0).clamp(0.0, 1.0);
-    let lit = 0.90 + 0.10 * octaves(cloud_plane(direction), [24, 24], 3, 207);
     let towards = direction.dot(light.to_sun);
     let night = night_of(light);
-    sky = mix(sky, light.cloud_srgb.map(|c| c * lit), cover * fade * (0.78 - 0.2 * night));
+    let cover = if fade > 0.0 { cloud_cover(direction) } else { 0.0 };
+    if cover > 0.0 {
+        let lit = 0.90 + 0.10 * octaves(cloud_plane(direction), [24, 24], 3, 207);
+        sky = mix(sky, light.cloud_srgb.map(|c| c * lit), cover * fade * (0.78 - 0.2 * night));
+    }
     let glow = (towards.max(0.0).powi(24) * 0.30 + towards.max(0.0).powi(400) * 0.5) * (1.0 - 0.7 * night);
     // Low, the sun lights the haze far around it.
     let low = (1.0 - 2.5 * light.to_sun.z).clamp(0.0, 1.0) * (1.0 - night);
     let wide = low * towards.max(0.0).powi(5) * 0.55 * (-5.0 * up.max(0.0)).exp();
     sky = mix(sky, light.glow_srgb, (glow + wide).min(1.0));
     // Two chains of hills in the haze.
-    let (u, elevation) = (turn_of(direction), up.asin());
+    let elevation = up.asin();
     for (seed, height, base, part) in [(221, 0.060, 0.008, 0.30), (231, 0.034, 0.002, 0.55)] {
-        let crest = base + height * (octaves([u, 0.3], [9, 2], 5, seed) - 0.30).max(0.0);
+        // Most of the sky is over all hills.
+        if elevation > base + height * 0.70 {
+            continue;
+        }
+        let crest = base + height * (octaves([turn_of(direction), 0.3], [9, 2], 5, seed) - 0.30).max(0.0);
         let edge = ((crest - elevation) / 0.0015).clamp(0.0, 1.0);
         // Mist lies at their feet, where the plain ends in haze.
         let mist = (-(elevation.max(0.0)) / 0.018).exp();
