@@ -312,6 +312,10 @@ fn the_map_can_be_made_again_byte_by_byte() {
     assert_eq!(code(&output), 0);
     let made = std::fs::read(out.path().join("maps/ids3c.dxf")).unwrap();
     assert!(made == std::fs::read(root().join("assets/maps/ids3c.dxf")).unwrap());
+    // Where a file is named that is what is written.
+    let output = city3d(out.path(), &["generate", "map", "--out", "own.dxf"]);
+    assert_eq!(code(&output), 0);
+    assert!(made == std::fs::read(out.path().join("own.dxf")).unwrap());
 }
 
 #[test]

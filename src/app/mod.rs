@@ -33,7 +33,7 @@ mod view;
 
 use crate::environment::Profile;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// The run failed: a collision where the scenario forbids one, a file that cannot be written.
@@ -256,7 +256,7 @@ fn start_logging(verbose: u8) {
 }
 
 /// Creates the folder that a command writes into.
-fn create_folder(folder: &PathBuf) -> Result<(), Failure> {
+fn create_folder(folder: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(|error| {
         Failure::failed(format!("{}: the folder cannot be created: {error}", folder.display()))
     })

@@ -20,7 +20,7 @@ pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>) {
     state.viewpoint.attend(shown.seen);
     let moves = shown.moment.phase == Phase::Running || response.dragged() || state.is_scrubbing;
     let extent = extent(rect, ui.ctx().pixels_per_point(), shown.most_moving_pixels.filter(|_| moves));
-    state.viewpoint.show_whole(shown.seen, extent);
+    state.viewpoint.show_whole(shown.seen, extent, shown.walls);
     let view = state.viewpoint.view(shown.seen, extent);
     state.pictures.push(Picture { slot: Slot::City, view });
     super::paint_picture(ui, rect, shown, Slot::City);

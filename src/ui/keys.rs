@@ -18,6 +18,10 @@ pub fn act(ui: &Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Acti
     }
     let mut replay = shown.replay;
     for (key, modifiers, is_repeated) in pressed(ui) {
+        // It closes that, as egui has it.
+        if key == Key::Escape && egui::Popup::is_any_open(ui.ctx()) {
+            continue;
+        }
         let is_free = !modifiers.command && !modifiers.alt;
         if let Some(replay) = replay.as_mut().filter(|_| is_free)
             && let Some(cue) = timeline::cue(key, modifiers, replay, state)

@@ -363,7 +363,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Acti
     let panel = panel.show(ui, |ui| {
         // However little is in it, a panel keeps its width.
         ui.set_min_width(ui.available_width());
-        vehicles::show(ui, shown, &mut state.table, &mut state.selection);
+        vehicles::show(ui, shown, state);
     });
     wish(&mut state.widths.vehicles, panel.response.rect.width(), most);
     if state.previews.is_empty() {

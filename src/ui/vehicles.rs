@@ -1,6 +1,6 @@
 //! The table of all vehicles.
 
-use super::{Drivers, Selection, Shown, status};
+use super::{Drivers, Selection, Shown, State, status};
 use crate::city::CityMap;
 use crate::live::Phase;
 use crate::snapshot::{FrameSnapshot, Status, VehicleId};
@@ -111,7 +111,11 @@ impl Row<'_> {
 }
 
 /// Rows that match, in order.
-fn rows<'a>(snapshot: &'a FrameSnapshot, drivers: &'a Drivers, table: &Table) -> Vec<Row<'a>> {
+fn rows<'a>(
+    snapshot: &'a FrameSnapshot,
+    (drivers, driven): (&'a Drivers, Option<VehicleId>),
+    table: &Table,
+) -> Vec<Row<'a>> {
     let words: Vec<String> = table.filter.split_whitespace().map(str::to_lowercase).collect();
     let row = |(vehicle, info): (&'a crate::snapshot::VehicleState, &'a crate::snapshot::VehicleInfo)| {
         let [r, g, b] = info.appearance.colour;
@@ -120,7 +124,12 @@ fn rows<'a>(snapshot: &'a FrameSnapshot, drivers: &'a Drivers, table: &Table) ->
             id: vehicle.id,
             colour: Color32::from_rgb(r, g, b),
             name: &info.name,
-            driver: if vehicle.status == Status::Manual { "human" } else { driver },
+            // One that has collided is not told from others by its status.
+            driver: if vehicle.status == Status::Manual || driven == Some(vehicle.id) {
+                "human"
+            } else {
+                driver
+            },
             status: vehicle.status,
             x_m: vehicle.position.x,
             y_m: vehicle.position.y,
@@ -156,8 +165,10 @@ fn columns(width: f32, spacing: f32) -> Vec<usize> {
 
 /// Shows the table. A click selects, a double click follows. While the vehicles move the order of the rows changes once a
 /// second.
-pub fn show(ui: &mut Ui, shown: &Shown<'_>, table: &mut Table, selection: &mut Selection) {
-    let (snapshot, drivers) = (&*shown.moment.now, shown.drivers);
+pub fn show(ui: &mut Ui, shown: &Shown<'_>, state: &mut State) {
+    let snapshot = &*shown.moment.now;
+    let drivers = (shown.drivers, state.driving.as_ref().map(|driving| driving.vehicle));
+    let (table, selection) = (&mut state.table, &mut state.selection);
     let moves = shown.moment.phase == Phase::Running;
     let map = shown.map;
     let listed = rows(snapshot, drivers, table);

@@ -2,8 +2,10 @@
 
 #![allow(clippy::disallowed_methods, reason = "cameras draw; no state of a run depends on them")]
 
+use super::sight;
 use crate::camera::{Camera, Extrinsics, Lens, Mount, View};
-use crate::snapshot::{FrameSnapshot, VehicleId};
+use crate::city::scene::Wall;
+use crate::snapshot::{FrameSnapshot, VehicleId, VehicleState};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -49,6 +51,8 @@ pub struct Viewpoint {
     pub rear: bool,
     /// Corners of the ground that shall be seen whole, until somebody moves the camera.
     whole: Option<[DVec2; 2]>,
+    /// Whether it has turned to the side from which most is seen.
+    is_turned: bool,
     target: DVec3,
     distance_m: f64,
     azimuth_rad: f64,
@@ -65,6 +69,11 @@ const AROUND_M: f64 = 18.0;
 const MOST_OF_PICTURE: f64 = 0.92;
 /// The distance of a camera that nobody has moved.
 const UNMOVED_M: [f64; 2] = [50.0, 240.0];
+/// Azimuth and elevation of a camera for which it makes no difference.
+const UNTURNED_RAD: [f64; 2] = [-1.9, 0.85];
+/// Tried where walls hide vehicles: so many sides, from the usual elevation and from a steeper one.
+const SIDES: u32 = 8;
+const STEEPER_RAD: f64 = 1.2;
 /// What happens to a vehicle is looked at from no farther away.
 const EVENT_M: f64 = 60.0;
 const NEAREST_M: f64 = 3.0;
@@ -89,10 +98,11 @@ impl Viewpoint {
             follow: None,
             rear: false,
             whole: low.is_finite().then(|| [low.truncate() - AROUND_M, high.truncate() + AROUND_M]),
+            is_turned: false,
             target,
             distance_m,
-            azimuth_rad: -1.9,
-            elevation_rad: 0.85,
+            azimuth_rad: UNTURNED_RAD[0],
+            elevation_rad: UNTURNED_RAD[1],
             eye: target + DVec3::new(-0.3, -0.75, 0.5) * distance_m,
             yaw_rad: 1.2,
             pitch_rad: -0.5,
@@ -100,12 +110,38 @@ impl Viewpoint {
     }
 
     /// Goes to where everything that drives is seen, in a picture of some pixels, as long as nobody has moved it.
-    pub fn show_whole(&mut self, seen: &FrameSnapshot, extent: [u32; 2]) {
+    pub fn show_whole(&mut self, seen: &FrameSnapshot, extent: [u32; 2], walls: &[Wall]) {
         let is_apt = self.follow.is_none() && matches!(self.mode, Mode::Orbit | Mode::Overhead);
-        let Some([low, high]) = self.whole.filter(|_| is_apt && extent.iter().all(|pixels| *pixels > 1))
-        else {
+        let Some(whole) = self.whole.filter(|_| is_apt && extent.iter().all(|pixels| *pixels > 1)) else {
             return;
         };
+        if self.mode == Mode::Orbit && !self.is_turned {
+            *self = self.turned(whole, seen, extent, walls);
+        }
+        self.fit(whole, seen, extent);
+    }
+
+    /// From the side from which walls hide the fewest vehicles.
+    fn turned(&self, whole: [DVec2; 2], seen: &FrameSnapshot, extent: [u32; 2], walls: &[Wall]) -> Self {
+        let sides = (0..SIDES).map(|k| TAU * f64::from(k) / f64::from(SIDES));
+        let ways = [UNTURNED_RAD[1], STEEPER_RAD]
+            .into_iter()
+            .flat_map(|up| sides.clone().map(move |turn| (turn, up)));
+        let look = |(turn, elevation_rad)| {
+            let azimuth_rad = UNTURNED_RAD[0] + turn;
+            let mut turned = Self { azimuth_rad, elevation_rad, is_turned: true, ..self.clone() };
+            turned.fit(whole, seen, extent);
+            let eye = turned.view(seen, extent).extrinsics.position;
+            let is_hidden = |v: &&VehicleState| sight::is_hidden(eye, v.position + DVec3::Z, walls);
+            (seen.vehicles.iter().filter(is_hidden).count(), turned)
+        };
+        // Of equals the first, which is the usual one.
+        let best = ways.map(look).min_by_key(|(hidden, _)| *hidden);
+        best.map_or_else(|| self.clone(), |(_, turned)| turned)
+    }
+
+    /// Moves so that a part of the ground fills a picture.
+    fn fit(&mut self, [low, high]: [DVec2; 2], seen: &FrameSnapshot, extent: [u32; 2]) {
         let corners = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
         let room = DVec2::from(extent.map(f64::from));
         let [nearest, farthest] = UNMOVED_M;
@@ -360,7 +396,7 @@ mod tests {
             for extent in [[586, 662], [1400, 500], [700, 900]] {
                 let mut viewpoint = Viewpoint::around(&seen);
                 viewpoint.set_mode(mode, None);
-                viewpoint.show_whole(&seen, extent);
+                viewpoint.show_whole(&seen, extent, &[]);
                 let corners = [(-88.0, -14.0), (8.0, -14.0), (8.0, 78.0), (-88.0, 78.0)];
                 let view = viewpoint.view(&seen, extent);
                 let pixels = corners.map(|(x, y)| view.project(DVec3::new(x, y, 0.0)).unwrap());
@@ -378,10 +414,37 @@ mod tests {
                 // Whoever has moved it finds it where it was left.
                 viewpoint.zoom(3.0);
                 let left = viewpoint.clone();
-                viewpoint.show_whole(&seen, extent);
+                viewpoint.show_whole(&seen, extent, &[]);
                 assert_eq!(viewpoint, left);
             }
         }
+    }
+
+    #[test]
+    fn at_first_it_looks_from_where_walls_hide_the_fewest() {
+        let seen = snapshot(10.0);
+        let extent = [800, 600];
+        let mut usual = Viewpoint::around(&seen);
+        usual.show_whole(&seen, extent, &[]);
+        assert_eq!([usual.azimuth_rad, usual.elevation_rad], UNTURNED_RAD);
+        let eye = usual.view(&seen, extent).extrinsics.position;
+        // Before the car, across the usual line of sight, and so high that it hides it from there.
+        let car = seen.vehicles[0].position;
+        let (towards, across) =
+            ((eye - car).truncate().normalize(), (eye - car).truncate().normalize().perp());
+        let end = |side: f64| (car.truncate() + towards * 6.0 + across * side).as_vec2();
+        let wall = Wall { from: end(-5.0), to: end(5.0), height_m: 40.0 };
+        let is_hidden = |viewpoint: &Viewpoint| {
+            sight::is_hidden(viewpoint.view(&seen, extent).extrinsics.position, car + DVec3::Z, &[wall])
+        };
+        assert!(is_hidden(&usual));
+        let mut turned = Viewpoint::around(&seen);
+        turned.show_whole(&seen, extent, &[wall]);
+        assert!(!is_hidden(&turned) && sees(&turned, &seen));
+        // Once, not whenever something drives on.
+        let azimuth_rad = turned.azimuth_rad;
+        turned.show_whole(&snapshot(40.0), extent, &[]);
+        assert_eq!(turned.azimuth_rad, azimuth_rad);
     }
 
     #[test]

@@ -287,6 +287,22 @@ fn statuses_of_trouble_are_shown_and_explained() {
 }
 
 #[test]
+fn escape_closes_a_menu_and_only_then_lets_go_of_the_vehicle() {
+    let mut harness = with(6);
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(2));
+    harness.run_steps(2);
+    click(&mut harness, "Simulated seconds in a second (+ and -)");
+    harness.run_steps(2);
+    assert!(harness.query_by_label("fastest").is_some(), "the menu is open");
+    press(&mut harness, egui::Key::Escape);
+    harness.run_steps(2);
+    let selected = |harness: &Harness<'static, Desk>| harness.state().state.selection.vehicle;
+    assert_eq!((harness.query_by_label("fastest").is_some(), selected(&harness)), (false, Some(VehicleId(2))));
+    press(&mut harness, egui::Key::Escape);
+    assert_eq!(selected(&harness), None);
+}
+
+#[test]
 fn the_bar_starts_pauses_steps_and_resets() {
     let mut harness = with(6);
     click(&mut harness, "\u{25b6} Start");
