@@ -120,7 +120,7 @@ pub fn plot(args: &PlotArgs) -> Result<(), Failure> {
 }
 
 /// Writes all figures of some runs, and says which.
-pub fn draw(views: &Views<'_>, size: Size, folder: &PathBuf) -> Result<(), Failure> {
+pub fn draw(views: &Views<'_>, size: Size, folder: &Path) -> Result<(), Failure> {
     create_folder(folder)?;
     let (figures, notes) = views.all();
     for figure in &figures {
