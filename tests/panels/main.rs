@@ -297,7 +297,10 @@ fn escape_closes_a_menu_and_only_then_lets_go_of_the_vehicle() {
     press(&mut harness, egui::Key::Escape);
     harness.run_steps(2);
     let selected = |harness: &Harness<'static, Desk>| harness.state().state.selection.vehicle;
-    assert_eq!((harness.query_by_label("fastest").is_some(), selected(&harness)), (false, Some(VehicleId(2))));
+    assert_eq!(
+        (harness.query_by_label("fastest").is_some(), selected(&harness)),
+        (false, Some(VehicleId(2)))
+    );
     press(&mut harness, egui::Key::Escape);
     assert_eq!(selected(&harness), None);
 }

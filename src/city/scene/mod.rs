@@ -200,7 +200,7 @@ impl SceneDescription {
         let outlines = roads::Outlines::new(&field, wear::covered(map));
         let beside_roads = |ring: &[DVec2]| outlines.beside_roads(&field, ring);
         let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());
-        let mut lamps = Vec::new();
+        let (mut lamps, mut clocks) = (Vec::new(), Vec::new());
         // Paved ways have no name.
         let is_drive = |piece: &&Scenery| piece.kind == SceneryKind::Paving && piece.name.is_empty();
         let drives: Vec<&Shape> = map.scenery.iter().filter(is_drive).map(|piece| &piece.shape).collect();
@@ -243,6 +243,7 @@ impl SceneDescription {
                 let pumps = buildings::pumps(&place).into_iter();
                 objects.extend(pumps.map(|(at, front)| furniture.place(Piece::FuelPump, at, front, 1.0)));
                 lamps.extend(buildings::lights(&place));
+                clocks.extend(buildings::clocks(&place).map(Object::of_one_level));
                 let board = buildings::price_board(&place).filter(|&(at, _)| is_free(at, index));
                 objects.extend(board.map(|board| Object::of_one_level(special::price_board_at(board))));
                 walls.extend(buildings::opaque_walls(&place));
@@ -264,6 +265,7 @@ impl SceneDescription {
             || objects.par_iter_mut().for_each(Object::add_coarser_levels),
             || rayon::join(|| roads::LEVELS.par_iter().map(roads).collect(), paint),
         );
+        objects.extend(clocks);
         let mut ground = vec![Object { levels: roads }, Object { levels: paint }];
         let mut wear = Object::of_one_level(wear::wear(map, &lanes));
         // From afar asphalt is as good.

@@ -99,36 +99,46 @@ fn draw(foot: Vec2, towards: Vec2, signs: &[Sign], sides: u32) -> Mesh {
     mesh
 }
 
+/// How far a post has to be from what stands there, metres.
+#[derive(Clone, Copy)]
+struct Clear {
+    /// From crowns: in one where negative.
+    trees_m: f64,
+    buildings_m: f64,
+}
+
+/// In the order of preference: off the steps of doors, and rather a little farther away than in the leaves of a tree.
+const CLEAR: [Clear; 3] = [
+    Clear { trees_m: HALF_M as f64, buildings_m: 0.8 },
+    Clear { trees_m: HALF_M as f64, buildings_m: 0.25 },
+    Clear { trees_m: -0.4, buildings_m: 0.25 },
+];
+
 /// To the right of the road at a pose: the nearest place behind the kerb, if there is one.
-fn roadside(map: &CityMap, field: &RoadField, pose: Pose2, from_trees_m: f64) -> Option<DVec2> {
+fn roadside(map: &CityMap, field: &RoadField, pose: Pose2, clear: Clear) -> Option<DVec2> {
     let beside = |out: f64| pose.point_at(0.0, -out);
     let kerb = (10..60).map(|k| f64::from(k) * 0.1).find(|&out| field.distance.at(beside(out)) > 0.75)?;
     let at = beside(kerb);
     let clear_of_things = map.scenery.iter().all(|piece| {
-        let solid = matches!(
-            piece.kind,
-            SceneryKind::Building
-                | SceneryKind::Wall
-                | SceneryKind::Hedge
-                | SceneryKind::Tree
-                | SceneryKind::Lamp
-        );
-        !solid
-            || super::grounds::distance_to(&piece.shape, at)
-                > if piece.kind == SceneryKind::Tree { from_trees_m } else { 0.25 }
+        let least_m = match piece.kind {
+            SceneryKind::Building => clear.buildings_m,
+            SceneryKind::Tree => clear.trees_m,
+            SceneryKind::Wall | SceneryKind::Hedge | SceneryKind::Lamp => 0.25,
+            _ => return true,
+        };
+        super::grounds::distance_to(&piece.shape, at) > least_m
     });
     clear_of_things.then_some(at)
 }
 
 fn at_line(map: &CityMap, field: &RoadField, lane: &Lane, at_m: f64) -> Option<(DVec2, Vec2)> {
-    let try_at = |back: f64, from_trees_m: f64| {
+    let try_at = |back: f64, clear: Clear| {
         let pose = lane.curve.at((at_m - back).max(0.0)).pose;
-        Some((roadside(map, field, pose, from_trees_m)?, pose.forward().as_vec2()))
+        Some((roadside(map, field, pose, clear)?, pose.forward().as_vec2()))
     };
-    // Rather a little farther away than in the leaves of a tree.
-    [HALF_M, -0.4].into_iter().find_map(|from_trees_m| {
-        [0.3, 0.9, 1.8, 3.0, 4.5, 6.5].into_iter().find_map(|back| try_at(back, f64::from(from_trees_m)))
-    })
+    CLEAR
+        .into_iter()
+        .find_map(|clear| [0.3, 0.9, 1.8, 3.0, 4.5, 6.5].into_iter().find_map(|back| try_at(back, clear)))
 }
 
 /// Signs at stop and yield lines and at car parks.

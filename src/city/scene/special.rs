@@ -149,17 +149,16 @@ pub(super) fn board_on_portico(name: &str, height: f32) -> Option<(f32, f32)> {
     name.contains("theatre").then_some((z, PORTICO_OUT_M + 0.06))
 }
 
+/// From the middle of the town hall's tower to its walls.
+const CLOCKS_OUT_M: f32 = 1.8;
+
 /// Towers, domes and spires on closed buildings.
 pub(super) fn additions(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32) {
     let centre = middle(ring);
     let yaw = (ring[1] - ring[0]).to_angle();
     if name.contains("town hall") {
         let foot = centre.extend(height - 0.5);
-        mesh.block(foot, Vec3::new(3.6, 3.6, 6.5), yaw, STONE);
-        for k in 0..4 {
-            let out = Vec2::from_angle(yaw + FRAC_PI_2 * k as f32);
-            clock(mesh, (centre + out * 1.83).extend(height + 4.4), out);
-        }
+        mesh.block(foot, Vec3::new(2.0 * CLOCKS_OUT_M, 2.0 * CLOCKS_OUT_M, 6.5), yaw, STONE);
         spire(mesh, centre.extend(height + 6.0), 2.0, 4.2, yaw, COPPER);
     } else if name.contains("chapel") {
         let foot = ring[0].lerp(centre, 0.35);
@@ -201,23 +200,43 @@ fn spire(mesh: &mut Mesh, foot: Vec3, half: f32, height: f32, yaw: f32, finish: 
     }
 }
 
+/// Clocks on a tower, where there are any. They are seen from farther away than the tower is simplified from, and
+/// stand out from it so far that it does not swallow them then.
+pub(super) fn clocks(name: &str, ring: &[Vec2], height: f32) -> Option<Mesh> {
+    if !name.contains("town hall") || ring.len() < 3 {
+        return None;
+    }
+    let yaw = (ring[1] - ring[0]).to_angle();
+    let mut mesh = Mesh::default();
+    for k in 0..4 {
+        let out = Vec2::from_angle(yaw + FRAC_PI_2 * k as f32);
+        clock(&mut mesh, (middle(ring) + out * CLOCKS_OUT_M).extend(height + 4.4), out);
+    }
+    Some(mesh)
+}
+
+/// On a wall that looks `out`.
 fn clock(mesh: &mut Mesh, centre: Vec3, out: Vec2) {
+    const SIDES: u32 = 16;
+    const RIM_M: f32 = 0.16;
     let across = out.perp().extend(0.0);
-    let disc = |radius: f32, lift: f32| -> Vec<Vec3> {
-        (0..16)
-            .map(|k| {
-                let (sin, cos) = (TAU * k as f32 / 16.0).sin_cos();
-                centre + out.extend(0.0) * lift + (across * cos + Vec3::Z * sin) * radius
-            })
-            .collect()
+    let at = |k: u32, radius: f32, lift: f32| {
+        let (sin, cos) = (TAU * k as f32 / SIDES as f32).sin_cos();
+        centre + out.extend(0.0) * lift + (across * cos + Vec3::Z * sin) * radius
     };
-    mesh.plate(&disc(1.05, 0.0), DARK, 2.0);
-    mesh.plate(&disc(0.92, 0.02), WHITE, 2.0);
+    for k in 0..SIDES {
+        let side = [at(k, 1.05, 0.0), at(k + 1, 1.05, 0.0), at(k + 1, 1.05, RIM_M), at(k, 1.05, RIM_M)];
+        let face = [at(k, 1.05, RIM_M), at(k + 1, 1.05, RIM_M), at(k + 1, 0.92, RIM_M), at(k, 0.92, RIM_M)];
+        mesh.plate(&side, DARK, 2.0);
+        mesh.plate(&face, DARK, 2.0);
+    }
+    let dial: Vec<Vec3> = (0..SIDES).map(|k| at(k, 0.92, RIM_M)).collect();
+    mesh.plate(&dial, WHITE, 2.0);
     for (angle, length) in [(FRAC_PI_2, 0.75_f32), (0.35, 0.5)] {
         let (sin, cos) = f32::sin_cos(angle);
         let along = across * cos + Vec3::Z * sin;
         let side = (across * -sin + Vec3::Z * cos) * 0.05;
-        let foot = centre + out.extend(0.0) * 0.04;
+        let foot = centre + out.extend(0.0) * (RIM_M + 0.02);
         mesh.plate(
             &[foot - side, foot + along * length - side, foot + along * length + side, foot + side],
             DARK,

@@ -106,20 +106,33 @@ pub(super) fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str,
     front.slab(mesh, [width / 2.0, board_width], [z - half, z + half], out, board);
     let face = front.at(0.5, z, out + 0.005);
     lettering::write(mesh, &text, face, front.across().extend(0.0), [board_width, letter], board);
-    // Awnings over shop windows, in the colour of the board.
     if style.ground.surface.is_shopfront() && has(name, &["cafe", "bakery", "flower", "hotel"]) {
-        let (a, b) = (front.at(0.04, z - half, 0.1), front.at(0.96, z - half, 0.1));
-        let drop = front.outward().extend(0.0) * 1.3 - Vec3::Z * 0.45;
-        let striped = Finish { surface: Surface::Awning, ..board.shaded(1.1) };
-        let stripes = (width / 2.4).round().max(1.0);
-        let uvs = [Vec2::ZERO, Vec2::new(stripes, 0.0), Vec2::new(stripes, 1.0), Vec2::Y];
-        mesh.face(&[a + drop, b + drop, b, a], &uvs, striped);
-        let under = striped.shaded(0.6);
-        mesh.shaded_face(
-            &[a, b, b + drop, a + drop],
-            &[uvs[3], uvs[2], uvs[1], uvs[0]],
-            under,
-            &[90, 90, 170, 170],
-        );
+        awning(mesh, front, z - half, board);
+    }
+}
+
+/// Cloth over shop windows, in the colour of the board: it slopes from the wall and hangs down in front.
+fn awning(mesh: &mut Mesh, front: &Side, z: f32, board: Finish) {
+    const HANGS_M: f32 = 0.24;
+    let striped = Finish { surface: Surface::Awning, ..board.shaded(1.1) };
+    let stripes = (front.width() / 2.4).round().max(1.0);
+    let (a, b) = (front.at(0.04, z, 0.1), front.at(0.96, z, 0.1));
+    let drop = front.outward().extend(0.0) * 1.3 - Vec3::Z * 0.45;
+    let hem = drop - Vec3::Z * HANGS_M;
+    let mut both_sides = |corners: [Vec3; 4], v: [f32; 2]| {
+        let uvs = [(0.0, v[0]), (stripes, v[0]), (stripes, v[1]), (0.0, v[1])].map(Vec2::from);
+        mesh.face(&corners, &uvs, striped);
+        let [c, d, e, f] = corners;
+        let behind = [uvs[3], uvs[2], uvs[1], uvs[0]];
+        mesh.shaded_face(&[f, e, d, c], &behind, striped.shaded(0.6), &[90, 90, 170, 170]);
+    };
+    both_sides([a + drop, b + drop, b, a], [0.0, 1.0]);
+    both_sides([a + hem, b + hem, b + drop, a + drop], [0.0, 0.0]);
+    let cheek = Finish { surface: Surface::Plain, ..striped.shaded(0.85) };
+    for end in [a, b] {
+        let mut ring = [end, end + Vec3::Z * hem.z, end + hem, end + drop];
+        mesh.plate(&ring, cheek, 1.0);
+        ring.reverse();
+        mesh.plate(&ring, cheek, 1.0);
     }
 }

@@ -76,6 +76,11 @@ pub(super) fn pumps(place: &Place<'_>) -> Vec<(Vec3, Vec2)> {
     special::pumps(&place.piece.name.to_lowercase(), &ring)
 }
 
+/// Clocks on its tower.
+pub(super) fn clocks(place: &Place<'_>) -> Option<Mesh> {
+    special::clocks(&place.piece.name.to_lowercase(), &outline(place), height_of(place))
+}
+
 /// Lamps that belong to it.
 pub(super) fn lights(place: &Place<'_>) -> Vec<Vec3> {
     let ring = outline(place);
