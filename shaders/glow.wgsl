@@ -53,6 +53,14 @@ fn vertex_main(in: VertexIn) -> Fragment {
     let is_seen = lens.w > 0.0 && max(out.colour.r, max(out.colour.g, out.colour.b)) * frame.sun.w > 0.004;
     let reach = select(0.0, radius, is_seen);
     out.clip = lens + vec4<f32>(corner * vec2<f32>(across / upright, 1.0) * (reach * lens.w), 0.0, 0.0);
+    // Lights near the ground shine before it: below its middle the square leans towards the eye, as far as the
+    // ground does that is seen there.
+    let drop = radius / max(upright, 1e-6) - in.at.z;
+    if corner.y < 0.0 && drop > 0.0 && view.eye.z > 0.0 {
+        let part = 0.97 * view.eye.z / (view.eye.z + drop);
+        let ground = m * vec4<f32>(mix(view.eye.xyz, in.at.xyz, max(part, 0.3)), 1.0);
+        out.clip.z = ground.z / ground.w * out.clip.w;
+    }
     return out;
 }
 

@@ -1,8 +1,8 @@
 //! Scenery: draws the tables of the blocks and lines the roads with trees and lamps.
 
 use super::blocks::{
-    AREAS, Area, BENCHES, BUILDINGS, CLEAR, DRIVES, FRONTS, GROVES, HEDGES, LAMPS, PICNIC_TABLES, Plot,
-    ROUNDS, ROWS, Round, Row, WALLS,
+    AREAS, Area, BENCHES, BUILDINGS, CLEAR, CLEAR_OF_DRIVES, DRIVES, FRONTS, GROVES, HEDGES, LAMPS,
+    PICNIC_TABLES, Plot, ROUNDS, ROWS, Round, Row, WALLS,
 };
 use super::network::Run;
 use super::{NAME_HEIGHT, distance};
@@ -193,11 +193,17 @@ impl Site<'_> {
             self.circle(SceneryKind::Lamp, "", at, LAMP_RADIUS);
             self.rounds.push((at, LAMP_RADIUS));
         }
+        let around = |[west, south, east, north]: [f64; 4]| {
+            let out = CLEAR_OF_DRIVES;
+            rectangle([west - out, south - out, east + out, north + out])
+        };
+        let drives: Vec<Vec<DVec2>> = DRIVES.iter().copied().map(around).collect();
         for run in self.lanes.iter().filter(|run| !run.connector) {
             let mut s = LAMP_SPACING / 2.0;
             while s < run.curve.length() {
                 let at = run.curve.at(s).pose.point_at(0.0, -TRUNK_CLEARANCE - LAMP_RADIUS);
-                let placed = self.free(at, LAMP_RADIUS, TRUNK_CLEARANCE, 0.3);
+                let placed = self.free(at, LAMP_RADIUS, TRUNK_CLEARANCE, 0.3)
+                    && drives.iter().all(|drive| to_polygon(at, drive) > LAMP_RADIUS);
                 if placed {
                     self.circle(SceneryKind::Lamp, "", at, LAMP_RADIUS);
                     self.rounds.push((at, LAMP_RADIUS));

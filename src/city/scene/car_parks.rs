@@ -12,6 +12,8 @@ use glam::DVec2;
 /// Height of the asphalt, and of the paint on it.
 pub(super) const CAR_PARK_M: f32 = 0.165;
 const PAINT_M: f32 = 0.178;
+/// Half the width of the lines between bays.
+const HALF_LINE_M: f64 = 0.055;
 const BLUE: Finish = Finish::new(Surface::Paint, [44, 92, 158], Class::Marking);
 
 /// Drives end this near the edge of a car park.
@@ -59,7 +61,7 @@ pub(super) fn car_park(mesh: &mut Mesh, ring: &[DVec2], drives: &[&Shape]) {
     let rows = rows(ring, drives);
     for row in &rows {
         for &[foot, tip] in &row.lines {
-            straight_line(mesh, foot, tip, PAINT_M);
+            straight_line(mesh, [foot, tip], HALF_LINE_M, PAINT_M);
         }
         aisle_arrows(mesh, ring, row);
     }

@@ -182,11 +182,11 @@ fn swans(mesh: &mut Mesh, place: &Place<'_>) {
         let side = Vec3::Z.cross(ahead);
         // A section across the body from the tail to the breast: along, half width, height.
         let rows = [
-            (-0.55, 0.02, 0.40),
+            (-0.55, 0.0, 0.40),
             (-0.30, 0.20, 0.34),
             (0.05, 0.26, 0.36),
             (0.36, 0.16, 0.30),
-            (0.46, 0.03, 0.20),
+            (0.46, 0.0, 0.20),
         ];
         let ridge = |(x, _, high): (f32, f32, f32)| at + ahead * x + Vec3::Z * high;
         let edge =

@@ -85,6 +85,11 @@ pub(super) fn half_board(height: f32) -> f32 {
     4.5 * height / 7.0
 }
 
+/// The height of letters on a board of a height.
+pub(super) fn letters_on(board: f32) -> f32 {
+    board / (2.0 * half_board(1.0))
+}
+
 /// The face of a board of a colour, with a text in its middle, at `centre`; `across` is where readers' right is,
 /// unit. Width of the board and height of the letters in metres.
 pub(super) fn write(

@@ -14,6 +14,10 @@ use std::collections::BTreeSet;
 
 /// Paint lies this high on the asphalt.
 const PAINT_M: f32 = 0.012;
+/// Stop lines, triangles and arrows lie on lines, which carry asphalt beside them.
+const FIGURES_M: f32 = PAINT_M + 0.006;
+/// With asphalt of their own beside them they lie under lines.
+const UNDER_LINES_M: f32 = PAINT_M - 0.002;
 const LINE_M: f64 = 0.13;
 const DASH_M: f64 = 2.4;
 const GAP_M: f64 = 3.6;
@@ -44,12 +48,33 @@ pub(super) struct Paint {
     /// Between two lines of a double one.
     doubles: Vec<Vec<Pose2>>,
     /// Stop lines, yield triangles, arrows.
-    figures: Mesh,
+    figures: Figures,
+}
+
+/// Painted shapes as they are, and bars among them as lines for a distance, where they are thinner than a pixel.
+#[derive(Default)]
+struct Figures {
+    near: Mesh,
+    far: Mesh,
+}
+
+impl Figures {
+    fn polygon(&mut self, corners: &[DVec2]) {
+        figure(&mut self.near, corners, FIGURES_M, WHITE);
+        figure(&mut self.far, corners, FIGURES_M, WHITE);
+    }
+
+    /// A straight bar of a width.
+    fn bar(&mut self, [from, to]: [DVec2; 2], width: f64) {
+        let side = (to - from).normalize_or(DVec2::X).perp() * (width / 2.0);
+        figure(&mut self.near, &[from - side, to - side, to + side, from + side], FIGURES_M, WHITE);
+        straight_line(&mut self.far, [from, to], width / 2.0, UNDER_LINES_M);
+    }
 }
 
 impl Paint {
     pub(super) fn new(map: &CityMap, field: &RoadField, boxes: &LaneBoxes<'_>) -> Self {
-        let mut figures = Mesh::default();
+        let mut figures = Figures::default();
         let mut dashes = Vec::new();
         for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
             add_dashes(&mut dashes, map, lane);
@@ -78,13 +103,9 @@ impl Paint {
         for line in &self.doubles {
             double_line(&mut mesh, &thinned(line, within));
         }
-        mesh.append(&self.figures);
+        mesh.append(if error_m < LEVELS[2] { &self.figures.near } else { &self.figures.far });
         mesh
     }
-}
-
-fn polygon(mesh: &mut Mesh, corners: &[DVec2], finish: Finish) {
-    figure(mesh, corners, PAINT_M, finish);
 }
 
 /// A convex painted shape at a height, its corners in either order.
@@ -119,10 +140,9 @@ fn ribbon(mesh: &mut Mesh, line: &[Pose2], offset: f64, width: f64, margin: [f64
     }
 }
 
-/// A white line between two points at a height: of a car park.
-pub(super) fn straight_line(mesh: &mut Mesh, from: DVec2, to: DVec2, z: f32) {
+/// A white line between two points, of a half width and at a height.
+pub(super) fn straight_line(mesh: &mut Mesh, [from, to]: [DVec2; 2], half: f64, z: f32) {
     let Some(along) = (to - from).try_normalize() else { return };
-    let half = 0.055;
     let side = along.perp() * (MARGIN * half);
     let corners = [from - side, to - side, to + side, from + side].map(|p| p.as_vec2().extend(z));
     let uv = |out: f64| Vec2::new((out * MARGIN * half) as f32, half as f32);
@@ -173,14 +193,15 @@ fn double_line(mesh: &mut Mesh, line: &[Pose2]) {
     ribbon(mesh, line, -DOUBLE_M / 2.0, LINE_M, [outer, inner], YELLOW);
 }
 
-fn stop_line(mesh: &mut Mesh, driving: Pose2, [a, b]: [DVec2; 2]) {
-    let back = driving.forward() * -0.45;
+fn stop_line(figures: &mut Figures, driving: Pose2, [a, b]: [DVec2; 2]) {
+    const WIDTH_M: f64 = 0.45;
+    let back = driving.forward() * (-WIDTH_M / 2.0);
     let inset = (b - a).try_normalize().unwrap_or(DVec2::X) * 0.15;
-    polygon(mesh, &[a + inset, b - inset, b - inset + back, a + inset + back], WHITE);
+    figures.bar([a + inset + back, b - inset + back], WIDTH_M);
 }
 
 /// A row of triangles that point at whoever comes.
-fn yield_triangles(mesh: &mut Mesh, driving: Pose2, [a, b]: [DVec2; 2]) {
+fn yield_triangles(figures: &mut Figures, driving: Pose2, [a, b]: [DVec2; 2]) {
     let (width, pitch, height) = (0.46, 0.66, 0.72);
     let across = b - a;
     let length = across.length();
@@ -190,11 +211,7 @@ fn yield_triangles(mesh: &mut Mesh, driving: Pose2, [a, b]: [DVec2; 2]) {
     let back = driving.forward() * -height;
     for k in 0..count as usize {
         let middle = a + along * (margin + (k as f64 + 0.5) * pitch);
-        polygon(
-            mesh,
-            &[middle - along * (width / 2.0), middle + along * (width / 2.0), middle + back],
-            WHITE,
-        );
+        figures.polygon(&[middle - along * (width / 2.0), middle + along * (width / 2.0), middle + back]);
     }
 }
 
@@ -216,7 +233,7 @@ pub(super) fn arrow_room(lane: &Lane) -> [f64; 2] {
 }
 
 /// Arrows before a junction, where the lanes that go on turn off.
-fn arrows(mesh: &mut Mesh, map: &CityMap, lane: &Lane) {
+fn arrows(figures: &mut Figures, map: &CityMap, lane: &Lane) {
     let length = lane.curve.length();
     let turns: BTreeSet<Turn> = lane
         .successors
@@ -241,15 +258,15 @@ fn arrows(mesh: &mut Mesh, map: &CityMap, lane: &Lane) {
     let foot = lane.curve.at(length - ARROW_M).pose;
     let at = |ahead: f64, left: f64| foot.point_at(ahead, left);
     let tip_m = if turns.contains(&Turn::Straight) { 3.0 } else { 1.9 };
-    polygon(mesh, &[at(0.0, -0.09), at(tip_m, -0.09), at(tip_m, 0.09), at(0.0, 0.09)], WHITE);
+    figures.bar([at(0.0, 0.0), at(tip_m, 0.0)], 0.18);
     if turns.contains(&Turn::Straight) {
-        polygon(mesh, &[at(tip_m, -0.34), at(tip_m + 1.1, 0.0), at(tip_m, 0.34)], WHITE);
+        figures.polygon(&[at(tip_m, -0.34), at(tip_m + 1.1, 0.0), at(tip_m, 0.34)]);
     }
     for (turn, side) in [(Turn::Left, 1.0), (Turn::Right, -1.0)] {
         if turns.contains(&turn) {
             let bend = |ahead: f64, out: f64| at(ahead, side * out);
-            polygon(mesh, &[bend(1.25, 0.0), bend(1.72, 0.46), bend(1.90, 0.40), bend(1.55, -0.02)], WHITE);
-            polygon(mesh, &[bend(1.42, 0.52), bend(2.25, 0.30), bend(2.02, 1.05)], WHITE);
+            figures.polygon(&[bend(1.25, 0.0), bend(1.72, 0.46), bend(1.90, 0.40), bend(1.55, -0.02)]);
+            figures.polygon(&[bend(1.42, 0.52), bend(2.25, 0.30), bend(2.02, 1.05)]);
         }
     }
 }

@@ -197,7 +197,21 @@ impl SceneDescription {
                 is_other && grounds::covers(&piece.shape, at.as_dvec2())
             })
         };
-        let outlines = roads::Outlines::new(&field, wear::covered(map));
+        // A trunk, a post or a hedge.
+        let is_in_the_way = |at: Vec2| {
+            let away = |piece: &Scenery| match (piece.kind, &piece.shape) {
+                (SceneryKind::Tree | SceneryKind::Lamp, Shape::Circle { centre, .. }) => {
+                    centre.distance(at.as_dvec2())
+                }
+                (SceneryKind::Hedge | SceneryKind::Wall, shape) => grounds::distance_to(shape, at.as_dvec2()),
+                _ => f64::INFINITY,
+            };
+            map.scenery.iter().any(|piece| away(piece) < 1.0)
+        };
+        let is_paved = |piece: &&Scenery| matches!(piece.kind, SceneryKind::Paving | SceneryKind::Parking);
+        let paving: Vec<Vec<DVec2>> =
+            map.scenery.iter().filter(is_paved).map(|piece| grounds::ring_of(&piece.shape)).collect();
+        let outlines = roads::Outlines::new(&field, wear::covered(map), &paving);
         let beside_roads = |ring: &[DVec2]| outlines.beside_roads(&field, ring);
         let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());
         let (mut lamps, mut clocks) = (Vec::new(), Vec::new());
@@ -213,9 +227,9 @@ impl SceneDescription {
                 Object::of_one_level(mesh)
             };
             objects.push(match piece.kind {
-                SceneryKind::Building => {
-                    one(&|mesh| buildings::building(mesh, &place, &lanes, |at| is_built(at, index)))
-                }
+                SceneryKind::Building => one(&|mesh| {
+                    buildings::building(mesh, &place, &lanes, |at| is_built(at, index), is_in_the_way)
+                }),
                 SceneryKind::Tree => nursery.tree(&place),
                 SceneryKind::Hedge => plants::hedge(&place),
                 SceneryKind::Wall => one(&|mesh| props::wall(mesh, &place)),

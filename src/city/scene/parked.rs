@@ -8,7 +8,7 @@ use crate::model::{Measures, Part, car, fitted};
 use glam::{Affine3A, Mat3, Vec3};
 
 /// How many of a hundred bays are taken.
-const TAKEN: f32 = 0.52;
+const TAKEN: f32 = 0.42;
 /// Bays are narrower than the lanes of the testbed's wide cars: what stands in them is of usual size.
 const SIZE: Measures =
     Measures { length: 4.35, width: 2.06, height: 1.46, wheelbase: 2.6, wheel_radius: 0.32 };

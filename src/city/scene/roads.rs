@@ -4,7 +4,7 @@ use super::CELL_M;
 use super::field::{Field, regions_of, simplified};
 use super::kerbs::{self, Kerb};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
-use super::polygon::{Region, mitre, without};
+use super::polygon::{Region, inset_union, mitre, without};
 use super::taut::taut;
 use crate::city::{CityMap, Lane, LaneId, SceneryKind, Shape};
 use crate::geom::Segment;
@@ -15,7 +15,7 @@ const STEP_M: f64 = 0.25;
 /// Corners between roads are rounded with this radius; narrower gaps are road.
 const FILLET_M: f64 = 2.2;
 /// Asphalt beyond the outermost lanes.
-const SHOULDER_M: f32 = 0.30;
+pub(super) const SHOULDER_M: f32 = 0.30;
 const PAVEMENT_M: f32 = 2.0;
 /// Distances are worked out this far beyond what is asked of them.
 const BEYOND_M: f64 = 0.6;
@@ -148,7 +148,7 @@ impl RoadField {
             }
         }
         let standing = || raw.distance_to(&standing(map), 2.0 * KEPT_M);
-        let (rounded, standing) = rayon::join(|| closed(&raw, reach), standing);
+        let (rounded, standing) = rayon::join(|| closed(&raw, FILLET_M, reach), standing);
         // Then pulled taut, where nothing stands in the way.
         let outline = taut(&rounded.rings(0.0), &raw, |at| f64::from(standing.at(at)) < KEPT_M);
         let pulled = rounded.signed_distance_to(&outline, FILLET_M);
@@ -157,12 +157,12 @@ impl RoadField {
     }
 }
 
-/// Closes inner corners: out by the radius of a fillet, then in again.
-fn closed(raw: &Field, reach: f64) -> Field {
-    let out = simplified(&raw.rings(FILLET_M as f32), 0.01);
+/// Closes inner corners and gaps: out by a radius, then in again, as far as `reach`.
+fn closed(raw: &Field, radius: f64, reach: f64) -> Field {
+    let out = simplified(&raw.rings(radius as f32), 0.01);
     let back = raw.distance_to(&out, reach);
-    let (fillet, deepest) = (FILLET_M as f32, reach as f32);
-    raw.with(&back, |raw, back| if raw >= fillet { raw } else { raw.min(fillet - back.min(deepest)) })
+    let (radius, deepest) = (radius as f32, reach as f32);
+    raw.with(&back, |raw, back| if raw >= radius { raw } else { raw.min(radius - back.min(deepest)) })
 }
 
 /// What kerbs keep clear of, as rings: the feet of trees and lamps, and what has edges.
@@ -262,17 +262,27 @@ fn rings_of(regions: Vec<Region>) -> Vec<Vec<DVec2>> {
 /// What meets goes on so far under what is higher, so that nothing gapes where outlines are coarse.
 const UNDER_M: f32 = 0.18;
 
+/// Narrower strips between paving are paved.
+const STRIP_M: f64 = 1.0;
+
 /// Kerbs are followed to within this at most.
 const KERBS_WITHIN_M: f64 = 0.012;
 
 impl Outlines {
-    pub(super) fn new(field: &RoadField, covered: Vec<Region>) -> Self {
+    /// Beside what these shapes pave.
+    pub(super) fn new(field: &RoadField, covered: Vec<Region>, paving: &[Vec<DVec2>]) -> Self {
         let road = &field.distance;
         let kerbs = road.rings(SHOULDER_M);
         // Distance from the kerb, off the road.
         let edges = regions_of(simplified(&kerbs, KERBS_WITHIN_M), LEAST_ISLAND_M2);
         let off = road.distance_to(&rings_of(edges), f64::from(PAVEMENT_M) + BEYOND_M);
         let pavement = road.with(&off, |road, off| (off - PAVEMENT_M).max(SHOULDER_M + 0.04 - road));
+        // Nobody sows strips of grass as narrow as this between pavements and what else is paved.
+        let paved = rings_of(inset_union(paving.iter().map(Vec::as_slice), 0.0));
+        let paved = road.signed_distance_to(&paved, BEYOND_M);
+        let both = closed(&pavement.with(&paved, f32::min), STRIP_M / 2.0, BEYOND_M);
+        let beside = both.with(&paved, |both, paved| both.max(-UNDER_M - paved));
+        let pavement = beside.with(road, |beside, road| beside.max(SHOULDER_M + 0.04 - road));
         let grass = road.with(&off, |road, off| {
             if road < SHOULDER_M { PAVEMENT_M } else { PAVEMENT_M - UNDER_M - off.min(PAVEMENT_M + 4.0) }
         });

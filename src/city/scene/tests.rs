@@ -225,6 +225,42 @@ fn yellow_lines_keep_to_the_middle_between_directions() {
 }
 
 #[test]
+fn what_is_planted_or_set_up_stands_behind_the_kerb() {
+    let map = city();
+    let field = roads::RoadField::new(&map);
+    let mut found = Vec::new();
+    for piece in &map.scenery {
+        // From the middle or the line to its outside.
+        let half_m = match piece.kind {
+            SceneryKind::Hedge => 0.5,
+            SceneryKind::Tree => 0.3,
+            SceneryKind::Wall | SceneryKind::Lamp | SceneryKind::Bench | SceneryKind::PicnicTable => 0.15,
+            SceneryKind::Building => 0.0,
+            _ => continue,
+        };
+        let points: Vec<DVec2> = match &piece.shape {
+            Shape::Circle { centre, .. } => vec![*centre],
+            Shape::Polygon(line) | Shape::Polyline(line) => line
+                .windows(2)
+                .flat_map(|pair| (0..=8).map(|k| pair[0].lerp(pair[1], f64::from(k) / 8.0)))
+                .collect(),
+        };
+        let away = |p: &DVec2| f64::from(field.distance.at(*p)) - half_m;
+        if let Some(nearest) = points.iter().min_by(|a, b| away(a).total_cmp(&away(b))) {
+            if away(nearest) < f64::from(roads::SHOULDER_M) + kerbs::WIDTH_M {
+                found.push(format!(
+                    "{:?} {} at {nearest:.2}: {:.2} m",
+                    piece.kind,
+                    piece.name,
+                    away(nearest)
+                ));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
 fn nothing_solid_stands_on_a_lane_and_all_numbers_are_finite() {
     let map = city();
     let scene = SceneDescription::from_map(&map);

@@ -52,13 +52,14 @@ enum Detail {
     Hull([u32; 2], u32),
 }
 
-const FINEST: Detail = Detail::Clumps(Leafage { clumps: [7, 4], sprays: 32 }, 5);
+const FINEST: Detail = Detail::Clumps(Leafage { clumps: [7, 4], sprays: 28 }, 5);
 /// For a distance; how far each may lie from the finest, in radii of the crown. Hulls are told from crowns by more
 /// than their outlines.
-const COARSER: [(Detail, f32); 5] = [
-    (Detail::Clumps(Leafage { clumps: [5, 3], sprays: 30 }, 5), 0.06),
-    (Detail::Hull([8, 5], 3), 0.11),
-    (Detail::Hull([7, 3], 3), 0.13),
+const COARSER: [(Detail, f32); 6] = [
+    (Detail::Clumps(Leafage { clumps: [5, 3], sprays: 26 }, 5), 0.06),
+    (Detail::Clumps(Leafage { clumps: [4, 2], sprays: 6 }, 3), 0.10),
+    (Detail::Hull([8, 5], 3), 0.17),
+    (Detail::Hull([7, 3], 3), 0.20),
     (Detail::Hull([5, 3], 3), 0.26),
     (Detail::Hull([4, 2], 3), 0.54),
 ];

@@ -26,10 +26,16 @@ struct Row {
     outline: &'static [(f32, f32, u8)],
 }
 
-const NEAR_OUTLINE: [(f32, f32, u8); 5] =
-    [(0.0, 0.0, 190), (0.22, 0.75, 240), (0.5, 1.0, 255), (0.8, 0.7, 240), (1.0, 0.0, 190)];
-const FAR_OUTLINE: [(f32, f32, u8); 4] =
-    [(0.0, 0.0, 190), (0.3, 0.85, 245), (0.7, 0.95, 245), (1.0, 0.0, 190)];
+const NEAR_OUTLINE: [(f32, f32, u8); 6] = [
+    (0.0, 0.0, 190),
+    (0.14, 0.62, 230),
+    (0.36, 0.96, 255),
+    (0.62, 1.0, 255),
+    (0.87, 0.60, 230),
+    (1.0, 0.0, 190),
+];
+const FAR_OUTLINE: [(f32, f32, u8); 5] =
+    [(0.0, 0.0, 190), (0.16, 0.66, 240), (0.42, 1.0, 250), (0.78, 0.80, 245), (1.0, 0.0, 190)];
 
 const ROWS: [Row; 3] = [
     Row { away_m: 44.0, tall_m: 7.5, tone: 1.0, crowns: 3, outline: &NEAR_OUTLINE },
@@ -119,10 +125,10 @@ fn crowns(mesh: &mut Mesh, (row, number): (&Row, u32), k: u32, [a, b]: [Edge; 2]
     for crown in 0..row.crowns {
         let salt = 50 + 8 * crown;
         let [from, to] = [crown, crown + 1].map(|c| c as f32 / row.crowns as f32);
-        let lean = 0.35 * (dice(salt) - 0.5);
+        let lean = 0.16 * (dice(salt) - 0.5);
         let normal = (inward + Vec3::Z * (0.7 + 0.8 * dice(salt + 4))).normalize_or(Vec3::Z);
-        let finish = WOODS.shaded(row.tone * (0.72 + 0.5 * dice(salt + 2)));
-        let rise = (0.8 + 2.4 * dice(salt + 6)) * 3.0 / row.crowns as f32;
+        let finish = WOODS.shaded(row.tone * (0.82 + 0.32 * dice(salt + 2)));
+        let rise = (1.0 + 1.6 * dice(salt + 6)) * 3.0 / row.crowns as f32;
         let base = mesh.vertices.len() as u32;
         // Dark at the ground.
         let foot_of = |edge: Edge| (60.0 + 130.0 * edge.foot_m / edge.high_m) as u8;

@@ -86,7 +86,8 @@ impl Shape {
         let crown = self.crown * (1.0 - part.powi(4));
         let end = Vec3::new(self.end_x(facing, f, 1.0), edge.y * f, edge.z);
         let on = Vec3::new(edge.x, edge.y * f, edge.z + crown * (1.0 - f * f));
-        on.lerp(end, part.powi(6))
+        // Its edge is that of the shell.
+        on.lerp(end, part.powi(6) * (1.0 - f.powi(8)))
     }
 
     fn point(&self, column: Column, t: f32) -> Vec3 {
@@ -340,7 +341,17 @@ fn deck(builder: &mut Builder, shape: &Shape, detail: Detail, facing: f32) {
         Detail::Far => &[-1.0, 0.0, 1.0],
         Detail::Farther => &[-1.0, 1.0],
     };
-    let row = |&part: &f32| across.iter().map(|&f| shape.on_deck(facing, foot, part, f)).collect();
+    let row = |&part: &f32| -> Vec<Vec3> {
+        let mut row: Vec<Vec3> = across.iter().map(|&f| shape.on_deck(facing, foot, part, f)).collect();
+        if detail == Detail::Near {
+            // Under its edges, where the shell has other columns, it goes on downwards: no slit is left.
+            let under = |edge: Vec3| edge * Vec3::new(1.0, 0.98, 1.0) - Vec3::Z * 0.05;
+            let (right, left) = (under(row[0]), under(row[row.len() - 1]));
+            row.insert(0, right);
+            row.push(left);
+        }
+        row
+    };
     let mut points: Vec<Vec<Vec3>> = parts.iter().map(row).collect();
     if facing > 0.0 {
         points.reverse();

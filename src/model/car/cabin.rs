@@ -110,12 +110,13 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
             },
         );
     }
-    // Behind the edge of the shell the rear window goes on downwards, so that no slit is left there.
     if detail == Detail::Near {
-        let under: Vec<Vec3> = sections[0].iter().map(|&point| point + Vec3::new(0.02, 0.0, -0.10)).collect();
-        builder.grid(&[sections[0].clone(), under], |_| 200, |_, _| Some(SEAM));
-    }
-    if detail == Detail::Near {
+        // Behind the edges of boot and bonnet the windows go on downwards, so that no slit is left there.
+        let under = |end: usize, inwards: f32| -> Vec<Vec3> {
+            sections[end].iter().map(|&point| point + Vec3::new(inwards, 0.0, -0.10)).collect()
+        };
+        builder.grid(&[sections[0].clone(), under(0, 0.02)], |_| 200, |_, _| Some(SEAM));
+        builder.grid(&[under(last, -0.02), sections[last].clone()], |_| 200, |_, _| Some(SEAM));
         dashboard(builder, shape);
     }
     if shape.rear == Rear::Cargo {

@@ -59,29 +59,21 @@ pub(super) fn trim(builder: &mut Builder, shape: &Shape, detail: Detail) {
     ends(builder, shape);
 }
 
-/// The gaps around the bonnet: along its sides, and across in front of the lamps.
+/// The gaps along the sides of the bonnet: creases in the paint, as black lines of a centimetre break into dots.
 fn bonnet_gaps(builder: &mut Builder, shape: &Shape) {
-    const HALF_WIDTH_M: f32 = 0.006;
+    const HALF_WIDTH_M: f32 = 0.008;
+    const SIDE: f32 = 0.86;
     let [.., foot] = shape.cabin.stations;
-    // Parts of the way from the windscreen to the front, and of the half width.
-    let (from, to, side) = (0.02, 0.95, 0.86);
     let on = |part: f32, f: f32| shape.on_deck(1.0, foot - 0.10, part, f) + Vec3::Z * 0.003;
-    let mut gap = |a: [f32; 2], b: [f32; 2], wide: [f32; 2]| {
-        let corner = |[part, f]: [f32; 2], sign: f32| on(part + sign * wide[0], f + sign * wide[1]);
-        let mut corners = [corner(a, -1.0), corner(b, -1.0), corner(b, 1.0), corner(a, 1.0)];
-        if (corners[1] - corners[0]).cross(corners[2] - corners[0]).z < 0.0 {
-            corners.reverse();
-        }
-        builder.plate(&corners, SEAM, 220);
-    };
-    let length = LENGTH_M / 2.0 - foot;
     for sign in [1.0_f32, -1.0] {
-        for pair in [from, 0.35, 0.7, to].windows(2) {
-            gap([pair[0], sign * side], [pair[1], sign * side], [0.0, HALF_WIDTH_M / HALF_M]);
+        for pair in [0.02, 0.35, 0.7, 0.95].windows(2) {
+            let f = [-1.0, 1.0].map(|edge| sign * SIDE + edge * HALF_WIDTH_M / HALF_M);
+            builder.plate(
+                &[on(pair[0], f[0]), on(pair[1], f[0]), on(pair[1], f[1]), on(pair[0], f[1])],
+                PAINT,
+                60,
+            );
         }
-    }
-    for pair in [-side, -0.62, 0.0, 0.62, side].windows(2) {
-        gap([to, pair[0]], [to, pair[1]], [HALF_WIDTH_M / length, 0.0]);
     }
 }
 

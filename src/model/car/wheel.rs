@@ -7,6 +7,8 @@ use std::f32::consts::TAU;
 pub(super) const WIDTH_M: f32 = 0.22;
 const TYRE: Skin = Skin::new("tyre", [27, 27, 28]);
 const RIM: Skin = Skin::new("rim", [176, 180, 185]).metal().rough(0.3);
+/// Dust of the brakes dulls what lies deep in it.
+const LIP: Skin = Skin::new("lip", [96, 98, 101]).rough(0.7);
 const DISC: Skin = Skin::new("disc", [34, 35, 37]);
 const SPOKES: u32 = 5;
 
@@ -36,7 +38,7 @@ pub(super) fn wheel(radius: f32) -> Vec<Part> {
     builder.grid(&tyre, |_| 190, |_, _| Some(TYRE));
     let lip = [ring(half - 0.006, rim), ring(half - 0.045, 0.90 * rim)];
     // It lies inside: the ground and the well around it keep most of the sky from it.
-    builder.grid(&lip, |_| 110, |_, _| Some(RIM));
+    builder.grid(&lip, |_| 60, |_, _| Some(LIP));
     builder.plate(&inner_side(radius, -0.85 * half, SIDES), TYRE, 60);
     builder.plate(&circle(half - 0.05, 0.90 * rim, SIDES), DISC, 150);
     for k in 0..SPOKES {

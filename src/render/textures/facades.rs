@@ -11,20 +11,21 @@ fn tinted([r, g, b]: [f32; 3], level: f32) -> Texel {
     ([r * level, g * level, b * level], 1.0)
 }
 
-/// Panes: the dark of a room with curtains at its sides, lighter above. What glass mirrors is for the shaders.
+/// Panes: the dark of a room with curtains at its sides, lighter above. What glass mirrors is for the shaders, which
+/// know panes and the part of a frame in a texel by their dullness.
 fn pane([x, y]: [f32; 2], seed: i32) -> Texel {
     let level = 0.1 + 0.13 * y * y;
     let fold = 0.5 + 0.5 * (x * 95.0).sin();
     if !(0.17..=0.83).contains(&x) && seed % 3 != 2 {
         // Curtains behind glass.
         let cloth = 0.34 + 0.10 * fold + 0.08 * y;
-        return ([cloth * 0.95, cloth * 0.94, cloth * 0.90], 0.35);
+        return ([cloth * 0.95, cloth * 0.94, cloth * 0.90], 0.13);
     }
     if seed % 4 == 1 && y > 0.72 {
         let blind = 0.52 - 0.05 * ((y * 60.0).fract() - 0.5).abs();
-        return ([blind, blind * 0.98, blind * 0.92], 0.4);
+        return ([blind, blind * 0.98, blind * 0.92], 0.13);
     }
-    ([level * 0.74, level * 0.94, level * 1.14], 0.12)
+    ([level * 0.74, level * 0.94, level * 1.14], 0.13)
 }
 
 /// Render with faint stains that run down.

@@ -29,24 +29,36 @@ pub(super) fn front_of(
     })
 }
 
-/// The bay of a front that the door is in: the middle one where the public goes in, else the first.
-fn door_bay(front: &Side, style: &Style) -> f32 {
-    if style.sign.is_some() { (front.bays() / 2.0).floor() } else { 0.0 }
+/// The bay of a front that the door is in: the middle one where the public goes in, else the first before which
+/// nothing is in the way.
+pub(super) fn door_bay(front: &Side, style: &Style, is_in_the_way: impl Fn(Vec2) -> bool) -> f32 {
+    let count = front.bays();
+    if style.sign.is_some() {
+        return (count / 2.0).floor();
+    }
+    // On the step, and where one comes from.
+    let is_clear = |bay: &f32| {
+        let before = |out: f32| front.at((bay + 0.5) / count, 0.0, out).truncate();
+        [0.7, 1.6, 2.6].into_iter().all(|out| !is_in_the_way(before(out)))
+    };
+    (0..count as u32).map(|bay| bay as f32).find(is_clear).unwrap_or(0.0)
 }
 
-/// Part of the width of a front that has no windows on the ground, for doors and gates.
-pub(super) fn windowless(front: &Side, style: &Style) -> [f32; 2] {
-    if style.gates.is_some() {
-        return [0.0, 1.0];
-    }
-    let (bay, count) = (door_bay(front, style), front.bays());
-    [bay / count, (bay + 1.0) / count]
+/// Part of the width of a front that has no windows on the ground, for gates or the door in its bay.
+pub(super) fn windowless(front: &Side, style: &Style, bay: f32) -> [f32; 2] {
+    let count = front.bays();
+    if style.gates.is_some() { [0.0, 1.0] } else { [bay / count, (bay + 1.0) / count] }
+}
+
+/// With its fanlight.
+fn door_height(storey: f32) -> f32 {
+    2.66_f32.min(storey - 0.14)
 }
 
 /// A door of a house, or two leaves of glass into a shop, in their bay.
-fn door(mesh: &mut Mesh, front: &Side, style: &Style, [storey, eaves]: [f32; 2]) {
+fn door(mesh: &mut Mesh, (front, bay): (&Side, f32), style: &Style, [storey, eaves]: [f32; 2]) {
     let width = front.width();
-    let middle = (door_bay(front, style) + 0.5) / front.bays() * width;
+    let middle = (bay + 0.5) / front.bays() * width;
     if style.ground.surface.is_shopfront() {
         let frame = style.ground.shaded(0.55);
         let frame = Finish { surface: Surface::Plain, ..frame };
@@ -62,7 +74,7 @@ fn door(mesh: &mut Mesh, front: &Side, style: &Style, [storey, eaves]: [f32; 2])
         front.slab(mesh, [middle, 2.1], [0.02, 0.13], 0.4, TRIM.shaded(0.9));
         return;
     }
-    let high = 2.66_f32.min(storey - 0.14);
+    let high = door_height(storey);
     front.slab(mesh, [middle, 1.56], [0.02, high + 0.08], 0.05, TRIM);
     front.panel(mesh, [middle, 1.34], [0.16, high], 0.065, wall(Surface::Door, [255, 255, 255]));
     front.slab(mesh, [middle, 1.9], [0.02, 0.16], 0.6, TRIM.shaded(0.9));
@@ -71,7 +83,7 @@ fn door(mesh: &mut Mesh, front: &Side, style: &Style, [storey, eaves]: [f32; 2])
     }
 }
 
-pub(super) fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str, eaves: f32) {
+pub(super) fn entrance(mesh: &mut Mesh, (front, bay): (&Side, f32), style: &Style, name: &str, eaves: f32) {
     let width = front.width();
     let storey = eaves / storeys_up_to(eaves);
     if let Some(colour) = style.gates {
@@ -83,30 +95,37 @@ pub(super) fn entrance(mesh: &mut Mesh, front: &Side, style: &Style, name: &str,
             front.panel(mesh, [middle, 3.4], [0.05, high], 0.075, wall(Surface::Gate, colour));
         }
     } else {
-        door(mesh, front, style, [storey, eaves]);
+        door(mesh, (front, bay), style, [storey, eaves]);
     }
     let Some(board) = style.sign else { return };
     let text = name.trim().to_uppercase();
     if text.is_empty() {
         return;
     }
-    let letter = (0.86 * width / lettering::width_of(&text, 1.0)).min(0.62);
+    let is_shop = style.ground.surface.is_shopfront();
+    // Over the door, under the windows of the next storey.
+    let room = [door_height(storey) + 0.12, storey * 1.21];
+    let most = if style.gates.is_some() || is_shop {
+        0.62
+    } else {
+        lettering::letters_on(room[1] - room[0]).min(0.62)
+    };
+    let letter = (0.86 * width / lettering::width_of(&text, 1.0)).min(most);
     let board_width = lettering::width_of(&text, letter) + 0.7;
     let half = lettering::half_board(letter);
     let z = if style.gates.is_some() {
         // On the parapet or under the roof: there is no room between the gates and the windows above them.
         if style.gabled { eaves - half - 0.05 } else { eaves + 0.1 }
-    } else if style.ground.surface.is_shopfront() {
+    } else if is_shop {
         storey * 0.93
     } else {
-        // Between the windows of two storeys.
-        (storey * 1.04).min(eaves - half - 0.05)
+        ((room[0] + room[1]) / 2.0).min(eaves - half - 0.05)
     };
     let (z, out) = special::board_on_portico(name, eaves).unwrap_or((z, 0.14));
     front.slab(mesh, [width / 2.0, board_width], [z - half, z + half], out, board);
     let face = front.at(0.5, z, out + 0.005);
     lettering::write(mesh, &text, face, front.across().extend(0.0), [board_width, letter], board);
-    if style.ground.surface.is_shopfront() && has(name, &["cafe", "bakery", "flower", "hotel"]) {
+    if is_shop && has(name, &["cafe", "bakery", "flower", "hotel"]) {
         awning(mesh, front, z - half, board);
     }
 }

@@ -22,12 +22,14 @@ const STOREY_M: f32 = 3.1;
 const FOOT_M: f32 = 0.05;
 
 /// A building with everything on it.
-/// Its front is none of the sides before which the ground `is_built` up.
+/// Its front is none of the sides before which the ground `is_built` up, and its door not where something
+/// `is_in_the_way`.
 pub(super) fn building(
     mesh: &mut Mesh,
     place: &Place<'_>,
     lanes: &LaneBoxes<'_>,
     is_built: impl Fn(Vec2) -> bool,
+    is_in_the_way: impl Fn(Vec2) -> bool,
 ) {
     let ring = outline(place);
     if ring.len() < 3 {
@@ -58,10 +60,11 @@ pub(super) fn building(
         open = (0..sides.len()).collect();
     }
     let front = entrance::front_of(&sides, &open, lanes, place.piece.front_rad);
+    let bay = entrance::door_bay(&sides[front], &style, is_in_the_way);
     for (k, side) in sides.iter().enumerate() {
-        storeys(mesh, side, &style, eaves, (k == front).then(|| entrance::windowless(side, &style)));
+        storeys(mesh, side, &style, eaves, (k == front).then(|| entrance::windowless(side, &style, bay)));
     }
-    entrance::entrance(mesh, &sides[front], &style, &name, eaves);
+    entrance::entrance(mesh, (&sides[front], bay), &style, &name, eaves);
     special::additions(mesh, &name, &ring, height);
 }
 
