@@ -261,6 +261,69 @@ fn what_is_planted_or_set_up_stands_behind_the_kerb() {
 }
 
 #[test]
+fn no_strip_of_grass_is_left_between_pavements_and_what_else_is_paved() {
+    let map = city();
+    let scene = SceneDescription::from_map(&map);
+    let mut paved = Vec::new();
+    for mesh in scene.ground.iter().map(|object| &object.levels[0].mesh) {
+        for t in mesh.indices.chunks_exact(3) {
+            let corners = [t[0], t[1], t[2]].map(|k| mesh.vertices[k as usize]);
+            if corners.iter().all(|v| v.normal.z > 0.3 && v.finish.class != Class::Grass) {
+                paved.push(corners.map(|v| v.position.truncate()));
+            }
+        }
+    }
+    let paved = by_square(&paved);
+    let is_paved = |p: DVec2| {
+        let p = p.as_vec2();
+        paved.get(&square_of(p)).is_some_and(|near| near.iter().any(|t| covers(t, p)))
+    };
+    let mut looked = 0;
+    for piece in &map.scenery {
+        let (SceneryKind::Paving, Shape::Polygon(ring)) = (piece.kind, &piece.shape) else { continue };
+        let ring = polygon::counter_clockwise(ring);
+        for (k, &from) in ring.iter().enumerate() {
+            let to = ring[(k + 1) % ring.len()];
+            let out = -(to - from).normalize().perp();
+            for part in 1..20 {
+                let at = from.lerp(to, f64::from(part) / 20.0);
+                let beside = [0.2, 0.4, 0.6, 0.8].map(|away| is_paved(at + out * away));
+                looked += 1;
+                // The grid is no finer than a quarter of a metre.
+                let gaps = beside.iter().filter(|is_paved| !**is_paved).count();
+                assert!(!beside[3] || gaps < 2, "{} at {at:.2}: {beside:?}", piece.name);
+            }
+        }
+    }
+    assert!(looked > 300, "{looked}");
+}
+
+#[test]
+fn bars_and_lines_of_paint_lie_one_over_the_other() {
+    let map = city();
+    let scene = SceneDescription::from_map(&map);
+    for level in &scene.ground[1].levels {
+        let heights = |surface: Surface| -> Vec<f32> {
+            let mut heights: Vec<f32> = level
+                .mesh
+                .vertices
+                .iter()
+                .filter(|v| v.finish.surface == surface)
+                .map(|v| v.position.z)
+                .collect();
+            heights.sort_by(f32::total_cmp);
+            heights.dedup();
+            heights
+        };
+        let (lines, figures) = (heights(Surface::Line), heights(Surface::Paint));
+        // From afar some of the figures are lines, under the others.
+        assert_eq!(lines.len(), if level.error_m < 0.10 { 1 } else { 2 }, "{lines:?}");
+        assert!(lines.windows(2).all(|pair| pair[1] - pair[0] > 0.0015), "{lines:?}");
+        assert!(figures.iter().all(|z| *z > lines[lines.len() - 1] + 0.004), "{figures:?} over {lines:?}");
+    }
+}
+
+#[test]
 fn nothing_solid_stands_on_a_lane_and_all_numbers_are_finite() {
     let map = city();
     let scene = SceneDescription::from_map(&map);

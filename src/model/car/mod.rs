@@ -84,3 +84,53 @@ pub fn model(shape: &Shape) -> Model {
     let wheels = [wheel::wheel(WHEEL_RADIUS_M), wheel::far_wheel(WHEEL_RADIUS_M)];
     Model { meshes: [near, far, farther].into_iter().chain(wheels).collect(), nodes }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Part;
+    use super::*;
+
+    /// Whether a face that looks towards the eye is met on the way to a point.
+    fn is_hidden(mesh: &[Part], eye: Vec3, point: Vec3) -> bool {
+        let along = point - eye;
+        mesh.iter().any(|part| {
+            let corner = |k: &u32| part.vertices[*k as usize].position;
+            part.indices.chunks_exact(3).any(|t| {
+                let [a, b, c] = [&t[0], &t[1], &t[2]].map(corner);
+                let normal = (b - a).cross(c - a);
+                let towards = normal.dot(along);
+                let at = normal.dot(a - eye) / towards;
+                let hit = eye + along * at;
+                let is_within = [(a, b), (b, c), (c, a)]
+                    .iter()
+                    .all(|(from, to)| (to - from).cross(hit - from).dot(normal) >= 0.0);
+                towards < 0.0 && (0.0..1.0).contains(&at) && is_within
+            })
+        })
+    }
+
+    #[test]
+    fn nobody_sees_into_a_car_under_its_windows() {
+        for shape in [SEDAN, HATCHBACK, SUV, VAN, PICKUP] {
+            let car = model(&shape);
+            let [rear_foot, .., front_foot] = shape.cabin.stations;
+            let mut open = Vec::new();
+            // Behind the lower edges of the windows, and under bonnet and boot beside their edges.
+            for x in [front_foot - 0.3, front_foot + 0.2, rear_foot + 0.3] {
+                for y in [-0.79, -0.41, 0.03, 0.38, 0.81] {
+                    let inside = Vec3::new(x, y, shape.shoulder_at(x) - 0.06);
+                    for turn in 0..48 {
+                        for height in [0.7, 1.0, 1.3, 2.2] {
+                            let (sin, cos) = (PI * (turn as f32 + 0.3) / 24.0).sin_cos();
+                            let eye = Vec3::new(7.0 * cos, 7.0 * sin, height);
+                            if !is_hidden(&car.meshes[0], eye, inside) {
+                                open.push((eye, inside));
+                            }
+                        }
+                    }
+                }
+            }
+            assert!(open.is_empty(), "{}: {} rays, {:?}", shape.name, open.len(), &open[..open.len().min(4)]);
+        }
+    }
+}
