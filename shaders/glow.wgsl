@@ -25,6 +25,8 @@ const LEAST: f32 = 0.012;
 const MOST: f32 = 0.20;
 // The light's housing, pole or car lies less than this before its lens, metres.
 const HOUSING: f32 = 0.45;
+// Below a lamp the body of its car comes less nearer than this, metres.
+const BODY: f32 = 0.9;
 
 @vertex
 fn vertex_main(in: VertexIn) -> Fragment {
@@ -53,13 +55,14 @@ fn vertex_main(in: VertexIn) -> Fragment {
     let is_seen = lens.w > 0.0 && max(out.colour.r, max(out.colour.g, out.colour.b)) * frame.sun.w > 0.004;
     let reach = select(0.0, radius, is_seen);
     out.clip = lens + vec4<f32>(corner * vec2<f32>(across / upright, 1.0) * (reach * lens.w), 0.0, 0.0);
-    // Lights near the ground shine before it: below its middle the square leans towards the eye, as far as the
-    // ground does that is seen there.
-    let drop = radius / max(upright, 1e-6) - in.at.z;
-    if corner.y < 0.0 && drop > 0.0 && view.eye.z > 0.0 {
-        let part = 0.97 * view.eye.z / (view.eye.z + drop);
-        let ground = m * vec4<f32>(mix(view.eye.xyz, in.at.xyz, max(part, 0.3)), 1.0);
-        out.clip.z = ground.z / ground.w * out.clip.w;
+    // Lights of vehicles shine before what slopes towards the eye below them: the body, and the ground that is seen
+    // there. As far the square leans over.
+    if corner.y < 0.0 && in.colour.w > 0.0 {
+        let drop = max(radius / max(upright, 1e-6) - in.at.z, 0.0);
+        let on_ground = 0.97 * max(view.eye.z, 0.0) / max(view.eye.z + drop, 1e-3);
+        let part = max(min(on_ground, 1.0 - BODY / distance), 0.3);
+        let before = m * vec4<f32>(mix(view.eye.xyz, in.at.xyz, part), 1.0);
+        out.clip.z = before.z / before.w * out.clip.w;
     }
     return out;
 }

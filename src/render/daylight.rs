@@ -79,7 +79,7 @@ const DUSK_DEG: f32 = -3.0;
 /// Elevation of the sun in degrees and its light, rising.
 const STEPS: [(f32, Light); 4] = [
     (
-        -9.0,
+        -12.0,
         Light {
             to_sun: Vec3::Z,
             sun: [0.10, 0.12, 0.17],

@@ -23,6 +23,8 @@ use wgpu::util::DeviceExt;
 const FLASHES_HZ: f64 = 1.5;
 /// Area of a lens, seen along the vehicle.
 const USUAL_LENS_M2: f32 = 0.05;
+/// Bodies are looked at more closely than the city: part of the pixels that its coarser levels may be off.
+const BODIES_FINER: f32 = 0.75;
 /// Wheels of fewer pixels than this across are left out.
 const WHEELS_FROM_PX: f32 = 2.0;
 
@@ -256,7 +258,7 @@ impl Fleet {
                 let pixels = |length_m| gaze.sharpness.pixels(length_m, distance_m);
                 let is_carrier = carrier == Some(p.id);
                 let levels = self.builds.get(&p.key).map_or(&[][..], |build| &build.levels);
-                let fits = |level: &BuildLevel| pixels(level.error_m) < gaze.coarse_below_px;
+                let fits = |level: &BuildLevel| pixels(level.error_m) < BODIES_FINER * gaze.coarse_below_px;
                 Sight {
                     index,
                     distance_m,

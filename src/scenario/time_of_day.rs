@@ -12,7 +12,7 @@ pub struct TimeOfDay {
 
 impl TimeOfDay {
     const NAMES: [(&'static str, f64); 5] =
-        [("morning", 8.0), ("noon", 12.0), ("low_sun", 16.5), ("dusk", 18.2), ("night", 22.0)];
+        [("morning", 8.0), ("noon", 12.0), ("low_sun", 16.5), ("dusk", 17.6), ("night", 22.0)];
 }
 
 impl Default for TimeOfDay {
@@ -62,7 +62,7 @@ mod tests {
         for (text, hours) in [
             ("noon", 12.0),
             ("low_sun", 16.5),
-            ("dusk", 18.2),
+            ("dusk", 17.6),
             ("night", 22.0),
             ("17:30", 17.5),
             ("0:06", 0.1),

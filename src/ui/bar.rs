@@ -221,7 +221,7 @@ fn look(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
 }
 
 const TIMES: [(f64, &str); 5] =
-    [(8.0, "morning"), (12.0, "noon"), (16.5, "low sun"), (18.2, "dusk"), (22.0, "night")];
+    [(8.0, "morning"), (12.0, "noon"), (16.5, "low sun"), (17.6, "dusk"), (22.0, "night")];
 
 fn time_label(hours: f64) -> String {
     let named = TIMES.iter().find(|(time, _)| (time - hours).abs() < 1e-6);

@@ -228,7 +228,7 @@ impl SceneDescription {
             };
             objects.push(match piece.kind {
                 SceneryKind::Building => one(&|mesh| {
-                    buildings::building(mesh, &place, &lanes, |at| is_built(at, index), is_in_the_way)
+                    buildings::building(mesh, &place, &lanes, |at| is_built(at, index), is_in_the_way);
                 }),
                 SceneryKind::Tree => nursery.tree(&place),
                 SceneryKind::Hedge => plants::hedge(&place),

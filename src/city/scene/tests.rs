@@ -246,15 +246,11 @@ fn what_is_planted_or_set_up_stands_behind_the_kerb() {
                 .collect(),
         };
         let away = |p: &DVec2| f64::from(field.distance.at(*p)) - half_m;
-        if let Some(nearest) = points.iter().min_by(|a, b| away(a).total_cmp(&away(b))) {
-            if away(nearest) < f64::from(roads::SHOULDER_M) + kerbs::WIDTH_M {
-                found.push(format!(
-                    "{:?} {} at {nearest:.2}: {:.2} m",
-                    piece.kind,
-                    piece.name,
-                    away(nearest)
-                ));
-            }
+        if let Some(nearest) = points.iter().min_by(|a, b| away(a).total_cmp(&away(b)))
+            && away(nearest) < f64::from(roads::SHOULDER_M) + kerbs::WIDTH_M
+        {
+            let (kind, name, away) = (piece.kind, &piece.name, away(nearest));
+            found.push(format!("{kind:?} {name} at {nearest:.2}: {away:.2} m"));
         }
     }
     assert!(found.is_empty(), "{}", found.join("\n"));

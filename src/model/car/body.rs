@@ -341,18 +341,21 @@ fn deck(builder: &mut Builder, shape: &Shape, detail: Detail, facing: f32) {
         Detail::Far => &[-1.0, 0.0, 1.0],
         Detail::Farther => &[-1.0, 1.0],
     };
-    let row = |&part: &f32| -> Vec<Vec3> {
-        let mut row: Vec<Vec3> = across.iter().map(|&f| shape.on_deck(facing, foot, part, f)).collect();
-        if detail == Detail::Near {
-            // Under its edges, where the shell has other columns, it goes on downwards: no slit is left.
-            let under = |edge: Vec3| edge * Vec3::new(1.0, 0.98, 1.0) - Vec3::Z * 0.05;
-            let (right, left) = (under(row[0]), under(row[row.len() - 1]));
-            row.insert(0, right);
-            row.push(left);
-        }
-        row
-    };
+    let row = |&part: &f32| across.iter().map(|&f| shape.on_deck(facing, foot, part, f)).collect();
     let mut points: Vec<Vec<Vec3>> = parts.iter().map(row).collect();
+    if detail == Detail::Near {
+        // The shell has other columns: under its edges it goes on downwards, so that no slit is left.
+        let mut skirt = |edge: Vec<Vec3>, upwards: bool| {
+            let inwards = Vec3::new(-0.004 * facing, 0.0, -0.05);
+            let under = edge.iter().map(|&p| p * Vec3::new(1.0, 0.98, 1.0) + inwards).collect();
+            let rows = if upwards { [under, edge] } else { [edge, under] };
+            builder.grid(&rows, |_| 250, |_, _| Some(PAINT));
+        };
+        let forwards = facing > 0.0;
+        skirt(points.iter().map(|row| row[0]).collect(), forwards);
+        skirt(points.iter().map(|row| row[row.len() - 1]).collect(), !forwards);
+        skirt(points[points.len() - 1].clone(), forwards);
+    }
     if facing > 0.0 {
         points.reverse();
     }

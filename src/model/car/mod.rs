@@ -7,7 +7,7 @@ mod shape;
 mod trim;
 mod wheel;
 
-use super::{Builder, Model, Node, Skin};
+use super::{Builder, Model, Node, Part, Skin};
 use glam::{Affine3A, Quat, Vec3};
 use std::f32::consts::PI;
 
@@ -55,7 +55,7 @@ pub fn model(shape: &Shape) -> Model {
         body::shell(&mut builder, shape, detail);
         cabin::cabin(&mut builder, shape, detail);
         trim::trim(&mut builder, shape, detail);
-        builder.finish()
+        evened(builder.finish())
     });
     let standing = |name: &str, mesh, height| Node {
         name: name.to_owned(),
@@ -85,9 +85,18 @@ pub fn model(shape: &Shape) -> Model {
     Model { meshes: [near, far, farther].into_iter().chain(wheels).collect(), nodes }
 }
 
+/// Both halves of a body meet in its middle without an edge.
+fn evened(mut parts: Vec<Part>) -> Vec<Part> {
+    for vertex in parts.iter_mut().flat_map(|part| &mut part.vertices) {
+        if vertex.position.y.abs() < 1e-4 {
+            vertex.normal = vertex.normal.with_y(0.0).normalize_or(vertex.normal);
+        }
+    }
+    parts
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::Part;
     use super::*;
 
     /// Whether a face that looks towards the eye is met on the way to a point.
