@@ -81,12 +81,11 @@ pub(super) fn open(
             Quality::Ultra => Preset::ULTRA,
             Quality::Auto => Preset::auto(context.is_software),
         };
-        let settings = settings(quality, time.hours);
-        Ok((context, settings, Paintings::new(&settings)))
+        Ok((context, paintings(quality, time.hours)))
     };
     let (prepared, scene) = rayon::join(prepared, || scene(experiment));
-    let (context, settings, paintings) = prepared?;
-    renderer_of(&context, (experiment, &scene), settings, paintings)
+    let (context, paintings) = prepared?;
+    renderer_of(&context, (experiment, &scene), paintings)
 }
 
 /// A renderer of an experiment's city on an open adapter, at a time of day.
@@ -99,26 +98,25 @@ pub(super) fn renderer(
     quality: Preset,
     hours: f64,
 ) -> Result<Renderer, Failure> {
-    let settings = settings(quality, hours);
-    let (paintings, scene) = rayon::join(|| Paintings::new(&settings), || scene(experiment));
-    renderer_of(context, (experiment, &scene), settings, paintings)
+    let (paintings, scene) = rayon::join(|| paintings(quality, hours), || scene(experiment));
+    renderer_of(context, (experiment, &scene), paintings)
 }
 
 fn scene(experiment: &Experiment) -> SceneDescription {
     SceneDescription::with_models(&experiment.city_map, &experiment.models.placed)
 }
 
-fn settings(quality: Preset, hours: f64) -> Settings {
-    Settings { quality, daylight: Daylight { hours: hours as f32 }, ..Settings::default() }
+fn paintings(quality: Preset, hours: f64) -> Paintings {
+    let daylight = Daylight { hours: hours as f32 };
+    Paintings::new(Settings { quality, daylight, ..Settings::default() })
 }
 
 fn renderer_of(
     context: &Context,
     (experiment, scene): (&Experiment, &SceneDescription),
-    settings: Settings,
     paintings: Paintings,
 ) -> Result<Renderer, Failure> {
-    let mut renderer = Renderer::painted(context, scene, settings, paintings).map_err(failure)?;
+    let mut renderer = Renderer::painted(context, scene, paintings).map_err(failure)?;
     for (&body, model) in &experiment.models.vehicles {
         renderer.set_vehicle_model(body, model);
     }

@@ -34,19 +34,19 @@ impl Renderer {
     /// # Errors
     /// None that a valid scene and adapter give; the adapter's own are logged by wgpu.
     pub fn new(context: &Context, scene: &SceneDescription, settings: Settings) -> Result<Self, RenderError> {
-        Self::painted(context, scene, settings, Paintings::new(&settings))
+        Self::painted(context, scene, Paintings::new(settings))
     }
 
-    /// [`Renderer::new`] with paintings that are of these settings.
+    /// [`Renderer::new`] with the settings of these paintings.
     ///
     /// # Errors
     /// As [`Renderer::new`].
     pub fn painted(
         context: &Context,
         scene: &SceneDescription,
-        settings: Settings,
         paintings: Paintings,
     ) -> Result<Self, RenderError> {
+        let settings = paintings.settings;
         let opened: Vec<&Context> = std::iter::once(context).chain(&*context.peers).collect();
         let made = Made::new(scene, paintings);
         // Those that share the processors draw one view after the other into the same texture: they have nobody to wait

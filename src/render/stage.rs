@@ -89,7 +89,7 @@ impl Made {
     pub(super) fn new(scene: &SceneDescription, paintings: Paintings) -> Self {
         let light = &paintings.light;
         // By night every surface looks for the light of lamps.
-        let apart = match (paintings.light_at_vertices, light.is_lamplit()) {
+        let apart = match (paintings.settings.quality.light_at_vertices, light.is_lamplit()) {
             (false, _) => Some(Apart::Crowns),
             (true, false) => Some(Apart::Averted(light.to_sun)),
             (true, true) => None,

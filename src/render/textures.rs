@@ -27,9 +27,9 @@ const SKY_MAP: u32 = 64;
 /// done while that is made: with [`super::Renderer::painted`].
 #[derive(Debug)]
 pub struct Paintings {
+    /// What they were painted for.
+    pub(super) settings: Settings,
     pub(super) light: Light,
-    /// See [`super::Quality::light_at_vertices`].
-    pub(super) light_at_vertices: bool,
     /// Mipmaps of each [`Surface`].
     surfaces: Vec<Vec<Vec<u8>>>,
     /// See [`Paintings::panorama`].
@@ -40,7 +40,7 @@ pub struct Paintings {
 
 impl Paintings {
     /// Paints what these settings show.
-    pub fn new(settings: &Settings) -> Self {
+    pub fn new(settings: Settings) -> Self {
         let light = settings.flat.map_or_else(|| settings.daylight.light(), FlatLight::light);
         let light_at_vertices = settings.quality.light_at_vertices;
         let surfaces = || {
@@ -57,7 +57,7 @@ impl Paintings {
             (panorama, sky::mirrored(SKY_MAP, &light))
         };
         let (surfaces, (panorama, sky_map)) = rayon::join(surfaces, sky);
-        Self { light, light_at_vertices, surfaces, panorama, sky_map }
+        Self { settings, light, surfaces, panorama, sky_map }
     }
 
     /// An array texture with a layer for each [`Surface`] and all its mipmaps.
@@ -82,7 +82,7 @@ impl Paintings {
 
     /// The sky from below the horizon to the zenith, on the faces of [`sky_triangles`]: as displayed, or as radiance.
     pub(super) fn panorama(&self, context: &Context) -> wgpu::TextureView {
-        let (format, size) = if self.light_at_vertices {
+        let (format, size) = if self.settings.quality.light_at_vertices {
             (wgpu::TextureFormat::Rgba8Unorm, SMALL_SKY)
         } else {
             (wgpu::TextureFormat::Rgba16Float, SKY)

@@ -23,6 +23,7 @@ mod props;
 mod roads;
 mod signs;
 mod special;
+mod surroundings;
 mod taut;
 mod trees;
 mod wear;
@@ -40,6 +41,7 @@ use glam::{Affine3A, DVec2, Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use surroundings::Surroundings;
 
 /// Everything that stands in the city, in metres relative to the city's origin.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -179,35 +181,7 @@ impl SceneDescription {
             || rayon::join(trees::Nursery::new, || furniture::Furniture::new(models)),
         );
         let lanes = lanes::LaneBoxes::new(map);
-        // Off the road, and clear of all that stands.
-        let is_free = |at: Vec2, but: usize| {
-            let others = map.scenery.iter().enumerate().filter(|(index, piece)| {
-                let is_flat = matches!(piece.kind, SceneryKind::Grass | SceneryKind::Paving);
-                let is_tree = piece.kind == SceneryKind::Tree;
-                *index != but && !is_flat && !is_tree
-            });
-            field.distance.at(at.as_dvec2()) > 1.0
-                && others
-                    .into_iter()
-                    .all(|(_, piece)| grounds::distance_to(&piece.shape, at.as_dvec2()) > 0.5)
-        };
-        let is_built = |at: Vec2, but: usize| {
-            map.scenery.iter().enumerate().any(|(index, piece)| {
-                let is_other = piece.kind == SceneryKind::Building && index != but;
-                is_other && grounds::covers(&piece.shape, at.as_dvec2())
-            })
-        };
-        // A trunk, a post or a hedge.
-        let is_in_the_way = |at: Vec2| {
-            let away = |piece: &Scenery| match (piece.kind, &piece.shape) {
-                (SceneryKind::Tree | SceneryKind::Lamp, Shape::Circle { centre, .. }) => {
-                    centre.distance(at.as_dvec2())
-                }
-                (SceneryKind::Hedge | SceneryKind::Wall, shape) => grounds::distance_to(shape, at.as_dvec2()),
-                _ => f64::INFINITY,
-            };
-            map.scenery.iter().any(|piece| away(piece) < 1.0)
-        };
+        let around = Surroundings { map, field: &field };
         let is_paved = |piece: &&Scenery| matches!(piece.kind, SceneryKind::Paving | SceneryKind::Parking);
         let paving: Vec<Vec<DVec2>> =
             map.scenery.iter().filter(is_paved).map(|piece| grounds::ring_of(&piece.shape)).collect();
@@ -228,7 +202,7 @@ impl SceneDescription {
             };
             objects.push(match piece.kind {
                 SceneryKind::Building => one(&|mesh| {
-                    buildings::building(mesh, &place, &lanes, |at| is_built(at, index), is_in_the_way);
+                    buildings::building(mesh, &place, &lanes, &around);
                 }),
                 SceneryKind::Tree => nursery.tree(&place),
                 SceneryKind::Hedge => plants::hedge(&place),
@@ -239,7 +213,7 @@ impl SceneDescription {
                     lamp
                 }
                 SceneryKind::Bench => {
-                    objects.extend(props::bench(&place, &furniture, |at| is_free(at, index)));
+                    objects.extend(props::bench(&place, &furniture, |at| around.is_free(at, piece)));
                     continue;
                 }
                 SceneryKind::PicnicTable => props::picnic_table(&place, &furniture),
@@ -258,7 +232,7 @@ impl SceneDescription {
                 objects.extend(pumps.map(|(at, front)| furniture.place(Piece::FuelPump, at, front, 1.0)));
                 lamps.extend(buildings::lights(&place));
                 clocks.extend(buildings::clocks(&place).map(Object::of_one_level));
-                let board = buildings::price_board(&place).filter(|&(at, _)| is_free(at, index));
+                let board = buildings::price_board(&place).filter(|&(at, _)| around.is_free(at, piece));
                 objects.extend(board.map(|board| Object::of_one_level(special::price_board_at(board))));
                 walls.extend(buildings::opaque_walls(&place));
             }

@@ -31,7 +31,7 @@ pub(super) fn front_of(
 
 /// The bay of a front that the door is in: the middle one where the public goes in, else the first before which
 /// nothing is in the way.
-pub(super) fn door_bay(front: &Side, style: &Style, is_in_the_way: impl Fn(Vec2) -> bool) -> f32 {
+pub(super) fn door_bay(front: &Side, style: &Style, bars_the_way: impl Fn(Vec2) -> bool) -> f32 {
     let count = front.bays();
     if style.sign.is_some() {
         return (count / 2.0).floor();
@@ -39,7 +39,7 @@ pub(super) fn door_bay(front: &Side, style: &Style, is_in_the_way: impl Fn(Vec2)
     // On the step, and where one comes from.
     let is_clear = |bay: &f32| {
         let before = |out: f32| front.at((bay + 0.5) / count, 0.0, out).truncate();
-        [0.7, 1.6, 2.6].into_iter().all(|out| !is_in_the_way(before(out)))
+        [0.7, 1.6, 2.6].into_iter().all(|out| !bars_the_way(before(out)))
     };
     (0..count as u32).map(|bay| bay as f32).find(is_clear).unwrap_or(0.0)
 }

@@ -12,6 +12,7 @@ use super::grounds::ring_of;
 use super::lanes::LaneBoxes;
 use super::mesh::{Finish, Mesh, Surface};
 use super::special;
+use super::surroundings::Surroundings;
 use super::{Place, Wall};
 use glam::{Vec2, Vec3};
 use side::Side;
@@ -22,15 +23,8 @@ const STOREY_M: f32 = 3.1;
 const FOOT_M: f32 = 0.05;
 
 /// A building with everything on it.
-/// Its front is none of the sides before which the ground `is_built` up, and its door not where something
-/// `is_in_the_way`.
-pub(super) fn building(
-    mesh: &mut Mesh,
-    place: &Place<'_>,
-    lanes: &LaneBoxes<'_>,
-    is_built: impl Fn(Vec2) -> bool,
-    is_in_the_way: impl Fn(Vec2) -> bool,
-) {
+/// Its front is none of the sides before which others stand, and its door not where something bars the way.
+pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, lanes: &LaneBoxes<'_>, around: &Surroundings<'_>) {
     let ring = outline(place);
     if ring.len() < 3 {
         return;
@@ -52,6 +46,7 @@ pub(super) fn building(
     } else {
         roof::flat_roof(mesh, place, &ring, eaves);
     }
+    let is_built = |at: Vec2| around.is_built(at, place.piece);
     // As far out as awnings and steps reach, all along.
     let is_hidden =
         |side: &Side| [0.1, 0.5, 0.9].iter().any(|&at| is_built(side.at(at, 0.0, 1.4).truncate()));
@@ -60,7 +55,7 @@ pub(super) fn building(
         open = (0..sides.len()).collect();
     }
     let front = entrance::front_of(&sides, &open, lanes, place.piece.front_rad);
-    let bay = entrance::door_bay(&sides[front], &style, is_in_the_way);
+    let bay = entrance::door_bay(&sides[front], &style, |at| around.bars_the_way(at));
     for (k, side) in sides.iter().enumerate() {
         storeys(mesh, side, &style, eaves, (k == front).then(|| entrance::windowless(side, &style, bay)));
     }
