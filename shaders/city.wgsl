@@ -71,9 +71,6 @@ fn salt_of(seed: u32, normal: vec3<f32>) -> u32 {
     return (seed * 73u + side.x * 22u + side.y * 59u) & 0xffu;
 }
 
-// What frames of windows reflect at most.
-const FRAME_GREEN: f32 = 1.0;
-
 // Light of its own at night: lamps, and rooms behind some of the windows.
 fn shining(layer: u32, salt: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> {
     if !lamplit {
@@ -90,8 +87,6 @@ fn shining(layer: u32, salt: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> 
     let bay = floor(uv);
     let dice = fract(sin(dot(bay, vec2<f32>(12.9898, 78.233)) + f32(layer) * 3.7 + f32(salt) * 0.731) * 437.5453);
     let is_lit = select(0.0, 1.0, dice < 0.38);
-    // Where a pane meets its frame patterns are mixed: the frame's part of them does not shine.
-    let frame_part = clamp((texel.a - 0.13) / 0.87, 0.0, 1.0);
     if is_shop {
         // Things in their own colours under the lamps of the room.
         let tint = mix(vec3<f32>(1.0, 0.86, 0.66), vec3<f32>(0.95, 0.95, 0.88), fract(dice * 17.0));
@@ -99,7 +94,9 @@ fn shining(layer: u32, salt: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> 
         return texel.rgb * tint * ((2.6 + 1.2 * dice) * pane * frame.zenith.w);
     }
     let warm = mix(vec3<f32>(0.85, 0.58, 0.28), vec3<f32>(0.70, 0.68, 0.60), fract(dice * 17.0));
-    let room = 0.3 * (1.0 - frame_part) + 2.0 * max(texel.g - FRAME_GREEN * frame_part, 0.0);
+    // Where a pane meets its frame patterns are mixed: the frame's part of them, no brighter than white, does not shine.
+    let frame_part = clamp((texel.a - 0.13) / 0.87, 0.0, 1.0);
+    let room = 0.3 * (1.0 - frame_part) + 2.0 * max(texel.g - frame_part, 0.0);
     return warm * (room * (0.6 + dice) * is_lit * frame.zenith.w);
 }
 

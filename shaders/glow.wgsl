@@ -25,7 +25,7 @@ const LEAST: f32 = 0.012;
 const MOST: f32 = 0.20;
 // The light's housing, pole or car lies less than this before its lens, metres.
 const HOUSING: f32 = 0.45;
-// Below a lamp the body of its car comes less nearer than this, metres.
+// Below a lamp the body of its car comes nearer to the eye by less than this, metres.
 const BODY: f32 = 0.9;
 
 @vertex

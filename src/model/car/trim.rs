@@ -94,12 +94,20 @@ fn seam(builder: &mut Builder, shape: &Shape, x: f32, side: f32) {
     }
 }
 
-/// The body's widest points: a foot and a housing with its glass.
-fn mirrors(builder: &mut Builder, shape: &Shape) {
+/// How far out a door's mirror begins and ends: at the body's widest points.
+const MIRROR_M: [f32; 2] = [HALF_M - 0.17, WIDTH_M / 2.0];
+
+/// x of both, and their lower edges.
+fn mirrors_at(shape: &Shape) -> [f32; 2] {
     let x = shape.cabin.stations[5] - 0.32;
-    let z = shape.shoulder_at(x) + 0.01;
+    [x, shape.shoulder_at(x) + 0.01]
+}
+
+/// A foot and a housing with its glass.
+fn mirrors(builder: &mut Builder, shape: &Shape) {
+    let [x, z] = mirrors_at(shape);
     for side in [1.0_f32, -1.0] {
-        let (inner, outer) = (side * (HALF_M - 0.17), side * WIDTH_M / 2.0);
+        let [inner, outer] = MIRROR_M.map(|y| side * y);
         let (low, high) = (inner.min(outer), inner.max(outer));
         builder.block(Vec3::new(x - 0.05, low, z), Vec3::new(x + 0.07, high, z + 0.14), PAINT, 240);
         let (a, b) = (outer - side * 0.015, outer - side * 0.15);
@@ -112,10 +120,9 @@ fn mirrors(builder: &mut Builder, shape: &Shape) {
 
 /// Mirrors without depth, for the greatest distance.
 fn flat_mirrors(builder: &mut Builder, shape: &Shape) {
-    let x = shape.cabin.stations[5] - 0.32;
-    let z = shape.shoulder_at(x) + 0.01;
+    let [x, z] = mirrors_at(shape);
     for side in [1.0_f32, -1.0] {
-        let (inner, outer) = (side * (HALF_M - 0.17), side * WIDTH_M / 2.0);
+        let [inner, outer] = MIRROR_M.map(|y| side * y);
         let mut corners =
             [(inner, z), (outer, z), (outer, z + 0.14), (inner, z + 0.14)].map(|(y, z)| Vec3::new(x, y, z));
         builder.plate(&corners, PAINT, 240);
