@@ -286,3 +286,77 @@ fn nonsense_in_a_trajectory_is_left_out() {
     let tracking = one.step(&spec, &Motion::default(), 0.0, DT);
     assert!(tracking.throttle.is_finite() && tracking.actuation.steering_rad.is_finite());
 }
+
+/// The paper: a vehicle that is beyond its waypoint stops rather than reverses.
+#[test]
+fn a_vehicle_beyond_a_waypoint_with_a_speed_stops_and_does_not_reverse() {
+    for model in MODELS {
+        let route = route(0.2, &[(120.0, 0.0)]);
+        let mut rig = Rig::on(spec(model), &route, 0.0, 4.0);
+        // It stands at 5 m, and asks for 4 m/s there.
+        let waypoint = |_: f64| (5.0, 4.0);
+        let mut least_mps = f64::INFINITY;
+        for k in 0..1700 {
+            if k % 2 == 0 {
+                rig.tracker.follow(&trajectory(&route, &waypoint, rig.time(), 4.0, 0.1));
+            }
+            rig.track();
+            least_mps = least_mps.min(rig.motion.speed_mps);
+        }
+        let beyond_m = route.project(rig.front().position).s - 5.0;
+        assert!(rig.motion.speed_mps.abs() < 0.01, "{model:?}: {} m/s", rig.motion.speed_mps);
+        assert!((0.0..5.0).contains(&beyond_m), "{model:?}: {beyond_m} m beyond");
+        assert!(least_mps > -0.05, "{model:?} reverses with {least_mps} m/s");
+    }
+}
+
+#[test]
+fn a_vehicle_that_has_overshot_waits_until_its_waypoint_passes() {
+    for model in MODELS {
+        let route = route(-1.0, &[(200.0, 0.0)]);
+        let mut rig = Rig::on(spec(model), &route, 0.0, 6.0);
+        // 20 m behind the vehicle, and slower.
+        let waypoint = |time: f64| (3.0 * time - 20.0, 3.0);
+        let (mut stood_at_m, mut passed_s) = (None, None);
+        for k in 0..2500 {
+            if k % 2 == 0 {
+                rig.tracker.follow(&trajectory(&route, &waypoint, rig.time(), 4.0, 0.1));
+            }
+            rig.track();
+            let front_m = route.project(rig.front().position).s;
+            if stood_at_m.is_none() && rig.motion.speed_mps < 0.02 {
+                stood_at_m = Some(front_m);
+            }
+            if passed_s.is_none() && waypoint(rig.time()).0 > front_m {
+                passed_s = Some(rig.time());
+                let moved_m = front_m - stood_at_m.expect("it stops before its waypoint comes");
+                assert!(moved_m < 0.1, "{model:?} has moved {moved_m} m before its waypoint came");
+            }
+        }
+        assert!(passed_s.is_some_and(|time_s| time_s < 15.0), "{model:?}: {passed_s:?}");
+        let behind_m = waypoint(rig.time()).0 - route.project(rig.front().position).s;
+        assert!((rig.motion.speed_mps - 3.0).abs() < 0.05, "{model:?}: {} m/s", rig.motion.speed_mps);
+        assert!(behind_m.abs() < 0.5, "{model:?}: {behind_m} m behind its waypoint");
+    }
+}
+
+/// Messages of a plan that brakes, each of which arrives before its first point is due: a robot whose drive is late.
+#[test]
+fn a_trajectory_that_is_always_a_little_ahead_is_followed_without_lag_of_speed() {
+    for model in MODELS {
+        let route = route(0.0, &[(200.0, 0.0)]);
+        let mut rig = Rig::on(spec(model), &route, 0.0, 10.0);
+        let plan = stop_and_go(10.0, 4.0, 2.0, 30.0);
+        let mut most_mps = 0.0f64;
+        for k in 0..450 {
+            if k % 2 == 0 {
+                rig.tracker.follow(&trajectory(&route, &plan, rig.time() + 0.06, 4.0, 0.1));
+            }
+            rig.track();
+            if (2.5..4.4).contains(&rig.time()) {
+                most_mps = most_mps.max(rig.motion.speed_mps - plan(rig.time()).1);
+            }
+        }
+        assert!(most_mps < 0.4, "{model:?} is {most_mps} m/s too fast while it brakes");
+    }
+}

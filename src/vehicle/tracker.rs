@@ -37,6 +37,12 @@ const STOP_FIRMLY_MPS2: f64 = 4.5;
 const STOP_MOST_MPS2: f64 = 4.8;
 /// How fast a speed error is made good in such a stop, 1/s.
 const STOP_GAIN: f64 = 2.0;
+/// A vehicle that is so far beyond its waypoint, and the way of so long, has overshot it.
+const OVERSHOOT_M: f64 = 1.0;
+const OVERSHOOT_S: f64 = 0.25;
+/// A trajectory that begins later is taken to have begun with its first acceleration so long before: messages of a
+/// plan that is renewed overtake one another by less.
+const BACKCAST_S: f64 = 0.5;
 /// Most that the integral adds, m/s2.
 const INTEGRAL_LIMIT_MPS2: f64 = 1.0;
 
@@ -78,6 +84,8 @@ pub struct Tracker {
     stopping_mps: Option<f64>,
     /// The stop was asked for, and lasts until the next trajectory.
     link_lost: bool,
+    /// The vehicle is beyond its waypoint, and stops until the waypoint passes it.
+    has_overshot: bool,
     steering_rad: f64,
 }
 
@@ -168,7 +176,9 @@ impl Tracker {
         let front = FrontAxle { along_mps: along, steering_rate_radps: rate.clamp(-most, most) };
 
         let reference = self.reference(time_s).filter(|_| !self.link_lost);
+        self.note_overshoot(reference, nearest.station, along);
         let throttle = match reference {
+            Some(_) if self.has_overshot => self.stop(spec, motion, &front, 0.0, dt_s),
             Some(reference) => self.throttle(spec, motion, &front, reference, dt_s),
             None => self.stop(spec, motion, &front, self.path.end() - nearest.station, dt_s),
         };
@@ -176,6 +186,21 @@ impl Tracker {
             self.steering_rad = stanley(spec, motion, &nearest, forward, along);
         }
         Tracking { actuation: self.actuation(throttle), lateral_error_m: -nearest.path_to_left_m, throttle }
+    }
+
+    /// A vehicle that is beyond its waypoint stops, and goes on when the waypoint passes it (the paper, section on
+    /// speed control). The way that it covers in a delay is no overshoot.
+    fn note_overshoot(&mut self, reference: Option<Reference>, station: f64, along_mps: f64) {
+        let Some(reference) = reference else {
+            self.has_overshot = false;
+            return;
+        };
+        let beyond_m = station - reference.station;
+        if self.has_overshot {
+            self.has_overshot = beyond_m > 0.0;
+        } else {
+            self.has_overshot = beyond_m > OVERSHOOT_M + OVERSHOOT_S * along_mps.max(0.0);
+        }
     }
 
     fn actuation(&self, throttle: f64) -> Actuation {
@@ -246,17 +271,27 @@ impl Tracker {
         let before = after.checked_sub(1).map(|k| self.milestones[k]);
         match (before, self.milestones.get(after)) {
             (Some(a), Some(b)) => Some(between(&a, b, time_s)),
-            // It begins later: come up to it.
-            (None, Some(first)) => Some(Reference {
-                station: first.station - first.speed_mps * (first.time_s - time_s),
-                speed_mps: first.speed_mps,
-                acceleration_mps2: 0.0,
-            }),
+            (None, Some(first)) => Some(self.before(first, time_s)),
             (Some(last), None) if last.speed_mps < 0.3 => {
                 Some(Reference { station: last.station, speed_mps: 0.0, acceleration_mps2: 0.0 })
             }
             _ => None,
         }
+    }
+
+    /// Before a trajectory begins: the motion that leads up to its first point, as it goes on there.
+    fn before(&self, first: &Milestone, time_s: f64) -> Reference {
+        let ahead_s = first.time_s - time_s;
+        let gained = self
+            .milestones
+            .get(1)
+            .map_or(0.0, |second| (second.speed_mps - first.speed_mps) / (second.time_s - first.time_s));
+        let changing_s = ahead_s.min(BACKCAST_S);
+        let speed_mps = (first.speed_mps - gained * changing_s).max(0.0);
+        let way_m = (speed_mps + first.speed_mps) / 2.0 * changing_s + speed_mps * (ahead_s - changing_s);
+        let is_changing = ahead_s <= BACKCAST_S && speed_mps > 0.0;
+        let acceleration_mps2 = if is_changing { gained } else { 0.0 };
+        Reference { station: first.station - way_m, speed_mps, acceleration_mps2 }
     }
 }
 
