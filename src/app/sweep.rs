@@ -98,13 +98,13 @@ pub fn sweep(args: &SweepArgs) -> Result<(), Failure> {
     say(format_args!("{} runs: {}", rows.len(), args.out.join("sweep.csv").display()))?;
     let is_testbed = args.scenario.environment == Some(ProfileArg::Testbed)
         || args.set.iter().any(|axis| axis.key.starts_with("environment."));
-    match map::figure(&args.set, &rows, &plan.document, is_testbed) {
-        Some(figure) => {
-            crate::figures::write(&figure, args.size.size(), &args.out).map_err(Failure::failed)?;
-            say(format_args!("{}: {} (SVG, PNG, CSV)", args.out.display(), figure.name))
-        }
-        None => say("no map of merging: that takes streams that merge, and one or two axes (--set)"),
+    let sweep = map::Sweep { axes: &args.set, rows: &rows, document: &plan.document, is_testbed };
+    let figures = sweep.figures();
+    for figure in &figures {
+        crate::figures::write(figure, args.size.size(), &args.out).map_err(Failure::failed)?;
+        say(format_args!("{}: {} (SVG, PNG, CSV)", args.out.display(), figure.name))?;
     }
+    if figures.is_empty() { say("no map: that takes one or two axes (--set)") } else { Ok(()) }
 }
 
 fn cores() -> usize {

@@ -82,7 +82,13 @@ pub struct Outcome {
     pub mean_wait_s: Option<f64>,
     pub collisions: u32,
     pub stops: u32,
+    /// Times that a vehicle came through a merging point.
+    pub merges: u32,
+    /// Driven by a vehicle in the mean.
+    pub mean_distance_m: f64,
     pub mean_speed_mps: f64,
+    /// Longest time that any vehicle stood at one place.
+    pub longest_stand_s: f64,
     pub max_lateral_error_m: f64,
     /// Digest of the last state.
     pub state_hash: u64,
@@ -121,6 +127,9 @@ impl Outcome {
             merge_order: crossings.into_iter().map(|(_, id)| id).collect(),
             collisions: events.iter().filter(|event| event.kind.is_collision()).count() as u32,
             stops: observer.totals().map(|totals| totals.stops).sum(),
+            merges: events.iter().filter(|event| event.kind == EventKind::Merge).count() as u32,
+            mean_distance_m: lab(driven_m / vehicles),
+            longest_stand_s: observer.totals().map(|totals| totals.longest_stand_s).fold(0.0, f64::max),
             mean_speed_mps: lab(driven_m / vehicles / last.time_s.max(1e-9)),
             max_lateral_error_m: lab(worst),
             state_hash: last.state_hash,

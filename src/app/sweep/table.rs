@@ -9,14 +9,17 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// Columns behind those of the axes and of the seed. Laboratory units.
-const COLUMNS: [&str; 9] = [
+const COLUMNS: [&str; 12] = [
     "merge_order",
     "squeezed_in",
     "all_merged_s",
     "mean_wait_s",
     "collisions",
     "stops",
+    "merges",
+    "mean_distance_m",
     "mean_speed_mps",
+    "longest_stand_s",
     "max_lateral_error_m",
     "state_hash",
 ];
@@ -146,7 +149,10 @@ pub fn row(job: &Job, seed: u64, outcome: &Outcome) -> Vec<String> {
         some(outcome.mean_wait_s),
         outcome.collisions.to_string(),
         outcome.stops.to_string(),
+        outcome.merges.to_string(),
+        number(outcome.mean_distance_m, 3),
         number(outcome.mean_speed_mps, 5),
+        number(outcome.longest_stand_s, 2),
         number(outcome.max_lateral_error_m, 6),
         format!("{:016x}", outcome.state_hash),
     ];
