@@ -318,8 +318,7 @@ impl<'a> Remote<'a> {
         }
         // The city tells which it has seen; motion capture tells of those alone.
         let sees_by_itself = self.sees_by_itself();
-        let is_there =
-            |status| if sees_by_itself { status != Status::Unseen } else { status == Status::Physical };
+        let is_there = |status| status != Status::Unseen && (sees_by_itself || status != Status::Waiting);
         let is_seen = |id| vehicles.iter().any(|seen| seen.pose.vehicle == id && is_there(seen.status));
         let missing: Vec<String> = self
             .experiment
@@ -455,6 +454,7 @@ pub(super) fn setup_of(
         ("max_acceleration_mps2", driver.max_acceleration_mps2),
         ("min_acceleration_mps2", driver.min_acceleration_mps2),
         ("headway_s", driver.headway_s),
+        ("response_time_s", driver.response_time_s),
         ("standstill_gap_m", driver.standstill_gap_m),
         ("exponent", driver.exponent),
         ("lateral_acceleration_mps2", driver.lateral_acceleration_mps2),

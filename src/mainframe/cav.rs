@@ -3,7 +3,7 @@
 use super::estimate::Estimate;
 use super::right_of_way::Passage;
 use super::stray;
-use super::{Ahead, Controller, Decision, DriverParams, Route, SetupError, controller};
+use super::{Ahead, Controller, Decision, DriverParams, OwnMotion, Route, SetupError, controller};
 use crate::city::{LabMap, LaneId};
 use crate::geom::Pose2;
 use crate::snapshot::{Indicator, VehicleId};
@@ -53,6 +53,22 @@ pub struct Reference {
     pub acceleration_mps2: f64,
 }
 
+/// Whether a vehicle gives way, and where.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Yielding {
+    #[default]
+    No,
+    /// It is held back at a section, not yet for long.
+    Held {
+        section: usize,
+        since_s: f64,
+    },
+    At(usize),
+}
+
+/// A vehicle that is held back for less than this has not given way: nobody would notice it.
+const YIELDS_AFTER_S: f64 = 0.4;
+
 #[derive(Debug)]
 pub struct Cav {
     pub id: VehicleId,
@@ -62,7 +78,8 @@ pub struct Cav {
     pub passage: Passage,
     pub reference: Reference,
     pub indicator: Indicator,
-    pub is_yielding: bool,
+    /// It gives way to others at a section of its route, from when that has held it back until it may go.
+    pub yielding: Yielding,
     /// How often it has been sent another way.
     pub reroutes: u32,
     /// Counts the messages to the vehicle.
@@ -79,6 +96,7 @@ pub struct Cav {
     /// The estimate brought to the time of the control step.
     axle_s: f64,
     speed_mps: f64,
+    position_std_m: f64,
     /// It has not been seen for long, and may be this far ahead of there.
     is_lost: bool,
     ahead_m: f64,
@@ -88,8 +106,10 @@ pub struct Cav {
 const REFERENCE_SLACK_M: f64 = 0.04;
 const REFERENCE_SLACK_MPS: f64 = 0.08;
 
-/// Time constant of the speed along the heading: poses are not exact.
-const HEADING_SPEED_S: f64 = 0.1;
+/// Distance that is kept to whatever is ahead in the worst case, and standard deviations of the own position that are
+/// added to it.
+const SAFE_GAP_M: f64 = 0.02;
+const SIGMAS: f64 = 3.0;
 
 /// What lies just behind a section is looked for this far on.
 const BEHIND_SECTION_M: f64 = 1e-6;
@@ -112,7 +132,7 @@ impl Cav {
             passage: Passage::default(),
             reference: Reference::default(),
             indicator: Indicator::Off,
-            is_yielding: false,
+            yielding: Yielding::default(),
             reroutes: 0,
             sequence: 0,
             controller,
@@ -123,6 +143,7 @@ impl Cav {
             heading_mps: setup.speed_mps,
             axle_s: 0.0,
             speed_mps: 0.0,
+            position_std_m: 0.0,
             is_lost: false,
             ahead_m: 0.0,
         })
@@ -150,7 +171,7 @@ impl Cav {
 
     /// Front-axle centre along the route at the last measured pose.
     pub(super) fn measured_s(&self) -> f64 {
-        self.estimate.map_or(0.0, |estimate| estimate.axle_s)
+        self.estimate.as_ref().map_or(0.0, |estimate| estimate.axle_s)
     }
 
     pub fn front_s(&self) -> f64 {
@@ -177,20 +198,15 @@ impl Cav {
     }
 
     pub(super) fn see(&mut self, map: &LabMap, now_s: f64, seen: &Measurement) {
-        let before = std::mem::replace(&mut self.pose, seen.pose_in_lab());
+        self.pose = seen.pose_in_lab();
         let Some(estimate) = &mut self.estimate else {
             self.begin(map, now_s, seen, self.setup_speed_mps);
             return;
         };
         let was_lost = estimate.is_lost(now_s);
-        let way_m = (self.pose.position - before.position).dot(self.pose.forward());
-        let dt_s = seen.stamp_s - estimate.stamp_s;
-        if dt_s > 0.0 {
-            let share = (dt_s / HEADING_SPEED_S).min(1.0);
-            self.heading_mps += share * (way_m / dt_s - self.heading_mps);
-        }
         estimate.update(map, (&self.route, self.body), now_s, seen);
         let (axle_s, speed_mps) = (estimate.axle_s, estimate.speed_mps);
+        self.heading_mps = estimate.heading_mps();
         if was_lost {
             // What it was told meanwhile it may not have heard.
             self.reference = Reference { axle_s, speed_mps, acceleration_mps2: 0.0 };
@@ -210,17 +226,17 @@ impl Cav {
 
     /// Front-axle centre from the route, left-positive.
     pub(super) fn lateral_m(&self) -> f64 {
-        self.estimate.map_or(0.0, |estimate| estimate.lateral_m)
+        self.estimate.as_ref().map_or(0.0, |estimate| estimate.lateral_m)
     }
 
     /// Takes it to be on the first lane of its route.
     fn begin(&mut self, map: &LabMap, now_s: f64, seen: &Measurement, speed_mps: f64) {
         let first = Estimate::first(map, (&self.route, self.body), now_s, seen, speed_mps);
-        self.estimate = Some(first);
         self.passage = Passage::default();
         self.reference =
             Reference { axle_s: first.axle_s, speed_mps: first.speed_mps, acceleration_mps2: 0.0 };
         self.axle_s = first.axle_s;
+        self.estimate = Some(first);
         let rear_s = self.rear_s();
         let behind = self.route.sections.iter().take_while(|section| section.to_s < rear_s);
         self.passage.next_section = behind.count();
@@ -228,7 +244,9 @@ impl Cav {
 
     pub(super) fn advance_to(&mut self, time_s: f64) {
         if let Some(estimate) = &self.estimate {
-            (self.axle_s, self.speed_mps) = estimate.at(time_s);
+            let place = estimate.at(time_s);
+            (self.axle_s, self.speed_mps) = (place.axle_s, place.speed_mps);
+            self.position_std_m = place.position_std_m;
             self.is_lost = estimate.is_lost(time_s);
             let stopping_m = self.driver.stopping_distance(estimate.speed_mps);
             self.ahead_m = estimate.farthest_at(time_s, stopping_m) - self.axle_s;
@@ -238,7 +256,17 @@ impl Cav {
     /// What the driver does about one thing ahead, or about a free road.
     pub(super) fn acceleration_for(&self, ahead: Option<Ahead>) -> f64 {
         let desired = self.route.speed_at(self.axle_s);
-        self.controller.acceleration(self.reference.speed_mps, desired, ahead)
+        let own = OwnMotion {
+            planned_mps: self.reference.speed_mps,
+            measured_mps: self.speed_mps,
+            margin_m: self.margin_m(),
+        };
+        self.controller.acceleration(own, desired, ahead)
+    }
+
+    /// By how much a distance from its front bumper may be shorter than measured.
+    pub(super) fn margin_m(&self) -> f64 {
+        SAFE_GAP_M + SIGMAS * self.position_std_m
     }
 
     /// The end of the route as a standing thing ahead; its front bumper comes to the end.
@@ -250,6 +278,28 @@ impl Cav {
     /// Whether it has come to the end of its route and stands there.
     pub(super) fn is_finished(&self) -> bool {
         self.route.length() - self.front_s() < FINISHED_WITHIN_M && self.reference.speed_mps < FINISHED_MPS
+    }
+
+    /// Whether it gives way. That begins when the right of way of others has held it back for a while, and lasts,
+    /// whatever else limits it meanwhile, until nobody at that section is before it any more.
+    pub(super) fn note_yielding(
+        &mut self,
+        now_s: f64,
+        decision: &Decision,
+        gives_way: impl Fn(usize) -> bool,
+    ) {
+        self.yielding = match (self.yielding, decision.gives_way_at) {
+            (Yielding::At(section), _) if gives_way(section) => Yielding::At(section),
+            (Yielding::Held { section, since_s }, Some(at)) if at == section => {
+                if now_s - since_s >= YIELDS_AFTER_S {
+                    Yielding::At(section)
+                } else {
+                    Yielding::Held { section, since_s }
+                }
+            }
+            (_, Some(section)) => Yielding::Held { section, since_s: now_s },
+            (_, None) => Yielding::No,
+        };
     }
 
     /// Advances the plan by a control step, within its bounds and near to what is measured.
@@ -272,7 +322,6 @@ impl Cav {
         let acceleration_mps2 =
             if dt_s > 0.0 { (speed_mps - base_mps) / dt_s } else { decision.acceleration_mps2 };
         self.reference = Reference { axle_s: self.axle_s + ahead_m, speed_mps, acceleration_mps2 };
-        self.is_yielding = decision.is_yielding;
     }
 
     /// Nobody sees what it does: it is told to come to a stand from where its plan is.
@@ -282,7 +331,6 @@ impl Cav {
         let speed_mps = (before_mps + acceleration_mps2 * dt_s).max(0.0);
         let axle_s = axle_s + (before_mps + speed_mps) / 2.0 * dt_s;
         self.reference = Reference { axle_s, speed_mps, acceleration_mps2 };
-        self.is_yielding = false;
     }
 
     /// Is driven otherwise from now on.

@@ -1,15 +1,11 @@
-//! Where a vehicle is on its route and how fast it goes, from measured poses alone.
+//! Where a vehicle is on its route and how fast it goes along it, from measured poses alone: the filter of
+//! [`estimation`](crate::estimation), seen along the route.
 
 use super::{Body, Route};
 use crate::city::LabMap;
+use crate::estimation::{Motion, MotionFilter, NoiseModel};
 use crate::wire::Measurement;
 
-/// Share of the residual that corrects the position.
-const ALPHA: f64 = 0.6;
-/// Share of the residual, over the time between two poses, that corrects the speed.
-const BETA: f64 = 0.2;
-/// Poses nearer to one another in time tell nothing about speed: stamps of several clocks jitter.
-const SHORTEST_S: f64 = 0.005;
 /// How far around the expected place the foot on the route is looked for, laboratory metres.
 const SEARCH_BEHIND_M: f64 = 0.15;
 const SEARCH_AHEAD_M: f64 = 0.40;
@@ -22,9 +18,10 @@ const NOTICES_S: f64 = 1.0;
 /// A vehicle farther than this from the first lanes of its route does not begin there.
 const BEGINS_WITHIN_M: f64 = 0.1;
 
-/// An alpha-beta filter over the arc length along the route.
-#[derive(Clone, Copy, Debug)]
+/// The filter of a vehicle, and its place on the route at the newest stamp.
+#[derive(Clone, Debug)]
 pub struct Estimate {
+    filter: MotionFilter,
     /// Stamp of the newest pose.
     pub stamp_s: f64,
     /// When that pose had come.
@@ -34,6 +31,18 @@ pub struct Estimate {
     pub speed_mps: f64,
     /// Front-axle centre from the route, left-positive.
     pub lateral_m: f64,
+    /// Heading of the route minus that of the vehicle does not change much until the next pose.
+    along: glam::DVec2,
+    front_axle_m: f64,
+}
+
+/// Along the route at a time.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    pub axle_s: f64,
+    pub speed_mps: f64,
+    /// Standard deviation of the arc length.
+    pub position_std_m: f64,
 }
 
 impl Estimate {
@@ -45,13 +54,23 @@ impl Estimate {
         seen: &Measurement,
         speed_mps: f64,
     ) -> Self {
-        let axle = seen.pose_in_lab().point_at(body.front_axle_m(), 0.0);
+        let pose = seen.pose_in_lab();
+        let axle = pose.point_at(body.front_axle_m(), 0.0);
         let mut foot = route.project(map, axle, 0.0, route.lane_end(1));
         if foot.distance > BEGINS_WITHIN_M {
             // Control has begun while the vehicle was on its way.
             foot = route.project(map, axle, 0.0, route.length());
         }
-        Self { stamp_s: seen.stamp_s, heard_s: now_s, axle_s: foot.s, speed_mps, lateral_m: foot.lateral }
+        Self {
+            filter: MotionFilter::moving(NoiseModel::LABORATORY, seen.stamp_s, pose, speed_mps),
+            stamp_s: seen.stamp_s,
+            heard_s: now_s,
+            axle_s: foot.s,
+            speed_mps,
+            lateral_m: foot.lateral,
+            along: route.at(map, foot.s).pose.forward(),
+            front_axle_m: body.front_axle_m(),
+        }
     }
 
     /// Takes a newer pose in; one that is not newer is ignored.
@@ -60,21 +79,28 @@ impl Estimate {
         if dt_s <= 0.0 {
             return;
         }
-        let axle = seen.pose_in_lab().point_at(body.front_axle_m(), 0.0);
         let expected_s = self.axle_s + self.speed_mps * dt_s;
-        let was_lost = self.is_lost(now_s);
-        let earliest_s = if was_lost { self.axle_s } else { expected_s };
+        // One that was lost is where it is found, and has come there somehow.
+        let earliest_s = if self.is_lost(now_s) { self.axle_s } else { expected_s };
+        self.filter.update(seen.stamp_s, seen.pose_in_lab());
+        let Some(motion) = self.filter.at(seen.stamp_s) else { return };
+        let axle = motion.pose.point_at(body.front_axle_m(), 0.0);
         let foot = route.project(map, axle, earliest_s - SEARCH_BEHIND_M, expected_s + SEARCH_AHEAD_M);
-        if was_lost {
-            // It is where it is found, and has come there somehow.
-            self.speed_mps = ((foot.s - self.axle_s) / dt_s).max(0.0);
-            self.axle_s = foot.s;
-        } else {
-            let residual = foot.s - expected_s;
-            self.axle_s = expected_s + ALPHA * residual;
-            self.speed_mps = (self.speed_mps + BETA * residual / dt_s.max(SHORTEST_S)).max(0.0);
-        }
+        self.along = route.at(map, foot.s).pose.forward();
+        self.axle_s = foot.s;
+        self.speed_mps = self.speed_along(&motion);
         (self.stamp_s, self.heard_s, self.lateral_m) = (seen.stamp_s, now_s, foot.lateral);
+    }
+
+    /// Speed of the front axle along the route; 0 backwards.
+    fn speed_along(&self, motion: &Motion) -> f64 {
+        let turning = motion.pose.forward().perp() * (motion.yaw_rate_radps * self.front_axle_m);
+        (motion.velocity_mps + turning).dot(self.along).max(0.0)
+    }
+
+    /// Of the middle of the vehicle along its heading.
+    pub fn heading_mps(&self) -> f64 {
+        self.filter.at(self.stamp_s).map_or(0.0, |motion| motion.speed_mps)
     }
 
     /// Whether it has not been seen for too long to say what it does now.
@@ -83,17 +109,24 @@ impl Estimate {
     }
 
     /// Expected place and speed at a later time.
-    pub fn at(&self, time_s: f64) -> (f64, f64) {
+    pub fn at(&self, time_s: f64) -> Place {
         let is_lost = self.is_lost(time_s);
         let until_s = if is_lost { self.heard_s + STANDS_AFTER_S } else { time_s };
-        let axle_s = self.axle_s + self.speed_mps * (until_s - self.stamp_s);
-        (axle_s, if is_lost { 0.0 } else { self.speed_mps })
+        let dt_s = until_s - self.stamp_s;
+        let expected = self.filter.at(until_s);
+        let std = expected.map_or(0.0, |motion| motion.std.position_m);
+        // Until then it has turned about as its way has.
+        let gained_mps = expected.map_or(0.0, |motion| motion.velocity_mps.length())
+            - self.filter.at(self.stamp_s).map_or(0.0, |motion| motion.velocity_mps.length());
+        let speed_mps = (self.speed_mps + gained_mps).max(0.0);
+        let axle_s = self.axle_s + (self.speed_mps + speed_mps) / 2.0 * dt_s;
+        Place { axle_s, speed_mps: if is_lost { 0.0 } else { speed_mps }, position_std_m: std }
     }
 
     /// The farthest place at which it may be at a later time, for a vehicle that comes to a stand within a way.
     pub fn farthest_at(&self, time_s: f64, stopping_m: f64) -> f64 {
         if !self.is_lost(time_s) {
-            return self.at(time_s).0;
+            return self.at(time_s).axle_s;
         }
         let goes_on_s = self.heard_s + NOTICES_S - self.stamp_s;
         self.axle_s + self.speed_mps * goes_on_s + stopping_m

@@ -21,6 +21,9 @@ pub struct DriverParams {
     pub exponent: f64,
     /// Lateral acceleration that the driver accepts in bends.
     pub lateral_acceleration_mps2: f64,
+    /// Response time tau: from a decision until the vehicle does what was decided, the delays of the link and of
+    /// the drive together. Safe speeds and stopping distances count with it.
+    pub response_time_s: f64,
 }
 
 impl Default for DriverParams {
@@ -34,6 +37,7 @@ impl Default for DriverParams {
             standstill_gap_m: 0.08,
             exponent: 4.0,
             lateral_acceleration_mps2: 0.12,
+            response_time_s: 0.3,
         }
     }
 }
@@ -46,6 +50,8 @@ pub struct Ahead {
     pub speed_mps: f64,
 }
 
+/// Speed differences are made good within this time at least: a control step and a bit.
+const SHORTEST_RESPONSE_S: f64 = 0.05;
 /// Bumper to bumper distances below this are treated as this: the model divides by the gap.
 const LEAST_GAP_M: f64 = 0.002;
 
@@ -53,14 +59,19 @@ impl DriverParams {
     /// Acceleration of the driver model at `speed_mps` where `desired_mps` is wanted, clamped to
     /// [u_min, u_max].
     pub fn acceleration(&self, speed_mps: f64, desired_mps: f64, ahead: Option<Ahead>) -> f64 {
+        let u = self.wanted_acceleration(speed_mps, desired_mps, ahead);
+        u.clamp(self.min_acceleration_mps2, self.max_acceleration_mps2)
+    }
+
+    /// The same without the bounds (eq. 9).
+    pub fn wanted_acceleration(&self, speed_mps: f64, desired_mps: f64, ahead: Option<Ahead>) -> f64 {
         let ratio = speed_mps / desired_mps.max(1e-6);
         let free = 1.0 - self.power(ratio);
         let interaction = ahead.map_or(0.0, |ahead| {
             let ratio = self.desired_gap(speed_mps, ahead.speed_mps) / ahead.gap_m.max(LEAST_GAP_M);
             ratio * ratio
         });
-        let u = self.max_acceleration_mps2 * (free - interaction);
-        u.clamp(self.min_acceleration_mps2, self.max_acceleration_mps2)
+        self.max_acceleration_mps2 * (free - interaction)
     }
 
     /// s* of eq. 10.
@@ -70,7 +81,24 @@ impl DriverParams {
         self.standstill_gap_m + dynamic.max(0.0)
     }
 
-    /// Way to a stand at full braking.
+    /// The highest speed from which the vehicle, after its response time, can brake by u_min and keep `margin_m`
+    /// behind something ahead that may brake as hard itself (Gipps 1981, eq. 2, with equal braking of both).
+    pub fn safe_speed(&self, ahead: Ahead, margin_m: f64) -> f64 {
+        let braking = self.min_acceleration_mps2.abs();
+        let lost = braking * self.response_time_s;
+        let way_m = (ahead.gap_m - margin_m).max(0.0);
+        let leader_mps = ahead.speed_mps.max(0.0);
+        (lost * lost + 2.0 * braking * way_m + leader_mps * leader_mps).sqrt() - lost
+    }
+
+    /// Most acceleration that keeps below the safe speed; u_min above it.
+    pub fn safe_acceleration(&self, speed_mps: f64, ahead: Ahead, margin_m: f64) -> f64 {
+        let u =
+            (self.safe_speed(ahead, margin_m) - speed_mps) / self.response_time_s.max(SHORTEST_RESPONSE_S);
+        if u < 0.0 { self.min_acceleration_mps2 } else { u.min(self.max_acceleration_mps2) }
+    }
+
+    /// Way to a stand at full braking, without the response time.
     pub fn stopping_distance(&self, speed_mps: f64) -> f64 {
         speed_mps * speed_mps / (2.0 * self.min_acceleration_mps2.abs())
     }
@@ -98,6 +126,7 @@ mod tests {
             standstill_gap_m: 2.0,
             exponent: 4.0,
             lateral_acceleration_mps2: 3.0,
+            response_time_s: 0.0,
         }
     }
 

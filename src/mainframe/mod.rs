@@ -16,7 +16,7 @@ mod stray;
 mod traffic;
 
 pub use cav::{Body, Cav, CavSetup};
-pub use controller::{CONTROLLERS, Controller, controller};
+pub use controller::{CONTROLLERS, Controller, OwnMotion, controller};
 pub use idm::{Ahead, DriverParams};
 pub use right_of_way::RightOfWayParams;
 pub use route::{Route, Section, turn_of};
@@ -24,7 +24,7 @@ pub use route::{Route, Section, turn_of};
 use crate::city::LabMap;
 use crate::snapshot::VehicleId;
 use crate::wire::{Measurement, Message};
-use right_of_way::{Hindrance, RightOfWay};
+use right_of_way::{Constraint, Hindrance, RightOfWay};
 use std::sync::Arc;
 use thiserror::Error;
 use traffic::Occupancy;
@@ -89,7 +89,9 @@ impl Mainframe {
         for index in 0..self.cavs.len() {
             if self.cavs[index].is_on_route() {
                 let decision = self.decide(index);
+                let gives_way = |section| self.hindrances.iter().any(|h| h.gives_way && h.section == section);
                 let cav = &mut self.cavs[index];
+                cav.note_yielding(time_s, &decision, gives_way);
                 cav.apply(decision, dt_s);
                 messages.push(Message::Follow(plan::trajectory(&self.map, cav, time_s)));
             } else if self.cavs[index].is_seen() {
@@ -101,25 +103,25 @@ impl Mainframe {
 
     fn decide(&mut self, index: usize) -> Decision {
         let cav = &self.cavs[index];
-        let mut decision = Decision { acceleration_mps2: cav.acceleration_for(None), is_yielding: false };
+        let mut decision = Decision { acceleration_mps2: cav.acceleration_for(None), gives_way_at: None };
         if let Some(leader) = self.occupancy.leader(&self.cavs, index, SIGHT_M) {
-            decision.limit(cav.acceleration_for(Some(leader.ahead)), false);
+            decision.limit(cav.acceleration_for(Some(leader.ahead)), None);
         }
         if let Some(end) = cav.end_of_route() {
-            decision.limit(cav.acceleration_for(Some(end)), false);
+            decision.limit(cav.acceleration_for(Some(end)), None);
         }
         self.hindrances.clear();
         self.right_of_way.hindrances(index, &self.cavs, &mut self.hindrances);
         for hindrance in &self.hindrances {
             let stop = |gap_m| cav.acceleration_for(Some(Ahead { gap_m, speed_mps: 0.0 }));
-            let u = match *hindrance {
-                Hindrance::Stop { gap_m } => stop(gap_m),
-                Hindrance::Merging { leader, wait_gap_m } if wait_gap_m > 0.0 => {
+            let u = match hindrance.constraint {
+                Constraint::Stop { gap_m } => stop(gap_m),
+                Constraint::Merging { leader, wait_gap_m } if wait_gap_m > 0.0 => {
                     cav.acceleration_for(Some(leader)).max(stop(wait_gap_m))
                 }
-                Hindrance::Merging { leader, .. } => cav.acceleration_for(Some(leader)),
+                Constraint::Merging { leader, .. } => cav.acceleration_for(Some(leader)),
             };
-            decision.limit(u, true);
+            decision.limit(u, hindrance.gives_way.then_some(hindrance.section));
         }
         decision
     }
@@ -139,6 +141,18 @@ impl Mainframe {
         Ok(())
     }
 
+    #[doc(hidden)]
+    pub fn explain(&self, index: usize) -> String {
+        let mut out = Vec::new();
+        self.right_of_way.hindrances(index, &self.cavs, &mut out);
+        let leader =
+            self.occupancy.leader(&self.cavs, index, SIGHT_M).map(|l| (self.cavs[l.vehicle].id, l.ahead));
+        format!(
+            "leader {leader:?} by {:?}",
+            out.iter().map(|h| (h.constraint, h.by.map(|b| self.cavs[b].id), h.section)).collect::<Vec<_>>()
+        )
+    }
+
     /// The vehicles under control, in id order.
     pub fn cavs(&self) -> &[Cav] {
         &self.cavs
@@ -149,14 +163,14 @@ impl Mainframe {
 #[derive(Clone, Copy, Debug)]
 struct Decision {
     acceleration_mps2: f64,
-    /// The right of way of others is what limits it.
-    is_yielding: bool,
+    /// The section at which the vehicle gives way, where that is what limits it.
+    gives_way_at: Option<usize>,
 }
 
 impl Decision {
-    fn limit(&mut self, acceleration_mps2: f64, is_yielding: bool) {
+    fn limit(&mut self, acceleration_mps2: f64, gives_way_at: Option<usize>) {
         if acceleration_mps2 < self.acceleration_mps2 {
-            *self = Self { acceleration_mps2, is_yielding };
+            *self = Self { acceleration_mps2, gives_way_at };
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The message to a vehicle: where it shall be over the next seconds.
 
+use super::cav::Yielding;
 use super::{Cav, turn_of};
 use crate::city::{LabMap, LaneKind};
 use crate::geom::Pose2;
@@ -23,7 +24,7 @@ pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory {
     cav.sequence = cav.sequence.wrapping_add(1);
     cav.indicator = indicator(map, cav);
     let mut trajectory = empty_trajectory(cav.id, cav.sequence, OFFSETS_S.len());
-    trajectory.yielding = cav.is_yielding;
+    trajectory.yielding = matches!(cav.yielding, Yielding::At(_));
     trajectory.finished = cav.is_finished();
     trajectory.indicator = cav.indicator;
     let (mut s, mut speed_mps, mut last_s) = (cav.reference.axle_s, cav.reference.speed_mps, 0.0);
@@ -32,7 +33,9 @@ pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory {
         let u = cav.reference.acceleration_mps2;
         let u = if u > 0.0 && last_s >= ACCELERATION_LASTS_S { 0.0 } else { u };
         let wanted_mps = (speed_mps + u * dt_s).max(0.0);
-        let next_mps = wanted_mps.min(cav.route.speed_at(s + speed_mps * dt_s));
+        // A bend that comes too soon is entered faster than it allows: no plan brakes harder than u_min.
+        let lowest_mps = (speed_mps + cav.driver.min_acceleration_mps2 * dt_s).max(0.0);
+        let next_mps = wanted_mps.min(cav.route.speed_at(s + speed_mps * dt_s).max(lowest_mps));
         s += (speed_mps + next_mps) / 2.0 * dt_s;
         (speed_mps, last_s) = (next_mps, offset_s);
         let pose = cav.route.at(map, s).pose;

@@ -10,6 +10,8 @@ use crate::city::{LabMap, LaneId};
 const LEADER_WITHIN_M: f64 = 2.0;
 /// Slower than this a vehicle stands.
 const STANDING_MPS: f64 = 0.02;
+/// A vehicle that has found no other way looks again after this time.
+const TRIES_AGAIN_S: f64 = 0.5;
 
 /// Gives vehicles that have been blocked for too long the first other way that has room.
 pub fn reroute_blocked(
@@ -22,7 +24,10 @@ pub fn reroute_blocked(
     let patience_s = right_of_way.params().reroute_s;
     for vehicle in 0..cavs.len() {
         let cav = &cavs[vehicle];
-        if cav.is_on_route() && cav.speed_mps() < STANDING_MPS && cav.passage.blocked_s(now_s) > patience_s {
+        let is_due = cav.passage.blocked_s(now_s) > patience_s && now_s >= cav.passage.reroutes_from_s;
+        if cav.is_on_route() && cav.speed_mps() < STANDING_MPS && is_due {
+            cavs[vehicle].passage.reroutes_from_s = now_s + TRIES_AGAIN_S;
+            let cav = &cavs[vehicle];
             let leader_s = occupancy.leader(cavs, vehicle, LEADER_WITHIN_M).map(|leader| leader.rear_s);
             let body = cav.body;
             for way in other_ways(map, cav, leader_s.unwrap_or(f64::INFINITY)) {

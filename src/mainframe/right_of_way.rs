@@ -99,6 +99,8 @@ pub struct Passage {
     hesitates_since_s: Option<f64>,
     /// Before this time it is not admitted while it stands.
     asks_from_s: f64,
+    /// Before this time it looks for no other way.
+    pub(super) reroutes_from_s: f64,
 }
 
 impl Passage {
@@ -144,7 +146,19 @@ impl Candidate {
 
 /// What stands in a vehicle's way because of others' right of way.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Hindrance {
+pub struct Hindrance {
+    pub constraint: Constraint,
+    /// Index of the section, along the route, whose right of way it is.
+    pub section: usize,
+    /// Index of the vehicle that goes first; `None` while it has not been admitted.
+    pub by: Option<usize>,
+    /// Whether the vehicle gives way there by its rank: behind a line, or turning left across the oncoming traffic.
+    pub gives_way: bool,
+}
+
+/// What a hindrance asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Constraint {
     /// A virtual stopped vehicle at this distance of the front bumper.
     Stop { gap_m: f64 },
     /// One that merges ahead: follow it, or wait before the zone, whichever asks for less.
@@ -327,17 +341,39 @@ impl RightOfWay {
         rank == RANK_MAJOR || self.is_clear(vehicle, rank, cavs)
     }
 
-    /// Whether a vehicle ahead on the way may come to wait for its own admission in the section or
-    /// before it. Numbers then follow the order of the lane, and nobody is blocked by a later one.
+    /// Whether a vehicle that is ahead on the way, or will be once it has merged, may come to wait for its own
+    /// admission in the section or before it. Numbers then follow the order of the lane, and no vehicle is blocked by
+    /// one with a higher number.
     fn has_leader_before_line(&self, vehicle: usize, cavs: &[Cav], occupancy: &Occupancy) -> bool {
         let cav = &cavs[vehicle];
         let end_s = cav.route.sections[cav.passage.next_section].to_s;
         let within_m = (end_s - cav.front_s()).max(0.0);
-        let Some(leader) = occupancy.leader(cavs, vehicle, within_m) else { return false };
-        let other = &cavs[leader.vehicle];
-        let other_front_s = leader.rear_s + other.body.length_m;
-        let next = other.route.sections.get(other.passage.next_section);
-        next.is_some_and(|next| other_front_s + next.hold_s - other.front_s() < end_s)
+        // Its front bumper on the own way, and where that would wait.
+        let waits_before_end = |other: usize, front_s: f64| {
+            let other = &cavs[other];
+            let next = other.route.sections.get(other.passage.next_section);
+            next.is_some_and(|next| front_s + next.hold_s - other.front_s() < end_s)
+        };
+        let leader = occupancy.leader(cavs, vehicle, within_m);
+        if leader.is_some_and(|leader| {
+            waits_before_end(leader.vehicle, leader.rear_s + cavs[leader.vehicle].body.length_m)
+        }) {
+            return true;
+        }
+        let admitted = cav.passage.admissions.iter().map(|admission| (admission.section, admission.order));
+        let asked = std::iter::once((cav.passage.next_section, u64::MAX));
+        admitted.chain(asked).any(|(section, order)| {
+            let crossings = &cav.route.crossings[cav.route.sections[section].crossings.clone()];
+            crossings.iter().filter(|crossing| crossing.kind == ZoneKind::Merge).any(|crossing| {
+                self.users[crossing.zone.index()].iter().any(|user| {
+                    let merges_ahead = user.side != crossing.side
+                        && user.vehicle != vehicle
+                        && user.order.is_some_and(|other| other < order);
+                    let front_s = crossing.to_s - user.to_exit_m + cavs[user.vehicle].body.length_m;
+                    merges_ahead && waits_before_end(user.vehicle, front_s)
+                })
+            })
+        })
     }
 
     /// Whether the vehicle, and all who were admitted on the way to the same place, find room
@@ -437,24 +473,30 @@ impl RightOfWay {
             // One that can no longer stop was admitted, and is not shown the virtual stopped vehicle;
             // nor is one that has yet to ask.
             if gap_m < asking_distance(cav) {
-                out.push(Hindrance::Stop { gap_m });
+                let gives_way = section.rank > RANK_MAJOR;
+                let constraint = Constraint::Stop { gap_m };
+                out.push(Hindrance { constraint, section: cav.passage.next_section, by: None, gives_way });
             }
         }
         for admission in &cav.passage.admissions {
             let section = &cav.route.sections[admission.section];
+            let gives_way = section.rank > RANK_MAJOR;
             for crossing in &cav.route.crossings[section.crossings.clone()] {
-                self.hindrances_in(vehicle, cavs, crossing, admission.order, out);
+                self.constraints_in(vehicle, cavs, crossing, admission.order, |constraint, by| {
+                    let (section, by) = (admission.section, Some(by));
+                    out.push(Hindrance { constraint, section, by, gives_way });
+                });
             }
         }
     }
 
-    fn hindrances_in(
+    fn constraints_in(
         &self,
         vehicle: usize,
         cavs: &[Cav],
         crossing: &Crossing,
         order: u64,
-        out: &mut Vec<Hindrance>,
+        mut add: impl FnMut(Constraint, usize),
     ) {
         let front_s = cavs[vehicle].front_s();
         let to_entry_m = crossing.from_s - front_s;
@@ -469,7 +511,7 @@ impl RightOfWay {
                 ZoneKind::Merge if to_end_m > 0.0 => {
                     let speed_mps = cavs[user.vehicle].speed_mps();
                     let leader = Ahead { gap_m: to_end_m - user.to_exit_m, speed_mps };
-                    out.push(Hindrance::Merging { leader, wait_gap_m });
+                    add(Constraint::Merging { leader, wait_gap_m }, user.vehicle);
                 }
                 ZoneKind::Merge => {}
                 // Inside the zone there is no waiting any more: it has to be left.
@@ -478,7 +520,7 @@ impl RightOfWay {
                     let is_leaving = user.to_entry_m < 0.0 && cavs[user.vehicle].speed_mps() > LEAVING_MPS;
                     let braking = if is_leaving { FIRM_BRAKING } else { COMFORTABLE_BRAKING };
                     if wait_gap_m < braking_distance(&cavs[vehicle], braking) {
-                        out.push(Hindrance::Stop { gap_m: wait_gap_m });
+                        add(Constraint::Stop { gap_m: wait_gap_m }, user.vehicle);
                     }
                 }
                 _ => {}
@@ -512,7 +554,9 @@ fn asking_distance(cav: &Cav) -> f64 {
     braking_distance(cav, COMFORTABLE_BRAKING) + cav.speed_mps() * ASK_AHEAD_S + ASK_AHEAD_M
 }
 
-/// Way to a stand at a part of full braking, and the distance that is kept standing.
+/// Way to a stand at a part of full braking that begins after the response time, and the distance that is kept
+/// standing.
 fn braking_distance(cav: &Cav, part: f64) -> f64 {
-    cav.driver.stopping_distance(cav.speed_mps()) / part + cav.driver.standstill_gap_m
+    let responding_m = cav.speed_mps() * cav.driver.response_time_s;
+    cav.driver.stopping_distance(cav.speed_mps()) / part + responding_m + cav.driver.standstill_gap_m
 }

@@ -3,6 +3,8 @@
 use super::experiment::PlannedVehicle;
 use crate::city::LabMap;
 use crate::geom::LengthScale;
+use crate::mainframe::{Ahead, Route};
+use crate::snapshot::VehicleId;
 
 /// A turn has to be this much wider than the tightest the vehicle can do, for control to have room.
 pub const STEERING_RESERVE: f64 = 1.02;
@@ -89,6 +91,122 @@ fn overrun(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicle) -> Option
             left_m.max(0.0)
         ),
     })
+}
+
+/// How far ahead of a start the way is looked at, laboratory metres: more than the way to a stand at any speed.
+const AHEAD_M: f64 = 3.0;
+const STEP_M: f64 = 0.02;
+
+/// A start from which a driver would have to brake harder than u_min, and how fast it may be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InfeasibleStart {
+    pub vehicle: VehicleId,
+    /// Laboratory m/s.
+    pub most_mps: f64,
+    pub message: String,
+}
+
+/// The starts of vehicles, all in their places, that ask for harder braking than u_min: before a bend, or behind
+/// another vehicle.
+pub fn infeasible_starts(
+    map: &LabMap,
+    scale: LengthScale,
+    vehicles: &[PlannedVehicle],
+) -> Vec<InfeasibleStart> {
+    let moving = vehicles.iter().filter(|vehicle| vehicle.start.speed_mps > 0.0 && !vehicle.is_human);
+    let find = |vehicle| {
+        too_fast_for_bend(map, scale, vehicle).or_else(|| too_near_to_leader(map, scale, vehicle, vehicles))
+    };
+    moving.filter_map(find).collect()
+}
+
+fn too_fast_for_bend(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicle) -> Option<InfeasibleStart> {
+    let (start, driver) = (&vehicle.start, &vehicle.driver);
+    let mut lanes = Vec::new();
+    let mut length_m = 0.0;
+    for lane in &vehicle.route {
+        if length_m > start.at_m + AHEAD_M {
+            break;
+        }
+        length_m += map.lane(*lane).curve.length();
+        lanes.push(*lane);
+    }
+    let route = Route::new(map, &lanes, vehicle.body_in_lab(scale), driver);
+    let braking = driver.min_acceleration_mps2.abs();
+    let steps = ((length_m - start.at_m).clamp(0.0, AHEAD_M) / STEP_M) as u32;
+    let most_mps = (0..=steps)
+        .map(|step| STEP_M * f64::from(step))
+        .map(|way_m| (route.speed_at(start.at_m + way_m).powi(2) + 2.0 * braking * way_m).sqrt())
+        .fold(f64::INFINITY, f64::min);
+    (start.speed_mps > most_mps + 1e-6).then(|| InfeasibleStart {
+        vehicle: vehicle.id,
+        most_mps,
+        message: format!(
+            "{}: at {} m/s it would have to brake harder than min_acceleration_mps2 for the bend or limit ahead; \
+             start at {most_mps:.2} m/s or slower, or further back",
+            vehicle.name, start.speed_mps,
+        ),
+    })
+}
+
+fn too_near_to_leader(
+    map: &LabMap,
+    scale: LengthScale,
+    vehicle: &PlannedVehicle,
+    vehicles: &[PlannedVehicle],
+) -> Option<InfeasibleStart> {
+    let (start, driver) = (&vehicle.start, &vehicle.driver);
+    let (gap_m, leader) = leader_at_start(map, scale, vehicle, vehicles)?;
+    let ahead = Ahead { gap_m, speed_mps: leader.start.speed_mps };
+    let is_too_fast = |speed_mps: f64| {
+        driver.wanted_acceleration(speed_mps, driver.desired_speed_mps, Some(ahead))
+            < driver.min_acceleration_mps2
+    };
+    if !is_too_fast(start.speed_mps) {
+        return None;
+    }
+    let (mut low, mut high) = (0.0, start.speed_mps);
+    for _ in 0..30 {
+        let middle = (low + high) / 2.0;
+        if is_too_fast(middle) { high = middle } else { low = middle }
+    }
+    Some(InfeasibleStart {
+        vehicle: vehicle.id,
+        most_mps: low,
+        message: format!(
+            "{}: at {} m/s and {gap_m:.2} m behind {} it would have to brake harder than min_acceleration_mps2; \
+             start further back, or at {low:.2} m/s or slower",
+            vehicle.name, start.speed_mps, leader.name
+        ),
+    })
+}
+
+/// The next vehicle on the own way at the start, and the distance to its rear bumper, laboratory metres.
+fn leader_at_start<'v>(
+    map: &LabMap,
+    scale: LengthScale,
+    vehicle: &PlannedVehicle,
+    vehicles: &'v [PlannedVehicle],
+) -> Option<(f64, &'v PlannedVehicle)> {
+    let front_m = vehicle.start.at_m + vehicle.body_in_lab(scale).overhang_m();
+    let mut lane_start_m = 0.0;
+    let mut nearest: Option<(f64, &PlannedVehicle)> = None;
+    for lane in &vehicle.route {
+        if lane_start_m > front_m + AHEAD_M {
+            break;
+        }
+        let on_lane = vehicles.iter().filter(|other| other.id != vehicle.id && other.start.lane == *lane);
+        for other in on_lane {
+            let body = other.body_in_lab(scale);
+            let rear_m = lane_start_m + other.start.at_m + body.overhang_m() - body.length_m;
+            let gap_m = rear_m - front_m;
+            if gap_m > 0.0 && gap_m < AHEAD_M && nearest.is_none_or(|(least_m, _)| gap_m < least_m) {
+                nearest = Some((gap_m, other));
+            }
+        }
+        lane_start_m += map.lane(*lane).curve.length();
+    }
+    nearest
 }
 
 /// Whether a vehicle can drive every bend of a lane.

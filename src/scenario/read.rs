@@ -1,6 +1,7 @@
 //! From the text of a scenario file to an [`Experiment`].
 
 use super::experiment::{Experiment, Outcome, PlannedVehicle, Rates};
+use super::feasibility::infeasible_starts;
 use super::fields::{Fields, Problem, Problems};
 use super::models::{ModelReader, Models};
 use super::read_settings::{Named, read_environment, read_rates, read_right_of_way};
@@ -145,6 +146,8 @@ pub(super) struct Fleet {
     pub names: BTreeMap<VehicleId, String>,
     /// Tables that the vehicles come from.
     pub places: BTreeMap<VehicleId, Range<usize>>,
+    /// The first vehicle that was drawn by lot, where any was.
+    pub first_drawn: Option<VehicleId>,
 }
 
 impl Fleet {
@@ -167,6 +170,38 @@ impl Fleet {
         })
     }
 }
+
+impl Fleet {
+    /// Vehicles whose places were found for them start no faster than their drivers would; one whose start the file
+    /// states has to be able to.
+    fn check_starts(&mut self, root: &Fields<'_, '_>, map: &LabMap, scale: LengthScale, moved: &[Moved]) {
+        for _ in 0..MOST_ROUNDS {
+            let infeasible = infeasible_starts(map, scale, &self.vehicles);
+            let is_found = |id: VehicleId| {
+                self.first_drawn.is_some_and(|first| id >= first)
+                    || moved.iter().any(|moved| moved.vehicle == id)
+            };
+            let (found, stated): (Vec<_>, Vec<_>) =
+                infeasible.into_iter().partition(|start| is_found(start.vehicle));
+            if found.is_empty() {
+                for start in stated {
+                    let place = self.places.get(&start.vehicle).cloned().unwrap_or_default();
+                    root.problems.add(&place, start.message);
+                }
+                return;
+            }
+            for start in found {
+                let slowed = self.vehicles.iter_mut().filter(|vehicle| vehicle.id == start.vehicle);
+                slowed.for_each(|vehicle| vehicle.start.speed_mps = start.most_mps * SLOWER);
+            }
+        }
+    }
+}
+
+/// A vehicle that is slowed may be too slow for the one behind it: so often that is looked at.
+const MOST_ROUNDS: usize = 64;
+/// Part of the highest feasible speed at which a vehicle starts that has been slowed.
+const SLOWER: f64 = 0.95;
 
 impl Reader<'_> {
     fn read(&self, root: &Fields<'_, '_>, text: &str, map_bytes: Vec<u8>) -> Experiment {
@@ -205,6 +240,9 @@ impl Reader<'_> {
         }
         // Places mean nothing before every vehicle has one.
         let moved = if root.problems.is_empty() { fleet.place(root, &city_map, scale) } else { Vec::new() };
+        if root.problems.is_empty() {
+            fleet.check_starts(root, &self.map, scale, &moved);
+        }
         Experiment {
             name,
             description,

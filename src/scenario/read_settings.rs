@@ -93,6 +93,7 @@ fn stated_drivers(root: &Fields<'_, '_>) -> Drivers {
         fields.number("max_acceleration_mps2", 0.001..=10.0, &mut params.max_acceleration_mps2);
         fields.number("min_acceleration_mps2", -10.0..=-0.001, &mut params.min_acceleration_mps2);
         fields.number("headway_s", 0.1..=10.0, &mut params.headway_s);
+        fields.number("response_time_s", 0.0..=2.0, &mut params.response_time_s);
         fields.number("standstill_gap_m", 0.005..=1.0, &mut params.standstill_gap_m);
         fields.number("exponent", 1.0..=10.0, &mut params.exponent);
         fields.number("lateral_acceleration_mps2", 0.001..=10.0, &mut params.lateral_acceleration_mps2);

@@ -17,6 +17,7 @@ impl Basis<'_> {
         let Some(fields) = root.table("traffic") else { return };
         let first_id = fleet.names.keys().next_back().map_or(1, |id| id.0 + 1);
         fleet.places.insert(VehicleId(first_id), fields.span.clone());
+        fleet.first_drawn = Some(VehicleId(first_id));
         let count = fields.integer("vehicles", 1..=MOST_VEHICLES as u64).unwrap_or(50) as usize;
         let vehicles_span = fields.span_of("vehicles");
         if u64::from(first_id) + count as u64 - 1 > LARGEST_ID {

@@ -33,6 +33,8 @@ pub struct SimVehicle {
     standing_since_s: Option<f64>,
     /// What the last trajectory said of it.
     is_yielding: bool,
+    /// The event of that has been told.
+    has_told_yield: bool,
     is_finished: bool,
 }
 
@@ -62,6 +64,7 @@ impl SimVehicle {
             collided_at_m: 0.0,
             standing_since_s: None,
             is_yielding: false,
+            has_told_yield: false,
             is_finished: false,
         };
         vehicle.describe();
@@ -252,22 +255,30 @@ impl SimVehicle {
 
     fn note_status(&mut self, before: Status, time_s: f64, events: &mut Vec<Event>) {
         self.update_status();
-        let after = self.state.status;
-        let kind = match after {
-            Status::Yielding => EventKind::Yield,
-            Status::Finished => EventKind::Finish,
-            Status::Unseen => EventKind::Unseen,
-            Status::Physical if before == Status::Unseen => EventKind::SeenAgain,
-            _ => return,
-        };
-        if before != after {
-            // For who looks at the city: a vehicle that is drawn where nobody has seen it flashes all its indicators.
-            match kind {
-                EventKind::Unseen => self.state.indicator = Indicator::Hazard,
-                EventKind::SeenAgain => self.state.indicator = Indicator::Off,
-                _ => {}
+        let (vehicle, after) = (self.state.id, self.state.status);
+        let mut happened = |kind| events.push(Event { time_s, vehicle, kind });
+        // A yield that something else hides for a while is still the same one.
+        if !self.is_yielding {
+            self.has_told_yield = false;
+        } else if after == Status::Yielding && !self.has_told_yield {
+            self.has_told_yield = true;
+            happened(EventKind::Yield);
+        }
+        if before == after {
+            return;
+        }
+        // A vehicle that is drawn where it has not been seen flashes all its indicators.
+        if before == Status::Unseen {
+            self.state.indicator = Indicator::Off;
+            happened(EventKind::SeenAgain);
+        }
+        match after {
+            Status::Unseen => {
+                self.state.indicator = Indicator::Hazard;
+                happened(EventKind::Unseen);
             }
-            events.push(Event { time_s, vehicle: self.state.id, kind });
+            Status::Finished => happened(EventKind::Finish),
+            _ => {}
         }
     }
 
@@ -276,22 +287,32 @@ impl SimVehicle {
     }
 
     fn update_status(&mut self) {
-        let (is_physical, is_seen) = (self.is_physical(), self.is_seen());
         self.state.status = match self.driver {
             _ if self.has_collided => Status::Collided,
-            _ if is_physical => match is_seen {
+            // A vehicle of the laboratory has a link and a driver of its own there.
+            _ if self.is_physical() => match self.is_seen() {
                 None => Status::Waiting,
-                Some(true) => Status::Physical,
                 Some(false) => Status::Unseen,
+                Some(true) => self.driven_status(),
             },
             Driver::Human(_) => Status::Manual,
             // One that is set up in motion drives until it stands.
             Driver::Algorithm if self.heard_s.is_none() && !self.moves() => Status::Waiting,
             Driver::Algorithm if self.is_link_lost => Status::LinkLost,
-            Driver::Algorithm if self.is_finished => Status::Finished,
-            Driver::Algorithm if self.is_yielding => Status::Yielding,
-            Driver::Algorithm if self.standing_since_s.is_some() => Status::Stopped,
-            Driver::Algorithm => Status::Driving,
+            Driver::Algorithm => self.driven_status(),
         };
+    }
+
+    /// What a vehicle does that follows its trajectories.
+    fn driven_status(&self) -> Status {
+        if self.is_finished {
+            Status::Finished
+        } else if self.is_yielding {
+            Status::Yielding
+        } else if self.standing_since_s.is_some() || (self.is_physical() && !self.moves()) {
+            Status::Stopped
+        } else {
+            Status::Driving
+        }
     }
 }

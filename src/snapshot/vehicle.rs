@@ -38,7 +38,8 @@ pub enum Status {
     Collided,
     /// At the end of its route.
     Finished,
-    /// A vehicle of the laboratory, drawn as it is measured.
+    /// A vehicle of the laboratory that is measured, where nothing else is known of it: it tells its pose itself, or
+    /// the poses were recorded. In a running city its status is what it does, and its model is `measured`.
     Physical,
     /// A vehicle of the laboratory that has not been measured lately: hidden, or away.
     Unseen,
@@ -117,10 +118,18 @@ pub struct VehicleInfo {
     pub model: String,
 }
 
+/// The model of vehicles that are measured instead of simulated.
+const MEASURED: &str = "measured";
+
 impl VehicleInfo {
     /// Whether more than its poses is known: pedals, steering, where it was to drive.
     pub fn tells_control(&self) -> bool {
         !self.model.is_empty()
+    }
+
+    /// Whether it is a vehicle of the laboratory, drawn as it is measured.
+    pub fn is_physical(&self) -> bool {
+        self.model == MEASURED
     }
 
     /// What of a vehicle's build does not change.
@@ -128,7 +137,7 @@ impl VehicleInfo {
         let model = match spec.model {
             ModelKind::Raycast => "raycast",
             ModelKind::Bicycle => "bicycle",
-            ModelKind::Measured => "measured",
+            ModelKind::Measured => MEASURED,
         };
         Self { id, name: name.to_owned(), dimensions: spec.dimensions, appearance, model: model.to_owned() }
     }
