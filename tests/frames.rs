@@ -467,6 +467,27 @@ fn vehicles_that_came_over_the_link_carry_their_cameras() {
 }
 
 #[test]
+fn pictures_and_videos_are_written_over_only_when_that_is_asked_for() {
+    if software().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let one = [["--vehicle", "path1_a"], ["--size", "64x48"], ["--duration", "0.01"]];
+    for (out, file) in [("pictures", "pictures/frames.csv"), ("run.y4m", "run.y4m")] {
+        let (out, file) = (folder.path().join(out), folder.path().join(file));
+        run_well(SCENARIO, &out, one.as_flattened());
+        std::fs::write(&file, "precious").expect("a file");
+        let output = frames(SCENARIO, &out, one.as_flattened());
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(&*out.to_string_lossy()) && said.contains("--force writes over it"), "{said}");
+        assert_eq!(std::fs::read(&file).expect("it is there"), b"precious");
+        run_well(SCENARIO, &out, &[one.as_flattened(), &["--force"]].concat());
+        assert_ne!(std::fs::read(&file).expect("it is there"), b"precious");
+    }
+}
+
+#[test]
 fn the_camera_bench_prints_one_line_and_writes_its_pictures() {
     if software().is_none() {
         return;

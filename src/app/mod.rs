@@ -15,6 +15,7 @@ mod load;
 mod look;
 mod losses;
 mod mainframe;
+mod overwrite;
 #[cfg(feature = "render")]
 mod pictures;
 mod plot;
@@ -252,7 +253,11 @@ fn start_logging(verbose: u8) {
     let level = ["warn", "info", "debug"][usize::from(verbose.min(2))];
     let filter = EnvFilter::try_from_env("CITY3D_LOG")
         .unwrap_or_else(|_| EnvFilter::new(format!("error,city3d={level}")));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .without_time()
+        .init();
 }
 
 /// Creates the folder that a command writes into.
