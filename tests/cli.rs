@@ -147,6 +147,43 @@ fn the_halves_of_the_link_ask_before_they_write_over_a_run_or_a_part_of_one() {
 }
 
 #[test]
+fn redirected_messages_have_no_colour_codes() {
+    let folder = tempfile::tempdir().unwrap();
+    let noisy = ["run", "straight", "--duration", "1", "--log-hz", "5000", "--out", "mine"];
+    let (code, said) = told(folder.path(), &noisy);
+    assert!(code == 0 && said.contains("WARN"), "{said}");
+    assert!(!said.contains('\u{1b}'), "{said:?}");
+    // On a terminal they have, unless the user wants none.
+    let Some(terminal) = Terminal::find() else { return };
+    let again =
+        |variable: &str| terminal.output(folder.path(), &[&noisy[..], &["--force"]].concat(), variable);
+    assert!(again("NO_COLOR=").contains("\u{1b}[33m"), "{:?}", again("NO_COLOR="));
+    assert!(again("NO_COLOR=1").contains("WARN") && !again("NO_COLOR=1").contains("\u{1b}[33m"));
+}
+
+/// Runs the program on a pseudo terminal, by `script` of util-linux.
+struct Terminal;
+
+impl Terminal {
+    fn find() -> Option<Self> {
+        let is_there = Command::new("script").arg("--version").output().is_ok_and(|it| it.status.success());
+        assert!(is_there || std::env::var_os("CI").is_none(), "util-linux (script) is not installed");
+        if !is_there {
+            eprintln!("SKIPPED: util-linux (script) is not installed");
+        }
+        is_there.then_some(Self)
+    }
+
+    /// What it shows of the program.
+    fn output(&self, folder: &Path, args: &[&str], variable: &str) -> String {
+        let program = env!("CARGO_BIN_EXE_city3d");
+        let line = format!("env TERM=xterm {variable} {program} {}", args.join(" "));
+        let output = Command::new("script").args(["-qec", &line, "/dev/null"]).current_dir(folder).output();
+        String::from_utf8_lossy(&output.unwrap().stdout).into_owned()
+    }
+}
+
+#[test]
 fn what_a_log_costs_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let output = city3d(folder.path(), &["bench", "log", "straight", "--duration", "2", "--pairs", "1"]);

@@ -488,6 +488,35 @@ fn pictures_and_videos_are_written_over_only_when_that_is_asked_for() {
 }
 
 #[test]
+fn without_a_runtime_folder_drivers_have_nothing_to_complain_about() {
+    if software().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    for value in [None, Some(""), Some("relative")] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_city3d"));
+        command.args([
+            "frames",
+            "straight",
+            "--adapter",
+            "software",
+            "--size",
+            "64x48",
+            "--duration",
+            "0.01",
+        ]);
+        command.args(["--vehicle", "leader", "--force", "--out"]).arg(folder.path());
+        match value {
+            None => command.env_remove("XDG_RUNTIME_DIR"),
+            Some(value) => command.env("XDG_RUNTIME_DIR", value),
+        };
+        let output = command.output().expect("the program starts");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && !said.contains("XDG_RUNTIME_DIR"), "{value:?}: {said}");
+    }
+}
+
+#[test]
 fn the_camera_bench_prints_one_line_and_writes_its_pictures() {
     if software().is_none() {
         return;
