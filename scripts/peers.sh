@@ -5,6 +5,7 @@
 #                                          Twisted and rospy (what rosbridge_suite is made of) under a roscore of its own
 #
 # To check against rosbridge_suite itself, where it is installed: ROSBRIDGE=ws://127.0.0.1:9090 scripts/peers.sh rosbridge.
+# Another program than that of this folder: CITY3D=/usr/bin/city3d scripts/peers.sh rosbridge.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/setup.sh
@@ -48,11 +49,12 @@ start_server() {
 }
 
 rosbridge() {
-    local seconds=${1:-120} uri=${ROSBRIDGE:-} server= city3d
+    local seconds=${1:-120} uri=${ROSBRIDGE:-} server= city3d=${CITY3D:-}
     [[ -n "$uri" ]] || start_server
-    cargo build --release --locked
-    city3d="${CARGO_TARGET_DIR:-target}/release/city3d"
-    # The run of the scenario ends before; the city goes on and publishes.
+    if [[ -z "$city3d" ]]; then
+        cargo build --release --locked
+        city3d="${CARGO_TARGET_DIR:-target}/release/city3d"
+    fi
     local length=(roundabout --duration "$seconds" "--rosbridge=$uri")
     (trap - INT; exec "$city3d" serve "${length[@]}" --headless --bind 127.0.0.1:0 --out "$folder/city") \
         >"$folder/city.out" 2>"$folder/city.err" &
