@@ -299,8 +299,12 @@ fn the_cameras_of_the_scenario_take_pictures_at_their_rates() {
     for vehicle in ["path1_a", "path1_c", "path2_b", "path2_c", "cav7", "cav8"] {
         assert_eq!(of("left", vehicle, "rgb"), [0, 25, 50, 75, 100], "{vehicle}");
     }
-    assert_eq!(rows.len(), 4 * 3 + 2 + 7 * 5);
-    assert!(said.starts_with("49 pictures of 40 x 24 and 640 x 480"), "{said}");
+    // And those that the scenario gives the type and path2_a.
+    for vehicle in ["path1_a", "path1_c", "path2_a", "path2_b", "cav7", "cav8"] {
+        assert_eq!(of("windscreen", vehicle, "rgb"), [0, 100], "{vehicle}");
+    }
+    assert_eq!(rows.len(), 4 * 3 + 2 + 7 * 5 + 6 * 2);
+    assert!(said.starts_with("61 pictures of 40 x 24 and 320 x 240 and 640 x 480"), "{said}");
     assert!(rows.iter().all(|row| out.join(&row.file).is_file()));
     // It looks to the left of its car, its own right side down.
     let row = rows.iter().find(|row| row.camera == "left" && row.tick == 50).expect("a row");
@@ -315,6 +319,7 @@ fn the_cameras_of_the_scenario_take_pictures_at_their_rates() {
     let out = folder.path().join("stated");
     let arguments = [
         ["--duration", "1"],
+        ["--vehicle", "path1_b"],
         ["--sensor", "windscreen"],
         ["--size", "32x20"],
         ["--fps", "5"],

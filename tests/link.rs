@@ -11,8 +11,8 @@ use city3d::wire::{Phase, Poses, Seen};
 use link::{assert_same_merges, city3d, digests, events, mainframe, serve, serve_at, summary, was_held_up};
 use watch::{Watcher, hardest_braking, stand, torn_s};
 
-/// Every tick in the log.
-const EVERY_TICK: [&str; 2] = ["--log-hz", "100"];
+/// Every tick in the log; one scenario after another goes into the same folders.
+const EVERY_TICK: [&str; 3] = ["--log-hz", "100", "--force"];
 
 #[test]
 fn in_lockstep_two_processes_do_what_one_does_tick_by_tick() {

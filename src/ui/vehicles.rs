@@ -156,9 +156,11 @@ const KEPT: [usize; 5] = [0, 3, 4, 5, 6];
 
 /// Width of a panel in which the columns for number, status, position and speed find room, points.
 pub fn least_width(ui: &Ui) -> f32 {
+    /// For edges that egui rounds to pixels.
+    const SLACK: f32 = 4.0;
     let spacing = ui.spacing();
     let columns: f32 = KEPT.iter().map(|&k| WIDTHS[k] + spacing.item_spacing.x).sum();
-    columns + scrollbar(ui) + egui::Frame::side_top_panel(ui.style()).total_margin().sum().x
+    SLACK + columns + scrollbar(ui) + egui::Frame::side_top_panel(ui.style()).total_margin().sum().x
 }
 
 fn scrollbar(ui: &Ui) -> f32 {
