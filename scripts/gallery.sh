@@ -11,7 +11,7 @@ take() {
     name=$1
     scenario=$2
     shift 2
-    "$city3d" frames "$scenario" --out "$folder" "$@" >/dev/null
+    "$city3d" frames "$scenario" --out "$folder" --force "$@" >/dev/null
     mv "$folder"/*.png "docs/images/$name.png"
 }
 

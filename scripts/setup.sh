@@ -12,7 +12,7 @@ RUN_PACKAGES=(mesa-vulkan-drivers libvulkan1 libxkbcommon-x11-0 libxcursor1 libx
     gcc libc6-dev)
 TEST_PACKAGES=(xvfb xdotool python3 python3-venv ffmpeg g++
     python3-roslaunch python3-rostopic python3-rosnode python3-rosbag python3-geometry-msgs python3-sensor-msgs
-    python3-tf2-msgs)
+    python3-tf2-msgs python3-autobahn python3-twisted python3-rospy)
 PEERS=target/peers
 
 say() { printf '\n== %s\n' "$*"; }

@@ -62,16 +62,124 @@ fn each_run_that_says_no_folder_has_a_new_one() {
     }
 }
 
+/// What a command says on standard error, with its exit code.
+fn told(folder: &Path, args: &[&str]) -> (i32, String) {
+    let output = city3d(folder, args);
+    (code(&output), String::from_utf8(output.stderr).unwrap())
+}
+
+/// A command writes into a folder once; again only with `--force`.
+fn is_written_over_only_when_asked(folder: &Path, args: &[&str], result: &str, remedy: &str) {
+    assert_eq!(told(folder, args).0, 0, "{args:?}");
+    let file = folder.join(result);
+    std::fs::write(&file, "precious").unwrap();
+    let (code, said) = told(folder, args);
+    assert_eq!(code, 2, "{args:?}: {said}");
+    assert!(
+        said.contains(remedy) && said.contains("choose another --out, or --force writes over it"),
+        "{said}"
+    );
+    assert_eq!(std::fs::read(&file).unwrap(), b"precious", "{args:?}");
+    assert_eq!(told(folder, &[args, &["--force"]].concat()).0, 0, "{args:?}");
+    assert_ne!(std::fs::read(&file).unwrap(), b"precious", "{args:?}");
+}
+
 #[test]
-fn a_folder_whose_run_is_written_over_is_told() {
+fn results_are_written_over_only_when_that_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
-    for is_told in [false, true] {
-        let output = city3d(folder.path(), &["run", "straight", "--duration", "1", "--out", "mine"]);
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(
-            (code(&output), said.contains("mine: the run that is there is written over")),
-            (0, is_told)
-        );
+    let folder = folder.path();
+    let is_written_over = |args: &[&str], result: &str, remedy: &str| {
+        is_written_over_only_when_asked(folder, args, result, remedy);
+    };
+    let run = ["run", "straight", "--duration", "1", "--out"];
+    let earlier = |out: &str, file: &str| format!("{out}: it has {file}");
+    is_written_over(
+        &[&run[..], &["one"]].concat(),
+        "one/run.mcap",
+        &earlier("one", "run.mcap, vehicles.csv"),
+    );
+    assert_eq!(told(folder, &[&run[..], &["two", "--seed", "2"]].concat()).0, 0);
+    let plot = ["plot", "one", "--out", "figures"];
+    is_written_over(&plot, "figures/speed_path_1.csv", &earlier("figures", ""));
+    let compare = ["compare", "one", "two", "--out", "both"];
+    is_written_over(&compare, "both/comparison.csv", &earlier("both", ""));
+    let fork = ["run", "one/run.mcap", "--from-tick", "50", "--out", "fork"];
+    is_written_over(&fork, "fork/summary.json", &earlier("fork", "run.mcap"));
+    // A sweep goes on where it was stopped, and another one does not take its place.
+    let sweep = ["sweep", "straight", "--duration", "1", "--out", "seeds", "--seeds"];
+    for seeds in ["1..2", "1..2"] {
+        assert_eq!(told(folder, &[&sweep[..], &[seeds]].concat()).0, 0, "the same sweep");
+    }
+    let (code, said) = told(folder, &[&sweep[..], &["4..5"]].concat());
+    assert!(code == 2 && said.contains("seeds/sweep.csv is of another sweep"), "{said}");
+    assert_eq!(told(folder, &[&sweep[..], &["4..5", "--force"]].concat()).0, 0);
+    let rows = std::fs::read_to_string(folder.join("seeds/sweep.csv")).unwrap();
+    let seeds: Vec<&str> = rows.lines().skip(1).filter_map(|row| row.split(',').next()).collect();
+    assert_eq!(seeds, ["4", "5"]);
+}
+
+#[test]
+fn a_run_that_is_written_over_loses_its_summary_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = ["run", "straight", "--duration", "1", "--out", "mine"];
+    assert_eq!(told(folder.path(), &run).0, 0);
+    // What cannot be written ends the run.
+    let log = folder.path().join("mine/run.mcap");
+    std::fs::remove_file(&log).unwrap();
+    std::fs::create_dir(&log).unwrap();
+    assert_eq!(told(folder.path(), &[&run[..], &["--force"]].concat()).0, 1);
+    assert!(!folder.path().join("mine/summary.json").exists());
+}
+
+#[test]
+fn the_halves_of_the_link_ask_before_they_write_over_a_run_or_a_part_of_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let part = folder.path().join("old/part-2");
+    std::fs::create_dir_all(&part).unwrap();
+    std::fs::write(part.join("run.mcap"), "precious").unwrap();
+    for args in
+        [&["serve", "straight", "--headless", "--bind", "127.0.0.1:0"][..], &["mainframe", "straight"]]
+    {
+        let (code, said) = told(folder.path(), &[args, &["--out", "old"]].concat());
+        assert!(code == 2 && said.contains("old/part-2: it has run.mcap of an earlier command"), "{said}");
+    }
+    assert_eq!(std::fs::read(part.join("run.mcap")).unwrap(), b"precious");
+}
+
+#[test]
+fn redirected_messages_have_no_colour_codes() {
+    let folder = tempfile::tempdir().unwrap();
+    let noisy = ["run", "straight", "--duration", "1", "--log-hz", "5000", "--out", "mine"];
+    let (code, said) = told(folder.path(), &noisy);
+    assert!(code == 0 && said.contains("WARN"), "{said}");
+    assert!(!said.contains('\u{1b}'), "{said:?}");
+    // On a terminal they have, unless the user wants none.
+    let Some(terminal) = Terminal::find() else { return };
+    let again =
+        |variable: &str| terminal.output(folder.path(), &[&noisy[..], &["--force"]].concat(), variable);
+    assert!(again("NO_COLOR=").contains("\u{1b}[33m"), "{:?}", again("NO_COLOR="));
+    assert!(again("NO_COLOR=1").contains("WARN") && !again("NO_COLOR=1").contains("\u{1b}[33m"));
+}
+
+/// Runs the program on a pseudo terminal, by `script` of util-linux.
+struct Terminal;
+
+impl Terminal {
+    fn find() -> Option<Self> {
+        let is_there = Command::new("script").arg("--version").output().is_ok_and(|it| it.status.success());
+        assert!(is_there || std::env::var_os("CI").is_none(), "util-linux (script) is not installed");
+        if !is_there {
+            eprintln!("SKIPPED: util-linux (script) is not installed");
+        }
+        is_there.then_some(Self)
+    }
+
+    /// What it shows of the program.
+    fn output(&self, folder: &Path, args: &[&str], variable: &str) -> String {
+        let program = env!("CARGO_BIN_EXE_city3d");
+        let line = format!("env TERM=xterm {variable} {program} {}", args.join(" "));
+        let output = Command::new("script").args(["-qec", &line, "/dev/null"]).current_dir(folder).output();
+        String::from_utf8_lossy(&output.unwrap().stdout).into_owned()
     }
 }
 
@@ -243,7 +351,7 @@ fn a_collision_fails_the_run_where_it_is_forbidden() {
     let out = tempfile::tempdir().unwrap();
     for (forbidden, expected) in [(true, 1), (false, 0)] {
         std::fs::write(out.path().join("crash.toml"), crash(forbidden)).unwrap();
-        let output = city3d(out.path(), &["run", "crash.toml", "--out", "out"]);
+        let output = city3d(out.path(), &["run", "crash.toml", "--out", "out", "--force"]);
         assert_eq!(code(&output), expected, "{output:?}");
         let text = std::fs::read_to_string(out.path().join("out/summary.json")).unwrap();
         let summary: Value = serde_json::from_str(&text).unwrap();

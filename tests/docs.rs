@@ -45,6 +45,61 @@ fn rows() -> Vec<Row> {
     rows
 }
 
+/// The words of each `city3d` command in the blocks of code of a document.
+fn commands(name: &str) -> Vec<Vec<String>> {
+    let (mut is_code, mut commands) = (false, Vec::new());
+    for line in document(name).lines() {
+        if line.starts_with("```") {
+            is_code = !is_code;
+        }
+        let line = line.trim_start_matches("$ ").split(" #").next().unwrap_or_default();
+        if is_code && line.starts_with("city3d ") {
+            commands.push(line.split_whitespace().map(str::to_owned).collect());
+        }
+    }
+    commands
+}
+
+/// Follows commands in their order: folders that they read have to be there, those that they write must not.
+fn follow(name: &str, made: &mut BTreeSet<String>) -> Vec<String> {
+    let mut faults = Vec::new();
+    let is_in = |path: &str, made: &BTreeSet<String>| {
+        Path::new(path).ancestors().any(|ancestor| made.contains(ancestor.to_str().unwrap()))
+    };
+    for words in commands(name) {
+        let line = words.join(" ");
+        for (before, word) in words.iter().zip(&words[1..]) {
+            if before != "--out" && word.starts_with("out/") && !is_in(word, made) {
+                faults.push(format!("{name}: {word} is not there yet: {line}"));
+            }
+        }
+        let out = words.iter().position(|word| word == "--out").map(|index| words[index + 1].clone());
+        if let Some(out) = out.filter(|out| out.starts_with("out/"))
+            && !made.insert(out.clone())
+            && !words.contains(&"--force".to_owned())
+        {
+            faults.push(format!("{name}: {out} is there already, and --force is missing: {line}"));
+        }
+    }
+    faults
+}
+
+#[test]
+fn the_commands_of_the_documents_find_what_they_read_and_write_over_nothing() {
+    // After the demo and the tour of the README a reader may go on with any other document.
+    let mut made = BTreeSet::from(["out/demo/roundabout", "out/demo/frames"].map(str::to_owned));
+    let mut faults = follow("README.md", &mut made);
+    assert!(made.len() > 8, "{made:?}");
+    for entry in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|extension| extension == "md") {
+            let name = format!("docs/{}", path.file_name().unwrap().to_str().unwrap());
+            faults.append(&mut follow(&name, &mut made.clone()));
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
 /// A small scenario with one more line in one of its tables.
 fn scenario(section: &str, key: &str, line: &str) -> String {
     let mut top = BTreeMap::from([("name", "name = \"small\""), ("duration_s", "duration_s = 2")]);

@@ -79,7 +79,7 @@ fn another_driver_may_come_and_another_past_is_refused() {
     let text = city3d::scenario::Library::scenario("straight").unwrap().0;
     let fork = |name: &str, changed: String, tick: &str| {
         std::fs::write(folder.join(name), changed).unwrap();
-        let rest = ["--scenario", name, "--duration", "6", "--out", "forked"];
+        let rest = ["--scenario", name, "--duration", "6", "--out", "forked", "--force"];
         tell(&[&["run", "first/run.mcap", "--from-tick", tick][..], &rest].concat(), folder)
     };
     let (code, said) =

@@ -299,8 +299,12 @@ fn the_cameras_of_the_scenario_take_pictures_at_their_rates() {
     for vehicle in ["path1_a", "path1_c", "path2_b", "path2_c", "cav7", "cav8"] {
         assert_eq!(of("left", vehicle, "rgb"), [0, 25, 50, 75, 100], "{vehicle}");
     }
-    assert_eq!(rows.len(), 4 * 3 + 2 + 7 * 5);
-    assert!(said.starts_with("49 pictures of 40 x 24 and 640 x 480"), "{said}");
+    // And those that the scenario gives the type and path2_a.
+    for vehicle in ["path1_a", "path1_c", "path2_a", "path2_b", "cav7", "cav8"] {
+        assert_eq!(of("windscreen", vehicle, "rgb"), [0, 100], "{vehicle}");
+    }
+    assert_eq!(rows.len(), 4 * 3 + 2 + 7 * 5 + 6 * 2);
+    assert!(said.starts_with("61 pictures of 40 x 24 and 320 x 240 and 640 x 480"), "{said}");
     assert!(rows.iter().all(|row| out.join(&row.file).is_file()));
     // It looks to the left of its car, its own right side down.
     let row = rows.iter().find(|row| row.camera == "left" && row.tick == 50).expect("a row");
@@ -315,6 +319,7 @@ fn the_cameras_of_the_scenario_take_pictures_at_their_rates() {
     let out = folder.path().join("stated");
     let arguments = [
         ["--duration", "1"],
+        ["--vehicle", "path1_b"],
         ["--sensor", "windscreen"],
         ["--size", "32x20"],
         ["--fps", "5"],
@@ -464,6 +469,56 @@ fn vehicles_that_came_over_the_link_carry_their_cameras() {
     let output = frames(log, &folder.join("none"), &["--vehicle", "path9"]);
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.code() == Some(2) && said.contains("path1_a (1)"), "{said}");
+}
+
+#[test]
+fn pictures_and_videos_are_written_over_only_when_that_is_asked_for() {
+    if software().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let one = [["--vehicle", "path1_a"], ["--size", "64x48"], ["--duration", "0.01"]];
+    for (out, file) in [("pictures", "pictures/frames.csv"), ("run.y4m", "run.y4m")] {
+        let (out, file) = (folder.path().join(out), folder.path().join(file));
+        run_well(SCENARIO, &out, one.as_flattened());
+        std::fs::write(&file, "precious").expect("a file");
+        let output = frames(SCENARIO, &out, one.as_flattened());
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(&*out.to_string_lossy()) && said.contains("--force writes over it"), "{said}");
+        assert_eq!(std::fs::read(&file).expect("it is there"), b"precious");
+        run_well(SCENARIO, &out, &[one.as_flattened(), &["--force"]].concat());
+        assert_ne!(std::fs::read(&file).expect("it is there"), b"precious");
+    }
+}
+
+#[test]
+fn without_a_runtime_folder_drivers_have_nothing_to_complain_about() {
+    if software().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    for value in [None, Some(""), Some("relative")] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_city3d"));
+        command.args([
+            "frames",
+            "straight",
+            "--adapter",
+            "software",
+            "--size",
+            "64x48",
+            "--duration",
+            "0.01",
+        ]);
+        command.args(["--vehicle", "leader", "--force", "--out"]).arg(folder.path());
+        match value {
+            None => command.env_remove("XDG_RUNTIME_DIR"),
+            Some(value) => command.env("XDG_RUNTIME_DIR", value),
+        };
+        let output = command.output().expect("the program starts");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && !said.contains("XDG_RUNTIME_DIR"), "{value:?}: {said}");
+    }
 }
 
 #[test]

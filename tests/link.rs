@@ -11,8 +11,8 @@ use city3d::wire::{Phase, Poses, Seen};
 use link::{assert_same_merges, city3d, digests, events, mainframe, serve, serve_at, summary, was_held_up};
 use watch::{Watcher, hardest_braking, stand, torn_s};
 
-/// Every tick in the log.
-const EVERY_TICK: [&str; 2] = ["--log-hz", "100"];
+/// Every tick in the log; one scenario after another goes into the same folders.
+const EVERY_TICK: [&str; 3] = ["--log-hz", "100", "--force"];
 
 #[test]
 fn in_lockstep_two_processes_do_what_one_does_tick_by_tick() {
@@ -54,8 +54,9 @@ fn in_real_time_the_same_merge_in_the_same_order() {
     let expected = events(&summary(&folder.join("run")), "merge");
     assert!(expected.len() > 10);
     for attempt in 1.. {
-        let mut city = serve(&["roundabout", "--duration", "18", "--speed", "3", "--out", "served"], folder);
-        let mut far = mainframe(&city.address, &["roundabout", "--duration", "18", "--out", "far"], folder);
+        let length = ["roundabout", "--duration", "18", "--force"];
+        let mut city = serve(&[&length[..], &["--speed", "3", "--out", "served"]].concat(), folder);
+        let mut far = mainframe(&city.address, &[&length[..], &["--out", "far"]].concat(), folder);
         assert_eq!((far.wait(), city.wait()), (0, 0));
         let [served, far] = ["served", "far"].map(|name| summary(&folder.join(name)));
         if was_held_up(&served) && attempt < 6 {
@@ -84,7 +85,8 @@ fn mainframe_and_city_may_be_killed_and_restarted() {
     let served = |out| ["roundabout", "--speed", "2", "--out", out];
     let mut city = serve(&served("first"), folder);
     let address = city.address.clone();
-    let start = || mainframe(&address, &["roundabout", "--duration", "60", "--out", "far"], folder);
+    let length = ["roundabout", "--duration", "60", "--out", "far", "--force"];
+    let start = || mainframe(&address, &length, folder);
     let mut far = start();
     let mut watcher = Watcher::new(&address);
     watcher.until("do they drive", |poses| drive(poses) && poses.time_s > 3.0);

@@ -382,7 +382,7 @@ fn drive_block(client: &mut Command, folder: &Path, key: Option<&str>) {
     std::fs::write(folder.join("key"), format!("{}\n", key.unwrap_or_default())).unwrap();
     let file = key.map_or(&[][..], |_| &["key"]);
     let sealed = key.map_or(&[][..], |_| &["--key", "key"]);
-    let arguments = ["roundabout", "--speed", "8", "--out", "served"];
+    let arguments = ["roundabout", "--speed", "8", "--out", "served", "--force"];
     let mut city = serve(&[&arguments[..], sealed].concat(), folder);
     let port = city.address.rsplit(':').next().unwrap();
     let output = client.arg(port).args(file).current_dir(folder).output().unwrap();

@@ -278,7 +278,7 @@ fn the_control_framework_drives_by_poses_over_ros() {
     let ros = Ros::new(folder);
     let _core = ros.core();
     let ros = format!("--ros={}", ros.uri());
-    let length = ["roundabout", "--duration", "18"];
+    let length = ["roundabout", "--duration", "18", "--force"];
     assert!(
         city3d(&[&["run"], &length[..], &["--out", "run"]].concat(), folder)
             .output()

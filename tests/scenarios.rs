@@ -3,7 +3,9 @@
 
 #![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
 
+use city3d::camera::Mount;
 use city3d::scenario::{Library, Overrides, ScenarioError, read_experiment, shipped_scenarios};
+use city3d::sensor::{Sensor, SensorKind};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -223,6 +225,21 @@ fn a_lane_named_again_is_a_lap() {
     assert!(lanes.iter().all(|lane| map.lane(*lane).name.starts_with("west-roundabout")), "the shortest way");
     let twice = route(&[lane, lane, lane]);
     assert_eq!(twice.vehicles[0].route.len(), 2 * lanes.len() - 1);
+}
+
+#[test]
+fn every_vehicle_of_a_shipped_scenario_has_a_camera_behind_its_windscreen() {
+    for name in shipped_scenarios() {
+        let (text, library) = Library::scenario(name).unwrap();
+        let experiment = read_experiment(name, &text, &library, Overrides::default()).unwrap();
+        for vehicle in &experiment.vehicles {
+            let is_onboard = |sensor: &&Sensor| {
+                let SensorKind::Camera(camera) = sensor.kind;
+                camera.mount == Mount::Windscreen
+            };
+            assert_eq!(vehicle.sensors.iter().filter(is_onboard).count(), 1, "{name}: {}", vehicle.name);
+        }
+    }
 }
 
 #[test]

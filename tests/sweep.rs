@@ -126,5 +126,5 @@ fn a_sweep_refuses_what_cannot_be_and_the_folder_of_another_one() {
     let (code, said) = tell(&["--seeds", "1..2", "--out", "c"]);
     assert!(code == 0 && said.contains("no map"), "{said}");
     let (code, said) = tell(&["--seeds", "1..3", "--out", "c"]);
-    assert!(code == 2 && said.contains("another sweep"), "{said}");
+    assert!(code == 2 && said.contains("another sweep") && said.contains("--force"), "{said}");
 }

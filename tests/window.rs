@@ -83,7 +83,8 @@ impl<'a> Program<'a> {
     /// Opens it with variables of the environment; what it remembers lies in the folder.
     fn open_with(display: &'a Display, folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Self {
         let log = folder.join("log");
-        let logged = ["--out", log.to_str().unwrap()];
+        // Some tests open it again.
+        let logged = ["--out", log.to_str().unwrap(), "--force"];
         Self::start(display, folder, &[&["view"], args, &logged].concat(), variables)
     }
 

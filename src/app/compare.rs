@@ -1,6 +1,7 @@
 //! `city3d compare`: two runs of one scenario side by side.
 
 use super::files::log_argument;
+use super::overwrite::OverwriteArgs;
 use super::plot::{self, FigureArgs};
 use super::say::say;
 use super::{Failure, create_folder};
@@ -20,6 +21,8 @@ pub struct CompareArgs {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
+    overwrite: OverwriteArgs,
+    #[command(flatten)]
     figures: FigureArgs,
     /// Print the comparison as JSON instead of text
     #[arg(long)]
@@ -32,6 +35,13 @@ pub fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let only = args.figures.vehicles(&runs[0])?;
     let views = Views::new(&runs, &layout, &only);
     let comparison = Comparison::of(&runs, &layout, views.labels()).map_err(Failure::bad_input)?;
+    let (mut figures, notes) = views.all();
+    figures.push(views.difference());
+    if let Some(folder) = &args.out {
+        let files = plot::files_of(figures.iter().map(|figure| figure.name.as_str()));
+        let tables = ["comparison.csv", "comparison.json"].map(str::to_owned);
+        args.overwrite.check_files(folder, &[files, tables.to_vec()].concat())?;
+    }
     let json = serde_json::to_string_pretty(&comparison).map_err(Failure::failed)?;
     if args.json {
         say(&json)?;
@@ -40,8 +50,6 @@ pub fn compare(args: &CompareArgs) -> Result<(), Failure> {
     }
     let Some(folder) = &args.out else { return Ok(()) };
     create_folder(folder)?;
-    let (mut figures, notes) = views.all();
-    figures.push(views.difference());
     for figure in &figures {
         write(figure, args.figures.size(), folder).map_err(Failure::failed)?;
     }

@@ -1,5 +1,6 @@
 //! The files of a run that a command writes: the log, the table and the summary.
 
+use super::overwrite::OverwriteArgs;
 use super::say::say;
 use super::{Failure, create_folder};
 use crate::mainframe::Mainframe;
@@ -21,11 +22,31 @@ pub struct LogArgs {
     /// Rows per simulated second and vehicle in vehicles.csv
     #[arg(long, value_name = "HZ", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
     csv_hz: u32,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
 }
+
+impl LogArgs {
+    /// Refuses a folder that has a run already, or of a process that makes several runs any of them: see
+    /// [`folder_of`].
+    pub fn check_folder(self, folder: &Path) -> Result<(), Failure> {
+        self.overwrite.check_run(folder)?;
+        self.overwrite.check_runs(folder, PART)
+    }
+
+    /// The same for a run that may write over the one before.
+    #[cfg(feature = "render")]
+    pub fn forced(self) -> Self {
+        Self { overwrite: OverwriteArgs { force: true }, ..self }
+    }
+}
+
+/// Where the names of the folders of later runs begin.
+const PART: &str = "part-";
 
 /// The folder of one of several runs of a process, counted from 1: the first has the folder that was asked for.
 pub fn folder_of(out: Option<&Path>, part: u32) -> Option<PathBuf> {
-    out.map(|folder| if part <= 1 { folder.to_path_buf() } else { folder.join(format!("part-{part}")) })
+    out.map(|folder| if part <= 1 { folder.to_path_buf() } else { folder.join(format!("{PART}{part}")) })
 }
 
 /// A folder that is not there yet, for files of which nobody has said where they shall be: `out/NAME-1`, then `out/NAME-2`.
@@ -76,10 +97,9 @@ impl Files {
             Cadence { log_ticks: every(args.log_hz), table_ticks: every(args.csv_hz), flush_ticks: every(1) };
         let recorder = match &folder {
             Some(folder) => {
+                args.check_folder(folder)?;
                 create_folder(folder)?;
-                if folder.join("run.mcap").exists() {
-                    tracing::warn!("{}: the run that is there is written over", folder.display());
-                }
+                remove_summary(folder)?;
                 Some(Recorder::new(folder, experiment, origin, cadence).map_err(Failure::failed)?)
             }
             None => None,
@@ -142,6 +162,17 @@ impl Files {
             write_summary(folder, &summary)?;
         }
         Ok(summary)
+    }
+}
+
+/// A run that is written over has no summary until the new one ends.
+fn remove_summary(folder: &Path) -> Result<(), Failure> {
+    let path = folder.join("summary.json");
+    match std::fs::remove_file(&path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(Failure::failed(format!("{}: {error}", path.display())))
+        }
+        _ => Ok(()),
     }
 }
 

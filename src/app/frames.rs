@@ -19,6 +19,7 @@ mod y4m;
 
 use super::files::new_folder;
 use super::look::{self, LookArgs, failure};
+use super::overwrite::OverwriteArgs;
 use super::say::say;
 use super::{Failure, ScenarioArgs, progress};
 use crate::camera::Kinds;
@@ -50,6 +51,8 @@ pub struct FramesArgs {
     /// out/roundabout-frames-1]
     #[arg(long, value_name = "DIR|FILE|-")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     #[command(flatten)]
     cameras: CameraArgs,
     #[command(flatten)]
@@ -107,6 +110,7 @@ pub fn frames(args: &FramesArgs) -> Result<(), Failure> {
     let experiment = Arc::clone(footage.experiment());
     let out = args.out.clone().unwrap_or_else(|| new_folder(&format!("{}-frames", experiment.name)));
     let destination = Destination::of(&out).map_err(Failure::bad_input)?;
+    destination.check(args.overwrite)?;
     let stated = stated(args, &destination, &experiment)?;
     let shots = shots::shots(&args.cameras, &stated, &experiment, &footage.carriers())?;
     let schedule = Schedule::new(args.from, &shots, &experiment)?;

@@ -58,6 +58,7 @@ const RENEW: Duration = Duration::from_secs(2);
 
 pub fn mainframe(args: &MainframeArgs) -> Result<(), Failure> {
     let experiment = load::experiment(&args.scenario)?;
+    args.out.iter().try_for_each(|folder| args.log.check_folder(folder))?;
     let seal = read_key(args.link.key.as_deref()).map_err(Failure::bad_input)?;
     let client = Client::new(&args.city, args.link.world, seal.clone()).map_err(Failure::bad_input)?;
     let laboratory = laboratory_of(&experiment, &seal)?;

@@ -15,6 +15,7 @@ mod load;
 mod look;
 mod losses;
 mod mainframe;
+mod overwrite;
 #[cfg(feature = "render")]
 mod pictures;
 mod plot;
@@ -24,6 +25,8 @@ mod replay;
 #[cfg(feature = "ros")]
 mod ros;
 mod run;
+#[cfg(feature = "render")]
+mod runtime_folder;
 mod say;
 mod serve;
 mod sweep;
@@ -33,6 +36,7 @@ mod view;
 
 use crate::environment::Profile;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -55,6 +59,21 @@ struct Cli {
     /// Say more; twice for everything.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
+}
+
+#[cfg(feature = "render")]
+impl Cli {
+    /// Whether the command may open an adapter.
+    fn draws(&self) -> bool {
+        match self.command {
+            #[cfg(feature = "window")]
+            Some(Command::View(_)) => true,
+            Some(Command::Frames(_) | Command::Bench(_) | Command::Replay(_) | Command::Serve(_)) => true,
+            // The window.
+            None => true,
+            Some(_) => false,
+        }
+    }
 }
 
 #[derive(Debug, Subcommand)]
@@ -192,6 +211,10 @@ pub fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => error.exit(),
     };
+    #[cfg(feature = "render")]
+    if cli.draws() {
+        runtime_folder::provide();
+    }
     start_logging(cli.verbose);
     let result = match cli.command {
         None => without_command(),
@@ -252,7 +275,19 @@ fn start_logging(verbose: u8) {
     let level = ["warn", "info", "debug"][usize::from(verbose.min(2))];
     let filter = EnvFilter::try_from_env("CITY3D_LOG")
         .unwrap_or_else(|_| EnvFilter::new(format!("error,city3d={level}")));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(has_colours())
+        .without_time()
+        .init();
+}
+
+/// Whether standard error shows colours: a terminal that can, unless `NO_COLOR` (<https://no-color.org>) asks for none.
+fn has_colours() -> bool {
+    let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
+    std::io::stderr().is_terminal() && !is_set("NO_COLOR") && !is_dumb
 }
 
 /// Creates the folder that a command writes into.

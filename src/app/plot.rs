@@ -1,6 +1,7 @@
 //! `city3d plot`: the figures of recorded runs.
 
 use super::files::log_argument;
+use super::overwrite::OverwriteArgs;
 use super::say::say;
 use super::{Failure, create_folder};
 use crate::figures::{Layout, RunLog, Size, Trace, Views, write};
@@ -17,6 +18,8 @@ pub struct PlotArgs {
     /// Folder for the figures: SVG, PNG and their data as CSV
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     #[command(flatten)]
     figures: FigureArgs,
 }
@@ -114,21 +117,28 @@ pub fn plot(args: &PlotArgs) -> Result<(), Failure> {
         let layout = args.figures.layout(&run)?;
         let only = args.figures.vehicles(&run)?;
         let runs = [run];
-        draw(&Views::new(&runs, &layout, &only), args.figures.size(), &folder)?;
+        draw(&Views::new(&runs, &layout, &only), args, &folder)?;
     }
     Ok(())
 }
 
-/// Writes all figures of some runs, and says which.
-pub fn draw(views: &Views<'_>, size: Size, folder: &Path) -> Result<(), Failure> {
-    create_folder(folder)?;
+/// Writes all figures of a run, and says which.
+fn draw(views: &Views<'_>, args: &PlotArgs, folder: &Path) -> Result<(), Failure> {
     let (figures, notes) = views.all();
+    args.overwrite.check_files(folder, &files_of(figures.iter().map(|figure| figure.name.as_str())))?;
+    create_folder(folder)?;
+    let size = args.figures.size();
     for figure in &figures {
         write(figure, size, folder).map_err(Failure::failed)?;
     }
     let names: Vec<&str> = figures.iter().map(|figure| figure.name.as_str()).collect();
     say(format_args!("{}: {} (SVG, PNG, CSV)", folder.display(), names.join(", ")))?;
     notes.iter().try_for_each(say)
+}
+
+/// The files that figures of these names are written to.
+pub fn files_of<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
+    names.flat_map(|name| ["svg", "png", "csv"].map(|extension| format!("{name}.{extension}"))).collect()
 }
 
 /// The name of a log's folder, or with a number where that is taken.

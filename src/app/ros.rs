@@ -65,7 +65,7 @@ impl RosArgs {
         #[cfg(feature = "rosbridge")]
         if let Some(named) = &self.rosbridge {
             let uri = named.clone().map_or_else(BridgeUri::usual, Ok).map_err(Failure::bad_input)?;
-            return Ok(Some(Carrier::Bridge(uri)));
+            return Ok(Some(Carrier::Bridge(uri.into())));
         }
         let Some(named) = &self.ros else { return Ok(None) };
         let master = named.clone().map_or_else(MasterUri::of_environment, Ok).map_err(Failure::bad_input)?;

@@ -7,7 +7,6 @@ use crate::record::{Origin, is_log};
 use crate::runner::{Run, Summary};
 use crate::scenario::Experiment;
 use clap::Args;
-use indicatif::ProgressBar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -73,7 +72,7 @@ pub fn drive(
     experiment: &Experiment,
     mut files: Files,
     speed: Option<f64>,
-    bar: &ProgressBar,
+    bar: &progress::Progress,
 ) -> Result<Summary, Failure> {
     let start = Instant::now();
     for tick in run.snapshot().tick..experiment.ticks() {

@@ -105,6 +105,7 @@ const REHEARSES: Duration = Duration::from_micros(200);
 
 pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let experiment = load::city(&args.scenario)?;
+    args.out.iter().try_for_each(|folder| args.log.check_folder(folder))?;
     let ends = on_end()?;
     let mut serving = Serving::open(args, experiment, Instruments::default())?;
     let pace = if args.lockstep { ", in lockstep" } else { "" };

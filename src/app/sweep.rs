@@ -4,6 +4,7 @@ mod grid;
 mod map;
 mod table;
 
+use super::overwrite::OverwriteArgs;
 use super::say::say;
 use super::{Failure, ProfileArg, ScenarioArgs, create_folder, load, on_end};
 use crate::runner::Outcome;
@@ -29,9 +30,11 @@ pub struct SweepArgs {
     /// Seeds: 1..20 (both ends are run) or 1,4,9 [default: that of the scenario]
     #[arg(long, value_name = "SEEDS", conflicts_with = "seed")]
     seeds: Option<Seeds>,
-    /// Folder for sweep.csv and the figure; a sweep that was stopped there goes on
+    /// Folder for sweep.csv and the figure; a sweep that was stopped there goes on, --force writes over another one
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Runs at once [default: one for each core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -79,7 +82,7 @@ pub fn sweep(args: &SweepArgs) -> Result<(), Failure> {
     plan.check(&args.set)?;
     create_folder(&args.out)?;
     let head = table::Head::new(&args.scenario, &text, &args.set, &plan.jobs);
-    let mut table = Table::resume(&args.out, &head, &plan.jobs)?;
+    let mut table = Table::open(&args.out, &head, &plan.jobs, args.overwrite)?;
     let done = table.rows();
     if done > 0 && done < plan.jobs.len() {
         say(format_args!("{done} of {} runs are there already", plan.jobs.len()))?;

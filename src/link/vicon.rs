@@ -2,7 +2,7 @@
 
 use super::onboard::{OnboardCamera, PictureSender, PictureTopics, pictures};
 #[cfg(feature = "rosbridge")]
-use crate::ros::{BridgeUri, run_bridge};
+use crate::ros::{BridgeOptions, run_bridge};
 use crate::ros::{
     Clock, Header, NodeOptions, NodeThread, Quaternion, RosError, TfMessage, Time, Topics, Transform,
     TransformStamped, Vector3, run,
@@ -39,7 +39,8 @@ pub enum Carrier {
     /// A node of ROS 1.
     Node(NodeOptions),
     #[cfg(feature = "rosbridge")]
-    Bridge(BridgeUri),
+    /// A client of rosbridge.
+    Bridge(BridgeOptions),
 }
 
 /// How poses are published and heard.
@@ -141,7 +142,7 @@ impl Vicon {
         let thread = match carrier {
             Carrier::Node(options) => run(options, move |node| work.live(node))?,
             #[cfg(feature = "rosbridge")]
-            Carrier::Bridge(uri) => run_bridge(uri, move |bridge| work.live(bridge))?,
+            Carrier::Bridge(options) => run_bridge(options, move |bridge| work.live(bridge))?,
         };
         Ok(Self { frames: Some(frames), inbox, counts, pictures, seq: 0, stamp: None, thread })
     }

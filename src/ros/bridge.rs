@@ -1,13 +1,18 @@
 //! A client of rosbridge: the same topics as JSON over a WebSocket (rosbridge protocol 2.0), where no ROS node can
 //! be, or the other side has ROS 2.
 
+mod fragments;
+mod status;
+
 use super::node::{LONGEST_PAUSE, PATIENCE, SHORTEST_PAUSE};
 use super::report::Report;
 use super::{Message, NodeStatus, NodeThread, Place, RosError, Topics};
+use fragments::{Fragment, Fragments};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use serde::Deserialize;
 use serde_json::{Value, json};
+use status::{Level, Status, StatusLog};
 use std::cell::RefCell;
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
@@ -15,11 +20,11 @@ use std::rc::Rc;
 use std::str::FromStr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::net::TcpStream;
 use tokio::sync::Notify;
-use tokio::time::{sleep, timeout};
-use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
+use tokio::time::{MissedTickBehavior, interval_at, sleep, timeout};
+use tokio_tungstenite::tungstenite::protocol::{CloseFrame, WebSocketConfig};
 use tokio_tungstenite::tungstenite::{Bytes, Message as Packet};
 use tokio_tungstenite::{WebSocketStream, client_async_with_config};
 
@@ -29,12 +34,9 @@ const QUEUE: usize = 1024;
 const AT_ONCE: usize = 64;
 /// What comes in is at most so long, in bytes, in one piece or in fragments.
 const LONGEST: usize = 4 << 20;
-/// Messages whose fragments are waited for.
-const MOST_FRAGMENTED: usize = 16;
-const MOST_FRAGMENTS: usize = 4096;
-/// A sign of life is asked for so often, and without one for the second time the other side is gone.
-const PING: Duration = Duration::from_secs(5);
-const SILENT: Duration = Duration::from_secs(15);
+/// Send buffer of the socket, bytes. Messages that a slow server has not read wait in the outbox, where the oldest are
+/// dropped, and not in the kernel, where pings would wait behind them.
+const SEND_BUFFER: usize = 128 << 10;
 
 /// Address of a rosbridge.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -65,6 +67,36 @@ impl FromStr for BridgeUri {
     }
 }
 
+/// How a lost server is detected. Pings have a schedule of their own: a server sends nothing to a client that only
+/// publishes, so that nothing but their pongs shows that it is alive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Keepalive {
+    /// Time from one ping to the next.
+    pub ping_every: Duration,
+    /// A server is lost when no frame of any kind has come from it for so long.
+    pub timeout: Duration,
+}
+
+impl Default for Keepalive {
+    /// Three pings without an answer.
+    fn default() -> Self {
+        Self { ping_every: Duration::from_secs(5), timeout: Duration::from_secs(15) }
+    }
+}
+
+/// Where a rosbridge is, and how its loss is detected.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BridgeOptions {
+    pub uri: BridgeUri,
+    pub keepalive: Keepalive,
+}
+
+impl From<BridgeUri> for BridgeOptions {
+    fn from(uri: BridgeUri) -> Self {
+        Self { uri, keepalive: Keepalive::default() }
+    }
+}
+
 /// Takes what was published on a topic.
 type Hear = Box<dyn Fn(Value)>;
 
@@ -74,18 +106,20 @@ pub struct Bridge(Rc<Inner>);
 
 impl fmt::Debug for Bridge {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Bridge").field("uri", &self.0.uri.uri).finish_non_exhaustive()
+        f.debug_struct("Bridge").field("uri", &self.0.options.uri.uri).finish_non_exhaustive()
     }
 }
 
 struct Inner {
-    uri: BridgeUri,
+    options: BridgeOptions,
     /// Types of the topics that are published, and of those that are listened to.
     published: RefCell<BTreeMap<String, &'static str>>,
     heard: RefCell<BTreeMap<String, (&'static str, Hear)>>,
     outbox: RefCell<VecDeque<String>>,
     is_changed: Notify,
     status: Arc<NodeStatus>,
+    /// Kept from one connection to the next, so that a server which refuses the same again is not quoted again.
+    said: RefCell<StatusLog>,
 }
 
 /// Runs a client on a thread of its own until its work is done. The rosbridge need not be there yet.
@@ -93,17 +127,18 @@ struct Inner {
 /// # Errors
 /// When the thread cannot be started.
 pub fn run_bridge<F: Future<Output = ()>>(
-    uri: BridgeUri,
+    options: BridgeOptions,
     work: impl FnOnce(Bridge) -> F + Send + 'static,
 ) -> Result<NodeThread, RosError> {
     NodeThread::start("rosbridge", move |runtime, status| {
         let bridge = Bridge(Rc::new(Inner {
-            uri,
+            options,
             published: RefCell::default(),
             heard: RefCell::default(),
             outbox: RefCell::default(),
             is_changed: Notify::new(),
             status,
+            said: RefCell::default(),
         }));
         runtime.block_on(bridge.live(work(bridge.clone())));
     })
@@ -186,7 +221,7 @@ impl Bridge {
 
     /// Keeps a connection for as long as it lives.
     async fn keep(&self) {
-        let mut report = Report::new(format!("the rosbridge {}", self.0.uri.uri), &self.0.status);
+        let mut report = Report::new(format!("the rosbridge {}", self.0.options.uri.uri), &self.0.status);
         let mut pause = SHORTEST_PAUSE;
         loop {
             let trouble = match timeout(PATIENCE, self.connect()).await {
@@ -206,11 +241,13 @@ impl Bridge {
     }
 
     async fn connect(&self) -> Result<Socket, String> {
-        let BridgeUri { uri, place } = &self.0.uri;
+        let BridgeUri { uri, place } = &self.0.options.uri;
         let told = |error: &dyn fmt::Display| error.to_string();
         let stream =
             TcpStream::connect((place.host.as_str(), place.port)).await.map_err(|error| told(&error))?;
         stream.set_nodelay(true).map_err(|error| told(&error))?;
+        // One that keeps its own size works too, with later pings while the server is slow.
+        let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
         let config = WebSocketConfig::default().max_message_size(Some(LONGEST)).max_frame_size(Some(LONGEST));
         let found = client_async_with_config(uri.as_str(), stream, Some(config)).await;
         found.map(|(socket, _)| socket).map_err(|error| told(&error))
@@ -234,36 +271,48 @@ impl Bridge {
         }
     }
 
+    /// Sends messages as they come, and pings on their own schedule.
     async fn send(&self, mut to: SplitSink<Socket, Packet>) -> String {
+        let every = self.0.options.keepalive.ping_every;
+        let mut pings = interval_at(tokio::time::Instant::now() + every, every);
+        pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
-            let batch: Vec<String> = {
-                let mut outbox = self.0.outbox.borrow_mut();
-                let count = outbox.len().min(AT_ONCE);
-                outbox.drain(..count).collect()
+            let packets: Vec<Packet> = tokio::select! {
+                biased;
+                _ = pings.tick() => vec![Packet::Ping(Bytes::new())],
+                texts = self.next_texts() => texts.into_iter().map(Packet::text).collect(),
             };
-            let is_empty = batch.is_empty();
-            for text in batch {
-                if let Err(error) = to.feed(Packet::text(text)).await {
+            for packet in packets {
+                if let Err(error) = to.feed(packet).await {
                     return error.to_string();
                 }
             }
             if let Err(error) = to.flush().await {
                 return error.to_string();
             }
-            if is_empty
-                && timeout(PING, self.0.is_changed.notified()).await.is_err()
-                && let Err(error) = to.send(Packet::Ping(Bytes::new())).await
+        }
+    }
+
+    /// The oldest messages that wait, once there are any.
+    async fn next_texts(&self) -> Vec<String> {
+        loop {
             {
-                return error.to_string();
+                let mut outbox = self.0.outbox.borrow_mut();
+                if !outbox.is_empty() {
+                    let count = outbox.len().min(AT_ONCE);
+                    return outbox.drain(..count).collect();
+                }
             }
+            self.0.is_changed.notified().await;
         }
     }
 
     async fn listen(&self, mut from: SplitStream<Socket>) -> String {
+        let silence = self.0.options.keepalive.timeout;
         let mut fragments = Fragments::default();
         loop {
-            let packet = match timeout(SILENT, from.next()).await {
-                Err(_) => return format!("silent for {} s", SILENT.as_secs()),
+            let packet = match timeout(silence, from.next()).await {
+                Err(_) => return format!("silent for {} s, pings included", silence.as_secs_f64()),
                 Ok(None) => return "it has hung up".to_owned(),
                 Ok(Some(Err(error))) => return error.to_string(),
                 Ok(Some(Ok(packet))) => packet,
@@ -271,7 +320,8 @@ impl Bridge {
             match packet {
                 Packet::Text(text) => self.take(&mut fragments, text.as_bytes()),
                 Packet::Binary(bytes) => self.take(&mut fragments, &bytes),
-                Packet::Close(_) => return "it has closed the connection".to_owned(),
+                Packet::Close(why) => return closed(why.as_ref()),
+                // The library answers a ping when the next frame is asked for, which is at once.
                 Packet::Ping(_) | Packet::Pong(_) | Packet::Frame(_) => {}
             }
         }
@@ -279,32 +329,51 @@ impl Bridge {
 
     fn take(&self, fragments: &mut Fragments, bytes: &[u8]) {
         match serde_json::from_slice(bytes) {
+            Ok(Said::Fragment(fragment)) => {
+                if let Some(whole) = fragments.take(fragment) {
+                    self.act(serde_json::from_str(&whole));
+                }
+            }
+            said => self.act(said),
+        }
+    }
+
+    /// Acts on a message that is whole.
+    fn act(&self, said: serde_json::Result<Said>) {
+        match said {
             Ok(Said::Publish { topic, msg }) => {
                 if let Some((_, hear)) = self.0.heard.borrow().get(&topic) {
                     hear(msg);
                 }
             }
-            Ok(Said::Fragment(fragment)) => {
-                // Fragments of fragments are none.
-                if let Some(whole) = fragments.take(fragment)
-                    && let Ok(Said::Publish { topic, msg }) = serde_json::from_str(&whole)
-                    && let Some((_, hear)) = self.0.heard.borrow().get(&topic)
-                {
-                    hear(msg);
-                }
-            }
-            Ok(Said::Status { level, msg }) => {
-                let msg: String = msg.chars().filter(|c| !c.is_control()).take(200).collect();
-                if level == "error" || level == "warning" {
-                    tracing::warn!("the rosbridge says: {msg}");
-                } else {
-                    tracing::debug!("the rosbridge says: {msg}");
-                }
-            }
-            Ok(Said::Other) => {}
+            Ok(Said::Status(status)) => self.tell(&status),
+            // Fragments of fragments are none.
+            Ok(Said::Fragment(_) | Said::Other) => {}
             Err(error) => tracing::debug!("the rosbridge sends what cannot be read: {error}"),
         }
     }
+
+    /// Tells the user what the server refuses.
+    fn tell(&self, status: &Status) {
+        let (uri, text) = (&self.0.options.uri.uri, status.text());
+        if status.level() == Level::Other {
+            return tracing::debug!("the rosbridge {uri} says: {text}");
+        }
+        let Some(text) = self.0.said.borrow_mut().admit(&text, Instant::now()) else { return };
+        match status.level() {
+            Level::Error => tracing::error!("the rosbridge {uri} reports an error: {text}"),
+            _ => tracing::warn!("the rosbridge {uri} warns: {text}"),
+        }
+    }
+}
+
+/// Why a server says that it closes a connection.
+fn closed(frame: Option<&CloseFrame>) -> String {
+    let reason = frame.map(|frame| {
+        let words: String = frame.reason.chars().filter(|c| !c.is_control()).take(200).collect();
+        if words.is_empty() { format!(" ({})", frame.code) } else { format!(" ({}: {words})", frame.code) }
+    });
+    format!("it has closed the connection{}", reason.unwrap_or_default())
 }
 
 /// What a rosbridge says.
@@ -316,93 +385,14 @@ enum Said {
         msg: Value,
     },
     Fragment(Fragment),
-    Status {
-        #[serde(default)]
-        level: String,
-        #[serde(default)]
-        msg: String,
-    },
+    Status(Status),
     #[serde(other)]
     Other,
-}
-
-/// A part of a message that was too long for its sender.
-#[derive(Deserialize)]
-struct Fragment {
-    id: Value,
-    data: String,
-    num: usize,
-    total: usize,
-}
-
-/// Messages of which some parts have come.
-#[derive(Default)]
-struct Fragments {
-    /// By id, the oldest first.
-    begun: VecDeque<(String, Vec<Option<String>>)>,
-}
-
-impl Fragments {
-    /// Takes a part in; gives the whole when it was the last one.
-    fn take(&mut self, Fragment { id, data, num, total }: Fragment) -> Option<String> {
-        let id = id.to_string();
-        if total == 0 || total > MOST_FRAGMENTS || num >= total {
-            return None;
-        }
-        let index = self.begun.iter().position(|(other, parts)| *other == id && parts.len() == total);
-        let index = index.unwrap_or_else(|| {
-            if self.begun.len() >= MOST_FRAGMENTED {
-                self.begun.pop_front();
-            }
-            self.begun.push_back((id, Vec::new()));
-            self.begun.len() - 1
-        });
-        let (_, parts) = self.begun.get_mut(index)?;
-        parts.resize(total, None);
-        parts[num] = Some(data);
-        let length: usize = parts.iter().flatten().map(String::len).sum();
-        if length > LONGEST {
-            self.begun.remove(index);
-            return None;
-        }
-        let whole: Option<String> = parts.iter().map(Option::as_deref).collect();
-        whole.inspect(|_| drop(self.begun.remove(index)))
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn part(id: &str, data: &str, num: usize, total: usize) -> Fragment {
-        Fragment { id: id.into(), data: data.to_owned(), num, total }
-    }
-
-    #[test]
-    fn fragments_make_a_whole_in_any_order() {
-        let mut fragments = Fragments::default();
-        assert_eq!(fragments.take(part("a", "lo", 1, 2)), None);
-        assert_eq!(fragments.take(part("b", "x", 0, 2)), None);
-        assert_eq!(fragments.take(part("a", "hel", 0, 2)), Some("hello".to_owned()));
-        assert_eq!(fragments.take(part("b", "y", 1, 2)), Some("xy".to_owned()));
-        assert!(fragments.begun.is_empty());
-    }
-
-    #[test]
-    fn fragments_that_never_end_take_no_more_than_so_much_room() {
-        let mut fragments = Fragments::default();
-        for k in 0..1000 {
-            assert_eq!(fragments.take(part(&k.to_string(), "x", 0, 2)), None);
-        }
-        assert_eq!(fragments.begun.len(), MOST_FRAGMENTED);
-        for (num, total) in [(0, 0), (2, 2), (0, usize::MAX)] {
-            assert_eq!(fragments.take(part("wrong", "x", num, total)), None);
-        }
-        let long = "x".repeat(LONGEST / 2 + 1);
-        assert_eq!(fragments.take(part("long", &long, 0, 3)), None);
-        assert_eq!(fragments.take(part("long", &long, 1, 3)), None);
-        assert_eq!(fragments.take(part("long", "", 2, 3)), None);
-    }
 
     #[test]
     fn addresses_are_those_of_web_sockets() {

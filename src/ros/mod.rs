@@ -18,7 +18,7 @@ mod uri;
 mod xmlrpc;
 
 #[cfg(feature = "rosbridge")]
-pub use bridge::{Bridge, BridgeUri, run_bridge};
+pub use bridge::{Bridge, BridgeOptions, BridgeUri, Keepalive, run_bridge};
 pub use message::{
     Clock, Header, Message, MessageError, MessageType, Quaternion, TfMessage, Time, Transform,
     TransformStamped, Vector3,

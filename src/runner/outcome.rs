@@ -114,7 +114,7 @@ impl Outcome {
         let last = run.snapshot();
         let crossings = streams.as_ref().map(|streams| crossings(streams, &events)).unwrap_or_default();
         let lab = |city: f64| experiment.scale.lab_from_city(city);
-        let driven_m: f64 = last.vehicles.iter().map(|state| state.distance_m).sum();
+        let driven_m: f64 = last.vehicles.iter().map(|state| state.distance_m).fold(0.0, |sum, m| sum + m);
         let vehicles = last.vehicles.len().max(1) as f64;
         let worst = observer.totals().map(|totals| totals.max_lateral_error_m).fold(0.0, f64::max);
         Ok(Self {
@@ -175,5 +175,5 @@ fn mean_wait(streams: &Streams, crossings: &[(f64, VehicleId)], events: &[Event]
         waited_s + since_s.map_or(0.0, |since_s| until_s - since_s)
     };
     let first = &streams.streams[0];
-    first.iter().map(wait).sum::<f64>() / first.len().max(1) as f64
+    first.iter().map(wait).fold(0.0, |sum, wait_s| sum + wait_s) / first.len().max(1) as f64
 }

@@ -131,8 +131,9 @@ impl Summary {
             vehicles.insert(id.0, summary);
         }
         let lanes = observer.lanes().unused().map(|lane| experiment.city_map.lane(lane).name.clone());
+        // An empty sum of floats is -0.
         let mean = |of: fn(&VehicleSummary) -> f64| {
-            vehicles.values().map(of).sum::<f64>() / vehicles.len().max(1) as f64
+            vehicles.values().map(of).fold(0.0, |sum, value| sum + value) / vehicles.len().max(1) as f64
         };
         Self {
             scenario: experiment.name.clone(),
@@ -149,5 +150,21 @@ impl Summary {
             vehicles,
             link: None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::{Library, Overrides, read_experiment};
+
+    #[test]
+    fn a_city_that_nobody_has_driven_in_has_no_speed_below_nothing() {
+        let (text, library) = Library::scenario("straight").unwrap();
+        let mut experiment = read_experiment("straight", &text, &library, Overrides::default()).unwrap();
+        experiment.vehicles.clear();
+        let observer = Observer::new(&experiment);
+        let summary = Summary::new(&experiment, &observer, &FrameSnapshot::default(), Vec::new(), 1.0);
+        assert_eq!(format!("{:.2}", summary.mean_speed_mps), "0.00");
     }
 }

@@ -310,7 +310,10 @@ impl State {
     }
 }
 
-/// Panels at the sides grow no wider, points.
+/// Panels at the sides become no narrower, where there is so much room, points.
+const LEAST_VEHICLES: f32 = 180.0;
+const LEAST_PREVIEWS: f32 = 160.0;
+/// And they grow no wider, points.
 const WIDEST: f32 = 640.0;
 /// Nor than this share of the window.
 const MOST_OF_WINDOW: f32 = 0.333;
@@ -351,27 +354,32 @@ pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Acti
         });
     }
     // However small the window is, the city keeps a third of it.
-    let most = (ui.available_width() * MOST_OF_WINDOW).clamp(0.0, WIDEST);
-    let side = |panel: egui::Panel, width: f32, least: f32| {
+    let whole = ui.available_width();
+    let third = (whole * MOST_OF_WINDOW).clamp(0.0, WIDEST);
+    let side = |panel: egui::Panel, width: f32, (least, most): (f32, f32)| {
         panel.frame(frame).default_size(width.min(most)).size_range(least.min(most)..=most)
     };
     // One that has less room than it wishes for is another panel in a window of another width: that makes egui
     // give it its width again.
-    let room = |wished: f32| if wished > most { most as u32 } else { 0 };
-    let panel = egui::Panel::left(("vehicles", room(state.widths.vehicles)));
-    let panel = side(panel, state.widths.vehicles, 180.0);
+    let room = |wished: f32, most: f32| if wished > most { most as u32 } else { 0 };
+    let beside = if state.previews.is_empty() { preview::STRIP } else { LEAST_PREVIEWS.min(third) };
+    let most = vehicles::least_width(ui).min(whole - third - beside).max(third);
+    let panel = egui::Panel::left(("vehicles", room(state.widths.vehicles, most)));
+    let panel = side(panel, state.widths.vehicles, (LEAST_VEHICLES, most));
     let panel = panel.show(ui, |ui| {
         // However little is in it, a panel keeps its width.
         ui.set_min_width(ui.available_width());
         vehicles::show(ui, shown, state);
     });
-    wish(&mut state.widths.vehicles, panel.response.rect.width(), most);
+    let width = panel.response.rect.width();
+    wish(&mut state.widths.vehicles, width, most);
     if state.previews.is_empty() {
         let panel = egui::Panel::right("no previews").frame(frame.inner_margin(0)).resizable(false);
         panel.exact_size(preview::STRIP).show(ui, |ui| preview::strip(ui, state, shown));
     } else {
-        let panel = egui::Panel::right(("previews", room(state.widths.previews)));
-        let panel = side(panel, state.widths.previews, 160.0);
+        let most = third.min((whole - third - width).max(0.0));
+        let panel = egui::Panel::right(("previews", room(state.widths.previews, most)));
+        let panel = side(panel, state.widths.previews, (LEAST_PREVIEWS, most));
         let panel = panel.show(ui, |ui| {
             ui.set_min_width(ui.available_width());
             preview::show_all(ui, state, shown, &mut actions);

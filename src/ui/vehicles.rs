@@ -151,11 +151,28 @@ const WIDTHS: [f32; 7] = [40.0, 50.0, 54.0, 52.0, 47.0, 47.0, 40.0];
 /// Columns in which longer texts may come get shares of what is left.
 const SHARES: [f32; 7] = [0.0, 3.0, 2.0, 1.0, 1.0, 1.0, 1.0];
 
-/// The columns that find room, by their places in [`Key::COLUMNS`]: where they lie and who drives go first.
+/// Columns that every table has room for where the window is not tiny: number, status, position and speed.
+const KEPT: [usize; 5] = [0, 3, 4, 5, 6];
+
+/// Width of a panel in which the columns for number, status, position and speed find room, points.
+pub fn least_width(ui: &Ui) -> f32 {
+    /// For edges that egui rounds to pixels.
+    const SLACK: f32 = 4.0;
+    let spacing = ui.spacing();
+    let columns: f32 = KEPT.iter().map(|&k| WIDTHS[k] + spacing.item_spacing.x).sum();
+    SLACK + columns + scrollbar(ui) + egui::Frame::side_top_panel(ui.style()).total_margin().sum().x
+}
+
+fn scrollbar(ui: &Ui) -> f32 {
+    ui.spacing().scroll.bar_width + ui.spacing().scroll.bar_inner_margin
+}
+
+/// The columns that find room, by their places in [`Key::COLUMNS`]: who drives and the name go first, for the label in
+/// the city and the tip of the row tell them too.
 fn columns(width: f32, spacing: f32) -> Vec<usize> {
     let needed = |columns: &[usize]| columns.iter().map(|&k| WIDTHS[k] + spacing).sum::<f32>();
     let mut columns: Vec<usize> = (0..WIDTHS.len()).collect();
-    for dropped in [&[4, 5][..], &[2], &[1]] {
+    for dropped in [&[2][..], &[1], &[4, 5]] {
         if needed(&columns) > width {
             columns.retain(|k| !dropped.contains(k));
         }
@@ -219,8 +236,7 @@ fn grid(
     // A click on a text of a row means the row.
     ui.style_mut().interaction.selectable_labels = false;
     let spacing = ui.spacing().item_spacing.x;
-    let scrollbar = ui.spacing().scroll.bar_width + ui.spacing().scroll.bar_inner_margin;
-    let width = ui.available_width() - scrollbar;
+    let width = ui.available_width() - scrollbar(ui);
     let columns = columns(width, spacing);
     let needed: f32 = columns.iter().map(|&k| WIDTHS[k] + spacing).sum();
     let shares: f32 = columns.iter().map(|&k| SHARES[k]).sum();
@@ -373,8 +389,8 @@ mod tests {
     #[test]
     fn a_narrow_table_drops_what_matters_least() {
         assert_eq!(columns(390.0, 8.0), [0, 1, 2, 3, 4, 5, 6]);
-        assert_eq!(columns(290.0, 8.0), [0, 1, 2, 3, 6]);
-        assert_eq!(columns(230.0, 8.0), [0, 1, 3, 6]);
+        assert_eq!(columns(330.0, 8.0), [0, 1, 3, 4, 5, 6]);
+        assert_eq!(columns(290.0, 8.0), KEPT);
         assert_eq!(columns(160.0, 8.0), [0, 3, 6]);
     }
 }

@@ -111,6 +111,12 @@ impl Viewpoint {
 
     /// Goes to where everything that drives is seen, in a picture of some pixels, as long as nobody has moved it.
     pub fn show_whole(&mut self, seen: &FrameSnapshot, extent: [u32; 2], walls: &[Wall]) {
+        if self.mode == Mode::Free && self.whole.is_some() && !self.is_turned {
+            // A free camera that nobody has moved begins where the orbit would be.
+            self.mode = Mode::Orbit;
+            self.show_whole(seen, extent, walls);
+            return self.set_mode(Mode::Free, None);
+        }
         let is_apt = self.follow.is_none() && matches!(self.mode, Mode::Orbit | Mode::Overhead);
         let Some(whole) = self.whole.filter(|_| is_apt && extent.iter().all(|pixels| *pixels > 1)) else {
             return;
@@ -382,6 +388,23 @@ mod tests {
         assert!(sees(&viewpoint, &seen), "the free camera starts where the orbit was");
         viewpoint.set_mode(Mode::Onboard, Some(VehicleId(3)));
         assert_eq!(viewpoint.view(&seen, [400, 300]).carrier, Some(VehicleId(3)));
+    }
+
+    #[test]
+    fn a_free_camera_that_is_asked_for_at_first_begins_where_the_orbit_would() {
+        let mut seen = snapshot(-70.0);
+        let far = DVec3::new(-10.0, 90.0, 0.0);
+        seen.vehicles.push(VehicleState { id: VehicleId(4), position: far, ..seen.vehicles[0].clone() });
+        let (mut orbit, mut free) = (Viewpoint::around(&seen), Viewpoint::around(&seen));
+        free.set_mode(Mode::Free, None);
+        for _ in 0..2 {
+            orbit.show_whole(&seen, [400, 300], &[]);
+            free.show_whole(&seen, [400, 300], &[]);
+        }
+        assert_eq!(free.mode, Mode::Free);
+        let [orbit, free] =
+            [orbit, free].map(|viewpoint| viewpoint.view(&seen, [400, 300]).extrinsics.position);
+        assert!((orbit - free).length() < 1.5, "{free}, the orbit is at {orbit}");
     }
 
     #[test]

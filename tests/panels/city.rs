@@ -247,6 +247,36 @@ fn the_width_of_a_panel_is_taken_from_the_last_time_and_kept() {
 }
 
 #[test]
+fn a_small_window_keeps_the_columns_for_id_status_position_and_speed() {
+    let kept = ["ID", "Status", "x m", "y m", "km/h"];
+    for (size, has_previews, more) in [
+        ([1280.0, 720.0], true, &["Name", "Driver"][..]),
+        ([960.0, 600.0], true, &[]),
+        ([800.0, 600.0], true, &[]),
+        ([640.0, 480.0], false, &[]),
+    ] {
+        let mut desk = Desk::with(fleet(6));
+        if has_previews {
+            desk.state.toggle_preview(VehicleId(1));
+        }
+        let mut harness = harness(desk);
+        harness.set_size(size.into());
+        harness.run_steps(6);
+        let edge = size[0] * 0.5;
+        for title in kept.iter().chain(more) {
+            let headings = harness.query_all_by_label_contains(title);
+            let is_seen = headings.into_iter().any(|heading| {
+                let rect = heading.rect();
+                rect.width() > 10.0 && rect.right() < edge
+            });
+            assert!(is_seen, "{title} in a window of {size:?}");
+        }
+        let [width, _] = picture(&harness, Slot::City).view.extent;
+        assert!(f64::from(width) > 0.32 * f64::from(size[0]), "{width} pixels for the city in {size:?}");
+    }
+}
+
+#[test]
 fn the_bar_picks_scenarios_cameras_and_looks() {
     let mut harness = with(6);
     for (label, mode) in [("Overhead", Mode::Overhead), ("Free", Mode::Free), ("Orbit", Mode::Orbit)] {

@@ -12,6 +12,9 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// Whose files are the benchmark's own: it writes over them.
+const USUAL_FOLDER: &str = "out/bench-log";
+
 #[derive(Debug, Args)]
 pub struct LogBenchArgs {
     #[command(flatten)]
@@ -20,7 +23,7 @@ pub struct LogBenchArgs {
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=100))]
     pairs: u32,
     /// Folder for the files, which stay there
-    #[arg(long, value_name = "DIR", default_value = "out/bench-log")]
+    #[arg(long, value_name = "DIR", default_value = USUAL_FOLDER)]
     out: PathBuf,
     #[command(flatten)]
     log: LogArgs,
@@ -56,9 +59,14 @@ pub fn log(args: &LogBenchArgs) -> Result<(), Failure> {
     let experiment = load::experiment(&args.scenario)?;
     create_folder(&args.out)?;
     let (mut with, mut without) = (Vec::new(), Vec::new());
+    if args.out != Path::new(USUAL_FOLDER) {
+        args.log.check_folder(&args.out)?;
+    }
+    // Each run takes the place of the one before.
+    let log = args.log.forced();
     for _ in 0..args.pairs {
-        with.push(cost(&experiment, Some(&args.out), args.log)?);
-        without.push(cost(&experiment, None, args.log)?);
+        with.push(cost(&experiment, Some(&args.out), log)?);
+        without.push(cost(&experiment, None, log)?);
     }
     let wall = |costs: &[Cost]| median(costs.iter().map(|cost| cost.wall_s).collect());
     let cpu = |costs: &[Cost]| costs.iter().map(|cost| cost.cpu_s).collect::<Option<Vec<f64>>>().map(median);

@@ -9,7 +9,6 @@ use crate::replay::Replay;
 use crate::runner::Run;
 use crate::scenario::{Experiment, shipped_scenarios};
 use crate::snapshot::FrameSnapshot;
-use indicatif::ProgressBar;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -90,7 +89,7 @@ impl Reel {
     }
 
     /// Goes on to a tick.
-    pub(super) fn advance(&mut self, tick: u64, bar: &ProgressBar) -> Result<(), Failure> {
+    pub(super) fn advance(&mut self, tick: u64, bar: &progress::Progress) -> Result<(), Failure> {
         while self.snapshot().tick < tick {
             match self {
                 Self::Run(run) => drop(run.step()),

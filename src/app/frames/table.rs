@@ -89,6 +89,9 @@ impl<'a> Row<'a> {
     }
 }
 
+/// Name of the table.
+pub(super) const FILE: &str = "frames.csv";
+
 #[derive(Debug)]
 pub(super) struct Table {
     path: PathBuf,
@@ -99,11 +102,11 @@ impl Table {
     /// Creates the folder and the table in it. A folder that cannot be used is bad input: nothing has
     /// been done yet.
     pub(super) fn create(folder: &Path) -> Result<Self, Failure> {
-        let path = folder.join("frames.csv");
+        let path = folder.join(FILE);
         if path.exists() {
             let folder = folder.display();
             tracing::warn!(
-                "{folder} has pictures already: those of the same names are written over, others stay, and frames.csv is of the new ones alone"
+                "{folder}: pictures of the same names are written over, others stay, and {FILE} lists the new ones alone"
             );
         }
         let file = std::fs::create_dir_all(folder).and_then(|()| File::create(&path)).map_err(|error| {

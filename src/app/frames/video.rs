@@ -2,6 +2,7 @@
 //! encodes.
 
 use super::super::Failure;
+use super::super::overwrite::OverwriteArgs;
 use super::y4m::{self, FrameRate};
 use crate::render::Image;
 use std::fs::File;
@@ -46,6 +47,17 @@ impl Destination {
             }
             _ => Self::Folder(out.to_owned()),
         })
+    }
+}
+
+impl Destination {
+    /// Refuses to write over pictures or a video that are there.
+    pub(super) fn check(&self, overwrite: OverwriteArgs) -> Result<(), Failure> {
+        match self {
+            Self::Folder(folder) => overwrite.check_files(folder, &[super::table::FILE]),
+            Self::Y4m(file) | Self::Encoded(file) => overwrite.check_file(file),
+            Self::Stdout => Ok(()),
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! The table of a sweep, which goes on where it was stopped.
 
 use super::grid::{Axis, Job};
+use crate::app::overwrite::OverwriteArgs;
 use crate::app::{Failure, ScenarioArgs};
 use crate::figures::number;
 use crate::runner::Outcome;
@@ -60,8 +61,24 @@ pub struct Table {
 }
 
 impl Table {
-    /// Begins a table, or goes on with one whose last row may be torn.
-    pub fn resume(folder: &Path, head: &Head, jobs: &[Job]) -> Result<Self, Failure> {
+    /// Begins a table, or goes on with one of the same sweep, whose last row may be torn. Another one that is there is
+    /// written over where that is asked for.
+    ///
+    /// # Errors
+    /// Where another sweep or a damaged one is there, or a file cannot be read or written.
+    pub fn open(folder: &Path, head: &Head, jobs: &[Job], overwrite: OverwriteArgs) -> Result<Self, Failure> {
+        match Self::resume(folder, head, jobs) {
+            Err(_) if overwrite.force => {
+                let path = folder.join("sweep.csv");
+                std::fs::remove_file(&path)
+                    .map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
+                Self::resume(folder, head, jobs)
+            }
+            result => result,
+        }
+    }
+
+    fn resume(folder: &Path, head: &Head, jobs: &[Job]) -> Result<Self, Failure> {
         let (path, beside) = (folder.join("sweep.csv"), folder.join("sweep.toml"));
         let failed = |path: &Path| {
             let path = path.display().to_string();
@@ -71,7 +88,7 @@ impl Table {
             let before = std::fs::read_to_string(&beside).unwrap_or_default();
             if before != head.text {
                 return Err(Failure::bad_input(format!(
-                    "{} is of another sweep, scenario or version; give another --out, or remove that folder",
+                    "{} is of another sweep, scenario or version; choose another --out, or --force writes over it",
                     path.display()
                 )));
             }
@@ -81,7 +98,7 @@ impl Table {
         let text = std::fs::read_to_string(&path).unwrap_or_default();
         let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
         let rows = rows_of(whole, &head.columns, jobs.len()).ok_or_else(|| {
-            Failure::bad_input(format!("{} is damaged; remove it, and the sweep begins anew", path.display()))
+            Failure::bad_input(format!("{} is damaged; --force begins the sweep anew", path.display()))
         })?;
         let file =
             OpenOptions::new().create(true).truncate(false).write(true).open(&path).map_err(failed(&path))?;

@@ -13,6 +13,7 @@ mod window;
 
 pub(super) use bench::{BenchArgs, bench};
 
+use super::overwrite::OverwriteArgs;
 use super::{Failure, Model, ProfileArg, ScenarioArgs, load, look};
 use crate::live::Speed;
 use crate::playback::{PlaybackError, Player};
@@ -48,6 +49,8 @@ pub struct ViewArgs {
     /// Folder for the logs: run-1 for the first run, run-2 after a reset [default: a new one in the user's data folder]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Keep no log
     #[arg(long, conflicts_with = "out")]
     no_log: bool,
@@ -96,6 +99,7 @@ impl Default for ViewArgs {
             model: None,
             environment: None,
             out: None,
+            overwrite: OverwriteArgs::default(),
             no_log: false,
             speed: None,
             start: false,
@@ -111,6 +115,8 @@ pub fn view(args: &ViewArgs) -> Result<(), Failure> {
             "--at is of a picture: give --picture FILE too; the window begins at 0",
         ));
     }
+    // Its runs are in folders of their own there: run-1, run-2.
+    args.out.iter().try_for_each(|folder| args.overwrite.check_runs(folder, "run-"))?;
     show(&Subject::Scenario(args))
 }
 

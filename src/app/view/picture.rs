@@ -49,6 +49,7 @@ enum ModeArg {
     Chase,
     Onboard,
     Overhead,
+    Free,
 }
 
 impl From<ModeArg> for Mode {
@@ -58,6 +59,7 @@ impl From<ModeArg> for Mode {
             ModeArg::Chase => Self::Chase,
             ModeArg::Onboard => Self::Onboard,
             ModeArg::Overhead => Self::Overhead,
+            ModeArg::Free => Self::Free,
         }
     }
 }
@@ -220,5 +222,18 @@ fn input(extent: [u32; 2], time_s: f64) -> egui::RawInput {
         screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, size)),
         time: Some(time_s),
         ..Default::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_camera_of_the_window_can_be_asked_for() {
+        for mode in Mode::ALL {
+            let asked = ModeArg::from_str(&mode.label().to_lowercase(), false).unwrap();
+            assert_eq!(Mode::from(asked), mode);
+        }
     }
 }

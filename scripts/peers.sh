@@ -1,0 +1,84 @@
+#!/usr/bin/env bash
+# Long checks against other people's programs, which the test suite has in short.
+#
+#   scripts/peers.sh rosbridge [SECONDS]   the roundabout over rosbridge, 120 s unless told otherwise: a server of Autobahn,
+#                                          Twisted and rospy (what rosbridge_suite is made of) under a roscore of its own
+#
+# To check against rosbridge_suite itself, where it is installed: ROSBRIDGE=ws://127.0.0.1:9090 scripts/peers.sh rosbridge.
+# Another program than that of this folder: CITY3D=/usr/bin/city3d scripts/peers.sh rosbridge.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+source scripts/setup.sh
+
+folder=$(mktemp -d)
+processes=()
+
+end() {
+    # What has ended already needs no signal.
+    for process in "${processes[@]}"; do kill -INT "$process" 2>/dev/null || true; done
+    for process in "${processes[@]}"; do wait "$process" 2>/dev/null || true; done
+    rm -rf "$folder"
+}
+trap end EXIT
+
+free_port() { /usr/bin/python3 -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])'; }
+
+# Waits until a file has a line that matches.
+wait_for() {
+    for _ in $(seq 600); do
+        grep -q "$2" "$1" 2>/dev/null && return
+        sleep 0.1
+    done
+    die "nothing like \"$2\" in: $(cat "$1")"
+}
+
+start_server() {
+    local port
+    port=$(free_port)
+    export ROS_MASTER_URI="http://127.0.0.1:$port" ROS_IP=127.0.0.1 ROS_HOME="$folder" ROS_LOG_DIR="$folder/log"
+    # Processes in the background of a script ignore Ctrl-C unless they are told otherwise.
+    (trap - INT; exec roscore -p "$port") >"$folder/roscore" 2>&1 &
+    processes+=($!)
+    wait_for "$folder/roscore" "started core service"
+    mkfifo "$folder/input"
+    /usr/bin/python3 tests/peers/rosbridge.py --ros <"$folder/input" >"$folder/server" &
+    server=$!
+    exec 9>"$folder/input"
+    wait_for "$folder/server" '^[0-9]'
+    uri="ws://127.0.0.1:$(head -1 "$folder/server")"
+}
+
+rosbridge() {
+    local seconds=${1:-120} uri=${ROSBRIDGE:-} server= city3d=${CITY3D:-}
+    [[ -n "$uri" ]] || start_server
+    if [[ -z "$city3d" ]]; then
+        cargo build --release --locked
+        city3d="${CARGO_TARGET_DIR:-target}/release/city3d"
+    fi
+    local length=(roundabout --duration "$seconds" "--rosbridge=$uri")
+    (trap - INT; exec "$city3d" serve "${length[@]}" --headless --bind 127.0.0.1:0 --out "$folder/city") \
+        >"$folder/city.out" 2>"$folder/city.err" &
+    processes+=($!)
+    wait_for "$folder/city.out" "is served on udp"
+    local address
+    address=$(sed -n 's/.*on udp \([0-9.:]*\).*/\1/p' "$folder/city.out")
+    say "$seconds s of the roundabout over $uri"
+    "$city3d" mainframe "${length[@]}" --city "$address" --out "$folder/mainframe" 2>"$folder/mainframe.err"
+    wait "${processes[-1]}"
+    unset 'processes[-1]'
+    if [[ -n "$server" ]]; then
+        exec 9>&-
+        wait "$server"
+    fi
+    cat "$folder/city.err" "$folder/mainframe.err" >&2
+    /usr/bin/python3 tests/peers/rosbridge_report.py "$folder" "$seconds"
+}
+
+case "${1:-}" in
+    rosbridge)
+        set_up_tests
+        shift
+        rosbridge "$@"
+        ;;
+    *) die "usage: scripts/peers.sh rosbridge [SECONDS]" ;;
+esac
