@@ -3,15 +3,20 @@
 //!
 //! Groups of few ends are partitioned by branch and bound, larger ones by agglomeration and local search.
 
+use super::along::runs_along;
 use super::strokes::{End, Relation, Strokes};
 use glam::DVec2;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::f64::consts::PI;
 
 /// Cost of an end that nothing goes on from, in squared tolerances.
 const LONE_COST: f64 = 2.0;
 /// Of one that lies on another stroke, where that one could be split.
 const ON_STROKE_COST: f64 = 1.0;
+/// Of one whose stroke runs along another from there on: one of the two will be trimmed or dropped.
+const TWICE_COST: f64 = 0.3;
+/// Of a joint of such ends alone.
+const CHANCE_COST: f64 = 0.8;
 /// Of one that lies on another stroke as exactly as if drawn so.
 const EXACT_COST: f64 = 0.02;
 /// Of each joint: of two readings the one with fewer joints is preferred, for lanes are not side by side.
@@ -78,8 +83,13 @@ fn mean(strokes: &Strokes, ends: &[End]) -> DVec2 {
 
 /// Finds the joints.
 pub(super) fn find(strokes: &Strokes) -> Joints {
-    let finder = Finder { strokes, rest_cost: rest_costs(strokes) };
+    let mut finder = Finder { strokes, rest_cost: rest_costs(strokes), settled: BTreeMap::new() };
     let units = finder.units();
+    for (unit, ends) in units.iter().enumerate() {
+        if finder.sides(ends).is_some_and(|(sides, _)| sides.contains(&false)) {
+            finder.settled.extend(ends.iter().map(|&end| (end, unit)));
+        }
+    }
     let mut found = Vec::new();
     for group in finder.groups(&units) {
         let units: Vec<Vec<End>> = group.into_iter().map(|k| units[k].clone()).collect();
@@ -105,6 +115,12 @@ fn rest_costs(strokes: &Strokes) -> BTreeMap<End, f64> {
             let at = strokes.position(end);
             let mut cost = LONE_COST;
             for (index, stroke) in strokes.kept().filter(|&(index, _)| index != end / 2) {
+                if !strokes.reaches(index, at) {
+                    continue;
+                }
+                if runs_along(strokes, end, index).is_some() {
+                    cost = cost.min(TWICE_COST);
+                }
                 let foot = stroke.rest.project(at);
                 let inside =
                     foot.s > strokes.tolerance_m && foot.s < stroke.rest.length - strokes.tolerance_m;
@@ -113,7 +129,7 @@ fn rest_costs(strokes: &Strokes) -> BTreeMap<End, f64> {
                 }
                 let turn = super::turn_of(stroke.rest.pose_at(foot.s).yaw_rad, strokes.leaving(end));
                 if super::is_exact(foot.distance, turn) {
-                    cost = EXACT_COST;
+                    cost = cost.min(EXACT_COST);
                 } else if turn <= strokes.angle_tolerance(index, end / 2) {
                     cost = cost.min(ON_STROKE_COST);
                 }
@@ -129,10 +145,12 @@ type Partition = Vec<Vec<End>>;
 struct Finder<'a> {
     strokes: &'a Strokes,
     rest_cost: BTreeMap<End, f64>,
+    /// Ends through which lanes go on as drawn, or since they were trimmed: by which unit.
+    settled: BTreeMap<End, usize>,
 }
 
 impl Finder<'_> {
-    /// Ends that are joined as drawn: those of neighbours in a polyline, and those in the same point.
+    /// Ends that are joined as drawn, or since they were trimmed: those in the same point.
     fn units(&self) -> Vec<Vec<End>> {
         let mut units: Vec<Vec<End>> = Vec::new();
         let mut at: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
@@ -254,10 +272,19 @@ impl Finder<'_> {
             return None;
         }
         let (sides, heading_cost) = self.sides(ends)?;
-        let mut cost = JOINT_COST + self.spread(ends) + heading_cost + self.beside_short(ends, &sides);
-        if !sides.contains(&false) {
-            cost += ends.iter().map(|end| self.rest_cost[end]).sum::<f64>();
+        let joined = self.spread(ends) + heading_cost + self.beside_short(ends, &sides);
+        // Ends of ways drawn twice are where they are by chance: little is gained by joining them.
+        let by_chance = ends.iter().filter(|end| self.rest_cost[*end] <= TWICE_COST).count();
+        if sides.contains(&false) {
+            let chance = if by_chance == ends.len() { CHANCE_COST } else { 0.0 };
+            // Joints that are there already are not made fewer.
+            let settled: BTreeSet<usize> =
+                ends.iter().filter_map(|end| self.settled.get(end)).copied().collect();
+            return Some(joined + chance + JOINT_COST * settled.len().max(1) as f64);
         }
+        let rest: f64 = ends.iter().map(|end| self.rest_cost[end]).sum();
+        let joints = by_chance + usize::from(by_chance < ends.len());
+        let cost = joined + rest + JOINT_COST * joints as f64;
         Some(cost)
     }
 
@@ -268,9 +295,10 @@ impl Finder<'_> {
         for (k, &a) in ends.iter().enumerate() {
             for &b in ends[..k].iter().zip(sides).filter(|&(_, side)| *side == sides[k]).map(|(b, _)| b) {
                 let (short, long) = (length(a).min(length(b)), length(a).max(length(b)));
+                let enough = 1.5 * self.strokes.tolerance_m;
                 // Of two that are short together, one is the other once more.
-                if long > 2.0 * short {
-                    cost += SHORT_COST * (1.0 - short / (1.5 * self.strokes.tolerance_m)).max(0.0);
+                if long > enough {
+                    cost += SHORT_COST * (1.0 - short / enough).max(0.0);
                 }
             }
         }

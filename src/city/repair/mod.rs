@@ -7,6 +7,7 @@
 //! 5. The file gets the new geometry, and stop lines that stood at the end of a lane stay there (`outcome`).
 
 mod adjust;
+mod along;
 mod joints;
 mod layout;
 mod outcome;

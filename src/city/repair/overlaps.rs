@@ -1,14 +1,10 @@
 //! Ways drawn twice: strokes that lie along others are dropped, and ends that run past the start of another
 //! are trimmed.
 
+use super::along::{Along, Share, other_end, runs_along, same_direction};
 use super::joints::{self, Joints};
 use super::strokes::{End, Relation, Strokes};
-use super::turn_of;
-use crate::geom::trig;
 use std::collections::BTreeSet;
-
-/// Strokes that are one way twice turn by the same angle within this, besides what the tolerance explains.
-const BASE_TURN_RAD: f64 = 0.035;
 
 /// What became of strokes, by index.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,8 +32,9 @@ pub(super) fn remove(strokes: &mut Strokes, cuts: &mut Vec<Cut>) -> Joints {
                     strokes.all[stroke].dropped = true;
                     cuts.push(Cut::Dropped { stroke, along });
                 }
-                Change::Trim { end, along, by_m } => {
+                Change::Trim { end, beside, by_m } => {
                     strokes.trim(end, by_m);
+                    let along = beside / 2;
                     cuts.push(Cut::Trimmed { end, by_m, along });
                 }
             }
@@ -49,29 +46,7 @@ pub(super) fn remove(strokes: &mut Strokes, cuts: &mut Vec<Cut>) -> Joints {
 #[derive(Clone, Copy, Debug)]
 enum Change {
     Drop { stroke: usize, along: usize },
-    Trim { end: End, along: usize, by_m: f64 },
-}
-
-/// A stroke that runs along another one, from one of its ends on.
-#[derive(Clone, Copy)]
-struct Along {
-    end: End,
-    other: usize,
-    share: Share,
-    /// Of the part that runs along: on the stroke itself.
-    length_m: f64,
-    /// On the other one, from beside the end to the end of the other one that lies ahead.
-    other_length_m: f64,
-    other_end: End,
-}
-
-/// How much of a stroke runs along another one.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Share {
-    /// All of it does, up to its other end.
-    Whole,
-    /// A part does, up to where the other stroke has its end.
-    Part,
+    Trim { end: End, beside: End, by_m: f64 },
 }
 
 /// Strokes in line between two joints at which lanes branch.
@@ -84,10 +59,6 @@ struct Chain {
 struct Finder<'a> {
     strokes: &'a Strokes,
     joints: &'a Joints,
-}
-
-fn other_end(end: End) -> End {
-    end ^ 1
 }
 
 impl Finder<'_> {
@@ -214,7 +185,7 @@ impl Finder<'_> {
     /// The strokes that one runs along from an end.
     fn beside(&self, end: End) -> Vec<Along> {
         let others = self.strokes.kept().filter(|&(other, _)| other != end / 2);
-        others.filter_map(|(other, _)| self.runs_along(end, other)).collect()
+        others.filter_map(|(other, _)| runs_along(self.strokes, end, other)).collect()
     }
 
     /// Drops a stroke that lies along another. Where both end in one joint and the other one misses it by more,
@@ -228,7 +199,7 @@ impl Finder<'_> {
         let enough = self.strokes.all[other].rest.length - other_length_m > self.strokes.tolerance_m;
         let together = self.joints.relation(far, reached) == Some(Relation::Beside);
         if together && enough && self.misses_m(far, reached) < self.misses_m(reached, far) - 1e-6 {
-            return Some(Change::Trim { end: reached, along: end / 2, by_m: other_length_m });
+            return Some(Change::Trim { end: reached, beside: end, by_m: other_length_m });
         }
         Some(Change::Drop { stroke: end / 2, along: other })
     }
@@ -248,94 +219,9 @@ impl Finder<'_> {
         let beside = [2 * along, 2 * along + 1];
         let joined = beside.iter().any(|&b| self.joints.relation(far, b) == Some(Relation::Beside));
         let directions_known = self.strokes.of_end(end).directed && self.strokes.all[along].directed;
-        let agree = !directions_known || self.same_direction(end, along);
+        let agree = !directions_known || same_direction(self.strokes, end, along);
         let both_free = self.joints.is_free(far);
         (both_free && self.joints.joint(far).ends.len() == 1) || (agree && (joined || both_free))
-    }
-
-    fn same_direction(&self, end: End, along: usize) -> bool {
-        let other = &self.strokes.all[along].rest;
-        let mine = &self.strokes.of_end(end).rest;
-        let foot = other.pose_at(other.project(self.strokes.position(end)).s);
-        let here = mine.pose_at(mine.project(self.strokes.position(end)).s);
-        foot.forward().dot(here.forward()) > 0.0
-    }
-
-    /// How the stroke of an end runs along another, from that end on.
-    fn runs_along(&self, end: End, other: usize) -> Option<Along> {
-        let tolerance = self.strokes.tolerance_m;
-        let (mine, rest) = (self.strokes.of_end(end), &self.strokes.all[other].rest);
-        let foot = rest.project(self.strokes.position(end));
-        let tangent = rest.pose_at(foot.s);
-        let turn = turn_of(tangent.yaw_rad, self.strokes.leaving(end));
-        if foot.distance > tolerance || turn > self.strokes.angle_tolerance(end / 2, other) {
-            return None;
-        }
-        // Along the other stroke in the direction of mine: to its end, and how far that is.
-        let ahead = tangent.forward().dot(super::unit(self.strokes.leaving(end))) > 0.0;
-        let (reached, other_length_m) =
-            if ahead { (2 * other + 1, rest.length - foot.s) } else { (2 * other, foot.s) };
-        let far = rest.project(self.strokes.position(other_end(end)));
-        let far_turn = turn_of(rest.pose_at(far.s).yaw_rad, self.strokes.leaving(other_end(end)));
-        let way = if ahead { far.s - foot.s } else { foot.s - far.s };
-        if far.distance <= tolerance
-            && far_turn <= self.strokes.angle_tolerance(end / 2, other)
-            && (way - mine.rest.length).abs() <= 2.0 * tolerance
-            && way > 0.0
-        {
-            let same = self.turns_alike(end, other) && self.middle_is_near(end, other, mine.rest.length);
-            return same.then_some(Along {
-                end,
-                other,
-                share: Share::Whole,
-                length_m: mine.rest.length,
-                other_length_m,
-                other_end: reached,
-            });
-        }
-        if mine.directed && self.strokes.all[other].directed && !self.same_direction(end, other) {
-            return None;
-        }
-        // Ends that are near are joined, not trimmed.
-        if other_length_m <= 1e-6
-            || self.strokes.position(reached).distance(self.strokes.position(end)) <= tolerance
-        {
-            return None;
-        }
-        let back = mine.rest.project(self.strokes.position(reached));
-        let length_m = if end.is_multiple_of(2) { back.s } else { mine.rest.length - back.s };
-        let back_turn = turn_of(mine.rest.pose_at(back.s).yaw_rad, self.strokes.leaving(reached));
-        let inside = length_m > 0.0 && length_m < mine.rest.length;
-        let meets = back.distance <= tolerance
-            && back_turn <= self.strokes.angle_tolerance(end / 2, other)
-            && (length_m - other_length_m).abs() <= 2.0 * tolerance;
-        (inside && meets && self.middle_is_near(end, other, length_m)).then_some(Along {
-            end,
-            other,
-            share: Share::Part,
-            length_m,
-            other_length_m,
-            other_end: reached,
-        })
-    }
-
-    /// Whether two strokes bend alike: a short way that branches off stays near, but turns away.
-    fn turns_alike(&self, end: End, other: usize) -> bool {
-        let (mine, rest) = (&self.strokes.of_end(end).rest, &self.strokes.all[other].rest);
-        let sign = if self.same_direction(end, other) { 1.0 } else { -1.0 };
-        let turn = (mine.curvature - sign * rest.curvature).abs() * mine.length;
-        // A chord that is off by the tolerance changes the sweep of an arc of fixed radius by this.
-        let bend = mine.curvature.abs().max(rest.curvature.abs());
-        let lever = trig::cos(mine.curvature * mine.length / 2.0).abs().max(0.2);
-        turn <= BASE_TURN_RAD + 1.5 * self.strokes.tolerance_m * bend / lever
-    }
-
-    /// Whether the middle of a length from an end on lies along the other stroke too.
-    fn middle_is_near(&self, end: End, other: usize, length_m: f64) -> bool {
-        let mine = &self.strokes.of_end(end).rest;
-        let half = length_m / 2.0;
-        let s = if end.is_multiple_of(2) { half } else { mine.length - half };
-        self.strokes.all[other].rest.project(mine.pose_at(s).position).distance <= self.strokes.tolerance_m
     }
 
     /// Which of two strokes that overlap is trimmed: the one whose end is joined to nothing, else the later one.
@@ -344,8 +230,8 @@ impl Finder<'_> {
         let tolerance = self.strokes.tolerance_m;
         let alone = |end: End| self.joints.joint(end).ends.len() == 1;
         let enough = |stroke: usize, by_m: f64| self.strokes.all[stroke].rest.length - by_m > tolerance / 2.0;
-        let mine = Change::Trim { end, along: other, by_m: length_m };
-        let theirs = Change::Trim { end: reached, along: end / 2, by_m: other_length_m };
+        let mine = Change::Trim { end, beside: reached, by_m: length_m };
+        let theirs = Change::Trim { end: reached, beside: end, by_m: other_length_m };
         let (can_mine, can_theirs) =
             (enough(end / 2, length_m), self.joints.is_free(reached) && enough(other, other_length_m));
         let prefer_theirs = can_theirs && alone(reached) && (!alone(end) || other > end / 2);

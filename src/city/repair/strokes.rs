@@ -125,6 +125,13 @@ impl Strokes {
         self.heading_error(end / 2)
     }
 
+    /// Whether a point may be within the tolerance of a stroke: a quick look before a projection.
+    pub(super) fn reaches(&self, stroke: usize, point: DVec2) -> bool {
+        let rest = &self.all[stroke].rest;
+        let middle = rest.pose_at(rest.length / 2.0).position;
+        middle.distance(point) <= rest.length / 2.0 + self.tolerance_m
+    }
+
     /// Whether directions of travel forbid a relation of two ends.
     pub(super) fn directions_allow(&self, a: End, b: End, relation: Relation) -> bool {
         match (self.goes_out(a), self.goes_out(b)) {
