@@ -12,6 +12,15 @@ pub(super) struct BlockSystem {
     right: Vec<DVec3>,
 }
 
+/// A node that has been eliminated.
+struct Pivot {
+    node: usize,
+    /// Of its diagonal block.
+    inverse: DMat3,
+    /// Blocks to the nodes that are eliminated later.
+    others: Vec<(usize, DMat3)>,
+}
+
 impl BlockSystem {
     pub(super) fn new(nodes: usize) -> Self {
         Self { rows: vec![BTreeMap::new(); nodes], right: vec![DVec3::ZERO; nodes] }
@@ -34,8 +43,7 @@ impl BlockSystem {
         let count = self.rows.len();
         let mut by_degree: BTreeSet<(usize, usize)> =
             self.rows.iter().enumerate().map(|(node, row)| (row.len(), node)).collect();
-        // Node, the inverse of its diagonal block, and the blocks to the nodes that are eliminated later.
-        let mut eliminated: Vec<(usize, DMat3, Vec<(usize, DMat3)>)> = Vec::with_capacity(count);
+        let mut eliminated: Vec<Pivot> = Vec::with_capacity(count);
         while let Some((_, node)) = by_degree.pop_first() {
             let row = std::mem::take(&mut self.rows[node]);
             let inverse = row.get(&node).map_or(DMat3::IDENTITY, DMat3::inverse);
@@ -53,10 +61,10 @@ impl BlockSystem {
             for &(i, _) in &others {
                 by_degree.insert((self.rows[i].len(), i));
             }
-            eliminated.push((node, inverse, others));
+            eliminated.push(Pivot { node, inverse, others });
         }
         let mut solution = vec![DVec3::ZERO; count];
-        for (node, inverse, others) in eliminated.into_iter().rev() {
+        for Pivot { node, inverse, others } in eliminated.into_iter().rev() {
             let known: DVec3 = others.iter().map(|&(other, block)| block * solution[other]).sum();
             solution[node] = inverse * (self.right[node] - known);
         }
