@@ -448,3 +448,30 @@ fn a_reader_that_closes_its_end_is_no_failure() {
         assert_eq!(code(&output), 0, "{args:?}: {output:?}");
     }
 }
+
+#[test]
+fn a_measured_map_is_repaired_into_another_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let gap = std::fs::read_to_string(root().join("tests/corpus/maps/gap.dxf")).unwrap();
+    std::fs::write(folder.path().join("gap.dxf"), &gap).unwrap();
+    let refused = city3d(folder.path(), &["check", "gap.dxf"]);
+    assert_eq!(code(&refused), 2);
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("--repair"), "{refused:?}");
+    let output = city3d(folder.path(), &["check", "--repair", "15mm", "gap.dxf", "--out", "good.dxf"]);
+    assert_eq!(code(&output), 0, "{output:?}");
+    let text = stdout(&output);
+    assert!(text.contains("gap.dxf: line 19, LINE 21: start moved by"), "{text}");
+    assert!(text.contains("good.dxf: good:"), "{text}");
+    assert_eq!(code(&city3d(folder.path(), &["check", "good.dxf"])), 0);
+    // Less than the gap; over the map itself; without a unit; without a place for the result.
+    for arguments in [
+        &["check", "--repair", "2mm", "gap.dxf", "--out", "other.dxf"][..],
+        &["check", "--repair", "15mm", "gap.dxf", "--out", "./gap.dxf"],
+        &["check", "--repair", "15", "gap.dxf", "--out", "other.dxf"],
+        &["check", "--repair", "15mm", "gap.dxf"],
+    ] {
+        assert_eq!(code(&city3d(folder.path(), arguments)), 2, "{arguments:?}");
+    }
+    assert!(!folder.path().join("other.dxf").exists());
+    assert_eq!(std::fs::read_to_string(folder.path().join("gap.dxf")).unwrap(), gap);
+}

@@ -1,12 +1,13 @@
-//! `city3d check`: validates scenarios and maps.
+//! `city3d check`: validates scenarios and maps, and repairs measured maps.
 
 use super::Failure;
+use super::repair::{Length, repair};
 use super::say::{complain, say};
-use crate::city::{LabMap, LaneId, LaneKind, load_map};
+use crate::city::{LabMap, LaneId, LaneKind, MapErrorKind, load_map};
 use crate::scenario::{Library, Overrides, read_experiment};
 use clap::Args;
 use serde::Serialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 #[derive(Debug, Args)]
@@ -20,6 +21,13 @@ pub struct CheckArgs {
     /// One JSON line a file instead of text
     #[arg(long)]
     json: bool,
+    /// Repair a measured map: move ends together that are this far apart (15mm, 0.5in, 0.015m), make joints
+    /// tangent, drop and trim what is drawn twice
+    #[arg(long, value_name = "LENGTH", requires = "out")]
+    repair: Option<Length>,
+    /// Where the repaired map is written
+    #[arg(long, value_name = "FILE", requires = "repair")]
+    out: Option<PathBuf>,
 }
 
 /// What a file that can be used holds.
@@ -42,8 +50,17 @@ struct LaneRow<'m> {
 }
 
 pub fn check(args: &CheckArgs) -> Result<(), Failure> {
+    let repaired;
+    let files = match (args.repair, &args.out) {
+        (Some(tolerance), Some(out)) => {
+            repair(&args.files, tolerance, out, args.json)?;
+            repaired = [out.to_string_lossy().into_owned()];
+            &repaired[..]
+        }
+        _ => &args.files,
+    };
     let mut bad = 0;
-    for file in &args.files {
+    for file in files {
         let finding = check_file(file);
         bad += usize::from(finding.is_err());
         if args.json {
@@ -61,7 +78,7 @@ pub fn check(args: &CheckArgs) -> Result<(), Failure> {
         }
     }
     if bad > 0 {
-        return Err(Failure::bad_input(format!("{bad} of {} files cannot be used", args.files.len())));
+        return Err(Failure::bad_input(format!("{bad} of {} files cannot be used", files.len())));
     }
     Ok(())
 }
@@ -116,7 +133,13 @@ fn check_file(file: &str) -> Finding {
 fn check_map(file: &str) -> Finding {
     let bytes = Library::default().map(file).map_err(|error| error.to_string())?;
     let loaded = load_map(&bytes).map_err(|errors| {
-        let lines: Vec<String> = errors.listed.iter().map(|error| format!("{file}: {error}")).collect();
+        let mut lines: Vec<String> = errors.listed.iter().map(|error| format!("{file}: {error}")).collect();
+        let of_measuring =
+            |kind| matches!(kind, MapErrorKind::Gap | MapErrorKind::Kink | MapErrorKind::Overlap);
+        if errors.listed.iter().any(|error| of_measuring(error.kind)) {
+            let words = "repair a measured map with: city3d check --repair 15mm";
+            lines.push(format!("{file}: {words} {file} --out REPAIRED.dxf"));
+        }
         lines.join("\n")
     })?;
     let length: f64 = loaded.map.lanes.iter().map(|lane| lane.curve.length()).sum();

@@ -21,6 +21,7 @@ mod pictures;
 mod plot;
 mod progress;
 mod recorded;
+mod repair;
 mod replay;
 #[cfg(feature = "ros")]
 mod ros;

@@ -6,6 +6,7 @@ mod error;
 pub mod generate;
 pub mod layers;
 mod map;
+mod repair;
 mod route;
 pub mod scene;
 
@@ -15,3 +16,4 @@ pub use map::{
     CityMap, ConflictZone, ControlLine, ControlLineKind, LabMap, Lane, LaneId, LaneKind, PlacedModel,
     RoadMap, Scenery, SceneryKind, Shape, ZoneId, ZoneKind, ZoneSide,
 };
+pub use repair::{MAX_REPAIR_TOLERANCE_M, RepairAction, RepairChange, RepairedMap, repair_map};

@@ -8,7 +8,7 @@ mod lanes;
 mod lines;
 mod neighbours;
 mod network;
-mod pieces;
+pub(super) mod pieces;
 mod scenery;
 mod zones;
 
@@ -103,7 +103,7 @@ fn in_map(at: DVec2) -> bool {
 }
 
 /// Whether the layer holds lanes, and of which kind.
-fn lane_kind(layer: &str) -> Option<LaneKind> {
+pub(super) fn lane_kind(layer: &str) -> Option<LaneKind> {
     if layer.eq_ignore_ascii_case(layers::LANES) {
         Some(LaneKind::Lane)
     } else if layer.eq_ignore_ascii_case(layers::CONNECTORS) {
@@ -163,12 +163,12 @@ fn check_layers(by_layer: &Layers, read: &ReadDrawing, findings: &mut Findings) 
 }
 
 /// A place for a message, in laboratory metres.
-fn place(at: DVec2) -> String {
+pub(super) fn place(at: DVec2) -> String {
     format!("({:.3}, {:.3})", at.x, at.y)
 }
 
 /// An entity with its line, for messages about two.
-fn named(entity: &Entity) -> String {
+pub(super) fn named(entity: &Entity) -> String {
     if entity.line == 0 { entity.label() } else { format!("{} (line {})", entity.label(), entity.line) }
 }
 

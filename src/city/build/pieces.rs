@@ -12,7 +12,7 @@ const MAX_RADIUS_M: f64 = 1e6;
 
 /// A straight or circular part of a lane, as drawn.
 #[derive(Clone, Debug)]
-pub(super) struct Piece {
+pub(in crate::city) struct Piece {
     /// Index in the drawing.
     pub entity: usize,
     pub kind: LaneKind,
@@ -31,24 +31,20 @@ pub(super) struct DrawnLine<'a> {
 }
 
 /// The pieces of all lanes, by entity and along it.
-pub(super) fn build(drawing: &Drawing, metres: f64, findings: &mut Findings) -> Vec<Piece> {
+pub(in crate::city) fn build(drawing: &Drawing, metres: f64, findings: &mut Findings) -> Vec<Piece> {
     let mut pieces = Vec::new();
     let mut any = false;
     for (index, entity) in drawing.entities.iter().enumerate() {
         let Some(kind) = lane_kind(&entity.layer) else { continue };
         any = true;
-        let (segments, directed) = match &entity.shape {
-            Shape::Line { from, to } => (vec![Segment::line(*from * metres, *to * metres)], true),
-            Shape::Arc { centre, radius, from_deg, to_deg } => {
-                (vec![arc(*centre * metres, radius * metres, *from_deg, *to_deg)], false)
-            }
-            Shape::Polyline { vertices, closed } => (polyline_segments(vertices, *closed, metres), true),
-            Shape::Circle { .. } => {
+        let (segments, directed) = match (segments_of(&entity.shape, metres), &entity.shape) {
+            (Some(found), _) => found,
+            (None, Shape::Circle { .. }) => {
                 let message = "a CIRCLE has no place where a lane could start".to_owned();
                 findings.error(MapErrorKind::Unsupported, entity, message, "draw the ring as two ARCs");
                 continue;
             }
-            Shape::Text { .. } => {
+            (None, _) => {
                 findings
                     .note(entity, format!("text ignored: names belong on layer {}", super::layers::NAMES));
                 continue;
@@ -81,6 +77,19 @@ pub(super) fn build(drawing: &Drawing, metres: f64, findings: &mut Findings) -> 
         findings.error_at(MapErrorKind::Size, 1, String::new(), message, remedy);
     }
     pieces
+}
+
+/// The segments of an entity in metres, and whether it gives them a direction of travel; `None` of a
+/// circle and a text.
+pub(in crate::city) fn segments_of(shape: &Shape, metres: f64) -> Option<(Vec<Segment>, bool)> {
+    match shape {
+        Shape::Line { from, to } => Some((vec![Segment::line(*from * metres, *to * metres)], true)),
+        Shape::Arc { centre, radius, from_deg, to_deg } => {
+            Some((vec![arc(*centre * metres, radius * metres, *from_deg, *to_deg)], false))
+        }
+        Shape::Polyline { vertices, closed } => Some((polyline_segments(vertices, *closed, metres), true)),
+        Shape::Circle { .. } | Shape::Text { .. } => None,
+    }
 }
 
 /// An arc that runs counter-clockwise between two angles; no sweep at all where they are equal.
