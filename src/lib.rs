@@ -7,6 +7,7 @@ pub mod camera;
 pub mod city;
 pub mod cockpit;
 pub mod environment;
+pub mod estimation;
 pub mod figures;
 pub mod geom;
 pub mod link;

@@ -1,0 +1,172 @@
+//! The motion models of the estimator, as linear transitions and covariances of one scalar coordinate.
+
+use crate::geom::trig;
+use serde::{Deserialize, Serialize};
+
+/// Longer steps are taken in parts: within one, process noise grows by its first term.
+const LONGEST_STEP_S: f64 = 0.05;
+/// No step is taken in more parts.
+const MOST_PARTS: f64 = 40.0;
+
+/// A time step in equal parts: how many, and how long each is.
+pub(super) fn parts(dt_s: f64) -> (u32, f64) {
+    let count = (dt_s.abs() / LONGEST_STEP_S).ceil().clamp(1.0, MOST_PARTS);
+    (count as u32, dt_s / count)
+}
+
+/// Singer's model over one step: acceleration is a first-order Gauss-Markov process (Singer, "Estimating optimal
+/// tracking filter performance for manned maneuvering targets", IEEE Trans. AES 6, 1970).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Singer {
+    pub dt_s: f64,
+    /// What an acceleration adds to the position and to the velocity, and what is left of it.
+    pub position_s2: f64,
+    pub velocity_s: f64,
+    pub remains: f64,
+    /// Spectral density of the white jerk that drives it, m2/s5.
+    density: f64,
+}
+
+impl Singer {
+    /// Over `dt_s`, for accelerations with a standard deviation and a correlation time.
+    pub fn new(dt_s: f64, acceleration_std_mps2: f64, time_s: f64) -> Self {
+        let remains = trig::exp(-dt_s / time_s);
+        let velocity_s = time_s * (1.0 - remains);
+        Self {
+            dt_s,
+            position_s2: time_s * (dt_s - velocity_s),
+            velocity_s,
+            remains,
+            density: 2.0 * acceleration_std_mps2 * acceleration_std_mps2 / time_s,
+        }
+    }
+}
+
+/// Covariance of position, velocity and acceleration along one axis.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct Covariance3 {
+    pub pp: f64,
+    pub pv: f64,
+    pub pa: f64,
+    pub vv: f64,
+    pub va: f64,
+    pub aa: f64,
+}
+
+/// Gains of a measured position.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gain3 {
+    pub p: f64,
+    pub v: f64,
+    pub a: f64,
+}
+
+impl Covariance3 {
+    /// Of independent position, velocity and acceleration with these variances.
+    pub fn diagonal(pp: f64, vv: f64, aa: f64) -> Self {
+        Self { pp, pv: 0.0, pa: 0.0, vv, va: 0.0, aa }
+    }
+
+    /// `F P F' + Q` of one step.
+    #[must_use]
+    pub fn after(&self, step: &Singer) -> Self {
+        let Singer { dt_s: t, position_s2: f, velocity_s: g, remains: r, density } = *step;
+        // Rows of F P.
+        let (pp, pv, pa) = (
+            self.pp + t * self.pv + f * self.pa,
+            self.pv + t * self.vv + f * self.va,
+            self.pa + t * self.va + f * self.aa,
+        );
+        let (vv, va) = (self.vv + g * self.va, self.va + g * self.aa);
+        let (t, q) = (t.abs(), density);
+        Self {
+            pp: pp + step.dt_s * pv + f * pa + q * t.powi(5) / 20.0,
+            pv: pv + g * pa + q * t.powi(4) / 8.0,
+            pa: r * pa + q * t.powi(3) / 6.0,
+            vv: vv + g * va + q * t.powi(3) / 3.0,
+            va: r * va + q * t * t / 2.0,
+            aa: r * r * self.aa + q * t,
+        }
+    }
+
+    /// After a position was measured with a variance.
+    #[must_use]
+    pub fn measured(&self, variance: f64) -> (Self, Gain3) {
+        let total = self.pp + variance;
+        let gain = Gain3 { p: self.pp / total, v: self.pv / total, a: self.pa / total };
+        let left = variance / total;
+        let after = Self {
+            pp: self.pp * left,
+            pv: self.pv * left,
+            pa: self.pa * left,
+            vv: self.vv - gain.v * self.pv,
+            va: self.va - gain.v * self.pa,
+            aa: self.aa - gain.a * self.pa,
+        };
+        (after, gain)
+    }
+}
+
+/// Covariance of an angle and its rate, whose change is white noise.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct Covariance2 {
+    pub pp: f64,
+    pub pv: f64,
+    pub vv: f64,
+}
+
+impl Covariance2 {
+    /// `F P F' + Q` over a time, for angular accelerations with a spectral density (rad2/s3).
+    #[must_use]
+    pub fn after(&self, dt_s: f64, density: f64) -> Self {
+        let t = dt_s.abs();
+        Self {
+            pp: self.pp + 2.0 * dt_s * self.pv + dt_s * dt_s * self.vv + density * t.powi(3) / 3.0,
+            pv: self.pv + dt_s * self.vv + density * dt_s * t / 2.0,
+            vv: self.vv + density * t,
+        }
+    }
+
+    /// After the angle was measured with a variance; gains of angle and rate.
+    #[must_use]
+    pub fn measured(&self, variance: f64) -> (Self, [f64; 2]) {
+        let total = self.pp + variance;
+        let gain = [self.pp / total, self.pv / total];
+        let left = variance / total;
+        (Self { pp: self.pp * left, pv: self.pv * left, vv: self.vv - gain[1] * self.pv }, gain)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_acceleration_moves_as_in_closed_form() {
+        // Of a(t) = exp(-t / 0.5): its first and second integrals.
+        let step = Singer::new(0.05, 0.15, 0.5);
+        let exp = 0.904_837_418_035_959_6;
+        assert!((step.remains - exp).abs() < 1e-15);
+        assert!((step.velocity_s - 0.5 * (1.0 - exp)).abs() < 1e-15);
+        assert!((step.position_s2 - (0.25 * (0.1 - 1.0 + exp))).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_spread_of_accelerations_stays_that_of_the_model() {
+        let mut covariance = Covariance3::diagonal(0.0, 0.0, 0.0);
+        let step = Singer::new(0.01, 0.15, 0.5);
+        for _ in 0..1000 {
+            covariance = covariance.after(&step);
+        }
+        assert!((covariance.aa.sqrt() - 0.15).abs() < 0.003, "{}", covariance.aa.sqrt());
+    }
+
+    #[test]
+    fn long_steps_are_taken_in_parts() {
+        assert_eq!(parts(0.01), (1, 0.01));
+        assert_eq!(parts(0.2), (4, 0.05));
+        let (count, part_s) = parts(10.0);
+        assert_eq!((count, part_s), (40, 0.25));
+        assert_eq!(parts(-0.02), (1, -0.02));
+    }
+}
