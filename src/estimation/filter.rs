@@ -23,6 +23,8 @@ const SHORTEST_S: f64 = 0.02;
 /// stands as many will do.
 const BELIEVED_AFTER_S: f64 = 0.1;
 const BELIEVED_FROM: u32 = 3;
+/// After so long without a pose nobody knows what has been done to it, and one is enough.
+const OCCLUDED_S: f64 = 0.5;
 /// After so long without a pose nothing is left of what was known.
 const FORGOTTEN_AFTER_S: f64 = 2.0;
 /// A pose that is older by more than this is of a clock that was set back.
@@ -244,11 +246,14 @@ impl MotionFilter {
             self.state = Some(foreseen.placed(pose, variances));
             return (Taken::Used, true);
         }
-        let slack_s = gap_s.max(SHORTEST_S);
+        let slack_s = gap_s.clamp(SHORTEST_S, BELIEVED_AFTER_S);
         let off_m = (pose.position - foreseen.position).length();
         let slack_m = HARDEST * self.noise.acceleration_std_mps2 * slack_s * slack_s;
         let [position, heading] = variances;
-        if off_m.powi(2) > GATE.powi(2) * (foreseen.spread.pp + position) + slack_m * slack_m {
+        // Of a single pose no speed is known: the next one may be anywhere.
+        let is_single = foreseen.spread.vv >= self.noise.speed_std_mps.powi(2);
+        let gate_m2 = GATE.powi(2) * (foreseen.spread.pp + position) + slack_m * slack_m;
+        if !is_single && off_m.powi(2) > gate_m2 {
             return self.reject(stamp_s, pose, variances);
         }
         self.position_outliers = None;
@@ -287,8 +292,8 @@ impl MotionFilter {
     }
 
     fn reject(&mut self, stamp_s: f64, pose: Pose2, variances: [f64; 2]) -> (Taken, bool) {
-        let clock_stands = self.last_stamp_s() == Some(stamp_s);
-        if note(&mut self.position_outliers, stamp_s, clock_stands) {
+        let gap_s = stamp_s - self.last_stamp_s().unwrap_or(stamp_s);
+        if note(&mut self.position_outliers, stamp_s, gap_s == 0.0) || gap_s > OCCLUDED_S {
             self.begin(stamp_s, pose, variances)
         } else {
             (Taken::Outlier, false)

@@ -48,6 +48,8 @@ pub struct MotionStd {
 }
 
 #[cfg(test)]
+mod accuracy;
+#[cfg(test)]
 mod stand_tests;
 #[cfg(test)]
 mod tests;

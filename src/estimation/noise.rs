@@ -113,7 +113,10 @@ pub(super) fn local_variances(noise: &NoiseModel, poses: &[(f64, Pose2)]) -> Vec
         .into_iter()
         .map(|(block, squares)| (block, std::array::from_fn(|k| trimmed(&squares[k], MEDIANS[k]))))
         .collect();
-    let least = noise.least();
+    // Rounding errors last as long as a slow vehicle takes to the next number: they count as those of a whole step.
+    let step_m = rounding_step(poses);
+    let [position, heading] = noise.least();
+    let least = [position.max(step_m * step_m), heading];
     poses
         .iter()
         .map(|(time_s, _)| {
@@ -127,6 +130,28 @@ pub(super) fn local_variances(noise: &NoiseModel, poses: &[(f64, Pose2)]) -> Vec
             })
         })
         .collect()
+}
+
+/// The step to which coordinates are rounded, of which all differences between poses are multiples; 0 where there is none.
+fn rounding_step(poses: &[(f64, Pose2)]) -> f64 {
+    const WHOLE: f64 = 1e-3;
+    let differences = || {
+        let between = poses.windows(2).map(|pair| pair[1].1.position - pair[0].1.position);
+        between.flat_map(|way| [way.x.abs(), way.y.abs()])
+    };
+    // Less is what is left of a rounded number that was scaled.
+    let scale_m = differences().fold(0.0, f64::max);
+    let step_m = differences().filter(|way_m| *way_m > 1e-9 * scale_m).fold(f64::INFINITY, f64::min);
+    let mut multiples = std::collections::BTreeSet::new();
+    for way_m in differences() {
+        let multiple = (way_m / step_m).round();
+        if (way_m / step_m - multiple).abs() > WHOLE * multiple.max(1.0) {
+            return 0.0;
+        }
+        multiples.insert(multiple as i64);
+    }
+    // One that goes at a constant speed goes multiples of what it goes.
+    if multiples.len() > 3 { step_m } else { 0.0 }
 }
 
 /// The mean of some squares without outliers, and how many there are.

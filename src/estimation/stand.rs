@@ -68,7 +68,7 @@ impl From<&MotionEstimate> for Observed {
 }
 
 /// A vehicle has come to a stand, or has moved off.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum StandChange {
     Stopped,
     /// `stood_s`: until it became faster than [`MOVES_MPS`].
@@ -100,6 +100,11 @@ pub struct StandDetector {
 impl StandDetector {
     pub fn is_standing(&self) -> bool {
         self.stands.is_some()
+    }
+
+    /// Whether it moves off: it is faster than [`MOVES_MPS`] and has not left its place yet.
+    pub fn is_moving_off(&self) -> bool {
+        self.fast_since_s.is_some()
     }
 
     /// Since when it stands.

@@ -153,6 +153,23 @@ fn the_smoother_gives_speeds_as_they_were() {
 }
 
 #[test]
+fn rounded_positions_are_as_noisy_as_their_steps() {
+    let times: Vec<f64> = (0..1990).map(|k| f64::from(k) / 100.0).collect();
+    let mut rounded = poses(100.0, 0.0, 30.0..30.0);
+    for (_, pose) in &mut rounded {
+        // Millimetres of the laboratory.
+        pose.position = (pose.position / SCALE * 1000.0).round() / 1000.0 * SCALE;
+    }
+    let found = smooth(&NOISE.scaled(SCALE), &rounded, &times);
+    let errors = times
+        .iter()
+        .zip(&found)
+        .map(|(time_s, motion)| (motion.as_ref().unwrap().speed_mps - stop_and_go(*time_s).1) / SCALE);
+    let rms_mps = f64::sqrt(errors.map(|error| error * error).sum::<f64>() / times.len() as f64);
+    assert!(rms_mps < 0.003, "{rms_mps} m/s");
+}
+
+#[test]
 fn the_smoother_leaves_outliers_out_and_knows_nothing_of_long_gaps() {
     let mut poses = poses(100.0, 1e-3, 5.0..6.5);
     for k in [100, 101, 200, 1100, 1500] {
@@ -167,6 +184,11 @@ fn the_smoother_leaves_outliers_out_and_knows_nothing_of_long_gaps() {
             assert!(motion.pose.position.y.abs() < 0.1 && motion.pose.yaw_rad.abs() < 0.05, "{motion:?}");
         }
     }
+    // A vehicle that is faster than one of the laboratory ever is, ten poses a second.
+    let fast: Vec<(f64, Pose2)> =
+        (0..100).map(|k| (f64::from(k) / 10.0, Pose2::new(10.0 * f64::from(k), 0.0, 0.0))).collect();
+    let found = smooth(&NOISE.scaled(SCALE), &fast, &times[..900]);
+    assert!(found.iter().all(|motion| motion.is_some_and(|motion| (motion.speed_mps - 100.0).abs() < 1.0)));
     // Somebody has put it elsewhere: it does not drive there.
     let mut moved = self::poses(100.0, 1e-3, 30.0..30.0);
     moved.iter_mut().filter(|(time_s, _)| *time_s > 11.0).for_each(|(_, pose)| pose.position.y += 50.0);
