@@ -57,7 +57,7 @@ impl Recording {
         for pose in poses {
             let count = counts.entry(pose.id).or_default();
             *count += 1;
-            if (*count - 1) % (200 / self.hz) != 0 {
+            if !(*count - 1).is_multiple_of(200 / self.hz) {
                 continue;
             }
             let (from_s, to_s) = hidden.entry(pose.id).or_insert((1.0 + 4.0 * draws.uniform(), 0.0));
