@@ -259,6 +259,28 @@ fn a_run_held_against_itself_is_the_same() {
 }
 
 #[test]
+fn what_a_comparison_tells_does_not_depend_on_the_rate_of_the_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for hz in ["100", "50", "10"] {
+        let shared = ["run", "roundabout", "--duration", "25", "--environment", "testbed"];
+        assert_eq!(tell(&[&shared[..], &["--log-hz", hz, "--out", hz]].concat(), folder).0, 0);
+    }
+    for other in ["50/run.mcap", "10/run.mcap"] {
+        let (code, said, complained) = tell(&["compare", "100/run.mcap", other, "--json"], folder);
+        assert_eq!(code, 0, "{complained}");
+        let comparison: Json = serde_json::from_str(&said).unwrap();
+        for vehicle in [None, Some(1), Some(4)] {
+            let rms = ["RMS acceleration", "RMS jerk", "RMS lateral error", "RMS tracking error"];
+            for quantity in rms {
+                let [a, b] = [0, 1].map(|run| value(&comparison, quantity, vehicle)[run].as_f64().unwrap());
+                assert!((a / b - 1.0).abs() < 0.01, "{other}: {quantity} of {vehicle:?}: {a} and {b}");
+            }
+        }
+    }
+}
+
+#[test]
 fn runs_of_other_scenarios_are_not_compared_and_it_says_why() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -104,11 +104,11 @@ fn print(comparison: &Comparison) -> Result<(), Failure> {
             say(format_args!("  {:<34}{a:>28}{b:>28}", format!("{quantity}{unit}")))?;
         }
     }
-    say("distance between the runs at the same time: mean, largest")?;
+    say("between the runs at the same time: mean distance, largest, RMS difference of speed")?;
     for one in apart {
         say(format_args!(
-            "  {:<34}{:>26.4} m{:>26.4} m at {:.2} s",
-            one.name, one.mean_m, one.max_m, one.max_at_s
+            "  {:<24}{:>10.4} m{:>10.4} m at {:.2} s{:>10.4} m/s",
+            one.name, one.mean_m, one.max_m, one.max_at_s, one.rms_speed_mps
         ))?;
     }
     Ok(())

@@ -49,6 +49,7 @@ impl OverwriteArgs {
     ///
     /// # Errors
     /// Bad input that names the file and the remedy.
+    #[cfg(feature = "render")]
     pub fn check_file(self, path: &Path) -> Result<(), Failure> {
         if self.force || !path.is_file() {
             return Ok(());

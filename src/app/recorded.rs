@@ -3,22 +3,17 @@
 
 use super::files::{Files, LogArgs, conclude};
 use super::{Failure, ScenarioArgs, load, progress};
-use crate::geom::trig;
-use crate::record::{
-    COLUMNS, MeasuredPose, Origin, POSE_COLUMNS, is_log, is_ros1_bag, pose_at, read_bag, read_poses,
-};
-use crate::runner::{SeenCity, Summary};
+use crate::estimation::{LONGEST_GAP_S, MotionEstimate, NoiseModel, smooth};
+use crate::geom::Pose2;
+use crate::record::{COLUMNS, MeasuredPose, Origin, POSE_COLUMNS, is_log, is_ros1_bag, read_bag, read_poses};
+use crate::runner::{SeenCity, SeenMotion, Summary};
 use crate::scenario::Experiment;
 use crate::snapshot::{Status, VehicleId};
-use crate::wire::{Measurement, Phase, Poses, Seen};
-use glam::{DQuat, DVec3};
+use crate::wire::{Phase, Poses};
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// A vehicle that is not seen for longer is not there.
-const LONGEST_GAP_S: f64 = 1.0;
 
 /// Poses with the scenario that they are of.
 pub struct Recorded<'a> {
@@ -128,16 +123,9 @@ impl Recorded<'_> {
         let mut city = SeenCity::new(Arc::clone(experiment));
         let bar = progress::simulated_seconds(experiment.duration_s);
         let last = (experiment.duration_s * f64::from(experiment.rates.physics_hz) + 1e-6).floor() as u64;
+        let mut smoothed = Smoothed::new(poses, from_s, experiment);
         for tick in 0..=last {
             let time_s = experiment.rates.time_s(tick);
-            let seen = seen_at(poses, from_s + time_s, time_s);
-            for vehicle in seen.iter().map(|seen| seen.pose.vehicle) {
-                if city.snapshot().vehicle(vehicle).is_none()
-                    && let Some(velocity_mps) = velocity_at(&poses[&vehicle], from_s + time_s)
-                {
-                    city.expect(vehicle, velocity_mps);
-                }
-            }
             let head = Poses {
                 tick,
                 time_s,
@@ -147,7 +135,7 @@ impl Recorded<'_> {
                 parts: 1,
                 vehicles: Vec::new(),
             };
-            let snapshot = city.see(&head, &seen);
+            let snapshot = city.show(&head, &smoothed.at(tick));
             if tick == 0 {
                 files.first(snapshot)?;
             } else {
@@ -190,28 +178,63 @@ fn gaps(poses: &[MeasuredPose]) -> impl Iterator<Item = (f64, f64)> {
     times.filter(|(before, after)| after - before > LONGEST_GAP_S)
 }
 
-/// How a vehicle moves from a time on, laboratory metres a second: the next poses tell.
-fn velocity_at(poses: &[MeasuredPose], time_s: f64) -> Option<DVec3> {
-    const AHEAD_S: f64 = 0.1;
-    let here = pose_at(poses, time_s, LONGEST_GAP_S)?;
-    let last = poses.last()?.time_s;
-    let (then_s, then) = [AHEAD_S, AHEAD_S / 10.0]
-        .map(|ahead_s| (time_s + ahead_s).min(last))
-        .into_iter()
-        .filter(|then_s| *then_s > time_s)
-        .find_map(|then_s| Some((then_s, pose_at(poses, then_s, LONGEST_GAP_S)?)))?;
-    Some(((then.position - here.position) / (then_s - time_s)).extend(0.0))
+/// Recorded poses are smoothed in pieces this long, each with so much more on both sides that its ends are
+/// smoothed as if all poses had been taken at once.
+const PIECE_S: f64 = 60.0;
+const MARGIN_S: f64 = 5.0;
+
+/// How the vehicles moved at the ticks of the experiment, from all of their poses. City metres.
+struct Smoothed<'a> {
+    poses: &'a BTreeMap<VehicleId, Vec<MeasuredPose>>,
+    /// Stamp of the experiment's beginning.
+    from_s: f64,
+    experiment: &'a Experiment,
+    noise: NoiseModel,
+    /// The first tick of the present piece, and the motions from there on.
+    first: u64,
+    motions: BTreeMap<VehicleId, Vec<Option<MotionEstimate>>>,
 }
 
-/// The vehicles that are there at a time.
-fn seen_at(poses: &BTreeMap<VehicleId, Vec<MeasuredPose>>, time_s: f64, stamp_s: f64) -> Vec<Seen> {
-    let seen = |(&vehicle, poses): (&VehicleId, &Vec<MeasuredPose>)| {
-        let pose = pose_at(poses, time_s, LONGEST_GAP_S)?;
-        let position = DVec3::new(pose.position.x, pose.position.y, 0.0);
-        let (sin, cos) = trig::sin_cos(pose.yaw_rad / 2.0);
-        let orientation = DQuat::from_xyzw(0.0, 0.0, sin, cos);
-        let pose = Measurement { vehicle, stamp_s, position, orientation };
-        Some(Seen { pose, status: Status::Physical })
-    };
-    poses.iter().filter_map(seen).collect()
+impl<'a> Smoothed<'a> {
+    fn new(
+        poses: &'a BTreeMap<VehicleId, Vec<MeasuredPose>>,
+        from_s: f64,
+        experiment: &'a Experiment,
+    ) -> Self {
+        let noise = NoiseModel::LABORATORY.scaled(experiment.scale.factor());
+        Self { poses, from_s, experiment, noise, first: 0, motions: BTreeMap::new() }
+    }
+
+    fn ticks_per_piece(&self) -> u64 {
+        (PIECE_S * f64::from(self.experiment.rates.physics_hz)) as u64
+    }
+
+    /// The vehicles that are there at a tick. Ticks come in order.
+    fn at(&mut self, tick: u64) -> Vec<SeenMotion> {
+        if self.motions.is_empty() || tick >= self.first + self.ticks_per_piece() {
+            self.smooth_from(tick);
+        }
+        let index = (tick - self.first) as usize;
+        let motion = |(&vehicle, motions): (&VehicleId, &Vec<Option<MotionEstimate>>)| {
+            let motion = (*motions.get(index)?)?;
+            Some(SeenMotion::planar(vehicle, Status::Physical, &motion))
+        };
+        self.motions.iter().filter_map(motion).collect()
+    }
+
+    fn smooth_from(&mut self, first: u64) {
+        self.first = first;
+        let times_s: Vec<f64> =
+            (first..first + self.ticks_per_piece()).map(|tick| self.experiment.rates.time_s(tick)).collect();
+        let (begin_s, end_s) = (times_s[0] - MARGIN_S, times_s[times_s.len() - 1] + MARGIN_S);
+        let factor = self.experiment.scale.factor();
+        for (&vehicle, poses) in self.poses {
+            let from = poses.partition_point(|pose| pose.time_s - self.from_s < begin_s);
+            let to = poses.partition_point(|pose| pose.time_s - self.from_s <= end_s);
+            let near = poses[from..to].iter();
+            let near: Vec<(f64, Pose2)> =
+                near.map(|pose| (pose.time_s - self.from_s, pose.pose.scaled(factor))).collect();
+            self.motions.insert(vehicle, smooth(&self.noise, &near, &times_s));
+        }
+    }
 }

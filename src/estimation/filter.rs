@@ -6,7 +6,7 @@
 
 use super::noise::{NoiseGauge, NoiseModel};
 use super::singer::{Covariance2, Covariance3, Singer, parts};
-use super::{Motion, MotionStd};
+use super::{MotionEstimate, MotionStd};
 use crate::geom::{Pose2, trig, wrap_angle};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 const GATE: f64 = 5.0;
 /// What a sudden change of motion makes of one step is no outlier: an acceleration of so many of its standard
 /// deviations, and a turn.
-const HARDEST: f64 = 12.0;
+const HARDEST: f64 = 15.0;
 const HARDEST_RADPS2: f64 = 20.0;
 /// Two poses are not nearer in time than this to such a change.
 const SHORTEST_S: f64 = 0.02;
@@ -23,6 +23,8 @@ const SHORTEST_S: f64 = 0.02;
 /// stands as many will do.
 const BELIEVED_AFTER_S: f64 = 0.1;
 const BELIEVED_FROM: u32 = 3;
+/// After so long without a pose nobody knows what has been done to it, and one is enough.
+const OCCLUDED_S: f64 = 0.5;
 /// After so long without a pose nothing is left of what was known.
 const FORGOTTEN_AFTER_S: f64 = 2.0;
 /// A pose that is older by more than this is of a clock that was set back.
@@ -127,10 +129,10 @@ impl State {
         self.yaw_rate_radps += off * rate;
     }
 
-    pub fn motion(&self) -> Motion {
+    pub fn motion(&self) -> MotionEstimate {
         let pose = Pose2 { position: self.position, yaw_rad: self.yaw_rad };
         let forward = pose.forward();
-        Motion {
+        MotionEstimate {
             time_s: self.stamp_s,
             pose,
             velocity_mps: self.velocity,
@@ -214,13 +216,26 @@ impl MotionFilter {
 
     /// Takes a pose in. Of several with one stamp the last counts.
     pub fn update(&mut self, stamp_s: f64, pose: Pose2) -> Taken {
-        let Some(state) = self.state else { return self.begin(stamp_s, pose) };
+        let last_s = self.last_stamp_s();
+        let is_set_back = last_s.is_some_and(|last_s| stamp_s < last_s - LATE_WITHIN_S);
+        if is_set_back {
+            self.gauge.forget_poses();
+        }
+        if is_set_back || last_s.is_none_or(|last_s| stamp_s > last_s) {
+            self.gauge.take(&self.noise, stamp_s, pose);
+        }
+        self.correct(stamp_s, pose, self.gauge.variances()).0
+    }
+
+    /// Takes a pose in whose variances are known; tells whether its heading was used as well.
+    pub(super) fn correct(&mut self, stamp_s: f64, pose: Pose2, variances: [f64; 2]) -> (Taken, bool) {
+        let Some(state) = self.state else { return self.begin(stamp_s, pose, variances) };
         let gap_s = stamp_s - state.stamp_s;
         if gap_s < -LATE_WITHIN_S || gap_s > FORGOTTEN_AFTER_S {
-            return self.begin(stamp_s, pose);
+            return self.begin(stamp_s, pose, variances);
         }
         if gap_s < 0.0 {
-            return Taken::Old;
+            return (Taken::Old, false);
         }
         let foreseen = match self.foreseen {
             Some(foreseen) if gap_s == 0.0 => foreseen,
@@ -228,62 +243,65 @@ impl MotionFilter {
         };
         if gap_s == 0.0 && foreseen.spread.pp > self.noise.speed_std_mps.powi(2) {
             // The first pose of its stamp has told the place, and now this one does.
-            self.state = Some(foreseen.placed(pose, self.gauge.variances()));
-            return Taken::Used;
+            self.state = Some(foreseen.placed(pose, variances));
+            return (Taken::Used, true);
         }
-        if gap_s > 0.0 {
-            self.gauge.take(&self.noise, stamp_s, pose);
-        }
-        let slack_s = gap_s.max(SHORTEST_S);
+        let slack_s = gap_s.clamp(SHORTEST_S, BELIEVED_AFTER_S);
         let off_m = (pose.position - foreseen.position).length();
         let slack_m = HARDEST * self.noise.acceleration_std_mps2 * slack_s * slack_s;
-        let [position, heading] = self.gauge.variances();
-        if off_m.powi(2) > GATE.powi(2) * (foreseen.spread.pp + position) + slack_m * slack_m {
-            return self.reject(stamp_s, pose);
+        let [position, heading] = variances;
+        // Of a single pose no speed is known: the next one may be anywhere.
+        let is_single = foreseen.spread.vv >= self.noise.speed_std_mps.powi(2);
+        let gate_m2 = GATE.powi(2) * (foreseen.spread.pp + position) + slack_m * slack_m;
+        if !is_single && off_m.powi(2) > gate_m2 {
+            return self.reject(stamp_s, pose, variances);
         }
         self.position_outliers = None;
         let mut next = foreseen;
         next.correct_position(pose.position, position);
-        self.correct_heading(&mut next, pose.yaw_rad, (heading, slack_s));
+        let has_turned = self.correct_heading(&mut next, pose.yaw_rad, (heading, slack_s));
         (self.foreseen, self.state) = (Some(foreseen), Some(next));
-        Taken::Used
+        (Taken::Used, has_turned)
     }
 
-    fn correct_heading(&mut self, next: &mut State, yaw_rad: f64, (variance, slack_s): (f64, f64)) {
+    /// Whether the heading was used.
+    fn correct_heading(&mut self, next: &mut State, yaw_rad: f64, (variance, slack_s): (f64, f64)) -> bool {
         let off = wrap_angle(yaw_rad - next.yaw_rad);
         let clock_stands = self.last_stamp_s() == Some(next.stamp_s);
         let slack = HARDEST_RADPS2 * slack_s * slack_s;
         if off * off <= GATE.powi(2) * (next.yaw_spread.pp + variance) + slack * slack {
             self.heading_outliers = None;
             next.correct_heading(yaw_rad, variance);
-        } else if note(&mut self.heading_outliers, next.stamp_s, clock_stands) {
+            return true;
+        }
+        let is_believed = note(&mut self.heading_outliers, next.stamp_s, clock_stands);
+        if is_believed {
             self.heading_outliers = None;
             (next.yaw_rad, next.yaw_rate_radps) = (yaw_rad, 0.0);
             next.yaw_spread = Covariance2 { pp: variance, pv: 0.0, vv: YAW_RATE_STD_RADPS.powi(2) };
         }
+        is_believed
     }
 
-    fn begin(&mut self, stamp_s: f64, pose: Pose2) -> Taken {
-        self.gauge.forget_poses();
-        self.gauge.take(&self.noise, stamp_s, pose);
+    fn begin(&mut self, stamp_s: f64, pose: Pose2, variances: [f64; 2]) -> (Taken, bool) {
         let anywhere = State::anywhere(&self.noise, stamp_s);
         self.foreseen = Some(anywhere);
-        self.state = Some(anywhere.placed(pose, self.gauge.variances()));
+        self.state = Some(anywhere.placed(pose, variances));
         (self.position_outliers, self.heading_outliers) = (None, None);
-        Taken::Begun
+        (Taken::Begun, true)
     }
 
-    fn reject(&mut self, stamp_s: f64, pose: Pose2) -> Taken {
-        let clock_stands = self.last_stamp_s() == Some(stamp_s);
-        if note(&mut self.position_outliers, stamp_s, clock_stands) {
-            self.begin(stamp_s, pose)
+    fn reject(&mut self, stamp_s: f64, pose: Pose2, variances: [f64; 2]) -> (Taken, bool) {
+        let gap_s = stamp_s - self.last_stamp_s().unwrap_or(stamp_s);
+        if note(&mut self.position_outliers, stamp_s, gap_s == 0.0) || gap_s > OCCLUDED_S {
+            self.begin(stamp_s, pose, variances)
         } else {
-            Taken::Outlier
+            (Taken::Outlier, false)
         }
     }
 
     /// How the vehicle moves at a time, mostly one after the newest pose; `None` before its first pose.
-    pub fn at(&self, time_s: f64) -> Option<Motion> {
+    pub fn at(&self, time_s: f64) -> Option<MotionEstimate> {
         let state = self.state.as_ref()?;
         Some(if time_s == state.stamp_s { state.motion() } else { state.at(&self.noise, time_s).motion() })
     }

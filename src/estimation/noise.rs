@@ -29,7 +29,7 @@ impl NoiseModel {
         position_std_m: 1e-4,
         heading_std_rad: 1.5e-3,
         is_estimated: true,
-        acceleration_std_mps2: 0.15,
+        acceleration_std_mps2: 0.12,
         acceleration_time_s: 0.5,
         yaw_density: 0.2,
         speed_std_mps: 0.4,
@@ -86,6 +86,82 @@ pub(super) fn third_difference(poses: &[(f64, Pose2); 4]) -> Option<[f64; 2]> {
     let turned: f64 =
         known.iter().zip(weights).map(|(pose, w)| w * wrap_angle(pose.yaw_rad - d.1.yaw_rad)).sum();
     Some([(d.1.position - foreseen).length_squared() / 2.0 / norm, turned * turned / norm])
+}
+
+/// Recorded poses have the noise of those around them, this long.
+const BLOCK_S: f64 = 0.5;
+/// The median of squared normal numbers of two axes, as a share of their mean, and of one axis.
+const MEDIANS: [f64; 2] = [std::f64::consts::LN_2, 0.455];
+
+/// Variances of position and heading at each of some recorded poses: means of the squared third differences in
+/// blocks around it, without outliers. Noise may depend on the speed, as that of stamps that jitter does.
+pub(super) fn local_variances(noise: &NoiseModel, poses: &[(f64, Pose2)]) -> Vec<[f64; 2]> {
+    let stated = [noise.position_std_m.powi(2), noise.heading_std_rad.powi(2)];
+    let Some(&(begin_s, _)) = poses.first().filter(|_| noise.is_estimated) else {
+        return vec![stated; poses.len()];
+    };
+    let block_of = |time_s: f64| ((time_s - begin_s) / BLOCK_S) as usize;
+    let mut blocks: std::collections::BTreeMap<usize, [Vec<f64>; 2]> = std::collections::BTreeMap::new();
+    for four in poses.windows(4) {
+        let four: [(f64, Pose2); 4] = [four[0], four[1], four[2], four[3]];
+        if let Some(squares) = third_difference(&four) {
+            let block = blocks.entry(block_of(four[2].0)).or_default();
+            block.iter_mut().zip(squares).for_each(|(all, square)| all.push(square));
+        }
+    }
+    let means: std::collections::BTreeMap<usize, [(f64, usize); 2]> = blocks
+        .into_iter()
+        .map(|(block, squares)| (block, std::array::from_fn(|k| trimmed(&squares[k], MEDIANS[k]))))
+        .collect();
+    // Rounding errors last as long as a slow vehicle takes to the next number: they count as those of a whole step.
+    let step_m = rounding_step(poses);
+    let [position, heading] = noise.least();
+    let least = [position.max(step_m * step_m), heading];
+    poses
+        .iter()
+        .map(|(time_s, _)| {
+            let block = block_of(*time_s);
+            let around = || means.range(block.saturating_sub(1)..=block + 1).map(|(_, mean)| mean);
+            std::array::from_fn(|k| {
+                let (sum, count) = around().fold((0.0, 0), |(sum, count), mean| {
+                    (sum + mean[k].0 * mean[k].1 as f64, count + mean[k].1)
+                });
+                if count == 0 { stated[k] } else { (sum / count as f64).max(least[k]) }
+            })
+        })
+        .collect()
+}
+
+/// The step to which coordinates are rounded, of which all differences between poses are multiples; 0 where there is none.
+fn rounding_step(poses: &[(f64, Pose2)]) -> f64 {
+    const WHOLE: f64 = 1e-3;
+    let differences = || {
+        let between = poses.windows(2).map(|pair| pair[1].1.position - pair[0].1.position);
+        between.flat_map(|way| [way.x.abs(), way.y.abs()])
+    };
+    // Less is what is left of a rounded number that was scaled.
+    let scale_m = differences().fold(0.0, f64::max);
+    let step_m = differences().filter(|way_m| *way_m > 1e-9 * scale_m).fold(f64::INFINITY, f64::min);
+    let mut multiples = std::collections::BTreeSet::new();
+    for way_m in differences() {
+        let multiple = (way_m / step_m).round();
+        if (way_m / step_m - multiple).abs() > WHOLE * multiple.max(1.0) {
+            return 0.0;
+        }
+        multiples.insert(multiple as i64);
+    }
+    // One that goes at a constant speed goes multiples of what it goes.
+    if multiples.len() > 3 { step_m } else { 0.0 }
+}
+
+/// The mean of some squares without outliers, and how many there are.
+fn trimmed(squares: &[f64], median_share: f64) -> (f64, usize) {
+    let mut sorted = squares.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let most = MOST_SHARE * sorted.get(sorted.len() / 2).copied().unwrap_or_default() / median_share;
+    let kept = sorted.partition_point(|square| *square <= most);
+    let sum: f64 = sorted[..kept].iter().sum();
+    (if kept == 0 { 0.0 } else { sum / kept as f64 }, sorted.len())
 }
 
 /// The noise of the latest poses, from their third differences.

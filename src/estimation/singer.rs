@@ -107,6 +107,61 @@ impl Covariance3 {
     }
 }
 
+/// A symmetric matrix of the smoother's backward pass, over position, velocity and acceleration.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Information3 {
+    pub pp: f64,
+    pub pv: f64,
+    pub pa: f64,
+    pub vv: f64,
+    pub va: f64,
+    pub aa: f64,
+}
+
+impl Information3 {
+    /// `F' L F` of one step: from its end to its beginning.
+    #[must_use]
+    pub fn before(&self, step: &Singer) -> Self {
+        let Singer { dt_s: t, position_s2: f, velocity_s: g, remains: r, .. } = *step;
+        // Columns of L F.
+        let (pv, vv) = (self.pp * t + self.pv, self.pv * t + self.vv);
+        let (pa, va, aa) = (
+            self.pp * f + self.pv * g + self.pa * r,
+            self.pv * f + self.vv * g + self.va * r,
+            self.pa * f + self.va * g + self.aa * r,
+        );
+        Self { pp: self.pp, pv, pa, vv: t * pv + vv, va: t * pa + va, aa: f * pa + g * va + r * aa }
+    }
+
+    /// `H' H / S + (I - K H)' L (I - K H)` of a measured position with innovation variance `S`.
+    #[must_use]
+    pub fn with(&self, gain: Gain3, innovation: f64) -> Self {
+        let left = 1.0 - gain.p;
+        // Row p of L (I - K H), then the product from the other side.
+        let pp = self.pp * left - self.pv * gain.v - self.pa * gain.a;
+        let vp = self.pv * left - self.vv * gain.v - self.va * gain.a;
+        let ap = self.pa * left - self.va * gain.v - self.aa * gain.a;
+        Self { pp: left * pp - gain.v * vp - gain.a * ap + 1.0 / innovation, pv: vp, pa: ap, ..*self }
+    }
+}
+
+impl Covariance3 {
+    /// Diagonal of `P - P L P`: what is left with all that came later.
+    pub fn smoothed(&self, later: &Information3) -> [f64; 3] {
+        let left = |p: f64, v: f64, a: f64, own: f64| {
+            let along = p * (later.pp * p + later.pv * v + later.pa * a)
+                + v * (later.pv * p + later.vv * v + later.va * a)
+                + a * (later.pa * p + later.va * v + later.aa * a);
+            (own - along).max(0.0)
+        };
+        [
+            left(self.pp, self.pv, self.pa, self.pp),
+            left(self.pv, self.vv, self.va, self.vv),
+            left(self.pa, self.va, self.aa, self.aa),
+        ]
+    }
+}
+
 /// Covariance of an angle and its rate, whose change is white noise.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Covariance2 {

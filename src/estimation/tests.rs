@@ -151,7 +151,7 @@ fn stamps_that_come_twice_late_or_unevenly_do_not_shake_it() {
         let once = filter.at(stamp_s);
         filter.update(stamp_s, pose);
         assert_eq!(filter.at(stamp_s), once, "a duplicate has changed it");
-        if k.is_multiple_of(5) {
+        if k > 200 && k.is_multiple_of(5) {
             assert_eq!(filter.update(stamp_s - 0.03, circle(time_s - 0.03).0), Taken::Old);
         }
         if k > 200 {

@@ -2,8 +2,9 @@
 
 use super::paths::{Layout, Merge, crossings};
 use super::run::{RunLog, Trace};
-use super::series::{AVERAGED_S, differences, moving_average};
+use super::series::{differences, speed_difference, step_changes, step_samples, step_speeds};
 use super::table::{Table, number};
+use crate::estimation::MOVES_MPS;
 use crate::geom::OrientedRect;
 use crate::snapshot::{EventKind, VehicleId};
 use serde::Serialize;
@@ -64,6 +65,8 @@ pub struct Apart {
     pub mean_m: f64,
     pub max_m: f64,
     pub max_at_s: f64,
+    /// Root of the mean square of the difference of their speeds, laboratory metres a second.
+    pub rms_speed_mps: f64,
 }
 
 /// Two runs side by side.
@@ -237,6 +240,8 @@ struct Stand {
 #[derive(Clone, Debug, Default)]
 struct Of {
     stands: Vec<Stand>,
+    distance_m: f64,
+    mean_speed_mps: f64,
     merges_at_s: Option<f64>,
     place: Option<u64>,
     collisions: u64,
@@ -335,41 +340,36 @@ impl Numbers {
     }
 }
 
-/// Speeds are means over so long, and accelerations and jerks differences over it.
-const STEP_S: f64 = AVERAGED_S;
-
-/// A vehicle moves above this speed, as its events have it.
-const MOVES_MPS: f64 = 0.4;
-
 /// The middle one of some values; not a number without any.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// How a vehicle moved, from its samples alone.
+/// How a vehicle moved, from its samples alone: mean speeds over steps of 0.1 s, and their changes. All of it is the
+/// same at any rate of the log.
 fn motion(run: &RunLog, trace: &Trace) -> Of {
     let mut of = Of { least_gap_m: f64::INFINITY, ..Of::default() };
-    let speeds = moving_average(trace);
-    let mut steps: Vec<(f64, f64)> = Vec::new();
-    for (sample, speed) in trace.samples.iter().zip(speeds) {
-        if steps.last().is_none_or(|(last_s, _)| sample.time_s - last_s > STEP_S - 1e-6) {
-            steps.push((sample.time_s, run.lab(speed)));
-        }
-        let lateral = run.lab(sample.lateral_error_m);
-        of.lateral.add(lateral);
-        of.max_lateral_m = of.max_lateral_m.max(lateral.abs());
+    let speeds: BTreeMap<i64, f64> = step_speeds(trace, run.origin.has_world())
+        .into_iter()
+        .map(|(step, speed)| (step, run.lab(speed)))
+        .collect();
+    let accelerations = step_changes(&speeds);
+    let jerks = step_changes(&accelerations);
+    accelerations.values().for_each(|acceleration| of.acceleration.add(*acceleration));
+    jerks.values().for_each(|jerk| of.jerk.add(*jerk));
+    let moves = |step: i64| (step - 2..=step).all(|step| speeds[&step] > run.lab(MOVES_MPS));
+    of.jerks = jerks.iter().filter(|(step, _)| moves(**step)).map(|(_, jerk)| jerk.abs()).collect();
+    for sample in step_samples(trace) {
+        of.lateral.add(run.lab(sample.lateral_error_m));
         of.tracking.add(run.lab(sample.tracking_error_m));
     }
-    let change = |steps: &[(f64, f64)]| -> Vec<(f64, f64)> {
-        steps.windows(2).map(|pair| (pair[1].0, (pair[1].1 - pair[0].1) / (pair[1].0 - pair[0].0))).collect()
-    };
-    let accelerations = change(&steps);
-    accelerations.iter().for_each(|(_, acceleration)| of.acceleration.add(*acceleration));
-    let jerks = change(&accelerations);
-    jerks.iter().for_each(|(_, jerk)| of.jerk.add(*jerk));
-    let moves = |k: usize| steps[k..k + 3].iter().all(|(_, speed)| *speed > run.lab(MOVES_MPS));
-    of.jerks = jerks.iter().enumerate().filter(|(k, _)| moves(*k)).map(|(_, (_, jerk))| jerk.abs()).collect();
+    let lateral = trace.samples.iter().map(|sample| run.lab(sample.lateral_error_m).abs());
+    of.max_lateral_m = lateral.fold(0.0, f64::max);
+    if let (Some(first), Some(last)) = (trace.samples.first(), trace.samples.last()) {
+        of.distance_m = run.lab(last.distance_m);
+        of.mean_speed_mps = of.distance_m / (last.time_s - first.time_s);
+    }
     of
 }
 
@@ -380,9 +380,9 @@ fn stands(run: &RunLog) -> BTreeMap<VehicleId, Vec<Stand>> {
         let of = found.entry(event.vehicle).or_default();
         match event.kind {
             EventKind::Stop => of.push(Stand { from_s: event.time_s, to_s: run.end_s.max(event.time_s) }),
-            EventKind::Go { .. } => {
+            EventKind::Go { stood_s } => {
                 if let Some(last) = of.last_mut() {
-                    last.to_s = event.time_s;
+                    last.to_s = last.from_s + stood_s;
                 }
             }
             _ => {}
@@ -475,6 +475,8 @@ fn vehicle_rows(id: VehicleId, name: &str, numbers: &[Numbers; 2]) -> Vec<Row> {
         Row { quantity, unit, vehicle: Some(id.0), name: name.to_owned(), values: [of(0), of(1)] }
     };
     vec![
+        row("distance", "m", &|of| Value::number(of.distance_m)),
+        row("mean speed", "m/s", &|of| Value::number(of.mean_speed_mps)),
         row("stops", "", &|of| Value::Count(of.stands.len() as u64)),
         row("stood", "s", &|of| Value::number(stood(&of.stands))),
         row("stops before the merging point", "", &|of| {
@@ -506,7 +508,9 @@ fn apart(a: &RunLog, b: &RunLog) -> Vec<Apart> {
         };
         let mean_m = all.iter().map(|(_, m)| m).sum::<f64>() / all.len() as f64;
         let (mean_m, max_m) = (a.lab(mean_m), a.lab(max_m));
-        found.push(Apart { vehicle: trace.id.0, name: trace.name.clone(), mean_m, max_m, max_at_s });
+        let rms_speed_mps = a.lab(speed_difference(trace, other));
+        let (vehicle, name) = (trace.id.0, trace.name.clone());
+        found.push(Apart { vehicle, name, mean_m, max_m, max_at_s, rms_speed_mps });
     }
     found
 }

@@ -31,6 +31,8 @@ pub struct Sample {
     pub pose: Pose2,
     /// Along the heading.
     pub speed_mps: f64,
+    /// Driven since the beginning.
+    pub distance_m: f64,
     /// Front-axle centre from the desired path, left-positive.
     pub lateral_error_m: f64,
     /// Pedals in [0, 1].
@@ -216,6 +218,7 @@ impl<'a> Reading<'a> {
             time_s,
             pose,
             speed_mps: state.speed_mps,
+            distance_m: state.distance_m,
             lateral_error_m: state.told_lateral_error_m().unwrap_or(f64::NAN),
             gas: state.gas,
             brake: state.brake,

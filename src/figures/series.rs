@@ -2,9 +2,12 @@
 
 use super::chart::{Line, Stroke, viridis};
 use super::run::{Sample, Trace};
+use std::collections::BTreeMap;
 
 /// Speeds are means over so long, centred (the paper, section III).
 pub const AVERAGED_S: f64 = 0.1;
+/// Times are told to so much.
+const ROUNDING_S: f64 = 1e-9;
 /// Steps of colour on the scale of speed.
 const SPEED_STEPS: f64 = 24.0;
 
@@ -30,7 +33,6 @@ pub(super) fn by_speed(trace: &Trace, points: &[(usize, f64, f64)], fastest: f64
 
 /// Speeds of a trace, each the mean of those within half of [`AVERAGED_S`] of it.
 pub fn moving_average(trace: &Trace) -> Vec<f64> {
-    const ROUNDING_S: f64 = 1e-9;
     let samples = &trace.samples;
     let (mut from, mut to, mut sum) = (0, 0, 0.0);
     let mean = |sample: &Sample| {
@@ -47,16 +49,99 @@ pub fn moving_average(trace: &Trace) -> Vec<f64> {
     samples.iter().map(mean).collect()
 }
 
-/// Distance between two traces at the times that both have, city metres.
-pub fn differences(a: &Trace, b: &Trace) -> Vec<(f64, f64)> {
-    const SAME_S: f64 = 1e-6;
-    let mut other = b.samples.iter().peekable();
-    let mut found = Vec::new();
-    for sample in &a.samples {
-        while other.next_if(|next| next.time_s < sample.time_s - SAME_S).is_some() {}
-        if let Some(same) = other.peek().filter(|next| (next.time_s - sample.time_s).abs() <= SAME_S) {
-            found.push((sample.time_s, sample.pose.position.distance(same.pose.position)));
+/// Samples farther apart than this, and than the log's usual steps, have something missing between them.
+const GAP_S: f64 = 0.25;
+
+/// Mean speeds of a trace over steps of [`AVERAGED_S`], by the number of the step since time 0; full scale. They are the same
+/// for any rate of the log whose samples are on the steps' ends, and nearly so for others: the way at these times is
+/// that of the samples, between them by cubic Hermite interpolation with their speeds.
+///
+/// `is_told` says that the samples' distances are those of the vehicle. Otherwise they are estimated as speeds are,
+/// and the way is the integral of the speeds.
+pub fn step_speeds(trace: &Trace, is_told: bool) -> BTreeMap<i64, f64> {
+    let samples = &trace.samples;
+    let mut ways: Vec<f64> = samples.iter().map(|sample| sample.distance_m).collect();
+    for k in 1..if is_told { 0 } else { samples.len() } {
+        let dt_s = samples[k].time_s - samples[k - 1].time_s;
+        ways[k] = ways[k - 1] + dt_s * (samples[k - 1].speed_mps.abs() + samples[k].speed_mps.abs()) / 2.0;
+    }
+    let mut gaps: Vec<f64> = samples.windows(2).map(|pair| pair[1].time_s - pair[0].time_s).collect();
+    gaps.sort_by(f64::total_cmp);
+    let longest_s = gaps.get(gaps.len() / 2).map_or(GAP_S, |usual_s| GAP_S.max(1.5 * usual_s));
+    let mut found = BTreeMap::new();
+    // The last end of a step, with the way there.
+    let mut last: Option<(i64, f64)> = None;
+    for (k, pair) in samples.windows(2).enumerate() {
+        let dt_s = pair[1].time_s - pair[0].time_s;
+        if dt_s > longest_s {
+            last = None;
+            continue;
+        }
+        let first = ((pair[0].time_s - ROUNDING_S) / AVERAGED_S).ceil() as i64;
+        let end = ((pair[1].time_s - ROUNDING_S) / AVERAGED_S).ceil() as i64;
+        for number in first..end {
+            let u = ((number as f64 * AVERAGED_S - pair[0].time_s) / dt_s).clamp(0.0, 1.0);
+            let [a, b] = [&pair[0], &pair[1]].map(|sample| sample.speed_mps.abs() * dt_s);
+            let way = ways[k + 1] - ways[k];
+            let at = ways[k] + u * (a + u * (3.0 * way - 2.0 * a - b + u * (a + b - 2.0 * way)));
+            if let Some((before, from)) = last
+                && before + 1 == number
+            {
+                found.insert(number, (at - from) / AVERAGED_S);
+            }
+            last = Some((number, at));
         }
     }
     found
+}
+
+/// Changes over [`AVERAGED_S`] of what is known by the number of the step.
+pub fn step_changes(steps: &BTreeMap<i64, f64>) -> BTreeMap<i64, f64> {
+    let change =
+        |(number, value): (&i64, &f64)| Some((*number, (value - steps.get(&(number - 1))?) / AVERAGED_S));
+    steps.iter().filter_map(change).collect()
+}
+
+/// The samples of a trace at the ends of these steps, as far as there are some.
+pub fn step_samples(trace: &Trace) -> impl Iterator<Item = &Sample> {
+    let off_s = |sample: &Sample| {
+        let number = (sample.time_s / AVERAGED_S).round();
+        (number as i64, (sample.time_s - number * AVERAGED_S).abs())
+    };
+    let mut nearest: BTreeMap<i64, &Sample> = BTreeMap::new();
+    for sample in &trace.samples {
+        let (number, here_s) = off_s(sample);
+        let kept = nearest.entry(number).or_insert(sample);
+        if here_s < off_s(kept).1 {
+            *kept = sample;
+        }
+    }
+    nearest.into_values()
+}
+
+/// Root of the mean square of the difference between the speeds of two traces at the times that both have, full scale;
+/// not a number without any.
+pub fn speed_difference(a: &Trace, b: &Trace) -> f64 {
+    let (sum, count) = pairs(a, b).fold((0.0, 0.0), |(sum, count), (one, other)| {
+        (sum + (one.speed_mps - other.speed_mps).powi(2), count + 1.0)
+    });
+    f64::sqrt(sum / count)
+}
+
+/// Samples of two traces at the times that both have.
+fn pairs<'t>(a: &'t Trace, b: &'t Trace) -> impl Iterator<Item = (&'t Sample, &'t Sample)> {
+    const SAME_S: f64 = 1e-6;
+    let mut other = b.samples.iter().peekable();
+    a.samples.iter().filter_map(move |sample| {
+        while other.next_if(|next| next.time_s < sample.time_s - SAME_S).is_some() {}
+        let same = other.peek().filter(|next| (next.time_s - sample.time_s).abs() <= SAME_S);
+        same.map(|same| (sample, *same))
+    })
+}
+
+/// Distance between two traces at the times that both have, city metres.
+pub fn differences(a: &Trace, b: &Trace) -> Vec<(f64, f64)> {
+    let apart =
+        |(one, other): (&Sample, &Sample)| (one.time_s, one.pose.position.distance(other.pose.position));
+    pairs(a, b).map(apart).collect()
 }

@@ -3,7 +3,7 @@
 
 use super::{Body, Route};
 use crate::city::LabMap;
-use crate::estimation::{Motion, MotionFilter, NoiseModel};
+use crate::estimation::{MotionEstimate, MotionFilter, NoiseModel};
 use crate::wire::Measurement;
 
 /// How far around the expected place the foot on the route is looked for, laboratory metres.
@@ -93,7 +93,7 @@ impl Estimate {
     }
 
     /// Speed of the front axle along the route; 0 backwards.
-    fn speed_along(&self, motion: &Motion) -> f64 {
+    fn speed_along(&self, motion: &MotionEstimate) -> f64 {
         let turning = motion.pose.forward().perp() * (motion.yaw_rate_radps * self.front_axle_m);
         (motion.velocity_mps + turning).dot(self.along).max(0.0)
     }

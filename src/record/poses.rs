@@ -78,26 +78,6 @@ fn line_of(error: &csv::Error) -> u64 {
     error.position().map_or(1, csv::Position::line)
 }
 
-/// Where a vehicle is at a time: between two poses on a straight line, over gaps that are no longer than the last
-/// argument; `None` before the first, behind the last, and in longer gaps.
-pub fn pose_at(poses: &[MeasuredPose], time_s: f64, longest_gap_s: f64) -> Option<Pose2> {
-    const ROUNDING_S: f64 = 1e-6;
-    let after = poses.partition_point(|pose| pose.time_s < time_s - ROUNDING_S);
-    let next = poses.get(after)?;
-    if next.time_s <= time_s + ROUNDING_S {
-        return Some(next.pose);
-    }
-    let before = poses.get(after.checked_sub(1)?)?;
-    let gap_s = next.time_s - before.time_s;
-    if gap_s > longest_gap_s {
-        return None;
-    }
-    let share = (time_s - before.time_s) / gap_s;
-    let turn = crate::geom::wrap_angle(next.pose.yaw_rad - before.pose.yaw_rad);
-    let position = before.pose.position.lerp(next.pose.position, share);
-    Some(Pose2 { position, yaw_rad: before.pose.yaw_rad + share * turn })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -133,20 +113,6 @@ mod tests {
         ] {
             let said = read(text).unwrap_err();
             assert!(said.contains(told), "{text}: {said}");
-        }
-    }
-
-    #[test]
-    fn poses_lie_between_the_measured_ones_the_short_way_round() {
-        let pose = |time_s, x, yaw_rad| MeasuredPose { time_s, pose: Pose2::new(x, 0.0, yaw_rad) };
-        let poses = [pose(0.0, 0.0, 3.0), pose(1.0, 2.0, -3.0), pose(5.0, 9.0, 0.0)];
-        let between = pose_at(&poses, 0.5, 1.5).unwrap();
-        assert_eq!(between.position.x, 1.0);
-        assert!((between.yaw_rad - std::f64::consts::PI).abs() < 1e-12, "{}", between.yaw_rad);
-        assert_eq!(pose_at(&poses, 1.0, 1.5).unwrap().position.x, 2.0);
-        assert_eq!(pose_at(&poses, 5.0, 1.5).unwrap().position.x, 9.0);
-        for time_s in [-0.1, 3.0, 5.1] {
-            assert_eq!(pose_at(&poses, time_s, 1.5), None, "{time_s}");
         }
     }
 }

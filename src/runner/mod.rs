@@ -11,7 +11,7 @@ mod summary;
 pub use control::Control;
 pub use observer::{LaneUse, Observer, VehicleTotals};
 pub use outcome::{Outcome, Streams};
-pub use seen::SeenCity;
+pub use seen::{SeenCity, SeenMotion};
 pub use served::{Applied, MOTION_CAPTURE, Rules, Sender, Served};
 pub use summary::{LinkSummary, PicturesSummary, RosSummary, Summary, VehicleSummary};
 

@@ -2,10 +2,13 @@
 //! lane, how long it stands, which lanes are used.
 
 use crate::city::{CityMap, Lane, LaneId, ZoneKind};
+use crate::estimation::STANDS_MPS;
 use crate::geom::OrientedRect;
 use crate::mainframe::Mainframe;
 use crate::scenario::{Experiment, PlannedVehicle};
-use crate::snapshot::{Dimensions, Event, EventKind, FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
+use crate::snapshot::{
+    Dimensions, Event, EventKind, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState,
+};
 use glam::DVec2;
 use std::sync::Arc;
 
@@ -253,7 +256,11 @@ impl Track {
     }
 
     fn time_stand(&mut self, state: &VehicleState, time_s: f64) {
-        if state.speed_mps.abs() < 0.1 {
+        // Where it is while nobody sees it is not known: an occlusion neither makes nor ends a stand.
+        if state.status == Status::Unseen {
+            return;
+        }
+        if state.speed_mps.abs() < STANDS_MPS {
             let since_s = *self.stands_since_s.get_or_insert(time_s);
             self.totals.longest_stand_s = self.totals.longest_stand_s.max(time_s - since_s);
         } else {

@@ -166,9 +166,7 @@ fn mean_wait(streams: &Streams, crossings: &[(f64, VehicleId)], events: &[Event]
         for event in events.iter().filter(|event| event.vehicle == *id && event.time_s < until_s) {
             match event.kind {
                 EventKind::Stop => since_s = Some(event.time_s),
-                EventKind::Go { .. } => {
-                    waited_s += since_s.take().map_or(0.0, |since_s| event.time_s - since_s);
-                }
+                EventKind::Go { stood_s } if since_s.take().is_some() => waited_s += stood_s,
                 _ => {}
             }
         }

@@ -1,45 +1,74 @@
 //! The city as it is seen over the laboratory's link: from poses to snapshots, so that the same files can
 //! be written there.
 
+use crate::environment::EnvironmentSpec;
+use crate::estimation::{MotionEstimate, MotionFilter, NoiseModel, Odometer, StandChange};
+use crate::geom::{Pose2, trig};
 use crate::scenario::Experiment;
 use crate::snapshot::{Event, EventKind, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState};
 use crate::wire::{Measurement, Poses, Seen};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// As for vehicles of the world: one stands below the first speed, and moves again above the second.
-const STANDS_MPS: f64 = 0.1;
-const MOVES_MPS: f64 = 0.4;
+/// Errors that last count as so much larger ones of single poses.
+const LASTING: f64 = 1.4;
 
 /// Puts poses together to snapshots. What a pose does not tell stays at rest: pedals, steering, wheels.
 #[derive(Debug)]
 pub struct SeenCity {
     experiment: Arc<Experiment>,
+    noise: NoiseModel,
     snapshot: FrameSnapshot,
-    /// Since when each vehicle of the snapshot stands.
-    standing_since_s: Vec<Option<f64>>,
-    /// Velocities of vehicles that are seen for the first time, or again, city metres a second.
-    expected_mps: BTreeMap<VehicleId, DVec3>,
+    tracks: BTreeMap<VehicleId, Track>,
     /// All that have been seen.
     met: BTreeSet<VehicleId>,
 }
 
+/// What is known of a vehicle, city metres.
+#[derive(Debug)]
+struct Track {
+    filter: MotionFilter,
+    odometer: Odometer,
+}
+
+impl Track {
+    fn new(filter: MotionFilter) -> Self {
+        Self { filter, odometer: Odometer::default() }
+    }
+}
+
+/// A vehicle at one instant. City metres.
+#[derive(Clone, Copy, Debug)]
+pub struct SeenMotion {
+    pub vehicle: VehicleId,
+    pub status: Status,
+    /// On the ground.
+    pub position: DVec3,
+    /// City from body.
+    pub orientation: DQuat,
+    /// `None` of one that nobody sees: it is kept somewhere.
+    pub motion: Option<MotionEstimate>,
+}
+
+impl SeenMotion {
+    /// Of a vehicle whose motion in the plane is all that is known.
+    pub fn planar(vehicle: VehicleId, status: Status, motion: &MotionEstimate) -> Self {
+        let (position, orientation) = (motion.pose.position.extend(0.0), turned(motion.pose.yaw_rad));
+        Self { vehicle, status, position, orientation, motion: Some(*motion) }
+    }
+}
+
+fn turned(yaw_rad: f64) -> DQuat {
+    let (sin, cos) = trig::sin_cos(yaw_rad / 2.0);
+    DQuat::from_xyzw(0.0, 0.0, sin, cos)
+}
+
 impl SeenCity {
     pub fn new(experiment: Arc<Experiment>) -> Self {
-        Self {
-            experiment,
-            snapshot: FrameSnapshot::default(),
-            standing_since_s: Vec::new(),
-            expected_mps: BTreeMap::new(),
-            met: BTreeSet::new(),
-        }
-    }
-
-    /// How a vehicle moves, laboratory metres a second, when it is seen for the first time or again: one pose does
-    /// not tell, and without this it begins at rest.
-    pub fn expect(&mut self, vehicle: VehicleId, velocity_mps: DVec3) {
-        self.expected_mps.insert(vehicle, velocity_mps * self.experiment.scale.factor());
+        let noise = NoiseModel::LABORATORY.scaled(experiment.scale.factor());
+        let (tracks, met) = (BTreeMap::new(), BTreeSet::new());
+        Self { experiment, noise, snapshot: FrameSnapshot::default(), tracks, met }
     }
 
     pub fn snapshot(&self) -> &FrameSnapshot {
@@ -48,22 +77,72 @@ impl SeenCity {
 
     /// Takes the poses of one tick in, of all its parts.
     pub fn see(&mut self, head: &Poses, vehicles: &[Seen]) -> &FrameSnapshot {
-        let dt_s = head.time_s - self.snapshot.time_s;
+        let motions: Vec<SeenMotion> = vehicles.iter().map(|seen| self.estimate(head.time_s, seen)).collect();
+        self.show(head, &motions)
+    }
+
+    /// Takes a pose in, and tells where the vehicle is at a time.
+    fn estimate(&mut self, time_s: f64, seen: &Seen) -> SeenMotion {
+        let Measurement { vehicle, stamp_s, position, orientation } = seen.pose;
+        let position = position * self.experiment.scale.factor();
+        let told = SeenMotion { vehicle, status: seen.status, position, orientation, motion: None };
+        if seen.status == Status::Unseen {
+            return told;
+        }
+        let forward = orientation * DVec3::X;
+        let pose = Pose2 { position: position.truncate(), yaw_rad: trig::atan2(forward.y, forward.x) };
+        let start_mps = self.start_mps(time_s, seen);
+        let noise = if seen.status == Status::Physical { self.carried_noise() } else { self.noise };
+        let track = self.tracks.entry(vehicle).or_insert_with(|| {
+            Track::new(match start_mps {
+                Some(speed_mps) => MotionFilter::moving(noise, stamp_s, pose, speed_mps),
+                None => MotionFilter::new(noise),
+            })
+        });
+        if track.filter.noise_model().is_estimated != noise.is_estimated {
+            // A physical vehicle that waited is measured from now on.
+            track.filter = MotionFilter::new(noise);
+        }
+        track.filter.update(stamp_s, pose);
+        let motion = track.filter.at(time_s);
+        let Some(at) = motion.map(|motion| motion.pose) else { return told };
+        SeenMotion {
+            position: at.position.extend(position.z),
+            orientation: turned(at.yaw_rad - pose.yaw_rad) * orientation,
+            motion,
+            ..told
+        }
+    }
+
+    /// Of the city's poses of physical vehicles, which are estimates by themselves: their errors last for some poses, so
+    /// that they are no smaller than measured ones, and they cannot be told from motion.
+    fn carried_noise(&self) -> NoiseModel {
+        let laboratory = [&EnvironmentSpec::TESTBED, &self.experiment.testbed];
+        let position_m = laboratory.map(|spec| spec.position_noise_m).into_iter().fold(0.0, f64::max);
+        let heading_rad = laboratory.map(|spec| spec.yaw_noise_rad).into_iter().fold(0.0, f64::max);
+        self.noise.stated(LASTING * self.experiment.scale.city_from_lab(position_m), heading_rad)
+    }
+
+    /// The speed with which a simulated vehicle is set up at the beginning of the experiment.
+    fn start_mps(&self, time_s: f64, seen: &Seen) -> Option<f64> {
+        let planned = self.experiment.vehicles.iter().find(|planned| planned.id == seen.pose.vehicle)?;
+        let is_start = time_s == 0.0 && seen.status != Status::Physical && planned.physical.is_none();
+        is_start.then(|| self.experiment.scale.city_from_lab(planned.start.speed_mps))
+    }
+
+    /// Makes the snapshot of one tick out of the vehicles' motions, in the order of their ids.
+    pub fn show(&mut self, head: &Poses, vehicles: &[SeenMotion]) -> &FrameSnapshot {
+        let is_later = head.time_s > self.snapshot.time_s;
         let before = std::mem::take(&mut self.snapshot.vehicles);
-        let standing = std::mem::take(&mut self.standing_since_s);
         self.snapshot.events.clear();
         (self.snapshot.tick, self.snapshot.time_s) = (head.tick, head.time_s);
         self.snapshot.state_hash = head.state_hash;
         for seen in vehicles {
-            let index = before.binary_search_by_key(&seen.pose.vehicle, |state| state.id).ok();
-            let old = index.map(|index| &before[index]);
-            let state = self.state_of(seen, old, dt_s);
-            let since_s = index.and_then(|index| standing[index]);
-            let since_s = self.note(&state, old.map(|old| old.status), since_s);
-            self.standing_since_s.push(since_s);
+            let old = before.binary_search_by_key(&seen.vehicle, |state| state.id).ok();
+            self.note(seen, old.map(|index| before[index].status));
+            let state = self.state_of(seen, is_later);
             self.snapshot.vehicles.push(state);
         }
-        self.expected_mps.clear();
         let ids = |vehicles: &[VehicleState]| vehicles.iter().map(|state| state.id).collect::<Vec<_>>();
         if ids(&before) != ids(&self.snapshot.vehicles) {
             self.snapshot.roster = self.roster();
@@ -75,33 +154,37 @@ impl SeenCity {
         &self.snapshot
     }
 
-    fn state_of(&self, seen: &Seen, old: Option<&VehicleState>, dt_s: f64) -> VehicleState {
-        let Measurement { vehicle: id, position, orientation, .. } = seen.pose;
-        let position = position * self.experiment.scale.factor();
-        let mut state =
-            VehicleState { id, status: seen.status, position, orientation, ..VehicleState::default() };
-        if let Some(old) = old {
-            state.distance_m = old.distance_m;
-            (state.velocity_mps, state.speed_mps) = (old.velocity_mps, old.speed_mps);
-            if dt_s > 0.0 {
-                state.velocity_mps = (position - old.position) / dt_s;
-                state.speed_mps = state.velocity_mps.truncate().dot(state.forward());
-                state.acceleration_mps2 = (state.speed_mps - old.speed_mps) / dt_s;
-                state.distance_m += state.speed_mps.abs() * dt_s;
-            }
-        } else if let Some(&velocity_mps) = self.expected_mps.get(&id) {
-            state.velocity_mps = velocity_mps;
-            state.speed_mps = velocity_mps.truncate().dot(state.forward());
+    /// Its state, after its odometer has counted; comes to a stand or moves off.
+    fn state_of(&mut self, seen: &SeenMotion, is_later: bool) -> VehicleState {
+        let SeenMotion { vehicle: id, status, position, orientation, motion } = *seen;
+        let mut state = VehicleState { id, status, position, orientation, ..VehicleState::default() };
+        let noise = self.noise;
+        let track = self.tracks.entry(id).or_insert_with(|| Track::new(MotionFilter::new(noise)));
+        if let Some(motion) = &motion {
+            let change = if is_later { track.odometer.update(motion) } else { None };
+            let kind = change.map(|change| match change {
+                StandChange::Stopped => EventKind::Stop,
+                StandChange::MovedOff { stood_s } => EventKind::Go { stood_s },
+            });
+            let time_s = self.snapshot.time_s;
+            self.snapshot.events.extend(kind.map(|kind| Event { time_s, vehicle: id, kind }));
+            let told = track.odometer.told(motion);
+            state.velocity_mps = told.velocity_mps.extend(0.0);
+            state.speed_mps = told.speed_mps;
+            state.acceleration_mps2 = told.acceleration_mps2;
+            state.yaw_rate_radps = told.yaw_rate_radps;
         }
+        state.distance_m = track.odometer.distance_m();
         state
     }
 
-    /// What has happened to a vehicle, and since when it stands.
-    fn note(&mut self, state: &VehicleState, old: Option<Status>, since_s: Option<f64>) -> Option<f64> {
-        let (time_s, vehicle, status) = (self.snapshot.time_s, state.id, state.status);
+    /// What has happened to a vehicle since its status before, `None` where it was not there.
+    fn note(&mut self, seen: &SeenMotion, old: Option<Status>) {
+        let (time_s, vehicle, status) = (self.snapshot.time_s, seen.vehicle, seen.status);
+        let is_met = self.met.insert(vehicle);
         let mut happened = |kind| self.snapshot.events.push(Event { time_s, vehicle, kind });
         if old.is_none() {
-            happened(if self.met.insert(vehicle) { EventKind::Spawn } else { EventKind::SeenAgain });
+            happened(if is_met { EventKind::Spawn } else { EventKind::SeenAgain });
         }
         if old != Some(status) {
             match status {
@@ -113,18 +196,6 @@ impl SeenCity {
             if old == Some(Status::LinkLost) {
                 happened(EventKind::LinkBack);
             }
-        }
-        let speed_mps = state.speed_mps.abs();
-        match since_s {
-            None if speed_mps < STANDS_MPS && state.distance_m > 0.0 => {
-                happened(EventKind::Stop);
-                Some(time_s)
-            }
-            Some(since_s) if speed_mps > MOVES_MPS => {
-                happened(EventKind::Go { stood_s: time_s - since_s });
-                None
-            }
-            unchanged => unchanged,
         }
     }
 

@@ -1,5 +1,6 @@
 //! One vehicle of the world: its dynamics, what it follows, and its state.
 
+use crate::estimation::{LEFT_M, Observed, STANDS_MPS, StandChange, StandDetector};
 use crate::physics::Physics;
 use crate::snapshot::{
     Event, EventKind, Indicator, MeasuredPose, Pedals, Setup, Status, Trajectory, VehicleState,
@@ -29,8 +30,8 @@ pub struct SimVehicle {
     has_collided: bool,
     /// Distance driven at the last collision.
     collided_at_m: f64,
-    /// Since when it stands.
-    standing_since_s: Option<f64>,
+    /// Of a simulated vehicle; one of the laboratory has its own.
+    stand: StandDetector,
     /// What the last trajectory said of it.
     is_yielding: bool,
     /// The event of that has been told.
@@ -38,9 +39,6 @@ pub struct SimVehicle {
     is_finished: bool,
 }
 
-/// A vehicle stands below this speed, and moves again above the second.
-const STANDS_MPS: f64 = 0.1;
-const MOVES_MPS: f64 = 0.4;
 /// Pedal travel at which brake lights come on.
 const BRAKE_LIGHT_TRAVEL: f64 = 0.02;
 /// A person who has hit something and drives on so far is clear of it.
@@ -62,7 +60,7 @@ impl SimVehicle {
             is_link_lost: false,
             has_collided: false,
             collided_at_m: 0.0,
-            standing_since_s: None,
+            stand: StandDetector::default(),
             is_yielding: false,
             has_told_yield: false,
             is_finished: false,
@@ -214,7 +212,10 @@ impl SimVehicle {
     pub fn read_back(&mut self, physics: &Physics, time_s: f64, dt_s: f64, events: &mut Vec<Event>) {
         let before = self.state.status;
         self.motion = self.dynamics.read_back(physics, &self.spec, dt_s);
-        self.state.distance_m += self.motion.speed_mps.abs() * dt_s;
+        self.state.distance_m = match &self.dynamics {
+            Dynamics::Measured(measured) => measured.distance_m(),
+            _ => self.state.distance_m + self.motion.speed_mps.abs() * dt_s,
+        };
         let is_clear = self.state.distance_m - self.collided_at_m > CLEAR_AFTER_M;
         if is_clear && (matches!(self.driver, Driver::Human(_)) || self.is_physical()) {
             self.has_collided = false;
@@ -238,19 +239,19 @@ impl SimVehicle {
     }
 
     fn note_standing(&mut self, time_s: f64, events: &mut Vec<Event>) {
-        let speed_mps = self.motion.speed_mps.abs();
-        let vehicle = self.state.id;
-        match self.standing_since_s {
-            None if speed_mps < STANDS_MPS && self.state.distance_m > 0.0 => {
-                self.standing_since_s = Some(time_s);
-                events.push(Event { time_s, vehicle, kind: EventKind::Stop });
+        let change = match &self.dynamics {
+            Dynamics::Measured(measured) => measured.stand_change(),
+            _ => {
+                let seen = Observed::exact(self.motion.speed_mps, self.motion.position.truncate());
+                self.stand.update(time_s, &seen)
             }
-            Some(since_s) if speed_mps > MOVES_MPS => {
-                self.standing_since_s = None;
-                events.push(Event { time_s, vehicle, kind: EventKind::Go { stood_s: time_s - since_s } });
-            }
-            _ => {}
-        }
+        };
+        let kind = match change {
+            Some(StandChange::Stopped) => EventKind::Stop,
+            Some(StandChange::MovedOff { stood_s }) => EventKind::Go { stood_s },
+            None => return,
+        };
+        events.push(Event { time_s, vehicle: self.state.id, kind });
     }
 
     fn note_status(&mut self, before: Status, time_s: f64, events: &mut Vec<Event>) {
@@ -282,6 +283,14 @@ impl SimVehicle {
         }
     }
 
+    fn stands(&self) -> bool {
+        match &self.dynamics {
+            // One that has not left its start yet stands there.
+            Dynamics::Measured(measured) => measured.is_standing() || measured.distance_m() < LEFT_M,
+            _ => self.stand.is_standing() && !self.stand.is_moving_off(),
+        }
+    }
+
     fn moves(&self) -> bool {
         self.motion.speed_mps.abs() >= STANDS_MPS
     }
@@ -309,7 +318,7 @@ impl SimVehicle {
             Status::Finished
         } else if self.is_yielding {
             Status::Yielding
-        } else if self.standing_since_s.is_some() || (self.is_physical() && !self.moves()) {
+        } else if self.stands() {
             Status::Stopped
         } else {
             Status::Driving

@@ -1,84 +1,28 @@
 //! A vehicle of the laboratory: it is where it is measured to be.
 //!
-//! An alpha-beta filter over the measured poses (Kalata 1984) gives its speed, which motion capture does not
-//! tell, and carries it from the instant of the newest pose to the present.
+//! Its motion is that of [`MotionFilter`], which makes speeds of the measured poses and carries the vehicle from the
+//! instant of the newest pose to the present.
 
 use super::raycast::chassis;
 use super::wheels::{angle_of, front_headings};
 use super::{Actuation, Motion, VehicleModel, VehicleSpec};
-use crate::geom::{Pose2, trig, wrap_angle};
+use crate::estimation::{MotionEstimate, MotionFilter, NoiseModel, Odometer, StandChange, Taken};
+use crate::geom::{LengthScale, Pose2, trig};
 use crate::physics::{BodyId, Physics};
 use crate::snapshot::{MeasuredPose, WheelState};
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Shares of a residual that correct the pose and, over the time between two poses, its rate of change: critically
-/// damped, and a speed of some centimetres a second out of a millimetre of noise in the laboratory.
-const ALPHA: f64 = 0.15;
-const BETA: f64 = ALPHA * ALPHA / (2.0 - ALPHA);
-/// Poses nearer to one another in time tell nothing about speed.
-const SHORTEST_S: f64 = 0.005;
+/// Share by which a pose corrects height and tilt, on which nothing depends.
+const SMOOTHING: f64 = 0.15;
 /// After so long without a pose it counts as unseen, and is not carried on any more.
 pub const UNSEEN_AFTER_S: f64 = 0.25;
-/// A vehicle found so far from where it was expected was put there by hand.
-const PUT_DOWN_M: f64 = 2.0;
 /// Slower than this its turning says nothing about its front wheels.
 const STEERS_MPS: f64 = 0.5;
-/// Of the change of speed, which is shown and nothing more.
-const SMOOTHING_S: f64 = 0.3;
 
-/// What is known of it at the stamp of the newest pose.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-struct Known {
-    stamp_s: f64,
-    position: DVec3,
-    orientation: DQuat,
-    velocity_mps: DVec3,
-    yaw_rate_radps: f64,
-}
-
-impl Known {
-    fn first(pose: &MeasuredPose) -> Self {
-        Self {
-            stamp_s: pose.stamp_s,
-            position: pose.position,
-            orientation: pose.orientation,
-            velocity_mps: DVec3::ZERO,
-            yaw_rate_radps: 0.0,
-        }
-    }
-
-    /// Where it is some time later.
-    fn after(&self, dt_s: f64) -> (DVec3, DQuat) {
-        let (sin, cos) = trig::sin_cos(self.yaw_rate_radps * dt_s / 2.0);
-        let turn = DQuat::from_xyzw(0.0, 0.0, sin, cos);
-        (self.position + self.velocity_mps * dt_s, turn * self.orientation)
-    }
-
-    /// Takes a pose in; an older one says nothing.
-    fn take(&mut self, pose: &MeasuredPose) {
-        let dt_s = pose.stamp_s - self.stamp_s;
-        if dt_s == 0.0 {
-            // The experiment stands, the vehicle may be moved.
-            (self.position, self.orientation) = (pose.position, pose.orientation);
-        }
-        if dt_s <= 0.0 {
-            return;
-        }
-        let (position, orientation) = self.after(dt_s);
-        let residual = pose.position - position;
-        if dt_s > UNSEEN_AFTER_S || residual.length() > PUT_DOWN_M {
-            *self = Self::first(pose);
-            return;
-        }
-        let turned = wrap_angle(yaw_of(pose.orientation) - yaw_of(orientation));
-        self.stamp_s = pose.stamp_s;
-        self.position = position + residual * ALPHA;
-        self.orientation = orientation.lerp(pose.orientation, ALPHA);
-        let rate = BETA / dt_s.max(SHORTEST_S);
-        self.velocity_mps += residual * rate;
-        self.yaw_rate_radps += turned * rate;
-    }
+fn turned(yaw_rad: f64) -> DQuat {
+    let (sin, cos) = trig::sin_cos(yaw_rad / 2.0);
+    DQuat::from_xyzw(0.0, 0.0, sin, cos)
 }
 
 fn yaw_of(orientation: DQuat) -> f64 {
@@ -91,12 +35,16 @@ fn yaw_of(orientation: DQuat) -> f64 {
 pub struct Measured {
     /// What other vehicles run into. It gives way to nothing.
     body: BodyId,
-    known: Option<Known>,
+    filter: MotionFilter,
+    odometer: Odometer,
+    /// It has come to a stand or moved off in the last step.
+    change: Option<StandChange>,
     /// `None` before the first pose.
     is_seen: Option<bool>,
-    position: DVec3,
-    orientation: DQuat,
-    velocity_mps: DVec3,
+    height_m: f64,
+    tilt: DQuat,
+    pose: Pose2,
+    velocity_mps: DVec2,
     acceleration_mps2: f64,
     yaw_rate_radps: f64,
     spins_rad: [f64; 4],
@@ -105,14 +53,16 @@ pub struct Measured {
 impl Measured {
     /// Puts it where it is expected; `pose` is the middle of its outline.
     pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2) -> Self {
-        let (sin, cos) = trig::sin_cos(pose.yaw_rad / 2.0);
         Self {
             body: physics.add_guided_box(&chassis(spec, pose, 0.0)),
-            known: None,
+            filter: MotionFilter::new(NoiseModel::LABORATORY.scaled(LengthScale::TESTBED.factor())),
+            odometer: Odometer::default(),
+            change: None,
             is_seen: None,
-            position: pose.position.extend(0.0),
-            orientation: DQuat::from_xyzw(0.0, 0.0, sin, cos),
-            velocity_mps: DVec3::ZERO,
+            height_m: 0.0,
+            tilt: DQuat::IDENTITY,
+            pose,
+            velocity_mps: DVec2::ZERO,
             acceleration_mps2: 0.0,
             yaw_rate_radps: 0.0,
             spins_rad: [0.0; 4],
@@ -124,36 +74,65 @@ impl Measured {
         self.is_seen
     }
 
-    /// Takes a measured pose in.
-    pub fn take(&mut self, pose: &MeasuredPose) {
-        match &mut self.known {
-            Some(known) => known.take(pose),
-            None => self.known = Some(Known::first(pose)),
-        }
+    /// Whether it has come to a stand or moved off in the last step.
+    pub fn stand_change(&self) -> Option<StandChange> {
+        self.change
     }
 
-    /// Brings it to where it is at a time, as far as that is known.
+    pub fn is_standing(&self) -> bool {
+        self.odometer.is_standing()
+    }
+
+    /// Driven since the beginning.
+    pub fn distance_m(&self) -> f64 {
+        self.odometer.distance_m()
+    }
+
+    /// Takes a measured pose in.
+    pub fn take(&mut self, pose: &MeasuredPose) {
+        let yaw_rad = yaw_of(pose.orientation);
+        let taken = self.filter.update(pose.stamp_s, Pose2 { position: pose.position.truncate(), yaw_rad });
+        let share = match taken {
+            Taken::Begun => 1.0,
+            Taken::Used => SMOOTHING,
+            Taken::Old | Taken::Outlier => return,
+        };
+        self.height_m += (pose.position.z - self.height_m) * share;
+        self.tilt = self.tilt.lerp(turned(-yaw_rad) * pose.orientation, share);
+    }
+
+    /// Brings it to where it is at a time, as far as that is known; `dt_s` after the time before.
     pub fn carry_to(&mut self, time_s: f64, spec: &VehicleSpec, dt_s: f64) {
-        let Some(known) = &self.known else { return };
-        let age_s = (time_s - known.stamp_s).max(0.0);
-        let is_seen = age_s <= UNSEEN_AFTER_S;
+        self.change = None;
+        let Some(stamp_s) = self.filter.last_stamp_s() else { return };
+        let is_seen = time_s - stamp_s <= UNSEEN_AFTER_S;
         self.is_seen = Some(is_seen);
-        (self.position, self.orientation) = known.after(age_s.min(UNSEEN_AFTER_S));
-        let before = self.speed_mps();
-        self.velocity_mps = if is_seen { known.velocity_mps } else { DVec3::ZERO };
-        self.yaw_rate_radps = if is_seen { known.yaw_rate_radps } else { 0.0 };
-        let speed_mps = self.speed_mps();
-        if dt_s > 0.0 {
-            let raw = (speed_mps - before) / dt_s;
-            self.acceleration_mps2 += (raw - self.acceleration_mps2) * (dt_s / SMOOTHING_S).min(1.0);
+        let Some(motion) = self.filter.at(time_s.min(stamp_s + UNSEEN_AFTER_S)) else { return };
+        self.pose = motion.pose;
+        if is_seen && dt_s > 0.0 {
+            self.change = self.odometer.update(&motion);
         }
+        let MotionEstimate { velocity_mps, acceleration_mps2, yaw_rate_radps, .. } =
+            self.odometer.told(&motion);
+        if is_seen {
+            self.velocity_mps = velocity_mps;
+            (self.acceleration_mps2, self.yaw_rate_radps) = (acceleration_mps2, yaw_rate_radps);
+        } else {
+            self.velocity_mps = DVec2::ZERO;
+            (self.acceleration_mps2, self.yaw_rate_radps) = (0.0, 0.0);
+        }
+        let speed_mps = self.speed_mps();
         for spin in &mut self.spins_rad {
             *spin += speed_mps * dt_s / spec.dimensions.wheel_radius_m;
         }
     }
 
     fn speed_mps(&self) -> f64 {
-        self.velocity_mps.dot(self.orientation * DVec3::X)
+        self.velocity_mps.dot(self.pose.forward())
+    }
+
+    fn position(&self) -> DVec3 {
+        self.pose.position.extend(self.height_m)
     }
 
     /// By which it would turn as it does.
@@ -170,7 +149,7 @@ impl Measured {
 impl VehicleModel for Measured {
     /// It does what it does in the laboratory, whatever is asked of it here.
     fn apply(&mut self, physics: &mut Physics, _spec: &VehicleSpec, _actuation: &Actuation, _dt_s: f64) {
-        physics.move_to(self.body, self.position, yaw_of(self.orientation));
+        physics.move_to(self.body, self.position(), self.pose.yaw_rad);
     }
 
     fn read_back(&mut self, _physics: &Physics, spec: &VehicleSpec, _dt_s: f64) -> Motion {
@@ -182,9 +161,9 @@ impl VehicleModel for Measured {
             lift_m: 0.0,
         };
         Motion {
-            position: self.position,
-            orientation: self.orientation,
-            velocity_mps: self.velocity_mps,
+            position: self.position(),
+            orientation: turned(self.pose.yaw_rad) * self.tilt,
+            velocity_mps: self.velocity_mps.extend(0.0),
             speed_mps: self.speed_mps(),
             acceleration_mps2: self.acceleration_mps2,
             yaw_rate_radps: self.yaw_rate_radps,
@@ -226,8 +205,8 @@ mod tests {
             car.take(&pose(time_s - 0.03, 8.0 * (time_s - 0.03), 0.5 * (time_s - 0.03)));
             car.carry_to(time_s, &spec, 0.01);
         }
-        assert!((car.position.x - 8.0 * 1.99).abs() < 0.01, "{}", car.position.x);
-        assert!((yaw_of(car.orientation) - 0.5 * 1.99).abs() < 0.01, "{}", yaw_of(car.orientation));
+        assert!((car.pose.position.x - 8.0 * 1.99).abs() < 0.01, "{}", car.pose.position.x);
+        assert!((car.pose.yaw_rad - 0.5 * 1.99).abs() < 0.01, "{}", car.pose.yaw_rad);
         assert!((car.velocity_mps.x - 8.0).abs() < 0.05 && (car.yaw_rate_radps - 0.5).abs() < 0.01);
         assert_eq!(car.is_seen(), Some(true));
     }
@@ -243,12 +222,16 @@ mod tests {
         for k in 200..300 {
             car.carry_to(0.01 * f64::from(k), &spec, 0.01);
         }
-        assert_eq!((car.is_seen(), car.velocity_mps), (Some(false), DVec3::ZERO));
-        assert!((car.position.x - 8.0 * (1.99 + UNSEEN_AFTER_S)).abs() < 0.05, "{}", car.position.x);
+        assert_eq!((car.is_seen(), car.velocity_mps), (Some(false), DVec2::ZERO));
+        assert!(
+            (car.pose.position.x - 8.0 * (1.99 + UNSEEN_AFTER_S)).abs() < 0.05,
+            "{}",
+            car.pose.position.x
+        );
         car.take(&pose(3.0, 50.0, 1.0));
         car.carry_to(3.0, &spec, 0.01);
         assert_eq!(car.is_seen(), Some(true));
-        assert_eq!(car.position.x, 50.0);
+        assert_eq!(car.pose.position.x, 50.0);
     }
 
     #[test]
@@ -263,7 +246,7 @@ mod tests {
             car.take(&pose(time_s - late_s, 8.0 * (time_s - late_s) + noise, 0.0));
             car.carry_to(time_s, &spec, 0.01);
             if k > 200 {
-                worst = worst.max((car.position.x - 8.0 * time_s).abs());
+                worst = worst.max((car.pose.position.x - 8.0 * time_s).abs());
             }
         }
         assert!(worst < 0.05, "{worst} m");
