@@ -238,7 +238,8 @@ impl Adjustment {
             if member.drawn.curvature == 0.0 {
                 continue;
             }
-            let (middle_m, [by_a, by_b]) = self.middle_displacement(k, &form);
+            let known = 1.0 / middle_error(&member.drawn);
+            let (middle_m, [by_a, by_b]) = scaled(self.middle_displacement(k, &form), known);
             take(Row::Displacement, middle_m, &[(member.nodes[0], by_a), (member.nodes[1], by_b)]);
             if let Some(before) = member.same_circle_as {
                 let index = SLOTS * k + CIRCLE;
@@ -342,6 +343,14 @@ impl Adjustment {
         start.yaw_rad = wrap_angle(line.start.yaw_rad - sweep / 2.0);
         Segment::new(start, sweep / curvature, curvature)
     }
+}
+
+/// By how much the middle of an arc is off where its ends are off by one and the radius was kept: much, near half
+/// a turn.
+pub(super) fn middle_error(drawn: &Segment) -> f64 {
+    const MOST: f64 = 20.0;
+    let lever = trig::tan(drawn.length * drawn.curvature / 2.0) / 2.0;
+    (1.0 + lever * lever).sqrt().min(MOST)
 }
 
 fn outer(a: DVec3, b: DVec3) -> DMat3 {

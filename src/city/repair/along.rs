@@ -106,8 +106,9 @@ fn turns_alike(strokes: &Strokes, end: End, other: usize) -> bool {
     let sign = if same_direction(strokes, end, other) { 1.0 } else { -1.0 };
     let turn = (mine.curvature - sign * rest.curvature).abs() * mine.length;
     let (a, b) = (mine.curvature, sign * rest.curvature);
-    // A line is no arc, and a short arc of measured ends may have any radius near its own.
-    let same_shape = a == b || (a * b > 0.0 && (0.5..=2.0).contains(&(a / b)));
+    // A line is no arc, and the radius of a short arc is less well known.
+    let leeway = 0.1 + strokes.tolerance_m / mine.length;
+    let same_shape = a == b || (a * b > 0.0 && (a - b).abs() <= leeway * a.abs().max(b.abs()));
     // A chord that is off by the tolerance changes the sweep of an arc of fixed radius by this.
     let bend = mine.curvature.abs().max(rest.curvature.abs());
     let lever = trig::cos(mine.curvature * mine.length / 2.0).abs().max(0.2);

@@ -1,5 +1,6 @@
 //! What a repair comes to: the new geometry of the entities, and every change by handle and millimetres.
 
+use super::adjust::middle_error;
 use super::joints::Joints;
 use super::layout::Layout;
 use super::overlaps::Cut;
@@ -111,7 +112,8 @@ impl Outcome<'_> {
         let tolerance_m = self.strokes.tolerance_m;
         for (index, stroke) in self.strokes.kept() {
             let moved = displacement(&stroke.rest, &self.adjusted(index));
-            let (at, by_m) = [(0.0, moved[0]), (0.5, moved[1]), (1.0, moved[2])]
+            let middle_m = moved[1] / middle_error(&stroke.rest);
+            let (at, by_m) = [(0.0, moved[0]), (0.5, middle_m), (1.0, moved[2])]
                 .into_iter()
                 .max_by(|a, b| a.1.total_cmp(&b.1))
                 .unwrap_or_default();
