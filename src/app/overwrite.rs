@@ -122,6 +122,13 @@ mod tests {
         names.iter().for_each(|name| std::fs::write(folder.path().join(name), "").unwrap());
         let told = message(OverwriteArgs::default().check_files(folder.path(), &names));
         assert!(told.contains("it has 1.svg, 2.svg, 3.svg and 2 more files of an earlier command"), "{told}");
+    }
+
+    #[cfg(feature = "render")]
+    #[test]
+    fn a_file_is_refused_and_a_device_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("1.svg"), "").unwrap();
         let told = message(OverwriteArgs::default().check_file(&folder.path().join("1.svg")));
         assert!(told.contains("1.svg: the file is there already; choose another --out"), "{told}");
         assert!(OverwriteArgs::default().check_file(Path::new("/dev/null")).is_ok());
