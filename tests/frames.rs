@@ -299,7 +299,6 @@ fn the_cameras_of_the_scenario_take_pictures_at_their_rates() {
     for vehicle in ["path1_a", "path1_c", "path2_b", "path2_c", "cav7", "cav8"] {
         assert_eq!(of("left", vehicle, "rgb"), [0, 25, 50, 75, 100], "{vehicle}");
     }
-    // And those that the scenario gives the type and path2_a.
     for vehicle in ["path1_a", "path1_c", "path2_a", "path2_b", "cav7", "cav8"] {
         assert_eq!(of("windscreen", vehicle, "rgb"), [0, 100], "{vehicle}");
     }

@@ -213,7 +213,7 @@ fn the_two_runs_of_the_experiment_differ_in_the_environment_alone() {
 #[test]
 fn in_the_testbed_all_of_path_1_waits_for_all_of_path_2() {
     // The seed of the scenario.
-    let [ideal, testbed] = twice(6);
+    let [ideal, testbed] = twice(2);
     assert_eq!((ideal.collisions, testbed.collisions), (0, 0));
     let last = |outcome: &Outcome| PATH2.iter().map(|id| outcome.merged_s(*id)).fold(0.0, f64::max);
     assert!(ideal.merged_s(PATH1[0]) < last(&ideal), "{:?}", ideal.merged_s);

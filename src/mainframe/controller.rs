@@ -21,8 +21,10 @@ pub struct OwnMotion {
     pub margin_m: f64,
 }
 
+/// The control algorithm that holds its speed whatever is ahead.
+pub const CRUISE: &str = "cruise";
 /// The names that [`controller`] knows.
-pub const CONTROLLERS: [&str; 2] = ["idm", "cruise"];
+pub const CONTROLLERS: [&str; 2] = ["idm", CRUISE];
 
 /// The control algorithm of a name, or `None` where there is none of that name.
 ///
@@ -31,7 +33,7 @@ pub const CONTROLLERS: [&str; 2] = ["idm", "cruise"];
 pub fn controller(name: &str, params: DriverParams) -> Option<Box<dyn Controller>> {
     match name {
         "idm" => Some(Box::new(Idm(params))),
-        "cruise" => Some(Box::new(Cruise(params))),
+        CRUISE => Some(Box::new(Cruise(params))),
         _ => None,
     }
 }

@@ -16,7 +16,7 @@ mod stray;
 mod traffic;
 
 pub use cav::{Body, Cav, CavSetup};
-pub use controller::{CONTROLLERS, Controller, OwnMotion, controller};
+pub use controller::{CONTROLLERS, CRUISE, Controller, OwnMotion, controller};
 pub use idm::{Ahead, DriverParams};
 pub use right_of_way::RightOfWayParams;
 pub use route::{Route, Section, turn_of};

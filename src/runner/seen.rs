@@ -92,17 +92,13 @@ impl SeenCity {
         let forward = orientation * DVec3::X;
         let pose = Pose2 { position: position.truncate(), yaw_rad: trig::atan2(forward.y, forward.x) };
         let start_mps = self.start_mps(time_s, seen);
-        let noise = if seen.status == Status::Physical { self.carried_noise() } else { self.noise };
+        let noise = if self.is_physical(vehicle) { self.carried_noise() } else { self.noise };
         let track = self.tracks.entry(vehicle).or_insert_with(|| {
             Track::new(match start_mps {
                 Some(speed_mps) => MotionFilter::moving(noise, stamp_s, pose, speed_mps),
                 None => MotionFilter::new(noise),
             })
         });
-        if track.filter.noise_model().is_estimated != noise.is_estimated {
-            // A physical vehicle that waited is measured from now on.
-            track.filter = MotionFilter::new(noise);
-        }
         track.filter.update(stamp_s, pose);
         let motion = track.filter.at(time_s);
         let Some(at) = motion.map(|motion| motion.pose) else { return told };
@@ -112,6 +108,10 @@ impl SeenCity {
             motion,
             ..told
         }
+    }
+
+    fn is_physical(&self, vehicle: VehicleId) -> bool {
+        self.experiment.physical().any(|(planned, _)| planned.id == vehicle)
     }
 
     /// Of the city's poses of physical vehicles, which are estimates by themselves: their errors last for some poses, so
@@ -126,7 +126,7 @@ impl SeenCity {
     /// The speed with which a simulated vehicle is set up at the beginning of the experiment.
     fn start_mps(&self, time_s: f64, seen: &Seen) -> Option<f64> {
         let planned = self.experiment.vehicles.iter().find(|planned| planned.id == seen.pose.vehicle)?;
-        let is_start = time_s == 0.0 && seen.status != Status::Physical && planned.physical.is_none();
+        let is_start = time_s == 0.0 && planned.physical.is_none();
         is_start.then(|| self.experiment.scale.city_from_lab(planned.start.speed_mps))
     }
 

@@ -3,7 +3,7 @@
 use super::experiment::PlannedVehicle;
 use crate::city::LabMap;
 use crate::geom::LengthScale;
-use crate::mainframe::{Ahead, Route};
+use crate::mainframe::{Ahead, CRUISE, Route};
 use crate::snapshot::VehicleId;
 
 /// A turn has to be this much wider than the tightest the vehicle can do, for control to have room.
@@ -155,6 +155,10 @@ fn too_near_to_leader(
     vehicle: &PlannedVehicle,
     vehicles: &[PlannedVehicle],
 ) -> Option<InfeasibleStart> {
+    // Others have to look out for one that holds its speed whatever is ahead.
+    if vehicle.controller == CRUISE {
+        return None;
+    }
     let (start, driver) = (&vehicle.start, &vehicle.driver);
     let (gap_m, leader) = leader_at_start(map, scale, vehicle, vehicles)?;
     let ahead = Ahead { gap_m, speed_mps: leader.start.speed_mps };

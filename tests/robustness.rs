@@ -1,0 +1,45 @@
+//! Fifty cars under the conditions of a laboratory. `scripts/robustness.sh` takes fifty seeds; here are three.
+
+use city3d::environment::Profile;
+use city3d::runner::Outcome;
+use city3d::scenario::{Library, Overrides, read_experiment};
+use std::sync::Arc;
+
+const SEEDS: [u64; 3] = [7, 19, 106];
+/// A city in which somebody stands longer than this is frozen.
+const LONGEST_STAND_S: f64 = 120.0;
+/// Share of the ideal run's traffic that the laboratory's conditions leave.
+const LEAST_SHARE: f64 = 0.85;
+
+fn outcome(seed: u64, profile: Profile) -> Outcome {
+    let (text, library) = Library::scenario("city").expect("a shipped scenario");
+    let overrides = Overrides { seed: Some(seed), environment: Some(profile), ..Overrides::default() };
+    let experiment = read_experiment("city", &text, &library, overrides).expect("a good scenario");
+    Outcome::of(Arc::new(experiment)).expect("a run")
+}
+
+#[test]
+fn fifty_cars_under_lag_and_noise_neither_collide_nor_freeze() {
+    let runs: Vec<[Outcome; 2]> = std::thread::scope(|scope| {
+        let both = |seed| Profile::ALL.map(|profile| outcome(seed, profile));
+        let threads = SEEDS.map(|seed| scope.spawn(move || both(seed)));
+        threads.into_iter().map(|thread| thread.join().expect("two runs")).collect()
+    });
+    for (seed, outcomes) in SEEDS.iter().zip(&runs) {
+        for (outcome, profile) in outcomes.iter().zip(Profile::ALL) {
+            let what = format!("seed {seed}, {}", profile.name());
+            assert_eq!(outcome.collisions, 0, "{what}");
+            let stand_s = outcome.longest_stand_s;
+            assert!(stand_s < LONGEST_STAND_S, "{what}: somebody stands for {stand_s} s");
+        }
+    }
+    for (figure, of) in [
+        ("speed", (|outcome: &Outcome| outcome.mean_speed_mps) as fn(&Outcome) -> f64),
+        ("merges", |outcome| f64::from(outcome.merges)),
+        ("distance", |outcome| outcome.mean_distance_m),
+    ] {
+        let sum = |which: usize| runs.iter().map(|outcomes| of(&outcomes[which])).sum::<f64>();
+        let share = sum(1) / sum(0);
+        assert!(share > LEAST_SHARE, "{figure}: {share} of the ideal run's");
+    }
+}
