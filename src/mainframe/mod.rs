@@ -141,18 +141,6 @@ impl Mainframe {
         Ok(())
     }
 
-    #[doc(hidden)]
-    pub fn explain(&self, index: usize) -> String {
-        let mut out = Vec::new();
-        self.right_of_way.hindrances(index, &self.cavs, &mut out);
-        let leader =
-            self.occupancy.leader(&self.cavs, index, SIGHT_M).map(|l| (self.cavs[l.vehicle].id, l.ahead));
-        format!(
-            "leader {leader:?} by {:?}",
-            out.iter().map(|h| (h.constraint, h.by.map(|b| self.cavs[b].id), h.section)).collect::<Vec<_>>()
-        )
-    }
-
     /// The vehicles under control, in id order.
     pub fn cavs(&self) -> &[Cav] {
         &self.cavs

@@ -150,8 +150,6 @@ pub struct Hindrance {
     pub constraint: Constraint,
     /// Index of the section, along the route, whose right of way it is.
     pub section: usize,
-    /// Index of the vehicle that goes first; `None` while it has not been admitted.
-    pub by: Option<usize>,
     /// Whether the vehicle gives way there by its rank: behind a line, or turning left across the oncoming traffic.
     pub gives_way: bool,
 }
@@ -475,16 +473,15 @@ impl RightOfWay {
             if gap_m < asking_distance(cav) {
                 let gives_way = section.rank > RANK_MAJOR;
                 let constraint = Constraint::Stop { gap_m };
-                out.push(Hindrance { constraint, section: cav.passage.next_section, by: None, gives_way });
+                out.push(Hindrance { constraint, section: cav.passage.next_section, gives_way });
             }
         }
         for admission in &cav.passage.admissions {
             let section = &cav.route.sections[admission.section];
             let gives_way = section.rank > RANK_MAJOR;
             for crossing in &cav.route.crossings[section.crossings.clone()] {
-                self.constraints_in(vehicle, cavs, crossing, admission.order, |constraint, by| {
-                    let (section, by) = (admission.section, Some(by));
-                    out.push(Hindrance { constraint, section, by, gives_way });
+                self.constraints_in(vehicle, cavs, crossing, admission.order, |constraint| {
+                    out.push(Hindrance { constraint, section: admission.section, gives_way });
                 });
             }
         }
@@ -496,7 +493,7 @@ impl RightOfWay {
         cavs: &[Cav],
         crossing: &Crossing,
         order: u64,
-        mut add: impl FnMut(Constraint, usize),
+        mut add: impl FnMut(Constraint),
     ) {
         let front_s = cavs[vehicle].front_s();
         let to_entry_m = crossing.from_s - front_s;
@@ -511,7 +508,7 @@ impl RightOfWay {
                 ZoneKind::Merge if to_end_m > 0.0 => {
                     let speed_mps = cavs[user.vehicle].speed_mps();
                     let leader = Ahead { gap_m: to_end_m - user.to_exit_m, speed_mps };
-                    add(Constraint::Merging { leader, wait_gap_m }, user.vehicle);
+                    add(Constraint::Merging { leader, wait_gap_m });
                 }
                 ZoneKind::Merge => {}
                 // Inside the zone there is no waiting any more: it has to be left.
@@ -520,7 +517,7 @@ impl RightOfWay {
                     let is_leaving = user.to_entry_m < 0.0 && cavs[user.vehicle].speed_mps() > LEAVING_MPS;
                     let braking = if is_leaving { FIRM_BRAKING } else { COMFORTABLE_BRAKING };
                     if wait_gap_m < braking_distance(&cavs[vehicle], braking) {
-                        add(Constraint::Stop { gap_m: wait_gap_m }, user.vehicle);
+                        add(Constraint::Stop { gap_m: wait_gap_m });
                     }
                 }
                 _ => {}

@@ -3,7 +3,7 @@
 use super::experiment::PlannedVehicle;
 use crate::city::LabMap;
 use crate::geom::LengthScale;
-use crate::mainframe::{Ahead, CRUISE, Route};
+use crate::mainframe::{Ahead, CRUISE, DriverParams, Route};
 use crate::snapshot::VehicleId;
 
 /// A turn has to be this much wider than the tightest the vehicle can do, for control to have room.
@@ -131,7 +131,9 @@ fn too_fast_for_bend(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicle)
         length_m += map.lane(*lane).curve.length();
         lanes.push(*lane);
     }
-    let route = Route::new(map, &lanes, vehicle.body_in_lab(scale), driver);
+    // A driver who wishes to be slower slows down gently.
+    let wish = DriverParams { desired_speed_mps: f64::MAX.sqrt(), ..*driver };
+    let route = Route::new(map, &lanes, vehicle.body_in_lab(scale), &wish);
     let braking = driver.min_acceleration_mps2.abs();
     let steps = ((length_m - start.at_m).clamp(0.0, AHEAD_M) / STEP_M) as u32;
     let most_mps = (0..=steps)
