@@ -231,7 +231,7 @@ impl MotionFilter {
     pub(super) fn correct(&mut self, stamp_s: f64, pose: Pose2, variances: [f64; 2]) -> (Taken, bool) {
         let Some(state) = self.state else { return self.begin(stamp_s, pose, variances) };
         let gap_s = stamp_s - state.stamp_s;
-        if gap_s < -LATE_WITHIN_S || gap_s > FORGOTTEN_AFTER_S {
+        if !(-LATE_WITHIN_S..=FORGOTTEN_AFTER_S).contains(&gap_s) {
             return self.begin(stamp_s, pose, variances);
         }
         if gap_s < 0.0 {

@@ -92,7 +92,7 @@ pub trait VehicleModel {
 pub enum Dynamics {
     Raycast(RaycastCar),
     Bicycle(Bicycle),
-    Measured(Measured),
+    Measured(Box<Measured>),
 }
 
 impl Dynamics {
@@ -102,7 +102,7 @@ impl Dynamics {
         match spec.model {
             ModelKind::Raycast => Self::Raycast(RaycastCar::spawn(physics, spec, pose, speed_mps)),
             ModelKind::Bicycle => Self::Bicycle(Bicycle::spawn(physics, spec, pose, speed_mps)),
-            ModelKind::Measured => Self::Measured(Measured::spawn(physics, spec, pose)),
+            ModelKind::Measured => Self::Measured(Box::new(Measured::spawn(physics, spec, pose))),
         }
     }
 
@@ -110,7 +110,7 @@ impl Dynamics {
         match self {
             Self::Raycast(car) => car,
             Self::Bicycle(bicycle) => bicycle,
-            Self::Measured(measured) => measured,
+            Self::Measured(measured) => measured.as_mut(),
         }
     }
 }
