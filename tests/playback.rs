@@ -262,7 +262,7 @@ fn a_log_that_is_damaged_in_the_middle_ends_there() {
     let mut bytes = std::fs::read(&log).unwrap();
     let middle = bytes.len() * 6 / 10;
     // Longer than the index of a chunk, which no checksum covers.
-    bytes[middle..middle + 4096].iter_mut().for_each(|byte| *byte ^= 0x55);
+    bytes[middle..middle + 16_384].iter_mut().for_each(|byte| *byte ^= 0x55);
     std::fs::write(&log, bytes).unwrap();
     let mut player = open(&log);
     go(&mut player, Cue::Seek(1.0));

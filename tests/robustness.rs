@@ -1,8 +1,10 @@
 //! Fifty cars under the conditions of a laboratory. `scripts/robustness.sh` takes fifty seeds; here are three.
 
 use city3d::environment::Profile;
-use city3d::runner::Outcome;
-use city3d::scenario::{Library, Overrides, read_experiment};
+use city3d::runner::{Outcome, Run};
+use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
+use city3d::snapshot::{EventKind, Status, VehicleId};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 const SEEDS: [u64; 3] = [7, 19, 106];
@@ -11,11 +13,43 @@ const LONGEST_STAND_S: f64 = 120.0;
 /// Share of the ideal run's traffic that the laboratory's conditions leave.
 const LEAST_SHARE: f64 = 0.85;
 
-fn outcome(seed: u64, profile: Profile) -> Outcome {
+fn city(overrides: Overrides) -> Arc<Experiment> {
     let (text, library) = Library::scenario("city").expect("a shipped scenario");
+    Arc::new(read_experiment("city", &text, &library, overrides).expect("a good scenario"))
+}
+
+fn outcome(seed: u64, profile: Profile) -> Outcome {
     let overrides = Overrides { seed: Some(seed), environment: Some(profile), ..Overrides::default() };
-    let experiment = read_experiment("city", &text, &library, overrides).expect("a good scenario");
-    Outcome::of(Arc::new(experiment)).expect("a run")
+    Outcome::of(city(overrides)).expect("a run")
+}
+
+/// A status that flickered at the rate of control would be yielding for 20 ms.
+#[test]
+fn yielding_lasts_and_is_one_event() {
+    for profile in Profile::ALL {
+        let overrides =
+            Overrides { duration_s: Some(60.0), environment: Some(profile), ..Overrides::default() };
+        let experiment = city(overrides);
+        let mut run = Run::new(Arc::clone(&experiment)).expect("a run");
+        let mut since_s: BTreeMap<VehicleId, f64> = BTreeMap::new();
+        let (mut begun, mut told) = (0, 0);
+        for _ in 0..experiment.ticks() {
+            let snapshot = run.step();
+            told += snapshot.events.iter().filter(|event| event.kind == EventKind::Yield).count();
+            for state in &snapshot.vehicles {
+                if state.status == Status::Yielding {
+                    since_s.entry(state.id).or_insert_with(|| {
+                        begun += 1;
+                        snapshot.time_s
+                    });
+                } else if let Some(from_s) = since_s.remove(&state.id) {
+                    let lasted_s = snapshot.time_s - from_s;
+                    assert!(lasted_s > 0.5, "{}: vehicle {} for {lasted_s} s", profile.name(), state.id);
+                }
+            }
+        }
+        assert!(told > 20 && told == begun, "{}: {told} events of {begun}", profile.name());
+    }
 }
 
 #[test]

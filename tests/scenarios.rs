@@ -242,6 +242,37 @@ fn every_vehicle_of_a_shipped_scenario_has_a_camera_behind_its_windscreen() {
     }
 }
 
+/// Two cars before a bend that they would have to brake for, or too near to one another.
+#[test]
+fn starts_that_ask_for_more_than_u_min_are_refused_with_the_speed_that_is_possible() {
+    let vehicle = |name: &str, at_m: f64, speed_mps: f64| {
+        format!(
+            "[[vehicle]]\nname = \"{name}\"\nroute = [\"main-boulevard/east/inner/1\"]\nat_m = {at_m}\n\
+             speed_mps = {speed_mps}\n"
+        )
+    };
+    let faults = |vehicles: String| {
+        let text = format!("name = \"starts\"\nmap = \"ids3c\"\nduration_s = 10\n{vehicles}");
+        let (_, library) = Library::scenario("straight").expect("a shipped scenario");
+        read_experiment("starts.toml", &text, &library, Overrides::default())
+            .err()
+            .map(|error| error.to_string())
+    };
+    let near = faults(vehicle("first", 0.9, 0.3) + &vehicle("second", 0.6, 0.3)).expect("too near");
+    assert!(near.contains("second: at 0.3 m/s and 0.10 m behind first"), "{near}");
+    assert!(near.contains("min_acceleration_mps2"), "{near}");
+    let stated = near.split("at ").last().and_then(|rest| rest.split(' ').next()).expect("a speed");
+    let most_mps: f64 = stated.parse().expect("a number");
+    assert!((0.05..0.3).contains(&most_mps), "{near}");
+    // A little less than what it says is taken.
+    let slower = most_mps - 0.01;
+    assert_eq!(faults(vehicle("first", 0.9, 0.3) + &vehicle("second", 0.6, slower)), None);
+    let bend = "[[vehicle]]\nname = \"fast\"\nroute = [\"west-street/south/inner/1\", \
+                \"west-roundabout/north-to-ring/outer\", \"south-boulevard/east/outer/1\"]\nat_m = 0.44\nspeed_mps = 0.3\n";
+    let fast = faults(bend.to_owned()).expect("too fast");
+    assert!(fast.contains("fast: at 0.3 m/s") && fast.contains("for the bend or limit ahead"), "{fast}");
+}
+
 #[test]
 fn eighty_vehicles_find_a_place() {
     let text = "name = \"x\"\nduration_s = 1.0\n[traffic]\nvehicles = 80\n";

@@ -63,11 +63,16 @@ pub enum Yielding {
         section: usize,
         since_s: f64,
     },
-    At(usize),
+    At {
+        section: usize,
+        since_s: f64,
+    },
 }
 
 /// A vehicle that is held back for less than this has not given way: nobody would notice it.
 const YIELDS_AFTER_S: f64 = 0.4;
+/// And one that has given way is shown to do so for this time at least.
+const YIELDS_FOR_S: f64 = 1.0;
 
 #[derive(Debug)]
 pub struct Cav {
@@ -289,10 +294,14 @@ impl Cav {
         gives_way: impl Fn(usize) -> bool,
     ) {
         self.yielding = match (self.yielding, decision.gives_way_at) {
-            (Yielding::At(section), _) if gives_way(section) => Yielding::At(section),
+            (Yielding::At { section, since_s }, _)
+                if gives_way(section) || now_s - since_s < YIELDS_FOR_S =>
+            {
+                Yielding::At { section, since_s }
+            }
             (Yielding::Held { section, since_s }, Some(at)) if at == section => {
                 if now_s - since_s >= YIELDS_AFTER_S {
-                    Yielding::At(section)
+                    Yielding::At { section, since_s: now_s }
                 } else {
                     Yielding::Held { section, since_s }
                 }

@@ -31,7 +31,7 @@ pub struct Estimate {
     pub speed_mps: f64,
     /// Front-axle centre from the route, left-positive.
     pub lateral_m: f64,
-    /// Heading of the route minus that of the vehicle does not change much until the next pose.
+    /// Unit vector along the route at the front axle.
     along: glam::DVec2,
     front_axle_m: f64,
 }

@@ -24,7 +24,7 @@ pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory {
     cav.sequence = cav.sequence.wrapping_add(1);
     cav.indicator = indicator(map, cav);
     let mut trajectory = empty_trajectory(cav.id, cav.sequence, OFFSETS_S.len());
-    trajectory.yielding = matches!(cav.yielding, Yielding::At(_));
+    trajectory.yielding = matches!(cav.yielding, Yielding::At { .. });
     trajectory.finished = cav.is_finished();
     trajectory.indicator = cav.indicator;
     let (mut s, mut speed_mps, mut last_s) = (cav.reference.axle_s, cav.reference.speed_mps, 0.0);

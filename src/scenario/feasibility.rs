@@ -164,9 +164,9 @@ fn too_near_to_leader(
     let (start, driver) = (&vehicle.start, &vehicle.driver);
     let (gap_m, leader) = leader_at_start(map, scale, vehicle, vehicles)?;
     let ahead = Ahead { gap_m, speed_mps: leader.start.speed_mps };
+    // Not with respect to the speed that it wishes: it slows down to that gently.
     let is_too_fast = |speed_mps: f64| {
-        driver.wanted_acceleration(speed_mps, driver.desired_speed_mps, Some(ahead))
-            < driver.min_acceleration_mps2
+        driver.wanted_acceleration(speed_mps, f64::MAX.sqrt(), Some(ahead)) < driver.min_acceleration_mps2
     };
     if !is_too_fast(start.speed_mps) {
         return None;

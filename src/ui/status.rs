@@ -42,6 +42,9 @@ pub fn reason(vehicle: &VehicleState, info: &VehicleInfo, map: &CityMap) -> &'st
         Status::Stopped if is_off_lanes(vehicle, info, map) => {
             "Stands on no lane, where its algorithm knows no way: drive it back onto one (Enter)"
         }
+        Status::Driving | Status::Yielding | Status::Stopped | Status::Finished if info.is_physical() => {
+            meaning(Status::Physical)
+        }
         status => meaning(status),
     }
 }
