@@ -97,8 +97,7 @@ pub fn subjects_of(experiment: &Experiment) -> Vec<Subject> {
 
 /// Those of the laboratory alone.
 pub fn physical_subjects_of(experiment: &Experiment) -> Vec<Subject> {
-    let is_physical = |id| experiment.physical().any(|(planned, _)| planned.id == id);
-    subjects_of(experiment).into_iter().filter(|subject| is_physical(subject.vehicle)).collect()
+    subjects_of(experiment).into_iter().filter(|subject| experiment.is_physical(subject.vehicle)).collect()
 }
 
 /// The poses that a city publishes.

@@ -4,7 +4,7 @@ use super::track::{Boxes, Track};
 use crate::environment::EnvironmentSpec;
 use crate::geom::Pose2;
 use crate::record::{Entry, LogReader, LoggedVehicle, NetworkCommand, Origin, RecordError};
-use crate::scenario::{Experiment, PlannedVehicle};
+use crate::scenario::Experiment;
 use crate::snapshot::{Dimensions, Event, SimCommand, Status, Trajectory, VehicleId};
 use crate::wire::Body;
 use glam::DVec2;
@@ -200,10 +200,9 @@ impl<'a> Reading<'a> {
     fn see(&mut self, time_s: f64, vehicle: &LoggedVehicle) {
         let state = vehicle.state();
         self.end_s = self.end_s.max(time_s);
-        let is_physical = |planned: &PlannedVehicle| planned.id == state.id && planned.physical.is_some();
-        self.has_physical |=
-            state.status == Status::Physical || self.experiment.vehicles.iter().any(is_physical);
+        self.has_physical |= state.status == Status::Physical;
         if !self.traces.contains_key(&state.id) {
+            self.has_physical |= self.experiment.is_physical(state.id);
             self.traces.insert(state.id, self.begin(state.id));
         }
         let Some(trace) = self.traces.get_mut(&state.id) else { return };

@@ -191,6 +191,11 @@ impl Experiment {
         self.vehicles.iter().filter_map(|planned| Some((planned, planned.physical.as_ref()?)))
     }
 
+    /// Whether a vehicle is one of the laboratory.
+    pub fn is_physical(&self, vehicle: VehicleId) -> bool {
+        self.physical().any(|(planned, _)| planned.id == vehicle)
+    }
+
     /// The same without its vehicles: they come over the link.
     pub fn without_vehicles(self) -> Self {
         Self { vehicles: Vec::new(), moved: Vec::new(), ..self }

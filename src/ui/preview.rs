@@ -181,7 +181,7 @@ fn show(
     let mut is_kept = true;
     ui.horizontal(|ui| {
         let [r, g, b] = info.appearance.colour;
-        super::vehicles::chip(ui, Color32::from_rgb(r, g, b));
+        super::vehicles::chip(ui, Color32::from_rgb(r, g, b), info.is_physical());
         ui.label(RichText::new(format!("{} {}", vehicle.id, info.name)).strong());
         let text = RichText::new(vehicle.status.label()).color(status::colour(vehicle.status));
         ui.label(text).on_hover_ui(|ui| _ = ui.label(status::reason(vehicle, info, shown.map)));

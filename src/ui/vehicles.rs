@@ -26,7 +26,7 @@ pub enum Key {
 
 impl Key {
     const COLUMNS: [(Self, &'static str, &'static str); 7] = [
-        (Self::Id, "ID", "Number and colour"),
+        (Self::Id, "ID", "Number and colour; a round mark is a vehicle of the laboratory"),
         (Self::Name, "Name", "As the scenario calls it"),
         (Self::Driver, "Driver", "The algorithm that drives it, or a person"),
         (Self::Status, "Status", "What it is doing; hover over a row for the meaning"),
@@ -82,6 +82,7 @@ impl HeldOrder {
 struct Row<'a> {
     id: VehicleId,
     colour: Color32,
+    is_physical: bool,
     name: &'a str,
     driver: &'a str,
     status: Status,
@@ -105,7 +106,8 @@ impl Row<'_> {
     }
 
     fn contains(&self, word: &str) -> bool {
-        let texts = [self.name, self.driver, self.status.label()];
+        let kind = if self.is_physical { "physical" } else { "virtual" };
+        let texts = [self.name, self.driver, self.status.label(), kind];
         texts.iter().any(|text| text.to_lowercase().contains(word)) || self.id.to_string() == word
     }
 }
@@ -123,6 +125,7 @@ fn rows<'a>(
         Row {
             id: vehicle.id,
             colour: Color32::from_rgb(r, g, b),
+            is_physical: info.is_physical(),
             name: &info.name,
             // One that has collided is not told from others by its status.
             driver: if vehicle.status == Status::Manual || driven == Some(vehicle.id) {
@@ -300,7 +303,7 @@ fn heading(ui: &mut Ui, table: &mut Table, key: Key, (title, tip): (&str, &str))
 fn cell(line: &mut egui_extras::TableRow<'_, '_>, row: &Row<'_>, key: Key) {
     line.col(|ui| match key {
         Key::Id => {
-            chip(ui, row.colour);
+            chip(ui, row.colour, row.is_physical);
             ui.label(row.id.to_string());
         }
         Key::Name => _ = ui.label(row.name),
@@ -323,12 +326,13 @@ pub fn tenths(number: f64) -> String {
     format!("{:.1}", (number * 10.0).round() / 10.0 + 0.0)
 }
 
-/// A patch of the colour of a vehicle.
-pub fn chip(ui: &mut Ui, colour: Color32) {
+/// A patch of the colour of a vehicle: round for one of the laboratory.
+pub fn chip(ui: &mut Ui, colour: Color32, is_physical: bool) {
     let (rect, _) = ui.allocate_exact_size(Vec2::splat(11.0), Sense::hover());
-    ui.painter().rect_filled(rect, 2.0, colour);
+    let corner = if is_physical { rect.width() / 2.0 } else { 2.0 };
+    ui.painter().rect_filled(rect, corner, colour);
     let edge = egui::Stroke::new(1.0, ui.visuals().weak_text_color());
-    ui.painter().rect_stroke(rect, 2.0, edge, egui::StrokeKind::Inside);
+    ui.painter().rect_stroke(rect, corner, edge, egui::StrokeKind::Inside);
 }
 
 #[cfg(test)]
@@ -337,7 +341,7 @@ mod tests {
 
     fn row(id: u32, speed_kmh: f64) -> Row<'static> {
         let (id, colour, status) = (VehicleId(id), Color32::RED, Status::Driving);
-        Row { id, colour, name: "", driver: "", status, x_m: 0.0, y_m: 0.0, speed_kmh }
+        Row { id, colour, is_physical: false, name: "", driver: "", status, x_m: 0.0, y_m: 0.0, speed_kmh }
     }
 
     #[test]
