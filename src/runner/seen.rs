@@ -64,6 +64,15 @@ fn turned(yaw_rad: f64) -> DQuat {
     DQuat::from_xyzw(0.0, 0.0, sin, cos)
 }
 
+/// Of the city's poses of physical vehicles, which are estimates by themselves: their errors last for some poses, so
+/// that they are no smaller than measured ones, and they cannot be told from motion.
+fn carried_noise(noise: NoiseModel, experiment: &Experiment) -> NoiseModel {
+    let laboratory = [&EnvironmentSpec::TESTBED, &experiment.testbed];
+    let position_m = laboratory.map(|spec| spec.position_noise_m).into_iter().fold(0.0, f64::max);
+    let heading_rad = laboratory.map(|spec| spec.yaw_noise_rad).into_iter().fold(0.0, f64::max);
+    noise.stated(LASTING * experiment.scale.city_from_lab(position_m), heading_rad)
+}
+
 impl SeenCity {
     pub fn new(experiment: Arc<Experiment>) -> Self {
         let noise = NoiseModel::LABORATORY.scaled(experiment.scale.factor());
@@ -92,8 +101,13 @@ impl SeenCity {
         let forward = orientation * DVec3::X;
         let pose = Pose2 { position: position.truncate(), yaw_rad: trig::atan2(forward.y, forward.x) };
         let start_mps = self.start_mps(time_s, seen);
-        let noise = if self.is_physical(vehicle) { self.carried_noise() } else { self.noise };
+        let experiment = &self.experiment;
         let track = self.tracks.entry(vehicle).or_insert_with(|| {
+            let noise = if experiment.is_physical(vehicle) {
+                carried_noise(self.noise, experiment)
+            } else {
+                self.noise
+            };
             Track::new(match start_mps {
                 Some(speed_mps) => MotionFilter::moving(noise, stamp_s, pose, speed_mps),
                 None => MotionFilter::new(noise),
@@ -108,19 +122,6 @@ impl SeenCity {
             motion,
             ..told
         }
-    }
-
-    fn is_physical(&self, vehicle: VehicleId) -> bool {
-        self.experiment.physical().any(|(planned, _)| planned.id == vehicle)
-    }
-
-    /// Of the city's poses of physical vehicles, which are estimates by themselves: their errors last for some poses, so
-    /// that they are no smaller than measured ones, and they cannot be told from motion.
-    fn carried_noise(&self) -> NoiseModel {
-        let laboratory = [&EnvironmentSpec::TESTBED, &self.experiment.testbed];
-        let position_m = laboratory.map(|spec| spec.position_noise_m).into_iter().fold(0.0, f64::max);
-        let heading_rad = laboratory.map(|spec| spec.yaw_noise_rad).into_iter().fold(0.0, f64::max);
-        self.noise.stated(LASTING * self.experiment.scale.city_from_lab(position_m), heading_rad)
     }
 
     /// The speed with which a simulated vehicle is set up at the beginning of the experiment.
@@ -158,10 +159,21 @@ impl SeenCity {
     fn state_of(&mut self, seen: &SeenMotion, is_later: bool) -> VehicleState {
         let SeenMotion { vehicle: id, status, position, orientation, motion } = *seen;
         let mut state = VehicleState { id, status, position, orientation, ..VehicleState::default() };
-        let noise = self.noise;
+        let (noise, is_physical) = (self.noise, self.experiment.is_physical(id));
         let track = self.tracks.entry(id).or_insert_with(|| Track::new(MotionFilter::new(noise)));
+        // Of a physical vehicle the city has found out with all its poses whether it stands.
+        let found_to_stand = match status {
+            _ if !is_physical => None,
+            Status::Driving => Some(false),
+            Status::Stopped => Some(true),
+            _ => None,
+        };
         if let Some(motion) = &motion {
-            let change = if is_later { track.odometer.update(motion) } else { None };
+            let change = match found_to_stand.filter(|_| is_later) {
+                Some(stands) => track.odometer.update_known(motion, stands),
+                None if is_later => track.odometer.update(motion),
+                None => None,
+            };
             let kind = change.map(|change| match change {
                 StandChange::Stopped => EventKind::Stop,
                 StandChange::MovedOff { stood_s } => EventKind::Go { stood_s },
