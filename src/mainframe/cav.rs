@@ -254,7 +254,8 @@ impl Cav {
             self.position_std_m = place.position_std_m;
             self.is_lost = estimate.is_lost(time_s);
             let stopping_m = self.driver.stopping_distance(estimate.speed_mps);
-            self.ahead_m = estimate.farthest_at(time_s, stopping_m) - self.axle_s;
+            self.ahead_m =
+                if self.is_lost { estimate.farthest_if_lost(stopping_m) - self.axle_s } else { 0.0 };
         }
     }
 

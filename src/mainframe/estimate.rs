@@ -22,6 +22,8 @@ const BEGINS_WITHIN_M: f64 = 0.1;
 #[derive(Clone, Debug)]
 pub struct Estimate {
     filter: MotionFilter,
+    /// At the newest stamp; none before the filter has one.
+    motion: Option<MotionEstimate>,
     /// Stamp of the newest pose.
     pub stamp_s: f64,
     /// When that pose had come.
@@ -61,8 +63,10 @@ impl Estimate {
             // Control has begun while the vehicle was on its way.
             foot = route.project(map, axle, 0.0, route.length());
         }
+        let filter = MotionFilter::moving(NoiseModel::LABORATORY, seen.stamp_s, pose, speed_mps);
         Self {
-            filter: MotionFilter::moving(NoiseModel::LABORATORY, seen.stamp_s, pose, speed_mps),
+            motion: filter.at(seen.stamp_s),
+            filter,
             stamp_s: seen.stamp_s,
             heard_s: now_s,
             axle_s: foot.s,
@@ -83,7 +87,8 @@ impl Estimate {
         // One that was lost is where it is found, and has come there somehow.
         let earliest_s = if self.is_lost(now_s) { self.axle_s } else { expected_s };
         self.filter.update(seen.stamp_s, seen.pose_in_lab());
-        let Some(motion) = self.filter.at(seen.stamp_s) else { return };
+        self.motion = self.filter.at(seen.stamp_s);
+        let Some(motion) = self.motion else { return };
         let axle = motion.pose.point_at(body.front_axle_m(), 0.0);
         let foot = route.project(map, axle, earliest_s - SEARCH_BEHIND_M, expected_s + SEARCH_AHEAD_M);
         self.along = route.at(map, foot.s).pose.forward();
@@ -100,7 +105,7 @@ impl Estimate {
 
     /// Of the middle of the vehicle along its heading.
     pub fn heading_mps(&self) -> f64 {
-        self.filter.at(self.stamp_s).map_or(0.0, |motion| motion.speed_mps)
+        self.motion.map_or(0.0, |motion| motion.speed_mps)
     }
 
     /// Whether it has not been seen for too long to say what it does now.
@@ -117,17 +122,14 @@ impl Estimate {
         let std = expected.map_or(0.0, |motion| motion.std.position_m);
         // Until then it has turned about as its way has.
         let gained_mps = expected.map_or(0.0, |motion| motion.velocity_mps.length())
-            - self.filter.at(self.stamp_s).map_or(0.0, |motion| motion.velocity_mps.length());
+            - self.motion.map_or(0.0, |motion| motion.velocity_mps.length());
         let speed_mps = (self.speed_mps + gained_mps).max(0.0);
         let axle_s = self.axle_s + (self.speed_mps + speed_mps) / 2.0 * dt_s;
         Place { axle_s, speed_mps: if is_lost { 0.0 } else { speed_mps }, position_std_m: std }
     }
 
-    /// The farthest place at which it may be at a later time, for a vehicle that comes to a stand within a way.
-    pub fn farthest_at(&self, time_s: f64, stopping_m: f64) -> f64 {
-        if !self.is_lost(time_s) {
-            return self.at(time_s).axle_s;
-        }
+    /// The farthest place at which a vehicle that is lost may be, if it comes to a stand within a way.
+    pub fn farthest_if_lost(&self, stopping_m: f64) -> f64 {
         let goes_on_s = self.heard_s + NOTICES_S - self.stamp_s;
         self.axle_s + self.speed_mps * goes_on_s + stopping_m
     }

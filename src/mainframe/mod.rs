@@ -52,6 +52,8 @@ pub struct Mainframe {
 
 /// How far ahead a driver looks for the vehicle before it, laboratory metres.
 const SIGHT_M: f64 = 2.5;
+/// What moves no faster than this stands, as far as measured poses tell, laboratory metres a second.
+const STANDS_MPS: f64 = 0.02;
 
 impl Mainframe {
     /// # Errors

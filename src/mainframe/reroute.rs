@@ -8,8 +8,6 @@ use crate::city::{LabMap, LaneId};
 
 /// A vehicle this far ahead leaves room to turn off before it, laboratory metres.
 const LEADER_WITHIN_M: f64 = 2.0;
-/// Slower than this a vehicle stands.
-const STANDING_MPS: f64 = 0.02;
 /// A vehicle that has found no other way looks again after this time.
 const TRIES_AGAIN_S: f64 = 0.5;
 
@@ -25,7 +23,7 @@ pub fn reroute_blocked(
     for vehicle in 0..cavs.len() {
         let cav = &cavs[vehicle];
         let is_due = cav.passage.blocked_s(now_s) > patience_s && now_s >= cav.passage.reroutes_from_s;
-        if cav.is_on_route() && cav.speed_mps() < STANDING_MPS && is_due {
+        if cav.is_on_route() && cav.speed_mps() < super::STANDS_MPS && is_due {
             cavs[vehicle].passage.reroutes_from_s = now_s + TRIES_AGAIN_S;
             let cav = &cavs[vehicle];
             let leader_s = occupancy.leader(cavs, vehicle, LEADER_WITHIN_M).map(|leader| leader.rear_s);

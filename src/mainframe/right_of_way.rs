@@ -57,8 +57,7 @@ const LEAVING_MPS: f64 = 0.06;
 /// Time and way by which it asks earlier than braking demands.
 const ASK_AHEAD_S: f64 = 0.4;
 const ASK_AHEAD_M: f64 = 0.12;
-/// A vehicle has come to a stand at a line below this speed and this near to it.
-const STANDING_MPS: f64 = 0.012;
+/// A vehicle that stands this near to a line stands at it.
 const AT_LINE_M: f64 = 0.16;
 /// Part of its stopping distance that a moving vehicle behind the section is trusted to go on.
 const ROLLS_ON: f64 = 0.7;
@@ -221,7 +220,7 @@ impl RightOfWay {
         for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| may_ask(cav)) {
             if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
                 let distance = section.hold_s - cav.front_s();
-                let asks = now_s >= cav.passage.asks_from_s || cav.speed_mps() > STANDING_MPS;
+                let asks = now_s >= cav.passage.asks_from_s || cav.speed_mps() > super::STANDS_MPS;
                 if asks && distance < asking_distance(cav) {
                     let rank = if self.is_impatient(now_s, cav) { RANK_MAJOR } else { section.rank };
                     let standing_since_s = cav.passage.standing_since_s.unwrap_or(f64::INFINITY);
@@ -273,7 +272,7 @@ impl RightOfWay {
     fn note_standing(&self, now_s: f64, cav: &mut Cav) {
         let Some(section) = cav.route.sections.get(cav.passage.next_section) else { return };
         let at_line = section.hold_s - cav.front_s() < AT_LINE_M;
-        if cav.speed_mps() < STANDING_MPS && at_line && !cav.is_lost() {
+        if cav.speed_mps() < super::STANDS_MPS && at_line && !cav.is_lost() {
             cav.passage.standing_since_s.get_or_insert(now_s);
         }
     }
@@ -531,7 +530,7 @@ impl RightOfWay {
 fn withdraw_from_hesitant(now_s: f64, cav: &mut Cav) {
     let front_s = cav.front_s();
     let is_ahead = |admission: &Admission| cav.route.sections[admission.section].from_s > front_s;
-    let stands = cav.speed_mps() < STANDING_MPS && cav.reference.acceleration_mps2 > 0.0;
+    let stands = cav.speed_mps() < super::STANDS_MPS && cav.reference.acceleration_mps2 > 0.0;
     let first = cav.passage.admissions.iter().position(is_ahead).filter(|_| stands);
     let Some(first) = first else {
         cav.passage.hesitates_since_s = None;
