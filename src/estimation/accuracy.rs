@@ -2,7 +2,7 @@
 
 use super::tests::Draws;
 use super::{MotionFilter, NoiseModel, smooth};
-use crate::geom::{Pose2, wrap_angle};
+use crate::geom::{Pose2, trig, wrap_angle};
 
 /// What the errors of a speed come to, laboratory metres a second and seconds.
 struct Errors {
@@ -16,7 +16,7 @@ impl Errors {
     fn of(found: &[(f64, f64, f64)]) -> Self {
         let sum = |of: fn(&(f64, f64, f64)) -> f64| found.iter().map(of).sum::<f64>();
         Self {
-            rms_mps: (sum(|(told, speed, _)| (told - speed).powi(2)) / found.len() as f64).sqrt(),
+            rms_mps: (sum(|(told, speed, _)| trig::powi(told - speed, 2)) / found.len() as f64).sqrt(),
             lag_s: sum(|(told, speed, change)| (speed - told) * change) / sum(|(.., change)| change * change),
         }
     }

@@ -74,7 +74,7 @@ fn noise_is_found_and_told_and_the_errors_stay_within_it() {
                 let motion = filter.at(time_s).unwrap();
                 let error = motion.speed_mps - speed_mps;
                 squares += error * error;
-                normalised += (error / motion.std.speed_mps).powi(2);
+                normalised += trig::powi(error / motion.std.speed_mps, 2);
                 count += 1.0;
             }
         }

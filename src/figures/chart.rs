@@ -1,6 +1,7 @@
 //! What a figure shows, apart from how it is drawn: panels of lines on axes, and the table of its data.
 
 use super::table::Table;
+use crate::geom::trig;
 
 /// sRGB.
 pub type Colour = [u8; 3];
@@ -160,13 +161,13 @@ pub struct Figure {
 /// Values on an axis that are easy to read: at most so many, with their decimals.
 pub fn ticks((from, to): (f64, f64), most: usize) -> (Vec<f64>, usize) {
     let rough = (to - from).max(1e-12) / most.max(1) as f64;
-    let power = 10f64.powi(rough.log10().floor() as i32);
+    let power = trig::pow(10.0, trig::log10(rough).floor());
     let step =
         [1.0, 2.0, 5.0, 10.0].into_iter().map(|factor| factor * power).find(|step| *step >= rough * 0.999);
     let step = step.unwrap_or(power);
     let first = (from / step - 1e-9).ceil() as i64;
     let last = (to / step + 1e-9).floor() as i64;
-    let decimals = (-(step * 1.001).log10().floor()).clamp(0.0, 6.0) as usize;
+    let decimals = (-trig::log10(step * 1.001).floor()).clamp(0.0, 6.0) as usize;
     ((first..=last).map(|k| k as f64 * step).collect(), decimals)
 }
 

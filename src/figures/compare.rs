@@ -5,7 +5,7 @@ use super::run::{RunLog, Trace};
 use super::series::{differences, speed_difference, step_changes, step_samples, step_speeds};
 use super::table::{Table, number};
 use crate::estimation::MOVES_MPS;
-use crate::geom::OrientedRect;
+use crate::geom::{OrientedRect, trig};
 use crate::snapshot::{EventKind, VehicleId};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -397,8 +397,8 @@ fn gaps(run: &RunLog) -> Vec<Gap> {
     for (index, a) in run.vehicles.iter().enumerate() {
         for b in &run.vehicles[index + 1..] {
             let mut least: Option<Gap> = None;
-            let reach_m = (a.dimensions.length_m.hypot(a.dimensions.width_m)
-                + b.dimensions.length_m.hypot(b.dimensions.width_m))
+            let reach_m = (trig::hypot(a.dimensions.length_m, a.dimensions.width_m)
+                + trig::hypot(b.dimensions.length_m, b.dimensions.width_m))
                 / 2.0;
             let mut other = b.samples.iter().peekable();
             for sample in &a.samples {

@@ -5,6 +5,7 @@ use super::chart::{
     BLACK, Colour, Dash, Figure, GREY, Key, Line, Panel, Rule, Scale, Stroke, ticks, viridis,
 };
 use super::plan::{EDGE_MM, KEY_MM, LINE_MM, Place, Plan};
+use crate::geom::trig;
 use plotters::backend::{BitMapBackend, DrawingBackend, SVGBackend};
 use plotters::coord::Shift;
 use plotters::drawing::{DrawingArea, IntoDrawingArea};
@@ -328,7 +329,7 @@ impl<B: DrawingBackend> Pen<'_, B> {
         for pair in points.windows(2) {
             let [from, to] = [pair[0], pair[1]].map(|(x, y)| (x * self.per_mm, y * self.per_mm));
             let (dx, dy) = (to.0 - from.0, to.1 - from.1);
-            let length = dx.hypot(dy).max(1e-9);
+            let length = trig::hypot(dx, dy).max(1e-9);
             let (sx, sy) = (-dy / length * width / 2.0, dx / length * width / 2.0);
             let corners = [(from, 1.0), (to, 1.0), (to, -1.0), (from, -1.0)];
             let corners = corners
@@ -395,7 +396,7 @@ fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     const SEEN_MM: f64 = 0.06;
     let mut kept: Vec<(f64, f64)> = Vec::new();
     for (index, &point) in points.iter().enumerate() {
-        let is_far = |last: &(f64, f64)| (point.0 - last.0).hypot(point.1 - last.1) >= SEEN_MM;
+        let is_far = |last: &(f64, f64)| trig::hypot(point.0 - last.0, point.1 - last.1) >= SEEN_MM;
         if index + 1 == points.len() || kept.last().is_none_or(is_far) {
             kept.push(point);
         }
@@ -411,7 +412,7 @@ fn dashes(points: &[(f64, f64)], on_mm: f64, off_mm: f64) -> Vec<Vec<(f64, f64)>
     for pair in points.windows(2) {
         let (mut from, to) = (pair[0], pair[1]);
         loop {
-            let length = (to.0 - from.0).hypot(to.1 - from.1);
+            let length = trig::hypot(to.0 - from.0, to.1 - from.1);
             if length < left_mm {
                 left_mm -= length;
                 if is_on {

@@ -2,6 +2,7 @@
 
 use super::chart::{Line, Stroke, viridis};
 use super::run::{Sample, Trace};
+use crate::geom::trig;
 use std::collections::BTreeMap;
 
 /// Speeds are means over so long, centred (the paper, section III).
@@ -123,7 +124,7 @@ pub fn step_samples(trace: &Trace) -> impl Iterator<Item = &Sample> {
 /// not a number without any.
 pub fn speed_difference(a: &Trace, b: &Trace) -> f64 {
     let (sum, count) = pairs(a, b).fold((0.0, 0.0), |(sum, count), (one, other)| {
-        (sum + (one.speed_mps - other.speed_mps).powi(2), count + 1.0)
+        (sum + trig::powi(one.speed_mps - other.speed_mps, 2), count + 1.0)
     });
     f64::sqrt(sum / count)
 }

@@ -2,7 +2,7 @@
 //! cities, people at the wheel and recorded laboratories.
 
 use crate::city::{CityMap, LaneId};
-use crate::geom::{Pose2, wrap_angle};
+use crate::geom::{Pose2, trig, wrap_angle};
 use glam::DVec2;
 
 /// A lane that was driven, city metres.
@@ -183,12 +183,12 @@ fn nodes(map: &CityMap, boxes: &Boxes, poses: &[Pose2]) -> Vec<Node> {
 fn guess(map: &CityMap, lane: LaneId, pose: &Pose2) -> Option<Guess> {
     let curve = &map.lane(lane).curve;
     let foot = curve.project(pose.position);
-    let beyond_m = (foot.distance.powi(2) - foot.lateral.powi(2)).max(0.0).sqrt();
+    let beyond_m = (trig::powi(foot.distance, 2) - trig::powi(foot.lateral, 2)).max(0.0).sqrt();
     if foot.distance > NEAR_M || beyond_m > BEYOND_M {
         return None;
     }
     let turn = wrap_angle(pose.yaw_rad - curve.at(foot.s).pose.yaw_rad).abs();
-    let cost = (foot.distance / LATERAL_M).powi(2) + (turn / TURN_RAD).powi(2);
+    let cost = trig::powi(foot.distance / LATERAL_M, 2) + trig::powi(turn / TURN_RAD, 2);
     (turn < ALONG_RAD).then_some(Guess { lane, s: foot.s, cost, from: None })
 }
 

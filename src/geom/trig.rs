@@ -1,4 +1,4 @@
-//! Trigonometry that gives the same bits on every machine.
+//! Elementary functions that give the same bits on every machine.
 //!
 //! The standard library forwards to the platform's libm, whose last bit differs between systems.
 //! Whatever reaches the state of a run goes through these functions (`clippy.toml` bans the others).
@@ -44,6 +44,30 @@ pub fn exp(exponent: f64) -> f64 {
 
 pub fn pow(base: f64, exponent: f64) -> f64 {
     libm::pow(base, exponent)
+}
+
+/// `base` to a whole power, by squaring. The standard library leaves the order of the products open.
+#[inline]
+pub fn powi(base: f64, exponent: u32) -> f64 {
+    let (mut square, mut left, mut power) = (base, exponent, 1.0);
+    while left > 0 {
+        if left & 1 == 1 {
+            power *= square;
+        }
+        left >>= 1;
+        if left > 0 {
+            square *= square;
+        }
+    }
+    power
+}
+
+pub fn log10(number: f64) -> f64 {
+    libm::log10(number)
+}
+
+pub fn hypot(x: f64, y: f64) -> f64 {
+    libm::hypot(x, y)
 }
 
 /// Brings an angle into (-pi, pi].

@@ -137,7 +137,7 @@ mod tests {
         assert!(driver.acceleration(driver.desired_speed_mps, driver.desired_speed_mps, None).abs() < 1e-12);
         // Equilibrium gap s_e(v) = (s0 + v T) / sqrt(1 - (v/v0)^4).
         let v = 20.0;
-        let gap = (2.0 + v * 1.6) / (1.0 - (v / driver.desired_speed_mps).powi(4)).sqrt();
+        let gap = (2.0 + v * 1.6) / (1.0 - trig::powi(v / driver.desired_speed_mps, 4)).sqrt();
         let u = driver.acceleration(v, driver.desired_speed_mps, Some(Ahead { gap_m: gap, speed_mps: v }));
         assert!(u.abs() < 1e-12, "{u}");
     }

@@ -3,7 +3,7 @@
 use super::cav::Yielding;
 use super::{Cav, turn_of};
 use crate::city::{LabMap, LaneKind};
-use crate::geom::Pose2;
+use crate::geom::{Pose2, trig};
 use crate::snapshot::{Indicator, Trajectory, TrajectoryPoint};
 use crate::wire::empty_trajectory;
 
@@ -16,8 +16,6 @@ const ACCELERATION_LASTS_S: f64 = 1.0;
 const INDICATE_M: f64 = 1.0;
 /// A lane that turns by more than this is a turn.
 const TURN_RAD: f64 = 0.7;
-/// What moves no faster than this stands, as far as measured poses tell, laboratory metres a second.
-const STANDS_MPS: f64 = 0.02;
 
 /// The desired motion of a vehicle from now on, and its indicators.
 pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory {
@@ -51,11 +49,11 @@ pub fn stand(cav: &mut Cav, now_s: f64) -> Trajectory {
     let mut trajectory = empty_trajectory(cav.id, cav.sequence, OFFSETS_S.len());
     trajectory.indicator = cav.indicator;
     let axle = cav.pose.point_at(cav.body.front_axle_m(), 0.0);
-    let before_mps = if cav.heading_mps > STANDS_MPS { cav.heading_mps } else { 0.0 };
+    let before_mps = if cav.heading_mps > super::STANDS_MPS { cav.heading_mps } else { 0.0 };
     let braking_mps2 = -cav.driver.min_acceleration_mps2;
     for offset_s in OFFSETS_S {
         let speed_mps = (before_mps - braking_mps2 * offset_s).max(0.0);
-        let way_m = (before_mps.powi(2) - speed_mps.powi(2)) / (2.0 * braking_mps2);
+        let way_m = (trig::powi(before_mps, 2) - trig::powi(speed_mps, 2)) / (2.0 * braking_mps2);
         let pose = Pose2 { position: axle + cav.pose.forward() * way_m, ..cav.pose };
         trajectory.points.push(TrajectoryPoint { time_s: now_s + offset_s, pose, speed_mps });
     }

@@ -1,5 +1,6 @@
 //! `vehicles.csv`: one row for each vehicle and sample.
 
+use crate::geom::trig;
 use crate::snapshot::FrameSnapshot;
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -98,7 +99,7 @@ impl<W: Write> VehicleTable<W> {
 /// tenth of the writer's work.
 fn fixed(row: &mut String, number: f64, decimals: usize) {
     const EXACT: f64 = 1e15;
-    let scaled = (number.abs() * 10_f64.powi(decimals as i32)).round_ties_even();
+    let scaled = (number.abs() * trig::powi(10.0, decimals as u32)).round_ties_even();
     if scaled.is_nan() || scaled >= EXACT {
         let _ = write!(row, "{number:.decimals$}");
         return;

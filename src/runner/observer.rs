@@ -3,7 +3,7 @@
 
 use crate::city::{CityMap, Lane, LaneId, ZoneKind};
 use crate::estimation::STANDS_MPS;
-use crate::geom::OrientedRect;
+use crate::geom::{OrientedRect, trig};
 use crate::mainframe::Mainframe;
 use crate::scenario::{Experiment, PlannedVehicle};
 use crate::snapshot::{
@@ -299,7 +299,7 @@ impl Track {
             }
             let lane = map.lane(self.route[index]);
             let foot = lane.curve.project(point);
-            let beyond_ends_m = (foot.distance.powi(2) - foot.lateral.powi(2)).max(0.0).sqrt();
+            let beyond_ends_m = (trig::powi(foot.distance, 2) - trig::powi(foot.lateral, 2)).max(0.0).sqrt();
             let is_outermost =
                 (index == 0 && foot.s == 0.0) || (index + 1 == self.route.len() && foot.s > 0.0);
             if beyond_ends_m > TAPER_M && !is_outermost {

@@ -2,7 +2,7 @@
 
 use super::experiment::PlannedVehicle;
 use crate::city::LabMap;
-use crate::geom::LengthScale;
+use crate::geom::{LengthScale, trig};
 use crate::mainframe::{Ahead, CRUISE, DriverParams, Route};
 use crate::snapshot::VehicleId;
 
@@ -138,7 +138,7 @@ fn too_fast_for_bend(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicle)
     let steps = ((length_m - start.at_m).clamp(0.0, AHEAD_M) / STEP_M) as u32;
     let most_mps = (0..=steps)
         .map(|step| STEP_M * f64::from(step))
-        .map(|way_m| (route.speed_at(start.at_m + way_m).powi(2) + 2.0 * braking * way_m).sqrt())
+        .map(|way_m| (trig::powi(route.speed_at(start.at_m + way_m), 2) + 2.0 * braking * way_m).sqrt())
         .fold(f64::INFINITY, f64::min);
     (start.speed_mps > most_mps + 1e-6).then(|| InfeasibleStart {
         vehicle: vehicle.id,

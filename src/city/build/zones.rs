@@ -11,7 +11,7 @@ use super::lanes::Roads;
 use super::neighbours::bounds;
 use crate::city::error::{Findings, MapErrorKind};
 use crate::city::{ConflictZone, Lane, LaneId, ZoneId, ZoneKind, ZoneSide};
-use crate::geom::{Pose2, wrap_angle};
+use crate::geom::{Pose2, trig, wrap_angle};
 use glam::DVec2;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -99,7 +99,7 @@ fn half_swept(curvature: f64) -> [f64; 2] {
     let radius = 1.0 / curvature.abs();
     let rear = (radius * radius - WHEELBASE_M * WHEELBASE_M).max(0.0).sqrt();
     let inner = HALF_WIDTH_M + radius - rear;
-    let outer = (rear + HALF_WIDTH_M).hypot(REAR_AXLE_TO_NOSE_M) - radius;
+    let outer = trig::hypot(rear + HALF_WIDTH_M, REAR_AXLE_TO_NOSE_M) - radius;
     if curvature > 0.0 { [inner, outer] } else { [outer, inner] }
 }
 
@@ -307,7 +307,7 @@ mod tests {
         // Rear axle on a circle of 0.16 m, its inner side at 0.11 m, the front axle on 0.20 m; the nose
         // 0.16 m ahead of the rear axle and 0.21 m from the centre across it.
         let [left, right] = half_swept(1.0 / 0.2);
-        assert!((left - 0.09).abs() < 1e-12 && (right - (0.21f64.hypot(0.16) - 0.2)).abs() < 1e-12);
+        assert!((left - 0.09).abs() < 1e-12 && (right - (trig::hypot(0.21, 0.16) - 0.2)).abs() < 1e-12);
         assert_eq!(half_swept(-1.0 / 0.2), [right, left]);
         assert_eq!(half_swept(0.0), [HALF_WIDTH_M; 2]);
         // The concentric lanes of the roundabouts leave each other room.
