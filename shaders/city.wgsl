@@ -38,23 +38,6 @@ fn vertex_main(in: VertexIn) -> Fragment {
     return out;
 }
 
-// `Surface::Line` and the layer under it; asphalt's metres per repeat and tint are those of
-// `city/scene/roads.rs`.
-const ASPHALT: u32 = 1u;
-const GRASS: u32 = 2u;
-const LANE: u32 = 19u;
-const LINE: u32 = 20u;
-const PATCH: u32 = 21u;
-const MANHOLE: u32 = 22u;
-const LEAVES: u32 = 12u;
-const NEEDLES: u32 = 31u;
-const LETTERS: u32 = 28u;
-const CAR_PAINT: u32 = 33u;
-const LANTERN: u32 = 34u;
-const BOUTIQUE: u32 = 35u;
-const TEAROOM: u32 = 36u;
-const ASPHALT_TINT: vec3<f32> = vec3<f32>(0.156, 0.156, 0.162);
-
 // How much of a pixel a line covers: `at.x` metres from its middle, `at.y` half its width, `across`
 // metres from pixel to pixel. Exact for a box filter, also where the line is thinner than a pixel.
 fn covered(at: vec2<f32>, across: f32) -> f32 {
@@ -79,8 +62,8 @@ fn shining(layer: u32, salt: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> 
     if layer == LANTERN {
         return vec3<f32>(5.0, 4.2, 2.9) * frame.zenith.w;
     }
-    let is_shop = layer == 9u || layer == BOUTIQUE || layer == TEAROOM;
-    let has_windows = layer == 7u || layer == 8u || is_shop || (layer >= 23u && layer <= 25u);
+    let is_shop = layer == SHOPFRONT || layer == BOUTIQUE || layer == TEAROOM;
+    let has_windows = layer == WINDOWS || layer == GLAZING || is_shop || (layer >= SASH && layer <= BALCONY);
     if !has_windows {
         return vec3<f32>(0.0);
     }

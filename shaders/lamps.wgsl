@@ -43,15 +43,13 @@ fn corner_of(index: u32) -> vec2<f32> {
     return vec2<f32>(f32(index & 1u), f32(index >> 1u)) * 2.0 - 1.0;
 }
 
-const REACH: f32 = 17.0;
-
 @vertex
 fn lamp_vertex(
     @builtin(vertex_index) corner: u32,
     @location(0) lamp: vec3<f32>,
     @location(10) list: vec2<u32>,
 ) -> Spot {
-    let at = corner_of(corner) * REACH;
+    let at = corner_of(corner) * LAMP_REACH_M;
     let place = lamp.xy + at;
     return Spot(on_map(place), at, vec3<f32>(lamp.z, 0.0, 0.0), lamp.xy, place, list);
 }
@@ -62,7 +60,7 @@ fn lamp_fragment(in: Spot) -> @location(0) vec4<f32> {
     let height = in.size.x;
     // Optics throw light to the sides: less steep than the cosine law.
     let fall = pow(height * height / (height * height + far), 1.35);
-    let edge = select(0.0, clamp(1.0 - far / (REACH * REACH), 0.0, 1.0), reaches(in));
+    let edge = select(0.0, clamp(1.0 - far / (LAMP_REACH_M * LAMP_REACH_M), 0.0, 1.0), reaches(in));
     // Alpha tells how near a street lamp is.
     let light = 0.64 * fall * edge * edge;
     return vec4<f32>(vec3<f32>(1.05, 0.80, 0.48) * light, light);

@@ -25,16 +25,6 @@ struct Fragment {
     @location(4) @interpolate(flat) finish: vec2<f32>,
 }
 
-// Parts of a vehicle; `vehicle/mod.rs` has them as `Part`.
-const PAINT: u32 = 1u;
-const GLASS: u32 = 2u;
-const HEAD: u32 = 3u;
-const TAIL: u32 = 4u;
-const INDICATOR_LEFT: u32 = 5u;
-const INDICATOR_RIGHT: u32 = 6u;
-const REVERSE: u32 = 7u;
-const BRIGHT: u32 = 8u;
-
 // Of white: what the whitest lacquer does.
 const PAINT_REFLECTS: f32 = 0.80;
 

@@ -1,6 +1,9 @@
 //! Shader sources: from disk in debug builds where they lie there, embedded else.
 
 use super::passes::common::gpu_data::Frame;
+use super::passes::lamps::LAMP_REACH_M;
+use super::vehicle::Part;
+use crate::city::scene::{ASPHALT, Surface};
 use std::borrow::Cow;
 
 /// One file of `shaders/`.
@@ -93,7 +96,8 @@ impl Shader {
     pub(super) fn text(self, fixed: Option<&Frame>) -> String {
         let constants = fixed.map(|frame| Cow::Owned(constants(frame)));
         let parts = self.parts().iter().map(|part| part.text());
-        constants.into_iter().chain(parts).collect::<Vec<_>>().join("\n")
+        let shared = std::iter::once(Cow::Owned(self.shared_constants()));
+        constants.into_iter().chain(shared).chain(parts).collect::<Vec<_>>().join("\n")
     }
 
     pub(super) fn module(self, device: &wgpu::Device, fixed: Option<&Frame>) -> wgpu::ShaderModule {
@@ -113,6 +117,63 @@ impl Shader {
             source: wgpu::ShaderSource::Wgsl(Cow::Owned(self.text(fixed))),
         })
     }
+}
+
+impl Shader {
+    /// Constants that a shader shares with Rust, from the one place where they are defined.
+    fn shared_constants(self) -> String {
+        match self {
+            Self::City => surfaces(),
+            Self::Vehicle => parts_of_vehicles(),
+            Self::Lamps => format!("const LAMP_REACH_M: f32 = {LAMP_REACH_M:?};\n"),
+            _ => String::new(),
+        }
+    }
+}
+
+/// Layers of the texture array, and the linear colour of asphalt.
+fn surfaces() -> String {
+    let layers = [
+        ("ASPHALT", Surface::Asphalt),
+        ("GRASS", Surface::Grass),
+        ("WINDOWS", Surface::Windows),
+        ("GLAZING", Surface::Glazing),
+        ("SHOPFRONT", Surface::Shopfront),
+        ("LEAVES", Surface::Leaves),
+        ("LANE", Surface::Lane),
+        ("LINE", Surface::Line),
+        ("PATCH", Surface::Patch),
+        ("MANHOLE", Surface::Manhole),
+        ("SASH", Surface::Sash),
+        ("BALCONY", Surface::Balcony),
+        ("LETTERS", Surface::Letters),
+        ("NEEDLES", Surface::Needles),
+        ("CAR_PAINT", Surface::CarPaint),
+        ("LANTERN", Surface::Lantern),
+        ("BOUTIQUE", Surface::Boutique),
+        ("TEAROOM", Surface::Tearoom),
+    ];
+    let [r, g, b] = ASPHALT.colour.map(|part| linear_from_srgb(f32::from(part) / 255.0));
+    layers.map(|(name, surface)| format!("const {name}: u32 = {}u;\n", surface as u32)).concat()
+        + &format!("const ASPHALT_TINT: vec3<f32> = vec3<f32>({r:.3}, {g:.3}, {b:.3});\n")
+}
+
+fn linear_from_srgb(part: f32) -> f32 {
+    if part <= 0.040_45 { part / 12.92 } else { ((part + 0.055) / 1.055).powf(2.4) }
+}
+
+fn parts_of_vehicles() -> String {
+    let parts = [
+        ("PAINT", Part::Paint),
+        ("GLASS", Part::Glass),
+        ("HEAD", Part::Head),
+        ("TAIL", Part::Tail),
+        ("INDICATOR_LEFT", Part::IndicatorLeft),
+        ("INDICATOR_RIGHT", Part::IndicatorRight),
+        ("REVERSE", Part::Reverse),
+        ("BRIGHT", Part::Bright),
+    ];
+    parts.map(|(name, part)| format!("const {name}: u32 = {}u;\n", part as u32)).concat()
 }
 
 /// The members of a frame but for the time as constants of their names in capitals.

@@ -71,7 +71,7 @@ pub enum Surface {
 }
 
 impl Surface {
-    pub const COUNT: usize = 37;
+    pub const COUNT: usize = Self::Tearoom as usize + 1;
 
     /// Whether it is a bay of a shop front, whatever is sold there.
     pub fn is_shopfront(self) -> bool {
@@ -99,25 +99,25 @@ impl Surface {
     }
 }
 
-/// What a pixel shows, for pictures of meaning instead of light.
+/// What a pixel shows, for semantic segmentation. The numbers are those of the pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Class {
     #[default]
-    Sky,
-    Road,
-    Marking,
-    Pavement,
-    Grass,
-    Building,
-    Wall,
-    Vegetation,
-    Pole,
-    Furniture,
-    Water,
-    Vehicle,
+    Sky = 0,
+    Road = 1,
+    Marking = 2,
+    Pavement = 3,
+    Grass = 4,
+    Building = 5,
+    Wall = 6,
+    Vegetation = 7,
+    Pole = 8,
+    Furniture = 9,
+    Water = 10,
+    Vehicle = 11,
     /// Faces of road signs; their poles are poles.
-    Sign,
+    Sign = 12,
 }
 
 /// The look of a face.

@@ -31,6 +31,7 @@ mod woods;
 
 pub use lettering::glyph_cell;
 pub use mesh::{Class, Finish, Mesh, Surface, Vertex, clustered, reach};
+pub use roads::ASPHALT;
 pub use signs::sign_cell;
 
 use super::{CityMap, Scenery, SceneryKind, Shape};

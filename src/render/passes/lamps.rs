@@ -12,8 +12,8 @@ use wgpu::util::DeviceExt;
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 /// Around the city, so that what lies outside of it takes no light from the edge.
 const MARGIN_M: f32 = 18.0;
-/// How far street lamps and vehicles throw light, as `shaders/lamps.wgsl` has it.
-const LAMP_REACH_M: f32 = 17.0;
+/// How far street lamps and vehicles throw light.
+pub(in crate::render) const LAMP_REACH_M: f32 = 17.0;
 const BEAM_REACH_M: f32 = 32.0;
 /// Light goes over what is lower.
 const LOWEST_WALL_M: f32 = 2.5;

@@ -15,7 +15,7 @@ pub(super) use models::Models;
 /// Half width of sheet metal over that of the outline, to which mirrors reach.
 pub(super) const SHEET_METAL: f32 = 0.88;
 
-/// What a face of a vehicle is; `shaders/vehicle.wgsl` has the same numbers.
+/// What a face of a vehicle is. Shaders get the numbers as constants ([`Shader`](super::shader::Shader)).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub(super) enum Part {
