@@ -6,6 +6,7 @@ pub mod app;
 pub mod camera;
 pub mod city;
 pub mod cockpit;
+pub mod digest;
 pub mod environment;
 pub mod estimation;
 pub mod figures;

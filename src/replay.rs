@@ -1,6 +1,7 @@
 //! Runs that are made again from their logs: the world alone, moved by the recorded commands, and held
 //! against the digest of every tick.
 
+use crate::digest;
 use crate::record::{Entry, LogReader, LoggedSnapshot, LoggedVehicle, NetworkCommand, Origin, RecordError};
 use crate::scenario::Experiment;
 use crate::sim::World;
@@ -23,6 +24,12 @@ pub enum ReplayError {
     Mainframe,
     #[error("the log is one of poses that were measured elsewhere: there is no world to simulate again")]
     Recorded,
+    #[error(
+        "the log is of revision {found} of the simulation, written by version {version}, and this is revision {known}: \
+         their states differ in some bits. Simulate it again with the version that wrote it; city3d replay LOG shows it \
+         in the window"
+    )]
+    Revision { found: u32, known: u32, version: String },
     #[error("the log goes from tick {from} to tick {to}: it lacks what lies between")]
     Gap { from: u64, to: u64 },
     #[error("tick {tick}: what came over the link is damaged: {reason}")]
@@ -82,6 +89,10 @@ impl Replay {
         if !log.origin().has_world() {
             let is_recorded = log.origin() == Origin::Recorded;
             return Err(if is_recorded { ReplayError::Recorded } else { ReplayError::Mainframe });
+        }
+        let (found, known) = (log.revision(), digest::REVISION);
+        if found != known {
+            return Err(ReplayError::Revision { found, known, version: log.version().to_owned() });
         }
         let world = World::new(Arc::new(log.experiment()?));
         Ok(Self { snapshot: world.snapshot(), log, world, commands: Vec::new(), applied: Vec::new() })

@@ -2,7 +2,7 @@
 
 mod support;
 
-use city3d::geom::{Pose2, trig};
+use city3d::geom::{LengthScale, Pose2, trig};
 use city3d::physics::Physics;
 use city3d::vehicle::{Actuation, Drive, Dynamics, ModelKind, VehicleModel, VehicleSpec};
 use glam::DVec2;
@@ -270,7 +270,8 @@ fn cars_crash_into_walls_and_into_one_another() {
         // Into a standing car of the same mass: it is pushed ahead; a bicycle gives way to nothing.
         let mut rig = Rig::new(spec(model), Pose2::new(-10.0, 0.3, 0.0), 8.0);
         let other_spec = spec(ModelKind::Raycast);
-        let mut other = Dynamics::spawn(&mut rig.physics, &other_spec, Pose2::default(), 0.0);
+        let mut other =
+            Dynamics::spawn(&mut rig.physics, &other_spec, (Pose2::default(), 0.0), LengthScale::TESTBED);
         let mut pushed = 0.0f64;
         for _ in 0..300 {
             other.apply(&mut rig.physics, &other_spec, &Actuation::default(), DT);

@@ -7,6 +7,7 @@
 use super::noise::{NoiseGauge, NoiseModel};
 use super::singer::{Covariance2, Covariance3, Singer, parts};
 use super::{MotionEstimate, MotionStd};
+use crate::digest::{Digest, StateHash};
 use crate::geom::{Pose2, trig, wrap_angle};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
@@ -65,8 +66,9 @@ pub(super) struct State {
 impl State {
     /// Anywhere, and at rest as far as anyone knows.
     pub fn anywhere(noise: &NoiseModel, stamp_s: f64) -> Self {
-        let anywhere = (noise.speed_std_mps * ANYWHERE_S).powi(2);
-        let (speed, acceleration) = (noise.speed_std_mps.powi(2), noise.acceleration_std_mps2.powi(2));
+        let anywhere = trig::powi(noise.speed_std_mps * ANYWHERE_S, 2);
+        let (speed, acceleration) =
+            (trig::powi(noise.speed_std_mps, 2), trig::powi(noise.acceleration_std_mps2, 2));
         Self {
             stamp_s,
             position: DVec2::ZERO,
@@ -75,7 +77,11 @@ impl State {
             yaw_rad: 0.0,
             yaw_rate_radps: 0.0,
             spread: Covariance3::diagonal(anywhere, speed, acceleration),
-            yaw_spread: Covariance2 { pp: ANY_YAW_RAD.powi(2), pv: 0.0, vv: YAW_RATE_STD_RADPS.powi(2) },
+            yaw_spread: Covariance2 {
+                pp: trig::powi(ANY_YAW_RAD, 2),
+                pv: 0.0,
+                vv: trig::powi(YAW_RATE_STD_RADPS, 2),
+            },
         }
     }
 
@@ -176,6 +182,30 @@ pub struct MotionFilter {
     heading_outliers: Option<Outliers>,
 }
 
+impl Digest for State {
+    fn digest(&self, hash: &mut StateHash) {
+        hash.all([&self.position, &self.velocity, &self.acceleration]);
+        hash.numbers([self.stamp_s, self.yaw_rad, self.yaw_rate_radps]);
+        let (axis, yaw) = (&self.spread, &self.yaw_spread);
+        hash.numbers([axis.pp, axis.pv, axis.pa, axis.vv, axis.va, axis.aa, yaw.pp, yaw.pv, yaw.vv]);
+    }
+}
+
+impl Digest for Outliers {
+    fn digest(&self, hash: &mut StateHash) {
+        hash.number(self.since_s);
+        hash.word(u64::from(self.count));
+    }
+}
+
+impl Digest for MotionFilter {
+    fn digest(&self, hash: &mut StateHash) {
+        self.gauge.digest(hash);
+        hash.all([&self.state, &self.foreseen]);
+        hash.all([&self.position_outliers, &self.heading_outliers]);
+    }
+}
+
 impl MotionFilter {
     /// Of a vehicle of which nothing is known yet.
     pub fn new(noise: NoiseModel) -> Self {
@@ -195,7 +225,7 @@ impl MotionFilter {
         let mut state = State::anywhere(&noise, stamp_s).placed(pose, filter.gauge.variances());
         state.velocity = pose.forward() * speed_mps;
         // As well as two poses a moment apart tell it.
-        state.spread.vv = (noise.acceleration_std_mps2 * noise.acceleration_time_s / 2.0).powi(2);
+        state.spread.vv = trig::powi(noise.acceleration_std_mps2 * noise.acceleration_time_s / 2.0, 2);
         filter.state = Some(state);
         filter
     }
@@ -241,7 +271,7 @@ impl MotionFilter {
             Some(foreseen) if gap_s == 0.0 => foreseen,
             _ => state.at(&self.noise, stamp_s),
         };
-        if gap_s == 0.0 && foreseen.spread.pp > self.noise.speed_std_mps.powi(2) {
+        if gap_s == 0.0 && foreseen.spread.pp > trig::powi(self.noise.speed_std_mps, 2) {
             // The first pose of its stamp has told the place, and now this one does.
             self.state = Some(foreseen.placed(pose, variances));
             return (Taken::Used, true);
@@ -251,9 +281,9 @@ impl MotionFilter {
         let slack_m = HARDEST * self.noise.acceleration_std_mps2 * slack_s * slack_s;
         let [position, heading] = variances;
         // Of a single pose no speed is known: the next one may be anywhere.
-        let is_single = foreseen.spread.vv >= self.noise.speed_std_mps.powi(2);
-        let gate_m2 = GATE.powi(2) * (foreseen.spread.pp + position) + slack_m * slack_m;
-        if !is_single && off_m.powi(2) > gate_m2 {
+        let is_single = foreseen.spread.vv >= trig::powi(self.noise.speed_std_mps, 2);
+        let gate_m2 = trig::powi(GATE, 2) * (foreseen.spread.pp + position) + slack_m * slack_m;
+        if !is_single && trig::powi(off_m, 2) > gate_m2 {
             return self.reject(stamp_s, pose, variances);
         }
         self.position_outliers = None;
@@ -269,7 +299,7 @@ impl MotionFilter {
         let off = wrap_angle(yaw_rad - next.yaw_rad);
         let clock_stands = self.last_stamp_s() == Some(next.stamp_s);
         let slack = HARDEST_RADPS2 * slack_s * slack_s;
-        if off * off <= GATE.powi(2) * (next.yaw_spread.pp + variance) + slack * slack {
+        if off * off <= trig::powi(GATE, 2) * (next.yaw_spread.pp + variance) + slack * slack {
             self.heading_outliers = None;
             next.correct_heading(yaw_rad, variance);
             return true;
@@ -278,7 +308,7 @@ impl MotionFilter {
         if is_believed {
             self.heading_outliers = None;
             (next.yaw_rad, next.yaw_rate_radps) = (yaw_rad, 0.0);
-            next.yaw_spread = Covariance2 { pp: variance, pv: 0.0, vv: YAW_RATE_STD_RADPS.powi(2) };
+            next.yaw_spread = Covariance2 { pp: variance, pv: 0.0, vv: trig::powi(YAW_RATE_STD_RADPS, 2) };
         }
         is_believed
     }

@@ -1,6 +1,7 @@
 //! How noisy measured poses are: stated, or estimated from the poses themselves.
 
-use crate::geom::{Pose2, wrap_angle};
+use crate::digest::{Digest, StateHash};
+use crate::geom::{Pose2, trig, wrap_angle};
 use serde::{Deserialize, Serialize};
 
 /// Noise of measured poses, and how vehicles move between them. Lengths are of one unit: laboratory metres of poses
@@ -57,7 +58,7 @@ impl NoiseModel {
 
     /// Variances of a coordinate and of a heading, at least.
     pub(super) fn least(&self) -> [f64; 2] {
-        [self.position_std_m, self.heading_std_rad].map(|std| (std * Self::LEAST_SHARE).powi(2))
+        [self.position_std_m, self.heading_std_rad].map(|std| trig::powi(std * Self::LEAST_SHARE, 2))
     }
 }
 
@@ -96,7 +97,7 @@ const MEDIANS: [f64; 2] = [std::f64::consts::LN_2, 0.455];
 /// Variances of position and heading at each of some recorded poses: means of the squared third differences in
 /// blocks around it, without outliers. Noise may depend on the speed, as that of stamps that jitter does.
 pub(super) fn local_variances(noise: &NoiseModel, poses: &[(f64, Pose2)]) -> Vec<[f64; 2]> {
-    let stated = [noise.position_std_m.powi(2), noise.heading_std_rad.powi(2)];
+    let stated = [trig::powi(noise.position_std_m, 2), trig::powi(noise.heading_std_rad, 2)];
     let Some(&(begin_s, _)) = poses.first().filter(|_| noise.is_estimated) else {
         return vec![stated; poses.len()];
     };
@@ -184,9 +185,20 @@ const MOST_SHARE: f64 = 9.0;
 /// Long before all stamps: no difference reaches as far.
 const NONE: [(f64, Pose2); 3] = [(f64::MIN, Pose2 { position: glam::DVec2::ZERO, yaw_rad: 0.0 }); 3];
 
+impl Digest for NoiseGauge {
+    fn digest(&self, hash: &mut StateHash) {
+        for (stamp_s, pose) in &self.recent {
+            hash.number(*stamp_s);
+            pose.digest(hash);
+        }
+        hash.word(u64::from(self.count));
+        hash.numbers(self.variances);
+    }
+}
+
 impl NoiseGauge {
     pub fn new(noise: &NoiseModel) -> Self {
-        let variances = [noise.position_std_m.powi(2), noise.heading_std_rad.powi(2)];
+        let variances = [trig::powi(noise.position_std_m, 2), trig::powi(noise.heading_std_rad, 2)];
         Self { recent: NONE, count: STATED, variances }
     }
 

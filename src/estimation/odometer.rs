@@ -2,6 +2,7 @@
 
 use super::MotionEstimate;
 use super::stand::{Observed, StandChange, StandDetector};
+use crate::digest::{Digest, StateHash};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
@@ -19,13 +20,37 @@ pub struct Odometer {
     stood_at: Option<(DVec2, f64)>,
 }
 
+impl Digest for Odometer {
+    fn digest(&self, hash: &mut StateHash) {
+        self.stand.digest(hash);
+        hash.optional(self.last_s);
+        hash.number(self.distance_m);
+        hash.flags([self.stood_at.is_some()]);
+        if let Some((place, distance_m)) = &self.stood_at {
+            place.digest(hash);
+            hash.number(*distance_m);
+        }
+    }
+}
+
 impl Odometer {
     /// Takes in how the vehicle moves at a time, later than the one before. Where it was occluded since then the way
     /// counts as driven at this speed.
     pub fn update(&mut self, motion: &MotionEstimate) -> Option<StandChange> {
+        let change = self.stand.update(motion.time_s, &Observed::from(motion));
+        self.count(motion, change)
+    }
+
+    /// The same for a vehicle of which another detector has found whether it stands.
+    pub fn update_known(&mut self, motion: &MotionEstimate, stands: bool) -> Option<StandChange> {
+        let change = self.stand.adopt(motion.time_s, &Observed::from(motion), stands);
+        self.count(motion, change)
+    }
+
+    /// Adds the way of a step.
+    fn count(&mut self, motion: &MotionEstimate, change: Option<StandChange>) -> Option<StandChange> {
         let dt_s = motion.time_s - self.last_s.unwrap_or(motion.time_s);
         self.last_s = Some(motion.time_s);
-        let change = self.stand.update(motion.time_s, &Observed::from(motion));
         if !self.stand.is_standing() {
             if let Some((place, distance_m)) = self.stood_at.take() {
                 self.distance_m = self.distance_m.max(distance_m + motion.pose.position.distance(place));

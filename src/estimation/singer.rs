@@ -80,10 +80,10 @@ impl Covariance3 {
         let (vv, va) = (self.vv + g * self.va, self.va + g * self.aa);
         let (t, q) = (t.abs(), density);
         Self {
-            pp: pp + step.dt_s * pv + f * pa + q * t.powi(5) / 20.0,
-            pv: pv + g * pa + q * t.powi(4) / 8.0,
-            pa: r * pa + q * t.powi(3) / 6.0,
-            vv: vv + g * va + q * t.powi(3) / 3.0,
+            pp: pp + step.dt_s * pv + f * pa + q * trig::powi(t, 5) / 20.0,
+            pv: pv + g * pa + q * trig::powi(t, 4) / 8.0,
+            pa: r * pa + q * trig::powi(t, 3) / 6.0,
+            vv: vv + g * va + q * trig::powi(t, 3) / 3.0,
             va: r * va + q * t * t / 2.0,
             aa: r * r * self.aa + q * t,
         }
@@ -176,7 +176,7 @@ impl Covariance2 {
     pub fn after(&self, dt_s: f64, density: f64) -> Self {
         let t = dt_s.abs();
         Self {
-            pp: self.pp + 2.0 * dt_s * self.pv + dt_s * dt_s * self.vv + density * t.powi(3) / 3.0,
+            pp: self.pp + 2.0 * dt_s * self.pv + dt_s * dt_s * self.vv + density * trig::powi(t, 3) / 3.0,
             pv: self.pv + dt_s * self.vv + density * dt_s * t / 2.0,
             vv: self.vv + density * t,
         }

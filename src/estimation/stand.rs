@@ -5,6 +5,7 @@
 //! its place for a while before it counts as standing, the longer the less certain its position is.
 
 use super::MotionEstimate;
+use crate::digest::{Digest, StateHash};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
@@ -97,6 +98,21 @@ pub struct StandDetector {
     fast_since_s: Option<f64>,
 }
 
+impl Digest for Place {
+    fn digest(&self, hash: &mut StateHash) {
+        hash.number(self.since_s);
+        self.at.digest(hash);
+    }
+}
+
+impl Digest for StandDetector {
+    fn digest(&self, hash: &mut StateHash) {
+        hash.flags([self.has_moved]);
+        hash.all([&self.begin, &self.slow, &self.stands]);
+        hash.optional(self.fast_since_s);
+    }
+}
+
 impl StandDetector {
     pub fn is_standing(&self) -> bool {
         self.stands.is_some()
@@ -118,13 +134,40 @@ impl StandDetector {
         if self.stands.is_some() { self.watch_stand(time_s, seen) } else { self.watch_motion(time_s, seen) }
     }
 
+    /// Takes in what another detector has found, which knows more of the vehicle.
+    pub fn adopt(&mut self, time_s: f64, seen: &Observed, stands: bool) -> Option<StandChange> {
+        self.slow = None;
+        match (self.stands, stands) {
+            (None, true) => {
+                self.stands = Some(Place { since_s: time_s, at: seen.position });
+                self.has_moved.then_some(StandChange::Stopped)
+            }
+            (Some(_), true) => {
+                self.note_fast(time_s, seen);
+                None
+            }
+            (Some(place), false) => {
+                let fast_since_s = self.fast_since_s.unwrap_or(time_s);
+                (self.stands, self.fast_since_s, self.has_moved) = (None, None, true);
+                Some(StandChange::MovedOff { stood_s: fast_since_s - place.since_s })
+            }
+            (None, false) => {
+                self.has_moved = true;
+                None
+            }
+        }
+    }
+
+    /// Since when a vehicle that counts as standing is faster than [`MOVES_MPS`]: `None` while it is not.
+    fn note_fast(&mut self, time_s: f64, seen: &Observed) -> Option<f64> {
+        let is_fast = seen.speed_mps.abs() > MOVES_MPS;
+        self.fast_since_s = is_fast.then_some(self.fast_since_s.unwrap_or(time_s));
+        self.fast_since_s
+    }
+
     fn watch_stand(&mut self, time_s: f64, seen: &Observed) -> Option<StandChange> {
         let place = self.stands?;
-        if seen.speed_mps.abs() <= MOVES_MPS {
-            self.fast_since_s = None;
-            return None;
-        }
-        let fast_since_s = *self.fast_since_s.get_or_insert(time_s);
+        let fast_since_s = self.note_fast(time_s, seen)?;
         if !seen.has_left(place.at) {
             return None;
         }

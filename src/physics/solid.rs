@@ -3,8 +3,8 @@
 use super::vector;
 use crate::geom::point_in_polygon;
 use glam::DVec2;
-use rapier3d::math::{Pose, Vector};
-use rapier3d::prelude::SharedShape;
+use rapier3d_f64::math::{Pose, Vector};
+use rapier3d_f64::prelude::SharedShape;
 
 /// The solid over a simple polygon from the ground up: one convex piece, or for a concave outline
 /// one for each of its triangles. `None` for an outline without an area.

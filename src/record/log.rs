@@ -8,6 +8,7 @@ use super::schema::{
     encode_snapshot, encode_tick, encode_trajectory,
 };
 use super::transforms::{TRANSFORM_SCHEMA, TRANSFORM_TYPE, encode_transform};
+use crate::digest;
 use crate::environment::Profile;
 use crate::geom::LengthScale;
 use crate::scenario::Experiment;
@@ -64,6 +65,8 @@ pub(super) const EVENT_TOPIC: &str = "/city3d/event";
 pub(super) const METADATA: &str = "city3d";
 /// Counts up when a reader of before would understand a log wrongly, or lack something.
 pub(super) const FORMAT: &str = "3";
+/// Of the simulation, [`digest::REVISION`].
+pub(super) const REVISION: &str = "revision";
 pub(super) const SCENARIO: &str = "scenario.toml";
 pub(super) const MAP: &str = "map.dxf";
 /// Before the names of models among the attachments.
@@ -327,6 +330,7 @@ fn metadata_of(experiment: &Experiment, origin: Origin) -> BTreeMap<String, Stri
     };
     let pairs = [
         ("format", FORMAT.to_owned()),
+        (REVISION, digest::REVISION.to_string()),
         ("origin", origin.label().to_owned()),
         ("model", model.to_owned()),
         ("environment", experiment.profile.map_or("", Profile::name).to_owned()),

@@ -4,6 +4,8 @@
 mod bag;
 mod cdr;
 mod chunks;
+#[cfg(test)]
+mod golden;
 mod log;
 mod poses;
 mod reader;

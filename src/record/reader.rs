@@ -4,7 +4,7 @@
 use super::RecordError;
 use super::log::{
     COMMAND_TOPIC, EVENT_TOPIC, FORMAT, MAP, MEASURED_TOPIC, METADATA, MODELS, NETWORK_TOPIC, Origin,
-    SCENARIO, SNAPSHOT_TOPIC, TICK_TOPIC, TRAJECTORY_TOPIC,
+    REVISION, SCENARIO, SNAPSHOT_TOPIC, TICK_TOPIC, TRAJECTORY_TOPIC,
 };
 use super::schema::{
     LoggedSnapshot, NetworkCommand, decode_command, decode_event, decode_measured, decode_network,
@@ -115,6 +115,12 @@ impl LogReader {
     /// The version of City3D that has written it.
     pub fn version(&self) -> &str {
         self.metadata.get("version").map_or("?", String::as_str)
+    }
+
+    /// The revision of the simulation that has made it, [`digest::REVISION`](crate::digest::REVISION); logs that do not
+    /// state it are of the first.
+    pub fn revision(&self) -> u32 {
+        self.metadata.get(REVISION).and_then(|text| text.parse().ok()).unwrap_or(1)
     }
 
     /// Topics of the channels that have been met.

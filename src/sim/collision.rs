@@ -3,6 +3,7 @@
 use super::outline_of;
 use super::vehicle::SimVehicle;
 use crate::city::{CityMap, Scenery, Shape};
+use crate::digest::{Digest, StateHash};
 use crate::geom::OrientedRect;
 use crate::snapshot::{Event, EventKind, VehicleId};
 use glam::DVec2;
@@ -101,6 +102,15 @@ pub struct Collisions {
 
 /// Outlines that have touched are apart when grown by this they no longer overlap.
 const APART_M: f64 = 1.0;
+
+impl Digest for Collisions {
+    fn digest(&self, hash: &mut StateHash) {
+        for (a, b) in &self.touching {
+            hash.word(u64::from(a.0) << 32 | u64::from(b.0));
+        }
+        self.touching_solid.iter().for_each(|vehicle| hash.word(u64::from(vehicle.0)));
+    }
+}
 
 impl Collisions {
     pub fn find(&mut self, vehicles: &[SimVehicle], solids: &Solids, time_s: f64, events: &mut Vec<Event>) {

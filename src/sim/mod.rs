@@ -4,9 +4,9 @@
 //! no static, no draw of a random number.
 
 mod collision;
-mod hash;
 mod vehicle;
 
+use crate::digest::{Digest, StateHash};
 use crate::geom::OrientedRect;
 use crate::physics::Physics;
 use crate::scenario::Experiment;
@@ -14,7 +14,6 @@ use crate::snapshot::{
     Event, EventKind, FrameSnapshot, Setup, SimCommand, VehicleId, VehicleInfo, VehicleState,
 };
 use collision::{Collisions, Solids};
-use hash::StateHash;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use vehicle::SimVehicle;
@@ -41,6 +40,16 @@ pub struct WorldState {
     collisions: Collisions,
     /// Happened since the last snapshot, outside of a step.
     pending: Vec<Event>,
+}
+
+impl Digest for WorldState {
+    fn digest(&self, hash: &mut StateHash) {
+        hash.word(self.tick);
+        hash.flags([self.is_running]);
+        self.physics.digest(hash);
+        hash.all(&self.vehicles);
+        self.collisions.digest(hash);
+    }
 }
 
 impl World {
@@ -201,7 +210,9 @@ impl World {
         if !Arc::ptr_eq(&out.roster, &self.roster) {
             out.roster = Arc::clone(&self.roster);
         }
-        out.state_hash = StateHash::of(self.state.tick, &out.vehicles);
+        let mut hash = StateHash::default();
+        self.state.digest(&mut hash);
+        out.state_hash = hash.finish();
     }
 }
 
@@ -217,7 +228,7 @@ impl WorldState {
         for planned in &experiment.vehicles {
             pending.push(event(planned.id, EventKind::Spawn));
             let setup = planned.setup(&experiment.city_map, experiment.scale);
-            let mut vehicle = SimVehicle::spawn(&setup, &mut physics, experiment.rates.dt_s());
+            let mut vehicle = SimVehicle::spawn(&setup, &mut physics, experiment);
             if planned.is_human {
                 vehicle.begin_by_hand();
             }
@@ -235,7 +246,7 @@ impl WorldState {
         let time_s = experiment.rates.time_s(self.tick);
         self.pending.push(Event { time_s, vehicle: setup.id, kind: EventKind::Spawn });
         let index = self.vehicles.partition_point(|vehicle| vehicle.state.id < setup.id);
-        let vehicle = SimVehicle::spawn(&setup, &mut self.physics, experiment.rates.dt_s());
+        let vehicle = SimVehicle::spawn(&setup, &mut self.physics, experiment);
         self.vehicles.insert(index, vehicle);
         self.setups.push(setup);
     }

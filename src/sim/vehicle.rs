@@ -1,7 +1,9 @@
 //! One vehicle of the world: its dynamics, what it follows, and its state.
 
+use crate::digest::{Digest, StateHash};
 use crate::estimation::{LEFT_M, Observed, STANDS_MPS, StandChange, StandDetector};
 use crate::physics::Physics;
+use crate::scenario::Experiment;
 use crate::snapshot::{
     Event, EventKind, Indicator, MeasuredPose, Pedals, Setup, Status, Trajectory, VehicleState,
 };
@@ -39,15 +41,39 @@ pub struct SimVehicle {
     is_finished: bool,
 }
 
+impl Digest for SimVehicle {
+    fn digest(&self, hash: &mut StateHash) {
+        let state = &self.state;
+        hash.word(u64::from(state.id.0) << 8 | state.status as u64);
+        state.position.digest(hash);
+        state.orientation.digest(hash);
+        state.velocity_mps.digest(hash);
+        hash.numbers([state.yaw_rate_radps, state.steering_rad, state.gas, state.brake, state.handbrake]);
+        hash.numbers([state.distance_m, self.collided_at_m]);
+        self.dynamics.digest(hash);
+        self.tracker.digest(hash);
+        self.stand.digest(hash);
+        hash.optional(self.heard_s);
+        hash.word(self.sequence.map_or(u64::MAX, u64::from));
+        if let Driver::Human(pedals) = &self.driver {
+            hash.numbers([pedals.gas, pedals.brake, pedals.handbrake, pedals.steering_rad]);
+            hash.flags([pedals.reverse]);
+        }
+        let is_by_hand = matches!(self.driver, Driver::Human(_));
+        hash.flags([is_by_hand, self.is_link_lost, self.has_collided, self.is_finished]);
+        hash.flags([self.is_yielding, self.has_told_yield, state.reverse]);
+    }
+}
+
 /// Pedal travel at which brake lights come on.
 const BRAKE_LIGHT_TRAVEL: f64 = 0.02;
 /// A person who has hit something and drives on so far is clear of it.
 const CLEAR_AFTER_M: f64 = 5.0;
 impl SimVehicle {
-    pub fn spawn(setup: &Setup, physics: &mut Physics, dt_s: f64) -> Self {
-        let spec = &setup.spec;
-        let mut dynamics = Dynamics::spawn(physics, spec, setup.pose, setup.speed_mps);
-        let motion = dynamics.read_back(physics, spec, dt_s);
+    pub fn spawn(setup: &Setup, physics: &mut Physics, experiment: &Experiment) -> Self {
+        let (spec, start) = (&setup.spec, (setup.pose, setup.speed_mps));
+        let mut dynamics = Dynamics::spawn(physics, spec, start, experiment.scale);
+        let motion = dynamics.read_back(physics, spec, experiment.rates.dt_s());
         let mut vehicle = Self {
             state: VehicleState { id: setup.id, ..VehicleState::default() },
             spec: spec.clone(),

@@ -16,33 +16,34 @@ impl fmt::Display for VehicleId {
     }
 }
 
-/// What a vehicle is doing, as the vehicle list shows it.
+/// What a vehicle is doing, as the vehicle list shows it. The numbers are those of the link, the log and the digest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[repr(u8)]
 pub enum Status {
     /// Set up, and stands: no trajectory has come yet.
     #[default]
-    Waiting,
+    Waiting = 0,
     /// On its way.
-    Driving,
+    Driving = 1,
     /// Held back by a yield sign or the right of way of another.
-    Yielding,
+    Yielding = 2,
     /// Stands; on no lane too, where a person has left it.
-    Stopped,
+    Stopped = 3,
     /// A person drives.
-    Manual,
+    Manual = 4,
     /// No trajectory for longer than the link timeout: it brakes to a stop on its path.
-    LinkLost,
+    LinkLost = 5,
     /// Has hit something: it brakes and stays. A person who takes it over drives it on, and is clear of it
     /// after some metres.
-    Collided,
+    Collided = 6,
     /// At the end of its route.
-    Finished,
+    Finished = 7,
     /// A vehicle of the laboratory that is measured, where nothing else is known of it: it tells its pose itself, or
     /// the poses were recorded. In a running city its status is what it does, and its model is `measured`.
-    Physical,
+    Physical = 8,
     /// A vehicle of the laboratory that has not been measured lately: hidden, or away.
-    Unseen,
+    Unseen = 9,
 }
 
 impl Status {
@@ -76,15 +77,16 @@ impl Status {
     }
 }
 
-/// Turn signal, as the lamps show it.
+/// Turn signal, as the lamps show it. The numbers are those of the link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[repr(u8)]
 pub enum Indicator {
     #[default]
-    Off,
-    Left,
-    Right,
-    Hazard,
+    Off = 0,
+    Left = 1,
+    Right = 2,
+    Hazard = 3,
 }
 
 /// The measures of a vehicle that drawing and driving need, city metres.

@@ -108,7 +108,7 @@ impl Testbed {
         }
         if is_reset {
             for robot in self.robots.values_mut() {
-                robot.put_back(&mut self.physics, self.dt_s);
+                robot.put_back(&mut self.physics, self.scale, self.dt_s);
             }
         }
     }
@@ -167,7 +167,7 @@ impl Robot {
     fn new(planned: &PlannedVehicle, experiment: &Experiment, physics: &mut Physics) -> Self {
         let setup = planned.setup(&experiment.city_map, experiment.scale);
         let spec = VehicleSpec { model: ModelKind::Bicycle, ..setup.spec };
-        let mut dynamics = Dynamics::spawn(physics, &spec, setup.pose, 0.0);
+        let mut dynamics = Dynamics::spawn(physics, &spec, (setup.pose, 0.0), experiment.scale);
         let motion = dynamics.read_back(physics, &spec, experiment.rates.dt_s());
         Self {
             spec,
@@ -181,9 +181,9 @@ impl Robot {
         }
     }
 
-    fn put_back(&mut self, physics: &mut Physics, dt_s: f64) {
+    fn put_back(&mut self, physics: &mut Physics, scale: LengthScale, dt_s: f64) {
         self.dynamics.remove(physics);
-        self.dynamics = Dynamics::spawn(physics, &self.spec, self.start, 0.0);
+        self.dynamics = Dynamics::spawn(physics, &self.spec, (self.start, 0.0), scale);
         self.motion = self.dynamics.read_back(physics, &self.spec, dt_s);
         (self.tracker, self.actuation) = (Tracker::default(), HOLDING);
         (self.heard_s, self.sequence) = (None, None);
@@ -312,7 +312,7 @@ mod tests {
         let at = |time_s: f64| speeds[(time_s / dt_s) as usize];
         assert!((at(last_heard_s) - SPEED_MPS).abs() < 0.5, "{} m/s where the link ends", at(last_heard_s));
         let turned =
-            wrap_angle(testbed.robots[&id].motion.forward().to_angle() - paths[&id].straight.start.yaw_rad);
+            wrap_angle(testbed.robots[&id].motion.pose().yaw_rad - paths[&id].straight.start.yaw_rad);
         assert!(turned.abs() > 0.5, "it stops on the arc, {turned} rad on");
         // What it was told last ends two seconds later, and before that it takes the link for lost.
         let braked_s = (0..).find(|k| at(last_heard_s + 0.01 * f64::from(*k)) < SPEED_MPS - 1.0).unwrap();

@@ -4,6 +4,7 @@
 use super::raycast::chassis;
 use super::wheels::{angle_of, front_headings, pedal, steered};
 use super::{Actuation, Motion, VehicleModel, VehicleSpec};
+use crate::digest::{Digest, StateHash};
 use crate::geom::{Pose2, trig, wrap_angle};
 use crate::physics::{BodyId, Physics};
 use crate::snapshot::WheelState;
@@ -20,6 +21,14 @@ pub struct Bicycle {
     acceleration_mps2: f64,
     steering_rad: f64,
     spins_rad: [f64; 4],
+}
+
+impl Digest for Bicycle {
+    fn digest(&self, hash: &mut StateHash) {
+        self.rear.digest(hash);
+        hash.numbers([self.speed_mps, self.acceleration_mps2, self.steering_rad]);
+        hash.numbers(self.spins_rad);
+    }
 }
 
 impl Bicycle {

@@ -6,6 +6,7 @@
 use super::raycast::chassis;
 use super::wheels::{angle_of, front_headings};
 use super::{Actuation, Motion, VehicleModel, VehicleSpec};
+use crate::digest::{Digest, StateHash};
 use crate::estimation::{MotionEstimate, MotionFilter, NoiseModel, Odometer, StandChange, Taken};
 use crate::geom::{LengthScale, Pose2, trig};
 use crate::physics::{BodyId, Physics};
@@ -50,12 +51,25 @@ pub struct Measured {
     spins_rad: [f64; 4],
 }
 
+impl Digest for Measured {
+    fn digest(&self, hash: &mut StateHash) {
+        self.filter.digest(hash);
+        self.odometer.digest(hash);
+        hash.flags([self.is_seen.is_some(), self.is_seen == Some(true)]);
+        self.pose.digest(hash);
+        self.tilt.digest(hash);
+        self.velocity_mps.digest(hash);
+        hash.numbers([self.height_m, self.acceleration_mps2, self.yaw_rate_radps]);
+        hash.numbers(self.spins_rad);
+    }
+}
+
 impl Measured {
     /// Puts it where it is expected; `pose` is the middle of its outline.
-    pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2) -> Self {
+    pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2, scale: LengthScale) -> Self {
         Self {
             body: physics.add_guided_box(&chassis(spec, pose, 0.0)),
-            filter: MotionFilter::new(NoiseModel::LABORATORY.scaled(LengthScale::TESTBED.factor())),
+            filter: MotionFilter::new(NoiseModel::LABORATORY.scaled(scale.factor())),
             odometer: Odometer::default(),
             change: None,
             is_seen: None,
@@ -193,7 +207,7 @@ mod tests {
     /// A vehicle with the measures of a default one, and time since its first pose.
     fn measured() -> (Measured, VehicleSpec) {
         let (mut physics, spec) = (Physics::new(0.01), VehicleSpec::default());
-        (Measured::spawn(&mut physics, &spec, Pose2::default()), spec)
+        (Measured::spawn(&mut physics, &spec, Pose2::default(), LengthScale::TESTBED), spec)
     }
 
     #[test]

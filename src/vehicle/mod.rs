@@ -26,7 +26,8 @@ pub use raycast::RaycastCar;
 pub use tracker::{Tracker, Tracking};
 pub use wheels::set_wheels;
 
-use crate::geom::{Pose2, trig};
+use crate::digest::{Digest, StateHash};
+use crate::geom::{LengthScale, Pose2, trig};
 use crate::physics::Physics;
 use crate::snapshot::WheelState;
 use glam::{DQuat, DVec2, DVec3};
@@ -97,12 +98,18 @@ pub enum Dynamics {
 
 impl Dynamics {
     /// Puts a vehicle on the road at its rest height, rolling at `speed_mps`. `pose` is the middle
-    /// of its outline; `spec` has passed [`VehicleSpec::validate`].
-    pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2, speed_mps: f64) -> Self {
+    /// of its outline; `spec` has passed [`VehicleSpec::validate`]. `scale` is that of the laboratory in which a
+    /// physical vehicle is measured.
+    pub fn spawn(
+        physics: &mut Physics,
+        spec: &VehicleSpec,
+        (pose, speed_mps): (Pose2, f64),
+        scale: LengthScale,
+    ) -> Self {
         match spec.model {
             ModelKind::Raycast => Self::Raycast(RaycastCar::spawn(physics, spec, pose, speed_mps)),
             ModelKind::Bicycle => Self::Bicycle(Bicycle::spawn(physics, spec, pose, speed_mps)),
-            ModelKind::Measured => Self::Measured(Box::new(Measured::spawn(physics, spec, pose))),
+            ModelKind::Measured => Self::Measured(Box::new(Measured::spawn(physics, spec, pose, scale))),
         }
     }
 
@@ -111,6 +118,16 @@ impl Dynamics {
             Self::Raycast(car) => car,
             Self::Bicycle(bicycle) => bicycle,
             Self::Measured(measured) => measured.as_mut(),
+        }
+    }
+}
+
+impl Digest for Dynamics {
+    fn digest(&self, hash: &mut StateHash) {
+        match self {
+            Self::Raycast(car) => car.digest(hash),
+            Self::Bicycle(bicycle) => bicycle.digest(hash),
+            Self::Measured(measured) => measured.digest(hash),
         }
     }
 }

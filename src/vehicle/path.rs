@@ -7,6 +7,7 @@
 //! Every vehicle asks for its place at every tick and every trajectory is made into a path, so
 //! headings are unit vectors here and angles are left to the few places that need one.
 
+use crate::digest::{Digest, StateHash};
 use crate::geom::{Pose2, trig, wrap_angle};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
@@ -66,6 +67,15 @@ impl Best {
         let cost = distance_squared + aside(nearest.tangent, forward);
         if cost < self.cost {
             *self = Self { cost, within_m: cost.sqrt(), nearest: Some(nearest) };
+        }
+    }
+}
+
+impl Digest for Path {
+    fn digest(&self, hash: &mut StateHash) {
+        for node in &self.nodes {
+            node.pose.digest(hash);
+            hash.number(node.station);
         }
     }
 }

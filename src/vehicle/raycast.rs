@@ -7,6 +7,7 @@
 
 use super::wheels::{angle_of, front_headings, pedal, steered};
 use super::{Actuation, Drive, Motion, VehicleModel, VehicleSpec};
+use crate::digest::{Digest, StateHash};
 use crate::geom::Pose2;
 use crate::physics::{BodyId, BodyState, BoxBody, GRAVITY_MPS2, Physics};
 use crate::snapshot::WheelState;
@@ -110,6 +111,14 @@ pub(super) fn chassis(spec: &VehicleSpec, pose: Pose2, speed_mps: f64) -> BoxBod
         mass_kg: spec.mass_kg,
         centre_of_mass_m: DVec3::new(spec.centre_of_mass.ahead_m, 0.0, spec.centre_of_mass.height_m),
         inertia_kgm2: block * DVec3::new(1.0, 1.0, spec.yaw_inertia_factor) * spec.mass_kg,
+    }
+}
+
+/// Its body is hashed with the physics.
+impl Digest for RaycastCar {
+    fn digest(&self, hash: &mut StateHash) {
+        hash.numbers([self.steering_rad, self.mass_speed_mps]);
+        hash.numbers(self.wheels.iter().map(|wheel| wheel.spin_rad));
     }
 }
 

@@ -4,6 +4,7 @@
 use super::path::{Nearest, Path, angle_between};
 use super::pedals::{HANDBRAKE_THROTTLE, pedals};
 use super::{Actuation, ModelKind, Motion, VehicleSpec};
+use crate::digest::{Digest, StateHash};
 use crate::geom::trig;
 use crate::physics::GRAVITY_MPS2;
 use crate::snapshot::{Trajectory, TrajectoryPoint};
@@ -76,6 +77,8 @@ struct FrontAxle {
 pub struct Tracker {
     path: Path,
     milestones: Vec<Milestone>,
+    /// Digest of these two, which change with a trajectory alone.
+    plan_hash: u64,
     /// Of the front axle on the path.
     station: Option<f64>,
     /// Of the longitudinal position error, m s.
@@ -99,12 +102,36 @@ pub struct Tracking {
     pub throttle: f64,
 }
 
+impl Digest for Tracker {
+    fn digest(&self, hash: &mut StateHash) {
+        hash.word(self.plan_hash);
+        hash.optional(self.station);
+        hash.optional(self.stopping_mps);
+        hash.numbers([self.integral, self.steering_rad]);
+        hash.flags([self.link_lost, self.has_overshot]);
+    }
+}
+
 impl Tracker {
     /// The newest trajectory replaces the older one; the caller has checked its sequence. Points that
     /// are not finite or not in time order are left out; without any left the older one stays.
     pub fn follow(&mut self, trajectory: &Trajectory) {
         let points = usable(&trajectory.points);
         let Some(first) = points.clone().next() else { return };
+        self.replace_plan(first, points);
+        let mut hash = StateHash::default();
+        self.path.digest(&mut hash);
+        for milestone in &self.milestones {
+            hash.numbers([milestone.time_s, milestone.station, milestone.speed_mps]);
+        }
+        self.plan_hash = hash.finish();
+    }
+
+    fn replace_plan<'a>(
+        &mut self,
+        first: &TrajectoryPoint,
+        points: impl Iterator<Item = &'a TrajectoryPoint> + Clone,
+    ) {
         self.link_lost = false;
         self.stopping_mps = None;
 

@@ -15,33 +15,36 @@ pub const LONGEST_LEASE_S: f64 = 60.0;
 
 /// What is done with the experiment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Action {
-    Start,
-    Pause,
-    Reset,
+    Start = 0,
+    Pause = 1,
+    Reset = 2,
 }
 
 const ACTIONS: [Action; 3] = [Action::Start, Action::Pause, Action::Reset];
 
 /// What became of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Outcome {
-    Done,
+    Done = 0,
     /// Not now: another sender leads. Asking again later may help.
-    Busy,
+    Busy = 1,
     /// Never, for the reason stated.
-    Refused,
+    Refused = 2,
 }
 
 const OUTCOMES: [Outcome; 3] = [Outcome::Done, Outcome::Busy, Outcome::Refused];
 
 /// Where the experiment stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Phase {
     /// At its beginning.
-    Ready,
-    Running,
-    Paused,
+    Ready = 0,
+    Running = 1,
+    Paused = 2,
 }
 
 const PHASES: [Phase; 3] = [Phase::Ready, Phase::Running, Phase::Paused];

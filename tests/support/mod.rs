@@ -2,7 +2,7 @@
 
 #![allow(dead_code, reason = "each test uses its own part")]
 
-use city3d::geom::{Curve, Pose2, Segment};
+use city3d::geom::{Curve, LengthScale, Pose2, Segment};
 use city3d::physics::Physics;
 use city3d::snapshot::{Indicator, Trajectory, TrajectoryPoint, VehicleId};
 use city3d::vehicle::{Actuation, Dynamics, ModelKind, Motion, Tracker, Tracking, VehicleModel, VehicleSpec};
@@ -31,7 +31,7 @@ impl Rig {
     pub fn new(spec: VehicleSpec, pose: Pose2, speed: f64) -> Self {
         assert_eq!(spec.validate(), []);
         let mut physics = Physics::new(DT);
-        let mut dynamics = Dynamics::spawn(&mut physics, &spec, pose, speed);
+        let mut dynamics = Dynamics::spawn(&mut physics, &spec, (pose, speed), LengthScale::TESTBED);
         let motion = dynamics.read_back(&physics, &spec, DT);
         Self { physics, spec, dynamics, tracker: Tracker::default(), motion, tick: 0 }
     }
