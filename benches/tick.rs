@@ -1,7 +1,7 @@
 //! Times one tick of the world: vehicles that follow trajectories sent at the control rate, and the whole
 //! lockstep of the city.
 
-use city3d::city::dxf::{Drawing, Shape};
+use city3d::city::dxf::{Drawing, EntityShape};
 use city3d::runner::Run;
 use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d::sim::World;
@@ -34,9 +34,9 @@ fn parade(cars: usize, model: ModelKind) -> Arc<Experiment> {
     );
     for lane in 0..lanes {
         let y = lane as f64 * 0.3;
-        drawing.add("LANES", Shape::Line { from: DVec2::new(0.0, y), to: DVec2::new(9.0, y) });
+        drawing.add("LANES", EntityShape::Line { from: DVec2::new(0.0, y), to: DVec2::new(9.0, y) });
         let at = DVec2::new(1.0, y);
-        drawing.add("NAMES", Shape::Text { at, height: 0.05, text: format!("lane{lane}") });
+        drawing.add("NAMES", EntityShape::Text { at, height: 0.05, text: format!("lane{lane}") });
     }
     for car in 0..cars {
         let at_m = 0.4 + (car % CARS_PER_LANE) as f64 * SPACING_M / SCALE;

@@ -1,9 +1,9 @@
-// The city that stands: ground, roads, markings, buildings, trees.
+// Static city: ground, roads, markings, buildings, trees; per pixel (PBR) and vertex-lit entry points.
 
 @group(2) @binding(0) var surfaces: texture_2d_array<f32>;
 @group(2) @binding(1) var surface_sampler: sampler;
 
-// Breaks up the repetition of ground textures by a second, larger look at them.
+// Detail texturing: a second, larger-scale lookup breaks up the repetition of ground textures.
 override detail: bool = true;
 
 struct VertexIn {
@@ -21,7 +21,7 @@ struct Fragment {
     @location(2) colour: vec4<f32>,
     @location(3) uv: vec2<f32>,
     @location(4) @interpolate(flat) layer: u32,
-    // A number of the building or other piece that it belongs to.
+    // Hash seed of the building or other piece.
     @location(5) @interpolate(flat) seed: u32,
 }
 
@@ -38,24 +38,24 @@ fn vertex_main(in: VertexIn) -> Fragment {
     return out;
 }
 
-// How much of a pixel a line covers: `at.x` metres from its middle, `at.y` half its width, `across`
-// metres from pixel to pixel. Exact for a box filter, also where the line is thinner than a pixel.
-fn covered(at: vec2<f32>, across: f32) -> f32 {
+// Analytic anti-aliasing: share of a pixel that a line covers. `at.x` is the distance from the line's centre, `at.y`
+// half its width, `across` the size of a pixel, all in metres. Exact for a box filter, also below one pixel.
+fn line_coverage(at: vec2<f32>, across: f32) -> f32 {
     let w = max(across, 1e-4);
     return clamp((at.y - at.x) / w + 0.5, 0.0, 1.0) - clamp((-at.y - at.x) / w + 0.5, 0.0, 1.0);
 }
 
-// How bright boards with names burn at night, over their colour.
-const BOARD_BURNS: f32 = 0.55;
+// Emissive strength of name boards at night, times their colour.
+const BOARD_EMISSION: f32 = 0.55;
 
-// Walls of a building differ by where they face.
-fn salt_of(seed: u32, normal: vec3<f32>) -> u32 {
+// Seed of one wall of a building: its normal tells the walls apart.
+fn wall_seed(seed: u32, normal: vec3<f32>) -> u32 {
     let side = vec2<u32>(normal.xy * 3.0 + 3.5);
     return (seed * 73u + side.x * 22u + side.y * 59u) & 0xffu;
 }
 
-// Light of its own at night: lamps, and rooms behind some of the windows.
-fn shining(layer: u32, salt: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> {
+// Emission at night: lamps, and lit rooms behind some of the windows.
+fn emission(layer: u32, seed: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> {
     if !lamplit {
         return vec3<f32>(0.0);
     }
@@ -68,28 +68,28 @@ fn shining(layer: u32, salt: u32, uv: vec2<f32>, texel: vec4<f32>) -> vec3<f32> 
         return vec3<f32>(0.0);
     }
     let bay = floor(uv);
-    let dice = fract(sin(dot(bay, vec2<f32>(12.9898, 78.233)) + f32(layer) * 3.7 + f32(salt) * 0.731) * 437.5453);
+    let dice = fract(sin(dot(bay, vec2<f32>(12.9898, 78.233)) + f32(layer) * 3.7 + f32(seed) * 0.731) * 437.5453);
     let is_lit = select(0.0, 1.0, dice < 0.38);
     if is_shop {
-        // Things in their own colours under the lamps of the room.
+        // Goods in their own colours under the lamps of the room.
         let tint = mix(vec3<f32>(1.0, 0.86, 0.66), vec3<f32>(0.95, 0.95, 0.88), fract(dice * 17.0));
         let pane = 1.0 - smoothstep(0.42, 0.7, texel.a);
         return texel.rgb * tint * ((2.6 + 1.2 * dice) * pane * frame.zenith.w);
     }
     let warm = mix(vec3<f32>(0.85, 0.58, 0.28), vec3<f32>(0.70, 0.68, 0.60), fract(dice * 17.0));
-    // Where a pane meets its frame patterns are mixed: the frame's part of them, no brighter than white, does not shine.
+    // A texel at the edge of a pane mixes pane and frame: the frame's share, at most white, does not emit.
     let frame_part = clamp((texel.a - 0.13) / 0.87, 0.0, 1.0);
     let room = 0.3 * (1.0 - frame_part) + 2.0 * max(texel.g - frame_part, 0.0);
     return warm * (room * (0.6 + dice) * is_lit * frame.zenith.w);
 }
 
-// Leaves of a crown: its outline is ragged, and gaps between them open towards it.
+// Alpha to coverage: leaf density sets the sample mask, so that the outline of a crown is ragged.
 struct Leaves {
     @location(0) colour: vec4<f32>,
-    @builtin(sample_mask) covered: u32,
+    @builtin(sample_mask) mask: u32,
 }
 
-// Metres of a pixel from which on leaves at the outline are told apart less, and no more.
+// Sizes of a pixel in metres between which leaves at the outline fade to a solid crown.
 const LEAVES_FADE: vec2<f32> = vec2<f32>(0.025, 0.055);
 
 @fragment
@@ -99,17 +99,17 @@ fn crown_fragment(in: Fragment) -> Leaves {
     let distance = length(from_eye);
     let to_eye = -from_eye / distance;
     let normal = normalize(in.normal);
-    // Towards the outline fewer leaves stand before what is behind: those that catch most light.
+    // Near the outline only the brightest leaves cover the background.
     let pixel = 2.0 * distance * abs(view.camera_from_clip[1][1]) / view.extent.y;
     let near = 1.0 - smoothstep(LEAVES_FADE.x, LEAVES_FADE.y, pixel);
     let sprays = textureSample(surfaces, surface_sampler, in.uv * 0.20, LEAVES).g;
-    // Where little light comes to, other leaves are behind those of the outline.
+    // In dark parts of the crown other leaves lie behind those of the outline.
     let bare = smoothstep(0.50, 0.78, in.colour.a);
     let least = 0.80 * near * bare * (1.0 - smoothstep(0.0, 0.65, dot(normal, to_eye)));
     let cover = clamp((0.35 * texel.g + 0.65 * sprays - least) * 12.0 + 0.5, 0.0, 1.0);
-    let leaf = Physical(texel.rgb * in.colour.rgb, in.colour.a, texel.a, 0.0, 0.4);
-    let seen = sampled(shade(leaf, in.world, normal, to_eye), vec3<f32>(0.0), from_eye);
-    // Of the four samples of a pixel.
+    let leaf = PbrMaterial(texel.rgb * in.colour.rgb, in.colour.a, texel.a, 0.0, 0.4);
+    let seen = hdr_output(shade(leaf, in.world, normal, to_eye), vec3<f32>(0.0), from_eye);
+    // A pixel has four MSAA samples.
     return Leaves(seen, (1u << u32(round(cover * 4.0))) - 1u);
 }
 
@@ -125,23 +125,23 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
         let ground = select(ASPHALT, GRASS, layer == GRASS);
         let broad = textureSample(surfaces, surface_sampler, in.world.xy * 0.021 + 0.37, ground).g;
         if layer == GRASS || layer == ASPHALT || layer == LANE {
-            // About 1 on average: the pattern's mean is 0.6.
+            // Keeps the mean brightness: the mean of the pattern is 0.6.
             pattern *= 0.5 + 0.5 * broad / 0.6;
         }
     }
     let normal = normalize(in.normal);
-    var m: Physical;
+    var m: PbrMaterial;
     m.albedo = pattern * in.colour.rgb;
-    // Dust and dirt dull what would be smooth; asphalt is never quite dull.
+    // Asphalt is never fully rough.
     m.roughness = select(texel.a, LACQUER, layer == CAR_PAINT);
     let is_iron = layer == MANHOLE && texel.a < 0.95;
     if layer == ASPHALT || layer == LANE || layer == PATCH || (layer == MANHOLE && !is_iron) {
         m.roughness = 0.93 - 0.16 * texel.g;
     }
     if is_line {
-        // Paint wears where stones stand out.
+        // Paint wears off raised stones.
         let paint = in.colour.rgb * (0.62 + 0.5 * texel.g);
-        let cover = covered(in.uv, across);
+        let cover = line_coverage(in.uv, across);
         m.albedo = mix(pattern * ASPHALT_TINT, paint, cover);
         m.roughness = mix(m.roughness, 0.7, cover);
     }
@@ -150,100 +150,100 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     m.translucent = select(0.0, 0.4, layer == LEAVES || layer == NEEDLES);
     let from_eye = in.world - view.eye.xyz;
     let lit = shade(m, in.world, normal, -normalize(from_eye));
-    var glow = shining(in.layer, salt_of(in.seed, in.normal), in.uv, texel);
+    var glow = emission(in.layer, wall_seed(in.seed, in.normal), in.uv, texel);
     if lamplit && layer == LETTERS {
-        glow = m.albedo * (BOARD_BURNS * frame.zenith.w);
+        glow = m.albedo * (BOARD_EMISSION * frame.zenith.w);
     }
-    return sampled(lit, glow, from_eye);
+    return hdr_output(lit, glow, from_eye);
 }
 
-// Patterns come as square roots of what they reflect.
-fn swift_pattern(uv: vec2<f32>, layer: u32) -> vec4<f32> {
+// Albedo of the texture, which stores the square root of reflectance: decoding is one multiplication.
+fn vertex_lit_albedo(uv: vec2<f32>, layer: u32) -> vec4<f32> {
     let texel = textureSample(surfaces, surface_sampler, uv, layer);
     return vec4<f32>(texel.rgb * texel.rgb, texel.a);
 }
 
 @vertex
-fn swift_vertex(in: VertexIn) -> Swift {
+fn vertex_lit_vertex(in: VertexIn) -> VertexLit {
     let colour = vec4<f32>(linear_from_srgb(in.colour.rgb), in.colour.a);
     let layer = in.material & 0xffu;
-    let burns = lamplit && layer == LETTERS;
-    let glow = select(vec3<f32>(0.0), colour.rgb * (BOARD_BURNS * frame.zenith.w), burns);
-    var out = swift_light(Material(colour.rgb, 0.0, colour.a), in.position, in.normal.xyz, glow);
-    out.places = vec4<f32>(out.places.xy, in.uv);
+    let is_emissive = lamplit && layer == LETTERS;
+    let glow = select(vec3<f32>(0.0), colour.rgb * (BOARD_EMISSION * frame.zenith.w), is_emissive);
+    var out = light_vertex(Material(colour.rgb, 0.0, colour.a), in.position, in.normal.xyz, glow);
+    out.uv = vec4<f32>(out.uv.xy, in.uv);
     out.layer = layer;
     if lamplit {
-        out.layer |= salt_of((in.material >> 16u) & 0xffu, in.normal.xyz) << 8u;
+        out.layer |= wall_seed((in.material >> 16u) & 0xffu, in.normal.xyz) << 8u;
     }
     return out;
 }
 
 @fragment
-fn swift_fragment(in: Swift) -> @location(0) vec4<f32> {
+fn vertex_lit_fragment(in: VertexLit) -> @location(0) vec4<f32> {
     if lamplit {
         let layer = in.layer & 0xffu;
-        let pattern = swift_pattern(in.places.zw, layer);
-        let glow = shining(layer, in.layer >> 8u, in.places.zw, pattern) * (SUN.w * (1.0 - in.ambient.w));
-        return swift_shade(in, pattern.rgb, glow);
+        let pattern = vertex_lit_albedo(in.uv.zw, layer);
+        let glow = emission(layer, in.layer >> 8u, in.uv.zw, pattern) * (SUN.w * (1.0 - in.ambient.w));
+        return vertex_lit_shade(in, pattern.rgb, glow);
     }
-    return swift_shade(in, swift_pattern(in.places.zw, in.layer).rgb, vec3<f32>(0.0));
+    return vertex_lit_shade(in, vertex_lit_albedo(in.uv.zw, in.layer).rgb, vec3<f32>(0.0));
 }
 
-// Turned away from the sun: no shadow to look for.
+// Faces turned away from the sun: no direct light, so no shadow lookup.
 @fragment
-fn swift_averted_fragment(in: Swift) -> @location(0) vec4<f32> {
-    return swift_seen(in, swift_pattern(in.places.zw, in.layer).rgb, vec3<f32>(0.0), vec3<f32>(0.0));
+fn unlit_fragment(in: VertexLit) -> @location(0) vec4<f32> {
+    return vertex_lit_color(in, vertex_lit_albedo(in.uv.zw, in.layer).rgb, vec3<f32>(0.0), vec3<f32>(0.0));
 }
 
-struct SwiftLine {
+struct VertexLitLine {
     @builtin(position) clip: vec4<f32>,
     @location(0) ambient: vec4<f32>,
     @location(1) direct: vec4<f32>,
-    @location(2) places: vec4<f32>,
-    // Its colour, and half its width; metres from its middle are in `place`.
+    @location(2) uv: vec4<f32>,
+    // Colour; w: half the width. `place`: distance from the centre line. Metres.
     @location(3) paint: vec4<f32>,
     @location(4) place: f32,
 }
 
 @vertex
-fn swift_line_vertex(in: VertexIn) -> SwiftLine {
+fn vertex_lit_line_vertex(in: VertexIn) -> VertexLitLine {
     let white = Material(vec3<f32>(1.0), 0.0, in.colour.a);
-    let light = swift_light(white, in.position, in.normal.xyz, vec3<f32>(0.0));
-    return SwiftLine(
-        light.clip, light.ambient, light.direct, vec4<f32>(light.places.xy, in.position.xy * 0.2),
+    let light = light_vertex(white, in.position, in.normal.xyz, vec3<f32>(0.0));
+    return VertexLitLine(
+        light.clip, light.ambient, light.direct, vec4<f32>(light.uv.xy, in.position.xy * 0.2),
         vec4<f32>(linear_from_srgb(in.colour.rgb), in.uv.y), in.uv.x,
     );
 }
 
 @fragment
-fn swift_line_fragment(in: SwiftLine) -> @location(0) vec4<f32> {
-    let texel = swift_pattern(in.places.zw, ASPHALT);
+fn vertex_lit_line_fragment(in: VertexLitLine) -> @location(0) vec4<f32> {
+    let texel = vertex_lit_albedo(in.uv.zw, ASPHALT);
     let across = length(vec2<f32>(dpdx(in.place), dpdy(in.place)));
     let paint = in.paint.rgb * (0.62 + 0.5 * texel.g);
-    let albedo = mix(texel.rgb * ASPHALT_TINT, paint, covered(vec2<f32>(in.place, in.paint.w), across));
-    return swift_shade(Swift(in.clip, in.ambient, in.direct, in.places, 0u), albedo, vec3<f32>(0.0));
+    let albedo = mix(texel.rgb * ASPHALT_TINT, paint, line_coverage(vec2<f32>(in.place, in.paint.w), across));
+    return vertex_lit_shade(VertexLit(in.clip, in.ambient, in.direct, in.uv, 0u), albedo, vec3<f32>(0.0));
 }
 
-// From afar a pattern is its mean.
-fn plain_of(in: VertexIn) -> Plain {
+// Far away a texture shows only its mean, the last mipmap.
+fn untextured_of(in: VertexIn) -> Untextured {
     let layer = in.material & 0xffu;
     var albedo = vertex_colour(in.colour.rgb);
     var glow = vec3<f32>(0.0);
     if !flat_light {
         let mean = textureLoad(surfaces, vec2<i32>(0), layer, textureNumLevels(surfaces) - 1u);
         albedo *= mean.rgb * mean.rgb;
-        glow = select(vec3<f32>(0.0), shining(layer, 0u, in.uv, mean), layer == LANTERN);
+        glow = select(vec3<f32>(0.0), emission(layer, 0u, in.uv, mean), layer == LANTERN);
     }
-    return plain_light(Material(albedo, 0.0, in.colour.a), in.position, in.normal.xyz, glow);
+    return light_untextured(Material(albedo, 0.0, in.colour.a), in.position, in.normal.xyz, glow);
 }
 
 @vertex
-fn plain_vertex(in: VertexIn) -> Plain {
-    return plain_of(in);
+fn untextured_vertex(in: VertexIn) -> Untextured {
+    return untextured_of(in);
 }
 
 @vertex
 fn flat_vertex(in: VertexIn) -> Flat {
-    let plain = plain_of(in);
-    return Flat(plain.clip, plain.colour);
+    let lit = untextured_of(in);
+    return Flat(lit.clip, lit.colour);
 }

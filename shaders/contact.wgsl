@@ -1,4 +1,4 @@
-// The dark under a vehicle, where the sky's light does not reach.
+// Contact shadow: a dark blended rectangle under a vehicle, where little light of the sky arrives.
 
 struct VertexIn {
     // Corner of the unit square from -1 to 1.
@@ -12,7 +12,7 @@ struct VertexIn {
 
 struct Fragment {
     @builtin(position) clip: vec4<f32>,
-    // In the body's plane, metres.
+    // Body frame, metres.
     @location(0) at: vec2<f32>,
     @location(1) @interpolate(flat) half_size: vec2<f32>,
 }
@@ -24,7 +24,7 @@ fn vertex_main(in: VertexIn) -> Fragment {
     let corner = vec2<f32>(f32(in.corner & 1u), f32(in.corner >> 1u)) * 2.0 - 1.0;
     let at = corner * (in.half_size.xy + SPREAD);
     let local = vec4<f32>(at, 0.0, 1.0);
-    // On the road, wherever the suspension has the body.
+    // On the road, whatever the suspension does with the body.
     let world = vec3<f32>(dot(in.row_x, local), dot(in.row_y, local), 0.02);
     var out: Fragment;
     out.clip = view.clip_from_world * vec4<f32>(world, 1.0);

@@ -1,13 +1,13 @@
-// From radiance to what a screen shows: occlusion, exposure, the filmic curve, sRGB, and a dither against bands.
+// Display transform: ambient occlusion, exposure, tone mapping (ACES fit), sRGB encoding, and dither against banding.
 
-@group(1) @binding(2) var occlusion: texture_2d<f32>;
+@group(1) @binding(2) var occlusion_map: texture_2d<f32>;
 
-override occluded: bool = true;
-// Whether the target encodes sRGB once more.
-override target_encodes: bool = false;
+override ambient_occlusion: bool = true;
+// Whether the target is of an sRGB format, which encodes once more.
+override target_is_srgb: bool = false;
 
-// Narkowicz 2015, the ACES filmic curve in five numbers.
-fn filmic(x: vec3<f32>) -> vec3<f32> {
+// Tone mapping curve: ACES filmic fit (Narkowicz 2015).
+fn aces_filmic(x: vec3<f32>) -> vec3<f32> {
     let curve = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
     return clamp(curve, vec3<f32>(0.0), vec3<f32>(1.0));
 }
@@ -20,13 +20,13 @@ fn linear_from_srgb_exactly(c: vec3<f32>) -> vec3<f32> {
     return select(pow((c + 0.055) / 1.055, vec3<f32>(2.4)), c / 12.92, c < vec3<f32>(0.04045));
 }
 
-// The mean of the occlusion over 4 by 4 pixels, of those that show the same surface: depths of a plane are
-// linear in pixels.
-fn open_at(place: Place) -> f32 {
+// Bilateral blur of the ambient visibility over 4 by 4 pixels, weighted by depth: depths of a plane are linear in
+// pixels.
+fn blurred_visibility(place: TilePixel) -> f32 {
     var near: array<vec2<f32>, 16>;
     for (var k = 0; k < 16; k++) {
         let pixel = place.pixel + vec2<i32>((k & 3) - 1, (k >> 2u) - 1);
-        near[k] = textureLoad(occlusion, texel_of(place, pixel), 0).xy;
+        near[k] = textureLoad(occlusion_map, texel_of(place, pixel), 0).xy;
     }
     // This pixel and its neighbours.
     let here = near[5];
@@ -45,27 +45,27 @@ fn open_at(place: Place) -> f32 {
     return sum.x / max(sum.y, 1e-4);
 }
 
-// Interleaved gradient noise (Jimenez 2014), from -0.5 to 0.5.
+// Dither by interleaved gradient noise (Jimenez 2014), from -0.5 to 0.5.
 fn dither(pixel: vec2<i32>) -> f32 {
     return fract(52.9829189 * fract(dot(vec2<f32>(pixel), vec2<f32>(0.06711056, 0.00583715)))) - 0.5;
 }
 
 @fragment
 fn fragment_main(in: Tile) -> @location(0) vec4<f32> {
-    let place = place_of(in);
-    var kept = 0.0;
-    if occluded {
-        kept = 1.0 - open_at(place);
+    let place = tile_pixel(in);
+    var occlusion = 0.0;
+    if ambient_occlusion {
+        occlusion = 1.0 - blurred_visibility(place);
     }
-    // Each sample through the curve before their mean, so that edges against what is bright stay smooth.
+    // MSAA resolve after tone mapping: edges against bright surfaces stay smooth.
     let count = sample_count();
     var sum = vec3<f32>(0.0);
     for (var k = 0u; k < count; k++) {
         let sample = radiance_at(place.origin + place.pixel, k);
-        sum += filmic(sample.rgb * (frame.sun.w * (1.0 - kept * sample.a)));
+        sum += aces_filmic(sample.rgb * (frame.sun.w * (1.0 - occlusion * sample.a)));
     }
     let shown = srgb_from_linear_exactly(sum / f32(count)) + dither(place.pixel) / 255.0;
-    if target_encodes {
+    if target_is_srgb {
         return vec4<f32>(linear_from_srgb_exactly(clamp(shown, vec3<f32>(0.0), vec3<f32>(1.0))), 1.0);
     }
     return vec4<f32>(shown, 1.0);

@@ -1,31 +1,31 @@
-// The glow around what shines at night: lenses of the eye and damp air throw some of its light beside it. It is
-// light alone: no depth, no class.
+// Glow of lamps at night: additive billboards, for light that eye and damp air scatter. They write neither depth nor
+// class.
 
 struct VertexIn {
     // Corner of a square from -1 to 1.
     @builtin(vertex_index) corner: u32,
-    // Middle of the light in the city; w: how far its glow reaches, metres.
+    // Centre in the city; w: radius of the glow, metres.
     @location(0) at: vec4<f32>,
-    // Radiance in the middle; w: how narrow its beam is, 0 for light to all sides.
+    // Radiance at the centre; w: exponent of the beam, 0 for light to all sides.
     @location(1) colour: vec4<f32>,
-    // Unit vector along its beam.
+    // Unit vector along the beam.
     @location(2) ahead: vec4<f32>,
 }
 
 struct Fragment {
     @builtin(position) clip: vec4<f32>,
-    // From the middle, 1 at the rim.
+    // From the centre, 1 at the rim.
     @location(0) at: vec2<f32>,
     @location(1) @interpolate(flat) colour: vec3<f32>,
 }
 
-// Radii as parts of half the picture's height: smaller ones become fainter instead, larger ones would veil
-// the picture.
-const LEAST: f32 = 0.012;
-const MOST: f32 = 0.20;
-// The light's housing, pole or car lies less than this before its lens, metres.
+// Limits of the radius, as shares of half the picture's height: smaller glows become fainter instead, larger ones would
+// veil the picture.
+const MIN_RADIUS: f32 = 0.012;
+const MAX_RADIUS: f32 = 0.20;
+// Depth offset towards the eye: housing, pole or body lie less than this in front of the lens, metres.
 const HOUSING: f32 = 0.45;
-// Below a lamp the body of its car comes nearer to the eye by less than this, metres.
+// Below a lamp the body of its vehicle is nearer to the eye by less than this, metres.
 const BODY: f32 = 0.9;
 
 @vertex
@@ -42,21 +42,21 @@ fn vertex_main(in: VertexIn) -> Fragment {
     }
     let m = view.clip_from_world;
     let lens = m * vec4<f32>(in.at.xyz + direction * min(HOUSING, 0.5 * distance), 1.0);
-    // Metres at the lens to parts of half the picture's width and height.
+    // Shares of half the picture's width and height that a metre covers at the lens.
     let across = length(vec3<f32>(m[0].x, m[1].x, m[2].x)) / max(lens.w, 1e-3);
     let upright = length(vec3<f32>(m[0].y, m[1].y, m[2].y)) / max(lens.w, 1e-3);
     let wanted = in.at.w * upright;
-    let radius = clamp(wanted, LEAST, MOST);
-    let fainter = min(wanted / LEAST, 1.0);
-    let clear = clearness(-to_eye, view.eye.z, frame.haze.w);
+    let radius = clamp(wanted, MIN_RADIUS, MAX_RADIUS);
+    let fainter = min(wanted / MIN_RADIUS, 1.0);
+    let clear = fog_transmittance(-to_eye, view.eye.z, frame.haze.w);
     var out: Fragment;
     out.at = corner;
     out.colour = in.colour.rgb * (beam * fainter * fainter * clear * frame.zenith.w);
     let is_seen = lens.w > 0.0 && max(out.colour.r, max(out.colour.g, out.colour.b)) * frame.sun.w > 0.004;
     let reach = select(0.0, radius, is_seen);
     out.clip = lens + vec4<f32>(corner * vec2<f32>(across / upright, 1.0) * (reach * lens.w), 0.0, 0.0);
-    // Lights of vehicles shine before what slopes towards the eye below them: the body, and the ground that is seen
-    // there. As far the square leans over.
+    // The lower edge of a vehicle's billboard leans towards the eye, in front of the body and the ground below the
+    // lamp.
     if corner.y < 0.0 && in.colour.w > 0.0 {
         let drop = max(radius / max(upright, 1e-6) - in.at.z, 0.0);
         let on_ground = 0.97 * max(view.eye.z, 0.0) / max(view.eye.z + drop, 1e-3);
@@ -67,7 +67,7 @@ fn vertex_main(in: VertexIn) -> Fragment {
     return out;
 }
 
-// A bright middle that falls off quickly at first, then slowly, to nothing at the rim.
+// Radial falloff: steep at the centre, then slow, 0 at the rim.
 fn glow_of(in: Fragment) -> vec3<f32> {
     let far = min(dot(in.at, in.at), 1.0);
     let rim = 1.0 - far;
@@ -77,13 +77,13 @@ fn glow_of(in: Fragment) -> vec3<f32> {
 @fragment
 fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     let glow = glow_of(in);
-    // Nothing nearby keeps it away: what is left of the share that occlusion may take.
+    // Ambient occlusion must not darken glow: alpha reduces the ambient share of the sample.
     return vec4<f32>(glow, min(2.0 * max(glow.r, max(glow.g, glow.b)), 1.0));
 }
 
-// What is shown is brightened as if it were a screen that both shine on.
+// Screen blending: the target holds tone-mapped colours.
 @fragment
-fn swift_fragment(in: Fragment) -> @location(0) vec4<f32> {
+fn vertex_lit_fragment(in: Fragment) -> @location(0) vec4<f32> {
     let x = glow_of(in) * frame.sun.w;
     let shown = (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
     return vec4<f32>(sqrt(clamp(shown, vec3<f32>(0.0), vec3<f32>(1.0))), 0.0);

@@ -1,23 +1,23 @@
-// The map of lamplight: what reaches the ground, seen from above, of street lamps and of vehicles.
+// Light map of lamps: light of street lamps and vehicles on the ground, drawn from above.
 
-// Walls near lamps, list after list: from x, y to z, w, metres.
+// Walls near lamps, one list per lamp: segments from xy to zw, metres.
 @group(1) @binding(0) var<storage, read> walls: array<vec4<f32>>;
 
 struct Spot {
     @builtin(position) clip: vec4<f32>,
-    // Metres, from under the lamp or in the body's plane.
+    // Metres, from the foot of the lamp or in the body frame.
     @location(0) at: vec2<f32>,
-    // Height of the lamp; or half length and half width of the body, and how hard it brakes.
+    // Street lamp: height. Vehicle: half length, half width, brake light.
     @location(1) @interpolate(flat) size: vec3<f32>,
-    // The lens, and the place, in the city.
+    // Lens and lit point, city metres.
     @location(2) @interpolate(flat) lens: vec2<f32>,
     @location(3) place: vec2<f32>,
-    // The first and the number of the walls that stand near.
+    // First wall and number of walls of this lamp.
     @location(4) @interpolate(flat) list: vec2<u32>,
 }
 
-// Whether no wall stands between a lens and a place.
-fn reaches(spot: Spot) -> bool {
+// Shadow test: whether no wall intersects the segment from the lens to the lit point, in 2D.
+fn is_unoccluded(spot: Spot) -> bool {
     let ray = spot.place - spot.lens;
     for (var k = 0u; k < spot.list.y; k++) {
         let wall = walls[spot.list.x + k];
@@ -33,9 +33,9 @@ fn reaches(spot: Spot) -> bool {
     return true;
 }
 
-// City metres to the map.
+// Clip coordinates in the light map from city metres.
 fn on_map(world: vec2<f32>) -> vec4<f32> {
-    let uv = world * frame.lamp_place.xy + frame.lamp_place.zw;
+    let uv = world * frame.lamp_uv_from_world.xy + frame.lamp_uv_from_world.zw;
     return vec4<f32>(uv.x * 2.0 - 1.0, 1.0 - uv.y * 2.0, 0.0, 1.0);
 }
 
@@ -58,10 +58,10 @@ fn lamp_vertex(
 fn lamp_fragment(in: Spot) -> @location(0) vec4<f32> {
     let far = dot(in.at, in.at);
     let height = in.size.x;
-    // Optics throw light to the sides: less steep than the cosine law.
+    // Falloff of street lamps: their optics spread light to the sides, so it is less steep than the cosine law.
     let fall = pow(height * height / (height * height + far), 1.35);
-    let edge = select(0.0, clamp(1.0 - far / (LAMP_REACH_M * LAMP_REACH_M), 0.0, 1.0), reaches(in));
-    // Alpha tells how near a street lamp is.
+    let edge = select(0.0, clamp(1.0 - far / (LAMP_REACH_M * LAMP_REACH_M), 0.0, 1.0), is_unoccluded(in));
+    // Alpha holds the light of street lamps alone.
     let light = 0.64 * fall * edge * edge;
     return vec4<f32>(vec3<f32>(1.05, 0.80, 0.48) * light, light);
 }
@@ -86,7 +86,7 @@ fn beam_vertex(in: Vehicle) -> Spot {
     return Spot(on_map(place), at, vec3<f32>(in.half_size.xy, in.lamps.x), lens, place, in.list);
 }
 
-// One lamp of a pair, `at` from its lens: wide nearby, and a bright patch ahead.
+// Headlight, `at` metres from its lens: wide nearby, with a bright patch ahead.
 fn beam(at: vec2<f32>) -> f32 {
     let x = max(at.x, 0.01);
     let slope = at.y / (x + 0.8);
@@ -104,5 +104,5 @@ fn beam_fragment(in: Spot) -> @location(0) vec4<f32> {
     let tail = exp(-(behind * behind + in.at.y * in.at.y * 0.6)) * smoothstep(-0.4, 0.3, behind);
     let light = vec3<f32>(0.95, 0.92, 0.84) * ahead * 0.85
         + vec3<f32>(1.0, 0.05, 0.03) * tail * (0.22 + 0.7 * in.size.z);
-    return vec4<f32>(select(vec3<f32>(0.0), light, reaches(in)), 0.0);
+    return vec4<f32>(select(vec3<f32>(0.0), light, is_unoccluded(in)), 0.0);
 }

@@ -1,4 +1,4 @@
-// Depth from the sun: the standing city once, vehicles at every tick over restored patches.
+// Shadow map of the sun: static city once; at every tick vehicles over patches restored from the static map.
 
 struct City {
     @location(0) position: vec3<f32>,
@@ -23,7 +23,7 @@ fn vehicle_vertex(in: Vehicle) -> @builtin(position) vec4<f32> {
     return frame.shadow_from_world * vec4<f32>(world, 1.0);
 }
 
-@group(1) @binding(0) var standing: texture_depth_2d;
+@group(1) @binding(0) var static_map: texture_depth_2d;
 
 @vertex
 fn restore_vertex(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4<f32> {
@@ -32,5 +32,5 @@ fn restore_vertex(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4
 
 @fragment
 fn restore_fragment(@builtin(position) at: vec4<f32>) -> @builtin(frag_depth) f32 {
-    return textureLoad(standing, vec2<i32>(at.xy), 0);
+    return textureLoad(static_map, vec2<i32>(at.xy), 0);
 }

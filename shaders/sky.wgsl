@@ -1,10 +1,10 @@
-// The sky: a box around the eye, painted once at start-up and drawn behind everything.
+// Sky box around the eye: panorama texture, disc of sun or moon, stars; drawn at the far plane.
 
 @group(2) @binding(0) var panorama: texture_2d<f32>;
 @group(2) @binding(1) var panorama_sampler: sampler;
 
 struct VertexIn {
-    // A corner of the box around the eye.
+    // Corner of the box.
     @location(0) direction: vec3<f32>,
     @location(1) uv: vec2<f32>,
 }
@@ -27,7 +27,7 @@ fn vertex_main(in: VertexIn) -> Fragment {
 struct StarIn {
     // Unit vector.
     @location(0) direction: vec3<f32>,
-    // Radiance, or as displayed where the panorama is.
+    // Radiance; displayed colour where the panorama holds displayed colours.
     @location(1) colour: vec3<f32>,
 }
 
@@ -36,7 +36,7 @@ struct Star {
     @location(0) @interpolate(flat) colour: vec3<f32>,
 }
 
-// A point, however fine the picture: texels of the panorama are much larger.
+// Stars are points, because texels of the panorama are much larger.
 @vertex
 fn star_vertex(in: StarIn) -> Star {
     let clip = view.clip_from_world * vec4<f32>(view.eye.xyz + in.direction * 100.0, 1.0);
@@ -50,12 +50,12 @@ fn star_fragment(in: Star) -> @location(0) vec4<f32> {
 
 @fragment
 fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
-    // Nothing keeps light away from it.
+    // Alpha 0: no ambient occlusion on the sky.
     return vec4<f32>(textureSample(panorama, panorama_sampler, in.uv).rgb, 0.0);
 }
 
-// This one's panorama is encoded as sRGB, and so is the target.
+// Preset `low`: panorama and target both hold sRGB values.
 @fragment
-fn swift_fragment(in: Fragment) -> @location(0) vec4<f32> {
+fn vertex_lit_fragment(in: Fragment) -> @location(0) vec4<f32> {
     return vec4<f32>(textureSample(panorama, panorama_sampler, in.uv).rgb, 1.0);
 }

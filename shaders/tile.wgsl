@@ -1,6 +1,5 @@
-// A triangle over the whole tile of a view, and where in it a fragment is. Passes over tiles look at their own
-// tile alone, and what they draw from positions they draw from those in the tile: a view looks the same
-// wherever it lies in the atlas.
+// Full-screen triangle over the tile of a view, and the pixel of a fragment in it. Post-processing reads its own tile
+// alone and computes from positions in the tile, so that a view looks the same wherever it lies in the atlas.
 
 struct Tile {
     @builtin(position) clip: vec4<f32>,
@@ -14,8 +13,8 @@ fn tile_vertex(@builtin(vertex_index) corner: u32) -> Tile {
     return Tile(vec4<f32>(part.x * 2.0 - 1.0, 1.0 - part.y * 2.0, 0.0, 1.0), part);
 }
 
-struct Place {
-    // Pixels from the corner of the tile.
+struct TilePixel {
+    // Pixel, from the upper left corner of the tile.
     pixel: vec2<i32>,
     // The tile's corner in the atlas.
     origin: vec2<i32>,
@@ -23,12 +22,12 @@ struct Place {
     last: vec2<i32>,
 }
 
-fn place_of(in: Tile) -> Place {
+fn tile_pixel(in: Tile) -> TilePixel {
     let pixel = vec2<i32>(in.part * view.extent.xy);
-    return Place(pixel, vec2<i32>(in.clip.xy) - pixel, vec2<i32>(view.extent.xy) - 1);
+    return TilePixel(pixel, vec2<i32>(in.clip.xy) - pixel, vec2<i32>(view.extent.xy) - 1);
 }
 
-// The texel of the atlas for a pixel of the tile, the nearest one in it for those beyond its edges.
-fn texel_of(place: Place, pixel: vec2<i32>) -> vec2<i32> {
+// Texel of the atlas for a pixel of the tile, clamped to the edges of the tile.
+fn texel_of(place: TilePixel, pixel: vec2<i32>) -> vec2<i32> {
     return place.origin + clamp(pixel, vec2<i32>(0), place.last);
 }

@@ -1,4 +1,4 @@
-// Vehicles: bodies and wheels as instances, with their lamps.
+// Vehicles: instanced bodies and wheels, with emissive lamps.
 
 struct VertexIn {
     @location(0) position: vec3<f32>,
@@ -25,11 +25,11 @@ struct Fragment {
     @location(4) @interpolate(flat) finish: vec2<f32>,
 }
 
-// Of white: what the whitest lacquer does.
+// Albedo of the whitest paint.
 const PAINT_REFLECTS: f32 = 0.80;
 
-// What a vertex looks like: its place, and its material with the light of lamps.
-struct Look {
+// World position, normal, material and emission of a vertex.
+struct SurfaceVertex {
     world: vec3<f32>,
     normal: vec3<f32>,
     material: Material,
@@ -40,8 +40,8 @@ fn part_of(in: VertexIn) -> u32 {
     return in.material & 0xffu;
 }
 
-fn look_of(in: VertexIn) -> Look {
-    var out: Look;
+fn surface_of(in: VertexIn) -> SurfaceVertex {
+    var out: SurfaceVertex;
     let local = vec4<f32>(in.position, 1.0);
     out.world = vec3<f32>(dot(in.row_x, local), dot(in.row_y, local), dot(in.row_z, local));
     let n = in.normal.xyz;
@@ -66,27 +66,27 @@ fn look_of(in: VertexIn) -> Look {
 
 @vertex
 fn vertex_main(in: VertexIn) -> Fragment {
-    let look = look_of(in);
+    let surface = surface_of(in);
     var out: Fragment;
-    out.clip = view.clip_from_world * vec4<f32>(look.world, 1.0);
-    out.world = look.world;
-    out.normal = look.normal;
+    out.clip = view.clip_from_world * vec4<f32>(surface.world, 1.0);
+    out.world = surface.world;
+    out.normal = surface.normal;
     let part = part_of(in);
-    // Some of the cabin shows through its windows.
+    // A little of the cabin shows through the windows.
     let behind = select(0.0, 0.02, part == GLASS);
-    out.albedo = vec4<f32>(look.material.albedo + behind, look.material.openness);
+    out.albedo = vec4<f32>(surface.material.albedo + behind, surface.material.openness);
     let rough = f32((in.material >> 8u) & 0xffu) / 255.0;
     out.finish = vec2<f32>(
         select(rough, LACQUER, part == PAINT || (part >= HEAD && part <= REVERSE)),
         f32((in.material >> 16u) & 0xffu) / 255.0,
     );
-    out.glow = look.glow;
+    out.glow = surface.glow;
     return out;
 }
 
 @fragment
 fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
-    var m: Physical;
+    var m: PbrMaterial;
     m.albedo = in.albedo.rgb;
     m.openness = in.albedo.a;
     m.roughness = in.finish.x;
@@ -94,21 +94,21 @@ fn fragment_main(in: Fragment) -> @location(0) vec4<f32> {
     m.translucent = 0.0;
     let from_eye = in.world - view.eye.xyz;
     let lit = shade(m, in.world, normalize(in.normal), -normalize(from_eye));
-    return sampled(lit, in.glow, from_eye);
+    return hdr_output(lit, in.glow, from_eye);
 }
 
-fn plain_of(in: VertexIn) -> Plain {
-    let look = look_of(in);
-    return plain_light(look.material, look.world, normalize(look.normal), look.glow);
+fn untextured_of(in: VertexIn) -> Untextured {
+    let surface = surface_of(in);
+    return light_untextured(surface.material, surface.world, normalize(surface.normal), surface.glow);
 }
 
 @vertex
-fn plain_vertex(in: VertexIn) -> Plain {
-    return plain_of(in);
+fn untextured_vertex(in: VertexIn) -> Untextured {
+    return untextured_of(in);
 }
 
 @vertex
 fn flat_vertex(in: VertexIn) -> Flat {
-    let plain = plain_of(in);
-    return Flat(plain.clip, plain.colour);
+    let lit = untextured_of(in);
+    return Flat(lit.clip, lit.colour);
 }

@@ -1,24 +1,24 @@
-//! The digest of a world's state: FNV-1a over 64-bit words.
+//! State digest of a world: FNV-1a over 64-bit words.
 //!
-//! Two runs are the same if and only if their digests are equal at every tick: what decides the future of a world is
-//! hashed, not only what is seen of it. Not hashed are the contact caches of the physics, which follow from the states
-//! of the ticks before. What lies outside of a world (control, delays of the emulated network) shows in the digest as
-//! soon as a command of it reaches the world.
+//! Two runs are equal if and only if their digests are equal at every tick. The digest covers all state that
+//! determines the future, not only the visible part. It excludes the contact caches of the physics, which
+//! follow from the states of earlier ticks. Control and the emulated network are outside the world; they
+//! affect the digest as soon as their commands arrive.
 
 use crate::geom::Pose2;
 use glam::{DQuat, DVec2, DVec3};
 
-/// Counts up when the same experiment and commands lead to other states, or the same states to other digests: logs of
-/// another revision cannot be simulated again bit by bit.
+/// Incremented when the same experiment and commands lead to other states, or the same states to other
+/// digests. Logs of another revision cannot be replayed bit by bit.
 pub const REVISION: u32 = 2;
 
-/// Something whose state decides the future of a run.
+/// State that determines the future of a run.
 pub trait Digest {
     /// Adds all of its state to a digest.
     fn digest(&self, hash: &mut StateHash);
 }
 
-/// FNV-1a over 64-bit words: simple, fixed for ever, and the same on every machine.
+/// FNV-1a hash over 64-bit words: the same on every machine.
 #[derive(Clone, Copy, Debug)]
 pub struct StateHash(u64);
 
@@ -38,7 +38,7 @@ impl StateHash {
     }
 
     pub fn word(&mut self, word: u64) {
-        // The shift brings the high bits down, which a multiplication alone never does.
+        // Multiplication alone never moves high bits down; the shift does.
         self.0 = (self.0 ^ word ^ (self.0 >> 29)).wrapping_mul(PRIME);
     }
 
@@ -50,13 +50,13 @@ impl StateHash {
         numbers.into_iter().for_each(|number| self.number(number));
     }
 
-    /// Whether there is one, and which.
+    /// Hashes presence and value.
     pub fn optional(&mut self, number: Option<f64>) {
         self.flags([number.is_some()]);
         self.numbers(number);
     }
 
-    /// Up to 64 of them in one word.
+    /// Up to 64 flags in one word.
     pub fn flags<const N: usize>(&mut self, flags: [bool; N]) {
         const { assert!(N <= 64) };
         self.word(flags.into_iter().fold(0, |word, flag| word << 1 | u64::from(flag)));

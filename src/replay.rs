@@ -1,8 +1,10 @@
-//! Runs that are made again from their logs: the world alone, moved by the recorded commands, and held
-//! against the digest of every tick.
+//! Deterministic replay: simulates the world again from the recorded commands and compares its state digest with the
+//! log at every tick.
 
 use crate::digest;
-use crate::record::{Entry, LogReader, LoggedSnapshot, LoggedVehicle, NetworkCommand, Origin, RecordError};
+use crate::record::{
+    LogEntry, LogOrigin, LogReader, LoggedSnapshot, LoggedVehicle, NetworkCommand, RecordError,
+};
 use crate::scenario::Experiment;
 use crate::sim::World;
 use crate::snapshot::{FrameSnapshot, SimCommand, VehicleId};
@@ -12,7 +14,7 @@ use std::path::Path;
 use std::sync::Arc;
 use thiserror::Error;
 
-/// A log from which no run can be made again.
+/// A log that cannot be replayed.
 #[derive(Debug, Error)]
 pub enum ReplayError {
     #[error(transparent)]
@@ -22,7 +24,7 @@ pub enum ReplayError {
          give the log of the city that it drove in (city3d serve --out)"
     )]
     Mainframe,
-    #[error("the log is one of poses that were measured elsewhere: there is no world to simulate again")]
+    #[error("the log has poses that were measured elsewhere: there is no world to simulate again")]
     Recorded,
     #[error(
         "the log is of revision {found} of the simulation, written by version {version}, and this is revision {known}: \
@@ -30,44 +32,44 @@ pub enum ReplayError {
          in the window"
     )]
     Revision { found: u32, known: u32, version: String },
-    #[error("the log goes from tick {from} to tick {to}: it lacks what lies between")]
+    #[error("the log goes from tick {from} to tick {to}: the ticks between them are missing")]
     Gap { from: u64, to: u64 },
     #[error("tick {tick}: what came over the link is damaged: {reason}")]
     Network { tick: u64, reason: String },
 }
 
-/// Digests of one tick: of the log, and of the world that was simulated again.
+/// State digests of one tick: recorded and simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Ticked {
+pub struct TickDigests {
     pub tick: u64,
     pub recorded: u64,
     pub simulated: u64,
 }
 
-impl Ticked {
+impl TickDigests {
     pub fn agrees(&self) -> bool {
         self.recorded == self.simulated
     }
 }
 
-/// A vehicle whose state differs.
+/// A vehicle whose simulated state differs from the log.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Difference {
+pub struct VehicleDifference {
     pub vehicle: VehicleId,
-    /// How far apart the two are; `None` where only one of them is there.
+    /// Distance between the two positions; `None` where only one of them exists.
     pub apart_m: Option<f64>,
 }
 
 /// Where the vehicles of a log and of the world differ.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Differences {
-    /// That of the snapshot in the log: the first one not before the tick that was asked for.
+pub struct StateDifferences {
+    /// Tick of the compared snapshot: the first one in the log not before the requested tick.
     pub tick: u64,
     /// In id order; none where the difference is finer than the log's snapshots.
-    pub vehicles: Vec<Difference>,
+    pub vehicles: Vec<VehicleDifference>,
 }
 
-/// A log whose run is simulated again, tick by tick.
+/// A deterministic replay of a log, tick by tick.
 #[derive(Debug)]
 pub struct Replay {
     log: LogReader,
@@ -80,14 +82,14 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// Opens a log, with its world before the first tick.
+    /// Opens a log and builds its world before the first tick.
     ///
     /// # Errors
-    /// Where it is no log from which a run can be made again.
+    /// [`ReplayError`] where the log cannot be replayed.
     pub fn open(path: &Path) -> Result<Self, ReplayError> {
         let log = LogReader::open(path)?;
         if !log.origin().has_world() {
-            let is_recorded = log.origin() == Origin::Recorded;
+            let is_recorded = log.origin() == LogOrigin::Recorded;
             return Err(if is_recorded { ReplayError::Recorded } else { ReplayError::Mainframe });
         }
         let (found, known) = (log.revision(), digest::REVISION);
@@ -111,44 +113,44 @@ impl Replay {
         &self.applied
     }
 
-    /// The world as it is now, and what was told of it last.
+    /// The world in its present state.
     pub fn into_world(self) -> World {
         self.world
     }
 
-    /// The world as it was simulated again.
+    /// The simulated snapshot.
     pub fn snapshot(&self) -> &FrameSnapshot {
         &self.snapshot
     }
 
-    /// Simulates on to the next tick of the log; `None` at its end.
+    /// Simulates to the next tick of the log; `None` at its end.
     ///
     /// # Errors
     /// Where the log lacks something or cannot be read.
-    pub fn step(&mut self) -> Result<Option<Ticked>, ReplayError> {
+    pub fn step(&mut self) -> Result<Option<TickDigests>, ReplayError> {
         while let Some(entry) = self.log.read()? {
             match entry {
-                Entry::Tick { tick, state_hash } => return self.advance(tick, state_hash).map(Some),
+                LogEntry::Tick { tick, state_hash } => return self.advance(tick, state_hash).map(Some),
                 other => self.collect(other)?,
             }
         }
         Ok(None)
     }
 
-    fn collect(&mut self, entry: Entry) -> Result<(), ReplayError> {
+    fn collect(&mut self, entry: LogEntry) -> Result<(), ReplayError> {
         match entry {
-            Entry::Command { command, .. } => self.commands.push(command),
-            Entry::Network(command) => {
+            LogEntry::Command { command, .. } => self.commands.push(command),
+            LogEntry::Network(command) => {
                 let commands = commands_of(&command, self.world.experiment())
                     .map_err(|reason| ReplayError::Network { tick: command.tick, reason })?;
                 self.commands.extend(commands);
             }
-            Entry::Tick { .. } | Entry::Snapshot(_) | Entry::Event(_) => {}
+            LogEntry::Tick { .. } | LogEntry::Snapshot(_) | LogEntry::Event(_) => {}
         }
         Ok(())
     }
 
-    fn advance(&mut self, tick: u64, recorded: u64) -> Result<Ticked, ReplayError> {
+    fn advance(&mut self, tick: u64, recorded: u64) -> Result<TickDigests, ReplayError> {
         let from = self.world.tick();
         self.world.tick_as_given(&self.commands, &mut self.snapshot);
         std::mem::swap(&mut self.commands, &mut self.applied);
@@ -157,10 +159,10 @@ impl Replay {
             return Err(ReplayError::Gap { from, to: tick });
         }
         // The clock of a run in one process starts with its first step.
-        if tick == 0 && self.log.origin() == Origin::Run {
+        if tick == 0 && self.log.origin() == LogOrigin::Run {
             self.commands.push(SimCommand::Start);
         }
-        Ok(Ticked { tick, recorded, simulated: self.snapshot.state_hash })
+        Ok(TickDigests { tick, recorded, simulated: self.snapshot.state_hash })
     }
 
     /// The vehicles that differ in the next snapshot of the log, which is that of the present tick where
@@ -168,11 +170,11 @@ impl Replay {
     ///
     /// # Errors
     /// As for [`Replay::step`].
-    pub fn differences(&mut self) -> Result<Option<Differences>, ReplayError> {
+    pub fn differences(&mut self) -> Result<Option<StateDifferences>, ReplayError> {
         while let Some(entry) = self.log.read()? {
             match entry {
-                Entry::Tick { tick, state_hash } => drop(self.advance(tick, state_hash)?),
-                Entry::Snapshot(logged) if logged.tick == self.snapshot.tick => {
+                LogEntry::Tick { tick, state_hash } => drop(self.advance(tick, state_hash)?),
+                LogEntry::Snapshot(logged) if logged.tick == self.snapshot.tick => {
                     return Ok(Some(self.compare(&logged)));
                 }
                 other => self.collect(other)?,
@@ -181,26 +183,26 @@ impl Replay {
         Ok(None)
     }
 
-    fn compare(&self, logged: &LoggedSnapshot) -> Differences {
+    fn compare(&self, logged: &LoggedSnapshot) -> StateDifferences {
         let simulated: Vec<LoggedVehicle> = self.snapshot.vehicles.iter().map(LoggedVehicle::of).collect();
         let all = logged.vehicles.iter().chain(&simulated).map(|vehicle| vehicle.id);
         let find = |list: &[LoggedVehicle], id| list.iter().find(|vehicle| vehicle.id == id).cloned();
         let difference = |vehicle| match (find(&logged.vehicles, vehicle), find(&simulated, vehicle)) {
             (Some(a), Some(b)) if a == b => None,
             (Some(a), Some(b)) => {
-                Some(Difference { vehicle, apart_m: Some(a.position.distance(b.position)) })
+                Some(VehicleDifference { vehicle, apart_m: Some(a.position.distance(b.position)) })
             }
-            _ => Some(Difference { vehicle, apart_m: None }),
+            _ => Some(VehicleDifference { vehicle, apart_m: None }),
         };
         let ids: BTreeSet<VehicleId> = all.collect();
-        Differences { tick: logged.tick, vehicles: ids.into_iter().filter_map(difference).collect() }
+        StateDifferences { tick: logged.tick, vehicles: ids.into_iter().filter_map(difference).collect() }
     }
 }
 
-/// What the city has done with something that came over the link.
+/// Decodes the commands of a logged datagram.
 ///
 /// # Errors
-/// In words, where it is damaged.
+/// The reason, where it is damaged.
 pub fn commands_of(command: &NetworkCommand, experiment: &Experiment) -> Result<Vec<SimCommand>, String> {
     let body = Body::from_log(command.kind, &command.body).map_err(|error| error.to_string())?;
     body.into_commands(experiment.scale, &experiment.vehicle_types)

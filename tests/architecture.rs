@@ -1,5 +1,5 @@
-//! Holds the table of modules in `ARCHITECTURE.md` against the sources: who uses whom, which outside
-//! crates and which parts of the standard library, and how long files get.
+//! Holds the table of modules in `tests/architecture/modules.md` against the sources: who uses whom, which
+//! outside crates and which parts of the standard library, and how long files get.
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 #[path = "architecture/paths.rs"]
@@ -9,6 +9,8 @@ use paths::{Named, paths_of};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+/// The table of modules.
+const MODULES: &str = "tests/architecture/modules.md";
 /// A file of more lines has more than one subject.
 const MOST_LINES: usize = 600;
 const MOST_LINES_OF_MAIN: usize = 40;
@@ -36,7 +38,7 @@ impl Table {
     /// back quotes.
     fn read(document: &str, crates: BTreeSet<String>) -> Self {
         let mut lines = document.lines().skip_while(|line| !line.starts_with("| module | may use | never |"));
-        assert!(lines.next().is_some(), "ARCHITECTURE.md has no table `| module | may use | never |`");
+        assert!(lines.next().is_some(), "{MODULES} has no table `| module | may use | never |`");
         let mut rows = BTreeMap::new();
         for line in lines.skip(1).take_while(|line| line.starts_with('|')) {
             let cells: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).collect();
@@ -166,7 +168,7 @@ fn dependencies() -> BTreeSet<String> {
 }
 
 fn table() -> Table {
-    Table::read(&read(&root().join("ARCHITECTURE.md")), dependencies())
+    Table::read(&read(&root().join(MODULES)), dependencies())
 }
 
 #[test]
@@ -178,7 +180,7 @@ fn modules_use_what_the_table_allows() {
             found.push(format!("{}: {violation}", path.strip_prefix(root()).unwrap().display()));
         }
     }
-    assert!(found.is_empty(), "against the table of ARCHITECTURE.md:\n{}", found.join("\n"));
+    assert!(found.is_empty(), "against the table of {MODULES}:\n{}", found.join("\n"));
 }
 
 #[test]

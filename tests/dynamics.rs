@@ -362,5 +362,5 @@ fn two_runs_have_the_same_bits() {
         };
         assert_eq!(run(), run());
     }
-    assert_eq!(Physics::new(DT).dt_s(), f64::from(DT as f32));
+    assert_eq!(Physics::new(DT).dt_s(), DT);
 }

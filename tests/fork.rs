@@ -4,7 +4,7 @@
 #[path = "support/link.rs"]
 mod link;
 
-use city3d::record::{Entry, LogReader};
+use city3d::record::{LogEntry, LogReader};
 use link::city3d;
 use std::path::Path;
 
@@ -19,7 +19,7 @@ fn digests(log: &Path) -> Vec<(u64, u64)> {
     let mut log = LogReader::open(log).unwrap();
     let mut found = Vec::new();
     while let Some(entry) = log.read().unwrap() {
-        if let Entry::Tick { tick, state_hash } = entry {
+        if let LogEntry::Tick { tick, state_hash } = entry {
             found.push((tick, state_hash));
         }
     }
@@ -67,7 +67,7 @@ fn without_a_change_a_fork_equals_its_origin_at_every_tick_and_a_changed_future_
     // A fork of a fork: its scenario is not what its first seconds were driven by, and it says so.
     let third = ["run", "other/run.mcap", "--from-tick", "1000", "--duration", "12", "--out", "third"];
     let (code, said) = tell(&third, folder);
-    assert!(code == 0 && said.contains("has not told the vehicles what the log says"), "{said}");
+    assert!(code == 0 && said.contains("sends other trajectories than the log has"), "{said}");
     assert!(digests(&folder.join("third/run.mcap"))[..1001] == other[..1001]);
 }
 

@@ -425,8 +425,8 @@ fn what_cannot_be_done_is_told_with_exit_code_2() {
         (folder.path(), &["--sensor", "rear", "--camera", "chase"], "cannot be used with"),
         (folder.path(), &["--kind", "colour"], "instance"),
         (folder.path(), &["--depth-scale", "0"], "from 0.000001 to 1"),
-        (&folder.path().join("a.mp4"), &["--camera", "chase"], "of one camera, and these are 6"),
-        (&folder.path().join("a.mp4"), &["--sensor", "rear", "--kind", "depth"], "of kind rgb"),
+        (&folder.path().join("a.mp4"), &["--camera", "chase"], "shows one camera, and 6 are chosen"),
+        (&folder.path().join("a.mp4"), &["--sensor", "rear", "--kind", "depth"], "kind rgb only"),
         (Path::new("-"), &["--sensor", "rear", "--size", "65x48"], "even width and height"),
     ];
     for (out, arguments, expected) in cases {

@@ -7,7 +7,7 @@
 #[path = "support/link.rs"]
 mod link;
 
-use city3d::environment::Profile;
+use city3d::environment::EnvironmentProfile;
 use city3d::geom::Pose2;
 use city3d::runner::Run;
 use city3d::scenario::{Library, Overrides, read_experiment};
@@ -16,7 +16,8 @@ use city3d::snapshot::{
     VehicleSpec,
 };
 use city3d::wire::{
-    Action, Body, Build, Clock, Header, Measurement, Outcome, Phase, Poses, Seal, Seen, VehicleSetup,
+    Authenticator, Body, CityClock, DatagramHeader, ExperimentAction, ExperimentPhase, Measurement,
+    ObservedVehicle, Poses, RequestOutcome, VehicleBuild, VehicleSetup,
 };
 use glam::{DQuat, DVec3};
 use link::city3d;
@@ -57,7 +58,7 @@ fn state_digests_of_the_shipped_scenarios() {
     for name in SCENARIOS {
         let (text, library) = Library::scenario(name).unwrap();
         for (model, dynamics) in [(ModelKind::Raycast, "raycast"), (ModelKind::Bicycle, "bicycle")] {
-            for environment in [Profile::Ideal, Profile::Testbed] {
+            for environment in [EnvironmentProfile::Ideal, EnvironmentProfile::Testbed] {
                 let (model, environment_override) = (Some(model), Some(environment));
                 let duration_s = Some(SIMULATED_S);
                 let overrides = Overrides {
@@ -97,7 +98,7 @@ fn trajectory() -> Trajectory {
     }
 }
 
-fn setup(build: Build) -> VehicleSetup {
+fn setup(build: VehicleBuild) -> VehicleSetup {
     VehicleSetup {
         id: VehicleId(7),
         name: "path1_a".to_owned(),
@@ -113,7 +114,7 @@ fn setup(build: Build) -> VehicleSetup {
 /// One of each kind, and of each value of what is told by a number.
 fn bodies() -> Vec<(String, Body)> {
     let spec = VehicleSpec { drive: Drive::All, model: ModelKind::Bicycle, ..VehicleSpec::default() };
-    let clock = |phase| Clock {
+    let clock = |phase| CityClock {
         token: 1,
         tick: 250,
         time_s: 2.5,
@@ -122,7 +123,7 @@ fn bodies() -> Vec<(String, Body)> {
         phase,
         is_lockstep: true,
     };
-    let seen = |status| Seen {
+    let seen = |status| ObservedVehicle {
         pose: Measurement {
             vehicle: VehicleId(7),
             stamp_s: 2.5,
@@ -135,7 +136,7 @@ fn bodies() -> Vec<(String, Body)> {
         tick: 250,
         time_s: 2.5,
         state_hash: 0x0123_4567_89ab_cdef,
-        phase: Phase::Running,
+        phase: ExperimentPhase::Running,
         part: 0,
         parts: 1,
         vehicles: Status::ALL.map(seen).to_vec(),
@@ -144,11 +145,11 @@ fn bodies() -> Vec<(String, Body)> {
         ("hello".to_owned(), Body::Hello { token: 1 }),
         (
             "setup, of a type".to_owned(),
-            Body::Setup { request: 1, setup: Box::new(setup(Build::Type("van".to_owned()))) },
+            Body::Setup { request: 1, setup: Box::new(setup(VehicleBuild::Type("van".to_owned()))) },
         ),
         (
             "setup, by figures".to_owned(),
-            Body::Setup { request: 2, setup: Box::new(setup(Build::Spec(Box::new(spec)))) },
+            Body::Setup { request: 2, setup: Box::new(setup(VehicleBuild::Spec(Box::new(spec)))) },
         ),
         ("trajectories".to_owned(), Body::Trajectories(vec![trajectory()])),
         ("remove".to_owned(), Body::Remove { request: 3, vehicle: VehicleId(7) }),
@@ -156,13 +157,13 @@ fn bodies() -> Vec<(String, Body)> {
         ("barrier".to_owned(), Body::Barrier { tick: 250, first: 12, count: 3 }),
         ("poses".to_owned(), Body::Poses(poses)),
     ];
-    for action in [Action::Start, Action::Pause, Action::Reset] {
+    for action in [ExperimentAction::Start, ExperimentAction::Pause, ExperimentAction::Reset] {
         bodies.push((format!("command {action:?}"), Body::Command { request: 5, action }));
     }
-    for phase in [Phase::Ready, Phase::Running, Phase::Paused] {
+    for phase in [ExperimentPhase::Ready, ExperimentPhase::Running, ExperimentPhase::Paused] {
         bodies.push((format!("clock {phase:?}"), Body::Clock(clock(phase))));
     }
-    for outcome in [Outcome::Done, Outcome::Busy, Outcome::Refused] {
+    for outcome in [RequestOutcome::Done, RequestOutcome::Busy, RequestOutcome::Refused] {
         let detail = "why".to_owned();
         bodies.push((format!("ack {outcome:?}"), Body::Ack { request: 6, outcome, tick: 250, detail }));
     }
@@ -171,13 +172,13 @@ fn bodies() -> Vec<(String, Body)> {
 
 #[test]
 fn datagrams_of_each_kind() {
-    let header = Header { kind: 0, session: 1, peer: 2, world: 3, sequence: 4 };
+    let header = DatagramHeader { kind: 0, session: 1, peer: 2, world: 3, sequence: 4 };
     let mut found = String::from("# The datagram with a checksum, in hexadecimal digits\n");
     for (name, body) in bodies() {
-        let bytes = body.encode(header, &Seal::Checksum).unwrap();
+        let bytes = body.encode(header, &Authenticator::Checksum).unwrap();
         let digits: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
         writeln!(found, "{name}: {digits}").unwrap();
-        let (_, decoded) = Body::decode(&bytes, &Seal::Checksum).unwrap();
+        let (_, decoded) = Body::decode(&bytes, &Authenticator::Checksum).unwrap();
         assert_eq!(decoded, body, "{name}");
     }
     is_golden("datagrams.txt", &found);
@@ -218,7 +219,7 @@ fn logs_of_earlier_versions() {
         let out = format!("figures-{revision}");
         let (code, said) = say(&["plot", log, "--out", &out]);
         assert_eq!(code, Some(0), "{said}");
-        assert!(folder.path().join(out).join("speed.svg").is_file(), "{said}");
+        assert!(folder.path().join(out).join("space_time.svg").is_file(), "{said}");
     }
     assert_eq!(verified, 1, "a log of this revision is kept: city3d run straight --duration 1 --log-hz 10");
 }

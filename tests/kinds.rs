@@ -7,9 +7,9 @@
 #[path = "support/drawing.rs"]
 mod drawing;
 
-use city3d::camera::{Camera, Extrinsics, Kinds, Lens, Mount, PictureKind, Projection, View};
-use city3d::city::scene::{Class, Finish, Mesh, Object, SceneDescription, Surface};
-use city3d::render::{Context, Pictures, Plane, Quality, RenderError, Renderer, Request, Settings};
+use city3d::camera::{Camera, Extrinsics, Lens, Mount, PictureKind, PictureKinds, Projection, View};
+use city3d::city::scene::{Class, Finish, Mesh, SceneDescription, SceneObject, Surface};
+use city3d::render::{Context, Pictures, Plane, Quality, RenderError, RenderRequest, Renderer, Settings};
 use city3d::runner::Run;
 use city3d::scenario::{Library, Overrides, read_experiment};
 use city3d::snapshot::{FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
@@ -35,7 +35,7 @@ fn wall_on_a_plain() -> SceneDescription {
     let wall = Finish::new(Surface::Plain, [200; 3], Class::Wall);
     mesh.block(Vec3::new(WALL_X + 0.5, 0.0, 0.0), Vec3::new(1.0, 20.0, 4.0), 0.0, wall);
     SceneDescription {
-        ground: vec![Object::of_one_level(mesh)],
+        ground: vec![SceneObject::of_one_level(mesh)],
         bounds: [Vec3::new(-60.0, -60.0, 0.0), Vec3::new(60.0, 60.0, 10.0)],
         ..SceneDescription::default()
     }
@@ -54,12 +54,12 @@ fn looking(from: DVec3, at: DVec3) -> View {
     View::new(Extrinsics::looking_at(from, at), &lens())
 }
 
-fn all() -> Kinds {
+fn all() -> PictureKinds {
     PictureKind::ALL.into_iter().collect()
 }
 
 fn take(renderer: &mut Renderer, snapshot: &FrameSnapshot, view: &View) -> Pictures {
-    let request = Request { view: *view, kinds: all() };
+    let request = RenderRequest { view: *view, kinds: all() };
     renderer.render_kinds(snapshot, &[request]).expect("pictures").remove(0)
 }
 
@@ -312,13 +312,16 @@ fn requests_get_what_they_ask_for_whatever_the_others_want() {
     let from = |x: f64, lens: &Lens| {
         View::new(Extrinsics::looking_at(DVec3::new(x, 1.0, 2.0), DVec3::new(20.0, 0.0, 1.0)), lens)
     };
-    let kinds = |kinds: &[PictureKind]| kinds.iter().copied().collect::<Kinds>();
+    let kinds = |kinds: &[PictureKind]| kinds.iter().copied().collect::<PictureKinds>();
     let requests = [
-        Request { view: from(-14.0, &lens()), kinds: kinds(&[PictureKind::Instance]) },
-        Request { view: from(-12.0, &small), kinds: all() },
-        Request { view: from(-10.0, &lens()), kinds: Kinds::RGB },
-        Request { view: from(-9.0, &lens()), kinds: kinds(&[PictureKind::Depth, PictureKind::Semantic]) },
-        Request { view: from(-8.0, &small), kinds: Kinds::NONE },
+        RenderRequest { view: from(-14.0, &lens()), kinds: kinds(&[PictureKind::Instance]) },
+        RenderRequest { view: from(-12.0, &small), kinds: all() },
+        RenderRequest { view: from(-10.0, &lens()), kinds: PictureKinds::RGB },
+        RenderRequest {
+            view: from(-9.0, &lens()),
+            kinds: kinds(&[PictureKind::Depth, PictureKind::Semantic]),
+        },
+        RenderRequest { view: from(-8.0, &small), kinds: PictureKinds::NONE },
     ];
     let together = renderer.render_kinds(&snapshot, &requests).unwrap();
     let there =
@@ -342,8 +345,8 @@ fn requests_get_what_they_ask_for_whatever_the_others_want() {
             assert!(off * 500 <= a.values.len() && b.values.contains(&3), "{off} pixels of another vehicle");
         }
     }
-    assert_eq!(renderer.requests_at_once(&requests), requests.len());
-    assert_eq!(renderer.requests_at_once(&[]), 0);
+    assert_eq!(renderer.max_batch_len(&requests), requests.len());
+    assert_eq!(renderer.max_batch_len(&[]), 0);
 }
 
 #[test]
@@ -353,7 +356,7 @@ fn vehicles_that_no_pixel_can_tell_are_refused_by_number() {
     let view = looking(DVec3::new(-14.0, 0.0, 1.4), DVec3::new(20.0, 0.0, 1.0));
     for id in [0, 65_536] {
         let with = snapshot(vec![car(id, DVec2::ZERO, 0.0)]);
-        let error = renderer.render_kinds(&with, &[Request { view, kinds: all() }]).unwrap_err();
+        let error = renderer.render_kinds(&with, &[RenderRequest { view, kinds: all() }]).unwrap_err();
         assert!(matches!(error, RenderError::Number { vehicle } if vehicle.0 == id), "{error}");
         assert!(renderer.render(&with, &[view]).is_ok());
     }
@@ -370,14 +373,14 @@ fn low_shows_what_ultra_shows() {
     let scene = SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
     let run = Run::new(experiment).unwrap();
     let snapshot = run.snapshot();
-    let kinds: Kinds = [PictureKind::Semantic, PictureKind::Instance].into_iter().collect();
-    let requests: Vec<Request> = snapshot
+    let kinds: PictureKinds = [PictureKind::Semantic, PictureKind::Instance].into_iter().collect();
+    let requests: Vec<RenderRequest> = snapshot
         .vehicles
         .iter()
         .step_by(9)
         .map(|vehicle| {
             let view = Camera::onboard(vehicle.id, Mount::Windscreen).view(snapshot, &lens()).unwrap();
-            Request { view, kinds }
+            RenderRequest { view, kinds }
         })
         .collect();
     let pictures = |quality: Quality| {

@@ -6,7 +6,7 @@
 mod drawing;
 
 use city3d::camera::{Camera, Extrinsics, Lens, View};
-use city3d::city::scene::{Class, Finish, Mesh, Object, SceneDescription, Surface, Wall};
+use city3d::city::scene::{Class, Finish, Mesh, SceneDescription, SceneObject, Surface, Wall};
 use city3d::render::{Context, Daylight, Image, Quality, Renderer, Settings, TargetView};
 use city3d::snapshot::FrameSnapshot;
 use drawing::software;
@@ -26,8 +26,8 @@ fn card(grey: u8, block: Option<Vec3>) -> SceneDescription {
         standing.block(Vec3::ZERO, size, 0.0, finish);
     }
     SceneDescription {
-        ground: vec![Object::of_one_level(ground)],
-        objects: vec![Object::of_one_level(standing)],
+        ground: vec![SceneObject::of_one_level(ground)],
+        objects: vec![SceneObject::of_one_level(standing)],
         bounds: [Vec3::new(-60.0, -60.0, 0.0), Vec3::new(60.0, 60.0, 10.0)],
         ..SceneDescription::default()
     }
@@ -84,7 +84,7 @@ fn a_corner_is_darker_than_the_open_plain_which_stays_as_it_is() {
     // From the north, on the side in the shade: no light there but that from all sides.
     let view = looking(DVec3::new(0.0, 14.0, 4.0), DVec3::new(0.0, 3.0, 0.5));
     let picture = |looks| {
-        let quality = Quality { occlusion_looks: looks, ..HIGH };
+        let quality = Quality { ssao_samples: looks, ..HIGH };
         take(&mut renderer(&context, &scene, quality, Daylight::NOON), &[view]).remove(0)
     };
     let (without, with) = (picture(0), picture(12));
@@ -108,7 +108,7 @@ fn a_plain_seen_at_a_slant_occludes_nothing_of_itself() {
     let scene = card(150, None);
     let view = looking(DVec3::new(0.0, 0.0, 1.4), DVec3::new(8.0, 1.0, 1.0));
     let picture = |looks| {
-        let quality = Quality { occlusion_looks: looks, ..HIGH };
+        let quality = Quality { ssao_samples: looks, ..HIGH };
         take(&mut renderer(&context, &scene, quality, Daylight::NOON), &[view]).remove(0)
     };
     let (without, with) = (picture(0), picture(12));
@@ -127,7 +127,7 @@ fn dither_keeps_the_mean_between_two_levels() {
         let finish = Finish::new(Surface::Plain, [100 + k; 3], Class::Road);
         ground.plate(&ring.map(|(x, y)| Vec3::new(x, y, 0.0)), finish, 1.0);
     }
-    let scene = SceneDescription { ground: vec![Object::of_one_level(ground)], ..card(0, None) };
+    let scene = SceneDescription { ground: vec![SceneObject::of_one_level(ground)], ..card(0, None) };
     let mut renderer = renderer(&context, &scene, HIGH, Daylight::NOON);
     let image = take(&mut renderer, &[from_above(18.0)]).remove(0);
     assert!(image == take(&mut renderer, &[from_above(18.0)]).remove(0), "the same picture twice differs");

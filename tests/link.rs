@@ -7,7 +7,7 @@ mod link;
 mod watch;
 
 use city3d::snapshot::Status;
-use city3d::wire::{Phase, Poses, Seen};
+use city3d::wire::{ExperimentPhase, ObservedVehicle, Poses};
 use link::{assert_same_merges, city3d, digests, events, mainframe, serve, serve_at, summary, was_held_up};
 use watch::{Watcher, hardest_braking, stand, torn_s};
 
@@ -74,8 +74,8 @@ fn all(poses: &Poses, status: Status) -> bool {
 }
 
 fn drive(poses: &Poses) -> bool {
-    let drives = |seen: &&Seen| matches!(seen.status, Status::Driving | Status::Yielding);
-    poses.phase == Phase::Running && poses.vehicles.iter().filter(drives).count() >= 5
+    let drives = |seen: &&ObservedVehicle| matches!(seen.status, Status::Driving | Status::Yielding);
+    poses.phase == ExperimentPhase::Running && poses.vehicles.iter().filter(drives).count() >= 5
 }
 
 #[test]

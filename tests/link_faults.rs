@@ -5,12 +5,15 @@
 mod link;
 
 use city3d::geom::{LengthScale, Pose2};
-use city3d::link::{Client, Heard};
+use city3d::link::{Client, ClientEvent};
 use city3d::record::read_network;
 use city3d::scenario::{Library, Overrides, read_experiment};
 use city3d::sim::World;
 use city3d::snapshot::{Appearance, SimCommand, Trajectory, TrajectoryPoint, VehicleId};
-use city3d::wire::{Action, Body, Build, Header, Message, Outcome, Seal, VehicleSetup};
+use city3d::wire::{
+    Authenticator, Body, DatagramHeader, ExperimentAction, Message, RequestOutcome, VehicleBuild,
+    VehicleSetup,
+};
 use link::{digests, events, mainframe, serve, summary};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -114,7 +117,7 @@ fn setup_of(id: u32, name: &str, x: f64) -> VehicleSetup {
         appearance: Appearance::default(),
         pose: Pose2::new(x, 1.793, 0.0),
         speed_mps: 0.0,
-        build: Build::Type(String::new()),
+        build: VehicleBuild::Type(String::new()),
     }
 }
 
@@ -130,14 +133,14 @@ fn mutated(rng: &mut ChaCha8Rng, peer: u64) -> Vec<u8> {
         0 => Body::Hello { token: 7 },
         1 => Body::Setup { request: rng.next_u32(), setup: Box::new(setup_of(vehicle, "intruder", 0.5)) },
         2 => Body::Remove { request: 3, vehicle: VehicleId(vehicle) },
-        3 => Body::Command { request: rng.next_u32(), action: Action::Reset },
+        3 => Body::Command { request: rng.next_u32(), action: ExperimentAction::Reset },
         4 => Body::Subscribe { request: 4, every_ticks: 1, lease_s: 60.0 },
         5 => Body::Barrier { tick: 4, first: 1, count: 0 },
         _ => Body::Trajectories(vec![follow(vehicle, rng.next_u32(), 2.0)]),
     };
     let session = u64::from(rng.next_u32() % 4) + 1;
-    let header = Header { session, peer, sequence: rng.next_u64() % 100_000, world: 0, kind: 0 };
-    let mut bytes = body.encode(header, &Seal::Checksum).unwrap();
+    let header = DatagramHeader { session, peer, sequence: rng.next_u64() % 100_000, world: 0, kind: 0 };
+    let mut bytes = body.encode(header, &Authenticator::Checksum).unwrap();
     for _ in 0..rng.next_u32() % 4 {
         let place = rng.next_u32() as usize % bytes.len();
         bytes[place] ^= 1 << (rng.next_u32() % 8);
@@ -165,14 +168,14 @@ fn a_hundred_thousand_mutated_datagrams_do_no_harm() {
     let folder = folder.path();
     let mut city = serve(&["roundabout", "--out", "served"], folder);
     let mut far = mainframe(&city.address, &["roundabout", "--duration", "60"], folder);
-    let mut watcher = Client::new(&city.address, 0, Seal::Checksum).unwrap();
+    let mut watcher = Client::new(&city.address, 0, Authenticator::Checksum).unwrap();
     let mut poses_after = |time_s: f64| {
         watcher.send(&Body::Subscribe { request: 1, every_ticks: 10, lease_s: 60.0 });
         let begun = Instant::now();
         loop {
             assert!(begun.elapsed() < Duration::from_secs(100), "no poses come");
             match watcher.receive(Duration::from_millis(500)) {
-                Some(Heard::Body(Body::Poses(poses))) if poses.time_s > time_s => return poses,
+                Some(ClientEvent::Body(Body::Poses(poses))) if poses.time_s > time_s => return poses,
                 _ => watcher.send(&Body::Subscribe { request: 1, every_ticks: 10, lease_s: 60.0 }),
             };
         }
@@ -231,10 +234,12 @@ fn replayed(log: &Path) -> Vec<(u64, u64)> {
                 Message::Follow(list.remove(0)).into_command(LengthScale::TESTBED)
             }
             Body::Setup { setup, .. } => {
-                let Build::Spec(spec) = setup.build.clone() else { panic!("figures are logged: {setup:?}") };
+                let VehicleBuild::Spec(spec) = setup.build.clone() else {
+                    panic!("figures are logged: {setup:?}")
+                };
                 SimCommand::Spawn(Box::new(setup.in_city(LengthScale::TESTBED, *spec)))
             }
-            Body::Command { action: Action::Start, .. } => SimCommand::Start,
+            Body::Command { action: ExperimentAction::Start, .. } => SimCommand::Start,
             other => panic!("{other:?}"),
         };
         by_tick.entry(command.tick).or_default().push(command_of(body));
@@ -261,32 +266,32 @@ const SOON: Duration = Duration::from_secs(20);
 fn setups_are_checked_and_vehicles_belong_to_who_has_set_them_up() {
     let folder = tempfile::tempdir().unwrap();
     let mut city = serve(&["straight", "--guests", "1"], folder.path());
-    let client = || Client::new(&city.address, 0, Seal::Checksum).unwrap();
+    let client = || Client::new(&city.address, 0, Authenticator::Checksum).unwrap();
     let (mut leader, mut guest, mut third) = (client(), client(), client());
-    let told = |client: &mut Client, body: &dyn Fn(u32) -> Body| client.ask(SOON, body).unwrap();
-    let done = (Outcome::Done, String::new());
+    let told = |client: &mut Client, body: &dyn Fn(u32) -> Body| client.request(SOON, body).unwrap();
+    let done = (RequestOutcome::Done, String::new());
     assert_eq!(told(&mut leader, &setup(1, "first", 0.5)), done);
-    let refused = |(outcome, detail): (Outcome, String), words: &str| {
-        assert!(outcome == Outcome::Refused && detail.contains(words), "{outcome:?} {detail}");
+    let refused = |(outcome, detail): (RequestOutcome, String), words: &str| {
+        assert!(outcome == RequestOutcome::Refused && detail.contains(words), "{outcome:?} {detail}");
     };
     refused(told(&mut leader, &setup(0, "nobody", 0.0)), "between 1 and 65535");
     refused(told(&mut leader, &setup(2, "first", 0.0)), "choose another");
     refused(told(&mut leader, &setup(2, "a b", 0.0)), "a letter first");
     refused(told(&mut leader, &setup(2, "far", 500.0)), "outside of the map");
     let mut odd = setup_of(2, "odd", 0.0);
-    odd.build = Build::Type("lorry".to_owned());
+    odd.build = VehicleBuild::Type("lorry".to_owned());
     let body = |request| Body::Setup { request, setup: Box::new(odd.clone()) };
     refused(told(&mut leader, &body), "vehicle type \"lorry\" is not defined; there are default");
 
     // On the place of another: behind it on the lane.
     let (outcome, detail) = told(&mut guest, &setup(2, "second", 0.52));
-    assert!(outcome == Outcome::Done && detail.contains("taken by vehicle 1"), "{outcome:?} {detail}");
+    assert!(outcome == RequestOutcome::Done && detail.contains("taken by vehicle 1"), "{outcome:?} {detail}");
     let (outcome, detail) = told(&mut third, &setup(3, "third", -0.2));
-    assert!(outcome == Outcome::Busy && detail.contains("--guests"), "{outcome:?} {detail}");
-    let start = |request| Body::Command { request, action: Action::Start };
-    assert_eq!(told(&mut guest, &start).0, Outcome::Busy);
+    assert!(outcome == RequestOutcome::Busy && detail.contains("--guests"), "{outcome:?} {detail}");
+    let start = |request| Body::Command { request, action: ExperimentAction::Start };
+    assert_eq!(told(&mut guest, &start).0, RequestOutcome::Busy);
     let remove = |vehicle| move |request| Body::Remove { request, vehicle: VehicleId(vehicle) };
-    assert_eq!(told(&mut guest, &remove(1)).0, Outcome::Busy);
+    assert_eq!(told(&mut guest, &remove(1)).0, RequestOutcome::Busy);
     refused(told(&mut guest, &remove(9)), "no vehicle 9");
     assert_eq!(told(&mut guest, &remove(2)), done);
     assert_eq!(told(&mut leader, &start), done);
@@ -305,28 +310,29 @@ fn with_a_key_nobody_else_is_heard() {
     assert!(String::from_utf8_lossy(&told.stderr).contains("at least 16"), "{told:?}");
 
     let mut city = serve(&["straight", "--key", "key", "--out", "served"], folder);
-    let mut stranger = Client::new(&city.address, 0, Seal::Checksum).unwrap();
+    let mut stranger = Client::new(&city.address, 0, Authenticator::Checksum).unwrap();
     let mut other =
-        Client::new(&city.address, 0, Seal::Key(b"another key of the same length......".to_vec())).unwrap();
+        Client::new(&city.address, 0, Authenticator::Key(b"another key of the same length......".to_vec()))
+            .unwrap();
     for client in [&mut stranger, &mut other] {
         client.send(&Body::Hello { token: 1 });
-        assert_eq!(client.ask(Duration::from_millis(250), setup(1, "intruder", 0.5)), None);
+        assert_eq!(client.request(Duration::from_millis(250), setup(1, "intruder", 0.5)), None);
     }
-    let mut friend = Client::new(&city.address, 0, Seal::Key(key.as_bytes().to_vec())).unwrap();
+    let mut friend = Client::new(&city.address, 0, Authenticator::Key(key.as_bytes().to_vec())).unwrap();
     // The city's session has to be known first.
-    assert_eq!(friend.ask(Duration::from_millis(250), setup(1, "friend", 0.5)), None);
+    assert_eq!(friend.request(Duration::from_millis(250), setup(1, "friend", 0.5)), None);
     friend.send(&Body::Hello { token: 1 });
     let begun = Instant::now();
-    while !matches!(friend.receive(Duration::from_secs(1)), Some(Heard::Body(Body::Clock(_)))) {
+    while !matches!(friend.receive(Duration::from_secs(1)), Some(ClientEvent::Body(Body::Clock(_)))) {
         assert!(begun.elapsed() < SOON);
         friend.send(&Body::Hello { token: 1 });
     }
-    assert_eq!(friend.ask(SOON, setup(1, "friend", 0.5)).unwrap().0, Outcome::Done);
+    assert_eq!(friend.request(SOON, setup(1, "friend", 0.5)).unwrap().0, RequestOutcome::Done);
     // The same datagram again does nothing.
     let (_, bytes) = friend.prepare(&Body::Trajectories(vec![follow(1, 1, 1.0)])).unwrap();
     (0..3).for_each(|_| friend.resend(&bytes));
-    let start = |request| Body::Command { request, action: Action::Start };
-    assert_eq!(friend.ask(SOON, start).unwrap().0, Outcome::Done);
+    let start = |request| Body::Command { request, action: ExperimentAction::Start };
+    assert_eq!(friend.request(SOON, start).unwrap().0, RequestOutcome::Done);
     std::thread::sleep(Duration::from_millis(200));
     assert_eq!(city.end(), 0);
     let dropped = &summary(&folder.join("served"))["link"]["dropped"];
@@ -339,8 +345,8 @@ fn with_a_key_nobody_else_is_heard() {
 fn addresses_that_are_not_on_the_list_are_foreign() {
     let folder = tempfile::tempdir().unwrap();
     let mut city = serve(&["straight", "--allow", "10.0.0.0/8", "--out", "served"], folder.path());
-    let mut client = Client::new(&city.address, 0, Seal::Checksum).unwrap();
-    assert_eq!(client.ask(Duration::from_millis(250), setup(1, "foreign", 0.5)), None);
+    let mut client = Client::new(&city.address, 0, Authenticator::Checksum).unwrap();
+    assert_eq!(client.request(Duration::from_millis(250), setup(1, "foreign", 0.5)), None);
     assert_eq!(city.end(), 0);
     // Nothing has happened that would be worth files.
     assert!(!folder.path().join("served").exists());

@@ -1,6 +1,6 @@
 //! Drawings that are wrong: each is refused with the place of its fault, and none brings the reader down.
 
-use city3d::city::dxf::{Drawing, PolyVertex, Shape};
+use city3d::city::dxf::{Drawing, EntityShape, PolyVertex};
 use city3d::city::{MapErrorKind::*, load_map};
 use glam::DVec2;
 use proptest::prelude::*;
@@ -10,7 +10,7 @@ use std::path::Path;
 /// File, what sort of fault its first error is, its line, and words of its message or remedy.
 const CORPUS: &[(&str, city3d::city::MapErrorKind, usize, &str)] = &[
     ("arrow_against_line", Direction, 33, "points against LINE 21 (line 19)"),
-    ("arrow_astray", Stray, 33, "lies along no lane"),
+    ("arrow_astray", Stray, 33, "is not along a lane"),
     ("arrow_missing", Direction, 33, "ARROWS"),
     ("binary", Format, 1, "binary DXF"),
     ("binary_junk", Format, 2, "not text"),
@@ -40,17 +40,17 @@ const CORPUS: &[(&str, city3d::city::MapErrorKind, usize, &str)] = &[
     ("scenery_text_astray", Stray, 55, "town hall"),
     ("section_in_section", Format, 5, "ENDSEC"),
     ("shifted_lines", Format, 19, "group 10 is missing"),
-    ("speed_of_words", Text, 33, "\"fast\" is no speed"),
+    ("speed_of_words", Text, 33, "\"fast\" is not a speed"),
     ("spline_on_lane", Unsupported, 33, "circular arcs"),
     ("stop_line_along", Stray, 33, "crosses no lane"),
     ("stop_line_astray", Stray, 33, "crosses no lane"),
-    ("text_astray", Stray, 33, "stands on no lane"),
+    ("text_astray", Stray, 33, "is not on a lane"),
     ("tilted_arc", Unsupported, 33, "flat"),
     ("truncated_after_code", Format, 41, "cut off"),
     ("truncated_before_eof", Format, 32, "without EOF"),
     ("truncated_in_header", Format, 9, "cut off"),
     ("truncated_in_value", Format, 38, "cut off"),
-    ("two_names", Name, 47, "\"a\" and \"b\" stand on one lane"),
+    ("two_names", Name, 47, "\"a\" and \"b\" are on the same lane"),
     ("unknown_scenery", Layer, 33, "SCENERY_BUILDING"),
     ("value_without_entity", Format, 19, "group 0"),
     ("words_for_number", Number, 26, "\"zero\", not a number"),
@@ -88,7 +88,7 @@ fn many_faults_are_listed_in_order_and_the_rest_counted() {
     let mut drawing = Drawing::default();
     for k in 0..50 {
         let at = DVec2::new(f64::from(k), 0.0);
-        drawing.add("LANES", Shape::Line { from: at, to: at });
+        drawing.add("LANES", EntityShape::Line { from: at, to: at });
     }
     let errors = load_map(drawing.to_dxf().as_bytes()).unwrap_err();
     assert_eq!((errors.listed.len(), errors.left_out), (20, 30));
@@ -100,18 +100,22 @@ fn many_faults_are_listed_in_order_and_the_rest_counted() {
 fn drawing() -> Drawing {
     let p = DVec2::new;
     let mut drawing = Drawing::default();
-    drawing.add("LANES", Shape::Line { from: p(0.0, 0.0), to: p(2.0, 0.0) });
-    drawing.add("LANES", Shape::Arc { centre: p(2.0, 0.5), radius: 0.5, from_deg: 270.0, to_deg: 90.0 });
+    drawing.add("LANES", EntityShape::Line { from: p(0.0, 0.0), to: p(2.0, 0.0) });
+    drawing
+        .add("LANES", EntityShape::Arc { centre: p(2.0, 0.5), radius: 0.5, from_deg: 270.0, to_deg: 90.0 });
     let vertices = [(2.0, 1.0, 0.0), (0.0, 1.0, 1.0), (0.0, 0.0, 0.0)]
         .map(|(x, y, bulge)| PolyVertex { at: p(x, y), bulge })
         .to_vec();
-    drawing.add("LANES", Shape::Polyline { vertices: vertices.clone(), closed: false });
-    drawing.add("CONNECTORS", Shape::Arc { centre: p(1.0, -0.3), radius: 0.3, from_deg: 0.0, to_deg: 90.0 });
-    drawing.add("NAMES", Shape::Text { at: p(1.0, 1.0), height: 0.05, text: "Straße ^ 1".to_owned() });
-    drawing.add("SPEEDS", Shape::Text { at: p(1.5, 0.0), height: 0.05, text: "0.35 m/s".to_owned() });
-    drawing.add("STOP_LINES", Shape::Line { from: p(1.8, -0.07), to: p(1.8, 0.07) });
-    drawing.add("SCENERY_WATER", Shape::Polyline { vertices, closed: true });
-    drawing.add("SCENERY_TREE", Shape::Circle { centre: p(5.0, 5.0), radius: 0.1 + 0.2 });
+    drawing.add("LANES", EntityShape::Polyline { vertices: vertices.clone(), closed: false });
+    drawing.add(
+        "CONNECTORS",
+        EntityShape::Arc { centre: p(1.0, -0.3), radius: 0.3, from_deg: 0.0, to_deg: 90.0 },
+    );
+    drawing.add("NAMES", EntityShape::Text { at: p(1.0, 1.0), height: 0.05, text: "Straße ^ 1".to_owned() });
+    drawing.add("SPEEDS", EntityShape::Text { at: p(1.5, 0.0), height: 0.05, text: "0.35 m/s".to_owned() });
+    drawing.add("STOP_LINES", EntityShape::Line { from: p(1.8, -0.07), to: p(1.8, 0.07) });
+    drawing.add("SCENERY_WATER", EntityShape::Polyline { vertices, closed: true });
+    drawing.add("SCENERY_TREE", EntityShape::Circle { centre: p(5.0, 5.0), radius: 0.1 + 0.2 });
     drawing
 }
 
@@ -130,19 +134,20 @@ fn what_is_written_reads_back_the_same() {
     load_map(original.to_dxf().as_bytes()).unwrap();
 }
 
-fn shape() -> impl Strategy<Value = Shape> {
+fn shape() -> impl Strategy<Value = EntityShape> {
     let number = || prop_oneof![-1e3..1e3f64, Just(0.0), Just(-0.1), Just(1.0 / 3.0), -1e-300..1e300f64];
     let point = move || (number(), number()).prop_map(DVec2::from);
     prop_oneof![
-        (point(), point()).prop_map(|(from, to)| Shape::Line { from, to }),
-        (point(), 1e-9..1e9f64, number(), number())
-            .prop_map(|(centre, radius, from_deg, to_deg)| Shape::Arc { centre, radius, from_deg, to_deg }),
-        (point(), 1e-9..1e9f64).prop_map(|(centre, radius)| Shape::Circle { centre, radius }),
+        (point(), point()).prop_map(|(from, to)| EntityShape::Line { from, to }),
+        (point(), 1e-9..1e9f64, number(), number()).prop_map(|(centre, radius, from_deg, to_deg)| {
+            EntityShape::Arc { centre, radius, from_deg, to_deg }
+        }),
+        (point(), 1e-9..1e9f64).prop_map(|(centre, radius)| EntityShape::Circle { centre, radius }),
         (proptest::collection::vec((point(), number()), 0..5), any::<bool>()).prop_map(|(points, closed)| {
             let vertices = points.into_iter().map(|(at, bulge)| PolyVertex { at, bulge }).collect();
-            Shape::Polyline { vertices, closed }
+            EntityShape::Polyline { vertices, closed }
         }),
-        (point(), number(), ".{0,12}").prop_map(|(at, height, text)| Shape::Text { at, height, text }),
+        (point(), number(), ".{0,12}").prop_map(|(at, height, text)| EntityShape::Text { at, height, text }),
     ]
 }
 

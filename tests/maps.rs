@@ -1,8 +1,8 @@
 //! What a map drawing means: directions, lanes, names, lines, neighbours, zones and routes.
 
-use city3d::city::dxf::{Drawing, PolyVertex, Shape, Units};
+use city3d::city::dxf::{Drawing, EntityShape, PolyVertex, Units};
 use city3d::city::{
-    ControlLineKind, Lane, LaneKind, LoadedMap, MapErrorKind, RoadMap, SceneryKind, Shape as Ground,
+    ControlLineKind, Footprint as Ground, Lane, LaneKind, LoadedMap, MapErrorKind, RoadMap, SceneryKind,
     ZoneKind, load_map,
 };
 use city3d::geom::trig;
@@ -14,17 +14,17 @@ struct Plan(Drawing);
 
 impl Plan {
     fn line(mut self, layer: &str, from: (f64, f64), to: (f64, f64)) -> Self {
-        self.0.add(layer, Shape::Line { from: from.into(), to: to.into() });
+        self.0.add(layer, EntityShape::Line { from: from.into(), to: to.into() });
         self
     }
 
     fn arc(mut self, layer: &str, centre: (f64, f64), radius: f64, from_deg: f64, to_deg: f64) -> Self {
-        self.0.add(layer, Shape::Arc { centre: centre.into(), radius, from_deg, to_deg });
+        self.0.add(layer, EntityShape::Arc { centre: centre.into(), radius, from_deg, to_deg });
         self
     }
 
     fn text(mut self, layer: &str, at: (f64, f64), text: &str) -> Self {
-        self.0.add(layer, Shape::Text { at: at.into(), height: 0.05, text: text.to_owned() });
+        self.0.add(layer, EntityShape::Text { at: at.into(), height: 0.05, text: text.to_owned() });
         self
     }
 
@@ -175,7 +175,7 @@ fn polylines_with_bulges_are_chains_of_arcs() {
     let bulge = trig::tan(PI / 8.0);
     let vertices = [(0.0, 0.0, 0.0), (1.0, 0.0, bulge), (2.0, 1.0, -bulge), (3.0, 2.0, 0.0), (4.0, 2.0, 0.0)]
         .map(|(x, y, bulge)| PolyVertex { at: DVec2::new(x, y), bulge });
-    plan.0.add("LANES", Shape::Polyline { vertices: vertices.to_vec(), closed: false });
+    plan.0.add("LANES", EntityShape::Polyline { vertices: vertices.to_vec(), closed: false });
     let map = plan.map();
     let curve = &map.lanes[0].curve;
     assert_joined(&map);
@@ -368,15 +368,16 @@ fn scenery_has_its_ground_plan_name_and_height() {
         .text("SCENERY_WATER", (700.0, 700.0), "swan pond");
     plan.0.units = Units::Millimetres;
     // In millimetres a lane of 1 would be none.
-    plan.0.entities[0].shape = Shape::Line { from: DVec2::ZERO, to: DVec2::new(1000.0, 0.0) };
-    plan.0.entities[1].shape = Shape::Line { from: DVec2::new(0.0, 1000.0), to: DVec2::new(1000.0, 1000.0) };
+    plan.0.entities[0].shape = EntityShape::Line { from: DVec2::ZERO, to: DVec2::new(1000.0, 0.0) };
+    plan.0.entities[1].shape =
+        EntityShape::Line { from: DVec2::new(0.0, 1000.0), to: DVec2::new(1000.0, 1000.0) };
     let corner = |x: f64, y: f64, bulge: f64| PolyVertex { at: DVec2::new(x, y), bulge };
     let square =
         [(200.0, 200.0), (300.0, 200.0), (300.0, 300.0), (200.0, 300.0)].map(|(x, y)| corner(x, y, 0.0));
-    plan.0.add("SCENERY_BUILDING", Shape::Polyline { vertices: square.to_vec(), closed: true });
+    plan.0.add("SCENERY_BUILDING", EntityShape::Polyline { vertices: square.to_vec(), closed: true });
     let round = vec![corner(600.0, 700.0, 1.0), corner(800.0, 700.0, 1.0)];
-    plan.0.add("scenery_water", Shape::Polyline { vertices: round, closed: true });
-    plan.0.add("SCENERY_TREE", Shape::Circle { centre: DVec2::new(500.0, 500.0), radius: 50.0 });
+    plan.0.add("scenery_water", EntityShape::Polyline { vertices: round, closed: true });
+    plan.0.add("SCENERY_TREE", EntityShape::Circle { centre: DVec2::new(500.0, 500.0), radius: 50.0 });
 
     let map = plan.map();
     let of = |kind: SceneryKind| map.scenery.iter().find(|s| s.kind == kind).unwrap();

@@ -2,9 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
 
-use city3d::city::dxf::Shape;
+use city3d::city::dxf::EntityShape;
 use city3d::city::generate;
-use city3d::model::{Model, Part, SHIPPED, glb, is_stand_in};
+use city3d::model::{MeshPrimitive, Model, SHIPPED, glb, is_stand_in};
 use glam::{DVec2, Vec3};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -131,7 +131,7 @@ fn cars_in_front_are_closed_at_every_distance() {
 fn triangles(model: &Model, node: &str) -> Vec<[Vec3; 3]> {
     let node = model.node(node).unwrap();
     let place = |at: Vec3| node.model_from_mesh.transform_point3(at);
-    let of = |part: &Part| -> Vec<[Vec3; 3]> {
+    let of = |part: &MeshPrimitive| -> Vec<[Vec3; 3]> {
         let corner = |k: u32| place(part.vertices[k as usize].position);
         part.indices.chunks_exact(3).map(|t| [corner(t[0]), corner(t[1]), corner(t[2])]).collect()
     };
@@ -194,8 +194,8 @@ fn broken() -> Vec<(&'static str, Vec<u8>, &'static str)> {
     let mut no_json = good.clone();
     no_json[16..20].copy_from_slice(b"XXXX");
     vec![
-        ("empty", Vec::new(), "no glTF binary file"),
-        ("picture", b"\x89PNG\r\n".to_vec(), "no glTF binary file"),
+        ("empty", Vec::new(), "not a glTF binary file"),
+        ("picture", b"\x89PNG\r\n".to_vec(), "not a glTF binary file"),
         ("text", b"{\"asset\":{\"version\":\"2.0\"}}".to_vec(), "save as .glb"),
         ("header_only", good[..12].to_vec(), "header"),
         ("old_version", version, "glTF of version 1"),
@@ -223,7 +223,7 @@ fn broken() -> Vec<(&'static str, Vec<u8>, &'static str)> {
             "extensions",
         ),
         ("nothing", triangle(|d| d["scenes"][0]["nodes"] = json!([])), "no triangles"),
-        ("ring_of_nodes", triangle(|d| d["nodes"][0]["children"] = json!([0])), "nodes hold one another"),
+        ("ring_of_nodes", triangle(|d| d["nodes"][0]["children"] = json!([0])), "nodes form a cycle"),
         ("flat_scale", triangle(|d| d["nodes"][0]["scale"] = json!([1, 0, 1])), "its scale is 0"),
         ("millimetres", triangle(|d| d["nodes"][0]["scale"] = json!([4000, 4000, 4000])), "model in metres"),
     ]
@@ -257,7 +257,7 @@ fn broken_models_are_refused_with_the_place() {
     let with_model = |text: &str| {
         let mut drawing = generate::ids3c();
         let at = DVec2::new(-1.0, 0.6);
-        drawing.add("MODELS", Shape::Text { at, height: 0.02, text: text.to_owned() });
+        drawing.add("MODELS", EntityShape::Text { at, height: 0.02, text: text.to_owned() });
         std::fs::write(folder.join("town.dxf"), drawing.to_dxf()).unwrap();
         std::fs::write(folder.join("town.toml"), scenario("sedan", "town.dxf")).unwrap();
         city3d(folder, &["check", "town.toml"])
@@ -265,9 +265,9 @@ fn broken_models_are_refused_with_the_place() {
     for (text, words) in [
         ("missing.glb", "\"missing.glb\" is neither a file"),
         ("lines.glb turn=90", "export triangles"),
-        ("a chair", "names no model"),
-        ("lines.glb turn=west", "\"turn=west\" is no number"),
-        ("lines.glb turn=90 scale=0", "\"scale=0\" is no number"),
+        ("a chair", "is not the name of a model"),
+        ("lines.glb turn=west", "\"turn=west\" is not a number"),
+        ("lines.glb turn=90 scale=0", "\"scale=0\" is not a number"),
     ] {
         let told = refused(&with_model(text));
         assert!(told.contains("town.dxf: line ") && told.contains(words), "{text}: {told}");

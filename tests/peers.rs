@@ -253,7 +253,7 @@ fn magenta(path: &Path) -> [f64; 4] {
 #[cfg(feature = "render")]
 #[test]
 fn models_made_with_trimesh_are_drawn_at_their_place_and_size() {
-    use city3d::city::dxf::Shape;
+    use city3d::city::dxf::EntityShape;
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -263,7 +263,7 @@ fn models_made_with_trimesh_are_drawn_at_their_place_and_size() {
     // On the meadow east of the city. City metres are 25 times as many.
     let at = glam::DVec2::new(3.60, 0.0);
     let text = "peer_house.glb turn=90 scale=1.5".to_owned();
-    drawing.add("MODELS", Shape::Text { at, height: 0.02, text });
+    drawing.add("MODELS", EntityShape::Text { at, height: 0.02, text });
     std::fs::write(folder.join("town.dxf"), drawing.to_dxf()).unwrap();
     let scenario = "name = \"models\"\nmap = \"town.dxf\"\nduration_s = 1.0\n[[vehicle]]\nname = \"own\"\n\
                     shape = \"peer_car.glb\"\ncolour = \"#ff00ff\"\n\

@@ -4,8 +4,8 @@
 #[path = "support/live.rs"]
 mod live;
 
-use city3d::playback::{Cue, PlaybackError, Player, Playhead, What};
-use city3d::record::{Entry, LogReader, LogWriter, Origin};
+use city3d::playback::{Occurrence, PlaybackCommand, PlaybackError, Player, Playhead};
+use city3d::record::{LogEntry, LogOrigin, LogReader, LogWriter};
 use city3d::runner::Run;
 use city3d::snapshot::{Event, FrameSnapshot, Pedals, SimCommand, VehicleId};
 use live::roundabout;
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 /// Records some seconds of the roundabout, snapshots at every other tick, chunks of a second; gives its snapshots and
 /// its events. A person drives the third car for a second.
-fn record(log: &Path, seconds: u64, origin: Origin) -> (Vec<FrameSnapshot>, Vec<Event>) {
+fn record(log: &Path, seconds: u64, origin: LogOrigin) -> (Vec<FrameSnapshot>, Vec<Event>) {
     let mut run = Run::new(roundabout(seconds as f64)).unwrap();
     let sink = BufWriter::new(File::create(log).unwrap());
     let mut writer = LogWriter::new(sink, run.experiment(), origin).unwrap();
@@ -57,10 +57,10 @@ fn open(log: &Path) -> Player {
 }
 
 /// Waits until what is wanted at an instant is shown.
-fn look(player: &mut Player, now: Instant) -> (std::sync::Arc<city3d::live::Moment>, f64) {
+fn look(player: &mut Player, now: Instant) -> (std::sync::Arc<city3d::live::RunState>, f64) {
     let start = Instant::now();
     loop {
-        let seen = player.look(now);
+        let seen = player.advance(now);
         if !player.is_late() {
             return seen;
         }
@@ -69,15 +69,15 @@ fn look(player: &mut Player, now: Instant) -> (std::sync::Arc<city3d::live::Mome
     }
 }
 
-fn go(player: &mut Player, cue: Cue) -> std::sync::Arc<city3d::live::Moment> {
-    player.order(cue);
+fn go(player: &mut Player, cue: PlaybackCommand) -> std::sync::Arc<city3d::live::RunState> {
+    player.command(cue);
     look(player, Instant::now()).0
 }
 
 fn settle(player: &mut Player) {
     let start = Instant::now();
     while !player.is_settled() {
-        player.look(Instant::now());
+        player.advance(Instant::now());
         assert!(start.elapsed() < Duration::from_secs(60), "it never comes to rest");
         std::thread::sleep(Duration::from_millis(1));
     }
@@ -87,17 +87,17 @@ fn settle(player: &mut Player) {
 fn what_is_shown_is_what_was_recorded_at_any_time() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("run.mcap");
-    let (snapshots, _) = record(&log, 8, Origin::Run);
+    let (snapshots, _) = record(&log, 8, LogOrigin::Run);
     let mut player = open(&log);
-    assert_eq!((player.head().from_s, player.head().to_s, player.moment().now.tick), (0.0, 8.0, 0));
+    assert_eq!((player.head().from_s, player.head().to_s, player.run_state().now.tick), (0.0, 8.0, 0));
     for wanted in [399, 0, 251, 250, 400, 1, 73] {
         let recorded = &snapshots[wanted];
         // Nearer to this snapshot than to any other.
-        let moment = go(&mut player, Cue::Seek(recorded.time_s + 0.007));
-        let shown = &moment.now;
+        let run_state = go(&mut player, PlaybackCommand::Seek(recorded.time_s + 0.007));
+        let shown = &run_state.now;
         assert_eq!((shown.tick, shown.time_s), (recorded.tick, recorded.time_s));
         assert_eq!((shown.state_hash, &shown.roster), (recorded.state_hash, &recorded.roster));
-        assert_eq!(moment.before.tick, recorded.tick.saturating_sub(2));
+        assert_eq!(run_state.before.tick, recorded.tick.saturating_sub(2));
         for (shown, recorded) in shown.vehicles.iter().zip(&recorded.vehicles) {
             assert_eq!((shown.position, shown.status), (recorded.position, recorded.status));
             assert!((shown.speed_mps - recorded.speed_mps).abs() < 1e-5);
@@ -111,8 +111,13 @@ fn what_is_shown_is_what_was_recorded_at_any_time() {
 }
 
 /// Plays for some passes of so many milliseconds, on a clock of its own.
-fn play(player: &mut Player, now: &mut Instant, cue: Cue, (passes, pass_ms): (u32, u64)) -> Playhead {
-    player.order(cue);
+fn play(
+    player: &mut Player,
+    now: &mut Instant,
+    cue: PlaybackCommand,
+    (passes, pass_ms): (u32, u64),
+) -> Playhead {
+    player.command(cue);
     look(player, *now);
     for _ in 0..passes {
         *now += Duration::from_millis(pass_ms);
@@ -125,66 +130,70 @@ fn play(player: &mut Player, now: &mut Instant, cue: Cue, (passes, pass_ms): (u3
 fn it_plays_at_its_speed_both_ways_between_snapshots_and_stands_at_the_ends() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("run.mcap");
-    let (snapshots, _) = record(&log, 6, Origin::Run);
+    let (snapshots, _) = record(&log, 6, LogOrigin::Run);
     let mut player = open(&log);
     let mut now = Instant::now();
-    player.order(Cue::Speed(0.5));
-    let head = play(&mut player, &mut now, Cue::Play, (9, 10));
+    player.command(PlaybackCommand::Speed(0.5));
+    let head = play(&mut player, &mut now, PlaybackCommand::Play, (9, 10));
     assert!(head.is_playing && (head.at_s - 0.045).abs() < 1e-9, "{head:?}");
     // Between the snapshots at 0.04 and 0.06 s.
-    let (moment, weight) = player.look(now);
-    assert_eq!((moment.before.tick, moment.now.tick), (4, 6));
+    let (run_state, weight) = player.advance(now);
+    assert_eq!((run_state.before.tick, run_state.now.tick), (4, 6));
     assert!((weight - 0.25).abs() < 1e-6, "{weight}");
     let mut between = FrameSnapshot::default();
-    between.blend(&moment.before, &moment.now, weight);
+    between.blend(&run_state.before, &run_state.now, weight);
     let (from, to) = (snapshots[2].vehicles[0].position, snapshots[3].vehicles[0].position);
     assert!(between.vehicles[0].position.distance(from.lerp(to, 0.25)) < 1e-6);
 
-    player.order(Cue::Speed(10.0));
-    let head = play(&mut player, &mut now, Cue::Play, (2, 200));
+    player.command(PlaybackCommand::Speed(10.0));
+    let head = play(&mut player, &mut now, PlaybackCommand::Play, (2, 200));
     assert!((head.at_s - 4.045).abs() < 1e-6, "{head:?}");
-    let head = play(&mut player, &mut now, Cue::Reverse, (1, 150));
+    let head = play(&mut player, &mut now, PlaybackCommand::Reverse, (1, 150));
     assert!(head.is_playing && (head.at_s - 2.545).abs() < 1e-6, "{head:?}");
-    let (moment, weight) = player.look(now);
-    assert_eq!((moment.before.tick, moment.now.tick), (254, 256));
+    let (run_state, weight) = player.advance(now);
+    assert_eq!((run_state.before.tick, run_state.now.tick), (254, 256));
     assert!((weight - 0.25).abs() < 1e-6, "{weight}");
     // Backwards to the start: it stands there, and forwards to the end.
-    let head = play(&mut player, &mut now, Cue::Reverse, (4, 200));
+    let head = play(&mut player, &mut now, PlaybackCommand::Reverse, (4, 200));
     assert!(!head.is_playing && head.at_s == 0.0, "{head:?}");
-    let head = play(&mut player, &mut now, Cue::Play, (4, 200));
+    let head = play(&mut player, &mut now, PlaybackCommand::Play, (4, 200));
     assert!(!head.is_playing && head.at_s == 6.0, "{head:?}");
-    assert_eq!(player.moment().now.tick, 600);
+    assert_eq!(player.run_state().now.tick, 600);
     // From there it begins again.
-    let head = play(&mut player, &mut now, Cue::Play, (1, 100));
+    let head = play(&mut player, &mut now, PlaybackCommand::Play, (1, 100));
     assert!(head.is_playing && (head.at_s - 1.0).abs() < 1e-6, "{head:?}");
     // Held, it stands at a recorded snapshot; steps go from one to the next.
-    let moment = go(&mut player, Cue::Pause);
-    assert_eq!((moment.now.tick, player.head().is_playing), (100, false));
-    assert_eq!(go(&mut player, Cue::Step { forward: true }).now.tick, 102);
-    assert_eq!(go(&mut player, Cue::Step { forward: false }).now.tick, 100);
-    assert_eq!(go(&mut player, Cue::Step { forward: false }).now.tick, 98);
+    let run_state = go(&mut player, PlaybackCommand::Pause);
+    assert_eq!((run_state.now.tick, player.head().is_playing), (100, false));
+    assert_eq!(go(&mut player, PlaybackCommand::Step { forward: true }).now.tick, 102);
+    assert_eq!(go(&mut player, PlaybackCommand::Step { forward: false }).now.tick, 100);
+    assert_eq!(go(&mut player, PlaybackCommand::Step { forward: false }).now.tick, 98);
 }
 
 #[test]
 fn all_that_happened_is_known_and_can_be_jumped_to() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("run.mcap");
-    let (_, events) = record(&log, 15, Origin::Run);
+    let (_, events) = record(&log, 15, LogOrigin::Run);
     let mut player = open(&log);
     settle(&mut player);
-    let told = player.told();
-    assert_eq!((told.searched, &told.torn), (1.0, &None));
-    let found: Vec<_> = told.marks.iter().filter(|mark| matches!(mark.what, What::Event(_))).collect();
+    let told = player.info();
+    assert_eq!((told.searched, &told.truncation), (1.0, &None));
+    let found: Vec<_> = told.marks.iter().filter(|mark| matches!(mark.what, Occurrence::Event(_))).collect();
     assert!(events.len() > 10 && found.len() == events.len(), "{} of {}", found.len(), events.len());
     for (mark, event) in found.iter().zip(&events) {
         assert_eq!((mark.time_s, mark.vehicle), (event.time_s, event.vehicle));
-        assert_eq!(mark.what, What::Event(event.kind.clone()));
+        assert_eq!(mark.what, Occurrence::Event(event.kind.clone()));
     }
-    let persons: Vec<_> = told.marks.iter().filter(|mark| !matches!(mark.what, What::Event(_))).collect();
+    let persons: Vec<_> =
+        told.marks.iter().filter(|mark| !matches!(mark.what, Occurrence::Event(_))).collect();
     let of = |k: usize| (persons[k].time_s, persons[k].vehicle.0, &persons[k].what);
-    assert_eq!((persons.len(), of(0), of(1)), (2, (1.0, 3, &What::TakeOver), (2.0, 3, &What::GiveBack)));
+    assert_eq!(
+        (persons.len(), of(0), of(1)),
+        (2, (1.0, 3, &Occurrence::TakeOver), (2.0, 3, &Occurrence::GiveBack))
+    );
     for mark in told.marks.iter() {
-        let now = go(&mut player, Cue::Show(mark.time_s)).now.time_s;
+        let now = go(&mut player, PlaybackCommand::Show(mark.time_s)).now.time_s;
         assert!((mark.time_s - 1e-9..mark.time_s + 0.02).contains(&now), "{now} for {}", mark.time_s);
     }
 }
@@ -193,25 +202,25 @@ fn all_that_happened_is_known_and_can_be_jumped_to() {
 fn no_more_is_decoded_than_is_shown_and_memory_is_bounded() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("run.mcap");
-    record(&log, 40, Origin::Run);
+    record(&log, 40, LogOrigin::Run);
     let mut player = open(&log);
     settle(&mut player);
-    let opened = player.effort();
+    let opened = player.stats();
     assert!(opened.chunks >= 40 && opened.decoded <= 5, "{opened:?}");
-    go(&mut player, Cue::Seek(20.0));
+    go(&mut player, PlaybackCommand::Seek(20.0));
     settle(&mut player);
-    let jumped = player.effort();
+    let jumped = player.stats();
     assert!(jumped.decoded - opened.decoded <= 6, "a jump takes what lies around: {jumped:?}");
     for k in 0..60 {
-        go(&mut player, Cue::Seek(f64::from(k * 7 % 40)));
-        assert!(player.effort().kept <= 600, "{:?}", player.effort());
+        go(&mut player, PlaybackCommand::Seek(f64::from(k * 7 % 40)));
+        assert!(player.stats().kept <= 600, "{:?}", player.stats());
     }
     // What running plots show of the seconds before is read for them.
-    go(&mut player, Cue::Seek(35.0));
-    player.past(VehicleId(1), 30.0);
-    player.look(Instant::now());
+    go(&mut player, PlaybackCommand::Seek(35.0));
+    player.plot_samples(VehicleId(1), 30.0);
+    player.advance(Instant::now());
     settle(&mut player);
-    let past = player.past(VehicleId(1), 30.0);
+    let past = player.plot_samples(VehicleId(1), 30.0);
     assert!((past.first().unwrap().time_s - 5.0).abs() < 0.1 && past.last().unwrap().time_s > 34.9);
     assert!((500..=620).contains(&past.len()) && past.is_sorted_by_key(|glimpse| glimpse.time_s));
 }
@@ -221,7 +230,7 @@ fn last_snapshot_s(log: &Path) -> f64 {
     let mut reader = LogReader::open(log).unwrap();
     let mut last_s = 0.0;
     while let Some(entry) = reader.read().unwrap() {
-        if let Entry::Snapshot(snapshot) = entry {
+        if let LogEntry::Snapshot(snapshot) = entry {
             last_s = snapshot.time_s;
         }
     }
@@ -232,7 +241,7 @@ fn last_snapshot_s(log: &Path) -> f64 {
 fn a_torn_log_is_shown_up_to_its_last_whole_record() {
     let folder = tempfile::tempdir().unwrap();
     let (log, cut) = (folder.path().join("run.mcap"), folder.path().join("cut.mcap"));
-    record(&log, 10, Origin::Run);
+    record(&log, 10, LogOrigin::Run);
     let bytes = std::fs::read(&log).unwrap();
     let mut ends = Vec::new();
     for part in 1..=16 {
@@ -240,10 +249,13 @@ fn a_torn_log_is_shown_up_to_its_last_whole_record() {
         match Player::open(&cut, Box::new(|| {})) {
             Ok(mut player) => {
                 assert_eq!(player.head().to_s, last_snapshot_s(&cut), "{part}");
-                let end = go(&mut player, Cue::Seek(99.0));
+                let end = go(&mut player, PlaybackCommand::Seek(99.0));
                 assert_eq!(end.now.time_s, player.head().to_s);
                 let is_whole = player.head().to_s == 10.0;
-                assert!(is_whole || player.told().torn.is_some_and(|why| why.contains("middle of a record")));
+                assert!(
+                    is_whole
+                        || player.info().truncation.is_some_and(|why| why.contains("middle of a record"))
+                );
                 ends.push(player.head().to_s);
             }
             Err(error) => {
@@ -258,7 +270,7 @@ fn a_torn_log_is_shown_up_to_its_last_whole_record() {
 fn a_log_that_is_damaged_in_the_middle_ends_there() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("run.mcap");
-    record(&log, 10, Origin::Run);
+    record(&log, 10, LogOrigin::Run);
     let mut bytes = std::fs::read(&log).unwrap();
     let middle = bytes.len() * 6 / 10;
     bytes[middle..middle + 64].iter_mut().for_each(|byte| *byte ^= 0x55);
@@ -266,26 +278,26 @@ fn a_log_that_is_damaged_in_the_middle_ends_there() {
     let mut player = open(&log);
     // A chunk without events is not read before it is shown.
     for at_s in [1.0, 4.0, 5.0, 6.0, 7.0, 1.0] {
-        go(&mut player, Cue::Seek(at_s));
+        go(&mut player, PlaybackCommand::Seek(at_s));
     }
     settle(&mut player);
-    player.look(Instant::now());
-    let (head, told) = (player.head(), player.told());
-    assert!(told.torn.is_some() && (2.0..9.5).contains(&head.to_s), "{head:?} {:?}", told.torn);
+    player.advance(Instant::now());
+    let (head, told) = (player.head(), player.info());
+    assert!(told.truncation.is_some() && (2.0..9.5).contains(&head.to_s), "{head:?} {:?}", told.truncation);
     assert!(told.marks.iter().all(|mark| mark.time_s <= head.to_s + 1.0));
-    let end = go(&mut player, Cue::Seek(10.0));
+    let end = go(&mut player, PlaybackCommand::Seek(10.0));
     assert!(end.now.time_s <= head.to_s, "{} {head:?}", end.now.time_s);
 }
 
 #[test]
 fn logs_that_hold_no_world_are_watched_too() {
-    for origin in [Origin::Mainframe, Origin::Recorded] {
+    for origin in [LogOrigin::Mainframe, LogOrigin::Recorded] {
         let folder = tempfile::tempdir().unwrap();
         let log = folder.path().join("run.mcap");
         let (snapshots, _) = record(&log, 2, origin);
         let mut player = open(&log);
-        let moment = go(&mut player, Cue::Seek(1.5));
-        assert_eq!((moment.now.tick, &moment.now.roster), (150, &snapshots[75].roster), "{origin:?}");
+        let run_state = go(&mut player, PlaybackCommand::Seek(1.5));
+        assert_eq!((run_state.now.tick, &run_state.now.roster), (150, &snapshots[75].roster), "{origin:?}");
     }
 }
 
@@ -294,7 +306,7 @@ fn logs_that_hold_no_world_are_watched_too() {
 fn opening_and_jumping_are_measured() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("run.mcap");
-    let (_, events) = record(&log, 10, Origin::Run);
+    let (_, events) = record(&log, 10, LogOrigin::Run);
     let bench = |jumps: &str| {
         let program = std::process::Command::new(env!("CARGO_BIN_EXE_city3d"))
             .args(["bench", "replay", log.to_str().unwrap(), "--jumps", jumps])
@@ -321,7 +333,7 @@ fn what_is_no_log_is_refused() {
     let refused = |log: &Path| Player::open(log, Box::new(|| {})).unwrap_err().to_string();
     assert!(refused(&log).contains("run.mcap"));
     let sink = BufWriter::new(File::create(&log).unwrap());
-    LogWriter::new(sink, &roundabout(1.0), Origin::Run).unwrap().finish().unwrap();
+    LogWriter::new(sink, &roundabout(1.0), LogOrigin::Run).unwrap().finish().unwrap();
     let said = refused(&log);
     assert!(said.contains("no snapshots"), "{said}");
 }

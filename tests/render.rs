@@ -5,10 +5,11 @@
 #[path = "support/drawing.rs"]
 mod drawing;
 
-use city3d::camera::{Camera, Extrinsics, Kinds, Lens, Mount, PictureKind, View};
+use city3d::camera::{Camera, Extrinsics, Lens, Mount, PictureKind, PictureKinds, View};
 use city3d::city::scene::{Class, Finish, Mesh, Object, SceneDescription, Surface};
 use city3d::render::{
-    AdapterPreference, Context, Image, Pictures, PngStream, Quality, RenderError, Renderer, Request, Settings,
+    AdapterPreference, Context, Image, Pictures, PngStream, Quality, RenderError, RenderRequest, Renderer,
+    Settings,
 };
 use city3d::snapshot::{BodyType, FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
 use drawing::{DIMENSIONS, snapshot, software};
@@ -235,12 +236,12 @@ fn what_cannot_be_drawn_is_refused_by_name() {
 #[test]
 fn adapters_side_by_side_draw_what_one_draws() {
     // First: Mesa counts the processors once a process.
-    let many = Context::for_many(&AdapterPreference::Software);
+    let many = Context::for_batches(&AdapterPreference::Software);
     let Some(context) = software() else { return };
     let many = many.expect("the same adapter");
     if cfg!(target_os = "linux") && std::env::var_os("LP_NUM_THREADS").is_none() {
         let processors = std::thread::available_parallelism().unwrap().get();
-        assert_eq!(many.times_open(), processors / processors.div_ceil(8));
+        assert_eq!(many.device_count(), processors / processors.div_ceil(8));
         // Nobody is kept to the processors that the adapters were told to count: neither this thread nor the first.
         assert_eq!(std::thread::available_parallelism().unwrap().get(), processors);
         let allowed = |thread: &str| {
@@ -271,10 +272,12 @@ fn adapters_side_by_side_draw_what_one_draws() {
         assert!(alike(&expected.unwrap(), &found.unwrap()), "tick {tick}");
         assert_eq!(one.triangles(), side_by_side.triangles());
     }
-    assert_eq!([1, 50].map(|views| one.batches_ahead(views)), [2, 2]);
-    assert_eq!([1, 50].map(|views| side_by_side.batches_ahead(views)), [2 * many.times_open(), 2]);
-    let requests = views
-        .map(|view| Request { view, kinds: Kinds::RGB.with(PictureKind::Depth).with(PictureKind::Instance) });
+    assert_eq!([1, 50].map(|views| one.batches_in_flight(views)), [2, 2]);
+    assert_eq!([1, 50].map(|views| side_by_side.batches_in_flight(views)), [2 * many.device_count(), 2]);
+    let requests = views.map(|view| RenderRequest {
+        view,
+        kinds: PictureKinds::RGB.with(PictureKind::Depth).with(PictureKind::Instance),
+    });
     let expected = one.render_kinds(&cars(1), &requests).unwrap();
     let found = side_by_side.render_kinds(&cars(1), &requests).unwrap();
     for (expected, found) in expected.iter().zip(&found) {

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::disallowed_methods, reason = "a test: no state depends on it")]
 
-use city3d::city::dxf::{Drawing, Entity, Shape};
+use city3d::city::dxf::{Drawing, Entity, EntityShape};
 use city3d::city::{LabMap, MapErrorKind, RepairAction, RepairedMap, load_map, repair_map};
 use city3d::geom::wrap_angle;
 use city3d::runner::{Observer, Run, Summary};
@@ -38,40 +38,40 @@ impl Survey {
     }
 
     /// The shape through ends that are each off by at most the error; an arc keeps its sweep.
-    fn measured(&mut self, shape: &Shape) -> Shape {
+    fn measured(&mut self, shape: &EntityShape) -> EntityShape {
         if self.error_m == 0.0 {
             return shape.clone();
         }
         let [from, to] = ends(shape);
         let (from, to) = (from + self.error(), to + self.error());
         match shape {
-            Shape::Arc { from_deg, to_deg, .. } => {
+            EntityShape::Arc { from_deg, to_deg, .. } => {
                 let sweep = (to_deg - from_deg).rem_euclid(360.0).to_radians();
                 let chord = to - from;
                 let radius = chord.length() / 2.0 / (sweep / 2.0).sin();
                 let centre = (from + to) / 2.0 + chord.perp() / chord.length() * radius * (sweep / 2.0).cos();
                 let angle = |at: DVec2| (at - centre).to_angle().to_degrees();
-                Shape::Arc { centre, radius, from_deg: angle(from), to_deg: angle(to) }
+                EntityShape::Arc { centre, radius, from_deg: angle(from), to_deg: angle(to) }
             }
-            _ => Shape::Line { from, to },
+            _ => EntityShape::Line { from, to },
         }
     }
 }
 
-fn ends(shape: &Shape) -> [DVec2; 2] {
+fn ends(shape: &EntityShape) -> [DVec2; 2] {
     match *shape {
-        Shape::Line { from, to } => [from, to],
-        Shape::Arc { centre, radius, from_deg, to_deg } => {
+        EntityShape::Line { from, to } => [from, to],
+        EntityShape::Arc { centre, radius, from_deg, to_deg } => {
             [from_deg, to_deg].map(|deg: f64| centre + DVec2::from_angle(deg.to_radians()) * radius)
         }
         _ => panic!("{shape:?}"),
     }
 }
 
-fn length(shape: &Shape) -> f64 {
+fn length(shape: &EntityShape) -> f64 {
     match *shape {
-        Shape::Line { from, to } => from.distance(to),
-        Shape::Arc { radius, from_deg, to_deg, .. } => {
+        EntityShape::Line { from, to } => from.distance(to),
+        EntityShape::Arc { radius, from_deg, to_deg, .. } => {
             radius * (to_deg - from_deg).rem_euclid(360.0).to_radians()
         }
         _ => panic!("{shape:?}"),
@@ -79,15 +79,15 @@ fn length(shape: &Shape) -> f64 {
 }
 
 /// The part of a shape between two places along it.
-fn part(shape: &Shape, a: f64, b: f64) -> Shape {
+fn part(shape: &EntityShape, a: f64, b: f64) -> EntityShape {
     match *shape {
-        Shape::Line { from, to } => {
+        EntityShape::Line { from, to } => {
             let along = (to - from) / from.distance(to);
-            Shape::Line { from: from + along * a, to: from + along * b }
+            EntityShape::Line { from: from + along * a, to: from + along * b }
         }
-        Shape::Arc { centre, radius, from_deg, .. } => {
+        EntityShape::Arc { centre, radius, from_deg, .. } => {
             let [from_deg, to_deg] = [a, b].map(|s| from_deg + (s / radius).to_degrees());
-            Shape::Arc { centre, radius, from_deg, to_deg }
+            EntityShape::Arc { centre, radius, from_deg, to_deg }
         }
         _ => panic!("{shape:?}"),
     }
@@ -98,7 +98,7 @@ fn is_lane(entity: &Entity) -> bool {
 }
 
 /// The shipped map with every line and arc of a lane put through `survey`.
-fn surveyed(mut survey: impl FnMut(&Entity) -> Vec<Shape>) -> Drawing {
+fn surveyed(mut survey: impl FnMut(&Entity) -> Vec<EntityShape>) -> Drawing {
     let mut drawing = Drawing::parse(SHIPPED).unwrap();
     let mut entities = Vec::new();
     for entity in &drawing.entities {
@@ -227,7 +227,7 @@ fn every_change_is_told_in_true_millimetres() {
     let drawing = surveyed(|entity| vec![survey.measured(&entity.shape)]);
     let (repaired, _) = repaired(&drawing);
     let after = Drawing::parse(&repaired.dxf).unwrap();
-    let by_handle = |drawing: &Drawing| -> BTreeMap<String, Shape> {
+    let by_handle = |drawing: &Drawing| -> BTreeMap<String, EntityShape> {
         let lanes = drawing.entities.iter().filter(|entity| is_lane(entity));
         lanes.map(|entity| (entity.label(), entity.shape.clone())).collect()
     };

@@ -6,9 +6,9 @@ mod link;
 #[path = "support/live.rs"]
 mod live;
 
-use city3d::live::{Live, Options, Order, Phase, Speed};
-use city3d::playback::{Cue, Player};
-use city3d::record::{LogWriter, Origin, read_commands};
+use city3d::live::{LiveOptions, LiveRun, RunCommand, RunPhase, Speed};
+use city3d::playback::{PlaybackCommand, Player};
+use city3d::record::{LogOrigin, LogWriter, read_commands};
 use city3d::runner::Run;
 use city3d::scenario::shipped_scenarios;
 use city3d::snapshot::{Pedals, SimCommand, VehicleId};
@@ -69,22 +69,22 @@ fn a_log_needs_no_other_file_and_keeps_what_the_command_line_changed() {
 #[test]
 fn a_person_who_takes_over_and_gives_back_is_in_the_log() {
     let folder = tempfile::tempdir().unwrap();
-    let options = Options { record: Some(folder.path().into()), ..Options::default() };
-    let live = Live::new(roundabout(40.0), options).unwrap();
-    live.order(Order::Speed(Speed::times(10.0)));
-    live.order(Order::Start);
+    let options = LiveOptions { record: Some(folder.path().into()), ..LiveOptions::default() };
+    let live = LiveRun::new(roundabout(40.0), options).unwrap();
+    live.send(RunCommand::Speed(Speed::times(10.0)));
+    live.send(RunCommand::Start);
     let vehicle = VehicleId(1);
-    until(&live, "a second", |moment| moment.now.tick > 100);
+    until(&live, "a second", |run_state| run_state.now.tick > 100);
     for gas in [0.2, 1.0 / 3.0] {
         let pedals = Pedals { gas, steering_rad: 0.02 * gas, ..Pedals::default() };
-        live.order(Order::Command(SimCommand::Drive(vehicle, pedals)));
-        until(&live, "the pedal", |moment| moment.now.vehicle(vehicle).unwrap().gas == gas);
+        live.send(RunCommand::Vehicle(SimCommand::Drive(vehicle, pedals)));
+        until(&live, "the pedal", |run_state| run_state.now.vehicle(vehicle).unwrap().gas == gas);
     }
-    live.order(Order::Command(SimCommand::Release(vehicle)));
-    let given_back = live.moment().now.tick;
-    until(&live, "some way further", |moment| moment.now.tick > given_back + 100);
-    live.order(Order::Pause);
-    let last = until(&live, "paused", |moment| moment.phase == Phase::Paused);
+    live.send(RunCommand::Vehicle(SimCommand::Release(vehicle)));
+    let given_back = live.run_state().now.tick;
+    until(&live, "some way further", |run_state| run_state.now.tick > given_back + 100);
+    live.send(RunCommand::Pause);
+    let last = until(&live, "paused", |run_state| run_state.phase == RunPhase::Paused);
     live.stop().unwrap();
     let log = folder.path().join("run-1/run.mcap");
     assert_eq!(read_commands(&log).unwrap().len(), 3);
@@ -106,12 +106,12 @@ fn a_served_city_comes_out_the_same_and_the_far_control_has_nothing_to_compare()
     // Both can be watched; whom the link has brought to the city is known by name.
     for log in ["served/run.mcap", "far/run.mcap"] {
         let mut player = Player::open(&folder.join(log), Box::new(|| {})).unwrap();
-        player.order(Cue::Seek(4.0));
+        player.command(PlaybackCommand::Seek(4.0));
         while !player.is_settled() {
-            player.look(Instant::now());
+            player.advance(Instant::now());
             std::thread::sleep(Duration::from_millis(1));
         }
-        let now = &player.moment().now;
+        let now = &player.run_state().now;
         let seen: Vec<_> = now.iter().map(|(v, info)| (v.id.0, info.name.as_str())).collect();
         let names = ["path1_a", "path1_b", "path1_c", "path2_a", "path2_b", "path2_c"];
         assert_eq!(seen, (1..).zip(names).collect::<Vec<_>>(), "{log}");
@@ -208,7 +208,7 @@ fn fifty_processes_that_are_killed_lose_their_last_second_at_most() {
 fn falsified(log: &Path, at_tick: u64, falsify: impl Fn(&mut SimCommand)) {
     let mut run = Run::new(roundabout(3.0)).unwrap();
     let sink = BufWriter::new(File::create(log).unwrap());
-    let mut writer = LogWriter::new(sink, run.experiment(), Origin::Run).unwrap();
+    let mut writer = LogWriter::new(sink, run.experiment(), LogOrigin::Run).unwrap();
     loop {
         let (tick, time_s, state_hash) = {
             let snapshot = run.snapshot();
@@ -276,7 +276,7 @@ fn what_is_no_log_of_city3d_is_refused_with_the_remedy() {
     let file = folder.path().join("a file");
     std::fs::write(&file, "t,tick,id\n").unwrap();
     let (code, _, said) = verify(&file);
-    assert!(code == 2 && said.contains("no MCAP file; give the run.mcap"), "{code} {said}");
+    assert!(code == 2 && said.contains("not an MCAP file; give the run.mcap"), "{code} {said}");
     mcap::Writer::new(File::create(&file).unwrap()).unwrap().finish().unwrap();
     let (code, _, said) = verify(&file);
     assert!(code == 2 && said.contains("give the run.mcap"), "{code} {said}");

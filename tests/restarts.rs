@@ -15,13 +15,13 @@ mod watch;
 use city3d::geom::Pose2;
 use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d::snapshot::Status;
-use city3d::wire::{Phase, Poses, Seen};
+use city3d::wire::{ExperimentPhase, ObservedVehicle, Poses};
 use link::{Process, mainframe, serve, serve_at, summary};
 use mixed::{PHYSICAL, mixed, testbed};
 use std::path::Path;
 use watch::{Watcher, hardest_braking, stand, torn_s};
 
-fn is_physical(seen: &Seen) -> bool {
+fn is_physical(seen: &ObservedVehicle) -> bool {
     PHYSICAL.iter().any(|(_, id)| *id == u64::from(seen.pose.vehicle.0))
 }
 
@@ -42,7 +42,7 @@ impl Lanes {
         (foot.distance, lane.curve.at(foot.s).curvature)
     }
 
-    fn is_on_arc(&self, seen: &Seen) -> bool {
+    fn is_on_arc(&self, seen: &ObservedVehicle) -> bool {
         self.under(seen.pose.pose_in_lab()).1.abs() > 1.0
     }
 
@@ -56,11 +56,12 @@ impl Lanes {
 }
 
 /// Those who move between two poses, by more than noise.
-fn moving<'p>(before: &'p Poses, after: &'p Poses) -> impl Iterator<Item = &'p Seen> {
+fn moving<'p>(before: &'p Poses, after: &'p Poses) -> impl Iterator<Item = &'p ObservedVehicle> {
     let dt_s = (after.time_s - before.time_s).max(1e-3);
     let pairs = before.vehicles.iter().zip(&after.vehicles);
-    let is_fast =
-        move |(a, b): &(&Seen, &Seen)| (b.pose.position - a.pose.position).length() * 25.0 / dt_s > 2.0;
+    let is_fast = move |(a, b): &(&ObservedVehicle, &ObservedVehicle)| {
+        (b.pose.position - a.pose.position).length() * 25.0 / dt_s > 2.0
+    };
     pairs.filter(is_fast).map(|(_, b)| b)
 }
 
@@ -129,8 +130,9 @@ impl<'a> Lab<'a> {
     fn watch_them_go(&mut self, what: &str) -> Vec<Poses> {
         for _ in 0..60 {
             let seen = self.watch(0.5);
-            let going: Vec<&Seen> = moving(&seen[0], &seen[seen.len() - 1]).collect();
-            let is_known = |poses: &Poses| poses.phase == Phase::Running && poses.vehicles.len() == 6;
+            let going: Vec<&ObservedVehicle> = moving(&seen[0], &seen[seen.len() - 1]).collect();
+            let is_known =
+                |poses: &Poses| poses.phase == ExperimentPhase::Running && poses.vehicles.len() == 6;
             if seen.iter().all(is_known)
                 && going.iter().any(|one| is_physical(one))
                 && going.iter().any(|one| !is_physical(one))
@@ -162,7 +164,7 @@ fn kill_the_mainframe(lab: &mut Lab<'_>) {
     let mut on_arc = [false; 2];
     for _ in 0..200 {
         let seen = lab.watch(0.1);
-        let going: Vec<&Seen> = moving(&seen[0], &seen[seen.len() - 1]).collect();
+        let going: Vec<&ObservedVehicle> = moving(&seen[0], &seen[seen.len() - 1]).collect();
         on_arc = [true, false]
             .map(|wanted| going.iter().any(|one| is_physical(one) == wanted && lab.lanes.is_on_arc(one)));
         if on_arc == [true; 2] {
@@ -197,7 +199,8 @@ fn kill_in_turn(lab: &mut Lab<'_>, between: impl FnOnce(&mut Lab<'_>)) {
     let before = lab.watcher.next();
     kill(&mut lab.city);
     lab.start_city();
-    let is_new = |poses: &Poses| poses.time_s < before.time_s - 0.5 && poses.phase == Phase::Running;
+    let is_new =
+        |poses: &Poses| poses.time_s < before.time_s - 0.5 && poses.phase == ExperimentPhase::Running;
     lab.watcher.until("does the new city run", is_new);
     let seen = lab.watch_them_go("after the city was killed");
     for (old, new) in before.vehicles.iter().zip(&seen[0].vehicles).filter(|(old, _)| !is_physical(old)) {
@@ -254,7 +257,7 @@ fn over_ros_the_master_may_be_killed_as_well() {
         let seen = lab.watch(1.5);
         assert!(seen.windows(2).all(|pair| pair[1].time_s > pair[0].time_s), "the city stood");
         let last = &seen[seen.len() - 1];
-        let is_lost = |one: &&Seen| matches!(one.status, Status::LinkLost | Status::Unseen);
+        let is_lost = |one: &&ObservedVehicle| matches!(one.status, Status::LinkLost | Status::Unseen);
         assert_eq!(last.vehicles.iter().filter(is_lost).count(), 0, "{last:?}");
         lab.watch_them_go("without a master");
         core = Some(ros.core());

@@ -1,7 +1,7 @@
 //! Fifty cars under the conditions of a laboratory. `scripts/robustness.sh` takes fifty seeds; here are three.
 
-use city3d::environment::Profile;
-use city3d::runner::{Outcome, Run};
+use city3d::environment::EnvironmentProfile;
+use city3d::runner::{Run, RunMetrics};
 use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d::snapshot::{EventKind, Status, VehicleId};
 use std::collections::BTreeMap;
@@ -18,15 +18,15 @@ fn city(overrides: Overrides) -> Arc<Experiment> {
     Arc::new(read_experiment("city", &text, &library, overrides).expect("a good scenario"))
 }
 
-fn outcome(seed: u64, profile: Profile) -> Outcome {
+fn outcome(seed: u64, profile: EnvironmentProfile) -> RunMetrics {
     let overrides = Overrides { seed: Some(seed), environment: Some(profile), ..Overrides::default() };
-    Outcome::of(city(overrides)).expect("a run")
+    RunMetrics::of(city(overrides)).expect("a run")
 }
 
 /// A status that flickered at the rate of control would be yielding for 20 ms.
 #[test]
 fn yielding_lasts_and_is_one_event() {
-    for profile in Profile::ALL {
+    for profile in EnvironmentProfile::ALL {
         let overrides =
             Overrides { duration_s: Some(60.0), environment: Some(profile), ..Overrides::default() };
         let experiment = city(overrides);
@@ -54,13 +54,13 @@ fn yielding_lasts_and_is_one_event() {
 
 #[test]
 fn fifty_cars_under_lag_and_noise_neither_collide_nor_freeze() {
-    let runs: Vec<[Outcome; 2]> = std::thread::scope(|scope| {
-        let both = |seed| Profile::ALL.map(|profile| outcome(seed, profile));
+    let runs: Vec<[RunMetrics; 2]> = std::thread::scope(|scope| {
+        let both = |seed| EnvironmentProfile::ALL.map(|profile| outcome(seed, profile));
         let threads = SEEDS.map(|seed| scope.spawn(move || both(seed)));
         threads.into_iter().map(|thread| thread.join().expect("two runs")).collect()
     });
     for (seed, outcomes) in SEEDS.iter().zip(&runs) {
-        for (outcome, profile) in outcomes.iter().zip(Profile::ALL) {
+        for (outcome, profile) in outcomes.iter().zip(EnvironmentProfile::ALL) {
             let what = format!("seed {seed}, {}", profile.name());
             assert_eq!(outcome.collisions, 0, "{what}");
             let stand_s = outcome.longest_stand_s;
@@ -68,7 +68,7 @@ fn fifty_cars_under_lag_and_noise_neither_collide_nor_freeze() {
         }
     }
     for (figure, of) in [
-        ("speed", (|outcome: &Outcome| outcome.mean_speed_mps) as fn(&Outcome) -> f64),
+        ("speed", (|outcome: &RunMetrics| outcome.mean_speed_mps) as fn(&RunMetrics) -> f64),
         ("merges", |outcome| f64::from(outcome.merges)),
         ("distance", |outcome| outcome.mean_distance_m),
     ] {

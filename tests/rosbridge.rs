@@ -7,7 +7,7 @@ mod link;
 #[path = "support/ros.rs"]
 mod ros;
 
-use city3d::link::vicon::{Carrier, Subject, Vicon, ViconOptions};
+use city3d::link::vicon::{RosTransport, Subject, Vicon, ViconOptions};
 use city3d::ros::{BridgeOptions, Keepalive};
 use city3d::snapshot::VehicleId;
 use city3d::wire::Measurement;
@@ -97,10 +97,12 @@ fn subjects() -> Arc<Vec<Subject>> {
 /// A client that publishes, or listens to others.
 fn client(server: &Server, keepalive: Keepalive, heard: Vec<Subject>) -> Vicon {
     let options = BridgeOptions { uri: server.uri().parse().unwrap(), keepalive };
-    let carrier = Carrier::Bridge(options);
-    let vicon = Vicon::start(ViconOptions { carrier, has_clock: false, heard, cameras: Vec::new() }).unwrap();
+    let carrier = RosTransport::Bridge(options);
+    let vicon =
+        Vicon::start(ViconOptions { carrier, has_clock: false, subscribed: heard, cameras: Vec::new() })
+            .unwrap();
     let begun = Instant::now();
-    while !vicon.figures().is_registered {
+    while !vicon.counters().is_registered {
         assert!(begun.elapsed() < Duration::from_secs(60), "no connection");
         std::thread::sleep(Duration::from_millis(10));
     }
@@ -146,7 +148,7 @@ fn a_publisher_to_which_the_server_sends_nothing_stays_connected() {
     let server = Server::alone(&[]);
     let mut vicon = client(&server, short(), Vec::new());
     publish(&mut vicon, &subjects(), 500);
-    let figures = vicon.figures();
+    let figures = vicon.counters();
     drop(vicon);
     let told = server.end();
     assert_eq!((figures.returns, figures.dropped, figures.slow), (0, 0, 0));
@@ -186,13 +188,13 @@ fn a_server_that_is_frozen_is_left_and_found_again() {
     let mut vicon = client(&server, short(), Vec::new());
     signal("-STOP");
     let begun = Instant::now();
-    while vicon.figures().is_registered {
+    while vicon.counters().is_registered {
         assert!(begun.elapsed() < Duration::from_secs(30), "nothing shows that the server is frozen");
         publish(&mut vicon, &subjects(), 10);
     }
     assert!(begun.elapsed() > Duration::from_secs(1), "left after {:?}", begun.elapsed());
     signal("-CONT");
-    wait_for(|| vicon.figures().returns, 1);
+    wait_for(|| vicon.counters().returns, 1);
 }
 
 #[test]

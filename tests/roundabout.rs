@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
 
-use city3d::environment::{EnvironmentSpec, Profile};
+use city3d::environment::{EnvironmentProfile, EnvironmentSpec};
 use city3d::runner::{Observer, Run};
 use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d::snapshot::VehicleId;
@@ -169,7 +169,7 @@ fn the_papers_outcome_with_both_dynamics() {
 
 /// What the two environments of the experiment come to with a seed.
 fn twice(seed: u64) -> [Outcome; 2] {
-    [Profile::Ideal, Profile::Testbed].map(|profile| {
+    [EnvironmentProfile::Ideal, EnvironmentProfile::Testbed].map(|profile| {
         let (text, library) = Library::scenario("roundabout").unwrap();
         let overrides = Overrides { seed: Some(seed), environment: Some(profile), ..Overrides::default() };
         run(&Arc::new(read_experiment("roundabout.toml", &text, &library, overrides).unwrap()))
@@ -195,7 +195,7 @@ fn roughness(outcome: &Outcome) -> f64 {
 #[test]
 fn the_two_runs_of_the_experiment_differ_in_the_environment_alone() {
     let (text, library) = Library::scenario("roundabout").unwrap();
-    let [ideal, testbed] = Profile::ALL.map(|profile| {
+    let [ideal, testbed] = EnvironmentProfile::ALL.map(|profile| {
         let overrides = Overrides { environment: Some(profile), ..Overrides::default() };
         read_experiment("roundabout.toml", &text, &library, overrides).unwrap()
     });

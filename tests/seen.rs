@@ -1,10 +1,10 @@
 //! What the control framework counts of a city that it sees by poses alone.
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
-use city3d::runner::{Run, SeenCity};
+use city3d::runner::{ObservedCity, Run};
 use city3d::scenario::{Library, Overrides, read_experiment};
 use city3d::snapshot::{EventKind, FrameSnapshot, Status, VehicleId};
-use city3d::wire::{Measurement, Phase, Poses, Seen};
+use city3d::wire::{ExperimentPhase, Measurement, ObservedVehicle, Poses};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -24,23 +24,23 @@ fn seen(
     let (text, library) = Library::scenario(scenario).unwrap();
     let experiment = Arc::new(read_experiment(scenario, &text, &library, Overrides::default()).unwrap());
     let mut run = Run::new(Arc::clone(&experiment)).unwrap();
-    let mut city = SeenCity::new(Arc::clone(&experiment));
+    let mut city = ObservedCity::new(Arc::clone(&experiment));
     let (mut true_stops, mut seen_stops) = (Stops::new(), Stops::new());
     let mut snapshot = run.snapshot().clone();
     for tick in 0..=experiment.ticks() {
-        let vehicles: Vec<Seen> = snapshot
+        let vehicles: Vec<ObservedVehicle> = snapshot
             .vehicles
             .iter()
             .map(|state| {
                 let mut pose = Measurement::of(state, snapshot.time_s, experiment.scale);
                 let status = status_of(state.status, &mut pose);
-                Seen { pose, status }
+                ObservedVehicle { pose, status }
             })
             .collect();
         let (time_s, state_hash) = (snapshot.time_s, snapshot.state_hash);
-        let (phase, vehicles_told) = (Phase::Running, Vec::new());
+        let (phase, vehicles_told) = (ExperimentPhase::Running, Vec::new());
         let head = Poses { tick, time_s, state_hash, phase, part: 0, parts: 1, vehicles: vehicles_told };
-        count(&mut seen_stops, city.see(&head, &vehicles));
+        count(&mut seen_stops, city.add_poses(&head, &vehicles));
         if tick < experiment.ticks() {
             snapshot = run.step().clone();
             count(&mut true_stops, &snapshot);

@@ -4,7 +4,7 @@
 #[path = "support/link.rs"]
 mod link;
 
-use city3d::figures::{Layout, RunLog, crossings};
+use city3d::figures::{RunLog, StreamLayout, crossings};
 use link::city3d;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -84,7 +84,7 @@ fn a_sweep_gives_the_same_table_with_other_threads_and_stopped_and_resumed() {
     assert_eq!(summary["state_hash"], row["state_hash"]);
     assert_eq!(summary["collisions"].to_string(), row["collisions"]);
     let log = RunLog::read(&folder.join("run/run.mcap")).unwrap();
-    let merge = Layout::of(&log, None, None).unwrap().merge.unwrap();
+    let merge = StreamLayout::of(&log, None, None).unwrap().merge.unwrap();
     let order: Vec<String> = crossings(&log, &merge).iter().map(|(_, id)| id.to_string()).collect();
     assert_eq!(order.join(" "), row["merge_order"]);
 

@@ -7,7 +7,7 @@
 #[path = "window/pictures.rs"]
 mod pictures;
 
-use city3d::city::dxf::{Drawing, Shape};
+use city3d::city::dxf::{Drawing, EntityShape};
 use city3d::record::read_commands;
 use city3d::snapshot::{SimCommand, VehicleId};
 use glam::DVec2;
@@ -231,13 +231,13 @@ fn rows(folder: &Path, id: &str) -> Vec<(String, f64, f64)> {
 fn draw(folder: &Path) -> PathBuf {
     let mut drawing = Drawing::default();
     let name = |drawing: &mut Drawing, at: DVec2, text: &str| {
-        drawing.add("NAMES", Shape::Text { at, height: 0.02, text: text.to_owned() });
+        drawing.add("NAMES", EntityShape::Text { at, height: 0.02, text: text.to_owned() });
     };
-    drawing.add("LANES", Shape::Line { from: DVec2::ZERO, to: DVec2::new(1.0, 0.0) });
+    drawing.add("LANES", EntityShape::Line { from: DVec2::ZERO, to: DVec2::new(1.0, 0.0) });
     name(&mut drawing, DVec2::new(0.5, 0.0), "straight");
     let centre = DVec2::new(1.0, -0.8);
-    drawing.add("LANES", Shape::Arc { centre, radius: 0.8, from_deg: 0.0, to_deg: 90.0 });
-    drawing.add("LANES", Shape::Line { from: DVec2::new(-3.0, 2.0), to: DVec2::new(-1.0, 2.0) });
+    drawing.add("LANES", EntityShape::Arc { centre, radius: 0.8, from_deg: 0.0, to_deg: 90.0 });
+    drawing.add("LANES", EntityShape::Line { from: DVec2::new(-3.0, 2.0), to: DVec2::new(-1.0, 2.0) });
     name(&mut drawing, DVec2::new(-2.0, 2.0), "other");
     let map = folder.join("map.dxf");
     std::fs::write(&map, drawing.to_dxf()).unwrap();

@@ -7,15 +7,16 @@ use city3d::snapshot::{
     VehicleId, VehicleSpec,
 };
 use city3d::wire::{
-    Action, Body, Build, Clock, DropReason, Fault, HEADER_BYTES, Header, LONGEST_DATAGRAM, Measurement,
-    Message, Outcome, Phase, Poses, Seal, Seen, VehicleSetup, pack,
+    Authenticator, Body, CityClock, DatagramHeader, DecodeFault, DropReason, ExperimentAction,
+    ExperimentPhase, HEADER_BYTES, MAX_DATAGRAM_BYTES, Measurement, Message, ObservedVehicle, Poses,
+    RequestOutcome, VehicleBuild, VehicleSetup, pack,
 };
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use std::path::PathBuf;
 
-fn seals() -> [Seal; 2] {
-    [Seal::Checksum, Seal::Key(b"a key of the laboratory".to_vec())]
+fn authenticators() -> [Authenticator; 2] {
+    [Authenticator::Checksum, Authenticator::Key(b"a key of the laboratory".to_vec())]
 }
 
 fn vehicle() -> impl Strategy<Value = VehicleId> {
@@ -46,7 +47,7 @@ fn trajectory() -> impl Strategy<Value = Trajectory> {
     )
 }
 
-fn build() -> impl Strategy<Value = Build> {
+fn build() -> impl Strategy<Value = VehicleBuild> {
     let spec = (1.0..1e5f64, 1..=24usize, prop::sample::select(vec![Drive::Front, Drive::Rear, Drive::All]));
     let spec = spec.prop_map(|(number, points, drive)| {
         let mut spec =
@@ -55,9 +56,9 @@ fn build() -> impl Strategy<Value = Build> {
         spec.dimensions.length_m = 1.0 / number;
         let point = |k: usize| TorquePoint { rpm: number * k as f64, torque_nm: number };
         spec.motor.torque_curve = (0..points).map(point).collect();
-        Build::Spec(Box::new(spec))
+        VehicleBuild::Spec(Box::new(spec))
     });
-    prop_oneof!["[a-zß]{0,32}".prop_map(Build::Type), spec]
+    prop_oneof!["[a-zß]{0,32}".prop_map(VehicleBuild::Type), spec]
 }
 
 fn setup() -> impl Strategy<Value = VehicleSetup> {
@@ -87,14 +88,14 @@ fn poses() -> impl Strategy<Value = Poses> {
         |([tick, state_hash], stamp_s, part, seen)| {
             let vehicles = seen.into_iter().map(|((vehicle, at, turn), status)| {
                 let (position, orientation) = (DVec3::from(at), DQuat::from_array(turn));
-                Seen { pose: Measurement { vehicle, stamp_s, position, orientation }, status }
+                ObservedVehicle { pose: Measurement { vehicle, stamp_s, position, orientation }, status }
             });
             let vehicles = vehicles.collect();
             Poses {
                 tick,
                 time_s: stamp_s,
                 state_hash,
-                phase: Phase::Running,
+                phase: ExperimentPhase::Running,
                 part,
                 parts: part + 1,
                 vehicles,
@@ -103,23 +104,23 @@ fn poses() -> impl Strategy<Value = Poses> {
     )
 }
 
-fn clock() -> impl Strategy<Value = Clock> {
+fn clock() -> impl Strategy<Value = CityClock> {
     (any::<[u64; 2]>(), 0.0..=1e9f64, any::<u32>(), 0.0..=1e6f64, any::<bool>()).prop_map(
-        |([token, tick], time_s, physics_hz, length_scale, is_lockstep)| Clock {
+        |([token, tick], time_s, physics_hz, length_scale, is_lockstep)| CityClock {
             token,
             tick,
             time_s,
             physics_hz,
             length_scale,
-            phase: Phase::Paused,
+            phase: ExperimentPhase::Paused,
             is_lockstep,
         },
     )
 }
 
 fn body() -> impl Strategy<Value = Body> {
-    let actions = vec![Action::Start, Action::Pause, Action::Reset];
-    let outcomes = vec![Outcome::Done, Outcome::Busy, Outcome::Refused];
+    let actions = vec![ExperimentAction::Start, ExperimentAction::Pause, ExperimentAction::Reset];
+    let outcomes = vec![RequestOutcome::Done, RequestOutcome::Busy, RequestOutcome::Refused];
     prop_oneof![
         any::<u64>().prop_map(|token| Body::Hello { token }),
         (any::<u32>(), setup()).prop_map(|(request, setup)| Body::Setup { request, setup: Box::new(setup) }),
@@ -141,8 +142,8 @@ fn body() -> impl Strategy<Value = Body> {
     ]
 }
 
-fn header() -> impl Strategy<Value = Header> {
-    (any::<[u64; 3]>(), any::<u32>()).prop_map(|([session, peer, sequence], world)| Header {
+fn header() -> impl Strategy<Value = DatagramHeader> {
+    (any::<[u64; 3]>(), any::<u32>()).prop_map(|([session, peer, sequence], world)| DatagramHeader {
         kind: 0,
         session,
         peer,
@@ -165,12 +166,12 @@ proptest! {
 
     #[test]
     fn what_is_sent_is_received(header in header(), body in body()) {
-        for seal in seals() {
-            let bytes = body.encode(header, &seal).unwrap();
-            prop_assert!(bytes.len() <= LONGEST_DATAGRAM);
-            let (read, back) = Body::decode(&bytes, &seal).unwrap();
+        for authenticator in authenticators() {
+            let bytes = body.encode(header, &authenticator).unwrap();
+            prop_assert!(bytes.len() <= MAX_DATAGRAM_BYTES);
+            let (read, back) = Body::decode(&bytes, &authenticator).unwrap();
             prop_assert_eq!(&back, &body);
-            prop_assert_eq!(Header { kind: 0, ..read }, header);
+            prop_assert_eq!(DatagramHeader { kind: 0, ..read }, header);
         }
         let (kind, bytes) = body.to_log().unwrap();
         prop_assert_eq!(Body::from_log(kind, &bytes).unwrap(), body);
@@ -178,8 +179,8 @@ proptest! {
 
     #[test]
     fn any_bytes_are_read_or_refused_with_a_place(bytes in prop::collection::vec(any::<u8>(), 0..1300)) {
-        for seal in seals() {
-            let error = Body::decode(&bytes, &seal).unwrap_err();
+        for authenticator in authenticators() {
+            let error = Body::decode(&bytes, &authenticator).unwrap_err();
             prop_assert!(error.offset <= bytes.len() && !error.field.is_empty());
         }
         for kind in 0..=255 {
@@ -195,25 +196,25 @@ proptest! {
         changes in prop::collection::vec((any::<prop::sample::Index>(), 1..=255u8), 1..6),
         cut in any::<prop::sample::Index>(),
     ) {
-        let header = Header { session: 7, peer: 8, world: 1, sequence: 9, kind: 0 };
-        for seal in seals() {
-            let good = body.encode(header, &seal).unwrap();
+        let header = DatagramHeader { session: 7, peer: 8, world: 1, sequence: 9, kind: 0 };
+        for authenticator in authenticators() {
+            let good = body.encode(header, &authenticator).unwrap();
             let mut bad = good.clone();
             for (place, change) in &changes {
                 let place = place.index(bad.len());
                 bad[place] ^= change;
             }
             prop_assume!(bad != good);
-            prop_assert!(Body::decode(&bad, &seal).is_err());
-            prop_assert!(Body::decode(&good[..cut.index(good.len())], &seal).is_err());
+            prop_assert!(Body::decode(&bad, &authenticator).is_err());
+            prop_assert!(Body::decode(&good[..cut.index(good.len())], &authenticator).is_err());
         }
         // With the right check value: taken for something else, or refused with its place.
-        let mut bad = body.encode(header, &Seal::Checksum).unwrap();
+        let mut bad = body.encode(header, &Authenticator::Checksum).unwrap();
         for (place, change) in &changes {
             let place = HEADER_BYTES + place.index(bad.len() - HEADER_BYTES);
             bad[place] ^= change;
         }
-        if let Err(error) = Body::decode(&checked(bad.clone()), &Seal::Checksum) {
+        if let Err(error) = Body::decode(&checked(bad.clone()), &Authenticator::Checksum) {
             prop_assert!(error.offset <= bad.len());
         }
     }
@@ -229,8 +230,8 @@ fn drive_on(vehicle: u32, points: usize) -> Trajectory {
     Trajectory { vehicle: VehicleId(vehicle), sequence: 42, points, ..Trajectory::default() }
 }
 
-fn example() -> (Header, Body) {
-    let header = Header {
+fn example() -> (DatagramHeader, Body) {
+    let header = DatagramHeader {
         kind: 0,
         session: 0x0011_2233_4455_6677,
         peer: 0x8899_aabb_ccdd_eeff,
@@ -256,9 +257,9 @@ fn the_worked_example_of_the_document_is_right() {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs/wire.md");
     let blocks = hex_blocks(&std::fs::read_to_string(path).unwrap());
     let (header, body) = example();
-    let plain = body.encode(header, &Seal::Checksum).unwrap();
-    let seal = Seal::Key(b"0123456789abcdef".to_vec());
-    let signed = body.encode(header, &seal).unwrap();
+    let plain = body.encode(header, &Authenticator::Checksum).unwrap();
+    let authenticator = Authenticator::Key(b"0123456789abcdef".to_vec());
+    let signed = body.encode(header, &authenticator).unwrap();
     let tag = signed[signed.len() - 16..].to_vec();
     assert_eq!(blocks, [plain, tag], "the blocks of docs/wire.md");
 }
@@ -266,47 +267,53 @@ fn the_worked_example_of_the_document_is_right() {
 #[test]
 fn errors_name_field_place_and_what_would_be_right() {
     let (header, body) = example();
-    let good = body.encode(header, &Seal::Checksum).unwrap();
+    let good = body.encode(header, &Authenticator::Checksum).unwrap();
     // The time stamp of the first point: behind the header, the count and the trajectory's own header.
     let stamp = HEADER_BYTES + 4 + 12;
     let planted = |place: usize, bytes: &[u8]| {
         let mut bad = good.clone();
         bad[place..place + bytes.len()].copy_from_slice(bytes);
-        Body::decode(&checked(bad), &Seal::Checksum).unwrap_err()
+        Body::decode(&checked(bad), &Authenticator::Checksum).unwrap_err()
     };
     let error = planted(stamp, &f64::NAN.to_le_bytes());
-    assert_eq!((error.field, error.offset, &error.fault), ("time", stamp, &Fault::NotFinite));
+    assert_eq!((error.field, error.offset, &error.fault), ("time", stamp, &DecodeFault::NotFinite));
     assert_eq!(DropReason::from(&error), DropReason::NotFinite);
     assert_eq!(error.to_string(), format!("time, byte {stamp}: not a finite number"));
     let error = planted(stamp + 8, &5e3f64.to_le_bytes());
     assert_eq!(error.to_string(), format!("x, byte {}: 5000; it must be between -1000 and 1000", stamp + 8));
     let error = planted(stamp + 40, &1.5f64.to_le_bytes());
-    assert_eq!((error.field, error.fault), ("time", Fault::NotLater));
+    assert_eq!((error.field, error.fault), ("time", DecodeFault::NotLater));
     let error = planted(HEADER_BYTES + 4 + 10, &[29]);
     assert_eq!(error.to_string(), format!("points, byte {}: 29; it must be between 1 and 28", stamp - 2));
     let error = planted(5, &[99]);
-    assert_eq!(error.to_string(), "kind, byte 5: 99 stands for nothing; there are 1 to 7 and 65 to 67");
+    assert_eq!(error.to_string(), "kind, byte 5: 99 is unknown; there are 1 to 7 and 65 to 67");
     let error = planted(4, &[2]);
-    assert_eq!(error.to_string(), "version, byte 4: version 2; version 1 is spoken here");
-    assert_eq!(Body::decode(b"GET / HTTP/1.1", &Seal::Checksum).unwrap_err().fault, Fault::Magic);
+    assert_eq!(error.to_string(), "version, byte 4: version 2; this program speaks version 1");
+    assert_eq!(
+        Body::decode(b"GET / HTTP/1.1", &Authenticator::Checksum).unwrap_err().fault,
+        DecodeFault::Magic
+    );
     let mut long = good.clone();
     long.truncate(good.len() - 4);
     long.extend_from_slice(&[0; 12]);
-    let error = Body::decode(&checked(long), &Seal::Checksum).unwrap_err();
-    assert_eq!((error.field, error.fault), ("end", Fault::Trailing { found: 8 }));
+    let error = Body::decode(&checked(long), &Authenticator::Checksum).unwrap_err();
+    assert_eq!((error.field, error.fault), ("end", DecodeFault::Trailing { found: 8 }));
 }
 
 #[test]
 fn a_key_keeps_others_out() {
     let (header, body) = example();
-    let seal = |key: &str| Seal::Key(key.as_bytes().to_vec());
-    let signed = body.encode(header, &seal("0123456789abcdef")).unwrap();
-    assert_eq!(Body::decode(&signed, &seal("0123456789abcdeg")).unwrap_err().fault, Fault::Check);
-    assert_eq!(Body::decode(&signed, &Seal::Checksum).unwrap_err().fault, Fault::NoKey);
-    let plain = body.encode(header, &Seal::Checksum).unwrap();
-    let error = Body::decode(&plain, &seal("0123456789abcdef")).unwrap_err();
-    assert_eq!(error.fault, Fault::Unauthenticated);
-    assert_eq!(format!("{:?}", seal("0123456789abcdef")), "Key", "no key in a log");
+    let authenticator = |key: &str| Authenticator::Key(key.as_bytes().to_vec());
+    let signed = body.encode(header, &authenticator("0123456789abcdef")).unwrap();
+    assert_eq!(
+        Body::decode(&signed, &authenticator("0123456789abcdeg")).unwrap_err().fault,
+        DecodeFault::Check
+    );
+    assert_eq!(Body::decode(&signed, &Authenticator::Checksum).unwrap_err().fault, DecodeFault::NoKey);
+    let plain = body.encode(header, &Authenticator::Checksum).unwrap();
+    let error = Body::decode(&plain, &authenticator("0123456789abcdef")).unwrap_err();
+    assert_eq!(error.fault, DecodeFault::Unauthenticated);
+    assert_eq!(format!("{:?}", authenticator("0123456789abcdef")), "Key", "no key in a log");
 }
 
 #[test]
@@ -318,7 +325,9 @@ fn messages_are_packed_in_their_order_into_few_datagrams() {
     let bodies = pack(messages());
     let mut back = Vec::new();
     for body in &bodies {
-        assert!(body.encode(Header::default(), &seals()[1]).unwrap().len() <= LONGEST_DATAGRAM);
+        assert!(
+            body.encode(DatagramHeader::default(), &authenticators()[1]).unwrap().len() <= MAX_DATAGRAM_BYTES
+        );
         match body {
             Body::Trajectories(list) => back.extend(list.iter().cloned().map(Message::Follow)),
             Body::Remove { vehicle, .. } => back.push(Message::Remove(*vehicle)),
@@ -327,6 +336,7 @@ fn messages_are_packed_in_their_order_into_few_datagrams() {
     }
     assert_eq!(back, messages().collect::<Vec<_>>());
     assert_eq!(bodies.len(), 5, "two cars in each of the first two, one, the removal, the long one");
-    let error = Body::Trajectories(vec![drive_on(1, 29)]).encode(Header::default(), &Seal::Checksum);
+    let error =
+        Body::Trajectories(vec![drive_on(1, 29)]).encode(DatagramHeader::default(), &Authenticator::Checksum);
     assert_eq!(error.unwrap_err().to_string(), "points: 29; at most 28 fit in a datagram");
 }

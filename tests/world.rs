@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
 
-use city3d::city::dxf::{Drawing, Shape};
+use city3d::city::dxf::{Drawing, EntityShape};
 use city3d::geom::Pose2;
 use city3d::runner::Run;
 use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
@@ -192,11 +192,11 @@ fn crossing(folder: &Path) -> String {
         ("west", p(6.0, 0.06), p(3.2, 0.06)),
         ("north", p(3.0, -3.0), p(3.0, 3.0)),
     ] {
-        drawing.add("LANES", Shape::Line { from, to });
+        drawing.add("LANES", EntityShape::Line { from, to });
         let at = from + (to - from) * 0.25;
-        drawing.add("NAMES", Shape::Text { at, height: 0.02, text: name.to_owned() });
+        drawing.add("NAMES", EntityShape::Text { at, height: 0.02, text: name.to_owned() });
     }
-    drawing.add("SCENERY_WALL", Shape::Line { from: WALL[0] / 25.0, to: WALL[1] / 25.0 });
+    drawing.add("SCENERY_WALL", EntityShape::Line { from: WALL[0] / 25.0, to: WALL[1] / 25.0 });
     let path = folder.join("crossing.dxf");
     std::fs::write(&path, drawing.to_dxf()).unwrap();
     path.to_str().unwrap().to_owned()

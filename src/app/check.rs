@@ -15,17 +15,17 @@ pub struct CheckArgs {
     /// Scenarios (.toml) and maps (.dxf), as files or names of shipped ones
     #[arg(required = true, value_name = "FILE")]
     files: Vec<String>,
-    /// List the lanes as well, of a scenario those of its map: names for routes
+    /// List the lanes of the maps too, with the names that routes use
     #[arg(long)]
     lanes: bool,
-    /// One JSON line a file instead of text
+    /// Print one line of JSON per file instead of text
     #[arg(long)]
     json: bool,
-    /// Repair a measured map: move ends together that are this far apart (15mm, 0.5in, 0.015m), make joints
-    /// tangent, drop and trim what is drawn twice
+    /// Repair a measured map: join ends up to this far apart (15mm, 0.5in, 0.015m), make joints tangent, and
+    /// delete or trim what is drawn twice
     #[arg(long, value_name = "LENGTH", requires = "out")]
     repair: Option<Length>,
-    /// Where the repaired map is written
+    /// File for the repaired map
     #[arg(long, value_name = "FILE", requires = "repair")]
     out: Option<PathBuf>,
 }
@@ -116,7 +116,7 @@ fn lane_rows(map: &LabMap) -> Vec<LaneRow<'_>> {
 fn print_lanes(map: &LabMap) -> Result<(), Failure> {
     let rows = lane_rows(map);
     let width = rows.iter().map(|row| row.name.len()).max().unwrap_or(0).max(4);
-    let mut text = format!("{:<width$}  length m  limit m/s  goes on to\n", "lane");
+    let mut text = format!("{:<width$}  length m  limit m/s  leads to\n", "lane");
     for row in rows {
         let (length_m, limit_mps) = (row.length_m, row.speed_limit_mps);
         let next = row.successors.join(" ");
@@ -169,7 +169,7 @@ fn check_scenario(file: &str) -> Finding {
     );
     for moved in &experiment.moved {
         text.push_str(&format!(
-            "\n{file}: note: vehicle {} overlaps vehicle {} at the start and is put {:.2} m further back",
+            "\n{file}: note: vehicle {} overlaps vehicle {} at the start; it starts {:.2} m further back",
             moved.vehicle, moved.behind, moved.by_m
         ));
     }

@@ -5,7 +5,7 @@ use super::overwrite::OverwriteArgs;
 use super::plot::{self, FigureArgs};
 use super::say::say;
 use super::{Failure, create_folder};
-use crate::figures::{Comparison, Row, Views, write};
+use crate::figures::{Comparison, ComparisonRow, FigureSet, write};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -14,7 +14,7 @@ pub struct CompareArgs {
     /// The run.mcap of one run, or its folder
     #[arg(value_parser = log_argument)]
     a: PathBuf,
-    /// And that of another one of the same scenario
+    /// The run.mcap or the folder of another run of the same scenario
     #[arg(value_parser = log_argument)]
     b: PathBuf,
     /// Folder for figures with both runs (SVG, PNG, CSV), comparison.csv and comparison.json
@@ -33,7 +33,7 @@ pub fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let runs = [plot::read(&args.a)?, plot::read(&args.b)?];
     let layout = args.figures.layout(&runs[0])?;
     let only = args.figures.vehicles(&runs[0])?;
-    let views = Views::new(&runs, &layout, &only);
+    let views = FigureSet::new(&runs, &layout, &only);
     let comparison = Comparison::of(&runs, &layout, views.labels()).map_err(Failure::bad_input)?;
     let (mut figures, notes) = views.all();
     figures.push(views.difference());
@@ -77,8 +77,8 @@ fn print(comparison: &Comparison) -> Result<(), Failure> {
         ))?;
     }
     match settings.len() {
-        0 => say("the settings are the same")?,
-        _ => say(format_args!("different before they begin (A, B):"))?,
+        0 => say("both runs have the same settings")?,
+        _ => say(format_args!("settings that differ (A, B):"))?,
     }
     settings.iter().try_for_each(|line| say(format_args!("  {line}")))?;
     match merge {
@@ -88,7 +88,7 @@ fn print(comparison: &Comparison) -> Result<(), Failure> {
     let mut vehicle = None;
     say(format_args!("{:<36}{:>28}{:>28}", "", "A", "B"))?;
     for row in rows {
-        let Row { quantity, unit, name, values, .. } = row;
+        let ComparisonRow { quantity, unit, name, values, .. } = row;
         if row.vehicle != vehicle {
             vehicle = row.vehicle;
             say(name)?;
@@ -104,7 +104,7 @@ fn print(comparison: &Comparison) -> Result<(), Failure> {
             say(format_args!("  {:<34}{a:>28}{b:>28}", format!("{quantity}{unit}")))?;
         }
     }
-    say("between the runs at the same time: mean distance, largest, RMS difference of speed")?;
+    say("distance between the runs at the same time: mean, largest; RMS difference of speed")?;
     for one in apart {
         say(format_args!(
             "  {:<24}{:>10.4} m{:>10.4} m at {:.2} s{:>10.4} m/s",

@@ -1,10 +1,10 @@
-//! The files of a run that a command writes: the log, the table and the summary.
+//! Files of a run: `run.mcap`, `vehicles.csv` and `summary.json`.
 
 use super::overwrite::OverwriteArgs;
 use super::say::say;
 use super::{Failure, create_folder};
 use crate::mainframe::Mainframe;
-use crate::record::{Cadence, NetworkCommand, Origin, Recorder};
+use crate::record::{Cadence, LogOrigin, NetworkCommand, Recorder};
 use crate::runner::{LinkSummary, Observer, Summary};
 use crate::scenario::Experiment;
 use crate::snapshot::{Event, FrameSnapshot, SimCommand};
@@ -13,7 +13,7 @@ use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// How much is written.
+/// Options of the files of a run.
 #[derive(Clone, Copy, Debug, Args)]
 pub struct LogArgs {
     /// Snapshots per simulated second in the log
@@ -27,69 +27,70 @@ pub struct LogArgs {
 }
 
 impl LogArgs {
-    /// Refuses a folder that has a run already, or of a process that makes several runs any of them: see
-    /// [`folder_of`].
+    /// Refuses a folder that already has a run, or one of the parts of [`folder_of`].
     pub fn check_folder(self, folder: &Path) -> Result<(), Failure> {
         self.overwrite.check_run(folder)?;
-        self.overwrite.check_runs(folder, PART)
+        self.overwrite.check_runs(folder, PART_PREFIX)
     }
 
-    /// The same for a run that may write over the one before.
+    /// The same options, with leave to overwrite.
     #[cfg(feature = "render")]
     pub fn forced(self) -> Self {
         Self { overwrite: OverwriteArgs { force: true }, ..self }
     }
 }
 
-/// Where the names of the folders of later runs begin.
-const PART: &str = "part-";
+/// Prefix of the folders of the second and later runs.
+const PART_PREFIX: &str = "part-";
 
-/// The folder of one of several runs of a process, counted from 1: the first has the folder that was asked for.
+/// The folder of one of several runs of a process, counted from 1; the first has the folder `out` itself.
 pub fn folder_of(out: Option<&Path>, part: u32) -> Option<PathBuf> {
-    out.map(|folder| if part <= 1 { folder.to_path_buf() } else { folder.join(format!("{PART}{part}")) })
+    out.map(
+        |folder| if part <= 1 { folder.to_path_buf() } else { folder.join(format!("{PART_PREFIX}{part}")) },
+    )
 }
 
-/// A folder that is not there yet, for files of which nobody has said where they shall be: `out/NAME-1`, then `out/NAME-2`.
+/// A new folder for a run without `--out`: `out/NAME-1`, then `out/NAME-2`.
 pub fn new_folder(name: &str) -> PathBuf {
     let name = name.replace(|c: char| !(c.is_alphanumeric() || "-_.".contains(c)), "_");
     let folder = |number: u32| Path::new("out").join(format!("{name}-{number}"));
     (1..).map(folder).find(|folder| !folder.exists()).unwrap_or_else(|| folder(0))
 }
 
-/// The log itself, of a folder of a run the one in it.
+/// The path of a log, also when it is given by its folder.
 pub fn log_of(path: &Path) -> PathBuf {
     let inside = path.join("run.mcap");
     if inside.is_file() { inside } else { path.to_path_buf() }
 }
 
-/// The same of an argument on the command line.
+/// [`log_of`] as a parser of command-line arguments.
 pub fn log_argument(text: &str) -> Result<PathBuf, Infallible> {
     Ok(log_of(Path::new(text)))
 }
 
-/// The files of one run; with no folder only what happens is kept.
-pub struct Files {
+/// The open files of one run; without a folder only the summary is computed.
+pub struct RunFiles {
     folder: Option<PathBuf>,
     recorder: Option<Recorder>,
     observer: Observer,
-    origin: Origin,
+    origin: LogOrigin,
     events: Vec<Event>,
     tick_events: Vec<Event>,
     start: Instant,
 }
 
-impl Files {
-    /// Begins files; they are whole up to the last simulated second whatever becomes of the process.
+impl RunFiles {
+    /// Opens the files. They are complete up to the last simulated second even if the process dies.
     pub fn begin(
         folder: Option<PathBuf>,
         experiment: &Experiment,
-        origin: Origin,
+        origin: LogOrigin,
         args: LogArgs,
     ) -> Result<Self, Failure> {
         let physics_hz = experiment.rates.physics_hz;
         for (option, hz) in [("--log-hz", args.log_hz), ("--csv-hz", args.csv_hz)] {
             if hz > physics_hz {
-                tracing::warn!("{option} {hz}: there are {physics_hz} instants a second, each is written");
+                tracing::warn!("{option} {hz}: the run has {physics_hz} ticks per second, all are written");
             }
         }
         let every = |hz: u32| u64::from((physics_hz / hz).max(1));
@@ -109,7 +110,7 @@ impl Files {
         Ok(Self { folder, recorder, observer, origin, events: Vec::new(), tick_events: Vec::new(), start })
     }
 
-    /// The instant at which the run begins.
+    /// Records the initial snapshot.
     pub fn first(&mut self, snapshot: &FrameSnapshot) -> Result<(), Failure> {
         match &mut self.recorder {
             Some(recorder) => recorder.record(snapshot, &[]).map_err(Failure::failed),
@@ -117,14 +118,14 @@ impl Files {
         }
     }
 
-    /// The commands of the step that begins at a tick.
+    /// Records the commands of the step that begins at a tick.
     pub fn commands(&mut self, tick: u64, time_s: f64, commands: &[SimCommand]) {
         if let Some(recorder) = &mut self.recorder {
             recorder.commands(tick, time_s, commands);
         }
     }
 
-    /// What came over the laboratory's link.
+    /// Records a command that came over the link.
     pub fn network(&mut self, time_s: f64, command: NetworkCommand) -> Result<(), Failure> {
         match &mut self.recorder {
             Some(recorder) => recorder.network(time_s, command).map_err(Failure::failed),
@@ -132,7 +133,7 @@ impl Files {
         }
     }
 
-    /// The instant after a tick.
+    /// Records the snapshot after a tick.
     pub fn tick(&mut self, mainframe: Option<&Mainframe>, snapshot: &FrameSnapshot) -> Result<(), Failure> {
         self.tick_events.clear();
         self.tick_events.extend_from_slice(&snapshot.events);
@@ -144,7 +145,7 @@ impl Files {
         Ok(())
     }
 
-    /// Ends the files, and writes the summary.
+    /// Closes the files and writes the summary.
     pub fn finish(
         self,
         experiment: &Experiment,
@@ -165,7 +166,7 @@ impl Files {
     }
 }
 
-/// A run that is written over has no summary until the new one ends.
+/// An overwritten run has no summary until the new one ends.
 fn remove_summary(folder: &Path) -> Result<(), Failure> {
     let path = folder.join("summary.json");
     match std::fs::remove_file(&path) {
@@ -182,7 +183,10 @@ fn write_summary(folder: &Path, summary: &Summary) -> Result<(), Failure> {
     std::fs::write(&path, text).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
 }
 
-/// Says what a run came to, and whether it has failed.
+/// Prints the summary of a run.
+///
+/// # Errors
+/// When the scenario forbids collisions and the run has some.
 pub fn conclude(
     summary: &Summary,
     experiment: &Experiment,
@@ -194,7 +198,7 @@ pub fn conclude(
     } else {
         print(summary, folder)?;
     }
-    if summary.collisions > 0 && experiment.outcome.collisions_forbidden {
+    if summary.collisions > 0 && experiment.expectations.collisions_forbidden {
         let count = summary.collisions;
         return Err(Failure::failed(format!(
             "{count} collisions in a scenario that forbids them (collisions_forbidden)"

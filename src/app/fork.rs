@@ -1,31 +1,31 @@
-//! `city3d run LOG --from-tick N`: a recorded run that goes on otherwise from the middle.
+//! `city3d run LOG --from-tick N`: forks a recorded run at a tick, by replay up to it.
 
-use super::files::{Files, LogArgs, log_of};
-use super::run::drive;
-use super::{Failure, Model, ProfileArg, ScenarioArgs, load, progress, replay};
-use crate::environment::Profile;
-use crate::record::{Origin, is_log};
+use super::files::{LogArgs, RunFiles, log_of};
+use super::run::simulate_rest;
+use super::{Failure, ModelArg, ProfileArg, ScenarioArgs, load, progress, replay};
+use crate::environment::EnvironmentProfile;
+use crate::record::{LogOrigin, is_log};
 use crate::replay::Replay;
-use crate::runner::{Control, Run, Summary};
+use crate::runner::{ControlLoop, Run, Summary};
 use crate::scenario::Experiment;
 use crate::snapshot::{ModelKind, SimCommand};
 use crate::wire::Measurement;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What a fork begins with.
-pub struct Fork<'a> {
-    /// The log, and what the command line changes.
+/// Arguments of a forked run.
+pub struct ForkedRun<'a> {
+    /// The log, with the changes of the command line.
     pub args: &'a ScenarioArgs,
     pub from_tick: u64,
-    /// The scenario from there on; without one that of the log.
+    /// The scenario after the fork; that of the log if `None`.
     pub scenario: Option<&'a String>,
     pub log: LogArgs,
 }
 
-impl Fork<'_> {
-    /// Makes the run again up to the tick, and goes on; gives its experiment as it is from there on, and the folder that
-    /// was chosen for its files.
+impl ForkedRun<'_> {
+    /// Replays the run up to the tick and simulates on; returns the summary, the experiment after the fork and the
+    /// folder of the files.
     pub fn run(
         &self,
         folder: impl FnOnce(&Experiment) -> PathBuf,
@@ -33,16 +33,16 @@ impl Fork<'_> {
         let path = &log_of(Path::new(&self.args.scenario));
         if !is_log(path) {
             return Err(Failure::bad_input(format!(
-                "{}: --from-tick goes on from the log of a run; give its run.mcap",
+                "{}: --from-tick continues a recorded run; give its run.mcap",
                 path.display()
             )));
         }
         let mut replay = Replay::open(path).map_err(replay::failure)?;
         replay::warn_of_version(&replay);
-        if replay.log().origin() != Origin::Run {
+        if replay.log().origin() != LogOrigin::Run {
             return Err(Failure::bad_input(format!(
-                "{}: the vehicles of this log were driven over the link, and their routes are not in it; give the \
-                 log of city3d run or of the window",
+                "{}: this log has no routes of its vehicles, so its run cannot be continued; give the log of city3d \
+                 run or of the window",
                 path.display()
             )));
         }
@@ -50,7 +50,7 @@ impl Fork<'_> {
         let changed = Arc::new(self.changed(&original)?);
         if changed.ticks() <= self.from_tick {
             return Err(Failure::bad_input(format!(
-                "the run would end at tick {}, before it goes on from tick {}; give a longer --duration",
+                "the run would end at tick {}, and --from-tick is {}; give a longer --duration",
                 changed.ticks(),
                 self.from_tick
             )));
@@ -59,41 +59,43 @@ impl Fork<'_> {
         if log_of(&folder).canonicalize().is_ok_and(|there| path.canonicalize().is_ok_and(|log| log == there))
         {
             return Err(Failure::bad_input(format!(
-                "--out {}: the log that the run goes on from lies there and would be written over; choose another folder",
+                "--out {}: this folder has the log that is to be continued, and would lose it; choose another folder",
                 folder.display()
             )));
         }
-        let mut files = Files::begin(Some(folder.clone()), &changed, Origin::Run, self.log)?;
+        let mut files = RunFiles::begin(Some(folder.clone()), &changed, LogOrigin::Run, self.log)?;
         let bar = progress::simulated_seconds(changed.duration_s);
-        let control = self.remake(&mut replay, &original, &mut files)?;
+        let control = self.replay_until_fork(&mut replay, &original, &mut files)?;
         let run = Run::resume(replay.into_world(), control(&changed)?);
-        let summary = drive(run, &changed, files, None, &bar)?;
+        let summary = simulate_rest(run, &changed, files, None, &bar)?;
         Ok((summary, changed, folder))
     }
 
     fn changed(&self, original: &Experiment) -> Result<Experiment, Failure> {
         if let Some((vehicle, _)) = original.physical().next() {
             return Err(Failure::bad_input(format!(
-                "vehicle {} of this run is physical: what its robot would have done is not in the log",
+                "vehicle {} of this run is physical; runs with physical vehicles cannot be continued from their logs",
                 vehicle.id
             )));
         }
         let Some(scenario) = self.scenario else {
             if self.args.seed.is_some() || self.args.model.is_some() || self.args.environment.is_some() {
-                return Err(Failure::bad_input("--seed, --model and --environment need --scenario here"));
+                return Err(Failure::bad_input(
+                    "with --from-tick, --seed, --model and --environment need --scenario",
+                ));
             }
             let duration_s = self.args.duration.unwrap_or(original.duration_s);
             return Ok(Experiment { duration_s, ..original.clone() });
         };
-        // What the command line changed of the log stays changed, unless it is changed again.
+        // Changes by the command line of the log stay, unless they are changed again.
         let model = original.model.and_then(|model| match model {
-            ModelKind::Raycast => Some(Model::Raycast),
-            ModelKind::Bicycle => Some(Model::Bicycle),
+            ModelKind::Raycast => Some(ModelArg::Raycast),
+            ModelKind::Bicycle => Some(ModelArg::Bicycle),
             ModelKind::Measured => None,
         });
         let profile = original.profile.map(|profile| match profile {
-            Profile::Ideal => ProfileArg::Ideal,
-            Profile::Testbed => ProfileArg::Testbed,
+            EnvironmentProfile::Ideal => ProfileArg::Ideal,
+            EnvironmentProfile::Testbed => ProfileArg::Testbed,
         });
         let args = ScenarioArgs {
             scenario: scenario.clone(),
@@ -106,36 +108,35 @@ impl Fork<'_> {
         let wrong = differences(original, &changed);
         if !wrong.is_empty() {
             return Err(Failure::bad_input(format!(
-                "{scenario} cannot go on from the middle of this run: {}. Drivers, controllers, the right of way, the \
-                 environment, the seed and the duration may change",
+                "{scenario} cannot continue this run: {}. Only drivers, controllers, the right of way, \
+                 the environment, the seed and the duration may change",
                 wrong.join("; ")
             )));
         }
         Ok(Experiment::clone(&changed))
     }
 
-    /// Simulates the log again up to the tick, with the control framework beside it: it sees what it saw then, and
-    /// comes to the state that it had.
-    fn remake(
+    /// Replays the log up to the tick, with the control framework beside it, which so reaches its state of then.
+    fn replay_until_fork(
         &self,
         replay: &mut Replay,
         original: &Experiment,
-        files: &mut Files,
-    ) -> Result<impl FnOnce(&Experiment) -> Result<Control, Failure> + use<>, Failure> {
-        let mut control = Control::new(original).map_err(Failure::bad_input)?;
-        let (mut delivered, mut is_as_told) = (Vec::new(), true);
+        files: &mut RunFiles,
+    ) -> Result<impl FnOnce(&Experiment) -> Result<ControlLoop, Failure> + use<>, Failure> {
+        let mut control = ControlLoop::new(original).map_err(Failure::bad_input)?;
+        let (mut delivered, mut is_same) = (Vec::new(), true);
         loop {
             let (tick, time_s) = (replay.snapshot().tick, replay.snapshot().time_s);
             let seen: Vec<Measurement> = Measurement::all(replay.snapshot(), original.scale).collect();
             let Some(ticked) = replay.step().map_err(replay::failure)? else {
                 return Err(Failure::bad_input(format!(
-                    "the log ends at tick {tick}: --from-tick has to be no more than that"
+                    "the log ends at tick {tick}; give --from-tick this tick or an earlier one"
                 )));
             };
             if !ticked.agrees() {
                 return Err(Failure::failed(format!(
-                    "tick {} of the run that was simulated again differs from the log: it cannot go on from there \
-                     (city3d replay {} --verify)",
+                    "tick {} differs from the log when it is simulated again, so the run cannot be continued; \
+                     city3d replay {} --verify tells more",
                     ticked.tick, self.args.scenario
                 )));
             }
@@ -144,11 +145,11 @@ impl Fork<'_> {
             } else {
                 delivered.clear();
                 control.step((tick, time_s), seen.into_iter(), &mut delivered);
-                let mut told: Vec<SimCommand> =
+                let mut commands: Vec<SimCommand> =
                     delivered.drain(..).map(|message| message.into_command(original.scale)).collect();
-                told.sort_by_key(SimCommand::order);
+                commands.sort_by_key(SimCommand::order);
                 let is_control = |command: &&SimCommand| matches!(command, SimCommand::Follow(_));
-                is_as_told &= told.iter().filter(is_control).eq(replay.applied().iter().filter(is_control));
+                is_same &= commands.iter().filter(is_control).eq(replay.applied().iter().filter(is_control));
                 files.commands(tick, time_s, replay.applied());
                 files.tick(Some(control.mainframe()), replay.snapshot())?;
             }
@@ -156,10 +157,10 @@ impl Fork<'_> {
                 break;
             }
         }
-        if !is_as_told {
+        if !is_same {
             tracing::warn!(
-                "the control framework, run again, has not told the vehicles what the log says; it goes on from \
-                 what it has seen"
+                "the control framework, simulated again, sends other trajectories than the log has; it continues \
+                 from its own state"
             );
         }
         Ok(move |changed: &Experiment| {
@@ -169,7 +170,7 @@ impl Fork<'_> {
     }
 }
 
-/// What the past of a run depends on, and another scenario has otherwise.
+/// Differences from the original that its past depends on.
 fn differences(original: &Experiment, changed: &Experiment) -> Vec<String> {
     let mut wrong = Vec::new();
     let mut check = |same: bool, what: &str| {
@@ -177,7 +178,7 @@ fn differences(original: &Experiment, changed: &Experiment) -> Vec<String> {
             wrong.push(what.to_owned());
         }
     };
-    check(original.map_bytes == changed.map_bytes, "its map is another one");
+    check(original.map_bytes == changed.map_bytes, "its map differs");
     check(original.scale == changed.scale, "its length_scale differs");
     check(original.rates == changed.rates, "its [rates] differ");
     check(original.link_timeout_s == changed.link_timeout_s, "its link_timeout_s differs");

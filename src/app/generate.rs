@@ -1,4 +1,4 @@
-//! `city3d generate`: writes what lies in `assets/`.
+//! `city3d generate`: writes the generated assets of `assets/`.
 
 use super::say::say;
 use super::{Failure, create_folder};
@@ -10,20 +10,20 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
     #[command(subcommand)]
-    what: What,
+    what: GenerateCommand,
 }
 
 #[derive(Debug, Subcommand)]
-enum What {
+enum GenerateCommand {
     /// The map of the IDS 3D City as a DXF drawing
     Map {
-        /// Folder that the map is written into, or a file whose name ends in .dxf
+        /// Folder for the map, or a file name that ends in .dxf
         #[arg(long, value_name = "PATH", default_value = "assets/maps")]
         out: PathBuf,
     },
-    /// Cars and what stands in the streets, as glTF binary files
+    /// Cars and street furniture as glTF binary files
     Models {
-        /// Folder that the models are written into
+        /// Folder for the models
         #[arg(long, value_name = "DIR", default_value = "assets/models")]
         out: PathBuf,
     },
@@ -31,12 +31,12 @@ enum What {
 
 pub fn generate(args: &GenerateArgs) -> Result<(), Failure> {
     match &args.what {
-        What::Map { out } => {
+        GenerateCommand::Map { out } => {
             let is_file = out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dxf"));
             let path = if is_file { out.clone() } else { out.join("ids3c.dxf") };
             write(&path, ids3c().to_dxf().as_ref())
         }
-        What::Models { out } => {
+        GenerateCommand::Models { out } => {
             made().iter().try_for_each(|(name, model)| write(&out.join(name), &glb::write(model)))
         }
     }

@@ -1,9 +1,9 @@
-//! What a served city has for a measurement: when things happen in it.
+//! Instrumentation of a served city for `bench link`: time stamps of datagrams and ticks.
 
 #[cfg(feature = "render")]
 use super::Failure;
 #[cfg(feature = "render")]
-use super::pictures::Pictures;
+use super::pictures::PictureThread;
 #[cfg(feature = "render")]
 use super::serve::ServeArgs;
 use crate::snapshot::VehicleId;
@@ -14,10 +14,10 @@ use std::time::Instant;
 
 #[cfg(feature = "render")]
 impl ServeArgs {
-    /// As of a command line.
+    /// Parses arguments as of a command line.
     ///
     /// # Errors
-    /// Where they are none.
+    /// When the arguments are invalid.
     pub(super) fn of(arguments: &[&str]) -> Result<Self, Failure> {
         let command = Self::augment_args(Command::new("serve").no_binary_name(true));
         let found = command.try_get_matches_from(arguments).map_err(Failure::bad_input)?;
@@ -25,20 +25,20 @@ impl ServeArgs {
     }
 }
 
-/// What a served city has for a measurement.
+/// Probes of a served city.
 #[derive(Debug, Default)]
 pub(super) struct Instruments {
-    pub(super) marks: Option<Sender<Mark>>,
+    pub(super) marks: Option<Sender<TimingMark>>,
     #[cfg(feature = "render")]
-    pub(super) pictures: Option<Pictures>,
+    pub(super) pictures: Option<PictureThread>,
 }
 
-/// When something has happened in it.
+/// Time stamps of an event inside a served city.
 #[cfg_attr(not(feature = "render"), allow(dead_code, reason = "the bench alone reads them"))]
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Mark {
-    /// A datagram of trajectories waits for the next tick.
+pub(super) enum TimingMark {
+    /// A datagram of trajectories has been queued for the next tick.
     Taken { vehicle: VehicleId, sequence: u32, at: Instant },
-    /// The world has made the step that leads to a tick, and its poses have been sent.
+    /// A tick is done and its poses have been sent.
     Ticked { tick: u64, due: Instant, begun: Instant, done: Instant, sent: Instant },
 }

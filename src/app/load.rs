@@ -1,6 +1,6 @@
-//! From the arguments of a command to an experiment.
+//! Loads the experiment of a command's arguments.
 
-use super::{Failure, Model, ProfileArg, ScenarioArgs};
+use super::{Failure, ModelArg, ProfileArg, ScenarioArgs};
 use crate::scenario::{Experiment, Library, Overrides, read_experiment};
 use crate::vehicle::ModelKind;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ pub fn experiment(args: &ScenarioArgs) -> Result<Arc<Experiment>, Failure> {
     Ok(Arc::new(experiment))
 }
 
-/// The experiment of a city whose vehicles come over the link: it may have none of its own.
+/// The experiment of a served city: vehicles come over the link, so it may have none of its own.
 pub fn city(args: &ScenarioArgs) -> Result<Experiment, Failure> {
     read(args, true)
 }
@@ -48,8 +48,8 @@ pub fn from_text(
     allows_no_vehicles: bool,
 ) -> Result<Experiment, Failure> {
     let model = args.model.map(|model| match model {
-        Model::Raycast => ModelKind::Raycast,
-        Model::Bicycle => ModelKind::Bicycle,
+        ModelArg::Raycast => ModelKind::Raycast,
+        ModelArg::Bicycle => ModelKind::Bicycle,
     });
     let environment = args.environment.map(ProfileArg::profile);
     let overrides =

@@ -1,30 +1,30 @@
-//! How pictures look, and the renderer for it: what the commands that draw have in common.
+//! Options of all commands that draw, and their renderer.
 
 use super::Failure;
 use crate::camera::View;
 use crate::city::scene::SceneDescription;
 use crate::render::{
-    AdapterPreference, Context, Daylight, Paintings, Quality as Preset, RenderError, Renderer, Request,
-    Settings,
+    AdapterPreference, BakedTextures, Context, Daylight, Quality as RenderQuality, RenderError,
+    RenderRequest, Renderer, Settings,
 };
 use crate::scenario::{Experiment, TimeOfDay};
 use clap::{Args, ValueEnum};
 
 #[derive(Clone, Debug, Default, Args)]
 pub(super) struct LookArgs {
-    /// Light of the pictures: morning, noon, low_sun, dusk, night or a time such as 17:30 [default: the scenario's]
+    /// Time of day: morning, noon, low_sun, dusk, night or a time such as 17:30 [default: the scenario's]
     #[arg(long, value_name = "TIME")]
     pub(super) time: Option<TimeOfDay>,
-    /// Work that a pixel is worth: high for looking at, low for many cameras without a GPU, auto by the adapter
+    /// Rendering quality: high for viewing, low for many cameras without a GPU; auto chooses by the adapter
     #[arg(long)]
-    pub(super) quality: Option<Quality>,
-    /// "software", or a part of the name of the adapter that draws; the best one without it [env: CITY3D_ADAPTER]
+    pub(super) quality: Option<QualityArg>,
+    /// Graphics adapter: "software", or a part of its name [default: the best one] [env: CITY3D_ADAPTER]
     #[arg(long, value_name = "NAME")]
     pub(super) adapter: Option<String>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-pub(super) enum Quality {
+pub(super) enum QualityArg {
     #[value(alias = "fast")]
     Low,
     Medium,
@@ -33,17 +33,17 @@ pub(super) enum Quality {
     Auto,
 }
 
-/// How many pictures are to come.
+/// Number of pictures to expect: it chooses between latency and throughput on the CPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Pictures {
-    /// So few that the first counts: an adapter that draws on the CPU draws it with all processors.
+pub(super) enum PictureCount {
+    /// Latency: a software adapter draws one picture with all cores.
     Few,
-    /// So many that only all count: each processor draws pictures of its own.
+    /// Throughput: each core draws pictures of its own.
     Many,
 }
 
-impl Pictures {
-    /// From so many on there are many: each opened adapter takes its time to begin.
+impl PictureCount {
+    /// Threshold of [`Self::Many`]: each opened adapter has a start-up time.
     pub(super) const MANY: usize = 8;
 }
 
@@ -51,12 +51,12 @@ impl Pictures {
 ///
 /// # Errors
 /// Where there is no such adapter, or none at all.
-pub(super) fn context(args: &LookArgs, pictures: Pictures) -> Result<Context, Failure> {
+pub(super) fn context(args: &LookArgs, pictures: PictureCount) -> Result<Context, Failure> {
     let preference =
         args.adapter.as_deref().map_or_else(AdapterPreference::from_environment, AdapterPreference::parse);
     let context = match pictures {
-        Pictures::Few => Context::headless(&preference),
-        Pictures::Many => Context::for_many(&preference),
+        PictureCount::Few => Context::headless(&preference),
+        PictureCount::Many => Context::for_batches(&preference),
     };
     context.map_err(failure)
 }
@@ -68,24 +68,24 @@ pub(super) fn context(args: &LookArgs, pictures: Pictures) -> Result<Context, Fa
 pub(super) fn open(
     args: &LookArgs,
     experiment: &Experiment,
-    (usual, pictures): (Quality, Pictures),
+    (usual, pictures): (QualityArg, PictureCount),
 ) -> Result<Renderer, Failure> {
     let time = args.time.unwrap_or(experiment.time_of_day);
-    // The scene takes as long as all that does not need it.
+    // Built in parallel: the scene takes as long as everything else.
     let prepared = || -> Result<_, Failure> {
         let context = context(args, pictures)?;
         let quality = match args.quality.unwrap_or(usual) {
-            Quality::Low => Preset::LOW,
-            Quality::Medium => Preset::MEDIUM,
-            Quality::High => Preset::HIGH,
-            Quality::Ultra => Preset::ULTRA,
-            Quality::Auto => Preset::auto(context.is_software),
+            QualityArg::Low => RenderQuality::LOW,
+            QualityArg::Medium => RenderQuality::MEDIUM,
+            QualityArg::High => RenderQuality::HIGH,
+            QualityArg::Ultra => RenderQuality::ULTRA,
+            QualityArg::Auto => RenderQuality::auto(context.is_software),
         };
-        Ok((context, paintings(quality, time.hours)))
+        Ok((context, baked(quality, time.hours)))
     };
     let (prepared, scene) = rayon::join(prepared, || scene(experiment));
-    let (context, paintings) = prepared?;
-    renderer_of(&context, (experiment, &scene), paintings)
+    let (context, baked) = prepared?;
+    renderer_of(&context, (experiment, &scene), baked)
 }
 
 /// A renderer of an experiment's city on an open adapter, at a time of day.
@@ -95,40 +95,40 @@ pub(super) fn open(
 pub(super) fn renderer(
     context: &Context,
     experiment: &Experiment,
-    quality: Preset,
+    quality: RenderQuality,
     hours: f64,
 ) -> Result<Renderer, Failure> {
-    let (paintings, scene) = rayon::join(|| paintings(quality, hours), || scene(experiment));
-    renderer_of(context, (experiment, &scene), paintings)
+    let (baked, scene) = rayon::join(|| baked(quality, hours), || scene(experiment));
+    renderer_of(context, (experiment, &scene), baked)
 }
 
 fn scene(experiment: &Experiment) -> SceneDescription {
     SceneDescription::with_models(&experiment.city_map, &experiment.models.placed)
 }
 
-fn paintings(quality: Preset, hours: f64) -> Paintings {
+fn baked(quality: RenderQuality, hours: f64) -> BakedTextures {
     let daylight = Daylight { hours: hours as f32 };
-    Paintings::new(Settings { quality, daylight, ..Settings::default() })
+    BakedTextures::new(Settings { quality, daylight, ..Settings::default() })
 }
 
 fn renderer_of(
     context: &Context,
     (experiment, scene): (&Experiment, &SceneDescription),
-    paintings: Paintings,
+    baked: BakedTextures,
 ) -> Result<Renderer, Failure> {
-    let mut renderer = Renderer::painted(context, scene, paintings).map_err(failure)?;
+    let mut renderer = Renderer::with_textures(context, scene, baked).map_err(failure)?;
     for (&body, model) in &experiment.models.vehicles {
         renderer.set_vehicle_model(body, model);
     }
     Ok(renderer)
 }
 
-/// As many views at a time as the renderer takes.
+/// Splits views into batches that the renderer takes at once.
 pub(super) fn in_batches(renderer: &Renderer, views: &[View]) -> Vec<Vec<View>> {
-    let mut rest: Vec<Request> = views.iter().map(Request::from).collect();
+    let mut rest: Vec<RenderRequest> = views.iter().map(RenderRequest::from).collect();
     let mut batches = Vec::new();
     while !rest.is_empty() {
-        let after = rest.split_off(renderer.requests_at_once(&rest));
+        let after = rest.split_off(renderer.max_batch_len(&rest));
         batches.push(rest.iter().map(|request| request.view).collect());
         rest = after;
     }

@@ -1,19 +1,20 @@
-//! `city3d mainframe`: the control framework in a process of its own, as in the laboratory.
+//! `city3d mainframe`: runs the control framework in a process of its own, as a remote controller of a served city.
 
-use super::files::{Files, LogArgs, conclude, folder_of};
+use super::files::{LogArgs, RunFiles, conclude, folder_of};
 #[cfg(feature = "ros")]
 use super::ros::{RosArgs, subjects_of};
 use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
-use crate::link::{Client, Heard, Laboratory, read_key};
+use crate::link::{Client, ClientEvent, PhysicalFleet, read_key};
 #[cfg(feature = "ros")]
 use crate::link::{feedback::ViconFeedback, vicon::Vicon};
-use crate::record::Origin;
-use crate::runner::{Control, SeenCity};
+use crate::record::LogOrigin;
+use crate::runner::{ControlLoop, ObservedCity};
 use crate::scenario::{Experiment, PlannedVehicle};
 use crate::snapshot::{Status, VehicleId, VehicleState};
 use crate::wire::{
-    Action, Body, Build, Clock, Message, Outcome, Phase, Poses, Seal, Seen, VehicleSetup, pack,
+    Authenticator, Body, CityClock, ExperimentAction, ExperimentPhase, Message, ObservedVehicle, Poses,
+    RequestOutcome, VehicleBuild, VehicleSetup, pack,
 };
 use clap::Args;
 use std::collections::BTreeMap;
@@ -30,13 +31,13 @@ pub struct MainframeArgs {
     link: LinkArgs,
     #[command(flatten)]
     log: LogArgs,
-    /// Where the city is served
+    /// Address and port of the served city
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:9870")]
     city: String,
     #[cfg(feature = "ros")]
     #[command(flatten)]
     ros: RosArgs,
-    /// Folder for run.mcap, vehicles.csv and summary.json, as seen from here; without it nothing is written
+    /// Folder for run.mcap, vehicles.csv and summary.json of what control has seen; without it nothing is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print the summary as JSON instead of text
@@ -44,79 +45,81 @@ pub struct MainframeArgs {
     json: bool,
 }
 
-/// A city that has sent no poses for so long is asked whether it is there, and then as often as this.
-const SILENT: Duration = Duration::from_secs(1);
-/// For an answer of a city that is there.
-const PATIENCE: Duration = Duration::from_secs(2);
-/// Poses that do not come in lockstep: the last commands are sent again.
-const AGAIN: Duration = Duration::from_millis(50);
-/// So many poses of a city at its beginning, one after another, tell that it has been reset.
-const RESET_AFTER: u32 = 3;
-/// Of the subscription, and how often it is renewed.
+/// A city that has sent no poses for this long gets a heartbeat request, again at this interval.
+const HEARTBEAT_TIMEOUT: Duration = Duration::from_secs(1);
+/// Longest wait for the answer to a request.
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(2);
+/// In lockstep, the last commands are retransmitted when poses do not come within this time.
+const RETRANSMIT_INTERVAL: Duration = Duration::from_millis(50);
+/// This many consecutive pose datagrams of a city that is `Ready` again mean that it was reset.
+const RESET_CONFIRMATIONS: u32 = 3;
+/// Lease of the subscription, and the interval of its renewal.
 const LEASE_S: f64 = 10.0;
-const RENEW: Duration = Duration::from_secs(2);
+const LEASE_RENEWAL_INTERVAL: Duration = Duration::from_secs(2);
 
 pub fn mainframe(args: &MainframeArgs) -> Result<(), Failure> {
     let experiment = load::experiment(&args.scenario)?;
     args.out.iter().try_for_each(|folder| args.log.check_folder(folder))?;
-    let seal = read_key(args.link.key.as_deref()).map_err(Failure::bad_input)?;
-    let client = Client::new(&args.city, args.link.world, seal.clone()).map_err(Failure::bad_input)?;
-    let laboratory = laboratory_of(&experiment, &seal)?;
-    let ends = on_end()?;
-    let mut remote = Remote::new(args, Arc::clone(&experiment), client, laboratory)?;
-    while !remote.is_over && !ends.load(Ordering::Relaxed) {
-        let Some(clock) = remote.greet(&ends)? else { break };
-        remote.session(clock, &ends)?;
+    let authenticator = read_key(args.link.key.as_deref()).map_err(Failure::bad_input)?;
+    let client =
+        Client::new(&args.city, args.link.world, authenticator.clone()).map_err(Failure::bad_input)?;
+    let physical_fleet = physical_fleet_of(&experiment, &authenticator)?;
+    let stop = on_end()?;
+    let mut controller = RemoteController::new(args, Arc::clone(&experiment), client, physical_fleet)?;
+    while !controller.is_over && !stop.load(Ordering::Relaxed) {
+        let Some(clock) = controller.handshake(&stop)? else { break };
+        controller.run_session(clock, &stop)?;
     }
-    let Remote { mut files, city, .. } = remote;
+    let RemoteController { mut files, city, .. } = controller;
     let summary = match files.take() {
         Some(files) => files.finish(&experiment, city.snapshot(), None)?,
-        None => return Err(Failure::failed(format!("the city at {} has not been reached", args.city))),
+        None => return Err(Failure::failed(format!("the city at {} has not answered", args.city))),
     };
     conclude(&summary, &experiment, args.out.as_deref(), args.json)
 }
 
-struct Remote<'a> {
+/// Remote controller: closes the control loop over the link, from poses to trajectories.
+struct RemoteController<'a> {
     args: &'a MainframeArgs,
     experiment: Arc<Experiment>,
     client: Client,
-    control: Control,
-    city: SeenCity,
-    files: Option<Files>,
-    /// Counts the cities that it has driven in: one that is restarted gets files of its own.
+    control: ControlLoop,
+    city: ObservedCity,
+    files: Option<RunFiles>,
+    /// Number of the session: each restart of the city begins new files.
     part: u32,
-    /// Where each vehicle was seen last, whoever has forgotten it since.
+    /// Last observed state of each vehicle, kept when the city forgets it.
     last_seen: BTreeMap<VehicleId, VehicleState>,
-    /// The city's experiment begins anew, and with it the robots do: not so where it has been restarted.
+    /// The experiment was reset, so the robots return to their starts; after a restart of the city they do not.
     was_reset: bool,
-    /// Of the poses that control has answered.
+    /// Tick of the last poses that control has answered.
     answered: Option<u64>,
-    /// Datagrams with the commands for that tick, by sequence.
+    /// Datagrams with the commands for that tick, with their sequence numbers.
     batch: Vec<(u64, Vec<u8>)>,
-    /// The barrier behind them, in lockstep.
+    /// In lockstep, the barrier that follows them.
     barrier: Option<Body>,
     is_over: bool,
-    /// Vehicles that get their trajectories at addresses of their own.
-    laboratory: Laboratory,
-    /// Since when they are waited for, and whether that has been said.
+    /// Physical vehicles, which get their trajectories at their own addresses.
+    physical_fleet: PhysicalFleet,
+    /// Since when missing physical vehicles are waited for, and whether that was logged.
     waiting: Option<(Instant, bool)>,
-    /// Poses over ROS, in place of the city's own.
+    /// Poses over ROS instead of the city's own.
     #[cfg(feature = "ros")]
     vicon: Option<ViconFeedback>,
 }
 
-/// Poses as they come in, of several ticks where the network has mixed them up.
+/// Reassembly buffer for the poses of a tick that come in several datagrams, in any order.
 #[derive(Default)]
-struct Gathered {
-    parts: BTreeMap<u64, Vec<Option<Vec<Seen>>>>,
+struct PoseReassembly {
+    parts: BTreeMap<u64, Vec<Option<Vec<ObservedVehicle>>>>,
 }
 
-/// Ticks whose poses are waited for at once.
-const MOST_GATHERED: usize = 8;
+/// Incomplete ticks that the buffer holds; the oldest is dropped for another.
+const MAX_INCOMPLETE: usize = 8;
 
-impl Gathered {
-    /// Takes a part in; gives all poses of its tick when it was the last one.
-    fn take(&mut self, poses: &Poses) -> Option<Vec<Seen>> {
+impl PoseReassembly {
+    /// Adds a part; returns all poses of its tick when that is complete.
+    fn add(&mut self, poses: &Poses) -> Option<Vec<ObservedVehicle>> {
         let parts = self.parts.entry(poses.tick).or_default();
         parts.resize(poses.parts.into(), None);
         if let Some(part) = parts.get_mut(usize::from(poses.part)) {
@@ -127,29 +130,29 @@ impl Gathered {
             self.parts.retain(|tick, _| *tick > poses.tick);
             return Some(whole.into_iter().flatten().flatten().collect());
         }
-        if self.parts.len() > MOST_GATHERED {
+        if self.parts.len() > MAX_INCOMPLETE {
             self.parts.pop_first();
         }
         None
     }
 }
 
-impl<'a> Remote<'a> {
+impl<'a> RemoteController<'a> {
     fn new(
         args: &'a MainframeArgs,
         experiment: Arc<Experiment>,
         client: Client,
-        laboratory: Laboratory,
+        physical_fleet: PhysicalFleet,
     ) -> Result<Self, Failure> {
         Ok(Self {
-            laboratory,
+            physical_fleet,
             waiting: None,
             args,
             client,
             #[cfg(feature = "ros")]
             vicon: vicon_of(args, &experiment)?,
-            control: Control::new(&experiment).map_err(Failure::bad_input)?,
-            city: SeenCity::new(Arc::clone(&experiment)),
+            control: ControlLoop::new(&experiment).map_err(Failure::bad_input)?,
+            city: ObservedCity::new(Arc::clone(&experiment)),
             experiment,
             files: None,
             part: 0,
@@ -162,31 +165,33 @@ impl<'a> Remote<'a> {
         })
     }
 
-    /// Waits until a city answers; `None` when it shall end before.
-    fn greet(&mut self, ends: &AtomicBool) -> Result<Option<Clock>, Failure> {
-        self.client.renew();
-        let mut has_said = false;
+    /// Handshake: sends `Hello` until the city answers with its clock; `None` when it is stopped before.
+    fn handshake(&mut self, stop: &AtomicBool) -> Result<Option<CityClock>, Failure> {
+        self.client.reset_session();
+        let mut has_logged = false;
         let begun = Instant::now();
-        while !ends.load(Ordering::Relaxed) {
+        while !stop.load(Ordering::Relaxed) {
             self.client.send(&Body::Hello { token: 0 });
-            if let Some(Heard::Body(Body::Clock(clock))) = self.client.receive(Duration::from_millis(200)) {
+            if let Some(ClientEvent::Body(Body::Clock(clock))) =
+                self.client.receive(Duration::from_millis(200))
+            {
                 self.check(&clock)?;
-                if clock.is_lockstep && self.sees_by_itself() {
+                if clock.is_lockstep && self.has_own_feedback() {
                     return Err(Failure::bad_input(
-                        "lockstep needs the city's own poses: leave --ros out here, or --lockstep there",
+                        "lockstep needs the city's own poses: leave out --ros here, or --lockstep in city3d serve",
                     ));
                 }
                 return Ok(Some(clock));
             }
-            if !has_said && begun.elapsed() > Duration::from_secs(1) {
+            if !has_logged && begun.elapsed() > Duration::from_secs(1) {
                 tracing::warn!("waiting for a city at {}", self.args.city);
-                has_said = true;
+                has_logged = true;
             }
         }
         Ok(None)
     }
 
-    fn check(&self, clock: &Clock) -> Result<(), Failure> {
+    fn check(&self, clock: &CityClock) -> Result<(), Failure> {
         let (ours, theirs) = (self.experiment.rates.physics_hz, clock.physics_hz);
         let (scale, other) = (self.experiment.scale.factor(), clock.length_scale);
         if ours != theirs || scale != other {
@@ -199,60 +204,60 @@ impl<'a> Remote<'a> {
         Ok(())
     }
 
-    /// Drives in a city until it is restarted or reset, or the experiment is over.
-    fn session(&mut self, clock: Clock, ends: &AtomicBool) -> Result<(), Failure> {
-        if !self.set_up(&clock, ends)? {
+    /// Controls the vehicles until the city is restarted or reset, or the experiment is over.
+    fn run_session(&mut self, clock: CityClock, stop: &AtomicBool) -> Result<(), Failure> {
+        if !self.set_up(&clock, stop)? {
             return Ok(());
         }
-        // Who drives on where it was is not told of a beginning, to which robots would be put back.
-        let goes_on = !std::mem::take(&mut self.was_reset) && self.part > 0;
-        self.control = Control::new(&self.experiment).map_err(Failure::bad_input)?;
+        // A clock at `Ready` would put the robots back to their starts, which is wrong after a restart of the city.
+        let is_continued = !std::mem::take(&mut self.was_reset) && self.part > 0;
+        self.control = ControlLoop::new(&self.experiment).map_err(Failure::bad_input)?;
         (self.answered, self.barrier) = (None, None);
-        let (mut gathered, mut resets) = (Gathered::default(), 0);
-        let (mut heard, mut renewed, mut is_away) = (Instant::now(), Instant::now(), false);
-        while !ends.load(Ordering::Relaxed) && !self.is_over {
-            if renewed.elapsed() > RENEW {
+        let (mut reassembly, mut resets) = (PoseReassembly::default(), 0);
+        let (mut last_heard, mut renewed, mut is_away) = (Instant::now(), Instant::now(), false);
+        while !stop.load(Ordering::Relaxed) && !self.is_over {
+            if renewed.elapsed() > LEASE_RENEWAL_INTERVAL {
                 renewed = Instant::now();
                 self.subscribe();
             }
-            // Their poses come by motion capture or by the city.
-            self.laboratory.poll(&mut Vec::new());
+            // Their poses come from motion capture or from the city.
+            self.physical_fleet.poll(&mut Vec::new());
             match self.receive() {
-                Some(Heard::Restarted) => {
+                Some(ClientEvent::Restarted) => {
                     tracing::warn!("the city has been restarted");
                     return Ok(());
                 }
-                Some(Heard::Body(Body::Poses(poses))) => {
-                    (heard, is_away) = (Instant::now(), false);
+                Some(ClientEvent::Body(Body::Poses(poses))) => {
+                    (last_heard, is_away) = (Instant::now(), false);
                     let is_old = self.answered.is_some_and(|tick| poses.tick <= tick);
                     let is_before = self.answered.is_some_and(|tick| poses.tick < tick);
-                    // One alone may have been under way for long.
-                    resets = if is_before && poses.phase == Phase::Ready { resets + 1 } else { 0 };
-                    if resets >= RESET_AFTER {
+                    // A single one may be a late datagram.
+                    resets = if is_before && poses.phase == ExperimentPhase::Ready { resets + 1 } else { 0 };
+                    if resets >= RESET_CONFIRMATIONS {
                         tracing::warn!("the city has been reset");
                         self.was_reset = true;
                         return Ok(());
                     }
-                    if !goes_on || poses.phase != Phase::Ready {
-                        self.laboratory.tell_clock(clock_at(&clock, &poses));
+                    if !is_continued || poses.phase != ExperimentPhase::Ready {
+                        self.physical_fleet.send_clock(clock_at(&clock, &poses));
                     }
                     if !is_old
-                        && let Some(vehicles) = gathered.take(&poses)
-                        && self.is_complete(&poses, &vehicles)
+                        && let Some(vehicles) = reassembly.add(&poses)
+                        && self.sees_all_physical(&poses, &vehicles)
                     {
-                        self.answer(&poses, &vehicles, clock.is_lockstep, ends)?;
+                        self.answer(&poses, &vehicles, clock.is_lockstep, stop)?;
                     }
                 }
-                Some(Heard::Body(_)) => {}
+                Some(ClientEvent::Body(_)) => {}
                 None => {
                     if clock.is_lockstep {
-                        self.again();
+                        self.retransmit();
                     }
-                    if heard.elapsed() > SILENT {
+                    if last_heard.elapsed() > HEARTBEAT_TIMEOUT {
                         if !is_away {
-                            tracing::warn!("the city at {} is silent", self.args.city);
+                            tracing::warn!("the city at {} does not answer any more", self.args.city);
                         }
-                        (heard, is_away) = (Instant::now(), true);
+                        (last_heard, is_away) = (Instant::now(), true);
                         self.client.probe();
                         self.subscribe();
                     }
@@ -262,8 +267,8 @@ impl<'a> Remote<'a> {
         Ok(())
     }
 
-    /// Whether poses come from elsewhere than the city.
-    fn sees_by_itself(&self) -> bool {
+    /// Whether poses come from motion capture instead of the city.
+    fn has_own_feedback(&self) -> bool {
         #[cfg(feature = "ros")]
         return self.vicon.is_some();
         #[cfg(not(feature = "ros"))]
@@ -271,55 +276,58 @@ impl<'a> Remote<'a> {
     }
 
     fn subscribe(&mut self) {
-        if !self.sees_by_itself() {
+        if !self.has_own_feedback() {
             self.client.send(&subscription(0));
         }
     }
 
-    /// The next thing that is heard of the city.
-    fn receive(&mut self) -> Option<Heard> {
+    /// Receives the next event.
+    fn receive(&mut self) -> Option<ClientEvent> {
         #[cfg(feature = "ros")]
         if let Some(vicon) = &mut self.vicon {
             return vicon.receive(&mut self.client);
         }
-        self.client.receive(AGAIN)
+        self.client.receive(RETRANSMIT_INTERVAL)
     }
 
-    /// Asks until it is answered; `None` where the city has been restarted meanwhile, or it shall end.
-    fn ask(
+    /// Repeats a request until the city carries it out; `None` when the city does not answer, was restarted, or this
+    /// process is stopped.
+    fn request_until_done(
         &mut self,
-        ends: &AtomicBool,
+        stop: &AtomicBool,
         what: &str,
         body: impl Fn(u32) -> Body,
     ) -> Result<Option<String>, Failure> {
-        let mut has_said = false;
-        while !ends.load(Ordering::Relaxed) {
-            let Some((outcome, detail)) = self.client.ask(PATIENCE, &body) else { return Ok(None) };
+        let mut has_logged = false;
+        while !stop.load(Ordering::Relaxed) {
+            let Some((outcome, detail)) = self.client.request(REQUEST_TIMEOUT, &body) else {
+                return Ok(None);
+            };
             match outcome {
-                Outcome::Done => return Ok(Some(detail)),
-                Outcome::Refused => {
+                RequestOutcome::Done => return Ok(Some(detail)),
+                RequestOutcome::Refused => {
                     return Err(Failure::failed(format!("the city refuses {what}: {detail}")));
                 }
-                Outcome::Busy => {
-                    if !has_said {
+                RequestOutcome::Busy => {
+                    if !has_logged {
                         tracing::warn!("{what} has to wait: {detail}");
-                        has_said = true;
+                        has_logged = true;
                     }
-                    std::thread::sleep(AGAIN);
+                    std::thread::sleep(RETRANSMIT_INTERVAL);
                 }
             }
         }
         Ok(None)
     }
 
-    /// Whether all vehicles of the laboratory are seen, without which the experiment does not begin.
-    fn is_complete(&mut self, head: &Poses, vehicles: &[Seen]) -> bool {
-        if head.phase != Phase::Ready || self.laboratory.is_empty() {
+    /// Whether all physical vehicles are visible; the experiment does not start before.
+    fn sees_all_physical(&mut self, head: &Poses, vehicles: &[ObservedVehicle]) -> bool {
+        if head.phase != ExperimentPhase::Ready || self.physical_fleet.is_empty() {
             return true;
         }
-        // The city tells which it has seen; motion capture tells of those alone.
-        let sees_by_itself = self.sees_by_itself();
-        let is_there = |status| status != Status::Unseen && (sees_by_itself || status != Status::Waiting);
+        // The city lists vehicles that it has not seen yet; motion capture does not.
+        let has_own_feedback = self.has_own_feedback();
+        let is_there = |status| status != Status::Unseen && (has_own_feedback || status != Status::Waiting);
         let is_seen = |id| vehicles.iter().any(|seen| seen.pose.vehicle == id && is_there(seen.status));
         let missing: Vec<String> = self
             .experiment
@@ -331,20 +339,20 @@ impl<'a> Remote<'a> {
         if missing.is_empty() {
             return true;
         }
-        let (since, has_said) = self.waiting.get_or_insert_with(|| (Instant::now(), false));
-        if !*has_said && since.elapsed() > PATIENCE {
-            *has_said = true;
-            tracing::warn!("waiting for the physical vehicles {}: nobody measures them", missing.join(", "));
+        let (since, has_logged) = self.waiting.get_or_insert_with(|| (Instant::now(), false));
+        if !*has_logged && since.elapsed() > REQUEST_TIMEOUT {
+            *has_logged = true;
+            tracing::warn!("waiting for the first pose of the physical vehicles {}", missing.join(", "));
         }
         false
     }
 
-    /// Brings the vehicles into the city; `false` when that has to begin again.
-    fn set_up(&mut self, clock: &Clock, ends: &AtomicBool) -> Result<bool, Failure> {
+    /// Sets up the vehicles in the city; `false` when a new handshake is needed.
+    fn set_up(&mut self, clock: &CityClock, stop: &AtomicBool) -> Result<bool, Failure> {
         let action = |action| move |request| Body::Command { request, action };
         if clock.tick >= self.experiment.ticks() {
-            tracing::warn!("the city's experiment was over; it is reset");
-            if self.ask(ends, "the reset", action(Action::Reset))?.is_none() {
+            tracing::warn!("the city's experiment had ended; it is reset");
+            if self.request_until_done(stop, "the reset", action(ExperimentAction::Reset))?.is_none() {
                 return Ok(false);
             }
             self.was_reset = true;
@@ -353,24 +361,25 @@ impl<'a> Remote<'a> {
         for planned in &experiment.vehicles {
             let setup = setup_of(&experiment, planned, self.last_seen.get(&planned.id));
             let body = |request| Body::Setup { request, setup: Box::new(setup.clone()) };
-            match self.ask(ends, &format!("vehicle {}", planned.id), body)? {
+            match self.request_until_done(stop, &format!("vehicle {}", planned.id), body)? {
                 None => return Ok(false),
                 Some(detail) if !detail.is_empty() => tracing::warn!("vehicle {}: {detail}", planned.id),
                 Some(_) => {}
             }
         }
-        let is_done = self.sees_by_itself() || self.ask(ends, "the subscription", subscription)?.is_some();
+        let is_done = self.has_own_feedback()
+            || self.request_until_done(stop, "the subscription", subscription)?.is_some();
         say(format_args!("{} vehicles in the city at {}", experiment.vehicles.len(), self.args.city))?;
         Ok(is_done)
     }
 
-    /// Answers the poses of a tick by commands.
+    /// Makes a control step with the poses of a tick and sends the commands.
     fn answer(
         &mut self,
         head: &Poses,
-        vehicles: &[Seen],
+        vehicles: &[ObservedVehicle],
         is_lockstep: bool,
-        ends: &AtomicBool,
+        stop: &AtomicBool,
     ) -> Result<(), Failure> {
         let is_first = self.answered.is_none();
         self.answered = Some(head.tick);
@@ -381,14 +390,17 @@ impl<'a> Remote<'a> {
         if is_over {
             self.is_over = true;
             if !is_lockstep {
-                self.ask(ends, "the pause", |request| Body::Command { request, action: Action::Pause })?;
+                self.request_until_done(stop, "the pause", |request| Body::Command {
+                    request,
+                    action: ExperimentAction::Pause,
+                })?;
             }
             return Ok(());
         }
-        // The city tells where it keeps those that nobody sees; that is no measurement.
+        // The pose of an unseen vehicle is where the city keeps it, not a measurement.
         let seen = vehicles.iter().filter(|seen| seen.status != Status::Unseen);
         self.control.step(now, seen.map(|seen| seen.pose), &mut delivered);
-        self.laboratory.send(delivered.iter().filter_map(|message| match message {
+        self.physical_fleet.send(delivered.iter().filter_map(|message| match message {
             Message::Follow(trajectory) => Some(trajectory),
             Message::Remove(_) => None,
         }));
@@ -399,8 +411,11 @@ impl<'a> Remote<'a> {
                 self.batch.push(prepared);
             }
         }
-        if is_first && head.phase != Phase::Running {
-            self.ask(ends, "the start", |request| Body::Command { request, action: Action::Start })?;
+        if is_first && head.phase != ExperimentPhase::Running {
+            self.request_until_done(stop, "the start", |request| Body::Command {
+                request,
+                action: ExperimentAction::Start,
+            })?;
         }
         if is_lockstep {
             let first = self.batch.first().map_or(0, |(sequence, _)| *sequence);
@@ -411,29 +426,30 @@ impl<'a> Remote<'a> {
         Ok(())
     }
 
-    /// Sends the commands of the last tick again, and a barrier of its own.
-    fn again(&mut self) {
+    /// Retransmits the commands of the last tick, with a new barrier.
+    fn retransmit(&mut self) {
         if let Some(barrier) = self.barrier.clone() {
             self.batch.iter().for_each(|(_, bytes)| self.client.resend(bytes));
             self.client.send(&barrier);
         }
     }
 
-    fn record(&mut self, head: &Poses, vehicles: &[Seen], is_first: bool) -> Result<(), Failure> {
+    fn record(&mut self, head: &Poses, vehicles: &[ObservedVehicle], is_first: bool) -> Result<(), Failure> {
         if is_first && let Some(files) = self.files.take() {
             files.finish(&self.experiment, self.city.snapshot(), None)?;
         }
         if is_first {
-            self.city = SeenCity::new(Arc::clone(&self.experiment));
+            self.city = ObservedCity::new(Arc::clone(&self.experiment));
             self.part += 1;
         }
-        let snapshot = self.city.see(head, vehicles);
+        let snapshot = self.city.add_poses(head, vehicles);
         self.last_seen.extend(snapshot.vehicles.iter().map(|state| (state.id, state.clone())));
         match &mut self.files {
             Some(files) => files.tick(Some(self.control.mainframe()), snapshot),
             None => {
                 let folder = folder_of(self.args.out.as_deref(), self.part);
-                let mut files = Files::begin(folder, &self.experiment, Origin::Mainframe, self.args.log)?;
+                let mut files =
+                    RunFiles::begin(folder, &self.experiment, LogOrigin::Mainframe, self.args.log)?;
                 files.first(snapshot)?;
                 self.files = Some(files);
                 Ok(())
@@ -442,7 +458,7 @@ impl<'a> Remote<'a> {
     }
 }
 
-/// What brings a vehicle in where it was seen last, or where it starts.
+/// The setup of a vehicle at its last observed pose, or else at its start.
 pub(super) fn setup_of(
     experiment: &Experiment,
     planned: &PlannedVehicle,
@@ -472,11 +488,11 @@ pub(super) fn setup_of(
         appearance: planned.appearance,
         pose,
         speed_mps,
-        build: Build::Spec(Box::new(planned.spec.clone())),
+        build: VehicleBuild::Spec(Box::new(planned.spec.clone())),
     }
 }
 
-/// The poses of an experiment's vehicles over ROS, where they are asked for.
+/// Pose feedback over ROS, where the arguments ask for it.
 #[cfg(feature = "ros")]
 fn vicon_of(args: &MainframeArgs, experiment: &Experiment) -> Result<Option<ViconFeedback>, Failure> {
     let heard = subjects_of(experiment);
@@ -486,15 +502,18 @@ fn vicon_of(args: &MainframeArgs, experiment: &Experiment) -> Result<Option<Vico
     Ok(Some(ViconFeedback::new(vicon, experiment.vehicles.len(), per_control)))
 }
 
-/// The vehicles of the laboratory.
-fn laboratory_of(experiment: &Experiment, seal: &Seal) -> Result<Laboratory, Failure> {
+/// The links to the physical vehicles.
+fn physical_fleet_of(
+    experiment: &Experiment,
+    authenticator: &Authenticator,
+) -> Result<PhysicalFleet, Failure> {
     let physical = experiment.physical().map(|(planned, physical)| (planned.id, physical.address.clone()));
-    Laboratory::new(physical, false, 0, seal).map_err(Failure::bad_input)
+    PhysicalFleet::new(physical, false, 0, authenticator).map_err(Failure::bad_input)
 }
 
-/// The clock of a city when it sent poses.
-fn clock_at(clock: &Clock, poses: &Poses) -> Clock {
-    Clock { token: 0, tick: poses.tick, time_s: poses.time_s, phase: poses.phase, ..*clock }
+/// The clock of the city at the time of its poses.
+fn clock_at(clock: &CityClock, poses: &Poses) -> CityClock {
+    CityClock { token: 0, tick: poses.tick, time_s: poses.time_s, phase: poses.phase, ..*clock }
 }
 
 fn subscription(request: u32) -> Body {

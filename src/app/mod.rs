@@ -1,4 +1,4 @@
-//! The command line: wiring of everything else.
+//! The command line: arguments, subcommands and exit codes.
 
 #[cfg(feature = "render")]
 mod bench;
@@ -13,7 +13,7 @@ mod instruments;
 mod load;
 #[cfg(feature = "render")]
 mod look;
-mod losses;
+mod loss_reporter;
 mod mainframe;
 mod overwrite;
 #[cfg(feature = "render")]
@@ -35,7 +35,7 @@ mod testbed;
 #[cfg(feature = "window")]
 mod view;
 
-use crate::environment::Profile;
+use crate::environment::EnvironmentProfile;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -57,7 +57,7 @@ const EXIT_BAD_INPUT: u8 = 2;
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
-    /// Say more; twice for everything.
+    /// Write more messages: -v for information, -vv for debugging
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
 }
@@ -79,7 +79,7 @@ impl Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Open the window: watch, steer and drive [what happens without a command]
+    /// Open the window to watch and drive [default without a command]
     #[cfg(feature = "window")]
     View(Box<view::ViewArgs>),
     /// Run a scenario without a window and write its log, vehicles.csv and summary.json
@@ -90,39 +90,39 @@ enum Command {
     Compare(compare::CompareArgs),
     /// Watch a recorded run in the window, or simulate it again from its log and compare it
     Replay(Box<replay::ReplayArgs>),
-    /// Run a scenario many times, over seeds and parameters, on all cores: one table, and a map of the outcome
+    /// Run a scenario for all combinations of parameters and seeds, on all cores: a table, and a map of the outcome
     Sweep(sweep::SweepArgs),
-    /// Serve the city alone: vehicles and commands come over UDP, poses go back
+    /// Serve the city alone: receive vehicles and commands over UDP, send poses
     Serve(Box<serve::ServeArgs>),
-    /// Run the control framework alone, for a city that is served
+    /// Run the control framework alone, and drive the vehicles of a served city
     Mainframe(Box<mainframe::MainframeArgs>),
-    /// Stand in for the laboratory: robots of the physical vehicles, and motion capture
+    /// Emulate the laboratory: robots for the physical vehicles, and motion capture
     Testbed(Box<testbed::TestbedArgs>),
     /// Take camera pictures of a scenario or of the log of a run: PNG files and frames.csv
     #[cfg(feature = "render")]
     Frames(Box<frames::FramesArgs>),
     /// Validate scenarios (.toml) and maps (.dxf)
     Check(check::CheckArgs),
-    /// Measure this machine: one JSON line each
+    /// Benchmark this machine: one line of JSON per measurement
     #[cfg(feature = "render")]
     #[command(subcommand)]
     Bench(bench::BenchCommand),
-    /// Write what lies in assets/, so that anyone can make it again
+    /// Generate the files of assets/: the map and the models
     Generate(generate::GenerateArgs),
 }
 
-/// What both ends of the laboratory's link have to agree on.
+/// Options that both ends of the laboratory's link must agree on.
 #[derive(Clone, Debug, Args)]
 struct LinkArgs {
-    /// World of the city, where there are several; 0 is any
+    /// World number, which tells several cities on one network apart; 0 matches any city
     #[arg(long, value_name = "N", default_value_t = 1)]
     world: u32,
-    /// File with a key that both ends share, 16 bytes or more: others are not listened to
+    /// File with a shared key of at least 16 bytes; datagrams without its tag are dropped
     #[arg(long, value_name = "FILE")]
     key: Option<PathBuf>,
 }
 
-/// Set when the process is told to end.
+/// A flag that SIGINT and SIGTERM set.
 fn on_end() -> Result<std::sync::Arc<std::sync::atomic::AtomicBool>, Failure> {
     let ends = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
     let told = std::sync::Arc::clone(&ends);
@@ -131,7 +131,7 @@ fn on_end() -> Result<std::sync::Arc<std::sync::atomic::AtomicBool>, Failure> {
     Ok(ends)
 }
 
-/// What several commands change of a scenario.
+/// Scenario and overrides of several commands.
 #[derive(Clone, Debug, Default, PartialEq, Args)]
 struct ScenarioArgs {
     /// A scenario file, or a shipped one: roundabout, mixed, city, straight, student
@@ -142,10 +142,10 @@ struct ScenarioArgs {
     /// Simulated seconds, instead of the scenario's
     #[arg(long, value_name = "S", value_parser = duration)]
     duration: Option<f64>,
-    /// Dynamics of all vehicles, instead of the scenario's
+    /// Dynamics model of all vehicles, instead of the scenario's
     #[arg(long)]
-    model: Option<Model>,
-    /// What stands between control and vehicles, instead of the scenario's profile
+    model: Option<ModelArg>,
+    /// Environment profile (delay, loss, noise, disturbance), instead of the scenario's
     #[arg(long)]
     environment: Option<ProfileArg>,
 }
@@ -158,16 +158,16 @@ enum ProfileArg {
 }
 
 impl ProfileArg {
-    fn profile(self) -> Profile {
+    fn profile(self) -> EnvironmentProfile {
         match self {
-            Self::Ideal => Profile::Ideal,
-            Self::Testbed => Profile::Testbed,
+            Self::Ideal => EnvironmentProfile::Ideal,
+            Self::Testbed => EnvironmentProfile::Testbed,
         }
     }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Model {
+enum ModelArg {
     Raycast,
     Bicycle,
 }
@@ -230,7 +230,7 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// `--distance -5` is a value that is told what may stand there, and no option that does not exist.
+/// `--distance -5` is an invalid value, not an unknown option.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     command
         .mut_args(|argument| {

@@ -1,13 +1,13 @@
-//! `--force`: results of an earlier command are written over only when that is asked for.
+//! `--force`: protects the results of earlier commands from being overwritten.
 
 use super::Failure;
 use clap::Args;
 use std::path::{Path, PathBuf};
 
-/// Files of which each run has its own.
+/// File names of a run.
 const RUN_FILES: [&str; 3] = ["run.mcap", "vehicles.csv", "summary.json"];
 
-/// Whether results that are there may be written over.
+/// Option to overwrite existing results.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub struct OverwriteArgs {
     /// Write over the results of an earlier command in --out
@@ -24,7 +24,7 @@ impl OverwriteArgs {
         self.check_files(folder, &RUN_FILES)
     }
 
-    /// Refuses a folder that has runs in folders whose names begin so.
+    /// Refuses a folder with runs in subfolders of this name prefix.
     ///
     /// # Errors
     /// Bad input that names the first of these folders and the remedy.
@@ -54,7 +54,7 @@ impl OverwriteArgs {
         if self.force || !path.is_file() {
             return Ok(());
         }
-        Err(refusal(path, "the file is there already"))
+        Err(refusal(path, "the file exists already"))
     }
 }
 
@@ -72,7 +72,7 @@ fn listed(names: &[&str]) -> String {
     }
 }
 
-/// Folders in a folder whose names begin so, in order.
+/// Subfolders with a name prefix, sorted.
 fn folders(folder: &Path, prefix: &str) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let named = entries.filter(|entry| entry.file_name().to_string_lossy().starts_with(prefix));
@@ -130,7 +130,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("1.svg"), "").unwrap();
         let told = message(OverwriteArgs::default().check_file(&folder.path().join("1.svg")));
-        assert!(told.contains("1.svg: the file is there already; choose another --out"), "{told}");
+        assert!(told.contains("1.svg: the file exists already; choose another --out"), "{told}");
         assert!(OverwriteArgs::default().check_file(Path::new("/dev/null")).is_ok());
     }
 }

@@ -1,5 +1,5 @@
-//! Onboard pictures of a city that is served, drawn on a thread of its own from the latest instant. The simulation
-//! hands instants over and never waits: what the thread does not keep up with is dropped and counted.
+//! Onboard pictures of a served city, drawn on a separate thread. The simulation hands over the latest snapshot
+//! through a slot of size one and never waits: the slot drops the oldest job (back-pressure) and counts it.
 
 use super::Failure;
 use super::look::{self, LookArgs, in_batches};
@@ -18,13 +18,13 @@ use thread_priority::{
     thread_native_id,
 };
 
-/// Where a scenario gives no vehicle a camera: so many pictures a second behind each windscreen.
+/// Default camera where the scenario has none: pictures per second behind each windscreen.
 const USUAL_HZ: f64 = 10.0;
 const USUAL_NAME: &str = "windscreen";
 
-/// A camera that a vehicle carries.
+/// A camera on a vehicle.
 #[derive(Clone, Debug)]
-pub(super) struct Onboard {
+pub(super) struct CarriedCamera {
     pub(super) vehicle: VehicleId,
     /// Name of the vehicle.
     pub(super) owner: String,
@@ -36,13 +36,13 @@ pub(super) struct Onboard {
 }
 
 /// The cameras that a scenario gives its vehicles, or one behind each windscreen where it gives none.
-pub(super) fn onboard(experiment: &Experiment, extent: Option<[u32; 2]>) -> Vec<Onboard> {
+pub(super) fn carried_cameras(experiment: &Experiment, extent: Option<[u32; 2]>) -> Vec<CarriedCamera> {
     let sized = |lens: Lens| Lens { extent: extent.unwrap_or(lens.extent), ..lens };
-    let mut cameras: Vec<Onboard> = Vec::new();
+    let mut cameras: Vec<CarriedCamera> = Vec::new();
     for planned in &experiment.vehicles {
         cameras.extend(planned.sensors.iter().map(|sensor| {
             let SensorKind::Camera(CameraSensor { mount, lens, .. }) = sensor.kind;
-            Onboard {
+            CarriedCamera {
                 vehicle: planned.id,
                 owner: planned.name.clone(),
                 name: sensor.name.clone(),
@@ -53,7 +53,7 @@ pub(super) fn onboard(experiment: &Experiment, extent: Option<[u32; 2]>) -> Vec<
         }));
     }
     if cameras.is_empty() {
-        cameras.extend(experiment.vehicles.iter().map(|planned| Onboard {
+        cameras.extend(experiment.vehicles.iter().map(|planned| CarriedCamera {
             vehicle: planned.id,
             owner: planned.name.clone(),
             name: USUAL_NAME.to_owned(),
@@ -65,66 +65,66 @@ pub(super) fn onboard(experiment: &Experiment, extent: Option<[u32; 2]>) -> Vec<
     cameras
 }
 
-/// A picture that has been taken.
+/// A finished picture.
 #[derive(Debug)]
-pub(super) struct Taken {
-    /// Which of the cameras has taken it.
+pub(super) struct TakenPicture {
+    /// Index of the camera.
     pub(super) camera: usize,
     pub(super) view: View,
     pub(super) stamp_s: f64,
     pub(super) image: Image,
 }
 
-/// What is to be drawn next.
+/// A snapshot to draw, with the cameras that are due.
 #[derive(Debug)]
-struct Order {
+struct DrawJob {
     snapshot: FrameSnapshot,
     stamp_s: f64,
     cameras: Vec<usize>,
 }
 
 #[derive(Debug, Default)]
-struct Desk {
-    order: Option<Order>,
+struct JobSlot {
+    job: Option<DrawJob>,
     is_over: bool,
 }
 
 #[derive(Debug, Default)]
-struct Shared {
-    desk: Mutex<Desk>,
-    has_news: Condvar,
+struct SharedSlot {
+    slot: Mutex<JobSlot>,
+    wake: Condvar,
     taken: AtomicU64,
     dropped: AtomicU64,
 }
 
-impl Shared {
-    fn desk(&self) -> MutexGuard<'_, Desk> {
-        self.desk.lock().unwrap_or_else(PoisonError::into_inner)
+impl SharedSlot {
+    fn slot(&self) -> MutexGuard<'_, JobSlot> {
+        self.slot.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The next order, once there is one; `None` when there will be no more.
-    fn wait(&self) -> Option<Order> {
-        let mut desk = self.desk();
+    /// Waits for the next job; `None` at the end.
+    fn wait(&self) -> Option<DrawJob> {
+        let mut slot = self.slot();
         loop {
-            if desk.is_over {
+            if slot.is_over {
                 return None;
             }
-            if let Some(order) = desk.order.take() {
-                return Some(order);
+            if let Some(job) = slot.job.take() {
+                return Some(job);
             }
-            desk = self.has_news.wait(desk).unwrap_or_else(PoisonError::into_inner);
+            slot = self.wake.wait(slot).unwrap_or_else(PoisonError::into_inner);
         }
     }
 }
 
-/// The thread that draws. Dropped, it ends it.
+/// Handle of the drawing thread. Dropping it ends the thread.
 #[derive(Debug)]
-pub(super) struct Pictures {
-    shared: Arc<Shared>,
-    cameras: Arc<[Onboard]>,
-    /// Whose pictures anybody wants.
+pub(super) struct PictureThread {
+    shared: Arc<SharedSlot>,
+    cameras: Arc<[CarriedCamera]>,
+    /// Whether the picture of each camera has subscribers.
     wanted: Arc<[AtomicBool]>,
-    /// Simulated time of the next picture of each.
+    /// Simulated time of the next picture of each camera.
     due_s: Vec<f64>,
     shown_s: f64,
     /// The name of the adapter that draws.
@@ -132,26 +132,27 @@ pub(super) struct Pictures {
     thread: Option<JoinHandle<()>>,
 }
 
-impl Pictures {
-    /// Opens the renderer; pictures go to `take`, those of an instant together.
+impl PictureThread {
+    /// Opens the renderer; `take` gets the pictures of an instant together.
     ///
     /// # Errors
-    /// Where there is nothing that draws.
+    /// Where no adapter can draw.
     pub(super) fn start(
         experiment: &Arc<Experiment>,
         look: LookArgs,
-        cameras: Vec<Onboard>,
+        cameras: Vec<CarriedCamera>,
         wanted: Arc<[AtomicBool]>,
-        take: impl FnMut(Vec<Taken>) + Send + 'static,
+        take: impl FnMut(Vec<TakenPicture>) + Send + 'static,
     ) -> Result<Self, Failure> {
-        let (cameras, shared) = (Arc::<[Onboard]>::from(cameras), Arc::new(Shared::default()));
+        let (cameras, shared) = (Arc::<[CarriedCamera]>::from(cameras), Arc::new(SharedSlot::default()));
         let (opened, opening) = channel();
-        let (experiment, inner, worn) = (Arc::clone(experiment), Arc::clone(&shared), Arc::clone(&cameras));
+        let (experiment, inner, carried) =
+            (Arc::clone(experiment), Arc::clone(&shared), Arc::clone(&cameras));
         let work = move || {
-            be_patient();
-            // Threads are as urgent as the one that has made them: those of the usual pool are not for this.
+            lower_priority();
+            // Threads inherit the priority of their creator: the global pool must keep its own.
             match rayon::ThreadPoolBuilder::new().thread_name(|_| "pictures".to_owned()).build() {
-                Ok(pool) => pool.install(|| draw(&experiment, &look, &worn, &inner, take, &opened)),
+                Ok(pool) => pool.install(|| draw(&experiment, &look, &carried, &inner, take, &opened)),
                 Err(error) => drop(opened.send(Err(Failure::failed(error)))),
             }
         };
@@ -162,7 +163,7 @@ impl Pictures {
         Ok(Self { shared, cameras, wanted, due_s, shown_s: 0.0, adapter, thread })
     }
 
-    /// Tells what the city looks like now, and never waits.
+    /// Submits the present snapshot without blocking.
     pub(super) fn show(&mut self, snapshot: &FrameSnapshot, stamp_s: f64) {
         let time_s = snapshot.time_s;
         if time_s < self.shown_s {
@@ -175,7 +176,7 @@ impl Pictures {
                 self.wanted[k].load(Ordering::Relaxed) && snapshot.vehicle(camera.vehicle).is_some();
             // Half a microsecond is less than any tick.
             if is_wanted && time_s + 5e-7 >= *due_s {
-                // The beat is kept, unless it was lost.
+                // Keeps the period; skips periods that were missed.
                 let next_s = *due_s + camera.every_s;
                 *due_s = if next_s > time_s { next_s } else { time_s + camera.every_s };
                 cameras.push(k);
@@ -184,24 +185,24 @@ impl Pictures {
         if cameras.is_empty() {
             return;
         }
-        let order = Order { snapshot: snapshot.clone(), stamp_s, cameras };
-        let before = self.shared.desk().order.replace(order);
-        self.shared.has_news.notify_one();
+        let job = DrawJob { snapshot: snapshot.clone(), stamp_s, cameras };
+        let before = self.shared.slot().job.replace(job);
+        self.shared.wake.notify_one();
         let dropped = before.map_or(0, |before| before.cameras.len() as u64);
         self.shared.dropped.fetch_add(dropped, Ordering::Relaxed);
     }
 
-    /// How many have been taken, and how many not because drawing fell behind.
-    pub(super) fn figures(&self) -> (u64, u64) {
+    /// Numbers of pictures taken, and of pictures dropped because drawing fell behind.
+    pub(super) fn counts(&self) -> (u64, u64) {
         let of = |count: &AtomicU64| count.load(Ordering::Relaxed);
         (of(&self.shared.taken), of(&self.shared.dropped))
     }
 }
 
-impl Drop for Pictures {
+impl Drop for PictureThread {
     fn drop(&mut self) {
-        self.shared.desk().is_over = true;
-        self.shared.has_news.notify_one();
+        self.shared.slot().is_over = true;
+        self.shared.wake.notify_one();
         if let Some(thread) = self.thread.take() {
             // It has nothing to say.
             let _ = thread.join();
@@ -209,14 +210,14 @@ impl Drop for Pictures {
     }
 }
 
-/// Lets everybody else go first: drawing takes the time that nobody else wants. Who is merely less urgent (`nice`) is
-/// not interrupted at once on Linux, which a tick and the control framework on the same machine would notice.
-fn be_patient() {
+/// Moves the thread to the idle scheduling class (`SCHED_IDLE`). A merely nice thread is not preempted at once on
+/// Linux, which would delay ticks and the control framework on the same machine.
+fn lower_priority() {
     #[cfg(target_os = "linux")]
     {
         let policy = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Idle);
         if let Err(error) = set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Min, policy) {
-            tracing::debug!("drawing is as urgent as the simulation: {error}");
+            tracing::debug!("the drawing threads keep their normal priority: {error}");
         }
     }
 }
@@ -224,44 +225,48 @@ fn be_patient() {
 fn draw(
     experiment: &Experiment,
     look: &LookArgs,
-    cameras: &[Onboard],
-    shared: &Shared,
-    mut take: impl FnMut(Vec<Taken>),
+    cameras: &[CarriedCamera],
+    shared: &SharedSlot,
+    mut take: impl FnMut(Vec<TakenPicture>),
     opened: &Sender<Result<String, Failure>>,
 ) {
-    let pictures = if cameras.len() > 1 { look::Pictures::Many } else { look::Pictures::Few };
-    let mut renderer = match look::open(look, experiment, (look::Quality::Low, pictures)) {
+    let pictures = if cameras.len() > 1 { look::PictureCount::Many } else { look::PictureCount::Few };
+    let mut renderer = match look::open(look, experiment, (look::QualityArg::Low, pictures)) {
         Ok(renderer) => renderer,
-        // Who waits for it tells why.
+        // The waiting caller reports it.
         Err(failure) => return drop(opened.send(Err(failure))),
     };
     drop(opened.send(Ok(renderer.context().adapter_name.clone())));
-    while let Some(order) = shared.wait() {
-        match draw_order(&mut renderer, cameras, &order) {
+    while let Some(job) = shared.wait() {
+        match draw_job(&mut renderer, cameras, &job) {
             Ok(pictures) => {
                 shared.taken.fetch_add(pictures.len() as u64, Ordering::Relaxed);
                 take(pictures);
             }
             Err(failure) => {
-                shared.dropped.fetch_add(order.cameras.len() as u64, Ordering::Relaxed);
-                tracing::warn!("no onboard pictures at {} s: {}", order.snapshot.time_s, failure.message);
+                shared.dropped.fetch_add(job.cameras.len() as u64, Ordering::Relaxed);
+                tracing::warn!("no onboard pictures at {} s: {}", job.snapshot.time_s, failure.message);
             }
         }
     }
 }
 
-fn draw_order(renderer: &mut Renderer, cameras: &[Onboard], order: &Order) -> Result<Vec<Taken>, Failure> {
-    let (mut views, mut takers) = (Vec::new(), Vec::new());
-    for &k in &order.cameras {
+fn draw_job(
+    renderer: &mut Renderer,
+    cameras: &[CarriedCamera],
+    job: &DrawJob,
+) -> Result<Vec<TakenPicture>, Failure> {
+    let (mut views, mut camera_indices) = (Vec::new(), Vec::new());
+    for &k in &job.cameras {
         let camera = Camera::onboard(cameras[k].vehicle, cameras[k].mount);
-        views.push(camera.view(&order.snapshot, &cameras[k].lens).map_err(Failure::failed)?);
-        takers.push(k);
+        views.push(camera.view(&job.snapshot, &cameras[k].lens).map_err(Failure::failed)?);
+        camera_indices.push(k);
     }
     let mut images = Vec::with_capacity(views.len());
     for batch in in_batches(renderer, &views) {
-        images.extend(renderer.render(&order.snapshot, &batch).map_err(look::failure)?);
+        images.extend(renderer.render(&job.snapshot, &batch).map_err(look::failure)?);
     }
-    let taken = takers.into_iter().zip(views).zip(images);
-    let stamp_s = order.stamp_s;
-    Ok(taken.map(|((camera, view), image)| Taken { camera, view, stamp_s, image }).collect())
+    let taken = camera_indices.into_iter().zip(views).zip(images);
+    let stamp_s = job.stamp_s;
+    Ok(taken.map(|((camera, view), image)| TakenPicture { camera, view, stamp_s, image }).collect())
 }

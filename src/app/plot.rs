@@ -4,7 +4,7 @@ use super::files::log_argument;
 use super::overwrite::OverwriteArgs;
 use super::say::say;
 use super::{Failure, create_folder};
-use crate::figures::{Layout, RunLog, Size, Trace, Views, write};
+use crate::figures::{FigureSet, FigureSize, RunLog, StreamLayout, Trace, write};
 use crate::snapshot::VehicleId;
 use clap::{Args, ValueEnum};
 use std::collections::BTreeSet;
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub struct PlotArgs {
-    /// The run.mcap of runs, or their folders; of several each has a folder of its own
+    /// Logs (run.mcap) or folders of runs; with several, each run gets a folder of its own in --out
     #[arg(required = true, value_parser = log_argument)]
     logs: Vec<PathBuf>,
     /// Folder for the figures: SVG, PNG and their data as CSV
@@ -27,11 +27,11 @@ pub struct PlotArgs {
 /// What figures show and how large they are.
 #[derive(Clone, Debug, Args)]
 pub struct FigureArgs {
-    /// The merging point: the lane that begins there [default: the one that most vehicles use]
+    /// Merging point, by the lane that begins there [default: the one that most vehicles use]
     #[arg(long, value_name = "LANE")]
     merge: Option<String>,
-    /// Positions are 0 so many laboratory metres before the merging point [default: where the last vehicle of Path 1
-    /// starts]
+    /// Distance of position 0 before the merging point, in laboratory metres [default: the start of the last vehicle
+    /// of Path 1]
     #[arg(long, value_name = "M", value_parser = metres)]
     origin: Option<f64>,
     /// Only these vehicles, by number or name
@@ -44,7 +44,7 @@ pub struct FigureArgs {
 /// How large figures are.
 #[derive(Clone, Debug, Args)]
 pub struct SizeArgs {
-    /// How large figures are printed: a column of a paper (88 mm wide) or a page (180 mm)
+    /// Printed width of the figures: a column of a paper (88 mm) or a page (180 mm)
     #[arg(long, value_enum, default_value = "page")]
     size: SizeArg,
 }
@@ -56,26 +56,26 @@ enum SizeArg {
 }
 
 impl SizeArgs {
-    pub fn size(&self) -> Size {
+    pub fn size(&self) -> FigureSize {
         match self.size {
-            SizeArg::Column => Size::Column,
-            SizeArg::Page => Size::Page,
+            SizeArg::Column => FigureSize::Column,
+            SizeArg::Page => FigureSize::Page,
         }
     }
 }
 
 impl FigureArgs {
-    pub fn size(&self) -> Size {
+    pub fn size(&self) -> FigureSize {
         self.size.size()
     }
 
-    /// How positions are told, by the first of some runs.
-    pub fn layout(&self, run: &RunLog) -> Result<Layout, Failure> {
+    /// Streams and position axis, from the first of some runs.
+    pub fn layout(&self, run: &RunLog) -> Result<StreamLayout, Failure> {
         let origin_m = self.origin.map(|lab_m| run.experiment.scale.city_from_lab(lab_m));
-        Layout::of(run, self.merge.as_deref(), origin_m).map_err(Failure::bad_input)
+        StreamLayout::of(run, self.merge.as_deref(), origin_m).map_err(Failure::bad_input)
     }
 
-    /// The vehicles that were asked for, all of which are there; none for all.
+    /// The requested vehicles, all of which exist; none for all.
     pub fn vehicles(&self, run: &RunLog) -> Result<BTreeSet<VehicleId>, Failure> {
         let there = || {
             let words = run.vehicles.iter().map(|trace| format!("{} {}", trace.id, trace.name));
@@ -102,8 +102,11 @@ fn metres(text: &str) -> Result<f64, String> {
 /// Reads a log, and says where it ends early.
 pub fn read(log: &Path) -> Result<RunLog, Failure> {
     let run = RunLog::read(log).map_err(Failure::bad_input)?;
-    if let Some(why) = &run.torn {
-        tracing::warn!("{}: the log has no end: {why}; read up to its last whole record", log.display());
+    if let Some(why) = &run.truncation {
+        tracing::warn!(
+            "{}: the log is truncated: {why}; it is read up to its last whole record",
+            log.display()
+        );
     }
     Ok(run)
 }
@@ -117,13 +120,13 @@ pub fn plot(args: &PlotArgs) -> Result<(), Failure> {
         let layout = args.figures.layout(&run)?;
         let only = args.figures.vehicles(&run)?;
         let runs = [run];
-        draw(&Views::new(&runs, &layout, &only), args, &folder)?;
+        draw(&FigureSet::new(&runs, &layout, &only), args, &folder)?;
     }
     Ok(())
 }
 
 /// Writes all figures of a run, and says which.
-fn draw(views: &Views<'_>, args: &PlotArgs, folder: &Path) -> Result<(), Failure> {
+fn draw(views: &FigureSet<'_>, args: &PlotArgs, folder: &Path) -> Result<(), Failure> {
     let (figures, notes) = views.all();
     args.overwrite.check_files(folder, &files_of(figures.iter().map(|figure| figure.name.as_str())))?;
     create_folder(folder)?;

@@ -1,4 +1,4 @@
-//! The progress of long commands: a bar on a terminal, a line now and then where standard error is a file or a pipe.
+//! Progress display of long commands: a bar on a terminal, periodic lines where standard error is a file or a pipe.
 
 use super::say::complain;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -43,7 +43,7 @@ pub fn show(progress: &Progress, time_s: f64) {
 }
 
 impl Progress {
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn finish_and_clear(&self) {
         self.bar.finish_and_clear();
     }

@@ -1,22 +1,23 @@
-//! `city3d replay POSES`: vehicles that were measured elsewhere drive as they were recorded, into the same files
-//! as any run.
+//! `city3d replay POSES`: makes a run of poses that were measured elsewhere, smoothed, with the same files as any run.
 
-use super::files::{Files, LogArgs, conclude};
+use super::files::{LogArgs, RunFiles, conclude};
 use super::{Failure, ScenarioArgs, load, progress};
 use crate::estimation::{LONGEST_GAP_S, MotionEstimate, NoiseModel, smooth};
 use crate::geom::Pose2;
-use crate::record::{COLUMNS, MeasuredPose, Origin, POSE_COLUMNS, is_log, is_ros1_bag, read_bag, read_poses};
-use crate::runner::{SeenCity, SeenMotion, Summary};
+use crate::record::{
+    COLUMNS, LogOrigin, POSE_COLUMNS, RecordedPose, is_log, is_ros1_bag, read_bag, read_poses,
+};
+use crate::runner::{ObservedCity, ObservedMotion, Summary};
 use crate::scenario::Experiment;
 use crate::snapshot::{Status, VehicleId};
-use crate::wire::{Phase, Poses};
+use crate::wire::{ExperimentPhase, Poses};
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Poses with the scenario that they are of.
-pub struct Recorded<'a> {
+/// Arguments of a replay of measured poses.
+pub struct RecordedPoses<'a> {
     pub poses: &'a Path,
     pub scenario: &'a str,
     pub out: &'a Path,
@@ -24,7 +25,7 @@ pub struct Recorded<'a> {
     pub json: bool,
 }
 
-impl Recorded<'_> {
+impl RecordedPoses<'_> {
     pub fn replay(&self) -> Result<(), Failure> {
         let poses = self.read()?;
         let times = || poses.values().flatten().map(|pose| pose.time_s);
@@ -45,8 +46,8 @@ impl Recorded<'_> {
         conclude(&summary, &experiment, Some(self.out), self.json)
     }
 
-    /// The table of a run of ours is no table of poses: it is of the city, and its run can be watched itself.
-    fn tell_own_table(&self) -> Result<(), Failure> {
+    /// Rejects the `vehicles.csv` of a City3D run, which is in city metres.
+    fn reject_own_table(&self) -> Result<(), Failure> {
         let text = std::fs::File::open(self.poses).map(BufReader::new).and_then(|mut file| {
             let mut line = String::new();
             file.read_line(&mut line).map(|_| line)
@@ -55,7 +56,7 @@ impl Recorded<'_> {
             let (path, folder) = (self.poses.display(), self.poses.parent().unwrap_or(Path::new(".")));
             let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
             return Err(Failure::bad_input(format!(
-                "{path} is the vehicles.csv of a run of City3D, in full-scale metres: watch the run itself, by city3d \
+                "{path} is the vehicles.csv of a run of City3D, in full-scale metres: watch the run itself with city3d \
                  replay {}. A table of poses has the columns {}, in laboratory metres",
                 folder.display(),
                 POSE_COLUMNS.join(", ")
@@ -64,8 +65,8 @@ impl Recorded<'_> {
         Ok(())
     }
 
-    /// Says what in the poses is hardly meant so.
-    fn warn(&self, poses: &BTreeMap<VehicleId, Vec<MeasuredPose>>, experiment: &Experiment) {
+    /// Warns of poses that are probably wrong.
+    fn warn(&self, poses: &BTreeMap<VehicleId, Vec<RecordedPose>>, experiment: &Experiment) {
         let path = self.poses.display();
         let from_s = poses.values().flatten().map(|pose| pose.time_s).fold(f64::INFINITY, f64::min);
         let strangers: Vec<String> = poses
@@ -76,7 +77,7 @@ impl Recorded<'_> {
         if !strangers.is_empty() {
             let known = experiment.vehicles.iter().map(|planned| format!("{} {}", planned.id, planned.name));
             tracing::warn!(
-                "{path}: the scenario has no vehicle {}; it has {}. They are shown with the usual measures",
+                "{path}: the scenario has no vehicle {}; it has {}. The unknown ones are shown with default dimensions",
                 strangers.join(", "),
                 known.take(20).collect::<Vec<_>>().join(", ")
             );
@@ -84,15 +85,15 @@ impl Recorded<'_> {
         if let Some(share) = outside(poses, experiment) {
             let factor = experiment.scale.factor();
             tracing::warn!(
-                "{path}: {:.0} % of the poses lie outside of the map. Laboratory metres are needed: are these \
-                 full-scale ones? Then divide x and y by {factor}",
+                "{path}: {:.0} % of the poses lie outside of the map. Poses must be in laboratory metres; if these are \
+                 full-scale metres, divide x and y by {factor}",
                 share * 100.0
             );
         }
         for (vehicle, poses) in poses {
             for (before, after) in gaps(poses) {
                 tracing::warn!(
-                    "{path}: vehicle {vehicle} was not measured from {:.2} s to {:.2} s and is not there meanwhile",
+                    "{path}: vehicle {vehicle} was not measured from {:.2} s to {:.2} s and is absent for that time",
                     before - from_s,
                     after - from_s
                 );
@@ -100,10 +101,10 @@ impl Recorded<'_> {
         }
     }
 
-    /// The poses of a table, or of a bag by the names of the scenario's vehicles.
-    fn read(&self) -> Result<BTreeMap<VehicleId, Vec<MeasuredPose>>, Failure> {
+    /// Reads the poses from a table, or from a bag by the names of the scenario's vehicles.
+    fn read(&self) -> Result<BTreeMap<VehicleId, Vec<RecordedPose>>, Failure> {
         if !is_bag(self.poses) {
-            self.tell_own_table()?;
+            self.reject_own_table()?;
             return read_poses(self.poses).map_err(Failure::bad_input);
         }
         let scenario = self.scenario.to_owned();
@@ -115,27 +116,28 @@ impl Recorded<'_> {
 
     fn write(
         &self,
-        poses: &BTreeMap<VehicleId, Vec<MeasuredPose>>,
+        poses: &BTreeMap<VehicleId, Vec<RecordedPose>>,
         from_s: f64,
         experiment: &Arc<Experiment>,
     ) -> Result<Summary, Failure> {
-        let mut files = Files::begin(Some(PathBuf::from(self.out)), experiment, Origin::Recorded, self.log)?;
-        let mut city = SeenCity::new(Arc::clone(experiment));
+        let mut files =
+            RunFiles::begin(Some(PathBuf::from(self.out)), experiment, LogOrigin::Recorded, self.log)?;
+        let mut city = ObservedCity::new(Arc::clone(experiment));
         let bar = progress::simulated_seconds(experiment.duration_s);
         let last = (experiment.duration_s * f64::from(experiment.rates.physics_hz) + 1e-6).floor() as u64;
-        let mut smoothed = Smoothed::new(poses, from_s, experiment);
+        let mut smoothed = SmoothedMotions::new(poses, from_s, experiment);
         for tick in 0..=last {
             let time_s = experiment.rates.time_s(tick);
             let head = Poses {
                 tick,
                 time_s,
                 state_hash: 0,
-                phase: Phase::Running,
+                phase: ExperimentPhase::Running,
                 part: 0,
                 parts: 1,
                 vehicles: Vec::new(),
             };
-            let snapshot = city.show(&head, &smoothed.at(tick));
+            let snapshot = city.build_snapshot(&head, &smoothed.at(tick));
             if tick == 0 {
                 files.first(snapshot)?;
             } else {
@@ -150,54 +152,54 @@ impl Recorded<'_> {
     }
 }
 
-/// Whether a file is one in which ROS records.
+/// Whether a file is a bag of ROS 1 or ROS 2 (MCAP).
 fn is_bag(path: &Path) -> bool {
     is_ros1_bag(path) || is_log(path)
 }
 
-/// Poses farther than this from everything that the map has are not on it, laboratory metres.
+/// Poses farther than this from the bounds of the map are outside of it, laboratory metres.
 const OUTSIDE_M: f64 = 1.0;
-/// More of them than this are no strays.
-const STRAY_SHARE: f64 = 0.1;
+/// A larger share of poses outside of the map is reported.
+const OUTSIDE_SHARE: f64 = 0.1;
 
-/// The share of the poses that lie outside of the map, where that is more than some strays.
-fn outside(poses: &BTreeMap<VehicleId, Vec<MeasuredPose>>, experiment: &Experiment) -> Option<f64> {
+/// The share of the poses outside of the map, where it exceeds [`OUTSIDE_SHARE`].
+fn outside(poses: &BTreeMap<VehicleId, Vec<RecordedPose>>, experiment: &Experiment) -> Option<f64> {
     let [low, high] = experiment.city_map.bounds().map(|corner| corner / experiment.scale.factor());
-    let is_outside = |pose: &&MeasuredPose| {
+    let is_outside = |pose: &&RecordedPose| {
         let at = pose.pose.position;
         at.cmplt(low - OUTSIDE_M).any() || at.cmpgt(high + OUTSIDE_M).any()
     };
     let all = || poses.values().flatten();
     let share = all().filter(is_outside).count() as f64 / all().count().max(1) as f64;
-    (share > STRAY_SHARE).then_some(share)
+    (share > OUTSIDE_SHARE).then_some(share)
 }
 
-/// From when to when a vehicle was not measured, for longer than is bridged.
-fn gaps(poses: &[MeasuredPose]) -> impl Iterator<Item = (f64, f64)> {
+/// Gaps of the measurement, from and to, that are too long to bridge.
+fn gaps(poses: &[RecordedPose]) -> impl Iterator<Item = (f64, f64)> {
     let times = poses.windows(2).map(|pair| (pair[0].time_s, pair[1].time_s));
     times.filter(|(before, after)| after - before > LONGEST_GAP_S)
 }
 
-/// Recorded poses are smoothed in pieces this long, each with so much more on both sides that its ends are
-/// smoothed as if all poses had been taken at once.
-const PIECE_S: f64 = 60.0;
-const MARGIN_S: f64 = 5.0;
+/// Length of the chunks in which poses are smoothed, and the overlap on both sides that makes the result the same as
+/// smoothing all poses at once.
+const CHUNK_S: f64 = 60.0;
+const OVERLAP_S: f64 = 5.0;
 
-/// How the vehicles moved at the ticks of the experiment, from all of their poses. City metres.
-struct Smoothed<'a> {
-    poses: &'a BTreeMap<VehicleId, Vec<MeasuredPose>>,
-    /// Stamp of the experiment's beginning.
+/// Motions of the vehicles at the ticks of the experiment, smoothed chunk by chunk. City metres.
+struct SmoothedMotions<'a> {
+    poses: &'a BTreeMap<VehicleId, Vec<RecordedPose>>,
+    /// Stamp of the start of the experiment.
     from_s: f64,
     experiment: &'a Experiment,
     noise: NoiseModel,
-    /// The first tick of the present piece, and the motions from there on.
+    /// The first tick of the present chunk, and the motions from there on.
     first: u64,
     motions: BTreeMap<VehicleId, Vec<Option<MotionEstimate>>>,
 }
 
-impl<'a> Smoothed<'a> {
+impl<'a> SmoothedMotions<'a> {
     fn new(
-        poses: &'a BTreeMap<VehicleId, Vec<MeasuredPose>>,
+        poses: &'a BTreeMap<VehicleId, Vec<RecordedPose>>,
         from_s: f64,
         experiment: &'a Experiment,
     ) -> Self {
@@ -205,19 +207,19 @@ impl<'a> Smoothed<'a> {
         Self { poses, from_s, experiment, noise, first: 0, motions: BTreeMap::new() }
     }
 
-    fn ticks_per_piece(&self) -> u64 {
-        (PIECE_S * f64::from(self.experiment.rates.physics_hz)) as u64
+    fn ticks_per_chunk(&self) -> u64 {
+        (CHUNK_S * f64::from(self.experiment.rates.physics_hz)) as u64
     }
 
-    /// The vehicles that are there at a tick. Ticks come in order.
-    fn at(&mut self, tick: u64) -> Vec<SeenMotion> {
-        if self.motions.is_empty() || tick >= self.first + self.ticks_per_piece() {
+    /// Motions of the vehicles that are present at a tick. Ticks come in order.
+    fn at(&mut self, tick: u64) -> Vec<ObservedMotion> {
+        if self.motions.is_empty() || tick >= self.first + self.ticks_per_chunk() {
             self.smooth_from(tick);
         }
         let index = (tick - self.first) as usize;
         let motion = |(&vehicle, motions): (&VehicleId, &Vec<Option<MotionEstimate>>)| {
             let motion = (*motions.get(index)?)?;
-            Some(SeenMotion::planar(vehicle, Status::Physical, &motion))
+            Some(ObservedMotion::planar(vehicle, Status::Physical, &motion))
         };
         self.motions.iter().filter_map(motion).collect()
     }
@@ -225,8 +227,8 @@ impl<'a> Smoothed<'a> {
     fn smooth_from(&mut self, first: u64) {
         self.first = first;
         let times_s: Vec<f64> =
-            (first..first + self.ticks_per_piece()).map(|tick| self.experiment.rates.time_s(tick)).collect();
-        let (begin_s, end_s) = (times_s[0] - MARGIN_S, times_s[times_s.len() - 1] + MARGIN_S);
+            (first..first + self.ticks_per_chunk()).map(|tick| self.experiment.rates.time_s(tick)).collect();
+        let (begin_s, end_s) = (times_s[0] - OVERLAP_S, times_s[times_s.len() - 1] + OVERLAP_S);
         let factor = self.experiment.scale.factor();
         for (&vehicle, poses) in self.poses {
             let from = poses.partition_point(|pose| pose.time_s - self.from_s < begin_s);

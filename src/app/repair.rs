@@ -24,7 +24,7 @@ impl FromStr for Length {
         let (number, metres) = found.ok_or("write a length with its unit, such as 15mm, 1.5cm or 0.5in")?;
         match number.trim().parse::<f64>() {
             Ok(value) if value.is_finite() && value > 0.0 => Ok(Self { metres: value * metres }),
-            _ => Err(format!("\"{}\" is no length over 0", number.trim())),
+            _ => Err(format!("\"{}\" is not a length above 0", number.trim())),
         }
     }
 }
@@ -32,11 +32,11 @@ impl FromStr for Length {
 /// Repairs the one map of `files` into `out` and tells every change.
 pub fn repair(files: &[String], tolerance: Length, out: &Path, json: bool) -> Result<(), Failure> {
     let [file] = files else {
-        return Err(Failure::bad_input("--repair takes one map"));
+        return Err(Failure::bad_input("--repair takes exactly one map"));
     };
     let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
     if same(Path::new(file), out) {
-        return Err(Failure::bad_input(format!("{file}: --out is the map itself; name another file")));
+        return Err(Failure::bad_input(format!("{file}: --out is the map itself; choose another file")));
     }
     let bytes = Library::default().map(file).map_err(Failure::bad_input)?;
     let repaired = match repair_map(&bytes, tolerance.metres) {

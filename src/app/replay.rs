@@ -1,11 +1,11 @@
-//! `city3d replay`: a recorded run, in the window or simulated again from its commands.
+//! `city3d replay`: shows a recorded run in the window, or simulates it again and verifies its state digests.
 
 use super::files::{LogArgs, log_of};
-use super::recorded::Recorded;
+use super::recorded::RecordedPoses;
 use super::say::say;
 use super::{Failure, progress};
 use crate::record::{is_ros1_bag, last_tick};
-use crate::replay::{Differences, Replay, ReplayError, Ticked};
+use crate::replay::{Replay, ReplayError, StateDifferences, TickDigests};
 use crate::scenario::shipped_scenarios;
 use clap::Args;
 use serde::Serialize;
@@ -13,14 +13,14 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub struct ReplayArgs {
-    /// The run.mcap of a run or the folder that it lies in; or poses that were measured elsewhere: a bag of ROS 1 or
-    /// ROS 2 (MCAP) with transforms or stamped poses of the vehicles' names, or a CSV (time, id, x, y, yaw; laboratory
-    /// metres, seconds, radians)
+    /// The run.mcap or the folder of a run; or poses that were measured elsewhere: a bag of ROS 1 or ROS 2 (MCAP) with
+    /// transforms or stamped poses named after the vehicles, or a CSV file (time, id, x, y, yaw; seconds, laboratory
+    /// metres, radians)
     log: PathBuf,
-    /// With poses: the scenario that they are of, for its map and vehicles
+    /// With poses: the scenario that has their map and vehicles
     #[arg(long, value_name = "FILE", conflicts_with = "verify")]
     scenario: Option<String>,
-    /// With poses: folder for the files of the run that they make
+    /// With poses: folder for the files of the run
     #[arg(long, value_name = "DIR", requires = "scenario")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -36,18 +36,18 @@ pub struct ReplayArgs {
     window: super::view::WindowArgs,
 }
 
-/// What came of simulating a log again.
+/// Result of `--verify`.
 #[derive(Debug, Serialize)]
-struct Report {
+struct VerifyReport {
     log: PathBuf,
     scenario: String,
-    /// Of City3D, which has written the log.
+    /// Version of City3D that wrote the log.
     version: String,
     /// Simulated time of the last tick that was compared.
     simulated_s: f64,
     /// Ticks whose states are equal, the beginning among them.
     ticks_agreeing: u64,
-    /// Why the log has no end, where it is torn.
+    /// Why the log is truncated, if it is.
     torn: Option<String>,
     first_difference: Option<FirstDifference>,
 }
@@ -73,7 +73,7 @@ struct DifferentVehicle {
 
 pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     if let (Some(scenario), Some(out)) = (&args.scenario, &args.out) {
-        return Recorded { poses: &args.log, scenario, out, log: args.files, json: args.json }.replay();
+        return RecordedPoses { poses: &args.log, scenario, out, log: args.files, json: args.json }.replay();
     }
     if let Some(failure) = no_log(&args.log) {
         return Err(failure);
@@ -85,9 +85,7 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     }
     if !args.verify {
         return if args.json {
-            Err(Failure::bad_input(
-                "--json is of --verify, or of poses with --scenario and --out: give one of them",
-            ))
+            Err(Failure::bad_input("--json needs --verify, or poses with --scenario and --out"))
         } else {
             watch(log, args)
         };
@@ -101,18 +99,18 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     match report.first_difference {
         None => Ok(()),
         Some(first) => Err(Failure::failed(format!(
-            "tick {} of the run that was simulated again differs from the log",
+            "tick {} differs from the log when it is simulated again",
             first.tick
         ))),
     }
 }
 
-/// What poses that were measured elsewhere need.
+/// The error for poses without a scenario.
 fn poses_need(path: &Path) -> Failure {
     let path = path.display();
     Failure::bad_input(format!(
-        "{path}: poses that were measured elsewhere become a run first: city3d replay {path} --scenario SCENARIO \
-         --out DIR, with the scenario that has their map and vehicles; then city3d replay DIR"
+        "{path} has measured poses and no run: make a run of them with the scenario that has their map and vehicles \
+         (city3d replay {path} --scenario SCENARIO --out DIR), then watch it with city3d replay DIR"
     ))
 }
 
@@ -122,8 +120,8 @@ fn no_log(path: &Path) -> Option<Failure> {
     let file = path.file_name().unwrap_or_default();
     let run = |scenario: &str| {
         Failure::bad_input(format!(
-            "{name} is a scenario, and no run of it: record one by city3d run {scenario} --out out/run, and watch it by \
-             city3d replay out/run; or watch it live: city3d view {scenario}"
+            "{name} is a scenario, not a recorded run: record one with city3d run {scenario} --out out/run, and watch it \
+             with city3d replay out/run; or watch it live: city3d view {scenario}"
         ))
     };
     let text = path.to_string_lossy();
@@ -136,7 +134,7 @@ fn no_log(path: &Path) -> Option<Failure> {
     if path.is_file() && file == "summary.json" {
         let folder = path.parent().unwrap_or(path).display();
         return Some(Failure::bad_input(format!(
-            "{name} sums a run up; give the folder that it lies in: city3d replay {folder}"
+            "{name} is the summary of a run; give the folder of the run: city3d replay {folder}"
         )));
     }
     if path.is_dir() && !log_of(path).is_file() {
@@ -164,7 +162,7 @@ fn no_run(path: &Path) -> Failure {
     let name = path.display();
     if runs.is_empty() {
         return Failure::bad_input(format!(
-            "{name} is a folder without a run: give one that has a run.mcap, as city3d run SCENARIO --out DIR makes it"
+            "{name} is a folder without a run.mcap; give the folder of a run, such as city3d run SCENARIO --out DIR writes"
         ));
     }
     let told: Vec<String> = runs.iter().take(TOLD).map(|run| run.display().to_string()).collect();
@@ -187,7 +185,7 @@ fn watch(log: &Path, _args: &ReplayArgs) -> Result<(), Failure> {
     )))
 }
 
-fn verify(log: &Path) -> Result<Report, Failure> {
+fn verify(log: &Path) -> Result<VerifyReport, Failure> {
     let (last, _) = last_tick(log).map_err(Failure::bad_input)?;
     let mut replay = Replay::open(log).map_err(failure)?;
     warn_of_version(&replay);
@@ -205,23 +203,23 @@ fn verify(log: &Path) -> Result<Report, Failure> {
         }
     }
     bar.finish_and_clear();
-    Ok(Report {
+    Ok(VerifyReport {
         log: log.to_path_buf(),
         scenario: replay.experiment().name.clone(),
         version: replay.log().version().to_owned(),
         simulated_s: replay.snapshot().time_s,
         ticks_agreeing,
-        torn: replay.log().torn().map(str::to_owned),
+        torn: replay.log().truncation().map(str::to_owned),
         first_difference,
     })
 }
 
-/// Another version may simulate otherwise.
+/// Warns of a log of another version, which may simulate differently.
 pub(super) fn warn_of_version(replay: &Replay) {
     let (theirs, ours) = (replay.log().version(), env!("CARGO_PKG_VERSION"));
     if theirs != ours {
         tracing::warn!(
-            "the log was written by version {theirs}, and this is {ours}: it may simulate otherwise"
+            "the log was written by version {theirs}, and this is {ours}: its simulation may differ"
         );
     }
 }
@@ -231,11 +229,11 @@ pub(super) fn failure(error: ReplayError) -> Failure {
     Failure::bad_input(error)
 }
 
-fn first(replay: &mut Replay, ticked: Ticked) -> Result<FirstDifference, Failure> {
+fn first(replay: &mut Replay, ticked: TickDigests) -> Result<FirstDifference, Failure> {
     let time_s = replay.snapshot().time_s;
     let found = replay.differences().map_err(failure)?;
     let (compared_at_tick, vehicles) = match found {
-        Some(Differences { tick, vehicles }) => (Some(tick), vehicles),
+        Some(StateDifferences { tick, vehicles }) => (Some(tick), vehicles),
         None => (None, Vec::new()),
     };
     let name = |id| replay.snapshot().info(id).map(|info| info.name.clone()).unwrap_or_default();
@@ -254,10 +252,10 @@ fn first(replay: &mut Replay, ticked: Ticked) -> Result<FirstDifference, Failure
     })
 }
 
-fn print(report: &Report) -> Result<(), Failure> {
+fn print(report: &VerifyReport) -> Result<(), Failure> {
     if let Some(why) = &report.torn {
         say(format_args!(
-            "{}: the log has no end: {why}; read up to its last whole record",
+            "{}: the log is truncated: {why}; it is read up to its last whole record",
             report.log.display()
         ))?;
     }
@@ -271,15 +269,15 @@ fn print(report: &Report) -> Result<(), Failure> {
         first.tick, first.time_s, first.recorded, first.simulated
     ))?;
     let Some(tick) = first.compared_at_tick else {
-        return say("no snapshot follows in the log: which vehicles differ cannot be told");
+        return say("the log has no later snapshot to show which vehicles differ");
     };
     if first.vehicles.is_empty() {
-        return say(format_args!("at tick {tick} no vehicle differs by as much as snapshots tell"));
+        return say(format_args!("at tick {tick} no vehicle differs within the precision of snapshots"));
     }
     for DifferentVehicle { id, name, apart_m } in &first.vehicles {
         let how = match apart_m {
             Some(apart_m) => format!("differs at tick {tick}, {apart_m:.6} m apart"),
-            None => format!("is there in only one of the two at tick {tick}"),
+            None => format!("exists in only one of the two at tick {tick}"),
         };
         say(format_args!("vehicle {id} ({name}) {how}"))?;
     }

@@ -1,11 +1,13 @@
-//! Poses over ROS: the options of commands, and what a city publishes.
+//! Poses and onboard pictures over ROS: command-line options, and the publisher of a served city.
 
 use super::Failure;
 #[cfg(feature = "render")]
-use super::pictures::Taken;
+use super::pictures::TakenPicture;
 use crate::geom::LengthScale;
 use crate::link::onboard::OnboardCamera;
-use crate::link::vicon::{Carrier, EPOCH_S, HeardPose, Subject, Vicon, ViconFigures, ViconOptions, wall_s};
+use crate::link::vicon::{
+    EPOCH_S, ReceivedPose, RosTransport, Subject, Vicon, ViconCounters, ViconOptions, wall_s,
+};
 #[cfg(feature = "rosbridge")]
 use crate::ros::BridgeUri;
 use crate::ros::{BindAddress, MasterUri, NodeOptions};
@@ -25,17 +27,17 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Poses over ROS, as VICON publishes them.
+/// Options of poses over ROS.
 #[derive(Clone, Debug, Args)]
 pub struct RosArgs {
-    /// Poses over ROS 1 as of VICON; without a master's address by ROS_MASTER_URI, or on this machine
+    /// Exchange poses over ROS 1 as VICON does [default master: ROS_MASTER_URI, or this machine]
     #[arg(long, value_name = "MASTER_URI", num_args = 0..=1, require_equals = true, group = "carrier")]
     ros: Option<Option<MasterUri>>,
-    /// The same over rosbridge, for ROS 2 or across networks; without its address ws://127.0.0.1:9090
+    /// Exchange poses over rosbridge, for ROS 2 or across networks [default server: ws://127.0.0.1:9090]
     #[cfg(feature = "rosbridge")]
     #[arg(long, value_name = "WS_URI", num_args = 0..=1, require_equals = true, group = "carrier")]
     rosbridge: Option<Option<BridgeUri>>,
-    /// Address that the ROS node listens on, 0.0.0.0 for all; ROS_IP or ROS_HOSTNAME, or this machine alone
+    /// Address that the ROS node listens on, 0.0.0.0 for all [default: ROS_HOSTNAME, ROS_IP or 127.0.0.1]
     #[arg(long, value_name = "IP", requires = "ros")]
     ros_bind: Option<BindAddress>,
     /// Name of the ROS node, instead of the command's
@@ -60,32 +62,33 @@ impl RosArgs {
         self.ros.is_some()
     }
 
-    /// What carries the topics, where that is asked for.
-    fn carrier(&self, name: &str) -> Result<Option<Carrier>, Failure> {
+    /// The transport of the topics, where the arguments ask for one.
+    fn transport(&self, name: &str) -> Result<Option<RosTransport>, Failure> {
         #[cfg(feature = "rosbridge")]
         if let Some(named) = &self.rosbridge {
-            let uri = named.clone().map_or_else(BridgeUri::usual, Ok).map_err(Failure::bad_input)?;
-            return Ok(Some(Carrier::Bridge(uri.into())));
+            let uri = named.clone().map_or_else(BridgeUri::localhost, Ok).map_err(Failure::bad_input)?;
+            return Ok(Some(RosTransport::Bridge(uri.into())));
         }
         let Some(named) = &self.ros else { return Ok(None) };
-        let master = named.clone().map_or_else(MasterUri::of_environment, Ok).map_err(Failure::bad_input)?;
+        let master =
+            named.clone().map_or_else(MasterUri::from_environment, Ok).map_err(Failure::bad_input)?;
         let name = self.ros_name.clone().unwrap_or_else(|| name.to_owned());
-        Ok(Some(Carrier::Node(NodeOptions { name, master, bind: self.ros_bind })))
+        Ok(Some(RosTransport::Node(NodeOptions { name, master, bind: self.ros_bind })))
     }
 
-    /// How poses go over ROS, where that is asked for; the node has this name unless told otherwise.
+    /// Settings of poses over ROS, where the arguments ask for them; `name` is the default name of the node.
     pub fn options(
         &self,
         name: &str,
         has_clock: bool,
-        heard: Vec<Subject>,
+        subscribed: Vec<Subject>,
     ) -> Result<Option<ViconOptions>, Failure> {
-        let carrier = self.carrier(name)?;
-        Ok(carrier.map(|carrier| ViconOptions { carrier, has_clock, heard, cameras: Vec::new() }))
+        let transport = self.transport(name)?;
+        Ok(transport.map(|carrier| ViconOptions { carrier, has_clock, subscribed, cameras: Vec::new() }))
     }
 }
 
-/// The vehicles of an experiment, as VICON knows them.
+/// The vehicles of an experiment as VICON subjects.
 pub fn subjects_of(experiment: &Experiment) -> Vec<Subject> {
     let name = |planned: &PlannedVehicle| match &planned.physical {
         Some(physical) => physical.subject.clone(),
@@ -95,26 +98,26 @@ pub fn subjects_of(experiment: &Experiment) -> Vec<Subject> {
     experiment.vehicles.iter().map(subject).collect()
 }
 
-/// Those of the laboratory alone.
+/// The physical vehicles of an experiment as VICON subjects.
 pub fn physical_subjects_of(experiment: &Experiment) -> Vec<Subject> {
     subjects_of(experiment).into_iter().filter(|subject| experiment.is_physical(subject.vehicle)).collect()
 }
 
-/// The poses that a city publishes.
+/// Publishes the poses of a city over ROS, and receives those of physical vehicles.
 #[derive(Debug)]
-pub struct Poses {
+pub struct RosPosePublisher {
     vicon: Vicon,
     /// Stamps are simulated time.
     has_clock: bool,
     roster: Arc<Vec<VehicleInfo>>,
     subjects: Arc<Vec<Subject>>,
-    /// Of the poses that were published last.
+    /// Stamp of the poses that were published last.
     #[cfg(feature = "render")]
     pub stamp_s: f64,
 }
 
-impl Poses {
-    /// A node, where one is asked for.
+impl RosPosePublisher {
+    /// Starts the publisher, where the arguments ask for one.
     pub fn start(
         args: &RosArgs,
         has_clock: bool,
@@ -134,12 +137,12 @@ impl Poses {
         }))
     }
 
-    /// Hands over the poses of an instant, and never waits.
+    /// Queues the poses of an instant without blocking.
     pub fn publish(&mut self, snapshot: &FrameSnapshot, scale: LengthScale) {
         if !Arc::ptr_eq(&self.roster, &snapshot.roster) {
             self.roster = Arc::clone(&snapshot.roster);
             let subject = |info: &VehicleInfo| Subject { vehicle: info.id, name: info.name.clone() };
-            // Of those that are measured others tell.
+            // Measured vehicles are published by VICON itself.
             let simulated = self.roster.iter().filter(|info| info.model != "measured");
             self.subjects = Arc::new(simulated.map(subject).collect());
         }
@@ -152,15 +155,15 @@ impl Poses {
         }
     }
 
-    /// Where onboard pictures are handed over.
+    /// The queue for onboard pictures.
     #[cfg(feature = "render")]
     pub fn pictures(&self) -> PictureSender {
         self.vicon.pictures()
     }
 
-    /// The next pose of a vehicle of the laboratory that has come, on a clock that shows this now.
+    /// Takes the next received pose of a physical vehicle, stamped with the simulated time `time_s` of now.
     pub fn next(&self, time_s: f64, is_running: bool) -> Option<Measurement> {
-        let HeardPose { pose, .. } = self.vicon.receive(Duration::ZERO)?;
+        let ReceivedPose { pose, .. } = self.vicon.receive(Duration::ZERO)?;
         let stamp_s = match is_running {
             _ if pose.stamp_s < EPOCH_S => pose.stamp_s,
             true => (time_s + pose.stamp_s - wall_s()).max(0.0),
@@ -169,26 +172,26 @@ impl Poses {
         Some(Measurement { stamp_s, ..pose })
     }
 
-    pub fn figures(&self) -> RosSummary {
-        summary(self.vicon.figures())
+    pub fn summary(&self) -> RosSummary {
+        summary_of(self.vicon.counters())
     }
 }
 
-pub fn summary(figures: ViconFigures) -> RosSummary {
+fn summary_of(counters: ViconCounters) -> RosSummary {
     RosSummary {
-        published: figures.published,
-        dropped: figures.dropped,
-        dropped_for_slow: figures.slow,
-        heard: figures.heard,
-        master_is_there: figures.is_registered,
-        master_returns: figures.returns,
+        published: counters.published,
+        dropped: counters.dropped,
+        dropped_for_slow: counters.slow,
+        heard: counters.received,
+        master_is_there: counters.is_registered,
+        master_returns: counters.returns,
         pictures: None,
     }
 }
 
-/// Hands over what the cameras of an instant have taken.
+/// Encodes the pictures of an instant as PNG and queues them.
 #[cfg(feature = "render")]
-pub fn publish_pictures(sender: &PictureSender, taken: &[Taken], scale: LengthScale) {
+pub fn publish_pictures(sender: &PictureSender, taken: &[TakenPicture], scale: LengthScale) {
     taken.par_iter().for_each(|taken| {
         let Projection::Pinhole { intrinsics: k, .. } = taken.view.projection else { return };
         match encode_png(&taken.image) {

@@ -1,9 +1,9 @@
-//! `city3d run`: a scenario from its start to its end.
+//! `city3d run`: simulates a scenario from start to end.
 
-use super::files::{Files, LogArgs, conclude, new_folder};
-use super::fork::Fork;
+use super::files::{LogArgs, RunFiles, conclude, new_folder};
+use super::fork::ForkedRun;
 use super::{Failure, ScenarioArgs, load, progress};
-use crate::record::{Origin, is_log};
+use crate::record::{LogOrigin, is_log};
 use crate::runner::{Run, Summary};
 use crate::scenario::Experiment;
 use clap::Args;
@@ -15,13 +15,13 @@ use std::time::{Duration, Instant};
 pub struct RunArgs {
     #[command(flatten)]
     scenario: ScenarioArgs,
-    /// Folder for run.mcap, vehicles.csv and summary.json [default: a new one, as out/roundabout-1]
+    /// Folder for run.mcap, vehicles.csv and summary.json [default: a new one, such as out/roundabout-1]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Times real time; without it as fast as the machine can
+    /// Speed as a multiple of real time [default: as fast as the machine can]
     #[arg(long, value_name = "X", value_parser = super::pace)]
     speed: Option<f64>,
-    /// Of a log: make its run again up to this tick, and go on from there
+    /// With a log: simulate its run again up to this tick, and continue from there
     #[arg(long, value_name = "N")]
     from_tick: Option<u64>,
     /// With --from-tick: the scenario from there on, instead of the log's
@@ -37,40 +37,41 @@ pub struct RunArgs {
 pub fn run(args: &RunArgs) -> Result<(), Failure> {
     let folder = |experiment: &Experiment| args.out.clone().unwrap_or_else(|| new_folder(&experiment.name));
     if let Some(from_tick) = args.from_tick {
-        let fork = Fork { args: &args.scenario, from_tick, scenario: args.changed.as_ref(), log: args.log };
+        let fork =
+            ForkedRun { args: &args.scenario, from_tick, scenario: args.changed.as_ref(), log: args.log };
         let (summary, experiment, folder) = fork.run(folder)?;
         return conclude(&summary, &experiment, Some(&folder), args.json);
     }
     if is_log(Path::new(&args.scenario.scenario)) {
         return Err(Failure::bad_input(format!(
-            "{log} is the log of a run: --from-tick N goes on from its middle; city3d replay {log} --verify \
+            "{log} is the log of a run: --from-tick N continues it from tick N; city3d replay {log} --verify \
              simulates it again",
             log = args.scenario.scenario
         )));
     }
     let experiment = load::experiment(&args.scenario)?;
     let folder = folder(&experiment);
-    let files = Files::begin(Some(folder.clone()), &experiment, Origin::Run, args.log)?;
+    let files = RunFiles::begin(Some(folder.clone()), &experiment, LogOrigin::Run, args.log)?;
     let summary = simulate(&experiment, files, args.speed)?;
     conclude(&summary, &experiment, Some(&folder), args.json)
 }
 
-/// A run from its start to its end, into its files; as fast as it can be, or so many times real time.
+/// Simulates an experiment and writes its files, as fast as possible or at `speed` times real time.
 pub fn simulate(
     experiment: &Arc<Experiment>,
-    mut files: Files,
+    mut files: RunFiles,
     speed: Option<f64>,
 ) -> Result<Summary, Failure> {
     let run = Run::new(Arc::clone(experiment)).map_err(Failure::bad_input)?;
     files.first(run.snapshot())?;
-    drive(run, experiment, files, speed, &progress::simulated_seconds(experiment.duration_s))
+    simulate_rest(run, experiment, files, speed, &progress::simulated_seconds(experiment.duration_s))
 }
 
-/// The rest of a run, up to the end of an experiment.
-pub fn drive(
+/// Simulates the rest of a run, up to the end of its experiment.
+pub fn simulate_rest(
     mut run: Run,
     experiment: &Experiment,
-    mut files: Files,
+    mut files: RunFiles,
     speed: Option<f64>,
     bar: &progress::Progress,
 ) -> Result<Summary, Failure> {

@@ -1,4 +1,4 @@
-//! `city3d sweep`: a scenario run many times, over seeds and parameters.
+//! `city3d sweep`: parameter sweep of a scenario over a grid of values and seeds, on all cores.
 
 mod grid;
 mod map;
@@ -7,7 +7,7 @@ mod table;
 use super::overwrite::OverwriteArgs;
 use super::say::say;
 use super::{Failure, ProfileArg, ScenarioArgs, create_folder, load, on_end};
-use crate::runner::Outcome;
+use crate::runner::RunMetrics;
 use crate::scenario::Library;
 use clap::Args;
 use grid::{Axis, Job, Seeds};
@@ -17,41 +17,41 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use table::Table;
+use table::SweepTable;
 
 #[derive(Debug, Args)]
 pub struct SweepArgs {
     #[command(flatten)]
     scenario: ScenarioArgs,
     /// A parameter of the scenario and its values: environment.command_delay_s=0:0.3:0.05 (from, to, step),
-    /// right_of_way.clear_area_m=0.4,0.8 or vehicle.path1_a.at_m=0.3,0.4; each one given is an axis
+    /// right_of_way.clear_area_m=0.4,0.8 or vehicle.path1_a.at_m=0.3,0.4; repeat for several axes
     #[arg(long = "set", value_name = "KEY=VALUES")]
     set: Vec<Axis>,
-    /// Seeds: 1..20 (both ends are run) or 1,4,9 [default: that of the scenario]
+    /// Seeds: 1..20 (both included) or 1,4,9 [default: the scenario's]
     #[arg(long, value_name = "SEEDS", conflicts_with = "seed")]
     seeds: Option<Seeds>,
-    /// Folder for sweep.csv and the figure; a sweep that was stopped there goes on, --force writes over another one
+    /// Folder for sweep.csv and the figures; a sweep that was interrupted there continues
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Runs at once [default: one for each core]
+    /// Number of runs in parallel [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     #[command(flatten)]
     size: super::plot::SizeArgs,
 }
 
-/// A sweep that is about to run.
-struct Plan {
+/// The runs of a sweep.
+struct SweepPlan {
     args: ScenarioArgs,
     document: toml::Table,
     library: Library,
     jobs: Vec<Job>,
 }
 
-impl Plan {
-    /// Tells what is wrong with any value of an axis, before hours have passed.
+impl SweepPlan {
+    /// Validates every value of each axis before the first run.
     fn check(&self, axes: &[Axis]) -> Result<(), Failure> {
         for job in axes.iter().flat_map(|axis| grid::jobs(std::slice::from_ref(axis), None)).flatten() {
             let text = job.scenario(&self.document).map_err(Failure::bad_input)?;
@@ -67,32 +67,32 @@ impl Plan {
         let args = ScenarioArgs { seed: job.seed.or(self.args.seed), ..self.args.clone() };
         let experiment = Arc::new(load::from_text(&args, &text, &self.library, false)?);
         let seed = experiment.seed;
-        let outcome = Outcome::of(experiment).map_err(Failure::bad_input)?;
+        let outcome = RunMetrics::of(experiment).map_err(Failure::bad_input)?;
         Ok(table::row(job, seed, &outcome))
     }
 }
 
 pub fn sweep(args: &SweepArgs) -> Result<(), Failure> {
     let (text, library) = Library::scenario(&args.scenario.scenario).map_err(Failure::bad_input)?;
-    // Faults of the scenario are told with their places, before anything is changed.
+    // Errors of the unchanged scenario are reported with their places.
     load::from_text(&args.scenario, &text, &library, false)?;
     let document: toml::Table = text.parse().map_err(Failure::bad_input)?;
     let jobs = grid::jobs(&args.set, args.seeds.as_ref()).map_err(Failure::bad_input)?;
-    let plan = Plan { args: args.scenario.clone(), document, library, jobs };
+    let plan = SweepPlan { args: args.scenario.clone(), document, library, jobs };
     plan.check(&args.set)?;
     create_folder(&args.out)?;
-    let head = table::Head::new(&args.scenario, &text, &args.set, &plan.jobs);
-    let mut table = Table::open(&args.out, &head, &plan.jobs, args.overwrite)?;
+    let head = table::SweepHeader::new(&args.scenario, &text, &args.set, &plan.jobs);
+    let mut table = SweepTable::open(&args.out, &head, &plan.jobs, args.overwrite)?;
     let done = table.rows();
     if done > 0 && done < plan.jobs.len() {
-        say(format_args!("{done} of {} runs are there already", plan.jobs.len()))?;
+        say(format_args!("{done} of {} runs are done already", plan.jobs.len()))?;
     }
     let ends = on_end()?;
     let threads = args.threads.map_or_else(cores, usize::from).min(plan.jobs.len() - done).max(1);
     run_all(&plan, &mut table, threads, &ends)?;
     if table.rows() < plan.jobs.len() {
         return Err(Failure::failed(format!(
-            "stopped after {} of {} runs; the same command goes on",
+            "stopped after {} of {} runs; the same command continues",
             table.rows(),
             plan.jobs.len()
         )));
@@ -107,16 +107,21 @@ pub fn sweep(args: &SweepArgs) -> Result<(), Failure> {
         crate::figures::write(figure, args.size.size(), &args.out).map_err(Failure::failed)?;
         say(format_args!("{}: {} (SVG, PNG, CSV)", args.out.display(), figure.name))?;
     }
-    if figures.is_empty() { say("no map: that takes one or two axes (--set)") } else { Ok(()) }
+    if figures.is_empty() { say("no map of the outcome: it needs one or two axes (--set)") } else { Ok(()) }
 }
 
 fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
 }
 
-/// Runs what is left; rows are written in the order of the jobs, so that the table is the same however many threads
-/// there are and wherever it was stopped.
-fn run_all(plan: &Plan, table: &mut Table, threads: usize, ends: &AtomicBool) -> Result<(), Failure> {
+/// Runs the remaining jobs. Rows are written in job order, so that the table depends neither on the number of threads
+/// nor on interruptions.
+fn run_all(
+    plan: &SweepPlan,
+    table: &mut SweepTable,
+    threads: usize,
+    ends: &AtomicBool,
+) -> Result<(), Failure> {
     let bar = progress(plan.jobs.len(), table.rows());
     let next = AtomicUsize::new(table.rows());
     let (sender, rows) = channel();
@@ -128,7 +133,7 @@ fn run_all(plan: &Plan, table: &mut Table, threads: usize, ends: &AtomicBool) ->
         drop(sender);
         let result = collect(&rows, table, &bar);
         if result.is_err() {
-            // Nobody begins another one.
+            // No thread starts another job.
             next.store(plan.jobs.len(), Ordering::Relaxed);
         }
         bar.finish_and_clear();
@@ -136,9 +141,9 @@ fn run_all(plan: &Plan, table: &mut Table, threads: usize, ends: &AtomicBool) ->
     })
 }
 
-type Row = (usize, Result<Vec<String>, Failure>);
+type JobResult = (usize, Result<Vec<String>, Failure>);
 
-fn work(plan: &Plan, next: &AtomicUsize, ends: &AtomicBool, sender: &Sender<Row>) {
+fn work(plan: &SweepPlan, next: &AtomicUsize, ends: &AtomicBool, sender: &Sender<JobResult>) {
     while !ends.load(Ordering::Relaxed) {
         let index = next.fetch_add(1, Ordering::Relaxed);
         if index >= plan.jobs.len() || sender.send((index, plan.run(index))).is_err() {
@@ -147,7 +152,7 @@ fn work(plan: &Plan, next: &AtomicUsize, ends: &AtomicBool, sender: &Sender<Row>
     }
 }
 
-fn collect(rows: &Receiver<Row>, table: &mut Table, bar: &ProgressBar) -> Result<(), Failure> {
+fn collect(rows: &Receiver<JobResult>, table: &mut SweepTable, bar: &ProgressBar) -> Result<(), Failure> {
     let mut early: BTreeMap<usize, Vec<String>> = BTreeMap::new();
     for (index, row) in rows {
         early.insert(index, row?);

@@ -1,4 +1,4 @@
-//! `city3d testbed`: robots in place of the laboratory's, and its motion capture.
+//! `city3d testbed`: emulates the laboratory's robots and its motion capture.
 
 #[cfg(feature = "ros")]
 use super::ros::{RosArgs, physical_subjects_of};
@@ -6,11 +6,14 @@ use super::say::say;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
 #[cfg(feature = "ros")]
 use crate::link::vicon::{Subject, Vicon, wall_s};
-use crate::link::{Allowed, Inbound, Origin, Server, ServerOptions, read_key};
+use crate::link::{AllowedNetwork, Inbound, SenderId, Server, ServerOptions, read_key};
 use crate::scenario::Experiment;
 use crate::snapshot::{Status, VehicleId};
 use crate::testbed::{ExperimentClock, Testbed};
-use crate::wire::{Body, Clock, MOST_POSES, Measurement, Outcome, Phase, Poses, Seal, Seen};
+use crate::wire::{
+    Authenticator, Body, CityClock, ExperimentPhase, MAX_POSES, Measurement, ObservedVehicle, Poses,
+    RequestOutcome,
+};
 use clap::Args;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -23,26 +26,26 @@ pub struct TestbedArgs {
     scenario: ScenarioArgs,
     #[command(flatten)]
     link: LinkArgs,
-    /// Who may send: an address or a network, again for more; without it all that can reach the ports
+    /// Address or network that may send; repeat for several [default: all that can reach the ports]
     #[arg(long, value_name = "IP")]
-    allow: Vec<Allowed>,
+    allow: Vec<AllowedNetwork>,
     #[cfg(feature = "ros")]
     #[command(flatten)]
     ros: RosArgs,
 }
 
-/// The robots look so often what has come between two steps.
-const LOOK: Duration = Duration::from_millis(1);
-/// Steps that are not made in time by so much are let go.
-const MOST_BEHIND: Duration = Duration::from_millis(100);
-/// Who drives and is silent for so long drives no more.
-const SILENT: Duration = Duration::from_secs(1);
-/// Who get the poses of a robot, at most.
-const MOST_SUBSCRIBERS: usize = 16;
-/// Datagrams that a sender may send in a second.
+/// Interval at which datagrams are received between two steps.
+const POLL_INTERVAL: Duration = Duration::from_millis(1);
+/// When the steps fall behind by more than this, the schedule is reset.
+const MAX_LAG: Duration = Duration::from_millis(100);
+/// A controller that is silent for this long loses its robots.
+const HEARTBEAT_TIMEOUT: Duration = Duration::from_secs(1);
+/// Subscribers of a robot at once, at most.
+const MAX_SUBSCRIBERS: usize = 16;
+/// Rate limit of a sender, datagrams per second.
 const RATE_PER_S: f64 = 20_000.0;
-/// Datagrams that are taken in before the next step.
-const AT_ONCE: usize = 256;
+/// Datagrams that one poll handles at most.
+const MAX_DATAGRAMS_PER_POLL: usize = 256;
 
 pub fn testbed(args: &TestbedArgs) -> Result<(), Failure> {
     let experiment = load::experiment(&args.scenario)?;
@@ -52,60 +55,63 @@ pub fn testbed(args: &TestbedArgs) -> Result<(), Failure> {
             experiment.name
         )));
     }
-    let ends = on_end()?;
-    let mut laboratory = Laboratory::new(args, &experiment)?;
-    for station in &laboratory.stations {
-        let robots: Vec<String> = station.robots.iter().map(ToString::to_string).collect();
-        say(format_args!("robot {} listens on udp {}", robots.join(", "), station.server.address()))?;
+    let stop = on_end()?;
+    let mut server = TestbedServer::new(args, &experiment)?;
+    for robot_server in &server.servers {
+        let robots: Vec<String> = robot_server.robots.iter().map(ToString::to_string).collect();
+        say(format_args!("robot {} listens on udp {}", robots.join(", "), robot_server.server.address()))?;
     }
-    laboratory.live(&ends);
+    server.run(&stop);
     Ok(())
 }
 
+/// Subscription to the poses of robots, with a lease.
 struct Subscriber {
-    origin: Origin,
-    until: Instant,
+    sender: SenderId,
+    lease_end: Instant,
 }
 
-/// Robots behind one address.
-struct Station {
+/// UDP server of the robots at one address.
+struct RobotServer {
     robots: Vec<VehicleId>,
     server: Server,
     subscribers: Vec<Subscriber>,
-    /// Who drives them, and when it was heard last.
-    driver: Option<(Origin, Instant)>,
+    /// The sender that controls them, and when its last datagram came.
+    controller: Option<(SenderId, Instant)>,
 }
 
-struct Laboratory {
+/// The emulated testbed with its UDP servers.
+struct TestbedServer {
     testbed: Testbed,
-    stations: Vec<Station>,
-    /// Of the experiment.
+    servers: Vec<RobotServer>,
+    /// Physics rate of the experiment.
     physics_hz: u32,
     length_scale: f64,
     ticks: u64,
     #[cfg(feature = "ros")]
-    vicon: Option<Capture>,
+    vicon: Option<RosMotionCapture>,
 }
 
-/// Motion capture over ROS, and what it tracks.
+/// Motion capture over ROS, with its subjects.
 #[cfg(feature = "ros")]
-struct Capture {
+struct RosMotionCapture {
     vicon: Vicon,
     subjects: Arc<Vec<Subject>>,
 }
 
-impl Laboratory {
+impl TestbedServer {
     fn new(args: &TestbedArgs, experiment: &Arc<Experiment>) -> Result<Self, Failure> {
         let mut by_address: BTreeMap<&str, Vec<VehicleId>> = BTreeMap::new();
         for (planned, physical) in experiment.physical() {
             by_address.entry(&physical.address).or_default().push(planned.id);
         }
-        let seal = read_key(args.link.key.as_deref()).map_err(Failure::bad_input)?;
-        let stations =
-            by_address.into_iter().map(|(address, robots)| Station::new(args, address, robots, &seal));
+        let authenticator = read_key(args.link.key.as_deref()).map_err(Failure::bad_input)?;
+        let servers = by_address
+            .into_iter()
+            .map(|(address, robots)| RobotServer::new(args, address, robots, &authenticator));
         Ok(Self {
             testbed: Testbed::new(experiment),
-            stations: stations.collect::<Result<_, _>>()?,
+            servers: servers.collect::<Result<_, _>>()?,
             physics_hz: experiment.rates.physics_hz,
             length_scale: experiment.scale.factor(),
             ticks: 0,
@@ -114,21 +120,21 @@ impl Laboratory {
         })
     }
 
-    fn live(&mut self, ends: &AtomicBool) {
+    fn run(&mut self, stop: &AtomicBool) {
         let step = Duration::from_secs_f64(1.0 / f64::from(self.physics_hz));
         let mut due = Instant::now() + step;
         let mut arrived = Vec::new();
-        while !ends.load(Ordering::Relaxed) {
-            for station in &mut self.stations {
-                station.receive(&mut self.testbed, (self.physics_hz, self.length_scale));
+        while !stop.load(Ordering::Relaxed) {
+            for robot_server in &mut self.servers {
+                robot_server.receive(&mut self.testbed, (self.physics_hz, self.length_scale));
             }
             let now = Instant::now();
             if now < due {
-                std::thread::sleep(LOOK.min(due - now));
+                std::thread::sleep(POLL_INTERVAL.min(due - now));
                 continue;
             }
             due += step;
-            if now > due + MOST_BEHIND {
+            if now > due + MAX_LAG {
                 due = now;
             }
             self.ticks += 1;
@@ -137,23 +143,23 @@ impl Laboratory {
         }
     }
 
-    /// Tells the poses that have come from motion capture, those of one stamp at once.
+    /// Publishes the poses of motion capture, grouped by stamp.
     fn publish(&mut self, arrived: &mut Vec<Measurement>) {
         let mut by_stamp: BTreeMap<u64, Vec<Measurement>> = BTreeMap::new();
         for pose in arrived.drain(..) {
-            // Stamps are not negative: their bits are in their order.
+            // The bit patterns of non-negative numbers sort like the numbers.
             by_stamp.entry(pose.stamp_s.to_bits()).or_default().push(pose);
         }
         let clock = self.testbed.clock();
         for (stamp, mut poses) in by_stamp {
             let stamp_s = f64::from_bits(stamp);
             poses.sort_by_key(|pose| pose.vehicle);
-            for station in &mut self.stations {
-                station.tell(self.ticks, stamp_s, clock, &poses);
+            for robot_server in &mut self.servers {
+                robot_server.publish(self.ticks, stamp_s, clock, &poses);
             }
             #[cfg(feature = "ros")]
-            if let Some(Capture { vicon, subjects }) = &mut self.vicon {
-                // As VICON's bridge does: now, less the latency of the capture.
+            if let Some(RosMotionCapture { vicon, subjects }) = &mut self.vicon {
+                // As VICON's bridge stamps them: now, less the latency of the capture.
                 vicon.publish(wall_s() - (clock.time_s - stamp_s).max(0.0), subjects, poses);
             }
         }
@@ -161,97 +167,110 @@ impl Laboratory {
 }
 
 #[cfg(feature = "ros")]
-fn capture_of(args: &TestbedArgs, experiment: &Experiment) -> Result<Option<Capture>, Failure> {
+fn capture_of(args: &TestbedArgs, experiment: &Experiment) -> Result<Option<RosMotionCapture>, Failure> {
     let Some(options) = args.ros.options("/city3d_testbed", false, Vec::new())? else { return Ok(None) };
     let vicon = Vicon::start(options).map_err(Failure::bad_input)?;
-    Ok(Some(Capture { vicon, subjects: Arc::new(physical_subjects_of(experiment)) }))
+    Ok(Some(RosMotionCapture { vicon, subjects: Arc::new(physical_subjects_of(experiment)) }))
 }
 
-impl Station {
-    fn new(args: &TestbedArgs, address: &str, robots: Vec<VehicleId>, seal: &Seal) -> Result<Self, Failure> {
+impl RobotServer {
+    fn new(
+        args: &TestbedArgs,
+        address: &str,
+        robots: Vec<VehicleId>,
+        authenticator: &Authenticator,
+    ) -> Result<Self, Failure> {
         let options = ServerOptions {
             address: address.to_owned(),
             world: args.link.world,
-            seal: seal.clone(),
+            authenticator: authenticator.clone(),
             allowed: args.allow.clone(),
             rate_per_s: RATE_PER_S,
             takes_clock: true,
         };
         let server = Server::bind(&options).map_err(Failure::bad_input)?;
-        Ok(Self { robots, server, subscribers: Vec::new(), driver: None })
+        Ok(Self { robots, server, subscribers: Vec::new(), controller: None })
     }
 
     fn receive(&mut self, testbed: &mut Testbed, (physics_hz, length_scale): (u32, f64)) {
-        for _ in 0..AT_ONCE {
-            let Some(Inbound { origin, body, .. }) = self.server.receive(Duration::ZERO) else { return };
+        for _ in 0..MAX_DATAGRAMS_PER_POLL {
+            let Some(Inbound { sender, body, .. }) = self.server.receive(Duration::ZERO) else { return };
             match body {
                 Body::Hello { token } => {
                     let ExperimentClock { time_s, is_running } = testbed.clock();
-                    let phase = if is_running { Phase::Running } else { Phase::Ready };
-                    let clock =
-                        Clock { token, tick: 0, time_s, physics_hz, length_scale, phase, is_lockstep: false };
-                    self.server.tell(origin, &Body::Clock(clock));
+                    let phase = if is_running { ExperimentPhase::Running } else { ExperimentPhase::Ready };
+                    let clock = CityClock {
+                        token,
+                        tick: 0,
+                        time_s,
+                        physics_hz,
+                        length_scale,
+                        phase,
+                        is_lockstep: false,
+                    };
+                    self.server.send(sender, &Body::Clock(clock));
                 }
-                Body::Clock(clock) if self.is_driven_by(origin, testbed) => {
-                    let is_running = clock.phase == Phase::Running;
+                Body::Clock(clock) if self.is_controlled_by(sender, testbed) => {
+                    let is_running = clock.phase == ExperimentPhase::Running;
                     testbed.set_clock(ExperimentClock { time_s: clock.time_s, is_running });
                 }
-                Body::Trajectories(list) if self.is_driven_by(origin, testbed) => {
+                Body::Trajectories(list) if self.is_controlled_by(sender, testbed) => {
                     let own = list.into_iter().filter(|one| self.robots.contains(&one.vehicle));
                     own.for_each(|trajectory| testbed.follow(&trajectory));
                 }
                 Body::Subscribe { request, lease_s, .. } => {
-                    self.subscribe(origin, lease_s);
-                    self.answer(origin, request, Outcome::Done, "");
+                    self.subscribe(sender, lease_s);
+                    self.answer(sender, request, RequestOutcome::Done, "");
                 }
                 Body::Setup { request, .. }
                 | Body::Remove { request, .. }
                 | Body::Command { request, .. } => {
-                    self.answer(origin, request, Outcome::Refused, "this is a vehicle, and no city");
+                    self.answer(sender, request, RequestOutcome::Refused, "this is a vehicle, not a city");
                 }
                 _ => {}
             }
         }
     }
 
-    /// Whether a sender drives: the first one does, until it is silent.
-    fn is_driven_by(&mut self, origin: Origin, testbed: &mut Testbed) -> bool {
-        match self.driver {
-            Some((driver, _)) if driver == origin => {}
-            Some((_, heard)) if heard.elapsed() < SILENT => return false,
-            _ => self.robots.iter().for_each(|robot| testbed.hear_anew(*robot)),
+    /// Whether a sender controls the robots: the first one does, until its heartbeat times out.
+    fn is_controlled_by(&mut self, sender: SenderId, testbed: &mut Testbed) -> bool {
+        match self.controller {
+            Some((controller, _)) if controller == sender => {}
+            Some((_, last_heard)) if last_heard.elapsed() < HEARTBEAT_TIMEOUT => return false,
+            _ => self.robots.iter().for_each(|robot| testbed.reset_sequence(*robot)),
         }
-        self.driver = Some((origin, Instant::now()));
+        self.controller = Some((sender, Instant::now()));
         true
     }
 
-    fn subscribe(&mut self, origin: Origin, lease_s: f64) {
+    fn subscribe(&mut self, sender: SenderId, lease_s: f64) {
         let now = Instant::now();
-        self.subscribers.retain(|subscriber| subscriber.origin != origin && subscriber.until > now);
-        if lease_s > 0.0 && self.subscribers.len() < MOST_SUBSCRIBERS {
-            self.subscribers.push(Subscriber { origin, until: now + Duration::from_secs_f64(lease_s) });
+        self.subscribers.retain(|subscriber| subscriber.sender != sender && subscriber.lease_end > now);
+        if lease_s > 0.0 && self.subscribers.len() < MAX_SUBSCRIBERS {
+            self.subscribers.push(Subscriber { sender, lease_end: now + Duration::from_secs_f64(lease_s) });
         }
     }
 
-    fn answer(&self, origin: Origin, request: u32, outcome: Outcome, detail: &str) {
+    fn answer(&self, sender: SenderId, request: u32, outcome: RequestOutcome, detail: &str) {
         if request != 0 {
             let detail = detail.to_owned();
-            self.server.tell(origin, &Body::Ack { request, outcome, tick: 0, detail });
+            self.server.send(sender, &Body::Ack { request, outcome, tick: 0, detail });
         }
     }
 
-    /// Tells its subscribers where its robots were at an instant.
-    fn tell(&mut self, tick: u64, time_s: f64, clock: ExperimentClock, poses: &[Measurement]) {
+    /// Sends the poses of its robots at an instant to the subscribers.
+    fn publish(&mut self, tick: u64, time_s: f64, clock: ExperimentClock, poses: &[Measurement]) {
         let now = Instant::now();
-        self.subscribers.retain(|subscriber| subscriber.until > now);
+        self.subscribers.retain(|subscriber| subscriber.lease_end > now);
         let own = poses.iter().filter(|pose| self.robots.contains(&pose.vehicle));
-        let seen: Vec<Seen> = own.map(|pose| Seen { pose: *pose, status: Status::Physical }).collect();
-        let phase = if clock.is_running { Phase::Running } else { Phase::Ready };
-        for vehicles in seen.chunks(MOST_POSES) {
+        let seen: Vec<ObservedVehicle> =
+            own.map(|pose| ObservedVehicle { pose: *pose, status: Status::Physical }).collect();
+        let phase = if clock.is_running { ExperimentPhase::Running } else { ExperimentPhase::Ready };
+        for vehicles in seen.chunks(MAX_POSES) {
             let vehicles = vehicles.to_vec();
             let poses =
                 Body::Poses(Poses { tick, time_s, state_hash: 0, phase, part: 0, parts: 1, vehicles });
-            self.subscribers.iter().for_each(|subscriber| self.server.tell(subscriber.origin, &poses));
+            self.subscribers.iter().for_each(|subscriber| self.server.send(subscriber.sender, &poses));
         }
     }
 }

@@ -1,25 +1,25 @@
-//! What the pixels of a picture say.
+//! Kinds of camera pictures: colour, depth map, semantic and instance segmentation.
 
 use serde::{Deserialize, Serialize};
 
-/// One way to look at an instant.
+/// What the pixels of a picture mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PictureKind {
-    /// Colour as an eye sees it.
+    /// Colour, sRGB.
     Rgb,
-    /// Metres from the camera along its optical axis.
+    /// Depth map: metres along the optical axis.
     Depth,
-    /// What a pixel shows: a number of the city's classes.
+    /// Semantic segmentation: class of each pixel.
     Semantic,
-    /// Which vehicle a pixel shows: its number, 0 for none.
+    /// Instance segmentation: vehicle of each pixel, 0 for none.
     Instance,
 }
 
 impl PictureKind {
     pub const ALL: [Self; 4] = [Self::Rgb, Self::Depth, Self::Semantic, Self::Instance];
 
-    /// As scenarios, arguments and tables write it.
+    /// Name in scenarios, arguments and tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Rgb => "rgb",
@@ -30,11 +30,11 @@ impl PictureKind {
     }
 }
 
-/// A set of kinds.
+/// A set of picture kinds, as a bit set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Kinds(u8);
+pub struct PictureKinds(u8);
 
-impl Kinds {
+impl PictureKinds {
     pub const NONE: Self = Self(0);
     pub const RGB: Self = Self(1 << PictureKind::Rgb as u8);
 
@@ -47,7 +47,7 @@ impl Kinds {
         self.0 & 1 << kind as u8 != 0
     }
 
-    /// Those that are there, in the order of [`PictureKind::ALL`].
+    /// The members in the order of [`PictureKind::ALL`].
     pub fn iter(self) -> impl Iterator<Item = PictureKind> {
         PictureKind::ALL.into_iter().filter(move |kind| self.contains(*kind))
     }
@@ -61,7 +61,7 @@ impl Kinds {
     }
 }
 
-impl FromIterator<PictureKind> for Kinds {
+impl FromIterator<PictureKind> for PictureKinds {
     fn from_iter<I: IntoIterator<Item = PictureKind>>(kinds: I) -> Self {
         kinds.into_iter().fold(Self::NONE, Self::with)
     }
@@ -73,10 +73,10 @@ mod tests {
 
     #[test]
     fn a_set_has_each_kind_once_and_in_order() {
-        let kinds: Kinds =
+        let kinds: PictureKinds =
             [PictureKind::Instance, PictureKind::Rgb, PictureKind::Instance].into_iter().collect();
         assert_eq!(kinds.iter().collect::<Vec<_>>(), [PictureKind::Rgb, PictureKind::Instance]);
         assert!(!kinds.contains(PictureKind::Depth) && kinds.len() == 2);
-        assert!(Kinds::NONE.is_empty() && !Kinds::RGB.is_empty());
+        assert!(PictureKinds::NONE.is_empty() && !PictureKinds::RGB.is_empty());
     }
 }

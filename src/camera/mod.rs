@@ -1,5 +1,5 @@
-//! Where pictures are taken from: mounts on vehicles, chase, orbit and overhead cameras, and the
-//! projection of each. Nothing of the GPU here: the same numbers go into pictures, panels and logs.
+//! Camera models: extrinsics (mounts on vehicles, chase, orbit and overhead cameras), and pinhole intrinsics with
+//! perspective or orthographic projection. No GPU code: pictures, panels and logs use the same numbers.
 //!
 //! Camera frame as in OpenCV: x right, y down, z forward; a pixel's integer coordinates are its
 //! middle, so that the image spans -0.5 to `width - 0.5`.
@@ -10,6 +10,6 @@ mod kind;
 mod mount;
 mod projection;
 
-pub use kind::{Kinds, PictureKind};
-pub use mount::{Camera, CameraError, Mount, Place};
+pub use kind::{PictureKind, PictureKinds};
+pub use mount::{Camera, CameraError, Mount, MountPoint};
 pub use projection::{Extrinsics, Intrinsics, Lens, Projection, View};

@@ -1,11 +1,11 @@
-//! Cameras that follow the snapshot: each gives a [`View`] of one instant.
+//! Camera extrinsics from a snapshot: each camera gives a [`View`] of one instant.
 
 use super::{Extrinsics, Lens, View};
 use crate::snapshot::{Dimensions, FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Where a camera sits on a vehicle.
+/// Pose of a camera on a vehicle (extrinsics in the body frame).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mount {
@@ -14,15 +14,15 @@ pub enum Mount {
     Windscreen,
     /// In the middle of the front bumper.
     Bumper,
-    /// A place of one's own, or looking elsewhere. Angles turn the camera from straight ahead: yaw to
-    /// the left, then pitch upwards, then roll with the right side down.
-    Custom { place: Place, yaw_rad: f64, pitch_rad: f64, roll_rad: f64 },
+    /// Any mount point and direction. Angles turn the camera from straight ahead: yaw to the left, then pitch
+    /// upwards, then roll with the right side down.
+    Custom { place: MountPoint, yaw_rad: f64, pitch_rad: f64, roll_rad: f64 },
 }
 
-/// A point of a vehicle.
+/// Position of a camera on a vehicle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Place {
+pub enum MountPoint {
     Windscreen,
     Bumper,
     /// In the body frame, city metres: x forward, y left, z up, origin on the ground under the middle
@@ -30,7 +30,7 @@ pub enum Place {
     Point(DVec3),
 }
 
-impl Place {
+impl MountPoint {
     fn in_body(self, d: &Dimensions) -> DVec3 {
         match self {
             Self::Windscreen => DVec3::new(0.11 * d.length_m, 0.0, 0.88 * d.height_m),
@@ -39,7 +39,7 @@ impl Place {
         }
     }
 
-    /// The pitch of a camera there that is not told where to look.
+    /// Default pitch of a camera at this point.
     pub fn usual_pitch_rad(self) -> f64 {
         match self {
             Self::Windscreen => -0.06,
@@ -52,16 +52,15 @@ impl Place {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Camera {
-    /// Carried by a vehicle, with its roll and pitch.
+    /// Fixed to a vehicle, with its roll and pitch.
     Onboard { vehicle: VehicleId, mount: Mount },
     /// Behind and above a vehicle, horizon level.
     Chase { vehicle: VehicleId, distance_m: f64, height_m: f64 },
-    /// Around a point. Azimuth is where the camera stands seen from the target, counter-clockwise
-    /// from east.
+    /// Orbits a point. The azimuth is the direction from the target to the camera, counter-clockwise from east.
     Orbit { target: DVec3, distance_m: f64, azimuth_rad: f64, elevation_rad: f64 },
-    /// Straight down, north at the top.
+    /// Looks straight down, north at the top.
     Overhead { centre: DVec2, height_m: f64 },
-    /// Stands where it is.
+    /// Fixed in the city.
     Fixed(Extrinsics),
 }
 
@@ -73,11 +72,13 @@ pub enum CameraError {
 }
 
 impl Mount {
-    /// Body from camera: where it is and how it is turned.
+    /// `body_from_camera` as position and rotation.
     fn in_body(self, info: &VehicleInfo) -> (DVec3, DQuat) {
         let (place, [yaw_rad, pitch_rad, roll_rad]) = match self {
-            Self::Windscreen => (Place::Windscreen, [0.0, Place::Windscreen.usual_pitch_rad(), 0.0]),
-            Self::Bumper => (Place::Bumper, [0.0, Place::Bumper.usual_pitch_rad(), 0.0]),
+            Self::Windscreen => {
+                (MountPoint::Windscreen, [0.0, MountPoint::Windscreen.usual_pitch_rad(), 0.0])
+            }
+            Self::Bumper => (MountPoint::Bumper, [0.0, MountPoint::Bumper.usual_pitch_rad(), 0.0]),
             Self::Custom { place, yaw_rad, pitch_rad, roll_rad } => (place, [yaw_rad, pitch_rad, roll_rad]),
         };
         // A van's driver sits higher than a sedan's.
@@ -106,7 +107,7 @@ impl Camera {
         Self::Onboard { vehicle, mount }
     }
 
-    /// What this camera sees at the instant of a snapshot.
+    /// The view of this camera at the instant of a snapshot.
     ///
     /// # Errors
     /// [`CameraError::NoVehicle`] where the vehicle that carries it is not in the snapshot.
@@ -204,7 +205,7 @@ mod tests {
         let eye = DVec3::new(1.0, 0.5, 1.2);
         let look = |[yaw_deg, pitch_deg, roll_deg]: [f64; 3]| {
             let [yaw_rad, pitch_rad, roll_rad] = [yaw_deg, pitch_deg, roll_deg].map(f64::to_radians);
-            let mount = Mount::Custom { place: Place::Point(eye), yaw_rad, pitch_rad, roll_rad };
+            let mount = Mount::Custom { place: MountPoint::Point(eye), yaw_rad, pitch_rad, roll_rad };
             let view = Camera::onboard(VehicleId(7), mount).view(&snapshot, &Lens::default()).unwrap();
             assert!(view.extrinsics.position.distance(DVec3::new(11.0, 20.5, 1.2)) < 1e-9);
             let axes = view.extrinsics.orientation;

@@ -1,10 +1,10 @@
-//! Intrinsics, extrinsics and the matrices that the renderer needs of them.
+//! Pinhole intrinsics, extrinsics, and their perspective and orthographic projection matrices.
 
 use crate::snapshot::VehicleId;
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec2, DVec3, DVec4};
 use serde::{Deserialize, Serialize};
 
-/// A pinhole without distortion, in pixels, as OpenCV writes its camera matrix.
+/// Intrinsics of a pinhole camera without lens distortion, pixels: the camera matrix of OpenCV.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Intrinsics {
     pub fx: f64,
@@ -14,10 +14,10 @@ pub struct Intrinsics {
     pub cy: f64,
 }
 
-/// What a user chooses of a camera apart from where it stands.
+/// Field of view, clip planes and resolution of a pinhole camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Lens {
-    /// Angle between the upper and the lower edge of the image.
+    /// Vertical field of view: angle between the upper and the lower edge of the image.
     pub vertical_fov_rad: f64,
     pub near_m: f64,
     pub far_m: f64,
@@ -32,20 +32,20 @@ impl Default for Lens {
 }
 
 impl Lens {
-    /// Square pixels, the principal point in the middle.
+    /// Intrinsics with square pixels and the principal point in the middle.
     pub fn intrinsics(&self) -> Intrinsics {
         let [width, height] = self.extent.map(f64::from);
         let focal = height / 2.0 / (self.vertical_fov_rad / 2.0).tan();
         Intrinsics { fx: focal, fy: focal, cx: (width - 1.0) / 2.0, cy: (height - 1.0) / 2.0 }
     }
 
-    /// The projection with these intrinsics.
+    /// The perspective projection with these intrinsics.
     pub fn projection(&self) -> Projection {
         Projection::Pinhole { intrinsics: self.intrinsics(), near_m: self.near_m, far_m: self.far_m }
     }
 }
 
-/// How points in the camera frame come into the image.
+/// Projection of the camera frame onto the image.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Projection {
     Pinhole {
@@ -53,19 +53,18 @@ pub enum Projection {
         near_m: f64,
         far_m: f64,
     },
-    /// Parallel rays; the image shows this many metres from top to bottom.
+    /// Orthographic projection: parallel rays; the image shows this many metres from top to bottom.
     Orthographic {
         height_m: f64,
         near_m: f64,
         far_m: f64,
     },
-    /// Any other: clip coordinates (x right, y up, depth 1 at the near plane and 0 at the far one)
-    /// from the camera frame.
+    /// Any other projection: `clip_from_camera` (x right, y up, depth 1 at the near plane and 0 at the far one).
     Matrix(DMat4),
 }
 
 impl Projection {
-    /// Clip coordinates from the camera frame, depth reversed (1 near, 0 far).
+    /// Projection matrix: clip coordinates from the camera frame, with reversed depth (1 near, 0 far).
     pub fn clip_from_camera(&self, extent: [u32; 2]) -> DMat4 {
         let [width, height] = extent.map(f64::from);
         match *self {
@@ -98,7 +97,7 @@ impl Projection {
     }
 }
 
-/// Where a camera stands and where it looks: the city frame from the camera frame.
+/// Extrinsics: the pose of a camera in the city frame (`city_from_camera`).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Extrinsics {
     pub position: DVec3,
@@ -107,8 +106,7 @@ pub struct Extrinsics {
 }
 
 impl Extrinsics {
-    /// Looks from a point at another with the horizon level; straight down or up, the top of the
-    /// image is north.
+    /// Look-at pose with a level horizon; straight down or up, the top of the image is north.
     pub fn looking_at(position: DVec3, target: DVec3) -> Self {
         let forward = (target - position).try_normalize().unwrap_or(DVec3::X);
         let right = forward.cross(DVec3::Z);
@@ -117,25 +115,25 @@ impl Extrinsics {
         Self { position, orientation: DQuat::from_mat3(&DMat3::from_cols(right, down, forward)) }
     }
 
-    /// As a matrix that takes points of the camera frame into the city frame.
+    /// The pose as an affine transform.
     pub fn world_from_camera(&self) -> DAffine3 {
         DAffine3::from_rotation_translation(self.orientation, self.position)
     }
 
-    /// The unit vector along which it looks, city frame.
+    /// The optical axis, a unit vector in the city frame.
     pub fn forward(&self) -> DVec3 {
         self.orientation * DVec3::Z
     }
 }
 
-/// One picture to take.
+/// A camera view: extrinsics, projection and resolution of one picture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct View {
     pub extrinsics: Extrinsics,
     pub projection: Projection,
     /// Width and height in pixels.
     pub extent: [u32; 2],
-    /// The vehicle that carries the camera, if one does: its own body keeps out of the way.
+    /// The vehicle that carries the camera, if one does: its own body must not block the view.
     pub carrier: Option<VehicleId>,
 }
 
@@ -150,13 +148,13 @@ impl View {
         self.projection.clip_from_camera(self.extent) * camera_from_world
     }
 
-    /// Whether all its rays come from one point; parallel ones and those of any matrix do not.
-    pub fn has_eye(&self) -> bool {
+    /// Whether it is a perspective projection: all rays meet in the camera centre.
+    pub fn is_perspective(&self) -> bool {
         matches!(self.projection, Projection::Pinhole { .. })
     }
 
-    /// Where a point of the city appears, in pixels (integers are the middles of pixels), also
-    /// outside the image; `None` behind the near plane.
+    /// Projects a point of the city to pixels (integers are pixel centres), also outside the image; `None` behind the
+    /// near plane.
     pub fn project(&self, point: DVec3) -> Option<DVec2> {
         let clip = self.clip_from_world() * point.extend(1.0);
         if clip.w <= 0.0 || clip.z > clip.w {

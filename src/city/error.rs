@@ -1,4 +1,4 @@
-//! What can be wrong with a map drawing, told so that its author finds the place.
+//! Errors of a map drawing, each with its place in the file.
 
 use super::dxf::Entity;
 use std::fmt;
@@ -6,13 +6,13 @@ use std::fmt;
 /// How many errors are listed; the rest is counted.
 pub const MAX_LISTED: usize = 20;
 
-/// What sort of fault an error is about.
+/// The category of a map error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum MapErrorKind {
     /// Not an ASCII DXF file, or a damaged one.
     Format,
-    /// A number that is none, not finite, or beyond what a map can hold.
+    /// A number that cannot be parsed, is not finite, or exceeds what a map can hold.
     Number,
     /// An entity of a kind that its layer cannot take.
     Unsupported,
@@ -22,9 +22,9 @@ pub enum MapErrorKind {
     Gap,
     /// Ends that meet at an angle.
     Kink,
-    /// The same way drawn twice.
+    /// The same lane drawn twice.
     Overlap,
-    /// Directions of travel that contradict each other or are not given.
+    /// Directions of travel that contradict each other or are missing.
     Direction,
     /// A name given twice, or two texts for one thing.
     Name,
@@ -48,7 +48,7 @@ pub struct MapError {
     pub entity: String,
     /// What was found.
     pub message: String,
-    /// What would be right.
+    /// How to fix it.
     pub remedy: String,
 }
 
@@ -109,18 +109,18 @@ impl fmt::Display for MapNote {
     }
 }
 
-/// Collects faults and notes while a drawing is read.
+/// Collects errors and notes while a drawing is read.
 #[derive(Debug, Default)]
-pub(super) struct Findings {
+pub(super) struct Diagnostics {
     errors: Vec<MapError>,
     left_out: usize,
     pub(super) notes: Vec<MapNote>,
 }
 
-/// Errors are kept beyond those listed, for they are found out of order; this bounds their memory.
+/// More errors are kept than listed, since they are not found in file order; this bounds their memory.
 const MAX_KEPT: usize = 10 * MAX_LISTED;
 
-impl Findings {
+impl Diagnostics {
     /// A fault at an entity.
     pub(super) fn error(&mut self, kind: MapErrorKind, entity: &Entity, message: String, remedy: &str) {
         self.error_at(kind, entity.line, entity.label(), message, remedy);
@@ -149,12 +149,12 @@ impl Findings {
         self.notes.push(MapNote { line: 0, entity: String::new(), message });
     }
 
-    /// The errors so far, if one of them says that it is too much to go on.
+    /// Fails with the errors so far if one of them says that the map is too large to go on.
     pub(super) fn check_size(&mut self) -> Result<(), MapErrors> {
         if self.errors.iter().any(|error| error.kind == MapErrorKind::Size) { self.check() } else { Ok(()) }
     }
 
-    /// The errors so far, if there are any.
+    /// Fails with the errors so far, if any.
     pub(super) fn check(&mut self) -> Result<(), MapErrors> {
         if self.errors.is_empty() {
             return Ok(());

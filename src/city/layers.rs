@@ -1,4 +1,4 @@
-//! The layers of a map drawing and the colours a CAD program shows them in.
+//! The layer names of a map drawing and their CAD colours.
 
 use super::SceneryKind;
 

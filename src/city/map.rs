@@ -1,4 +1,4 @@
-//! The road map: a graph of directed lanes, the zones where they conflict, lines and scenery.
+//! The road map: a directed lane graph with conflict zones, control lines and scenery.
 
 use crate::geom::{Curve, LengthScale};
 use glam::DVec2;
@@ -27,11 +27,11 @@ impl fmt::Display for LaneId {
 pub enum LaneKind {
     /// A lane of a road, with markings.
     Lane,
-    /// A way across a junction, without markings.
+    /// A lane across a junction, without markings.
     Connector,
 }
 
-/// A directed lane between two branchings of the graph.
+/// A directed lane between two branchings of the lane graph.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Lane {
     pub id: LaneId,
@@ -40,15 +40,14 @@ pub struct Lane {
     pub kind: LaneKind,
     /// Centre line in driving direction.
     pub curve: Curve,
-    /// Across, where the lane is straight. On tight arcs a lane is wider on the inside, by
-    /// [`Lane::widening`].
+    /// Width of the straight lane. On tight arcs a lane is wider on the inside, by [`Lane::widening`].
     pub width_m: f64,
-    /// Posted speed; bends may ask for less.
+    /// Posted speed limit. Curve speeds may be lower.
     pub speed_limit_mps: f64,
-    /// Lanes that go on from its end, in id order.
+    /// Lanes that start at its end, in id order.
     pub successors: Vec<LaneId>,
     pub predecessors: Vec<LaneId>,
-    /// Neighbours of the same direction, alongside for at least half of the lane.
+    /// Adjacent lanes of the same direction, alongside for at least half of the lane.
     pub left: Option<LaneId>,
     pub right: Option<LaneId>,
 }
@@ -59,9 +58,9 @@ const REFERENCE_WHEELBASE: f64 = 0.12 / 0.1524;
 const WIDENED_BELOW: f64 = 2.5;
 
 impl Lane {
-    /// What is added to the half width on the inside of a bend of this curvature: the off-tracking
-    /// of the testbed's car, whose rear axle cuts the inside of a bend that its front axle follows.
-    /// Road design calls it curve widening; only arcs tighter than 2.5 lane widths have it.
+    /// Curve widening: the addition to the inner half width in a bend of this curvature. It equals the
+    /// off-tracking of the testbed's car, whose rear axle cuts the inside of a bend that its front axle
+    /// follows. Only arcs tighter than 2.5 lane widths are widened.
     pub fn widening(&self, curvature: f64) -> f64 {
         let radius = 1.0 / curvature.abs();
         if radius >= WIDENED_BELOW * self.width_m {
@@ -92,7 +91,7 @@ impl ZoneId {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ZoneKind {
-    /// The lanes cross, or come so close that two bodies would touch.
+    /// The lanes cross, or pass so close that two vehicles would touch.
     Cross,
     /// The lanes end in the same place.
     Merge,
@@ -108,7 +107,8 @@ pub struct ZoneSide {
     pub to_m: f64,
 }
 
-/// Where bodies on two lanes can touch. Ids are stable: zones are ordered by their lanes.
+/// A conflict zone: the parts of two lanes on which vehicles can touch. Ids are stable: zones are ordered by
+/// their lanes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ConflictZone {
     pub id: ZoneId,
@@ -120,13 +120,13 @@ pub struct ConflictZone {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ControlLineKind {
-    /// Come to a stand before it, then go when it is free.
+    /// Stop first, then go when the junction is clear.
     Stop,
-    /// Give way; stand only where need be.
+    /// Give way; stop only if necessary.
     Yield,
 }
 
-/// A line across a lane in front of which vehicles wait.
+/// A stop or yield line across a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ControlLine {
     pub kind: ControlLineKind,
@@ -137,7 +137,7 @@ pub struct ControlLine {
     pub ends: [DVec2; 2],
 }
 
-/// What a piece of scenery is. The DXF layer is `SCENERY_` and the name in capitals.
+/// The kind of a scenery item. Its DXF layer is `SCENERY_` and the name in capitals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SceneryKind {
@@ -208,10 +208,10 @@ impl SceneryKind {
     }
 }
 
-/// The ground plan of a piece of scenery.
+/// The footprint of a scenery item: its outline on the ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Shape {
+pub enum Footprint {
     /// Closed, corners in order, the first not repeated; bulges already flattened.
     Polygon(Vec<DVec2>),
     /// Open: a wall or a hedge along a line.
@@ -225,25 +225,25 @@ pub enum Shape {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scenery {
     pub kind: SceneryKind,
-    /// The text that stands on it in the drawing, empty without one: "fire station".
+    /// The text placed on it in the drawing, empty without one: "fire station".
     pub name: String,
     /// Height above ground where the drawing states one.
     pub height_m: Option<f64>,
-    /// Where its front looks, counter-clockwise from east, where the drawing states it.
+    /// Heading of its front, counter-clockwise from east, if the drawing states it.
     pub front_rad: Option<f64>,
-    pub shape: Shape,
+    pub shape: Footprint,
 }
 
-/// A model from a file at a place.
+/// A 3D model file placed on the map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlacedModel {
-    /// As the drawing names it: "shed.glb".
+    /// File name as in the drawing: "shed.glb".
     pub file: String,
-    /// Where its origin stands.
+    /// Position of its origin.
     pub at: DVec2,
-    /// Where its front looks, counter-clockwise from east.
+    /// Heading of its front, counter-clockwise from east.
     pub front_rad: f64,
-    /// Its size over that in the file, which is in full-scale metres.
+    /// Scale factor; the file is in full-scale metres.
     pub size: f64,
     /// Line of the drawing, 0 for one made in memory.
     pub line: usize,
@@ -258,9 +258,9 @@ pub struct RoadMap {
     pub zones: Vec<ConflictZone>,
     pub lines: Vec<ControlLine>,
     pub scenery: Vec<Scenery>,
-    /// Models from files, only to be looked at: nothing collides with them.
+    /// Models from files. They are drawn only: nothing collides with them.
     pub models: Vec<PlacedModel>,
-    /// For each lane the zones that lie on it, by where they begin.
+    /// Conflict zones by lane, sorted by where they begin.
     pub(super) zones_of_lane: Vec<Vec<ZoneId>>,
 }
 
@@ -297,8 +297,10 @@ impl RoadMap {
         }
         for scenery in &self.scenery {
             match &scenery.shape {
-                Shape::Polygon(points) | Shape::Polyline(points) => points.iter().for_each(|&p| add(p, 0.0)),
-                Shape::Circle { centre, radius_m } => add(*centre, *radius_m),
+                Footprint::Polygon(points) | Footprint::Polyline(points) => {
+                    points.iter().for_each(|&p| add(p, 0.0))
+                }
+                Footprint::Circle { centre, radius_m } => add(*centre, *radius_m),
             }
         }
         [low, high]
@@ -323,10 +325,10 @@ impl RoadMap {
             front_rad: s.front_rad,
             height_m: s.height_m.map(|h| h * factor),
             shape: match &s.shape {
-                Shape::Polygon(p) => Shape::Polygon(points(p)),
-                Shape::Polyline(p) => Shape::Polyline(points(p)),
-                Shape::Circle { centre, radius_m } => {
-                    Shape::Circle { centre: *centre * factor, radius_m: radius_m * factor }
+                Footprint::Polygon(p) => Footprint::Polygon(points(p)),
+                Footprint::Polyline(p) => Footprint::Polyline(points(p)),
+                Footprint::Circle { centre, radius_m } => {
+                    Footprint::Circle { centre: *centre * factor, radius_m: radius_m * factor }
                 }
             },
             ..s.clone()
@@ -342,11 +344,11 @@ impl RoadMap {
     }
 }
 
-/// The map as drawn: laboratory metres. The control framework speaks these.
+/// The map as drawn, in laboratory metres. The control framework uses it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LabMap(pub RoadMap);
 
-/// The map at full scale: city metres. Simulation and drawing use these.
+/// The map at full scale, in city metres. Simulation and rendering use it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CityMap(pub RoadMap);
 

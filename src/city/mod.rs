@@ -13,7 +13,7 @@ pub mod scene;
 pub use build::{DEFAULT_SPEED_MPS, JOIN_TOLERANCE_M, LANE_WIDTH_M, LoadedMap, load_map, map_of_drawing};
 pub use error::{MapError, MapErrorKind, MapErrors, MapNote};
 pub use map::{
-    CityMap, ConflictZone, ControlLine, ControlLineKind, LabMap, Lane, LaneId, LaneKind, PlacedModel,
-    RoadMap, Scenery, SceneryKind, Shape, ZoneId, ZoneKind, ZoneSide,
+    CityMap, ConflictZone, ControlLine, ControlLineKind, Footprint, LabMap, Lane, LaneId, LaneKind,
+    PlacedModel, RoadMap, Scenery, SceneryKind, ZoneId, ZoneKind, ZoneSide,
 };
 pub use repair::{MAX_REPAIR_TOLERANCE_M, RepairAction, RepairChange, RepairedMap, repair_map};

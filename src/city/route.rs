@@ -1,29 +1,29 @@
-//! Ways through the graph of lanes.
+//! Shortest paths through the lane graph (Dijkstra 1959).
 
 use super::{ConflictZone, ControlLine, Lane, LaneId, RoadMap, Scenery, ZoneId};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// A cost as the key of a queue.
+/// A path cost as the key of the priority queue: `f64` with a total order.
 #[derive(PartialEq)]
-struct Cost(f64);
+struct QueueCost(f64);
 
-impl Eq for Cost {}
+impl Eq for QueueCost {}
 
-impl PartialOrd for Cost {
+impl PartialOrd for QueueCost {
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Cost {
+impl Ord for QueueCost {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.0.total_cmp(&other.0)
     }
 }
 
 impl RoadMap {
-    /// Lanes and zones by id.
+    /// Indexes the zones by lane. Lanes and zones are given in id order.
     pub(super) fn new(
         lanes: Vec<Lane>,
         zones: Vec<ConflictZone>,
@@ -44,9 +44,9 @@ impl RoadMap {
         Self { lanes, zones, lines, scenery, models: Vec::new(), zones_of_lane }
     }
 
-    /// The shortest way over allowed lanes, both ends included: the least sum of the lengths of its
-    /// lanes, whole lanes counted (Dijkstra). Of equal ways always the same one. `None` if there is
-    /// none, or if either end is not allowed.
+    /// The shortest path over allowed lanes, both ends included, by Dijkstra's algorithm. The cost of a path
+    /// is the sum of the lengths of its lanes, whole lanes counted. Ties are broken by lane id. `None` if no
+    /// path exists or either end is not allowed.
     pub fn shortest_route(
         &self,
         from: LaneId,
@@ -56,9 +56,8 @@ impl RoadMap {
         self.cheapest_route(from, to, |lane| allowed(lane).then(|| self.lane(lane).curve.length()))
     }
 
-    /// The way with the least sum of the costs of its lanes, both ends included (Dijkstra). A cost is
-    /// positive; a lane without one is not driven. Of equal ways always the same one. `None` if there
-    /// is none, or if either end may not be driven.
+    /// The cheapest path, both ends included, by Dijkstra's algorithm. Costs are positive; a lane whose cost
+    /// is `None` is closed. Ties are broken by lane id. `None` if no path exists or either end is closed.
     pub fn cheapest_route(
         &self,
         from: LaneId,
@@ -69,8 +68,8 @@ impl RoadMap {
         let mut before: Vec<Option<LaneId>> = vec![None; self.lanes.len()];
         let mut open = BinaryHeap::new();
         best[from.index()] = cost(from)?;
-        open.push(Reverse((Cost(best[from.index()]), from)));
-        while let Some(Reverse((Cost(so_far), lane))) = open.pop() {
+        open.push(Reverse((QueueCost(best[from.index()]), from)));
+        while let Some(Reverse((QueueCost(so_far), lane))) = open.pop() {
             if lane == to {
                 let mut route = vec![to];
                 while let Some(previous) = before[route[route.len() - 1].index()] {
@@ -88,15 +87,14 @@ impl RoadMap {
                 if longer < best[next.index()] {
                     best[next.index()] = longer;
                     before[next.index()] = Some(lane);
-                    open.push(Reverse((Cost(longer), next)));
+                    open.push(Reverse((QueueCost(longer), next)));
                 }
             }
         }
         None
     }
 
-    /// The shortest way from the end of a lane back to it, the lane itself last; `None` where no way
-    /// leads back.
+    /// The shortest cycle through a lane, the lane itself last; `None` if the lane is on no cycle.
     pub fn shortest_loop(&self, lane: LaneId) -> Option<Vec<LaneId>> {
         let length = |way: &Vec<LaneId>| way.iter().map(|lane| self.lane(*lane).curve.length()).sum::<f64>();
         let ways = self.lane(lane).successors.iter();

@@ -1,22 +1,23 @@
-//! One gamepad or steering wheel: which of its axes and buttons does what, and what they do at present.
+//! One gamepad or steering wheel: mapping of its axes and buttons to functions, calibration, dead zones, and present
+//! positions.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// An axis or a button of a device, by the number that its driver gives it.
+/// An axis or a button of a device, by the code of its driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Control {
-    /// Its value lies between -1 and 1, and need not be 0 at rest.
+pub enum DeviceControl {
+    /// Value from -1 to 1, not necessarily 0 at rest.
     Axis(u32),
-    /// Its value is 0 at rest and 1 when it is pressed; a trigger's lies between.
+    /// Value 0 at rest and 1 when pressed; a trigger is in between.
     Button(u32),
 }
 
-impl fmt::Display for Control {
+impl fmt::Display for DeviceControl {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // The upper half tells kinds apart, which the word does already.
+        // The upper half is the kind, which the word says already.
         match self {
             Self::Axis(code) => write!(f, "axis {}", code & 0xffff),
             Self::Button(code) => write!(f, "button {}", code & 0xffff),
@@ -24,14 +25,13 @@ impl fmt::Display for Control {
     }
 }
 
-/// Latest values of the controls of a device that have moved so far. Of the others nothing is known: a pedal
-/// may rest anywhere.
-pub type Values = BTreeMap<Control, f64>;
+/// Latest values of the controls that have moved so far. The others are unknown: a pedal may rest anywhere.
+pub type Values = BTreeMap<DeviceControl, f64>;
 
-/// What a person does with a device.
+/// A driving function that a control can be mapped to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Function {
+pub enum ControlFunction {
     Steering,
     Gas,
     Brake,
@@ -41,11 +41,11 @@ pub enum Function {
     IndicateRight,
     Hazard,
     LookBack,
-    /// Takes the wheel of the selected vehicle, or gives it back.
+    /// Takes over the selected vehicle, or gives it back.
     TakeWheel,
 }
 
-impl Function {
+impl ControlFunction {
     pub const ALL: [Self; 10] = [
         Self::Steering,
         Self::Gas,
@@ -75,128 +75,141 @@ impl Function {
     }
 }
 
-impl Function {
-    /// Whether it counts how far it is moved.
+impl ControlFunction {
+    /// Whether it is analogue.
     pub fn is_lever(self) -> bool {
         matches!(self, Self::Steering | Self::Gas | Self::Brake | Self::Handbrake)
     }
 }
 
-/// A pedal, a trigger or a button: how far it is pressed.
+/// Calibration of a pedal, a trigger or a button.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Lever {
-    pub control: Control,
+pub struct LeverCalibration {
+    pub control: DeviceControl,
     /// Value when nobody touches it.
     pub rest: f64,
     /// Value when it is pressed as far as it goes.
     pub full: f64,
-    /// Share of its way in which nothing happens yet.
+    /// Dead zone: fraction of the travel without effect.
     pub dead_zone: f64,
 }
 
-impl Lever {
-    pub fn button(control: Control) -> Self {
+impl LeverCalibration {
+    pub fn button(control: DeviceControl) -> Self {
         Self { control, rest: 0.0, full: 1.0, dead_zone: 0.0 }
     }
 
-    /// 0 when nobody touches it or nothing is known of it, 1 when it is pressed as far as it goes.
+    /// Normalized position: 0 at rest or unknown, 1 fully pressed.
     pub fn position(&self, values: &Values) -> f64 {
         let Some(value) = values.get(&self.control) else { return 0.0 };
-        beyond(share(*value, self.rest, self.full), self.dead_zone)
+        beyond_dead_zone(fraction(*value, self.rest, self.full), self.dead_zone)
     }
 }
 
-/// What the front wheels follow.
+/// Calibration of the steering axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Steering {
-    pub control: Control,
+pub struct SteeringCalibration {
+    pub control: DeviceControl,
     pub left: f64,
     pub centre: f64,
     pub right: f64,
-    /// Share of the way to either side in which nothing happens yet.
+    /// Dead zone: fraction of the travel to either side without effect.
     pub dead_zone: f64,
 }
 
-impl Steering {
-    /// From 1, as far left as it goes, to -1; 0 as long as nothing is known of it.
+impl SteeringCalibration {
+    /// Normalized position from 1 (full left) to -1 (full right); 0 while unknown.
     pub fn position(&self, values: &Values) -> f64 {
         let Some(&value) = values.get(&self.control) else { return 0.0 };
-        let side = |end| beyond(share(value, self.centre, end), self.dead_zone);
+        let side = |end| beyond_dead_zone(fraction(value, self.centre, end), self.dead_zone);
         side(self.left) - side(self.right)
     }
 }
 
-/// Where a value lies between two others.
-fn share(value: f64, from: f64, to: f64) -> f64 {
+/// Inverse linear interpolation, clamped to 0 and 1.
+fn fraction(value: f64, from: f64, to: f64) -> f64 {
     let span = to - from;
     if span.abs() > 1e-6 { ((value - from) / span).clamp(0.0, 1.0) } else { 0.0 }
 }
 
-fn beyond(share: f64, dead_zone: f64) -> f64 {
-    let dead_zone = dead_zone.clamp(0.0, MOST_DEAD);
-    ((share - dead_zone) / (1.0 - dead_zone)).max(0.0)
+fn beyond_dead_zone(fraction: f64, dead_zone: f64) -> f64 {
+    let dead_zone = dead_zone.clamp(0.0, MAX_DEAD_ZONE);
+    ((fraction - dead_zone) / (1.0 - dead_zone)).max(0.0)
 }
 
-const MOST_DEAD: f64 = 0.9;
+const MAX_DEAD_ZONE: f64 = 0.9;
 
-/// Which control of a device does what.
+/// The mapping of a device: which control has which function.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Profile {
-    /// Steers less the faster the vehicle is, as a short stick has to; a wheel is turned less by its driver.
-    pub eases: bool,
-    pub steering: Option<Steering>,
-    /// All but the steering.
-    pub levers: BTreeMap<Function, Lever>,
+pub struct DeviceProfile {
+    /// Speed-sensitive steering: reduces the angle at speed, as a short stick needs; a wheel does not.
+    #[serde(rename = "eases")]
+    pub speed_sensitive: bool,
+    pub steering: Option<SteeringCalibration>,
+    /// All functions but the steering.
+    pub levers: BTreeMap<ControlFunction, LeverCalibration>,
 }
 
-/// Sticks do not come back to their middle exactly, wheels nearly.
-const STICK_DEAD: f64 = 0.12;
+/// Sticks do not centre exactly; wheels nearly do.
+const STICK_DEAD_ZONE: f64 = 0.12;
 
-impl Profile {
-    /// That of a gamepad, or of a wheel whose pedals have still to be found.
-    pub fn usual(steering: Option<Control>, is_wheel: bool, buttons: &[(Function, Control)]) -> Self {
-        let dead_zone = if is_wheel { 0.0 } else { STICK_DEAD };
-        let steering =
-            steering.map(|control| Steering { control, left: -1.0, centre: 0.0, right: 1.0, dead_zone });
-        let levers = buttons.iter().map(|&(function, control)| (function, Lever::button(control))).collect();
-        Self { eases: !is_wheel, steering, levers }
+impl DeviceProfile {
+    /// The default of a gamepad, or of a wheel whose pedals are not assigned yet.
+    pub fn usual(
+        steering: Option<DeviceControl>,
+        is_wheel: bool,
+        buttons: &[(ControlFunction, DeviceControl)],
+    ) -> Self {
+        let dead_zone = if is_wheel { 0.0 } else { STICK_DEAD_ZONE };
+        let steering = steering.map(|control| SteeringCalibration {
+            control,
+            left: -1.0,
+            centre: 0.0,
+            right: 1.0,
+            dead_zone,
+        });
+        let levers = buttons
+            .iter()
+            .map(|&(function, control)| (function, LeverCalibration::button(control)))
+            .collect();
+        Self { speed_sensitive: !is_wheel, steering, levers }
     }
 
-    /// The control that does something.
-    pub fn control(&self, function: Function) -> Option<Control> {
+    /// The control of a function.
+    pub fn control(&self, function: ControlFunction) -> Option<DeviceControl> {
         match function {
-            Function::Steering => self.steering.map(|steering| steering.control),
+            ControlFunction::Steering => self.steering.map(|steering| steering.control),
             _ => self.levers.get(&function).map(|lever| lever.control),
         }
     }
 
-    /// Share of a control's way in which nothing happens yet.
-    pub fn dead_zone(&self, function: Function) -> Option<f64> {
+    /// The dead zone of a function.
+    pub fn dead_zone(&self, function: ControlFunction) -> Option<f64> {
         match function {
-            Function::Steering => self.steering.map(|steering| steering.dead_zone),
+            ControlFunction::Steering => self.steering.map(|steering| steering.dead_zone),
             _ => self.levers.get(&function).map(|lever| lever.dead_zone),
         }
     }
 
-    pub fn set_dead_zone(&mut self, function: Function, share: f64) {
-        if let (Function::Steering, Some(steering)) = (function, &mut self.steering) {
-            steering.dead_zone = share;
+    pub fn set_dead_zone(&mut self, function: ControlFunction, fraction: f64) {
+        if let (ControlFunction::Steering, Some(steering)) = (function, &mut self.steering) {
+            steering.dead_zone = fraction;
         } else if let Some(lever) = self.levers.get_mut(&function) {
-            lever.dead_zone = share;
+            lever.dead_zone = fraction;
         }
     }
 
-    pub fn clear(&mut self, function: Function) {
+    pub fn clear(&mut self, function: ControlFunction) {
         match function {
-            Function::Steering => self.steering = None,
+            ControlFunction::Steering => self.steering = None,
             _ => _ = self.levers.remove(&function),
         }
     }
 
-    /// Turns a control round: left is right, pressed is let go.
-    pub fn invert(&mut self, function: Function) {
-        if let (Function::Steering, Some(steering)) = (function, &mut self.steering) {
+    /// Inverts a control: left becomes right, pressed becomes released.
+    pub fn invert(&mut self, function: ControlFunction) {
+        if let (ControlFunction::Steering, Some(steering)) = (function, &mut self.steering) {
             std::mem::swap(&mut steering.left, &mut steering.right);
         } else if let Some(lever) = self.levers.get_mut(&function) {
             std::mem::swap(&mut lever.rest, &mut lever.full);
@@ -204,29 +217,29 @@ impl Profile {
     }
 
     /// From -1 to 1 for the steering, from 0 to 1 for the rest.
-    pub fn position(&self, function: Function, values: &Values) -> f64 {
+    pub fn position(&self, function: ControlFunction, values: &Values) -> f64 {
         match function {
-            Function::Steering => self.steering.map_or(0.0, |steering| steering.position(values)),
+            ControlFunction::Steering => self.steering.map_or(0.0, |steering| steering.position(values)),
             _ => self.levers.get(&function).map_or(0.0, |lever| lever.position(values)),
         }
     }
 }
 
-/// Where the levers of a device are.
+/// Normalized positions of the analogue controls.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Levers {
-    /// 1 is as far left as it goes, -1 as far right.
+pub struct LeverPositions {
+    /// 1 is full left, -1 full right.
     pub steering: f64,
     pub gas: f64,
     pub brake: f64,
     pub handbrake: f64,
-    /// Steers less the faster the vehicle is.
-    pub eases: bool,
+    /// Speed-sensitive steering.
+    pub speed_sensitive: bool,
 }
 
-impl Levers {
-    /// The largest way between two positions of one lever.
-    fn apart(&self, other: &Self) -> f64 {
+impl LeverPositions {
+    /// The largest difference of one control between two positions.
+    fn max_difference(&self, other: &Self) -> f64 {
         let ways = [
             self.steering - other.steering,
             self.gas - other.gas,
@@ -237,66 +250,66 @@ impl Levers {
     }
 }
 
-/// A device that is plugged in.
+/// A connected device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Device {
-    /// What it is known by from one run to the next.
+    /// Identifies the device across sessions.
     pub key: String,
     pub name: String,
-    pub profile: Profile,
+    pub profile: DeviceProfile,
     values: Values,
-    /// Where its levers were when it was last noticed that somebody moved them.
-    noticed: Levers,
+    /// Positions when use was last detected.
+    noticed: LeverPositions,
 }
 
-/// A lever that moves so far is being used; less may be noise.
-const NOTICED: f64 = 0.1;
-/// A lever beyond this is a button that is pressed.
-const PRESSED: f64 = 0.5;
+/// A control that moves this far is in use; less may be noise.
+const USE_THRESHOLD: f64 = 0.1;
+/// A button beyond this position is pressed.
+const PRESS_THRESHOLD: f64 = 0.5;
 
 impl Device {
-    pub fn new(key: String, name: String, profile: Profile) -> Self {
-        Self { key, name, profile, values: Values::new(), noticed: Levers::default() }
+    pub fn new(key: String, name: String, profile: DeviceProfile) -> Self {
+        Self { key, name, profile, values: Values::new(), noticed: LeverPositions::default() }
     }
 
     pub fn values(&self) -> &Values {
         &self.values
     }
 
-    /// Takes a new value of a control; gives what has been pressed by it.
-    pub fn take(&mut self, control: Control, value: f64) -> Vec<Function> {
-        let before: Vec<bool> = Function::ALL.map(|function| self.is_pressed(function)).into();
+    /// Takes a new value of a control; returns the functions that it has pressed.
+    pub fn take(&mut self, control: DeviceControl, value: f64) -> Vec<ControlFunction> {
+        let before: Vec<bool> = ControlFunction::ALL.map(|function| self.is_pressed(function)).into();
         self.values.insert(control, value);
-        let news = Function::ALL.into_iter().zip(before);
+        let news = ControlFunction::ALL.into_iter().zip(before);
         news.filter(|(function, was)| !was && self.is_pressed(*function))
             .map(|(function, _)| function)
             .collect()
     }
 
-    /// Whether a button is down. Pedals and steering are no buttons.
-    pub fn is_pressed(&self, function: Function) -> bool {
-        !function.is_lever() && self.position(function) > PRESSED
+    /// Whether the button of a function is down. Pedals and steering are no buttons.
+    pub fn is_pressed(&self, function: ControlFunction) -> bool {
+        !function.is_lever() && self.position(function) > PRESS_THRESHOLD
     }
 
     /// From -1 to 1 for the steering, from 0 to 1 for the rest.
-    pub fn position(&self, function: Function) -> f64 {
+    pub fn position(&self, function: ControlFunction) -> f64 {
         self.profile.position(function, &self.values)
     }
 
-    pub fn levers(&self) -> Levers {
-        Levers {
-            steering: self.position(Function::Steering),
-            gas: self.position(Function::Gas),
-            brake: self.position(Function::Brake),
-            handbrake: self.position(Function::Handbrake),
-            eases: self.profile.eases,
+    pub fn levers(&self) -> LeverPositions {
+        LeverPositions {
+            steering: self.position(ControlFunction::Steering),
+            gas: self.position(ControlFunction::Gas),
+            brake: self.position(ControlFunction::Brake),
+            handbrake: self.position(ControlFunction::Handbrake),
+            speed_sensitive: self.profile.speed_sensitive,
         }
     }
 
-    /// Whether somebody has moved a lever since it was last noticed.
+    /// Whether a control has been moved since use was last detected.
     pub fn is_used(&mut self) -> bool {
         let levers = self.levers();
-        let is_used = levers.apart(&self.noticed) > NOTICED;
+        let is_used = levers.max_difference(&self.noticed) > USE_THRESHOLD;
         if is_used {
             self.noticed = levers;
         }
@@ -308,19 +321,20 @@ impl Device {
 mod tests {
     use super::*;
 
-    fn device(profile: Profile) -> Device {
+    fn device(profile: DeviceProfile) -> Device {
         Device::new("key".to_owned(), "name".to_owned(), profile)
     }
 
-    fn lever(control: Control, rest: f64, full: f64) -> Lever {
-        Lever { control, rest, full, dead_zone: 0.05 }
+    fn lever(control: DeviceControl, rest: f64, full: f64) -> LeverCalibration {
+        LeverCalibration { control, rest, full, dead_zone: 0.05 }
     }
 
     #[test]
     fn pedals_that_share_an_axis_are_told_apart() {
-        let axis = Control::Axis(2);
-        let levers = [(Function::Gas, lever(axis, 0.0, 1.0)), (Function::Brake, lever(axis, 0.0, -1.0))];
-        let mut wheel = device(Profile { levers: levers.into(), ..Profile::default() });
+        let axis = DeviceControl::Axis(2);
+        let levers =
+            [(ControlFunction::Gas, lever(axis, 0.0, 1.0)), (ControlFunction::Brake, lever(axis, 0.0, -1.0))];
+        let mut wheel = device(DeviceProfile { levers: levers.into(), ..DeviceProfile::default() });
         for (value, gas, brake) in [(0.0, 0.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 0.0, 1.0), (0.03, 0.0, 0.0)] {
             wheel.take(axis, value);
             assert_eq!((wheel.levers().gas, wheel.levers().brake), (gas, brake), "at {value}");
@@ -331,55 +345,60 @@ mod tests {
 
     #[test]
     fn an_inverted_pedal_is_released_before_anything_is_known_of_it() {
-        let axis = Control::Axis(5);
-        let levers = [(Function::Gas, lever(axis, 1.0, -1.0))];
-        let mut wheel = device(Profile { levers: levers.into(), ..Profile::default() });
+        let axis = DeviceControl::Axis(5);
+        let levers = [(ControlFunction::Gas, lever(axis, 1.0, -1.0))];
+        let mut wheel = device(DeviceProfile { levers: levers.into(), ..DeviceProfile::default() });
         assert_eq!(wheel.levers().gas, 0.0, "0 would be half way down");
         wheel.take(axis, 1.0);
         assert_eq!(wheel.levers().gas, 0.0);
         wheel.take(axis, -1.0);
         assert_eq!(wheel.levers().gas, 1.0);
-        wheel.profile.invert(Function::Gas);
+        wheel.profile.invert(ControlFunction::Gas);
         assert_eq!(wheel.levers().gas, 0.0);
     }
 
     #[test]
     fn a_stick_has_a_dead_zone_and_steers_to_its_own_ends() {
-        let steering =
-            Steering { control: Control::Axis(0), left: -0.9, centre: 0.1, right: 1.0, dead_zone: 0.1 };
-        let mut pad = device(Profile { steering: Some(steering), ..Profile::default() });
+        let steering = SteeringCalibration {
+            control: DeviceControl::Axis(0),
+            left: -0.9,
+            centre: 0.1,
+            right: 1.0,
+            dead_zone: 0.1,
+        };
+        let mut pad = device(DeviceProfile { steering: Some(steering), ..DeviceProfile::default() });
         for (value, position) in [(0.1, 0.0), (0.15, 0.0), (0.02, 0.0), (-0.9, 1.0), (-1.0, 1.0), (1.0, -1.0)]
         {
-            pad.take(Control::Axis(0), value);
+            pad.take(DeviceControl::Axis(0), value);
             assert!((pad.levers().steering - position).abs() < 1e-9, "{value}: {}", pad.levers().steering);
         }
-        pad.profile.invert(Function::Steering);
+        pad.profile.invert(ControlFunction::Steering);
         assert!(pad.levers().steering > 0.99);
     }
 
     #[test]
     fn triggers_are_pedals_and_a_press_is_told_once() {
-        let trigger = Control::Button(7);
-        let buttons = [(Function::Gas, trigger), (Function::Reverse, Control::Button(3))];
-        let mut pad = device(Profile::usual(Some(Control::Axis(0)), false, &buttons));
+        let trigger = DeviceControl::Button(7);
+        let buttons = [(ControlFunction::Gas, trigger), (ControlFunction::Reverse, DeviceControl::Button(3))];
+        let mut pad = device(DeviceProfile::usual(Some(DeviceControl::Axis(0)), false, &buttons));
         pad.take(trigger, 0.4);
         assert_eq!(pad.levers().gas, 0.4);
         assert!(pad.is_used() && !pad.is_used());
-        assert_eq!(pad.take(Control::Button(3), 1.0), [Function::Reverse]);
-        assert_eq!(pad.take(Control::Button(3), 1.0), []);
-        pad.take(Control::Button(3), 0.0);
-        assert_eq!(pad.take(Control::Button(3), 1.0), [Function::Reverse]);
+        assert_eq!(pad.take(DeviceControl::Button(3), 1.0), [ControlFunction::Reverse]);
+        assert_eq!(pad.take(DeviceControl::Button(3), 1.0), []);
+        pad.take(DeviceControl::Button(3), 0.0);
+        assert_eq!(pad.take(DeviceControl::Button(3), 1.0), [ControlFunction::Reverse]);
         assert!(!pad.is_used(), "buttons are no levers");
     }
 
     #[test]
     fn values_without_range_or_sense_press_nothing() {
-        let axis = Control::Axis(0);
+        let axis = DeviceControl::Axis(0);
         let levers = [
-            (Function::Gas, lever(axis, 0.5, 0.5)),
-            (Function::Brake, Lever { dead_zone: 7.0, ..lever(axis, 0.0, 1.0) }),
+            (ControlFunction::Gas, lever(axis, 0.5, 0.5)),
+            (ControlFunction::Brake, LeverCalibration { dead_zone: 7.0, ..lever(axis, 0.0, 1.0) }),
         ];
-        let mut wheel = device(Profile { levers: levers.into(), ..Profile::default() });
+        let mut wheel = device(DeviceProfile { levers: levers.into(), ..DeviceProfile::default() });
         wheel.take(axis, 0.5);
         assert_eq!((wheel.levers().gas, wheel.levers().brake), (0.0, 0.0));
     }

@@ -1,51 +1,51 @@
-//! All gamepads and steering wheels that are plugged in, and which of them drives.
+//! All connected gamepads and steering wheels, and which of them drives.
 
-use super::device::{Control, Device, Function, Levers, Profile};
-use super::learn::Learner;
+use super::calibration::Calibrator;
+use super::device::{ControlFunction, Device, DeviceControl, DeviceProfile, LeverPositions};
 use std::collections::BTreeMap;
 
-/// A device that has just been plugged in.
+/// Description of a device that has just been connected.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plug {
-    /// What it is known by from one run to the next.
+pub struct DeviceInfo {
+    /// Identifies the device across sessions.
     pub key: String,
     pub name: String,
-    /// Which control does what as long as nobody has chosen.
-    pub usual: Profile,
+    /// The default mapping.
+    pub usual: DeviceProfile,
 }
 
-/// What happens at the sockets. Devices have numbers for as long as they are plugged in.
+/// A device event. Devices keep their number while they are connected.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DeviceEvent {
-    Plugged(usize, Plug),
+    Plugged(usize, DeviceInfo),
     Unplugged(usize),
-    Moved(usize, Control, f64),
-    /// Gamepads cannot be had on this machine, for this reason.
+    Moved(usize, DeviceControl, f64),
+    /// Gamepads cannot be read on this machine, for this reason.
     Missing(String),
 }
 
-/// What is plugged in, and what is known of devices that were.
+/// The connected devices, and the stored mappings of all devices.
 #[derive(Clone, Debug, Default)]
 pub struct Devices {
     plugged: BTreeMap<usize, Device>,
-    usual: BTreeMap<String, Profile>,
-    /// What the user has chosen, by the keys of devices.
-    profiles: BTreeMap<String, Profile>,
-    /// The one that was used last.
+    usual: BTreeMap<String, DeviceProfile>,
+    /// Mappings that the user has chosen, by device key.
+    profiles: BTreeMap<String, DeviceProfile>,
+    /// The device that was used last.
     active: Option<usize>,
     is_used: bool,
-    pressed: Vec<Function>,
-    learner: Option<(usize, Learner)>,
+    pressed: Vec<ControlFunction>,
+    learner: Option<(usize, Calibrator)>,
     missing: Option<String>,
 }
 
 impl Devices {
-    /// With what was chosen in earlier runs.
-    pub fn new(profiles: BTreeMap<String, Profile>) -> Self {
+    /// Starts with the stored mappings.
+    pub fn new(profiles: BTreeMap<String, DeviceProfile>) -> Self {
         Self { profiles, ..Self::default() }
     }
 
-    /// Takes what has happened at `now_s`; gives what the user should be told.
+    /// Handles an event at `now_s`; returns a message for the user.
     pub fn take(&mut self, event: DeviceEvent, now_s: f64) -> Option<String> {
         match event {
             DeviceEvent::Plugged(number, plug) => Some(self.plug(number, plug)),
@@ -61,10 +61,13 @@ impl Devices {
         }
     }
 
-    fn plug(&mut self, number: usize, plug: Plug) -> String {
+    fn plug(&mut self, number: usize, plug: DeviceInfo) -> String {
         let profile = self.profiles.get(&plug.key).unwrap_or(&plug.usual).clone();
         let lacks = |function| profile.control(function).is_none();
-        let text = if lacks(Function::Steering) || lacks(Function::Gas) || lacks(Function::Brake) {
+        let text = if lacks(ControlFunction::Steering)
+            || lacks(ControlFunction::Gas)
+            || lacks(ControlFunction::Brake)
+        {
             format!("{} is plugged in: assign its wheel and pedals on the page Gamepad (F2).", plug.name)
         } else {
             format!("{} is plugged in: it drives the vehicle whose wheel you take.", plug.name)
@@ -87,11 +90,11 @@ impl Devices {
         Some(format!("{} is unplugged{then}.", gone.name))
     }
 
-    fn move_control(&mut self, number: usize, control: Control, value: f64, now_s: f64) {
+    fn move_control(&mut self, number: usize, control: DeviceControl, value: f64, now_s: f64) {
         let Some(device) = self.plugged.get_mut(&number) else { return };
         let pressed = device.take(control, value);
         if let Some((of, learner)) = &mut self.learner {
-            // What is moved to be found out shall not drive.
+            // A control that is being calibrated does not drive.
             if *of == number {
                 learner.take(control, value, now_s);
             }
@@ -112,41 +115,41 @@ impl Devices {
         self.plugged.get(&number)
     }
 
-    /// Why there are none, where that is known.
+    /// Why gamepads cannot be read, if that is known.
     pub fn missing(&self) -> Option<&str> {
         self.missing.as_deref()
     }
 
-    /// What has been pressed since this was last asked.
-    pub fn take_pressed(&mut self) -> Vec<Function> {
+    /// Functions pressed since the last call.
+    pub fn take_pressed(&mut self) -> Vec<ControlFunction> {
         std::mem::take(&mut self.pressed)
     }
 
-    /// Whether a device has been used since this was last asked.
+    /// Whether a device has been used since the last call.
     pub fn take_used(&mut self) -> bool {
         std::mem::take(&mut self.is_used)
     }
 
-    /// Where the levers of the device are that was used last.
-    pub fn levers(&self) -> Option<Levers> {
+    /// Positions of the device that was used last.
+    pub fn levers(&self) -> Option<LeverPositions> {
         self.active.and_then(|number| self.plugged.get(&number)).map(Device::levers)
     }
 
     /// Whether a button of the device that was used last is held.
-    pub fn is_held(&self, function: Function) -> bool {
+    pub fn is_held(&self, function: ControlFunction) -> bool {
         let active = self.active.and_then(|number| self.plugged.get(&number));
         active.is_some_and(|device| device.is_pressed(function))
     }
 
-    /// Begins to find out which control of a device shall do something.
-    pub fn learn(&mut self, number: usize, function: Function) {
+    /// Starts the calibration of a function on a device.
+    pub fn learn(&mut self, number: usize, function: ControlFunction) {
         if let Some(device) = self.plugged.get(&number) {
-            self.learner = Some((number, Learner::new(function, device.values())));
+            self.learner = Some((number, Calibrator::new(function, device.values())));
         }
     }
 
-    /// The device that is being watched, and what for.
-    pub fn learning(&self) -> Option<(usize, &Learner)> {
+    /// The device under calibration, and its calibrator.
+    pub fn learning(&self) -> Option<(usize, &Calibrator)> {
         self.learner.as_ref().map(|(number, learner)| (*number, learner))
     }
 
@@ -154,9 +157,9 @@ impl Devices {
         self.learner = None;
     }
 
-    /// Takes over what has been found out by now. Gives what the control did until now and no longer does;
-    /// `None` as long as there is nothing.
-    pub fn try_finish(&mut self, now_s: f64) -> Option<Vec<Function>> {
+    /// Applies a finished calibration. Returns the functions that lost their control; `None` while it is not
+    /// finished.
+    pub fn try_finish(&mut self, now_s: f64) -> Option<Vec<ControlFunction>> {
         let (number, learner) = self.learner.as_ref()?;
         let (number, assignment) = (*number, learner.outcome(now_s)?);
         self.learner = None;
@@ -165,15 +168,15 @@ impl Devices {
         Some(taken)
     }
 
-    /// Changes which control of a device does what, and keeps it for the next time.
-    pub fn change(&mut self, number: usize, change: impl FnOnce(&mut Profile)) {
+    /// Changes the mapping of a device, and stores it.
+    pub fn change(&mut self, number: usize, change: impl FnOnce(&mut DeviceProfile)) {
         if let Some(device) = self.plugged.get_mut(&number) {
             change(&mut device.profile);
             self.profiles.insert(device.key.clone(), device.profile.clone());
         }
     }
 
-    /// Forgets what was chosen for a device.
+    /// Restores the default mapping of a device.
     pub fn restore(&mut self, number: usize) {
         if let Some(device) = self.plugged.get_mut(&number) {
             self.profiles.remove(&device.key);
@@ -181,8 +184,8 @@ impl Devices {
         }
     }
 
-    /// What the user has chosen, to be kept.
-    pub fn profiles(&self) -> &BTreeMap<String, Profile> {
+    /// The mappings to store.
+    pub fn profiles(&self) -> &BTreeMap<String, DeviceProfile> {
         &self.profiles
     }
 }
@@ -191,16 +194,16 @@ impl Devices {
 mod tests {
     use super::*;
 
-    const STICK: Control = Control::Axis(0);
-    const TRIGGER: Control = Control::Button(7);
-    const START: Control = Control::Button(11);
+    const STICK: DeviceControl = DeviceControl::Axis(0);
+    const TRIGGER: DeviceControl = DeviceControl::Button(7);
+    const START: DeviceControl = DeviceControl::Button(11);
 
-    fn plug(key: &str) -> Plug {
-        let buttons = [(Function::Gas, TRIGGER), (Function::TakeWheel, START)];
-        Plug {
+    fn plug(key: &str) -> DeviceInfo {
+        let buttons = [(ControlFunction::Gas, TRIGGER), (ControlFunction::TakeWheel, START)];
+        DeviceInfo {
             key: key.to_owned(),
             name: "Pad".to_owned(),
-            usual: Profile::usual(Some(STICK), false, &buttons),
+            usual: DeviceProfile::usual(Some(STICK), false, &buttons),
         }
     }
 
@@ -223,7 +226,7 @@ mod tests {
         assert_eq!(devices.levers().unwrap().gas, 0.7);
         devices.take(DeviceEvent::Moved(5, START, 1.0), 1.0);
         devices.take(DeviceEvent::Moved(5, START, 0.0), 1.0);
-        assert_eq!(devices.take_pressed(), [Function::TakeWheel], "a short press is not missed");
+        assert_eq!(devices.take_pressed(), [ControlFunction::TakeWheel], "a short press is not missed");
         assert_eq!(devices.levers().unwrap().gas, 0.05);
     }
 
@@ -231,33 +234,33 @@ mod tests {
     fn one_that_is_unplugged_lets_go_and_comes_back_with_what_was_chosen() {
         let mut devices = one();
         devices.take(DeviceEvent::Moved(4, TRIGGER, 1.0), 1.0);
-        devices.change(4, |profile| profile.eases = false);
+        devices.change(4, |profile| profile.speed_sensitive = false);
         let said = devices.take(DeviceEvent::Unplugged(4), 2.0).unwrap();
         assert!(said.contains("pedals are released"), "{said}");
         assert_eq!((devices.levers(), devices.take_used()), (None, false));
         devices.take(DeviceEvent::Moved(4, TRIGGER, 1.0), 2.0);
         assert_eq!(devices.take(DeviceEvent::Unplugged(4), 2.0), None);
         devices.take(DeviceEvent::Plugged(9, plug("a")), 3.0);
-        assert!(!devices.get(9).unwrap().profile.eases);
+        assert!(!devices.get(9).unwrap().profile.speed_sensitive);
         devices.restore(9);
-        assert!(devices.get(9).unwrap().profile.eases && devices.profiles().is_empty());
+        assert!(devices.get(9).unwrap().profile.speed_sensitive && devices.profiles().is_empty());
     }
 
     #[test]
     fn what_is_found_out_is_kept_and_does_not_drive_meanwhile() {
         let mut devices = one();
-        devices.learn(4, Function::Brake);
+        devices.learn(4, ControlFunction::Brake);
         for (time_s, value) in [(1.0, -1.0), (1.1, 0.9), (1.2, -1.0)] {
-            devices.take(DeviceEvent::Moved(4, Control::Axis(3), value), time_s);
+            devices.take(DeviceEvent::Moved(4, DeviceControl::Axis(3), value), time_s);
             assert_eq!(devices.try_finish(time_s), None);
         }
         devices.take(DeviceEvent::Moved(4, START, 0.4), 1.2);
         assert_eq!(devices.try_finish(2.0), Some(Vec::new()));
         assert!(devices.learning().is_none() && devices.take_pressed().is_empty());
-        assert_eq!(devices.profiles()["a"].control(Function::Brake), Some(Control::Axis(3)));
-        devices.take(DeviceEvent::Moved(4, Control::Axis(3), 0.9), 3.0);
+        assert_eq!(devices.profiles()["a"].control(ControlFunction::Brake), Some(DeviceControl::Axis(3)));
+        devices.take(DeviceEvent::Moved(4, DeviceControl::Axis(3), 0.9), 3.0);
         assert!(devices.levers().unwrap().brake > 0.95);
-        devices.learn(4, Function::Gas);
+        devices.learn(4, ControlFunction::Gas);
         devices.take(DeviceEvent::Unplugged(4), 4.0);
         assert!(devices.learning().is_none());
     }

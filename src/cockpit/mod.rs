@@ -1,11 +1,14 @@
-//! The person at the wheel: from keys, gamepads and steering wheels to pedals and steering.
+//! Manual driving: keys, gamepads and steering wheels become pedals and steering.
 
+mod calibration;
 mod device;
 mod devices;
 mod driver;
-mod learn;
 
-pub use device::{Control, Device, Function, Lever, Levers, Profile, Steering};
-pub use devices::{DeviceEvent, Devices, Plug};
-pub use driver::{Driver, Handling, Hands, Keys};
-pub use learn::{Assignment, Learner};
+pub use calibration::{Assignment, Calibrator};
+pub use device::{
+    ControlFunction, Device, DeviceControl, DeviceProfile, LeverCalibration, LeverPositions,
+    SteeringCalibration,
+};
+pub use devices::{DeviceEvent, DeviceInfo, Devices};
+pub use driver::{DriverInput, HeldKeys, ManualDriver, SteeringGeometry};

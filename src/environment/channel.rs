@@ -1,30 +1,31 @@
-//! A link that delivers each item at its own time.
+//! Delay queue: delivers each item at its own time.
 
-/// Items on their way, delivered in order of arrival time; equal times keep the order of sending.
+/// Queue of items in transit, ordered by arrival time; equal times keep the order of sending. Jitter reorders items as
+/// UDP does.
 #[derive(Clone, Debug)]
-pub struct Channel<T> {
-    on_the_way: Vec<(f64, T)>,
+pub struct DelayQueue<T> {
+    in_transit: Vec<(f64, T)>,
 }
 
-impl<T> Default for Channel<T> {
+impl<T> Default for DelayQueue<T> {
     fn default() -> Self {
-        Self { on_the_way: Vec::new() }
+        Self { in_transit: Vec::new() }
     }
 }
 
-/// Arrival times are sums of tick times and delays; this much rounding is not a tick's delay.
+/// Tolerance for the rounding of arrival times, which are sums of tick times and delays.
 const ROUNDING_S: f64 = 1e-9;
 
-impl<T> Channel<T> {
+impl<T> DelayQueue<T> {
     /// Sends an item that arrives at `at_s`.
     pub fn send(&mut self, at_s: f64, item: T) {
-        let place = self.on_the_way.partition_point(|(other_s, _)| *other_s <= at_s);
-        self.on_the_way.insert(place, (at_s, item));
+        let place = self.in_transit.partition_point(|(other_s, _)| *other_s <= at_s);
+        self.in_transit.insert(place, (at_s, item));
     }
 
     /// Moves everything that has arrived by `now_s` to the end of `arrived`.
     pub fn receive(&mut self, now_s: f64, arrived: &mut Vec<T>) {
-        let count = self.on_the_way.partition_point(|(at_s, _)| *at_s <= now_s + ROUNDING_S);
-        arrived.extend(self.on_the_way.drain(..count).map(|(_, item)| item));
+        let count = self.in_transit.partition_point(|(at_s, _)| *at_s <= now_s + ROUNDING_S);
+        arrived.extend(self.in_transit.drain(..count).map(|(_, item)| item));
     }
 }

@@ -1,10 +1,11 @@
-//! What stands between the control framework and the vehicles: delay, jitter, loss, noise, occlusion, and robots that
-//! do not do exactly what they are told; in simulated time and seeded. Running one scenario under two profiles is the comparison of the
-//! virtual with the physical city; nothing else differs between the two.
+//! Environment between control framework and vehicles: an emulator of the network (delay, jitter, packet loss), of
+//! motion capture (noise, occlusion) and of the robots' drives (lag, speed disturbance), in simulated time and seeded.
+//!
+//! Running one scenario under two profiles compares the virtual with the physical city; nothing else differs.
 
 mod channel;
 
-pub use channel::Channel;
+pub use channel::DelayQueue;
 
 use crate::geom::trig;
 use crate::snapshot::VehicleId;
@@ -31,13 +32,13 @@ pub struct EnvironmentSpec {
     pub yaw_noise_rad: f64,
     /// Mean time between two occlusions of a vehicle from motion capture; 0 where there are none.
     pub occlusion_every_s: f64,
-    /// Mean time that one lasts.
+    /// Mean duration of an occlusion.
     pub occlusion_s: f64,
-    /// By which a robot's drive is late with what its trajectory asks for.
+    /// Lag of a robot's drive behind its trajectory.
     pub actuator_lag_s: f64,
-    /// Standard deviation of the share by which a robot's speed differs from the one that it is told.
+    /// Standard deviation of the relative error of a robot's speed.
     pub speed_disturbance: f64,
-    /// How long such a difference lasts: its correlation time.
+    /// Correlation time of that error.
     pub disturbance_time_s: f64,
 }
 
@@ -75,14 +76,14 @@ impl EnvironmentSpec {
     };
 }
 
-/// Which environment a scenario is run in.
+/// Named environment of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Profile {
+pub enum EnvironmentProfile {
     Ideal,
     Testbed,
 }
 
-impl Profile {
+impl EnvironmentProfile {
     pub const ALL: [Self; 2] = [Self::Ideal, Self::Testbed];
 
     pub fn name(self) -> &'static str {
@@ -93,30 +94,30 @@ impl Profile {
     }
 }
 
-/// Both directions of the link. Its random draws come from its own stream, so that no draw of the
-/// traffic depends on it.
+/// The environment of all vehicles, in both directions. It draws from a random stream of its own, so that the traffic
+/// does not depend on it.
 #[derive(Clone, Debug)]
 pub struct Environment {
     spec: EnvironmentSpec,
     seed: u64,
     rng: ChaCha8Rng,
-    measurements: Channel<Measurement>,
-    messages: Channel<Message>,
-    /// Of each vehicle that is seen or told something.
-    robots: BTreeMap<VehicleId, Robot>,
+    measurements: DelayQueue<Measurement>,
+    messages: DelayQueue<Message>,
+    /// Present effects on each vehicle.
+    effects: BTreeMap<VehicleId, VehicleEffects>,
 }
 
-/// What the laboratory does to one vehicle.
+/// Occlusion and speed disturbance of one vehicle.
 #[derive(Clone, Copy, Debug, Default)]
-struct Robot {
-    /// When its occlusion begins or began, and when that ends.
+struct VehicleEffects {
+    /// Start and end of the present or next occlusion.
     occluded_s: Option<(f64, f64)>,
-    /// Share by which its speed differs at present, and since when.
-    off_by: Option<(f64, f64)>,
+    /// Relative error of the speed, and when it was drawn.
+    speed_offset: Option<(f64, f64)>,
 }
 
-/// The draws of environments, apart from those of the traffic.
-fn stream(seed: u64) -> ChaCha8Rng {
+/// Random stream of environments, separate from that of the traffic.
+fn random_stream(seed: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(1);
     rng
@@ -124,21 +125,21 @@ fn stream(seed: u64) -> ChaCha8Rng {
 
 impl Environment {
     pub fn new(spec: EnvironmentSpec, seed: u64) -> Self {
-        let rng = stream(seed);
-        let (measurements, messages) = (Channel::default(), Channel::default());
-        Self { spec, seed, rng, measurements, messages, robots: BTreeMap::new() }
+        let rng = random_stream(seed);
+        let (measurements, messages) = (DelayQueue::default(), DelayQueue::default());
+        Self { spec, seed, rng, measurements, messages, effects: BTreeMap::new() }
     }
 
-    /// Another environment from now on. What is on its way arrives as it would have; draws go on unless the seed is
-    /// another one.
+    /// Switches to another environment. Items in transit keep their arrival times; the random stream continues unless
+    /// the seed differs.
     pub fn change(&mut self, spec: EnvironmentSpec, seed: u64) {
         self.spec = spec;
         if seed != self.seed {
-            (self.seed, self.rng) = (seed, stream(seed));
+            (self.seed, self.rng) = (seed, random_stream(seed));
         }
     }
 
-    /// Takes what motion capture sees now and gives what has arrived at the control framework.
+    /// Sends the measurements of now; adds those that have arrived at the control framework.
     pub fn measure(
         &mut self,
         now_s: f64,
@@ -156,14 +157,14 @@ impl Environment {
         self.measurements.receive(now_s, arrived);
     }
 
-    /// Takes what the control framework sends now and gives what has arrived at the vehicles.
+    /// Sends the messages of now; adds those that have arrived at the vehicles.
     pub fn command(&mut self, now_s: f64, sent: impl Iterator<Item = Message>, arrived: &mut Vec<Message>) {
         for message in sent {
             if self.is_lost() {
                 continue;
             }
             let at = now_s + self.delay(self.spec.command_delay_s);
-            let message = self.as_driven(message, now_s);
+            let message = self.disturbed(message, now_s);
             self.messages.send(at, message);
         }
         self.messages.receive(now_s, arrived);
@@ -176,17 +177,17 @@ impl Environment {
         if occlusion_every_s <= 0.0 || occlusion_s <= 0.0 {
             return false;
         }
-        let mut robot = self.robots.get(&vehicle).copied().unwrap_or_default();
-        if robot.occluded_s.is_none_or(|(_, to_s)| now_s >= to_s) {
+        let mut effects = self.effects.get(&vehicle).copied().unwrap_or_default();
+        if effects.occluded_s.is_none_or(|(_, to_s)| now_s >= to_s) {
             let from_s = now_s + 2.0 * occlusion_every_s * self.uniform();
-            robot.occluded_s = Some((from_s, from_s + 2.0 * occlusion_s * self.uniform()));
-            self.robots.insert(vehicle, robot);
+            effects.occluded_s = Some((from_s, from_s + 2.0 * occlusion_s * self.uniform()));
+            self.effects.insert(vehicle, effects);
         }
-        robot.occluded_s.is_some_and(|(from_s, to_s)| (from_s..to_s).contains(&now_s))
+        effects.occluded_s.is_some_and(|(from_s, to_s)| (from_s..to_s).contains(&now_s))
     }
 
-    /// What a robot makes of a trajectory: late, and at speeds that differ by its disturbance.
-    fn as_driven(&mut self, message: Message, now_s: f64) -> Message {
+    /// Applies the lag and the speed disturbance of a robot to its trajectory.
+    fn disturbed(&mut self, message: Message, now_s: f64) -> Message {
         let Message::Follow(mut trajectory) = message else { return message };
         let factor = 1.0 + self.disturbance(trajectory.vehicle, now_s);
         for point in &mut trajectory.points {
@@ -196,15 +197,15 @@ impl Environment {
         Message::Follow(trajectory)
     }
 
-    /// The present disturbance of a vehicle, a first-order Gauss-Markov process.
+    /// The present relative speed error of a vehicle: a first-order Gauss-Markov process.
     fn disturbance(&mut self, vehicle: VehicleId, now_s: f64) -> f64 {
         let EnvironmentSpec { speed_disturbance, disturbance_time_s, .. } = self.spec;
         if speed_disturbance <= 0.0 {
             return 0.0;
         }
         let drawn = self.gaussian();
-        let robot = self.robots.entry(vehicle).or_default();
-        let off_by = robot.off_by.map_or(speed_disturbance * drawn, |(before, since_s)| {
+        let effects = self.effects.entry(vehicle).or_default();
+        let speed_offset = effects.speed_offset.map_or(speed_disturbance * drawn, |(before, since_s)| {
             let kept = if disturbance_time_s > 0.0 {
                 trig::exp((since_s - now_s) / disturbance_time_s)
             } else {
@@ -212,8 +213,8 @@ impl Environment {
             };
             kept * before + (1.0 - kept * kept).max(0.0).sqrt() * speed_disturbance * drawn
         });
-        robot.off_by = Some((off_by, now_s));
-        off_by
+        effects.speed_offset = Some((speed_offset, now_s));
+        speed_offset
     }
 
     fn is_lost(&mut self) -> bool {
@@ -243,7 +244,8 @@ impl Environment {
         (self.rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Standard normal: the sum of twelve uniform numbers less six, exact on every machine.
+    /// Approximately standard normal: sum of twelve uniform numbers less six (Irwin-Hall distribution), bit-exact on
+    /// every machine.
     fn gaussian(&mut self) -> f64 {
         (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
     }

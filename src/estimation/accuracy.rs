@@ -1,18 +1,18 @@
-//! How well the estimators do, as `docs/estimation.md` tells it.
+//! Accuracy of the estimators, as stated in `docs/estimation.md`.
 
 use super::tests::Draws;
 use super::{MotionFilter, NoiseModel, smooth};
 use crate::geom::{Pose2, trig, wrap_angle};
 
-/// What the errors of a speed come to, laboratory metres a second and seconds.
-struct Errors {
+/// Error statistics of an estimated speed, laboratory metres a second and seconds.
+struct SpeedErrors {
     rms_mps: f64,
-    /// By how much it is late: the share of the acceleration that is in the error.
+    /// Lag: the error regressed on the acceleration.
     lag_s: f64,
 }
 
-impl Errors {
-    /// Of estimated speeds with the true speeds and accelerations.
+impl SpeedErrors {
+    /// From (estimated speed, true speed, true acceleration).
     fn of(found: &[(f64, f64, f64)]) -> Self {
         let sum = |of: fn(&(f64, f64, f64)) -> f64| found.iter().map(of).sum::<f64>();
         Self {
@@ -23,11 +23,11 @@ impl Errors {
 }
 
 const DURATION_S: f64 = 60.0;
-/// Along a circle of half a metre: 0.3 m/s, to a stand by 0.12 m/s2 for a while, and off again, each 12 s.
+/// Test drive on a circle of half a metre: 0.3 m/s, a stop at 0.12 m/s2 and a restart every 12 s.
 const TOP_MPS: f64 = 0.3;
 const CHANGE_MPS2: f64 = 0.12;
 
-/// Way, speed and acceleration at each of the times.
+/// Distance, speed and acceleration at the given times.
 fn drive(times: &[f64]) -> Vec<(f64, f64, f64)> {
     let profile = |time_s: f64| {
         let t = time_s % 12.0;
@@ -44,7 +44,7 @@ fn drive(times: &[f64]) -> Vec<(f64, f64, f64)> {
     times
         .iter()
         .map(|&time_s| {
-            // In steps of a tenth of a millisecond.
+            // Integrated in steps of a tenth of a millisecond.
             let steps = ((time_s - last_s) * 1e4).round() as u32;
             for k in 0..steps {
                 way_m += profile(last_s + (f64::from(k) + 0.5) * 1e-4).0 * 1e-4;
@@ -56,8 +56,9 @@ fn drive(times: &[f64]) -> Vec<(f64, f64, f64)> {
         .collect()
 }
 
-/// The live filter and the smoother at a rate and a noise; headings have that of markers 0.11 m apart.
-fn errors(hz: f64, noise_m: f64) -> [Errors; 2] {
+/// Errors of the live filter and of the smoother at a rate and a noise; heading noise is that of markers 0.11
+/// m apart.
+fn errors(hz: f64, noise_m: f64) -> [SpeedErrors; 2] {
     const RADIUS_M: f64 = 0.5;
     let times: Vec<f64> = (0..(DURATION_S * hz) as u32).map(|k| f64::from(k) / hz).collect();
     let truth = drive(&times);
@@ -82,10 +83,10 @@ fn errors(hz: f64, noise_m: f64) -> [Errors; 2] {
     let smoothed = smooth(&NoiseModel::LABORATORY, &poses, &times);
     let smoothed: Vec<f64> = smoothed.into_iter().map(|motion| motion.unwrap().speed_mps).collect();
     [live, smoothed].map(|told| {
-        // Two seconds to find the noise.
+        // Two seconds of settling time.
         let begin = (2.0 * hz) as usize;
         let found = told.iter().zip(&truth).skip(begin);
-        Errors::of(&found.map(|(told, (_, speed, change))| (*told, *speed, *change)).collect::<Vec<_>>())
+        SpeedErrors::of(&found.map(|(told, (_, speed, change))| (*told, *speed, *change)).collect::<Vec<_>>())
     })
 }
 

@@ -1,72 +1,73 @@
-//! The live estimator: a Kalman filter over poses as they come.
+//! Live state estimation: a Kalman filter (Kalman 1960) over poses as they arrive.
 //!
-//! State: position, velocity and acceleration in the plane, heading and yaw rate. Velocity and acceleration turn with
-//! the yaw rate, and the acceleration within that frame is Singer's Gauss-Markov process; the yaw rate is a random
-//! walk. Noise is the same in all directions, so that one covariance of position, velocity and acceleration holds for both axes.
+//! State: position, velocity and acceleration in the plane, heading and yaw rate. Velocity and acceleration
+//! rotate with the yaw rate; within that frame the acceleration is a Gauss-Markov process (Singer 1970), and
+//! the yaw rate is a random walk. Noise is isotropic, so one covariance of position, velocity and
+//! acceleration holds for both axes.
 
-use super::noise::{NoiseGauge, NoiseModel};
-use super::singer::{Covariance2, Covariance3, Singer, parts};
+use super::noise::{NoiseEstimator, NoiseModel};
+use super::singer::{Covariance2, Covariance3, SingerTransition, parts};
 use super::{MotionEstimate, MotionStd};
 use crate::digest::{Digest, StateHash};
 use crate::geom::{Pose2, trig, wrap_angle};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-/// A pose that is farther than so many standard deviations from where it is expected is an outlier.
+/// Outlier gate: largest innovation in standard deviations.
 const GATE: f64 = 5.0;
-/// What a sudden change of motion makes of one step is no outlier: an acceleration of so many of its standard
-/// deviations, and a turn.
-const HARDEST: f64 = 15.0;
-const HARDEST_RADPS2: f64 = 20.0;
-/// Two poses are not nearer in time than this to such a change.
-const SHORTEST_S: f64 = 0.02;
-/// Outliers in a row for so long, and so many, are where the vehicle is: somebody has moved it. While the clock
-/// stands as many will do.
-const BELIEVED_AFTER_S: f64 = 0.1;
-const BELIEVED_FROM: u32 = 3;
-/// After so long without a pose nobody knows what has been done to it, and one is enough.
+/// Slack of the gate for sudden manoeuvres: acceleration in its standard deviations, and yaw acceleration.
+const MAX_ACCELERATION_SIGMAS: f64 = 15.0;
+const MAX_YAW_ACCELERATION_RADPS2: f64 = 20.0;
+/// Shortest time for which this slack is granted.
+const MIN_SLACK_S: f64 = 0.02;
+/// Consecutive outliers for this time and of this number are accepted: the vehicle was moved by hand. While
+/// the clock is stopped the number suffices.
+const ACCEPTED_AFTER_S: f64 = 0.1;
+const ACCEPTED_FROM: u32 = 3;
+/// After an occlusion of this length a single outlier is accepted.
 const OCCLUDED_S: f64 = 0.5;
-/// After so long without a pose nothing is left of what was known.
-const FORGOTTEN_AFTER_S: f64 = 2.0;
-/// A pose that is older by more than this is of a clock that was set back.
+/// After a gap of this length the filter restarts.
+const RESET_AFTER_S: f64 = 2.0;
+/// A pose older by more than this means that the clock was set back.
 const LATE_WITHIN_S: f64 = 0.5;
-/// A vehicle may be as far away as it gets in so long.
-const ANYWHERE_S: f64 = 1000.0;
-const ANY_YAW_RAD: f64 = 10.0;
-/// Yaw rate of a vehicle of which nothing is known yet, standard deviation.
+/// Initial uncertainty of the position, as a driving time, and of the heading.
+const UNKNOWN_POSITION_S: f64 = 1000.0;
+const UNKNOWN_YAW_STD_RAD: f64 = 10.0;
+/// Initial standard deviation of the yaw rate.
 const YAW_RATE_STD_RADPS: f64 = 1.0;
 
-/// What became of a pose.
+/// The result of a pose update.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Taken {
-    /// It has corrected the estimate.
+pub enum PoseUpdate {
+    /// The pose has corrected the estimate.
     Used,
-    /// It is older than the newest one, and says nothing.
-    Old,
-    /// It is too far from where the vehicle can be.
+    /// The pose is older than the newest one and is ignored.
+    Stale,
+    /// The pose fails the outlier gate and is rejected.
     Outlier,
-    /// The estimate begins anew with it: the first pose, one after a long gap, or of a vehicle that was put elsewhere.
-    Begun,
+    /// The filter has restarted with this pose: the first one, one after a long gap, or one of a vehicle that
+    /// was moved by hand.
+    Restarted,
 }
 
-/// What is known at a stamp.
+/// State estimate at a stamp.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub(super) struct State {
+pub(super) struct FilterState {
     pub stamp_s: f64,
     pub position: DVec2,
     pub velocity: DVec2,
-    /// Without the part that turns the velocity.
+    /// Without the centripetal part.
     pub acceleration: DVec2,
     pub yaw_rad: f64,
     pub yaw_rate_radps: f64,
-    pub spread: Covariance3,
-    pub yaw_spread: Covariance2,
+    pub covariance: Covariance3,
+    pub yaw_covariance: Covariance2,
 }
 
-impl State {
-    /// Anywhere, and at rest as far as anyone knows.
-    pub fn anywhere(noise: &NoiseModel, stamp_s: f64) -> Self {
-        let anywhere = trig::powi(noise.speed_std_mps * ANYWHERE_S, 2);
+impl FilterState {
+    /// The uninformed initial state, at rest.
+    pub fn unknown(noise: &NoiseModel, stamp_s: f64) -> Self {
+        let unknown = trig::powi(noise.speed_std_mps * UNKNOWN_POSITION_S, 2);
         let (speed, acceleration) =
             (trig::powi(noise.speed_std_mps, 2), trig::powi(noise.acceleration_std_mps2, 2));
         Self {
@@ -76,61 +77,61 @@ impl State {
             acceleration: DVec2::ZERO,
             yaw_rad: 0.0,
             yaw_rate_radps: 0.0,
-            spread: Covariance3::diagonal(anywhere, speed, acceleration),
-            yaw_spread: Covariance2 {
-                pp: trig::powi(ANY_YAW_RAD, 2),
+            covariance: Covariance3::diagonal(unknown, speed, acceleration),
+            yaw_covariance: Covariance2 {
+                pp: trig::powi(UNKNOWN_YAW_STD_RAD, 2),
                 pv: 0.0,
                 vv: trig::powi(YAW_RATE_STD_RADPS, 2),
             },
         }
     }
 
-    /// Corrected by a pose that is all that is known of the place.
+    /// Initialised by a pose, the only information about the position.
     #[must_use]
     pub fn placed(mut self, pose: Pose2, [position, heading]: [f64; 2]) -> Self {
         (self.position, self.yaw_rad) = (pose.position, pose.yaw_rad);
-        self.spread = self.spread.measured(position).0;
-        self.yaw_spread = self.yaw_spread.measured(heading).0;
+        self.covariance = self.covariance.measured(position).0;
+        self.yaw_covariance = self.yaw_covariance.measured(heading).0;
         self
     }
 
-    /// What is foreseen for another time.
+    /// Prediction step: the state at another time.
     pub fn at(&self, noise: &NoiseModel, time_s: f64) -> Self {
         let (count, part_s) = parts(time_s - self.stamp_s);
-        let step = Singer::new(part_s, noise.acceleration_std_mps2, noise.acceleration_time_s);
+        let step = SingerTransition::new(part_s, noise.acceleration_std_mps2, noise.acceleration_time_s);
         let (sin, cos) = trig::sin_cos(self.yaw_rate_radps * part_s / 2.0);
         let half_turn = DVec2::new(cos, sin);
         let mut next = *self;
         for _ in 0..count {
-            // Over the part it goes as its middle direction does.
+            // Within a part the vehicle moves along its mean direction.
             let way = next.velocity * part_s + next.acceleration * step.position_s2;
             next.position += half_turn.rotate(way);
             let velocity = next.velocity + next.acceleration * step.velocity_s;
             next.velocity = half_turn.rotate(half_turn.rotate(velocity));
             next.acceleration = half_turn.rotate(half_turn.rotate(next.acceleration * step.remains));
-            next.spread = next.spread.after(&step);
-            next.yaw_spread = next.yaw_spread.after(part_s, noise.yaw_density);
+            next.covariance = next.covariance.after(&step);
+            next.yaw_covariance = next.yaw_covariance.after(part_s, noise.yaw_density);
         }
         next.yaw_rad = wrap_angle(self.yaw_rad + self.yaw_rate_radps * (time_s - self.stamp_s));
         next.stamp_s = time_s;
         next
     }
 
-    /// Corrects the position by a measured one.
+    /// Correction step for a measured position.
     pub fn correct_position(&mut self, position: DVec2, variance: f64) {
-        let (spread, gain) = self.spread.measured(variance);
+        let (covariance, gain) = self.covariance.measured(variance);
         let off = position - self.position;
-        self.spread = spread;
+        self.covariance = covariance;
         self.position += off * gain.p;
         self.velocity += off * gain.v;
         self.acceleration += off * gain.a;
     }
 
-    /// Corrects the heading by a measured one.
+    /// Correction step for a measured heading.
     pub fn correct_heading(&mut self, yaw_rad: f64, variance: f64) {
-        let (spread, [angle, rate]) = self.yaw_spread.measured(variance);
+        let (covariance, [angle, rate]) = self.yaw_covariance.measured(variance);
         let off = wrap_angle(yaw_rad - self.yaw_rad);
-        self.yaw_spread = spread;
+        self.yaw_covariance = covariance;
         self.yaw_rad = wrap_angle(self.yaw_rad + off * angle);
         self.yaw_rate_radps += off * rate;
     }
@@ -146,52 +147,52 @@ impl State {
             acceleration_mps2: self.acceleration.dot(forward),
             yaw_rate_radps: self.yaw_rate_radps,
             std: MotionStd {
-                position_m: self.spread.pp.sqrt(),
-                heading_rad: self.yaw_spread.pp.sqrt(),
-                speed_mps: self.spread.vv.sqrt(),
-                yaw_rate_radps: self.yaw_spread.vv.sqrt(),
-                acceleration_mps2: self.spread.aa.sqrt(),
+                position_m: self.covariance.pp.sqrt(),
+                heading_rad: self.yaw_covariance.pp.sqrt(),
+                speed_mps: self.covariance.vv.sqrt(),
+                yaw_rate_radps: self.yaw_covariance.vv.sqrt(),
+                acceleration_mps2: self.covariance.aa.sqrt(),
             },
         }
     }
 }
 
-/// Outliers since the last pose that was used.
+/// Consecutive outliers since the last accepted pose.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-struct Outliers {
+struct OutlierRun {
     since_s: f64,
     count: u32,
 }
 
-/// Counts an outlier; whether there have been so many, for so long, that the vehicle is there.
-fn note(outliers: &mut Option<Outliers>, stamp_s: f64, clock_stands: bool) -> bool {
-    let row = outliers.get_or_insert(Outliers { since_s: stamp_s, count: 0 });
+/// Counts an outlier; returns whether the run is long enough to be accepted.
+fn count_outlier(outliers: &mut Option<OutlierRun>, stamp_s: f64, clock_stands: bool) -> bool {
+    let row = outliers.get_or_insert(OutlierRun { since_s: stamp_s, count: 0 });
     row.count += 1;
-    row.count >= BELIEVED_FROM && (clock_stands || stamp_s - row.since_s >= BELIEVED_AFTER_S)
+    row.count >= ACCEPTED_FROM && (clock_stands || stamp_s - row.since_s >= ACCEPTED_AFTER_S)
 }
 
-/// A Kalman filter over the poses of one vehicle.
+/// A Kalman filter over the poses of one vehicle, with outlier gating and noise estimation.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct MotionFilter {
     noise: NoiseModel,
-    gauge: NoiseGauge,
-    state: Option<State>,
-    /// What was foreseen for the newest stamp, before its pose came: another pose of the same stamp takes its place.
-    foreseen: Option<State>,
-    position_outliers: Option<Outliers>,
-    heading_outliers: Option<Outliers>,
+    noise_estimator: NoiseEstimator,
+    state: Option<FilterState>,
+    /// Prediction for the newest stamp: a further pose of the same stamp replaces the last one.
+    predicted: Option<FilterState>,
+    position_outliers: Option<OutlierRun>,
+    heading_outliers: Option<OutlierRun>,
 }
 
-impl Digest for State {
+impl Digest for FilterState {
     fn digest(&self, hash: &mut StateHash) {
         hash.all([&self.position, &self.velocity, &self.acceleration]);
         hash.numbers([self.stamp_s, self.yaw_rad, self.yaw_rate_radps]);
-        let (axis, yaw) = (&self.spread, &self.yaw_spread);
+        let (axis, yaw) = (&self.covariance, &self.yaw_covariance);
         hash.numbers([axis.pp, axis.pv, axis.pa, axis.vv, axis.va, axis.aa, yaw.pp, yaw.pv, yaw.vv]);
     }
 }
 
-impl Digest for Outliers {
+impl Digest for OutlierRun {
     fn digest(&self, hash: &mut StateHash) {
         hash.number(self.since_s);
         hash.word(u64::from(self.count));
@@ -200,37 +201,38 @@ impl Digest for Outliers {
 
 impl Digest for MotionFilter {
     fn digest(&self, hash: &mut StateHash) {
-        self.gauge.digest(hash);
-        hash.all([&self.state, &self.foreseen]);
+        self.noise_estimator.digest(hash);
+        hash.all([&self.state, &self.predicted]);
         hash.all([&self.position_outliers, &self.heading_outliers]);
     }
 }
 
 impl MotionFilter {
-    /// Of a vehicle of which nothing is known yet.
+    /// A filter without information about the vehicle.
     pub fn new(noise: NoiseModel) -> Self {
         Self {
             noise,
-            gauge: NoiseGauge::new(&noise),
+            noise_estimator: NoiseEstimator::new(&noise),
             state: None,
-            foreseen: None,
+            predicted: None,
             position_outliers: None,
             heading_outliers: None,
         }
     }
 
-    /// Of a vehicle whose motion at a time is known, as of one that was set up there: `speed_mps` along its heading.
+    /// A filter for a vehicle whose motion is known, as after its setup: `speed_mps` along its heading.
     pub fn moving(noise: NoiseModel, stamp_s: f64, pose: Pose2, speed_mps: f64) -> Self {
         let mut filter = Self::new(noise);
-        let mut state = State::anywhere(&noise, stamp_s).placed(pose, filter.gauge.variances());
+        let mut state =
+            FilterState::unknown(&noise, stamp_s).placed(pose, filter.noise_estimator.variances());
         state.velocity = pose.forward() * speed_mps;
-        // As well as two poses a moment apart tell it.
-        state.spread.vv = trig::powi(noise.acceleration_std_mps2 * noise.acceleration_time_s / 2.0, 2);
+        // As certain as after two poses in quick succession.
+        state.covariance.vv = trig::powi(noise.acceleration_std_mps2 * noise.acceleration_time_s / 2.0, 2);
         filter.state = Some(state);
         filter
     }
 
-    /// Stamp of the newest pose that was used.
+    /// Stamp of the newest accepted pose.
     pub fn last_stamp_s(&self) -> Option<f64> {
         self.state.map(|state| state.stamp_s)
     }
@@ -241,96 +243,102 @@ impl MotionFilter {
 
     /// Standard deviations of a measured coordinate and heading, as stated or estimated.
     pub fn measured_std(&self) -> [f64; 2] {
-        self.gauge.variances().map(f64::sqrt)
+        self.noise_estimator.variances().map(f64::sqrt)
     }
 
-    /// Takes a pose in. Of several with one stamp the last counts.
-    pub fn update(&mut self, stamp_s: f64, pose: Pose2) -> Taken {
+    /// Adds a pose. Of several with one stamp the last counts.
+    pub fn update(&mut self, stamp_s: f64, pose: Pose2) -> PoseUpdate {
         let last_s = self.last_stamp_s();
         let is_set_back = last_s.is_some_and(|last_s| stamp_s < last_s - LATE_WITHIN_S);
         if is_set_back {
-            self.gauge.forget_poses();
+            self.noise_estimator.reset_window();
         }
         if is_set_back || last_s.is_none_or(|last_s| stamp_s > last_s) {
-            self.gauge.take(&self.noise, stamp_s, pose);
+            self.noise_estimator.take(&self.noise, stamp_s, pose);
         }
-        self.correct(stamp_s, pose, self.gauge.variances()).0
+        self.correct(stamp_s, pose, self.noise_estimator.variances()).0
     }
 
-    /// Takes a pose in whose variances are known; tells whether its heading was used as well.
-    pub(super) fn correct(&mut self, stamp_s: f64, pose: Pose2, variances: [f64; 2]) -> (Taken, bool) {
+    /// Adds a pose of known variances; also returns whether its heading was accepted.
+    pub(super) fn correct(&mut self, stamp_s: f64, pose: Pose2, variances: [f64; 2]) -> (PoseUpdate, bool) {
         let Some(state) = self.state else { return self.begin(stamp_s, pose, variances) };
         let gap_s = stamp_s - state.stamp_s;
-        if !(-LATE_WITHIN_S..=FORGOTTEN_AFTER_S).contains(&gap_s) {
+        if !(-LATE_WITHIN_S..=RESET_AFTER_S).contains(&gap_s) {
             return self.begin(stamp_s, pose, variances);
         }
         if gap_s < 0.0 {
-            return (Taken::Old, false);
+            return (PoseUpdate::Stale, false);
         }
-        let foreseen = match self.foreseen {
-            Some(foreseen) if gap_s == 0.0 => foreseen,
+        let predicted = match self.predicted {
+            Some(predicted) if gap_s == 0.0 => predicted,
             _ => state.at(&self.noise, stamp_s),
         };
-        if gap_s == 0.0 && foreseen.spread.pp > trig::powi(self.noise.speed_std_mps, 2) {
-            // The first pose of its stamp has told the place, and now this one does.
-            self.state = Some(foreseen.placed(pose, variances));
-            return (Taken::Used, true);
+        if gap_s == 0.0 && predicted.covariance.pp > trig::powi(self.noise.speed_std_mps, 2) {
+            // This pose replaces the first one of its stamp.
+            self.state = Some(predicted.placed(pose, variances));
+            return (PoseUpdate::Used, true);
         }
-        let slack_s = gap_s.clamp(SHORTEST_S, BELIEVED_AFTER_S);
-        let off_m = (pose.position - foreseen.position).length();
-        let slack_m = HARDEST * self.noise.acceleration_std_mps2 * slack_s * slack_s;
+        let slack_s = gap_s.clamp(MIN_SLACK_S, ACCEPTED_AFTER_S);
+        let off_m = (pose.position - predicted.position).length();
+        let slack_m = MAX_ACCELERATION_SIGMAS * self.noise.acceleration_std_mps2 * slack_s * slack_s;
         let [position, heading] = variances;
-        // Of a single pose no speed is known: the next one may be anywhere.
-        let is_single = foreseen.spread.vv >= trig::powi(self.noise.speed_std_mps, 2);
-        let gate_m2 = trig::powi(GATE, 2) * (foreseen.spread.pp + position) + slack_m * slack_m;
+        // A single pose gives no speed: the next one is not gated.
+        let is_single = predicted.covariance.vv >= trig::powi(self.noise.speed_std_mps, 2);
+        let gate_m2 = trig::powi(GATE, 2) * (predicted.covariance.pp + position) + slack_m * slack_m;
         if !is_single && trig::powi(off_m, 2) > gate_m2 {
             return self.reject(stamp_s, pose, variances);
         }
         self.position_outliers = None;
-        let mut next = foreseen;
+        let mut next = predicted;
         next.correct_position(pose.position, position);
         let has_turned = self.correct_heading(&mut next, pose.yaw_rad, (heading, slack_s));
-        (self.foreseen, self.state) = (Some(foreseen), Some(next));
-        (Taken::Used, has_turned)
+        (self.predicted, self.state) = (Some(predicted), Some(next));
+        (PoseUpdate::Used, has_turned)
     }
 
-    /// Whether the heading was used.
-    fn correct_heading(&mut self, next: &mut State, yaw_rad: f64, (variance, slack_s): (f64, f64)) -> bool {
+    /// Returns whether the heading was accepted.
+    fn correct_heading(
+        &mut self,
+        next: &mut FilterState,
+        yaw_rad: f64,
+        (variance, slack_s): (f64, f64),
+    ) -> bool {
         let off = wrap_angle(yaw_rad - next.yaw_rad);
         let clock_stands = self.last_stamp_s() == Some(next.stamp_s);
-        let slack = HARDEST_RADPS2 * slack_s * slack_s;
-        if off * off <= trig::powi(GATE, 2) * (next.yaw_spread.pp + variance) + slack * slack {
+        let slack = MAX_YAW_ACCELERATION_RADPS2 * slack_s * slack_s;
+        if off * off <= trig::powi(GATE, 2) * (next.yaw_covariance.pp + variance) + slack * slack {
             self.heading_outliers = None;
             next.correct_heading(yaw_rad, variance);
             return true;
         }
-        let is_believed = note(&mut self.heading_outliers, next.stamp_s, clock_stands);
+        let is_believed = count_outlier(&mut self.heading_outliers, next.stamp_s, clock_stands);
         if is_believed {
             self.heading_outliers = None;
             (next.yaw_rad, next.yaw_rate_radps) = (yaw_rad, 0.0);
-            next.yaw_spread = Covariance2 { pp: variance, pv: 0.0, vv: trig::powi(YAW_RATE_STD_RADPS, 2) };
+            next.yaw_covariance =
+                Covariance2 { pp: variance, pv: 0.0, vv: trig::powi(YAW_RATE_STD_RADPS, 2) };
         }
         is_believed
     }
 
-    fn begin(&mut self, stamp_s: f64, pose: Pose2, variances: [f64; 2]) -> (Taken, bool) {
-        let anywhere = State::anywhere(&self.noise, stamp_s);
-        self.foreseen = Some(anywhere);
-        self.state = Some(anywhere.placed(pose, variances));
+    fn begin(&mut self, stamp_s: f64, pose: Pose2, variances: [f64; 2]) -> (PoseUpdate, bool) {
+        let unknown = FilterState::unknown(&self.noise, stamp_s);
+        self.predicted = Some(unknown);
+        self.state = Some(unknown.placed(pose, variances));
         (self.position_outliers, self.heading_outliers) = (None, None);
-        (Taken::Begun, true)
+        (PoseUpdate::Restarted, true)
     }
 
-    fn reject(&mut self, stamp_s: f64, pose: Pose2, variances: [f64; 2]) -> (Taken, bool) {
+    fn reject(&mut self, stamp_s: f64, pose: Pose2, variances: [f64; 2]) -> (PoseUpdate, bool) {
         let gap_s = stamp_s - self.last_stamp_s().unwrap_or(stamp_s);
-        if note(&mut self.position_outliers, stamp_s, gap_s == 0.0) || gap_s > OCCLUDED_S {
+        if count_outlier(&mut self.position_outliers, stamp_s, gap_s == 0.0) || gap_s > OCCLUDED_S {
             self.begin(stamp_s, pose, variances)
         } else {
-            (Taken::Outlier, false)
+            (PoseUpdate::Outlier, false)
         }
     }
 
-    /// How the vehicle moves at a time, mostly one after the newest pose; `None` before its first pose.
+    /// Estimated or predicted motion at a time; `None` before the first pose.
     pub fn at(&self, time_s: f64) -> Option<MotionEstimate> {
         let state = self.state.as_ref()?;
         Some(if time_s == state.stamp_s { state.motion() } else { state.at(&self.noise, time_s).motion() })

@@ -1,8 +1,9 @@
-//! Motion from measured poses: the one place where speeds, yaw rates and accelerations are made of poses, and where
-//! it is decided whether a vehicle stands.
+//! State estimation: speeds, yaw rates, accelerations and standstill from measured poses. All other code
+//! takes them from here.
 //!
-//! [`MotionFilter`] is for poses as they come, [`smooth`] for recorded ones, [`StandDetector`] for stands.
-//! `docs/estimation.md` has the model and how well it does.
+//! [`MotionFilter`] is a Kalman filter for poses as they arrive, [`smooth`] a Rauch-Tung-Striebel smoother
+//! for recorded ones, [`StandstillDetector`] decides whether a vehicle stands. `docs/estimation.md` states
+//! the model and its accuracy.
 
 mod filter;
 mod noise;
@@ -11,16 +12,16 @@ mod singer;
 mod smoother;
 mod stand;
 
-pub use filter::{MotionFilter, Taken};
+pub use filter::{MotionFilter, PoseUpdate};
 pub use noise::NoiseModel;
 pub use odometer::Odometer;
 pub use smoother::{LONGEST_GAP_S, smooth};
-pub use stand::{LEFT_M, MOVES_MPS, Observed, STANDS_MPS, StandChange, StandDetector};
+pub use stand::{LEFT_M, MOVES_MPS, MotionSample, STANDS_MPS, StandstillChange, StandstillDetector};
 
 use crate::geom::Pose2;
 use glam::DVec2;
 
-/// How a vehicle moves at a time as its poses tell it, and how well that is known. Lengths are of the unit of the poses.
+/// Estimated motion of a vehicle at a time, with standard deviations. Lengths are in the unit of the poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionEstimate {
     pub time_s: f64,
@@ -28,7 +29,7 @@ pub struct MotionEstimate {
     pub velocity_mps: DVec2,
     /// Along the heading; negative backwards.
     pub speed_mps: f64,
-    /// Of the speed: along the heading, without the centripetal one.
+    /// Derivative of the speed along the heading, without the centripetal part.
     pub acceleration_mps2: f64,
     /// Counter-clockwise.
     pub yaw_rate_radps: f64,
@@ -41,7 +42,7 @@ pub struct MotionStd {
     /// Of each coordinate.
     pub position_m: f64,
     pub heading_rad: f64,
-    /// Of each component of the velocity, and so of the speed.
+    /// Of each velocity component, and so of the speed.
     pub speed_mps: f64,
     pub yaw_rate_radps: f64,
     pub acceleration_mps2: f64,

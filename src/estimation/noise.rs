@@ -1,31 +1,31 @@
-//! How noisy measured poses are: stated, or estimated from the poses themselves.
+//! Measurement noise of poses: stated, or estimated from third differences.
 
 use crate::digest::{Digest, StateHash};
 use crate::geom::{Pose2, trig, wrap_angle};
 use serde::{Deserialize, Serialize};
 
-/// Noise of measured poses, and how vehicles move between them. Lengths are of one unit: laboratory metres of poses
-/// in the laboratory, city metres of poses in the city ([`NoiseModel::scaled`]).
+/// Noise model: measurement noise of poses and process noise of vehicles. Lengths are of one unit: laboratory
+/// metres for laboratory poses, city metres for city poses ([`NoiseModel::scaled`]).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NoiseModel {
     /// Standard deviation of a measured coordinate.
     pub position_std_m: f64,
     /// Standard deviation of a measured heading.
     pub heading_std_rad: f64,
-    /// Whether the two above are where an estimate from the poses begins, or stated for good.
+    /// Whether the two above are initial values of an estimate, or fixed.
     pub is_estimated: bool,
-    /// Standard deviation and correlation time of a vehicle's acceleration (Singer's model).
+    /// Standard deviation and correlation time of accelerations (Singer model).
     pub acceleration_std_mps2: f64,
     pub acceleration_time_s: f64,
-    /// Spectral density of angular accelerations, rad2/s3.
+    /// Spectral density of the white angular acceleration, rad2/s3.
     pub yaw_density: f64,
-    /// Standard deviation of the speed of a vehicle of which nothing is known yet.
+    /// Initial standard deviation of the speed.
     pub speed_std_mps: f64,
 }
 
 impl NoiseModel {
-    /// Motion capture of the laboratory, laboratory metres: VICON's 0.1 mm, the same over markers 0.1 m apart for
-    /// headings, and estimated from there. Vehicles of the 1:25 scale, which brake by 0.2 to 0.34 m/s2.
+    /// Motion capture in laboratory metres: initially VICON's 0.1 mm, and the same over markers 0.1 m apart
+    /// for headings. Vehicles of the 1:25 scale, which brake by 0.2 to 0.34 m/s2.
     pub const LABORATORY: Self = Self {
         position_std_m: 1e-4,
         heading_std_rad: 1.5e-3,
@@ -36,7 +36,7 @@ impl NoiseModel {
         speed_std_mps: 0.4,
     };
 
-    /// The same with other lengths: by the length scale for poses in city metres.
+    /// The model at another length scale.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
         Self {
@@ -47,28 +47,29 @@ impl NoiseModel {
         }
     }
 
-    /// The same with noise that is known: nothing is estimated.
+    /// The model with fixed measurement noise.
     #[must_use]
     pub fn stated(self, position_std_m: f64, heading_std_rad: f64) -> Self {
         Self { position_std_m, heading_std_rad, is_estimated: false, ..self }
     }
 
-    /// No estimate is less than this share of where it began: poses without noise are told by numbers that end.
+    /// Least estimated noise as a share of the initial value: noise-free poses still have a finite number of
+    /// digits.
     pub(super) const LEAST_SHARE: f64 = 0.01;
 
-    /// Variances of a coordinate and of a heading, at least.
+    /// Least variances of a coordinate and of a heading.
     pub(super) fn least(&self) -> [f64; 2] {
         [self.position_std_m, self.heading_std_rad].map(|std| trig::powi(std * Self::LEAST_SHARE, 2))
     }
 }
 
-/// Poses farther apart in time tell the motion and not the noise.
+/// Poses spread over more time contain motion, not only noise.
 const LONGEST_SPAN_S: f64 = 0.5;
 
-/// How far the last of four poses is from the parabola through the three before it, over what unit noise of all of them
-/// makes of that: third differences, at any stamps. A vehicle's motion is smooth over such a time, so that little
-/// else than noise is left. Squares: of a coordinate, of the heading. `None` where stamps do not increase or span
-/// too much.
+/// Third difference: squared distance of the last of four poses from the parabola through the first three
+/// (Lagrange extrapolation), normalised to unit noise, for any stamps. Motion is smooth over this time, so
+/// the rest is noise. Returns squares of a coordinate and of the heading; `None` if stamps do not increase or
+/// span too much.
 pub(super) fn third_difference(poses: &[(f64, Pose2); 4]) -> Option<[f64; 2]> {
     let [a, b, c, d] = poses;
     let times = [a.0, b.0, c.0, d.0];
@@ -81,21 +82,21 @@ pub(super) fn third_difference(poses: &[(f64, Pose2); 4]) -> Option<[f64; 2]> {
     let weights = [weight(0), weight(1), weight(2)];
     let norm = 1.0 + weights.iter().map(|w| w * w).sum::<f64>();
     let known = [a.1, b.1, c.1];
-    let foreseen =
+    let predicted =
         known.iter().zip(weights).fold(glam::DVec2::ZERO, |sum, (pose, w)| sum + pose.position * w);
-    // Headings relative to the last: the weights add up to one.
+    // Headings relative to the last one: the weights sum to one.
     let turned: f64 =
         known.iter().zip(weights).map(|(pose, w)| w * wrap_angle(pose.yaw_rad - d.1.yaw_rad)).sum();
-    Some([(d.1.position - foreseen).length_squared() / 2.0 / norm, turned * turned / norm])
+    Some([(d.1.position - predicted).length_squared() / 2.0 / norm, turned * turned / norm])
 }
 
-/// Recorded poses have the noise of those around them, this long.
+/// Recorded noise is averaged over blocks of this length.
 const BLOCK_S: f64 = 0.5;
-/// The median of squared normal numbers of two axes, as a share of their mean, and of one axis.
+/// Ratio of median to mean of squared normal variables: sum of two axes, and one axis.
 const MEDIANS: [f64; 2] = [std::f64::consts::LN_2, 0.455];
 
-/// Variances of position and heading at each of some recorded poses: means of the squared third differences in
-/// blocks around it, without outliers. Noise may depend on the speed, as that of stamps that jitter does.
+/// Variances of position and heading at each recorded pose: trimmed means of the squared third differences in
+/// the blocks around it. Noise may depend on the speed, for example through stamp jitter.
 pub(super) fn local_variances(noise: &NoiseModel, poses: &[(f64, Pose2)]) -> Vec<[f64; 2]> {
     let stated = [trig::powi(noise.position_std_m, 2), trig::powi(noise.heading_std_rad, 2)];
     let Some(&(begin_s, _)) = poses.first().filter(|_| noise.is_estimated) else {
@@ -114,7 +115,7 @@ pub(super) fn local_variances(noise: &NoiseModel, poses: &[(f64, Pose2)]) -> Vec
         .into_iter()
         .map(|(block, squares)| (block, std::array::from_fn(|k| trimmed(&squares[k], MEDIANS[k]))))
         .collect();
-    // Rounding errors last as long as a slow vehicle takes to the next number: they count as those of a whole step.
+    // Rounding errors are correlated at low speed: they count as a whole step.
     let step_m = rounding_step(poses);
     let [position, heading] = noise.least();
     let least = [position.max(step_m * step_m), heading];
@@ -133,14 +134,14 @@ pub(super) fn local_variances(noise: &NoiseModel, poses: &[(f64, Pose2)]) -> Vec
         .collect()
 }
 
-/// The step to which coordinates are rounded, of which all differences between poses are multiples; 0 where there is none.
+/// Quantisation step of the coordinates, of which all differences are multiples; 0 if there is none.
 fn rounding_step(poses: &[(f64, Pose2)]) -> f64 {
     const WHOLE: f64 = 1e-3;
     let differences = || {
         let between = poses.windows(2).map(|pair| pair[1].1.position - pair[0].1.position);
         between.flat_map(|way| [way.x.abs(), way.y.abs()])
     };
-    // Less is what is left of a rounded number that was scaled.
+    // Smaller values are rounding noise of scaled numbers.
     let scale_m = differences().fold(0.0, f64::max);
     let step_m = differences().filter(|way_m| *way_m > 1e-9 * scale_m).fold(f64::INFINITY, f64::min);
     let mut multiples = std::collections::BTreeSet::new();
@@ -151,41 +152,41 @@ fn rounding_step(poses: &[(f64, Pose2)]) -> f64 {
         }
         multiples.insert(multiple as i64);
     }
-    // One that goes at a constant speed goes multiples of what it goes.
+    // Constant speed gives multiples of one step.
     if multiples.len() > 3 { step_m } else { 0.0 }
 }
 
-/// The mean of some squares without outliers, and how many there are.
+/// The trimmed mean of squares, and their number.
 fn trimmed(squares: &[f64], median_share: f64) -> (f64, usize) {
     let mut sorted = squares.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let most = MOST_SHARE * sorted.get(sorted.len() / 2).copied().unwrap_or_default() / median_share;
+    let most = OUTLIER_SHARE * sorted.get(sorted.len() / 2).copied().unwrap_or_default() / median_share;
     let kept = sorted.partition_point(|square| *square <= most);
     let sum: f64 = sorted[..kept].iter().sum();
     (if kept == 0 { 0.0 } else { sum / kept as f64 }, sorted.len())
 }
 
-/// The noise of the latest poses, from their third differences.
+/// Recursive noise estimator over the latest poses, by third differences.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub(super) struct NoiseGauge {
+pub(super) struct NoiseEstimator {
     recent: [(f64, Pose2); 3],
-    /// Poses that have been taken in, up to those that make an estimate.
+    /// Number of differences, up to the window.
     count: u32,
-    /// Of a coordinate and of the heading.
+    /// Variances of a coordinate and of the heading.
     variances: [f64; 2],
 }
 
-/// An estimate is a mean over so many poses.
-const MEMORY: u32 = 100;
-/// What is stated counts as so many.
-const STATED: u32 = 10;
-/// A difference counts as at most so many of the present variances: outliers are no noise.
-const MOST_SHARE: f64 = 9.0;
+/// Averaging window, number of differences.
+const WINDOW: u32 = 100;
+/// Weight of the initial value, number of differences.
+const PRIOR_WEIGHT: u32 = 10;
+/// Largest share of the present variance that a difference contributes: outliers are not noise.
+const OUTLIER_SHARE: f64 = 9.0;
 
-/// Long before all stamps: no difference reaches as far.
+/// Earlier than all stamps: no difference reaches back.
 const NONE: [(f64, Pose2); 3] = [(f64::MIN, Pose2 { position: glam::DVec2::ZERO, yaw_rad: 0.0 }); 3];
 
-impl Digest for NoiseGauge {
+impl Digest for NoiseEstimator {
     fn digest(&self, hash: &mut StateHash) {
         for (stamp_s, pose) in &self.recent {
             hash.number(*stamp_s);
@@ -196,14 +197,14 @@ impl Digest for NoiseGauge {
     }
 }
 
-impl NoiseGauge {
+impl NoiseEstimator {
     pub fn new(noise: &NoiseModel) -> Self {
         let variances = [trig::powi(noise.position_std_m, 2), trig::powi(noise.heading_std_rad, 2)];
-        Self { recent: NONE, count: STATED, variances }
+        Self { recent: NONE, count: PRIOR_WEIGHT, variances }
     }
 
-    /// The next poses have nothing to do with those before.
-    pub fn forget_poses(&mut self) {
+    /// Forgets the recent poses, as after a jump of the clock.
+    pub fn reset_window(&mut self) {
         self.recent = NONE;
     }
 
@@ -211,7 +212,7 @@ impl NoiseGauge {
         self.variances
     }
 
-    /// Takes a pose in, newer than those before it.
+    /// Adds a pose, newer than those before.
     pub fn take(&mut self, noise: &NoiseModel, stamp_s: f64, pose: Pose2) {
         let [a, b, c] = self.recent;
         self.recent = [b, c, (stamp_s, pose)];
@@ -219,10 +220,10 @@ impl NoiseGauge {
             return;
         }
         let Some(squares) = third_difference(&[a, b, c, (stamp_s, pose)]) else { return };
-        self.count = (self.count + 1).min(MEMORY);
+        self.count = (self.count + 1).min(WINDOW);
         let share = 1.0 / f64::from(self.count);
         for ((variance, square), least) in self.variances.iter_mut().zip(squares).zip(noise.least()) {
-            let square = square.min(MOST_SHARE * *variance);
+            let square = square.min(OUTLIER_SHARE * *variance);
             *variance = (*variance + (square - *variance) * share).max(least);
         }
     }

@@ -1,22 +1,22 @@
-//! Stands and distance of a vehicle whose motion is estimated.
+//! Distance and standstill of a vehicle whose motion is estimated.
 
 use super::MotionEstimate;
-use super::stand::{Observed, StandChange, StandDetector};
+use super::stand::{MotionSample, StandstillChange, StandstillDetector};
 use crate::digest::{Digest, StateHash};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-/// A speed, or a way, that is smaller than so many of its standard deviations may be noise.
+/// A speed or displacement below this many standard deviations may be noise.
 const SIGNIFICANT_STDS: f64 = 3.0;
 
-/// Watches one vehicle. A vehicle that stands has no speed but one that is significant, and gets no distance out of noise. Full-scale
-/// metres.
+/// Odometer of one vehicle. At a standstill only a significant speed is reported, and noise adds no distance.
+/// Full-scale metres.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Odometer {
-    stand: StandDetector,
+    stand: StandstillDetector,
     last_s: Option<f64>,
     distance_m: f64,
-    /// Where it came to a stand, and its distance then.
+    /// Position and distance at the last stop.
     stood_at: Option<(DVec2, f64)>,
 }
 
@@ -34,21 +34,25 @@ impl Digest for Odometer {
 }
 
 impl Odometer {
-    /// Takes in how the vehicle moves at a time, later than the one before. Where it was occluded since then the way
-    /// counts as driven at this speed.
-    pub fn update(&mut self, motion: &MotionEstimate) -> Option<StandChange> {
-        let change = self.stand.update(motion.time_s, &Observed::from(motion));
+    /// Adds a motion estimate, later than the one before. The time of an occlusion counts as driven at the
+    /// present speed.
+    pub fn update(&mut self, motion: &MotionEstimate) -> Option<StandstillChange> {
+        let change = self.stand.update(motion.time_s, &MotionSample::from(motion));
         self.count(motion, change)
     }
 
-    /// The same for a vehicle of which another detector has found whether it stands.
-    pub fn update_known(&mut self, motion: &MotionEstimate, stands: bool) -> Option<StandChange> {
-        let change = self.stand.adopt(motion.time_s, &Observed::from(motion), stands);
+    /// [`Self::update`] with the result of another detector.
+    pub fn update_known(&mut self, motion: &MotionEstimate, stands: bool) -> Option<StandstillChange> {
+        let change = self.stand.adopt(motion.time_s, &MotionSample::from(motion), stands);
         self.count(motion, change)
     }
 
-    /// Adds the way of a step.
-    fn count(&mut self, motion: &MotionEstimate, change: Option<StandChange>) -> Option<StandChange> {
+    /// Adds the distance of a step.
+    fn count(
+        &mut self,
+        motion: &MotionEstimate,
+        change: Option<StandstillChange>,
+    ) -> Option<StandstillChange> {
         let dt_s = motion.time_s - self.last_s.unwrap_or(motion.time_s);
         self.last_s = Some(motion.time_s);
         if !self.stand.is_standing() {
@@ -65,9 +69,9 @@ impl Odometer {
         change
     }
 
-    /// A motion as it is told: one that stands has no speed but a significant one.
+    /// The motion to report: at a standstill the speed is zero unless it is significant.
     #[must_use]
-    pub fn told(&self, motion: &MotionEstimate) -> MotionEstimate {
+    pub fn reported(&self, motion: &MotionEstimate) -> MotionEstimate {
         let is_noise = motion.speed_mps.abs() < SIGNIFICANT_STDS * motion.std.speed_mps;
         if !self.stand.is_standing() || !is_noise {
             return *motion;
@@ -79,7 +83,7 @@ impl Odometer {
         self.stand.is_standing()
     }
 
-    /// Driven since the beginning, in either direction.
+    /// Distance driven since the start, in either direction.
     pub fn distance_m(&self) -> f64 {
         self.distance_m
     }

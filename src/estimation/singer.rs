@@ -1,25 +1,26 @@
-//! The motion models of the estimator, as linear transitions and covariances of one scalar coordinate.
+//! Motion models: transitions and covariances of one scalar coordinate (Singer model, white angular
+//! acceleration).
 
 use crate::geom::trig;
 use serde::{Deserialize, Serialize};
 
-/// Longer steps are taken in parts: within one, process noise grows by its first term.
+/// Longer steps are split: within one, process noise is its first-order term.
 const LONGEST_STEP_S: f64 = 0.05;
-/// No step is taken in more parts.
+/// Largest number of parts.
 const MOST_PARTS: f64 = 40.0;
 
-/// A time step in equal parts: how many, and how long each is.
+/// Splits a time step into equal parts: number and length.
 pub(super) fn parts(dt_s: f64) -> (u32, f64) {
     let count = (dt_s.abs() / LONGEST_STEP_S).ceil().clamp(1.0, MOST_PARTS);
     (count as u32, dt_s / count)
 }
 
-/// Singer's model over one step: acceleration is a first-order Gauss-Markov process (Singer, "Estimating optimal
-/// tracking filter performance for manned maneuvering targets", IEEE Trans. AES 6, 1970).
+/// Transition of the Singer model over one step: acceleration is a first-order Gauss-Markov process (Singer,
+/// "Estimating optimal tracking filter performance for manned maneuvering targets", IEEE Trans. AES 6, 1970).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Singer {
+pub(super) struct SingerTransition {
     pub dt_s: f64,
-    /// What an acceleration adds to the position and to the velocity, and what is left of it.
+    /// Contribution of an acceleration to position and velocity, and its remaining share.
     pub position_s2: f64,
     pub velocity_s: f64,
     pub remains: f64,
@@ -27,8 +28,8 @@ pub(super) struct Singer {
     density: f64,
 }
 
-impl Singer {
-    /// Over `dt_s`, for accelerations with a standard deviation and a correlation time.
+impl SingerTransition {
+    /// The transition over `dt_s`, for a standard deviation and a correlation time of accelerations.
     pub fn new(dt_s: f64, acceleration_std_mps2: f64, time_s: f64) -> Self {
         let remains = trig::exp(-dt_s / time_s);
         let velocity_s = time_s * (1.0 - remains);
@@ -53,7 +54,7 @@ pub(super) struct Covariance3 {
     pub aa: f64,
 }
 
-/// Gains of a measured position.
+/// Kalman gains of a measured position.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gain3 {
     pub p: f64,
@@ -62,15 +63,15 @@ pub(super) struct Gain3 {
 }
 
 impl Covariance3 {
-    /// Of independent position, velocity and acceleration with these variances.
+    /// Diagonal covariance.
     pub fn diagonal(pp: f64, vv: f64, aa: f64) -> Self {
         Self { pp, pv: 0.0, pa: 0.0, vv, va: 0.0, aa }
     }
 
-    /// `F P F' + Q` of one step.
+    /// Prediction: `F P F' + Q` of one step.
     #[must_use]
-    pub fn after(&self, step: &Singer) -> Self {
-        let Singer { dt_s: t, position_s2: f, velocity_s: g, remains: r, density } = *step;
+    pub fn after(&self, step: &SingerTransition) -> Self {
+        let SingerTransition { dt_s: t, position_s2: f, velocity_s: g, remains: r, density } = *step;
         // Rows of F P.
         let (pp, pv, pa) = (
             self.pp + t * self.pv + f * self.pa,
@@ -89,7 +90,7 @@ impl Covariance3 {
         }
     }
 
-    /// After a position was measured with a variance.
+    /// Correction by a measured position of this variance.
     #[must_use]
     pub fn measured(&self, variance: f64) -> (Self, Gain3) {
         let total = self.pp + variance;
@@ -107,7 +108,7 @@ impl Covariance3 {
     }
 }
 
-/// A symmetric matrix of the smoother's backward pass, over position, velocity and acceleration.
+/// Symmetric information matrix of the backward pass, over position, velocity and acceleration.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Information3 {
     pub pp: f64,
@@ -119,10 +120,10 @@ pub(super) struct Information3 {
 }
 
 impl Information3 {
-    /// `F' L F` of one step: from its end to its beginning.
+    /// `F' L F` of one step backwards.
     #[must_use]
-    pub fn before(&self, step: &Singer) -> Self {
-        let Singer { dt_s: t, position_s2: f, velocity_s: g, remains: r, .. } = *step;
+    pub fn before(&self, step: &SingerTransition) -> Self {
+        let SingerTransition { dt_s: t, position_s2: f, velocity_s: g, remains: r, .. } = *step;
         // Columns of L F.
         let (pv, vv) = (self.pp * t + self.pv, self.pv * t + self.vv);
         let (pa, va, aa) = (
@@ -146,7 +147,7 @@ impl Information3 {
 }
 
 impl Covariance3 {
-    /// Diagonal of `P - P L P`: what is left with all that came later.
+    /// Diagonal of `P - P L P`: variances given all later poses.
     pub fn smoothed(&self, later: &Information3) -> [f64; 3] {
         let left = |p: f64, v: f64, a: f64, own: f64| {
             let along = p * (later.pp * p + later.pv * v + later.pa * a)
@@ -162,7 +163,7 @@ impl Covariance3 {
     }
 }
 
-/// Covariance of an angle and its rate, whose change is white noise.
+/// Covariance of an angle and its rate, driven by white angular acceleration.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Covariance2 {
     pub pp: f64,
@@ -171,7 +172,7 @@ pub(super) struct Covariance2 {
 }
 
 impl Covariance2 {
-    /// `F P F' + Q` over a time, for angular accelerations with a spectral density (rad2/s3).
+    /// Prediction: `F P F' + Q` over a time, for a spectral density of angular accelerations (rad2/s3).
     #[must_use]
     pub fn after(&self, dt_s: f64, density: f64) -> Self {
         let t = dt_s.abs();
@@ -182,7 +183,7 @@ impl Covariance2 {
         }
     }
 
-    /// After the angle was measured with a variance; gains of angle and rate.
+    /// Correction by a measured angle of this variance; also returns the gains of angle and rate.
     #[must_use]
     pub fn measured(&self, variance: f64) -> (Self, [f64; 2]) {
         let total = self.pp + variance;
@@ -199,7 +200,7 @@ mod tests {
     #[test]
     fn an_acceleration_moves_as_in_closed_form() {
         // Of a(t) = exp(-t / 0.5): its first and second integrals.
-        let step = Singer::new(0.05, 0.15, 0.5);
+        let step = SingerTransition::new(0.05, 0.15, 0.5);
         let exp = 0.904_837_418_035_959_6;
         assert!((step.remains - exp).abs() < 1e-15);
         assert!((step.velocity_s - 0.5 * (1.0 - exp)).abs() < 1e-15);
@@ -209,7 +210,7 @@ mod tests {
     #[test]
     fn the_spread_of_accelerations_stays_that_of_the_model() {
         let mut covariance = Covariance3::diagonal(0.0, 0.0, 0.0);
-        let step = Singer::new(0.01, 0.15, 0.5);
+        let step = SingerTransition::new(0.01, 0.15, 0.5);
         for _ in 0..1000 {
             covariance = covariance.after(&step);
         }

@@ -1,26 +1,27 @@
-//! The estimator for recorded poses: a Rauch-Tung-Striebel smoother on the model of the live filter.
+//! Smoothing of recorded poses: a Rauch-Tung-Striebel smoother (Rauch, Tung and Striebel 1965) on the model
+//! of the live filter.
 //!
-//! It is computed in the form of Bryson and Frazier (Bierman, "Fixed interval smoothing with discrete measurements",
-//! Int. J. Control 18, 1973), which gives the same and inverts no matrix: poses without noise make none singular. Headings are
-//! smoothed first, so that the turn of velocities between two poses is that of the smoothed yaw rate.
+//! It uses the modified Bryson-Frazier form (Bierman, "Fixed interval smoothing with discrete measurements",
+//! Int. J. Control 18, 1973), which is equivalent and inverts no matrix, so poses without noise cause no
+//! singularity. Headings are smoothed first: velocities rotate with the smoothed yaw rate.
 
-use super::filter::{MotionFilter, State, Taken};
+use super::filter::{FilterState, MotionFilter, PoseUpdate};
 use super::noise::{NoiseModel, local_variances};
-use super::singer::{Covariance2, Covariance3, Gain3, Information3, Singer};
+use super::singer::{Covariance2, Covariance3, Gain3, Information3, SingerTransition};
 use super::{MotionEstimate, MotionStd};
 use crate::geom::{Pose2, trig, wrap_angle};
 use glam::DVec2;
 
-/// Where a vehicle was between poses farther apart than this nobody knows.
+/// No motion is estimated in gaps longer than this.
 pub const LONGEST_GAP_S: f64 = 1.0;
-/// Steps between poses are no longer than this.
+/// Longest prediction step.
 const LONGEST_STEP_S: f64 = 0.05;
-/// Times nearer than this are the same.
+/// Times closer than this are equal.
 const SAME_S: f64 = 1e-9;
-/// So few poses between two gaps are strays.
+/// Fewer poses between two gaps are strays and are dropped.
 const FEWEST: usize = 3;
 
-/// How a vehicle moved at each of some times, from all of its poses; `None` before the first, after the last, and
+/// Estimated motion at the given times, from all poses; `None` before the first pose, after the last one, and
 /// in long gaps. Poses and times are in increasing order.
 pub fn smooth(noise: &NoiseModel, poses: &[(f64, Pose2)], times_s: &[f64]) -> Vec<Option<MotionEstimate>> {
     let variances = local_variances(noise, poses);
@@ -46,20 +47,20 @@ pub fn smooth(noise: &NoiseModel, poses: &[(f64, Pose2)], times_s: &[f64]) -> Ve
     motions
 }
 
-/// A pose that counts, with the variances of its position and its heading where they count.
+/// An accepted pose; each measurement with its variance, if accepted.
 #[derive(Clone, Copy, Debug)]
-struct Counted {
+struct InlierPose {
     time_s: f64,
     position: Option<(DVec2, f64)>,
     heading: Option<(f64, f64)>,
 }
 
-/// The poses without outliers, in pieces between which nothing is known.
-fn pieces(noise: &NoiseModel, poses: &[(f64, Pose2)], variances: &[[f64; 2]]) -> Vec<Vec<Counted>> {
-    let mut pieces: Vec<Vec<Counted>> = Vec::new();
+/// Poses without outliers, split at long gaps.
+fn pieces(noise: &NoiseModel, poses: &[(f64, Pose2)], variances: &[[f64; 2]]) -> Vec<Vec<InlierPose>> {
+    let mut pieces: Vec<Vec<InlierPose>> = Vec::new();
     let mut filter = MotionFilter::new(*noise);
-    // Poses that do not fit to those before, as long as they come in a row.
-    let mut outliers: Vec<Counted> = Vec::new();
+    // Consecutive outliers.
+    let mut outliers: Vec<InlierPose> = Vec::new();
     let mut last_s = f64::NEG_INFINITY;
     for (&(time_s, pose), &variances) in poses.iter().zip(variances) {
         if time_s <= last_s + SAME_S {
@@ -70,19 +71,19 @@ fn pieces(noise: &NoiseModel, poses: &[(f64, Pose2)], variances: &[[f64; 2]]) ->
         }
         last_s = time_s;
         let (taken, has_turned) = filter.correct(time_s, pose, variances);
-        let counted = Counted {
+        let counted = InlierPose {
             time_s,
             position: Some((pose.position, variances[0])),
-            heading: (has_turned || taken != Taken::Used).then_some((pose.yaw_rad, variances[1])),
+            heading: (has_turned || taken != PoseUpdate::Used).then_some((pose.yaw_rad, variances[1])),
         };
         match taken {
-            Taken::Outlier => outliers.push(counted),
-            Taken::Begun => {
+            PoseUpdate::Outlier => outliers.push(counted),
+            PoseUpdate::Restarted => {
                 let mut piece = std::mem::take(&mut outliers);
                 piece.push(counted);
                 pieces.push(piece);
             }
-            Taken::Used | Taken::Old => {
+            PoseUpdate::Used | PoseUpdate::Stale => {
                 outliers.clear();
                 if let Some(piece) = pieces.last_mut() {
                     piece.push(counted);
@@ -93,75 +94,75 @@ fn pieces(noise: &NoiseModel, poses: &[(f64, Pose2)], variances: &[[f64; 2]]) ->
     pieces
 }
 
-/// A time at which the motion is computed: of a pose, asked for, or between two that are far apart.
+/// A time at which the motion is estimated: of a pose, requested, or between distant poses.
 #[derive(Clone, Copy, Debug)]
-struct Node {
+struct SmootherNode {
     time_s: f64,
     position: Option<(DVec2, f64)>,
     heading: Option<(f64, f64)>,
 }
 
-fn nodes(piece: &[Counted], times_s: &[f64]) -> Vec<Node> {
-    let mut nodes: Vec<Node> = Vec::with_capacity(piece.len() + times_s.len());
+fn nodes(piece: &[InlierPose], times_s: &[f64]) -> Vec<SmootherNode> {
+    let mut nodes: Vec<SmootherNode> = Vec::with_capacity(piece.len() + times_s.len());
     let mut times = times_s.iter().copied().peekable();
-    let mut add = |node: Node| {
-        if let Some(last_s) = nodes.last().map(|last: &Node| last.time_s) {
+    let mut add = |node: SmootherNode| {
+        if let Some(last_s) = nodes.last().map(|last: &SmootherNode| last.time_s) {
             let between = ((node.time_s - last_s) / LONGEST_STEP_S).ceil().max(1.0) as u32;
             for k in 1..between {
                 let time_s = last_s + (node.time_s - last_s) * f64::from(k) / f64::from(between);
-                nodes.push(Node { time_s, position: None, heading: None });
+                nodes.push(SmootherNode { time_s, position: None, heading: None });
             }
         }
         nodes.push(node);
     };
     for pose in piece {
         while let Some(time_s) = times.next_if(|time_s| *time_s < pose.time_s - SAME_S) {
-            add(Node { time_s, position: None, heading: None });
+            add(SmootherNode { time_s, position: None, heading: None });
         }
         while times.next_if(|time_s| *time_s <= pose.time_s + SAME_S).is_some() {}
-        add(Node { time_s: pose.time_s, position: pose.position, heading: pose.heading });
+        add(SmootherNode { time_s: pose.time_s, position: pose.position, heading: pose.heading });
     }
     nodes
 }
 
 /// Heading and yaw rate at a node, and their variances.
 #[derive(Clone, Copy, Debug)]
-struct Turn {
+struct HeadingEstimate {
     yaw_rad: f64,
     rate_radps: f64,
     yaw_variance: f64,
     rate_variance: f64,
 }
 
-/// The forward pass at a node: what was known there from before and with its own pose.
+/// Forward pass: the filtered heading state at a node.
 struct HeadingStep {
     filtered: (f64, f64, Covariance2),
     /// Innovation, its variance and the gains, where there was a pose.
     measured: Option<(f64, f64, [f64; 2])>,
 }
 
-fn smoothed_headings(noise: &NoiseModel, nodes: &[Node]) -> Vec<Turn> {
-    let first = State::anywhere(noise, 0.0);
+fn smoothed_headings(noise: &NoiseModel, nodes: &[SmootherNode]) -> Vec<HeadingEstimate> {
+    let first = FilterState::unknown(noise, 0.0);
     let begin = nodes.iter().find_map(|node| node.heading).map_or(0.0, |(yaw_rad, _)| yaw_rad);
-    let (mut yaw_rad, mut rate_radps, mut spread) = (begin, 0.0, first.yaw_spread);
+    let (mut yaw_rad, mut rate_radps, mut covariance) = (begin, 0.0, first.yaw_covariance);
     let mut steps: Vec<HeadingStep> = Vec::with_capacity(nodes.len());
     for (k, node) in nodes.iter().enumerate() {
         if k > 0 {
             let dt_s = node.time_s - nodes[k - 1].time_s;
             yaw_rad += rate_radps * dt_s;
-            spread = spread.after(dt_s, noise.yaw_density);
+            covariance = covariance.after(dt_s, noise.yaw_density);
         }
         let mut measured = None;
         if let Some((told_rad, variance)) = node.heading {
             let off = wrap_angle(told_rad - yaw_rad);
-            let total = spread.pp + variance;
-            let (after, gain) = spread.measured(variance);
-            (yaw_rad, rate_radps, spread) = (yaw_rad + off * gain[0], rate_radps + off * gain[1], after);
+            let total = covariance.pp + variance;
+            let (after, gain) = covariance.measured(variance);
+            (yaw_rad, rate_radps, covariance) = (yaw_rad + off * gain[0], rate_radps + off * gain[1], after);
             measured = Some((off, total, gain));
         }
-        steps.push(HeadingStep { filtered: (yaw_rad, rate_radps, spread), measured });
+        steps.push(HeadingStep { filtered: (yaw_rad, rate_radps, covariance), measured });
     }
-    // Backwards: what later poses say of angle and rate.
+    // Backward pass: information of later poses about angle and rate.
     let (mut angle, mut rate) = (0.0, 0.0);
     let (mut pp, mut pv, mut vv) = (0.0, 0.0, 0.0);
     let mut turns = Vec::with_capacity(nodes.len());
@@ -169,7 +170,7 @@ fn smoothed_headings(noise: &NoiseModel, nodes: &[Node]) -> Vec<Turn> {
         let (yaw_rad, rate_radps, p) = step.filtered;
         let left =
             |a: f64, b: f64, own: f64| (own - (a * (pp * a + pv * b) + b * (pv * a + vv * b))).max(0.0);
-        turns.push(Turn {
+        turns.push(HeadingEstimate {
             yaw_rad: wrap_angle(yaw_rad - p.pp * angle - p.pv * rate),
             rate_radps: rate_radps - p.pv * angle - p.vv * rate,
             yaw_variance: left(p.pp, p.pv, p.pp),
@@ -191,7 +192,7 @@ fn smoothed_headings(noise: &NoiseModel, nodes: &[Node]) -> Vec<Turn> {
     turns
 }
 
-/// Position, velocity and acceleration, each in the plane.
+/// Planar position, velocity and acceleration.
 #[derive(Clone, Copy, Debug, Default)]
 struct Planar {
     position: DVec2,
@@ -199,23 +200,27 @@ struct Planar {
     acceleration: DVec2,
 }
 
-/// A step between two nodes, with half of the turn that velocities make in it.
-struct Step {
-    singer: Singer,
+/// A prediction step between two nodes, with half of its rotation.
+struct NodeTransition {
+    singer: SingerTransition,
     half_turn: DVec2,
 }
 
-/// The forward pass at a node, as [`HeadingStep`].
+/// Forward pass of the position, as [`HeadingStep`].
 struct PositionStep {
     /// From the node before.
-    step: Option<Step>,
+    step: Option<NodeTransition>,
     filtered: (Planar, Covariance3),
     measured: Option<(DVec2, f64, Gain3)>,
 }
 
-fn smoothed_motions(noise: &NoiseModel, nodes: &[Node], turns: &[Turn]) -> Vec<MotionEstimate> {
+fn smoothed_motions(
+    noise: &NoiseModel,
+    nodes: &[SmootherNode],
+    turns: &[HeadingEstimate],
+) -> Vec<MotionEstimate> {
     let steps = filtered_positions(noise, nodes, turns);
-    // Backwards: what later poses say of each node's state.
+    // Backward pass: information of later poses about each state.
     let (mut later, mut information) = (Planar::default(), Information3::default());
     let mut motions = Vec::with_capacity(nodes.len());
     for (k, step) in steps.iter().enumerate().rev() {
@@ -231,7 +236,7 @@ fn smoothed_motions(noise: &NoiseModel, nodes: &[Node], turns: &[Turn]) -> Vec<M
             later.position -= lp * gain.p + lv * gain.v + la * gain.a + off / total;
             information = information.with(gain, total);
         }
-        if let Some(Step { singer, half_turn }) = &step.step {
+        if let Some(NodeTransition { singer, half_turn }) = &step.step {
             let back = DVec2::new(half_turn.x, -half_turn.y);
             let once = back.rotate(later.position);
             let turned = |vector: DVec2| back.rotate(back.rotate(vector));
@@ -246,43 +251,47 @@ fn smoothed_motions(noise: &NoiseModel, nodes: &[Node], turns: &[Turn]) -> Vec<M
     motions
 }
 
-fn filtered_positions(noise: &NoiseModel, nodes: &[Node], turns: &[Turn]) -> Vec<PositionStep> {
+fn filtered_positions(
+    noise: &NoiseModel,
+    nodes: &[SmootherNode],
+    turns: &[HeadingEstimate],
+) -> Vec<PositionStep> {
     let begin = nodes.iter().find_map(|node| node.position).map_or(DVec2::ZERO, |(position, _)| position);
     let mut state = Planar { position: begin, ..Planar::default() };
-    let mut spread = State::anywhere(noise, 0.0).spread;
+    let mut covariance = FilterState::unknown(noise, 0.0).covariance;
     let mut steps = Vec::with_capacity(nodes.len());
     for (k, node) in nodes.iter().enumerate() {
         let step = (k > 0).then(|| {
             let dt_s = node.time_s - nodes[k - 1].time_s;
             let rate_radps = (turns[k - 1].rate_radps + turns[k].rate_radps) / 2.0;
             let (sin, cos) = trig::sin_cos(rate_radps * dt_s / 2.0);
-            let singer = Singer::new(dt_s, noise.acceleration_std_mps2, noise.acceleration_time_s);
-            Step { singer, half_turn: DVec2::new(cos, sin) }
+            let singer = SingerTransition::new(dt_s, noise.acceleration_std_mps2, noise.acceleration_time_s);
+            NodeTransition { singer, half_turn: DVec2::new(cos, sin) }
         });
-        if let Some(Step { singer, half_turn }) = &step {
+        if let Some(NodeTransition { singer, half_turn }) = &step {
             let turned = |vector: DVec2| half_turn.rotate(half_turn.rotate(vector));
             let way = state.velocity * singer.dt_s + state.acceleration * singer.position_s2;
             state.position += half_turn.rotate(way);
             state.velocity = turned(state.velocity + state.acceleration * singer.velocity_s);
             state.acceleration = turned(state.acceleration * singer.remains);
-            spread = spread.after(singer);
+            covariance = covariance.after(singer);
         }
         let mut measured = None;
         if let Some((position, variance)) = node.position {
-            let (off, total) = (position - state.position, spread.pp + variance);
-            let (after, gain) = spread.measured(variance);
+            let (off, total) = (position - state.position, covariance.pp + variance);
+            let (after, gain) = covariance.measured(variance);
             state.position += off * gain.p;
             state.velocity += off * gain.v;
             state.acceleration += off * gain.a;
-            spread = after;
+            covariance = after;
             measured = Some((off, total, gain));
         }
-        steps.push(PositionStep { step, filtered: (state, spread), measured });
+        steps.push(PositionStep { step, filtered: (state, covariance), measured });
     }
     steps
 }
 
-fn motion(time_s: f64, state: &Planar, variances: [f64; 3], turn: &Turn) -> MotionEstimate {
+fn motion(time_s: f64, state: &Planar, variances: [f64; 3], turn: &HeadingEstimate) -> MotionEstimate {
     let pose = Pose2 { position: state.position, yaw_rad: turn.yaw_rad };
     let [position, velocity, acceleration] = variances.map(f64::sqrt);
     MotionEstimate {

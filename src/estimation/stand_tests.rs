@@ -2,7 +2,8 @@
 
 use super::tests::Draws;
 use super::{
-    MotionEstimate, MotionFilter, NoiseModel, Observed, Odometer, StandChange, StandDetector, smooth,
+    MotionEstimate, MotionFilter, MotionSample, NoiseModel, Odometer, StandstillChange, StandstillDetector,
+    smooth,
 };
 use crate::geom::Pose2;
 use glam::DVec2;
@@ -20,24 +21,25 @@ fn stop_and_go(time_s: f64) -> (f64, f64) {
     (way_m + then_m, speed_mps)
 }
 
-fn changes(seen: impl Iterator<Item = (f64, Observed)>) -> Vec<(f64, StandChange)> {
-    let mut detector = StandDetector::default();
+fn changes(seen: impl Iterator<Item = (f64, MotionSample)>) -> Vec<(f64, StandstillChange)> {
+    let mut detector = StandstillDetector::default();
     seen.filter_map(|(time_s, seen)| Some((time_s, detector.update(time_s, &seen)?))).collect()
 }
 
-fn exact(speed_at: impl Fn(f64) -> f64) -> Vec<(f64, StandChange)> {
+fn exact(speed_at: impl Fn(f64) -> f64) -> Vec<(f64, StandstillChange)> {
     let mut way_m = 0.0;
     changes((0..2000).map(|k| {
         let time_s = f64::from(k) / 100.0;
         way_m += speed_at(time_s) * 0.01;
-        (time_s, Observed::exact(speed_at(time_s), DVec2::new(way_m, 0.0)))
+        (time_s, MotionSample::exact(speed_at(time_s), DVec2::new(way_m, 0.0)))
     }))
 }
 
 #[test]
 fn a_known_state_stops_below_one_speed_and_moves_off_above_the_other() {
     let found = exact(|time_s| stop_and_go(time_s).1);
-    let [(stop_s, StandChange::Stopped), (go_s, StandChange::MovedOff { stood_s })] = found[..] else {
+    let [(stop_s, StandstillChange::Stopped), (go_s, StandstillChange::MovedOff { stood_s })] = found[..]
+    else {
         panic!("{found:?}")
     };
     assert!((stop_s - 9.95).abs() < 0.011, "{stop_s}");
@@ -48,7 +50,7 @@ fn a_known_state_stops_below_one_speed_and_moves_off_above_the_other() {
 #[test]
 fn who_stands_from_the_beginning_has_not_stopped_and_one_stand_is_one() {
     let found = exact(|time_s| if time_s < 5.0 { 0.0 } else { 3.0 });
-    assert!(matches!(found[..], [(_, StandChange::MovedOff { .. })]), "{found:?}");
+    assert!(matches!(found[..], [(_, StandstillChange::MovedOff { .. })]), "{found:?}");
     // It creeps up behind another one, and once a little faster, without getting anywhere.
     let found = exact(|time_s| match time_s {
         ..5.0 => 3.0,
@@ -58,7 +60,10 @@ fn who_stands_from_the_beginning_has_not_stopped_and_one_stand_is_one() {
         12.0..15.0 => 0.0,
         _ => 3.0,
     });
-    assert!(matches!(found[..], [(_, StandChange::Stopped), (_, StandChange::MovedOff { .. })]), "{found:?}");
+    assert!(
+        matches!(found[..], [(_, StandstillChange::Stopped), (_, StandstillChange::MovedOff { .. })]),
+        "{found:?}"
+    );
     // Slow is not standing.
     assert_eq!(exact(|time_s| if time_s < 5.0 { 3.0 } else { 0.15 }), []);
 }
@@ -76,8 +81,8 @@ fn poses(hz: f64, position_m: f64, hidden_s: std::ops::Range<f64>) -> Vec<(f64, 
         .collect()
 }
 
-fn kinds(found: &[StandChange]) -> (usize, usize) {
-    let stops = found.iter().filter(|change| **change == StandChange::Stopped).count();
+fn kinds(found: &[StandstillChange]) -> (usize, usize) {
+    let stops = found.iter().filter(|change| **change == StandstillChange::Stopped).count();
     (stops, found.len() - stops)
 }
 
@@ -102,12 +107,12 @@ fn an_estimated_stand_is_found_once_and_gets_no_distance_out_of_noise() {
         assert!(smoothed.len() > 1980, "{}", smoothed.len());
         for (name, motions, within) in [("live", live, 0.02), ("smoothed", smoothed, 0.003)] {
             let mut odometer = Odometer::default();
-            let found: Vec<StandChange> =
+            let found: Vec<StandstillChange> =
                 motions.iter().filter_map(|motion| odometer.update(motion)).collect();
             assert_eq!(kinds(&found), (1, 1), "{name} {hz} Hz {position_m} m: {found:?}");
             let stood_s = found.iter().find_map(|change| match change {
-                StandChange::MovedOff { stood_s } => Some(*stood_s),
-                StandChange::Stopped => None,
+                StandstillChange::MovedOff { stood_s } => Some(*stood_s),
+                StandstillChange::Stopped => None,
             });
             assert!((stood_s.unwrap() - 2.45).abs() < 0.5, "{name} {hz} Hz {position_m} m: {stood_s:?}");
             let share = odometer.distance_m() / truth_m - 1.0;
@@ -135,7 +140,7 @@ fn an_occlusion_is_no_stop() {
 #[test]
 fn the_smoother_gives_speeds_as_they_were() {
     let times: Vec<f64> = (0..1990).map(|k| f64::from(k) / 100.0).collect();
-    // What is allowed is in laboratory metres a second.
+    // Tolerance in laboratory metres a second.
     for (hz, position_m, hidden_s, most_mps) in [
         (100.0, 0.0, 30.0..30.0, 5e-4),
         (100.0, 1e-3, 30.0..30.0, 3e-3),

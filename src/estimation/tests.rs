@@ -1,10 +1,10 @@
 //! The estimator against motions in closed form.
 
-use super::{MotionFilter, NoiseModel, Taken};
+use super::{MotionFilter, NoiseModel, PoseUpdate};
 use crate::geom::{Pose2, trig, wrap_angle};
 use glam::DVec2;
 
-/// Normal numbers that are the same every time: SplitMix64, twelve of whose numbers are added up.
+/// Deterministic normal numbers: the sum of twelve SplitMix64 numbers.
 pub(super) struct Draws(pub u64);
 
 impl Draws {
@@ -105,7 +105,7 @@ fn an_occluded_vehicle_goes_on_around_its_bend_and_is_less_and_less_certain() {
     assert!((0.005..0.08).contains(&last_m), "{last_m} m after half a second");
     // Found again it is where it is, and goes on without a jump of its speed.
     let mut filter = filter;
-    assert_eq!(filter.update(5.5, circle(5.5).0), Taken::Used);
+    assert_eq!(filter.update(5.5, circle(5.5).0), PoseUpdate::Used);
     let motion = filter.at(5.5).unwrap();
     assert!((motion.speed_mps - circle(5.5).1).abs() < 0.05, "{motion:?}");
 }
@@ -115,26 +115,26 @@ fn outliers_are_left_out_until_it_is_plain_that_the_vehicle_was_moved() {
     let mut filter = after(5.0, 1e-4, 1e-3);
     let before = filter.at(5.01).unwrap();
     let far = Pose2::new(3.0, 2.0, 1.0);
-    assert_eq!(filter.update(5.01, far), Taken::Outlier);
+    assert_eq!(filter.update(5.01, far), PoseUpdate::Outlier);
     assert_eq!(filter.at(5.01).unwrap(), before);
-    assert_eq!(filter.update(5.02, circle(5.02).0), Taken::Used);
-    let taken: Vec<Taken> = (0..20).map(|k| filter.update(5.1 + 0.01 * f64::from(k), far)).collect();
-    assert_eq!(taken[0], Taken::Outlier);
-    assert!(taken.contains(&Taken::Begun), "{taken:?}");
+    assert_eq!(filter.update(5.02, circle(5.02).0), PoseUpdate::Used);
+    let taken: Vec<PoseUpdate> = (0..20).map(|k| filter.update(5.1 + 0.01 * f64::from(k), far)).collect();
+    assert_eq!(taken[0], PoseUpdate::Outlier);
+    assert!(taken.contains(&PoseUpdate::Restarted), "{taken:?}");
     let motion = filter.at(5.3).unwrap();
     assert!(
         motion.pose.position.distance(far.position) < 1e-3 && motion.speed_mps.abs() < 0.01,
         "{motion:?}"
     );
     // While the clock stands the same holds at one stamp, and then the vehicle is where it is put.
-    let taken: Vec<Taken> = (0..4).map(|_| filter.update(5.29, circle(0.0).0)).collect();
-    assert_eq!(taken, [Taken::Outlier, Taken::Outlier, Taken::Begun, Taken::Used]);
+    let taken: Vec<PoseUpdate> = (0..4).map(|_| filter.update(5.29, circle(0.0).0)).collect();
+    assert_eq!(taken, [PoseUpdate::Outlier, PoseUpdate::Outlier, PoseUpdate::Restarted, PoseUpdate::Used]);
     filter.update(5.29, circle(1.0).0);
     assert!(filter.at(5.29).unwrap().pose.position.distance(circle(1.0).0.position) < 1e-9);
     // A heading alone that is wrong leaves the position's estimate going.
     let mut filter = after(5.0, 1e-4, 1e-3);
     let turned = Pose2 { yaw_rad: circle(5.01).0.yaw_rad + 2.0, ..circle(5.01).0 };
-    assert_eq!(filter.update(5.01, turned), Taken::Used);
+    assert_eq!(filter.update(5.01, turned), PoseUpdate::Used);
     assert!(wrap_angle(filter.at(5.01).unwrap().pose.yaw_rad - circle(5.01).0.yaw_rad).abs() < 0.01);
 }
 
@@ -144,7 +144,7 @@ fn stamps_that_come_twice_late_or_unevenly_do_not_shake_it() {
     let mut worst_mps = 0.0_f64;
     for k in 0..2000_u32 {
         let time_s = f64::from(k) / 100.0;
-        // Told up to 4 ms off when it was measured.
+        // Stamped up to 4 ms off.
         let stamp_s = time_s + 0.004 * (2.0 * draws.uniform() - 1.0);
         let pose = draws.noisy(circle(time_s).0, 1e-4, 1e-3);
         filter.update(stamp_s, pose);
@@ -152,7 +152,7 @@ fn stamps_that_come_twice_late_or_unevenly_do_not_shake_it() {
         filter.update(stamp_s, pose);
         assert_eq!(filter.at(stamp_s), once, "a duplicate has changed it");
         if k > 200 && k.is_multiple_of(5) {
-            assert_eq!(filter.update(stamp_s - 0.03, circle(time_s - 0.03).0), Taken::Old);
+            assert_eq!(filter.update(stamp_s - 0.03, circle(time_s - 0.03).0), PoseUpdate::Stale);
         }
         if k > 200 {
             let motion = filter.at(time_s).unwrap();
@@ -170,7 +170,7 @@ fn a_vehicle_that_was_set_up_in_motion_has_its_speed_at_once() {
     assert!((motion.pose.position.y - 0.02).abs() < 1e-9, "{motion:?}");
     assert_eq!((MotionFilter::new(NOISE).at(0.1), filter.last_stamp_s()), (None, Some(0.0)));
     let mut unknown = MotionFilter::new(NOISE);
-    assert_eq!(unknown.update(0.0, circle(0.0).0), Taken::Begun);
+    assert_eq!(unknown.update(0.0, circle(0.0).0), PoseUpdate::Restarted);
     assert!(unknown.at(0.0).unwrap().std.speed_mps > 0.3);
 }
 
@@ -192,7 +192,7 @@ fn it_does_the_same_in_city_metres() {
 #[test]
 fn a_clock_that_is_set_back_begins_the_estimate_anew() {
     let mut filter = after(5.0, 1e-4, 1e-3);
-    assert_eq!(filter.update(0.0, circle(0.0).0), Taken::Begun);
+    assert_eq!(filter.update(0.0, circle(0.0).0), PoseUpdate::Restarted);
     assert_eq!(filter.last_stamp_s(), Some(0.0));
-    assert_eq!(filter.update(3.0, circle(3.0).0), Taken::Begun);
+    assert_eq!(filter.update(3.0, circle(3.0).0), PoseUpdate::Restarted);
 }

@@ -1,6 +1,6 @@
-//! What a figure shows, apart from how it is drawn: panels of lines on axes, and the table of its data.
+//! Contents of a figure, independent of the drawing: panels with lines on axes, and the table of the data.
 
-use super::table::Table;
+use super::table::TidyTable;
 use crate::geom::trig;
 
 /// sRGB.
@@ -9,8 +9,7 @@ pub type Colour = [u8; 3];
 pub const BLACK: Colour = [34, 34, 34];
 pub const GREY: Colour = [110, 110, 110];
 
-/// Colours that people with any kind of colour blindness tell apart (Okabe and Ito 2008), without the yellow that is
-/// too light on white.
+/// Colour-blind safe palette (Okabe and Ito 2008), without the yellow that is too light on white.
 pub const PALETTE: [Colour; 7] = [
     [213, 94, 0],
     [0, 114, 178],
@@ -21,11 +20,11 @@ pub const PALETTE: [Colour; 7] = [
     [34, 34, 34],
 ];
 
-/// From slow to fast, the lower nine tenths of matplotlib's viridis: even in lightness for every kind of sight.
+/// The lower nine tenths of matplotlib's viridis, a perceptually uniform colour map.
 const VIRIDIS: [Colour; 6] =
     [[68, 1, 84], [64, 67, 135], [41, 120, 142], [34, 167, 132], [122, 209, 81], [189, 223, 38]];
 
-/// The colour of a share between 0 and 1.
+/// The colour of a fraction from 0 to 1, linearly interpolated.
 pub fn viridis(share: f64) -> Colour {
     let place = share.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f64;
     let index = (place as usize).min(VIRIDIS.len() - 2);
@@ -41,41 +40,41 @@ pub enum Dash {
     Dotted,
 }
 
-/// How lines are drawn.
+/// Style of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stroke {
+pub struct LineStyle {
     pub colour: Colour,
     pub dash: Dash,
-    /// Points of typography.
+    /// Typographic points.
     pub width_pt: f64,
 }
 
-impl Stroke {
+impl LineStyle {
     pub fn solid(colour: Colour) -> Self {
         Self { colour, dash: Dash::Solid, width_pt: 1.1 }
     }
 }
 
-/// A line through points; one that is not a number interrupts it.
+/// A polyline; NaN interrupts it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Line {
+pub struct ChartLine {
     pub points: Vec<(f64, f64)>,
-    pub stroke: Stroke,
+    pub stroke: LineStyle,
 }
 
-/// A line across the whole panel with its name.
+/// A labelled reference line across a panel.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Rule {
+pub struct ReferenceLine {
     pub at: f64,
-    /// At a value of y, from left to right; otherwise at one of x, from top to bottom.
+    /// Horizontal at a value of y; otherwise vertical at a value of x.
     pub is_level: bool,
     pub name: String,
     pub dash: Dash,
-    /// The name stands to the left of an upright line.
+    /// The label is to the left of a vertical line.
     pub is_before: bool,
 }
 
-/// One pair of axes.
+/// A panel: one pair of axes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Panel {
     pub title: String,
@@ -83,17 +82,17 @@ pub struct Panel {
     pub y_label: String,
     pub x: (f64, f64),
     pub y: (f64, f64),
-    pub lines: Vec<Line>,
-    pub rules: Vec<Rule>,
-    /// Coloured areas, under the lines.
-    pub cells: Vec<Cell>,
-    /// Values of x and y with their words, instead of round numbers.
+    pub lines: Vec<ChartLine>,
+    pub rules: Vec<ReferenceLine>,
+    /// Heat map cells, under the lines.
+    pub cells: Vec<HeatMapCell>,
+    /// Custom ticks of x and y with labels, instead of round numbers.
     pub marks: Option<[Vec<(f64, String)>; 2]>,
 }
 
-/// An area in the colour of a share between 0 and 1, with a word in it.
+/// A cell of a heat map with its label; `share` from 0 to 1 sets the colour.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cell {
+pub struct HeatMapCell {
     pub x: (f64, f64),
     pub y: (f64, f64),
     pub share: f64,
@@ -101,7 +100,7 @@ pub struct Cell {
 }
 
 impl Panel {
-    /// The least axes that hold all lines, and the values that are to be on them; none where nothing is drawn.
+    /// Fits the axes to all lines and to the given values.
     pub fn fit(&mut self, x_with: &[f64], y_with: &[f64]) {
         let points = || {
             self.lines.iter().flat_map(|line| &line.points).filter(|(x, y)| x.is_finite() && y.is_finite())
@@ -125,16 +124,16 @@ fn widened((low, high): (f64, f64)) -> (f64, f64) {
     }
 }
 
-/// What a colour or a dash means.
+/// An entry of the legend.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Key {
+pub struct LegendEntry {
     pub name: String,
-    pub stroke: Stroke,
+    pub stroke: LineStyle,
 }
 
-/// Colours of a range of values.
+/// A colour bar.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Scale {
+pub struct ColourBar {
     pub label: String,
     pub from: f64,
     pub to: f64,
@@ -143,22 +142,22 @@ pub struct Scale {
 /// A figure with the data that it shows.
 #[derive(Clone, Debug)]
 pub struct Figure {
-    /// Of its files.
+    /// Base name of its files.
     pub name: String,
     pub title: String,
     /// Row by row; rows of equal height.
     pub panels: Vec<Panel>,
     pub columns: usize,
-    /// Height of the axes of a row over the width of the figure.
+    /// Height of a row of axes over the width of the figure.
     pub row_height: f64,
-    pub legend: Vec<Key>,
-    pub scale: Option<Scale>,
-    /// What has to be known to read it; below.
+    pub legend: Vec<LegendEntry>,
+    pub scale: Option<ColourBar>,
+    /// Note below the figure.
     pub note: String,
-    pub table: Table,
+    pub table: TidyTable,
 }
 
-/// Values on an axis that are easy to read: at most so many, with their decimals.
+/// Round tick values on an axis, at most so many, and their number of decimals.
 pub fn ticks((from, to): (f64, f64), most: usize) -> (Vec<f64>, usize) {
     let rough = (to - from).max(1e-12) / most.max(1) as f64;
     let power = trig::pow(10.0, trig::log10(rough).floor());
@@ -192,9 +191,9 @@ mod tests {
 
     #[test]
     fn axes_hold_all_points_and_skip_what_is_not_a_number() {
-        let line = Line {
+        let line = ChartLine {
             points: vec![(1.0, 5.0), (f64::NAN, 0.0), (3.0, f64::NAN), (2.0, 7.0)],
-            stroke: Stroke::solid(BLACK),
+            stroke: LineStyle::solid(BLACK),
         };
         let mut panel = Panel { lines: vec![line], ..Panel::default() };
         panel.fit(&[], &[0.0]);

@@ -1,9 +1,9 @@
-//! Two runs of one scenario side by side: what happened, how smooth it was, and how far apart they went.
+//! Comparison of two runs of one scenario: events, smoothness (RMS jerk) and distance between the runs.
 
-use super::paths::{Layout, Merge, crossings};
+use super::paths::{MergingPoint, StreamLayout, crossings};
 use super::run::{RunLog, Trace};
-use super::series::{differences, speed_difference, step_changes, step_samples, step_speeds};
-use super::table::{Table, number};
+use super::series::{differences, rms_speed_difference, step_changes, step_samples, step_speeds};
+use super::table::{TidyTable, number};
 use crate::estimation::MOVES_MPS;
 use crate::geom::{OrientedRect, trig};
 use crate::snapshot::{EventKind, VehicleId};
@@ -11,7 +11,7 @@ use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 
-/// Runs that cannot be held against each other.
+/// Runs that are not comparable.
 #[derive(Debug, Error)]
 #[error("{a} and {b} are not runs of one scenario: {what}", a = logs[0], b = logs[1])]
 pub struct CompareError {
@@ -19,34 +19,34 @@ pub struct CompareError {
     what: String,
 }
 
-/// A number of both runs, or of one vehicle in both.
+/// A quantity of both runs, or of one vehicle in both.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Row {
+pub struct ComparisonRow {
     pub quantity: &'static str,
     /// Empty for numbers, `m`, `s` and the like otherwise; laboratory units.
     pub unit: &'static str,
     /// `None` for the whole run.
     pub vehicle: Option<u32>,
     pub name: String,
-    pub values: [Value; 2],
+    pub values: [ComparisonValue; 2],
 }
 
-/// A number or a word; neither where there is nothing to tell.
+/// A count, a number or a text; `None` without a value.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
-pub enum Value {
+pub enum ComparisonValue {
     None,
     Count(u64),
     Number(f64),
     Text(String),
 }
 
-impl Value {
+impl ComparisonValue {
     fn number(value: f64) -> Self {
         if value.is_finite() { Self::Number(value) } else { Self::None }
     }
 
-    /// As tables show it.
+    /// The value as text.
     pub fn text(&self) -> String {
         match self {
             Self::None => String::new(),
@@ -57,15 +57,15 @@ impl Value {
     }
 }
 
-/// How far apart the same vehicle was in both runs, laboratory metres.
+/// Distance between the positions of a vehicle in both runs, laboratory metres.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Apart {
+pub struct RunSeparation {
     pub vehicle: u32,
     pub name: String,
     pub mean_m: f64,
     pub max_m: f64,
     pub max_at_s: f64,
-    /// Root of the mean square of the difference of their speeds, laboratory metres a second.
+    /// RMS speed difference, laboratory metres per second.
     pub rms_speed_mps: f64,
 }
 
@@ -73,41 +73,42 @@ pub struct Apart {
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
     pub scenario: String,
-    pub runs: [Head; 2],
+    pub runs: [RunHeader; 2],
     /// The lane that begins at the merging point.
     pub merge: Option<String>,
-    /// What the runs differ in before they begin: "environment.loss: 0, 0.01".
+    /// Settings that differ, such as "environment.loss: 0, 0.01".
     pub settings: Vec<String>,
-    pub rows: Vec<Row>,
-    pub apart: Vec<Apart>,
+    pub rows: Vec<ComparisonRow>,
+    pub apart: Vec<RunSeparation>,
 }
 
-/// Which run it is.
+/// Identification of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Head {
+pub struct RunHeader {
     pub label: String,
     pub log: String,
     pub seed: u64,
     pub simulated_s: f64,
-    /// Why the log has no end, where it is torn.
+    /// Why the log is truncated, if it is.
     pub torn: Option<String>,
 }
 
 impl Comparison {
-    /// Holds two runs against each other.
+    /// Compares two runs.
     ///
     /// # Errors
     /// Where they are not runs of one scenario; says what differs.
-    pub fn of(runs: &[RunLog; 2], layout: &Layout, labels: &[String]) -> Result<Self, CompareError> {
+    pub fn of(runs: &[RunLog; 2], layout: &StreamLayout, labels: &[String]) -> Result<Self, CompareError> {
         let [a, b] = runs;
         require_same(a, b)?;
-        let numbers = [Numbers::of(a, layout.merge.as_ref()), Numbers::of(b, layout.merge.as_ref())];
-        let head = |run: &RunLog, label: &String| Head {
+        let numbers =
+            [RunStatistics::of(a, layout.merge.as_ref()), RunStatistics::of(b, layout.merge.as_ref())];
+        let head = |run: &RunLog, label: &String| RunHeader {
             label: label.clone(),
             log: run.path.display().to_string(),
             seed: run.experiment.seed,
             simulated_s: run.end_s,
-            torn: run.torn.clone(),
+            torn: run.truncation.clone(),
         };
         Ok(Self {
             scenario: a.experiment.name.clone(),
@@ -120,8 +121,8 @@ impl Comparison {
     }
 
     /// The rows as a tidy table: one for each quantity, run and vehicle.
-    pub fn table(&self) -> Table {
-        let mut table = Table::new(&["quantity", "unit", "run", "vehicle", "name", "value"]);
+    pub fn table(&self) -> TidyTable {
+        let mut table = TidyTable::new(&["quantity", "unit", "run", "vehicle", "name", "value"]);
         for row in &self.rows {
             for (value, run) in row.values.iter().zip(&self.runs) {
                 let vehicle = row.vehicle.map_or_else(String::new, |id| id.to_string());
@@ -139,7 +140,7 @@ impl Comparison {
     }
 }
 
-/// What runs must have in common.
+/// Checks that the runs are of one scenario.
 fn require_same(a: &RunLog, b: &RunLog) -> Result<(), CompareError> {
     let mut what = Vec::new();
     let (x, y) = (&a.experiment, &b.experiment);
@@ -164,7 +165,7 @@ fn require_same(a: &RunLog, b: &RunLog) -> Result<(), CompareError> {
     if what.is_empty() { Ok(()) } else { Err(CompareError { logs, what: what.join("; ") }) }
 }
 
-/// What the runs differ in before they begin.
+/// The settings that differ.
 fn settings(a: &RunLog, b: &RunLog) -> Vec<String> {
     let (x, y) = (&a.experiment, &b.experiment);
     let mut found = Vec::new();
@@ -229,41 +230,41 @@ fn leaves(value: &serde_json::Value) -> BTreeMap<String, String> {
     found
 }
 
-/// A stand of a vehicle.
+/// Time interval of a stop.
 #[derive(Clone, Copy, Debug)]
-struct Stand {
+struct StopInterval {
     from_s: f64,
     to_s: f64,
 }
 
-/// Numbers of one vehicle, laboratory units.
+/// Metrics of one vehicle, laboratory units.
 #[derive(Clone, Debug, Default)]
-struct Of {
-    stands: Vec<Stand>,
+struct VehicleMetrics {
+    stands: Vec<StopInterval>,
     distance_m: f64,
     mean_speed_mps: f64,
     merges_at_s: Option<f64>,
     place: Option<u64>,
     collisions: u64,
     least_gap_m: f64,
-    /// Squares and how many.
-    acceleration: Mean,
-    jerk: Mean,
-    /// While it moves.
+    /// RMS accumulators.
+    acceleration: RmsAccumulator,
+    jerk: RmsAccumulator,
+    /// Absolute jerks while it moves.
     jerks: Vec<f64>,
-    lateral: Mean,
+    lateral: RmsAccumulator,
     max_lateral_m: f64,
-    tracking: Mean,
+    tracking: RmsAccumulator,
 }
 
-/// A mean of squares while it is taken.
+/// Accumulator of a root mean square (RMS).
 #[derive(Clone, Copy, Debug, Default)]
-struct Mean {
+struct RmsAccumulator {
     sum: f64,
     count: u64,
 }
 
-impl Mean {
+impl RmsAccumulator {
     fn add(&mut self, value: f64) {
         if value.is_finite() {
             self.sum += value * value;
@@ -275,32 +276,32 @@ impl Mean {
         Self { sum: self.sum + other.sum, count: self.count + other.count }
     }
 
-    /// Not a number where there was nothing.
+    /// The RMS; NaN without values.
     fn root(self) -> f64 {
         (self.sum / self.count as f64).sqrt()
     }
 }
 
-/// Numbers of one run.
-struct Numbers {
-    vehicles: BTreeMap<VehicleId, Of>,
+/// Metrics of one run.
+struct RunStatistics {
+    vehicles: BTreeMap<VehicleId, VehicleMetrics>,
     order: Vec<VehicleId>,
-    /// Between any two vehicles one after the other at the merging point.
+    /// Least time headway of successive vehicles at the merging point.
     least_headway_s: f64,
-    least_gap: Option<Gap>,
+    least_gap: Option<MinimumGap>,
     collisions: u64,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Gap {
+struct MinimumGap {
     gap_m: f64,
     pair: [VehicleId; 2],
     time_s: f64,
 }
 
-impl Numbers {
-    fn of(run: &RunLog, merge: Option<&Merge>) -> Self {
-        let mut vehicles: BTreeMap<VehicleId, Of> =
+impl RunStatistics {
+    fn of(run: &RunLog, merge: Option<&MergingPoint>) -> Self {
+        let mut vehicles: BTreeMap<VehicleId, VehicleMetrics> =
             run.vehicles.iter().map(|trace| (trace.id, motion(run, trace))).collect();
         let mut collisions = 0;
         for event in run.events.iter().filter(|event| event.kind.is_collision()) {
@@ -321,7 +322,7 @@ impl Numbers {
         }
         let headways = crossed.windows(2).map(|pair| pair[1].0 - pair[0].0);
         let least_headway_s = headways.fold(f64::INFINITY, f64::min);
-        let mut least_gap: Option<Gap> = None;
+        let mut least_gap: Option<MinimumGap> = None;
         for gap in gaps(run) {
             for id in gap.pair {
                 let of = vehicles.entry(id).or_default();
@@ -335,21 +336,21 @@ impl Numbers {
         Self { vehicles, order, least_headway_s, least_gap, collisions }
     }
 
-    fn total(&self, of: impl Fn(&Of) -> Mean) -> Mean {
-        self.vehicles.values().map(of).fold(Mean::default(), Mean::with)
+    fn total(&self, of: impl Fn(&VehicleMetrics) -> RmsAccumulator) -> RmsAccumulator {
+        self.vehicles.values().map(of).fold(RmsAccumulator::default(), RmsAccumulator::with)
     }
 }
 
-/// The middle one of some values; not a number without any.
+/// Median (upper of the two middle values); NaN without values.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// How a vehicle moved, from its samples alone: mean speeds over steps of 0.1 s, and their changes. All of it is the
-/// same at any rate of the log.
-fn motion(run: &RunLog, trace: &Trace) -> Of {
-    let mut of = Of { least_gap_m: f64::INFINITY, ..Of::default() };
+/// Motion metrics of a vehicle from mean speeds over steps of 0.1 s and their differences, independent of the rate of
+/// the log.
+fn motion(run: &RunLog, trace: &Trace) -> VehicleMetrics {
+    let mut of = VehicleMetrics { least_gap_m: f64::INFINITY, ..VehicleMetrics::default() };
     let speeds: BTreeMap<i64, f64> = step_speeds(trace, run.origin.has_world())
         .into_iter()
         .map(|(step, speed)| (step, run.lab(speed)))
@@ -373,13 +374,15 @@ fn motion(run: &RunLog, trace: &Trace) -> Of {
     of
 }
 
-/// Stands of each vehicle, by its events.
-fn stands(run: &RunLog) -> BTreeMap<VehicleId, Vec<Stand>> {
-    let mut found: BTreeMap<VehicleId, Vec<Stand>> = BTreeMap::new();
+/// Stops of each vehicle, by its events.
+fn stands(run: &RunLog) -> BTreeMap<VehicleId, Vec<StopInterval>> {
+    let mut found: BTreeMap<VehicleId, Vec<StopInterval>> = BTreeMap::new();
     for event in &run.events {
         let of = found.entry(event.vehicle).or_default();
         match event.kind {
-            EventKind::Stop => of.push(Stand { from_s: event.time_s, to_s: run.end_s.max(event.time_s) }),
+            EventKind::Stop => {
+                of.push(StopInterval { from_s: event.time_s, to_s: run.end_s.max(event.time_s) })
+            }
             EventKind::Go { stood_s } => {
                 if let Some(last) = of.last_mut() {
                     last.to_s = last.from_s + stood_s;
@@ -391,12 +394,13 @@ fn stands(run: &RunLog) -> BTreeMap<VehicleId, Vec<Stand>> {
     found
 }
 
-/// The least distance between the outlines of each two vehicles, city metres.
-fn gaps(run: &RunLog) -> Vec<Gap> {
+/// The minimum gap between the outlines of each pair of vehicles, city metres. Circumscribed circles are the broad
+/// phase.
+fn gaps(run: &RunLog) -> Vec<MinimumGap> {
     let mut found = Vec::new();
     for (index, a) in run.vehicles.iter().enumerate() {
         for b in &run.vehicles[index + 1..] {
-            let mut least: Option<Gap> = None;
+            let mut least: Option<MinimumGap> = None;
             let reach_m = (trig::hypot(a.dimensions.length_m, a.dimensions.width_m)
                 + trig::hypot(b.dimensions.length_m, b.dimensions.width_m))
                 / 2.0;
@@ -415,7 +419,7 @@ fn gaps(run: &RunLog) -> Vec<Gap> {
                 };
                 let gap_m = outline(a, sample.pose).distance(&outline(b, same.pose));
                 if least.is_none_or(|least| gap_m < least.gap_m) {
-                    least = Some(Gap { gap_m, pair: [a.id, b.id], time_s: sample.time_s });
+                    least = Some(MinimumGap { gap_m, pair: [a.id, b.id], time_s: sample.time_s });
                 }
             }
             found.extend(least);
@@ -425,34 +429,49 @@ fn gaps(run: &RunLog) -> Vec<Gap> {
 }
 
 /// The whole run first, then vehicle by vehicle.
-fn rows(runs: &[RunLog; 2], numbers: &[Numbers; 2]) -> Vec<Row> {
+fn rows(runs: &[RunLog; 2], numbers: &[RunStatistics; 2]) -> Vec<ComparisonRow> {
     let mut rows = Vec::new();
     let name = |id: VehicleId| {
         let trace = runs.iter().find_map(|run| run.vehicle(id));
         trace.map_or_else(|| id.to_string(), |trace| trace.name.clone())
     };
-    let mut of_run = |quantity, unit, value: &dyn Fn(usize) -> Value| {
-        rows.push(Row { quantity, unit, vehicle: None, name: String::new(), values: [value(0), value(1)] });
+    let mut of_run = |quantity, unit, value: &dyn Fn(usize) -> ComparisonValue| {
+        rows.push(ComparisonRow {
+            quantity,
+            unit,
+            vehicle: None,
+            name: String::new(),
+            values: [value(0), value(1)],
+        });
     };
     of_run("merge order", "", &|k| {
         let names: Vec<String> = numbers[k].order.iter().map(|&id| name(id)).collect();
-        if names.is_empty() { Value::None } else { Value::Text(names.join(" ")) }
+        if names.is_empty() { ComparisonValue::None } else { ComparisonValue::Text(names.join(" ")) }
     });
-    of_run("least headway at the merging point", "s", &|k| Value::number(numbers[k].least_headway_s));
-    of_run("collisions", "", &|k| Value::Count(numbers[k].collisions));
+    of_run("least headway at the merging point", "s", &|k| {
+        ComparisonValue::number(numbers[k].least_headway_s)
+    });
+    of_run("collisions", "", &|k| ComparisonValue::Count(numbers[k].collisions));
     of_run("least gap", "m", &|k| {
-        numbers[k].least_gap.map_or(Value::None, |gap| Value::number(runs[k].lab(gap.gap_m)))
+        numbers[k]
+            .least_gap
+            .map_or(ComparisonValue::None, |gap| ComparisonValue::number(runs[k].lab(gap.gap_m)))
     });
     of_run("least gap between", "", &|k| {
-        let text =
-            |gap: Gap| format!("{} and {} at {:.2} s", name(gap.pair[0]), name(gap.pair[1]), gap.time_s);
-        numbers[k].least_gap.map_or(Value::None, |gap| Value::Text(text(gap)))
+        let text = |gap: MinimumGap| {
+            format!("{} and {} at {:.2} s", name(gap.pair[0]), name(gap.pair[1]), gap.time_s)
+        };
+        numbers[k].least_gap.map_or(ComparisonValue::None, |gap| ComparisonValue::Text(text(gap)))
     });
-    let root = |of: fn(&Of) -> Mean| move |k: usize| Value::number(numbers[k].total(of).root());
+    let root = |of: fn(&VehicleMetrics) -> RmsAccumulator| {
+        move |k: usize| ComparisonValue::number(numbers[k].total(of).root())
+    };
     of_run("RMS acceleration", "m/s2", &root(|of| of.acceleration));
     of_run("RMS jerk", "m/s3", &root(|of| of.jerk));
     of_run("median jerk while moving", "m/s3", &|k| {
-        Value::number(median(numbers[k].vehicles.values().flat_map(|of| of.jerks.iter().copied()).collect()))
+        ComparisonValue::number(median(
+            numbers[k].vehicles.values().flat_map(|of| of.jerks.iter().copied()).collect(),
+        ))
     });
     of_run("RMS lateral error", "m", &root(|of| of.lateral));
     of_run("RMS tracking error", "m", &root(|of| of.tracking));
@@ -464,41 +483,46 @@ fn rows(runs: &[RunLog; 2], numbers: &[Numbers; 2]) -> Vec<Row> {
     rows
 }
 
-fn vehicle_rows(id: VehicleId, name: &str, numbers: &[Numbers; 2]) -> Vec<Row> {
-    let before = |of: &Of| -> Option<Vec<Stand>> {
+fn vehicle_rows(id: VehicleId, name: &str, numbers: &[RunStatistics; 2]) -> Vec<ComparisonRow> {
+    let before = |of: &VehicleMetrics| -> Option<Vec<StopInterval>> {
         let at_s = of.merges_at_s?;
         Some(of.stands.iter().copied().filter(|stand| stand.from_s < at_s).collect())
     };
-    let stood = |stands: &[Stand]| stands.iter().fold(0.0, |sum, stand| sum + stand.to_s - stand.from_s);
-    let row = |quantity, unit, value: &dyn Fn(&Of) -> Value| {
-        let of = |k: usize| numbers[k].vehicles.get(&id).map_or(Value::None, value);
-        Row { quantity, unit, vehicle: Some(id.0), name: name.to_owned(), values: [of(0), of(1)] }
+    let stood =
+        |stands: &[StopInterval]| stands.iter().fold(0.0, |sum, stand| sum + stand.to_s - stand.from_s);
+    let row = |quantity, unit, value: &dyn Fn(&VehicleMetrics) -> ComparisonValue| {
+        let of = |k: usize| numbers[k].vehicles.get(&id).map_or(ComparisonValue::None, value);
+        ComparisonRow { quantity, unit, vehicle: Some(id.0), name: name.to_owned(), values: [of(0), of(1)] }
     };
     vec![
-        row("distance", "m", &|of| Value::number(of.distance_m)),
-        row("mean speed", "m/s", &|of| Value::number(of.mean_speed_mps)),
-        row("stops", "", &|of| Value::Count(of.stands.len() as u64)),
-        row("stood", "s", &|of| Value::number(stood(&of.stands))),
+        row("distance", "m", &|of| ComparisonValue::number(of.distance_m)),
+        row("mean speed", "m/s", &|of| ComparisonValue::number(of.mean_speed_mps)),
+        row("stops", "", &|of| ComparisonValue::Count(of.stands.len() as u64)),
+        row("stood", "s", &|of| ComparisonValue::number(stood(&of.stands))),
         row("stops before the merging point", "", &|of| {
-            before(of).map_or(Value::None, |stands| Value::Count(stands.len() as u64))
+            before(of).map_or(ComparisonValue::None, |stands| ComparisonValue::Count(stands.len() as u64))
         }),
         row("waited there", "s", &|of| {
-            before(of).map_or(Value::None, |stands| Value::number(stood(&stands)))
+            before(of).map_or(ComparisonValue::None, |stands| ComparisonValue::number(stood(&stands)))
         }),
-        row("at the merging point", "s", &|of| of.merges_at_s.map_or(Value::None, Value::number)),
-        row("place in the merge order", "", &|of| of.place.map_or(Value::None, Value::Count)),
-        row("collisions", "", &|of| Value::Count(of.collisions)),
-        row("least gap", "m", &|of| Value::number(of.least_gap_m)),
-        row("RMS acceleration", "m/s2", &|of| Value::number(of.acceleration.root())),
-        row("RMS jerk", "m/s3", &|of| Value::number(of.jerk.root())),
-        row("median jerk while moving", "m/s3", &|of| Value::number(median(of.jerks.clone()))),
-        row("RMS lateral error", "m", &|of| Value::number(of.lateral.root())),
-        row("largest lateral error", "m", &|of| Value::number(of.max_lateral_m)),
-        row("RMS tracking error", "m", &|of| Value::number(of.tracking.root())),
+        row("at the merging point", "s", &|of| {
+            of.merges_at_s.map_or(ComparisonValue::None, ComparisonValue::number)
+        }),
+        row("place in the merge order", "", &|of| {
+            of.place.map_or(ComparisonValue::None, ComparisonValue::Count)
+        }),
+        row("collisions", "", &|of| ComparisonValue::Count(of.collisions)),
+        row("least gap", "m", &|of| ComparisonValue::number(of.least_gap_m)),
+        row("RMS acceleration", "m/s2", &|of| ComparisonValue::number(of.acceleration.root())),
+        row("RMS jerk", "m/s3", &|of| ComparisonValue::number(of.jerk.root())),
+        row("median jerk while moving", "m/s3", &|of| ComparisonValue::number(median(of.jerks.clone()))),
+        row("RMS lateral error", "m", &|of| ComparisonValue::number(of.lateral.root())),
+        row("largest lateral error", "m", &|of| ComparisonValue::number(of.max_lateral_m)),
+        row("RMS tracking error", "m", &|of| ComparisonValue::number(of.tracking.root())),
     ]
 }
 
-fn apart(a: &RunLog, b: &RunLog) -> Vec<Apart> {
+fn apart(a: &RunLog, b: &RunLog) -> Vec<RunSeparation> {
     let mut found = Vec::new();
     for trace in &a.vehicles {
         let Some(other) = b.vehicle(trace.id) else { continue };
@@ -508,9 +532,9 @@ fn apart(a: &RunLog, b: &RunLog) -> Vec<Apart> {
         };
         let mean_m = all.iter().map(|(_, m)| m).sum::<f64>() / all.len() as f64;
         let (mean_m, max_m) = (a.lab(mean_m), a.lab(max_m));
-        let rms_speed_mps = a.lab(speed_difference(trace, other));
+        let rms_speed_mps = a.lab(rms_speed_difference(trace, other));
         let (vehicle, name) = (trace.id.0, trace.name.clone());
-        found.push(Apart { vehicle, name, mean_m, max_m, max_at_s, rms_speed_mps });
+        found.push(RunSeparation { vehicle, name, mean_m, max_m, max_at_s, rms_speed_mps });
     }
     found
 }

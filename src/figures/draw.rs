@@ -1,10 +1,11 @@
-//! Figures as files: SVG and PNG by plotters. Both come from the same drawing, in steps much finer than a pixel, and
-//! with a font of the program's own: a machine without fonts gives the same picture.
+//! Draws figures as SVG and PNG with plotters, from one drawing with subpixel steps. The font is embedded, so that
+//! every machine gives the same picture.
 
 use super::chart::{
-    BLACK, Colour, Dash, Figure, GREY, Key, Line, Panel, Rule, Scale, Stroke, ticks, viridis,
+    BLACK, ChartLine, Colour, ColourBar, Dash, Figure, GREY, LegendEntry, LineStyle, Panel, ReferenceLine,
+    ticks, viridis,
 };
-use super::plan::{EDGE_MM, KEY_MM, LINE_MM, Place, Plan};
+use super::plan::{EDGE_MM, KEY_MM, LINE_MM, PageLayout, PaperRect};
 use crate::geom::trig;
 use plotters::backend::{BitMapBackend, DrawingBackend, SVGBackend};
 use plotters::coord::Shift;
@@ -26,9 +27,9 @@ pub enum DrawError {
     Png(#[from] png::EncodingError),
 }
 
-/// How large figures are printed, millimetres. Text is 8 points in both.
+/// Printed size of figures. Text is 8 points in both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Size {
+pub enum FigureSize {
     /// One of two columns.
     Column,
     /// The whole page.
@@ -36,7 +37,7 @@ pub enum Size {
     Page,
 }
 
-impl Size {
+impl FigureSize {
     pub fn width_mm(self) -> f64 {
         match self {
             Self::Column => 88.0,
@@ -45,34 +46,35 @@ impl Size {
     }
 }
 
-/// Names that viewers of SVG look for; in the program they all mean the first.
+/// Font family for SVG viewers; the program embeds the first one.
 pub(super) const FAMILY: &str = "DejaVu Sans, Verdana, Helvetica, Arial, sans-serif";
 pub(super) const TEXT_PT: f64 = 8.0;
 pub(super) const SMALL_PT: f64 = 7.0;
 pub(super) const MM_PER_PT: f64 = 25.4 / 72.0;
-/// Steps of an SVG, and pixels of a PNG, to the millimetre; each pixel is the mean of so many squared.
+/// Units of an SVG and pixels of a PNG per millimetre; PNGs are supersampled by this factor per axis (anti-aliasing).
 const SVG_PER_MM: f64 = 40.0;
 const PNG_PER_MM: u32 = 10;
-const OVERSAMPLED: u32 = 3;
-/// plotters' size of a font, over the height of its em: as it writes SVG, and as it draws DejaVu.
+const SUPERSAMPLING: u32 = 3;
+/// Font size of plotters over the em height: in SVG, and for the rasterized DejaVu.
 const SVG_SIZE: f64 = 1.24;
 pub(super) const RASTER_SIZE: f64 = 1.164;
 
-type Area<'a, B> = DrawingArea<B, Shift>;
+type DrawArea<'a, B> = DrawingArea<B, Shift>;
 
 /// The figure as SVG.
 ///
 /// # Errors
 /// Where plotters cannot draw it.
-pub fn svg(figure: &Figure, size: Size) -> Result<String, DrawError> {
+pub fn svg(figure: &Figure, size: FigureSize) -> Result<String, DrawError> {
     let mut text = String::new();
-    let plan = Plan::of(figure, size)?;
+    let plan = PageLayout::of(figure, size)?;
     let extent = plan.extent(SVG_PER_MM);
     let area = SVGBackend::with_string(&mut text, extent).into_drawing_area();
-    Pen { area: &area, per_mm: SVG_PER_MM, size_of_em: SVG_SIZE, is_raster: false }.figure(figure, &plan)?;
+    FigurePainter { area: &area, per_mm: SVG_PER_MM, size_of_em: SVG_SIZE, is_raster: false }
+        .figure(figure, &plan)?;
     area.present().map_err(plot)?;
     drop(area);
-    // Its size in print; the steps are those of the drawing.
+    // The printed size; the view box keeps the units of the drawing.
     let pixels = format!("width=\"{}\" height=\"{}\" ", extent.0, extent.1);
     let print = format!("width=\"{}mm\" height=\"{}mm\" ", plan.width_mm, plan.height_mm);
     Ok(text.replacen(&pixels, &print, 1))
@@ -82,14 +84,14 @@ pub fn svg(figure: &Figure, size: Size) -> Result<String, DrawError> {
 ///
 /// # Errors
 /// Where plotters cannot draw it.
-pub fn png(figure: &Figure, size: Size) -> Result<Vec<u8>, DrawError> {
-    let plan = Plan::of(figure, size)?;
+pub fn png(figure: &Figure, size: FigureSize) -> Result<Vec<u8>, DrawError> {
+    let plan = PageLayout::of(figure, size)?;
     let (width, height) = plan.extent(f64::from(PNG_PER_MM));
-    let fine = (width * OVERSAMPLED, height * OVERSAMPLED);
+    let fine = (width * SUPERSAMPLING, height * SUPERSAMPLING);
     let mut pixels = vec![255; fine.0 as usize * fine.1 as usize * 3];
-    let per_mm = f64::from(PNG_PER_MM * OVERSAMPLED);
+    let per_mm = f64::from(PNG_PER_MM * SUPERSAMPLING);
     let area = BitMapBackend::with_buffer(&mut pixels, fine).into_drawing_area();
-    Pen { area: &area, per_mm, size_of_em: RASTER_SIZE, is_raster: true }.figure(figure, &plan)?;
+    FigurePainter { area: &area, per_mm, size_of_em: RASTER_SIZE, is_raster: true }.figure(figure, &plan)?;
     area.present().map_err(plot)?;
     drop(area);
     let mut bytes = Vec::new();
@@ -97,13 +99,13 @@ pub fn png(figure: &Figure, size: Size) -> Result<Vec<u8>, DrawError> {
     encoder.set_color(png::ColorType::Rgb);
     let per_m = PNG_PER_MM * 1000;
     encoder.set_pixel_dims(Some(png::PixelDimensions { xppu: per_m, yppu: per_m, unit: png::Unit::Meter }));
-    encoder.write_header()?.write_image_data(&shrunk(&pixels, width as usize, height as usize))?;
+    encoder.write_header()?.write_image_data(&box_downsampled(&pixels, width as usize, height as usize))?;
     Ok(bytes)
 }
 
-/// Means of squares of pixels.
-fn shrunk(fine: &[u8], width: usize, height: usize) -> Vec<u8> {
-    let times = OVERSAMPLED as usize;
+/// Box filter: downsamples the supersampled pixels.
+fn box_downsampled(fine: &[u8], width: usize, height: usize) -> Vec<u8> {
+    let times = SUPERSAMPLING as usize;
     let mut pixels = Vec::with_capacity(width * height * 3);
     for y in 0..height {
         for x in 0..width {
@@ -123,18 +125,18 @@ pub(super) fn plot(error: impl std::fmt::Display) -> DrawError {
     DrawError::Plot(error.to_string())
 }
 
-/// Draws on one kind of paper.
-struct Pen<'a, B: DrawingBackend> {
-    area: &'a Area<'a, B>,
+/// Draws a figure on one backend.
+struct FigurePainter<'a, B: DrawingBackend> {
+    area: &'a DrawArea<'a, B>,
     per_mm: f64,
     size_of_em: f64,
-    /// Lines are drawn piece by piece: plotters fills the outline of a whole one, which overlaps itself.
+    /// Raster lines are drawn segment by segment: plotters fills the self-overlapping outline of a whole polyline.
     is_raster: bool,
 }
 
-/// How a text stands.
+/// Font size, colour and alignment of a text.
 #[derive(Clone, Copy)]
-struct Words {
+struct TextFormat {
     points: f64,
     colour: Colour,
     h: HPos,
@@ -143,7 +145,7 @@ struct Words {
     is_upright: bool,
 }
 
-const SMALL: Words = Words {
+const SMALL: TextFormat = TextFormat {
     points: SMALL_PT,
     colour: BLACK,
     h: HPos::Left,
@@ -151,12 +153,12 @@ const SMALL: Words = Words {
     is_bold: false,
     is_upright: false,
 };
-const MIDDLE: Words = Words { points: TEXT_PT, h: HPos::Center, ..SMALL };
+const MIDDLE: TextFormat = TextFormat { points: TEXT_PT, h: HPos::Center, ..SMALL };
 
-impl<B: DrawingBackend> Pen<'_, B> {
-    fn figure(&self, figure: &Figure, plan: &Plan) -> Result<(), DrawError> {
+impl<B: DrawingBackend> FigurePainter<'_, B> {
+    fn figure(&self, figure: &Figure, plan: &PageLayout) -> Result<(), DrawError> {
         self.area.fill(&RGBColor(255, 255, 255)).map_err(plot)?;
-        let bold = Words { points: TEXT_PT, is_bold: true, v: VPos::Top, ..SMALL };
+        let bold = TextFormat { points: TEXT_PT, is_bold: true, v: VPos::Top, ..SMALL };
         for (y, line) in &plan.title {
             self.text(line, (EDGE_MM, *y), bold)?;
         }
@@ -169,11 +171,11 @@ impl<B: DrawingBackend> Pen<'_, B> {
         for ((panel, &place), &has_names) in figure.panels.iter().zip(&plan.panels).zip(&plan.have_names) {
             self.panel(panel, place)?;
             let title = (place.x, place.y - plan.over - LINE_MM / 2.0 + 0.5);
-            self.text(&panel.title, title, Words { points: TEXT_PT, ..SMALL })?;
+            self.text(&panel.title, title, TextFormat { points: TEXT_PT, ..SMALL })?;
             self.names(panel, place, has_names)?;
         }
         for (y, line) in &plan.note {
-            self.text(line, (EDGE_MM, *y), Words { colour: GREY, v: VPos::Top, ..SMALL })?;
+            self.text(line, (EDGE_MM, *y), TextFormat { colour: GREY, v: VPos::Top, ..SMALL })?;
         }
         Ok(())
     }
@@ -182,7 +184,7 @@ impl<B: DrawingBackend> Pen<'_, B> {
         ((x_mm * self.per_mm).round() as i32, (y_mm * self.per_mm).round() as i32)
     }
 
-    fn text(&self, text: &str, at_mm: (f64, f64), how: Words) -> Result<(), DrawError> {
+    fn text(&self, text: &str, at_mm: (f64, f64), how: TextFormat) -> Result<(), DrawError> {
         if text.is_empty() {
             return Ok(());
         }
@@ -195,13 +197,13 @@ impl<B: DrawingBackend> Pen<'_, B> {
         self.area.draw_text(text, &style, self.at(at_mm)).map_err(plot)
     }
 
-    fn key(&self, key: &Key, (x, y): (f64, f64)) -> Result<(), DrawError> {
+    fn key(&self, key: &LegendEntry, (x, y): (f64, f64)) -> Result<(), DrawError> {
         let middle = y + LINE_MM / 2.0;
         self.stroke(&[(x, middle), (x + KEY_MM, middle)], key.stroke)?;
         self.text(&key.name, (x + KEY_MM + 1.0, middle), SMALL)
     }
 
-    fn scale(&self, scale: &Scale, place: Place) -> Result<(), DrawError> {
+    fn scale(&self, scale: &ColourBar, place: PaperRect) -> Result<(), DrawError> {
         const STEPS: u32 = 60;
         let x_at = |share: f64| place.x + share * place.width;
         for step in 0..STEPS {
@@ -214,29 +216,29 @@ impl<B: DrawingBackend> Pen<'_, B> {
         let (values, decimals) = ticks((scale.from, scale.to), 5);
         for value in values {
             let x = x_at((value - scale.from) / (scale.to - scale.from));
-            let under = Words { h: HPos::Center, ..SMALL };
+            let under = TextFormat { h: HPos::Center, ..SMALL };
             self.text(&format!("{value:.decimals$}"), (x, place.y + place.height + LINE_MM / 2.0), under)?;
         }
         self.text(&scale.label, (place.x + place.width + 3.0, place.y + place.height / 2.0), SMALL)
     }
 
-    fn panel(&self, panel: &Panel, place: Place) -> Result<(), DrawError> {
-        let Place { x: left, y: top, width, height } = place;
+    fn panel(&self, panel: &Panel, place: PaperRect) -> Result<(), DrawError> {
+        let PaperRect { x: left, y: top, width, height } = place;
         let x_at = |x: f64| left + (x - panel.x.0) / (panel.x.1 - panel.x.0) * width;
         let y_at = |y: f64| top + height - (y - panel.y.0) / (panel.y.1 - panel.y.0) * height;
-        let grid = Stroke { colour: [225, 225, 225], dash: Dash::Solid, width_pt: 0.5 };
+        let grid = LineStyle { colour: [225, 225, 225], dash: Dash::Solid, width_pt: 0.5 };
         let [x_marks, y_marks] = marks(panel, place);
         for (value, word) in x_marks {
             let x = x_at(value);
             self.stroke(&[(x, top), (x, top + height)], grid)?;
             if !panel.x_label.is_empty() {
-                self.text(&word, (x, top + height + 2.4), Words { h: HPos::Center, ..SMALL })?;
+                self.text(&word, (x, top + height + 2.4), TextFormat { h: HPos::Center, ..SMALL })?;
             }
         }
         for (value, word) in y_marks {
             let y = y_at(value);
             self.stroke(&[(left, y), (left + width, y)], grid)?;
-            self.text(&word, (left - 1.2, y), Words { h: HPos::Right, ..SMALL })?;
+            self.text(&word, (left - 1.2, y), TextFormat { h: HPos::Right, ..SMALL })?;
         }
         for cell in &panel.cells {
             let corners = [(x_at(cell.x.0), y_at(cell.y.1)), (x_at(cell.x.1), y_at(cell.y.0))];
@@ -244,7 +246,7 @@ impl<B: DrawingBackend> Pen<'_, B> {
             self.area.draw(&Rectangle::new(corners.map(|corner| self.at(corner)), fill)).map_err(plot)?;
             let middle = ((corners[0].0 + corners[1].0) / 2.0, (corners[0].1 + corners[1].1) / 2.0);
             let colour = if cell.share < 0.6 { [255; 3] } else { BLACK };
-            self.text(&cell.word, middle, Words { colour, h: HPos::Center, ..SMALL })?;
+            self.text(&cell.word, middle, TextFormat { colour, h: HPos::Center, ..SMALL })?;
         }
         for rule in &panel.rules {
             self.rule(rule, panel, place)?;
@@ -252,17 +254,17 @@ impl<B: DrawingBackend> Pen<'_, B> {
         for line in &panel.lines {
             self.line(line, x_at, y_at)?;
         }
-        let axis = Stroke { colour: BLACK, dash: Dash::Solid, width_pt: 0.7 };
+        let axis = LineStyle { colour: BLACK, dash: Dash::Solid, width_pt: 0.7 };
         let (right, bottom) = (left + width, top + height);
         self.stroke(&[(left, top), (left, bottom), (right, bottom)], axis)?;
         self.text(&panel.x_label, (left + width / 2.0, bottom + 2.4 + LINE_MM), MIDDLE)?;
         let beside = (left - 11.0, top + height / 2.0);
-        self.text(&panel.y_label, beside, Words { is_upright: true, ..MIDDLE })
+        self.text(&panel.y_label, beside, TextFormat { is_upright: true, ..MIDDLE })
     }
 
-    fn rule(&self, rule: &Rule, panel: &Panel, place: Place) -> Result<(), DrawError> {
+    fn rule(&self, rule: &ReferenceLine, panel: &Panel, place: PaperRect) -> Result<(), DrawError> {
         let Some(at) = rule_at(rule, panel, place) else { return Ok(()) };
-        let stroke = Stroke { colour: GREY, dash: rule.dash, width_pt: 0.8 };
+        let stroke = LineStyle { colour: GREY, dash: rule.dash, width_pt: 0.8 };
         if rule.is_level {
             self.stroke(&[(place.x, at), (place.x + place.width, at)], stroke)
         } else {
@@ -270,9 +272,9 @@ impl<B: DrawingBackend> Pen<'_, B> {
         }
     }
 
-    /// Names of rules outside of the axes, where they cover nothing: of level ones to the right, of upright ones above.
-    fn names(&self, panel: &Panel, place: Place, has_names: bool) -> Result<(), DrawError> {
-        let words = Words { colour: GREY, ..SMALL };
+    /// Labels of reference lines outside the axes: horizontal ones to the right, vertical ones above.
+    fn names(&self, panel: &Panel, place: PaperRect, has_names: bool) -> Result<(), DrawError> {
+        let words = TextFormat { colour: GREY, ..SMALL };
         let mut level: Vec<(f64, &str)> = Vec::new();
         for rule in &panel.rules {
             let Some(at) = rule_at(rule, panel, place) else { continue };
@@ -281,7 +283,7 @@ impl<B: DrawingBackend> Pen<'_, B> {
                 continue;
             }
             let (off, h) = if rule.is_before { (0.6, HPos::Right) } else { (-0.6, HPos::Left) };
-            self.text(&rule.name, (at + off, place.y - 2.0), Words { h, ..words })?;
+            self.text(&rule.name, (at + off, place.y - 2.0), TextFormat { h, ..words })?;
         }
         if !has_names {
             return Ok(());
@@ -296,7 +298,7 @@ impl<B: DrawingBackend> Pen<'_, B> {
 
     fn line(
         &self,
-        line: &Line,
+        line: &ChartLine,
         x_at: impl Fn(f64) -> f64,
         y_at: impl Fn(f64) -> f64,
     ) -> Result<(), DrawError> {
@@ -309,7 +311,7 @@ impl<B: DrawingBackend> Pen<'_, B> {
     }
 
     /// Draws a line through points in millimetres.
-    fn stroke(&self, points: &[(f64, f64)], stroke: Stroke) -> Result<(), DrawError> {
+    fn stroke(&self, points: &[(f64, f64)], stroke: LineStyle) -> Result<(), DrawError> {
         let points = thinned(points);
         match stroke.dash {
             Dash::Solid => self.solid(&points, stroke),
@@ -318,7 +320,7 @@ impl<B: DrawingBackend> Pen<'_, B> {
         }
     }
 
-    fn solid(&self, points: &[(f64, f64)], stroke: Stroke) -> Result<(), DrawError> {
+    fn solid(&self, points: &[(f64, f64)], stroke: LineStyle) -> Result<(), DrawError> {
         let width = stroke.width_pt * MM_PER_PT * self.per_mm;
         let colour = rgb(stroke.colour);
         if !self.is_raster {
@@ -336,7 +338,7 @@ impl<B: DrawingBackend> Pen<'_, B> {
                 .map(|((x, y), side)| ((x + sx * side).round() as i32, (y + sy * side).round() as i32));
             self.area.draw(&Polygon::new(corners.to_vec(), colour.filled())).map_err(plot)?;
         }
-        // Round joints.
+        // Round line joins.
         for &point in points.iter().skip(1).take(points.len().saturating_sub(2)) {
             let joint = Circle::new(self.at(point), (width / 2.0).floor() as i32, colour.filled());
             self.area.draw(&joint).map_err(plot)?;
@@ -345,8 +347,8 @@ impl<B: DrawingBackend> Pen<'_, B> {
     }
 }
 
-/// Values of both axes with their words.
-fn marks(panel: &Panel, place: Place) -> [Vec<(f64, String)>; 2] {
+/// Ticks of both axes with their labels.
+fn marks(panel: &Panel, place: PaperRect) -> [Vec<(f64, String)>; 2] {
     if let Some(marks) = &panel.marks {
         return marks.clone();
     }
@@ -358,8 +360,8 @@ fn marks(panel: &Panel, place: Place) -> [Vec<(f64, String)>; 2] {
     [round(panel.x, most[0]), round(panel.y, most[1])]
 }
 
-/// Where a rule is on the paper; `None` beyond the axes.
-fn rule_at(rule: &Rule, panel: &Panel, place: Place) -> Option<f64> {
+/// Position of a reference line on the page; `None` outside the axes.
+fn rule_at(rule: &ReferenceLine, panel: &Panel, place: PaperRect) -> Option<f64> {
     let range = if rule.is_level { panel.y } else { panel.x };
     let share = (rule.at - range.0) / (range.1 - range.0);
     let at =
@@ -367,12 +369,12 @@ fn rule_at(rule: &Rule, panel: &Panel, place: Place) -> Option<f64> {
     (0.0..=1.0).contains(&share).then_some(at)
 }
 
-/// Places near to those that are wanted, in their order, at least so far apart.
+/// Label placement: positions near the wanted ones, in order, with a least distance.
 fn apart(wanted: &[f64], least: f64) -> Vec<f64> {
     let mut groups: Vec<(f64, usize)> = Vec::new();
     for &at in wanted {
         groups.push((at, 1));
-        // Those that would touch stand around their middle.
+        // Overlapping labels are centred on their mean.
         while let [.., (a, n), (b, m)] = groups[..]
             && b - a < (n + m) as f64 / 2.0 * least
         {
@@ -391,7 +393,7 @@ fn rgb([red, green, blue]: Colour) -> RGBColor {
     RGBColor(red, green, blue)
 }
 
-/// Without points that nobody could see.
+/// Drops points closer than a visible distance.
 fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     const SEEN_MM: f64 = 0.06;
     let mut kept: Vec<(f64, f64)> = Vec::new();
@@ -442,7 +444,7 @@ fn dashes(points: &[(f64, f64)], on_mm: f64, off_mm: f64) -> Vec<Vec<(f64, f64)>
 ///
 /// # Errors
 /// Where it cannot be drawn, or a file cannot be written; says which.
-pub fn write(figure: &Figure, size: Size, folder: &Path) -> Result<(), WriteError> {
+pub fn write(figure: &Figure, size: FigureSize, folder: &Path) -> Result<(), WriteError> {
     let write = |extension: &str, bytes: &[u8]| {
         let path = folder.join(format!("{}.{extension}", figure.name));
         std::fs::write(&path, bytes)

@@ -1,4 +1,4 @@
-//! Numbers and figures of recorded runs, from their logs alone.
+//! Metrics and figures of recorded runs, from their logs alone.
 
 pub mod chart;
 mod compare;
@@ -11,11 +11,11 @@ mod table;
 mod track;
 mod views;
 
-pub use compare::{Apart, CompareError, Comparison, Head, Row, Value};
-pub use draw::{DrawError, Size, WriteError, png, svg, write};
-pub use paths::{Layout, Member, Merge, PathError, Stream, crossings, merges};
-pub use run::{RunError, RunLog, Sample, Trace};
-pub use series::{AVERAGED_S, differences, moving_average, speed_difference};
-pub use table::{Table, number};
-pub use track::{Track, Visit};
-pub use views::Views;
+pub use compare::{CompareError, Comparison, ComparisonRow, ComparisonValue, RunHeader, RunSeparation};
+pub use draw::{DrawError, FigureSize, WriteError, png, svg, write};
+pub use paths::{MergingPoint, PathError, Stream, StreamLayout, StreamMember, crossings, merges};
+pub use run::{RunError, RunLog, Trace, TraceSample};
+pub use series::{AVERAGED_S, differences, moving_average, rms_speed_difference};
+pub use table::{TidyTable, number};
+pub use track::{LaneVisit, MatchedPath};
+pub use views::FigureSet;

@@ -1,5 +1,5 @@
-//! Which vehicles share a path, and on which scale their positions are told: the streams that merge at a point, or,
-//! where none do, the vehicles that drive on the same lanes.
+//! Groups vehicles into traffic streams with a common position axis: streams that merge at a point or, without one,
+//! vehicles on the same lanes.
 
 use super::run::{RunLog, Trace};
 use crate::city::{CityMap, ControlLineKind, LaneId, ZoneKind};
@@ -7,65 +7,65 @@ use crate::snapshot::VehicleId;
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 
-/// A vehicle on a path. Where it drives round and round, each round is one.
+/// One passage of a vehicle on a path; a circulating vehicle has one per round.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Member {
+pub struct StreamMember {
     pub vehicle: VehicleId,
-    /// Station of the vehicle's own way at which its path has the merging point or, without one, its origin.
+    /// Station along the vehicle's way of the merging point or, without one, of the origin.
     pub zero_m: f64,
     /// Stations between which the vehicle is on this path.
     pub from_m: f64,
     pub to_m: f64,
 }
 
-/// Vehicles that share a way.
+/// A traffic stream: vehicles on the same path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stream {
     /// "Path 1".
     pub name: String,
-    /// The lane that tells the path from others.
+    /// The lane that identifies the path.
     pub lane: String,
     /// Stop or yield line, city metres before the merging point.
     pub line_before_m: Option<f64>,
-    pub members: Vec<Member>,
+    pub members: Vec<StreamMember>,
 }
 
-/// Where the streams meet.
+/// A merging point: where two or more streams meet.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Merge {
+pub struct MergingPoint {
     /// Name of the lane that begins there.
     pub name: String,
     pub lanes: Vec<LaneId>,
     /// Lanes that end there and were driven.
     pub approaches: Vec<LaneId>,
-    /// Vehicles that went through.
+    /// Number of vehicles that passed.
     pub vehicles: usize,
 }
 
-/// A merging point that cannot be used.
+/// The requested merging point is not one of the run.
 #[derive(Debug, Error)]
 pub enum PathError {
     #[error("in this run no streams merge at \"{name}\"; {known}")]
     NoMerge { name: String, known: String },
 }
 
-/// How far before the merging point, and behind it, positions are told, laboratory metres.
+/// Position range before and after the merging point, laboratory metres.
 const BEFORE_M: f64 = 5.0;
 const BEHIND_M: f64 = 2.5;
 /// A line this far before the merging point belongs to it, laboratory metres.
 const LINE_WITHIN_M: f64 = 1.0;
-/// Vehicles that share no way with a merge fall into at most so many groups.
+/// Most groups of vehicles in a run without a merging point.
 const MOST_GROUPS: usize = 4;
 
-/// How positions of a run, or of several that are compared, are told.
+/// Streams and position axis of one run, or of several that are compared.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Layout {
+pub struct StreamLayout {
     /// `None` where no streams merge.
-    pub merge: Option<Merge>,
+    pub merge: Option<MergingPoint>,
     /// Position of the merging point, city metres. Without one it is 0, and positions count from the beginning of
     /// the stream's lane.
     pub merge_at_m: f64,
-    /// Names and lanes of the streams; those that give way first.
+    /// Lanes of the streams; those that give way come first.
     pub streams: Vec<StreamLane>,
 }
 
@@ -76,12 +76,12 @@ pub struct StreamLane {
     pub line_before_m: Option<f64>,
 }
 
-impl Layout {
-    /// Chooses for a run: the merging point that is named, or the one that most vehicles of at least two streams use.
-    /// Positions are 0 so many city metres before it, or where the last vehicle of the first stream starts.
+impl StreamLayout {
+    /// Chooses the merging point: the named one, or the one with most vehicles from at least two streams. The origin
+    /// lies `origin_m` city metres before it, or where the last vehicle of the first stream starts.
     ///
     /// # Errors
-    /// Where no streams merge at the named one; it says where they do.
+    /// [`PathError::NoMerge`] with the known merging points.
     pub fn of(run: &RunLog, name: Option<&str>, origin_m: Option<f64>) -> Result<Self, PathError> {
         let map = &run.experiment.city_map;
         let merges = merges(run);
@@ -130,7 +130,7 @@ impl Layout {
         self.streams.iter().enumerate().map(named).collect()
     }
 
-    fn through(&self, run: &RunLog, merge: &Merge, approach: LaneId) -> Vec<Member> {
+    fn through(&self, run: &RunLog, merge: &MergingPoint, approach: LaneId) -> Vec<StreamMember> {
         let scale = run.experiment.scale;
         let (before_m, behind_m) = (scale.city_from_lab(BEFORE_M), scale.city_from_lab(BEHIND_M));
         let mut members = Vec::new();
@@ -140,12 +140,12 @@ impl Layout {
                 if lane != approach {
                     continue;
                 }
-                // Between two rounds the way belongs half to each.
+                // The way between two rounds is split in the middle.
                 let middle =
                     |other: Option<&(f64, LaneId)>| other.map(|(other_m, _)| f64::midpoint(*other_m, zero_m));
                 let from_m = middle(index.checked_sub(1).and_then(|before| all.get(before)));
                 let to_m = middle(all.get(index + 1));
-                members.push(Member {
+                members.push(StreamMember {
                     vehicle: trace.id,
                     zero_m,
                     from_m: from_m.unwrap_or(f64::NEG_INFINITY).max(zero_m - before_m),
@@ -156,8 +156,8 @@ impl Layout {
         members
     }
 
-    /// Vehicles that drive over a lane, where nothing merges; those that drive over an earlier stream's are its.
-    fn along(&self, run: &RunLog, lane: LaneId) -> Vec<Member> {
+    /// Vehicles on a lane, without those of an earlier stream.
+    fn along(&self, run: &RunLog, lane: LaneId) -> Vec<StreamMember> {
         let earlier = self.streams.iter().take_while(|stream| stream.lane != lane);
         let earlier: Vec<LaneId> = earlier.map(|stream| stream.lane).collect();
         let member = |trace: &Trace| {
@@ -167,20 +167,20 @@ impl Layout {
             }
             let visit = visits.iter().find(|visit| visit.lane == lane)?;
             let (from_m, to_m) = (f64::NEG_INFINITY, f64::INFINITY);
-            Some(Member { vehicle: trace.id, zero_m: visit.start_m, from_m, to_m })
+            Some(StreamMember { vehicle: trace.id, zero_m: visit.start_m, from_m, to_m })
         };
         run.vehicles.iter().filter_map(member).collect()
     }
 
     /// Position of a member at a sample on the layout's scale, city metres: its front bumper; `None` off its path.
-    pub fn position_m(&self, trace: &Trace, member: &Member, sample: usize) -> Option<f64> {
+    pub fn position_m(&self, trace: &Trace, member: &StreamMember, sample: usize) -> Option<f64> {
         let front_m = trace.front_m(sample);
         (member.from_m..=member.to_m).contains(&front_m).then_some(front_m - member.zero_m + self.merge_at_m)
     }
 }
 
-/// Who went through a merging point when, with the front bumper, in order of time.
-pub fn crossings(run: &RunLog, merge: &Merge) -> Vec<(f64, VehicleId)> {
+/// Times at which front bumpers crossed a merging point, in order.
+pub fn crossings(run: &RunLog, merge: &MergingPoint) -> Vec<(f64, VehicleId)> {
     let mut found = Vec::new();
     for trace in &run.vehicles {
         for (zero_m, _) in passes(&run.experiment.city_map, trace, merge) {
@@ -202,7 +202,7 @@ pub fn crossings(run: &RunLog, merge: &Merge) -> Vec<(f64, VehicleId)> {
 }
 
 /// Station and approach of each time that a vehicle came through a merging point.
-fn passes(map: &CityMap, trace: &Trace, merge: &Merge) -> Vec<(f64, LaneId)> {
+fn passes(map: &CityMap, trace: &Trace, merge: &MergingPoint) -> Vec<(f64, LaneId)> {
     let pairs = trace.track.visits.windows(2);
     let through = pairs.filter_map(|pair| {
         let (before, after) = (pair[0], pair[1]);
@@ -212,8 +212,8 @@ fn passes(map: &CityMap, trace: &Trace, merge: &Merge) -> Vec<(f64, LaneId)> {
     through.collect()
 }
 
-/// The merging points at which at least two streams met; those with most vehicles first.
-pub fn merges(run: &RunLog) -> Vec<Merge> {
+/// The merging points of at least two streams; those with most vehicles first.
+pub fn merges(run: &RunLog) -> Vec<MergingPoint> {
     let map = &run.experiment.city_map;
     // Lanes that begin at a merging point, by the first one that ends there.
     let mut points: BTreeMap<LaneId, BTreeSet<LaneId>> = BTreeMap::new();
@@ -227,7 +227,7 @@ pub fn merges(run: &RunLog) -> Vec<Merge> {
     for lanes in points.into_values() {
         let lanes: Vec<LaneId> = lanes.into_iter().collect();
         let name = map.lane(lanes[0]).name.clone();
-        let mut merge = Merge { name, lanes, approaches: Vec::new(), vehicles: 0 };
+        let mut merge = MergingPoint { name, lanes, approaches: Vec::new(), vehicles: 0 };
         let mut used = BTreeSet::new();
         for trace in &run.vehicles {
             let passes = passes(map, trace, &merge);
@@ -243,7 +243,7 @@ pub fn merges(run: &RunLog) -> Vec<Merge> {
     found
 }
 
-fn find(map: &CityMap, merges: &[Merge], name: &str) -> Result<Merge, PathError> {
+fn find(map: &CityMap, merges: &[MergingPoint], name: &str) -> Result<MergingPoint, PathError> {
     let lane = map.lane_by_name(name).map(|lane| lane.id);
     let found = merges.iter().find(|merge| lane.is_some_and(|lane| merge.lanes.contains(&lane)));
     found.cloned().ok_or_else(|| {
@@ -256,7 +256,7 @@ fn find(map: &CityMap, merges: &[Merge], name: &str) -> Result<Merge, PathError>
     })
 }
 
-/// The nearest line at which vehicles on the way to a merging point give way: from there to the point.
+/// Distance from the nearest stop or yield line to the merging point.
 fn line_before(run: &RunLog, approach: LaneId) -> Option<f64> {
     let map = &run.experiment.city_map;
     let most_m = run.experiment.scale.city_from_lab(LINE_WITHIN_M);
@@ -278,7 +278,7 @@ fn line_before(run: &RunLog, approach: LaneId) -> Option<f64> {
     nearest
 }
 
-/// Lanes that tell groups of vehicles apart, the largest first: each is driven by all of its group.
+/// Lanes that partition the vehicles into groups, the largest first (greedy).
 fn groups(run: &RunLog) -> Vec<StreamLane> {
     let mut left: Vec<&Trace> = run.vehicles.iter().filter(|trace| !trace.track.visits.is_empty()).collect();
     let mut found = Vec::new();
@@ -289,7 +289,7 @@ fn groups(run: &RunLog) -> Vec<StreamLane> {
             lanes.into_iter().for_each(|lane| *counts.entry(lane).or_default() += 1);
         }
         let most = counts.values().max().copied().unwrap_or(0);
-        // Of equal ones the first that the first vehicle comes to.
+        // Of equal ones the first on the way of the first vehicle.
         let way = left.iter().flat_map(|trace| &trace.track.visits).map(|visit| visit.lane);
         let Some(lane) = way.into_iter().find(|lane| counts.get(lane) == Some(&most)) else { break };
         left.retain(|trace| trace.track.visits.iter().all(|visit| visit.lane != lane));

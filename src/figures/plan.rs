@@ -1,31 +1,31 @@
-//! Where everything of a figure is on the paper.
+//! Page layout of a figure.
 
-use super::chart::{Figure, GREY, Key, Stroke};
-use super::draw::{DrawError, FAMILY, MM_PER_PT, RASTER_SIZE, SMALL_PT, Size, TEXT_PT, plot};
+use super::chart::{Figure, GREY, LegendEntry, LineStyle};
+use super::draw::{DrawError, FAMILY, FigureSize, MM_PER_PT, RASTER_SIZE, SMALL_PT, TEXT_PT, plot};
 use plotters::style::{FontFamily, FontStyle, TextStyle, register_font};
 use std::sync::OnceLock;
 
 /// A rectangle in millimetres from the upper left corner.
 #[derive(Clone, Copy, Debug)]
-pub struct Place {
+pub struct PaperRect {
     pub x: f64,
     pub y: f64,
     pub width: f64,
     pub height: f64,
 }
 
-/// Where everything of a figure is, millimetres.
-pub struct Plan {
+/// Page layout of a figure, millimetres.
+pub struct PageLayout {
     pub width_mm: f64,
     pub height_mm: f64,
     pub title: Vec<(f64, String)>,
-    /// With its upper left corner.
-    pub keys: Vec<(Key, (f64, f64))>,
-    pub scale: Option<Place>,
-    /// Of the space above axes, under the title of the panel.
+    /// Legend entries with their upper left corners.
+    pub keys: Vec<(LegendEntry, (f64, f64))>,
+    pub scale: Option<PaperRect>,
+    /// Height between the axes and the title of the panel.
     pub over: f64,
-    pub panels: Vec<Place>,
-    /// Whether each one has the names of its level lines beside it: the last of its row.
+    pub panels: Vec<PaperRect>,
+    /// Whether each panel labels its horizontal reference lines: the last one of a row.
     pub have_names: Vec<bool>,
     pub note: Vec<(f64, String)>,
 }
@@ -34,16 +34,16 @@ pub const EDGE_MM: f64 = 2.0;
 pub const LINE_MM: f64 = 4.0;
 pub const KEY_MM: f64 = 8.0;
 
-/// Width of bold letters over that of others.
+/// Width of bold over normal letters.
 const BOLD: f64 = 1.12;
 
-/// What the legend tells. In a column there is no room beside the axes: it has the level lines as well.
-fn legend(figure: &Figure, size: Size) -> Vec<Key> {
+/// The legend. In a column there is no room beside the axes, so it lists the horizontal reference lines too.
+fn legend(figure: &Figure, size: FigureSize) -> Vec<LegendEntry> {
     let mut keys = figure.legend.clone();
-    if size == Size::Column {
+    if size == FigureSize::Column {
         for rule in figure.panels.iter().flat_map(|panel| &panel.rules).filter(|rule| rule.is_level) {
-            let stroke = Stroke { colour: GREY, dash: rule.dash, width_pt: 0.8 };
-            let key = Key { name: rule.name.clone(), stroke };
+            let stroke = LineStyle { colour: GREY, dash: rule.dash, width_pt: 0.8 };
+            let key = LegendEntry { name: rule.name.clone(), stroke };
             if !keys.contains(&key) {
                 keys.push(key);
             }
@@ -52,12 +52,12 @@ fn legend(figure: &Figure, size: Size) -> Vec<Key> {
     keys
 }
 
-impl Plan {
-    pub fn of(figure: &Figure, size: Size) -> Result<Self, DrawError> {
+impl PageLayout {
+    pub fn of(figure: &Figure, size: FigureSize) -> Result<Self, DrawError> {
         font()?;
         let width_mm = size.width_mm();
         // A column has no room for two panels side by side.
-        let columns = if size == Size::Column { 1 } else { figure.columns.max(1) };
+        let columns = if size == FigureSize::Column { 1 } else { figure.columns.max(1) };
         let inner_mm = width_mm - 2.0 * EDGE_MM;
         let mut y = EDGE_MM;
         let mut title = Vec::new();
@@ -79,7 +79,7 @@ impl Plan {
         if !keys.is_empty() {
             y += LINE_MM + 0.5;
         }
-        let scale = figure.scale.as_ref().map(|_| Place {
+        let scale = figure.scale.as_ref().map(|_| PaperRect {
             x: EDGE_MM + 2.0,
             y,
             width: (inner_mm - 25.0).min(70.0),
@@ -91,22 +91,22 @@ impl Plan {
         let has_titles = figure.panels.iter().any(|panel| !panel.title.is_empty());
         let rules = || figure.panels.iter().flat_map(|panel| &panel.rules);
         let mut right = 3.0;
-        let has_names = size == Size::Page;
+        let has_names = size == FigureSize::Page;
         for rule in rules().filter(|rule| rule.is_level && has_names) {
             right = f64::max(right, self::width_mm(&rule.name, SMALL_PT)? + 2.0);
         }
         let left = 14.0;
         let over = if rules().any(|rule| !rule.is_level) { LINE_MM } else { 1.5 };
         let (top, bottom) = (if has_titles { LINE_MM + 1.0 } else { 0.0 } + over, 2.0 * LINE_MM + 1.5);
-        // Names of level lines stand to the right of the last column.
+        // Labels of horizontal lines are right of the last column.
         let cell = (inner_mm - right + 3.0) / columns as f64;
-        let height = figure.row_height * if size == Size::Column { inner_mm * 1.1 } else { inner_mm };
-        let height = if columns == 1 && size == Size::Page { height.min(85.0) } else { height };
+        let height = figure.row_height * if size == FigureSize::Column { inner_mm * 1.1 } else { inner_mm };
+        let height = if columns == 1 && size == FigureSize::Page { height.min(85.0) } else { height };
         let (mut panels, mut have_names) = (Vec::new(), Vec::new());
         for (index, panel) in figure.panels.iter().enumerate() {
             let column = index % columns;
             let under = if panel.x_label.is_empty() { 2.0 } else { bottom };
-            panels.push(Place {
+            panels.push(PaperRect {
                 x: EDGE_MM + cell * column as f64 + left,
                 y: y + top,
                 width: cell - left - 3.0,
@@ -141,7 +141,7 @@ impl Plan {
     }
 }
 
-/// Lines of a text that are not wider than a figure.
+/// Breaks a text into lines (greedy).
 fn wrapped(text: &str, points: f64, most_mm: f64) -> Result<Vec<String>, DrawError> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -156,7 +156,7 @@ fn wrapped(text: &str, points: f64, most_mm: f64) -> Result<Vec<String>, DrawErr
     Ok(lines)
 }
 
-/// The program's own font, registered once.
+/// Registers the embedded font once.
 fn font() -> Result<(), DrawError> {
     static IS_THERE: OnceLock<bool> = OnceLock::new();
     let register = || {
@@ -168,7 +168,7 @@ fn font() -> Result<(), DrawError> {
 
 /// Width of a text in print.
 fn width_mm(text: &str, points: f64) -> Result<f64, DrawError> {
-    // Measured large, for widths come in whole pixels.
+    // Measured large, because widths are whole pixels.
     let large = 200.0;
     let style = TextStyle::from((FontFamily::Name(FAMILY), large * RASTER_SIZE));
     let ((left, _), (right, _)) = style.font.layout_box(text).map_err(plot)?;

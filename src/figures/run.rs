@@ -1,9 +1,9 @@
-//! A run as its log tells it: what figures and tables are made from.
+//! A recorded run as read from its log: the input of figures and tables.
 
-use super::track::{Boxes, Track};
+use super::track::{LaneBoxes, MatchedPath};
 use crate::environment::EnvironmentSpec;
 use crate::geom::Pose2;
-use crate::record::{Entry, LogReader, LoggedVehicle, NetworkCommand, Origin, RecordError};
+use crate::record::{LogEntry, LogOrigin, LogReader, LoggedVehicle, NetworkCommand, RecordError};
 use crate::scenario::Experiment;
 use crate::snapshot::{Dimensions, Event, SimCommand, Status, Trajectory, VehicleId};
 use crate::wire::Body;
@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// A log from which nothing can be drawn.
+/// A log that has nothing to draw.
 #[derive(Debug, Error)]
 pub enum RunError {
     #[error(transparent)]
@@ -25,13 +25,13 @@ pub enum RunError {
 
 /// A vehicle in one snapshot of a log, city metres and SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
+pub struct TraceSample {
     pub time_s: f64,
     /// Middle of the outline.
     pub pose: Pose2,
     /// Along the heading.
     pub speed_mps: f64,
-    /// Driven since the beginning.
+    /// Distance driven since the start.
     pub distance_m: f64,
     /// Front-axle centre from the desired path, left-positive.
     pub lateral_error_m: f64,
@@ -39,7 +39,7 @@ pub struct Sample {
     pub gas: f64,
     pub brake: f64,
     pub handbrake: f64,
-    /// From the front-axle centre to where the last trajectory wants it now; not a number without one.
+    /// Distance from the front-axle centre to its reference on the last trajectory; NaN without one.
     pub tracking_error_m: f64,
 }
 
@@ -50,34 +50,34 @@ pub struct Trace {
     pub name: String,
     pub dimensions: Dimensions,
     /// In order of time.
-    pub samples: Vec<Sample>,
-    pub track: Track,
+    pub samples: Vec<TraceSample>,
+    pub track: MatchedPath,
 }
 
 impl Trace {
-    /// Front bumper along the vehicle's way, city metres; not a number off the lanes.
+    /// Station of the front bumper along the matched path, city metres; NaN off the lanes.
     pub fn front_m(&self, sample: usize) -> f64 {
         self.track.stations_m[sample] + (self.dimensions.length_m - self.dimensions.wheelbase_m) / 2.0
     }
 }
 
-/// A run as its log tells it.
+/// A recorded run.
 #[derive(Debug)]
 pub struct RunLog {
     pub path: PathBuf,
-    pub origin: Origin,
+    pub origin: LogOrigin,
     pub experiment: Experiment,
-    /// Of City3D that has written the log.
+    /// Version of City3D that wrote the log.
     pub version: String,
-    /// Why the log has no end, where it is torn.
-    pub torn: Option<String>,
+    /// Why the log is truncated, if it is.
+    pub truncation: Option<String>,
     /// In id order.
     pub vehicles: Vec<Trace>,
     /// In order of time.
     pub events: Vec<Event>,
-    /// Of the last snapshot.
+    /// Time of the last snapshot.
     pub end_s: f64,
-    /// Vehicles of the laboratory were among them.
+    /// Whether physical vehicles took part.
     pub has_physical: bool,
 }
 
@@ -89,55 +89,55 @@ impl RunLog {
     pub fn read(path: &Path) -> Result<Self, RunError> {
         let mut log = LogReader::open(path)?;
         let experiment = log.experiment()?;
-        let mut reading = Reading::new(&experiment);
+        let mut builder = TraceBuilder::new(&experiment);
         let mut events = Vec::new();
         while let Some(entry) = log.read()? {
             match entry {
-                Entry::Event(event) => events.push(event),
-                Entry::Command { command, .. } => reading.take(command),
-                Entry::Network(command) => {
+                LogEntry::Event(event) => events.push(event),
+                LogEntry::Command { command, .. } => builder.take(command),
+                LogEntry::Network(command) => {
                     let damaged =
                         |reason| RunError::Network { path: path.into(), tick: command.tick, reason };
                     commands_of(&command, &experiment)
                         .map_err(damaged)?
                         .into_iter()
-                        .for_each(|c| reading.take(c));
+                        .for_each(|c| builder.take(c));
                 }
-                Entry::Snapshot(snapshot) => {
+                LogEntry::Snapshot(snapshot) => {
                     let vehicles = snapshot.vehicles.iter();
-                    vehicles.for_each(|vehicle| reading.see(snapshot.time_s, vehicle));
+                    vehicles.for_each(|vehicle| builder.see(snapshot.time_s, vehicle));
                 }
-                Entry::Tick { .. } => {}
+                LogEntry::Tick { .. } => {}
             }
         }
-        let torn = log.torn().map(str::to_owned);
-        if reading.traces.is_empty() {
-            let why = torn.map(|why| format!(" ({why})")).unwrap_or_default();
+        let truncation = log.truncation().map(str::to_owned);
+        if builder.traces.is_empty() {
+            let why = truncation.map(|why| format!(" ({why})")).unwrap_or_default();
             return Err(RunError::Empty { path: path.to_path_buf(), why });
         }
         let (origin, version) = (log.origin(), log.version().to_owned());
-        let Reading { traces, end_s, has_physical, .. } = reading;
+        let TraceBuilder { traces, end_s, has_physical, .. } = builder;
         let mut vehicles: Vec<Trace> = traces.into_values().collect();
-        let boxes = Boxes::of(&experiment.city_map);
+        let bounds = LaneBoxes::of(&experiment.city_map);
         for trace in &mut vehicles {
             let axle_m = trace.dimensions.front_axle_m();
             let poses: Vec<Pose2> = trace.samples.iter().map(|sample| sample.pose.advanced(axle_m)).collect();
-            trace.track = Track::of(&experiment.city_map, &boxes, &poses);
+            trace.track = MatchedPath::of(&experiment.city_map, &bounds, &poses);
             if !origin.has_world() {
-                // It has no path of its own: how far from the middle of the lane takes its place.
+                // Logs of poses have no desired path: the offset from the lane centre replaces the lateral error.
                 let lateral = trace.track.lateral_m.iter();
                 trace.samples.iter_mut().zip(lateral).for_each(|(sample, &m)| sample.lateral_error_m = m);
             }
         }
         let path = path.to_path_buf();
-        Ok(Self { path, origin, experiment, version, torn, vehicles, events, end_s, has_physical })
+        Ok(Self { path, origin, experiment, version, truncation, vehicles, events, end_s, has_physical })
     }
 
     pub fn vehicle(&self, id: VehicleId) -> Option<&Trace> {
         self.vehicles.binary_search_by_key(&id, |trace| trace.id).ok().map(|index| &self.vehicles[index])
     }
 
-    /// What stood between control framework and vehicles, as figures say it.
+    /// The environment between control framework and vehicles, for labels.
     pub fn setting(&self) -> &'static str {
         if self.has_physical {
             "physical"
@@ -148,7 +148,7 @@ impl RunLog {
         }
     }
 
-    /// Laboratory metres of city metres, and the same of speeds and accelerations.
+    /// Converts city to laboratory lengths, speeds or accelerations.
     pub fn lab(&self, city: f64) -> f64 {
         self.experiment.scale.lab_from_city(city)
     }
@@ -159,19 +159,19 @@ fn commands_of(command: &NetworkCommand, experiment: &Experiment) -> Result<Vec<
     body.into_commands(experiment.scale, &experiment.vehicle_types)
 }
 
-/// A log while it is read.
-struct Reading<'a> {
+/// Builds the traces while a log is read.
+struct TraceBuilder<'a> {
     experiment: &'a Experiment,
     traces: BTreeMap<VehicleId, Trace>,
-    /// Of vehicles that came over the link.
+    /// Names and dimensions of vehicles that came over the link.
     set_up: BTreeMap<VehicleId, (String, Dimensions)>,
-    /// The last one of each vehicle.
+    /// The last trajectory of each vehicle.
     wanted: BTreeMap<VehicleId, Trajectory>,
     end_s: f64,
     has_physical: bool,
 }
 
-impl<'a> Reading<'a> {
+impl<'a> TraceBuilder<'a> {
     fn new(experiment: &'a Experiment) -> Self {
         let (traces, set_up, wanted) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
         Self { experiment, traces, set_up, wanted, end_s: 0.0, has_physical: false }
@@ -194,7 +194,7 @@ impl<'a> Reading<'a> {
         let planned = planned.map(|planned| (planned.name.clone(), planned.spec.dimensions));
         let unknown = || (format!("vehicle{id}"), crate::snapshot::VehicleSpec::default().dimensions);
         let (name, dimensions) = planned.or_else(|| self.set_up.get(&id).cloned()).unwrap_or_else(unknown);
-        Trace { id, name, dimensions, samples: Vec::new(), track: Track::default() }
+        Trace { id, name, dimensions, samples: Vec::new(), track: MatchedPath::default() }
     }
 
     fn see(&mut self, time_s: f64, vehicle: &LoggedVehicle) {
@@ -206,19 +206,19 @@ impl<'a> Reading<'a> {
             self.traces.insert(state.id, self.begin(state.id));
         }
         let Some(trace) = self.traces.get_mut(&state.id) else { return };
-        // A city that was set back begins anew, and with it the trace.
+        // After a reset of the city the trace starts again.
         if trace.samples.last().is_some_and(|last| last.time_s >= time_s) {
             trace.samples.clear();
         }
         let pose = state.pose();
         let axle = pose.point_at(trace.dimensions.front_axle_m(), 0.0);
         let wanted = self.wanted.get(&state.id).and_then(|trajectory| wanted_at(trajectory, time_s));
-        trace.samples.push(Sample {
+        trace.samples.push(TraceSample {
             time_s,
             pose,
             speed_mps: state.speed_mps,
             distance_m: state.distance_m,
-            lateral_error_m: state.told_lateral_error_m().unwrap_or(f64::NAN),
+            lateral_error_m: state.tracked_lateral_error_m().unwrap_or(f64::NAN),
             gas: state.gas,
             brake: state.brake,
             handbrake: state.handbrake,
@@ -227,7 +227,7 @@ impl<'a> Reading<'a> {
     }
 }
 
-/// Where a trajectory wants the front-axle centre at a time.
+/// Reference of the front-axle centre at a time: linear interpolation of the trajectory.
 fn wanted_at(trajectory: &Trajectory, time_s: f64) -> Option<DVec2> {
     let after = trajectory.points.partition_point(|point| point.time_s <= time_s);
     let (next, last) = (trajectory.points.get(after), trajectory.points.get(after.checked_sub(1)?));

@@ -1,21 +1,21 @@
-//! Series of numbers out of the samples of traces.
+//! Time series from the samples of traces: moving averages, step speeds, differences and RMS.
 
-use super::chart::{Line, Stroke, viridis};
-use super::run::{Sample, Trace};
+use super::chart::{ChartLine, LineStyle, viridis};
+use super::run::{Trace, TraceSample};
 use crate::geom::trig;
 use std::collections::BTreeMap;
 
-/// Speeds are means over so long, centred (the paper, section III).
+/// Window of the centred moving average of speeds, seconds (the paper, section III).
 pub const AVERAGED_S: f64 = 0.1;
-/// Times are told to so much.
+/// Rounding error of times, seconds.
 const ROUNDING_S: f64 = 1e-9;
-/// Steps of colour on the scale of speed.
+/// Colour steps of the speed scale.
 const SPEED_STEPS: f64 = 24.0;
 
-/// A line in pieces of one colour each.
-pub(super) fn by_speed(trace: &Trace, points: &[(usize, f64, f64)], fastest: f64) -> Vec<Line> {
+/// Splits a line into pieces of one colour by speed.
+pub(super) fn by_speed(trace: &Trace, points: &[(usize, f64, f64)], fastest: f64) -> Vec<ChartLine> {
     let step = |speed: f64| (speed / fastest * SPEED_STEPS).round();
-    let mut lines: Vec<Line> = Vec::new();
+    let mut lines: Vec<ChartLine> = Vec::new();
     let mut last: Option<(f64, (f64, f64))> = None;
     for &(k, position, speed) in points {
         let (here, point) = (step(speed), (trace.samples[k].time_s, position));
@@ -23,8 +23,8 @@ pub(super) fn by_speed(trace: &Trace, points: &[(usize, f64, f64)], fastest: f64
             (Some((before, _)), Some(line)) if before == here => line.points.push(point),
             (before, _) => {
                 let from = before.map(|(_, point)| point);
-                let stroke = Stroke { width_pt: 1.3, ..Stroke::solid(viridis(here / SPEED_STEPS)) };
-                lines.push(Line { points: from.into_iter().chain([point]).collect(), stroke });
+                let stroke = LineStyle { width_pt: 1.3, ..LineStyle::solid(viridis(here / SPEED_STEPS)) };
+                lines.push(ChartLine { points: from.into_iter().chain([point]).collect(), stroke });
             }
         }
         last = Some((here, point));
@@ -32,11 +32,11 @@ pub(super) fn by_speed(trace: &Trace, points: &[(usize, f64, f64)], fastest: f64
     lines
 }
 
-/// Speeds of a trace, each the mean of those within half of [`AVERAGED_S`] of it.
+/// Centred moving average of the speeds of a trace, with a window of [`AVERAGED_S`].
 pub fn moving_average(trace: &Trace) -> Vec<f64> {
     let samples = &trace.samples;
     let (mut from, mut to, mut sum) = (0, 0, 0.0);
-    let mean = |sample: &Sample| {
+    let mean = |sample: &TraceSample| {
         while to < samples.len() && samples[to].time_s <= sample.time_s + AVERAGED_S / 2.0 + ROUNDING_S {
             sum += samples[to].speed_mps;
             to += 1;
@@ -50,15 +50,15 @@ pub fn moving_average(trace: &Trace) -> Vec<f64> {
     samples.iter().map(mean).collect()
 }
 
-/// Samples farther apart than this, and than the log's usual steps, have something missing between them.
+/// Samples farther apart than this, and than the median interval of the log, have a gap between them, seconds.
 const GAP_S: f64 = 0.25;
 
-/// Mean speeds of a trace over steps of [`AVERAGED_S`], by the number of the step since time 0; full scale. They are the same
-/// for any rate of the log whose samples are on the steps' ends, and nearly so for others: the way at these times is
-/// that of the samples, between them by cubic Hermite interpolation with their speeds.
+/// Mean speeds of a trace over steps of [`AVERAGED_S`], by step number since time 0; full scale. The distance at the
+/// ends of steps is interpolated with cubic Hermite splines from distances and speeds, so that the result hardly
+/// depends on the rate of the log.
 ///
-/// `is_told` says that the samples' distances are those of the vehicle. Otherwise they are estimated as speeds are,
-/// and the way is the integral of the speeds.
+/// `is_told`: the distances are those of the vehicle. Otherwise they are estimates, and the distance is the
+/// trapezoidal integral of the speeds.
 pub fn step_speeds(trace: &Trace, is_told: bool) -> BTreeMap<i64, f64> {
     let samples = &trace.samples;
     let mut ways: Vec<f64> = samples.iter().map(|sample| sample.distance_m).collect();
@@ -70,7 +70,7 @@ pub fn step_speeds(trace: &Trace, is_told: bool) -> BTreeMap<i64, f64> {
     gaps.sort_by(f64::total_cmp);
     let longest_s = gaps.get(gaps.len() / 2).map_or(GAP_S, |usual_s| GAP_S.max(1.5 * usual_s));
     let mut found = BTreeMap::new();
-    // The last end of a step, with the way there.
+    // The last end of a step, with its distance.
     let mut last: Option<(i64, f64)> = None;
     for (k, pair) in samples.windows(2).enumerate() {
         let dt_s = pair[1].time_s - pair[0].time_s;
@@ -96,20 +96,20 @@ pub fn step_speeds(trace: &Trace, is_told: bool) -> BTreeMap<i64, f64> {
     found
 }
 
-/// Changes over [`AVERAGED_S`] of what is known by the number of the step.
+/// Backward differences per second of values by step number.
 pub fn step_changes(steps: &BTreeMap<i64, f64>) -> BTreeMap<i64, f64> {
     let change =
         |(number, value): (&i64, &f64)| Some((*number, (value - steps.get(&(number - 1))?) / AVERAGED_S));
     steps.iter().filter_map(change).collect()
 }
 
-/// The samples of a trace at the ends of these steps, as far as there are some.
-pub fn step_samples(trace: &Trace) -> impl Iterator<Item = &Sample> {
-    let off_s = |sample: &Sample| {
+/// The samples of a trace nearest to the ends of steps.
+pub fn step_samples(trace: &Trace) -> impl Iterator<Item = &TraceSample> {
+    let off_s = |sample: &TraceSample| {
         let number = (sample.time_s / AVERAGED_S).round();
         (number as i64, (sample.time_s - number * AVERAGED_S).abs())
     };
-    let mut nearest: BTreeMap<i64, &Sample> = BTreeMap::new();
+    let mut nearest: BTreeMap<i64, &TraceSample> = BTreeMap::new();
     for sample in &trace.samples {
         let (number, here_s) = off_s(sample);
         let kept = nearest.entry(number).or_insert(sample);
@@ -120,17 +120,17 @@ pub fn step_samples(trace: &Trace) -> impl Iterator<Item = &Sample> {
     nearest.into_values()
 }
 
-/// Root of the mean square of the difference between the speeds of two traces at the times that both have, full scale;
-/// not a number without any.
-pub fn speed_difference(a: &Trace, b: &Trace) -> f64 {
+/// RMS (root mean square) of the speed difference of two traces at their common times, full scale; NaN without common
+/// times.
+pub fn rms_speed_difference(a: &Trace, b: &Trace) -> f64 {
     let (sum, count) = pairs(a, b).fold((0.0, 0.0), |(sum, count), (one, other)| {
         (sum + trig::powi(one.speed_mps - other.speed_mps, 2), count + 1.0)
     });
     f64::sqrt(sum / count)
 }
 
-/// Samples of two traces at the times that both have.
-fn pairs<'t>(a: &'t Trace, b: &'t Trace) -> impl Iterator<Item = (&'t Sample, &'t Sample)> {
+/// Samples of two traces at their common times.
+fn pairs<'t>(a: &'t Trace, b: &'t Trace) -> impl Iterator<Item = (&'t TraceSample, &'t TraceSample)> {
     const SAME_S: f64 = 1e-6;
     let mut other = b.samples.iter().peekable();
     a.samples.iter().filter_map(move |sample| {
@@ -140,9 +140,10 @@ fn pairs<'t>(a: &'t Trace, b: &'t Trace) -> impl Iterator<Item = (&'t Sample, &'
     })
 }
 
-/// Distance between two traces at the times that both have, city metres.
+/// Distance between two traces at their common times, city metres.
 pub fn differences(a: &Trace, b: &Trace) -> Vec<(f64, f64)> {
-    let apart =
-        |(one, other): (&Sample, &Sample)| (one.time_s, one.pose.position.distance(other.pose.position));
+    let apart = |(one, other): (&TraceSample, &TraceSample)| {
+        (one.time_s, one.pose.position.distance(other.pose.position))
+    };
     pairs(a, b).map(apart).collect()
 }

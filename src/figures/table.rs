@@ -4,12 +4,12 @@ use std::io;
 
 /// A table of text and numbers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Table {
+pub struct TidyTable {
     pub columns: Vec<&'static str>,
     pub rows: Vec<Vec<String>>,
 }
 
-impl Table {
+impl TidyTable {
     pub fn new(columns: &[&'static str]) -> Self {
         Self { columns: columns.to_vec(), rows: Vec::new() }
     }

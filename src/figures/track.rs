@@ -1,5 +1,5 @@
-//! Where vehicles were on the lanes of the map, from their poses alone: the same for runs of one process, served
-//! cities, people at the wheel and recorded laboratories.
+//! Map matching with a hidden Markov model (Newson and Krumm 2009), decoded by the Viterbi algorithm: the lanes that a vehicle has followed, from its poses
+//! alone. It works alike for simulated, served, manual and recorded runs.
 
 use crate::city::{CityMap, LaneId};
 use crate::geom::{Pose2, trig, wrap_angle};
@@ -7,71 +7,71 @@ use glam::DVec2;
 
 /// A lane that was driven, city metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Visit {
+pub struct LaneVisit {
     pub lane: LaneId,
     /// Station at which the lane begins; stations grow along the whole way.
     pub start_m: f64,
 }
 
-/// The way of a vehicle, city metres.
+/// The matched path of a vehicle, city metres.
 #[derive(Clone, Debug, Default)]
-pub struct Track {
-    /// In the order in which they were driven.
-    pub visits: Vec<Visit>,
-    /// Of each pose, along the way; not a number where it was on no lane.
+pub struct MatchedPath {
+    /// Lanes in driving order.
+    pub visits: Vec<LaneVisit>,
+    /// Station of each pose along the path; NaN off the lanes.
     pub stations_m: Vec<f64>,
-    /// Of each pose from the middle of its lane, left-positive.
+    /// Lateral offset of each pose from its lane's centre line, left-positive.
     pub lateral_m: Vec<f64>,
 }
 
-/// A pose this near to a lane, and turned no further from it, may be on it.
+/// Largest distance and angle between a pose and a candidate lane.
 const NEAR_M: f64 = 2.2;
 const ALONG_RAD: f64 = 0.9;
-/// And no further beyond its ends: there the next one is.
+/// Largest distance beyond the ends of a candidate lane.
 const BEYOND_M: f64 = 0.1;
-/// Lanes are looked for so often along the way: slower vehicles are not looked at more often.
+/// Spacing of the trellis nodes along the way.
 const NODE_EVERY_M: f64 = 1.0;
-/// What lies further ahead than a vehicle has moved cannot be under it.
+/// Margin of the search for reachable lanes beyond the distance moved.
 const REACH_SPARE_M: f64 = 3.0;
-/// Over longer stretches without a lane nothing is known.
+/// Longest gap without candidates that is bridged.
 const LONGEST_GAP_M: f64 = 12.0;
-/// How much a guess costs: metres beside the lane, radians of turn, metres that do not add up, a lane that does not
-/// follow.
+/// Scales of the costs: lateral offset, angle, difference between driven and lane distance; cost of a jump to a lane
+/// that does not follow.
 const LATERAL_M: f64 = 0.5;
 const TURN_RAD: f64 = 0.3;
 const ALONG_M: f64 = 0.7;
 const JUMP: f64 = 200.0;
 
-/// A guess of the lane at a node.
+/// A candidate lane of a node (a hidden state).
 #[derive(Clone, Copy, Debug)]
-struct Guess {
+struct LaneCandidate {
     lane: LaneId,
     s: f64,
-    /// Of the best way to it.
+    /// Cost of the best way to it.
     cost: f64,
-    /// Guess of the node before; `None` where the way begins anew.
+    /// Back pointer: candidate of the node before; `None` after a jump.
     from: Option<usize>,
 }
 
 #[derive(Clone, Debug)]
-struct Node {
+struct TrellisNode {
     /// Index of the pose.
     pose: usize,
-    guesses: Vec<Guess>,
+    candidates: Vec<LaneCandidate>,
 }
 
-/// A lane ahead: how far its beginning is, and over which lane one comes to it.
+/// A lane reachable from a candidate: distance to its start, and its predecessor in the search.
 #[derive(Clone, Copy, Debug)]
-struct Ahead {
+struct ReachableLane {
     lane: LaneId,
     start_m: f64,
     by: Option<usize>,
 }
 
-impl Track {
-    /// The likeliest way of a vehicle whose front-axle centre had these poses, one after another.
-    pub fn of(map: &CityMap, boxes: &Boxes, poses: &[Pose2]) -> Self {
-        let nodes = nodes(map, boxes, poses);
+impl MatchedPath {
+    /// The most likely path of a vehicle, from successive poses of its front-axle centre.
+    pub fn of(map: &CityMap, bounds: &LaneBoxes, poses: &[Pose2]) -> Self {
+        let nodes = nodes(map, bounds, poses);
         let mut track = Self {
             visits: Vec::new(),
             stations_m: vec![f64::NAN; poses.len()],
@@ -82,32 +82,32 @@ impl Track {
         track
     }
 
-    /// Follows the best guesses; gives the visit of each node.
-    fn join(&mut self, map: &CityMap, poses: &[Pose2], nodes: &[Node]) -> Vec<usize> {
+    /// Traces back the best candidates; returns the visit of each node.
+    fn join(&mut self, map: &CityMap, poses: &[Pose2], nodes: &[TrellisNode]) -> Vec<usize> {
         let mut best: Vec<Option<usize>> = vec![None; nodes.len()];
         for index in (0..nodes.len()).rev() {
-            let follows = nodes.get(index + 1).and_then(|next| next.guesses[best[index + 1]?].from);
+            let follows = nodes.get(index + 1).and_then(|next| next.candidates[best[index + 1]?].from);
             let cheapest = || {
-                let costs = nodes[index].guesses.iter().map(|guess| guess.cost).enumerate();
+                let costs = nodes[index].candidates.iter().map(|candidate| candidate.cost).enumerate();
                 costs.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
             };
             best[index] = follows.or_else(cheapest);
         }
         let mut places = Vec::with_capacity(nodes.len());
-        let mut last: Option<(usize, Guess)> = None;
+        let mut last: Option<(usize, LaneCandidate)> = None;
         for (index, node) in nodes.iter().enumerate() {
-            let Some(guess) = best[index].map(|best| node.guesses[best]) else { continue };
+            let Some(candidate) = best[index].map(|best| node.candidates[best]) else { continue };
             match last {
-                Some((before, old)) if guess.from.is_some() => {
-                    self.go_on(map, &old, &guess, moved(poses, &nodes[before], node));
+                Some((before, old)) if candidate.from.is_some() => {
+                    self.go_on(map, &old, &candidate, moved(poses, &nodes[before], node));
                 }
                 Some((before, old)) => {
                     let here_m = self.last_start() + old.s + moved(poses, &nodes[before], node);
-                    self.visits.push(Visit { lane: guess.lane, start_m: here_m - guess.s });
+                    self.visits.push(LaneVisit { lane: candidate.lane, start_m: here_m - candidate.s });
                 }
-                None => self.visits.push(Visit { lane: guess.lane, start_m: 0.0 }),
+                None => self.visits.push(LaneVisit { lane: candidate.lane, start_m: 0.0 }),
             }
-            last = Some((index, guess));
+            last = Some((index, candidate));
             places.push(self.visits.len() - 1);
         }
         places
@@ -117,21 +117,21 @@ impl Track {
         self.visits.last().map_or(0.0, |visit| visit.start_m)
     }
 
-    /// Adds the lanes between two guesses.
-    fn go_on(&mut self, map: &CityMap, old: &Guess, new: &Guess, moved_m: f64) {
+    /// Adds the lanes between two candidates.
+    fn go_on(&mut self, map: &CityMap, old: &LaneCandidate, new: &LaneCandidate, moved_m: f64) {
         let ahead = ahead(map, old, moved_m);
         let Some(mut at) = nearest_way(&ahead, new, moved_m) else { return };
         let here_m = self.last_start() + old.s;
         let mut added = Vec::new();
         while let Some(by) = ahead[at].by {
-            added.push(Visit { lane: ahead[at].lane, start_m: here_m + ahead[at].start_m });
+            added.push(LaneVisit { lane: ahead[at].lane, start_m: here_m + ahead[at].start_m });
             at = by;
         }
         self.visits.extend(added.into_iter().rev());
     }
 
     /// Stations of all poses, each on the lanes of the nodes around it.
-    fn fill(&mut self, map: &CityMap, poses: &[Pose2], nodes: &[Node], places: &[usize]) {
+    fn fill(&mut self, map: &CityMap, poses: &[Pose2], nodes: &[TrellisNode], places: &[usize]) {
         let Some(last) = places.len().checked_sub(1) else { return };
         let mut node = 0;
         for (index, pose) in poses.iter().enumerate() {
@@ -152,35 +152,35 @@ impl Track {
     }
 }
 
-/// Between the poses of two nodes.
-fn moved(poses: &[Pose2], from: &Node, to: &Node) -> f64 {
+/// Distance between the poses of two nodes.
+fn moved(poses: &[Pose2], from: &TrellisNode, to: &TrellisNode) -> f64 {
     poses[from.pose].position.distance(poses[to.pose].position)
 }
 
-/// Nodes with the guesses that may be theirs, each with the best way to it (Viterbi's algorithm).
-fn nodes(map: &CityMap, boxes: &Boxes, poses: &[Pose2]) -> Vec<Node> {
-    let mut nodes: Vec<Node> = Vec::new();
+/// Forward pass of the Viterbi algorithm: nodes with their candidates and the best way to each.
+fn nodes(map: &CityMap, bounds: &LaneBoxes, poses: &[Pose2]) -> Vec<TrellisNode> {
+    let mut nodes: Vec<TrellisNode> = Vec::new();
     for (index, pose) in poses.iter().enumerate() {
         let is_due =
             nodes.last().is_none_or(|last| poses[last.pose].position.distance(pose.position) >= NODE_EVERY_M);
         if !is_due && index + 1 < poses.len() {
             continue;
         }
-        let mut guesses: Vec<Guess> =
-            boxes.near(pose.position).filter_map(|lane| guess(map, lane, pose)).collect();
-        if guesses.is_empty() {
+        let mut candidates: Vec<LaneCandidate> =
+            bounds.near(pose.position).filter_map(|lane| candidate(map, lane, pose)).collect();
+        if candidates.is_empty() {
             continue;
         }
         if let Some(last) = nodes.last() {
             let moved_m = poses[last.pose].position.distance(pose.position);
-            connect(map, last, &mut guesses, moved_m);
+            connect(map, last, &mut candidates, moved_m);
         }
-        nodes.push(Node { pose: index, guesses });
+        nodes.push(TrellisNode { pose: index, candidates });
     }
     nodes
 }
 
-fn guess(map: &CityMap, lane: LaneId, pose: &Pose2) -> Option<Guess> {
+fn candidate(map: &CityMap, lane: LaneId, pose: &Pose2) -> Option<LaneCandidate> {
     let curve = &map.lane(lane).curve;
     let foot = curve.project(pose.position);
     let beyond_m = (trig::powi(foot.distance, 2) - trig::powi(foot.lateral, 2)).max(0.0).sqrt();
@@ -189,15 +189,15 @@ fn guess(map: &CityMap, lane: LaneId, pose: &Pose2) -> Option<Guess> {
     }
     let turn = wrap_angle(pose.yaw_rad - curve.at(foot.s).pose.yaw_rad).abs();
     let cost = trig::powi(foot.distance / LATERAL_M, 2) + trig::powi(turn / TURN_RAD, 2);
-    (turn < ALONG_RAD).then_some(Guess { lane, s: foot.s, cost, from: None })
+    (turn < ALONG_RAD).then_some(LaneCandidate { lane, s: foot.s, cost, from: None })
 }
 
-/// Adds the best way from the node before to each guess.
-fn connect(map: &CityMap, last: &Node, guesses: &mut [Guess], moved_m: f64) {
-    let mut ways: Vec<(f64, Option<usize>)> = vec![(f64::INFINITY, None); guesses.len()];
-    for (index, old) in last.guesses.iter().enumerate() {
+/// Adds the best transition from the node before to each candidate.
+fn connect(map: &CityMap, last: &TrellisNode, candidates: &mut [LaneCandidate], moved_m: f64) {
+    let mut ways: Vec<(f64, Option<usize>)> = vec![(f64::INFINITY, None); candidates.len()];
+    for (index, old) in last.candidates.iter().enumerate() {
         let ahead = ahead(map, old, moved_m);
-        for (new, way) in guesses.iter().zip(&mut ways) {
+        for (new, way) in candidates.iter().zip(&mut ways) {
             let jump = (old.cost + JUMP, None);
             let follow = nearest_way(&ahead, new, moved_m)
                 .map(|at| (old.cost + off_by(&ahead[at], new, moved_m) / ALONG_M, Some(index)));
@@ -208,26 +208,26 @@ fn connect(map: &CityMap, last: &Node, guesses: &mut [Guess], moved_m: f64) {
             }
         }
     }
-    for (guess, (cost, from)) in guesses.iter_mut().zip(ways) {
-        guess.cost += cost;
-        guess.from = from;
+    for (candidate, (cost, from)) in candidates.iter_mut().zip(ways) {
+        candidate.cost += cost;
+        candidate.from = from;
     }
 }
 
-/// By how much the way along the lanes differs from how far the vehicle has moved.
-fn off_by(ahead: &Ahead, new: &Guess, moved_m: f64) -> f64 {
+/// Difference between the distance along the lanes and the distance moved.
+fn off_by(ahead: &ReachableLane, new: &LaneCandidate, moved_m: f64) -> f64 {
     (ahead.start_m + new.s - moved_m).abs()
 }
 
-fn nearest_way(ahead: &[Ahead], new: &Guess, moved_m: f64) -> Option<usize> {
+fn nearest_way(ahead: &[ReachableLane], new: &LaneCandidate, moved_m: f64) -> Option<usize> {
     let ways = ahead.iter().enumerate().filter(|(_, ahead)| ahead.lane == new.lane);
     ways.min_by(|a, b| off_by(a.1, new, moved_m).total_cmp(&off_by(b.1, new, moved_m)))
         .map(|(index, _)| index)
 }
 
-/// The lanes that one comes to from a guess when one has moved so far, its own first.
-fn ahead(map: &CityMap, from: &Guess, moved_m: f64) -> Vec<Ahead> {
-    let mut found = vec![Ahead { lane: from.lane, start_m: -from.s, by: None }];
+/// Breadth-first search of the lanes reachable within the distance moved, the own lane first.
+fn ahead(map: &CityMap, from: &LaneCandidate, moved_m: f64) -> Vec<ReachableLane> {
+    let mut found = vec![ReachableLane { lane: from.lane, start_m: -from.s, by: None }];
     if moved_m > LONGEST_GAP_M {
         return Vec::new();
     }
@@ -236,7 +236,8 @@ fn ahead(map: &CityMap, from: &Guess, moved_m: f64) -> Vec<Ahead> {
         let lane = map.lane(here.lane);
         let end_m = here.start_m + lane.curve.length();
         if end_m < moved_m + REACH_SPARE_M {
-            let on = lane.successors.iter().map(|&lane| Ahead { lane, start_m: end_m, by: Some(next) });
+            let on =
+                lane.successors.iter().map(|&lane| ReachableLane { lane, start_m: end_m, by: Some(next) });
             found.extend(on);
         }
         next += 1;
@@ -244,11 +245,11 @@ fn ahead(map: &CityMap, from: &Guess, moved_m: f64) -> Vec<Ahead> {
     found
 }
 
-/// Boxes around the lanes of a map: most are too far away to be looked at.
+/// Bounding boxes of the lanes of a map: a broad phase for the search of candidates.
 #[derive(Clone, Debug)]
-pub struct Boxes(Vec<(LaneId, DVec2, DVec2)>);
+pub struct LaneBoxes(Vec<(LaneId, DVec2, DVec2)>);
 
-impl Boxes {
+impl LaneBoxes {
     pub fn of(map: &CityMap) -> Self {
         let around = |lane: &crate::city::Lane| {
             let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);

@@ -1,44 +1,47 @@
 //! The figures of one run, or of two side by side.
 
-use super::chart::{BLACK, Colour, Dash, Figure, GREY, Key, Line, PALETTE, Panel, Rule, Scale, Stroke};
-use super::paths::{Layout, Member, Stream};
+use super::chart::{
+    BLACK, ChartLine, Colour, ColourBar, Dash, Figure, GREY, LegendEntry, LineStyle, PALETTE, Panel,
+    ReferenceLine,
+};
+use super::paths::{Stream, StreamLayout, StreamMember};
 use super::run::{RunLog, Trace};
 use super::series::{AVERAGED_S, by_speed, differences, moving_average};
-use super::table::{Table, number};
+use super::table::{TidyTable, number};
 use crate::snapshot::VehicleId;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// More vehicles than these are not told apart by colour.
+/// Most vehicles with colours of their own.
 const MOST_COLOURS: usize = 12;
-/// Of those that have a panel or a line of their own.
+/// Most vehicles with panels of their own.
 const MOST_ROWS: usize = 8;
-/// Speeds of no run are drawn on a scale narrower than this, laboratory m/s.
+/// Least range of the speed axis, laboratory m/s.
 const LEAST_SPEED_MPS: f64 = 0.05;
 
-/// The runs that figures show.
+/// All figures of one run, or of two side by side.
 #[derive(Debug)]
-pub struct Views<'a> {
+pub struct FigureSet<'a> {
     runs: &'a [RunLog],
-    layout: &'a Layout,
-    /// Of each run.
+    layout: &'a StreamLayout,
+    /// Streams of each run.
     streams: Vec<Vec<Stream>>,
     labels: Vec<String>,
-    /// Of all vehicles that were asked for.
-    strokes: BTreeMap<VehicleId, Stroke>,
+    /// Line styles of the selected vehicles.
+    strokes: BTreeMap<VehicleId, LineStyle>,
     has_own_colours: bool,
 }
 
-/// A stretch of a vehicle on its path: sample, position and averaged speed in laboratory units.
-struct Stretch<'r> {
+/// A trace segment of a vehicle on a path: sample index, position and averaged speed in laboratory units.
+struct PathSegment<'r> {
     trace: &'r Trace,
     points: Vec<(usize, f64, f64)>,
 }
 
-/// What the rows of a stretch tell.
-const STRETCH_COLUMNS: [&str; 7] = ["run", "path", "vehicle", "name", "time_s", "position_m", "speed_mps"];
+/// Columns of a segment's rows.
+const SEGMENT_COLUMNS: [&str; 7] = ["run", "path", "vehicle", "name", "time_s", "position_m", "speed_mps"];
 
-impl Stretch<'_> {
-    /// Its rows in a table, by [`STRETCH_COLUMNS`].
+impl PathSegment<'_> {
+    /// Its rows in a table, by [`SEGMENT_COLUMNS`].
     fn rows(&self, run: &str, path: &str) -> impl Iterator<Item = Vec<String>> {
         self.points.iter().map(move |&(k, position, speed)| {
             vec![
@@ -54,9 +57,9 @@ impl Stretch<'_> {
     }
 }
 
-impl<'a> Views<'a> {
+impl<'a> FigureSet<'a> {
     /// Figures of runs of one scenario; of all vehicles unless some are named.
-    pub fn new(runs: &'a [RunLog], layout: &'a Layout, only: &BTreeSet<VehicleId>) -> Self {
+    pub fn new(runs: &'a [RunLog], layout: &'a StreamLayout, only: &BTreeSet<VehicleId>) -> Self {
         let streams: Vec<Vec<Stream>> = runs.iter().map(|run| layout.streams(run)).collect();
         let is_shown = |id: &VehicleId| only.is_empty() || only.contains(id);
         let mut strokes = BTreeMap::new();
@@ -72,21 +75,21 @@ impl<'a> Views<'a> {
             runs.iter().flat_map(|run| &run.vehicles).map(|trace| trace.id).collect();
         for id in all.into_iter().filter(is_shown) {
             let uses = |colour: &Colour| {
-                strokes.values().filter(|stroke: &&Stroke| stroke.colour == *colour).count()
+                strokes.values().filter(|stroke: &&LineStyle| stroke.colour == *colour).count()
             };
             let rarest = PALETTE.into_iter().min_by_key(uses).unwrap_or(BLACK);
-            strokes.entry(id).or_insert(Stroke::solid(rarest));
+            strokes.entry(id).or_insert(LineStyle::solid(rarest));
         }
         let has_own_colours = strokes.len() <= MOST_COLOURS;
         Self { runs, layout, streams, labels: labels(runs), strokes, has_own_colours }
     }
 
-    /// What the runs are called in figures and tables.
+    /// Labels of the runs in figures and tables.
     pub fn labels(&self) -> &[String] {
         &self.labels
     }
 
-    /// All figures, and why some are not among them.
+    /// All figures, and why some are missing.
     pub fn all(&self) -> (Vec<Figure>, Vec<String>) {
         let mut notes = Vec::new();
         let mut figures: Vec<Figure> =
@@ -131,7 +134,7 @@ impl<'a> Views<'a> {
         format!("({}) {}", char::from(b'a' + (run % 26) as u8), self.labels[run])
     }
 
-    /// Where positions count from.
+    /// Note on the origin of positions.
     fn origin_note(&self) -> String {
         let lane = |index: usize| self.streams[0][index].lane.as_str();
         match &self.layout.merge {
@@ -155,9 +158,9 @@ impl<'a> Views<'a> {
         }
     }
 
-    fn stretches(&self, run: usize, stream: usize) -> impl Iterator<Item = Stretch<'_>> {
+    fn segments(&self, run: usize, stream: usize) -> impl Iterator<Item = PathSegment<'_>> {
         let log = &self.runs[run];
-        let shown = |member: &&Member| self.strokes.contains_key(&member.vehicle);
+        let shown = |member: &&StreamMember| self.strokes.contains_key(&member.vehicle);
         let members = self.streams[run][stream].members.iter().filter(shown);
         members.filter_map(move |member| {
             let trace = log.vehicle(member.vehicle)?;
@@ -165,27 +168,27 @@ impl<'a> Views<'a> {
             let at = |k: usize| {
                 self.layout.position_m(trace, member, k).map(|m| (k, self.lab(m), self.lab(speeds[k])))
             };
-            Some(Stretch { trace, points: (0..trace.samples.len()).filter_map(at).collect() })
+            Some(PathSegment { trace, points: (0..trace.samples.len()).filter_map(at).collect() })
         })
     }
 
-    fn stroke(&self, id: VehicleId) -> Stroke {
-        self.strokes.get(&id).copied().unwrap_or(Stroke::solid(BLACK))
+    fn stroke(&self, id: VehicleId) -> LineStyle {
+        self.strokes.get(&id).copied().unwrap_or(LineStyle::solid(BLACK))
     }
 
-    /// Of a vehicle on a path: its own, or, where there are too many, that of the path.
-    fn stroke_on(&self, stream: usize, id: VehicleId) -> Stroke {
+    /// Line style of a vehicle on a path: its own, or that of the path where there are too many.
+    fn stroke_on(&self, stream: usize, id: VehicleId) -> LineStyle {
         if self.has_own_colours {
             return self.stroke(id);
         }
-        Stroke { width_pt: 0.7, ..stroke_of(stream, 0, self.layout.streams.len()) }
+        LineStyle { width_pt: 0.7, ..stroke_of(stream, 0, self.layout.streams.len()) }
     }
 
-    /// Rules of a path: its line, the merging point, and one car length before it.
-    fn rules(&self, streams: impl Iterator<Item = usize>, is_level: bool) -> Vec<Rule> {
+    /// Reference lines of a path: stop or yield line, merging point, and one car length before it.
+    fn rules(&self, streams: impl Iterator<Item = usize>, is_level: bool) -> Vec<ReferenceLine> {
         let Some(_) = self.layout.merge else { return Vec::new() };
         let at = self.lab(self.layout.merge_at_m);
-        let rule = |at: f64, name: &str, dash: Dash, is_before: bool| Rule {
+        let rule = |at: f64, name: &str, dash: Dash, is_before: bool| ReferenceLine {
             at,
             is_level,
             name: name.to_owned(),
@@ -209,7 +212,7 @@ impl<'a> Views<'a> {
         rules
     }
 
-    /// Of the longest vehicle on the paths, laboratory metres.
+    /// Length of the longest vehicle on the paths, laboratory metres.
     fn car_length(&self) -> f64 {
         let members = self.streams[0].iter().flat_map(|stream| &stream.members);
         let lengths =
@@ -218,7 +221,7 @@ impl<'a> Views<'a> {
     }
 
     /// The vehicles of some streams.
-    fn legend(&self, streams: impl Iterator<Item = usize>) -> Vec<Key> {
+    fn legend(&self, streams: impl Iterator<Item = usize>) -> Vec<LegendEntry> {
         let mut keys = Vec::new();
         for stream in streams {
             let members =
@@ -227,11 +230,11 @@ impl<'a> Views<'a> {
             let Some(first) = members.first() else { continue };
             if !self.has_own_colours {
                 let name = format!("Path {} ({} vehicles)", stream + 1, members.len());
-                keys.push(Key { name, stroke: self.stroke_on(stream, *first) });
+                keys.push(LegendEntry { name, stroke: self.stroke_on(stream, *first) });
                 continue;
             }
             for id in members {
-                keys.push(Key { name: self.name(id), stroke: self.stroke(id) });
+                keys.push(LegendEntry { name: self.name(id), stroke: self.stroke(id) });
             }
         }
         keys
@@ -252,7 +255,7 @@ impl<'a> Views<'a> {
             legend: Vec::new(),
             scale: None,
             note: String::new(),
-            table: Table::new(columns),
+            table: TidyTable::new(columns),
         }
     }
 
@@ -271,7 +274,7 @@ impl<'a> Views<'a> {
         let mut figure = self.figure(
             &format!("speed_path_{}", stream + 1),
             &format!("speed along {path}"),
-            &STRETCH_COLUMNS,
+            &SEGMENT_COLUMNS,
         );
         for run in 0..self.runs.len() {
             let mut panel = Panel {
@@ -281,11 +284,11 @@ impl<'a> Views<'a> {
                 rules: self.rules(std::iter::once(stream), false),
                 ..Panel::default()
             };
-            for stretch in self.stretches(run, stream) {
-                let stroke = Stroke { dash: Dash::Solid, ..self.stroke(stretch.trace.id) };
-                let points = stretch.points.iter().map(|&(_, m, mps)| (m, mps)).collect();
-                panel.lines.push(Line { points, stroke });
-                figure.table.rows.extend(stretch.rows(&self.labels[run], &path));
+            for segment in self.segments(run, stream) {
+                let stroke = LineStyle { dash: Dash::Solid, ..self.stroke(segment.trace.id) };
+                let points = segment.points.iter().map(|&(_, m, mps)| (m, mps)).collect();
+                panel.lines.push(ChartLine { points, stroke });
+                figure.table.rows.extend(segment.rows(&self.labels[run], &path));
             }
             figure.panels.push(panel);
         }
@@ -311,10 +314,10 @@ impl<'a> Views<'a> {
                 ..Panel::default()
             };
             for stream in all.clone() {
-                for Stretch { trace, points } in self.stretches(run, stream) {
+                for PathSegment { trace, points } in self.segments(run, stream) {
                     let time_s = |k: usize| trace.samples[k].time_s;
                     let line = points.iter().map(|&(k, m, _)| (time_s(k), m)).collect();
-                    panel.lines.push(Line { points: line, stroke: self.stroke_on(stream, trace.id) });
+                    panel.lines.push(ChartLine { points: line, stroke: self.stroke_on(stream, trace.id) });
                     for (k, position, _) in points {
                         figure.table.rows.push(vec![
                             self.labels[run].clone(),
@@ -335,16 +338,16 @@ impl<'a> Views<'a> {
         figure
     }
 
-    /// Position against time of each path, coloured by speed.
+    /// Space-time diagram: position against time of each path, coloured by speed.
     fn space_time(&self) -> Figure {
-        let mut figure = self.figure("space_time", "space-time diagram", &STRETCH_COLUMNS);
+        let mut figure = self.figure("space_time", "space-time diagram", &SEGMENT_COLUMNS);
         let all = 0..self.layout.streams.len();
         let (mut fastest, mut last_s) = (LEAST_SPEED_MPS, 0.0_f64);
         for run in 0..self.runs.len() {
             last_s = last_s.max(self.runs[run].end_s);
             let points = all
                 .clone()
-                .flat_map(|stream| self.stretches(run, stream).flat_map(|s| s.points).collect::<Vec<_>>());
+                .flat_map(|stream| self.segments(run, stream).flat_map(|s| s.points).collect::<Vec<_>>());
             fastest = points.map(|(_, _, mps)| mps).fold(fastest, f64::max);
         }
         for stream in all {
@@ -367,21 +370,21 @@ impl<'a> Views<'a> {
                     .rules
                     .iter_mut()
                     .for_each(|rule| rule.name = rule.name.replace(&format!(" of {path}"), ""));
-                for stretch in self.stretches(run, stream) {
-                    panel.lines.extend(by_speed(stretch.trace, &stretch.points, fastest));
-                    figure.table.rows.extend(stretch.rows(&self.labels[run], &path));
+                for segment in self.segments(run, stream) {
+                    panel.lines.extend(by_speed(segment.trace, &segment.points, fastest));
+                    figure.table.rows.extend(segment.rows(&self.labels[run], &path));
                 }
                 figure.panels.push(panel);
             }
         }
         Self::fit_alike(&mut figure, &[0.0, last_s], &[]);
         figure.row_height *= if self.runs.len() == 1 { 0.62 } else { 0.85 };
-        figure.scale = Some(Scale { label: "Speed [m/s]".to_owned(), from: 0.0, to: fastest });
+        figure.scale = Some(ColourBar { label: "Speed [m/s]".to_owned(), from: 0.0, to: fastest });
         figure.note = format!("Speeds are means over {AVERAGED_S} s. {}", self.origin_note());
         figure
     }
 
-    /// The vehicles that have lines or panels of their own, and a word where some are left out.
+    /// The first vehicles up to a number, and a note where some are left out.
     fn some(&self, most: usize) -> (Vec<VehicleId>, String) {
         let ids: Vec<VehicleId> = self.strokes.keys().copied().take(most).collect();
         let word = match self.strokes.len() > most {
@@ -407,10 +410,11 @@ impl<'a> Views<'a> {
             };
             for trace in ids.iter().filter_map(|id| log.vehicle(*id)) {
                 let points = trace.samples.iter().map(|s| (s.time_s, self.lab(s.lateral_error_m) * 1000.0));
-                let stroke = Stroke { width_pt: 0.8, ..self.stroke(trace.id) };
-                panel
-                    .lines
-                    .push(Line { points: points.collect(), stroke: Stroke { dash: Dash::Solid, ..stroke } });
+                let stroke = LineStyle { width_pt: 0.8, ..self.stroke(trace.id) };
+                panel.lines.push(ChartLine {
+                    points: points.collect(),
+                    stroke: LineStyle { dash: Dash::Solid, ..stroke },
+                });
                 for sample in &trace.samples {
                     figure.table.rows.push(vec![
                         self.labels[run].clone(),
@@ -434,10 +438,10 @@ impl<'a> Views<'a> {
         figure
     }
 
-    fn keys_of(&self, ids: &[VehicleId]) -> Vec<Key> {
-        let key = |&id: &VehicleId| Key {
+    fn keys_of(&self, ids: &[VehicleId]) -> Vec<LegendEntry> {
+        let key = |&id: &VehicleId| LegendEntry {
             name: self.name(id),
-            stroke: Stroke { dash: Dash::Solid, ..self.stroke(id) },
+            stroke: LineStyle { dash: Dash::Solid, ..self.stroke(id) },
         };
         ids.iter().map(key).collect()
     }
@@ -464,11 +468,11 @@ impl<'a> Views<'a> {
                     ..Panel::default()
                 };
                 let samples = log.vehicle(id).map_or(&[][..], |trace| &trace.samples);
-                let line = |of: &dyn Fn(usize) -> f64, colour| Line {
+                let line = |of: &dyn Fn(usize) -> f64, colour| ChartLine {
                     points: (0..samples.len()).map(|k| (samples[k].time_s, of(k))).collect(),
-                    stroke: Stroke { width_pt: 0.8, ..Stroke::solid(colour) },
+                    stroke: LineStyle { width_pt: 0.8, ..LineStyle::solid(colour) },
                 };
-                // A pedal that is up has no line.
+                // A released pedal has no line.
                 let down = |value: f64| if value > 1e-3 { value } else { f64::NAN };
                 panel.lines.push(line(&|_| 0.0, GREY));
                 panel.lines.push(line(&|k| down(samples[k].gas), GAS));
@@ -492,7 +496,8 @@ impl<'a> Views<'a> {
         Self::fit_alike(&mut figure, &[0.0, last_s], &[]);
         figure.panels.iter_mut().for_each(|panel| panel.y = (-1.05, 1.05));
         figure.row_height = if self.runs.len() == 1 { 0.1 } else { 0.085 };
-        let key = |name: &str, colour| Key { name: name.to_owned(), stroke: Stroke::solid(colour) };
+        let key =
+            |name: &str, colour| LegendEntry { name: name.to_owned(), stroke: LineStyle::solid(colour) };
         figure.legend = vec![
             key("gas, upwards", GAS),
             key("brake, downwards", BRAKE),
@@ -502,7 +507,7 @@ impl<'a> Views<'a> {
         figure
     }
 
-    /// How far apart the same vehicle is in two runs at the same time.
+    /// Distance between the positions of a vehicle in two runs over time.
     pub fn difference(&self) -> Figure {
         let columns = ["vehicle", "name", "time_s", "difference_m"];
         let mut figure = self.figure("difference", "distance between the two runs", &columns);
@@ -522,7 +527,9 @@ impl<'a> Views<'a> {
                     number(apart, 5),
                 ]);
             }
-            panel.lines.push(Line { points, stroke: Stroke { dash: Dash::Solid, ..self.stroke(id) } });
+            panel
+                .lines
+                .push(ChartLine { points, stroke: LineStyle { dash: Dash::Solid, ..self.stroke(id) } });
         }
         panel.fit(&[0.0], &[0.0]);
         figure.panels.push(panel);
@@ -535,8 +542,8 @@ impl<'a> Views<'a> {
     }
 }
 
-/// Warm colours on the first of two paths, cold ones on the second, so that they are told apart in colour and dash.
-fn stroke_of(stream: usize, place: usize, streams: usize) -> Stroke {
+/// Warm colours on the first of two paths, cold ones on the second: distinct in colour and dash.
+fn stroke_of(stream: usize, place: usize, streams: usize) -> LineStyle {
     const WARM: [usize; 3] = [0, 2, 4];
     const COLD: [usize; 3] = [1, 3, 5];
     let index = match (streams, stream) {
@@ -545,10 +552,10 @@ fn stroke_of(stream: usize, place: usize, streams: usize) -> Stroke {
         _ => (place + 2 * stream) % PALETTE.len(),
     };
     let dash = [Dash::Solid, Dash::Dashed, Dash::Dotted][stream.min(2)];
-    Stroke { colour: PALETTE[index], dash, width_pt: 1.1 }
+    LineStyle { colour: PALETTE[index], dash, width_pt: 1.1 }
 }
 
-/// What runs are called: by what stands between control and vehicles, where that tells them apart.
+/// Labels of runs: their environments where these differ, else with the folder.
 fn labels(runs: &[RunLog]) -> Vec<String> {
     let settings: BTreeSet<&str> = runs.iter().map(RunLog::setting).collect();
     if settings.len() == runs.len() {

@@ -23,15 +23,15 @@ pub struct CurvePoint {
     pub curvature: f64,
 }
 
-/// The foot of a point on a curve.
+/// The projection of a point onto a curve: its nearest point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Projection {
-    /// Arc length of the foot from the start of the curve.
+pub struct CurveProjection {
+    /// Arc length of the nearest point from the start of the curve.
     pub s: f64,
     /// Signed distance of the point from the curve's tangent there, positive where the point lies to
     /// the left.
     pub lateral: f64,
-    /// From the foot to the point; more than the size of `lateral` beyond the ends.
+    /// Distance to the nearest point; exceeds |`lateral`| beyond the ends.
     pub distance: f64,
 }
 
@@ -57,12 +57,12 @@ impl Segment {
         Self::new(Pose2 { position, yaw_rad }, radius * sweep_rad.abs(), turn / radius)
     }
 
-    /// The centre of an arc; `None` of a line.
+    /// The centre of an arc; `None` for a line.
     pub fn centre(&self) -> Option<DVec2> {
         (self.curvature != 0.0).then(|| self.start.position + self.left() / self.curvature)
     }
 
-    /// Unsigned radius of an arc; `None` of a line.
+    /// Unsigned radius of an arc; `None` for a line.
     pub fn radius(&self) -> Option<f64> {
         (self.curvature != 0.0).then(|| 1.0 / self.curvature.abs())
     }
@@ -92,42 +92,42 @@ impl Segment {
     }
 
     /// The nearest point of the segment.
-    pub fn project(&self, point: DVec2) -> Projection {
+    pub fn project(&self, point: DVec2) -> CurveProjection {
         self.project_within(point, 0.0, self.length)
     }
 
     /// The nearest point of the part between two arc lengths.
-    fn project_within(&self, point: DVec2, from_s: f64, to_s: f64) -> Projection {
+    fn project_within(&self, point: DVec2, from_s: f64, to_s: f64) -> CurveProjection {
         if self.curvature == 0.0 {
             let offset = point - self.start.position;
             let (along, lateral) = (offset.dot(self.forward()), offset.dot(self.left()));
             let s = along.clamp(from_s, to_s);
-            return Projection { s, lateral, distance: DVec2::new(along - s, lateral).length() };
+            return CurveProjection { s, lateral, distance: DVec2::new(along - s, lateral).length() };
         }
         let s = self.nearest_s(point, from_s, to_s);
         let (sin, cos) = trig::sin_cos(s * self.curvature);
         let foot = self.turned_to(sin, cos);
         let offset = point - foot;
         let left = self.left() * cos - self.forward() * sin;
-        Projection { s, lateral: offset.dot(left), distance: offset.length() }
+        CurveProjection { s, lateral: offset.dot(left), distance: offset.length() }
     }
 
-    /// Where an arc has turned by an angle.
+    /// The point at which an arc has turned by an angle.
     fn turned_to(&self, sin: f64, cos: f64) -> DVec2 {
         self.start.position
             + self.forward() * (sin / self.curvature)
             + self.left() * ((1.0 - cos) / self.curvature)
     }
 
-    /// The nearest arc length of an arc between two: of those that look at the point the one inside the
-    /// part, else the nearer end.
+    /// The nearest arc length on an arc within an interval: where its normal passes through the point, else
+    /// the nearer end.
     fn nearest_s(&self, point: DVec2, from_s: f64, to_s: f64) -> f64 {
         let radius = 1.0 / self.curvature.abs();
         let centre = self.start.position + self.left() / self.curvature;
         let (start_from_centre, from_centre) = (self.start.position - centre, point - centre);
         let turned = trig::atan2(start_from_centre.perp_dot(from_centre), start_from_centre.dot(from_centre))
             * self.curvature.signum();
-        // The angle is measured from the middle of the part, so that long arcs wrap at the far side.
+        // The angle is measured from the middle of the interval, so that long arcs wrap at the far side.
         let middle = (from_s + to_s) / 2.0 / radius;
         ((middle + wrap_angle(turned - middle)) * radius).clamp(from_s, to_s)
     }
@@ -149,7 +149,7 @@ pub struct Curve {
 
 impl Curve {
     /// # Panics
-    /// Without a segment: a curve of no length has no tangent.
+    /// If there is no segment: an empty curve has no tangent.
     pub fn new(segments: Vec<Segment>) -> Self {
         assert!(!segments.is_empty(), "a curve needs at least one segment");
         let mut stations = Vec::with_capacity(segments.len() + 1);
@@ -179,7 +179,7 @@ impl Curve {
         self.stations[1..self.segments.len()].partition_point(|&end| end <= s)
     }
 
-    /// The point at arc length `s`. Beyond either end the curve goes on straight.
+    /// The point at arc length `s`. The curve is extended straight beyond its ends.
     pub fn at(&self, s: f64) -> CurvePoint {
         if s < 0.0 {
             let pose = self.segments[0].start.advanced(s);
@@ -211,28 +211,28 @@ impl Curve {
     }
 
     /// The nearest point of the whole curve.
-    pub fn project(&self, point: DVec2) -> Projection {
+    pub fn project(&self, point: DVec2) -> CurveProjection {
         self.project_within(point, 0.0, self.length())
     }
 
-    /// The nearest point of the part between two arc lengths; the foot is clamped to it.
-    pub fn project_within(&self, point: DVec2, from_s: f64, to_s: f64) -> Projection {
+    /// The nearest point between two arc lengths.
+    pub fn project_within(&self, point: DVec2, from_s: f64, to_s: f64) -> CurveProjection {
         let (from_s, to_s) = (from_s.clamp(0.0, self.length()), to_s.clamp(0.0, self.length()));
         let (first, last) = (self.segment_index_at(from_s), self.segment_index_at(to_s));
-        let mut best: Option<Projection> = None;
+        let mut best: Option<CurveProjection> = None;
         for index in first..=last {
             let (segment, station) = (&self.segments[index], self.stations[index]);
             let from_here = (from_s - station).clamp(0.0, segment.length);
             let to_here = (to_s - station).clamp(from_here, segment.length);
             let foot = segment.project_within(point, from_here, to_here);
             if best.is_none_or(|best| foot.distance < best.distance) {
-                best = Some(Projection { s: station + foot.s, ..foot });
+                best = Some(CurveProjection { s: station + foot.s, ..foot });
             }
         }
-        best.unwrap_or(Projection { s: from_s, lateral: 0.0, distance: f64::INFINITY })
+        best.unwrap_or(CurveProjection { s: from_s, lateral: 0.0, distance: f64::INFINITY })
     }
 
-    /// The same curve driven the other way.
+    /// The curve in the opposite direction.
     pub fn reversed(&self) -> Self {
         Self::new(self.segments.iter().rev().map(Segment::reversed).collect())
     }
@@ -261,7 +261,7 @@ impl Curve {
         Self::new(segments)
     }
 
-    /// Points at most `step` apart along the curve, both ends included; segment joints are hit exactly.
+    /// Samples at most `step` apart, both ends included; segment joints are hit exactly.
     pub fn sample(&self, step: f64) -> Vec<(f64, CurvePoint)> {
         let mut points = Vec::new();
         for (segment, &station) in self.segments.iter().zip(&self.stations) {

@@ -1,9 +1,9 @@
-//! Outlines of bodies in the plane and whether they overlap.
+//! Planar outlines and their overlap (separating axis theorem).
 
 use super::Pose2;
 use glam::DVec2;
 
-/// A rectangle turned in the plane: the outline of a vehicle seen from above.
+/// An oriented rectangle: the outline of a vehicle seen from above.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OrientedRect {
     pub centre: DVec2,
@@ -13,7 +13,7 @@ pub struct OrientedRect {
     pub half: DVec2,
 }
 
-/// How far two outlines reach into one another along the axis where they do so least.
+/// The penetration of two outlines: their depth along the axis of least overlap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Overlap {
     pub depth: f64,
@@ -31,7 +31,7 @@ impl OrientedRect {
         [c + ahead + left, c - ahead + left, c - ahead - left, c + ahead - left]
     }
 
-    /// Radius of the circle around the centre that holds the rectangle.
+    /// Radius of the circumscribed circle.
     pub fn radius(&self) -> f64 {
         self.half.length()
     }
@@ -49,12 +49,12 @@ impl OrientedRect {
         Some(Overlap { depth })
     }
 
-    /// How far apart two outlines are at least; 0 where they overlap.
+    /// Distance between two outlines; 0 if they overlap.
     pub fn distance(&self, other: &Self) -> f64 {
         if self.overlap(other).is_some() {
             return 0.0;
         }
-        // Of two convex shapes that are apart, a corner of one is nearest to the other.
+        // The distance of disjoint convex polygons is attained at a corner of one of them.
         let to = |rect: &Self, point: DVec2| {
             let offset = point - rect.centre;
             let beside = DVec2::new(offset.dot(rect.axis), offset.dot(rect.axis.perp())).abs() - rect.half;
@@ -114,7 +114,7 @@ fn segments_cross(a: DVec2, b: DVec2, c: DVec2, d: DVec2) -> bool {
     side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0
 }
 
-/// The convex hull of some points, counter-clockwise (monotone chain).
+/// The convex hull of points, counter-clockwise (monotone chain, Andrew 1979).
 pub fn convex_hull(points: &[DVec2]) -> Vec<DVec2> {
     let mut sorted = points.to_vec();
     sorted.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
@@ -142,7 +142,7 @@ pub fn convex_hull(points: &[DVec2]) -> Vec<DVec2> {
     hull
 }
 
-/// Whether a point lies inside a simple polygon (even-odd rule).
+/// Whether a simple polygon contains a point (even-odd rule).
 pub fn point_in_polygon(point: DVec2, polygon: &[DVec2]) -> bool {
     let mut inside = false;
     for (k, &a) in polygon.iter().enumerate() {

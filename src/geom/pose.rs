@@ -1,10 +1,10 @@
-//! A position and a heading in the plane.
+//! A planar pose: position and heading.
 
 use super::trig;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-/// A planar pose: where a body stands and where it looks. Frame and unit are those of its owner.
+/// A planar pose: position and heading (SE(2)). Frame and unit are those of the owner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pose2 {
     pub position: DVec2,
@@ -39,7 +39,7 @@ impl Pose2 {
         Self { position: self.point_at(ahead, 0.0), yaw_rad: self.yaw_rad }
     }
 
-    /// Both coordinates multiplied, the heading kept: a change of scale.
+    /// The pose at another length scale; the heading is kept.
     pub fn scaled(&self, factor: f64) -> Self {
         Self { position: self.position * factor, yaw_rad: self.yaw_rad }
     }

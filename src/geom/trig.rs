@@ -1,7 +1,7 @@
-//! Elementary functions that give the same bits on every machine.
+//! Elementary functions with the same bits on every machine.
 //!
-//! The standard library forwards to the platform's libm, whose last bit differs between systems.
-//! Whatever reaches the state of a run goes through these functions (`clippy.toml` bans the others).
+//! The standard library forwards to the platform's libm, whose last bit differs between systems. Everything
+//! that reaches the state of a run uses these functions (`clippy.toml` bans the others).
 
 use std::f64::consts::{PI, TAU};
 
@@ -70,7 +70,7 @@ pub fn hypot(x: f64, y: f64) -> f64 {
     libm::hypot(x, y)
 }
 
-/// Brings an angle into (-pi, pi].
+/// Wraps an angle into (-pi, pi].
 pub fn wrap_angle(angle_rad: f64) -> f64 {
     if angle_rad > -PI && angle_rad <= PI {
         return angle_rad;

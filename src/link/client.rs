@@ -1,47 +1,48 @@
-//! The other end of the link: what sends to a city and hears it.
+//! UDP client of a city: sends datagrams, checks the ones that come back, repeats requests.
 
-use super::{LinkError, Window};
-use crate::wire::{Body, Header, LONGEST_DATAGRAM, Outcome, Seal};
+use super::{AntiReplayWindow, LinkError};
+use crate::wire::{Authenticator, Body, DatagramHeader, MAX_DATAGRAM_BYTES, RequestOutcome};
 use std::collections::hash_map::RandomState;
 use std::hash::BuildHasher;
 use std::io::ErrorKind;
 use std::net::{ToSocketAddrs, UdpSocket};
 use std::time::{Duration, Instant, SystemTime};
 
-/// A request that is not answered is sent again after this.
-const AGAIN: Duration = Duration::from_millis(100);
+/// A request without an answer is retransmitted after this time.
+const RETRANSMIT_INTERVAL: Duration = Duration::from_millis(100);
 const SOCKET_BYTES: usize = 4 << 20;
 
-/// A number for a session: no other process, and none before, has the same.
+/// Draws a session number that no other process has had, with overwhelming probability.
 pub(super) fn new_session() -> u64 {
     // The hasher's keys come from the system's source of randomness.
     RandomState::new().hash_one((SystemTime::now(), std::process::id())).max(1)
 }
 
-/// What comes from the city.
+/// What a client receives.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Heard {
+pub enum ClientEvent {
+    /// A datagram of the city that has passed all checks.
     Body(Body),
-    /// It has another session than before: it has been restarted, and knows nothing any more.
+    /// The city has another session than before: it has been restarted and has lost its state.
     Restarted,
 }
 
-/// One who sends to a city.
+/// Client of a city, with a session of its own.
 #[derive(Debug)]
 pub struct Client {
     socket: UdpSocket,
-    seal: Seal,
-    header: Header,
-    window: Window,
-    request: u32,
+    authenticator: Authenticator,
+    header: DatagramHeader,
+    window: AntiReplayWindow,
+    last_request: u32,
 }
 
 impl Client {
     /// Opens a socket to a city; nothing is sent yet.
     ///
     /// # Errors
-    /// When the address is none, or cannot be reached from here.
-    pub fn new(city: &str, world: u32, seal: Seal) -> Result<Self, LinkError> {
+    /// When the address is malformed, or cannot be reached from here.
+    pub fn new(city: &str, world: u32, authenticator: Authenticator) -> Result<Self, LinkError> {
         let address = || city.to_owned();
         let no_socket = |source| LinkError::Socket { address: address(), source };
         let found = city.to_socket_addrs().ok().and_then(|mut found| found.next());
@@ -50,71 +51,71 @@ impl Client {
         let socket = UdpSocket::bind(own).map_err(no_socket)?;
         let _ = socket2::SockRef::from(&socket).set_recv_buffer_size(SOCKET_BYTES);
         socket.connect(found).map_err(no_socket)?;
-        let header = Header { session: new_session(), world, ..Header::default() };
-        Ok(Self { socket, seal, header, window: Window::default(), request: 0 })
+        let header = DatagramHeader { session: new_session(), world, ..DatagramHeader::default() };
+        Ok(Self { socket, authenticator, header, window: AntiReplayWindow::default(), last_request: 0 })
     }
 
-    /// Begins anew, as a sender that nobody has heard of yet.
-    pub fn renew(&mut self) {
-        self.header = Header { session: new_session(), peer: 0, sequence: 0, ..self.header };
-        self.window = Window::default();
+    /// Starts a new session and forgets that of the city; the next handshake learns it again.
+    pub fn reset_session(&mut self) {
+        self.header = DatagramHeader { session: new_session(), peer: 0, sequence: 0, ..self.header };
+        self.window = AntiReplayWindow::default();
     }
 
-    /// Sends something, and gives the sequence it has gone by. Nobody knows whether it arrives.
+    /// Sends a datagram without delivery guarantee, and gives its sequence number.
     pub fn send(&mut self, body: &Body) -> u64 {
         self.header.sequence += 1;
-        match body.encode(self.header, &self.seal) {
+        match body.encode(self.header, &self.authenticator) {
             Ok(bytes) => self.resend(&bytes),
-            Err(error) => tracing::warn!("not sent: {error}"),
+            Err(error) => tracing::warn!("a datagram is not sent: {error}"),
         }
         self.header.sequence
     }
 
-    /// Asks whoever is at the city's address whether it is there, a restarted one too.
+    /// Sends a heartbeat `Hello` that a restarted city answers too: it names no session of the city.
     pub fn probe(&mut self) {
         let peer = std::mem::take(&mut self.header.peer);
         self.send(&Body::Hello { token: 0 });
         self.header.peer = peer;
     }
 
-    /// Bytes of the next datagram, for [`Client::resend`].
+    /// Encodes the next datagram for [`Client::resend`]; gives its sequence number and bytes.
     pub fn prepare(&mut self, body: &Body) -> Option<(u64, Vec<u8>)> {
         self.header.sequence += 1;
-        match body.encode(self.header, &self.seal) {
+        match body.encode(self.header, &self.authenticator) {
             Ok(bytes) => Some((self.header.sequence, bytes)),
             Err(error) => {
-                tracing::warn!("not sent: {error}");
+                tracing::warn!("a datagram is not sent: {error}");
                 None
             }
         }
     }
 
-    /// Sends a datagram as it is.
+    /// Sends the bytes of an encoded datagram, once more if it has been sent before.
     pub fn resend(&self, bytes: &[u8]) {
-        // A city that is away refuses; the next answer tells that it is back.
+        // The error of an absent city does not matter: its next answer shows that it is back.
         let _ = self.socket.send(bytes);
     }
 
-    /// The next thing that comes from the city, waiting no longer than this.
-    pub fn receive(&mut self, wait: Duration) -> Option<Heard> {
+    /// Receives the next event, and waits for it at most this long.
+    pub fn receive(&mut self, wait: Duration) -> Option<ClientEvent> {
         if wait.is_zero() {
             return self.poll();
         }
         let until = Instant::now() + wait;
-        let mut bytes = [0; LONGEST_DATAGRAM + 1];
+        let mut bytes = [0; MAX_DATAGRAM_BYTES + 1];
         loop {
             let left = until.saturating_duration_since(Instant::now());
-            // A timeout of nothing would wait for ever.
+            // A timeout of zero would mean to wait for ever.
             let _ = self.socket.set_read_timeout(Some(left.max(Duration::from_micros(1))));
             match self.socket.recv(&mut bytes) {
                 Ok(length) => {
-                    if let Some(heard) = self.take(&bytes[..length]) {
-                        return Some(heard);
+                    if let Some(event) = self.accept(&bytes[..length]) {
+                        return Some(event);
                     }
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
-                // Nobody is there: no reason to ask again at once.
+                // Nothing listens at the address: asking again at once would spin.
                 Err(_) => std::thread::sleep(left.min(Duration::from_millis(5))),
             }
             if Instant::now() >= until {
@@ -123,31 +124,31 @@ impl Client {
         }
     }
 
-    /// What is there already. The shortest timeout of a socket is that of the system's clock, some milliseconds.
-    fn poll(&mut self) -> Option<Heard> {
-        let mut bytes = [0; LONGEST_DATAGRAM + 1];
+    /// Receives without waiting. A timeout would last some milliseconds at least, a tick of the system's timer.
+    fn poll(&mut self) -> Option<ClientEvent> {
+        let mut bytes = [0; MAX_DATAGRAM_BYTES + 1];
         self.socket.set_nonblocking(true).ok()?;
-        let mut heard = None;
-        while heard.is_none() {
+        let mut event = None;
+        while event.is_none() {
             match self.socket.recv(&mut bytes) {
-                Ok(length) => heard = self.take(&bytes[..length]),
-                // Somebody was not there; what comes after that may be.
+                Ok(length) => event = self.accept(&bytes[..length]),
+                // The error of an earlier send; datagrams may wait behind it.
                 Err(error) if error.kind() == ErrorKind::ConnectionRefused => {}
                 Err(_) => break,
             }
         }
-        // A socket that waits no more would turn waiting into spinning.
+        // A socket that stayed non-blocking would turn waiting into spinning.
         if let Err(error) = self.socket.set_nonblocking(false) {
-            tracing::warn!("the link cannot be waited for: {error}");
+            tracing::warn!("the socket cannot be set to wait: {error}");
         }
-        heard
+        event
     }
 
-    fn take(&mut self, bytes: &[u8]) -> Option<Heard> {
-        let (header, body) = match Body::decode(bytes, &self.seal) {
+    fn accept(&mut self, bytes: &[u8]) -> Option<ClientEvent> {
+        let (header, body) = match Body::decode(bytes, &self.authenticator) {
             Ok(read) => read,
             Err(error) => {
-                tracing::debug!("the city sent what cannot be read: {error}");
+                tracing::debug!("a datagram from the city is dropped: {error}");
                 return None;
             }
         };
@@ -158,28 +159,35 @@ impl Client {
             self.header.peer = header.session;
         }
         if header.session != self.header.peer {
-            return Some(Heard::Restarted);
+            return Some(ClientEvent::Restarted);
         }
         self.window.check(header.sequence).ok()?;
-        self.window.note(header.sequence);
-        Some(Heard::Body(body))
+        self.window.mark_received(header.sequence);
+        Some(ClientEvent::Body(body))
     }
 
-    /// Sends a request until it is answered, no longer than this. `None`: it was not.
-    pub fn ask(&mut self, patience: Duration, body: impl Fn(u32) -> Body) -> Option<(Outcome, String)> {
-        self.request += 1;
-        let number = self.request;
+    /// Sends a request, with retransmissions, until its acknowledgement comes; `None` after the timeout. Requests are
+    /// idempotent by their number.
+    pub fn request(
+        &mut self,
+        timeout: Duration,
+        body: impl Fn(u32) -> Body,
+    ) -> Option<(RequestOutcome, String)> {
+        self.last_request += 1;
+        let number = self.last_request;
         let body = body(number);
-        let until = Instant::now() + patience;
+        let until = Instant::now() + timeout;
         while Instant::now() < until {
             self.send(&body);
-            let again = Instant::now() + AGAIN;
-            while let Some(left) = again.checked_duration_since(Instant::now()) {
+            let retransmit_at = Instant::now() + RETRANSMIT_INTERVAL;
+            while let Some(left) = retransmit_at.checked_duration_since(Instant::now()) {
                 match self.receive(left) {
-                    Some(Heard::Body(Body::Ack { request, outcome, detail, .. })) if request == number => {
+                    Some(ClientEvent::Body(Body::Ack { request, outcome, detail, .. }))
+                        if request == number =>
+                    {
                         return Some((outcome, detail));
                     }
-                    Some(Heard::Restarted) => return None,
+                    Some(ClientEvent::Restarted) => return None,
                     _ => {}
                 }
             }

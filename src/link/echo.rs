@@ -1,13 +1,13 @@
-//! Round trips of datagrams to one who sends them back: what the link is compared with.
+//! Round-trip times to a UDP echo server, the baseline for the latency of the link.
 
 use super::LinkError;
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};
 
 /// An echo that takes longer counts as lost.
-const LOST: Duration = Duration::from_millis(200);
+const ECHO_TIMEOUT: Duration = Duration::from_millis(200);
 
-/// Sends these datagrams as often as that, for a while, and gives how long each was under way, there and back.
+/// Sends the datagrams once per `every` for the time `lasting`, and gives their round-trip times.
 ///
 /// # Errors
 /// When the address cannot be reached from here.
@@ -20,7 +20,7 @@ pub fn round_trips(
     let no_socket = |source| LinkError::Socket { address: address.to_owned(), source };
     let socket = UdpSocket::bind("127.0.0.1:0").map_err(no_socket)?;
     socket.connect(address).map_err(no_socket)?;
-    socket.set_read_timeout(Some(LOST)).map_err(no_socket)?;
+    socket.set_read_timeout(Some(ECHO_TIMEOUT)).map_err(no_socket)?;
     let (begun, mut times) = (Instant::now(), Vec::new());
     let mut bytes = [0; 2048];
     for round in 1.. {
@@ -29,7 +29,7 @@ pub fn round_trips(
             sent.push(Instant::now());
             socket.send(datagram).map_err(no_socket)?;
         }
-        // In their order: there is one way alone on this machine.
+        // Echoes keep their order on this machine: they all take one path.
         for sent in sent {
             if socket.recv(&mut bytes).is_err() {
                 break;

@@ -1,71 +1,75 @@
-//! Pose feedback by VICON in place of the city's own: the newest poses of all vehicles, put on the city's clock.
+//! Pose feedback from VICON instead of the city: the newest poses of all vehicles, with stamps on the city's clock.
+//!
+//! Clock synchronisation is Cristian's algorithm (*Probabilistic clock synchronization*, Distributed Computing 3,
+//! 1989): the city is asked for its time, and its answer is taken to be from the middle of the round trip. The sample
+//! with the shortest round trip counts until it has aged.
 
 use super::vicon::{EPOCH_S, Vicon, wall_s};
-use super::{Client, Heard};
+use super::{Client, ClientEvent};
 use crate::snapshot::{Status, VehicleId};
-use crate::wire::{Body, Clock, Measurement, Phase, Poses, Seen};
+use crate::wire::{Body, CityClock, ExperimentPhase, Measurement, ObservedVehicle, Poses};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-/// So often the city is asked for its clock, while it runs and while it stands.
-const ASK_RUNNING: Duration = Duration::from_millis(200);
-const ASK_STANDING: Duration = Duration::from_millis(20);
-/// A city that has not answered for so long may have been restarted.
-const SILENT: Duration = Duration::from_secs(1);
-/// Poses of one instant come by several connections: so long the others are waited for.
-const HOLD: Duration = Duration::from_millis(2);
-/// Waits of one look for poses.
-const LOOK: Duration = Duration::from_millis(2);
-/// A vehicle without a pose for so long counts as unseen, and after the second is forgotten.
-const UNSEEN_S: f64 = 0.25;
-const FORGOTTEN_S: f64 = 5.0;
-/// By so much a reading of the clock gets worse each second, against the time that a question takes.
-const AGEING: f64 = 0.01;
+/// Interval of clock requests while the experiment runs, and while it does not.
+const SYNC_INTERVAL_RUNNING: Duration = Duration::from_millis(200);
+const SYNC_INTERVAL_STOPPED: Duration = Duration::from_millis(20);
+/// A city that has not answered for this long may have been restarted.
+const HEARTBEAT_TIMEOUT: Duration = Duration::from_secs(1);
+/// Poses of one instant come by several connections: the longest wait for the remaining ones.
+const ALIGN_TIMEOUT: Duration = Duration::from_millis(2);
+/// Longest wait for poses in one call.
+const POLL_TIMEOUT: Duration = Duration::from_millis(2);
+/// A vehicle without a pose for the first time counts as unseen; after the second it is dropped.
+const UNSEEN_AFTER_S: f64 = 0.25;
+const DROPPED_AFTER_S: f64 = 5.0;
+/// Growth of the uncertainty of a clock sample, seconds per second, compared with round-trip times.
+const DRIFT: f64 = 0.01;
 
-/// What the city's clock showed at an instant of this machine's.
+/// Time of the city's clock at an instant of this machine's clock.
 #[derive(Clone, Copy, Debug)]
-struct Reading {
-    clock: Clock,
+struct ClockSample {
+    clock: CityClock,
     wall_s: f64,
-    /// How long the question and its answer took.
+    /// Round-trip time of the request.
     round_trip_s: f64,
 }
 
-impl Reading {
-    /// Simulated time of a stamp.
+impl ClockSample {
+    /// Converts a stamp of the wall clock into simulated time.
     fn time_s(&self, stamp_s: f64) -> f64 {
         match self.clock.phase {
             _ if stamp_s < EPOCH_S => stamp_s,
-            Phase::Running => (self.clock.time_s + stamp_s - self.wall_s).max(0.0),
-            Phase::Ready | Phase::Paused => self.clock.time_s,
+            ExperimentPhase::Running => (self.clock.time_s + stamp_s - self.wall_s).max(0.0),
+            ExperimentPhase::Ready | ExperimentPhase::Paused => self.clock.time_s,
         }
     }
 
-    /// Whether another one tells the time better.
+    /// Whether another sample is more accurate.
     fn is_worse_than(&self, other: &Self) -> bool {
         let age_s = other.wall_s - self.wall_s;
-        self.clock.phase != other.clock.phase || other.round_trip_s <= self.round_trip_s + AGEING * age_s
+        self.clock.phase != other.clock.phase || other.round_trip_s <= self.round_trip_s + DRIFT * age_s
     }
 }
 
-/// Listens to VICON for the poses of a city, and to the city for its clock.
+/// Receives poses from VICON and the clock from the city, and joins them into pose datagrams.
 #[derive(Debug)]
 pub struct ViconFeedback {
     vicon: Vicon,
-    /// Vehicles that are expected.
+    /// Number of vehicles that VICON tracks.
     vehicles: usize,
     ticks_per_control: u64,
-    /// On the city's clock.
+    /// Newest poses, stamped with the city's clock.
     newest: BTreeMap<VehicleId, Measurement>,
-    /// The newest instant that was not given yet, and when its first pose came.
-    coming: Option<(f64, Instant)>,
-    /// Time of the poses that were given last.
-    given_s: f64,
+    /// The newest instant that is not complete yet, and when its first pose came.
+    pending: Option<(f64, Instant)>,
+    /// Time of the poses that were returned last.
+    returned_s: f64,
     last_tick: u64,
-    reading: Option<Reading>,
-    /// The question that was asked last, and when.
+    sample: Option<ClockSample>,
+    /// Token of the last clock request, and when it was sent.
     asked: (u64, Option<(Instant, f64)>),
-    /// When the city has answered last, or was asked first.
+    /// When the city answered last, or was first asked.
     answered: Option<Instant>,
 }
 
@@ -76,99 +80,100 @@ impl ViconFeedback {
             vehicles,
             ticks_per_control,
             newest: BTreeMap::new(),
-            coming: None,
-            given_s: 0.0,
+            pending: None,
+            returned_s: 0.0,
             last_tick: 0,
-            reading: None,
+            sample: None,
             asked: (0, None),
             answered: None,
         }
     }
 
-    /// The next thing that comes from the city or from VICON, whose poses come as if the city had sent them.
-    pub fn receive(&mut self, client: &mut Client) -> Option<Heard> {
-        self.ask(client);
+    /// Receives the next event of the city, or poses from VICON in the form that the city sends.
+    pub fn receive(&mut self, client: &mut Client) -> Option<ClientEvent> {
+        self.request_clock(client);
         match client.receive(Duration::ZERO) {
-            Some(Heard::Body(Body::Clock(clock))) => self.read(clock),
-            Some(heard) => return Some(heard),
+            Some(ClientEvent::Body(Body::Clock(clock))) => self.update_clock(clock),
+            Some(event) => return Some(event),
             None => {}
         }
-        let mut wait = LOOK;
-        while let Some(heard) = self.vicon.receive(wait) {
+        let mut wait = POLL_TIMEOUT;
+        while let Some(received) = self.vicon.receive(wait) {
             wait = Duration::ZERO;
-            self.take(heard.pose);
+            self.add(received.pose);
         }
-        self.give()
+        self.next_frame()
     }
 
     fn is_running(&self) -> bool {
-        self.reading.is_some_and(|reading| reading.clock.phase == Phase::Running)
+        self.sample.is_some_and(|sample| sample.clock.phase == ExperimentPhase::Running)
     }
 
-    fn ask(&mut self, client: &mut Client) {
-        let every = if self.is_running() { ASK_RUNNING } else { ASK_STANDING };
+    fn request_clock(&mut self, client: &mut Client) {
+        let every = if self.is_running() { SYNC_INTERVAL_RUNNING } else { SYNC_INTERVAL_STOPPED };
         let (token, asked) = self.asked;
         if asked.is_none_or(|(when, _)| when.elapsed() >= every) {
             self.asked = (token + 1, Some((Instant::now(), wall_s())));
             client.send(&Body::Hello { token: token + 1 });
-            // Poses of physical vehicles go on without a city.
-            if self.answered.get_or_insert_with(Instant::now).elapsed() > SILENT {
+            // Poses of physical vehicles keep pending without a city.
+            if self.answered.get_or_insert_with(Instant::now).elapsed() > HEARTBEAT_TIMEOUT {
                 client.probe();
             }
         }
     }
 
-    fn read(&mut self, clock: Clock) {
+    fn update_clock(&mut self, clock: CityClock) {
         self.answered = Some(Instant::now());
         let (token, Some((when, asked_s))) = self.asked else { return };
         if clock.token != token {
             return;
         }
         let round_trip_s = when.elapsed().as_secs_f64();
-        let reading = Reading { clock, wall_s: asked_s + round_trip_s / 2.0, round_trip_s };
-        if clock.phase == Phase::Ready {
-            // A reset: what was before it lies in the future now.
+        let sample = ClockSample { clock, wall_s: asked_s + round_trip_s / 2.0, round_trip_s };
+        if clock.phase == ExperimentPhase::Ready {
+            // A reset: earlier poses have stamps in the future now.
             self.newest.retain(|_, pose| pose.stamp_s <= clock.time_s);
-            (self.given_s, self.last_tick) = (0.0, 0);
+            (self.returned_s, self.last_tick) = (0.0, 0);
         }
-        if self.reading.is_none_or(|old| old.is_worse_than(&reading)) {
-            self.reading = Some(reading);
+        if self.sample.is_none_or(|old| old.is_worse_than(&sample)) {
+            self.sample = Some(sample);
         }
     }
 
-    fn take(&mut self, pose: Measurement) {
-        let Some(reading) = self.reading else { return };
-        let time_s = reading.time_s(pose.stamp_s);
+    fn add(&mut self, pose: Measurement) {
+        let Some(sample) = self.sample else { return };
+        let time_s = sample.time_s(pose.stamp_s);
         let pose = Measurement { stamp_s: time_s, ..pose };
         let newest = self.newest.entry(pose.vehicle).or_insert(pose);
         if time_s >= newest.stamp_s {
             *newest = pose;
         }
-        if time_s > self.given_s || !self.is_running() {
-            let (latest_s, begun) = self.coming.unwrap_or((time_s, Instant::now()));
-            self.coming = Some((latest_s.max(time_s), begun));
+        if time_s > self.returned_s || !self.is_running() {
+            let (latest_s, begun) = self.pending.unwrap_or((time_s, Instant::now()));
+            self.pending = Some((latest_s.max(time_s), begun));
         }
     }
 
-    /// Gives the newest instant, once all vehicles have come or have been waited for.
-    fn give(&mut self) -> Option<Heard> {
-        let (reading, (time_s, begun)) = (self.reading?, self.coming?);
-        let is_whole =
+    /// Returns the newest instant once it has poses of all vehicles, or after [`ALIGN_TIMEOUT`].
+    fn next_frame(&mut self) -> Option<ClientEvent> {
+        let (sample, (time_s, begun)) = (self.sample?, self.pending?);
+        let is_complete =
             self.newest.len() >= self.vehicles && self.newest.values().all(|pose| pose.stamp_s == time_s);
-        if !is_whole && begun.elapsed() < HOLD {
+        if !is_complete && begun.elapsed() < ALIGN_TIMEOUT {
             return None;
         }
-        (self.coming, self.given_s) = (None, time_s);
-        let Clock { physics_hz, phase, .. } = reading.clock;
+        (self.pending, self.returned_s) = (None, time_s);
+        let CityClock { physics_hz, phase, .. } = sample.clock;
         let tick = self.tick_at(time_s * f64::from(physics_hz));
-        self.newest.retain(|_, pose| time_s - pose.stamp_s < FORGOTTEN_S);
+        self.newest.retain(|_, pose| time_s - pose.stamp_s < DROPPED_AFTER_S);
         let status = |pose: &Measurement| match phase {
-            _ if time_s - pose.stamp_s > UNSEEN_S => Status::Unseen,
-            Phase::Running => Status::Driving,
-            Phase::Ready | Phase::Paused => Status::Waiting,
+            _ if time_s - pose.stamp_s > UNSEEN_AFTER_S => Status::Unseen,
+            ExperimentPhase::Running => Status::Driving,
+            ExperimentPhase::Ready | ExperimentPhase::Paused => Status::Waiting,
         };
-        let vehicles = self.newest.values().map(|pose| Seen { pose: *pose, status: status(pose) }).collect();
-        Some(Heard::Body(Body::Poses(Poses {
+        let vehicles =
+            self.newest.values().map(|pose| ObservedVehicle { pose: *pose, status: status(pose) }).collect();
+        Some(ClientEvent::Body(Body::Poses(Poses {
             tick,
             time_s,
             state_hash: 0,
@@ -179,7 +184,7 @@ impl ViconFeedback {
         })))
     }
 
-    /// The tick of an instant. Stamps of the wall fall between ticks: no tick with a control step is stepped over.
+    /// The tick of an instant. Wall-clock stamps fall between ticks: the tick of each control step is kept.
     fn tick_at(&mut self, ticks: f64) -> u64 {
         let (tick, per) = (ticks.round() as u64, self.ticks_per_control.max(1));
         let is_due = tick / per > self.last_tick / per;
@@ -192,8 +197,8 @@ impl ViconFeedback {
 mod tests {
     use super::*;
 
-    fn reading(phase: Phase, time_s: f64, wall_s: f64, round_trip_s: f64) -> Reading {
-        let clock = Clock {
+    fn sample(phase: ExperimentPhase, time_s: f64, wall_s: f64, round_trip_s: f64) -> ClockSample {
+        let clock = CityClock {
             token: 0,
             tick: 0,
             time_s,
@@ -202,22 +207,22 @@ mod tests {
             phase,
             is_lockstep: false,
         };
-        Reading { clock, wall_s, round_trip_s }
+        ClockSample { clock, wall_s, round_trip_s }
     }
 
     #[test]
     fn stamps_are_put_on_the_clock_of_the_city() {
-        let running = reading(Phase::Running, 3.0, 1.7e9, 0.001);
+        let running = sample(ExperimentPhase::Running, 3.0, 1.7e9, 0.001);
         assert!((running.time_s(1.7e9 + 0.25) - 3.25).abs() < 1e-6);
         assert_eq!(running.time_s(7.5), 7.5);
-        assert_eq!(reading(Phase::Paused, 3.0, 1.7e9, 0.001).time_s(1.7e9 + 9.0), 3.0);
+        assert_eq!(sample(ExperimentPhase::Paused, 3.0, 1.7e9, 0.001).time_s(1.7e9 + 9.0), 3.0);
     }
 
     #[test]
-    fn a_quick_answer_tells_the_time_until_it_is_old() {
-        let quick = reading(Phase::Running, 3.0, 100.0, 0.001);
-        assert!(!quick.is_worse_than(&reading(Phase::Running, 3.2, 100.2, 0.02)));
-        assert!(quick.is_worse_than(&reading(Phase::Running, 5.2, 102.2, 0.02)));
-        assert!(quick.is_worse_than(&reading(Phase::Paused, 3.1, 100.1, 0.02)));
+    fn the_sample_with_the_shortest_round_trip_counts_until_it_is_old() {
+        let short = sample(ExperimentPhase::Running, 3.0, 100.0, 0.001);
+        assert!(!short.is_worse_than(&sample(ExperimentPhase::Running, 3.2, 100.2, 0.02)));
+        assert!(short.is_worse_than(&sample(ExperimentPhase::Running, 5.2, 102.2, 0.02)));
+        assert!(short.is_worse_than(&sample(ExperimentPhase::Paused, 3.1, 100.1, 0.02)));
     }
 }

@@ -1,40 +1,41 @@
-//! The laboratory's link: sockets, clocks of the wall, and who may send what how fast. What datagrams
-//! mean is told by [`wire`](crate::wire), what becomes of them by [`runner`](crate::runner).
+//! UDP link of the laboratory: sockets, handshake, replay protection, rate limits and bounded receive queues.
+//!
+//! [`wire`](crate::wire) defines the datagrams, `ServerWorld` of [`runner`](crate::runner) acts on them.
 
 mod burst;
 mod client;
 mod echo;
 #[cfg(feature = "ros")]
 pub mod feedback;
-mod inbox;
 mod key;
-mod laboratory;
 #[cfg(feature = "ros")]
 pub mod onboard;
-mod rehearsal;
+mod physical_fleet;
+mod receive_queue;
 mod senders;
 mod server;
 #[cfg(feature = "ros")]
 pub mod vicon;
+mod warmup;
 mod window;
 
-pub use client::{Client, Heard};
+pub use client::{Client, ClientEvent};
 pub use echo::round_trips;
-pub use inbox::Inbound;
 pub use key::{KeyError, read_key};
-pub use laboratory::Laboratory;
-pub use senders::{Bucket, Origin, Senders, Told};
-pub use server::{Allowed, Server, ServerOptions};
-pub use window::Window;
+pub use physical_fleet::PhysicalFleet;
+pub use receive_queue::Inbound;
+pub use senders::{ReplyAddress, SenderId, Senders, TokenBucket};
+pub use server::{AllowedNetwork, LinkCounters, Server, ServerOptions};
+pub use window::AntiReplayWindow;
 
 use thiserror::Error;
 
-/// What keeps a link from beginning.
+/// Error that keeps a link from opening.
 #[derive(Debug, Error)]
 pub enum LinkError {
-    #[error("{address}: no address; write it as 127.0.0.1:9870")]
+    #[error("{address} is not an address with a port; write it as 127.0.0.1:9870")]
     Address { address: String },
-    #[error("{address}: no IP address or network; write it as 192.168.1.7 or 192.168.1.0/24")]
+    #[error("{address} is not an IP address or a network; write it as 192.168.1.7 or 192.168.1.0/24")]
     Network { address: String },
     #[error("{address}: the socket cannot be opened: {source}")]
     Socket { address: String, source: std::io::Error },

@@ -1,4 +1,4 @@
-//! Onboard pictures over ROS: topics of cameras, and what is published with each picture.
+//! Publishes onboard pictures over ROS: `CompressedImage`, `CameraInfo` and `/tf` for each camera.
 
 use crate::ros::{
     CameraInfo, CompressedImage, Header, Quaternion, TfMessage, Time, Topics, Transform, TransformStamped,
@@ -10,10 +10,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use tokio::sync::broadcast;
 
-/// Pictures that may wait for the thread of ROS; when there are more, the oldest are dropped.
-const QUEUE: usize = 32;
+/// Bounded queue to the thread of ROS: pictures that wait; back-pressure drops the oldest.
+const CAPACITY: usize = 32;
 
-/// A camera that a vehicle carries, by both names.
+/// Names of an onboard camera and of its vehicle.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OnboardCamera {
     pub vehicle: String,
@@ -35,10 +35,10 @@ impl OnboardCamera {
     }
 }
 
-/// A picture, and how it was taken.
+/// A picture with the intrinsics and extrinsics of its camera.
 #[derive(Clone, Debug)]
 pub struct OnboardPicture {
-    /// Which of the cameras has taken it.
+    /// Index of the camera.
     pub camera: usize,
     pub stamp_s: f64,
     pub png: Vec<u8>,
@@ -52,16 +52,16 @@ pub struct OnboardPicture {
 }
 
 #[derive(Debug, Default)]
-pub(super) struct Counts {
+pub(super) struct PictureCounters {
     published: AtomicU64,
     dropped: AtomicU64,
 }
 
-/// Where pictures are handed over; it never waits.
+/// Sending end of the queue of pictures; it never blocks.
 #[derive(Clone, Debug)]
 pub struct PictureSender {
     pictures: broadcast::Sender<Arc<OnboardPicture>>,
-    counts: Arc<Counts>,
+    counts: Arc<PictureCounters>,
     wanted: Arc<[AtomicBool]>,
 }
 
@@ -72,33 +72,33 @@ impl PictureSender {
         }
     }
 
-    /// Cameras whose pictures anybody listens to.
+    /// Flags of the cameras whose pictures have subscribers.
     pub fn wanted(&self) -> Arc<[AtomicBool]> {
         Arc::clone(&self.wanted)
     }
 
-    /// Pictures that were published, and those that ROS was too slow for.
-    pub fn figures(&self) -> (u64, u64) {
+    /// Numbers of published and of dropped pictures.
+    pub fn counters(&self) -> (u64, u64) {
         let of = |count: &AtomicU64| count.load(Ordering::Relaxed);
         (of(&self.counts.published), of(&self.counts.dropped))
     }
 }
 
-/// The end of the thread of ROS.
+/// Receiving end of the queue, on the thread of ROS.
 #[derive(Debug)]
 pub(super) struct PictureTopics {
     cameras: Vec<OnboardCamera>,
-    /// Pictures so far, by camera.
+    /// Sequence number of the last picture, by camera.
     seq: Vec<u32>,
     pictures: broadcast::Receiver<Arc<OnboardPicture>>,
-    counts: Arc<Counts>,
+    counts: Arc<PictureCounters>,
     wanted: Arc<[AtomicBool]>,
 }
 
-/// Both ends.
+/// Creates both ends of the queue.
 pub(super) fn pictures(cameras: Vec<OnboardCamera>) -> (PictureSender, PictureTopics) {
-    let (sender, pictures) = broadcast::channel(QUEUE);
-    let counts = Arc::new(Counts::default());
+    let (sender, pictures) = broadcast::channel(CAPACITY);
+    let counts = Arc::new(PictureCounters::default());
     let wanted: Arc<[AtomicBool]> = cameras.iter().map(|_| AtomicBool::new(false)).collect();
     let seq = vec![0; cameras.len()];
     let topics =
@@ -114,15 +114,16 @@ impl PictureTopics {
         }
     }
 
-    /// Looks who listens.
-    pub(super) fn look(&self, topics: &impl Topics) {
+    /// Updates the flags of the cameras that have subscribers.
+    pub(super) fn update_wanted(&self, topics: &impl Topics) {
         for (camera, wanted) in self.cameras.iter().zip(&*self.wanted) {
-            let is_heard = topics.is_heard(&camera.image_topic()) || topics.is_heard(&camera.info_topic());
-            wanted.store(is_heard, Ordering::Relaxed);
+            let is_wanted =
+                topics.has_subscribers(&camera.image_topic()) || topics.has_subscribers(&camera.info_topic());
+            wanted.store(is_wanted, Ordering::Relaxed);
         }
     }
 
-    /// The next picture; never, once no more can come.
+    /// The next picture; never returns once all senders are gone.
     pub(super) async fn next(&mut self) -> Arc<OnboardPicture> {
         loop {
             match self.pictures.recv().await {
@@ -141,7 +142,7 @@ impl PictureTopics {
             return;
         };
         *seq = seq.wrapping_add(1);
-        let (seq, stamp) = (*seq, Time::of_seconds(picture.stamp_s));
+        let (seq, stamp) = (*seq, Time::from_seconds(picture.stamp_s));
         let header = || Header { seq, stamp, frame_id: camera.frame() };
         topics.publish(&camera.image_topic(), || CompressedImage {
             header: header(),

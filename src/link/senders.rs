@@ -1,74 +1,76 @@
-//! Who sends: sessions by address, what has come of each, and how fast each may send.
+//! Table of senders: their sessions by address, replay protection and rate limit of each.
 
-use super::Window;
-use crate::wire::{DropReason, Header};
+use super::AntiReplayWindow;
+use crate::wire::{DatagramHeader, DropReason};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
 /// Addresses that are known at once, at most.
-const MOST_SENDERS: usize = 256;
-/// So many of the sessions that were given up last are remembered, and not taken again.
-const MOST_RETIRED: usize = 4096;
-/// A sender that has been silent for so long makes room for another.
-const SILENT: Duration = Duration::from_secs(10);
+const MAX_SENDERS: usize = 256;
+/// Retired sessions that are remembered, and never accepted again.
+const MAX_RETIRED: usize = 4096;
+/// When the table is full, a sender that has been silent for this long is evicted for another.
+const EVICTION_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// A sender in one of its sessions, by a number of this process.
+/// Identifies one session of a sender within this process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Origin(pub u32);
+pub struct SenderId(pub u32);
 
-/// Lets so many pass a second, and as many at once after a rest.
+/// Token bucket: rate limiter with `rate_per_s` tokens per second and a burst of as many (Tanenbaum, *Computer Networks*,
+/// traffic shaping).
 #[derive(Clone, Copy, Debug)]
-pub struct Bucket {
-    left: f64,
-    filled: Instant,
+pub struct TokenBucket {
+    tokens: f64,
+    refilled: Instant,
 }
 
-impl Bucket {
+impl TokenBucket {
     pub fn full(now: Instant, rate_per_s: f64) -> Self {
-        Self { left: rate_per_s, filled: now }
+        Self { tokens: rate_per_s, refilled: now }
     }
 
+    /// Takes a token; `false` when the bucket is empty.
     pub fn take(&mut self, now: Instant, rate_per_s: f64) -> bool {
-        let rest_s = now.saturating_duration_since(self.filled).as_secs_f64();
-        self.left = (self.left + rest_s * rate_per_s).min(rate_per_s);
-        self.filled = now;
-        let passes = self.left >= 1.0;
-        self.left -= f64::from(u8::from(passes));
+        let elapsed_s = now.saturating_duration_since(self.refilled).as_secs_f64();
+        self.tokens = (self.tokens + elapsed_s * rate_per_s).min(rate_per_s);
+        self.refilled = now;
+        let passes = self.tokens >= 1.0;
+        self.tokens -= f64::from(u8::from(passes));
         passes
     }
 }
 
 #[derive(Debug)]
-struct Sender {
-    origin: Origin,
+struct SenderState {
+    id: SenderId,
     session: u64,
-    window: Window,
-    bucket: Bucket,
-    heard: Instant,
-    /// Of the datagrams to it.
+    window: AntiReplayWindow,
+    bucket: TokenBucket,
+    last_seen: Instant,
+    /// Sequence number of the last datagram to it.
     sequence: u64,
 }
 
-/// Whom to answer, and by which number.
+/// Address of a reply, with the session and sequence number of its datagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Told {
+pub struct ReplyAddress {
     pub address: SocketAddr,
     pub session: u64,
     pub sequence: u64,
 }
 
-/// The senders that are known.
+/// The known senders, bounded in number.
 #[derive(Debug)]
 pub struct Senders {
-    by_address: BTreeMap<SocketAddr, Sender>,
-    addresses: BTreeMap<Origin, SocketAddr>,
+    by_address: BTreeMap<SocketAddr, SenderState>,
+    addresses: BTreeMap<SenderId, SocketAddr>,
     retired: BTreeSet<(SocketAddr, u64)>,
-    /// The same in the order in which they were given up.
+    /// The same sessions, oldest first.
     retired_in_order: VecDeque<(SocketAddr, u64)>,
     next: u32,
     rate_per_s: f64,
-    /// Of senders that are no longer known.
+    /// Lost datagrams of senders that are no longer known.
     missing: u64,
 }
 
@@ -85,73 +87,82 @@ impl Senders {
         }
     }
 
-    /// Whether a known address may send now; of others nothing is known yet.
+    /// Whether the rate limit lets an address send now; unknown addresses have no limit yet.
     pub fn may_send(&mut self, address: SocketAddr, now: Instant) -> bool {
         self.by_address.get_mut(&address).is_none_or(|sender| sender.bucket.take(now, self.rate_per_s))
     }
 
-    /// Whether a datagram that has been read may be used, and whose it is.
+    /// Checks session and sequence number of an authentic datagram, and gives its sender.
     ///
     /// # Errors
-    /// Why not.
+    /// The reason to drop it.
     pub fn admit(
         &mut self,
         address: SocketAddr,
-        header: &Header,
+        header: &DatagramHeader,
         now: Instant,
-    ) -> Result<Origin, DropReason> {
+    ) -> Result<SenderId, DropReason> {
         if self.by_address.get(&address).is_none_or(|sender| sender.session != header.session) {
-            self.begin(address, header.session, now)?;
+            self.begin_session(address, header.session, now)?;
         }
         let Some(sender) = self.by_address.get_mut(&address) else { return Err(DropReason::Full) };
         sender.window.check(header.sequence)?;
-        sender.heard = now;
-        Ok(sender.origin)
+        sender.last_seen = now;
+        Ok(sender.id)
     }
 
-    /// Notes that an admitted datagram is used.
-    pub fn note(&mut self, address: SocketAddr, sequence: u64) {
+    /// Marks the sequence number of an admitted datagram as received.
+    pub fn mark_received(&mut self, address: SocketAddr, sequence: u64) {
         if let Some(sender) = self.by_address.get_mut(&address) {
-            sender.window.note(sequence);
+            sender.window.mark_received(sequence);
         }
     }
 
-    /// Whether so many datagrams of a sender have come, from a sequence on.
+    /// Whether `count` datagrams of a sender have come, from sequence number `first` on.
     pub fn has_all(&self, address: SocketAddr, first: u64, count: u32) -> bool {
         self.by_address.get(&address).is_some_and(|sender| sender.window.has_all(first, count))
     }
 
-    fn begin(&mut self, address: SocketAddr, session: u64, now: Instant) -> Result<(), DropReason> {
+    fn begin_session(&mut self, address: SocketAddr, session: u64, now: Instant) -> Result<(), DropReason> {
         if session == 0 {
             return Err(DropReason::Malformed);
         }
         if self.retired.contains(&(address, session)) {
             return Err(DropReason::Stale);
         }
-        let bucket = match self.forget(address) {
+        let bucket = match self.retire(address) {
             Some(old) => old.bucket,
-            None => Bucket::full(now, self.rate_per_s),
+            None => TokenBucket::full(now, self.rate_per_s),
         };
-        if self.by_address.len() >= MOST_SENDERS {
-            let quietest = self.by_address.iter().min_by_key(|(_, sender)| sender.heard);
-            let quietest = quietest.map(|(address, sender)| (*address, sender.heard));
-            match quietest.filter(|(_, heard)| now.saturating_duration_since(*heard) > SILENT) {
-                Some((address, _)) => drop(self.forget(address)),
+        if self.by_address.len() >= MAX_SENDERS {
+            let stalest = self.by_address.iter().min_by_key(|(_, sender)| sender.last_seen);
+            let stalest = stalest.map(|(address, sender)| (*address, sender.last_seen));
+            match stalest
+                .filter(|(_, last_seen)| now.saturating_duration_since(*last_seen) > EVICTION_TIMEOUT)
+            {
+                Some((address, _)) => drop(self.retire(address)),
                 None => return Err(DropReason::Full),
             }
         }
-        let origin = Origin(self.next);
+        let id = SenderId(self.next);
         self.next += 1;
-        let sender = Sender { origin, session, window: Window::default(), bucket, heard: now, sequence: 0 };
+        let sender = SenderState {
+            id,
+            session,
+            window: AntiReplayWindow::default(),
+            bucket,
+            last_seen: now,
+            sequence: 0,
+        };
         self.by_address.insert(address, sender);
-        self.addresses.insert(origin, address);
+        self.addresses.insert(id, address);
         Ok(())
     }
 
-    fn forget(&mut self, address: SocketAddr) -> Option<Sender> {
+    fn retire(&mut self, address: SocketAddr) -> Option<SenderState> {
         let old = self.by_address.remove(&address)?;
-        self.addresses.remove(&old.origin);
-        if self.retired_in_order.len() == MOST_RETIRED
+        self.addresses.remove(&old.id);
+        if self.retired_in_order.len() == MAX_RETIRED
             && let Some(oldest) = self.retired_in_order.pop_front()
         {
             self.retired.remove(&oldest);
@@ -162,19 +173,19 @@ impl Senders {
         Some(old)
     }
 
-    /// The address of a sender and the number of the next datagram to it; `None` where it has begun anew.
-    pub fn tell(&mut self, origin: Origin) -> Option<Told> {
-        let address = *self.addresses.get(&origin)?;
+    /// Where to send the next datagram for a sender; `None` once its session has ended.
+    pub fn next_reply(&mut self, id: SenderId) -> Option<ReplyAddress> {
+        let address = *self.addresses.get(&id)?;
         let sender = self.by_address.get_mut(&address)?;
         sender.sequence += 1;
-        Some(Told { address, session: sender.session, sequence: sender.sequence })
+        Some(ReplyAddress { address, session: sender.session, sequence: sender.sequence })
     }
 
-    pub fn address(&self, origin: Origin) -> Option<SocketAddr> {
-        self.addresses.get(&origin).copied()
+    pub fn address(&self, id: SenderId) -> Option<SocketAddr> {
+        self.addresses.get(&id).copied()
     }
 
-    /// Datagrams that were sent and have not come, as the sequences tell.
+    /// Datagrams lost on their way, by the gaps in the sequence numbers.
     pub fn missing(&self) -> u64 {
         self.missing + self.by_address.values().map(|sender| sender.window.missing()).sum::<u64>()
     }
@@ -184,8 +195,8 @@ impl Senders {
 mod tests {
     use super::*;
 
-    fn header(session: u64, sequence: u64) -> Header {
-        Header { session, sequence, ..Header::default() }
+    fn header(session: u64, sequence: u64) -> DatagramHeader {
+        DatagramHeader { session, sequence, ..DatagramHeader::default() }
     }
 
     fn address(port: u16) -> SocketAddr {
@@ -200,20 +211,20 @@ mod tests {
         assert_ne!(first, second);
         assert_eq!(senders.admit(address(1), &header(7, 2), now), Err(DropReason::Stale));
         assert_eq!(senders.address(first), None);
-        assert_eq!(senders.tell(second).unwrap().sequence, 1);
+        assert_eq!(senders.next_reply(second).unwrap().sequence, 1);
         assert_eq!(senders.admit(address(1), &header(0, 1), now), Err(DropReason::Malformed));
     }
 
     #[test]
     fn the_number_of_senders_is_bounded_and_silent_ones_make_room() {
         let (mut senders, now) = (Senders::new(100.0), Instant::now());
-        for port in 1..=MOST_SENDERS as u16 {
+        for port in 1..=MAX_SENDERS as u16 {
             assert!(senders.admit(address(port), &header(1, 1), now).is_ok());
         }
         assert_eq!(senders.admit(address(999), &header(1, 1), now), Err(DropReason::Full));
-        let later = now + SILENT + Duration::from_secs(1);
+        let later = now + EVICTION_TIMEOUT + Duration::from_secs(1);
         assert!(senders.admit(address(999), &header(1, 1), later).is_ok());
-        assert!(senders.by_address.len() <= MOST_SENDERS);
+        assert!(senders.by_address.len() <= MAX_SENDERS);
     }
 
     #[test]

@@ -1,11 +1,12 @@
-//! The city's end of the link: a socket with a thread that reads it, and a bounded queue.
+//! UDP server of the link: a socket, a thread that receives and checks datagrams, and a bounded queue for the
+//! simulation.
 
 use super::LinkError;
 use super::burst::Bursts;
-use super::inbox::{Inbound, Inbox};
-use super::rehearsal::Rehearsal;
-use super::senders::{Origin, Senders};
-use crate::wire::{Body, DropReason, Drops, Header, LONGEST_DATAGRAM, Seal};
+use super::receive_queue::{Inbound, ReceiveQueue};
+use super::senders::{SenderId, Senders};
+use super::warmup::SendPathWarmup;
+use crate::wire::{Authenticator, Body, DatagramHeader, DropCounts, DropReason, MAX_DATAGRAM_BYTES};
 use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs, UdpSocket};
 use std::str::FromStr;
@@ -14,21 +15,21 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Asked of the system for the socket: a burst of all trajectories of a large fleet.
+/// Receive buffer of the socket: holds a burst of all trajectories of a large fleet.
 const SOCKET_BYTES: usize = 4 << 20;
-/// So often the thread looks whether it shall end.
-const LOOK_UP: Duration = Duration::from_millis(100);
-/// What is dropped is logged no more often than this.
-const TELL_EVERY: Duration = Duration::from_secs(1);
+/// Interval at which the thread checks whether it shall stop.
+const STOP_CHECK_INTERVAL: Duration = Duration::from_millis(100);
+/// Dropped datagrams are logged no more often than this.
+const LOG_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Addresses that may send: one, or a network.
+/// Entry of the allow list: an IP address or a network in CIDR notation (RFC 4632).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Allowed {
+pub struct AllowedNetwork {
     network: IpAddr,
-    bits: u32,
+    prefix_bits: u32,
 }
 
-impl FromStr for Allowed {
+impl FromStr for AllowedNetwork {
     type Err = LinkError;
 
     fn from_str(text: &str) -> Result<Self, LinkError> {
@@ -37,60 +38,76 @@ impl FromStr for Allowed {
         let network: IpAddr = network.parse().map_err(|_| no_network())?;
         let most = if network.is_ipv4() { 32 } else { 128 };
         let bits = bits.map_or(Ok(most), |bits| bits.parse().map_err(|_| no_network()))?;
-        if bits > most { Err(no_network()) } else { Ok(Self { network, bits }) }
+        if bits > most { Err(no_network()) } else { Ok(Self { network, prefix_bits: bits }) }
     }
 }
 
-impl Allowed {
-    pub fn holds(&self, address: IpAddr) -> bool {
+impl AllowedNetwork {
+    /// Whether an address belongs to the network.
+    pub fn contains(&self, address: IpAddr) -> bool {
         match (self.network, address) {
-            (IpAddr::V4(a), IpAddr::V4(b)) => same(a.to_bits().into(), b.to_bits().into(), 32 - self.bits),
-            (IpAddr::V6(a), IpAddr::V6(b)) => same(a.to_bits(), b.to_bits(), 128 - self.bits),
+            (IpAddr::V4(a), IpAddr::V4(b)) => {
+                same_prefix(a.to_bits().into(), b.to_bits().into(), 32 - self.prefix_bits)
+            }
+            (IpAddr::V6(a), IpAddr::V6(b)) => same_prefix(a.to_bits(), b.to_bits(), 128 - self.prefix_bits),
             _ => false,
         }
     }
 }
 
-/// Whether two addresses are the same but for so many bits at their end.
-fn same(a: u128, b: u128, free: u32) -> bool {
-    (a ^ b).checked_shr(free).unwrap_or(0) == 0
+/// Whether two addresses are equal but for their last `host_bits`.
+fn same_prefix(a: u128, b: u128, host_bits: u32) -> bool {
+    (a ^ b).checked_shr(host_bits).unwrap_or(0) == 0
 }
 
-/// How the city's end is set up.
+/// Settings of a [`Server`].
 #[derive(Clone, Debug)]
 pub struct ServerOptions {
-    /// Where it listens.
+    /// Address and port to listen on.
     pub address: String,
     pub world: u32,
-    pub seal: Seal,
-    /// Who may send; everybody that reaches the address where it is empty.
-    pub allowed: Vec<Allowed>,
-    /// Datagrams that each address may send in a second.
+    pub authenticator: Authenticator,
+    /// Allow list of senders; empty allows all.
+    pub allowed: Vec<AllowedNetwork>,
+    /// Rate limit of each address, datagrams per second.
     pub rate_per_s: f64,
-    /// Whether it is told what the experiment's clock shows: a vehicle is, a city tells.
+    /// Whether it accepts clock datagrams: a vehicle does, a city only sends them.
     pub takes_clock: bool,
 }
 
+/// Counters of a link.
+#[derive(Clone, Debug, Default)]
+pub struct LinkCounters {
+    /// Datagrams that have come.
+    pub received: u64,
+    /// Of them, datagrams that have passed all checks.
+    pub used: u64,
+    /// Datagrams lost on their way, by the gaps in the sequence numbers.
+    pub missing: u64,
+    pub dropped: DropCounts,
+}
+
+/// What the server shares with its thread.
 #[derive(Debug)]
-struct Shared {
+struct LinkState {
     senders: Senders,
-    drops: Drops,
+    drops: DropCounts,
     received: u64,
     used: u64,
 }
 
-/// The city's end of the link. Dropped, it ends its thread.
+/// UDP server of a city or of a vehicle. It stops its thread when it is dropped.
 #[derive(Debug)]
 pub struct Server {
     socket: UdpSocket,
     address: SocketAddr,
-    inbox: Arc<Inbox>,
-    shared: Arc<Mutex<Shared>>,
-    header: Header,
-    seal: Seal,
-    bursts: Bursts,
-    rehearsal: Rehearsal,
-    ends: Arc<AtomicBool>,
+    queue: Arc<ReceiveQueue>,
+    shared: Arc<Mutex<LinkState>>,
+    header: DatagramHeader,
+    authenticator: Authenticator,
+    bursts: BurstSender,
+    warmup: SendPathWarmup,
+    stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -98,53 +115,56 @@ impl Server {
     /// Opens the socket and begins to read it.
     ///
     /// # Errors
-    /// When the address is none, or is taken.
+    /// When the address is malformed or in use.
     pub fn bind(options: &ServerOptions) -> Result<Self, LinkError> {
         let address = || options.address.clone();
         let no_socket = |source| LinkError::Socket { address: address(), source };
         let found = options.address.to_socket_addrs().ok().and_then(|mut found| found.next());
         let socket = UdpSocket::bind(found.ok_or_else(|| LinkError::Address { address: address() })?)
             .map_err(no_socket)?;
-        // Less than asked for is no fault.
+        // A smaller buffer works too.
         let _ = socket2::SockRef::from(&socket).set_recv_buffer_size(SOCKET_BYTES);
-        socket.set_read_timeout(Some(LOOK_UP)).map_err(no_socket)?;
-        let inbox = Arc::new(Inbox::default());
+        socket.set_read_timeout(Some(STOP_CHECK_INTERVAL)).map_err(no_socket)?;
+        let queue = Arc::new(ReceiveQueue::default());
         let senders = Senders::new(options.rate_per_s);
-        let shared = Shared { senders, drops: Drops::default(), received: 0, used: 0 };
+        let shared = LinkState { senders, drops: DropCounts::default(), received: 0, used: 0 };
         let shared = Arc::new(Mutex::new(shared));
-        let ends = Arc::new(AtomicBool::new(false));
-        let header =
-            Header { session: super::client::new_session(), world: options.world, ..Header::default() };
-        let reader = Reader {
+        let stop = Arc::new(AtomicBool::new(false));
+        let header = DatagramHeader {
+            session: super::client::new_session(),
+            world: options.world,
+            ..DatagramHeader::default()
+        };
+        let reader = ReceiveThread {
             socket: socket.try_clone().map_err(no_socket)?,
-            inbox: Arc::clone(&inbox),
+            queue: Arc::clone(&queue),
             shared: Arc::clone(&shared),
             header,
-            seal: options.seal.clone(),
+            authenticator: options.authenticator.clone(),
             allowed: options.allowed.clone(),
             takes_clock: options.takes_clock,
-            ends: Arc::clone(&ends),
-            report: Report { dropped: 0, told: None },
+            stop: Arc::clone(&stop),
+            drop_log: DropLog { dropped: 0, logged_at: None },
         };
-        let thread = std::thread::Builder::new().name("link".to_owned()).spawn(move || reader.read());
+        let thread = std::thread::Builder::new().name("link".to_owned()).spawn(move || reader.run());
         let thread = Some(thread.map_err(no_socket)?);
         let address = socket.local_addr().map_err(no_socket)?;
-        let seal = options.seal.clone();
+        let authenticator = options.authenticator.clone();
         Ok(Self {
             socket,
             address,
-            inbox,
+            queue,
             shared,
             header,
-            seal,
-            bursts: Bursts::default(),
-            rehearsal: Rehearsal::new()?,
-            ends,
+            authenticator,
+            bursts: BurstSender::default(),
+            warmup: SendPathWarmup::new()?,
+            stop,
             thread,
         })
     }
 
-    /// Where it listens.
+    /// The address that it listens on.
     pub fn address(&self) -> String {
         self.address.to_string()
     }
@@ -154,136 +174,142 @@ impl Server {
         self.address.ip().is_loopback()
     }
 
-    /// Waits for the next datagram, at most so long.
+    /// Takes the next datagram, and waits for it at most this long.
     pub fn receive(&self, wait: Duration) -> Option<Inbound> {
-        self.inbox.receive(wait)
+        self.queue.receive(wait)
     }
 
-    /// Waits until something has come that wants an answer, or much has come, but no longer than this. Trajectories
-    /// are for the next tick.
-    pub fn rest(&self, wait: Duration) {
-        self.inbox.rest(wait);
+    /// Waits at most this long for a datagram that wants an answer, or for many datagrams. Trajectories wait for the
+    /// next tick.
+    pub fn wait_for_urgent(&self, wait: Duration) {
+        self.queue.wait_for_urgent(wait);
     }
 
-    /// Sends a sender something. One that has begun anew, or that cannot be reached, does not get it.
-    pub fn tell(&self, origin: Origin, body: &Body) {
-        self.tell_all(origin, std::slice::from_ref(body));
+    /// Sends a body to a sender. It is lost when the session of the sender has ended or its address is unreachable.
+    pub fn send(&self, sender: SenderId, body: &Body) {
+        self.send_all(sender, std::slice::from_ref(body));
     }
 
-    /// The same for several things at once.
-    pub fn tell_all(&self, origin: Origin, bodies: &[Body]) {
+    /// Sends several bodies to a sender in one burst.
+    pub fn send_all(&self, sender: SenderId, bodies: &[Body]) {
         let mut datagrams = Vec::with_capacity(bodies.len());
         let mut address = None;
         for body in bodies {
-            let Some(told) = self.lock().senders.tell(origin) else { return };
-            let header = Header { peer: told.session, sequence: told.sequence, ..self.header };
-            match body.encode(header, &self.seal) {
+            let Some(reply) = self.lock().senders.next_reply(sender) else { return };
+            let header = DatagramHeader { peer: reply.session, sequence: reply.sequence, ..self.header };
+            match body.encode(header, &self.authenticator) {
                 Ok(bytes) => datagrams.push(bytes),
-                Err(error) => tracing::warn!("{}: not sent: {error}", told.address),
+                Err(error) => tracing::warn!("{}: a datagram is not sent: {error}", reply.address),
             }
-            address = Some(told.address);
+            address = Some(reply.address);
         }
         if let Some(address) = address
             && let Err(error) = self.bursts.send(&self.socket, address, &datagrams)
         {
-            tracing::debug!("{address}: not sent: {error}");
+            tracing::debug!("{address}: a datagram is not sent: {error}");
         }
     }
 
-    /// Does everything that [`Server::tell_all`] does, but nobody gets it: what follows soon is faster then.
-    pub fn rehearse(&self, bodies: &[Body]) {
+    /// Dry run of [`Server::send_all`] that warms the caches, so that the real call soon after is faster.
+    pub fn warm_up(&self, bodies: &[Body]) {
         for body in bodies {
-            if let Ok(bytes) = body.encode(self.header, &self.seal) {
-                self.rehearsal.run(&bytes);
+            if let Ok(bytes) = body.encode(self.header, &self.authenticator) {
+                self.warmup.run(&bytes);
             }
         }
     }
 
-    /// Where a sender is, in words.
-    pub fn label(&self, origin: Origin) -> String {
-        self.lock().senders.address(origin).map_or_else(|| "gone".to_owned(), |address| address.to_string())
+    /// The address of a sender for logs and messages.
+    pub fn label(&self, sender: SenderId) -> String {
+        self.lock().senders.address(sender).map_or_else(|| "gone".to_owned(), |address| address.to_string())
     }
 
-    /// Whether a sender can still be told something.
-    pub fn knows(&self, origin: Origin) -> bool {
-        self.lock().senders.address(origin).is_some()
+    /// Whether the session of a sender still exists.
+    pub fn knows(&self, sender: SenderId) -> bool {
+        self.lock().senders.address(sender).is_some()
     }
 
-    /// Counts something that was dropped after it had been read.
-    pub fn count(&self, reason: DropReason) {
+    /// Counts a drop that happened after the datagram had left the queue.
+    pub fn count_drop(&self, reason: DropReason) {
         self.lock().drops.count(reason);
     }
 
-    /// How many datagrams have come, how many of them were used, what was dropped, and how many were sent
-    /// and have not come.
-    pub fn figures(&self) -> (u64, u64, Drops, u64) {
+    /// The counters of the link since its start.
+    pub fn counters(&self) -> LinkCounters {
         let shared = self.lock();
-        (shared.received, shared.used, shared.drops.clone(), shared.senders.missing())
+        LinkCounters {
+            received: shared.received,
+            used: shared.used,
+            missing: shared.senders.missing(),
+            dropped: shared.drops.clone(),
+        }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Shared> {
+    fn lock(&self) -> MutexGuard<'_, LinkState> {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Drop for Server {
     fn drop(&mut self) {
-        self.ends.store(true, Ordering::Relaxed);
+        self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // It has nothing to say.
+            // A panic of the thread has been reported already.
             let _ = thread.join();
         }
     }
 }
 
-/// The thread that reads the socket.
-struct Reader {
+/// Thread that receives datagrams, checks them and queues them.
+struct ReceiveThread {
     socket: UdpSocket,
-    inbox: Arc<Inbox>,
-    shared: Arc<Mutex<Shared>>,
-    /// Of the city.
-    header: Header,
-    seal: Seal,
-    allowed: Vec<Allowed>,
+    queue: Arc<ReceiveQueue>,
+    shared: Arc<Mutex<LinkState>>,
+    /// Session and world of this server.
+    header: DatagramHeader,
+    authenticator: Authenticator,
+    allowed: Vec<AllowedNetwork>,
     takes_clock: bool,
-    ends: Arc<AtomicBool>,
-    report: Report,
+    stop: Arc<AtomicBool>,
+    drop_log: DropLog,
 }
 
-/// What has been said of dropped datagrams.
-struct Report {
+/// Rate limiter of the log messages about dropped datagrams.
+struct DropLog {
+    /// Drops since the last message.
     dropped: u64,
-    told: Option<Instant>,
+    logged_at: Option<Instant>,
 }
 
-impl Reader {
-    fn read(mut self) {
-        // One byte more than a datagram may have tells those that are longer.
-        let mut bytes = [0; LONGEST_DATAGRAM + 1];
-        while !self.ends.load(Ordering::Relaxed) {
+impl ReceiveThread {
+    fn run(mut self) {
+        // One byte more than the longest datagram, to notice longer ones.
+        let mut bytes = [0; MAX_DATAGRAM_BYTES + 1];
+        while !self.stop.load(Ordering::Relaxed) {
             match self.socket.recv_from(&mut bytes) {
                 Ok((length, from)) => {
-                    if let Err((reason, why)) = self.take(&bytes[..length], from) {
-                        self.drop_one(reason, from, &why);
+                    if let Err((reason, why)) = self.accept(&bytes[..length], from) {
+                        self.note_drop(reason, from, &why);
                     }
                 }
                 Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
-                // Somebody who was told something is gone.
+                // The error of an earlier send to a peer that is gone.
                 Err(error)
                     if matches!(error.kind(), ErrorKind::ConnectionRefused | ErrorKind::ConnectionReset) => {}
                 Err(error) => {
-                    tracing::warn!("the link cannot be read: {error}");
-                    std::thread::sleep(LOOK_UP);
+                    tracing::warn!("the link's socket cannot be read: {error}");
+                    std::thread::sleep(STOP_CHECK_INTERVAL);
                 }
             }
         }
     }
 
-    fn take(&self, bytes: &[u8], from: SocketAddr) -> Result<(), (DropReason, String)> {
+    /// Checks a datagram and queues it: allow list, rate limit, authentication, session, replay window, room.
+    fn accept(&self, bytes: &[u8], from: SocketAddr) -> Result<(), (DropReason, String)> {
         let now = Instant::now();
         let plain = |reason| (reason, String::new());
         let is_allowed =
-            self.allowed.is_empty() || self.allowed.iter().any(|allowed| allowed.holds(from.ip()));
+            self.allowed.is_empty() || self.allowed.iter().any(|allowed| allowed.contains(from.ip()));
         let mut shared = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
         shared.received += 1;
         if !is_allowed {
@@ -293,7 +319,7 @@ impl Reader {
             return Err(plain(DropReason::TooFast));
         }
         drop(shared);
-        let (header, body) = Body::decode(bytes, &self.seal)
+        let (header, body) = Body::decode(bytes, &self.authenticator)
             .map_err(|error| (DropReason::from(&error), format!(": {error}")))?;
         let is_clock = self.takes_clock && matches!(body, Body::Clock(_));
         if !body.is_to_city() && !is_clock {
@@ -301,39 +327,40 @@ impl Reader {
         }
         let is_ours = header.peer == self.header.session
             || (header.peer == 0
-                && (matches!(self.seal, Seal::Checksum) || matches!(body, Body::Hello { .. })));
+                && (matches!(self.authenticator, Authenticator::Checksum)
+                    || matches!(body, Body::Hello { .. })));
         if !is_ours || (header.world != 0 && header.world != self.header.world) {
             return Err(plain(DropReason::OtherCity));
         }
         let mut shared = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
-        let origin = shared.senders.admit(from, &header, now).map_err(plain)?;
+        let sender = shared.senders.admit(from, &header, now).map_err(plain)?;
         if let Body::Barrier { first, count, .. } = body
             && !shared.senders.has_all(from, first, count)
         {
             return Err(plain(DropReason::Incomplete));
         }
-        // Nobody else puts anything there.
-        if !self.inbox.has_room() {
+        // No other thread adds to the queue.
+        if !self.queue.has_room() {
             return Err(plain(DropReason::Full));
         }
-        shared.senders.note(from, header.sequence);
+        shared.senders.mark_received(from, header.sequence);
         shared.used += 1;
         drop(shared);
-        self.inbox.push(Inbound { origin, body, at: Instant::now() });
+        self.queue.push(Inbound { sender, body, at: Instant::now() });
         Ok(())
     }
 
-    fn drop_one(&mut self, reason: DropReason, from: SocketAddr, why: &str) {
+    fn note_drop(&mut self, reason: DropReason, from: SocketAddr, why: &str) {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner).drops.count(reason);
-        self.report.dropped += 1;
+        self.drop_log.dropped += 1;
         let now = Instant::now();
-        if self.report.told.is_none_or(|told| now.duration_since(told) >= TELL_EVERY) {
-            let more = match self.report.dropped {
+        if self.drop_log.logged_at.is_none_or(|at| now.duration_since(at) >= LOG_INTERVAL) {
+            let more = match self.drop_log.dropped {
                 1 => String::new(),
-                count => format!(" ({count} dropped since the last such line)"),
+                count => format!(" ({count} dropped since the last such message)"),
             };
             tracing::warn!("{from}: a datagram is dropped, {}{why}{more}", reason.label());
-            self.report = Report { dropped: 0, told: Some(now) };
+            self.drop_log = DropLog { dropped: 0, logged_at: Some(now) };
         }
     }
 }
@@ -344,13 +371,14 @@ mod tests {
 
     #[test]
     fn a_list_of_senders_has_addresses_and_networks() {
-        let allowed = |text: &str, ip: &str| text.parse::<Allowed>().unwrap().holds(ip.parse().unwrap());
+        let allowed =
+            |text: &str, ip: &str| text.parse::<AllowedNetwork>().unwrap().contains(ip.parse().unwrap());
         assert!(allowed("192.168.1.7", "192.168.1.7") && !allowed("192.168.1.7", "192.168.1.8"));
         assert!(allowed("192.168.1.0/24", "192.168.1.200") && !allowed("192.168.1.0/24", "192.168.2.1"));
         assert!(allowed("0.0.0.0/0", "8.8.8.8") && !allowed("0.0.0.0/0", "::1"));
         assert!(allowed("fe80::/10", "fe80::1") && allowed("::/0", "::1"));
         for wrong in ["", "lab", "192.168.1.7/33", "192.168.1.0/x", "1.2.3"] {
-            let told = wrong.parse::<Allowed>().unwrap_err().to_string();
+            let told = wrong.parse::<AllowedNetwork>().unwrap_err().to_string();
             assert!(told.contains("write it as"), "{told}");
         }
     }

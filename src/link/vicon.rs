@@ -1,14 +1,14 @@
-//! Poses over ROS 1 as VICON's bridge publishes them, and those that others publish so.
+//! Publishes and subscribes poses over ROS as VICON's bridge (`vicon_bridge`) does: `TransformStamped` and `/tf`.
 
 use super::onboard::{OnboardCamera, PictureSender, PictureTopics, pictures};
 #[cfg(feature = "rosbridge")]
 use crate::ros::{BridgeOptions, run_bridge};
 use crate::ros::{
-    Clock, Header, NodeOptions, NodeThread, Quaternion, RosError, TfMessage, Time, Topics, Transform,
+    ClockMessage, Header, NodeOptions, NodeThread, Quaternion, RosError, TfMessage, Time, Topics, Transform,
     TransformStamped, Vector3, run,
 };
 use crate::snapshot::VehicleId;
-use crate::wire::{LARGEST_M, Measurement, VICON_WORLD, vicon_frame};
+use crate::wire::{MAX_COORDINATE_M, Measurement, VICON_WORLD, vicon_frame};
 use glam::{DQuat, DVec3};
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -17,104 +17,104 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::broadcast::{self, Receiver};
 
-/// Instants that may wait for the thread of ROS; when there are more, the oldest are dropped.
-const QUEUE: usize = 64;
-/// Poses of others that may wait for this process; when there are more, the oldest are dropped.
-const INBOX: usize = 4096;
-/// A rotation is one as long as its quaternion is about so long.
-const UNIT: std::ops::RangeInclusive<f64> = 0.9..=1.1;
+/// Bounded queue to the thread of ROS: instants that wait; back-pressure drops the oldest.
+const FRAME_CAPACITY: usize = 64;
+/// Bounded queue of received poses; back-pressure drops the oldest.
+const POSE_CAPACITY: usize = 4096;
+/// Norms of a quaternion that count as a rotation.
+const UNIT_NORM: std::ops::RangeInclusive<f64> = 0.9..=1.1;
 pub(super) const TF: &str = "/tf";
 const CLOCK: &str = "/clock";
 
-/// What VICON tracks: a vehicle, by its name.
+/// Subject of VICON: a tracked vehicle by its name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Subject {
     pub vehicle: VehicleId,
     pub name: String,
 }
 
-/// What carries the topics.
+/// How topics are transported: as a ROS 1 node, or through rosbridge.
 #[derive(Clone, Debug)]
-pub enum Carrier {
-    /// A node of ROS 1.
+pub enum RosTransport {
+    /// A ROS 1 node.
     Node(NodeOptions),
+    /// A rosbridge client.
     #[cfg(feature = "rosbridge")]
-    /// A client of rosbridge.
     Bridge(BridgeOptions),
 }
 
-/// How poses are published and heard.
+/// Settings of a [`Vicon`].
 #[derive(Clone, Debug)]
 pub struct ViconOptions {
-    pub carrier: Carrier,
-    /// Simulated time on `/clock` and in the stamps, instead of the clock on the wall.
+    pub carrier: RosTransport,
+    /// Publish simulated time on `/clock` and in the stamps, instead of wall-clock time.
     pub has_clock: bool,
-    /// Whose poses are listened to.
-    pub heard: Vec<Subject>,
-    /// Whose pictures are published.
+    /// Subjects whose poses are subscribed.
+    pub subscribed: Vec<Subject>,
+    /// Cameras whose pictures are published.
     pub cameras: Vec<OnboardCamera>,
 }
 
-/// A pose that somebody has published. Its stamp is as it was sent: seconds since the epoch, or simulated ones.
+/// A pose received over ROS. Its stamp is as it was sent: seconds since the epoch, or of simulated time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HeardPose {
+pub struct ReceivedPose {
     pub seq: u32,
     pub pose: Measurement,
 }
 
-/// The poses of an instant.
+/// Poses of all subjects at one instant.
 #[derive(Clone, Debug)]
-struct Frame {
-    /// One up for each instant, so that those that were dropped leave a gap.
+struct PoseFrame {
+    /// Counts the instants, so that dropped ones leave a gap.
     seq: u32,
     stamp: Time,
-    /// Whether its stamp is another one than that of the instant before: tf wants no stamp twice.
+    /// Whether its stamp differs from the one before: tf rejects repeated stamps.
     is_later: bool,
-    /// In the order of their numbers.
+    /// In id order.
     subjects: Arc<Vec<Subject>>,
-    /// Of those that are seen; laboratory metres.
+    /// Poses of the visible subjects, laboratory metres.
     poses: Vec<Measurement>,
 }
 
 #[derive(Debug, Default)]
-struct Counts {
+struct PoseCounters {
     published: AtomicU64,
     dropped: AtomicU64,
-    heard: AtomicU64,
-    unheard: AtomicU64,
+    received: AtomicU64,
+    overwritten: AtomicU64,
 }
 
-/// What became of poses over ROS.
+/// Counters of the poses over ROS.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ViconFigures {
+pub struct ViconCounters {
     /// Instants that were published.
     pub published: u64,
-    /// Instants that were not: ROS fell behind.
+    /// Instants that were dropped because ROS fell behind.
     pub dropped: u64,
-    /// Messages that went because their subscriber was too slow.
+    /// Messages that were dropped because their subscriber was too slow.
     pub slow: u64,
     pub subscribers: u64,
-    /// Whether the master knows the topics now, and how often it was away and came again.
+    /// Whether the topics are registered now, and how often the connection was lost and restored.
     pub is_registered: bool,
     pub returns: u64,
-    /// Poses of others that have come, and of them those that nobody has fetched in time.
-    pub heard: u64,
-    pub unheard: u64,
+    /// Received poses, and of them the ones that the full queue has dropped.
+    pub received: u64,
+    pub overwritten: u64,
 }
 
-/// Poses that have come and wait to be fetched.
+/// Bounded queue of received poses.
 #[derive(Debug, Default)]
-struct Inbox {
-    poses: Mutex<VecDeque<HeardPose>>,
-    has_news: Condvar,
+struct PoseQueue {
+    poses: Mutex<VecDeque<ReceivedPose>>,
+    changed: Condvar,
 }
 
-/// A node that publishes poses from a thread of its own, and listens to others. Dropped, it takes its topics back.
+/// Publisher and subscriber of poses, on a thread of its own. It unregisters its topics when it is dropped.
 #[derive(Debug)]
 pub struct Vicon {
-    frames: Option<broadcast::Sender<Frame>>,
-    inbox: Arc<Inbox>,
-    counts: Arc<Counts>,
+    frames: Option<broadcast::Sender<PoseFrame>>,
+    queue: Arc<PoseQueue>,
+    counts: Arc<PoseCounters>,
     pictures: PictureSender,
     seq: u32,
     stamp: Option<Time>,
@@ -122,74 +122,74 @@ pub struct Vicon {
 }
 
 impl Vicon {
-    /// Begins to look for the master; it need not be there yet.
+    /// Starts the thread, which looks for the master; the master may start later.
     ///
     /// # Errors
     /// When the node cannot be started.
     pub fn start(options: ViconOptions) -> Result<Self, RosError> {
-        let ViconOptions { carrier, has_clock, heard, cameras } = options;
-        let (frames, coming) = broadcast::channel(QUEUE);
-        let (counts, inbox) = (Arc::new(Counts::default()), Arc::new(Inbox::default()));
+        let ViconOptions { carrier, has_clock, subscribed, cameras } = options;
+        let (frames, coming) = broadcast::channel(FRAME_CAPACITY);
+        let (counts, queue) = (Arc::new(PoseCounters::default()), Arc::new(PoseQueue::default()));
         let (pictures, topics) = pictures(cameras);
-        let work = Work {
-            heard,
+        let work = TopicWorker {
+            subscribed,
             has_clock,
             frames: coming,
             pictures: topics,
-            inbox: Arc::clone(&inbox),
+            queue: Arc::clone(&queue),
             counts: Arc::clone(&counts),
         };
         let thread = match carrier {
-            Carrier::Node(options) => run(options, move |node| work.live(node))?,
+            RosTransport::Node(options) => run(options, move |node| work.run(node))?,
             #[cfg(feature = "rosbridge")]
-            Carrier::Bridge(options) => run_bridge(options, move |bridge| work.live(bridge))?,
+            RosTransport::Bridge(options) => run_bridge(options, move |bridge| work.run(bridge))?,
         };
-        Ok(Self { frames: Some(frames), inbox, counts, pictures, seq: 0, stamp: None, thread })
+        Ok(Self { frames: Some(frames), queue, counts, pictures, seq: 0, stamp: None, thread })
     }
 
-    /// Hands over the poses of an instant, and never waits. Subjects without a pose are not seen then. The stamp
-    /// counts from the epoch or, where time is simulated, from its start.
+    /// Queues the poses of an instant without blocking. Subjects without a pose are not visible then. The stamp counts
+    /// from the epoch or, for simulated time, from its start.
     pub fn publish(&mut self, stamp_s: f64, subjects: &Arc<Vec<Subject>>, poses: Vec<Measurement>) {
-        let stamp = Time::of_seconds(stamp_s);
+        let stamp = Time::from_seconds(stamp_s);
         self.seq = self.seq.wrapping_add(1);
         let is_later = self.stamp.replace(stamp) != Some(stamp);
-        let frame = Frame { seq: self.seq, stamp, is_later, subjects: Arc::clone(subjects), poses };
+        let frame = PoseFrame { seq: self.seq, stamp, is_later, subjects: Arc::clone(subjects), poses };
         if self.frames.as_ref().is_none_or(|frames| frames.send(frame).is_err()) {
             self.counts.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    /// Where pictures of the cameras are handed over.
+    /// The queue for pictures of the cameras.
     pub fn pictures(&self) -> PictureSender {
         self.pictures.clone()
     }
 
-    /// The next pose of somebody else, waiting no longer than this.
-    pub fn receive(&self, wait: Duration) -> Option<HeardPose> {
+    /// Takes the next received pose, and waits for it at most this long.
+    pub fn receive(&self, wait: Duration) -> Option<ReceivedPose> {
         let until = Instant::now() + wait;
-        let mut poses = self.inbox.poses.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut poses = self.queue.poses.lock().unwrap_or_else(PoisonError::into_inner);
         loop {
             if let Some(pose) = poses.pop_front() {
                 return Some(pose);
             }
             let left = until.checked_duration_since(Instant::now()).filter(|left| !left.is_zero())?;
-            let waited = self.inbox.has_news.wait_timeout(poses, left);
+            let waited = self.queue.changed.wait_timeout(poses, left);
             poses = waited.unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 
-    pub fn figures(&self) -> ViconFigures {
+    pub fn counters(&self) -> ViconCounters {
         let (counts, status) = (&self.counts, &self.thread.status);
         let of = |count: &AtomicU64| count.load(Ordering::Relaxed);
-        ViconFigures {
+        ViconCounters {
             published: of(&counts.published),
             dropped: of(&counts.dropped),
             slow: of(&status.slow),
             subscribers: of(&status.subscribers),
             is_registered: status.is_registered.load(Ordering::Relaxed),
             returns: of(&status.returns),
-            heard: of(&counts.heard),
-            unheard: of(&counts.unheard),
+            received: of(&counts.received),
+            overwritten: of(&counts.overwritten),
         }
     }
 }
@@ -213,24 +213,24 @@ fn topic(name: &str) -> String {
     format!("/{}", vicon_frame(name))
 }
 
-/// What is done on the thread that has the topics.
-struct Work {
-    heard: Vec<Subject>,
+/// Work of the thread that owns the topics.
+struct TopicWorker {
+    subscribed: Vec<Subject>,
     has_clock: bool,
-    frames: Receiver<Frame>,
+    frames: Receiver<PoseFrame>,
     pictures: PictureTopics,
-    inbox: Arc<Inbox>,
-    counts: Arc<Counts>,
+    queue: Arc<PoseQueue>,
+    counts: Arc<PoseCounters>,
 }
 
-impl Work {
-    /// Listens, and publishes instants until no more can come.
-    async fn live(mut self, topics: impl Topics) {
-        for subject in std::mem::take(&mut self.heard) {
-            hear(&topics, subject, &self.inbox, &self.counts);
+impl TopicWorker {
+    /// Subscribes, and publishes instants until the sender is gone.
+    async fn run(mut self, topics: impl Topics) {
+        for subject in std::mem::take(&mut self.subscribed) {
+            subscribe_poses(&topics, subject, &self.queue, &self.counts);
         }
         if self.has_clock {
-            topics.advertise::<Clock>(CLOCK);
+            topics.advertise::<ClockMessage>(CLOCK);
         }
         self.pictures.advertise(&topics);
         let mut subjects: Arc<Vec<Subject>> = Arc::default();
@@ -246,11 +246,11 @@ impl Work {
             match frame {
                 Ok(frame) => {
                     if !Arc::ptr_eq(&subjects, &frame.subjects) {
-                        change(&topics, &subjects, &frame.subjects);
+                        update_topics(&topics, &subjects, &frame.subjects);
                         subjects = Arc::clone(&frame.subjects);
                     }
                     publish_frame(&topics, &frame, self.has_clock);
-                    self.pictures.look(&topics);
+                    self.pictures.update_wanted(&topics);
                     self.counts.published.fetch_add(1, Ordering::Relaxed);
                 }
                 Err(RecvError::Lagged(frames)) => {
@@ -262,20 +262,20 @@ impl Work {
     }
 }
 
-/// Offers the topics of those who have come, and takes back those of who is gone.
-fn change(topics: &impl Topics, before: &[Subject], after: &[Subject]) {
+/// Advertises the topics of new subjects, and unadvertises those of subjects that are gone.
+fn update_topics(topics: &impl Topics, before: &[Subject], after: &[Subject]) {
     let names = |subjects: &[Subject]| subjects.iter().map(|subject| subject.name.clone()).collect();
     let (before, after): (BTreeSet<String>, BTreeSet<String>) = (names(before), names(after));
-    before.difference(&after).for_each(|name| topics.retract(&topic(name)));
+    before.difference(&after).for_each(|name| topics.unadvertise(&topic(name)));
     after.difference(&before).for_each(|name| topics.advertise::<TransformStamped>(&topic(name)));
     if !after.is_empty() {
         topics.advertise::<TfMessage>(TF);
     }
 }
 
-fn publish_frame(topics: &impl Topics, frame: &Frame, has_clock: bool) {
+fn publish_frame(topics: &impl Topics, frame: &PoseFrame, has_clock: bool) {
     if has_clock {
-        topics.publish(CLOCK, || Clock { clock: frame.stamp });
+        topics.publish(CLOCK, || ClockMessage { clock: frame.stamp });
     }
     let find = |pose: &Measurement| {
         let at = frame.subjects.binary_search_by_key(&pose.vehicle, |subject| subject.vehicle).ok()?;
@@ -291,7 +291,7 @@ fn publish_frame(topics: &impl Topics, frame: &Frame, has_clock: bool) {
     }
 }
 
-fn transform(name: &str, pose: &Measurement, frame: &Frame) -> TransformStamped {
+fn transform(name: &str, pose: &Measurement, frame: &PoseFrame) -> TransformStamped {
     let (p, q) = (pose.position, pose.orientation);
     TransformStamped {
         header: Header { seq: frame.seq, stamp: frame.stamp, frame_id: VICON_WORLD.to_owned() },
@@ -303,36 +303,41 @@ fn transform(name: &str, pose: &Measurement, frame: &Frame) -> TransformStamped 
     }
 }
 
-/// Listens to the poses of a subject.
-fn hear(topics: &impl Topics, subject: Subject, inbox: &Arc<Inbox>, counts: &Arc<Counts>) {
-    let (inbox, counts) = (Arc::clone(inbox), Arc::clone(counts));
+/// Subscribes to the poses of a subject.
+fn subscribe_poses(
+    topics: &impl Topics,
+    subject: Subject,
+    queue: &Arc<PoseQueue>,
+    counts: &Arc<PoseCounters>,
+) {
+    let (queue, counts) = (Arc::clone(queue), Arc::clone(counts));
     topics.subscribe(&topic(&subject.name), move |message: TransformStamped| {
-        let Some(heard) = heard_pose(subject.vehicle, &message) else {
-            return tracing::debug!("{}: a pose that is none is dropped", subject.name);
+        let Some(received) = received_pose(subject.vehicle, &message) else {
+            return tracing::debug!("{}: an invalid pose is dropped", subject.name);
         };
-        counts.heard.fetch_add(1, Ordering::Relaxed);
-        let mut poses = inbox.poses.lock().unwrap_or_else(PoisonError::into_inner);
-        if poses.len() >= INBOX {
+        counts.received.fetch_add(1, Ordering::Relaxed);
+        let mut poses = queue.poses.lock().unwrap_or_else(PoisonError::into_inner);
+        if poses.len() >= POSE_CAPACITY {
             poses.pop_front();
-            counts.unheard.fetch_add(1, Ordering::Relaxed);
+            counts.overwritten.fetch_add(1, Ordering::Relaxed);
         }
-        poses.push_back(heard);
-        inbox.has_news.notify_one();
+        poses.push_back(received);
+        queue.changed.notify_one();
     });
 }
 
-/// `None` for numbers that are no pose on a laboratory's floor.
-fn heard_pose(vehicle: VehicleId, message: &TransformStamped) -> Option<HeardPose> {
+/// Validates a pose: `None` unless it is finite, within the laboratory and has a unit quaternion.
+fn received_pose(vehicle: VehicleId, message: &TransformStamped) -> Option<ReceivedPose> {
     let Transform { translation: p, rotation: q } = message.transform;
     let position = DVec3::new(p.x, p.y, p.z);
     let orientation = DQuat::from_xyzw(q.x, q.y, q.z, q.w);
-    // Numbers that are none fail both.
-    let is_one = position.abs().max_element() <= LARGEST_M
+    // NaN fails the second and third comparison.
+    let is_valid = position.abs().max_element() <= MAX_COORDINATE_M
         && !position.is_nan()
-        && UNIT.contains(&orientation.length());
+        && UNIT_NORM.contains(&orientation.length());
     let stamp_s = message.header.stamp.seconds();
     let pose = Measurement { vehicle, stamp_s, position, orientation: orientation / orientation.length() };
-    is_one.then_some(HeardPose { seq: message.header.seq, pose })
+    is_valid.then_some(ReceivedPose { seq: message.header.seq, pose })
 }
 
 #[cfg(test)]
@@ -343,33 +348,39 @@ mod tests {
         // Nobody listens on the discard port of this machine.
         let master = "http://127.0.0.1:9".parse().unwrap();
         let node = NodeOptions { name: "/test".to_owned(), master, bind: Some("127.0.0.1".parse().unwrap()) };
-        ViconOptions { carrier: Carrier::Node(node), has_clock, heard: Vec::new(), cameras: Vec::new() }
+        ViconOptions {
+            carrier: RosTransport::Node(node),
+            has_clock,
+            subscribed: Vec::new(),
+            cameras: Vec::new(),
+        }
     }
 
     #[test]
     fn without_a_master_nothing_waits_and_all_is_counted() {
         let mut vicon = Vicon::start(options(true)).unwrap();
         let begun = Instant::now();
-        for _ in 0..10 * QUEUE {
+        for _ in 0..10 * FRAME_CAPACITY {
             vicon.publish(0.0, &Arc::default(), Vec::new());
         }
         let until = begun + Duration::from_secs(20);
-        while vicon.figures().published + vicon.figures().dropped < 10 * QUEUE as u64 {
-            assert!(Instant::now() < until, "{:?}", vicon.figures());
+        while vicon.counters().published + vicon.counters().dropped < 10 * FRAME_CAPACITY as u64 {
+            assert!(Instant::now() < until, "{:?}", vicon.counters());
             std::thread::sleep(Duration::from_millis(1));
         }
-        assert!(!vicon.figures().is_registered);
+        assert!(!vicon.counters().is_registered);
     }
 
     #[test]
-    fn only_poses_on_the_floor_are_heard() {
+    fn only_poses_on_the_floor_are_received() {
         let rotation = Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 };
         let good = TransformStamped {
             transform: Transform { translation: Vector3 { x: 1.0, y: 2.0, z: 0.0 }, rotation },
             ..TransformStamped::default()
         };
-        let hear =
-            |message: &TransformStamped| heard_pose(VehicleId(3), message).map(|heard| heard.pose.position);
+        let hear = |message: &TransformStamped| {
+            received_pose(VehicleId(3), message).map(|received| received.pose.position)
+        };
         assert_eq!(hear(&good), Some(DVec3::new(1.0, 2.0, 0.0)));
         for (x, w) in [(f64::NAN, 1.0), (1e6, 1.0), (1.0, 0.0), (1.0, f64::NAN), (f64::INFINITY, 1.0)] {
             let mut bad = good.clone();

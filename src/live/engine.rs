@@ -1,7 +1,7 @@
-//! The simulation's thread.
+//! The simulation thread: command loop, pacing and publication.
 
-use super::pace::Rate;
-use super::{Clock, LiveError, Moment, Order, Phase, Recording, Slot, Speed};
+use super::pace::RealTimeFactorMeter;
+use super::{LatestState, LiveError, PacingClock, Recording, RunCommand, RunPhase, RunState, Speed};
 use crate::runner::Run;
 use crate::snapshot::{FrameSnapshot, SimCommand, VehicleId};
 use std::collections::BTreeMap;
@@ -10,123 +10,129 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-/// So long it simulates before it looks at its orders again.
-const ROUND: Duration = Duration::from_millis(4);
-/// Without a clock, moments follow one another no faster than this.
-const NEWS_EVERY: Duration = Duration::from_millis(8);
-/// A run that stands looks up this often although every order wakes it.
-const IDLE: Duration = Duration::from_secs(3600);
+/// Longest simulation batch between two checks of the command channel.
+const BATCH_TIME: Duration = Duration::from_millis(4);
+/// Least time between two published states while the speed is unlimited.
+const PUBLISH_INTERVAL: Duration = Duration::from_millis(8);
+/// Wait for commands while paused; every command wakes the thread.
+const IDLE_WAIT: Duration = Duration::from_secs(3600);
 
-type OnNews = Option<Box<dyn Fn() + Send>>;
+type OnUpdate = Option<Box<dyn Fn() + Send>>;
 
 pub(super) struct Engine {
     run: Run,
     recording: Recording,
-    slot: Arc<Slot>,
-    on_news: OnNews,
-    phase: Phase,
+    latest_state: Arc<LatestState>,
+    on_update: OnUpdate,
+    phase: RunPhase,
     speed: Speed,
-    clock: Option<Clock>,
-    rate: Rate,
-    /// Of persons, for the next tick.
+    clock: Option<PacingClock>,
+    rate: RealTimeFactorMeter,
+    /// Commands of persons for the next tick.
     commands: BTreeMap<VehicleId, SimCommand>,
     latest: Arc<FrameSnapshot>,
-    news_at: Instant,
+    published_at: Instant,
 }
 
 impl Engine {
-    pub(super) fn new(run: Run, recording: Recording, (slot, on_news): (Arc<Slot>, OnNews)) -> Self {
+    pub(super) fn new(
+        run: Run,
+        recording: Recording,
+        (latest_state, on_update): (Arc<LatestState>, OnUpdate),
+    ) -> Self {
         let now = Instant::now();
         Self {
             latest: Arc::new(run.snapshot().clone()),
-            rate: Rate::new(now, run.snapshot().time_s),
+            rate: RealTimeFactorMeter::new(now, run.snapshot().time_s),
             run,
             recording,
-            slot,
-            on_news,
-            phase: Phase::Ready,
+            latest_state,
+            on_update,
+            phase: RunPhase::Ready,
             speed: Speed::default(),
             clock: None,
             commands: BTreeMap::new(),
-            news_at: now,
+            published_at: now,
         }
     }
 
-    /// Runs until it is told to stop, or nobody is left to tell it anything.
-    pub(super) fn live(mut self, inbox: &Receiver<Order>) -> Result<Vec<PathBuf>, LiveError> {
+    /// Runs until a stop command, or until the channel is closed.
+    pub(super) fn run_loop(mut self, commands: &Receiver<RunCommand>) -> Result<Vec<PathBuf>, LiveError> {
         loop {
             let mut wait = self.wait();
             loop {
-                match inbox.recv_timeout(wait) {
-                    Ok(Order::Stop) | Err(RecvTimeoutError::Disconnected) => {
+                match commands.recv_timeout(wait) {
+                    Ok(RunCommand::Stop) | Err(RecvTimeoutError::Disconnected) => {
                         self.recording.finish(&self.run)?;
                         return Ok(self.recording.folders().to_vec());
                     }
-                    Ok(order) => self.obey(order),
+                    Ok(command) => self.apply(command),
                     Err(RecvTimeoutError::Timeout) => break,
                 }
                 wait = Duration::ZERO;
             }
-            if self.phase == Phase::Running {
+            if self.phase == RunPhase::Running {
                 self.advance();
             }
         }
     }
 
-    /// How long it may wait for orders before the next tick is due.
+    /// Longest wait for commands before the next tick is due.
     fn wait(&self) -> Duration {
         match (&self.phase, self.clock) {
-            (Phase::Running, None) => Duration::ZERO,
-            (Phase::Running, Some(clock)) => clock.until(Instant::now(), self.run.snapshot().time_s),
-            _ => IDLE,
+            (RunPhase::Running, None) => Duration::ZERO,
+            (RunPhase::Running, Some(clock)) => clock.until(Instant::now(), self.run.snapshot().time_s),
+            _ => IDLE_WAIT,
         }
     }
 
-    fn obey(&mut self, order: Order) {
-        match order {
-            Order::Start => {
-                if !matches!(self.phase, Phase::Failed(_)) {
-                    self.phase = Phase::Running;
+    fn apply(&mut self, command: RunCommand) {
+        match command {
+            RunCommand::Start => {
+                if !matches!(self.phase, RunPhase::Failed(_)) {
+                    self.phase = RunPhase::Running;
                     self.set_clock();
                 }
             }
-            Order::Pause => {
-                if self.phase == Phase::Running {
-                    self.stand(Phase::Paused);
+            RunCommand::Pause => {
+                if self.phase == RunPhase::Running {
+                    self.hold(RunPhase::Paused);
                 }
             }
-            Order::Step => {
-                if !matches!(self.phase, Phase::Failed(_)) {
-                    self.stand(Phase::Paused);
+            RunCommand::Step => {
+                if !matches!(self.phase, RunPhase::Failed(_)) {
+                    self.hold(RunPhase::Paused);
                     self.tick();
                 }
             }
-            Order::Reset => self.reset(),
-            Order::Speed(speed) => {
+            RunCommand::Reset => self.reset(),
+            RunCommand::Speed(speed) => {
                 self.speed = speed;
                 self.set_clock();
             }
-            Order::Command(command) => {
+            RunCommand::Vehicle(command) => {
                 if let Some(vehicle) = command.vehicle() {
                     self.commands.insert(vehicle, command);
                 }
                 return;
             }
-            Order::Stop => return,
+            RunCommand::Stop => return,
         }
         self.publish(Instant::now());
     }
 
     fn set_clock(&mut self) {
         let (now, time_s) = (Instant::now(), self.run.snapshot().time_s);
-        self.rate = Rate::new(now, time_s);
+        self.rate = RealTimeFactorMeter::new(now, time_s);
         self.clock = match self.speed {
-            Speed::Times(factor) if self.phase == Phase::Running => Some(Clock::new(now, time_s, factor)),
+            Speed::Times(factor) if self.phase == RunPhase::Running => {
+                Some(PacingClock::new(now, time_s, factor))
+            }
             _ => None,
         };
     }
 
-    fn stand(&mut self, phase: Phase) {
+    fn hold(&mut self, phase: RunPhase) {
         self.phase = phase;
         self.set_clock();
     }
@@ -136,55 +142,55 @@ impl Engine {
         let outcome = self.recording.finish(&self.run).and_then(|()| Ok(self.run.reset()?));
         self.recording.next(self.recording.run() + 1);
         self.latest = Arc::new(self.run.snapshot().clone());
-        self.stand(outcome.map_or_else(|error| Phase::Failed(error.to_string()), |()| Phase::Ready));
+        self.hold(outcome.map_or_else(|error| RunPhase::Failed(error.to_string()), |()| RunPhase::Ready));
     }
 
-    /// Simulates what is due, for a round at most.
+    /// Simulates the ticks that are due, for one batch at most.
     fn advance(&mut self) {
         let start = Instant::now();
-        while self.phase == Phase::Running {
+        while self.phase == RunPhase::Running {
             let now = Instant::now();
             let is_due = self.clock.is_none_or(|clock| self.run.snapshot().time_s <= clock.simulated_s(now));
-            if !is_due || now.duration_since(start) > ROUND {
+            if !is_due || now.duration_since(start) > BATCH_TIME {
                 break;
             }
             self.tick();
-            if self.clock.is_some() || now.duration_since(self.news_at) >= NEWS_EVERY {
+            if self.clock.is_some() || now.duration_since(self.published_at) >= PUBLISH_INTERVAL {
                 self.publish(now);
             }
         }
         if let Some(clock) = &mut self.clock {
-            clock.let_go(Instant::now(), self.run.snapshot().time_s);
+            clock.resync(Instant::now(), self.run.snapshot().time_s);
         }
     }
 
-    /// One tick: recorded, with the commands of persons.
+    /// One recorded tick with the commands of persons.
     fn tick(&mut self) {
         let commands: Vec<SimCommand> = std::mem::take(&mut self.commands).into_values().collect();
         if let Err(error) = self.recording.step(&mut self.run, &commands) {
-            self.stand(Phase::Failed(error.to_string()));
+            self.hold(RunPhase::Failed(error.to_string()));
             self.publish(Instant::now());
             return;
         }
         if self.run.snapshot().tick == self.run.experiment().ticks() {
-            self.stand(Phase::Over);
+            self.hold(RunPhase::Over);
             self.publish(Instant::now());
         }
     }
 
     fn publish(&mut self, now: Instant) {
         let snapshot = self.run.snapshot();
-        self.rate.note(now, snapshot.time_s);
+        self.rate.record(now, snapshot.time_s);
         let before = if snapshot.tick == self.latest.tick {
-            Arc::clone(&self.slot.get().before)
+            Arc::clone(&self.latest_state.get().before)
         } else {
             let next = Arc::new(snapshot.clone());
             std::mem::replace(&mut self.latest, next)
         };
-        // A reset goes back in time: nothing lies between.
+        // After a reset there is nothing to interpolate between.
         let before = if before.tick < self.latest.tick { before } else { Arc::clone(&self.latest) };
-        let is_running = self.phase == Phase::Running;
-        self.slot.put(Moment {
+        let is_running = self.phase == RunPhase::Running;
+        self.latest_state.put(RunState {
             before,
             now: Arc::clone(&self.latest),
             phase: self.phase.clone(),
@@ -194,8 +200,8 @@ impl Engine {
             run: self.recording.run(),
             folder: self.recording.folder().map(Into::into),
         });
-        self.news_at = now;
-        if let Some(tell) = &self.on_news {
+        self.published_at = now;
+        if let Some(tell) = &self.on_update {
             tell();
         }
     }

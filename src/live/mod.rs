@@ -1,11 +1,11 @@
-//! A run at the pace of a clock, on a thread of its own. Orders go in through a bounded channel, the
-//! latest moment comes out of a slot: neither the run nor who watches it ever waits for the other.
+//! A run paced by the wall clock, on its own thread. Commands go in through a bounded channel; the latest state comes
+//! out of a mailbox of size one. Neither side waits for the other.
 
 mod engine;
 mod pace;
 mod recording;
 
-pub use pace::{Clock, Speed};
+pub use pace::{PacingClock, Speed};
 
 use crate::runner::Run;
 use crate::scenario::Experiment;
@@ -34,25 +34,25 @@ pub enum LiveError {
     File { path: PathBuf, source: std::io::Error },
 }
 
-/// What a run is told to do.
+/// A command to a run.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Order {
+pub enum RunCommand {
     Start,
     Pause,
-    /// One tick, and a pause behind it.
+    /// One tick, then pause.
     Step,
-    /// Back to the initial conditions, paused; what was recorded so far is finished first.
+    /// Back to the initial conditions, paused; the present log is finished first.
     Reset,
     Speed(Speed),
-    /// A command of a person, for the next tick. Of several for one vehicle before that tick the last counts.
-    Command(SimCommand),
-    /// To end the thread; [`Live::stop`] sends it.
+    /// A vehicle command of a person, applied in the next tick. The last command for a vehicle before that tick wins.
+    Vehicle(SimCommand),
+    /// Ends the thread; [`LiveRun::stop`] sends it.
     Stop,
 }
 
-/// Where a run stands.
+/// The execution phase of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum Phase {
+pub enum RunPhase {
     /// At its initial conditions.
     #[default]
     Ready,
@@ -60,11 +60,11 @@ pub enum Phase {
     Paused,
     /// The scenario's duration is over. It can be started again to go on beyond it.
     Over,
-    /// It cannot go on, for this reason; a reset may help.
+    /// It has failed for this reason; a reset may help.
     Failed(String),
 }
 
-impl Phase {
+impl RunPhase {
     pub fn label(&self) -> &str {
         match self {
             Self::Ready => "ready",
@@ -76,27 +76,27 @@ impl Phase {
     }
 }
 
-/// What is known of a run at the latest tick that was published.
+/// The latest published state of a run: two snapshots to interpolate between, phase and speed.
 #[derive(Clone, Debug)]
-pub struct Moment {
-    /// The one that was published before `now`; the same where there is none.
+pub struct RunState {
+    /// The snapshot published before `now`, or `now` itself.
     pub before: Arc<FrameSnapshot>,
     pub now: Arc<FrameSnapshot>,
-    pub phase: Phase,
+    pub phase: RunPhase,
     pub speed: Speed,
-    /// Simulated time by the clock of the machine while the run keeps pace with it.
-    pub clock: Option<Clock>,
-    /// Simulated seconds in a second, over the last half second; 0 while it stands.
+    /// The pacing clock, while the run is paced.
+    pub clock: Option<PacingClock>,
+    /// Measured real-time factor over the last half second; 0 while paused.
     pub real_time_factor: f64,
-    /// Counts the runs since the beginning, the first is 1.
+    /// Number of the run, from 1; a reset begins the next one.
     pub run: u32,
-    /// Where this run is recorded, once it has begun.
+    /// Folder of the recording, once the run has begun.
     pub folder: Option<PathBuf>,
 }
 
-impl Moment {
-    /// How far from `before` (0) to `now` (1) the run is at an instant. What stands is at `now`.
-    pub fn weight_at(&self, instant: Instant) -> f64 {
+impl RunState {
+    /// Interpolation weight between `before` (0) and `now` (1) at an instant; 1 while paused.
+    pub fn interpolation_weight(&self, instant: Instant) -> f64 {
         let (from_s, to_s) = (self.before.time_s, self.now.time_s);
         match self.clock {
             Some(clock) if to_s > from_s => {
@@ -107,94 +107,94 @@ impl Moment {
     }
 }
 
-/// Holds the latest moment. Its lock is held for the exchange of a pointer.
+/// A mailbox of size one: the latest published state. The lock is held only to exchange a pointer.
 #[derive(Debug)]
-struct Slot(Mutex<Arc<Moment>>);
+struct LatestState(Mutex<Arc<RunState>>);
 
-impl Slot {
-    fn put(&self, moment: Moment) {
-        let moment = Arc::new(moment);
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = moment;
+impl LatestState {
+    fn put(&self, run_state: RunState) {
+        let run_state = Arc::new(run_state);
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = run_state;
     }
 
-    fn get(&self) -> Arc<Moment> {
+    fn get(&self) -> Arc<RunState> {
         Arc::clone(&self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
-/// How a run is recorded and who hears of it.
+/// Recording and notification of a run.
 #[derive(Default)]
-pub struct Options {
+pub struct LiveOptions {
     /// Folder in which each run gets one of its own: `run-1`, after a reset `run-2`. Nothing is
     /// written without it, and nothing before the first tick.
     pub record: Option<PathBuf>,
-    /// Runs that lie in that folder already: the first is numbered after them.
+    /// Runs that the folder holds already; numbering continues after them.
     pub runs_before: u32,
-    /// Called on the run's thread after each new moment; it must not wait.
-    pub on_news: Option<Box<dyn Fn() + Send>>,
+    /// Called on the run's thread after each published state; it must not block.
+    pub on_update: Option<Box<dyn Fn() + Send>>,
 }
 
-impl fmt::Debug for Options {
+impl fmt::Debug for LiveOptions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Options").field("record", &self.record).finish_non_exhaustive()
     }
 }
 
-/// A run on its thread. Dropped, it ends and finishes its log.
+/// Handle of a run on its own thread. Dropping it ends the run and finishes the log.
 #[derive(Debug)]
-pub struct Live {
-    orders: SyncSender<Order>,
-    slot: Arc<Slot>,
+pub struct LiveRun {
+    sender: SyncSender<RunCommand>,
+    latest_state: Arc<LatestState>,
     thread: Option<JoinHandle<Result<Vec<PathBuf>, LiveError>>>,
 }
 
-/// Orders that may wait for the thread: a second of pedals of a person and some clicks.
-const ORDERS: usize = 256;
+/// Capacity of the command channel: a second of pedal commands and some clicks.
+const COMMAND_QUEUE: usize = 256;
 
-impl Live {
-    /// Makes the run at its initial conditions; it waits for [`Order::Start`].
+impl LiveRun {
+    /// Starts the thread with the run at its initial conditions, waiting for [`RunCommand::Start`].
     ///
     /// # Errors
     /// [`LiveError::Setup`] for a vehicle that the control framework cannot take, [`LiveError::Thread`].
-    pub fn new(experiment: Arc<Experiment>, options: Options) -> Result<Self, LiveError> {
+    pub fn new(experiment: Arc<Experiment>, options: LiveOptions) -> Result<Self, LiveError> {
         let run = Run::new(experiment)?;
         let first = Arc::new(run.snapshot().clone());
-        let moment = Moment {
+        let run_state = RunState {
             before: Arc::clone(&first),
             now: first,
-            phase: Phase::Ready,
+            phase: RunPhase::Ready,
             speed: Speed::default(),
             clock: None,
             real_time_factor: 0.0,
             run: options.runs_before + 1,
             folder: None,
         };
-        let slot = Arc::new(Slot(Mutex::new(Arc::new(moment))));
-        let (orders, inbox) = sync_channel(ORDERS);
+        let latest_state = Arc::new(LatestState(Mutex::new(Arc::new(run_state))));
+        let (sender, commands) = sync_channel(COMMAND_QUEUE);
         let recording = Recording::new(options.record, options.runs_before + 1);
-        let engine = Engine::new(run, recording, (Arc::clone(&slot), options.on_news));
+        let engine = Engine::new(run, recording, (Arc::clone(&latest_state), options.on_update));
         let thread = std::thread::Builder::new()
             .name("simulation".to_owned())
-            .spawn(move || engine.live(&inbox))
+            .spawn(move || engine.run_loop(&commands))
             .map_err(LiveError::Thread)?;
-        Ok(Self { orders, slot, thread: Some(thread) })
+        Ok(Self { sender, latest_state, thread: Some(thread) })
     }
 
-    /// Gives an order without waiting. `false` where it could not be taken: the thread has ended, or is
-    /// hundreds of orders behind.
-    pub fn order(&self, order: Order) -> bool {
-        match self.orders.try_send(order) {
+    /// Sends a command without blocking. `false` where the channel is full (back-pressure: the newest command is
+    /// refused) or the thread has ended.
+    pub fn send(&self, command: RunCommand) -> bool {
+        match self.sender.try_send(command) {
             Ok(()) => true,
             Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => false,
         }
     }
 
-    /// The latest moment.
-    pub fn moment(&self) -> Arc<Moment> {
-        self.slot.get()
+    /// The latest published state.
+    pub fn run_state(&self) -> Arc<RunState> {
+        self.latest_state.get()
     }
 
-    /// Ends the run and waits until its files are whole: the folders of the runs that were recorded, in order.
+    /// Ends the run and waits until its files are complete; returns the folders of the recorded runs, in order.
     ///
     /// # Errors
     /// What went wrong with them.
@@ -204,13 +204,13 @@ impl Live {
 
     fn join(&mut self) -> Result<Vec<PathBuf>, LiveError> {
         let Some(thread) = self.thread.take() else { return Ok(Vec::new()) };
-        // A thread that has ended already does not hear it.
-        let _ = self.orders.send(Order::Stop);
+        // The thread may have ended already.
+        let _ = self.sender.send(RunCommand::Stop);
         thread.join().unwrap_or(Err(LiveError::Ended))
     }
 }
 
-impl Drop for Live {
+impl Drop for LiveRun {
     fn drop(&mut self) {
         if let Err(error) = self.join() {
             tracing::warn!("{error}");

@@ -1,9 +1,9 @@
-//! How fast simulated time goes by.
+//! Pacing: simulated time against the wall clock.
 
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
-/// Simulated seconds in a second.
+/// Target speed: simulated seconds per second.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Speed {
@@ -22,7 +22,7 @@ impl Speed {
     pub const SLOWEST: f64 = 0.1;
     pub const FASTEST: f64 = 100.0;
 
-    /// The same within what is offered.
+    /// The speed clamped to the permitted range.
     pub fn sane(self) -> Self {
         match self {
             Self::Times(factor) => Self::times(factor),
@@ -30,15 +30,15 @@ impl Speed {
         }
     }
 
-    /// A factor within what is offered.
+    /// A factor clamped to the permitted range.
     pub fn times(factor: f64) -> Self {
         Self::Times(if factor.is_finite() { factor.clamp(Self::SLOWEST, Self::FASTEST) } else { 1.0 })
     }
 }
 
-/// Simulated time that goes on with the clock of the machine.
+/// A pacing clock: maps the monotonic wall clock to simulated time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Clock {
+pub struct PacingClock {
     since: Instant,
     from_s: f64,
     factor: f64,
@@ -47,7 +47,7 @@ pub struct Clock {
 /// A run this far behind its clock lets the lost time go instead of hurrying after it.
 const MOST_BEHIND: Duration = Duration::from_millis(100);
 
-impl Clock {
+impl PacingClock {
     /// Shows `from_s` now and goes on `factor` times as fast as the machine's.
     pub fn new(now: Instant, from_s: f64, factor: f64) -> Self {
         Self { since: now, from_s, factor }
@@ -70,7 +70,7 @@ impl Clock {
     }
 
     /// Goes back to where the run is when that is too far behind.
-    pub fn let_go(&mut self, now: Instant, time_s: f64) {
+    pub fn resync(&mut self, now: Instant, time_s: f64) {
         let behind_s = (self.simulated_s(now) - time_s) / self.factor;
         if behind_s > MOST_BEHIND.as_secs_f64() {
             *self = Self::new(now, time_s, self.factor);
@@ -78,25 +78,25 @@ impl Clock {
     }
 }
 
-/// Simulated seconds in a second, measured over a while.
+/// Measures the real-time factor: simulated seconds per wall-clock second.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rate {
+pub(super) struct RealTimeFactorMeter {
     since: Instant,
     from_s: f64,
     factor: f64,
 }
 
-const MEASURED_OVER: Duration = Duration::from_millis(500);
+const METER_WINDOW: Duration = Duration::from_millis(500);
 
-impl Rate {
+impl RealTimeFactorMeter {
     pub(super) fn new(now: Instant, time_s: f64) -> Self {
         Self { since: now, from_s: time_s, factor: 0.0 }
     }
 
-    /// Takes note of where the run is.
-    pub(super) fn note(&mut self, now: Instant, time_s: f64) {
+    /// Records the simulated time that the run has reached.
+    pub(super) fn record(&mut self, now: Instant, time_s: f64) {
         let passed = now.saturating_duration_since(self.since);
-        if passed >= MEASURED_OVER {
+        if passed >= METER_WINDOW {
             let factor = (time_s - self.from_s) / passed.as_secs_f64();
             *self = Self { since: now, from_s: time_s, factor };
         }
@@ -114,7 +114,7 @@ mod tests {
     #[test]
     fn a_clock_goes_by_its_factor() {
         let now = Instant::now();
-        let clock = Clock::new(now, 10.0, 0.5);
+        let clock = PacingClock::new(now, 10.0, 0.5);
         assert_eq!(clock.simulated_s(now + Duration::from_secs(4)), 12.0);
         assert_eq!(clock.until(now, 11.0), Duration::from_secs(2));
         assert_eq!(clock.until(now + Duration::from_secs(9), 11.0), Duration::ZERO);
@@ -123,11 +123,11 @@ mod tests {
     #[test]
     fn a_run_far_behind_lets_the_lost_time_go_and_a_little_one_is_made_good() {
         let now = Instant::now();
-        let mut clock = Clock::new(now, 0.0, 2.0);
+        let mut clock = PacingClock::new(now, 0.0, 2.0);
         let later = now + Duration::from_secs(1);
-        clock.let_go(later, 1.9);
+        clock.resync(later, 1.9);
         assert_eq!(clock.simulated_s(later), 2.0);
-        clock.let_go(later, 0.5);
+        clock.resync(later, 0.5);
         assert_eq!(clock.simulated_s(later), 0.5);
     }
 

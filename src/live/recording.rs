@@ -1,13 +1,13 @@
-//! The files of a run that someone watches: the same as those of `city3d run`, one folder for each run.
+//! Recording of live runs: the same files as `city3d run`, one folder per run.
 
 use super::LiveError;
-use crate::record::{Cadence, Origin, Recorder};
+use crate::record::{Cadence, LogOrigin, Recorder};
 use crate::runner::{Observer, Run, Summary};
 use crate::snapshot::{Event, SimCommand};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Snapshots and rows of the table in a simulated second, as `city3d run` writes them.
+/// Rates of snapshots and table rows per simulated second, as in `city3d run`.
 const LOG_HZ: u32 = 50;
 const TABLE_HZ: u32 = 10;
 
@@ -15,12 +15,12 @@ const TABLE_HZ: u32 = 10;
 pub(super) struct Recording {
     root: Option<PathBuf>,
     run: u32,
-    files: Option<Files>,
+    files: Option<LiveRunFiles>,
     /// Folders of the runs that have begun, in order.
     folders: Vec<PathBuf>,
 }
 
-struct Files {
+struct LiveRunFiles {
     folder: PathBuf,
     recorder: Recorder,
     observer: Observer,
@@ -33,7 +33,7 @@ impl Recording {
         Self { root, run, files: None, folders: Vec::new() }
     }
 
-    /// What follows belongs to this run.
+    /// Begins the recording of the run with this number.
     pub(super) fn next(&mut self, run: u32) {
         self.run = run;
         self.files = None;
@@ -48,11 +48,11 @@ impl Recording {
         self.files.as_ref().map(|files| files.folder.as_path())
     }
 
-    /// One tick of a run with commands of persons, recorded where it shall be.
+    /// Steps the run once with the commands of persons, and records the tick where recording is on.
     pub(super) fn step(&mut self, run: &mut Run, commands: &[SimCommand]) -> Result<(), LiveError> {
         if let (Some(root), None) = (&self.root, &self.files) {
             let folder = root.join(format!("run-{}", self.run));
-            self.files = Some(Files::begin(folder.clone(), run)?);
+            self.files = Some(LiveRunFiles::begin(folder.clone(), run)?);
             self.folders.push(folder);
         }
         commands.iter().for_each(|command| run.inject(command.clone()));
@@ -63,7 +63,7 @@ impl Recording {
         files.step(run)
     }
 
-    /// Where the runs so far are recorded, in order.
+    /// Folders of the recorded runs, in order.
     pub(super) fn folders(&self) -> &[PathBuf] {
         &self.folders
     }
@@ -74,7 +74,7 @@ impl Recording {
     }
 }
 
-impl Files {
+impl LiveRunFiles {
     fn begin(folder: PathBuf, run: &Run) -> Result<Self, LiveError> {
         std::fs::create_dir_all(&folder)
             .map_err(|source| LiveError::File { path: folder.clone(), source })?;
@@ -82,7 +82,7 @@ impl Files {
         let every = |hz: u32| u64::from((experiment.rates.physics_hz / hz).max(1));
         let cadence =
             Cadence { log_ticks: every(LOG_HZ), table_ticks: every(TABLE_HZ), flush_ticks: every(1) };
-        let mut recorder = Recorder::new(&folder, experiment, Origin::Run, cadence)?;
+        let mut recorder = Recorder::new(&folder, experiment, LogOrigin::Run, cadence)?;
         recorder.record(run.snapshot(), &[])?;
         let observer = Observer::new(experiment);
         Ok(Self { folder, recorder, observer, events: Vec::new(), simulated_in: Duration::ZERO })

@@ -1,26 +1,26 @@
-//! One connected and automated vehicle as the control framework knows it.
+//! State of one connected and automated vehicle (CAV) in the control framework.
 
-use super::estimate::Estimate;
+use super::estimate::RouteEstimate;
+use super::off_route;
 use super::right_of_way::Passage;
-use super::stray;
-use super::{Ahead, Controller, Decision, DriverParams, OwnMotion, Route, SetupError, controller};
+use super::{Controller, Decision, DriverParams, LeaderState, OwnMotion, Route, SetupError, controller};
 use crate::city::{LabMap, LaneId};
 use crate::geom::Pose2;
 use crate::snapshot::{Indicator, VehicleId};
 use crate::wire::Measurement;
 use serde::{Deserialize, Serialize};
 
-/// The measures of a vehicle that control needs, laboratory metres. The overhangs are equal and the
-/// measured pose is that of the outline's middle.
+/// Dimensions of a vehicle for control, laboratory metres. The overhangs are equal, and the measured pose is
+/// the middle of the outline.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Body {
+pub struct CavGeometry {
     pub length_m: f64,
     pub wheelbase_m: f64,
-    /// Of the front axle's track at the steering limit.
+    /// Of the front-axle centre at the steering limit.
     pub min_turn_radius_m: f64,
 }
 
-impl Body {
+impl CavGeometry {
     /// From the middle of the outline to the front axle.
     pub fn front_axle_m(&self) -> f64 {
         self.wheelbase_m / 2.0
@@ -32,33 +32,33 @@ impl Body {
     }
 }
 
-/// What the control framework is told of a vehicle.
+/// Setup of a vehicle for the control framework.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CavSetup {
     pub id: VehicleId,
     /// Name of the control algorithm, see [`CONTROLLERS`](super::CONTROLLERS).
     pub controller: String,
     pub driver: DriverParams,
-    pub body: Body,
-    /// Lanes to drive, each a successor of the one before.
+    pub body: CavGeometry,
+    /// Lanes of the route, each a successor of the one before.
     pub route: Vec<LaneId>,
     pub speed_mps: f64,
 }
 
-/// The plan model: a double integrator along the route (the paper, eq. 7).
+/// State of the plan model: a double integrator along the route (the paper, eq. 7).
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Reference {
+pub struct PlanState {
     pub axle_s: f64,
     pub speed_mps: f64,
     pub acceleration_mps2: f64,
 }
 
-/// Whether a vehicle gives way, and where.
+/// Yielding state of a vehicle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Yielding {
     #[default]
     No,
-    /// It is held back at a section, not yet for long.
+    /// Held at a section, but not yet for long.
     Held {
         section: usize,
         since_s: f64,
@@ -69,56 +69,55 @@ pub enum Yielding {
     },
 }
 
-/// A vehicle that is held back for less than this has not given way: nobody would notice it.
+/// Shorter holds do not count as yielding.
 const YIELDS_AFTER_S: f64 = 0.4;
-/// And one that has given way is shown to do so for this time at least.
+/// Shortest time for which yielding is shown.
 const YIELDS_FOR_S: f64 = 1.0;
 
 #[derive(Debug)]
 pub struct Cav {
     pub id: VehicleId,
     pub driver: DriverParams,
-    pub body: Body,
+    pub body: CavGeometry,
     pub route: Route,
     pub passage: Passage,
-    pub reference: Reference,
+    pub plan: PlanState,
     pub indicator: Indicator,
-    /// It gives way to others at a section of its route, from when that has held it back until it may go.
+    /// Yielding at a section of its route, from when it was held until it may go.
     pub yielding: Yielding,
-    /// How often it has been sent another way.
+    /// Number of reroutes.
     pub reroutes: u32,
-    /// Counts the messages to the vehicle.
+    /// Sequence number of messages to the vehicle.
     pub sequence: u32,
     controller: Box<dyn Controller>,
     setup_speed_mps: f64,
-    estimate: Option<Estimate>,
-    /// It is on no lane in the direction of travel: a person drives it as no route does.
-    is_astray: bool,
+    estimate: Option<RouteEstimate>,
+    /// Off its route and on no lane in the direction of travel, as a person may drive.
+    is_off_route: bool,
     /// As measured.
     pub pose: Pose2,
-    /// Along its heading, wherever that leads: what it is told goes by it while it is on no lane.
+    /// Speed along its heading; used while it is on no lane.
     pub(super) heading_mps: f64,
-    /// The estimate brought to the time of the control step.
+    /// The estimate at the time of the control step.
     axle_s: f64,
     speed_mps: f64,
     position_std_m: f64,
-    /// It has not been seen for long, and may be this far ahead of there.
+    /// Not measured for too long; it may be up to `ahead_m` farther.
     is_lost: bool,
     ahead_m: f64,
 }
 
-/// How far the plan may run ahead of, or fall behind, what is measured.
-const REFERENCE_SLACK_M: f64 = 0.04;
-const REFERENCE_SLACK_MPS: f64 = 0.08;
+/// Largest deviation of the plan from the measurement.
+const PLAN_SLACK_M: f64 = 0.04;
+const PLAN_SLACK_MPS: f64 = 0.08;
 
-/// Distance that is kept to whatever is ahead in the worst case, and standard deviations of the own position that are
-/// added to it.
+/// Worst-case gap to the leader, and standard deviations of the own position that are added.
 const SAFE_GAP_M: f64 = 0.02;
-const SIGMAS: f64 = 3.0;
+const SAFETY_SIGMAS: f64 = 3.0;
 
-/// What lies just behind a section is looked for this far on.
+/// Distance behind a section at which its exit is looked up.
 const BEHIND_SECTION_M: f64 = 1e-6;
-/// A route is driven when its vehicle stands this near to its end.
+/// A route is finished when its vehicle stands this close to its end.
 const FINISHED_WITHIN_M: f64 = 0.05;
 const FINISHED_MPS: f64 = 0.004;
 
@@ -135,7 +134,7 @@ impl Cav {
             body: setup.body,
             route: Route::new(map, &setup.route, setup.body, &setup.driver),
             passage: Passage::default(),
-            reference: Reference::default(),
+            plan: PlanState::default(),
             indicator: Indicator::Off,
             yielding: Yielding::default(),
             reroutes: 0,
@@ -143,7 +142,7 @@ impl Cav {
             controller,
             setup_speed_mps: setup.speed_mps,
             estimate: None,
-            is_astray: false,
+            is_off_route: false,
             pose: Pose2::default(),
             heading_mps: setup.speed_mps,
             axle_s: 0.0,
@@ -154,22 +153,22 @@ impl Cav {
         })
     }
 
-    /// Whether a pose of it has arrived yet.
+    /// Whether a pose has arrived.
     pub fn is_seen(&self) -> bool {
         self.estimate.is_some()
     }
 
-    /// Whether it is somewhere on its route.
+    /// Whether it is on its route.
     pub fn is_on_route(&self) -> bool {
-        self.is_seen() && !self.is_astray
+        self.is_seen() && !self.is_off_route
     }
 
-    /// Whether it has not been seen for so long that nobody can say what it does. It counts as standing then.
+    /// Whether it has not been measured for too long. It is then treated as stopped.
     pub fn is_lost(&self) -> bool {
         self.is_lost
     }
 
-    /// Front-axle centre along the route, as measured and brought to the current time.
+    /// Front-axle centre along the route, predicted to the current time.
     pub fn axle_s(&self) -> f64 {
         self.axle_s
     }
@@ -183,8 +182,8 @@ impl Cav {
         self.axle_s + self.body.overhang_m()
     }
 
-    /// The farthest place at which its front bumper may be: farther than it is expected where it is lost.
-    pub(super) fn reach_s(&self) -> f64 {
+    /// Farthest possible position of its front bumper, ahead of the estimate if the vehicle is lost.
+    pub(super) fn farthest_front_s(&self) -> f64 {
         self.front_s() + self.ahead_m
     }
 
@@ -197,12 +196,12 @@ impl Cav {
         self.speed_mps
     }
 
-    /// As those behind it may count on: nothing of one that is on no lane.
+    /// The speed that followers may rely on: none if the vehicle is on no lane.
     pub(super) fn speed_along_mps(&self) -> f64 {
-        if self.is_astray { 0.0 } else { self.speed_mps() }
+        if self.is_off_route { 0.0 } else { self.speed_mps() }
     }
 
-    pub(super) fn see(&mut self, map: &LabMap, now_s: f64, seen: &Measurement) {
+    pub(super) fn update_pose(&mut self, map: &LabMap, now_s: f64, seen: &Measurement) {
         self.pose = seen.pose_in_lab();
         let Some(estimate) = &mut self.estimate else {
             self.begin(map, now_s, seen, self.setup_speed_mps);
@@ -213,14 +212,14 @@ impl Cav {
         let (axle_s, speed_mps) = (estimate.axle_s, estimate.speed_mps);
         self.heading_mps = estimate.heading_mps();
         if was_lost {
-            // What it was told meanwhile it may not have heard.
-            self.reference = Reference { axle_s, speed_mps, acceleration_mps2: 0.0 };
+            // It may have missed the messages meanwhile.
+            self.plan = PlanState { axle_s, speed_mps, acceleration_mps2: 0.0 };
         }
-        if !stray::has_left(map, self) {
-            self.is_astray = false;
+        if !off_route::has_left_route(map, self) {
+            self.is_off_route = false;
         } else {
-            let way = stray::way_from(map, self);
-            self.is_astray = way.is_none();
+            let way = off_route::route_from(map, self);
+            self.is_off_route = way.is_none();
             if let Some(way) = way {
                 self.route = Route::new(map, &way, self.body, &self.driver);
                 self.reroutes += 1;
@@ -234,12 +233,11 @@ impl Cav {
         self.estimate.as_ref().map_or(0.0, |estimate| estimate.lateral_m)
     }
 
-    /// Takes it to be on the first lane of its route.
+    /// Starts on the first lane of its route.
     fn begin(&mut self, map: &LabMap, now_s: f64, seen: &Measurement, speed_mps: f64) {
-        let first = Estimate::first(map, (&self.route, self.body), now_s, seen, speed_mps);
+        let first = RouteEstimate::first(map, (&self.route, self.body), now_s, seen, speed_mps);
         self.passage = Passage::default();
-        self.reference =
-            Reference { axle_s: first.axle_s, speed_mps: first.speed_mps, acceleration_mps2: 0.0 };
+        self.plan = PlanState { axle_s: first.axle_s, speed_mps: first.speed_mps, acceleration_mps2: 0.0 };
         self.axle_s = first.axle_s;
         self.estimate = Some(first);
         let rear_s = self.rear_s();
@@ -259,35 +257,35 @@ impl Cav {
         }
     }
 
-    /// What the driver does about one thing ahead, or about a free road.
-    pub(super) fn acceleration_for(&self, ahead: Option<Ahead>) -> f64 {
+    /// Acceleration of the driver model with respect to one leader, or on a free road.
+    pub(super) fn acceleration_for(&self, ahead: Option<LeaderState>) -> f64 {
         let desired = self.route.speed_at(self.axle_s);
         let own = OwnMotion {
-            planned_mps: self.reference.speed_mps,
+            planned_mps: self.plan.speed_mps,
             measured_mps: self.speed_mps,
             margin_m: self.margin_m(),
         };
         self.controller.acceleration(own, desired, ahead)
     }
 
-    /// By how much a distance from its front bumper may be shorter than measured.
+    /// Safety margin on measured distances.
     pub(super) fn margin_m(&self) -> f64 {
-        SAFE_GAP_M + SIGMAS * self.position_std_m
+        SAFE_GAP_M + SAFETY_SIGMAS * self.position_std_m
     }
 
-    /// The end of the route as a standing thing ahead; its front bumper comes to the end.
-    pub(super) fn end_of_route(&self) -> Option<Ahead> {
+    /// The end of the route as a standing leader; the front bumper stops at the end.
+    pub(super) fn end_of_route(&self) -> Option<LeaderState> {
         let gap_m = self.route.length() + self.driver.standstill_gap_m - self.front_s();
-        (gap_m < super::SIGHT_M).then_some(Ahead { gap_m, speed_mps: 0.0 })
+        (gap_m < super::SIGHT_M).then_some(LeaderState { gap_m, speed_mps: 0.0 })
     }
 
-    /// Whether it has come to the end of its route and stands there.
+    /// Whether it stands at the end of its route.
     pub(super) fn is_finished(&self) -> bool {
-        self.route.length() - self.front_s() < FINISHED_WITHIN_M && self.reference.speed_mps < FINISHED_MPS
+        self.route.length() - self.front_s() < FINISHED_WITHIN_M && self.plan.speed_mps < FINISHED_MPS
     }
 
-    /// Whether it gives way. That begins when the right of way of others has held it back for a while, and lasts,
-    /// whatever else limits it meanwhile, until nobody at that section is before it any more.
+    /// Updates the yielding state. Yielding begins when right of way has held the vehicle for a while, and
+    /// lasts until no vehicle has priority at that section, whatever else limits it meanwhile.
     pub(super) fn note_yielding(
         &mut self,
         now_s: f64,
@@ -312,38 +310,37 @@ impl Cav {
         };
     }
 
-    /// Advances the plan by a control step, within its bounds and near to what is measured.
+    /// Advances the plan by a control step, within its bounds and close to the measurement.
     pub(super) fn apply(&mut self, decision: Decision, dt_s: f64) {
         if self.is_lost {
             self.brake(dt_s);
             return;
         }
         let measured_mps = self.speed_mps();
-        let old = self.reference;
-        let base_mps = old
-            .speed_mps
-            .clamp((measured_mps - REFERENCE_SLACK_MPS).max(0.0), measured_mps + REFERENCE_SLACK_MPS);
+        let old = self.plan;
+        let base_mps =
+            old.speed_mps.clamp((measured_mps - PLAN_SLACK_MPS).max(0.0), measured_mps + PLAN_SLACK_MPS);
         let allowed_mps = self.route.speed_at(old.axle_s + base_mps * dt_s);
         let lowest_mps = (base_mps + self.driver.min_acceleration_mps2 * dt_s).max(0.0);
         let wanted_mps = (base_mps + decision.acceleration_mps2 * dt_s).max(0.0);
         let speed_mps = wanted_mps.min(allowed_mps.max(lowest_mps));
         let ahead_m = old.axle_s + (base_mps + speed_mps) / 2.0 * dt_s - self.axle_s;
-        let ahead_m = ahead_m.clamp(-REFERENCE_SLACK_M, REFERENCE_SLACK_M);
+        let ahead_m = ahead_m.clamp(-PLAN_SLACK_M, PLAN_SLACK_M);
         let acceleration_mps2 =
             if dt_s > 0.0 { (speed_mps - base_mps) / dt_s } else { decision.acceleration_mps2 };
-        self.reference = Reference { axle_s: self.axle_s + ahead_m, speed_mps, acceleration_mps2 };
+        self.plan = PlanState { axle_s: self.axle_s + ahead_m, speed_mps, acceleration_mps2 };
     }
 
-    /// Nobody sees what it does: it is told to come to a stand from where its plan is.
+    /// A lost vehicle is planned to a stop.
     fn brake(&mut self, dt_s: f64) {
-        let Reference { axle_s, speed_mps: before_mps, .. } = self.reference;
+        let PlanState { axle_s, speed_mps: before_mps, .. } = self.plan;
         let acceleration_mps2 = self.driver.min_acceleration_mps2;
         let speed_mps = (before_mps + acceleration_mps2 * dt_s).max(0.0);
         let axle_s = axle_s + (before_mps + speed_mps) / 2.0 * dt_s;
-        self.reference = Reference { axle_s, speed_mps, acceleration_mps2 };
+        self.plan = PlanState { axle_s, speed_mps, acceleration_mps2 };
     }
 
-    /// Is driven otherwise from now on.
+    /// Replaces the driver.
     pub(super) fn change_driver(
         &mut self,
         map: &LabMap,
@@ -359,13 +356,13 @@ impl Cav {
         Ok(())
     }
 
-    /// Tries another way that begins with the same lanes up to the one it is on; gives the old one.
+    /// Installs another route that begins with the same lanes up to the present one; returns the old route.
     pub(super) fn set_route(&mut self, route: Route) -> Route {
         std::mem::replace(&mut self.route, route)
     }
 
-    /// Drives the way that it has tried.
-    pub(super) fn take_new_route(&mut self, map: &LabMap) {
+    /// Commits the installed route.
+    pub(super) fn commit_route(&mut self, map: &LabMap) {
         self.reroutes += 1;
         self.route.plan_speeds(map, self.body, &self.driver);
     }
@@ -375,14 +372,14 @@ impl Cav {
         self.passage.admissions.iter().find(|a| a.section == section).map(|a| a.order)
     }
 
-    /// The lane that its route takes behind a section.
-    pub(super) fn way_out_of(&self, section: usize) -> LaneId {
+    /// The lane of its route behind a section.
+    pub(super) fn exit_lane_of(&self, section: usize) -> LaneId {
         let end_s = self.route.sections[section].to_s + BEHIND_SECTION_M;
         self.route.lanes()[self.route.index_at(end_s)]
     }
 
     /// Whether its route uses a lane between two arc lengths.
-    pub(super) fn goes_over(&self, lane: LaneId, from_s: f64, to_s: f64) -> bool {
+    pub(super) fn uses_lane(&self, lane: LaneId, from_s: f64, to_s: f64) -> bool {
         (self.route.index_at(from_s)..=self.route.index_at(to_s))
             .any(|index| self.route.lanes()[index] == lane)
     }

@@ -1,35 +1,35 @@
-//! Control algorithms of one vehicle, by name.
+//! Longitudinal control algorithms of one vehicle, by name.
 
-use super::{Ahead, DriverParams};
+use super::{DriverParams, LeaderState};
 use std::fmt::Debug;
 
-/// Decides how one vehicle accelerates along its path.
+/// Longitudinal controller: decides the acceleration along the path.
 pub trait Controller: Debug + Send {
-    /// Acceleration along the path, laboratory m/s2, where `desired_mps` is allowed, with respect to one thing
-    /// ahead (or a free road). Of several things ahead the least acceleration counts.
-    fn acceleration(&self, own: OwnMotion, desired_mps: f64, ahead: Option<Ahead>) -> f64;
+    /// Acceleration along the path, laboratory m/s2, for an allowed speed `desired_mps` and one leader (or a
+    /// free road). Of several leaders the least acceleration applies.
+    fn acceleration(&self, own: OwnMotion, desired_mps: f64, ahead: Option<LeaderState>) -> f64;
 }
 
-/// The motion of the vehicle for which a controller decides, laboratory metres.
+/// Own motion of the vehicle, laboratory metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OwnMotion {
-    /// Of the plan.
+    /// Speed of the plan.
     pub planned_mps: f64,
     /// As estimated from measured poses.
     pub measured_mps: f64,
-    /// By how much measured distances may be too long.
+    /// Safety margin on measured distances.
     pub margin_m: f64,
 }
 
-/// The control algorithm that holds its speed whatever is ahead.
+/// Name of the algorithm that ignores leaders.
 pub const CRUISE: &str = "cruise";
-/// The names that [`controller`] knows.
+/// Names of all control algorithms.
 pub const CONTROLLERS: [&str; 2] = ["idm", CRUISE];
 
-/// The control algorithm of a name, or `None` where there is none of that name.
+/// Creates a control algorithm by name; `None` for an unknown one.
 ///
-/// `idm` follows the driver model within the safe speed of Gipps. `cruise` holds the desired speed whatever is ahead: a
-/// vehicle that others have to look out for.
+/// `idm`: intelligent driver model within the safe speed of Gipps. `cruise`: constant speed whatever is
+/// ahead.
 pub fn controller(name: &str, params: DriverParams) -> Option<Box<dyn Controller>> {
     match name {
         "idm" => Some(Box::new(Idm(params))),
@@ -42,9 +42,9 @@ pub fn controller(name: &str, params: DriverParams) -> Option<Box<dyn Controller
 struct Idm(DriverParams);
 
 impl Controller for Idm {
-    fn acceleration(&self, own: OwnMotion, desired_mps: f64, ahead: Option<Ahead>) -> f64 {
+    fn acceleration(&self, own: OwnMotion, desired_mps: f64, ahead: Option<LeaderState>) -> f64 {
         let Some(ahead) = ahead else { return self.0.acceleration(own.planned_mps, desired_mps, None) };
-        // A vehicle that lags its plan while it brakes is faster than the plan.
+        // A lagging vehicle is faster than its braking plan.
         let speed_mps = own.planned_mps.max(own.measured_mps);
         let comfortable = self.0.acceleration(speed_mps, desired_mps, Some(ahead));
         comfortable.min(self.0.safe_acceleration(own.measured_mps, ahead, own.margin_m))
@@ -55,7 +55,7 @@ impl Controller for Idm {
 struct Cruise(DriverParams);
 
 impl Controller for Cruise {
-    fn acceleration(&self, own: OwnMotion, desired_mps: f64, _ahead: Option<Ahead>) -> f64 {
+    fn acceleration(&self, own: OwnMotion, desired_mps: f64, _ahead: Option<LeaderState>) -> f64 {
         self.0.acceleration(own.planned_mps, desired_mps, None)
     }
 }
@@ -74,7 +74,7 @@ mod tests {
 
     #[test]
     fn cruise_does_not_see_what_idm_brakes_for() {
-        let wall = Some(Ahead { gap_m: 0.05, speed_mps: 0.0 });
+        let wall = Some(LeaderState { gap_m: 0.05, speed_mps: 0.0 });
         let own = OwnMotion { planned_mps: 0.2, measured_mps: 0.2, margin_m: 0.0 };
         let u = |name| controller(name, DriverParams::default()).unwrap().acceleration(own, 0.35, wall);
         assert_eq!(u("idm"), -0.2);

@@ -1,13 +1,13 @@
-//! The driver model (the paper, eq. 9-10; Treiber, Hennecke and Helbing 2000) with the bounds of
-//! the double-integrator plan model (eq. 7-8).
+//! Intelligent driver model (IDM; the paper, eq. 9-10; Treiber, Hennecke and Helbing 2000) with the bounds of
+//! the double-integrator plan model (eq. 7-8) and the safe speed of Gipps 1981.
 
 use crate::geom::trig;
 use serde::{Deserialize, Serialize};
 
-/// Parameters of a driver, laboratory units.
+/// IDM parameters of a driver, laboratory units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DriverParams {
-    /// Desired speed on a free road; posted limits and bends may ask for less.
+    /// Desired speed v_0 on a free road; posted limits and curve speeds may be lower.
     pub desired_speed_mps: f64,
     /// u_max of eq. 8 and `a` of the driver model, positive.
     pub max_acceleration_mps2: f64,
@@ -19,15 +19,15 @@ pub struct DriverParams {
     pub standstill_gap_m: f64,
     /// Exponent delta of the free-road term.
     pub exponent: f64,
-    /// Lateral acceleration that the driver accepts in bends.
+    /// Comfortable lateral acceleration in bends.
     pub lateral_acceleration_mps2: f64,
-    /// Response time tau: from a decision until the vehicle does what was decided, the delays of the link and of
-    /// the drive together. Safe speeds and stopping distances count with it.
+    /// Response time tau: delay between a decision and the motion, of link and drive together. Safe speeds
+    /// and stopping distances include it.
     pub response_time_s: f64,
 }
 
 impl Default for DriverParams {
-    /// The usual target speed of the testbed, with accelerations that a full-scale tyre can give.
+    /// The usual target speed of the testbed, with accelerations that a full-scale tyre can provide.
     fn default() -> Self {
         Self {
             desired_speed_mps: 0.35,
@@ -42,29 +42,28 @@ impl Default for DriverParams {
     }
 }
 
-/// Something ahead on the path that has to be kept clear of.
+/// The leader of the car-following model: a vehicle or an obstacle ahead.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ahead {
-    /// From the own front bumper to its rear.
+pub struct LeaderState {
+    /// Gap from the own front bumper to its rear.
     pub gap_m: f64,
     pub speed_mps: f64,
 }
 
-/// Speed differences are made good within this time at least: a control step and a bit.
+/// Shortest time to correct a speed error: a control step and some margin.
 const SHORTEST_RESPONSE_S: f64 = 0.05;
-/// Bumper to bumper distances below this are treated as this: the model divides by the gap.
+/// Smallest gap: the model divides by it.
 const LEAST_GAP_M: f64 = 0.002;
 
 impl DriverParams {
-    /// Acceleration of the driver model at `speed_mps` where `desired_mps` is wanted, clamped to
-    /// [u_min, u_max].
-    pub fn acceleration(&self, speed_mps: f64, desired_mps: f64, ahead: Option<Ahead>) -> f64 {
+    /// IDM acceleration at `speed_mps` for a desired speed, clamped to [u_min, u_max].
+    pub fn acceleration(&self, speed_mps: f64, desired_mps: f64, ahead: Option<LeaderState>) -> f64 {
         let u = self.wanted_acceleration(speed_mps, desired_mps, ahead);
         u.clamp(self.min_acceleration_mps2, self.max_acceleration_mps2)
     }
 
-    /// The same without the bounds (eq. 9).
-    pub fn wanted_acceleration(&self, speed_mps: f64, desired_mps: f64, ahead: Option<Ahead>) -> f64 {
+    /// IDM acceleration without bounds (eq. 9).
+    pub fn wanted_acceleration(&self, speed_mps: f64, desired_mps: f64, ahead: Option<LeaderState>) -> f64 {
         let ratio = speed_mps / desired_mps.max(1e-6);
         let free = 1.0 - self.power(ratio);
         let interaction = ahead.map_or(0.0, |ahead| {
@@ -74,16 +73,17 @@ impl DriverParams {
         self.max_acceleration_mps2 * (free - interaction)
     }
 
-    /// s* of eq. 10.
+    /// Desired gap s* of eq. 10.
     pub fn desired_gap(&self, speed_mps: f64, leader_mps: f64) -> f64 {
         let comfort = 2.0 * (self.min_acceleration_mps2.abs() * self.max_acceleration_mps2).sqrt();
         let dynamic = speed_mps * self.headway_s + speed_mps * (speed_mps - leader_mps) / comfort;
         self.standstill_gap_m + dynamic.max(0.0)
     }
 
-    /// The highest speed from which the vehicle, after its response time, can brake by u_min and keep `margin_m`
-    /// behind something ahead that may brake as hard itself (Gipps 1981, eq. 2, with equal braking of both).
-    pub fn safe_speed(&self, ahead: Ahead, margin_m: f64) -> f64 {
+    /// Gipps safe speed: the highest speed from which the vehicle, after its response time, can brake by
+    /// u_min and keep `margin_m` behind a leader that may brake as hard (Gipps 1981, eq. 2, with equal
+    /// braking of both).
+    pub fn safe_speed(&self, ahead: LeaderState, margin_m: f64) -> f64 {
         let braking = self.min_acceleration_mps2.abs();
         let lost = braking * self.response_time_s;
         let way_m = (ahead.gap_m - margin_m).max(0.0);
@@ -91,14 +91,14 @@ impl DriverParams {
         (lost * lost + 2.0 * braking * way_m + leader_mps * leader_mps).sqrt() - lost
     }
 
-    /// Most acceleration that keeps below the safe speed; u_min above it.
-    pub fn safe_acceleration(&self, speed_mps: f64, ahead: Ahead, margin_m: f64) -> f64 {
+    /// Largest acceleration that stays below the safe speed; u_min above it.
+    pub fn safe_acceleration(&self, speed_mps: f64, ahead: LeaderState, margin_m: f64) -> f64 {
         let u =
             (self.safe_speed(ahead, margin_m) - speed_mps) / self.response_time_s.max(SHORTEST_RESPONSE_S);
         if u < 0.0 { self.min_acceleration_mps2 } else { u.min(self.max_acceleration_mps2) }
     }
 
-    /// Way to a stand at full braking, without the response time.
+    /// Stopping distance at full braking, without the response time.
     pub fn stopping_distance(&self, speed_mps: f64) -> f64 {
         speed_mps * speed_mps / (2.0 * self.min_acceleration_mps2.abs())
     }
@@ -138,17 +138,18 @@ mod tests {
         // Equilibrium gap s_e(v) = (s0 + v T) / sqrt(1 - (v/v0)^4).
         let v = 20.0;
         let gap = (2.0 + v * 1.6) / (1.0 - trig::powi(v / driver.desired_speed_mps, 4)).sqrt();
-        let u = driver.acceleration(v, driver.desired_speed_mps, Some(Ahead { gap_m: gap, speed_mps: v }));
+        let u =
+            driver.acceleration(v, driver.desired_speed_mps, Some(LeaderState { gap_m: gap, speed_mps: v }));
         assert!(u.abs() < 1e-12, "{u}");
     }
 
     #[test]
     fn both_bounds_hold() {
         let driver = treiber();
-        let wall = Ahead { gap_m: 1.0, speed_mps: 0.0 };
+        let wall = LeaderState { gap_m: 1.0, speed_mps: 0.0 };
         assert_eq!(driver.acceleration(30.0, 33.0, Some(wall)), -1.67);
         assert_eq!(driver.acceleration(30.0, 5.0, None), -1.67);
-        let leaving = Ahead { gap_m: 100.0, speed_mps: 60.0 };
+        let leaving = LeaderState { gap_m: 100.0, speed_mps: 60.0 };
         assert!(driver.acceleration(1.0, 33.0, Some(leaving)) <= 0.73);
     }
 }

@@ -1,29 +1,29 @@
-//! Short loops of lanes (roundabouts, small blocks) and how many vehicles may be on each. A loop that
-//! is full turns no more: each vehicle waits for the place of the next. Those who want to enter wait
-//! outside while it is half full, which is also about where a loop carries the most.
+//! Capacity of short loops of lanes (roundabouts, small blocks), which prevents gridlock. On a full loop each
+//! vehicle waits for the space of the next. Entering vehicles wait outside while a loop is half full, which
+//! is also about where its flow is largest.
 
 use super::Cav;
 use crate::city::{LabMap, LaneId};
 use std::collections::BTreeSet;
 
-/// Longer loops do not fill up, laboratory metres.
+/// Longest loop that can fill up, laboratory metres.
 const LONGEST_M: f64 = 8.0;
-/// Length of a place for one standing vehicle.
+/// Space of one standing vehicle.
 const PLACE_M: f64 = 0.28;
-/// Part of the places of a loop that may be taken.
+/// Share of the spaces that may be occupied.
 const TAKEN: f64 = 0.5;
-/// A section's way out is looked at this far behind its end.
+/// Distance behind a section at which its exit is looked up.
 const BEHIND_SECTION_M: f64 = 0.05;
 
 #[derive(Clone, Debug)]
-pub struct Loops {
+pub struct LoopCapacity {
     most: Vec<u32>,
     of_lane: Vec<Vec<usize>>,
-    /// Vehicles on each loop or admitted to it, counted anew for each control step.
+    /// Vehicles on each loop or admitted to it, recounted each control step.
     count: Vec<u32>,
 }
 
-impl Loops {
+impl LoopCapacity {
     pub fn new(map: &LabMap) -> Self {
         let loops: BTreeSet<Vec<LaneId>> =
             map.lanes.iter().filter_map(|lane| short_loop(map, lane.id)).collect();
@@ -49,12 +49,12 @@ impl Loops {
         }
     }
 
-    /// Whether every loop that a vehicle would enter with its next section has a place for it.
+    /// Whether every loop entered with the next section has space.
     pub fn have_room(&self, cav: &Cav) -> bool {
         self.would_enter(cav).iter().all(|&entered| self.count[entered] < self.most[entered])
     }
 
-    /// Counts a vehicle in on the loops of its next section.
+    /// Adds a vehicle to the loops of its next section.
     pub fn enter(&mut self, cav: &Cav) {
         self.would_enter(cav).into_iter().for_each(|entered| self.count[entered] += 1);
     }
@@ -67,8 +67,8 @@ impl Loops {
         then
     }
 
-    /// The loops that a vehicle is on or was admitted to, each once; with one more section, those it
-    /// would be on.
+    /// The loops that a vehicle is on or was admitted to, each once; with one more section, those it would
+    /// also enter.
     fn list(&self, cav: &Cav, section: Option<usize>, out: &mut Vec<usize>) {
         let admitted = cav.passage.admissions.iter().map(|admission| admission.section);
         let sections = admitted.chain(section).filter_map(|section| cav.route.sections.get(section));
@@ -83,7 +83,7 @@ impl Loops {
     }
 }
 
-/// The lanes of the shortest loop through a lane, in id order, if it is a short one.
+/// The lanes of the shortest cycle through a lane, in id order, if it is short.
 fn short_loop(map: &LabMap, lane: LaneId) -> Option<Vec<LaneId>> {
     let mut lanes = map.shortest_loop(lane)?;
     let length_m: f64 = lanes.iter().map(|lane| map.lane(*lane).curve.length()).sum();

@@ -1,35 +1,35 @@
-//! The control framework of the laboratory: it sees measured poses, and sends each vehicle the
-//! motion that its driver wants. Laboratory metres throughout.
+//! The control framework of the laboratory: from measured poses to a trajectory for each vehicle. Laboratory
+//! metres throughout.
 //!
-//! The same object runs in lockstep with the city and, in its own process, across the network.
+//! It runs in lockstep with the city, or in its own process across the network.
 
 mod cav;
 mod controller;
 mod estimate;
 mod idm;
 mod loops;
+mod off_route;
 mod plan;
 mod reroute;
 mod right_of_way;
 mod route;
-mod stray;
 mod traffic;
 
-pub use cav::{Body, Cav, CavSetup};
+pub use cav::{Cav, CavGeometry, CavSetup};
 pub use controller::{CONTROLLERS, CRUISE, Controller, OwnMotion, controller};
-pub use idm::{Ahead, DriverParams};
+pub use idm::{DriverParams, LeaderState};
 pub use right_of_way::RightOfWayParams;
-pub use route::{Route, Section, turn_of};
+pub use route::{JunctionSection, Route, turn_of};
 
 use crate::city::LabMap;
 use crate::snapshot::VehicleId;
 use crate::wire::{Measurement, Message};
-use right_of_way::{Constraint, Hindrance, RightOfWay};
+use right_of_way::{ConstraintKind, RightOfWay, YieldConstraint};
 use std::sync::Arc;
 use thiserror::Error;
 use traffic::Occupancy;
 
-/// A setup that the control framework cannot take.
+/// A setup that the control framework rejects.
 #[derive(Debug, Error, PartialEq)]
 pub enum SetupError {
     #[error("vehicle {vehicle}: no control algorithm is called \"{name}\"; there are {CONTROLLERS:?}")]
@@ -38,7 +38,7 @@ pub enum SetupError {
     EmptyRoute { vehicle: VehicleId },
 }
 
-/// All vehicles under control, and the rules between them.
+/// All vehicles under control with their occupancy and right of way.
 #[derive(Debug)]
 pub struct Mainframe {
     map: Arc<LabMap>,
@@ -46,13 +46,13 @@ pub struct Mainframe {
     cavs: Vec<Cav>,
     occupancy: Occupancy,
     right_of_way: RightOfWay,
-    hindrances: Vec<Hindrance>,
+    yield_constraints: Vec<YieldConstraint>,
     last_step_s: Option<f64>,
 }
 
-/// How far ahead a driver looks for the vehicle before it, laboratory metres.
+/// Look-ahead distance to the leader, laboratory metres.
 const SIGHT_M: f64 = 2.5;
-/// What moves no faster than this stands, as far as measured poses tell, laboratory metres a second.
+/// Speed below which a vehicle counts as stopped, laboratory metres a second.
 const STANDS_MPS: f64 = 0.02;
 
 impl Mainframe {
@@ -67,17 +67,17 @@ impl Mainframe {
             map,
             cavs,
             occupancy: Occupancy::default(),
-            hindrances: Vec::new(),
+            yield_constraints: Vec::new(),
             last_step_s: None,
         })
     }
 
-    /// One control step at `time_s`: takes the poses that have arrived since the last one, and gives
-    /// a message for every vehicle that has been seen.
+    /// One control step at `time_s`: takes the poses that have arrived and returns a message for every
+    /// vehicle that has been measured.
     pub fn step(&mut self, time_s: f64, arrived: &[Measurement], messages: &mut Vec<Message>) {
         for seen in arrived {
             if let Ok(index) = self.cavs.binary_search_by_key(&seen.vehicle, |cav| cav.id) {
-                self.cavs[index].see(&self.map, time_s, seen);
+                self.cavs[index].update_pose(&self.map, time_s, seen);
             }
         }
         let dt_s = self.last_step_s.map_or(0.0, |last_s| time_s - last_s);
@@ -91,14 +91,15 @@ impl Mainframe {
         for index in 0..self.cavs.len() {
             if self.cavs[index].is_on_route() {
                 let decision = self.decide(index);
-                let gives_way = |section| self.hindrances.iter().any(|h| h.gives_way && h.section == section);
+                let gives_way =
+                    |section| self.yield_constraints.iter().any(|h| h.gives_way && h.section == section);
                 let cav = &mut self.cavs[index];
                 cav.note_yielding(time_s, &decision, gives_way);
                 cav.apply(decision, dt_s);
                 messages.push(Message::Follow(plan::trajectory(&self.map, cav, time_s)));
             } else if self.cavs[index].is_seen() {
-                // Nobody knows a way for it from there.
-                messages.push(Message::Follow(plan::stand(&mut self.cavs[index], time_s)));
+                // No route leads on from there.
+                messages.push(Message::Follow(plan::stop_straight(&mut self.cavs[index], time_s)));
             }
         }
     }
@@ -112,24 +113,23 @@ impl Mainframe {
         if let Some(end) = cav.end_of_route() {
             decision.limit(cav.acceleration_for(Some(end)), None);
         }
-        self.hindrances.clear();
-        self.right_of_way.hindrances(index, &self.cavs, &mut self.hindrances);
-        for hindrance in &self.hindrances {
-            let stop = |gap_m| cav.acceleration_for(Some(Ahead { gap_m, speed_mps: 0.0 }));
-            let u = match hindrance.constraint {
-                Constraint::Stop { gap_m } => stop(gap_m),
-                Constraint::Merging { leader, wait_gap_m } if wait_gap_m > 0.0 => {
+        self.yield_constraints.clear();
+        self.right_of_way.yield_constraints(index, &self.cavs, &mut self.yield_constraints);
+        for constraint in &self.yield_constraints {
+            let stop = |gap_m| cav.acceleration_for(Some(LeaderState { gap_m, speed_mps: 0.0 }));
+            let u = match constraint.kind {
+                ConstraintKind::Stop { gap_m } => stop(gap_m),
+                ConstraintKind::Merging { leader, wait_gap_m } if wait_gap_m > 0.0 => {
                     cav.acceleration_for(Some(leader)).max(stop(wait_gap_m))
                 }
-                Constraint::Merging { leader, .. } => cav.acceleration_for(Some(leader)),
+                ConstraintKind::Merging { leader, .. } => cav.acceleration_for(Some(leader)),
             };
-            decision.limit(u, hindrance.gives_way.then_some(hindrance.section));
+            decision.limit(u, constraint.gives_way.then_some(constraint.section));
         }
         decision
     }
 
-    /// Other drivers and rules from now on, for vehicles that are there already; what they have been told and
-    /// admitted to stays.
+    /// Replaces drivers and rules for the present vehicles; plans and admissions stay.
     ///
     /// # Errors
     /// When a vehicle names an unknown algorithm.
@@ -149,11 +149,11 @@ impl Mainframe {
     }
 }
 
-/// What a driver does until the next control step.
+/// The decision of a driver for one control step.
 #[derive(Clone, Copy, Debug)]
 struct Decision {
     acceleration_mps2: f64,
-    /// The section at which the vehicle gives way, where that is what limits it.
+    /// The section at which the vehicle gives way, if that is the active limit.
     gives_way_at: Option<usize>,
 }
 

@@ -1,4 +1,4 @@
-//! The message to a vehicle: where it shall be over the next seconds.
+//! The trajectory message to a vehicle: its plan over the next seconds.
 
 use super::cav::Yielding;
 use super::{Cav, turn_of};
@@ -7,17 +7,17 @@ use crate::geom::{Pose2, trig};
 use crate::snapshot::{Indicator, Trajectory, TrajectoryPoint};
 use crate::wire::empty_trajectory;
 
-/// Times of the points after now. At any speed up to the limits the way covered in the last of them
-/// is longer than the way to a stand.
+/// Waypoint times after now. At any permitted speed the distance covered by the last one exceeds the stopping
+/// distance.
 const OFFSETS_S: [f64; 13] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9, 1.2, 1.5, 2.0, 2.5, 3.0];
-/// An acceleration is expected to last so long; braking lasts to the stand.
+/// Assumed duration of an acceleration; braking lasts to the stop.
 const ACCELERATION_LASTS_S: f64 = 1.0;
-/// Indicators start this far before a turn, laboratory metres.
+/// Distance before a turn at which indicators start, laboratory metres.
 const INDICATE_M: f64 = 1.0;
-/// A lane that turns by more than this is a turn.
+/// Least angle of a turn.
 const TURN_RAD: f64 = 0.7;
 
-/// The desired motion of a vehicle from now on, and its indicators.
+/// The trajectory of a vehicle from now on, with its indicators.
 pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory {
     cav.sequence = cav.sequence.wrapping_add(1);
     cav.indicator = indicator(map, cav);
@@ -25,13 +25,13 @@ pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory {
     trajectory.yielding = matches!(cav.yielding, Yielding::At { .. });
     trajectory.finished = cav.is_finished();
     trajectory.indicator = cav.indicator;
-    let (mut s, mut speed_mps, mut last_s) = (cav.reference.axle_s, cav.reference.speed_mps, 0.0);
+    let (mut s, mut speed_mps, mut last_s) = (cav.plan.axle_s, cav.plan.speed_mps, 0.0);
     for offset_s in OFFSETS_S {
         let dt_s = offset_s - last_s;
-        let u = cav.reference.acceleration_mps2;
+        let u = cav.plan.acceleration_mps2;
         let u = if u > 0.0 && last_s >= ACCELERATION_LASTS_S { 0.0 } else { u };
         let wanted_mps = (speed_mps + u * dt_s).max(0.0);
-        // A bend that comes too soon is entered faster than it allows: no plan brakes harder than u_min.
+        // A bend that comes too soon is entered too fast: no plan brakes harder than u_min.
         let lowest_mps = (speed_mps + cav.driver.min_acceleration_mps2 * dt_s).max(0.0);
         let next_mps = wanted_mps.min(cav.route.speed_at(s + speed_mps * dt_s).max(lowest_mps));
         s += (speed_mps + next_mps) / 2.0 * dt_s;
@@ -42,8 +42,8 @@ pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory {
     trajectory
 }
 
-/// For a vehicle that is on no lane: straight on to a stand, and its hazard lights say why.
-pub fn stand(cav: &mut Cav, now_s: f64) -> Trajectory {
+/// Trajectory for a vehicle on no lane: straight on to a stop, with hazard lights.
+pub fn stop_straight(cav: &mut Cav, now_s: f64) -> Trajectory {
     cav.sequence = cav.sequence.wrapping_add(1);
     cav.indicator = Indicator::Hazard;
     let mut trajectory = empty_trajectory(cav.id, cav.sequence, OFFSETS_S.len());

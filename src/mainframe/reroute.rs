@@ -1,17 +1,17 @@
-//! Another way for vehicles that stand because their road is full behind the next junction. Without
-//! it, cars that each wait for the next one's place can fill a roundabout or a block for ever.
+//! Rerouting of vehicles that are blocked behind a full road. It resolves gridlock, in which vehicles around
+//! a roundabout or a block wait for each other.
 
 use super::right_of_way::RightOfWay;
 use super::traffic::Occupancy;
 use super::{Cav, Route};
 use crate::city::{LabMap, LaneId};
 
-/// A vehicle this far ahead leaves room to turn off before it, laboratory metres.
+/// A leader this far ahead leaves room to turn off before it, laboratory metres.
 const LEADER_WITHIN_M: f64 = 2.0;
-/// A vehicle that has found no other way looks again after this time.
+/// Retry interval of an unsuccessful search.
 const TRIES_AGAIN_S: f64 = 0.5;
 
-/// Gives vehicles that have been blocked for too long the first other way that has room.
+/// Gives vehicles that have been blocked for too long the first alternative route with room.
 pub fn reroute_blocked(
     now_s: f64,
     map: &LabMap,
@@ -28,7 +28,7 @@ pub fn reroute_blocked(
             let cav = &cavs[vehicle];
             let leader_s = occupancy.leader(cavs, vehicle, LEADER_WITHIN_M).map(|leader| leader.rear_s);
             let body = cav.body;
-            for way in other_ways(map, cav, leader_s.unwrap_or(f64::INFINITY)) {
+            for way in alternative_routes(map, cav, leader_s.unwrap_or(f64::INFINITY)) {
                 let route = Route::without_speeds(map, &way, body);
                 let before = cavs[vehicle].set_route(route);
                 let is_section = cavs[vehicle].passage.next_section < cavs[vehicle].route.sections.len();
@@ -43,12 +43,11 @@ pub fn reroute_blocked(
     }
 }
 
-/// How many lanes further on another way meets the old one again.
+/// Number of lanes within which an alternative rejoins the old route.
 const REJOIN_LANES: usize = 8;
 
-/// Ways that leave the route at a branching of its next section, before whoever stands ahead, and come
-/// back to it later.
-fn other_ways(map: &LabMap, cav: &Cav, leader_s: f64) -> Vec<Vec<LaneId>> {
+/// Routes that leave at a branching of the next section, before the standing leader, and rejoin later.
+fn alternative_routes(map: &LabMap, cav: &Cav, leader_s: f64) -> Vec<Vec<LaneId>> {
     let Some(section) = cav.route.sections.get(cav.passage.next_section) else { return Vec::new() };
     let lanes = cav.route.lanes();
     let can_drive = |lane: LaneId| map.min_radius(lane) >= cav.body.min_turn_radius_m;

@@ -1,19 +1,17 @@
-//! Right of way: who may enter the conflict zones of a junction, and in which order.
+//! Right of way: gap acceptance and reservation of the conflict zones of a junction.
 //!
-//! A vehicle asks for the next section of its route (the conflict zones between which it cannot
-//! wait) in time to stop before it. Once admitted it has a number, and numbers decide in every
-//! zone: a vehicle waits before a zone until those with lower numbers have left it. Since a vehicle
-//! waits for lower numbers alone, keeps the order of its lane, and is admitted only when there is
-//! room for it behind the last crossing of the section, no circle of waiting vehicles can arise inside
-//! a junction.
-//! Before a stop or yield line a vehicle is admitted when the area in front of the merging or
-//! crossing point is clear; until then a virtual stopped vehicle stands at the line (the paper,
-//! section III).
+//! A vehicle requests the next section of its route (the conflict zones between which it cannot wait) in time
+//! to stop before it. An admission carries a number, which decides in every zone: a vehicle waits before a
+//! zone until vehicles with lower numbers have left it. A vehicle waits for lower numbers only, keeps the
+//! order of its lane, and is admitted only if there is room for it behind the last crossing of the section.
+//! So no circular wait (deadlock) can arise inside a junction. Before a stop or yield line a vehicle is
+//! admitted when the area in front of the merging or crossing point is clear; until then a virtual stopped
+//! vehicle stands at the line (the paper, section III).
 
-use super::loops::Loops;
-use super::route::{Crossing, RANK_MAJOR, RANK_STOP, RANK_YIELD, Rank};
+use super::loops::LoopCapacity;
+use super::route::{RANK_MAJOR, RANK_STOP, RANK_YIELD, Rank, ZoneCrossing};
 use super::traffic::Occupancy;
-use super::{Ahead, Cav};
+use super::{Cav, LeaderState};
 use crate::city::{LabMap, LaneId, ZoneKind};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
@@ -21,18 +19,18 @@ use std::cmp::Ordering;
 /// Parameters of the right of way, laboratory units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RightOfWayParams {
-    /// A vehicle that gives way is let in when no vehicle with priority is nearer to the conflict
-    /// zone than this.
+    /// Gap acceptance by distance: a yielding vehicle enters when no priority vehicle is closer to the
+    /// conflict zone than this.
     pub clear_area_m: f64,
-    /// Nor arrives at it within this time. One that comes asks for the junction itself some 2 s before it,
-    /// and has it from then on: shorter times change nothing.
+    /// Gap acceptance by time: nor arrives within this time. A priority vehicle reserves the junction some 2
+    /// s before it: shorter times change nothing.
     pub clear_time_s: f64,
-    /// After waiting so long at a line a vehicle is next, whoever comes.
+    /// After waiting this long at a line a vehicle gets priority.
     pub patience_s: f64,
-    /// Whether vehicles come to a stand at stop lines even where nobody comes.
+    /// Whether vehicles stop at stop lines even if the junction is free.
     pub full_stop: bool,
-    /// A vehicle that has stood so long for want of room behind a junction takes another way, where
-    /// there is one with room. Infinite: it never does.
+    /// A vehicle that has been blocked this long behind a full road is rerouted, if an alternative has room.
+    /// Infinite: never.
     pub reroute_s: f64,
 }
 
@@ -48,30 +46,30 @@ impl Default for RightOfWayParams {
     }
 }
 
-/// How hard a vehicle is ready to brake for one that was admitted before it.
+/// Share of full braking for a vehicle that was admitted before.
 const COMFORTABLE_BRAKING: f64 = 0.6;
-/// How hard it brakes where that is unlikely to be needed.
+/// Share of full braking where it is unlikely to be needed.
 const FIRM_BRAKING: f64 = 0.8;
-/// Vehicles slower than this may stop before they have left a zone.
+/// Slower vehicles may stop inside a zone.
 const LEAVING_MPS: f64 = 0.06;
-/// Time and way by which it asks earlier than braking demands.
+/// Time and distance by which a request precedes the braking point.
 const ASK_AHEAD_S: f64 = 0.4;
 const ASK_AHEAD_M: f64 = 0.12;
-/// A vehicle that stands this near to a line stands at it.
+/// A vehicle that stands this close to a line stands at it.
 const AT_LINE_M: f64 = 0.16;
-/// Part of its stopping distance that a moving vehicle behind the section is trusted to go on.
+/// Share of its stopping distance that a moving vehicle behind the section is trusted to continue.
 const ROLLS_ON: f64 = 0.7;
-/// Traffic slower than this may come to a stand.
+/// Slower traffic may stop.
 const JAM_MPS: f64 = 0.1;
-/// A vehicle this far from being able to stop at its line has entered.
+/// A vehicle that would overshoot its line by this has entered.
 const OVERSHOOT_M: f64 = 0.02;
-/// One that could go and stands for so long is driven by a person, or does not obey: others go first.
-const HESITATES_S: f64 = 2.0;
-/// So long after it has lost its admission it asks again, should it stand there still.
+/// An admitted vehicle that stands this long is stalled, as a person may be: others go first.
+const STALLED_AFTER_S: f64 = 2.0;
+/// A stalled vehicle requests again after this time.
 const ASKS_AGAIN_S: f64 = 8.0;
-/// Vehicles come to a stand with this error: one that would just have room may stand with its tail in the junction.
+/// Stopping accuracy: a vehicle that just fits may keep its tail in the junction.
 const STAND_MARGIN_M: f64 = 0.01;
-/// Bodies keep this far from a zone that others have yet to leave.
+/// Clearance to a zone that others have yet to leave.
 const ZONE_MARGIN_M: f64 = 0.02;
 
 /// An admission to a section of a route.
@@ -81,48 +79,48 @@ pub struct Admission {
     pub order: u64,
 }
 
-/// What a vehicle has of the right of way.
+/// The right-of-way state of a vehicle.
 #[derive(Clone, Debug, Default)]
 pub struct Passage {
-    /// Sections it was admitted to and has not left, in the order of the way.
+    /// Sections it was admitted to and has not left, in route order.
     pub admissions: Vec<Admission>,
-    /// Index of the section that it has to ask for next.
+    /// Index of the section to request next.
     pub next_section: usize,
-    /// It has been where it could stop before that section.
+    /// It was able to stop before that section.
     was_before_line: bool,
     /// Since when it stands at the line of that section.
     standing_since_s: Option<f64>,
-    /// Since when it could not be admitted because those ahead stand in the section or behind it.
+    /// Since when admission fails because of vehicles in or behind the section.
     blocked_since_s: Option<f64>,
-    /// Since when it stands although it was admitted and nothing is in its way.
-    hesitates_since_s: Option<f64>,
-    /// Before this time it is not admitted while it stands.
+    /// Since when it stands although it was admitted and is not obstructed.
+    stalled_since_s: Option<f64>,
+    /// While standing it is not admitted before this time.
     asks_from_s: f64,
-    /// Before this time it looks for no other way.
+    /// It is not rerouted before this time.
     pub(super) reroutes_from_s: f64,
 }
 
 impl Passage {
-    /// For how long it could not be admitted because of those ahead.
+    /// How long admission has failed because of vehicles ahead.
     pub fn blocked_s(&self, now_s: f64) -> f64 {
         self.blocked_since_s.map_or(0.0, |since_s| now_s - since_s)
     }
 }
 
-/// A vehicle that is near a zone or in it.
+/// A vehicle near a conflict zone or in it.
 #[derive(Clone, Copy, Debug)]
-struct User {
+struct ZoneUser {
     vehicle: usize,
     side: usize,
-    /// From its front bumper to the zone; negative inside.
+    /// Distance from its front bumper to the zone; negative inside.
     to_entry_m: f64,
-    /// From its rear bumper to where it leaves the zone, positive until it has left.
+    /// Distance from its rear bumper to the exit of the zone; positive until it has left.
     to_exit_m: f64,
     order: Option<u64>,
     rank: Rank,
 }
 
-/// A vehicle that asks to be admitted.
+/// A vehicle that requests admission.
 #[derive(Clone, Copy, Debug)]
 struct Candidate {
     rank: Rank,
@@ -133,7 +131,7 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// By rank; of equal ones who has stood longest, then who is nearest.
+    /// Order: rank, then longest standing, then nearest.
     fn before(&self, other: &Self) -> Ordering {
         self.rank
             .cmp(&other.rank)
@@ -143,42 +141,42 @@ impl Candidate {
     }
 }
 
-/// What stands in a vehicle's way because of others' right of way.
+/// A constraint on a vehicle from the right of way of others.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hindrance {
-    pub constraint: Constraint,
-    /// Index of the section, along the route, whose right of way it is.
+pub struct YieldConstraint {
+    pub kind: ConstraintKind,
+    /// Index of the section of the route that it applies to.
     pub section: usize,
-    /// Whether the vehicle gives way there by its rank: behind a line, or turning left across the oncoming traffic.
+    /// Whether the vehicle gives way by its rank: behind a line, or turning left across oncoming traffic.
     pub gives_way: bool,
 }
 
-/// What a hindrance asks for.
+/// The kind of a yield constraint.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Constraint {
-    /// A virtual stopped vehicle at this distance of the front bumper.
+pub enum ConstraintKind {
+    /// A virtual stopped vehicle at this distance from the front bumper.
     Stop { gap_m: f64 },
-    /// One that merges ahead: follow it, or wait before the zone, whichever asks for less.
-    Merging { leader: Ahead, wait_gap_m: f64 },
+    /// A vehicle merges ahead: follow it or wait before the zone, whichever brakes less.
+    Merging { leader: LeaderState, wait_gap_m: f64 },
 }
 
 #[derive(Clone, Debug)]
 pub struct RightOfWay {
     params: RightOfWayParams,
     next_order: u64,
-    /// Of those who go in without having been admitted; below all others.
+    /// Number of the next intruder, who entered without admission; below all others.
     next_intruder: u64,
-    loops: Loops,
-    /// By zone, made anew for each control step.
-    users: Vec<Vec<User>>,
-    /// Candidates for admission, kept for its memory.
+    loops: LoopCapacity,
+    /// Users by zone, rebuilt each control step.
+    users: Vec<Vec<ZoneUser>>,
+    /// Buffer of candidates.
     candidates: Vec<Candidate>,
 }
 
-/// Numbers of those who were admitted begin here; below are those of intruders.
+/// First regular admission number; intruders are below.
 const FIRST_ORDER: u64 = 1 << 32;
 
-/// Vehicles this near to a zone are listed with it.
+/// Vehicles within this distance of a zone are its users.
 const HORIZON_M: f64 = 2.0;
 
 impl RightOfWay {
@@ -188,7 +186,7 @@ impl RightOfWay {
             params,
             next_order: FIRST_ORDER,
             next_intruder: 0,
-            loops: Loops::new(map),
+            loops: LoopCapacity::new(map),
             users,
             candidates: Vec::new(),
         }
@@ -198,24 +196,24 @@ impl RightOfWay {
         &self.params
     }
 
-    /// Other rules from now on. Who has been admitted stays so.
+    /// Replaces the rules. Admissions stay.
     pub fn set_params(&mut self, params: RightOfWayParams) {
         self.params = params;
     }
 
-    /// Releases sections that were left, then admits those who may go.
+    /// Releases sections that were left, then admits candidates.
     pub fn update(&mut self, now_s: f64, cavs: &mut [Cav], occupancy: &Occupancy) {
         for cav in cavs.iter_mut().filter(|cav| cav.is_on_route()) {
             let (rear_s, sections) = (cav.rear_s(), &cav.route.sections);
             cav.passage.admissions.retain(|admission| sections[admission.section].to_s > rear_s);
             self.note_standing(now_s, cav);
-            withdraw_from_hesitant(now_s, cav);
+            revoke_stalled_admissions(now_s, cav);
         }
-        self.list_users(cavs);
+        self.collect_zone_users(cavs);
         self.loops.recount(cavs);
-        self.admit_those_inside(cavs);
+        self.admit_vehicles_inside(cavs);
         self.candidates.clear();
-        // One that is lost is told to stand, and asks for nothing.
+        // Lost vehicles are stopped and request nothing.
         let may_ask = |cav: &Cav| cav.is_on_route() && !cav.is_lost();
         for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| may_ask(cav)) {
             if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
@@ -230,11 +228,11 @@ impl RightOfWay {
         }
         let mut candidates = std::mem::take(&mut self.candidates);
         candidates.sort_by(Candidate::before);
-        // Ways out that someone who stands waits for: nobody who came later takes the place.
+        // Exits that a standing vehicle waits for: later requests do not overtake it.
         let mut awaited: Vec<LaneId> = Vec::new();
         for candidate in &candidates {
             let vehicle = candidate.vehicle;
-            let exit = cavs[vehicle].way_out_of(cavs[vehicle].passage.next_section);
+            let exit = cavs[vehicle].exit_lane_of(cavs[vehicle].passage.next_section);
             if awaited.contains(&exit) {
                 continue;
             }
@@ -250,9 +248,9 @@ impl RightOfWay {
         self.candidates = candidates;
     }
 
-    /// A vehicle that started inside a section, or could not stop before it, is in it: others must know.
-    /// One that was before the line and did not stop, as a person may, goes before all who were admitted.
-    fn admit_those_inside(&mut self, cavs: &mut [Cav]) {
+    /// Admits vehicles that started inside a section or could not stop before it, so that others respect
+    /// them. One that was able to stop and did not, as a person may, goes before all admitted ones.
+    fn admit_vehicles_inside(&mut self, cavs: &mut [Cav]) {
         for (vehicle, cav) in cavs.iter_mut().enumerate().filter(|(_, cav)| cav.is_on_route()) {
             while let Some(section) = cav.route.sections.get(cav.passage.next_section) {
                 let to_hold_m = section.hold_s - cav.front_s();
@@ -281,11 +279,11 @@ impl RightOfWay {
         cav.passage.standing_since_s.is_some_and(|since_s| now_s - since_s > self.params.patience_s)
     }
 
-    fn list_users(&mut self, cavs: &[Cav]) {
+    fn collect_zone_users(&mut self, cavs: &[Cav]) {
         self.users.iter_mut().for_each(Vec::clear);
         for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_on_route()) {
-            // One that is lost may be anywhere from where it stands to where it gets.
-            let (front_s, rear_s) = (cav.reach_s(), cav.rear_s());
+            // A lost vehicle occupies the interval from its last to its farthest position.
+            let (front_s, rear_s) = (cav.farthest_front_s(), cav.rear_s());
             let route = &cav.route;
             let mut section = cav.passage.admissions.first().map_or(cav.passage.next_section, |a| a.section);
             while let Some(here) = route.sections.get(section) {
@@ -294,7 +292,7 @@ impl RightOfWay {
                 }
                 let order = cav.order_of(section);
                 for crossing in &route.crossings[here.crossings.clone()] {
-                    let user = User {
+                    let user = ZoneUser {
                         vehicle,
                         side: crossing.side,
                         to_entry_m: crossing.from_s - front_s,
@@ -325,7 +323,7 @@ impl RightOfWay {
         if section.rank == RANK_STOP && self.params.full_stop && cav.passage.standing_since_s.is_none() {
             return false;
         }
-        // Where lanes only narrow, holding one of them back would starve it.
+        // At a mere lane drop, holding one lane back would starve it.
         let waits_for_loops = section.rank >= RANK_YIELD;
         if !has_room
             || self.has_leader_before_line(vehicle, cavs, occupancy)
@@ -338,14 +336,14 @@ impl RightOfWay {
         rank == RANK_MAJOR || self.is_clear(vehicle, rank, cavs)
     }
 
-    /// Whether a vehicle that is ahead on the way, or will be once it has merged, may come to wait for its own
-    /// admission in the section or before it. Numbers then follow the order of the lane, and no vehicle is blocked by
-    /// one with a higher number.
+    /// Whether a leader, now or after merging, may have to wait for its own admission in the section or
+    /// before it. This keeps numbers in lane order, so that no vehicle is blocked by one with a higher
+    /// number.
     fn has_leader_before_line(&self, vehicle: usize, cavs: &[Cav], occupancy: &Occupancy) -> bool {
         let cav = &cavs[vehicle];
         let end_s = cav.route.sections[cav.passage.next_section].to_s;
         let within_m = (end_s - cav.front_s()).max(0.0);
-        // Its front bumper on the own way, and where that would wait.
+        // `front_s`: its front bumper along the own route.
         let waits_before_end = |other: usize, front_s: f64| {
             let other = &cavs[other];
             let next = other.route.sections.get(other.passage.next_section);
@@ -373,22 +371,22 @@ impl RightOfWay {
         })
     }
 
-    /// Whether the vehicle, and all who were admitted on the way to the same place, find room
-    /// between the last crossing of the section and whatever stands or may stop behind it.
+    /// Whether the vehicle, and all admitted towards the same exit, have room between the last crossing of
+    /// the section and the traffic behind it.
     pub fn has_room_behind(&self, vehicle: usize, cavs: &[Cav], occupancy: &Occupancy) -> bool {
         let cav = &cavs[vehicle];
         let section = &cav.route.sections[cav.passage.next_section];
         let clear_s = section.clear_s;
         let room_for = |other: &Cav| other.body.length_m + other.driver.standstill_gap_m;
-        let exit_lane = cav.way_out_of(cav.passage.next_section);
+        let exit_lane = cav.exit_lane_of(cav.passage.next_section);
         let on_the_way = |other: &Cav| {
             other.passage.admissions.iter().any(|admission| {
                 let there = &other.route.sections[admission.section];
-                // One that was admitted to the section behind as well will not wait between.
+                // A vehicle also admitted to the next section does not wait in between.
                 let goes_on = other.passage.admissions.iter().any(|a| a.section > admission.section);
                 !goes_on
                     && other.rear_s() < there.to_s
-                    && other.goes_over(exit_lane, there.from_s, there.to_s + 0.05)
+                    && other.uses_lane(exit_lane, there.from_s, there.to_s + 0.05)
             })
         };
         let others = cavs.iter().enumerate().filter(|(other, cav)| *other != vehicle && cav.is_on_route());
@@ -401,8 +399,8 @@ impl RightOfWay {
         if let Some((other, rear_s)) = standing_there {
             let other = &cavs[other];
             let rolls_on_m = ROLLS_ON * other.driver.stopping_distance(other.speed_mps());
-            // Where traffic stands, those who enter from behind a yield line leave a place free: a
-            // roundabout that is full to the last place cannot turn.
+            // In standing traffic, vehicles from a yield line leave one space free: a completely full
+            // roundabout cannot move.
             let is_jammed = section.rank == RANK_YIELD && other.speed_mps() < JAM_MPS;
             let spare_m = if is_jammed { room_for(cav) } else { 0.0 };
             available_s = available_s.min(rear_s + rolls_on_m - spare_m);
@@ -410,8 +408,8 @@ impl RightOfWay {
         available_s - clear_s >= needed + STAND_MARGIN_M
     }
 
-    /// Admits a vehicle that has turned off behind the line of its new way, and can no longer ask there: after all
-    /// who were admitted before.
+    /// Admits a vehicle that has turned off behind the line of its new route and can no longer request there;
+    /// it goes after all admitted ones.
     pub fn admit_behind_line(&mut self, vehicle: usize, cavs: &mut [Cav]) {
         let cav = &mut cavs[vehicle];
         let section = cav.route.sections.get(cav.passage.next_section);
@@ -422,7 +420,7 @@ impl RightOfWay {
         }
     }
 
-    /// Whether nobody with priority is, or soon will be, in the zones of the section.
+    /// Gap acceptance: whether no priority vehicle is in the zones of the section, or soon will be.
     fn is_clear(&self, vehicle: usize, rank: Rank, cavs: &[Cav]) -> bool {
         let cav = &cavs[vehicle];
         let section = &cav.route.sections[cav.passage.next_section];
@@ -461,26 +459,26 @@ impl RightOfWay {
         }
     }
 
-    /// What the right of way of others puts in the way of a vehicle.
-    pub fn hindrances(&self, vehicle: usize, cavs: &[Cav], out: &mut Vec<Hindrance>) {
+    /// Collects the yield constraints of a vehicle.
+    pub fn yield_constraints(&self, vehicle: usize, cavs: &[Cav], out: &mut Vec<YieldConstraint>) {
         let cav = &cavs[vehicle];
         let front_s = cav.front_s();
         if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
             let gap_m = section.hold_s - front_s;
-            // One that can no longer stop was admitted, and is not shown the virtual stopped vehicle;
-            // nor is one that has yet to ask.
+            // A vehicle that can no longer stop was admitted and has no virtual stopped vehicle; nor has one
+            // that has yet to request.
             if gap_m < asking_distance(cav) {
                 let gives_way = section.rank > RANK_MAJOR;
-                let constraint = Constraint::Stop { gap_m };
-                out.push(Hindrance { constraint, section: cav.passage.next_section, gives_way });
+                let kind = ConstraintKind::Stop { gap_m };
+                out.push(YieldConstraint { kind, section: cav.passage.next_section, gives_way });
             }
         }
         for admission in &cav.passage.admissions {
             let section = &cav.route.sections[admission.section];
             let gives_way = section.rank > RANK_MAJOR;
             for crossing in &cav.route.crossings[section.crossings.clone()] {
-                self.constraints_in(vehicle, cavs, crossing, admission.order, |constraint| {
-                    out.push(Hindrance { constraint, section: admission.section, gives_way });
+                self.constraints_in(vehicle, cavs, crossing, admission.order, |kind| {
+                    out.push(YieldConstraint { kind, section: admission.section, gives_way });
                 });
             }
         }
@@ -490,9 +488,9 @@ impl RightOfWay {
         &self,
         vehicle: usize,
         cavs: &[Cav],
-        crossing: &Crossing,
+        crossing: &ZoneCrossing,
         order: u64,
-        mut add: impl FnMut(Constraint),
+        mut add: impl FnMut(ConstraintKind),
     ) {
         let front_s = cavs[vehicle].front_s();
         let to_entry_m = crossing.from_s - front_s;
@@ -506,17 +504,17 @@ impl RightOfWay {
             match crossing.kind {
                 ZoneKind::Merge if to_end_m > 0.0 => {
                     let speed_mps = cavs[user.vehicle].speed_mps();
-                    let leader = Ahead { gap_m: to_end_m - user.to_exit_m, speed_mps };
-                    add(Constraint::Merging { leader, wait_gap_m });
+                    let leader = LeaderState { gap_m: to_end_m - user.to_exit_m, speed_mps };
+                    add(ConstraintKind::Merging { leader, wait_gap_m });
                 }
                 ZoneKind::Merge => {}
-                // Inside the zone there is no waiting any more: it has to be left.
+                // A zone has to be left once entered.
                 _ if to_entry_m > -ZONE_MARGIN_M => {
-                    // One that is leaving the zone is likely gone before braking has to begin.
+                    // A leaving vehicle is likely gone before braking has to begin.
                     let is_leaving = user.to_entry_m < 0.0 && cavs[user.vehicle].speed_mps() > LEAVING_MPS;
                     let braking = if is_leaving { FIRM_BRAKING } else { COMFORTABLE_BRAKING };
                     if wait_gap_m < braking_distance(&cavs[vehicle], braking) {
-                        add(Constraint::Stop { gap_m: wait_gap_m });
+                        add(ConstraintKind::Stop { gap_m: wait_gap_m });
                     }
                 }
                 _ => {}
@@ -525,33 +523,32 @@ impl RightOfWay {
     }
 }
 
-/// Takes the sections that a vehicle has not entered from it when it does not go where it may: nobody waits for
-/// somebody who has fallen asleep at the line. Those who are driven by their plan go at once.
-fn withdraw_from_hesitant(now_s: f64, cav: &mut Cav) {
+/// Revokes the admissions of a stalled vehicle to sections that it has not entered, so that nobody waits for
+/// it. Vehicles that follow their plan start at once.
+fn revoke_stalled_admissions(now_s: f64, cav: &mut Cav) {
     let front_s = cav.front_s();
     let is_ahead = |admission: &Admission| cav.route.sections[admission.section].from_s > front_s;
-    let stands = cav.speed_mps() < super::STANDS_MPS && cav.reference.acceleration_mps2 > 0.0;
+    let stands = cav.speed_mps() < super::STANDS_MPS && cav.plan.acceleration_mps2 > 0.0;
     let first = cav.passage.admissions.iter().position(is_ahead).filter(|_| stands);
     let Some(first) = first else {
-        cav.passage.hesitates_since_s = None;
+        cav.passage.stalled_since_s = None;
         return;
     };
-    let since_s = *cav.passage.hesitates_since_s.get_or_insert(now_s);
-    if now_s - since_s > HESITATES_S {
+    let since_s = *cav.passage.stalled_since_s.get_or_insert(now_s);
+    if now_s - since_s > STALLED_AFTER_S {
         let passage = &mut cav.passage;
         passage.next_section = passage.admissions[first].section;
         passage.admissions.truncate(first);
-        (passage.hesitates_since_s, passage.asks_from_s) = (None, now_s + ASKS_AGAIN_S);
+        (passage.stalled_since_s, passage.asks_from_s) = (None, now_s + ASKS_AGAIN_S);
     }
 }
 
-/// How far from the hold a vehicle asks: early enough to stop comfortably.
+/// Request distance: early enough to stop comfortably.
 fn asking_distance(cav: &Cav) -> f64 {
     braking_distance(cav, COMFORTABLE_BRAKING) + cav.speed_mps() * ASK_AHEAD_S + ASK_AHEAD_M
 }
 
-/// Way to a stand at a part of full braking that begins after the response time, and the distance that is kept
-/// standing.
+/// Stopping distance at a share of full braking after the response time, plus the standstill gap.
 fn braking_distance(cav: &Cav, part: f64) -> f64 {
     let responding_m = cav.speed_mps() * cav.driver.response_time_s;
     cav.driver.stopping_distance(cav.speed_mps()) / part + responding_m + cav.driver.standstill_gap_m

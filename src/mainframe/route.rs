@@ -1,15 +1,14 @@
-//! A vehicle's way over the lane graph: arc length along it, the speed that its bends allow, and
-//! the conflict zones that it passes.
+//! A vehicle's route over the lane graph: arc length, speed profile, and the conflict zones on it.
 
-use super::{Body, DriverParams};
+use super::{CavGeometry, DriverParams};
 use crate::city::{ControlLineKind, LabMap, LaneId, LaneKind, ZoneId, ZoneKind};
-use crate::geom::{CurvePoint, Projection, wrap_angle};
+use crate::geom::{CurvePoint, CurveProjection, wrap_angle};
 use glam::DVec2;
 use std::ops::Range;
 
-/// A conflict zone on the way.
+/// A conflict zone that the route passes.
 #[derive(Clone, Copy, Debug)]
-pub struct Crossing {
+pub struct ZoneCrossing {
     pub zone: ZoneId,
     pub kind: ZoneKind,
     /// Which of the zone's sides the route passes.
@@ -19,40 +18,40 @@ pub struct Crossing {
     pub to_s: f64,
 }
 
-/// How a vehicle stands towards others that it meets in a section; the lower goes first.
+/// Priority rank of a vehicle in a section; the lower goes first.
 pub type Rank = u8;
-/// On the road with right of way.
+/// On the major road.
 pub const RANK_MAJOR: Rank = 0;
-/// Turning left across the oncoming traffic.
+/// Turning left across oncoming traffic.
 pub const RANK_LEFT_TURN: Rank = 1;
 /// Behind a yield line.
 pub const RANK_YIELD: Rank = 2;
 /// Behind a stop line.
 pub const RANK_STOP: Rank = 3;
 
-/// Consecutive crossings between which the vehicle has no room to wait: it enters all or none.
+/// A junction section: consecutive crossings without room to wait in between. A vehicle enters all or none.
 #[derive(Clone, Debug)]
-pub struct Section {
-    /// Of [`Route::crossings`].
+pub struct JunctionSection {
+    /// Range in [`Route::crossings`].
     pub crossings: Range<usize>,
     pub from_s: f64,
     pub to_s: f64,
-    /// Behind the last zone that another way crosses. Further on ways only merge: who stands there
-    /// holds up nobody but those who follow.
+    /// End of the last zone that another route crosses. Beyond it routes only merge: a vehicle that stands
+    /// there blocks only its followers.
     pub clear_s: f64,
-    /// Where the front bumper waits: at the control line, or short of the first zone.
+    /// Where the front bumper waits: at the control line, or before the first zone.
     pub hold_s: f64,
     pub rank: Rank,
 }
 
-/// Two lanes that start together: a vehicle on the other one still reaches into the own way.
+/// A lane that diverges from the route: a vehicle on it still reaches into the route.
 #[derive(Clone, Copy, Debug)]
-pub struct Fork {
+pub struct DivergingLane {
     pub other: LaneId,
-    /// Where the lanes part, along the route, and where bodies on them are clear of one another.
+    /// Start of the divergence along the route, and where bodies are clear of one another.
     pub from_s: f64,
     pub to_s: f64,
-    /// How far along the other lane the bodies still touch.
+    /// How far along the other lane bodies still touch.
     pub other_to_m: f64,
 }
 
@@ -61,36 +60,35 @@ pub struct Route {
     lanes: Vec<LaneId>,
     /// Arc length at the start of each lane, and the whole length at the end.
     stations: Vec<f64>,
-    /// Index of the lane at every [`PLACE_STEP_M`] of the way, for look-up.
+    /// Index of the lane at every [`PLACE_STEP_M`] of the route, for look-up.
     places: Vec<u32>,
-    pub crossings: Vec<Crossing>,
-    pub sections: Vec<Section>,
-    pub forks: Vec<Fork>,
+    pub crossings: Vec<ZoneCrossing>,
+    pub sections: Vec<JunctionSection>,
+    pub diverging: Vec<DivergingLane>,
     profile: SpeedProfile,
 }
 
-/// About the length of a connector: one look-up seldom passes more than one or two lanes.
+/// About the length of a connector: a look-up seldom passes more than two lanes.
 const PLACE_STEP_M: f64 = 0.25;
-/// Vehicles wait this far before a zone that has no line, laboratory metres.
+/// Waiting distance before a zone without a line, laboratory metres.
 const HOLD_BEFORE_ZONE_M: f64 = 0.02;
-/// A line belongs to the section that starts at most this far behind it.
+/// Largest distance of a control line before its section.
 const LINE_BEFORE_SECTION_M: f64 = 0.75;
-/// Room beyond its own length that a vehicle needs to wait between two sections.
+/// Space beyond its own length that a vehicle needs to wait between two sections.
 const ROOM_M: f64 = 0.09;
-/// A connector that turns further than this to the left gives way to the oncoming traffic.
+/// A connector that turns left by more than this gives way to oncoming traffic.
 const LEFT_TURN_RAD: f64 = 0.8;
 
 impl Route {
-    /// The way over some lanes, each a successor of the one before.
-    pub fn new(map: &LabMap, lanes: &[LaneId], body: Body, driver: &DriverParams) -> Self {
+    /// A route over lanes, each a successor of the one before.
+    pub fn new(map: &LabMap, lanes: &[LaneId], body: CavGeometry, driver: &DriverParams) -> Self {
         let mut route = Self::without_speeds(map, lanes, body);
         route.plan_speeds(map, body, driver);
         route
     }
 
-    /// The way without the speeds that it allows, for those who ask whether it is worth driving; before
-    /// it is driven it needs [`Route::plan_speeds`].
-    pub(super) fn without_speeds(map: &LabMap, lanes: &[LaneId], body: Body) -> Self {
+    /// A route without its speed profile, for comparison; [`Route::plan_speeds`] completes it.
+    pub(super) fn without_speeds(map: &LabMap, lanes: &[LaneId], body: CavGeometry) -> Self {
         let mut stations = vec![0.0];
         for lane in lanes {
             stations.push(stations[stations.len() - 1] + map.lane(*lane).curve.length());
@@ -101,7 +99,7 @@ impl Route {
             stations,
             crossings: Vec::new(),
             sections: Vec::new(),
-            forks: Vec::new(),
+            diverging: Vec::new(),
             profile: SpeedProfile::default(),
         };
         route.find_crossings(map);
@@ -109,7 +107,7 @@ impl Route {
         route
     }
 
-    pub(super) fn plan_speeds(&mut self, map: &LabMap, body: Body, driver: &DriverParams) {
+    pub(super) fn plan_speeds(&mut self, map: &LabMap, body: CavGeometry, driver: &DriverParams) {
         self.profile = SpeedProfile::new(map, self, body, driver);
     }
 
@@ -133,7 +131,7 @@ impl Route {
 
     /// Index of the lane at an arc length; the first or last beyond the ends.
     pub fn index_at(&self, s: f64) -> usize {
-        // Asked for many times for each vehicle and control step: no search over the whole way.
+        // Called many times per vehicle and control step: no search over the whole route.
         let place = (s / PLACE_STEP_M).max(0.0) as usize;
         let mut index = self.places[place.min(self.places.len() - 1)] as usize;
         while index + 1 < self.lanes.len() && self.stations[index + 1] <= s {
@@ -142,27 +140,27 @@ impl Route {
         index
     }
 
-    /// The point of the way at an arc length, straight on beyond its ends.
+    /// The point at an arc length, extended straight beyond the ends.
     pub fn at(&self, map: &LabMap, s: f64) -> CurvePoint {
         let index = self.index_at(s);
         map.lane(self.lanes[index]).curve.at(s - self.stations[index])
     }
 
-    /// The nearest point of the way between two arc lengths.
-    pub fn project(&self, map: &LabMap, point: DVec2, from_s: f64, to_s: f64) -> Projection {
+    /// The nearest point between two arc lengths.
+    pub fn project(&self, map: &LabMap, point: DVec2, from_s: f64, to_s: f64) -> CurveProjection {
         let (first, last) = (self.index_at(from_s), self.index_at(to_s));
-        let mut best: Option<Projection> = None;
+        let mut best: Option<CurveProjection> = None;
         for index in first..=last {
             let (curve, start) = (&map.lane(self.lanes[index]).curve, self.stations[index]);
             let foot = curve.project_within(point, from_s - start, to_s - start);
             if best.is_none_or(|best| foot.distance < best.distance) {
-                best = Some(Projection { s: start + foot.s, ..foot });
+                best = Some(CurveProjection { s: start + foot.s, ..foot });
             }
         }
-        best.unwrap_or(Projection { s: from_s, lateral: 0.0, distance: f64::INFINITY })
+        best.unwrap_or(CurveProjection { s: from_s, lateral: 0.0, distance: f64::INFINITY })
     }
 
-    /// The speed that limits and bends allow at an arc length, with braking ahead for what comes.
+    /// The speed profile at an arc length: posted limits, curve speeds and braking ahead.
     pub fn speed_at(&self, s: f64) -> f64 {
         self.profile.at(s)
     }
@@ -175,17 +173,22 @@ impl Route {
                 let (own, other) = (zone.sides[side], zone.sides[1 - side]);
                 if zone.kind == ZoneKind::Diverge {
                     let to_s = start + own.to_m;
-                    self.forks.push(Fork { other: other.lane, from_s: start, to_s, other_to_m: other.to_m });
+                    self.diverging.push(DivergingLane {
+                        other: other.lane,
+                        from_s: start,
+                        to_s,
+                        other_to_m: other.to_m,
+                    });
                 } else {
                     let (from_s, to_s) = (start + own.from_m, start + own.to_m);
-                    self.crossings.push(Crossing { zone: zone.id, kind: zone.kind, side, from_s, to_s });
+                    self.crossings.push(ZoneCrossing { zone: zone.id, kind: zone.kind, side, from_s, to_s });
                 }
             }
         }
         self.crossings.sort_by(|a, b| a.from_s.total_cmp(&b.from_s).then(a.zone.cmp(&b.zone)));
     }
 
-    fn find_sections(&mut self, map: &LabMap, body: Body) {
+    fn find_sections(&mut self, map: &LabMap, body: CavGeometry) {
         let lines = self.lines(map);
         let mut first = 0;
         let mut free_from_s = f64::NEG_INFINITY;
@@ -211,12 +214,19 @@ impl Route {
             };
             let crossed = self.crossings[first..end].iter().filter(|c| c.kind == ZoneKind::Cross);
             let clear_s = crossed.map(|c| c.to_s).fold(from_s, f64::max);
-            self.sections.push(Section { crossings: first..end, from_s, to_s, clear_s, hold_s, rank });
+            self.sections.push(JunctionSection {
+                crossings: first..end,
+                from_s,
+                to_s,
+                clear_s,
+                hold_s,
+                rank,
+            });
             (first, free_from_s) = (end, to_s);
         }
     }
 
-    /// Stop and yield lines along the way, in its order.
+    /// Control lines along the route, in order.
     fn lines(&self, map: &LabMap) -> Vec<(f64, ControlLineKind)> {
         let mut lines = Vec::new();
         for (index, lane) in self.lanes.iter().enumerate() {
@@ -235,7 +245,7 @@ impl Route {
     }
 }
 
-/// For each step along the way the lane at its beginning.
+/// The lane index at each step along the route.
 fn places(stations: &[f64]) -> Vec<u32> {
     let last = stations.len().saturating_sub(2);
     let mut index = 0;
@@ -249,7 +259,7 @@ fn places(stations: &[f64]) -> Vec<u32> {
     (0..count).map(&mut place).collect()
 }
 
-/// The last line after `free_from_s` that belongs to a zone which begins at `from_s`.
+/// The last control line after `free_from_s` that belongs to a zone at `from_s`.
 fn line_before(
     lines: &[(f64, ControlLineKind)],
     free_from_s: f64,
@@ -259,24 +269,24 @@ fn line_before(
     (line.0 > free_from_s && from_s - line.0 < LINE_BEFORE_SECTION_M).then_some(line)
 }
 
-/// By how much a lane turns from its start to its end, left-positive.
+/// Total turning angle of a lane, left-positive.
 pub fn turn_of(map: &LabMap, lane: LaneId) -> f64 {
     let curve = &map.lane(lane).curve;
     wrap_angle(curve.end().yaw_rad - curve.start().yaw_rad)
 }
 
-/// The square of the allowed speed, sampled along the route.
+/// Speed profile: squares of the allowed speed, sampled along the route.
 #[derive(Clone, Debug, Default)]
 struct SpeedProfile {
     squares: Vec<f64>,
 }
 
 const PROFILE_STEP_M: f64 = 0.02;
-/// Part of u_min that is used to brake for a bend, so that tracking has something in reserve.
+/// Share of u_min for braking before bends: tracking keeps a reserve.
 const BEND_BRAKING: f64 = 0.6;
 
 impl SpeedProfile {
-    fn new(map: &LabMap, route: &Route, body: Body, driver: &DriverParams) -> Self {
+    fn new(map: &LabMap, route: &Route, body: CavGeometry, driver: &DriverParams) -> Self {
         let count = (route.length() / PROFILE_STEP_M).ceil() as usize + 1;
         let desired = driver.desired_speed_mps;
         let mut squares = vec![desired * desired; count];
@@ -293,7 +303,7 @@ impl SpeedProfile {
             for (k, segment) in lane.curve.segments().iter().enumerate() {
                 if let Some(radius) = segment.radius() {
                     let from_s = start + lane.curve.station(k);
-                    // The rear axle leaves the bend a wheelbase after the front axle.
+                    // The rear axle leaves a bend a wheelbase after the front axle.
                     let to_s = from_s + segment.length + body.wheelbase_m;
                     limit(from_s, to_s, driver.lateral_acceleration_mps2 * radius);
                 }

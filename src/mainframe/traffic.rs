@@ -1,36 +1,36 @@
-//! Who is where on the lane graph, and who is ahead of whom.
+//! Lane occupancy and leaders on the lane graph.
 
-use super::{Ahead, Cav};
+use super::{Cav, LeaderState};
 use crate::city::LabMap;
 
-/// A vehicle on a lane: the arc lengths of its front and rear bumper along that lane. Of a vehicle
-/// that stands across a lane's end both lanes know it, with arc lengths beyond their ends.
+/// A vehicle on a lane: arc lengths of its front and rear bumper along that lane. A vehicle across a lane's
+/// end is listed on both lanes, with arc lengths beyond their ends.
 #[derive(Clone, Copy, Debug)]
-struct Occupant {
+struct LaneOccupant {
     vehicle: usize,
     front_m: f64,
     rear_m: f64,
 }
 
-/// The vehicles on each lane, made anew for each control step.
+/// The vehicles on each lane, rebuilt each control step.
 #[derive(Clone, Debug, Default)]
 pub struct Occupancy {
-    on_lane: Vec<Vec<Occupant>>,
+    on_lane: Vec<Vec<LaneOccupant>>,
 }
 
-/// The nearest vehicle ahead on the own way.
+/// The leader: the nearest vehicle ahead on the route.
 #[derive(Clone, Copy, Debug)]
 pub struct Leader {
     pub vehicle: usize,
-    /// Its rear along the own route.
+    /// Its rear bumper along the own route.
     pub rear_s: f64,
-    pub ahead: Ahead,
+    pub ahead: LeaderState,
 }
 
-/// Lanes that start together are clear of one another after less than this, laboratory metres.
+/// Diverging lanes are clear of one another within this distance, laboratory metres.
 const FORK_REACH_M: f64 = 2.0;
 
-/// What is not on a lane is kept clear of by so much, laboratory metres: half of a vehicle's width.
+/// Clearance to a vehicle that is on no lane, laboratory metres: half of a vehicle's width.
 const OBSTACLE_MARGIN_M: f64 = 0.05;
 
 impl Occupancy {
@@ -47,26 +47,26 @@ impl Occupancy {
             for index in first..=last {
                 let start = cav.route.lane_start(index);
                 let lane = cav.route.lanes()[index];
-                let occupant = Occupant { vehicle, front_m: front_s - start, rear_m: rear_s - start };
+                let occupant = LaneOccupant { vehicle, front_m: front_s - start, rear_m: rear_s - start };
                 self.on_lane[lane.index()].push(occupant);
             }
         }
     }
 
-    /// A vehicle that is on no lane, or across some: all that it may reach into know it.
+    /// Adds a vehicle that is on no lane, or across some, to all lanes within reach.
     fn add_obstacle(&mut self, map: &LabMap, vehicle: usize, cav: &Cav) {
         let reach_m = cav.body.length_m / 2.0;
         for lane in &map.lanes {
             let foot = lane.curve.project(cav.pose.position);
             if foot.distance < reach_m + OBSTACLE_MARGIN_M {
-                let occupant = Occupant { vehicle, front_m: foot.s + reach_m, rear_m: foot.s - reach_m };
+                let occupant = LaneOccupant { vehicle, front_m: foot.s + reach_m, rear_m: foot.s - reach_m };
                 self.on_lane[lane.id.index()].push(occupant);
             }
         }
     }
 
-    /// The nearest vehicle ahead within a distance of the own front bumper, also one that has just
-    /// turned off and still reaches into the own way.
+    /// The leader within a distance of the own front bumper, including a vehicle that has just turned off and
+    /// still reaches into the route.
     pub fn leader(&self, cavs: &[Cav], own: usize, within_m: f64) -> Option<Leader> {
         let cav = &cavs[own];
         let front_s = cav.front_s();
@@ -77,7 +77,8 @@ impl Occupancy {
                 return;
             }
             if nearest.is_none_or(|leader| rear_s < leader.rear_s) {
-                let ahead = Ahead { gap_m: rear_s - front_s, speed_mps: cavs[vehicle].speed_along_mps() };
+                let ahead =
+                    LeaderState { gap_m: rear_s - front_s, speed_mps: cavs[vehicle].speed_along_mps() };
                 nearest = Some(Leader { vehicle, rear_s, ahead });
             }
         };
@@ -91,8 +92,8 @@ impl Occupancy {
                 consider(other.vehicle, start + other.front_m, start + other.rear_m);
             }
         }
-        let first = route.forks.partition_point(|fork| fork.from_s < front_s - FORK_REACH_M);
-        for fork in &route.forks[first..] {
+        let first = route.diverging.partition_point(|fork| fork.from_s < front_s - FORK_REACH_M);
+        for fork in &route.diverging[first..] {
             if fork.from_s > front_s + within_m {
                 break;
             }
@@ -108,8 +109,8 @@ impl Occupancy {
         nearest
     }
 
-    /// The nearest rear bumper of the vehicles that reach beyond a place of a route, at most
-    /// `within_m` on, of those that `counts`.
+    /// The nearest rear bumper beyond a position of a route, at most `within_m` on, of the vehicles that
+    /// `counts` accepts.
     pub fn first_rear_after(
         &self,
         cavs: &[Cav],

@@ -1,10 +1,10 @@
-//! A car's model stretched to the measures of a vehicle: bumpers and mirrors to its outline, openings
-//! to its axles and wheels.
+//! Fits a car model to the dimensions of a vehicle: bumpers and mirrors to its outline, wheel arches to its
+//! axles and wheels.
 
-use super::{Model, Node, Part};
+use super::{MeshPrimitive, Model, ModelNode};
 use glam::Vec3;
 
-/// Full-scale measures of a vehicle, metres.
+/// Full-scale dimensions of a vehicle, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measures {
     pub length: f32,
@@ -14,45 +14,44 @@ pub struct Measures {
     pub wheel_radius: f32,
 }
 
-/// Meshes of a vehicle: bodies in its body frame, wheels about their own middles, the outer face
-/// towards +y.
+/// A fitted car: bodies in the body frame, wheels about their own centres, the outer face towards +y.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Fitted {
-    pub body: Vec<Part>,
-    pub wheel: Vec<Part>,
-    /// Of few faces; where the model has them.
-    pub far_body: Option<Vec<Part>>,
-    /// Of fewer still, with its wheels.
-    pub farther_body: Option<Vec<Part>>,
-    pub far_wheel: Option<Vec<Part>>,
-    /// From the middle to the middle of a wheel; `None` without wheels.
+pub struct FittedCar {
+    pub body: Vec<MeshPrimitive>,
+    pub wheel: Vec<MeshPrimitive>,
+    /// Coarser body, if the model has one.
+    pub far_body: Option<Vec<MeshPrimitive>>,
+    /// Coarsest body, including its wheels.
+    pub farther_body: Option<Vec<MeshPrimitive>>,
+    pub far_wheel: Option<Vec<MeshPrimitive>>,
+    /// Half the track width; `None` without wheels.
     pub half_track: Option<f32>,
 }
 
-/// Nodes of this beginning are wheels.
+/// Name prefix of wheels.
 const WHEEL: &str = "wheel";
-/// Nodes of this beginning stand in for the others at a distance.
+/// Name prefix of distant levels of detail.
 const FAR: &str = "far_";
 const FAR_WHEEL: &str = "far_wheel";
-/// And these at a greater distance, wheels included.
+/// Name prefix of the farthest level of detail, wheels included.
 const FARTHER: &str = "farther_";
 
-/// Whether a node stands in for others at a distance.
-pub fn is_stand_in(node: &Node) -> bool {
+/// Whether a node belongs to a distant level of detail.
+pub fn is_stand_in(node: &ModelNode) -> bool {
     node.name.starts_with(FAR) || node.name.starts_with(FARTHER)
 }
 
-fn is_body(node: &Node) -> bool {
+fn is_body(node: &ModelNode) -> bool {
     !node.name.starts_with(WHEEL) && !is_stand_in(node)
 }
 
-/// A line through knots, straight beyond them.
-struct Stretch {
+/// A piecewise linear function, extrapolated beyond its knots.
+struct PiecewiseLinear {
     knots: Vec<(f32, f32)>,
 }
 
-impl Stretch {
-    /// Leaves out knots that do not grow by at least a centimetre.
+impl PiecewiseLinear {
+    /// Skips knots that do not grow by at least a centimetre.
     fn new(knots: &[(f32, f32)]) -> Self {
         let mut kept: Vec<(f32, f32)> = Vec::new();
         for &(from, to) in knots {
@@ -76,32 +75,32 @@ impl Stretch {
     }
 }
 
-/// A model to measure. The box around its body and wheels becomes the vehicle's; where it has wheels,
-/// those and the axles come to lie where the vehicle has them.
-pub fn fitted(model: &Model, measures: &Measures) -> Fitted {
+/// Fits a model: the bounding box of its body and wheels becomes the vehicle's; wheels and axles move to
+/// those of the vehicle.
+pub fn fitted(model: &Model, measures: &Measures) -> FittedCar {
     let Some([low, high]) = model.bounds(|node| !is_stand_in(node)) else {
-        return Fitted::default();
+        return FittedCar::default();
     };
-    let wheels: Vec<&Node> = model.nodes.iter().filter(|node| node.name.starts_with(WHEEL)).collect();
+    let wheels: Vec<&ModelNode> = model.nodes.iter().filter(|node| node.name.starts_with(WHEEL)).collect();
     let middles = wheels.iter().map(|node| Vec3::from(node.model_from_mesh.translation));
     let (rear, front) =
         middles.clone().fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), m| (a.min(m.x), b.max(m.x)));
     let radius = wheels.first().map(|node| radius_of(model, node));
     let (half, axle) = (measures.length / 2.0, measures.wheelbase / 2.0);
-    let x = Stretch::new(&if wheels.is_empty() || front < rear + 0.1 {
+    let x = PiecewiseLinear::new(&if wheels.is_empty() || front < rear + 0.1 {
         vec![(low.x, -half), (high.x, half)]
     } else {
         vec![(low.x, -half), (rear, -axle), (front, axle), (high.x, half)]
     });
     let widest = low.y.abs().max(high.y.abs()).max(1e-3);
     let across = measures.width / 2.0 / widest;
-    let z = Stretch::new(&match radius {
+    let z = PiecewiseLinear::new(&match radius {
         Some(radius) => {
             vec![(0.0, 0.0), (2.0 * radius, 2.0 * measures.wheel_radius), (high.z, measures.height)]
         }
         None => vec![(low.z, 0.0), (high.z, measures.height)],
     });
-    let stretched = |wanted: &dyn Fn(&Node) -> bool| -> Vec<Part> {
+    let stretched = |wanted: &dyn Fn(&ModelNode) -> bool| -> Vec<MeshPrimitive> {
         let mut parts = Vec::new();
         for node in model.nodes.iter().filter(|node| wanted(node)) {
             let turn = node.model_from_mesh.matrix3.inverse().transpose();
@@ -122,9 +121,9 @@ pub fn fitted(model: &Model, measures: &Measures) -> Fitted {
         }
         parts
     };
-    let wheel = |node: &Node| -> Vec<Part> {
+    let wheel = |node: &ModelNode| -> Vec<MeshPrimitive> {
         let scale = measures.wheel_radius / radius_of(model, node);
-        // Made for the left side: of a wheel on the right, the other face is the outer one.
+        // Made for the left side: for a right wheel the other face is the outer one.
         let left = node.model_from_mesh.translation.y >= 0.0;
         let side = if left { Vec3::ONE } else { Vec3::new(-1.0, -1.0, 1.0) };
         let mut parts = model.parts(node).to_vec();
@@ -138,7 +137,7 @@ pub fn fitted(model: &Model, measures: &Measures) -> Fitted {
     };
     let far = stretched(&|node| node.name.starts_with(FAR) && !node.name.starts_with(FAR_WHEEL));
     let farther = stretched(&|node| node.name.starts_with(FARTHER));
-    Fitted {
+    FittedCar {
         body: stretched(&is_body),
         wheel: wheels.first().map(|node| wheel(node)).unwrap_or_default(),
         far_body: (!far.is_empty()).then_some(far),
@@ -149,7 +148,7 @@ pub fn fitted(model: &Model, measures: &Measures) -> Fitted {
 }
 
 /// Half the height of a wheel's mesh.
-fn radius_of(model: &Model, node: &Node) -> f32 {
+fn radius_of(model: &Model, node: &ModelNode) -> f32 {
     let heights = model
         .parts(node)
         .iter()

@@ -1,4 +1,4 @@
-//! The models that the program carries: what `city3d generate models` wrote.
+//! The embedded models, written by `city3d generate models`.
 
 use super::{Model, car, street};
 
@@ -21,7 +21,7 @@ pub fn shipped(name: &str) -> Option<&'static [u8]> {
     SHIPPED.iter().find(|(shipped, _)| *shipped == name).map(|(_, bytes)| *bytes)
 }
 
-/// All models as they are made in code, by the names of their files.
+/// All models made in code, by file name.
 pub fn made() -> Vec<(String, Model)> {
     let cars = [car::SEDAN, car::HATCHBACK, car::SUV, car::VAN, car::PICKUP];
     let cars = cars.iter().map(|shape| (format!("{}.glb", shape.name), car::model(shape)));

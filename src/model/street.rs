@@ -1,23 +1,23 @@
-//! What stands in streets and parks, made in code: benches, picnic tables, lamps, bins, fuel pumps. All look
-//! along +x, and stand on the ground at their origin.
+//! Street furniture made in code: benches, picnic tables, lamps, bins, fuel pumps. All face +x and stand on
+//! the ground at their origin.
 
-use super::{Builder, Model, Node, Skin};
+use super::{Model, ModelNode, PrimitiveBuilder, StaticMaterial};
 use glam::{Affine3A, Vec2, Vec3};
 use std::f32::consts::TAU;
 
-const SLAT: Skin = Skin::new("wood", [150, 108, 70]);
-const IRON: Skin = Skin::new("iron", [52, 55, 57]).metal().rough(0.6);
-const POST: Skin = Skin::new("post", [64, 70, 74]).metal().rough(0.5);
-const LANTERN: Skin = Skin::new("lantern", [248, 244, 226]).rough(0.3);
-const GREEN: Skin = Skin::new("green_sheet", [46, 78, 60]).metal().rough(0.5);
-const DARK: Skin = Skin::new("opening", [22, 24, 25]);
-const WHITE: Skin = Skin::new("white_sheet", [232, 232, 228]).metal().rough(0.4);
-const RED: Skin = Skin::new("red_sheet", [190, 44, 40]).metal().rough(0.4);
-const RUBBER: Skin = Skin::new("rubber", [26, 26, 28]);
-const SCREEN: Skin = Skin::new("glass", [255, 255, 255]).rough(0.1);
-const STONE: Skin = Skin::new("concrete", [206, 202, 194]);
+const SLAT: StaticMaterial = StaticMaterial::new("wood", [150, 108, 70]);
+const IRON: StaticMaterial = StaticMaterial::new("iron", [52, 55, 57]).metal().rough(0.6);
+const POST: StaticMaterial = StaticMaterial::new("post", [64, 70, 74]).metal().rough(0.5);
+const LANTERN: StaticMaterial = StaticMaterial::new("lantern", [248, 244, 226]).rough(0.3);
+const GREEN: StaticMaterial = StaticMaterial::new("green_sheet", [46, 78, 60]).metal().rough(0.5);
+const DARK: StaticMaterial = StaticMaterial::new("opening", [22, 24, 25]);
+const WHITE: StaticMaterial = StaticMaterial::new("white_sheet", [232, 232, 228]).metal().rough(0.4);
+const RED: StaticMaterial = StaticMaterial::new("red_sheet", [190, 44, 40]).metal().rough(0.4);
+const RUBBER: StaticMaterial = StaticMaterial::new("rubber", [26, 26, 28]);
+const SCREEN: StaticMaterial = StaticMaterial::new("glass", [255, 255, 255]).rough(0.1);
+const STONE: StaticMaterial = StaticMaterial::new("concrete", [206, 202, 194]);
 
-/// Files that the city's furniture is taken from.
+/// File names of street furniture.
 pub const BENCH: &str = "bench.glb";
 pub const PICNIC_TABLE: &str = "picnic_table.glb";
 pub const LAMP: &str = "lamp.glb";
@@ -25,18 +25,18 @@ pub const BIN: &str = "bin.glb";
 pub const FUEL_PUMP: &str = "fuel_pump.glb";
 pub const FURNITURE: [&str; 5] = [BENCH, PICNIC_TABLE, LAMP, BIN, FUEL_PUMP];
 
-type Draw = fn(&mut Builder);
+type Draw = fn(&mut PrimitiveBuilder);
 
-/// All pieces by the names of their files.
+/// All models by file name.
 pub fn models() -> Vec<(&'static str, Model)> {
     let piece = |drawn: &[(&str, Draw)]| {
         let mut model = Model::default();
         for &(name, draw) in drawn {
-            let mut builder = Builder::default();
+            let mut builder = PrimitiveBuilder::default();
             draw(&mut builder);
             let mesh = model.meshes.len();
             model.meshes.push(builder.finish());
-            model.nodes.push(Node { name: name.to_owned(), mesh, model_from_mesh: Affine3A::IDENTITY });
+            model.nodes.push(ModelNode { name: name.to_owned(), mesh, model_from_mesh: Affine3A::IDENTITY });
         }
         model
     };
@@ -49,13 +49,13 @@ pub fn models() -> Vec<(&'static str, Model)> {
     ]
 }
 
-/// How much of the sky's light what lies low gets: it is near the ground and under the rest.
+/// Openness by height: low faces are near the ground and below the rest.
 fn openness(z: f32) -> u8 {
     (130.0 + 125.0 * (z / 0.8).clamp(0.0, 1.0)) as u8
 }
 
 /// A box without its underside.
-fn block(b: &mut Builder, low: Vec3, high: Vec3, skin: Skin) {
+fn block(b: &mut PrimitiveBuilder, low: Vec3, high: Vec3, face_material: StaticMaterial) {
     let at = |x: bool, y: bool, z: bool| {
         Vec3::new(
             if x { high.x } else { low.x },
@@ -66,23 +66,23 @@ fn block(b: &mut Builder, low: Vec3, high: Vec3, skin: Skin) {
     let ring = [(false, false), (true, false), (true, true), (false, true)];
     for k in 0..4 {
         let ((ax, ay), (bx, by)) = (ring[k], ring[(k + 1) % 4]);
-        face(b, &[at(ax, ay, false), at(bx, by, false), at(bx, by, true), at(ax, ay, true)], skin);
+        face(b, &[at(ax, ay, false), at(bx, by, false), at(bx, by, true), at(ax, ay, true)], face_material);
     }
-    face(b, &ring.map(|(x, y)| at(x, y, true)), skin);
+    face(b, &ring.map(|(x, y)| at(x, y, true)), face_material);
 }
 
-/// A flat face that is darker the lower it lies.
-fn face(b: &mut Builder, corners: &[Vec3], skin: Skin) {
+/// A flat face, darker towards the ground.
+fn face(b: &mut PrimitiveBuilder, corners: &[Vec3], face_material: StaticMaterial) {
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(Vec3::Z);
     let slots: Vec<u32> =
-        corners.iter().map(|&corner| b.vertex(skin, corner, normal, openness(corner.z))).collect();
+        corners.iter().map(|&corner| b.vertex(face_material, corner, normal, openness(corner.z))).collect();
     for k in 2..slots.len() {
-        b.triangle(skin, [slots[0], slots[k - 1], slots[k]]);
+        b.triangle(face_material, [slots[0], slots[k - 1], slots[k]]);
     }
 }
 
-/// A bar of a rectangular section, `half` across and upwards of its way; open at its ends.
-fn bar(b: &mut Builder, from: Vec3, to: Vec3, half: Vec2, skin: Skin) {
+/// A bar of rectangular cross-section with half extents `half` across and up; open at its ends.
+fn bar(b: &mut PrimitiveBuilder, from: Vec3, to: Vec3, half: Vec2, face_material: StaticMaterial) {
     let along = (to - from).normalize_or(Vec3::Z);
     let across = if along.y.abs() > 0.9 { Vec3::X } else { Vec3::Y };
     let up = across.cross(along).normalize_or(Vec3::Z);
@@ -97,12 +97,18 @@ fn bar(b: &mut Builder, from: Vec3, to: Vec3, half: Vec2, skin: Skin) {
         let outward = (p[k] + p[n]) / 2.0 - from;
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let turned = [p[n], p[k], q[k], q[n]];
-        face(b, if normal.dot(outward) > 0.0 { &corners } else { &turned }, skin);
+        face(b, if normal.dot(outward) > 0.0 { &corners } else { &turned }, face_material);
     }
 }
 
-/// An upright tube through rings of (height, radius), smooth around.
-fn turned(b: &mut Builder, foot: Vec3, rings: &[(f32, f32)], sides: u32, skin: Skin) {
+/// A surface of revolution through rings of (height, radius), smooth around.
+fn turned(
+    b: &mut PrimitiveBuilder,
+    foot: Vec3,
+    rings: &[(f32, f32)],
+    sides: u32,
+    face_material: StaticMaterial,
+) {
     let slots: Vec<Vec<u32>> = rings
         .iter()
         .enumerate()
@@ -115,7 +121,7 @@ fn turned(b: &mut Builder, foot: Vec3, rings: &[(f32, f32)], sides: u32, skin: S
                     let (sin, cos) = (TAU * k as f32 / sides as f32).sin_cos();
                     let normal = Vec3::new(cos, sin, slope).normalize_or(Vec3::Z);
                     let at = foot + Vec3::new(cos * radius, sin * radius, z);
-                    b.vertex(skin, at, normal, openness(at.z))
+                    b.vertex(face_material, at, normal, openness(at.z))
                 })
                 .collect()
         })
@@ -123,28 +129,28 @@ fn turned(b: &mut Builder, foot: Vec3, rings: &[(f32, f32)], sides: u32, skin: S
     for pair in slots.windows(2) {
         for k in 0..sides as usize {
             let n = (k + 1) % sides as usize;
-            b.triangle(skin, [pair[0][k], pair[0][n], pair[1][n]]);
-            b.triangle(skin, [pair[0][k], pair[1][n], pair[1][k]]);
+            b.triangle(face_material, [pair[0][k], pair[0][n], pair[1][n]]);
+            b.triangle(face_material, [pair[0][k], pair[1][n], pair[1][k]]);
         }
     }
 }
 
 /// A level disc at a height.
-fn lid(b: &mut Builder, centre: Vec3, radius: f32, sides: u32, skin: Skin) {
+fn lid(b: &mut PrimitiveBuilder, centre: Vec3, radius: f32, sides: u32, face_material: StaticMaterial) {
     let ring: Vec<Vec3> = (0..sides)
         .map(|k| {
             let (sin, cos) = (TAU * k as f32 / sides as f32).sin_cos();
             centre + Vec3::new(cos, sin, 0.0) * radius
         })
         .collect();
-    face(b, &ring, skin);
+    face(b, &ring, face_material);
 }
 
 const BENCH_HALF_M: f32 = 0.88;
-/// Where the back of a bench begins and ends, seen from its side.
+/// Lower and upper end of a bench's back in side view.
 const BACK: [Vec2; 2] = [Vec2::new(-0.20, 0.44), Vec2::new(-0.34, 0.88)];
 
-fn bench(b: &mut Builder) {
+fn bench(b: &mut PrimitiveBuilder) {
     for k in 0..4 {
         let x = -0.18 + 0.125 * k as f32;
         block(b, Vec3::new(x, -BENCH_HALF_M, 0.43), Vec3::new(x + 0.105, BENCH_HALF_M, 0.465), SLAT);
@@ -171,7 +177,7 @@ fn bench(b: &mut Builder) {
     }
 }
 
-fn far_bench(b: &mut Builder) {
+fn far_bench(b: &mut PrimitiveBuilder) {
     block(b, Vec3::new(-0.18, -BENCH_HALF_M, 0.41), Vec3::new(0.30, BENCH_HALF_M, 0.465), SLAT);
     let [low, high] = BACK.map(|p| p + Vec2::new(0.0, 0.04));
     let at = |p: Vec2, y: f32| Vec3::new(p.x, y, p.y);
@@ -189,7 +195,7 @@ fn far_bench(b: &mut Builder) {
 
 const TABLE_HALF_M: f32 = 0.92;
 
-fn picnic_table(b: &mut Builder) {
+fn picnic_table(b: &mut PrimitiveBuilder) {
     // Long along y; people sit on both sides of it.
     for k in 0..5 {
         let x = -0.36 + 0.145 * k as f32;
@@ -213,7 +219,7 @@ fn picnic_table(b: &mut Builder) {
     }
 }
 
-fn far_picnic_table(b: &mut Builder) {
+fn far_picnic_table(b: &mut PrimitiveBuilder) {
     block(b, Vec3::new(-0.36, -TABLE_HALF_M, 0.68), Vec3::new(0.35, TABLE_HALF_M, 0.74), SLAT);
     for side in [-1.0_f32, 1.0] {
         let (a, c) = (side * 0.56, side * 0.83);
@@ -235,7 +241,7 @@ const LENS_M: f32 = 6.14;
 /// How far the lens reaches out over the road.
 const REACH_M: f32 = 1.35;
 
-fn lamp(b: &mut Builder) {
+fn lamp(b: &mut PrimitiveBuilder) {
     turned(b, Vec3::ZERO, &[(0.0, 0.11), (0.95, 0.10), (1.0, 0.075), (5.7, 0.05)], 6, POST);
     // Bent over.
     let bow = [(0.0, 5.68), (0.10, 6.0), (0.42, 6.18), (REACH_M - 0.28, 6.23)];
@@ -247,7 +253,7 @@ fn lamp(b: &mut Builder) {
 }
 
 /// A flat head and its lens, seen from below.
-fn luminaire(b: &mut Builder, half: f32) {
+fn luminaire(b: &mut PrimitiveBuilder, half: f32) {
     let corner = |x: f32, y: f32, z: f32| Vec3::new(REACH_M + x * half, y, LENS_M + z);
     let (wide, narrow) = (0.15, 0.09);
     let rim = [
@@ -272,14 +278,14 @@ fn luminaire(b: &mut Builder, half: f32) {
     face(b, &lens, LANTERN);
 }
 
-fn far_lamp(b: &mut Builder) {
+fn far_lamp(b: &mut PrimitiveBuilder) {
     turned(b, Vec3::ZERO, &[(0.0, 0.10), (6.1, 0.055)], 3, POST);
     bar(b, Vec3::new(0.0, 0.0, 6.08), Vec3::new(REACH_M - 0.2, 0.0, 6.20), Vec2::splat(0.05), POST);
     luminaire(b, 0.34);
 }
 
-/// A post and its arm as slivers, and the head as a roof over the lens.
-fn farther_lamp(b: &mut Builder) {
+/// A minimal lamp: slivers for the post and its arm, a roof over the lens.
+fn farther_lamp(b: &mut PrimitiveBuilder) {
     let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
     let ring = [at(0.10, 0.0, 0.0), at(-0.05, 0.09, 0.0), at(-0.05, -0.09, 0.0)];
     let top = at(0.0, 0.0, 6.15);
@@ -300,7 +306,7 @@ fn farther_lamp(b: &mut Builder) {
     face(b, &[rim[3], rim[2], rim[1], rim[0]], LANTERN);
 }
 
-fn bin(b: &mut Builder) {
+fn bin(b: &mut PrimitiveBuilder) {
     turned(b, Vec3::ZERO, &[(0.0, 0.20), (0.06, 0.23), (0.74, 0.25)], 10, GREEN);
     // Posts hold a hood over the opening.
     lid(b, Vec3::Z * 0.70, 0.235, 10, DARK);
@@ -314,16 +320,21 @@ fn bin(b: &mut Builder) {
 }
 
 /// A pump on its plinth, with a screen and a hose on either side.
-fn fuel_pump(b: &mut Builder) {
+fn fuel_pump(b: &mut PrimitiveBuilder) {
     block(b, Vec3::new(-0.34, -0.52, 0.0), Vec3::new(0.34, 0.52, 0.10), STONE);
     block(b, Vec3::new(-0.24, -0.42, 0.10), Vec3::new(0.24, 0.42, 1.30), WHITE);
     block(b, Vec3::new(-0.27, -0.45, 1.30), Vec3::new(0.27, 0.45, 1.62), RED);
     for side in [-1.0_f32, 1.0] {
-        let panel = |b: &mut Builder, y: [f32; 2], z: [f32; 2], out: f32, skin: Skin| {
-            let x = side * out;
-            let (a, c) = if side > 0.0 { (y[0], y[1]) } else { (y[1], y[0]) };
-            face(b, &[(a, z[0]), (c, z[0]), (c, z[1]), (a, z[1])].map(|(y, z)| Vec3::new(x, y, z)), skin);
-        };
+        let panel =
+            |b: &mut PrimitiveBuilder, y: [f32; 2], z: [f32; 2], out: f32, face_material: StaticMaterial| {
+                let x = side * out;
+                let (a, c) = if side > 0.0 { (y[0], y[1]) } else { (y[1], y[0]) };
+                face(
+                    b,
+                    &[(a, z[0]), (c, z[0]), (c, z[1]), (a, z[1])].map(|(y, z)| Vec3::new(x, y, z)),
+                    face_material,
+                );
+            };
         panel(b, [-0.26, 0.26], [0.98, 1.22], 0.246, SCREEN);
         panel(b, [-0.34, 0.34], [0.40, 0.80], 0.244, RED);
         // Nozzles in their holsters at the ends, hoses that hang in a loop.

@@ -1,8 +1,8 @@
-//! The rigid bodies of the city: the only door to rapier.
+//! Rigid-body physics: the only interface to rapier.
 //!
-//! City frame, SI units. rapier computes in `f64` here: at 2.4 km from the origin a step of a car is a few
-//! roundings of an `f32`, and its speed reads 1 % wrong. All of it is deterministic (rapier's
-//! `enhanced-determinism`), and a clone or a deserialised copy goes on with the same bits.
+//! City frame, SI units. rapier computes in `f64`: at 2.4 km from the origin, one step of a car is only a few
+//! units of `f32` precision, and its speed would be 1 % off. Physics is deterministic (rapier's
+//! `enhanced-determinism`); a clone or a deserialised copy continues with the same bits.
 
 mod solid;
 
@@ -16,12 +16,12 @@ use serde::{Deserialize, Serialize};
 /// Standard gravity, m/s2.
 pub const GRAVITY_MPS2: f64 = 9.81;
 
-/// What chassis touch: one another, and what stands.
+/// Collision groups.
 const CHASSIS: Group = Group::GROUP_1;
 const STATIC: Group = Group::GROUP_2;
 const GROUND: Group = Group::GROUP_3;
 
-/// All bodies of one world and what steps them.
+/// All bodies of one world with the solver.
 #[derive(Clone, Serialize, Deserialize)]
 pub struct Physics {
     gravity: Vector,
@@ -34,13 +34,13 @@ pub struct Physics {
     impulse_joints: ImpulseJointSet,
     multibody_joints: MultibodyJointSet,
     soft_bodies: SoftBodySet,
-    /// What wheels stand on, in the order in which it was added.
+    /// Colliders that carry wheels, in the order of insertion.
     ground: Vec<ColliderHandle>,
     #[serde(skip)]
     workspace: Workspace,
 }
 
-/// Buffers of the solver: no state, so a copy starts with empty ones.
+/// Solver buffers: not state, so a copy starts with empty ones.
 struct Workspace {
     pipeline: PhysicsPipeline,
     ccd: CCDSolver,
@@ -75,8 +75,8 @@ impl std::fmt::Debug for Physics {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BodyId(RigidBodyHandle);
 
-/// A box that others can run into. Its frame has x ahead, y left, z up and its origin on the ground
-/// under the middle of the outline.
+/// A box-shaped chassis. Its frame has x forward, y left, z up; the origin is on the ground under the middle
+/// of the outline.
 #[derive(Clone, Copy, Debug)]
 pub struct BoxBody {
     /// Of the body's origin, city frame.
@@ -95,7 +95,7 @@ pub struct BoxBody {
     pub inertia_kgm2: DVec3,
 }
 
-/// Where a body is and how it moves, city frame.
+/// Pose and velocity of a body, city frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyState {
     pub position: DVec3,
@@ -113,7 +113,7 @@ impl BodyState {
     }
 }
 
-/// What a ray met.
+/// The hit of a ray on the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GroundHit {
     /// From the ray's origin, along it.
@@ -134,7 +134,7 @@ impl Digest for Physics {
 }
 
 impl Physics {
-    /// Flat ground at z = 0 and gravity; every step lasts `dt_s`.
+    /// Flat ground at z = 0 with gravity and a fixed step of `dt_s`.
     pub fn new(dt_s: f64) -> Self {
         let mut physics = Self {
             gravity: Vector::new(0.0, 0.0, -GRAVITY_MPS2),
@@ -162,8 +162,8 @@ impl Physics {
         self.parameters.dt
     }
 
-    /// Something that stands on the ground: a wall, a building. `polygon` is its simple outline in
-    /// either sense of turning, and may be concave; one without an area is left out and logged.
+    /// Adds a static obstacle. `polygon` is its simple outline in either order and may be concave; one
+    /// without area is skipped and logged.
     pub fn add_static_polygon(&mut self, polygon: &[DVec2], height_m: f64) {
         match solid::extruded(polygon, height_m) {
             Some(shape) => {
@@ -181,7 +181,7 @@ impl Physics {
         }
     }
 
-    /// A body that forces move.
+    /// Adds a dynamic body, moved by forces.
     pub fn add_box(&mut self, body: &BoxBody) -> BodyId {
         let properties =
             MassProperties::new(vector(body.centre_of_mass_m), body.mass_kg, vector(body.inertia_kgm2));
@@ -189,13 +189,13 @@ impl Physics {
             .pose(pose(body.position, body.yaw_rad))
             .linvel(vector(body.velocity_mps))
             .additional_mass_properties(properties)
-            // A sleeping car would not feel its pedals.
+            // A sleeping body would ignore its forces.
             .can_sleep(false)
             .build();
         self.insert(rigid, body)
     }
 
-    /// A body that goes where it is put ([`Self::move_to`]) and pushes others away.
+    /// Adds a kinematic body, which follows [`Self::move_to`] and pushes others away.
     pub fn add_guided_box(&mut self, body: &BoxBody) -> BodyId {
         let rigid =
             RigidBodyBuilder::kinematic_position_based().pose(pose(body.position, body.yaw_rad)).build();
@@ -217,7 +217,7 @@ impl Physics {
         BodyId(handle)
     }
 
-    /// Takes a body out; one that is gone already is no error.
+    /// Removes a body; a missing one is no error.
     pub fn remove(&mut self, body: BodyId) {
         self.bodies.remove(
             body.0,
@@ -243,8 +243,8 @@ impl Physics {
         })
     }
 
-    /// Sets what acts on a body during the next steps: a force at its centre of mass and a torque,
-    /// city frame, besides gravity and contacts.
+    /// Sets the force at the centre of mass and the torque on a body for the next steps, city frame, in
+    /// addition to gravity and contacts.
     pub fn set_force(&mut self, body: BodyId, force_n: DVec3, torque_nm: DVec3) {
         if let Some(rigid) = self.bodies.get_mut(body.0) {
             rigid.reset_forces(false);
@@ -254,15 +254,15 @@ impl Physics {
         }
     }
 
-    /// Where a guided body shall be after the next step.
+    /// Sets the pose of a kinematic body after the next step.
     pub fn move_to(&mut self, body: BodyId, position: DVec3, yaw_rad: f64) {
         if let Some(rigid) = self.bodies.get_mut(body.0) {
             rigid.set_next_kinematic_position(pose(position, yaw_rad));
         }
     }
 
-    /// Where a ray meets the road first. Only the ground is asked, neither bodies nor what stands: a
-    /// wheel rolls on nothing else, and a car must not feel its own body.
+    /// Casts a ray to the ground. Other bodies and obstacles are ignored, so that a wheel does not hit its
+    /// own chassis.
     pub fn cast_to_ground(&self, origin: DVec3, direction: DVec3, reach_m: f64) -> Option<GroundHit> {
         let ray = Ray::new(vector(origin), vector(direction));
         let mut nearest: Option<GroundHit> = None;
@@ -277,7 +277,7 @@ impl Physics {
         nearest
     }
 
-    /// One step of all bodies.
+    /// Advances all bodies by one step.
     pub fn step(&mut self) {
         self.workspace.pipeline.step(
             self.gravity,

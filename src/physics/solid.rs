@@ -1,4 +1,4 @@
-//! Upright solids over polygons.
+//! Extrusion of polygons to convex solids.
 
 use super::vector;
 use crate::geom::point_in_polygon;
@@ -6,8 +6,8 @@ use glam::DVec2;
 use rapier3d_f64::math::{Pose, Vector};
 use rapier3d_f64::prelude::SharedShape;
 
-/// The solid over a simple polygon from the ground up: one convex piece, or for a concave outline
-/// one for each of its triangles. `None` for an outline without an area.
+/// Extrudes a simple polygon from the ground up: one convex solid, or one for each triangle of a concave
+/// outline. `None` for an outline without area.
 pub(super) fn extruded(polygon: &[DVec2], height_m: f64) -> Option<SharedShape> {
     if !polygon.iter().all(|corner| corner.is_finite()) || !height_m.is_finite() || height_m <= 0.0 {
         return None;
@@ -48,14 +48,14 @@ fn doubled_area(corners: &[DVec2]) -> f64 {
     (0..corners.len()).map(|k| corners[k].perp_dot(corners[(k + 1) % corners.len()])).sum()
 }
 
-/// Positive where a counter-clockwise outline is convex.
+/// Positive at a convex corner of a counter-clockwise outline.
 fn turn(corners: &[DVec2], k: usize) -> f64 {
     let n = corners.len();
     let (before, here, after) = (corners[(k + n - 1) % n], corners[k], corners[(k + 1) % n]);
     (here - before).perp_dot(after - here)
 }
 
-/// Triangles of a simple counter-clockwise polygon, cut off ear by ear.
+/// Triangulates a simple counter-clockwise polygon by ear clipping.
 fn triangles(polygon: &[DVec2]) -> Vec<[DVec2; 3]> {
     let mut rest = polygon.to_vec();
     let mut triangles = Vec::new();
@@ -66,7 +66,7 @@ fn triangles(polygon: &[DVec2]) -> Vec<[DVec2; 3]> {
             turn(&rest, k) > 1e-12
                 && rest.iter().all(|p| triangle.contains(p) || !point_in_polygon(*p, &triangle))
         });
-        // An outline that crosses itself has no ear left at some point; its rest is dropped.
+        // A self-intersecting outline runs out of ears; its rest is dropped.
         let Some(k) = ear else {
             match (0..n).find(|&k| turn(&rest, k).abs() <= 1e-12) {
                 Some(flat) => {

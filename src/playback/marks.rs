@@ -1,31 +1,31 @@
-//! What has happened in a recorded run: its events, and who took a wheel.
+//! Events of a recorded run for the timeline: logged events, and take-overs by a person.
 
-use crate::record::Entry;
+use crate::record::LogEntry;
 use crate::scenario::Rates;
 use crate::snapshot::{EventKind, SimCommand, VehicleId};
 use std::collections::BTreeSet;
 
-/// Something that happened, at its time.
+/// An event on the timeline.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Mark {
+pub struct TimelineMark {
     /// Simulated time.
     pub time_s: f64,
     pub vehicle: VehicleId,
-    pub what: What,
+    pub what: Occurrence,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-pub enum What {
+pub enum Occurrence {
     Event(EventKind),
-    /// A person took its wheel.
+    /// A person took control of the vehicle.
     TakeOver,
     GiveBack,
 }
 
-/// What marks are told apart by.
+/// The class of an event, in rising order of severity: it sets the colour of the mark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
-    /// It is there or not: spawn, moved, finish, remove, go.
+pub enum MarkKind {
+    /// Spawn, moved, finish, remove, go.
     Usual,
     Stop,
     Yield,
@@ -36,28 +36,28 @@ pub enum Kind {
     Collision,
 }
 
-impl What {
-    pub fn kind(&self) -> Kind {
+impl Occurrence {
+    pub fn kind(&self) -> MarkKind {
         match self {
-            Self::TakeOver | Self::GiveBack => Kind::Person,
+            Self::TakeOver | Self::GiveBack => MarkKind::Person,
             Self::Event(event) => match event {
-                EventKind::Collision { .. } | EventKind::CollisionStatic { .. } => Kind::Collision,
+                EventKind::Collision { .. } | EventKind::CollisionStatic { .. } => MarkKind::Collision,
                 EventKind::LinkLost | EventKind::LinkBack | EventKind::Unseen | EventKind::SeenAgain => {
-                    Kind::Link
+                    MarkKind::Link
                 }
-                EventKind::Merge => Kind::Merge,
-                EventKind::Yield => Kind::Yield,
-                EventKind::Stop => Kind::Stop,
+                EventKind::Merge => MarkKind::Merge,
+                EventKind::Yield => MarkKind::Yield,
+                EventKind::Stop => MarkKind::Stop,
                 EventKind::Spawn
                 | EventKind::Moved { .. }
                 | EventKind::Go { .. }
                 | EventKind::Finish
-                | EventKind::Remove => Kind::Usual,
+                | EventKind::Remove => MarkKind::Usual,
             },
         }
     }
 
-    /// In words.
+    /// The event in words.
     pub fn label(&self) -> String {
         let event = match self {
             Self::TakeOver => return "take-over".to_owned(),
@@ -83,33 +83,33 @@ impl What {
     }
 }
 
-/// Makes marks of what a log tells, in its order.
+/// Turns log entries, in their order, into timeline marks.
 #[derive(Debug)]
-pub(super) struct Marker {
+pub(super) struct MarkCollector {
     rates: Rates,
-    /// At whose wheels persons are.
+    /// Vehicles that persons drive.
     driven: BTreeSet<VehicleId>,
 }
 
-impl Marker {
+impl MarkCollector {
     pub(super) fn new(rates: Rates) -> Self {
         Self { rates, driven: BTreeSet::new() }
     }
 
-    /// `None` for what is no news.
-    pub(super) fn mark(&mut self, entry: &Entry) -> Option<Mark> {
+    /// `None` for entries that are no event.
+    pub(super) fn mark(&mut self, entry: &LogEntry) -> Option<TimelineMark> {
         match entry {
-            Entry::Event(event) => {
-                let what = What::Event(event.kind.clone());
-                Some(Mark { time_s: event.time_s, vehicle: event.vehicle, what })
+            LogEntry::Event(event) => {
+                let what = Occurrence::Event(event.kind.clone());
+                Some(TimelineMark { time_s: event.time_s, vehicle: event.vehicle, what })
             }
-            Entry::Command { tick, command } => {
+            LogEntry::Command { tick, command } => {
                 let what = match *command {
-                    SimCommand::Drive(vehicle, _) if self.driven.insert(vehicle) => What::TakeOver,
-                    SimCommand::Release(vehicle) if self.driven.remove(&vehicle) => What::GiveBack,
+                    SimCommand::Drive(vehicle, _) if self.driven.insert(vehicle) => Occurrence::TakeOver,
+                    SimCommand::Release(vehicle) if self.driven.remove(&vehicle) => Occurrence::GiveBack,
                     _ => return None,
                 };
-                Some(Mark { time_s: self.rates.time_s(*tick), vehicle: command.vehicle()?, what })
+                Some(TimelineMark { time_s: self.rates.time_s(*tick), vehicle: command.vehicle()?, what })
             }
             _ => None,
         }
@@ -124,28 +124,28 @@ mod tests {
     #[test]
     fn of_the_pedals_of_a_person_only_taking_and_giving_back_are_marked() {
         let id = VehicleId(3);
-        let mut marker = Marker::new(Rates::default());
+        let mut marker = MarkCollector::new(Rates::default());
         let mut mark = |tick, command| {
-            marker.mark(&Entry::Command { tick, command }).map(|mark| (mark.time_s, mark.what))
+            marker.mark(&LogEntry::Command { tick, command }).map(|mark| (mark.time_s, mark.what))
         };
         let drive = |gas| SimCommand::Drive(id, Pedals { gas, ..Pedals::default() });
-        assert_eq!(mark(150, drive(0.1)), Some((1.5, What::TakeOver)));
+        assert_eq!(mark(150, drive(0.1)), Some((1.5, Occurrence::TakeOver)));
         assert_eq!(mark(160, drive(0.2)), None);
-        assert_eq!(mark(250, SimCommand::Release(id)), Some((2.5, What::GiveBack)));
+        assert_eq!(mark(250, SimCommand::Release(id)), Some((2.5, Occurrence::GiveBack)));
         assert_eq!(mark(251, SimCommand::Release(id)), None);
-        assert_eq!(mark(300, drive(0.0)), Some((3.0, What::TakeOver)));
+        assert_eq!(mark(300, drive(0.0)), Some((3.0, Occurrence::TakeOver)));
     }
 
     #[test]
     fn events_are_told_in_words_and_kinds() {
-        let mut marker = Marker::new(Rates::default());
+        let mut marker = MarkCollector::new(Rates::default());
         let mut of = |kind| {
             let event = Event { time_s: 2.0, vehicle: VehicleId(1), kind };
-            marker.mark(&Entry::Event(event)).map(|mark| (mark.what.label(), mark.what.kind()))
+            marker.mark(&LogEntry::Event(event)).map(|mark| (mark.what.label(), mark.what.kind()))
         };
         let collision = of(EventKind::Collision { with: VehicleId(7) });
-        assert_eq!(collision, Some(("collision with 7".to_owned(), Kind::Collision)));
-        assert_eq!(of(EventKind::Go { stood_s: 2.24 }), Some(("go after 2.2 s".to_owned(), Kind::Usual)));
-        assert_eq!(of(EventKind::LinkBack), Some(("link back".to_owned(), Kind::Link)));
+        assert_eq!(collision, Some(("collision with 7".to_owned(), MarkKind::Collision)));
+        assert_eq!(of(EventKind::Go { stood_s: 2.24 }), Some(("go after 2.2 s".to_owned(), MarkKind::Usual)));
+        assert_eq!(of(EventKind::LinkBack), Some(("link back".to_owned(), MarkKind::Link)));
     }
 }

@@ -1,28 +1,28 @@
-//! Recorded runs that are watched: played at any speed, forwards and backwards, and shown at any time of theirs.
-//! What is shown are the snapshots of the log; nothing is simulated.
+//! Playback of recorded runs at any speed, forwards and backwards, with random access to any time. It shows the
+//! snapshots of the log, interpolated; nothing is simulated.
 //!
-//! A thread reads and decodes the chunks of the log around the place that is wanted, and looks through the whole log
-//! for what has happened while nothing is wanted. Who watches never waits for it.
+//! A prefetch thread decodes the MCAP chunks around the playhead into a bounded cache. While no chunk is requested,
+//! it scans the whole log for events. The window never waits for it.
 
-mod cast;
-mod film;
-mod head;
+mod chunk_cache;
 mod marks;
-mod past;
 mod player;
-mod reader;
+mod playhead;
+mod plot_cache;
+mod prefetch;
+mod registry;
 
-pub use head::{Cue, Playhead, SPEEDS};
-pub use marks::{Kind, Mark, What};
-pub use past::Glimpse;
-pub use player::{Effort, Player, Told};
+pub use marks::{MarkKind, Occurrence, TimelineMark};
+pub use player::{LogInfo, PlaybackStats, Player};
+pub use playhead::{PlaybackCommand, Playhead, SPEEDS};
+pub use plot_cache::PlotSample;
 
 /// Why a log cannot be played.
 #[derive(Debug, thiserror::Error)]
 pub enum PlaybackError {
     #[error(transparent)]
     Log(#[from] crate::record::RecordError),
-    #[error("{0}: there are no snapshots in it, nothing to show; record the run again")]
+    #[error("{0}: the log has no snapshots to show; record the run again")]
     Empty(std::path::PathBuf),
     #[error("the thread that reads the log cannot be started: {0}")]
     Thread(std::io::Error),

@@ -1,14 +1,14 @@
-//! A log that is watched.
+//! The player of a log: resolves seeks, interpolates between snapshots, and requests chunks from the prefetch thread.
 
 use super::PlaybackError;
-use super::cast::Cast;
-use super::film::{Pair, around, chunk_at, find};
-use super::head::{Aim, Cue, Playhead, SAME_S, Ticker};
-use super::marks::{Mark, Marker};
-use super::past::{Glimpse, Past};
-use super::reader::{Reader, Shared, Shelf, Want};
-use crate::live::{Moment, Phase, Speed};
-use crate::record::{ChunkedLog, LogReader, Origin, Part};
+use super::chunk_cache::{SnapshotPair, bracketing, chunk_at, find};
+use super::marks::{MarkCollector, TimelineMark};
+use super::playhead::{FrameTimer, PlaybackCommand, Playhead, SeekTarget, TIME_TOLERANCE_S};
+use super::plot_cache::{PlotCache, PlotSample};
+use super::prefetch::{ChunkPrefetcher, ReadRequest, ReaderMonitor, SharedState};
+use super::registry::VehicleRegistry;
+use crate::live::{RunPhase, RunState, Speed};
+use crate::record::{ChunkedLog, EntryFilter, LogOrigin, LogReader};
 use crate::scenario::Experiment;
 use crate::snapshot::VehicleId;
 use std::path::Path;
@@ -16,90 +16,90 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-/// What is known of a log besides its snapshots.
+/// What the window shows of a log beside its snapshots.
 #[derive(Clone, Debug, Default)]
-pub struct Told {
+pub struct LogInfo {
     /// In order of time.
-    pub marks: Arc<Vec<Mark>>,
-    /// How much of the log has been looked through for them, 0 to 1.
+    pub marks: Arc<Vec<TimelineMark>>,
+    /// Fraction of the log that has been scanned for events, 0 to 1.
     pub searched: f64,
-    /// Why the log has no end, where it is torn.
-    pub torn: Option<String>,
+    /// Why the log is truncated, if it is.
+    pub truncation: Option<String>,
 }
 
-/// What showing a log has cost so far.
+/// Counters of the playback: chunks decoded and snapshots in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Effort {
-    /// Of the log.
+pub struct PlaybackStats {
+    /// Chunks of the log.
     pub chunks: usize,
-    /// Chunks of which snapshots have been decoded; one that was let go and wanted again counts twice.
+    /// Decoded chunks; one that was evicted and decoded again counts twice.
     pub decoded: u64,
     /// Snapshots in memory.
     pub kept: usize,
 }
 
-/// A log that is watched: it is told where to go, and says what is to be seen there.
+/// Plays a log: takes commands and returns the state to show.
 #[derive(Debug)]
 pub struct Player {
-    shared: Arc<Shared>,
+    shared: Arc<ReaderMonitor>,
     thread: Option<JoinHandle<()>>,
     experiment: Arc<Experiment>,
-    origin: Origin,
+    origin: LogOrigin,
     begins_s: Arc<Vec<f64>>,
     head: Playhead,
-    ticker: Ticker,
-    /// A place that is wanted and not shown yet.
-    aim: Option<Aim>,
-    /// Where it plays to, and what is there has not come yet.
-    ahead_s: Option<f64>,
-    moment: Arc<Moment>,
+    ticker: FrameTimer,
+    /// A seek that is not resolved yet.
+    target: Option<SeekTarget>,
+    /// Time to which it plays while the chunk of that time is still missing (buffering).
+    pending_s: Option<f64>,
+    run_state: Arc<RunState>,
     weight: f64,
-    asked: Option<(Want, u64)>,
+    requested: Option<(ReadRequest, u64)>,
     past_s: f64,
 }
 
 impl Player {
-    /// Opens a log, standing at its first snapshot. `on_news` is called on the log's thread when there is something
-    /// new to be seen; it must not wait.
+    /// Opens a log, paused at its first snapshot. `on_update` is called on the prefetch thread when there is
+    /// something new to show; it must not block.
     ///
     /// # Errors
     /// Where it is no log, or one without snapshots.
-    pub fn open(path: &Path, on_news: Box<dyn Fn() + Send>) -> Result<Self, PlaybackError> {
+    pub fn open(path: &Path, on_update: Box<dyn Fn() + Send>) -> Result<Self, PlaybackError> {
         let reader = LogReader::open(path)?;
         let experiment = Arc::new(reader.experiment()?);
         let log = ChunkedLog::of(&reader, path)?;
         let begins_s: Arc<Vec<f64>> = Arc::new(log.chunks().iter().map(|chunk| chunk.from_s).collect());
-        let shelf = Shelf {
+        let state = SharedState {
             readable: log.chunks().len(),
-            torn: log.torn().map(str::to_owned),
-            past: Past::default(),
-            ..Shelf::default()
+            truncation: log.truncation().map(str::to_owned),
+            past: PlotCache::default(),
+            ..SharedState::default()
         };
-        let shared = Arc::new(Shared::new(shelf));
-        let mut reading = Reader {
+        let shared = Arc::new(ReaderMonitor::new(state));
+        let mut prefetcher = ChunkPrefetcher {
             log,
             begins_s: Arc::clone(&begins_s),
-            cast: Cast::of(Arc::clone(&experiment)),
-            marker: Marker::new(experiment.rates),
+            registry: VehicleRegistry::of(Arc::clone(&experiment)),
+            marker: MarkCollector::new(experiment.rates),
             shared: Arc::clone(&shared),
-            on_news,
+            on_update,
         };
-        if reader.origin() == Origin::Served {
-            reading.meet_first();
+        if reader.origin() == LogOrigin::Served {
+            prefetcher.register_first();
         }
         let empty = || PlaybackError::Empty(path.to_path_buf());
-        let (first, last) = reading.ends().ok_or_else(empty)?;
-        let moment = Moment {
+        let (first, last) = prefetcher.first_and_last().ok_or_else(empty)?;
+        let run_state = RunState {
             before: Arc::clone(&first),
             now: Arc::clone(&first),
-            phase: Phase::Paused,
+            phase: RunPhase::Paused,
             speed: Speed::default(),
             clock: None,
             real_time_factor: 0.0,
             run: 1,
             folder: None,
         };
-        let thread = std::thread::Builder::new().name("log".to_owned()).spawn(move || reading.work());
+        let thread = std::thread::Builder::new().name("log".to_owned()).spawn(move || prefetcher.work());
         Ok(Self {
             shared,
             thread: Some(thread.map_err(PlaybackError::Thread)?),
@@ -107,12 +107,12 @@ impl Player {
             origin: reader.origin(),
             begins_s,
             head: Playhead::new(first.time_s, last.time_s),
-            ticker: Ticker::stopped(),
-            aim: None,
-            ahead_s: None,
-            moment: Arc::new(moment),
+            ticker: FrameTimer::stopped(),
+            target: None,
+            pending_s: None,
+            run_state: Arc::new(run_state),
             weight: 1.0,
-            asked: None,
+            requested: None,
             past_s: 0.0,
         })
     }
@@ -121,8 +121,8 @@ impl Player {
         &self.experiment
     }
 
-    /// What has made the log.
-    pub fn origin(&self) -> Origin {
+    /// The program that wrote the log.
+    pub fn origin(&self) -> LogOrigin {
         self.origin
     }
 
@@ -130,83 +130,88 @@ impl Player {
         self.head
     }
 
-    /// Whether what is shown goes on changing by itself.
+    /// Whether the picture changes without further commands.
     pub fn is_moving(&self) -> bool {
-        self.head.is_playing || self.aim.is_some()
+        self.head.is_playing || self.target.is_some()
     }
 
-    /// Whether a place is wanted that is not shown yet.
+    /// Whether it waits for a chunk (buffering).
     pub fn is_late(&self) -> bool {
-        self.aim.is_some() || self.ahead_s.is_some()
+        self.target.is_some() || self.pending_s.is_some()
     }
 
-    /// Whether nothing is left to be read: the place that is wanted, what running plots show, what happened.
+    /// Whether the prefetch thread is idle and no seek is pending.
     pub fn is_settled(&self) -> bool {
-        let shelf = self.shared.lock();
-        !self.is_late() && shelf.is_idle && shelf.wanted.is_none()
+        let state = self.shared.lock();
+        !self.is_late() && state.is_idle && state.request.is_none()
     }
 
-    /// What was shown last.
-    pub fn moment(&self) -> Arc<Moment> {
-        Arc::clone(&self.moment)
+    /// The state that was shown last.
+    pub fn run_state(&self) -> Arc<RunState> {
+        Arc::clone(&self.run_state)
     }
 
-    pub fn told(&self) -> Told {
-        let shelf = self.shared.lock();
-        let searched = shelf.searched as f64 / shelf.readable.max(1) as f64;
-        Told { marks: Arc::clone(&shelf.marks), searched: searched.min(1.0), torn: shelf.torn.clone() }
-    }
-
-    pub fn effort(&self) -> Effort {
-        let shelf = self.shared.lock();
-        Effort { chunks: self.begins_s.len(), decoded: shelf.decoded, kept: shelf.film.snapshots() }
-    }
-
-    pub fn order(&mut self, cue: Cue) {
-        // What can be shown already is where this one goes from.
-        if let Some(aim) = self.aim {
-            self.reach(aim);
+    pub fn info(&self) -> LogInfo {
+        let state = self.shared.lock();
+        let searched = state.searched as f64 / state.readable.max(1) as f64;
+        LogInfo {
+            marks: Arc::clone(&state.marks),
+            searched: searched.min(1.0),
+            truncation: state.truncation.clone(),
         }
-        if let Some(aim) = self.head.obey(cue) {
-            self.aim = Some(aim);
+    }
+
+    pub fn stats(&self) -> PlaybackStats {
+        let state = self.shared.lock();
+        PlaybackStats { chunks: self.begins_s.len(), decoded: state.decoded, kept: state.cache.snapshots() }
+    }
+
+    pub fn command(&mut self, command: PlaybackCommand) {
+        // The command is relative to the resolved position.
+        if let Some(target) = self.target {
+            self.resolve_seek(target);
         }
-        self.ahead_s = None;
+        if let Some(target) = self.head.apply(command) {
+            self.target = Some(target);
+        }
+        self.pending_s = None;
         if !self.head.is_playing {
             self.ticker.stop();
         }
     }
 
-    /// What running plots show of a vehicle up to the shown time; `past_s` before it from now on.
-    pub fn past(&mut self, vehicle: VehicleId, past_s: f64) -> Vec<Glimpse> {
+    /// Plot samples of a vehicle over the last `past_s` seconds; the prefetch thread keeps this span loaded from now
+    /// on.
+    pub fn plot_samples(&mut self, vehicle: VehicleId, past_s: f64) -> Vec<PlotSample> {
         self.past_s = past_s;
-        let to_s = self.head.at_s + SAME_S;
+        let to_s = self.head.at_s + TIME_TOLERANCE_S;
         self.shared.lock().past.of(vehicle, to_s - past_s, to_s)
     }
 
-    /// Goes on to an instant: what is shown then, and how far it lies from `before` (0) to `now` (1). What has
-    /// not been decoded yet is shown in a later pass.
-    pub fn look(&mut self, now: Instant) -> (Arc<Moment>, f64) {
-        self.keep_to_what_is_readable();
+    /// Advances to an instant. Returns the state to show and the interpolation weight between `before` (0) and `now`
+    /// (1). A chunk that is not decoded yet is shown in a later frame.
+    pub fn advance(&mut self, now: Instant) -> (Arc<RunState>, f64) {
+        self.clamp_to_readable();
         let passed_s = if self.head.is_playing { self.ticker.pass(now) } else { 0.0 };
-        let missing = match self.aim {
-            Some(aim) => self.reach(aim),
-            None if self.head.is_playing => self.play_on(passed_s),
+        let missing = match self.target {
+            Some(target) => self.resolve_seek(target),
+            None if self.head.is_playing => self.play(passed_s),
             None => None,
         };
-        self.ask(missing, passed_s);
-        (Arc::clone(&self.moment), self.weight)
+        self.request_chunks(missing, passed_s);
+        (Arc::clone(&self.run_state), self.weight)
     }
 
-    /// Shows the place that is aimed at; the chunk that it has to wait for, if there is one.
-    fn reach(&mut self, aim: Aim) -> Option<usize> {
+    /// Resolves a seek; returns the missing chunk, if any.
+    fn resolve_seek(&mut self, target: SeekTarget) -> Option<usize> {
         let found = {
-            let shelf = self.shared.lock();
-            find(&self.begins_s[..shelf.readable], aim, &mut |chunk| shelf.film.get(chunk))
+            let state = self.shared.lock();
+            find(&self.begins_s[..state.readable], target, &mut |chunk| state.cache.get(chunk))
         };
         match found {
             Ok(pair) => {
-                self.aim = None;
-                self.ahead_s = None;
+                self.target = None;
+                self.pending_s = None;
                 if let Some(pair) = pair {
                     self.head.at_s = pair.1.time_s;
                     self.show(pair, 1.0);
@@ -217,27 +222,27 @@ impl Player {
         }
     }
 
-    /// Plays on for some seconds, or waits for the chunk that comes back: then the lost time is let go.
-    fn play_on(&mut self, passed_s: f64) -> Option<usize> {
-        let to_s = self.ahead_s.unwrap_or_else(|| self.head.after(passed_s));
+    /// Plays on for some seconds. Returns the missing chunk, if any; the time spent waiting for it is skipped.
+    fn play(&mut self, passed_s: f64) -> Option<usize> {
+        let to_s = self.pending_s.unwrap_or_else(|| self.head.after(passed_s));
         let found = {
-            let shelf = self.shared.lock();
-            around(&self.begins_s[..shelf.readable], to_s, &mut |chunk| shelf.film.get(chunk))
+            let state = self.shared.lock();
+            bracketing(&self.begins_s[..state.readable], to_s, &mut |chunk| state.cache.get(chunk))
         };
         let [before, after] = match found {
             Ok(found) => found,
             Err(chunk) => {
-                self.ahead_s = Some(to_s);
+                self.pending_s = Some(to_s);
                 return Some(chunk);
             }
         };
-        self.ahead_s = None;
+        self.pending_s = None;
         self.head.at_s = to_s;
         if self.is_over() {
             self.head.is_playing = false;
             self.ticker.stop();
-            self.aim = Some(Aim::Nearest(to_s));
-            return self.reach(Aim::Nearest(to_s));
+            self.target = Some(SeekTarget::Nearest(to_s));
+            return self.resolve_seek(SeekTarget::Nearest(to_s));
         }
         let (before, after) = match (before, after) {
             (Some(before), Some(after)) => (before, after),
@@ -254,40 +259,40 @@ impl Player {
         if self.head.is_reverse { self.head.is_at_start() } else { self.head.is_at_end() }
     }
 
-    fn show(&mut self, (before, now): Pair, weight: f64) {
+    fn show(&mut self, (before, now): SnapshotPair, weight: f64) {
         self.head.before_s = before.time_s;
         self.weight = weight;
-        let phase = if self.head.is_playing { Phase::Running } else { Phase::Paused };
+        let phase = if self.head.is_playing { RunPhase::Running } else { RunPhase::Paused };
         let speed = Speed::Times(self.head.speed);
-        self.moment = Arc::new(Moment { before, now, phase, speed, ..Moment::clone(&self.moment) });
+        self.run_state = Arc::new(RunState { before, now, phase, speed, ..RunState::clone(&self.run_state) });
     }
 
-    /// Asks the thread for what is missing and for what comes next, where it has not been asked for the same.
-    fn ask(&mut self, missing: Option<usize>, passed_s: f64) {
-        let at_s = self.ahead_s.unwrap_or(self.head.at_s);
+    /// Requests the missing chunk and the prefetch of the next ones, unless the same request is pending.
+    fn request_chunks(&mut self, missing: Option<usize>, passed_s: f64) {
+        let at_s = self.pending_s.unwrap_or(self.head.at_s);
         let next_s = if self.head.is_playing { at_s + self.head.rate() * passed_s.max(0.02) } else { at_s };
         let chunk = missing.unwrap_or_else(|| chunk_at(&self.begins_s, at_s));
-        let want = Want { chunk, next_s, past_s: self.past_s, at_s };
+        let request = ReadRequest { chunk, next_s, past_s: self.past_s, at_s };
         let next = chunk_at(&self.begins_s, next_s) as u64;
-        let is_same = self.asked.is_some_and(|(asked, asked_next)| {
-            asked.chunk == chunk && asked_next == next && asked.past_s == self.past_s
+        let is_same = self.requested.is_some_and(|(requested, requested_next)| {
+            requested.chunk == chunk && requested_next == next && requested.past_s == self.past_s
         });
-        // What is missing may have been let go since.
+        // The missing chunk may have been evicted since.
         if missing.is_some() || !is_same {
-            self.asked = Some((want, next));
-            self.shared.want(want);
+            self.requested = Some((request, next));
+            self.shared.request(request);
         }
     }
 
-    /// A log that turns out to be damaged ends before that.
-    fn keep_to_what_is_readable(&mut self) {
+    /// Ends the playback before the first damaged chunk.
+    fn clamp_to_readable(&mut self) {
         let (readable, known) = (self.shared.lock().readable, self.begins_s.len());
         let end_s = self.begins_s.get(readable).copied();
         if let (true, Some(end_s)) = (readable < known, end_s)
             && self.head.to_s > end_s
         {
             self.head.to_s = end_s.max(self.head.from_s);
-            self.aim = self.aim.or((self.head.at_s > end_s).then_some(Aim::Nearest(end_s)));
+            self.target = self.target.or((self.head.at_s > end_s).then_some(SeekTarget::Nearest(end_s)));
         }
     }
 }
@@ -303,26 +308,26 @@ impl Drop for Player {
     }
 }
 
-impl Reader {
-    /// The first and the last snapshot of the log; they stay on the shelf.
-    fn ends(&mut self) -> Option<Pair> {
+impl ChunkPrefetcher {
+    /// The first and the last snapshot of the log; both stay in the cache.
+    fn first_and_last(&mut self) -> Option<SnapshotPair> {
         let count = self.begins_s.len();
-        let first = (0..count).find_map(|chunk| self.keep(chunk)?.first().cloned())?;
-        let last = (0..count).rev().find_map(|chunk| self.keep(chunk)?.last().cloned())?;
+        let first = (0..count).find_map(|chunk| self.cache_chunk(chunk)?.first().cloned())?;
+        let last = (0..count).rev().find_map(|chunk| self.cache_chunk(chunk)?.last().cloned())?;
         Some((first, last))
     }
 
-    fn keep(&mut self, chunk: usize) -> Option<super::film::Stretch> {
-        let known = self.shared.lock().film.get(chunk);
-        let stretch = known.or_else(|| self.stretch(chunk))?;
-        self.shared.lock().film.insert(chunk, Arc::clone(&stretch), chunk);
-        Some(stretch)
+    fn cache_chunk(&mut self, chunk: usize) -> Option<super::chunk_cache::DecodedChunk> {
+        let known = self.shared.lock().cache.get(chunk);
+        let decoded = known.or_else(|| self.read_chunk(chunk))?;
+        self.shared.lock().cache.insert(chunk, Arc::clone(&decoded), chunk);
+        Some(decoded)
     }
 
-    /// Makes the acquaintance of the vehicles that the first chunk brings: mostly all of them.
-    fn meet_first(&mut self) {
-        for entry in self.log.read(0, Part::Happenings).unwrap_or_default() {
-            self.cast.meet(&entry);
+    /// Registers the vehicles of the first chunk: mostly all of them.
+    fn register_first(&mut self) {
+        for entry in self.log.read(0, EntryFilter::Events).unwrap_or_default() {
+            self.registry.register(&entry);
         }
     }
 }

@@ -1,11 +1,11 @@
-//! Common Data Representation, little-endian: the encoding of ROS 2 messages.
+//! CDR serialization (OMG Common Data Representation, plain, little-endian): the encoding of ROS 2 messages.
 
-/// Writes one message. Each primitive is aligned to its size, counted after the four bytes of the
-/// encapsulation header.
+/// Serializes one message. Each primitive is aligned to its size, counted from the end of the four-byte encapsulation
+/// header.
 #[derive(Clone, Debug)]
 pub struct CdrWriter {
     bytes: Vec<u8>,
-    /// Where the message begins, behind its header.
+    /// Index of the first byte after the header.
     start: usize,
 }
 
@@ -57,7 +57,7 @@ impl CdrWriter {
         self.bytes.extend_from_slice(&value.to_le_bytes());
     }
 
-    /// A sequence of numbers: their count, then they.
+    /// A sequence of numbers: count, then elements.
     pub fn f64s(&mut self, numbers: impl ExactSizeIterator<Item = f64>) {
         let count = numbers.len();
         self.u32(count as u32);
@@ -70,13 +70,13 @@ impl CdrWriter {
         places.zip(numbers).for_each(|(place, number)| place.copy_from_slice(&number.to_le_bytes()));
     }
 
-    /// A sequence of bytes: its length, then they.
+    /// A sequence of bytes: length, then bytes.
     pub fn octets(&mut self, octets: &[u8]) {
         self.u32(octets.len() as u32);
         self.bytes.extend_from_slice(octets);
     }
 
-    /// A text: its length with the closing zero, then both.
+    /// A string: length with the terminating zero, bytes, zero.
     pub fn string(&mut self, text: &str) {
         self.u32(text.len() as u32 + 1);
         self.bytes.extend_from_slice(text.as_bytes());
@@ -84,7 +84,7 @@ impl CdrWriter {
     }
 }
 
-/// Reads the primitives of one message in their order; `None` where the bytes end before.
+/// Deserializes the primitives of one message in their order; `None` past its end.
 #[derive(Clone, Debug)]
 pub struct CdrReader<'a> {
     bytes: &'a [u8],
@@ -92,7 +92,7 @@ pub struct CdrReader<'a> {
 }
 
 impl<'a> CdrReader<'a> {
-    /// Begins behind the encapsulation header, which has to be that of [`CdrWriter`].
+    /// Begins after the encapsulation header, which must be that of [`CdrWriter`].
     pub fn new(bytes: &'a [u8]) -> Option<Self> {
         Some(Self { bytes: bytes.strip_prefix(&HEADER)?, at: 0 })
     }

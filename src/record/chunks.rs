@@ -1,9 +1,9 @@
-//! Reads logs chunk by chunk, in any order: a chunk is found by the index at the end of a log, or by walking over
-//! the heads of its records where a log has been torn off before its index.
+//! Random access to the chunks of an MCAP log. It uses the chunk index in the summary section; a truncated log
+//! without one is scanned by record headers.
 
 use super::RecordError;
 use super::log::{COMMAND_TOPIC, EVENT_TOPIC, NETWORK_TOPIC, SNAPSHOT_TOPIC};
-use super::reader::{Entry, LARGEST_RECORD, LogReader, decode, no_log, why};
+use super::reader::{LARGEST_RECORD, LogEntry, LogReader, decode, no_log, why};
 use mcap::McapError;
 use mcap::records::op;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -13,48 +13,48 @@ use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// What of a log is wanted.
+/// Which entries of a chunk to decode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum EntryFilter {
     Snapshots,
-    /// What has happened: events, and what persons and the laboratory's link have done.
-    Happenings,
+    /// Events, commands of persons, and datagrams of the laboratory's link.
+    Events,
 }
 
-impl Part {
+impl EntryFilter {
     fn topics(self) -> &'static [&'static str] {
         match self {
             Self::Snapshots => &[SNAPSHOT_TOPIC],
-            Self::Happenings => &[EVENT_TOPIC, COMMAND_TOPIC, NETWORK_TOPIC],
+            Self::Events => &[EVENT_TOPIC, COMMAND_TOPIC, NETWORK_TOPIC],
         }
     }
 }
 
-/// A chunk of a log: some of its messages, written and compressed together.
+/// An entry of the MCAP chunk index: time span, place and channels of messages that are compressed together.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Chunk {
+pub struct ChunkInfo {
     /// Simulated time of its first and of its last message.
     pub from_s: f64,
     pub to_s: f64,
     offset: u64,
-    /// With the head of the record.
+    /// Length of the record with its header, bytes.
     length: u64,
-    /// Channels of its messages, where that is known.
+    /// Channels of its messages, where the index tells them.
     channels: Option<BTreeSet<u16>>,
 }
 
-/// A log of which any chunk can be read by itself.
+/// An MCAP log with random access to its chunks.
 #[derive(Debug)]
 pub struct ChunkedLog {
     path: PathBuf,
     file: File,
     topics: HashMap<u16, String>,
     /// In order of time.
-    chunks: Vec<Chunk>,
-    torn: Option<String>,
+    chunks: Vec<ChunkInfo>,
+    truncation: Option<String>,
 }
 
-/// Opcode and length of a record.
+/// Bytes of a record header: opcode and length.
 const HEAD: u64 = 9;
 
 impl ChunkedLog {
@@ -67,31 +67,31 @@ impl ChunkedLog {
         let mut file = File::open(path).map_err(failed)?;
         let mut topics = reader.topics().clone();
         let size = file.metadata().map_err(failed)?.len();
-        let (mut chunks, torn) = match indexed(&mut file, size, &mut topics) {
+        let (mut chunks, truncation) = match indexed(&mut file, size, &mut topics) {
             Some(chunks) => (chunks, None),
             None => walked(&mut file, size).map_err(failed)?,
         };
         chunks.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
-        Ok(Self { path: path.to_path_buf(), file, topics, chunks, torn })
+        Ok(Self { path: path.to_path_buf(), file, topics, chunks, truncation })
     }
 
-    pub fn chunks(&self) -> &[Chunk] {
+    pub fn chunks(&self) -> &[ChunkInfo] {
         &self.chunks
     }
 
     /// Why the log has no end, where it is torn.
-    pub fn torn(&self) -> Option<&str> {
-        self.torn.as_deref()
+    pub fn truncation(&self) -> Option<&str> {
+        self.truncation.as_deref()
     }
 
     /// Whether a chunk may have something of a part; it is not read for that.
-    pub fn may_have(&self, chunk: usize, part: Part) -> bool {
+    pub fn may_have(&self, chunk: usize, part: EntryFilter) -> bool {
         let is_wanted = |id: &u16| self.is_of(*id, part);
         let channels = self.chunks.get(chunk).map(|chunk| chunk.channels.as_ref());
         channels.is_some_and(|known| known.is_none_or(|channels| channels.iter().any(is_wanted)))
     }
 
-    fn is_of(&self, channel: u16, part: Part) -> bool {
+    fn is_of(&self, channel: u16, part: EntryFilter) -> bool {
         self.topics.get(&channel).is_some_and(|topic| part.topics().contains(&topic.as_str()))
     }
 
@@ -99,7 +99,7 @@ impl ChunkedLog {
     ///
     /// # Errors
     /// [`RecordError::NoLog`] where it cannot be read or is damaged.
-    pub fn read(&mut self, chunk: usize, part: Part) -> Result<Vec<Entry>, RecordError> {
+    pub fn read(&mut self, chunk: usize, part: EntryFilter) -> Result<Vec<LogEntry>, RecordError> {
         let Some(place) = self.chunks.get(chunk) else { return Ok(Vec::new()) };
         let mut bytes = vec![0; place.length as usize];
         let read =
@@ -129,7 +129,7 @@ impl ChunkedLog {
         Ok(entries)
     }
 
-    fn entry(&self, message: &[u8], part: Part) -> Result<Option<Entry>, RecordError> {
+    fn entry(&self, message: &[u8], part: EntryFilter) -> Result<Option<LogEntry>, RecordError> {
         /// Channel, sequence, and the times of logging and publishing.
         const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
         let (Some(&[low, high]), Some(body)) = (message.first_chunk::<2>(), message.get(MESSAGE_HEAD..))
@@ -150,8 +150,8 @@ fn seconds(nanoseconds: u64) -> f64 {
     nanoseconds as f64 * 1e-9
 }
 
-/// The chunks that the index at the end of a file names; `None` where there is no whole one.
-fn indexed(file: &mut File, size: u64, topics: &mut HashMap<u16, String>) -> Option<Vec<Chunk>> {
+/// The chunks by the chunk index of the summary section; `None` without a complete one.
+fn indexed(file: &mut File, size: u64, topics: &mut HashMap<u16, String>) -> Option<Vec<ChunkInfo>> {
     let options =
         SummaryReaderOptions::default().with_file_size(size).with_record_length_limit(LARGEST_RECORD);
     let mut reader = SummaryReader::new_with_options(options);
@@ -174,7 +174,7 @@ fn indexed(file: &mut File, size: u64, topics: &mut HashMap<u16, String>) -> Opt
         let is_sane = index.chunk_length <= LARGEST_RECORD as u64;
         is_sane && index.chunk_start_offset.checked_add(index.chunk_length).is_some_and(|end| end <= size)
     };
-    let chunk = |index: &mcap::records::ChunkIndex| Chunk {
+    let chunk = |index: &mcap::records::ChunkIndex| ChunkInfo {
         from_s: seconds(index.message_start_time),
         to_s: seconds(index.message_end_time),
         offset: index.chunk_start_offset,
@@ -185,13 +185,13 @@ fn indexed(file: &mut File, size: u64, topics: &mut HashMap<u16, String>) -> Opt
     summary.chunk_indexes.iter().all(fits).then(|| summary.chunk_indexes.iter().map(chunk).collect())
 }
 
-/// The whole chunks of a file in their order, and why nothing more follows.
-fn walked(file: &mut File, size: u64) -> std::io::Result<(Vec<Chunk>, Option<String>)> {
-    let torn = |chunks, error: McapError| Ok((chunks, Some(why(&error))));
-    let mut chunks: Vec<Chunk> = Vec::new();
+/// The complete chunks of a file without an index, and why it is truncated.
+fn walked(file: &mut File, size: u64) -> std::io::Result<(Vec<ChunkInfo>, Option<String>)> {
+    let truncation = |chunks, error: McapError| Ok((chunks, Some(why(&error))));
+    let mut chunks: Vec<ChunkInfo> = Vec::new();
     let mut offset = mcap::MAGIC.len() as u64;
     loop {
-        // Opcode and length, and of a chunk the times of its messages, of their index the channel.
+        // Opcode and length; for a chunk also the times of its messages.
         let mut head = [0; HEAD as usize + 16];
         file.seek(SeekFrom::Start(offset))?;
         let there = fill(file, &mut head)?;
@@ -199,14 +199,14 @@ fn walked(file: &mut File, size: u64) -> std::io::Result<(Vec<Chunk>, Option<Str
             |from: usize| head[from..from + 8].iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte));
         let length = number(1);
         if (there as u64) < HEAD || length > size - offset - HEAD {
-            return torn(chunks, McapError::UnexpectedEof);
+            return truncation(chunks, McapError::UnexpectedEof);
         }
         match head[0] {
             op::DATA_END => return Ok((chunks, None)),
             op::CHUNK if length > LARGEST_RECORD as u64 || length < 16 => {
-                return torn(chunks, McapError::UnexpectedEoc);
+                return truncation(chunks, McapError::UnexpectedEoc);
             }
-            op::CHUNK => chunks.push(Chunk {
+            op::CHUNK => chunks.push(ChunkInfo {
                 from_s: seconds(number(HEAD as usize)),
                 to_s: seconds(number(HEAD as usize + 8)),
                 offset,
@@ -219,7 +219,7 @@ fn walked(file: &mut File, size: u64) -> std::io::Result<(Vec<Chunk>, Option<Str
     }
 }
 
-/// Reads as much as there is.
+/// Fills the buffer as far as the file goes.
 fn fill(file: &mut File, buffer: &mut [u8]) -> std::io::Result<usize> {
     let mut there = 0;
     while there < buffer.len() {

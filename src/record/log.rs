@@ -1,5 +1,5 @@
-//! The run log: one MCAP file (profile `ros2`, messages in CDR with ros2msg schemas) that Foxglove,
-//! the `mcap` tools and ROS readers open.
+//! Writer of the run log: one MCAP file (profile `ros2`, CDR messages with ros2msg schemas) that Foxglove, the `mcap`
+//! tools and ROS readers open.
 
 use super::schema::{
     COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, MEASURED_SCHEMA, MEASURED_TYPE, NETWORK_SCHEMA,
@@ -9,7 +9,7 @@ use super::schema::{
 };
 use super::transforms::{TRANSFORM_SCHEMA, TRANSFORM_TYPE, encode_transform};
 use crate::digest;
-use crate::environment::Profile;
+use crate::environment::EnvironmentProfile;
 use crate::geom::LengthScale;
 use crate::scenario::Experiment;
 use crate::snapshot::{Event, FrameSnapshot, ModelKind, SimCommand, Status};
@@ -44,51 +44,51 @@ impl<W: Write + Seek> std::fmt::Debug for LogWriter<W> {
     }
 }
 
-/// Where the commands of persons are.
+/// Topic of the commands of persons.
 pub(super) const COMMAND_TOPIC: &str = "/city3d/command";
 
-/// Where the trajectories of the control framework are.
+/// Topic of the control framework's trajectories.
 pub(super) const TRAJECTORY_TOPIC: &str = "/city3d/trajectory";
 
-/// Where the measured poses of physical vehicles are.
+/// Topic of the measured poses of physical vehicles.
 pub(super) const MEASURED_TOPIC: &str = "/city3d/measured";
 
-/// Where the digest of every tick is.
+/// Topic of the state digests.
 pub(super) const TICK_TOPIC: &str = "/city3d/tick";
 
 pub(super) const SNAPSHOT_TOPIC: &str = "/city3d/snapshot";
 
-/// Where the events are.
+/// Topic of the events.
 pub(super) const EVENT_TOPIC: &str = "/city3d/event";
 
-/// Of the metadata that say what was run.
+/// Name of the metadata record of the experiment.
 pub(super) const METADATA: &str = "city3d";
-/// Counts up when a reader of before would understand a log wrongly, or lack something.
+/// Format version; raised when an older reader would misread a log.
 pub(super) const FORMAT: &str = "3";
-/// Of the simulation, [`digest::REVISION`].
+/// Metadata key of the simulation revision, [`digest::REVISION`].
 pub(super) const REVISION: &str = "revision";
 pub(super) const SCENARIO: &str = "scenario.toml";
 pub(super) const MAP: &str = "map.dxf";
-/// Before the names of models among the attachments.
+/// Prefix of model attachments.
 pub(super) const MODELS: &str = "models/";
 
-/// What has made a log, and with it which of its commands moved the vehicles.
+/// The program that wrote a log; it tells which commands moved the vehicles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Origin {
+pub enum LogOrigin {
     /// A run in one process: trajectories, and commands of persons.
     Run,
     /// A city whose vehicles and commands came over the laboratory's link.
     Served,
     /// The control framework in a process of its own: it has seen poses, and no world.
     Mainframe,
-    /// Poses that were measured elsewhere.
+    /// Made from poses that were measured elsewhere.
     Recorded,
 }
 
-impl Origin {
+impl LogOrigin {
     pub(super) const ALL: [Self; 4] = [Self::Run, Self::Served, Self::Mainframe, Self::Recorded];
 
-    /// Whether it can be simulated again; otherwise it has seen poses alone.
+    /// Whether it can be replayed; other logs hold only poses.
     pub fn has_world(self) -> bool {
         matches!(self, Self::Run | Self::Served)
     }
@@ -103,10 +103,10 @@ impl Origin {
     }
 }
 
-/// Where that is which came over the laboratory's link.
+/// Topic of the datagrams of the laboratory's link.
 pub(super) const NETWORK_TOPIC: &str = "/city3d/network";
 
-/// Chunks this large are compressed and written at once: what a killed process loses at most.
+/// Size of an MCAP chunk, which is compressed and written at once: the most that a killed process loses.
 const CHUNK_BYTES: u64 = 512 << 10;
 /// Zstandard's quick levels lie below zero: this one takes two thirds of level 1's time for a sixteenth more of size.
 const COMPRESSION_LEVEL: i32 = -3;
@@ -116,7 +116,7 @@ impl<W: Write + Seek> LogWriter<W> {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn new(sink: W, experiment: &Experiment, origin: Origin) -> McapResult<Self> {
+    pub fn new(sink: W, experiment: &Experiment, origin: LogOrigin) -> McapResult<Self> {
         let mut writer = WriteOptions::new()
             .profile("ros2")
             .library(concat!("city3d ", env!("CARGO_PKG_VERSION")))
@@ -223,8 +223,8 @@ impl<W: Write + Seek> LogWriter<W> {
         self.message(self.ticks, time_s)
     }
 
-    /// Adds a command that is applied in the step after a tick: a trajectory, a measured pose, or one of a person. That the
-    /// clock is started goes without saying.
+    /// Adds a command that is applied in the step after a tick: a trajectory, a measured pose, or a command of a
+    /// person. The start of the clock is not logged.
     ///
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
@@ -237,7 +237,7 @@ impl<W: Write + Seek> LogWriter<W> {
         written
     }
 
-    /// Adds a command that is a message already.
+    /// Adds an encoded command.
     ///
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
@@ -251,7 +251,7 @@ impl<W: Write + Seek> LogWriter<W> {
         self.writer.write_to_known_channel(&header, message)
     }
 
-    /// Adds what came over the laboratory's link.
+    /// Adds a datagram that was carried out.
     ///
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
@@ -271,7 +271,7 @@ impl<W: Write + Seek> LogWriter<W> {
         MessageHeader { channel_id, sequence: self.sequence, log_time: stamp, publish_time: stamp }
     }
 
-    /// Ends the present chunk: what has been added stays readable whatever happens.
+    /// Ends the present chunk: its messages survive a crash.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -288,17 +288,17 @@ impl<W: Write + Seek> LogWriter<W> {
     }
 }
 
-/// Which of a log's messages a command is.
+/// The message type of a logged command.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum CommandKind {
-    /// Of a person.
+    /// Command of a person.
     Person,
     Trajectory,
     Measured,
 }
 
 impl CommandKind {
-    /// Adds the message of a command that is applied in the step after a tick to a buffer; `None` for one that logs lack.
+    /// Appends a command, applied in the step after a tick, to a buffer; `None` for commands that are not logged.
     pub fn encode(tick: u64, command: &SimCommand, buffer: &mut Vec<u8>) -> Option<Self> {
         let mut memory = || std::mem::take(buffer);
         let (kind, message) = match command {
@@ -315,12 +315,12 @@ impl CommandKind {
     }
 }
 
-/// A simulated time as logs have it.
+/// Simulated seconds as log nanoseconds.
 fn nanoseconds(time_s: f64) -> u64 {
     (time_s * 1e9).round() as u64
 }
 
-fn metadata_of(experiment: &Experiment, origin: Origin) -> BTreeMap<String, String> {
+fn metadata_of(experiment: &Experiment, origin: LogOrigin) -> BTreeMap<String, String> {
     let model = match experiment.model {
         None => "",
         Some(ModelKind::Raycast) => "raycast",
@@ -333,7 +333,7 @@ fn metadata_of(experiment: &Experiment, origin: Origin) -> BTreeMap<String, Stri
         (REVISION, digest::REVISION.to_string()),
         ("origin", origin.label().to_owned()),
         ("model", model.to_owned()),
-        ("environment", experiment.profile.map_or("", Profile::name).to_owned()),
+        ("environment", experiment.profile.map_or("", EnvironmentProfile::name).to_owned()),
         ("scenario", experiment.name.clone()),
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
         ("seed", experiment.seed.to_string()),

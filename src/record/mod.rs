@@ -15,10 +15,10 @@ mod table;
 mod transforms;
 
 pub use bag::{is_ros1_bag, read_bag};
-pub use chunks::{Chunk, ChunkedLog, Part};
-pub use log::{LogWriter, Origin};
-pub use poses::{MeasuredPose, POSE_COLUMNS, read_poses};
-pub use reader::{Entry, LogReader, is_log, last_tick, read_commands, read_network};
+pub use chunks::{ChunkInfo, ChunkedLog, EntryFilter};
+pub use log::{LogOrigin, LogWriter};
+pub use poses::{POSE_COLUMNS, RecordedPose, read_poses};
+pub use reader::{LogEntry, LogReader, is_log, last_tick, read_commands, read_network};
 pub use recorder::{Cadence, RecordError, Recorder};
 pub use schema::{LoggedSnapshot, LoggedVehicle, NetworkCommand};
 pub use table::{COLUMNS, VehicleTable};

@@ -1,4 +1,4 @@
-//! Poses that were measured elsewhere, as a table: motion capture of a laboratory, another simulator.
+//! Reads a CSV table of poses that were measured elsewhere: motion capture, another simulator.
 
 use super::RecordError;
 use crate::geom::Pose2;
@@ -6,30 +6,30 @@ use crate::snapshot::VehicleId;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// One vehicle at one instant. Laboratory metres, radians counter-clockwise from east.
+/// A pose of one vehicle at one time. Laboratory metres, radians counter-clockwise from east.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MeasuredPose {
+pub struct RecordedPose {
     pub time_s: f64,
     /// Middle of the outline.
     pub pose: Pose2,
 }
 
-/// Columns of such a table; others are left alone.
+/// Required columns of the table; others are ignored.
 pub const POSE_COLUMNS: [&str; 5] = ["time", "id", "x", "y", "yaw"];
-/// Numbers beyond these are none of a laboratory.
+/// Larger numbers are errors.
 const LARGEST_M: f64 = 1000.0;
 const LARGEST_S: f64 = 1e12;
 
-/// The poses of each vehicle in order of time; of equal times the last row counts.
+/// The poses of each vehicle in order of time; of equal times the last row wins.
 ///
 /// # Errors
 /// [`RecordError::Poses`] with the line where the file cannot be read or a number is none.
-pub fn read_poses(path: &Path) -> Result<BTreeMap<VehicleId, Vec<MeasuredPose>>, RecordError> {
+pub fn read_poses(path: &Path) -> Result<BTreeMap<VehicleId, Vec<RecordedPose>>, RecordError> {
     let wrong = |line: u64, reason: String| RecordError::Poses { path: path.to_path_buf(), line, reason };
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
-        // Those of CRLF are trimmed away; as a pair they would be counted one line late.
+        // The CR of CRLF is trimmed; as a pair, line numbers would be one too high.
         .terminator(csv::Terminator::Any(b'\n'))
         .from_path(path)
         .map_err(|error| wrong(1, error.to_string()))?;
@@ -41,7 +41,7 @@ pub fn read_poses(path: &Path) -> Result<BTreeMap<VehicleId, Vec<MeasuredPose>>,
             || format!("there is no column \"{column}\"; a header with {} is needed", POSE_COLUMNS.join(","));
         *place = found.ok_or_else(|| wrong(1, needed()))?;
     }
-    let mut found: BTreeMap<VehicleId, Vec<MeasuredPose>> = BTreeMap::new();
+    let mut found: BTreeMap<VehicleId, Vec<RecordedPose>> = BTreeMap::new();
     for record in reader.records() {
         let record = record.map_err(|error| wrong(line_of(&error), error.to_string()))?;
         let line = record.position().map_or(0, csv::Position::line);
@@ -58,16 +58,16 @@ pub fn read_poses(path: &Path) -> Result<BTreeMap<VehicleId, Vec<MeasuredPose>>,
             id.parse().map_err(|_| wrong(line, format!("id is \"{id}\"; a whole number is needed")))?;
         let time_s = number(0, LARGEST_S)?;
         let pose = Pose2::new(number(2, LARGEST_M)?, number(3, LARGEST_M)?, number(4, LARGEST_M)?);
-        found.entry(VehicleId(id)).or_default().push(MeasuredPose { time_s, pose });
+        found.entry(VehicleId(id)).or_default().push(RecordedPose { time_s, pose });
     }
     if found.is_empty() {
-        return Err(wrong(1, "there are no poses in it".to_owned()));
+        return Err(wrong(1, "it has no poses".to_owned()));
     }
     Ok(found.into_iter().map(|(vehicle, poses)| (vehicle, in_order(poses))).collect())
 }
 
-/// In order of time; of equal times the last one counts.
-pub(super) fn in_order(mut poses: Vec<MeasuredPose>) -> Vec<MeasuredPose> {
+/// Sorts by time; of equal times the last one wins.
+pub(super) fn in_order(mut poses: Vec<RecordedPose>) -> Vec<RecordedPose> {
     poses.reverse();
     poses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     poses.dedup_by(|later, kept| later.time_s == kept.time_s);
@@ -82,7 +82,7 @@ fn line_of(error: &csv::Error) -> u64 {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> Result<BTreeMap<VehicleId, Vec<MeasuredPose>>, String> {
+    fn read(text: &str) -> Result<BTreeMap<VehicleId, Vec<RecordedPose>>, String> {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), text).unwrap();
         read_poses(file.path()).map_err(|error| error.to_string())

@@ -1,16 +1,16 @@
-//! Reads logs: what was run, and then, entry by entry, what makes it again. A log that was torn off, as by a
-//! killed process, is read up to its last whole record.
+//! Sequential MCAP log reader: the experiment first, then entry by entry. A truncated log, as of a killed process, is
+//! read up to its last whole record.
 
 use super::RecordError;
 use super::log::{
-    COMMAND_TOPIC, EVENT_TOPIC, FORMAT, MAP, MEASURED_TOPIC, METADATA, MODELS, NETWORK_TOPIC, Origin,
+    COMMAND_TOPIC, EVENT_TOPIC, FORMAT, LogOrigin, MAP, MEASURED_TOPIC, METADATA, MODELS, NETWORK_TOPIC,
     REVISION, SCENARIO, SNAPSHOT_TOPIC, TICK_TOPIC, TRAJECTORY_TOPIC,
 };
 use super::schema::{
     LoggedSnapshot, NetworkCommand, decode_command, decode_event, decode_measured, decode_network,
     decode_snapshot, decode_tick, decode_trajectory,
 };
-use crate::environment::Profile;
+use crate::environment::EnvironmentProfile;
 use crate::scenario::{Experiment, Library, Overrides, read_experiment};
 use crate::snapshot::{Event, ModelKind, SimCommand};
 use mcap::McapError;
@@ -21,17 +21,17 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// One of the things in a log that make its run again, or tell what it came to.
+/// A decoded message of a log.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Entry {
-    /// Applied in the step that begins at the tick: a trajectory, or of a person.
+pub enum LogEntry {
+    /// A trajectory, a measured pose, or a command of a person, applied in the step after the tick.
     Command {
         tick: u64,
         command: SimCommand,
     },
-    /// What came over the laboratory's link.
+    /// A datagram of the laboratory's link that was carried out.
     Network(NetworkCommand),
-    /// The digest after a step, or at the beginning.
+    /// The state digest after a step, or at the beginning.
     Tick {
         tick: u64,
         state_hash: u64,
@@ -40,18 +40,18 @@ pub enum Entry {
     Event(Event),
 }
 
-/// A log that is read from its start to its end.
+/// Reads a log from start to end.
 #[derive(Debug)]
 pub struct LogReader {
     path: PathBuf,
-    records: Records,
-    /// Topics of channels.
+    records: RecordStream,
+    /// Topics by channel.
     topics: HashMap<u16, String>,
     metadata: BTreeMap<String, String>,
     attachments: BTreeMap<String, Vec<u8>>,
-    origin: Origin,
-    /// Read while looking for the end of what stands before the messages.
-    ahead: Option<Entry>,
+    origin: LogOrigin,
+    /// The first message: opening reads metadata and attachments up to it.
+    ahead: Option<LogEntry>,
 }
 
 impl LogReader {
@@ -61,23 +61,23 @@ impl LogReader {
     /// [`RecordError::NoLog`] where the file cannot be read, is none of City3D, or of another format.
     pub fn open(path: &Path) -> Result<Self, RecordError> {
         if path.is_file() && !is_log(path) {
-            return Err(no_log(path, "it is no MCAP file; give the run.mcap of a run"));
+            return Err(no_log(path, "it is not an MCAP file; give the run.mcap of a run"));
         }
         let mut log = Self {
             path: path.to_path_buf(),
-            records: Records::open(path).map_err(|error| no_log(path, error))?,
+            records: RecordStream::open(path).map_err(|error| no_log(path, error))?,
             topics: HashMap::new(),
             metadata: BTreeMap::new(),
             attachments: BTreeMap::new(),
-            origin: Origin::Run,
+            origin: LogOrigin::Run,
             ahead: None,
         };
         log.ahead = log.next_entry()?;
-        let torn = log.records.torn.clone();
+        let truncation = log.records.truncation.clone();
         if log.metadata.is_empty() {
-            let why = match torn {
+            let why = match truncation {
                 Some(why) => format!("{why}; give the run.mcap of a run"),
-                None => "it does not say what was run; give the run.mcap of a run of City3D. Of a bag of poses city3d \
+                None => "it has no metadata of City3D; give the run.mcap of a run of City3D. From a bag of poses, city3d \
                          replay BAG --scenario SCENARIO --out DIR makes a run"
                     .to_owned(),
             };
@@ -96,10 +96,10 @@ impl LogReader {
             ));
         }
         let origin = log.metadata.get("origin").cloned().unwrap_or_default();
-        let known = Origin::ALL.into_iter().find(|known| known.label() == origin);
+        let known = LogOrigin::ALL.into_iter().find(|known| known.label() == origin);
         log.origin = known.ok_or_else(|| no_log(path, format!("unknown origin \"{origin}\"")))?;
         if let Some(missing) = [SCENARIO, MAP].into_iter().find(|name| !log.attachments.contains_key(*name)) {
-            let why = torn.map(|why| format!(": {why}")).unwrap_or_default();
+            let why = truncation.map(|why| format!(": {why}")).unwrap_or_default();
             return Err(no_log(
                 path,
                 format!("it ends before {missing}{why}; nothing can be recovered from it"),
@@ -108,7 +108,7 @@ impl LogReader {
         Ok(log)
     }
 
-    pub fn origin(&self) -> Origin {
+    pub fn origin(&self) -> LogOrigin {
         self.origin
     }
 
@@ -123,27 +123,27 @@ impl LogReader {
         self.metadata.get(REVISION).and_then(|text| text.parse().ok()).unwrap_or(1)
     }
 
-    /// Topics of the channels that have been met.
+    /// Topics of the channels read so far.
     pub(super) fn topics(&self) -> &HashMap<u16, String> {
         &self.topics
     }
 
-    /// Why nothing more could be read, where the log has no end.
-    pub fn torn(&self) -> Option<&str> {
-        self.records.torn.as_deref()
+    /// Why the log is truncated, if it is.
+    pub fn truncation(&self) -> Option<&str> {
+        self.records.truncation.as_deref()
     }
 
-    /// What was run, from the log alone: no other file is looked at. Of a served city without vehicles,
-    /// which came over the link.
+    /// The experiment from the log alone, without other files. That of a served city has no vehicles: they came over
+    /// the link.
     ///
     /// # Errors
     /// [`RecordError::NoLog`] where it is damaged, or this version does not take the scenario.
     pub fn experiment(&self) -> Result<Experiment, RecordError> {
         let planned = self.planned()?;
-        Ok(if self.origin == Origin::Served { planned.without_vehicles() } else { planned })
+        Ok(if self.origin == LogOrigin::Served { planned.without_vehicles() } else { planned })
     }
 
-    /// The scenario with all of its vehicles, of which a served city has had those that came over the link.
+    /// The experiment with all vehicles of its scenario; a served city had only those that came over the link.
     ///
     /// # Errors
     /// As for [`LogReader::experiment`].
@@ -166,32 +166,32 @@ impl LogReader {
                 "bicycle" => Some(ModelKind::Bicycle),
                 _ => return Err(damaged("model")),
             },
-            // Logs of before have none.
+            // Older logs have none.
             environment: match self.metadata.get("environment").map_or("", String::as_str) {
                 "" => None,
                 name => {
-                    let known = Profile::ALL.into_iter().find(|profile| profile.name() == name);
+                    let known = EnvironmentProfile::ALL.into_iter().find(|profile| profile.name() == name);
                     Some(known.ok_or_else(|| damaged("environment"))?)
                 }
             },
-            allows_no_vehicles: self.origin == Origin::Served,
+            allows_no_vehicles: self.origin == LogOrigin::Served,
         };
         let name = format!("{}: {SCENARIO}", self.path.display());
         read_experiment(&name, &text, &library, overrides).map_err(|error| wrong(error.to_string()))
     }
 
-    /// The next entry; `None` at the end, see [`LogReader::torn`].
+    /// The next entry; `None` at the end, see [`LogReader::truncation`].
     ///
     /// # Errors
     /// [`RecordError::NoLog`] where the file cannot be read.
-    pub fn read(&mut self) -> Result<Option<Entry>, RecordError> {
+    pub fn read(&mut self) -> Result<Option<LogEntry>, RecordError> {
         match self.ahead.take() {
             Some(entry) => Ok(Some(entry)),
             None => self.next_entry(),
         }
     }
 
-    fn next_entry(&mut self) -> Result<Option<Entry>, RecordError> {
+    fn next_entry(&mut self) -> Result<Option<LogEntry>, RecordError> {
         loop {
             let record = self.records.next().map_err(|error| no_log(&self.path, error))?;
             match record {
@@ -219,53 +219,53 @@ pub(super) fn no_log(path: &Path, reason: impl ToString) -> RecordError {
     RecordError::NoLog { path: path.to_path_buf(), reason: reason.to_string() }
 }
 
-/// The entry of a message: `None` for topics that are left out, `Some(None)` for what is damaged.
-pub(super) fn decode(topic: &str, data: &[u8]) -> Option<Option<Entry>> {
-    let command = |(tick, command)| Entry::Command { tick, command };
+/// Decodes a message: `None` for other topics, `Some(None)` for a damaged message.
+pub(super) fn decode(topic: &str, data: &[u8]) -> Option<Option<LogEntry>> {
+    let command = |(tick, command)| LogEntry::Command { tick, command };
     Some(match topic {
         COMMAND_TOPIC => decode_command(data).map(command),
         TRAJECTORY_TOPIC => {
             decode_trajectory(data).map(|(tick, trajectory)| command((tick, SimCommand::Follow(trajectory))))
         }
         MEASURED_TOPIC => decode_measured(data).map(command),
-        NETWORK_TOPIC => decode_network(data).map(Entry::Network),
-        TICK_TOPIC => decode_tick(data).map(|(tick, state_hash)| Entry::Tick { tick, state_hash }),
-        SNAPSHOT_TOPIC => decode_snapshot(data).map(Entry::Snapshot),
-        EVENT_TOPIC => decode_event(data).map(Entry::Event),
+        NETWORK_TOPIC => decode_network(data).map(LogEntry::Network),
+        TICK_TOPIC => decode_tick(data).map(|(tick, state_hash)| LogEntry::Tick { tick, state_hash }),
+        SNAPSHOT_TOPIC => decode_snapshot(data).map(LogEntry::Snapshot),
+        EVENT_TOPIC => decode_event(data).map(LogEntry::Event),
         _ => return None,
     })
 }
 
-/// Larger records and chunks are none of City3D: a length that is damaged shall not fill the memory.
+/// Largest record or chunk: a damaged length must not exhaust the memory.
 pub(super) const LARGEST_RECORD: usize = 256 << 20;
 
-/// The records of a file, with those inside of chunks, up to the end of its data.
-struct Records {
+/// The records of an MCAP file, also those inside chunks, up to its data end.
+struct RecordStream {
     file: File,
     reader: LinearReader,
     is_over: bool,
-    torn: Option<String>,
+    truncation: Option<String>,
 }
 
-impl std::fmt::Debug for Records {
+impl std::fmt::Debug for RecordStream {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Records").field("torn", &self.torn).finish_non_exhaustive()
+        f.debug_struct("Records").field("torn", &self.truncation).finish_non_exhaustive()
     }
 }
 
-impl Records {
+impl RecordStream {
     fn open(path: &Path) -> std::io::Result<Self> {
         let options = LinearReaderOptions::default()
             .with_skip_end_magic(true)
             .with_prevalidate_chunk_crcs(true)
             .with_record_length_limit(LARGEST_RECORD);
         let reader = LinearReader::new_with_options(options);
-        Ok(Self { file: File::open(path)?, reader, is_over: false, torn: None })
+        Ok(Self { file: File::open(path)?, reader, is_over: false, truncation: None })
     }
 
     fn end(&mut self, why: String) {
         self.is_over = true;
-        self.torn = Some(why);
+        self.truncation = Some(why);
     }
 
     fn next(&mut self) -> std::io::Result<Option<Record<'static>>> {
@@ -290,13 +290,14 @@ impl Records {
     }
 }
 
-/// Hands over type, topic and bytes of each message of any MCAP file. Tells why it has no end, where it is torn.
+/// Calls `take` with type, topic and bytes of each message of any MCAP file. Returns why the file is truncated, if it
+/// is.
 pub(super) fn each_message(
     path: &Path,
     mut take: impl FnMut(&str, &str, &[u8]),
 ) -> std::io::Result<Option<String>> {
-    let mut records = Records::open(path)?;
-    // Names of types, and types and topics of channels.
+    let mut records = RecordStream::open(path)?;
+    // Type names by schema; type and topic by channel.
     let mut schemas: HashMap<u16, String> = HashMap::new();
     let mut channels: HashMap<u16, (String, String)> = HashMap::new();
     while let Some(record) = records.next()? {
@@ -314,18 +315,18 @@ pub(super) fn each_message(
             _ => {}
         }
     }
-    Ok(records.torn)
+    Ok(records.truncation)
 }
 
 pub(super) fn why(error: &McapError) -> String {
     match error {
         McapError::UnexpectedEof | McapError::UnexpectedEoc => "it ends in the middle of a record".to_owned(),
-        McapError::BadMagic => "it is no MCAP file".to_owned(),
+        McapError::BadMagic => "it is not an MCAP file".to_owned(),
         other => format!("a record is damaged ({other})"),
     }
 }
 
-/// The last tick of a log, and why it has no end, where it is torn.
+/// The last tick of a log, and why the log is truncated, if it is.
 ///
 /// # Errors
 /// As for [`LogReader::open`].
@@ -333,11 +334,11 @@ pub fn last_tick(path: &Path) -> Result<(u64, Option<String>), RecordError> {
     let mut log = LogReader::open(path)?;
     let mut last = 0;
     while let Some(entry) = log.read()? {
-        if let Entry::Tick { tick, .. } = entry {
+        if let LogEntry::Tick { tick, .. } = entry {
             last = tick;
         }
     }
-    Ok((last, log.torn().map(str::to_owned)))
+    Ok((last, log.truncation().map(str::to_owned)))
 }
 
 /// Whether a file is an MCAP file, as logs are.
@@ -353,22 +354,22 @@ pub fn is_log(path: &Path) -> bool {
 /// [`RecordError::NoLog`] where the file cannot be read or is none.
 pub fn read_commands(path: &Path) -> Result<Vec<(u64, SimCommand)>, RecordError> {
     let of_person = |entry| match entry {
-        Entry::Command { command: SimCommand::Follow(_), .. } => None,
-        Entry::Command { tick, command } => Some((tick, command)),
+        LogEntry::Command { command: SimCommand::Follow(_), .. } => None,
+        LogEntry::Command { tick, command } => Some((tick, command)),
         _ => None,
     };
     read_some(path, of_person)
 }
 
-/// What came over the laboratory's link, in the order in which it was carried out.
+/// The datagrams of the laboratory's link in the order in which they were carried out.
 ///
 /// # Errors
 /// [`RecordError::NoLog`] where the file cannot be read or is none.
 pub fn read_network(path: &Path) -> Result<Vec<NetworkCommand>, RecordError> {
-    read_some(path, |entry| if let Entry::Network(command) = entry { Some(command) } else { None })
+    read_some(path, |entry| if let LogEntry::Network(command) = entry { Some(command) } else { None })
 }
 
-fn read_some<T>(path: &Path, pick: impl Fn(Entry) -> Option<T>) -> Result<Vec<T>, RecordError> {
+fn read_some<T>(path: &Path, pick: impl Fn(LogEntry) -> Option<T>) -> Result<Vec<T>, RecordError> {
     let mut log = LogReader::open(path)?;
     let mut found = Vec::new();
     while let Some(entry) = log.read()? {

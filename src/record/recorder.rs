@@ -1,7 +1,8 @@
-//! Writes the files of a run off the simulation's thread, through a bounded channel.
+//! Writes the files of a run on a writer thread. A bounded channel gives back-pressure: a full one blocks the
+//! simulation until the disk catches up.
 
 use super::log::CommandKind;
-use super::{LogWriter, NetworkCommand, Origin, VehicleTable};
+use super::{LogOrigin, LogWriter, NetworkCommand, VehicleTable};
 use crate::scenario::Experiment;
 use crate::snapshot::{Event, FrameSnapshot, SimCommand, VehicleState};
 use std::fs::File;
@@ -11,7 +12,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use thiserror::Error;
 
-/// A file of a run that cannot be written.
+/// A file of a run that cannot be written or read.
 #[derive(Debug, Error)]
 pub enum RecordError {
     #[error("{path}: cannot be written: {reason}")]
@@ -20,9 +21,9 @@ pub enum RecordError {
     Thread,
     #[error("{path}: line {line}: {reason}")]
     Poses { path: PathBuf, line: u64, reason: String },
-    #[error("{path}: no log of City3D: {reason}")]
+    #[error("{path}: not a log of City3D: {reason}")]
     NoLog { path: PathBuf, reason: String },
-    #[error("{path}: no bag of poses: {reason}")]
+    #[error("{path}: not a bag of poses: {reason}")]
     NoBag { path: PathBuf, reason: String },
 }
 
@@ -34,7 +35,7 @@ enum Item {
         in_table: bool,
     },
     Event(Event),
-    /// Its message is so many of the batch's bytes.
+    /// The message is the next `length` bytes of the batch.
     Command {
         kind: CommandKind,
         time_s: f64,
@@ -52,19 +53,19 @@ enum Item {
     Flush,
 }
 
-/// What is handed over at once, and comes back empty with the memory that it has.
+/// Items that are sent at once. Batches come back empty for reuse (object pool).
 ///
-/// Commands are encoded before they are handed over: copies of them would be allocated by one thread and freed by the
-/// other, which costs the run more than the encoding.
+/// Commands are encoded before they are sent: copies would be allocated by one thread and freed by the other, which
+/// costs the run more than the encoding.
 #[derive(Debug, Default)]
 struct Batch {
     items: Vec<Item>,
-    /// The messages of its commands, one behind the other.
+    /// The encoded commands, concatenated.
     bytes: Vec<u8>,
-    /// Vehicles of its snapshots.
+    /// Number of vehicles in its snapshots.
     vehicles: usize,
-    /// Snapshots that were written.
-    spent: Vec<FrameSnapshot>,
+    /// Written snapshots, for reuse of their memory.
+    recycled: Vec<FrameSnapshot>,
 }
 
 impl Batch {
@@ -74,29 +75,28 @@ impl Batch {
     }
 }
 
-/// What is written how often, in ticks.
+/// Intervals of log, table and flush, in ticks.
 #[derive(Clone, Copy, Debug)]
 pub struct Cadence {
     pub log_ticks: u64,
     pub table_ticks: u64,
-    /// What has come is on the disk after so many ticks at the latest, as far as a killed process is
-    /// concerned.
+    /// A killed process loses at most this many ticks.
     pub flush_ticks: u64,
 }
 
-/// What has come is handed over when it takes so many bytes: waking the writer takes ten microseconds.
+/// A batch is sent at this size: waking the writer takes ten microseconds.
 const BATCH_BYTES: usize = 512 << 10;
-/// Or when it is so many items, where they are small.
+/// A batch is sent at this number of items, where they are small.
 const BATCH_ITEMS: usize = 4096;
-/// Batches that may wait to be written: the simulation waits for the disk rather than fill memory, but not for each chunk
-/// that is compressed.
-const QUEUE: usize = 32;
+/// Capacity of the channel: the simulation does not wait for the compression of each chunk, but for a slow disk
+/// (back-pressure) rather than exhaust the memory.
+const BATCH_QUEUE: usize = 32;
 
 /// Writes `run.mcap` and `vehicles.csv` into a folder.
 #[derive(Debug)]
 pub struct Recorder {
     batches: Option<SyncSender<Batch>>,
-    /// Not yet handed over.
+    /// Not sent yet.
     batch: Batch,
     written: Receiver<Batch>,
     thread: Option<JoinHandle<Result<(), RecordError>>>,
@@ -111,25 +111,25 @@ impl Recorder {
     pub fn new(
         folder: &Path,
         experiment: &Experiment,
-        origin: Origin,
+        origin: LogOrigin,
         cadence: Cadence,
     ) -> Result<Self, RecordError> {
         let (log_path, table_path) = (folder.join("run.mcap"), folder.join("vehicles.csv"));
         let create = |path: &Path| File::create(path).map(BufWriter::new).map_err(|e| failed(path, e));
         let log = LogWriter::new(create(&log_path)?, experiment, origin).map_err(|e| failed(&log_path, e))?;
         let table = VehicleTable::new(create(&table_path)?).map_err(|e| failed(&table_path, e))?;
-        let (batches, queue) = sync_channel(QUEUE);
-        let (give_back, written) = sync_channel(QUEUE);
-        let files = Files { log, table, log_path, table_path };
+        let (batches, queue) = sync_channel(BATCH_QUEUE);
+        let (recycle, written) = sync_channel(BATCH_QUEUE);
+        let files = RunFileWriter { log, table, log_path, table_path };
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
-            .spawn(move || files.write_all(&queue, &give_back))
+            .spawn(move || files.write_all(&queue, &recycle))
             .map_err(|error| failed(folder, error))?;
         let batch = Batch::default();
         Ok(Self { batches: Some(batches), batch, written, thread: Some(thread), cadence })
     }
 
-    /// Takes a tick in: its snapshot when one is due, and its events.
+    /// Records a tick: its digest, its events, and its snapshot when one is due.
     ///
     /// # Errors
     /// What went wrong when a file could not be written.
@@ -141,7 +141,7 @@ impl Recorder {
         let in_log = tick.is_multiple_of(self.cadence.log_ticks);
         let in_table = tick.is_multiple_of(self.cadence.table_ticks);
         if in_log || in_table {
-            let mut copy = self.batch.spent.pop().unwrap_or_default();
+            let mut copy = self.batch.recycled.pop().unwrap_or_default();
             copy.assign(snapshot);
             items.push(Item::Snapshot { snapshot: copy, in_log, in_table });
             self.batch.vehicles += snapshot.vehicles.len();
@@ -150,10 +150,10 @@ impl Recorder {
         if is_flushed {
             items.push(Item::Flush);
         }
-        if is_flushed || self.batch.is_full() { self.hand_over() } else { Ok(()) }
+        if is_flushed || self.batch.is_full() { self.send_batch() } else { Ok(()) }
     }
 
-    /// Takes the commands in that the step which begins at a tick applies, in their order.
+    /// Records the commands that the step after a tick applies, in their order.
     pub fn commands(&mut self, tick: u64, time_s: f64, commands: &[SimCommand]) {
         for command in commands {
             let bytes = &mut self.batch.bytes;
@@ -165,17 +165,17 @@ impl Recorder {
         }
     }
 
-    /// Takes in what came over the laboratory's link.
+    /// Records a datagram that was carried out.
     ///
     /// # Errors
     /// What went wrong when a file could not be written.
     pub fn network(&mut self, time_s: f64, command: NetworkCommand) -> Result<(), RecordError> {
         self.batch.items.push(Item::Network { time_s, command });
-        // A city that stands still has no ticks.
-        if self.batch.is_full() { self.hand_over() } else { Ok(()) }
+        // A paused city has no ticks that would send the batch.
+        if self.batch.is_full() { self.send_batch() } else { Ok(()) }
     }
 
-    fn hand_over(&mut self) -> Result<(), RecordError> {
+    fn send_batch(&mut self) -> Result<(), RecordError> {
         let empty = self.written.try_recv().unwrap_or_default();
         let full = std::mem::replace(&mut self.batch, empty);
         let is_sent = self.batches.as_ref().is_some_and(|batches| batches.send(full).is_ok());
@@ -187,7 +187,7 @@ impl Recorder {
     /// # Errors
     /// What went wrong when a file could not be written.
     pub fn finish(mut self) -> Result<(), RecordError> {
-        self.hand_over()?;
+        self.send_batch()?;
         self.join()
     }
 
@@ -203,23 +203,19 @@ fn failed(path: &Path, reason: impl ToString) -> RecordError {
     RecordError::File { path: path.to_path_buf(), reason: reason.to_string() }
 }
 
-struct Files {
+struct RunFileWriter {
     log: LogWriter<BufWriter<File>>,
     table: VehicleTable<BufWriter<File>>,
     log_path: PathBuf,
     table_path: PathBuf,
 }
 
-impl Files {
-    fn write_all(
-        mut self,
-        queue: &Receiver<Batch>,
-        give_back: &SyncSender<Batch>,
-    ) -> Result<(), RecordError> {
+impl RunFileWriter {
+    fn write_all(mut self, queue: &Receiver<Batch>, recycle: &SyncSender<Batch>) -> Result<(), RecordError> {
         for mut batch in queue {
             self.write(&mut batch)?;
-            // A full return channel only means that memory is taken anew.
-            let _ = give_back.try_send(batch);
+            // A full return channel only costs an allocation.
+            let _ = recycle.try_send(batch);
         }
         self.log.finish().map_err(|e| failed(&self.log_path, e))?;
         self.table.finish().map_err(|e| failed(&self.table_path, e))
@@ -253,7 +249,7 @@ impl Files {
                     if in_table {
                         self.table.rows(&snapshot).map_err(|e| failed(&self.table_path, e))?;
                     }
-                    batch.spent.push(snapshot);
+                    batch.recycled.push(snapshot);
                 }
             }
         }

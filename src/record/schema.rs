@@ -1,4 +1,4 @@
-//! The messages of a log in ROS 2's interface language, and their encoding.
+//! Log messages: their schemas in the ROS 2 interface definition language, and their CDR encoding.
 
 use super::cdr::{CdrReader, CdrWriter};
 use crate::geom::Pose2;
@@ -76,10 +76,10 @@ pub fn encode_snapshot(snapshot: &FrameSnapshot, buffer: Vec<u8>) -> Vec<u8> {
     cdr.into_bytes()
 }
 
-/// Bits of the lights.
+/// Bits of `lights`.
 const REVERSE: u8 = 1;
 const BRAKE_LIGHTS: u8 = 2;
-/// And of the indicators among them.
+/// Bits of the indicators in `lights` and `flags`.
 const LEFT: u8 = 4;
 const RIGHT: u8 = 8;
 
@@ -111,7 +111,7 @@ pub fn encode_event(event: &Event, buffer: Vec<u8>) -> Vec<u8> {
     cdr.into_bytes()
 }
 
-/// `None` for what is none.
+/// `None` for a damaged message.
 pub fn decode_event(bytes: &[u8]) -> Option<Event> {
     let mut cdr = CdrReader::new(bytes)?;
     let (_time, _vehicle, _kind) = (cdr.f64()?, cdr.u32()?, cdr.string()?);
@@ -142,7 +142,7 @@ const DRIVE: u8 = 0;
 const RELEASE: u8 = 1;
 const REMOVE: u8 = 2;
 
-/// What a person does with a vehicle.
+/// A command of a person to a vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PersonCommand {
     vehicle: VehicleId,
@@ -151,7 +151,7 @@ pub struct PersonCommand {
 }
 
 impl PersonCommand {
-    /// `None` for commands that come from no person, or for no vehicle.
+    /// `None` for other commands.
     pub fn of(command: &SimCommand) -> Option<Self> {
         let (vehicle, kind, pedals) = match command {
             SimCommand::Drive(vehicle, pedals) => (*vehicle, DRIVE, *pedals),
@@ -168,7 +168,7 @@ impl PersonCommand {
     }
 }
 
-/// Adds the message of what a person does to a buffer.
+/// Appends the message of a command of a person to a buffer.
 pub fn encode_command(tick: u64, command: PersonCommand, buffer: Vec<u8>) -> Vec<u8> {
     let PersonCommand { vehicle, kind, pedals } = command;
     let mut cdr = CdrWriter::behind(buffer);
@@ -182,7 +182,7 @@ pub fn encode_command(tick: u64, command: PersonCommand, buffer: Vec<u8>) -> Vec
     cdr.into_bytes()
 }
 
-/// The tick and the command of a message; `None` for what is none.
+/// The tick and the command of a message; `None` for a damaged message.
 pub fn decode_command(bytes: &[u8]) -> Option<(u64, SimCommand)> {
     let mut cdr = CdrReader::new(bytes)?;
     let (tick, vehicle) = (cdr.u64()?, VehicleId(cdr.u32()?));
@@ -218,7 +218,7 @@ float64[3] position
 float64[4] orientation
 ";
 
-/// Adds the message of a measured pose to a buffer.
+/// Appends the message of a measured pose to a buffer.
 pub fn encode_measured(tick: u64, vehicle: VehicleId, pose: &MeasuredPose, buffer: Vec<u8>) -> Vec<u8> {
     let mut cdr = CdrWriter::behind(buffer);
     cdr.u64(tick);
@@ -229,7 +229,7 @@ pub fn encode_measured(tick: u64, vehicle: VehicleId, pose: &MeasuredPose, buffe
     cdr.into_bytes()
 }
 
-/// The tick and the command of a message; `None` for what is none.
+/// The tick and the command of a message; `None` for a damaged message.
 pub fn decode_measured(bytes: &[u8]) -> Option<(u64, SimCommand)> {
     let mut cdr = CdrReader::new(bytes)?;
     let (tick, vehicle, stamp_s) = (cdr.u64()?, VehicleId(cdr.u32()?), cdr.f64()?);
@@ -253,7 +253,7 @@ pub fn encode_tick(tick: u64, state_hash: u64, buffer: Vec<u8>) -> Vec<u8> {
     cdr.into_bytes()
 }
 
-/// The tick and its digest; `None` for what is none.
+/// The tick and its digest; `None` for a damaged message.
 pub fn decode_tick(bytes: &[u8]) -> Option<(u64, u64)> {
     let mut cdr = CdrReader::new(bytes)?;
     Some((cdr.u64()?, cdr.u64()?))
@@ -283,7 +283,7 @@ float64[] speed
 const YIELDING: u8 = 1;
 const FINISHED: u8 = 2;
 
-/// Adds the message of a trajectory to a buffer.
+/// Appends the message of a trajectory to a buffer.
 pub fn encode_trajectory(tick: u64, trajectory: &Trajectory, buffer: Vec<u8>) -> Vec<u8> {
     let mut cdr = CdrWriter::behind(buffer);
     cdr.u64(tick);
@@ -301,7 +301,7 @@ pub fn encode_trajectory(tick: u64, trajectory: &Trajectory, buffer: Vec<u8>) ->
     cdr.into_bytes()
 }
 
-/// The tick and the trajectory of a message; `None` for what is none.
+/// The tick and the trajectory of a message; `None` for a damaged message.
 pub fn decode_trajectory(bytes: &[u8]) -> Option<(u64, Trajectory)> {
     let mut cdr = CdrReader::new(bytes)?;
     let (tick, vehicle, sequence, flags) = (cdr.u64()?, VehicleId(cdr.u32()?), cdr.u32()?, cdr.u8()?);
@@ -319,7 +319,7 @@ pub fn decode_trajectory(bytes: &[u8]) -> Option<(u64, Trajectory)> {
     Some((tick, Trajectory { vehicle, sequence, points, yielding, finished, indicator: indicator_of(flags) }))
 }
 
-/// What a log's snapshot says of one vehicle, in the precision of the log.
+/// One vehicle in a logged snapshot, in the precision of the log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoggedVehicle {
     pub id: VehicleId,
@@ -327,7 +327,7 @@ pub struct LoggedVehicle {
     lights: u8,
     /// Middle of the outline, city metres.
     pub position: DVec3,
-    /// Orientation, then as the schema has them.
+    /// Orientation, then the numbers in the order of the schema.
     numbers: [f32; NUMBERS],
 }
 
@@ -335,7 +335,7 @@ pub struct LoggedVehicle {
 const NUMBERS: usize = 4 + 9 + 4;
 
 impl LoggedVehicle {
-    /// What a log keeps of a state.
+    /// The logged part of a state.
     pub fn of(v: &VehicleState) -> Self {
         let rest = [
             v.speed_mps,
@@ -358,7 +358,7 @@ impl LoggedVehicle {
         Self { id: v.id, status: v.status as u8, lights, position: v.position, numbers }
     }
 
-    /// The state, as far as the log tells it; velocities across the heading and lifted wheels are left out.
+    /// The state as far as the log holds it, without velocity across the heading and wheel lift.
     pub fn state(&self) -> VehicleState {
         let number = |index: usize| f64::from(self.numbers[index]);
         let mut wheels = [WheelState::default(); 4];
@@ -404,7 +404,7 @@ impl LoggedVehicle {
     }
 }
 
-/// What a log keeps of an instant.
+/// A snapshot in a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoggedSnapshot {
     pub tick: u64,
@@ -414,7 +414,7 @@ pub struct LoggedSnapshot {
     pub vehicles: Vec<LoggedVehicle>,
 }
 
-/// `None` for what is none.
+/// `None` for a damaged message.
 pub fn decode_snapshot(bytes: &[u8]) -> Option<LoggedSnapshot> {
     let mut cdr = CdrReader::new(bytes)?;
     let (tick, time_s, state_hash) = (cdr.u64()?, cdr.f64()?, cdr.u64()?);
@@ -437,14 +437,14 @@ uint8 kind
 uint8[] body
 ";
 
-/// Something that came over the laboratory's link and was carried out.
+/// A datagram of the laboratory's link that was carried out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NetworkCommand {
-    /// The step that carried it out begins at this tick.
+    /// Tick at which the step began that carried it out.
     pub tick: u64,
-    /// Address of who has sent it.
+    /// Address of the sender.
     pub sender: String,
-    /// As [`wire`](crate::wire) has it: kind and body of a datagram.
+    /// Kind and body of the datagram, see [`wire`](crate::wire).
     pub kind: u8,
     pub body: Vec<u8>,
 }
@@ -458,7 +458,7 @@ pub fn encode_network(command: &NetworkCommand, buffer: Vec<u8>) -> Vec<u8> {
     cdr.into_bytes()
 }
 
-/// `None` for what is none.
+/// `None` for a damaged message.
 pub fn decode_network(bytes: &[u8]) -> Option<NetworkCommand> {
     let mut cdr = CdrReader::new(bytes)?;
     let (tick, sender, kind) = (cdr.u64()?, cdr.string()?, cdr.u8()?);

@@ -69,7 +69,7 @@ impl<W: Write> VehicleTable<W> {
                 (v.gas, 4, has_control),
                 (v.brake, 4, has_control),
                 (v.handbrake, 4, has_control),
-                (v.lateral_error_m, 4, has_control && v.told_lateral_error_m().is_some()),
+                (v.lateral_error_m, 4, has_control && v.tracked_lateral_error_m().is_some()),
                 (v.distance_m, 3, true),
             ] {
                 row.push(',');
@@ -95,8 +95,8 @@ impl<W: Write> VehicleTable<W> {
     }
 }
 
-/// Adds a number with so many decimals, as `{:.N}` writes it but for the last digit of what lies halfway, and faster: it was a
-/// tenth of the writer's work.
+/// Appends a fixed-point number with so many decimals. Faster than `{:.N}`, which was a tenth of the writer's work;
+/// only the last digit of ties differs.
 fn fixed(row: &mut String, number: f64, decimals: usize) {
     const EXACT: f64 = 1e15;
     let scaled = (number.abs() * trig::powi(10.0, decimals as u32)).round_ties_even();

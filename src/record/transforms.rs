@@ -1,4 +1,4 @@
-//! Poses in the log as VICON's bridge publishes them.
+//! Poses in the log as `geometry_msgs/TransformStamped`, as the VICON bridge publishes them.
 
 use super::cdr::CdrWriter;
 use crate::wire::{Measurement, VICON_WORLD, vicon_frame};

@@ -1,34 +1,35 @@
-//! Where batches of equally large views are drawn: tiles of one texture, so that a batch is one
-//! render pass, and the buffers through which they come back.
+//! Render-target atlas: views of one size are tiles of shared colour, HDR, MSAA and depth attachments, so that a batch
+//! is one render pass.
 
-use super::develop::{Develop, Negative};
-use super::grid::Grid;
-use super::passes::{Attachments, DEPTH};
+use super::grid::TileGrid;
+use super::passes::{Attachments, DEPTH_BUFFER_FORMAT};
+use super::post_process::{HdrTarget, PostProcess};
 
+/// Attachments for views of one size.
 #[derive(Debug)]
 pub(super) struct Atlas {
-    pub(super) grid: Grid,
+    pub(super) grid: TileGrid,
     pub(super) color: wgpu::Texture,
     pub(super) color_view: wgpu::TextureView,
-    /// What is drawn to where that is not what is shown: radiance, or several samples of a pixel.
+    /// HDR or multisampled (MSAA) attachment, where passes do not draw to `color` directly.
     pub(super) samples_view: Option<wgpu::TextureView>,
     pub(super) depth_view: wgpu::TextureView,
-    /// Where radiance is developed.
-    pub(super) negative: Option<Negative>,
+    /// Bindings for post-processing, where the samples are radiance.
+    pub(super) hdr_target: Option<HdrTarget>,
 }
 
 impl Atlas {
-    /// Room for `wanted` views, or for as many as the limits on memory and texture size allow, but
-    /// for one at least.
+    /// Atlas for `wanted` views, or for as many as `bytes` of memory and the largest texture size allow; at least one.
     pub(super) fn new(
         device: &wgpu::Device,
         (tile, wanted): ([u32; 2], usize),
         attachments: Attachments,
-        develop: Option<&Develop>,
+        post_process: Option<&PostProcess>,
         bytes: u64,
     ) -> Self {
-        let has_samples = develop.is_some() || attachments.samples > 1;
-        let grid = Grid::new(device, tile, wanted, pixel_bytes(attachments, develop.is_some()), bytes);
+        let has_samples = post_process.is_some() || attachments.samples > 1;
+        let grid =
+            TileGrid::new(device, tile, wanted, pixel_bytes(attachments, post_process.is_some()), bytes);
         let texture = |label, format, sample_count, usage| {
             device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
@@ -43,20 +44,24 @@ impl Atlas {
         };
         let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let attachment = wgpu::TextureUsages::RENDER_ATTACHMENT;
-        let drawn =
-            if develop.is_some() { attachment | wgpu::TextureUsages::TEXTURE_BINDING } else { attachment };
-        let color = texture("pictures", attachments.shown, 1, attachment | wgpu::TextureUsages::COPY_SRC);
+        let drawn = if post_process.is_some() {
+            attachment | wgpu::TextureUsages::TEXTURE_BINDING
+        } else {
+            attachment
+        };
+        let color =
+            texture("pictures", attachments.display_format, 1, attachment | wgpu::TextureUsages::COPY_SRC);
         let samples_view =
             has_samples.then(|| view(&texture("samples", attachments.format, attachments.samples, drawn)));
-        let depth_view = view(&texture("depth", DEPTH, attachments.samples, drawn));
-        let negative = develop
-            .zip(samples_view.as_ref())
-            .map(|(develop, samples)| develop.negative(device, grid.size(), [samples, &depth_view]));
-        Self { grid, color_view: view(&color), color, samples_view, depth_view, negative }
+        let depth_view = view(&texture("depth", DEPTH_BUFFER_FORMAT, attachments.samples, drawn));
+        let hdr_target = post_process.zip(samples_view.as_ref()).map(|(post_process, samples)| {
+            post_process.hdr_target(device, grid.size(), [samples, &depth_view])
+        });
+        Self { grid, color_view: view(&color), color, samples_view, depth_view, hdr_target }
     }
 }
 
-/// What a pixel takes of all textures of an atlas.
+/// Bytes per pixel of all attachments together.
 fn pixel_bytes(attachments: Attachments, developed: bool) -> u64 {
     let samples = u64::from(attachments.samples);
     let (shown, depth) = (4, 4 * samples);

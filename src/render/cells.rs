@@ -1,29 +1,29 @@
-//! The ground cut into square cells, so that each view draws what it may see of it.
+//! Uniform grid of ground cells: the ground cut along cell edges, so that each view draws only the cells that it sees.
 
-use crate::city::scene::{CELL_M, Level, Mesh, Object, Surface, Vertex};
+use crate::city::scene::{CELL_M, LodMesh, Mesh, SceneObject, Surface, Vertex};
 use glam::Vec3;
 use std::collections::BTreeMap;
 
-/// Triangles larger than this stay in one piece: they lie around the city.
-const WHOLE_FROM_M: f32 = 3.0 * CELL_M;
-/// They are kept by the cell of this size that their middle lies in, apart from the others.
-const COARSE_M: f32 = 16.0 * CELL_M;
-const COARSE_FROM: i32 = 1 << 20;
+/// Larger triangles, those of the plain around the city, are not cut.
+const MAX_CUT_EXTENT_M: f32 = 3.0 * CELL_M;
+/// Uncut triangles belong to the coarse cell of this size that contains their middle.
+const COARSE_CELL_M: f32 = 16.0 * CELL_M;
+const COARSE_CELL_OFFSET: i32 = 1 << 20;
 
-/// Meshes by the cell they lie in.
+/// Meshes by cell.
 type Cells = BTreeMap<[i32; 2], Mesh>;
 
-/// What the ground has of some surfaces, cut along the edges of cells: the levels of each cell. What comes later in
-/// the ground lies on top, and is drawn first, so that nothing is shaded under it.
-pub(super) fn cut(ground: &[Object], of: &dyn Fn(Surface) -> bool) -> Vec<Vec<Level>> {
-    // Levels of what has other surfaces alone would be this one's cut again.
+/// Splits the ground of some surfaces into cells, each with its levels of detail. Later objects lie on top and come
+/// first in a cell, so that the early depth test rejects the ground under them.
+pub(super) fn split_ground(ground: &[SceneObject], of: &dyn Fn(Surface) -> bool) -> Vec<Vec<LodMesh>> {
+    // Objects without these surfaces would only add identical levels.
     let has = |mesh: &Mesh| mesh.indices.iter().any(|&k| of(mesh.vertices[k as usize].finish.surface));
-    let ground: Vec<&Object> =
+    let ground: Vec<&SceneObject> =
         ground.iter().filter(|object| object.levels.first().is_some_and(|level| has(&level.mesh))).collect();
     let mut errors: Vec<f32> = ground.iter().flat_map(|o| &o.levels).map(|level| level.error_m).collect();
     errors.sort_by(f32::total_cmp);
     errors.dedup();
-    let mut found: BTreeMap<[i32; 2], Vec<Level>> = BTreeMap::new();
+    let mut found: BTreeMap<[i32; 2], Vec<LodMesh>> = BTreeMap::new();
     for error_m in errors {
         let mut cells = Cells::new();
         for object in ground.iter().rev() {
@@ -33,7 +33,7 @@ pub(super) fn cut(ground: &[Object], of: &dyn Fn(Surface) -> bool) -> Vec<Vec<Le
             }
         }
         for (at, mesh) in cells {
-            found.entry(at).or_default().push(Level { mesh, error_m });
+            found.entry(at).or_default().push(LodMesh { mesh, error_m });
         }
     }
     found.into_values().collect()
@@ -47,9 +47,9 @@ fn cut_mesh(cells: &mut Cells, mesh: &Mesh, of: &dyn Fn(Surface) -> bool) {
         if !of(corners[0].finish.surface) {
             continue;
         }
-        // Two triangles that are one face are cut as one: it takes half as many pieces.
+        // Two triangles of one planar quad are cut together, which gives half as many pieces.
         let fourth = triangles
-            .next_if(|next| next[0] == t[0] && next[1] == t[2] && is_one_face(&corners, &corner(next[2])));
+            .next_if(|next| next[0] == t[0] && next[1] == t[2] && is_planar_quad(&corners, &corner(next[2])));
         match fourth {
             Some(next) => split_into(cells, &[corners[0], corners[1], corners[2], corner(next[2])]),
             None => split_into(cells, &corners),
@@ -57,12 +57,12 @@ fn cut_mesh(cells: &mut Cells, mesh: &Mesh, of: &dyn Fn(Surface) -> bool) {
     }
 }
 
-/// How far the fourth corner of a face may lie from where the other three would have it, metres and repeats of a
-/// texture.
-const APART: f32 = 0.01;
+/// Tolerance for the fourth corner of a quad against the plane and the texture mapping of the others, metres and
+/// repeats of the texture.
+const FACE_TOLERANCE: f32 = 0.01;
 
-/// Whether a fourth corner goes on with a triangle: a convex plane face with an even texture.
-fn is_one_face([a, b, c]: &[Vertex; 3], d: &Vertex) -> bool {
+/// Whether a fourth corner extends a triangle to a convex planar quad with an affine texture mapping.
+fn is_planar_quad([a, b, c]: &[Vertex; 3], d: &Vertex) -> bool {
     let normal = (b.position - a.position).cross(c.position - a.position).normalize_or_zero();
     let corners = [a, b, c, d].map(|v| v.position);
     let is_convex = (0..4).all(|k| {
@@ -76,8 +76,8 @@ fn is_one_face([a, b, c]: &[Vertex; 3], d: &Vertex) -> bool {
     let (x, y) = ((ff * g.dot(e) - ef * g.dot(f)) * scale, (ee * g.dot(f) - ef * g.dot(e)) * scale);
     let uv = a.uv + (b.uv - a.uv) * x + (c.uv - a.uv) * y;
     is_convex
-        && (e * x + f * y).distance(g) < APART
-        && uv.distance(d.uv) < APART
+        && (e * x + f * y).distance(g) < FACE_TOLERANCE
+        && uv.distance(d.uv) < FACE_TOLERANCE
         && [b, c, d].iter().all(|v| v.finish == a.finish && v.normal.distance(a.normal) < 0.1)
 }
 
@@ -85,30 +85,41 @@ fn cell_of(at: Vec3) -> [i32; 2] {
     [at.x, at.y].map(|x| (x / CELL_M).floor() as i32)
 }
 
-/// Cuts a convex face of the ground along the cells' edges.
+/// Cuts a convex polygon of the ground along the edges of cells.
 fn split_into(cells: &mut Cells, corners: &[Vertex]) {
     let positions = || corners.iter().map(|v| v.position);
     let (low, high) =
         (positions().fold(Vec3::INFINITY, Vec3::min), positions().fold(Vec3::NEG_INFINITY, Vec3::max));
     let (first, last) = (cell_of(low), cell_of(high));
-    let whole = (high - low).truncate().max_element() > WHOLE_FROM_M;
+    let whole = (high - low).truncate().max_element() > MAX_CUT_EXTENT_M;
     if whole {
-        let middle = (low + high) / 2.0 / COARSE_M;
-        let at = [middle.x, middle.y].map(|x| COARSE_FROM + x.floor() as i32);
-        return fan(cells.entry(at).or_default(), corners);
+        let middle = (low + high) / 2.0 / COARSE_CELL_M;
+        let at = [middle.x, middle.y].map(|x| COARSE_CELL_OFFSET + x.floor() as i32);
+        return triangulate_fan(cells.entry(at).or_default(), corners);
     }
     for x in first[0]..=last[0] {
-        let column = clip(&clip(corners, 0, x as f32 * CELL_M, true), 0, (x + 1) as f32 * CELL_M, false);
+        let column = clip_polygon(
+            &clip_polygon(corners, 0, x as f32 * CELL_M, true),
+            0,
+            (x + 1) as f32 * CELL_M,
+            false,
+        );
         for y in first[1]..=last[1] {
-            let piece = clip(&clip(&column, 1, y as f32 * CELL_M, true), 1, (y + 1) as f32 * CELL_M, false);
+            let piece = clip_polygon(
+                &clip_polygon(&column, 1, y as f32 * CELL_M, true),
+                1,
+                (y + 1) as f32 * CELL_M,
+                false,
+            );
             if piece.len() > 2 {
-                fan(cells.entry([x, y]).or_default(), &piece);
+                triangulate_fan(cells.entry([x, y]).or_default(), &piece);
             }
         }
     }
 }
 
-fn fan(mesh: &mut Mesh, corners: &[Vertex]) {
+/// Appends a convex polygon as a triangle fan.
+fn triangulate_fan(mesh: &mut Mesh, corners: &[Vertex]) {
     let base = mesh.vertices.len() as u32;
     mesh.vertices.extend_from_slice(corners);
     for k in 2..corners.len() as u32 {
@@ -116,8 +127,8 @@ fn fan(mesh: &mut Mesh, corners: &[Vertex]) {
     }
 }
 
-/// The part of a convex polygon on one side of a line across an axis (Sutherland and Hodgman 1974).
-fn clip(corners: &[Vertex], axis: usize, at: f32, keep_above: bool) -> Vec<Vertex> {
+/// Clips a convex polygon against an axis-aligned line (Sutherland and Hodgman 1974).
+fn clip_polygon(corners: &[Vertex], axis: usize, at: f32, keep_above: bool) -> Vec<Vertex> {
     let side = |v: &Vertex| if keep_above { v.position[axis] - at } else { at - v.position[axis] };
     let mut kept = Vec::with_capacity(corners.len() + 1);
     for (k, a) in corners.iter().enumerate() {
@@ -157,9 +168,9 @@ mod tests {
             vertices.iter_mut().for_each(|v| v.position.z = z);
             Mesh { vertices: vertices.to_vec(), indices: vec![0, 1, 2, 0, 2, 3] }
         };
-        let levels = [0.0, 0.1].map(|error_m| Level { mesh: face(0.0), error_m });
-        let ground = [Object { levels: levels.to_vec() }, Object::of_one_level(face(0.01))];
-        let cells = cut(&ground, &|_| true);
+        let levels = [0.0, 0.1].map(|error_m| LodMesh { mesh: face(0.0), error_m });
+        let ground = [SceneObject { levels: levels.to_vec() }, SceneObject::of_one_level(face(0.01))];
+        let cells = split_ground(&ground, &|_| true);
         assert_eq!(cells.len(), 3);
         for levels in &cells {
             assert_eq!(levels.iter().map(|level| level.error_m).collect::<Vec<_>>(), [0.0, 0.1]);
@@ -170,11 +181,11 @@ mod tests {
         }
         // Not one face: bent, dented, with a texture that is not even.
         let corners = [vertex(0.0, 0.0), vertex(1.0, 0.0), vertex(1.0, 1.0)];
-        assert!(is_one_face(&corners, &vertex(0.0, 1.0)));
+        assert!(is_planar_quad(&corners, &vertex(0.0, 1.0)));
         let bent = Vertex { position: Vec3::new(0.0, 1.0, 0.1), ..vertex(0.0, 1.0) };
         let drawn = Vertex { uv: Vec2::new(0.0, 1.3), ..vertex(0.0, 1.0) };
         for other in [bent, drawn, vertex(0.9, 0.2), vertex(0.5, 0.5)] {
-            assert!(!is_one_face(&corners, &other), "{other:?}");
+            assert!(!is_planar_quad(&corners, &other), "{other:?}");
         }
     }
 

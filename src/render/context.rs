@@ -1,4 +1,4 @@
-//! Finding an adapter and opening it.
+//! GPU context: selects a wgpu adapter and opens device and queue, with a window or headless.
 
 use super::RenderError;
 use super::threads;
@@ -6,15 +6,15 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use tracing::info;
 
-/// Which adapter to take.
+/// Preferred adapter.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum AdapterPreference {
-    /// A real GPU where there is one, the software adapter else.
+    /// A GPU if there is one, otherwise the software adapter.
     #[default]
     Best,
     /// The software adapter: the same pixels on every machine with the same driver.
     Software,
-    /// The first whose name contains this, whatever its case.
+    /// The first adapter whose name contains this, ignoring case.
     Named(String),
 }
 
@@ -31,27 +31,27 @@ impl AdapterPreference {
         }
     }
 
-    /// From `CITY3D_ADAPTER`; the best one where it is not set.
+    /// From `CITY3D_ADAPTER`; the best adapter if the variable is not set.
     pub fn from_environment() -> Self {
         std::env::var(Self::VARIABLE).map_or(Self::Best, |text| Self::parse(&text))
     }
 }
 
-/// An open adapter.
+/// GPU context: an open adapter with its device and queue.
 #[derive(Clone, Debug)]
 pub struct Context {
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
-    /// Name and driver, as logs and reports show it.
+    /// Name and driver, for logs and reports.
     pub adapter_name: String,
-    /// Whether pictures are computed on the CPU.
+    /// Whether the adapter draws on the CPU.
     pub is_software: bool,
     pub adapter: wgpu::Adapter,
-    /// The same adapter, opened again: see [`Context::for_many`].
+    /// Further devices of the same adapter: see [`Context::for_batches`].
     pub(super) peers: Arc<[Context]>,
 }
 
-/// Where a view is drawn to: a window's surface or a texture that is read back.
+/// Render target of a view: a window's surface or a texture.
 #[derive(Clone, Copy, Debug)]
 pub struct TargetView<'a> {
     pub color: &'a wgpu::TextureView,
@@ -61,7 +61,7 @@ pub struct TargetView<'a> {
 }
 
 impl Context {
-    /// Opens an adapter without a window.
+    /// Opens an adapter without a window (headless).
     ///
     /// # Errors
     /// [`RenderError::NoAdapter`] where the machine has none, which names the package to install;
@@ -70,24 +70,24 @@ impl Context {
         pollster::block_on(async { Self::open(find(&instance(), preference, None).await?).await })
     }
 
-    /// Opens an adapter without a window for many pictures. One that draws on the CPU is opened as often as there are
-    /// processors, so that each draws pictures of its own. Opened once it draws each picture on all of them: what comes
-    /// before the pixels is done on one, and all wait for the last after each pass.
+    /// Opens an adapter without a window for many pictures. A software adapter is opened once per processor, and each
+    /// device draws pictures of its own with one thread. One device with all threads would be slower: its vertex stage
+    /// is single-threaded, and its threads wait for one another after each pass.
     ///
     /// # Errors
     /// As [`Context::headless`].
-    pub fn for_many(preference: &AdapterPreference) -> Result<Self, RenderError> {
-        let before = threads::of_adapters();
-        let adapter = threads::with_few(|| pollster::block_on(find(&instance(), preference, None)))?;
+    pub fn for_batches(preference: &AdapterPreference) -> Result<Self, RenderError> {
+        let before = threads::llvmpipe_threads();
+        let adapter = threads::with_few_threads(|| pollster::block_on(find(&instance(), preference, None)))?;
         let mut first = pollster::block_on(Self::open(adapter))?;
-        let count = if first.is_software { threads::adapters_at_once(before) } else { 1 };
+        let count = if first.is_software { threads::adapter_count(before) } else { 1 };
         let open = |_| Self::headless(preference);
         let peers: Result<Vec<Self>, RenderError> = (1..count).into_par_iter().map(open).collect();
         first.peers = peers?.into();
         Ok(first)
     }
 
-    /// Opens an adapter that can show its pictures on a surface of a window.
+    /// Opens an adapter that can present on a window's surface.
     ///
     /// # Errors
     /// As [`Context::headless`].
@@ -99,8 +99,8 @@ impl Context {
         pollster::block_on(async { Self::open(find(instance, preference, Some(surface)).await?).await })
     }
 
-    /// How often the adapter is open.
-    pub fn times_open(&self) -> usize {
+    /// Number of devices opened on the adapter.
+    pub fn device_count(&self) -> usize {
         1 + self.peers.len()
     }
 
@@ -111,7 +111,7 @@ impl Context {
         let (device, queue) = adapter
             .request_device(&wgpu::DeviceDescriptor {
                 label: Some("city3d"),
-                required_features: adapter.features() & super::clock::FEATURES,
+                required_features: adapter.features() & super::gpu_timer::FEATURES,
                 required_limits: wgpu::Limits::default().using_resolution(adapter.limits()),
                 ..Default::default()
             })

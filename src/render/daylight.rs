@@ -1,10 +1,10 @@
-//! The light of a time of day: sun or moon, sky, haze, exposure, and whether lamps burn.
+//! Light of a time of day: position and radiance of sun or moon, sky, fog, exposure, brightness of lamps.
 
 use super::FlatLight;
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// When pictures are taken; decides where the sun stands.
+/// Time of day, from which the position of the sun follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Daylight {
     /// Local time from midnight.
@@ -16,7 +16,8 @@ impl Daylight {
     pub const LOW_SUN: Self = Self { hours: 16.5 };
     pub const NIGHT: Self = Self { hours: 22.0 };
 
-    /// Unit vector towards the sun: an autumn day in the middle north, with the sun at its highest at 11.
+    /// Unit vector towards the sun from latitude, declination and hour angle: 44 degrees north in autumn, solar noon at
+    /// 11.
     fn to_sun(self) -> Vec3 {
         let turn = (self.hours - 11.0) / 12.0 * PI;
         let (latitude, declination) = (44_f32.to_radians(), 4_f32.to_radians());
@@ -32,14 +33,14 @@ impl Daylight {
         let to_sun = self.to_sun();
         let elevation_deg = to_sun.z.clamp(-1.0, 1.0).asin().to_degrees();
         let to_moon = Vec3::new(-0.50, -0.49, 0.71).normalize_or(Vec3::Z);
-        let is_moonlit = elevation_deg < DUSK_DEG;
+        let is_moonlit = elevation_deg < DUSK_ELEVATION_DEG;
         Light {
             to_sun: if is_moonlit {
                 to_moon
             } else {
                 Vec3::new(to_sun.x, to_sun.y, to_sun.z.max(0.03)).normalize_or(Vec3::Z)
             },
-            ..mixed(elevation_deg)
+            ..interpolated(elevation_deg)
         }
     }
 }
@@ -50,7 +51,7 @@ impl Default for Daylight {
     }
 }
 
-/// Radiance unless said otherwise, for shaders and for the panorama of the sky.
+/// Light of one moment, for shaders and the panorama of the sky: radiance unless stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Light {
     /// Unit vector towards the sun, or towards the moon at night.
@@ -58,26 +59,26 @@ pub(super) struct Light {
     pub(super) sun: [f32; 3],
     pub(super) sky: [f32; 3],
     pub(super) ground: [f32; 3],
-    /// Overhead, as reflections see it.
+    /// Sky at the zenith, for reflections.
     pub(super) zenith: [f32; 3],
-    /// As displayed, sRGB.
+    /// Displayed colour of the fog, sRGB.
     pub(super) haze_srgb: [f32; 3],
     pub(super) zenith_srgb: [f32; 3],
     pub(super) cloud_srgb: [f32; 3],
     /// Around the sun.
     pub(super) glow_srgb: [f32; 3],
     pub(super) hills_srgb: [f32; 3],
-    /// Multiplies radiance before the display curve.
+    /// Factor on radiance before tone mapping.
     pub(super) exposure: f32,
-    /// 0 off to 1: lamps of streets, windows and cars.
+    /// Brightness of the lamps of streets, windows and cars: 0 off to 1.
     pub(super) lamps: f32,
 }
 
-/// Below this elevation the moon takes the place of the sun; neither throws light at it.
-const DUSK_DEG: f32 = -3.0;
+/// Below this elevation of the sun the moon replaces it; at it neither gives light.
+const DUSK_ELEVATION_DEG: f32 = -3.0;
 
-/// Elevation of the sun in degrees and its light, rising.
-const STEPS: [(f32, Light); 4] = [
+/// Key frames of the light by elevation of the sun, degrees, ascending.
+const KEY_FRAMES: [(f32, Light); 4] = [
     (
         -12.0,
         Light {
@@ -96,7 +97,7 @@ const STEPS: [(f32, Light); 4] = [
         },
     ),
     (
-        DUSK_DEG,
+        DUSK_ELEVATION_DEG,
         Light {
             to_sun: Vec3::Z,
             sun: [0.0, 0.0, 0.0],
@@ -148,12 +149,13 @@ const STEPS: [(f32, Light); 4] = [
     ),
 ];
 
-fn mixed(elevation_deg: f32) -> Light {
-    let above = STEPS.iter().position(|(from, _)| elevation_deg < *from);
+/// Linear interpolation between key frames.
+fn interpolated(elevation_deg: f32) -> Light {
+    let above = KEY_FRAMES.iter().position(|(from, _)| elevation_deg < *from);
     let (below, next) = match above {
-        Some(0) => return STEPS[0].1,
-        Some(k) => (&STEPS[k - 1], &STEPS[k]),
-        None => return STEPS[STEPS.len() - 1].1,
+        Some(0) => return KEY_FRAMES[0].1,
+        Some(k) => (&KEY_FRAMES[k - 1], &KEY_FRAMES[k]),
+        None => return KEY_FRAMES[KEY_FRAMES.len() - 1].1,
     };
     let part = (elevation_deg - below.0) / (next.0 - below.0);
     let (a, b) = (&below.1, &next.1);
@@ -189,12 +191,12 @@ impl FlatLight {
 }
 
 impl Light {
-    /// Whether lamps burn.
+    /// Whether lamps are on.
     pub(super) fn is_lamplit(&self) -> bool {
         self.lamps > 0.0
     }
 
-    /// Radiance that the display curve of `shaders/display.wgsl` shows as an sRGB value below 1: its inverse.
+    /// Inverse tone mapping: the radiance that `shaders/display.wgsl` displays as an sRGB value below 1.
     pub(super) fn radiance_of(&self, displayed: [f32; 3]) -> [f32; 3] {
         displayed.map(|c| {
             let y = linear_from_srgb(c).min(0.995);
@@ -205,7 +207,7 @@ impl Light {
     }
 }
 
-/// Of a channel from 0 to 1.
+/// Linear light of an sRGB channel from 0 to 1 (IEC 61966-2-1).
 fn linear_from_srgb(c: f32) -> f32 {
     let c = c.clamp(0.0, 1.0);
     if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }

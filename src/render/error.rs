@@ -1,8 +1,9 @@
-//! What can go wrong between an adapter and a picture on disk.
+//! Errors of the renderer and of picture files.
 
 use crate::snapshot::VehicleId;
 use std::path::PathBuf;
 
+/// Error of adapter selection, drawing, read-back or a picture file.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
     #[error(
@@ -12,7 +13,7 @@ pub enum RenderError {
     NoAdapter { wanted: String },
     #[error("no adapter's name contains \"{wanted}\"; there are: {present}")]
     NoSuchAdapter { wanted: String, present: String },
-    #[error("the adapter {adapter} gives no device: {source}")]
+    #[error("the adapter {adapter} cannot be opened: {source}")]
     NoDevice { adapter: String, source: wgpu::RequestDeviceError },
     #[error(
         "a view of {width} x {height} pixels was asked for; the adapter draws from 1 x 1 to {most} x {most}"
@@ -22,7 +23,7 @@ pub enum RenderError {
     View { index: usize },
     #[error("vehicle {vehicle} cannot be drawn: its {what} is {found}; it has to be finite and above zero")]
     Vehicle { vehicle: VehicleId, what: &'static str, found: f64 },
-    #[error("pictures of instances cannot tell vehicle {vehicle}: numbers from 1 to 65535 can be told")]
+    #[error("instance pictures cannot show vehicle {vehicle}; they show ids from 1 to 65535")]
     Number { vehicle: VehicleId },
     #[error("the pictures did not come back from the adapter: {0}")]
     Readback(String),

@@ -1,4 +1,4 @@
-//! Pictures on disk: one file for each kind, in a format that OpenCV and numpy read with one call.
+//! Picture file formats: PNG and numpy's `.npy`, one file for each kind; OpenCV and numpy read each with one call.
 
 use super::{Pictures, Plane, RenderError, write_png};
 use crate::camera::PictureKind;
@@ -7,16 +7,15 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-/// How a picture becomes a file.
+/// File format of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Format {
+pub enum PictureFormat {
     /// Colour, PNG of 8 bits a channel, sRGB.
     Rgb,
-    /// Depth, grey PNG of 16 bits: counts of so many metres, 0 where nothing is seen or where it lies
-    /// beyond the largest count.
+    /// Depth, 16-bit grey PNG: multiples of `metres_per_count`; 0 where nothing is seen or the depth exceeds the
+    /// largest count.
     DepthPng { metres_per_count: f64 },
-    /// Depth, array of numpy (`.npy`) of 32-bit floats by row and column: metres, infinite where nothing
-    /// is seen.
+    /// Depth, numpy array (`.npy`) of 32-bit floats by row and column: metres, infinite where nothing is seen.
     DepthNpy,
     /// Numbers of [`Class`], grey PNG of 8 bits.
     Semantic,
@@ -26,7 +25,7 @@ pub enum Format {
     Instance,
 }
 
-impl Format {
+impl PictureFormat {
     pub fn kind(self) -> PictureKind {
         match self {
             Self::Rgb => PictureKind::Rgb,
@@ -36,7 +35,7 @@ impl Format {
         }
     }
 
-    /// Of the file's name, without a dot.
+    /// Extension of the file name, without a dot.
     pub fn extension(self) -> &'static str {
         match self {
             Self::DepthNpy => "npy",
@@ -44,7 +43,7 @@ impl Format {
         }
     }
 
-    /// Metres that a value of the file stands for, of depths.
+    /// Metres per unit of a value in the file, for depth maps.
     pub fn metres_per_value(self) -> Option<f64> {
         match self {
             Self::DepthPng { metres_per_count } => Some(metres_per_count),
@@ -53,7 +52,7 @@ impl Format {
         }
     }
 
-    /// Writes the picture of this kind, if it was taken.
+    /// Writes the picture of this kind, if there is one.
     ///
     /// # Errors
     /// [`RenderError::File`] or [`RenderError::Encoding`] with the path.
@@ -77,7 +76,7 @@ impl Format {
 fn write_depth(path: &Path, plane: &Plane<f32>, metres_per_count: f64) -> Result<(), RenderError> {
     write_counts(path, plane, |&depth_m| {
         let counts = (f64::from(depth_m) / metres_per_count).round();
-        // What is nearer than half a count is still something.
+        // 0 means nothing seen, so a depth below half a count becomes 1.
         if counts <= f64::from(u16::MAX) { counts.max(1.0) as u16 } else { 0 }
     })
 }
@@ -123,14 +122,14 @@ impl Png {
     }
 }
 
-/// Format 1.0 of numpy's arrays, after its documentation (numpy.lib.format).
+/// Writes format 1.0 of numpy's arrays (numpy.lib.format).
 fn write_npy(path: &Path, plane: &Plane<f32>) -> Result<(), RenderError> {
     let at = |source| RenderError::File { path: path.to_owned(), source };
     let mut file = BufWriter::new(File::create(path).map_err(at)?);
     let (height, width) = (plane.height, plane.width);
     let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
     const BEFORE: usize = 10;
-    // Numbers begin at a multiple of 64 bytes.
+    // The data begin at a multiple of 64 bytes.
     let end = (BEFORE + header.len() + 1).next_multiple_of(64);
     header.push_str(&" ".repeat(end - BEFORE - header.len() - 1));
     header.push('\n');
@@ -150,7 +149,7 @@ mod tests {
         Plane { width: 3, height: 2, values }
     }
 
-    fn written(format: Format, pictures: &Pictures) -> Vec<u8> {
+    fn written(format: PictureFormat, pictures: &Pictures) -> Vec<u8> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("picture");
         format.write(&path, pictures).unwrap();
@@ -161,11 +160,11 @@ mod tests {
     fn depth_is_counted_and_what_cannot_be_counted_is_nothing() {
         let metres = vec![0.001, 1.0, 2.249, 655.35, 655.36, f32::INFINITY];
         let pictures = Pictures { depth: Some(plane(metres.clone())), ..Pictures::default() };
-        let png = written(Format::DepthPng { metres_per_count: 0.01 }, &pictures);
+        let png = written(PictureFormat::DepthPng { metres_per_count: 0.01 }, &pictures);
         let counts = ::image::load_from_memory(&png).unwrap();
         assert_eq!(counts.color(), ::image::ColorType::L16);
         assert_eq!(counts.into_luma16().into_raw(), [1, 100, 225, 65_535, 0, 0]);
-        let npy = written(Format::DepthNpy, &pictures);
+        let npy = written(PictureFormat::DepthNpy, &pictures);
         assert_eq!(npy.len(), 128 + 6 * 4);
         assert!(npy.starts_with(b"\x93NUMPY\x01\x00\x76\x00{'descr': '<f4'") && npy[127] == b'\n');
         let floats: Vec<f32> =
@@ -180,12 +179,12 @@ mod tests {
             instance: Some(plane(vec![0, 1, 2, 256, 65_534, 65_535])),
             ..Pictures::default()
         };
-        let grey = ::image::load_from_memory(&written(Format::Semantic, &pictures)).unwrap();
+        let grey = ::image::load_from_memory(&written(PictureFormat::Semantic, &pictures)).unwrap();
         assert_eq!(grey.color(), ::image::ColorType::L8);
         assert_eq!(grey.into_luma8().into_raw(), [0, 1, 2, 5, 10, 11]);
-        let numbers = ::image::load_from_memory(&written(Format::Instance, &pictures)).unwrap();
+        let numbers = ::image::load_from_memory(&written(PictureFormat::Instance, &pictures)).unwrap();
         assert_eq!(numbers.into_luma16().into_raw(), [0, 1, 2, 256, 65_534, 65_535]);
-        let indexed = written(Format::SemanticPalette, &pictures);
+        let indexed = written(PictureFormat::SemanticPalette, &pictures);
         let colours = ::image::load_from_memory(&indexed).unwrap().into_rgb8();
         assert_eq!(colours.get_pixel(2, 1).0, Class::Vehicle.colour());
         let mut reader = ::png::Decoder::new(std::io::Cursor::new(indexed)).read_info().unwrap();

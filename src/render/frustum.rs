@@ -1,55 +1,56 @@
-//! What a view can see, and how sharply.
+//! View frustum for culling, and the pixel scale of a view for the screen-space error.
 
 use glam::{Mat4, Vec3, Vec4};
 
-/// The six planes of a view, pointing inwards.
+/// View frustum: six planes that point inwards.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frustum {
     planes: [Vec4; 6],
 }
 
 impl Frustum {
-    /// From clip coordinates with depth in [0, w].
+    /// Extracts the planes from a projection matrix with depth in [0, w] (Gribb and Hartmann 2001).
     pub(super) fn new(clip_from_world: &Mat4) -> Self {
         let row = |k| clip_from_world.row(k);
         let w = row(3);
         Self { planes: [w + row(0), w - row(0), w + row(1), w - row(1), row(2), w - row(2)] }
     }
 
-    /// Of the upper part of the picture alone, as a share of its height.
-    pub(super) fn upper(mut self, share: f32) -> Self {
+    /// Frustum of the upper `share` of the picture's height alone.
+    pub(super) fn cropped_to_top(mut self, share: f32) -> Self {
         let double_w = self.planes[2] + self.planes[3];
         self.planes[2] -= double_w * (1.0 - share);
         self
     }
 
-    /// Whether a box may be seen; false only where it cannot.
-    pub(super) fn may_see_box(&self, [low, high]: [Vec3; 2]) -> bool {
+    /// Whether a box may intersect the frustum; conservative: false only if it certainly does not.
+    pub(super) fn intersects_box(&self, [low, high]: [Vec3; 2]) -> bool {
         self.planes.iter().all(|plane| {
             let farthest = Vec3::select(plane.truncate().cmpge(Vec3::ZERO), high, low);
             plane.truncate().dot(farthest) + plane.w >= 0.0
         })
     }
 
-    pub(super) fn may_see_ball(&self, centre: Vec3, radius: f32) -> bool {
+    /// Whether a sphere may intersect the frustum; conservative.
+    pub(super) fn intersects_sphere(&self, centre: Vec3, radius: f32) -> bool {
         self.planes
             .iter()
             .all(|plane| plane.truncate().dot(centre) + plane.w >= -radius * plane.truncate().length())
     }
 }
 
-/// How large things appear in a view.
+/// Pixel scale of a view: projects lengths to pixels, for the screen-space error of levels of detail.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sharpness {
+pub(super) struct PixelScale {
     /// Pixels that a metre covers where the clip coordinate w is 1.
     pixels_per_m: f32,
-    /// Growth of w with distance; 0 for parallel rays.
+    /// Growth of w with distance; 0 for an orthographic projection.
     w_per_m: f32,
-    /// Of parallel rays.
+    /// w of an orthographic projection.
     w: f32,
 }
 
-impl Sharpness {
+impl PixelScale {
     /// From clip coordinates and the height of the picture in pixels.
     pub(super) fn new(clip_from_world: &Mat4, height: u32) -> Self {
         let (up, w) = (clip_from_world.row(1), clip_from_world.row(3));
@@ -58,7 +59,7 @@ impl Sharpness {
     }
 
     /// Pixels that a length covers at a distance from the eye.
-    pub(super) fn pixels(&self, length_m: f32, distance_m: f32) -> f32 {
+    pub(super) fn projected_px(&self, length_m: f32, distance_m: f32) -> f32 {
         let w = if self.w_per_m > 1e-6 { self.w_per_m * distance_m } else { self.w };
         length_m * self.pixels_per_m / w.max(1e-6)
     }
@@ -76,22 +77,26 @@ mod tests {
         let frustum = Frustum::new(&view.clip_from_world().as_mat4());
         for (x, y, seen) in [(10.0, 0.0, true), (-10.0, 0.0, false), (10.0, 5.0, true), (10.0, 9.0, false)] {
             let at = Vec3::new(x, y, 0.0);
-            assert_eq!(frustum.may_see_ball(at, 0.1), seen, "{at}");
-            assert_eq!(frustum.may_see_box([at - 0.1, at + 0.1]), seen, "{at}");
+            assert_eq!(frustum.intersects_sphere(at, 0.1), seen, "{at}");
+            assert_eq!(frustum.intersects_box([at - 0.1, at + 0.1]), seen, "{at}");
         }
         let far = view.project(DVec3::new(20.0, 0.0, 0.0)).unwrap()
             - view.project(DVec3::new(20.0, 0.0, 1.0)).unwrap();
-        let sharpness = Sharpness::new(&view.clip_from_world().as_mat4(), 480);
-        assert!((f64::from(sharpness.pixels(1.0, 20.0)) - far.y).abs() < 1e-3, "{far}");
-        assert!(frustum.may_see_box([Vec3::splat(-50.0), Vec3::splat(50.0)]));
-        // The lower edge of the upper half is where it looks, that of three quarters half way down from there.
+        let pixel_scale = PixelScale::new(&view.clip_from_world().as_mat4(), 480);
+        assert!((f64::from(pixel_scale.projected_px(1.0, 20.0)) - far.y).abs() < 1e-3, "{far}");
+        assert!(frustum.intersects_box([Vec3::splat(-50.0), Vec3::splat(50.0)]));
+        // The upper half ends at the optical axis, the upper three quarters half way down from there.
         let slope = 25_f32.to_radians().tan();
         for (share, z, seen) in
             [(0.5, 0.1, true), (0.5, -0.1, false), (0.75, -4.6 * slope, true), (0.75, -5.4 * slope, false)]
         {
             let (at, half) = (Vec3::new(10.0, 0.0, z), Vec3::splat(1e-3));
-            assert_eq!(frustum.upper(share).may_see_box([at - half, at + half]), seen, "{share} {z}");
-            assert!(frustum.may_see_box([at - half, at + half]));
+            assert_eq!(
+                frustum.cropped_to_top(share).intersects_box([at - half, at + half]),
+                seen,
+                "{share} {z}"
+            );
+            assert!(frustum.intersects_box([at - half, at + half]));
         }
     }
 }

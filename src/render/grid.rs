@@ -1,6 +1,6 @@
-//! Equally large views side by side in one texture, so that a batch of them is one render pass.
+//! Tile grid of a texture atlas: views of one size side by side, so that a batch is one render pass.
 
-/// A rectangle of a target that a view is drawn to.
+/// Rectangle of a render target that a view is drawn to, pixels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tile {
     pub(super) origin: [u32; 2],
@@ -8,39 +8,39 @@ pub(super) struct Tile {
 }
 
 impl Tile {
-    /// Has what is drawn from now on fill it.
-    pub(super) fn enter(self, pass: &mut wgpu::RenderPass<'_>) {
+    /// Sets viewport and scissor rectangle to the tile.
+    pub(super) fn set_viewport(self, pass: &mut wgpu::RenderPass<'_>) {
         let ([x, y], [width, height]) = (self.origin, self.extent);
         pass.set_viewport(x as f32, y as f32, width as f32, height as f32, 0.0, 1.0);
-        self.keep_to(pass, height);
+        self.set_scissor_rows(pass, height);
     }
 
-    /// Has what is drawn from now on change no more than that many of its rows from the top.
-    pub(super) fn keep_to(self, pass: &mut wgpu::RenderPass<'_>, rows: u32) {
+    /// Limits the scissor rectangle to the first `rows` rows of the tile.
+    pub(super) fn set_scissor_rows(self, pass: &mut wgpu::RenderPass<'_>, rows: u32) {
         let ([x, y], [width, height]) = (self.origin, self.extent);
         pass.set_scissor_rect(x, y, width, rows.min(height));
     }
 }
 
-/// Rows of a copy into a buffer are multiples of this.
+/// Row pitch of a texture-to-buffer copy is a multiple of this many bytes.
 const ROW_ALIGNMENT: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
 
+/// Layout of tiles in a texture.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Grid {
+pub(super) struct TileGrid {
     pub(super) tile: [u32; 2],
     columns: u32,
     rows: u32,
-    /// Of the texture.
+    /// Width of the texture, pixels.
     width: u32,
-    /// How many views fit.
+    /// Number of tiles.
     pub(super) capacity: usize,
-    /// Whether more views would not fit either.
+    /// Whether memory or texture size allows no more tiles.
     is_full_size: bool,
 }
 
-impl Grid {
-    /// Room for `wanted` views, or for as many as the limits on memory and texture size allow, but
-    /// for one at least.
+impl TileGrid {
+    /// Grid of `wanted` tiles, or of as many as `bytes` of memory and the largest texture size allow; at least one.
     pub(super) fn new(
         device: &wgpu::Device,
         tile: [u32; 2],
@@ -55,16 +55,16 @@ impl Grid {
         let columns = (f64::from(affordable).sqrt().ceil() as u32).clamp(1, most_columns.max(1));
         let rows = affordable.div_ceil(columns).clamp(1, most_rows.max(1));
         let capacity = (columns * rows).min(affordable) as usize;
-        let width = if columns > 1 { spread(columns * tile[0]).min(most) } else { tile[0] };
+        let width = if columns > 1 { cache_friendly_width(columns * tile[0]).min(most) } else { tile[0] };
         Self { tile, columns, rows, width, capacity, is_full_size: capacity < wanted }
     }
 
-    /// Whether so many views need no other one.
-    pub(super) fn suits(&self, views: usize) -> bool {
+    /// Whether the grid serves a batch of this many views: it has a tile for each, or cannot grow.
+    pub(super) fn fits(&self, views: usize) -> bool {
         self.capacity >= views || self.is_full_size
     }
 
-    /// Of the texture.
+    /// Size of the texture.
     pub(super) fn size(&self) -> wgpu::Extent3d {
         wgpu::Extent3d { width: self.width, height: self.rows * self.tile[1], depth_or_array_layers: 1 }
     }
@@ -75,11 +75,11 @@ impl Grid {
         [k % self.columns * self.tile[0], k / self.columns * self.tile[1]]
     }
 
-    pub(super) fn place(&self, tile: usize) -> Tile {
+    pub(super) fn tile_rect(&self, tile: usize) -> Tile {
         Tile { origin: self.origin(tile), extent: self.tile }
     }
 
-    /// Copies a tile of a texture of four bytes a texel into a buffer.
+    /// Records the copy of a tile of a texture, four bytes a texel, into a staging buffer.
     pub(super) fn copy_tile(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -108,20 +108,20 @@ impl Grid {
     }
 }
 
-/// A little wider: where rows begin at multiples of a page of memory, the rows of a block that a software adapter
-/// works at fall on the same few lines of the processor's cache. Odd multiples of 256 bytes spread them best
-/// (50 pictures of 640x480 of large faces in one texture: 1.52 ms each, so 1.30 ms).
-fn spread(width: u32) -> u32 {
+/// Pads the width of a texture against conflict misses in the cache. Rows that begin at multiples of a memory page map
+/// to the same cache sets, and a software adapter works on several rows at once. Odd multiples of 256 bytes are best
+/// (50 pictures of 640x480 of large faces in one texture: 1.30 ms each instead of 1.52 ms).
+fn cache_friendly_width(width: u32) -> u32 {
     const TEXELS: u32 = 64;
     (width.div_ceil(TEXELS) | 1) * TEXELS
 }
 
-/// Bytes of a row of texels of four bytes in a read-back buffer.
+/// Row pitch in a staging buffer, bytes, at four bytes a texel.
 pub(super) fn padded_row(width: u32) -> u32 {
     (width * 4).next_multiple_of(ROW_ALIGNMENT)
 }
 
-/// Bytes of a picture in a read-back buffer.
+/// Bytes of a picture in a staging buffer.
 pub(super) fn tile_bytes([width, height]: [u32; 2]) -> u64 {
     u64::from(padded_row(width)) * u64::from(height)
 }

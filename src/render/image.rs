@@ -1,6 +1,6 @@
-//! A picture in memory.
+//! Pictures in memory: RGB images and single-channel planes.
 
-/// Rows from top to bottom, three bytes a pixel: red, green, blue, encoded as sRGB.
+/// RGB image: rows from top to bottom, three bytes a pixel, sRGB.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Image {
     pub width: u32,
@@ -15,7 +15,7 @@ impl Image {
     }
 }
 
-/// One value a pixel, rows from top to bottom.
+/// Single-channel image: one value a pixel, rows from top to bottom.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane<T> {
     pub width: u32,

@@ -1,36 +1,36 @@
-//! Camera pictures: the GPU renderer, its read-back and the PNG writer.
+//! GPU renderer of camera pictures (wgpu), with asynchronous read-back and PNG encoding.
 //!
-//! [`Context`] finds an adapter, [`Renderer`] draws snapshots of a scene into [`Image`]s or into a
-//! [`TargetView`] of anyone's, [`PngStream`] writes pictures to disk while the next ones are drawn.
+//! [`Context`] opens an adapter, [`Renderer`] draws snapshots of a scene into [`Image`]s or into the caller's
+//! [`TargetView`], [`PngStream`] writes pictures to disk while the next ones are drawn.
 //!
-//! Bind groups are numbered by how often they change: 0 frame and view, 1 pass (the shadow map),
-//! 2 materials. What differs between objects comes as instances.
+//! Bind groups are numbered by how often they change: 0 frame and view, 1 light (shadow map, light map, environment
+//! map), 2 materials. Vehicles differ by instance data alone.
 
 mod atlas;
-mod bonnet;
 mod cells;
-mod clock;
 mod context;
 mod daylight;
-mod develop;
+mod device_renderer;
+mod ego_occlusion;
 mod error;
 mod files;
 mod fleet;
 mod frustum;
+mod gpu_timer;
 mod grid;
-mod horizon;
+mod ground_truth;
 mod image;
-mod kinds;
+mod normal_clusters;
+mod occlusion_horizon;
 mod passes;
 mod png;
+mod post_process;
 mod readback;
 mod renderer;
 mod request;
 mod settings;
 mod shader;
-mod sides;
-mod stage;
-mod standing;
+mod static_scene;
 mod stream;
 mod textures;
 mod threads;
@@ -39,12 +39,12 @@ mod vehicle;
 pub use context::{AdapterPreference, Context, TargetView};
 pub use daylight::Daylight;
 pub use error::RenderError;
-pub use files::Format;
+pub use files::PictureFormat;
 pub use image::{Image, Plane};
 pub use png::{encode_png, write_png};
-pub use readback::{Arrived, Pending, read_texture};
+pub use readback::{MappedReadback, PendingReadback, read_texture};
 pub use renderer::Renderer;
-pub use request::{Pictures, Request};
+pub use request::{Pictures, RenderRequest};
 pub use settings::{FlatLight, Quality, Settings};
-pub use stream::{Order, PngStream};
-pub use textures::Paintings;
+pub use stream::{CaptureJob, PngStream};
+pub use textures::BakedTextures;

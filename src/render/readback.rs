@@ -1,72 +1,72 @@
-//! Pictures on their way back from the adapter. Once they have arrived, any thread can take them out of the
-//! buffer they came through; it is used again when nobody needs it any longer.
+//! Read-back of pictures through staging buffers: asynchronous mapping, reading from any thread, and a pool that reuses
+//! the buffers.
 
 use super::grid::{padded_row, tile_bytes};
-use super::kinds;
+use super::ground_truth;
 use super::png;
-use super::request::{Pictures, Places};
+use super::request::{Pictures, ReadbackLayout};
 use super::{Context, Image, RenderError};
-use crate::camera::{Kinds, PictureKind};
+use crate::camera::{PictureKind, PictureKinds};
 use std::path::Path;
 use std::sync::mpsc;
 
-/// Buffers that pictures come back through; each is used again once it has been read.
+/// Pool of staging buffers (`MAP_READ`); a buffer returns to it once its readers have dropped it.
 #[derive(Debug)]
-pub(super) struct Ring {
+pub(super) struct StagingPool {
     free: Vec<wgpu::Buffer>,
-    /// Where buffers come back to.
+    /// Buffers that were dropped by their readers.
     returned: mpsc::Receiver<wgpu::Buffer>,
-    home: mpsc::Sender<wgpu::Buffer>,
+    return_to: mpsc::Sender<wgpu::Buffer>,
 }
 
-/// A batch that has been submitted.
+/// Batch that has been submitted, in flight.
 #[derive(Debug)]
-pub struct Pending {
-    /// One after the other.
-    pub(super) parts: Vec<PendingPart>,
+pub struct PendingReadback {
+    /// By device; the views of the batch are numbered through.
+    pub(super) parts: Vec<PendingDeviceReadback>,
 }
 
-/// What of a batch one opened adapter draws.
+/// Share of a batch that one device draws.
 #[derive(Debug)]
-pub(super) struct PendingPart {
+pub(super) struct PendingDeviceReadback {
     device: wgpu::Device,
     buffer: wgpu::Buffer,
-    home: mpsc::Sender<wgpu::Buffer>,
-    /// Of each view.
-    places: Vec<Places>,
+    return_to: mpsc::Sender<wgpu::Buffer>,
+    /// By view.
+    layouts: Vec<ReadbackLayout>,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
     submission: wgpu::SubmissionIndex,
     bgra: bool,
 }
 
-/// A batch whose pictures are there.
+/// Completed batch, with its staging buffers mapped for reading.
 #[derive(Debug)]
-pub struct Arrived {
-    /// One after the other.
-    parts: Vec<ArrivedPart>,
+pub struct MappedReadback {
+    /// By device.
+    parts: Vec<MappedDeviceReadback>,
 }
 
 #[derive(Debug)]
-struct ArrivedPart {
+struct MappedDeviceReadback {
     buffer: wgpu::Buffer,
-    home: mpsc::Sender<wgpu::Buffer>,
-    /// There until the end.
+    return_to: mpsc::Sender<wgpu::Buffer>,
+    /// Mapped memory; `None` only while dropping.
     bytes: Option<wgpu::BufferView>,
-    places: Vec<Places>,
+    layouts: Vec<ReadbackLayout>,
     bgra: bool,
 }
 
-impl Default for Ring {
+impl Default for StagingPool {
     fn default() -> Self {
-        let (home, returned) = mpsc::channel();
-        Self { free: Vec::new(), returned, home }
+        let (return_to, returned) = mpsc::channel();
+        Self { free: Vec::new(), returned, return_to }
     }
 }
 
-impl Ring {
-    pub(super) fn take(&mut self, device: &wgpu::Device, bytes: u64) -> wgpu::Buffer {
+impl StagingPool {
+    pub(super) fn acquire(&mut self, device: &wgpu::Device, bytes: u64) -> wgpu::Buffer {
         self.free.extend(self.returned.try_iter());
-        // The smallest that is large enough; those too small for the work at hand are let go.
+        // Takes the smallest buffer that is large enough; if there is none, frees all of them.
         self.free.sort_by_key(wgpu::Buffer::size);
         if let Some(k) = self.free.iter().position(|b| b.size() >= bytes) {
             return self.free.remove(k);
@@ -80,57 +80,57 @@ impl Ring {
         })
     }
 
-    /// Asks for a buffer that has been submitted to be mapped.
-    pub(super) fn send(
+    /// Starts the asynchronous mapping of a buffer whose copy has been submitted.
+    pub(super) fn map(
         &self,
         device: &wgpu::Device,
         (buffer, submission): (wgpu::Buffer, wgpu::SubmissionIndex),
-        (places, format): (Vec<Places>, wgpu::TextureFormat),
-    ) -> PendingPart {
+        (layouts, format): (Vec<ReadbackLayout>, wgpu::TextureFormat),
+    ) -> PendingDeviceReadback {
         let (sender, mapped) = mpsc::channel();
         buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
-            // Nobody waits any longer when the batch was dropped.
+            // The receiver is gone if the batch was dropped.
             let _ = sender.send(result);
         });
         let bgra = matches!(format, wgpu::TextureFormat::Bgra8Unorm | wgpu::TextureFormat::Bgra8UnormSrgb);
-        let (device, home) = (device.clone(), self.home.clone());
-        PendingPart { device, buffer, home, places, mapped, submission, bgra }
+        let (device, return_to) = (device.clone(), self.return_to.clone());
+        PendingDeviceReadback { device, buffer, return_to, layouts, mapped, submission, bgra }
     }
 }
 
-impl Pending {
-    pub(super) fn wait(self) -> Result<Arrived, RenderError> {
-        let parts = self.parts.into_iter().map(PendingPart::wait);
-        Ok(Arrived { parts: parts.collect::<Result<_, _>>()? })
+impl PendingReadback {
+    pub(super) fn wait(self) -> Result<MappedReadback, RenderError> {
+        let parts = self.parts.into_iter().map(PendingDeviceReadback::wait);
+        Ok(MappedReadback { parts: parts.collect::<Result<_, _>>()? })
     }
 }
 
-impl PendingPart {
-    fn wait(self) -> Result<ArrivedPart, RenderError> {
+impl PendingDeviceReadback {
+    fn wait(self) -> Result<MappedDeviceReadback, RenderError> {
         let wait = wgpu::PollType::Wait { submission_index: Some(self.submission), timeout: None };
         let lost = |error: &dyn std::fmt::Display| RenderError::Readback(error.to_string());
         self.device.poll(wait).map_err(|error| lost(&error))?;
         self.mapped.recv().map_err(|error| lost(&error))?.map_err(|error| lost(&error))?;
         let bytes = self.buffer.slice(..).get_mapped_range().map_err(|error| lost(&error))?;
-        let Self { buffer, home, places, bgra, .. } = self;
-        Ok(ArrivedPart { buffer, home, bytes: Some(bytes), places, bgra })
+        let Self { buffer, return_to, layouts, bgra, .. } = self;
+        Ok(MappedDeviceReadback { buffer, return_to, bytes: Some(bytes), layouts, bgra })
     }
 }
 
-impl Arrived {
-    /// How many views it has pictures of.
+impl MappedReadback {
+    /// Number of views.
     pub fn len(&self) -> usize {
-        self.parts.iter().map(|part| part.places.len()).sum()
+        self.parts.iter().map(|part| part.layouts.len()).sum()
     }
 
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The part that has the pictures of a view, and its place there.
-    fn part(&self, mut index: usize) -> (&ArrivedPart, usize) {
+    /// Share that holds a view, and the view's index in it.
+    fn part(&self, mut index: usize) -> (&MappedDeviceReadback, usize) {
         for part in &self.parts {
-            match index.checked_sub(part.places.len()) {
+            match index.checked_sub(part.layouts.len()) {
                 Some(rest) => index = rest,
                 None => return (part, index),
             }
@@ -138,37 +138,37 @@ impl Arrived {
         panic!("the batch has {} views, and not {} more", self.len(), index + 1)
     }
 
-    /// The pictures of a view, by its place in the batch.
+    /// All requested pictures of a view, by its index in the batch.
     ///
     /// # Panics
     /// Where the batch has no such view.
     pub fn pictures(&self, index: usize) -> Pictures {
         let (part, index) = self.part(index);
-        part.some_pictures(index, part.places[index].kinds)
+        part.some_pictures(index, part.layouts[index].kinds)
     }
 
-    /// Those pictures of a view that are of some kinds and were asked for.
+    /// Pictures of a view, of those kinds that are both wanted and requested.
     ///
     /// # Panics
     /// Where the batch has no such view.
-    pub fn some_pictures(&self, index: usize, wanted: Kinds) -> Pictures {
+    pub fn some_pictures(&self, index: usize, wanted: PictureKinds) -> Pictures {
         let (part, index) = self.part(index);
         part.some_pictures(index, wanted)
     }
 
-    /// Reads the picture of a view in colour into an image whose memory is used again, if it was taken: fresh
-    /// memory costs as much as the reading.
+    /// Reads the colour picture of a view, if requested, into an image whose memory is reused: fresh memory costs as
+    /// much as the reading.
     ///
     /// # Panics
     /// Where the batch has no such view.
     pub fn read_rgb(&self, index: usize, image: &mut Image) {
         let (part, index) = self.part(index);
         if let Some(bytes) = part.rgba(index) {
-            read_colors(bytes, part.places[index].extent, part.bgra, image);
+            read_rgb_rows(bytes, part.layouts[index].extent, part.bgra, image);
         }
     }
 
-    /// Writes the picture of a view in colour as PNG, if it was taken, without a copy of it in between.
+    /// Writes the colour picture of a view, if requested, as PNG straight from the mapped memory.
     ///
     /// # Errors
     /// As [`super::write_png`].
@@ -178,96 +178,97 @@ impl Arrived {
     pub fn write_png(&self, index: usize, path: &Path) -> Result<(), RenderError> {
         let (part, index) = self.part(index);
         let Some(bytes) = part.rgba(index) else { return Ok(()) };
-        let extent = part.places[index].extent;
+        let extent = part.layouts[index].extent;
         let padded = padded_row(extent[0]) as usize;
-        png::write_rows(path, extent, |y, row| row_of_colors(row, &bytes[y * padded..], part.bgra))
+        png::write_rows(path, extent, |y, row| rgb_row(row, &bytes[y * padded..], part.bgra))
     }
 }
 
-impl ArrivedPart {
-    fn some_pictures(&self, index: usize, wanted: Kinds) -> Pictures {
-        let Places { extent, kinds: there, color, depth, meaning } = self.places[index];
+impl MappedDeviceReadback {
+    fn some_pictures(&self, index: usize, wanted: PictureKinds) -> Pictures {
+        let ReadbackLayout { extent, kinds: there, color, depth, labels } = self.layouts[index];
         let bytes: &[u8] = self.bytes.as_deref().unwrap_or_default();
         let of = |kind, at: Option<u64>| {
             let is_there = wanted.contains(kind) && there.contains(kind);
             at.filter(|_| is_there).map(|at| &bytes[at as usize..])
         };
         Pictures {
-            rgb: of(PictureKind::Rgb, color).map(|bytes| colors(bytes, extent, self.bgra)),
-            depth: of(PictureKind::Depth, depth).map(|bytes| kinds::depths(bytes, extent)),
-            semantic: of(PictureKind::Semantic, meaning).map(|bytes| kinds::classes(bytes, extent)),
-            instance: of(PictureKind::Instance, meaning).map(|bytes| kinds::vehicles(bytes, extent)),
+            rgb: of(PictureKind::Rgb, color).map(|bytes| rgb_image(bytes, extent, self.bgra)),
+            depth: of(PictureKind::Depth, depth).map(|bytes| ground_truth::depths(bytes, extent)),
+            semantic: of(PictureKind::Semantic, labels).map(|bytes| ground_truth::classes(bytes, extent)),
+            instance: of(PictureKind::Instance, labels).map(|bytes| ground_truth::vehicles(bytes, extent)),
         }
     }
 
-    /// Padded rows of the picture of a view in colour, and what comes after it, if it was taken.
+    /// Mapped memory from the colour picture of a view on, rows padded to the row pitch; `None` if not requested.
     fn rgba(&self, index: usize) -> Option<&[u8]> {
-        let Places { kinds, color, .. } = self.places[index];
+        let ReadbackLayout { kinds, color, .. } = self.layouts[index];
         let at = color.filter(|_| kinds.contains(PictureKind::Rgb))?;
         Some(&self.bytes.as_deref().unwrap_or_default()[at as usize..])
     }
 }
 
-impl Drop for ArrivedPart {
+impl Drop for MappedDeviceReadback {
     fn drop(&mut self) {
-        // A buffer is unmapped once nobody looks at it.
+        // Unmapping needs the view of the mapped memory dropped first.
         self.bytes = None;
         self.buffer.unmap();
-        // The renderer may be gone.
-        let _ = self.home.send(self.buffer.clone());
+        // The pool may be gone.
+        let _ = self.return_to.send(self.buffer.clone());
     }
 }
 
-/// The colours of a texture of four bytes a pixel that can be copied from, whatever its order of channels.
+/// Reads back an 8-bit RGBA or BGRA texture with the usage `COPY_SRC`.
 ///
 /// # Errors
 /// [`RenderError::Readback`] where the adapter was lost.
 pub fn read_texture(context: &Context, texture: &wgpu::Texture) -> Result<Image, RenderError> {
     let extent = [texture.width(), texture.height()];
-    let mut ring = Ring::default();
-    let buffer = ring.take(&context.device, tile_bytes(extent));
+    let mut staging = StagingPool::default();
+    let buffer = staging.acquire(&context.device, tile_bytes(extent));
     let mut encoder = context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let layout = wgpu::TexelCopyBufferLayout {
+    let buffer_layout = wgpu::TexelCopyBufferLayout {
         offset: 0,
         bytes_per_row: Some(padded_row(extent[0])),
         rows_per_image: None,
     };
     encoder.copy_texture_to_buffer(
         texture.as_image_copy(),
-        wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
+        wgpu::TexelCopyBufferInfo { buffer: &buffer, layout: buffer_layout },
         texture.size(),
     );
     let submission = context.queue.submit([encoder.finish()]);
-    let place = Places { extent, kinds: Kinds::RGB, color: Some(0), depth: None, meaning: None };
-    let pending = ring.send(&context.device, (buffer, submission), (vec![place], texture.format()));
+    let layout =
+        ReadbackLayout { extent, kinds: PictureKinds::RGB, color: Some(0), depth: None, labels: None };
+    let pending = staging.map(&context.device, (buffer, submission), (vec![layout], texture.format()));
     pending
         .wait()?
-        .some_pictures(0, Kinds::RGB)
+        .some_pictures(0, PictureKinds::RGB)
         .rgb
         .ok_or_else(|| RenderError::Readback("no colours".to_owned()))
 }
 
-/// RGB out of padded rows of RGBA, into an image whose memory is used again.
-fn read_colors(bytes: &[u8], [width, height]: [u32; 2], bgra: bool, image: &mut Image) {
+/// RGB from padded rows of RGBA or BGRA, into an image whose memory is reused.
+fn read_rgb_rows(bytes: &[u8], [width, height]: [u32; 2], bgra: bool, image: &mut Image) {
     let padded = padded_row(width) as usize;
     (image.width, image.height) = (width, height);
     image.rgb.resize(width as usize * height as usize * 3, 0);
     for (to, from) in image.rgb.chunks_exact_mut(width as usize * 3).zip(bytes.chunks(padded)) {
-        row_of_colors(to, from, bgra);
+        rgb_row(to, from, bgra);
     }
 }
 
-fn colors(bytes: &[u8], extent: [u32; 2], bgra: bool) -> Image {
+fn rgb_image(bytes: &[u8], extent: [u32; 2], bgra: bool) -> Image {
     let mut image = Image::default();
-    read_colors(bytes, extent, bgra, &mut image);
+    read_rgb_rows(bytes, extent, bgra, &mut image);
     image
 }
 
-/// A row of RGB out of one of RGBA, which may go on after it.
-fn row_of_colors(to: &mut [u8], from: &[u8], bgra: bool) {
+/// Converts a row of RGBA or BGRA to RGB; `from` may be longer.
+fn rgb_row(to: &mut [u8], from: &[u8], bgra: bool) {
     let from = &from[..to.len() / 3 * 4];
     let convert = if bgra { garb::bytes::bgra_to_rgb } else { garb::bytes::rgba_to_rgb };
-    // A row is whole pixels on both sides.
+    // The conversion fails only if a row is no whole number of pixels.
     let converted = convert(from, to);
     debug_assert!(converted.is_ok(), "{converted:?}");
 }
@@ -287,7 +288,7 @@ mod tests {
                     bytes[at..at + 4].copy_from_slice(&texel(20 * y + x));
                 }
             }
-            let image = colors(&bytes, [width, 2], bgra);
+            let image = rgb_image(&bytes, [width, 2], bgra);
             for (x, y) in [(0, 0), (width - 1, 0), (width / 2, 1), (width - 1, 1)] {
                 let [r, g, b, _] = texel(20 * y as usize + x as usize);
                 assert_eq!(image.pixel(x, y), if bgra { [b, g, r] } else { [r, g, b] }, "{width} {x} {y}");

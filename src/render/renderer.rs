@@ -1,11 +1,11 @@
-//! Draws snapshots: all views of one call are of the same instant. A GPU gets them in one submission; of an adapter that
-//! draws on the CPU several are opened, and each draws its share of the views.
+//! Renderer: draws batches of views of one snapshot. A GPU gets a batch in one submission; a software adapter is opened
+//! several times, and each device draws its share of the views.
 
-use super::readback::{Arrived, Pending};
-use super::request::{Pictures, Request};
-use super::stage::{Made, Stage};
-use super::textures::Paintings;
-use super::{Context, Image, RenderError, Settings, TargetView, fleet, kinds};
+use super::device_renderer::{DeviceRenderer, SharedSceneData};
+use super::readback::{MappedReadback, PendingReadback};
+use super::request::{Pictures, RenderRequest};
+use super::textures::BakedTextures;
+use super::{Context, Image, RenderError, Settings, TargetView, fleet, ground_truth};
 use crate::camera::{PictureKind, View};
 use crate::city::scene::SceneDescription;
 use crate::model::Model;
@@ -13,19 +13,19 @@ use crate::snapshot::{BodyType, FrameSnapshot};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Draws one scene and whatever drives in it.
+/// Draws one scene and the vehicles of snapshots.
 #[derive(Debug)]
 pub struct Renderer {
     context: Context,
     settings: Settings,
-    /// One for each opened adapter, one at least.
-    stages: Vec<Stage>,
-    /// The stage whose turn is next.
-    turn: usize,
-    /// Of a view of the last batch, in the mean.
+    /// One per opened device, at least one.
+    devices: Vec<DeviceRenderer>,
+    /// Round robin: the device that gets the next share.
+    next_device: usize,
+    /// Mean over the views of the last batch.
     triangles: u64,
-    /// Stages that drew the last batch.
-    at_work: Vec<usize>,
+    /// Devices that drew the last batch.
+    busy_devices: Vec<usize>,
 }
 
 impl Renderer {
@@ -34,63 +34,65 @@ impl Renderer {
     /// # Errors
     /// None that a valid scene and adapter give; the adapter's own are logged by wgpu.
     pub fn new(context: &Context, scene: &SceneDescription, settings: Settings) -> Result<Self, RenderError> {
-        Self::painted(context, scene, Paintings::new(settings))
+        Self::with_textures(context, scene, BakedTextures::new(settings))
     }
 
-    /// [`Renderer::new`] with the settings of these paintings.
+    /// [`Renderer::new`] with textures baked in advance, and their settings.
     ///
     /// # Errors
     /// As [`Renderer::new`].
-    pub fn painted(
+    pub fn with_textures(
         context: &Context,
         scene: &SceneDescription,
-        paintings: Paintings,
+        textures: BakedTextures,
     ) -> Result<Self, RenderError> {
-        let settings = paintings.settings;
+        let settings = textures.settings;
         let opened: Vec<&Context> = std::iter::once(context).chain(&*context.peers).collect();
-        let made = Made::new(scene, paintings);
-        // Those that share the processors draw one view after the other into the same texture: they have nobody to wait
-        // for after a pass, and depths and colours stay in their caches.
-        let views_at_once = if opened.len() > 1 { 1 } else { usize::MAX };
-        let stage = |context: &Context| Stage::new(context, (scene, &made), settings, views_at_once);
-        let stages = opened.into_par_iter().map(stage).collect();
+        let shared = SharedSceneData::new(scene, textures);
+        // Single-threaded devices draw one view after the other into the same texture: there is nothing to parallelise
+        // in a pass, and depth and colour stay in the processor's cache.
+        let views_per_pass = if opened.len() > 1 { 1 } else { usize::MAX };
+        let device =
+            |context: &Context| DeviceRenderer::new(context, (scene, &shared), settings, views_per_pass);
+        let devices = opened.into_par_iter().map(device).collect();
         let context = context.clone();
-        Ok(Self { context, settings, stages, turn: 0, triangles: 0, at_work: Vec::new() })
+        Ok(Self { context, settings, devices, next_device: 0, triangles: 0, busy_devices: Vec::new() })
     }
 
-    /// Draws vehicles of a body type with a model, stretched to the measures of each.
+    /// Sets the model of a body type; it is stretched to the dimensions of each vehicle.
     pub fn set_vehicle_model(&mut self, body: BodyType, model: &Arc<Model>) {
-        for stage in &mut self.stages {
-            stage.set_vehicle_model(body, Arc::clone(model));
+        for device in &mut self.devices {
+            device.set_vehicle_model(body, Arc::clone(model));
         }
     }
 
-    /// What it was built for.
+    /// Settings that it was built for.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// How many triangles a view of the last batch was given in the mean, without the sky.
+    /// Mean number of triangles drawn for a view of the last batch, without the sky.
     pub fn triangles(&self) -> u64 {
         self.triangles
     }
 
-    /// Has the adapter take the time of each batch from now on, where it can.
-    pub fn keep_time(&mut self) {
-        self.stages.iter_mut().for_each(Stage::keep_time);
+    /// Measures the GPU time of each batch from now on, where the adapter has timestamp queries.
+    pub fn start_gpu_timer(&mut self) {
+        self.devices.iter_mut().for_each(DeviceRenderer::start_gpu_timer);
     }
 
-    pub fn stop_keeping_time(&mut self) {
-        self.stages.iter_mut().for_each(Stage::stop_keeping_time);
+    /// Ends [`Renderer::start_gpu_timer`].
+    pub fn stop_gpu_timer(&mut self) {
+        self.devices.iter_mut().for_each(DeviceRenderer::stop_gpu_timer);
     }
 
-    /// Seconds that the adapter took for the last batch, which is waited for; `None` unless it keeps time.
-    pub fn seconds_of_last_batch(&self) -> Option<f64> {
-        let seconds = self.at_work.iter().filter_map(|&k| self.stages[k].seconds_of_last_batch());
+    /// Waits for the last batch and returns its GPU time, seconds; `None` without a running timer.
+    pub fn last_batch_gpu_seconds(&self) -> Option<f64> {
+        let seconds = self.busy_devices.iter().filter_map(|&k| self.devices[k].last_batch_gpu_seconds());
         seconds.max_by(f64::total_cmp)
     }
 
-    /// The adapter that draws.
+    /// GPU context of the first device.
     pub fn context(&self) -> &Context {
         &self.context
     }
@@ -101,11 +103,11 @@ impl Renderer {
     /// [`RenderError::Extent`], [`RenderError::View`] and [`RenderError::Vehicle`] for what cannot
     /// be drawn, [`RenderError::Readback`] where the adapter was lost.
     pub fn render(&mut self, snapshot: &FrameSnapshot, views: &[View]) -> Result<Vec<Image>, RenderError> {
-        let pending = self.begin(snapshot, views)?;
+        let pending = self.submit(snapshot, views)?;
         self.finish(pending)
     }
 
-    /// Pictures of all kinds that are asked for, in the order of the requests.
+    /// Pictures of all requested kinds, in the order of the requests.
     ///
     /// # Errors
     /// As [`Renderer::render`], and [`RenderError::Number`] for vehicles whose number no pixel can hold
@@ -113,15 +115,15 @@ impl Renderer {
     pub fn render_kinds(
         &mut self,
         snapshot: &FrameSnapshot,
-        requests: &[Request],
+        requests: &[RenderRequest],
     ) -> Result<Vec<Pictures>, RenderError> {
-        let pending = self.begin_kinds(snapshot, requests)?;
+        let pending = self.submit_kinds(snapshot, requests)?;
         self.finish_kinds(pending)
     }
 
-    /// How many of these requests, from the first on, one call can take within what a batch may use and
-    /// the adapter's limits: one at least.
-    pub fn requests_at_once(&self, requests: &[Request]) -> usize {
+    /// Length of the longest prefix of the requests that fits one batch, within [`Settings::batch_bytes`] and the
+    /// limits of the adapter; at least one.
+    pub fn max_batch_len(&self, requests: &[RenderRequest]) -> usize {
         let most = self.context.device.limits().max_buffer_size.min(self.settings.batch_bytes);
         let ends = requests.iter().scan(0, |end, request| {
             *end += request.bytes();
@@ -130,56 +132,60 @@ impl Renderer {
         ends.take_while(|&end| end <= most).count().max(1).min(requests.len())
     }
 
-    /// How many batches of so many views have to be on their way that every adapter has the next before it is done.
-    pub fn batches_ahead(&self, views: usize) -> usize {
-        let adapters = self.stages.len();
+    /// Number of batches of `views` views to keep in flight so that no device runs idle.
+    pub fn batches_in_flight(&self, views: usize) -> usize {
+        let adapters = self.devices.len();
         2 * adapters.div_ceil(views.clamp(1, adapters))
     }
 
-    /// Submits the drawing of all views in colour and returns at once; [`Renderer::finish`] waits for
-    /// the pictures. Several batches may be on their way, each holds its own memory.
+    /// Submits the drawing of all views in colour and returns at once; [`Renderer::finish`] waits for the pictures.
+    /// Several batches may be in flight; each holds its own staging buffer.
     ///
     /// # Errors
     /// As [`Renderer::render`], before anything is submitted.
-    pub fn begin(&mut self, snapshot: &FrameSnapshot, views: &[View]) -> Result<Pending, RenderError> {
-        let requests: Vec<Request> = views.iter().map(Request::from).collect();
-        self.begin_kinds(snapshot, &requests)
+    pub fn submit(
+        &mut self,
+        snapshot: &FrameSnapshot,
+        views: &[View],
+    ) -> Result<PendingReadback, RenderError> {
+        let requests: Vec<RenderRequest> = views.iter().map(RenderRequest::from).collect();
+        self.submit_kinds(snapshot, &requests)
     }
 
-    /// Submits the drawing of all pictures and returns at once; [`Renderer::finish_kinds`] waits for
-    /// them. What a view may see is found once for all its kinds.
+    /// Submits the drawing of all pictures and returns at once; [`Renderer::finish_kinds`] waits for them. A view is
+    /// culled once for all its kinds.
     ///
     /// # Errors
     /// As [`Renderer::render_kinds`], before anything is submitted.
-    pub fn begin_kinds(
+    pub fn submit_kinds(
         &mut self,
         snapshot: &FrameSnapshot,
-        requests: &[Request],
-    ) -> Result<Pending, RenderError> {
+        requests: &[RenderRequest],
+    ) -> Result<PendingReadback, RenderError> {
         if requests.iter().any(|request| request.kinds.contains(PictureKind::Instance)) {
-            kinds::check_numbers(snapshot)?;
+            ground_truth::check_instance_ids(snapshot)?;
         }
         self.check(snapshot, requests.iter().map(|request| &request.view))?;
-        let share = requests.len().div_ceil(self.stages.len()).max(1);
+        let share = requests.len().div_ceil(self.devices.len()).max(1);
         let mut triangles = 0;
-        self.at_work.clear();
-        let mut parts = Vec::with_capacity(self.stages.len());
+        self.busy_devices.clear();
+        let mut parts = Vec::with_capacity(self.devices.len());
         for part in requests.chunks(share) {
-            let stage = &mut self.stages[self.turn];
-            parts.push(stage.begin(snapshot, part));
-            triangles += stage.triangles() * part.len() as u64;
-            self.at_work.push(self.turn);
-            self.turn = (self.turn + 1) % self.stages.len();
+            let device = &mut self.devices[self.next_device];
+            parts.push(device.submit(snapshot, part));
+            triangles += device.triangles() * part.len() as u64;
+            self.busy_devices.push(self.next_device);
+            self.next_device = (self.next_device + 1) % self.devices.len();
         }
-        if parts.len() == self.stages.len() {
-            // Who has got the harder half gets the other one next.
-            self.turn = (self.turn + 1) % self.stages.len();
+        if parts.len() == self.devices.len() {
+            // Rotates the shares among the devices: one share may take longer in every batch.
+            self.next_device = (self.next_device + 1) % self.devices.len();
         }
         self.triangles = triangles / (requests.len() as u64).max(1);
-        Ok(Pending { parts })
+        Ok(PendingReadback { parts })
     }
 
-    /// Whether all that is asked for can be drawn.
+    /// Checks that the views and vehicles can be drawn.
     fn check<'a>(
         &self,
         snapshot: &FrameSnapshot,
@@ -198,37 +204,36 @@ impl Renderer {
         fleet::check(snapshot)
     }
 
-    /// Waits for a batch of [`Renderer::begin`] and takes its pictures.
+    /// Waits for a batch of [`Renderer::submit`] and reads its pictures.
     ///
     /// # Errors
     /// [`RenderError::Readback`] where the adapter was lost.
-    pub fn finish(&mut self, pending: Pending) -> Result<Vec<Image>, RenderError> {
+    pub fn finish(&mut self, pending: PendingReadback) -> Result<Vec<Image>, RenderError> {
         let pictures = self.finish_kinds(pending)?;
         Ok(pictures.into_iter().filter_map(|pictures| pictures.rgb).collect())
     }
 
-    /// Waits for a batch and takes its pictures.
+    /// Waits for a batch and reads its pictures of all kinds.
     ///
     /// # Errors
     /// [`RenderError::Readback`] where the adapter was lost.
-    pub fn finish_kinds(&mut self, pending: Pending) -> Result<Vec<Pictures>, RenderError> {
-        let arrived = self.wait(pending)?;
-        Ok((0..arrived.len()).into_par_iter().map(|index| arrived.pictures(index)).collect())
+    pub fn finish_kinds(&mut self, pending: PendingReadback) -> Result<Vec<Pictures>, RenderError> {
+        let readback = self.wait(pending)?;
+        Ok((0..readback.len()).into_par_iter().map(|index| readback.pictures(index)).collect())
     }
 
-    /// Waits for a batch. Its pictures can be taken from any thread, one by one; until the last has been
-    /// it holds its memory.
+    /// Waits for a batch. Any thread can read its pictures, one by one; the batch holds its staging buffers until it is
+    /// dropped.
     ///
     /// # Errors
     /// [`RenderError::Readback`] where the adapter was lost.
-    pub fn wait(&self, pending: Pending) -> Result<Arrived, RenderError> {
+    pub fn wait(&self, pending: PendingReadback) -> Result<MappedReadback, RenderError> {
         pending.wait()
     }
 
-    /// Draws views of one instant into targets, each view into the target of the same index: a window and what
-    /// its panels show. A view's picture fills its target, so that its extent should have the target's
-    /// proportions. Where light is worked out at the vertices, targets have to be of the format that the
-    /// renderer was built for, without the suffix sRGB.
+    /// Draws views of one instant into targets, each view into the target of the same index: a window and its panels.
+    /// A picture fills its target, so a view's extent should have the target's proportions. With vertex lighting,
+    /// targets must have the pixel format that the renderer was built for, without the suffix sRGB.
     ///
     /// # Errors
     /// As [`Renderer::render`].
@@ -239,9 +244,9 @@ impl Renderer {
         targets: &[TargetView<'_>],
     ) -> Result<(), RenderError> {
         self.check(snapshot, views.iter())?;
-        // Targets are of the device that the context shows.
-        if let Some(stage) = self.stages.first_mut() {
-            stage.draw(snapshot, views, targets);
+        // Targets belong to the device of the context.
+        if let Some(device) = self.devices.first_mut() {
+            device.draw(snapshot, views, targets);
         }
         Ok(())
     }

@@ -1,42 +1,42 @@
-//! What is asked of the renderer and what it gives back: pictures of several kinds for each view.
+//! Render requests and their results: pictures of several kinds (colour, depth, segmentation) for each view.
 
 use super::grid::tile_bytes;
 use super::image::{Image, Plane};
-use crate::camera::{Kinds, PictureKind, View};
+use crate::camera::{PictureKind, PictureKinds, View};
 
-/// A view and the kinds of pictures that are wanted of it.
+/// View and the requested kinds of its pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Request {
+pub struct RenderRequest {
     pub view: View,
-    pub kinds: Kinds,
+    pub kinds: PictureKinds,
 }
 
-/// The pictures of one view at one instant: those that were asked for.
+/// Pictures of one view at one instant; `None` for kinds that were not requested.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pictures {
     pub rgb: Option<Image>,
-    /// Metres along the optical axis; infinite where nothing is seen.
+    /// Depth map: metres along the optical axis; infinite where nothing is seen.
     pub depth: Option<Plane<f32>>,
-    /// Numbers of [`crate::city::scene::Class`].
+    /// Semantic segmentation: numbers of [`crate::city::scene::Class`].
     pub semantic: Option<Plane<u8>>,
-    /// Numbers of vehicles, 0 for none.
+    /// Instance segmentation: numbers of vehicles, 0 for none.
     pub instance: Option<Plane<u16>>,
 }
 
-impl From<&View> for Request {
-    /// In colour.
+impl From<&View> for RenderRequest {
+    /// Request for colour alone.
     fn from(view: &View) -> Self {
-        Self { view: *view, kinds: Kinds::RGB }
+        Self { view: *view, kinds: PictureKinds::RGB }
     }
 }
 
-impl Request {
-    /// Bytes of its pictures in the read-back buffer.
+impl RenderRequest {
+    /// Bytes of its pictures in the staging buffer.
     pub(super) fn bytes(&self) -> u64 {
         tile_bytes(self.view.extent) * self.planes().into_iter().filter(|&wanted| wanted).count() as u64
     }
 
-    /// Whether colours, depths, and classes with vehicles have to be read back.
+    /// Whether colour, depth, and labels have to be read back.
     fn planes(&self) -> [bool; 3] {
         let wants = |kind| self.kinds.contains(kind);
         [
@@ -47,27 +47,27 @@ impl Request {
     }
 }
 
-/// Where the pictures of a view lie in the read-back buffer.
+/// Offsets of the planes of a view in the staging buffer.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Places {
+pub(super) struct ReadbackLayout {
     pub(super) extent: [u32; 2],
-    pub(super) kinds: Kinds,
+    pub(super) kinds: PictureKinds,
     pub(super) color: Option<u64>,
     pub(super) depth: Option<u64>,
-    pub(super) meaning: Option<u64>,
+    pub(super) labels: Option<u64>,
 }
 
-/// One after the other, and how many bytes they are.
-pub(super) fn places(requests: &[Request]) -> (Vec<Places>, u64) {
+/// Layouts of all requests, one after the other, and the size of the staging buffer in bytes.
+pub(super) fn readback_layouts(requests: &[RenderRequest]) -> (Vec<ReadbackLayout>, u64) {
     let mut end = 0;
-    let of_one = |request: &Request| {
-        let [color, depth, meaning] = request.planes().map(|wanted| {
+    let of_one = |request: &RenderRequest| {
+        let [color, depth, labels] = request.planes().map(|wanted| {
             let begin = end;
             end += if wanted { tile_bytes(request.view.extent) } else { 0 };
             wanted.then_some(begin)
         });
-        Places { extent: request.view.extent, kinds: request.kinds, color, depth, meaning }
+        ReadbackLayout { extent: request.view.extent, kinds: request.kinds, color, depth, labels }
     };
-    let places = requests.iter().map(of_one).collect();
-    (places, end)
+    let layouts = requests.iter().map(of_one).collect();
+    (layouts, end)
 }

@@ -1,32 +1,30 @@
-//! What a renderer is built for: quality, time of day, pixel format.
+//! Renderer settings: quality presets, time of day, pixel format of targets.
 
 use super::Daylight;
 use glam::Vec3;
 
-/// How much work a pixel is worth.
+/// Quality settings: shading, MSAA, texture filtering, shadow map, SSAO, level of detail.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
-    /// Light is worked out at the vertices instead of at each pixel: without reflections of the sun, dust
-    /// and wear of the ground, and without what the other settings promise of them. What is shown is drawn at
-    /// once, without ambient occlusion and dither.
-    pub light_at_vertices: bool,
-    /// Samples a pixel: 1 or 4.
+    /// Gouraud shading: light is computed at the vertices instead of per pixel, without specular highlights of the sun
+    /// and without wear of the ground. There is no HDR target, so neither ambient occlusion nor dither.
+    pub vertex_lit: bool,
+    /// MSAA samples per pixel: 1 or 4.
     pub samples: u32,
-    /// How many texels along the steeper direction a texture lookup may take; a software adapter
-    /// takes one.
+    /// Anisotropic filtering: most texels that a lookup takes along the steep direction; a software adapter takes one.
     pub anisotropy: u16,
-    /// Shadow edges of several lookups instead of one.
+    /// Percentage-closer filtering (PCF) of shadow edges with nine taps instead of one.
     pub soft_shadows: bool,
-    /// Ground textures at two scales.
+    /// Detail texturing: ground textures at two scales.
     pub detail: bool,
-    /// Looks around each pixel for what keeps the sky's light away from it; 0 for none.
-    pub occlusion_looks: u32,
-    /// Texels along an edge of the shadow map.
+    /// SSAO (screen-space ambient occlusion) taps per pixel; 0 switches it off.
+    pub ssao_samples: u32,
+    /// Resolution of the shadow map: texels along an edge.
     pub shadow_texels: u32,
-    /// Simpler meshes stand in for distant ones where they differ by fewer pixels than this.
-    pub coarse_below_px: f32,
-    /// Things of fewer pixels than this across are not drawn.
-    pub least_px: f32,
+    /// Level of detail: largest screen-space error of a coarser mesh, pixels.
+    pub lod_error_px: f32,
+    /// Small-feature culling: objects of a smaller diameter are not drawn, pixels.
+    pub min_size_px: f32,
 }
 
 impl Quality {
@@ -34,73 +32,74 @@ impl Quality {
     pub const PRESETS: [(&'static str, Self); 4] =
         [("low", Self::LOW), ("medium", Self::MEDIUM), ("high", Self::HIGH), ("ultra", Self::ULTRA)];
 
-    /// The preset for an adapter: one that draws on the CPU gets the quickest.
+    /// Preset for an adapter: the quickest for a software adapter.
     pub fn auto(is_software: bool) -> Self {
         if is_software { Self::LOW } else { Self::HIGH }
     }
 
-    /// For a GPU of modest means.
+    /// For an integrated or older GPU.
     pub const MEDIUM: Self = Self {
-        light_at_vertices: false,
+        vertex_lit: false,
         samples: 4,
         anisotropy: 4,
         soft_shadows: true,
         detail: false,
-        occlusion_looks: 6,
+        ssao_samples: 6,
         shadow_texels: 2048,
-        coarse_below_px: 1.5,
-        least_px: 1.0,
+        lod_error_px: 1.5,
+        min_size_px: 1.0,
     };
     /// For stills.
     pub const ULTRA: Self =
-        Self { anisotropy: 16, occlusion_looks: 20, shadow_texels: 8192, coarse_below_px: 0.3, ..Self::HIGH };
+        Self { anisotropy: 16, ssao_samples: 20, shadow_texels: 8192, lod_error_px: 0.3, ..Self::HIGH };
     /// For pictures that people look at.
     pub const HIGH: Self = Self {
-        light_at_vertices: false,
+        vertex_lit: false,
         samples: 4,
         anisotropy: 8,
         soft_shadows: true,
         detail: true,
-        occlusion_looks: 10,
+        ssao_samples: 10,
         shadow_texels: 4096,
-        coarse_below_px: 0.8,
-        least_px: 1.0,
+        lod_error_px: 0.8,
+        min_size_px: 1.0,
     };
     /// For many cameras on a software adapter.
     pub const LOW: Self = Self {
-        light_at_vertices: true,
+        vertex_lit: true,
         samples: 1,
         anisotropy: 1,
         soft_shadows: false,
         detail: false,
-        occlusion_looks: 0,
+        ssao_samples: 0,
         shadow_texels: 2048,
-        coarse_below_px: 4.0,
-        least_px: 2.0,
+        lod_error_px: 4.0,
+        min_size_px: 2.0,
     };
 }
 
-/// Faces in their own colours, of which `ambient + sun * cos` is seen: no textures, shadows, sky or display curve.
+/// Flat Lambert shading, `ambient + sun * cos` times the colour of the face: no textures, shadows, sky or tone mapping.
 /// Other engines draw the same, so that pictures and speed can be compared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlatLight {
     pub to_sun: Vec3,
     pub ambient: f32,
     pub sun: f32,
-    /// Behind everything, as displayed.
+    /// Background colour, as displayed.
     pub background: [f32; 3],
 }
 
+/// Settings of a [`super::Renderer`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     pub quality: Quality,
     pub daylight: Daylight,
-    /// In place of the time of day; for qualities that light at the vertices.
+    /// Replaces the light of the time of day; needs [`Quality::vertex_lit`].
     pub flat: Option<FlatLight>,
-    /// Of the targets that [`super::Renderer::draw`] is given, where light is worked out at the vertices (without
-    /// the suffix sRGB: the shaders encode); pictures are read back in sRGB whatever it is.
+    /// Pixel format of the targets of [`super::Renderer::draw`] with [`Quality::vertex_lit`] (without the suffix sRGB:
+    /// the shaders encode). Pictures are read back in sRGB in any case.
     pub format: wgpu::TextureFormat,
-    /// The most memory in bytes that one batch of views may take on the adapter.
+    /// Limit of the memory that a batch of views takes on the adapter, bytes.
     pub batch_bytes: u64,
 }
 

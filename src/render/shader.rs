@@ -1,42 +1,43 @@
-//! Shader sources: from disk in debug builds where they lie there, embedded else.
+//! WGSL shader sources: read from disk in debug builds if present, otherwise embedded; constants shared with Rust are
+//! injected in front.
 
 use super::passes::common::gpu_data::Frame;
 use super::passes::lamps::LAMP_REACH_M;
-use super::vehicle::Part;
+use super::vehicle::VehiclePart;
 use crate::city::scene::{ASPHALT, Surface};
 use std::borrow::Cow;
 
-/// One file of `shaders/`.
+/// File of `shaders/`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Source {
+pub(super) struct ShaderFile {
     name: &'static str,
     embedded: &'static str,
 }
 
-macro_rules! source {
+macro_rules! shader_file {
     ($name:literal) => {
-        Source { name: $name, embedded: include_str!(concat!("../../shaders/", $name)) }
+        ShaderFile { name: $name, embedded: include_str!(concat!("../../shaders/", $name)) }
     };
 }
 
-const COMMON: Source = source!("common.wgsl");
-const LIGHT: Source = source!("light.wgsl");
-const SWIFT: Source = source!("swift.wgsl");
-const CITY: Source = source!("city.wgsl");
-const VEHICLE: Source = source!("vehicle.wgsl");
-const CONTACT: Source = source!("contact.wgsl");
-const GLOW: Source = source!("glow.wgsl");
-const SHADOW: Source = source!("shadow.wgsl");
-const SKY: Source = source!("sky.wgsl");
-const LAMPS: Source = source!("lamps.wgsl");
-const KINDS: Source = source!("kinds.wgsl");
-const TILE: Source = source!("tile.wgsl");
-const ONE_SAMPLE: Source = source!("one_sample.wgsl");
-const MANY_SAMPLES: Source = source!("many_samples.wgsl");
-const OCCLUSION: Source = source!("occlusion.wgsl");
-const DISPLAY: Source = source!("display.wgsl");
+const COMMON: ShaderFile = shader_file!("common.wgsl");
+const LIGHT: ShaderFile = shader_file!("light.wgsl");
+const VERTEX_LIT: ShaderFile = shader_file!("vertex_lit.wgsl");
+const CITY: ShaderFile = shader_file!("city.wgsl");
+const VEHICLE: ShaderFile = shader_file!("vehicle.wgsl");
+const CONTACT: ShaderFile = shader_file!("contact.wgsl");
+const GLOW: ShaderFile = shader_file!("glow.wgsl");
+const SHADOW: ShaderFile = shader_file!("shadow.wgsl");
+const SKY: ShaderFile = shader_file!("sky.wgsl");
+const LAMPS: ShaderFile = shader_file!("lamps.wgsl");
+const GROUND_TRUTH: ShaderFile = shader_file!("ground_truth.wgsl");
+const TILE: ShaderFile = shader_file!("tile.wgsl");
+const SINGLE_SAMPLE: ShaderFile = shader_file!("single_sample.wgsl");
+const MULTISAMPLE: ShaderFile = shader_file!("multisample.wgsl");
+const OCCLUSION: ShaderFile = shader_file!("occlusion.wgsl");
+const DISPLAY: ShaderFile = shader_file!("display.wgsl");
 
-/// The shader of a pass: its own file after those it builds on.
+/// Shader of a pass: the concatenation of its own file and those it builds on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Shader {
     City,
@@ -45,17 +46,17 @@ pub(super) enum Shader {
     Glow,
     Shadow,
     Sky,
-    Kinds,
+    GroundTruth,
     Lamps,
-    Occlusion(Samples),
-    Display(Samples),
+    Occlusion(SampleCount),
+    Display(SampleCount),
 }
 
-/// Samples of a pixel, which shaders read in different ways.
+/// Whether the attachments that a shader reads are multisampled (MSAA).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Samples {
-    One,
-    Many,
+pub(super) enum SampleCount {
+    Single,
+    Multi,
 }
 
 impl Shader {
@@ -67,40 +68,40 @@ impl Shader {
         Self::Glow,
         Self::Shadow,
         Self::Sky,
-        Self::Kinds,
+        Self::GroundTruth,
         Self::Lamps,
-        Self::Occlusion(Samples::One),
-        Self::Occlusion(Samples::Many),
-        Self::Display(Samples::One),
-        Self::Display(Samples::Many),
+        Self::Occlusion(SampleCount::Single),
+        Self::Occlusion(SampleCount::Multi),
+        Self::Display(SampleCount::Single),
+        Self::Display(SampleCount::Multi),
     ];
 
-    fn parts(self) -> &'static [Source] {
+    fn parts(self) -> &'static [ShaderFile] {
         match self {
-            Self::City => &[COMMON, LIGHT, SWIFT, CITY],
-            Self::Vehicle => &[COMMON, LIGHT, SWIFT, VEHICLE],
+            Self::City => &[COMMON, LIGHT, VERTEX_LIT, CITY],
+            Self::Vehicle => &[COMMON, LIGHT, VERTEX_LIT, VEHICLE],
             Self::Contact => &[COMMON, CONTACT],
             Self::Glow => &[COMMON, GLOW],
             Self::Shadow => &[COMMON, SHADOW],
             Self::Sky => &[COMMON, SKY],
-            Self::Kinds => &[KINDS],
+            Self::GroundTruth => &[GROUND_TRUTH],
             Self::Lamps => &[COMMON, LAMPS],
-            Self::Occlusion(Samples::One) => &[COMMON, TILE, ONE_SAMPLE, OCCLUSION],
-            Self::Occlusion(Samples::Many) => &[COMMON, TILE, MANY_SAMPLES, OCCLUSION],
-            Self::Display(Samples::One) => &[COMMON, TILE, ONE_SAMPLE, DISPLAY],
-            Self::Display(Samples::Many) => &[COMMON, TILE, MANY_SAMPLES, DISPLAY],
+            Self::Occlusion(SampleCount::Single) => &[COMMON, TILE, SINGLE_SAMPLE, OCCLUSION],
+            Self::Occlusion(SampleCount::Multi) => &[COMMON, TILE, MULTISAMPLE, OCCLUSION],
+            Self::Display(SampleCount::Single) => &[COMMON, TILE, SINGLE_SAMPLE, DISPLAY],
+            Self::Display(SampleCount::Multi) => &[COMMON, TILE, MULTISAMPLE, DISPLAY],
         }
     }
 
-    /// With what of a frame never changes, where it is told, as constants.
-    pub(super) fn text(self, fixed: Option<&Frame>) -> String {
-        let constants = fixed.map(|frame| Cow::Owned(constants(frame)));
+    /// WGSL text; with `frame_constants`, uniforms of the frame that never change are injected as constants.
+    pub(super) fn text(self, frame_constants: Option<&Frame>) -> String {
+        let constants = frame_constants.map(|frame| Cow::Owned(wgsl_constants(frame)));
         let parts = self.parts().iter().map(|part| part.text());
         let shared = std::iter::once(Cow::Owned(self.shared_constants()));
         constants.into_iter().chain(shared).chain(parts).collect::<Vec<_>>().join("\n")
     }
 
-    pub(super) fn module(self, device: &wgpu::Device, fixed: Option<&Frame>) -> wgpu::ShaderModule {
+    pub(super) fn module(self, device: &wgpu::Device, frame_constants: Option<&Frame>) -> wgpu::ShaderModule {
         device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(match self {
                 Self::City => "city",
@@ -109,30 +110,30 @@ impl Shader {
                 Self::Glow => "glow",
                 Self::Shadow => "shadow",
                 Self::Sky => "sky",
-                Self::Kinds => "kinds",
+                Self::GroundTruth => "ground truth",
                 Self::Lamps => "lamps",
                 Self::Occlusion(_) => "occlusion",
                 Self::Display(_) => "display",
             }),
-            source: wgpu::ShaderSource::Wgsl(Cow::Owned(self.text(fixed))),
+            source: wgpu::ShaderSource::Wgsl(Cow::Owned(self.text(frame_constants))),
         })
     }
 }
 
 impl Shader {
-    /// Constants that a shader shares with Rust, from the one place where they are defined.
+    /// Constants that Rust defines and the shader uses.
     fn shared_constants(self) -> String {
         match self {
-            Self::City => surfaces(),
-            Self::Vehicle => parts_of_vehicles(),
+            Self::City => surface_constants(),
+            Self::Vehicle => vehicle_part_constants(),
             Self::Lamps => format!("const LAMP_REACH_M: f32 = {LAMP_REACH_M:?};\n"),
             _ => String::new(),
         }
     }
 }
 
-/// Layers of the texture array, and the linear colour of asphalt.
-fn surfaces() -> String {
+/// Layers of the texture array of surfaces, and the linear colour of asphalt.
+fn surface_constants() -> String {
     let layers = [
         ("ASPHALT", Surface::Asphalt),
         ("GRASS", Surface::Grass),
@@ -162,22 +163,22 @@ fn linear_from_srgb(part: f32) -> f32 {
     if part <= 0.040_45 { part / 12.92 } else { ((part + 0.055) / 1.055).powf(2.4) }
 }
 
-fn parts_of_vehicles() -> String {
+fn vehicle_part_constants() -> String {
     let parts = [
-        ("PAINT", Part::Paint),
-        ("GLASS", Part::Glass),
-        ("HEAD", Part::Head),
-        ("TAIL", Part::Tail),
-        ("INDICATOR_LEFT", Part::IndicatorLeft),
-        ("INDICATOR_RIGHT", Part::IndicatorRight),
-        ("REVERSE", Part::Reverse),
-        ("BRIGHT", Part::Bright),
+        ("PAINT", VehiclePart::Paint),
+        ("GLASS", VehiclePart::Glass),
+        ("HEAD", VehiclePart::Head),
+        ("TAIL", VehiclePart::Tail),
+        ("INDICATOR_LEFT", VehiclePart::IndicatorLeft),
+        ("INDICATOR_RIGHT", VehiclePart::IndicatorRight),
+        ("REVERSE", VehiclePart::Reverse),
+        ("BRIGHT", VehiclePart::Bright),
     ];
     parts.map(|(name, part)| format!("const {name}: u32 = {}u;\n", part as u32)).concat()
 }
 
-/// The members of a frame but for the time as constants of their names in capitals.
-fn constants(frame: &Frame) -> String {
+/// Members of a frame other than the time, as constants with their names in capitals.
+fn wgsl_constants(frame: &Frame) -> String {
     let list = |values: &[f32]| values.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(", ");
     let vectors = [
         ("SUN", frame.sun),
@@ -186,7 +187,7 @@ fn constants(frame: &Frame) -> String {
         ("HAZE", frame.haze),
         ("SHADOW_TEXEL", frame.shadow_texel),
         ("ZENITH", frame.zenith),
-        ("LAMP_PLACE", frame.lamp_place),
+        ("LAMP_UV_FROM_WORLD", frame.lamp_uv_from_world),
     ];
     let vectors = vectors.map(|(name, v)| format!("const {name} = vec4<f32>({});\n", list(&v)));
     let to_sun = list(&frame.to_sun[..3]);
@@ -195,7 +196,7 @@ fn constants(frame: &Frame) -> String {
         + &format!("const TO_SUN = vec3<f32>({to_sun});\nconst SHADOW_FROM_WORLD = mat4x4<f32>({shadow});\n")
 }
 
-impl Source {
+impl ShaderFile {
     fn text(self) -> Cow<'static, str> {
         if cfg!(debug_assertions) {
             let path = std::path::Path::new("shaders").join(self.name);

@@ -1,43 +1,41 @@
-//! Pictures to disk while the next ones are drawn.
+//! Pipelined writing of picture files: drawing, read-back and encoding overlap, with back-pressure on the caller.
 
 use super::grid::tile_bytes;
-use super::{Format, Pending, RenderError, Renderer, Request};
-use crate::camera::{Kinds, View};
+use super::{PendingReadback, PictureFormat, RenderError, RenderRequest, Renderer};
+use crate::camera::{PictureKinds, View};
 use crate::snapshot::FrameSnapshot;
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::{Arc, mpsc};
 
-/// Bytes of pictures that may be on the adapter or wait for their encoder at a time; a larger batch is
-/// alone.
-const MOST_BYTES: u64 = 384 << 20;
+/// Limit of the bytes of pictures in flight, on the adapter or queued for an encoder; a larger batch goes alone.
+const MAX_BYTES_IN_FLIGHT: u64 = 384 << 20;
 
-/// A view and the files that are made of its pictures.
+/// View and the picture files to write of it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Order {
+pub struct CaptureJob {
     pub view: View,
-    pub files: Vec<(Format, PathBuf)>,
+    pub files: Vec<(PictureFormat, PathBuf)>,
 }
 
-/// Writes files of the pictures of every snapshot that is pushed. Drawing, reading back and encoding
-/// overlap; when pictures come faster than they can be written, pushing waits, so that memory stays
-/// bounded.
+/// Bounded pipeline that writes picture files of each pushed snapshot. Drawing, read-back and encoding overlap. Pushing
+/// blocks while too many bytes are in flight (back-pressure), so that memory stays bounded.
 #[derive(Debug)]
 pub struct PngStream<'a> {
     renderer: &'a mut Renderer,
-    in_flight: VecDeque<(Pending, Vec<Order>)>,
-    done: mpsc::Receiver<Done>,
-    report: mpsc::Sender<Done>,
-    /// Of everything that has been pushed and is not written yet.
+    in_flight: VecDeque<(PendingReadback, Vec<CaptureJob>)>,
+    done: mpsc::Receiver<WrittenFile>,
+    report: mpsc::Sender<WrittenFile>,
+    /// Bytes in flight: pushed and not yet written.
     bytes: u64,
-    /// Files at the encoders.
+    /// Files queued for encoders.
     in_queue: usize,
     written: u64,
 }
 
-/// A file that is written, or could not be.
+/// Outcome of one file.
 #[derive(Debug)]
-struct Done {
+struct WrittenFile {
     bytes: u64,
     result: Result<(), RenderError>,
 }
@@ -48,8 +46,8 @@ impl<'a> PngStream<'a> {
         Self { renderer, in_flight: VecDeque::new(), done, report, bytes: 0, in_queue: 0, written: 0 }
     }
 
-    /// Draws views of one snapshot in colour and writes each to the path of the same index. Returns as
-    /// soon as there is room for more.
+    /// Draws views of one snapshot in colour and writes each to the path of the same index. Returns once the pictures
+    /// are in flight.
     ///
     /// # Errors
     /// Those of [`Renderer::render`], and the first error of a file pushed earlier.
@@ -63,41 +61,43 @@ impl<'a> PngStream<'a> {
         paths: Vec<PathBuf>,
     ) -> Result<(), RenderError> {
         assert_eq!(views.len(), paths.len(), "every view needs a path");
-        let orders =
-            views.iter().zip(paths).map(|(&view, path)| Order { view, files: vec![(Format::Rgb, path)] });
-        self.push_orders(snapshot, orders.collect())
+        let jobs = views
+            .iter()
+            .zip(paths)
+            .map(|(&view, path)| CaptureJob { view, files: vec![(PictureFormat::Rgb, path)] });
+        self.push_jobs(snapshot, jobs.collect())
     }
 
-    /// Draws views of one snapshot in all kinds that their files need, as many at once as the adapter
-    /// takes. Returns as soon as there is room for more.
+    /// Draws views of one snapshot in all kinds that their files need, in batches as large as the adapter takes.
+    /// Returns once the pictures are in flight.
     ///
     /// # Errors
     /// Those of [`Renderer::render_kinds`], and the first error of a file pushed earlier.
-    pub fn push_orders(
+    pub fn push_jobs(
         &mut self,
         snapshot: &FrameSnapshot,
-        mut orders: Vec<Order>,
+        mut jobs: Vec<CaptureJob>,
     ) -> Result<(), RenderError> {
-        while !orders.is_empty() {
-            let requests: Vec<Request> = orders.iter().map(Order::request).collect();
-            let count = self.renderer.requests_at_once(&requests);
-            let rest = orders.split_off(count);
-            let bytes: u64 = orders.iter().map(Order::bytes).sum();
-            while self.bytes > 0 && self.bytes + bytes > MOST_BYTES {
+        while !jobs.is_empty() {
+            let requests: Vec<RenderRequest> = jobs.iter().map(CaptureJob::request).collect();
+            let count = self.renderer.max_batch_len(&requests);
+            let rest = jobs.split_off(count);
+            let bytes: u64 = jobs.iter().map(CaptureJob::bytes).sum();
+            while self.bytes > 0 && self.bytes + bytes > MAX_BYTES_IN_FLIGHT {
                 self.make_room()?;
             }
-            let pending = self.renderer.begin_kinds(snapshot, &requests[..count])?;
+            let pending = self.renderer.submit_kinds(snapshot, &requests[..count])?;
             self.bytes += bytes;
-            self.in_flight.push_back((pending, orders));
-            if self.in_flight.len() > self.renderer.batches_ahead(count) {
+            self.in_flight.push_back((pending, jobs));
+            if self.in_flight.len() > self.renderer.batches_in_flight(count) {
                 self.deliver()?;
             }
-            orders = rest;
+            jobs = rest;
         }
         Ok(())
     }
 
-    /// Waits until every picture lies on disk; says how many files there are.
+    /// Waits until every file is written and returns their number.
     ///
     /// # Errors
     /// The first that occurred.
@@ -115,27 +115,28 @@ impl<'a> PngStream<'a> {
         if self.in_flight.is_empty() { self.wait_for_one() } else { self.deliver() }
     }
 
-    /// Hands the pictures of the oldest batch to the encoders.
+    /// Waits for the oldest batch and queues its pictures for the encoders, on rayon's threads.
     fn deliver(&mut self) -> Result<(), RenderError> {
-        let Some((pending, orders)) = self.in_flight.pop_front() else { return Ok(()) };
-        let arrived = Arc::new(self.renderer.wait(pending)?);
-        for (index, order) in orders.into_iter().enumerate() {
-            let bytes = tile_bytes(order.view.extent);
-            for (format, path) in order.files {
+        let Some((pending, jobs)) = self.in_flight.pop_front() else { return Ok(()) };
+        let readback = Arc::new(self.renderer.wait(pending)?);
+        for (index, job) in jobs.into_iter().enumerate() {
+            let bytes = tile_bytes(job.view.extent);
+            for (format, path) in job.files {
                 self.in_queue += 1;
-                let (arrived, report) = (Arc::clone(&arrived), self.report.clone());
+                let (readback, report) = (Arc::clone(&readback), self.report.clone());
                 rayon::spawn(move || {
                     let result = match format {
-                        Format::Rgb => arrived.write_png(index, &path),
+                        PictureFormat::Rgb => readback.write_png(index, &path),
                         _ => {
-                            let pictures = arrived.some_pictures(index, Kinds::NONE.with(format.kind()));
+                            let pictures =
+                                readback.some_pictures(index, PictureKinds::NONE.with(format.kind()));
                             format.write(&path, &pictures)
                         }
                     };
-                    // The last one gives the memory of the batch back.
-                    drop(arrived);
-                    // The stream was dropped with an error when nobody listens.
-                    let _ = report.send(Done { bytes, result });
+                    // The last drop returns the staging buffer to its pool.
+                    drop(readback);
+                    // The receiver is gone if the stream was dropped with an error.
+                    let _ = report.send(WrittenFile { bytes, result });
                 });
             }
         }
@@ -143,7 +144,7 @@ impl<'a> PngStream<'a> {
     }
 
     fn wait_for_one(&mut self) -> Result<(), RenderError> {
-        // The stream holds a sender itself, so that receiving cannot fail.
+        // The stream holds a sender itself, so receiving cannot fail.
         if let Ok(done) = self.done.recv() {
             self.in_queue -= 1;
             self.bytes -= done.bytes;
@@ -154,12 +155,12 @@ impl<'a> PngStream<'a> {
     }
 }
 
-impl Order {
-    fn request(&self) -> Request {
-        Request { view: self.view, kinds: self.files.iter().map(|(format, _)| format.kind()).collect() }
+impl CaptureJob {
+    fn request(&self) -> RenderRequest {
+        RenderRequest { view: self.view, kinds: self.files.iter().map(|(format, _)| format.kind()).collect() }
     }
 
-    /// Memory that its pictures take on their way, about.
+    /// Approximate memory of its pictures in flight.
     fn bytes(&self) -> u64 {
         tile_bytes(self.view.extent) * self.files.len() as u64
     }

@@ -1,4 +1,4 @@
-//! Textures made in code at start-up: the patterns of surfaces and the panorama of the sky.
+//! Procedural textures: texture array of surfaces with mipmaps, panorama of the sky, environment map.
 
 mod facades;
 mod glyphs;
@@ -15,52 +15,52 @@ use rayon::prelude::*;
 
 pub(super) use sky::{disc, stars, triangles as sky_triangles};
 
-/// Texels along an edge of a surface's pattern.
+/// Texels along an edge of a layer of the texture array.
 const SIZE: u32 = 256;
 const SKY: [u32; 2] = [2048, 512];
-/// For adapters that draw on the CPU: it stays in their caches.
+/// Size of the panorama for vertex lighting: on a software adapter it stays in the processor's cache.
 const SMALL_SKY: [u32; 2] = [1024, 256];
-/// Texels along an edge of the sky that surfaces mirror.
+/// Texels along an edge of the environment map.
 const SKY_MAP: u32 = 64;
 
-/// What the textures of a scene show: painted once, however many adapters draw it. It takes no scene, and so can be
-/// done while that is made: with [`super::Renderer::painted`].
+/// Baked textures: procedural pictures made once on the CPU and uploaded to every device. They need no scene, so they
+/// can be made while it is built: see [`super::Renderer::with_textures`].
 #[derive(Debug)]
-pub struct Paintings {
-    /// What they were painted for.
+pub struct BakedTextures {
+    /// Settings that they were made for.
     pub(super) settings: Settings,
     pub(super) light: Light,
-    /// Mipmaps of each [`Surface`].
+    /// Mipmap chain of each [`Surface`].
     surfaces: Vec<Vec<Vec<u8>>>,
-    /// See [`Paintings::panorama`].
+    /// See [`BakedTextures::panorama`].
     panorama: Vec<u8>,
-    /// Mipmaps; see [`Paintings::sky_map`].
+    /// Mipmap chain; see [`BakedTextures::sky_map`].
     sky_map: Vec<Vec<u8>>,
 }
 
-impl Paintings {
-    /// Paints what these settings show.
+impl BakedTextures {
+    /// Makes all textures for these settings.
     pub fn new(settings: Settings) -> Self {
         let light = settings.flat.map_or_else(|| settings.daylight.light(), FlatLight::light);
-        let light_at_vertices = settings.quality.light_at_vertices;
+        let vertex_lit = settings.quality.vertex_lit;
         let surfaces = || {
             let levels = |layer| mipmaps(patterns::pattern(layer, SIZE), SIZE);
             let layers = (0..Surface::COUNT as u8).into_par_iter().map(levels);
-            if light_at_vertices { layers.map(square_roots).collect() } else { layers.collect() }
+            if vertex_lit { layers.map(sqrt_encoded).collect() } else { layers.collect() }
         };
         let sky = || {
-            let panorama = if light_at_vertices {
-                sky::paint(SMALL_SKY, &light)
+            let panorama = if vertex_lit {
+                sky::panorama_srgb(SMALL_SKY, &light)
             } else {
-                sky::paint_radiance(SKY, &light)
+                sky::panorama_radiance(SKY, &light)
             };
-            (panorama, sky::mirrored(SKY_MAP, &light))
+            (panorama, sky::environment_map(SKY_MAP, &light))
         };
         let (surfaces, (panorama, sky_map)) = rayon::join(surfaces, sky);
         Self { settings, light, surfaces, panorama, sky_map }
     }
 
-    /// An array texture with a layer for each [`Surface`] and all its mipmaps.
+    /// Texture array with a layer for each [`Surface`] and all mipmaps.
     pub(super) fn surfaces(&self, context: &Context, attachments: Attachments) -> wgpu::TextureView {
         let texture = texture(
             context,
@@ -80,9 +80,10 @@ impl Paintings {
         })
     }
 
-    /// The sky from below the horizon to the zenith, on the faces of [`sky_triangles`]: as displayed, or as radiance.
+    /// Panorama of the sky from below the horizon to the zenith, mapped to [`sky_triangles`]: displayed colours with
+    /// vertex lighting, otherwise radiance.
     pub(super) fn panorama(&self, context: &Context) -> wgpu::TextureView {
-        let (format, size) = if self.settings.quality.light_at_vertices {
+        let (format, size) = if self.settings.quality.vertex_lit {
             (wgpu::TextureFormat::Rgba8Unorm, SMALL_SKY)
         } else {
             (wgpu::TextureFormat::Rgba16Float, SKY)
@@ -92,8 +93,8 @@ impl Paintings {
         texture.create_view(&wgpu::TextureViewDescriptor::default())
     }
 
-    /// Radiance of the sky above the horizon for surfaces that mirror it: half an octahedron, unfolded to a square,
-    /// with all mipmaps.
+    /// Environment map for reflections: radiance of the sky above the horizon in a hemi-octahedral mapping, with all
+    /// mipmaps.
     pub(super) fn sky_map(&self, context: &Context) -> wgpu::TextureView {
         let format = wgpu::TextureFormat::Rgba16Float;
         let texture = texture(context, ("mirrored sky", format), [SKY_MAP; 2], 1, SKY_MAP.ilog2() + 1);
@@ -104,8 +105,8 @@ impl Paintings {
     }
 }
 
-/// Instead of sRGB the square root of what is reflected, which takes a shader one multiplication to undo.
-fn square_roots(mut levels: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
+/// Encodes reflectance as its square root instead of sRGB: a shader decodes it by one multiplication.
+fn sqrt_encoded(mut levels: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
     let table: [u8; 256] =
         std::array::from_fn(|value| (linear_from_srgb(value as u8).sqrt() * 255.0).round() as u8);
     for texel in levels.iter_mut().flat_map(|level| level.chunks_exact_mut(4)) {
@@ -135,6 +136,7 @@ fn texture(
     })
 }
 
+/// Writes one mipmap level of one layer.
 fn upload(
     context: &Context,
     texture: &wgpu::Texture,
@@ -160,7 +162,7 @@ fn upload(
     );
 }
 
-/// A square picture and its halves down to one texel, averaged as light.
+/// Mipmap chain of a square sRGB picture by a box filter, averaged approximately in linear light.
 fn mipmaps(base: Vec<u8>, size: u32) -> Vec<Vec<u8>> {
     let mut levels = vec![base];
     let mut edge = size as usize;

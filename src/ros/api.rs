@@ -1,16 +1,16 @@
-//! The Slave API: what the master and other nodes ask of this one.
+//! Slave API: answers the XML-RPC calls of the master and of other nodes.
 
-use super::xmlrpc::{Value, read_call, write_answer, write_fault};
-use super::{Node, http};
+use super::xmlrpc::{XmlRpcValue, read_call, write_answer, write_fault};
+use super::{RosNode, http};
 use std::time::Duration;
 use tokio::net::TcpStream;
 use tokio::time::timeout;
 
-/// Whoever calls has to be done within this.
-const PATIENCE: Duration = Duration::from_secs(10);
+/// Longest time for a call.
+const CALL_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Answers one call.
-pub(super) async fn serve(node: Node, mut stream: TcpStream) {
+pub(super) async fn serve(node: RosNode, mut stream: TcpStream) {
     let exchange = async {
         let body = match http::read_body(&mut stream, false).await {
             Ok(body) => body,
@@ -21,96 +21,100 @@ pub(super) async fn serve(node: Node, mut stream: TcpStream) {
         };
         let answer = match read_call(&body) {
             Ok((method, arguments)) => answer(&node, &method, &arguments),
-            Err(why) => Err(format!("no call: {why}")),
+            Err(why) => Err(format!("not a call: {why}")),
         };
         let text = answer.map_or_else(|why| write_fault(&why), |answer| write_answer(&answer));
-        // Who hangs up has no use for it.
+        // A caller that hangs up loses the answer.
         let _ = http::answer(&mut stream, &text).await;
     };
-    let _ = timeout(PATIENCE, exchange).await;
+    let _ = timeout(CALL_TIMEOUT, exchange).await;
 }
 
-fn done(told: &str, value: Value) -> Value {
-    Value::List(vec![Value::Int(1), told.into(), value])
+fn done(told: &str, value: XmlRpcValue) -> XmlRpcValue {
+    XmlRpcValue::List(vec![XmlRpcValue::Int(1), told.into(), value])
 }
 
-fn wrong(why: &str) -> Value {
-    Value::List(vec![Value::Int(-1), why.into(), Value::Int(0)])
+fn wrong(why: &str) -> XmlRpcValue {
+    XmlRpcValue::List(vec![XmlRpcValue::Int(-1), why.into(), XmlRpcValue::Int(0)])
 }
 
-/// What a method answers; each is called with the name of the caller first.
+/// Carries out a method; the first argument is the name of the caller.
 ///
 /// # Errors
-/// Where there is no such method.
-fn answer(node: &Node, method: &str, arguments: &[Value]) -> Result<Value, String> {
-    let text = |at: usize| arguments.get(at).and_then(Value::text);
+/// When there is no such method.
+fn answer(node: &RosNode, method: &str, arguments: &[XmlRpcValue]) -> Result<XmlRpcValue, String> {
+    let text = |at: usize| arguments.get(at).and_then(XmlRpcValue::text);
     Ok(match method {
-        "getPid" => done("", Value::Int(i32::try_from(std::process::id()).unwrap_or(i32::MAX))),
+        "getPid" => done("", XmlRpcValue::Int(i32::try_from(std::process::id()).unwrap_or(i32::MAX))),
         "getMasterUri" => done("", node.master_uri().into()),
         "getPublications" => done("publications", topics(node.publications())),
         "getSubscriptions" => done("subscriptions", topics(node.subscriptions())),
         "getBusInfo" => done("bus info", bus_info(node)),
         "getBusStats" => done("bus stats", bus_stats(node)),
-        "requestTopic" => match text(1).map(|topic| node.offer(topic)) {
+        "requestTopic" => match text(1).map(|topic| node.tcpros_address(topic)) {
             Some(Some(place)) => {
-                let port = Value::Int(i32::from(place.port));
-                done("ready", Value::List(vec!["TCPROS".into(), place.host.as_str().into(), port]))
+                let port = XmlRpcValue::Int(i32::from(place.port));
+                done("ready", XmlRpcValue::List(vec!["TCPROS".into(), place.host.as_str().into(), port]))
             }
             Some(None) => wrong("this topic is not published here"),
             None => wrong("caller, topic and protocols are needed"),
         },
-        "publisherUpdate" => match (text(1), arguments.get(2).and_then(Value::list)) {
+        "publisherUpdate" => match (text(1), arguments.get(2).and_then(XmlRpcValue::list)) {
             (Some(topic), Some(publishers)) => {
                 let publishers = publishers.iter().filter_map(|uri| uri.text().map(str::to_owned));
-                node.take_publishers(topic, publishers);
-                done("", Value::Int(0))
+                node.update_publishers(topic, publishers);
+                done("", XmlRpcValue::Int(0))
             }
             _ => wrong("caller, topic and publishers are needed"),
         },
-        // Parameters are not listened to.
-        "paramUpdate" => done("", Value::Int(0)),
+        // Parameters are not used.
+        "paramUpdate" => done("", XmlRpcValue::Int(0)),
         "shutdown" => {
-            node.shut(text(1).unwrap_or(""));
-            done("shutdown", Value::Int(0))
+            node.shut_down(text(1).unwrap_or(""));
+            done("shutdown", XmlRpcValue::Int(0))
         }
         _ => return Err(format!("there is no method {method:?}")),
     })
 }
 
-fn topics(topics: Vec<(String, &'static str)>) -> Value {
-    let pair = |(topic, kind): (String, &str)| Value::List(vec![Value::Text(topic), kind.into()]);
-    Value::List(topics.into_iter().map(pair).collect())
+fn topics(topics: Vec<(String, &'static str)>) -> XmlRpcValue {
+    let pair = |(topic, kind): (String, &str)| XmlRpcValue::List(vec![XmlRpcValue::Text(topic), kind.into()]);
+    XmlRpcValue::List(topics.into_iter().map(pair).collect())
 }
 
-/// One row for each connection: id, the other end, direction, transport, topic, whether it is up.
-fn bus_info(node: &Node) -> Value {
-    let row = |(id, peer, direction, topic, is_up): (i32, String, &str, String, bool)| {
-        Value::List(vec![
-            Value::Int(id),
-            Value::Text(peer),
+/// One row per connection: id, peer, direction, transport, topic, whether it is connected.
+fn bus_info(node: &RosNode) -> XmlRpcValue {
+    let row = |id: i32, peer: String, direction: &str, topic: String, is_up: bool| {
+        XmlRpcValue::List(vec![
+            XmlRpcValue::Int(id),
+            XmlRpcValue::Text(peer),
             direction.into(),
             "TCPROS".into(),
-            Value::Text(topic),
-            Value::Bool(is_up),
+            XmlRpcValue::Text(topic),
+            XmlRpcValue::Bool(is_up),
         ])
     };
     let outward = node.outboxes().into_iter();
-    let outward = outward.map(|(topic, outbox)| (outbox.id, outbox.peer.clone(), "o", topic, true));
+    let outward = outward.map(|(topic, outbox)| row(outbox.id, outbox.peer.clone(), "o", topic, true));
     let inward = node.links().into_iter();
-    let inward = inward.map(|(topic, uri, link)| (link.id, uri, "i", topic, link.is_connected.get()));
-    Value::List(outward.chain(inward).map(row).collect())
+    let inward = inward.map(|(topic, uri, link)| row(link.id, uri, "i", topic, link.is_connected.get()));
+    XmlRpcValue::List(outward.chain(inward).collect())
 }
 
-/// Numbers on the wire have 32 bits.
-fn count(number: u64) -> Value {
-    Value::Int(i32::try_from(number).unwrap_or(i32::MAX))
+/// XML-RPC integers have 32 bits.
+fn count(number: u64) -> XmlRpcValue {
+    XmlRpcValue::Int(i32::try_from(number).unwrap_or(i32::MAX))
 }
 
-/// Of each connection: topic, bytes of messages, and id, bytes, messages, whether it is up.
-fn bus_stats(node: &Node) -> Value {
+/// One row per connection: topic, bytes of messages, and id, bytes, messages, whether it is connected.
+fn bus_stats(node: &RosNode) -> XmlRpcValue {
     let row = |topic: String, id: i32, bytes: u64, messages: u64, is_up: bool| {
-        let connection = vec![Value::Int(id), count(bytes), count(messages), Value::Bool(is_up)];
-        Value::List(vec![Value::Text(topic), count(bytes), Value::List(vec![Value::List(connection)])])
+        let connection = vec![XmlRpcValue::Int(id), count(bytes), count(messages), XmlRpcValue::Bool(is_up)];
+        XmlRpcValue::List(vec![
+            XmlRpcValue::Text(topic),
+            count(bytes),
+            XmlRpcValue::List(vec![XmlRpcValue::List(connection)]),
+        ])
     };
     let outward = node.outboxes().into_iter();
     let outward =
@@ -119,5 +123,9 @@ fn bus_stats(node: &Node) -> Value {
     let inward = inward.map(|(topic, _, from)| {
         row(topic, from.id, from.received_bytes.get(), from.received.get(), from.is_connected.get())
     });
-    Value::List(vec![Value::List(outward), Value::List(inward.collect()), Value::List(Vec::new())])
+    XmlRpcValue::List(vec![
+        XmlRpcValue::List(outward),
+        XmlRpcValue::List(inward.collect()),
+        XmlRpcValue::List(Vec::new()),
+    ])
 }

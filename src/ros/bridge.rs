@@ -1,18 +1,17 @@
-//! A client of rosbridge: the same topics as JSON over a WebSocket (rosbridge protocol 2.0), where no ROS node can
-//! be, or the other side has ROS 2.
+//! rosbridge client: topics as JSON over a WebSocket (rosbridge protocol 2.0, RFC 6455), for ROS 2 or across networks.
 
 mod fragments;
 mod status;
 
-use super::node::{LONGEST_PAUSE, PATIENCE, SHORTEST_PAUSE};
+use super::node::{MAX_BACKOFF, MIN_BACKOFF, REQUEST_TIMEOUT};
 use super::report::Report;
-use super::{Message, NodeStatus, NodeThread, Place, RosError, Topics};
-use fragments::{Fragment, Fragments};
+use super::{HostPort, NodeStatus, NodeThread, RosError, RosMessage, Topics};
+use fragments::{Fragment, FragmentReassembly};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use serde::Deserialize;
 use serde_json::{Value, json};
-use status::{Level, Status, StatusLog};
+use status::{BridgeStatus, Severity, StatusLog};
 use std::cell::RefCell;
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
@@ -28,29 +27,29 @@ use tokio_tungstenite::tungstenite::protocol::{CloseFrame, WebSocketConfig};
 use tokio_tungstenite::tungstenite::{Bytes, Message as Packet};
 use tokio_tungstenite::{WebSocketStream, client_async_with_config};
 
-/// Messages that wait to be sent; of more, the oldest are dropped.
-const QUEUE: usize = 1024;
-/// Handed to the socket before it is flushed.
-const AT_ONCE: usize = 64;
-/// What comes in is at most so long, in bytes, in one piece or in fragments.
-const LONGEST: usize = 4 << 20;
+/// Messages in the outbox; back-pressure drops the oldest.
+const OUTBOX_CAPACITY: usize = 1024;
+/// Messages that are written before a flush.
+const BATCH_MESSAGES: usize = 64;
+/// Longest received message, bytes, in one piece or in fragments.
+const MAX_MESSAGE_BYTES: usize = 4 << 20;
 /// Send buffer of the socket, bytes. Messages that a slow server has not read wait in the outbox, where the oldest are
 /// dropped, and not in the kernel, where pings would wait behind them.
 const SEND_BUFFER: usize = 128 << 10;
 
-/// Address of a rosbridge.
+/// URI of a rosbridge server.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BridgeUri {
     uri: String,
-    place: Place,
+    place: HostPort,
 }
 
 impl BridgeUri {
-    /// Where it usually is: on this machine.
+    /// The default URI, on this machine.
     ///
     /// # Errors
-    /// Never: it is an address.
-    pub fn usual() -> Result<Self, RosError> {
+    /// Never, because the URI is valid.
+    pub fn localhost() -> Result<Self, RosError> {
         "ws://127.0.0.1:9090".parse()
     }
 }
@@ -62,7 +61,7 @@ impl FromStr for BridgeUri {
         let wrong = || RosError::BridgeUri { uri: text.to_owned() };
         let rest = text.strip_prefix("ws://").ok_or_else(wrong)?;
         let host = rest.split('/').next().unwrap_or(rest);
-        let place = Place::of_uri(&format!("http://{host}")).ok_or_else(wrong)?;
+        let place = HostPort::of_uri(&format!("http://{host}")).ok_or_else(wrong)?;
         Ok(Self { uri: text.to_owned(), place })
     }
 }
@@ -73,7 +72,7 @@ impl FromStr for BridgeUri {
 pub struct Keepalive {
     /// Time from one ping to the next.
     pub ping_every: Duration,
-    /// A server is lost when no frame of any kind has come from it for so long.
+    /// A server that has sent no frame of any kind for this time counts as lost.
     pub timeout: Duration,
 }
 
@@ -84,7 +83,7 @@ impl Default for Keepalive {
     }
 }
 
-/// Where a rosbridge is, and how its loss is detected.
+/// Settings of a rosbridge client.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BridgeOptions {
     pub uri: BridgeUri,
@@ -97,12 +96,12 @@ impl From<BridgeUri> for BridgeOptions {
     }
 }
 
-/// Takes what was published on a topic.
-type Hear = Box<dyn Fn(Value)>;
+/// Handler of the messages of a topic.
+type MessageHandler = Box<dyn Fn(Value)>;
 
-/// The client, on its thread.
+/// rosbridge client, a handle on its own thread.
 #[derive(Clone)]
-pub struct Bridge(Rc<Inner>);
+pub struct Bridge(Rc<BridgeState>);
 
 impl fmt::Debug for Bridge {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -110,19 +109,19 @@ impl fmt::Debug for Bridge {
     }
 }
 
-struct Inner {
+struct BridgeState {
     options: BridgeOptions,
-    /// Types of the topics that are published, and of those that are listened to.
+    /// Types of the published topics; types and handlers of the subscribed ones.
     published: RefCell<BTreeMap<String, &'static str>>,
-    heard: RefCell<BTreeMap<String, (&'static str, Hear)>>,
+    subscribed: RefCell<BTreeMap<String, (&'static str, MessageHandler)>>,
     outbox: RefCell<VecDeque<String>>,
     is_changed: Notify,
     status: Arc<NodeStatus>,
     /// Kept from one connection to the next, so that a server which refuses the same again is not quoted again.
-    said: RefCell<StatusLog>,
+    status_log: RefCell<StatusLog>,
 }
 
-/// Runs a client on a thread of its own until its work is done. The rosbridge need not be there yet.
+/// Runs a client on a thread of its own until its work is done. The server may start later.
 ///
 /// # Errors
 /// When the thread cannot be started.
@@ -131,35 +130,35 @@ pub fn run_bridge<F: Future<Output = ()>>(
     work: impl FnOnce(Bridge) -> F + Send + 'static,
 ) -> Result<NodeThread, RosError> {
     NodeThread::start("rosbridge", move |runtime, status| {
-        let bridge = Bridge(Rc::new(Inner {
+        let bridge = Bridge(Rc::new(BridgeState {
             options,
             published: RefCell::default(),
-            heard: RefCell::default(),
+            subscribed: RefCell::default(),
             outbox: RefCell::default(),
             is_changed: Notify::new(),
             status,
-            said: RefCell::default(),
+            status_log: RefCell::default(),
         }));
-        runtime.block_on(bridge.live(work(bridge.clone())));
+        runtime.block_on(bridge.run(work(bridge.clone())));
     })
 }
 
 impl Topics for Bridge {
-    fn advertise<M: Message>(&self, topic: &str) {
+    fn advertise<M: RosMessage>(&self, topic: &str) {
         let before = self.0.published.borrow_mut().insert(topic.to_owned(), M::TYPE.name);
         if before.is_none() {
             self.push(advertisement(topic, M::TYPE.name));
         }
     }
 
-    fn retract(&self, topic: &str) {
+    fn unadvertise(&self, topic: &str) {
         if self.0.published.borrow_mut().remove(topic).is_some() {
             self.push(json!({ "op": "unadvertise", "id": topic, "topic": topic }).to_string());
         }
     }
 
-    fn publish<M: Message>(&self, topic: &str, message: impl FnOnce() -> M) {
-        // Where nobody is connected nobody gets it.
+    fn publish<M: RosMessage>(&self, topic: &str, message: impl FnOnce() -> M) {
+        // Without a connection the message is dropped.
         if !self.0.status.is_registered.load(Ordering::Relaxed)
             || !self.0.published.borrow().contains_key(topic)
         {
@@ -175,18 +174,18 @@ impl Topics for Bridge {
         }
     }
 
-    /// It does not tell who listens behind it.
-    fn is_heard(&self, topic: &str) -> bool {
+    /// rosbridge does not report subscribers: every advertised topic may have some.
+    fn has_subscribers(&self, topic: &str) -> bool {
         self.0.published.borrow().contains_key(topic)
     }
 
-    fn subscribe<M: Message>(&self, topic: &str, hear: impl Fn(M) + 'static) {
+    fn subscribe<M: RosMessage>(&self, topic: &str, on_message: impl Fn(M) + 'static) {
         let name = topic.to_owned();
-        let hear = move |value| match serde_json::from_value(value) {
-            Ok(message) => hear(message),
+        let handler = move |value| match serde_json::from_value(value) {
+            Ok(message) => on_message(message),
             Err(error) => tracing::debug!("{name}: a message is dropped: {error}"),
         };
-        self.0.heard.borrow_mut().insert(topic.to_owned(), (M::TYPE.name, Box::new(hear)));
+        self.0.subscribed.borrow_mut().insert(topic.to_owned(), (M::TYPE.name, Box::new(handler)));
         self.push(subscription(topic, M::TYPE.name));
     }
 }
@@ -204,7 +203,7 @@ type Socket = WebSocketStream<TcpStream>;
 impl Bridge {
     fn push(&self, text: String) {
         let mut outbox = self.0.outbox.borrow_mut();
-        if outbox.len() >= QUEUE {
+        if outbox.len() >= OUTBOX_CAPACITY {
             outbox.pop_front();
             self.0.status.slow.fetch_add(1, Ordering::Relaxed);
         }
@@ -212,31 +211,32 @@ impl Bridge {
         self.0.is_changed.notify_one();
     }
 
-    async fn live(&self, work: impl Future<Output = ()>) {
+    async fn run(&self, work: impl Future<Output = ()>) {
         tokio::select! {
             () = work => {}
-            () = self.keep() => {}
+            () = self.stay_connected() => {}
         }
     }
 
-    /// Keeps a connection for as long as it lives.
-    async fn keep(&self) {
-        let mut report = Report::new(format!("the rosbridge {}", self.0.options.uri.uri), &self.0.status);
-        let mut pause = SHORTEST_PAUSE;
+    /// Stays connected, with exponential backoff after errors.
+    async fn stay_connected(&self) {
+        let mut log =
+            ReachabilityLog::new(format!("the rosbridge {}", self.0.options.uri.uri), &self.0.status);
+        let mut backoff = MIN_BACKOFF;
         loop {
-            let trouble = match timeout(PATIENCE, self.connect()).await {
-                Err(_) => format!("no answer within {} s", PATIENCE.as_secs()),
+            let error = match timeout(REQUEST_TIMEOUT, self.connect()).await {
+                Err(_) => format!("no answer within {} s", REQUEST_TIMEOUT.as_secs()),
                 Ok(Err(why)) => why,
                 Ok(Ok(socket)) => {
-                    self.greet();
-                    report.is_there();
-                    pause = SHORTEST_PAUSE;
-                    self.talk(socket).await
+                    self.readvertise();
+                    log.reachable();
+                    backoff = MIN_BACKOFF;
+                    self.exchange(socket).await
                 }
             };
-            report.is_away(&trouble);
-            sleep(pause).await;
-            pause = (2 * pause).min(LONGEST_PAUSE);
+            log.unreachable(&error);
+            sleep(backoff).await;
+            backoff = (2 * backoff).min(MAX_BACKOFF);
         }
     }
 
@@ -246,32 +246,34 @@ impl Bridge {
         let stream =
             TcpStream::connect((place.host.as_str(), place.port)).await.map_err(|error| told(&error))?;
         stream.set_nodelay(true).map_err(|error| told(&error))?;
-        // One that keeps its own size works too, with later pings while the server is slow.
+        // A larger buffer works too, but delays pings while the server is slow.
         let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
-        let config = WebSocketConfig::default().max_message_size(Some(LONGEST)).max_frame_size(Some(LONGEST));
+        let config = WebSocketConfig::default()
+            .max_message_size(Some(MAX_MESSAGE_BYTES))
+            .max_frame_size(Some(MAX_MESSAGE_BYTES));
         let found = client_async_with_config(uri.as_str(), stream, Some(config)).await;
         found.map(|(socket, _)| socket).map_err(|error| told(&error))
     }
 
-    /// Tells a rosbridge that knows nothing yet what is published and listened to; what waited is old by now.
-    fn greet(&self) {
+    /// Advertises and subscribes all topics on a new connection, and drops the waiting messages, which are stale.
+    fn readvertise(&self) {
         let mut outbox = self.0.outbox.borrow_mut();
         outbox.clear();
         outbox.extend(self.0.published.borrow().iter().map(|(topic, kind)| advertisement(topic, kind)));
-        outbox.extend(self.0.heard.borrow().iter().map(|(topic, (kind, _))| subscription(topic, kind)));
+        outbox.extend(self.0.subscribed.borrow().iter().map(|(topic, (kind, _))| subscription(topic, kind)));
         self.0.is_changed.notify_one();
     }
 
-    /// Sends and hears until the connection ends; why it did.
-    async fn talk(&self, socket: Socket) -> String {
+    /// Sends and receives until the connection ends; returns the reason.
+    async fn exchange(&self, socket: Socket) -> String {
         let (to, from) = socket.split();
         tokio::select! {
             why = self.send(to) => why,
-            why = self.listen(from) => why,
+            why = self.receive(from) => why,
         }
     }
 
-    /// Sends messages as they come, and pings on their own schedule.
+    /// Sends messages as they come, and keep-alive pings on their own schedule.
     async fn send(&self, mut to: SplitSink<Socket, Packet>) -> String {
         let every = self.0.options.keepalive.ping_every;
         let mut pings = interval_at(tokio::time::Instant::now() + every, every);
@@ -293,13 +295,13 @@ impl Bridge {
         }
     }
 
-    /// The oldest messages that wait, once there are any.
+    /// Waits for messages and takes the oldest ones.
     async fn next_texts(&self) -> Vec<String> {
         loop {
             {
                 let mut outbox = self.0.outbox.borrow_mut();
                 if !outbox.is_empty() {
-                    let count = outbox.len().min(AT_ONCE);
+                    let count = outbox.len().min(BATCH_MESSAGES);
                     return outbox.drain(..count).collect();
                 }
             }
@@ -307,13 +309,13 @@ impl Bridge {
         }
     }
 
-    async fn listen(&self, mut from: SplitStream<Socket>) -> String {
-        let silence = self.0.options.keepalive.timeout;
-        let mut fragments = Fragments::default();
+    async fn receive(&self, mut from: SplitStream<Socket>) -> String {
+        let keepalive_timeout = self.0.options.keepalive.timeout;
+        let mut fragments = FragmentReassembly::default();
         loop {
-            let packet = match timeout(silence, from.next()).await {
-                Err(_) => return format!("silent for {} s, pings included", silence.as_secs_f64()),
-                Ok(None) => return "it has hung up".to_owned(),
+            let packet = match timeout(keepalive_timeout, from.next()).await {
+                Err(_) => return format!("no message or pong for {} s", keepalive_timeout.as_secs_f64()),
+                Ok(None) => return "it ended the connection".to_owned(),
                 Ok(Some(Err(error))) => return error.to_string(),
                 Ok(Some(Ok(packet))) => packet,
             };
@@ -327,65 +329,65 @@ impl Bridge {
         }
     }
 
-    fn take(&self, fragments: &mut Fragments, bytes: &[u8]) {
+    fn take(&self, fragments: &mut FragmentReassembly, bytes: &[u8]) {
         match serde_json::from_slice(bytes) {
-            Ok(Said::Fragment(fragment)) => {
+            Ok(ServerOp::Fragment(fragment)) => {
                 if let Some(whole) = fragments.take(fragment) {
-                    self.act(serde_json::from_str(&whole));
+                    self.dispatch(serde_json::from_str(&whole));
                 }
             }
-            said => self.act(said),
+            operation => self.dispatch(operation),
         }
     }
 
-    /// Acts on a message that is whole.
-    fn act(&self, said: serde_json::Result<Said>) {
-        match said {
-            Ok(Said::Publish { topic, msg }) => {
-                if let Some((_, hear)) = self.0.heard.borrow().get(&topic) {
-                    hear(msg);
+    /// Dispatches a complete message.
+    fn dispatch(&self, operation: serde_json::Result<ServerOp>) {
+        match operation {
+            Ok(ServerOp::Publish { topic, msg }) => {
+                if let Some((_, handler)) = self.0.subscribed.borrow().get(&topic) {
+                    handler(msg);
                 }
             }
-            Ok(Said::Status(status)) => self.tell(&status),
-            // Fragments of fragments are none.
-            Ok(Said::Fragment(_) | Said::Other) => {}
-            Err(error) => tracing::debug!("the rosbridge sends what cannot be read: {error}"),
+            Ok(ServerOp::Status(status)) => self.report_status(&status),
+            // Fragments of fragments are invalid.
+            Ok(ServerOp::Fragment(_) | ServerOp::Other) => {}
+            Err(error) => tracing::debug!("a message of the rosbridge is dropped: {error}"),
         }
     }
 
-    /// Tells the user what the server refuses.
-    fn tell(&self, status: &Status) {
+    /// Logs a status message of the server.
+    fn report_status(&self, status: &BridgeStatus) {
         let (uri, text) = (&self.0.options.uri.uri, status.text());
-        if status.level() == Level::Other {
+        if status.level() == Severity::Other {
             return tracing::debug!("the rosbridge {uri} says: {text}");
         }
-        let Some(text) = self.0.said.borrow_mut().admit(&text, Instant::now()) else { return };
+        let Some(text) = self.0.status_log.borrow_mut().admit(&text, Instant::now()) else { return };
         match status.level() {
-            Level::Error => tracing::error!("the rosbridge {uri} reports an error: {text}"),
+            Severity::Error => tracing::error!("the rosbridge {uri} reports an error: {text}"),
             _ => tracing::warn!("the rosbridge {uri} warns: {text}"),
         }
     }
 }
 
-/// Why a server says that it closes a connection.
+/// Reason of a close frame.
 fn closed(frame: Option<&CloseFrame>) -> String {
     let reason = frame.map(|frame| {
         let words: String = frame.reason.chars().filter(|c| !c.is_control()).take(200).collect();
         if words.is_empty() { format!(" ({})", frame.code) } else { format!(" ({}: {words})", frame.code) }
     });
-    format!("it has closed the connection{}", reason.unwrap_or_default())
+    format!("it closed the connection{}", reason.unwrap_or_default())
 }
 
-/// What a rosbridge says.
+/// Operation of a rosbridge server.
 #[derive(Deserialize)]
 #[serde(tag = "op", rename_all = "snake_case")]
-enum Said {
+enum ServerOp {
     Publish {
         topic: String,
         msg: Value,
     },
     Fragment(Fragment),
-    Status(Status),
+    Status(BridgeStatus),
     #[serde(other)]
     Other,
 }

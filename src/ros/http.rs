@@ -1,29 +1,33 @@
-//! HTTP as XML-RPC needs it: one call a connection, one body each way, all of it bounded.
+//! Minimal HTTP/1.1 for XML-RPC: one call per connection, one body each way, all of it bounded.
 
-use super::xmlrpc::{Value, read_answer, write_call};
-use super::{Place, RosError};
+use super::xmlrpc::{XmlRpcValue, read_answer, write_call};
+use super::{HostPort, RosError};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::time::timeout;
 
-use super::node::PATIENCE;
+use super::node::REQUEST_TIMEOUT;
 
-/// Headers are at most so long together, in bytes, and so many.
-const LONGEST_HEAD: usize = 16 << 10;
-const MOST_HEADERS: usize = 64;
-/// Bodies: those of masters name all publishers of a topic.
-const LONGEST_BODY: usize = 1 << 20;
-/// Read at once.
+/// Longest head, bytes, and most header fields.
+const MAX_HEAD_BYTES: usize = 16 << 10;
+const MAX_HEADERS: usize = 64;
+/// Longest body, bytes: those of masters name all publishers of a topic.
+const MAX_BODY_BYTES: usize = 1 << 20;
+/// Bytes of one read.
 const CHUNK: usize = 4096;
 
-/// Asks a master or a node.
+/// Makes an XML-RPC call to a master or a node.
 ///
 /// # Errors
-/// When it cannot be reached, does not answer, or answers with something else.
-pub(super) async fn call(place: &Place, method: &str, arguments: &[Value]) -> Result<Value, RosError> {
+/// When the peer cannot be reached, does not answer, or its answer is malformed or a fault.
+pub(super) async fn call(
+    place: &HostPort,
+    method: &str,
+    arguments: &[XmlRpcValue],
+) -> Result<XmlRpcValue, RosError> {
     let call = write_call(method, arguments);
     let told = || format!("{place}, {method}");
-    match timeout(PATIENCE, exchange(place, &call)).await {
+    match timeout(REQUEST_TIMEOUT, exchange(place, &call)).await {
         Err(_) => Err(RosError::NoAnswer { place: told() }),
         Ok(Err(source)) => Err(RosError::Io { place: place.to_string(), source }),
         Ok(Ok(body)) => {
@@ -33,7 +37,7 @@ pub(super) async fn call(place: &Place, method: &str, arguments: &[Value]) -> Re
     }
 }
 
-async fn exchange(place: &Place, call: &str) -> std::io::Result<Result<Vec<u8>, String>> {
+async fn exchange(place: &HostPort, call: &str) -> std::io::Result<Result<Vec<u8>, String>> {
     let mut stream = TcpStream::connect((place.host.as_str(), place.port)).await?;
     stream.set_nodelay(true)?;
     let head = format!(
@@ -45,7 +49,7 @@ async fn exchange(place: &Place, call: &str) -> std::io::Result<Result<Vec<u8>, 
     Ok(read_body(&mut stream, true).await)
 }
 
-/// Answers a call with the body of an answer.
+/// Sends the body of an answer with status 200.
 pub(super) async fn answer(stream: &mut TcpStream, body: &str) -> std::io::Result<()> {
     let head = format!(
         "HTTP/1.1 200 OK\r\nServer: city3d\r\nContent-Type: text/xml\r\nContent-Length: {}\r\nConnection: close\r\n\r\n",
@@ -55,44 +59,44 @@ pub(super) async fn answer(stream: &mut TcpStream, body: &str) -> std::io::Resul
     stream.shutdown().await
 }
 
-/// What the head of a request or an answer says.
-struct Head {
-    /// Bytes of the head.
+/// Parsed head of a request or an answer.
+struct HttpHead {
+    /// Length of the head, bytes.
     length: usize,
-    /// Of the body, where it is told.
+    /// Length of the body, where it is stated.
     body: Option<usize>,
 }
 
-/// Reads the body of a request, or of an answer.
+/// Reads the body of a request or of an answer.
 ///
 /// # Errors
-/// In words: what is wrong with it.
+/// What is wrong with the head or the body.
 pub(super) async fn read_body(stream: &mut TcpStream, is_answer: bool) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
     let head = loop {
         if let Some(head) = parse(&bytes, is_answer)? {
             break head;
         }
-        if bytes.len() > LONGEST_HEAD {
-            return Err(format!("headers of more than {LONGEST_HEAD} bytes"));
+        if bytes.len() > MAX_HEAD_BYTES {
+            return Err(format!("headers of more than {MAX_HEAD_BYTES} bytes"));
         }
         if !more(stream, &mut bytes).await? {
-            return Err("it ends in its headers".to_owned());
+            return Err("it ends within its headers".to_owned());
         }
     };
     bytes.drain(..head.length);
-    let most = head.body.unwrap_or(LONGEST_BODY);
-    if most > LONGEST_BODY {
-        return Err(format!("a body of {most} bytes, at most {LONGEST_BODY} are read"));
+    let most = head.body.unwrap_or(MAX_BODY_BYTES);
+    if most > MAX_BODY_BYTES {
+        return Err(format!("a body of {most} bytes, at most {MAX_BODY_BYTES} are read"));
     }
     while bytes.len() < most {
         if !more(stream, &mut bytes).await? {
-            // Without a length the end of the connection is that of the body.
-            return if head.body.is_none() { Ok(bytes) } else { Err("it ends in its body".to_owned()) };
+            // Without a length, the body ends with the connection.
+            return if head.body.is_none() { Ok(bytes) } else { Err("it ends within its body".to_owned()) };
         }
     }
     if head.body.is_none() {
-        return Err(format!("a body of more than {LONGEST_BODY} bytes"));
+        return Err(format!("a body of more than {MAX_BODY_BYTES} bytes"));
     }
     bytes.truncate(most);
     Ok(bytes)
@@ -106,9 +110,9 @@ async fn more(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> Result<bool, Strin
     Ok(length > 0)
 }
 
-/// The head, once all of it is there.
-fn parse(bytes: &[u8], is_answer: bool) -> Result<Option<Head>, String> {
-    let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
+/// Parses the head; `None` while it is incomplete.
+fn parse(bytes: &[u8], is_answer: bool) -> Result<Option<HttpHead>, String> {
+    let mut headers = [httparse::EMPTY_HEADER; MAX_HEADERS];
     let (status, headers) = if is_answer {
         let mut answer = httparse::Response::new(&mut headers);
         let status = answer.parse(bytes).map_err(|error| error.to_string())?;
@@ -121,25 +125,25 @@ fn parse(bytes: &[u8], is_answer: bool) -> Result<Option<Head>, String> {
         let mut request = httparse::Request::new(&mut headers);
         let status = request.parse(bytes).map_err(|error| error.to_string())?;
         if status.is_complete() && request.method != Some("POST") {
-            return Err(format!("{} is not served, only POST is", request.method.unwrap_or("")));
+            return Err(format!("{} is not supported, only POST", request.method.unwrap_or("")));
         }
         (status, &*request.headers)
     };
     let httparse::Status::Complete(length) = status else { return Ok(None) };
     let find = |name: &str| headers.iter().find(|header| header.name.eq_ignore_ascii_case(name));
     if find("Transfer-Encoding").is_some() {
-        return Err("a body in chunks is not read".to_owned());
+        return Err("chunked transfer encoding is not supported".to_owned());
     }
     let told = find("Content-Length").map(|header| {
         let length =
             std::str::from_utf8(header.value).ok().and_then(|text| text.trim().parse::<usize>().ok());
-        length.ok_or_else(|| "its length is no number".to_owned())
+        length.ok_or_else(|| "its Content-Length is not a number".to_owned())
     });
     let body = told.transpose()?;
     if body.is_none() && !is_answer {
-        return Err("a request without a length".to_owned());
+        return Err("a request without a Content-Length".to_owned());
     }
-    Ok(Some(Head { length, body }))
+    Ok(Some(HttpHead { length, body }))
 }
 
 #[cfg(test)]
@@ -156,10 +160,10 @@ mod tests {
         assert_eq!(head("HTTP/1.0 200 OK\r\n\r\n", true).unwrap().unwrap().body, None);
         for (text, is_answer, told) in [
             ("GET / HTTP/1.1\r\n\r\n", false, "only POST"),
-            ("POST / HTTP/1.1\r\n\r\n", false, "without a length"),
-            ("POST / HTTP/1.1\r\nContent-Length: -1\r\n\r\n", false, "no number"),
+            ("POST / HTTP/1.1\r\n\r\n", false, "without a Content-Length"),
+            ("POST / HTTP/1.1\r\nContent-Length: -1\r\n\r\n", false, "not a number"),
             ("HTTP/1.1 500 Oh\r\n\r\n", true, "500 Oh"),
-            ("HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n", true, "chunks"),
+            ("HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n", true, "chunked"),
             ("\u{16}\u{3}\u{1}", false, "invalid"),
         ] {
             let found = head(text, is_answer).err().unwrap();
@@ -170,7 +174,7 @@ mod tests {
     proptest! {
         #[test]
         fn no_bytes_are_too_strange(bytes in proptest::collection::vec(any::<u8>(), 0..200), is_answer: bool) {
-            // Whatever they are, they are read or refused.
+            // Any input is decoded or refused, without a panic.
             let _ = parse(&bytes, is_answer);
         }
     }

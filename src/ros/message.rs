@@ -1,55 +1,55 @@
-//! The messages of ROS 1 that are published and heard, byte by byte as TCPROS has them.
+//! ROS 1 messages and their TCPROS serialisation.
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// How ROS knows a type of messages.
+/// Type of a ROS message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MessageType {
     /// Package and name.
     pub name: &'static str,
-    /// Digest of the definition.
+    /// MD5 sum of the definition.
     pub md5sum: &'static str,
-    /// Of the type, and behind it those of all that it consists of.
+    /// Definition of the type, followed by those of its fields' types.
     pub definition: &'static str,
 }
 
-/// Bytes that are no message of a type.
+/// Decoding error of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum MessageError {
     #[error("the message ends early")]
     Torn,
     #[error("{0} bytes too many")]
     Long(usize),
-    #[error("a text that is no UTF-8")]
+    #[error("a text is not UTF-8")]
     Text,
 }
 
-/// What can be sent and read; as JSON, its fields have the names that the definition gives them.
-pub trait Message: Sized + Serialize + DeserializeOwned {
+/// A message that can be encoded and decoded; its JSON has the field names of the definition.
+pub trait RosMessage: Sized + Serialize + DeserializeOwned {
     const TYPE: MessageType;
 
     fn write(&self, out: &mut Vec<u8>);
 
     /// # Errors
     /// [`MessageError`]
-    fn read(from: &mut Bytes<'_>) -> Result<Self, MessageError>;
+    fn read(from: &mut MessageReader<'_>) -> Result<Self, MessageError>;
 
     /// # Errors
-    /// When the bytes are not just such a message.
+    /// When the bytes are not exactly one message of this type.
     fn decode(bytes: &[u8]) -> Result<Self, MessageError> {
-        let mut from = Bytes(bytes);
+        let mut from = MessageReader(bytes);
         let message = Self::read(&mut from)?;
         if from.0.is_empty() { Ok(message) } else { Err(MessageError::Long(from.0.len())) }
     }
 }
 
-/// What is left of a message that is being read.
+/// Reads the fields of an encoded message.
 #[derive(Debug)]
-pub struct Bytes<'a>(&'a [u8]);
+pub struct MessageReader<'a>(&'a [u8]);
 
-impl<'a> Bytes<'a> {
+impl<'a> MessageReader<'a> {
     fn take<const N: usize>(&mut self) -> Result<[u8; N], MessageError> {
         let (taken, rest) = self.0.split_first_chunk().ok_or(MessageError::Torn)?;
         self.0 = rest;
@@ -68,7 +68,7 @@ impl<'a> Bytes<'a> {
         self.take().map(f64::from_le_bytes)
     }
 
-    /// As many as are told before them.
+    /// Reads bytes with a length prefix.
     pub(super) fn bytes(&mut self) -> Result<&'a [u8], MessageError> {
         let length = self.u32()? as usize;
         let (bytes, rest) = self.0.split_at_checked(length).ok_or(MessageError::Torn)?;
@@ -99,8 +99,8 @@ pub struct Time {
 }
 
 impl Time {
-    /// Seconds since the epoch or, of a simulated clock, since its start.
-    pub fn of_seconds(seconds: f64) -> Self {
+    /// From seconds since the epoch or, for simulated time, since its start.
+    pub fn from_seconds(seconds: f64) -> Self {
         let nanoseconds = (seconds.max(0.0) * 1e9).round() as u64;
         Self {
             secs: u32::try_from(nanoseconds / 1_000_000_000).unwrap_or(u32::MAX),
@@ -117,14 +117,14 @@ impl Time {
         out.extend(self.nsecs.to_le_bytes());
     }
 
-    fn read(from: &mut Bytes<'_>) -> Result<Self, MessageError> {
+    fn read(from: &mut MessageReader<'_>) -> Result<Self, MessageError> {
         Ok(Self { secs: from.u32()?, nsecs: from.u32()? })
     }
 }
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Header {
-    /// ROS 2 has none.
+    /// Absent in ROS 2.
     #[serde(default)]
     pub seq: u32,
     pub stamp: Time,
@@ -138,7 +138,7 @@ impl Header {
         write_text(out, &self.frame_id);
     }
 
-    pub(super) fn read(from: &mut Bytes<'_>) -> Result<Self, MessageError> {
+    pub(super) fn read(from: &mut MessageReader<'_>) -> Result<Self, MessageError> {
         Ok(Self { seq: from.u32()?, stamp: Time::read(from)?, frame_id: from.text()?.to_owned() })
     }
 }
@@ -180,11 +180,11 @@ pub struct TfMessage {
 
 /// `rosgraph_msgs/Clock`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Clock {
+pub struct ClockMessage {
     pub clock: Time,
 }
 
-/// Where the definition of another type begins.
+/// Separator before the definition of a nested type.
 macro_rules! next_message {
     ($name:literal) => {
         concat!(
@@ -218,7 +218,7 @@ macro_rules! transform_stamped {
     };
 }
 
-impl Message for TransformStamped {
+impl RosMessage for TransformStamped {
     const TYPE: MessageType = MessageType {
         name: "geometry_msgs/TransformStamped",
         md5sum: "b5764a33bfeb3588febc2682852579b0",
@@ -232,7 +232,7 @@ impl Message for TransformStamped {
         [p.x, p.y, p.z, q.x, q.y, q.z, q.w].into_iter().for_each(|number| out.extend(number.to_le_bytes()));
     }
 
-    fn read(from: &mut Bytes<'_>) -> Result<Self, MessageError> {
+    fn read(from: &mut MessageReader<'_>) -> Result<Self, MessageError> {
         let (header, child_frame_id) = (Header::read(from)?, from.text()?.to_owned());
         let translation = Vector3 { x: from.f64()?, y: from.f64()?, z: from.f64()? };
         let rotation = Quaternion { x: from.f64()?, y: from.f64()?, z: from.f64()?, w: from.f64()? };
@@ -240,7 +240,7 @@ impl Message for TransformStamped {
     }
 }
 
-impl Message for TfMessage {
+impl RosMessage for TfMessage {
     const TYPE: MessageType = MessageType {
         name: "tf2_msgs/TFMessage",
         md5sum: "94810edda583a504dfda3829e70d7eec",
@@ -256,14 +256,14 @@ impl Message for TfMessage {
         self.transforms.iter().for_each(|transform| transform.write(out));
     }
 
-    fn read(from: &mut Bytes<'_>) -> Result<Self, MessageError> {
-        // No room is made in advance: what is told may be more than what follows.
+    fn read(from: &mut MessageReader<'_>) -> Result<Self, MessageError> {
+        // No allocation in advance: the stated count may exceed the data.
         let transforms = (0..from.u32()?).map(|_| TransformStamped::read(from)).collect::<Result<_, _>>()?;
         Ok(Self { transforms })
     }
 }
 
-impl Message for Clock {
+impl RosMessage for ClockMessage {
     const TYPE: MessageType = MessageType {
         name: "rosgraph_msgs/Clock",
         md5sum: "a9c97c1d230cfc112e270351a944ee47",
@@ -274,7 +274,7 @@ impl Message for Clock {
         self.clock.write(out);
     }
 
-    fn read(from: &mut Bytes<'_>) -> Result<Self, MessageError> {
+    fn read(from: &mut MessageReader<'_>) -> Result<Self, MessageError> {
         Ok(Self { clock: Time::read(from)? })
     }
 }
@@ -313,7 +313,7 @@ mod tests {
     proptest! {
         #[test]
         fn no_bytes_are_too_strange(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
-            // Whatever they are, they are a message or refused.
+            // Any input is decoded or refused, without a panic.
             let _ = TransformStamped::decode(&bytes);
             let _ = TfMessage::decode(&bytes);
         }
@@ -321,9 +321,9 @@ mod tests {
 
     #[test]
     fn seconds_keep_their_nanoseconds() {
-        assert_eq!(Time::of_seconds(12.34), Time { secs: 12, nsecs: 340_000_000 });
-        assert_eq!(Time::of_seconds(0.999_999_999_9), Time { secs: 1, nsecs: 0 });
-        assert_eq!(Time::of_seconds(-1.0), Time::default());
-        assert!((Time::of_seconds(12.34).seconds() - 12.34).abs() < 1e-9);
+        assert_eq!(Time::from_seconds(12.34), Time { secs: 12, nsecs: 340_000_000 });
+        assert_eq!(Time::from_seconds(0.999_999_999_9), Time { secs: 1, nsecs: 0 });
+        assert_eq!(Time::from_seconds(-1.0), Time::default());
+        assert!((Time::from_seconds(12.34).seconds() - 12.34).abs() < 1e-9);
     }
 }

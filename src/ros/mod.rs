@@ -1,7 +1,7 @@
-//! A node of ROS 1: publishes and subscribes topics under a master. It knows ROS and nothing of the city.
+//! ROS 1 node and rosbridge client: publish and subscribe topics, independent of the city.
 //!
-//! The protocols are those of the ROS wiki: the Master and Slave APIs (XML-RPC over HTTP) and TCPROS. A node lives
-//! on one thread ([`run`]); whatever comes from outside is bounded, and nobody who misbehaves ends it.
+//! The protocols are those of the ROS wiki: the Master and Slave APIs (XML-RPC over HTTP) and TCPROS. A node runs on
+//! one thread ([`run`]). All input and all queues are bounded, and a misbehaving peer cannot stop the node.
 
 mod api;
 #[cfg(feature = "rosbridge")]
@@ -20,38 +20,38 @@ mod xmlrpc;
 #[cfg(feature = "rosbridge")]
 pub use bridge::{Bridge, BridgeOptions, BridgeUri, Keepalive, run_bridge};
 pub use message::{
-    Clock, Header, Message, MessageError, MessageType, Quaternion, TfMessage, Time, Transform,
+    ClockMessage, Header, MessageError, MessageType, Quaternion, RosMessage, TfMessage, Time, Transform,
     TransformStamped, Vector3,
 };
-pub use node::{Node, NodeOptions, NodeStatus, NodeThread, run};
+pub use node::{NodeOptions, NodeStatus, NodeThread, RosNode, run};
 pub use picture::{CameraInfo, CompressedImage, RegionOfInterest};
-pub use uri::{BindAddress, MasterUri, Place};
+pub use uri::{BindAddress, HostPort, MasterUri};
 
 use thiserror::Error;
 
-/// Topics that are published and listened to, whatever carries them.
+/// Publishes and subscribes topics, over any transport.
 pub trait Topics {
-    /// Offers a topic.
-    fn advertise<M: Message>(&self, topic: &str);
-    /// Takes a topic back.
-    fn retract(&self, topic: &str);
-    /// Hands a message over to those who listen to a topic that was offered, and never waits.
-    fn publish<M: Message>(&self, topic: &str, message: impl FnOnce() -> M);
-    /// Whether anybody may listen to a topic that was offered.
-    fn is_heard(&self, topic: &str) -> bool;
-    /// Listens to a topic, whoever publishes it.
-    fn subscribe<M: Message>(&self, topic: &str, hear: impl Fn(M) + 'static);
+    /// Advertises a topic.
+    fn advertise<M: RosMessage>(&self, topic: &str);
+    /// Withdraws an advertised topic.
+    fn unadvertise(&self, topic: &str);
+    /// Queues a message for the subscribers of an advertised topic without blocking.
+    fn publish<M: RosMessage>(&self, topic: &str, message: impl FnOnce() -> M);
+    /// Whether an advertised topic may have subscribers.
+    fn has_subscribers(&self, topic: &str) -> bool;
+    /// Subscribes to a topic of any publisher; `on_message` handles each message.
+    fn subscribe<M: RosMessage>(&self, topic: &str, on_message: impl Fn(M) + 'static);
 }
 
-/// What goes wrong between this node and others.
+/// Error between this node and its peers.
 #[derive(Debug, Error)]
 pub enum RosError {
-    #[error("{uri}: no address of a ROS master; write it as http://127.0.0.1:11311")]
+    #[error("{uri} is not the address of a ROS master; write it as http://127.0.0.1:11311")]
     MasterUri { uri: String },
     #[cfg(feature = "rosbridge")]
-    #[error("{uri}: no address of a rosbridge; write it as ws://127.0.0.1:9090")]
+    #[error("{uri} is not the address of a rosbridge; write it as ws://127.0.0.1:9090")]
     BridgeUri { uri: String },
-    #[error("{host}: no address that a node can have: {why}")]
+    #[error("{host}: a ROS node cannot have this address: {why}")]
     Host { host: String, why: String },
     #[error("the ROS node cannot listen on {address}: {source}")]
     Listen { address: String, source: std::io::Error },
@@ -59,7 +59,7 @@ pub enum RosError {
     Start(std::io::Error),
     #[error("{place}: {source}")]
     Io { place: String, source: std::io::Error },
-    #[error("{place}: no answer within {} s", node::PATIENCE.as_secs())]
+    #[error("{place}: no answer within {} s", node::REQUEST_TIMEOUT.as_secs())]
     NoAnswer { place: String },
     #[error("{place}: {why}")]
     Answer { place: String, why: String },

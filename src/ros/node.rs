@@ -1,11 +1,13 @@
-//! The node among others: its thread, its listeners, and how it stays known to the master.
+//! ROS 1 node: its thread, its listening sockets, and its registration with the master.
 
 use super::header::Fields;
 use super::publisher::{Outbox, Publication, framed};
 use super::report::Report;
-use super::subscriber::{Link, Subscription};
-use super::xmlrpc::Value;
-use super::{BindAddress, MasterUri, Message, MessageType, Place, RosError, Topics, api, http, publisher};
+use super::subscriber::{PublisherLink, Subscription};
+use super::xmlrpc::XmlRpcValue;
+use super::{
+    BindAddress, HostPort, MasterUri, MessageType, RosError, RosMessage, Topics, api, http, publisher,
+};
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::{IpAddr, Ipv4Addr, TcpListener as StdListener, ToSocketAddrs, UdpSocket};
@@ -20,110 +22,109 @@ use tokio::sync::Notify;
 use tokio::task::{LocalSet, spawn_local};
 use tokio::time::{sleep, timeout};
 
-/// A master or a node that takes longer to answer counts as away.
-pub(super) const PATIENCE: Duration = Duration::from_secs(5);
-/// Between attempts to reach somebody, each twice as long as the one before.
-pub(super) const SHORTEST_PAUSE: Duration = Duration::from_millis(250);
-pub(super) const LONGEST_PAUSE: Duration = Duration::from_secs(4);
-/// So often the master is asked whether it still knows this node: one that was restarted does not.
-const LOOK_UP: Duration = Duration::from_secs(1);
-/// So long the end waits for the topics to be taken back; a master may be out of reach.
-const FAREWELL: Duration = Duration::from_secs(2);
-/// A listener that cannot accept tries again after this: the system is out of something.
-const OUT_OF_BREATH: Duration = Duration::from_millis(100);
-/// Subscribers at once, and calls at once.
-const MOST_SUBSCRIBERS: usize = 256;
-const MOST_CALLS: usize = 64;
+/// Longest wait for the answer of a master or a node.
+pub(super) const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
+/// Exponential backoff between connection attempts: the first delay, and the longest.
+pub(super) const MIN_BACKOFF: Duration = Duration::from_millis(250);
+pub(super) const MAX_BACKOFF: Duration = Duration::from_secs(4);
+/// Interval at which the registration is checked: a restarted master has lost it.
+const REGISTRATION_CHECK_INTERVAL: Duration = Duration::from_secs(1);
+/// Longest wait for unregistration at the end, for the master may be unreachable.
+const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
+/// Delay before `accept` is tried again after an error, such as too many open files.
+const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
+/// Connections of subscribers at once, and calls at once.
+const MAX_SUBSCRIBERS: usize = 256;
+const MAX_CALLS: usize = 64;
 
-/// How a node is set up.
+/// Settings of a node.
 #[derive(Clone, Debug)]
 pub struct NodeOptions {
-    /// With a slash in front.
+    /// Name with a leading slash.
     pub name: String,
     pub master: MasterUri,
-    /// Where it listens; without it `ROS_IP` or `ROS_HOSTNAME` says so, and without those this machine alone
-    /// reaches it.
+    /// Address to listen on; by default `ROS_HOSTNAME` or `ROS_IP`, or else the loopback interface.
     pub bind: Option<BindAddress>,
 }
 
 impl NodeOptions {
-    /// Where to listen, and the host that others are told.
+    /// Address to listen on, and host name to advertise.
     fn host(&self) -> Result<(IpAddr, String), RosError> {
         let named = |name: &str| std::env::var(name).ok().filter(|text| !text.is_empty());
-        // As for any node, the name goes before the address.
+        // ROS prefers the name to the address.
         let told = named("ROS_HOSTNAME").or_else(|| named("ROS_IP"));
         let Some(BindAddress(bind)) = self.bind else {
             let Some(host) = told else {
                 return Ok((Ipv4Addr::LOCALHOST.into(), Ipv4Addr::LOCALHOST.to_string()));
             };
             let found = (host.as_str(), 0).to_socket_addrs().ok().and_then(|mut found| found.next());
-            let why = || "it is not known; ROS_IP or ROS_HOSTNAME names this machine".to_owned();
+            let why = || "it cannot be resolved; set ROS_IP to an address of this machine".to_owned();
             let address = found.ok_or_else(|| RosError::Host { host: host.clone(), why: why() })?;
             return Ok((address.ip(), host));
         };
         let host = match (told, bind.is_unspecified()) {
             (Some(host), _) => host,
             (None, false) => bind.to_string(),
-            (None, true) => self.way_to_master()?.to_string(),
+            (None, true) => self.local_address_to_master()?.to_string(),
         };
         Ok((bind, host))
     }
 
-    /// The address by which this machine reaches the master.
-    fn way_to_master(&self) -> Result<IpAddr, RosError> {
-        let Place { host, port } = &self.master.place;
+    /// Local address of the route to the master.
+    fn local_address_to_master(&self) -> Result<IpAddr, RosError> {
+        let HostPort { host, port } = &self.master.place;
         let any = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0));
-        // Nothing is sent: the system looks the way up.
+        // Connecting a UDP socket sends nothing; the system looks up the route.
         let found = any.and_then(|socket| {
             socket.connect((host.as_str(), *port))?;
             socket.local_addr()
         });
         let why = |error: std::io::Error| RosError::Host {
             host: host.clone(),
-            why: format!("there is no way to the master ({error}); name this machine by ROS_IP"),
+            why: format!("the master cannot be reached ({error}); set ROS_IP to an address of this machine"),
         };
         Ok(found.map_err(why)?.ip())
     }
 }
 
-/// What other threads can know of a node.
+/// Status of a node or bridge, shared with other threads.
 #[derive(Debug, Default)]
 pub struct NodeStatus {
-    /// The master knows its topics.
+    /// The topics are registered.
     pub is_registered: AtomicBool,
-    /// How often the master was away and came again.
+    /// How often the connection was lost and restored.
     pub returns: AtomicU64,
     pub subscribers: AtomicU64,
-    /// Messages that went because a subscriber was too slow.
+    /// Messages that were dropped because a subscriber was too slow.
     pub slow: AtomicU64,
 }
 
-/// A node, on its thread.
+/// ROS 1 node, a handle on its own thread.
 #[derive(Clone, Debug)]
-pub struct Node(Rc<Inner>);
+pub struct RosNode(Rc<NodeState>);
 
 #[derive(Debug)]
-struct Inner {
+struct NodeState {
     options: NodeOptions,
-    /// Of the Slave API.
+    /// URI of the Slave API.
     uri: String,
-    /// Of TCPROS.
-    place: Place,
+    /// Address of TCPROS.
+    place: HostPort,
     publications: RefCell<BTreeMap<String, Publication>>,
     subscriptions: RefCell<BTreeMap<String, Rc<Subscription>>>,
-    /// There is something to tell the master.
+    /// The registration has to be updated.
     is_changed: Notify,
-    /// Others have ended this node.
-    is_shut: Cell<bool>,
+    /// The master or another node has shut this node down.
+    is_shut_down: Cell<bool>,
     last_id: Cell<i32>,
     status: Arc<NodeStatus>,
 }
 
-/// The thread of a node.
+/// The thread of a node or bridge.
 #[derive(Debug)]
 pub struct NodeThread {
     pub status: Arc<NodeStatus>,
-    /// Tells, by its end, that of the thread.
+    /// Disconnects when the thread ends.
     ended: Receiver<()>,
 }
 
@@ -141,28 +142,27 @@ impl NodeThread {
         let live = move || {
             let _ending = ending;
             live(&runtime, shared);
-            // Names that are still being looked up keep nobody waiting.
+            // Does not wait for name look-ups that are still running.
             runtime.shutdown_background();
         };
         std::thread::Builder::new().name(name.to_owned()).spawn(live).map_err(RosError::Start)?;
         Ok(Self { status, ended })
     }
 
-    /// Waits for its end, but not for a master that does not answer.
+    /// Waits for the end of the thread, at most a little longer than [`SHUTDOWN_TIMEOUT`].
     pub fn join(&self) {
-        // It answers by its end alone.
-        let _ = self.ended.recv_timeout(FAREWELL + OUT_OF_BREATH);
+        // The channel carries no message; it disconnects.
+        let _ = self.ended.recv_timeout(SHUTDOWN_TIMEOUT + ACCEPT_RETRY_DELAY);
     }
 }
 
-/// Runs a node on a thread of its own until its work is done, and takes its topics back then. The master need
-/// not be there yet.
+/// Runs a node on a thread of its own until its work is done, then unregisters its topics. The master may start later.
 ///
 /// # Errors
 /// When the node cannot listen, or the thread cannot be started.
 pub fn run<F: Future<Output = ()>>(
     options: NodeOptions,
-    work: impl FnOnce(Node) -> F + Send + 'static,
+    work: impl FnOnce(RosNode) -> F + Send + 'static,
 ) -> Result<NodeThread, RosError> {
     let (bind, host) = options.host()?;
     let listen = |_| {
@@ -175,35 +175,35 @@ pub fn run<F: Future<Output = ()>>(
     let (calls, topics) = (listen("calls")?, listen("topics")?);
     warn_of_reach(&options.master, bind);
     NodeThread::start("ros", move |runtime, status| {
-        let node = Node(Rc::new(Inner {
-            uri: format!("http://{}/", Place { host: host.clone(), port: calls.0 }),
-            place: Place { host, port: topics.0 },
+        let node = RosNode(Rc::new(NodeState {
+            uri: format!("http://{}/", HostPort { host: host.clone(), port: calls.0 }),
+            place: HostPort { host, port: topics.0 },
             options,
             publications: RefCell::default(),
             subscriptions: RefCell::default(),
             is_changed: Notify::new(),
-            is_shut: Cell::new(false),
+            is_shut_down: Cell::new(false),
             last_id: Cell::new(0),
             status,
         }));
-        LocalSet::new().block_on(runtime, node.live(calls.1, topics.1, work(node.clone())));
+        LocalSet::new().block_on(runtime, node.run(calls.1, topics.1, work(node.clone())));
     })
 }
 
-/// A node that only this machine reaches is of no use to a master elsewhere.
+/// Warns of a node on the loopback interface whose master is on another machine.
 fn warn_of_reach(master: &MasterUri, bind: IpAddr) {
-    let Place { host, .. } = &master.place;
+    let HostPort { host, .. } = &master.place;
     let is_near = host == "localhost" || host.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback());
     if bind.is_loopback() && !is_near {
         tracing::warn!(
-            "the ROS master {} is on another machine, and only this one can reach the topics; --ros-bind or ROS_IP \
-             lets others",
+            "the ROS master {} is on another machine, which cannot reach the topics of this one; set --ros-bind or \
+             ROS_IP to an address that it can reach",
             master.uri
         );
     }
 }
 
-impl Node {
+impl RosNode {
     pub fn name(&self) -> &str {
         &self.0.options.name
     }
@@ -218,16 +218,16 @@ impl Node {
         id
     }
 
-    /// Whether others have ended it: it is to say nothing any more.
-    pub fn is_shut(&self) -> bool {
-        self.0.is_shut.get()
+    /// Whether it was shut down by the master or another node, and must publish nothing.
+    pub fn is_shut_down(&self) -> bool {
+        self.0.is_shut_down.get()
     }
 
-    pub(super) fn shut(&self, why: &str) {
-        if !self.0.is_shut.replace(true) {
+    pub(super) fn shut_down(&self, why: &str) {
+        if !self.0.is_shut_down.replace(true) {
             self.0.status.is_registered.store(false, Ordering::Relaxed);
             let why = why.chars().filter(|c| !c.is_control()).take(200).collect::<String>();
-            tracing::error!("{} is ended under ROS and says nothing there any more: {why}", self.name());
+            tracing::error!("the ROS node {} is shut down, it publishes no more: {why}", self.name());
             self.0.publications.take().values().flat_map(|topic| &topic.outboxes).for_each(|out| out.close());
             self.0.is_changed.notify_one();
         }
@@ -243,7 +243,7 @@ impl Node {
         topics.iter().map(|(topic, subscription)| (topic.clone(), subscription.kind.name)).collect()
     }
 
-    /// Connections of subscribers, with their topics.
+    /// Outboxes of the subscribers, with their topics.
     pub(super) fn outboxes(&self) -> Vec<(String, Rc<Outbox>)> {
         let topics = self.0.publications.borrow();
         let all = topics.iter().flat_map(|(topic, publication)| {
@@ -252,8 +252,8 @@ impl Node {
         all.collect()
     }
 
-    /// Publishers that are followed, with topic and address.
-    pub(super) fn links(&self) -> Vec<(String, String, Rc<Link>)> {
+    /// Links to publishers, with topic and URI.
+    pub(super) fn links(&self) -> Vec<(String, String, Rc<PublisherLink>)> {
         let topics = self.0.subscriptions.borrow();
         let all = topics.values().flat_map(|subscription| {
             let links = subscription.links.borrow();
@@ -264,23 +264,27 @@ impl Node {
         all.collect()
     }
 
-    /// Where a topic can be had.
-    pub(super) fn offer(&self, topic: &str) -> Option<Place> {
+    /// The TCPROS address of a published topic.
+    pub(super) fn tcpros_address(&self, topic: &str) -> Option<HostPort> {
         self.0.publications.borrow().contains_key(topic).then(|| self.0.place.clone())
     }
 
-    pub(super) fn take_publishers(&self, topic: &str, publishers: impl Iterator<Item = String>) {
+    pub(super) fn update_publishers(&self, topic: &str, publishers: impl Iterator<Item = String>) {
         let subscription = self.0.subscriptions.borrow().get(topic).cloned();
         if let Some(subscription) = subscription {
             subscription.update(self, publishers);
         }
     }
 
-    /// Takes a subscriber in.
+    /// Adds a subscriber after the TCPROS handshake.
     ///
     /// # Errors
-    /// In words: why not.
-    pub(super) fn admit(&self, topic: &str, fields: &Fields) -> Result<(Rc<Outbox>, MessageType), String> {
+    /// The reason to refuse it.
+    pub(super) fn add_subscriber(
+        &self,
+        topic: &str,
+        fields: &ConnectionHeader,
+    ) -> Result<(Rc<Outbox>, MessageType), String> {
         let mut publications = self.0.publications.borrow_mut();
         let publication =
             publications.get_mut(topic).ok_or_else(|| format!("{topic:?} is not published here"))?;
@@ -299,157 +303,157 @@ impl Node {
         Ok((outbox, kind))
     }
 
-    /// Forgets a subscriber.
-    pub(super) fn dismiss(&self, topic: &str, id: i32) {
+    /// Removes a subscriber.
+    pub(super) fn remove_subscriber(&self, topic: &str, id: i32) {
         if let Some(publication) = self.0.publications.borrow_mut().get_mut(topic) {
             publication.outboxes.retain(|outbox| outbox.id != id);
         }
         self.0.status.subscribers.fetch_sub(1, Ordering::Relaxed);
     }
 
-    /// Serves others and stays known until the work is done.
-    async fn live(&self, calls: StdListener, topics: StdListener, work: impl Future<Output = ()>) {
+    /// Serves calls and subscribers and stays registered until the work is done.
+    async fn run(&self, calls: StdListener, topics: StdListener, work: impl Future<Output = ()>) {
         let listeners =
             TcpListener::from_std(calls).and_then(|calls| Ok((calls, TcpListener::from_std(topics)?)));
         let (calls, topics) = match listeners {
             Ok(listeners) => listeners,
             Err(error) => return tracing::error!("the ROS node cannot listen: {error}"),
         };
-        let mut known = Known::default();
+        let mut registered = Registrations::default();
         tokio::select! {
             () = work => {}
-            () = listen(calls, MOST_CALLS, |stream| api::serve(self.clone(), stream)) => {}
-            () = listen(topics, MOST_SUBSCRIBERS, |stream| publisher::serve(self.clone(), stream)) => {}
-            () = self.keep(&mut known) => {}
+            () = accept_loop(calls, MAX_CALLS, |stream| api::serve(self.clone(), stream)) => {}
+            () = accept_loop(topics, MAX_SUBSCRIBERS, |stream| publisher::serve(self.clone(), stream)) => {}
+            () = self.stay_registered(&mut registered) => {}
         }
-        // A master that does not answer forgets them by itself, once somebody asks.
-        let _ = timeout(FAREWELL, self.take_leave(&known)).await;
+        // An unreachable master drops the topics once a node asks for them.
+        let _ = timeout(SHUTDOWN_TIMEOUT, self.unregister_all(&registered)).await;
     }
 
-    /// Keeps the node known to the master for as long as it lives.
-    async fn keep(&self, known: &mut Known) {
-        let mut report = Report::new(format!("the ROS master {}", self.master_uri()), &self.0.status);
-        let mut pause = SHORTEST_PAUSE;
+    /// Keeps the node registered with the master, with exponential backoff after errors.
+    async fn stay_registered(&self, registered: &mut Registrations) {
+        let mut log = ReachabilityLog::new(format!("the ROS master {}", self.master_uri()), &self.0.status);
+        let mut backoff = MIN_BACKOFF;
         loop {
-            match self.look_after(known).await {
+            match self.update_registrations(registered).await {
                 Ok(()) => {
-                    if !self.is_shut() {
-                        report.is_there();
+                    if !self.is_shut_down() {
+                        log.reachable();
                     }
-                    pause = SHORTEST_PAUSE;
-                    // Whichever comes first; that a second has gone by is no failure.
-                    let _ = timeout(LOOK_UP, self.0.is_changed.notified()).await;
+                    backoff = MIN_BACKOFF;
+                    // Whichever comes first; the timeout is not an error.
+                    let _ = timeout(REGISTRATION_CHECK_INTERVAL, self.0.is_changed.notified()).await;
                 }
-                Err(trouble) => {
-                    *known = Known::default();
-                    report.is_away(&trouble);
-                    sleep(pause).await;
-                    pause = (2 * pause).min(LONGEST_PAUSE);
+                Err(error) => {
+                    *registered = Registrations::default();
+                    log.unreachable(&error);
+                    sleep(backoff).await;
+                    backoff = (2 * backoff).min(MAX_BACKOFF);
                 }
             }
         }
     }
 
-    /// Tells the master what it does not know yet, or no longer.
-    async fn look_after(&self, known: &mut Known) -> Result<(), RosError> {
-        let pid = self.ask("getPid", &[]).await?;
-        let is_known = match self.ask("lookupNode", &[self.name()]).await {
-            Ok(Value::Text(uri)) if uri == self.0.uri => true,
-            Ok(Value::Text(uri)) if known.is_any() => {
-                self.shut(&format!("another node of this name is at {uri}"));
+    /// Registers and unregisters topics so that the master has the present ones.
+    async fn update_registrations(&self, registered: &mut Registrations) -> Result<(), RosError> {
+        let pid = self.call_master("getPid", &[]).await?;
+        let is_known = match self.call_master("lookupNode", &[self.name()]).await {
+            Ok(XmlRpcValue::Text(uri)) if uri == self.0.uri => true,
+            Ok(XmlRpcValue::Text(uri)) if registered.is_any() => {
+                self.shut_down(&format!("another node of this name is at {uri}"));
                 false
             }
             Ok(_) | Err(RosError::Answer { .. }) => false,
             Err(error) => return Err(error),
         };
-        if !is_known || known.master.replace(pid.clone()) != Some(pid) {
-            (known.published, known.heard) = Default::default();
+        if !is_known || registered.master.replace(pid.clone()) != Some(pid) {
+            (registered.published, registered.subscribed) = Default::default();
         }
-        if self.is_shut() {
+        if self.is_shut_down() {
             return Ok(());
         }
         for (topic, kind) in self.publications() {
-            if !known.published.contains(&topic) {
+            if !registered.published.contains(&topic) {
                 self.register("registerPublisher", &topic, kind).await?;
-                known.published.insert(topic);
+                registered.published.insert(topic);
             }
         }
         for (topic, kind) in self.subscriptions() {
-            if !known.heard.contains(&topic) {
+            if !registered.subscribed.contains(&topic) {
                 let publishers = self.register("registerSubscriber", &topic, kind).await?;
                 let publishers = publishers.list().unwrap_or_default().iter();
-                self.take_publishers(&topic, publishers.filter_map(|uri| uri.text().map(str::to_owned)));
-                known.heard.insert(topic);
+                self.update_publishers(&topic, publishers.filter_map(|uri| uri.text().map(str::to_owned)));
+                registered.subscribed.insert(topic);
             }
         }
         let topics = self.publications();
-        let gone: Vec<String> = known
+        let gone: Vec<String> = registered
             .published
             .iter()
-            .filter(|known| !topics.iter().any(|(topic, _)| topic == *known))
+            .filter(|registered| !topics.iter().any(|(topic, _)| topic == *registered))
             .cloned()
             .collect();
         for topic in gone {
             self.unregister("unregisterPublisher", &topic).await?;
-            known.published.remove(&topic);
+            registered.published.remove(&topic);
         }
         Ok(())
     }
 
-    async fn register(&self, method: &str, topic: &str, kind: &str) -> Result<Value, RosError> {
-        self.ask(method, &[topic, kind, &self.0.uri]).await
+    async fn register(&self, method: &str, topic: &str, kind: &str) -> Result<XmlRpcValue, RosError> {
+        self.call_master(method, &[topic, kind, &self.0.uri]).await
     }
 
-    async fn unregister(&self, method: &str, topic: &str) -> Result<Value, RosError> {
-        self.ask(method, &[topic, &self.0.uri]).await
+    async fn unregister(&self, method: &str, topic: &str) -> Result<XmlRpcValue, RosError> {
+        self.call_master(method, &[topic, &self.0.uri]).await
     }
 
-    async fn take_leave(&self, known: &Known) {
-        // The node that has taken the name has taken the topics too.
-        if self.is_shut() {
+    async fn unregister_all(&self, registered: &Registrations) {
+        // A node that has taken over the name has taken over the topics too.
+        if self.is_shut_down() {
             return;
         }
-        let published = known.published.iter().map(|topic| ("unregisterPublisher", topic));
-        let heard = known.heard.iter().map(|topic| ("unregisterSubscriber", topic));
-        for (method, topic) in published.chain(heard) {
+        let published = registered.published.iter().map(|topic| ("unregisterPublisher", topic));
+        let subscribed = registered.subscribed.iter().map(|topic| ("unregisterSubscriber", topic));
+        for (method, topic) in published.chain(subscribed) {
             if let Err(error) = self.unregister(method, topic).await {
-                return tracing::debug!("{topic} is not taken back: {error}");
+                return tracing::debug!("{topic} is not unregistered: {error}");
             }
         }
     }
 
-    /// Asks the master, in this node's name; the value of `[1, why, value]`.
-    async fn ask(&self, method: &str, arguments: &[&str]) -> Result<Value, RosError> {
+    /// Calls a method of the Master API with this node's name; returns the value of `[1, why, value]`.
+    async fn call_master(&self, method: &str, arguments: &[&str]) -> Result<XmlRpcValue, RosError> {
         let place = &self.0.options.master.place;
-        let arguments: Vec<Value> =
-            [self.name()].iter().chain(arguments).map(|text| Value::from(*text)).collect();
+        let arguments: Vec<XmlRpcValue> =
+            [self.name()].iter().chain(arguments).map(|text| XmlRpcValue::from(*text)).collect();
         let answer = http::call(place, method, &arguments).await?;
         let wrong = |why: &str| RosError::Answer { place: format!("{place}, {method}"), why: why.to_owned() };
         match answer.list() {
-            Some([Value::Int(1), _, value]) => Ok(value.clone()),
-            Some([Value::Int(_), Value::Text(why), ..]) => Err(wrong(why)),
-            _ => Err(wrong("no answer of a ROS master")),
+            Some([XmlRpcValue::Int(1), _, value]) => Ok(value.clone()),
+            Some([XmlRpcValue::Int(_), XmlRpcValue::Text(why), ..]) => Err(wrong(why)),
+            _ => Err(wrong("not the answer of a ROS master")),
         }
     }
 }
 
-impl Topics for Node {
-    fn advertise<M: Message>(&self, topic: &str) {
-        if !self.is_shut() && !self.0.publications.borrow().contains_key(topic) {
+impl Topics for RosNode {
+    fn advertise<M: RosMessage>(&self, topic: &str) {
+        if !self.is_shut_down() && !self.0.publications.borrow().contains_key(topic) {
             let publication = Publication { kind: M::TYPE, outboxes: Vec::new() };
             self.0.publications.borrow_mut().insert(topic.to_owned(), publication);
             self.0.is_changed.notify_one();
         }
     }
 
-    fn retract(&self, topic: &str) {
+    fn unadvertise(&self, topic: &str) {
         if let Some(publication) = self.0.publications.borrow_mut().remove(topic) {
             publication.outboxes.iter().for_each(|outbox| outbox.close());
             self.0.is_changed.notify_one();
         }
     }
 
-    fn publish<M: Message>(&self, topic: &str, message: impl FnOnce() -> M) {
+    fn publish<M: RosMessage>(&self, topic: &str, message: impl FnOnce() -> M) {
         let publications = self.0.publications.borrow();
         let Some(publication) = publications.get(topic).filter(|topic| !topic.outboxes.is_empty()) else {
             return;
@@ -460,14 +464,14 @@ impl Topics for Node {
         self.0.status.slow.fetch_add(slow, Ordering::Relaxed);
     }
 
-    fn is_heard(&self, topic: &str) -> bool {
+    fn has_subscribers(&self, topic: &str) -> bool {
         self.0.publications.borrow().get(topic).is_some_and(|topic| !topic.outboxes.is_empty())
     }
 
-    fn subscribe<M: Message>(&self, topic: &str, hear: impl Fn(M) + 'static) {
+    fn subscribe<M: RosMessage>(&self, topic: &str, on_message: impl Fn(M) + 'static) {
         let name = topic.to_owned();
         let deliver = move |bytes: &[u8]| match M::decode(bytes) {
-            Ok(message) => hear(message),
+            Ok(message) => on_message(message),
             Err(error) => tracing::debug!("{name}: a message is dropped: {error}"),
         };
         let subscription = Rc::new(Subscription::new(topic, M::TYPE, Box::new(deliver)));
@@ -476,8 +480,8 @@ impl Topics for Node {
     }
 }
 
-/// Serves whoever connects, at most so many at once.
-async fn listen<F: Future<Output = ()> + 'static>(
+/// Accepts connections and serves them, at most `most` at once.
+async fn accept_loop<F: Future<Output = ()> + 'static>(
     listener: TcpListener,
     most: usize,
     serve: impl Fn(TcpStream) -> F,
@@ -485,7 +489,7 @@ async fn listen<F: Future<Output = ()> + 'static>(
     let served = Rc::new(());
     loop {
         match listener.accept().await {
-            // Closed at once where there are too many.
+            // Too many connections: the new one is closed at once.
             Ok((stream, from)) if Rc::strong_count(&served) > most => {
                 tracing::debug!("{from}: more than {most} connections");
                 drop(stream);
@@ -498,24 +502,24 @@ async fn listen<F: Future<Output = ()> + 'static>(
                 });
             }
             Err(error) => {
-                tracing::debug!("nobody can connect: {error}");
-                sleep(OUT_OF_BREATH).await;
+                tracing::debug!("a connection cannot be accepted: {error}");
+                sleep(ACCEPT_RETRY_DELAY).await;
             }
         }
     }
 }
 
-/// What the master has been told.
+/// What is registered with the master.
 #[derive(Debug, Default)]
-struct Known {
-    /// What it has said to tell it from others.
-    master: Option<Value>,
+struct Registrations {
+    /// Process id of the master, which shows its restart.
+    master: Option<XmlRpcValue>,
     published: BTreeSet<String>,
-    heard: BTreeSet<String>,
+    subscribed: BTreeSet<String>,
 }
 
-impl Known {
+impl Registrations {
     fn is_any(&self) -> bool {
-        !self.published.is_empty() || !self.heard.is_empty()
+        !self.published.is_empty() || !self.subscribed.is_empty()
     }
 }

@@ -1,20 +1,20 @@
-//! Messages of pictures and of the cameras that take them.
+//! ROS messages of compressed images and camera parameters.
 
-use super::message::{Bytes, header, next_message, write_bytes};
-use super::{Header, Message, MessageError, MessageType};
+use super::message::{MessageReader, header, next_message, write_bytes};
+use super::{Header, MessageError, MessageType, RosMessage};
 use serde::{Deserialize, Serialize};
 
 /// `sensor_msgs/CompressedImage`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CompressedImage {
     pub header: Header,
-    /// As `png`.
+    /// Format, such as `png`.
     pub format: String,
-    /// A whole file of the format.
+    /// A complete file in that format.
     pub data: Vec<u8>,
 }
 
-/// `sensor_msgs/RegionOfInterest`; nothing but zeros is the whole picture.
+/// `sensor_msgs/RegionOfInterest`; all zeros mean the whole picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RegionOfInterest {
     pub x_offset: u32,
@@ -45,7 +45,7 @@ pub struct CameraInfo {
 }
 
 impl CameraInfo {
-    /// Of a pinhole without distortion.
+    /// Pinhole camera without distortion.
     pub fn pinhole(header: Header, [width, height]: [u32; 2], [fx, fy, cx, cy]: [f64; 4]) -> Self {
         Self {
             header,
@@ -61,7 +61,7 @@ impl CameraInfo {
     }
 }
 
-fn numbers<const N: usize>(from: &mut Bytes<'_>) -> Result<[f64; N], MessageError> {
+fn numbers<const N: usize>(from: &mut MessageReader<'_>) -> Result<[f64; N], MessageError> {
     let mut numbers = [0.0; N];
     for number in &mut numbers {
         *number = from.f64()?;
@@ -69,7 +69,7 @@ fn numbers<const N: usize>(from: &mut Bytes<'_>) -> Result<[f64; N], MessageErro
     Ok(numbers)
 }
 
-impl Message for CompressedImage {
+impl RosMessage for CompressedImage {
     const TYPE: MessageType = MessageType {
         name: "sensor_msgs/CompressedImage",
         md5sum: "8f7a12909da2c9d3332d540a0977563f",
@@ -82,13 +82,13 @@ impl Message for CompressedImage {
         write_bytes(out, &self.data);
     }
 
-    fn read(from: &mut Bytes<'_>) -> Result<Self, MessageError> {
+    fn read(from: &mut MessageReader<'_>) -> Result<Self, MessageError> {
         let (header, format) = (Header::read(from)?, from.text()?.to_owned());
         Ok(Self { header, format, data: from.bytes()?.to_vec() })
     }
 }
 
-impl Message for CameraInfo {
+impl RosMessage for CameraInfo {
     const TYPE: MessageType = MessageType {
         name: "sensor_msgs/CameraInfo",
         md5sum: "c9a58c1b0b154e0e6da7578cb991d214",
@@ -117,7 +117,7 @@ impl Message for CameraInfo {
         out.push(u8::from(roi.do_rectify));
     }
 
-    fn read(from: &mut Bytes<'_>) -> Result<Self, MessageError> {
+    fn read(from: &mut MessageReader<'_>) -> Result<Self, MessageError> {
         Ok(Self {
             header: Header::read(from)?,
             height: from.u32()?,
@@ -162,7 +162,7 @@ mod tests {
     proptest! {
         #[test]
         fn no_bytes_are_too_strange(bytes in proptest::collection::vec(any::<u8>(), 0..500)) {
-            // Whatever they are, they are a message or refused.
+            // Any input is decoded or refused, without a panic.
             let _ = CompressedImage::decode(&bytes);
             let _ = CameraInfo::decode(&bytes);
         }

@@ -1,6 +1,6 @@
-//! The publishing end of TCPROS: subscribers connect, greet, and get messages by bounded queues.
+//! Publishing end of TCPROS: handshake with subscribers, and a bounded queue of messages for each.
 
-use super::{MessageType, Node, header};
+use super::{MessageType, RosNode, header};
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -10,31 +10,31 @@ use tokio::net::TcpStream;
 use tokio::sync::Notify;
 use tokio::time::timeout;
 
-/// Messages that wait for a subscriber; of more, the oldest are dropped.
-const QUEUE: usize = 64;
-/// Bytes that are written at once, but for longer messages.
-const BATCH: usize = 32 << 10;
-/// Asked of the system for each connection, so that what waits for slow ones is bounded there too.
+/// Messages in the queue of a subscriber; back-pressure drops the oldest.
+const OUTBOX_CAPACITY: usize = 64;
+/// Bytes of one write, except for longer messages.
+const BATCH_BYTES: usize = 32 << 10;
+/// Send buffer of each connection, which bounds what the kernel queues for slow subscribers.
 const SOCKET_BYTES: usize = 64 << 10;
-/// Whoever connects has to say what for within this.
-const GREETING: Duration = Duration::from_secs(5);
+/// Longest wait for the connection header of a subscriber.
+const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// A topic that is published.
+/// A published topic and its subscribers.
 #[derive(Debug)]
 pub(super) struct Publication {
     pub kind: MessageType,
     pub outboxes: Vec<Rc<Outbox>>,
 }
 
-/// What waits for one subscriber.
+/// Bounded queue of messages for one subscriber.
 #[derive(Debug)]
 pub(super) struct Outbox {
-    /// Of the connection.
+    /// Id of the connection.
     pub id: i32,
     /// Name of the subscriber.
     pub peer: String,
     queue: RefCell<VecDeque<Rc<[u8]>>>,
-    /// Something has come in, or the topic is no longer published.
+    /// A message was queued, or the topic was unadvertised.
     is_changed: Notify,
     is_closed: Cell<bool>,
     pub sent: Cell<u64>,
@@ -54,10 +54,10 @@ impl Outbox {
         }
     }
 
-    /// Takes a message in; `false` where another one had to go for it.
+    /// Queues a message; `false` when the oldest one was dropped for it.
     pub(super) fn push(&self, message: Rc<[u8]>) -> bool {
         let mut queue = self.queue.borrow_mut();
-        let has_room = queue.len() < QUEUE;
+        let has_room = queue.len() < OUTBOX_CAPACITY;
         if !has_room {
             queue.pop_front();
         }
@@ -71,12 +71,12 @@ impl Outbox {
         self.is_changed.notify_one();
     }
 
-    /// Moves what waits into a batch, as far as it holds it.
+    /// Moves waiting messages into a batch, up to its size.
     fn drain(&self, batch: &mut Vec<u8>) {
         batch.clear();
         let mut queue = self.queue.borrow_mut();
         while let Some(message) = queue.front()
-            && (batch.is_empty() || batch.len() + message.len() <= BATCH)
+            && (batch.is_empty() || batch.len() + message.len() <= BATCH_BYTES)
         {
             batch.extend(&**message);
             queue.pop_front();
@@ -86,7 +86,7 @@ impl Outbox {
     }
 }
 
-/// A message as it is sent: its length first.
+/// Encodes a message with its length prefix.
 pub(super) fn framed(write: impl FnOnce(&mut Vec<u8>)) -> Rc<[u8]> {
     let mut bytes = vec![0; 4];
     write(&mut bytes);
@@ -95,18 +95,18 @@ pub(super) fn framed(write: impl FnOnce(&mut Vec<u8>)) -> Rc<[u8]> {
     bytes.into()
 }
 
-/// Serves one who has connected, until either of both has enough.
-pub(super) async fn serve(node: Node, mut stream: TcpStream) {
-    // Without it each message would wait for the answer to the one before; a socket that refuses is gone.
+/// Serves a subscriber until one end closes the connection.
+pub(super) async fn serve(node: RosNode, mut stream: TcpStream) {
+    // Nagle's algorithm would delay each message until the one before is acknowledged. An error means a closed socket.
     let _ = stream.set_nodelay(true);
     let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SOCKET_BYTES);
-    let greeting = match timeout(GREETING, header::read(&mut stream)).await {
-        Ok(greeting) => greeting,
-        Err(_) => Err(format!("no header within {} s", GREETING.as_secs())),
+    let header = match timeout(HANDSHAKE_TIMEOUT, header::read(&mut stream)).await {
+        Ok(header) => header,
+        Err(_) => Err(format!("no header within {} s", HANDSHAKE_TIMEOUT.as_secs())),
     };
-    let admitted = greeting.and_then(|fields| {
+    let admitted = header.and_then(|fields| {
         let topic = fields.get("topic").cloned().ok_or("a header without a topic")?;
-        let (outbox, kind) = node.admit(&topic, &fields)?;
+        let (outbox, kind) = node.add_subscriber(&topic, &fields)?;
         Ok((topic, outbox, kind))
     });
     match admitted {
@@ -120,24 +120,24 @@ pub(super) async fn serve(node: Node, mut stream: TcpStream) {
                 ("type", kind.name),
             ];
             let ended = match stream.write_all(&header::encode(&fields)).await {
-                Ok(()) => feed(&mut stream, &outbox).await,
+                Ok(()) => send_messages(&mut stream, &outbox).await,
                 Err(error) => Err(error),
             };
-            tracing::debug!("{} no longer hears {topic}: {ended:?}", outbox.peer);
-            node.dismiss(&topic, outbox.id);
+            tracing::debug!("{} no longer receives {topic}: {ended:?}", outbox.peer);
+            node.remove_subscriber(&topic, outbox.id);
         }
         Err(why) => {
             tracing::debug!("a subscriber is refused: {why}");
-            // Who does not read it loses nothing.
-            let _ = timeout(GREETING, stream.write_all(&header::encode(&[("error", &why)]))).await;
+            // The subscriber may not read the error.
+            let _ = timeout(HANDSHAKE_TIMEOUT, stream.write_all(&header::encode(&[("error", &why)]))).await;
         }
     }
 }
 
-async fn feed(stream: &mut TcpStream, outbox: &Outbox) -> std::io::Result<()> {
+async fn send_messages(stream: &mut TcpStream, outbox: &Outbox) -> std::io::Result<()> {
     let (mut from, mut to) = stream.split();
     let mut batch = Vec::new();
-    let mut said = [0; 64];
+    let mut received = [0; 64];
     while !outbox.is_closed.get() {
         outbox.drain(&mut batch);
         if !batch.is_empty() {
@@ -146,8 +146,8 @@ async fn feed(stream: &mut TcpStream, outbox: &Outbox) -> std::io::Result<()> {
         }
         tokio::select! {
             () = outbox.is_changed.notified() => {}
-            // A subscriber has nothing to say; that there is nothing more to read tells that it is gone.
-            _ = from.read(&mut said) => return Ok(()),
+            // A subscriber sends nothing more; the end of its stream shows that it is gone.
+            _ = from.read(&mut received) => return Ok(()),
         }
     }
     Ok(())
@@ -161,10 +161,10 @@ mod tests {
     fn of_more_messages_than_a_queue_holds_the_oldest_go() {
         let outbox = Outbox::new(1, String::new());
         let message = |k: usize| framed(|out| out.extend((k as u32).to_le_bytes()));
-        let dropped = (0..QUEUE + 10).filter(|k| !outbox.push(message(*k))).count();
+        let dropped = (0..OUTBOX_CAPACITY + 10).filter(|k| !outbox.push(message(*k))).count();
         let mut batch = Vec::new();
         outbox.drain(&mut batch);
-        assert_eq!((dropped, batch.len()), (10, QUEUE * 8));
+        assert_eq!((dropped, batch.len()), (10, OUTBOX_CAPACITY * 8));
         assert_eq!(batch[..8], [4, 0, 0, 0, 10, 0, 0, 0]);
         outbox.drain(&mut batch);
         assert!(batch.is_empty());
@@ -174,12 +174,12 @@ mod tests {
     fn a_batch_is_bounded_but_a_long_message_is_sent() {
         let outbox = Outbox::new(1, String::new());
         for _ in 0..3 {
-            outbox.push(framed(|out| out.resize(4 + 2 * BATCH, 7)));
+            outbox.push(framed(|out| out.resize(4 + 2 * BATCH_BYTES, 7)));
         }
         let mut batch = Vec::new();
         for _ in 0..3 {
             outbox.drain(&mut batch);
-            assert_eq!(batch.len(), 4 + 2 * BATCH);
+            assert_eq!(batch.len(), 4 + 2 * BATCH_BYTES);
         }
     }
 }

@@ -1,45 +1,45 @@
-//! What is said of a master or a rosbridge as it goes and comes.
+//! Logs when a master or a rosbridge becomes unreachable or reachable.
 
 use super::NodeStatus;
 use std::fmt;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// That it is still away is said no more often than this.
-const TELL_EVERY: Duration = Duration::from_secs(60);
+/// Interval of the reminders that a peer is still unreachable.
+const REMINDER_INTERVAL: Duration = Duration::from_secs(60);
 
-/// What has been said of it.
-pub(super) struct Report<'a> {
-    /// What it is, and where.
+/// Reachability of a peer: updates the shared status and logs the changes.
+pub(super) struct ReachabilityLog<'a> {
+    /// Description of the peer for messages.
     peer: String,
     status: &'a NodeStatus,
-    is_there: Option<bool>,
-    told: Option<Instant>,
+    is_reachable: Option<bool>,
+    logged_at: Option<Instant>,
 }
 
-impl<'a> Report<'a> {
+impl<'a> ReachabilityLog<'a> {
     pub(super) fn new(peer: String, status: &'a NodeStatus) -> Self {
-        Self { peer, status, is_there: None, told: None }
+        Self { peer, status, is_reachable: None, logged_at: None }
     }
 
-    pub(super) fn is_there(&mut self) {
+    pub(super) fn reachable(&mut self) {
         self.status.is_registered.store(true, Ordering::Relaxed);
-        match self.is_there.replace(true) {
+        match self.is_reachable.replace(true) {
             Some(true) => {}
             Some(false) => {
                 self.status.returns.fetch_add(1, Ordering::Relaxed);
-                tracing::warn!("{} is there again, and knows the topics", self.peer);
+                tracing::warn!("{} is back; the topics are registered again", self.peer);
             }
-            None => tracing::info!("{} knows the topics", self.peer),
+            None => tracing::info!("{}: the topics are registered", self.peer),
         }
     }
 
-    pub(super) fn is_away(&mut self, trouble: &dyn fmt::Display) {
+    pub(super) fn unreachable(&mut self, trouble: &dyn fmt::Display) {
         self.status.is_registered.store(false, Ordering::Relaxed);
-        let is_news = self.is_there.replace(false) != Some(false);
-        if is_news || self.told.is_none_or(|told| told.elapsed() >= TELL_EVERY) {
-            tracing::warn!("{} is away; nothing waits for it, it is tried again: {trouble}", self.peer);
-            self.told = Some(Instant::now());
+        let is_news = self.is_reachable.replace(false) != Some(false);
+        if is_news || self.logged_at.is_none_or(|at| at.elapsed() >= REMINDER_INTERVAL) {
+            tracing::warn!("{} cannot be reached; the run goes on without it: {trouble}", self.peer);
+            self.logged_at = Some(Instant::now());
         }
     }
 }

@@ -1,7 +1,7 @@
-//! The subscribing end of TCPROS: finds the publishers of a topic, and reads what they send.
+//! Subscribing end of TCPROS: connects to the publishers of a topic and reads their messages.
 
-use super::xmlrpc::Value;
-use super::{MessageType, Node, Place, header, http};
+use super::xmlrpc::XmlRpcValue;
+use super::{HostPort, MessageType, RosNode, header, http};
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -11,32 +11,32 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::time::{sleep, timeout};
 
-use super::node::{LONGEST_PAUSE, PATIENCE, SHORTEST_PAUSE};
+use super::node::{MAX_BACKOFF, MIN_BACKOFF, REQUEST_TIMEOUT};
 
-/// Publishers of a topic that are listened to.
-const MOST_PUBLISHERS: usize = 32;
-/// Messages are at most so long, in bytes.
-const LONGEST: usize = 1 << 20;
-/// A publisher whose machine is gone is found out after some of these.
-const ALIVE: Duration = Duration::from_secs(5);
+/// Most publishers of a topic that are connected.
+const MAX_PUBLISHERS: usize = 32;
+/// Longest message, bytes.
+const MAX_MESSAGE_BYTES: usize = 1 << 20;
+/// Interval of TCP keep-alive probes, which detect a publisher whose machine is gone.
+const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(5);
 
-/// What takes the bytes of each message.
+/// Handler of the bytes of each message.
 pub(super) type Deliver = Box<dyn Fn(&[u8])>;
 
-/// A topic that is listened to.
+/// A subscribed topic.
 pub(super) struct Subscription {
     pub topic: String,
     pub kind: MessageType,
     deliver: Deliver,
-    /// Addresses of its publishers, as the master has told last.
+    /// URIs of its publishers, as last reported by the master.
     publishers: RefCell<BTreeSet<String>>,
-    /// Those that are followed, by address.
-    pub links: RefCell<BTreeMap<String, Rc<Link>>>,
+    /// Links to publishers, by URI.
+    pub links: RefCell<BTreeMap<String, Rc<PublisherLink>>>,
 }
 
-/// A publisher that is followed.
+/// Link to a publisher.
 #[derive(Debug)]
-pub(super) struct Link {
+pub(super) struct PublisherLink {
     pub id: i32,
     pub is_connected: Cell<bool>,
     pub received: Cell<u64>,
@@ -60,16 +60,15 @@ impl Subscription {
         }
     }
 
-    /// Takes in who publishes the topic now. A connection that is there goes on, whoever has been forgotten by a
-    /// master that was restarted.
-    pub(super) fn update(self: &Rc<Self>, node: &Node, publishers: impl Iterator<Item = String>) {
-        self.publishers.replace(publishers.take(MOST_PUBLISHERS).collect());
+    /// Updates the publishers of the topic. Open connections stay, because a restarted master has forgotten publishers.
+    pub(super) fn update(self: &Rc<Self>, node: &RosNode, publishers: impl Iterator<Item = String>) {
+        self.publishers.replace(publishers.take(MAX_PUBLISHERS).collect());
         for uri in self.publishers.borrow().iter() {
             let mut links = self.links.borrow_mut();
-            if links.contains_key(uri) || links.len() >= MOST_PUBLISHERS {
+            if links.contains_key(uri) || links.len() >= MAX_PUBLISHERS {
                 continue;
             }
-            let link = Rc::new(Link {
+            let link = Rc::new(PublisherLink {
                 id: node.next_id(),
                 is_connected: Cell::new(false),
                 received: Cell::new(0),
@@ -81,33 +80,38 @@ impl Subscription {
     }
 }
 
-/// Listens to a publisher, again and again while the master says that it is one.
-async fn follow(node: Node, subscription: Rc<Subscription>, uri: String, link: Rc<Link>) {
-    let mut pause = SHORTEST_PAUSE;
-    while subscription.publishers.borrow().contains(&uri) && !node.is_shut() {
+/// Connects to a publisher, and again with backoff, while the master lists it.
+async fn follow(node: RosNode, subscription: Rc<Subscription>, uri: String, link: Rc<PublisherLink>) {
+    let mut backoff = MIN_BACKOFF;
+    while subscription.publishers.borrow().contains(&uri) && !node.is_shut_down() {
         let before = link.received.get();
         if let Err(why) = listen(&node, &subscription, &uri, &link).await {
-            tracing::debug!("{} is not heard from {uri}: {why}", subscription.topic);
+            tracing::debug!("{} is not received from {uri}: {why}", subscription.topic);
         }
         link.is_connected.set(false);
         let has_heard = link.received.get() > before;
-        pause = if has_heard { SHORTEST_PAUSE } else { (2 * pause).min(LONGEST_PAUSE) };
-        sleep(pause).await;
+        backoff = if has_heard { MIN_BACKOFF } else { (2 * backoff).min(MAX_BACKOFF) };
+        sleep(backoff).await;
     }
     subscription.links.borrow_mut().remove(&uri);
 }
 
-async fn listen(node: &Node, subscription: &Subscription, uri: &str, link: &Link) -> Result<(), String> {
-    let place = Place::of_uri(uri).ok_or("no address of a node")?;
-    let mut stream = timeout(PATIENCE, connect(node, subscription, &place))
+async fn listen(
+    node: &RosNode,
+    subscription: &Subscription,
+    uri: &str,
+    link: &PublisherLink,
+) -> Result<(), String> {
+    let place = HostPort::of_uri(uri).ok_or("not the address of a node")?;
+    let mut stream = timeout(REQUEST_TIMEOUT, connect(node, subscription, &place))
         .await
-        .map_err(|_| format!("no answer within {} s", PATIENCE.as_secs()))??;
+        .map_err(|_| format!("no answer within {} s", REQUEST_TIMEOUT.as_secs()))??;
     link.is_connected.set(true);
     let mut bytes = Vec::new();
-    while !node.is_shut() {
+    while !node.is_shut_down() {
         let length = stream.read_u32_le().await.map_err(|error| error.to_string())? as usize;
-        if length > LONGEST {
-            return Err(format!("a message of {length} bytes, at most {LONGEST} are read"));
+        if length > MAX_MESSAGE_BYTES {
+            return Err(format!("a message of {length} bytes, at most {MAX_MESSAGE_BYTES} are read"));
         }
         bytes.resize(length, 0);
         stream.read_exact(&mut bytes).await.map_err(|error| error.to_string())?;
@@ -118,18 +122,19 @@ async fn listen(node: &Node, subscription: &Subscription, uri: &str, link: &Link
     Ok(())
 }
 
-/// Asks a node for a topic, and greets it where it says.
-async fn connect(node: &Node, subscription: &Subscription, place: &Place) -> Result<TcpStream, String> {
+/// Requests a topic from a node, and makes the TCPROS handshake.
+async fn connect(node: &RosNode, subscription: &Subscription, place: &HostPort) -> Result<TcpStream, String> {
     let Subscription { topic, kind, .. } = subscription;
-    let protocols = Value::List(vec![Value::List(vec!["TCPROS".into()])]);
+    let protocols = XmlRpcValue::List(vec![XmlRpcValue::List(vec!["TCPROS".into()])]);
     let arguments = [node.name().into(), topic.as_str().into(), protocols];
     let answer = http::call(place, "requestTopic", &arguments).await.map_err(|error| error.to_string())?;
     let (host, port) = tcpros_of(&answer).ok_or("it does not offer TCPROS")?;
     let mut stream =
         TcpStream::connect((host, port)).await.map_err(|error| format!("{host}:{port}: {error}"))?;
-    // A socket that refuses these is gone.
+    // Errors mean a closed socket.
     let _ = stream.set_nodelay(true);
-    let keepalive = socket2::TcpKeepalive::new().with_time(ALIVE).with_interval(ALIVE);
+    let keepalive =
+        socket2::TcpKeepalive::new().with_time(KEEPALIVE_INTERVAL).with_interval(KEEPALIVE_INTERVAL);
     let _ = socket2::SockRef::from(&stream).set_tcp_keepalive(&keepalive);
     let fields = [
         ("callerid", node.name()),
@@ -151,8 +156,8 @@ async fn connect(node: &Node, subscription: &Subscription, place: &Place) -> Res
 }
 
 /// Host and port of the answer `[1, "ready", ["TCPROS", host, port]]`.
-fn tcpros_of(answer: &Value) -> Option<(&str, u16)> {
-    let [Value::Int(1), _, Value::List(protocol)] = answer.list()? else { return None };
+fn tcpros_of(answer: &XmlRpcValue) -> Option<(&str, u16)> {
+    let [XmlRpcValue::Int(1), _, XmlRpcValue::List(protocol)] = answer.list()? else { return None };
     let [name, host, port, ..] = &protocol[..] else { return None };
     (name.text() == Some("TCPROS")).then_some((host.text()?, u16::try_from(port.int()?).ok()?))
 }

@@ -1,23 +1,23 @@
-//! Addresses of masters and nodes: `http://host:port/`.
+//! URIs of masters and nodes: `http://host:port/`.
 
 use super::RosError;
 use std::fmt;
 use std::net::IpAddr;
 use std::str::FromStr;
 
-/// Where a master usually listens.
-const USUAL_MASTER: &str = "http://127.0.0.1:11311";
+/// Default URI of the master.
+const DEFAULT_MASTER: &str = "http://127.0.0.1:11311";
 
 /// A host and a port.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct HostPort {
     /// A name or an IP address, one of version 6 without its brackets.
     pub host: String,
     pub port: u16,
 }
 
-impl Place {
-    /// Out of an address as masters and nodes tell them.
+impl HostPort {
+    /// Parses a URI of a master or a node.
     pub fn of_uri(uri: &str) -> Option<Self> {
         let place = uri.strip_prefix("http://")?.trim_end_matches('/');
         let (host, port) = place.rsplit_once(':')?;
@@ -30,7 +30,7 @@ impl Place {
     }
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for HostPort {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { host, port } = self;
         if host.contains(':') { write!(f, "[{host}]:{port}") } else { write!(f, "{host}:{port}") }
@@ -55,17 +55,17 @@ impl FromStr for BindAddress {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MasterUri {
     pub uri: String,
-    pub place: Place,
+    pub place: HostPort,
 }
 
 impl MasterUri {
-    /// The one that `ROS_MASTER_URI` names, or the usual one.
+    /// The URI in `ROS_MASTER_URI`, or the default one.
     ///
     /// # Errors
-    /// When what it names is no address.
-    pub fn of_environment() -> Result<Self, RosError> {
+    /// When the variable has no valid URI.
+    pub fn from_environment() -> Result<Self, RosError> {
         let named = std::env::var("ROS_MASTER_URI").ok().filter(|uri| !uri.is_empty());
-        named.as_deref().unwrap_or(USUAL_MASTER).parse()
+        named.as_deref().unwrap_or(DEFAULT_MASTER).parse()
     }
 }
 
@@ -73,7 +73,7 @@ impl FromStr for MasterUri {
     type Err = RosError;
 
     fn from_str(text: &str) -> Result<Self, RosError> {
-        let place = Place::of_uri(text).ok_or_else(|| RosError::MasterUri { uri: text.to_owned() })?;
+        let place = HostPort::of_uri(text).ok_or_else(|| RosError::MasterUri { uri: text.to_owned() })?;
         Ok(Self { uri: text.to_owned(), place })
     }
 }

@@ -1,4 +1,4 @@
-//! XML-RPC: calls and answers as text.
+//! Encodes and decodes XML-RPC calls and answers.
 
 use quick_xml::escape::{escape, resolve_predefined_entity};
 use quick_xml::events::{BytesRef, Event};
@@ -6,33 +6,33 @@ use quick_xml::reader::Reader;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// Elements within elements, at most.
-const DEEPEST: usize = 32;
+/// Deepest nesting of elements.
+const MAX_DEPTH: usize = 32;
 
 /// A value of a call or an answer.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Value {
+pub(super) enum XmlRpcValue {
     Int(i32),
     Bool(bool),
     Double(f64),
     Text(String),
-    List(Vec<Value>),
-    Table(BTreeMap<String, Value>),
+    List(Vec<XmlRpcValue>),
+    Table(BTreeMap<String, XmlRpcValue>),
 }
 
-impl From<&str> for Value {
+impl From<&str> for XmlRpcValue {
     fn from(text: &str) -> Self {
         Self::Text(text.to_owned())
     }
 }
 
-impl From<i32> for Value {
+impl From<i32> for XmlRpcValue {
     fn from(number: i32) -> Self {
         Self::Int(number)
     }
 }
 
-impl Value {
+impl XmlRpcValue {
     pub(super) fn text(&self) -> Option<&str> {
         if let Self::Text(text) = self { Some(text) } else { None }
     }
@@ -74,7 +74,7 @@ impl Value {
 
 const DECLARATION: &str = "<?xml version=\"1.0\"?>\n";
 
-pub(super) fn write_call(method: &str, arguments: &[Value]) -> String {
+pub(super) fn write_call(method: &str, arguments: &[XmlRpcValue]) -> String {
     let mut out = format!("{DECLARATION}<methodCall><methodName>{}</methodName><params>", escape(method));
     for argument in arguments {
         out.push_str("<param>");
@@ -85,7 +85,7 @@ pub(super) fn write_call(method: &str, arguments: &[Value]) -> String {
     out
 }
 
-pub(super) fn write_answer(answer: &Value) -> String {
+pub(super) fn write_answer(answer: &XmlRpcValue) -> String {
     let mut out = format!("{DECLARATION}<methodResponse><params><param>");
     answer.write(&mut out);
     out.push_str("</param></params></methodResponse>");
@@ -94,17 +94,17 @@ pub(super) fn write_answer(answer: &Value) -> String {
 
 pub(super) fn write_fault(why: &str) -> String {
     let mut out = format!("{DECLARATION}<methodResponse><fault>");
-    let members = [("faultCode", Value::Int(1)), ("faultString", Value::from(why))];
-    Value::Table(members.map(|(name, value)| (name.to_owned(), value)).into()).write(&mut out);
+    let members = [("faultCode", XmlRpcValue::Int(1)), ("faultString", XmlRpcValue::from(why))];
+    XmlRpcValue::Table(members.map(|(name, value)| (name.to_owned(), value)).into()).write(&mut out);
     out.push_str("</fault></methodResponse>");
     out
 }
 
-/// The method and the arguments of a call.
+/// Parses the method and the arguments of a call.
 ///
 /// # Errors
-/// In words: why it is none.
-pub(super) fn read_call(bytes: &[u8]) -> Result<(String, Vec<Value>), String> {
+/// The reason, when it is malformed.
+pub(super) fn read_call(bytes: &[u8]) -> Result<(String, Vec<XmlRpcValue>), String> {
     let root = Element::root(bytes, "methodCall")?;
     let method = root.child("methodName")?.text.trim().to_owned();
     let arguments = match root.child("params") {
@@ -114,17 +114,17 @@ pub(super) fn read_call(bytes: &[u8]) -> Result<(String, Vec<Value>), String> {
     Ok((method, arguments?))
 }
 
-/// What a call was answered with.
+/// Parses the value of an answer.
 ///
 /// # Errors
-/// In words: why it is no answer, or the fault that it tells.
-pub(super) fn read_answer(bytes: &[u8]) -> Result<Value, String> {
+/// The reason, when it is malformed or a fault.
+pub(super) fn read_answer(bytes: &[u8]) -> Result<XmlRpcValue, String> {
     let root = Element::root(bytes, "methodResponse")?;
     if let Ok(fault) = root.child("fault") {
         let fault = fault.child("value")?.value()?;
         return Err(match &fault {
-            Value::Table(members) => match members.get("faultString") {
-                Some(Value::Text(why)) => why.clone(),
+            XmlRpcValue::Table(members) => match members.get("faultString") {
+                Some(XmlRpcValue::Text(why)) => why.clone(),
                 _ => "a fault without a reason".to_owned(),
             },
             _ => "a fault without a reason".to_owned(),
@@ -133,7 +133,7 @@ pub(super) fn read_answer(bytes: &[u8]) -> Result<Value, String> {
     root.child("params")?.child("param")?.child("value")?.value()
 }
 
-/// An element of XML, attributes aside.
+/// An XML element without its attributes.
 #[derive(Debug, Default)]
 struct Element {
     name: String,
@@ -143,23 +143,23 @@ struct Element {
 
 impl Element {
     fn root(bytes: &[u8], name: &str) -> Result<Self, String> {
-        let text = std::str::from_utf8(bytes).map_err(|_| "no UTF-8")?;
+        let text = std::str::from_utf8(bytes).map_err(|_| "not UTF-8")?;
         let mut reader = Reader::from_str(text);
         reader.config_mut().expand_empty_elements = true;
         let mut open = vec![Self::default()];
         loop {
             let event = reader.read_event().map_err(|error| error.to_string())?;
             let deep = open.len();
-            let top = open.last_mut().ok_or("an end without a beginning")?;
+            let top = open.last_mut().ok_or("an end tag without a start tag")?;
             match event {
-                Event::Start(start) if deep <= DEEPEST => {
+                Event::Start(start) if deep <= MAX_DEPTH => {
                     let name = String::from_utf8_lossy(start.name().as_ref()).into_owned();
                     open.push(Self { name, ..Self::default() });
                 }
-                Event::Start(_) => return Err(format!("elements more than {DEEPEST} deep")),
+                Event::Start(_) => return Err(format!("elements more than {MAX_DEPTH} deep")),
                 Event::End(_) => {
-                    let done = open.pop().ok_or("an end without a beginning")?;
-                    open.last_mut().ok_or("an end without a beginning")?.children.push(done);
+                    let done = open.pop().ok_or("an end tag without a start tag")?;
+                    open.last_mut().ok_or("an end tag without a start tag")?.children.push(done);
                 }
                 Event::Text(text) => top.text += &text.decode().map_err(|error| error.to_string())?,
                 Event::CData(text) => top.text += &text.decode().map_err(|error| error.to_string())?,
@@ -174,7 +174,7 @@ impl Element {
         let mut roots = open.remove(0).children;
         match roots.pop() {
             Some(root) if root.name == name && roots.is_empty() => Ok(root),
-            _ => Err(format!("no <{name}>")),
+            _ => Err(format!("<{name}> is missing")),
         }
     }
 
@@ -183,37 +183,37 @@ impl Element {
         found.ok_or_else(|| format!("<{}> without <{name}>", self.name))
     }
 
-    /// Of a `<value>`.
-    fn value(&self) -> Result<Value, String> {
-        let Some(inner) = self.children.first() else { return Ok(Value::Text(self.text.clone())) };
+    /// Parses a `<value>`.
+    fn value(&self) -> Result<XmlRpcValue, String> {
+        let Some(inner) = self.children.first() else { return Ok(XmlRpcValue::Text(self.text.clone())) };
         let text = inner.text.trim();
-        let wrong = || format!("<{}>: {text:?} is none", inner.name);
+        let wrong = || format!("<{}>: {text:?} is not a value of this type", inner.name);
         match inner.name.as_str() {
-            "i4" | "int" => text.parse().map(Value::Int).map_err(|_| wrong()),
-            "double" => text.parse().map(Value::Double).map_err(|_| wrong()),
+            "i4" | "int" => text.parse().map(XmlRpcValue::Int).map_err(|_| wrong()),
+            "double" => text.parse().map(XmlRpcValue::Double).map_err(|_| wrong()),
             "boolean" => match text {
-                "0" => Ok(Value::Bool(false)),
-                "1" => Ok(Value::Bool(true)),
+                "0" => Ok(XmlRpcValue::Bool(false)),
+                "1" => Ok(XmlRpcValue::Bool(true)),
                 _ => Err(wrong()),
             },
-            "string" => Ok(Value::Text(inner.text.clone())),
+            "string" => Ok(XmlRpcValue::Text(inner.text.clone())),
             "array" => {
                 let values = inner.child("data")?.children.iter().map(Self::value);
-                values.collect::<Result<_, _>>().map(Value::List)
+                values.collect::<Result<_, _>>().map(XmlRpcValue::List)
             }
             "struct" => {
                 let members = inner
                     .children
                     .iter()
                     .map(|member| Ok((member.child("name")?.text.clone(), member.child("value")?.value()?)));
-                members.collect::<Result<_, String>>().map(Value::Table)
+                members.collect::<Result<_, String>>().map(XmlRpcValue::Table)
             }
-            name => Err(format!("<{name}> is not read")),
+            name => Err(format!("<{name}> is not supported")),
         }
     }
 }
 
-/// The text that an entity stands for.
+/// Resolves a character or predefined entity.
 fn resolve(entity: &BytesRef<'_>) -> Result<String, String> {
     if let Some(char) = entity.resolve_char_ref().map_err(|error| error.to_string())? {
         return Ok(char.to_string());
@@ -230,15 +230,18 @@ mod tests {
     #[test]
     fn calls_and_answers_come_back_as_they_were() {
         let arguments = vec![
-            Value::from("/a & <b>"),
-            Value::Int(-3),
-            Value::Bool(true),
-            Value::Double(2.5),
-            Value::List(vec![Value::List(vec![Value::from("TCPROS"), Value::from("")]), Value::List(vec![])]),
+            XmlRpcValue::from("/a & <b>"),
+            XmlRpcValue::Int(-3),
+            XmlRpcValue::Bool(true),
+            XmlRpcValue::Double(2.5),
+            XmlRpcValue::List(vec![
+                XmlRpcValue::List(vec![XmlRpcValue::from("TCPROS"), XmlRpcValue::from("")]),
+                XmlRpcValue::List(vec![]),
+            ]),
         ];
         let call = write_call("requestTopic", &arguments);
         assert_eq!(read_call(call.as_bytes()), Ok(("requestTopic".to_owned(), arguments.clone())));
-        let answer = Value::List(arguments);
+        let answer = XmlRpcValue::List(arguments);
         assert_eq!(read_answer(write_answer(&answer).as_bytes()), Ok(answer));
         assert_eq!(
             read_answer(write_fault("no <such> method").as_bytes()),
@@ -253,8 +256,8 @@ mod tests {
             </data></array></value></param></params></methodResponse>";
         assert_eq!(read_answer(text), Err("<nothing> is not read".to_owned()));
         let text = String::from_utf8_lossy(text).replace("<value><nothing/></value>", "");
-        let list = vec![Value::Int(1), Value::from("bare A&"), Value::from("")];
-        assert_eq!(read_answer(text.as_bytes()), Ok(Value::List(list)));
+        let list = vec![XmlRpcValue::Int(1), XmlRpcValue::from("bare A&"), XmlRpcValue::from("")];
+        assert_eq!(read_answer(text.as_bytes()), Ok(XmlRpcValue::List(list)));
     }
 
     #[test]
@@ -269,7 +272,7 @@ mod tests {
     proptest! {
         #[test]
         fn no_text_is_too_strange(text in "(<(/?)(methodCall|methodName|params|param|value|array|data|i4|a)(/?)>|[a-z0-9&;# ]{0,5}){0,40}") {
-            // Whatever it is, it is read or refused.
+            // Any input is decoded or refused, without a panic.
             let _ = read_call(text.as_bytes());
             let _ = read_answer(text.as_bytes());
         }

@@ -1,5 +1,5 @@
-//! The control framework and what stands between it and the vehicles: the part of a run that is in the
-//! laboratory's computer, whether the city is in the same process or not.
+//! Control loop: control framework and environment, the part of a run in the laboratory's computer, whether the city is
+//! in the same process or not.
 
 use crate::environment::Environment;
 use crate::mainframe::{Mainframe, SetupError};
@@ -9,19 +9,19 @@ use crate::wire::{Measurement, Message};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Control of an experiment, tick by tick.
+/// Control framework of an experiment with its environment, stepped once per tick.
 #[derive(Debug)]
-pub struct Control {
+pub struct ControlLoop {
     mainframe: Mainframe,
     environment: Environment,
     ticks_per_control: u64,
-    /// Vehicles of the laboratory: what stands between them and control is there already.
+    /// Physical vehicles: their real link replaces the environment.
     physical: BTreeSet<VehicleId>,
     measurements: Vec<Measurement>,
     messages: Vec<Message>,
 }
 
-impl Control {
+impl ControlLoop {
     /// # Errors
     /// When the control framework cannot take a vehicle's setup.
     pub fn new(experiment: &Experiment) -> Result<Self, SetupError> {
@@ -36,8 +36,8 @@ impl Control {
         })
     }
 
-    /// What happens at one tick: a control step with the poses seen then, when one is due, and in any case
-    /// the messages that arrive at the vehicles now, added to `delivered`.
+    /// Steps one tick: makes a control step with the visible poses when one is due, and adds to `delivered` the
+    /// messages that arrive at the vehicles now.
     pub fn step(
         &mut self,
         (tick, time_s): (u64, f64),
@@ -62,7 +62,7 @@ impl Control {
         self.environment.command(time_s, self.messages.drain(..), delivered);
     }
 
-    /// Goes on as another experiment's control: its drivers, rules, environment and seed.
+    /// Switches to the drivers, right of way, environment and seed of another experiment.
     ///
     /// # Errors
     /// When a vehicle names an unknown algorithm.

@@ -1,18 +1,18 @@
-//! Lockstep of world, environment and control framework, without clocks or threads: a run is exactly
-//! repeatable and as fast as the machine.
+//! Runs world, environment and control framework in lockstep, without clocks or threads: a run is exactly repeatable
+//! and as fast as the machine.
 
 mod control;
+mod observed;
 mod observer;
 mod outcome;
-mod seen;
-mod served;
+mod server_world;
 mod summary;
 
-pub use control::Control;
+pub use control::ControlLoop;
+pub use observed::{ObservedCity, ObservedMotion};
 pub use observer::{LaneUse, Observer, VehicleTotals};
-pub use outcome::{Outcome, Streams};
-pub use seen::{SeenCity, SeenMotion};
-pub use served::{Applied, MOTION_CAPTURE, Rules, Sender, Served};
+pub use outcome::{MergingStreams, RunMetrics};
+pub use server_world::{AppliedBody, MOTION_CAPTURE, SenderNumber, ServerRules, ServerWorld};
 pub use summary::{LinkSummary, PicturesSummary, RosSummary, Summary, VehicleSummary};
 
 use crate::mainframe::{Mainframe, SetupError};
@@ -29,15 +29,15 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub struct Run {
     world: World,
-    control: Control,
+    control: ControlLoop,
     snapshot: FrameSnapshot,
     commands: Vec<SimCommand>,
-    /// Given from outside, for the next tick.
+    /// External commands for the next tick.
     injected: Vec<SimCommand>,
     delivered: Vec<Message>,
-    /// Stands in for the physical vehicles, where there are any.
+    /// Emulates the physical vehicles, where there are any.
     testbed: Option<Testbed>,
-    /// Poses that have come from there.
+    /// Poses of the physical vehicles.
     measured: Vec<Measurement>,
 }
 
@@ -48,7 +48,7 @@ impl Run {
     /// When the control framework cannot take a vehicle's setup.
     pub fn new(experiment: Arc<Experiment>) -> Result<Self, SetupError> {
         let world = World::new(experiment);
-        let control = Control::new(world.experiment())?;
+        let control = ControlLoop::new(world.experiment())?;
         let testbed = testbed_of(world.experiment());
         Ok(Self {
             snapshot: world.snapshot(),
@@ -62,9 +62,8 @@ impl Run {
         })
     }
 
-    /// A run that goes on from the middle: a world without physical vehicles, and the control that has led its
-    /// vehicles so far.
-    pub fn resume(world: World, control: Control) -> Self {
+    /// Resumes a run: from a world without physical vehicles, and its control loop.
+    pub fn resume(world: World, control: ControlLoop) -> Self {
         Self {
             snapshot: world.snapshot(),
             world,
@@ -77,12 +76,12 @@ impl Run {
         }
     }
 
-    /// Back to the initial conditions: the run that follows equals the first one exactly.
+    /// Resets to the initial conditions; the run after it repeats the first one exactly.
     ///
     /// # Errors
     /// As for [`Run::new`].
     pub fn reset(&mut self) -> Result<(), SetupError> {
-        self.control = Control::new(self.world.experiment())?;
+        self.control = ControlLoop::new(self.world.experiment())?;
         self.testbed = testbed_of(self.world.experiment());
         self.measured.clear();
         self.world.tick_into(&[SimCommand::Reset], &mut self.snapshot);
@@ -101,7 +100,7 @@ impl Run {
         self.delivered.clear();
         self.commands.clear();
         let now = (self.world.tick(), self.world.time_s());
-        // Motion capture tells nothing of whom it does not see.
+        // Motion capture measures only the visible vehicles.
         let seen = self.snapshot.vehicles.iter().filter(|state| state.status != Status::Unseen);
         let seen = seen.map(|state| Measurement::of(state, now.1, scale));
         self.control.step(now, seen, &mut self.delivered);
@@ -144,7 +143,7 @@ impl Run {
     }
 }
 
-/// Robots in place of the physical vehicles of an experiment, where it has any.
+/// Emulates the physical vehicles of an experiment, where it has any.
 fn testbed_of(experiment: &Experiment) -> Option<Testbed> {
     experiment.physical().next().map(|_| Testbed::new(experiment))
 }

@@ -1,5 +1,4 @@
-//! Watches a run from outside: where each vehicle is on its route, whether its outline stays in its
-//! lane, how long it stands, which lanes are used.
+//! Evaluates a run: progress of each vehicle on its route, lane keeping of its outline, stops, and use of the lanes.
 
 use crate::city::{CityMap, Lane, LaneId, ZoneKind};
 use crate::estimation::STANDS_MPS;
@@ -12,7 +11,7 @@ use crate::snapshot::{
 use glam::DVec2;
 use std::sync::Arc;
 
-/// Figures of one vehicle over a run, full scale.
+/// Totals of one vehicle over a run, full scale.
 #[derive(Clone, Debug)]
 pub struct VehicleTotals {
     /// Front-axle centre along the route, city metres.
@@ -20,7 +19,7 @@ pub struct VehicleTotals {
     /// Mean and largest distance of the front-axle centre from the desired path.
     pub lateral_error_sum_m: f64,
     pub max_lateral_error_m: f64,
-    /// How far the outline has reached beyond the edges of its lane; negative: it kept inside.
+    /// Largest distance of the outline beyond the edges of its lane; negative when it stays inside.
     pub max_lane_excess_m: f64,
     pub stops: u32,
     pub longest_stand_s: f64,
@@ -28,7 +27,7 @@ pub struct VehicleTotals {
     pub samples: u64,
 }
 
-/// Which lanes have been driven from end to end or begun.
+/// Lanes that a vehicle has entered.
 #[derive(Clone, Debug)]
 pub struct LaneUse {
     entered: Vec<bool>,
@@ -39,31 +38,32 @@ impl LaneUse {
         self.entered[lane.index()]
     }
 
-    /// Lanes on which nobody has driven.
+    /// Lanes that no vehicle has entered.
     pub fn unused(&self) -> impl Iterator<Item = LaneId> {
         self.entered.iter().enumerate().filter(|(_, used)| !**used).map(|(index, _)| LaneId(index as u32))
     }
 }
 
+/// Evaluates the snapshots of a run.
 #[derive(Clone, Debug)]
 pub struct Observer {
     map: Arc<CityMap>,
     /// By lane.
-    extents: Vec<Extent>,
+    lane_bounds: Vec<LaneBounds>,
     /// In id order.
-    tracks: Vec<Track>,
-    /// Whose vehicles have their tracks.
+    tracks: Vec<RouteProgress>,
+    /// Roster of the last snapshot.
     roster: Arc<Vec<VehicleInfo>>,
     lanes: LaneUse,
     every_ticks: u64,
 }
 
-/// A vehicle's progress on its route.
+/// Progress and totals of a vehicle.
 #[derive(Clone, Debug)]
-struct Track {
+struct RouteProgress {
     id: VehicleId,
     name: String,
-    /// Empty where nobody has told it.
+    /// Empty where it is unknown.
     route: Vec<LaneId>,
     /// How often the control framework has changed the route.
     reroutes: u32,
@@ -78,15 +78,15 @@ struct Track {
     totals: VehicleTotals,
 }
 
-/// A box around a lane's centre line, and how far its edges are from it at most, city metres.
+/// Bounding box of a lane's centre line and its largest half width, city metres: a bound for early rejection.
 #[derive(Clone, Copy, Debug)]
-struct Extent {
+struct LaneBounds {
     low: DVec2,
     high: DVec2,
     half_width_m: f64,
 }
 
-impl Extent {
+impl LaneBounds {
     fn of(lane: &Lane) -> Self {
         let mut extent =
             Self { low: DVec2::INFINITY, high: DVec2::NEG_INFINITY, half_width_m: lane.width_m / 2.0 };
@@ -99,20 +99,20 @@ impl Extent {
         extent
     }
 
-    /// No point lies beyond the lane's edges by less than this.
+    /// Lower bound of the distance of a point beyond the lane's edges.
     fn least_excess(&self, point: DVec2) -> f64 {
         point.distance(point.clamp(self.low, self.high)) - self.half_width_m
     }
 }
 
-/// A centre line stays within half of this of its points this far apart.
+/// Sampling step of centre lines, city metres; between samples a line stays within half a step.
 const EXTENT_STEP_M: f64 = 0.5;
 
-/// The widening of a tight bend does not end with its lane but runs out within this, city metres: a rear
-/// axle that leaves a bend is still on its inside.
+/// The widening of a tight bend tapers off within this distance after its lane, city metres: a rear axle that leaves a
+/// bend is still on its inside.
 const TAPER_M: f64 = 0.6;
 
-/// Outlines are looked at this often, in simulated time.
+/// Sampling rate of outlines, in simulated time.
 const SAMPLES_PER_S: u32 = 20;
 
 impl Observer {
@@ -123,23 +123,23 @@ impl Observer {
         }
         Self {
             map: Arc::clone(&experiment.city_map),
-            extents: experiment.city_map.lanes.iter().map(Extent::of).collect(),
-            tracks: experiment.vehicles.iter().map(Track::planned).collect(),
+            lane_bounds: experiment.city_map.lanes.iter().map(LaneBounds::of).collect(),
+            tracks: experiment.vehicles.iter().map(RouteProgress::planned).collect(),
             roster: Arc::default(),
             lanes,
             every_ticks: u64::from((experiment.rates.physics_hz / SAMPLES_PER_S).max(1)),
         }
     }
 
-    /// Takes a snapshot in, and adds to `events` what only the routes tell: merging. Without a control
-    /// framework routes stay as they are.
+    /// Evaluates a snapshot, and adds the merge events, which only routes show. Without a control framework routes stay
+    /// as they are.
     pub fn observe(
         &mut self,
         mainframe: Option<&Mainframe>,
         snapshot: &FrameSnapshot,
         events: &mut Vec<Event>,
     ) {
-        self.welcome(&snapshot.roster);
+        self.add_new_vehicles(&snapshot.roster);
         for cav in mainframe.into_iter().flat_map(Mainframe::cavs) {
             if let Some(track) = self.track(cav.id)
                 && track.reroutes != cav.reroutes
@@ -159,26 +159,26 @@ impl Observer {
             let track = &mut self.tracks[index];
             track.time_stand(state, snapshot.time_s);
             if samples {
-                track.sample(&self.map, &self.extents, state);
+                track.sample(&self.map, &self.lane_bounds, state);
                 track.advance(&self.map, state, snapshot.time_s, &mut self.lanes, events);
             }
         }
     }
 
-    /// Begins the tracks of vehicles that came while the run went on.
-    fn welcome(&mut self, roster: &Arc<Vec<VehicleInfo>>) {
+    /// Adds vehicles that have joined the run.
+    fn add_new_vehicles(&mut self, roster: &Arc<Vec<VehicleInfo>>) {
         if Arc::ptr_eq(&self.roster, roster) {
             return;
         }
         self.roster = Arc::clone(roster);
         for info in roster.iter() {
             if let Err(index) = self.tracks.binary_search_by_key(&info.id, |track| track.id) {
-                self.tracks.insert(index, Track::new(info.id, &info.name, &info.dimensions));
+                self.tracks.insert(index, RouteProgress::new(info.id, &info.name, &info.dimensions));
             }
         }
     }
 
-    fn track(&mut self, id: VehicleId) -> Option<&mut Track> {
+    fn track(&mut self, id: VehicleId) -> Option<&mut RouteProgress> {
         let index = self.tracks.binary_search_by_key(&id, |track| track.id).ok()?;
         Some(&mut self.tracks[index])
     }
@@ -200,7 +200,7 @@ impl Observer {
         }
     }
 
-    /// Number, name and figures of the vehicles, in id order.
+    /// Id, name and totals of the vehicles, in id order.
     pub fn vehicles(&self) -> impl Iterator<Item = (VehicleId, &str, &VehicleTotals)> {
         self.tracks.iter().map(|track| (track.id, track.name.as_str(), &track.totals))
     }
@@ -215,7 +215,7 @@ impl Observer {
     }
 }
 
-impl Track {
+impl RouteProgress {
     fn planned(vehicle: &PlannedVehicle) -> Self {
         let route = vehicle.route.clone();
         Self { route, ..Self::new(vehicle.id, &vehicle.name, &vehicle.spec.dimensions) }
@@ -247,7 +247,7 @@ impl Track {
         }
     }
 
-    /// A way that goes on from where the vehicle is, or that begins there.
+    /// Takes a new route: a continuation of the present one, or one that starts at the vehicle.
     fn take_route(&mut self, lanes: &[LaneId]) {
         if !lanes.starts_with(&self.route[..=self.index]) {
             (self.index, self.lane_start_s) = (0, self.totals.axle_s);
@@ -256,7 +256,7 @@ impl Track {
     }
 
     fn time_stand(&mut self, state: &VehicleState, time_s: f64) {
-        // Where it is while nobody sees it is not known: an occlusion neither makes nor ends a stand.
+        // An occlusion neither starts nor ends a stand: the true motion is unknown.
         if state.status == Status::Unseen {
             return;
         }
@@ -268,8 +268,8 @@ impl Track {
         }
     }
 
-    fn sample(&mut self, map: &CityMap, extents: &[Extent], state: &VehicleState) {
-        if let Some(error) = state.told_lateral_error_m().map(f64::abs) {
+    fn sample(&mut self, map: &CityMap, lane_bounds: &[LaneBounds], state: &VehicleState) {
+        if let Some(error) = state.tracked_lateral_error_m().map(f64::abs) {
             self.totals.samples += 1;
             self.totals.lateral_error_sum_m += error;
             self.totals.max_lateral_error_m = self.totals.max_lateral_error_m.max(error);
@@ -282,19 +282,19 @@ impl Track {
         let rear_axle = outline.centre - outline.axis * (self.wheelbase_m / 2.0);
         let side = outline.axis.perp() * half.y;
         for point in outline.corners().into_iter().chain([rear_axle + side, rear_axle - side]) {
-            let excess = self.excess(map, extents, point);
+            let excess = self.excess(map, lane_bounds, point);
             self.totals.max_lane_excess_m = self.totals.max_lane_excess_m.max(excess);
         }
     }
 
     /// How far a point lies beyond the edge of the nearest lane of the route around the vehicle.
-    fn excess(&self, map: &CityMap, extents: &[Extent], point: DVec2) -> f64 {
+    fn excess(&self, map: &CityMap, lane_bounds: &[LaneBounds], point: DVec2) -> f64 {
         let first = self.index.saturating_sub(2);
         let last = (self.index + 2).min(self.route.len() - 1);
         let mut least = f64::INFINITY;
-        // The lane under the front axle first: most others are then too far away to be looked at.
+        // The lane under the front axle comes first, so that the bounds reject most others.
         for index in std::iter::once(self.index).chain((first..=last).filter(|k| *k != self.index)) {
-            if extents[self.route[index].index()].least_excess(point) >= least {
+            if lane_bounds[self.route[index].index()].least_excess(point) >= least {
                 continue;
             }
             let lane = map.lane(self.route[index]);

@@ -1,4 +1,4 @@
-//! What a run comes to in a few numbers, without files: what parameter studies tabulate.
+//! Metrics of a run for parameter studies, without files.
 
 use super::{Observer, Run};
 use crate::city::{CityMap, LaneId, ZoneKind};
@@ -8,25 +8,25 @@ use crate::snapshot::{Event, EventKind, VehicleId};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// The streams that meet at the merging point which most routes of an experiment go through.
+/// The streams of vehicles that meet at the busiest merging point of an experiment.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Streams {
+pub struct MergingStreams {
     /// Name of the lane that begins at the merging point.
     pub name: String,
-    /// The vehicles of each stream, those of the one that gives way first.
+    /// Vehicles of each stream; the yielding stream comes first.
     pub streams: Vec<Vec<VehicleId>>,
-    /// Which of its merges it is, of each vehicle, counted from 0.
-    which: BTreeMap<VehicleId, usize>,
+    /// By vehicle, which of its merges happens here, from 0.
+    merge_index: BTreeMap<VehicleId, usize>,
 }
 
-/// Lines this far before a merging point belong to it, laboratory metres.
+/// Yield and stop lines within this distance before a merging point belong to it, laboratory metres.
 const LINE_WITHIN_M: f64 = 1.0;
 
-impl Streams {
-    /// `None` where no routes of the experiment merge.
+impl MergingStreams {
+    /// Finds the streams; `None` where no routes merge.
     pub fn of(experiment: &Experiment) -> Option<Self> {
         let map = &experiment.city_map;
-        // By the lane that begins at a merging point: which vehicles come from which lane, and as which merge.
+        // By the lane after a merging point, then by the lane before it: the vehicles, with the index of their merge.
         let mut points: BTreeMap<LaneId, BTreeMap<LaneId, BTreeMap<VehicleId, usize>>> = BTreeMap::new();
         for vehicle in &experiment.vehicles {
             let merges = vehicle.route.windows(2).filter(|pair| ends_in_merge(map, pair[0]));
@@ -51,9 +51,9 @@ impl Streams {
             .map(|(&lane, ids)| (!has_line(map, lane, within_m), lane, ids.keys().copied().collect()))
             .collect();
         streams.sort();
-        let which = from.into_values().flatten().collect();
+        let merge_index = from.into_values().flatten().collect();
         let name = map.lane(lane).name.clone();
-        Some(Self { name, streams: streams.into_iter().map(|(_, _, ids)| ids).collect(), which })
+        Some(Self { name, streams: streams.into_iter().map(|(_, _, ids)| ids).collect(), merge_index })
     }
 }
 
@@ -61,7 +61,7 @@ fn ends_in_merge(map: &CityMap, lane: LaneId) -> bool {
     map.zones_on(lane).any(|zone| zone.kind == ZoneKind::Merge)
 }
 
-/// Whether vehicles give way at a line on a lane or not far before it.
+/// Whether a lane, or its predecessors within a distance, has a yield or stop line.
 fn has_line(map: &CityMap, lane: LaneId, within_m: f64) -> bool {
     let length_m = map.lane(lane).curve.length();
     map.lines.iter().any(|line| line.lane == lane && length_m - line.at_m <= within_m)
@@ -69,38 +69,38 @@ fn has_line(map: &CityMap, lane: LaneId, within_m: f64) -> bool {
             && map.lane(lane).predecessors.iter().any(|&before| has_line(map, before, within_m - length_m))
 }
 
-/// What a run came to. Laboratory units.
+/// Metrics of a run. Laboratory units.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outcome {
-    /// Vehicles in the order in which their front axles came through the merging point.
+pub struct RunMetrics {
+    /// Vehicles in the order of their front axles at the merging point.
     pub merge_order: Vec<VehicleId>,
-    /// How many of the stream that gives way came before the last one of the others; `None` where no streams merge.
+    /// Number of yielding vehicles that merged before the last one of the other streams; `None` where no streams merge.
     pub squeezed_in: Option<u32>,
-    /// When the last vehicle came through, if all did.
+    /// When the last vehicle merged, if all did.
     pub all_merged_s: Option<f64>,
-    /// How long each vehicle of the stream that gives way stood before it merged, in the mean.
+    /// Mean time that a yielding vehicle stood before it merged.
     pub mean_wait_s: Option<f64>,
     pub collisions: u32,
     pub stops: u32,
-    /// Times that a vehicle came through a merging point.
+    /// Number of merges at any merging point.
     pub merges: u32,
-    /// Driven by a vehicle in the mean.
+    /// Mean distance driven by a vehicle.
     pub mean_distance_m: f64,
     pub mean_speed_mps: f64,
-    /// Longest time that any vehicle stood at one place.
+    /// Longest stand of any vehicle.
     pub longest_stand_s: f64,
     pub max_lateral_error_m: f64,
     /// Digest of the last state.
     pub state_hash: u64,
 }
 
-impl Outcome {
-    /// Runs an experiment from its beginning to its end.
+impl RunMetrics {
+    /// Runs an experiment from start to end.
     ///
     /// # Errors
     /// When the control framework cannot take a vehicle's setup.
     pub fn of(experiment: Arc<Experiment>) -> Result<Self, SetupError> {
-        let streams = Streams::of(&experiment);
+        let streams = MergingStreams::of(&experiment);
         let mut run = Run::new(Arc::clone(&experiment))?;
         let mut observer = Observer::new(&experiment);
         let (mut events, mut tick_events) = (Vec::new(), Vec::new());
@@ -121,7 +121,7 @@ impl Outcome {
             squeezed_in: streams.as_ref().map(|streams| squeezed_in(streams, &crossings)),
             all_merged_s: streams.as_ref().and_then(|streams| {
                 let last_s = crossings.last().map(|(time_s, _)| *time_s);
-                last_s.filter(|_| crossings.len() == streams.which.len())
+                last_s.filter(|_| crossings.len() == streams.merge_index.len())
             }),
             mean_wait_s: streams.as_ref().map(|streams| mean_wait(streams, &crossings, &events, last.time_s)),
             merge_order: crossings.into_iter().map(|(_, id)| id).collect(),
@@ -137,13 +137,13 @@ impl Outcome {
     }
 }
 
-/// When who came through the merging point, in order of time.
-fn crossings(streams: &Streams, events: &[Event]) -> Vec<(f64, VehicleId)> {
+/// Times and vehicles at the merging point, in order of time.
+fn crossings(streams: &MergingStreams, events: &[Event]) -> Vec<(f64, VehicleId)> {
     let mut counts: BTreeMap<VehicleId, usize> = BTreeMap::new();
     let mut found = Vec::new();
     for event in events.iter().filter(|event| event.kind == EventKind::Merge) {
         let count = counts.entry(event.vehicle).or_default();
-        if streams.which.get(&event.vehicle) == Some(count) {
+        if streams.merge_index.get(&event.vehicle) == Some(count) {
             found.push((event.time_s, event.vehicle));
         }
         *count += 1;
@@ -152,13 +152,13 @@ fn crossings(streams: &Streams, events: &[Event]) -> Vec<(f64, VehicleId)> {
     found
 }
 
-fn squeezed_in(streams: &Streams, crossings: &[(f64, VehicleId)]) -> u32 {
+fn squeezed_in(streams: &MergingStreams, crossings: &[(f64, VehicleId)]) -> u32 {
     let first: BTreeSet<VehicleId> = streams.streams[0].iter().copied().collect();
     let last_other = crossings.iter().rposition(|(_, id)| !first.contains(id)).unwrap_or(0);
     crossings[..last_other].iter().filter(|(_, id)| first.contains(id)).count() as u32
 }
 
-fn mean_wait(streams: &Streams, crossings: &[(f64, VehicleId)], events: &[Event], end_s: f64) -> f64 {
+fn mean_wait(streams: &MergingStreams, crossings: &[(f64, VehicleId)], events: &[Event], end_s: f64) -> f64 {
     let wait = |id: &VehicleId| {
         let until_s = crossings.iter().find(|(_, other)| other == id).map_or(end_s, |(time_s, _)| *time_s);
         let mut since_s: Option<f64> = None;

@@ -1,9 +1,9 @@
-//! `summary.json`: what a run came to.
+//! `summary.json`: the results of a run.
 
 use super::Observer;
 use crate::scenario::Experiment;
 use crate::snapshot::{Event, FrameSnapshot, Status};
-use crate::wire::Drops;
+use crate::wire::DropCounts;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -16,15 +16,15 @@ pub struct VehicleSummary {
     pub mean_speed_mps: f64,
     pub stops: u32,
     pub longest_stand_s: f64,
-    /// `None` where nobody has told what path it was to follow.
+    /// `None` where the desired path is unknown.
     pub mean_lateral_error_m: Option<f64>,
     pub max_lateral_error_m: Option<f64>,
-    /// How far the outline reached beyond its lane's edges; negative is the room that was left.
+    /// Largest distance of the outline beyond its lane's edges; negative when it stays inside.
     pub max_lane_excess_m: f64,
     pub collisions: u32,
 }
 
-/// What a run came to, full-scale SI units.
+/// Results of a run, full-scale SI units.
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
     pub scenario: String,
@@ -37,45 +37,45 @@ pub struct Summary {
     /// Digest of the final state, hexadecimal.
     pub state_hash: String,
     pub mean_speed_mps: f64,
-    /// Lanes of the map on which nobody has driven.
+    /// Lanes that no vehicle has entered.
     pub unused_lanes: Vec<String>,
     pub events: Vec<Event>,
     pub vehicles: BTreeMap<u32, VehicleSummary>,
-    /// Of a run whose vehicles are driven over the laboratory's link.
+    /// Statistics of the link, in a run that is controlled over it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkSummary>,
 }
 
-/// What went over the laboratory's link.
+/// Statistics of the laboratory's link.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct LinkSummary {
-    /// Datagrams that have come.
+    /// Received datagrams.
     pub received: u64,
-    /// Of them those that could be used.
+    /// Received datagrams that passed all checks.
     pub used: u64,
-    /// That were sent and have not come, as far as their senders' sequences tell.
+    /// Datagrams lost on their way, by the gaps in the sequence numbers.
     pub missing: u64,
-    /// Datagrams, and single trajectories and requests, that were not used, by reason.
-    pub dropped: Drops,
-    /// Seconds that simulated time fell behind the clock and let go.
-    pub let_go_s: f64,
-    /// Where poses go over ROS.
+    /// Dropped datagrams, trajectories and requests, by reason.
+    pub dropped: DropCounts,
+    /// Simulated seconds that were skipped because the simulation fell behind real time.
+    pub time_skipped_s: f64,
+    /// Statistics of ROS, where it is used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ros: Option<RosSummary>,
 }
 
-/// What went over ROS.
+/// Statistics of poses over ROS.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct RosSummary {
     /// Instants whose poses were published.
     pub published: u64,
-    /// Instants that were not, because ROS fell behind.
+    /// Instants that were dropped because ROS fell behind.
     pub dropped: u64,
     /// Messages that were dropped for subscribers that were too slow.
     pub dropped_for_slow: u64,
-    /// Poses of others that were heard.
+    /// Received poses.
     pub heard: u64,
-    /// Whether the master knew the topics at the end, and how often it had been away and come again.
+    /// Whether the topics were registered at the end, and how often the connection was restored.
     pub master_is_there: bool,
     pub master_returns: u64,
     /// Onboard pictures, where they are published.
@@ -83,16 +83,16 @@ pub struct RosSummary {
     pub pictures: Option<PicturesSummary>,
 }
 
-/// What became of onboard pictures.
+/// Statistics of onboard pictures.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct PicturesSummary {
     pub published: u64,
-    /// Those that were due and were not published: drawing fell behind, or ROS did.
+    /// Pictures that were due and were not published, because drawing or ROS fell behind.
     pub dropped: u64,
 }
 
 impl Summary {
-    /// Of vehicles that only their poses are known of.
+    /// Removes what poses alone do not show.
     #[must_use]
     pub fn of_poses(mut self) -> Self {
         for vehicle in self.vehicles.values_mut() {

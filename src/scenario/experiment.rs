@@ -1,20 +1,20 @@
-//! A validated experiment: everything a run depends on, apart from the commands that come in.
+//! A validated experiment: everything that a run depends on, apart from incoming commands.
 
 use super::feasibility::STEERING_RESERVE;
-use super::models::Models;
-use super::placement::Moved;
+use super::models::UserModels;
+use super::placement::MovedStart;
 use super::time_of_day::TimeOfDay;
 use crate::city::{CityMap, LabMap, LaneId};
-use crate::environment::{EnvironmentSpec, Profile};
+use crate::environment::{EnvironmentProfile, EnvironmentSpec};
 use crate::geom::{LengthScale, Pose2, trig};
-use crate::mainframe::{Body, CavSetup, DriverParams, RightOfWayParams};
+use crate::mainframe::{CavGeometry, CavSetup, DriverParams, RightOfWayParams};
 use crate::sensor::Sensor;
 use crate::snapshot::{Appearance, Dimensions, Setup, VehicleId};
 use crate::vehicle::{ModelKind, VehicleSpec};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// How often things happen, per second of simulated time.
+/// Step rates, per second of simulated time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rates {
     /// Physics steps.
@@ -46,16 +46,16 @@ impl Default for Rates {
 
 /// What a scenario expects of its run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Outcome {
+pub struct Expectations {
     /// A collision makes the run fail.
     pub collisions_forbidden: bool,
 }
 
-/// Where a vehicle starts.
+/// Start state of a vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     pub lane: LaneId,
-    /// Front-axle centre along the lane, laboratory metres.
+    /// Position of the front-axle centre along the lane, laboratory metres.
     pub at_m: f64,
     /// Laboratory m/s.
     pub speed_mps: f64,
@@ -72,25 +72,25 @@ pub struct PlannedVehicle {
     pub controller: String,
     /// Laboratory units.
     pub driver: DriverParams,
-    /// A person is at the wheel from the start; the algorithm drives once the person gives it back.
+    /// A person drives from the start; the algorithm takes over when the person hands back.
     pub is_human: bool,
     pub route: Vec<LaneId>,
     pub start: Start,
     pub sensors: Vec<Sensor>,
-    /// Of a vehicle of the laboratory, which is measured instead of simulated.
+    /// Link of a physical vehicle, which is measured instead of simulated.
     pub physical: Option<Physical>,
 }
 
-/// How a vehicle of the laboratory is reached.
+/// Link parameters of a physical vehicle.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Physical {
-    /// UDP address that takes its trajectories.
+    /// UDP address for its trajectories.
     pub address: String,
-    /// What motion capture knows it by.
+    /// Its subject name in motion capture.
     pub subject: String,
 }
 
-/// Middle of the outline of a vehicle of these measures, see [`PlannedVehicle::pose_on`].
+/// Pose of the middle of the outline for these dimensions, see [`PlannedVehicle::pose_on`].
 pub fn pose_on(size: &Dimensions, map: &CityMap, lane: LaneId, axle_at_m: f64) -> Pose2 {
     let curve = &map.lane(lane).curve;
     let mut axle = curve.at(axle_at_m).pose;
@@ -100,29 +100,29 @@ pub fn pose_on(size: &Dimensions, map: &CityMap, lane: LaneId, axle_at_m: f64) -
 }
 
 impl PlannedVehicle {
-    /// The measures that control needs, laboratory metres.
-    pub fn body_in_lab(&self, scale: LengthScale) -> Body {
-        Body {
+    /// Dimensions for control, laboratory metres.
+    pub fn body_in_lab(&self, scale: LengthScale) -> CavGeometry {
+        CavGeometry {
             length_m: scale.lab_from_city(self.spec.dimensions.length_m),
             wheelbase_m: scale.lab_from_city(self.spec.dimensions.wheelbase_m),
             min_turn_radius_m: scale.lab_from_city(self.spec.min_turn_radius() * STEERING_RESERVE),
         }
     }
 
-    /// Middle of the outline when its front-axle centre stands at a place of a lane, city metres. In a
-    /// bend the body is turned as in a steady turn, its rear axle inside.
+    /// Pose of the middle of the outline for a front-axle position on a lane, city metres. In a bend the body
+    /// is oriented as in a steady turn, its rear axle inside.
     pub fn pose_on(&self, map: &CityMap, lane: LaneId, axle_at_m: f64) -> Pose2 {
         pose_on(&self.spec.dimensions, map, lane, axle_at_m)
     }
 
-    /// Where it starts: the middle of its outline, laboratory metres.
+    /// Start pose of the middle of its outline, laboratory metres.
     pub fn pose_in_lab(&self, map: &CityMap, scale: LengthScale) -> Pose2 {
         let at_m = scale.city_from_lab(self.start.at_m);
         self.pose_on(map, self.start.lane, at_m).scaled(1.0 / scale.factor())
     }
 
-    /// What brings it into the city. Its pose went through laboratory metres, so that it is the same to
-    /// the last bit whether it came over the laboratory's link or not.
+    /// Its setup command. The pose is converted through laboratory metres, so that it has the same bits
+    /// whether or not it came over the link.
     pub fn setup(&self, map: &CityMap, scale: LengthScale) -> Setup {
         Setup {
             id: self.id,
@@ -135,7 +135,7 @@ impl PlannedVehicle {
     }
 }
 
-/// Everything a run depends on.
+/// Everything that a run depends on.
 #[derive(Clone, Debug)]
 pub struct Experiment {
     pub name: String,
@@ -148,32 +148,32 @@ pub struct Experiment {
     pub city_map: Arc<CityMap>,
     /// In id order.
     pub vehicles: Vec<PlannedVehicle>,
-    /// The builds that the file names; `default` is always there.
+    /// Vehicle types by name; `default` always exists.
     pub vehicle_types: BTreeMap<String, VehicleSpec>,
-    /// Those whose places overlapped others, already moved.
-    pub moved: Vec<Moved>,
+    /// Vehicles whose starts overlapped others and were moved.
+    pub moved: Vec<MovedStart>,
     pub right_of_way: RightOfWayParams,
     pub environment: EnvironmentSpec,
-    /// What stands between control and the robots of `city3d testbed`.
+    /// Environment of the robots of `city3d testbed`.
     pub testbed: EnvironmentSpec,
-    /// For pictures.
+    /// Affects rendering only.
     pub time_of_day: TimeOfDay,
-    /// Without a trajectory for so long a vehicle stops on its path.
+    /// A vehicle without a trajectory for this time stops on its path.
     pub link_timeout_s: f64,
-    pub outcome: Outcome,
-    /// For pictures; nothing that moves depends on them.
-    pub models: Models,
-    /// The scenario file and the map, as they were read: what a log keeps.
+    pub expectations: Expectations,
+    /// Affects rendering only.
+    pub models: UserModels,
+    /// Scenario text and map bytes as read, for logs.
     pub scenario_text: String,
     pub map_bytes: Vec<u8>,
-    /// The dynamics model that all vehicles have been given instead of the scenario's.
+    /// Dynamics model that overrides those of the scenario.
     pub model: Option<ModelKind>,
-    /// The environment that was asked for instead of the scenario's.
-    pub profile: Option<Profile>,
+    /// Environment profile that overrides the scenario's.
+    pub profile: Option<EnvironmentProfile>,
 }
 
 impl Experiment {
-    /// What the control framework is told of the vehicles.
+    /// Setups of the vehicles for the control framework.
     pub fn cav_setups(&self) -> Vec<CavSetup> {
         let setup = |vehicle: &PlannedVehicle| CavSetup {
             id: vehicle.id,
@@ -186,17 +186,17 @@ impl Experiment {
         self.vehicles.iter().map(setup).collect()
     }
 
-    /// The vehicles of the laboratory among its vehicles.
+    /// The physical vehicles.
     pub fn physical(&self) -> impl Iterator<Item = (&PlannedVehicle, &Physical)> {
         self.vehicles.iter().filter_map(|planned| Some((planned, planned.physical.as_ref()?)))
     }
 
-    /// Whether a vehicle is one of the laboratory.
+    /// Whether a vehicle is physical.
     pub fn is_physical(&self, vehicle: VehicleId) -> bool {
         self.physical().any(|(planned, _)| planned.id == vehicle)
     }
 
-    /// The same without its vehicles: they come over the link.
+    /// The experiment without its vehicles, which arrive over the link.
     pub fn without_vehicles(self) -> Self {
         Self { vehicles: Vec::new(), moved: Vec::new(), ..self }
     }

@@ -1,29 +1,29 @@
-//! Whether vehicles can do what an experiment asks of them: bends and accelerations, with numbers.
+//! Feasibility checks: bends, accelerations and starts that vehicles cannot drive.
 
 use super::experiment::PlannedVehicle;
 use crate::city::LabMap;
 use crate::geom::{LengthScale, trig};
-use crate::mainframe::{Ahead, CRUISE, DriverParams, Route};
+use crate::mainframe::{CRUISE, DriverParams, LeaderState, Route};
 use crate::snapshot::VehicleId;
 
-/// A turn has to be this much wider than the tightest the vehicle can do, for control to have room.
+/// Required turning radius relative to the vehicle's smallest: control needs a reserve.
 pub const STEERING_RESERVE: f64 = 1.02;
 const GRAVITY: f64 = 9.81;
 
-/// Something that a vehicle cannot do.
+/// An infeasible demand on a vehicle.
 #[derive(Debug)]
 pub struct Infeasible {
-    /// The field of the vehicle that asks for it.
+    /// The vehicle's field that demands it.
     pub field: &'static str,
     pub message: String,
 }
 
-/// Everything that the vehicle cannot do, in full-scale figures.
+/// All infeasible demands on a vehicle, in full-scale values.
 pub fn infeasibilities(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicle) -> Vec<Infeasible> {
     let mut found = Vec::new();
     let (spec, driver) = (&vehicle.spec, &vehicle.driver);
     let grip = spec.tyre_friction * GRAVITY;
-    // More than half the pedal is the handbrake's (the paper, eq. 2).
+    // Beyond half travel the pedal applies the handbrake (the paper, eq. 2).
     let half_pedal = spec.brake_torque_nm / spec.dimensions.wheel_radius_m / spec.mass_kg / 2.0;
     let mut exceeds = |what: &str, asked: f64, possible: f64, remedy: &str| {
         if asked > possible {
@@ -47,7 +47,7 @@ pub fn infeasibilities(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicl
         "min_acceleration_mps2 asks for a deceleration",
         u_min,
         half_pedal.min(grip),
-        "raise it towards 0, or give the vehicle stronger brakes (half the pedal has to do) or more friction",
+        "raise it towards 0, or give the vehicle stronger brakes (half the pedal must suffice) or more friction",
     );
     exceeds(
         "lateral_acceleration_mps2 asks for a cornering acceleration",
@@ -74,7 +74,7 @@ pub fn infeasibilities(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicl
     found
 }
 
-/// A start so fast that the route is too short to stop on.
+/// A start too fast to stop on the route.
 fn overrun(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicle) -> Option<Infeasible> {
     let route_m: f64 = vehicle.route.iter().map(|lane| map.lane(*lane).curve.length()).sum();
     let overhang_m =
@@ -93,11 +93,11 @@ fn overrun(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicle) -> Option
     })
 }
 
-/// How far ahead of a start the way is looked at, laboratory metres: more than the way to a stand at any speed.
+/// Look-ahead of a start, laboratory metres: more than any stopping distance.
 const AHEAD_M: f64 = 3.0;
 const STEP_M: f64 = 0.02;
 
-/// A start from which a driver would have to brake harder than u_min, and how fast it may be.
+/// A start that requires harder braking than u_min, and its feasible speed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InfeasibleStart {
     pub vehicle: VehicleId,
@@ -106,8 +106,7 @@ pub struct InfeasibleStart {
     pub message: String,
 }
 
-/// The starts of vehicles, all in their places, that ask for harder braking than u_min: before a bend, or behind
-/// another vehicle.
+/// Infeasible starts of vehicles: before a bend, or behind another vehicle.
 pub fn infeasible_starts(
     map: &LabMap,
     scale: LengthScale,
@@ -131,7 +130,7 @@ fn too_fast_for_bend(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicle)
         length_m += map.lane(*lane).curve.length();
         lanes.push(*lane);
     }
-    // A driver who wishes to be slower slows down gently.
+    // A lower desired speed is approached gently.
     let wish = DriverParams { desired_speed_mps: f64::MAX.sqrt(), ..*driver };
     let route = Route::new(map, &lanes, vehicle.body_in_lab(scale), &wish);
     let braking = driver.min_acceleration_mps2.abs();
@@ -157,14 +156,14 @@ fn too_near_to_leader(
     vehicle: &PlannedVehicle,
     vehicles: &[PlannedVehicle],
 ) -> Option<InfeasibleStart> {
-    // Others have to look out for one that holds its speed whatever is ahead.
+    // A vehicle of constant speed ignores leaders.
     if vehicle.controller == CRUISE {
         return None;
     }
     let (start, driver) = (&vehicle.start, &vehicle.driver);
     let (gap_m, leader) = leader_at_start(map, scale, vehicle, vehicles)?;
-    let ahead = Ahead { gap_m, speed_mps: leader.start.speed_mps };
-    // Not with respect to the speed that it wishes: it slows down to that gently.
+    let ahead = LeaderState { gap_m, speed_mps: leader.start.speed_mps };
+    // The desired speed does not count: it is approached gently.
     let is_too_fast = |speed_mps: f64| {
         driver.wanted_acceleration(speed_mps, f64::MAX.sqrt(), Some(ahead)) < driver.min_acceleration_mps2
     };
@@ -187,7 +186,7 @@ fn too_near_to_leader(
     })
 }
 
-/// The next vehicle on the own way at the start, and the distance to its rear bumper, laboratory metres.
+/// The leader at the start, and the distance to its rear bumper, laboratory metres.
 fn leader_at_start<'v>(
     map: &LabMap,
     scale: LengthScale,

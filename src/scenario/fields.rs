@@ -1,5 +1,5 @@
-//! Reading a TOML table field by field: every problem is noted with its line and column and reading
-//! goes on, so that a user sees all of them at once.
+//! Reads a TOML table field by field. Every problem is recorded with line and column, and reading continues,
+//! so that a user sees all problems at once.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -8,7 +8,7 @@ use std::ops::{Range, RangeInclusive};
 use toml::Spanned;
 use toml::de::{DeString, DeTable, DeValue};
 
-/// Something wrong in a scenario file.
+/// A problem of a scenario file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
     /// From 1.
@@ -24,7 +24,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// At most this many problems are kept; a file with more is wrong as a whole.
+/// Most problems that are kept.
 const MOST_PROBLEMS: usize = 30;
 
 /// Collects the problems of one file.
@@ -66,20 +66,19 @@ impl<'a> Problems<'a> {
     }
 }
 
-/// A table being read. What is asked for is known; what was never asked for is a problem in
-/// [`Fields::finish`].
+/// Reader of a TOML table. Fields that no caller reads are unknown and reported by [`TableFields::finish`].
 #[derive(Debug)]
-pub struct Fields<'a, 'p> {
+pub struct TableFields<'a, 'p> {
     table: &'a DeTable<'a>,
-    /// Where the table stands, for problems of missing fields.
+    /// Position of the table, for missing fields.
     pub span: Range<usize>,
     known: RefCell<BTreeSet<&'static str>>,
     pub problems: &'p Problems<'p>,
 }
 
-type Entry<'a> = (&'a Spanned<DeString<'a>>, &'a Spanned<DeValue<'a>>);
+type TableEntry<'a> = (&'a Spanned<DeString<'a>>, &'a Spanned<DeValue<'a>>);
 
-impl<'a, 'p> Fields<'a, 'p> {
+impl<'a, 'p> TableFields<'a, 'p> {
     pub fn new(table: &'a DeTable<'a>, span: Range<usize>, problems: &'p Problems<'p>) -> Self {
         Self { table, span, known: RefCell::default(), problems }
     }
@@ -89,17 +88,17 @@ impl<'a, 'p> Fields<'a, 'p> {
         self.table.get(key)
     }
 
-    /// All entries, of a table whose keys are names.
-    pub fn entries(&self) -> impl Iterator<Item = Entry<'a>> {
+    /// All entries of a table with arbitrary keys.
+    pub fn entries(&self) -> impl Iterator<Item = TableEntry<'a>> {
         self.table.iter()
     }
 
-    /// Where a field stands, or the table if it is not there.
+    /// Position of a field, or of the table if it is missing.
     pub fn span_of(&self, key: &str) -> Range<usize> {
         self.table.get(key).map_or(self.span.clone(), Spanned::span)
     }
 
-    /// Where a field of this table or of tables in it stands, as far as the path is there.
+    /// Position of a nested field, as far as the path exists.
     pub fn span_of_path<'k>(&self, path: impl Iterator<Item = &'k str>) -> Range<usize> {
         let mut span = self.span.clone();
         let mut table = Some(self.table);
@@ -117,7 +116,7 @@ impl<'a, 'p> Fields<'a, 'p> {
 
     fn wrong_type(&self, key: &str, value: &Spanned<DeValue<'_>>, expected: &str) {
         let found = match value.get_ref() {
-            // Of the right type and yet wrong: not finite, negative, beyond 64 bits.
+            // Right type, but not finite, negative, or beyond 64 bits.
             DeValue::Integer(number) => number.as_str().chars().take(32).collect(),
             DeValue::Float(number) => number.as_str().chars().take(32).collect(),
             other => format!("{} {}", article(other.type_str()), other.type_str()),
@@ -125,7 +124,7 @@ impl<'a, 'p> Fields<'a, 'p> {
         self.problems.add(&value.span(), format!("{key} is {found}; it must be {expected}"));
     }
 
-    /// Sets a number if the field is there and in range.
+    /// Reads an optional number within a range.
     pub fn number(&self, key: &'static str, range: RangeInclusive<f64>, into: &mut f64) {
         let Some(value) = self.entry(key) else { return };
         match number_of(value.get_ref()) {
@@ -137,7 +136,7 @@ impl<'a, 'p> Fields<'a, 'p> {
         }
     }
 
-    /// A number that has to be there.
+    /// Reads a required number.
     pub fn required_number(&self, key: &'static str, range: RangeInclusive<f64>) -> f64 {
         let mut number = *range.start();
         if self.entry(key).is_none() {
@@ -150,7 +149,7 @@ impl<'a, 'p> Fields<'a, 'p> {
         number
     }
 
-    /// A whole number, `None` where there is none.
+    /// Reads an optional integer.
     pub fn integer(&self, key: &'static str, range: RangeInclusive<u64>) -> Option<u64> {
         let value = self.entry(key)?;
         let number = match value.get_ref() {
@@ -191,7 +190,7 @@ impl<'a, 'p> Fields<'a, 'p> {
         self.string(key)
     }
 
-    /// One of some words.
+    /// Reads one of several words.
     pub fn choice<T: Copy>(&self, key: &'static str, choices: &[(&str, T)], into: &mut T) {
         let Some(text) = self.string(key) else { return };
         if let Some((_, choice)) = choices.iter().find(|(name, _)| *name == text) {
@@ -228,7 +227,7 @@ impl<'a, 'p> Fields<'a, 'p> {
         }
     }
 
-    /// Texts of an array, each with its place.
+    /// Reads an array of strings, each with its position.
     pub fn strings(&self, key: &'static str) -> Option<Vec<(&'a str, Range<usize>)>> {
         let value = self.entry(key)?;
         let Some(array) = value.get_ref().as_array() else {
@@ -245,7 +244,7 @@ impl<'a, 'p> Fields<'a, 'p> {
         Some(texts.collect())
     }
 
-    /// As many numbers as a place has; `example` says what they are.
+    /// Reads `N` numbers; `example` describes them.
     pub fn numbers<const N: usize>(
         &self,
         key: &'static str,
@@ -270,7 +269,7 @@ impl<'a, 'p> Fields<'a, 'p> {
         within
     }
 
-    /// Numbers of an array of pairs.
+    /// Reads an array of number pairs.
     pub fn pairs(&self, key: &'static str) -> Option<Vec<[f64; 2]>> {
         let value = self.entry(key)?;
         let pair = |item: &Spanned<DeValue<'_>>| {
@@ -285,7 +284,7 @@ impl<'a, 'p> Fields<'a, 'p> {
         pairs
     }
 
-    /// Notes every field that nobody asked for.
+    /// Reports every field that was not read.
     pub fn finish(self) {
         let known = self.known.into_inner();
         for (key, _) in self.table {
@@ -311,7 +310,7 @@ fn article(noun: &str) -> &'static str {
     if noun.starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" }
 }
 
-/// What would be right instead of `found`: the nearest name, or all of them.
+/// Suggestion for an unknown name: the nearest name by edit distance, or all names.
 pub fn one_of<'n>(found: &str, names: impl Iterator<Item = &'n str>) -> String {
     let names: Vec<&str> = names.collect();
     let nearest = names.iter().map(|name| (edit_distance(found, name), *name)).min();
@@ -342,10 +341,10 @@ fn edit_distance(a: &str, b: &str) -> usize {
 mod tests {
     use super::*;
 
-    fn problems_of(text: &str, read: impl Fn(&Fields<'_, '_>)) -> Vec<String> {
+    fn problems_of(text: &str, read: impl Fn(&TableFields<'_, '_>)) -> Vec<String> {
         let problems = Problems::new(text);
         let table = DeTable::parse(text).unwrap();
-        let fields = Fields::new(table.get_ref(), 0..0, &problems);
+        let fields = TableFields::new(table.get_ref(), 0..0, &problems);
         read(&fields);
         fields.finish();
         problems.into_sorted().iter().map(ToString::to_string).collect()
@@ -375,7 +374,7 @@ mod tests {
             let parsed = DeTable::parse(text);
             let Ok(table) = parsed else { continue };
             let problems = Problems::new(text);
-            Fields::new(table.get_ref(), 0..0, &problems).number("x", 0.0..=1.0, &mut 0.0);
+            TableFields::new(table.get_ref(), 0..0, &problems).number("x", 0.0..=1.0, &mut 0.0);
             assert!(!problems.is_empty(), "{text}");
         }
     }

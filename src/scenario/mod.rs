@@ -1,4 +1,4 @@
-//! Experiment files, validated into an [`Experiment`].
+//! Scenario files, validated into an [`Experiment`].
 
 mod experiment;
 mod feasibility;
@@ -15,10 +15,10 @@ mod time_of_day;
 mod traffic;
 mod vehicle_type;
 
-pub use experiment::{Experiment, Outcome, Physical, PlannedVehicle, Rates, Start, pose_on};
+pub use experiment::{Expectations, Experiment, Physical, PlannedVehicle, Rates, Start, pose_on};
 pub use fields::Problem;
-pub use models::Models;
-pub use placement::Moved;
+pub use models::UserModels;
+pub use placement::MovedStart;
 pub use read::{Overrides, ScenarioError, read_experiment};
 pub use read_vehicles::{LARGEST_ID, is_topic_name};
 pub use source::{Library, SourceError, shipped_scenarios};

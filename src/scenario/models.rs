@@ -1,4 +1,4 @@
-//! Models of the user's: cars that vehicles name as their shape, buildings that the map places.
+//! User models: car bodies named by vehicles, and models placed by the map.
 
 use super::Library;
 use super::read_vehicles::BODIES;
@@ -9,16 +9,14 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The models that an experiment brings along; all others are the program's own.
+/// User models of an experiment; all others are shipped.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Models {
-    /// Of body types: those of the user's, and shipped ones for which a file lies beside the scenario.
+pub struct UserModels {
+    /// By body type: user models, and shipped ones replaced by a file beside the scenario.
     pub vehicles: BTreeMap<BodyType, Arc<Model>>,
-    /// Those that the map places, by the name that it gives, and street furniture for which a file lies
-    /// beside the scenario.
+    /// By map name, and street furniture replaced by a file beside the scenario.
     pub placed: BTreeMap<String, Arc<Model>>,
-    /// The files that do not come with the program, by the name by which they were asked for, as they were
-    /// read: what a log keeps.
+    /// Files that are not shipped, by requested name, as read, for logs.
     pub files: BTreeMap<String, Arc<Vec<u8>>>,
 }
 
@@ -43,7 +41,7 @@ impl<'l> ModelReader<'l> {
         Ok(Arc::new(model))
     }
 
-    /// The body type of a vehicle's own model.
+    /// The body type of a user model.
     pub(super) fn own(&self, name: &str) -> Result<BodyType, String> {
         let mut own = self.own.borrow_mut();
         let index = match own.iter().position(|(known, _)| known == name) {
@@ -52,7 +50,7 @@ impl<'l> ModelReader<'l> {
                 let model = self.load(name)?;
                 if model.node("wheel").is_none() && model.bounds(|node| !is_stand_in(node)).is_none() {
                     return Err(format!(
-                        "{name}: no mesh but of distant views; name the body's node \"body\""
+                        "{name}: all its meshes are for a distance (far_, farther_); name the body's node \"body\""
                     ));
                 }
                 own.push((name.to_owned(), model));
@@ -62,10 +60,10 @@ impl<'l> ModelReader<'l> {
         u16::try_from(index).map(BodyType::Own).map_err(|_| "more models than 65536".to_owned())
     }
 
-    /// All models that the vehicles named, the map's, and shipped ones that a file replaces; and what is
-    /// wrong with those that cannot be used.
-    pub(super) fn finish(self, placed: &[PlacedModel]) -> (Models, Vec<String>) {
-        let (mut models, mut problems) = (Models::default(), Vec::new());
+    /// All models of vehicles and map, and shipped ones that a file replaces; and the problems of unusable
+    /// ones.
+    pub(super) fn finish(self, placed: &[PlacedModel]) -> (UserModels, Vec<String>) {
+        let (mut models, mut problems) = (UserModels::default(), Vec::new());
         for (name, body) in BODIES {
             let file = format!("{name}.glb");
             if self.library.has_own_model(&file) {

@@ -1,35 +1,35 @@
-//! Where vehicles start when their places overlap: the second goes behind the first along its lane.
+//! Resolves overlapping starts: later vehicles move back along their lanes.
 
 use super::experiment::{PlannedVehicle, Start};
 use crate::city::CityMap;
 use crate::geom::{LengthScale, OrientedRect};
 use crate::snapshot::VehicleId;
 
-/// A vehicle that did not find its place free.
+/// A vehicle whose start was moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moved {
+pub struct MovedStart {
     pub vehicle: VehicleId,
     pub behind: VehicleId,
     /// Back along the lane, city metres.
     pub by_m: f64,
 }
 
-/// Room between bumpers of a vehicle that was moved and the one before it, city metres.
+/// Gap between a moved vehicle and its leader, city metres.
 const GAP_M: f64 = 2.0;
 const STEP_M: f64 = 0.25;
-/// A vehicle is moved back at most so far, city metres.
+/// Largest displacement, city metres.
 const FARTHEST_M: f64 = 400.0;
 
 /// Moves vehicles, in id order, back along their lanes (and the lanes before) until none overlaps
 /// one with a smaller id.
 ///
 /// # Errors
-/// The vehicle for which there is no free place.
+/// The vehicle for which there is no free position.
 pub fn resolve(
     map: &CityMap,
     scale: LengthScale,
     vehicles: &mut [PlannedVehicle],
-) -> Result<Vec<Moved>, VehicleId> {
+) -> Result<Vec<MovedStart>, VehicleId> {
     let mut placed: Vec<(VehicleId, OrientedRect)> = Vec::new();
     let mut moved = Vec::new();
     for vehicle in vehicles {
@@ -43,7 +43,7 @@ pub fn resolve(
                 }
                 by_m += STEP_M;
             }
-            moved.push(Moved { vehicle: vehicle.id, behind, by_m });
+            moved.push(MovedStart { vehicle: vehicle.id, behind, by_m });
         }
         placed.push((vehicle.id, outline(map, scale, vehicle, 0.0)));
     }
@@ -61,7 +61,8 @@ fn overlapped(placed: &[(VehicleId, OrientedRect)], outline: &OrientedRect) -> O
     placed.iter().find(|(_, other)| other.overlap(outline).is_some()).map(|(id, _)| *id)
 }
 
-/// One step back; at the start of the lane on to its first predecessor, which then begins the route.
+/// Moves a vehicle back one step; at the start of a lane to its first predecessor, which then begins the
+/// route.
 fn move_back(map: &CityMap, scale: LengthScale, vehicle: &mut PlannedVehicle, step_m: f64) -> bool {
     let at_m = vehicle.start.at_m - step_m;
     if at_m >= 0.0 {

@@ -1,14 +1,14 @@
-//! From the text of a scenario file to an [`Experiment`].
+//! Reads a scenario file into an [`Experiment`].
 
-use super::experiment::{Experiment, Outcome, PlannedVehicle, Rates};
+use super::experiment::{Expectations, Experiment, PlannedVehicle, Rates};
 use super::feasibility::infeasible_starts;
-use super::fields::{Fields, Problem, Problems};
-use super::models::{ModelReader, Models};
-use super::read_settings::{Named, read_environment, read_rates, read_right_of_way};
+use super::fields::{Problem, Problems, TableFields};
+use super::models::{ModelReader, UserModels};
+use super::read_settings::{NamedSettings, read_environment, read_rates, read_right_of_way};
 use super::time_of_day::read_time_of_day;
-use super::{Library, Moved, SourceError, placement};
+use super::{Library, MovedStart, SourceError, placement};
 use crate::city::{CityMap, LabMap, load_map};
-use crate::environment::Profile;
+use crate::environment::EnvironmentProfile;
 use crate::geom::LengthScale;
 use crate::snapshot::VehicleId;
 use crate::vehicle::ModelKind;
@@ -42,19 +42,19 @@ fn join<P: std::fmt::Display>(file: &str, problems: &[P]) -> String {
     text
 }
 
-/// A scenario with more is none.
+/// Most syntax errors reported.
 const MOST_SYNTAX_ERRORS: usize = 10;
 
-/// What the command line may change of a scenario.
+/// Command-line overrides of a scenario.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Overrides {
     pub seed: Option<u64>,
     pub duration_s: Option<f64>,
     /// All vehicles get this dynamics model.
     pub model: Option<ModelKind>,
-    /// Instead of the environment that the file chooses.
-    pub environment: Option<Profile>,
-    /// A file without vehicles will do: they come from elsewhere.
+    /// Overrides the environment of the file.
+    pub environment: Option<EnvironmentProfile>,
+    /// Permits a file without vehicles, which arrive over the link.
     pub allows_no_vehicles: bool,
 }
 
@@ -70,7 +70,7 @@ pub fn read_experiment(
 ) -> Result<Experiment, ScenarioError> {
     let problems = Problems::new(text);
     let (document, syntax_errors) = DeTable::parse_recoverable(text);
-    // Another kind of file has one on every line.
+    // A file of another kind has an error on every line.
     let is_other = syntax_errors.len() > MOST_SYNTAX_ERRORS;
     if is_other {
         let remedy =
@@ -92,7 +92,7 @@ pub fn read_experiment(
     if !syntax_errors.is_empty() {
         return Err(fail(problems));
     }
-    let root = Fields::new(document.get_ref(), 0..0, &problems);
+    let root = TableFields::new(document.get_ref(), 0..0, &problems);
     let map_name = root.string("map").unwrap_or("ids3c");
     let map_bytes = match library.map(map_name) {
         Ok(bytes) => bytes,
@@ -106,7 +106,7 @@ pub fn read_experiment(
         problems: errors.listed.iter().map(ToString::to_string).collect(),
     })?;
     let models = ModelReader::new(library);
-    let reader = Reader { map: Arc::new(loaded.map), models: &models, overrides };
+    let reader = ScenarioReader { map: Arc::new(loaded.map), models: &models, overrides };
     let mut experiment = reader.read(&root, text, map_bytes);
     let (models, faults) = models.finish(&experiment.lab_map.models);
     experiment.models = models;
@@ -120,14 +120,14 @@ pub fn read_experiment(
     Ok(experiment)
 }
 
-struct Reader<'m> {
+struct ScenarioReader<'m> {
     map: Arc<LabMap>,
     models: &'m ModelReader<'m>,
     overrides: Overrides,
 }
 
-/// What vehicles are read against.
-pub(super) struct Basis<'m> {
+/// Context for reading vehicles.
+pub(super) struct ReadContext<'m> {
     pub map: &'m LabMap,
     pub models: &'m ModelReader<'m>,
     pub scale: LengthScale,
@@ -138,26 +138,26 @@ pub(super) struct Basis<'m> {
     pub rates: Rates,
 }
 
-/// The vehicles read so far, and what the file has used up.
+/// The vehicles read so far.
 #[derive(Default)]
-pub(super) struct Fleet {
+pub(super) struct FleetBuilder {
     pub vehicles: Vec<PlannedVehicle>,
-    /// Names of all vehicles of the file by id, those that cannot be used as well.
+    /// Names of all vehicles by id, including invalid ones.
     pub names: BTreeMap<VehicleId, String>,
-    /// Tables that the vehicles come from.
+    /// Source tables of the vehicles.
     pub places: BTreeMap<VehicleId, Range<usize>>,
-    /// The first vehicle that was drawn by lot, where any was.
+    /// The first randomly drawn vehicle, if any.
     pub first_drawn: Option<VehicleId>,
 }
 
-impl Fleet {
+impl FleetBuilder {
     /// Whether the file has no vehicles at all, not even wrong ones.
     fn is_empty(&self) -> bool {
         self.places.is_empty()
     }
 
     /// Moves vehicles whose places overlap.
-    fn place(&mut self, root: &Fields<'_, '_>, map: &CityMap, scale: LengthScale) -> Vec<Moved> {
+    fn place(&mut self, root: &TableFields<'_, '_>, map: &CityMap, scale: LengthScale) -> Vec<MovedStart> {
         self.vehicles.sort_by_key(|vehicle| vehicle.id);
         placement::resolve(map, scale, &mut self.vehicles).unwrap_or_else(|id| {
             let name = self.names.get(&id).map_or("", String::as_str);
@@ -171,10 +171,15 @@ impl Fleet {
     }
 }
 
-impl Fleet {
-    /// Vehicles whose places were found for them start no faster than their drivers would; one whose start the file
-    /// states has to be able to.
-    fn check_starts(&mut self, root: &Fields<'_, '_>, map: &LabMap, scale: LengthScale, moved: &[Moved]) {
+impl FleetBuilder {
+    /// Lowers infeasible start speeds of automatically placed vehicles; stated starts must be feasible.
+    fn check_starts(
+        &mut self,
+        root: &TableFields<'_, '_>,
+        map: &LabMap,
+        scale: LengthScale,
+        moved: &[MovedStart],
+    ) {
         for _ in 0..MOST_ROUNDS {
             let infeasible = infeasible_starts(map, scale, &self.vehicles);
             let is_found = |id: VehicleId| {
@@ -198,13 +203,13 @@ impl Fleet {
     }
 }
 
-/// A vehicle that is slowed may be too slow for the one behind it: so often that is looked at.
+/// Slowing a vehicle may make the one behind it infeasible: largest number of rounds.
 const MOST_ROUNDS: usize = 64;
-/// Part of the highest feasible speed at which a vehicle starts that has been slowed.
+/// Start speed of a slowed vehicle as a share of the highest feasible one.
 const SLOWER: f64 = 0.95;
 
-impl Reader<'_> {
-    fn read(&self, root: &Fields<'_, '_>, text: &str, map_bytes: Vec<u8>) -> Experiment {
+impl ScenarioReader<'_> {
+    fn read(&self, root: &TableFields<'_, '_>, text: &str, map_bytes: Vec<u8>) -> Experiment {
         let name =
             root.required_string("name", "a short name of the experiment").unwrap_or_default().to_owned();
         let description = root.string("description").unwrap_or_default().to_owned();
@@ -220,13 +225,14 @@ impl Reader<'_> {
         duration_s = self.overrides.duration_s.unwrap_or(duration_s);
         let seed = self.overrides.seed.unwrap_or(seed);
         let rates = read_rates(root);
-        let named = Named::read(root, self.overrides.model, rates);
+        let named = NamedSettings::read(root, self.overrides.model, rates);
         let model = self.overrides.model;
-        let basis = Basis { map: &self.map, models: self.models, scale, model, seed, duration_s, rates };
-        let mut fleet = Fleet::default();
+        let basis =
+            ReadContext { map: &self.map, models: self.models, scale, model, seed, duration_s, rates };
+        let mut fleet = FleetBuilder::default();
         basis.read_vehicles(root, &named, &mut fleet);
         basis.read_traffic(root, &named, &mut fleet);
-        // Something under `vehicle` or `traffic` that is wrong has been told already.
+        // Errors under `vehicle` or `traffic` have been reported.
         let is_asked_for = root.entry("vehicle").is_some() || root.entry("traffic").is_some();
         let needs_vehicles = !self.overrides.allows_no_vehicles;
         if needs_vehicles && fleet.is_empty() && (!is_asked_for || root.problems.is_empty()) {
@@ -234,11 +240,11 @@ impl Reader<'_> {
         }
         let (environment, testbed) = read_environment(root, self.overrides.environment);
         let city_map = Arc::new(self.map.to_city(scale));
-        // Nothing in a laboratory is on its way when an experiment begins, and the others must not run into it.
+        // Robots stand when an experiment begins, and other vehicles must not run into them.
         if fleet.vehicles.iter().any(|vehicle| vehicle.physical.is_some()) {
             fleet.vehicles.iter_mut().for_each(|vehicle| vehicle.start.speed_mps = 0.0);
         }
-        // Places mean nothing before every vehicle has one.
+        // Positions are checked once every vehicle has one.
         let moved = if root.problems.is_empty() { fleet.place(root, &city_map, scale) } else { Vec::new() };
         if root.problems.is_empty() {
             fleet.check_starts(root, &self.map, scale, &moved);
@@ -260,8 +266,8 @@ impl Reader<'_> {
             testbed,
             time_of_day: read_time_of_day(root),
             link_timeout_s,
-            outcome: Outcome { collisions_forbidden },
-            models: Models::default(),
+            expectations: Expectations { collisions_forbidden },
+            models: UserModels::default(),
             scenario_text: text.to_owned(),
             map_bytes,
             model,

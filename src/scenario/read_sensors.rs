@@ -1,26 +1,26 @@
-//! `[[...sensor]]`: what a vehicle carries to sense the city with. Full-scale metres of the body frame,
-//! angles in degrees.
+//! `[[...sensor]]`: sensors of a vehicle. Full-scale metres in the body frame, angles in degrees.
 
 use super::experiment::Rates;
-use super::fields::Fields;
+use super::fields::TableFields;
 use super::read_vehicles::is_topic_name;
-use crate::camera::{Kinds, Lens, Mount, PictureKind, Place};
+use crate::camera::{Lens, Mount, MountPoint, PictureKind, PictureKinds};
 use crate::sensor::{CameraSensor, Sensor, SensorKind};
 use glam::DVec3;
 use std::collections::BTreeSet;
 
-/// More sensors than any vehicle carries.
+/// Most sensors of a vehicle.
 const MOST_SENSORS: usize = 64;
 /// Longest edge of a picture in pixels.
 const LARGEST_EDGE: f64 = 8192.0;
 const USUAL_RATE_HZ: f64 = 10.0;
-/// Of the angle of view, either way, in degrees.
+/// Range of the field of view in degrees.
 const VIEW_DEG: std::ops::RangeInclusive<f64> = 1.0..=150.0;
 
-const MOUNTS: [(&str, Place); 2] = [("windscreen", Place::Windscreen), ("bumper", Place::Bumper)];
+const MOUNTS: [(&str, MountPoint); 2] =
+    [("windscreen", MountPoint::Windscreen), ("bumper", MountPoint::Bumper)];
 
-/// Reads the sensors of a table; `None` where it speaks of none.
-pub fn read_sensors(fields: &Fields<'_, '_>, rates: Rates) -> Option<Vec<Sensor>> {
+/// Reads the sensors of a table; `None` if it has none.
+pub fn read_sensors(fields: &TableFields<'_, '_>, rates: Rates) -> Option<Vec<Sensor>> {
     fields.entry("sensor")?;
     let tables = fields.tables("sensor");
     if tables.len() > MOST_SENSORS {
@@ -32,10 +32,10 @@ pub fn read_sensors(fields: &Fields<'_, '_>, rates: Rates) -> Option<Vec<Sensor>
     Some(tables.into_iter().map(|table| read_sensor(table, rates, &mut taken)).collect())
 }
 
-type Read = fn(&Fields<'_, '_>) -> SensorKind;
+type Read = fn(&TableFields<'_, '_>) -> SensorKind;
 const KINDS: [(&str, Read); 1] = [("camera", read_camera)];
 
-fn read_sensor(fields: Fields<'_, '_>, rates: Rates, taken: &mut BTreeSet<String>) -> Sensor {
+fn read_sensor(fields: TableFields<'_, '_>, rates: Rates, taken: &mut BTreeSet<String>) -> Sensor {
     let mut read: Read = read_camera;
     if fields.required_string("kind", "what the sensor is, such as \"camera\"").is_some() {
         fields.choice("kind", &KINDS, &mut read);
@@ -56,7 +56,7 @@ fn read_sensor(fields: Fields<'_, '_>, rates: Rates, taken: &mut BTreeSet<String
 }
 
 /// The stated name, or that of the mount.
-fn read_name(fields: &Fields<'_, '_>, taken: &mut BTreeSet<String>) -> String {
+fn read_name(fields: &TableFields<'_, '_>, taken: &mut BTreeSet<String>) -> String {
     let stated = fields.string("name");
     let usual = || match fields.entry("position_m") {
         Some(_) => "camera",
@@ -77,7 +77,7 @@ fn read_name(fields: &Fields<'_, '_>, taken: &mut BTreeSet<String>) -> String {
     name
 }
 
-fn read_camera(fields: &Fields<'_, '_>) -> SensorKind {
+fn read_camera(fields: &TableFields<'_, '_>) -> SensorKind {
     SensorKind::Camera(CameraSensor {
         mount: read_mount(fields),
         lens: read_lens(fields),
@@ -85,14 +85,14 @@ fn read_camera(fields: &Fields<'_, '_>) -> SensorKind {
     })
 }
 
-fn read_mount(fields: &Fields<'_, '_>) -> Mount {
-    let mut place = Place::Windscreen;
+fn read_mount(fields: &TableFields<'_, '_>) -> Mount {
+    let mut place = MountPoint::Windscreen;
     fields.choice("mount", &MOUNTS, &mut place);
     if let Some(point) = fields.numbers("position_m", -50.0..=50.0, "[1.2, 0.0, 1.4]: ahead, left, up") {
         if fields.entry("mount").is_some() {
             fields.wrong("position_m", "position_m and mount both say where the camera is; keep one");
         }
-        place = Place::Point(DVec3::from_array(point));
+        place = MountPoint::Point(DVec3::from_array(point));
     }
     let usual = [0.0, place.usual_pitch_rad().to_degrees(), 0.0];
     let [mut yaw_deg, mut pitch_deg, mut roll_deg] = usual;
@@ -101,8 +101,8 @@ fn read_mount(fields: &Fields<'_, '_>) -> Mount {
     fields.number("roll_deg", -180.0..=180.0, &mut roll_deg);
     let angles = [yaw_deg, pitch_deg, roll_deg];
     match place {
-        Place::Windscreen if angles == usual => Mount::Windscreen,
-        Place::Bumper if angles == usual => Mount::Bumper,
+        MountPoint::Windscreen if angles == usual => Mount::Windscreen,
+        MountPoint::Bumper if angles == usual => Mount::Bumper,
         place => {
             let [yaw_rad, pitch_rad, roll_rad] = angles.map(f64::to_radians);
             Mount::Custom { place, yaw_rad, pitch_rad, roll_rad }
@@ -111,7 +111,7 @@ fn read_mount(fields: &Fields<'_, '_>) -> Mount {
 }
 
 #[allow(clippy::disallowed_methods, reason = "cameras draw; no state of a run depends on them")]
-fn read_lens(fields: &Fields<'_, '_>) -> Lens {
+fn read_lens(fields: &TableFields<'_, '_>) -> Lens {
     let mut lens = Lens::default();
     if let Some(size) = fields.numbers("size_px", 1.0..=LARGEST_EDGE, "[640, 480]: width and height") {
         if size.iter().all(|edge: &f64| edge.fract() == 0.0) {
@@ -146,8 +146,8 @@ fn read_lens(fields: &Fields<'_, '_>) -> Lens {
     lens
 }
 
-fn read_kinds(fields: &Fields<'_, '_>) -> Kinds {
-    let Some(names) = fields.strings("images") else { return Kinds::RGB };
+fn read_kinds(fields: &TableFields<'_, '_>) -> PictureKinds {
+    let Some(names) = fields.strings("images") else { return PictureKinds::RGB };
     if names.is_empty() {
         fields.wrong("images", "images is empty; name one kind at least, such as \"rgb\"");
     }

@@ -1,30 +1,29 @@
-//! The parts of a scenario that are named or hold for all: vehicle types, drivers, rates, right of way,
-//! the environment.
+//! Named and global settings of a scenario: vehicle types, drivers, rates, right of way, environment.
 
 use super::experiment::Rates;
-use super::fields::{Fields, one_of};
+use super::fields::{TableFields, one_of};
 use super::vehicle_type::{VehicleType, read_vehicle_type};
-use crate::environment::{EnvironmentSpec, Profile};
+use crate::environment::{EnvironmentProfile, EnvironmentSpec};
 use crate::mainframe::{CONTROLLERS, DriverParams, RightOfWayParams};
 use crate::vehicle::ModelKind;
 use std::collections::BTreeMap;
 
-/// Named parts of the file that vehicles refer to.
-pub struct Named {
+/// Named settings that vehicles refer to.
+pub struct NamedSettings {
     pub types: BTreeMap<String, VehicleType>,
     /// Control algorithm and parameters.
-    pub drivers: Drivers,
+    pub drivers: NamedDrivers,
 }
 
-impl Named {
+impl NamedSettings {
     /// `model` replaces that of every type.
-    pub fn read(root: &Fields<'_, '_>, model: Option<ModelKind>, rates: Rates) -> Self {
+    pub fn read(root: &TableFields<'_, '_>, model: Option<ModelKind>, rates: Rates) -> Self {
         Self { types: read_types(root, model, rates), drivers: read_drivers(root) }
     }
 }
 
 fn read_types(
-    root: &Fields<'_, '_>,
+    root: &TableFields<'_, '_>,
     model: Option<ModelKind>,
     rates: Rates,
 ) -> BTreeMap<String, VehicleType> {
@@ -42,8 +41,12 @@ fn read_types(
     types
 }
 
-/// The named thing a field refers to; the one called "default" where the field is not there.
-pub fn pick<T: Clone>(fields: &Fields<'_, '_>, key: &'static str, named: &BTreeMap<String, T>) -> Option<T> {
+/// The named setting that a field refers to; "default" if the field is missing.
+pub fn pick<T: Clone>(
+    fields: &TableFields<'_, '_>,
+    key: &'static str,
+    named: &BTreeMap<String, T>,
+) -> Option<T> {
     let name = match fields.entry(key) {
         Some(_) => fields.string(key)?,
         None => "default",
@@ -58,27 +61,26 @@ pub fn pick<T: Clone>(fields: &Fields<'_, '_>, key: &'static str, named: &BTreeM
     found
 }
 
-/// The driver who is a person. What a scenario states of it holds for the algorithm that drives once the
-/// person gives the wheel back.
+/// Name of the human driver. Its parameters apply to the algorithm that drives after the person hands back.
 const HUMAN: &str = "human";
 
 /// Whether a table names the person as its driver.
-pub fn is_human(fields: &Fields<'_, '_>) -> bool {
+pub fn is_human(fields: &TableFields<'_, '_>) -> bool {
     fields.entry("driver").and_then(|value| value.get_ref().as_str()) == Some(HUMAN)
 }
 
-type Drivers = BTreeMap<String, (String, DriverParams)>;
+type NamedDrivers = BTreeMap<String, (String, DriverParams)>;
 
-fn read_drivers(root: &Fields<'_, '_>) -> Drivers {
+fn read_drivers(root: &TableFields<'_, '_>) -> NamedDrivers {
     let mut drivers = stated_drivers(root);
-    // A person may give the wheel to an algorithm.
+    // The person may hand over to an algorithm.
     let usual = drivers["default"].clone();
     drivers.entry(HUMAN.to_owned()).or_insert(usual);
     drivers
 }
 
-/// The drivers of the file, and the one for vehicles that name none.
-fn stated_drivers(root: &Fields<'_, '_>) -> Drivers {
+/// The drivers of the file, and the default one.
+fn stated_drivers(root: &TableFields<'_, '_>) -> NamedDrivers {
     let mut drivers = BTreeMap::from([("default".to_owned(), ("idm".to_owned(), DriverParams::default()))]);
     let Some(tables) = root.table("driver") else { return drivers };
     for (name, value) in tables.entries() {
@@ -103,7 +105,7 @@ fn stated_drivers(root: &Fields<'_, '_>) -> Drivers {
     drivers
 }
 
-pub fn read_rates(root: &Fields<'_, '_>) -> Rates {
+pub fn read_rates(root: &TableFields<'_, '_>) -> Rates {
     let mut rates = Rates::default();
     if let Some(fields) = root.table("rates") {
         let physics = fields.integer("physics_hz", 20..=2000).unwrap_or(u64::from(rates.physics_hz));
@@ -119,7 +121,7 @@ pub fn read_rates(root: &Fields<'_, '_>) -> Rates {
     rates
 }
 
-pub fn read_right_of_way(root: &Fields<'_, '_>) -> RightOfWayParams {
+pub fn read_right_of_way(root: &TableFields<'_, '_>) -> RightOfWayParams {
     let mut params = RightOfWayParams::default();
     if let Some(fields) = root.table("right_of_way") {
         fields.number("clear_area_m", 0.0..=10.0, &mut params.clear_area_m);
@@ -132,17 +134,20 @@ pub fn read_right_of_way(root: &Fields<'_, '_>) -> RightOfWayParams {
     params
 }
 
-/// The environment that a scenario chooses, or the one that is asked for instead; and that of robots, which is a
-/// laboratory's whatever is chosen.
+/// The environment of the scenario or its override; and that of robots, which is always a laboratory's.
 pub fn read_environment(
-    root: &Fields<'_, '_>,
-    instead: Option<Profile>,
+    root: &TableFields<'_, '_>,
+    instead: Option<EnvironmentProfile>,
 ) -> (EnvironmentSpec, EnvironmentSpec) {
-    let mut profile = Profile::Ideal;
+    let mut profile = EnvironmentProfile::Ideal;
     let mut testbed = EnvironmentSpec::TESTBED;
     let fields = root.table("environment");
     if let Some(fields) = &fields {
-        fields.choice("profile", &Profile::ALL.map(|profile| (profile.name(), profile)), &mut profile);
+        fields.choice(
+            "profile",
+            &EnvironmentProfile::ALL.map(|profile| (profile.name(), profile)),
+            &mut profile,
+        );
         if let Some(fields) = fields.table("testbed") {
             read_conditions(&fields, &mut testbed);
             fields.finish();
@@ -150,18 +155,18 @@ pub fn read_environment(
     }
     let profile = instead.unwrap_or(profile);
     let mut spec = match profile {
-        Profile::Ideal => EnvironmentSpec::IDEAL,
-        Profile::Testbed => testbed,
+        EnvironmentProfile::Ideal => EnvironmentSpec::IDEAL,
+        EnvironmentProfile::Testbed => testbed,
     };
     if let Some(fields) = fields {
         read_conditions(&fields, &mut spec);
         fields.finish();
     }
-    let robots = if profile == Profile::Testbed { spec } else { testbed };
+    let robots = if profile == EnvironmentProfile::Testbed { spec } else { testbed };
     (spec, robots)
 }
 
-fn read_conditions(fields: &Fields<'_, '_>, spec: &mut EnvironmentSpec) {
+fn read_conditions(fields: &TableFields<'_, '_>, spec: &mut EnvironmentSpec) {
     fields.number("measurement_delay_s", 0.0..=5.0, &mut spec.measurement_delay_s);
     fields.number("command_delay_s", 0.0..=5.0, &mut spec.command_delay_s);
     fields.number("jitter_s", 0.0..=5.0, &mut spec.jitter_s);

@@ -1,19 +1,19 @@
-//! `[traffic]`: vehicles that are drawn by lot.
+//! `[traffic]`: randomly drawn vehicles.
 
 use super::experiment::{PlannedVehicle, Start};
 use super::feasibility::infeasibilities;
-use super::fields::{Fields, one_of};
-use super::read::{Basis, Fleet};
+use super::fields::{TableFields, one_of};
+use super::read::{FleetBuilder, ReadContext};
 use super::read_sensors::read_sensors;
-use super::read_settings::{Named, is_human, pick};
+use super::read_settings::{NamedSettings, is_human, pick};
 use super::read_vehicles::{LARGEST_ID, MOST_VEHICLES, default_appearance};
-use super::traffic::{self, Share, TrafficError, TrafficSpec};
+use super::traffic::{self, TrafficError, TrafficShare, TrafficSpec};
 use crate::snapshot::VehicleId;
 use std::collections::BTreeSet;
 
-impl Basis<'_> {
+impl ReadContext<'_> {
     /// Reads the `[traffic]` table and draws its vehicles; their ids follow those of the file.
-    pub fn read_traffic(&self, root: &Fields<'_, '_>, named: &Named, fleet: &mut Fleet) {
+    pub fn read_traffic(&self, root: &TableFields<'_, '_>, named: &NamedSettings, fleet: &mut FleetBuilder) {
         let Some(fields) = root.table("traffic") else { return };
         let first_id = fleet.names.keys().next_back().map_or(1, |id| id.0 + 1);
         fleet.places.insert(VehicleId(first_id), fields.span.clone());
@@ -34,7 +34,7 @@ impl Basis<'_> {
         let driver = pick(&fields, "driver", &named.drivers);
         if is_human(&fields) {
             let remedy = "choose a [driver] for it, and write vehicles for persons as [[vehicle]] tables";
-            fields.wrong("driver", format!("no person can drive the traffic; {remedy}"));
+            fields.wrong("driver", format!("a person cannot drive the traffic; {remedy}"));
         }
         let sensors = read_sensors(&fields, self.rates);
         let span = fields.span.clone();
@@ -76,7 +76,7 @@ impl Basis<'_> {
                 route: drawn.route,
                 physical: None,
             };
-            // One vehicle that cannot do it stands for all that are built alike.
+            // One infeasible vehicle is reported per share.
             if !is_infeasible {
                 for problem in infeasibilities(self.map, self.scale, &vehicle) {
                     is_infeasible = true;
@@ -93,19 +93,19 @@ impl Basis<'_> {
 fn error_text(error: TrafficError, count: usize) -> String {
     match error {
         TrafficError::NoRoom { placed } => {
-            format!("vehicles = {count}, and the map has starting places for {placed}; ask for fewer")
+            format!("vehicles = {count}, and the map has room for {placed} at the start; ask for fewer")
         }
         TrafficError::NoNetwork { share } => format!(
-            "vehicles of type number {} in shares find no closed way on this map that they can drive; \
-             give them a larger steering_limit_deg",
+            "type number {} in types cannot drive any closed route on this map; give it a larger \
+             steering_limit_deg",
             share + 1
         ),
     }
 }
 
-fn read_shares(fields: &Fields<'_, '_>, named: &Named) -> Vec<Share> {
+fn read_shares(fields: &TableFields<'_, '_>, named: &NamedSettings) -> Vec<TrafficShare> {
     let Some(table) = fields.table("types") else {
-        return vec![Share { build: named.types["default"].clone(), weight: 1.0 }];
+        return vec![TrafficShare { build: named.types["default"].clone(), weight: 1.0 }];
     };
     if table.entries().next().is_none() {
         fields.wrong("types", "types is empty; give it shares, such as { default = 1 }, or leave it out");
@@ -124,7 +124,7 @@ fn read_shares(fields: &Fields<'_, '_>, named: &Named) -> Vec<Share> {
             _ => None,
         };
         match weight.filter(|weight: &f64| weight.is_finite() && *weight > 0.0) {
-            Some(weight) => shares.push(Share { build: build.clone(), weight }),
+            Some(weight) => shares.push(TrafficShare { build: build.clone(), weight }),
             None => {
                 fields
                     .problems

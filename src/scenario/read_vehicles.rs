@@ -1,25 +1,25 @@
-//! `[[vehicle]]`: one vehicle with its build, driver, route and start.
+//! `[[vehicle]]`: a vehicle with its type, driver, route and start.
 
 use super::experiment::{Physical, PlannedVehicle, Start};
 use super::feasibility::infeasibilities;
-use super::fields::{Fields, one_of};
-use super::read::{Basis, Fleet};
+use super::fields::{TableFields, one_of};
+use super::read::{FleetBuilder, ReadContext};
 use super::read_sensors::read_sensors;
-use super::read_settings::{Named, is_human, pick};
+use super::read_settings::{NamedSettings, is_human, pick};
 use super::vehicle_type::{MODELS, VehicleType};
 use crate::city::LaneId;
 use crate::snapshot::{Appearance, BodyType, ModelKind, VehicleId};
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-/// The largest number that a pixel of a picture of instances can hold; 0 stands for no vehicle there.
+/// Largest id in an instance image; 0 means no vehicle.
 pub const LARGEST_ID: u64 = 65_535;
-/// More vehicles than any map has room for.
+/// Most vehicles of a scenario.
 pub const MOST_VEHICLES: usize = 10_000;
 
-impl Basis<'_> {
+impl ReadContext<'_> {
     /// Reads the `[[vehicle]]` tables.
-    pub fn read_vehicles(&self, root: &Fields<'_, '_>, named: &Named, fleet: &mut Fleet) {
+    pub fn read_vehicles(&self, root: &TableFields<'_, '_>, named: &NamedSettings, fleet: &mut FleetBuilder) {
         let tables = root.tables("vehicle");
         if tables.len() > MOST_VEHICLES {
             let message = format!("{} vehicles; at most {MOST_VEHICLES} can be used", tables.len());
@@ -56,10 +56,10 @@ impl Basis<'_> {
 
     fn read_vehicle(
         &self,
-        fields: &Fields<'_, '_>,
+        fields: &TableFields<'_, '_>,
         id: VehicleId,
         name: String,
-        named: &Named,
+        named: &NamedSettings,
     ) -> Option<PlannedVehicle> {
         let appearance = self.read_appearance(fields, id);
         let build = self.read_build(fields, named);
@@ -106,7 +106,7 @@ impl Basis<'_> {
         })
     }
 
-    fn read_build(&self, fields: &Fields<'_, '_>, named: &Named) -> Option<VehicleType> {
+    fn read_build(&self, fields: &TableFields<'_, '_>, named: &NamedSettings) -> Option<VehicleType> {
         let mut build = pick(fields, "type", &named.types)?;
         fields.choice("model", &MODELS, &mut build.spec.model);
         if let Some(model) = self.model {
@@ -115,8 +115,8 @@ impl Basis<'_> {
         Some(build)
     }
 
-    /// Lane names, first to last, joined by the shortest ways.
-    fn read_route(&self, fields: &Fields<'_, '_>) -> Option<Vec<LaneId>> {
+    /// Route from lane names, joined by shortest paths.
+    fn read_route(&self, fields: &TableFields<'_, '_>) -> Option<Vec<LaneId>> {
         let Some(names) = fields.strings("route") else {
             if fields.entry("route").is_none() {
                 let meaning =
@@ -134,7 +134,7 @@ impl Basis<'_> {
                 route.push(lane);
                 continue;
             };
-            // The same lane again is a lap.
+            // Repeating a lane means a lap.
             let way = if last == lane {
                 self.map.shortest_loop(lane)
             } else {
@@ -159,7 +159,7 @@ impl Basis<'_> {
         Some(route)
     }
 
-    fn lane(&self, fields: &Fields<'_, '_>, name: &str, span: &Range<usize>) -> Option<LaneId> {
+    fn lane(&self, fields: &TableFields<'_, '_>, name: &str, span: &Range<usize>) -> Option<LaneId> {
         let lane = self.map.lane_by_name(name);
         if lane.is_none() {
             let remedy = one_of(name, self.map.lanes.iter().map(|lane| lane.name.as_str()));
@@ -169,11 +169,11 @@ impl Basis<'_> {
     }
 }
 
-/// Where a vehicle of the laboratory listens unless told otherwise: this port of this machine, and its id.
+/// Default address of a physical vehicle: this machine, this port plus its id.
 const FIRST_PORT: u32 = 9900;
 
-/// Whether a vehicle is one of the laboratory's, and how it is reached.
-fn read_physical(fields: &Fields<'_, '_>, id: VehicleId, name: &str) -> Option<Physical> {
+/// The link of a physical vehicle; `None` for a simulated one.
+fn read_physical(fields: &TableFields<'_, '_>, id: VehicleId, name: &str) -> Option<Physical> {
     let mut is_physical = false;
     fields.choice("body", &[("virtual", false), ("physical", true)], &mut is_physical);
     let usual = || format!("127.0.0.1:{}", FIRST_PORT + id.0);
@@ -191,7 +191,7 @@ fn read_physical(fields: &Fields<'_, '_>, id: VehicleId, name: &str) -> Option<P
     if stated.is_some_and(|subject| !is_topic_name(subject)) {
         let remedy =
             "use at most 64 letters, digits and underscores, a letter first: it is part of a ROS topic";
-        fields.wrong("subject", format!("what motion capture cannot know it by; {remedy}"));
+        fields.wrong("subject", format!("this cannot be a subject of motion capture; {remedy}"));
     }
     let subject = stated.unwrap_or(name).to_owned();
     is_physical.then_some(Physical { address, subject })
@@ -205,7 +205,7 @@ pub(super) const BODIES: [(&str, BodyType); 5] = [
     ("pickup", BodyType::Pickup),
 ];
 
-/// Colours that tell many cars apart and that cars are sold in.
+/// Distinct colours of real cars.
 const PALETTE: [[u8; 3]; 10] = [
     [178, 34, 34],
     [28, 79, 140],
@@ -219,18 +219,18 @@ const PALETTE: [[u8; 3]; 10] = [
     [70, 140, 160],
 ];
 
-/// The looks of a vehicle for which the file states none.
+/// Default appearance of a vehicle.
 pub fn default_appearance(id: VehicleId) -> Appearance {
     let index = id.0 as usize;
     Appearance {
-        // Neighbours in number differ in both.
+        // Consecutive ids differ in both.
         body: BODIES[(index * 2 + index / PALETTE.len()) % BODIES.len()].1,
         colour: PALETTE[index % PALETTE.len()],
     }
 }
 
-impl Basis<'_> {
-    fn read_appearance(&self, fields: &Fields<'_, '_>, id: VehicleId) -> Appearance {
+impl ReadContext<'_> {
+    fn read_appearance(&self, fields: &TableFields<'_, '_>, id: VehicleId) -> Appearance {
         let mut appearance = default_appearance(id);
         let text = fields.entry("shape").and_then(|value| value.get_ref().as_str());
         match text.filter(|text| text.to_ascii_lowercase().ends_with(".glb")) {
@@ -257,7 +257,7 @@ fn parse_colour(text: &str) -> Option<[u8; 3]> {
     Some([red, green, blue])
 }
 
-/// Whether a text can be part of a ROS topic.
+/// Whether a text is a valid part of a ROS topic.
 pub fn is_topic_name(name: &str) -> bool {
     let mut characters = name.chars();
     characters.next().is_some_and(|c| c.is_ascii_alphabetic())

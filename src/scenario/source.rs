@@ -1,11 +1,11 @@
-//! Where scenarios and maps come from: files on disk win over those embedded in the program.
+//! Locates scenarios, maps and models: files on disk take precedence over embedded ones.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
 
-/// Larger files are refused before they are read: no scenario or map comes near.
+/// Largest file that is read.
 const LARGEST_FILE_BYTES: u64 = 64 << 20;
 
 const SCENARIOS: [(&str, &str); 5] = [
@@ -17,7 +17,7 @@ const SCENARIOS: [(&str, &str); 5] = [
 ];
 const MAPS: [(&str, &[u8]); 1] = [("ids3c", include_bytes!("../../assets/maps/ids3c.dxf"))];
 
-/// A file that cannot be had.
+/// A file that cannot be loaded.
 #[derive(Debug, Error)]
 pub enum SourceError {
     #[error("{path}: {reason}")]
@@ -34,13 +34,13 @@ pub enum SourceError {
     Unknown { name: String, kind: &'static str, names: String },
 }
 
-/// Names of the scenarios that the program carries.
+/// Names of the embedded scenarios.
 pub fn shipped_scenarios() -> impl Iterator<Item = &'static str> {
     SCENARIOS.iter().map(|(name, _)| *name)
 }
 
-/// Finds maps and models for a scenario: next to it, in the working directory, or embedded; or, for a
-/// scenario that was kept with them, among those alone.
+/// Finds maps and models of a scenario: beside it, in the working directory, or embedded; for a scenario from
+/// a log, only among those stored with it.
 #[derive(Clone, Debug, Default)]
 pub struct Library {
     folder: PathBuf,
@@ -59,8 +59,8 @@ impl Library {
         Self { folder: scenario.parent().map(Path::to_path_buf).unwrap_or_default(), kept: None }
     }
 
-    /// A library of what was kept with a scenario: its map, whatever its name, and models by name. No file
-    /// is looked at; what comes with the program is there as well.
+    /// A library of stored files: map, whatever its name, and models by name. No file is read; embedded ones
+    /// remain available.
     pub fn kept(map: Vec<u8>, models: BTreeMap<String, Vec<u8>>) -> Self {
         Self { folder: PathBuf::new(), kept: Some(Arc::new(Kept { map, models })) }
     }
@@ -71,11 +71,10 @@ impl Library {
         paths.into_iter().find(|path| self.kept.is_none() && path.is_file())
     }
 
-    /// The text of a scenario given as a path or by the name of a shipped one, with the library
-    /// for its maps.
+    /// Loads a scenario by path or embedded name, with the library of its maps.
     ///
     /// # Errors
-    /// When there is no such file or name, or it is too large or no text.
+    /// If there is no such file or name, or it is too large or no text.
     pub fn scenario(name: &str) -> Result<(String, Self), SourceError> {
         let path = Path::new(name);
         if path.is_file() {
@@ -92,7 +91,7 @@ impl Library {
         })
     }
 
-    /// The bytes of a model given as a path or by the name of a shipped one.
+    /// Loads a model by path or embedded name.
     ///
     /// # Errors
     /// When there is no such file or name, or it is too large.
@@ -111,12 +110,12 @@ impl Library {
         })
     }
 
-    /// Whether a model lies beside the scenario or in the working directory.
+    /// Whether a model file lies beside the scenario or in the working directory.
     pub fn has_own_model(&self, name: &str) -> bool {
         self.kept.as_ref().is_some_and(|kept| kept.models.contains_key(name)) || self.file(name).is_some()
     }
 
-    /// The bytes of a map given as a path or by the name of a shipped one.
+    /// Loads a map by path or embedded name.
     ///
     /// # Errors
     /// When there is no such file or name, or it is too large.
@@ -140,12 +139,12 @@ fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> SourceError {
     const KINDS: [(&[u8], &str); 4] = [
         (
             b"\x89MCAP0",
-            "the log of a run, and no scenario: give it to `city3d replay LOG --verify`, `city3d frames LOG`, `city3d \
+            "the log of a run, not a scenario: give it to `city3d replay LOG --verify`, `city3d frames LOG`, `city3d \
              plot LOG` or `city3d compare LOG LOG`",
         ),
-        (b"\x89PNG", "a picture (PNG), and no scenario: scenarios are text, see docs/scenarios.md"),
-        (b"glTF", "a model (glTF), and no scenario: scenarios are text, see docs/scenarios.md"),
-        (b"\xff\xd8\xff", "a picture (JPEG), and no scenario: scenarios are text, see docs/scenarios.md"),
+        (b"\x89PNG", "a picture (PNG), not a scenario: scenarios are text, see docs/scenarios.md"),
+        (b"glTF", "a model (glTF), not a scenario: scenarios are text, see docs/scenarios.md"),
+        (b"\xff\xd8\xff", "a picture (JPEG), not a scenario: scenarios are text, see docs/scenarios.md"),
     ];
     if let Some((_, what)) = KINDS.iter().find(|(start, _)| error.as_bytes().starts_with(start)) {
         return SourceError::Other { path: path.to_path_buf(), what };
@@ -159,7 +158,7 @@ fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> SourceError {
     }
 }
 
-/// The bytes of a file of sensible size.
+/// Reads a file within the size limit.
 fn read(path: &Path) -> Result<Vec<u8>, SourceError> {
     let unreadable = |reason| SourceError::Unreadable { path: path.to_path_buf(), reason };
     let bytes = std::fs::metadata(path).map_err(unreadable)?.len();

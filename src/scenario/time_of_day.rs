@@ -1,6 +1,6 @@
-//! When in the day a scenario takes place: it decides where the sun stands in pictures.
+//! Time of day of a scenario, which sets the sun in images.
 
-use super::fields::Fields;
+use super::fields::TableFields;
 use std::str::FromStr;
 
 /// Local time.
@@ -45,7 +45,7 @@ impl FromStr for TimeOfDay {
     }
 }
 
-pub fn read_time_of_day(root: &Fields<'_, '_>) -> TimeOfDay {
+pub fn read_time_of_day(root: &TableFields<'_, '_>) -> TimeOfDay {
     let Some(text) = root.string("time_of_day") else { return TimeOfDay::default() };
     text.parse().unwrap_or_else(|remedy| {
         root.wrong("time_of_day", format!("time_of_day is \"{text}\"; {remedy}"));

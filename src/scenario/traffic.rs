@@ -1,4 +1,4 @@
-//! `[traffic]`: many vehicles on seeded routes all over the map.
+//! Random traffic: seeded starts and routes all over the map.
 
 use super::feasibility::can_drive;
 use super::vehicle_type::VehicleType;
@@ -8,9 +8,9 @@ use crate::mainframe::DriverParams;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// A share of the traffic that is built alike.
+/// A share of the traffic with a common vehicle type.
 #[derive(Clone, Debug)]
-pub struct Share {
+pub struct TrafficShare {
     pub build: VehicleType,
     pub weight: f64,
 }
@@ -18,18 +18,18 @@ pub struct Share {
 #[derive(Clone, Debug)]
 pub struct TrafficSpec {
     pub vehicles: usize,
-    pub shares: Vec<Share>,
+    pub shares: Vec<TrafficShare>,
     pub controller: String,
     pub driver: DriverParams,
-    /// Driver parameters are drawn from up to this part below to this part above their values.
+    /// Driver parameters vary uniformly by up to this share.
     pub spread: f64,
-    /// Routes are at least this long, laboratory metres.
+    /// Least route length, laboratory metres.
     pub route_length_m: f64,
 }
 
-/// A vehicle of the traffic.
+/// A randomly drawn vehicle.
 #[derive(Clone, Debug)]
-pub struct Drawn {
+pub struct SampledVehicle {
     pub build: VehicleType,
     pub driver: DriverParams,
     pub route: Vec<LaneId>,
@@ -37,24 +37,23 @@ pub struct Drawn {
     pub at_m: f64,
 }
 
-/// Starting places on one lane are this far apart, laboratory metres: the first distance at which all
-/// vehicles find one.
+/// Spacings of start positions on one lane, laboratory metres: the first one with enough positions is used.
 const START_SPACINGS_M: [f64; 3] = [0.45, 0.36, 0.28];
-/// And this far from its ends.
+/// Distance of start positions from the lane ends.
 const START_FROM_BEGIN_M: f64 = 0.22;
 const START_FROM_END_M: f64 = 0.30;
 
-/// Draws the vehicles, or says how many find room.
+/// Draws the vehicles with a seeded generator.
 ///
 /// # Errors
-/// The number of starting places, when it is less than the number of vehicles, or the index of a
-/// share whose vehicles can drive no closed part of the map.
+/// [`TrafficError`] if there are too few start positions, or a share whose vehicles can drive on no closed
+/// part of the map.
 pub fn draw(
     map: &LabMap,
     scale: LengthScale,
     seed: u64,
     spec: &TrafficSpec,
-) -> Result<Vec<Drawn>, TrafficError> {
+) -> Result<Vec<SampledVehicle>, TrafficError> {
     let networks = networks(map, scale, spec)?;
     let shares = assign_shares(spec);
     let mut placed = 0;
@@ -67,7 +66,7 @@ pub fn draw(
     let (mut rng, vehicles) = found.ok_or(TrafficError::NoRoom { placed })?;
     let starts: Vec<(usize, LaneId)> = vehicles.iter().map(|&(share, lane, _)| (share, lane)).collect();
     let routes = draw_routes(map, &mut rng, &networks, &starts, spec.route_length_m);
-    let drawn = vehicles.iter().zip(routes).map(|(&(share, _, at_m), route)| Drawn {
+    let drawn = vehicles.iter().zip(routes).map(|(&(share, _, at_m), route)| SampledVehicle {
         build: spec.shares[share].build.clone(),
         driver: vary(&mut rng, &spec.driver, spec.spread),
         route,
@@ -79,15 +78,15 @@ pub fn draw(
 /// Why traffic cannot be drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TrafficError {
-    /// Starting places are used up after so many vehicles.
+    /// Start positions are used up after this many vehicles.
     NoRoom { placed: usize },
-    /// Vehicles of this share find no part of the map in which they could drive on for ever.
+    /// The vehicles of this share have no part of the map on which they could drive for ever.
     NoNetwork { share: usize },
 }
 
-/// For each share the lanes on which its vehicles can drive on for ever.
+/// For each share the lanes on which its vehicles can drive for ever.
 fn networks(map: &LabMap, scale: LengthScale, spec: &TrafficSpec) -> Result<Vec<Vec<bool>>, TrafficError> {
-    let network = |(share, of): (usize, &Share)| {
+    let network = |(share, of): (usize, &TrafficShare)| {
         let radius = of.build.spec.min_turn_radius();
         let mut open: Vec<bool> =
             map.lanes.iter().map(|lane| can_drive(map, scale, radius, lane.id)).collect();
@@ -107,7 +106,7 @@ fn networks(map: &LabMap, scale: LengthScale, spec: &TrafficSpec) -> Result<Vec<
     spec.shares.iter().enumerate().map(network).collect()
 }
 
-/// The share of each vehicle, in proportion to the weights and evenly mixed.
+/// Assigns shares in proportion to the weights, evenly mixed.
 fn assign_shares(spec: &TrafficSpec) -> Vec<usize> {
     let total: f64 = spec.shares.iter().map(|share| share.weight).sum();
     let mut given = vec![0.0; spec.shares.len()];
@@ -122,7 +121,7 @@ fn assign_shares(spec: &TrafficSpec) -> Vec<usize> {
     shares
 }
 
-/// Share, lane and place of each vehicle; fewer than there are shares where the places are used up.
+/// Share, lane and position of each vehicle; fewer if the positions are used up.
 fn draw_starts(
     map: &LabMap,
     rng: &mut ChaCha8Rng,
@@ -142,7 +141,7 @@ fn draw_starts(
     vehicles
 }
 
-/// Places on lanes outside junctions, clear of every conflict zone.
+/// Start positions on lanes outside junctions, clear of every conflict zone.
 fn starting_places(map: &LabMap, spacing_m: f64) -> Vec<(LaneId, f64)> {
     let mut places = Vec::new();
     for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
@@ -166,13 +165,11 @@ fn starting_places(map: &LabMap, spacing_m: f64) -> Vec<(LaneId, f64)> {
     places
 }
 
-/// After so much of every route the whole map is covered anew: some vehicles will have been sent another
-/// way by then, or stand.
+/// Route length after which coverage of the map restarts: by then some vehicles are rerouted or stopped.
 const COVER_EVERY_M: f64 = 16.0;
 
-/// Grows all routes together: first each to the nearest lane on which nobody has been yet, then to
-/// places drawn by lot. Going for little used lanes all the time would crowd the junctions, where lanes
-/// are many.
+/// Grows all routes together: each to the nearest unused lane first, then to random destinations. Seeking
+/// unused lanes throughout would crowd the junctions, which have many lanes.
 fn draw_routes(
     map: &LabMap,
     rng: &mut ChaCha8Rng,
@@ -189,7 +186,7 @@ fn draw_routes(
         uses[lane.index()] += 1;
         is_covered[lane.index()] = true;
     }
-    // The route that is shortest so far grows first, so that lanes are used in order of time.
+    // The shortest route grows first, so that lanes are used in order of time.
     loop {
         let unfinished = (0..routes.len()).filter(|&k| lengths[k] < length_m);
         let Some(index) = unfinished.min_by(|&a, &b| lengths[a].total_cmp(&lengths[b])) else { break };
@@ -204,7 +201,7 @@ fn draw_routes(
             way = trip_by_lot(map, rng, open, &uses, here);
         }
         if way.is_empty() {
-            // Networks have no dead ends; a map of one lane has.
+            // Networks have no dead ends, except a map of one lane.
             lengths[index] = length_m;
         }
         for lane in way {
@@ -217,11 +214,11 @@ fn draw_routes(
     routes
 }
 
-/// Seconds that a lane with conflict zones costs a driver on average, alone and at mean use.
+/// Expected delay of a lane with conflict zones, alone and at mean use, seconds.
 const JUNCTION_S: f64 = 4.0;
 const CROWDED_JUNCTION_S: f64 = 6.0;
 
-/// What drivers expect of a lane: the time on it, and the waiting where many others drive.
+/// Expected travel time of a lane: driving and congestion delay.
 fn expected_s(map: &LabMap, uses: &[u32], mean_uses: f64, lane: LaneId) -> f64 {
     let use_ratio = f64::from(uses[lane.index()]) / mean_uses.max(1.0);
     let lane = map.lane(lane);
@@ -231,8 +228,7 @@ fn expected_s(map: &LabMap, uses: &[u32], mean_uses: f64, lane: LaneId) -> f64 {
     driving_s + waiting_s
 }
 
-/// The way that drivers would choose to a lane drawn by lot, more likely a long one: junctions are
-/// where cars wait.
+/// The cheapest route to a random lane, biased towards long routes: junctions are where vehicles wait.
 fn trip_by_lot(map: &LabMap, rng: &mut ChaCha8Rng, open: &[bool], uses: &[u32], from: LaneId) -> Vec<LaneId> {
     let is_goal = |lane: &&Lane| lane.kind == LaneKind::Lane && open[lane.id.index()] && lane.id != from;
     let weight = |lane: &Lane| lane.curve.length() * lane.curve.length();
@@ -246,16 +242,16 @@ fn trip_by_lot(map: &LabMap, rng: &mut ChaCha8Rng, open: &[bool], uses: &[u32], 
     let cost = |lane: LaneId| open[lane.index()].then(|| expected_s(map, uses, mean_uses, lane));
     let way = goal.and_then(|goal| map.cheapest_route(from, goal.id, cost));
     way.map_or_else(
-        // The goal cannot be reached from here: go on anywhere.
+        // The destination is unreachable: continue on any lane.
         || map.lane(from).successors.iter().copied().filter(|next| open[next.index()]).take(1).collect(),
         |way| way[1..].to_vec(),
     )
 }
 
-/// How many lanes ahead a route looks for one that nobody has used.
+/// Search depth for an unused lane.
 const LOOK_AHEAD_LANES: usize = 12;
 
-/// The way by the fewest lanes to one that nobody has used, ties by lot; empty where none is near.
+/// Breadth-first search: the route of fewest lanes to an unused one, ties at random; empty if none is near.
 fn way_to_unused(
     map: &LabMap,
     rng: &mut ChaCha8Rng,

@@ -1,7 +1,7 @@
-//! `[vehicle_type.NAME]`: how vehicles are built, and what they carry. Full-scale SI units, angles in degrees.
+//! `[vehicle_type.NAME]`: vehicle specifications and sensors. Full-scale SI units, angles in degrees.
 
 use super::experiment::Rates;
-use super::fields::Fields;
+use super::fields::TableFields;
 use super::read_sensors::read_sensors;
 use crate::sensor::Sensor;
 use crate::vehicle::{Drive, ModelKind, TorquePoint, VehicleSpec};
@@ -9,15 +9,15 @@ use crate::vehicle::{Drive, ModelKind, TorquePoint, VehicleSpec};
 pub const MODELS: [(&str, ModelKind); 2] = [("raycast", ModelKind::Raycast), ("bicycle", ModelKind::Bicycle)];
 const DRIVES: [(&str, Drive); 3] = [("front", Drive::Front), ("rear", Drive::Rear), ("all", Drive::All)];
 
-/// A build with the sensors that its vehicles carry unless they state their own.
+/// A vehicle specification with its default sensors.
 #[derive(Clone, Debug, Default)]
 pub struct VehicleType {
     pub spec: VehicleSpec,
     pub sensors: Vec<Sensor>,
 }
 
-/// Reads a vehicle type; what it does not state is that of the default car.
-pub fn read_vehicle_type(fields: Fields<'_, '_>, rates: Rates) -> VehicleType {
+/// Reads a vehicle type; missing fields are those of the default car.
+pub fn read_vehicle_type(fields: TableFields<'_, '_>, rates: Rates) -> VehicleType {
     let sensors = read_sensors(&fields, rates).unwrap_or_default();
     let mut spec = VehicleSpec::default();
     fields.choice("model", &MODELS, &mut spec.model);
@@ -71,7 +71,7 @@ pub fn read_vehicle_type(fields: Fields<'_, '_>, rates: Rates) -> VehicleType {
         control.finish();
     }
     for error in spec.validate() {
-        // Where the scenario has the field: dimensions without a table, angles in degrees.
+        // Scenario names of the fields: dimensions without a table, angles in degrees.
         let field = error.field.strip_prefix("dimensions.").unwrap_or(&error.field);
         let path = field.split('.').map(|part| match part.split('[').next().unwrap_or(part) {
             "steering_limit_rad" => "steering_limit_deg",
@@ -85,7 +85,12 @@ pub fn read_vehicle_type(fields: Fields<'_, '_>, rates: Rates) -> VehicleType {
     VehicleType { spec, sensors }
 }
 
-fn degrees(fields: &Fields<'_, '_>, key: &'static str, range: std::ops::RangeInclusive<f64>, into: &mut f64) {
+fn degrees(
+    fields: &TableFields<'_, '_>,
+    key: &'static str,
+    range: std::ops::RangeInclusive<f64>,
+    into: &mut f64,
+) {
     let mut value = into.to_degrees();
     fields.number(key, range, &mut value);
     *into = value.to_radians();

@@ -1,30 +1,29 @@
-//! What vehicles carry to sense the city with: plain data that a scenario states. Nothing of it is
-//! part of the world's state, for sensors look at snapshots and change nothing.
+//! Sensor specifications of vehicles, as a scenario states them. Sensors read snapshots and are no part of the state.
 
-use crate::camera::{Kinds, Lens, Mount};
+use crate::camera::{Lens, Mount, PictureKinds};
 use serde::{Deserialize, Serialize};
 
-/// A sensor of a vehicle.
+/// A sensor on a vehicle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sensor {
-    /// Different for each sensor of a vehicle; part of file names and topics.
+    /// Unique on its vehicle; part of file names and topics.
     pub name: String,
     /// Measurements per second of simulated time.
     pub rate_hz: f64,
     pub kind: SensorKind,
 }
 
-/// What a sensor measures, and how.
+/// The type of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SensorKind {
     Camera(CameraSensor),
 }
 
-/// A camera: where it sits, what it sees of the city, and which pictures it takes of each instant.
+/// A camera: mount (extrinsics), lens (intrinsics) and picture kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraSensor {
     pub mount: Mount,
     pub lens: Lens,
-    pub kinds: Kinds,
+    pub kinds: PictureKinds,
 }

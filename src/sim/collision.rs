@@ -1,8 +1,8 @@
-//! Collisions: overlapping outlines of vehicles, and of vehicles with what stands.
+//! Collision detection: overlapping outlines of vehicles and of static obstacles (sweep and prune).
 
 use super::outline_of;
 use super::vehicle::SimVehicle;
-use crate::city::{CityMap, Scenery, Shape};
+use crate::city::{CityMap, Footprint, Scenery};
 use crate::digest::{Digest, StateHash};
 use crate::geom::OrientedRect;
 use crate::snapshot::{Event, EventKind, VehicleId};
@@ -10,9 +10,9 @@ use glam::DVec2;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
-/// Something that stands.
+/// A static obstacle.
 #[derive(Clone, Debug)]
-pub struct Solid {
+pub struct StaticObstacle {
     pub name: String,
     /// Corners in order.
     pub polygon: Vec<DVec2>,
@@ -21,33 +21,33 @@ pub struct Solid {
     high: DVec2,
 }
 
-/// Everything that stands, sorted for look-up by place.
+/// All static obstacles, sorted for spatial look-up.
 #[derive(Clone, Debug, Default)]
-pub struct Solids {
-    /// By west end.
-    solids: Vec<Solid>,
+pub struct StaticObstacles {
+    /// Sorted by west end.
+    solids: Vec<StaticObstacle>,
     widest_m: f64,
 }
 
-/// Thickness of walls and hedges that are drawn as lines, and heights where the drawing states none.
+/// Thickness of walls and hedges drawn as lines, and default heights.
 const WALL_THICKNESS_M: f64 = 0.3;
 const WALL_HEIGHT_M: f64 = 1.0;
 const BUILDING_HEIGHT_M: f64 = 8.0;
 
-impl Solids {
+impl StaticObstacles {
     pub fn of(map: &CityMap) -> Self {
-        let mut solids: Vec<Solid> =
+        let mut solids: Vec<StaticObstacle> =
             map.scenery.iter().filter(|s| s.kind.is_solid()).flat_map(solids_of).collect();
         solids.sort_by(|a, b| a.low.x.total_cmp(&b.low.x).then(a.low.y.total_cmp(&b.low.y)));
         let widest_m = solids.iter().map(|solid| solid.high.x - solid.low.x).fold(0.0, f64::max);
         Self { solids, widest_m }
     }
 
-    pub fn iter(&self) -> impl Iterator<Item = &Solid> {
+    pub fn iter(&self) -> impl Iterator<Item = &StaticObstacle> {
         self.solids.iter()
     }
 
-    fn touching(&self, outline: &OrientedRect) -> Option<&Solid> {
+    fn touching(&self, outline: &OrientedRect) -> Option<&StaticObstacle> {
         let (radius, centre) = (outline.radius(), outline.centre);
         let first = self.solids.partition_point(|solid| solid.low.x < centre.x - radius - self.widest_m);
         self.solids[first..]
@@ -60,17 +60,17 @@ impl Solids {
     }
 }
 
-fn solids_of(scenery: &Scenery) -> Vec<Solid> {
+fn solids_of(scenery: &Scenery) -> Vec<StaticObstacle> {
     let solid = |polygon: Vec<DVec2>, height_m: f64| {
         let low = polygon.iter().copied().fold(DVec2::splat(f64::INFINITY), DVec2::min);
         let high = polygon.iter().copied().fold(DVec2::splat(f64::NEG_INFINITY), DVec2::max);
         let kind = format!("{:?}", scenery.kind).to_lowercase();
         let name = if scenery.name.is_empty() { kind } else { scenery.name.clone() };
-        Solid { name, polygon, height_m: scenery.height_m.unwrap_or(height_m), low, high }
+        StaticObstacle { name, polygon, height_m: scenery.height_m.unwrap_or(height_m), low, high }
     };
     match &scenery.shape {
-        Shape::Polygon(polygon) => vec![solid(polygon.clone(), BUILDING_HEIGHT_M)],
-        Shape::Polyline(points) => points
+        Footprint::Polygon(polygon) => vec![solid(polygon.clone(), BUILDING_HEIGHT_M)],
+        Footprint::Polyline(points) => points
             .windows(2)
             .filter_map(|pair| {
                 let side = (pair[1] - pair[0]).try_normalize()?.perp() * (WALL_THICKNESS_M / 2.0);
@@ -78,7 +78,7 @@ fn solids_of(scenery: &Scenery) -> Vec<Solid> {
                 Some(solid(corners, WALL_HEIGHT_M))
             })
             .collect(),
-        Shape::Circle { centre, radius_m } => {
+        Footprint::Circle { centre, radius_m } => {
             let corner = |k: i32| {
                 let (sin, cos) = crate::geom::trig::sin_cos(f64::from(k) * std::f64::consts::TAU / 12.0);
                 *centre + DVec2::new(cos, sin) * *radius_m
@@ -88,8 +88,8 @@ fn solids_of(scenery: &Scenery) -> Vec<Solid> {
     }
 }
 
-/// Who is touching whom: a collision is reported when two outlines first overlap, and again only
-/// after they have been well apart.
+/// Pairs in contact. A collision is reported when two outlines first overlap, and again only after they have
+/// been clear of each other.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Collisions {
     touching: BTreeSet<(VehicleId, VehicleId)>,
@@ -100,7 +100,7 @@ pub struct Collisions {
     outlines: Vec<OrientedRect>,
 }
 
-/// Outlines that have touched are apart when grown by this they no longer overlap.
+/// Outlines that have collided are clear when they no longer overlap, enlarged by this.
 const APART_M: f64 = 1.0;
 
 impl Digest for Collisions {
@@ -113,7 +113,13 @@ impl Digest for Collisions {
 }
 
 impl Collisions {
-    pub fn find(&mut self, vehicles: &[SimVehicle], solids: &Solids, time_s: f64, events: &mut Vec<Event>) {
+    pub fn find(
+        &mut self,
+        vehicles: &[SimVehicle],
+        solids: &StaticObstacles,
+        time_s: f64,
+        events: &mut Vec<Event>,
+    ) {
         self.outlines.clear();
         self.outlines.extend(vehicles.iter().map(|vehicle| outline_of(&vehicle.state, vehicle)));
         self.release(vehicles, solids);
@@ -156,11 +162,11 @@ impl Collisions {
         } else {
             self.by_west_end = (0..outlines.len()).map(|index| (west(index), index)).collect();
         }
-        // Nearly sorted from the last tick, which the stable sort takes in one pass.
+        // Nearly sorted since the last tick: the stable sort is linear then.
         self.by_west_end.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     }
 
-    fn release(&mut self, vehicles: &[SimVehicle], solids: &Solids) {
+    fn release(&mut self, vehicles: &[SimVehicle], solids: &StaticObstacles) {
         let outlines = &self.outlines;
         let grown = |id: VehicleId| {
             let index = vehicles.binary_search_by_key(&id, |vehicle| vehicle.state.id).ok()?;

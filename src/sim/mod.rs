@@ -1,7 +1,7 @@
-//! The world: vehicles, physics and the experiment's clock. Commands in, snapshots out.
+//! The simulated world: vehicles, physics and the experiment's clock. Commands in, snapshots out.
 //!
-//! A run is a function of the experiment and the command stream: no clock of the machine, no thread,
-//! no static, no draw of a random number.
+//! A run is a function of the experiment and the command stream. No wall clock, thread, static or random draw
+//! affects it.
 
 mod collision;
 mod vehicle;
@@ -13,7 +13,7 @@ use crate::scenario::Experiment;
 use crate::snapshot::{
     Event, EventKind, FrameSnapshot, Setup, SimCommand, VehicleId, VehicleInfo, VehicleState,
 };
-use collision::{Collisions, Solids};
+use collision::{Collisions, StaticObstacles};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use vehicle::SimVehicle;
@@ -22,12 +22,12 @@ use vehicle::SimVehicle;
 #[derive(Clone, Debug)]
 pub struct World {
     experiment: Arc<Experiment>,
-    solids: Arc<Solids>,
+    solids: Arc<StaticObstacles>,
     roster: Arc<Vec<VehicleInfo>>,
     state: WorldState,
 }
 
-/// What changes as a run goes on: with the experiment it makes the world again at any tick.
+/// The mutable state: with the experiment it restores the world at any tick.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct WorldState {
     tick: u64,
@@ -35,10 +35,10 @@ pub struct WorldState {
     physics: Physics,
     /// In id order.
     vehicles: Vec<SimVehicle>,
-    /// Of the vehicles that commands brought, in the order in which they came.
+    /// Setups of the vehicles that commands added, in the order of arrival.
     setups: Vec<Setup>,
     collisions: Collisions,
-    /// Happened since the last snapshot, outside of a step.
+    /// Events since the last snapshot, outside of a step.
     pending: Vec<Event>,
 }
 
@@ -53,9 +53,9 @@ impl Digest for WorldState {
 }
 
 impl World {
-    /// The world at the initial conditions of an experiment, with its clock not yet started.
+    /// The world at the initial conditions of an experiment; its clock is stopped.
     pub fn new(experiment: Arc<Experiment>) -> Self {
-        let solids = Arc::new(Solids::of(&experiment.city_map));
+        let solids = Arc::new(StaticObstacles::of(&experiment.city_map));
         let state = WorldState::initial(&experiment, &solids);
         let roster = state.roster(&experiment);
         Self { experiment, solids, roster, state }
@@ -81,14 +81,14 @@ impl World {
         &self.state
     }
 
-    /// The world of the same experiment at a state that was kept.
+    /// The world of the same experiment at a saved state.
     pub fn with_state(&self, state: WorldState) -> Self {
         let roster = state.roster(&self.experiment);
         Self { experiment: Arc::clone(&self.experiment), solids: Arc::clone(&self.solids), roster, state }
     }
 
-    /// Applies commands, advances by one physics step if the clock runs, and describes the result.
-    /// Commands are applied in the order of (vehicle, sequence); those for the experiment come first.
+    /// Applies commands, advances by one physics step if the clock runs, and writes the snapshot. Commands
+    /// are applied in the order of (vehicle, sequence); experiment commands come first.
     pub fn tick_into(&mut self, commands: &[SimCommand], out: &mut FrameSnapshot) {
         if commands.is_sorted_by_key(SimCommand::order) {
             return self.tick_as_given(commands, out);
@@ -98,20 +98,20 @@ impl World {
         self.tick_as_given(&ordered, out);
     }
 
-    /// The same with commands that are applied as they stand: a log has them in the order in which they
-    /// were applied, while the clock stood perhaps one after another.
+    /// [`Self::tick_into`] without sorting: a log has commands in the order in which they were applied, while
+    /// the clock was stopped perhaps one by one.
     pub fn tick_as_given(&mut self, commands: &[SimCommand], out: &mut FrameSnapshot) {
         commands.iter().for_each(|command| self.apply(command));
         out.events.clear();
         if self.state.is_running {
-            // What happened before the clock ran belongs to its first tick, after a reset too.
+            // Events before the start belong to the first tick, also after a reset.
             out.events.append(&mut self.state.pending);
             self.step(&mut out.events);
         }
         self.describe(out);
     }
 
-    /// The snapshot of the present instant, without events.
+    /// The present snapshot without events.
     pub fn snapshot(&self) -> FrameSnapshot {
         let mut out = FrameSnapshot::default();
         self.describe(&mut out);
@@ -130,7 +130,7 @@ impl World {
                 self.roster = self.state.roster(&self.experiment);
             }
             SimCommand::Spawn(setup) => match self.vehicle_mut(setup.id) {
-                Some(vehicle) => vehicle.hear_anew(),
+                Some(vehicle) => vehicle.reset_sequence(),
                 None => {
                     self.state.spawn(&self.experiment, Setup::clone(setup));
                     self.roster = self.state.roster(&self.experiment);
@@ -217,7 +217,7 @@ impl World {
 }
 
 impl WorldState {
-    fn initial(experiment: &Experiment, solids: &Solids) -> Self {
+    fn initial(experiment: &Experiment, solids: &StaticObstacles) -> Self {
         let mut physics = Physics::new(experiment.rates.dt_s());
         for solid in solids.iter() {
             physics.add_static_polygon(&solid.polygon, solid.height_m);
@@ -230,7 +230,7 @@ impl WorldState {
             let setup = planned.setup(&experiment.city_map, experiment.scale);
             let mut vehicle = SimVehicle::spawn(&setup, &mut physics, experiment);
             if planned.is_human {
-                vehicle.begin_by_hand();
+                vehicle.start_manual();
             }
             vehicles.push(vehicle);
         }
@@ -241,7 +241,7 @@ impl WorldState {
         Self { tick: 0, is_running: false, physics, vehicles, setups: Vec::new(), collisions, pending }
     }
 
-    /// Brings a vehicle in; there is none of its number yet.
+    /// Adds a vehicle with a new id.
     fn spawn(&mut self, experiment: &Experiment, setup: Setup) {
         let time_s = experiment.rates.time_s(self.tick);
         self.pending.push(Event { time_s, vehicle: setup.id, kind: EventKind::Spawn });
@@ -251,7 +251,7 @@ impl WorldState {
         self.setups.push(setup);
     }
 
-    /// The unchanging part of the vehicles that are there.
+    /// The static data of the present vehicles.
     fn roster(&self, experiment: &Experiment) -> Arc<Vec<VehicleInfo>> {
         let is_there =
             |id| self.vehicles.binary_search_by_key(&id, |vehicle: &SimVehicle| vehicle.state.id).is_ok();

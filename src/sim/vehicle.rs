@@ -1,7 +1,7 @@
-//! One vehicle of the world: its dynamics, what it follows, and its state.
+//! One vehicle of the world: dynamics, tracking control and state.
 
 use crate::digest::{Digest, StateHash};
-use crate::estimation::{LEFT_M, Observed, STANDS_MPS, StandChange, StandDetector};
+use crate::estimation::{LEFT_M, MotionSample, STANDS_MPS, StandstillChange, StandstillDetector};
 use crate::physics::Physics;
 use crate::scenario::Experiment;
 use crate::snapshot::{
@@ -10,9 +10,9 @@ use crate::snapshot::{
 use crate::vehicle::{Actuation, Dynamics, Motion, Tracker, VehicleModel, VehicleSpec};
 use serde::{Deserialize, Serialize};
 
-/// Who moves a vehicle.
+/// The driving mode of a vehicle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-enum Driver {
+enum DriveMode {
     Algorithm,
     Human(Pedals),
 }
@@ -24,20 +24,20 @@ pub struct SimVehicle {
     dynamics: Dynamics,
     tracker: Tracker,
     motion: Motion,
-    driver: Driver,
+    driver: DriveMode,
     /// Time of the last trajectory; `None` before the first.
-    heard_s: Option<f64>,
+    last_trajectory_s: Option<f64>,
     sequence: Option<u32>,
     is_link_lost: bool,
     has_collided: bool,
-    /// Distance driven at the last collision.
+    /// Odometer at the last collision.
     collided_at_m: f64,
-    /// Of a simulated vehicle; one of the laboratory has its own.
-    stand: StandDetector,
-    /// What the last trajectory said of it.
+    /// Standstill of a simulated vehicle; a physical one has its own detector.
+    stand: StandstillDetector,
+    /// As in the last trajectory.
     is_yielding: bool,
-    /// The event of that has been told.
-    has_told_yield: bool,
+    /// The yield event has been reported.
+    has_reported_yield: bool,
     is_finished: bool,
 }
 
@@ -53,21 +53,21 @@ impl Digest for SimVehicle {
         self.dynamics.digest(hash);
         self.tracker.digest(hash);
         self.stand.digest(hash);
-        hash.optional(self.heard_s);
+        hash.optional(self.last_trajectory_s);
         hash.word(self.sequence.map_or(u64::MAX, u64::from));
-        if let Driver::Human(pedals) = &self.driver {
+        if let DriveMode::Human(pedals) = &self.driver {
             hash.numbers([pedals.gas, pedals.brake, pedals.handbrake, pedals.steering_rad]);
             hash.flags([pedals.reverse]);
         }
-        let is_by_hand = matches!(self.driver, Driver::Human(_));
+        let is_by_hand = matches!(self.driver, DriveMode::Human(_));
         hash.flags([is_by_hand, self.is_link_lost, self.has_collided, self.is_finished]);
-        hash.flags([self.is_yielding, self.has_told_yield, state.reverse]);
+        hash.flags([self.is_yielding, self.has_reported_yield, state.reverse]);
     }
 }
 
 /// Pedal travel at which brake lights come on.
 const BRAKE_LIGHT_TRAVEL: f64 = 0.02;
-/// A person who has hit something and drives on so far is clear of it.
+/// Distance after a collision at which a manual vehicle is clear.
 const CLEAR_AFTER_M: f64 = 5.0;
 impl SimVehicle {
     pub fn spawn(setup: &Setup, physics: &mut Physics, experiment: &Experiment) -> Self {
@@ -80,15 +80,15 @@ impl SimVehicle {
             dynamics,
             tracker: Tracker::default(),
             motion,
-            driver: Driver::Algorithm,
-            heard_s: None,
+            driver: DriveMode::Algorithm,
+            last_trajectory_s: None,
             sequence: None,
             is_link_lost: false,
             has_collided: false,
             collided_at_m: 0.0,
-            stand: StandDetector::default(),
+            stand: StandstillDetector::default(),
             is_yielding: false,
-            has_told_yield: false,
+            has_reported_yield: false,
             is_finished: false,
         };
         vehicle.describe();
@@ -103,20 +103,20 @@ impl SimVehicle {
         self.dynamics.remove(physics);
     }
 
-    /// Its sender has begun anew: the next trajectory counts whatever its sequence.
-    pub fn hear_anew(&mut self) {
+    /// Resets the sequence number: its sender has restarted.
+    pub fn reset_sequence(&mut self) {
         self.sequence = None;
     }
 
-    /// Takes a newer trajectory; an older or repeated one is dropped, and one that ended before the
-    /// link timeout.
+    /// Accepts a newer trajectory. Older, repeated and outdated ones (ended before the link timeout) are
+    /// dropped.
     pub fn follow(&mut self, trajectory: &Trajectory, time_s: f64, link_timeout_s: f64) {
         let is_new = self.sequence.is_none_or(|last| trajectory.follows(last));
         if !is_new || trajectory.is_over(time_s - link_timeout_s) {
             return;
         }
         self.sequence = Some(trajectory.sequence);
-        self.heard_s = Some(time_s);
+        self.last_trajectory_s = Some(time_s);
         self.is_finished = trajectory.finished;
         self.is_yielding = trajectory.yielding;
         if self.state.status != Status::Unseen {
@@ -125,11 +125,10 @@ impl SimVehicle {
         self.tracker.follow(trajectory);
     }
 
-    /// Takes a measured pose in, where it is a vehicle of the laboratory. While the clock stands it is there at
-    /// once.
+    /// Adds a measured pose of a physical vehicle. While the clock is stopped it applies at once.
     pub fn measure(&mut self, pose: &MeasuredPose, physics: &Physics, time_s: f64, is_running: bool) {
         let Dynamics::Measured(measured) = &mut self.dynamics else { return };
-        // A clock that goes ahead must not keep later poses out.
+        // A clock that is ahead must not lock out later poses.
         measured.take(&MeasuredPose { stamp_s: pose.stamp_s.min(time_s), ..*pose });
         if !is_running {
             measured.carry_to(time_s, &self.spec, 0.0);
@@ -138,33 +137,33 @@ impl SimVehicle {
         }
     }
 
-    /// Whether it is one of the laboratory's.
+    /// Whether it is a physical vehicle.
     fn is_physical(&self) -> bool {
         matches!(self.dynamics, Dynamics::Measured(_))
     }
 
-    /// Of one of the laboratory's: whether it is seen. `None` before its first pose.
+    /// Whether a physical vehicle is measured. `None` before its first pose.
     fn is_seen(&self) -> Option<bool> {
         if let Dynamics::Measured(measured) = &self.dynamics { measured.is_seen() } else { None }
     }
 
-    /// A person sits at the wheel from the start, with no foot on a pedal.
-    pub fn begin_by_hand(&mut self) {
+    /// Starts in manual mode with released pedals.
+    pub fn start_manual(&mut self) {
         self.drive(Some(Pedals::default()));
         self.update_status();
     }
 
-    /// Hands the vehicle to a person, or back. A person may drive a vehicle on that has collided.
+    /// Switches to manual mode or back. A person may continue after a collision.
     pub fn drive(&mut self, pedals: Option<Pedals>) {
-        let was_human = matches!(self.driver, Driver::Human(_));
+        let was_human = matches!(self.driver, DriveMode::Human(_));
         match pedals {
             Some(pedals) => {
                 self.has_collided &= was_human;
-                self.driver = Driver::Human(pedals);
+                self.driver = DriveMode::Human(pedals);
             }
-            // The path that was tracked lies where the person took over.
+            // The tracked path is where the person took over.
             None if was_human => {
-                self.driver = Driver::Algorithm;
+                self.driver = DriveMode::Algorithm;
                 self.tracker = Tracker::default();
             }
             None => {}
@@ -177,7 +176,7 @@ impl SimVehicle {
         self.update_status();
     }
 
-    /// Before the physics step: from trajectory or pedals to actuation.
+    /// Before the physics step: computes and applies the actuation.
     pub fn actuate(
         &mut self,
         physics: &mut Physics,
@@ -190,7 +189,7 @@ impl SimVehicle {
         let tracking = self.tracker.step(&self.spec, &self.motion, time_s, dt_s);
         self.state.lateral_error_m = tracking.lateral_error_m;
         let actuation = match self.driver {
-            Driver::Human(pedals) => {
+            DriveMode::Human(pedals) => {
                 self.state.indicator = pedals.indicator;
                 Actuation {
                     gas: pedals.gas.clamp(0.0, 1.0),
@@ -200,10 +199,10 @@ impl SimVehicle {
                     reverse: pedals.reverse,
                 }
             }
-            Driver::Algorithm if self.has_collided => {
+            DriveMode::Algorithm if self.has_collided => {
                 Actuation { brake: 0.8, steering_rad: self.motion.steering_rad, ..Actuation::default() }
             }
-            Driver::Algorithm => tracking.actuation,
+            DriveMode::Algorithm => tracking.actuation,
         };
         self.state.gas = actuation.gas;
         self.state.brake = actuation.brake;
@@ -218,12 +217,12 @@ impl SimVehicle {
     }
 
     fn watch_link(&mut self, time_s: f64, link_timeout_s: f64, events: &mut Vec<Event>) {
-        let Some(heard_s) = self.heard_s else { return };
-        // A person needs no link, and a vehicle of the laboratory has its own.
-        if matches!(self.driver, Driver::Human(_)) || self.is_physical() {
+        let Some(last_trajectory_s) = self.last_trajectory_s else { return };
+        // Manual vehicles need no link, and physical ones have their own.
+        if matches!(self.driver, DriveMode::Human(_)) || self.is_physical() {
             return;
         }
-        let is_lost = time_s - heard_s > link_timeout_s;
+        let is_lost = time_s - last_trajectory_s > link_timeout_s;
         if is_lost {
             self.tracker.stop_on_path();
         }
@@ -243,7 +242,7 @@ impl SimVehicle {
             _ => self.state.distance_m + self.motion.speed_mps.abs() * dt_s,
         };
         let is_clear = self.state.distance_m - self.collided_at_m > CLEAR_AFTER_M;
-        if is_clear && (matches!(self.driver, Driver::Human(_)) || self.is_physical()) {
+        if is_clear && (matches!(self.driver, DriveMode::Human(_)) || self.is_physical()) {
             self.has_collided = false;
         }
         self.describe();
@@ -268,13 +267,13 @@ impl SimVehicle {
         let change = match &self.dynamics {
             Dynamics::Measured(measured) => measured.stand_change(),
             _ => {
-                let seen = Observed::exact(self.motion.speed_mps, self.motion.position.truncate());
+                let seen = MotionSample::exact(self.motion.speed_mps, self.motion.position.truncate());
                 self.stand.update(time_s, &seen)
             }
         };
         let kind = match change {
-            Some(StandChange::Stopped) => EventKind::Stop,
-            Some(StandChange::MovedOff { stood_s }) => EventKind::Go { stood_s },
+            Some(StandstillChange::Stopped) => EventKind::Stop,
+            Some(StandstillChange::MovedOff { stood_s }) => EventKind::Go { stood_s },
             None => return,
         };
         events.push(Event { time_s, vehicle: self.state.id, kind });
@@ -284,17 +283,17 @@ impl SimVehicle {
         self.update_status();
         let (vehicle, after) = (self.state.id, self.state.status);
         let mut happened = |kind| events.push(Event { time_s, vehicle, kind });
-        // A yield that something else hides for a while is still the same one.
+        // A yield interrupted for a while is still the same.
         if !self.is_yielding {
-            self.has_told_yield = false;
-        } else if after == Status::Yielding && !self.has_told_yield {
-            self.has_told_yield = true;
+            self.has_reported_yield = false;
+        } else if after == Status::Yielding && !self.has_reported_yield {
+            self.has_reported_yield = true;
             happened(EventKind::Yield);
         }
         if before == after {
             return;
         }
-        // A vehicle that is drawn where it has not been seen flashes all its indicators.
+        // A vehicle shown where it has not been measured flashes all indicators.
         if before == Status::Unseen {
             self.state.indicator = Indicator::Off;
             happened(EventKind::SeenAgain);
@@ -311,7 +310,7 @@ impl SimVehicle {
 
     fn stands(&self) -> bool {
         match &self.dynamics {
-            // One that has not left its start yet stands there.
+            // One that has not left its start stands.
             Dynamics::Measured(measured) => measured.is_standing() || measured.distance_m() < LEFT_M,
             _ => self.stand.is_standing() && !self.stand.is_moving_off(),
         }
@@ -324,21 +323,21 @@ impl SimVehicle {
     fn update_status(&mut self) {
         self.state.status = match self.driver {
             _ if self.has_collided => Status::Collided,
-            // A vehicle of the laboratory has a link and a driver of its own there.
+            // A physical vehicle has a link and a driver of its own.
             _ if self.is_physical() => match self.is_seen() {
                 None => Status::Waiting,
                 Some(false) => Status::Unseen,
                 Some(true) => self.driven_status(),
             },
-            Driver::Human(_) => Status::Manual,
-            // One that is set up in motion drives until it stands.
-            Driver::Algorithm if self.heard_s.is_none() && !self.moves() => Status::Waiting,
-            Driver::Algorithm if self.is_link_lost => Status::LinkLost,
-            Driver::Algorithm => self.driven_status(),
+            DriveMode::Human(_) => Status::Manual,
+            // One that was spawned in motion drives until it stands.
+            DriveMode::Algorithm if self.last_trajectory_s.is_none() && !self.moves() => Status::Waiting,
+            DriveMode::Algorithm if self.is_link_lost => Status::LinkLost,
+            DriveMode::Algorithm => self.driven_status(),
         };
     }
 
-    /// What a vehicle does that follows its trajectories.
+    /// Status of a vehicle that follows trajectories.
     fn driven_status(&self) -> Status {
         if self.is_finished {
             Status::Finished

@@ -1,17 +1,17 @@
-//! Commands: the only way to change the world. A network packet, a key press and a replayed log
-//! all become one of these.
+//! Commands: the only way to change the world. Network packets, key presses and replayed logs all become
+//! commands.
 
 use super::{Indicator, VehicleId, VehicleSpec};
 use crate::geom::Pose2;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// One desired state of a vehicle on its way, city frame.
+/// A waypoint: desired state of a vehicle at one time, city frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrajectoryPoint {
-    /// Simulated time at which the vehicle shall be here.
+    /// Simulated time of the waypoint.
     pub time_s: f64,
-    /// Pose of the front-axle centre on its path: the point that the tracking control leads.
+    /// Desired pose of the front-axle centre, the reference point of the tracking control.
     pub pose: Pose2,
     pub speed_mps: f64,
 }
@@ -20,34 +20,34 @@ pub struct TrajectoryPoint {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Trajectory {
     pub vehicle: VehicleId,
-    /// Counted by the sender, one up for each message to this vehicle; older ones are dropped.
+    /// Sequence number per vehicle, incremented by the sender; older messages are dropped.
     pub sequence: u32,
     /// In time order.
     pub points: Vec<TrajectoryPoint>,
-    /// The sender holds the vehicle back for a yield sign or the right of way of another.
+    /// The vehicle yields at a sign or to the right of way of another.
     pub yielding: bool,
     /// The vehicle is at the end of its route.
     pub finished: bool,
     pub indicator: Indicator,
 }
 
-/// A sequence number this far behind the last one is a restarted sender's, not an old message.
+/// A sequence number this far behind means a restarted sender, not an old message.
 const SENDER_RESTARTED: u32 = 1 << 16;
 
 impl Trajectory {
-    /// Whether it is newer than one of the same sender with this sequence.
+    /// Whether it is newer than the sequence number `last` of the same sender.
     pub fn follows(&self, last: u32) -> bool {
         let ahead = self.sequence.wrapping_sub(last);
         ahead != 0 && (ahead < u32::MAX / 2 || ahead.wrapping_neg() > SENDER_RESTARTED)
     }
 
-    /// Whether all of it lies before a time.
+    /// Whether it ends before a time.
     pub fn is_over(&self, time_s: f64) -> bool {
         self.points.last().is_none_or(|point| point.time_s < time_s)
     }
 }
 
-/// Body shapes that the city can draw.
+/// Body types that the renderer has models for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BodyType {
@@ -57,13 +57,13 @@ pub enum BodyType {
     Suv,
     Van,
     Pickup,
-    /// A model of the user's: its place among those of the scenario.
+    /// A user's model, by index in the scenario.
     Own(u16),
 }
 
 impl BodyType {
-    /// Height of the body as drawn over the vehicle's stated height: that is a sedan's, and a van on the
-    /// same wheels stands higher. Physics does not know.
+    /// Height factor of the body relative to the stated vehicle height, which is a sedan's. It affects
+    /// drawing only.
     pub fn height_factor(self) -> f64 {
         match self {
             Self::Sedan | Self::Own(_) => 1.0,
@@ -75,7 +75,7 @@ impl BodyType {
     }
 }
 
-/// How a vehicle looks.
+/// Appearance of a vehicle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Appearance {
     pub body: BodyType,
@@ -89,7 +89,7 @@ impl Default for Appearance {
     }
 }
 
-/// What brings a vehicle into the world, city frame.
+/// Setup of a new vehicle, city frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Setup {
     pub id: VehicleId,
@@ -99,11 +99,11 @@ pub struct Setup {
     pub pose: Pose2,
     /// Along the heading.
     pub speed_mps: f64,
-    /// How the vehicle is built and controlled.
+    /// Specification of its build and control.
     pub spec: VehicleSpec,
 }
 
-/// Pedals and wheel of a human driver.
+/// Pedals and steering wheel of a human driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pedals {
     pub gas: f64,
@@ -115,7 +115,7 @@ pub struct Pedals {
     pub indicator: Indicator,
 }
 
-/// Where a vehicle of the laboratory was measured to be, city frame.
+/// Measured pose of a physical vehicle, city frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MeasuredPose {
     /// Simulated time of the measurement.
@@ -133,21 +133,21 @@ pub enum SimCommand {
     Pause,
     /// Back to the initial conditions: the run that follows equals the first one exactly.
     Reset,
-    /// A vehicle is there from now on. One of that number that is there already stays as it is, and takes
-    /// trajectories of any sequence again: its sender has begun anew.
+    /// Adds a vehicle. If the id exists, the vehicle stays and its sequence number is reset: its sender has
+    /// restarted.
     Spawn(Box<Setup>),
     Follow(Trajectory),
     Remove(VehicleId),
-    /// A vehicle of the laboratory was seen; others are where their dynamics have brought them.
+    /// Measured pose of a physical vehicle; other vehicles ignore it.
     Measure(VehicleId, MeasuredPose),
-    /// A person takes the vehicle over, or drives on with new pedals.
+    /// A person takes over or updates the pedals.
     Drive(VehicleId, Pedals),
-    /// The person gives it back to its algorithm.
+    /// The person hands back to the algorithm.
     Release(VehicleId),
 }
 
 impl SimCommand {
-    /// The vehicle it is for; commands are applied in the order of (vehicle, sequence).
+    /// The vehicle it addresses; commands are applied in the order of (vehicle, sequence).
     pub fn vehicle(&self) -> Option<VehicleId> {
         match self {
             Self::Start | Self::Pause | Self::Reset => None,
@@ -157,7 +157,7 @@ impl SimCommand {
         }
     }
 
-    /// Commands of a tick are applied in this order; those that are equal in it, as they came.
+    /// Sort key of commands within a tick; the sort is stable.
     pub fn order(&self) -> (Option<VehicleId>, u32) {
         (self.vehicle(), if let Self::Follow(trajectory) = self { trajectory.sequence } else { 0 })
     }

@@ -1,9 +1,9 @@
-//! Events: what a run's summary and figures tell.
+//! Events of a run, for summaries and figures.
 
 use super::VehicleId;
 use serde::{Deserialize, Serialize};
 
-/// Something that happened to a vehicle.
+/// An event of a vehicle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Event {
     /// Simulated time.
@@ -18,36 +18,36 @@ pub struct Event {
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum EventKind {
     Spawn,
-    /// It overlapped another at the start and was put behind it along the lane.
+    /// Its start overlapped another vehicle; it was moved back along the lane.
     Moved {
         behind: VehicleId,
         by_m: f64,
     },
-    /// It came to a stand.
+    /// It stopped.
     Stop,
-    /// It moved off again after standing for so long.
+    /// It moved off after a stop of this duration.
     Go {
         stood_s: f64,
     },
     /// It began to give way.
     Yield,
-    /// It went past the yield line in front of which it had given way, or drove through without.
+    /// It passed a yield line, whether or not it had given way.
     Merge,
-    /// First overlap of two outlines.
+    /// It collided with a vehicle: first overlap of the outlines.
     Collision {
         with: VehicleId,
     },
-    /// First overlap with something that stands: a wall, a building.
+    /// It collided with a static obstacle: a wall, a building.
     CollisionStatic {
         with: String,
     },
     LinkLost,
     LinkBack,
-    /// A vehicle of the laboratory is no longer measured.
+    /// A physical vehicle is no longer measured.
     Unseen,
-    /// It is again.
+    /// It is measured again.
     SeenAgain,
-    /// At the end of its route.
+    /// It reached the end of its route.
     Finish,
     Remove,
 }

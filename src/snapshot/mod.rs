@@ -1,8 +1,8 @@
-//! The plain data everyone shares: ids, the state of vehicles, one tick's snapshot, commands and events.
+//! Plain data shared by all modules: ids, vehicle states, snapshots, commands and events.
 //!
-//! City frame throughout: full-scale metres, x east, y north, z up, angles counter-clockwise from
-//! east, seconds of simulated time. Bodies look along +x with +y to their left; the origin of a
-//! vehicle is the middle of its outline, on the ground.
+//! City frame throughout: full-scale metres, x east, y north, z up, angles counter-clockwise from east,
+//! seconds of simulated time. Body frames have x forward and y left; a vehicle's origin is the middle of its
+//! outline, on the ground.
 
 mod command;
 mod event;
@@ -19,8 +19,7 @@ pub use vehicle::{Dimensions, Indicator, Status, VehicleId, VehicleInfo, Vehicle
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Everything that is known about one instant of a run. The renderer, the panels, the publishers
-/// and the log read the same one.
+/// Immutable snapshot of one instant of a run, shared by renderer, panels, publishers and log.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameSnapshot {
     /// Physics steps since the start or the last reset.
@@ -31,9 +30,9 @@ pub struct FrameSnapshot {
     pub state_hash: u64,
     /// In id order.
     pub vehicles: Vec<VehicleState>,
-    /// What does not change from tick to tick, in id order, one for each of `vehicles`.
+    /// Static data, in id order, one for each of `vehicles`.
     pub roster: Arc<Vec<VehicleInfo>>,
-    /// What happened in this tick.
+    /// Events of this tick.
     pub events: Vec<Event>,
 }
 
@@ -46,7 +45,7 @@ impl FrameSnapshot {
         self.roster.binary_search_by_key(&id, |v| v.id).ok().map(|index| &self.roster[index])
     }
 
-    /// Becomes a copy of another snapshot, in the memory it already has.
+    /// Copies another snapshot into the present buffers.
     pub fn assign(&mut self, other: &Self) {
         (self.tick, self.time_s, self.state_hash) = (other.tick, other.time_s, other.state_hash);
         self.vehicles.clone_from(&other.vehicles);
@@ -54,9 +53,9 @@ impl FrameSnapshot {
         self.events.clone_from(&other.events);
     }
 
-    /// Becomes what lies between two snapshots of a run, for drawing: `weight` is 0 at `before` and 1 at
-    /// `after`. Ticks, digests, events, pedals and statuses are those of `after`, and so is everything
-    /// where not the same vehicles are in both.
+    /// Interpolates between two snapshots for drawing: `weight` is 0 at `before` and 1 at `after`. Ticks,
+    /// digests, events, pedals and statuses are those of `after`; everything is, if the two have different
+    /// vehicles.
     pub fn blend(&mut self, before: &Self, after: &Self, weight: f64) {
         self.assign(after);
         let ids = |snapshot: &Self| snapshot.vehicles.iter().map(|v| v.id).collect::<Vec<_>>();
@@ -69,7 +68,7 @@ impl FrameSnapshot {
         }
     }
 
-    /// Vehicles with their unchanging part, in id order.
+    /// Vehicles with their static data, in id order.
     pub fn iter(&self) -> impl Iterator<Item = (&VehicleState, &VehicleInfo)> {
         self.vehicles.iter().zip(self.roster.iter())
     }

@@ -1,4 +1,4 @@
-//! How a vehicle is built and controlled: what a scenario or a setup states of it.
+//! Vehicle specification: build and control gains.
 
 use super::Dimensions;
 use serde::{Deserialize, Serialize};
@@ -34,7 +34,7 @@ pub struct VehicleSpec {
     pub control: ControlGains,
 }
 
-/// Where the mass is.
+/// The centre of mass.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CentreOfMass {
@@ -44,13 +44,13 @@ pub struct CentreOfMass {
     pub ahead_m: f64,
 }
 
-/// What drives the wheels.
+/// The motor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motor {
-    /// At full gas, in order of speed; linear in between, none beyond the last point.
+    /// Torque curve at full throttle, in order of speed; linear in between, zero beyond the last point.
     pub torque_curve: Vec<TorquePoint>,
-    /// Turns of the motor for one turn of the wheels.
+    /// Motor turns per wheel turn.
     pub gear_ratio: f64,
     pub max_power_w: f64,
 }
@@ -75,7 +75,7 @@ pub struct Suspension {
     pub damping_ratio: f64,
 }
 
-/// Which axle the motor turns.
+/// The driven axles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Drive {
@@ -89,12 +89,12 @@ pub enum Drive {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ModelKind {
-    /// Rigid body on four sprung wheels, with tyres that slip.
+    /// Ray-cast vehicle: rigid body on four sprung wheels, with tyre slip.
     #[default]
     Raycast,
-    /// Kinematic bicycle: goes where its front wheel points.
+    /// Kinematic bicycle without tyre slip.
     Bicycle,
-    /// A vehicle of the laboratory: it is where it is measured to be.
+    /// Physical vehicle of the laboratory: follows its measured pose.
     Measured,
 }
 
@@ -102,20 +102,20 @@ pub enum ModelKind {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ControlGains {
-    /// Lateral error to steering, 1/s.
+    /// Stanley gain of the lateral error, 1/s.
     pub k_e: f64,
-    /// Softens it at low speed, m/s.
+    /// Softening speed of the Stanley law, m/s.
     pub k_s: f64,
-    /// Corrects for tyre slip in a steady turn, s2/m, negative: about -1 / (g tyre_cornering). A model
-    /// without tyre slip leaves it out.
+    /// Slip correction in a steady turn, s2/m, negative: about -1 / (g tyre_cornering). Models without tyre
+    /// slip ignore it.
     pub k_a: f64,
     /// Yaw rate damping, s.
     pub k_y: f64,
-    /// Longitudinal position error to acceleration, 1/s2.
+    /// Proportional gain: longitudinal position error to acceleration, 1/s2.
     pub speed_p: f64,
-    /// Its integral, 1/s3.
+    /// Integral gain, 1/s3.
     pub speed_i: f64,
-    /// Speed error to acceleration, 1/s.
+    /// Derivative gain: speed error to acceleration, 1/s.
     pub speed_d: f64,
 }
 

@@ -1,4 +1,4 @@
-//! What is known of a vehicle: once (its build and looks) and at every tick (its state).
+//! Vehicle data: static (build, appearance) and per tick (state).
 
 use super::{Appearance, ModelKind, VehicleSpec};
 use crate::geom::{OrientedRect, Pose2, trig};
@@ -6,7 +6,7 @@ use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// The number of a vehicle; its order is the order of everything that is done for each vehicle.
+/// Id of a vehicle. All per-vehicle work is done in id order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct VehicleId(pub u32);
 
@@ -16,33 +16,32 @@ impl fmt::Display for VehicleId {
     }
 }
 
-/// What a vehicle is doing, as the vehicle list shows it. The numbers are those of the link, the log and the digest.
+/// Status of a vehicle, as the vehicle list shows it. The numbers are those of link, log and digest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[repr(u8)]
 pub enum Status {
-    /// Set up, and stands: no trajectory has come yet.
+    /// Spawned and standing: no trajectory yet.
     #[default]
     Waiting = 0,
     /// On its way.
     Driving = 1,
     /// Held back by a yield sign or the right of way of another.
     Yielding = 2,
-    /// Stands; on no lane too, where a person has left it.
+    /// Stopped, also on no lane, where a person has left it.
     Stopped = 3,
-    /// A person drives.
+    /// Driven by a person.
     Manual = 4,
-    /// No trajectory for longer than the link timeout: it brakes to a stop on its path.
+    /// No trajectory for longer than the link timeout: brakes to a stop on its path.
     LinkLost = 5,
-    /// Has hit something: it brakes and stays. A person who takes it over drives it on, and is clear of it
-    /// after some metres.
+    /// Collided: brakes and stays. A person may drive it on, and is clear after some metres.
     Collided = 6,
     /// At the end of its route.
     Finished = 7,
-    /// A vehicle of the laboratory that is measured, where nothing else is known of it: it tells its pose itself, or
-    /// the poses were recorded. In a running city its status is what it does, and its model is `measured`.
+    /// Physical vehicle of which only poses are known: it reports its own pose, or the poses were recorded.
+    /// In a running city it has the status of its motion, and its model is `measured`.
     Physical = 8,
-    /// A vehicle of the laboratory that has not been measured lately: hidden, or away.
+    /// Physical vehicle that is not measured: occluded or removed.
     Unseen = 9,
 }
 
@@ -60,7 +59,7 @@ impl Status {
         Self::Unseen,
     ];
 
-    /// The status in words, as tables show it.
+    /// Label for tables.
     pub fn label(self) -> &'static str {
         match self {
             Self::Waiting => "waiting",
@@ -89,52 +88,52 @@ pub enum Indicator {
     Hazard = 3,
 }
 
-/// The measures of a vehicle that drawing and driving need, city metres.
+/// Dimensions of a vehicle for drawing and driving, city metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dimensions {
     pub length_m: f64,
     pub width_m: f64,
     pub height_m: f64,
     pub wheelbase_m: f64,
-    /// Between the middles of the left and right wheels.
+    /// Track width between wheel centres.
     pub track_m: f64,
     pub wheel_radius_m: f64,
 }
 
 impl Dimensions {
-    /// From the middle of the outline forward to the front axle. The overhangs are equal.
+    /// Distance from the middle of the outline to the front axle. The overhangs are equal.
     pub fn front_axle_m(&self) -> f64 {
         self.wheelbase_m / 2.0
     }
 }
 
-/// The unchanging part of a vehicle.
+/// Static data of a vehicle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VehicleInfo {
     pub id: VehicleId,
-    /// The name it goes by in the laboratory: VICON's subject.
+    /// Its name in the laboratory: the VICON subject.
     pub name: String,
     pub dimensions: Dimensions,
     pub appearance: Appearance,
-    /// Name of the dynamics model; none where only its poses are known.
+    /// Name of the dynamics model; empty if only poses are known.
     pub model: String,
 }
 
-/// The model of vehicles that are measured instead of simulated.
+/// Model name of physical vehicles.
 const MEASURED: &str = "measured";
 
 impl VehicleInfo {
-    /// Whether more than its poses is known: pedals, steering, where it was to drive.
+    /// Whether control data is known besides poses: pedals, steering, path.
     pub fn tells_control(&self) -> bool {
         !self.model.is_empty()
     }
 
-    /// Whether it is a vehicle of the laboratory, drawn as it is measured.
+    /// Whether it is a physical vehicle.
     pub fn is_physical(&self) -> bool {
         self.model == MEASURED
     }
 
-    /// What of a vehicle's build does not change.
+    /// The static data from a specification.
     pub fn of(id: VehicleId, name: &str, appearance: Appearance, spec: &VehicleSpec) -> Self {
         let model = match spec.model {
             ModelKind::Raycast => "raycast",
@@ -148,12 +147,11 @@ impl VehicleInfo {
 /// One wheel: front left, front right, rear left, rear right.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct WheelState {
-    /// Rolled angle about the axle, growing as the vehicle moves forward.
+    /// Rolling angle about the axle, increasing forwards.
     pub spin_rad: f64,
     /// Steering angle of this wheel, left-positive.
     pub steer_rad: f64,
-    /// Height of the wheel's centre above the road in its rest position is the wheel's radius; this
-    /// is how far the suspension has lifted it towards the body.
+    /// Suspension travel towards the body. At rest the wheel centre is a wheel radius above the road.
     pub lift_m: f64,
 }
 
@@ -183,15 +181,15 @@ pub struct VehicleState {
     pub brake_lights: bool,
     pub indicator: Indicator,
     pub wheels: [WheelState; 4],
-    /// Front-axle centre from the desired path, left-positive; 0 without a path.
+    /// Lateral error: front-axle centre from the desired path, left-positive; 0 without a path.
     pub lateral_error_m: f64,
-    /// Since the start, along the vehicle's own track.
+    /// Odometer: distance driven since the start.
     pub distance_m: f64,
 }
 
 impl VehicleState {
-    /// [`Self::lateral_error_m`] where the vehicle is to follow a path: none while a person drives.
-    pub fn told_lateral_error_m(&self) -> Option<f64> {
+    /// [`Self::lateral_error_m`] if the vehicle follows a path: `None` while a person drives.
+    pub fn tracked_lateral_error_m(&self) -> Option<f64> {
         (self.status != Status::Manual).then_some(self.lateral_error_m)
     }
 
@@ -201,7 +199,7 @@ impl VehicleState {
         Pose2 { position: self.position.truncate(), yaw_rad: trig::atan2(forward.y, forward.x) }
     }
 
-    /// Moves back towards an earlier state: what is seen of the motion lies between the two.
+    /// Interpolates towards an earlier state for drawing.
     pub(super) fn blend_from(&mut self, earlier: &Self, weight: f64) {
         let between = |from, to| super::lerp(from, to, weight);
         self.position = earlier.position.lerp(self.position, weight);

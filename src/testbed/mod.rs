@@ -1,8 +1,7 @@
-//! Robots in place of the laboratory's: what they make of trajectories, and how motion capture sees them.
-//! Without sockets or clocks of the wall.
+//! Emulator of the laboratory's robots and motion capture, without sockets or wall-clock time.
 //!
-//! They drive in full-scale metres as the city's vehicles do, as kinematic bicycles whose pedals and steering
-//! follow late ([`EnvironmentSpec::actuator_lag_s`]); between them and who drives them is an [`Environment`].
+//! Robots drive in full-scale metres as kinematic bicycles, with a first-order lag of pedals and steering
+//! ([`EnvironmentSpec::actuator_lag_s`]). An [`Environment`] delays and disturbs their link.
 
 use crate::environment::{Environment, EnvironmentSpec};
 use crate::geom::{LengthScale, Pose2};
@@ -13,22 +12,22 @@ use crate::vehicle::{Actuation, Dynamics, Motion, Tracker, VehicleModel};
 use crate::wire::{Measurement, Message};
 use std::collections::BTreeMap;
 
-/// Holds a robot whose experiment stands.
+/// Actuation that holds a robot while the experiment does not run.
 const HOLDING: Actuation =
     Actuation { gas: 0.0, brake: 1.0, handbrake: 1.0, steering_rad: 0.0, reverse: false };
 
-/// A clock that is off by less is brought nearer by this share at each reading, by more it is set.
-const SLEWED_S: f64 = 0.05;
-const SLEW: f64 = 0.1;
+/// Clock synchronisation: smaller offsets are slewed by this share at each update, larger ones are stepped.
+const STEP_THRESHOLD_S: f64 = 0.05;
+const SLEW_SHARE: f64 = 0.1;
 
-/// The experiment's clock, as who drives has told it.
+/// The experiment's clock, as the controller has sent it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ExperimentClock {
     pub time_s: f64,
     pub is_running: bool,
 }
 
-/// The robots of an experiment.
+/// The emulated robots of an experiment.
 #[derive(Debug)]
 pub struct Testbed {
     scale: LengthScale,
@@ -38,14 +37,14 @@ pub struct Testbed {
     physics: Physics,
     robots: BTreeMap<VehicleId, Robot>,
     environment: Environment,
-    /// Steps made; the time in which messages and poses are under way.
+    /// Steps since the start: the clock of delays.
     ticks: u64,
     clock: ExperimentClock,
     sent: Vec<Message>,
     delivered: Vec<Message>,
 }
 
-/// One robot.
+/// One emulated robot.
 #[derive(Debug)]
 struct Robot {
     spec: VehicleSpec,
@@ -54,15 +53,15 @@ struct Robot {
     dynamics: Dynamics,
     motion: Motion,
     tracker: Tracker,
-    /// What pedals and steering do, behind what is asked of them.
+    /// Actual pedals and steering, behind the requested ones.
     actuation: Actuation,
-    /// When the last trajectory came, by the experiment's clock.
-    heard_s: Option<f64>,
+    /// Time of the last trajectory, by the experiment's clock.
+    last_trajectory_s: Option<f64>,
     sequence: Option<u32>,
 }
 
 impl Testbed {
-    /// The physical vehicles of an experiment, at their starts.
+    /// Emulates the physical vehicles of an experiment, at their starts.
     pub fn new(experiment: &Experiment) -> Self {
         let dt_s = experiment.rates.dt_s();
         let mut physics = Physics::new(dt_s);
@@ -77,7 +76,7 @@ impl Testbed {
             lag_s: spec.actuator_lag_s,
             physics,
             robots,
-            // Here drives are late by their dynamics, and not by what they are told.
+            // The lag is in the dynamics here, not in the trajectories.
             environment: Environment::new(EnvironmentSpec { actuator_lag_s: 0.0, ..spec }, experiment.seed),
             ticks: 0,
             clock: ExperimentClock::default(),
@@ -86,7 +85,7 @@ impl Testbed {
         }
     }
 
-    /// Seconds since its beginning.
+    /// Seconds since the start of the emulation.
     pub fn time_s(&self) -> f64 {
         self.ticks as f64 * self.dt_s
     }
@@ -95,39 +94,39 @@ impl Testbed {
         self.clock
     }
 
-    /// Takes in what the experiment's clock shows. Where it has been reset the robots are put back to their
-    /// starts, as somebody does it in the laboratory.
+    /// Synchronises with the experiment's clock. A reset puts the robots back to their starts, as a person does in the
+    /// laboratory.
     pub fn set_clock(&mut self, clock: ExperimentClock) {
         let is_reset = !clock.is_running && clock.time_s == 0.0 && self.clock.time_s > 0.0;
         let ahead_s = clock.time_s - self.clock.time_s;
-        if clock.is_running && self.clock.is_running && ahead_s.abs() < SLEWED_S {
-            // What it is told was under way for a while, now longer, now shorter.
-            self.clock.time_s += ahead_s * SLEW;
+        if clock.is_running && self.clock.is_running && ahead_s.abs() < STEP_THRESHOLD_S {
+            // Jitter of the network: the offset is slewed, not stepped.
+            self.clock.time_s += ahead_s * SLEW_SHARE;
         } else {
             self.clock = clock;
         }
         if is_reset {
             for robot in self.robots.values_mut() {
-                robot.put_back(&mut self.physics, self.scale, self.dt_s);
+                robot.reset(&mut self.physics, self.scale, self.dt_s);
             }
         }
     }
 
-    /// Somebody else drives from now on: sequences begin anew.
-    pub fn hear_anew(&mut self, vehicle: VehicleId) {
+    /// Accepts any sequence number next: another controller takes over.
+    pub fn reset_sequence(&mut self, vehicle: VehicleId) {
         if let Some(robot) = self.robots.get_mut(&vehicle) {
             robot.sequence = None;
         }
     }
 
-    /// Takes a trajectory in, laboratory metres; it arrives when the environment lets it.
+    /// Sends a trajectory in laboratory metres; the environment delays or loses it.
     pub fn follow(&mut self, trajectory: &Trajectory) {
         if self.robots.contains_key(&trajectory.vehicle) {
             self.sent.push(Message::Follow(trajectory.clone()));
         }
     }
 
-    /// One step; adds the poses that arrive from motion capture by then. Their stamps are the experiment's clock.
+    /// Makes one step; adds the poses that arrive from motion capture by then, stamped with the experiment's clock.
     pub fn step(&mut self, arrived: &mut Vec<Measurement>) {
         self.delivered.clear();
         self.environment.command(self.time_s(), self.sent.drain(..), &mut self.delivered);
@@ -140,8 +139,8 @@ impl Testbed {
         }
         let share = if self.lag_s > 0.0 { (self.dt_s / self.lag_s).min(1.0) } else { 1.0 };
         for robot in self.robots.values_mut() {
-            let asked = robot.decide(self.clock, self.dt_s, self.link_timeout_s);
-            robot.approach(&asked, share);
+            let requested = robot.requested_actuation(self.clock, self.dt_s, self.link_timeout_s);
+            robot.apply_lag(&requested, share);
             robot.dynamics.apply(&mut self.physics, &robot.spec, &robot.actuation, self.dt_s);
         }
         self.physics.step();
@@ -176,49 +175,50 @@ impl Robot {
             motion,
             tracker: Tracker::default(),
             actuation: HOLDING,
-            heard_s: None,
+            last_trajectory_s: None,
             sequence: None,
         }
     }
 
-    fn put_back(&mut self, physics: &mut Physics, scale: LengthScale, dt_s: f64) {
+    fn reset(&mut self, physics: &mut Physics, scale: LengthScale, dt_s: f64) {
         self.dynamics.remove(physics);
         self.dynamics = Dynamics::spawn(physics, &self.spec, (self.start, 0.0), scale);
         self.motion = self.dynamics.read_back(physics, &self.spec, dt_s);
         (self.tracker, self.actuation) = (Tracker::default(), HOLDING);
-        (self.heard_s, self.sequence) = (None, None);
+        (self.last_trajectory_s, self.sequence) = (None, None);
     }
 
     fn follow(&mut self, trajectory: &Trajectory, time_s: f64, link_timeout_s: f64) {
         let is_new = self.sequence.is_none_or(|last| trajectory.follows(last));
         if is_new && !trajectory.is_over(time_s - link_timeout_s) {
-            (self.sequence, self.heard_s) = (Some(trajectory.sequence), Some(time_s));
+            (self.sequence, self.last_trajectory_s) = (Some(trajectory.sequence), Some(time_s));
             self.tracker.follow(trajectory);
         }
     }
 
-    /// What it asks of its pedals and its steering.
-    fn decide(&mut self, clock: ExperimentClock, dt_s: f64, link_timeout_s: f64) -> Actuation {
-        let Some(heard_s) = self.heard_s.filter(|_| clock.is_running) else {
+    /// Tracks the trajectory: the requested pedals and steering.
+    fn requested_actuation(&mut self, clock: ExperimentClock, dt_s: f64, link_timeout_s: f64) -> Actuation {
+        let Some(last_trajectory_s) = self.last_trajectory_s.filter(|_| clock.is_running) else {
             return Actuation { steering_rad: self.actuation.steering_rad, ..HOLDING };
         };
-        if clock.time_s - heard_s > link_timeout_s {
+        if clock.time_s - last_trajectory_s > link_timeout_s {
             self.tracker.stop_on_path();
         }
         self.tracker.step(&self.spec, &self.motion, clock.time_s, dt_s).actuation
     }
 
-    fn approach(&mut self, asked: &Actuation, share: f64) {
+    /// First-order lag of the actuators.
+    fn apply_lag(&mut self, requested: &Actuation, share: f64) {
         let now = &mut self.actuation;
-        for (value, asked) in [
-            (&mut now.gas, asked.gas),
-            (&mut now.brake, asked.brake),
-            (&mut now.handbrake, asked.handbrake),
-            (&mut now.steering_rad, asked.steering_rad),
+        for (value, requested) in [
+            (&mut now.gas, requested.gas),
+            (&mut now.brake, requested.brake),
+            (&mut now.handbrake, requested.handbrake),
+            (&mut now.steering_rad, requested.steering_rad),
         ] {
-            *value += (asked - *value) * share;
+            *value += (requested - *value) * share;
         }
-        now.reverse = asked.reverse;
+        now.reverse = requested.reverse;
     }
 }
 
@@ -229,7 +229,7 @@ mod tests {
     use crate::scenario::{Library, Overrides, read_experiment};
     use crate::snapshot::TrajectoryPoint;
 
-    /// Full scale: where a robot's front axle is told to be, from a stand into an arc.
+    /// Desired path of a robot's front axle, full scale: from a stand into an arc.
     struct Path {
         straight: Segment,
         arc: Segment,
@@ -249,7 +249,7 @@ mod tests {
             if beyond < 0.0 { self.straight.pose_at(s) } else { self.arc.pose_at(beyond) }
         }
 
-        /// What is sent at a time: two seconds ahead, of a vehicle that begins to move at 0.
+        /// The trajectory at a time: two seconds ahead, of a vehicle that starts to move at 0.
         fn trajectory(
             &self,
             vehicle: VehicleId,
@@ -314,7 +314,7 @@ mod tests {
         let turned =
             wrap_angle(testbed.robots[&id].motion.pose().yaw_rad - paths[&id].straight.start.yaw_rad);
         assert!(turned.abs() > 0.5, "it stops on the arc, {turned} rad on");
-        // What it was told last ends two seconds later, and before that it takes the link for lost.
+        // The last trajectory ends two seconds later; before that the robot counts the link as lost.
         let braked_s = (0..).find(|k| at(last_heard_s + 0.01 * f64::from(*k)) < SPEED_MPS - 1.0).unwrap();
         let waited_s = 0.01 * f64::from(braked_s);
         assert!(

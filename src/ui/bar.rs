@@ -1,24 +1,24 @@
-//! The bar at the top: the experiment's controls, its clock, the scenario, and what is shown.
+//! The toolbar: controls of the run, clock, scenario, camera and quality.
 
-use super::viewpoint::Mode;
-use super::{Action, Choice, Look, Preset, Shown, State};
-use crate::live::{Order, Phase, Speed};
+use super::viewpoint::CameraMode;
+use super::{Look, QualityPreset, ScenarioChoice, UiAction, UiState, ViewModel};
+use crate::live::{RunCommand, RunPhase, Speed};
 use egui::{Button, ComboBox, RichText, Ui};
 use std::path::Path;
 
-/// Speeds that the picker offers.
+/// The selectable speeds.
 const SPEEDS: [f64; 8] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
 
-pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     ui.horizontal_wrapped(|ui| {
         // One row at the width of 1280 points, whatever its menus say.
         ui.spacing_mut().item_spacing.x = 6.0;
         if let Some(replay) = &shown.replay {
-            let tip = format!("What the log {} has recorded; nothing is simulated", shown.scenario);
+            let tip = format!("The recorded run of {}; nothing is simulated", shown.scenario);
             ui.label(RichText::new(format!("Replay of {}", replay.name)).strong()).on_hover_text(tip);
         } else {
             run_controls(ui, shown, actions);
-            speed(ui, shown.moment.speed, actions);
+            speed(ui, shown.run_state.speed, actions);
             clock(ui, shown);
             ui.separator();
             scenario(ui, shown, actions);
@@ -37,35 +37,35 @@ pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec
     });
 }
 
-/// Room of a button of the run, and of what is said of its clock, points.
+/// Widths of a run button and of the real-time factor, points.
 const BUTTON: f32 = 72.0;
 const PACE: f32 = 58.0;
 
-fn run_controls(ui: &mut Ui, shown: &Shown<'_>, actions: &mut Vec<Action>) {
-    let phase = &shown.moment.phase;
-    let can_run = !matches!(phase, Phase::Failed(_));
-    let mut button = |ui: &mut Ui, text: &str, enabled: bool, tip: &str, order: Order| {
-        // Another text takes no other room: what stands beside it stays where it is.
-        let least = if order == Order::Start || order == Order::Pause { BUTTON } else { 0.0 };
+fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    let phase = &shown.run_state.phase;
+    let can_run = !matches!(phase, RunPhase::Failed(_));
+    let mut button = |ui: &mut Ui, text: &str, enabled: bool, tip: &str, order: RunCommand| {
+        // Fixed width, so that its neighbours do not move.
+        let least = if order == RunCommand::Start || order == RunCommand::Pause { BUTTON } else { 0.0 };
         let button = Button::new(text).min_size(egui::vec2(least, 0.0));
         if ui.add_enabled(enabled, button).on_hover_text(tip).clicked() {
-            actions.push(Action::Order(order));
+            actions.push(UiAction::RunCommand(order));
         }
     };
-    if *phase == Phase::Running {
-        button(ui, "\u{23f8} Pause", true, "Hold the experiment (Space)", Order::Pause);
-    } else if *phase == Phase::Over {
-        let tip = format!("Goes on beyond the {} s of the scenario, until paused (Space)", shown.duration_s);
-        button(ui, "\u{25b6} Go on", true, &tip, Order::Start);
+    if *phase == RunPhase::Running {
+        button(ui, "\u{23f8} Pause", true, "Pause the experiment (Space)", RunCommand::Pause);
+    } else if *phase == RunPhase::Over {
+        let tip = format!("Continue beyond the {} s of the scenario, until paused (Space)", shown.duration_s);
+        button(ui, "\u{25b6} Go on", true, &tip, RunCommand::Start);
     } else {
-        button(ui, "\u{25b6} Start", can_run, "Let the experiment run (Space)", Order::Start);
+        button(ui, "\u{25b6} Start", can_run, "Start the experiment (Space)", RunCommand::Start);
     }
-    button(ui, "\u{23ed} Step", can_run, "One tick, then hold (N)", Order::Step);
+    button(ui, "\u{23ed} Step", can_run, "Advance by one tick, then pause (N)", RunCommand::Step);
     let tip = "Back to the start; a new log begins (Ctrl+R)";
-    button(ui, "\u{27f2} Reset", true, tip, Order::Reset);
+    button(ui, "\u{27f2} Reset", true, tip, RunCommand::Reset);
 }
 
-fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<Action>) {
+fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<UiAction>) {
     let mut chosen = present;
     ComboBox::from_id_salt("speed")
         .selected_text(speed_label(present))
@@ -77,9 +77,9 @@ fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<Action>) {
             ui.selectable_value(&mut chosen, Speed::Unlimited, speed_label(Speed::Unlimited));
         })
         .response
-        .on_hover_text("Simulated seconds in a second (+ and -)");
+        .on_hover_text("Simulated seconds per second (+ and -)");
     if chosen != present {
-        actions.push(Action::Order(Order::Speed(chosen)));
+        actions.push(UiAction::RunCommand(RunCommand::Speed(chosen)));
     }
 }
 
@@ -90,7 +90,7 @@ fn speed_label(speed: Speed) -> String {
     }
 }
 
-/// The next speed up or down the list.
+/// The next speed up or down the list, or the present one at its end.
 pub fn other_speed(present: Speed, faster: bool) -> Speed {
     let Speed::Times(factor) = present else {
         return if faster { present } else { Speed::Times(SPEEDS[SPEEDS.len() - 1]) };
@@ -107,26 +107,26 @@ pub fn other_speed(present: Speed, faster: bool) -> Speed {
     }
 }
 
-fn clock(ui: &mut Ui, shown: &Shown<'_>) {
-    let moment = shown.moment;
-    let text = format!("{:6.2} s", moment.now.time_s);
+fn clock(ui: &mut Ui, shown: &ViewModel<'_>) {
+    let run_state = shown.run_state;
+    let text = format!("{:6.2} s", run_state.now.time_s);
     let tip =
-        format!("Experiment clock, tick {}; the scenario lasts {} s", moment.now.tick, shown.duration_s);
+        format!("Experiment clock, tick {}; the scenario lasts {} s", run_state.now.tick, shown.duration_s);
     ui.label(RichText::new(text).monospace().strong()).on_hover_text(&tip);
     ui.label(RichText::new(format!("/ {} s", shown.duration_s)).weak()).on_hover_text(tip);
-    let (text, tip) = match &moment.phase {
-        Phase::Running => (
-            format!("at {}x", factor(moment.real_time_factor)),
-            "Real-time factor: simulated seconds in a second, as measured",
+    let (text, tip) = match &run_state.phase {
+        RunPhase::Running => (
+            format!("at {}x", factor(run_state.real_time_factor)),
+            "Real-time factor: simulated seconds per second, as measured",
         ),
-        Phase::Over => {
-            ("over".to_owned(), "The scenario's duration is over: Go on drives beyond it, Reset begins again")
+        RunPhase::Over => {
+            ("over".to_owned(), "The scenario's duration is over: Go on continues, Reset starts again")
         }
-        Phase::Failed(reason) => (format!("failed: {reason}"), "Reset begins again"),
-        phase => (phase.label().to_owned(), "Start or Space lets it run"),
+        RunPhase::Failed(reason) => (format!("failed: {reason}"), "Reset starts again"),
+        phase => (phase.label().to_owned(), "Start or Space runs the experiment"),
     };
     let mut text = RichText::new(text);
-    if matches!(moment.phase, Phase::Over | Phase::Failed(_)) {
+    if matches!(run_state.phase, RunPhase::Over | RunPhase::Failed(_)) {
         text = text.strong().color(ui.visuals().warn_fg_color);
     }
     let line = egui::vec2(PACE, ui.spacing().interact_size.y);
@@ -143,7 +143,7 @@ fn factor(factor: f64) -> String {
     format!("{factor:.digits$}")
 }
 
-fn scenario(ui: &mut Ui, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+fn scenario(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     // A whole path would leave no room for the rest.
     let short = |name: &str| -> String {
         let stem = Path::new(name).file_stem();
@@ -151,7 +151,7 @@ fn scenario(ui: &mut Ui, shown: &Shown<'_>, actions: &mut Vec<Action>) {
     };
     let picker = ComboBox::from_id_salt("scenario").selected_text(short(shown.scenario));
     let choices = |ui: &mut Ui| {
-        for Choice { name, description } in shown.scenarios {
+        for ScenarioChoice { name, description } in shown.scenarios {
             let mut chosen = ui.selectable_label(name == shown.scenario, short(name));
             if short(name) != *name {
                 chosen = chosen.on_hover_text(name);
@@ -160,19 +160,19 @@ fn scenario(ui: &mut Ui, shown: &Shown<'_>, actions: &mut Vec<Action>) {
                 chosen = chosen.on_hover_text(description);
             }
             if chosen.clicked() && name != shown.scenario {
-                actions.push(Action::Scenario(name.clone()));
+                actions.push(UiAction::Scenario(name.clone()));
             }
         }
     };
     let present = shown.scenarios.iter().find(|choice| choice.name == shown.scenario);
     let about = present.map(|choice| choice.description.as_str()).filter(|about| !about.is_empty());
     let tip = about.map_or_else(String::new, |about| format!("{about}.\n"));
-    let tip = format!("{tip}The experiment {}; another one begins at its start", shown.scenario);
+    let tip = format!("{tip}The experiment {}; another one starts from its beginning", shown.scenario);
     picker.show_ui(ui, choices).response.on_hover_text(tip);
 }
 
-fn cameras(ui: &mut Ui, state: &mut State) {
-    for (index, mode) in Mode::ALL.into_iter().enumerate() {
+fn cameras(ui: &mut Ui, state: &mut UiState) {
+    for (index, mode) in CameraMode::ALL.into_iter().enumerate() {
         let tip = format!("{} ({})", camera_tip(mode), index + 1);
         let is_on = state.viewpoint.mode == mode;
         if ui.selectable_label(is_on, mode.label()).on_hover_text(tip).clicked() {
@@ -181,25 +181,25 @@ fn cameras(ui: &mut Ui, state: &mut State) {
     }
 }
 
-fn camera_tip(mode: Mode) -> &'static str {
+fn camera_tip(mode: CameraMode) -> &'static str {
     match mode {
-        Mode::Orbit => {
+        CameraMode::Orbit => {
             "Around a point or the followed vehicle: drag to turn, right-drag to move, scroll to zoom"
         }
-        Mode::Chase => "Behind the selected vehicle",
-        Mode::Onboard => "From behind the windscreen of the selected vehicle",
-        Mode::Overhead => "Straight down",
-        Mode::Free => "Fly with W A S D, Q and E; drag to look around",
+        CameraMode::Chase => "Behind the selected vehicle",
+        CameraMode::Onboard => "From behind the windscreen of the selected vehicle",
+        CameraMode::Overhead => "Straight down",
+        CameraMode::Free => "Fly with W A S D, Q and E; drag to look around",
     }
 }
 
-fn look(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
+fn look(ui: &mut Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
     let before = state.look;
     ComboBox::from_id_salt("quality")
         .selected_text(state.look.preset.label())
         .width(62.0)
         .show_ui(ui, |ui| {
-            for preset in Preset::ALL {
+            for preset in QualityPreset::ALL {
                 ui.selectable_value(&mut state.look.preset, preset, preset.label());
             }
         })
@@ -216,7 +216,7 @@ fn look(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
         .response
         .on_hover_text("Time of day");
     if state.look != before {
-        actions.push(Action::Look(state.look));
+        actions.push(UiAction::Look(state.look));
     }
 }
 

@@ -1,29 +1,29 @@
-//! The large view of the city: its picture, what is drawn over it, and the mouse in it.
+//! The large view of the city: picture, overlays, and mouse control.
 
 use super::layers::{self, Canvas};
-use super::{Picture, Shown, Slot, State, map, status};
-use crate::live::Phase;
+use super::{PictureRequest, PictureSlot, UiState, ViewModel, map, status};
+use crate::live::RunPhase;
 use crate::snapshot::{Status, VehicleId};
 use egui::emath::GuiRounding as _;
 use egui::{Align2, Color32, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Ui};
 use glam::DVec3;
 
-/// A click this near to a vehicle, in points, means it.
+/// Picking radius, points.
 const NEAR_POINTS: f32 = 16.0;
 /// Points of scrolling that are one step of zoom.
 const SCROLL_STEP: f64 = 40.0;
 
-pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>) {
+pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     let rect = ui.available_rect_before_wrap().round_to_pixels(ui.ctx().pixels_per_point());
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     move_camera(ui, &response, state);
-    state.viewpoint.attend(shown.seen);
-    let moves = shown.moment.phase == Phase::Running || response.dragged() || state.is_scrubbing;
+    state.viewpoint.update(shown.interpolated);
+    let moves = shown.run_state.phase == RunPhase::Running || response.dragged() || state.is_scrubbing;
     let extent = extent(rect, ui.ctx().pixels_per_point(), shown.most_moving_pixels.filter(|_| moves));
-    state.viewpoint.show_whole(shown.seen, extent, shown.walls);
-    let view = state.viewpoint.view(shown.seen, extent);
-    state.pictures.push(Picture { slot: Slot::City, view });
-    super::paint_picture(ui, rect, shown, Slot::City);
+    state.viewpoint.show_whole(shown.interpolated, extent, shown.walls);
+    let view = state.viewpoint.view(shown.interpolated, extent);
+    state.pictures.push(PictureRequest { slot: PictureSlot::City, view });
+    super::paint_picture(ui, rect, shown, PictureSlot::City);
     let canvas = Canvas::new(ui, &view, rect);
     if let (true, Some(at)) =
         (response.clicked() || response.double_clicked(), response.interact_pointer_pos())
@@ -46,7 +46,7 @@ pub fn show(ui: &mut Ui, state: &mut State, shown: &Shown<'_>) {
     notice(ui, free, state);
 }
 
-/// Pixels of the picture: those of its place, or fewer.
+/// Resolution of the picture, reduced to the pixel budget.
 fn extent(rect: Rect, pixels_per_point: f32, most: Option<u32>) -> [u32; 2] {
     let [width, height] = super::pixels(rect.size(), pixels_per_point);
     let there = width as f32 * height as f32;
@@ -54,7 +54,7 @@ fn extent(rect: Rect, pixels_per_point: f32, most: Option<u32>) -> [u32; 2] {
     super::pixels(rect.size(), pixels_per_point * scale)
 }
 
-fn move_camera(ui: &Ui, response: &Response, state: &mut State) {
+fn move_camera(ui: &Ui, response: &Response, state: &mut UiState) {
     let delta = response.drag_delta();
     let (right, down) = (f64::from(delta.x), f64::from(delta.y));
     let shifts = ui.input(|input| input.modifiers.shift);
@@ -72,9 +72,9 @@ fn move_camera(ui: &Ui, response: &Response, state: &mut State) {
     }
 }
 
-/// The vehicle at a point of the screen; of several the nearest to the camera.
-fn pick(canvas: &Canvas<'_>, shown: &Shown<'_>, at: Pos2) -> Option<VehicleId> {
-    let hits = shown.seen.iter().filter_map(|(vehicle, info)| {
+/// Picking: the vehicle at a screen point, of several the nearest to the camera.
+fn pick(canvas: &Canvas<'_>, shown: &ViewModel<'_>, at: Pos2) -> Option<VehicleId> {
+    let hits = shown.interpolated.iter().filter_map(|(vehicle, info)| {
         let d = &info.dimensions;
         let forward = vehicle.orientation * DVec3::X * (d.length_m / 2.0);
         let middle = vehicle.position + DVec3::Z * (d.height_m / 2.0);
@@ -94,12 +94,12 @@ fn distance_to_segment(point: Pos2, from: Pos2, to: Pos2) -> f32 {
 }
 
 /// Speed and pedals of the vehicle that the user drives.
-fn dashboard(ui: &Ui, rect: Rect, state: &State, shown: &Shown<'_>) {
+fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
     let Some(driving) = &state.driving else { return };
-    let Some(vehicle) = shown.moment.now.vehicle(driving.vehicle) else { return };
+    let Some(vehicle) = shown.run_state.now.vehicle(driving.vehicle) else { return };
     let pedals = driving.driver().pedals();
     let gear = match (pedals.reverse, driving.driver().is_shifting()) {
-        (_, true) => "stop first, then the gear changes",
+        (_, true) => "stop before you change gear",
         (true, false) => "gear R",
         (false, false) => "gear D",
     };
@@ -119,7 +119,7 @@ fn dashboard(ui: &Ui, rect: Rect, state: &State, shown: &Shown<'_>) {
                     ui.set_width(320.0_f32.min(rect.width() - 24.0).max(80.0));
                     ui.label(RichText::new(speed).size(30.0).strong());
                     ui.label(format!("{gear}   {arrows}"));
-                    if let Some(trouble) = trouble(vehicle.status, &shown.moment.phase, pedals.reverse) {
+                    if let Some(trouble) = trouble(vehicle.status, &shown.run_state.phase, pedals.reverse) {
                         ui.label(RichText::new(trouble).strong().color(ui.visuals().warn_fg_color));
                     }
                     if driving.is_by_device() {
@@ -133,19 +133,19 @@ fn dashboard(ui: &Ui, rect: Rect, state: &State, shown: &Shown<'_>) {
         });
 }
 
-/// Why a car does not do what the person at its wheel wants.
-fn trouble(status: Status, phase: &Phase, reverse: bool) -> Option<&'static str> {
+/// Why the vehicle does not obey its driver.
+fn trouble(status: Status, phase: &RunPhase, reverse: bool) -> Option<&'static str> {
     match (phase, status) {
-        (Phase::Over, _) => Some("The scenario is over: Space goes on, Ctrl+R begins again"),
-        (Phase::Running, Status::Collided) if reverse => Some("Collided: W backs off"),
-        (Phase::Running, Status::Collided) => Some("Collided: W drives on, R then W backs off"),
-        (Phase::Running, _) | (Phase::Failed(_), _) => None,
-        _ => Some("The experiment stands: Space starts it"),
+        (RunPhase::Over, _) => Some("The scenario is over: Space continues, Ctrl+R starts again"),
+        (RunPhase::Running, Status::Collided) if reverse => Some("Collided: W backs off"),
+        (RunPhase::Running, Status::Collided) => Some("Collided: W drives on, R then W backs off"),
+        (RunPhase::Running, _) | (RunPhase::Failed(_), _) => None,
+        _ => Some("The experiment is not running: Space starts it"),
     }
 }
 
-/// Says what is being loaded; the city behind it stays as it was.
-fn loading(ui: &Ui, rect: Rect, shown: &Shown<'_>) {
+/// Shows what is being loaded; the city stays as it is.
+fn loading(ui: &Ui, rect: Rect, shown: &ViewModel<'_>) {
     let Some(what) = shown.loading else { return };
     egui::Area::new(ui.scope_id().with("loading"))
         .fixed_pos(rect.center())
@@ -161,10 +161,12 @@ fn loading(ui: &Ui, rect: Rect, shown: &Shown<'_>) {
         });
 }
 
-/// Whose way the camera goes: right before it, a vehicle has no label.
-fn followed(ui: &Ui, rect: Rect, state: &State, shown: &Shown<'_>) {
+/// Names the followed vehicle, which has no label.
+fn followed(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
     let Some(id) = state.viewpoint.follow else { return };
-    let Some((vehicle, info)) = shown.seen.vehicle(id).zip(shown.seen.info(id)) else { return };
+    let Some((vehicle, info)) = shown.interpolated.vehicle(id).zip(shown.interpolated.info(id)) else {
+        return;
+    };
     let [r, g, b] = info.appearance.colour;
     let text = format!("{}: {} {}", state.viewpoint.mode.label(), id, info.name);
     let painter = ui.painter_at(rect);
@@ -182,7 +184,7 @@ fn followed(ui: &Ui, rect: Rect, state: &State, shown: &Shown<'_>) {
     painter.galley(place.min + egui::vec2(swatch + 6.0, 0.0), text, Color32::WHITE);
 }
 
-fn notice(ui: &Ui, rect: Rect, state: &mut State) {
+fn notice(ui: &Ui, rect: Rect, state: &mut UiState) {
     let now_s = ui.input(|input| input.time);
     state.notice = state.notice.take().filter(|(_, until_s)| now_s < *until_s);
     if let Some((text, until_s)) = &state.notice {

@@ -1,10 +1,10 @@
-//! The page of gamepads and steering wheels: which axis and button does what, assigned by moving it.
+//! The window of gamepads and steering wheels: mapping and calibration of axes and buttons.
 
-use super::{Action, State};
-use crate::cockpit::{Control, Device, Devices, Function};
+use super::{UiAction, UiState};
+use crate::cockpit::{ControlFunction, Device, DeviceControl, Devices};
 use egui::{RichText, Sense, Ui, Vec2};
 
-pub fn window(ui: &Ui, state: &mut State, actions: &mut Vec<Action>) {
+pub fn window(ui: &Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
     let mut is_open = state.open.controllers;
     if !is_open {
         state.devices.stop_learning();
@@ -27,17 +27,14 @@ pub fn window(ui: &Ui, state: &mut State, actions: &mut Vec<Action>) {
 
 const WIDTH: f32 = 470.0;
 
-/// Takes over what has been found out.
-fn finish(ui: &Ui, state: &mut State, actions: &mut Vec<Action>) {
+/// Applies a finished calibration.
+fn finish(ui: &Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
     let now_s = ui.input(|input| input.time);
     if let Some(taken) = state.devices.try_finish(now_s) {
-        actions.push(Action::KeepDevices);
+        actions.push(UiAction::KeepDevices);
         if !taken.is_empty() {
-            let names: Vec<&str> = taken.into_iter().map(Function::label).collect();
-            state.say(
-                format!("It did something else before, which has no control now: {}.", names.join(", ")),
-                now_s,
-            );
+            let names: Vec<&str> = taken.into_iter().map(ControlFunction::label).collect();
+            state.say(format!("Its former function has no control now: {}.", names.join(", ")), now_s);
         }
     }
     if state.devices.learning().is_some() {
@@ -53,28 +50,28 @@ fn nothing(ui: &mut Ui, devices: &Devices) {
     }
 }
 
-fn show(ui: &mut Ui, devices: &mut Devices, number: usize, actions: &mut Vec<Action>) {
+fn show(ui: &mut Ui, devices: &mut Devices, number: usize, actions: &mut Vec<UiAction>) {
     let Some(device) = devices.get(number).cloned() else { return };
     ui.horizontal(|ui| {
         ui.label(RichText::new(&device.name).strong());
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            if ui.small_button("Restore").on_hover_text("As it was before anything was assigned").clicked() {
+            if ui.small_button("Restore").on_hover_text("Restore the default assignments").clicked() {
                 devices.restore(number);
-                actions.push(Action::KeepDevices);
+                actions.push(UiAction::KeepDevices);
             }
         });
     });
     egui::Grid::new("functions").num_columns(5).show(ui, |ui| {
-        for function in Function::ALL {
+        for function in ControlFunction::ALL {
             row(ui, devices, (number, &device), function, actions);
             ui.end_row();
         }
     });
-    let mut eases = device.profile.eases;
-    let tip = "For sticks, which are short; a steering wheel turns the car's own";
-    if ui.checkbox(&mut eases, "Steers less the faster the car is").on_hover_text(tip).changed() {
-        devices.change(number, |profile| profile.eases = eases);
-        actions.push(Action::KeepDevices);
+    let mut speed_sensitive = device.profile.speed_sensitive;
+    let tip = "For thumb sticks; a steering wheel turns the car's wheel directly";
+    if ui.checkbox(&mut speed_sensitive, "Steers less the faster the car is").on_hover_text(tip).changed() {
+        devices.change(number, |profile| profile.speed_sensitive = speed_sensitive);
+        actions.push(UiAction::KeepDevices);
     }
     let request = devices.learning().filter(|(of, _)| *of == number);
     let text = request.map_or_else(
@@ -93,8 +90,8 @@ fn row(
     ui: &mut Ui,
     devices: &mut Devices,
     (number, device): (usize, &Device),
-    function: Function,
-    actions: &mut Vec<Action>,
+    function: ControlFunction,
+    actions: &mut Vec<UiAction>,
 ) {
     ui.label(function.label());
     let control = device.profile.control(function);
@@ -117,23 +114,23 @@ fn row(
     });
 }
 
-/// Turned round, with nothing happening at the beginning of its way, or without a control again.
+/// Buttons to invert a control, to clear it, and to set its dead zone.
 fn adjust(
     ui: &mut Ui,
     devices: &mut Devices,
     number: usize,
-    (function, control): (Function, Option<Control>),
-    actions: &mut Vec<Action>,
+    (function, control): (ControlFunction, Option<DeviceControl>),
+    actions: &mut Vec<UiAction>,
 ) {
     let mut changed = false;
-    let has_way = matches!(control, Some(Control::Axis(_))) || function.is_lever();
+    let has_way = matches!(control, Some(DeviceControl::Axis(_))) || function.is_lever();
     if has_way
         && ui.small_button("Invert").on_hover_text("Left becomes right, pressed becomes released").clicked()
     {
         devices.change(number, |profile| profile.invert(function));
         changed = true;
     }
-    if ui.small_button("x").on_hover_text("Assign nothing").clicked() {
+    if ui.small_button("x").on_hover_text("Remove the assignment").clicked() {
         devices.change(number, |profile| profile.clear(function));
         changed = true;
     }
@@ -141,18 +138,18 @@ fn adjust(
     if let (true, Some(before)) = (has_way, dead) {
         let mut percent = before * 100.0;
         let value = egui::DragValue::new(&mut percent).range(0.0..=60.0).fixed_decimals(0).suffix(" %");
-        if ui.add(value).on_hover_text("Dead zone: part of the way in which nothing happens yet").changed() {
+        if ui.add(value).on_hover_text("Dead zone: share of the travel that has no effect").changed() {
             devices.change(number, |profile| profile.set_dead_zone(function, percent / 100.0));
             changed = true;
         }
     }
     if changed {
-        actions.push(Action::KeepDevices);
+        actions.push(UiAction::KeepDevices);
     }
 }
 
-/// What a control does at present. Left is left.
-fn meter(ui: &mut Ui, device: &Device, function: Function) {
+/// Shows the present position of a control. Left is left.
+fn meter(ui: &mut Ui, device: &Device, function: ControlFunction) {
     let (rect, response) = ui.allocate_exact_size(Vec2::new(90.0, 10.0), Sense::hover());
     let position = device.position(function);
     response.widget_info(|| {
@@ -161,7 +158,7 @@ fn meter(ui: &mut Ui, device: &Device, function: Function) {
     });
     let painter = ui.painter();
     painter.rect_filled(rect, 2.0, ui.visuals().extreme_bg_color);
-    let (from, to) = if function == Function::Steering {
+    let (from, to) = if function == ControlFunction::Steering {
         let middle = rect.center().x;
         (middle, middle - position as f32 * rect.width() / 2.0)
     } else {

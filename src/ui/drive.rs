@@ -1,31 +1,31 @@
-//! Driving by hand: keys, gamepads and steering wheels become the pedals of a vehicle.
+//! Manual driving: sends the pedals from keys, gamepads and steering wheels to a vehicle.
 
-use super::{Action, Shown, State};
-use crate::cockpit::{Driver, Function, Hands, Keys};
-use crate::live::{Order, Phase};
+use super::{UiAction, UiState, ViewModel};
+use crate::cockpit::{ControlFunction, DriverInput, HeldKeys, ManualDriver};
+use crate::live::{RunCommand, RunPhase};
 use crate::snapshot::{Indicator, Pedals, SimCommand, VehicleId};
 use egui::{Key, Ui};
 
-/// The user at the wheel of a vehicle.
+/// Manual control of a vehicle by the user.
 #[derive(Clone, Copy, Debug)]
-pub struct Driving {
+pub struct ManualDrive {
     pub vehicle: VehicleId,
-    driver: Driver,
-    /// With a gamepad or a steering wheel, not with keys: what was used last counts.
+    driver: ManualDriver,
+    /// Whether a gamepad or a steering wheel drives, not the keys: the last one used wins.
     by_device: bool,
-    /// The pedals that the vehicle has been told of.
+    /// The pedals that were sent last.
     told: Option<Pedals>,
     run: u32,
 }
 
-impl Driving {
-    /// Takes a vehicle over in a run, with its wheels as they are.
+impl ManualDrive {
+    /// Takes over a vehicle in a run, at its present steering angle.
     pub fn take_over(vehicle: VehicleId, shown_run: u32, steering_rad: f64) -> Self {
-        let driver = Driver::taking_over(steering_rad);
+        let driver = ManualDriver::taking_over(steering_rad);
         Self { vehicle, driver, by_device: false, told: None, run: shown_run }
     }
 
-    /// Does what a pressed key asks of the vehicle. `false` for a key that has nothing to do with it.
+    /// Handles a pressed key; `false` for keys that do not drive.
     pub fn press(&mut self, key: Key) -> bool {
         match key {
             Key::R => self.driver.shift(),
@@ -37,19 +37,19 @@ impl Driving {
         true
     }
 
-    /// The same for a button of a device.
-    fn push(&mut self, function: Function) {
+    /// Handles a pressed button of a device.
+    fn push(&mut self, function: ControlFunction) {
         match function {
-            Function::Reverse => self.driver.shift(),
-            Function::IndicateLeft => self.driver.indicate(Indicator::Left),
-            Function::IndicateRight => self.driver.indicate(Indicator::Right),
-            Function::Hazard => self.driver.indicate(Indicator::Hazard),
-            // Those that are held are asked for at each pass.
+            ControlFunction::Reverse => self.driver.shift(),
+            ControlFunction::IndicateLeft => self.driver.indicate(Indicator::Left),
+            ControlFunction::IndicateRight => self.driver.indicate(Indicator::Right),
+            ControlFunction::Hazard => self.driver.indicate(Indicator::Hazard),
+            // Held functions are polled each frame.
             _ => {}
         }
     }
 
-    pub fn driver(&self) -> &Driver {
+    pub fn driver(&self) -> &ManualDriver {
         &self.driver
     }
 
@@ -58,68 +58,70 @@ impl Driving {
     }
 }
 
-/// Does what pressed buttons of gamepads and wheels ask for.
-pub fn act(state: &mut State, actions: &mut Vec<Action>) {
+/// Handles pressed buttons of gamepads and wheels.
+pub fn act(state: &mut UiState, actions: &mut Vec<UiAction>) {
     for function in state.devices.take_pressed() {
         match (&mut state.driving, function) {
-            (Some(_), Function::TakeWheel) => actions.push(Action::GiveBack),
-            (None, Function::TakeWheel) => actions.extend(state.selection.vehicle.map(Action::Drive)),
+            (Some(_), ControlFunction::TakeWheel) => actions.push(UiAction::GiveBack),
+            (None, ControlFunction::TakeWheel) => {
+                actions.extend(state.selection.vehicle.map(UiAction::Drive))
+            }
             (Some(driving), function) => driving.push(function),
             (None, _) => {}
         }
     }
 }
 
-/// Moves the pedals by the keys that are held and the levers of the device in use, and tells the vehicle of them.
-pub fn step(ui: &Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
-    // What is given back in this pass is told nothing more: the last command counts.
-    if actions.contains(&Action::GiveBack) {
+/// Advances the pedals by the held keys or the active device, and sends them to the vehicle when they change.
+pub fn step(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    // A vehicle given back in this frame gets no more commands: the last one wins.
+    if actions.contains(&UiAction::GiveBack) {
         return;
     }
     let Some(driving) = &mut state.driving else { return };
-    // A reset gives every vehicle back.
-    if driving.run != shown.moment.run {
+    // A reset releases every vehicle.
+    if driving.run != shown.run_state.run {
         state.driving = None;
         return;
     }
-    let (Some(vehicle), Some(handling)) =
-        (shown.moment.now.vehicle(driving.vehicle), shown.handling.get(&driving.vehicle))
+    let (Some(vehicle), Some(steering_geometry)) =
+        (shown.run_state.now.vehicle(driving.vehicle), shown.steering_geometry.get(&driving.vehicle))
     else {
         return;
     };
     let is_typing = ui.ctx().text_edit_focused();
     let dt_s = ui.input(|input| f64::from(input.stable_dt.min(0.1)));
-    let keys = if is_typing { Keys::default() } else { held(ui) };
+    let keys = if is_typing { HeldKeys::default() } else { held(ui) };
     let looks_back = ui.input(|input| input.key_down(Key::V)) && !is_typing;
-    state.viewpoint.rear = looks_back || state.devices.is_held(Function::LookBack);
-    driving.by_device = (driving.by_device || state.devices.take_used()) && keys == Keys::default();
+    state.viewpoint.rear = looks_back || state.devices.is_held(ControlFunction::LookBack);
+    driving.by_device = (driving.by_device || state.devices.take_used()) && keys == HeldKeys::default();
     let hands = match state.devices.levers() {
-        Some(levers) if driving.by_device => Hands::Levers(levers),
+        Some(levers) if driving.by_device => DriverInput::LeverPositions(levers),
         None if driving.by_device => {
-            // It has been unplugged, and nobody knows where its pedals are.
+            // The device was unplugged: release its pedals.
             driving.by_device = false;
-            driving.driver.let_go();
-            Hands::Keys(keys)
+            driving.driver.release_pedals();
+            DriverInput::HeldKeys(keys)
         }
-        _ => Hands::Keys(keys),
+        _ => DriverInput::HeldKeys(keys),
     };
-    // Pedals that nobody holds against a standing clock do not travel.
-    let dt_s = if shown.moment.phase == Phase::Running { dt_s } else { 0.0 };
-    let pedals = driving.driver.step(hands, vehicle.speed_mps, handling, dt_s);
+    // Pedals do not move while the run is paused.
+    let dt_s = if shown.run_state.phase == RunPhase::Running { dt_s } else { 0.0 };
+    let pedals = driving.driver.step(hands, vehicle.speed_mps, steering_geometry, dt_s);
     if driving.told != Some(pedals) {
         driving.told = Some(pedals);
-        actions.push(Action::Order(Order::Command(SimCommand::Drive(driving.vehicle, pedals))));
+        actions.push(UiAction::RunCommand(RunCommand::Vehicle(SimCommand::Drive(driving.vehicle, pedals))));
     }
     ui.ctx().request_repaint();
 }
 
-fn held(ui: &Ui) -> Keys {
+fn held(ui: &Ui) -> HeldKeys {
     ui.input(|input| {
         let down = |keys: [Key; 2]| keys.into_iter().any(|key| input.key_down(key));
         if input.modifiers.command {
-            return Keys::default();
+            return HeldKeys::default();
         }
-        Keys {
+        HeldKeys {
             gas: down([Key::W, Key::ArrowUp]),
             brake: down([Key::S, Key::ArrowDown]),
             handbrake: down([Key::B, Key::B]),

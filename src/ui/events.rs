@@ -1,31 +1,31 @@
-//! What happened in a recorded run: which of it is shown, and the list of it.
+//! Events of a recorded run: filter and list.
 
-use super::{Action, Replay, Shown, State};
-use crate::playback::{Cue, Kind, Mark};
+use super::{ReplayView, UiAction, UiState, ViewModel};
+use crate::playback::{MarkKind, PlaybackCommand, TimelineMark};
 use egui::{Align, Color32, Layout, RichText, Sense, Ui};
 use egui_extras::{Column, TableBuilder};
 
-/// Which of what happened is shown, in the list and on the timeline.
+/// Text filter of the events, for the list and the timeline.
 #[derive(Clone, Debug, Default)]
-pub struct Events {
-    /// Words that have to be in an event's row.
+pub struct EventFilter {
+    /// Words that a row must contain.
     pub filter: String,
-    /// Places of those that match among all, and of what they were found.
+    /// Indices of the matching events; `of` is the filter and the number of events that they belong to.
     matching: Vec<usize>,
-    /// The row of the list that was the present one last.
+    /// The last current row of the list.
     present: Option<usize>,
     of: Option<(String, usize)>,
 }
 
-impl Events {
-    /// Finds those that match, where something has changed.
-    pub(super) fn attend(&mut self, marks: &[Mark]) {
+impl EventFilter {
+    /// Updates the matches where filter or events have changed.
+    pub(super) fn update(&mut self, marks: &[TimelineMark]) {
         let now = (self.filter.clone(), marks.len());
         if self.of.as_ref() == Some(&now) {
             return;
         }
         let words: Vec<String> = self.filter.split_whitespace().map(str::to_lowercase).collect();
-        let matches = |mark: &Mark| {
+        let matches = |mark: &TimelineMark| {
             let (label, vehicle) = (mark.what.label().to_lowercase(), mark.vehicle.to_string());
             words.iter().all(|word| label.contains(word) || vehicle == *word)
         };
@@ -35,34 +35,37 @@ impl Events {
         self.of = Some(now);
     }
 
-    /// How many match.
+    /// Number of matches.
     pub(super) fn count(&self) -> usize {
         self.matching.len()
     }
 
-    /// Those that match, in order of time.
-    pub(super) fn of<'a>(&'a self, marks: &'a [Mark]) -> impl DoubleEndedIterator<Item = &'a Mark> {
+    /// The matches in order of time.
+    pub(super) fn of<'a>(
+        &'a self,
+        marks: &'a [TimelineMark],
+    ) -> impl DoubleEndedIterator<Item = &'a TimelineMark> {
         self.matching.iter().filter_map(|place| marks.get(*place))
     }
 }
 
 /// The colour of a kind, readable on a dark ground.
-pub(super) fn colour(kind: Kind) -> Color32 {
+pub(super) fn colour(kind: MarkKind) -> Color32 {
     match kind {
-        Kind::Collision => Color32::from_rgb(255, 85, 85),
-        Kind::Link => Color32::from_rgb(230, 110, 230),
-        Kind::Person => Color32::from_rgb(110, 175, 255),
-        Kind::Merge => Color32::from_rgb(120, 200, 120),
-        Kind::Yield => Color32::from_rgb(235, 195, 80),
-        Kind::Stop => Color32::from_rgb(235, 140, 80),
-        Kind::Usual => Color32::from_rgb(140, 150, 160),
+        MarkKind::Collision => Color32::from_rgb(255, 85, 85),
+        MarkKind::Link => Color32::from_rgb(230, 110, 230),
+        MarkKind::Person => Color32::from_rgb(110, 175, 255),
+        MarkKind::Merge => Color32::from_rgb(120, 200, 120),
+        MarkKind::Yield => Color32::from_rgb(235, 195, 80),
+        MarkKind::Stop => Color32::from_rgb(235, 140, 80),
+        MarkKind::Usual => Color32::from_rgb(140, 150, 160),
     }
 }
 
 /// The name of a vehicle with its number.
-pub(super) fn name(shown: &Shown<'_>, mark: &Mark) -> String {
-    match shown.moment.now.info(mark.vehicle) {
-        // Those that nobody has named are called by their number already.
+pub(super) fn name(shown: &ViewModel<'_>, mark: &TimelineMark) -> String {
+    match shown.run_state.now.info(mark.vehicle) {
+        // Default names contain the number.
         Some(info) if info.name != format!("cav{}", mark.vehicle) => {
             format!("{} {}", mark.vehicle, info.name)
         }
@@ -71,19 +74,19 @@ pub(super) fn name(shown: &Shown<'_>, mark: &Mark) -> String {
     }
 }
 
-/// Shows what happened then, and who it happened to.
-pub(super) fn go_to(mark: &Mark, state: &mut State, actions: &mut Vec<Action>) {
-    let cue = attend(mark, state);
-    actions.push(Action::Cue(cue));
+/// Seeks to an event and selects its vehicle.
+pub(super) fn go_to(mark: &TimelineMark, state: &mut UiState, actions: &mut Vec<UiAction>) {
+    let command = update(mark, state);
+    actions.push(UiAction::PlaybackCommand(command));
 }
 
-/// Brings who it happened to into sight; the cue leads to the time.
-pub(super) fn attend(mark: &Mark, state: &mut State) -> Cue {
+/// Selects and follows the vehicle of an event; returns the seek.
+pub(super) fn update(mark: &TimelineMark, state: &mut UiState) -> PlaybackCommand {
     state.selection.vehicle = Some(mark.vehicle);
     state.selection.follow = Some(mark.vehicle);
     state.viewpoint.come_near();
     state.table.reveal = true;
-    Cue::Show(mark.time_s)
+    PlaybackCommand::Show(mark.time_s)
 }
 
 const ROW_HEIGHT: f32 = 18.0;
@@ -91,10 +94,10 @@ const ROW_HEIGHT: f32 = 18.0;
 /// The window with the list. A click on a row goes there and selects its vehicle.
 pub(super) fn window(
     ui: &Ui,
-    state: &mut State,
-    shown: &Shown<'_>,
-    replay: &Replay<'_>,
-    actions: &mut Vec<Action>,
+    state: &mut UiState,
+    shown: &ViewModel<'_>,
+    replay: &ReplayView<'_>,
+    actions: &mut Vec<UiAction>,
 ) {
     let mut is_open = state.open.events;
     let room = ui.ctx().content_rect().shrink2(egui::vec2(12.0, 48.0));
@@ -108,10 +111,10 @@ pub(super) fn window(
             let field = egui::TextEdit::singleline(&mut state.events.filter)
                 .hint_text("collision, merge 3 ...")
                 .desired_width(ui.available_width());
-            ui.add(field).on_hover_text("Words and vehicles; the timeline shows the same events");
+            ui.add(field).on_hover_text("Filter by words and vehicles; the timeline shows the same events");
         });
-        state.events.attend(replay.marks);
-        let marks: Vec<Mark> = state.events.of(replay.marks).cloned().collect();
+        state.events.update(replay.marks);
+        let marks: Vec<TimelineMark> = state.events.of(replay.marks).cloned().collect();
         if marks.is_empty() {
             ui.label(RichText::new(nothing(replay)).weak());
             return;
@@ -123,26 +126,26 @@ pub(super) fn window(
     state.open.events = is_open;
 }
 
-fn nothing(replay: &Replay<'_>) -> &'static str {
+fn nothing(replay: &ReplayView<'_>) -> &'static str {
     match (replay.searched < 1.0, replay.marks.is_empty()) {
-        (true, _) => "The log is still being looked through.",
+        (true, _) => "The log is still being searched.",
         (false, true) => "Nothing happened in this log.",
         (false, false) => "No event matches the filter.",
     }
 }
 
-/// The rows; the one that was clicked.
+/// Shows the rows; returns the one that was clicked.
 fn list(
     ui: &mut Ui,
-    marks: &[Mark],
-    state: &mut State,
-    shown: &Shown<'_>,
-    replay: &Replay<'_>,
-) -> Option<Mark> {
+    marks: &[TimelineMark],
+    state: &mut UiState,
+    shown: &ViewModel<'_>,
+    replay: &ReplayView<'_>,
+) -> Option<TimelineMark> {
     ui.style_mut().interaction.selectable_labels = false;
     let mut clicked = None;
     let at_s = replay.head.at_s;
-    // The last one that has happened is the present one.
+    // The last event before the playhead is the current one.
     let present = marks.partition_point(|mark| mark.time_s <= at_s + 1e-6).checked_sub(1);
     let mut builder = TableBuilder::new(ui)
         .striped(true)
@@ -152,7 +155,7 @@ fn list(
         .column(Column::exact(64.0).clip(true))
         .column(Column::initial(130.0).at_least(60.0).clip(true))
         .column(Column::remainder().clip(true));
-    // It comes into sight when it is another; apart from that the list is where the user has scrolled it.
+    // Scrolls only when the current row changes.
     if let Some(row) = present.filter(|_| state.events.present != present) {
         builder = builder.scroll_to_row(row, Some(Align::Center));
     }

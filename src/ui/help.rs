@@ -1,12 +1,12 @@
-//! The sheet of all keys.
+//! The help window: all keys and statuses.
 
-use super::{State, status};
+use super::{UiState, status};
 use crate::snapshot::Status;
 use egui::{RichText, Ui};
 
-type Section = (&'static str, &'static [(&'static str, &'static str)]);
+type KeySection = (&'static str, &'static [(&'static str, &'static str)]);
 
-const REPLAY: Section = (
+const REPLAY: KeySection = (
     "Replay",
     &[
         ("Space", "play, pause"),
@@ -17,13 +17,13 @@ const REPLAY: Section = (
         ("Home  End", "start, end"),
         ("+  -", "faster, slower"),
         ("F3", "list of events"),
-        ("wheel on the timeline", "shows less or more of the run"),
+        ("wheel on the timeline", "zoom: less or more of the run"),
         ("F12", "screenshot"),
         ("Ctrl+Q", "quit"),
     ],
 );
 
-const SECTIONS: [Section; 4] = [
+const SECTIONS: [KeySection; 4] = [
     (
         "Experiment",
         &[
@@ -65,7 +65,7 @@ const SECTIONS: [Section; 4] = [
             ("W  S", "gas, brake (arrows too)"),
             ("A  D", "steer (arrows too)"),
             ("B", "handbrake"),
-            ("R", "reverse gear, at a stand"),
+            ("R", "reverse gear, at standstill"),
             ("Q  E  H", "indicators left, right, both"),
             ("V", "look back"),
             ("F2", "gamepad and steering wheel"),
@@ -73,13 +73,13 @@ const SECTIONS: [Section; 4] = [
     ),
 ];
 
-/// What two columns need, points.
+/// Width of two columns, points.
 const TWO_COLUMNS: f32 = 700.0;
-/// Where the window is narrower, in points, the sheet has one column.
+/// Narrower windows show one column, points.
 const TWO_COLUMNS_FROM: f32 = 720.0;
 
-pub fn window(ui: &Ui, state: &mut State, is_replay: bool) {
-    // Of a recorded run nobody takes the wheel.
+pub fn window(ui: &Ui, state: &mut UiState, is_replay: bool) {
+    // Nobody drives in a replay.
     let [experiment, look, vehicles, driving] = &SECTIONS;
     let sections =
         if is_replay { vec![&REPLAY, look, vehicles] } else { vec![experiment, look, vehicles, driving] };
@@ -89,7 +89,7 @@ pub fn window(ui: &Ui, state: &mut State, is_replay: bool) {
     let sheet = sheet.scroll([count == 1, true]).default_height(room.height());
     sheet.max_size(room.size()).constrain_to(room).show(ui.ctx(), |ui| {
         if count == 2 {
-            // Columns share the width that there is, whatever they hold.
+            // Columns share the available width.
             ui.set_min_width(TWO_COLUMNS.min(room.width() - 24.0));
         }
         ui.columns(count, |columns| {

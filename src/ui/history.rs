@@ -1,49 +1,49 @@
-//! What the running plots show: speed and lateral error of vehicles over the last seconds.
+//! Ring buffers of speed and lateral error of the watched vehicles, for the running plots.
 
 use crate::snapshot::{FrameSnapshot, VehicleId};
 use std::collections::{BTreeMap, VecDeque};
 
-/// One sample of a vehicle.
+/// One sample of the running plots of a vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
+pub struct HistorySample {
     /// Simulated time.
     pub time_s: f64,
     pub speed_mps: f64,
     pub lateral_error_m: f64,
 }
 
-impl From<crate::playback::Glimpse> for Sample {
-    fn from(glimpse: crate::playback::Glimpse) -> Self {
-        let crate::playback::Glimpse { time_s, speed_mps, lateral_error_m } = glimpse;
+impl From<crate::playback::PlotSample> for HistorySample {
+    fn from(sample: crate::playback::PlotSample) -> Self {
+        let crate::playback::PlotSample { time_s, speed_mps, lateral_error_m } = sample;
         Self { time_s, speed_mps, lateral_error_m }
     }
 }
 
-/// Simulated seconds that are kept.
+/// Time span of the ring buffers, simulated seconds.
 pub const KEPT_S: f64 = 30.0;
-/// Samples are at least this far apart.
+/// Least time between two samples, seconds.
 const EVERY_S: f64 = 0.05;
 
-/// Samples of the vehicles that are watched.
+/// One ring buffer per watched vehicle.
 #[derive(Clone, Debug, Default)]
 pub struct History {
-    samples: BTreeMap<VehicleId, VecDeque<Sample>>,
+    samples: BTreeMap<VehicleId, VecDeque<HistorySample>>,
 }
 
 impl History {
-    /// Takes samples of some vehicles, and forgets the others. A time before the last sample begins anew.
-    pub fn note(&mut self, snapshot: &FrameSnapshot, watched: impl Iterator<Item = VehicleId>) {
+    /// Samples the watched vehicles and drops the others. A time before the last sample clears the buffer.
+    pub fn record_samples(&mut self, snapshot: &FrameSnapshot, watched: impl Iterator<Item = VehicleId>) {
         let mut samples = BTreeMap::new();
         for id in watched {
             let mut kept = self.samples.remove(&id).unwrap_or_default();
             if let Some(vehicle) = snapshot.vehicle(id) {
                 let time_s = snapshot.time_s;
-                if kept.back().is_some_and(|last: &Sample| last.time_s > time_s) {
+                if kept.back().is_some_and(|last: &HistorySample| last.time_s > time_s) {
                     kept.clear();
                 }
                 if kept.back().is_none_or(|last| time_s - last.time_s >= EVERY_S) {
                     let (speed_mps, lateral_error_m) = (vehicle.speed_mps, vehicle.lateral_error_m);
-                    kept.push_back(Sample { time_s, speed_mps, lateral_error_m });
+                    kept.push_back(HistorySample { time_s, speed_mps, lateral_error_m });
                 }
                 while kept.front().is_some_and(|first| first.time_s < time_s - KEPT_S) {
                     kept.pop_front();
@@ -54,12 +54,12 @@ impl History {
         self.samples = samples;
     }
 
-    /// Takes the samples of a vehicle as they are recorded, in order of time, instead of those that it has.
-    pub fn set(&mut self, vehicle: VehicleId, samples: impl Iterator<Item = Sample>) {
+    /// Replaces the samples of a vehicle by recorded ones, in order of time.
+    pub fn set(&mut self, vehicle: VehicleId, samples: impl Iterator<Item = HistorySample>) {
         self.samples.insert(vehicle, samples.collect());
     }
 
-    pub fn of(&self, id: VehicleId) -> impl Iterator<Item = &Sample> {
+    pub fn of(&self, id: VehicleId) -> impl Iterator<Item = &HistorySample> {
         self.samples.get(&id).into_iter().flatten()
     }
 }
@@ -79,14 +79,14 @@ mod tests {
         let mut history = History::default();
         let watched = || std::iter::once(VehicleId(1));
         for tick in 0..5000 {
-            history.note(&at(f64::from(tick) * 0.01), watched());
+            history.record_samples(&at(f64::from(tick) * 0.01), watched());
         }
         let times: Vec<f64> = history.of(VehicleId(1)).map(|sample| sample.time_s).collect();
         assert!(times.len() <= (KEPT_S / EVERY_S) as usize + 2, "{}", times.len());
         assert!((times[times.len() - 1] - times[0] - KEPT_S).abs() < 0.2);
-        history.note(&at(0.0), watched());
+        history.record_samples(&at(0.0), watched());
         assert_eq!(history.of(VehicleId(1)).count(), 1);
-        history.note(&at(1.0), std::iter::empty());
+        history.record_samples(&at(1.0), std::iter::empty());
         assert_eq!(history.of(VehicleId(1)).count(), 0);
     }
 }

@@ -1,39 +1,39 @@
-//! What the keys do, apart from driving.
+//! Keyboard shortcuts, apart from driving.
 
 use super::bar::other_speed;
-use super::viewpoint::Mode;
-use super::{Action, Shown, State, timeline};
-use crate::live::{Order, Phase};
+use super::viewpoint::CameraMode;
+use super::{UiAction, UiState, ViewModel, timeline};
+use crate::live::{RunCommand, RunPhase};
 use crate::snapshot::VehicleId;
 use egui::{Event, Key, Modifiers, Ui};
 use glam::DVec3;
 
-/// Way of the camera in a second that a key is held, for each metre that it is away from what it sees.
+/// Speed of the camera while a key is held.
 const FLY_MPS: f64 = 25.0;
 
-/// Does what the pressed keys ask for, in their order, unless a text is being typed.
-pub fn act(ui: &Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+/// Handles the pressed keys in their order, unless a text field has the focus.
+pub fn act(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     if ui.ctx().text_edit_focused() {
         return;
     }
     let mut replay = shown.replay;
     for (key, modifiers, is_repeated) in pressed(ui) {
-        // It closes that, as egui has it.
+        // Escape closes the popup, which egui does.
         if key == Key::Escape && egui::Popup::is_any_open(ui.ctx()) {
             continue;
         }
         let is_free = !modifiers.command && !modifiers.alt;
         if let Some(replay) = replay.as_mut().filter(|_| is_free)
-            && let Some(cue) = timeline::cue(key, modifiers, replay, state)
+            && let Some(command) = timeline::command(key, modifiers, replay, state)
         {
-            replay.head.foresee(cue);
-            actions.push(Action::Cue(cue));
+            replay.head.predict(command);
+            actions.push(UiAction::PlaybackCommand(command));
         } else if is_repeated {
-            // Held keys move through a recording, and do nothing else again.
+            // Key repeat only seeks in a recording.
         } else if modifiers.command {
             match key {
-                Key::R if shown.replay.is_none() => actions.push(Action::Order(Order::Reset)),
-                Key::Q => actions.push(Action::Quit),
+                Key::R if shown.replay.is_none() => actions.push(UiAction::RunCommand(RunCommand::Reset)),
+                Key::Q => actions.push(UiAction::Quit),
                 _ => {}
             }
         } else if state.driving.as_mut().is_none_or(|driving| !driving.press(key)) {
@@ -48,18 +48,18 @@ pub fn act(ui: &Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Acti
     }
 }
 
-/// Whether a key would do something with a selected vehicle, and there is one to select.
-fn wants_selection(key: Key, state: &State, shown: &Shown<'_>) -> bool {
+/// Whether a key needs a selected vehicle and none is selected.
+fn wants_selection(key: Key, state: &UiState, shown: &ViewModel<'_>) -> bool {
     let is_of_vehicle = match key {
         Key::P => true,
         Key::F => state.viewpoint.follow.is_none(),
         Key::Enter => state.driving.is_none() && shown.replay.is_none(),
         _ => false,
     };
-    is_of_vehicle && state.selection.vehicle.is_none() && !shown.moment.now.vehicles.is_empty()
+    is_of_vehicle && state.selection.vehicle.is_none() && !shown.run_state.now.vehicles.is_empty()
 }
 
-/// Keys that went down since the last pass, and whether they only repeat.
+/// Keys pressed since the last frame, and whether they are key repeats.
 fn pressed(ui: &Ui) -> Vec<(Key, Modifiers, bool)> {
     let of = |event: &Event| match *event {
         Event::Key { key, pressed: true, repeat, modifiers, .. } => Some((key, modifiers, repeat)),
@@ -68,33 +68,39 @@ fn pressed(ui: &Ui) -> Vec<(Key, Modifiers, bool)> {
     ui.input(|input| input.events.iter().filter_map(of).collect())
 }
 
-fn press(key: Key, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
-    let moment = shown.moment;
+fn press(key: Key, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    let run_state = shown.run_state;
     match key {
-        // A recorded run is not simulated, and nobody drives in it.
+        // A replay is not simulated, and nobody drives in it.
         Key::Space | Key::N | Key::Plus | Key::Equals | Key::Minus | Key::F2 | Key::Enter
             if shown.replay.is_some() => {}
         Key::F3 if shown.replay.is_some() => state.open.events = !state.open.events,
-        Key::Space if moment.phase == Phase::Running => actions.push(Action::Order(Order::Pause)),
-        Key::Space => actions.push(Action::Order(Order::Start)),
-        Key::N => actions.push(Action::Order(Order::Step)),
-        Key::Plus | Key::Equals => actions.push(Action::Order(Order::Speed(other_speed(moment.speed, true)))),
-        Key::Minus => actions.push(Action::Order(Order::Speed(other_speed(moment.speed, false)))),
+        Key::Space if run_state.phase == RunPhase::Running => {
+            actions.push(UiAction::RunCommand(RunCommand::Pause))
+        }
+        Key::Space => actions.push(UiAction::RunCommand(RunCommand::Start)),
+        Key::N => actions.push(UiAction::RunCommand(RunCommand::Step)),
+        Key::Plus | Key::Equals => {
+            actions.push(UiAction::RunCommand(RunCommand::Speed(other_speed(run_state.speed, true))))
+        }
+        Key::Minus => {
+            actions.push(UiAction::RunCommand(RunCommand::Speed(other_speed(run_state.speed, false))))
+        }
         Key::F1 | Key::Questionmark => state.open.help = !state.open.help,
         Key::F2 => state.open.controllers = !state.open.controllers,
-        Key::F12 => actions.push(Action::Screenshot),
+        Key::F12 => actions.push(UiAction::Screenshot),
         Key::L => state.layers.labels = !state.layers.labels,
         Key::M => state.layers.map = !state.layers.map,
-        Key::Num1 => state.set_mode(Mode::Orbit),
-        Key::Num2 => state.set_mode(Mode::Chase),
-        Key::Num3 => state.set_mode(Mode::Onboard),
-        Key::Num4 => state.set_mode(Mode::Overhead),
-        Key::Num5 => state.set_mode(Mode::Free),
+        Key::Num1 => state.set_mode(CameraMode::Orbit),
+        Key::Num2 => state.set_mode(CameraMode::Chase),
+        Key::Num3 => state.set_mode(CameraMode::Onboard),
+        Key::Num4 => state.set_mode(CameraMode::Overhead),
+        Key::Num5 => state.set_mode(CameraMode::Free),
         _ => press_for_vehicle(key, state, shown, actions),
     }
 }
 
-fn press_for_vehicle(key: Key, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+fn press_for_vehicle(key: Key, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let selected = state.selection.vehicle;
     match key {
         Key::PageDown | Key::PageUp => {
@@ -103,13 +109,13 @@ fn press_for_vehicle(key: Key, state: &mut State, shown: &Shown<'_>, actions: &m
         }
         Key::F => state.follow(selected.filter(|_| state.viewpoint.follow != selected)),
         Key::P => selected.into_iter().for_each(|vehicle| state.toggle_preview(vehicle)),
-        Key::Enter if state.driving.is_some() => actions.push(Action::GiveBack),
-        Key::Enter => actions.extend(selected.map(Action::Drive)),
+        Key::Enter if state.driving.is_some() => actions.push(UiAction::GiveBack),
+        Key::Enter => actions.extend(selected.map(UiAction::Drive)),
         Key::Escape if state.devices.learning().is_some() => state.devices.stop_learning(),
         Key::Escape if state.open.help => state.open.help = false,
         Key::Escape if state.open.events => state.open.events = false,
         Key::Escape if state.open.controllers => state.open.controllers = false,
-        Key::Escape if state.driving.is_some() => actions.push(Action::GiveBack),
+        Key::Escape if state.driving.is_some() => actions.push(UiAction::GiveBack),
         Key::Escape => {
             state.selection.vehicle = None;
             state.follow(None);
@@ -118,9 +124,9 @@ fn press_for_vehicle(key: Key, state: &mut State, shown: &Shown<'_>, actions: &m
     }
 }
 
-/// The vehicle behind or before another in the order of their numbers, round and round.
-fn neighbour(shown: &Shown<'_>, from: Option<VehicleId>, forward: bool) -> Option<VehicleId> {
-    let vehicles = &shown.moment.now.vehicles;
+/// The next or previous vehicle by number, cyclically.
+fn neighbour(shown: &ViewModel<'_>, from: Option<VehicleId>, forward: bool) -> Option<VehicleId> {
+    let vehicles = &shown.run_state.now.vehicles;
     let count = vehicles.len();
     let place = from.and_then(|id| vehicles.iter().position(|vehicle| vehicle.id == id));
     let next = match (place, forward) {
@@ -133,7 +139,7 @@ fn neighbour(shown: &Shown<'_>, from: Option<VehicleId>, forward: bool) -> Optio
 }
 
 /// Moves the camera while keys are held.
-fn fly(ui: &Ui, state: &mut State, is_replay: bool) {
+fn fly(ui: &Ui, state: &mut UiState, is_replay: bool) {
     let (by, dt_s) = ui.input(|input| {
         let axis = |more: [Key; 2], less: [Key; 2]| {
             let is = |keys: [Key; 2]| f64::from(u8::from(keys.into_iter().any(|key| input.key_down(key))));

@@ -1,6 +1,6 @@
-//! What is drawn over the city: names, lanes, routes, conflict zones.
+//! Overlays of the city view: labels, lanes, routes, conflict zones.
 
-use super::{Mode, Shown, State, sight, status};
+use super::{CameraMode, UiState, ViewModel, occlusion, status};
 use crate::camera::View;
 use crate::city::{CityMap, LaneId, ZoneKind};
 use crate::snapshot::{VehicleId, VehicleInfo, VehicleState};
@@ -8,7 +8,7 @@ use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, Ui};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// Which layers are on.
+/// The visible overlays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Layers {
@@ -25,13 +25,13 @@ impl Default for Layers {
     }
 }
 
-/// Lines on the ground are drawn in pieces of this length.
+/// Sampling step of lines on the ground.
 const STEP_M: f64 = 2.0;
-/// Labels of vehicles farther away than this are left out.
+/// Largest distance of a label.
 const LABELS_WITHIN_M: f64 = 250.0;
 
-/// The window with the switches.
-pub fn window(ui: &Ui, state: &mut State) {
+/// The window that switches overlays.
+pub fn window(ui: &Ui, state: &mut UiState) {
     let layers = &mut state.layers;
     super::sheet(ui, "Layers").open(&mut state.open.layers).show(ui.ctx(), |ui| {
         ui.checkbox(&mut layers.labels, "Labels over vehicles (L)");
@@ -42,7 +42,7 @@ pub fn window(ui: &Ui, state: &mut State) {
     });
 }
 
-/// Where points of the city are on screen.
+/// Projects points of the city to the screen.
 pub struct Canvas<'a> {
     painter: Painter,
     view: &'a View,
@@ -60,7 +60,7 @@ impl<'a> Canvas<'a> {
         let [width, height] = self.view.extent.map(f64::from);
         let share = egui::vec2(((pixel.x + 0.5) / width) as f32, ((pixel.y + 0.5) / height) as f32);
         let place = self.rect.min + share * self.rect.size();
-        // Far outside, coordinates lose their meaning.
+        // Coordinates far outside are meaningless.
         (share.x.abs() < 20.0 && share.y.abs() < 20.0).then_some(place)
     }
 
@@ -84,8 +84,8 @@ impl<'a> Canvas<'a> {
     }
 }
 
-/// Draws the layers that are on.
-pub fn paint(canvas: &Canvas<'_>, state: &State, shown: &Shown<'_>) {
+/// Draws the visible overlays.
+pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
     let map = shown.map;
     let whole = |lane: LaneId| (0.0, map.lane(lane).curve.length());
     if state.layers.lanes {
@@ -105,7 +105,7 @@ pub fn paint(canvas: &Canvas<'_>, state: &State, shown: &Shown<'_>) {
         }
     }
     if state.layers.routes {
-        for (vehicle, info) in shown.seen.iter() {
+        for (vehicle, info) in shown.interpolated.iter() {
             if state.selection.vehicle.is_some_and(|selected| selected != vehicle.id) {
                 continue;
             }
@@ -125,26 +125,26 @@ struct Label {
     id: VehicleId,
     name: String,
     colour: Color32,
-    /// Where it stands on screen, and the vehicle under it.
+    /// Screen positions of the label and of the vehicle under it.
     place: Pos2,
     foot: Pos2,
     depth: f64,
     is_selected: bool,
-    /// A wall is before the vehicle.
+    /// A wall occludes the vehicle.
     is_hidden: bool,
 }
 
-/// Names of the vehicles in sight. Of labels that would cover one another the nearest stays.
-fn labels(canvas: &Canvas<'_>, state: &State, shown: &Shown<'_>) {
+/// Labels of the visible vehicles. Of overlapping labels the nearest stays.
+fn labels(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
     let mut labels: Vec<Label> =
-        shown.seen.iter().filter_map(|seen| label(canvas, state, shown, seen)).collect();
+        shown.interpolated.iter().filter_map(|seen| label(canvas, state, shown, seen)).collect();
     labels.sort_by(|a, b| b.is_selected.cmp(&a.is_selected).then(a.depth.total_cmp(&b.depth)));
     let mut taken: Vec<Rect> = Vec::new();
     for label in labels {
         let faded = |colour: Color32| if label.is_hidden { colour.gamma_multiply(0.45) } else { colour };
         let font = FontId::proportional(if label.is_selected { 13.0 } else { 11.0 });
         let painter = &canvas.painter;
-        // Those that nobody has named are called by their number already.
+        // Default names contain the number.
         let is_numbered = label.name == format!("cav{}", label.id);
         let text = if is_numbered { label.name } else { format!("{} {}", label.id, label.name) };
         let text = painter.layout_no_wrap(text, font, faded(label.colour));
@@ -163,26 +163,26 @@ fn labels(canvas: &Canvas<'_>, state: &State, shown: &Shown<'_>) {
     }
 }
 
-/// The label of a vehicle; `None` where it has none to be seen.
+/// The label of a vehicle; `None` where it is not shown.
 fn label(
     canvas: &Canvas<'_>,
-    state: &State,
-    shown: &Shown<'_>,
+    state: &UiState,
+    shown: &ViewModel<'_>,
     (vehicle, info): (&VehicleState, &VehicleInfo),
 ) -> Option<Label> {
     let eye = canvas.view.extrinsics.position;
     let is_selected = state.selection.vehicle == Some(vehicle.id);
     let roof = vehicle.position + DVec3::Z * info.dimensions.height_m;
     let top = roof + DVec3::Z;
-    // Whose eyes these are, and who is right before them, is known.
+    // The vehicle of the camera has no label.
     let is_carrier = canvas.view.carrier == Some(vehicle.id)
-        || (state.viewpoint.mode == Mode::Chase && state.viewpoint.follow == Some(vehicle.id));
+        || (state.viewpoint.mode == CameraMode::Chase && state.viewpoint.follow == Some(vehicle.id));
     if is_carrier || !(is_selected || (state.layers.labels && eye.distance(top) < LABELS_WITHIN_M)) {
         return None;
     }
     let place = canvas.place(top)?;
-    // One that is selected can be found behind walls too.
-    let is_hidden = sight::is_hidden(eye, roof, shown.walls);
+    // A selected vehicle has a label behind walls too.
+    let is_hidden = occlusion::is_occluded(eye, roof, shown.walls);
     (is_selected || !is_hidden).then(|| Label {
         id: vehicle.id,
         name: info.name.clone(),

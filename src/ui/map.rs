@@ -1,21 +1,21 @@
-//! The small map in a corner of the city.
+//! The minimap in a corner of the city view.
 
-use super::{Shown, State, status};
+use super::{UiState, ViewModel, status};
 use egui::{Color32, Pos2, Rect, Sense, Stroke, Ui, Vec2};
 use glam::DVec2;
 
 const SIZE: f32 = 150.0;
 const MARGIN: f32 = 8.0;
 
-/// What is left of a place beside the map; all of it where that is too small for one.
+/// The part of a rectangle beside the minimap; all of it where it is too small for a minimap.
 pub fn beside(rect: Rect) -> Rect {
     let has_room = rect.width() >= 2.5 * SIZE && rect.height() >= 2.0 * SIZE;
     let taken = if has_room { SIZE + MARGIN } else { 0.0 };
     Rect::from_min_max(rect.min, rect.max - Vec2::new(taken, 0.0))
 }
 
-/// North is up. A click moves the large view there.
-pub fn show(ui: &Ui, rect: Rect, state: &mut State, shown: &Shown<'_>) {
+/// Shows the minimap, north up. A click moves the large view there.
+pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
     let points = || {
         let curves = shown.map.lanes.iter().map(|lane| &lane.curve);
         curves.flat_map(|curve| [curve.start().position, curve.end().position])
@@ -40,7 +40,7 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut State, shown: &Shown<'_>) {
             lane.curve.sample(4.0).into_iter().map(|(_, point)| on_screen(point.pose.position)).collect();
         painter.line(line, stroke);
     }
-    for vehicle in &shown.seen.vehicles {
+    for vehicle in &shown.interpolated.vehicles {
         let is_selected = state.selection.vehicle == Some(vehicle.id);
         let at = on_screen(vehicle.position.truncate());
         painter.circle_filled(at, if is_selected { 4.0 } else { 2.5 }, status::colour(vehicle.status));

@@ -1,6 +1,5 @@
-//! The panels of the window: functions of a moment of the run and of what the user has chosen. They
-//! draw with egui, say which pictures they need, and return what is to be done; they touch neither
-//! the run nor the GPU.
+//! The panels of the window, an immediate-mode user interface with egui. They are functions of a view model and of
+//! the user's choices; they request pictures and return actions, and touch neither the run nor the GPU.
 
 mod bar;
 mod city;
@@ -12,138 +11,138 @@ mod history;
 mod keys;
 mod layers;
 mod map;
+mod occlusion;
 mod preview;
-mod sight;
 mod status;
 mod timeline;
 mod vehicles;
 mod viewpoint;
 
-pub use drive::Driving;
-pub use events::Events;
-pub use history::{History, KEPT_S, Sample};
+pub use drive::ManualDrive;
+pub use events::EventFilter;
+pub use history::{History, HistorySample, KEPT_S};
 pub use layers::Layers;
-pub use preview::{Eye, OwnCamera, Preview};
+pub use preview::{Preview, PreviewCamera, ScenarioCamera};
 pub use status::is_off_lanes;
-pub use timeline::Section;
-pub use vehicles::Table;
-pub use viewpoint::{Mode, Viewpoint};
+pub use timeline::TimelineRange;
+pub use vehicles::TableState;
+pub use viewpoint::{CameraMode, Viewpoint};
 
 use crate::camera::View;
 use crate::city::scene::Wall;
 use crate::city::{CityMap, LaneId};
-use crate::cockpit::{Devices, Handling};
-use crate::live::{Moment, Order};
-use crate::playback::{Cue, Mark, Playhead};
+use crate::cockpit::{Devices, SteeringGeometry};
+use crate::live::{RunCommand, RunState};
+use crate::playback::{PlaybackCommand, Playhead, TimelineMark};
 use crate::snapshot::{FrameSnapshot, VehicleId};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Names of the algorithms that drive.
-pub type Drivers = BTreeMap<VehicleId, String>;
+/// Names of the control algorithms, by vehicle.
+pub type DriverNames = BTreeMap<VehicleId, String>;
 
-/// What the panels show, apart from what the user has chosen.
+/// The view model: the data that the panels show in one frame.
 #[derive(Debug)]
-pub struct Shown<'a> {
-    /// What tables and numbers tell.
-    pub moment: &'a Moment,
-    /// What is seen in the city: between the last two ticks while the run goes on.
-    pub seen: &'a FrameSnapshot,
+pub struct ViewModel<'a> {
+    /// The state that tables and numbers show.
+    pub run_state: &'a RunState,
+    /// The snapshot that the pictures show, interpolated between the last two while the run goes on.
+    pub interpolated: &'a FrameSnapshot,
     pub history: &'a History,
     pub map: &'a CityMap,
-    /// What hides vehicles from sight.
+    /// Walls that occlude vehicles.
     pub walls: &'a [Wall],
-    pub drivers: &'a Drivers,
-    /// Lanes that a vehicle is going to drive, by the scenario.
+    pub drivers: &'a DriverNames,
+    /// Planned lanes of each vehicle, by the scenario.
     pub routes: &'a BTreeMap<VehicleId, Vec<LaneId>>,
     /// Cameras that the scenario gives vehicles.
-    pub cameras: &'a BTreeMap<VehicleId, Vec<OwnCamera>>,
-    /// What driving by hand has to know of the vehicles.
-    pub handling: &'a BTreeMap<VehicleId, Handling>,
+    pub cameras: &'a BTreeMap<VehicleId, Vec<ScenarioCamera>>,
+    /// Geometry for manual driving.
+    pub steering_geometry: &'a BTreeMap<VehicleId, SteeringGeometry>,
     pub scenario: &'a str,
     pub duration_s: f64,
-    pub scenarios: &'a [Choice],
-    /// What is being loaded, in words; nothing changes before it is there.
+    pub scenarios: &'a [ScenarioChoice],
+    /// What is being loaded, in words; nothing changes until it is loaded.
     pub loading: Option<&'a str>,
-    /// Textures of the pictures that were asked for.
-    pub textures: &'a BTreeMap<Slot, egui::TextureId>,
-    /// What the line at the bottom says: the adapter, where the log is.
+    /// Textures of the requested pictures.
+    pub textures: &'a BTreeMap<PictureSlot, egui::TextureId>,
+    /// Text of the footer: the adapter, the folder of the log.
     pub footer: &'a str,
-    /// Pictures of the window in a second.
+    /// Frames of the window per second.
     pub frames_per_s: f64,
-    /// The most pixels that the large view may have while it moves; on a screen with more it is coarser.
+    /// Pixel budget of the large view while it moves; above it the resolution is reduced.
     pub most_moving_pixels: Option<u32>,
     /// Pedals, steering and lateral errors are known; otherwise only poses are.
     pub tells_control: bool,
-    /// A recorded run is shown: nobody drives, and time goes as the user wants.
-    pub replay: Option<Replay<'a>>,
+    /// The playback, where a recorded run is shown.
+    pub replay: Option<ReplayView<'a>>,
 }
 
-impl Shown<'_> {
-    fn cameras_of(&self, vehicle: VehicleId) -> &[OwnCamera] {
+impl ViewModel<'_> {
+    fn cameras_of(&self, vehicle: VehicleId) -> &[ScenarioCamera] {
         self.cameras.get(&vehicle).map_or(&[], Vec::as_slice)
     }
 }
 
-/// A scenario that can be picked.
+/// A scenario that the user can choose.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Choice {
+pub struct ScenarioChoice {
     /// A shipped name, or a file.
     pub name: String,
-    /// What it is about, as it says itself.
+    /// Its description.
     pub description: String,
 }
 
-/// A recorded run, and where in it the window is.
+/// A recorded run and its playhead.
 #[derive(Clone, Copy, Debug)]
-pub struct Replay<'a> {
-    /// What was recorded, as its scenario calls it.
+pub struct ReplayView<'a> {
+    /// Name of the recorded scenario.
     pub name: &'a str,
     pub head: Playhead,
-    /// What happened, in order of time.
-    pub marks: &'a [Mark],
-    /// How much of the log has been looked through for them, 0 to 1.
+    /// Events in order of time.
+    pub marks: &'a [TimelineMark],
+    /// Fraction of the log that has been scanned for events, 0 to 1.
     pub searched: f64,
-    /// Why the log has no end, where it is torn.
-    pub torn: Option<&'a str>,
-    /// Another place is wanted, and has not been read yet.
+    /// Why the log is truncated, if it is.
+    pub truncation: Option<&'a str>,
+    /// It waits for a chunk of the log (buffering).
     pub is_late: bool,
 }
 
-/// A place for a picture.
+/// Where a picture is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Slot {
+pub enum PictureSlot {
     City,
     Preview(VehicleId),
 }
 
-/// A picture that the panels need.
+/// A picture that the panels request for this frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Picture {
-    pub slot: Slot,
+pub struct PictureRequest {
+    pub slot: PictureSlot,
     pub view: View,
 }
 
-/// What the user wants done that the panels cannot do.
+/// An action of the user that the panels do not carry out themselves.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Action {
-    Order(Order),
-    /// Of a replay.
-    Cue(Cue),
+pub enum UiAction {
+    RunCommand(RunCommand),
+    /// A command to the player of a log.
+    PlaybackCommand(PlaybackCommand),
     Drive(VehicleId),
     GiveBack,
     Scenario(String),
     Look(Look),
-    /// What does what on gamepads and wheels has changed.
+    /// A device mapping has changed and is to be stored.
     KeepDevices,
     Screenshot,
     Quit,
 }
 
-/// How much work a pixel is worth.
+/// Quality preset of the pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Preset {
+pub enum QualityPreset {
     Low,
     Medium,
     #[default]
@@ -151,7 +150,7 @@ pub enum Preset {
     Ultra,
 }
 
-impl Preset {
+impl QualityPreset {
     pub const ALL: [Self; 4] = [Self::Low, Self::Medium, Self::High, Self::Ultra];
 
     pub fn label(self) -> &'static str {
@@ -164,10 +163,10 @@ impl Preset {
     }
 }
 
-/// How pictures look.
+/// Appearance of the pictures: quality and time of day.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Look {
-    pub preset: Preset,
+    pub preset: QualityPreset,
     /// Local time from midnight.
     pub hours: f64,
 }
@@ -175,81 +174,81 @@ pub struct Look {
 /// Widths of the panels at the sides, points.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Widths {
+pub struct PanelWidths {
     pub vehicles: f32,
     pub previews: f32,
 }
 
-impl Default for Widths {
+impl Default for PanelWidths {
     fn default() -> Self {
         Self { vehicles: 425.0, previews: 270.0 }
     }
 }
 
-/// Which vehicle the user means.
+/// The selected vehicle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
     pub vehicle: Option<VehicleId>,
-    /// To be followed from now on.
+    /// Vehicle that the camera starts to follow.
     pub follow: Option<VehicleId>,
 }
 
-/// Sheets and windows that are open.
+/// Panels that are open.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Open {
+pub struct OpenPanels {
     #[serde(skip)]
     pub help: bool,
     #[serde(skip)]
     pub layers: bool,
     #[serde(skip)]
     pub controllers: bool,
-    /// The list of what happened in a recorded run.
+    /// The list of events of a recorded run.
     #[serde(skip)]
     pub events: bool,
 }
 
-/// What the user has chosen.
+/// State of the user interface: what the user has chosen.
 #[derive(Clone, Debug)]
-pub struct State {
+pub struct UiState {
     pub viewpoint: Viewpoint,
     pub selection: Selection,
     pub previews: Vec<Preview>,
-    pub table: Table,
+    pub table: TableState,
     pub layers: Layers,
     pub look: Look,
-    pub open: Open,
-    pub widths: Widths,
-    /// Of the vehicle that the user drives.
-    pub driving: Option<Driving>,
-    /// Which of what happened in a recorded run is shown.
-    pub events: Events,
-    /// What the timeline shows of it.
-    pub section: Section,
-    /// The place on the timeline is being dragged.
+    pub open: OpenPanels,
+    pub widths: PanelWidths,
+    /// Manual control of the vehicle that the user drives.
+    pub driving: Option<ManualDrive>,
+    /// Filter of the events of a recorded run.
+    pub events: EventFilter,
+    /// Visible range of the timeline.
+    pub section: TimelineRange,
+    /// The playhead is being dragged.
     pub is_scrubbing: bool,
     /// Gamepads and steering wheels.
     pub devices: Devices,
-    /// Said to the user for a while, and until when, in seconds of egui's clock.
+    /// A message to the user, and until when it is shown, seconds of egui's clock.
     pub notice: Option<(String, f64)>,
-    /// The pictures that this pass needs.
-    pub pictures: Vec<Picture>,
+    /// The pictures that this frame needs.
+    pub pictures: Vec<PictureRequest>,
 }
 
-impl State {
+impl UiState {
     pub fn new(snapshot: &FrameSnapshot, look: Look) -> Self {
         Self {
             viewpoint: Viewpoint::around(snapshot),
             selection: Selection::default(),
             previews: Vec::new(),
-            table: Table::default(),
+            table: TableState::default(),
             layers: Layers::default(),
             look,
-            open: Open::default(),
-            widths: Widths::default(),
+            open: OpenPanels::default(),
+            widths: PanelWidths::default(),
             driving: None,
-            events: Events::default(),
-            section: Section::default(),
+            events: EventFilter::default(),
+            section: TimelineRange::default(),
             is_scrubbing: false,
             devices: Devices::default(),
             notice: None,
@@ -262,7 +261,7 @@ impl State {
         let count = self.previews.len();
         self.previews.retain(|preview| preview.vehicle != vehicle);
         if self.previews.len() == count {
-            self.previews.push(Preview { vehicle, eye: Eye::default() });
+            self.previews.push(Preview { vehicle, eye: PreviewCamera::default() });
         }
     }
 
@@ -271,8 +270,8 @@ impl State {
         self.driving.as_ref().map(|driving| driving.vehicle)
     }
 
-    pub fn set_mode(&mut self, mode: Mode) {
-        if matches!(mode, Mode::Chase | Mode::Onboard) {
+    pub fn set_mode(&mut self, mode: CameraMode) {
+        if matches!(mode, CameraMode::Chase | CameraMode::Onboard) {
             self.viewpoint.follow = self.selection.vehicle.or(self.viewpoint.follow);
         }
         let nearest = self.selection.vehicle;
@@ -283,59 +282,59 @@ impl State {
         self.viewpoint.follow = vehicle;
     }
 
-    /// Says something to the user for some seconds.
+    /// Shows a message for some seconds.
     pub fn say(&mut self, text: impl Into<String>, now_s: f64) {
         self.notice = Some((text.into(), now_s + 6.0));
     }
 
-    /// Forgets what belongs to vehicles that are not there.
-    fn attend(&mut self, shown: &Shown<'_>) {
-        let is_there = |id: VehicleId| shown.moment.now.vehicle(id).is_some();
+    /// Drops references to vehicles that have left.
+    fn update(&mut self, shown: &ViewModel<'_>) {
+        let is_there = |id: VehicleId| shown.run_state.now.vehicle(id).is_some();
         let is_late = shown.replay.is_some_and(|replay| replay.is_late);
-        // One that a jump has selected may be there only where it leads.
+        // A seek may select a vehicle that exists only at its target.
         if !is_late {
             self.selection.vehicle = self.selection.vehicle.filter(|id| is_there(*id));
         }
-        let is_seen = |id: VehicleId| shown.seen.vehicle(id).is_some();
+        let is_seen = |id: VehicleId| shown.interpolated.vehicle(id).is_some();
         if let Some(vehicle) = self.selection.follow.take_if(|id| !is_late || is_seen(*id)) {
             self.viewpoint.follow = Some(vehicle);
-            if matches!(self.viewpoint.mode, Mode::Free | Mode::Overhead) {
-                self.viewpoint.set_mode(Mode::Orbit, Some(vehicle));
+            if matches!(self.viewpoint.mode, CameraMode::Free | CameraMode::Overhead) {
+                self.viewpoint.set_mode(CameraMode::Orbit, Some(vehicle));
             }
         }
-        self.viewpoint.attend(shown.seen);
+        self.viewpoint.update(shown.interpolated);
         if self.driving.as_ref().is_some_and(|driving| !is_there(driving.vehicle)) {
             self.driving = None;
         }
     }
 }
 
-/// Panels at the sides become no narrower, where there is so much room, points.
+/// Least widths of the side panels, points.
 const LEAST_VEHICLES: f32 = 180.0;
 const LEAST_PREVIEWS: f32 = 160.0;
-/// And they grow no wider, points.
+/// Largest width of a side panel, points.
 const WIDEST: f32 = 640.0;
-/// Nor than this share of the window.
+/// Largest fraction of the window for a side panel.
 const MOST_OF_WINDOW: f32 = 0.333;
 
-/// The colour of the ground of the panels. They do not paint it: whoever draws them clears to it.
+/// Background colour of the panels. The painter clears to it; the panels do not paint it.
 pub const GROUND: egui::Color32 = egui::Color32::from_gray(27);
 
-/// One pass over all panels. Afterwards `state.pictures` holds the pictures that they need.
-pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Action> {
+/// Lays out all panels for one frame. Afterwards `state.pictures` holds the pictures that they need.
+pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Vec<UiAction> {
     let mut actions = Vec::new();
     state.pictures.clear();
-    state.attend(shown);
+    state.update(shown);
     if let Some(replay) = &shown.replay {
         if !state.open.events {
-            // Who does not see the list does not see what it leaves out.
+            // A closed list must not hide events.
             state.events.filter.clear();
         }
-        state.events.attend(replay.marks);
+        state.events.update(replay.marks);
     }
     keys::act(ui, state, shown, &mut actions);
     if shown.replay.is_some() {
-        // Buttons of gamepads mean nothing there.
+        // Gamepad buttons have no function in a replay.
         drop(state.devices.take_pressed());
     } else {
         drive::act(state, &mut actions);
@@ -353,26 +352,25 @@ pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Acti
             timeline::show(ui, state, shown, replay, &mut actions);
         });
     }
-    // However small the window is, the city keeps a third of it.
+    // The city keeps at least a third of the window.
     let whole = ui.available_width();
     let third = (whole * MOST_OF_WINDOW).clamp(0.0, WIDEST);
     let side = |panel: egui::Panel, width: f32, (least, most): (f32, f32)| {
         panel.frame(frame).default_size(width.min(most)).size_range(least.min(most)..=most)
     };
-    // One that has less room than it wishes for is another panel in a window of another width: that makes egui
-    // give it its width again.
-    let room = |wished: f32, most: f32| if wished > most { most as u32 } else { 0 };
+    // A panel below its preferred width gets another id per width: egui then restores the preferred width.
+    let room = |preferred: f32, most: f32| if preferred > most { most as u32 } else { 0 };
     let beside = if state.previews.is_empty() { preview::STRIP } else { LEAST_PREVIEWS.min(third) };
     let most = vehicles::least_width(ui).min(whole - third - beside).max(third);
     let panel = egui::Panel::left(("vehicles", room(state.widths.vehicles, most)));
     let panel = side(panel, state.widths.vehicles, (LEAST_VEHICLES, most));
     let panel = panel.show(ui, |ui| {
-        // However little is in it, a panel keeps its width.
+        // A panel keeps its width whatever it holds.
         ui.set_min_width(ui.available_width());
         vehicles::show(ui, shown, state);
     });
     let width = panel.response.rect.width();
-    wish(&mut state.widths.vehicles, width, most);
+    remember_width(&mut state.widths.vehicles, width, most);
     if state.previews.is_empty() {
         let panel = egui::Panel::right("no previews").frame(frame.inner_margin(0)).resizable(false);
         panel.exact_size(preview::STRIP).show(ui, |ui| preview::strip(ui, state, shown));
@@ -384,7 +382,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Acti
             ui.set_min_width(ui.available_width());
             preview::show_all(ui, state, shown, &mut actions);
         });
-        wish(&mut state.widths.previews, panel.response.rect.width(), most);
+        remember_width(&mut state.widths.previews, panel.response.rect.width(), most);
     }
     egui::CentralPanel::no_frame().show(ui, |ui| city::show(ui, state, shown));
     layers::window(ui, state);
@@ -397,20 +395,20 @@ pub fn show(ui: &mut egui::Ui, state: &mut State, shown: &Shown<'_>) -> Vec<Acti
     actions
 }
 
-/// Takes down the width that the user has given a panel. One that only has no room for more keeps its wish.
-fn wish(wished: &mut f32, width: f32, most: f32) {
-    if (width - wished.min(most)).abs() > 0.5 {
-        *wished = width;
+/// Stores the width that the user has given a panel; a width that only the window limits is not stored.
+fn remember_width(preferred: &mut f32, width: f32, most: f32) {
+    if (width - preferred.min(most)).abs() > 0.5 {
+        *preferred = width;
     }
 }
 
-/// A window over the city that does not cover the bar, nor what is at the sides where there is room.
+/// A window over the city, below the bar and between the side panels.
 fn sheet(ui: &egui::Ui, title: &'static str) -> egui::Window<'static> {
     let top = ui.ctx().content_rect().center_top() + egui::vec2(0.0, 70.0);
     egui::Window::new(title).pivot(egui::Align2::CENTER_TOP).default_pos(top).resizable(false)
 }
 
-fn footer(ui: &mut egui::Ui, shown: &Shown<'_>) {
+fn footer(ui: &mut egui::Ui, shown: &ViewModel<'_>) {
     ui.horizontal(|ui| {
         ui.small(if shown.replay.is_some() {
             "Space play/pause   left right 5 s   [ ] event   click a car to select   F follow   P preview   F1 all keys"
@@ -419,7 +417,7 @@ fn footer(ui: &mut egui::Ui, shown: &Shown<'_>) {
         });
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if shown.frames_per_s > 0.0 {
-                // Of one width, so that what stands beside it stays where it is.
+                // Fixed width, so that its neighbours do not move.
                 let text = format!("{:3.0} pictures/s", shown.frames_per_s);
                 ui.label(egui::RichText::new(text).small().monospace());
             }
@@ -428,13 +426,13 @@ fn footer(ui: &mut egui::Ui, shown: &Shown<'_>) {
     });
 }
 
-/// Size in pixels of a place on screen, each edge one at least.
+/// Size in pixels of a screen rectangle, at least 1 by 1.
 fn pixels(size: egui::Vec2, pixels_per_point: f32) -> [u32; 2] {
     [size.x, size.y].map(|points| (points * pixels_per_point).round().clamp(1.0, 8192.0) as u32)
 }
 
-/// Paints the picture of a slot, or a dark place where it has not come yet.
-fn paint_picture(ui: &egui::Ui, rect: egui::Rect, shown: &Shown<'_>, slot: Slot) {
+/// Paints the picture of a slot, or a dark rectangle until it is drawn.
+fn paint_picture(ui: &egui::Ui, rect: egui::Rect, shown: &ViewModel<'_>, slot: PictureSlot) {
     match shown.textures.get(&slot) {
         Some(&texture) => {
             let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));

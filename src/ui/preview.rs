@@ -1,37 +1,37 @@
-//! The panels at the right: what one vehicle sees, how it is driven, and how well.
+//! The preview panels: camera picture, pedals and running plots of one vehicle.
 
-use super::history::{KEPT_S, Sample};
+use super::history::{HistorySample, KEPT_S};
 use super::vehicles::tenths;
-use super::{Action, Picture, Shown, Slot, State, status};
-use crate::camera::{Camera, Lens, Mount, Place, View};
+use super::{PictureRequest, PictureSlot, UiAction, UiState, ViewModel, status};
+use crate::camera::{Camera, Lens, Mount, MountPoint, View};
 use crate::snapshot::{FrameSnapshot, VehicleId, VehicleState};
 use egui::emath::GuiRounding as _;
 use egui::{Align2, Color32, ComboBox, FontId, Rangef, RichText, Sense, Ui, Vec2};
 use egui_plot::{AxisHints, GridMark, Line, Plot, PlotPoints};
 use serde::{Deserialize, Serialize};
 
-/// Where a preview looks from.
+/// The camera of a preview.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Eye {
+pub enum PreviewCamera {
     #[default]
     Windscreen,
     Bumper,
     Rear,
     Chase,
-    /// A camera that the scenario gives the vehicle, by its place among them.
+    /// A camera sensor of the vehicle, by its index.
     Own(usize),
 }
 
-/// A camera that the scenario gives a vehicle.
+/// A camera sensor of a vehicle.
 #[derive(Clone, Debug, PartialEq)]
-pub struct OwnCamera {
+pub struct ScenarioCamera {
     pub name: String,
     pub mount: Mount,
     pub lens: Lens,
 }
 
-impl Eye {
+impl PreviewCamera {
     const ALL: [(Self, &'static str); 4] = [
         (Self::Windscreen, "windscreen"),
         (Self::Bumper, "bumper"),
@@ -39,19 +39,19 @@ impl Eye {
         (Self::Chase, "chase"),
     ];
 
-    /// Where the vehicle has this one; after another scenario was loaded it may have none.
-    fn own(self, cameras: &[OwnCamera]) -> Option<&OwnCamera> {
+    /// The camera sensor, if the vehicle has it: another scenario may lack it.
+    fn own(self, cameras: &[ScenarioCamera]) -> Option<&ScenarioCamera> {
         if let Self::Own(place) = self { cameras.get(place) } else { None }
     }
 
-    fn label(self, cameras: &[OwnCamera]) -> &str {
+    fn label(self, cameras: &[ScenarioCamera]) -> &str {
         let known = Self::ALL.iter().find(|(eye, _)| *eye == self).map_or(Self::ALL[0].1, |(_, label)| label);
         self.own(cameras).map_or(known, |camera| &camera.name)
     }
 
-    fn camera(self, vehicle: VehicleId, cameras: &[OwnCamera]) -> Camera {
+    fn camera(self, vehicle: VehicleId, cameras: &[ScenarioCamera]) -> Camera {
         let back = Mount::Custom {
-            place: Place::Windscreen,
+            place: MountPoint::Windscreen,
             yaw_rad: std::f64::consts::PI,
             pitch_rad: -0.06,
             roll_rad: 0.0,
@@ -72,33 +72,33 @@ impl Eye {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Preview {
     pub vehicle: VehicleId,
-    pub eye: Eye,
+    pub eye: PreviewCamera,
 }
 
 impl Preview {
-    /// What its camera sees, as `city3d frames` sees it with the lens of its kind, or of the vehicle's own camera.
-    pub fn view(&self, seen: &FrameSnapshot, cameras: &[OwnCamera], extent: [u32; 2]) -> Option<View> {
+    /// The view of its camera, with the lens of `city3d frames` or of the camera sensor.
+    pub fn view(&self, seen: &FrameSnapshot, cameras: &[ScenarioCamera], extent: [u32; 2]) -> Option<View> {
         let lens = self.eye.own(cameras).map_or_else(Lens::default, |own| own.lens);
         self.eye.camera(self.vehicle, cameras).view(seen, &Lens { extent, ..lens }).ok()
     }
 }
 
-/// Width over height of the pictures, where there is room.
+/// Aspect ratio of the pictures, where there is room.
 const ASPECT: f32 = 4.0 / 3.0;
-/// What a panel needs beside its picture, points: with a plot under the other, and with both side by side.
+/// Height of a panel without its picture, points: plots stacked, and plots side by side.
 const FULL: f32 = 294.0;
 const COMPACT: f32 = 216.0;
 
-/// How large the parts of a panel are.
+/// Layout of a panel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Room {
+struct PreviewLayout {
     aspect: f32,
-    /// The plots stand side by side, and are lower.
+    /// The plots are side by side, and lower.
     is_compact: bool,
 }
 
-impl Room {
-    /// So large that two panels can be seen at once, where there are two.
+impl PreviewLayout {
+    /// Sized so that two panels fit at once.
     fn of(count: usize, place: Vec2) -> Self {
         let each = place.y / 2.0;
         if count < 2 || each >= place.x / ASPECT + FULL {
@@ -108,11 +108,11 @@ impl Room {
     }
 }
 
-/// Width of what is there in their place while none is open, points.
+/// Width of the strip while no preview is open, points.
 pub const STRIP: f32 = 24.0;
 
-/// A strip that says what would be there, and opens it: of the selected vehicle, else of the first.
-pub fn strip(ui: &mut Ui, state: &mut State, shown: &Shown<'_>) {
+/// A strip in place of the previews; a click opens that of the selected vehicle, else of the first.
+pub fn strip(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     let rect = ui.available_rect_before_wrap();
     let response = ui.allocate_rect(rect, Sense::click());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, "Previews"));
@@ -122,11 +122,11 @@ pub fn strip(ui: &mut Ui, state: &mut State, shown: &Shown<'_>) {
     }
     let text = "Previews: what a vehicle's camera sees (P)".to_owned();
     let galley = ui.painter().layout_no_wrap(text, FontId::proportional(13.0), visuals.text_color());
-    // It reads from the top down, and begins where the panel has its heading.
+    // The text runs from the top down.
     let corner = rect.center_top() + Vec2::new(galley.size().y / 2.0, 10.0);
     let text = egui::epaint::TextShape::new(corner, galley, visuals.text_color());
     ui.painter().add(text.with_angle(std::f32::consts::FRAC_PI_2));
-    let first = shown.moment.now.vehicles.first().map(|vehicle| vehicle.id);
+    let first = shown.run_state.now.vehicles.first().map(|vehicle| vehicle.id);
     let tip = "Camera, pedals and plots of the selected vehicle (P)";
     if response.on_hover_text(tip).clicked()
         && let Some(vehicle) = state.selection.vehicle.or(first)
@@ -137,7 +137,7 @@ pub fn strip(ui: &mut Ui, state: &mut State, shown: &Shown<'_>) {
 }
 
 /// Shows all panels that are open.
-pub fn show_all(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut Vec<Action>) {
+pub fn show_all(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     ui.horizontal(|ui| {
         ui.heading("Previews");
         let selected = state.selection.vehicle.filter(|id| !state.previews.iter().any(|p| p.vehicle == *id));
@@ -148,12 +148,12 @@ pub fn show_all(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut
             state.toggle_preview(vehicle);
         }
     });
-    let room = Room::of(state.previews.len(), ui.available_size());
+    let layout = PreviewLayout::of(state.previews.len(), ui.available_size());
     egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         let mut previews = std::mem::take(&mut state.previews);
         previews.retain_mut(|preview| {
             let is_kept =
-                ui.push_id(preview.vehicle.0, |ui| show(ui, (preview, room), state, shown, actions)).inner;
+                ui.push_id(preview.vehicle.0, |ui| show(ui, (preview, layout), state, shown, actions)).inner;
             ui.separator();
             is_kept
         });
@@ -164,16 +164,16 @@ pub fn show_all(ui: &mut Ui, state: &mut State, shown: &Shown<'_>, actions: &mut
 /// Shows a panel; `false` once it is closed.
 fn show(
     ui: &mut Ui,
-    (preview, room): (&mut Preview, Room),
-    state: &mut State,
-    shown: &Shown<'_>,
-    actions: &mut Vec<Action>,
+    (preview, layout): (&mut Preview, PreviewLayout),
+    state: &mut UiState,
+    shown: &ViewModel<'_>,
+    actions: &mut Vec<UiAction>,
 ) -> bool {
-    let now = &shown.moment.now;
+    let now = &shown.run_state.now;
     let (Some(vehicle), Some(info)) = (now.vehicle(preview.vehicle), now.info(preview.vehicle)) else {
         return ui
             .horizontal(|ui| {
-                ui.label(format!("Vehicle {} is not there any more.", preview.vehicle));
+                ui.label(format!("Vehicle {} is no longer in the city.", preview.vehicle));
                 !ui.small_button("Close").clicked()
             })
             .inner;
@@ -189,21 +189,21 @@ fn show(
             is_kept = !ui.small_button("x").on_hover_text("Close this preview").clicked();
         });
     });
-    picture(ui, (preview, room.aspect), shown, state);
+    picture(ui, (preview, layout.aspect), shown, state);
     ui.horizontal_wrapped(|ui| {
         let cameras = shown.cameras_of(preview.vehicle);
         ComboBox::from_id_salt("eye")
             .selected_text(preview.eye.label(cameras))
             .width(90.0)
             .show_ui(ui, |ui| {
-                for (eye, label) in Eye::ALL {
+                for (eye, label) in PreviewCamera::ALL {
                     ui.selectable_value(&mut preview.eye, eye, label);
                 }
                 if !cameras.is_empty() {
                     ui.separator();
                 }
                 for (place, camera) in cameras.iter().enumerate() {
-                    ui.selectable_value(&mut preview.eye, Eye::Own(place), &camera.name)
+                    ui.selectable_value(&mut preview.eye, PreviewCamera::Own(place), &camera.name)
                         .on_hover_text("A camera that the scenario gives this vehicle");
                 }
             })
@@ -215,22 +215,22 @@ fn show(
         speed(ui, vehicle);
     });
     pedals(ui, vehicle, shown.tells_control);
-    plots(ui, shown, vehicle, room);
+    plots(ui, shown, vehicle, layout);
     is_kept
 }
 
-fn drive_button(ui: &mut Ui, vehicle: VehicleId, state: &State, actions: &mut Vec<Action>) {
+fn drive_button(ui: &mut Ui, vehicle: VehicleId, state: &UiState, actions: &mut Vec<UiAction>) {
     if state.driven() == Some(vehicle) {
         if ui.button("Give back").on_hover_text("Back to its algorithm (Enter)").clicked() {
-            actions.push(Action::GiveBack);
+            actions.push(UiAction::GiveBack);
         }
     } else if ui.button("Drive").on_hover_text("Take the wheel with the keyboard (Enter)").clicked() {
-        actions.push(Action::Drive(vehicle));
+        actions.push(UiAction::Drive(vehicle));
     }
 }
 
-/// A whole number of pixels, each of them one of the camera's.
-fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &Shown<'_>, state: &mut State) {
+/// The picture, aligned to pixels: one screen pixel per camera pixel.
+fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_>, state: &mut UiState) {
     let per_point = ui.ctx().pixels_per_point();
     let width = (ui.available_width().max(40.0) * per_point).floor();
     let size = Vec2::new(width, (width / aspect).round()) / per_point;
@@ -239,10 +239,10 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &Shown<'_>, s
         return;
     }
     let rect = egui::Rect::from_min_size(rect.min.round_to_pixels(per_point), size);
-    let slot = Slot::Preview(preview.vehicle);
+    let slot = PictureSlot::Preview(preview.vehicle);
     let extent = super::pixels(size, per_point);
-    if let Some(view) = preview.view(shown.seen, shown.cameras_of(preview.vehicle), extent) {
-        state.pictures.push(Picture { slot, view });
+    if let Some(view) = preview.view(shown.interpolated, shown.cameras_of(preview.vehicle), extent) {
+        state.pictures.push(PictureRequest { slot, view });
     }
     super::paint_picture(ui, rect, shown, slot);
 }
@@ -317,14 +317,14 @@ fn gauge(ui: &mut Ui, name: &str, number: &str, fill: impl FnOnce(&egui::Painter
     fill(&painter, track);
 }
 
-fn plots(ui: &mut Ui, shown: &Shown<'_>, vehicle: &VehicleState, room: Room) {
-    let (history, now_s) = (shown.history, shown.moment.now.time_s);
-    // The last point is what the numbers say: samples lie some ticks apart.
-    let series = |of: fn(&Sample) -> f64, now: f64| -> Vec<[f64; 2]> {
+fn plots(ui: &mut Ui, shown: &ViewModel<'_>, vehicle: &VehicleState, layout: PreviewLayout) {
+    let (history, now_s) = (shown.history, shown.run_state.now.time_s);
+    // The last point is the present value: samples are some ticks apart.
+    let series = |of: fn(&HistorySample) -> f64, now: f64| -> Vec<[f64; 2]> {
         let samples = history.of(vehicle.id).filter(|sample| sample.time_s < now_s);
         samples.map(|sample| [sample.time_s - now_s, of(sample)]).chain([[0.0, now]]).collect()
     };
-    let height = if room.is_compact { 52.0 } else { 72.0 };
+    let height = if layout.is_compact { 52.0 } else { 72.0 };
     let blue = Color32::from_rgb(110, 175, 255);
     let speeds = |ui: &mut Ui| {
         let speeds = series(|sample| sample.speed_mps * 3.6, vehicle.speed_mps * 3.6);
@@ -332,12 +332,12 @@ fn plots(ui: &mut Ui, shown: &Shown<'_>, vehicle: &VehicleState, room: Room) {
     };
     let orange = Color32::from_rgb(235, 160, 80);
     let errors = |ui: &mut Ui| {
-        let is_manual = vehicle.told_lateral_error_m().is_none();
+        let is_manual = vehicle.tracked_lateral_error_m().is_none();
         if is_manual || !shown.tells_control {
             let tip = if is_manual {
                 "A person drives: there is no path to follow"
             } else {
-                "Only poses are known: nobody has told what path it was to follow"
+                "Only poses are known: the log does not have its desired path"
             };
             ui.label(RichText::new("Lateral error, cm: -").small()).on_hover_text(tip);
             return;
@@ -345,7 +345,7 @@ fn plots(ui: &mut Ui, shown: &Shown<'_>, vehicle: &VehicleState, room: Room) {
         let errors = series(|sample| sample.lateral_error_m * 100.0, vehicle.lateral_error_m * 100.0);
         plot(ui, ("Lateral error, cm", height), errors, (-10.0, 10.0), orange);
     };
-    if room.is_compact {
+    if layout.is_compact {
         ui.columns(2, |columns| {
             speeds(&mut columns[0]);
             errors(&mut columns[1]);
@@ -394,13 +394,13 @@ fn plot(
         .show(ui, |plot| plot.line(Line::new(name, PlotPoints::from(points)).color(colour)));
 }
 
-/// Where numbers stand at an axis: at multiples of a step.
+/// Grid marks at multiples of a step.
 fn marks((from, to): (f64, f64), step: f64) -> Vec<GridMark> {
     let (first, last) = ((from / step).ceil() as i64, (to / step).floor() as i64);
     (first..=last).map(|k| GridMark { value: k as f64 * step, step_size: step }).collect()
 }
 
-/// The smallest of 1, 2, 5, 10, 20 ... of which no more than three find room in a span.
+/// The smallest of 1, 2, 5, 10, 20 ... that divides a span into at most three.
 fn round_step(span: f64) -> f64 {
     let least = (span / 3.0).max(1.0);
     let power = 10.0_f64.powi(least.log10().floor() as i32);

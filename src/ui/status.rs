@@ -1,4 +1,4 @@
-//! Statuses of vehicles on screen: colour and meaning.
+//! Colours and explanations of vehicle statuses.
 
 use crate::city::CityMap;
 use crate::geom::wrap_angle;
@@ -21,11 +21,12 @@ pub fn colour(status: Status) -> Color32 {
     }
 }
 
-/// A front axle farther than this from every lane, or turned further from it, is on none: more than control bears with.
+/// A front axle farther than this from every lane, or turned further from it, is off the lanes: control cannot
+/// recover from more.
 const OFF_LANES_M: f64 = 2.5;
 const OFF_LANES_RAD: f64 = 1.0;
 
-/// Whether a vehicle is on no lane, so that no algorithm knows a way for it.
+/// Whether a vehicle is off all lanes, so that no algorithm can route it.
 pub fn is_off_lanes(vehicle: &VehicleState, info: &VehicleInfo, map: &CityMap) -> bool {
     let pose = vehicle.pose();
     let axle = pose.point_at(info.dimensions.front_axle_m(), 0.0);
@@ -36,11 +37,11 @@ pub fn is_off_lanes(vehicle: &VehicleState, info: &VehicleInfo, map: &CityMap) -
     })
 }
 
-/// What a status says of a vehicle, and why it has it where that can be seen.
+/// Explanation of a vehicle's status, with the reason where it is known.
 pub fn reason(vehicle: &VehicleState, info: &VehicleInfo, map: &CityMap) -> &'static str {
     match vehicle.status {
         Status::Stopped if is_off_lanes(vehicle, info, map) => {
-            "Stands on no lane, where its algorithm knows no way: drive it back onto one (Enter)"
+            "Off the lanes, its algorithm has no route: drive it back onto a lane (Enter)"
         }
         Status::Driving | Status::Yielding | Status::Stopped | Status::Finished if info.is_physical() => {
             meaning(Status::Physical)
@@ -49,13 +50,13 @@ pub fn reason(vehicle: &VehicleState, info: &VehicleInfo, map: &CityMap) -> &'st
     }
 }
 
-/// What a status says, as tooltips tell it.
+/// Explanation of a status for tooltips.
 pub fn meaning(status: Status) -> &'static str {
     match status {
-        Status::Waiting => "Set up, and stands: no trajectory has come yet",
+        Status::Waiting => "Set up; waits for its first trajectory",
         Status::Driving => "Follows its trajectory",
-        Status::Yielding => "Held back by a yield sign or by the right of way of another",
-        Status::Stopped => "Stands: behind others, or where a person has left it on no lane",
+        Status::Yielding => "Gives way at a yield line, or to a vehicle with the right of way",
+        Status::Stopped => "Stopped: behind others, at a line, or where a person left it off the lanes",
         Status::Manual => "A person drives",
         Status::LinkLost => "No trajectory for longer than the link timeout: it brakes to a stop on its path",
         Status::Collided => "Has hit something; it brakes and stays. A person who takes it over can drive on",

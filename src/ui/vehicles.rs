@@ -1,8 +1,8 @@
 //! The table of all vehicles.
 
-use super::{Drivers, Selection, Shown, State, status};
+use super::{DriverNames, Selection, UiState, ViewModel, status};
 use crate::city::CityMap;
-use crate::live::Phase;
+use crate::live::RunPhase;
 use crate::snapshot::{FrameSnapshot, Status, VehicleId};
 use egui::{Align, Color32, Layout, RichText, Sense, Ui, Vec2};
 use egui_extras::{Column, TableBuilder};
@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
-/// What the table is sorted by.
+/// Sort column of the table.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Key {
+pub enum SortKey {
     #[default]
     Id,
     Name,
@@ -24,10 +24,10 @@ pub enum Key {
     Speed,
 }
 
-impl Key {
+impl SortKey {
     const COLUMNS: [(Self, &'static str, &'static str); 7] = [
-        (Self::Id, "ID", "Number and colour; a round mark is a vehicle of the laboratory"),
-        (Self::Name, "Name", "As the scenario calls it"),
+        (Self::Id, "ID", "Number and colour; a round mark is a physical vehicle"),
+        (Self::Name, "Name", "Its name in the scenario"),
         (Self::Driver, "Driver", "The algorithm that drives it, or a person"),
         (Self::Status, "Status", "What it is doing; hover over a row for the meaning"),
         (Self::X, "x m", "Metres to the east of the city's middle"),
@@ -36,37 +36,36 @@ impl Key {
     ];
 }
 
-/// How the table is shown.
+/// Sorting and filter of the table.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Table {
-    pub key: Key,
+pub struct TableState {
+    pub key: SortKey,
     pub descending: bool,
     /// Rows whose texts contain all of these words.
     #[serde(skip)]
     pub filter: String,
-    /// The row of the selected vehicle comes into sight once.
+    /// Scroll once to the selected vehicle.
     #[serde(skip)]
     pub reveal: bool,
     #[serde(skip)]
-    pub(crate) held: HeldOrder,
+    pub(crate) held: HeldRowOrder,
 }
 
-/// The order of rows that are sorted by what changes all the time: it stays for a while, so that they can be read and
-/// clicked.
+/// Holds the row order for a while when the sort key changes all the time, so that rows can be read and clicked.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct HeldOrder {
-    by: (Key, bool),
+pub(crate) struct HeldRowOrder {
+    by: (SortKey, bool),
     until_ms: i64,
     places: BTreeMap<VehicleId, usize>,
 }
 
-/// For so long.
+/// Hold time of the row order.
 const HELD_MS: i64 = 1000;
 
-impl HeldOrder {
-    /// Puts rows that are in order into the held one, or holds theirs.
-    fn apply(&mut self, rows: &mut [Row<'_>], by: (Key, bool), now_s: f64) {
+impl HeldRowOrder {
+    /// Restores the held order, or holds the present one once the hold time is over.
+    fn apply(&mut self, rows: &mut [VehicleRow<'_>], by: (SortKey, bool), now_s: f64) {
         let now_ms = (now_s * 1e3) as i64;
         let is_due = by != self.by || !(self.until_ms - HELD_MS..self.until_ms).contains(&now_ms);
         if is_due {
@@ -79,7 +78,7 @@ impl HeldOrder {
 
 /// One vehicle in the table.
 #[derive(Clone, Debug, PartialEq)]
-struct Row<'a> {
+struct VehicleRow<'a> {
     id: VehicleId,
     colour: Color32,
     is_physical: bool,
@@ -91,16 +90,16 @@ struct Row<'a> {
     speed_kmh: f64,
 }
 
-impl Row<'_> {
-    fn cmp_by(&self, other: &Self, key: Key) -> Ordering {
+impl VehicleRow<'_> {
+    fn cmp_by(&self, other: &Self, key: SortKey) -> Ordering {
         match key {
-            Key::Id => Ordering::Equal,
-            Key::Name => self.name.cmp(other.name),
-            Key::Driver => self.driver.cmp(other.driver),
-            Key::Status => self.status.label().cmp(other.status.label()),
-            Key::X => self.x_m.total_cmp(&other.x_m),
-            Key::Y => self.y_m.total_cmp(&other.y_m),
-            Key::Speed => self.speed_kmh.total_cmp(&other.speed_kmh),
+            SortKey::Id => Ordering::Equal,
+            SortKey::Name => self.name.cmp(other.name),
+            SortKey::Driver => self.driver.cmp(other.driver),
+            SortKey::Status => self.status.label().cmp(other.status.label()),
+            SortKey::X => self.x_m.total_cmp(&other.x_m),
+            SortKey::Y => self.y_m.total_cmp(&other.y_m),
+            SortKey::Speed => self.speed_kmh.total_cmp(&other.speed_kmh),
         }
         .then(self.id.cmp(&other.id))
     }
@@ -115,19 +114,19 @@ impl Row<'_> {
 /// Rows that match, in order.
 fn rows<'a>(
     snapshot: &'a FrameSnapshot,
-    (drivers, driven): (&'a Drivers, Option<VehicleId>),
-    table: &Table,
-) -> Vec<Row<'a>> {
+    (drivers, driven): (&'a DriverNames, Option<VehicleId>),
+    table: &TableState,
+) -> Vec<VehicleRow<'a>> {
     let words: Vec<String> = table.filter.split_whitespace().map(str::to_lowercase).collect();
     let row = |(vehicle, info): (&'a crate::snapshot::VehicleState, &'a crate::snapshot::VehicleInfo)| {
         let [r, g, b] = info.appearance.colour;
         let driver = drivers.get(&vehicle.id).map_or("", String::as_str);
-        Row {
+        VehicleRow {
             id: vehicle.id,
             colour: Color32::from_rgb(r, g, b),
             is_physical: info.is_physical(),
             name: &info.name,
-            // One that has collided is not told from others by its status.
+            // A collided vehicle under manual control keeps its status.
             driver: if vehicle.status == Status::Manual || driven == Some(vehicle.id) {
                 "human"
             } else {
@@ -139,7 +138,7 @@ fn rows<'a>(
             speed_kmh: vehicle.speed_mps * 3.6,
         }
     };
-    let mut rows: Vec<Row<'a>> = snapshot.iter().map(row).collect();
+    let mut rows: Vec<VehicleRow<'a>> = snapshot.iter().map(row).collect();
     rows.retain(|row| words.iter().all(|word| row.contains(word)));
     rows.sort_by(|a, b| a.cmp_by(b, table.key));
     if table.descending {
@@ -149,9 +148,9 @@ fn rows<'a>(
 }
 
 const ROW_HEIGHT: f32 = 20.0;
-/// Widths of the columns that their usual texts need, points.
+/// Column widths of usual texts, points.
 const WIDTHS: [f32; 7] = [40.0, 50.0, 54.0, 52.0, 47.0, 47.0, 40.0];
-/// Columns in which longer texts may come get shares of what is left.
+/// Weights by which columns share the remaining width.
 const SHARES: [f32; 7] = [0.0, 3.0, 2.0, 1.0, 1.0, 1.0, 1.0];
 
 /// Columns that every table has room for where the window is not tiny: number, status, position and speed.
@@ -170,8 +169,8 @@ fn scrollbar(ui: &Ui) -> f32 {
     ui.spacing().scroll.bar_width + ui.spacing().scroll.bar_inner_margin
 }
 
-/// The columns that find room, by their places in [`Key::COLUMNS`]: who drives and the name go first, for the label in
-/// the city and the tip of the row tell them too.
+/// The columns that fit, as indices into [`SortKey::COLUMNS`]. Driver and name are dropped first: label and tooltip
+/// show them too.
 fn columns(width: f32, spacing: f32) -> Vec<usize> {
     let needed = |columns: &[usize]| columns.iter().map(|&k| WIDTHS[k] + spacing).sum::<f32>();
     let mut columns: Vec<usize> = (0..WIDTHS.len()).collect();
@@ -183,13 +182,13 @@ fn columns(width: f32, spacing: f32) -> Vec<usize> {
     columns
 }
 
-/// Shows the table. A click selects, a double click follows. While the vehicles move the order of the rows changes once a
+/// Shows the table. A click selects, a double click follows. While the vehicles move, the row order changes once a
 /// second.
-pub fn show(ui: &mut Ui, shown: &Shown<'_>, state: &mut State) {
-    let snapshot = &*shown.moment.now;
+pub fn show(ui: &mut Ui, shown: &ViewModel<'_>, state: &mut UiState) {
+    let snapshot = &*shown.run_state.now;
     let drivers = (shown.drivers, state.driving.as_ref().map(|driving| driving.vehicle));
     let (table, selection) = (&mut state.table, &mut state.selection);
-    let moves = shown.moment.phase == Phase::Running;
+    let moves = shown.run_state.phase == RunPhase::Running;
     let map = shown.map;
     let listed = rows(snapshot, drivers, table);
     ui.horizontal(|ui| {
@@ -198,7 +197,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, state: &mut State) {
         let count = if listed.len() == all { all.to_string() } else { format!("{} of {all}", listed.len()) };
         ui.label(RichText::new(count).weak());
     });
-    // From the right, so that the row is never wider than the panel and the panel never grows by it.
+    // Laid out from the right, so that the row does not widen the panel.
     let line = egui::vec2(ui.available_width(), ui.spacing().interact_size.y);
     ui.allocate_ui_with_layout(line, Layout::right_to_left(Align::Center), |ui| {
         let clear = ui.add_enabled(!table.filter.is_empty(), egui::Button::new("x"));
@@ -210,7 +209,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, state: &mut State) {
             .desired_width(ui.available_width());
         ui.add(field);
     });
-    // The filter may just have been typed into.
+    // The filter may have changed in this frame.
     let mut listed = rows(snapshot, drivers, table);
     if moves {
         let by = (table.key, table.descending);
@@ -231,9 +230,9 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, state: &mut State) {
 
 fn grid(
     ui: &mut Ui,
-    shown: &[Row<'_>],
+    shown: &[VehicleRow<'_>],
     (snapshot, map): (&FrameSnapshot, &CityMap),
-    table: &mut Table,
+    table: &mut TableState,
     selection: &mut Selection,
 ) {
     // A click on a text of a row means the row.
@@ -260,7 +259,7 @@ fn grid(
     builder
         .header(ROW_HEIGHT, |mut header| {
             for &k in &columns {
-                let (key, title, tip) = Key::COLUMNS[k];
+                let (key, title, tip) = SortKey::COLUMNS[k];
                 header.col(|ui| heading(ui, table, key, (title, tip)));
             }
         })
@@ -268,7 +267,7 @@ fn grid(
             body.rows(ROW_HEIGHT, shown.len(), |mut line| {
                 let row = &shown[line.index()];
                 line.set_selected(Some(row.id) == selection.vehicle);
-                columns.iter().for_each(|&k| cell(&mut line, row, Key::COLUMNS[k].0));
+                columns.iter().for_each(|&k| cell(&mut line, row, SortKey::COLUMNS[k].0));
                 let response = line.response();
                 if response.clicked() {
                     selection.vehicle = Some(row.id);
@@ -286,7 +285,7 @@ fn grid(
         });
 }
 
-fn heading(ui: &mut Ui, table: &mut Table, key: Key, (title, tip): (&str, &str)) {
+fn heading(ui: &mut Ui, table: &mut TableState, key: SortKey, (title, tip): (&str, &str)) {
     let mark = match (table.key == key, table.descending) {
         (false, _) => "",
         (true, false) => " \u{23f6}",
@@ -300,20 +299,20 @@ fn heading(ui: &mut Ui, table: &mut Table, key: Key, (title, tip): (&str, &str))
     }
 }
 
-fn cell(line: &mut egui_extras::TableRow<'_, '_>, row: &Row<'_>, key: Key) {
+fn cell(line: &mut egui_extras::TableRow<'_, '_>, row: &VehicleRow<'_>, key: SortKey) {
     line.col(|ui| match key {
-        Key::Id => {
+        SortKey::Id => {
             chip(ui, row.colour, row.is_physical);
             ui.label(row.id.to_string());
         }
-        Key::Name => _ = ui.label(row.name),
-        Key::Driver => _ = ui.label(row.driver),
-        Key::Status => {
+        SortKey::Name => _ = ui.label(row.name),
+        SortKey::Driver => _ = ui.label(row.driver),
+        SortKey::Status => {
             ui.label(RichText::new(row.status.label()).color(status::colour(row.status)));
         }
-        Key::X => number(ui, row.x_m),
-        Key::Y => number(ui, row.y_m),
-        Key::Speed => number(ui, row.speed_kmh),
+        SortKey::X => number(ui, row.x_m),
+        SortKey::Y => number(ui, row.y_m),
+        SortKey::Speed => number(ui, row.speed_kmh),
     });
 }
 
@@ -321,7 +320,7 @@ fn number(ui: &mut Ui, value: f64) {
     ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.monospace(tenths(value)));
 }
 
-/// With one digit behind the point, and no minus before nothing: all panels tell a number alike.
+/// Formats with one decimal, without a negative zero: all panels show a number alike.
 pub fn tenths(number: f64) -> String {
     format!("{:.1}", (number * 10.0).round() / 10.0 + 0.0)
 }
@@ -339,40 +338,51 @@ pub fn chip(ui: &mut Ui, colour: Color32, is_physical: bool) {
 mod tests {
     use super::*;
 
-    fn row(id: u32, speed_kmh: f64) -> Row<'static> {
+    fn row(id: u32, speed_kmh: f64) -> VehicleRow<'static> {
         let (id, colour, status) = (VehicleId(id), Color32::RED, Status::Driving);
-        Row { id, colour, is_physical: false, name: "", driver: "", status, x_m: 0.0, y_m: 0.0, speed_kmh }
+        VehicleRow {
+            id,
+            colour,
+            is_physical: false,
+            name: "",
+            driver: "",
+            status,
+            x_m: 0.0,
+            y_m: 0.0,
+            speed_kmh,
+        }
     }
 
     #[test]
     fn rows_keep_their_places_for_a_second_while_the_vehicles_move() {
-        let mut held = HeldOrder::default();
-        let mut shown = |speeds: [f64; 3], by: (Key, bool), now_s: f64| {
-            let mut rows: Vec<Row<'_>> = speeds.iter().zip(1..).map(|(&speed, id)| row(id, speed)).collect();
+        let mut held = HeldRowOrder::default();
+        let mut shown = |speeds: [f64; 3], by: (SortKey, bool), now_s: f64| {
+            let mut rows: Vec<VehicleRow<'_>> =
+                speeds.iter().zip(1..).map(|(&speed, id)| row(id, speed)).collect();
             rows.sort_by(|a, b| a.cmp_by(b, by.0));
             held.apply(&mut rows, by, now_s);
             rows.iter().map(|row| row.id.0).collect::<Vec<_>>()
         };
-        let by = (Key::Speed, false);
+        let by = (SortKey::Speed, false);
         assert_eq!(shown([3.0, 1.0, 2.0], by, 10.0), [2, 3, 1]);
         assert_eq!(shown([1.0, 2.0, 3.0], by, 10.9), [2, 3, 1]);
         assert_eq!(shown([1.0, 2.0, 3.0], by, 11.1), [1, 2, 3]);
         // Whoever sorts otherwise sees it at once.
-        assert_eq!(shown([3.0, 2.0, 1.0], (Key::Id, false), 11.2), [1, 2, 3]);
+        assert_eq!(shown([3.0, 2.0, 1.0], (SortKey::Id, false), 11.2), [1, 2, 3]);
         assert_eq!(shown([3.0, 2.0, 1.0], by, 11.3), [3, 2, 1]);
     }
 
     #[test]
     fn usual_texts_are_not_cut_off() {
         let wide = [
-            (Key::Name, "path2_b", false),
-            (Key::Driver, "recorded", false),
-            (Key::Status, "collided", false),
-            (Key::Status, "link lost", false),
-            (Key::Status, "yielding", false),
-            (Key::X, "-165.3", true),
-            (Key::Y, "-165.3", true),
-            (Key::Speed, "100.0", true),
+            (SortKey::Name, "path2_b", false),
+            (SortKey::Driver, "recorded", false),
+            (SortKey::Status, "collided", false),
+            (SortKey::Status, "link lost", false),
+            (SortKey::Status, "yielding", false),
+            (SortKey::X, "-165.3", true),
+            (SortKey::Y, "-165.3", true),
+            (SortKey::Speed, "100.0", true),
         ];
         let context = egui::Context::default();
         let mut checked = 0;
@@ -381,7 +391,7 @@ mod tests {
                 let style = if is_number { egui::TextStyle::Monospace } else { egui::TextStyle::Body };
                 let font = style.resolve(ui.style());
                 let size = ui.painter().layout_no_wrap(text.to_owned(), font, Color32::WHITE).size();
-                let column = Key::COLUMNS.iter().position(|(other, ..)| *other == key).unwrap();
+                let column = SortKey::COLUMNS.iter().position(|(other, ..)| *other == key).unwrap();
                 assert!(size.x <= WIDTHS[column], "{text}: {} of {}", size.x, WIDTHS[column]);
                 checked += 1;
             }

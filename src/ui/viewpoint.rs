@@ -1,8 +1,8 @@
-//! Where the large view looks from, and how mouse and keys move it.
+//! Camera of the large view, and its control by mouse and keys.
 
 #![allow(clippy::disallowed_methods, reason = "cameras draw; no state of a run depends on them")]
 
-use super::sight;
+use super::occlusion;
 use crate::camera::{Camera, Extrinsics, Lens, Mount, View};
 use crate::city::scene::Wall;
 use crate::snapshot::{FrameSnapshot, VehicleId, VehicleState};
@@ -10,10 +10,10 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// The kinds of large view.
+/// Modes of the large view's camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Mode {
+pub enum CameraMode {
     /// Around a point, or around a vehicle that is followed.
     #[default]
     Orbit,
@@ -23,11 +23,11 @@ pub enum Mode {
     Onboard,
     /// Straight down, north at the top.
     Overhead,
-    /// Flies where the keys send it.
+    /// Free flight by keys.
     Free,
 }
 
-impl Mode {
+impl CameraMode {
     pub const ALL: [Self; 5] = [Self::Orbit, Self::Chase, Self::Onboard, Self::Overhead, Self::Free];
 
     pub fn label(self) -> &'static str {
@@ -44,47 +44,48 @@ impl Mode {
 /// The large view's camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Viewpoint {
-    pub mode: Mode,
-    /// Whose motion the camera shares. Chase and onboard need one; the others may go without.
+    pub mode: CameraMode,
+    /// The followed vehicle. Chase and onboard need one.
     pub follow: Option<VehicleId>,
-    /// Looks back from the vehicle.
+    /// Looks backwards.
     pub rear: bool,
-    /// Corners of the ground that shall be seen whole, until somebody moves the camera.
+    /// Ground rectangle that the view fits, until the user moves the camera.
     whole: Option<[DVec2; 2]>,
-    /// Whether it has turned to the side from which most is seen.
+    /// Whether the best direction has been chosen.
     is_turned: bool,
     target: DVec3,
     distance_m: f64,
     azimuth_rad: f64,
     elevation_rad: f64,
-    /// Of the free camera.
+    /// Position of the free camera.
     eye: DVec3,
     yaw_rad: f64,
     pitch_rad: f64,
 }
 
-/// What drives is seen with so much of the city around it.
+/// Margin around the vehicles.
 const AROUND_M: f64 = 18.0;
-/// It takes no more than this share of the picture.
+/// Largest fraction of the picture that the fitted rectangle fills.
 const MOST_OF_PICTURE: f64 = 0.92;
-/// The distance of a camera that nobody has moved.
+/// Range of distances of a fitted camera.
 const UNMOVED_M: [f64; 2] = [50.0, 240.0];
-/// Azimuth and elevation of a camera for which it makes no difference.
+/// Default azimuth and elevation.
 const UNTURNED_RAD: [f64; 2] = [-1.9, 0.85];
-/// Tried where walls hide vehicles: so many sides, from the usual elevation and from a steeper one.
+/// Candidate directions where walls occlude vehicles: this many azimuths at the default elevation and at a steeper
+/// one.
 const SIDES: u32 = 8;
 const STEEPER_RAD: f64 = 1.2;
-/// What happens to a vehicle is looked at from no farther away.
+/// Largest distance from which an event is shown.
 const EVENT_M: f64 = 60.0;
 const NEAREST_M: f64 = 3.0;
 const FARTHEST_M: f64 = 600.0;
 const LOWEST_RAD: f64 = 0.03;
 const STEEPEST_RAD: f64 = FRAC_PI_2 - 0.02;
-/// Turn of the camera for a pixel that the mouse is dragged.
+/// Rotation per point of mouse motion.
 const RAD_PER_POINT: f64 = 0.006;
 
 impl Viewpoint {
-    /// Around everything that drives.
+    /// An orbit camera around all vehicles.
     pub fn around(snapshot: &FrameSnapshot) -> Self {
         let positions = || snapshot.vehicles.iter().map(|v| v.position);
         let low = positions().fold(DVec3::INFINITY, DVec3::min);
@@ -94,7 +95,7 @@ impl Viewpoint {
         let [nearest, farthest] = UNMOVED_M;
         let distance_m = (1.1 * reach_m).clamp(nearest, farthest);
         Self {
-            mode: Mode::Orbit,
+            mode: CameraMode::Orbit,
             follow: None,
             rear: false,
             whole: low.is_finite().then(|| [low.truncate() - AROUND_M, high.truncate() + AROUND_M]),
@@ -109,25 +110,25 @@ impl Viewpoint {
         }
     }
 
-    /// Goes to where everything that drives is seen, in a picture of some pixels, as long as nobody has moved it.
+    /// Fits all vehicles into the picture, as long as the user has not moved the camera.
     pub fn show_whole(&mut self, seen: &FrameSnapshot, extent: [u32; 2], walls: &[Wall]) {
-        if self.mode == Mode::Free && self.whole.is_some() && !self.is_turned {
-            // A free camera that nobody has moved begins where the orbit would be.
-            self.mode = Mode::Orbit;
+        if self.mode == CameraMode::Free && self.whole.is_some() && !self.is_turned {
+            // An unmoved free camera starts where the orbit camera would be.
+            self.mode = CameraMode::Orbit;
             self.show_whole(seen, extent, walls);
-            return self.set_mode(Mode::Free, None);
+            return self.set_mode(CameraMode::Free, None);
         }
-        let is_apt = self.follow.is_none() && matches!(self.mode, Mode::Orbit | Mode::Overhead);
+        let is_apt = self.follow.is_none() && matches!(self.mode, CameraMode::Orbit | CameraMode::Overhead);
         let Some(whole) = self.whole.filter(|_| is_apt && extent.iter().all(|pixels| *pixels > 1)) else {
             return;
         };
-        if self.mode == Mode::Orbit && !self.is_turned {
+        if self.mode == CameraMode::Orbit && !self.is_turned {
             *self = self.turned(whole, seen, extent, walls);
         }
         self.fit(whole, seen, extent);
     }
 
-    /// From the side from which walls hide the fewest vehicles.
+    /// The direction from which walls occlude the fewest vehicles.
     fn turned(&self, whole: [DVec2; 2], seen: &FrameSnapshot, extent: [u32; 2], walls: &[Wall]) -> Self {
         let sides = (0..SIDES).map(|k| TAU * f64::from(k) / f64::from(SIDES));
         let ways = [UNTURNED_RAD[1], STEEPER_RAD]
@@ -138,15 +139,15 @@ impl Viewpoint {
             let mut turned = Self { azimuth_rad, elevation_rad, is_turned: true, ..self.clone() };
             turned.fit(whole, seen, extent);
             let eye = turned.view(seen, extent).extrinsics.position;
-            let is_hidden = |v: &&VehicleState| sight::is_hidden(eye, v.position + DVec3::Z, walls);
+            let is_hidden = |v: &&VehicleState| occlusion::is_occluded(eye, v.position + DVec3::Z, walls);
             (seen.vehicles.iter().filter(is_hidden).count(), turned)
         };
-        // Of equals the first, which is the usual one.
+        // Of equals the first, which is the default.
         let best = ways.map(look).min_by_key(|(hidden, _)| *hidden);
         best.map_or_else(|| self.clone(), |(_, turned)| turned)
     }
 
-    /// Moves so that a part of the ground fills a picture.
+    /// Fits a ground rectangle into the picture by fixed-point iteration over target and distance.
     fn fit(&mut self, [low, high]: [DVec2; 2], seen: &FrameSnapshot, extent: [u32; 2]) {
         let corners = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
         let room = DVec2::from(extent.map(f64::from));
@@ -169,20 +170,20 @@ impl Viewpoint {
         }
     }
 
-    /// Takes the ground along by metres to the right and towards the viewer.
+    /// Pans: drags the ground by metres to the right and towards the viewer.
     fn drag_ground(&mut self, right_m: f64, near_m: f64) {
-        let azimuth_rad = if self.mode == Mode::Overhead { -FRAC_PI_2 } else { self.azimuth_rad };
+        let azimuth_rad = if self.mode == CameraMode::Overhead { -FRAC_PI_2 } else { self.azimuth_rad };
         let (sin, cos) = azimuth_rad.sin_cos();
         let (near, east) = (DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0));
         self.target -= east * right_m + near * near_m;
     }
 
-    /// Takes another mode, from about where it is. A mode that needs a vehicle takes `nearest`.
-    pub fn set_mode(&mut self, mode: Mode, nearest: Option<VehicleId>) {
-        if matches!(mode, Mode::Chase | Mode::Onboard) {
+    /// Changes the mode and keeps about the same position. A mode that needs a vehicle takes `nearest`.
+    pub fn set_mode(&mut self, mode: CameraMode, nearest: Option<VehicleId>) {
+        if matches!(mode, CameraMode::Chase | CameraMode::Onboard) {
             self.follow = self.follow.or(nearest);
         }
-        if mode == Mode::Free && self.mode != Mode::Free {
+        if mode == CameraMode::Free && self.mode != CameraMode::Free {
             let (sin, cos) = self.azimuth_rad.sin_cos();
             let (up, out) = self.elevation_rad.sin_cos();
             self.eye = self.target + DVec3::new(cos * out, sin * out, up) * self.distance_m;
@@ -192,18 +193,18 @@ impl Viewpoint {
         self.mode = mode;
     }
 
-    /// Keeps up with what is followed. A vehicle that has left is not followed any longer.
-    pub fn attend(&mut self, seen: &FrameSnapshot) {
+    /// Moves the target with the followed vehicle; stops following a vehicle that has left.
+    pub fn update(&mut self, seen: &FrameSnapshot) {
         self.follow = self.follow.filter(|id| seen.vehicle(*id).is_some());
         if let Some(vehicle) = self.follow.and_then(|id| seen.vehicle(id)) {
             self.target = vehicle.position;
             self.whole = None;
-        } else if matches!(self.mode, Mode::Chase | Mode::Onboard) {
-            self.mode = Mode::Orbit;
+        } else if matches!(self.mode, CameraMode::Chase | CameraMode::Onboard) {
+            self.mode = CameraMode::Orbit;
         }
     }
 
-    /// So near that what happens to the followed vehicle can be seen.
+    /// Comes near enough to show an event of the followed vehicle.
     pub fn come_near(&mut self) {
         self.distance_m = self.distance_m.min(EVENT_M);
         self.whole = None;
@@ -213,10 +214,10 @@ impl Viewpoint {
     pub fn look_at(&mut self, point: DVec2) {
         (self.follow, self.whole) = (None, None);
         self.target = point.extend(0.0);
-        if matches!(self.mode, Mode::Chase | Mode::Onboard) {
-            self.mode = Mode::Orbit;
+        if matches!(self.mode, CameraMode::Chase | CameraMode::Onboard) {
+            self.mode = CameraMode::Orbit;
         }
-        if self.mode == Mode::Free {
+        if self.mode == CameraMode::Free {
             self.eye = self.target - self.forward() * 40.0;
         }
     }
@@ -229,15 +230,17 @@ impl Viewpoint {
 
     fn camera(&self) -> Camera {
         match (self.mode, self.follow) {
-            (Mode::Chase, Some(vehicle)) => {
+            (CameraMode::Chase, Some(vehicle)) => {
                 let distance_m = if self.rear { -8.0 } else { 9.0 };
                 Camera::Chase { vehicle, distance_m, height_m: 3.6 }
             }
-            (Mode::Onboard, Some(vehicle)) => Camera::onboard(vehicle, Mount::Windscreen),
-            (Mode::Overhead, _) => {
+            (CameraMode::Onboard, Some(vehicle)) => Camera::onboard(vehicle, Mount::Windscreen),
+            (CameraMode::Overhead, _) => {
                 Camera::Overhead { centre: self.target.truncate(), height_m: self.distance_m }
             }
-            (Mode::Free, _) => Camera::Fixed(Extrinsics::looking_at(self.eye, self.eye + self.forward())),
+            (CameraMode::Free, _) => {
+                Camera::Fixed(Extrinsics::looking_at(self.eye, self.eye + self.forward()))
+            }
             _ => Camera::Orbit {
                 target: self.target + DVec3::Z,
                 distance_m: self.distance_m,
@@ -247,7 +250,7 @@ impl Viewpoint {
         }
     }
 
-    /// The view of an instant, in a picture of some pixels.
+    /// The view of a snapshot for a picture of some pixels.
     pub fn view(&self, seen: &FrameSnapshot, extent: [u32; 2]) -> View {
         let lens = Lens { extent, ..Lens::default() };
         let fallback = || {
@@ -256,17 +259,17 @@ impl Viewpoint {
         };
         let view = self.camera().view(seen, &lens);
         let mut view = view.unwrap_or_else(|_| fallback());
-        if self.rear && self.mode == Mode::Onboard {
+        if self.rear && self.mode == CameraMode::Onboard {
             let about = DQuat::from_mat3(&DMat3::from_cols(-DVec3::X, DVec3::Y, -DVec3::Z));
             view.extrinsics.orientation *= about;
         }
-        if self.rear && self.mode == Mode::Chase {
+        if self.rear && self.mode == CameraMode::Chase {
             self.look_back(seen, &mut view);
         }
         view
     }
 
-    /// From before the vehicle, over it, at what comes behind.
+    /// Turns the chase camera backwards, over the vehicle.
     fn look_back(&self, seen: &FrameSnapshot, view: &mut View) {
         if let Some(state) = self.follow.and_then(|id| seen.vehicle(id)) {
             let back = -state.forward().extend(0.0);
@@ -275,68 +278,71 @@ impl Viewpoint {
         }
     }
 
-    /// The mouse was dragged by so many points: turns the view.
+    /// Rotates the view by a mouse drag, points.
     pub fn turn(&mut self, right: f64, down: f64) {
         self.whole = None;
         match self.mode {
-            Mode::Overhead => self.shift(right, down),
-            Mode::Free => {
+            CameraMode::Overhead => self.shift(right, down),
+            CameraMode::Free => {
                 self.yaw_rad = (self.yaw_rad - right * RAD_PER_POINT).rem_euclid(TAU);
                 self.pitch_rad = (self.pitch_rad - down * RAD_PER_POINT).clamp(-1.5, 1.5);
             }
-            Mode::Orbit => {
+            CameraMode::Orbit => {
                 self.azimuth_rad = (self.azimuth_rad - right * RAD_PER_POINT).rem_euclid(TAU);
                 let elevation = self.elevation_rad + down * RAD_PER_POINT;
                 self.elevation_rad = elevation.clamp(LOWEST_RAD, STEEPEST_RAD);
             }
-            Mode::Chase | Mode::Onboard => {}
+            CameraMode::Chase | CameraMode::Onboard => {}
         }
     }
 
-    /// The mouse was dragged by so many points: takes the ground with it.
+    /// Pans the view by a mouse drag, points.
     pub fn shift(&mut self, right: f64, down: f64) {
         let metres = self.distance_m * 0.0016;
         self.whole = None;
         match self.mode {
-            Mode::Overhead | Mode::Orbit => {
+            CameraMode::Overhead | CameraMode::Orbit => {
                 self.follow = None;
                 self.drag_ground(right * metres, down * metres);
             }
-            Mode::Free => self.fly(DVec3::new(-right, 0.0, down) * 0.05),
-            Mode::Chase | Mode::Onboard => {}
+            CameraMode::Free => self.fly(DVec3::new(-right, 0.0, down) * 0.05),
+            CameraMode::Chase | CameraMode::Onboard => {}
         }
     }
 
-    /// Nearer for positive steps of the mouse wheel.
+    /// Zooms in for positive steps of the mouse wheel.
     pub fn zoom(&mut self, steps: f64) {
         self.whole = None;
-        if self.mode == Mode::Free {
+        if self.mode == CameraMode::Free {
             self.fly(DVec3::new(0.0, steps * 3.0, 0.0));
         } else {
             self.distance_m = (self.distance_m * 0.88_f64.powf(steps)).clamp(NEAREST_M, FARTHEST_M);
         }
     }
 
-    /// Goes by metres to the right, forward and up, seen from the camera.
+    /// Moves by metres to the right, forward and up in the camera's heading.
     pub fn fly(&mut self, by: DVec3) {
         self.whole = None;
         match self.mode {
-            Mode::Free => {
+            CameraMode::Free => {
                 let forward = self.forward();
                 let right = forward.cross(DVec3::Z).normalize_or(DVec3::X);
                 self.eye += right * by.x + forward * by.y + DVec3::Z * by.z;
                 self.eye.z = self.eye.z.max(0.5);
             }
-            Mode::Orbit | Mode::Overhead => {
-                let ahead =
-                    if self.mode == Mode::Overhead { FRAC_PI_2 } else { self.azimuth_rad + FRAC_PI_2 * 2.0 };
+            CameraMode::Orbit | CameraMode::Overhead => {
+                let ahead = if self.mode == CameraMode::Overhead {
+                    FRAC_PI_2
+                } else {
+                    self.azimuth_rad + FRAC_PI_2 * 2.0
+                };
                 let (sin, cos) = ahead.sin_cos();
                 self.target += DVec3::new(cos, sin, 0.0) * by.y + DVec3::new(sin, -cos, 0.0) * by.x;
                 if by.x != 0.0 || by.y != 0.0 {
                     self.follow = None;
                 }
             }
-            Mode::Chase | Mode::Onboard => {}
+            CameraMode::Chase | CameraMode::Onboard => {}
         }
     }
 }
@@ -376,17 +382,17 @@ mod tests {
     #[test]
     fn every_mode_but_onboard_sees_the_vehicle_that_it_follows() {
         let seen = snapshot(10.0);
-        for mode in [Mode::Orbit, Mode::Chase, Mode::Overhead] {
+        for mode in [CameraMode::Orbit, CameraMode::Chase, CameraMode::Overhead] {
             let mut viewpoint = Viewpoint::around(&snapshot(-200.0));
             viewpoint.follow = Some(VehicleId(3));
             viewpoint.set_mode(mode, None);
-            viewpoint.attend(&seen);
+            viewpoint.update(&seen);
             assert!(sees(&viewpoint, &seen), "{mode:?}");
         }
         let mut viewpoint = Viewpoint::around(&seen);
-        viewpoint.set_mode(Mode::Free, None);
+        viewpoint.set_mode(CameraMode::Free, None);
         assert!(sees(&viewpoint, &seen), "the free camera starts where the orbit was");
-        viewpoint.set_mode(Mode::Onboard, Some(VehicleId(3)));
+        viewpoint.set_mode(CameraMode::Onboard, Some(VehicleId(3)));
         assert_eq!(viewpoint.view(&seen, [400, 300]).carrier, Some(VehicleId(3)));
     }
 
@@ -396,12 +402,12 @@ mod tests {
         let far = DVec3::new(-10.0, 90.0, 0.0);
         seen.vehicles.push(VehicleState { id: VehicleId(4), position: far, ..seen.vehicles[0].clone() });
         let (mut orbit, mut free) = (Viewpoint::around(&seen), Viewpoint::around(&seen));
-        free.set_mode(Mode::Free, None);
+        free.set_mode(CameraMode::Free, None);
         for _ in 0..2 {
             orbit.show_whole(&seen, [400, 300], &[]);
             free.show_whole(&seen, [400, 300], &[]);
         }
-        assert_eq!(free.mode, Mode::Free);
+        assert_eq!(free.mode, CameraMode::Free);
         let [orbit, free] =
             [orbit, free].map(|viewpoint| viewpoint.view(&seen, [400, 300]).extrinsics.position);
         assert!((orbit - free).length() < 1.5, "{free}, the orbit is at {orbit}");
@@ -415,7 +421,7 @@ mod tests {
             position: DVec3::new(-10.0, 60.0, 0.0),
             ..seen.vehicles[0].clone()
         });
-        for mode in [Mode::Orbit, Mode::Overhead] {
+        for mode in [CameraMode::Orbit, CameraMode::Overhead] {
             for extent in [[586, 662], [1400, 500], [700, 900]] {
                 let mut viewpoint = Viewpoint::around(&seen);
                 viewpoint.set_mode(mode, None);
@@ -458,7 +464,7 @@ mod tests {
         let end = |side: f64| (car.truncate() + towards * 6.0 + across * side).as_vec2();
         let wall = Wall { from: end(-5.0), to: end(5.0), height_m: 40.0 };
         let is_hidden = |viewpoint: &Viewpoint| {
-            sight::is_hidden(viewpoint.view(&seen, extent).extrinsics.position, car + DVec3::Z, &[wall])
+            occlusion::is_occluded(viewpoint.view(&seen, extent).extrinsics.position, car + DVec3::Z, &[wall])
         };
         assert!(is_hidden(&usual));
         let mut turned = Viewpoint::around(&seen);
@@ -474,7 +480,7 @@ mod tests {
     fn looking_back_sees_what_is_behind() {
         let seen = snapshot(10.0);
         let behind = DVec3::new(-15.0, 4.0, 0.5);
-        for mode in [Mode::Chase, Mode::Onboard] {
+        for mode in [CameraMode::Chase, CameraMode::Onboard] {
             let mut viewpoint = Viewpoint::around(&seen);
             viewpoint.set_mode(mode, Some(VehicleId(3)));
             viewpoint.rear = true;
@@ -486,10 +492,10 @@ mod tests {
     #[test]
     fn a_vehicle_that_has_left_is_not_followed_and_nothing_breaks_without_any() {
         let mut viewpoint = Viewpoint::around(&snapshot(10.0));
-        viewpoint.set_mode(Mode::Chase, Some(VehicleId(3)));
+        viewpoint.set_mode(CameraMode::Chase, Some(VehicleId(3)));
         let empty = FrameSnapshot::default();
-        viewpoint.attend(&empty);
-        assert_eq!((viewpoint.mode, viewpoint.follow), (Mode::Orbit, None));
+        viewpoint.update(&empty);
+        assert_eq!((viewpoint.mode, viewpoint.follow), (CameraMode::Orbit, None));
         assert!(viewpoint.view(&empty, [1, 1]).clip_from_world().is_finite());
         assert!(Viewpoint::around(&empty).view(&empty, [8, 8]).clip_from_world().is_finite());
     }
@@ -497,7 +503,7 @@ mod tests {
     #[test]
     fn dragging_takes_the_ground_along_and_zooming_brings_it_nearer() {
         let seen = snapshot(10.0);
-        for mode in [Mode::Orbit, Mode::Overhead] {
+        for mode in [CameraMode::Orbit, CameraMode::Overhead] {
             let mut viewpoint = Viewpoint::around(&seen);
             viewpoint.set_mode(mode, None);
             let at = |viewpoint: &Viewpoint| {

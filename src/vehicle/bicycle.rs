@@ -1,8 +1,8 @@
-//! The kinematic bicycle: goes where its front wheel points, with the motor, brakes and resistances
-//! of its spec and no tyre slip. Reference point is the middle of the rear axle.
+//! Kinematic bicycle model: no tyre slip, with motor, brakes and resistances of the specification. The
+//! reference point is the middle of the rear axle.
 
 use super::raycast::chassis;
-use super::wheels::{angle_of, front_headings, pedal, steered};
+use super::wheels::{ackermann_headings, angle_of, pedal, steered};
 use super::{Actuation, Motion, VehicleModel, VehicleSpec};
 use crate::digest::{Digest, StateHash};
 use crate::geom::{Pose2, trig, wrap_angle};
@@ -11,10 +11,10 @@ use crate::snapshot::WheelState;
 use glam::{DQuat, DVec2};
 use serde::{Deserialize, Serialize};
 
-/// A kinematic bicycle.
+/// A vehicle with the kinematic bicycle model.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Bicycle {
-    /// What other vehicles run into. It gives way to nothing.
+    /// Kinematic body for collisions with other vehicles.
     body: BodyId,
     rear: Pose2,
     speed_mps: f64,
@@ -32,7 +32,7 @@ impl Digest for Bicycle {
 }
 
 impl Bicycle {
-    /// Puts it on the road, rolling at `speed_mps`; `pose` is the middle of its outline.
+    /// Spawns it on the road, rolling at `speed_mps`; `pose` is the middle of its outline.
     pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2, speed_mps: f64) -> Self {
         Self {
             body: physics.add_guided_box(&chassis(spec, pose, speed_mps)),
@@ -53,9 +53,9 @@ impl Bicycle {
     }
 }
 
-/// Force along the heading: the motor's, held back by brakes and resistances, which stop the vehicle
-/// within the step at most; inside the grip of its tyres.
-fn lengthwise_force(spec: &VehicleSpec, actuation: &Actuation, speed_mps: f64, dt_s: f64) -> f64 {
+/// Longitudinal force: motor less brakes and resistances, which stop the vehicle within the step at most;
+/// limited by the grip of its tyres.
+fn longitudinal_force(spec: &VehicleSpec, actuation: &Actuation, speed_mps: f64, dt_s: f64) -> f64 {
     let motor = pedal(actuation.gas) * spec.motor_force(speed_mps);
     let drive = if actuation.reverse { -motor } else { motor } - spec.drag_force(speed_mps);
     let brakes = pedal(actuation.brake) * spec.brake_force()
@@ -70,7 +70,7 @@ impl VehicleModel for Bicycle {
     fn apply(&mut self, physics: &mut Physics, spec: &VehicleSpec, actuation: &Actuation, dt_s: f64) {
         self.steering_rad = steered(spec, self.steering_rad, actuation.steering_rad, dt_s);
         let before = self.speed_mps;
-        self.acceleration_mps2 = lengthwise_force(spec, actuation, before, dt_s) / spec.mass_kg;
+        self.acceleration_mps2 = longitudinal_force(spec, actuation, before, dt_s) / spec.mass_kg;
         self.speed_mps = before + self.acceleration_mps2 * dt_s;
         let mean = 0.5 * (before + self.speed_mps);
         let turn = self.yaw_rate(spec, mean) * dt_s;
@@ -80,11 +80,11 @@ impl VehicleModel for Bicycle {
             yaw_rad: wrap_angle(self.rear.yaw_rad + turn),
         };
         let d = &spec.dimensions;
-        let headings = front_headings(spec, self.steering_rad);
+        let headings = ackermann_headings(spec, self.steering_rad);
         for (wheel, spin) in self.spins_rad.iter_mut().enumerate() {
             let side = if wheel % 2 == 0 { -d.track_m / 2.0 } else { d.track_m / 2.0 };
             let along = mean * dt_s + turn * side;
-            // A front wheel goes faster by the cosine of its angle.
+            // A steered front wheel is faster by 1 / cos of its angle.
             let along = if wheel < 2 { along / headings[wheel].x } else { along };
             *spin += along / d.wheel_radius_m;
         }
@@ -98,7 +98,7 @@ impl VehicleModel for Bicycle {
         let sideways = yaw_rate * spec.dimensions.wheelbase_m / 2.0;
         let velocity: DVec2 = middle.forward() * self.speed_mps + middle.left() * sideways;
         let (sin, cos) = trig::sin_cos(middle.yaw_rad / 2.0);
-        let steer = front_headings(spec, self.steering_rad).map(angle_of);
+        let steer = ackermann_headings(spec, self.steering_rad).map(angle_of);
         let wheel = |k: usize| WheelState {
             spin_rad: self.spins_rad[k],
             steer_rad: if k < 2 { steer[k] } else { 0.0 },

@@ -1,11 +1,11 @@
-//! Whether a vehicle's figures can be those of a vehicle.
+//! Validation of vehicle specifications.
 
 use super::VehicleSpec;
 use crate::geom::trig;
 use crate::physics::GRAVITY_MPS2;
 use std::f64::consts::{FRAC_PI_3, TAU};
 
-/// A figure of a spec that no vehicle can have.
+/// An invalid value of a specification.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{field} is {found}; {remedy}")]
 pub struct SpecError {
@@ -16,9 +16,9 @@ pub struct SpecError {
     pub remedy: String,
 }
 
-struct Findings(Vec<SpecError>);
+struct SpecErrors(Vec<SpecError>);
 
-impl Findings {
+impl SpecErrors {
     fn add(&mut self, field: &str, found: impl std::fmt::Display, remedy: impl Into<String>) {
         self.0.push(SpecError { field: field.into(), found: found.to_string(), remedy: remedy.into() });
     }
@@ -32,18 +32,18 @@ impl Findings {
 }
 
 impl VehicleSpec {
-    /// Everything that is wrong with it; empty when it can be driven.
+    /// All errors of the specification; empty if it is valid.
     pub fn validate(&self) -> Vec<SpecError> {
-        let mut findings = Findings(Vec::new());
-        self.check_ranges(&mut findings);
-        if findings.0.is_empty() {
-            // These relate figures to one another and presume that each of them is sane.
-            self.check_relations(&mut findings);
+        let mut errors = SpecErrors(Vec::new());
+        self.check_ranges(&mut errors);
+        if errors.0.is_empty() {
+            // These checks relate values and presume that each is valid.
+            self.check_relations(&mut errors);
         }
-        findings.0
+        errors.0
     }
 
-    fn check_ranges(&self, findings: &mut Findings) {
+    fn check_ranges(&self, errors: &mut SpecErrors) {
         let d = &self.dimensions;
         let c = &self.control;
         for (field, value, low, high) in [
@@ -77,39 +77,39 @@ impl VehicleSpec {
             ("control.speed_i", c.speed_i, 0.0, 50.0),
             ("control.speed_d", c.speed_d, 0.0, 50.0),
         ] {
-            findings.range(field, value, low, high);
+            errors.range(field, value, low, high);
         }
         let arm = d.wheelbase_m * 0.45;
-        findings.range("centre_of_mass.ahead_m", self.centre_of_mass.ahead_m, -arm, arm);
-        self.check_torque_curve(findings);
+        errors.range("centre_of_mass.ahead_m", self.centre_of_mass.ahead_m, -arm, arm);
+        self.check_torque_curve(errors);
     }
 
-    fn check_torque_curve(&self, findings: &mut Findings) {
+    fn check_torque_curve(&self, errors: &mut SpecErrors) {
         const FIELD: &str = "motor.torque_curve";
         let points = &self.motor.torque_curve;
         if points.len() < 2 {
-            findings.add(FIELD, format!("{} points", points.len()), "give at least two");
+            errors.add(FIELD, format!("{} points", points.len()), "give at least two");
         }
         for (k, point) in points.iter().enumerate() {
-            findings.range(&format!("{FIELD}[{k}].rpm"), point.rpm, 0.0, 50_000.0);
-            findings.range(&format!("{FIELD}[{k}].torque_nm"), point.torque_nm, 0.0, 20_000.0);
+            errors.range(&format!("{FIELD}[{k}].rpm"), point.rpm, 0.0, 50_000.0);
+            errors.range(&format!("{FIELD}[{k}].torque_nm"), point.torque_nm, 0.0, 20_000.0);
         }
         if let Some(k) = points.windows(2).position(|pair| pair[1].rpm <= pair[0].rpm) {
             let found = format!("{} after {}", points[k + 1].rpm, points[k].rpm);
-            findings.add(&format!("{FIELD}[{}].rpm", k + 1), found, "put the points in order of speed");
+            errors.add(&format!("{FIELD}[{}].rpm", k + 1), found, "put the points in order of speed");
         }
         if points.iter().all(|point| point.torque_nm <= 0.0) {
-            findings.add(FIELD, "without torque", "give the motor a torque above 0");
+            errors.add(FIELD, "without torque", "give the motor a torque above 0");
         }
     }
 
-    fn check_relations(&self, findings: &mut Findings) {
+    fn check_relations(&self, errors: &mut SpecErrors) {
         let d = &self.dimensions;
-        // Where the inner front wheel would have to turn by a right angle.
+        // At this angle the inner front wheel would turn by a right angle.
         let widest = 2.0 * d.wheelbase_m / trig::tan(self.steering_limit_rad);
         if d.track_m > 0.9 * widest {
             let limit = trig::atan(0.9 * 2.0 * d.wheelbase_m / d.track_m);
-            findings.add(
+            errors.add(
                 "steering_limit_rad",
                 self.steering_limit_rad,
                 format!("a track of {} m on this wheelbase allows {limit:.3}", d.track_m),
@@ -118,7 +118,7 @@ impl VehicleSpec {
         let heave = self.suspension.frequency_hz * TAU;
         let sag = GRAVITY_MPS2 / (heave * heave);
         if self.suspension.rest_length_m < 1.2 * sag {
-            findings.add(
+            errors.add(
                 "suspension.rest_length_m",
                 self.suspension.rest_length_m,
                 format!(
@@ -128,10 +128,10 @@ impl VehicleSpec {
                 ),
             );
         }
-        // Beyond it the outer wheels tip the body before they slip.
+        // Beyond it the vehicle tips over before its tyres slip.
         let tipping = d.track_m / (2.0 * self.tyre_friction);
         if self.centre_of_mass.height_m > tipping {
-            findings.add(
+            errors.add(
                 "centre_of_mass.height_m",
                 self.centre_of_mass.height_m,
                 format!("with this track and tyre friction it tips over above {tipping:.2}"),
@@ -139,7 +139,7 @@ impl VehicleSpec {
         }
         let standing = self.max_acceleration_at(0.0);
         if standing < 0.1 {
-            findings.add(
+            errors.add(
                 "motor",
                 format!("{standing:.3} m/s2 at full gas from standing"),
                 "more torque, a shorter gear or less rolling resistance has to give at least 0.1",

@@ -1,5 +1,4 @@
-//! What a vehicle can do, in closed form: forces of motor, brakes and resistance, and the limits
-//! that follow from them.
+//! Performance limits of a vehicle in closed form: forces of motor, brakes and resistances.
 
 use super::{Drive, VehicleSpec};
 use crate::geom::trig;
@@ -10,14 +9,14 @@ use std::f64::consts::TAU;
 const AIR_DENSITY: f64 = 1.225;
 
 impl VehicleSpec {
-    /// Force of the motor at the road at full gas, N, before the tyres limit it: the torque curve
-    /// through the gear, no more than the power allows.
+    /// Motor force at the road at full throttle, N, before the tyre limit: torque curve through the gear,
+    /// limited by power.
     pub fn motor_force(&self, speed_mps: f64) -> f64 {
         let speed = speed_mps.abs();
         let radius = self.dimensions.wheel_radius_m;
         let rpm = speed / radius * self.motor.gear_ratio / TAU * 60.0;
         let force = self.motor.torque_at(rpm) * self.motor.gear_ratio / radius;
-        // Below a walk the power says nothing.
+        // Below walking speed the power limit does not apply.
         force.min(self.motor.max_power_w / speed.max(0.1))
     }
 
@@ -31,29 +30,29 @@ impl VehicleSpec {
         self.rolling_resistance * self.mass_kg * GRAVITY_MPS2
     }
 
-    /// Force of the service brake at the road with the pedal fully down, N, before the tyres limit it.
+    /// Force of the service brake at the road with the pedal fully down, N, before the tyre limit.
     pub fn brake_force(&self) -> f64 {
         self.brake_torque_nm / self.dimensions.wheel_radius_m
     }
 
-    /// The same for the handbrake.
+    /// Force of the handbrake at the road, N, before the tyre limit.
     pub fn handbrake_force(&self) -> f64 {
         self.handbrake_torque_nm / self.dimensions.wheel_radius_m
     }
 
-    /// What the tyres of all wheels can carry on the level, N.
+    /// Grip of all tyres on the level, N.
     pub fn grip_force(&self) -> f64 {
         self.tyre_friction * self.mass_kg * GRAVITY_MPS2
     }
 
-    /// From the centre of mass forward to the front axle, and back to the rear axle.
+    /// Distances from the centre of mass to the front and to the rear axle.
     pub(super) fn axle_arms(&self) -> (f64, f64) {
         let half = self.dimensions.wheelbase_m / 2.0;
         (half - self.centre_of_mass.ahead_m, half + self.centre_of_mass.ahead_m)
     }
 
-    /// What turning about the rear axle adds to the energy of a body whose front axle moves sideways,
-    /// as a share of what moving as fast would add.
+    /// Share of rotational kinetic energy when the front axle moves sideways about the rear axle, relative to
+    /// translation at the same speed.
     pub(super) fn turning_share(&self) -> f64 {
         let d = &self.dimensions;
         let (_, rear) = self.axle_arms();
@@ -61,7 +60,7 @@ impl VehicleSpec {
         (rear * rear + self.yaw_inertia_factor * block) / (d.wheelbase_m * d.wheelbase_m)
     }
 
-    /// Largest traction of the driven axle, N, under its own load transfer.
+    /// Traction limit of the driven axle, N, with load transfer.
     fn traction_force(&self) -> f64 {
         let (front, rear) = self.axle_arms();
         let wheelbase = self.dimensions.wheelbase_m;
@@ -70,31 +69,30 @@ impl VehicleSpec {
         match self.drive {
             Drive::All => grip,
             Drive::Front => grip * rear / (wheelbase + lever),
-            // The lever may exceed the wheelbase: then the front wheels lift first.
+            // The lever arm may exceed the wheelbase: then the front wheels lift first.
             Drive::Rear => grip * front / (wheelbase - lever).max(front.max(0.01)),
         }
     }
 
-    /// Largest acceleration on the level, straight ahead, at a speed, m/s2: the smaller of what the
-    /// motor gives and the driven axle carries, less drag and rolling resistance. Negative above the
-    /// top speed.
+    /// Largest acceleration on the level, straight ahead, m/s2: the smaller of motor force and traction
+    /// limit, less drag and rolling resistance. Negative above the top speed.
     pub fn max_acceleration_at(&self, speed_mps: f64) -> f64 {
         let drive = self.motor_force(speed_mps).min(self.traction_force());
         (drive - self.drag_force(speed_mps) - self.rolling_force()) / self.mass_kg
     }
 
-    /// Largest deceleration of the service brake on the level, m/s2, without the help of drag: the
-    /// smaller of what the brake gives and the tyres carry.
+    /// Largest deceleration of the service brake on the level, m/s2, without drag: the smaller of brake force
+    /// and grip.
     pub fn max_braking(&self) -> f64 {
         self.brake_force().min(self.grip_force()) / self.mass_kg
     }
 
-    /// Radius of the front axle's track at the steering limit, without tyre slip, m.
+    /// Turning radius of the front-axle centre at the steering limit, without tyre slip, m.
     pub fn min_turn_radius(&self) -> f64 {
         self.dimensions.wheelbase_m / trig::sin(self.steering_limit_rad)
     }
 
-    /// Speed at which the motor and the resistances are in balance, m/s.
+    /// Top speed: motor force and resistances are in balance, m/s.
     pub fn top_speed(&self) -> f64 {
         let (mut low, mut high) = (0.0, 200.0);
         for _ in 0..60 {
@@ -106,7 +104,8 @@ impl VehicleSpec {
 }
 
 impl super::Motor {
-    /// Torque at full gas, N m: linear between the points, the first one's below it, none beyond the last.
+    /// Torque at full throttle, N m: linear between the points, constant below the first, zero beyond the
+    /// last.
     pub fn torque_at(&self, rpm: f64) -> f64 {
         let points = &self.torque_curve;
         let after = points.partition_point(|point| point.rpm <= rpm);

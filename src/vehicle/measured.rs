@@ -1,24 +1,24 @@
-//! A vehicle of the laboratory: it is where it is measured to be.
+//! A physical vehicle of the laboratory: its pose follows measurements.
 //!
-//! Its motion is that of [`MotionFilter`], which makes speeds of the measured poses and carries the vehicle from the
-//! instant of the newest pose to the present.
+//! Its motion comes from [`MotionFilter`], which estimates speeds from poses and predicts from the newest
+//! pose to the present (dead reckoning).
 
 use super::raycast::chassis;
-use super::wheels::{angle_of, front_headings};
+use super::wheels::{ackermann_headings, angle_of};
 use super::{Actuation, Motion, VehicleModel, VehicleSpec};
 use crate::digest::{Digest, StateHash};
-use crate::estimation::{MotionEstimate, MotionFilter, NoiseModel, Odometer, StandChange, Taken};
+use crate::estimation::{MotionEstimate, MotionFilter, NoiseModel, Odometer, PoseUpdate, StandstillChange};
 use crate::geom::{LengthScale, Pose2, trig};
 use crate::physics::{BodyId, Physics};
 use crate::snapshot::{MeasuredPose, WheelState};
 use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Share by which a pose corrects height and tilt, on which nothing depends.
+/// Exponential smoothing factor of height and tilt, which affect nothing else.
 const SMOOTHING: f64 = 0.15;
-/// After so long without a pose it counts as unseen, and is not carried on any more.
+/// After this time without a pose it counts as unseen and is no longer predicted.
 pub const UNSEEN_AFTER_S: f64 = 0.25;
-/// Slower than this its turning says nothing about its front wheels.
+/// Below this speed its yaw rate does not determine the steering angle.
 const STEERS_MPS: f64 = 0.5;
 
 fn turned(yaw_rad: f64) -> DQuat {
@@ -31,15 +31,15 @@ fn yaw_of(orientation: DQuat) -> f64 {
     trig::atan2(forward.y, forward.x)
 }
 
-/// A measured vehicle.
+/// A vehicle whose dynamics are measured.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Measured {
-    /// What other vehicles run into. It gives way to nothing.
+    /// Kinematic body for collisions with other vehicles.
     body: BodyId,
     filter: MotionFilter,
     odometer: Odometer,
-    /// It has come to a stand or moved off in the last step.
-    change: Option<StandChange>,
+    /// Standstill transition of the last step.
+    change: Option<StandstillChange>,
     /// `None` before the first pose.
     is_seen: Option<bool>,
     height_m: f64,
@@ -65,7 +65,7 @@ impl Digest for Measured {
 }
 
 impl Measured {
-    /// Puts it where it is expected; `pose` is the middle of its outline.
+    /// Spawns it at its expected pose; `pose` is the middle of its outline.
     pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2, scale: LengthScale) -> Self {
         Self {
             body: physics.add_guided_box(&chassis(spec, pose, 0.0)),
@@ -83,13 +83,13 @@ impl Measured {
         }
     }
 
-    /// Whether it was measured lately; `None` before its first pose.
+    /// Whether it was measured recently; `None` before its first pose.
     pub fn is_seen(&self) -> Option<bool> {
         self.is_seen
     }
 
-    /// Whether it has come to a stand or moved off in the last step.
-    pub fn stand_change(&self) -> Option<StandChange> {
+    /// Standstill transition of the last step.
+    pub fn stand_change(&self) -> Option<StandstillChange> {
         self.change
     }
 
@@ -97,25 +97,25 @@ impl Measured {
         self.odometer.is_standing()
     }
 
-    /// Driven since the beginning.
+    /// Distance driven since the start.
     pub fn distance_m(&self) -> f64 {
         self.odometer.distance_m()
     }
 
-    /// Takes a measured pose in.
+    /// Adds a measured pose.
     pub fn take(&mut self, pose: &MeasuredPose) {
         let yaw_rad = yaw_of(pose.orientation);
         let taken = self.filter.update(pose.stamp_s, Pose2 { position: pose.position.truncate(), yaw_rad });
         let share = match taken {
-            Taken::Begun => 1.0,
-            Taken::Used => SMOOTHING,
-            Taken::Old | Taken::Outlier => return,
+            PoseUpdate::Restarted => 1.0,
+            PoseUpdate::Used => SMOOTHING,
+            PoseUpdate::Stale | PoseUpdate::Outlier => return,
         };
         self.height_m += (pose.position.z - self.height_m) * share;
         self.tilt = self.tilt.lerp(turned(-yaw_rad) * pose.orientation, share);
     }
 
-    /// Brings it to where it is at a time, as far as that is known; `dt_s` after the time before.
+    /// Predicts it to a time, `dt_s` after the previous one.
     pub fn carry_to(&mut self, time_s: f64, spec: &VehicleSpec, dt_s: f64) {
         self.change = None;
         let Some(stamp_s) = self.filter.last_stamp_s() else { return };
@@ -127,7 +127,7 @@ impl Measured {
             self.change = self.odometer.update(&motion);
         }
         let MotionEstimate { velocity_mps, acceleration_mps2, yaw_rate_radps, .. } =
-            self.odometer.told(&motion);
+            self.odometer.reported(&motion);
         if is_seen {
             self.velocity_mps = velocity_mps;
             (self.acceleration_mps2, self.yaw_rate_radps) = (acceleration_mps2, yaw_rate_radps);
@@ -149,7 +149,7 @@ impl Measured {
         self.pose.position.extend(self.height_m)
     }
 
-    /// By which it would turn as it does.
+    /// Steering angle that explains its yaw rate (kinematic bicycle).
     fn steering_rad(&self, spec: &VehicleSpec) -> f64 {
         let speed_mps = self.speed_mps().abs();
         if speed_mps < STEERS_MPS {
@@ -161,14 +161,14 @@ impl Measured {
 }
 
 impl VehicleModel for Measured {
-    /// It does what it does in the laboratory, whatever is asked of it here.
+    /// Its actuation comes from the laboratory, not from here.
     fn apply(&mut self, physics: &mut Physics, _spec: &VehicleSpec, _actuation: &Actuation, _dt_s: f64) {
         physics.move_to(self.body, self.position(), self.pose.yaw_rad);
     }
 
     fn read_back(&mut self, _physics: &Physics, spec: &VehicleSpec, _dt_s: f64) -> Motion {
         let steering_rad = self.steering_rad(spec);
-        let steer = front_headings(spec, steering_rad).map(angle_of);
+        let steer = ackermann_headings(spec, steering_rad).map(angle_of);
         let wheel = |k: usize| WheelState {
             spin_rad: self.spins_rad[k],
             steer_rad: if k < 2 { steer[k] } else { 0.0 },

@@ -1,9 +1,9 @@
-//! Vehicles: how they are built, how they are controlled, how they move.
+//! Vehicles: specification, tracking control and dynamics models.
 //!
-//! City frame and full-scale SI units throughout. A vehicle is a [`VehicleSpec`], a [`Dynamics`]
-//! model that moves it and a [`Tracker`] that leads its front axle along a trajectory. At each tick
-//! the tracker turns the last [`Motion`] into an [`Actuation`], the model applies it, all bodies make
-//! one physics step, and the model reads its motion back.
+//! City frame and full-scale SI units throughout. A vehicle has a [`VehicleSpec`], a [`Dynamics`] model and a
+//! [`Tracker`] that keeps its front axle on a trajectory. At each tick the tracker computes an [`Actuation`]
+//! from the last [`Motion`], the model applies it, all bodies make one physics step, and the model reads its
+//! motion back.
 
 mod bicycle;
 mod check;
@@ -33,20 +33,20 @@ use crate::snapshot::WheelState;
 use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// What moves a vehicle: pedals in [0, 1] and the desired steering angle. Values outside are clamped,
-/// NaN counts as a pedal left alone and a wheel held still.
+/// Actuator commands: pedals in [0, 1] and the desired steering angle. Values outside are clamped; NaN
+/// releases a pedal and holds the steering angle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Actuation {
     pub gas: f64,
     pub brake: f64,
     pub handbrake: f64,
-    /// Desired angle of the front axle's middle, left-positive.
+    /// Desired steering angle of the equivalent single front wheel, left-positive.
     pub steering_rad: f64,
-    /// The gas drives backwards.
+    /// The motor drives backwards.
     pub reverse: bool,
 }
 
-/// How a vehicle moves at one tick, city frame.
+/// Motion of a vehicle at one tick, city frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
     /// Middle of the outline, on the ground when the body is level.
@@ -54,12 +54,12 @@ pub struct Motion {
     /// City from body.
     pub orientation: DQuat,
     pub velocity_mps: DVec3,
-    /// Along the heading, at the road, negative in reverse.
+    /// Along the heading, at road level, negative in reverse.
     pub speed_mps: f64,
     /// Along the heading, of the centre of mass, over the last step.
     pub acceleration_mps2: f64,
     pub yaw_rate_radps: f64,
-    /// Angle of the front axle's middle, after rate and limit.
+    /// Steering angle of the equivalent single front wheel, after rate and limit.
     pub steering_rad: f64,
     /// Front left, front right, rear left, rear right.
     pub wheels: [WheelState; 4],
@@ -78,13 +78,13 @@ impl Motion {
     }
 }
 
-/// A dynamics model around the one shared physics step: models are interchangeable.
+/// An interchangeable dynamics model around the shared physics step.
 pub trait VehicleModel {
-    /// Before the step: from the actuation to forces, or to the next pose. `dt_s` is the length of the step.
+    /// Before the step: applies the actuation as forces or as the next pose. `dt_s` is the step length.
     fn apply(&mut self, physics: &mut Physics, spec: &VehicleSpec, actuation: &Actuation, dt_s: f64);
-    /// After the step, once for each.
+    /// Reads the motion back, once after each step.
     fn read_back(&mut self, physics: &Physics, spec: &VehicleSpec, dt_s: f64) -> Motion;
-    /// Takes everything of it out of the physics.
+    /// Removes its bodies from the physics.
     fn remove(&mut self, physics: &mut Physics);
 }
 
@@ -97,8 +97,8 @@ pub enum Dynamics {
 }
 
 impl Dynamics {
-    /// Puts a vehicle on the road at its rest height, rolling at `speed_mps`. `pose` is the middle
-    /// of its outline; `spec` has passed [`VehicleSpec::validate`]. `scale` is that of the laboratory in which a
+    /// Spawns a vehicle on the road at its rest height, rolling at `speed_mps`. `pose` is the middle of its
+    /// outline; `spec` has passed [`VehicleSpec::validate`]. `scale` is that of the laboratory in which a
     /// physical vehicle is measured.
     pub fn spawn(
         physics: &mut Physics,

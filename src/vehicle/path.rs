@@ -1,69 +1,68 @@
-//! The path of the tracking control: a smooth curve through the poses of a trajectory.
+//! The reference path of the tracking control: a smooth curve through the poses of a trajectory.
 //!
-//! Between two poses runs a cubic in the frame of their chord that has both headings at its ends, so
-//! that an arc sampled every few metres stays an arc (the chord alone would be 0.2 m off). Before the
-//! first and behind the last pose the curve goes on with its curvature there.
+//! Consecutive poses are joined by a cubic Hermite spline in the frame of their chord with both headings at
+//! its ends, so that an arc sampled every few metres stays an arc (the chord alone would be 0.2 m off).
+//! Beyond the first and the last pose the path continues with its curvature there.
 //!
-//! Every vehicle asks for its place at every tick and every trajectory is made into a path, so
-//! headings are unit vectors here and angles are left to the few places that need one.
+//! Each vehicle queries its position every tick, and each trajectory becomes a path, so headings are unit
+//! vectors and angles are rare.
 
 use crate::digest::{Digest, StateHash};
 use crate::geom::{Pose2, trig, wrap_angle};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-/// Poses nearer to one another than this are one node.
+/// Poses closer than this are one node.
 const SPACING_M: f64 = 0.05;
-/// Nodes that the vehicle has passed are no nearer than this.
+/// Least spacing of nodes behind the vehicle.
 const KEPT_SPACING_M: f64 = 0.5;
-/// Cosine of 0.7 rad. Headings that differ more than this from the chord are noise, and the chord is
-/// taken instead.
+/// Cosine of 0.7 rad. A heading that differs more from the chord is noise; the chord replaces it.
 const LEAST_COSINE: f64 = 0.765;
-/// No vehicle of ours turns tighter.
+/// Largest curvature of any vehicle.
 const MAX_CURVATURE: f64 = 0.5;
-/// Where a path passes a place twice, the branch that leads along the vehicle's heading is meant: a
-/// larger difference, which no bend needs, counts as so many metres for each radian.
+/// At a self-intersection the branch along the vehicle's heading counts: a heading difference above this,
+/// which no bend requires, adds this many metres per radian.
 const HEADING_RAD: f64 = 1.2;
 const HEADING_WEIGHT_M: f64 = 5.0;
 
-/// A pose of the path, and the curve that leads to it.
+/// A node of the path: a pose, and the span that leads to it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Node {
+struct PathNode {
     pose: Pose2,
     /// Unit vector of the heading.
     forward: DVec2,
     station: f64,
-    /// From the node before; of the first node without meaning.
-    span: Span,
+    /// Span from the previous node; meaningless for the first node.
+    span: CubicSpan,
 }
 
-/// A curve with stations: metres along it, from an origin that stays as the path is renewed.
+/// A path with stations: arc lengths from an origin that is kept as the path is renewed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Path {
-    nodes: Vec<Node>,
+    nodes: Vec<PathNode>,
 }
 
-/// The place on a path that is nearest to a point.
+/// The nearest point of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Nearest {
+pub(super) struct NearestPoint {
     pub station: f64,
     /// Unit vector along the path.
     pub tangent: DVec2,
     /// Left-positive.
     pub curvature: f64,
-    /// How far to the left of the point the path runs.
+    /// Signed distance from the query point to the path, positive if the path is to its left.
     pub path_to_left_m: f64,
 }
 
-/// The best place so far, and how near anything better has to be.
-struct Best {
+/// The best candidate so far, and the search radius.
+struct NearestSearch {
     cost: f64,
     within_m: f64,
-    nearest: Option<Nearest>,
+    nearest: Option<NearestPoint>,
 }
 
-impl Best {
-    fn offer(&mut self, distance_squared: f64, nearest: Nearest, forward: DVec2) {
+impl NearestSearch {
+    fn offer(&mut self, distance_squared: f64, nearest: NearestPoint, forward: DVec2) {
         let cost = distance_squared + aside(nearest.tangent, forward);
         if cost < self.cost {
             *self = Self { cost, within_m: cost.sqrt(), nearest: Some(nearest) };
@@ -89,13 +88,13 @@ impl Path {
         self.nodes.last().map_or(0.0, |node| node.station)
     }
 
-    /// Begins anew with one pose at `station`.
+    /// Restarts with one pose at `station`.
     pub(super) fn restart(&mut self, station: f64, pose: Pose2) {
         self.nodes.clear();
-        self.nodes.push(Node { pose, forward: pose.forward(), station, span: Span::default() });
+        self.nodes.push(PathNode { pose, forward: pose.forward(), station, span: CubicSpan::default() });
     }
 
-    /// Adds a pose at the end and gives its station. One that is not ahead of the end is not added.
+    /// Appends a pose and returns its station. A pose not ahead of the end is skipped.
     pub(super) fn push(&mut self, pose: Pose2) -> f64 {
         let Some(last) = self.nodes.last() else {
             self.restart(0.0, pose);
@@ -109,23 +108,23 @@ impl Path {
         if ahead < 0.0 {
             return last.station;
         }
-        let mut node = Node { pose, forward: pose.forward(), station: 0.0, span: Span::default() };
-        node.span = Span::between(last, &node);
+        let mut node = PathNode { pose, forward: pose.forward(), station: 0.0, span: CubicSpan::default() };
+        node.span = CubicSpan::between(last, &node);
         node.station = last.station + node.span.length;
         self.nodes.push(node);
         node.station
     }
 
-    /// Leaves of the path what lies between two stations, thinned out where it is dense.
+    /// Keeps the path between two stations, thinned out where it is dense.
     pub(super) fn keep(&mut self, from: f64, to: f64) {
-        let mut before: Option<Node> = None;
+        let mut before: Option<PathNode> = None;
         let mut is_next = false;
         self.nodes.retain_mut(|node| {
             let is_apart = before.is_none_or(|before| node.station - before.station > KEPT_SPACING_M);
             let keeps = node.station >= from && node.station <= to && is_apart;
             if keeps {
                 if let Some(before) = before.filter(|_| !is_next) {
-                    node.span = Span::between(&before, node);
+                    node.span = CubicSpan::between(&before, node);
                 }
                 before = Some(*node);
             }
@@ -134,15 +133,15 @@ impl Path {
         });
     }
 
-    /// The place nearest to `point` for a vehicle that looks along the unit vector `forward`, between
-    /// two stations; the ends' extensions count where the range reaches them. `None` for an empty path.
-    pub(super) fn nearest(&self, point: DVec2, forward: DVec2, from: f64, to: f64) -> Option<Nearest> {
+    /// The nearest point to `point` between two stations, for a vehicle with heading `forward`; extensions
+    /// count if the range reaches them. `None` for an empty path.
+    pub(super) fn nearest(&self, point: DVec2, forward: DVec2, from: f64, to: f64) -> Option<NearestPoint> {
         let (first, last) = (self.nodes.first()?, self.nodes.last()?);
         let begin = self.nodes.partition_point(|node| node.station < from).saturating_sub(1);
-        let mut best = Best { cost: f64::INFINITY, within_m: f64::INFINITY, nearest: None };
+        let mut best = NearestSearch { cost: f64::INFINITY, within_m: f64::INFINITY, nearest: None };
         let reachable = || self.nodes[begin..].windows(2).take_while(|pair| pair[0].station <= to);
-        // The likeliest one first: it tells which few of the others can be nearer.
-        let to_middle = |pair: &[Node]| pair[1].span.middle.distance_squared(point);
+        // The likeliest span first: it bounds the search in the others.
+        let to_middle = |pair: &[PathNode]| pair[1].span.middle.distance_squared(point);
         let likeliest = reachable().min_by(|a, b| to_middle(a).total_cmp(&to_middle(b)));
         if let Some(pair) = likeliest {
             let (distance_squared, nearest) = pair[1].span.nearest(point, pair[0].station, pair[1].station);
@@ -171,16 +170,16 @@ impl Path {
     }
 }
 
-impl Node {
-    /// How far ahead of the node, along its heading, a point lies.
+impl PathNode {
+    /// Longitudinal distance of a point from the node.
     fn ahead_of(&self, point: DVec2) -> f64 {
         (point - self.pose.position).dot(self.forward)
     }
 }
 
-/// What a path that leads elsewhere costs, m2.
+/// Penalty for a branch in another direction, m2.
 fn aside(tangent: DVec2, forward: DVec2) -> f64 {
-    // Cosine of HEADING_RAD: nearly always the path leads where the vehicle looks.
+    // Cosine of HEADING_RAD: nearly always the directions agree.
     if tangent.dot(forward) > 0.3624 {
         return 0.0;
     }
@@ -188,13 +187,13 @@ fn aside(tangent: DVec2, forward: DVec2) -> f64 {
     excess * excess
 }
 
-/// From one unit vector to another, left-positive.
+/// Angle from one unit vector to another, left-positive.
 pub(super) fn angle_between(from: DVec2, to: DVec2) -> f64 {
     trig::atan2(from.perp_dot(to), from.dot(to))
 }
 
-/// The circle (or line) that goes on from a node, and its place nearest to a point.
-fn extension(node: &Node, curvature: f64, point: DVec2) -> Nearest {
+/// The nearest point on the circular or straight extension of a node.
+fn extension(node: &PathNode, curvature: f64, point: DVec2) -> NearestPoint {
     let offset = point - node.pose.position;
     let (ahead, left) = (offset.dot(node.forward), offset.dot(node.forward.perp()));
     let (along, tangent, to_left) = if curvature.abs() < 1e-6 {
@@ -206,25 +205,25 @@ fn extension(node: &Node, curvature: f64, point: DVec2) -> Nearest {
         let unit = from_centre / distance.max(1e-12);
         (turn / curvature, node.forward * unit.y + node.forward.perp() * unit.x, (distance - 1.0) / curvature)
     };
-    Nearest { station: node.station + along, tangent, curvature, path_to_left_m: to_left }
+    NearestPoint { station: node.station + along, tangent, curvature, path_to_left_m: to_left }
 }
 
-/// The cubic between two poses.
+/// A cubic Hermite span between two poses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Span {
-    /// Of the chord.
+struct CubicSpan {
+    /// Midpoint of the chord.
     middle: DVec2,
     /// Unit vector.
     chord: DVec2,
     chord_length: f64,
-    /// Slopes against the chord at both ends.
+    /// End slopes relative to the chord.
     slopes: [f64; 2],
     length: f64,
     curvature: f64,
 }
 
-impl Span {
-    fn between(from: &Node, to: &Node) -> Self {
+impl CubicSpan {
+    fn between(from: &PathNode, to: &PathNode) -> Self {
         let offset = to.pose.position - from.pose.position;
         let chord_length = offset.length().max(1e-9);
         let chord = offset / chord_length;
@@ -237,28 +236,28 @@ impl Span {
             ([0.0; 2], 0.0)
         };
         let [a, b] = slopes;
-        // Second order of the arc length of the cubic.
+        // Arc length of the cubic to second order.
         let length = chord_length * (1.0 + (2.0 * a * a + 2.0 * b * b - a * b) / 30.0);
         let curvature = (turn / length).clamp(-MAX_CURVATURE, MAX_CURVATURE);
         let middle = from.pose.position + offset / 2.0;
         Self { middle, chord, chord_length, slopes, length, curvature }
     }
 
-    /// No point of the cubic is farther than this from the middle of its chord: it stays nearer to its
-    /// chord than a third of the chord's length, even at the largest slopes.
+    /// Bound on the distance of the cubic from the midpoint of its chord: even at the largest slopes it stays
+    /// within a third of the chord's length of the chord.
     fn reach(&self) -> f64 {
         self.chord_length * (0.5 + 1.0 / 3.0)
     }
 
-    /// Offset to the left of the chord over its length, and slope, at a share of the chord.
+    /// Lateral offset over the chord's length, and slope, at a share of the chord.
     fn cubic(&self, u: f64) -> (f64, f64) {
         let [a, b] = self.slopes;
         let w = 1.0 - u;
         (a * u * w * w - b * u * u * w, a * w * (1.0 - 3.0 * u) + b * u * (3.0 * u - 2.0))
     }
 
-    /// The square of the distance to the nearest place, and that place; stations are those of the ends.
-    fn nearest(&self, point: DVec2, from: f64, to: f64) -> (f64, Nearest) {
+    /// Squared distance to the nearest point, and that point; stations are those of the ends.
+    fn nearest(&self, point: DVec2, from: f64, to: f64) -> (f64, NearestPoint) {
         let local = (point - self.middle) / self.chord_length;
         let (x, y) = (0.5 + local.dot(self.chord), local.dot(self.chord.perp()));
         let mut u = x.clamp(0.0, 1.0);
@@ -269,7 +268,7 @@ impl Span {
         let (offset, slope) = self.cubic(u);
         let miss = DVec2::new(u - x, offset - y) * self.chord_length;
         let tangent = DVec2::new(1.0, slope) / (1.0 + slope * slope).sqrt();
-        let nearest = Nearest {
+        let nearest = NearestPoint {
             station: from + u * (to - from),
             tangent: self.chord * tangent.x + self.chord.perp() * tangent.y,
             curvature: self.curvature,

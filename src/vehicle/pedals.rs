@@ -1,8 +1,7 @@
-//! From throttle to pedals (the paper, eq. 2-4).
+//! Maps the throttle to pedals (the paper, eq. 2-4).
 
-/// Gas, brake and handbrake for a throttle u_d in [-1, 1]:
-/// `h = 1 if u_d <= -0.5 else 0`, `b = max(0, -u_d) (1 - h)`, `g = max(0, u_d) (1 - h)`.
-/// A throttle that is not a number touches no pedal.
+/// Gas, brake and handbrake for a throttle u_d in [-1, 1]: `h = 1 if u_d <= -0.5 else 0`, `b = max(0, -u_d)
+/// (1 - h)`, `g = max(0, u_d) (1 - h)`. NaN touches no pedal.
 pub fn pedals(throttle: f64) -> (f64, f64, f64) {
     if throttle <= HANDBRAKE_THROTTLE {
         (0.0, 0.0, 1.0)
@@ -11,7 +10,7 @@ pub fn pedals(throttle: f64) -> (f64, f64, f64) {
     }
 }
 
-/// From here down the handbrake is pulled instead of the brake.
+/// At and below this throttle the handbrake replaces the brake.
 pub(super) const HANDBRAKE_THROTTLE: f64 = -0.5;
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
-//! Tracking control of one vehicle: steering by the corrected Stanley law, speed by a PID on the
-//! position along the path with feed-forward (the paper, eq. 1 and its section on speed).
+//! Tracking control of one vehicle: lateral control by the Stanley steering law with corrections,
+//! longitudinal control by a PID on the position along the path with feed-forward (the paper, eq. 1 and its
+//! section on speed).
 
-use super::path::{Nearest, Path, angle_between};
+use super::path::{NearestPoint, Path, angle_between};
 use super::pedals::{HANDBRAKE_THROTTLE, pedals};
 use super::{Actuation, ModelKind, Motion, VehicleSpec};
 use crate::digest::{Digest, StateHash};
@@ -11,51 +12,51 @@ use crate::snapshot::{Trajectory, TrajectoryPoint};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-/// Path that is kept behind the vehicle as trajectories replace one another: what is searched, and the
-/// way of a control step.
+/// Length of path kept behind the vehicle when trajectories are replaced: the search range plus the distance
+/// of a control step.
 const KEPT_BEHIND_M: f64 = 5.0;
-/// A new trajectory that begins this near to the old path continues it.
+/// A new trajectory that starts this close to the old path continues it.
 const JOINS_WITHIN_M: f64 = 0.4;
 const JOINS_WITHIN_RAD: f64 = 0.4;
-/// A trajectory that stays within this says nothing about the shape of the path.
+/// A trajectory that stays within this distance does not define the shape of the path.
 const SPOT_M: f64 = 0.1;
-/// Where the vehicle is looked for around its last station.
+/// Search window around the last station.
 const SEARCH_BEHIND_M: f64 = 4.0;
 const SEARCH_AHEAD_M: f64 = 8.0;
-/// Slower than this it stands.
+/// Speed below which it counts as stopped.
 const STANDING_MPS: f64 = 0.1;
-/// A desired speed below this asks for standing.
+/// Desired speed below which it should stop.
 const MOVING_MPS: f64 = 0.05;
-/// A vehicle that stands is not sent after an error smaller than this.
+/// Dead band: smaller position errors do not start a stopped vehicle.
 const CREEP_M: f64 = 0.3;
 /// Throttle that holds a standing vehicle.
 const HOLDING_THROTTLE: f64 = -0.3;
 /// Throttle of the hardest braking without the handbrake.
 const HARDEST_BRAKING: f64 = HANDBRAKE_THROTTLE + 1e-3;
-/// Deceleration of a stop on the path: at least, by plan, at most.
+/// Deceleration of a stop on the path: least, planned, most.
 const STOP_GENTLY_MPS2: f64 = 3.0;
 const STOP_FIRMLY_MPS2: f64 = 4.5;
 const STOP_MOST_MPS2: f64 = 4.8;
-/// How fast a speed error is made good in such a stop, 1/s.
+/// Gain on the speed error in such a stop, 1/s.
 const STOP_GAIN: f64 = 2.0;
-/// A vehicle that is so far beyond its waypoint, and the way of so long, has overshot it.
+/// A vehicle has overshot its waypoint beyond this distance plus the distance driven in this time.
 const OVERSHOOT_M: f64 = 1.0;
 const OVERSHOOT_S: f64 = 0.25;
-/// A trajectory that begins later is taken to have begun with its first acceleration so long before: messages of a
-/// plan that is renewed overtake one another by less.
+/// A trajectory that starts later is extrapolated back by up to this time at its first acceleration: messages
+/// of a renewed plan overtake one another by less.
 const BACKCAST_S: f64 = 0.5;
-/// Most that the integral adds, m/s2.
+/// Anti-windup: limit of the integral term, m/s2.
 const INTEGRAL_LIMIT_MPS2: f64 = 1.0;
 
-/// A point of the trajectory on the path.
+/// A waypoint of the trajectory on the path.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Milestone {
+struct PathWaypoint {
     time_s: f64,
     station: f64,
     speed_mps: f64,
 }
 
-/// Where the vehicle shall be on its path, and how it shall move, at one instant.
+/// The reference at one instant: desired station, speed and acceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Reference {
     station: f64,
@@ -63,40 +64,40 @@ struct Reference {
     acceleration_mps2: f64,
 }
 
-/// How the front axle moves.
+/// Motion of the front axle.
 #[derive(Clone, Copy, Debug)]
 struct FrontAxle {
     /// Along the path; faster than the body in a bend.
     along_mps: f64,
-    /// That keeps it on the path.
+    /// Rate that keeps it on the path.
     steering_rate_radps: f64,
 }
 
-/// Leads a vehicle's front axle along the newest trajectory.
+/// Tracking controller that keeps a vehicle's front axle on the newest trajectory.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tracker {
     path: Path,
-    milestones: Vec<Milestone>,
-    /// Digest of these two, which change with a trajectory alone.
+    waypoints: Vec<PathWaypoint>,
+    /// Digest of path and waypoints, which change only with a trajectory.
     plan_hash: u64,
-    /// Of the front axle on the path.
+    /// Station of the front axle on the path.
     station: Option<f64>,
-    /// Of the longitudinal position error, m s.
+    /// Integral of the longitudinal position error, m s.
     integral: f64,
-    /// Speed that a stop on the path still allows.
+    /// Permitted speed of a stop on the path.
     stopping_mps: Option<f64>,
-    /// The stop was asked for, and lasts until the next trajectory.
+    /// Stop requested, until the next trajectory.
     link_lost: bool,
-    /// The vehicle is beyond its waypoint, and stops until the waypoint passes it.
+    /// The vehicle has passed its waypoint and stops until the waypoint passes it.
     has_overshot: bool,
     steering_rad: f64,
 }
 
-/// What the tracking control wants at one tick.
+/// Output of the tracking control at one tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tracking {
     pub actuation: Actuation,
-    /// Front-axle centre from the path, left-positive; 0 without a path.
+    /// Lateral error: front-axle centre from the path, left-positive; 0 without a path.
     pub lateral_error_m: f64,
     /// u_d of the paper, in [-1, 1].
     pub throttle: f64,
@@ -113,16 +114,16 @@ impl Digest for Tracker {
 }
 
 impl Tracker {
-    /// The newest trajectory replaces the older one; the caller has checked its sequence. Points that
-    /// are not finite or not in time order are left out; without any left the older one stays.
+    /// Replaces the trajectory; the caller has checked its sequence number. Points that are not finite or not
+    /// in time order are skipped; if none is left, the old trajectory stays.
     pub fn follow(&mut self, trajectory: &Trajectory) {
         let points = usable(&trajectory.points);
         let Some(first) = points.clone().next() else { return };
         self.replace_plan(first, points);
         let mut hash = StateHash::default();
         self.path.digest(&mut hash);
-        for milestone in &self.milestones {
-            hash.numbers([milestone.time_s, milestone.station, milestone.speed_mps]);
+        for waypoint in &self.waypoints {
+            hash.numbers([waypoint.time_s, waypoint.station, waypoint.speed_mps]);
         }
         self.plan_hash = hash.finish();
     }
@@ -142,19 +143,19 @@ impl Tracker {
             near.path_to_left_m.abs() < JOINS_WITHIN_M
                 && angle_between(near.tangent, forward).abs() < JOINS_WITHIN_RAD
         });
-        self.milestones.clear();
-        let milestone = |point: &TrajectoryPoint, station| Milestone {
+        self.waypoints.clear();
+        let waypoint = |point: &TrajectoryPoint, station| PathWaypoint {
             time_s: point.time_s,
             station,
             speed_mps: point.speed_mps.max(0.0),
         };
         match joint {
-            // All points on one spot of the old path: its shape tells more than they do.
+            // All points in one spot: the old path gives the shape.
             Some(near) if stands(points.clone()) && self.path.end() > near.station => {
-                self.milestones.extend(points.map(|point| milestone(point, near.station)));
+                self.waypoints.extend(points.map(|point| waypoint(point, near.station)));
                 return;
             }
-            // The path so far stays behind the new one: a vehicle that lags is still on it.
+            // The old path is kept behind the new one: a lagging vehicle is still on it.
             Some(near) => {
                 let from = self.station.map_or(near.station, |own| own.min(near.station));
                 self.path.keep(from - KEPT_BEHIND_M, near.station - 1e-3);
@@ -170,12 +171,12 @@ impl Tracker {
         }
         for point in points {
             let station = self.path.push(point.pose);
-            self.milestones.push(milestone(point, station));
+            self.waypoints.push(waypoint(point, station));
         }
     }
 
-    /// The link is lost: from now on brake to a stop along the last path, at no more than 5 m/s2,
-    /// until the next trajectory. Calling it again changes nothing.
+    /// Link loss: brakes to a stop along the last path, at no more than 5 m/s2, until the next trajectory.
+    /// Idempotent.
     pub fn stop_on_path(&mut self) {
         self.link_lost = true;
     }
@@ -189,7 +190,7 @@ impl Tracker {
         });
         let nearest = self.path.nearest(axle, forward, from, to);
         let Some(nearest) = nearest else {
-            // Nothing to follow yet.
+            // No path yet.
             let front = FrontAxle { along_mps: motion.speed_mps, steering_rate_radps: 0.0 };
             let throttle = self.stop(spec, motion, &front, f64::INFINITY, dt_s);
             return Tracking { actuation: self.actuation(throttle), lateral_error_m: 0.0, throttle };
@@ -215,8 +216,8 @@ impl Tracker {
         Tracking { actuation: self.actuation(throttle), lateral_error_m: -nearest.path_to_left_m, throttle }
     }
 
-    /// A vehicle that is beyond its waypoint stops, and goes on when the waypoint passes it (the paper, section on
-    /// speed control). The way that it covers in a delay is no overshoot.
+    /// Detects overshoot: a vehicle that has passed its waypoint stops until the waypoint passes it (the
+    /// paper, section on speed control). The distance covered during a delay is no overshoot.
     fn note_overshoot(&mut self, reference: Option<Reference>, station: f64, along_mps: f64) {
         let Some(reference) = reference else {
             self.has_overshot = false;
@@ -235,7 +236,7 @@ impl Tracker {
         Actuation { gas, brake, handbrake, steering_rad: self.steering_rad, reverse: false }
     }
 
-    /// Throttle of the speed control.
+    /// Throttle of the longitudinal control.
     fn throttle(
         &mut self,
         spec: &VehicleSpec,
@@ -253,7 +254,7 @@ impl Tracker {
             self.integral = 0.0;
             return HOLDING_THROTTLE;
         }
-        // Lost way is made good by being a little faster than desired, not by flooring the gas.
+        // A position error is corrected by a slightly higher speed, not by full throttle.
         let most = gains.speed_d * (1.0 + 0.1 * reference.speed_mps);
         let pull = gains.speed_p * error;
         let wanted = reference.acceleration_mps2
@@ -292,11 +293,11 @@ impl Tracker {
         throttle_for(spec, motion, front, wanted.clamp(-STOP_MOST_MPS2, 0.0))
     }
 
-    /// The trajectory at a time; `None` where it has ended in motion.
+    /// The reference at a time; `None` after a trajectory that ends in motion.
     fn reference(&self, time_s: f64) -> Option<Reference> {
-        let after = self.milestones.partition_point(|milestone| milestone.time_s <= time_s);
-        let before = after.checked_sub(1).map(|k| self.milestones[k]);
-        match (before, self.milestones.get(after)) {
+        let after = self.waypoints.partition_point(|waypoint| waypoint.time_s <= time_s);
+        let before = after.checked_sub(1).map(|k| self.waypoints[k]);
+        match (before, self.waypoints.get(after)) {
             (Some(a), Some(b)) => Some(between(&a, b, time_s)),
             (None, Some(first)) => Some(self.before(first, time_s)),
             (Some(last), None) if last.speed_mps < 0.3 => {
@@ -306,11 +307,11 @@ impl Tracker {
         }
     }
 
-    /// Before a trajectory begins: the motion that leads up to its first point, as it goes on there.
-    fn before(&self, first: &Milestone, time_s: f64) -> Reference {
+    /// Extrapolates the reference to before the first waypoint.
+    fn before(&self, first: &PathWaypoint, time_s: f64) -> Reference {
         let ahead_s = first.time_s - time_s;
         let gained = self
-            .milestones
+            .waypoints
             .get(1)
             .map_or(0.0, |second| (second.speed_mps - first.speed_mps) / (second.time_s - first.time_s));
         let changing_s = ahead_s.min(BACKCAST_S);
@@ -322,7 +323,7 @@ impl Tracker {
     }
 }
 
-/// The points that are finite and later than all before them.
+/// The finite points in time order.
 fn usable(points: &[TrajectoryPoint]) -> impl Iterator<Item = &TrajectoryPoint> + Clone {
     let mut latest = f64::NEG_INFINITY;
     let finite = |p: &&TrajectoryPoint| p.pose.is_finite() && p.time_s.is_finite() && p.speed_mps.is_finite();
@@ -333,14 +334,14 @@ fn usable(points: &[TrajectoryPoint]) -> impl Iterator<Item = &TrajectoryPoint> 
     })
 }
 
-/// Whether a trajectory stays where it begins.
+/// Whether a trajectory is stationary.
 fn stands<'a>(mut points: impl Iterator<Item = &'a TrajectoryPoint>) -> bool {
     let Some(first) = points.next() else { return true };
     points.all(|point| point.pose.position.distance_squared(first.pose.position) < SPOT_M * SPOT_M)
 }
 
-/// Between two points the speed changes evenly; the station follows it, scaled to meet both.
-fn between(a: &Milestone, b: &Milestone, time_s: f64) -> Reference {
+/// Interpolates between waypoints: linear in speed; the station follows, scaled to meet both.
+fn between(a: &PathWaypoint, b: &PathWaypoint, time_s: f64) -> Reference {
     let lasting = b.time_s - a.time_s;
     let share = (time_s - a.time_s) / lasting;
     let gain = b.speed_mps - a.speed_mps;
@@ -353,10 +354,10 @@ fn between(a: &Milestone, b: &Milestone, time_s: f64) -> Reference {
     }
 }
 
-/// Steering angle by the corrected law of Stanley (the paper, eq. 1, with the heading error in place
-/// of the heading), angles left-positive, errors taken at the front axle:
-/// `delta = theta_e - k_a v psi_d' + atan(k_e y_e / (k_s + v)) - k_y (psi' - psi_d')`.
-fn stanley(spec: &VehicleSpec, motion: &Motion, nearest: &Nearest, forward: DVec2, along: f64) -> f64 {
+/// Stanley steering law with corrections (the paper, eq. 1, with the heading error in place of the heading),
+/// angles left-positive, errors at the front axle: `delta = theta_e - k_a v psi_d' + atan(k_e y_e / (k_s +
+/// v)) - k_y (psi' - psi_d')`.
+fn stanley(spec: &VehicleSpec, motion: &Motion, nearest: &NearestPoint, forward: DVec2, along: f64) -> f64 {
     let gains = &spec.control;
     let speed = motion.speed_mps.abs();
     let heading_error = angle_between(forward, nearest.tangent);
@@ -370,12 +371,12 @@ fn stanley(spec: &VehicleSpec, motion: &Motion, nearest: &Nearest, forward: DVec
         - gains.k_y * (motion.yaw_rate_radps - desired_yaw_rate)
 }
 
-/// Throttle that accelerates the front axle along its path so much: the balance of power of the
-/// vehicle itself, turned round.
+/// Throttle for a desired acceleration of the front axle along its path: inverse model of the vehicle's power
+/// balance (feed-forward).
 ///
-/// With the front axle at speed v_f and angle delta the body's motion holds the energy
-/// `m v_f^2 (cos^2 delta + rho sin^2 delta) / 2`, where rho tells what its turning adds; the motor
-/// moves the body, which is slower than its front axle by cos delta.
+/// With the front axle at speed v_f and angle delta the kinetic energy is `m v_f^2 (cos^2 delta + rho sin^2
+/// delta) / 2`, where rho accounts for rotation. The motor moves the body, which is slower than its front
+/// axle by cos delta.
 fn throttle_for(spec: &VehicleSpec, motion: &Motion, front: &FrontAxle, wanted_mps2: f64) -> f64 {
     let speed = motion.speed_mps;
     let (sin, cos) = trig::sin_cos(motion.steering_rad);
@@ -395,6 +396,6 @@ fn throttle_for(spec: &VehicleSpec, motion: &Motion, front: &FrontAxle, wanted_m
         return (force / spec.motor_force(speed).max(1.0)).min(1.0);
     }
     let throttle = (force / spec.brake_force()).max(-1.0);
-    // The handbrake is for what the brake cannot do.
+    // The handbrake supplements the brake.
     if throttle > 1.1 * HANDBRAKE_THROTTLE { throttle.max(HARDEST_BRAKING) } else { throttle }
 }

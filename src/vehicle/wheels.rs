@@ -1,23 +1,22 @@
-//! Steering gear and wheels, which both models share.
+//! Steering and wheels, shared by the dynamics models.
 
 use super::{ModelKind, VehicleSpec, raycast};
 use crate::geom::trig;
 use crate::snapshot::VehicleState;
 use glam::DVec2;
 
-/// The front axle's angle one step on: towards the desired one, at no more than the steering rate,
-/// inside the limit.
+/// Steering angle after one step towards the desired one, within rate and limit.
 pub(super) fn steered(spec: &VehicleSpec, actual_rad: f64, desired_rad: f64, dt_s: f64) -> f64 {
     let limit = spec.steering_limit_rad;
-    // A desired angle that is not a number leaves the wheels where they are.
+    // NaN holds the steering angle.
     let desired = if desired_rad.is_nan() { actual_rad } else { desired_rad };
     let step = spec.steering_rate_radps * dt_s;
     (actual_rad + (desired.clamp(-limit, limit) - actual_rad).clamp(-step, step)).clamp(-limit, limit)
 }
 
-/// Directions of the left and right front wheel, body frame, when the axle's middle turns by
-/// `axle_rad`: all wheels roll about one point on the rear axle's line (Ackermann).
-pub(super) fn front_headings(spec: &VehicleSpec, axle_rad: f64) -> [DVec2; 2] {
+/// Ackermann steering: directions of the left and right front wheel, body frame, for a steering angle
+/// `axle_rad` of the axle's middle. All wheels roll about one point on the rear axle's line.
+pub(super) fn ackermann_headings(spec: &VehicleSpec, axle_rad: f64) -> [DVec2; 2] {
     let tangent = trig::tan(axle_rad);
     let narrowing = tangent * spec.dimensions.track_m / (2.0 * spec.dimensions.wheelbase_m);
     [1.0 - narrowing, 1.0 + narrowing].map(|along| DVec2::new(along, tangent).normalize_or(DVec2::X))
@@ -28,10 +27,10 @@ pub(super) fn angle_of(heading: DVec2) -> f64 {
     trig::atan2(heading.y, heading.x)
 }
 
-/// Steers and lifts the wheels of a state as its steering angle and its pose on flat ground have them: for states
-/// that tell these alone, as those of logs do.
+/// Sets wheel angles and suspension travel of a state from its steering angle and its pose on flat ground:
+/// for states that lack them, such as those of logs.
 pub fn set_wheels(spec: &VehicleSpec, state: &mut VehicleState) {
-    let [left, right] = front_headings(spec, state.steering_rad).map(angle_of);
+    let [left, right] = ackermann_headings(spec, state.steering_rad).map(angle_of);
     (state.wheels[0].steer_rad, state.wheels[1].steer_rad) = (left, right);
     if spec.model == ModelKind::Raycast {
         let lifts = raycast::lifts_m(spec, state.position, state.orientation);
@@ -39,7 +38,7 @@ pub fn set_wheels(spec: &VehicleSpec, state: &mut VehicleState) {
     }
 }
 
-/// A pedal's value, whatever came in.
+/// Clamps a pedal value; NaN is zero.
 pub(super) fn pedal(value: f64) -> f64 {
     if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) }
 }
@@ -65,11 +64,11 @@ mod tests {
         let spec = VehicleSpec::default();
         let d = spec.dimensions;
         for axle in [-0.7, -0.1, 0.2, 0.7] {
-            let [left, right] = front_headings(&spec, axle).map(angle_of);
+            let [left, right] = ackermann_headings(&spec, axle).map(angle_of);
             let centre = d.wheelbase_m / trig::tan(axle);
             assert!((d.wheelbase_m / trig::tan(left) + d.track_m / 2.0 - centre).abs() < 1e-9);
             assert!((d.wheelbase_m / trig::tan(right) - d.track_m / 2.0 - centre).abs() < 1e-9);
         }
-        assert_eq!(front_headings(&spec, 0.0).map(angle_of), [0.0, 0.0]);
+        assert_eq!(ackermann_headings(&spec, 0.0).map(angle_of), [0.0, 0.0]);
     }
 }

@@ -1,97 +1,102 @@
-//! The bodies of datagrams: all that goes over the link.
+//! Bodies of the datagrams, and their encoding.
 
-use super::bytes::{Reader, Writer};
+use super::bytes::{ByteReader, ByteWriter};
 use super::setup::VehicleSetup;
-use super::{DecodeError, EncodeError, Fault, Header, LARGEST_M, LARGEST_S, Measurement, Seal, trajectories};
+use super::{
+    Authenticator, DatagramHeader, DecodeError, DecodeFault, EncodeError, MAX_COORDINATE_M, MAX_TIME_S,
+    Measurement, trajectories,
+};
 use crate::snapshot::{Status, Trajectory, VehicleId};
 use glam::{DQuat, DVec3};
 
-/// A reason in words is at most so long, in bytes.
-pub const LONGEST_DETAIL: usize = 200;
-/// Poses of a datagram, at most.
-pub const MOST_POSES: usize = 17;
-/// A subscription lasts at most so long without being renewed.
-pub const LONGEST_LEASE_S: f64 = 60.0;
+/// Longest text of a reason, bytes.
+pub const MAX_DETAIL_BYTES: usize = 200;
+/// Most poses of a datagram.
+pub const MAX_POSES: usize = 17;
+/// Longest lease of a subscription.
+pub const MAX_LEASE_S: f64 = 60.0;
 
-/// What is done with the experiment.
+/// Action on the experiment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Action {
+pub enum ExperimentAction {
     Start = 0,
     Pause = 1,
     Reset = 2,
 }
 
-const ACTIONS: [Action; 3] = [Action::Start, Action::Pause, Action::Reset];
+const ACTIONS: [ExperimentAction; 3] =
+    [ExperimentAction::Start, ExperimentAction::Pause, ExperimentAction::Reset];
 
-/// What became of a request.
+/// Outcome of a request, as its acknowledgement states it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Outcome {
+pub enum RequestOutcome {
     Done = 0,
-    /// Not now: another sender leads. Asking again later may help.
+    /// Not now, because another sender leads; a later request may succeed.
     Busy = 1,
-    /// Never, for the reason stated.
+    /// Never, for the stated reason.
     Refused = 2,
 }
 
-const OUTCOMES: [Outcome; 3] = [Outcome::Done, Outcome::Busy, Outcome::Refused];
+const OUTCOMES: [RequestOutcome; 3] = [RequestOutcome::Done, RequestOutcome::Busy, RequestOutcome::Refused];
 
-/// Where the experiment stands.
+/// Phase of the experiment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Phase {
-    /// At its beginning.
+pub enum ExperimentPhase {
+    /// At its start, not running yet.
     Ready = 0,
     Running = 1,
     Paused = 2,
 }
 
-const PHASES: [Phase; 3] = [Phase::Ready, Phase::Running, Phase::Paused];
+const PHASES: [ExperimentPhase; 3] =
+    [ExperimentPhase::Ready, ExperimentPhase::Running, ExperimentPhase::Paused];
 
-/// The city's clock, and what a sender has to know of the city.
+/// Answer to a handshake: the city's clock and the settings that a sender must agree on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Clock {
-    /// As in the question.
+pub struct CityClock {
+    /// The token of the request.
     pub token: u64,
     pub tick: u64,
-    /// Seconds of simulated time since the start or the last reset: the clock of all stamps.
+    /// Simulated seconds since the start or the last reset: the clock of all stamps.
     pub time_s: f64,
     pub physics_hz: u32,
     /// City metres for one laboratory metre.
     pub length_scale: f64,
-    pub phase: Phase,
-    /// The city waits for a barrier at each tick.
+    pub phase: ExperimentPhase,
+    /// Lockstep: the city waits for a barrier at each tick.
     pub is_lockstep: bool,
 }
 
-/// A vehicle as the city's subscribers see it.
+/// Pose and status of a vehicle, as subscribers get them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
-    /// Its stamp is the time of all poses of the datagram.
+pub struct ObservedVehicle {
+    /// Stamped with the time of the datagram.
     pub pose: Measurement,
     pub status: Status,
 }
 
-/// Poses of one tick, or some of them.
+/// Poses of one tick, or one part of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Poses {
     pub tick: u64,
     pub time_s: f64,
     /// Digest of the city's state at this tick.
     pub state_hash: u64,
-    pub phase: Phase,
-    /// Which of how many datagrams, from 0.
+    pub phase: ExperimentPhase,
+    /// Number of this part, from 0.
     pub part: u8,
     pub parts: u8,
     /// In id order.
-    pub vehicles: Vec<Seen>,
+    pub vehicles: Vec<ObservedVehicle>,
 }
 
-/// All that goes over the link. Laboratory metres.
+/// Body of a datagram. Laboratory metres.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Body {
-    /// Asks for a [`Clock`]; it is how a sender learns the city's session.
+    /// Handshake and heartbeat: asks for a [`CityClock`], from which the sender learns the city's session.
     Hello {
         token: u64,
     },
@@ -106,25 +111,26 @@ pub enum Body {
     },
     Command {
         request: u32,
-        action: Action,
+        action: ExperimentAction,
     },
-    /// Poses of every so many ticks from now on, until the lease is over.
+    /// Subscribes to the poses of every n-th tick until the lease ends; a repeated subscription renews it.
     Subscribe {
         request: u32,
         every_ticks: u16,
         lease_s: f64,
     },
-    /// All commands for this tick have been sent, in so many datagrams from this sequence on.
+    /// Lockstep barrier: all commands for this tick have been sent, in `count` datagrams from sequence number `first`
+    /// on.
     Barrier {
         tick: u64,
         first: u64,
         count: u32,
     },
-    Clock(Clock),
-    /// What became of the request of this number.
+    Clock(CityClock),
+    /// Acknowledges the request of this number.
     Ack {
         request: u32,
-        outcome: Outcome,
+        outcome: RequestOutcome,
         tick: u64,
         detail: String,
     },
@@ -158,13 +164,12 @@ impl Body {
         }
     }
 
-    /// Whether it goes to the city.
+    /// Whether its direction is to the city.
     pub fn is_to_city(&self) -> bool {
         self.kind() < CLOCK
     }
 
-    /// The number by which the answer is told from others; `None` for what is not answered by an
-    /// acknowledgement.
+    /// Number of a request, repeated in its acknowledgement; `None` for bodies that get none.
     pub fn request(&self) -> Option<u32> {
         match self {
             Self::Setup { request, .. }
@@ -175,59 +180,66 @@ impl Body {
         }
     }
 
-    /// The datagram that carries it. `header.kind` is that of the body, whatever it says.
+    /// Encodes the datagram. `header.kind` is ignored: the body determines it.
     ///
     /// # Errors
-    /// When a text, a list or the whole is too long for a datagram.
-    pub fn encode(&self, header: Header, seal: &Seal) -> Result<Vec<u8>, EncodeError> {
-        let mut out = Writer::default();
+    /// When a text, a list or the body is too long for a datagram.
+    pub fn encode(
+        &self,
+        header: DatagramHeader,
+        authenticator: &Authenticator,
+    ) -> Result<Vec<u8>, EncodeError> {
+        let mut out = ByteWriter::default();
         self.write(&mut out)?;
-        let (found, most) = (out.bytes.len(), super::LONGEST_BODY);
+        let (found, most) = (out.bytes.len(), super::MAX_BODY_BYTES);
         if found > most {
             return Err(EncodeError { what: "body bytes", found, most });
         }
-        Ok(seal.close(Header { kind: self.kind(), ..header }, &out.bytes))
+        Ok(authenticator.seal(DatagramHeader { kind: self.kind(), ..header }, &out.bytes))
     }
 
-    /// The header and the body of a datagram.
+    /// Verifies and decodes a datagram into its header and body.
     ///
     /// # Errors
-    /// What is wrong with it, and where; nothing of it may be used then.
-    pub fn decode(bytes: &[u8], seal: &Seal) -> Result<(Header, Self), DecodeError> {
-        let (header, end) = seal.open(bytes)?;
-        let mut from = Reader::new(&bytes[..end], super::HEADER_BYTES);
+    /// The fault and its place; nothing of the datagram may be used then.
+    pub fn decode(
+        bytes: &[u8],
+        authenticator: &Authenticator,
+    ) -> Result<(DatagramHeader, Self), DecodeError> {
+        let (header, end) = authenticator.verify(bytes)?;
+        let mut from = ByteReader::new(&bytes[..end], super::HEADER_BYTES);
         let body = Self::read(header.kind, &mut from)?;
         from.finish()?;
         Ok((header, body))
     }
 
-    /// Kind and body alone, as a log keeps them.
+    /// Encodes kind and body for a log.
     ///
     /// # Errors
     /// As for [`Body::encode`].
     pub fn to_log(&self) -> Result<(u8, Vec<u8>), EncodeError> {
-        let mut out = Writer::default();
+        let mut out = ByteWriter::default();
         self.write(&mut out)?;
         Ok((self.kind(), out.bytes))
     }
 
-    /// Whether a kind, as a log has it, is that of a vehicle's setup.
+    /// Whether a kind of a log is a vehicle's setup.
     pub fn is_setup(kind: u8) -> bool {
         kind == SETUP
     }
 
-    /// What a log has kept.
+    /// Decodes a body from a log.
     ///
     /// # Errors
-    /// What is wrong with it, and where.
+    /// The fault and its place.
     pub fn from_log(kind: u8, bytes: &[u8]) -> Result<Self, DecodeError> {
-        let mut from = Reader::new(bytes, 0);
+        let mut from = ByteReader::new(bytes, 0);
         let body = Self::read(kind, &mut from)?;
         from.finish()?;
         Ok(body)
     }
 
-    fn write(&self, out: &mut Writer) -> Result<(), EncodeError> {
+    fn write(&self, out: &mut ByteWriter) -> Result<(), EncodeError> {
         if let Self::Setup { request, .. }
         | Self::Remove { request, .. }
         | Self::Command { request, .. }
@@ -255,14 +267,14 @@ impl Body {
             Self::Ack { outcome, tick, detail, .. } => {
                 out.u8(*outcome as u8);
                 out.u64(*tick);
-                out.text("detail", detail, LONGEST_DETAIL)?;
+                out.text("detail", detail, MAX_DETAIL_BYTES)?;
             }
             Self::Poses(poses) => poses.write(out)?,
         }
         Ok(())
     }
 
-    fn read(kind: u8, from: &mut Reader<'_>) -> Result<Self, DecodeError> {
+    fn read(kind: u8, from: &mut ByteReader<'_>) -> Result<Self, DecodeError> {
         let request = match kind {
             SETUP | REMOVE | COMMAND | SUBSCRIBE | ACK => from.u32("request")?,
             _ => 0,
@@ -279,23 +291,23 @@ impl Body {
             SUBSCRIBE => {
                 let every_ticks = from.u16("every ticks")?;
                 let every_ticks = from.within("every ticks", every_ticks, (1, u16::MAX))?;
-                Self::Subscribe { request, every_ticks, lease_s: from.number("lease", 0.0, LONGEST_LEASE_S)? }
+                Self::Subscribe { request, every_ticks, lease_s: from.number("lease", 0.0, MAX_LEASE_S)? }
             }
             BARRIER => Self::Barrier {
                 tick: from.u64("tick")?,
                 first: from.u64("first sequence")?,
                 count: from.u32("datagrams")?,
             },
-            CLOCK => Self::Clock(Clock::read(from)?),
+            CLOCK => Self::Clock(CityClock::read(from)?),
             ACK => Self::Ack {
                 request,
                 outcome: from.one_of("outcome", &OUTCOMES, "0 (done), 1 (busy) and 2 (refused)")?,
                 tick: from.u64("tick")?,
-                detail: from.text("detail", LONGEST_DETAIL)?,
+                detail: from.text("detail", MAX_DETAIL_BYTES)?,
             },
             POSES => Self::Poses(Poses::read(from)?),
             found => {
-                let fault = Fault::Unknown { found: found.into(), known: "1 to 7 and 65 to 67" };
+                let fault = DecodeFault::Unknown { found: found.into(), known: "1 to 7 and 65 to 67" };
                 return Err(DecodeError { field: "kind", offset: 5, fault });
             }
         })
@@ -304,8 +316,8 @@ impl Body {
 
 const KNOWN_PHASES: &str = "0 (ready), 1 (running) and 2 (paused)";
 
-impl Clock {
-    fn write(&self, out: &mut Writer) {
+impl CityClock {
+    fn write(&self, out: &mut ByteWriter) {
         out.u64(self.token);
         out.u64(self.tick);
         out.f64(self.time_s);
@@ -315,11 +327,11 @@ impl Clock {
         out.u8(u8::from(self.is_lockstep));
     }
 
-    fn read(from: &mut Reader<'_>) -> Result<Self, DecodeError> {
+    fn read(from: &mut ByteReader<'_>) -> Result<Self, DecodeError> {
         Ok(Self {
             token: from.u64("token")?,
             tick: from.u64("tick")?,
-            time_s: from.number("time", 0.0, LARGEST_S)?,
+            time_s: from.number("time", 0.0, MAX_TIME_S)?,
             physics_hz: from.u32("physics rate")?,
             length_scale: from.number("length scale", 0.0, 1e6)?,
             phase: from.one_of("phase", &PHASES, KNOWN_PHASES)?,
@@ -329,40 +341,40 @@ impl Clock {
 }
 
 impl Poses {
-    fn write(&self, out: &mut Writer) -> Result<(), EncodeError> {
+    fn write(&self, out: &mut ByteWriter) -> Result<(), EncodeError> {
         out.u64(self.tick);
         out.f64(self.time_s);
         out.u64(self.state_hash);
         out.u8(self.phase as u8);
         out.u8(self.part);
         out.u8(self.parts);
-        out.count("poses", self.vehicles.len(), MOST_POSES)?;
-        for seen in &self.vehicles {
-            out.u32(seen.pose.vehicle.0);
-            out.u8(seen.status as u8);
+        out.count("poses", self.vehicles.len(), MAX_POSES)?;
+        for observed in &self.vehicles {
+            out.u32(observed.pose.vehicle.0);
+            out.u8(observed.status as u8);
             [0; 3].into_iter().for_each(|byte| out.u8(byte));
-            let (position, turn) = (seen.pose.position.to_array(), seen.pose.orientation.to_array());
+            let (position, turn) = (observed.pose.position.to_array(), observed.pose.orientation.to_array());
             position.into_iter().chain(turn).for_each(|number| out.f64(number));
         }
         Ok(())
     }
 
-    fn read(from: &mut Reader<'_>) -> Result<Self, DecodeError> {
+    fn read(from: &mut ByteReader<'_>) -> Result<Self, DecodeError> {
         let tick = from.u64("tick")?;
-        let time_s = from.number("time", 0.0, LARGEST_S)?;
+        let time_s = from.number("time", 0.0, MAX_TIME_S)?;
         let state_hash = from.u64("state hash")?;
         let phase = from.one_of("phase", &PHASES, KNOWN_PHASES)?;
         let (part, parts) = (from.u8("part")?, from.u8("parts")?);
         let parts = from.within("parts", parts, (part.saturating_add(1), u8::MAX))?;
         let count = from.u8("poses")?;
-        let count = from.within("poses", count, (0, MOST_POSES as u8))?;
-        let vehicles = (0..count).map(|_| Seen::read(from, time_s)).collect::<Result<_, _>>()?;
+        let count = from.within("poses", count, (0, MAX_POSES as u8))?;
+        let vehicles = (0..count).map(|_| ObservedVehicle::read(from, time_s)).collect::<Result<_, _>>()?;
         Ok(Self { tick, time_s, state_hash, phase, part, parts, vehicles })
     }
 }
 
-impl Seen {
-    fn read(from: &mut Reader<'_>, stamp_s: f64) -> Result<Self, DecodeError> {
+impl ObservedVehicle {
+    fn read(from: &mut ByteReader<'_>, stamp_s: f64) -> Result<Self, DecodeError> {
         let vehicle = VehicleId(from.u32("vehicle id")?);
         let status = from.one_of("status", &Status::ALL, "0 (waiting) to 9 (unseen)")?;
         for _ in 0..3 {
@@ -371,7 +383,7 @@ impl Seen {
         }
         let mut position = DVec3::ZERO;
         for (field, metres) in ["x", "y", "z"].into_iter().zip(position.as_mut()) {
-            *metres = from.number(field, -LARGEST_M, LARGEST_M)?;
+            *metres = from.number(field, -MAX_COORDINATE_M, MAX_COORDINATE_M)?;
         }
         let mut turn = [0.0; 4];
         for (field, part) in ["qx", "qy", "qz", "qw"].into_iter().zip(&mut turn) {

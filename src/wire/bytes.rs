@@ -1,43 +1,43 @@
-//! Little-endian primitives of datagrams, and what is said of those that cannot be read.
+//! Little-endian primitives of datagrams, and decoding errors.
 
 use super::VERSION;
 use thiserror::Error;
 
-/// What is wrong with a datagram, and where.
+/// Decoding error: the fault, its field and its offset.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("{field}, byte {offset}: {fault}")]
 pub struct DecodeError {
-    /// As `docs/wire.md` calls it.
+    /// Name of the field in `docs/wire.md`.
     pub field: &'static str,
-    /// From the start of the datagram.
+    /// Bytes from the start of the datagram.
     pub offset: usize,
-    pub fault: Fault,
+    pub fault: DecodeFault,
 }
 
-/// What is wrong with a field.
+/// Fault of a field.
 #[derive(Clone, Debug, Error, PartialEq)]
-pub enum Fault {
+pub enum DecodeFault {
     #[error("{needed} bytes are needed here, {left} are left")]
     Short { needed: usize, left: usize },
     #[error("{found} bytes are longer than {most}")]
     Long { found: usize, most: usize },
     #[error("{found} bytes too many")]
     Trailing { found: usize },
-    #[error("it does not begin as a datagram of this link does")]
+    #[error("it does not begin with C3DL, as datagrams of this link do")]
     Magic,
-    #[error("version {found}; version {VERSION} is spoken here")]
+    #[error("version {found}; this program speaks version {VERSION}")]
     Version { found: u8 },
-    #[error("the check value does not fit the bytes: damaged on its way, or made by another key")]
+    #[error("its checksum or tag does not match: it was damaged on its way, or made with another key")]
     Check,
-    #[error("not authenticated, and a shared key is asked for here")]
+    #[error("not authenticated, and this end requires the shared key")]
     Unauthenticated,
-    #[error("authenticated by a shared key, and none is known here")]
+    #[error("authenticated with a shared key, and this end has none")]
     NoKey,
     #[error("not a finite number")]
     NotFinite,
     #[error("{found}; it must be between {least} and {most}")]
     OutOfRange { found: f64, least: f64, most: f64 },
-    #[error("{found} stands for nothing; there are {known}")]
+    #[error("{found} is unknown; there are {known}")]
     Unknown { found: u64, known: &'static str },
     #[error("not UTF-8 text")]
     NotText,
@@ -45,7 +45,7 @@ pub enum Fault {
     NotLater,
 }
 
-/// Something that fits in no datagram.
+/// Encoding error: a value that does not fit in a datagram.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("{what}: {found}; at most {most} fit in a datagram")]
 pub struct EncodeError {
@@ -54,13 +54,13 @@ pub struct EncodeError {
     pub most: usize,
 }
 
-/// Writes the primitives of a datagram in their order.
+/// Appends little-endian primitives to a datagram.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Writer {
+pub(super) struct ByteWriter {
     pub bytes: Vec<u8>,
 }
 
-impl Writer {
+impl ByteWriter {
     pub fn u8(&mut self, value: u8) {
         self.bytes.push(value);
     }
@@ -81,14 +81,14 @@ impl Writer {
         self.bytes.extend_from_slice(&value.to_le_bytes());
     }
 
-    /// Its length in one byte, then the text in UTF-8.
+    /// Writes the length in one byte, then the text in UTF-8.
     pub fn text(&mut self, what: &'static str, text: &str, most: usize) -> Result<(), EncodeError> {
         self.count(what, text.len(), most)?;
         self.bytes.extend_from_slice(text.as_bytes());
         Ok(())
     }
 
-    /// How many follow, in one byte.
+    /// Writes the number of following items in one byte.
     pub fn count(&mut self, what: &'static str, found: usize, most: usize) -> Result<(), EncodeError> {
         let byte = u8::try_from(found).ok().filter(|_| found <= most);
         self.u8(byte.ok_or(EncodeError { what, found, most })?);
@@ -96,27 +96,27 @@ impl Writer {
     }
 }
 
-/// Reads the primitives of a datagram in their order.
+/// Reads little-endian primitives of a datagram, with bounds checks.
 #[derive(Clone, Debug)]
-pub(super) struct Reader<'a> {
+pub(super) struct ByteReader<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
-impl<'a> Reader<'a> {
-    /// Begins at a byte of a datagram.
+impl<'a> ByteReader<'a> {
+    /// Starts at a byte offset of a datagram.
     pub fn new(bytes: &'a [u8], at: usize) -> Self {
         Self { bytes, at }
     }
 
-    pub fn error(&self, field: &'static str, size: usize, fault: Fault) -> DecodeError {
+    pub fn error(&self, field: &'static str, size: usize, fault: DecodeFault) -> DecodeError {
         DecodeError { field, offset: self.at - size, fault }
     }
 
     fn take(&mut self, field: &'static str, needed: usize) -> Result<&'a [u8], DecodeError> {
         let left = self.bytes.len().saturating_sub(self.at);
         if needed > left {
-            return Err(self.error(field, 0, Fault::Short { needed, left }));
+            return Err(self.error(field, 0, DecodeFault::Short { needed, left }));
         }
         self.at += needed;
         Ok(&self.bytes[self.at - needed..self.at])
@@ -144,19 +144,19 @@ impl<'a> Reader<'a> {
         self.array(field).map(u64::from_le_bytes)
     }
 
-    /// A finite number of a range.
+    /// Reads a finite number within a range.
     pub fn number(&mut self, field: &'static str, least: f64, most: f64) -> Result<f64, DecodeError> {
         let found = self.array(field).map(f64::from_le_bytes)?;
         if !found.is_finite() {
-            return Err(self.error(field, 8, Fault::NotFinite));
+            return Err(self.error(field, 8, DecodeFault::NotFinite));
         }
         if !(least..=most).contains(&found) {
-            return Err(self.error(field, 8, Fault::OutOfRange { found, least, most }));
+            return Err(self.error(field, 8, DecodeFault::OutOfRange { found, least, most }));
         }
         Ok(found)
     }
 
-    /// A whole number of a range, read already.
+    /// Checks the range of an integer that has just been read.
     pub fn within<T>(&self, field: &'static str, found: T, (least, most): (T, T)) -> Result<T, DecodeError>
     where
         T: Copy + PartialOrd + Into<u32>,
@@ -165,10 +165,10 @@ impl<'a> Reader<'a> {
             return Ok(found);
         }
         let [found, least, most] = [found, least, most].map(|value| f64::from(value.into()));
-        Err(self.error(field, size_of::<T>(), Fault::OutOfRange { found, least, most }))
+        Err(self.error(field, size_of::<T>(), DecodeFault::OutOfRange { found, least, most }))
     }
 
-    /// What a byte stands for.
+    /// Reads a byte as an index into `all`.
     pub fn one_of<T: Copy>(
         &mut self,
         field: &'static str,
@@ -178,24 +178,24 @@ impl<'a> Reader<'a> {
         let found = self.u8(field)?;
         all.get(usize::from(found))
             .copied()
-            .ok_or_else(|| self.error(field, 1, Fault::Unknown { found: found.into(), known }))
+            .ok_or_else(|| self.error(field, 1, DecodeFault::Unknown { found: found.into(), known }))
     }
 
     pub fn text(&mut self, field: &'static str, most: usize) -> Result<String, DecodeError> {
         let length = usize::from(self.u8(field)?);
         if length > most {
-            return Err(self.error(field, 1, Fault::Long { found: length, most }));
+            return Err(self.error(field, 1, DecodeFault::Long { found: length, most }));
         }
         let bytes = self.take(field, length)?;
-        let text = std::str::from_utf8(bytes).map_err(|_| self.error(field, length, Fault::NotText))?;
+        let text = std::str::from_utf8(bytes).map_err(|_| self.error(field, length, DecodeFault::NotText))?;
         Ok(text.to_owned())
     }
 
-    /// Nothing may be left.
+    /// Checks that no bytes are left.
     pub fn finish(self) -> Result<(), DecodeError> {
         match self.bytes.len().saturating_sub(self.at) {
             0 => Ok(()),
-            found => Err(self.error("end", 0, Fault::Trailing { found })),
+            found => Err(self.error("end", 0, DecodeFault::Trailing { found })),
         }
     }
 }

@@ -1,15 +1,15 @@
-//! What the city has done with datagrams that it took: the commands that came of them.
+//! Converts logged bodies into the commands of the simulation.
 
-use super::{Action, Body, Message};
+use super::{Body, ExperimentAction, Message};
 use crate::geom::LengthScale;
 use crate::snapshot::{SimCommand, VehicleSpec};
 use std::collections::BTreeMap;
 
 impl Body {
-    /// The commands that a body became in the city, in their order; `types` are the builds of its scenario.
+    /// The simulation commands of a body, in their order; `types` are the vehicle types of the scenario.
     ///
     /// # Errors
-    /// Where it is no command, or names a vehicle type that is not there.
+    /// When the body is not a command, or names an unknown vehicle type.
     pub fn into_commands(
         self,
         scale: LengthScale,
@@ -24,14 +24,16 @@ impl Body {
                 let spec = setup.build.resolve(types)?;
                 vec![SimCommand::Spawn(Box::new(setup.in_city(scale, spec)))]
             }
-            Self::Poses(poses) => poses.vehicles.iter().map(|seen| seen.pose.into_command(scale)).collect(),
+            Self::Poses(poses) => {
+                poses.vehicles.iter().map(|observed| observed.pose.into_command(scale)).collect()
+            }
             Self::Remove { vehicle, .. } => vec![SimCommand::Remove(vehicle)],
             Self::Command { action, .. } => vec![match action {
-                Action::Start => SimCommand::Start,
-                Action::Pause => SimCommand::Pause,
-                Action::Reset => SimCommand::Reset,
+                ExperimentAction::Start => SimCommand::Start,
+                ExperimentAction::Pause => SimCommand::Pause,
+                ExperimentAction::Reset => SimCommand::Reset,
             }],
-            _ => return Err(format!("kind {kind} is no command")),
+            _ => return Err(format!("kind {kind} is not a command")),
         })
     }
 }

@@ -1,47 +1,47 @@
-//! Why datagrams and parts of them are dropped, and how often.
+//! Reasons for dropping datagrams and parts of them, and their counters.
 
-use super::{DecodeError, Fault};
+use super::{DecodeError, DecodeFault};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// Why something that came over the link was not used.
+/// Reason for dropping a datagram, or a command of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DropReason {
-    /// No datagram of this link, or damaged.
+    /// Not a datagram of this link, or damaged.
     Malformed,
-    /// A number that is none, or infinite.
+    /// A number is infinite or NaN.
     NotFinite,
-    /// Of another version of the link.
+    /// Another version of the wire format.
     Version,
-    /// Without the shared key, or made with another one.
+    /// Without the shared key, or with another one.
     Unauthenticated,
-    /// From an address that is not on the list of senders.
+    /// The address is not on the allow list.
     ForeignSender,
-    /// For another city, or for the one before a restart.
+    /// For another city, or for this one before its restart.
     OtherCity,
-    /// It has come already.
+    /// Replay: the sequence number has come already.
     Duplicate,
-    /// A newer trajectory of the vehicle has come before.
+    /// A newer trajectory of the vehicle came before.
     Reordered,
-    /// All of a trajectory lies in the past, or the datagram is far behind the newest of its sender.
+    /// The whole trajectory lies in the past, or the sequence number is older than the anti-replay window.
     Stale,
-    /// There is no vehicle of this number.
+    /// No vehicle has this number.
     UnknownVehicle,
     /// The vehicle belongs to another sender, or another sender leads the experiment.
     NotYours,
-    /// What the city sends, sent to the city.
+    /// A body that only cities send, sent to a city.
     WrongWay,
-    /// The sender sends faster than it may.
+    /// The sender exceeds its rate limit.
     TooFast,
-    /// The city has not kept up, or has as many senders as it may.
+    /// A bounded queue or the table of senders is full.
     Full,
-    /// A barrier before all datagrams that it speaks of.
+    /// A barrier came before all datagrams that it counts.
     Incomplete,
 }
 
 impl DropReason {
-    /// As it is called in words.
+    /// The reason in words.
     pub fn label(self) -> &'static str {
         match self {
             Self::Malformed => "malformed",
@@ -54,11 +54,11 @@ impl DropReason {
             Self::Reordered => "reordered",
             Self::Stale => "stale",
             Self::UnknownVehicle => "for an unknown vehicle",
-            Self::NotYours => "for what another sender leads",
-            Self::WrongWay => "the wrong way",
-            Self::TooFast => "too fast",
-            Self::Full => "beyond what the queue holds",
-            Self::Incomplete => "before others of their tick",
+            Self::NotYours => "without permission",
+            Self::WrongWay => "of a kind that only the city sends",
+            Self::TooFast => "over the rate limit",
+            Self::Full => "beyond the queue's capacity",
+            Self::Incomplete => "of an incomplete tick",
         }
     }
 }
@@ -66,20 +66,20 @@ impl DropReason {
 impl From<&DecodeError> for DropReason {
     fn from(error: &DecodeError) -> Self {
         match error.fault {
-            Fault::NotFinite => Self::NotFinite,
-            Fault::Version { .. } => Self::Version,
-            Fault::Unauthenticated | Fault::NoKey => Self::Unauthenticated,
+            DecodeFault::NotFinite => Self::NotFinite,
+            DecodeFault::Version { .. } => Self::Version,
+            DecodeFault::Unauthenticated | DecodeFault::NoKey => Self::Unauthenticated,
             _ => Self::Malformed,
         }
     }
 }
 
-/// How many were dropped, by reason.
+/// Number of drops by reason.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(transparent)]
-pub struct Drops(BTreeMap<DropReason, u64>);
+pub struct DropCounts(BTreeMap<DropReason, u64>);
 
-impl Drops {
+impl DropCounts {
     pub fn count(&mut self, reason: DropReason) {
         *self.0.entry(reason).or_default() += 1;
     }
@@ -92,7 +92,7 @@ impl Drops {
         self.0.values().sum()
     }
 
-    /// Adds those of another count.
+    /// Adds the counts of another counter.
     pub fn add(&mut self, other: &Self) {
         for (reason, count) in &other.0 {
             *self.0.entry(*reason).or_default() += count;

@@ -1,57 +1,58 @@
-//! What is around every datagram: its header, and the check value at its end.
+//! Envelope of a datagram: header, and a checksum or message authentication code at its end.
 
-use super::bytes::{Reader, Writer};
-use super::{DecodeError, Fault};
+use super::bytes::{ByteReader, ByteWriter};
+use super::{DecodeError, DecodeFault};
 use hmac::{Hmac, KeyInit, Mac};
 use sha2::Sha256;
 use std::fmt;
 
-/// The version of the datagrams.
+/// Version of the wire format.
 pub const VERSION: u8 = 1;
 /// The first bytes of every datagram.
 pub const MAGIC: [u8; 4] = *b"C3DL";
-/// No datagram is longer: it passes every network in one piece.
-pub const LONGEST_DATAGRAM: usize = 1200;
-/// Bytes before the body.
+/// Longest datagram: it passes common networks without fragmentation.
+pub const MAX_DATAGRAM_BYTES: usize = 1200;
+/// Length of the header.
 pub const HEADER_BYTES: usize = 36;
-/// Of a CRC-32.
+/// Length of a CRC-32.
 const CHECKSUM_BYTES: usize = 4;
-/// Of an HMAC-SHA-256, the first half.
+/// Length of the tag: HMAC-SHA-256 truncated to its left half (RFC 2104, section 5).
 const TAG_BYTES: usize = 16;
-/// Bytes that a body may have, whatever check value is behind it.
-pub const LONGEST_BODY: usize = LONGEST_DATAGRAM - HEADER_BYTES - TAG_BYTES;
+/// Longest body, with either trailer.
+pub const MAX_BODY_BYTES: usize = MAX_DATAGRAM_BYTES - HEADER_BYTES - TAG_BYTES;
 
-/// Flag of a datagram that ends with a tag in place of a checksum.
+/// Flag of a datagram that ends with a tag instead of a checksum.
 const AUTHENTICATED: u16 = 1;
-/// Keys are not shorter than this.
-pub const SHORTEST_KEY: usize = 16;
+/// Shortest key.
+pub const MIN_KEY_BYTES: usize = 16;
 
-/// Who sends, to whom, and which datagram of how many.
+/// Header of a datagram: the sessions of sender and receiver, and a sequence number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Header {
-    /// What the body is.
+pub struct DatagramHeader {
+    /// Kind of the body.
     pub kind: u8,
-    /// Of the sender: a number that it chooses anew each time that it starts.
+    /// Session of the sender: a random number drawn at its start.
     pub session: u64,
-    /// The session of whom it is for; 0 while that is not known.
+    /// Session of the receiver; 0 while the sender does not know it.
     pub peer: u64,
     /// The world of the city; 0 is any.
     pub world: u32,
-    /// Of the sender, one up for each datagram to this peer, from 1.
+    /// Sequence number of the datagram to this peer, from 1.
     pub sequence: u64,
 }
 
-/// How datagrams prove that they are whole, and with a shared key from whom they are.
+/// Seals and verifies datagrams: by a CRC-32 against damage, or by a message authentication code (HMAC-SHA-256, RFC
+/// 2104) with a shared key.
 #[derive(Clone, Default)]
-pub enum Seal {
+pub enum Authenticator {
     #[default]
     Checksum,
-    /// The key of HMAC-SHA-256.
+    /// HMAC-SHA-256 with this key.
     Key(Vec<u8>),
 }
 
-impl fmt::Debug for Seal {
-    /// Without the key.
+impl fmt::Debug for Authenticator {
+    /// Does not print the key.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Checksum => "Checksum",
@@ -60,7 +61,7 @@ impl fmt::Debug for Seal {
     }
 }
 
-impl Seal {
+impl Authenticator {
     fn flags(&self) -> u16 {
         match self {
             Self::Checksum => 0,
@@ -74,9 +75,9 @@ impl Seal {
         Some(mac)
     }
 
-    /// Puts header and check value around a body.
-    pub(super) fn close(&self, header: Header, body: &[u8]) -> Vec<u8> {
-        let mut datagram = Writer::default();
+    /// Encloses a body in header and checksum or tag.
+    pub(super) fn seal(&self, header: DatagramHeader, body: &[u8]) -> Vec<u8> {
+        let mut datagram = ByteWriter::default();
         datagram.bytes.reserve(HEADER_BYTES + body.len() + TAG_BYTES);
         datagram.bytes.extend_from_slice(&MAGIC);
         datagram.u8(VERSION);
@@ -99,30 +100,30 @@ impl Seal {
         datagram.bytes
     }
 
-    /// Header, and where the body ends; everything before the body has been checked then.
-    pub(super) fn open(&self, bytes: &[u8]) -> Result<(Header, usize), DecodeError> {
+    /// Verifies a datagram, in constant time for a tag; returns the header and the offset of the end of the body.
+    pub(super) fn verify(&self, bytes: &[u8]) -> Result<(DatagramHeader, usize), DecodeError> {
         let fail = |field, offset, fault| Err(DecodeError { field, offset, fault });
-        let mut read = Reader::new(bytes, 0);
+        let mut read = ByteReader::new(bytes, 0);
         let magic = [(); 4].map(|()| read.u8("magic"));
         if magic.iter().zip(MAGIC).any(|(found, byte)| *found != Ok(byte)) {
-            return fail("magic", 0, Fault::Magic);
+            return fail("magic", 0, DecodeFault::Magic);
         }
-        if bytes.len() > LONGEST_DATAGRAM {
-            return fail("end", 0, Fault::Long { found: bytes.len(), most: LONGEST_DATAGRAM });
+        if bytes.len() > MAX_DATAGRAM_BYTES {
+            return fail("end", 0, DecodeFault::Long { found: bytes.len(), most: MAX_DATAGRAM_BYTES });
         }
         let version = read.u8("version")?;
         if version != VERSION {
-            return fail("version", 4, Fault::Version { found: version });
+            return fail("version", 4, DecodeFault::Version { found: version });
         }
         let kind = read.u8("kind")?;
         let flags = read.u16("flags")?;
         match (flags, self) {
             (0, Self::Checksum) | (AUTHENTICATED, Self::Key(_)) => {}
-            (0, Self::Key(_)) => return fail("flags", 6, Fault::Unauthenticated),
-            (AUTHENTICATED, Self::Checksum) => return fail("flags", 6, Fault::NoKey),
-            _ => return fail("flags", 6, Fault::Unknown { found: flags.into(), known: "0 and 1" }),
+            (0, Self::Key(_)) => return fail("flags", 6, DecodeFault::Unauthenticated),
+            (AUTHENTICATED, Self::Checksum) => return fail("flags", 6, DecodeFault::NoKey),
+            _ => return fail("flags", 6, DecodeFault::Unknown { found: flags.into(), known: "0 and 1" }),
         }
-        let header = Header {
+        let header = DatagramHeader {
             kind,
             session: read.u64("session")?,
             peer: read.u64("peer")?,
@@ -132,7 +133,7 @@ impl Seal {
         let size = if flags == 0 { CHECKSUM_BYTES } else { TAG_BYTES };
         let left = bytes.len() - HEADER_BYTES;
         let Some(end) = bytes.len().checked_sub(size).filter(|end| *end >= HEADER_BYTES) else {
-            return fail("check", HEADER_BYTES, Fault::Short { needed: size, left });
+            return fail("check", HEADER_BYTES, DecodeFault::Short { needed: size, left });
         };
         let (checked, check) = bytes.split_at(end);
         let is_good = match self {
@@ -141,6 +142,6 @@ impl Seal {
                 Self::tag(key, checked).is_some_and(|mac| mac.verify_truncated_left(check).is_ok())
             }
         };
-        if is_good { Ok((header, end)) } else { fail("check", end, Fault::Check) }
+        if is_good { Ok((header, end)) } else { fail("check", end, DecodeFault::Check) }
     }
 }

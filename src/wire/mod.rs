@@ -1,7 +1,7 @@
-//! What goes over the laboratory's link, in laboratory metres, and its conversion to and from the
-//! full-scale city. This is where [`LengthScale`] is applied; sockets live elsewhere.
+//! Wire format of the laboratory's link, in laboratory metres, and its conversion to and from the full-scale city.
 //!
-//! [`Body::encode`] and [`Body::decode`] are the datagrams of `docs/wire.md`.
+//! [`LengthScale`] is applied here and nowhere else. [`Body::encode`] and [`Body::decode`] implement the datagrams of
+//! `docs/wire.md`; sockets are in `link`.
 
 mod body;
 mod bytes;
@@ -12,15 +12,17 @@ mod setup;
 mod trajectories;
 
 pub use body::{
-    Action, Body, Clock, LONGEST_DETAIL, LONGEST_LEASE_S, MOST_POSES, Outcome, Phase, Poses, Seen,
+    Body, CityClock, ExperimentAction, ExperimentPhase, MAX_DETAIL_BYTES, MAX_LEASE_S, MAX_POSES,
+    ObservedVehicle, Poses, RequestOutcome,
 };
-pub use bytes::{DecodeError, EncodeError, Fault};
-pub use drops::{DropReason, Drops};
+pub use bytes::{DecodeError, DecodeFault, EncodeError};
+pub use drops::{DropCounts, DropReason};
 pub use envelope::{
-    HEADER_BYTES, Header, LONGEST_BODY, LONGEST_DATAGRAM, MAGIC, SHORTEST_KEY, Seal, VERSION,
+    Authenticator, DatagramHeader, HEADER_BYTES, MAGIC, MAX_BODY_BYTES, MAX_DATAGRAM_BYTES, MIN_KEY_BYTES,
+    VERSION,
 };
-pub use setup::{Build, LONGEST_NAME, MOST_PARAMETERS, MOST_TORQUE_POINTS, VehicleSetup};
-pub use trajectories::{MOST_POINTS, MOST_TRAJECTORIES, pack};
+pub use setup::{MAX_NAME_BYTES, MAX_PARAMETERS, MAX_TORQUE_POINTS, VehicleBuild, VehicleSetup};
+pub use trajectories::{MAX_POINTS, MAX_TRAJECTORIES, pack};
 
 use crate::geom::{LengthScale, Pose2};
 use crate::snapshot::{
@@ -29,24 +31,24 @@ use crate::snapshot::{
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Coordinates on the laboratory's floor are at most so large.
-pub const LARGEST_M: f64 = 1000.0;
-/// Angles need not be wrapped, but are at most so large.
-pub const LARGEST_RAD: f64 = 1000.0;
-/// Speeds on the laboratory's floor are at most so large.
-pub const LARGEST_MPS: f64 = 100.0;
-/// Times are at most so large.
-pub const LARGEST_S: f64 = 1e9;
+/// Largest coordinate on the laboratory's floor.
+pub const MAX_COORDINATE_M: f64 = 1000.0;
+/// Largest angle; angles need not be wrapped.
+pub const MAX_ANGLE_RAD: f64 = 1000.0;
+/// Largest speed on the laboratory's floor.
+pub const MAX_SPEED_MPS: f64 = 100.0;
+/// Largest time.
+pub const MAX_TIME_S: f64 = 1e9;
 
-/// The frame that VICON measures in.
+/// Name of the frame of VICON's measurements.
 pub const VICON_WORLD: &str = "/vicon/world";
 
-/// The frame of what VICON tracks; with a slash before it, the topic of its poses.
+/// Name of the frame of a VICON subject; with a leading slash, the topic of its poses.
 pub fn vicon_frame(subject: &str) -> String {
     format!("vicon/{subject}/{subject}")
 }
 
-/// One measured pose, as motion capture gives it: no speed. Laboratory metres.
+/// A measured pose of motion capture, without speed. Laboratory metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measurement {
     pub vehicle: VehicleId,
@@ -74,7 +76,7 @@ impl Measurement {
         snapshot.vehicles.iter().map(move |state| Self::of(state, snapshot.time_s, scale))
     }
 
-    /// As a command of the full-scale city.
+    /// The command for the full-scale city.
     pub fn into_command(self, scale: LengthScale) -> SimCommand {
         let Self { vehicle, stamp_s, position, orientation } = self;
         SimCommand::Measure(
@@ -89,7 +91,7 @@ impl Measurement {
     }
 }
 
-/// A message of the control framework to the vehicles. Laboratory metres.
+/// A message from the control framework to a vehicle. Laboratory metres.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Message {
     /// Desired motion of one vehicle: poses of the front-axle centre over a horizon that covers the
@@ -123,7 +125,7 @@ fn city_from_lab(mut trajectory: Trajectory, scale: LengthScale) -> Trajectory {
     trajectory
 }
 
-/// A trajectory with no points yet, to be filled by a controller.
+/// A trajectory without points, for a controller to fill.
 pub fn empty_trajectory(vehicle: VehicleId, sequence: u32, capacity: usize) -> Trajectory {
     Trajectory {
         vehicle,

@@ -1,40 +1,40 @@
-//! The setup of a vehicle: what brings it into the city.
+//! Setup of a vehicle: the request that creates it in the city.
 
-use super::bytes::{Reader, Writer};
-use super::{DecodeError, EncodeError, Fault, LARGEST_M, LARGEST_MPS, LARGEST_RAD};
+use super::bytes::{ByteReader, ByteWriter};
+use super::{DecodeError, DecodeFault, EncodeError, MAX_ANGLE_RAD, MAX_COORDINATE_M, MAX_SPEED_MPS};
 use crate::geom::{LengthScale, Pose2};
 use crate::snapshot::{Appearance, BodyType, Drive, ModelKind, Setup, TorquePoint, VehicleId, VehicleSpec};
 use std::collections::BTreeMap;
 
-/// Names are at most so long, in bytes.
-pub const LONGEST_NAME: usize = 64;
-/// A control algorithm has at most so many parameters.
-pub const MOST_PARAMETERS: usize = 16;
-/// A torque curve has at most so many points.
-pub const MOST_TORQUE_POINTS: usize = 24;
-/// Numbers without a meaning of their own are at most so large.
-const LARGEST: f64 = 1e12;
-/// Bodies from this number on are models of the scenario's.
+/// Longest name, bytes.
+pub const MAX_NAME_BYTES: usize = 64;
+/// Most parameters of a control algorithm.
+pub const MAX_PARAMETERS: usize = 16;
+/// Most points of a torque curve.
+pub const MAX_TORQUE_POINTS: usize = 24;
+/// Largest number without a range of its own.
+const MAX_NUMBER: f64 = 1e12;
+/// Body numbers from here on are the scenario's own models.
 const FIRST_OWN_BODY: u16 = 256;
 const BODIES: [BodyType; 5] =
     [BodyType::Sedan, BodyType::Hatchback, BodyType::Suv, BodyType::Van, BodyType::Pickup];
 const DRIVES: [Drive; 3] = [Drive::Front, Drive::Rear, Drive::All];
 const MODELS: [ModelKind; 3] = [ModelKind::Raycast, ModelKind::Bicycle, ModelKind::Measured];
 
-/// How a vehicle is built.
+/// Specification of a vehicle: by a type of the scenario, or value by value.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Build {
-    /// As a vehicle type of the city's scenario.
+pub enum VehicleBuild {
+    /// Name of a vehicle type of the city's scenario.
     Type(String),
-    /// Figure by figure, full scale.
+    /// All values, full scale.
     Spec(Box<VehicleSpec>),
 }
 
-impl Build {
-    /// The specification that it names, out of those of the scenario's vehicle types.
+impl VehicleBuild {
+    /// Looks up the specification among the vehicle types of the scenario.
     ///
     /// # Errors
-    /// Where there is no type of its name; says which there are.
+    /// When the type is unknown; the message lists the known ones.
     pub fn resolve(&self, types: &BTreeMap<String, VehicleSpec>) -> Result<VehicleSpec, String> {
         match self {
             Self::Spec(spec) => Ok(VehicleSpec::clone(spec)),
@@ -48,7 +48,7 @@ impl Build {
     }
 }
 
-/// What brings a vehicle into the city. Laboratory metres, but for the build.
+/// Setup of a vehicle. Laboratory metres, except for the full-scale build.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VehicleSetup {
     pub id: VehicleId,
@@ -59,15 +59,15 @@ pub struct VehicleSetup {
     /// Parameters of the algorithm by name; the city logs them.
     pub parameters: Vec<(String, f64)>,
     pub appearance: Appearance,
-    /// Middle of the outline.
+    /// Pose of the centre of the outline.
     pub pose: Pose2,
     /// Along the heading.
     pub speed_mps: f64,
-    pub build: Build,
+    pub build: VehicleBuild,
 }
 
 impl VehicleSetup {
-    /// In the full-scale city, as a vehicle that is built so.
+    /// Converts to the full-scale city, with a resolved specification.
     pub fn in_city(&self, scale: LengthScale, spec: VehicleSpec) -> Setup {
         Setup {
             id: self.id,
@@ -79,7 +79,7 @@ impl VehicleSetup {
         }
     }
 
-    pub(super) fn write(&self, out: &mut Writer) -> Result<(), EncodeError> {
+    pub(super) fn write(&self, out: &mut ByteWriter) -> Result<(), EncodeError> {
         out.u32(self.id.0);
         out.u16(match self.appearance.body {
             BodyType::Own(index) => FIRST_OWN_BODY.saturating_add(index),
@@ -88,45 +88,48 @@ impl VehicleSetup {
         self.appearance.colour.into_iter().for_each(|part| out.u8(part));
         let pose = &self.pose;
         [pose.position.x, pose.position.y, pose.yaw_rad, self.speed_mps].into_iter().for_each(|n| out.f64(n));
-        out.text("name", &self.name, LONGEST_NAME)?;
-        out.text("algorithm", &self.controller, LONGEST_NAME)?;
-        out.count("parameters", self.parameters.len(), MOST_PARAMETERS)?;
+        out.text("name", &self.name, MAX_NAME_BYTES)?;
+        out.text("algorithm", &self.controller, MAX_NAME_BYTES)?;
+        out.count("parameters", self.parameters.len(), MAX_PARAMETERS)?;
         for (name, value) in &self.parameters {
-            out.text("parameter name", name, LONGEST_NAME)?;
+            out.text("parameter name", name, MAX_NAME_BYTES)?;
             out.f64(*value);
         }
         match &self.build {
-            Build::Type(name) => {
+            VehicleBuild::Type(name) => {
                 out.u8(0);
-                out.text("vehicle type", name, LONGEST_NAME)
+                out.text("vehicle type", name, MAX_NAME_BYTES)
             }
-            Build::Spec(spec) => {
+            VehicleBuild::Spec(spec) => {
                 out.u8(1);
                 write_spec(spec, out)
             }
         }
     }
 
-    pub(super) fn read(from: &mut Reader<'_>) -> Result<Self, DecodeError> {
+    pub(super) fn read(from: &mut ByteReader<'_>) -> Result<Self, DecodeError> {
         let id = VehicleId(from.u32("vehicle id")?);
         let body = read_body(from)?;
         let colour = [from.u8("red")?, from.u8("green")?, from.u8("blue")?];
-        let (x, y) = (from.number("x", -LARGEST_M, LARGEST_M)?, from.number("y", -LARGEST_M, LARGEST_M)?);
-        let yaw_rad = from.number("yaw", -LARGEST_RAD, LARGEST_RAD)?;
-        let speed_mps = from.number("speed", 0.0, LARGEST_MPS)?;
-        let name = from.text("name", LONGEST_NAME)?;
-        let controller = from.text("algorithm", LONGEST_NAME)?;
-        let parameters = (0..read_count(from, "parameters", MOST_PARAMETERS)?)
+        let (x, y) = (
+            from.number("x", -MAX_COORDINATE_M, MAX_COORDINATE_M)?,
+            from.number("y", -MAX_COORDINATE_M, MAX_COORDINATE_M)?,
+        );
+        let yaw_rad = from.number("yaw", -MAX_ANGLE_RAD, MAX_ANGLE_RAD)?;
+        let speed_mps = from.number("speed", 0.0, MAX_SPEED_MPS)?;
+        let name = from.text("name", MAX_NAME_BYTES)?;
+        let controller = from.text("algorithm", MAX_NAME_BYTES)?;
+        let parameters = (0..read_count(from, "parameters", MAX_PARAMETERS)?)
             .map(|_| {
-                let name = from.text("parameter name", LONGEST_NAME)?;
-                Ok((name, from.number("parameter", -LARGEST, LARGEST)?))
+                let name = from.text("parameter name", MAX_NAME_BYTES)?;
+                Ok((name, from.number("parameter", -MAX_NUMBER, MAX_NUMBER)?))
             })
             .collect::<Result<_, _>>()?;
         let build = match from.u8("build")? {
-            0 => Build::Type(from.text("vehicle type", LONGEST_NAME)?),
-            1 => Build::Spec(Box::new(read_spec(from)?)),
+            0 => VehicleBuild::Type(from.text("vehicle type", MAX_NAME_BYTES)?),
+            1 => VehicleBuild::Spec(Box::new(read_spec(from)?)),
             found => {
-                let fault = Fault::Unknown { found: found.into(), known: "0 (a type) and 1 (figures)" };
+                let fault = DecodeFault::Unknown { found: found.into(), known: "0 (a type) and 1 (figures)" };
                 return Err(from.error("build", 1, fault));
             }
         };
@@ -143,23 +146,23 @@ impl VehicleSetup {
     }
 }
 
-fn read_body(from: &mut Reader<'_>) -> Result<BodyType, DecodeError> {
+fn read_body(from: &mut ByteReader<'_>) -> Result<BodyType, DecodeError> {
     let found = from.u16("body")?;
     if let Some(index) = found.checked_sub(FIRST_OWN_BODY) {
         return Ok(BodyType::Own(index));
     }
     let known = "0 to 4, and from 256 on the scenario's own";
-    let unknown = || from.error("body", 2, Fault::Unknown { found: found.into(), known });
+    let unknown = || from.error("body", 2, DecodeFault::Unknown { found: found.into(), known });
     BODIES.get(usize::from(found)).copied().ok_or_else(unknown)
 }
 
-/// How many follow, in one byte.
-fn read_count(from: &mut Reader<'_>, field: &'static str, most: usize) -> Result<u8, DecodeError> {
+/// Reads the number of following items, one byte.
+fn read_count(from: &mut ByteReader<'_>, field: &'static str, most: usize) -> Result<u8, DecodeError> {
     let found = from.u8(field)?;
     from.within(field, found, (0, most as u8))
 }
 
-fn write_spec(spec: &VehicleSpec, out: &mut Writer) -> Result<(), EncodeError> {
+fn write_spec(spec: &VehicleSpec, out: &mut ByteWriter) -> Result<(), EncodeError> {
     out.u8(DRIVES.iter().position(|drive| *drive == spec.drive).unwrap_or(0) as u8);
     out.u8(MODELS.iter().position(|model| *model == spec.model).unwrap_or(0) as u8);
     let mut copy = spec.clone();
@@ -167,7 +170,7 @@ fn write_spec(spec: &VehicleSpec, out: &mut Writer) -> Result<(), EncodeError> {
         out.f64(*number);
     }
     let curve = &spec.motor.torque_curve;
-    out.count("torque curve", curve.len(), MOST_TORQUE_POINTS)?;
+    out.count("torque curve", curve.len(), MAX_TORQUE_POINTS)?;
     for point in curve {
         out.f64(point.rpm);
         out.f64(point.torque_nm);
@@ -175,25 +178,25 @@ fn write_spec(spec: &VehicleSpec, out: &mut Writer) -> Result<(), EncodeError> {
     Ok(())
 }
 
-fn read_spec(from: &mut Reader<'_>) -> Result<VehicleSpec, DecodeError> {
+fn read_spec(from: &mut ByteReader<'_>) -> Result<VehicleSpec, DecodeError> {
     let mut spec = VehicleSpec {
         drive: from.one_of("driven axle", &DRIVES, "0 (front), 1 (rear) and 2 (all)")?,
         model: from.one_of("dynamics model", &MODELS, "0 (raycast), 1 (bicycle) and 2 (measured)")?,
         ..VehicleSpec::default()
     };
     for (field, number) in figures(&mut spec) {
-        *number = from.number(field, -LARGEST, LARGEST)?;
+        *number = from.number(field, -MAX_NUMBER, MAX_NUMBER)?;
     }
-    spec.motor.torque_curve = (0..read_count(from, "torque curve", MOST_TORQUE_POINTS)?)
+    spec.motor.torque_curve = (0..read_count(from, "torque curve", MAX_TORQUE_POINTS)?)
         .map(|_| {
-            let rpm = from.number("torque curve rpm", -LARGEST, LARGEST)?;
-            Ok(TorquePoint { rpm, torque_nm: from.number("torque curve torque", -LARGEST, LARGEST)? })
+            let rpm = from.number("torque curve rpm", -MAX_NUMBER, MAX_NUMBER)?;
+            Ok(TorquePoint { rpm, torque_nm: from.number("torque curve torque", -MAX_NUMBER, MAX_NUMBER)? })
         })
         .collect::<Result<_, _>>()?;
     Ok(spec)
 }
 
-/// The figures of a build in their order on the wire.
+/// The values of a specification in their order on the wire.
 fn figures(spec: &mut VehicleSpec) -> [(&'static str, &mut f64); 30] {
     let (size, control) = (&mut spec.dimensions, &mut spec.control);
     let (centre, suspension) = (&mut spec.centre_of_mass, &mut spec.suspension);

@@ -2,9 +2,9 @@
 
 use super::desk::{Desk, click, fleet, harness, press, with};
 use city3d::city::scene::Wall;
-use city3d::live::Phase;
+use city3d::live::RunPhase;
 use city3d::snapshot::{FrameSnapshot, VehicleId};
-use city3d::ui::{Action, Mode, Picture, Slot};
+use city3d::ui::{CameraMode, PictureRequest, PictureSlot, UiAction};
 use egui::{Pos2, Rect, Shape, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -26,13 +26,13 @@ fn has_text(harness: &Harness<'static, Desk>, text: &str) -> bool {
     texts(harness).iter().any(|painted| painted == text)
 }
 
-fn picture(harness: &Harness<'static, Desk>, slot: Slot) -> Picture {
+fn picture(harness: &Harness<'static, Desk>, slot: PictureSlot) -> PictureRequest {
     *harness.state().state.pictures.iter().find(|picture| picture.slot == slot).unwrap()
 }
 
 /// The place of the large view on screen: where its picture would be, which no test has.
 fn place(harness: &Harness<'static, Desk>) -> Rect {
-    let extent = picture(harness, Slot::City).view.extent.map(|pixels| pixels as f32);
+    let extent = picture(harness, PictureSlot::City).view.extent.map(|pixels| pixels as f32);
     let rects = harness.output().shapes.iter().filter_map(|clipped| match &clipped.shape {
         Shape::Rect(rect) => Some(rect.rect),
         _ => None,
@@ -44,8 +44,8 @@ fn place(harness: &Harness<'static, Desk>) -> Rect {
 
 /// Where a vehicle is on screen.
 fn vehicle_at(harness: &Harness<'static, Desk>, index: usize) -> Pos2 {
-    let view = picture(harness, Slot::City).view;
-    let middle = harness.state().moment.now.vehicles[index].position + DVec3::Z * 0.75;
+    let view = picture(harness, PictureSlot::City).view;
+    let middle = harness.state().run_state.now.vehicles[index].position + DVec3::Z * 0.75;
     let pixel = view.project(middle).unwrap();
     let [width, height] = view.extent.map(f64::from);
     let share = Vec2::new((pixel.x / width) as f32, (pixel.y / height) as f32);
@@ -130,7 +130,8 @@ fn a_click_selects_a_double_click_follows_and_one_beside_deselects() {
 #[test]
 fn the_map_moves_the_view_and_can_be_hidden() {
     let mut harness = with(6);
-    let target = |harness: &Harness<'static, Desk>| picture(harness, Slot::City).view.extrinsics.position;
+    let target =
+        |harness: &Harness<'static, Desk>| picture(harness, PictureSlot::City).view.extrinsics.position;
     let before = target(&harness);
     let corner = place(&harness).right_top() + Vec2::new(-30.0, 30.0);
     click_at(&mut harness, corner, 1);
@@ -168,7 +169,7 @@ fn what_is_loading_is_said_and_the_panels_go_on() {
     let mut harness = harness(desk);
     harness.get_by_label("Loading city ...");
     press(&mut harness, egui::Key::Num4);
-    assert_eq!(harness.state().state.viewpoint.mode, Mode::Overhead);
+    assert_eq!(harness.state().state.viewpoint.mode, CameraMode::Overhead);
     harness.state_mut().loading = None;
     harness.run_steps(4);
     assert!(harness.query_by_label("Loading city ...").is_none());
@@ -180,7 +181,7 @@ fn another_scale_factor_has_finer_pictures_at_the_same_places() {
     desk.state.toggle_preview(VehicleId(1));
     let mut harness = harness(desk);
     let extents = |harness: &Harness<'static, Desk>| {
-        [Slot::City, Slot::Preview(VehicleId(1))].map(|slot| picture(harness, slot).view.extent)
+        [PictureSlot::City, PictureSlot::Preview(VehicleId(1))].map(|slot| picture(harness, slot).view.extent)
     };
     let (before, at) = (extents(&harness), vehicle_at(&harness, 1));
     // Twice the pixels and twice the scale factor: as many points.
@@ -199,7 +200,7 @@ fn another_scale_factor_has_finer_pictures_at_the_same_places() {
     // The same window on a finer screen: everything is larger, and the city still has its place.
     harness.set_size(Vec2::new(640.0, 360.0));
     harness.run_steps(4);
-    let [width, height] = picture(&harness, Slot::City).view.extent;
+    let [width, height] = picture(&harness, PictureSlot::City).view.extent;
     assert!(width > 400 && height > 400, "{width} x {height}");
     harness.get_by_label("Status");
 }
@@ -207,7 +208,7 @@ fn another_scale_factor_has_finer_pictures_at_the_same_places() {
 #[test]
 fn windows_of_all_sizes_are_drawn() {
     let mut desk = Desk::with(fleet(500));
-    desk.moment.phase = Phase::Running;
+    desk.run_state.phase = RunPhase::Running;
     (1..=4).for_each(|id| desk.state.toggle_preview(VehicleId(id)));
     (desk.state.open.help, desk.state.open.layers, desk.state.open.controllers) = (true, true, true);
     let mut harness = harness(desk);
@@ -216,7 +217,7 @@ fn windows_of_all_sizes_are_drawn() {
         harness.run_steps(3);
         let pictures = &harness.state().state.pictures;
         let are_real = pictures.iter().flat_map(|p| p.view.extent).all(|pixels| (1..=8192).contains(&pixels));
-        assert!(are_real && pictures.iter().any(|p| p.slot == Slot::City), "{size:?}");
+        assert!(are_real && pictures.iter().any(|p| p.slot == PictureSlot::City), "{size:?}");
     }
 }
 
@@ -271,7 +272,7 @@ fn a_small_window_keeps_the_columns_for_id_status_position_and_speed() {
             });
             assert!(is_seen, "{title} in a window of {size:?}");
         }
-        let [width, _] = picture(&harness, Slot::City).view.extent;
+        let [width, _] = picture(&harness, PictureSlot::City).view.extent;
         assert!(f64::from(width) > 0.32 * f64::from(size[0]), "{width} pixels for the city in {size:?}");
     }
 }
@@ -279,12 +280,14 @@ fn a_small_window_keeps_the_columns_for_id_status_position_and_speed() {
 #[test]
 fn the_bar_picks_scenarios_cameras_and_looks() {
     let mut harness = with(6);
-    for (label, mode) in [("Overhead", Mode::Overhead), ("Free", Mode::Free), ("Orbit", Mode::Orbit)] {
+    for (label, mode) in
+        [("Overhead", CameraMode::Overhead), ("Free", CameraMode::Free), ("Orbit", CameraMode::Orbit)]
+    {
         click(&mut harness, label);
         assert_eq!(harness.state().state.viewpoint.mode, mode);
     }
     click(&mut harness, "Chase");
-    assert_eq!(harness.state().state.viewpoint.mode, Mode::Orbit, "nothing is selected");
+    assert_eq!(harness.state().state.viewpoint.mode, CameraMode::Orbit, "nothing is selected");
     let pick = |harness: &mut Harness<'static, Desk>, shown: &str, wanted: &str| {
         harness.get_by_value(shown).click();
         harness.run_steps(4);
@@ -294,6 +297,6 @@ fn the_bar_picks_scenarios_cameras_and_looks() {
     pick(&mut harness, "straight", "city");
     pick(&mut harness, "noon", "night");
     let actions = &harness.state().actions;
-    assert_eq!(actions[0], Action::Scenario("city".to_owned()));
-    assert!(matches!(&actions[1], Action::Look(look) if look.hours == 22.0), "{actions:?}");
+    assert_eq!(actions[0], UiAction::Scenario("city".to_owned()));
+    assert!(matches!(&actions[1], UiAction::Look(look) if look.hours == 22.0), "{actions:?}");
 }

@@ -1,46 +1,46 @@
 //! The page of gamepads and steering wheels, and driving with them.
 
 use super::desk::{Desk, click, fleet, harness, press};
-use city3d::cockpit::{Control, DeviceEvent, Function, Plug, Profile};
-use city3d::live::{Order, Phase};
+use city3d::cockpit::{ControlFunction, DeviceControl, DeviceEvent, DeviceInfo, DeviceProfile};
+use city3d::live::{RunCommand, RunPhase};
 use city3d::snapshot::{Indicator, Pedals, SimCommand, VehicleId};
-use city3d::ui::{Action, Driving};
+use city3d::ui::{ManualDrive, UiAction};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 
-const STICK: Control = Control::Axis(0);
-const GAS: Control = Control::Button(7);
-const BRAKE: Control = Control::Button(6);
-const REVERSE: Control = Control::Button(3);
-const START: Control = Control::Button(11);
+const STICK: DeviceControl = DeviceControl::Axis(0);
+const GAS: DeviceControl = DeviceControl::Button(7);
+const BRAKE: DeviceControl = DeviceControl::Button(6);
+const REVERSE: DeviceControl = DeviceControl::Button(3);
+const START: DeviceControl = DeviceControl::Button(11);
 
 fn gamepad() -> DeviceEvent {
     let buttons = [
-        (Function::Gas, GAS),
-        (Function::Brake, BRAKE),
-        (Function::Reverse, REVERSE),
-        (Function::IndicateLeft, Control::Button(4)),
-        (Function::LookBack, Control::Button(5)),
-        (Function::TakeWheel, START),
+        (ControlFunction::Gas, GAS),
+        (ControlFunction::Brake, BRAKE),
+        (ControlFunction::Reverse, REVERSE),
+        (ControlFunction::IndicateLeft, DeviceControl::Button(4)),
+        (ControlFunction::LookBack, DeviceControl::Button(5)),
+        (ControlFunction::TakeWheel, START),
     ];
-    let usual = Profile::usual(Some(STICK), false, &buttons);
-    DeviceEvent::Plugged(1, Plug { key: "pad".to_owned(), name: "A gamepad".to_owned(), usual })
+    let usual = DeviceProfile::usual(Some(STICK), false, &buttons);
+    DeviceEvent::Plugged(1, DeviceInfo { key: "pad".to_owned(), name: "A gamepad".to_owned(), usual })
 }
 
 fn wheel() -> DeviceEvent {
-    let usual = Profile::usual(Some(STICK), true, &[]);
-    DeviceEvent::Plugged(2, Plug { key: "wheel".to_owned(), name: "A wheel".to_owned(), usual })
+    let usual = DeviceProfile::usual(Some(STICK), true, &[]);
+    DeviceEvent::Plugged(2, DeviceInfo { key: "wheel".to_owned(), name: "A wheel".to_owned(), usual })
 }
 
 fn with_device(event: DeviceEvent) -> Desk {
     let mut desk = Desk::with(fleet(6));
-    desk.moment.phase = Phase::Running;
+    desk.run_state.phase = RunPhase::Running;
     desk.state.devices.take(event, 0.0);
     desk
 }
 
 /// Moves a control through values, a pass for each, and waits.
-fn go(harness: &mut Harness<'static, Desk>, device: usize, control: Control, values: &[f64]) {
+fn go(harness: &mut Harness<'static, Desk>, device: usize, control: DeviceControl, values: &[f64]) {
     for value in values {
         let now_s = harness.ctx.input(|input| input.time);
         harness.state_mut().state.devices.take(DeviceEvent::Moved(device, control, *value), now_s);
@@ -49,8 +49,8 @@ fn go(harness: &mut Harness<'static, Desk>, device: usize, control: Control, val
 }
 
 fn last(harness: &Harness<'static, Desk>) -> Pedals {
-    let pedals = |action: &Action| match action {
-        Action::Order(Order::Command(SimCommand::Drive(VehicleId(1), pedals))) => Some(*pedals),
+    let pedals = |action: &UiAction| match action {
+        UiAction::RunCommand(RunCommand::Vehicle(SimCommand::Drive(VehicleId(1), pedals))) => Some(*pedals),
         _ => None,
     };
     harness.state().actions.iter().rev().find_map(pedals).unwrap()
@@ -80,17 +80,17 @@ fn a_gamepad_takes_the_wheel_drives_and_gives_back() {
     assert_eq!(harness.state().actions, [], "nothing is selected");
     harness.state_mut().state.selection.vehicle = Some(VehicleId(1));
     go(&mut harness, 1, START, &[1.0, 0.0]);
-    assert_eq!(harness.state().actions, [Action::Drive(VehicleId(1))]);
-    harness.state_mut().state.driving = Some(Driving::take_over(VehicleId(1), 1, 0.0));
+    assert_eq!(harness.state().actions, [UiAction::Drive(VehicleId(1))]);
+    harness.state_mut().state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
     go(&mut harness, 1, GAS, &[0.2, 0.6]);
     go(&mut harness, 1, STICK, &[-1.0]);
     let pedals = last(&harness);
     assert!((pedals.gas - 0.6).abs() < 1e-9 && pedals.steering_rad > 0.3, "{pedals:?}");
-    go(&mut harness, 1, Control::Button(4), &[1.0, 0.0]);
+    go(&mut harness, 1, DeviceControl::Button(4), &[1.0, 0.0]);
     assert_eq!(last(&harness).indicator, Indicator::Left);
-    go(&mut harness, 1, Control::Button(5), &[1.0]);
+    go(&mut harness, 1, DeviceControl::Button(5), &[1.0]);
     assert!(harness.state().state.viewpoint.rear);
-    go(&mut harness, 1, Control::Button(5), &[0.0]);
+    go(&mut harness, 1, DeviceControl::Button(5), &[0.0]);
     assert!(!harness.state().state.viewpoint.rear);
     // Keys take over from it, and it from them.
     harness.key_down(egui::Key::S);
@@ -103,13 +103,13 @@ fn a_gamepad_takes_the_wheel_drives_and_gives_back() {
     assert_eq!((last(&harness).brake, last(&harness).gas), (0.5, 0.6));
     harness.state_mut().actions.clear();
     go(&mut harness, 1, START, &[1.0]);
-    assert_eq!(harness.state().actions, [Action::GiveBack], "no pedal comes after it");
+    assert_eq!(harness.state().actions, [UiAction::GiveBack], "no pedal comes after it");
 }
 
 #[test]
 fn a_device_that_is_unplugged_while_driving_releases_the_pedals() {
     let mut desk = with_device(gamepad());
-    desk.state.driving = Some(Driving::take_over(VehicleId(1), 1, 0.0));
+    desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
     let mut harness = harness(desk);
     go(&mut harness, 1, GAS, &[1.0]);
     assert_eq!(last(&harness).gas, 1.0);
@@ -129,19 +129,19 @@ fn a_wheel_with_inverted_pedals_is_assigned_by_moving_it() {
     desk.state.open.controllers = true;
     let mut harness = harness(desk);
     assert_eq!(harness.get_all_by_label("not assigned").count(), 9, "all but the steering");
-    let pedal = Control::Axis(5);
+    let pedal = DeviceControl::Axis(5);
     click(&mut harness, "Assign Gas");
     assert_eq!(harness.query_all_by_label_contains("as far as it goes").count(), 1);
     go(&mut harness, 2, pedal, &[0.99, 0.0, -1.0, 0.5, 1.0]);
     assert_eq!(harness.state().actions, [], "not before it has been let go");
     harness.run_steps(4);
-    assert_eq!(harness.state().actions, [Action::KeepDevices]);
+    assert_eq!(harness.state().actions, [UiAction::KeepDevices]);
     harness.get_by_label("axis 5");
     harness.get_by_label("Gas 0.00");
     go(&mut harness, 2, pedal, &[-1.0]);
     harness.get_by_label("Gas 1.00");
     let profile = &harness.state().state.devices.profiles()["wheel"];
-    assert_eq!(profile.control(Function::Gas), Some(pedal));
+    assert_eq!(profile.control(ControlFunction::Gas), Some(pedal));
     // Another function takes the pedal, and the user is told.
     go(&mut harness, 2, pedal, &[1.0]);
     click(&mut harness, "Assign Brake");
@@ -170,8 +170,8 @@ fn controls_are_inverted_cleared_and_eased() {
     harness.get_by_label("Steering -1.00");
     harness.get_all_by_label("x").last().unwrap().click();
     harness.run_steps(3);
-    assert_eq!(harness.state().state.devices.profiles()["pad"].control(Function::TakeWheel), None);
+    assert_eq!(harness.state().state.devices.profiles()["pad"].control(ControlFunction::TakeWheel), None);
     click(&mut harness, "Steers less the faster the car is");
-    assert!(!harness.state().state.devices.profiles()["pad"].eases);
-    assert_eq!(harness.state().actions, vec![Action::KeepDevices; 3]);
+    assert!(!harness.state().state.devices.profiles()["pad"].speed_sensitive);
+    assert_eq!(harness.state().actions, vec![UiAction::KeepDevices; 3]);
 }

@@ -2,12 +2,15 @@
 
 use city3d::city::scene::Wall;
 use city3d::city::{CityMap, LaneId};
-use city3d::cockpit::Handling;
-use city3d::live::{Moment, Phase, Speed};
-use city3d::playback::{Mark, Playhead};
+use city3d::cockpit::SteeringGeometry;
+use city3d::live::{RunPhase, RunState, Speed};
+use city3d::playback::{Playhead, TimelineMark};
 use city3d::scenario::{Library, Overrides, read_experiment};
 use city3d::snapshot::{Appearance, Dimensions, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState};
-use city3d::ui::{self, Action, Choice, Drivers, History, Look, OwnCamera, Preset, Replay, Shown, State};
+use city3d::ui::{
+    self, DriverNames, History, Look, QualityPreset, ReplayView, ScenarioCamera, ScenarioChoice, UiAction,
+    UiState, ViewModel,
+};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
@@ -25,17 +28,17 @@ pub fn map() -> Arc<CityMap> {
 
 /// Everything that the panels are shown, and what they ask for.
 pub struct Desk {
-    pub state: State,
-    pub moment: Moment,
+    pub state: UiState,
+    pub run_state: RunState,
     pub history: History,
     pub map: Arc<CityMap>,
     pub walls: Vec<Wall>,
     pub loading: Option<String>,
-    pub drivers: Drivers,
+    pub drivers: DriverNames,
     pub routes: BTreeMap<VehicleId, Vec<LaneId>>,
-    pub cameras: BTreeMap<VehicleId, Vec<OwnCamera>>,
-    pub handling: BTreeMap<VehicleId, Handling>,
-    pub actions: Vec<Action>,
+    pub cameras: BTreeMap<VehicleId, Vec<ScenarioCamera>>,
+    pub steering_geometry: BTreeMap<VehicleId, SteeringGeometry>,
+    pub actions: Vec<UiAction>,
     pub recording: Option<Recording>,
     pub tells_control: bool,
 }
@@ -43,9 +46,9 @@ pub struct Desk {
 /// A recorded run that the panels are shown.
 pub struct Recording {
     pub head: Playhead,
-    pub marks: Vec<Mark>,
+    pub marks: Vec<TimelineMark>,
     pub searched: f64,
-    pub torn: Option<String>,
+    pub truncation: Option<String>,
 }
 
 pub fn fleet(count: u32) -> FrameSnapshot {
@@ -84,9 +87,9 @@ impl Desk {
     pub fn with(now: FrameSnapshot) -> Self {
         let now = Arc::new(now);
         let ids = || now.vehicles.iter().map(|v| v.id);
-        let handling = Handling { wheelbase_m: 3.0, steering_limit_rad: 0.7 };
+        let steering_geometry = SteeringGeometry { wheelbase_m: 3.0, steering_limit_rad: 0.7 };
         Self {
-            state: State::new(&now, Look { preset: Preset::Low, hours: 12.0 }),
+            state: UiState::new(&now, Look { preset: QualityPreset::Low, hours: 12.0 }),
             history: History::default(),
             map: map(),
             walls: Vec::new(),
@@ -94,14 +97,14 @@ impl Desk {
             drivers: ids().map(|id| (id, "idm".to_owned())).collect(),
             routes: BTreeMap::new(),
             cameras: BTreeMap::new(),
-            handling: ids().map(|id| (id, handling)).collect(),
+            steering_geometry: ids().map(|id| (id, steering_geometry)).collect(),
             actions: Vec::new(),
             recording: None,
             tells_control: true,
-            moment: Moment {
+            run_state: RunState {
                 before: Arc::clone(&now),
                 now,
-                phase: Phase::Paused,
+                phase: RunPhase::Paused,
                 speed: Speed::Times(1.0),
                 clock: None,
                 real_time_factor: 0.0,
@@ -112,38 +115,40 @@ impl Desk {
     }
 
     pub fn change(&mut self, change: impl FnOnce(&mut FrameSnapshot)) {
-        change(Arc::make_mut(&mut self.moment.now));
+        change(Arc::make_mut(&mut self.run_state.now));
     }
 
     fn show(&mut self, ui: &mut egui::Ui) {
-        self.history.note(&self.moment.now, self.state.previews.iter().map(|p| p.vehicle));
+        self.history.record_samples(&self.run_state.now, self.state.previews.iter().map(|p| p.vehicle));
         let textures = BTreeMap::new();
-        let shown = Shown {
-            moment: &self.moment,
-            seen: &self.moment.now,
+        let shown = ViewModel {
+            run_state: &self.run_state,
+            interpolated: &self.run_state.now,
             history: &self.history,
             map: &self.map,
             walls: &self.walls,
             drivers: &self.drivers,
             routes: &self.routes,
             cameras: &self.cameras,
-            handling: &self.handling,
+            steering_geometry: &self.steering_geometry,
             scenario: "straight",
             duration_s: 30.0,
-            scenarios: &["straight", "city"]
-                .map(|name| Choice { name: name.to_owned(), description: format!("What {name} is about") }),
+            scenarios: &["straight", "city"].map(|name| ScenarioChoice {
+                name: name.to_owned(),
+                description: format!("What {name} is about"),
+            }),
             loading: self.loading.as_deref(),
             textures: &textures,
             footer: "an adapter",
             frames_per_s: 30.0,
             most_moving_pixels: Some(100_000),
             tells_control: self.tells_control,
-            replay: self.recording.as_ref().map(|recording| Replay {
+            replay: self.recording.as_ref().map(|recording| ReplayView {
                 name: "straight",
                 head: recording.head,
                 marks: &recording.marks,
                 searched: recording.searched,
-                torn: recording.torn.as_deref(),
+                truncation: recording.truncation.as_deref(),
                 is_late: false,
             }),
         };

@@ -7,12 +7,12 @@ mod controllers;
 mod desk;
 mod timeline;
 
-use city3d::camera::{Lens, Mount, Place};
-use city3d::live::{Order, Phase, Speed};
+use city3d::camera::{Lens, Mount, MountPoint};
+use city3d::live::{RunCommand, RunPhase, Speed};
 use city3d::runner::Run;
 use city3d::scenario::{Library, Overrides, read_experiment};
 use city3d::snapshot::{SimCommand, Status, VehicleId};
-use city3d::ui::{Action, Driving, Eye, Mode, OwnCamera, Slot};
+use city3d::ui::{CameraMode, ManualDrive, PictureSlot, PreviewCamera, ScenarioCamera, UiAction};
 use desk::{Desk, click, fleet, harness, press, with};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -27,7 +27,7 @@ fn without_vehicles_the_table_says_so_and_nothing_breaks() {
         press(&mut harness, key);
     }
     assert_eq!(harness.state().actions, []);
-    assert_eq!(harness.state().state.viewpoint.mode, Mode::Orbit, "there is nothing to chase");
+    assert_eq!(harness.state().state.viewpoint.mode, CameraMode::Orbit, "there is nothing to chase");
 }
 
 #[test]
@@ -154,7 +154,7 @@ fn without_previews_the_city_has_their_room_and_a_strip_opens_them() {
     assert!(strip.width() < 30.0 && strip.right() > 1270.0, "{strip:?}");
     let city = |harness: &Harness<'static, Desk>| {
         let pictures = &harness.state().state.pictures;
-        pictures.iter().find(|p| p.slot == Slot::City).unwrap().view.extent[0]
+        pictures.iter().find(|p| p.slot == PictureSlot::City).unwrap().view.extent[0]
     };
     let wide = city(&harness);
     // Nobody is selected: the first one's.
@@ -173,14 +173,14 @@ fn what_stands_in_the_bar_stays_where_it_is_while_numbers_change() {
     let mut harness = with(6);
     let mut places = Vec::new();
     for (phase, factor, time_s) in [
-        (Phase::Paused, 0.0, 2.5),
-        (Phase::Running, 0.98, 9.99),
-        (Phase::Running, 12.3, 10.0),
-        (Phase::Running, 451.2, 234.5),
-        (Phase::Over, 0.0, 30.0),
+        (RunPhase::Paused, 0.0, 2.5),
+        (RunPhase::Running, 0.98, 9.99),
+        (RunPhase::Running, 12.3, 10.0),
+        (RunPhase::Running, 451.2, 234.5),
+        (RunPhase::Over, 0.0, 30.0),
     ] {
         let desk = harness.state_mut();
-        (desk.moment.phase, desk.moment.real_time_factor) = (phase, factor);
+        (desk.run_state.phase, desk.run_state.real_time_factor) = (phase, factor);
         desk.change(|now| now.time_s = time_s);
         harness.run_steps(3);
         let left = |label: &str| harness.get_by_label(label).rect().left();
@@ -212,7 +212,7 @@ fn who_left_the_road_is_told_why_it_stands() {
         let place = harness.get_all_by_label("stopped").nth(at).unwrap().rect().center();
         harness.hover_at(place);
         harness.run_steps(10);
-        assert!(harness.query_by_label_contains("Stands on no lane").is_some(), "{at}");
+        assert!(harness.query_by_label_contains("Off the lanes").is_some(), "{at}");
     }
 }
 
@@ -255,13 +255,13 @@ fn panels_do_not_grow_by_themselves() {
     let mut harness = with(500);
     let edge = |harness: &Harness<'static, Desk>| harness.get_by_label("Previews").rect().left();
     let city = |harness: &Harness<'static, Desk>| {
-        harness.state().state.pictures.iter().find(|p| p.slot == Slot::City).unwrap().view.extent
+        harness.state().state.pictures.iter().find(|p| p.slot == PictureSlot::City).unwrap().view.extent
     };
     let before = (edge(&harness), city(&harness));
     harness.run_steps(100);
     assert_eq!((edge(&harness), city(&harness)), before);
     assert!(before.1[0] > 400 && before.1[1] > 500, "the city has room: {:?}", before.1);
-    harness.state_mut().moment.phase = Phase::Running;
+    harness.state_mut().run_state.phase = RunPhase::Running;
     harness.run_steps(2);
     let [width, height] = city(&harness);
     assert!((90_000..=101_000).contains(&(width * height)), "coarser while it moves: {width} x {height}");
@@ -291,7 +291,7 @@ fn escape_closes_a_menu_and_only_then_lets_go_of_the_vehicle() {
     let mut harness = with(6);
     harness.state_mut().state.selection.vehicle = Some(VehicleId(2));
     harness.run_steps(2);
-    click(&mut harness, "Simulated seconds in a second (+ and -)");
+    click(&mut harness, "Simulated seconds per second (+ and -)");
     harness.run_steps(2);
     assert!(harness.query_by_label("fastest").is_some(), "the menu is open");
     press(&mut harness, egui::Key::Escape);
@@ -314,16 +314,20 @@ fn the_bar_starts_pauses_steps_and_resets() {
     harness.get_by_label("  2.50 s");
     harness.get_by_label("paused");
     let orders = |harness: &Harness<'static, Desk>| harness.state().actions.clone();
-    assert_eq!(orders(&harness), [Order::Start, Order::Step, Order::Reset].map(Action::Order));
-    harness.state_mut().moment.phase = Phase::Running;
-    harness.state_mut().moment.real_time_factor = 0.98;
+    assert_eq!(
+        orders(&harness),
+        [RunCommand::Start, RunCommand::Step, RunCommand::Reset].map(UiAction::RunCommand)
+    );
+    harness.state_mut().run_state.phase = RunPhase::Running;
+    harness.state_mut().run_state.real_time_factor = 0.98;
     harness.state_mut().actions.clear();
     harness.run_steps(2);
     harness.get_by_label("at 0.98x");
     click(&mut harness, "\u{23f8} Pause");
     press(&mut harness, egui::Key::Space);
     press(&mut harness, egui::Key::Plus);
-    let expected = [Order::Pause, Order::Pause, Order::Speed(Speed::Times(2.0))].map(Action::Order);
+    let expected = [RunCommand::Pause, RunCommand::Pause, RunCommand::Speed(Speed::Times(2.0))]
+        .map(UiAction::RunCommand);
     assert_eq!(orders(&harness), expected);
 }
 
@@ -336,18 +340,18 @@ fn keys_typed_into_the_filter_are_no_orders() {
         press(&mut harness, key);
     }
     assert_eq!(harness.state().actions, []);
-    assert_eq!(harness.state().state.viewpoint.mode, Mode::Orbit);
+    assert_eq!(harness.state().state.viewpoint.mode, CameraMode::Orbit);
 }
 
 #[test]
 fn a_run_that_failed_says_why_and_offers_a_reset_alone() {
     let mut desk = Desk::with(fleet(1));
-    desk.moment.phase = Phase::Failed("/full: cannot be written".to_owned());
+    desk.run_state.phase = RunPhase::Failed("/full: cannot be written".to_owned());
     let mut harness = harness(desk);
     harness.get_by_label("failed: /full: cannot be written");
     click(&mut harness, "\u{25b6} Start");
     click(&mut harness, "\u{27f2} Reset");
-    assert_eq!(harness.state().actions, [Action::Order(Order::Reset)]);
+    assert_eq!(harness.state().actions, [UiAction::RunCommand(RunCommand::Reset)]);
 }
 
 #[test]
@@ -364,12 +368,12 @@ fn a_preview_tells_pedals_and_asks_for_its_picture() {
     for label in ["Gas 0.25", "Brake 0.50", "Handbrake 1.00", "Steering -5.7\u{b0}", "18.0 km/h"] {
         harness.get_by_label(label);
     }
-    let slots: Vec<Slot> = harness.state().state.pictures.iter().map(|picture| picture.slot).collect();
-    assert_eq!(slots, [Slot::Preview(VehicleId(2)), Slot::City]);
+    let slots: Vec<PictureSlot> = harness.state().state.pictures.iter().map(|picture| picture.slot).collect();
+    assert_eq!(slots, [PictureSlot::Preview(VehicleId(2)), PictureSlot::City]);
     let picture = harness.state().state.pictures[0];
     assert_eq!(picture.view.carrier, Some(VehicleId(2)));
     click(&mut harness, "Drive");
-    assert_eq!(harness.state().actions, [Action::Drive(VehicleId(2))]);
+    assert_eq!(harness.state().actions, [UiAction::Drive(VehicleId(2))]);
     press(&mut harness, egui::Key::P);
     assert_eq!(harness.state().state.previews, []);
 }
@@ -378,25 +382,25 @@ fn a_preview_tells_pedals_and_asks_for_its_picture() {
 fn a_preview_shows_the_cameras_that_the_scenario_gives_the_vehicle() {
     let mut desk = Desk::with(fleet(2));
     let mount = Mount::Custom {
-        place: Place::Point(DVec3::new(0.0, 0.0, 2.2)),
+        place: MountPoint::Point(DVec3::new(0.0, 0.0, 2.2)),
         yaw_rad: 0.0,
         pitch_rad: 0.0,
         roll_rad: 0.0,
     };
     let lens = Lens { vertical_fov_rad: 1.2, ..Lens::default() };
-    desk.cameras.insert(VehicleId(2), vec![OwnCamera { name: "roof".to_owned(), mount, lens }]);
+    desk.cameras.insert(VehicleId(2), vec![ScenarioCamera { name: "roof".to_owned(), mount, lens }]);
     desk.state.toggle_preview(VehicleId(2));
     desk.state.toggle_preview(VehicleId(1));
     for preview in &mut desk.state.previews {
-        preview.eye = Eye::Own(0);
+        preview.eye = PreviewCamera::Own(0);
     }
     let harness = harness(desk);
     let view_of = |id: u32| {
-        let slot = Slot::Preview(VehicleId(id));
+        let slot = PictureSlot::Preview(VehicleId(id));
         harness.state().state.pictures.iter().find(|picture| picture.slot == slot).unwrap().view
     };
     let height_m =
-        |id: u32| view_of(id).extrinsics.position.z - harness.state().moment.now.vehicles[0].position.z;
+        |id: u32| view_of(id).extrinsics.position.z - harness.state().run_state.now.vehicles[0].position.z;
     assert!((height_m(2) - 2.2).abs() < 1e-6, "{}", height_m(2));
     // One that a vehicle of another scenario had is the windscreen's.
     assert!(height_m(1) < 2.0, "{}", height_m(1));
@@ -408,11 +412,11 @@ fn a_vehicle_that_leaves_takes_nothing_down_with_it() {
     let mut desk = Desk::with(fleet(2));
     desk.state.toggle_preview(VehicleId(2));
     desk.state.selection.vehicle = Some(VehicleId(2));
-    desk.state.driving = Some(Driving::take_over(VehicleId(2), 1, 0.0));
+    desk.state.driving = Some(ManualDrive::take_over(VehicleId(2), 1, 0.0));
     let mut harness = harness(desk);
-    harness.state_mut().moment.now = Arc::new(fleet(1));
+    harness.state_mut().run_state.now = Arc::new(fleet(1));
     harness.run_steps(3);
-    harness.get_by_label("Vehicle 2 is not there any more.");
+    harness.get_by_label("Vehicle 2 is no longer in the city.");
     assert_eq!((harness.state().state.selection.vehicle, harness.state().state.driven()), (None, None));
     click(&mut harness, "Close");
     assert_eq!(harness.state().state.previews, []);
@@ -421,19 +425,19 @@ fn a_vehicle_that_leaves_takes_nothing_down_with_it() {
 #[test]
 fn who_sits_at_the_wheel_is_told_why_the_car_does_not_go() {
     let mut desk = Desk::with(fleet(1));
-    desk.state.driving = Some(Driving::take_over(VehicleId(1), 1, 0.0));
+    desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
     let mut harness = harness(desk);
     for (phase, status, told) in [
-        (Phase::Paused, Status::Manual, Some("The experiment stands")),
-        (Phase::Running, Status::Manual, None),
-        (Phase::Running, Status::Collided, Some("Collided")),
-        (Phase::Over, Status::Manual, Some("The scenario is over")),
+        (RunPhase::Paused, Status::Manual, Some("The experiment is not running")),
+        (RunPhase::Running, Status::Manual, None),
+        (RunPhase::Running, Status::Collided, Some("Collided")),
+        (RunPhase::Over, Status::Manual, Some("The scenario is over")),
     ] {
         let desk = harness.state_mut();
-        desk.moment.phase = phase.clone();
+        desk.run_state.phase = phase.clone();
         desk.change(|now| now.vehicles[0].status = status);
         harness.run_steps(3);
-        for text in ["The experiment stands", "Collided:", "The scenario is over"] {
+        for text in ["The experiment is not running", "Collided:", "The scenario is over"] {
             let is_there = harness.query_by_label_contains(text).is_some();
             assert_eq!(
                 is_there,
@@ -443,7 +447,7 @@ fn who_sits_at_the_wheel_is_told_why_the_car_does_not_go() {
         }
     }
     click(&mut harness, "\u{25b6} Go on");
-    assert_eq!(harness.state().actions.last(), Some(&Action::Order(Order::Start)));
+    assert_eq!(harness.state().actions.last(), Some(&UiAction::RunCommand(RunCommand::Start)));
 }
 
 #[test]
@@ -480,11 +484,11 @@ fn the_help_sheet_stays_in_a_small_window_and_scrolls() {
 #[test]
 fn keys_at_the_wheel_become_pedals_and_a_reset_takes_it_away() {
     let mut desk = Desk::with(fleet(1));
-    desk.moment.phase = Phase::Running;
-    desk.state.driving = Some(Driving::take_over(VehicleId(1), 1, 0.05));
+    desk.run_state.phase = RunPhase::Running;
+    desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.05));
     let mut harness = harness(desk);
     let last = |harness: &Harness<'static, Desk>| match harness.state().actions.last() {
-        Some(Action::Order(Order::Command(SimCommand::Drive(VehicleId(1), pedals)))) => *pedals,
+        Some(UiAction::RunCommand(RunCommand::Vehicle(SimCommand::Drive(VehicleId(1), pedals)))) => *pedals,
         other => panic!("no pedals: {other:?}"),
     };
     harness.key_down(egui::Key::W);
@@ -500,8 +504,8 @@ fn keys_at_the_wheel_become_pedals_and_a_reset_takes_it_away() {
     harness.state_mut().actions.clear();
     harness.key_press(egui::Key::Enter);
     harness.step();
-    assert_eq!(harness.state().actions, [Action::GiveBack], "no pedal comes after it");
-    harness.state_mut().moment.run = 2;
+    assert_eq!(harness.state().actions, [UiAction::GiveBack], "no pedal comes after it");
+    harness.state_mut().run_state.run = 2;
     harness.run_steps(2);
     assert_eq!(harness.state().state.driven(), None);
 }

@@ -1,9 +1,9 @@
 //! The timeline of a recorded run, its keys and its list of events.
 
 use super::desk::{Desk, Recording, click, fleet, harness, press};
-use city3d::playback::{Cue, Mark, Playhead, What};
+use city3d::playback::{Occurrence, PlaybackCommand, Playhead, TimelineMark};
 use city3d::snapshot::{EventKind, VehicleId};
-use city3d::ui::{Action, Slot};
+use city3d::ui::{PictureSlot, UiAction};
 use egui::{Pos2, Rect};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -18,18 +18,18 @@ const HEAD: Playhead = Playhead {
     speed: 1.0,
 };
 
-fn mark(time_s: f64, vehicle: u32, kind: EventKind) -> Mark {
-    Mark { time_s, vehicle: VehicleId(vehicle), what: What::Event(kind) }
+fn mark(time_s: f64, vehicle: u32, kind: EventKind) -> TimelineMark {
+    TimelineMark { time_s, vehicle: VehicleId(vehicle), what: Occurrence::Event(kind) }
 }
 
-fn with(marks: Vec<Mark>) -> Harness<'static, Desk> {
+fn with(marks: Vec<TimelineMark>) -> Harness<'static, Desk> {
     let mut desk = Desk::with(fleet(6));
-    desk.recording = Some(Recording { head: HEAD, marks, searched: 1.0, torn: None });
+    desk.recording = Some(Recording { head: HEAD, marks, searched: 1.0, truncation: None });
     harness(desk)
 }
 
 /// A collision among stops and merges.
-fn some() -> Vec<Mark> {
+fn some() -> Vec<TimelineMark> {
     vec![
         mark(4.0, 1, EventKind::Stop),
         mark(12.29, 2, EventKind::Merge),
@@ -38,9 +38,9 @@ fn some() -> Vec<Mark> {
     ]
 }
 
-fn cues(harness: &Harness<'static, Desk>) -> Vec<Cue> {
-    let cue = |action: &Action| match action {
-        Action::Cue(cue) => *cue,
+fn cues(harness: &Harness<'static, Desk>) -> Vec<PlaybackCommand> {
+    let cue = |action: &UiAction| match action {
+        UiAction::PlaybackCommand(cue) => *cue,
         other => panic!("{other:?} means nothing in a replay"),
     };
     harness.state().actions.iter().map(cue).collect()
@@ -75,14 +75,22 @@ fn the_buttons_say_where_to_go() {
     ] {
         click(&mut harness, label);
     }
-    let [back, on] = [false, true].map(|forward| Cue::Step { forward });
-    let expected = [Cue::Play, Cue::Reverse, back, on, Cue::Seek(0.0), Cue::Seek(40.0), Cue::Show(20.0)];
+    let [back, on] = [false, true].map(|forward| PlaybackCommand::Step { forward });
+    let expected = [
+        PlaybackCommand::Play,
+        PlaybackCommand::Reverse,
+        back,
+        on,
+        PlaybackCommand::Seek(0.0),
+        PlaybackCommand::Seek(40.0),
+        PlaybackCommand::Show(20.0),
+    ];
     assert_eq!(cues(&harness), expected);
     let state = &harness.state().state;
     assert_eq!(state.selection.vehicle, Some(VehicleId(3)), "who it happened to");
     assert_eq!(state.viewpoint.follow, Some(VehicleId(3)), "is in sight");
-    let seen = harness.state().moment.now.vehicle(VehicleId(3)).unwrap().position;
-    let picture = state.pictures.iter().find(|picture| picture.slot == Slot::City).unwrap();
+    let seen = harness.state().run_state.now.vehicle(VehicleId(3)).unwrap().position;
+    let picture = state.pictures.iter().find(|picture| picture.slot == PictureSlot::City).unwrap();
     let from_m = picture.view.extrinsics.position.distance(seen);
     assert!(picture.view.project(seen).is_some() && from_m < 70.0, "{from_m} m away");
     harness.state_mut().actions.clear();
@@ -92,7 +100,7 @@ fn the_buttons_say_where_to_go() {
     harness.get_by_value("\u{2212}2x");
     click(&mut harness, "\u{23f8} Pause");
     click(&mut harness, "\u{25c0} Back");
-    assert_eq!(cues(&harness), [Cue::Pause, Cue::Pause]);
+    assert_eq!(cues(&harness), [PlaybackCommand::Pause, PlaybackCommand::Pause]);
 }
 
 #[test]
@@ -100,25 +108,25 @@ fn keys_are_those_of_players_and_nobody_drives() {
     let mut harness = with(some());
     use egui::Key;
     let keys = [
-        (Key::Space, Cue::Play),
-        (Key::J, Cue::Reverse),
-        (Key::Comma, Cue::Step { forward: false }),
-        (Key::Period, Cue::Step { forward: true }),
-        (Key::ArrowLeft, Cue::Seek(7.300_000_000_000_001)),
-        (Key::ArrowRight, Cue::Seek(17.3)),
-        (Key::Home, Cue::Seek(0.0)),
-        (Key::End, Cue::Seek(40.0)),
+        (Key::Space, PlaybackCommand::Play),
+        (Key::J, PlaybackCommand::Reverse),
+        (Key::Comma, PlaybackCommand::Step { forward: false }),
+        (Key::Period, PlaybackCommand::Step { forward: true }),
+        (Key::ArrowLeft, PlaybackCommand::Seek(7.300_000_000_000_001)),
+        (Key::ArrowRight, PlaybackCommand::Seek(17.3)),
+        (Key::Home, PlaybackCommand::Seek(0.0)),
+        (Key::End, PlaybackCommand::Seek(40.0)),
         // The merge at 12.29 s is what the shown snapshot shows: the event before lies before it.
-        (Key::OpenBracket, Cue::Show(4.0)),
-        (Key::CloseBracket, Cue::Show(20.0)),
-        (Key::Plus, Cue::Speed(2.0)),
-        (Key::Minus, Cue::Speed(0.5)),
+        (Key::OpenBracket, PlaybackCommand::Show(4.0)),
+        (Key::CloseBracket, PlaybackCommand::Show(20.0)),
+        (Key::Plus, PlaybackCommand::Speed(2.0)),
+        (Key::Minus, PlaybackCommand::Speed(0.5)),
     ];
     for (key, cue) in keys {
         press(&mut harness, key);
         let told = cues(&harness);
         match (told.as_slice(), cue) {
-            ([Cue::Seek(told)], Cue::Seek(wanted)) => {
+            ([PlaybackCommand::Seek(told)], PlaybackCommand::Seek(wanted)) => {
                 assert!((told - wanted).abs() < 1e-9, "{key:?}: {told}");
             }
             _ => assert_eq!(told, [cue], "{key:?}"),
@@ -158,12 +166,12 @@ fn a_click_or_a_drag_on_the_timeline_goes_there_and_a_click_on_a_mark_to_what_ha
     let bar = rect.top() + 17.0;
     click_at(&mut harness, Pos2::new(rect.center().x, bar));
     let told = cues(&harness);
-    assert!(matches!(told[..], [Cue::Seek(time_s)] if (time_s - 20.0).abs() < 0.05), "{told:?}");
+    assert!(matches!(told[..], [PlaybackCommand::Seek(time_s)] if (time_s - 20.0).abs() < 0.05), "{told:?}");
     harness.state_mut().actions.clear();
     harness.run_steps(10);
     // The collision is in the middle; so near to it, it is meant.
     click_at(&mut harness, Pos2::new(rect.center().x + 2.0, rect.top() + 5.0));
-    assert_eq!(cues(&harness), [Cue::Show(20.0)]);
+    assert_eq!(cues(&harness), [PlaybackCommand::Show(20.0)]);
     assert_eq!(harness.state().state.selection.vehicle, Some(VehicleId(3)));
     harness.state_mut().actions.clear();
     harness.run_steps(10);
@@ -181,7 +189,10 @@ fn a_click_or_a_drag_on_the_timeline_goes_there_and_a_click_on_a_mark_to_what_ha
     harness.run_steps(2);
     let told = cues(&harness);
     assert!(told.len() >= 3, "each place is drawn: {told:?}");
-    assert!(matches!(told.last(), Some(Cue::Seek(time_s)) if (time_s - 28.0).abs() < 0.3), "{told:?}");
+    assert!(
+        matches!(told.last(), Some(PlaybackCommand::Seek(time_s)) if (time_s - 28.0).abs() < 0.3),
+        "{told:?}"
+    );
     assert!(!harness.state().state.is_scrubbing);
 }
 
@@ -206,7 +217,7 @@ fn the_wheel_on_the_timeline_shows_a_part_of_the_run_and_a_button_the_whole_agai
     let rect = track(&harness);
     click_at(&mut harness, Pos2::new(rect.left() + 8.0, rect.top() + 17.0));
     let told = cues(&harness);
-    let [Cue::Seek(first_s)] = told[..] else { panic!("{told:?}") };
+    let [PlaybackCommand::Seek(first_s)] = told[..] else { panic!("{told:?}") };
     let zoomed_s = 20.0 - 20.0 * 0.8_f64.powi(6);
     // The playhead at 12.3 s is outside: the part that is shown turned over to it.
     assert!((first_s - zoomed_s).abs() > 1.0 && (9.0..=12.31).contains(&first_s), "{first_s}, {zoomed_s}");
@@ -216,7 +227,7 @@ fn the_wheel_on_the_timeline_shows_a_part_of_the_run_and_a_button_the_whole_agai
     let rect = track(&harness);
     click_at(&mut harness, Pos2::new(rect.center().x, rect.top() + 17.0));
     let told = cues(&harness);
-    assert!(matches!(told[..], [Cue::Seek(time_s)] if (time_s - 20.0).abs() < 0.05), "{told:?}");
+    assert!(matches!(told[..], [PlaybackCommand::Seek(time_s)] if (time_s - 20.0).abs() < 0.05), "{told:?}");
 }
 
 #[test]
@@ -232,14 +243,14 @@ fn without_events_there_is_nowhere_to_jump_to() {
     harness.state_mut().recording.as_mut().unwrap().searched = 0.4;
     harness.run_steps(2);
     harness.get_by_label("events: 40 %");
-    harness.get_by_label("The log is still being looked through.");
+    harness.get_by_label("The log is still being searched.");
 }
 
 #[test]
 fn of_many_events_those_in_sight_are_listed_and_words_find_the_rest() {
-    let mut marks: Vec<Mark> =
+    let mut marks: Vec<TimelineMark> =
         (0..5000).map(|k| mark(f64::from(k) * 0.008, 1 + k % 6, EventKind::Stop)).collect();
-    marks[2500].what = What::Event(EventKind::Collision { with: VehicleId(9) });
+    marks[2500].what = Occurrence::Event(EventKind::Collision { with: VehicleId(9) });
     let time_s = marks[2500].time_s;
     let mut harness = with(marks);
     press(&mut harness, egui::Key::F3);
@@ -250,11 +261,11 @@ fn of_many_events_those_in_sight_are_listed_and_words_find_the_rest() {
     harness.run_steps(3);
     harness.get_by_label("1 of 5000");
     click(&mut harness, "collision with 9");
-    assert_eq!(cues(&harness), [Cue::Show(time_s)]);
+    assert_eq!(cues(&harness), [PlaybackCommand::Show(time_s)]);
     assert_eq!(harness.state().state.selection.vehicle, Some(VehicleId(1 + 2500 % 6)));
     harness.state_mut().actions.clear();
     press(&mut harness, egui::Key::CloseBracket);
-    assert_eq!(cues(&harness), [Cue::Show(time_s)], "keys go by the same events");
+    assert_eq!(cues(&harness), [PlaybackCommand::Show(time_s)], "keys go by the same events");
     harness.state_mut().state.events.filter = "nothing".to_owned();
     harness.run_steps(3);
     harness.get_by_label("No event matches the filter.");
@@ -269,9 +280,9 @@ fn of_many_events_those_in_sight_are_listed_and_words_find_the_rest() {
 fn a_torn_log_says_so_and_windows_of_all_sizes_are_drawn() {
     let mut harness = with(some());
     let recording = harness.state_mut().recording.as_mut().unwrap();
-    recording.torn = Some("it ends in the middle of a record".to_owned());
+    recording.truncation = Some("it ends in the middle of a record".to_owned());
     harness.run_steps(2);
-    harness.get_by_label("\u{26a0} torn off");
+    harness.get_by_label("\u{26a0} truncated");
     let state = &mut harness.state_mut().state;
     (state.open.help, state.open.events) = (true, true);
     for size in [[320.0, 240.0], [1.0, 1.0], [0.0, 0.0], [900.0, 600.0], [3840.0, 2160.0], [200.0, 1500.0]] {

@@ -131,7 +131,7 @@ pub fn events(summary: &Value, kind: &str) -> Vec<(u64, f64)> {
 
 /// Whether a machine that stopped one of the processes for a while shows in the link of a served city.
 pub fn was_held_up(served: &Value) -> bool {
-    served["link"]["let_go_s"] != 0.0 || !events(served, "link_lost").is_empty()
+    served["link"]["time_skipped_s"] != 0.0 || !events(served, "link_lost").is_empty()
 }
 
 /// The same vehicles merge in the same order as in a run of one process, at nearly the same times.

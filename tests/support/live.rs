@@ -2,7 +2,7 @@
 
 #![allow(dead_code, reason = "each test uses its own part")]
 
-use city3d::live::{Live, Moment};
+use city3d::live::{LiveRun, RunState};
 use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -13,15 +13,15 @@ pub fn roundabout(duration_s: f64) -> Arc<Experiment> {
     Arc::new(read_experiment("roundabout", &text, &library, overrides).unwrap())
 }
 
-/// Waits until a moment is as it should be.
-pub fn until(live: &Live, what: &str, is_so: impl Fn(&Moment) -> bool) -> Arc<Moment> {
+/// Waits until a published state satisfies a condition.
+pub fn until(live: &LiveRun, what: &str, is_so: impl Fn(&RunState) -> bool) -> Arc<RunState> {
     let start = Instant::now();
     loop {
-        let moment = live.moment();
-        if is_so(&moment) {
-            return moment;
+        let run_state = live.run_state();
+        if is_so(&run_state) {
+            return run_state;
         }
-        assert!(start.elapsed() < Duration::from_secs(60), "never came: {what}; now {moment:?}");
+        assert!(start.elapsed() < Duration::from_secs(60), "never came: {what}; now {run_state:?}");
         std::thread::sleep(Duration::from_millis(1));
     }
 }

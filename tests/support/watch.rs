@@ -2,8 +2,8 @@
 
 #![allow(dead_code, reason = "each test uses its own part")]
 
-use city3d::link::{Client, Heard};
-use city3d::wire::{Body, Poses, Seal, Seen};
+use city3d::link::{Client, ClientEvent};
+use city3d::wire::{Authenticator, Body, ObservedVehicle, Poses};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -15,7 +15,7 @@ pub struct Watcher {
 
 impl Watcher {
     pub fn new(city: &str) -> Self {
-        let client = Client::new(city, 0, Seal::Checksum).unwrap();
+        let client = Client::new(city, 0, Authenticator::Checksum).unwrap();
         Self { client, renewed: None }
     }
 
@@ -23,11 +23,13 @@ impl Watcher {
         let begun = Instant::now();
         loop {
             if self.renewed.is_none_or(|renewed| renewed.elapsed() > Duration::from_secs(1)) {
-                self.client.renew();
+                self.client.reset_session();
                 self.client.send(&Body::Subscribe { request: 1, every_ticks: 1, lease_s: 60.0 });
                 self.renewed = Some(Instant::now());
             }
-            if let Some(Heard::Body(Body::Poses(poses))) = self.client.receive(Duration::from_millis(500)) {
+            if let Some(ClientEvent::Body(Body::Poses(poses))) =
+                self.client.receive(Duration::from_millis(500))
+            {
                 self.renewed = Some(Instant::now());
                 return poses;
             }
@@ -53,7 +55,7 @@ impl Watcher {
 
 /// The hardest deceleration of any vehicle of those that count, full scale, over so many ticks that follow one another:
 /// poses have speeds by their differences alone.
-pub fn hardest_braking(seen: &[Poses], ticks: usize, counts: impl Fn(&Seen) -> bool) -> f64 {
+pub fn hardest_braking(seen: &[Poses], ticks: usize, counts: impl Fn(&ObservedVehicle) -> bool) -> f64 {
     let (mut hardest, half) = (0.0f64, ticks / 2);
     for some in seen.windows(2 * half + 1).filter(|all| all[2 * half].tick == all[0].tick + 2 * half as u64) {
         let dt_s = (some[2 * half].time_s - some[0].time_s) / 2.0;

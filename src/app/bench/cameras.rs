@@ -1,12 +1,12 @@
-//! Camera pictures a second: drawn, read back and, with `--png`, written to disk.
+//! `city3d bench cameras`: throughput of camera pictures, rendered, read back and, with `--png`, written to disk.
 
 use super::cpu_s;
 use super::neutral::NeutralScene;
 use crate::app::look::{self, LookArgs, in_batches};
 use crate::app::say::say;
-use crate::app::{Failure, Model, ScenarioArgs, create_folder, load};
+use crate::app::{Failure, ModelArg, ScenarioArgs, create_folder, load};
 use crate::camera::{Camera, Lens, Mount, View};
-use crate::render::{Image, Pending, PngStream, Quality, RenderError, Renderer, write_png};
+use crate::render::{Image, PendingReadback, PngStream, Quality, RenderError, Renderer, write_png};
 use crate::runner::Run;
 use crate::snapshot::FrameSnapshot;
 use clap::Args;
@@ -16,28 +16,28 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Batches that are taken one by one to tell what the parts of the work cost.
-const ALONE: u32 = 5;
+/// Batches that run alone, to measure the stages of the work.
+const SERIAL_BATCHES: u32 = 5;
 
 #[derive(Debug, Args)]
 #[group(id = "what", required = true, multiple = false, args = ["name", "scenario", "scene"])]
 pub struct CamerasArgs {
-    /// A scenario file, or a shipped one
+    /// A scenario file, or the name of a shipped scenario
     #[arg(value_name = "SCENARIO")]
     name: Option<String>,
-    /// The same
+    /// The scenario, as an option
     #[arg(long, value_name = "SCENARIO")]
     scenario: Option<String>,
-    /// A neutral scene that other engines draw too, as JSON, in place of a scenario
+    /// A neutral scene (JSON) that other engines can draw, instead of a scenario
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     /// Seed of all random draws, instead of the scenario's
     #[arg(long, conflicts_with = "scene")]
     seed: Option<u64>,
-    /// Dynamics of all vehicles, instead of the scenario's
+    /// Dynamics model of all vehicles, instead of the scenario's
     #[arg(long, conflicts_with = "scene")]
-    model: Option<Model>,
-    /// How many onboard cameras; vehicles take turns where there are fewer
+    model: Option<ModelArg>,
+    /// Number of onboard cameras; vehicles take turns when there are fewer
     #[arg(long, alias = "cars", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=4096))]
     cameras: u32,
     /// Width of the pictures in pixels
@@ -46,13 +46,13 @@ pub struct CamerasArgs {
     /// Height of the pictures in pixels
     #[arg(long, default_value_t = 480, value_parser = clap::value_parser!(u32).range(1..=8192))]
     height: u32,
-    /// Seconds to measure for
+    /// Duration of the measurement in seconds
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     seconds: f64,
-    /// Simulated seconds that pass before the first picture of a scenario
+    /// Simulated time of the first picture of a scenario, in seconds
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     from: f64,
-    /// Folder to write the pictures into as well; without it they are only read back
+    /// Folder for the pictures; without it they are read back and not written
     #[arg(long, value_name = "DIR")]
     png: Option<PathBuf>,
     #[command(flatten)]
@@ -61,7 +61,7 @@ pub struct CamerasArgs {
 
 /// One line of the report; the first keys are those that the benches of other engines print.
 #[derive(Debug, Serialize)]
-struct Report {
+struct CamerasReport {
     bench: &'static str,
     cameras: u32,
     w: u32,
@@ -72,20 +72,20 @@ struct Report {
     img_per_s_no_png: f64,
     mpix_per_s: f64,
     all_cameras_hz: f64,
-    /// Of a batch that is alone, all cores at it, milliseconds a picture: to encode and write it,
+    /// Stages of a batch that runs alone on all cores, milliseconds per picture: encoding and writing,
     png_ms: Option<f64>,
-    /// to find what views see and to tell the adapter,
+    /// culling and command recording,
     cpu_ms: f64,
-    /// to draw it and to copy it into the buffer of the read-back, by the adapter's clock where it has one,
+    /// rendering and the copy into the read-back buffer, by time stamps of the adapter where it has them,
     gpu_ms: f64,
-    /// and to take it out of that buffer.
+    /// and reading that buffer.
     readback_ms: f64,
-    /// Time of all cores for a picture, nothing written; where the system tells it.
+    /// CPU time of all cores per picture without writing, where the system reports it.
     cpu_ms_per_img: Option<f64>,
     triangles_per_img: u64,
     preset: &'static str,
     adapter: String,
-    /// How often the adapter is open: pictures are drawn side by side.
+    /// Number of open devices that render in parallel.
     times_open: usize,
 }
 
@@ -94,17 +94,17 @@ pub fn cameras(args: &CamerasArgs) -> Result<(), Failure> {
         create_folder(folder)?;
     }
     let (source, mut renderer) = args.open()?;
-    let mut film = Film { source, args, tick: 0 };
-    let parts = film.parts(&mut renderer)?;
+    let mut bench = CameraBench { source, args, tick: 0 };
+    let parts = bench.stage_times(&mut renderer)?;
     let before = cpu_s();
-    let drawn = film.for_a_while(&mut renderer, None)?;
+    let drawn = bench.throughput(&mut renderer, None)?;
     let spent = cpu_s().zip(before).map(|(after, before)| after - before);
     let written = match &args.png {
-        Some(folder) => film.for_a_while(&mut renderer, Some(folder))?,
+        Some(folder) => bench.throughput(&mut renderer, Some(folder))?,
         None => drawn,
     };
     let rate = |(images, wall_s): (u64, f64)| images as f64 / wall_s;
-    let report = Report {
+    let report = CamerasReport {
         bench: "city3d_cameras",
         cameras: args.cameras,
         w: args.width,
@@ -123,69 +123,71 @@ pub fn cameras(args: &CamerasArgs) -> Result<(), Failure> {
         triangles_per_img: renderer.triangles(),
         preset: preset_of(&renderer),
         adapter: renderer.context().adapter_name.clone(),
-        times_open: renderer.context().times_open(),
+        times_open: renderer.context().device_count(),
     };
     say(serde_json::to_string(&report).map_err(Failure::failed)?)
 }
 
 impl CamerasArgs {
-    fn open(&self) -> Result<(Source, Renderer), Failure> {
+    fn open(&self) -> Result<(CameraSource, Renderer), Failure> {
         if let Some(path) = &self.scene {
             let scene = NeutralScene::read(path, self.cameras as usize)?;
-            let renderer = scene.renderer(&look::context(&self.look, look::Pictures::Many)?)?;
-            return Ok((Source::Scene(Box::new(scene)), renderer));
+            let renderer = scene.renderer(&look::context(&self.look, look::PictureCount::Many)?)?;
+            return Ok((CameraSource::Scene(Box::new(scene)), renderer));
         }
         let scenario = self.name.clone().or_else(|| self.scenario.clone()).unwrap_or_default();
         let args = ScenarioArgs { scenario, seed: self.seed, model: self.model, ..ScenarioArgs::default() };
         let experiment = load::experiment(&args)?;
-        let renderer = look::open(&self.look, &experiment, (look::Quality::Low, look::Pictures::Many))?;
+        let renderer =
+            look::open(&self.look, &experiment, (look::QualityArg::Low, look::PictureCount::Many))?;
         let mut run = Run::new(experiment).map_err(Failure::bad_input)?;
         while run.snapshot().time_s < self.from {
             run.step();
         }
-        Ok((Source::Run(Box::new(run)), renderer))
+        Ok((CameraSource::Run(Box::new(run)), renderer))
     }
 }
 
-/// The name of the preset it was made for.
+/// Name of the quality preset of a renderer.
 fn preset_of(renderer: &Renderer) -> &'static str {
     let known = Quality::PRESETS.iter().find(|(_, quality)| *quality == renderer.settings().quality);
     known.map_or("other", |(name, _)| name)
 }
 
-/// What is filmed.
-enum Source {
+/// Source of the snapshots.
+enum CameraSource {
     Run(Box<Run>),
     Scene(Box<NeutralScene>),
 }
 
-/// Milliseconds a picture.
+/// Times of the stages, milliseconds per picture.
 #[derive(Debug, Default)]
-struct Parts {
+struct StageTimes {
     cpu: f64,
     gpu: f64,
     readback: f64,
     png: Option<f64>,
 }
 
-struct Film<'a> {
-    source: Source,
+/// A benchmark that steps its source from picture to picture.
+struct CameraBench<'a> {
+    source: CameraSource,
     args: &'a CamerasArgs,
     tick: u64,
 }
 
-impl Film<'_> {
-    /// The views of the instant that lies a step ahead; those of a scene begin with its first instant.
+impl CameraBench<'_> {
+    /// Steps the source, and returns the snapshot with the views of all cameras; a scene starts at its first instant.
     fn next(&mut self) -> Result<(&FrameSnapshot, Vec<View>), Failure> {
         let extent = [self.args.width, self.args.height];
         let cameras = self.args.cameras as usize;
         match &mut self.source {
-            Source::Scene(scene) => {
+            CameraSource::Scene(scene) => {
                 scene.go_to(self.tick);
                 self.tick += 1;
                 Ok((scene.snapshot(), scene.views(extent, cameras)))
             }
-            Source::Run(run) => {
+            CameraSource::Run(run) => {
                 let until_s = run.snapshot().time_s + super::STEP_S - 1e-9;
                 while run.snapshot().time_s < until_s {
                     run.step();
@@ -204,15 +206,15 @@ impl Film<'_> {
         }
     }
 
-    /// Takes some batches one by one, nothing else under way.
-    fn parts(&mut self, renderer: &mut Renderer) -> Result<Parts, Failure> {
+    /// Measures the stages of some batches that run alone.
+    fn stage_times(&mut self, renderer: &mut Renderer) -> Result<StageTimes, Failure> {
         let folder = self.args.png.clone();
-        renderer.keep_time();
-        let (mut sum, mut pictures) = (Parts::default(), Vec::new());
-        for round in 0..=ALONE {
+        renderer.start_gpu_timer();
+        let (mut sum, mut pictures) = (StageTimes::default(), Vec::new());
+        for round in 0..=SERIAL_BATCHES {
             let (snapshot, views) = self.next()?;
-            let parts = batch_alone(renderer, snapshot, &views, (&mut pictures, folder.as_deref()))?;
-            // Pipelines and memory are made at the first.
+            let parts = serial_batch(renderer, snapshot, &views, (&mut pictures, folder.as_deref()))?;
+            // The first batch creates pipelines and buffers.
             if round > 0 {
                 sum.cpu += parts.cpu;
                 sum.gpu += parts.gpu;
@@ -220,14 +222,14 @@ impl Film<'_> {
                 sum.png = parts.png.map(|png| png + sum.png.unwrap_or(0.0));
             }
         }
-        renderer.stop_keeping_time();
-        let mean = |ms: f64| ms / f64::from(ALONE);
-        let Parts { cpu, gpu, readback, png } = sum;
-        Ok(Parts { cpu: mean(cpu), gpu: mean(gpu), readback: mean(readback), png: png.map(mean) })
+        renderer.stop_gpu_timer();
+        let mean = |ms: f64| ms / f64::from(SERIAL_BATCHES);
+        let StageTimes { cpu, gpu, readback, png } = sum;
+        Ok(StageTimes { cpu: mean(cpu), gpu: mean(gpu), readback: mean(readback), png: png.map(mean) })
     }
 
-    /// Takes pictures until the time is over; says how many and how long it took.
-    fn for_a_while(&mut self, renderer: &mut Renderer, folder: Option<&Path>) -> Result<(u64, f64), Failure> {
+    /// Takes pictures for the duration of the measurement; returns their number and the wall-clock time.
+    fn throughput(&mut self, renderer: &mut Renderer, folder: Option<&Path>) -> Result<(u64, f64), Failure> {
         let seconds = self.args.seconds;
         self.tick = 0;
         let start = Instant::now();
@@ -250,8 +252,8 @@ impl Film<'_> {
             while start.elapsed().as_secs_f64() < seconds {
                 let (snapshot, views) = self.next()?;
                 for views in in_batches(renderer, &views) {
-                    pending.push_back(renderer.begin(snapshot, &views).map_err(Failure::failed)?);
-                    if pending.len() > renderer.batches_ahead(views.len())
+                    pending.push_back(renderer.submit(snapshot, &views).map_err(Failure::failed)?);
+                    if pending.len() > renderer.batches_in_flight(views.len())
                         && let Some(batch) = pending.pop_front()
                     {
                         finish(renderer, batch)?;
@@ -266,8 +268,8 @@ impl Film<'_> {
     }
 }
 
-/// Takes the pictures of a batch into memory that is used again; says how many there were.
-fn take(renderer: &Renderer, batch: Pending, images: &mut Vec<Image>) -> Result<usize, Failure> {
+/// Reads the pictures of a batch into reused memory; returns their number.
+fn take(renderer: &Renderer, batch: PendingReadback, images: &mut Vec<Image>) -> Result<usize, Failure> {
     let arrived = renderer.wait(batch).map_err(Failure::failed)?;
     images.resize_with(arrived.len(), Image::default);
     images.par_iter_mut().enumerate().for_each(|(k, image)| arrived.read_rgb(k, image));
@@ -279,24 +281,24 @@ fn paths(folder: &Path, snapshot: &FrameSnapshot, cameras: usize) -> Vec<PathBuf
     (0..cameras).map(|k| folder.join(format!("camera{k:03}_{tick:08}.png"))).collect()
 }
 
-/// What the parts of the work on the views of an instant take, one after the other.
-fn batch_alone(
+/// Times the stages of one batch, one after the other.
+fn serial_batch(
     renderer: &mut Renderer,
     snapshot: &FrameSnapshot,
     views: &[View],
     (pictures, folder): (&mut Vec<Image>, Option<&Path>),
-) -> Result<Parts, Failure> {
+) -> Result<StageTimes, Failure> {
     let failed = |error: RenderError| Failure::failed(error);
-    let mut parts = Parts::default();
+    let mut parts = StageTimes::default();
     let mut taken = 0;
     for views in in_batches(renderer, views) {
         let start = Instant::now();
-        let pending = renderer.begin(snapshot, &views).map_err(failed)?;
+        let pending = renderer.submit(snapshot, &views).map_err(failed)?;
         parts.cpu += start.elapsed().as_secs_f64();
         let start = Instant::now();
         let arrived = renderer.wait(pending).map_err(failed)?;
         let waited_s = start.elapsed().as_secs_f64();
-        parts.gpu += renderer.seconds_of_last_batch().unwrap_or(waited_s);
+        parts.gpu += renderer.last_batch_gpu_seconds().unwrap_or(waited_s);
         let start = Instant::now();
         let from = taken;
         taken += arrived.len();
@@ -311,10 +313,10 @@ fn batch_alone(
         let write = |(path, image): (&PathBuf, &_)| write_png(path, image);
         paths.par_iter().zip(pictures.par_iter()).try_for_each(write).map_err(failed)?;
         parts.png = Some(start.elapsed().as_secs_f64());
-        // Those of the measurement itself are to be counted alone.
+        // Only the files of the measurement itself are kept.
         paths.iter().try_for_each(std::fs::remove_file).map_err(Failure::failed)?;
     }
     let ms = |seconds: f64| 1e3 * seconds / views.len() as f64;
-    let Parts { cpu, gpu, readback, png } = parts;
-    Ok(Parts { cpu: ms(cpu), gpu: ms(gpu), readback: ms(readback), png: png.map(ms) })
+    let StageTimes { cpu, gpu, readback, png } = parts;
+    Ok(StageTimes { cpu: ms(cpu), gpu: ms(gpu), readback: ms(readback), png: png.map(ms) })
 }

@@ -1,20 +1,23 @@
-//! How long the link takes: from the trajectories of a control framework that are sent over UDP to the poses that
-//! come back, beyond the tick itself, with and without onboard cameras that draw meanwhile.
+//! `city3d bench link`: latency of the link from the sent trajectory to the received pose, beyond the tick itself, with
+//! and without onboard cameras.
 
-use super::super::instruments::{Instruments, Mark};
+use super::super::instruments::{Instruments, TimingMark};
 use super::super::load::city_of;
-use super::super::look::{LookArgs, Quality};
+use super::super::look::{LookArgs, QualityArg};
 use super::super::mainframe::setup_of;
-use super::super::pictures::{Onboard, Pictures};
-use super::super::serve::{ServeArgs, Serving};
+use super::super::pictures::{CarriedCamera, PictureThread};
+use super::super::serve::{CityServer, ServeArgs};
 use super::super::{Failure, say::say};
 use crate::camera::{Lens, Mount};
-use crate::link::{Client, Heard, round_trips};
+use crate::link::{Client, ClientEvent, round_trips};
 use crate::render::encode_png;
-use crate::runner::Control;
+use crate::runner::ControlLoop;
 use crate::scenario::Experiment;
 use crate::snapshot::{Trajectory, VehicleId};
-use crate::wire::{Action, Body, Header, Message, Outcome, Poses, Seal, Seen, pack};
+use crate::wire::{
+    Authenticator, Body, DatagramHeader, ExperimentAction, Message, ObservedVehicle, Poses, RequestOutcome,
+    pack,
+};
 use clap::Args;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -25,25 +28,25 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-/// What others are compared with.
+/// Baseline: a UDP echo server in Python.
 const ECHO: &str = include_str!("../../../benches/udp_echo.py");
-/// Until all vehicles drive and everything that is made at first is there.
+/// Time until all vehicles drive and all lazy initialisation is done.
 const WARM_UP: Duration = Duration::from_secs(2);
-/// For an answer of the city.
-const PATIENCE: Duration = Duration::from_secs(20);
-const WAIT: Duration = Duration::from_millis(100);
-/// Pictures a second of each camera.
+/// Longest wait for an answer of the city.
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(20);
+const POSE_TIMEOUT: Duration = Duration::from_millis(100);
+/// Picture rate of each camera.
 const CAMERA_HZ: f64 = 10.0;
-/// Of the subscription, and after how many ticks it is renewed.
+/// Lease of the subscription, and its renewal interval in ticks.
 const LEASE_S: f64 = 60.0;
 const RENEW_TICKS: u32 = 500;
 
 #[derive(Debug, Args)]
 pub struct LinkBenchArgs {
-    /// How many vehicles, all of which get a trajectory each tick
+    /// Number of vehicles; each gets a trajectory every tick
     #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=500))]
     vehicles: u32,
-    /// How many onboard cameras draw in the second measurement, ten pictures a second each
+    /// Number of onboard cameras in the second measurement, with ten pictures per second each
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(0..=500))]
     cameras: u32,
     /// Width of the pictures in pixels
@@ -52,7 +55,7 @@ pub struct LinkBenchArgs {
     /// Height of the pictures in pixels
     #[arg(long, default_value_t = 240, value_parser = clap::value_parser!(u32).range(1..=8192))]
     height: u32,
-    /// Seconds of each measurement
+    /// Duration of each measurement in seconds
     #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = super::super::duration)]
     seconds: f64,
     /// Seed of the traffic, instead of the scenario's
@@ -64,7 +67,7 @@ pub struct LinkBenchArgs {
 
 /// One line of the report; times of a datagram in microseconds.
 #[derive(Debug, Serialize)]
-struct Report {
+struct LinkReport {
     bench: &'static str,
     vehicles: u32,
     physics_hz: u32,
@@ -73,33 +76,34 @@ struct Report {
     h: u32,
     wall_s: f64,
     datagrams: usize,
-    /// From sent to heard, but for the wait until the tick is due and the step of the world.
-    beyond_tick: Spread,
-    /// What it consists of: until it has been taken in,
-    inward: Spread,
-    /// by how much the tick is late,
-    late: Spread,
-    /// and from the end of the step until its vehicle's pose is there.
-    outward: Spread,
-    /// Of that, until the city has handed over the poses of all vehicles to the system.
-    sending: Spread,
+    /// From sending to receiving, without the wait for the tick and without the step of the world.
+    beyond_tick: LatencyPercentiles,
+    /// Its parts: until the datagram is queued,
+    inward: LatencyPercentiles,
+    /// the lateness of the tick,
+    late: LatencyPercentiles,
+    /// and from the end of the step until the pose is received.
+    outward: LatencyPercentiles,
+    /// Part of `outward`: until all poses are handed over to the system.
+    sending: LatencyPercentiles,
     /// The step of the world.
-    step: Spread,
-    /// The same datagrams, there and back by an echo in Python; where there is one.
-    python_echo: Option<Spread>,
+    step: LatencyPercentiles,
+    /// Round trip of the same datagrams to an echo server in Python, where Python is available.
+    python_echo: Option<LatencyPercentiles>,
     images: u64,
     img_per_s: f64,
     adapter: Option<String>,
 }
 
+/// Percentiles of a latency, microseconds.
 #[derive(Clone, Copy, Debug, Serialize)]
-struct Spread {
+struct LatencyPercentiles {
     p50_us: f64,
     p99_us: f64,
     most_us: f64,
 }
 
-impl Spread {
+impl LatencyPercentiles {
     fn of(mut times: Vec<Duration>) -> Self {
         times.sort_unstable();
         let at = |share: f64| {
@@ -116,32 +120,32 @@ pub fn link(args: &LinkBenchArgs) -> Result<(), Failure> {
     if args.cameras > 0 { measure(args, &experiment, args.cameras) } else { Ok(()) }
 }
 
-/// Serves a city, drives in it for a while, and says what has been measured.
+/// Serves a city on a thread, controls it for the duration, and prints the report.
 fn measure(args: &LinkBenchArgs, experiment: &Arc<Experiment>, cameras: u32) -> Result<(), Failure> {
     let serve = ServeArgs::of(&["city", "--bind", "127.0.0.1:0", "--headless", "--rate", "1000000"])?;
     let (marks, marked) = channel();
     let pictures = (cameras > 0).then(|| pictures(args, experiment, cameras)).transpose()?;
     let adapter = pictures.as_ref().map(|pictures| pictures.adapter.clone());
     let instruments = Instruments { marks: Some(marks), pictures };
-    let mut serving = Serving::open(&serve, Experiment::clone(experiment), instruments)?;
-    let address = serving.address();
-    let ends = AtomicBool::new(false);
+    let mut server = CityServer::open(&serve, Experiment::clone(experiment), instruments)?;
+    let address = server.address();
+    let stop = AtomicBool::new(false);
     let lasting = Duration::from_secs_f64(args.seconds);
-    let (mut report, driven_s) = std::thread::scope(|scope| -> Result<(Report, f64), Failure> {
+    let (mut report, driven_s) = std::thread::scope(|scope| -> Result<(LinkReport, f64), Failure> {
         let city = std::thread::Builder::new()
             .name("city".to_owned())
-            .spawn_scoped(scope, || serving.serve(&ends))
+            .spawn_scoped(scope, || server.serve(&stop))
             .map_err(Failure::failed)?;
-        let begin = || -> Result<Report, Failure> {
-            let mut driver = Driver::new(experiment, &address)?;
-            driver.bring_in()?;
-            driver.drive(WARM_UP)?;
+        let begin = || -> Result<LinkReport, Failure> {
+            let mut generator = LoadGenerator::new(experiment, &address)?;
+            generator.set_up()?;
+            generator.run(WARM_UP)?;
             let begun = Instant::now();
-            driver.drive(lasting)?;
-            let found = driver.samples(&marked, begun);
-            let python_echo = echo(&driver.datagrams()?, experiment.rates.dt_s(), lasting)?;
-            let Samples { beyond, inward, late, outward, sending, step } = found;
-            Ok(Report {
+            generator.run(lasting)?;
+            let found = generator.samples(&marked, begun);
+            let python_echo = echo(&generator.datagrams()?, experiment.rates.dt_s(), lasting)?;
+            let LatencySamples { beyond, inward, late, outward, sending, step } = found;
+            Ok(LinkReport {
                 bench: "city3d_link",
                 vehicles: args.vehicles,
                 physics_hz: experiment.rates.physics_hz,
@@ -150,12 +154,12 @@ fn measure(args: &LinkBenchArgs, experiment: &Arc<Experiment>, cameras: u32) -> 
                 h: args.height,
                 wall_s: args.seconds,
                 datagrams: beyond.len(),
-                beyond_tick: Spread::of(beyond),
-                inward: Spread::of(inward),
-                late: Spread::of(late),
-                outward: Spread::of(outward),
-                sending: Spread::of(sending),
-                step: Spread::of(step),
+                beyond_tick: LatencyPercentiles::of(beyond),
+                inward: LatencyPercentiles::of(inward),
+                late: LatencyPercentiles::of(late),
+                outward: LatencyPercentiles::of(outward),
+                sending: LatencyPercentiles::of(sending),
+                step: LatencyPercentiles::of(step),
                 python_echo,
                 images: 0,
                 img_per_s: 0.0,
@@ -164,24 +168,28 @@ fn measure(args: &LinkBenchArgs, experiment: &Arc<Experiment>, cameras: u32) -> 
         };
         let (begun, report) = (Instant::now(), begin());
         let driven_s = begun.elapsed().as_secs_f64();
-        ends.store(true, Ordering::Relaxed);
+        stop.store(true, Ordering::Relaxed);
         city.join().map_err(|_| Failure::failed("the city has ended early"))??;
         Ok((report?, driven_s))
     })?;
-    report.images = serving.pictures_taken();
+    report.images = server.pictures_taken();
     report.img_per_s = (report.images as f64 / driven_s * 10.0).round() / 10.0;
     if report.datagrams == 0 {
-        return Err(Failure::failed("no pose has come back"));
+        return Err(Failure::failed("the city has sent no pose"));
     }
     say(serde_json::to_string(&report).map_err(Failure::failed)?)
 }
 
-/// The cameras of the first vehicles; pictures become PNG as for those who listen, and go nowhere.
-fn pictures(args: &LinkBenchArgs, experiment: &Arc<Experiment>, cameras: u32) -> Result<Pictures, Failure> {
+/// Onboard cameras of the first vehicles; their pictures are encoded as for subscribers and discarded.
+fn pictures(
+    args: &LinkBenchArgs,
+    experiment: &Arc<Experiment>,
+    cameras: u32,
+) -> Result<PictureThread, Failure> {
     let lens = Lens { extent: [args.width, args.height], ..Lens::default() };
     let carriers = experiment.vehicles.iter().cycle().take(cameras as usize);
-    let cameras: Vec<Onboard> = carriers
-        .map(|planned| Onboard {
+    let cameras: Vec<CarriedCamera> = carriers
+        .map(|planned| CarriedCamera {
             vehicle: planned.id,
             owner: planned.name.clone(),
             name: "windscreen".to_owned(),
@@ -191,88 +199,88 @@ fn pictures(args: &LinkBenchArgs, experiment: &Arc<Experiment>, cameras: u32) ->
         })
         .collect();
     let wanted = cameras.iter().map(|_| AtomicBool::new(true)).collect();
-    let look = LookArgs { quality: args.look.quality.or(Some(Quality::Low)), ..args.look.clone() };
-    Pictures::start(experiment, look, cameras, wanted, |taken| {
+    let look = LookArgs { quality: args.look.quality.or(Some(QualityArg::Low)), ..args.look.clone() };
+    PictureThread::start(experiment, look, cameras, wanted, |taken| {
         for picture in taken {
             if let Err(error) = encode_png(&picture.image) {
-                tracing::warn!("a picture is none: {error}");
+                tracing::warn!("a picture could not be drawn: {error}");
             }
         }
     })
 }
 
-/// A control framework that sends each vehicle a trajectory each tick, and notes when.
-struct Driver<'a> {
+/// Load generator: a control framework that sends each vehicle a trajectory each tick, and records the times.
+struct LoadGenerator<'a> {
     experiment: &'a Arc<Experiment>,
     client: Client,
-    control: Control,
+    control: ControlLoop,
     latest: BTreeMap<VehicleId, Trajectory>,
     sequence: u32,
-    /// Parts of the poses of the tick that is coming in.
-    coming: (u64, Vec<Seen>),
-    /// By the first vehicle and the sequence of a datagram.
+    /// Poses received so far of the present tick.
+    partial: (u64, Vec<ObservedVehicle>),
+    /// Sending times, by first vehicle and sequence number of a datagram.
     sent: Vec<((VehicleId, u32), Instant)>,
-    /// By tick and vehicle.
-    heard: Vec<((u64, VehicleId), Instant)>,
+    /// Receiving times, by tick and vehicle.
+    received: Vec<((u64, VehicleId), Instant)>,
 }
 
-impl<'a> Driver<'a> {
+impl<'a> LoadGenerator<'a> {
     fn new(experiment: &'a Arc<Experiment>, address: &str) -> Result<Self, Failure> {
         Ok(Self {
             experiment,
-            client: Client::new(address, 0, Seal::Checksum).map_err(Failure::failed)?,
-            control: Control::new(experiment).map_err(Failure::failed)?,
+            client: Client::new(address, 0, Authenticator::Checksum).map_err(Failure::failed)?,
+            control: ControlLoop::new(experiment).map_err(Failure::failed)?,
             latest: BTreeMap::new(),
             sequence: 0,
-            coming: (0, Vec::new()),
+            partial: (0, Vec::new()),
             sent: Vec::new(),
-            heard: Vec::new(),
+            received: Vec::new(),
         })
     }
 
-    fn ask(&mut self, body: impl Fn(u32) -> Body) -> Result<(), Failure> {
-        match self.client.ask(PATIENCE, body) {
-            Some((Outcome::Done, _)) => Ok(()),
+    fn request(&mut self, body: impl Fn(u32) -> Body) -> Result<(), Failure> {
+        match self.client.request(REQUEST_TIMEOUT, body) {
+            Some((RequestOutcome::Done, _)) => Ok(()),
             Some((_, why)) => Err(Failure::failed(format!("the city refuses: {why}"))),
             None => Err(Failure::failed("the city does not answer")),
         }
     }
 
-    fn bring_in(&mut self) -> Result<(), Failure> {
+    fn set_up(&mut self) -> Result<(), Failure> {
         for planned in &self.experiment.vehicles {
             let setup = Box::new(setup_of(self.experiment, planned, None));
-            self.ask(|request| Body::Setup { request, setup: setup.clone() })?;
+            self.request(|request| Body::Setup { request, setup: setup.clone() })?;
         }
-        self.ask(|request| Body::Subscribe { request, every_ticks: 1, lease_s: LEASE_S })?;
-        self.ask(|request| Body::Command { request, action: Action::Start })
+        self.request(|request| Body::Subscribe { request, every_ticks: 1, lease_s: LEASE_S })?;
+        self.request(|request| Body::Command { request, action: ExperimentAction::Start })
     }
 
-    fn drive(&mut self, lasting: Duration) -> Result<(), Failure> {
+    fn run(&mut self, lasting: Duration) -> Result<(), Failure> {
         let until = Instant::now() + lasting;
         while Instant::now() < until {
-            match self.client.receive(WAIT) {
-                Some(Heard::Body(Body::Poses(poses))) => self.answer(&poses, Instant::now()),
-                Some(Heard::Body(_)) => {}
-                Some(Heard::Restarted) => return Err(Failure::failed("the city has been restarted")),
+            match self.client.receive(POSE_TIMEOUT) {
+                Some(ClientEvent::Body(Body::Poses(poses))) => self.answer(&poses, Instant::now()),
+                Some(ClientEvent::Body(_)) => {}
+                Some(ClientEvent::Restarted) => return Err(Failure::failed("the city has been restarted")),
                 None => return Err(Failure::failed("the city is silent")),
             }
         }
         Ok(())
     }
 
-    /// Answers the poses of a tick once all of them are there.
+    /// Makes a control step once all poses of a tick are received.
     fn answer(&mut self, poses: &Poses, at: Instant) {
-        let heard = poses.vehicles.iter().map(|seen| ((poses.tick, seen.pose.vehicle), at));
-        self.heard.extend(heard);
+        let received = poses.vehicles.iter().map(|seen| ((poses.tick, seen.pose.vehicle), at));
+        self.received.extend(received);
         if poses.part == 0 {
-            self.coming = (poses.tick, Vec::new());
+            self.partial = (poses.tick, Vec::new());
         }
-        self.coming.1.extend_from_slice(&poses.vehicles);
-        if self.coming.0 != poses.tick || poses.part + 1 < poses.parts {
+        self.partial.1.extend_from_slice(&poses.vehicles);
+        if self.partial.0 != poses.tick || poses.part + 1 < poses.parts {
             return;
         }
         let mut delivered = Vec::new();
-        let seen = self.coming.1.iter().map(|seen| seen.pose);
+        let seen = self.partial.1.iter().map(|seen| seen.pose);
         self.control.step((poses.tick, poses.time_s), seen, &mut delivered);
         for message in delivered {
             match message {
@@ -296,7 +304,7 @@ impl<'a> Driver<'a> {
         }
     }
 
-    /// The newest trajectory of each vehicle.
+    /// Bodies with the newest trajectory of each vehicle.
     fn bodies(&self) -> Vec<Body> {
         let renewed = |trajectory: &Trajectory| {
             Message::Follow(Trajectory { sequence: self.sequence, ..trajectory.clone() })
@@ -304,33 +312,34 @@ impl<'a> Driver<'a> {
         pack(self.latest.values().map(renewed))
     }
 
-    /// The datagrams of a tick as they were sent.
+    /// The encoded datagrams of a tick.
     fn datagrams(&self) -> Result<Vec<Vec<u8>>, Failure> {
-        let encode = |body: Body| body.encode(Header::default(), &Seal::Checksum);
+        let encode = |body: Body| body.encode(DatagramHeader::default(), &Authenticator::Checksum);
         self.bodies().into_iter().map(encode).collect::<Result<_, _>>().map_err(Failure::failed)
     }
 
-    /// What became of the datagrams that were sent after an instant.
-    fn samples(&self, marked: &Receiver<Mark>, since: Instant) -> Samples {
-        let mut samples = Samples::default();
-        let (sent, heard) = (BTreeMap::from_iter(self.sent.clone()), BTreeMap::from_iter(self.heard.clone()));
+    /// Latencies of the datagrams that were sent after an instant.
+    fn samples(&self, marked: &Receiver<TimingMark>, since: Instant) -> LatencySamples {
+        let mut samples = LatencySamples::default();
+        let (sent, received) =
+            (BTreeMap::from_iter(self.sent.clone()), BTreeMap::from_iter(self.received.clone()));
         let mut waiting = Vec::new();
         for mark in marked.try_iter() {
             match mark {
-                Mark::Taken { vehicle, sequence, at } => {
+                TimingMark::Taken { vehicle, sequence, at } => {
                     if let Some(&sent) = sent.get(&(vehicle, sequence))
                         && sent >= since
                     {
                         waiting.push((vehicle, sent, at));
                     }
                 }
-                Mark::Ticked { tick, due, begun, done, sent: handed } => {
+                TimingMark::Ticked { tick, due, begun, done, sent: handed } => {
                     for (vehicle, sent, taken) in waiting.drain(..) {
-                        let Some(&heard) = heard.get(&(tick, vehicle)) else { continue };
+                        let Some(&received) = received.get(&(tick, vehicle)) else { continue };
                         let parts = [
                             taken.saturating_duration_since(sent),
                             begun.saturating_duration_since(due.max(taken)),
-                            heard.saturating_duration_since(done),
+                            received.saturating_duration_since(done),
                         ];
                         samples.beyond.push(parts.iter().sum());
                         samples.inward.push(parts[0]);
@@ -347,7 +356,7 @@ impl<'a> Driver<'a> {
 }
 
 #[derive(Debug, Default)]
-struct Samples {
+struct LatencySamples {
     beyond: Vec<Duration>,
     inward: Vec<Duration>,
     late: Vec<Duration>,
@@ -356,24 +365,28 @@ struct Samples {
     step: Vec<Duration>,
 }
 
-/// A process of this bench, ended with it.
-struct Ended(Child);
+/// Child process that is killed when the guard is dropped.
+struct ChildGuard(Child);
 
-impl Drop for Ended {
+impl Drop for ChildGuard {
     fn drop(&mut self) {
-        // One that has ended already needs no killing.
+        // An error means that it has ended already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
-/// Sends the datagrams of a tick to an echo in Python, as often as there are ticks.
-fn echo(datagrams: &[Vec<u8>], every_s: f64, lasting: Duration) -> Result<Option<Spread>, Failure> {
+/// Measures round trips of the datagrams of a tick to the echo server, at the rate of ticks.
+fn echo(
+    datagrams: &[Vec<u8>],
+    every_s: f64,
+    lasting: Duration,
+) -> Result<Option<LatencyPercentiles>, Failure> {
     let started = Command::new("python3").args(["-c", ECHO]).stdout(Stdio::piped()).spawn();
     let mut python = match started {
-        Ok(python) => Ended(python),
+        Ok(python) => ChildGuard(python),
         Err(error) => {
-            tracing::warn!("no echo to compare with: python3: {error}");
+            tracing::warn!("the echo in Python cannot run, its column is empty: python3: {error}");
             return Ok(None);
         }
     };
@@ -383,5 +396,5 @@ fn echo(datagrams: &[Vec<u8>], every_s: f64, lasting: Duration) -> Result<Option
     }
     let every = Duration::from_secs_f64(every_s);
     let times = round_trips(address.trim(), datagrams, every, lasting).map_err(Failure::failed)?;
-    Ok(Some(Spread::of(times)))
+    Ok(Some(LatencyPercentiles::of(times)))
 }

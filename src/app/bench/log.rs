@@ -1,29 +1,29 @@
-//! What the log of a run costs: the same run with and without one, in turns.
+//! `city3d bench log`: cost of the log, by the same run with and without it, in turns.
 
 use super::cpu_s;
-use crate::app::files::{Files, LogArgs};
+use crate::app::files::{LogArgs, RunFiles};
 use crate::app::run::simulate;
 use crate::app::say::say;
 use crate::app::{Failure, ScenarioArgs, create_folder, load};
-use crate::record::Origin;
+use crate::record::LogOrigin;
 use crate::scenario::Experiment;
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Whose files are the benchmark's own: it writes over them.
-const USUAL_FOLDER: &str = "out/bench-log";
+/// Default folder, which the benchmark may overwrite.
+const DEFAULT_FOLDER: &str = "out/bench-log";
 
 #[derive(Debug, Args)]
 pub struct LogBenchArgs {
     #[command(flatten)]
     scenario: ScenarioArgs,
-    /// Runs with a log, and as many without
+    /// Number of runs with a log, and of runs without one
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=100))]
     pairs: u32,
-    /// Folder for the files, which stay there
-    #[arg(long, value_name = "DIR", default_value = USUAL_FOLDER)]
+    /// Folder for the files; they are kept
+    #[arg(long, value_name = "DIR", default_value = DEFAULT_FOLDER)]
     out: PathBuf,
     #[command(flatten)]
     log: LogArgs,
@@ -31,26 +31,26 @@ pub struct LogBenchArgs {
 
 /// One line of the report; times are medians.
 #[derive(Debug, Serialize)]
-struct Report {
+struct LogReport {
     bench: &'static str,
     scenario: String,
     vehicles: usize,
     simulated_s: f64,
-    /// Of run.mcap alone.
+    /// Size of run.mcap.
     log_bytes: u64,
     bytes_per_s: f64,
-    /// Of the clock, from the first tick until the files are whole.
+    /// Wall-clock time from the first tick until the files are complete.
     with_log_s: f64,
     without_log_s: f64,
-    /// What the log adds to the time of a run that goes as fast as it can.
+    /// Relative increase of the time of a run at full speed.
     overhead: f64,
-    /// What it adds to one in real time: its work on all cores in a simulated second.
+    /// CPU time of the log per simulated second, on all cores.
     share_of_a_core: Option<f64>,
 }
 
-/// Of one run.
+/// Times of one run.
 #[derive(Clone, Copy, Debug)]
-struct Cost {
+struct RunCost {
     wall_s: f64,
     cpu_s: Option<f64>,
 }
@@ -59,20 +59,21 @@ pub fn log(args: &LogBenchArgs) -> Result<(), Failure> {
     let experiment = load::experiment(&args.scenario)?;
     create_folder(&args.out)?;
     let (mut with, mut without) = (Vec::new(), Vec::new());
-    if args.out != Path::new(USUAL_FOLDER) {
+    if args.out != Path::new(DEFAULT_FOLDER) {
         args.log.check_folder(&args.out)?;
     }
-    // Each run takes the place of the one before.
+    // Each run overwrites the one before.
     let log = args.log.forced();
     for _ in 0..args.pairs {
         with.push(cost(&experiment, Some(&args.out), log)?);
         without.push(cost(&experiment, None, log)?);
     }
-    let wall = |costs: &[Cost]| median(costs.iter().map(|cost| cost.wall_s).collect());
-    let cpu = |costs: &[Cost]| costs.iter().map(|cost| cost.cpu_s).collect::<Option<Vec<f64>>>().map(median);
+    let wall = |costs: &[RunCost]| median(costs.iter().map(|cost| cost.wall_s).collect());
+    let cpu =
+        |costs: &[RunCost]| costs.iter().map(|cost| cost.cpu_s).collect::<Option<Vec<f64>>>().map(median);
     let work = cpu(&with).zip(cpu(&without)).map(|(with, without)| with - without);
     let log_bytes = std::fs::metadata(args.out.join("run.mcap")).map_err(Failure::failed)?.len();
-    let report = Report {
+    let report = LogReport {
         bench: "city3d_log",
         scenario: experiment.name.clone(),
         vehicles: experiment.vehicles.len(),
@@ -87,11 +88,11 @@ pub fn log(args: &LogBenchArgs) -> Result<(), Failure> {
     say(serde_json::to_string(&report).map_err(Failure::failed)?)
 }
 
-fn cost(experiment: &Arc<Experiment>, folder: Option<&Path>, log: LogArgs) -> Result<Cost, Failure> {
+fn cost(experiment: &Arc<Experiment>, folder: Option<&Path>, log: LogArgs) -> Result<RunCost, Failure> {
     let before = cpu_s();
-    let files = Files::begin(folder.map(Path::to_path_buf), experiment, Origin::Run, log)?;
+    let files = RunFiles::begin(folder.map(Path::to_path_buf), experiment, LogOrigin::Run, log)?;
     let summary = simulate(experiment, files, None)?;
-    Ok(Cost { wall_s: summary.wall_s, cpu_s: cpu_s().zip(before).map(|(after, before)| after - before) })
+    Ok(RunCost { wall_s: summary.wall_s, cpu_s: cpu_s().zip(before).map(|(after, before)| after - before) })
 }
 
 fn median(mut values: Vec<f64>) -> f64 {

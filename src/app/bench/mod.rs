@@ -1,4 +1,4 @@
-//! `city3d bench`: measurements that can be set beside those of other simulators, one JSON line each.
+//! `city3d bench`: benchmarks, one JSON line each, comparable with those of other simulators.
 
 mod cameras;
 mod link;
@@ -14,15 +14,15 @@ const STEP_S: f64 = 0.1;
 
 #[derive(Debug, Subcommand)]
 pub enum BenchCommand {
-    /// Camera pictures a second, of a scenario or of a neutral scene that other engines draw too
+    /// Measure camera pictures per second, of a scenario or of a neutral scene that other engines can draw
     Cameras(cameras::CamerasArgs),
-    /// How fast a recorded run opens, and how fast any time of it can be shown
-    Replay(replay::ReplayArgs),
-    /// Latency of the laboratory's link, with and without cameras that draw, beside an echo in Python
+    /// Measure how fast the window opens a recorded run and seeks in it
+    Replay(replay::ReplayBenchArgs),
+    /// Measure the latency of the link with and without onboard cameras, beside a plain echo in Python
     Link(link::LinkBenchArgs),
-    /// What writing the log of a run costs, and how large it gets
+    /// Measure the cost of writing the log of a run, and its size
     Log(log::LogBenchArgs),
-    /// Pictures of the window a second, while the run goes on in real time; needs no display
+    /// Measure the frames per second of the window during a run in real time; needs no display
     #[cfg(feature = "window")]
     Window(super::view::BenchArgs),
 }
@@ -38,7 +38,7 @@ pub fn bench(command: &BenchCommand) -> Result<(), Failure> {
     }
 }
 
-/// What this process has had of all cores, as Linux tells it.
+/// CPU time of this process on all cores, from `/proc/self/stat`.
 fn cpu_s() -> Option<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
     // The name in brackets may hold spaces; after it come the state and ten more fields.

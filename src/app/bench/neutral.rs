@@ -1,12 +1,12 @@
-//! A scene that other engines draw as well, so that speed and pictures can be set side by side: a plain with
-//! roads and boxes, and cars of two boxes and four cylinders, in flat light.
+//! Neutral scene for benchmarks across engines: a plain with roads and boxes, and cars of two boxes and four cylinders,
+//! in flat light.
 
 #![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
 
 use crate::app::Failure;
 use crate::camera::{Extrinsics, Lens, View};
-use crate::city::scene::{Class, Finish, Mesh, Object, SceneDescription, Surface, Wall};
-use crate::model::{Material, Model, Node, Part, Vertex};
+use crate::city::scene::{Class, Finish, Mesh, SceneDescription, SceneObject, Surface, Wall};
+use crate::model::{Material, MeshPrimitive, Model, ModelNode, ModelVertex};
 use crate::render::{Context, FlatLight, Quality, Renderer, Settings};
 use crate::snapshot::{
     Appearance, BodyType, Dimensions, FrameSnapshot, VehicleId, VehicleInfo, VehicleState,
@@ -17,19 +17,19 @@ use std::f32::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Light on a face that looks away from the sun, and what a face that looks at it has beyond that.
+/// Ambient light, and the additional light on a face towards the sun.
 const AMBIENT: f32 = 0.4;
 const SUN: f32 = 0.7;
-/// The plain, which the file gives no colour.
+/// Colour of the plain, which is not in the file.
 const PLAIN: [f32; 3] = [0.35, 0.5, 0.3];
 /// Boxes lower than this lie on the plain like a road.
 const FLAT_BELOW_M: f32 = 0.1;
 /// Sides of a wheel.
 const SIDES: u32 = 16;
 
-/// The file. Metres, z up; colours from 0 to 1 as displayed.
+/// File format of a scene. Metres, z up; colours from 0 to 1 as displayed.
 #[derive(Debug, Deserialize)]
-struct File {
+struct NeutralFile {
     near: f64,
     far: f64,
     fovy_deg: f64,
@@ -39,11 +39,11 @@ struct File {
     boxes: Vec<SolidBox>,
     car_parts: Vec<CarPart>,
     colours: Vec<[f32; 3]>,
-    /// Times of the poses, rising.
+    /// Times of the poses, increasing.
     t: Vec<f64>,
-    /// At each time of each car: place and heading.
+    /// Position and heading by time and car.
     car_pose: Vec<Vec<(DVec3, f64)>>,
-    /// At each time of each camera, those of the cars first: place, direction, up.
+    /// Position, direction and up vector by time and camera; cameras of cars come first.
     camera: Vec<Vec<[DVec3; 3]>>,
 }
 
@@ -56,13 +56,18 @@ struct SolidBox {
     rgb: [f32; 3],
 }
 
-/// Kind, place, measures and colour; the car's own without one.
+/// Part of a car, a JSON array in the order of the fields; without a colour it has that of the car.
 #[derive(Debug, Deserialize)]
-struct CarPart(Kind, Vec3, Vec<f32>, Option<[f32; 3]>);
+struct CarPart {
+    shape: PartShape,
+    position: Vec3,
+    size: Vec<f32>,
+    colour: Option<[f32; 3]>,
+}
 
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-enum Kind {
+enum PartShape {
     /// Half of length, width and height.
     Box,
     /// Radius and half width; its axis is y.
@@ -72,7 +77,7 @@ enum Kind {
 /// A neutral scene with its cars at one of its times.
 #[derive(Debug)]
 pub(super) struct NeutralScene {
-    file: File,
+    file: NeutralFile,
     snapshot: FrameSnapshot,
 }
 
@@ -81,7 +86,7 @@ impl NeutralScene {
     pub(super) fn read(path: &Path, cars: usize) -> Result<Self, Failure> {
         let bad = |what: String| Failure::bad_input(format!("{}: {what}", path.display()));
         let text = std::fs::read_to_string(path).map_err(|error| bad(error.to_string()))?;
-        let file: File = serde_json::from_str(&text).map_err(|error| bad(error.to_string()))?;
+        let file: NeutralFile = serde_json::from_str(&text).map_err(|error| bad(error.to_string()))?;
         file.check(cars).map_err(bad)?;
         let roster = (0..cars).map(|k| file.info(k)).collect();
         let mut scene =
@@ -90,12 +95,12 @@ impl NeutralScene {
         Ok(scene)
     }
 
-    /// What draws it, by the passes of the preset `low`.
+    /// Creates the renderer, with the preset `low`.
     pub(super) fn renderer(&self, context: &Context) -> Result<Renderer, Failure> {
         let file = &self.file;
         let flat = FlatLight { to_sun: file.to_sun, ambient: AMBIENT, sun: SUN, background: file.background };
-        // Silhouettes are to be those of the other engines.
-        let quality = Quality { coarse_below_px: 0.5, ..Quality::LOW };
+        // Full level of detail, for the same silhouettes as in the other engines.
+        let quality = Quality { lod_error_px: 0.5, ..Quality::LOW };
         let settings = Settings { quality, flat: Some(flat), ..Settings::default() };
         let mut renderer = Renderer::new(context, &file.description(), settings).map_err(Failure::failed)?;
         renderer.set_vehicle_model(BodyType::Sedan, &Arc::new(file.model()));
@@ -119,10 +124,10 @@ impl NeutralScene {
         self.snapshot.vehicles = (0..cars).map(|k| self.file.state(k, time_s)).collect();
     }
 
-    /// What the cameras of some cars see.
+    /// Views of the cameras of the first cars.
     pub(super) fn views(&self, extent: [u32; 2], cameras: usize) -> Vec<View> {
         let file = &self.file;
-        // The angle is that of the shorter side.
+        // The angle belongs to the shorter side.
         let [width, height] = extent.map(f64::from);
         let half = (file.fovy_deg.to_radians() / 2.0).tan() * (height / width.min(height));
         let lens = Lens { vertical_fov_rad: 2.0 * half.atan(), near_m: file.near, far_m: file.far, extent };
@@ -140,24 +145,26 @@ impl NeutralScene {
     }
 }
 
-impl File {
+impl NeutralFile {
     fn check(&self, cars: usize) -> Result<(), String> {
         let times = self.t.len();
         let rising = self.t.windows(2).all(|pair| pair[0] < pair[1]);
         if times == 0 || !rising || self.t.iter().any(|t| !t.is_finite()) {
-            return Err("t: one time or more, rising, is needed".to_owned());
+            return Err("t must have at least one time, in increasing order".to_owned());
         }
         let (poses, cameras) = (&self.car_pose, &self.camera);
         if poses.len() != times || cameras.len() != times {
-            return Err(format!("car_pose and camera need an entry for each of the {times} times of t"));
+            return Err(format!("car_pose and camera need one entry for each of the {times} times of t"));
         }
         let there = poses.iter().map(Vec::len).chain(cameras.iter().map(Vec::len)).min().unwrap_or(0);
         let there = there.min(self.colours.len());
         if cars > there {
-            return Err(format!("{cars} cars were asked for; it has colours, poses and cameras of {there}"));
+            return Err(format!(
+                "{cars} cars were asked for; the scene has colours, poses and cameras of {there}"
+            ));
         }
-        for CarPart(kind, _, size, _) in &self.car_parts {
-            let wanted = if *kind == Kind::Box { 3 } else { 2 };
+        for CarPart { shape, size, .. } in &self.car_parts {
+            let wanted = if *shape == PartShape::Box { 3 } else { 2 };
             if size.len() != wanted {
                 return Err(format!(
                     "car_parts: a part has {} measures where {wanted} are needed",
@@ -165,9 +172,9 @@ impl File {
                 ));
             }
         }
-        let wheels = self.car_parts.iter().filter(|part| part.0 == Kind::Cyl).count();
+        let wheels = self.car_parts.iter().filter(|part| part.shape == PartShape::Cyl).count();
         if wheels != 4 {
-            return Err(format!("car_parts: {wheels} cylinders where the 4 wheels of a car are needed"));
+            return Err(format!("car_parts has {wheels} cylinders; a car needs 4, its wheels"));
         }
         Ok(())
     }
@@ -185,7 +192,7 @@ impl File {
             }
             let mut mesh = Mesh::default();
             block(&mut mesh, bottom, solid.h, solid.rgb);
-            objects.push(Object::of_one_level(mesh));
+            objects.push(SceneObject::of_one_level(mesh));
             let corner = |x: f32, y: f32| solid.c.truncate() + Vec2::new(x * solid.h.x, y * solid.h.y);
             let ring = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
             let height_m = solid.c.z + solid.h.z;
@@ -194,7 +201,7 @@ impl File {
         let top = walls.iter().map(|wall| wall.height_m).fold(1.0, f32::max);
         let bounds = [Vec3::new(-half, -half, 0.0), Vec3::new(half, half, top)];
         SceneDescription {
-            ground: vec![Object::of_one_level(ground)],
+            ground: vec![SceneObject::of_one_level(ground)],
             objects,
             walls,
             bounds,
@@ -205,21 +212,21 @@ impl File {
     /// A car of white paint where it has its own colour.
     fn model(&self) -> Model {
         let mut model = Model::default();
-        for CarPart(kind, place, size, rgb) in &self.car_parts {
+        for CarPart { shape, position, size, colour } in &self.car_parts {
             let material = Material {
-                name: if rgb.is_some() { "part" } else { "paint" }.to_owned(),
-                colour: rgb.map_or([255; 3], |rgb| rgb.map(byte)),
+                name: if colour.is_some() { "part" } else { "paint" }.to_owned(),
+                colour: colour.map_or([255; 3], |rgb| rgb.map(byte)),
                 metallic: 0.0,
                 roughness: 1.0,
             };
-            let (name, triangles) = match kind {
-                Kind::Box => ("body", box_triangles(Vec3::new(size[0], size[1], size[2]))),
-                Kind::Cyl => ("wheel", cylinder_triangles(size[0], size[1])),
+            let (name, triangles) = match shape {
+                PartShape::Box => ("body", box_triangles(Vec3::new(size[0], size[1], size[2]))),
+                PartShape::Cyl => ("wheel", cylinder_triangles(size[0], size[1])),
             };
-            model.nodes.push(Node {
+            model.nodes.push(ModelNode {
                 name: name.to_owned(),
                 mesh: model.meshes.len(),
-                model_from_mesh: Affine3A::from_translation(*place),
+                model_from_mesh: Affine3A::from_translation(*position),
             });
             model.meshes.push(vec![flat_shaded(&triangles, material)]);
         }
@@ -230,9 +237,9 @@ impl File {
         let id = VehicleId(car as u32 + 1);
         let model = self.model();
         let [low, high] = model.bounds(|_| true).unwrap_or([Vec3::ZERO; 2]);
-        let wheels = self.car_parts.iter().filter(|part| part.0 == Kind::Cyl);
+        let wheels = self.car_parts.iter().filter(|part| part.shape == PartShape::Cyl);
         let (axle, radius) =
-            wheels.fold((0.0_f32, 0.0_f32), |(axle, _), CarPart(_, at, size, _)| (axle.max(at.x), size[0]));
+            wheels.fold((0.0_f32, 0.0_f32), |(axle, _), part| (axle.max(part.position.x), part.size[0]));
         let dimensions = Dimensions {
             length_m: f64::from(high.x - low.x),
             width_m: f64::from(high.y - low.y),
@@ -259,7 +266,7 @@ impl File {
         }
     }
 
-    /// What lies between the values of two times of the file.
+    /// Interpolates between the values of two times of the file.
     fn between<T>(&self, time_s: f64, value: impl Fn(usize) -> T, mix: impl Fn(T, T, f64) -> T) -> T {
         let after = self.t.partition_point(|&t| t <= time_s).min(self.t.len() - 1);
         if after == 0 {
@@ -309,13 +316,13 @@ fn cylinder_triangles(radius: f32, half_width: f32) -> Vec<Vec3> {
         .collect()
 }
 
-/// A part whose triangles keep their corners to themselves.
-fn flat_shaded(corners: &[Vec3], material: Material) -> Part {
-    let vertex = |(position, normal)| Vertex { position, normal, uv: Vec2::ZERO, openness: 255 };
+/// Flat-shaded part: triangles share no vertices.
+fn flat_shaded(corners: &[Vec3], material: Material) -> MeshPrimitive {
+    let vertex = |(position, normal)| ModelVertex { position, normal, uv: Vec2::ZERO, openness: 255 };
     let normal = |t: &[Vec3]| (t[1] - t[0]).cross(t[2] - t[0]).normalize_or(Vec3::Z);
     let vertices =
         corners.chunks_exact(3).flat_map(|t| t.iter().map(|&at| vertex((at, normal(t)))).collect::<Vec<_>>());
-    Part { material, vertices: vertices.collect(), indices: (0..corners.len() as u32).collect() }
+    MeshPrimitive { material, vertices: vertices.collect(), indices: (0..corners.len() as u32).collect() }
 }
 
 #[cfg(test)]

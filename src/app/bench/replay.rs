@@ -1,9 +1,9 @@
-//! `city3d bench replay`: how fast a recorded run opens, and how fast any time of it is shown.
+//! `city3d bench replay`: time to open a recorded run, and to seek in it.
 
 use super::super::Failure;
 use super::super::files::log_argument;
 use super::super::say::say;
-use crate::playback::{Cue, PlaybackError, Player};
+use crate::playback::{PlaybackCommand, PlaybackError, Player};
 use clap::Args;
 use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -12,48 +12,49 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 #[derive(Debug, Args)]
-pub struct ReplayArgs {
+pub struct ReplayBenchArgs {
     /// The run.mcap of a run, or its folder
     #[arg(value_parser = log_argument)]
     log: PathBuf,
-    /// Times to jump to, drawn at random
+    /// Number of jumps to random times
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     jumps: u32,
-    /// Seed of the times
+    /// Seed of the random times
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct ReplayReport {
     bench: &'static str,
     log_bytes: u64,
     chunks: usize,
     vehicles: usize,
     simulated_s: f64,
-    /// Until the first snapshot can be shown.
+    /// Time until the first snapshot is available.
     open_median_ms: f64,
     open_max_ms: f64,
     jumps: usize,
-    /// Until the snapshot at the wanted time can be shown.
+    /// Time until the snapshot at the target of a seek is available.
     jump_median_ms: f64,
     jump_p99_ms: f64,
     jump_max_ms: f64,
-    /// Until all events of the log are known, beside that.
+    /// Time until all events of the log are read in the background.
     events_s: f64,
     events: usize,
-    /// Simulated seconds in a second when it is played as fast as is offered, at 60 pictures a second.
+    /// Simulated seconds per second at the highest speed, with 60 pictures per second.
     played_forwards_x: f64,
     played_backwards_x: f64,
-    /// Decoded for the jumps, what lies ahead and behind with it.
+    /// Chunks decoded for the seeks, with read-ahead in both directions.
     decoded_chunks: u64,
-    /// The most snapshots in memory.
+    /// Most snapshots in memory.
     kept_snapshots: usize,
 }
 
+/// Times that the log is opened.
 const OPENED: usize = 9;
 
-pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
+pub fn replay(args: &ReplayBenchArgs) -> Result<(), Failure> {
     let mut opened = Vec::new();
     for _ in 1..OPENED {
         let start = Instant::now();
@@ -65,26 +66,26 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     let mut player = open(&args.log)?;
     opened.push(start.elapsed());
     while !player.is_settled() {
-        player.look(Instant::now());
+        player.advance(Instant::now());
         std::thread::sleep(Duration::from_millis(1));
     }
     let events_s = start.elapsed().as_secs_f64();
-    let before = player.effort().decoded;
+    let before = player.stats().decoded;
     let (jumped, kept) = jump(&mut player, args);
-    let decoded_chunks = player.effort().decoded - before;
-    let played_forwards_x = play(&mut player, Cue::Play);
-    let played_backwards_x = play(&mut player, Cue::Reverse);
+    let decoded_chunks = player.stats().decoded - before;
+    let played_forwards_x = play(&mut player, PlaybackCommand::Play);
+    let played_backwards_x = play(&mut player, PlaybackCommand::Reverse);
     let ms = |times: &[Duration], share: f64| {
         let mut sorted = times.to_vec();
         sorted.sort_unstable();
         sorted[((sorted.len() - 1) as f64 * share).ceil() as usize].as_secs_f64() * 1e3
     };
-    let (effort, head) = (player.effort(), player.head());
-    let report = Report {
+    let (effort, head) = (player.stats(), player.head());
+    let report = ReplayReport {
         bench: "city3d_replay",
         log_bytes: std::fs::metadata(&args.log).map_err(Failure::failed)?.len(),
         chunks: effort.chunks,
-        vehicles: player.moment().now.vehicles.len(),
+        vehicles: player.run_state().now.vehicles.len(),
         simulated_s: head.to_s - head.from_s,
         open_median_ms: ms(&opened, 0.5),
         open_max_ms: ms(&opened, 1.0),
@@ -93,7 +94,7 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
         jump_p99_ms: ms(&jumped, 0.99),
         jump_max_ms: ms(&jumped, 1.0),
         events_s,
-        events: player.told().marks.len(),
+        events: player.info().marks.len(),
         played_forwards_x,
         played_backwards_x,
         decoded_chunks,
@@ -109,41 +110,41 @@ fn open(log: &Path) -> Result<Player, Failure> {
     })
 }
 
-/// Plays for two seconds, or to the end; how fast that was.
-fn play(player: &mut Player, cue: Cue) -> f64 {
+/// Plays for two seconds, or to the end; returns the real-time factor.
+fn play(player: &mut Player, cue: PlaybackCommand) -> f64 {
     const FOR: Duration = Duration::from_secs(2);
     const PICTURE: Duration = Duration::from_micros(16_667);
     let head = player.head();
-    let from_s = if cue == Cue::Play { head.from_s } else { head.to_s };
-    player.order(Cue::Seek(from_s));
-    player.order(Cue::Speed(f64::MAX));
-    player.order(cue);
+    let from_s = if cue == PlaybackCommand::Play { head.from_s } else { head.to_s };
+    player.command(PlaybackCommand::Seek(from_s));
+    player.command(PlaybackCommand::Speed(f64::MAX));
+    player.command(cue);
     let start = Instant::now();
     while start.elapsed() < FOR && player.head().is_playing {
-        player.look(Instant::now());
+        player.advance(Instant::now());
         std::thread::sleep(PICTURE);
     }
     let passed_s = start.elapsed().as_secs_f64();
-    player.order(Cue::Pause);
+    player.command(PlaybackCommand::Pause);
     (player.head().at_s - from_s).abs() / passed_s
 }
 
-/// Goes to times of the log, one after another; how long each took, and the most snapshots that were in memory.
-fn jump(player: &mut Player, args: &ReplayArgs) -> (Vec<Duration>, usize) {
+/// Seeks to random times; returns the duration of each seek, and the most snapshots in memory.
+fn jump(player: &mut Player, args: &ReplayBenchArgs) -> (Vec<Duration>, usize) {
     let mut draw = ChaCha12Rng::seed_from_u64(args.seed);
     let head = player.head();
     let (mut times, mut kept) = (Vec::new(), 0);
     for _ in 0..args.jumps {
         let share = f64::from(draw.next_u32()) / f64::from(u32::MAX);
         let start = Instant::now();
-        player.order(Cue::Seek(head.from_s + share * (head.to_s - head.from_s)));
-        player.look(Instant::now());
+        player.command(PlaybackCommand::Seek(head.from_s + share * (head.to_s - head.from_s)));
+        player.advance(Instant::now());
         while player.is_late() {
             std::thread::sleep(Duration::from_micros(50));
-            player.look(Instant::now());
+            player.advance(Instant::now());
         }
         times.push(start.elapsed());
-        kept = kept.max(player.effort().kept);
+        kept = kept.max(player.stats().kept);
     }
     (times, kept)
 }

@@ -1,7 +1,7 @@
-//! Cameras of the command line: on vehicles, behind them, and above the city.
+//! Camera options of the command line: onboard, chase, orbit and overhead cameras.
 
 use super::super::Failure;
-use super::carriers::Carrier;
+use super::carriers::CameraCarrier;
 use crate::camera::{Camera, Lens, Mount};
 use crate::scenario::Experiment;
 use crate::snapshot::{FrameSnapshot, VehicleId};
@@ -10,32 +10,32 @@ use glam::{DVec2, DVec3};
 
 #[derive(Debug, Args)]
 pub(super) struct CameraArgs {
-    /// Vehicle by number or name, may be given more than once; all of them without it
+    /// Vehicle by number or name; repeat for several [default: all]
     #[arg(long, value_name = "ID|NAME")]
     vehicle: Vec<String>,
-    /// Camera, may be given more than once; without it those that the scenario gives its vehicles, and
-    /// where it gives them none the windscreen
+    /// Camera; repeat for several [default: the cameras that the scenario gives its vehicles, or the windscreen
+    /// where it gives none]
     #[arg(long)]
-    pub(super) camera: Vec<Kind>,
-    /// Of the scenario's sensors those of this name, may be given more than once
+    pub(super) camera: Vec<CameraChoice>,
+    /// Only the scenario's sensors of this name; repeat for several
     #[arg(long, value_name = "NAME", conflicts_with = "camera")]
     pub(super) sensor: Vec<String>,
-    /// Point of the city in metres that orbit and overhead look at; a --vehicle or the whole city without it
+    /// Point of the city, in metres, that orbit and overhead look at [default: the --vehicle, or the whole city]
     #[arg(long, value_name = "X,Y", value_parser = point, allow_hyphen_values = true)]
     pub(super) at: Option<DVec2>,
-    /// Metres from an orbit, overhead or chase camera to what it looks at
+    /// Distance of an orbit, overhead or chase camera from its target, in metres
     #[arg(long, value_name = "M", value_parser = super::positive)]
     distance: Option<f64>,
-    /// Where an orbit camera stands, seen from what it looks at, counter-clockwise from east
+    /// Azimuth of an orbit camera seen from its target, in degrees counter-clockwise from east
     #[arg(long, value_name = "DEG", default_value_t = 235.0, value_parser = degrees, allow_hyphen_values = true)]
     azimuth: f64,
-    /// How high an orbit camera stands above the horizon
+    /// Elevation of an orbit camera above the horizon, in degrees
     #[arg(long, value_name = "DEG", default_value_t = 40.0, value_parser = elevation)]
     elevation: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum Kind {
+pub(super) enum CameraChoice {
     /// Behind the mirror of a vehicle
     Windscreen,
     /// On the front bumper of a vehicle
@@ -48,7 +48,7 @@ pub(super) enum Kind {
     Overhead,
 }
 
-impl Kind {
+impl CameraChoice {
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Windscreen => "windscreen",
@@ -59,7 +59,7 @@ impl Kind {
         }
     }
 
-    /// Of a camera that a vehicle carries.
+    /// Mount of an onboard camera.
     pub(super) fn mount(self) -> Option<Mount> {
         match self {
             Self::Windscreen => Some(Mount::Windscreen),
@@ -98,10 +98,10 @@ fn elevation(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Where a camera that no vehicle carries stands.
+/// Placement of a chase, orbit or overhead camera.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Standpoint {
-    kind: Kind,
+    kind: CameraChoice,
     vehicle: Option<VehicleId>,
     at: Option<DVec2>,
     distance_m: Option<f64>,
@@ -112,12 +112,12 @@ pub(super) struct Standpoint {
 }
 
 impl CameraArgs {
-    /// The vehicles that were asked for by name or number; none means all.
+    /// The vehicles requested by name or number; none means all.
     pub(super) fn chosen<'c>(
         &self,
-        (name, carriers): (&str, &'c [Carrier]),
-    ) -> Result<Vec<&'c Carrier>, Failure> {
-        let mut chosen: Vec<&Carrier> = Vec::new();
+        (name, carriers): (&str, &'c [CameraCarrier]),
+    ) -> Result<Vec<&'c CameraCarrier>, Failure> {
+        let mut chosen: Vec<&CameraCarrier> = Vec::new();
         for wanted in &self.vehicle {
             let vehicle = find(wanted, name, carriers)?;
             if !chosen.iter().any(|known| known.id == vehicle.id) {
@@ -129,7 +129,7 @@ impl CameraArgs {
 
     pub(super) fn standpoint(
         &self,
-        kind: Kind,
+        kind: CameraChoice,
         vehicle: Option<VehicleId>,
         experiment: &Experiment,
     ) -> Standpoint {
@@ -146,7 +146,7 @@ impl CameraArgs {
     }
 }
 
-fn find<'c>(wanted: &str, name: &str, carriers: &'c [Carrier]) -> Result<&'c Carrier, Failure> {
+fn find<'c>(wanted: &str, name: &str, carriers: &'c [CameraCarrier]) -> Result<&'c CameraCarrier, Failure> {
     let by_name = carriers.iter().find(|vehicle| vehicle.name == wanted);
     let id = wanted.parse().map(VehicleId);
     let by_id = || carriers.iter().find(|vehicle| Ok(vehicle.id) == id);
@@ -170,24 +170,24 @@ impl Standpoint {
         let followed = self.vehicle.and_then(|id| snapshot.vehicle(id));
         let spot = followed.map(|state| state.position).or(self.at.map(|at| at.extend(0.0)));
         let [middle, half] = self.city;
-        // Far enough for all of the city in the picture, in its width and in its height.
+        // Distance at which the whole city fits into width and height.
         let slope = (lens.vertical_fov_rad / 2.0).tan();
         let aspect = f64::from(lens.extent[0]) / f64::from(lens.extent[1]);
         let fits_m = (half.y / slope).max(half.x / (slope * aspect));
         match self.kind {
-            Kind::Windscreen => Camera::onboard(id, Mount::Windscreen),
-            Kind::Bumper => Camera::onboard(id, Mount::Bumper),
-            Kind::Chase => match self.distance_m {
+            CameraChoice::Windscreen => Camera::onboard(id, Mount::Windscreen),
+            CameraChoice::Bumper => Camera::onboard(id, Mount::Bumper),
+            CameraChoice::Chase => match self.distance_m {
                 Some(distance_m) => Camera::Chase { vehicle: id, distance_m, height_m: 0.4 * distance_m },
                 None => Camera::chase(id),
             },
-            Kind::Orbit => Camera::Orbit {
+            CameraChoice::Orbit => Camera::Orbit {
                 target: spot.unwrap_or(middle.extend(0.0)) + DVec3::Z * 0.8,
                 distance_m: self.distance_m.unwrap_or(if spot.is_some() { 22.0 } else { fits_m }),
                 azimuth_rad: self.azimuth_rad,
                 elevation_rad: self.elevation_rad,
             },
-            Kind::Overhead => Camera::Overhead {
+            CameraChoice::Overhead => Camera::Overhead {
                 centre: spot.map_or(middle, DVec3::truncate),
                 height_m: self.distance_m.unwrap_or(if spot.is_some() { 45.0 } else { fits_m }),
             },

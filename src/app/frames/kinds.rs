@@ -1,35 +1,34 @@
-//! Which kinds of pictures are taken, and what files they become.
+//! Options for the kinds of pictures, and their file formats.
 
-use crate::camera::{Kinds, PictureKind};
-use crate::render::Format;
+use crate::camera::{PictureKind, PictureKinds};
+use crate::render::PictureFormat;
 use clap::{Args, ValueEnum};
 
 #[derive(Debug, Args)]
 pub(super) struct KindArgs {
-    /// Kinds of pictures, with commas between them; without it those of the scenario's sensors, and of
-    /// cameras of the command line rgb
+    /// Kinds of pictures, separated by commas [default: those of the scenario's sensors; rgb for a --camera]
     #[arg(long, value_name = "KIND", value_delimiter = ',')]
-    kind: Vec<Kind>,
-    /// How depth is written
+    kind: Vec<KindArg>,
+    /// File format of depth pictures
     #[arg(long, value_name = "FORMAT", default_value = "png")]
     depth_format: DepthFormat,
-    /// Metres for one count of a depth PNG
+    /// Metres per count of a depth PNG
     #[arg(long, value_name = "M", default_value_t = 1.0 / 256.0, value_parser = metres)]
     depth_scale: f64,
-    /// Give pictures of classes a palette: they look coloured, and their indices are the classes
+    /// Write semantic pictures with a colour palette, whose indices are the classes
     #[arg(long)]
     palette: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Kind {
+enum KindArg {
     /// Colour
     Rgb,
     /// Metres along the optical axis
     Depth,
-    /// Numbers of classes: docs/cameras.md lists them
+    /// Class number of each pixel; docs/cameras.md lists the classes
     Semantic,
-    /// Numbers of vehicles, 0 for none
+    /// Vehicle id of each pixel, 0 where there is no vehicle
     Instance,
 }
 
@@ -37,7 +36,7 @@ enum Kind {
 enum DepthFormat {
     /// 16 bits: counts of --depth-scale, 0 for the sky and beyond 65535 counts
     Png,
-    /// Exact: .npy of numpy with 32-bit floats in metres, infinite for the sky
+    /// NumPy file (.npy) of 32-bit floats in metres, infinite for the sky
     F32,
 }
 
@@ -48,39 +47,39 @@ fn metres(text: &str) -> Result<f64, String> {
     }
 }
 
-impl From<Kind> for PictureKind {
-    fn from(kind: Kind) -> Self {
+impl From<KindArg> for PictureKind {
+    fn from(kind: KindArg) -> Self {
         match kind {
-            Kind::Rgb => Self::Rgb,
-            Kind::Depth => Self::Depth,
-            Kind::Semantic => Self::Semantic,
-            Kind::Instance => Self::Instance,
+            KindArg::Rgb => Self::Rgb,
+            KindArg::Depth => Self::Depth,
+            KindArg::Semantic => Self::Semantic,
+            KindArg::Instance => Self::Instance,
         }
     }
 }
 
 impl KindArgs {
-    /// Those that the command line states.
-    pub(super) fn stated(&self) -> Option<Kinds> {
+    /// The kinds of the command line, if it states some.
+    pub(super) fn overrides(&self) -> Option<PictureKinds> {
         (!self.kind.is_empty()).then(|| self.kind.iter().copied().map(PictureKind::from).collect())
     }
 
-    pub(super) fn format(&self, kind: PictureKind) -> Format {
+    pub(super) fn format(&self, kind: PictureKind) -> PictureFormat {
         match kind {
-            PictureKind::Rgb => Format::Rgb,
+            PictureKind::Rgb => PictureFormat::Rgb,
             PictureKind::Depth => match self.depth_format {
-                DepthFormat::Png => Format::DepthPng { metres_per_count: self.depth_scale },
-                DepthFormat::F32 => Format::DepthNpy,
+                DepthFormat::Png => PictureFormat::DepthPng { metres_per_count: self.depth_scale },
+                DepthFormat::F32 => PictureFormat::DepthNpy,
             },
-            PictureKind::Semantic if self.palette => Format::SemanticPalette,
-            PictureKind::Semantic => Format::Semantic,
-            PictureKind::Instance => Format::Instance,
+            PictureKind::Semantic if self.palette => PictureFormat::SemanticPalette,
+            PictureKind::Semantic => PictureFormat::Semantic,
+            PictureKind::Instance => PictureFormat::Instance,
         }
     }
 }
 
-/// Colours keep the plain name, the others say what they are.
-pub(super) fn file_name(stem: &str, format: Format) -> String {
+/// The file name; kinds other than rgb add their name.
+pub(super) fn file_name(stem: &str, format: PictureFormat) -> String {
     match format.kind() {
         PictureKind::Rgb => format!("{stem}.{}", format.extension()),
         kind => format!("{stem}_{}.{}", kind.name(), format.extension()),

@@ -1,4 +1,4 @@
-//! When pictures are taken.
+//! Schedule of the pictures: the ticks at which each camera is due.
 
 use super::super::Failure;
 use super::shots::Shot;
@@ -10,7 +10,7 @@ pub(super) struct Schedule {
     from_s: f64,
     physics_hz: f64,
     last: u64,
-    /// How often each shot has been taken.
+    /// Pictures taken so far, by camera.
     taken: Vec<u64>,
 }
 
@@ -31,7 +31,7 @@ impl Schedule {
         ((self.from_s + count as f64 * every_s) * self.physics_hz).round() as u64
     }
 
-    /// Whether there are so many pictures at least.
+    /// Whether at least `count` pictures follow.
     pub(super) fn has(mut self, shots: &[Shot], count: usize) -> bool {
         let mut found = 0;
         while found < count {
@@ -41,7 +41,7 @@ impl Schedule {
         true
     }
 
-    /// The next tick at which something is due, with the places of what is; `None` at the end of the run.
+    /// The next due tick with the indices of its cameras; `None` at the end of the run.
     pub(super) fn next(&mut self, shots: &[Shot]) -> Option<(u64, Vec<usize>)> {
         let due: Vec<u64> =
             shots.iter().zip(&self.taken).map(|(shot, &count)| self.tick(shot.every_s, count)).collect();

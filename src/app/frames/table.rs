@@ -1,20 +1,20 @@
-//! `frames.csv`: what each picture is, where it was taken and with which lens.
+//! `frames.csv`: file, extrinsics and intrinsics of each picture.
 
 use super::super::Failure;
 use super::shots::Shot;
 use crate::camera::View;
-use crate::render::Format;
+use crate::render::PictureFormat;
 use crate::snapshot::FrameSnapshot;
 use serde::Serialize;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-/// A picture. Metres in the city frame, seconds, pixels.
+/// The row of a picture. Metres in the city frame, seconds, pixels.
 #[derive(Debug, Serialize)]
-pub(super) struct Row<'a> {
+pub(super) struct FrameRow<'a> {
     file: &'a str,
     kind: &'static str,
-    /// Metres that a value of the file stands for, of depths.
+    /// Metres per file value, of depth maps.
     scale: Option<f64>,
     vehicle: &'a str,
     camera: &'a str,
@@ -45,9 +45,9 @@ pub(super) struct Row<'a> {
     vehicle_qw: Option<f64>,
 }
 
-impl<'a> Row<'a> {
+impl<'a> FrameRow<'a> {
     pub(super) fn new(
-        (file, format): (&'a str, Format),
+        (file, format): (&'a str, PictureFormat),
         shot: &'a Shot,
         snapshot: &FrameSnapshot,
         view: &View,
@@ -93,12 +93,12 @@ impl<'a> Row<'a> {
 pub(super) const FILE: &str = "frames.csv";
 
 #[derive(Debug)]
-pub(super) struct Table {
+pub(super) struct FrameTable {
     path: PathBuf,
     writer: csv::Writer<File>,
 }
 
-impl Table {
+impl FrameTable {
     /// Creates the folder and the table in it. A folder that cannot be used is bad input: nothing has
     /// been done yet.
     pub(super) fn create(folder: &Path) -> Result<Self, Failure> {
@@ -106,7 +106,7 @@ impl Table {
         if path.exists() {
             let folder = folder.display();
             tracing::warn!(
-                "{folder}: pictures of the same names are written over, others stay, and {FILE} lists the new ones alone"
+                "{folder}: pictures of the same names are replaced, others stay, and {FILE} lists only the new ones"
             );
         }
         let file = std::fs::create_dir_all(folder).and_then(|()| File::create(&path)).map_err(|error| {
@@ -116,7 +116,7 @@ impl Table {
         Ok(Self { path, writer: csv::Writer::from_writer(file) })
     }
 
-    pub(super) fn add(&mut self, row: &Row<'_>) -> Result<(), Failure> {
+    pub(super) fn add(&mut self, row: &FrameRow<'_>) -> Result<(), Failure> {
         self.writer.serialize(row).map_err(|error| self.lost(&error))
     }
 

@@ -1,5 +1,4 @@
-//! Where a video goes: a stream to standard output, a file of such a stream, or a file that ffmpeg
-//! encodes.
+//! Video output: a Y4M stream to standard output or to a file, or a file that ffmpeg encodes.
 
 use super::super::Failure;
 use super::super::overwrite::OverwriteArgs;
@@ -14,10 +13,10 @@ use std::thread::JoinHandle;
 /// Extensions of files that ffmpeg encodes.
 const ENCODED: [&str; 5] = ["mp4", "webm", "mkv", "mov", "avi"];
 
-/// What somebody who names such a file wants is no folder.
+/// Extensions that are not written; they must not become folder names.
 const OTHERS: [&str; 9] = ["gif", "png", "jpg", "jpeg", "mpg", "mpeg", "wmv", "flv", "ogv"];
 
-/// What `--out` says.
+/// The destination of `--out`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Destination {
     Folder(PathBuf),
@@ -27,10 +26,10 @@ pub(super) enum Destination {
 }
 
 impl Destination {
-    /// By the extension, and by what is there.
+    /// Chooses by extension and by an existing folder.
     ///
     /// # Errors
-    /// For files that are neither, what may stand there.
+    /// The permitted values, for other files.
     pub(super) fn of(out: &Path) -> Result<Self, String> {
         let extension = out.extension().and_then(|text| text.to_str()).unwrap_or_default().to_lowercase();
         Ok(match extension.as_str() {
@@ -40,7 +39,8 @@ impl Destination {
             known if ENCODED.contains(&known) => Self::Encoded(out.to_owned()),
             other if OTHERS.contains(&other) => {
                 return Err(format!(
-                    "--out {}: .{other} is not written; give a folder for pictures, or a video: .y4m, or with ffmpeg .{}",
+                    "--out {}: the format .{other} is not supported; give a folder for pictures, or a video: .y4m, or \
+                     with ffmpeg .{}",
                     out.display(),
                     ENCODED.join(", .")
                 ));
@@ -51,7 +51,7 @@ impl Destination {
 }
 
 impl Destination {
-    /// Refuses to write over pictures or a video that are there.
+    /// Refuses to overwrite existing pictures or videos.
     pub(super) fn check(&self, overwrite: OverwriteArgs) -> Result<(), Failure> {
         match self {
             Self::Folder(folder) => overwrite.check_files(folder, &[super::table::FILE]),
@@ -61,42 +61,41 @@ impl Destination {
     }
 }
 
-/// Whether more pictures are wanted.
+/// Whether the reader of the stream still reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Reader {
+pub(super) enum ReaderState {
     Listens,
-    /// It has gone: there is nobody to write for.
+    /// The reader has closed the pipe.
     Left,
 }
 
 /// A video that is being written.
 #[derive(Debug)]
 pub(super) struct Video {
-    sink: Sink,
+    sink: VideoSink,
     frame: Vec<u8>,
 }
 
 #[derive(Debug)]
-enum Sink {
+enum VideoSink {
     Stdout(BufWriter<Stdout>),
     File(BufWriter<File>, PathBuf),
     Ffmpeg(Ffmpeg),
 }
 
-/// The program while it encodes.
+/// A running ffmpeg process.
 #[derive(Debug)]
 struct Ffmpeg {
     child: Child,
-    /// Until everything has been given to it.
+    /// Its standard input, until all frames are written.
     pictures: Option<BufWriter<ChildStdin>>,
-    /// What it says of errors.
+    /// Collects its standard error.
     said: Option<JoinHandle<String>>,
     path: PathBuf,
 }
 
 impl Video {
-    /// Opens where a video goes and writes what comes before the pictures; `None` for a folder, which
-    /// takes single pictures.
+    /// Opens the destination and writes the stream header; `None` for a folder, which takes single pictures.
     pub(super) fn create(
         destination: &Destination,
         extent: [u32; 2],
@@ -104,12 +103,12 @@ impl Video {
     ) -> Result<Option<Self>, Failure> {
         let sink = match destination {
             Destination::Folder(_) => return Ok(None),
-            Destination::Stdout => Sink::Stdout(BufWriter::new(io::stdout())),
+            Destination::Stdout => VideoSink::Stdout(BufWriter::new(io::stdout())),
             Destination::Y4m(path) => {
                 let file = File::create(path).map_err(|error| lost(path, &error))?;
-                Sink::File(BufWriter::new(file), path.clone())
+                VideoSink::File(BufWriter::new(file), path.clone())
             }
-            Destination::Encoded(path) => Sink::Ffmpeg(Ffmpeg::start(path)?),
+            Destination::Encoded(path) => VideoSink::Ffmpeg(Ffmpeg::start(path)?),
         };
         let mut video = Self { sink, frame: Vec::new() };
         video.send(y4m::header(extent, rate).as_bytes())?;
@@ -117,7 +116,7 @@ impl Video {
     }
 
     /// Appends a picture.
-    pub(super) fn add(&mut self, image: &Image) -> Result<Reader, Failure> {
+    pub(super) fn add(&mut self, image: &Image) -> Result<ReaderState, Failure> {
         let mut frame = std::mem::take(&mut self.frame);
         y4m::frame(image, &mut frame);
         let result = self.send(&frame);
@@ -125,35 +124,35 @@ impl Video {
         result
     }
 
-    /// Writes out what is left and waits for the encoder.
-    pub(super) fn finish(self) -> Result<Reader, Failure> {
+    /// Flushes and waits for the encoder.
+    pub(super) fn finish(self) -> Result<ReaderState, Failure> {
         match self.sink {
-            Sink::Stdout(mut out) => of_stream(out.flush()),
-            Sink::File(mut file, path) => {
+            VideoSink::Stdout(mut out) => of_stream(out.flush()),
+            VideoSink::File(mut file, path) => {
                 file.flush().map_err(|error| lost(&path, &error))?;
-                Ok(Reader::Listens)
+                Ok(ReaderState::Listens)
             }
-            Sink::Ffmpeg(mut ffmpeg) => {
-                // What goes wrong here it says itself.
+            VideoSink::Ffmpeg(mut ffmpeg) => {
+                // ffmpeg reports its own errors.
                 let _ = ffmpeg.pictures.as_mut().map(Write::flush);
-                ffmpeg.end().map(|()| Reader::Listens)
+                ffmpeg.end().map(|()| ReaderState::Listens)
             }
         }
     }
 
-    fn send(&mut self, bytes: &[u8]) -> Result<Reader, Failure> {
+    fn send(&mut self, bytes: &[u8]) -> Result<ReaderState, Failure> {
         match &mut self.sink {
-            // At once, so that who reads sees pictures as they are taken.
-            Sink::Stdout(out) => of_stream(out.write_all(bytes).and_then(|()| out.flush())),
-            Sink::File(file, path) => {
+            // Flushed at once, so that the reader sees each picture.
+            VideoSink::Stdout(out) => of_stream(out.write_all(bytes).and_then(|()| out.flush())),
+            VideoSink::File(file, path) => {
                 file.write_all(bytes).map_err(|error| lost(path, &error))?;
-                Ok(Reader::Listens)
+                Ok(ReaderState::Listens)
             }
-            Sink::Ffmpeg(ffmpeg) => {
+            VideoSink::Ffmpeg(ffmpeg) => {
                 let written = ffmpeg.pictures.as_mut().map(|pipe| pipe.write_all(bytes));
                 match written {
                     Some(Err(error)) => Err(ffmpeg.end().err().unwrap_or_else(|| lost(&ffmpeg.path, &error))),
-                    _ => Ok(Reader::Listens),
+                    _ => Ok(ReaderState::Listens),
                 }
             }
         }
@@ -164,11 +163,11 @@ fn lost(path: &Path, error: &dyn std::fmt::Display) -> Failure {
     Failure::failed(format!("{}: {error}", path.display()))
 }
 
-/// A reader that has seen enough is no failure.
-fn of_stream(written: io::Result<()>) -> Result<Reader, Failure> {
+/// A closed pipe is no failure.
+fn of_stream(written: io::Result<()>) -> Result<ReaderState, Failure> {
     match written {
-        Ok(()) => Ok(Reader::Listens),
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(Reader::Left),
+        Ok(()) => Ok(ReaderState::Listens),
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(ReaderState::Left),
         Err(error) => Err(Failure::failed(format!("standard output: {error}"))),
     }
 }
@@ -201,17 +200,17 @@ impl Ffmpeg {
             let name = path.display();
             match error.kind() {
                 io::ErrorKind::NotFound => Failure::failed(format!(
-                    "{name}: ffmpeg encodes videos and is not installed; install it (Debian and Ubuntu: \
+                    "{name}: this format needs ffmpeg, which is not installed; install it (Debian and Ubuntu: \
                      apt-get install ffmpeg), or write a stream without it: --out {}",
                     path.with_extension("y4m").display()
                 )),
-                _ => Failure::failed(format!("{name}: ffmpeg does not start: {error}")),
+                _ => Failure::failed(format!("{name}: ffmpeg cannot be started: {error}")),
             }
         })?;
         let mut errors = child.stderr.take();
         let read = move || {
             let mut said = String::new();
-            // What is no text is not shown.
+            // Bytes that are no text are dropped.
             let _ = errors.as_mut().map(|errors| errors.read_to_string(&mut said));
             said
         };
@@ -221,7 +220,7 @@ impl Ffmpeg {
         Ok(Self { child, pictures, said, path: path.to_owned() })
     }
 
-    /// Waits until the file is whole.
+    /// Waits until the file is complete.
     fn end(&mut self) -> Result<(), Failure> {
         self.pictures = None;
         let status = self.child.wait().map_err(|error| lost(&self.path, &error))?;

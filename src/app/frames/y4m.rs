@@ -1,7 +1,7 @@
-//! YUV4MPEG2: pictures one after the other, as programs for video pass them on.
+//! YUV4MPEG2 (Y4M): uncompressed video stream.
 //!
-//! 4:2:0 with chroma in the middle of its four pixels, limited range, the matrix of ITU-R BT.601: what
-//! readers take a stream for that says nothing of it, as this format cannot.
+//! 4:2:0 chroma subsampling with centred siting, limited range, ITU-R BT.601 matrix: the defaults of readers, as the
+//! format cannot state them.
 
 use crate::render::Image;
 use rayon::prelude::*;
@@ -30,13 +30,13 @@ impl FrameRate {
     }
 }
 
-/// What comes before the first picture.
+/// The stream header.
 pub(super) fn header([width, height]: [u32; 2], rate: FrameRate) -> String {
     let FrameRate { numerator, denominator } = rate;
     format!("YUV4MPEG2 W{width} H{height} F{numerator}:{denominator} Ip A1:1 C420jpeg XCOLORRANGE=LIMITED\n")
 }
 
-/// Writes a picture of even width and height with what goes before it into a buffer.
+/// Writes a frame with its header into a buffer; width and height are even.
 pub(super) fn frame(image: &Image, into: &mut Vec<u8>) {
     const BEGIN: &[u8] = b"FRAME\n";
     let (width, height) = (image.width as usize, image.height as usize);
@@ -61,13 +61,13 @@ fn two_rows(luma: &mut [u8], (blue, red): (&mut [u8], &mut [u8]), rgb: &[u8]) {
     for (column, (blue, red)) in blue.iter_mut().zip(red).enumerate() {
         let at = [2 * column, 2 * column + 1, width + 2 * column, width + 2 * column + 1];
         let [r, g, b] = [0, 1, 2].map(|c| at.iter().map(|&k| i32::from(pixels[k][c])).sum::<i32>());
-        // Of four pixels: two more bits.
+        // Sum of four pixels: two more bits.
         *blue = ((-9714 * r - 19_071 * g + 28_784 * b + (128 << 18) + 4 * HALF) >> 18) as u8;
         *red = ((28_784 * r - 24_103 * g - 4681 * b + (128 << 18) + 4 * HALF) >> 18) as u8;
     }
 }
 
-/// Of a value with 16 bits behind the point.
+/// One half in 16-bit fixed point.
 const HALF: i32 = 1 << 15;
 
 #[cfg(test)]

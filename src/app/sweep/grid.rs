@@ -1,4 +1,4 @@
-//! Axes of a sweep, and the runs that they span.
+//! Parameter grid of a sweep: axes, seeds and their combinations.
 
 use std::str::FromStr;
 use toml::Value;
@@ -11,17 +11,19 @@ pub struct Axis {
     pub values: Vec<Value>,
 }
 
-/// More values on one axis, or runs of a sweep, are a slip of the hand.
-const MOST: usize = 1_000_000;
+/// Limit of values on one axis and of runs: more are a typing error.
+const MAX_RUNS: usize = 1_000_000;
 
 impl FromStr for Axis {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (key, values) = text.split_once('=').ok_or("KEY=VALUES is needed: environment.loss=0,0.1")?;
+        let (key, values) = text.split_once('=').ok_or("write KEY=VALUES, such as environment.loss=0,0.1")?;
         let key = key.trim();
         if key.is_empty() || key.split('.').any(str::is_empty) {
-            return Err(format!("\"{key}\" is no key of a scenario: environment.loss, say"));
+            return Err(format!(
+                "\"{key}\" is not a key of a scenario; write a dotted path, such as environment.loss"
+            ));
         }
         let values = match values.split(':').collect::<Vec<_>>()[..] {
             [from, to, step] => steps(from, to, step)?,
@@ -31,29 +33,27 @@ impl FromStr for Axis {
     }
 }
 
-/// A value as TOML writes it, or the word itself.
+/// Parses a TOML value, or takes the text as a string.
 fn literal(text: &str) -> Value {
     let table: Option<toml::Table> = format!("x = {text}").parse().ok();
     table.and_then(|mut table| table.remove("x")).unwrap_or_else(|| Value::String(text.to_owned()))
 }
 
-/// Values from one to another, both ends if the steps meet them.
+/// Values of a range, with both ends if the steps meet them.
 fn steps(from: &str, to: &str, step: &str) -> Result<Vec<Value>, String> {
     let number = |text: &str| -> Result<f64, String> {
         let number = text.trim().parse::<f64>().ok().filter(|number| number.is_finite());
-        number.ok_or_else(|| format!("\"{text}\" is no number; FROM:TO:STEP is needed, as 0:0.3:0.05"))
+        number.ok_or_else(|| format!("\"{text}\" is not a number; write FROM:TO:STEP, such as 0:0.3:0.05"))
     };
     let (from, to, step) = (number(from)?, number(to)?, number(step)?);
     if step <= 0.0 || to < from {
-        return Err(
-            "FROM:TO:STEP needs a positive step, and an end that is not before the beginning".to_owned()
-        );
+        return Err("FROM:TO:STEP needs a positive STEP, and TO must not be less than FROM".to_owned());
     }
     let count = ((to - from) / step + 1e-6).floor();
-    if count >= MOST as f64 {
-        return Err(format!("more than {MOST} values"));
+    if count >= MAX_RUNS as f64 {
+        return Err(format!("more than {MAX_RUNS} values"));
     }
-    // 0.1 + 0.2 shall be 0.3: as many digits as were given.
+    // Rounding makes 0.1 + 0.2 equal 0.3.
     let value = |k: usize| (from + k as f64 * step).mul_add(1e9, 0.0).round() / 1e9;
     Ok((0..=count as usize).map(|k| Value::Float(value(k))).collect())
 }
@@ -68,13 +68,13 @@ impl FromStr for Seeds {
     fn from_str(text: &str) -> Result<Self, String> {
         let number = |text: &str| -> Result<u64, String> {
             let seed = text.trim().parse::<u64>().ok().filter(|seed| i64::try_from(*seed).is_ok());
-            seed.ok_or_else(|| format!("\"{text}\" is no seed; 1..20 or 1,4,9 is needed"))
+            seed.ok_or_else(|| format!("\"{text}\" is not a seed; write 1..20 or 1,4,9"))
         };
         if let Some((first, last)) = text.split_once("..") {
             let (first, last) = (number(first)?, number(last)?);
             return match last.checked_sub(first) {
-                Some(more) if more < MOST as u64 => Ok(Self((first..=last).collect())),
-                Some(_) => Err(format!("more than {MOST} seeds")),
+                Some(more) if more < MAX_RUNS as u64 => Ok(Self((first..=last).collect())),
+                Some(_) => Err(format!("more than {MAX_RUNS} seeds")),
                 None => Err("the last seed comes before the first".to_owned()),
             };
         }
@@ -90,13 +90,13 @@ pub struct Job {
     pub seed: Option<u64>,
 }
 
-/// All runs: the last axis changes fastest but for the seeds.
+/// All combinations in a fixed order: seeds change fastest, then the last axis.
 pub fn jobs(axes: &[Axis], seeds: Option<&Seeds>) -> Result<Vec<Job>, String> {
     let seeds: Vec<Option<u64>> =
         seeds.map_or(vec![None], |seeds| seeds.0.iter().copied().map(Some).collect());
     let count = axes.iter().try_fold(seeds.len(), |count, axis| count.checked_mul(axis.values.len()));
-    if count.is_none_or(|count| count > MOST) {
-        return Err(format!("more than {MOST} runs"));
+    if count.is_none_or(|count| count > MAX_RUNS) {
+        return Err(format!("more than {MAX_RUNS} runs"));
     }
     let mut settings: Vec<Vec<(String, Value)>> = vec![Vec::new()];
     for axis in axes {
@@ -118,7 +118,7 @@ impl Job {
     /// The scenario with its settings.
     ///
     /// # Errors
-    /// Where a key leads to nothing.
+    /// When a key does not lead to a value.
     pub fn scenario(&self, document: &toml::Table) -> Result<String, String> {
         let mut changed = document.clone();
         for (key, value) in &self.settings {
@@ -128,8 +128,8 @@ impl Job {
     }
 }
 
-/// Sets a value at a dotted path. Tables that are not there are made; of a list an entry is chosen by its `name`, or
-/// by its number from 1.
+/// Sets a value at a dotted path. Missing tables are created; an entry of a list is chosen by its `name` or its number
+/// from 1.
 fn set(document: &mut toml::Table, key: &str, value: &Value) -> Result<(), String> {
     let parts: Vec<&str> = key.split('.').collect();
     let Some((last, before)) = parts.split_last() else { return Ok(()) };
@@ -141,12 +141,12 @@ fn set(document: &mut toml::Table, key: &str, value: &Value) -> Result<(), Strin
             Value::Table(table) => table,
             Value::Array(list) => {
                 let which =
-                    parts.next().ok_or_else(|| format!("{key}: {part} is a list: {part}.1.{last}"))?;
+                    parts.next().ok_or_else(|| format!("{key}: {part} is a list; write {part}.1.{last}"))?;
                 entry_of(list, which).ok_or_else(|| {
-                    format!("{key}: no entry of {part} is called \"{which}\" or has that number, from 1")
+                    format!("{key}: {part} has no entry \"{which}\"; give a name, or a number from 1")
                 })?
             }
-            _ => return Err(format!("{key}: {part} is a value, and has no {last} in it")),
+            _ => return Err(format!("{key}: {part} is a value and has no key {last}")),
         };
     }
     table.insert((*last).to_owned(), value.clone());

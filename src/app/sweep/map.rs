@@ -1,12 +1,12 @@
-//! The maps of a sweep over one or two axes: in which share of the seeds vehicles collide, and where streams merge, in
-//! which share a vehicle that has to give way gets in before the others are through.
+//! Heat maps of a sweep over one or two axes: the share of seeds with a collision and, where streams merge, the share
+//! in which a yielding vehicle merges before the others are through.
 
 use super::grid::Axis;
 use super::table::column;
-use crate::figures::chart::{Cell, Figure, Panel, Scale};
-use crate::figures::{Table, number};
+use crate::figures::chart::{ColourBar, Figure, HeatMapCell, Panel};
+use crate::figures::{TidyTable, number};
 
-/// What a map is made of.
+/// Results of a sweep.
 #[derive(Debug)]
 pub struct Sweep<'s> {
     pub axes: &'s [Axis],
@@ -16,20 +16,20 @@ pub struct Sweep<'s> {
     pub is_testbed: bool,
 }
 
-/// One cell: its share, and what is written there.
-struct Entry {
+/// One cell of a map: its share and its text.
+struct MapCell {
     share: f64,
     word: String,
-    /// Behind x, y and the number of runs.
+    /// Columns of the table after x, y and the number of runs.
     figures: Vec<String>,
 }
 
-/// The words of a map.
-struct Words {
+/// Texts of a map.
+struct MapText {
     name: &'static str,
     title: String,
     note: &'static str,
-    /// Heads of [`Entry::figures`].
+    /// Names of the columns [`MapCell::figures`].
     columns: [&'static str; 2],
 }
 
@@ -42,12 +42,12 @@ impl Sweep<'_> {
     fn merging(&self) -> Option<Figure> {
         let squeezed = column(self.axes.len(), "squeezed_in")?;
         let collisions = column(self.axes.len(), "collisions")?;
-        // Traffic by lot has no streams that one map could be about.
+        // Random traffic has no streams that one map could show.
         let has_traffic = self.document.contains_key("traffic");
         if has_traffic || self.rows.iter().any(|row| row[squeezed].is_empty()) {
             return None;
         }
-        let words = Words {
+        let words = MapText {
             name: "merge_success",
             title: format!("{}: a vehicle of Path 1 merges before Path 2 is through", self.name()),
             note: "Path 1 is the stream that gives way. *: a collision in at least one run.",
@@ -57,14 +57,14 @@ impl Sweep<'_> {
             let (share, crashed) = (share_of(cell, squeezed), count_of(cell, collisions));
             let mark = if crashed > 0 { " *" } else { "" };
             let figures = vec![number(share, 4), crashed.to_string()];
-            Entry { share, word: format!("{:.0} %{mark}", 100.0 * share), figures }
+            MapCell { share, word: format!("{:.0} %{mark}", 100.0 * share), figures }
         })
     }
 
     fn collisions(&self) -> Option<Figure> {
         let collisions = column(self.axes.len(), "collisions")?;
         let speed = column(self.axes.len(), "mean_speed_mps")?;
-        let words = Words {
+        let words = MapText {
             name: "collisions",
             title: format!("{}: runs with a collision", self.name()),
             note: "Beside the share: mean speed of all vehicles, laboratory m/s.",
@@ -75,7 +75,7 @@ impl Sweep<'_> {
             let speeds = cell.iter().filter_map(|row| row[speed].parse::<f64>().ok());
             let mean_mps = speeds.sum::<f64>() / cell.len() as f64;
             let figures = vec![number(share, 4), number(mean_mps, 5)];
-            Entry { share, word: format!("{:.0} %  {mean_mps:.3}", 100.0 * share), figures }
+            MapCell { share, word: format!("{:.0} %  {mean_mps:.3}", 100.0 * share), figures }
         })
     }
 
@@ -83,14 +83,14 @@ impl Sweep<'_> {
         self.document.get("name").and_then(toml::Value::as_str).unwrap_or_default()
     }
 
-    fn figure(&self, words: Words, entry: impl Fn(&[Vec<String>]) -> Entry) -> Option<Figure> {
+    fn figure(&self, words: MapText, entry: impl Fn(&[Vec<String>]) -> MapCell) -> Option<Figure> {
         let (x, y) = match self.axes {
             [x] => (x, None),
             [x, y] => (x, Some(y)),
             _ => return None,
         };
         let heights = y.map_or(1, |axis| axis.values.len());
-        let mut table = Table::new(&["x", "y", "runs", words.columns[0], words.columns[1]]);
+        let mut table = TidyTable::new(&["x", "y", "runs", words.columns[0], words.columns[1]]);
         let mut panel = Panel {
             x_label: x.key.clone(),
             y_label: y.map_or_else(String::new, |axis| axis.key.clone()),
@@ -102,9 +102,9 @@ impl Sweep<'_> {
         let per_cell = (self.rows.len() / (x.values.len() * heights)).max(1);
         for (index, cell) in self.rows.chunks(per_cell).enumerate() {
             let (column, row) = (index / heights, index % heights);
-            let Entry { share, word, figures } = entry(cell);
+            let MapCell { share, word, figures } = entry(cell);
             let (left, low) = (column as f64 - 0.5, row as f64 - 0.5);
-            panel.cells.push(Cell { x: (left, left + 1.0), y: (low, low + 1.0), share, word });
+            panel.cells.push(HeatMapCell { x: (left, left + 1.0), y: (low, low + 1.0), share, word });
             let place = [
                 x.values[column].to_string(),
                 y.map_or_else(String::new, |axis| axis.values[row].to_string()),
@@ -120,7 +120,7 @@ impl Sweep<'_> {
             columns: 1,
             row_height: if y.is_some() { 0.5 } else { 0.12 },
             legend: Vec::new(),
-            scale: Some(Scale { label: format!("share of {per_cell} runs"), from: 0.0, to: 1.0 }),
+            scale: Some(ColourBar { label: format!("share of {per_cell} runs"), from: 0.0, to: 1.0 }),
             note: format!("{setting}{}", words.note),
             table,
         })

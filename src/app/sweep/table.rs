@@ -1,10 +1,10 @@
-//! The table of a sweep, which goes on where it was stopped.
+//! Table of a sweep, which an interrupted sweep resumes.
 
 use super::grid::{Axis, Job};
 use crate::app::overwrite::OverwriteArgs;
 use crate::app::{Failure, ScenarioArgs};
 use crate::figures::number;
-use crate::runner::Outcome;
+use crate::runner::RunMetrics;
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -25,14 +25,14 @@ const COLUMNS: [&str; 12] = [
     "state_hash",
 ];
 
-/// What makes a sweep the same as another one.
-pub struct Head {
+/// Identity of a sweep: the columns of its table, and all inputs of its rows.
+pub struct SweepHeader {
     columns: Vec<String>,
-    /// Everything that its rows depend on.
+    /// All inputs of the rows, as text.
     text: String,
 }
 
-impl Head {
+impl SweepHeader {
     pub fn new(args: &ScenarioArgs, scenario: &str, axes: &[Axis], jobs: &[Job]) -> Self {
         let keys = axes.iter().map(|axis| axis.key.clone());
         let columns =
@@ -53,20 +53,25 @@ impl Head {
     }
 }
 
-/// Rows so far, and the file that they are in.
-pub struct Table {
+/// The rows so far, and their file.
+pub struct SweepTable {
     path: PathBuf,
     file: BufWriter<File>,
     rows: Vec<Vec<String>>,
 }
 
-impl Table {
-    /// Begins a table, or goes on with one of the same sweep, whose last row may be torn. Another one that is there is
-    /// written over where that is asked for.
+impl SweepTable {
+    /// Creates a table, or resumes that of the same sweep, whose last row may be incomplete. `--force` overwrites
+    /// another one.
     ///
     /// # Errors
-    /// Where another sweep or a damaged one is there, or a file cannot be read or written.
-    pub fn open(folder: &Path, head: &Head, jobs: &[Job], overwrite: OverwriteArgs) -> Result<Self, Failure> {
+    /// When the folder has another or a damaged sweep, or a file cannot be read or written.
+    pub fn open(
+        folder: &Path,
+        head: &SweepHeader,
+        jobs: &[Job],
+        overwrite: OverwriteArgs,
+    ) -> Result<Self, Failure> {
         match Self::resume(folder, head, jobs) {
             Err(_) if overwrite.force => {
                 let path = folder.join("sweep.csv");
@@ -78,7 +83,7 @@ impl Table {
         }
     }
 
-    fn resume(folder: &Path, head: &Head, jobs: &[Job]) -> Result<Self, Failure> {
+    fn resume(folder: &Path, head: &SweepHeader, jobs: &[Job]) -> Result<Self, Failure> {
         let (path, beside) = (folder.join("sweep.csv"), folder.join("sweep.toml"));
         let failed = |path: &Path| {
             let path = path.display().to_string();
@@ -98,7 +103,7 @@ impl Table {
         let text = std::fs::read_to_string(&path).unwrap_or_default();
         let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
         let rows = rows_of(whole, &head.columns, jobs.len()).ok_or_else(|| {
-            Failure::bad_input(format!("{} is damaged; --force begins the sweep anew", path.display()))
+            Failure::bad_input(format!("{} is damaged; --force starts the sweep again", path.display()))
         })?;
         let file =
             OpenOptions::new().create(true).truncate(false).write(true).open(&path).map_err(failed(&path))?;
@@ -115,7 +120,7 @@ impl Table {
         self.rows.len()
     }
 
-    /// Adds a row; it is in the file when this comes back.
+    /// Appends a row and flushes the file.
     pub fn add(&mut self, row: &[String]) -> Result<(), Failure> {
         self.write(row)?;
         self.rows.push(row.to_vec());
@@ -136,7 +141,7 @@ impl Table {
     }
 }
 
-/// The rows of a table so far; `None` where it is none of this sweep.
+/// Parses the rows of a table; `None` when it belongs to another sweep.
 fn rows_of(text: &str, columns: &[String], most: usize) -> Option<Vec<Vec<String>>> {
     if text.is_empty() {
         return Some(Vec::new());
@@ -150,8 +155,8 @@ fn rows_of(text: &str, columns: &[String], most: usize) -> Option<Vec<Vec<String
     rows.filter(|rows| rows.len() <= most)
 }
 
-/// The row of a run.
-pub fn row(job: &Job, seed: u64, outcome: &Outcome) -> Vec<String> {
+/// The row of a run, in the order of the columns.
+pub fn row(job: &Job, seed: u64, outcome: &RunMetrics) -> Vec<String> {
     let settings = job.settings.iter().map(|(_, value)| match value {
         toml::Value::String(word) => word.clone(),
         other => other.to_string(),
@@ -176,7 +181,7 @@ pub fn row(job: &Job, seed: u64, outcome: &Outcome) -> Vec<String> {
     settings.chain(rest).collect()
 }
 
-/// Place of a column of [`row`] behind the axes.
+/// Index of a column of [`row`] after the axes.
 pub fn column(axes: usize, name: &str) -> Option<usize> {
     COLUMNS.iter().position(|column| *column == name).map(|index| axes + 1 + index)
 }

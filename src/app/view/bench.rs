@@ -1,9 +1,9 @@
-//! `city3d bench window`: how many pictures of the window a second, drawn into memory while the run goes on.
+//! `city3d bench window`: frame rate of the window, drawn offscreen while the run goes on.
 
-use super::desk::{Desk, Logs, Place};
-use super::stage::{Screen, Stage};
-use super::{Failure, Settings, ViewArgs};
-use crate::live::Order;
+use super::painter::{PaintTarget, WindowPainter};
+use super::viewer::{LogLocation, RecordingOptions, ViewerState};
+use super::{Failure, ViewArgs, ViewSettings};
+use crate::live::RunCommand;
 use crate::render::Context;
 use clap::Args;
 use serde::Serialize;
@@ -14,16 +14,16 @@ use std::time::{Duration, Instant};
 pub struct BenchArgs {
     #[command(flatten)]
     view: ViewArgs,
-    /// Previews that are open
+    /// Number of open previews
     #[arg(long, value_name = "N", default_value_t = 1)]
     previews: usize,
-    /// Seconds to measure for
+    /// Duration of the measurement in seconds
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     seconds: f64,
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct WindowBenchReport {
     bench: &'static str,
     vehicles: usize,
     previews: usize,
@@ -32,36 +32,37 @@ struct Report {
     pictures: usize,
     pictures_per_s: f64,
     median_ms: f64,
-    /// 95 of 100 pictures take no longer.
+    /// 95th percentile of the frame time.
     p95_ms: f64,
-    /// Of the run beside it, which asked for 1.
+    /// Real-time factor of the run, with a target of 1.
     real_time_factor: f64,
     preset: &'static str,
     adapter: String,
 }
 
-/// Pictures that do not count: pipelines are made, panels find their sizes.
+/// Warm-up frames: pipelines are built, panels find their sizes.
 const WARM_UP: usize = 10;
 
 pub fn bench(args: &BenchArgs) -> Result<(), Failure> {
     let view = &args.view;
     let context = Context::headless(&view.window.preference()).map_err(super::look::failure)?;
-    let place = Place { logs: Logs::Nowhere, on_news: Arc::new(|| {}) };
-    let mut desk = view.desk(&context, &Settings::default(), place)?;
-    desk.set_adapter(&context);
-    let open: Vec<_> = desk.experiment().vehicles.iter().take(args.previews).map(|v| v.id).collect();
-    open.into_iter().for_each(|vehicle| desk.state.toggle_preview(vehicle));
-    let look = desk.state.look;
-    let mut stage = Stage::new(context, desk.experiment(), look, wgpu::TextureFormat::Rgba8Unorm)?;
+    let recording = RecordingOptions { logs: LogLocation::Nowhere, on_update: Arc::new(|| {}) };
+    let mut viewer = view.viewer(&context, &ViewSettings::default(), recording)?;
+    viewer.set_adapter(&context);
+    let open: Vec<_> = viewer.experiment().vehicles.iter().take(args.previews).map(|v| v.id).collect();
+    open.into_iter().for_each(|vehicle| viewer.state.toggle_preview(vehicle));
+    let look = viewer.state.look;
+    let mut painter =
+        WindowPainter::new(context, viewer.experiment(), look, wgpu::TextureFormat::Rgba8Unorm)?;
     let extent = view.window.size.unwrap_or(super::picture::USUAL_SIZE);
-    desk.order(Order::Start);
-    let (times, factor) = film(&mut desk, &mut stage, extent, args.seconds)?;
+    viewer.send(RunCommand::Start);
+    let (times, factor) = measure_frames(&mut viewer, &mut painter, extent, args.seconds)?;
     let mut sorted = times.clone();
     sorted.sort_unstable();
     let at = |share: f64| sorted[((sorted.len() - 1) as f64 * share) as usize].as_secs_f64() * 1e3;
-    let report = Report {
+    let report = WindowBenchReport {
         bench: "city3d_window",
-        vehicles: desk.experiment().vehicles.len(),
+        vehicles: viewer.experiment().vehicles.len(),
         previews: args.previews,
         w: extent[0],
         h: extent[1],
@@ -71,31 +72,31 @@ pub fn bench(args: &BenchArgs) -> Result<(), Failure> {
         p95_ms: at(0.95),
         real_time_factor: factor,
         preset: look.preset.label(),
-        adapter: stage.context().adapter_name.clone(),
+        adapter: painter.context().adapter_name.clone(),
     };
     super::super::say::say(serde_json::to_string(&report).map_err(Failure::failed)?)
 }
 
-/// Draws for a while; gives the time of each picture and the pace of the run.
-fn film(
-    desk: &mut Desk,
-    stage: &mut Stage,
+/// Draws for a while; returns the frame times and the real-time factor.
+fn measure_frames(
+    viewer: &mut ViewerState,
+    painter: &mut WindowPainter,
     extent: [u32; 2],
     seconds: f64,
 ) -> Result<(Vec<Duration>, f64), Failure> {
     let egui = super::window::egui_context();
-    let memory = stage.memory(extent);
+    let memory = painter.memory(extent);
     let view = memory.create_view(&wgpu::TextureViewDescriptor::default());
     let mut times = Vec::new();
-    let mut start = (Instant::now(), desk.moment().now.time_s);
+    let mut start = (Instant::now(), viewer.run_state().now.time_s);
     for picture in 0.. {
         let begin = Instant::now();
         let time_s = begin.duration_since(start.0).as_secs_f64();
-        super::picture::draw_pass(desk, stage, &egui, time_s, &Screen { view: &view, extent })?;
+        super::picture::draw_pass(viewer, painter, &egui, time_s, &PaintTarget { view: &view, extent })?;
         let wait = wgpu::PollType::wait_indefinitely();
-        stage.context().device.poll(wait).map_err(Failure::failed)?;
+        painter.context().device.poll(wait).map_err(Failure::failed)?;
         if picture < WARM_UP {
-            start = (Instant::now(), desk.moment().now.time_s);
+            start = (Instant::now(), viewer.run_state().now.time_s);
             continue;
         }
         times.push(begin.elapsed());
@@ -103,6 +104,6 @@ fn film(
             break;
         }
     }
-    let factor = (desk.moment().now.time_s - start.1) / start.0.elapsed().as_secs_f64();
+    let factor = (viewer.run_state().now.time_s - start.1) / start.0.elapsed().as_secs_f64();
     Ok((times, factor))
 }

@@ -1,6 +1,6 @@
-//! Gamepads and steering wheels, read on a thread of their own: they wake the window when they are moved.
+//! Reads gamepads and steering wheels on a thread; their events wake the window.
 
-use crate::cockpit::{Control, DeviceEvent, Function, Plug, Profile};
+use crate::cockpit::{ControlFunction, DeviceControl, DeviceEvent, DeviceInfo, DeviceProfile};
 use gilrs::ev::Code;
 use gilrs::ev::filter::{Filter as _, Jitter, axis_dpad_to_button};
 use gilrs::{Axis, Button, EventType, Gamepad, GamepadId, Gilrs, GilrsBuilder};
@@ -9,28 +9,28 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
-/// What the thread tells. Dropped, the thread ends.
+/// Handle of the gamepad thread. Dropping it ends the thread.
 pub struct Gamepads {
     events: Receiver<DeviceEvent>,
     _alive: Arc<()>,
 }
 
-/// Events that may wait for the window; the thread waits when there are more, so that none is lost.
+/// Capacity of the event channel; a full one blocks the thread (back-pressure), so that no event is lost.
 const EVENTS: usize = 256;
-/// So often the thread looks whether it is still wanted.
-const LOOK_UP: Duration = Duration::from_millis(250);
-/// Axes that move by less are not heard of.
-const LEAST_WAY: f32 = 0.004;
+/// Interval at which the thread checks for its end.
+const POLL_INTERVAL: Duration = Duration::from_millis(250);
+/// Smaller axis motions are filtered out as jitter.
+const JITTER_THRESHOLD: f32 = 0.004;
 
 impl Gamepads {
-    /// `on_news` is called on the thread after each event.
-    pub fn listen(on_news: Arc<dyn Fn() + Send + Sync>) -> Self {
+    /// `on_update` is called on the thread after each event.
+    pub fn listen(on_update: Arc<dyn Fn() + Send + Sync>) -> Self {
         let (outbox, events) = sync_channel(EVENTS);
         let alive = Arc::new(());
-        let tell = Teller { outbox, on_news };
-        let (teller, wanted) = (tell.clone(), Arc::downgrade(&alive));
+        let tell = EventSender { outbox, on_update };
+        let (sender, wanted) = (tell.clone(), Arc::downgrade(&alive));
         let thread = std::thread::Builder::new().name("gamepads".to_owned());
-        if let Err(error) = thread.spawn(move || listen(&teller, &wanted)) {
+        if let Err(error) = thread.spawn(move || listen(&sender, &wanted)) {
             tell.tell(DeviceEvent::Missing(format!(
                 "The thread that reads gamepads cannot be started: {error}"
             )));
@@ -38,28 +38,28 @@ impl Gamepads {
         Self { events, _alive: alive }
     }
 
-    /// The next thing that has happened, if any has.
+    /// The next event, if there is one.
     pub fn try_next(&self) -> Option<DeviceEvent> {
         self.events.try_recv().ok()
     }
 }
 
 #[derive(Clone)]
-struct Teller {
+struct EventSender {
     outbox: SyncSender<DeviceEvent>,
-    on_news: Arc<dyn Fn() + Send + Sync>,
+    on_update: Arc<dyn Fn() + Send + Sync>,
 }
 
-impl Teller {
+impl EventSender {
     fn tell(&self, event: DeviceEvent) {
-        // Nobody listens any more when the window is closed.
+        // The window may have been closed.
         if self.outbox.send(event).is_ok() {
-            (self.on_news)();
+            (self.on_update)();
         }
     }
 }
 
-fn listen(tell: &Teller, wanted: &Weak<()>) {
+fn listen(tell: &EventSender, wanted: &Weak<()>) {
     let builder = GilrsBuilder::new().with_default_filters(false).with_force_feedback(false);
     let mut gilrs = match builder.set_update_state(false).build() {
         Ok(gilrs) => gilrs,
@@ -76,9 +76,9 @@ fn listen(tell: &Teller, wanted: &Weak<()>) {
     }
     while wanted.strong_count() > 0 {
         let event = gilrs
-            .next_event_blocking(Some(LOOK_UP))
+            .next_event_blocking(Some(POLL_INTERVAL))
             .filter_ev(&axis_dpad_to_button, &mut gilrs)
-            .filter_ev(&Jitter { threshold: LEAST_WAY }, &mut gilrs);
+            .filter_ev(&Jitter { threshold: JITTER_THRESHOLD }, &mut gilrs);
         let Some(event) = event else { continue };
         gilrs.update(&event);
         if let Some(event) = translated(&gilrs, &mut known, event.id, event.event) {
@@ -95,7 +95,7 @@ fn translated(
 ) -> Option<DeviceEvent> {
     let number = usize::from(id);
     match event {
-        // Some systems tell of those that were there from the start.
+        // Some systems also announce devices that were connected at the start.
         EventType::Connected => {
             known.insert(number).then(|| DeviceEvent::Plugged(number, plug(&gilrs.gamepad(id))))
         }
@@ -104,40 +104,44 @@ fn translated(
             Some(DeviceEvent::Unplugged(number))
         }
         EventType::AxisChanged(_, value, code) => {
-            Some(DeviceEvent::Moved(number, Control::Axis(code.into_u32()), value.into()))
+            Some(DeviceEvent::Moved(number, DeviceControl::Axis(code.into_u32()), value.into()))
         }
-        // It follows each press and release, and says how far triggers are pulled.
+        // It follows each press and release, and carries the trigger position.
         EventType::ButtonChanged(_, value, code) => {
-            Some(DeviceEvent::Moved(number, Control::Button(code.into_u32()), value.into()))
+            Some(DeviceEvent::Moved(number, DeviceControl::Button(code.into_u32()), value.into()))
         }
         _ => None,
     }
 }
 
-const USUAL: [(Function, Button); 9] = [
-    (Function::Gas, Button::RightTrigger2),
-    (Function::Brake, Button::LeftTrigger2),
-    (Function::Handbrake, Button::South),
-    (Function::Reverse, Button::West),
-    (Function::LookBack, Button::North),
-    (Function::IndicateLeft, Button::LeftTrigger),
-    (Function::IndicateRight, Button::RightTrigger),
-    (Function::Hazard, Button::DPadUp),
-    (Function::TakeWheel, Button::Start),
+const USUAL: [(ControlFunction, Button); 9] = [
+    (ControlFunction::Gas, Button::RightTrigger2),
+    (ControlFunction::Brake, Button::LeftTrigger2),
+    (ControlFunction::Handbrake, Button::South),
+    (ControlFunction::Reverse, Button::West),
+    (ControlFunction::LookBack, Button::North),
+    (ControlFunction::IndicateLeft, Button::LeftTrigger),
+    (ControlFunction::IndicateRight, Button::RightTrigger),
+    (ControlFunction::Hazard, Button::DPadUp),
+    (ControlFunction::TakeWheel, Button::Start),
 ];
 
-/// What is known of a device, and what its controls do as long as nobody has chosen.
-fn plug(gamepad: &Gamepad<'_>) -> Plug {
+/// Description and default mapping of a device.
+fn plug(gamepad: &Gamepad<'_>) -> DeviceInfo {
     let name = gamepad.os_name().to_owned();
     let uuid: String = gamepad.uuid().iter().map(|byte| format!("{byte:02x}")).collect();
     let named_wheel = ["wheel", "racing", "pedal"].iter().any(|word| name.to_lowercase().contains(word));
     let is_wheel = named_wheel || gamepad.button_code(Button::RightTrigger2).is_none();
-    let steering = gamepad.axis_code(Axis::LeftStickX).map(|code| Control::Axis(code.into_u32()));
-    let control = |code: Code| Control::Button(code.into_u32());
-    // What the buttons of a wheel are called says little about where they are.
+    let steering = gamepad.axis_code(Axis::LeftStickX).map(|code| DeviceControl::Axis(code.into_u32()));
+    let control = |code: Code| DeviceControl::Button(code.into_u32());
+    // Button names of wheels say little about their positions.
     let buttons = USUAL.iter().filter(|_| !is_wheel);
     let buttons: Vec<_> = buttons
         .filter_map(|&(function, button)| Some((function, control(gamepad.button_code(button)?))))
         .collect();
-    Plug { key: format!("{name} {uuid}"), name, usual: Profile::usual(steering, is_wheel, &buttons) }
+    DeviceInfo {
+        key: format!("{name} {uuid}"),
+        name,
+        usual: DeviceProfile::usual(steering, is_wheel, &buttons),
+    }
 }

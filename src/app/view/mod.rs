@@ -1,32 +1,31 @@
-//! `city3d view`: the window in which the city is watched, steered and driven; and that of `city3d replay`, in which a
-//! recorded run is watched.
+//! `city3d view` and the window of `city3d replay`: command line, viewer state, window and painter.
 
 mod bench;
-mod desk;
 mod gamepads;
 mod loading;
+mod painter;
 mod picture;
 mod settings;
-mod stage;
 mod surface;
+mod viewer;
 mod window;
 
 pub(super) use bench::{BenchArgs, bench};
 
 use super::overwrite::OverwriteArgs;
-use super::{Failure, Model, ProfileArg, ScenarioArgs, load, look};
+use super::{Failure, ModelArg, ProfileArg, ScenarioArgs, load, look};
 use crate::live::Speed;
 use crate::playback::{PlaybackError, Player};
 use crate::record::LogReader;
 use crate::render::{AdapterPreference, Context};
 use crate::scenario::TimeOfDay;
-use crate::ui::{Look, Preset};
+use crate::ui::{Look, QualityPreset};
 use clap::Args;
-use desk::{Desk, Logs, Place};
-use settings::Settings;
+use settings::ViewSettings;
 use std::path::{Path, PathBuf};
+use viewer::{LogLocation, RecordingOptions, ViewerState};
 
-/// The scenario of a window that is opened without one.
+/// Default scenario of the window.
 pub(super) const FIRST_SCENARIO: &str = "roundabout";
 
 #[derive(Debug, Args)]
@@ -40,10 +39,10 @@ pub struct ViewArgs {
     /// Simulated seconds, instead of the scenario's
     #[arg(long, value_name = "S", value_parser = super::duration)]
     duration: Option<f64>,
-    /// Dynamics of all vehicles, instead of the scenario's
+    /// Dynamics model of all vehicles, instead of the scenario's
     #[arg(long)]
-    model: Option<Model>,
-    /// What stands between control and vehicles, instead of the scenario's profile
+    model: Option<ModelArg>,
+    /// Environment profile (delay, loss, noise, disturbance), instead of the scenario's
     #[arg(long)]
     environment: Option<ProfileArg>,
     /// Folder for the logs: run-1 for the first run, run-2 after a reset [default: a new one in the user's data folder]
@@ -51,31 +50,31 @@ pub struct ViewArgs {
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Keep no log
+    /// Write no log
     #[arg(long, conflicts_with = "out")]
     no_log: bool,
-    /// Times real time, or "fastest"
+    /// Speed as a multiple of real time, or "fastest"
     #[arg(long, value_name = "X", value_parser = speed)]
     speed: Option<Speed>,
-    /// Begin to run at once
+    /// Start the run at once
     #[arg(long)]
     start: bool,
-    /// The selected vehicle is driven by hand
+    /// With --picture: a person drives the selected vehicle
     #[arg(long, requires = "select", requires = "picture")]
     driven: bool,
     #[command(flatten)]
     window: WindowArgs,
 }
 
-/// What the windows of a scenario and of a log have in common.
+/// Options of the windows of scenarios and of logs.
 #[derive(Debug, Default, Args)]
 pub struct WindowArgs {
     #[command(flatten)]
     look: look::LookArgs,
-    /// Size of the window in pixels [default: that of the last time]
+    /// Size of the window in pixels [default: the last one]
     #[arg(long, value_name = "WxH", value_parser = super::frames::size)]
     size: Option<[u32; 2]>,
-    /// Neither read nor write what is remembered between runs: layout, quality, previews, gamepads
+    /// Neither read nor write the stored settings: layout, quality, previews, gamepads
     #[arg(long)]
     fresh: bool,
     #[command(flatten)]
@@ -111,37 +110,35 @@ impl Default for ViewArgs {
 
 pub fn view(args: &ViewArgs) -> Result<(), Failure> {
     if args.window.picture.at.is_some() && args.window.picture.picture.is_none() {
-        return Err(Failure::bad_input(
-            "--at is of a picture: give --picture FILE too; the window begins at 0",
-        ));
+        return Err(Failure::bad_input("--at needs --picture FILE; the window starts at 0"));
     }
-    // Its runs are in folders of their own there: run-1, run-2.
+    // Each run has its own folder: run-1, run-2.
     args.out.iter().try_for_each(|folder| args.overwrite.check_runs(folder, "run-"))?;
-    show(&Subject::Scenario(args))
+    show(&ViewSubject::Scenario(args))
 }
 
 /// Shows a recorded run.
 pub fn replay(log: &Path, args: &WindowArgs) -> Result<(), Failure> {
-    // Without a display too it is told what is wrong with a log.
+    // Reports a bad log before the display is opened.
     LogReader::open(log).map_err(Failure::bad_input)?;
-    show(&Subject::Log(log, args))
+    show(&ViewSubject::Log(log, args))
 }
 
-fn show(subject: &Subject<'_>) -> Result<(), Failure> {
+fn show(subject: &ViewSubject<'_>) -> Result<(), Failure> {
     match &subject.window().picture.picture {
         Some(file) => picture::take(subject, file),
         None => window::open(subject),
     }
 }
 
-/// What a window is opened on.
+/// What the window shows: a scenario or a log.
 #[derive(Clone, Copy, Debug)]
-enum Subject<'a> {
+enum ViewSubject<'a> {
     Scenario(&'a ViewArgs),
     Log(&'a Path, &'a WindowArgs),
 }
 
-impl Subject<'_> {
+impl ViewSubject<'_> {
     fn window(&self) -> &WindowArgs {
         match self {
             Self::Scenario(args) => &args.window,
@@ -149,21 +146,28 @@ impl Subject<'_> {
         }
     }
 
-    /// What is shown and the panels, with what was asked for and what is remembered.
-    fn desk(&self, context: &Context, settings: &Settings, place: Place) -> Result<Desk, Failure> {
-        let mut desk = match self {
-            Self::Scenario(args) => args.desk(context, settings, place)?,
-            Self::Log(log, window) => window.desk(log, context, settings, place)?,
+    /// Builds the viewer state from arguments and stored settings.
+    fn viewer(
+        &self,
+        context: &Context,
+        settings: &ViewSettings,
+        recording: RecordingOptions,
+    ) -> Result<ViewerState, Failure> {
+        let mut viewer = match self {
+            Self::Scenario(args) => args.viewer(context, settings, recording)?,
+            Self::Log(log, window) => window.viewer(log, context, settings, recording)?,
         };
-        desk.set_adapter(context);
-        Ok(desk)
+        viewer.set_adapter(context);
+        Ok(viewer)
     }
 
-    /// Where runs are recorded: a log that is shown is left as it is.
-    fn logs(&self) -> Logs {
+    /// Where runs are recorded; a replayed log stays as it is.
+    fn logs(&self) -> LogLocation {
         match self {
-            Self::Scenario(args) if !args.no_log => args.out.clone().map_or(Logs::OfTheUser, Logs::In),
-            _ => Logs::Nowhere,
+            Self::Scenario(args) if !args.no_log => {
+                args.out.clone().map_or(LogLocation::OfTheUser, LogLocation::In)
+            }
+            _ => LogLocation::Nowhere,
         }
     }
 }
@@ -174,32 +178,32 @@ impl WindowArgs {
         named.unwrap_or_else(AdapterPreference::from_environment)
     }
 
-    fn settings(&self) -> Settings {
-        if self.fresh { Settings::default() } else { Settings::load() }
+    fn settings(&self) -> ViewSettings {
+        if self.fresh { ViewSettings::default() } else { ViewSettings::load() }
     }
 
-    fn look(&self, context: &Context, settings: &Settings, usual: TimeOfDay) -> Look {
+    fn look(&self, context: &Context, settings: &ViewSettings, usual: TimeOfDay) -> Look {
         let remembered = settings.preset.filter(|_| self.look.quality.is_none());
         let preset = remembered.unwrap_or_else(|| preset(self.look.quality, context.is_software));
         Look { preset, hours: self.look.time.unwrap_or(usual).hours }
     }
 
-    fn desk(
+    fn viewer(
         &self,
         log: &Path,
         context: &Context,
-        settings: &Settings,
-        place: Place,
-    ) -> Result<Desk, Failure> {
-        let on_news = std::sync::Arc::clone(&place.on_news);
-        let player = Player::open(log, Box::new(move || on_news())).map_err(|error| match error {
+        settings: &ViewSettings,
+        recording: RecordingOptions,
+    ) -> Result<ViewerState, Failure> {
+        let on_update = std::sync::Arc::clone(&recording.on_update);
+        let player = Player::open(log, Box::new(move || on_update())).map_err(|error| match error {
             PlaybackError::Thread(_) => Failure::failed(error),
             _ => Failure::bad_input(error),
         })?;
         let look = self.look(context, settings, player.experiment().time_of_day);
-        let mut desk = Desk::on_log(player, log.display().to_string(), look, place);
-        desk.restore(settings);
-        Ok(desk)
+        let mut viewer = ViewerState::on_log(player, log.display().to_string(), look, recording);
+        viewer.restore(settings);
+        Ok(viewer)
     }
 }
 
@@ -214,27 +218,32 @@ impl ViewArgs {
         }
     }
 
-    /// The run and the panels, with what was asked for and what is remembered.
-    fn desk(&self, context: &Context, settings: &Settings, place: Place) -> Result<Desk, Failure> {
+    /// Builds the viewer state from arguments and stored settings.
+    fn viewer(
+        &self,
+        context: &Context,
+        settings: &ViewSettings,
+        recording: RecordingOptions,
+    ) -> Result<ViewerState, Failure> {
         let scenario = self.scenario(&self.scenario);
         let experiment = load::experiment(&scenario)?;
         let look = self.window.look(context, settings, experiment.time_of_day);
-        let mut desk = Desk::new(scenario, experiment, look, place)?;
-        desk.restore(settings);
+        let mut viewer = ViewerState::new(scenario, experiment, look, recording)?;
+        viewer.restore(settings);
         if let Some(speed) = self.speed.or(settings.speed.map(Speed::sane)) {
-            desk.set_speed(speed);
+            viewer.set_speed(speed);
         }
-        Ok(desk)
+        Ok(viewer)
     }
 }
 
-fn preset(wanted: Option<look::Quality>, is_software: bool) -> Preset {
+fn preset(wanted: Option<look::QualityArg>, is_software: bool) -> QualityPreset {
     match wanted {
-        Some(look::Quality::Low) => Preset::Low,
-        Some(look::Quality::Medium) => Preset::Medium,
-        Some(look::Quality::High) => Preset::High,
-        Some(look::Quality::Ultra) => Preset::Ultra,
-        Some(look::Quality::Auto) | None if is_software => Preset::Low,
-        Some(look::Quality::Auto) | None => Preset::High,
+        Some(look::QualityArg::Low) => QualityPreset::Low,
+        Some(look::QualityArg::Medium) => QualityPreset::Medium,
+        Some(look::QualityArg::High) => QualityPreset::High,
+        Some(look::QualityArg::Ultra) => QualityPreset::Ultra,
+        Some(look::QualityArg::Auto) | None if is_software => QualityPreset::Low,
+        Some(look::QualityArg::Auto) | None => QualityPreset::High,
     }
 }

@@ -1,13 +1,13 @@
-//! A picture of the window without a window: what it would show at an instant of a run, or of a log.
+//! `--picture`: renders the window offscreen at one time of a run or of a log.
 
-use super::desk::{Desk, Logs, Place};
-use super::stage::{Screen, Stage};
-use super::{Failure, Subject};
-use crate::live::Order;
-use crate::playback::{Cue, Player};
+use super::painter::{PaintTarget, WindowPainter};
+use super::viewer::{LogLocation, RecordingOptions, ViewerState};
+use super::{Failure, ViewSubject};
+use crate::live::RunCommand;
+use crate::playback::{PlaybackCommand, Player};
 use crate::render::{Context, Image, write_png};
 use crate::snapshot::VehicleId;
-use crate::ui::{Action, Mode};
+use crate::ui::{CameraMode, UiAction};
 use clap::{Args, ValueEnum};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,13 +19,13 @@ pub struct PictureArgs {
     /// Write a picture of the window as a PNG file instead of opening it; needs no display
     #[arg(long, value_name = "FILE", value_parser = png)]
     pub picture: Option<PathBuf>,
-    /// Simulated second of the picture [default: 0]; of a log also that at which the window opens
+    /// Simulated time of the picture in seconds [default: 0]; with a log also the time at which the window opens
     #[arg(long, value_name = "S", value_parser = super::super::frames::not_negative)]
     pub at: Option<f64>,
-    /// Vehicle that is selected, by name or id
+    /// Vehicle to select, by name or id
     #[arg(long, value_name = "VEHICLE")]
     select: Option<String>,
-    /// Vehicle whose preview is open, by name or id; may be repeated
+    /// Vehicle whose preview to open, by name or id; repeat for several
     #[arg(long, value_name = "VEHICLE")]
     preview: Vec<String>,
     /// Camera of the large view
@@ -40,7 +40,7 @@ fn png(text: &str) -> Result<PathBuf, String> {
         return Ok(path);
     }
     let right = path.with_extension("png");
-    Err(format!("pictures are written as PNG: a name that ends in .png is needed, as {}", right.display()))
+    Err(format!("pictures are written as PNG: give a name that ends in .png, such as {}", right.display()))
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -52,7 +52,7 @@ enum ModeArg {
     Free,
 }
 
-impl From<ModeArg> for Mode {
+impl From<ModeArg> for CameraMode {
     fn from(mode: ModeArg) -> Self {
         match mode {
             ModeArg::Orbit => Self::Orbit,
@@ -65,118 +65,119 @@ impl From<ModeArg> for Mode {
 }
 
 pub(super) const USUAL_SIZE: [u32; 2] = [1280, 720];
-/// Panels find their sizes in the first passes, and pictures come with the second.
+/// Frames until the layout of the panels has converged.
 const PASSES: u32 = 4;
 
-pub fn take(subject: &Subject<'_>, file: &Path) -> Result<(), Failure> {
+pub fn take(subject: &ViewSubject<'_>, file: &Path) -> Result<(), Failure> {
     let args = subject.window();
     let context = Context::headless(&args.preference()).map_err(super::look::failure)?;
-    let asked = if let Subject::Scenario(args) = subject { args.out.clone() } else { None };
-    let logs = asked.map_or(Logs::Nowhere, Logs::In);
-    let place = Place { logs, on_news: Arc::new(|| {}) };
-    let mut desk = subject.desk(&context, &super::Settings::default(), place)?;
-    open_previews(&mut desk, &args.picture)?;
+    let asked = if let ViewSubject::Scenario(args) = subject { args.out.clone() } else { None };
+    let logs = asked.map_or(LogLocation::Nowhere, LogLocation::In);
+    let recording = RecordingOptions { logs, on_update: Arc::new(|| {}) };
+    let mut viewer = subject.viewer(&context, &super::ViewSettings::default(), recording)?;
+    open_previews(&mut viewer, &args.picture)?;
     match subject {
-        Subject::Scenario(_) => {
-            let (at_s, end_s) = (args.picture.at.unwrap_or(0.0), desk.experiment().duration_s);
+        ViewSubject::Scenario(_) => {
+            let (at_s, end_s) = (args.picture.at.unwrap_or(0.0), viewer.experiment().duration_s);
             if at_s > end_s {
                 return Err(Failure::bad_input(format!(
                     "--at {at_s}: the run ends at {end_s} s; take an earlier time or a longer --duration"
                 )));
             }
-            run_to(&mut desk, at_s);
+            run_to(&mut viewer, at_s);
         }
-        Subject::Log(log, _) => {
-            go_to(&mut desk, &args.picture)?;
-            wait_for_log(&mut desk);
-            if let Some(why) = desk.player().and_then(|player| player.told().torn) {
+        ViewSubject::Log(log, _) => {
+            go_to(&mut viewer, &args.picture)?;
+            wait_for_log(&mut viewer);
+            if let Some(why) = viewer.player().and_then(|player| player.info().truncation) {
                 super::super::say::complain(format_args!(
-                    "{}: the log has no end: {why}; it is shown up to its last whole record",
+                    "{}: the log is truncated: {why}; it is shown up to its last whole record",
                     log.display()
                 ));
             }
         }
     }
-    choose(&mut desk, &args.picture)?;
-    if let (Subject::Scenario(view), Some(vehicle)) = (subject, desk.state.selection.vehicle)
+    choose(&mut viewer, &args.picture)?;
+    if let (ViewSubject::Scenario(view), Some(vehicle)) = (subject, viewer.state.selection.vehicle)
         && view.driven
     {
-        desk.act(vec![Action::Drive(vehicle)], f64::NEG_INFINITY);
+        viewer.act(vec![UiAction::Drive(vehicle)], f64::NEG_INFINITY);
     }
-    let look = desk.state.look;
-    let mut stage = Stage::new(context, desk.experiment(), look, wgpu::TextureFormat::Rgba8Unorm)?;
-    let image = shoot(&mut desk, &mut stage, args.size.unwrap_or(USUAL_SIZE))?;
+    let look = viewer.state.look;
+    let mut painter =
+        WindowPainter::new(context, viewer.experiment(), look, wgpu::TextureFormat::Rgba8Unorm)?;
+    let image = shoot(&mut viewer, &mut painter, args.size.unwrap_or(USUAL_SIZE))?;
     write_png(file, &image).map_err(Failure::failed)?;
     super::super::say::say(file.display())
 }
 
-/// What the command line says of a window that opens.
-pub fn arrange(desk: &mut Desk, subject: &Subject<'_>) -> Result<(), Failure> {
+/// Applies the command line to a window that opens.
+pub fn arrange(viewer: &mut ViewerState, subject: &ViewSubject<'_>) -> Result<(), Failure> {
     let args = &subject.window().picture;
-    open_previews(desk, args)?;
-    choose(desk, args)?;
-    go_to(desk, args)
+    open_previews(viewer, args)?;
+    choose(viewer, args)?;
+    go_to(viewer, args)
 }
 
-/// Goes to where a log shall be shown.
-fn go_to(desk: &mut Desk, args: &PictureArgs) -> Result<(), Failure> {
-    let Some((at_s, head)) = args.at.zip(desk.player().map(Player::head)) else { return Ok(()) };
+/// Seeks a log to the requested time.
+fn go_to(viewer: &mut ViewerState, args: &PictureArgs) -> Result<(), Failure> {
+    let Some((at_s, head)) = args.at.zip(viewer.player().map(Player::head)) else { return Ok(()) };
     const ROUNDING_S: f64 = 0.011;
     if at_s > head.to_s + ROUNDING_S {
         return Err(Failure::bad_input(format!(
-            "--at {at_s}: the log ends at {:.2} s; a time from {:.2} to {:.2} is needed",
+            "--at {at_s}: the log ends at {:.2} s; give a time from {:.2} to {:.2}",
             head.to_s, head.from_s, head.to_s
         )));
     }
-    desk.cue(Cue::Seek(at_s));
+    viewer.control_playback(PlaybackCommand::Seek(at_s));
     Ok(())
 }
 
-/// Waits until a log has been read as far as a picture shows it: the place, what happened, running plots.
-fn wait_for_log(desk: &mut Desk) {
-    while !desk.is_settled() {
+/// Waits until everything that the picture shows of a log is loaded.
+fn wait_for_log(viewer: &mut ViewerState) {
+    while !viewer.is_settled() {
         std::thread::sleep(Duration::from_millis(1));
     }
 }
 
-/// Steps the run to a time and waits for it.
-fn run_to(desk: &mut Desk, time_s: f64) {
-    let ticks = (time_s * f64::from(desk.experiment().rates.physics_hz)).round() as u64;
+/// Steps the run to a time.
+fn run_to(viewer: &mut ViewerState, time_s: f64) {
+    let ticks = (time_s * f64::from(viewer.experiment().rates.physics_hz)).round() as u64;
     for tick in 1..=ticks {
-        desk.order(Order::Step);
-        while desk.moment().now.tick < tick {
+        viewer.send(RunCommand::Step);
+        while viewer.run_state().now.tick < tick {
             std::thread::sleep(Duration::from_micros(20));
         }
-        let moment = desk.moment();
-        desk.note(&moment);
+        let run_state = viewer.run_state();
+        viewer.record_samples(&run_state);
     }
 }
 
-fn open_previews(desk: &mut Desk, args: &PictureArgs) -> Result<(), Failure> {
+fn open_previews(viewer: &mut ViewerState, args: &PictureArgs) -> Result<(), Failure> {
     for name in &args.preview {
-        let vehicle = find(desk, name)?;
-        if desk.state.previews.iter().all(|preview| preview.vehicle != vehicle) {
-            desk.state.toggle_preview(vehicle);
+        let vehicle = find(viewer, name)?;
+        if viewer.state.previews.iter().all(|preview| preview.vehicle != vehicle) {
+            viewer.state.toggle_preview(vehicle);
         }
     }
     Ok(())
 }
 
-fn choose(desk: &mut Desk, args: &PictureArgs) -> Result<(), Failure> {
+fn choose(viewer: &mut ViewerState, args: &PictureArgs) -> Result<(), Failure> {
     if let Some(name) = &args.select {
-        let vehicle = find(desk, name)?;
-        desk.state.selection.vehicle = Some(vehicle);
+        let vehicle = find(viewer, name)?;
+        viewer.state.selection.vehicle = Some(vehicle);
     }
     if let Some(mode) = args.mode {
-        desk.state.set_mode(mode.into());
+        viewer.state.set_mode(mode.into());
     }
     Ok(())
 }
 
-fn find(desk: &Desk, name: &str) -> Result<VehicleId, Failure> {
+fn find(viewer: &ViewerState, name: &str) -> Result<VehicleId, Failure> {
     // Those of a served city are known by what is there alone.
-    let planned = desk.experiment().vehicles.iter().map(|v| (v.id, v.name.clone()));
-    let there = desk.moment();
+    let planned = viewer.experiment().vehicles.iter().map(|v| (v.id, v.name.clone()));
+    let there = viewer.run_state();
     let there = there.now.roster.iter().map(|v| (v.id, v.name.clone()));
     let vehicles: BTreeMap<VehicleId, String> = planned.chain(there).collect();
     let found = vehicles.iter().find(|(id, called)| *called == name || id.to_string() == name);
@@ -187,35 +188,35 @@ fn find(desk: &Desk, name: &str) -> Result<VehicleId, Failure> {
 }
 
 /// Draws the window into memory.
-fn shoot(desk: &mut Desk, stage: &mut Stage, extent: [u32; 2]) -> Result<Image, Failure> {
+fn shoot(viewer: &mut ViewerState, painter: &mut WindowPainter, extent: [u32; 2]) -> Result<Image, Failure> {
     let egui = super::window::egui_context();
-    let texture = stage.memory(extent);
+    let texture = painter.memory(extent);
     let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
     for pass in 0..PASSES {
-        draw_pass(desk, stage, &egui, f64::from(pass), &Screen { view: &view, extent })?;
+        draw_pass(viewer, painter, &egui, f64::from(pass), &PaintTarget { view: &view, extent })?;
     }
-    stage.read(&texture)
+    painter.read(&texture)
 }
 
 /// Draws the window as it is at a time in seconds, which nobody touches.
 pub(super) fn draw_pass(
-    desk: &mut Desk,
-    stage: &mut Stage,
+    viewer: &mut ViewerState,
+    painter: &mut WindowPainter,
     egui: &egui::Context,
     time_s: f64,
-    screen: &Screen<'_>,
+    screen: &PaintTarget<'_>,
 ) -> Result<(), Failure> {
-    let textures = stage.textures();
+    let textures = painter.textures();
     let mut actions = Vec::new();
     let input = input(screen.extent, time_s);
-    let output = egui.run_ui(input, |ui| actions.extend(desk.pass(ui, &textures, 0.0)));
-    desk.act(actions, 0.0);
-    stage.draw(desk.seen(), desk.pictures())?;
-    stage.paint(egui, output, std::slice::from_ref(screen));
+    let output = egui.run_ui(input, |ui| actions.extend(viewer.pass(ui, &textures, 0.0)));
+    viewer.act(actions, 0.0);
+    painter.draw(viewer.interpolated(), viewer.pictures())?;
+    painter.paint(egui, output, std::slice::from_ref(screen));
     Ok(())
 }
 
-/// What egui is told of a screen of some pixels that nobody touches.
+/// Input of egui for a screen of some pixels without user events.
 fn input(extent: [u32; 2], time_s: f64) -> egui::RawInput {
     let size = egui::vec2(extent[0] as f32, extent[1] as f32);
     egui::RawInput {
@@ -231,9 +232,9 @@ mod tests {
 
     #[test]
     fn every_camera_of_the_window_can_be_asked_for() {
-        for mode in Mode::ALL {
+        for mode in CameraMode::ALL {
             let asked = ModeArg::from_str(&mode.label().to_lowercase(), false).unwrap();
-            assert_eq!(Mode::from(asked), mode);
+            assert_eq!(CameraMode::from(asked), mode);
         }
     }
 }

@@ -1,8 +1,8 @@
-//! What the window remembers between runs, in a file of the user's.
+//! Settings of the window that are stored between sessions, in the user's configuration folder.
 
-use crate::cockpit::Profile;
+use crate::cockpit::DeviceProfile;
 use crate::live::Speed;
-use crate::ui::{Eye, Layers, Mode, Preset, Table, Widths};
+use crate::ui::{CameraMode, Layers, PanelWidths, PreviewCamera, QualityPreset, TableState};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -10,43 +10,43 @@ use std::path::{Path, PathBuf};
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Settings {
-    /// Of the window, pixels.
+pub struct ViewSettings {
+    /// Size of the window, pixels.
     pub size: Option<[u32; 2]>,
-    /// `None` as long as the user has not chosen: what suits the adapter.
-    pub preset: Option<Preset>,
-    pub mode: Mode,
-    /// `None` as long as the user has not chosen.
+    /// `None` until the user chooses: the adapter decides.
+    pub preset: Option<QualityPreset>,
+    pub mode: CameraMode,
+    /// `None` until the user chooses.
     pub speed: Option<Speed>,
     pub layers: Layers,
-    pub table: Table,
-    pub widths: Widths,
-    pub views: Views,
+    pub table: TableState,
+    pub widths: PanelWidths,
+    pub views: WatchedVehicles,
 }
 
-/// Which vehicles were watched, by their names, in one scenario.
+/// Followed vehicle and open previews of one scenario, by vehicle name.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Views {
+pub struct WatchedVehicles {
     pub scenario: String,
     pub followed: Option<String>,
-    pub previews: Vec<(String, Eye)>,
+    pub previews: Vec<(String, PreviewCamera)>,
 }
 
-impl Settings {
-    /// Those of the last time, or the usual ones where there are none that can be read.
+impl ViewSettings {
+    /// Loads the stored settings, or the defaults.
     pub fn load() -> Self {
         file("view.toml").map(|path| read(&path)).unwrap_or_default()
     }
 
-    /// Keeps them for the next time.
+    /// Stores the settings.
     pub fn save(&self) {
         keep("view.toml", self);
     }
 }
 
-/// What controls of gamepads and wheels do, as it was chosen, by device.
-pub type Profiles = BTreeMap<String, Profile>;
+/// Device mappings by device key.
+pub type Profiles = BTreeMap<String, DeviceProfile>;
 
 pub fn load_profiles() -> Profiles {
     file("devices.toml").map(|path| read(&path)).unwrap_or_default()
@@ -56,11 +56,11 @@ pub fn save_profiles(profiles: &Profiles) {
     keep("devices.toml", profiles);
 }
 
-/// What is in a file, or the usual where there is none that can be read.
+/// Reads a file, or returns the default.
 fn read<T: Default + DeserializeOwned>(path: &Path) -> T {
     let Ok(text) = std::fs::read_to_string(path) else { return T::default() };
     toml::from_str(&text).unwrap_or_else(|error| {
-        tracing::warn!("{}: not used: {error}", path.display());
+        tracing::warn!("{}: the stored settings are ignored: {error}", path.display());
         T::default()
     })
 }
@@ -69,7 +69,7 @@ fn read<T: Default + DeserializeOwned>(path: &Path) -> T {
 fn keep(name: &str, value: &impl Serialize) {
     let Some(path) = file(name) else { return };
     if let Err(error) = write(&path, value) {
-        tracing::warn!("{}: settings are not kept: {error}", path.display());
+        tracing::warn!("{}: the settings cannot be stored: {error}", path.display());
     }
 }
 
@@ -131,7 +131,7 @@ fn date(days: u64) -> [u64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cockpit::{Control, Function, Lever};
+    use crate::cockpit::{ControlFunction, DeviceControl, LeverCalibration};
 
     #[test]
     fn days_become_dates() {
@@ -145,37 +145,40 @@ mod tests {
     fn settings_come_back_as_they_were_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("new").join("view.toml");
-        let settings = Settings {
+        let settings = ViewSettings {
             size: Some([1600, 900]),
-            preset: Some(Preset::Medium),
-            mode: Mode::Overhead,
+            preset: Some(QualityPreset::Medium),
+            mode: CameraMode::Overhead,
             layers: Layers { lanes: true, labels: false, ..Layers::default() },
-            table: Table { descending: true, ..Table::default() },
+            table: TableState { descending: true, ..TableState::default() },
             speed: Some(Speed::Times(2.0)),
-            widths: Widths { vehicles: 321.5, previews: 300.0 },
-            views: Views {
+            widths: PanelWidths { vehicles: 321.5, previews: 300.0 },
+            views: WatchedVehicles {
                 scenario: "roundabout".to_owned(),
                 followed: Some("path1_a".to_owned()),
-                previews: vec![("path1_b".to_owned(), Eye::Rear), ("path1_a".to_owned(), Eye::Own(1))],
+                previews: vec![
+                    ("path1_b".to_owned(), PreviewCamera::Rear),
+                    ("path1_a".to_owned(), PreviewCamera::Own(1)),
+                ],
             },
         };
         write(&path, &settings).unwrap();
-        assert_eq!(read::<Settings>(&path), settings);
+        assert_eq!(read::<ViewSettings>(&path), settings);
         std::fs::write(&path, "from_a_later_version = 1").unwrap();
-        assert_eq!(read::<Settings>(&path), Settings::default());
+        assert_eq!(read::<ViewSettings>(&path), ViewSettings::default());
         std::fs::write(&path, "size = [").unwrap();
-        assert_eq!(read::<Settings>(&path), Settings::default());
+        assert_eq!(read::<ViewSettings>(&path), ViewSettings::default());
     }
 
     #[test]
     fn what_was_assigned_on_a_device_comes_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("devices.toml");
-        let axis = Control::Axis(0x0003_0002);
-        let pedal = Lever { control: axis, rest: 0.987_654_321, full: -0.9, dead_zone: 0.03 };
-        let buttons = [(Function::TakeWheel, Control::Button(0x0001_0120))];
-        let mut profile = Profile::usual(Some(Control::Axis(0x0003_0000)), true, &buttons);
-        profile.levers.insert(Function::Gas, pedal);
+        let axis = DeviceControl::Axis(0x0003_0002);
+        let pedal = LeverCalibration { control: axis, rest: 0.987_654_321, full: -0.9, dead_zone: 0.03 };
+        let buttons = [(ControlFunction::TakeWheel, DeviceControl::Button(0x0001_0120))];
+        let mut profile = DeviceProfile::usual(Some(DeviceControl::Axis(0x0003_0000)), true, &buttons);
+        profile.levers.insert(ControlFunction::Gas, pedal);
         let profiles = Profiles::from([("Wheel \"G\" 0300".to_owned(), profile)]);
         write(&path, &profiles).unwrap();
         assert_eq!(read::<Profiles>(&path), profiles);

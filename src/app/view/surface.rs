@@ -1,4 +1,4 @@
-//! The window's surface: kept usable while the window changes its size, is hidden, or its surface is lost.
+//! The window's swap chain surface: handles resize, occlusion and surface loss.
 
 use super::Failure;
 use crate::render::Context;
@@ -7,7 +7,7 @@ use wgpu::CurrentSurfaceTexture as Current;
 use winit::dpi::PhysicalSize;
 use winit::window::Window;
 
-pub struct Surface {
+pub struct WindowSurface {
     window: Arc<Window>,
     instance: wgpu::Instance,
     surface: wgpu::Surface<'static>,
@@ -15,19 +15,19 @@ pub struct Surface {
     device: wgpu::Device,
 }
 
-/// What is to be done about what a surface has given.
+/// How to handle the result of acquiring a surface texture.
 #[derive(Debug)]
-enum Answer {
+enum AcquireOutcome {
     Draw(wgpu::SurfaceTexture),
-    /// It cannot be drawn to at present.
+    /// It cannot be drawn to now.
     Wait,
-    /// It has to be told its size again.
+    /// It must be configured again.
     Configure,
-    /// It is gone for good, and another one takes its place.
+    /// It is lost and must be created again.
     Renew,
 }
 
-impl Answer {
+impl AcquireOutcome {
     fn to(given: Current) -> Self {
         match given {
             Current::Success(texture) | Current::Suboptimal(texture) => Self::Draw(texture),
@@ -38,13 +38,13 @@ impl Answer {
     }
 }
 
-/// Pixels that can be drawn of a window; `None` while it has none, as some systems have it when it is minimised.
+/// Drawable size of a window; `None` while it is zero, as for minimised windows on some systems.
 fn drawable(size: PhysicalSize<u32>, most: u32) -> Option<[u32; 2]> {
     (size.width > 0 && size.height > 0).then(|| [size.width.min(most), size.height.min(most)])
 }
 
-impl Surface {
-    /// `surface` is one of `window`, made by `instance`, which `context` can draw to.
+impl WindowSurface {
+    /// `surface` belongs to `window` and `instance`, and is compatible with `context`.
     ///
     /// # Errors
     /// Where the adapter cannot draw to this window.
@@ -69,12 +69,12 @@ impl Surface {
         [self.config.width, self.config.height]
     }
 
-    /// Whether there is anything to draw to.
+    /// Whether the window has pixels to draw.
     pub fn has_size(&self) -> bool {
         drawable(self.window.inner_size(), u32::MAX).is_some()
     }
 
-    /// Takes the window's present size.
+    /// Configures the surface for the window's present size.
     pub fn configure(&mut self) {
         let most = self.device.limits().max_texture_dimension_2d;
         if let Some([width, height]) = drawable(self.window.inner_size(), most) {
@@ -83,14 +83,14 @@ impl Surface {
         }
     }
 
-    /// The next picture to draw to. `None` where none can be had now: it is to be asked again a little later,
-    /// and what stood in the way is mended by then.
+    /// Acquires the next surface texture. `None` where none is available: the cause is handled, and the caller
+    /// retries later.
     pub fn next(&mut self) -> Option<wgpu::SurfaceTexture> {
-        match Answer::to(self.surface.get_current_texture()) {
-            Answer::Draw(texture) => return Some(texture),
-            Answer::Wait => {}
-            Answer::Configure => self.configure(),
-            Answer::Renew => {
+        match AcquireOutcome::to(self.surface.get_current_texture()) {
+            AcquireOutcome::Draw(texture) => return Some(texture),
+            AcquireOutcome::Wait => {}
+            AcquireOutcome::Configure => self.configure(),
+            AcquireOutcome::Renew => {
                 match self.instance.create_surface(Arc::clone(&self.window)) {
                     Ok(surface) => self.surface = surface,
                     Err(error) => tracing::warn!("the window's surface is lost: {error}"),
@@ -102,7 +102,7 @@ impl Surface {
     }
 }
 
-/// A surface whose colours are taken as they are: panels and city encode theirs themselves.
+/// Configuration with a linear format: panels and city encode sRGB themselves.
 fn configuration(
     surface: &wgpu::Surface<'_>,
     context: &Context,
@@ -128,12 +128,12 @@ mod tests {
 
     #[test]
     fn what_a_surface_lacks_is_mended_and_what_passes_is_waited_for() {
-        assert!(matches!(Answer::to(Current::Lost), Answer::Renew));
+        assert!(matches!(AcquireOutcome::to(Current::Lost), AcquireOutcome::Renew));
         for outdated in [Current::Outdated, Current::Validation] {
-            assert!(matches!(Answer::to(outdated), Answer::Configure));
+            assert!(matches!(AcquireOutcome::to(outdated), AcquireOutcome::Configure));
         }
         for passing in [Current::Timeout, Current::Occluded] {
-            assert!(matches!(Answer::to(passing), Answer::Wait));
+            assert!(matches!(AcquireOutcome::to(passing), AcquireOutcome::Wait));
         }
     }
 

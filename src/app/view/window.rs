@@ -1,14 +1,14 @@
-//! The window itself: its surface, its events, and when it is drawn.
+//! The window: event loop, surface and frame pacing.
 
-use super::desk::{Desk, Place, Wish};
 use super::gamepads::Gamepads;
-use super::loading::{Loading, Request};
+use super::loading::{LoadJob, LoadRequest};
+use super::painter::{PaintTarget, WindowPainter};
 use super::settings::{load_profiles, save_profiles};
-use super::stage::{Screen, Stage};
-use super::surface::Surface;
-use super::{Failure, Settings, Subject};
+use super::surface::WindowSurface;
+use super::viewer::{RecordingOptions, ViewerState, WindowRequest};
+use super::{Failure, ViewSettings, ViewSubject};
 use crate::cockpit::Devices;
-use crate::live::Order;
+use crate::live::RunCommand;
 use crate::render::{Context, write_png};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -19,21 +19,21 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy}
 use winit::window::{Window, WindowId};
 
 const USUAL_SIZE: [u32; 2] = [1280, 720];
-/// Pictures follow one another no faster than this; without a GPU they leave the run some of the processor.
+/// Least time between two frames; without a GPU, frames leave CPU time to the run.
 const FRAME: Duration = Duration::from_millis(1000 / 60);
 const SOFTWARE_FRAME: Duration = Duration::from_millis(1000 / 30);
 
-/// A window that cannot be drawn to is tried again after this.
-const AGAIN: Duration = Duration::from_millis(50);
+/// Retry interval of a surface that cannot be drawn to.
+const RETRY_DELAY: Duration = Duration::from_millis(50);
 
-/// Told to the window from other threads: there is something new to see.
+/// User event from other threads: redraw the window.
 #[derive(Clone, Copy, Debug)]
-struct News;
+struct RedrawRequest;
 
 /// Opens the window and stays until it is closed.
-pub fn open(subject: &Subject<'_>) -> Result<(), Failure> {
+pub fn open(subject: &ViewSubject<'_>) -> Result<(), Failure> {
     let no_display = |error: &dyn std::fmt::Display| {
-        // What winit tells of the operating system begins with the place in its source.
+        // winit's messages begin with their source location.
         let error = error.to_string();
         let error = error
             .rsplit_once(".rs:")
@@ -46,50 +46,50 @@ pub fn open(subject: &Subject<'_>) -> Result<(), Failure> {
              over ssh, `ssh -X`"
         ))
     };
-    let events = EventLoop::<News>::with_user_event().build().map_err(|error| no_display(&error))?;
-    let mut app = App { subject, proxy: events.create_proxy(), shell: None, outcome: Ok(()) };
+    let events = EventLoop::<RedrawRequest>::with_user_event().build().map_err(|error| no_display(&error))?;
+    let mut app = App { subject, proxy: events.create_proxy(), open_window: None, outcome: Ok(()) };
     events.run_app(&mut app).map_err(|error| no_display(&error))?;
     app.outcome
 }
 
-/// The look of the panels.
+/// The egui context with the style of the panels.
 pub fn egui_context() -> egui::Context {
     let context = egui::Context::default();
     context.set_theme(egui::Theme::Dark);
-    // Where pictures take long, a click does too.
+    // Slow frames lengthen clicks.
     context.options_mut(|options| options.input_options.max_click_duration = 2.0);
     context
 }
 
 struct App<'a> {
-    subject: &'a Subject<'a>,
-    proxy: EventLoopProxy<News>,
-    shell: Option<Shell>,
+    subject: &'a ViewSubject<'a>,
+    proxy: EventLoopProxy<RedrawRequest>,
+    open_window: Option<OpenWindow>,
     outcome: Result<(), Failure>,
 }
 
-/// Everything that is there while the window is open.
-struct Shell {
+/// State of an open window.
+struct OpenWindow {
     window: Arc<Window>,
-    surface: Surface,
-    stage: Stage,
-    desk: Desk,
+    surface: WindowSurface,
+    painter: WindowPainter,
+    viewer: ViewerState,
     egui: egui::Context,
     input: egui_winit::State,
     gamepads: Gamepads,
-    /// What is being loaded, and what is to be done then.
-    loading: Option<Loading>,
-    next: Option<Wish>,
-    on_news: Arc<dyn Fn() + Send + Sync>,
-    settings: Settings,
+    /// The load job, and the request that follows it.
+    loading: Option<LoadJob>,
+    next: Option<WindowRequest>,
+    on_update: Arc<dyn Fn() + Send + Sync>,
+    settings: ViewSettings,
     remembers: bool,
     is_hidden: bool,
-    /// The next picture is kept as a file.
+    /// The next frame is saved as a screenshot.
     wants_shot: bool,
-    /// When the next picture shall be drawn, if one shall.
+    /// When the next frame is due, if one is.
     due: Option<Instant>,
     drawn: Instant,
-    /// Mean time between pictures.
+    /// Mean frame time (exponential moving average).
     interval_s: f64,
 }
 
@@ -102,40 +102,40 @@ impl App<'_> {
     }
 }
 
-impl ApplicationHandler<News> for App<'_> {
+impl ApplicationHandler<RedrawRequest> for App<'_> {
     fn resumed(&mut self, events: &ActiveEventLoop) {
-        if self.shell.is_some() {
+        if self.open_window.is_some() {
             return;
         }
-        match Shell::open(events, self.subject, self.proxy.clone()) {
-            Ok(shell) => self.shell = Some(shell),
+        match OpenWindow::open(events, self.subject, self.proxy.clone()) {
+            Ok(open_window) => self.open_window = Some(open_window),
             Err(failure) => self.finish(events, Err(failure)),
         }
     }
 
-    fn user_event(&mut self, _events: &ActiveEventLoop, _news: News) {
-        if let Some(shell) = &mut self.shell {
-            shell.want(Duration::ZERO);
+    fn user_event(&mut self, _events: &ActiveEventLoop, _news: RedrawRequest) {
+        if let Some(open_window) = &mut self.open_window {
+            open_window.schedule_frame(Duration::ZERO);
         }
     }
 
     fn new_events(&mut self, _events: &ActiveEventLoop, cause: StartCause) {
-        if let (StartCause::ResumeTimeReached { .. }, Some(shell)) = (cause, &mut self.shell) {
-            shell.window.request_redraw();
+        if let (StartCause::ResumeTimeReached { .. }, Some(open_window)) = (cause, &mut self.open_window) {
+            open_window.window.request_redraw();
         }
     }
 
     fn window_event(&mut self, events: &ActiveEventLoop, _window: WindowId, event: WindowEvent) {
-        let Some(shell) = &mut self.shell else { return };
-        if shell.input.on_window_event(&shell.window, &event).repaint {
-            shell.want(Duration::ZERO);
+        let Some(open_window) = &mut self.open_window else { return };
+        if open_window.input.on_window_event(&open_window.window, &event).repaint {
+            open_window.schedule_frame(Duration::ZERO);
         }
         match event {
-            // Some systems take the window away without asking.
+            // Some systems destroy the window without asking.
             WindowEvent::CloseRequested | WindowEvent::Destroyed => events.exit(),
-            WindowEvent::Resized(size) => shell.resize(size),
-            WindowEvent::Occluded(is_hidden) => shell.is_hidden = is_hidden,
-            WindowEvent::RedrawRequested => match shell.redraw() {
+            WindowEvent::Resized(size) => open_window.resize(size),
+            WindowEvent::Occluded(is_hidden) => open_window.is_hidden = is_hidden,
+            WindowEvent::RedrawRequested => match open_window.redraw() {
                 Ok(true) => {}
                 Ok(false) => events.exit(),
                 Err(failure) => self.finish(events, Err(failure)),
@@ -145,13 +145,14 @@ impl ApplicationHandler<News> for App<'_> {
     }
 
     fn about_to_wait(&mut self, events: &ActiveEventLoop) {
-        let flow = self.shell.as_ref().and_then(|shell| shell.due).map(ControlFlow::WaitUntil);
+        let flow =
+            self.open_window.as_ref().and_then(|open_window| open_window.due).map(ControlFlow::WaitUntil);
         events.set_control_flow(flow.unwrap_or(ControlFlow::Wait));
     }
 
     fn exiting(&mut self, _events: &ActiveEventLoop) {
-        if let Some(shell) = self.shell.take() {
-            let closed = shell.close();
+        if let Some(open_window) = self.open_window.take() {
+            let closed = open_window.close();
             if self.outcome.is_ok() {
                 self.outcome = closed;
             }
@@ -159,11 +160,11 @@ impl ApplicationHandler<News> for App<'_> {
     }
 }
 
-impl Shell {
+impl OpenWindow {
     fn open(
         events: &ActiveEventLoop,
-        subject: &Subject<'_>,
-        proxy: EventLoopProxy<News>,
+        subject: &ViewSubject<'_>,
+        proxy: EventLoopProxy<RedrawRequest>,
     ) -> Result<Self, Failure> {
         let args = subject.window();
         let settings = args.settings();
@@ -180,21 +181,21 @@ impl Shell {
         let surface = instance.create_surface(Arc::clone(&window)).map_err(Failure::failed)?;
         let context =
             Context::for_surface(&instance, &surface, &args.preference()).map_err(super::look::failure)?;
-        let surface = Surface::new(Arc::clone(&window), instance, surface, &context)?;
-        let on_news: Arc<dyn Fn() + Send + Sync> = Arc::new(move || {
+        let surface = WindowSurface::new(Arc::clone(&window), instance, surface, &context)?;
+        let on_update: Arc<dyn Fn() + Send + Sync> = Arc::new(move || {
             // The event loop may have ended before the run.
-            let _ = proxy.send_event(News);
+            let _ = proxy.send_event(RedrawRequest);
         });
-        let place = Place { logs: subject.logs(), on_news: Arc::clone(&on_news) };
-        let mut desk = subject.desk(&context, &settings, place)?;
-        super::picture::arrange(&mut desk, subject)?;
+        let recording = RecordingOptions { logs: subject.logs(), on_update: Arc::clone(&on_update) };
+        let mut viewer = subject.viewer(&context, &settings, recording)?;
+        super::picture::arrange(&mut viewer, subject)?;
         if !args.fresh {
-            desk.state.devices = Devices::new(load_profiles());
+            viewer.state.devices = Devices::new(load_profiles());
         }
-        let gamepads = Gamepads::listen(Arc::clone(&on_news));
-        let stage = Stage::new(context, desk.experiment(), desk.state.look, surface.format())?;
+        let gamepads = Gamepads::listen(Arc::clone(&on_update));
+        let painter = WindowPainter::new(context, viewer.experiment(), viewer.state.look, surface.format())?;
         let egui = egui_context();
-        let most = stage.context().device.limits().max_texture_dimension_2d as usize;
+        let most = painter.context().device.limits().max_texture_dimension_2d as usize;
         let input = egui_winit::State::new(
             egui.clone(),
             egui::ViewportId::ROOT,
@@ -203,20 +204,20 @@ impl Shell {
             None,
             Some(most),
         );
-        if matches!(subject, Subject::Scenario(args) if args.start) {
-            desk.order(Order::Start);
+        if matches!(subject, ViewSubject::Scenario(args) if args.start) {
+            viewer.send(RunCommand::Start);
         }
         Ok(Self {
             window,
             surface,
-            stage,
-            desk,
+            painter,
+            viewer,
             egui,
             input,
             gamepads,
             loading: None,
             next: None,
-            on_news,
+            on_update,
             settings,
             remembers: !args.fresh,
             is_hidden: false,
@@ -231,23 +232,23 @@ impl Shell {
         if self.surface.has_size() {
             self.surface.configure();
             self.settings.size = Some(size.into());
-            self.want(Duration::ZERO);
+            self.schedule_frame(Duration::ZERO);
         }
     }
 
     fn frame(&self) -> Duration {
-        if self.stage.context().is_software { SOFTWARE_FRAME } else { FRAME }
+        if self.painter.context().is_software { SOFTWARE_FRAME } else { FRAME }
     }
 
-    /// Asks for a picture after a while, or as soon as the last one is old enough.
-    fn want(&mut self, after: Duration) {
+    /// Schedules a frame, not before the least frame time.
+    fn schedule_frame(&mut self, after: Duration) {
         let earliest = self.drawn + self.frame();
         let Some(wanted) = Instant::now().checked_add(after) else { return };
         let at = wanted.max(earliest);
         self.due = Some(self.due.map_or(at, |due| due.min(at)));
     }
 
-    /// One pass of the panels, drawn. `false` when the user wants to quit.
+    /// Lays out and draws one frame; `false` when the user quits.
     fn redraw(&mut self) -> Result<bool, Failure> {
         self.due = None;
         if self.is_hidden || !self.surface.has_size() {
@@ -256,27 +257,27 @@ impl Shell {
         self.measure();
         self.hear_gamepads();
         self.take_loaded();
-        let textures = self.stage.textures();
+        let textures = self.painter.textures();
         let input = self.input.take_egui_input(&self.window);
-        let (desk, frames_per_s) = (&mut self.desk, 1.0 / self.interval_s.max(1e-3));
+        let (viewer, frames_per_s) = (&mut self.viewer, 1.0 / self.interval_s.max(1e-3));
         let mut actions = Vec::new();
-        let output = self.egui.run_ui(input, |ui| actions.extend(desk.pass(ui, &textures, frames_per_s)));
+        let output = self.egui.run_ui(input, |ui| actions.extend(viewer.pass(ui, &textures, frames_per_s)));
         self.input.handle_platform_output(&self.window, output.platform_output.clone());
         let repaint =
             output.viewport_output.get(&egui::ViewportId::ROOT).map(|viewport| viewport.repaint_delay);
-        self.stage.draw(self.desk.seen(), self.desk.pictures())?;
+        self.painter.draw(self.viewer.interpolated(), self.viewer.pictures())?;
         self.present(output);
-        let wishes = self.desk.act(actions, self.egui.input(|input| input.time));
-        for wish in wishes {
-            if wish == Wish::Quit {
+        let requests = self.viewer.act(actions, self.egui.input(|input| input.time));
+        for request in requests {
+            if request == WindowRequest::Quit {
                 return Ok(false);
             }
-            self.grant(wish);
+            self.fulfil(request);
         }
-        if self.desk.is_moving() {
-            self.want(Duration::ZERO);
+        if self.viewer.is_moving() {
+            self.schedule_frame(Duration::ZERO);
         } else if let Some(delay) = repaint {
-            self.want(delay);
+            self.schedule_frame(delay);
         }
         Ok(true)
     }
@@ -284,8 +285,8 @@ impl Shell {
     fn hear_gamepads(&mut self) {
         let now_s = self.egui.input(|input| input.time);
         while let Some(event) = self.gamepads.try_next() {
-            if let Some(text) = self.desk.state.devices.take(event, now_s) {
-                self.desk.state.say(text, now_s);
+            if let Some(text) = self.viewer.state.devices.take(event, now_s) {
+                self.viewer.state.say(text, now_s);
             }
         }
     }
@@ -294,115 +295,120 @@ impl Shell {
         let now = Instant::now();
         let interval_s = now.duration_since(self.drawn).as_secs_f64();
         self.drawn = now;
-        // A window that waited says nothing about how fast it can draw.
+        // An idle window does not measure the frame rate.
         if interval_s < 0.5 {
             let share = if self.interval_s > 0.0 { 0.1 } else { 1.0 };
             self.interval_s += (interval_s - self.interval_s) * share;
         }
     }
 
-    /// Shows a pass on the window, if that can be drawn to.
+    /// Presents a frame, if the surface is available.
     fn present(&mut self, output: egui::FullOutput) {
         let Some(texture) = self.surface.next() else {
-            self.stage.paint(&self.egui, output, &[]);
-            self.want(AGAIN);
+            self.painter.paint(&self.egui, output, &[]);
+            self.schedule_frame(RETRY_DELAY);
             return;
         };
         let extent = self.surface.extent();
         let view_of = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let view = view_of(&texture.texture);
-        let memory = std::mem::take(&mut self.wants_shot).then(|| self.stage.memory(extent));
+        let memory = std::mem::take(&mut self.wants_shot).then(|| self.painter.memory(extent));
         let copy = memory.as_ref().map(view_of);
-        let screens: Vec<_> =
-            [Some(&view), copy.as_ref()].into_iter().flatten().map(|view| Screen { view, extent }).collect();
-        self.stage.paint(&self.egui, output, &screens);
+        let screens: Vec<_> = [Some(&view), copy.as_ref()]
+            .into_iter()
+            .flatten()
+            .map(|view| PaintTarget { view, extent })
+            .collect();
+        self.painter.paint(&self.egui, output, &screens);
         self.window.pre_present_notify();
-        self.stage.context().queue.present(texture);
+        self.painter.context().queue.present(texture);
         if let Some(memory) = memory {
             self.keep(&memory);
         }
     }
 
-    fn grant(&mut self, wish: Wish) {
-        match wish {
-            Wish::Look | Wish::Scenario(_) => self.load(wish),
-            Wish::Screenshot => self.wants_shot = true,
-            Wish::KeepDevices if self.remembers => save_profiles(self.desk.state.devices.profiles()),
-            Wish::KeepDevices | Wish::Quit => {}
+    fn fulfil(&mut self, request: WindowRequest) {
+        match request {
+            WindowRequest::Look | WindowRequest::Scenario(_) => self.load(request),
+            WindowRequest::Screenshot => self.wants_shot = true,
+            WindowRequest::KeepDevices if self.remembers => {
+                save_profiles(self.viewer.state.devices.profiles())
+            }
+            WindowRequest::KeepDevices | WindowRequest::Quit => {}
         }
-        self.want(Duration::ZERO);
+        self.schedule_frame(Duration::ZERO);
     }
 
-    /// Begins to load what is wished, or does so once what is being loaded is there.
-    fn load(&mut self, wish: Wish) {
+    /// Starts a load job, or queues the request behind the running one.
+    fn load(&mut self, request: WindowRequest) {
         if self.loading.is_some() {
-            // A scenario comes with the look that is chosen by then.
-            if !matches!((&self.next, &wish), (Some(Wish::Scenario(_)), Wish::Look)) {
-                self.next = Some(wish);
+            // A queued scenario takes the look of that time.
+            if !matches!((&self.next, &request), (Some(WindowRequest::Scenario(_)), WindowRequest::Look)) {
+                self.next = Some(request);
             }
             return;
         }
-        let look = self.desk.state.look;
-        let request = match wish {
-            Wish::Scenario(args) => Request::Scenario(args, look),
+        let look = self.viewer.state.look;
+        let request = match request {
+            WindowRequest::Scenario(args) => LoadRequest::Scenario(args, look),
             _ => {
                 self.settings.preset = Some(look.preset);
-                Request::Look(Arc::clone(self.desk.experiment()), look)
+                LoadRequest::Look(Arc::clone(self.viewer.experiment()), look)
             }
         };
-        self.desk.loading = Some(request.label());
-        match Loading::begin(request, self.stage.context(), Arc::clone(&self.on_news)) {
+        self.viewer.loading = Some(request.label());
+        match LoadJob::begin(request, self.painter.context(), Arc::clone(&self.on_update)) {
             Ok(loading) => self.loading = Some(loading),
             Err(failure) => self.say(failure.message),
         }
     }
 
-    /// Shows what has been loaded.
+    /// Shows the result of a finished load job.
     fn take_loaded(&mut self) {
-        let Some(outcome) = self.loading.as_ref().and_then(Loading::try_finish) else { return };
-        (self.loading, self.desk.loading) = (None, None);
+        let Some(outcome) = self.loading.as_ref().and_then(LoadJob::try_finish) else { return };
+        (self.loading, self.viewer.loading) = (None, None);
         let shown = outcome.and_then(|loaded| {
             if let Some((args, experiment)) = loaded.scenario {
-                self.desk.enter(args, experiment, self.egui.input(|input| input.time))?;
-                self.desk.state.look.hours = loaded.look.hours;
+                self.viewer.enter(args, experiment, self.egui.input(|input| input.time))?;
+                self.viewer.state.look.hours = loaded.look.hours;
             }
-            self.stage.set_city(loaded.city);
+            self.painter.set_city(loaded.city);
             Ok(())
         });
         if let Err(failure) = shown {
             self.say(failure.message);
         }
-        if let Some(wish) = self.next.take() {
-            self.load(wish);
+        if let Some(request) = self.next.take() {
+            self.load(request);
         }
     }
 
     fn say(&mut self, text: String) {
-        self.desk.state.say(text, self.egui.input(|input| input.time));
+        self.viewer.state.say(text, self.egui.input(|input| input.time));
     }
 
-    /// Writes a picture of the window into the working folder.
+    /// Writes a screenshot into the working folder.
     fn keep(&mut self, memory: &wgpu::Texture) {
-        let file = unused(self.desk.moment().now.tick);
-        let written = self.stage.read(memory);
+        let file = unused(self.viewer.run_state().now.tick);
+        let written = self.painter.read(memory);
         let written = written.and_then(|image| write_png(&file, &image).map_err(Failure::failed));
         let whole = std::path::absolute(&file).unwrap_or(file);
         let said =
             written.map_or_else(|failure| failure.message, |()| format!("Screenshot: {}", whole.display()));
         self.say(said);
-        self.want(Duration::ZERO);
+        self.schedule_frame(Duration::ZERO);
     }
 
     fn close(mut self) -> Result<(), Failure> {
         if self.remembers {
-            self.desk.remember(&mut self.settings);
+            self.viewer.remember(&mut self.settings);
             self.settings.save();
         }
-        self.desk.close()
+        self.viewer.close()
     }
 }
 
-/// A name for a screenshot of a tick that no file has yet.
+/// An unused file name for a screenshot of a tick.
 fn unused(tick: u64) -> std::path::PathBuf {
     let first = std::iter::once(format!("city3d-{tick}.png"));
     let others = (2..).map(|k| format!("city3d-{tick}-{k}.png"));

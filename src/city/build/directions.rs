@@ -1,10 +1,10 @@
-//! The direction of travel of every piece, from lines through arcs, and from arrows.
+//! Assigns every piece its direction of travel, propagated from lines and arrows to arcs.
 
-use super::network::{End, Network, Relation};
+use super::network::{PieceEnd, PieceGraph, Tangency};
 use super::pieces::DrawnLine;
 use super::{REACH_M, named, place};
 use crate::city::dxf::Drawing;
-use crate::city::error::{Findings, MapErrorKind};
+use crate::city::error::{Diagnostics, MapErrorKind};
 use crate::geom::{Curve, trig, wrap_angle};
 use std::collections::{BTreeSet, VecDeque};
 use std::f64::consts::PI;
@@ -12,17 +12,17 @@ use std::f64::consts::PI;
 /// An arrow belongs to a piece that it is parallel to within this angle.
 const ARROW_ANGLE_DEG: f64 = 20.0;
 
-/// Turns every piece of the network into its direction of travel, and marks it directed.
+/// Turns every piece into its direction of travel and marks it as directed.
 ///
-/// Directions spread from the pieces that have one over tangent joints: where a piece comes in,
-/// those straight on go out and those beside it come in.
+/// Breadth-first propagation over tangent joints: where a directed piece arrives, pieces straight ahead leave
+/// and pieces beside it arrive.
 pub(super) fn assign(
-    network: &mut Network,
+    network: &mut PieceGraph,
     arrows: &[DrawnLine],
     drawing: &Drawing,
-    findings: &mut Findings,
+    diagnostics: &mut Diagnostics,
 ) {
-    let mut spread = Spread {
+    let mut spread = DirectionPropagation {
         network,
         drawing,
         forward: network.pieces.iter().map(|piece| piece.directed.then_some(true)).collect(),
@@ -35,20 +35,20 @@ pub(super) fn assign(
         }
     }
     for arrow in arrows {
-        spread.arrow(arrow, findings);
+        spread.arrow(arrow, diagnostics);
     }
-    spread.run(findings);
+    spread.run(diagnostics);
     for index in 0..network.pieces.len() {
         if spread.forward[index].is_none() {
-            spread.undirected(index, findings);
+            spread.undirected(index, diagnostics);
         }
     }
     let forward = spread.forward;
     network.orient(&forward);
 }
 
-struct Spread<'a> {
-    network: &'a Network,
+struct DirectionPropagation<'a> {
+    network: &'a PieceGraph,
     drawing: &'a Drawing,
     /// By piece: whether it is driven as drawn.
     forward: Vec<Option<bool>>,
@@ -56,13 +56,13 @@ struct Spread<'a> {
     reported: BTreeSet<(usize, usize)>,
 }
 
-/// Whether a piece driven as drawn, or not, comes in at one of its ends.
-fn comes_in(end: End, forward: bool) -> bool {
+/// Whether a piece arrives at one of its ends, given its direction.
+fn comes_in(end: PieceEnd, forward: bool) -> bool {
     (end % 2 == 1) == forward
 }
 
-impl Spread<'_> {
-    fn arrow(&mut self, arrow: &DrawnLine, findings: &mut Findings) {
+impl DirectionPropagation<'_> {
+    fn arrow(&mut self, arrow: &DrawnLine, diagnostics: &mut Diagnostics) {
         let middle = (arrow.from + arrow.to) / 2.0;
         let along = arrow.to - arrow.from;
         let heading = trig::atan2(along.y, along.x);
@@ -77,9 +77,9 @@ impl Spread<'_> {
             }
         }
         let Some((_, index, forward)) = nearest else {
-            let message = format!("the arrow at {} lies along no lane", place(middle));
+            let message = format!("the arrow at {} is not along a lane", place(middle));
             let remedy = "draw it within half a lane width of a lane and parallel to it, or delete it";
-            findings.error(MapErrorKind::Stray, arrow.entity, message, remedy);
+            diagnostics.error(MapErrorKind::Stray, arrow.entity, message, remedy);
             return;
         };
         match self.forward[index] {
@@ -91,13 +91,13 @@ impl Spread<'_> {
                 let other = &self.drawing.entities[self.network.pieces[index].entity];
                 let message = format!("the arrow points against {}", named(other));
                 let remedy = "turn the arrow, or turn the line (a LINE is driven from its first point)";
-                findings.error(MapErrorKind::Direction, arrow.entity, message, remedy);
+                diagnostics.error(MapErrorKind::Direction, arrow.entity, message, remedy);
             }
             Some(_) => {}
         }
     }
 
-    fn run(&mut self, findings: &mut Findings) {
+    fn run(&mut self, diagnostics: &mut Diagnostics) {
         let network = self.network;
         while let Some(index) = self.queue.pop_front() {
             let Some(forward) = self.forward[index] else { continue };
@@ -107,14 +107,14 @@ impl Spread<'_> {
                     else {
                         continue;
                     };
-                    let other_in = comes_in(end, forward) == (relation == Relation::Beside);
+                    let other_in = comes_in(end, forward) == (relation == Tangency::Beside);
                     let other_forward = comes_in(other, true) == other_in;
                     match self.forward[other / 2] {
                         None => {
                             self.forward[other / 2] = Some(other_forward);
                             self.queue.push_back(other / 2);
                         }
-                        Some(known) if known != other_forward => self.contradiction(end, other, findings),
+                        Some(known) if known != other_forward => self.contradiction(end, other, diagnostics),
                         Some(_) => {}
                     }
                 }
@@ -122,7 +122,7 @@ impl Spread<'_> {
         }
     }
 
-    fn contradiction(&mut self, end: End, other: End, findings: &mut Findings) {
+    fn contradiction(&mut self, end: PieceEnd, other: PieceEnd, diagnostics: &mut Diagnostics) {
         let (first, second) = (end.min(other), end.max(other));
         if !self.reported.insert((first, second)) {
             return;
@@ -136,16 +136,16 @@ impl Spread<'_> {
         );
         let remedy = "turn one of them (REVERSE): a LINE is driven from its first point, and an ARC takes \
                       the direction of the lines and arrows it is joined to";
-        findings.error(MapErrorKind::Direction, entities[1], message, remedy);
+        diagnostics.error(MapErrorKind::Direction, entities[1], message, remedy);
     }
 
-    /// Reports arcs that nothing gives a direction, once for all that are joined.
-    fn undirected(&mut self, index: usize, findings: &mut Findings) {
+    /// Reports arcs without a direction, once per connected group.
+    fn undirected(&mut self, index: usize, diagnostics: &mut Diagnostics) {
         let before = self.forward.iter().flatten().count();
         self.forward[index] = Some(true);
         self.queue.push_back(index);
-        // Their own contradictions are not news while none of them has a direction.
-        self.run(&mut Findings::default());
+        // Their contradictions are reported only once they have a direction.
+        self.run(&mut Diagnostics::default());
         let joined = self.forward.iter().flatten().count() - before - 1;
         let entity = &self.drawing.entities[self.network.pieces[index].entity];
         let others = match joined {
@@ -155,11 +155,11 @@ impl Spread<'_> {
         };
         let message = format!("the ARC has no direction of travel{others}");
         let remedy = "draw a LINE from tail to tip on layer ARROWS along it, or join it to a LINE";
-        findings.error(MapErrorKind::Direction, entity, message, remedy);
+        diagnostics.error(MapErrorKind::Direction, entity, message, remedy);
     }
 }
 
-impl Network {
+impl PieceGraph {
     /// Reverses the pieces that are driven against their drawing.
     fn orient(&mut self, forward: &[Option<bool>]) {
         for (index, forward) in forward.iter().enumerate() {

@@ -1,22 +1,27 @@
-//! Texts on lanes: names and posted speeds.
+//! Applies texts to lanes: names and posted speeds.
 
-use super::lanes::{Roads, check_names, runs};
-use super::{Layers, nearest_lane, place};
-use crate::city::dxf::{Entity, Shape};
-use crate::city::error::{Findings, MapErrorKind};
+use super::lanes::{LaneGraph, check_names, runs};
+use super::{EntitiesByLayer, nearest_lane, place};
+use crate::city::dxf::{Entity, EntityShape};
+use crate::city::error::{Diagnostics, MapErrorKind};
 use crate::city::layers;
 use std::collections::BTreeMap;
 
-/// Faster is a slip of the pen: full-scale speeds or kilometres per hour.
+/// Faster values are likely full-scale speeds or kilometres per hour.
 const MAX_SPEED_MPS: f64 = 5.0;
 
-/// Gives lanes the names and speeds that stand on them.
+/// Gives lanes the names and speeds of the texts placed on them.
 ///
-/// A text that is alone of its layer on a run of lanes speaks for the run, and the lanes of a named
-/// run of several get `/a`, `/b` and so on in driving order; otherwise it speaks for its lane.
-pub(super) fn apply(roads: &mut Roads, by_layer: &Layers, metres: f64, findings: &mut Findings) {
+/// The only text of its layer on a run of lanes holds for the whole run; the lanes of a named run of several
+/// get `/a`, `/b` and so on in driving order. Otherwise a text holds for its own lane.
+pub(super) fn apply(
+    roads: &mut LaneGraph,
+    by_layer: &EntitiesByLayer,
+    metres: f64,
+    diagnostics: &mut Diagnostics,
+) {
     let runs = runs(&roads.lanes);
-    let names = texts(roads, by_layer, layers::NAMES, metres, findings);
+    let names = texts(roads, by_layer, layers::NAMES, metres, diagnostics);
     let mut texts_of_names: BTreeMap<usize, &Entity> = BTreeMap::new();
     for (lanes, (name, entity)) in spread(&names, &runs) {
         for (k, &lane) in lanes.iter().enumerate() {
@@ -25,9 +30,9 @@ pub(super) fn apply(roads: &mut Roads, by_layer: &Layers, metres: f64, findings:
             texts_of_names.insert(lane, entity);
         }
     }
-    check_names(roads, &texts_of_names, findings);
+    check_names(roads, &texts_of_names, diagnostics);
 
-    let speeds = texts(roads, by_layer, layers::SPEEDS, metres, findings);
+    let speeds = texts(roads, by_layer, layers::SPEEDS, metres, diagnostics);
     for (lanes, (text, entity)) in spread(&speeds, &runs) {
         let number = text.strip_suffix("m/s").unwrap_or(text).trim();
         match number.parse::<f64>() {
@@ -37,52 +42,52 @@ pub(super) fn apply(roads: &mut Roads, by_layer: &Layers, metres: f64, findings:
                 }
             }
             _ => {
-                let message = format!("\"{}\" is no speed", shorten(text));
+                let message = format!("\"{}\" is not a speed", shorten(text));
                 let remedy = "write laboratory metres per second, at most 5, such as \"0.35 m/s\"";
-                findings.error(MapErrorKind::Text, entity, message, remedy);
+                diagnostics.error(MapErrorKind::Text, entity, message, remedy);
             }
         }
     }
 }
 
-/// The texts of a layer by the lane on which they stand.
+/// The texts of a layer, by lane.
 fn texts<'a>(
-    roads: &Roads,
-    by_layer: &Layers<'a>,
+    roads: &LaneGraph,
+    by_layer: &EntitiesByLayer<'a>,
     layer: &str,
     metres: f64,
-    findings: &mut Findings,
+    diagnostics: &mut Diagnostics,
 ) -> BTreeMap<usize, (&'a str, &'a Entity)> {
     let mut texts = BTreeMap::new();
     for &entity in by_layer.get(layer).into_iter().flatten() {
-        let Shape::Text { at, text, .. } = &entity.shape else {
-            findings.note(entity, format!("layer {layer} takes texts only: ignored"));
+        let EntityShape::Text { at, text, .. } = &entity.shape else {
+            diagnostics.note(entity, format!("layer {layer} takes texts only: ignored"));
             continue;
         };
         let text = text.trim();
         let Some(lane) = nearest_lane(&roads.lanes, *at * metres) else {
             let message =
-                format!("the text \"{}\" at {} stands on no lane", shorten(text), place(*at * metres));
+                format!("the text \"{}\" at {} is not on a lane", shorten(text), place(*at * metres));
             let remedy = "put its insertion point within half a lane width of a centre line";
-            findings.error(MapErrorKind::Stray, entity, message, remedy);
+            diagnostics.error(MapErrorKind::Stray, entity, message, remedy);
             continue;
         };
         if text.is_empty() || text.len() > 200 || text.chars().any(char::is_control) {
-            let message = format!("\"{}\" is no text for layer {layer}", shorten(text));
+            let message = format!("\"{}\" is not a valid text for layer {layer}", shorten(text));
             let remedy = "write one line of 1 to 200 characters";
-            findings.error(MapErrorKind::Text, entity, message, remedy);
+            diagnostics.error(MapErrorKind::Text, entity, message, remedy);
             continue;
         }
         if let Some((other, _)) = texts.insert(lane, (text, entity)) {
-            let message = format!("\"{}\" and \"{}\" stand on one lane", shorten(other), shorten(text));
+            let message = format!("\"{}\" and \"{}\" are on the same lane", shorten(other), shorten(text));
             let remedy = "delete one, or move it to where it is nearest to its own lane";
-            findings.error(MapErrorKind::Name, entity, message, remedy);
+            diagnostics.error(MapErrorKind::Name, entity, message, remedy);
         }
     }
     texts
 }
 
-/// For each text the lanes that it speaks for.
+/// For each text the lanes that it holds for.
 fn spread<'t, T>(texts: &'t BTreeMap<usize, T>, runs: &[Vec<usize>]) -> Vec<(Vec<usize>, &'t T)> {
     let mut spread = Vec::new();
     for run in runs {

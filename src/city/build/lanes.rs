@@ -1,28 +1,28 @@
-//! Lanes: maximal chains of pieces between branchings.
+//! Builds the lane graph: a lane is a maximal chain of pieces between branchings.
 
-use super::network::{Network, Relation};
+use super::network::{PieceGraph, Tangency};
 use super::{DEFAULT_SPEED_MPS, LANE_WIDTH_M, place};
 use crate::city::dxf::{Drawing, Entity};
-use crate::city::error::{Findings, MapErrorKind};
+use crate::city::error::{Diagnostics, MapErrorKind};
 use crate::city::{Lane, LaneId, LaneKind};
 use crate::geom::{Curve, Segment};
 use std::collections::BTreeMap;
 
-/// Lanes and what later steps need of how they came about.
+/// The lane graph, with its end nodes and entity handles.
 #[derive(Debug)]
-pub(super) struct Roads {
+pub(super) struct LaneGraph {
     /// By id; the ids follow the first piece of each in the file.
     pub lanes: Vec<Lane>,
-    /// By lane: the points of the network where it starts and ends.
+    /// By lane: the graph nodes where it starts and ends.
     pub nodes: Vec<[usize; 2]>,
-    /// By lane: a handle or a line of the file to call it by.
+    /// By lane: a handle or a line of the file that identifies it.
     pub handles: Vec<String>,
 }
 
-pub(super) fn build(network: &Network, drawing: &Drawing, findings: &mut Findings) -> Roads {
+pub(super) fn build(network: &PieceGraph, drawing: &Drawing, diagnostics: &mut Diagnostics) -> LaneGraph {
     let count = network.pieces.len();
     let (out, into) = links(network);
-    // The piece that a piece goes on in within one lane.
+    // The unique successor of a piece within one lane.
     let next: Vec<Option<usize>> = (0..count)
         .map(|p| match out[p].as_slice() {
             &[q] if into[q].len() == 1 && network.pieces[p].kind == network.pieces[q].kind => Some(q),
@@ -36,7 +36,7 @@ pub(super) fn build(network: &Network, drawing: &Drawing, findings: &mut Finding
 
     let mut chains: Vec<Vec<usize>> = Vec::new();
     let mut chained = vec![false; count];
-    // Chains with a beginning first; what remains are rings, which begin at their first piece.
+    // Open chains first; what remains are rings, which begin at their first piece.
     for rings in [false, true] {
         for start in 0..count {
             if chained[start] || (!rings && has_previous[start]) {
@@ -85,19 +85,19 @@ pub(super) fn build(network: &Network, drawing: &Drawing, findings: &mut Finding
             right: None,
         });
     }
-    report_ends(&lanes, findings);
-    Roads { lanes, nodes, handles }
+    report_ends(&lanes, diagnostics);
+    LaneGraph { lanes, nodes, handles }
 }
 
-/// By piece, the pieces that it goes on in, and those that go on in it.
-fn links(network: &Network) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
+/// Successors and predecessors of each piece.
+fn links(network: &PieceGraph) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
     let mut out = vec![Vec::new(); network.pieces.len()];
     let mut into = vec![Vec::new(); network.pieces.len()];
     for node in 0..network.node_count() {
         let ends = network.ends_at(node);
         for &a in ends.iter().filter(|&&end| end % 2 == 1) {
             for &b in ends.iter().filter(|&&end| end % 2 == 0) {
-                if network.relation(a, b) == Some(Relation::Through) {
+                if network.relation(a, b) == Some(Tangency::Through) {
                     out[a / 2].push(b / 2);
                     into[b / 2].push(a / 2);
                 }
@@ -107,9 +107,9 @@ fn links(network: &Network) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
     (out, into)
 }
 
-/// What to call each chain by: the handle of its first piece in the file, or the line of the file;
-/// numbered where several lanes come from one entity.
-fn handles(chains: &[Vec<usize>], network: &Network, drawing: &Drawing) -> Vec<String> {
+/// The identifier of each chain: the handle of its first piece in the file, or the line of the file; numbered
+/// where several lanes come from one entity.
+fn handles(chains: &[Vec<usize>], network: &PieceGraph, drawing: &Drawing) -> Vec<String> {
     let entity_of = |chain: &Vec<usize>| chain.iter().min().map_or(0, |&piece| network.pieces[piece].entity);
     let mut uses: BTreeMap<usize, usize> = BTreeMap::new();
     for chain in chains {
@@ -131,8 +131,8 @@ fn handles(chains: &[Vec<usize>], network: &Network, drawing: &Drawing) -> Vec<S
     handles
 }
 
-/// Where lanes begin or end in nothing: the edge of a map, or a mistake its author would like to know.
-fn report_ends(lanes: &[Lane], findings: &mut Findings) {
+/// Notes lanes without a predecessor or successor: the edge of a map, or a mistake.
+fn report_ends(lanes: &[Lane], diagnostics: &mut Diagnostics) {
     const SHOWN: usize = 5;
     let list = |ends: &[(&Lane, glam::DVec2)]| {
         let mut places: Vec<String> = ends.iter().take(SHOWN).map(|(_, at)| place(*at)).collect();
@@ -145,16 +145,20 @@ fn report_ends(lanes: &[Lane], findings: &mut Findings) {
     let dead: Vec<_> = lanes.iter().filter(|lane| lane.successors.is_empty()).collect();
     if !open.is_empty() {
         let places: Vec<_> = open.iter().map(|&lane| (lane, lane.curve.start().position)).collect();
-        findings.note_all(format!("{} lanes begin in nothing: {}", open.len(), list(&places)));
+        diagnostics.note_all(format!("{} lanes have no lane before them: {}", open.len(), list(&places)));
     }
     if !dead.is_empty() {
         let places: Vec<_> = dead.iter().map(|&lane| (lane, lane.curve.end().position)).collect();
-        findings.note_all(format!("{} lanes end in nothing: {}", dead.len(), list(&places)));
+        diagnostics.note_all(format!("{} lanes have no lane after them: {}", dead.len(), list(&places)));
     }
 }
 
 /// Reports names that two lanes share.
-pub(super) fn check_names(roads: &Roads, texts: &BTreeMap<usize, &Entity>, findings: &mut Findings) {
+pub(super) fn check_names(
+    roads: &LaneGraph,
+    texts: &BTreeMap<usize, &Entity>,
+    diagnostics: &mut Diagnostics,
+) {
     let mut first: BTreeMap<&str, usize> = BTreeMap::new();
     for (k, lane) in roads.lanes.iter().enumerate() {
         let Some(&other) = first.get(lane.name.as_str()) else {
@@ -165,10 +169,10 @@ pub(super) fn check_names(roads: &Roads, texts: &BTreeMap<usize, &Entity>, findi
         let message = format!("two lanes are named \"{}\", from {} and from {}", lane.name, ends[0], ends[1]);
         let remedy = "give each lane a name of its own";
         match texts.get(&k).or_else(|| texts.get(&other)) {
-            Some(text) => findings.error(MapErrorKind::Name, text, message, remedy),
+            Some(text) => diagnostics.error(MapErrorKind::Name, text, message, remedy),
             None => {
                 let entity = format!("entity {}", roads.handles[k]);
-                findings.error_at(
+                diagnostics.error_at(
                     MapErrorKind::Name,
                     1,
                     entity,
@@ -180,8 +184,8 @@ pub(super) fn check_names(roads: &Roads, texts: &BTreeMap<usize, &Entity>, findi
     }
 }
 
-/// Runs of lanes that go on in each other: the only successor and the only predecessor of the kind
-/// [`LaneKind::Lane`], connectors left aside. Each in driving order; a ring begins at its first lane.
+/// Runs of road lanes in which each is the only successor of the one before, connectors left aside. Each run
+/// is in driving order; a ring begins at its first lane.
 pub(super) fn runs(lanes: &[Lane]) -> Vec<Vec<usize>> {
     let only = |ids: &[LaneId]| {
         let mut roads = ids.iter().filter(|id| lanes[id.index()].kind == LaneKind::Lane);

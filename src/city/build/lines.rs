@@ -1,32 +1,32 @@
-//! Stop and yield lines: drawn across one or more lanes, one control line for each.
+//! Builds control lines from the drawn stop and yield lines, one for each lane crossed.
 
 use super::pieces::{DrawnLine, lines_of};
-use super::{JOIN_TOLERANCE_M, Layers, place};
-use crate::city::error::{Findings, MapErrorKind};
+use super::{EntitiesByLayer, JOIN_TOLERANCE_M, place};
+use crate::city::error::{Diagnostics, MapErrorKind};
 use crate::city::{ControlLine, ControlLineKind, Lane, LaneId, layers};
 use crate::geom::Segment;
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// A line at a joint counts for the lane that ends there and not for those that go on from it.
+/// A line at a joint belongs to the lane that ends there, not to its successors.
 const AT_JOINT_M: f64 = 0.01;
 
 /// Control lines in the order of kinds and of the file, those of one drawn line by lane.
 pub(super) fn build(
     lanes: &[Lane],
-    by_layer: &Layers,
+    by_layer: &EntitiesByLayer,
     metres: f64,
-    findings: &mut Findings,
+    diagnostics: &mut Diagnostics,
 ) -> Vec<ControlLine> {
     let mut lines = Vec::new();
     for (layer, kind) in
         [(layers::STOP_LINES, ControlLineKind::Stop), (layers::YIELD_LINES, ControlLineKind::Yield)]
     {
-        for drawn in lines_of(by_layer, layer, metres, findings) {
+        for drawn in lines_of(by_layer, layer, metres, diagnostics) {
             let crossed = crossed_lanes(lanes, &drawn);
             if crossed.is_empty() {
                 let message = format!("the line at {} crosses no lane", place((drawn.from + drawn.to) / 2.0));
                 let remedy = "draw it across the centre line of a lane, within 45 degrees of square to it";
-                findings.error(MapErrorKind::Stray, drawn.entity, message, remedy);
+                diagnostics.error(MapErrorKind::Stray, drawn.entity, message, remedy);
             }
             let ends = [drawn.from, drawn.to];
             lines.extend(crossed.into_iter().map(|(lane, at_m)| ControlLine { kind, lane, at_m, ends }));
@@ -35,7 +35,7 @@ pub(super) fn build(
     lines
 }
 
-/// Lanes whose centre line the drawn line crosses more square than along, and where.
+/// Lanes whose centre line the drawn line crosses at more than 45 degrees, and where.
 fn crossed_lanes(lanes: &[Lane], drawn: &DrawnLine) -> Vec<(LaneId, f64)> {
     let mut crossed: Vec<(LaneId, f64)> = Vec::new();
     for lane in lanes {

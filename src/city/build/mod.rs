@@ -1,19 +1,20 @@
-//! From a drawing to a map: entities become pieces, pieces a network, the network lanes and zones.
+//! Builds a road map from a drawing: entities become pieces, pieces a graph, and the graph lanes and conflict
+//! zones.
 //!
-//! `docs/maps.md` states for map authors what is done here.
+//! `docs/maps.md` documents this for map authors.
 
 mod directions;
 mod labels;
 mod lanes;
 mod lines;
 mod neighbours;
-mod network;
+pub(super) mod network;
 pub(super) mod pieces;
 mod scenery;
 mod zones;
 
-use super::dxf::{Drawing, Entity, ReadDrawing};
-use super::error::{Findings, MapErrorKind, MapErrors, MapNote};
+use super::dxf::{Drawing, Entity, ParsedDrawing};
+use super::error::{Diagnostics, MapErrorKind, MapErrors, MapNote};
 use super::{LabMap, Lane, LaneKind, RoadMap, layers};
 use glam::DVec2;
 use std::collections::BTreeMap;
@@ -30,15 +31,15 @@ pub const REACH_M: f64 = LANE_WIDTH_M / 2.0;
 pub const KINK_TOLERANCE_DEG: f64 = 1.0;
 /// Posted speed where the drawing states none.
 pub const DEFAULT_SPEED_MPS: f64 = 0.5;
-/// No coordinate may be farther from the origin: 25 km at full scale.
+/// Largest distance of a coordinate from the origin: 25 km at full scale.
 pub const MAX_COORDINATE_M: f64 = 1000.0;
 /// Most pieces of lanes, and most metres of them, that a map may have.
 pub const MAX_PIECES: usize = 5000;
-/// Most entities on any one layer that means something.
+/// Most entities on any layer that the map uses.
 pub const MAX_ENTITIES_OF_LAYER: usize = 5000;
 pub const MAX_LANES_LENGTH_M: f64 = 1000.0;
 
-/// A map and what its author may want to know about it.
+/// A map, and notes for its author.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadedMap {
     pub map: LabMap,
@@ -48,10 +49,10 @@ pub struct LoadedMap {
 /// Reads a map from the bytes of an ASCII DXF file.
 ///
 /// # Errors
-/// Everything that is wrong with the drawing, each fault with its line, entity, finding and remedy.
-/// Faults of the file hide those of the lanes, and faults of the lanes those of texts and lines.
+/// All errors of the drawing, each with line, entity, finding and remedy. Errors of the file hide those of
+/// the lanes, and errors of the lanes those of texts and lines.
 pub fn load_map(bytes: &[u8]) -> Result<LoadedMap, MapErrors> {
-    build_map(&ReadDrawing::parse(bytes)?)
+    build_map(&ParsedDrawing::parse(bytes)?)
 }
 
 /// Builds a map from a drawing in memory.
@@ -59,50 +60,50 @@ pub fn load_map(bytes: &[u8]) -> Result<LoadedMap, MapErrors> {
 /// # Errors
 /// As [`load_map`]. Entities of a drawing in memory have no lines, and handles only where given.
 pub fn map_of_drawing(drawing: &Drawing) -> Result<LoadedMap, MapErrors> {
-    build_map(&ReadDrawing { drawing: drawing.clone(), unread: Vec::new() })
+    build_map(&ParsedDrawing { drawing: drawing.clone(), unsupported: Vec::new() })
 }
 
 /// Entities in file order by layer, layer names in capitals.
-type Layers<'a> = BTreeMap<String, Vec<&'a Entity>>;
+type EntitiesByLayer<'a> = BTreeMap<String, Vec<&'a Entity>>;
 
-fn build_map(read: &ReadDrawing) -> Result<LoadedMap, MapErrors> {
-    let mut findings = Findings::default();
+fn build_map(read: &ParsedDrawing) -> Result<LoadedMap, MapErrors> {
+    let mut diagnostics = Diagnostics::default();
     let metres = read.drawing.units.metres();
-    let mut by_layer = Layers::new();
+    let mut by_layer = EntitiesByLayer::new();
     for entity in &read.drawing.entities {
         by_layer.entry(entity.layer.to_ascii_uppercase()).or_default().push(entity);
     }
-    check_layers(&by_layer, read, &mut findings);
-    findings.check_size()?;
-    let scenery = scenery::build(&by_layer, metres, &mut findings);
-    let models = scenery::models(&by_layer, metres, &mut findings);
+    check_layers(&by_layer, read, &mut diagnostics);
+    diagnostics.check_size()?;
+    let scenery = scenery::build(&by_layer, metres, &mut diagnostics);
+    let models = scenery::models(&by_layer, metres, &mut diagnostics);
 
-    let pieces = pieces::build(&read.drawing, metres, &mut findings);
-    findings.check()?;
-    let mut network = network::Network::join(pieces, &read.drawing, &mut findings);
-    findings.check()?;
-    let arrows = pieces::lines_of(&by_layer, layers::ARROWS, metres, &mut findings);
-    directions::assign(&mut network, &arrows, &read.drawing, &mut findings);
-    findings.check()?;
-    let mut roads = lanes::build(&network, &read.drawing, &mut findings);
-    labels::apply(&mut roads, &by_layer, metres, &mut findings);
-    let lines = lines::build(&roads.lanes, &by_layer, metres, &mut findings);
-    findings.check()?;
+    let pieces = pieces::build(&read.drawing, metres, &mut diagnostics);
+    diagnostics.check()?;
+    let mut network = network::PieceGraph::join(pieces, &read.drawing, &mut diagnostics);
+    diagnostics.check()?;
+    let arrows = pieces::lines_of(&by_layer, layers::ARROWS, metres, &mut diagnostics);
+    directions::assign(&mut network, &arrows, &read.drawing, &mut diagnostics);
+    diagnostics.check()?;
+    let mut roads = lanes::build(&network, &read.drawing, &mut diagnostics);
+    labels::apply(&mut roads, &by_layer, metres, &mut diagnostics);
+    let lines = lines::build(&roads.lanes, &by_layer, metres, &mut diagnostics);
+    diagnostics.check()?;
 
     neighbours::link(&mut roads.lanes);
-    let zones = zones::find(&roads, &mut findings);
-    findings.check()?;
+    let zones = zones::find(&roads, &mut diagnostics);
+    diagnostics.check()?;
     let mut map = RoadMap::new(roads.lanes, zones, lines, scenery);
     map.models = models;
-    Ok(LoadedMap { map: LabMap(map), notes: findings.notes })
+    Ok(LoadedMap { map: LabMap(map), notes: diagnostics.notes })
 }
 
-/// Whether a point lies where a map may.
+/// Whether a point is within the permitted coordinates.
 fn in_map(at: DVec2) -> bool {
     at.is_finite() && at.abs().max_element() <= MAX_COORDINATE_M
 }
 
-/// Whether the layer holds lanes, and of which kind.
+/// The kind of lane that a layer holds, if it holds lanes.
 pub(super) fn lane_kind(layer: &str) -> Option<LaneKind> {
     if layer.eq_ignore_ascii_case(layers::LANES) {
         Some(LaneKind::Lane)
@@ -127,53 +128,59 @@ fn is_known(layer: &str) -> bool {
     KNOWN.contains(&layer) || layers::scenery_kind(layer).is_some()
 }
 
-/// Entities that cannot be read are errors on layers that mean something and counted elsewhere;
-/// foreign layers are counted, and those that look like scenery are errors.
-fn check_layers(by_layer: &Layers, read: &ReadDrawing, findings: &mut Findings) {
+/// Checks layer names. Unsupported entities are errors on layers that the map uses, and are only counted
+/// elsewhere. Unknown layers are counted; those that look like scenery are errors.
+fn check_layers(by_layer: &EntitiesByLayer, read: &ParsedDrawing, diagnostics: &mut Diagnostics) {
     let mut ignored: BTreeMap<String, usize> = BTreeMap::new();
     for (layer, entities) in by_layer {
         if is_known(layer) {
             if entities.len() > MAX_ENTITIES_OF_LAYER {
                 let message = format!("layer {layer} has more than {MAX_ENTITIES_OF_LAYER} entities");
-                findings.error(MapErrorKind::Size, entities[0], message, "split the map");
+                diagnostics.error(MapErrorKind::Size, entities[0], message, "split the map");
             }
             continue;
         }
         if layer.starts_with(layers::SCENERY_PREFIX) {
-            let message = format!("{layer} is no kind of scenery");
-            findings.error(MapErrorKind::Layer, entities[0], message, &scenery::kinds_remedy());
+            let message = format!("{layer} is not a layer of scenery");
+            diagnostics.error(MapErrorKind::Layer, entities[0], message, &scenery::kinds_remedy());
         } else {
             *ignored.entry(layer.clone()).or_default() += entities.len();
         }
     }
-    for unread in &read.unread {
-        let layer = unread.layer.to_ascii_uppercase();
-        if !is_known(&layer) || unread.kind == "POINT" {
+    for unsupported in &read.unsupported {
+        let layer = unsupported.layer.to_ascii_uppercase();
+        if !is_known(&layer) || unsupported.kind == "POINT" {
             *ignored.entry(layer).or_default() += 1;
             continue;
         }
-        let entity = format!("{} {}", unread.kind, unread.handle).trim_end().to_owned();
-        let message = format!("this entity cannot be taken from layer {layer}");
-        findings.error_at(MapErrorKind::Unsupported, unread.line, entity, message, unread.remedy);
+        let entity = format!("{} {}", unsupported.kind, unsupported.handle).trim_end().to_owned();
+        let message = format!("layer {layer} cannot have an entity of this kind");
+        diagnostics.error_at(
+            MapErrorKind::Unsupported,
+            unsupported.line,
+            entity,
+            message,
+            unsupported.remedy,
+        );
     }
     for (layer, count) in ignored {
         let entities = if count == 1 { "entity" } else { "entities" };
-        findings.note_all(format!("layer {layer}: {count} {entities} ignored"));
+        diagnostics.note_all(format!("layer {layer}: {count} {entities} ignored"));
     }
 }
 
-/// A place for a message, in laboratory metres.
+/// A position for a message, in laboratory metres.
 pub(super) fn place(at: DVec2) -> String {
     format!("({:.3}, {:.3})", at.x, at.y)
 }
 
-/// An entity with its line, for messages about two.
+/// An entity with its line, for messages that name two.
 pub(super) fn named(entity: &Entity) -> String {
     if entity.line == 0 { entity.label() } else { format!("{} (line {})", entity.label(), entity.line) }
 }
 
-/// The lane nearest to a point within reach; of lanes that coincide there, one of a road rather than
-/// a way across a junction, and the first.
+/// The lane nearest to a point within reach. Where lanes coincide, a road lane comes before a connector, then
+/// the first.
 fn nearest_lane(lanes: &[Lane], point: DVec2) -> Option<usize> {
     const SAME_M: f64 = 1e-6;
     let mut best: Option<(f64, usize)> = None;

@@ -1,4 +1,4 @@
-//! Lanes of the same direction side by side.
+//! Finds adjacent lanes of the same direction.
 
 use super::LANE_WIDTH_M;
 use crate::city::{Lane, LaneId};
@@ -6,15 +6,15 @@ use crate::geom::wrap_angle;
 use glam::DVec2;
 use std::collections::BTreeMap;
 
-/// Distances of neighbours, in lane widths.
+/// Range of distances between adjacent lanes, in lane widths.
 const NEAR: f64 = 0.7;
 const FAR: f64 = 1.3;
 const ANGLE_DEG: f64 = 10.0;
-/// Places along a lane at which its neighbours are looked for.
+/// Sample points along a lane.
 const PLACES: usize = 24;
 
-/// Sets left and right neighbours: those alongside for at least half of the lane, and of several the
-/// one alongside for longest, then the first.
+/// Sets left and right neighbours: lanes alongside for at least half of the lane; of several, the one
+/// alongside for longest, then the first.
 pub(super) fn link(lanes: &mut [Lane]) {
     let boxes: Vec<[DVec2; 2]> = lanes.iter().map(|lane| bounds(lane, LANE_WIDTH_M * FAR)).collect();
     let found: Vec<[Option<LaneId>; 2]> = (0..lanes.len()).map(|k| neighbours(lanes, &boxes, k)).collect();
@@ -39,7 +39,7 @@ fn neighbours(lanes: &[Lane], boxes: &[[DVec2; 2]], index: usize) -> [Option<Lan
             let (ahead, left) = (offset.dot(pose.forward()), offset.dot(pose.left()));
             let turn = wrap_angle(foot.yaw_rad - pose.yaw_rad).abs();
             let widths = left.abs() / LANE_WIDTH_M;
-            // Where the other lane has ended its nearest point lies ahead or behind rather than abreast.
+            // Beyond the end of the other lane, its nearest point lies ahead or behind instead of abreast.
             let abreast = ahead.abs() <= 0.3 * LANE_WIDTH_M;
             if abreast && turn <= ANGLE_DEG.to_radians() && (NEAR..=FAR).contains(&widths) {
                 *counts[usize::from(left < 0.0)].entry(other.id).or_default() += 1;
@@ -52,9 +52,9 @@ fn neighbours(lanes: &[Lane], boxes: &[[DVec2; 2]], index: usize) -> [Option<Lan
     })
 }
 
-/// A box around a lane.
+/// The bounding box of a lane.
 pub(super) fn bounds(lane: &Lane, margin: f64) -> [DVec2; 2] {
-    // Between points this far apart no arc that a lane can have leaves the box by more than this.
+    // Between samples this far apart no arc of a lane leaves the box by more than this.
     const STEP_M: f64 = 0.05;
     let points = lane.curve.sample(STEP_M);
     let (low, high) = points.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), (_, p)| {

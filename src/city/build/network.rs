@@ -1,54 +1,54 @@
-//! Which pieces meet where: ends joined, pieces split where others branch off, faults of the joints.
+//! The graph of pieces: joins ends, splits pieces where others branch off, and reports faulty joints.
 
-use super::pieces::Piece;
+use super::pieces::LanePiece;
 use super::{JOIN_TOLERANCE_M, KINK_TOLERANCE_DEG, REACH_M, SILENT_JOIN_M, named, place};
 use crate::city::dxf::Drawing;
-use crate::city::error::{Findings, MapErrorKind};
+use crate::city::error::{Diagnostics, MapErrorKind};
 use crate::geom::{Curve, Pose2, Segment, wrap_angle};
 use glam::DVec2;
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
 
-/// Ends of different pieces count as lined up for the report of a gap within this angle.
+/// Ends within this angle count as aligned when a gap is reported.
 const GAP_ANGLE_DEG: f64 = 5.0;
 
 /// An end of a piece: twice its index, plus one for the end that the segment runs to.
-pub(super) type End = usize;
+pub(super) type PieceEnd = usize;
 
-/// How two ends in one point lie to each other.
+/// How two piece ends that meet in one point continue each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Relation {
-    /// One goes on where the other comes in.
+pub(in crate::city) enum Tangency {
+    /// One continues the other.
     Through,
-    /// Side by side: both come in or both go out.
+    /// Side by side: both arrive or both leave.
     Beside,
 }
 
-/// Pieces and the points where they meet.
+/// Pieces and the nodes where their ends meet.
 #[derive(Debug)]
-pub(super) struct Network {
-    pub pieces: Vec<Piece>,
+pub(super) struct PieceGraph {
+    pub pieces: Vec<LanePiece>,
     nodes: Vec<DVec2>,
     /// By end.
     node_of: Vec<usize>,
     /// By node, in order.
-    ends_at: Vec<Vec<End>>,
+    ends_at: Vec<Vec<PieceEnd>>,
 }
 
-impl Network {
-    /// Joins ends, splits pieces, and reports gaps, kinks and ways that are drawn twice.
-    pub(super) fn join(pieces: Vec<Piece>, drawing: &Drawing, findings: &mut Findings) -> Self {
+impl PieceGraph {
+    /// Joins ends, splits pieces, and reports gaps, kinks and duplicate lanes.
+    pub(super) fn join(pieces: Vec<LanePiece>, drawing: &Drawing, diagnostics: &mut Diagnostics) -> Self {
         let mut network = Self { pieces, nodes: Vec::new(), node_of: Vec::new(), ends_at: Vec::new() };
-        network.find_nodes(drawing, findings);
-        network.split(findings);
+        network.find_nodes(drawing, diagnostics);
+        network.split(diagnostics);
         network.refit();
-        network.report_overlaps(drawing, findings);
-        network.report_gaps(drawing, findings);
-        network.report_kinks(drawing, findings);
+        network.report_overlaps(drawing, diagnostics);
+        network.report_gaps(drawing, diagnostics);
+        network.report_kinks(drawing, diagnostics);
         network
     }
 
-    pub(super) fn node(&self, end: End) -> usize {
+    pub(super) fn node(&self, end: PieceEnd) -> usize {
         self.node_of[end]
     }
 
@@ -60,11 +60,11 @@ impl Network {
         self.nodes.len()
     }
 
-    pub(super) fn ends_at(&self, node: usize) -> &[End] {
+    pub(super) fn ends_at(&self, node: usize) -> &[PieceEnd] {
         &self.ends_at[node]
     }
 
-    /// Exchanges the ends of a piece in the record of what meets where.
+    /// Swaps the ends of a piece in the node lists.
     pub(super) fn swap_ends(&mut self, piece: usize) {
         let (a, b) = (2 * piece, 2 * piece + 1);
         let nodes = [self.node_of[a], self.node_of[b]];
@@ -81,36 +81,36 @@ impl Network {
         self.node_of.swap(a, b);
     }
 
-    fn pose(&self, end: End) -> Pose2 {
+    fn pose(&self, end: PieceEnd) -> Pose2 {
         let segment = &self.pieces[end / 2].segment;
         if end.is_multiple_of(2) { segment.start } else { segment.end() }
     }
 
-    /// The heading with which one leaves the point into the piece.
-    fn leaving(&self, end: End) -> f64 {
+    /// The heading that leaves the node into the piece.
+    fn leaving(&self, end: PieceEnd) -> f64 {
         let yaw = self.pose(end).yaw_rad;
         if end.is_multiple_of(2) { yaw } else { wrap_angle(yaw + PI) }
     }
 
-    /// How far from straight on the way from one end into the other is.
-    fn kink(&self, a: End, b: End) -> f64 {
+    /// Deviation from straight on between one end and the other.
+    fn kink(&self, a: PieceEnd, b: PieceEnd) -> f64 {
         wrap_angle(self.leaving(a) - self.leaving(b) + PI).abs()
     }
 
     /// `None` where two ends in one point are not tangent to each other.
-    pub(super) fn relation(&self, a: End, b: End) -> Option<Relation> {
+    pub(super) fn relation(&self, a: PieceEnd, b: PieceEnd) -> Option<Tangency> {
         let kink = self.kink(a, b);
         if kink <= KINK_TOLERANCE_DEG.to_radians() {
-            Some(Relation::Through)
+            Some(Tangency::Through)
         } else if PI - kink <= KINK_TOLERANCE_DEG.to_radians() {
-            Some(Relation::Beside)
+            Some(Tangency::Beside)
         } else {
             None
         }
     }
 
     /// Each end joins the first point of the file within the tolerance, or makes one.
-    fn find_nodes(&mut self, drawing: &Drawing, findings: &mut Findings) {
+    fn find_nodes(&mut self, drawing: &Drawing, diagnostics: &mut Diagnostics) {
         let cell =
             |p: DVec2| ((p.x / JOIN_TOLERANCE_M).floor() as i64, (p.y / JOIN_TOLERANCE_M).floor() as i64);
         let mut grid: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
@@ -133,7 +133,7 @@ impl Network {
                             by * 1e3,
                             named(other)
                         );
-                        findings.note(entity, message);
+                        diagnostics.note(entity, message);
                     }
                     self.node_of.push(node);
                     self.ends_at[node].push(end);
@@ -149,7 +149,7 @@ impl Network {
     }
 
     /// Splits pieces where an end of another one lies on them, tangent to them.
-    fn split(&mut self, findings: &mut Findings) {
+    fn split(&mut self, diagnostics: &mut Diagnostics) {
         let boxes: Vec<[DVec2; 2]> =
             self.pieces.iter().map(|piece| bounds(&piece.segment, JOIN_TOLERANCE_M)).collect();
         // By piece: arc length and node.
@@ -180,7 +180,7 @@ impl Network {
         if count == 0 {
             return;
         }
-        findings.note_all(format!("{count} branchings: lanes split where others start or end on them"));
+        diagnostics.note_all(format!("{count} branchings: lanes split where others start or end on them"));
         let mut pieces = Vec::with_capacity(self.pieces.len() + count);
         let mut node_of = Vec::with_capacity(2 * (self.pieces.len() + count));
         for (index, piece) in self.pieces.iter().enumerate() {
@@ -193,7 +193,7 @@ impl Network {
                     continue;
                 }
                 let segment = Segment::new(piece.segment.pose_at(from), s - from, piece.segment.curvature);
-                pieces.push(Piece { segment, ..piece.clone() });
+                pieces.push(LanePiece { segment, ..piece.clone() });
                 node_of.extend([node, next]);
                 (from, node) = (s, next);
             }
@@ -205,10 +205,10 @@ impl Network {
         (self.pieces, self.node_of) = (pieces, node_of);
     }
 
-    /// Moves pieces so that their ends lie in the common points: turned and scaled about as little
-    /// as the ends were apart, so that an arc stays an arc of the same sweep.
+    /// Moves the ends of pieces to their nodes. Each piece is rotated and scaled about as little as its ends
+    /// were apart, so that an arc keeps its sweep.
     fn refit(&mut self) {
-        /// Rounding noise is left alone, and with it the radius as drawn.
+        /// Rounding noise is not corrected: the radius stays as drawn.
         const NOISE_M: f64 = 1e-9;
         for index in 0..self.pieces.len() {
             let segment = self.pieces[index].segment;
@@ -219,7 +219,7 @@ impl Network {
                 continue;
             }
             let (old, new) = (end - start, to - from);
-            // A ring that closes on itself has no chord to turn.
+            // A closed ring has no chord to rotate.
             if old.length() < 10.0 * JOIN_TOLERANCE_M && segment.curvature != 0.0 || new.length() == 0.0 {
                 continue;
             }
@@ -231,7 +231,7 @@ impl Network {
         }
     }
 
-    fn report_overlaps(&self, drawing: &Drawing, findings: &mut Findings) {
+    fn report_overlaps(&self, drawing: &Drawing, diagnostics: &mut Diagnostics) {
         let mut by_nodes: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
         for index in 0..self.pieces.len() {
             let (a, b) = (self.node_of[2 * index], self.node_of[2 * index + 1]);
@@ -256,26 +256,26 @@ impl Network {
                     named(entities[0])
                 );
                 let remedy = "delete one, or trim it to where the other starts";
-                findings.error(MapErrorKind::Overlap, entities[1], message, remedy);
+                diagnostics.error(MapErrorKind::Overlap, entities[1], message, remedy);
             }
         }
     }
 
-    /// An end that leads nowhere, with another one lined up a little ahead.
-    fn report_gaps(&self, drawing: &Drawing, findings: &mut Findings) {
-        let dangling = |end: End| self.ends_at[self.node_of[end]].len() == 1;
+    /// Reports a free end with another one aligned a little ahead.
+    fn report_gaps(&self, drawing: &Drawing, diagnostics: &mut Diagnostics) {
+        let dangling = |end: PieceEnd| self.ends_at[self.node_of[end]].len() == 1;
         let ends: Vec<(DVec2, f64)> =
             (0..self.node_of.len()).map(|end| (self.nodes[self.node_of[end]], self.leaving(end))).collect();
         for end in (0..ends.len()).filter(|&end| dangling(end)) {
-            let lined_up = |other: &End| {
+            let lined_up = |other: &PieceEnd| {
                 let distance = ends[*other].0.distance(ends[end].0);
-                // The other end of the same short piece is no candidate.
+                // The other end of the same piece does not count.
                 distance <= REACH_M
                     && (other / 2 != end / 2 || self.pieces[end / 2].segment.length > 2.0 * REACH_M)
                     && wrap_angle(ends[*other].1 - ends[end].1 + PI).abs() <= GAP_ANGLE_DEG.to_radians()
             };
             let nearest = (0..ends.len()).filter(|&other| other != end).filter(lined_up).min_by(|&a, &b| {
-                let distance = |e: End| ends[e].0.distance(ends[end].0);
+                let distance = |e: PieceEnd| ends[e].0.distance(ends[end].0);
                 distance(a).total_cmp(&distance(b)).then(a.cmp(&b))
             });
             let Some(other) = nearest.filter(|&other| !(dangling(other) && other < end)) else { continue };
@@ -287,12 +287,12 @@ impl Network {
                 named(entities[0]),
                 named(entities[1])
             );
-            findings.error(MapErrorKind::Gap, entities[0], message, "move the ends together");
+            diagnostics.error(MapErrorKind::Gap, entities[0], message, "move the ends together");
         }
     }
 
-    /// An end that meets others, none of them tangent to it.
-    fn report_kinks(&self, drawing: &Drawing, findings: &mut Findings) {
+    /// Reports an end that meets others but is tangent to none.
+    fn report_kinks(&self, drawing: &Drawing, diagnostics: &mut Diagnostics) {
         let mut reported = BTreeSet::new();
         for ends in &self.ends_at {
             for &end in ends {
@@ -316,13 +316,13 @@ impl Network {
                     named(entities[1])
                 );
                 let remedy = "joints must be tangent within 1 degree: join them by an arc tangent to both";
-                findings.error(MapErrorKind::Kink, entities[1], message, remedy);
+                diagnostics.error(MapErrorKind::Kink, entities[1], message, remedy);
             }
         }
     }
 }
 
-/// A box around a segment.
+/// The bounding box of a segment.
 fn bounds(segment: &Segment, margin: f64) -> [DVec2; 2] {
     // A chord of a tenth of a turn leaves its arc by less than 5 % of the radius.
     let step = segment.radius().map_or(segment.length, |radius| radius * PI / 5.0);

@@ -1,18 +1,20 @@
-//! Straight lines and arcs out of the entities of the lane layers.
+//! Converts the entities of the lane layers to straight and circular pieces.
 
-use super::{JOIN_TOLERANCE_M, Layers, MAX_COORDINATE_M, MAX_LANES_LENGTH_M, MAX_PIECES, in_map, lane_kind};
+use super::{
+    EntitiesByLayer, JOIN_TOLERANCE_M, MAX_COORDINATE_M, MAX_LANES_LENGTH_M, MAX_PIECES, in_map, lane_kind,
+};
 use crate::city::LaneKind;
-use crate::city::dxf::{Drawing, Entity, PolyVertex, Shape};
-use crate::city::error::{Findings, MapErrorKind};
+use crate::city::dxf::{Drawing, Entity, EntityShape, PolyVertex};
+use crate::city::error::{Diagnostics, MapErrorKind};
 use crate::geom::{Pose2, Segment, trig};
 use glam::DVec2;
 
-/// Arcs of larger radii lose too many digits, and mean a straight line.
+/// Arcs of larger radii lose precision; the author meant a straight line.
 const MAX_RADIUS_M: f64 = 1e6;
 
 /// A straight or circular part of a lane, as drawn.
 #[derive(Clone, Debug)]
-pub(in crate::city) struct Piece {
+pub(in crate::city) struct LanePiece {
     /// Index in the drawing.
     pub entity: usize,
     pub kind: LaneKind,
@@ -22,7 +24,7 @@ pub(in crate::city) struct Piece {
     pub directed: bool,
 }
 
-/// A LINE on a layer of lines: arrows, stop lines.
+/// A LINE on an arrow or stop-line layer.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DrawnLine<'a> {
     pub entity: &'a Entity,
@@ -31,7 +33,11 @@ pub(super) struct DrawnLine<'a> {
 }
 
 /// The pieces of all lanes, by entity and along it.
-pub(in crate::city) fn build(drawing: &Drawing, metres: f64, findings: &mut Findings) -> Vec<Piece> {
+pub(in crate::city) fn build(
+    drawing: &Drawing,
+    metres: f64,
+    diagnostics: &mut Diagnostics,
+) -> Vec<LanePiece> {
     let mut pieces = Vec::new();
     let mut any = false;
     for (index, entity) in drawing.entities.iter().enumerate() {
@@ -39,56 +45,58 @@ pub(in crate::city) fn build(drawing: &Drawing, metres: f64, findings: &mut Find
         any = true;
         let (segments, directed) = match (segments_of(&entity.shape, metres), &entity.shape) {
             (Some(found), _) => found,
-            (None, Shape::Circle { .. }) => {
+            (None, EntityShape::Circle { .. }) => {
                 let message = "a CIRCLE has no place where a lane could start".to_owned();
-                findings.error(MapErrorKind::Unsupported, entity, message, "draw the ring as two ARCs");
+                diagnostics.error(MapErrorKind::Unsupported, entity, message, "draw the ring as two ARCs");
                 continue;
             }
             (None, _) => {
-                findings
+                diagnostics
                     .note(entity, format!("text ignored: names belong on layer {}", super::layers::NAMES));
                 continue;
             }
         };
         if segments.is_empty() {
             let message = "a polyline of fewer than two vertices".to_owned();
-            findings.error(MapErrorKind::Degenerate, entity, message, "delete it");
+            diagnostics.error(MapErrorKind::Degenerate, entity, message, "delete it");
         }
         for segment in segments {
-            if check(&segment, entity, findings) {
-                pieces.push(Piece { entity: index, kind, segment, directed });
+            if check(&segment, entity, diagnostics) {
+                pieces.push(LanePiece { entity: index, kind, segment, directed });
             }
         }
         if pieces.len() > MAX_PIECES {
             let message = format!("more than {MAX_PIECES} lines and arcs of lanes");
-            findings.error(MapErrorKind::Size, entity, message, "split the map");
+            diagnostics.error(MapErrorKind::Size, entity, message, "split the map");
             return Vec::new();
         }
     }
     if !any {
         let message = "the drawing has no lanes".to_owned();
         let remedy = "draw centre lines of lanes on layer LANES";
-        findings.error_at(MapErrorKind::Size, 1, String::new(), message, remedy);
+        diagnostics.error_at(MapErrorKind::Size, 1, String::new(), message, remedy);
     }
-    let length: f64 = pieces.iter().map(|piece: &Piece| piece.segment.length).sum();
+    let length: f64 = pieces.iter().map(|piece: &LanePiece| piece.segment.length).sum();
     if length > MAX_LANES_LENGTH_M {
         let message = format!("{length:.0} m of lanes, more than {MAX_LANES_LENGTH_M} laboratory metres");
         let remedy = "check $INSUNITS: the map is drawn at laboratory scale";
-        findings.error_at(MapErrorKind::Size, 1, String::new(), message, remedy);
+        diagnostics.error_at(MapErrorKind::Size, 1, String::new(), message, remedy);
     }
     pieces
 }
 
 /// The segments of an entity in metres, and whether it gives them a direction of travel; `None` of a
 /// circle and a text.
-pub(in crate::city) fn segments_of(shape: &Shape, metres: f64) -> Option<(Vec<Segment>, bool)> {
+pub(in crate::city) fn segments_of(shape: &EntityShape, metres: f64) -> Option<(Vec<Segment>, bool)> {
     match shape {
-        Shape::Line { from, to } => Some((vec![Segment::line(*from * metres, *to * metres)], true)),
-        Shape::Arc { centre, radius, from_deg, to_deg } => {
+        EntityShape::Line { from, to } => Some((vec![Segment::line(*from * metres, *to * metres)], true)),
+        EntityShape::Arc { centre, radius, from_deg, to_deg } => {
             Some((vec![arc(*centre * metres, radius * metres, *from_deg, *to_deg)], false))
         }
-        Shape::Polyline { vertices, closed } => Some((polyline_segments(vertices, *closed, metres), true)),
-        Shape::Circle { .. } | Shape::Text { .. } => None,
+        EntityShape::Polyline { vertices, closed } => {
+            Some((polyline_segments(vertices, *closed, metres), true))
+        }
+        EntityShape::Circle { .. } | EntityShape::Text { .. } => None,
     }
 }
 
@@ -108,7 +116,7 @@ pub(super) fn polyline_segments(vertices: &[PolyVertex], closed: bool, metres: f
         let line = Segment::line(vertex.at * metres, next);
         let half_sweep = 2.0 * trig::atan(vertex.bulge);
         let curvature = 4.0 * vertex.bulge / (line.length * (1.0 + vertex.bulge * vertex.bulge));
-        // Bulges of rounding noise are straight.
+        // Bulges within rounding noise are straight.
         if curvature.abs() * MAX_RADIUS_M < 1.0 {
             segments.push(line);
             continue;
@@ -122,26 +130,26 @@ pub(super) fn polyline_segments(vertices: &[PolyVertex], closed: bool, metres: f
     segments
 }
 
-/// Whether a piece has a length and lies where a map may.
-fn check(segment: &Segment, entity: &Entity, findings: &mut Findings) -> bool {
+/// Whether a piece has a length and lies within the permitted coordinates.
+fn check(segment: &Segment, entity: &Entity, diagnostics: &mut Diagnostics) -> bool {
     let end = segment.end();
     let finite = segment.length.is_finite() && segment.curvature.is_finite() && end.is_finite();
     let inside = in_map(segment.start.position) && in_map(end.position);
     if !finite || !inside || segment.length > MAX_LANES_LENGTH_M {
         let message = format!("it reaches farther than {MAX_COORDINATE_M} laboratory metres from the origin");
         let remedy = "check its coordinates and $INSUNITS: the map is drawn at laboratory scale";
-        findings.error(MapErrorKind::Number, entity, message, remedy);
+        diagnostics.error(MapErrorKind::Number, entity, message, remedy);
         return false;
     }
     if segment.radius().is_some_and(|radius| radius > MAX_RADIUS_M) {
-        let message = format!("an arc of a radius over {MAX_RADIUS_M:e} m is straight for all purposes");
-        findings.error(MapErrorKind::Number, entity, message, "draw a LINE");
+        let message = format!("the arc has a radius over {MAX_RADIUS_M:e} m: it is practically straight");
+        diagnostics.error(MapErrorKind::Number, entity, message, "draw a LINE");
         return false;
     }
     if segment.length < JOIN_TOLERANCE_M {
-        let message = format!("a piece of {:.3} mm at {}", segment.length * 1e3, super::place(end.position));
+        let message = format!("a length of {:.3} mm at {}", segment.length * 1e3, super::place(end.position));
         let remedy = "delete it, or give it at least 1 mm (an ARC needs two different angles)";
-        findings.error(MapErrorKind::Degenerate, entity, message, remedy);
+        diagnostics.error(MapErrorKind::Degenerate, entity, message, remedy);
         return false;
     }
     true
@@ -149,22 +157,22 @@ fn check(segment: &Segment, entity: &Entity, findings: &mut Findings) -> bool {
 
 /// The LINEs of a layer, in laboratory metres; also polylines of one straight piece.
 pub(super) fn lines_of<'a>(
-    by_layer: &Layers<'a>,
+    by_layer: &EntitiesByLayer<'a>,
     layer: &str,
     metres: f64,
-    findings: &mut Findings,
+    diagnostics: &mut Diagnostics,
 ) -> Vec<DrawnLine<'a>> {
     let mut lines = Vec::new();
     for &entity in by_layer.get(layer).into_iter().flatten() {
         let ends = match &entity.shape {
-            Shape::Line { from, to } => Some((*from, *to)),
-            Shape::Polyline { vertices, closed: false }
+            EntityShape::Line { from, to } => Some((*from, *to)),
+            EntityShape::Polyline { vertices, closed: false }
                 if vertices.len() == 2 && vertices[0].bulge == 0.0 =>
             {
                 Some((vertices[0].at, vertices[1].at))
             }
-            Shape::Text { .. } => {
-                findings.note(entity, format!("text on layer {layer} ignored"));
+            EntityShape::Text { .. } => {
+                diagnostics.note(entity, format!("text on layer {layer} ignored"));
                 continue;
             }
             _ => None,
@@ -172,11 +180,11 @@ pub(super) fn lines_of<'a>(
         match ends {
             None => {
                 let message = format!("layer {layer} takes straight lines only");
-                findings.error(MapErrorKind::Unsupported, entity, message, "draw a LINE");
+                diagnostics.error(MapErrorKind::Unsupported, entity, message, "draw a LINE");
             }
             Some((from, to)) => {
                 let (from, to) = (from * metres, to * metres);
-                if check(&Segment::line(from, to), entity, findings) {
+                if check(&Segment::line(from, to), entity, diagnostics) {
                     lines.push(DrawnLine { entity, from, to });
                 }
             }

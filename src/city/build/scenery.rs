@@ -1,23 +1,23 @@
-//! What stands beside the road: ground plans, their names and heights.
+//! Builds scenery: footprints with their names and heights.
 
 use super::labels::shorten;
-use super::{Layers, MAX_COORDINATE_M, REACH_M, in_map, pieces, place};
-use crate::city::dxf::{Entity, Shape as Drawn};
-use crate::city::error::{Findings, MapErrorKind};
-use crate::city::{PlacedModel, Scenery, SceneryKind, Shape, layers};
+use super::{EntitiesByLayer, MAX_COORDINATE_M, REACH_M, in_map, pieces, place};
+use crate::city::dxf::{Entity, EntityShape as Drawn};
+use crate::city::error::{Diagnostics, MapErrorKind};
+use crate::city::{Footprint, PlacedModel, Scenery, SceneryKind, layers};
 use crate::geom::{Segment, point_in_polygon, trig};
 use glam::DVec2;
 use std::f64::consts::PI;
 
-/// Arcs of outlines become chords that leave them by no more than this, in at most a 3 degree turn each
-/// when they are large.
+/// Largest distance between an arc of an outline and its chords; large arcs turn by at most 3 degrees per
+/// chord.
 const FLATTENING_M: f64 = 1e-3;
 /// Most corners of all scenery.
 const MAX_POINTS: usize = 100_000;
 const FINEST_CHORD_RAD: f64 = PI / 60.0;
 
-/// All scenery in the order of the kinds and of the file.
-pub(super) fn build(by_layer: &Layers, metres: f64, findings: &mut Findings) -> Vec<Scenery> {
+/// All scenery, ordered by kind, then as in the file.
+pub(super) fn build(by_layer: &EntitiesByLayer, metres: f64, diagnostics: &mut Diagnostics) -> Vec<Scenery> {
     let mut all = Vec::new();
     let mut points = 0;
     for kind in SceneryKind::ALL {
@@ -27,14 +27,14 @@ pub(super) fn build(by_layer: &Layers, metres: f64, findings: &mut Findings) -> 
             if matches!(entity.shape, Drawn::Text { .. }) {
                 continue;
             }
-            if let Some(shape) = shape(entity, kind, metres, findings) {
+            if let Some(shape) = shape(entity, kind, metres, diagnostics) {
                 points += match &shape {
-                    Shape::Polygon(points) | Shape::Polyline(points) => points.len(),
-                    Shape::Circle { .. } => 1,
+                    Footprint::Polygon(points) | Footprint::Polyline(points) => points.len(),
+                    Footprint::Circle { .. } => 1,
                 };
                 if points > MAX_POINTS {
                     let message = format!("scenery of more than {MAX_POINTS} points");
-                    findings.error(MapErrorKind::Size, entity, message, "draw plainer outlines");
+                    diagnostics.error(MapErrorKind::Size, entity, message, "draw plainer outlines");
                     return all;
                 }
                 pieces.push(Scenery { kind, name: String::new(), height_m: None, front_rad: None, shape });
@@ -42,7 +42,7 @@ pub(super) fn build(by_layer: &Layers, metres: f64, findings: &mut Findings) -> 
         }
         for &entity in entities {
             if let Drawn::Text { at, text, .. } = &entity.shape {
-                label(&mut pieces, entity, (*at * metres, text), metres, findings);
+                label(&mut pieces, entity, (*at * metres, text), metres, diagnostics);
             }
         }
         all.extend(pieces);
@@ -51,16 +51,20 @@ pub(super) fn build(by_layer: &Layers, metres: f64, findings: &mut Findings) -> 
 }
 
 /// Models that texts on their layer name: "shed.glb", or "shed.glb turn=90 scale=1.2".
-pub(super) fn models(by_layer: &Layers, metres: f64, findings: &mut Findings) -> Vec<PlacedModel> {
+pub(super) fn models(
+    by_layer: &EntitiesByLayer,
+    metres: f64,
+    diagnostics: &mut Diagnostics,
+) -> Vec<PlacedModel> {
     let mut placed = Vec::new();
     for &entity in by_layer.get(layers::MODELS).into_iter().flatten() {
         let Drawn::Text { at, text, .. } = &entity.shape else {
-            findings.note(entity, format!("layer {} takes texts only: ignored", layers::MODELS));
+            diagnostics.note(entity, format!("layer {} takes texts only: ignored", layers::MODELS));
             continue;
         };
         let at = *at * metres;
         if !in_map(at) {
-            far(entity, findings);
+            far(entity, diagnostics);
             continue;
         }
         let (rest, size) = trailing(text, "scale=");
@@ -71,7 +75,7 @@ pub(super) fn models(by_layer: &Layers, metres: f64, findings: &mut Findings) ->
                 Some(text) => match text.trim().parse::<f64>() {
                     Ok(value) if range.contains(&value) => Ok(value),
                     _ => Err(format!(
-                        "\"{key}{}\" is no number from {} to {}",
+                        "\"{key}{}\" is not a number from {} to {}",
                         shorten(text),
                         range.start(),
                         range.end()
@@ -93,30 +97,35 @@ pub(super) fn models(by_layer: &Layers, metres: f64, findings: &mut Findings) ->
                 let message = turn
                     .err()
                     .or(size.err())
-                    .unwrap_or_else(|| format!("\"{}\" names no model", shorten(text)));
+                    .unwrap_or_else(|| format!("\"{}\" is not the name of a model", shorten(text)));
                 let remedy = "write the name of a .glb file, then turn in degrees and scale if need be, such as \"shed.glb turn=90 scale=1.2\"";
-                findings.error(MapErrorKind::Text, entity, message, remedy);
+                diagnostics.error(MapErrorKind::Text, entity, message, remedy);
             }
         }
     }
     placed
 }
 
-/// What would be right instead of an unknown scenery layer.
+/// The remedy for an unknown scenery layer.
 pub(super) fn kinds_remedy() -> String {
     let layers: Vec<&str> = SceneryKind::ALL.iter().map(|kind| kind.layer()).collect();
     format!("use one of {}", layers.join(", "))
 }
 
-fn shape(entity: &Entity, kind: SceneryKind, metres: f64, findings: &mut Findings) -> Option<Shape> {
+fn shape(
+    entity: &Entity,
+    kind: SceneryKind,
+    metres: f64,
+    diagnostics: &mut Diagnostics,
+) -> Option<Footprint> {
     let (points, closed) = match &entity.shape {
         Drawn::Circle { centre, radius } => {
             let (centre, radius_m) = (*centre * metres, radius * metres);
             if !in_map(centre + radius_m) || !in_map(centre - radius_m) {
-                far(entity, findings);
+                far(entity, diagnostics);
                 return None;
             }
-            return Some(Shape::Circle { centre, radius_m });
+            return Some(Footprint::Circle { centre, radius_m });
         }
         Drawn::Line { from, to } => (vec![*from * metres, *to * metres], false),
         Drawn::Arc { centre, radius, from_deg, to_deg } => {
@@ -130,10 +139,10 @@ fn shape(entity: &Entity, kind: SceneryKind, metres: f64, findings: &mut Finding
         Drawn::Text { .. } => return None,
     };
     if !points.iter().all(|&p| in_map(p)) {
-        far(entity, findings);
+        far(entity, diagnostics);
         return None;
     }
-    outline(points, closed, entity, kind, findings)
+    outline(points, closed, entity, kind, diagnostics)
 }
 
 fn outline(
@@ -141,8 +150,8 @@ fn outline(
     closed: bool,
     entity: &Entity,
     kind: SceneryKind,
-    findings: &mut Findings,
-) -> Option<Shape> {
+    diagnostics: &mut Diagnostics,
+) -> Option<Footprint> {
     points.dedup_by(|a, b| a.distance(*b) < 1e-9);
     if closed {
         while points.len() > 1 && points[0].distance(points[points.len() - 1]) < FLATTENING_M {
@@ -150,7 +159,7 @@ fn outline(
         }
         if points.len() < 3 || area(&points).abs() < 1e-8 {
             let message = "the outline has no area".to_owned();
-            findings.error(
+            diagnostics.error(
                 MapErrorKind::Degenerate,
                 entity,
                 message,
@@ -158,28 +167,28 @@ fn outline(
             );
             return None;
         }
-        return Some(Shape::Polygon(points));
+        return Some(Footprint::Polygon(points));
     }
     if !matches!(kind, SceneryKind::Wall | SceneryKind::Hedge) {
         let message = format!("an open line on layer {}", kind.layer());
         let remedy = "close the polyline, or draw a CIRCLE; only walls and hedges may be open";
-        findings.error(MapErrorKind::Unsupported, entity, message, remedy);
+        diagnostics.error(MapErrorKind::Unsupported, entity, message, remedy);
         return None;
     }
     if points.len() < 2 {
-        findings.error(MapErrorKind::Degenerate, entity, "a line without length".to_owned(), "delete it");
+        diagnostics.error(MapErrorKind::Degenerate, entity, "a line without length".to_owned(), "delete it");
         return None;
     }
-    Some(Shape::Polyline(points))
+    Some(Footprint::Polyline(points))
 }
 
-fn far(entity: &Entity, findings: &mut Findings) {
+fn far(entity: &Entity, diagnostics: &mut Diagnostics) {
     let message = format!("it reaches farther than {MAX_COORDINATE_M} laboratory metres from the origin");
     let remedy = "check its coordinates and $INSUNITS: the map is drawn at laboratory scale";
-    findings.error(MapErrorKind::Number, entity, message, remedy);
+    diagnostics.error(MapErrorKind::Number, entity, message, remedy);
 }
 
-/// Points along lines and arcs; of closed outlines without the last, which is the first.
+/// Flattens lines and arcs to points; closed outlines do not repeat the first point.
 fn flatten(segments: &[Segment], closed: bool) -> Vec<DVec2> {
     let mut points = Vec::new();
     for segment in segments {
@@ -203,14 +212,14 @@ fn area(points: &[DVec2]) -> f64 {
     (0..points.len()).map(|k| points[k].perp_dot(points[(k + 1) % points.len()])).sum::<f64>() / 2.0
 }
 
-/// Gives the piece under a text its name, and the height and the side of its front that may follow it:
-/// "theatre h=0.4 front=N".
+/// Gives the item under a text its name, with the height and the front side that may follow: "theatre h=0.4
+/// front=N".
 fn label(
     pieces: &mut [Scenery],
     entity: &Entity,
     (at, text): (DVec2, &str),
     metres: f64,
-    findings: &mut Findings,
+    diagnostics: &mut Diagnostics,
 ) {
     let smallest = pieces
         .iter()
@@ -219,15 +228,15 @@ fn label(
         .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let Some((_, index)) = smallest else {
         let message =
-            format!("the text \"{}\" at {} stands on nothing of its layer", shorten(text), place(at));
+            format!("the text \"{}\" at {} is not on a piece of its layer", shorten(text), place(at));
         let remedy = "put its insertion point inside the outline, or on the line, that it names";
-        findings.error(MapErrorKind::Stray, entity, message, remedy);
+        diagnostics.error(MapErrorKind::Stray, entity, message, remedy);
         return;
     };
     let piece = &mut pieces[index];
     if !piece.name.is_empty() || piece.height_m.is_some() {
-        let message = format!("\"{}\" stands where \"{}\" does", shorten(text), shorten(&piece.name));
-        findings.error(MapErrorKind::Name, entity, message, "delete one of the two texts");
+        let message = format!("\"{}\" is on the same piece as \"{}\"", shorten(text), shorten(&piece.name));
+        diagnostics.error(MapErrorKind::Name, entity, message, "delete one of the two texts");
         return;
     }
     let (text, front) = trailing(text, "front=");
@@ -238,9 +247,9 @@ fn label(
         match SIDES.iter().find(|(letter, _)| front.trim().eq_ignore_ascii_case(letter)) {
             Some((_, angle)) => piece.front_rad = Some(*angle),
             None => {
-                let message = format!("\"front={}\" is no side", shorten(front));
+                let message = format!("\"front={}\" is not a side", shorten(front));
                 let remedy = "write one of front=N, front=E, front=S and front=W";
-                findings.error(MapErrorKind::Text, entity, message, remedy);
+                diagnostics.error(MapErrorKind::Text, entity, message, remedy);
             }
         }
     }
@@ -250,15 +259,15 @@ fn label(
                 piece.height_m = Some(value * metres);
             }
             _ => {
-                let message = format!("\"h={}\" is no height", shorten(height));
+                let message = format!("\"h={}\" is not a height", shorten(height));
                 let remedy = "write a positive number in units of the drawing, such as \"h=0.3\"";
-                findings.error(MapErrorKind::Text, entity, message, remedy);
+                diagnostics.error(MapErrorKind::Text, entity, message, remedy);
             }
         }
     }
 }
 
-/// A text without the value at its end that follows a key, and that value.
+/// Splits a text at a key into the text before it and the value after it.
 fn trailing<'a>(text: &'a str, key: &str) -> (&'a str, Option<&'a str>) {
     match text.trim().rsplit_once(key) {
         Some((name, value)) if name.is_empty() || name.ends_with(' ') => (name.trim(), Some(value)),
@@ -266,14 +275,14 @@ fn trailing<'a>(text: &'a str, key: &str) -> (&'a str, Option<&'a str>) {
     }
 }
 
-/// Area of a shape that a point lies in, 0 of a line that it lies on.
-fn extent_under(shape: &Shape, at: DVec2) -> Option<f64> {
+/// Area of the footprint if it contains the point; 0 for a line that passes through it.
+fn extent_under(shape: &Footprint, at: DVec2) -> Option<f64> {
     match shape {
-        Shape::Polygon(points) => point_in_polygon(at, points).then(|| area(points).abs()),
-        Shape::Circle { centre, radius_m } => {
+        Footprint::Polygon(points) => point_in_polygon(at, points).then(|| area(points).abs()),
+        Footprint::Circle { centre, radius_m } => {
             (centre.distance(at) <= *radius_m).then_some(PI * radius_m * radius_m)
         }
-        Shape::Polyline(points) => {
+        Footprint::Polyline(points) => {
             let on = points.windows(2).any(|pair| {
                 let segment = Segment::line(pair[0], pair[1]);
                 segment.pose_at(segment.project(at).s).position.distance(at) <= REACH_M

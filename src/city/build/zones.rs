@@ -1,15 +1,14 @@
-//! Conflict zones: where bodies on two lanes can touch.
+//! Conflict zones: intervals of two lanes on which vehicles can touch.
 //!
-//! The body is the testbed's car, led with the centre of its front axle on the centre line. Driving
-//! an arc steadily its rear axle follows a circle of radius sqrt(r^2 - wheelbase^2) about the same
-//! centre, so that the inner side lies further in than on a straight and the outer front corner
-//! further out. Two places conflict where the centre lines are closer than what both bodies reach
-//! towards each other and a margin.
+//! Zones come from swept-path analysis of the testbed's car, whose front-axle centre follows the centre line.
+//! In a steady turn its rear axle follows a circle of radius sqrt(r^2 - wheelbase^2) about the same centre:
+//! the inner side reaches farther in than on a straight, the outer front corner farther out. Two points
+//! conflict where the centre lines are closer than the reach of both bodies plus a margin.
 
 use super::JOIN_TOLERANCE_M;
-use super::lanes::Roads;
+use super::lanes::LaneGraph;
 use super::neighbours::bounds;
-use crate::city::error::{Findings, MapErrorKind};
+use crate::city::error::{Diagnostics, MapErrorKind};
 use crate::city::{ConflictZone, Lane, LaneId, ZoneId, ZoneKind, ZoneSide};
 use crate::geom::{Pose2, trig, wrap_angle};
 use glam::DVec2;
@@ -20,40 +19,39 @@ use std::f64::consts::PI;
 const HALF_WIDTH_M: f64 = 0.05;
 const WHEELBASE_M: f64 = 0.12;
 const REAR_AXLE_TO_NOSE_M: f64 = 0.16;
-/// Air between two bodies.
+/// Clearance between two vehicles.
 const MARGIN_M: f64 = 0.01;
-/// Lanes are looked at in steps of this length, and zones rounded outwards by one.
+/// Sampling step along lanes; zones are rounded outwards by one step.
 const STEP_M: f64 = 0.005;
 /// Zones of two lanes closer than this are one.
 const MERGED_BELOW_M: f64 = 0.02;
-/// Places that one drives through within this distance are one way and no conflict.
+/// Points within this driving distance of each other are on one path and do not conflict.
 const SAME_WAY_M: f64 = 0.3;
-/// Lanes at a smaller angle run alongside, so that only the sides face each other that are turned to
-/// the other lane.
+/// Lanes at a smaller angle run alongside; only the sides that face each other count.
 const ALONGSIDE_RAD: f64 = PI / 6.0;
 /// Most zones that a map may have.
 const MAX_ZONES: usize = 10_000;
 
 /// Zones by the ids of their lanes and where they begin.
-pub(super) fn find(roads: &Roads, findings: &mut Findings) -> Vec<ConflictZone> {
+pub(super) fn find(roads: &LaneGraph, diagnostics: &mut Diagnostics) -> Vec<ConflictZone> {
     let lanes = &roads.lanes;
-    let tracks: Vec<Track> = lanes.iter().map(|lane| Track::new(lane, lanes)).collect();
+    let swept_paths: Vec<SweptPath> = lanes.iter().map(|lane| SweptPath::new(lane, lanes)).collect();
     let ways: Vec<BTreeMap<LaneId, f64>> = (0..lanes.len()).map(|k| ways_on(lanes, k)).collect();
     let mut zones = Vec::new();
     for a in 0..lanes.len() {
         for b in a + 1..lanes.len() {
-            if !tracks[a].may_touch(&tracks[b]) {
+            if !swept_paths[a].may_touch(&swept_paths[b]) {
                 continue;
             }
             let shared = [roads.nodes[a][0] == roads.nodes[b][0], roads.nodes[a][1] == roads.nodes[b][1]];
             let in_line = follows(&lanes[a], &lanes[b]) || follows(&lanes[b], &lanes[a]);
-            // A lane that leads back to its own start conflicts there with what goes on from its end.
+            // A lane that loops back to its own start conflicts there with its successors.
             if in_line && shared == [false, false] {
                 continue;
             }
-            let pair = Pair {
+            let pair = LanePair {
                 lanes: [&lanes[a], &lanes[b]],
-                tracks: [&tracks[a], &tracks[b]],
+                swept_paths: [&swept_paths[a], &swept_paths[b]],
                 shared,
                 gaps: [ways[a].get(&lanes[b].id).copied(), ways[b].get(&lanes[a].id).copied()],
             };
@@ -63,7 +61,7 @@ pub(super) fn find(roads: &Roads, findings: &mut Findings) -> Vec<ConflictZone> 
             }
             if zones.len() > MAX_ZONES {
                 let message = format!("more than {MAX_ZONES} places where lanes conflict");
-                findings.error_at(MapErrorKind::Size, 1, String::new(), message, "split the map");
+                diagnostics.error_at(MapErrorKind::Size, 1, String::new(), message, "split the map");
                 return zones;
             }
         }
@@ -75,7 +73,7 @@ fn follows(first: &Lane, second: &Lane) -> bool {
     first.successors.contains(&second.id)
 }
 
-/// Lanes that a lane leads to by way of others, with the least distance between its end and their start.
+/// Lanes reachable from a lane, with the least distance between its end and their start.
 fn ways_on(lanes: &[Lane], from: usize) -> BTreeMap<LaneId, f64> {
     let mut reached: BTreeMap<LaneId, f64> = BTreeMap::new();
     let mut open: Vec<(LaneId, f64)> = lanes[from].successors.iter().map(|&id| (id, 0.0)).collect();
@@ -90,9 +88,8 @@ fn ways_on(lanes: &[Lane], from: usize) -> BTreeMap<LaneId, f64> {
     reached
 }
 
-/// How far to the left and to the right of its centre line the reference car reaches in a steady
-/// turn of this curvature.
-fn half_swept(curvature: f64) -> [f64; 2] {
+/// Half widths, left and right, that the reference car sweeps in a steady turn of this curvature.
+fn swept_half_widths(curvature: f64) -> [f64; 2] {
     if curvature == 0.0 {
         return [HALF_WIDTH_M; 2];
     }
@@ -107,26 +104,26 @@ fn wider(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0].max(b[0]), a[1].max(b[1])]
 }
 
-/// A lane with the width that is swept along it.
-struct Track {
+/// The swept path of the reference car along a lane.
+struct SweptPath {
     length: f64,
     bounds: [DVec2; 2],
-    /// From where, and how far to the left and right; a stretch lasts until the next one starts.
+    /// Start and half widths (left, right) of each interval; an interval lasts until the next one starts.
     widths: Vec<(f64, [f64; 2])>,
     widest: f64,
 }
 
-impl Track {
+impl SweptPath {
     fn new(lane: &Lane, lanes: &[Lane]) -> Self {
-        // The rear follows a wheelbase behind: what a segment asks for lasts that far beyond its end.
-        let mut stretches: Vec<(f64, f64, [f64; 2])> = Vec::new();
-        add_tails(lane, lanes, 0.0, &mut stretches);
+        // The rear axle follows a wheelbase behind: the widths of a segment apply that far beyond its end.
+        let mut intervals: Vec<(f64, f64, [f64; 2])> = Vec::new();
+        add_tails(lane, lanes, 0.0, &mut intervals);
         for (k, segment) in lane.curve.segments().iter().enumerate() {
             let from = lane.curve.station(k);
-            stretches.push((from, from + segment.length + WHEELBASE_M, half_swept(segment.curvature)));
+            intervals.push((from, from + segment.length + WHEELBASE_M, swept_half_widths(segment.curvature)));
         }
         let length = lane.curve.length();
-        let mut starts: Vec<f64> = stretches.iter().flat_map(|&(from, to, _)| [from, to]).collect();
+        let mut starts: Vec<f64> = intervals.iter().flat_map(|&(from, to, _)| [from, to]).collect();
         starts.push(0.0);
         starts.retain(|&s| (0.0..length).contains(&s));
         starts.sort_by(f64::total_cmp);
@@ -134,7 +131,7 @@ impl Track {
         let widths: Vec<(f64, [f64; 2])> = starts
             .into_iter()
             .map(|s| {
-                let here = stretches.iter().filter(|&&(from, to, _)| from <= s && s < to);
+                let here = intervals.iter().filter(|&&(from, to, _)| from <= s && s < to);
                 (s, here.map(|&(.., sides)| sides).fold([HALF_WIDTH_M; 2], wider))
             })
             .collect();
@@ -142,16 +139,16 @@ impl Track {
         Self { length, bounds: bounds(lane, widest + MARGIN_M), widths, widest }
     }
 
-    /// How far a body reaches to the left and right around an arc length.
+    /// Half widths, left and right, around an arc length.
     fn sides_at(&self, s: f64) -> [f64; 2] {
         let after = |s: f64| self.widths.partition_point(|&(from, _)| from <= s);
         let (first, last) = (after(s - STEP_M).saturating_sub(1), after(s + STEP_M));
         self.widths[first..last].iter().map(|&(_, sides)| sides).fold([HALF_WIDTH_M; 2], wider)
     }
 
-    /// How far a body at this place reaches towards a point of another lane: on the side where the
-    /// point lies, or on either where the lanes cross and both come into play.
-    fn reach_towards(&self, place: Place, other: Place) -> f64 {
+    /// Reach of a body here towards a point of another lane: on the side of that point, or the larger of both
+    /// where the lanes cross.
+    fn reach_towards(&self, place: LanePoint, other: LanePoint) -> f64 {
         let [left, right] = self.sides_at(place.s);
         let turn = wrap_angle(other.pose.yaw_rad - place.pose.yaw_rad).abs();
         if turn.min(PI - turn) > ALONGSIDE_RAD {
@@ -166,8 +163,8 @@ impl Track {
     }
 }
 
-/// What the ends of the lanes before ask for at the beginning of this one, up to a wheelbase back.
-fn add_tails(lane: &Lane, lanes: &[Lane], behind: f64, stretches: &mut Vec<(f64, f64, [f64; 2])>) {
+/// Adds the widths that the ends of preceding lanes require at the start of this one, up to a wheelbase back.
+fn add_tails(lane: &Lane, lanes: &[Lane], behind: f64, intervals: &mut Vec<(f64, f64, [f64; 2])>) {
     for &id in &lane.predecessors {
         let before = &lanes[id.index()];
         let length = before.curve.length();
@@ -175,50 +172,51 @@ fn add_tails(lane: &Lane, lanes: &[Lane], behind: f64, stretches: &mut Vec<(f64,
             let end = length - (before.curve.station(k) + segment.length);
             let lasts = WHEELBASE_M - behind - end;
             if lasts > 0.0 {
-                stretches.push((0.0, lasts, half_swept(segment.curvature)));
+                intervals.push((0.0, lasts, swept_half_widths(segment.curvature)));
             }
         }
         // Chains of very short lanes are followed a few lanes back and no further.
-        if behind + length < WHEELBASE_M && stretches.len() < 32 {
-            add_tails(before, lanes, behind + length.max(JOIN_TOLERANCE_M), stretches);
+        if behind + length < WHEELBASE_M && intervals.len() < 32 {
+            add_tails(before, lanes, behind + length.max(JOIN_TOLERANCE_M), intervals);
         }
     }
 }
 
-struct Pair<'a> {
+struct LanePair<'a> {
     lanes: [&'a Lane; 2],
-    tracks: [&'a Track; 2],
+    swept_paths: [&'a SweptPath; 2],
     /// Whether they start, and whether they end, in one point.
     shared: [bool; 2],
-    /// From the end of the first to the start of the second by way of other lanes, and the other way.
+    /// Driving distance from the end of the first lane to the start of the second, and the reverse.
     gaps: [Option<f64>; 2],
 }
 
 /// A point of a lane.
 #[derive(Clone, Copy)]
-struct Place {
+struct LanePoint {
     s: f64,
     pose: Pose2,
 }
 
-/// A stretch of one lane that conflicts with the other, with the stretch of the other nearest to it.
+/// An interval of one lane that conflicts with the other, and the interval of their nearest points on the
+/// other.
 #[derive(Clone, Copy)]
-struct Stretch {
+struct ConflictInterval {
     from: f64,
     to: f64,
     feet: (f64, f64),
 }
 
-impl Pair<'_> {
+impl LanePair<'_> {
     fn zones(&self) -> Vec<(ZoneKind, [ZoneSide; 2])> {
         let mut zones: Vec<[(f64, f64); 2]> = Vec::new();
-        for stretch in self.stretches(0) {
-            zones.push([(stretch.from, stretch.to), stretch.feet]);
+        for interval in self.intervals(0) {
+            zones.push([(interval.from, interval.to), interval.feet]);
         }
-        for stretch in self.stretches(1) {
-            zones.push([stretch.feet, (stretch.from, stretch.to)]);
+        for interval in self.intervals(1) {
+            zones.push([interval.feet, (interval.from, interval.to)]);
         }
-        // What overlaps, or nearly, on both lanes is one zone.
+        // Intervals that overlap, or nearly, on both lanes are one zone.
         let near = |a: (f64, f64), b: (f64, f64)| a.0 <= b.1 + MERGED_BELOW_M && b.0 <= a.1 + MERGED_BELOW_M;
         let mut k = 0;
         while k < zones.len() {
@@ -229,7 +227,7 @@ impl Pair<'_> {
                 for (side, other) in zones[k].iter_mut().zip(other) {
                     *side = (side.0.min(other.0), side.1.max(other.1));
                 }
-                // It has grown: what did not reach it before may now.
+                // The zone has grown and may now reach others.
                 k = 0;
             } else {
                 k += 1;
@@ -244,7 +242,7 @@ impl Pair<'_> {
     }
 
     fn kind(&self, sides: [(f64, f64); 2]) -> ZoneKind {
-        if self.shared[1] && (0..2).all(|k| sides[k].1 >= self.tracks[k].length) {
+        if self.shared[1] && (0..2).all(|k| sides[k].1 >= self.swept_paths[k].length) {
             ZoneKind::Merge
         } else if self.shared[0] && (0..2).all(|k| sides[k].0 <= 0.0) {
             ZoneKind::Diverge
@@ -253,48 +251,48 @@ impl Pair<'_> {
         }
     }
 
-    /// Conflicting stretches of one of the lanes, rounded outwards.
-    fn stretches(&self, of: usize) -> Vec<Stretch> {
+    /// Conflicting intervals of one of the lanes, rounded outwards.
+    fn intervals(&self, of: usize) -> Vec<ConflictInterval> {
         let (lane, other) = (self.lanes[of], self.lanes[1 - of]);
-        let (track, other_track) = (self.tracks[of], self.tracks[1 - of]);
+        let (track, other_track) = (self.swept_paths[of], self.swept_paths[1 - of]);
         let round = |from: f64, to: f64, length: f64| ((from - STEP_M).max(0.0), (to + STEP_M).min(length));
         let steps = (track.length / STEP_M).ceil().max(1.0) as usize;
-        let mut stretches: Vec<Stretch> = Vec::new();
+        let mut intervals: Vec<ConflictInterval> = Vec::new();
         let mut step = 0;
         while step <= steps {
             let s = track.length * step as f64 / steps as f64;
-            let here = Place { s, pose: lane.curve.at(s).pose };
+            let here = LanePoint { s, pose: lane.curve.at(s).pose };
             let foot = other.curve.project(here.pose.position).s;
-            let there = Place { s: foot, pose: other.curve.at(foot).pose };
+            let there = LanePoint { s: foot, pose: other.curve.at(foot).pose };
             let distance = there.pose.position.distance(here.pose.position);
             let reach = track.reach_towards(here, there) + other_track.reach_towards(there, here) + MARGIN_M;
             if distance >= reach || self.same_way(of, s, foot) {
-                // The distance changes by no more than one goes, so that some steps cannot conflict.
+                // The distance changes by no more than the step: some steps can be skipped.
                 let spare = distance - (track.widest + other_track.widest + MARGIN_M);
                 step += ((spare / STEP_M).floor().max(0.0) as usize).max(1);
                 continue;
             }
             let (from, to) = round(s, s, track.length);
             let feet = round(foot, foot, other_track.length);
-            match stretches.last_mut().filter(|last| from <= last.to + MERGED_BELOW_M) {
+            match intervals.last_mut().filter(|last| from <= last.to + MERGED_BELOW_M) {
                 Some(last) if feet.0 <= last.feet.1 + 0.1 && last.feet.0 <= feet.1 + 0.1 => {
                     last.to = to;
                     last.feet = (last.feet.0.min(feet.0), last.feet.1.max(feet.1));
                 }
-                _ => stretches.push(Stretch { from, to, feet }),
+                _ => intervals.push(ConflictInterval { from, to, feet }),
             }
             step += 1;
         }
-        stretches
+        intervals
     }
 
-    /// Whether one drives from one place to the other within a short distance.
+    /// Whether a short drive leads from one point to the other.
     fn same_way(&self, of: usize, s: f64, foot: f64) -> bool {
         let on = |gap: Option<f64>, behind: f64, ahead: f64| {
             gap.is_some_and(|gap| gap + behind + ahead < SAME_WAY_M)
         };
-        on(self.gaps[of], self.tracks[of].length - s, foot)
-            || on(self.gaps[1 - of], self.tracks[1 - of].length - foot, s)
+        on(self.gaps[of], self.swept_paths[of].length - s, foot)
+            || on(self.gaps[1 - of], self.swept_paths[1 - of].length - foot, s)
     }
 }
 
@@ -306,12 +304,12 @@ mod tests {
     fn swept_widths_are_those_of_the_reference_car() {
         // Rear axle on a circle of 0.16 m, its inner side at 0.11 m, the front axle on 0.20 m; the nose
         // 0.16 m ahead of the rear axle and 0.21 m from the centre across it.
-        let [left, right] = half_swept(1.0 / 0.2);
+        let [left, right] = swept_half_widths(1.0 / 0.2);
         assert!((left - 0.09).abs() < 1e-12 && (right - (trig::hypot(0.21, 0.16) - 0.2)).abs() < 1e-12);
-        assert_eq!(half_swept(-1.0 / 0.2), [right, left]);
-        assert_eq!(half_swept(0.0), [HALF_WIDTH_M; 2]);
+        assert_eq!(swept_half_widths(-1.0 / 0.2), [right, left]);
+        assert_eq!(swept_half_widths(0.0), [HALF_WIDTH_M; 2]);
         // The concentric lanes of the roundabouts leave each other room.
-        let (inner, outer) = (half_swept(1.0 / 0.466), half_swept(1.0 / 0.617));
+        let (inner, outer) = (swept_half_widths(1.0 / 0.466), swept_half_widths(1.0 / 0.617));
         assert!(inner[1] + outer[0] + MARGIN_M < 0.617 - 0.466);
     }
 }

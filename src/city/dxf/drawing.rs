@@ -1,4 +1,4 @@
-//! A drawing as plain data: entities on layers, in the units of the drawing.
+//! A DXF drawing as plain data: entities on layers, in drawing units.
 
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
@@ -28,8 +28,8 @@ impl Units {
     }
 }
 
-/// A vertex of a polyline with the bulge of the piece that follows it: the tangent of a quarter of
-/// the swept angle, positive counter-clockwise.
+/// A polyline vertex with the bulge of the piece that follows it: the tangent of a quarter of the swept
+/// angle, positive counter-clockwise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PolyVertex {
     pub at: DVec2,
@@ -38,7 +38,7 @@ pub struct PolyVertex {
 
 /// The geometry of an entity. Angles in degrees, as DXF has them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Shape {
+pub enum EntityShape {
     Line {
         from: DVec2,
         to: DVec2,
@@ -65,11 +65,11 @@ pub enum Shape {
     },
 }
 
-/// An entity with what an error needs to name it.
+/// A drawing entity with its layer, handle and line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entity {
     pub layer: String,
-    pub shape: Shape,
+    pub shape: EntityShape,
     /// Hexadecimal, as CAD programs show it; empty where the drawing has none.
     pub handle: String,
     /// Line of the file at which the entity starts; 0 for a drawing made in memory.
@@ -83,21 +83,21 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// Adds an entity that has no place in a file yet.
-    pub fn add(&mut self, layer: &str, shape: Shape) {
+    /// Adds an entity without a line in a file.
+    pub fn add(&mut self, layer: &str, shape: EntityShape) {
         self.entities.push(Entity { layer: layer.to_owned(), shape, handle: String::new(), line: 0 });
     }
 }
 
 impl Entity {
-    /// How errors call it: its kind and its handle, as in "ARC 2F".
+    /// The label for messages: kind and handle, as in "ARC 2F".
     pub fn label(&self) -> String {
         let kind = match self.shape {
-            Shape::Line { .. } => "LINE",
-            Shape::Arc { .. } => "ARC",
-            Shape::Polyline { .. } => "LWPOLYLINE",
-            Shape::Circle { .. } => "CIRCLE",
-            Shape::Text { .. } => "TEXT",
+            EntityShape::Line { .. } => "LINE",
+            EntityShape::Arc { .. } => "ARC",
+            EntityShape::Polyline { .. } => "LWPOLYLINE",
+            EntityShape::Circle { .. } => "CIRCLE",
+            EntityShape::Text { .. } => "TEXT",
         };
         if self.handle.is_empty() { kind.to_owned() } else { format!("{kind} {}", self.handle) }
     }

@@ -1,23 +1,23 @@
-//! Changes to the entities of a DXF file that leave everything else as it is, byte by byte.
+//! Edits entities of a DXF file in place; all other bytes stay as they are.
 
-use super::{PolyVertex, Shape};
+use super::{EntityShape, PolyVertex};
 use glam::DVec2;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// What the file shall have in place of the geometry of one entity, in units of the drawing and world
-/// coordinates: nothing deletes it, further shapes become copies of it with handles of their own.
+/// Replacement geometry of one entity, in drawing units and world coordinates. An empty list deletes the
+/// entity; further shapes become copies with new handles.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Edit {
+pub struct EntityEdit {
     /// Line of the file at which the entity starts.
     pub line: usize,
-    pub shapes: Vec<Shape>,
+    pub shapes: Vec<EntityShape>,
 }
 
-/// The file with its entities changed. It must be one that [`super::ReadDrawing::parse`] takes, and each
-/// shape of the kind of its entity: LINE, ARC or LWPOLYLINE; others are left as they are.
-pub fn edit(bytes: &[u8], edits: &[Edit]) -> Vec<u8> {
-    let file = File::of(bytes);
+/// Applies edits to a file that [`super::ParsedDrawing::parse`] accepts. Each shape has the kind of its
+/// entity: LINE, ARC or LWPOLYLINE; other kinds are left as they are.
+pub fn edit(bytes: &[u8], edits: &[EntityEdit]) -> Vec<u8> {
+    let file = DxfLines::of(bytes);
     let mut handles = FreeHandles::default();
     let mut replaced: BTreeMap<usize, (Range<usize>, Vec<u8>)> = BTreeMap::new();
     for edit in edits {
@@ -46,29 +46,29 @@ pub fn edit(bytes: &[u8], edits: &[Edit]) -> Vec<u8> {
     edited
 }
 
-/// Handles beyond all of the file.
+/// Allocates handles above the largest one of the file.
 #[derive(Default)]
 struct FreeHandles {
     given: Option<u64>,
 }
 
 impl FreeHandles {
-    fn next(&mut self, file: &File) -> u64 {
+    fn next(&mut self, file: &DxfLines) -> u64 {
         let last = self.given.unwrap_or_else(|| file.largest_handle());
         self.given = Some(last + 1);
         last + 1
     }
 }
 
-/// A file as lines with their endings. Codes and values alternate.
-struct File<'a> {
+/// The lines of a DXF file with their endings; codes and values alternate.
+struct DxfLines<'a> {
     lines: Vec<&'a [u8]>,
 }
 
-/// A code with the index of its line; the value is in the line behind.
-type Group = (i32, usize);
+/// A group code and the index of its line; the value is on the next line.
+type GroupIndex = (i32, usize);
 
-impl<'a> File<'a> {
+impl<'a> DxfLines<'a> {
     fn of(bytes: &'a [u8]) -> Self {
         Self { lines: bytes.split_inclusive(|&b| b == b'\n').collect() }
     }
@@ -103,14 +103,14 @@ impl<'a> File<'a> {
         handles.filter_map(|at| u64::from_str_radix(self.text(at + 1), 16).ok()).max().unwrap_or(0)
     }
 
-    /// A value with the line ending of the line that it takes the place of.
+    /// A value with the line ending of the line that it replaces.
     fn value_line(&self, at: usize, value: &str) -> Vec<u8> {
         let ending: &[u8] = if self.lines[at].ends_with(b"\r\n") { b"\r\n" } else { b"\n" };
         [value.as_bytes(), ending].concat()
     }
 
-    /// The groups of the entity itself, without what applications have hung on it, and the others.
-    fn groups(&self, range: Range<usize>) -> Vec<(Group, bool)> {
+    /// The groups of an entity; `true` marks its own, `false` those that applications have attached.
+    fn groups(&self, range: Range<usize>) -> Vec<(GroupIndex, bool)> {
         let mut foreign = false;
         let mut groups = Vec::new();
         for at in range.step_by(2) {
@@ -124,20 +124,26 @@ impl<'a> File<'a> {
         groups
     }
 
-    fn write_entity(&self, range: Range<usize>, shape: &Shape, handle: Option<u64>, text: &mut Vec<u8>) {
+    fn write_entity(
+        &self,
+        range: Range<usize>,
+        shape: &EntityShape,
+        handle: Option<u64>,
+        text: &mut Vec<u8>,
+    ) {
         let groups = self.groups(range);
         let mirrored = groups.iter().any(|&((code, at), own)| {
             own && code == 230 && self.text(at + 1).parse::<f64>().is_ok_and(|z| z < 0.0)
         });
         let values = values_of(shape, mirrored);
-        let is_polyline = matches!(shape, Shape::Polyline { .. });
-        let of_vertex = |&((code, _), own): &(Group, bool)| {
+        let is_polyline = matches!(shape, EntityShape::Polyline { .. });
+        let of_vertex = |&((code, _), own): &(GroupIndex, bool)| {
             is_polyline && own && matches!(code, 10 | 20 | 40 | 41 | 42 | 91)
         };
         let mut vertices = Some(groups.iter().copied().filter(of_vertex).map(|(group, _)| group).collect());
         for &((code, at), own) in &groups {
             if of_vertex(&((code, at), own)) {
-                if let (Shape::Polyline { vertices: new, .. }, Some(old)) = (shape, vertices.take()) {
+                if let (EntityShape::Polyline { vertices: new, .. }, Some(old)) = (shape, vertices.take()) {
                     self.write_vertices(old, new, mirrored, text);
                 }
                 continue;
@@ -156,8 +162,8 @@ impl<'a> File<'a> {
         }
     }
 
-    /// Vertices in place of the old ones, whose widths and marks stay where their number is the same.
-    fn write_vertices(&self, old: Vec<Group>, new: &[PolyVertex], mirrored: bool, text: &mut Vec<u8>) {
+    /// Replaces the vertices. Widths are kept if the number of vertices is the same.
+    fn write_vertices(&self, old: Vec<GroupIndex>, new: &[PolyVertex], mirrored: bool, text: &mut Vec<u8>) {
         let starts: Vec<usize> = (0..old.len()).filter(|&k| old[k].0 == 10).collect();
         let Some(&(_, first)) = old.first() else { return };
         let mut write = |code: i32, value: f64| {
@@ -186,20 +192,20 @@ impl<'a> File<'a> {
     }
 
     /// The flags of a polyline, closed or not as the shape is.
-    fn polyline_flags(&self, at: usize, shape: &Shape) -> String {
+    fn polyline_flags(&self, at: usize, shape: &EntityShape) -> String {
         let flags: i32 = self.text(at).parse().unwrap_or(0);
-        let closed = matches!(shape, Shape::Polyline { closed: true, .. });
+        let closed = matches!(shape, EntityShape::Polyline { closed: true, .. });
         ((flags & !1) | i32::from(closed)).to_string()
     }
 }
 
 /// The values of a shape by group code, those of vertices apart.
-fn values_of(shape: &Shape, mirrored: bool) -> BTreeMap<i32, String> {
+fn values_of(shape: &EntityShape, mirrored: bool) -> BTreeMap<i32, String> {
     let number = |value: f64| format!("{value:?}");
     let point = |code: i32, at: DVec2| [(code, number(at.x)), (code + 10, number(at.y))];
     match shape {
-        Shape::Line { from, to } => point(10, *from).into_iter().chain(point(11, *to)).collect(),
-        Shape::Arc { centre, radius, from_deg, to_deg } => {
+        EntityShape::Line { from, to } => point(10, *from).into_iter().chain(point(11, *to)).collect(),
+        EntityShape::Arc { centre, radius, from_deg, to_deg } => {
             let (x, from, to) = if mirrored {
                 (-centre.x, 180.0 - to_deg, 180.0 - from_deg)
             } else {
@@ -208,7 +214,7 @@ fn values_of(shape: &Shape, mirrored: bool) -> BTreeMap<i32, String> {
             let angles = [(40, number(*radius)), (50, number(from)), (51, number(to))];
             point(10, DVec2::new(x, centre.y)).into_iter().chain(angles).collect()
         }
-        Shape::Polyline { vertices, .. } => BTreeMap::from([(90, vertices.len().to_string())]),
-        Shape::Circle { .. } | Shape::Text { .. } => BTreeMap::new(),
+        EntityShape::Polyline { vertices, .. } => BTreeMap::from([(90, vertices.len().to_string())]),
+        EntityShape::Circle { .. } | EntityShape::Text { .. } => BTreeMap::new(),
     }
 }

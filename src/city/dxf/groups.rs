@@ -1,20 +1,20 @@
-//! The groups of an ASCII DXF file: pairs of lines, a code and a value, with their place.
+//! Reads the groups (code and value pairs) of an ASCII DXF file, with their lines.
 
-use crate::city::error::{Findings, MapErrorKind};
+use crate::city::error::{Diagnostics, MapErrorKind};
 
 /// Larger files are refused. The whole city has less than a megabyte.
 pub const MAX_BYTES: usize = 16 << 20;
 
 /// A code, its value and the line of the file on which the code stands.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Group<'a> {
+pub(super) struct DxfGroup<'a> {
     pub code: i32,
     pub value: &'a [u8],
     pub line: usize,
 }
 
-impl Group<'_> {
-    /// The value without the blanks around it, as text for comparison.
+impl DxfGroup<'_> {
+    /// The trimmed value as text.
     pub(super) fn keyword(&self) -> String {
         String::from_utf8_lossy(self.value.trim_ascii()).into_owned()
     }
@@ -22,18 +22,18 @@ impl Group<'_> {
 
 /// Reads groups one by one.
 #[derive(Debug)]
-pub(super) struct Groups<'a> {
+pub(super) struct GroupReader<'a> {
     rest: &'a [u8],
     line: usize,
 }
 
-/// The file cannot be read on: its fault is in the findings.
+/// The file cannot be parsed further; the diagnostics hold the reason.
 #[derive(Debug)]
-pub(super) struct Broken;
+pub(super) struct MalformedFile;
 
-impl<'a> Groups<'a> {
-    /// Refuses what is not an ASCII DXF file at first sight.
-    pub(super) fn new(bytes: &'a [u8], findings: &mut Findings) -> Result<Self, Broken> {
+impl<'a> GroupReader<'a> {
+    /// Rejects what is evidently not an ASCII DXF file.
+    pub(super) fn new(bytes: &'a [u8], diagnostics: &mut Diagnostics) -> Result<Self, MalformedFile> {
         const AS_DXF: &str = "save the drawing as ASCII DXF, release 2000 or later";
         let mut line = 1;
         let refusal = if bytes.len() > MAX_BYTES {
@@ -54,8 +54,8 @@ impl<'a> Groups<'a> {
             })
         };
         if let Some((message, remedy)) = refusal {
-            findings.error_at(MapErrorKind::Format, line, String::new(), message, remedy);
-            return Err(Broken);
+            diagnostics.error_at(MapErrorKind::Format, line, String::new(), message, remedy);
+            return Err(MalformedFile);
         }
         let rest = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         Ok(Self { rest, line: 0 })
@@ -80,7 +80,10 @@ impl<'a> Groups<'a> {
     }
 
     /// The next group, `None` at the end of the file.
-    pub(super) fn next(&mut self, findings: &mut Findings) -> Result<Option<Group<'a>>, Broken> {
+    pub(super) fn next(
+        &mut self,
+        diagnostics: &mut Diagnostics,
+    ) -> Result<Option<DxfGroup<'a>>, MalformedFile> {
         let Some(code_line) = self.next_line() else { return Ok(None) };
         let line = self.line;
         let code = std::str::from_utf8(code_line).ok().and_then(|text| text.trim().parse::<i32>().ok());
@@ -88,32 +91,32 @@ impl<'a> Groups<'a> {
             if self.rest.trim_ascii().is_empty() && code_line.trim_ascii().is_empty() {
                 return Ok(None);
             }
-            findings.error_at(
+            diagnostics.error_at(
                 MapErrorKind::Format,
                 line,
                 String::new(),
-                format!("a group code is due, found \"{}\"", shown(code_line)),
+                format!("expected a group code, found \"{}\"", shown(code_line)),
                 "codes and values must alternate line by line: save the drawing again",
             );
-            return Err(Broken);
+            return Err(MalformedFile);
         };
         match self.next_line() {
-            Some(value) => Ok(Some(Group { code, value, line })),
+            Some(value) => Ok(Some(DxfGroup { code, value, line })),
             None => {
-                findings.error_at(
+                diagnostics.error_at(
                     MapErrorKind::Format,
                     line,
                     String::new(),
                     format!("the file ends after group code {code}, without its value"),
                     "the file is cut off: save or copy it again",
                 );
-                Err(Broken)
+                Err(MalformedFile)
             }
         }
     }
 }
 
-/// Foreign bytes for a message: printable and short.
+/// Untrusted bytes for a message: printable and short.
 pub(super) fn shown(bytes: &[u8]) -> String {
     let text: String = String::from_utf8_lossy(bytes.trim_ascii())
         .chars()

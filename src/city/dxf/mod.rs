@@ -1,4 +1,4 @@
-//! DXF drawings: what a road map needs of the format, apart from what it means.
+//! DXF drawings: the part of the file format that road maps use.
 
 mod drawing;
 mod edit;
@@ -7,7 +7,7 @@ mod reader;
 mod text;
 mod writer;
 
-pub use drawing::{Drawing, Entity, PolyVertex, Shape, Units};
-pub use edit::{Edit, edit};
+pub use drawing::{Drawing, Entity, EntityShape, PolyVertex, Units};
+pub use edit::{EntityEdit, edit};
 pub use groups::MAX_BYTES;
-pub use reader::{ReadDrawing, Unread};
+pub use reader::{ParsedDrawing, UnsupportedEntity};

@@ -1,54 +1,54 @@
-//! Reading a DXF file into a [`Drawing`]: sections, entities and their numbers, each with its line.
+//! Parses a DXF file into a [`Drawing`]: sections, entities and their values, each with its line.
 
-use super::groups::{Broken, Group, Groups, shown};
+use super::groups::{DxfGroup, GroupReader, MalformedFile, shown};
 use super::text::{decode, without_formatting};
-use super::{Drawing, Entity, PolyVertex, Shape, Units};
-use crate::city::error::{Findings, MapErrorKind, MapErrors};
+use super::{Drawing, Entity, EntityShape, PolyVertex, Units};
+use crate::city::error::{Diagnostics, MapErrorKind, MapErrors};
 use glam::DVec2;
 
-/// An entity that stands in the drawing and is of no kind that maps are made of.
+/// An entity of a kind that maps do not use.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unread {
-    /// As the file calls it: "SPLINE".
+pub struct UnsupportedEntity {
+    /// Its type name in the file: "SPLINE".
     pub kind: String,
     pub layer: String,
     pub handle: String,
     pub line: usize,
-    /// What its author could draw instead.
+    /// What the author could draw instead.
     pub remedy: &'static str,
 }
 
-/// A drawing and what of the file is not in it.
+/// A parsed drawing and its unsupported entities.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct ReadDrawing {
+pub struct ParsedDrawing {
     pub drawing: Drawing,
-    pub unread: Vec<Unread>,
+    pub unsupported: Vec<UnsupportedEntity>,
 }
 
 impl Drawing {
     /// Reads the model space of an ASCII DXF file.
     ///
-    /// Takes LINE, ARC, LWPOLYLINE, CIRCLE, TEXT and MTEXT; heights above the plane are ignored.
-    /// Entities of other kinds are left out; [`ReadDrawing::parse`] tells which.
+    /// Reads LINE, ARC, LWPOLYLINE, CIRCLE, TEXT and MTEXT; elevations are ignored. [`ParsedDrawing::parse`]
+    /// also lists the entities of other kinds.
     ///
     /// # Errors
-    /// A file that is not ASCII DXF or is cut off, numbers that are none or not finite, entities
-    /// that lack a coordinate.
+    /// A file that is not ASCII DXF or is truncated, numbers that cannot be parsed or are not finite,
+    /// entities that lack a coordinate.
     pub fn parse(bytes: &[u8]) -> Result<Self, MapErrors> {
-        ReadDrawing::parse(bytes).map(|read| read.drawing)
+        ParsedDrawing::parse(bytes).map(|read| read.drawing)
     }
 }
 
-impl ReadDrawing {
-    /// As [`Drawing::parse`], and keeps account of what was left out.
+impl ParsedDrawing {
+    /// As [`Drawing::parse`], and lists the unsupported entities.
     ///
     /// # Errors
-    /// The same.
+    /// As [`Drawing::parse`].
     pub fn parse(bytes: &[u8]) -> Result<Self, MapErrors> {
-        let mut reader = Reader::default();
-        // What broke the file off is among the findings.
+        let mut reader = DxfReader::default();
+        // The diagnostics hold the reason of a failure.
         let _ = reader.read(bytes);
-        reader.findings.check()?;
+        reader.diagnostics.check()?;
         Ok(reader.read)
     }
 }
@@ -57,7 +57,7 @@ impl ReadDrawing {
 pub const MAX_ENTITIES: usize = 500_000;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Section {
+enum DxfSection {
     Outside,
     /// After `0 SECTION`, before its name.
     Unnamed,
@@ -67,41 +67,41 @@ enum Section {
 }
 
 #[derive(Default)]
-struct Reader {
-    read: ReadDrawing,
-    findings: Findings,
+struct DxfReader {
+    read: ParsedDrawing,
+    diagnostics: Diagnostics,
 }
 
-impl Reader {
-    fn read(&mut self, bytes: &[u8]) -> Result<(), Broken> {
-        let mut groups = Groups::new(bytes, &mut self.findings)?;
-        let mut section = Section::Outside;
+impl DxfReader {
+    fn read(&mut self, bytes: &[u8]) -> Result<(), MalformedFile> {
+        let mut groups = GroupReader::new(bytes, &mut self.diagnostics)?;
+        let mut section = DxfSection::Outside;
         let mut any_section = false;
         let mut entities_seen = false;
         let mut variable = String::new();
-        let mut raw: Option<Raw> = None;
-        while let Some(group) = groups.next(&mut self.findings)? {
+        let mut raw: Option<RawEntity> = None;
+        while let Some(group) = groups.next(&mut self.diagnostics)? {
             if group.code != 0 {
                 match section {
-                    Section::Unnamed if group.code == 2 => {
+                    DxfSection::Unnamed if group.code == 2 => {
                         section = match group.keyword().as_str() {
-                            "HEADER" => Section::Header,
-                            "ENTITIES" => Section::Entities,
-                            _ => Section::Other,
+                            "HEADER" => DxfSection::Header,
+                            "ENTITIES" => DxfSection::Entities,
+                            _ => DxfSection::Other,
                         };
-                        entities_seen |= section == Section::Entities;
+                        entities_seen |= section == DxfSection::Entities;
                     }
-                    Section::Unnamed if group.code != 999 => {
-                        return self.broken(group, "the name of the section (group 2) is due");
+                    DxfSection::Unnamed if group.code != 999 => {
+                        return self.broken(group, "expected the name of the section (group 2)");
                     }
-                    Section::Header if group.code == 9 => variable = group.keyword(),
-                    Section::Header if variable == "$INSUNITS" && group.code == 70 => self.units(group),
-                    Section::Entities if group.code != 999 => match &mut raw {
+                    DxfSection::Header if group.code == 9 => variable = group.keyword(),
+                    DxfSection::Header if variable == "$INSUNITS" && group.code == 70 => self.units(group),
+                    DxfSection::Entities if group.code != 999 => match &mut raw {
                         Some(raw) => raw.groups.push(group),
-                        None => return self.broken(group, "the kind of an entity (group 0) is due"),
+                        None => return self.broken(group, "expected the kind of an entity (group 0)"),
                     },
-                    Section::Outside if group.code != 999 => {
-                        return self.broken(group, "a section (0, SECTION) is due");
+                    DxfSection::Outside if group.code != 999 => {
+                        return self.broken(group, "expected a section (0, SECTION)");
                     }
                     _ => {}
                 }
@@ -112,43 +112,43 @@ impl Reader {
             }
             let keyword = group.keyword();
             match (section, keyword.as_str()) {
-                (Section::Outside, "SECTION") => {
-                    section = Section::Unnamed;
+                (DxfSection::Outside, "SECTION") => {
+                    section = DxfSection::Unnamed;
                     any_section = true;
                 }
-                (Section::Outside, "EOF") => {
+                (DxfSection::Outside, "EOF") => {
                     if !any_section || !entities_seen {
                         self.format(group.line, "the file has no ENTITIES section", "save the drawing again");
                     }
                     return Ok(());
                 }
-                (Section::Outside, _) => return self.broken(group, "a section (0, SECTION) is due"),
-                (Section::Unnamed, _) => {
-                    return self.broken(group, "the name of the section (group 2) is due");
+                (DxfSection::Outside, _) => return self.broken(group, "expected a section (0, SECTION)"),
+                (DxfSection::Unnamed, _) => {
+                    return self.broken(group, "expected the name of the section (group 2)");
                 }
-                (_, "ENDSEC") => section = Section::Outside,
+                (_, "ENDSEC") => section = DxfSection::Outside,
                 (_, "SECTION" | "EOF") => {
-                    return self.broken(group, "the section before is not ended (ENDSEC)");
+                    return self.broken(group, "expected the end of the section before (ENDSEC)");
                 }
-                (Section::Entities, _) => raw = Some(Raw::new(keyword, group.line)),
+                (DxfSection::Entities, _) => raw = Some(RawEntity::new(keyword, group.line)),
                 _ => {}
             }
         }
         self.format(groups.line(), "the file ends without EOF", "the file is cut off: save or copy it again");
-        Err(Broken)
+        Err(MalformedFile)
     }
 
     fn format(&mut self, line: usize, message: &str, remedy: &str) {
-        self.findings.error_at(MapErrorKind::Format, line, String::new(), message.to_owned(), remedy);
+        self.diagnostics.error_at(MapErrorKind::Format, line, String::new(), message.to_owned(), remedy);
     }
 
-    fn broken(&mut self, group: Group, due: &str) -> Result<(), Broken> {
+    fn broken(&mut self, group: DxfGroup, due: &str) -> Result<(), MalformedFile> {
         let message = format!("{due}, found group {} \"{}\"", group.code, shown(group.value));
         self.format(group.line, &message, "the file is damaged: save it again");
-        Err(Broken)
+        Err(MalformedFile)
     }
 
-    fn units(&mut self, group: Group) {
+    fn units(&mut self, group: DxfGroup) {
         self.read.drawing.units = match group.keyword().as_str() {
             "0" => Units::Unitless,
             "1" => Units::Inches,
@@ -159,48 +159,54 @@ impl Reader {
             _ => {
                 let message = format!("$INSUNITS is \"{}\"", shown(group.value));
                 let remedy = "use 1 inches, 2 feet, 4 millimetres, 5 centimetres, 6 metres or 0 (metres)";
-                self.findings.error_at(MapErrorKind::Number, group.line + 1, String::new(), message, remedy);
+                self.diagnostics.error_at(
+                    MapErrorKind::Number,
+                    group.line + 1,
+                    String::new(),
+                    message,
+                    remedy,
+                );
                 return;
             }
         };
     }
 
-    fn finish(&mut self, raw: &Raw) -> Result<(), Broken> {
-        if self.read.drawing.entities.len() + self.read.unread.len() >= MAX_ENTITIES {
+    fn finish(&mut self, raw: &RawEntity) -> Result<(), MalformedFile> {
+        if self.read.drawing.entities.len() + self.read.unsupported.len() >= MAX_ENTITIES {
             let message = format!("more than {MAX_ENTITIES} entities");
             let remedy = "keep only the map in the drawing";
-            self.findings.error_at(MapErrorKind::Size, raw.line, String::new(), message, remedy);
-            return Err(Broken);
+            self.diagnostics.error_at(MapErrorKind::Size, raw.line, String::new(), message, remedy);
+            return Err(MalformedFile);
         }
         self.take(raw);
         Ok(())
     }
 
-    fn take(&mut self, raw: &Raw) {
-        let head = Head::of(raw);
-        // Parts of an entity that went before, and drawings of a sheet rather than of the map.
-        if matches!(raw.kind.as_str(), "VERTEX" | "SEQEND" | "ATTRIB") || head.paper_space {
+    fn take(&mut self, raw: &RawEntity) {
+        let header = EntityHeader::of(raw);
+        // Parts of a preceding entity, and entities of paper space.
+        if matches!(raw.kind.as_str(), "VERTEX" | "SEQEND" | "ATTRIB") || header.paper_space {
             return;
         }
         match raw.shape() {
             Ok(Some(shape)) => {
-                let Head { layer, handle, .. } = head;
+                let EntityHeader { layer, handle, .. } = header;
                 self.read.drawing.entities.push(Entity { layer, shape, handle, line: raw.line });
             }
-            Ok(None) => self.read.unread.push(Unread {
+            Ok(None) => self.read.unsupported.push(UnsupportedEntity {
                 kind: if raw.kind.len() <= 32 {
                     raw.kind.clone()
                 } else {
                     "entity of a long name".to_owned()
                 },
-                layer: head.layer,
-                handle: head.handle,
+                layer: header.layer,
+                handle: header.handle,
                 line: raw.line,
                 remedy: remedy_for(&raw.kind),
             }),
             Err(fault) => {
-                let entity = format!("{} {}", raw.kind, head.handle).trim_end().to_owned();
-                self.findings.error_at(fault.kind, fault.line, entity, fault.message, fault.remedy);
+                let entity = format!("{} {}", raw.kind, header.handle).trim_end().to_owned();
+                self.diagnostics.error_at(fault.kind, fault.line, entity, fault.message, fault.remedy);
             }
         }
     }
@@ -216,50 +222,50 @@ fn remedy_for(kind: &str) -> &'static str {
     }
 }
 
-/// What all entities have.
+/// The properties that all entities share.
 #[derive(Default)]
-struct Head {
+struct EntityHeader {
     layer: String,
     handle: String,
     paper_space: bool,
 }
 
-impl Head {
-    fn of(raw: &Raw) -> Self {
-        let mut head = Self { layer: "0".to_owned(), ..Self::default() };
+impl EntityHeader {
+    fn of(raw: &RawEntity) -> Self {
+        let mut header = Self { layer: "0".to_owned(), ..Self::default() };
         for group in raw.own_groups() {
             match group.code {
-                5 => head.handle = decode(group.value.trim_ascii()).chars().take(16).collect(),
-                8 => head.layer = decode(group.value.trim_ascii()),
-                67 => head.paper_space = group.value.trim_ascii() == b"1",
+                5 => header.handle = decode(group.value.trim_ascii()).chars().take(16).collect(),
+                8 => header.layer = decode(group.value.trim_ascii()),
+                67 => header.paper_space = group.value.trim_ascii() == b"1",
                 _ => {}
             }
         }
-        head
+        header
     }
 }
 
-struct Fault {
+struct EntityError {
     kind: MapErrorKind,
     line: usize,
     message: String,
     remedy: &'static str,
 }
 
-/// An entity as the file has it.
-struct Raw<'a> {
+/// An entity as a list of groups.
+struct RawEntity<'a> {
     kind: String,
     line: usize,
-    groups: Vec<Group<'a>>,
+    groups: Vec<DxfGroup<'a>>,
 }
 
-impl<'a> Raw<'a> {
+impl<'a> RawEntity<'a> {
     fn new(kind: String, line: usize) -> Self {
         Self { kind, line, groups: Vec::new() }
     }
 
-    /// The groups of the entity itself, without what applications have hung on it.
-    fn own_groups(&self) -> impl Iterator<Item = &Group<'a>> {
+    /// The groups of the entity itself, without those that applications have attached.
+    fn own_groups(&self) -> impl Iterator<Item = &DxfGroup<'a>> {
         let mut foreign = false;
         self.groups.iter().filter(move |group| {
             if group.code == 102 {
@@ -271,19 +277,19 @@ impl<'a> Raw<'a> {
     }
 
     /// The last value of a group code.
-    fn last(&self, code: i32) -> Option<&Group<'a>> {
+    fn last(&self, code: i32) -> Option<&DxfGroup<'a>> {
         self.own_groups().filter(|group| group.code == code).last()
     }
 
-    fn number(&self, code: i32) -> Result<f64, Fault> {
+    fn number(&self, code: i32) -> Result<f64, EntityError> {
         self.number_or(code, None)
     }
 
-    fn number_or(&self, code: i32, default: Option<f64>) -> Result<f64, Fault> {
+    fn number_or(&self, code: i32, default: Option<f64>) -> Result<f64, EntityError> {
         match (self.last(code), default) {
             (Some(group), _) => number(group),
             (None, Some(default)) => Ok(default),
-            (None, None) => Err(Fault {
+            (None, None) => Err(EntityError {
                 kind: MapErrorKind::Format,
                 line: self.line,
                 message: format!("group {code} is missing"),
@@ -292,16 +298,16 @@ impl<'a> Raw<'a> {
         }
     }
 
-    fn point(&self, code: i32) -> Result<DVec2, Fault> {
+    fn point(&self, code: i32) -> Result<DVec2, EntityError> {
         Ok(DVec2::new(self.number(code)?, self.number(code + 10)?))
     }
 
-    fn positive(&self, code: i32, name: &str) -> Result<f64, Fault> {
+    fn positive(&self, code: i32, name: &str) -> Result<f64, EntityError> {
         let value = self.number(code)?;
         if value > 0.0 {
             return Ok(value);
         }
-        Err(Fault {
+        Err(EntityError {
             kind: MapErrorKind::Degenerate,
             line: self.last(code).map_or(self.line, |group| group.line + 1),
             message: format!("the {name} is {value}"),
@@ -309,9 +315,9 @@ impl<'a> Raw<'a> {
         })
     }
 
-    /// The side from which the entity is seen: `Some(false)` from above, `Some(true)` from below,
-    /// which mirrors its own x axis (DXF reference, arbitrary axis algorithm), `None` if it is tilted.
-    fn mirrored(&self) -> Result<Option<bool>, Fault> {
+    /// Whether the entity is mirrored: `Some(false)` seen from above, `Some(true)` from below, where its own
+    /// x axis is mirrored (DXF reference, arbitrary axis algorithm), `None` if it is tilted.
+    fn mirrored(&self) -> Result<Option<bool>, EntityError> {
         let normal = [
             self.number_or(210, Some(0.0))?,
             self.number_or(220, Some(0.0))?,
@@ -321,11 +327,11 @@ impl<'a> Raw<'a> {
         Ok(flat.then_some(normal[2] < 0.0))
     }
 
-    /// The shape; `None` of entities of other kinds and of tilted ones.
-    fn shape(&self) -> Result<Option<Shape>, Fault> {
+    /// The shape; `None` for entities of other kinds and tilted ones.
+    fn shape(&self) -> Result<Option<EntityShape>, EntityError> {
         if self.kind == "LINE" {
-            // The only one of them in world coordinates whatever its extrusion.
-            return Ok(Some(Shape::Line { from: self.point(10)?, to: self.point(11)? }));
+            // LINE alone is in world coordinates whatever its extrusion.
+            return Ok(Some(EntityShape::Line { from: self.point(10)?, to: self.point(11)? }));
         }
         if !matches!(self.kind.as_str(), "ARC" | "CIRCLE" | "LWPOLYLINE" | "TEXT" | "MTEXT") {
             return Ok(None);
@@ -337,10 +343,10 @@ impl<'a> Raw<'a> {
                 let (from, to) = (self.number(50)?, self.number(51)?);
                 let (from_deg, to_deg) = if mirrored { (180.0 - to, 180.0 - from) } else { (from, to) };
                 let radius = self.positive(40, "radius")?;
-                Shape::Arc { centre: place(self.point(10)?), radius, from_deg, to_deg }
+                EntityShape::Arc { centre: place(self.point(10)?), radius, from_deg, to_deg }
             }
             "CIRCLE" => {
-                Shape::Circle { centre: place(self.point(10)?), radius: self.positive(40, "radius")? }
+                EntityShape::Circle { centre: place(self.point(10)?), radius: self.positive(40, "radius")? }
             }
             "LWPOLYLINE" => {
                 let mut vertices = self.vertices()?;
@@ -350,16 +356,16 @@ impl<'a> Raw<'a> {
                     }
                 }
                 let closed = self.flags(70)? & 1 != 0;
-                Shape::Polyline { vertices, closed }
+                EntityShape::Polyline { vertices, closed }
             }
             "TEXT" => {
-                // Text that is justified stands at its second point, stretched text (3, 5) at its first.
+                // Justified text is placed at its second point, stretched text (3, 5) at its first.
                 let (across, along) = (self.flags(72)?, self.flags(73)?);
                 let justified = (across != 0 || along != 0) && !matches!(across, 3 | 5);
                 let code = if justified && self.last(11).is_some() { 11 } else { 10 };
                 let text = self.last(1).map(|group| decode(group.value)).unwrap_or_default();
                 let height = self.number_or(40, Some(0.0))?;
-                Shape::Text { at: place(self.point(code)?), height, text }
+                EntityShape::Text { at: place(self.point(code)?), height, text }
             }
             _ => {
                 if mirrored {
@@ -367,31 +373,31 @@ impl<'a> Raw<'a> {
                 }
                 let parts = self.own_groups().filter(|g| matches!(g.code, 1 | 3)).map(|g| decode(g.value));
                 let text = without_formatting(&parts.collect::<String>());
-                Shape::Text { at: self.point(10)?, height: self.number_or(40, Some(0.0))?, text }
+                EntityShape::Text { at: self.point(10)?, height: self.number_or(40, Some(0.0))?, text }
             }
         };
         Ok(Some(shape))
     }
 
-    fn flags(&self, code: i32) -> Result<i32, Fault> {
+    fn flags(&self, code: i32) -> Result<i32, EntityError> {
         let Some(group) = self.last(code) else { return Ok(0) };
-        group.keyword().parse().map_err(|_| Fault {
+        group.keyword().parse().map_err(|_| EntityError {
             kind: MapErrorKind::Number,
             line: group.line + 1,
             message: format!("group {code} is \"{}\"", shown(group.value)),
-            remedy: "a whole number is due: the entity is damaged, draw it again",
+            remedy: "it must be a whole number: the entity is damaged, draw it again",
         })
     }
 
-    fn vertices(&self) -> Result<Vec<PolyVertex>, Fault> {
-        let damaged = |line: usize, message: String| Fault {
+    fn vertices(&self) -> Result<Vec<PolyVertex>, EntityError> {
+        let damaged = |line: usize, message: String| EntityError {
             kind: MapErrorKind::Format,
             line,
             message,
             remedy: "the entity is damaged: draw it again",
         };
         let mut vertices: Vec<PolyVertex> = Vec::new();
-        // The x of a vertex whose y is still due.
+        // The x of a vertex without its y yet.
         let mut open: Option<f64> = None;
         for group in self.own_groups() {
             match (group.code, open) {
@@ -414,7 +420,7 @@ impl<'a> Raw<'a> {
         if open.is_some() {
             return Err(damaged(self.line, "the last vertex has no y (group 20)".to_owned()));
         }
-        let stated = self.last(90).map(Group::keyword);
+        let stated = self.last(90).map(DxfGroup::keyword);
         if let Some(stated) = stated.filter(|stated| *stated != vertices.len().to_string()) {
             let message =
                 format!("{} vertices, the entity states {}", vertices.len(), shown(stated.as_bytes()));
@@ -424,12 +430,12 @@ impl<'a> Raw<'a> {
     }
 }
 
-fn number(group: &Group) -> Result<f64, Fault> {
-    let fault = |found: &str| Fault {
+fn number(group: &DxfGroup) -> Result<f64, EntityError> {
+    let fault = |found: &str| EntityError {
         kind: MapErrorKind::Number,
         line: group.line + 1,
         message: format!("group {} is \"{}\", {found}", group.code, shown(group.value)),
-        remedy: "a finite number is due: draw the entity again",
+        remedy: "it must be a finite number: draw the entity again",
     };
     let value: f64 = group.keyword().parse().map_err(|_| fault("not a number"))?;
     match value {

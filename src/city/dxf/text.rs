@@ -1,4 +1,4 @@
-//! How text stands in a DXF file of release 2000.
+//! Encodes and decodes text of a DXF file of release 2000.
 
 use std::fmt::Write;
 
@@ -59,7 +59,7 @@ fn hex_unit(digits: &str) -> Option<u16> {
     digits.bytes().all(|b| b.is_ascii_hexdigit()).then(|| u16::from_str_radix(digits, 16).ok()).flatten()
 }
 
-/// The words of an MTEXT: formatting codes dropped, paragraphs and line breaks as blanks.
+/// The plain text of an MTEXT: formatting codes dropped, paragraphs and line breaks as spaces.
 pub(super) fn without_formatting(text: &str) -> String {
     let mut plain = String::with_capacity(text.len());
     let mut characters = text.chars();

@@ -1,7 +1,8 @@
-//! Drawings as ASCII DXF of release 2000 (AC1015), whole enough for CAD programs to open without repair.
+//! Writes drawings as ASCII DXF of release 2000 (AC1015), complete enough for CAD programs to open without
+//! repair.
 
 use super::text::encode;
-use super::{Drawing, Entity, Shape, Units};
+use super::{Drawing, Entity, EntityShape, Units};
 use crate::city::layers;
 use glam::DVec2;
 use std::collections::BTreeSet;
@@ -10,18 +11,17 @@ use std::fmt::{Display, Write};
 impl Drawing {
     /// The drawing as the text of a DXF file.
     ///
-    /// Numbers are the shortest that read back as the same `f64`. Handles of the entities are kept
-    /// where they are hexadecimal and unique, and given out otherwise. Text is ASCII, other characters
-    /// as `\U+XXXX`. Numbers that are not finite are written as they are, and [`Drawing::parse`]
-    /// refuses them.
+    /// Numbers are the shortest that parse to the same `f64`. Hexadecimal, unique handles are kept; other
+    /// entities get new ones. Text is ASCII, other characters as `\U+XXXX`. Numbers that are not finite are
+    /// written as they are; [`Drawing::parse`] rejects them.
     pub fn to_dxf(&self) -> String {
-        let mut handles = Handles::of(&self.entities);
-        let fixed = Fixed::new(&mut handles);
+        let mut handles = HandleAllocator::of(&self.entities);
+        let fixed = FixedHandles::new(&mut handles);
         let entity_handles: Vec<u64> =
             self.entities.iter().map(|entity| handles.keep_or_next(&entity.handle)).collect();
 
-        // Everything but the header comes first, for the header states the next free handle.
-        let mut body = Writer::default();
+        // The header is written last, since it states the next free handle.
+        let mut body = DxfWriter::default();
         let bounds = self.bounds();
         body.tables(&self.layers(), bounds, &fixed, &mut handles);
         body.blocks(&fixed, &mut handles);
@@ -33,7 +33,7 @@ impl Drawing {
         body.objects(&fixed, &mut handles);
         body.group(0, "EOF");
 
-        let mut file = Writer::default();
+        let mut file = DxfWriter::default();
         file.header(self.units, bounds, handles.seed());
         file.0.push_str(&body.0);
         file.0
@@ -63,18 +63,20 @@ impl Drawing {
         };
         for entity in &self.entities {
             match &entity.shape {
-                Shape::Line { from, to } => [from, to].into_iter().for_each(|&p| add(p, 0.0)),
-                Shape::Arc { centre, radius, .. } | Shape::Circle { centre, radius } => add(*centre, *radius),
-                Shape::Polyline { vertices, .. } => vertices.iter().for_each(|v| add(v.at, 0.0)),
-                Shape::Text { at, .. } => add(*at, 0.0),
+                EntityShape::Line { from, to } => [from, to].into_iter().for_each(|&p| add(p, 0.0)),
+                EntityShape::Arc { centre, radius, .. } | EntityShape::Circle { centre, radius } => {
+                    add(*centre, *radius)
+                }
+                EntityShape::Polyline { vertices, .. } => vertices.iter().for_each(|v| add(v.at, 0.0)),
+                EntityShape::Text { at, .. } => add(*at, 0.0),
             }
         }
         if low.is_finite() && high.is_finite() { [low, high] } else { [DVec2::ZERO, DVec2::ONE] }
     }
 }
 
-/// Gives out handles that no entity has claimed.
-struct Handles {
+/// Allocates handles that no entity has claimed.
+struct HandleAllocator {
     claimed: BTreeSet<u64>,
     kept: BTreeSet<u64>,
     last: u64,
@@ -83,7 +85,7 @@ struct Handles {
 /// Larger handles than this are not kept, so that counting on from them cannot overflow.
 const LARGEST_HANDLE: u64 = 1 << 60;
 
-impl Handles {
+impl HandleAllocator {
     fn of(entities: &[Entity]) -> Self {
         let claimed = entities.iter().filter_map(|e| parse_handle(&e.handle)).collect();
         Self { claimed, kept: BTreeSet::new(), last: 0 }
@@ -114,7 +116,7 @@ fn parse_handle(handle: &str) -> Option<u64> {
 }
 
 /// Handles that several sections refer to.
-struct Fixed {
+struct FixedHandles {
     block_records: u64,
     model_space: u64,
     paper_space: u64,
@@ -124,8 +126,8 @@ struct Fixed {
     paper_layout: u64,
 }
 
-impl Fixed {
-    fn new(handles: &mut Handles) -> Self {
+impl FixedHandles {
+    fn new(handles: &mut HandleAllocator) -> Self {
         Self {
             block_records: handles.next(),
             model_space: handles.next(),
@@ -139,9 +141,9 @@ impl Fixed {
 }
 
 #[derive(Default)]
-struct Writer(String);
+struct DxfWriter(String);
 
-impl Writer {
+impl DxfWriter {
     fn group(&mut self, code: u16, value: impl Display) {
         // Writing to a string cannot fail.
         let _ = writeln!(self.0, "{code:>3}\n{value}");
@@ -210,7 +212,13 @@ impl Writer {
         self.group(100, "AcDbSymbolTableRecord");
     }
 
-    fn tables(&mut self, layers: &[&str], bounds: [DVec2; 2], fixed: &Fixed, handles: &mut Handles) {
+    fn tables(
+        &mut self,
+        layers: &[&str],
+        bounds: [DVec2; 2],
+        fixed: &FixedHandles,
+        handles: &mut HandleAllocator,
+    ) {
         self.section("TABLES");
 
         let table = handles.next();
@@ -298,8 +306,8 @@ impl Writer {
         self.group(0, "ENDSEC");
     }
 
-    /// The view that a CAD program opens with: the whole drawing and a little around it.
-    fn view(&mut self, [low, high]: [DVec2; 2], table: u64, handles: &mut Handles) {
+    /// The initial view: the whole drawing with a margin.
+    fn view(&mut self, [low, high]: [DVec2; 2], table: u64, handles: &mut HandleAllocator) {
         let size = (high - low).max(DVec2::splat(1e-3));
         self.record("VPORT", handles.next(), table);
         self.group(100, "AcDbViewportTableRecord");
@@ -327,7 +335,7 @@ impl Writer {
         self.number(42, 50.0);
     }
 
-    fn blocks(&mut self, fixed: &Fixed, handles: &mut Handles) {
+    fn blocks(&mut self, fixed: &FixedHandles, handles: &mut HandleAllocator) {
         self.section("BLOCKS");
         for (name, record, paper) in
             [("*Model_Space", fixed.model_space, false), ("*Paper_Space", fixed.paper_space, true)]
@@ -358,11 +366,11 @@ impl Writer {
         self.group(
             0,
             match entity.shape {
-                Shape::Line { .. } => "LINE",
-                Shape::Arc { .. } => "ARC",
-                Shape::Polyline { .. } => "LWPOLYLINE",
-                Shape::Circle { .. } => "CIRCLE",
-                Shape::Text { .. } => "TEXT",
+                EntityShape::Line { .. } => "LINE",
+                EntityShape::Arc { .. } => "ARC",
+                EntityShape::Polyline { .. } => "LWPOLYLINE",
+                EntityShape::Circle { .. } => "CIRCLE",
+                EntityShape::Text { .. } => "TEXT",
             },
         );
         self.handle(5, handle);
@@ -370,19 +378,19 @@ impl Writer {
         self.group(100, "AcDbEntity");
         self.group(8, encode(&entity.layer));
         match &entity.shape {
-            Shape::Line { from, to } => {
+            EntityShape::Line { from, to } => {
                 self.group(100, "AcDbLine");
                 self.point(10, *from);
                 self.point(11, *to);
             }
-            Shape::Arc { centre, radius, from_deg, to_deg } => {
+            EntityShape::Arc { centre, radius, from_deg, to_deg } => {
                 self.circle(*centre, *radius);
                 self.group(100, "AcDbArc");
                 self.number(50, *from_deg);
                 self.number(51, *to_deg);
             }
-            Shape::Circle { centre, radius } => self.circle(*centre, *radius),
-            Shape::Polyline { vertices, closed } => {
+            EntityShape::Circle { centre, radius } => self.circle(*centre, *radius),
+            EntityShape::Polyline { vertices, closed } => {
                 self.group(100, "AcDbPolyline");
                 self.group(90, vertices.len());
                 self.group(70, u8::from(*closed));
@@ -394,7 +402,7 @@ impl Writer {
                     }
                 }
             }
-            Shape::Text { at, height, text } => {
+            EntityShape::Text { at, height, text } => {
                 self.group(100, "AcDbText");
                 self.point(10, *at);
                 self.number(40, *height);
@@ -410,7 +418,7 @@ impl Writer {
         self.number(40, radius);
     }
 
-    fn objects(&mut self, fixed: &Fixed, handles: &mut Handles) {
+    fn objects(&mut self, fixed: &FixedHandles, handles: &mut HandleAllocator) {
         let (group, layouts, plot_styles) = (handles.next(), handles.next(), handles.next());
         self.section("OBJECTS");
         self.dictionary(

@@ -1,11 +1,11 @@
-//! What stands in the blocks: tables of buildings, grounds, water, walls and furniture.
+//! Tables of the city blocks: buildings, grounds, water, walls and furniture.
 
 use crate::city::SceneryKind::{self, Bed, Grass, Parking, Paving, Playground, Water};
 
-/// An upright rectangle: name, west, south, east and north edge, height (zero of what is flat).
+/// An axis-aligned plot: name, west, south, east and north edge, height (zero if flat).
 pub(super) struct Plot(pub &'static str, pub [f64; 4], pub f64);
 
-/// Buildings whose front does not look at the nearest road.
+/// Buildings whose front does not face the nearest road.
 pub(super) const FRONTS: &[(&str, &str)] = &[
     ("fire station", "W"),
     ("theatre", "S"),
@@ -16,7 +16,7 @@ pub(super) const FRONTS: &[(&str, &str)] = &[
     ("garden house", "S"),
 ];
 
-/// Buildings that stand alone. Heights are the full-scale ones over 25: four to 25 m.
+/// Detached buildings. Heights are the full-scale ones over 25: four to 25 m.
 pub(super) const BUILDINGS: &[Plot] = &[
     // Town square: east row, south row, west.
     Plot("bookshop", [-0.66, 0.14, -0.40, 0.41], 0.36),
@@ -64,9 +64,9 @@ pub(super) const BUILDINGS: &[Plot] = &[
     Plot("observatory", [2.86, 2.76, 3.12, 3.10], 0.48),
 ];
 
-/// A row of buildings of one size: the south-west corner of the first, size, steps to the next and
-/// how many, and the range of their heights.
-pub(super) struct Row {
+/// A row of buildings of one size: south-west corner of the first, size, step to the next, number, and range
+/// of heights.
+pub(super) struct BuildingRow {
     pub name: &'static str,
     pub first: [f64; 2],
     pub size: [f64; 2],
@@ -75,11 +75,17 @@ pub(super) struct Row {
     pub heights: [f64; 2],
 }
 
-const fn row(name: &'static str, first: [f64; 2], size: [f64; 2], step: [f64; 2], count: usize) -> Row {
-    Row { name, first, size, step, count, heights: [0.24, 0.40] }
+const fn row(
+    name: &'static str,
+    first: [f64; 2],
+    size: [f64; 2],
+    step: [f64; 2],
+    count: usize,
+) -> BuildingRow {
+    BuildingRow { name, first, size, step, count, heights: [0.24, 0.40] }
 }
 
-pub(super) const ROWS: &[Row] = &[
+pub(super) const ROWS: &[BuildingRow] = &[
     row("row house", [-0.56, -1.72], [0.18, 0.20], [0.0, 0.24], 4),
     row("house", [2.32, 0.10], [0.24, 0.28], [0.29, 0.0], 3),
     row("house", [2.30, -0.34], [0.24, 0.30], [0.29, 0.0], 3),
@@ -90,7 +96,7 @@ pub(super) const ROWS: &[Row] = &[
     row("house", [-3.12, 0.56], [0.29, 0.32], [0.0, 0.0], 1),
     row("house", [-3.11, 1.02], [0.34, 0.30], [0.0, 0.0], 1),
     row("house", [-3.07, 1.44], [0.40, 0.32], [0.0, 0.46], 2),
-    Row {
+    BuildingRow {
         name: "apartments",
         first: [-2.34, 2.97],
         size: [0.36, 0.18],
@@ -98,7 +104,7 @@ pub(super) const ROWS: &[Row] = &[
         count: 11,
         heights: [0.32, 0.80],
     },
-    Row {
+    BuildingRow {
         name: "terrace",
         first: [-2.06, -3.13],
         size: [0.36, 0.17],
@@ -108,11 +114,11 @@ pub(super) const ROWS: &[Row] = &[
     },
 ];
 
-/// Ground and water with straight edges.
-pub(super) struct Area(pub SceneryKind, pub &'static str, pub &'static [[f64; 2]]);
+/// Ground and water areas with straight edges.
+pub(super) struct GroundArea(pub SceneryKind, pub &'static str, pub &'static [[f64; 2]]);
 
-pub(super) const AREAS: &[Area] = &[
-    Area(
+pub(super) const AREAS: &[GroundArea] = &[
+    GroundArea(
         Paving,
         "town square",
         &[
@@ -134,46 +140,58 @@ pub(super) const AREAS: &[Area] = &[
             [-2.07, 0.64],
         ],
     ),
-    Area(
+    GroundArea(
         Parking,
         "car park west of the square",
         &[[-2.06, 1.23], [-1.64, 1.23], [-1.64, 1.64], [-2.06, 1.64]],
     ),
-    Area(Parking, "car park on the square", &[[-1.20, 1.08], [-0.74, 1.08], [-0.74, 1.52], [-1.20, 1.52]]),
-    Area(Parking, "car park north-west", &[[-1.95, 2.10], [-0.52, 2.10], [-0.52, 2.49], [-1.95, 2.49]]),
-    Area(Parking, "car park north-east", &[[0.46, 2.10], [1.58, 2.10], [1.58, 2.49], [0.46, 2.49]]),
-    Area(Grass, "garden", &[[2.28, 1.14], [2.62, 1.14], [2.62, 2.28], [2.28, 2.28]]),
-    Area(
+    GroundArea(
+        Parking,
+        "car park on the square",
+        &[[-1.20, 1.08], [-0.74, 1.08], [-0.74, 1.52], [-1.20, 1.52]],
+    ),
+    GroundArea(Parking, "car park north-west", &[[-1.95, 2.10], [-0.52, 2.10], [-0.52, 2.49], [-1.95, 2.49]]),
+    GroundArea(Parking, "car park north-east", &[[0.46, 2.10], [1.58, 2.10], [1.58, 2.49], [0.46, 2.49]]),
+    GroundArea(Grass, "garden", &[[2.28, 1.14], [2.62, 1.14], [2.62, 2.28], [2.28, 2.28]]),
+    GroundArea(
         Paving,
         "fire station forecourt",
         &[[0.37, 0.74], [0.93, 0.74], [0.93, 1.60], [0.30, 1.60], [0.30, 1.05]],
     ),
-    Area(Paving, "filling station forecourt", &[[1.02, 0.16], [1.78, 0.16], [1.78, 0.48], [1.02, 0.48]]),
-    Area(
+    GroundArea(
+        Paving,
+        "filling station forecourt",
+        &[[1.02, 0.16], [1.78, 0.16], [1.78, 0.48], [1.02, 0.48]],
+    ),
+    GroundArea(
         Grass,
         "small park",
         &[[1.38, 1.25], [1.43, 1.08], [1.56, 0.95], [1.82, 0.97], [1.82, 1.61], [1.40, 1.61]],
     ),
-    Area(
+    GroundArea(
         Paving,
         "theatre court",
         &[[-1.92, -1.38], [-0.88, -1.38], [-0.88, -0.98], [-1.00, -0.76], [-1.20, -0.68], [-1.92, -0.68]],
     ),
-    Area(
+    GroundArea(
         Grass,
         "cafe park",
         &[[-1.54, -1.45], [-0.86, -1.45], [-0.86, -1.92], [-0.98, -2.08], [-1.24, -2.12], [-1.45, -1.98]],
     ),
-    Area(Parking, "car park of the park", &[[0.45, -0.98], [1.24, -0.98], [1.24, -0.72], [0.45, -0.72]]),
-    Area(
+    GroundArea(
+        Parking,
+        "car park of the park",
+        &[[0.45, -0.98], [1.24, -0.98], [1.24, -0.72], [0.45, -0.72]],
+    ),
+    GroundArea(
         Grass,
         "swan park",
         &[[0.40, -1.95], [0.70, -2.12], [1.00, -2.12], [1.25, -1.95], [1.25, -1.04], [0.40, -1.04]],
     ),
-    Area(Playground, "playground", &[[0.92, -1.42], [1.20, -1.42], [1.20, -1.12], [0.92, -1.12]]),
-    Area(Paving, "garden path", &[[2.235, -0.54], [2.30, -0.54], [2.30, -0.50], [2.235, -0.50]]),
-    Area(Paving, "garden path", &[[2.235, -0.12], [2.30, -0.12], [2.30, -0.08], [2.235, -0.08]]),
-    Area(Grass, "gardens", &[[2.44, -1.20], [3.13, -1.20], [3.13, 0.44], [2.28, 0.44], [2.28, -0.80]]),
+    GroundArea(Playground, "playground", &[[0.92, -1.42], [1.20, -1.42], [1.20, -1.12], [0.92, -1.12]]),
+    GroundArea(Paving, "garden path", &[[2.235, -0.54], [2.30, -0.54], [2.30, -0.50], [2.235, -0.50]]),
+    GroundArea(Paving, "garden path", &[[2.235, -0.12], [2.30, -0.12], [2.30, -0.08], [2.235, -0.08]]),
+    GroundArea(Grass, "gardens", &[[2.44, -1.20], [3.13, -1.20], [3.13, 0.44], [2.28, 0.44], [2.28, -0.80]]),
 ];
 
 /// Paved drives between car parks and kerbs, and a path to the park: west, south, east and north edge.
@@ -188,7 +206,7 @@ pub(super) const DRIVES: &[[f64; 4]] = &[
     [0.19, 1.03, 0.31, 1.32],
 ];
 
-/// Where nothing is planted or set up: before wide doors, and where kerbs round off what lies between lanes.
+/// Areas kept free: in front of wide doors, and where kerbs round off the ground between lanes.
 pub(super) const CLEAR: &[[f64; 4]] = &[
     [0.18, 0.96, 0.44, 1.36],
     [1.00, 0.16, 1.54, 0.52],
@@ -197,7 +215,7 @@ pub(super) const CLEAR: &[[f64; 4]] = &[
     [-0.02, -2.21, 0.03, -2.16],
     [-0.69, -2.19, -0.64, -2.14],
 ];
-/// Lamps along roads stand so far from drives.
+/// Least distance between street lamps and driveways.
 pub(super) const CLEAR_OF_DRIVES: f64 = 0.08;
 
 /// Lamps away from the roads.
@@ -216,22 +234,22 @@ pub(super) const LAMPS: &[[f64; 2]] = &[
     [1.62, 1.42],
 ];
 
-/// Round things: kind, name, centre, radius.
-pub(super) struct Round(pub SceneryKind, pub &'static str, pub [f64; 2], pub f64);
+/// Circular areas: kind, name, centre, radius.
+pub(super) struct RoundArea(pub SceneryKind, pub &'static str, pub [f64; 2], pub f64);
 
-pub(super) const ROUNDS: &[Round] = &[
-    Round(Grass, "west roundabout's island", [-2.27, -2.17], 0.34),
-    Round(Grass, "east roundabout's island", [2.05, -1.91], 0.34),
-    Round(Bed, "roundabout bed", [-2.27, -2.17], 0.09),
-    Round(Bed, "roundabout bed", [2.05, -1.91], 0.09),
-    Round(Bed, "round bed", [-1.15, 0.68], 0.11),
-    Round(Bed, "rose bed", [1.62, 1.10], 0.05),
-    Round(Bed, "flower bed", [-1.16, -1.86], 0.06),
-    Round(Water, "garden pond", [2.45, 1.34], 0.10),
-    Round(Water, "swan pond", [0.78, -1.72], 0.17),
+pub(super) const ROUNDS: &[RoundArea] = &[
+    RoundArea(Grass, "west roundabout's island", [-2.27, -2.17], 0.34),
+    RoundArea(Grass, "east roundabout's island", [2.05, -1.91], 0.34),
+    RoundArea(Bed, "roundabout bed", [-2.27, -2.17], 0.09),
+    RoundArea(Bed, "roundabout bed", [2.05, -1.91], 0.09),
+    RoundArea(Bed, "round bed", [-1.15, 0.68], 0.11),
+    RoundArea(Bed, "rose bed", [1.62, 1.10], 0.05),
+    RoundArea(Bed, "flower bed", [-1.16, -1.86], 0.06),
+    RoundArea(Water, "garden pond", [2.45, 1.34], 0.10),
+    RoundArea(Water, "swan pond", [0.78, -1.72], 0.17),
 ];
 
-/// Low walls and hedges, along their middle.
+/// Low walls and hedges, along their centre lines.
 pub(super) const WALLS: &[&[[f64; 2]]] = &[
     &[[2.28, 2.30], [2.28, 1.12], [2.62, 1.12]],
     &[[0.93, 0.76], [0.93, 1.58]],
@@ -264,7 +282,7 @@ pub(super) const HEDGES: &[&[[f64; 2]]] = &[
     &[[1.30, -0.70], [1.30, -1.10], [1.80, -1.10]],
 ];
 
-/// Benches and picnic tables: place and heading in degrees.
+/// Benches and picnic tables: position and heading in degrees.
 pub(super) const BENCHES: &[[f64; 3]] = &[
     [1.44, 1.42, 90.0],
     [1.62, 1.52, 0.0],
@@ -295,7 +313,7 @@ pub(super) const PICNIC_TABLES: &[[f64; 3]] = &[
     [-1.30, -1.82, 75.0],
 ];
 
-/// Where trees stand about, with the step of the grid on which places are tried.
+/// Groves: bounds, and the spacing of the jittered grid on which trees are placed.
 pub(super) const GROVES: &[([f64; 4], f64)] = &[
     ([0.42, -2.08, 1.24, -1.04], 0.13),
     ([-1.52, -2.06, -0.88, -1.42], 0.13),

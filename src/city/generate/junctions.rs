@@ -1,68 +1,68 @@
-//! The junctions: turns between the roads, ways straight across, stop and yield lines.
+//! Junctions: turns between the roads, straight connectors, stop and yield lines.
 
-use super::network::{BEND_SPEED, LANE_WIDTH, LINE_SETBACK, Line, Network, OmittedTurn};
-use super::path::{Fit, Turn, fit};
+use super::network::{BEND_SPEED, LANE_WIDTH, LINE_SETBACK, Line, OmittedTurn, RoadNetwork};
+use super::path::{Fit, TurnDirection, fit};
 use super::roads::SPACING;
 use crate::city::ControlLineKind;
 use glam::DVec2;
 
-/// No turn is tighter.
+/// Smallest turning radius.
 pub(super) const MIN_TURN_RADIUS: f64 = 0.20;
-/// A yielding vehicle stands at least this far, centre to centre, from the lane it yields to.
+/// Least distance, centre to centre, between a yielding vehicle and the lane that it yields to.
 const YIELD_CLEARANCE: f64 = 0.16;
 
-/// Where an arm of a junction lies, clockwise.
+/// The side of a junction on which an arm lies, clockwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
+enum CompassSide {
     North,
     East,
     South,
     West,
 }
 
-impl Side {
+impl CompassSide {
     fn name(self) -> &'static str {
         ["north", "east", "south", "west"][self as usize]
     }
 
-    /// The turn from this arm to another; `None` straight ahead.
-    fn turn_to(self, other: Self) -> Option<Turn> {
+    /// The direction of the turn from this arm to another; `None` straight ahead.
+    fn turn_to(self, other: Self) -> Option<TurnDirection> {
         match (other as usize + 4 - self as usize) % 4 {
-            1 => Some(Turn::Left),
-            3 => Some(Turn::Right),
+            1 => Some(TurnDirection::Left),
+            3 => Some(TurnDirection::Right),
             _ => None,
         }
     }
 }
 
-/// An arm with the lanes that come in by it and those that go out, inner lanes first.
+/// An arm of a junction with its inbound and outbound lanes, inner lanes first.
 struct Arm {
-    side: Side,
+    side: CompassSide,
     inbound: &'static [&'static str],
     outbound: &'static [&'static str],
-    /// Whether who comes in stops.
+    /// Whether inbound traffic has a stop line.
     stops: bool,
 }
 
 struct Junction {
     name: &'static str,
-    /// Radius of its right turns. Left turns start and end beside them, so theirs is larger by the
+    /// Radius of its right turns. Left turns start and end beside them, so their radius is larger by the
     /// width of the road between.
     reach: f64,
     arms: &'static [Arm],
-    /// Turns of another radius; onto or from an arc it follows from where they start or end.
-    fits: &'static [(Side, Side, Fit)],
+    /// Turns with another fit: onto or from an arc, the radius follows from the start or the end.
+    fits: &'static [(CompassSide, CompassSide, Fit)],
 }
 
-const fn arm(side: Side, inbound: &'static [&'static str], outbound: &'static [&'static str]) -> Arm {
+const fn arm(side: CompassSide, inbound: &'static [&'static str], outbound: &'static [&'static str]) -> Arm {
     Arm { side, inbound, outbound, stops: false }
 }
 
-const fn stop(side: Side, inbound: &'static [&'static str], outbound: &'static [&'static str]) -> Arm {
+const fn stop(side: CompassSide, inbound: &'static [&'static str], outbound: &'static [&'static str]) -> Arm {
     Arm { side, inbound, outbound, stops: true }
 }
 
-use Side::{East, North, South, West};
+use CompassSide::{East, North, South, West};
 
 const WEST_SOUTH: &[&str] = &["west-street/south/inner", "west-street/south/outer"];
 const WEST_NORTH: &[&str] = &["west-street/north/inner", "west-street/north/outer"];
@@ -87,8 +87,8 @@ const LOOP_NORTH: &[&str] = &["north-east-loop/north"];
 const CRESCENT_NORTH: &[&str] = &["crescent/north"];
 const CRESCENT_SOUTH: &[&str] = &["crescent/south"];
 
-/// The blocks between North and Second Avenue are 0.70 deep: the radii beside them are small enough
-/// that a vehicle of 0.2 stands between a stop line and the junction behind it.
+/// The blocks between North and Second Avenue are 0.70 deep: the radii beside them leave room for a vehicle
+/// of 0.2 between a stop line and the junction behind it.
 const JUNCTIONS: &[Junction] = &[
     Junction {
         name: "junction-centre-north",
@@ -175,7 +175,7 @@ const JUNCTIONS: &[Junction] = &[
             stop(East, MAIN_WEST, MAIN_EAST),
             arm(South, WEST_NORTH, WEST_SOUTH),
         ],
-        // Right turns of their own lanes, wide enough for cars that steer 20 degrees.
+        // Dedicated right-turn lanes, wide enough for cars that steer 20 degrees.
         fits: &[(East, North, Fit::Radius(0.38)), (South, East, Fit::Radius(0.38))],
     },
     Junction {
@@ -201,8 +201,8 @@ const JUNCTIONS: &[Junction] = &[
     },
 ];
 
-/// Adds turns, ways across and lines of every junction.
-pub(super) fn add_all(net: &mut Network) {
+/// Adds turns, connectors and control lines of all junctions.
+pub(super) fn add_all(net: &mut RoadNetwork) {
     JUNCTIONS.iter().for_each(|junction| add(net, junction));
     add_yielding(net);
     for turn in ["north-to-east", "west-to-north"] {
@@ -214,14 +214,14 @@ pub(super) fn add_all(net: &mut Network) {
     }
 }
 
-/// Where the turns of a junction leave and join the lanes: (track, arc length).
+/// Arc lengths at which turns leave and join the centre lines: (centre line, arc length).
 #[derive(Default)]
 struct Stations {
     departures: Vec<(&'static str, f64)>,
     arrivals: Vec<(&'static str, f64)>,
 }
 
-fn add(net: &mut Network, junction: &Junction) {
+fn add(net: &mut RoadNetwork, junction: &Junction) {
     let mut stations = Stations::default();
     let pairs = || junction.arms.iter().flat_map(|a| junction.arms.iter().map(move |b| (a, b)));
     for (from, to) in pairs() {
@@ -255,11 +255,18 @@ fn add(net: &mut Network, junction: &Junction) {
 }
 
 /// Right turns go from outer lane to outer lane, left turns from inner to inner.
-fn add_turn(net: &mut Network, junction: &Junction, (from, to, turn): (&Arm, &Arm, Turn), at: &mut Stations) {
+fn add_turn(
+    net: &mut RoadNetwork,
+    junction: &Junction,
+    (from, to, turn): (&Arm, &Arm, TurnDirection),
+    at: &mut Stations,
+) {
     let lanes = junction.arms.iter().map(|arm| arm.inbound.len()).max().unwrap_or(1);
     let (inbound, outbound, radius) = match turn {
-        Turn::Right => (from.inbound.last(), to.outbound.last(), junction.reach),
-        Turn::Left => (from.inbound.first(), to.outbound.first(), junction.reach + SPACING * lanes as f64),
+        TurnDirection::Right => (from.inbound.last(), to.outbound.last(), junction.reach),
+        TurnDirection::Left => {
+            (from.inbound.first(), to.outbound.first(), junction.reach + SPACING * lanes as f64)
+        }
     };
     let (Some(&inbound), Some(&outbound)) = (inbound, outbound) else { return };
     let special = junction.fits.iter().find(|(a, b, _)| (*a, *b) == (from.side, to.side));
@@ -286,17 +293,17 @@ fn most(stations: &[(&str, f64)], track: &str) -> Option<f64> {
     stations.iter().filter(|(name, _)| *name == track).map(|(_, s)| *s).reduce(f64::max)
 }
 
-/// A lane without turns crosses the junction beside its neighbour.
+/// A through lane without turns crosses the junction beside its neighbour.
 ///
 /// # Panics
 /// If no lane of the arm has a turn.
-fn beside(net: &Network, stations: &[(&str, f64)], lanes: &[&str], track: &str) -> f64 {
+fn beside(net: &RoadNetwork, stations: &[(&str, f64)], lanes: &[&str], track: &str) -> f64 {
     let neighbour = lanes.iter().find_map(|lane| Some((*lane, least(stations, lane)?)));
     let (lane, s) = neighbour.unwrap_or_else(|| panic!("no turn at this junction beside {track}"));
     net.curve(track).project(net.curve(lane).at(s).pose.position).s
 }
 
-/// Entries that give way: (lane, lanes it gives way to, name of the way in).
+/// Entries that give way: (lane, lanes it gives way to, name of the connector).
 const YIELDING: &[(&str, &[&str], &str)] = &[
     ("south-boulevard/west/outer", WEST_RINGS, "west-roundabout/east-to-ring/outer"),
     ("south-boulevard/west/inner", WEST_RINGS, "west-roundabout/east-to-ring/inner"),
@@ -308,7 +315,7 @@ const YIELDING: &[(&str, &[&str], &str)] = &[
     ("square-lane/east", SECOND_EAST, "junction-square-second/south-to-east"),
 ];
 
-/// Exits that cross or leave a lane beside them, likewise.
+/// Exits that cross or leave an adjacent lane, likewise.
 const LEAVING: &[(&str, &[&str], &str)] = &[
     ("west-street/north/outer", WEST_RINGS, "west-roundabout/ring-to-north/outer"),
     ("west-street/north/inner", WEST_RINGS, "west-roundabout/ring-to-north/inner"),
@@ -326,21 +333,21 @@ const WEST_RINGS: &[&str] = &["west-roundabout/ring/outer", "west-roundabout/rin
 const EAST_RINGS: &[&str] = &["east-roundabout/ring/outer", "east-roundabout/ring/inner"];
 const SOUTH_WESTBOUND: &[&str] = &["south-boulevard/west/outer", "south-boulevard/west/inner"];
 
-/// The yield line of the western roundabout's northern entry: the place of the experiment.
+/// The yield line of the western roundabout's northern entry, as in the experiment.
 const NORTHERN_YIELD_Y: f64 = -1.35;
-/// Where East Street's two entries into the eastern roundabout give way: more than the yield clearance
+/// Yield position of East Street's two entries into the eastern roundabout: more than the yield clearance
 /// before its outer lane on both.
 const EAST_YIELD: DVec2 = DVec2::new(1.965, -1.12);
-/// Between the southbound lanes of West Street.
+/// Middle between the southbound lanes of West Street.
 const WEST_STREET_X: f64 = -2.57;
 
-fn add_yielding(net: &mut Network) {
+fn add_yielding(net: &mut RoadNetwork) {
     for lane in ["outer", "inner"] {
         let track = format!("west-street/south/{lane}");
         let s = net.curve(&track).project(DVec2::new(WEST_STREET_X, NORTHERN_YIELD_Y)).s;
         net.yield_at(&track, s, &format!("west-roundabout/north-to-ring/{lane}"));
     }
-    // Inner and outer entry have only just parted: one line serves both.
+    // Inner and outer entry have only just diverged: one line serves both.
     let at = ["outer", "inner"].map(|lane| {
         let track = format!("east-street/south/{lane}");
         let curve = net.curve(&track);

@@ -1,9 +1,8 @@
-//! Draws the shipped city: the layout of the IDS3C testbed as a DXF drawing in laboratory metres.
+//! Generates the shipped city: the layout of the IDS3C testbed as a DXF drawing in laboratory metres.
 //!
-//! Nothing here reads a file or a clock: the same drawing comes out every time. The roads are tables
-//! of tangent lines and arcs (`roads`); the turns between them follow from their radius
-//! (`junctions`); lanes are cut where they branch and named (`network`);
-//! what stands between the roads are tables again (`blocks`), set out by `scenery`.
+//! The output is deterministic. Roads are tables of tangent lines and arcs (`roads`); turns between them are
+//! fillets of a given radius (`junctions`); centre lines are cut into lanes where they branch and named
+//! (`network`); the blocks between the roads are tables (`blocks`) that `scenery` draws.
 
 mod blocks;
 mod junctions;
@@ -15,14 +14,14 @@ mod scenery;
 pub use network::OmittedTurn;
 
 use super::ControlLineKind;
-use super::dxf::{Drawing, Shape, Units};
+use super::dxf::{Drawing, EntityShape, Units};
 use crate::geom::{Curve, Segment, trig};
 use glam::DVec2;
-use network::{Network, Run};
+use network::{DraftLane, RoadNetwork};
 
 /// Height of names in the drawing.
 const NAME_HEIGHT: f64 = 0.02;
-/// A name stands in the middle of its lane unless another lane is closer to it than this.
+/// A name is drawn in the middle of its lane unless another lane is closer to it than this.
 const NAME_CLEARANCE: f64 = 0.05;
 
 /// The city of the IDS3C testbed, scale 1:25, x east and y north from the middle of the floor:
@@ -37,9 +36,9 @@ pub fn ids3c() -> Drawing {
     }
     for (index, lane) in lanes.iter().enumerate() {
         let at = name_place(&lanes, index);
-        drawing.add("NAMES", Shape::Text { at, height: NAME_HEIGHT, text: lane.name.clone() });
+        drawing.add("NAMES", EntityShape::Text { at, height: NAME_HEIGHT, text: lane.name.clone() });
         if let Some(speed) = lane.speed_mps {
-            drawing.add("SPEEDS", Shape::Text { at, height: NAME_HEIGHT, text: format!("{speed:.2}") });
+            drawing.add("SPEEDS", EntityShape::Text { at, height: NAME_HEIGHT, text: format!("{speed:.2}") });
         }
     }
     for line in &network.lines {
@@ -48,7 +47,7 @@ pub fn ids3c() -> Drawing {
             ControlLineKind::Yield => "YIELD_LINES",
         };
         let [from, to] = line.ends;
-        drawing.add(layer, Shape::Line { from, to });
+        drawing.add(layer, EntityShape::Line { from, to });
     }
     scenery::add_all(&mut drawing, &lanes);
     drawing
@@ -59,17 +58,17 @@ pub fn omitted_turns() -> Vec<OmittedTurn> {
     network().omitted
 }
 
-fn network() -> Network {
-    let mut network = Network::default();
+fn network() -> RoadNetwork {
+    let mut network = RoadNetwork::default();
     roads::add_all(&mut network);
     junctions::add_all(&mut network);
     network
 }
 
-fn entity(segment: &Segment) -> Shape {
+fn entity(segment: &Segment) -> EntityShape {
     let (from, to) = (segment.start.position, segment.end().position);
     let Some((centre, radius)) = segment.centre().zip(segment.radius()) else {
-        return Shape::Line { from, to };
+        return EntityShape::Line { from, to };
     };
     let degrees = |p: DVec2| {
         let angle = trig::atan2(p.y - centre.y, p.x - centre.x).to_degrees();
@@ -77,11 +76,12 @@ fn entity(segment: &Segment) -> Shape {
     };
     let (from_deg, to_deg) = (degrees(from), degrees(to));
     let (from_deg, to_deg) = if segment.curvature > 0.0 { (from_deg, to_deg) } else { (to_deg, from_deg) };
-    Shape::Arc { centre, radius, from_deg, to_deg }
+    EntityShape::Arc { centre, radius, from_deg, to_deg }
 }
 
-/// On the lane's centre line: in its middle, or where other lanes are farthest if one passes there.
-fn name_place(lanes: &[Run], index: usize) -> DVec2 {
+/// The position of a lane's name: the middle of its centre line, or the point farthest from other lanes if
+/// one passes near the middle.
+fn name_place(lanes: &[DraftLane], index: usize) -> DVec2 {
     let curve = &lanes[index].curve;
     let clearance = |at: DVec2| {
         let others = lanes.iter().enumerate().filter(|(k, _)| *k != index);

@@ -1,4 +1,4 @@
-//! Centre lines cut into lanes: where they branch, which part crosses a junction, what they are called.
+//! Cuts centre lines into lanes at their branchings, marks connectors, and names the lanes.
 
 use super::path::Fillet;
 use crate::city::ControlLineKind;
@@ -7,29 +7,29 @@ use glam::DVec2;
 
 /// Lane width, laboratory metres.
 pub(super) const LANE_WIDTH: f64 = 0.1524;
-/// The usual target speed of the testbed, for ways across a junction and lanes that bend from end to end.
+/// The usual target speed of the testbed, for connectors and for lanes that bend from end to end.
 pub(super) const BEND_SPEED: f64 = 0.35;
-/// How far a stop or yield line lies in front of the junction.
+/// Distance of a stop or yield line from the junction.
 pub(super) const LINE_SETBACK: f64 = 0.015;
 
-/// A part of a centre line that crosses a junction.
+/// A span of a centre line that crosses a junction.
 #[derive(Clone, Debug)]
-struct Crossing {
+struct JunctionSpan {
     from_s: f64,
     to_s: f64,
     name: String,
 }
 
-/// A centre line as the designer thinks of it: a whole lane of a road, or a turn.
+/// A designed centre line: a whole lane of a road, or a turn.
 #[derive(Clone, Debug)]
-pub(super) struct Track {
+pub(super) struct CentreLine {
     pub(super) name: String,
     pub(super) curve: Curve,
     pub(super) speed_mps: Option<f64>,
-    crossings: Vec<Crossing>,
+    crossings: Vec<JunctionSpan>,
 }
 
-/// A turn that the layout does not have.
+/// A turn that the layout omits.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OmittedTurn {
     /// "junction-centre-south/north-to-east".
@@ -37,16 +37,16 @@ pub struct OmittedTurn {
     pub reason: String,
 }
 
-/// A stop or yield line before it is drawn.
+/// A stop or yield line of the design.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Line {
+pub(super) struct DraftControlLine {
     pub(super) kind: ControlLineKind,
     pub(super) ends: [DVec2; 2],
 }
 
-/// A lane: a run of segments without a branching.
+/// A lane of the design: a chain of segments without branching.
 #[derive(Clone, Debug)]
-pub(super) struct Run {
+pub(super) struct DraftLane {
     pub(super) name: String,
     pub(super) connector: bool,
     pub(super) speed_mps: Option<f64>,
@@ -54,65 +54,65 @@ pub(super) struct Run {
 }
 
 #[derive(Clone, Debug, Default)]
-pub(super) struct Network {
-    pub(super) tracks: Vec<Track>,
-    pub(super) lines: Vec<Line>,
+pub(super) struct RoadNetwork {
+    pub(super) centre_lines: Vec<CentreLine>,
+    pub(super) lines: Vec<DraftControlLine>,
     pub(super) omitted: Vec<OmittedTurn>,
 }
 
-/// A part of a track between two cuts.
-struct Piece {
+/// A part of a centre line between two cuts.
+struct CentreLinePiece {
     track: usize,
     segments: Curve,
-    /// The crossing it belongs to.
+    /// The junction span that it belongs to.
     crossing: Option<String>,
 }
 
-impl Piece {
+impl CentreLinePiece {
     fn leads_to(&self, next: &Self) -> bool {
         let (end, start) = (self.segments.end(), next.segments.start());
         end.position.distance(start.position) < 1e-7 && end.forward().dot(start.forward()) > 1.0 - 1e-9
     }
 }
 
-impl Network {
+impl RoadNetwork {
     pub(super) fn add(&mut self, name: &str, speed_mps: Option<f64>, curve: Curve) {
-        self.tracks.push(Track { name: name.to_owned(), curve, speed_mps, crossings: Vec::new() });
+        self.centre_lines.push(CentreLine { name: name.to_owned(), curve, speed_mps, crossings: Vec::new() });
     }
 
     /// # Panics
-    /// If the tables of this module name a track that they do not have.
+    /// If the tables name a centre line that does not exist.
     pub(super) fn track(&self, name: &str) -> usize {
-        let found = self.tracks.iter().position(|track| track.name == name);
+        let found = self.centre_lines.iter().position(|track| track.name == name);
         found.unwrap_or_else(|| panic!("no centre line is called {name}"))
     }
 
     pub(super) fn curve(&self, name: &str) -> &Curve {
-        &self.tracks[self.track(name)].curve
+        &self.centre_lines[self.track(name)].curve
     }
 
     pub(super) fn add_turn(&mut self, name: String, speed_mps: f64, fillet: &Fillet) {
         let length = fillet.arc.length;
-        let crossings = vec![Crossing { from_s: 0.0, to_s: length, name: name.clone() }];
+        let crossings = vec![JunctionSpan { from_s: 0.0, to_s: length, name: name.clone() }];
         let curve = Curve::new(vec![fillet.arc]);
-        self.tracks.push(Track { name, curve, speed_mps: Some(speed_mps), crossings });
+        self.centre_lines.push(CentreLine { name, curve, speed_mps: Some(speed_mps), crossings });
     }
 
-    /// Marks a part of a track as a way across a junction.
+    /// Marks a part of a centre line as a connector.
     pub(super) fn cross(&mut self, track: &str, from_s: f64, to_s: f64, name: String) {
         let index = self.track(track);
-        self.tracks[index].crossings.push(Crossing { from_s, to_s, name });
+        self.centre_lines[index].crossings.push(JunctionSpan { from_s, to_s, name });
     }
 
-    /// A line across a track, a little before the junction that starts at arc length `s`.
+    /// Adds a control line across a centre line, a little before the junction that starts at arc length `s`.
     pub(super) fn line(&mut self, kind: ControlLineKind, track: &str, s: f64) {
         let pose = self.curve(track).at(s - LINE_SETBACK).pose;
         let ends = [0.5, -0.5].map(|side| pose.point_at(0.0, side * LANE_WIDTH));
-        self.lines.push(Line { kind, ends });
+        self.lines.push(DraftControlLine { kind, ends });
     }
 
-    /// A yield line on a track and, from there to its end, the way into the traffic that it yields to:
-    /// as late as the track is still `clear_m` away from the others.
+    /// Adds a yield line, and marks the rest of the centre line as the connector into the priority traffic.
+    /// The line is as late as it is still `clear_m` away from the others.
     pub(super) fn yield_before(&mut self, track: &str, others: &[&str], clear_m: f64, name: &str) {
         let curve = self.curve(track).clone();
         let others: Vec<&Curve> = others.iter().map(|other| self.curve(other)).collect();
@@ -132,7 +132,8 @@ impl Network {
         self.cross(track, s + LINE_SETBACK, length, name.to_owned());
     }
 
-    /// Marks the start of a track, until it is `clear_m` away from the others, as a way out of a junction.
+    /// Marks the start of a centre line as a connector out of a junction, until it is `clear_m` away from the
+    /// others.
     pub(super) fn leave(&mut self, track: &str, others: &[&str], clear_m: f64, name: &str) {
         let curve = self.curve(track).clone();
         let others: Vec<&Curve> = others.iter().map(|other| self.curve(other)).collect();
@@ -145,14 +146,14 @@ impl Network {
         self.cross(track, 0.0, s, name.to_owned());
     }
 
-    /// Every arc length at which a track is cut: its ends, those of other tracks that lie on it, and
-    /// those of its crossings.
+    /// All cuts of a centre line: its ends, the ends of other centre lines on it, and those of its junction
+    /// spans.
     fn cuts(&self, index: usize) -> Vec<f64> {
-        let track = &self.tracks[index];
+        let track = &self.centre_lines[index];
         let length = track.curve.length();
         let mut cuts = vec![0.0, length];
         cuts.extend(track.crossings.iter().flat_map(|c| [c.from_s, c.to_s]));
-        for (k, other) in self.tracks.iter().enumerate() {
+        for (k, other) in self.centre_lines.iter().enumerate() {
             if k == index {
                 continue;
             }
@@ -166,7 +167,7 @@ impl Network {
             }
         }
         cuts.sort_by(f64::total_cmp);
-        // Snapped to the ends so that no sliver is left by the last bits of an arc length.
+        // Snapped to the ends, so that rounding leaves no sliver.
         cuts.iter_mut().for_each(|s| {
             if *s < 1e-6 {
                 *s = 0.0;
@@ -178,13 +179,13 @@ impl Network {
         cuts
     }
 
-    fn pieces(&self) -> Vec<Piece> {
+    fn pieces(&self) -> Vec<CentreLinePiece> {
         let mut pieces = Vec::new();
-        for (index, track) in self.tracks.iter().enumerate() {
+        for (index, track) in self.centre_lines.iter().enumerate() {
             for cut in self.cuts(index).windows(2) {
                 let middle = (cut[0] + cut[1]) / 2.0;
                 let inside = track.crossings.iter().find(|c| (c.from_s..c.to_s).contains(&middle));
-                pieces.push(Piece {
+                pieces.push(CentreLinePiece {
                     track: index,
                     segments: track.curve.slice(cut[0], cut[1]),
                     crossing: inside.map(|c| c.name.clone()),
@@ -195,9 +196,9 @@ impl Network {
         pieces
     }
 
-    /// The lanes, by track and in driving order. Ends of tracks that lead nowhere, drawn beyond the
-    /// last turn of a junction, are gone.
-    pub(super) fn lanes(&self) -> Vec<Run> {
+    /// The lanes, by centre line and in driving order. Dead ends, drawn beyond the last turn of a junction,
+    /// are pruned.
+    pub(super) fn lanes(&self) -> Vec<DraftLane> {
         let pieces = self.pieces();
         let next: Vec<Vec<usize>> = pieces
             .iter()
@@ -212,7 +213,7 @@ impl Network {
             _ => None,
         };
         let continued: Vec<usize> = (0..pieces.len()).filter_map(goes_on).collect();
-        let mut runs: Vec<(String, Run)> = Vec::new();
+        let mut runs: Vec<(String, DraftLane)> = Vec::new();
         for first in (0..pieces.len()).filter(|k| !continued.contains(k)) {
             let mut chain = vec![first];
             while let Some(k) = goes_on(chain[chain.len() - 1]) {
@@ -223,22 +224,22 @@ impl Network {
                 .copied()
                 .reduce(|a, b| if pieces[b].segments.length() > pieces[a].segments.length() { b } else { a });
             let chief = &pieces[longest.unwrap_or(first)];
-            let track = &self.tracks[chief.track];
+            let track = &self.centre_lines[chief.track];
             let segments: Vec<Segment> =
                 chain.iter().flat_map(|&k| pieces[k].segments.segments().to_vec()).collect();
             let base = chief.crossing.clone().unwrap_or_else(|| track.name.clone());
             let (connector, curve) = (chief.crossing.is_some(), Curve::new(segments));
             let bends = curve.min_radius(0.0, curve.length()).is_finite();
             let speed_mps = track.speed_mps.or((connector && bends).then_some(BEND_SPEED));
-            let run = Run { name: String::new(), connector, speed_mps, curve };
+            let run = DraftLane { name: String::new(), connector, speed_mps, curve };
             runs.push((base, run));
         }
         number(runs)
     }
 }
 
-/// Removes what has no way in or no way out, until all that is left has both.
-fn prune(pieces: &mut Vec<Piece>) {
+/// Removes dead ends until every piece has a predecessor and a successor.
+fn prune(pieces: &mut Vec<CentreLinePiece>) {
     loop {
         let whole = |k: usize| {
             let piece = &pieces[k];
@@ -253,15 +254,15 @@ fn prune(pieces: &mut Vec<Piece>) {
     }
 }
 
-/// Numbers lanes of a road in driving order, and ways across a junction where one name has several.
-fn number(runs: Vec<(String, Run)>) -> Vec<Run> {
+/// Numbers lanes of a road in driving order, and connectors that share a name.
+fn number(runs: Vec<(String, DraftLane)>) -> Vec<DraftLane> {
     let bases: Vec<String> = runs.iter().map(|(base, _)| base.clone()).collect();
     let mut numbered = Vec::with_capacity(runs.len());
     for (k, (base, run)) in runs.into_iter().enumerate() {
         let place = bases[..k].iter().filter(|&other| *other == base).count() + 1;
         let alone = run.connector && bases.iter().filter(|&other| *other == base).count() == 1;
         let name = if alone { base } else { format!("{base}/{place}") };
-        numbered.push(Run { name, ..run });
+        numbered.push(DraftLane { name, ..run });
     }
     numbered
 }

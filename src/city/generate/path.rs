@@ -1,4 +1,4 @@
-//! Drawing centre lines: a pen that draws tangent pieces, and the arc that joins two centre lines.
+//! Builds centre lines from tangent lines and arcs, and fillets between them.
 
 use crate::geom::{Curve, Pose2, Segment, trig};
 use glam::DVec2;
@@ -11,12 +11,12 @@ pub(super) const SOUTH: f64 = -FRAC_PI_2;
 pub(super) const QUARTER: f64 = FRAC_PI_2;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Turn {
+pub(super) enum TurnDirection {
     Left,
     Right,
 }
 
-impl Turn {
+impl TurnDirection {
     /// Left-positive.
     pub(super) fn sign(self) -> f64 {
         match self {
@@ -33,14 +33,14 @@ impl Turn {
     }
 }
 
-/// A centre line being drawn: each piece starts where, and as, the one before ended.
+/// Builds a centre line from tangent pieces, each starting at the end pose of the one before.
 #[derive(Clone, Debug)]
-pub(super) struct Pen {
+pub(super) struct CurveBuilder {
     at: Pose2,
     segments: Vec<Segment>,
 }
 
-impl Pen {
+impl CurveBuilder {
     pub(super) fn at(x: f64, y: f64, yaw_rad: f64) -> Self {
         Self { at: Pose2::new(x, y, yaw_rad), segments: Vec::new() }
     }
@@ -52,32 +52,33 @@ impl Pen {
         self
     }
 
-    pub(super) fn turn(self, turn: Turn, radius: f64, angle_rad: f64) -> Self {
+    pub(super) fn turn(self, turn: TurnDirection, radius: f64, angle_rad: f64) -> Self {
         self.piece(radius * angle_rad, turn.sign() / radius)
     }
 
     pub(super) fn left(self, radius: f64, angle_rad: f64) -> Self {
-        self.turn(Turn::Left, radius, angle_rad)
+        self.turn(TurnDirection::Left, radius, angle_rad)
     }
 
     pub(super) fn right(self, radius: f64, angle_rad: f64) -> Self {
-        self.turn(Turn::Right, radius, angle_rad)
+        self.turn(TurnDirection::Right, radius, angle_rad)
     }
 
-    /// Straight on until the pen's x is this.
+    /// Straight on to this x.
     pub(super) fn until_x(self, x: f64) -> Self {
         let length = (x - self.at.position.x) / self.at.forward().x;
         self.piece(length, 0.0)
     }
 
-    /// Straight on until the pen's y is this.
+    /// Straight on to this y.
     pub(super) fn until_y(self, y: f64) -> Self {
         let length = (y - self.at.position.y) / self.at.forward().y;
         self.piece(length, 0.0)
     }
 
-    /// Sideways by `lateral` over `length` ahead: two equal arcs, the second against the first.
-    pub(super) fn shift(self, turn: Turn, length: f64, lateral: f64) -> Self {
+    /// Shifts sideways by `lateral` over `length` ahead, in two opposite arcs of equal radius (reverse
+    /// curve).
+    pub(super) fn shift(self, turn: TurnDirection, length: f64, lateral: f64) -> Self {
         let radius = (length * length + lateral * lateral) / (4.0 * lateral);
         let angle = 2.0 * trig::atan2(lateral, length);
         self.turn(turn, radius, angle).turn(turn.opposite(), radius, angle)
@@ -93,13 +94,13 @@ pub(super) fn ring(centre: DVec2, radius: f64) -> Curve {
     Curve::new(vec![Segment::arc(centre, radius, 0.0, TAU)])
 }
 
-/// An arc tangent to two centre lines.
+/// A fillet: an arc tangent to two centre lines.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fillet {
     pub(super) arc: Segment,
-    /// Where it leaves the first.
+    /// Arc length at which it leaves the first centre line.
     pub(super) from_s: f64,
-    /// Where it joins the second.
+    /// Arc length at which it joins the second centre line.
     pub(super) to_s: f64,
 }
 
@@ -109,15 +110,15 @@ impl Fillet {
     }
 }
 
-/// Where the centres of all arcs lie that touch a segment.
+/// The locus of the centres of all arcs of a radius that are tangent to a segment.
 enum Locus {
     Line { point: DVec2, along: DVec2 },
     Circle { centre: DVec2, radius: f64 },
 }
 
 impl Locus {
-    /// Of arcs that turn this way: to the turning side by their radius.
-    fn of(segment: &Segment, turn: Turn, radius: f64) -> Self {
+    /// The offset of the segment by the radius towards the inside of the turn.
+    fn of(segment: &Segment, turn: TurnDirection, radius: f64) -> Self {
         let offset = turn.sign() * radius;
         let start = segment.start;
         match segment.centre() {
@@ -157,16 +158,16 @@ impl Locus {
     }
 }
 
-/// Where an arc about `centre` touches the segment, if it does so within its ends.
-fn touch(segment: &Segment, centre: DVec2, turn: Turn, radius: f64) -> Option<f64> {
+/// Arc length at which an arc about `centre` touches the segment, if within its ends.
+fn touch(segment: &Segment, centre: DVec2, turn: TurnDirection, radius: f64) -> Option<f64> {
     let s = segment.project(centre).s;
     let foot = segment.pose_at(s);
     (foot.point_at(0.0, turn.sign() * radius).distance(centre) < 1e-9).then_some(s)
 }
 
-/// The arc of this radius that leaves `from` as a tangent and joins `to` as a tangent; of several
-/// the one that turns least. `None` where none fits between their ends.
-pub(super) fn fillet(from: &Curve, to: &Curve, turn: Turn, radius: f64) -> Option<Fillet> {
+/// The fillet of this radius between two centre lines; of several, the one that turns least. `None` if none
+/// fits between their ends.
+pub(super) fn fillet(from: &Curve, to: &Curve, turn: TurnDirection, radius: f64) -> Option<Fillet> {
     let mut best: Option<Fillet> = None;
     for (i, a) in from.segments().iter().enumerate() {
         for (j, b) in to.segments().iter().enumerate() {
@@ -191,22 +192,22 @@ pub(super) fn fillet(from: &Curve, to: &Curve, turn: Turn, radius: f64) -> Optio
     best
 }
 
-/// How a fillet is chosen.
+/// How the radius of a fillet is determined.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Fit {
     Radius(f64),
-    /// Of the radius with which it starts at this point of the first centre line.
+    /// The radius with which it starts at this point of the first centre line.
     Start(f64, f64),
-    /// Of the radius with which it ends at this point of the second.
+    /// The radius with which it ends at this point of the second centre line.
     End(f64, f64),
 }
 
-/// Radii among which a fillet with a given start or end is looked for.
+/// Range and step of the radius search for a given start or end.
 const RADII: (f64, f64) = (0.15, 1.0);
 const RADIUS_STEP: f64 = 0.002;
 
-/// The fillet of that fit; its start or end is met within 1e-9.
-pub(super) fn fit(from: &Curve, to: &Curve, turn: Turn, fit: Fit) -> Option<Fillet> {
+/// The fillet of a fit; a given start or end is met within 1e-9.
+pub(super) fn fit(from: &Curve, to: &Curve, turn: TurnDirection, fit: Fit) -> Option<Fillet> {
     let miss = |radius: f64| -> Option<f64> {
         let f = fillet(from, to, turn, radius)?;
         match fit {
@@ -244,19 +245,19 @@ mod tests {
 
     #[test]
     fn fillets_touch_lines_and_arcs() {
-        let east = Pen::at(-1.0, 0.0, EAST).until_x(1.0).left(0.5, QUARTER).curve();
-        let south = Pen::at(0.9, 1.0, SOUTH).until_y(-1.0).curve();
-        let f = fillet(&east, &south, Turn::Right, 0.3).unwrap();
+        let east = CurveBuilder::at(-1.0, 0.0, EAST).until_x(1.0).left(0.5, QUARTER).curve();
+        let south = CurveBuilder::at(0.9, 1.0, SOUTH).until_y(-1.0).curve();
+        let f = fillet(&east, &south, TurnDirection::Right, 0.3).unwrap();
         check(&east, &south, &f);
         assert!((f.from_s - 1.6).abs() < 1e-12, "{f:?}");
-        let north = Pen::at(1.2, -1.0, NORTH).until_y(2.0).curve();
-        let f = fillet(&east, &north, Turn::Left, 0.35).unwrap();
+        let north = CurveBuilder::at(1.2, -1.0, NORTH).until_y(2.0).curve();
+        let f = fillet(&east, &north, TurnDirection::Left, 0.35).unwrap();
         check(&east, &north, &f);
-        let f = fit(&south, &east, Turn::Left, Fit::Start(0.9, 0.3)).unwrap();
+        let f = fit(&south, &east, TurnDirection::Left, Fit::Start(0.9, 0.3)).unwrap();
         check(&south, &east, &f);
         assert!((f.from_s - 0.7).abs() < 1e-9 && (f.radius() - 0.25).abs() < 1e-9, "{f:?}");
         assert!(
-            fillet(&east, &south, Turn::Right, 1.2).is_none(),
+            fillet(&east, &south, TurnDirection::Right, 1.2).is_none(),
             "it would start beyond the end of the street"
         );
     }

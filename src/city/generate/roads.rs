@@ -1,12 +1,12 @@
-//! The roads: a table of centre lines, each drawn with the pen in driving direction.
+//! The table of roads: one centre line per lane, in driving direction.
 
-use super::network::{BEND_SPEED, Network};
-use super::path::{EAST, NORTH, Pen, QUARTER, SOUTH, Turn, WEST, fillet, ring};
+use super::network::{BEND_SPEED, RoadNetwork};
+use super::path::{CurveBuilder, EAST, NORTH, QUARTER, SOUTH, TurnDirection, WEST, fillet, ring};
 use crate::geom::Curve;
 use glam::DVec2;
 use std::f64::consts::FRAC_PI_4;
 
-/// Between lane centres: the difference of the two radii of the corners and roundabouts.
+/// Lane spacing: the difference of the two radii of the corners and roundabouts.
 pub(super) const SPACING: f64 = 0.151;
 /// Radii of the corners and roundabouts.
 const INNER: f64 = 0.466;
@@ -43,7 +43,7 @@ const NARROW_EAST_OF: f64 = 1.6;
 const MAIN_TAPER: f64 = NARROW_EAST_OF - WIDE_WEST_OF;
 
 /// Adds every centre line of the city except the turns.
-pub(super) fn add_all(network: &mut Network) {
+pub(super) fn add_all(network: &mut RoadNetwork) {
     northern(network);
     streets(network);
     boulevards(network);
@@ -51,28 +51,28 @@ pub(super) fn add_all(network: &mut Network) {
 }
 
 /// North Avenue, Second Avenue, the north-east loop and the Crescent.
-fn northern(net: &mut Network) {
+fn northern(net: &mut RoadNetwork) {
     let table = [
-        ("north-avenue/west", Pen::at(2.294, NORTH_WB, WEST).until_x(-1.88).left(OUTER, QUARTER)),
-        ("north-avenue/east", Pen::at(WEST_NB, 2.18, NORTH).right(INNER, QUARTER).until_x(2.294)),
+        ("north-avenue/west", CurveBuilder::at(2.294, NORTH_WB, WEST).until_x(-1.88).left(OUTER, QUARTER)),
+        ("north-avenue/east", CurveBuilder::at(WEST_NB, 2.18, NORTH).right(INNER, QUARTER).until_x(2.294)),
         (
             "north-east-loop/south",
-            Pen::at(2.294, NORTH_EB, EAST).right(INNER, QUARTER).until_y(1.25).right(INNER, QUARTER),
+            CurveBuilder::at(2.294, NORTH_EB, EAST).right(INNER, QUARTER).until_y(1.25).right(INNER, QUARTER),
         ),
         (
             "north-east-loop/north",
-            Pen::at(2.294, 0.633, EAST).left(OUTER, QUARTER).until_y(2.18).left(OUTER, QUARTER),
+            CurveBuilder::at(2.294, 0.633, EAST).left(OUTER, QUARTER).until_y(2.18).left(OUTER, QUARTER),
         ),
         (
             "crescent/north",
-            Pen::at(2.294, 0.784, WEST).until_x(1.70).right(INNER, QUARTER).until_y(SECOND_WB),
+            CurveBuilder::at(2.294, 0.784, WEST).until_x(1.70).right(INNER, QUARTER).until_y(SECOND_WB),
         ),
         (
             "crescent/south",
-            Pen::at(1.083, SECOND_WB, SOUTH).until_y(1.25).left(OUTER, QUARTER).until_x(2.294),
+            CurveBuilder::at(1.083, SECOND_WB, SOUTH).until_y(1.25).left(OUTER, QUARTER).until_x(2.294),
         ),
-        ("second-avenue/west", Pen::at(EAST_NB, SECOND_WB, WEST).until_x(WEST_SB)),
-        ("second-avenue/east", Pen::at(WEST_SB, SECOND_EB, EAST).until_x(EAST_NB)),
+        ("second-avenue/west", CurveBuilder::at(EAST_NB, SECOND_WB, WEST).until_x(WEST_SB)),
+        ("second-avenue/east", CurveBuilder::at(WEST_SB, SECOND_EB, EAST).until_x(EAST_NB)),
     ];
     for (name, pen) in table {
         net.add(name, None, pen.curve());
@@ -84,8 +84,8 @@ fn northern(net: &mut Network) {
 /// # Panics
 /// If the tables place a lane where the arc does not fit.
 fn into_ring(lane: &Curve, ring: &Curve) -> Curve {
-    let f =
-        fillet(lane, ring, Turn::Right, ENTRY_RADIUS).expect("the entry's arc fits between lane and ring");
+    let f = fillet(lane, ring, TurnDirection::Right, ENTRY_RADIUS)
+        .expect("the entry's arc fits between lane and ring");
     let lane = lane.slice(0.0, f.from_s);
     Curve::new([lane.segments(), &[f.arc]].concat())
 }
@@ -95,7 +95,8 @@ fn into_ring(lane: &Curve, ring: &Curve) -> Curve {
 /// # Panics
 /// As [`into_ring`].
 fn out_of_ring(ring: &Curve, lane: &Curve) -> Curve {
-    let f = fillet(ring, lane, Turn::Right, ENTRY_RADIUS).expect("the exit's arc fits between ring and lane");
+    let f = fillet(ring, lane, TurnDirection::Right, ENTRY_RADIUS)
+        .expect("the exit's arc fits between ring and lane");
     let lane = lane.slice(f.to_s, lane.length());
     Curve::new([&[f.arc], lane.segments()].concat())
 }
@@ -108,42 +109,43 @@ fn first_segment(curve: &Curve) -> Curve {
     Curve::new(curve.segments()[..1].to_vec())
 }
 
-/// West, Centre and East Street, with what they have of the roundabouts.
-fn streets(net: &mut Network) {
+/// West, Centre and East Street with their parts of the roundabouts.
+fn streets(net: &mut RoadNetwork) {
     let [west_inner, west_outer] = [INNER, OUTER].map(|r| ring(WEST_RING, r));
     let [east_inner, east_outer] = [INNER, OUTER].map(|r| ring(EAST_RING, r));
 
-    let lane = Pen::at(WEST_SB, 2.18, SOUTH).until_y(WEST_RING.y).curve();
+    let lane = CurveBuilder::at(WEST_SB, 2.18, SOUTH).until_y(WEST_RING.y).curve();
     net.add("west-street/south/inner", None, into_ring(&lane, &west_inner));
-    let lane = Pen::at(WEST_SB, NARROW_NORTH_OF, SOUTH)
-        .shift(Turn::Right, TAPER, SPACING)
+    let lane = CurveBuilder::at(WEST_SB, NARROW_NORTH_OF, SOUTH)
+        .shift(TurnDirection::Right, TAPER, SPACING)
         .until_y(WEST_RING.y)
         .curve();
     net.add("west-street/south/outer", None, into_ring(&lane, &west_outer));
-    let lane = Pen::at(WEST_NB, WEST_RING.y, NORTH).until_y(2.18).curve();
+    let lane = CurveBuilder::at(WEST_NB, WEST_RING.y, NORTH).until_y(2.18).curve();
     net.add("west-street/north/inner", None, out_of_ring(&west_inner, &lane));
-    let lane = Pen::at(WEST_NB + SPACING, WEST_RING.y, NORTH).until_y(WIDE_SOUTH_OF);
-    let lane = lane.shift(Turn::Left, TAPER, SPACING).curve();
+    let lane = CurveBuilder::at(WEST_NB + SPACING, WEST_RING.y, NORTH).until_y(WIDE_SOUTH_OF);
+    let lane = lane.shift(TurnDirection::Left, TAPER, SPACING).curve();
     net.add("west-street/north/outer", None, out_of_ring(&west_outer, &lane));
 
     // The south end opens into concentric arcs onto, and from, westbound South Boulevard.
     let (small, large) = (0.46, 0.46 + SPACING);
     let arcs_from_y = SOUTH_WB + large;
     let arcs_from_x = CENTRE_NB + large;
-    let pen = Pen::at(CENTRE_SB, NORTH_WB, SOUTH).until_y(arcs_from_y).right(large, QUARTER);
+    let pen = CurveBuilder::at(CENTRE_SB, NORTH_WB, SOUTH).until_y(arcs_from_y).right(large, QUARTER);
     net.add("centre-street/south/inner", None, pen.curve());
-    let pen = Pen::at(CENTRE_SB, NARROW_NORTH_OF, SOUTH).shift(Turn::Right, TAPER, SPACING);
+    let pen = CurveBuilder::at(CENTRE_SB, NARROW_NORTH_OF, SOUTH).shift(TurnDirection::Right, TAPER, SPACING);
     net.add("centre-street/south/outer", None, pen.until_y(arcs_from_y).right(small, QUARTER).curve());
-    let pen = Pen::at(arcs_from_x, SOUTH_WB, WEST).right(large, QUARTER).until_y(NORTH_WB);
+    let pen = CurveBuilder::at(arcs_from_x, SOUTH_WB, WEST).right(large, QUARTER).until_y(NORTH_WB);
     net.add("centre-street/north/inner", None, pen.curve());
-    let pen = Pen::at(arcs_from_x, SOUTH_WB + SPACING, WEST).right(small, QUARTER).until_y(WIDE_SOUTH_OF);
-    net.add("centre-street/north/outer", None, pen.shift(Turn::Left, TAPER, SPACING).curve());
+    let pen =
+        CurveBuilder::at(arcs_from_x, SOUTH_WB + SPACING, WEST).right(small, QUARTER).until_y(WIDE_SOUTH_OF);
+    net.add("centre-street/north/outer", None, pen.shift(TurnDirection::Left, TAPER, SPACING).curve());
 
-    // One lane each way, which the roundabout's outer entry and exit leave and join.
-    let lane = Pen::at(EAST_SB, NORTH_WB, SOUTH).until_y(EAST_RING.y).curve();
+    // One lane each way, connected to the roundabout's outer entry and exit.
+    let lane = CurveBuilder::at(EAST_SB, NORTH_WB, SOUTH).until_y(EAST_RING.y).curve();
     net.add("east-street/south/inner", None, into_ring(&lane, &east_inner));
     net.add("east-street/south/outer", None, last_segment(&into_ring(&lane, &east_outer)));
-    let lane = Pen::at(EAST_NB, EAST_RING.y, NORTH).until_y(NORTH_WB).curve();
+    let lane = CurveBuilder::at(EAST_NB, EAST_RING.y, NORTH).until_y(NORTH_WB).curve();
     net.add("east-street/north/inner", None, out_of_ring(&east_inner, &lane));
     net.add("east-street/north/outer", None, first_segment(&out_of_ring(&east_outer, &lane)));
 
@@ -154,18 +156,20 @@ fn streets(net: &mut Network) {
 }
 
 /// Main Boulevard and South Boulevard.
-fn boulevards(net: &mut Network) {
+fn boulevards(net: &mut RoadNetwork) {
     let table = [
-        ("main-boulevard/west/inner", Pen::at(EAST_NB, MAIN_WB, WEST).until_x(WEST_SB)),
+        ("main-boulevard/west/inner", CurveBuilder::at(EAST_NB, MAIN_WB, WEST).until_x(WEST_SB)),
         (
             "main-boulevard/west/outer",
-            Pen::at(NARROW_EAST_OF, MAIN_WB, WEST).shift(Turn::Right, MAIN_TAPER, SPACING).until_x(WEST_NB),
+            CurveBuilder::at(NARROW_EAST_OF, MAIN_WB, WEST)
+                .shift(TurnDirection::Right, MAIN_TAPER, SPACING)
+                .until_x(WEST_NB),
         ),
-        ("main-boulevard/east/inner", Pen::at(WEST_SB, MAIN_EB, EAST).until_x(EAST_NB)),
+        ("main-boulevard/east/inner", CurveBuilder::at(WEST_SB, MAIN_EB, EAST).until_x(EAST_NB)),
         (
             "main-boulevard/east/outer",
-            Pen::at(WEST_NB, MAIN_EB - SPACING, EAST).until_x(WIDE_WEST_OF).shift(
-                Turn::Left,
+            CurveBuilder::at(WEST_NB, MAIN_EB - SPACING, EAST).until_x(WIDE_WEST_OF).shift(
+                TurnDirection::Left,
                 MAIN_TAPER,
                 SPACING,
             ),
@@ -182,31 +186,33 @@ fn boulevards(net: &mut Network) {
         let rise = RISE_RADIUS + SOUTH_EB - SPACING - y;
         let [west, east] =
             ["west", "east"].map(|side| net.curve(&format!("{side}-roundabout/ring/{lane}")).clone());
-        let pen = Pen::at(WEST_RING.x, WEST_RING.y - radius, EAST).until_x(RISE_FROM_X).left(rise, FRAC_PI_4);
+        let pen = CurveBuilder::at(WEST_RING.x, WEST_RING.y - radius, EAST)
+            .until_x(RISE_FROM_X)
+            .left(rise, FRAC_PI_4);
         net.add(&format!("south-boulevard/east/{lane}"), None, into_ring(&pen.curve(), &east));
 
         let y = if lane == "outer" { SOUTH_WB + SPACING } else { SOUTH_WB };
-        let pen = Pen::at(EAST_RING.x, y, WEST).until_x(WEST_RING.x);
+        let pen = CurveBuilder::at(EAST_RING.x, y, WEST).until_x(WEST_RING.x);
         let from_ring = out_of_ring(&east, &pen.curve());
         net.add(&format!("south-boulevard/west/{lane}"), None, into_ring(&from_ring, &west));
     }
 }
 
 /// The ramp and the square lane.
-fn byways(net: &mut Network) {
+fn byways(net: &mut RoadNetwork) {
     let (leave_x, leave_y, join_y) = (-1.16, MAIN_EB - SPACING, SOUTH_WB + SPACING);
-    let ramp = Pen::at(leave_x, leave_y, EAST)
+    let ramp = CurveBuilder::at(leave_x, leave_y, EAST)
         .right(ENTRY_RADIUS, QUARTER)
         .until_y(join_y + ENTRY_RADIUS)
         .right(ENTRY_RADIUS, QUARTER);
     net.add("ramp/south", Some(BEND_SPEED), ramp.curve());
 
-    // Four arcs through (-1.81, 1.02) and (-1.43, 1.40); the straight start takes up what is left.
+    // Four arcs through (-1.81, 1.02) and (-1.43, 1.40); the straight start takes up the rest.
     let (first, second, third, fourth) = (0.384, 0.3808, 0.333, 0.527);
     let half = FRAC_PI_4;
     let rise =
         first + second + (third + (std::f64::consts::SQRT_2 - 1.0) * fourth) / std::f64::consts::SQRT_2;
-    let square = Pen::at(WEST_NB + SPACING, WIDE_SOUTH_OF, NORTH)
+    let square = CurveBuilder::at(WEST_NB + SPACING, WIDE_SOUTH_OF, NORTH)
         .until_y(SECOND_EB - rise)
         .right(first, QUARTER)
         .left(second, QUARTER)

@@ -1,19 +1,19 @@
-//! Scenery: draws the tables of the blocks and lines the roads with trees and lamps.
+//! Draws the tables of the blocks, and places trees and lamps along the roads.
 
 use super::blocks::{
-    AREAS, Area, BENCHES, BUILDINGS, CLEAR, CLEAR_OF_DRIVES, DRIVES, FRONTS, GROVES, HEDGES, LAMPS,
-    PICNIC_TABLES, Plot, ROUNDS, ROWS, Round, Row, WALLS,
+    AREAS, BENCHES, BUILDINGS, BuildingRow, CLEAR, CLEAR_OF_DRIVES, DRIVES, FRONTS, GROVES, GroundArea,
+    HEDGES, LAMPS, PICNIC_TABLES, Plot, ROUNDS, ROWS, RoundArea, WALLS,
 };
-use super::network::Run;
+use super::network::DraftLane;
 use super::{NAME_HEIGHT, distance};
 use crate::city::SceneryKind;
-use crate::city::dxf::{Drawing, PolyVertex, Shape};
+use crate::city::dxf::{Drawing, EntityShape, PolyVertex};
 use crate::geom::{Pose2, point_in_polygon};
 use glam::DVec2;
 
-/// Nothing but markings lies closer to the centre of a lane.
+/// Least distance of anything but markings from the centre of a lane.
 pub(super) const LANE_CLEARANCE: f64 = 0.10;
-/// Trees and lamps stand at least this far from the centre of a lane.
+/// Least distance of trees and lamps from the centre of a lane.
 pub(super) const TRUNK_CLEARANCE: f64 = 0.12;
 pub(super) const LAMP_RADIUS: f64 = 0.006;
 /// Tree crowns: full-scale radius 1.1 to 2 m, smaller in streets.
@@ -23,11 +23,11 @@ const TREE_SPACING: f64 = 0.34;
 const LAMP_SPACING: f64 = 0.55;
 const BENCH: [f64; 2] = [0.07, 0.022];
 const PICNIC_TABLE: [f64; 2] = [0.075, 0.06];
-/// A circle of so many benches stands round the bed of the town square.
+/// Number of benches around the bed of the town square.
 const BENCHES_ROUND_BED: usize = 6;
 
-/// A number in [0, 1) that is the same for the same two integers (a finaliser of MurmurHash3).
-fn scatter(series: u32, index: u32) -> f64 {
+/// A deterministic pseudo-random number in [0, 1) for two integers (finaliser of MurmurHash3).
+fn hash_unit(series: u32, index: u32) -> f64 {
     let mut h = series.wrapping_mul(0x9E37_79B1) ^ index.wrapping_mul(0x85EB_CA6B).wrapping_add(0x27D4_EB2F);
     for factor in [0x85EB_CA6B_u32, 0xC2B2_AE35] {
         h = (h ^ (h >> 15)).wrapping_mul(factor);
@@ -43,12 +43,12 @@ fn rectangle([west, south, east, north]: [f64; 4]) -> Vec<DVec2> {
     [(west, south), (east, south), (east, north), (west, north)].map(DVec2::from).to_vec()
 }
 
-/// Whether the name of a building stands on it, to be read from the street.
+/// Whether a building carries a board with its name.
 pub(super) fn has_board(name: &str) -> bool {
     name == "warehouse" || !["house", "villa", "apartments"].iter().any(|home| name.ends_with(home))
 }
 
-/// Before the middle of each side of a building.
+/// Areas in front of the middle of each side of a building.
 pub(super) fn before_fronts([west, south, east, north]: [f64; 4]) -> [Vec<DVec2>; 4] {
     const HALF: f64 = 0.10;
     const DEEP: f64 = 0.15;
@@ -68,18 +68,18 @@ fn turned([x, y, heading_deg]: [f64; 3], size: [f64; 2]) -> Vec<DVec2> {
         .to_vec()
 }
 
-/// What stands so far, for finding places for trees and lamps.
+/// The occupied area so far, for placing trees and lamps.
 struct Site<'a> {
     drawing: &'a mut Drawing,
-    lanes: &'a [Run],
-    /// Ground plans on which nothing can be planted.
+    lanes: &'a [DraftLane],
+    /// Footprints on which nothing can be planted.
     taken: Vec<Vec<DVec2>>,
     rounds: Vec<(DVec2, f64)>,
     lines: Vec<Vec<DVec2>>,
 }
 
 /// Adds all scenery to the drawing of these lanes.
-pub(super) fn add_all(drawing: &mut Drawing, lanes: &[Run]) {
+pub(super) fn add_all(drawing: &mut Drawing, lanes: &[DraftLane]) {
     let (taken, rounds, lines) = Default::default();
     let mut site = Site { drawing, lanes, taken, rounds, lines };
     site.grounds();
@@ -93,25 +93,25 @@ pub(super) fn add_all(drawing: &mut Drawing, lanes: &[Run]) {
 impl Site<'_> {
     fn polygon(&mut self, kind: SceneryKind, name: &str, corners: &[DVec2], closed: bool) {
         let vertices = corners.iter().map(|&at| PolyVertex { at, bulge: 0.0 }).collect();
-        self.drawing.add(kind.layer(), Shape::Polyline { vertices, closed });
+        self.drawing.add(kind.layer(), EntityShape::Polyline { vertices, closed });
         if !name.is_empty() {
             self.name(kind, name, inner_point(corners));
         }
     }
 
     fn circle(&mut self, kind: SceneryKind, name: &str, centre: DVec2, radius: f64) {
-        self.drawing.add(kind.layer(), Shape::Circle { centre, radius });
+        self.drawing.add(kind.layer(), EntityShape::Circle { centre, radius });
         if !name.is_empty() {
             self.name(kind, name, centre);
         }
     }
 
     fn name(&mut self, kind: SceneryKind, name: &str, at: DVec2) {
-        self.drawing.add(kind.layer(), Shape::Text { at, height: NAME_HEIGHT, text: name.to_owned() });
+        self.drawing.add(kind.layer(), EntityShape::Text { at, height: NAME_HEIGHT, text: name.to_owned() });
     }
 
     fn grounds(&mut self) {
-        for Area(kind, name, corners) in AREAS {
+        for GroundArea(kind, name, corners) in AREAS {
             let corners: Vec<DVec2> = corners.iter().copied().map(DVec2::from).collect();
             self.polygon(*kind, name, &corners, true);
             if matches!(kind, SceneryKind::Parking | SceneryKind::Playground) {
@@ -124,7 +124,7 @@ impl Site<'_> {
             self.taken.push(corners);
         }
         self.taken.extend(CLEAR.iter().copied().map(rectangle));
-        for Round(kind, name, centre, radius) in ROUNDS {
+        for RoundArea(kind, name, centre, radius) in ROUNDS {
             self.circle(*kind, name, DVec2::from(*centre), *radius);
             if *kind != SceneryKind::Grass {
                 self.rounds.push((DVec2::from(*centre), *radius));
@@ -139,10 +139,10 @@ impl Site<'_> {
                 self.taken.extend(before_fronts(*edges));
             }
         }
-        for (series, Row { name, first, size, step, count, heights }) in ROWS.iter().enumerate() {
+        for (series, BuildingRow { name, first, size, step, count, heights }) in ROWS.iter().enumerate() {
             for k in 0..*count {
                 let [x, y] = [0, 1].map(|axis| first[axis] + step[axis] * k as f64);
-                let height = between(*heights, scatter(100 + series as u32, k as u32));
+                let height = between(*heights, hash_unit(100 + series as u32, k as u32));
                 // Whole half metres at full scale.
                 let height = (height * 50.0).round() / 50.0;
                 self.building(name, [x, y, x + size[0], y + size[1]], height);
@@ -170,7 +170,7 @@ impl Site<'_> {
 
     fn furniture(&mut self) {
         let mut benches = BENCHES.to_vec();
-        for Round(_, name, centre, radius) in ROUNDS {
+        for RoundArea(_, name, centre, radius) in ROUNDS {
             for k in (0..BENCHES_ROUND_BED).filter(|_| *name == "round bed") {
                 let turn_deg = 360.0 / BENCHES_ROUND_BED as f64 * k as f64;
                 let at = Pose2::new(centre[0], centre[1], turn_deg.to_radians()).point_at(radius + 0.06, 0.0);
@@ -186,7 +186,7 @@ impl Site<'_> {
         }
     }
 
-    /// Lamps of squares and parks, then on the right-hand kerb of every lane that has a kerb.
+    /// Places lamps of squares and parks, then along the right-hand kerb of every lane that has one.
     fn lamps(&mut self) {
         for &at in LAMPS {
             let at = DVec2::from(at);
@@ -213,20 +213,20 @@ impl Site<'_> {
         }
     }
 
-    /// Street trees behind the kerb, then groves on jittered grids.
+    /// Places street trees behind the kerb, then groves on jittered grids (stratified sampling).
     fn trees(&mut self) {
         for (series, run) in self.lanes.iter().filter(|run| !run.connector).enumerate() {
             let (mut s, mut k) = (0.08, 0);
             while s < run.curve.length() {
-                let share = scatter(series as u32, 2 * k);
-                // The smallest where none of another size has room.
+                let share = hash_unit(series as u32, 2 * k);
+                // Falls back to the smallest crown.
                 let planted =
                     [between(STREET_CROWN_RADIUS, share), STREET_CROWN_RADIUS[0]].iter().any(|&radius| {
                         let beside = LANE_CLEARANCE + radius + 0.003 + 0.01 * share;
                         self.plant(run.curve.at(s).pose.point_at(0.0, -beside), radius)
                     });
                 s += if planted {
-                    TREE_SPACING * (0.85 + 0.3 * scatter(series as u32, 2 * k + 1))
+                    TREE_SPACING * (0.85 + 0.3 * hash_unit(series as u32, 2 * k + 1))
                 } else {
                     0.06
                 };
@@ -237,7 +237,7 @@ impl Site<'_> {
             let (columns, rows) = (((east - west) / step) as u32, ((north - south) / step) as u32);
             for index in 0..columns.max(1) * rows.max(1) {
                 let (column, row) = (index % columns.max(1), index / columns.max(1));
-                let jitter = |salt: u32| scatter(1000 + 4 * series as u32 + salt, index);
+                let jitter = |salt: u32| hash_unit(1000 + 4 * series as u32 + salt, index);
                 let x = west + step * (f64::from(column) + 0.15 + 0.7 * jitter(0));
                 let y = south + step * (f64::from(row) + 0.15 + 0.7 * jitter(1));
                 self.plant(DVec2::new(x, y), between(CROWN_RADIUS, jitter(2)));
@@ -254,8 +254,8 @@ impl Site<'_> {
         free
     }
 
-    /// Whether a circle may stand there: clear of lanes by its centre, of all else by its rim, and of
-    /// other circles by `apart` more.
+    /// Whether a circle is free: its centre clear of lanes, its rim clear of everything else and `apart` more
+    /// of other circles.
     fn free(&self, at: DVec2, radius: f64, from_lanes: f64, apart: f64) -> bool {
         let from_line =
             |line: &Vec<DVec2>| line.windows(2).all(|w| to_segment(at, w[0], w[1]) > radius + 0.01);
@@ -287,7 +287,8 @@ fn to_polygon(point: DVec2, polygon: &[DVec2]) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-/// A point inside a polygon for its name: the mean of its corners, or beside an edge where that lies outside.
+/// An interior point of a polygon for its name: the mean of its corners, or a point beside an edge if that
+/// lies outside.
 fn inner_point(corners: &[DVec2]) -> DVec2 {
     let mean = corners.iter().copied().sum::<DVec2>() / corners.len() as f64;
     if point_in_polygon(mean, corners) {

@@ -1,8 +1,8 @@
 use super::blocks::{BUILDINGS, Plot};
 use super::scenery::{LANE_CLEARANCE, TRUNK_CLEARANCE, before_fronts, has_board};
 use super::*;
+use crate::city::{Footprint as Plan, layers};
 use crate::city::{LabMap, Lane, LaneId, LaneKind, Scenery, SceneryKind, load_map};
-use crate::city::{Shape as Plan, layers};
 use crate::geom::{convex_hull, point_in_polygon, wrap_angle};
 use std::collections::BTreeSet;
 

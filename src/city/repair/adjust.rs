@@ -1,9 +1,10 @@
-//! The least-squares adjustment of a network: the smallest displacement of all ends, and of the middles of arcs,
-//! under which every joint is one point with one tangent, lines stay straight and arcs stay circular.
+//! Least-squares adjustment of a lane network: the smallest displacement of all ends, and of the middles of
+//! arcs, under which every joint is one point with one tangent, lines stay straight and arcs circular.
 //!
-//! Unknowns are the position and the tangent of each joint. A stroke between two joints is an arc exactly if its
-//! chord has the mean of the headings at its ends, and a line if these are equal besides. These constraints go
-//! into Levenberg-Marquardt steps by an augmented Lagrangian (Nocedal and Wright, Numerical Optimization, chapter 17).
+//! Unknowns are the position and the tangent of each joint. An edge is an arc exactly if its chord has the
+//! mean heading of its ends, and a line if these headings are also equal. The constrained problem is solved
+//! by the augmented Lagrangian method (Nocedal and Wright, Numerical Optimization, chapter 17) with
+//! Levenberg-Marquardt steps on the normal equations.
 
 use super::sparse::BlockSystem;
 use crate::geom::{Segment, trig, wrap_angle};
@@ -18,18 +19,18 @@ const MAX_MULTIPLIER_STEPS: usize = 60;
 const MAX_STEPS: usize = 40;
 const FIRST_DAMPING: f64 = 1e-2;
 const LEAST_DAMPING: f64 = 1e-12;
-/// Lever that makes an angle a length, metres.
+/// Lever arm that converts an angle to a length, metres.
 const LEVER_M: f64 = 0.1;
-/// Keeps what nothing determines where it is.
+/// Regularisation: keeps undetermined unknowns where they are.
 const KEEP: f64 = 1e-9;
-/// A step moves no joint farther than this, metres, and turns it by no more, radians.
+/// Trust region: largest step of a joint, metres and radians.
 const MAX_STEP: f64 = 0.05;
-/// Strokes keep at least this length, metres, and this share of their chord; arcs this share of their sweep.
+/// Edges keep at least this length, metres, and this share of their chord; arcs this share of their sweep.
 const MIN_CHORD_M: f64 = 2e-3;
 const MIN_CHORD_SHARE: f64 = 0.2;
 const MIN_SWEEP_SHARE: f64 = 0.1;
 
-/// The constraints of a member: equations, then inequalities.
+/// Constraint slots of an edge: equations, then inequalities.
 const OFF_CHORD: usize = 0;
 const TURN: usize = 1;
 const CIRCLE: usize = 2;
@@ -38,25 +39,25 @@ const SWEEP: usize = 3;
 const CHORD: usize = 4;
 const SLOTS: usize = 5;
 
-/// A joint: where ends meet, and its tangent.
+/// A joint of the adjustment: position and tangent.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Node {
+pub(super) struct JointNode {
     pub at: DVec2,
     pub tangent_rad: f64,
 }
 
-/// A stroke, or a part of one, between two joints.
+/// An edge of the adjustment network: a stroke, or a part of one, between two joints.
 #[derive(Clone, Debug)]
-pub(super) struct Member {
+pub(super) struct NetworkEdge {
     /// Start and end.
     pub nodes: [usize; 2],
-    /// Whether the heading at each end is against the tangent of its joint.
+    /// Whether the heading at each end is opposite to the tangent of its joint.
     pub against: [bool; 2],
     /// As drawn.
     pub drawn: Segment,
-    /// Ends that want to stay where they are; others lie on a stroke that is split.
+    /// Ends whose displacement is penalised; others lie on a stroke that is split.
     pub anchored: [bool; 2],
-    /// The member before it of the same arc, whose circle is the same.
+    /// The edge before it on the same arc, which shares its circle.
     pub same_circle_as: Option<usize>,
 }
 
@@ -64,25 +65,25 @@ pub(super) struct Member {
 type Gradient = [DVec3; 2];
 type Residual = (f64, Gradient);
 
-/// The shape of a member between its joints, with gradients.
-struct Form {
+/// The shape of an edge between its joints, with gradients.
+struct EdgeShape {
     /// The mean of the headings at both ends.
     mean_rad: f64,
-    /// Of the chord from the mean heading, metres; 0 for an arc.
+    /// Deviation of the chord from the mean heading, metres; 0 for an arc.
     off_m: Residual,
     chord_m: Residual,
     sweep_rad: Residual,
 }
 
-/// What a row of the equations is for.
+/// What a residual of the normal equations stands for.
 #[derive(Clone, Copy)]
-enum Row {
+enum ResidualKind {
     Displacement,
     /// Index of its multiplier.
     Constraint(usize),
 }
 
-impl Row {
+impl ResidualKind {
     fn weight(self) -> f64 {
         match self {
             Self::Displacement => 1.0,
@@ -93,15 +94,15 @@ impl Row {
 
 #[derive(Clone, Debug)]
 pub(super) struct Adjustment {
-    pub nodes: Vec<Node>,
-    pub members: Vec<Member>,
-    /// By member: whole turns that make the sweep that of the drawing.
+    pub nodes: Vec<JointNode>,
+    pub members: Vec<NetworkEdge>,
+    /// By edge: whole turns that make the sweep that of the drawing.
     turns_rad: Vec<f64>,
-    start: Vec<Node>,
+    start: Vec<JointNode>,
 }
 
 impl Adjustment {
-    pub(super) fn new(nodes: Vec<Node>, members: Vec<Member>) -> Self {
+    pub(super) fn new(nodes: Vec<JointNode>, members: Vec<NetworkEdge>) -> Self {
         let mut adjustment =
             Self { start: nodes.clone(), nodes, turns_rad: vec![0.0; members.len()], members };
         for k in 0..adjustment.members.len() {
@@ -113,7 +114,7 @@ impl Adjustment {
         adjustment
     }
 
-    /// Heading of a member at its start or end, up to whole turns.
+    /// Heading of an edge at its start or end, up to whole turns.
     fn heading(&self, member: usize, end: usize) -> f64 {
         let member = &self.members[member];
         let turn = if member.against[end] { std::f64::consts::PI } else { 0.0 };
@@ -124,7 +125,7 @@ impl Adjustment {
         self.members[member].nodes[0] == self.members[member].nodes[1]
     }
 
-    /// Moves the joints; returns whether all constraints hold in the end.
+    /// Solves the adjustment; returns whether all constraints hold.
     pub(super) fn solve(&mut self) -> bool {
         let mut multipliers = vec![0.0; SLOTS * self.members.len()];
         let mut damping = FIRST_DAMPING;
@@ -133,7 +134,7 @@ impl Adjustment {
             let mut next = vec![0.0; multipliers.len()];
             let mut worst_m: f64 = 0.0;
             self.for_rows(&multipliers, |row, residual, _| {
-                if let Row::Constraint(index) = row {
+                if let ResidualKind::Constraint(index) = row {
                     next[index] = residual;
                     worst_m = worst_m.max((residual - multipliers[index]).abs());
                 }
@@ -146,8 +147,8 @@ impl Adjustment {
         false
     }
 
-    /// Levenberg-Marquardt steps (Nocedal and Wright, chapter 10) under fixed multipliers, until they are small
-    /// or of no use; returns the last one, metres, `None` where numbers fail.
+    /// Takes Levenberg-Marquardt steps (Nocedal and Wright, chapter 10) under fixed multipliers until they
+    /// are small or do not help. Returns the last step, metres, `None` where numbers fail.
     fn descend(&mut self, multipliers: &[f64], damping: &mut f64) -> Option<f64> {
         let mut merit = self.merit(multipliers);
         let mut last_m = 0.0;
@@ -172,7 +173,7 @@ impl Adjustment {
                 }
             } else {
                 self.nodes = before;
-                // What rounding leaves is no use to follow.
+                // The gain is within rounding.
                 if longest < 10.0 * CONVERGED_M {
                     break;
                 }
@@ -205,7 +206,7 @@ impl Adjustment {
                 system.add(a, a, outer(by_a, by_a) * weight);
                 for &(b, by_b) in &gradient[k + 1..] {
                     let cross = outer(by_a, by_b) * weight;
-                    // A joint that two parts of a row share has its own block for both.
+                    // A joint that appears twice in a row adds to its own block for both.
                     system.add(a, b, if a == b { cross + cross.transpose() } else { cross });
                 }
             }
@@ -213,51 +214,52 @@ impl Adjustment {
         system
     }
 
-    /// Every residual with its gradient by joint; constraints with their multiplier over the penalty added.
-    fn for_rows(&self, multipliers: &[f64], mut take: impl FnMut(Row, f64, &[(usize, DVec3)])) {
+    /// Calls `take` for every residual with its gradient by joint; constraints include their multiplier over
+    /// the penalty.
+    fn for_rows(&self, multipliers: &[f64], mut take: impl FnMut(ResidualKind, f64, &[(usize, DVec3)])) {
         for (k, member) in self.members.iter().enumerate() {
             let ends = [member.drawn.start.position, member.drawn.end().position];
             for (end, drawn) in ends.into_iter().enumerate().filter(|&(end, _)| member.anchored[end]) {
                 let (node, off) = (member.nodes[end], self.nodes[member.nodes[end]].at - drawn);
-                take(Row::Displacement, off.x, &[(node, DVec3::X)]);
-                take(Row::Displacement, off.y, &[(node, DVec3::Y)]);
+                take(ResidualKind::Displacement, off.x, &[(node, DVec3::X)]);
+                take(ResidualKind::Displacement, off.y, &[(node, DVec3::Y)]);
             }
             if self.is_ring(k) {
                 continue;
             }
-            let form = self.form(k);
-            for (slot, (residual, gradient)) in self.constraints(k, &form) {
+            let shape = self.shape(k);
+            for (slot, (residual, gradient)) in self.constraints(k, &shape) {
                 let index = SLOTS * k + slot;
                 let residual = residual + multipliers[index];
-                // Of an inequality, only what violates it counts.
+                // An inequality counts only where it is violated.
                 if slot < FIRST_INEQUALITY || residual < 0.0 {
                     let [a, b] = member.nodes;
-                    take(Row::Constraint(index), residual, &[(a, gradient[0]), (b, gradient[1])]);
+                    take(ResidualKind::Constraint(index), residual, &[(a, gradient[0]), (b, gradient[1])]);
                 }
             }
             if member.drawn.curvature == 0.0 {
                 continue;
             }
             let known = 1.0 / middle_error(&member.drawn);
-            let (middle_m, [by_a, by_b]) = scaled(self.middle_displacement(k, &form), known);
-            take(Row::Displacement, middle_m, &[(member.nodes[0], by_a), (member.nodes[1], by_b)]);
+            let (middle_m, [by_a, by_b]) = scaled(self.middle_displacement(k, &shape), known);
+            take(ResidualKind::Displacement, middle_m, &[(member.nodes[0], by_a), (member.nodes[1], by_b)]);
             if let Some(before) = member.same_circle_as {
                 let index = SLOTS * k + CIRCLE;
                 let (residual, gradient) = self.circle_change(before, k);
-                take(Row::Constraint(index), residual + multipliers[index], &gradient);
+                take(ResidualKind::Constraint(index), residual + multipliers[index], &gradient);
             }
         }
     }
 
-    /// By how much the middle of an arc as drawn lies to the left of the arc as it is.
-    fn middle_displacement(&self, member: usize, form: &Form) -> Residual {
-        let Member { nodes: [a, b], drawn, .. } = &self.members[member];
+    /// Displacement of the middle of an arc from the drawing, left-positive.
+    fn middle_displacement(&self, member: usize, shape: &EdgeShape) -> Residual {
+        let NetworkEdge { nodes: [a, b], drawn, .. } = &self.members[member];
         let middle = drawn.pose_at(drawn.length / 2.0).position;
         let from_chord = middle - (self.nodes[*a].at + self.nodes[*b].at) / 2.0;
-        let along = super::unit(form.mean_rad);
+        let along = super::unit(shape.mean_rad);
         let left = along.perp();
         // The arc lies to the right of its chord by the sagitta where it turns left.
-        let ((chord, by_chord), (sweep, by_sweep)) = (form.chord_m, form.sweep_rad);
+        let ((chord, by_chord), (sweep, by_sweep)) = (shape.chord_m, shape.sweep_rad);
         let tangent = trig::tan(sweep / 4.0);
         let sagitta = chord / 2.0 * tangent;
         let by_node = (-left / 2.0).extend(-along.dot(from_chord) / 2.0);
@@ -268,13 +270,13 @@ impl Adjustment {
     }
 
     /// By slot: equations, then inequalities that hold where they are not negative.
-    fn constraints(&self, member: usize, form: &Form) -> Vec<(usize, Residual)> {
+    fn constraints(&self, member: usize, shape: &EdgeShape) -> Vec<(usize, Residual)> {
         let drawn = &self.members[member].drawn;
-        let mut constraints = vec![(OFF_CHORD, form.off_m)];
+        let mut constraints = vec![(OFF_CHORD, shape.off_m)];
         if drawn.curvature == 0.0 {
-            constraints.push((TURN, scaled(form.sweep_rad, LEVER_M)));
+            constraints.push((TURN, scaled(shape.sweep_rad, LEVER_M)));
         } else {
-            let (sweep, gradient) = form.sweep_rad;
+            let (sweep, gradient) = shape.sweep_rad;
             let turn = drawn.curvature.signum();
             let least = MIN_SWEEP_SHARE * drawn.length * drawn.curvature.abs();
             let spare = (turn * sweep - least, gradient.map(|g| g * turn));
@@ -282,19 +284,19 @@ impl Adjustment {
         }
         let drawn_chord_m = drawn.start.position.distance(drawn.end().position);
         let least_m = (MIN_CHORD_SHARE * drawn_chord_m).max(MIN_CHORD_M);
-        constraints.push((CHORD, (form.chord_m.0 - least_m, form.chord_m.1)));
+        constraints.push((CHORD, (shape.chord_m.0 - least_m, shape.chord_m.1)));
         constraints
     }
 
-    /// The difference of the curvatures of two members, as a sagitta over their common length.
+    /// The difference of the curvatures of two edges, as a sagitta over their common length.
     fn circle_change(&self, before: usize, member: usize) -> (f64, Vec<(usize, DVec3)>) {
         let length = self.members[before].drawn.length + self.members[member].drawn.length;
         let lever = length * length / 8.0;
         let mut residual = 0.0;
         let mut gradient = Vec::with_capacity(4);
         for (index, sign) in [(before, -lever), (member, lever)] {
-            let form = self.form(index);
-            let ((chord, by_chord), (sweep, by_sweep)) = (form.chord_m, form.sweep_rad);
+            let shape = self.shape(index);
+            let ((chord, by_chord), (sweep, by_sweep)) = (shape.chord_m, shape.sweep_rad);
             let curvature = 2.0 * trig::sin(sweep / 2.0) / chord;
             residual += sign * curvature;
             for end in [0, 1] {
@@ -306,7 +308,7 @@ impl Adjustment {
         (residual, gradient)
     }
 
-    fn form(&self, member: usize) -> Form {
+    fn shape(&self, member: usize) -> EdgeShape {
         let [a, b] = self.members[member].nodes;
         let sweep = self.heading(member, 1) - self.heading(member, 0) + self.turns_rad[member];
         let mean = self.heading(member, 0) + sweep / 2.0;
@@ -314,7 +316,7 @@ impl Adjustment {
         let chord = self.nodes[b].at - self.nodes[a].at;
         let (off, length) = (along.perp_dot(chord), along.dot(chord));
         let left = along.perp();
-        Form {
+        EdgeShape {
             mean_rad: mean,
             off_m: (off, [(-left).extend(-length / 2.0), left.extend(-length / 2.0)]),
             chord_m: (length, [(-along).extend(off / 2.0), along.extend(off / 2.0)]),
@@ -322,7 +324,7 @@ impl Adjustment {
         }
     }
 
-    /// The segment of consecutive members of one stroke, as adjusted.
+    /// The adjusted segment of consecutive edges of one stroke.
     pub(super) fn segment(&self, members: &[usize]) -> Segment {
         let (first, last) = (members[0], members[members.len() - 1]);
         let drawn = &self.members[first].drawn;
@@ -337,7 +339,7 @@ impl Adjustment {
         if drawn.curvature == 0.0 {
             return line;
         }
-        let sweep: f64 = members.iter().map(|&member| self.form(member).sweep_rad.0).sum();
+        let sweep: f64 = members.iter().map(|&member| self.shape(member).sweep_rad.0).sum();
         let curvature = 2.0 * trig::sin(sweep / 2.0) / line.length;
         let mut start = line.start;
         start.yaw_rad = wrap_angle(line.start.yaw_rad - sweep / 2.0);
@@ -345,8 +347,8 @@ impl Adjustment {
     }
 }
 
-/// By how much the middle of an arc is off where its ends are off by one and the radius was kept: much, near half
-/// a turn.
+/// How far the middle of an arc moves per unit of displacement of its ends at fixed radius: far near half a
+/// turn.
 pub(super) fn middle_error(drawn: &Segment) -> f64 {
     const MOST: f64 = 20.0;
     let lever = trig::tan(drawn.length * drawn.curvature / 2.0) / 2.0;

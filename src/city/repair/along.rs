@@ -1,40 +1,40 @@
-//! Strokes that run along others: the same way drawn twice, as a whole or in part.
+//! Detects strokes that run along others: duplicate lanes, whole or in part.
 
-use super::strokes::{End, Strokes};
+use super::strokes::{LaneStrokes, StrokeEnd};
 use super::{turn_of, unit};
 use crate::geom::trig;
 
-/// Strokes that are one way twice turn by the same angle within this, besides what the tolerance explains.
+/// Duplicate strokes turn by the same angle within this, besides what the tolerance explains.
 const BASE_TURN_RAD: f64 = 0.035;
 
-/// A stroke that runs along another one, from one of its ends on.
+/// The overlap of a stroke with another one, from one of its ends on.
 #[derive(Clone, Copy)]
-pub(super) struct Along {
-    pub end: End,
+pub(super) struct StrokeOverlap {
+    pub end: StrokeEnd,
     pub other: usize,
-    pub share: Share,
-    /// Of the part that runs along: on the stroke itself.
+    pub share: OverlapExtent,
+    /// Length of the overlap on the stroke itself.
     pub length_m: f64,
-    /// On the other one, from beside the end to the end of the other one that lies ahead.
+    /// Length on the other stroke, from beside the end to its own end ahead.
     pub other_length_m: f64,
-    pub other_end: End,
+    pub other_end: StrokeEnd,
 }
 
-/// How much of a stroke runs along another one.
+/// How much of a stroke overlaps another one.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Share {
-    /// All of it does, up to its other end.
+pub(super) enum OverlapExtent {
+    /// All of it, up to its other end.
     Whole,
-    /// A part does, up to where the other stroke has its end.
+    /// A part, up to the end of the other stroke.
     Part,
 }
 
-pub(super) fn other_end(end: End) -> End {
+pub(super) fn other_end(end: StrokeEnd) -> StrokeEnd {
     end ^ 1
 }
 
-/// How the stroke of an end runs along another, from that end on.
-pub(super) fn runs_along(strokes: &Strokes, end: End, other: usize) -> Option<Along> {
+/// The overlap of the stroke of an end with another stroke.
+pub(super) fn runs_along(strokes: &LaneStrokes, end: StrokeEnd, other: usize) -> Option<StrokeOverlap> {
     let tolerance = strokes.tolerance_m;
     if !strokes.reaches(other, strokes.position(end)) {
         return None;
@@ -46,7 +46,7 @@ pub(super) fn runs_along(strokes: &Strokes, end: End, other: usize) -> Option<Al
     if foot.distance > tolerance || turn > strokes.angle_tolerance(end / 2, other) {
         return None;
     }
-    // Along the other stroke in the direction of mine: to its end, and how far that is.
+    // The end of the other stroke in this direction, and its distance.
     let ahead = tangent.forward().dot(unit(strokes.leaving(end))) > 0.0;
     let (reached, other_length_m) =
         if ahead { (2 * other + 1, rest.length - foot.s) } else { (2 * other, foot.s) };
@@ -59,10 +59,10 @@ pub(super) fn runs_along(strokes: &Strokes, end: End, other: usize) -> Option<Al
         && way > 0.0
     {
         let same = turns_alike(strokes, end, other) && middle_is_near(strokes, end, other, mine.rest.length);
-        return same.then_some(Along {
+        return same.then_some(StrokeOverlap {
             end,
             other,
-            share: Share::Whole,
+            share: OverlapExtent::Whole,
             length_m: mine.rest.length,
             other_length_m,
             other_end: reached,
@@ -71,7 +71,7 @@ pub(super) fn runs_along(strokes: &Strokes, end: End, other: usize) -> Option<Al
     if mine.directed && strokes.all[other].directed && !same_direction(strokes, end, other) {
         return None;
     }
-    // Ends that are near are joined, not trimmed.
+    // Close ends are joined, not trimmed.
     if other_length_m <= 1e-6 || strokes.position(reached).distance(strokes.position(end)) <= tolerance {
         return None;
     }
@@ -82,17 +82,17 @@ pub(super) fn runs_along(strokes: &Strokes, end: End, other: usize) -> Option<Al
     let meets = back.distance <= tolerance
         && back_turn <= strokes.angle_tolerance(end / 2, other)
         && (length_m - other_length_m).abs() <= 2.0 * tolerance;
-    (inside && meets && middle_is_near(strokes, end, other, length_m)).then_some(Along {
+    (inside && meets && middle_is_near(strokes, end, other, length_m)).then_some(StrokeOverlap {
         end,
         other,
-        share: Share::Part,
+        share: OverlapExtent::Part,
         length_m,
         other_length_m,
         other_end: reached,
     })
 }
 
-pub(super) fn same_direction(strokes: &Strokes, end: End, along: usize) -> bool {
+pub(super) fn same_direction(strokes: &LaneStrokes, end: StrokeEnd, along: usize) -> bool {
     let other = &strokes.all[along].rest;
     let mine = &strokes.of_end(end).rest;
     let foot = other.pose_at(other.project(strokes.position(end)).s);
@@ -100,23 +100,23 @@ pub(super) fn same_direction(strokes: &Strokes, end: End, along: usize) -> bool 
     foot.forward().dot(here.forward()) > 0.0
 }
 
-/// Whether two strokes bend alike: a short way that branches off stays near, but turns away.
-fn turns_alike(strokes: &Strokes, end: End, other: usize) -> bool {
+/// Whether two strokes have similar curvature: a branch stays near at first, but turns away.
+fn turns_alike(strokes: &LaneStrokes, end: StrokeEnd, other: usize) -> bool {
     let (mine, rest) = (&strokes.of_end(end).rest, &strokes.all[other].rest);
     let sign = if same_direction(strokes, end, other) { 1.0 } else { -1.0 };
     let turn = (mine.curvature - sign * rest.curvature).abs() * mine.length;
     let (a, b) = (mine.curvature, sign * rest.curvature);
-    // A line is no arc, and the radius of a short arc is less well known.
+    // A line is not an arc, and the radius of a short arc is uncertain.
     let leeway = 0.1 + strokes.tolerance_m / mine.length;
     let same_shape = a == b || (a * b > 0.0 && (a - b).abs() <= leeway * a.abs().max(b.abs()));
-    // A chord that is off by the tolerance changes the sweep of an arc of fixed radius by this.
+    // Change of the sweep of an arc of fixed radius whose chord is off by the tolerance.
     let bend = mine.curvature.abs().max(rest.curvature.abs());
     let lever = trig::cos(mine.curvature * mine.length / 2.0).abs().max(0.2);
     same_shape && turn <= BASE_TURN_RAD + 1.5 * strokes.tolerance_m * bend / lever
 }
 
-/// Whether the middle of a length from an end on lies along the other stroke too.
-fn middle_is_near(strokes: &Strokes, end: End, other: usize, length_m: f64) -> bool {
+/// Whether the middle of the overlap is also near the other stroke.
+fn middle_is_near(strokes: &LaneStrokes, end: StrokeEnd, other: usize, length_m: f64) -> bool {
     let mine = &strokes.of_end(end).rest;
     let half = length_m / 2.0;
     let s = if end.is_multiple_of(2) { half } else { mine.length - half };

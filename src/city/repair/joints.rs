@@ -1,40 +1,42 @@
-//! Joints: which ends belong together, by the smallest cost of moving them, in groups whose diameter stays
-//! within the tolerance.
+//! Clusters stroke ends into joints by least cost of moving them; the diameter of a cluster stays within the
+//! tolerance.
 //!
-//! Groups of few ends are partitioned by branch and bound, larger ones by agglomeration and local search.
+//! Small groups are partitioned exactly by branch and bound, larger ones by agglomerative clustering and
+//! local search.
 
 use super::along::runs_along;
-use super::strokes::{End, Relation, Strokes};
+use super::strokes::{LaneStrokes, StrokeEnd, Tangency};
 use glam::DVec2;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::f64::consts::PI;
 
-/// Cost of an end that nothing goes on from, in squared tolerances.
+/// Cost of a free end, in squared tolerances.
 const LONE_COST: f64 = 2.0;
-/// Of one that lies on another stroke, where that one could be split.
+/// Cost of a free end that lies on another stroke, which could be split there.
 const ON_STROKE_COST: f64 = 1.0;
-/// Of one whose stroke runs along another from there on: one of the two will be trimmed or dropped.
+/// Cost of a free end whose stroke runs along another: one of the two will be trimmed or dropped.
 const TWICE_COST: f64 = 0.3;
-/// Of a joint of such ends alone.
+/// Cost of a joint of only such ends.
 const CHANCE_COST: f64 = 0.8;
-/// Of one that lies on another stroke as exactly as if drawn so.
+/// Cost of a free end that lies exactly on another stroke.
 const EXACT_COST: f64 = 0.02;
-/// Of each joint: of two readings the one with fewer joints is preferred, for lanes are not side by side.
+/// Cost of each joint: fewer joints are preferred.
 const JOINT_COST: f64 = 0.5;
-/// Of an end beside a stroke that is too short to part from it: it rather belongs to the other end of that one.
+/// Cost of an end beside a stroke that is too short to diverge from it: it likely belongs to the other end of
+/// that stroke.
 const SHORT_COST: f64 = 1.0;
-/// Of a heading that is off by all that the tolerance explains.
+/// Cost of a heading that is off by all that the tolerance explains.
 const HEADING_COST: f64 = 0.3;
-/// Groups of more units are not searched exhaustively.
+/// Largest group that is searched exhaustively.
 const MAX_EXHAUSTIVE: usize = 9;
-/// Partial partitions looked at in one group before the best one so far is taken.
+/// Most partial partitions visited in one group before the best so far is taken.
 const MAX_PARTITIONS: usize = 200_000;
 
 /// Ends that meet in one point.
 #[derive(Clone, Debug)]
 pub(super) struct Joint {
-    pub ends: Vec<End>,
-    /// By end: whether it leaves to the same side as the first one.
+    pub ends: Vec<StrokeEnd>,
+    /// By end: whether it leaves to the same side as the first end.
     pub with_first: Vec<bool>,
 }
 
@@ -45,55 +47,55 @@ impl Joint {
     }
 }
 
-/// All joints; every end that is left is in one.
+/// All joints; every remaining end is in one.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Joints {
     pub all: Vec<Joint>,
-    pub of_end: BTreeMap<End, usize>,
+    pub of_end: BTreeMap<StrokeEnd, usize>,
 }
 
 impl Joints {
-    pub(super) fn joint(&self, end: End) -> &Joint {
+    pub(super) fn joint(&self, end: StrokeEnd) -> &Joint {
         &self.all[self.of_end[&end]]
     }
 
-    /// Whether nothing goes on from the end.
-    pub(super) fn is_free(&self, end: End) -> bool {
+    /// Whether no lane continues from the end.
+    pub(super) fn is_free(&self, end: StrokeEnd) -> bool {
         !self.joint(end).is_through()
     }
 
-    /// How two ends of one joint lie to each other; `None` where they are in different ones.
-    pub(super) fn relation(&self, a: End, b: End) -> Option<Relation> {
+    /// How two ends of one joint continue each other; `None` if they are in different joints.
+    pub(super) fn relation(&self, a: StrokeEnd, b: StrokeEnd) -> Option<Tangency> {
         if self.of_end[&a] != self.of_end[&b] {
             return None;
         }
         let joint = self.joint(a);
-        let side = |end: End| joint.ends.iter().position(|&e| e == end).map(|k| joint.with_first[k]);
-        Some(if side(a) == side(b) { Relation::Beside } else { Relation::Through })
+        let side = |end: StrokeEnd| joint.ends.iter().position(|&e| e == end).map(|k| joint.with_first[k]);
+        Some(if side(a) == side(b) { Tangency::Beside } else { Tangency::Through })
     }
 
-    pub(super) fn centre(&self, strokes: &Strokes, joint: usize) -> DVec2 {
+    pub(super) fn centre(&self, strokes: &LaneStrokes, joint: usize) -> DVec2 {
         mean(strokes, &self.all[joint].ends)
     }
 }
 
-fn mean(strokes: &Strokes, ends: &[End]) -> DVec2 {
+fn mean(strokes: &LaneStrokes, ends: &[StrokeEnd]) -> DVec2 {
     ends.iter().map(|&end| strokes.position(end)).sum::<DVec2>() / ends.len() as f64
 }
 
 /// Finds the joints.
-pub(super) fn find(strokes: &Strokes) -> Joints {
-    let mut finder = Finder { strokes, rest_cost: rest_costs(strokes), settled: BTreeMap::new() };
-    let units = finder.units();
+pub(super) fn find(strokes: &LaneStrokes) -> Joints {
+    let mut joint_finder = JointFinder { strokes, rest_cost: rest_costs(strokes), settled: BTreeMap::new() };
+    let units = joint_finder.units();
     for (unit, ends) in units.iter().enumerate() {
-        if finder.sides(ends).is_some_and(|(sides, _)| sides.contains(&false)) {
-            finder.settled.extend(ends.iter().map(|&end| (end, unit)));
+        if joint_finder.sides(ends).is_some_and(|(sides, _)| sides.contains(&false)) {
+            joint_finder.settled.extend(ends.iter().map(|&end| (end, unit)));
         }
     }
     let mut found = Vec::new();
-    for group in finder.groups(&units) {
-        let units: Vec<Vec<End>> = group.into_iter().map(|k| units[k].clone()).collect();
-        found.extend(finder.partition(&units));
+    for group in joint_finder.groups(&units) {
+        let units: Vec<Vec<StrokeEnd>> = group.into_iter().map(|k| units[k].clone()).collect();
+        found.extend(joint_finder.partition(&units));
     }
     let mut joints = Joints::default();
     found.sort();
@@ -101,14 +103,14 @@ pub(super) fn find(strokes: &Strokes) -> Joints {
         for &end in &ends {
             joints.of_end.insert(end, joints.all.len());
         }
-        let with_first = finder.sides(&ends).map_or_else(|| vec![true; ends.len()], |(sides, _)| sides);
+        let with_first = joint_finder.sides(&ends).map_or_else(|| vec![true; ends.len()], |(sides, _)| sides);
         joints.all.push(Joint { ends, with_first });
     }
     joints
 }
 
-/// By end: what it costs to leave it without a joint through which lanes go on.
-fn rest_costs(strokes: &Strokes) -> BTreeMap<End, f64> {
+/// By end: the cost of leaving it without a joint through which lanes continue.
+fn rest_costs(strokes: &LaneStrokes) -> BTreeMap<StrokeEnd, f64> {
     strokes
         .ends()
         .map(|end| {
@@ -140,19 +142,19 @@ fn rest_costs(strokes: &Strokes) -> BTreeMap<End, f64> {
 }
 
 /// Joints as lists of ends.
-type Partition = Vec<Vec<End>>;
+type Partition = Vec<Vec<StrokeEnd>>;
 
-struct Finder<'a> {
-    strokes: &'a Strokes,
-    rest_cost: BTreeMap<End, f64>,
-    /// Ends through which lanes go on as drawn, or since they were trimmed: by which unit.
-    settled: BTreeMap<End, usize>,
+struct JointFinder<'a> {
+    strokes: &'a LaneStrokes,
+    rest_cost: BTreeMap<StrokeEnd, f64>,
+    /// Ends that are joined as drawn or after trimming, with their unit.
+    settled: BTreeMap<StrokeEnd, usize>,
 }
 
-impl Finder<'_> {
-    /// Ends that are joined as drawn, or since they were trimmed: those in the same point.
-    fn units(&self) -> Vec<Vec<End>> {
-        let mut units: Vec<Vec<End>> = Vec::new();
+impl JointFinder<'_> {
+    /// Units: ends in exactly the same point, as drawn or after trimming.
+    fn units(&self) -> Vec<Vec<StrokeEnd>> {
+        let mut units: Vec<Vec<StrokeEnd>> = Vec::new();
         let mut at: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
         for end in self.strokes.ends() {
             let cell = cell(self.strokes.position(end), 1e-6);
@@ -173,8 +175,8 @@ impl Finder<'_> {
         units
     }
 
-    /// Units that could be joined, directly or through others, in the order in which they are reached.
-    fn groups(&self, units: &[Vec<End>]) -> Vec<Vec<usize>> {
+    /// Connected groups of units within reach of each other, in order of discovery.
+    fn groups(&self, units: &[Vec<StrokeEnd>]) -> Vec<Vec<usize>> {
         let place = |unit: usize| self.strokes.position(units[unit][0]);
         let tolerance = self.strokes.tolerance_m;
         let mut grid: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
@@ -204,11 +206,16 @@ impl Finder<'_> {
         groups
     }
 
-    fn partition(&self, units: &[Vec<End>]) -> Partition {
+    fn partition(&self, units: &[Vec<StrokeEnd>]) -> Partition {
         let mut best = self.local_search(units);
         if units.len() <= MAX_EXHAUSTIVE {
-            let mut search =
-                Search { finder: self, units, cost: self.cost(&best), best: best.clone(), looked_at: 0 };
+            let mut search = BranchAndBound {
+                joint_finder: self,
+                units,
+                cost: self.cost(&best),
+                best: best.clone(),
+                looked_at: 0,
+            };
             search.place(0, &mut Vec::new());
             best = search.best;
         }
@@ -216,12 +223,12 @@ impl Finder<'_> {
         best
     }
 
-    /// Merges the nearest units first, then moves single ones, while that is cheaper.
-    fn local_search(&self, units: &[Vec<End>]) -> Partition {
-        /// Each sweep lowers the cost; this bounds the time on drawings that are dense beyond use.
+    /// Agglomerative clustering: merges the nearest units first, then moves single ones while the cost falls.
+    fn local_search(&self, units: &[Vec<StrokeEnd>]) -> Partition {
+        /// Each sweep lowers the cost; this bounds the time on overly dense drawings.
         const MAX_SWEEPS: usize = 20;
         let mut search = LocalSearch {
-            finder: self,
+            joint_finder: self,
             units,
             joint_of: (0..units.len()).collect(),
             joints: (0..units.len()).map(|unit| vec![unit]).collect(),
@@ -243,7 +250,7 @@ impl Finder<'_> {
     }
 
     /// Units within the tolerance of each other, the nearest first.
-    fn near_pairs(&self, units: &[Vec<End>]) -> Vec<(usize, usize)> {
+    fn near_pairs(&self, units: &[Vec<StrokeEnd>]) -> Vec<(usize, usize)> {
         let place = |unit: usize| self.strokes.position(units[unit][0]);
         let tolerance = self.strokes.tolerance_m;
         let mut grid: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
@@ -266,18 +273,18 @@ impl Finder<'_> {
         partition.iter().map(|ends| self.joint_cost(ends).unwrap_or(f64::INFINITY)).sum()
     }
 
-    /// What it costs to join these ends, in squared tolerances; `None` where they cannot be one joint.
-    fn joint_cost(&self, ends: &[End]) -> Option<f64> {
+    /// The cost of joining these ends, in squared tolerances; `None` if they cannot be one joint.
+    fn joint_cost(&self, ends: &[StrokeEnd]) -> Option<f64> {
         if !self.fits(ends) {
             return None;
         }
         let (sides, heading_cost) = self.sides(ends)?;
         let joined = self.spread(ends) + heading_cost + self.beside_short(ends, &sides);
-        // Ends of ways drawn twice are where they are by chance: little is gained by joining them.
+        // The ends of duplicates are arbitrary: joining them gains little.
         let by_chance = ends.iter().filter(|end| self.rest_cost[*end] <= TWICE_COST).count();
         if sides.contains(&false) {
             let chance = if by_chance == ends.len() { CHANCE_COST } else { 0.0 };
-            // Joints that are there already are not made fewer.
+            // Existing joints are not merged.
             let settled: BTreeSet<usize> =
                 ends.iter().filter_map(|end| self.settled.get(end)).copied().collect();
             return Some(joined + chance + JOINT_COST * settled.len().max(1) as f64);
@@ -288,15 +295,15 @@ impl Finder<'_> {
         Some(cost)
     }
 
-    /// What ends beside short strokes cost.
-    fn beside_short(&self, ends: &[End], sides: &[bool]) -> f64 {
-        let length = |end: End| self.strokes.of_end(end).rest.length;
+    /// Cost of ends beside short strokes.
+    fn beside_short(&self, ends: &[StrokeEnd], sides: &[bool]) -> f64 {
+        let length = |end: StrokeEnd| self.strokes.of_end(end).rest.length;
         let mut cost = 0.0;
         for (k, &a) in ends.iter().enumerate() {
             for &b in ends[..k].iter().zip(sides).filter(|&(_, side)| *side == sides[k]).map(|(b, _)| b) {
                 let (short, long) = (length(a).min(length(b)), length(a).max(length(b)));
                 let enough = 1.5 * self.strokes.tolerance_m;
-                // Of two that are short together, one is the other once more.
+                // Of two short ones, one duplicates the other.
                 if long > enough {
                     cost += SHORT_COST * (1.0 - short / enough).max(0.0);
                 }
@@ -305,15 +312,15 @@ impl Finder<'_> {
         cost
     }
 
-    /// Squared distances from their middle, in squared tolerances.
-    fn spread(&self, ends: &[End]) -> f64 {
+    /// Sum of squared distances from their mean, in squared tolerances.
+    fn spread(&self, ends: &[StrokeEnd]) -> f64 {
         let middle = mean(self.strokes, ends);
         let sum: f64 = ends.iter().map(|&end| self.strokes.position(end).distance_squared(middle)).sum();
         sum / (self.strokes.tolerance_m * self.strokes.tolerance_m)
     }
 
-    /// Whether all are within the tolerance of each other, and no short stroke closes on itself.
-    fn fits(&self, ends: &[End]) -> bool {
+    /// Whether all are within the tolerance of each other and no short stroke closes on itself.
+    fn fits(&self, ends: &[StrokeEnd]) -> bool {
         ends.iter().enumerate().all(|(k, &a)| {
             ends[..k].iter().all(|&b| {
                 let apart = self.strokes.position(a).distance(self.strokes.position(b));
@@ -324,8 +331,8 @@ impl Finder<'_> {
         })
     }
 
-    /// To which side of a common tangent each end leaves, and the cost of the headings that are off.
-    fn sides(&self, ends: &[End]) -> Option<(Vec<bool>, f64)> {
+    /// The side of a common tangent to which each end leaves, and the cost of heading errors.
+    fn sides(&self, ends: &[StrokeEnd]) -> Option<(Vec<bool>, f64)> {
         let strokes = self.strokes;
         let reference = *ends.iter().min_by(|&&a, &&b| {
             strokes.heading_error_of_end(a).total_cmp(&strokes.heading_error_of_end(b)).then(a.cmp(&b))
@@ -338,7 +345,7 @@ impl Finder<'_> {
         let (mut sides, cost) = ways
             .iter()
             .filter_map(|&out| self.sides_where(ends, reference, out))
-            // A reading in which lanes go on comes before one in which they do not.
+            // A joint with continuing lanes is preferred.
             .min_by(|a, b| {
                 let stands = |sides: &[bool]| !sides.contains(&false);
                 stands(&a.0).cmp(&stands(&b.0)).then(a.1.total_cmp(&b.1))
@@ -349,12 +356,17 @@ impl Finder<'_> {
         Some((sides, cost))
     }
 
-    /// The same, where travel goes out, or not, to the side of the reference.
-    fn sides_where(&self, ends: &[End], reference: End, out: Option<bool>) -> Option<(Vec<bool>, f64)> {
+    /// The same, given whether travel leaves to the side of the reference.
+    fn sides_where(
+        &self,
+        ends: &[StrokeEnd],
+        reference: StrokeEnd,
+        out: Option<bool>,
+    ) -> Option<(Vec<bool>, f64)> {
         let strokes = self.strokes;
         let mut sides = Vec::with_capacity(ends.len());
         let mut cost = 0.0;
-        // The cheapest end to turn over, where all leave to one side.
+        // The cheapest end to reverse if all leave to one side.
         let mut turnable: Option<(f64, usize)> = None;
         for (k, &end) in ends.iter().enumerate() {
             let off_through = if end == reference { PI } else { strokes.kink(reference, end) };
@@ -392,17 +404,17 @@ impl Finder<'_> {
     }
 }
 
-/// A partition that is made cheaper step by step.
+/// Local search over the partitions of a group.
 struct LocalSearch<'a> {
-    finder: &'a Finder<'a>,
-    units: &'a [Vec<End>],
+    joint_finder: &'a JointFinder<'a>,
+    units: &'a [Vec<StrokeEnd>],
     joint_of: Vec<usize>,
-    /// Units by joint; empty where one has gone into another.
+    /// Units by joint; empty after a merge.
     joints: Vec<Vec<usize>>,
 }
 
 impl LocalSearch<'_> {
-    fn ends(&self, joint: &[usize]) -> Vec<End> {
+    fn ends(&self, joint: &[usize]) -> Vec<StrokeEnd> {
         joint.iter().flat_map(|&unit| self.units[unit].iter().copied()).collect()
     }
 
@@ -410,10 +422,10 @@ impl LocalSearch<'_> {
         if joint.is_empty() {
             return 0.0;
         }
-        self.finder.joint_cost(&self.ends(joint)).unwrap_or(f64::INFINITY)
+        self.joint_finder.joint_cost(&self.ends(joint)).unwrap_or(f64::INFINITY)
     }
 
-    /// Makes two joints others, if that is cheaper.
+    /// Replaces two joints if that lowers the cost.
     fn exchange(&mut self, indices: [usize; 2], joints: [Vec<usize>; 2]) -> bool {
         let before: f64 = indices.iter().map(|&k| self.cost(&self.joints[k])).sum();
         let after: f64 = joints.iter().map(|joint| self.cost(joint)).sum();
@@ -448,25 +460,26 @@ impl LocalSearch<'_> {
     }
 }
 
-/// Branch and bound over the partitions of a group.
-struct Search<'a> {
-    finder: &'a Finder<'a>,
-    units: &'a [Vec<End>],
+/// Branch and bound over the partitions of a group (Land and Doig 1960).
+struct BranchAndBound<'a> {
+    joint_finder: &'a JointFinder<'a>,
+    units: &'a [Vec<StrokeEnd>],
     cost: f64,
     best: Partition,
     looked_at: usize,
 }
 
-impl Search<'_> {
-    /// Puts a unit into each joint so far, or into one of its own. What ends are moved by only grows.
+impl BranchAndBound<'_> {
+    /// Assigns a unit to each joint so far, or to a new one. The cost of displacement only grows, which gives
+    /// the bound.
     fn place(&mut self, unit: usize, joints: &mut Partition) {
         self.looked_at += 1;
-        let bound: f64 = joints.iter().map(|ends| self.finder.spread(ends)).sum();
+        let bound: f64 = joints.iter().map(|ends| self.joint_finder.spread(ends)).sum();
         if self.looked_at > MAX_PARTITIONS || bound >= self.cost {
             return;
         }
         let Some(ends) = self.units.get(unit) else {
-            let cost = self.finder.cost(joints);
+            let cost = self.joint_finder.cost(joints);
             if cost < self.cost {
                 (self.cost, self.best) = (cost, joints.clone());
             }
@@ -475,7 +488,7 @@ impl Search<'_> {
         for k in 0..joints.len() {
             let before = joints[k].len();
             joints[k].extend(ends);
-            if self.finder.fits(&joints[k]) && self.finder.sides(&joints[k]).is_some() {
+            if self.joint_finder.fits(&joints[k]) && self.joint_finder.sides(&joints[k]).is_some() {
                 self.place(unit + 1, joints);
             }
             joints[k].truncate(before);

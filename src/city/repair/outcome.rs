@@ -1,13 +1,13 @@
-//! What a repair comes to: the new geometry of the entities, and every change by handle and millimetres.
+//! The result of a repair: new geometry of the entities, and every change by handle in millimetres.
 
 use super::adjust::middle_error;
 use super::joints::Joints;
-use super::layout::Layout;
+use super::network::AdjustmentNetwork;
 use super::overlaps::Cut;
-use super::strokes::{End, Relation, Stroke, Strokes};
+use super::strokes::{LaneStroke, LaneStrokes, StrokeEnd, Tangency};
 use super::{MapErrorKind, named, place};
-use crate::city::dxf::{Edit, Entity, PolyVertex, Shape};
-use crate::city::error::Findings;
+use crate::city::dxf::{Entity, EntityEdit, EntityShape, PolyVertex};
+use crate::city::error::Diagnostics;
 use crate::city::layers;
 use crate::geom::{Pose2, Segment, trig, wrap_angle};
 use glam::DVec2;
@@ -15,9 +15,9 @@ use std::collections::{BTreeMap, VecDeque};
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, PI};
 use std::fmt;
 
-/// Smaller movements are none: the entity stays as it is, to the last digit.
+/// Smaller displacements leave the entity unchanged, to the last digit.
 const UNMOVED_M: f64 = 1e-7;
-/// How far before the end of its lane a line is put that stood there.
+/// Distance from the lane end at which a line that was there is put.
 const BEFORE_END_M: f64 = 1e-3;
 
 /// One change of an entity.
@@ -30,16 +30,16 @@ pub struct RepairChange {
     pub action: RepairAction,
 }
 
-/// What was done. Lengths in laboratory metres.
+/// The kind of a change. Lengths in laboratory metres.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RepairAction {
-    /// The ends of a line or an arc were moved, each by so much; of an arc the radius may have changed.
+    /// The ends of a line or an arc were moved, each by this much; the radius of an arc may have changed.
     Moved { start_m: f64, end_m: f64, radius_m: Option<[f64; 2]> },
-    /// So many vertices of a polyline were moved, by at most so much; bulges may have changed.
+    /// Vertices of a polyline were moved, by at most this much; bulges may have changed.
     Vertices { count: usize, most_m: f64 },
-    /// An end was cut off by so much, because it ran along another entity.
+    /// An end was trimmed because it ran along another entity.
     Trimmed { at_start: bool, by_m: f64, along: String },
-    /// Deleted, because all of it lies along another entity.
+    /// Deleted because it duplicates another entity.
     Deleted { length_m: f64, along: String },
     /// Deleted, because it is too short to be a lane.
     TooShort { length_m: f64 },
@@ -52,9 +52,9 @@ impl RepairChange {
         Self { line: entity.line, entity: entity.label(), action }
     }
 
-    pub(super) fn deleted_speck(&self) -> Option<Edit> {
+    pub(super) fn deleted_speck(&self) -> Option<EntityEdit> {
         matches!(self.action, RepairAction::TooShort { .. })
-            .then(|| Edit { line: self.line, shapes: Vec::new() })
+            .then(|| EntityEdit { line: self.line, shapes: Vec::new() })
     }
 }
 
@@ -90,16 +90,16 @@ impl fmt::Display for RepairChange {
     }
 }
 
-/// An adjusted network and where it came from.
-pub(super) struct Outcome<'a> {
-    pub strokes: &'a Strokes,
-    pub network: &'a Layout,
+/// An adjusted network with the strokes and entities that it came from.
+pub(super) struct RepairOutcome<'a> {
+    pub strokes: &'a LaneStrokes,
+    pub network: &'a AdjustmentNetwork,
     pub entities: &'a [Entity],
     pub metres: f64,
 }
 
-impl Outcome<'_> {
-    /// The stroke after the adjustment; as drawn where nothing has moved.
+impl RepairOutcome<'_> {
+    /// The adjusted stroke; as drawn if it has not moved.
     fn adjusted(&self, index: usize) -> Segment {
         let rest = self.strokes.all[index].rest;
         let new = self.network.adjustment.segment(&self.network.members[&index]);
@@ -108,7 +108,7 @@ impl Outcome<'_> {
     }
 
     /// Reports ends, and middles of arcs, that would have to move farther than the tolerance.
-    pub(super) fn check(&self, findings: &mut Findings) {
+    pub(super) fn check(&self, diagnostics: &mut Diagnostics) {
         let tolerance_m = self.strokes.tolerance_m;
         for (index, stroke) in self.strokes.kept() {
             let moved = displacement(&stroke.rest, &self.adjusted(index));
@@ -129,11 +129,11 @@ impl Outcome<'_> {
                 tolerance_m * 1e3
             );
             let remedy = "draw the joint anew: join its pieces by an arc tangent to both";
-            findings.error(MapErrorKind::Kink, entity, message, remedy);
+            diagnostics.error(MapErrorKind::Kink, entity, message, remedy);
         }
     }
 
-    /// Strokes of each entity of lanes, in order along it.
+    /// Strokes by lane entity, in order along it.
     fn by_entity(&self) -> BTreeMap<usize, Vec<usize>> {
         let mut by_entity: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (index, stroke) in self.strokes.all.iter().enumerate() {
@@ -142,12 +142,12 @@ impl Outcome<'_> {
         by_entity
     }
 
-    fn is_changed(&self, stroke: &Stroke, index: usize) -> bool {
+    fn is_changed(&self, stroke: &LaneStroke, index: usize) -> bool {
         stroke.dropped || stroke.drawn != self.adjusted(index)
     }
 
     /// The geometry of the entities that have changed.
-    pub(super) fn edits(&self) -> Vec<Edit> {
+    pub(super) fn edits(&self) -> Vec<EntityEdit> {
         let mut edits = Vec::new();
         for (entity, strokes) in self.by_entity() {
             if !strokes.iter().any(|&index| self.is_changed(&self.strokes.all[index], index)) {
@@ -155,39 +155,39 @@ impl Outcome<'_> {
             }
             let entity = &self.entities[entity];
             let shapes = match &entity.shape {
-                Shape::Polyline { closed, .. } => self.polylines(&strokes, *closed),
+                EntityShape::Polyline { closed, .. } => self.polylines(&strokes, *closed),
                 shape => {
                     let kept = strokes.iter().filter(|&&index| !self.strokes.all[index].dropped);
                     kept.map(|&index| self.shape(shape, index)).collect()
                 }
             };
-            edits.push(Edit { line: entity.line, shapes });
+            edits.push(EntityEdit { line: entity.line, shapes });
         }
         edits
     }
 
-    fn shape(&self, drawn: &Shape, index: usize) -> Shape {
+    fn shape(&self, drawn: &EntityShape, index: usize) -> EntityShape {
         let segment = self.adjusted(index);
         match (drawn, segment.centre(), segment.radius()) {
-            (Shape::Arc { .. }, Some(centre), Some(radius)) => {
+            (EntityShape::Arc { .. }, Some(centre), Some(radius)) => {
                 // An ARC runs counter-clockwise.
                 let (from, to) = (segment.start.yaw_rad, segment.start.yaw_rad + segment.length / radius);
-                Shape::Arc {
+                EntityShape::Arc {
                     centre: centre / self.metres,
                     radius: radius / self.metres,
                     from_deg: degrees(from - FRAC_PI_2),
                     to_deg: degrees(to - FRAC_PI_2),
                 }
             }
-            _ => Shape::Line {
+            _ => EntityShape::Line {
                 from: segment.start.position / self.metres,
                 to: segment.end().position / self.metres,
             },
         }
     }
 
-    /// A polyline, or several where strokes in its middle are gone.
-    fn polylines(&self, strokes: &[usize], closed: bool) -> Vec<Shape> {
+    /// A polyline, or several if strokes in its middle were dropped.
+    fn polylines(&self, strokes: &[usize], closed: bool) -> Vec<EntityShape> {
         let whole = strokes.iter().all(|&index| !self.strokes.all[index].dropped);
         let mut runs: Vec<Vec<usize>> = strokes
             .split(|&index| self.strokes.all[index].dropped)
@@ -208,7 +208,7 @@ impl Outcome<'_> {
         runs.iter().map(|run| self.polyline(run, closed)).collect()
     }
 
-    fn polyline(&self, run: &[usize], closed: bool) -> Shape {
+    fn polyline(&self, run: &[usize], closed: bool) -> EntityShape {
         let mut vertices = Vec::with_capacity(run.len() + 1);
         for &index in run {
             let segment = self.adjusted(index);
@@ -219,7 +219,7 @@ impl Outcome<'_> {
             let at = self.adjusted(last).end().position / self.metres;
             vertices.push(PolyVertex { at, bulge: 0.0 });
         }
-        Shape::Polyline { vertices, closed }
+        EntityShape::Polyline { vertices, closed }
     }
 
     /// Every change of a lane.
@@ -248,7 +248,7 @@ impl Outcome<'_> {
             let entity = &self.entities[entity];
             match (moved.first(), &entity.shape) {
                 (None, _) => {}
-                (_, Shape::Polyline { closed, .. }) => {
+                (_, EntityShape::Polyline { closed, .. }) => {
                     changes.push(RepairChange::of(entity, vertices_moved(&moved, *closed, strokes.len())));
                 }
                 (Some(&(index, [start_m, _, end_m])), _) => {
@@ -263,13 +263,13 @@ impl Outcome<'_> {
         }
     }
 
-    /// Stop and yield lines that stood at the end of lanes and would now lie behind it are moved back.
-    pub(super) fn control_lines(&self, joints: &Joints, changes: &mut Vec<RepairChange>) -> Vec<Edit> {
+    /// Moves stop and yield lines at lane ends back if they would lie behind the end.
+    pub(super) fn control_lines(&self, joints: &Joints, changes: &mut Vec<RepairChange>) -> Vec<EntityEdit> {
         let out = self.directions(joints);
         let mut edits = Vec::new();
         for entity in self.entities {
             let on_layer = |layer: &str| entity.layer.eq_ignore_ascii_case(layer);
-            let Shape::Line { from, to } = entity.shape else { continue };
+            let EntityShape::Line { from, to } = entity.shape else { continue };
             if !on_layer(layers::STOP_LINES) && !on_layer(layers::YIELD_LINES) {
                 continue;
             }
@@ -279,23 +279,23 @@ impl Outcome<'_> {
                 continue;
             };
             let [from, to] = drawn.map(|at| (at + by) / self.metres);
-            edits.push(Edit { line: entity.line, shapes: vec![Shape::Line { from, to }] });
+            edits.push(EntityEdit { line: entity.line, shapes: vec![EntityShape::Line { from, to }] });
             changes.push(RepairChange::of(entity, RepairAction::LineMoved { by_m: by.length() }));
         }
         edits
     }
 
-    /// By end: whether travel goes out of it into its stroke, spread from lines over joints to arcs.
+    /// By end: whether travel leaves through it into its stroke, propagated from lines over joints to arcs.
     fn directions(&self, joints: &Joints) -> Vec<Option<bool>> {
         let mut out = vec![None; 2 * self.strokes.all.len()];
-        let mut queue: VecDeque<End> = VecDeque::new();
+        let mut queue: VecDeque<StrokeEnd> = VecDeque::new();
         for end in self.strokes.ends() {
             out[end] = self.strokes.goes_out(end);
             queue.extend(out[end].map(|_| end));
         }
         while let Some(end) = queue.pop_front() {
             let Some(goes_out) = out[end] else { continue };
-            let beside = |other: End| joints.relation(end, other) == Some(Relation::Beside);
+            let beside = |other: StrokeEnd| joints.relation(end, other) == Some(Tangency::Beside);
             let mut found = vec![(end ^ 1, !goes_out)];
             found.extend(joints.joint(end).ends.iter().map(|&other| (other, goes_out == beside(other))));
             for (other, goes_out) in found {
@@ -308,9 +308,9 @@ impl Outcome<'_> {
         out
     }
 
-    /// How far a line has to move to stand just before the end of the lanes that end here, if it crosses the way
-    /// on close behind it.
-    fn behind_end(&self, ends: &[End], out: &[Option<bool>], line: [DVec2; 2]) -> Option<DVec2> {
+    /// The displacement that puts a line just before the end of the lanes that end here, if it crosses the
+    /// continuation close behind it.
+    fn behind_end(&self, ends: &[StrokeEnd], out: &[Option<bool>], line: [DVec2; 2]) -> Option<DVec2> {
         let along = line[1] - line[0];
         let incoming = ends.iter().find(|&&end| out[end] == Some(false))?;
         let index = incoming / 2;
@@ -320,11 +320,11 @@ impl Outcome<'_> {
         if square < FRAC_1_SQRT_2 {
             return None;
         }
-        // Where the line crosses the tangent, and how far along the line that is.
+        // The crossing of the line with the tangent.
         let behind = (line[0] - pose.position).perp_dot(along) / pose.forward().perp_dot(along);
         let at = (pose.position + pose.forward() * behind - line[0]).dot(along) / along.length_squared();
-        // No farther behind it than the ends were off, which may well have been at the line.
-        let off = |end: &End| self.strokes.position(*end).distance(pose.position);
+        // Only as far behind as the ends were off.
+        let off = |end: &StrokeEnd| self.strokes.position(*end).distance(pose.position);
         let most = ends.iter().map(off).fold(0.0, f64::max);
         let stands_there = (0.0..=1.0).contains(&at) && (-BEFORE_END_M / 2.0..=most).contains(&behind);
         (stands_there && most >= UNMOVED_M).then(|| pose.forward() * -(behind + BEFORE_END_M))
@@ -335,7 +335,7 @@ fn reversed(pose: Pose2) -> Pose2 {
     Pose2 { yaw_rad: wrap_angle(pose.yaw_rad + PI), ..pose }
 }
 
-/// By how much start, middle and end of a segment have moved. The middle of a line moves with its ends.
+/// Displacements of start, middle and end of a segment. The middle of a line moves with its ends.
 fn displacement(old: &Segment, new: &Segment) -> [f64; 3] {
     let at = |segment: &Segment, share: f64| segment.pose_at(segment.length * share).position;
     [0.0, 0.5, 1.0].map(|share| at(old, share).distance(at(new, share)))

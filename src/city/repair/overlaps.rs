@@ -1,26 +1,26 @@
-//! Ways drawn twice: strokes that lie along others are dropped, and ends that run past the start of another
-//! are trimmed.
+//! Removes duplicate lanes: drops strokes that lie along others, and trims ends that run past the start of
+//! another.
 
-use super::along::{Along, Share, other_end, runs_along, same_direction};
+use super::along::{OverlapExtent, StrokeOverlap, other_end, runs_along, same_direction};
 use super::joints::{self, Joints};
-use super::strokes::{End, Relation, Strokes};
+use super::strokes::{LaneStrokes, StrokeEnd, Tangency};
 use std::collections::BTreeSet;
 
-/// What became of strokes, by index.
+/// A stroke that was dropped or trimmed, by index.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Cut {
-    /// The first lies along the second, over its whole length.
+    /// The stroke lies along the other over its whole length.
     Dropped { stroke: usize, along: usize },
     /// The end ran along the other stroke.
-    Trimmed { end: End, by_m: f64, along: usize },
+    Trimmed { end: StrokeEnd, by_m: f64, along: usize },
 }
 
-/// Drops and trims until no way is drawn twice; returns the joints of what is left.
-pub(super) fn remove(strokes: &mut Strokes, cuts: &mut Vec<Cut>) -> Joints {
-    // Each round drops a stroke or takes a free end away: this bounds what cannot go on for ever.
+/// Drops and trims until no lane is drawn twice; returns the joints of the rest.
+pub(super) fn remove(strokes: &mut LaneStrokes, cuts: &mut Vec<Cut>) -> Joints {
+    // Each round drops a stroke or removes a free end, which bounds the rounds.
     for _ in 0..4 * strokes.all.len() + 4 {
         let joints = joints::find(strokes);
-        let finder = Finder { strokes, joints: &joints };
+        let finder = OverlapFinder { strokes, joints: &joints };
         let twins = finder.twin_chains();
         let changes = if twins.is_empty() { finder.overhangs() } else { twins };
         if changes.is_empty() {
@@ -28,11 +28,11 @@ pub(super) fn remove(strokes: &mut Strokes, cuts: &mut Vec<Cut>) -> Joints {
         }
         for change in changes {
             match change {
-                Change::Drop { stroke, along } => {
+                PlannedCut::Drop { stroke, along } => {
                     strokes.all[stroke].dropped = true;
                     cuts.push(Cut::Dropped { stroke, along });
                 }
-                Change::Trim { end, beside, by_m } => {
+                PlannedCut::Trim { end, beside, by_m } => {
                     strokes.trim(end, by_m);
                     let along = beside / 2;
                     cuts.push(Cut::Trimmed { end, by_m, along });
@@ -44,27 +44,27 @@ pub(super) fn remove(strokes: &mut Strokes, cuts: &mut Vec<Cut>) -> Joints {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Change {
+enum PlannedCut {
     Drop { stroke: usize, along: usize },
-    Trim { end: End, beside: End, by_m: f64 },
+    Trim { end: StrokeEnd, beside: StrokeEnd, by_m: f64 },
 }
 
-/// Strokes in line between two joints at which lanes branch.
+/// A chain of strokes between two branching joints.
 struct Chain {
     strokes: Vec<usize>,
-    /// The ends with which it begins and ends.
-    ends: [End; 2],
+    /// Its first and last end.
+    ends: [StrokeEnd; 2],
 }
 
-struct Finder<'a> {
-    strokes: &'a Strokes,
+struct OverlapFinder<'a> {
+    strokes: &'a LaneStrokes,
     joints: &'a Joints,
 }
 
-impl Finder<'_> {
-    /// Chains of strokes between the same joints, side by side all the way: the later ones are dropped. No stroke
-    /// has a part in two changes of one round.
-    fn twin_chains(&self) -> Vec<Change> {
+impl OverlapFinder<'_> {
+    /// Duplicate chains: between the same joints, side by side all the way. The later one is dropped. No
+    /// stroke takes part in two changes of one round.
+    fn twin_chains(&self) -> Vec<PlannedCut> {
         let mut touched = BTreeSet::new();
         let mut changes = Vec::new();
         for joint in &self.joints.all {
@@ -78,7 +78,10 @@ impl Finder<'_> {
                     touched.extend(kept.strokes.iter().chain(&dropped.strokes).copied());
                     let along = |stroke: usize| self.nearest(stroke, &kept.strokes);
                     changes.extend(
-                        dropped.strokes.iter().map(|&stroke| Change::Drop { stroke, along: along(stroke) }),
+                        dropped
+                            .strokes
+                            .iter()
+                            .map(|&stroke| PlannedCut::Drop { stroke, along: along(stroke) }),
                     );
                 }
             }
@@ -86,20 +89,20 @@ impl Finder<'_> {
         changes
     }
 
-    /// The chains from two ends in one joint if they are the same way twice: the one to keep, and the other.
-    fn twins(&self, a: End, b: End) -> Option<(Chain, Chain)> {
-        if self.joints.relation(a, b) != Some(Relation::Beside) {
+    /// The chains from two ends of one joint if they are duplicates: the one to keep, then the other.
+    fn twins(&self, a: StrokeEnd, b: StrokeEnd) -> Option<(Chain, Chain)> {
+        if self.joints.relation(a, b) != Some(Tangency::Beside) {
             return None;
         }
         let (one, two) = (self.chain(a), self.chain(b));
-        let meet = self.joints.relation(one.ends[1], two.ends[1]) == Some(Relation::Beside);
+        let meet = self.joints.relation(one.ends[1], two.ends[1]) == Some(Tangency::Beside);
         if !meet || one.strokes.iter().any(|k| two.strokes.contains(k)) || !self.side_by_side(&one, &two) {
             return None;
         }
         Some(if self.comes_first(&one, &two) { (one, two) } else { (two, one) })
     }
 
-    /// Lanes of roads before ways across junctions, then by the earliest entity.
+    /// Road lanes before connectors, then the earliest entity.
     fn comes_first(&self, one: &Chain, two: &Chain) -> bool {
         let rank = |chain: &Chain| {
             let strokes = chain.strokes.iter().map(|&k| &self.strokes.all[k]);
@@ -110,8 +113,8 @@ impl Finder<'_> {
         rank(one) <= rank(two)
     }
 
-    /// From an end through all joints of two ends.
-    fn chain(&self, first: End) -> Chain {
+    /// The chain from an end through all joints of two ends.
+    fn chain(&self, first: StrokeEnd) -> Chain {
         let mut strokes = vec![first / 2];
         let mut last = other_end(first);
         loop {
@@ -129,7 +132,7 @@ impl Finder<'_> {
 
     /// Whether two chains between the same joints keep within the tolerance of each other.
     fn side_by_side(&self, one: &Chain, two: &Chain) -> bool {
-        let directions = self.strokes.directions_allow(one.ends[0], two.ends[0], Relation::Beside);
+        let directions = self.strokes.directions_allow(one.ends[0], two.ends[0], Tangency::Beside);
         directions && self.within(one, two) && self.within(two, one)
     }
 
@@ -153,22 +156,22 @@ impl Finder<'_> {
         others.iter().copied().min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap_or(stroke)
     }
 
-    /// Strokes with an end from which nothing goes on, along other strokes: dropped where all of one lies there,
-    /// else one of the two is trimmed. Later strokes of the file come first.
-    fn overhangs(&self) -> Vec<Change> {
-        let free: Vec<End> = self.strokes.ends().filter(|&end| self.joints.is_free(end)).collect();
-        let beside: Vec<Along> = free.iter().rev().flat_map(|&end| self.beside(end)).collect();
+    /// Free strokes that lie along others: dropped if they lie there entirely, else one of the two is
+    /// trimmed. Later strokes of the file come first.
+    fn overhangs(&self) -> Vec<PlannedCut> {
+        let free: Vec<StrokeEnd> = self.strokes.ends().filter(|&end| self.joints.is_free(end)).collect();
+        let beside: Vec<StrokeOverlap> = free.iter().rev().flat_map(|&end| self.beside(end)).collect();
         let mut touched = BTreeSet::new();
         let mut changes = Vec::new();
-        for share in [Share::Whole, Share::Part] {
+        for share in [OverlapExtent::Whole, OverlapExtent::Part] {
             for along in beside.iter().filter(|along| along.share == share) {
                 let strokes = [along.end / 2, along.other];
                 if strokes.iter().any(|stroke| touched.contains(stroke)) {
                     continue;
                 }
                 let change = match share {
-                    Share::Whole => self.drop(along),
-                    Share::Part => self.trim(along),
+                    OverlapExtent::Whole => self.drop(along),
+                    OverlapExtent::Part => self.trim(along),
                 };
                 if let Some(change) = change {
                     touched.extend(strokes);
@@ -182,56 +185,56 @@ impl Finder<'_> {
         changes
     }
 
-    /// The strokes that one runs along from an end.
-    fn beside(&self, end: End) -> Vec<Along> {
+    /// The overlaps of the stroke of an end with other strokes.
+    fn beside(&self, end: StrokeEnd) -> Vec<StrokeOverlap> {
         let others = self.strokes.kept().filter(|&(other, _)| other != end / 2);
         others.filter_map(|(other, _)| runs_along(self.strokes, end, other)).collect()
     }
 
-    /// Drops a stroke that lies along another. Where both end in one joint and the other one misses it by more,
-    /// that one is trimmed instead.
-    fn drop(&self, along: &Along) -> Option<Change> {
-        let &Along { end, other, other_length_m, other_end: reached, .. } = along;
+    /// Drops a stroke that lies along another. If both end in one joint and the other misses it by more, the
+    /// other is trimmed instead.
+    fn drop(&self, along: &StrokeOverlap) -> Option<PlannedCut> {
+        let &StrokeOverlap { end, other, other_length_m, other_end: reached, .. } = along;
         if !self.can_be_dropped(end, other) {
             return None;
         }
         let far = other_end(end);
         let enough = self.strokes.all[other].rest.length - other_length_m > self.strokes.tolerance_m;
-        let together = self.joints.relation(far, reached) == Some(Relation::Beside);
+        let together = self.joints.relation(far, reached) == Some(Tangency::Beside);
         if together && enough && self.misses_m(far, reached) < self.misses_m(reached, far) - 1e-6 {
-            return Some(Change::Trim { end: reached, beside: end, by_m: other_length_m });
+            return Some(PlannedCut::Trim { end: reached, beside: end, by_m: other_length_m });
         }
-        Some(Change::Drop { stroke: end / 2, along: other })
+        Some(PlannedCut::Drop { stroke: end / 2, along: other })
     }
 
-    /// How far an end is from the others of its joint, one left aside.
-    fn misses_m(&self, end: End, aside: End) -> f64 {
+    /// Distance of an end from the mean of its joint, without one other end.
+    fn misses_m(&self, end: StrokeEnd, aside: StrokeEnd) -> f64 {
         let others = self.joints.joint(end).ends.iter().filter(|&&other| other != end && other != aside);
         let positions: Vec<_> = others.map(|&other| self.strokes.position(other)).collect();
         let middle = positions.iter().sum::<glam::DVec2>() / positions.len().max(1) as f64;
         if positions.is_empty() { 0.0 } else { middle.distance(self.strokes.position(end)) }
     }
 
-    /// Whether nothing is lost with a stroke that lies along another: what is joined to its far end is joined to
-    /// the other stroke as well, or is free.
-    fn can_be_dropped(&self, end: End, along: usize) -> bool {
+    /// Whether a duplicate stroke can be dropped without losing a connection: its far end is free, or joined
+    /// to the other stroke as well.
+    fn can_be_dropped(&self, end: StrokeEnd, along: usize) -> bool {
         let far = other_end(end);
         let beside = [2 * along, 2 * along + 1];
-        let joined = beside.iter().any(|&b| self.joints.relation(far, b) == Some(Relation::Beside));
+        let joined = beside.iter().any(|&b| self.joints.relation(far, b) == Some(Tangency::Beside));
         let directions_known = self.strokes.of_end(end).directed && self.strokes.all[along].directed;
         let agree = !directions_known || same_direction(self.strokes, end, along);
         let both_free = self.joints.is_free(far);
         (both_free && self.joints.joint(far).ends.len() == 1) || (agree && (joined || both_free))
     }
 
-    /// Which of two strokes that overlap is trimmed: the one whose end is joined to nothing, else the later one.
-    fn trim(&self, along: &Along) -> Option<Change> {
-        let &Along { end, other, length_m, other_length_m, other_end: reached, .. } = along;
+    /// Trims one of two overlapping strokes: the one with a free end, else the later one.
+    fn trim(&self, along: &StrokeOverlap) -> Option<PlannedCut> {
+        let &StrokeOverlap { end, other, length_m, other_length_m, other_end: reached, .. } = along;
         let tolerance = self.strokes.tolerance_m;
-        let alone = |end: End| self.joints.joint(end).ends.len() == 1;
+        let alone = |end: StrokeEnd| self.joints.joint(end).ends.len() == 1;
         let enough = |stroke: usize, by_m: f64| self.strokes.all[stroke].rest.length - by_m > tolerance / 2.0;
-        let mine = Change::Trim { end, beside: reached, by_m: length_m };
-        let theirs = Change::Trim { end: reached, beside: end, by_m: other_length_m };
+        let mine = PlannedCut::Trim { end, beside: reached, by_m: length_m };
+        let theirs = PlannedCut::Trim { end: reached, beside: end, by_m: other_length_m };
         let (can_mine, can_theirs) =
             (enough(end / 2, length_m), self.joints.is_free(reached) && enough(other, other_length_m));
         let prefer_theirs = can_theirs && alone(reached) && (!alone(end) || other > end / 2);

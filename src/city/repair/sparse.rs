@@ -1,10 +1,10 @@
-//! Symmetric positive definite systems of sparse 3 x 3 blocks, by Gaussian elimination in the order of
-//! minimum degree (Tinney and Walker 1967): road networks are nearly planar and fill in little.
+//! Sparse direct solver for symmetric positive definite systems of 3 x 3 blocks: Gaussian elimination in
+//! minimum-degree order (Tinney and Walker 1967). Road networks are nearly planar, so fill-in is small.
 
 use glam::{DMat3, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A symmetric matrix, one row and column of blocks for each node, and a right-hand side.
+/// A symmetric block matrix with its right-hand side.
 #[derive(Clone, Debug)]
 pub(super) struct BlockSystem {
     /// By row: blocks by column, both triangles.
@@ -12,10 +12,10 @@ pub(super) struct BlockSystem {
     right: Vec<DVec3>,
 }
 
-/// A node that has been eliminated.
+/// An eliminated node.
 struct Pivot {
     node: usize,
-    /// Of its diagonal block.
+    /// Inverse of its diagonal block.
     inverse: DMat3,
     /// Blocks to the nodes that are eliminated later.
     others: Vec<(usize, DMat3)>,

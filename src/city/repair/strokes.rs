@@ -1,6 +1,7 @@
-//! Strokes: the lines and arcs of lanes as drawn, trimmed step by step, and how exactly their ends are known.
+//! Strokes: the lines and arcs of lanes as drawn, trimmed step by step, with the uncertainty of their ends.
 
 use crate::city::LaneKind;
+pub(super) use crate::city::build::network::Tangency;
 use crate::city::build::pieces::segments_of;
 use crate::city::dxf::Entity;
 use crate::geom::{Segment, trig, wrap_angle};
@@ -8,14 +9,14 @@ use glam::DVec2;
 use std::f64::consts::{FRAC_PI_6, PI};
 
 /// An end of a stroke: twice its index, plus one for the end that the segment runs to.
-pub(super) type End = usize;
+pub(super) type StrokeEnd = usize;
 
-/// Headings at a joint differ by this much besides what the tolerance of positions explains.
+/// Allowed heading difference at a joint besides what the position tolerance explains.
 const BASE_ANGLE_RAD: f64 = 2.0 * PI / 180.0;
 
 /// A line or an arc of a lane.
 #[derive(Clone, Debug)]
-pub(super) struct Stroke {
+pub(super) struct LaneStroke {
     /// Index in the drawing.
     pub entity: usize,
     /// Index among the segments of the entity: 0 except in polylines.
@@ -25,38 +26,29 @@ pub(super) struct Stroke {
     pub directed: bool,
     /// As drawn, laboratory metres.
     pub drawn: Segment,
-    /// What is left of it after trimming.
+    /// The rest after trimming.
     pub rest: Segment,
-    /// By how much each end was trimmed, in metres along the stroke.
+    /// Length trimmed off each end, metres.
     pub trimmed_m: [f64; 2],
     pub dropped: bool,
 }
 
 /// All strokes of a drawing.
 #[derive(Clone, Debug)]
-pub(super) struct Strokes {
-    pub all: Vec<Stroke>,
-    /// Ends may be moved by this much, metres.
+pub(super) struct LaneStrokes {
+    pub all: Vec<LaneStroke>,
+    /// Largest displacement of an end, metres.
     pub tolerance_m: f64,
 }
 
-/// How two ends in one point lie to each other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Relation {
-    /// One goes on where the other comes in.
-    Through,
-    /// Side by side: both come in or both go out.
-    Beside,
-}
-
-impl Strokes {
+impl LaneStrokes {
     pub(super) fn of(entities: &[Entity], kinds: &[Option<LaneKind>], metres: f64, tolerance_m: f64) -> Self {
         let mut all = Vec::new();
         for (index, (entity, kind)) in entities.iter().zip(kinds).enumerate() {
             let Some(kind) = *kind else { continue };
             let Some((segments, directed)) = segments_of(&entity.shape, metres) else { continue };
             for (part, drawn) in segments.into_iter().enumerate() {
-                all.push(Stroke {
+                all.push(LaneStroke {
                     entity: index,
                     part,
                     kind,
@@ -71,38 +63,38 @@ impl Strokes {
         Self { all, tolerance_m }
     }
 
-    /// The strokes that are left, by index.
-    pub(super) fn kept(&self) -> impl Iterator<Item = (usize, &Stroke)> {
+    /// The remaining strokes, by index.
+    pub(super) fn kept(&self) -> impl Iterator<Item = (usize, &LaneStroke)> {
         self.all.iter().enumerate().filter(|(_, stroke)| !stroke.dropped)
     }
 
-    /// The ends of the strokes that are left.
-    pub(super) fn ends(&self) -> impl Iterator<Item = End> {
+    /// The ends of the remaining strokes.
+    pub(super) fn ends(&self) -> impl Iterator<Item = StrokeEnd> {
         self.kept().flat_map(|(index, _)| [2 * index, 2 * index + 1])
     }
 
-    pub(super) fn of_end(&self, end: End) -> &Stroke {
+    pub(super) fn of_end(&self, end: StrokeEnd) -> &LaneStroke {
         &self.all[end / 2]
     }
 
-    pub(super) fn position(&self, end: End) -> DVec2 {
+    pub(super) fn position(&self, end: StrokeEnd) -> DVec2 {
         let rest = &self.of_end(end).rest;
         if end.is_multiple_of(2) { rest.start.position } else { rest.end().position }
     }
 
-    /// The heading with which one leaves the end into its stroke.
-    pub(super) fn leaving(&self, end: End) -> f64 {
+    /// The heading that leaves the end into its stroke.
+    pub(super) fn leaving(&self, end: StrokeEnd) -> f64 {
         let rest = &self.of_end(end).rest;
         if end.is_multiple_of(2) { rest.start.yaw_rad } else { wrap_angle(rest.end().yaw_rad + PI) }
     }
 
-    /// Whether travel goes out of the end into its stroke; `None` where the drawing does not say.
-    pub(super) fn goes_out(&self, end: End) -> Option<bool> {
+    /// Whether travel leaves through the end into its stroke; `None` if the drawing does not say.
+    pub(super) fn goes_out(&self, end: StrokeEnd) -> Option<bool> {
         self.of_end(end).directed.then_some(end.is_multiple_of(2))
     }
 
-    /// By how much the heading of a stroke may be off when its ends are off by the tolerance: the turn of its
-    /// chord, and of an arc the change of its sweep at a fixed radius. A short stroke may even lie turned round.
+    /// Heading uncertainty of a stroke whose ends are off by the tolerance: rotation of its chord, and for an
+    /// arc the change of its sweep at fixed radius. A short stroke may even be reversed.
     fn heading_error(&self, stroke: usize) -> f64 {
         let rest = &self.all[stroke].rest;
         let chord = rest.start.position.distance(rest.end().position);
@@ -111,42 +103,42 @@ impl Strokes {
         let Some(radius) = rest.radius() else { return of_chord(chord) };
         let half_sweep = rest.length / radius / 2.0;
         let lever = radius * trig::cos(half_sweep).abs().max(0.05);
-        // The chord of most of a ring is short, and yet well known.
+        // The chord of a nearly full ring is short, yet its direction is well known.
         let length = if chord > radius { chord } else { rest.length };
         of_chord(length) + (ratio(lever) / 2.0).min(FRAC_PI_6)
     }
 
-    /// By how much the headings of two strokes may differ where they meet.
+    /// Allowed heading difference of two strokes where they meet.
     pub(super) fn angle_tolerance(&self, a: usize, b: usize) -> f64 {
         BASE_ANGLE_RAD + self.heading_error(a) + self.heading_error(b)
     }
 
-    pub(super) fn heading_error_of_end(&self, end: End) -> f64 {
+    pub(super) fn heading_error_of_end(&self, end: StrokeEnd) -> f64 {
         self.heading_error(end / 2)
     }
 
-    /// Whether a point may be within the tolerance of a stroke: a quick look before a projection.
+    /// Whether a point may be within the tolerance of a stroke: a cheap bound before a projection.
     pub(super) fn reaches(&self, stroke: usize, point: DVec2) -> bool {
         let rest = &self.all[stroke].rest;
         let middle = rest.pose_at(rest.length / 2.0).position;
         middle.distance(point) <= rest.length / 2.0 + self.tolerance_m
     }
 
-    /// Whether directions of travel forbid a relation of two ends.
-    pub(super) fn directions_allow(&self, a: End, b: End, relation: Relation) -> bool {
+    /// Whether the directions of travel allow a relation of two ends.
+    pub(super) fn directions_allow(&self, a: StrokeEnd, b: StrokeEnd, relation: Tangency) -> bool {
         match (self.goes_out(a), self.goes_out(b)) {
-            (Some(a), Some(b)) => (a == b) == (relation == Relation::Beside),
+            (Some(a), Some(b)) => (a == b) == (relation == Tangency::Beside),
             _ => true,
         }
     }
 
-    /// From straight on, for the way from one end into the other.
-    pub(super) fn kink(&self, a: End, b: End) -> f64 {
+    /// Deviation from straight on between one end and the other.
+    pub(super) fn kink(&self, a: StrokeEnd, b: StrokeEnd) -> f64 {
         wrap_angle(self.leaving(a) - self.leaving(b) + PI).abs()
     }
 
     /// Takes a length off an end.
-    pub(super) fn trim(&mut self, end: End, by_m: f64) {
+    pub(super) fn trim(&mut self, end: StrokeEnd, by_m: f64) {
         let stroke = &mut self.all[end / 2];
         let rest = stroke.rest;
         let start = if end.is_multiple_of(2) { rest.pose_at(by_m) } else { rest.start };

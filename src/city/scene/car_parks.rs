@@ -1,11 +1,11 @@
-//! Car parks: asphalt with rows of bays, and a stone edge that is open where drives come in.
+//! Car parks: asphalt with rows of bays, and a stone edge that is open at driveways.
 
 use super::grounds::{STONE, distance_to, ring_of};
 use super::markings::{WHITE, figure, straight_line};
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::{Region, mitre};
 use super::roads::{ASPHALT, level};
-use crate::city::Shape;
+use crate::city::Footprint;
 use crate::geom::point_in_polygon;
 use glam::DVec2;
 
@@ -16,46 +16,46 @@ const PAINT_M: f32 = 0.178;
 const HALF_LINE_M: f64 = 0.055;
 const BLUE: Finish = Finish::new(Surface::Paint, [44, 92, 158], Class::Marking);
 
-/// Drives end this near the edge of a car park.
+/// Largest distance of a driveway from the edge of a car park.
 const NEAR_M: f64 = 0.3;
-/// Lines between bays begin so far from the edge.
+/// Distance of bay lines from the edge.
 const FOOT_M: f64 = 0.45;
-/// Room for one car to drive in front of bays.
+/// Width of the aisle in front of bays.
 const AISLE_M: f64 = 3.2;
 
-/// How cars stand in a row.
-struct Layout {
-    /// From one line to the next, along the row.
+/// Dimensions of parking bays.
+struct BayLayout {
+    /// Spacing of bays along the row.
     pitch_m: f64,
-    /// From the foot of a line to its tip, into the car park and along the row.
+    /// Depth of a bay line into the car park, and its offset along the row.
     depth_m: f64,
     slant_m: f64,
 }
 
-/// Nose in, at an angle.
-const SLANTED: Layout = Layout { pitch_m: 3.0, depth_m: 5.15, slant_m: 1.9 };
-/// One behind the other, where there is no room for more.
-const PARALLEL: Layout = Layout { pitch_m: 6.0, depth_m: 2.35, slant_m: 0.0 };
+/// Angled parking.
+const SLANTED: BayLayout = BayLayout { pitch_m: 3.0, depth_m: 5.15, slant_m: 1.9 };
+/// Parallel parking, where space is short.
+const PARALLEL: BayLayout = BayLayout { pitch_m: 6.0, depth_m: 2.35, slant_m: 0.0 };
 
-/// Where a car stands: the middle, and where it looks.
-pub(super) struct Bay {
+/// A parking bay: centre and direction.
+pub(super) struct ParkingBay {
     pub(super) middle: DVec2,
     pub(super) ahead: DVec2,
 }
 
-/// Bays side by side along an edge.
-struct Row {
+/// A row of bays along an edge.
+struct BayRow {
     along: DVec2,
     into: DVec2,
     depth_m: f64,
-    /// The foot and the tip of each line.
+    /// Start and end of each bay line.
     lines: Vec<[DVec2; 2]>,
-    bays: Vec<Bay>,
+    bays: Vec<ParkingBay>,
 }
 
-/// A car park within a counter-clockwise ring: bays along the longest edge without drives, and opposite if
-/// there is room for an aisle between.
-pub(super) fn car_park(mesh: &mut Mesh, ring: &[DVec2], drives: &[&Shape]) {
+/// Draws a car park inside a counter-clockwise ring: bays along the longest edge without driveways, and
+/// opposite if there is room for an aisle.
+pub(super) fn car_park(mesh: &mut Mesh, ring: &[DVec2], drives: &[&Footprint]) {
     level(mesh, &Region::simple(ring), CAR_PARK_M, ASPHALT, 5.0);
     open_rim(mesh, ring, 0.26, drives);
     let rows = rows(ring, drives);
@@ -71,19 +71,19 @@ pub(super) fn car_park(mesh: &mut Mesh, ring: &[DVec2], drives: &[&Shape]) {
 }
 
 /// The bays of a car park within a counter-clockwise ring.
-pub(super) fn bays_of(ring: &[DVec2], drives: &[&Shape]) -> Vec<Bay> {
+pub(super) fn bays_of(ring: &[DVec2], drives: &[&Footprint]) -> Vec<ParkingBay> {
     rows(ring, drives).into_iter().flat_map(|row| row.bays).collect()
 }
 
-/// Whether a drive reaches the edge from one point to another.
-fn is_reached(from: DVec2, to: DVec2, drives: &[&Shape]) -> bool {
+/// Whether a driveway reaches an edge.
+fn is_reached(from: DVec2, to: DVec2, drives: &[&Footprint]) -> bool {
     let steps = (from.distance(to) / NEAR_M).ceil().max(1.0) as usize;
     let at = |step: usize| from.lerp(to, step as f64 / steps as f64);
     (0..=steps).any(|step| drives.iter().any(|drive| distance_to(drive, at(step)) <= NEAR_M))
 }
 
-fn rows(ring: &[DVec2], drives: &[&Shape]) -> Vec<Row> {
-    /// Edges with drives are chosen only where those without are shorter by more than this.
+fn rows(ring: &[DVec2], drives: &[&Footprint]) -> Vec<BayRow> {
+    /// Edges with driveways are chosen only if the others are shorter by more than this factor.
     const DRIVEN: f64 = 0.6;
     let count = ring.len();
     let end = |k: usize| ring[(k + 1) % count];
@@ -91,7 +91,7 @@ fn rows(ring: &[DVec2], drives: &[&Shape]) -> Vec<Row> {
         let share = if is_reached(ring[k], end(k), drives) { DRIVEN } else { 1.0 };
         share * ring[k].distance(end(k))
     };
-    // The first of several.
+    // Ties: the first.
     let best = (0..count).rev().max_by(|&a, &b| worth(a).total_cmp(&worth(b)));
     let Some(best) = best else { return Vec::new() };
     let Some(along) = (end(best) - ring[best]).try_normalize() else { return Vec::new() };
@@ -107,20 +107,20 @@ fn rows(ring: &[DVec2], drives: &[&Shape]) -> Vec<Row> {
     rows
 }
 
-/// A row from a corner along an edge, without the bays that drives come in through.
+/// A row along an edge, without the bays that driveways cross.
 fn row(
     ring: &[DVec2],
-    drives: &[&Shape],
+    drives: &[&Footprint],
     [corner, along, into]: [DVec2; 3],
     length_m: f64,
-    layout: &Layout,
-) -> Row {
-    let Layout { pitch_m, depth_m, slant_m } = *layout;
+    layout: &BayLayout,
+) -> BayRow {
+    let BayLayout { pitch_m, depth_m, slant_m } = *layout;
     let side = |x: f64| {
         let foot = corner + along * x + into * FOOT_M;
         [foot, foot + along * slant_m + into * depth_m]
     };
-    // What drives take of the edge, along it.
+    // Intervals of the edge taken by driveways.
     let taken: Vec<[f64; 2]> = drives
         .iter()
         .filter_map(|drive| {
@@ -146,18 +146,18 @@ fn row(
             let [[a, b], [c, d]] = [side(x), side(x + pitch_m)];
             let nose_in = (a - b).try_normalize().unwrap_or(DVec2::X);
             let ahead = if slant_m > 0.0 { nose_in } else { along };
-            bays.push(Bay { middle: (a + b + c + d) / 4.0, ahead });
+            bays.push(ParkingBay { middle: (a + b + c + d) / 4.0, ahead });
             lines.push(side(x + pitch_m));
         }
         has_line = is_bay;
         x += pitch_m;
     }
-    Row { along, into, depth_m: FOOT_M + depth_m, lines, bays }
+    BayRow { along, into, depth_m: FOOT_M + depth_m, lines, bays }
 }
 
-/// A low stone edge with gaps where drives reach it.
-fn open_rim(mesh: &mut Mesh, ring: &[DVec2], top: f32, drives: &[&Shape]) {
-    /// Gaps are found in steps of so much.
+/// A low stone edge with gaps at driveways.
+fn open_rim(mesh: &mut Mesh, ring: &[DVec2], top: f32, drives: &[&Footprint]) {
+    /// Search step for gaps.
     const STEP_M: f64 = 0.1;
     let count = ring.len();
     for k in 0..count {
@@ -191,12 +191,12 @@ fn open_rim(mesh: &mut Mesh, ring: &[DVec2], top: f32, drives: &[&Shape]) {
     }
 }
 
-/// Arrows along the aisle in front of a row of bays, where there is room for it.
-fn aisle_arrows(mesh: &mut Mesh, ring: &[DVec2], row: &Row) {
-    /// From the tips of the bays.
+/// Arrows along the aisle, if there is room.
+fn aisle_arrows(mesh: &mut Mesh, ring: &[DVec2], row: &BayRow) {
+    /// Distance from the ends of the bay lines.
     const AWAY_M: f64 = 2.0;
     let (Some([foot, tip]), Some([last, _])) = (row.lines.first(), row.lines.last()) else { return };
-    // Bays on the left have traffic of one direction, those on the right of the other.
+    // One-way traffic: the directions on the two sides are opposite.
     let (length, ahead) = ((*last - *foot).dot(row.along), row.along * row.into.dot(row.along.perp()));
     let lean = (*tip - *foot).dot(row.along);
     let mut s = 4.0;
@@ -214,7 +214,7 @@ fn aisle_arrows(mesh: &mut Mesh, ring: &[DVec2], row: &Row) {
 }
 
 /// A bay for wheelchairs: blue, with the sign on it.
-fn wheelchair_bay(mesh: &mut Mesh, bay: &Bay) {
+fn wheelchair_bay(mesh: &mut Mesh, bay: &ParkingBay) {
     let (up, right) = (bay.ahead, -bay.ahead.perp());
     let middle = bay.middle - up * 0.4;
     let at = |x: f64, y: f64| middle + right * x + up * y;
@@ -253,13 +253,13 @@ mod tests {
         let park = rectangle([0.0, 0.0], [40.0, 10.0]);
         let all = bays_of(&park, &[]).len();
         assert!(all >= 10, "{all}");
-        // With a drive to one edge the bays are along the other, whole.
-        let drive = |x: f64, y: [f64; 2]| Shape::Polygon(rectangle([x, y[0]], [x + 4.5, y[1]]));
+        // With a driveway on one edge, the bays are along the other one.
+        let drive = |x: f64, y: [f64; 2]| Footprint::Polygon(rectangle([x, y[0]], [x + 4.5, y[1]]));
         let south = drive(18.0, [-2.0, 0.0]);
         let bays = bays_of(&park, &[&south]);
         assert_eq!(bays.len(), all);
         assert!(bays.iter().all(|bay| bay.middle.y > 5.0));
-        // With drives to both, those in the way are left out.
+        // With driveways on both, bays in front of them are omitted.
         let north = drive(10.0, [10.0, 12.0]);
         let bays = bays_of(&park, &[&south, &north]);
         assert!((all - 4..all).contains(&bays.len()), "{} of {all}", bays.len());

@@ -1,24 +1,24 @@
-//! Where the directions of a road meet: lines half-way between lanes and those that come towards them.
+//! Centre lines of two-way roads: lines halfway between lanes of opposite directions.
 
-use super::lanes::LaneBoxes;
+use super::lanes::LaneBoxIndex;
 use super::roads::RoadField;
 use crate::city::{CityMap, Lane, LaneId, LaneKind};
 use crate::geom::{Pose2, wrap_angle};
 use glam::DVec2;
 
-/// Along a line.
+/// Sampling step along a line.
 const STEP_M: f64 = 0.6;
-/// Ends of lines that lie so near to each other along a road, and so little beside each other, are of one line:
-/// where lanes begin and end, what lies half-way between them is not found, or jumps.
+/// Ends within this distance along a road and beside each other belong to one line. Where lanes begin and
+/// end, the midpoint is missing or jumps.
 const GAP_M: f64 = 4.0;
 const BESIDE_M: f64 = 0.7;
 /// Such ends point at each other within this angle, radians.
 const BEND: f64 = 0.4;
-/// A line is the mean of itself so many steps to both sides, which takes the jumps out.
+/// Half window of the moving average that removes jumps, in steps.
 const EVEN_STEPS: usize = 2;
 
 /// Lines between lanes of opposite directions.
-pub(super) fn centre_lines(map: &CityMap, field: &RoadField, boxes: &LaneBoxes<'_>) -> Vec<Vec<Pose2>> {
+pub(super) fn centre_lines(map: &CityMap, field: &RoadField, boxes: &LaneBoxIndex<'_>) -> Vec<Vec<Pose2>> {
     let mut pieces = Vec::new();
     for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
         add_pieces(&mut pieces, map, lane, (field, boxes));
@@ -28,12 +28,12 @@ pub(super) fn centre_lines(map: &CityMap, field: &RoadField, boxes: &LaneBoxes<'
     joined(distinct(pieces), is_road).iter().map(|line| posed(&evened(&in_steps(line)))).collect()
 }
 
-/// Points between a lane and one of the other direction to its left, as far as they go on.
+/// Adds midpoints between a lane and an opposite lane to its left.
 fn add_pieces(
     pieces: &mut Vec<Vec<DVec2>>,
     map: &CityMap,
     lane: &Lane,
-    (field, boxes): (&RoadField, &LaneBoxes<'_>),
+    (field, boxes): (&RoadField, &LaneBoxIndex<'_>),
 ) {
     if lane.left.is_some_and(|left| alongside_all(map, lane, left)) {
         return;
@@ -41,7 +41,7 @@ fn add_pieces(
     let alongside: Vec<&Lane> =
         boxes.near(lane, 2.0).filter(|other| other.kind == LaneKind::Lane && other.id != lane.id).collect();
     let opposite: Vec<&Lane> = alongside.iter().copied().filter(|other| other.id > lane.id).collect();
-    // Of lanes that merge, the one nearest to the other direction has the line.
+    // Of merging lanes, the one nearest to the opposite direction owns the line.
     let is_nearest = |at: DVec2, own: f64| {
         alongside.iter().all(|other| {
             let foot = other.curve.at(other.curve.project(at).s).pose;
@@ -64,7 +64,7 @@ fn add_pieces(
             let middle = (pose.position + there.position) / 2.0;
             (along && inside && beside && is_nearest(middle, apart / 2.0)).then_some(middle)
         });
-        // Where the neighbour changes, the line begins anew.
+        // A new neighbour starts a new line.
         let goes_on = |at: DVec2| {
             piece.last().is_none_or(|&last| (at - last).dot(pose.left()).abs() < 0.15 * lane.width_m)
         };
@@ -76,7 +76,7 @@ fn add_pieces(
     pieces.push(piece);
 }
 
-/// Whether the neighbour goes along with the whole lane, so that nothing of the other direction can.
+/// Whether a neighbour runs alongside the whole lane, so that no opposite lane can.
 fn alongside_all(map: &CityMap, lane: &Lane, neighbour: LaneId) -> bool {
     let neighbour = map.lane(neighbour);
     [0.05, 0.5, 0.95].iter().all(|part| {
@@ -86,7 +86,7 @@ fn alongside_all(map: &CityMap, lane: &Lane, neighbour: LaneId) -> bool {
     })
 }
 
-/// The pieces without those that lie beside longer ones: where lanes merge, each has its own for a while.
+/// Drops pieces beside longer ones: merging lanes each have their own for a while.
 fn distinct(mut pieces: Vec<Vec<DVec2>>) -> Vec<Vec<DVec2>> {
     pieces.sort_by_key(|piece| std::cmp::Reverse(piece.len()));
     let mut kept: Vec<Vec<DVec2>> = Vec::new();
@@ -99,18 +99,18 @@ fn distinct(mut pieces: Vec<Vec<DVec2>>) -> Vec<Vec<DVec2>> {
     kept
 }
 
-/// Lines out of pieces whose ends nearly meet on the road.
+/// Joins pieces whose ends nearly meet on the road.
 fn joined(mut pieces: Vec<Vec<DVec2>>, is_road: impl Fn(DVec2) -> bool) -> Vec<Vec<DVec2>> {
     let mut lines = Vec::new();
     while let Some(mut line) = pieces.pop() {
-        // On from its end, then from its beginning.
+        // Extends from its end, then from its start.
         for _ in 0..2 {
             while let Some((k, from_end)) = next_piece(&line, &pieces, &is_road) {
                 let mut next = pieces.swap_remove(k);
                 if from_end {
                     next.reverse();
                 }
-                // What overlaps would go back.
+                // Overlapping pieces would lead back.
                 let [_, (end, forward)] = ends(&line);
                 line.extend(next.into_iter().skip_while(|at| (*at - end).dot(forward) <= 0.0));
             }
@@ -121,7 +121,7 @@ fn joined(mut pieces: Vec<Vec<DVec2>>, is_road: impl Fn(DVec2) -> bool) -> Vec<V
     lines
 }
 
-/// The piece that goes on where a line ends, and whether it does so backwards.
+/// The piece that continues a line, and whether reversed.
 fn next_piece(
     line: &[DVec2],
     pieces: &[Vec<DVec2>],
@@ -145,7 +145,7 @@ fn next_piece(
         .map(|(_, piece)| piece)
 }
 
-/// The first and the last point of a line, and the directions in which it ends there.
+/// The end points of a line with their outward directions.
 fn ends(line: &[DVec2]) -> [(DVec2, DVec2); 2] {
     let last = line.len() - 1;
     let inward = last.min(3);
@@ -153,7 +153,7 @@ fn ends(line: &[DVec2]) -> [(DVec2, DVec2); 2] {
         .map(|(end, from)| (line[end], (line[end] - line[from]).normalize_or_zero()))
 }
 
-/// The same line with points that are a step apart.
+/// The line resampled at even steps.
 fn in_steps(line: &[DVec2]) -> Vec<DVec2> {
     let length: f64 = line.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
     let count = (length / STEP_M).round().max(1.0);
@@ -177,7 +177,7 @@ fn in_steps(line: &[DVec2]) -> Vec<DVec2> {
     points
 }
 
-/// Every point moved to the mean of those around it; ends stay.
+/// Moving average of the points; ends stay.
 fn evened(line: &[DVec2]) -> Vec<DVec2> {
     let last = line.len() - 1;
     (0..=last)
@@ -193,7 +193,7 @@ fn posed(line: &[DVec2]) -> Vec<Pose2> {
     let last = line.len() - 1;
     let along = |k: usize| match k {
         _ if last < 2 => line[last] - line[0],
-        // Ends go on in the bend of the line, not along its last chord.
+        // Ends follow the curvature of the line, not its last chord.
         0 => 4.0 * line[1] - line[2] - 3.0 * line[0],
         _ if k == last => 3.0 * line[last] - 4.0 * line[last - 1] + line[last - 2],
         _ => line[k + 1] - line[k - 1],
@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn pieces_that_nearly_meet_are_one_even_line() {
-        // A jump to the side over a gap, then a piece the other way round; a road that is far off.
+        // A lateral jump over a gap, then a reversed piece; a distant road.
         let pieces = vec![
             straight(0.0, 12.0, 0.0),
             straight(24.0, 14.0, 0.5),
@@ -232,7 +232,7 @@ mod tests {
             assert!((0.4..0.8).contains(&apart), "{apart}");
             assert!(wrap_angle(pair[1].yaw_rad - pair[0].yaw_rad).abs() < 0.05, "{pair:?}");
         }
-        // Nothing is joined across what is no road.
+        // Pieces are joined on the road only.
         assert_eq!(joined(pieces, |at| at.x < 12.5).len(), 4);
     }
 

@@ -1,4 +1,4 @@
-//! Classes by name and colour, for pictures of meaning.
+//! Names and colours of segmentation classes.
 
 use super::Class;
 
@@ -20,7 +20,7 @@ impl Class {
         Self::Sign,
     ];
 
-    /// As the documents write it.
+    /// The name used in files and documents.
     pub fn name(self) -> &'static str {
         match self {
             Self::Sky => "sky",
@@ -39,8 +39,8 @@ impl Class {
         }
     }
 
-    /// What a picture of classes shows it in, sRGB; where Cityscapes (Cordts et al. 2016) has the class,
-    /// in its colour there.
+    /// Its colour in segmentation images, sRGB; the Cityscapes colour (Cordts et al. 2016) if Cityscapes has
+    /// the class.
     pub fn colour(self) -> [u8; 3] {
         match self {
             Self::Sky => [70, 130, 180],

@@ -1,18 +1,18 @@
-//! Distances on a grid and the curves of equal distance through it.
+//! Distance fields on a grid and their level curves (marching squares).
 //!
-//! The outline of a road network is what is left of hundreds of overlapping lanes. As a field of
-//! distances the union is a minimum, rounding of corners is a dilation followed by an erosion
-//! (J. Serra, *Image Analysis and Mathematical Morphology*, 1982), and outlines are its level curves
-//! (marching squares).
+//! The outline of a road network is the boundary of a union of hundreds of overlapping lanes. In a distance
+//! field a union is a minimum, and rounding of corners is a morphological closing: a dilation, then an
+//! erosion (J. Serra, *Image Analysis and Mathematical Morphology*, 1982). Level curves are extracted by
+//! marching squares.
 
 use super::polygon::{Region, doubled_area, simplify_ring};
 use crate::geom::point_in_polygon;
 use glam::DVec2;
 use rustc_hash::FxHashMap;
 
-/// A number at each node of a square grid.
+/// A scalar field sampled at the nodes of a square grid.
 #[derive(Clone, Debug)]
-pub(super) struct Field {
+pub(super) struct DistanceField {
     low: DVec2,
     step: f64,
     columns: usize,
@@ -20,7 +20,7 @@ pub(super) struct Field {
     values: Vec<f32>,
 }
 
-impl Field {
+impl DistanceField {
     /// Infinite everywhere.
     pub(super) fn new([low, high]: [DVec2; 2], step: f64) -> Self {
         let size = ((high - low) / step).ceil();
@@ -28,7 +28,7 @@ impl Field {
         Self { low, step, columns, rows, values: vec![f32::INFINITY; columns * rows] }
     }
 
-    /// The same grid, infinite everywhere.
+    /// An infinite field on the same grid.
     pub(super) fn like(&self) -> Self {
         Self { values: vec![f32::INFINITY; self.values.len()], ..*self }
     }
@@ -37,8 +37,8 @@ impl Field {
         self.low + DVec2::new(column as f64, row as f64) * self.step
     }
 
-    /// Lowers the values in a box to those of a function, which is not asked where `least`, a quicker one
-    /// that is nowhere above it, is no lower than what is there.
+    /// Takes the minimum with a function inside a box. `least` is a cheap lower bound: nodes that it cannot
+    /// lower are skipped.
     pub(super) fn lower(
         &mut self,
         [low, high]: [DVec2; 2],
@@ -60,9 +60,9 @@ impl Field {
         }
     }
 
-    /// The distance to closed rings, up to `reach`; farther nodes stay infinite.
+    /// Unsigned distance field of closed rings, up to `reach`; farther nodes stay infinite.
     pub(super) fn distance_to(&self, rings: &[Vec<DVec2>], reach: f64) -> Self {
-        // Roots are taken once, at the end.
+        // Square roots are taken once, at the end.
         let mut field = self.like();
         for ring in rings {
             for (k, &a) in ring.iter().enumerate() {
@@ -80,10 +80,10 @@ impl Field {
         field
     }
 
-    /// [`Self::distance_to`], negative inside the rings.
+    /// Signed distance field: negative inside the rings (even-odd rule by scan lines).
     pub(super) fn signed_distance_to(&self, rings: &[Vec<DVec2>], reach: f64) -> Self {
         let mut field = self.distance_to(rings, reach);
-        // Where rings cross the rows of the grid, from the left.
+        // Scan-line crossings by grid row.
         let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); self.rows];
         for ring in rings {
             for (k, &a) in ring.iter().enumerate() {
@@ -110,13 +110,13 @@ impl Field {
         field
     }
 
-    /// A new field out of the values of two.
+    /// Combines two fields node by node.
     pub(super) fn with(&self, other: &Self, combine: impl Fn(f32, f32) -> f32) -> Self {
         let values = self.values.iter().zip(&other.values).map(|(&a, &b)| combine(a, b)).collect();
         Self { values, ..*self }
     }
 
-    /// The value at a point, between nodes; infinite outside the grid.
+    /// The bilinearly interpolated value at a point; infinite outside the grid.
     pub(super) fn at(&self, point: DVec2) -> f32 {
         let at = (point - self.low) / self.step;
         if !(at.x >= 0.0 && at.y >= 0.0) {
@@ -129,7 +129,7 @@ impl Field {
         let (fx, fy) = ((at.x - column as f64) as f32, (at.y - row as f64) as f32);
         let value = |dc: usize, dr: usize| self.values[(row + dr) * self.columns + column + dc];
         let [sw, se, nw, ne] = [value(0, 0), value(1, 0), value(0, 1), value(1, 1)];
-        // Between a number and infinity lies infinity; products would give no number at all.
+        // A weighted sum with infinity would be NaN.
         if [sw, se, nw, ne].iter().any(|v| !v.is_finite()) {
             return f32::INFINITY;
         }
@@ -137,22 +137,22 @@ impl Field {
         a * (1.0 - fy) + b * fy
     }
 
-    /// Curves along which the field has a value, closed, lower values to their left.
-    pub(super) fn rings(&self, level: f32) -> Vec<Vec<DVec2>> {
+    /// Closed level curves of the field by marching squares, lower values to their left.
+    pub(super) fn contours(&self, level: f32) -> Vec<Vec<DVec2>> {
         // The rim counts as high, so that every curve closes.
         let value = |column: usize, row: usize| {
             let rim = column == 0 || row == 0 || column + 1 == self.columns || row + 1 == self.rows;
             let found = self.values[row * self.columns + column] - level;
             if rim { found.max(self.step as f32) } else { found.min(1e3) }
         };
-        // An edge of the grid is named by its lower node and its direction.
+        // A grid edge is identified by its lower node and its direction.
         let mut next: FxHashMap<(usize, bool), (usize, bool)> = FxHashMap::default();
         let mut starts = Vec::new();
         let is_low = |node: usize| self.values[node] < level;
         let mut mixed = Vec::new();
         for row in 0..self.rows - 1 {
             let (below, above) = (row * self.columns, (row + 1) * self.columns);
-            // Most cells lie on one side: they are told apart from those with a curve in them first.
+            // Cells without a crossing are skipped first.
             mixed.clear();
             let mut before = [is_low(below), is_low(above)];
             for column in 1..self.columns {
@@ -163,7 +163,7 @@ impl Field {
                 before = here;
             }
             if row == 0 || row + 2 == self.rows {
-                // Next to the rim, which counts as high.
+                // Cells at the rim, which counts as high.
                 mixed = (0..self.columns - 1).collect();
             } else if mixed.last() != Some(&(self.columns - 2)) {
                 mixed.push(self.columns - 2);
@@ -189,8 +189,8 @@ impl Field {
                 let crossing = |k: usize| low[k] != low[(k + 1) % 4];
                 let middle_low = corner.iter().sum::<f32>() < 0.0;
                 for k in (0..4).filter(|&k| crossing(k) && low[k]) {
-                    // Leaving the low corner k counter-clockwise: the curve enters here and leaves
-                    // where the low side began, keeping low to its left.
+                    // From the low corner k counter-clockwise: the curve enters here and leaves where the low
+                    // side began, keeping low values to its left. The mean resolves saddle cells.
                     let order: [usize; 3] = if middle_low { [1, 2, 3] } else { [3, 2, 1] };
                     let exit = order.iter().map(|d| (k + d) % 4).find(|&e| crossing(e) && !low[e]);
                     if let Some(exit) = exit {
@@ -223,13 +223,13 @@ impl Field {
     }
 }
 
-/// The same rings of fewer points, to within `tolerance`.
+/// Simplifies rings to within `tolerance` (Douglas-Peucker).
 pub(super) fn simplified(rings: &[Vec<DVec2>], tolerance: f64) -> Vec<Vec<DVec2>> {
     let rings = rings.iter().map(|ring| simplify_ring(ring, tolerance));
     rings.filter(|ring| ring.len() > 2).collect()
 }
 
-/// Sorts rings into outer rings with their holes; what is smaller than `least_area` is left out.
+/// Groups rings into outer rings with their holes; rings smaller than `least_area` are dropped.
 pub(super) fn regions_of(rings: Vec<Vec<DVec2>>, least_area: f64) -> Vec<Region> {
     let large = rings.into_iter().filter(|ring| doubled_area(ring).abs() > 2.0 * least_area);
     let (outer, holes): (Vec<_>, Vec<_>) = large.partition(|ring| doubled_area(ring) > 0.0);
@@ -252,8 +252,8 @@ pub(super) fn regions_of(rings: Vec<Vec<DVec2>>, least_area: f64) -> Vec<Region>
 mod tests {
     use super::*;
 
-    fn ring_field(inner: f64, outer: f64) -> Field {
-        let mut field = Field::new([DVec2::splat(-10.0), DVec2::splat(10.0)], 0.25);
+    fn ring_field(inner: f64, outer: f64) -> DistanceField {
+        let mut field = DistanceField::new([DVec2::splat(-10.0), DVec2::splat(10.0)], 0.25);
         let distance = |p: DVec2| (p.length() - (inner + outer) / 2.0).abs() - (outer - inner) / 2.0;
         field.lower([DVec2::splat(-10.0), DVec2::splat(10.0)], distance, distance);
         field
@@ -261,7 +261,7 @@ mod tests {
 
     #[test]
     fn a_ring_has_an_outline_and_a_hole() {
-        let regions = regions_of(simplified(&ring_field(3.0, 6.0).rings(0.0), 0.01), 0.1);
+        let regions = regions_of(simplified(&ring_field(3.0, 6.0).contours(0.0), 0.01), 0.1);
         assert_eq!(regions.len(), 1);
         assert_eq!(regions[0].holes.len(), 1);
         let area: f64 = regions[0].triangulate().iter().map(|t| doubled_area(t) / 2.0).sum();
@@ -272,7 +272,7 @@ mod tests {
     fn the_complement_reaches_the_rim() {
         let field = ring_field(3.0, 6.0);
         let outside = field.with(&field, |a, _| -a);
-        let mut regions = regions_of(simplified(&outside.rings(0.0), 0.01), 0.1);
+        let mut regions = regions_of(simplified(&outside.contours(0.0), 0.01), 0.1);
         assert_eq!(regions.len(), 2);
         let whole = regions.remove(1);
         assert!(whole.holes.len() == 1 && doubled_area(&whole.outer) / 2.0 > 385.0);

@@ -1,26 +1,25 @@
-//! Crowns of trees: clumps of leaves one beside the other with sprays between them, and hulls of few faces
-//! around them for a distance.
+//! Tree crowns: overlapping leaf clumps with twigs near by, simple hulls at a distance.
 
 use super::mesh::{Finish, Mesh, Vertex};
 use glam::{Quat, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
-/// An ellipsoid with lumps.
+/// A leaf clump: a noisy ellipsoid.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Clump {
     pub(super) centre: Vec3,
     pub(super) size: Vec3,
-    /// Of its colour.
+    /// Brightness factor of its colour.
     pub(super) tone: f32,
 }
 
 impl Clump {
-    /// How far out of it a point lies: 1 on its surface.
+    /// Normalised radius of a point: 1 on the surface.
     fn depth(&self, point: Vec3) -> f32 {
         ((point - self.centre) / self.size).length()
     }
 
-    /// The farther of the two points at which a ray meets it, as a distance along the unit ray.
+    /// Distance along a unit ray to its far intersection.
     fn far_side(&self, from: Vec3, along: Vec3) -> Option<f32> {
         let (o, d) = ((from - self.centre) / self.size, along / self.size);
         let (a, b, c) = (d.length_squared(), o.dot(d), o.length_squared() - 1.0);
@@ -29,16 +28,16 @@ impl Clump {
     }
 }
 
-/// How finely crowns are drawn.
+/// Level of detail of a crown.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Leafage {
-    /// Faces around a clump and from its bottom to its top.
+pub(super) struct CrownDetail {
+    /// Faces around a clump and from bottom to top.
     pub(super) clumps: [u32; 2],
-    /// Twigs that stand out of them.
+    /// Number of twigs that stick out.
     pub(super) sprays: u32,
 }
 
-/// All of the leaves of a tree.
+/// The crown of a tree.
 #[derive(Clone, Debug)]
 pub(super) struct Crown {
     pub(super) clumps: Vec<Clump>,
@@ -48,14 +47,14 @@ pub(super) struct Crown {
 
 /// Repeats of the pattern over a length of one.
 const REPEATS: f32 = 3.0;
-/// How much of a clump's size its lumps add and take.
+/// Amplitude of the surface noise, relative to the clump.
 const ROUGH: f32 = 0.16;
-/// Tone of a hull, which has no gaps that are dark, and how much more clumps differ on it.
+/// Brightness of a hull, which has no dark gaps, and the contrast between clumps on it.
 const HULL_TONE: f32 = 1.02;
 const HULL_CONTRAST: f32 = 2.4;
-/// How far normals of a hull lean over at most, for each face around it: of few faces each is large.
+/// Largest tilt of hull normals, per face around it: hulls have few, large faces.
 const HULL_LEAN: f32 = 0.22;
-/// Light that is left inside a crown, and at the bottom of it.
+/// Light inside a crown and at its bottom.
 const INSIDE: f32 = 0.42;
 
 impl Crown {
@@ -63,15 +62,15 @@ impl Crown {
         super::dice(self.seed.wrapping_mul(977).wrapping_add(index), salt)
     }
 
-    /// Middle and half size of the box around all clumps.
+    /// Centre and half size of the bounding box of all clumps.
     fn bulk(&self) -> (Vec3, Vec3) {
         let low = self.clumps.iter().map(|c| c.centre - c.size).fold(Vec3::INFINITY, Vec3::min);
         let high = self.clumps.iter().map(|c| c.centre + c.size).fold(Vec3::NEG_INFINITY, Vec3::max);
         ((low + high) / 2.0, ((high - low) / 2.0).max(Vec3::splat(1e-3)))
     }
 
-    /// The vertex at a point of the surface: what lies deep in the crown or low on it gets less light, and
-    /// its normal leans to that of the whole.
+    /// A vertex of the surface. Points deep or low in the crown get less light; normals are blended with
+    /// those of the whole crown.
     fn leaf(&self, position: Vec3, normal: Vec3, uv: Vec2, tone: f32) -> Vertex {
         let (middle, half) = self.bulk();
         let out = (position - middle) / half;
@@ -80,22 +79,22 @@ impl Crown {
         let open = INSIDE + (1.0 - INSIDE) * (0.55 * height + 0.45 * bare) * (0.5 + 0.5 * bare);
         let whole = (out / half).normalize_or(Vec3::Z);
         let normal = (normal * 0.62 + whole * 0.38 + Vec3::Z * 0.10).normalize_or(Vec3::Z);
-        // Leaves at the top are the younger ones.
+        // Leaves at the top are younger and brighter.
         let finish = self.finish.shaded(tone * (0.90 + 0.16 * height));
         Vertex { position, normal, uv, finish, openness: (255.0 * open) as u8 }
     }
 
     /// Clumps and sprays.
-    pub(super) fn draw(&self, mesh: &mut Mesh, leafage: Leafage) {
+    pub(super) fn draw(&self, mesh: &mut Mesh, detail: CrownDetail) {
         for index in 0..self.clumps.len() {
-            self.clump(mesh, index, leafage.clumps);
+            self.clump(mesh, index, detail.clumps);
         }
-        for k in 0..leafage.sprays {
+        for k in 0..detail.sprays {
             self.spray(mesh, k);
         }
     }
 
-    /// Whether a point lies well within another clump than `index`.
+    /// Whether a point is well inside another clump than `index`.
     fn is_hidden(&self, point: Vec3, index: usize) -> bool {
         self.clumps.iter().enumerate().any(|(k, clump)| k != index && clump.depth(point) < 0.94)
     }
@@ -103,7 +102,7 @@ impl Crown {
     fn clump(&self, mesh: &mut Mesh, index: usize, [around, rings]: [u32; 2]) {
         let clump = self.clumps[index];
         let dice = |salt: u32| self.dice(index as u32, salt);
-        // A slim clump that leaned would have leaves drawn out along it.
+        // A slim tilted clump would stretch its leaf texture.
         let lean = 0.9 * dice(23) * clump.size.min_element() / clump.size.max_element();
         let axis = Vec3::new(dice(21) - 0.5, dice(22) - 0.5, 0.0).normalize_or(Vec3::X);
         let lean = Quat::from_axis_angle(axis, lean) * Quat::from_rotation_z(TAU * dice(24));
@@ -114,7 +113,7 @@ impl Crown {
                 let turned = k % around;
                 let (sin, cos) = (TAU * (turned as f32 + 0.5 * (ring % 2) as f32) / around as f32).sin_cos();
                 let out = lean * Vec3::new(cos * cos_up, sin * cos_up, sin_up);
-                // A pole is one point whatever the column.
+                // A pole is one point for all columns.
                 let column = if ring == 0 || ring == rings { 0 } else { turned };
                 let reach = 1.0 + ROUGH * (2.0 * dice(40 + ring * around + column) - 1.0);
                 let uv = Vec2::new(
@@ -146,7 +145,7 @@ impl Crown {
         }
     }
 
-    /// A twig with leaves: a kite that stands out of a clump.
+    /// A twig: a kite-shaped face that sticks out of a clump.
     fn spray(&self, mesh: &mut Mesh, number: u32) {
         let dice = |salt: u32| self.dice(1000 + number, salt);
         let index = (dice(1) * self.clumps.len() as f32) as usize % self.clumps.len().max(1);
@@ -157,7 +156,7 @@ impl Crown {
         let flat = (1.0 - up * up).max(0.0).sqrt();
         let away = (clump.centre - middle).normalize_or(Vec3::Z);
         let out = (Vec3::new(turn.cos() * flat, turn.sin() * flat, up) + 0.7 * away).normalize_or(Vec3::Z);
-        // Under the surface, whose lumps may lie as deep.
+        // Starts below the surface, whose noise may be as deep.
         let foot = clump.centre + out * clump.size * 0.62;
         if self.is_hidden(foot, index) {
             return;
@@ -192,8 +191,8 @@ impl Crown {
         mesh.indices.extend([base, base + 1, base + 2, base, base + 2, base + 3]);
     }
 
-    /// One hull around all clumps, of so many faces around and from bottom to top, stretched to the box around
-    /// the leaves at their finest.
+    /// One hull around all clumps with these numbers of faces, fitted to the bounding box of the finest
+    /// leaves.
     pub(super) fn hull(&self, mesh: &mut Mesh, [around, rings]: [u32; 2], [low, high]: [Vec3; 2]) {
         let (middle, half) = self.bulk();
         let base = mesh.vertices.len() as u32;
@@ -207,7 +206,7 @@ impl Crown {
                     self.clumps.iter().filter_map(|clump| Some((clump.far_side(middle, along)?, clump.tone)));
                 let outermost = sides.max_by(|a, b| a.0.total_cmp(&b.0));
                 let (reach, tone) = outermost.unwrap_or((0.0, 1.0));
-                // Without gaps between them clumps are told apart by tones, and by normals that lean to all sides.
+                // A hull shows clumps by brightness and tilted normals only.
                 let column = if ring == 0 || ring == rings { 0 } else { k % around };
                 let dice = |salt: u32| self.dice(300 + ring * around + column, salt) - 0.5;
                 let tone = HULL_TONE + HULL_CONTRAST * (tone - 1.0) + 0.2 * dice(31);
@@ -241,7 +240,7 @@ impl Crown {
     }
 }
 
-/// A trunk or a branch through points, of a radius at each.
+/// A trunk or branch: a tube through points with a radius at each.
 pub(super) fn limb(mesh: &mut Mesh, joints: &[(Vec3, f32)], sides: u32, finish: Finish) {
     let (Some(first), Some(last)) = (joints.first(), joints.last()) else { return };
     let along = (last.0 - first.0).normalize_or(Vec3::Z);
@@ -253,7 +252,7 @@ pub(super) fn limb(mesh: &mut Mesh, joints: &[(Vec3, f32)], sides: u32, finish: 
         for k in 0..=sides {
             let (sin, cos) = (TAU * (k % sides) as f32 / sides as f32).sin_cos();
             let normal = a * cos + b * sin;
-            // Across the grain, so that its lines run up the bark.
+            // Texture runs along the bark.
             let uv = Vec2::new(way / 2.0, k as f32 / sides as f32 * 0.5);
             mesh.vertex(Vertex { position: at + normal * radius, normal, uv, finish, openness: 200 });
         }

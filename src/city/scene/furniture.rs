@@ -1,17 +1,17 @@
-//! Benches, tables, lamps, bins and fuel pumps: copies of models that the program carries, or of the user's.
+//! Street furniture: instances of shipped or user models of benches, tables, lamps, bins and fuel pumps.
 
 use super::mesh::{Class, Surface};
-use super::{Object, models};
+use super::{SceneObject, models};
 use crate::model::{Model, glb, shipped, street};
 use glam::{Affine3A, Quat, Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// How far nodes for a distance lie from the others.
+/// Errors of the distant levels of detail.
 const FAR_ERRORS_M: [f32; 2] = [0.06, 0.16];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Piece {
+pub(super) enum FurnitureKind {
     Bench,
     PicnicTable,
     Lamp,
@@ -19,24 +19,24 @@ pub(super) enum Piece {
     FuelPump,
 }
 
-const FILES: [(Piece, &str, Class); 5] = [
-    (Piece::Bench, street::BENCH, Class::Furniture),
-    (Piece::PicnicTable, street::PICNIC_TABLE, Class::Furniture),
-    (Piece::Lamp, street::LAMP, Class::Pole),
-    (Piece::Bin, street::BIN, Class::Furniture),
-    (Piece::FuelPump, street::FUEL_PUMP, Class::Furniture),
+const FILES: [(FurnitureKind, &str, Class); 5] = [
+    (FurnitureKind::Bench, street::BENCH, Class::Furniture),
+    (FurnitureKind::PicnicTable, street::PICNIC_TABLE, Class::Furniture),
+    (FurnitureKind::Lamp, street::LAMP, Class::Pole),
+    (FurnitureKind::Bin, street::BIN, Class::Furniture),
+    (FurnitureKind::FuelPump, street::FUEL_PUMP, Class::Furniture),
 ];
 
-/// Each piece once, in its own frame, at all its levels of detail.
+/// Prototypes of all furniture at all levels of detail.
 pub(super) struct Furniture {
-    pieces: BTreeMap<Piece, Object>,
+    pieces: BTreeMap<FurnitureKind, SceneObject>,
 }
 
 impl Furniture {
-    /// Those of `models` that have the name of a piece, the program's own for all others.
+    /// Uses the models of `models` that have the name of a prototype, and the shipped ones otherwise.
     pub(super) fn new(models: &BTreeMap<String, Arc<Model>>) -> Self {
-        let piece = |(piece, file, class): (Piece, &str, Class)| {
-            // Tests see to it that the program's own files can be read.
+        let piece = |(piece, file, class): (FurnitureKind, &str, Class)| {
+            // Tests guarantee that the shipped files can be read.
             let own = || Some(Arc::new(glb::read(shipped(file)?).ok()?));
             let model = models.get(file).cloned().or_else(own)?;
             let mut object = models::object(&model, class, FAR_ERRORS_M);
@@ -47,25 +47,27 @@ impl Furniture {
         Self { pieces: FILES.into_iter().filter_map(piece).collect() }
     }
 
-    /// A piece that stands at a place and looks along a direction.
-    pub(super) fn place(&self, piece: Piece, at: Vec3, front: Vec2, scale: f32) -> Object {
+    /// An instance at a position, facing along a direction.
+    pub(super) fn place(&self, piece: FurnitureKind, at: Vec3, front: Vec2, scale: f32) -> SceneObject {
         let here = Affine3A::from_scale_rotation_translation(
             Vec3::splat(scale),
             Quat::from_rotation_z(front.to_angle()),
             at,
         );
-        self.pieces.get(&piece).map_or_else(Object::default, |object| object.placed(here, |finish| finish))
+        self.pieces
+            .get(&piece)
+            .map_or_else(SceneObject::default, |object| object.placed(here, |finish| finish))
     }
 
-    /// How high a piece is.
-    pub(super) fn height(&self, piece: Piece) -> Option<f32> {
+    /// The height of a prototype.
+    pub(super) fn height(&self, piece: FurnitureKind) -> Option<f32> {
         let level = self.pieces.get(&piece)?.levels.first()?;
         Some(level.mesh.bounds()[1].z).filter(|height| *height > 0.1)
     }
 }
 
-/// The middle of the lens of a lamp: of what shines, or the top of a lamp on which nothing does.
-pub(super) fn lens(lamp: &Object) -> Option<Vec3> {
+/// Centre of a lamp's lens: the mean of its emissive vertices, or the top of the lamp if it has none.
+pub(super) fn lens(lamp: &SceneObject) -> Option<Vec3> {
     let mesh = &lamp.levels.first()?.mesh;
     let shining: Vec<Vec3> =
         mesh.vertices.iter().filter(|v| v.finish.surface == Surface::Lantern).map(|v| v.position).collect();

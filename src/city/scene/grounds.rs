@@ -1,10 +1,10 @@
-//! Level scenery: parks, beds, ponds and squares.
+//! Ground areas: parks, beds, ponds and squares.
 
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::{Region, counter_clockwise};
 use super::roads::{band, level};
-use super::{Place, car_parks};
-use crate::city::{SceneryKind, Shape};
+use super::{SeededScenery, car_parks};
+use crate::city::{Footprint, SceneryKind};
 use crate::geom::point_in_polygon;
 use glam::{DVec2, Vec2, Vec3};
 
@@ -18,11 +18,11 @@ const POND: Finish = Finish::new(Surface::Water, [74, 112, 116], Class::Water);
 const SWAN: Finish = Finish::new(Surface::Plain, [240, 240, 236], Class::Furniture);
 const BEAK: Finish = Finish::new(Surface::Plain, [214, 112, 40], Class::Furniture);
 
-/// The ground plan as a counter-clockwise ring; circles in pieces of half a metre or so.
-pub(super) fn ring_of(shape: &Shape) -> Vec<DVec2> {
+/// The footprint as a counter-clockwise ring; circles become polygons with edges of about half a metre.
+pub(super) fn ring_of(shape: &Footprint) -> Vec<DVec2> {
     match shape {
-        Shape::Polygon(corners) | Shape::Polyline(corners) => counter_clockwise(corners),
-        Shape::Circle { centre, radius_m } => {
+        Footprint::Polygon(corners) | Footprint::Polyline(corners) => counter_clockwise(corners),
+        Footprint::Circle { centre, radius_m } => {
             let count = ((radius_m * 10.0) as usize).clamp(12, 48);
             (0..count)
                 .map(|k| {
@@ -34,40 +34,40 @@ pub(super) fn ring_of(shape: &Shape) -> Vec<DVec2> {
     }
 }
 
-/// From a shape to a point: negative inside circles, zero inside polygons.
-pub(super) fn distance_to(shape: &Shape, point: DVec2) -> f64 {
+/// Distance from a footprint to a point: negative inside circles, zero inside polygons.
+pub(super) fn distance_to(shape: &Footprint, point: DVec2) -> f64 {
     let to_segment = |a: DVec2, b: DVec2| {
         let along = b - a;
         let share = ((point - a).dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
         (a + along * share).distance(point)
     };
     match shape {
-        Shape::Circle { centre, radius_m } => centre.distance(point) - radius_m,
-        Shape::Polyline(line) => {
+        Footprint::Circle { centre, radius_m } => centre.distance(point) - radius_m,
+        Footprint::Polyline(line) => {
             line.windows(2).map(|w| to_segment(w[0], w[1])).fold(f64::INFINITY, f64::min)
         }
-        Shape::Polygon(ring) if point_in_polygon(point, ring) => 0.0,
-        Shape::Polygon(ring) => (0..ring.len())
+        Footprint::Polygon(ring) if point_in_polygon(point, ring) => 0.0,
+        Footprint::Polygon(ring) => (0..ring.len())
             .map(|k| to_segment(ring[k], ring[(k + 1) % ring.len()]))
             .fold(f64::INFINITY, f64::min),
     }
 }
 
-/// Whether a point lies in a shape, without the way to its edge.
-pub(super) fn covers(shape: &Shape, point: DVec2) -> bool {
+/// Whether a footprint contains a point.
+pub(super) fn covers(shape: &Footprint, point: DVec2) -> bool {
     match shape {
-        Shape::Circle { centre, radius_m } => centre.distance(point) <= *radius_m,
-        Shape::Polyline(_) => false,
-        Shape::Polygon(ring) => point_in_polygon(point, ring),
+        Footprint::Circle { centre, radius_m } => centre.distance(point) <= *radius_m,
+        Footprint::Polyline(_) => false,
+        Footprint::Polygon(ring) => point_in_polygon(point, ring),
     }
 }
 
-/// Grass, beds, water, paving and car parks, whose rims are open towards these drives; what has no edge of
-/// its own ends where `beside_roads` says.
+/// Draws grass, beds, water, paving and car parks, whose rims are open towards these driveways; areas without
+/// an edge of their own end where `beside_roads` says.
 pub(super) fn ground(
     mesh: &mut Mesh,
-    place: &Place<'_>,
-    drives: &[&Shape],
+    place: &SeededScenery<'_>,
+    drives: &[&Footprint],
     beside_roads: impl Fn(&[DVec2]) -> Vec<Region>,
 ) {
     let ring = ring_of(&place.piece.shape);
@@ -113,8 +113,8 @@ const BANK: Finish = Finish::new(Surface::Grass, [92, 112, 62], Class::Grass);
 const STONES: Finish = Finish::new(Surface::Concrete, [150, 146, 138], Class::Furniture);
 const REEDS: Finish = Finish::new(Surface::Plain, [96, 118, 58], Class::Vegetation);
 
-/// What stands on the banks of a pond and swims on it: stones, reeds, swans.
-pub(super) fn pond_life(mesh: &mut Mesh, place: &Place<'_>) {
+/// Stones, reeds and swans of a pond.
+pub(super) fn pond_life(mesh: &mut Mesh, place: &SeededScenery<'_>) {
     let ring = ring_of(&place.piece.shape);
     if ring.len() < 3 {
         return;
@@ -163,7 +163,7 @@ fn stone(mesh: &mut Mesh, foot: Vec3, size: f32, turn: f32) {
     mesh.plate(&high, STONES, 1.5);
 }
 
-/// A blade that is seen from both sides.
+/// A blade of reed, visible from both sides.
 fn reed(mesh: &mut Mesh, foot: Vec3, height: f32, turn: f32) {
     let side = Vec2::from_angle(turn).extend(0.0) * 0.018;
     let tip = foot + Vec3::Z * height + Vec2::from_angle(turn + 1.3).extend(0.0) * (0.22 * height);
@@ -173,8 +173,8 @@ fn reed(mesh: &mut Mesh, foot: Vec3, height: f32, turn: f32) {
 }
 
 /// Two swans on their pond.
-fn swans(mesh: &mut Mesh, place: &Place<'_>) {
-    let Shape::Circle { centre, radius_m } = place.piece.shape else { return };
+fn swans(mesh: &mut Mesh, place: &SeededScenery<'_>) {
+    let Footprint::Circle { centre, radius_m } = place.piece.shape else { return };
     for (turn, away) in [(0.7_f32, 0.35), (3.4, 0.45)] {
         let out = Vec2::from_angle(turn);
         let at = (centre.as_vec2() + out * (radius_m as f32 * away)).extend(POND_M - 0.02);

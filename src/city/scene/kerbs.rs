@@ -1,42 +1,42 @@
-//! Kerbs along the outline of the asphalt, lowered where drives reach it.
+//! Kerbs along the outline of the asphalt, lowered at driveways.
 
 use super::grounds::{covers, ring_of};
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::{Region, mitre};
 use super::roads::{KERB_M, PAVEMENT, PAVEMENT_REPEAT_M, band_along};
-use crate::city::Shape;
+use crate::city::Footprint;
 use glam::{DVec2, Vec2};
 
 const STONE: Finish = Finish::new(Surface::Concrete, [186, 184, 178], Class::Pavement);
-/// Height of the stones, and of those that are lowered.
+/// Height of kerbstones, and of lowered ones.
 const TOP_M: f32 = KERB_M + 0.006;
 const LOWERED_M: f32 = 0.03;
-/// How wide they are, their faces included.
+/// Width, including their faces.
 pub(super) const WIDTH_M: f64 = 0.20;
-/// Along the kerb from full height down to the lowered stones.
+/// Length of the ramp from full height to lowered stones.
 const RAMP_M: f64 = 0.9;
-/// The pavement slopes down to lowered stones from so far behind the face of the kerb.
+/// Length of the pavement ramp behind lowered stones.
 const APRON_M: f64 = 1.3;
-/// Drives end at most this far behind the face of a kerb.
+/// Largest distance between a driveway and the face of the kerb.
 const DRIVE_WITHIN_M: f64 = 3.0;
 
-/// Errors of outlines from which on kerbs are even.
+/// Outline error from which on kerbs are not lowered.
 pub(super) const EVEN_FROM_M: f32 = TOP_M - LOWERED_M;
 
-/// One ring of kerb, the road to its left: corners, and how far along it they are.
+/// A closed kerb, the road to its left: corners and their arc lengths.
 pub(super) struct Kerb {
     ring: Vec<DVec2>,
     stations: Vec<f64>,
-    /// Stretches that are down, from and to.
+    /// Lowered intervals.
     lowered: Vec<[f64; 2]>,
 }
 
 impl Kerb {
-    /// The kerb of an outline, lowered before these drives.
-    pub(super) fn new(ring: &[DVec2], drives: &[&Shape]) -> Self {
-        let drives: Vec<Drive<'_>> = drives.iter().map(|shape| Drive::new(shape)).collect();
+    /// The kerb of an outline, lowered at these driveways.
+    pub(super) fn new(ring: &[DVec2], drives: &[&Footprint]) -> Self {
+        let drives: Vec<Driveway<'_>> = drives.iter().map(|shape| Driveway::new(shape)).collect();
         let is_far = |p: &DVec2| drives.iter().all(|drive| !drive.is_near(*p));
-        // Begun far from all drives, so that no lowered stretch goes beyond the end.
+        // Starts far from all driveways, so that no interval wraps around.
         let mut ring = ring.to_vec();
         let first = ring.iter().position(is_far);
         ring.rotate_left(first.unwrap_or(0));
@@ -66,7 +66,7 @@ impl Kerb {
         LOWERED_M + (TOP_M - LOWERED_M) * share.fold(1.0, f64::min) as f32
     }
 
-    /// Corners from where the kerb begins to fall to where it is up again, stretch by stretch.
+    /// Corners of each lowered interval with its ramps.
     fn falls(&self) -> impl Iterator<Item = Vec<usize>> {
         self.lowered.iter().map(|&[a, b]| {
             let within = a - RAMP_M - 1e-3..=b + RAMP_M + 1e-3;
@@ -78,7 +78,7 @@ impl Kerb {
         self.ring[corner] + mitre(&self.ring, corner) * out
     }
 
-    /// What the pavement slopes down on, from the face of the kerb.
+    /// The aprons: pavement ramps down to lowered kerbs.
     pub(super) fn aprons(&self) -> Vec<Region> {
         let ring = |fall: Vec<usize>| -> Vec<DVec2> {
             let back = fall.iter().map(|&k| self.beside(k, APRON_M));
@@ -87,7 +87,7 @@ impl Kerb {
         self.falls().map(|fall| Region::simple(&ring(fall))).collect()
     }
 
-    /// The stones, and the pavement that slopes down to them.
+    /// Draws kerbstones and aprons.
     pub(super) fn draw(&self, mesh: &mut Mesh) {
         let face = |k: usize| [Vec2::ZERO, Vec2::new(0.02, self.top(k))];
         let lid = |k: usize| [Vec2::new(0.02, self.top(k)), Vec2::new(WIDTH_M as f32, self.top(k))];
@@ -108,14 +108,14 @@ impl Kerb {
     }
 }
 
-/// A drive, and the box around what it may reach.
-struct Drive<'a> {
-    shape: &'a Shape,
+/// A driveway with the bounding box of its reach.
+struct Driveway<'a> {
+    shape: &'a Footprint,
     reach: [DVec2; 2],
 }
 
-impl<'a> Drive<'a> {
-    fn new(shape: &'a Shape) -> Self {
+impl<'a> Driveway<'a> {
+    fn new(shape: &'a Footprint) -> Self {
         let ring = ring_of(shape);
         let low = ring.iter().copied().fold(DVec2::INFINITY, DVec2::min);
         let high = ring.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
@@ -126,7 +126,7 @@ impl<'a> Drive<'a> {
         at.cmpge(self.reach[0]).all() && at.cmple(self.reach[1]).all()
     }
 
-    /// Whether it is met from a point of the kerb outwards.
+    /// Whether it lies outwards of a point of the kerb.
     fn is_met(&self, at: DVec2, outward: DVec2) -> bool {
         const LOOK_M: f64 = 0.5;
         let looks = (1..).map(|n| f64::from(n) * LOOK_M).take_while(|&out| out <= DRIVE_WITHIN_M);
@@ -134,9 +134,9 @@ impl<'a> Drive<'a> {
     }
 }
 
-/// Stretches of a ring in front of drives, from and to along it.
-fn lowered(ring: &[DVec2], drives: &[Drive<'_>]) -> Vec<[f64; 2]> {
-    /// Drives are looked for in steps of so much.
+/// Intervals of a ring in front of driveways.
+fn lowered(ring: &[DVec2], drives: &[Driveway<'_>]) -> Vec<[f64; 2]> {
+    /// Search step for driveways.
     const STEP_M: f64 = 0.1;
     let mut stretches: Vec<[f64; 2]> = Vec::new();
     let mut start = 0.0;
@@ -145,7 +145,7 @@ fn lowered(ring: &[DVec2], drives: &[Drive<'_>]) -> Vec<[f64; 2]> {
         let length = from.distance(to);
         let outward = -(to - from).try_normalize().unwrap_or(DVec2::X).perp();
         let (low, high) = (from.min(to), from.max(to));
-        let near: Vec<&Drive<'_>> = drives
+        let near: Vec<&Driveway<'_>> = drives
             .iter()
             .filter(|drive| low.cmple(drive.reach[1]).all() && high.cmpge(drive.reach[0]).all())
             .collect();
@@ -157,7 +157,7 @@ fn lowered(ring: &[DVec2], drives: &[Drive<'_>]) -> Vec<[f64; 2]> {
                 continue;
             }
             match stretches.last_mut() {
-                // Kerbs do not rise for a step or two.
+                // Gaps of a step or two are closed.
                 Some([_, last]) if start + s - *last < 2.0 * RAMP_M + 0.5 => *last = start + s,
                 _ => stretches.push([start + s; 2]),
             }
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn stones_are_low_before_a_drive_and_high_beside_it() {
-        let drive = Shape::Polygon(
+        let drive = Footprint::Polygon(
             [(12.0, -3.5), (16.0, -3.5), (16.0, -2.0), (12.0, -2.0)].map(DVec2::from).to_vec(),
         );
         let mut mesh = Mesh::default();
@@ -221,7 +221,7 @@ mod tests {
         // Found in steps of a tenth.
         assert!((sum - (4.0 + 2.0 * RAMP_M) * APRON_M).abs() < 0.15, "{sum}");
         // Without drives, and with one that is too far, nothing falls.
-        let far = Shape::Polygon(
+        let far = Footprint::Polygon(
             [(12.0, -6.0), (16.0, -6.0), (16.0, -3.2), (12.0, -3.2)].map(DVec2::from).to_vec(),
         );
         assert!(

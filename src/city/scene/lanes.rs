@@ -1,18 +1,18 @@
-//! Boxes around lanes, so that a search for what lies near a place looks at few of them.
+//! Bounding boxes of lanes for fast proximity queries.
 
 use crate::city::{CityMap, Lane};
 use glam::DVec2;
 
-pub(super) struct LaneBoxes<'a> {
+pub(super) struct LaneBoxIndex<'a> {
     map: &'a CityMap,
-    /// Around the lane's middle, lane by lane.
+    /// Box around the centre line, by lane.
     boxes: Vec<[DVec2; 2]>,
 }
 
-/// Points this far apart along a lane tell its box, to within much less than its width.
+/// Sampling step of the boxes; the error is much less than a lane width.
 const STEP_M: f64 = 1.0;
 
-impl<'a> LaneBoxes<'a> {
+impl<'a> LaneBoxIndex<'a> {
     pub(super) fn new(map: &'a CityMap) -> Self {
         let around = |lane: &Lane| {
             let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
@@ -24,7 +24,7 @@ impl<'a> LaneBoxes<'a> {
         Self { map, boxes: map.lanes.iter().map(around).collect() }
     }
 
-    /// Lanes that may come so near to one, counted in the widths of both, itself among them.
+    /// Lanes within a distance of a lane, counted in the widths of both, itself included.
     pub(super) fn near(&self, lane: &Lane, widths: f64) -> impl Iterator<Item = &'a Lane> {
         let of = move |lane: &Lane| {
             let [low, high] = self.boxes[lane.id.index()];
@@ -37,9 +37,9 @@ impl<'a> LaneBoxes<'a> {
         })
     }
 
-    /// The nearest point of the middle of a lane.
+    /// The nearest point on any centre line.
     pub(super) fn nearest(&self, point: DVec2) -> Option<DVec2> {
-        // The boxes hold points of the lane; between them it may bulge out of the box by a little.
+        // The boxes contain samples; between them a lane may bulge out a little.
         let least =
             |[low, high]: [DVec2; 2]| (point.clamp(low, high).distance(point) - STEP_M / 2.0).max(0.0);
         let mut by_distance: Vec<(f64, &Lane)> =
@@ -68,7 +68,7 @@ mod tests {
     #[test]
     fn the_nearest_point_is_that_of_a_search_through_all_lanes() {
         let map = city();
-        let boxes = LaneBoxes::new(&map);
+        let boxes = LaneBoxIndex::new(&map);
         for k in 0..60 {
             let point = DVec2::new(-80.0 + 2.7 * f64::from(k), 75.0 - 40.0 * f64::from(k % 5));
             let feet = map.lanes.iter().map(|lane| lane.curve.project(point).distance);

@@ -1,9 +1,9 @@
-//! Names on boards: letters are cells of one texture, drawn from grids of five by seven.
+//! Lettering of boards: glyphs are cells of one texture atlas, drawn from bitmaps of five by seven.
 
 use super::mesh::{Finish, Mesh, Surface};
 use glam::{Vec2, Vec3};
 
-/// Rows of A to Z and 0 to 9 from the top, five bits each, the highest on the left.
+/// Glyph rows of A to Z and 0 to 9 from the top, five bits each, the highest on the left.
 const GLYPHS: [[u8; 7]; 36] = [
     [14, 17, 17, 31, 17, 17, 17],
     [30, 17, 17, 30, 17, 17, 30],
@@ -43,10 +43,10 @@ const GLYPHS: [[u8; 7]; 36] = [
     [14, 17, 17, 15, 1, 1, 14],
 ];
 
-/// Cells along and up the layer of [`Surface::Letters`].
+/// Atlas cells along and up the layer of [`Surface::Letters`].
 const CELLS: [usize; 2] = [8, 5];
 
-/// The letter drawn at a place of the layer and where in its cell that is.
+/// The glyph at a texture coordinate, and the position inside its cell.
 pub fn glyph_cell([u, v]: [f32; 2]) -> Option<([u8; 7], [f32; 2])> {
     let (x, y) = (u * CELLS[0] as f32, v * CELLS[1] as f32);
     let index = y.floor() as usize * CELLS[0] + x.floor() as usize;
@@ -61,16 +61,16 @@ fn index_of(letter: char) -> Option<usize> {
     }
 }
 
-/// Of a letter's five columns the first and the last that are set.
+/// The first and the last set column of a glyph.
 fn columns_of(index: usize) -> [usize; 2] {
     let set = GLYPHS[index].iter().fold(0, |set, row| set | row);
     [set.leading_zeros() as usize - 3, 4 - set.trailing_zeros() as usize]
 }
 
-/// Half the gap between two letters goes to each, and this is a space: in columns.
+/// Advance of a space, in columns.
 const SPACE: f32 = 4.0;
 
-/// How much room a letter takes, in columns.
+/// Advance of a glyph, in columns.
 fn advance(letter: char) -> f32 {
     index_of(letter).map(columns_of).map_or(SPACE, |[first, last]| (last - first) as f32 + 2.0)
 }
@@ -80,18 +80,18 @@ pub(super) fn width_of(text: &str, height: f32) -> f32 {
     text.chars().map(advance).sum::<f32>() * height / 7.0
 }
 
-/// Half the height of a board for letters of a height.
+/// Half the height of a board for a letter height.
 pub(super) fn half_board(height: f32) -> f32 {
     4.5 * height / 7.0
 }
 
-/// The height of letters on a board of a height.
+/// Letter height on a board of a height.
 pub(super) fn letters_on(board: f32) -> f32 {
     board / (2.0 * half_board(1.0))
 }
 
-/// The face of a board of a colour, with a text in its middle, at `centre`; `across` is where readers' right is,
-/// unit. Width of the board and height of the letters in metres.
+/// Draws the face of a board with centred text at `centre`; `across` is the reading direction, unit length.
+/// Board width and letter height in metres.
 pub(super) fn write(
     mesh: &mut Mesh,
     text: &str,
@@ -103,7 +103,7 @@ pub(super) fn write(
     let finish = Finish { surface: Surface::Letters, ..board };
     let unit = height / 7.0;
     let cells = Vec2::new(CELLS[0] as f32, CELLS[1] as f32);
-    // All of it from cells, empty ones as well, so that light goes evenly from one end to the other.
+    // Uses a cell per position, also empty ones, so that lighting varies evenly.
     let empty = Vec2::new(GLYPHS.len() as f32 % cells.x, (GLYPHS.len() / CELLS[0]) as f32) + 0.5;
     let mut face = |from: f32, to: f32, cell: Option<usize>| {
         let at = |x: f32, up: f32| centre + across * x + Vec3::Z * (up * half_board(height));
@@ -112,7 +112,7 @@ pub(super) fn write(
             Some(index) => {
                 let [first, last] = columns_of(index).map(|column| column as f32);
                 let corner = Vec2::new((index % CELLS[0]) as f32, (index / CELLS[0]) as f32);
-                // A little inside the cell, so that neighbours do not bleed in.
+                // Inset, so that neighbouring cells do not bleed in.
                 let uv =
                     |x: f32, y: f32| (corner + Vec2::new(x / 6.0, y).map(|part| 0.03 + 0.94 * part)) / cells;
                 [uv(first, 0.0), uv(last + 2.0, 0.0), uv(last + 2.0, 1.0), uv(first, 1.0)]

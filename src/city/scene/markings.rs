@@ -1,9 +1,8 @@
-//! Paint on the road, derived from the lanes: lines between and beside them, stop lines, yield
-//! triangles, arrows.
+//! Road markings derived from the lanes: lane lines, centre lines, stop lines, yield triangles, arrows.
 
 use super::centre_lines::centre_lines;
 use super::field::simplified;
-use super::lanes::LaneBoxes;
+use super::lanes::LaneBoxIndex;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::simplify_line;
 use super::roads::{RoadField, band_along};
@@ -12,46 +11,46 @@ use crate::geom::{Pose2, wrap_angle};
 use glam::{DVec2, Vec2};
 use std::collections::BTreeSet;
 
-/// Paint lies this high on the asphalt.
+/// Height of paint above the asphalt.
 const PAINT_M: f32 = 0.012;
-/// Stop lines, triangles and arrows lie on lines, which carry asphalt beside them.
+/// Height of symbols above lines, whose quads include asphalt margins.
 const FIGURES_M: f32 = PAINT_M + 0.006;
-/// With asphalt of their own beside them they lie under lines.
+/// Height of symbols that carry asphalt themselves, below lines.
 const UNDER_LINES_M: f32 = PAINT_M - 0.002;
 const LINE_M: f64 = 0.13;
 const DASH_M: f64 = 2.4;
 const GAP_M: f64 = 3.6;
 /// Between the two lines of a double line, middle to middle.
 const DOUBLE_M: f64 = 0.30;
-/// No line is drawn more exactly than this.
+/// Finest tolerance of lines.
 const FINEST_M: f64 = 0.006;
 
 pub(super) const WHITE: Finish = Finish::new(Surface::Paint, [236, 236, 232], Class::Marking);
 const YELLOW: Finish = Finish::new(Surface::Paint, [236, 178, 48], Class::Marking);
 
-/// Paint lines carry some asphalt on both sides, so that what covers less than a pixel of width still
-/// covers pixels: its shade there is computed.
+/// Line quads are wider than the paint by this factor: a line thinner than a pixel still covers pixels, and
+/// the shader computes its coverage.
 const MARGIN: f64 = 3.0;
 
 const fn line_of(finish: Finish) -> Finish {
     Finish { surface: Surface::Line, ..finish }
 }
 
-/// How far lines may lie from where they are, level by level.
+/// Line tolerance by level of detail.
 pub(super) const LEVELS: [f32; 3] = [0.0, 0.03, 0.10];
 
-/// Everything painted on the roads.
+/// All road markings.
 pub(super) struct Paint {
-    /// Along the ends of the asphalt's lanes, closed.
+    /// Edge lines, closed.
     edges: Vec<Vec<DVec2>>,
     dashes: Vec<Vec<Pose2>>,
-    /// Between two lines of a double one.
+    /// Middle lines of double lines.
     doubles: Vec<Vec<Pose2>>,
     /// Stop lines, yield triangles, arrows.
     figures: Figures,
 }
 
-/// Painted shapes as they are, and bars among them as lines for a distance, where they are thinner than a pixel.
+/// Painted symbols; for a distance, their bars become lines, since they are thinner than a pixel.
 #[derive(Default)]
 struct Figures {
     near: Mesh,
@@ -73,7 +72,7 @@ impl Figures {
 }
 
 impl Paint {
-    pub(super) fn new(map: &CityMap, field: &RoadField, boxes: &LaneBoxes<'_>) -> Self {
+    pub(super) fn new(map: &CityMap, field: &RoadField, boxes: &LaneBoxIndex<'_>) -> Self {
         let mut figures = Figures::default();
         let mut dashes = Vec::new();
         for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
@@ -89,10 +88,10 @@ impl Paint {
                 ControlLineKind::Yield => yield_triangles(&mut figures, driving, line.ends),
             }
         }
-        Self { edges: field.distance.rings(-0.04), dashes, doubles, figures }
+        Self { edges: field.distance.contours(-0.04), dashes, doubles, figures }
     }
 
-    /// All of it, to within `error_m` of where it is.
+    /// The mesh of all markings within a tolerance.
     pub(super) fn mesh(&self, error_m: f32) -> Mesh {
         let mut mesh = Mesh::default();
         let within = f64::from(error_m).max(FINEST_M);
@@ -120,7 +119,7 @@ pub(super) fn figure(mesh: &mut Mesh, corners: &[DVec2], z: f32, finish: Finish)
     mesh.face(&corners, &uvs, finish);
 }
 
-/// The poses that a line needs to stay where it is.
+/// Simplifies a polyline of poses within a tolerance.
 fn thinned(line: &[Pose2], within: f64) -> Vec<Pose2> {
     let points: Vec<DVec2> = line.iter().map(|pose| pose.position).collect();
     let mut kept = simplify_line(&points, within).into_iter().peekable();
@@ -149,10 +148,10 @@ pub(super) fn straight_line(mesh: &mut Mesh, [from, to]: [DVec2; 2], half: f64, 
     mesh.face(&corners, &[uv(-1.0), uv(-1.0), uv(1.0), uv(1.0)], line_of(WHITE));
 }
 
-/// Solid white where the asphalt's lanes end.
+/// Solid white edge lines.
 fn paint_edges(mesh: &mut Mesh, rings: &[Vec<DVec2>], within: f64) {
     let half = LINE_M as f32 / 2.0;
-    // The kerb stands less than the full margin away.
+    // The kerb is closer than the full margin.
     let (inner, outer) = (-half * MARGIN as f32, half * 2.2);
     for ring in simplified(rings, within.max(0.012)) {
         if super::polygon::doubled_area(&ring).abs() > 30.0 {
@@ -162,7 +161,7 @@ fn paint_edges(mesh: &mut Mesh, rings: &[Vec<DVec2>], within: f64) {
     }
 }
 
-/// Dashed white between a lane and its neighbour on the right.
+/// Dashed white lane lines between a lane and its right neighbour.
 fn add_dashes(dashes: &mut Vec<Vec<Pose2>>, map: &CityMap, lane: &Lane) {
     let Some(neighbour) = lane.right.map(|id| map.lane(id)) else { return };
     let length = lane.curve.length();
@@ -187,7 +186,7 @@ fn add_dashes(dashes: &mut Vec<Vec<Pose2>>, map: &CityMap, lane: &Lane) {
 }
 
 fn double_line(mesh: &mut Mesh, line: &[Pose2]) {
-    // The two meet in the middle between them.
+    // Their margins meet in the middle.
     let (inner, outer) = (DOUBLE_M / 2.0, MARGIN * LINE_M / 2.0);
     ribbon(mesh, line, DOUBLE_M / 2.0, LINE_M, [inner, outer], YELLOW);
     ribbon(mesh, line, -DOUBLE_M / 2.0, LINE_M, [outer, inner], YELLOW);
@@ -200,7 +199,7 @@ fn stop_line(figures: &mut Figures, driving: Pose2, [a, b]: [DVec2; 2]) {
     figures.bar([a + inset + back, b - inset + back], WIDTH_M);
 }
 
-/// A row of triangles that point at whoever comes.
+/// A row of yield triangles that point towards approaching traffic.
 fn yield_triangles(figures: &mut Figures, driving: Pose2, [a, b]: [DVec2; 2]) {
     let (width, pitch, height) = (0.46, 0.66, 0.72);
     let across = b - a;
@@ -215,27 +214,27 @@ fn yield_triangles(figures: &mut Figures, driving: Pose2, [a, b]: [DVec2; 2]) {
     }
 }
 
-/// Where a lane may lead.
+/// Direction of an arrow.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Turn {
+enum ArrowDirection {
     Left,
     Straight,
     Right,
 }
 
-/// From the end of a lane to the foot of its arrow.
+/// Distance from the end of a lane to the foot of its arrow.
 const ARROW_M: f64 = 8.5;
 
-/// What of a lane is kept free for its arrow, from its start.
+/// The interval of a lane that its arrow occupies.
 pub(super) fn arrow_room(lane: &Lane) -> [f64; 2] {
     let foot = lane.curve.length() - ARROW_M;
     [foot, foot + 4.2]
 }
 
-/// Arrows before a junction, where the lanes that go on turn off.
+/// Arrows before a junction where lanes turn.
 fn arrows(figures: &mut Figures, map: &CityMap, lane: &Lane) {
     let length = lane.curve.length();
-    let turns: BTreeSet<Turn> = lane
+    let turns: BTreeSet<ArrowDirection> = lane
         .successors
         .iter()
         .map(|&id| map.lane(id))
@@ -243,26 +242,26 @@ fn arrows(figures: &mut Figures, map: &CityMap, lane: &Lane) {
         .map(|next| {
             let turned = wrap_angle(next.curve.end().yaw_rad - next.curve.start().yaw_rad);
             if turned > 0.5 {
-                Turn::Left
+                ArrowDirection::Left
             } else if turned < -0.5 {
-                Turn::Right
+                ArrowDirection::Right
             } else {
-                Turn::Straight
+                ArrowDirection::Straight
             }
         })
         .collect();
-    let turning = turns.iter().any(|turn| *turn != Turn::Straight);
+    let turning = turns.iter().any(|turn| *turn != ArrowDirection::Straight);
     if length < 16.0 || !turning || lane.curve.at(length - 8.0).curvature.abs() > 1e-3 {
         return;
     }
     let foot = lane.curve.at(length - ARROW_M).pose;
     let at = |ahead: f64, left: f64| foot.point_at(ahead, left);
-    let tip_m = if turns.contains(&Turn::Straight) { 3.0 } else { 1.9 };
+    let tip_m = if turns.contains(&ArrowDirection::Straight) { 3.0 } else { 1.9 };
     figures.bar([at(0.0, 0.0), at(tip_m, 0.0)], 0.18);
-    if turns.contains(&Turn::Straight) {
+    if turns.contains(&ArrowDirection::Straight) {
         figures.polygon(&[at(tip_m, -0.34), at(tip_m + 1.1, 0.0), at(tip_m, 0.34)]);
     }
-    for (turn, side) in [(Turn::Left, 1.0), (Turn::Right, -1.0)] {
+    for (turn, side) in [(ArrowDirection::Left, 1.0), (ArrowDirection::Right, -1.0)] {
         if turns.contains(&turn) {
             let bend = |ahead: f64, out: f64| at(ahead, side * out);
             figures.polygon(&[bend(1.25, 0.0), bend(1.72, 0.46), bend(1.90, 0.40), bend(1.55, -0.02)]);

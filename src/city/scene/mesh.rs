@@ -1,10 +1,10 @@
-//! Triangles with what they are made of: plain data that any renderer can take.
+//! Triangle meshes with finishes: plain data for any renderer.
 
 use glam::{IVec3, Vec2, Vec3};
 use rustc_hash::FxHashMap;
 use std::hash::Hash;
 
-/// What a surface is made of. Its texture is a grey or natural pattern that the vertex colour tints.
+/// The surface type of a face. Its texture is a grey or natural pattern, tinted by the vertex colour.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Surface {
@@ -16,7 +16,7 @@ pub enum Surface {
     Concrete,
     Paint,
     Brick,
-    /// A bay of a rendered wall with a window; one unit of u is a bay, one of v a storey.
+    /// A bay of a rendered wall with a window; u counts bays, v storeys.
     Windows,
     /// A bay of an office wall, mostly glass.
     Glazing,
@@ -73,12 +73,12 @@ pub enum Surface {
 impl Surface {
     pub const COUNT: usize = Self::Tearoom as usize + 1;
 
-    /// Whether it is a bay of a shop front, whatever is sold there.
+    /// Whether it is a shop-front bay of any kind.
     pub fn is_shopfront(self) -> bool {
         matches!(self, Self::Shopfront | Self::Boutique | Self::Tearoom)
     }
 
-    /// Whether its pattern shows things, which are missed also from afar, and not only what it is made of.
+    /// Whether its pattern shows distinct objects, which are missed also from afar, rather than a material.
     pub fn is_figured(self) -> bool {
         matches!(
             self,
@@ -99,7 +99,7 @@ impl Surface {
     }
 }
 
-/// What a pixel shows, for semantic segmentation. The numbers are those of the pictures.
+/// Class of a pixel for semantic segmentation. The numbers are written to the images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Class {
@@ -120,7 +120,7 @@ pub enum Class {
     Sign = 12,
 }
 
-/// The look of a face.
+/// The finish of a face: surface, colour and class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Finish {
     pub surface: Surface,
@@ -134,7 +134,7 @@ impl Finish {
         Self { surface, colour, class }
     }
 
-    /// The same in another brightness; `factor` 1 changes nothing.
+    /// The finish scaled in brightness by `factor`.
     pub fn shaded(self, factor: f32) -> Self {
         Self { colour: self.colour.map(|c| (f32::from(c) * factor).clamp(0.0, 255.0) as u8), ..self }
     }
@@ -145,16 +145,16 @@ pub struct Vertex {
     /// Metres, relative to the origin of the mesh's owner.
     pub position: Vec3,
     pub normal: Vec3,
-    /// In repeats of the surface's texture.
+    /// In texture repeats.
     pub uv: Vec2,
     pub finish: Finish,
-    /// How much of the sky's light reaches it, 255 for all.
+    /// Ambient openness: the share of the sky that is visible, 255 for all.
     pub openness: u8,
 }
 
-/// Fewer triangles for a distance: vertices within a cube of an edge come to one place, the mean of theirs, and
-/// those of one kind there become one (Rossignac and Borrel 1993). `position` and `moved` read and set the place
-/// of a vertex; as all kinds share the places, nothing gapes. How far a vertex has moved at most comes last.
+/// Mesh simplification by vertex clustering (Rossignac and Borrel 1993): vertices within a cube of an edge
+/// move to their mean, and those of one kind there merge. `position` and `moved` read and set the position of
+/// a vertex. All kinds share the cell positions, so no gap opens. The largest displacement comes last.
 pub fn clustered<V, K: Eq + Hash>(
     (vertices, indices): (&[V], &[u32]),
     edge_m: f32,
@@ -192,7 +192,7 @@ pub fn clustered<V, K: Eq + Hash>(
     (kept, corners_kept, most_m)
 }
 
-/// How far points reach to all sides: level ones 22.5 degrees apart, up and down, and half up and half down.
+/// Support function of a point set in 34 directions: level ones 22.5 degrees apart, up, down, and diagonals.
 pub fn reach(points: impl Iterator<Item = Vec3>) -> [f32; 34] {
     const SLANT: f32 = std::f32::consts::FRAC_1_SQRT_2;
     // Sine and cosine of 22.5 degrees.
@@ -213,7 +213,7 @@ pub fn reach(points: impl Iterator<Item = Vec3>) -> [f32; 34] {
     })
 }
 
-/// The point of a triangle that is nearest to another (Ericson, *Real-Time Collision Detection*, 5.1.5).
+/// The closest point on a triangle (Ericson, *Real-Time Collision Detection*, 5.1.5).
 fn nearest_on([a, b, c]: [Vec3; 3], p: Vec3) -> Vec3 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
@@ -242,7 +242,7 @@ fn nearest_on([a, b, c]: [Vec3; 3], p: Vec3) -> Vec3 {
     a + ab * (vb * scale) + ac * (vc * scale)
 }
 
-/// Feet of walls and posts stand no higher.
+/// Largest height of the foot of a wall or post.
 const LOW_M: f32 = 0.35;
 const FOOT_OPENNESS: u8 = 140;
 
@@ -274,13 +274,12 @@ impl Mesh {
         self.vertices.len() as u32 - 1
     }
 
-    /// A flat convex face, corners counter-clockwise seen from outside, with uv per corner.
+    /// Adds a flat convex face with uv per corner, corners counter-clockwise seen from outside.
     pub fn face(&mut self, corners: &[Vec3], uvs: &[Vec2], finish: Finish) {
         self.shaded_face(corners, uvs, finish, &vec![255; corners.len()]);
     }
 
-    /// A flat convex face whose corners are open to the sky to different degrees; as many uvs and
-    /// degrees as corners.
+    /// Adds a flat convex face with an openness per corner.
     pub fn shaded_face(&mut self, corners: &[Vec3], uvs: &[Vec2], finish: Finish, openness: &[u8]) {
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(Vec3::Z);
         debug_assert!(uvs.len() == corners.len() && openness.len() == corners.len());
@@ -293,7 +292,7 @@ impl Mesh {
         }
     }
 
-    /// A flat convex face whose texture is laid on in metres along its own axes.
+    /// Adds a flat convex face with planar texture coordinates in metres along its own axes.
     pub fn plate(&mut self, corners: &[Vec3], finish: Finish, metres_per_repeat: f32) {
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(Vec3::Z);
         let across = if normal.z.abs() > 0.9 { Vec3::X } else { Vec3::Z.cross(normal).normalize_or(Vec3::X) };
@@ -303,7 +302,7 @@ impl Mesh {
         self.face(corners, &uvs, finish);
     }
 
-    /// A box with its bottom left out, turned about z. `centre` is the middle of its bottom.
+    /// Adds a box without its bottom, rotated about z. `centre` is the middle of its bottom.
     pub fn block(&mut self, centre: Vec3, size: Vec3, yaw_rad: f32, finish: Finish) {
         let (sin, cos) = yaw_rad.sin_cos();
         let (ahead, left) =
@@ -313,7 +312,7 @@ impl Mesh {
         self.prism(&ring, size.z, finish, finish);
     }
 
-    /// Upright walls on a counter-clockwise ring of points and a lid (the ring has to be convex).
+    /// Adds vertical walls on a counter-clockwise ring and a lid (the ring is convex).
     pub fn prism(&mut self, ring: &[Vec3], height: f32, side: Finish, lid: Finish) {
         let up = Vec3::Z * height;
         for (k, &a) in ring.iter().enumerate() {
@@ -326,20 +325,20 @@ impl Mesh {
         self.plate(&top, lid, 2.0);
     }
 
-    /// Darkens what vertices from `first` on stand low on the ground with, which hides half of what is around
-    /// them.
+    /// Darkens vertices from `first` on that are low above the ground, which hides half of their surroundings
+    /// (baked ambient occlusion).
     fn shade_foot(&mut self, first: usize) {
         for vertex in self.vertices[first..].iter_mut().filter(|v| v.position.z < LOW_M) {
             vertex.openness = vertex.openness.min(FOOT_OPENNESS);
         }
     }
 
-    /// Sets how open the vertices from `first` on are.
+    /// Sets the openness of the vertices from `first` on.
     pub fn set_openness(&mut self, first: usize, openness: u8) {
         self.vertices[first..].iter_mut().for_each(|vertex| vertex.openness = openness);
     }
 
-    /// A cone frustum standing upright, smooth around, with a lid when the top has a radius.
+    /// Adds an upright cone frustum, smooth around, with a lid if the top has a radius.
     pub fn frustum(&mut self, foot: Vec3, radii: [f32; 2], height: f32, sides: u32, finish: Finish) {
         let base = self.vertices.len() as u32;
         let slope = (radii[0] - radii[1]) / height.max(1e-3);
@@ -371,7 +370,7 @@ impl Mesh {
         }
     }
 
-    /// Drops vertices that repeat bit for bit.
+    /// Merges bitwise equal vertices.
     pub fn weld(&mut self) {
         let mut seen = FxHashMap::default();
         seen.reserve(self.vertices.len());
@@ -398,8 +397,8 @@ impl Mesh {
         }
     }
 
-    /// The same of fewer triangles, for a distance; see [`clustered`]. Faces keep their finish, the side they look
-    /// to, and where on them windows and letters are. How far a vertex has moved at most comes with it.
+    /// Simplified by [`clustered`]. Faces keep their finish, orientation and texture coordinates. Also
+    /// returns the largest displacement of a vertex.
     pub fn simplified(&self, edge_m: f32) -> (Self, f32) {
         let figure = |v: &Vertex| v.finish.surface.is_figured().then(|| (v.uv * 16.0).round().as_ivec2());
         let kind = |v: &Vertex| (v.finish, (v.normal * 2.0).round().as_ivec3(), figure(v));
@@ -408,12 +407,12 @@ impl Mesh {
         (Self { vertices, indices }, moved_m)
     }
 
-    /// How far the outlines of two meshes lie apart at most, along the directions of [`reach`].
+    /// Largest difference between the silhouettes of two meshes along the directions of [`reach`].
     pub fn outline_apart(&self, other: &Self) -> f32 {
         self.outline_from(&other.reach())
     }
 
-    /// [`Self::outline_apart`] from a mesh that reaches so far.
+    /// [`Self::outline_apart`] from the [`reach`] of another mesh.
     pub fn outline_from(&self, other: &[f32; 34]) -> f32 {
         self.reach().iter().zip(other).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
     }
@@ -423,14 +422,14 @@ impl Mesh {
         reach(self.vertices.iter().map(|v| v.position))
     }
 
-    /// From a point to the nearest one of any triangle; takes a look at them all.
+    /// Distance from a point to the nearest triangle, by linear search.
     pub fn distance_to(&self, point: Vec3) -> f32 {
         let corner = |k: u32| self.vertices[k as usize].position;
         let triangles = self.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]].map(corner));
         triangles.map(|t| nearest_on(t, point).distance(point)).fold(f32::INFINITY, f32::min)
     }
 
-    /// The smallest box around all vertices.
+    /// The bounding box of all vertices.
     pub fn bounds(&self) -> [Vec3; 2] {
         self.vertices.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], v| {
             [low.min(v.position), high.max(v.position)]

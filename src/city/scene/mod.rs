@@ -1,4 +1,4 @@
-//! The city as triangles: what the renderer draws of a map. Pure data, a function of the map alone.
+//! Generates the scene geometry of a map: a pure function of the map.
 
 #![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
 
@@ -22,9 +22,9 @@ mod polygon;
 mod props;
 mod roads;
 mod signs;
+mod smoothing;
 mod special;
 mod surroundings;
-mod taut;
 mod trees;
 mod wear;
 mod woods;
@@ -34,51 +34,51 @@ pub use mesh::{Class, Finish, Mesh, Surface, Vertex, clustered, reach};
 pub use roads::ASPHALT;
 pub use signs::sign_cell;
 
-use super::{CityMap, Scenery, SceneryKind, Shape};
-use crate::geom::scatter;
+use super::{CityMap, Footprint, Scenery, SceneryKind};
+use crate::geom::hash;
 use crate::model::Model;
-use furniture::Piece;
+use furniture::FurnitureKind;
 use glam::{Affine3A, DVec2, Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use surroundings::Surroundings;
 
-/// Everything that stands in the city, in metres relative to the city's origin.
+/// The geometry of the whole city, in metres relative to the city's origin.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneDescription {
-    /// What lies: roads with their markings, lawns, water, and the plain around the city.
-    pub ground: Vec<Object>,
-    /// What stands on it, piece by piece.
-    pub objects: Vec<Object>,
-    /// Opaque walls that hide what is behind them.
+    /// Ground meshes: roads with their markings, lawns, water, and the plain around the city.
+    pub ground: Vec<SceneObject>,
+    /// Objects on the ground: buildings, trees, furniture, vehicles.
+    pub objects: Vec<SceneObject>,
+    /// Opaque walls: occluders for occlusion culling.
     pub walls: Vec<Wall>,
-    /// The box that holds the city itself, without the plain around it.
+    /// Bounding box of the city itself, without the plain around it.
     pub bounds: [Vec3; 2],
     /// Lenses of street lamps.
     pub lamps: Vec<Vec3>,
 }
 
-/// Something that stands in the city, at one or more levels of detail.
+/// A static object at one or more levels of detail (LOD).
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Object {
+pub struct SceneObject {
     /// The finest first.
-    pub levels: Vec<Level>,
+    pub levels: Vec<LodMesh>,
 }
 
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Level {
+pub struct LodMesh {
     pub mesh: Mesh,
-    /// How far its outline and what can be told apart on it may lie from where they are in the finest
-    /// level, metres; 0 for that one.
+    /// Geometric error: how far its silhouette and visible detail may be from the finest level, metres; 0 for
+    /// the finest level.
     pub error_m: f32,
 }
 
-/// Edge of the squares of a grid with a node at the origin that the ground is cut along: no triangle of the level
-/// ground reaches beyond one, but those of the plain around the city.
+/// Edge of the grid cells at which ground meshes are split, so that triangles stay short and cells can be
+/// culled. Only the plain around the city has larger triangles.
 pub const CELL_M: f32 = 13.0;
 
-/// An upright rectangle that stands on the ground and that nothing can be seen through.
+/// An occluder: a vertical rectangle that stands on the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wall {
     pub from: Vec2,
@@ -86,16 +86,16 @@ pub struct Wall {
     pub height_m: f32,
 }
 
-/// Edges of the cubes within which vertices become one in the coarser levels.
+/// Cell sizes of the vertex clustering for the coarser levels.
 const COARSER_M: [f32; 3] = [0.16, 0.4, 1.0];
 
-impl Object {
+impl SceneObject {
     pub fn of_one_level(mesh: Mesh) -> Self {
-        Self { levels: vec![Level { mesh, error_m: 0.0 }] }
+        Self { levels: vec![LodMesh { mesh, error_m: 0.0 }] }
     }
 
-    /// Adds a level that differs by `error_m`, or by more where its outline says so. One that saves no
-    /// triangles is left out.
+    /// Adds a level of detail with this error, or a larger one if its silhouette differs by more. A level
+    /// that saves no triangles is left out.
     fn add_level(&mut self, mesh: Mesh, error_m: f32) {
         let (Some(finest), Some(last)) = (self.levels.first(), self.levels.last()) else { return };
         if mesh.triangle_count() >= last.mesh.triangle_count() || mesh.is_empty() {
@@ -103,13 +103,14 @@ impl Object {
         }
         let error_m = error_m.max(finest.mesh.outline_apart(&mesh));
         if error_m > last.error_m {
-            self.levels.push(Level { mesh, error_m });
+            self.levels.push(LodMesh { mesh, error_m });
         }
     }
 
-    /// States no less than how far corners of the coarser levels stand out of the finest; for small meshes.
+    /// Raises the errors to the distance of the coarser levels' vertices from the finest level; for small
+    /// meshes.
     fn measure_corners(&mut self) {
-        // Turned copies are rounded.
+        // Rotated copies are rounded.
         const MARGIN: f32 = 1.005;
         let [finest, coarser @ ..] = &mut self.levels[..] else { return };
         let mut least_m = 0.0;
@@ -121,7 +122,7 @@ impl Object {
         }
     }
 
-    /// Simplifies the coarsest level further, as far as it pays.
+    /// Adds coarser levels by vertex clustering while each saves enough triangles.
     fn add_coarser_levels(&mut self) {
         let Some(base) = self.levels.last().cloned() else { return };
         for edge_m in COARSER_M.into_iter().filter(|edge_m| edge_m / 2.0 > base.error_m) {
@@ -133,7 +134,7 @@ impl Object {
         }
     }
 
-    /// The same turned, moved and scaled evenly, with another look of its faces.
+    /// An instance: rotated, moved and scaled uniformly, with other finishes.
     fn placed(&self, city_from_object: Affine3A, look: impl Fn(Finish) -> Finish) -> Self {
         let turn = Mat3::from(city_from_object.matrix3);
         let scale = turn.x_axis.length();
@@ -143,15 +144,15 @@ impl Object {
             finish: look(v.finish),
             ..*v
         };
-        let level = |level: &Level| Level {
+        let level = |level: &LodMesh| LodMesh {
             mesh: Mesh {
                 vertices: level.mesh.vertices.iter().map(vertex).collect(),
                 indices: level.mesh.indices.clone(),
             },
             error_m: level.error_m * scale,
         };
-        let mut levels: Vec<Level> = self.levels.iter().map(level).collect();
-        // Turned, outlines are measured along other directions.
+        let mut levels: Vec<LodMesh> = self.levels.iter().map(level).collect();
+        // After rotation, silhouettes are measured along other directions.
         let mut least_m = 0.0;
         if let [finest, coarser @ ..] = &mut levels[..] {
             let reach = finest.mesh.reach();
@@ -169,19 +170,18 @@ impl Object {
 }
 
 impl SceneDescription {
-    /// The roads with their markings, the ground, and everything of the map's scenery, without models of
-    /// the user's.
+    /// The scene of a map without the user's model files.
     pub fn from_map(map: &CityMap) -> Self {
         Self::with_models(map, &BTreeMap::new())
     }
 
-    /// [`Self::from_map`] with the models that the map places, by name; those that are missing are left out.
+    /// The scene of a map with the model files that it places, by name; missing ones are left out.
     pub fn with_models(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Self {
         let (field, (nursery, furniture)) = rayon::join(
             || roads::RoadField::new(map),
-            || rayon::join(trees::Nursery::new, || furniture::Furniture::new(models)),
+            || rayon::join(trees::TreePrototypes::new, || furniture::Furniture::new(models)),
         );
-        let lanes = lanes::LaneBoxes::new(map);
+        let lanes = lanes::LaneBoxIndex::new(map);
         let around = Surroundings { map, field: &field };
         let is_paved = |piece: &&Scenery| matches!(piece.kind, SceneryKind::Paving | SceneryKind::Parking);
         let paving: Vec<Vec<DVec2>> =
@@ -190,16 +190,16 @@ impl SceneDescription {
         let beside_roads = |ring: &[DVec2]| outlines.beside_roads(&field, ring);
         let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());
         let (mut lamps, mut clocks) = (Vec::new(), Vec::new());
-        // Paved ways have no name.
+        // Footpaths have no name.
         let is_drive = |piece: &&Scenery| piece.kind == SceneryKind::Paving && piece.name.is_empty();
-        let drives: Vec<&Shape> = map.scenery.iter().filter(is_drive).map(|piece| &piece.shape).collect();
-        // Street furniture turns towards the road, so it needs to know where that is.
+        let drives: Vec<&Footprint> = map.scenery.iter().filter(is_drive).map(|piece| &piece.shape).collect();
+        // Street furniture faces the road, so it needs the road field.
         for (index, piece) in map.scenery.iter().enumerate() {
-            let place = Place { piece, seed: index as u32 };
+            let place = SeededScenery { piece, seed: index as u32 };
             let one = |draw: &dyn Fn(&mut Mesh)| {
                 let mut mesh = Mesh::default();
                 draw(&mut mesh);
-                Object::of_one_level(mesh)
+                SceneObject::of_one_level(mesh)
             };
             objects.push(match piece.kind {
                 SceneryKind::Building => one(&|mesh| {
@@ -230,11 +230,13 @@ impl SceneDescription {
             });
             if piece.kind == SceneryKind::Building {
                 let pumps = buildings::pumps(&place).into_iter();
-                objects.extend(pumps.map(|(at, front)| furniture.place(Piece::FuelPump, at, front, 1.0)));
+                objects.extend(
+                    pumps.map(|(at, front)| furniture.place(FurnitureKind::FuelPump, at, front, 1.0)),
+                );
                 lamps.extend(buildings::lights(&place));
-                clocks.extend(buildings::clocks(&place).map(Object::of_one_level));
+                clocks.extend(buildings::clocks(&place).map(SceneObject::of_one_level));
                 let board = buildings::price_board(&place).filter(|&(at, _)| around.is_free(at, piece));
-                objects.extend(board.map(|board| Object::of_one_level(special::price_board_at(board))));
+                objects.extend(board.map(|board| SceneObject::of_one_level(special::price_board_at(board))));
                 walls.extend(buildings::opaque_walls(&place));
             }
         }
@@ -244,24 +246,27 @@ impl SceneDescription {
         walls.extend(woods::walls([low, high]));
         objects.extend(models::place(map, models));
         objects.extend(parked::cars(map, &drives));
-        objects.retain(|object: &Object| !object.is_empty());
-        let roads = |error_m: &f32| Level { mesh: outlines.ground(*error_m, &drives), error_m: *error_m };
+        objects.retain(|object: &SceneObject| !object.is_empty());
+        let roads = |error_m: &f32| LodMesh { mesh: outlines.ground(*error_m, &drives), error_m: *error_m };
         let paint = || {
             let paint = markings::Paint::new(map, &field, &lanes);
-            markings::LEVELS.par_iter().map(|&error_m| Level { mesh: paint.mesh(error_m), error_m }).collect()
+            markings::LEVELS
+                .par_iter()
+                .map(|&error_m| LodMesh { mesh: paint.mesh(error_m), error_m })
+                .collect()
         };
         let (_, (roads, paint)) = rayon::join(
-            || objects.par_iter_mut().for_each(Object::add_coarser_levels),
+            || objects.par_iter_mut().for_each(SceneObject::add_coarser_levels),
             || rayon::join(|| roads::LEVELS.par_iter().map(roads).collect(), paint),
         );
         objects.extend(clocks);
-        let mut ground = vec![Object { levels: roads }, Object { levels: paint }];
-        let mut wear = Object::of_one_level(wear::wear(map, &lanes));
-        // From afar asphalt is as good.
-        wear.levels.push(Level { mesh: Mesh::default(), error_m: wear::SEEN_M });
-        ground.push(Object::of_one_level(roads::plain(map)));
+        let mut ground = vec![SceneObject { levels: roads }, SceneObject { levels: paint }];
+        let mut wear = SceneObject::of_one_level(wear::wear(map, &lanes));
+        // From afar plain asphalt suffices.
+        wear.levels.push(LodMesh { mesh: Mesh::default(), error_m: wear::SEEN_M });
+        ground.push(SceneObject::of_one_level(roads::plain(map)));
         ground.push(wear);
-        ground.push(Object::of_one_level(lying));
+        ground.push(SceneObject::of_one_level(lying));
         ground.retain(|object| !object.is_empty());
         let finest = ground.iter().chain(&objects).filter_map(|object| object.levels.first());
         let top = finest.map(|level| level.mesh.bounds()[1].z).fold(1.0, f32::max);
@@ -269,12 +274,12 @@ impl SceneDescription {
         Self { ground, objects, walls, bounds, lamps }
     }
 
-    /// The walls alone, as far as the map states them.
+    /// The occluding walls alone, for a map without meshes.
     pub fn walls_of(map: &CityMap) -> Vec<Wall> {
         let pieces = map.scenery.iter().enumerate();
         let buildings = pieces.filter(|(_, piece)| piece.kind == SceneryKind::Building);
         buildings
-            .flat_map(|(index, piece)| buildings::opaque_walls(&Place { piece, seed: index as u32 }))
+            .flat_map(|(index, piece)| buildings::opaque_walls(&SeededScenery { piece, seed: index as u32 }))
             .collect()
     }
 
@@ -284,22 +289,22 @@ impl SceneDescription {
     }
 }
 
-/// A piece of scenery and a number of its own, for variety that is the same every time.
-struct Place<'a> {
+/// A scenery item with a random seed of its own, for deterministic variety.
+struct SeededScenery<'a> {
     piece: &'a super::Scenery,
     seed: u32,
 }
 
-impl Place<'_> {
-    /// A number in [0, 1), another one for each `salt`.
+impl SeededScenery<'_> {
+    /// A hashed number in [0, 1) for each `salt`.
     fn dice(&self, salt: u32) -> f32 {
         dice(self.seed, salt)
     }
 }
 
-/// A number in [0, 1) for two integers.
+/// A hashed number in [0, 1) for two integers.
 fn dice(seed: u32, salt: u32) -> f32 {
-    scatter::unit(seed.wrapping_mul(0x9E37_79B1) ^ salt.wrapping_mul(0x85EB_CA77))
+    hash::unit_f32(seed.wrapping_mul(0x9E37_79B1) ^ salt.wrapping_mul(0x85EB_CA77))
 }
 
 #[cfg(test)]

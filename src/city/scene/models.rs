@@ -1,20 +1,20 @@
-//! Models from files at the places that the map gives them.
+//! Places model files on the map.
 
-use super::Object;
+use super::SceneObject;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::roads::GRASS_M;
 use crate::city::{CityMap, PlacedModel};
-use crate::model::{Material, Model, Node};
+use crate::model::{Material, Model, ModelNode};
 use glam::{Affine3A, Quat, Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Nodes of these beginnings stand in for all others at a distance, the latter at a greater one.
+/// Name prefixes of the nodes of distant levels of detail.
 const FAR: [&str; 2] = ["far_", "farther_"];
-/// One repeat of a pattern, where a file does not lay it on.
+/// Texture repeat for files without texture coordinates.
 const REPEAT_M: f32 = 2.0;
 
-/// Materials of these names get the pattern of that surface, and what is not built its class.
+/// Surface and class by material name.
 const SURFACES: [(&str, Surface, Class); 27] = [
     ("brick", Surface::Brick, Class::Building),
     ("concrete", Surface::Concrete, Class::Building),
@@ -45,7 +45,7 @@ const SURFACES: [(&str, Surface, Class); 27] = [
     ("lantern", Surface::Lantern, Class::Pole),
 ];
 
-/// The look of a material; what has no class of its own is of `class`.
+/// The finish of a material; `class` is the default class.
 fn finish_of(material: &Material, class: Class) -> Finish {
     let name = material.name.split('.').next().unwrap_or_default().to_ascii_lowercase();
     let known = SURFACES.iter().find(|(known, ..)| *known == name);
@@ -55,7 +55,7 @@ fn finish_of(material: &Material, class: Class) -> Finish {
     Finish::new(surface, material.colour, class)
 }
 
-/// Where a point of a face lies on a pattern that is laid on from the nearest axis.
+/// Texture coordinates projected along the nearest axis (box mapping).
 fn laid_on(position: Vec3, normal: Vec3) -> Vec2 {
     let n = normal.abs();
     let at = if n.z >= n.x && n.z >= n.y {
@@ -68,7 +68,7 @@ fn laid_on(position: Vec3, normal: Vec3) -> Vec2 {
     at / REPEAT_M
 }
 
-fn add(mesh: &mut Mesh, model: &Model, class: Class, wanted: impl Fn(&Node) -> bool) {
+fn add(mesh: &mut Mesh, model: &Model, class: Class, wanted: impl Fn(&ModelNode) -> bool) {
     for node in model.nodes.iter().filter(|node| wanted(node)) {
         let here = node.model_from_mesh;
         let turn = here.matrix3.inverse().transpose();
@@ -79,7 +79,7 @@ fn add(mesh: &mut Mesh, model: &Model, class: Class, wanted: impl Fn(&Node) -> b
             mesh.vertices.extend(part.vertices.iter().map(|v| Vertex {
                 position: here.transform_point3(v.position),
                 normal: Vec3::from(turn * glam::Vec3A::from(v.normal)).normalize_or(Vec3::Z),
-                // Files count v downwards.
+                // glTF counts v downwards.
                 uv: if is_laid_on { Vec2::new(v.uv.x, -v.uv.y) } else { laid_on(v.position, v.normal) },
                 finish,
                 openness: v.openness,
@@ -93,27 +93,27 @@ fn add(mesh: &mut Mesh, model: &Model, class: Class, wanted: impl Fn(&Node) -> b
     }
 }
 
-/// How far the shapes of nodes for a distance may lie from that of the others, unless their outlines say more.
+/// Least errors of the distant levels of detail.
 pub(super) const FAR_ERRORS_M: [f32; 2] = [0.3, 0.6];
 
-/// A model in its own frame, with what it has for a distance; what its materials do not tell is of `class`.
-pub(super) fn object(model: &Model, class: Class, far_errors_m: [f32; 2]) -> Object {
-    // Which stand-in a node is of; `None` of the model itself.
-    let rank = |node: &Node| FAR.iter().position(|start| node.name.starts_with(start));
+/// A model with its levels of detail; `class` is the default class.
+pub(super) fn object(model: &Model, class: Class, far_errors_m: [f32; 2]) -> SceneObject {
+    // Distant level that a node belongs to; `None` for the finest one.
+    let rank = |node: &ModelNode| FAR.iter().position(|start| node.name.starts_with(start));
     let mesh = |wanted: Option<usize>| {
         let mut mesh = Mesh::default();
         add(&mut mesh, model, class, |node| rank(node) == wanted);
         mesh
     };
-    let mut object = Object::of_one_level(mesh(None));
+    let mut object = SceneObject::of_one_level(mesh(None));
     for (k, error_m) in far_errors_m.into_iter().enumerate() {
         object.add_level(mesh(Some(k)), error_m);
     }
     object
 }
 
-/// All models that the map places.
-pub(super) fn place(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Vec<Object> {
+/// Instances of all models on the map.
+pub(super) fn place(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Vec<SceneObject> {
     let placed = map.models.iter().filter_map(|placed| Some((placed, models.get(&placed.file)?)));
     placed
         .map(|(PlacedModel { at, front_rad, size, .. }, model)| {

@@ -1,15 +1,15 @@
-//! Cars that stand in the bays of car parks.
+//! Parked cars in the bays of car parks.
 
-use super::car_parks::{Bay, CAR_PARK_M, bays_of};
+use super::car_parks::{CAR_PARK_M, ParkingBay, bays_of};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
-use super::{Level, Object};
-use crate::city::{CityMap, SceneryKind, Shape};
-use crate::model::{Measures, Part, car, fitted};
+use super::{LodMesh, SceneObject};
+use crate::city::{CityMap, Footprint, SceneryKind};
+use crate::model::{Measures, MeshPrimitive, car, fitted};
 use glam::{Affine3A, Mat3, Vec3};
 
-/// How many of a hundred bays are taken.
+/// Share of occupied bays.
 const TAKEN: f32 = 0.42;
-/// Bays are narrower than the lanes of the testbed's wide cars: what stands in them is of usual size.
+/// Bays are narrower than the lanes of the testbed's wide cars: parked cars have usual dimensions.
 const SIZE: Measures =
     Measures { length: 4.35, width: 2.06, height: 1.46, wheelbase: 2.6, wheel_radius: 0.32 };
 
@@ -24,8 +24,8 @@ const COLOURS: [[u8; 3]; 8] = [
     [74, 92, 80],
 ];
 
-/// The look of a material of a car in the street, in white.
-fn finish_of(part: &Part) -> Finish {
+/// The finish of a car material, in white.
+fn finish_of(part: &MeshPrimitive) -> Finish {
     let colour = part.material.colour;
     let (surface, colour) = match part.material.name.as_str() {
         "paint" => (Surface::CarPaint, [255, 255, 255]),
@@ -37,7 +37,7 @@ fn finish_of(part: &Part) -> Finish {
     Finish::new(surface, colour, Class::Vehicle)
 }
 
-fn add(mesh: &mut Mesh, parts: &[Part], place: impl Fn(Vec3) -> Vec3, turn: impl Fn(Vec3) -> Vec3) {
+fn add(mesh: &mut Mesh, parts: &[MeshPrimitive], place: impl Fn(Vec3) -> Vec3, turn: impl Fn(Vec3) -> Vec3) {
     for part in parts {
         let finish = finish_of(part);
         let base = mesh.vertices.len() as u32;
@@ -52,17 +52,17 @@ fn add(mesh: &mut Mesh, parts: &[Part], place: impl Fn(Vec3) -> Vec3, turn: impl
     }
 }
 
-/// By how much the bodies of few faces differ from the full ones.
+/// Error of the simplified bodies.
 const COARSENESS_M: f32 = 0.16;
 
-/// A car in white at all its levels of detail, about the middle of its outline on the ground.
-fn car_object(shape: &car::Shape) -> Object {
+/// A white car at all levels of detail, origin at the middle of its outline on the ground.
+fn car_object(shape: &car::CarShape) -> SceneObject {
     let height = SIZE.height * shape.height / car::SEDAN.height * if shape.height > 2.0 { 0.95 } else { 1.0 };
     let model = fitted(&car::model(shape), &Measures { height, ..SIZE });
     let half_track = model.half_track.unwrap_or(0.8);
     let bodies = [Some(&model.body), model.far_body.as_ref()];
     let wheels = [Some(&model.wheel), model.far_wheel.as_ref()];
-    let mut object = Object::default();
+    let mut object = SceneObject::default();
     for ((error_m, body), wheel) in [0.0, COARSENESS_M].into_iter().zip(bodies).zip(wheels) {
         let mut mesh = Mesh::default();
         add(&mut mesh, body.unwrap_or(&model.body), |v| v, |n| n);
@@ -71,25 +71,25 @@ fn car_object(shape: &car::Shape) -> Object {
             let about = |v: Vec3| Vec3::new(side * v.x, side * v.y, v.z);
             add(&mut mesh, wheel.unwrap_or(&model.wheel), |v| hub + about(v), about);
         }
-        object.levels.push(Level { mesh, error_m });
+        object.levels.push(LodMesh { mesh, error_m });
     }
     object.add_coarser_levels();
     object
 }
 
-/// Parks cars in some bays of car parks with these drives.
-pub(super) fn cars(map: &CityMap, drives: &[&Shape]) -> Vec<Object> {
+/// Parks cars in some bays of car parks with these driveways.
+pub(super) fn cars(map: &CityMap, drives: &[&Footprint]) -> Vec<SceneObject> {
     let mut parked = Vec::new();
     let bodies = [car::HATCHBACK, car::SEDAN, car::SUV, car::VAN].map(|shape| car_object(&shape));
-    /// Which of them stand about, by how usual they are.
+    /// Body types by frequency.
     const USUAL: [usize; 7] = [0, 1, 2, 0, 3, 2, 1];
     let parks = map.scenery.iter().enumerate().filter(|(_, piece)| piece.kind == SceneryKind::Parking);
     for (index, piece) in parks {
-        let Shape::Polygon(ring) = &piece.shape else { continue };
+        let Footprint::Polygon(ring) = &piece.shape else { continue };
         let bays = bays_of(&super::polygon::counter_clockwise(ring), drives);
-        for (number, Bay { middle, ahead }) in bays.into_iter().enumerate() {
+        for (number, ParkingBay { middle, ahead }) in bays.into_iter().enumerate() {
             let dice = |salt: u32| super::dice(index as u32 * 131 + number as u32, salt);
-            // The first is for wheelchairs.
+            // The first bay is for wheelchairs.
             if number == 0 || dice(1) > TAKEN {
                 continue;
             }

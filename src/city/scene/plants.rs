@@ -2,25 +2,25 @@
 
 use super::grounds::ring_of;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
-use super::{Object, Place};
-use crate::city::Shape;
+use super::{SceneObject, SeededScenery};
+use crate::city::Footprint;
 use glam::{Vec2, Vec3};
 
 const HEDGE: Finish = Finish::new(Surface::Leaves, [104, 128, 74], Class::Vegetation);
 
-/// Stations of a hedge are this far apart.
+/// Spacing of cross-sections along a hedge.
 const STATION_M: f32 = 2.6;
 const HEDGE_WIDTH_M: f32 = 0.9;
 /// Repeats of the leaves over a metre.
 const HEDGE_REPEATS: f32 = 0.75;
 
 /// A clipped hedge along a line or within a polygon.
-pub(super) fn hedge(place: &Place<'_>) -> Object {
+pub(super) fn hedge(place: &SeededScenery<'_>) -> SceneObject {
     let height = place.piece.height_m.map_or(1.15, |h| h as f32);
     let level = |is_near: bool| {
         let mut mesh = Mesh::default();
         match &place.piece.shape {
-            Shape::Polyline(line) => {
+            Footprint::Polyline(line) => {
                 for (k, pair) in line.windows(2).enumerate() {
                     let ends = [pair[0].as_vec2(), pair[1].as_vec2()];
                     let seed = place.seed * 17 + k as u32;
@@ -34,12 +34,12 @@ pub(super) fn hedge(place: &Place<'_>) -> Object {
         }
         mesh
     };
-    let mut hedge = Object::of_one_level(level(true));
+    let mut hedge = SceneObject::of_one_level(level(true));
     hedge.add_level(level(false), 0.12);
     hedge
 }
 
-/// A straight piece. Near by its sides go in and out and its upper edges are round; from afar it is a box.
+/// A straight hedge: uneven sides and a rounded top near by, a box from afar.
 fn hedge_piece(mesh: &mut Mesh, [a, b]: [Vec2; 2], height: f32, seed: u32, is_near: bool) {
     let Some(ahead) = (b - a).try_normalize() else { return };
     let half = HEDGE_WIDTH_M / 2.0;
@@ -47,7 +47,7 @@ fn hedge_piece(mesh: &mut Mesh, [a, b]: [Vec2; 2], height: f32, seed: u32, is_ne
     let (a, b) = (a - ahead * half, b + ahead * half);
     let length = a.distance(b);
     let right = -ahead.perp();
-    // Out from the middle as a part of half the width, height as a part of the whole, light.
+    // Profile: lateral position over half the width, height over the whole, openness.
     let profile: &[(f32, f32, u8)] = if is_near {
         &[
             (0.94, 0.0, 90),
@@ -61,7 +61,7 @@ fn hedge_piece(mesh: &mut Mesh, [a, b]: [Vec2; 2], height: f32, seed: u32, is_ne
         &[(1.0, 0.0, 90), (0.95, 0.96, 235), (-0.95, 0.96, 235), (-1.0, 0.0, 90)]
     };
     let stations = if is_near { (length / STATION_M).ceil().max(1.0) as u32 } else { 1 };
-    // Of each strip from a point of the profile to the next: strips are flat, as clippers leave them.
+    // Strips between profile points are flat, like clipped hedges.
     let normal_of = |k: usize| {
         let ((out, up, _), (next, above, _)) = (profile[k], profile[k + 1]);
         (right * (above - up) * height).extend((out - next) * half).normalize_or(Vec3::Z)

@@ -1,4 +1,4 @@
-//! Polygons with holes, and triangles that cover them.
+//! Polygons with holes: Boolean operations, simplification, triangulation.
 
 use earcut::{Earcut, Refiner};
 use glam::DVec2;
@@ -22,7 +22,7 @@ pub fn doubled_area(ring: &[DVec2]) -> f64 {
     ring.iter().enumerate().map(|(k, a)| a.perp_dot(ring[(k + 1) % ring.len()])).sum()
 }
 
-/// The ring, counter-clockwise.
+/// The ring in counter-clockwise order.
 pub fn counter_clockwise(ring: &[DVec2]) -> Vec<DVec2> {
     let mut ring = ring.to_vec();
     if doubled_area(&ring) < 0.0 {
@@ -31,7 +31,8 @@ pub fn counter_clockwise(ring: &[DVec2]) -> Vec<DVec2> {
     ring
 }
 
-/// Outwards at a corner of a counter-clockwise ring, longer there so that a band of even width keeps it.
+/// The outward mitre vector at a corner of a counter-clockwise ring: longer than 1, so that an offset band
+/// keeps its width.
 pub(super) fn mitre(ring: &[DVec2], corner: usize) -> DVec2 {
     let count = ring.len();
     let at = |k: usize| ring[k % count];
@@ -42,7 +43,8 @@ pub(super) fn mitre(ring: &[DVec2], corner: usize) -> DVec2 {
     -mean.perp() / mean.dot(before).max(0.4)
 }
 
-/// Drops points that lie within `tolerance` of the line through those kept (Douglas, Peucker 1973).
+/// Line simplification by Douglas and Peucker 1973: drops points within `tolerance` of the line through those
+/// kept.
 pub fn simplify_ring(ring: &[DVec2], tolerance: f64) -> Vec<DVec2> {
     if ring.len() < 5 {
         return ring.to_vec();
@@ -60,7 +62,7 @@ pub fn simplify_ring(ring: &[DVec2], tolerance: f64) -> Vec<DVec2> {
     out
 }
 
-/// The same of a line from its first point to its last.
+/// [`simplify_ring`] for an open line.
 pub(super) fn simplify_line(line: &[DVec2], tolerance: f64) -> Vec<DVec2> {
     let (first, last) = (line[0], line[line.len() - 1]);
     let chord = (last - first).try_normalize();
@@ -80,7 +82,7 @@ pub(super) fn simplify_line(line: &[DVec2], tolerance: f64) -> Vec<DVec2> {
     }
 }
 
-/// Rings of regions as the overlay library takes them.
+/// Regions in the format of the overlay library.
 type Shapes = Vec<Vec<Vec<[f64; 2]>>>;
 
 fn shapes(regions: &[Region]) -> Shapes {
@@ -98,14 +100,14 @@ fn regions(shapes: Shapes) -> Vec<Region> {
         .collect()
 }
 
-/// What rings in either order enclose together, without what lies within `inset` of its rim.
+/// Union of rings in either order, inset by a margin (polygon offsetting).
 pub(super) fn inset_union<'r>(rings: impl IntoIterator<Item = &'r [DVec2]>, inset: f64) -> Vec<Region> {
     let simple: Vec<Region> = rings.into_iter().map(Region::simple).collect();
     let together = shapes(&simple).simplify_shape_as::<i64>(FillRule::NonZero);
     regions(together.outline_as::<i64>(&OutlineStyle::new(-inset)))
 }
 
-/// Regions without what others cover.
+/// Boolean difference of regions.
 pub(super) fn without(kept: &[Region], covered: &[Region]) -> Vec<Region> {
     regions(shapes(kept).overlay_as::<i64>(&shapes(covered), OverlayRule::Difference, FillRule::NonZero))
 }
@@ -122,8 +124,8 @@ impl Region {
         Self { outer: counter_clockwise(ring), holes: Vec::new() }
     }
 
-    /// Its parts in the squares of a grid with a node at the origin. Triangles of a part stay close together,
-    /// where those of a region that spans the city are slivers from one end to the other.
+    /// Splits the region at the cells of a grid with a node at the origin. Triangles of a cell stay compact,
+    /// while those of a city-wide region are slivers.
     pub fn in_squares(&self, edge: f64) -> Vec<Self> {
         let corners = || self.outer.iter().copied();
         let (low, high) =
@@ -143,7 +145,8 @@ impl Region {
         regions(self.contours().slice_by_as::<i64>(&lines, FillRule::EvenOdd))
     }
 
-    /// Triangles that cover the region, corners counter-clockwise.
+    /// Constrained Delaunay triangulation: ear clipping, then Lawson edge flips. Corners are
+    /// counter-clockwise.
     pub fn triangulate(&self) -> Vec<[DVec2; 3]> {
         let mut points: Vec<[f64; 2]> = self.outer.iter().map(DVec2::to_array).collect();
         let mut starts: Vec<u32> = Vec::new();
@@ -153,7 +156,7 @@ impl Region {
         }
         let mut corners: Vec<u32> = Vec::new();
         Earcut::new().earcut(points.iter().copied(), &starts, &mut corners);
-        // Short edges instead of slivers: on a software adapter edges cost more than what they enclose.
+        // Edge flips shorten edges: on a software adapter edges cost more than the area that they enclose.
         Refiner::new().refine(&mut corners, &points);
         let at = |k: u32| DVec2::from(points[k as usize]);
         let triangles = corners.chunks_exact(3).map(|t| [at(t[0]), at(t[1]), at(t[2])]);
@@ -231,7 +234,7 @@ mod tests {
 
     #[test]
     fn what_is_covered_is_cut_out_but_for_a_rim() {
-        // Two sheets that touch, one turned the other way round, on a larger one.
+        // Two touching rings of opposite order on a larger one.
         let rectangle = |low: [f64; 2], high: [f64; 2]| {
             [low, [high[0], low[1]], high, [low[0], high[1]]].map(DVec2::from).to_vec()
         };
@@ -243,7 +246,7 @@ mod tests {
         let kept = without(&[Region::simple(&rectangle([-2.0, -2.0], [10.0, 5.0]))], &covered);
         assert_eq!((kept.len(), kept[0].holes.len()), (1, 1));
         assert!((area(&kept[0]) - (12.0 * 7.0 - 14.0)).abs() < 1e-3, "{kept:?}");
-        // Nothing is left of what is narrower than two rims.
+        // Shapes narrower than two insets vanish.
         assert!(inset_union([&rectangle([0.0, 0.0], [9.0, 0.9])[..]], 0.5).is_empty());
     }
 

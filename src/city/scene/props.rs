@@ -1,13 +1,13 @@
-//! Walls, a playground, and where furniture stands.
+//! Garden walls, playgrounds, and placement of furniture.
 
-use super::furniture::{Furniture, Piece};
+use super::furniture::{Furniture, FurnitureKind};
 use super::grounds::ring_of;
-use super::lanes::LaneBoxes;
+use super::lanes::LaneBoxIndex;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::Region;
 use super::roads::level;
-use super::{Object, Place};
-use crate::city::Shape;
+use super::{SceneObject, SeededScenery};
+use crate::city::Footprint;
 use glam::{DVec2, Vec2, Vec3};
 
 const STONE_WALL: Finish = Finish::new(Surface::Brick, [188, 168, 146], Class::Wall);
@@ -15,7 +15,7 @@ const COPING: Finish = Finish::new(Surface::Concrete, [196, 192, 184], Class::Wa
 const SLATS: Finish = Finish::new(Surface::Wood, [150, 108, 70], Class::Furniture);
 const IRON: Finish = Finish::new(Surface::Metal, [58, 60, 62], Class::Furniture);
 
-/// Furniture stands in lawns and between slabs.
+/// Depth of furniture feet in lawns and between slabs.
 const FOOT_M: f32 = 0.13;
 
 /// A prism along an open line.
@@ -31,10 +31,10 @@ pub(super) fn along(mesh: &mut Mesh, line: &[DVec2], width: f32, height: f32, si
     }
 }
 
-pub(super) fn wall(mesh: &mut Mesh, place: &Place<'_>) {
+pub(super) fn wall(mesh: &mut Mesh, place: &SeededScenery<'_>) {
     let height = place.piece.height_m.map_or(0.9, |h| h as f32);
     match &place.piece.shape {
-        Shape::Polyline(line) => {
+        Footprint::Polyline(line) => {
             along(mesh, line, 0.30, height, STONE_WALL, STONE_WALL);
             for pair in line.windows(2) {
                 let (a, b) = (pair[0].as_vec2(), pair[1].as_vec2());
@@ -50,19 +50,19 @@ pub(super) fn wall(mesh: &mut Mesh, place: &Place<'_>) {
     }
 }
 
-fn middle(shape: &Shape) -> Vec2 {
+fn middle(shape: &Footprint) -> Vec2 {
     match shape {
-        Shape::Circle { centre, .. } => centre.as_vec2(),
-        Shape::Polygon(points) | Shape::Polyline(points) => {
+        Footprint::Circle { centre, .. } => centre.as_vec2(),
+        Footprint::Polygon(points) | Footprint::Polyline(points) => {
             points.iter().map(|p| p.as_vec2()).sum::<Vec2>() / points.len().max(1) as f32
         }
     }
 }
 
 /// Length, width and heading of a rectangular ground plan.
-fn rectangle(shape: &Shape) -> (f32, f32, f32) {
+fn rectangle(shape: &Footprint) -> (f32, f32, f32) {
     match shape {
-        Shape::Polygon(points) | Shape::Polyline(points) if points.len() > 2 => {
+        Footprint::Polygon(points) | Footprint::Polyline(points) if points.len() > 2 => {
             let (a, b) = ((points[1] - points[0]).as_vec2(), (points[2] - points[1]).as_vec2());
             if a.length() >= b.length() {
                 (a.length(), b.length(), a.to_angle())
@@ -75,40 +75,48 @@ fn rectangle(shape: &Shape) -> (f32, f32, f32) {
 }
 
 /// A street lamp whose arm reaches over the nearest lane.
-pub(super) fn lamp(place: &Place<'_>, lanes: &LaneBoxes<'_>, furniture: &Furniture) -> Object {
+pub(super) fn lamp(
+    place: &SeededScenery<'_>,
+    lanes: &LaneBoxIndex<'_>,
+    furniture: &Furniture,
+) -> SceneObject {
     let foot = middle(&place.piece.shape);
     let nearest = lanes.nearest(foot.as_dvec2());
     let towards = nearest.map_or(Vec2::X, |at| (at.as_vec2() - foot).normalize_or(Vec2::X));
-    // As high as the map says, if it says it.
-    let stated = place.piece.height_m.zip(furniture.height(Piece::Lamp));
+    // The stated height scales the lamp.
+    let stated = place.piece.height_m.zip(furniture.height(FurnitureKind::Lamp));
     let scale = stated.map_or(1.0, |(stated, own)| stated as f32 / own);
-    furniture.place(Piece::Lamp, foot.extend(0.08), towards, scale)
+    furniture.place(FurnitureKind::Lamp, foot.extend(0.08), towards, scale)
 }
 
 /// A bench, and for some a bin beside it.
-pub(super) fn bench(place: &Place<'_>, furniture: &Furniture, is_free: impl Fn(Vec2) -> bool) -> Vec<Object> {
+pub(super) fn bench(
+    place: &SeededScenery<'_>,
+    furniture: &Furniture,
+    is_free: impl Fn(Vec2) -> bool,
+) -> Vec<SceneObject> {
     let (length, _, yaw) = rectangle(&place.piece.shape);
     let at = middle(&place.piece.shape);
     let ahead = Vec2::from_angle(yaw);
     let front = -ahead.perp();
-    let mut pieces = vec![furniture.place(Piece::Bench, at.extend(FOOT_M), front, 1.0)];
+    let mut pieces = vec![furniture.place(FurnitureKind::Bench, at.extend(FOOT_M), front, 1.0)];
     let beside = [1.0_f32, -1.0].map(|side| at + ahead * (side * (length / 2.0 + 0.55)));
     if place.dice(2) < 0.5
         && let Some(&spot) = beside.iter().find(|&&spot| is_free(spot))
     {
-        pieces.push(furniture.place(Piece::Bin, spot.extend(FOOT_M), front, 1.0));
+        pieces.push(furniture.place(FurnitureKind::Bin, spot.extend(FOOT_M), front, 1.0));
     }
     pieces
 }
 
-pub(super) fn picnic_table(place: &Place<'_>, furniture: &Furniture) -> Object {
+pub(super) fn picnic_table(place: &SeededScenery<'_>, furniture: &Furniture) -> SceneObject {
     let (.., yaw) = rectangle(&place.piece.shape);
     let front = -Vec2::from_angle(yaw).perp();
-    furniture.place(Piece::PicnicTable, middle(&place.piece.shape).extend(FOOT_M), front, 1.0)
+    furniture.place(FurnitureKind::PicnicTable, middle(&place.piece.shape).extend(FOOT_M), front, 1.0)
 }
 
 /// Sand with a swing, a slide and a climbing frame.
-pub(super) fn playground(mesh: &mut Mesh, place: &Place<'_>) {
+pub(super) fn playground(mesh: &mut Mesh, place: &SeededScenery<'_>) {
     const RED: Finish = Finish::new(Surface::Metal, [204, 58, 48], Class::Furniture);
     const BLUE: Finish = Finish::new(Surface::Metal, [52, 108, 178], Class::Furniture);
     const YELLOW: Finish = Finish::new(Surface::Metal, [236, 190, 60], Class::Furniture);

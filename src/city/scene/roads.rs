@@ -1,34 +1,34 @@
-//! Ground: asphalt from the union of all lanes, pavements along its outline, grass beyond.
+//! Ground meshes: asphalt from the union of all lanes, pavements along its outline, grass beyond.
 
 use super::CELL_M;
-use super::field::{Field, regions_of, simplified};
+use super::field::{DistanceField, regions_of, simplified};
 use super::kerbs::{self, Kerb};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::polygon::{Region, inset_union, mitre, without};
-use super::taut::taut;
-use crate::city::{CityMap, Lane, LaneId, SceneryKind, Shape};
+use super::smoothing::smooth_outlines;
+use crate::city::{CityMap, Footprint, Lane, LaneId, SceneryKind};
 use crate::geom::Segment;
 use glam::{DVec2, Vec2, Vec3};
 
-/// Distance between nodes of the grid.
+/// Grid spacing of the distance field.
 const STEP_M: f64 = 0.25;
-/// Corners between roads are rounded with this radius; narrower gaps are road.
+/// Fillet radius of corners between roads; narrower gaps become road.
 const FILLET_M: f64 = 2.2;
 /// Asphalt beyond the outermost lanes.
 pub(super) const SHOULDER_M: f32 = 0.30;
 const PAVEMENT_M: f32 = 2.0;
-/// Distances are worked out this far beyond what is asked of them.
+/// Distances are computed this far beyond what is needed.
 const BEYOND_M: f64 = 0.6;
 /// Around everything.
 const MARGIN_M: f64 = 14.0;
-/// The plain around the city is a mesh of lines so far away from it, to the haze: where light is worked out at
-/// vertices, so is the haze.
+/// Grid lines of the plain around the city, as distances from it, out to the haze. Per-vertex lighting
+/// computes haze at vertices, so it needs lines in between.
 const PLAIN_LINES_M: [f32; 5] = [50.0, 120.0, 240.0, 480.0, 1400.0];
-/// How far ahead of a bend its widening begins.
+/// Taper length in front of a widened bend.
 const TAPER_M: f64 = 5.0;
-/// The ends of lanes keep so far from what stands beside them, where there is a choice.
+/// Clearance between smoothed outlines and obstacles.
 const KEPT_M: f64 = 1.2;
-/// Holes in the asphalt that are smaller are no islands.
+/// Smaller holes in the asphalt are filled.
 const LEAST_ISLAND_M2: f64 = 2.5;
 
 pub(super) const KERB_M: f32 = 0.12;
@@ -37,24 +37,23 @@ pub(super) const GRASS_M: f32 = 0.10;
 
 pub const ASPHALT: Finish = Finish::new(Surface::Asphalt, [110, 110, 112], Class::Road);
 pub(super) const GRASS: Finish = Finish::new(Surface::Grass, [104, 118, 74], Class::Grass);
-/// Metres for one repeat of its slabs.
+/// Texture repeat of the slabs, metres.
 pub(super) const PAVEMENT_REPEAT_M: f32 = 2.4;
 pub(super) const PAVEMENT: Finish = Finish::new(Surface::Slabs, [172, 166, 156], Class::Pavement);
 
-/// The road surface as a field: signed distance to the edge of the outermost lanes, negative on the
-/// road, corners rounded; infinite far from any.
+/// The signed distance field of the road surface: negative on the road, corners rounded, infinite far away.
 pub(super) struct RoadField {
-    pub(super) distance: Field,
+    pub(super) distance: DistanceField,
 }
 
-/// Half widths of a lane along its length, with tapers in front of and behind widened bends.
-struct Profile {
+/// Half widths along a lane, tapered in front of and behind widened bends.
+struct WidthProfile {
     left: Vec<f64>,
     right: Vec<f64>,
     step: f64,
 }
 
-impl Profile {
+impl WidthProfile {
     fn new(map: &CityMap, lane: &Lane) -> Self {
         let length = lane.curve.length();
         let count = (length / 0.5).ceil().max(1.0) as usize;
@@ -63,7 +62,7 @@ impl Profile {
             .map(|k| lane.half_widths_at((k as f64 * step).clamp(1e-6, (length - 1e-6).max(1e-6))))
             .collect();
         let half = lane.width_m / 2.0;
-        // What bends of the lanes before and behind ask for at the ends of this one.
+        // Widening that bends of preceding and following lanes require at the ends of this lane.
         let beyond = |ids: &[LaneId], at_start: bool| {
             let near = |lane: &Lane| if at_start { (lane.curve.length() - 1e-6).max(0.0) } else { 1e-6 };
             ids.iter().map(|&id| map.lane(id)).map(|lane| lane.half_widths_at(near(lane))).collect::<Vec<_>>()
@@ -102,7 +101,7 @@ impl Profile {
     }
 }
 
-/// Arc length and lateral position of a point on a segment, also beyond its ends.
+/// Arc length and lateral offset of a point relative to a segment, also beyond its ends.
 fn on_segment(segment: &Segment, point: DVec2) -> (f64, f64) {
     let (Some(centre), Some(radius)) = (segment.centre(), segment.radius()) else {
         let offset = point - segment.start.position;
@@ -121,16 +120,16 @@ impl RoadField {
     pub(super) fn new(map: &CityMap) -> Self {
         let [low, high] = map.bounds();
         let reach = FILLET_M + BEYOND_M;
-        let mut raw = Field::new([low - MARGIN_M, high + MARGIN_M], STEP_M);
+        let mut raw = DistanceField::new([low - MARGIN_M, high + MARGIN_M], STEP_M);
         for lane in &map.lanes {
-            let profile = Profile::new(map, lane);
+            let profile = WidthProfile::new(map, lane);
             let widest = profile.widest();
             for (index, segment) in lane.curve.segments().iter().enumerate() {
                 let station = lane.curve.station(index);
                 let margin = widest + reach;
                 let ring = segment.centre().zip(segment.radius());
                 let forward = segment.start.forward();
-                // No point is nearer than the whole circle or line is; far ones do not matter.
+                // The whole circle or line gives a lower bound; far nodes are skipped.
                 let least = |point: DVec2| {
                     let away = match ring {
                         Some((centre, radius)) => (point.distance(centre) - radius).abs(),
@@ -149,23 +148,23 @@ impl RoadField {
         }
         let standing = || raw.distance_to(&standing(map), 2.0 * KEPT_M);
         let (rounded, standing) = rayon::join(|| closed(&raw, FILLET_M, reach), standing);
-        // Then pulled taut, where nothing stands in the way.
-        let outline = taut(&rounded.rings(0.0), &raw, |at| f64::from(standing.at(at)) < KEPT_M);
-        let pulled = rounded.signed_distance_to(&outline, FILLET_M);
-        let distance = rounded.with(&pulled, |was, now| if now.is_finite() { now } else { was });
+        // Then smoothed, except near obstacles.
+        let outline = smooth_outlines(&rounded.contours(0.0), &raw, |at| f64::from(standing.at(at)) < KEPT_M);
+        let smoothed = rounded.signed_distance_to(&outline, FILLET_M);
+        let distance = rounded.with(&smoothed, |was, now| if now.is_finite() { now } else { was });
         Self { distance }
     }
 }
 
-/// Closes inner corners and gaps: out by a radius, then in again, as far as `reach`.
-fn closed(raw: &Field, radius: f64, reach: f64) -> Field {
-    let out = simplified(&raw.rings(radius as f32), 0.01);
+/// Morphological closing: dilation by a radius, then erosion, as far as `reach`.
+fn closed(raw: &DistanceField, radius: f64, reach: f64) -> DistanceField {
+    let out = simplified(&raw.contours(radius as f32), 0.01);
     let back = raw.distance_to(&out, reach);
     let (radius, deepest) = (radius as f32, reach as f32);
     raw.with(&back, |raw, back| if raw >= radius { raw } else { raw.min(radius - back.min(deepest)) })
 }
 
-/// What kerbs keep clear of, as rings: the feet of trees and lamps, and what has edges.
+/// Obstacles that kerbs keep clear of, as rings: trunks, lamp posts and footprints.
 fn standing(map: &CityMap) -> Vec<Vec<DVec2>> {
     let pieces = map
         .scenery
@@ -173,15 +172,15 @@ fn standing(map: &CityMap) -> Vec<Vec<DVec2>> {
         .filter(|piece| !matches!(piece.kind, SceneryKind::Grass | SceneryKind::Paving | SceneryKind::Water));
     pieces
         .map(|piece| match &piece.shape {
-            Shape::Circle { centre, .. } => vec![*centre],
-            Shape::Polygon(ring) => ring.clone(),
-            // There and back.
-            Shape::Polyline(line) => line.iter().chain(line.iter().rev()).copied().collect(),
+            Footprint::Circle { centre, .. } => vec![*centre],
+            Footprint::Polygon(ring) => ring.clone(),
+            // Out and back along the line.
+            Footprint::Polyline(line) => line.iter().chain(line.iter().rev()).copied().collect(),
         })
         .collect()
 }
 
-/// The box around a segment of a curve and a margin.
+/// The bounding box of a segment with a margin.
 fn segment_box(segment: &Segment, margin: f64) -> [DVec2; 2] {
     let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
     let pieces = ((segment.length / 2.0).ceil() as usize).max(1);
@@ -192,7 +191,7 @@ fn segment_box(segment: &Segment, margin: f64) -> [DVec2; 2] {
     [low - margin, high + margin]
 }
 
-/// A region as a level surface, textured in metres from above.
+/// Triangulates a region as a horizontal surface with planar texture coordinates in metres.
 pub(super) fn level(mesh: &mut Mesh, region: &Region, z: f32, finish: Finish, metres_per_repeat: f32) {
     for triangle in region.in_squares(f64::from(CELL_M)).iter().flat_map(Region::triangulate) {
         let corners = triangle.map(|p| p.as_vec2().extend(z));
@@ -201,14 +200,13 @@ pub(super) fn level(mesh: &mut Mesh, region: &Region, z: f32, finish: Finish, me
     }
 }
 
-/// A band beside a closed ring: from `from` metres to its right to `to`, at two heights. Rings of a
-/// region have the region to their left, so that right is outside.
+/// A strip beside a closed ring, between two lateral offsets and heights, right of the ring. Rings of a
+/// region have the region to their left, so right is outside.
 pub(super) fn band(mesh: &mut Mesh, ring: &[DVec2], edges: [Vec2; 2], finish: Finish) {
     band_along(mesh, ring, |_| edges, finish, |along, edge| Vec2::new(along, edge.x + edge.y) / 2.0);
 }
 
-/// [`band`], with edges of their own at each corner, and texture coordinates from the way along it and the
-/// edge.
+/// [`band`] with offsets per corner and texture coordinates from the arc length and the offset.
 pub(super) fn band_along(
     mesh: &mut Mesh,
     ring: &[DVec2],
@@ -237,16 +235,16 @@ pub(super) fn band_along(
     }
 }
 
-/// How far edges may lie from where they are, level by level.
+/// Edge tolerance by level of detail.
 pub(super) const LEVELS: [f32; 3] = [0.0, 0.08, 0.30];
 
-/// Asphalt is whole in levels from this on: what lies on it is not drawn in all of them.
+/// Levels from this error on have the whole asphalt, since overlays are not drawn in all of them.
 const COVERED_BELOW_M: f32 = LEVELS[2];
 
-/// Outlines of what covers the ground, as fine as the grid has them.
+/// Outlines of all ground covers, as fine as the grid.
 pub(super) struct Outlines {
     asphalt: Vec<Vec<DVec2>>,
-    /// Where no asphalt is needed, except where it is seen from afar: something lies on it there.
+    /// Where an overlay hides the asphalt, except from afar.
     covered: Vec<Region>,
     kerbs: Vec<Vec<DVec2>>,
     /// Up to the backs of the kerbs.
@@ -259,25 +257,25 @@ fn rings_of(regions: Vec<Region>) -> Vec<Vec<DVec2>> {
     regions.into_iter().flat_map(|region| std::iter::once(region.outer).chain(region.holes)).collect()
 }
 
-/// What meets goes on so far under what is higher, so that nothing gapes where outlines are coarse.
+/// Overlap under higher surfaces, so that coarse outlines leave no gap.
 const UNDER_M: f32 = 0.18;
 
-/// Narrower strips between paving are paved.
+/// Narrower strips between paved areas are paved.
 const STRIP_M: f64 = 1.0;
 
-/// Kerbs are followed to within this at most.
+/// Finest tolerance of kerb outlines.
 const KERBS_WITHIN_M: f64 = 0.012;
 
 impl Outlines {
-    /// Beside what these shapes pave.
+    /// Outlines for a road field and further paved areas.
     pub(super) fn new(field: &RoadField, covered: Vec<Region>, paving: &[Vec<DVec2>]) -> Self {
         let road = &field.distance;
-        let kerbs = road.rings(SHOULDER_M);
+        let kerbs = road.contours(SHOULDER_M);
         // Distance from the kerb, off the road.
         let edges = regions_of(simplified(&kerbs, KERBS_WITHIN_M), LEAST_ISLAND_M2);
         let off = road.distance_to(&rings_of(edges), f64::from(PAVEMENT_M) + BEYOND_M);
         let pavement = road.with(&off, |road, off| (off - PAVEMENT_M).max(SHOULDER_M + 0.04 - road));
-        // Nobody sows strips of grass as narrow as this between pavements and what else is paved.
+        // Closes grass strips as narrow as this between pavements and other paved areas.
         let paved = rings_of(inset_union(paving.iter().map(Vec::as_slice), 0.0));
         let paved = road.signed_distance_to(&paved, BEYOND_M);
         let both = closed(&pavement.with(&paved, f32::min), STRIP_M / 2.0, BEYOND_M);
@@ -286,20 +284,20 @@ impl Outlines {
         let grass = road.with(&off, |road, off| {
             if road < SHOULDER_M { PAVEMENT_M } else { PAVEMENT_M - UNDER_M - off.min(PAVEMENT_M + 4.0) }
         });
-        let paved = simplified(&road.rings(SHOULDER_M + kerbs::WIDTH_M as f32), 2.0 * KERBS_WITHIN_M);
+        let paved = simplified(&road.contours(SHOULDER_M + kerbs::WIDTH_M as f32), 2.0 * KERBS_WITHIN_M);
         Self {
-            asphalt: road.rings(SHOULDER_M + UNDER_M),
+            asphalt: road.contours(SHOULDER_M + UNDER_M),
             covered,
             paved: regions_of(paved, LEAST_ISLAND_M2),
             kerbs,
-            pavement: pavement.rings(0.0),
-            grass: grass.rings(0.0),
+            pavement: pavement.contours(0.0),
+            grass: grass.contours(0.0),
         }
     }
 
-    /// What of the plan within a ring lies behind the kerbs.
+    /// The part of a ring that lies behind the kerbs.
     pub(super) fn beside_roads(&self, field: &RoadField, ring: &[DVec2]) -> Vec<Region> {
-        /// Between the places on the ring where the road is looked for.
+        /// Sampling distance along the ring.
         const LOOK_M: f64 = 1.0;
         let is_near = (0..ring.len()).any(|k| {
             let (from, to) = (ring[k], ring[(k + 1) % ring.len()]);
@@ -311,8 +309,8 @@ impl Outlines {
         if is_near { without(&whole, &self.paved) } else { whole.to_vec() }
     }
 
-    /// Asphalt, kerbs that are lowered before drives, pavements and grass.
-    pub(super) fn ground(&self, error_m: f32, drives: &[&Shape]) -> Mesh {
+    /// Asphalt, kerbs with lowered parts at driveways, pavements and grass.
+    pub(super) fn ground(&self, error_m: f32, drives: &[&Footprint]) -> Mesh {
         let within = |finest: f64| finest.max(f64::from(error_m));
         let regions =
             |rings: &[Vec<DVec2>], finest: f64, least| regions_of(simplified(rings, within(finest)), least);
@@ -341,7 +339,7 @@ impl Outlines {
     }
 }
 
-/// The plain around the city, to the haze.
+/// The plain around the city, out to the haze.
 pub(super) fn plain(map: &CityMap) -> Mesh {
     let [low, high] = map.bounds();
     let (low, high) = ((low - MARGIN_M + 0.6).as_vec2(), (high + MARGIN_M - 0.6).as_vec2());

@@ -1,20 +1,20 @@
-//! Road signs where the map has lines and car parks: a post and a face that whoever comes can read.
+//! Road signs at control lines and car parks: a post and a face towards approaching traffic.
 
-use super::Object;
-use super::lanes::LaneBoxes;
+use super::SceneObject;
+use super::lanes::LaneBoxIndex;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::roads::RoadField;
-use crate::city::{CityMap, ControlLineKind, Lane, LaneKind, SceneryKind, Shape};
+use crate::city::{CityMap, ControlLineKind, Footprint, Lane, LaneKind, SceneryKind};
 use crate::geom::Pose2;
 use glam::{DVec2, Vec2, Vec3};
 
-/// Cells along and up the layer of [`Surface::Signs`].
+/// Atlas cells along and up the layer of [`Surface::Signs`].
 const CELLS: usize = 4;
 const FACE: Finish = Finish::new(Surface::Signs, [255, 255, 255], Class::Sign);
 const BACK: Finish = Finish::new(Surface::Metal, [126, 130, 134], Class::Sign);
 const POST: Finish = Finish::new(Surface::Metal, [118, 122, 126], Class::Pole);
 
-/// The sign drawn at a place of the layer, counted from the lowest row, and where in its cell that is.
+/// The sign at a texture coordinate, counted from the lowest row, and the position inside its cell.
 pub fn sign_cell([u, v]: [f32; 2]) -> (usize, [f32; 2]) {
     let (x, y) = (u * CELLS as f32, v * CELLS as f32);
     (y.floor() as usize * CELLS + x.floor() as usize, [x.fract(), y.fract()])
@@ -29,7 +29,7 @@ enum Sign {
 }
 
 impl Sign {
-    /// Corners in the cell's coordinates from -1 to 1, counter-clockwise for a reader.
+    /// Corners in cell coordinates from -1 to 1, counter-clockwise for a reader.
     fn outline(self) -> Vec<Vec2> {
         let round = |count: usize, turn: f32, radius: f32| {
             (0..count)
@@ -55,22 +55,23 @@ const HALF_M: f32 = 0.36;
 /// Height of a sign's middle.
 const MIDDLE_M: f32 = 2.35;
 
-/// A sign on a post of its own, read by those who drive along `towards`.
-fn stand(foot: Vec2, towards: Vec2, signs: &[Sign]) -> Object {
-    let mut object = Object::of_one_level(draw(foot, towards, signs, 5));
+/// Signs on a post, read by traffic that drives along `towards`.
+fn stand(foot: Vec2, towards: Vec2, signs: &[Sign]) -> SceneObject {
+    let mut object = SceneObject::of_one_level(draw(foot, towards, signs, 5));
     object.add_level(draw(foot, towards, signs, 3), 0.04);
     object.add_level(draw(foot, towards, signs, 1), 0.115);
     object
 }
 
-/// With so many faces around the post; three and one are for a distance, the face square in the latter.
+/// Mesh with this number of post faces; three and one are distant levels of detail, the sign face square in
+/// the latter.
 fn draw(foot: Vec2, towards: Vec2, signs: &[Sign], sides: u32) -> Mesh {
     let mut mesh = Mesh::default();
     let top = MIDDLE_M + HALF_M + 0.05;
-    // A point has no lid.
+    // A pointed post has no lid.
     let thin = if sides > 3 { 0.038 } else { 0.0 };
     mesh.frustum(foot.extend(0.1), [0.038, thin], top - 0.1, sides.max(3), POST);
-    // Readers look along `towards`: their right is its right.
+    // Readers look along `towards` and share its right.
     let right = (-towards.perp()).extend(0.0);
     for (k, &sign) in signs.iter().enumerate() {
         let middle = foot.extend(MIDDLE_M - 0.80 * k as f32) - towards.extend(0.0) * 0.05;
@@ -99,23 +100,23 @@ fn draw(foot: Vec2, towards: Vec2, signs: &[Sign], sides: u32) -> Mesh {
     mesh
 }
 
-/// How far a post has to be from what stands there, metres.
+/// Clearances of a post, metres.
 #[derive(Clone, Copy)]
-struct Clear {
-    /// From crowns: in one where negative.
+struct SignClearance {
+    /// From crowns; negative values are inside.
     trees_m: f64,
     buildings_m: f64,
 }
 
-/// In the order of preference: off the steps of doors, and rather a little farther away than in the leaves of a tree.
-const CLEAR: [Clear; 3] = [
-    Clear { trees_m: HALF_M as f64, buildings_m: 0.8 },
-    Clear { trees_m: HALF_M as f64, buildings_m: 0.25 },
-    Clear { trees_m: -0.4, buildings_m: 0.25 },
+/// Clearances in order of preference: off door steps first, and farther away before inside leaves.
+const CLEAR: [SignClearance; 3] = [
+    SignClearance { trees_m: HALF_M as f64, buildings_m: 0.8 },
+    SignClearance { trees_m: HALF_M as f64, buildings_m: 0.25 },
+    SignClearance { trees_m: -0.4, buildings_m: 0.25 },
 ];
 
-/// To the right of the road at a pose: the nearest place behind the kerb, if there is one.
-fn roadside(map: &CityMap, field: &RoadField, pose: Pose2, clear: Clear) -> Option<DVec2> {
+/// The nearest free position behind the kerb to the right of a pose.
+fn roadside(map: &CityMap, field: &RoadField, pose: Pose2, clear: SignClearance) -> Option<DVec2> {
     let beside = |out: f64| pose.point_at(0.0, -out);
     let kerb = (10..60).map(|k| f64::from(k) * 0.1).find(|&out| field.distance.at(beside(out)) > 0.75)?;
     let at = beside(kerb);
@@ -132,7 +133,7 @@ fn roadside(map: &CityMap, field: &RoadField, pose: Pose2, clear: Clear) -> Opti
 }
 
 fn at_line(map: &CityMap, field: &RoadField, lane: &Lane, at_m: f64) -> Option<(DVec2, Vec2)> {
-    let try_at = |back: f64, clear: Clear| {
+    let try_at = |back: f64, clear: SignClearance| {
         let pose = lane.curve.at((at_m - back).max(0.0)).pose;
         Some((roadside(map, field, pose, clear)?, pose.forward().as_vec2()))
     };
@@ -142,12 +143,12 @@ fn at_line(map: &CityMap, field: &RoadField, lane: &Lane, at_m: f64) -> Option<(
 }
 
 /// Signs at stop and yield lines and at car parks.
-pub(super) fn signs(map: &CityMap, field: &RoadField, lanes: &LaneBoxes<'_>) -> Vec<Object> {
+pub(super) fn signs(map: &CityMap, field: &RoadField, lanes: &LaneBoxIndex<'_>) -> Vec<SceneObject> {
     let mut found = Vec::new();
     let mut standing: Vec<DVec2> = Vec::new();
     for line in &map.lines {
         let lane = map.lane(line.lane);
-        // The neighbour on the right stands nearer to the kerb.
+        // The right neighbour is closer to the kerb.
         if lane.right.is_some_and(|right| map.lines.iter().any(|l| l.lane == right)) {
             continue;
         }
@@ -155,7 +156,7 @@ pub(super) fn signs(map: &CityMap, field: &RoadField, lanes: &LaneBoxes<'_>) -> 
         if standing.iter().any(|known| known.distance(at) < 1.2) {
             continue;
         }
-        // Lanes of a ring turn left all the way.
+        // Lanes of a roundabout turn left throughout.
         let is_ring = |lane: &Lane| {
             let bend = |part: f64| lane.curve.at(lane.curve.length() * part).curvature;
             lane.kind == LaneKind::Lane && [0.1, 0.5, 0.9].iter().all(|&part| bend(part) > 0.04)
@@ -172,7 +173,7 @@ pub(super) fn signs(map: &CityMap, field: &RoadField, lanes: &LaneBoxes<'_>) -> 
         standing.push(at);
     }
     for piece in map.scenery.iter().filter(|piece| piece.kind == SceneryKind::Parking) {
-        let Shape::Polygon(corners) = &piece.shape else { continue };
+        let Footprint::Polygon(corners) = &piece.shape else { continue };
         let middle = corners.iter().copied().sum::<DVec2>() / corners.len().max(1) as f64;
         // At the corner nearest to a road, read from the road.
         let away = |at: DVec2| lanes.nearest(at).map_or(f64::INFINITY, |nearest| nearest.distance(at));

@@ -1,4 +1,4 @@
-//! What only some buildings have: canopies, pavilions, towers, domes.
+//! Special buildings by name: canopies, pavilions, towers, domes.
 
 use super::buildings::DARK;
 use super::lettering;
@@ -17,7 +17,7 @@ fn middle(ring: &[Vec2]) -> Vec2 {
     ring.iter().copied().sum::<Vec2>() / ring.len().max(1) as f32
 }
 
-/// Builds what is open on all sides; false where the name asks for a closed building.
+/// Builds an open structure; false if the name means a closed building.
 pub(super) fn pavilion(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32) -> bool {
     let centre = middle(ring);
     let columns = |mesh: &mut Mesh, inset: f32, radius: f32, finish: Finish| {
@@ -68,13 +68,13 @@ pub(super) fn pavilion(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32) 
     false
 }
 
-/// How thick the roof of a canopy is.
+/// Roof thickness of a canopy.
 const CANOPY_M: f32 = 0.7;
-/// Length of an island under a canopy, and the height of its top.
+/// Length and top height of an island under a canopy.
 const ISLAND_M: f32 = 4.4;
 const ISLAND_TOP_M: f32 = 0.28;
 
-/// Middle and direction of the islands under a canopy.
+/// Centre and direction of the islands under a canopy.
 fn islands(ring: &[Vec2]) -> [(Vec2, Vec2); 2] {
     let across = (ring[1] - ring[0]).normalize_or(Vec2::X);
     let place = |part: f32| middle(ring) + across * (part * ring[0].distance(ring[1]));
@@ -87,7 +87,7 @@ pub(super) fn lights(name: &str, ring: &[Vec2], height: f32) -> Vec<Vec3> {
     pumps(name, ring).into_iter().map(over).collect()
 }
 
-/// Fuel pumps under a canopy: where each stands and looks to.
+/// Fuel pumps under a canopy: position and direction.
 pub(super) fn pumps(name: &str, ring: &[Vec2]) -> Vec<(Vec3, Vec2)> {
     if !name.contains("canopy") || ring.len() < 3 {
         return Vec::new();
@@ -98,11 +98,11 @@ pub(super) fn pumps(name: &str, ring: &[Vec2]) -> Vec<(Vec3, Vec2)> {
     islands(ring).into_iter().flat_map(on_island).collect()
 }
 
-/// Height of the board with the prices of a filling station, and how far it stands from the canopy.
+/// Height of a filling station's price board, and its distance from the canopy.
 const BOARD_M: f32 = 4.6;
 const BOARD_AWAY_M: f32 = 2.3;
 
-/// Where the board with the prices stands, and the way along it.
+/// Position and direction of the price board.
 pub(super) fn price_board(name: &str, ring: &[Vec2]) -> Option<(Vec2, Vec2)> {
     let away = (*ring.first()? - *ring.get(1)?).try_normalize()?;
     name.contains("canopy").then(|| (ring[0] + away * BOARD_AWAY_M, away.perp()))
@@ -133,23 +133,23 @@ pub(super) fn price_board_at((at, along): (Vec2, Vec2)) -> Mesh {
     mesh
 }
 
-/// Whether it is one of those that can be looked through: see [`pavilion`].
+/// Whether [`pavilion`] builds it.
 pub(super) fn is_open(name: &str) -> bool {
     name.contains("canopy") || name.contains("bandstand")
 }
 
-/// Columns of a theatre: part of its height, and the lintel on them: how high it is, and how far before the wall.
+/// Portico of a theatre: height share of its columns, height of the lintel, and its projection from the wall.
 const PORTICO: f32 = 0.62;
 const LINTEL_M: f32 = 0.9;
 const PORTICO_OUT_M: f32 = 1.45;
 
-/// Where the board with the name is if there is a portico: height of its middle, and how far before the wall.
+/// Height of the name board on a portico, and its distance from the wall.
 pub(super) fn board_on_portico(name: &str, height: f32) -> Option<(f32, f32)> {
     let z = 0.1 + PORTICO * height + LINTEL_M / 2.0;
     name.contains("theatre").then_some((z, PORTICO_OUT_M + 0.06))
 }
 
-/// From the middle of the town hall's tower to its walls.
+/// Half width of the town hall's tower.
 const CLOCKS_OUT_M: f32 = 1.8;
 
 /// Towers, domes and spires on closed buildings.
@@ -183,7 +183,7 @@ pub(super) fn additions(mesh: &mut Mesh, name: &str, ring: &[Vec2], height: f32)
     }
 }
 
-/// How far from the middle of a roof a tower or a dome on it reaches, where there is one.
+/// Radius of a tower or dome on the roof, if any.
 pub(super) fn spire_reach(name: &str, ring: &[Vec2]) -> Option<f32> {
     let has_one = ["town hall", "observatory", "hose tower"].iter().any(|known| name.contains(known));
     let short = ring[0].distance(ring[1]).min(ring[1].distance(ring[2]));
@@ -200,8 +200,7 @@ fn spire(mesh: &mut Mesh, foot: Vec3, half: f32, height: f32, yaw: f32, finish: 
     }
 }
 
-/// Clocks on a tower, where there are any. They are seen from farther away than the tower is simplified from, and
-/// stand out from it so far that it does not swallow them then.
+/// Clocks on a tower, if any. They protrude so far that simplified towers do not cover them.
 pub(super) fn clocks(name: &str, ring: &[Vec2], height: f32) -> Option<Mesh> {
     if !name.contains("town hall") || ring.len() < 3 {
         return None;
@@ -215,7 +214,7 @@ pub(super) fn clocks(name: &str, ring: &[Vec2], height: f32) -> Option<Mesh> {
     Some(mesh)
 }
 
-/// On a wall that looks `out`.
+/// A clock on a wall that faces `out`.
 fn clock(mesh: &mut Mesh, centre: Vec3, out: Vec2) {
     const SIDES: u32 = 16;
     const RIM_M: f32 = 0.16;

@@ -171,13 +171,15 @@ fn key_of(corners: [Vec2; 3]) -> [u32; 6] {
     [a[0], a[1], b[0], b[1], c[0], c[1]]
 }
 
-/// Leaves thin out towards the outline of what is round; a side of a hedge would be gone, seen along the road.
+/// Leaves thin out towards the silhouette of round objects; the side of a hedge, seen along the road, would
+/// vanish.
 #[test]
 fn faces_of_hedges_are_flat() {
-    let shape = crate::city::Shape::Polyline(vec![DVec2::ZERO, DVec2::new(9.0, 2.0), DVec2::new(12.0, 9.0)]);
+    let shape =
+        crate::city::Footprint::Polyline(vec![DVec2::ZERO, DVec2::new(9.0, 2.0), DVec2::new(12.0, 9.0)]);
     let mut piece = city().scenery.iter().find(|piece| piece.kind == SceneryKind::Hedge).unwrap().clone();
     piece.shape = shape;
-    for level in plants::hedge(&Place { piece: &piece, seed: 7 }).levels {
+    for level in plants::hedge(&SeededScenery { piece: &piece, seed: 7 }).levels {
         for t in level.mesh.indices.chunks_exact(3) {
             let [a, b, c] = [t[0], t[1], t[2]].map(|k| level.mesh.vertices[k as usize]);
             assert!(a.normal == b.normal && b.normal == c.normal, "{a:?} {b:?} {c:?}");
@@ -210,7 +212,7 @@ fn by_square(triangles: &[[Vec2; 3]]) -> BTreeMap<[i32; 2], Vec<[Vec2; 3]>> {
 fn yellow_lines_keep_to_the_middle_between_directions() {
     let map = city();
     let field = roads::RoadField::new(&map);
-    let mesh = markings::Paint::new(&map, &field, &lanes::LaneBoxes::new(&map)).mesh(0.0);
+    let mesh = markings::Paint::new(&map, &field, &lanes::LaneBoxIndex::new(&map)).mesh(0.0);
     let yellow = mesh.vertices.iter().filter(|v| v.finish.colour[2] < 100);
     let mut count = 0;
     for vertex in yellow {
@@ -239,8 +241,8 @@ fn what_is_planted_or_set_up_stands_behind_the_kerb() {
             _ => continue,
         };
         let points: Vec<DVec2> = match &piece.shape {
-            Shape::Circle { centre, .. } => vec![*centre],
-            Shape::Polygon(line) | Shape::Polyline(line) => line
+            Footprint::Circle { centre, .. } => vec![*centre],
+            Footprint::Polygon(line) | Footprint::Polyline(line) => line
                 .windows(2)
                 .flat_map(|pair| (0..=8).map(|k| pair[0].lerp(pair[1], f64::from(k) / 8.0)))
                 .collect(),
@@ -276,7 +278,7 @@ fn no_strip_of_grass_is_left_between_pavements_and_what_else_is_paved() {
     };
     let mut looked = 0;
     for piece in &map.scenery {
-        let (SceneryKind::Paving, Shape::Polygon(ring)) = (piece.kind, &piece.shape) else { continue };
+        let (SceneryKind::Paving, Footprint::Polygon(ring)) = (piece.kind, &piece.shape) else { continue };
         let ring = polygon::counter_clockwise(ring);
         for (k, &from) in ring.iter().enumerate() {
             let to = ring[(k + 1) % ring.len()];
@@ -374,7 +376,7 @@ fn faces_of_many_corners_stay_in_their_outline() {
 
 #[test]
 fn coarser_levels_keep_to_their_error() {
-    /// By so much coordinates of 100 m are rounded.
+    /// Rounding of coordinates at 100 m.
     const ROUNDED_M: f32 = 2e-5;
     let scene = SceneDescription::from_map(&city());
     let (mut levels, mut wrong) = (0, Vec::new());

@@ -1,15 +1,15 @@
-//! Trees of several kinds: shapes that are made once, and copies of them where the map has trees.
+//! Trees: prototypes of several species, instanced where the map has trees.
 
-use super::foliage::{Clump, Crown, Leafage, limb};
+use super::foliage::{Clump, Crown, CrownDetail, limb};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
-use super::{Object, Place};
-use crate::city::Shape;
+use super::{SceneObject, SeededScenery};
+use crate::city::Footprint;
 use glam::{Affine3A, Quat, Vec2, Vec3};
 use std::f32::consts::TAU;
 
 const BARK: Finish = Finish::new(Surface::Wood, [104, 84, 66], Class::Vegetation);
 const BIRCH_BARK: Finish = Finish::new(Surface::Wood, [206, 202, 192], Class::Vegetation);
-/// A grey that the green of a tree is laid over.
+/// A grey that is tinted with the green of a tree.
 const LEAVES: Finish = Finish::new(Surface::Leaves, [200, 200, 200], Class::Vegetation);
 const NEEDLES: Finish = Finish::new(Surface::Needles, [200, 200, 200], Class::Vegetation);
 
@@ -19,13 +19,13 @@ const GREENS: [[u8; 3]; 6] =
 const NEEDLE_GREENS: [[u8; 3]; 3] = [[118, 146, 110], [106, 134, 108], [126, 148, 104]];
 /// Crowns that are not green.
 const COPPER: [u8; 3] = [122, 92, 78];
-/// How far crowns reach beyond the circle of the drawing, which stays clear of the lanes by more.
+/// Ratio of the crown to the circle of the drawing, which keeps more clearance from lanes.
 const REACH: f32 = 1.30;
-/// Circles of the drawing that are smaller are of trees in streets.
+/// Smaller circles are street trees.
 const STREET_M: f32 = 1.27;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum TreeKind {
     /// A round crown: maple, lime.
     Round,
     /// A wide one: plane, cherry.
@@ -36,53 +36,53 @@ enum Kind {
     Spruce,
 }
 
-const KINDS: [Kind; 5] = [Kind::Round, Kind::Wide, Kind::Upright, Kind::Birch, Kind::Spruce];
-/// Of a hundred trees, in the order of [`KINDS`].
+const KINDS: [TreeKind; 5] =
+    [TreeKind::Round, TreeKind::Wide, TreeKind::Upright, TreeKind::Birch, TreeKind::Spruce];
+/// Shares of the species, in the order of [`KINDS`].
 const IN_STREETS: [f32; 5] = [0.50, 0.12, 0.18, 0.20, 0.0];
 const IN_PARKS: [f32; 5] = [0.34, 0.20, 0.12, 0.16, 0.18];
-/// Shapes of each kind.
+/// Prototypes per species.
 const VARIANTS: u32 = 3;
 
-/// How a tree is drawn at a level of detail.
+/// Level of detail of a tree.
 #[derive(Clone, Copy)]
-enum Detail {
-    /// Clumps; branches, and faces around the trunk.
-    Clumps(Leafage, u32),
-    /// A hull of so many faces around and upwards; faces around the trunk.
+enum TreeDetail {
+    /// Leaf clumps and branches; faces around the trunk.
+    Clumps(CrownDetail, u32),
+    /// A hull with these numbers of faces; faces around the trunk.
     Hull([u32; 2], u32),
 }
 
-const FINEST: Detail = Detail::Clumps(Leafage { clumps: [7, 4], sprays: 28 }, 5);
-/// For a distance; how far each may lie from the finest, in radii of the crown. Hulls are told from crowns by more
-/// than their outlines.
-const COARSER: [(Detail, f32); 6] = [
-    (Detail::Clumps(Leafage { clumps: [5, 3], sprays: 26 }, 5), 0.06),
-    (Detail::Clumps(Leafage { clumps: [4, 2], sprays: 6 }, 3), 0.10),
-    (Detail::Hull([8, 5], 3), 0.17),
-    (Detail::Hull([7, 3], 3), 0.20),
-    (Detail::Hull([5, 3], 3), 0.26),
-    (Detail::Hull([4, 2], 3), 0.54),
+const FINEST: TreeDetail = TreeDetail::Clumps(CrownDetail { clumps: [7, 4], sprays: 28 }, 5);
+/// Coarser levels with their errors in crown radii. Hulls differ from crowns by more than their silhouettes.
+const COARSER: [(TreeDetail, f32); 6] = [
+    (TreeDetail::Clumps(CrownDetail { clumps: [5, 3], sprays: 26 }, 5), 0.06),
+    (TreeDetail::Clumps(CrownDetail { clumps: [4, 2], sprays: 6 }, 3), 0.10),
+    (TreeDetail::Hull([8, 5], 3), 0.17),
+    (TreeDetail::Hull([7, 3], 3), 0.20),
+    (TreeDetail::Hull([5, 3], 3), 0.26),
+    (TreeDetail::Hull([4, 2], 3), 0.54),
 ];
 
-/// Hulls bridge the gaps between clumps and between tiers, which no outline shows: by so much of the width of a
-/// tree may they stand farther out of it than their error.
+/// Hulls bridge gaps between clumps and tiers, which silhouettes do not show: allowed excess over their
+/// error, as a share of the width.
 #[cfg(test)]
 pub(super) const BRIDGED: f32 = 0.16;
 
-/// Shapes of trees with a crown of radius 1.
-pub(super) struct Nursery {
-    shapes: Vec<Object>,
+/// Tree prototypes with a crown of radius 1.
+pub(super) struct TreePrototypes {
+    shapes: Vec<SceneObject>,
 }
 
-impl Nursery {
+impl TreePrototypes {
     pub(super) fn new() -> Self {
-        let shape = |kind: Kind, variant: u32| {
+        let shape = |kind: TreeKind, variant: u32| {
             let grown = |detail| {
                 let mut mesh = Mesh::default();
                 grow(&mut mesh, kind, variant, detail);
                 mesh
             };
-            let mut object = Object::of_one_level(grown(FINEST));
+            let mut object = SceneObject::of_one_level(grown(FINEST));
             for (detail, error_m) in COARSER {
                 object.add_level(grown(detail), error_m);
             }
@@ -92,9 +92,9 @@ impl Nursery {
         Self { shapes: KINDS.into_iter().flat_map(of_kind).collect() }
     }
 
-    /// A tree; the drawing's circle is that of its crown, its kind is drawn by lot.
-    pub(super) fn tree(&self, place: &Place<'_>) -> Object {
-        let Shape::Circle { centre, radius_m } = place.piece.shape else { return Object::default() };
+    /// A tree instance of a random species; the circle of the drawing is its crown.
+    pub(super) fn tree(&self, place: &SeededScenery<'_>) -> SceneObject {
+        let Footprint::Circle { centre, radius_m } = place.piece.shape else { return SceneObject::default() };
         let radius = radius_m as f32 * REACH;
         let shares = if (radius_m as f32) < STREET_M { IN_STREETS } else { IN_PARKS };
         let mut drawn = place.dice(3);
@@ -106,8 +106,8 @@ impl Nursery {
         let variant = (place.dice(8) * VARIANTS as f32) as usize % VARIANTS as usize;
         let pick = |greens: &[[u8; 3]]| greens[(place.dice(1) * greens.len() as f32) as usize % greens.len()];
         let green = match KINDS[kind] {
-            Kind::Spruce => pick(&NEEDLE_GREENS),
-            Kind::Round | Kind::Wide if place.dice(6) > 0.95 => COPPER,
+            TreeKind::Spruce => pick(&NEEDLE_GREENS),
+            TreeKind::Round | TreeKind::Wide if place.dice(6) > 0.95 => COPPER,
             _ => pick(&GREENS),
         };
         let brightness = 0.94 + 0.12 * place.dice(7);
@@ -121,7 +121,7 @@ impl Nursery {
             }
             _ => finish,
         };
-        // Never wider than its circle allows.
+        // Not wider than its circle allows.
         let scale = radius * (0.90 + 0.10 * place.dice(2));
         let here = Affine3A::from_scale_rotation_translation(
             Vec3::splat(scale),
@@ -132,26 +132,26 @@ impl Nursery {
     }
 }
 
-fn grow(mesh: &mut Mesh, kind: Kind, variant: u32, detail: Detail) {
+fn grow(mesh: &mut Mesh, kind: TreeKind, variant: u32, detail: TreeDetail) {
     let seed = kind as u32 * 31 + variant;
-    if kind == Kind::Spruce {
+    if kind == TreeKind::Spruce {
         return spruce(mesh, seed, detail);
     }
     let tree = Tree::new(kind, seed);
     let crown = Crown { clumps: tree.clumps(), finish: LEAVES, seed };
     match detail {
-        Detail::Clumps(leafage, sides) => {
+        TreeDetail::Clumps(leafage, sides) => {
             tree.trunk(mesh, sides);
             if leafage.sprays > 0 {
                 tree.branches(mesh, &crown.clumps);
             }
             crown.draw(mesh, leafage);
         }
-        Detail::Hull(faces, sides) => {
+        TreeDetail::Hull(faces, sides) => {
             let top = Vec3::Z * (tree.clear + 0.3) + tree.bend();
             limb(mesh, &[(Vec3::ZERO, tree.girth), (top, tree.girth * 0.6)], sides, tree.bark());
             let mut leaves = Mesh::default();
-            if let Detail::Clumps(leafage, _) = FINEST {
+            if let TreeDetail::Clumps(leafage, _) = FINEST {
                 crown.draw(&mut leaves, leafage);
             }
             crown.hull(mesh, faces, leaves.bounds());
@@ -159,9 +159,9 @@ fn grow(mesh: &mut Mesh, kind: Kind, variant: u32, detail: Detail) {
     }
 }
 
-/// Measures of a broad-leaved tree, in radii of its crown.
+/// Dimensions of a broad-leaved tree, in crown radii.
 struct Tree {
-    kind: Kind,
+    kind: TreeKind,
     seed: u32,
     height: f32,
     /// Up to the lowest leaves.
@@ -171,12 +171,12 @@ struct Tree {
 }
 
 impl Tree {
-    fn new(kind: Kind, seed: u32) -> Self {
+    fn new(kind: TreeKind, seed: u32) -> Self {
         let (height, clear, girth) = match kind {
-            Kind::Round => (4.0, 1.25, 0.11),
-            Kind::Wide => (3.1, 1.20, 0.13),
-            Kind::Upright => (5.6, 0.80, 0.10),
-            Kind::Birch | Kind::Spruce => (4.8, 1.30, 0.075),
+            TreeKind::Round => (4.0, 1.25, 0.11),
+            TreeKind::Wide => (3.1, 1.20, 0.13),
+            TreeKind::Upright => (5.6, 0.80, 0.10),
+            TreeKind::Birch | TreeKind::Spruce => (4.8, 1.30, 0.075),
         };
         Self { kind, seed, height: height * (0.94 + 0.14 * super::dice(seed, 61)), clear, girth }
     }
@@ -186,39 +186,39 @@ impl Tree {
     }
 
     fn bark(&self) -> Finish {
-        if self.kind == Kind::Birch { BIRCH_BARK } else { BARK }
+        if self.kind == TreeKind::Birch { BIRCH_BARK } else { BARK }
     }
 
-    /// Where the trunk has wandered to at its top.
+    /// Offset of the trunk at its top.
     fn bend(&self) -> Vec3 {
         let turn = TAU * self.dice(62);
         Vec3::new(turn.cos(), turn.sin(), 0.0) * 0.10
     }
 
-    /// Clumps as the kind has them: on rings one above the other, around a core.
+    /// Clumps of the species: rings one above the other, around a core.
     fn clumps(&self) -> Vec<Clump> {
         let crown = self.height - self.clear;
-        // Height of a ring in the crown, its radius, clumps on it, and their half width and height.
+        // Per ring: height, radius, number of clumps, and their half width and height.
         let rings: &[(f32, f32, u32, [f32; 2])] = match self.kind {
-            Kind::Round => &[
+            TreeKind::Round => &[
                 (0.26, 0.50, 4, [0.50, 0.48]),
                 (0.54, 0.46, 4, [0.52, 0.54]),
                 (0.78, 0.10, 1, [0.58, 0.52]),
                 (0.50, 0.0, 1, [0.70, 1.10]),
             ],
-            Kind::Wide => &[
+            TreeKind::Wide => &[
                 (0.30, 0.60, 6, [0.40, 0.38]),
                 (0.64, 0.38, 3, [0.46, 0.40]),
                 (0.78, 0.08, 1, [0.40, 0.36]),
                 (0.46, 0.0, 1, [0.66, 0.62]),
             ],
-            Kind::Upright => &[
+            TreeKind::Upright => &[
                 (0.22, 0.20, 2, [0.36, 0.80]),
                 (0.48, 0.20, 2, [0.38, 0.95]),
                 (0.72, 0.12, 2, [0.32, 0.90]),
                 (0.52, 0.0, 1, [0.38, 2.30]),
             ],
-            Kind::Birch | Kind::Spruce => &[
+            TreeKind::Birch | TreeKind::Spruce => &[
                 (0.14, 0.50, 3, [0.36, 0.44]),
                 (0.40, 0.44, 3, [0.38, 0.50]),
                 (0.64, 0.28, 2, [0.36, 0.50]),
@@ -246,7 +246,7 @@ impl Tree {
         clumps
     }
 
-    /// A trunk with a flared foot that goes up into the crown.
+    /// A trunk with a flared foot, up into the crown.
     fn trunk(&self, mesh: &mut Mesh, sides: u32) {
         let (foot, knee) = (Vec3::ZERO, self.bend() * 0.3 + Vec3::Z * (0.55 * self.clear));
         let top = self.bend() + Vec3::Z * (self.clear + 0.28 * (self.height - self.clear));
@@ -259,7 +259,7 @@ impl Tree {
         limb(mesh, &joints, sides, self.bark());
     }
 
-    /// From the trunk to the lowest clumps.
+    /// Branches from the trunk to the lowest clumps.
     fn branches(&self, mesh: &mut Mesh, clumps: &[Clump]) {
         for clump in clumps.iter().take(4).filter(|clump| clump.centre.truncate().length() > 0.25) {
             let from = self.bend() * 0.6 + Vec3::Z * (0.80 * self.clear.max(clump.centre.z - 0.75));
@@ -269,16 +269,16 @@ impl Tree {
     }
 }
 
-/// Tiers of branches that hang down at their rims, each a star of its own.
-fn spruce(mesh: &mut Mesh, seed: u32, detail: Detail) {
+/// A spruce: tiers of hanging branches, each a star.
+fn spruce(mesh: &mut Mesh, seed: u32, detail: TreeDetail) {
     let dice = |salt: u32| super::dice(seed, salt);
     let height = 4.5 * (0.92 + 0.2 * dice(1));
     let (sides, tiers, trunk) = match detail {
-        Detail::Clumps(..) => (12, 6, 5),
-        Detail::Hull([8, _], _) => (8, 4, 3),
-        Detail::Hull([7, _], _) => (6, 3, 3),
-        Detail::Hull([5, _], _) => (5, 2, 3),
-        Detail::Hull(..) => (4, 1, 3),
+        TreeDetail::Clumps(..) => (12, 6, 5),
+        TreeDetail::Hull([8, _], _) => (8, 4, 3),
+        TreeDetail::Hull([7, _], _) => (6, 3, 3),
+        TreeDetail::Hull([5, _], _) => (5, 2, 3),
+        TreeDetail::Hull(..) => (4, 1, 3),
     };
     limb(mesh, &[(Vec3::ZERO, 0.11), (Vec3::Z * 0.7, 0.08)], trunk, BARK.shaded(0.8));
     let first = 0.09 * height;
@@ -305,7 +305,7 @@ fn spruce(mesh: &mut Mesh, seed: u32, detail: Detail) {
     }
 }
 
-/// A cone whose rim goes in and out; dark below.
+/// A tier: a cone with a jagged rim, dark below.
 fn tier(
     mesh: &mut Mesh,
     foot: Vec3,

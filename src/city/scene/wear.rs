@@ -1,6 +1,6 @@
-//! What years of traffic leave on asphalt: tyre tracks along the lanes, patches, iron covers.
+//! Road wear: tyre tracks along the lanes, patches, manhole covers.
 
-use super::lanes::LaneBoxes;
+use super::lanes::LaneBoxIndex;
 use super::mesh::{Class, Finish, Mesh, Surface};
 use super::polygon::{Region, inset_union, simplify_ring};
 use super::roads::ASPHALT;
@@ -8,26 +8,27 @@ use crate::city::{CityMap, Lane, LaneKind};
 use crate::geom::Pose2;
 use glam::{DVec2, Vec2};
 
-/// Heights over the asphalt, all under the paint. Tracks that lie on one another differ by steps.
+/// Height of tracks above the asphalt, below the paint. Overlapping tracks differ by height steps to avoid
+/// z-fighting.
 const TRACKS_M: f32 = 0.002;
 const STEP_M: f32 = 0.0004;
-/// More would lie over the patches.
+/// Largest number of steps: more would rise above the patches.
 const STEPS: u32 = 13;
-/// Tracks reach so far over the edges and the ends of their lane, into those of the next.
+/// Overlap of tracks beyond the edges and ends of their lane.
 const LAP_M: f64 = 0.02;
-/// Asphalt goes on so far under the tracks: seen from the side, no gap opens between the two.
+/// Overlap of asphalt under the tracks, so that no gap shows from the side.
 const UNDER_M: f64 = 0.5;
-/// Where it ends under them is followed to within this.
+/// Tolerance of the asphalt edge under the tracks.
 const WITHIN_M: f64 = 0.06;
 pub(super) const PATCH_M: f32 = 0.0075;
 const COVER_M: f32 = 0.0085;
-/// What can be told apart of it.
+/// Size of visible wear detail, for its error.
 pub(super) const SEEN_M: f32 = 0.35;
 /// Half the longest patch.
 const REPAIR_M: f64 = 1.9;
-/// Length of one repeat of the lane's texture.
+/// Texture repeat along a lane.
 const REPEAT_M: f64 = 11.0;
-/// Chords of bends leave them by no more than this.
+/// Largest distance of a chord from its bend.
 const CHORD_M: f64 = 0.03;
 
 const TRACKS: Finish = Finish { surface: Surface::Lane, ..ASPHALT };
@@ -38,7 +39,7 @@ fn worn(map: &CityMap) -> impl Iterator<Item = &Lane> {
     map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane)
 }
 
-/// Where tracks lie on the asphalt, so that nothing of it is seen.
+/// Regions where tracks hide the asphalt.
 pub(super) fn covered(map: &CityMap) -> Vec<Region> {
     let sides = |lane: &Lane| -> Vec<DVec2> {
         let (half, poses) = (lane.width_m / 2.0 + LAP_M, poses(lane));
@@ -55,8 +56,8 @@ pub(super) fn covered(map: &CityMap) -> Vec<Region> {
     covered
 }
 
-/// How many steps up the tracks of a lane lie, by lane: those that may lie on one another differ.
-fn steps(map: &CityMap, lanes: &LaneBoxes<'_>) -> Vec<u32> {
+/// Height step of each lane: a colouring of overlapping lanes with distinct steps.
+fn steps(map: &CityMap, lanes: &LaneBoxIndex<'_>) -> Vec<u32> {
     let mut steps = vec![0; map.lanes.len()];
     for lane in worn(map) {
         let before = |other: &&Lane| other.kind == LaneKind::Lane && other.id < lane.id;
@@ -67,7 +68,7 @@ fn steps(map: &CityMap, lanes: &LaneBoxes<'_>) -> Vec<u32> {
     steps
 }
 
-pub(super) fn wear(map: &CityMap, lanes: &LaneBoxes<'_>) -> Mesh {
+pub(super) fn wear(map: &CityMap, lanes: &LaneBoxIndex<'_>) -> Mesh {
     let mut mesh = Mesh::default();
     let steps = steps(map, lanes);
     for lane in worn(map) {
@@ -77,7 +78,7 @@ pub(super) fn wear(map: &CityMap, lanes: &LaneBoxes<'_>) -> Mesh {
         let mut at = 4.0 + 22.0 * f64::from(spot(1));
         let mut count = 2;
         while at < length - 4.0 {
-            // Arrows are painted on what was not dug up.
+            // No patches where arrows are painted.
             let [from, to] = super::markings::arrow_room(lane);
             if (from - REPAIR_M..to + REPAIR_M).contains(&at) {
                 at = to + REPAIR_M;
@@ -115,7 +116,7 @@ fn tracks(mesh: &mut Mesh, lane: &Lane, z: f32) {
     }
 }
 
-/// Along a lane and a little beyond its ends, with the way to each from its start: straight in between.
+/// Poses along a lane and a little beyond its ends, with their arc lengths: straight in between.
 fn poses(lane: &Lane) -> Vec<(Pose2, f64)> {
     let beyond = |pose: Pose2, by: f64| Pose2 { position: pose.point_at(by, 0.0), ..pose };
     let mut poses = vec![(beyond(lane.curve.at(0.0).pose, -LAP_M), -LAP_M)];

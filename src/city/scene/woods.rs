@@ -1,28 +1,29 @@
-//! Woods around the city where its plain begins, so that streets do not end in nothing.
+//! Tree lines around the city that close the view where streets end.
 
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
-use super::{Object, Wall};
+use super::{SceneObject, Wall};
 use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
 
 const WOODS: Finish = Finish::new(Surface::Leaves, [66, 84, 56], Class::Vegetation);
-/// Points around the city at which a row of trees bends.
+/// Number of points around the city at which a tree line bends.
 const POINTS: u32 = 72;
 const METRES_PER_REPEAT: f32 = 7.0;
-/// Seen from above, leaves of the pattern pass for crowns.
+/// Texture repeat from above, where the leaf pattern passes for crowns.
 const TOPS_PER_REPEAT_M: f32 = 31.0;
-/// How far rows wander in and out in all.
+/// Range of the random offset of tree lines.
 const WANDER_M: f32 = 9.0;
 
-/// A row of crowns, one behind the other as the ground rises, seen from the city.
-struct Row {
+/// A tree line; lines farther away are taller.
+struct TreeRow {
     away_m: f32,
     tall_m: f32,
-    /// Of its colour.
+    /// Brightness factor of its colour.
     tone: f32,
-    /// From one point to the next.
+    /// Number of crowns per segment.
     crowns: u32,
-    /// The outline of a crown from right to left as seen from the city: part of its width, and of its rise.
+    /// Outline of a crown from right to left seen from the city: share of its width, share of its height,
+    /// openness.
     outline: &'static [(f32, f32, u8)],
 }
 
@@ -37,19 +38,19 @@ const NEAR_OUTLINE: [(f32, f32, u8); 6] = [
 const FAR_OUTLINE: [(f32, f32, u8); 5] =
     [(0.0, 0.0, 190), (0.16, 0.66, 240), (0.42, 1.0, 250), (0.78, 0.80, 245), (1.0, 0.0, 190)];
 
-const ROWS: [Row; 3] = [
-    Row { away_m: 44.0, tall_m: 7.5, tone: 1.0, crowns: 3, outline: &NEAR_OUTLINE },
-    Row { away_m: 66.0, tall_m: 11.0, tone: 0.95, crowns: 2, outline: &FAR_OUTLINE },
-    Row { away_m: 94.0, tall_m: 15.5, tone: 0.9, crowns: 2, outline: &FAR_OUTLINE },
+const ROWS: [TreeRow; 3] = [
+    TreeRow { away_m: 44.0, tall_m: 7.5, tone: 1.0, crowns: 3, outline: &NEAR_OUTLINE },
+    TreeRow { away_m: 66.0, tall_m: 11.0, tone: 0.95, crowns: 2, outline: &FAR_OUTLINE },
+    TreeRow { away_m: 94.0, tall_m: 15.5, tone: 0.9, crowns: 2, outline: &FAR_OUTLINE },
 ];
-/// Behind the last row the tops of the trees go on so far, then fall to the ground.
+/// Depth of the canopy behind the last line, and of its slope to the ground.
 const BEYOND_M: f32 = 34.0;
 const EDGE_M: f32 = 16.0;
 
-/// The tops of the trees behind a row end so far below its own, at the row behind it.
+/// Drop of the canopy behind a line below the next one.
 const TOPS_FALL_M: f32 = 0.5;
 
-/// Where the row with this number stands at a point, and how high it is there.
+/// Position and height of a tree line at a point.
 fn place(ground: [Vec2; 2], number: u32, k: u32) -> (Vec2, f32) {
     let row = &ROWS[number as usize];
     let wander = WANDER_M * (super::dice(k % POINTS, 31 + number) - 0.5);
@@ -57,7 +58,7 @@ fn place(ground: [Vec2; 2], number: u32, k: u32) -> (Vec2, f32) {
     (around(ground, k, row.away_m + wander), tall)
 }
 
-/// A point so far away from the box of the city, between a circle and a square.
+/// A point at a distance from the city's box, between a circle and a square.
 fn around([low, high]: [Vec2; 2], k: u32, away_m: f32) -> Vec2 {
     let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
     let (sin, cos) = (TAU * (k % POINTS) as f32 / POINTS as f32).sin_cos();
@@ -65,23 +66,24 @@ fn around([low, high]: [Vec2; 2], k: u32, away_m: f32) -> Vec2 {
     middle + Vec2::new(cos * half.x, sin * half.y) * square + Vec2::new(cos, sin) * away_m
 }
 
-/// Rows of crowns of a wavy height around the box of the city, closed between them by the tops of the trees. From
-/// point to point they are an object each: short ones, so that houses hide whole ones.
-pub(super) fn woods(city: [Vec2; 2]) -> Vec<Object> {
+/// Tree lines of varying height around the city's box with canopies between them. Each segment is an object:
+/// short ones can be culled behind houses.
+pub(super) fn woods(city: [Vec2; 2]) -> Vec<SceneObject> {
     let mut woods = Vec::new();
     for (number, row) in (0_u32..).zip(&ROWS) {
         let mut along = 0.0;
         for k in 0..POINTS {
             let mut mesh = Mesh::default();
-            along = crowns(&mut mesh, (row, number), k, [k, k + 1].map(|k| Edge::of(city, number, k)), along);
+            along =
+                crowns(&mut mesh, (row, number), k, [k, k + 1].map(|k| RowEdge::of(city, number, k)), along);
             tops(&mut mesh, city, number, k);
-            woods.push(Object::of_one_level(mesh));
+            woods.push(SceneObject::of_one_level(mesh));
         }
     }
     woods
 }
 
-/// Nothing is seen through the rows up to where their crowns begin to stand apart.
+/// The opaque lower part of the tree lines as occluders.
 pub(super) fn walls(city: [Vec2; 2]) -> Vec<Wall> {
     let wall = |number: u32, k: u32| {
         let ((to, a), (from, b)) = (place(city, number, k), place(city, number, k + 1));
@@ -90,16 +92,16 @@ pub(super) fn walls(city: [Vec2; 2]) -> Vec<Wall> {
     (0..ROWS.len() as u32).flat_map(|number| (0..POINTS).map(move |k| wall(number, k))).collect()
 }
 
-/// A row at a point: from the foot up to where its crowns begin to stand apart.
+/// Cross-section of a tree line at a point, up to where its crowns separate.
 #[derive(Clone, Copy)]
-struct Edge {
+struct RowEdge {
     at: Vec2,
-    /// Of rows behind others just under the tops of the trees that hide the rest.
+    /// Rear lines begin just below the canopy that hides the rest.
     foot_m: f32,
     high_m: f32,
 }
 
-impl Edge {
+impl RowEdge {
     fn of(city: [Vec2; 2], number: u32, k: u32) -> Self {
         let (at, high_m) = place(city, number, k);
         let before = number.checked_sub(1).map(|before| place(city, before, k).1);
@@ -116,11 +118,12 @@ impl Edge {
     }
 }
 
-/// The crowns of a row from one point to the next; `along` is the way around the row, before and behind them.
-fn crowns(mesh: &mut Mesh, (row, number): (&Row, u32), k: u32, [a, b]: [Edge; 2], along: f32) -> f32 {
+/// Draws the crowns of a segment; `along` is the arc length around the line before it; returns the one after
+/// it.
+fn crowns(mesh: &mut Mesh, (row, number): (&TreeRow, u32), k: u32, [a, b]: [RowEdge; 2], along: f32) -> f32 {
     let dice = |salt: u32| super::dice(k, salt + number);
     let then = along + a.at.distance(b.at) / METRES_PER_REPEAT;
-    // Points run counter-clockwise. Crowns take light from above too, whoever looks at them against the sun.
+    // Points run counter-clockwise. Crowns also take light from above when seen against the sun.
     let inward = (b.at - a.at).perp().extend(0.0).normalize_or(Vec3::X);
     for crown in 0..row.crowns {
         let salt = 50 + 8 * crown;
@@ -131,7 +134,7 @@ fn crowns(mesh: &mut Mesh, (row, number): (&Row, u32), k: u32, [a, b]: [Edge; 2]
         let rise = (1.0 + 1.6 * dice(salt + 6)) * 3.0 / row.crowns as f32;
         let base = mesh.vertices.len() as u32;
         // Dark at the ground.
-        let foot_of = |edge: Edge| (60.0 + 130.0 * edge.foot_m / edge.high_m) as u8;
+        let foot_of = |edge: RowEdge| (60.0 + 130.0 * edge.foot_m / edge.high_m) as u8;
         let foot = [(1.0, None), (0.0, None)];
         let top = row.outline.iter().map(|&(part, above, openness)| (part, Some((above, openness))));
         for (part, above) in foot.into_iter().chain(top) {
@@ -146,7 +149,7 @@ fn crowns(mesh: &mut Mesh, (row, number): (&Row, u32), k: u32, [a, b]: [Edge; 2]
             let uv = Vec2::new(u, z / METRES_PER_REPEAT);
             mesh.vertex(Vertex { position: edge.at.extend(z), normal, uv, finish, openness });
         }
-        // What is below the outline as two triangles, and a fan of it: edges inside a crown cost as much as others.
+        // Two triangles below the outline, and a fan of it: edges inside a crown cost as much as others.
         let last = mesh.vertices.len() as u32 - 1;
         mesh.indices.extend([base, base + 1, base + 2, base, base + 2, last]);
         mesh.indices.extend((base + 3..last).flat_map(|corner| [base + 2, corner, corner + 1]));
@@ -154,11 +157,11 @@ fn crowns(mesh: &mut Mesh, (row, number): (&Row, u32), k: u32, [a, b]: [Edge; 2]
     then
 }
 
-/// The tops of the trees behind a row from one point to the next, up to the row behind it, or down to the ground.
+/// Draws the canopy behind a segment, up to the next line or down to the ground.
 fn tops(mesh: &mut Mesh, city: [Vec2; 2], number: u32, k: u32) {
     let row = &ROWS[number as usize];
     let next = ROWS.get(number as usize + 1);
-    // From the row outwards: where, how high, how open.
+    // Offset, height and openness from the line outwards.
     let lines = |k: u32| -> Vec<(Vec3, u8)> {
         let (at, high) = place(city, number, k);
         let mut lines = vec![(at.extend(high), 210)];
@@ -177,7 +180,7 @@ fn tops(mesh: &mut Mesh, city: [Vec2; 2], number: u32, k: u32) {
         }
         lines
     };
-    // They stand in the light, the sides of crowns in the shade of others.
+    // The canopy is in the light, the sides of crowns in shade.
     let tone =
         |k: u32, step: usize| row.tone * (1.2 + 0.4 * super::dice(k % POINTS, 61 + 4 * number + step as u32));
     let (here, there) = (lines(k), lines(k + 1));
@@ -204,7 +207,7 @@ mod tests {
         for (number, row) in (0_u32..).zip(&ROWS) {
             let mut mesh = Mesh::default();
             for k in 0..POINTS {
-                crowns(&mut mesh, (row, number), k, [k, k + 1].map(|k| Edge::of(city, number, k)), 0.0);
+                crowns(&mut mesh, (row, number), k, [k, k + 1].map(|k| RowEdge::of(city, number, k)), 0.0);
             }
             assert!(mesh.vertices.len() > 500);
             for v in mesh.vertices {

@@ -1,35 +1,35 @@
-//! The shell of a car up to its shoulders with the openings for the wheels, bonnet, boot or bed.
+//! The shell of a car up to its shoulders, with wheel arches, bonnet, boot or bed.
 
-use super::shape::{Rear, Shape, along};
+use super::shape::{CarShape, Rear, along};
 use super::{
-    Builder, Detail, GRILLE, HALF_M, HEAD, INDICATOR, LENGTH_M, PAINT, PLASTIC, REVERSE, Skin, TAIL, WELL,
-    WHEEL_RADIUS_M, WHEELBASE_M,
+    CarDetail, GRILLE, HALF_M, HEAD, INDICATOR, LENGTH_M, PAINT, PLASTIC, PrimitiveBuilder, REVERSE,
+    StaticMaterial, TAIL, WELL, WHEEL_RADIUS_M, WHEELBASE_M,
 };
 use glam::Vec3;
 
-/// Around a wheel.
+/// Radius of a wheel arch.
 const ARCH_M: f32 = 1.19 * WHEEL_RADIUS_M;
-/// How far bumpers reach: the number plates on them are the last of the car.
+/// Position of bumpers: number plates protrude to the full length.
 const END_M: f32 = LENGTH_M / 2.0 - 0.006;
-/// How deep the wheels' houses reach inwards.
+/// Depth of the wheel wells.
 const WELL_M: f32 = 0.34;
 /// Rows of the shell from the sill (0) to the shoulder (1), and its half width there as part of the most.
 const ROWS: [(f32, f32); 7] =
     [(0.0, 0.945), (0.15, 0.985), (0.36, 1.0), (0.60, 0.997), (0.76, 0.98), (0.92, 0.938), (1.0, 0.885)];
-/// From a distance the sides have fewer rows than the ends, where the lamps are.
+/// Distant levels: the sides have fewer rows than the ends, which carry the lamps.
 const FAR_ROWS: [f32; 6] = [0.0, 0.15, 0.60, 0.76, 0.92, 1.0];
 const FAR_SIDE_ROWS: [f32; 3] = [0.0, 0.60, 1.0];
 /// Columns of the front and the rear from the middle outwards.
 const FRONT: [f32; 5] = [0.0, 0.36, 0.62, 0.82, 1.0];
 const FAR_FRONT: [f32; 4] = [0.0, 0.62, 0.82, 1.0];
 const FARTHER_FRONT: [f32; 3] = [0.0, 0.62, 1.0];
-/// Where the ends begin, from a distance: up to here lamps reach around the corners.
+/// Distant levels: start of the ends; lamps wrap around the corners up to here.
 const FAR_END_M: f32 = 2.14;
 const FARTHER_END_M: f32 = 2.24;
 
-/// Where a column of the shell stands.
+/// Position of a shell column.
 #[derive(Clone, Copy)]
-enum Column {
+enum ShellColumn {
     /// On the side, at x, with the lower edge at least so high.
     Side(f32, f32),
     /// On the front (1) or the rear (-1), at a part of the half width.
@@ -47,7 +47,7 @@ fn profile(rows: &[(f32, f32)], t: f32) -> f32 {
     a.1 + (b.1 - a.1) * ((t - a.0) / (b.0 - a.0)).clamp(0.0, 1.0)
 }
 
-impl Shape {
+impl CarShape {
     pub(super) fn shoulder_at(&self, x: f32) -> f32 {
         along(self.shoulder, x)
     }
@@ -78,8 +78,8 @@ impl Shape {
         Vec3::new(x, half_at(x) * profile(&ROWS, part), z)
     }
 
-    /// A point of bonnet (`facing` 1) or boot (-1), which begins at x `foot`: part of the way to the end, and of
-    /// the half width.
+    /// A point of the bonnet (`facing` 1) or boot (-1) that starts at x `foot`: share of the way to the end,
+    /// and of the half width.
     pub(super) fn on_deck(&self, facing: f32, foot: f32, part: f32, f: f32) -> Vec3 {
         let reach = END_M - self.bow[usize::from(facing < 0.0)];
         let edge = self.side_point(foot + (facing * reach - foot) * part, 1.0, 0.0);
@@ -90,10 +90,10 @@ impl Shape {
         on.lerp(end, part.powi(6) * (1.0 - f.powi(8)))
     }
 
-    fn point(&self, column: Column, t: f32) -> Vec3 {
+    fn point(&self, column: ShellColumn, t: f32) -> Vec3 {
         match column {
-            Column::Side(x, low) => self.side_point(x, t, low),
-            Column::End(facing, f) => {
+            ShellColumn::Side(x, low) => self.side_point(x, t, low),
+            ShellColumn::End(facing, f) => {
                 let reach = END_M - self.bow[usize::from(facing < 0.0)];
                 let edge = self.side_point(facing * reach, t, 0.0);
                 Vec3::new(self.end_x(facing, f, t), edge.y * f, edge.z)
@@ -103,24 +103,24 @@ impl Shape {
 }
 
 /// Columns of one side from the middle of the rear to the middle of the front.
-fn columns(detail: Detail) -> Vec<Column> {
-    let near = detail == Detail::Near;
+fn columns(detail: CarDetail) -> Vec<ShellColumn> {
+    let near = detail == CarDetail::Near;
     let ends: &[f32] = match detail {
-        Detail::Near => &FRONT,
-        Detail::Far => &FAR_FRONT,
-        Detail::Farther => &FARTHER_FRONT,
+        CarDetail::Near => &FRONT,
+        CarDetail::Far => &FAR_FRONT,
+        CarDetail::Farther => &FARTHER_FRONT,
     };
-    let mut columns: Vec<Column> = ends.iter().map(|&f| Column::End(-1.0, f)).collect();
+    let mut columns: Vec<ShellColumn> = ends.iter().map(|&f| ShellColumn::End(-1.0, f)).collect();
     let [rear, front] = match detail {
-        Detail::Near => [-2.22, FAR_END_M],
-        Detail::Far => [-FAR_END_M, FAR_END_M],
-        Detail::Farther => [-FARTHER_END_M, FARTHER_END_M],
+        CarDetail::Near => [-2.22, FAR_END_M],
+        CarDetail::Far => [-FAR_END_M, FAR_END_M],
+        CarDetail::Farther => [-FARTHER_END_M, FARTHER_END_M],
     };
-    columns.push(Column::Side(rear, 0.0));
+    columns.push(ShellColumn::Side(rear, 0.0));
     let arches: &[f32] = match detail {
-        Detail::Farther => {
+        CarDetail::Farther => {
             // Where the bonnet begins to slope.
-            columns.push(Column::Side(1.2, 0.0));
+            columns.push(ShellColumn::Side(1.2, 0.0));
             &[]
         }
         _ => &[-WHEELBASE_M / 2.0, WHEELBASE_M / 2.0],
@@ -128,18 +128,18 @@ fn columns(detail: Detail) -> Vec<Column> {
     for &axle in arches {
         let cuts: &[f32] =
             if near { &[-1.0, -0.86, -0.5, 0.0, 0.5, 0.86, 1.0] } else { &[-0.9, -0.5, 0.5, 0.9] };
-        columns.push(Column::Side(axle - ARCH_M, 0.0));
+        columns.push(ShellColumn::Side(axle - ARCH_M, 0.0));
         columns.extend(cuts.iter().map(|&cut| {
             let up = (1.0 - cut * cut).max(0.0).sqrt();
-            Column::Side(axle + cut * ARCH_M, WHEEL_RADIUS_M * 0.92 + up * ARCH_M)
+            ShellColumn::Side(axle + cut * ARCH_M, WHEEL_RADIUS_M * 0.92 + up * ARCH_M)
         }));
-        columns.push(Column::Side(axle + ARCH_M, 0.0));
+        columns.push(ShellColumn::Side(axle + ARCH_M, 0.0));
         if axle < 0.0 && near {
-            columns.extend([-0.55, 0.30].map(|x| Column::Side(x, 0.0)));
+            columns.extend([-0.55, 0.30].map(|x| ShellColumn::Side(x, 0.0)));
         }
     }
-    columns.push(Column::Side(front, 0.0));
-    columns.extend(ends.iter().rev().map(|&f| Column::End(1.0, f)));
+    columns.push(ShellColumn::Side(front, 0.0));
+    columns.extend(ends.iter().rev().map(|&f| ShellColumn::End(1.0, f)));
     columns
 }
 
@@ -148,17 +148,17 @@ fn openness(p: Vec3) -> u8 {
     (255.0 * (0.58 + 0.42 * (p.z / 0.8).clamp(0.0, 1.0))) as u8
 }
 
-pub(super) fn shell(builder: &mut Builder, shape: &Shape, detail: Detail) {
+pub(super) fn shell(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: CarDetail) {
     let columns = columns(detail);
     let near_rows = ROWS.map(|row| row.0);
     for side in [1.0_f32, -1.0] {
         match detail {
-            Detail::Near => {
+            CarDetail::Near => {
                 panels(builder, shape, detail, (&columns, &near_rows), side);
                 wells(builder, shape, &columns, side);
             }
-            Detail::Farther => panels(builder, shape, detail, (&columns, &FAR_SIDE_ROWS), side),
-            Detail::Far => {
+            CarDetail::Farther => panels(builder, shape, detail, (&columns, &FAR_SIDE_ROWS), side),
+            CarDetail::Far => {
                 let (rear, front) = (FAR_FRONT.len(), columns.len() - FAR_FRONT.len() - 1);
                 panels(builder, shape, detail, (&columns[..=rear], &FAR_ROWS), side);
                 panels(builder, shape, detail, (&columns[rear..=front], &FAR_SIDE_ROWS), side);
@@ -177,17 +177,17 @@ pub(super) fn shell(builder: &mut Builder, shape: &Shape, detail: Detail) {
     builder.plate(&floor, WELL, 60);
 }
 
-/// A part of one side's shell: what lies between columns and rows.
+/// Panels between columns and rows of one side.
 fn panels(
-    builder: &mut Builder,
-    shape: &Shape,
-    detail: Detail,
-    (columns, rows): (&[Column], &[f32]),
+    builder: &mut PrimitiveBuilder,
+    shape: &CarShape,
+    detail: CarDetail,
+    (columns, rows): (&[ShellColumn], &[f32]),
     side: f32,
 ) {
-    let at = |column: Column, t: f32| match column {
+    let at = |column: ShellColumn, t: f32| match column {
         // Where the ends meet the sides, which have fewer rows: nothing may gape.
-        Column::Side(x, _) if detail == Detail::Far && x.abs() >= FAR_END_M => {
+        ShellColumn::Side(x, _) if detail == CarDetail::Far && x.abs() >= FAR_END_M => {
             let after = FAR_SIDE_ROWS.partition_point(|&row| row < t).max(1);
             let (low, high) = (FAR_SIDE_ROWS[after - 1], FAR_SIDE_ROWS[after]);
             shape.point(column, low).lerp(shape.point(column, high), (t - low) / (high - low))
@@ -204,19 +204,25 @@ fn panels(
     let count = rows.len() - 1;
     builder.grid(&points, openness, |row, column| {
         let row = if side > 0.0 { count - 1 - row } else { row };
-        Some(skin(shape, detail, [columns[column], columns[column + 1]], rows[row], side > 0.0))
+        Some(face_material(shape, detail, [columns[column], columns[column + 1]], rows[row], side > 0.0))
     });
 }
 
-/// What a face of the shell is made of: between two columns, from the row `t` up.
-fn skin(shape: &Shape, detail: Detail, [a, b]: [Column; 2], t: f32, left: bool) -> Skin {
+/// The material of a shell face between two columns, from row `t` up.
+fn face_material(
+    shape: &CarShape,
+    detail: CarDetail,
+    [a, b]: [ShellColumn; 2],
+    t: f32,
+    left: bool,
+) -> StaticMaterial {
     let indicator = INDICATOR[usize::from(!left)];
-    if detail == Detail::Farther {
-        return farther_skin([a, b], t, left);
+    if detail == CarDetail::Farther {
+        return farther_face_material([a, b], t, left);
     }
     let tall = matches!(shape.rear, Rear::Cargo | Rear::Bed);
     match (a, b) {
-        (Column::End(facing, f), Column::End(_, g)) => {
+        (ShellColumn::End(facing, f), ShellColumn::End(_, g)) => {
             let (inner, outer) = (f.min(g), f.max(g));
             if facing > 0.0 {
                 match t {
@@ -227,7 +233,7 @@ fn skin(shape: &Shape, detail: Detail, [a, b]: [Column; 2], t: f32, left: bool) 
                             PLASTIC
                         }
                     }
-                    t if t < 0.3 && detail == Detail::Near && outer < 0.7 => GRILLE,
+                    t if t < 0.3 && detail == CarDetail::Near && outer < 0.7 => GRILLE,
                     t if (0.59..0.9).contains(&t) && inner > 0.6 => {
                         let is_indicator = inner > 0.8 && t < 0.7;
                         if is_indicator { indicator } else { HEAD }
@@ -237,9 +243,9 @@ fn skin(shape: &Shape, detail: Detail, [a, b]: [Column; 2], t: f32, left: bool) 
                 }
             } else {
                 match t {
-                    t if t < if shape.clad && detail == Detail::Near { 0.3 } else { 0.1 } => PLASTIC,
+                    t if t < if shape.clad && detail == CarDetail::Near { 0.3 } else { 0.1 } => PLASTIC,
                     t if tall && inner > 0.8 && (0.3..0.9).contains(&t) => {
-                        if t < if detail == Detail::Near { 0.5 } else { 0.7 } { indicator } else { TAIL }
+                        if t < if detail == CarDetail::Near { 0.5 } else { 0.7 } { indicator } else { TAIL }
                     }
                     t if tall => {
                         if inner > 0.6 && inner < 0.8 && (0.3..0.5).contains(&t) {
@@ -260,11 +266,12 @@ fn skin(shape: &Shape, detail: Detail, [a, b]: [Column; 2], t: f32, left: bool) 
                 }
             }
         }
-        (Column::Side(..), Column::End(facing, _)) | (Column::End(facing, _), Column::Side(..)) => {
+        (ShellColumn::Side(..), ShellColumn::End(facing, _))
+        | (ShellColumn::End(facing, _), ShellColumn::Side(..)) => {
             let lamp = (0.59..0.9).contains(&t) || (tall && facing < 0.0 && (0.3..0.9).contains(&t));
             match (lamp, facing > 0.0) {
                 (true, true) => {
-                    if t < 0.7 && detail == Detail::Near {
+                    if t < 0.7 && detail == CarDetail::Near {
                         indicator
                     } else {
                         HEAD
@@ -276,40 +283,40 @@ fn skin(shape: &Shape, detail: Detail, [a, b]: [Column; 2], t: f32, left: bool) 
                 _ => PAINT,
             }
         }
-        (Column::Side(_, low_a), Column::Side(_, low_b)) => {
+        (ShellColumn::Side(_, low_a), ShellColumn::Side(_, low_b)) => {
             let at_arch = low_a.max(low_b) > 0.0;
             match t {
-                t if t < 0.1 && (shape.clad || !at_arch) && detail == Detail::Near => PLASTIC,
+                t if t < 0.1 && (shape.clad || !at_arch) && detail == CarDetail::Near => PLASTIC,
                 _ => PAINT,
             }
         }
     }
 }
 
-/// [`skin`] at the greatest distance: lamps, the indicators around the corners.
-fn farther_skin([a, b]: [Column; 2], t: f32, left: bool) -> Skin {
+/// [`face_material`] at the greatest distance: lamps, the indicators around the corners.
+fn farther_face_material([a, b]: [ShellColumn; 2], t: f32, left: bool) -> StaticMaterial {
     match (a, b) {
         _ if t < 0.5 => PAINT,
-        (Column::End(facing, f), Column::End(_, g)) if f.min(g) > 0.6 => {
+        (ShellColumn::End(facing, f), ShellColumn::End(_, g)) if f.min(g) > 0.6 => {
             if facing > 0.0 {
                 HEAD
             } else {
                 TAIL
             }
         }
-        (Column::Side(..), Column::End(..)) | (Column::End(..), Column::Side(..)) => {
+        (ShellColumn::Side(..), ShellColumn::End(..)) | (ShellColumn::End(..), ShellColumn::Side(..)) => {
             INDICATOR[usize::from(!left)]
         }
         _ => PAINT,
     }
 }
 
-/// The houses of the wheels: from the edge of the opening inwards, and the wall behind the wheel.
-fn wells(builder: &mut Builder, shape: &Shape, columns: &[Column], side: f32) {
+/// The wheel wells: from the edge of the arch inwards, and the wall behind the wheel.
+fn wells(builder: &mut PrimitiveBuilder, shape: &CarShape, columns: &[ShellColumn], side: f32) {
     let sides: Vec<(f32, f32)> = columns
         .iter()
         .filter_map(|column| match *column {
-            Column::Side(x, low) if low > 0.0 => Some((x, low)),
+            ShellColumn::Side(x, low) if low > 0.0 => Some((x, low)),
             _ => None,
         })
         .collect();
@@ -332,18 +339,19 @@ fn wells(builder: &mut Builder, shape: &Shape, columns: &[Column], side: f32) {
 }
 
 /// Bonnet (`facing` 1) or boot (-1): level across, a little higher in the middle.
-fn deck(builder: &mut Builder, shape: &Shape, detail: Detail, facing: f32) {
+fn deck(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: CarDetail, facing: f32) {
     let [rear_foot, .., front_foot] = shape.cabin.stations;
     let foot = if facing > 0.0 { front_foot - 0.10 } else { rear_foot + 0.10 };
-    let parts: &[f32] = if detail == Detail::Near { &[0.0, 0.35, 0.7, 0.9, 1.0] } else { &[0.0, 0.7, 1.0] };
+    let parts: &[f32] =
+        if detail == CarDetail::Near { &[0.0, 0.35, 0.7, 0.9, 1.0] } else { &[0.0, 0.7, 1.0] };
     let across: &[f32] = match detail {
-        Detail::Near => &[-1.0, -0.62, 0.0, 0.62, 1.0],
-        Detail::Far => &[-1.0, 0.0, 1.0],
-        Detail::Farther => &[-1.0, 1.0],
+        CarDetail::Near => &[-1.0, -0.62, 0.0, 0.62, 1.0],
+        CarDetail::Far => &[-1.0, 0.0, 1.0],
+        CarDetail::Farther => &[-1.0, 1.0],
     };
     let row = |&part: &f32| across.iter().map(|&f| shape.on_deck(facing, foot, part, f)).collect();
     let mut points: Vec<Vec<Vec3>> = parts.iter().map(row).collect();
-    if detail == Detail::Near {
+    if detail == CarDetail::Near {
         // The shell has other columns: under its edges it goes on downwards, so that no slit is left.
         let mut skirt = |edge: Vec<Vec3>, upwards: bool| {
             let inwards = Vec3::new(-0.004 * facing, 0.0, -0.05);
@@ -363,7 +371,7 @@ fn deck(builder: &mut Builder, shape: &Shape, detail: Detail, facing: f32) {
 }
 
 /// The open bed of a pickup: floor and walls, and a rim on the walls.
-fn bed(builder: &mut Builder, shape: &Shape) {
+fn bed(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     const WALL_M: f32 = 0.07;
     let (front, rear) = (shape.cabin.stations[0] + 0.04, -LENGTH_M / 2.0 + 0.10);
     let (high, low) = (shape.shoulder_at(-1.6) - 0.005, 0.72);

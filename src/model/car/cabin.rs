@@ -1,7 +1,7 @@
 //! The cabin: windscreen and rear window, side windows between pillars, roof.
 
-use super::shape::{Rear, Shape};
-use super::{Builder, DASHBOARD, Detail, GLASS, PAINT, PLASTIC, SEAM, Skin, body};
+use super::shape::{CarShape, Rear};
+use super::{CarDetail, DASHBOARD, GLASS, PAINT, PLASTIC, PrimitiveBuilder, SEAM, StaticMaterial, body};
 use glam::Vec3;
 
 /// Rows of the cabin from its foot to the middle of the roof: part of its height, part of the way from
@@ -11,7 +11,7 @@ const SILL: usize = 1;
 const RAIL: usize = 2;
 const GUTTER: usize = 3;
 
-struct Station {
+struct CabinStation {
     x: f32,
     /// Height of the roof, in its middle.
     roof: f32,
@@ -19,7 +19,7 @@ struct Station {
     at_foot: bool,
 }
 
-fn stations(shape: &Shape, detail: Detail) -> Vec<Station> {
+fn stations(shape: &CarShape, detail: CarDetail) -> Vec<CabinStation> {
     let [rear_foot, rear_roof, rear_glass, pillar, front_roof, front_foot] = shape.cabin.stations;
     let [rear, top, front] = shape.cabin.roof;
     let on = |x: f32| {
@@ -27,10 +27,10 @@ fn stations(shape: &Shape, detail: Detail) -> Vec<Station> {
         let t = ((x - middle) / (front_roof - middle)).clamp(-1.0, 1.0);
         top + (if t > 0.0 { front } else { rear } - top) * t * t
     };
-    let station = |x: f32| Station { x, roof: on(x), at_foot: false };
-    let foot = |x: f32| Station { x, roof: 0.0, at_foot: true };
+    let station = |x: f32| CabinStation { x, roof: on(x), at_foot: false };
+    let foot = |x: f32| CabinStation { x, roof: 0.0, at_foot: true };
     let mut all = vec![foot(rear_foot), station(rear_roof)];
-    if detail == Detail::Near {
+    if detail == CarDetail::Near {
         if rear_glass > rear_roof && rear_glass < pillar {
             all.push(station(rear_glass));
         }
@@ -42,7 +42,7 @@ fn stations(shape: &Shape, detail: Detail) -> Vec<Station> {
     all
 }
 
-fn section(shape: &Shape, station: &Station, bulge: f32, detail: Detail) -> Vec<Vec3> {
+fn section(shape: &CarShape, station: &CabinStation, bulge: f32, detail: CarDetail) -> Vec<Vec3> {
     let x = station.x;
     let base = shape.shoulder_at(x) - 0.012;
     let wide = body::half_at(x) * 0.875;
@@ -50,7 +50,7 @@ fn section(shape: &Shape, station: &Station, bulge: f32, detail: Detail) -> Vec<
     let top = if station.at_foot { wide * 0.94 } else { roof_half };
     let high = match (station.at_foot, detail) {
         (false, _) => station.roof,
-        (true, Detail::Near) => base + shape.crown + 0.02,
+        (true, CarDetail::Near) => base + shape.crown + 0.02,
         // Under the bonnet and the boot, which are flatter there: else a slit is left between them.
         (true, _) => base - 0.02,
     };
@@ -71,12 +71,12 @@ fn section(shape: &Shape, station: &Station, bulge: f32, detail: Detail) -> Vec<
     ring
 }
 
-pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
+pub(super) fn cabin(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: CarDetail) {
     let stations = stations(shape, detail);
     let last = stations.len() - 1;
-    // Which points of a section are kept, and what lies above each of them.
+    // The kept points of a section, and the material above each.
     let (kept, rows): (&[usize], &[usize]) = match detail {
-        Detail::Farther => (&[0, 2, 4, 6, 8, 10], &[SILL, RAIL, GUTTER]),
+        CarDetail::Farther => (&[0, 2, 4, 6, 8, 10], &[SILL, RAIL, GUTTER]),
         _ => (&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10], &[FOOT, SILL, RAIL, GUTTER, GUTTER]),
     };
     let sections: Vec<Vec<Vec3>> = stations
@@ -106,11 +106,11 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
             |row, point| {
                 let station = first + count - 1 - row;
                 let up = rows[point.min(points - 1 - point)];
-                Some(skin(shape, detail, &stations, station, up, end))
+                Some(face_material(shape, detail, &stations, station, up, end))
             },
         );
     }
-    if detail == Detail::Near {
+    if detail == CarDetail::Near {
         // Behind the edges of boot and bonnet the windows go on downwards, so that no slit is left there.
         let under = |end: usize, inwards: f32| -> Vec<Vec3> {
             sections[end].iter().map(|&point| point + Vec3::new(inwards, 0.0, -0.10)).collect()
@@ -135,7 +135,7 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
                 240,
             );
         }
-        if detail == Detail::Near {
+        if detail == CarDetail::Near {
             // As the shell bulges below the shoulder, and the doors lean above it.
             let high = shape.shoulder_at(-super::LENGTH_M / 2.0);
             let mut line: Vec<(f32, f32)> = [0.3, 0.4, 0.5, 0.6, 0.8, 1.0]
@@ -151,7 +151,7 @@ pub(super) fn cabin(builder: &mut Builder, shape: &Shape, detail: Detail) {
 }
 
 /// What a camera behind the windscreen sees between it and the bonnet; from outside the glass hides it.
-fn dashboard(builder: &mut Builder, shape: &Shape) {
+fn dashboard(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     let [.., front_foot] = shape.cabin.stations;
     let x = [front_foot - 0.80, front_foot - 0.09];
     let (half, foot) = (body::half_at(x[1]), shape.shoulder_at(x[1]) + 0.003);
@@ -169,14 +169,14 @@ fn dashboard(builder: &mut Builder, shape: &Shape) {
 }
 
 /// What a face is made of: behind which station, how far up, and on which end.
-fn skin(
-    shape: &Shape,
-    detail: Detail,
-    stations: &[Station],
+fn face_material(
+    shape: &CarShape,
+    detail: CarDetail,
+    stations: &[CabinStation],
     station: usize,
     up: usize,
     end: Option<f32>,
-) -> Skin {
+) -> StaticMaterial {
     let cargo = shape.rear == Rear::Cargo;
     let glass_at_end = |facing: f32| !(cargo && facing < 0.0);
     match (end, up) {
@@ -202,7 +202,7 @@ fn skin(
         (None, SILL) => {
             let [_, rear_roof, rear_glass, pillar, ..] = shape.cabin.stations;
             let middle = (stations[station].x + stations[station + 1].x) / 2.0;
-            let is_pillar = (middle - pillar).abs() < 0.05 && detail == Detail::Near;
+            let is_pillar = (middle - pillar).abs() < 0.05 && detail == CarDetail::Near;
             let behind = (rear_glass > rear_roof && middle < rear_glass) || (cargo && middle < pillar);
             if behind {
                 PAINT

@@ -1,5 +1,4 @@
-//! Cars made in code: a shell around the outline with openings for the wheels, bonnet and boot on it, a
-//! cabin of glass and pillars.
+//! Procedural car models: a shell with wheel arches, bonnet and boot, and a cabin of glass and pillars.
 
 mod body;
 mod cabin;
@@ -7,11 +6,11 @@ mod shape;
 mod trim;
 mod wheel;
 
-use super::{Builder, Model, Node, Part, Skin};
+use super::{MeshPrimitive, Model, ModelNode, PrimitiveBuilder, StaticMaterial};
 use glam::{Affine3A, Quat, Vec3};
 use std::f32::consts::PI;
 
-pub use shape::{HATCHBACK, PICKUP, SEDAN, SUV, Shape, VAN};
+pub use shape::{CarShape, HATCHBACK, PICKUP, SEDAN, SUV, VAN};
 
 /// Length of all cars here, from bumper to bumper.
 pub const LENGTH_M: f32 = 5.0;
@@ -22,42 +21,43 @@ pub const WHEEL_RADIUS_M: f32 = 0.34;
 /// Half the width of the sheet metal.
 pub(super) const HALF_M: f32 = 1.10;
 
-pub(super) const PAINT: Skin = Skin::new("paint", [255, 255, 255]).rough(0.35);
-pub(super) const GLASS: Skin = Skin::new("glass", [22, 27, 32]).rough(0.05);
-pub(super) const PLASTIC: Skin = Skin::new("plastic", [30, 31, 33]);
-pub(super) const DASHBOARD: Skin = Skin::new("dashboard", [34, 35, 37]);
-pub(super) const SEAM: Skin = Skin::new("seam", [12, 12, 13]);
-pub(super) const WELL: Skin = Skin::new("well", [14, 14, 15]);
-pub(super) const GRILLE: Skin = Skin::new("grille", [20, 20, 22]).rough(0.5);
-pub(super) const CHROME: Skin = Skin::new("chrome", [190, 194, 198]).metal().rough(0.2);
-pub(super) const PLATE: Skin = Skin::new("number_plate", [226, 226, 220]);
-pub(super) const HEAD: Skin = Skin::new("head", [214, 220, 226]).rough(0.1);
-pub(super) const TAIL: Skin = Skin::new("tail", [98, 8, 10]).rough(0.2);
-pub(super) const REVERSE: Skin = Skin::new("reverse", [132, 130, 128]).rough(0.2);
-pub(super) const INDICATOR: [Skin; 2] = [
-    Skin::new("indicator_left", [176, 104, 48]).rough(0.2),
-    Skin::new("indicator_right", [176, 104, 48]).rough(0.2),
+pub(super) const PAINT: StaticMaterial = StaticMaterial::new("paint", [255, 255, 255]).rough(0.35);
+pub(super) const GLASS: StaticMaterial = StaticMaterial::new("glass", [22, 27, 32]).rough(0.05);
+pub(super) const PLASTIC: StaticMaterial = StaticMaterial::new("plastic", [30, 31, 33]);
+pub(super) const DASHBOARD: StaticMaterial = StaticMaterial::new("dashboard", [34, 35, 37]);
+pub(super) const SEAM: StaticMaterial = StaticMaterial::new("seam", [12, 12, 13]);
+pub(super) const WELL: StaticMaterial = StaticMaterial::new("well", [14, 14, 15]);
+pub(super) const GRILLE: StaticMaterial = StaticMaterial::new("grille", [20, 20, 22]).rough(0.5);
+pub(super) const CHROME: StaticMaterial = StaticMaterial::new("chrome", [190, 194, 198]).metal().rough(0.2);
+pub(super) const PLATE: StaticMaterial = StaticMaterial::new("number_plate", [226, 226, 220]);
+pub(super) const HEAD: StaticMaterial = StaticMaterial::new("head", [214, 220, 226]).rough(0.1);
+pub(super) const TAIL: StaticMaterial = StaticMaterial::new("tail", [98, 8, 10]).rough(0.2);
+pub(super) const REVERSE: StaticMaterial = StaticMaterial::new("reverse", [132, 130, 128]).rough(0.2);
+pub(super) const INDICATOR: [StaticMaterial; 2] = [
+    StaticMaterial::new("indicator_left", [176, 104, 48]).rough(0.2),
+    StaticMaterial::new("indicator_right", [176, 104, 48]).rough(0.2),
 ];
 
-/// How many faces a car may have.
+/// Level of detail of a car.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Detail {
+pub(super) enum CarDetail {
     Near,
     Far,
     /// Its wheels are painted on.
     Farther,
 }
 
-/// Nodes `body`, four wheels, `far_body`, `far_wheel`, and `farther_body` with wheels of its own.
-pub fn model(shape: &Shape) -> Model {
-    let [near, far, farther] = [Detail::Near, Detail::Far, Detail::Farther].map(|detail| {
-        let mut builder = Builder::default();
+/// The model of a body type: nodes `body`, four wheels, `far_body`, `far_wheel`, and `farther_body` with
+/// wheels of its own.
+pub fn model(shape: &CarShape) -> Model {
+    let [near, far, farther] = [CarDetail::Near, CarDetail::Far, CarDetail::Farther].map(|detail| {
+        let mut builder = PrimitiveBuilder::default();
         body::shell(&mut builder, shape, detail);
         cabin::cabin(&mut builder, shape, detail);
         trim::trim(&mut builder, shape, detail);
         evened(builder.finish())
     });
-    let standing = |name: &str, mesh, height| Node {
+    let standing = |name: &str, mesh, height| ModelNode {
         name: name.to_owned(),
         mesh,
         model_from_mesh: Affine3A::from_translation(Vec3::Z * height),
@@ -79,14 +79,14 @@ pub fn model(shape: &Shape) -> Model {
         let turn = if y > 0.0 { 0.0 } else { PI };
         let place =
             Affine3A::from_rotation_translation(Quat::from_rotation_z(turn), Vec3::new(x, y, WHEEL_RADIUS_M));
-        nodes.push(Node { name: format!("wheel_{name}"), mesh: 3, model_from_mesh: place });
+        nodes.push(ModelNode { name: format!("wheel_{name}"), mesh: 3, model_from_mesh: place });
     }
     let wheels = [wheel::wheel(WHEEL_RADIUS_M), wheel::far_wheel(WHEEL_RADIUS_M)];
     Model { meshes: [near, far, farther].into_iter().chain(wheels).collect(), nodes }
 }
 
-/// Both halves of a body meet in its middle without an edge.
-fn evened(mut parts: Vec<Part>) -> Vec<Part> {
+/// Smooths normals along the middle, where the two halves of a body meet.
+fn evened(mut parts: Vec<MeshPrimitive>) -> Vec<MeshPrimitive> {
     for vertex in parts.iter_mut().flat_map(|part| &mut part.vertices) {
         if vertex.position.y.abs() < 1e-4 {
             vertex.normal = vertex.normal.with_y(0.0).normalize_or(vertex.normal);
@@ -99,8 +99,8 @@ fn evened(mut parts: Vec<Part>) -> Vec<Part> {
 mod tests {
     use super::*;
 
-    /// Whether a face that looks towards the eye is met on the way to a point.
-    fn is_hidden(mesh: &[Part], eye: Vec3, point: Vec3) -> bool {
+    /// Whether a front-facing face occludes a point.
+    fn is_hidden(mesh: &[MeshPrimitive], eye: Vec3, point: Vec3) -> bool {
         let along = point - eye;
         mesh.iter().any(|part| {
             let corner = |k: &u32| part.vertices[*k as usize].position;

@@ -1,8 +1,8 @@
 //! Side views of the body types, in metres: x from the middle forward, z above the road.
 
-/// What makes one body type differ from another.
+/// The parameters of a body type.
 #[derive(Clone, Copy, Debug)]
-pub struct Shape {
+pub struct CarShape {
     pub name: &'static str,
     pub height: f32,
     /// Lower edge between the wheels.
@@ -11,9 +11,9 @@ pub struct Shape {
     pub(super) shoulder: &'static [(f32, f32)],
     /// How far the middle of the bonnet lies above its edges.
     pub(super) crown: f32,
-    /// By how much the upper and the lower edge of the front stand back behind the bumper, and of the rear.
+    /// How far the upper and the lower edge recede behind the bumper: front, rear.
     pub(super) rake: [[f32; 2]; 2],
-    /// By how much corners stand back behind the middle: front, rear.
+    /// How far corners recede behind the middle: front, rear.
     pub(super) bow: [f32; 2],
     pub(super) cabin: Cabin,
     pub(super) rear: Rear,
@@ -34,7 +34,7 @@ pub(super) struct Cabin {
     pub(super) roof_half: f32,
 }
 
-/// What is behind the rear doors.
+/// The rear of a body type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rear {
     Boot,
@@ -45,7 +45,7 @@ pub(super) enum Rear {
     Bed,
 }
 
-pub const SEDAN: Shape = Shape {
+pub const SEDAN: CarShape = CarShape {
     name: "sedan",
     height: 1.45,
     sill: 0.19,
@@ -73,7 +73,7 @@ pub const SEDAN: Shape = Shape {
     rails: false,
 };
 
-pub const HATCHBACK: Shape = Shape {
+pub const HATCHBACK: CarShape = CarShape {
     name: "hatchback",
     height: 1.48,
     sill: 0.20,
@@ -100,7 +100,7 @@ pub const HATCHBACK: Shape = Shape {
     rails: false,
 };
 
-pub const SUV: Shape = Shape {
+pub const SUV: CarShape = CarShape {
     name: "suv",
     height: 1.74,
     sill: 0.26,
@@ -127,7 +127,7 @@ pub const SUV: Shape = Shape {
     rails: true,
 };
 
-pub const VAN: Shape = Shape {
+pub const VAN: CarShape = CarShape {
     name: "van",
     height: 2.10,
     sill: 0.24,
@@ -145,7 +145,7 @@ pub const VAN: Shape = Shape {
     rails: false,
 };
 
-pub const PICKUP: Shape = Shape {
+pub const PICKUP: CarShape = CarShape {
     name: "pickup",
     height: 1.72,
     sill: 0.27,
@@ -163,7 +163,7 @@ pub const PICKUP: Shape = Shape {
     rails: false,
 };
 
-/// Between points, without overshooting: straight lines with their corners rounded a little.
+/// Monotone interpolation between points: linear with slightly rounded corners.
 pub(super) fn along(points: &[(f32, f32)], x: f32) -> f32 {
     let linear = |x: f32| {
         let after = points.partition_point(|p| p.0 < x).clamp(1, points.len() - 1);

@@ -1,25 +1,25 @@
-//! What is set on a body: mirrors, seams of the doors, handles, number plates, rails, arches.
+//! Trim of a body: mirrors, door seams, handles, number plates, rails, arches.
 
-use super::shape::{Rear, Shape};
+use super::shape::{CarShape, Rear};
 use super::wheel::FAR_RIM;
 use super::{
-    Builder, CHROME, Detail, HALF_M, LENGTH_M, PAINT, PLASTIC, PLATE, SEAM, Skin, TAIL, WHEEL_RADIUS_M,
-    WHEELBASE_M, WIDTH_M,
+    CHROME, CarDetail, HALF_M, LENGTH_M, PAINT, PLASTIC, PLATE, PrimitiveBuilder, SEAM, StaticMaterial, TAIL,
+    WHEEL_RADIUS_M, WHEELBASE_M, WIDTH_M,
 };
 use glam::Vec3;
 use std::f32::consts::TAU;
 
-pub(super) fn trim(builder: &mut Builder, shape: &Shape, detail: Detail) {
+pub(super) fn trim(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: CarDetail) {
     match detail {
-        Detail::Near => {}
-        Detail::Far => {
+        CarDetail::Near => {}
+        CarDetail::Far => {
             mirrors(builder, shape);
             sills(builder, shape);
             number_plates(builder, shape, detail);
             arches(builder);
             return;
         }
-        Detail::Farther => {
+        CarDetail::Farther => {
             flat_mirrors(builder, shape);
             painted_wheels(builder);
             return;
@@ -60,7 +60,7 @@ pub(super) fn trim(builder: &mut Builder, shape: &Shape, detail: Detail) {
 }
 
 /// The gaps along the sides of the bonnet: creases in the paint, as black lines of a centimetre break into dots.
-fn bonnet_gaps(builder: &mut Builder, shape: &Shape) {
+fn bonnet_gaps(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     const HALF_WIDTH_M: f32 = 0.008;
     const SIDE: f32 = 0.86;
     let [.., foot] = shape.cabin.stations;
@@ -77,13 +77,13 @@ fn bonnet_gaps(builder: &mut Builder, shape: &Shape) {
     }
 }
 
-fn on_side(shape: &Shape, x: f32, t: f32, side: f32) -> Vec3 {
+fn on_side(shape: &CarShape, x: f32, t: f32, side: f32) -> Vec3 {
     let p = shape.side_point(x, t, 0.0);
     Vec3::new(p.x, side * (p.y + 0.004), p.z)
 }
 
 /// A dark line down a side where two doors meet.
-fn seam(builder: &mut Builder, shape: &Shape, x: f32, side: f32) {
+fn seam(builder: &mut PrimitiveBuilder, shape: &CarShape, x: f32, side: f32) {
     const HALF_WIDTH_M: f32 = 0.006;
     // All rows of the shell, so that it bulges out nowhere between them.
     for pair in [0.15, 0.36, 0.60, 0.76, 0.92, 0.99].windows(2) {
@@ -98,13 +98,13 @@ fn seam(builder: &mut Builder, shape: &Shape, x: f32, side: f32) {
 const MIRROR_M: [f32; 2] = [HALF_M - 0.17, WIDTH_M / 2.0];
 
 /// x of both, and their lower edges.
-fn mirrors_at(shape: &Shape) -> [f32; 2] {
+fn mirrors_at(shape: &CarShape) -> [f32; 2] {
     let x = shape.cabin.stations[5] - 0.32;
     [x, shape.shoulder_at(x) + 0.01]
 }
 
 /// A foot and a housing with its glass.
-fn mirrors(builder: &mut Builder, shape: &Shape) {
+fn mirrors(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     let [x, z] = mirrors_at(shape);
     for side in [1.0_f32, -1.0] {
         let [inner, outer] = MIRROR_M.map(|y| side * y);
@@ -119,7 +119,7 @@ fn mirrors(builder: &mut Builder, shape: &Shape) {
 }
 
 /// Mirrors without depth, for the greatest distance.
-fn flat_mirrors(builder: &mut Builder, shape: &Shape) {
+fn flat_mirrors(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     let [x, z] = mirrors_at(shape);
     for side in [1.0_f32, -1.0] {
         let [inner, outer] = MIRROR_M.map(|y| side * y);
@@ -131,25 +131,26 @@ fn flat_mirrors(builder: &mut Builder, shape: &Shape) {
     }
 }
 
-/// How far what is set on an end stands out of it.
+/// How far trim protrudes from an end.
 const PROUD_M: f32 = 0.004;
 
-/// An upright plate on an end, so far in front of it: edges from left to right and from below, seen from there.
+/// A vertical plate at a distance in front of an end: edges from left to right and from below, seen from
+/// outside.
 fn on_end(
-    builder: &mut Builder,
-    shape: &Shape,
+    builder: &mut PrimitiveBuilder,
+    shape: &CarShape,
     facing: f32,
     out: f32,
     [across, z]: [[f32; 2]; 2],
-    skin: Skin,
+    face_material: StaticMaterial,
 ) {
     let corners = [[across[0], z[0]], [across[1], z[0]], [across[1], z[1]], [across[0], z[1]]];
     let x = facing * (end_before(shape, facing, z) + out);
-    builder.plate(&corners.map(|[y, z]| Vec3::new(x, facing * y, z)), skin, 240);
+    builder.plate(&corners.map(|[y, z]| Vec3::new(x, facing * y, z)), face_material, 240);
 }
 
 /// How far the middle of an end reaches between two heights.
-fn end_before(shape: &Shape, facing: f32, z: [f32; 2]) -> f32 {
+fn end_before(shape: &CarShape, facing: f32, z: [f32; 2]) -> f32 {
     let high = shape.shoulder_at(facing * LENGTH_M / 2.0);
     let reach = |z: f32| {
         let t = ((z - shape.sill) / (high - shape.sill)).clamp(0.0, 1.0);
@@ -158,7 +159,7 @@ fn end_before(shape: &Shape, facing: f32, z: [f32; 2]) -> f32 {
     reach(z[0]).max(reach(z[1]))
 }
 
-fn number_plates(builder: &mut Builder, shape: &Shape, detail: Detail) {
+fn number_plates(builder: &mut PrimitiveBuilder, shape: &CarShape, detail: CarDetail) {
     const HALF_M: f32 = 0.26;
     const HIGH_M: f32 = 0.11;
     let front = shape.shoulder_at(LENGTH_M / 2.0);
@@ -167,7 +168,7 @@ fn number_plates(builder: &mut Builder, shape: &Shape, detail: Detail) {
     let behind = if shape.rear == Rear::Bed { 0.30 } else { 0.56 };
     for (facing, z) in [(1.0, row(front, 0.40)), (-1.0, row(rear, behind))] {
         on_end(builder, shape, facing, PROUD_M, [[-HALF_M, HALF_M], [z, z + HIGH_M]], PLATE);
-        if detail == Detail::Near {
+        if detail == CarDetail::Near {
             // On the plate, wherever the end below it is.
             let x = end_before(shape, facing, [z, z + HIGH_M]) + PROUD_M + 0.002;
             registration(builder, facing, Vec3::new(facing * x, 0.0, z + HIGH_M / 2.0));
@@ -175,8 +176,8 @@ fn number_plates(builder: &mut Builder, shape: &Shape, detail: Detail) {
     }
 }
 
-/// What is written on the plates, about their middle: letters of three by five squares.
-fn registration(builder: &mut Builder, facing: f32, middle: Vec3) {
+/// Lettering of the plates: letters of three by five squares.
+fn registration(builder: &mut PrimitiveBuilder, facing: f32, middle: Vec3) {
     const SQUARE_M: f32 = 0.0145;
     const ROWS: [&str; 5] = [
         "### ### ### # #   ### ## ",
@@ -207,7 +208,7 @@ fn registration(builder: &mut Builder, facing: f32, middle: Vec3) {
     }
 }
 
-fn ends(builder: &mut Builder, shape: &Shape) {
+fn ends(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     let front = shape.shoulder_at(LENGTH_M / 2.0);
     let row = |end: f32, t: f32| shape.sill + t * (end - shape.sill);
     // The third brake light, under the rear edge of the roof.
@@ -223,7 +224,7 @@ fn ends(builder: &mut Builder, shape: &Shape) {
 }
 
 /// The dark lower edge between the wheels, for a distance.
-fn sills(builder: &mut Builder, shape: &Shape) {
+fn sills(builder: &mut PrimitiveBuilder, shape: &CarShape) {
     let reach = WHEELBASE_M / 2.0 - 1.19 * WHEEL_RADIUS_M;
     for side in [1.0_f32, -1.0] {
         let ends = if side > 0.0 { [reach, -reach] } else { [-reach, reach] };
@@ -233,20 +234,20 @@ fn sills(builder: &mut Builder, shape: &Shape) {
 }
 
 /// Wheels without depth, for the greatest distance.
-fn painted_wheels(builder: &mut Builder) {
+fn painted_wheels(builder: &mut PrimitiveBuilder) {
     for axle in [-WHEELBASE_M / 2.0, WHEELBASE_M / 2.0] {
         for side in [-1.0_f32, 1.0] {
-            let mut disc = |corners: u32, radius: f32, out: f32, skin: Skin| {
+            let mut disc = |corners: u32, radius: f32, out: f32, face_material: StaticMaterial| {
                 let at = |k: u32| {
                     let (sin, cos) = (side * TAU * (k as f32 + 0.5) / corners as f32).sin_cos();
                     let middle = Vec3::new(axle, side * (HALF_M + out), WHEEL_RADIUS_M);
                     middle + Vec3::new(radius * sin, 0.0, radius * cos)
                 };
-                builder.plate(&(0..corners).map(at).collect::<Vec<_>>(), skin, 150);
+                builder.plate(&(0..corners).map(at).collect::<Vec<_>>(), face_material, 150);
             };
             disc(6, 1.12 * WHEEL_RADIUS_M, 0.004, SEAM);
             disc(4, 0.72 * WHEEL_RADIUS_M, 0.012, FAR_RIM);
-            // What is seen of the tyre from before or behind.
+            // The tyre in front and rear view.
             let (outer, inner) = (HALF_M - 0.02, HALF_M - 0.24);
             let (a, b) = if side * axle > 0.0 { (inner, outer) } else { (outer, inner) };
             let corner = |y: f32, z: f32| Vec3::new(axle, side * y, z);
@@ -255,8 +256,8 @@ fn painted_wheels(builder: &mut Builder) {
     }
 }
 
-/// Dark rounds in place of the wheels' houses, for a distance.
-fn arches(builder: &mut Builder) {
+/// Dark discs instead of wheel wells, for a distance.
+fn arches(builder: &mut PrimitiveBuilder) {
     for axle in [-WHEELBASE_M / 2.0, WHEELBASE_M / 2.0] {
         for side in [-1.0_f32, 1.0] {
             let y = side * (HALF_M - 0.16);

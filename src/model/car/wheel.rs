@@ -1,28 +1,28 @@
 //! A wheel: tyre, rim and spokes; its axle along y, its outer face towards +y.
 
-use super::super::{Builder, Part, Skin};
+use super::super::{MeshPrimitive, PrimitiveBuilder, StaticMaterial};
 use glam::Vec3;
 use std::f32::consts::TAU;
 
 pub(super) const WIDTH_M: f32 = 0.22;
-const TYRE: Skin = Skin::new("tyre", [27, 27, 28]);
-const RIM: Skin = Skin::new("rim", [176, 180, 185]).metal().rough(0.3);
-/// Dust of the brakes dulls what lies deep in it.
-const LIP: Skin = Skin::new("lip", [96, 98, 101]).rough(0.7);
-const DISC: Skin = Skin::new("disc", [34, 35, 37]);
+const TYRE: StaticMaterial = StaticMaterial::new("tyre", [27, 27, 28]);
+const RIM: StaticMaterial = StaticMaterial::new("rim", [176, 180, 185]).metal().rough(0.3);
+/// Brake dust dulls the inner parts.
+const LIP: StaticMaterial = StaticMaterial::new("lip", [96, 98, 101]).rough(0.7);
+const DISC: StaticMaterial = StaticMaterial::new("disc", [34, 35, 37]);
 const SPOKES: u32 = 5;
 
 const SIDES: u32 = 16;
 /// Rim and spokes as one, from a distance.
-pub(super) const FAR_RIM: Skin = Skin::new("far_rim", [112, 114, 118]).rough(0.5);
+pub(super) const FAR_RIM: StaticMaterial = StaticMaterial::new("far_rim", [112, 114, 118]).rough(0.5);
 
 fn turned(angle: f32, y: f32, r: f32) -> Vec3 {
     let (sin, cos) = angle.sin_cos();
     Vec3::new(r * sin, y, r * cos)
 }
 
-pub(super) fn wheel(radius: f32) -> Vec<Part> {
-    let mut builder = Builder::default();
+pub(super) fn wheel(radius: f32) -> Vec<MeshPrimitive> {
+    let mut builder = PrimitiveBuilder::default();
     let sides = SIDES;
     let half = WIDTH_M / 2.0;
     let rim = 0.68 * radius;
@@ -56,10 +56,10 @@ pub(super) fn wheel(radius: f32) -> Vec<Part> {
     builder.finish()
 }
 
-/// Of few faces. It stands a little inwards, because the opening of a far body covers its top.
-pub(super) fn far_wheel(radius: f32) -> Vec<Part> {
+/// Coarse wheel. It is set slightly inwards, since the arch of a far body covers its top.
+pub(super) fn far_wheel(radius: f32) -> Vec<MeshPrimitive> {
     const SIDES: u32 = 8;
-    let mut builder = Builder::default();
+    let mut builder = PrimitiveBuilder::default();
     let (half, rim) = (WIDTH_M / 2.0, 0.68 * radius);
     let outer = half - 0.03;
     let ring = |y: f32, r: f32| (0..=SIDES).map(|k| turned(TAU * k as f32 / SIDES as f32, y, r)).collect();
@@ -75,7 +75,7 @@ fn circle(y: f32, r: f32, sides: u32) -> Vec<Vec3> {
     (0..sides).map(|k| turned(TAU * k as f32 / sides as f32, y, r)).collect()
 }
 
-/// What is seen of a wheel from under the car.
+/// Inner side of a wheel, visible from below the car.
 fn inner_side(radius: f32, y: f32, sides: u32) -> Vec<Vec3> {
     circle(y, radius, sides).into_iter().rev().collect()
 }

@@ -1,16 +1,16 @@
-//! Numbers of a file's binary part, checked against its length before they are read.
+//! Reads glTF accessors, checked against the length of the buffer.
 
-use super::read::Fault;
+use super::read::ModelError;
 use gltf::accessor::{DataType, Dimensions};
 
-/// What an accessor must hold.
+/// The required layout of an accessor.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Wanted {
+pub(super) struct AccessorSpec {
     /// "POSITION" or "indices".
     pub(super) what: &'static str,
-    /// Numbers of an element: from this many to that many.
+    /// Least and largest number of components.
     pub(super) numbers: [usize; 2],
-    /// Whether whole numbers mean parts of their largest one.
+    /// Whether integers are normalised.
     pub(super) whole_are_parts: bool,
 }
 
@@ -22,16 +22,15 @@ fn bytes_of(kind: DataType) -> usize {
     }
 }
 
-/// All elements, with as many numbers each as `numbers` allows at least; what an element has beyond is
-/// left out.
+/// All elements with at least the required components; further ones are dropped.
 pub(super) fn numbers<const N: usize>(
     accessor: &gltf::Accessor<'_>,
     blob: &[u8],
-    wanted: Wanted,
-) -> Result<Vec<[f32; N]>, Fault> {
-    let Wanted { what, numbers: [least, most], whole_are_parts } = wanted;
+    wanted: AccessorSpec,
+) -> Result<Vec<[f32; N]>, ModelError> {
+    let AccessorSpec { what, numbers: [least, most], whole_are_parts } = wanted;
     let index = accessor.index();
-    let fail = |message: String, remedy: &'static str| Fault {
+    let fail = |message: String, remedy: &'static str| ModelError {
         place: format!("accessor {index} ({what})"),
         message,
         remedy,
@@ -45,7 +44,7 @@ pub(super) fn numbers<const N: usize>(
     };
     if !(least..=most).contains(&dimensions) {
         let message = format!("elements of type {:?}", accessor.dimensions());
-        return Err(fail(message, "export it as the glTF specification has it"));
+        return Err(fail(message, "export it as the glTF specification requires"));
     }
     if accessor.sparse().is_some() {
         return Err(fail("a sparse accessor".to_owned(), "export without sparse accessors"));
@@ -67,7 +66,7 @@ pub(super) fn numbers<const N: usize>(
     let kind = accessor.data_type();
     let size = bytes_of(kind) * dimensions;
     let stride = view.stride().unwrap_or(size);
-    // All in checked arithmetic: every number here is the file's word.
+    // Checked arithmetic: all numbers come from the file.
     let span = count.checked_sub(1).map_or(Some(0), |gaps| gaps.checked_mul(stride)?.checked_add(size));
     let end = span.and_then(|span| accessor.offset().checked_add(span));
     if stride < size || end.is_none_or(|end| end > view.length()) {

@@ -1,6 +1,6 @@
-//! glTF binary files: reading any that hold triangles, writing those of the project.
+//! glTF 2.0 binary files (GLB): reads any with triangles, writes those of the project.
 //!
-//! In a file y is up and z forward (Khronos, glTF 2.0, section 3.4), here z is up and x forward.
+//! Files have y up and z forward (Khronos, glTF 2.0, section 3.4); models have z up and x forward.
 
 mod accessor;
 mod read;
@@ -11,7 +11,7 @@ pub use write::write;
 
 use glam::Vec3;
 
-/// Most vertices, and most corners of triangles, that a file may have.
+/// Limit of vertices, and of indices, in a file.
 pub const MOST_VERTICES: usize = 500_000;
 
 fn from_file([x, y, z]: [f32; 3]) -> Vec3 {

@@ -1,18 +1,18 @@
-//! Reads glTF binary files: nodes with triangles, their materials by name and plain colour.
+//! Reads GLB files: nodes with triangles, and materials by name and plain colour.
 
-use super::accessor::{Wanted, numbers};
+use super::accessor::{AccessorSpec, numbers};
 use super::{MOST_VERTICES, from_file, srgb_from_linear};
-use crate::model::{Material, Model, Node, Part, Vertex};
+use crate::model::{Material, MeshPrimitive, Model, ModelNode, ModelVertex};
 use glam::{Affine3A, Mat3, Mat4, Vec2, Vec3};
 use gltf::mesh::{Mode, Semantic};
 use thiserror::Error;
 
-/// Farther from the origin is a slip of the unit: a kilometre.
+/// Largest distance from the origin: more is likely a wrong unit.
 const FARTHEST_M: f32 = 1000.0;
-/// Nodes may be nested so deeply.
+/// Largest nesting depth of nodes.
 const DEEPEST: usize = 64;
 
-/// A file that cannot be used: what was found where, and what would be right.
+/// An unusable model file: place, finding and remedy.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{place}: {message}; {remedy}")]
 pub struct ModelError {
@@ -21,20 +21,18 @@ pub struct ModelError {
     pub remedy: &'static str,
 }
 
-pub(super) type Fault = ModelError;
-
-fn fault(place: &str, message: impl Into<String>, remedy: &'static str) -> Fault {
+fn fault(place: &str, message: impl Into<String>, remedy: &'static str) -> ModelError {
     ModelError { place: place.to_owned(), message: message.into(), remedy }
 }
 
 const DAMAGED: &str = "the file is damaged or cut off: export it again";
 
-/// The text and the binary part of a file.
-fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8]), Fault> {
+/// The JSON and the binary chunk of a file.
+fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8]), ModelError> {
     let word =
         |at: usize| -> Option<u32> { Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?)) };
     if !bytes.starts_with(b"glTF") {
-        let what = if bytes.starts_with(b"{") { "glTF as text" } else { "no glTF binary file" };
+        let what = if bytes.starts_with(b"{") { "glTF as text" } else { "not a glTF binary file" };
         return Err(fault("header", what, "save as .glb, with everything in one file"));
     }
     if word(4) != Some(2) {
@@ -67,12 +65,12 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8]), Fault> {
 /// Reads a model.
 ///
 /// # Errors
-/// [`ModelError`] for whatever is no usable glTF binary file.
+/// [`ModelError`] if the bytes are no usable GLB file.
 pub fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     let (text, blob) = chunks(bytes)?;
     let json: gltf::json::Root = gltf::json::deserialize::from_slice(text)
         .map_err(|error| fault("JSON chunk", error.to_string(), DAMAGED))?;
-    // The crate's own checks look at this accessor before they know that it is there.
+    // The crate's validation reads this accessor before it checks that it exists.
     for (index, mesh) in json.meshes.iter().enumerate() {
         for wrong in mesh.primitives.iter().flat_map(|p| p.attributes.values()) {
             if wrong.value() >= json.accessors.len() {
@@ -122,31 +120,31 @@ pub fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     }
 }
 
-/// A node and those under it.
+/// Adds a node and its descendants.
 fn add(
     model: &mut Model,
     node: &gltf::Node<'_>,
     parent: Mat4,
     (depth, most): (usize, usize),
-) -> Result<(), Fault> {
+) -> Result<(), ModelError> {
     let place = || format!("node {} ({})", node.index(), node.name().unwrap_or("without a name"));
-    // Nodes that hold one another would never end, and one that many hold would take for ever.
+    // Cyclic nodes would never end, and shared ones could take exponential time.
     if depth > DEEPEST || model.nodes.len() > most {
-        return Err(fault(&place(), "nodes hold one another", DAMAGED));
+        return Err(fault(&place(), "the nodes form a cycle", DAMAGED));
     }
     let here = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
     if !here.is_finite() {
         return Err(fault(&place(), "its transform is not finite", DAMAGED));
     }
     if let Some(mesh) = node.mesh() {
-        // The file's axes to ours, on both sides of the transform.
+        // Converts axes on both sides of the transform.
         let axes = Mat3::from_cols(Vec3::Y, Vec3::Z, Vec3::X);
         let linear = axes * Mat3::from_mat4(here) * axes.transpose();
         let translation = from_file(here.w_axis.truncate().to_array());
         if linear.determinant().abs() < 1e-12 {
             return Err(fault(&place(), "its scale is 0", "apply the scale before exporting"));
         }
-        model.nodes.push(Node {
+        model.nodes.push(ModelNode {
             name: node.name().map_or_else(|| format!("node_{}", node.index()), str::to_owned),
             mesh: mesh.index(),
             model_from_mesh: Affine3A::from_mat3_translation(linear, translation),
@@ -158,10 +156,10 @@ fn add(
     Ok(())
 }
 
-fn parts(mesh: &gltf::Mesh<'_>, blob: &[u8]) -> Result<Vec<Part>, Fault> {
+fn parts(mesh: &gltf::Mesh<'_>, blob: &[u8]) -> Result<Vec<MeshPrimitive>, ModelError> {
     mesh.primitives()
         .map(|primitive| {
-            part(&primitive, blob).map_err(|error| Fault {
+            part(&primitive, blob).map_err(|error| ModelError {
                 place: format!(
                     "mesh {} ({}), primitive {}: {}",
                     mesh.index(),
@@ -175,7 +173,7 @@ fn parts(mesh: &gltf::Mesh<'_>, blob: &[u8]) -> Result<Vec<Part>, Fault> {
         .collect()
 }
 
-fn part(primitive: &gltf::Primitive<'_>, blob: &[u8]) -> Result<Part, Fault> {
+fn part(primitive: &gltf::Primitive<'_>, blob: &[u8]) -> Result<MeshPrimitive, ModelError> {
     if primitive.mode() != Mode::Triangles {
         let message = format!("it is made of {:?}", primitive.mode());
         return Err(fault("mode", message, "export triangles"));
@@ -185,7 +183,7 @@ fn part(primitive: &gltf::Primitive<'_>, blob: &[u8]) -> Result<Part, Fault> {
         return Err(fault("attributes", "POSITION is missing", "export positions"));
     };
     let wanted =
-        |what, least, most, whole_are_parts| Wanted { what, numbers: [least, most], whole_are_parts };
+        |what, least, most, whole_are_parts| AccessorSpec { what, numbers: [least, most], whole_are_parts };
     let positions = numbers::<3>(&positions, blob, wanted("POSITION", 3, 3, positions.normalized()))?;
     let of = |accessor: Option<gltf::Accessor<'_>>, what, least, most| {
         accessor.map(|a| numbers::<3>(&a, blob, wanted(what, least, most, true))).transpose()
@@ -218,7 +216,7 @@ fn part(primitive: &gltf::Primitive<'_>, blob: &[u8]) -> Result<Part, Fault> {
         let message = format!("vertex {wrong} of {}", positions.len());
         return Err(fault("indices", message, DAMAGED));
     }
-    let vertex = |k: usize| Vertex {
+    let vertex = |k: usize| ModelVertex {
         position: from_file(positions[k]),
         normal: normals.as_ref().map_or(Vec3::ZERO, |list| from_file(list[k]).normalize_or(Vec3::Z)),
         uv: uvs.as_ref().map_or(Vec2::ZERO, |list| Vec2::new(list[k][0], list[k][1])),
@@ -227,21 +225,21 @@ fn part(primitive: &gltf::Primitive<'_>, blob: &[u8]) -> Result<Part, Fault> {
             ((0.21 * r + 0.72 * g + 0.07 * b).clamp(0.0, 1.0) * 255.0).round() as u8
         }),
     };
-    let vertices: Vec<Vertex> = (0..positions.len()).map(vertex).collect();
-    let mut part = Part { material: material(&primitive.material()), vertices, indices };
+    let vertices: Vec<ModelVertex> = (0..positions.len()).map(vertex).collect();
+    let mut part = MeshPrimitive { material: material(&primitive.material()), vertices, indices };
     if normals.is_none() {
         flatten(&mut part);
     }
     Ok(part)
 }
 
-/// Flat faces, where a file has no normals.
-fn flatten(part: &mut Part) {
+/// Flat shading for files without normals.
+fn flatten(part: &mut MeshPrimitive) {
     let mut vertices = Vec::with_capacity(part.indices.len());
     for corners in part.indices.chunks_exact(3) {
         let [a, b, c] = [corners[0], corners[1], corners[2]].map(|k| part.vertices[k as usize]);
         let normal = (b.position - a.position).cross(c.position - a.position).normalize_or(Vec3::Z);
-        vertices.extend([a, b, c].map(|v| Vertex { normal, ..v }));
+        vertices.extend([a, b, c].map(|v| ModelVertex { normal, ..v }));
     }
     part.indices = (0..vertices.len() as u32).collect();
     part.vertices = vertices;

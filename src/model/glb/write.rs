@@ -1,7 +1,7 @@
-//! Writes models as glTF binary files, the same bytes for the same model.
+//! Writes models as deterministic GLB files.
 
 use super::{linear_from_srgb, to_file};
-use crate::model::{Material, Model, Part};
+use crate::model::{Material, MeshPrimitive, Model};
 use glam::{Mat3, Quat, Vec3};
 use serde_json::{Value, json};
 
@@ -13,21 +13,21 @@ const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;
 
 #[derive(Default)]
-struct Writer {
+struct GlbWriter {
     blob: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
     materials: Vec<Material>,
 }
 
-/// Rounded to a thousandth of a millimetre, so that digits at the end do not differ between machines.
+/// Rounded to a thousandth of a millimetre, so that last digits do not differ between machines.
 fn rounded(value: f32) -> f32 {
     let value = (f64::from(value) * 1e6).round() / 1e6;
     // No negative zero.
     value as f32 + 0.0
 }
 
-impl Writer {
+impl GlbWriter {
     fn accessor(&mut self, bytes: &[u8], target: u32, mut accessor: Value) -> usize {
         let offset = self.blob.len();
         self.blob.extend_from_slice(bytes);
@@ -56,7 +56,7 @@ impl Writer {
         self.accessor(&bytes, ARRAY_BUFFER, accessor)
     }
 
-    fn primitive(&mut self, part: &Part) -> Value {
+    fn primitive(&mut self, part: &MeshPrimitive) -> Value {
         let count = part.vertices.len();
         let positions: Vec<Vec3> = part.vertices.iter().map(|v| v.position).collect();
         let normals: Vec<Vec3> = part.vertices.iter().map(|v| v.normal).collect();
@@ -106,9 +106,9 @@ fn material(material: &Material) -> Value {
     })
 }
 
-/// The bytes of a file. Scale and shear of nodes are not kept: the models of the project have none.
+/// Encodes a model. Scale and shear of nodes are dropped: the project's models have none.
 pub fn write(model: &Model) -> Vec<u8> {
-    let mut writer = Writer::default();
+    let mut writer = GlbWriter::default();
     let meshes: Vec<Value> = model
         .meshes
         .iter()

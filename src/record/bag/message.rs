@@ -1,30 +1,30 @@
-//! The messages of bags that have poses. ROS 1 and ROS 2 differ in how they put numbers in a row alone.
+//! Pose messages of ROS bags. ROS 1 serialization and ROS 2 CDR differ only in alignment and the `seq` field.
 
 use super::super::cdr::CdrReader;
 use glam::{DQuat, DVec3};
 
-/// A pose as a bag has it, of something that is named by a frame or a topic.
+/// A pose in a bag, named by its frame or topic.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BagPose {
-    /// Names between slashes, as `vicon/car/car`.
+    /// Frame or topic name, such as `vicon/car/car`.
     pub path: String,
-    /// Of the stamp: since the epoch, or simulated.
+    /// Header stamp, seconds: since the epoch, or simulated.
     pub time_s: f64,
     pub position: DVec3,
     /// World from body.
     pub orientation: DQuat,
 }
 
-/// The primitives of a message, one after the other; `None` where it ends before.
-pub trait Primitives {
-    /// Whether headers count their messages.
+/// Reads the primitives of a message in their order; `None` past its end.
+pub trait PrimitiveReader {
+    /// Whether headers have a `seq` field (ROS 1).
     const HAS_SEQ: bool;
     fn u32(&mut self) -> Option<u32>;
     fn f64(&mut self) -> Option<f64>;
     fn text(&mut self) -> Option<String>;
 }
 
-impl Primitives for CdrReader<'_> {
+impl PrimitiveReader for CdrReader<'_> {
     const HAS_SEQ: bool = false;
 
     fn u32(&mut self) -> Option<u32> {
@@ -40,10 +40,10 @@ impl Primitives for CdrReader<'_> {
     }
 }
 
-/// A message of ROS 1: little-endian, nothing between the numbers.
-pub struct Packed<'a>(&'a [u8]);
+/// Reader of the ROS 1 serialization: little-endian, without alignment.
+pub struct Ros1Reader<'a>(&'a [u8]);
 
-impl<'a> Packed<'a> {
+impl<'a> Ros1Reader<'a> {
     pub fn new(bytes: &'a [u8]) -> Self {
         Self(bytes)
     }
@@ -55,7 +55,7 @@ impl<'a> Packed<'a> {
     }
 }
 
-impl Primitives for Packed<'_> {
+impl PrimitiveReader for Ros1Reader<'_> {
     const HAS_SEQ: bool = true;
 
     fn u32(&mut self) -> Option<u32> {
@@ -74,13 +74,13 @@ impl Primitives for Packed<'_> {
     }
 }
 
-/// The poses of a message, of a type as ROS 1 or ROS 2 names it; none of types that have none, `None` of a damaged
+/// The poses of a message by its ROS 1 or ROS 2 type name: empty for types without poses, `None` for a damaged
 /// message.
-pub fn poses_of<P: Primitives>(kind: &str, topic: &str, from: &mut P) -> Option<Vec<BagPose>> {
+pub fn poses_of<P: PrimitiveReader>(kind: &str, topic: &str, from: &mut P) -> Option<Vec<BagPose>> {
     Some(match kind.replace("/msg/", "/").as_str() {
         "geometry_msgs/TransformStamped" => vec![transform(from)?],
         "tf2_msgs/TFMessage" | "tf/tfMessage" => {
-            // No room is made in advance: what is told may be more than what follows.
+            // No memory is reserved: a damaged count may be larger than the message.
             (0..from.u32()?).map(|_| transform(from)).collect::<Option<_>>()?
         }
         "geometry_msgs/PoseStamped" => {
@@ -92,14 +92,14 @@ pub fn poses_of<P: Primitives>(kind: &str, topic: &str, from: &mut P) -> Option<
     })
 }
 
-fn transform<P: Primitives>(from: &mut P) -> Option<BagPose> {
+fn transform<P: PrimitiveReader>(from: &mut P) -> Option<BagPose> {
     let (time_s, path) = (stamp(from)?, from.text()?);
     let (position, orientation) = pose(from)?;
     Some(BagPose { path, time_s, position, orientation })
 }
 
-/// The stamp of a header, seconds; its frame is left out.
-fn stamp<P: Primitives>(from: &mut P) -> Option<f64> {
+/// The stamp of a header, seconds; skips its frame.
+fn stamp<P: PrimitiveReader>(from: &mut P) -> Option<f64> {
     if P::HAS_SEQ {
         from.u32()?;
     }
@@ -108,7 +108,7 @@ fn stamp<P: Primitives>(from: &mut P) -> Option<f64> {
     Some(f64::from(seconds) + f64::from(nanoseconds) * 1e-9)
 }
 
-fn pose<P: Primitives>(from: &mut P) -> Option<(DVec3, DQuat)> {
+fn pose<P: PrimitiveReader>(from: &mut P) -> Option<(DVec3, DQuat)> {
     let position = DVec3::new(from.f64()?, from.f64()?, from.f64()?);
     Some((position, DQuat::from_xyzw(from.f64()?, from.f64()?, from.f64()?, from.f64()?)))
 }

@@ -1,19 +1,19 @@
-//! Bags of ROS 1, format 2.0. One that was not closed, or is torn, is read up to its last whole record.
+//! Reader of ROS 1 bags, format 2.0. An unclosed or truncated bag is read up to its last whole record.
 //!
-//! The format is that of <http://wiki.ros.org/Bags/Format/2.0>: records of a header with named fields and of data;
-//! connections and messages are in chunks, which may be compressed.
+//! Format: <http://wiki.ros.org/Bags/Format/2.0>. A record has a header of named fields, and data; chunks hold
+//! connections and messages, and may be compressed.
 
-use super::Torn;
+use super::TruncationReason;
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufReader, Error, ErrorKind, Read, Result};
 use std::path::Path;
 
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
-/// Larger parts are none of a bag of poses: a length that is damaged shall not fill the memory.
+/// Largest part of a record: a damaged length must not exhaust the memory.
 const LARGEST: u64 = 256 << 20;
 
-/// What a record is.
+/// Opcodes of records.
 const MESSAGE: u8 = 2;
 const CHUNK: u8 = 5;
 const CONNECTION: u8 = 7;
@@ -24,11 +24,11 @@ pub fn is_ros1_bag(path: &Path) -> bool {
     File::open(path).and_then(|mut file| file.read_exact(&mut start)).is_ok() && start == MAGIC
 }
 
-/// Hands over type, topic and bytes of each message. Tells why the bag has no end, where it is torn.
+/// Calls `take` with type, topic and bytes of each message. Returns why the bag is truncated, if it is.
 ///
 /// # Errors
 /// When the file cannot be read.
-pub fn read(path: &Path, mut take: impl FnMut(&str, &str, &[u8])) -> Result<Torn> {
+pub fn read(path: &Path, mut take: impl FnMut(&str, &str, &[u8])) -> Result<TruncationReason> {
     let mut file = BufReader::new(File::open(path)?);
     file.read_exact(&mut [0; MAGIC.len()])?;
     let mut connections = Connections::default();
@@ -58,7 +58,7 @@ pub fn read(path: &Path, mut take: impl FnMut(&str, &str, &[u8])) -> Result<Torn
 struct Record {
     fields: HashMap<String, Vec<u8>>,
     data: Vec<u8>,
-    /// Otherwise it is a chunk, and this is its beginning.
+    /// `false` for a chunk of which only the beginning is in the file.
     is_whole: bool,
 }
 
@@ -77,7 +77,7 @@ impl Record {
 
     fn connection(&self) -> Result<u32> {
         let number = self.fields.get("conn").and_then(|bytes| bytes.first_chunk());
-        number.map(|bytes| u32::from_le_bytes(*bytes)).ok_or_else(|| damaged("a record of no connection"))
+        number.map(|bytes| u32::from_le_bytes(*bytes)).ok_or_else(|| damaged("a record without a connection"))
     }
 }
 
@@ -85,7 +85,7 @@ fn damaged(why: &str) -> Error {
     Error::new(ErrorKind::InvalidData, why.to_owned())
 }
 
-/// A part with its length before it, or what there is of it; `None` where nothing follows.
+/// A length-prefixed part and whether it is whole; `None` at the end.
 fn part(from: &mut impl Read) -> Result<Option<(Vec<u8>, bool)>> {
     let mut length = Vec::new();
     from.take(4).read_to_end(&mut length)?;
@@ -121,7 +121,7 @@ fn fields(mut header: &[u8]) -> Result<HashMap<String, Vec<u8>>> {
     Ok(found)
 }
 
-/// Types and topics by the numbers of their connections.
+/// Types and topics by connection number.
 #[derive(Default)]
 struct Connections(HashMap<u32, (String, String)>);
 
@@ -132,7 +132,7 @@ impl Connections {
                 let chunk = inflate(record)?;
                 let mut from = chunk.as_slice();
                 while let Some(record) = Record::read(&mut from)? {
-                    // Chunks have no chunks in them.
+                    // Chunks do not nest.
                     if record.op() != CHUNK {
                         self.read(&record, take)?;
                     }
@@ -172,9 +172,9 @@ fn inflate(chunk: &Record) -> Result<Vec<u8>> {
         _ => return Err(damaged("an unknown compression")),
     };
     if inflated.is_err() && chunk.is_whole {
-        return Err(damaged("a compressed part"));
+        return Err(damaged("compressed data that cannot be read"));
     }
-    if bytes.len() as u64 > LARGEST { Err(damaged("a compressed part that is too large")) } else { Ok(bytes) }
+    if bytes.len() as u64 > LARGEST { Err(damaged("compressed data that is too large")) } else { Ok(bytes) }
 }
 
 #[cfg(test)]
@@ -203,28 +203,28 @@ mod tests {
         [MAGIC, &record(&[("op", &[3])], b"   "), &chunk].concat()
     }
 
-    fn messages(bag: &[u8]) -> (Torn, Vec<String>) {
+    fn messages(bag: &[u8]) -> (TruncationReason, Vec<String>) {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), bag).unwrap();
         assert!(is_ros1_bag(file.path()));
         let mut found = Vec::new();
-        let torn = read(file.path(), |kind, topic, data| {
+        let truncation = read(file.path(), |kind, topic, data| {
             found.push(format!("{kind} {topic} {}", String::from_utf8_lossy(data)));
         });
-        (torn.unwrap(), found)
+        (truncation.unwrap(), found)
     }
 
     #[test]
     fn messages_come_with_their_types_and_topics() {
-        let (torn, found) = messages(&bag(b"none"));
-        assert_eq!((torn, found), (None, vec!["a/B /here one".to_owned(), "a/B /here two".to_owned()]));
+        let (truncation, found) = messages(&bag(b"none"));
+        assert_eq!((truncation, found), (None, vec!["a/B /here one".to_owned(), "a/B /here two".to_owned()]));
     }
 
     #[test]
     fn a_chunk_that_is_torn_gives_what_it_has() {
         let whole = bag(b"none");
-        let (torn, found) = messages(&whole[..whole.len() - 2]);
-        assert!(torn.unwrap().contains("in the middle of a record"));
+        let (truncation, found) = messages(&whole[..whole.len() - 2]);
+        assert!(truncation.unwrap().contains("in the middle of a record"));
         assert_eq!(found, ["a/B /here one"]);
         assert!(messages(&bag(b"nine")).0.unwrap().contains("damaged"));
     }
@@ -235,7 +235,7 @@ mod tests {
             let mut bag = bag(b"none");
             let at = 13 + at % (bag.len() - 13);
             bag[at] = byte;
-            // Read or told as damaged.
+            // Read, or reported as damaged.
             let _ = messages(&bag);
         }
     }

@@ -1,11 +1,11 @@
-//! The standing city: front to back, things that rise before the ground that they hide.
+//! Colour pass of the static city: pipelines and texture array; objects are drawn before the ground that they hide.
 
 use super::common::gpu_data::Frame;
-use super::{Attachments, PictureState, picture_pipeline, sampler_entry, texture_entry};
+use super::{Attachments, ScenePipelineState, sampler_entry, scene_pipeline, texture_entry};
 use crate::render::settings::Quality;
 use crate::render::shader::Shader;
-use crate::render::standing::{SeenCells, Standing};
-use crate::render::textures::Paintings;
+use crate::render::static_scene::{StaticScene, VisibleRanges};
+use crate::render::textures::BakedTextures;
 
 pub(in crate::render) mod gpu_data {
     use bytemuck::{Pod, Zeroable};
@@ -16,11 +16,11 @@ pub(in crate::render) mod gpu_data {
     pub(in crate::render) struct Vertex {
         pub(in crate::render) position: [f32; 3],
         pub(in crate::render) normal: [i8; 4],
-        /// sRGB; the last is the openness to the sky.
+        /// sRGB; alpha: baked ambient visibility.
         pub(in crate::render) colour: [u8; 4],
         pub(in crate::render) uv: [f32; 2],
-        /// Layer of the texture array in the lowest byte, class in the next, then a number of the piece that
-        /// it belongs to; of vehicles part, roughness and metallic.
+        /// City: layer of the texture array, class, hash seed of the piece. Vehicle: part, roughness, metallic. A byte
+        /// each, the lowest first.
         pub(in crate::render) material: u32,
     }
 
@@ -35,24 +35,24 @@ pub(in crate::render) mod gpu_data {
     };
 }
 
-/// Bind group 2 and the pipeline.
+/// Pipelines of the static city and bind group 2 with the texture array of surfaces.
 #[derive(Debug)]
 pub(in crate::render) struct CityPass {
     pipeline: wgpu::RenderPipeline,
-    /// Of what is drawn for itself: see [`crate::render::standing::Apart`].
-    apart: wgpu::RenderPipeline,
-    /// Where light is worked out at the vertices.
-    swift: Option<Swift>,
+    /// Pipeline of the [`crate::render::static_scene::DrawBucket`].
+    bucket: wgpu::RenderPipeline,
+    /// With vertex lighting.
+    vertex_lit: Option<VertexLitPipelines>,
     surfaces: wgpu::BindGroup,
 }
 
-/// Pipelines of their own for parts of the city.
+/// Additional pipelines of the vertex-lit path.
 #[derive(Debug)]
-struct Swift {
-    /// Painted lines.
+struct VertexLitPipelines {
+    /// Painted lines, with analytic anti-aliasing.
     lines: wgpu::RenderPipeline,
-    /// What shows no pattern.
-    plain: wgpu::RenderPipeline,
+    /// Pieces too far away to show their texture.
+    untextured: wgpu::RenderPipeline,
 }
 
 impl CityPass {
@@ -60,9 +60,9 @@ impl CityPass {
         context: &crate::render::Context,
         attachments: Attachments,
         quality: &Quality,
-        (fixed, constants): (&Frame, &[(&str, f64)]),
+        (frame_constants, constants): (&Frame, &[(&str, f64)]),
         groups: [&wgpu::BindGroupLayout; 2],
-        paintings: &Paintings,
+        textures: &BakedTextures,
     ) -> Self {
         let device = &context.device;
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -76,16 +76,16 @@ impl CityPass {
                 sampler_entry(1, wgpu::SamplerBindingType::Filtering),
             ],
         });
-        let view = paintings.surfaces(context, attachments);
-        // Mesa's software adapter walks an ellipse of texels for anisotropy and does not come back
-        // where derivatives are degenerate (seen with 22.3).
+        let view = textures.surfaces(context, attachments);
+        // Anisotropic filtering of Mesa's software adapter does not terminate for degenerate derivatives (seen with
+        // 22.3).
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("surfaces"),
             address_mode_u: wgpu::AddressMode::Repeat,
             address_mode_v: wgpu::AddressMode::Repeat,
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
-            mipmap_filter: if quality.light_at_vertices {
+            mipmap_filter: if quality.vertex_lit {
                 wgpu::MipmapFilterMode::Nearest
             } else {
                 wgpu::MipmapFilterMode::Linear
@@ -103,12 +103,12 @@ impl CityPass {
         });
         let mut constants = constants.to_vec();
         constants.push(("detail", f64::from(u8::from(quality.detail))));
-        let module = Shader::City.module(device, Some(fixed));
+        let module = Shader::City.module(device, Some(frame_constants));
         let pipeline = |entries| {
-            picture_pipeline(
+            scene_pipeline(
                 device,
                 attachments,
-                &PictureState {
+                &ScenePipelineState {
                     shader: Shader::City,
                     module: &module,
                     entries,
@@ -122,42 +122,42 @@ impl CityPass {
                 },
             )
         };
-        let swift = attachments.light_at_vertices.then(|| Swift {
-            lines: pipeline(["swift_line_vertex", "swift_line_fragment"]),
-            plain: pipeline(attachments.plain_entries()),
+        let vertex_lit = attachments.vertex_lit.then(|| VertexLitPipelines {
+            lines: pipeline(["vertex_lit_line_vertex", "vertex_lit_line_fragment"]),
+            untextured: pipeline(attachments.untextured_entries()),
         });
-        let apart = pipeline(if attachments.light_at_vertices {
-            ["swift_vertex", "swift_averted_fragment"]
+        let bucket = pipeline(if attachments.vertex_lit {
+            ["vertex_lit_vertex", "unlit_fragment"]
         } else {
             ["vertex_main", "crown_fragment"]
         });
-        Self { pipeline: pipeline(attachments.entries()), apart, swift, surfaces }
+        Self { pipeline: pipeline(attachments.entries()), bucket, vertex_lit, surfaces }
     }
 
-    /// Draws what a view sees; groups 0 and 1 are set already.
+    /// Draws the visible triangles of a view. The caller has set bind groups 0 and 1.
     pub(in crate::render) fn draw(
         &self,
         pass: &mut wgpu::RenderPass<'_>,
-        standing: &Standing,
-        seen: &SeenCells,
+        static_scene: &StaticScene,
+        visible: &VisibleRanges,
     ) {
         pass.set_bind_group(2, &self.surfaces, &[]);
         pass.set_pipeline(&self.pipeline);
-        standing.draw(pass, &seen.raised);
-        if !seen.apart.is_empty() {
-            pass.set_pipeline(&self.apart);
-            standing.draw(pass, &seen.apart);
+        static_scene.draw(pass, &visible.objects);
+        if !visible.bucket.is_empty() {
+            pass.set_pipeline(&self.bucket);
+            static_scene.draw(pass, &visible.bucket);
         }
-        if let Some(swift) = &self.swift {
-            // It is far away, and most of it hidden.
-            pass.set_pipeline(&swift.plain);
-            standing.draw(pass, &seen.plain);
+        if let Some(vertex_lit) = &self.vertex_lit {
+            // These pieces are far away and mostly hidden by the others.
+            pass.set_pipeline(&vertex_lit.untextured);
+            static_scene.draw(pass, &visible.untextured);
         }
-        // Over the ground, so that the depth test spares the ground under them.
-        pass.set_pipeline(self.swift.as_ref().map_or(&self.pipeline, |swift| &swift.lines));
-        standing.draw(pass, &seen.lines);
+        // Before the ground, so that the depth test rejects the ground under them.
+        pass.set_pipeline(self.vertex_lit.as_ref().map_or(&self.pipeline, |vertex_lit| &vertex_lit.lines));
+        static_scene.draw(pass, &visible.lines);
         pass.set_pipeline(&self.pipeline);
-        standing.draw(pass, &seen.ground);
+        static_scene.draw(pass, &visible.ground);
     }
 }
 

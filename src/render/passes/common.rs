@@ -1,4 +1,4 @@
-//! Bind group 0: the frame, and one slot for each view of it.
+//! Bind group 0: uniforms of the frame, and of each view by dynamic offset.
 
 use super::uniform_entry;
 use bytemuck::Zeroable;
@@ -19,7 +19,7 @@ pub(in crate::render) mod gpu_data {
         pub(in crate::render) shadow_from_world: [[f32; 4]; 4],
         pub(in crate::render) shadow_texel: [f32; 4],
         pub(in crate::render) zenith: [f32; 4],
-        pub(in crate::render) lamp_place: [f32; 4],
+        pub(in crate::render) lamp_uv_from_world: [f32; 4],
     }
 
     #[repr(C)]
@@ -34,7 +34,8 @@ pub(in crate::render) mod gpu_data {
     impl View {
         pub(in crate::render) fn new(view: &crate::camera::View) -> Self {
             let [width, height] = view.extent.map(|edge| edge as f32);
-            // Depths of a lens fall with distance; those of parallel rays are even, a unit the whole range.
+            // Depth tolerance of the blur of the ambient occlusion: relative in perspective, absolute in orthographic
+            // depth.
             let [part, most] = match view.projection {
                 Projection::Orthographic { near_m, far_m, .. } => [0.0, (0.2 / (far_m - near_m)) as f32],
                 _ => [0.03, 0.0],
@@ -50,13 +51,13 @@ pub(in crate::render) mod gpu_data {
     }
 }
 
-/// Distance between the slots of two views: the alignment that every adapter accepts.
-const SLOT: u64 = 256;
+/// Offset between the uniforms of two views: WebGPU's default alignment of dynamic offsets.
+const UNIFORM_STRIDE: u64 = 256;
 
 /// Uniform buffers of group 0. Each view of a submission has its own slot, because a buffer that is
 /// written twice before one submission holds the last value for both.
 #[derive(Debug)]
-pub(in crate::render) struct FrameGroup {
+pub(in crate::render) struct FrameBindGroup {
     pub(in crate::render) layout: wgpu::BindGroupLayout,
     pub(in crate::render) group: wgpu::BindGroup,
     frame: wgpu::Buffer,
@@ -64,7 +65,7 @@ pub(in crate::render) struct FrameGroup {
     capacity: u64,
 }
 
-impl FrameGroup {
+impl FrameBindGroup {
     pub(in crate::render) fn new(device: &wgpu::Device) -> Self {
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("frame and view"),
@@ -85,7 +86,7 @@ impl FrameGroup {
         Self { layout, group, frame, views, capacity }
     }
 
-    /// Writes the frame and every view; the offset of view `k` is [`FrameGroup::offset`].
+    /// Writes the frame and every view; the offset of view `k` is [`FrameBindGroup::offset`].
     pub(in crate::render) fn write(
         &mut self,
         device: &wgpu::Device,
@@ -99,18 +100,19 @@ impl FrameGroup {
             self.group = bind(device, &self.layout, &self.frame, &self.views);
         }
         queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
-        let mut bytes = vec![0_u8; views.len() * SLOT as usize];
-        for (slot, view) in bytes.chunks_exact_mut(SLOT as usize).zip(views) {
+        let mut bytes = vec![0_u8; views.len() * UNIFORM_STRIDE as usize];
+        for (slot, view) in bytes.chunks_exact_mut(UNIFORM_STRIDE as usize).zip(views) {
             slot[..size_of::<View>()].copy_from_slice(bytemuck::bytes_of(view));
         }
         queue.write_buffer(&self.views, 0, &bytes);
     }
 
+    /// Dynamic offset of a view.
     pub(in crate::render) fn offset(view: usize) -> u32 {
-        (view as u64 * SLOT) as u32
+        (view as u64 * UNIFORM_STRIDE) as u32
     }
 
-    /// Writes a frame without views, for the shadow of the standing city.
+    /// Writes a frame without views, for the shadow map of the static city.
     pub(in crate::render) fn write_frame(&self, queue: &wgpu::Queue, frame: &Frame) {
         queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
         queue.write_buffer(&self.views, 0, bytemuck::bytes_of(&View::zeroed()));
@@ -120,7 +122,7 @@ impl FrameGroup {
 fn view_buffer(device: &wgpu::Device, capacity: u64) -> wgpu::Buffer {
     device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("views"),
-        size: capacity * SLOT,
+        size: capacity * UNIFORM_STRIDE,
         usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
         mapped_at_creation: false,
     })
@@ -157,8 +159,8 @@ mod tests {
 
     #[test]
     fn structs_lie_as_the_shader_reads_them() {
-        // Kinds have no light and so no frame.
-        for shader in Shader::ALL.into_iter().filter(|shader| *shader != Shader::Kinds) {
+        // The ground-truth shader has no light and so no frame.
+        for shader in Shader::ALL.into_iter().filter(|shader| *shader != Shader::GroundTruth) {
             let module = validated(shader);
             let frame = [
                 offset_of!(Frame, to_sun),
@@ -169,7 +171,7 @@ mod tests {
                 offset_of!(Frame, shadow_from_world),
                 offset_of!(Frame, shadow_texel),
                 offset_of!(Frame, zenith),
-                offset_of!(Frame, lamp_place),
+                offset_of!(Frame, lamp_uv_from_world),
             ];
             let (offsets, size) = layout(&module, "Frame");
             assert_eq!(offsets, frame.map(|o| o as u32));

@@ -1,9 +1,10 @@
-//! The dark patch under each vehicle, blended over the road.
+//! Contact shadows: a dark patch under each vehicle, alpha-blended over the road.
 
-use super::{Attachments, PictureState, picture_pipeline, vehicle};
-use crate::render::fleet::{Fleet, Sight};
+use super::{Attachments, ScenePipelineState, scene_pipeline, vehicle};
+use crate::render::fleet::{FleetRenderer, VisibleVehicle};
 use crate::render::shader::Shader;
 
+/// Pipeline of contact shadows.
 #[derive(Debug)]
 pub(in crate::render) struct ContactPass {
     pipeline: wgpu::RenderPipeline,
@@ -15,10 +16,10 @@ impl ContactPass {
         attachments: Attachments,
         frame: &wgpu::BindGroupLayout,
     ) -> Self {
-        let pipeline = picture_pipeline(
+        let pipeline = scene_pipeline(
             device,
             attachments,
-            &PictureState {
+            &ScenePipelineState {
                 shader: Shader::Contact,
                 module: &Shader::Contact.module(device, None),
                 entries: ["vertex_main", "fragment_main"],
@@ -27,7 +28,7 @@ impl ContactPass {
                 constants: &[],
                 topology: wgpu::PrimitiveTopology::TriangleStrip,
                 cull: false,
-                // Alpha says how much of a sample's light is ambient, which a patch does not change.
+                // Alpha of the HDR target is the ambient share of the radiance, which a patch does not change.
                 blend: Some(wgpu::BlendState {
                     alpha: wgpu::BlendComponent {
                         src_factor: wgpu::BlendFactor::Zero,
@@ -42,12 +43,17 @@ impl ContactPass {
         Self { pipeline }
     }
 
-    /// Group 0 is set already.
-    pub(in crate::render) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, fleet: &Fleet, seen: &[Sight]) {
-        if seen.is_empty() {
+    /// Draws the patches of visible vehicles. The caller has set bind group 0.
+    pub(in crate::render) fn draw(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        fleet: &FleetRenderer,
+        visible: &[VisibleVehicle],
+    ) {
+        if visible.is_empty() {
             return;
         }
         pass.set_pipeline(&self.pipeline);
-        fleet.draw_contacts(pass, seen);
+        fleet.draw_contacts(pass, visible);
     }
 }

@@ -1,32 +1,37 @@
-//! The display transform: radiance of samples to the colours of pixels.
+//! Display transform: exposure, tone mapping, MSAA resolve, sRGB encoding and dither of the HDR target.
 
-use super::common::FrameGroup;
+use super::common::FrameBindGroup;
 use super::tiles::{self, Tiles};
 use super::{Attachments, texture_entry};
 use crate::render::shader::Shader;
 
+/// Pipelines of the display transform, one for each pixel format of targets.
 #[derive(Debug)]
 pub(in crate::render) struct DisplayPass {
     attachments: Attachments,
-    occluded: bool,
+    ambient_occlusion: bool,
     layout: wgpu::BindGroupLayout,
     pipelines: Vec<(wgpu::TextureFormat, wgpu::RenderPipeline)>,
 }
 
 impl DisplayPass {
-    /// Where nothing is `occluded`, what is bound for it is not looked at.
-    pub(in crate::render) fn new(device: &wgpu::Device, attachments: Attachments, occluded: bool) -> Self {
+    /// Without `ambient_occlusion` the shader does not read the occlusion texture.
+    pub(in crate::render) fn new(
+        device: &wgpu::Device,
+        attachments: Attachments,
+        ambient_occlusion: bool,
+    ) -> Self {
         let unfiltered = wgpu::TextureSampleType::Float { filterable: false };
         let texture = |binding| texture_entry(binding, unfiltered, wgpu::TextureViewDimension::D2);
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("display"),
-            entries: &[attachments.sampled(texture(0)), texture(2)],
+            entries: &[attachments.with_sample_count(texture(0)), texture(2)],
         });
-        Self { attachments, occluded, layout, pipelines: Vec::new() }
+        Self { attachments, ambient_occlusion, layout, pipelines: Vec::new() }
     }
 
-    /// Sees to a pipeline for targets of a format.
-    pub(in crate::render) fn prepare(
+    /// Makes the pipeline for targets of a pixel format, if it is missing.
+    pub(in crate::render) fn prepare_pipeline(
         &mut self,
         device: &wgpu::Device,
         frame: &wgpu::BindGroupLayout,
@@ -34,10 +39,10 @@ impl DisplayPass {
     ) {
         if self.pipeline(format).is_none() {
             let constants = [
-                ("occluded", f64::from(u8::from(self.occluded))),
-                ("target_encodes", f64::from(u8::from(format.is_srgb()))),
+                ("ambient_occlusion", f64::from(u8::from(self.ambient_occlusion))),
+                ("target_is_srgb", f64::from(u8::from(format.is_srgb()))),
             ];
-            let shader = Shader::Display(self.attachments.reading());
+            let shader = Shader::Display(self.attachments.sample_count());
             let pipeline = tiles::pipeline(device, shader, [frame, &self.layout], &constants, format);
             self.pipelines.push((format, pipeline));
         }
@@ -63,12 +68,12 @@ impl DisplayPass {
         })
     }
 
-    /// Draws to a target of a format that was prepared.
+    /// Draws to a target. [`Self::prepare_pipeline`] has seen its format.
     pub(in crate::render) fn draw(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         (target, format): (&wgpu::TextureView, wgpu::TextureFormat),
-        groups: (&FrameGroup, &wgpu::BindGroup),
+        groups: (&FrameBindGroup, &wgpu::BindGroup),
         tiles: Tiles<'_>,
     ) {
         if let Some(pipeline) = self.pipeline(format) {

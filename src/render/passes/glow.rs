@@ -1,9 +1,8 @@
-//! The glow around lamps at night, added to what is seen: soft squares that face the eye, behind nothing that
-//! stands before their lamp.
+//! Glow of lamps at night: additive billboards with depth test.
 
-use super::{Attachments, PictureState, picture_pipeline};
+use super::{Attachments, ScenePipelineState, scene_pipeline};
 use crate::render::Context;
-use crate::render::fleet::{Fleet, Sight};
+use crate::render::fleet::{FleetRenderer, VisibleVehicle};
 use crate::render::shader::Shader;
 use glam::Vec3;
 use std::ops::Range;
@@ -15,11 +14,11 @@ pub(in crate::render) mod gpu_data {
     #[repr(C)]
     #[derive(Clone, Copy, Debug, Pod, Zeroable)]
     pub(in crate::render) struct Glow {
-        /// Middle of the light in the city, and how far its glow reaches, metres.
+        /// Centre in the city; w: radius of the glow, metres.
         pub(in crate::render) at: [f32; 4],
-        /// Radiance in the middle, and how narrow its beam is: 0 for light to all sides.
+        /// Radiance at the centre; w: exponent of the beam, 0 for light to all sides.
         pub(in crate::render) colour: [f32; 4],
-        /// Unit vector along its beam.
+        /// Unit vector along the beam.
         pub(in crate::render) ahead: [f32; 4],
     }
 
@@ -32,22 +31,23 @@ pub(in crate::render) mod gpu_data {
 
 use gpu_data::Glow;
 
-/// Of a street lamp: metres, radiance.
-const LAMP_REACH_M: f32 = 1.5;
-const LAMP_COLOUR: [f32; 4] = [1.30, 0.98, 0.58, 0.0];
+/// Glow of a street lamp: radius and radiance.
+const STREET_LAMP_RADIUS_M: f32 = 1.5;
+const STREET_LAMP_COLOUR: [f32; 4] = [1.30, 0.98, 0.58, 0.0];
 
+/// Pipeline and instances of glows.
 #[derive(Debug)]
 pub(in crate::render) struct GlowPass {
     pipeline: wgpu::RenderPipeline,
     lamps: wgpu::Buffer,
     lamp_count: u32,
     vehicles: wgpu::Buffer,
-    /// Where those of each vehicle are, in the order of the fleet.
+    /// Instances of each vehicle, in the order of the snapshot.
     of_vehicles: Vec<Range<u32>>,
 }
 
 impl GlowPass {
-    /// With street lamps at these places.
+    /// With street lamps at these positions.
     pub(in crate::render) fn new(
         device: &wgpu::Device,
         attachments: Attachments,
@@ -64,16 +64,16 @@ impl GlowPass {
             dst_factor: wgpu::BlendFactor::OneMinusSrcAlpha,
             operation: wgpu::BlendOperation::Add,
         };
-        // Radiance adds up; what is shown already stays below white.
-        let (entry, dst_factor) = if attachments.light_at_vertices {
-            ("swift_fragment", wgpu::BlendFactor::OneMinusSrc)
+        // Radiance adds up; displayed colours are screen-blended, which stays below white.
+        let (entry, dst_factor) = if attachments.vertex_lit {
+            ("vertex_lit_fragment", wgpu::BlendFactor::OneMinusSrc)
         } else {
             ("fragment_main", wgpu::BlendFactor::One)
         };
-        let pipeline = picture_pipeline(
+        let pipeline = scene_pipeline(
             device,
             attachments,
-            &PictureState {
+            &ScenePipelineState {
                 shader: Shader::Glow,
                 module: &Shader::Glow.module(device, None),
                 entries: ["vertex_main", entry],
@@ -87,8 +87,8 @@ impl GlowPass {
             },
         );
         let street = |lamp: &Vec3| Glow {
-            at: lamp.extend(LAMP_REACH_M).to_array(),
-            colour: LAMP_COLOUR,
+            at: lamp.extend(STREET_LAMP_RADIUS_M).to_array(),
+            colour: STREET_LAMP_COLOUR,
             ahead: [0.0; 4],
         };
         let street: Vec<Glow> = lamps.iter().map(street).collect();
@@ -105,8 +105,12 @@ impl GlowPass {
         }
     }
 
-    /// Takes the lamps of vehicles as they burn now.
-    pub(in crate::render) fn write(&mut self, Context { device, queue, .. }: &Context, fleet: &Fleet) {
+    /// Writes the glows of vehicle lamps of the current snapshot.
+    pub(in crate::render) fn write(
+        &mut self,
+        Context { device, queue, .. }: &Context,
+        fleet: &FleetRenderer,
+    ) {
         let mut glows = Vec::new();
         self.of_vehicles.clear();
         for of_vehicle in fleet.glows() {
@@ -121,15 +125,15 @@ impl GlowPass {
         queue.write_buffer(&self.vehicles, 0, bytes);
     }
 
-    /// Over all that a view draws else; group 0 is set already.
-    pub(in crate::render) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, seen: &[Sight]) {
+    /// Draws glows over everything else of a view. The caller has set bind group 0.
+    pub(in crate::render) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, visible: &[VisibleVehicle]) {
         pass.set_pipeline(&self.pipeline);
         if self.lamp_count > 0 {
             pass.set_vertex_buffer(0, self.lamps.slice(..));
             pass.draw(0..4, 0..self.lamp_count);
         }
         pass.set_vertex_buffer(0, self.vehicles.slice(..));
-        for glows in seen.iter().filter_map(|sight| self.of_vehicles.get(sight.index())) {
+        for glows in visible.iter().filter_map(|vehicle| self.of_vehicles.get(vehicle.index())) {
             pass.draw(0..4, glows.clone());
         }
     }

@@ -1,35 +1,35 @@
-//! The map of lamplight: the ground seen from above, with the light of street lamps and of vehicles on it.
-//! All views share it. What stands is drawn once; at each tick vehicles are added to a copy.
+//! Light map of lamps: light of street lamps and vehicles on the ground, drawn from above and shared by all views.
+//! Street lamps are drawn once; at each tick vehicles are added to a copy.
 
-use super::{common::FrameGroup, vehicle};
+use super::{common::FrameBindGroup, vehicle};
 use crate::city::scene::{SceneDescription, Wall};
 use crate::render::Context;
-use crate::render::fleet::Fleet;
+use crate::render::fleet::FleetRenderer;
 use crate::render::shader::Shader;
 use glam::{Vec2, Vec3};
 use wgpu::util::DeviceExt;
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
-/// Around the city, so that what lies outside of it takes no light from the edge.
+/// Margin of the map around the city: clamped lookups outside of it read no light.
 const MARGIN_M: f32 = 18.0;
-/// How far street lamps and vehicles throw light.
+/// Reach of the light of street lamps and of vehicles.
 pub(in crate::render) const LAMP_REACH_M: f32 = 17.0;
 const BEAM_REACH_M: f32 = 32.0;
-/// Light goes over what is lower.
+/// Lower walls block no light.
 const LOWEST_WALL_M: f32 = 2.5;
 
-/// Where in a list of walls those of a lamp are: the first and how many.
-type Part = [u32; 2];
+/// Walls of a lamp in the list of walls: first and count.
+type WallRange = [u32; 2];
 
-/// Walls near lamps, a list for each.
+/// Walls that may block the light of lamps, one list per lamp.
 #[derive(Debug, Default)]
-struct Shades {
+struct LampOccluders {
     walls: Vec<[f32; 4]>,
-    parts: Vec<Part>,
+    ranges: Vec<WallRange>,
 }
 
-impl Shades {
-    /// Those that show a lamp their front and stand within its reach: backs stand behind fronts.
+impl LampOccluders {
+    /// Adds the walls within reach of a lamp that face it; a wall that faces away is behind one that does.
     fn add(&mut self, walls: &[Wall], lamp: Vec2, reach_m: f32) {
         let first = self.walls.len();
         let near = walls.iter().filter(|wall| {
@@ -40,40 +40,41 @@ impl Shades {
             is_front && distance_m < reach_m && wall.height_m > LOWEST_WALL_M
         });
         self.walls.extend(near.map(|wall| [wall.from.x, wall.from.y, wall.to.x, wall.to.y]));
-        self.parts.push([first as u32, (self.walls.len() - first) as u32]);
+        self.ranges.push([first as u32, (self.walls.len() - first) as u32]);
     }
 }
 
+/// Pipelines and textures of the light map.
 #[derive(Debug)]
 pub(in crate::render) struct LampPass {
-    /// What the passes of a picture read.
+    /// The map that colour passes read.
     pub(in crate::render) map_view: wgpu::TextureView,
-    /// Place in the map from city metres: a factor and an offset.
-    pub(in crate::render) place: [f32; 4],
+    /// Texture coordinates from city metres: factor (xy) and offset (zw).
+    pub(in crate::render) uv_from_world: [f32; 4],
     map: wgpu::Texture,
-    standing: wgpu::Texture,
+    static_map: wgpu::Texture,
     lamps: wgpu::RenderPipeline,
     beams: wgpu::RenderPipeline,
     positions: wgpu::Buffer,
     count: u32,
     walls: Vec<Wall>,
-    /// Whether walls keep the light of vehicles.
-    shades_beams: bool,
+    /// Whether walls block the light of vehicles.
+    beams_occluded: bool,
     layout: wgpu::BindGroupLayout,
-    street: ShadeGroup,
-    traffic: ShadeGroup,
+    street: LampOccluderBuffers,
+    traffic: LampOccluderBuffers,
 }
 
-/// [`Shades`] on the adapter.
+/// Storage and vertex buffer of [`LampOccluders`].
 #[derive(Debug)]
-struct ShadeGroup {
+struct LampOccluderBuffers {
     walls: wgpu::Buffer,
-    parts: wgpu::Buffer,
+    ranges: wgpu::Buffer,
     group: wgpu::BindGroup,
 }
 
-impl ShadeGroup {
-    fn new(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, [walls, parts]: [u64; 2]) -> Self {
+impl LampOccluderBuffers {
+    fn new(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, [walls, ranges]: [u64; 2]) -> Self {
         let buffer = |label, size, usage| {
             device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
@@ -88,26 +89,26 @@ impl ShadeGroup {
             layout,
             entries: &[wgpu::BindGroupEntry { binding: 0, resource: walls.as_entire_binding() }],
         });
-        let parts = buffer("lists of walls", parts.max(8), wgpu::BufferUsages::VERTEX);
-        Self { walls, parts, group }
+        let ranges = buffer("lists of walls", ranges.max(8), wgpu::BufferUsages::VERTEX);
+        Self { walls, ranges, group }
     }
 
-    /// Takes other lists.
+    /// Uploads lists and grows the buffers if necessary.
     fn write(
         &mut self,
         device: &wgpu::Device,
         queue: &wgpu::Queue,
         layout: &wgpu::BindGroupLayout,
-        shades: &Shades,
+        occluders: &LampOccluders,
     ) {
-        let walls: &[u8] = bytemuck::cast_slice(&shades.walls);
-        let parts: &[u8] = bytemuck::cast_slice(&shades.parts);
-        let sizes = [walls.len() as u64, parts.len() as u64];
-        if sizes[0] > self.walls.size() || sizes[1] > self.parts.size() {
+        let walls: &[u8] = bytemuck::cast_slice(&occluders.walls);
+        let ranges: &[u8] = bytemuck::cast_slice(&occluders.ranges);
+        let sizes = [walls.len() as u64, ranges.len() as u64];
+        if sizes[0] > self.walls.size() || sizes[1] > self.ranges.size() {
             *self = Self::new(device, layout, sizes.map(u64::next_power_of_two));
         }
         queue.write_buffer(&self.walls, 0, walls);
-        queue.write_buffer(&self.parts, 0, parts);
+        queue.write_buffer(&self.ranges, 0, ranges);
     }
 }
 
@@ -116,7 +117,7 @@ impl LampPass {
         device: &wgpu::Device,
         frame: &wgpu::BindGroupLayout,
         scene: &SceneDescription,
-        (texels, shades_beams): (u32, bool),
+        (texels, beams_occluded): (u32, bool),
     ) -> Self {
         let texture = |label, usage| {
             device.create_texture(&wgpu::TextureDescriptor {
@@ -131,7 +132,7 @@ impl LampPass {
             })
         };
         let map = texture("lamplight", wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST);
-        let standing = texture("light of street lamps", wgpu::TextureUsages::COPY_SRC);
+        let static_map = texture("light of street lamps", wgpu::TextureUsages::COPY_SRC);
         let positions: Vec<[f32; 3]> = scene.lamps.iter().map(|lamp| lamp.to_array()).collect();
         let lamp_layout = wgpu::VertexBufferLayout {
             array_stride: size_of::<[f32; 3]>() as u64,
@@ -151,9 +152,9 @@ impl LampPass {
                 count: None,
             }],
         });
-        let empty = || ShadeGroup::new(device, &layout, [0, 0]);
+        let empty = || LampOccluderBuffers::new(device, &layout, [0, 0]);
         let lists = wgpu::VertexBufferLayout {
-            array_stride: size_of::<Part>() as u64,
+            array_stride: size_of::<WallRange>() as u64,
             step_mode: wgpu::VertexStepMode::Instance,
             attributes: &wgpu::vertex_attr_array![10 => Uint32x2],
         };
@@ -162,13 +163,13 @@ impl LampPass {
         let beams = [vehicle::gpu_data::LAYOUT, lists].map(Some);
         Self {
             map_view: map.create_view(&wgpu::TextureViewDescriptor::default()),
-            place: place(scene),
+            uv_from_world: uv_from_world(scene),
             map,
-            standing,
+            static_map,
             lamps: pipeline(device, groups, ["lamp_vertex", "lamp_fragment"], &lamps),
             beams: pipeline(device, groups, ["beam_vertex", "beam_fragment"], &beams),
             walls: scene.walls.clone(),
-            shades_beams,
+            beams_occluded,
             street: empty(),
             traffic: empty(),
             count: positions.len() as u32,
@@ -181,66 +182,66 @@ impl LampPass {
         }
     }
 
-    /// Draws the street lamps, once.
-    pub(in crate::render) fn draw_standing(
+    /// Draws the street lamps into the static map.
+    pub(in crate::render) fn draw_static(
         &mut self,
         Context { device, queue, .. }: &Context,
         encoder: &mut wgpu::CommandEncoder,
-        frame: &FrameGroup,
+        frame: &FrameBindGroup,
         lamps: &[Vec3],
     ) {
-        let mut shades = Shades::default();
+        let mut occluders = LampOccluders::default();
         for lamp in lamps {
-            shades.add(&self.walls, lamp.truncate(), LAMP_REACH_M);
+            occluders.add(&self.walls, lamp.truncate(), LAMP_REACH_M);
         }
-        self.street.write(device, queue, &self.layout, &shades);
+        self.street.write(device, queue, &self.layout, &occluders);
         let clear = wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT);
-        let mut pass = begin(encoder, &self.standing, clear);
+        let mut pass = begin_pass(encoder, &self.static_map, clear);
         if self.count > 0 {
             pass.set_pipeline(&self.lamps);
             pass.set_bind_group(0, &frame.group, &[0]);
             pass.set_bind_group(1, &self.street.group, &[]);
             pass.set_vertex_buffer(0, self.positions.slice(..));
-            pass.set_vertex_buffer(1, self.street.parts.slice(..));
+            pass.set_vertex_buffer(1, self.street.ranges.slice(..));
             pass.draw(0..4, 0..self.count);
         }
     }
 
-    /// Brings the light of vehicles up to date.
+    /// Copies the static map and adds the light of vehicles.
     pub(in crate::render) fn draw_vehicles(
         &mut self,
         Context { device, queue, .. }: &Context,
         encoder: &mut wgpu::CommandEncoder,
-        frame: &FrameGroup,
-        fleet: &Fleet,
+        frame: &FrameBindGroup,
+        fleet: &FleetRenderer,
     ) {
-        let walls: &[Wall] = if self.shades_beams { &self.walls } else { &[] };
-        let mut shades = Shades::default();
-        for (centre, _) in fleet.balls() {
-            shades.add(walls, centre.truncate(), BEAM_REACH_M);
+        let walls: &[Wall] = if self.beams_occluded { &self.walls } else { &[] };
+        let mut occluders = LampOccluders::default();
+        for (centre, _) in fleet.bounding_spheres() {
+            occluders.add(walls, centre.truncate(), BEAM_REACH_M);
         }
-        self.traffic.write(device, queue, &self.layout, &shades);
+        self.traffic.write(device, queue, &self.layout, &occluders);
         encoder.copy_texture_to_texture(
-            self.standing.as_image_copy(),
+            self.static_map.as_image_copy(),
             self.map.as_image_copy(),
             self.map.size(),
         );
-        let mut pass = begin(encoder, &self.map, wgpu::LoadOp::Load);
+        let mut pass = begin_pass(encoder, &self.map, wgpu::LoadOp::Load);
         pass.set_pipeline(&self.beams);
         pass.set_bind_group(0, &frame.group, &[0]);
         pass.set_bind_group(1, &self.traffic.group, &[]);
-        pass.set_vertex_buffer(1, self.traffic.parts.slice(..));
+        pass.set_vertex_buffer(1, self.traffic.ranges.slice(..));
         fleet.draw_beams(&mut pass);
     }
 }
 
-fn place(scene: &SceneDescription) -> [f32; 4] {
+fn uv_from_world(scene: &SceneDescription) -> [f32; 4] {
     let [low, high] = scene.bounds.map(|corner| corner.truncate());
     let (low, size) = (low - MARGIN_M, (high - low).max_element().max(1.0) + 2.0 * MARGIN_M);
     [1.0 / size, 1.0 / size, -low.x / size, -low.y / size]
 }
 
-fn begin<'a>(
+fn begin_pass<'a>(
     encoder: &'a mut wgpu::CommandEncoder,
     texture: &wgpu::Texture,
     load: wgpu::LoadOp<wgpu::Color>,
@@ -315,14 +316,14 @@ mod tests {
         let corners = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]].map(Vec2::from);
         let wall = |k: usize| Wall { from: corners[k], to: corners[(k + 1) % 4], height_m: 6.0 };
         let walls: Vec<Wall> = (0..4).map(wall).collect();
-        let mut shades = Shades::default();
-        shades.add(&walls, Vec2::new(5.0, -3.0), 17.0);
-        shades.add(&walls, Vec2::new(-40.0, 5.0), 17.0);
-        shades.add(&walls, Vec2::new(14.0, 14.0), 17.0);
-        assert_eq!(shades.parts, [[0, 1], [1, 0], [1, 2]]);
-        assert_eq!(shades.walls[0], [0.0, 0.0, 10.0, 0.0]);
+        let mut occluders = LampOccluders::default();
+        occluders.add(&walls, Vec2::new(5.0, -3.0), 17.0);
+        occluders.add(&walls, Vec2::new(-40.0, 5.0), 17.0);
+        occluders.add(&walls, Vec2::new(14.0, 14.0), 17.0);
+        assert_eq!(occluders.ranges, [[0, 1], [1, 0], [1, 2]]);
+        assert_eq!(occluders.walls[0], [0.0, 0.0, 10.0, 0.0]);
         let low = Wall { height_m: 1.0, ..walls[0] };
-        shades.add(&[low], Vec2::new(5.0, -3.0), 17.0);
-        assert_eq!(shades.parts[3], [3, 0]);
+        occluders.add(&[low], Vec2::new(5.0, -3.0), 17.0);
+        assert_eq!(occluders.ranges[3], [3, 0]);
     }
 }

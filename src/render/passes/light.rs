@@ -1,15 +1,16 @@
-//! Bind group 1: the sun's shadow, the light of lamps and the sky, as the passes of a picture read them.
+//! Bind group 1: shadow map of the sun, light map of lamps and environment map of the sky, with their samplers.
 
 use super::{sampler_entry, texture_entry};
 use crate::render::Context;
 
+/// Bind group 1 of the colour passes.
 #[derive(Debug)]
-pub(in crate::render) struct LightGroup {
+pub(in crate::render) struct LightBindGroup {
     pub(in crate::render) layout: wgpu::BindGroupLayout,
     pub(in crate::render) group: wgpu::BindGroup,
 }
 
-impl LightGroup {
+impl LightBindGroup {
     pub(in crate::render) fn new(
         Context { device, is_software, .. }: &Context,
         shadow_map: &wgpu::TextureView,

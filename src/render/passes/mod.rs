@@ -1,11 +1,11 @@
-//! One file a pass, each with its shader of the same name in `shaders/`.
+//! Render passes: one file each, with the shader of the same name in `shaders/`.
 
 pub(super) mod city;
 pub(super) mod common;
 pub(super) mod contact;
 pub(super) mod display;
 pub(super) mod glow;
-pub(super) mod kinds;
+pub(super) mod ground_truth;
 pub(super) mod lamps;
 pub(super) mod light;
 pub(super) mod occlusion;
@@ -16,44 +16,45 @@ pub(super) mod vehicle;
 
 use super::daylight::Light;
 use super::settings::Settings;
-use super::shader::{Samples, Shader};
+use super::shader::{SampleCount, Shader};
 
-/// Depth of the picture: 1 at the near plane, 0 at the far one, where floats are densest.
-pub(super) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+/// Depth buffer with reversed depth: 1 at the near plane, 0 at the far one, where floats are densest.
+pub(super) const DEPTH_BUFFER_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
-/// Radiance of a sample; alpha is the share of it that ambient occlusion may take.
-const RADIANCE: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
+/// HDR target: radiance of a sample; alpha is the share of it that ambient occlusion may take.
+const HDR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
-/// The attachments that the passes of a picture are built for.
+/// Pixel formats and MSAA samples of the attachments that colour passes draw to.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Attachments {
-    /// Of samples: radiance, or what is shown.
+    /// Format of samples: [`HDR_FORMAT`], or `display_format` with vertex lighting.
     pub(super) format: wgpu::TextureFormat,
-    /// Of pixels that are shown. The shaders encode as sRGB.
-    pub(super) shown: wgpu::TextureFormat,
+    /// Format of displayed pixels, without the suffix sRGB: the shaders encode.
+    pub(super) display_format: wgpu::TextureFormat,
+    /// MSAA samples per pixel.
     pub(super) samples: u32,
-    /// See [`super::Quality::light_at_vertices`]; samples hold what is shown.
-    pub(super) light_at_vertices: bool,
+    /// See [`super::Quality::vertex_lit`]; samples then hold displayed colours.
+    pub(super) vertex_lit: bool,
     /// See [`Settings::flat`].
     pub(super) is_flat: bool,
 }
 
 impl Attachments {
     pub(super) fn new(settings: &Settings) -> Self {
-        let shown = settings.format.remove_srgb_suffix();
-        let light_at_vertices = settings.quality.light_at_vertices;
-        let format = if light_at_vertices { shown } else { RADIANCE };
+        let display_format = settings.format.remove_srgb_suffix();
+        let vertex_lit = settings.quality.vertex_lit;
+        let format = if vertex_lit { display_format } else { HDR_FORMAT };
         let (samples, is_flat) = (settings.quality.samples, settings.flat.is_some());
-        Self { format, shown, samples, light_at_vertices, is_flat }
+        Self { format, display_format, samples, vertex_lit, is_flat }
     }
 
-    /// How shaders read samples.
-    fn reading(self) -> Samples {
-        if self.samples > 1 { Samples::Many } else { Samples::One }
+    /// How shaders read the samples.
+    fn sample_count(self) -> SampleCount {
+        if self.samples > 1 { SampleCount::Multi } else { SampleCount::Single }
     }
 
-    /// The entry of a texture of samples in a layout.
-    fn sampled(self, entry: wgpu::BindGroupLayoutEntry) -> wgpu::BindGroupLayoutEntry {
+    /// Layout entry of a texture of samples: multisampled or not.
+    fn with_sample_count(self, entry: wgpu::BindGroupLayoutEntry) -> wgpu::BindGroupLayoutEntry {
         let ty = match entry.ty {
             wgpu::BindingType::Texture { sample_type, view_dimension, .. } => {
                 wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: self.samples > 1 }
@@ -63,31 +64,31 @@ impl Attachments {
         wgpu::BindGroupLayoutEntry { ty, ..entry }
     }
 
-    /// What a texture of colours is made as, so that what is sampled suits the shaders.
+    /// Format of colour textures: sRGB decoding by the sampler, or none for the square roots of the vertex-lit path.
     pub(super) fn texture_format(self) -> wgpu::TextureFormat {
-        if self.light_at_vertices {
-            wgpu::TextureFormat::Rgba8Unorm
+        if self.vertex_lit { wgpu::TextureFormat::Rgba8Unorm } else { wgpu::TextureFormat::Rgba8UnormSrgb }
+    }
+
+    /// Entry points for fully vertex-lit surfaces without texture.
+    pub(super) fn untextured_entries(self) -> [&'static str; 2] {
+        if self.is_flat {
+            ["flat_vertex", "flat_fragment"]
         } else {
-            wgpu::TextureFormat::Rgba8UnormSrgb
+            ["untextured_vertex", "untextured_fragment"]
         }
     }
 
-    /// Entry points for what is lit at its vertices for good.
-    pub(super) fn plain_entries(self) -> [&'static str; 2] {
-        if self.is_flat { ["flat_vertex", "flat_fragment"] } else { ["plain_vertex", "plain_fragment"] }
-    }
-
-    /// Entry points of a shader that has a pair for either way to light.
+    /// Entry points for per-pixel or vertex lighting.
     pub(super) fn entries(self) -> [&'static str; 2] {
-        if self.light_at_vertices {
-            ["swift_vertex", "swift_fragment"]
+        if self.vertex_lit {
+            ["vertex_lit_vertex", "vertex_lit_fragment"]
         } else {
             ["vertex_main", "fragment_main"]
         }
     }
 }
 
-/// What the shaders of solid things are told for good: `common.wgsl` and `light.wgsl` have them as overrides.
+/// Pipeline-overridable constants of `common.wgsl` and `light.wgsl`.
 pub(super) fn light_constants(settings: &Settings, light: &Light) -> [(&'static str, f64); 3] {
     let quality = &settings.quality;
     [
@@ -97,12 +98,12 @@ pub(super) fn light_constants(settings: &Settings, light: &Light) -> [(&'static 
     ]
 }
 
-/// What differs between the pipelines of a picture.
-pub(super) struct PictureState<'a> {
+/// Varying state of the pipelines of the colour pass.
+pub(super) struct ScenePipelineState<'a> {
     pub(super) shader: Shader,
-    /// Of the shader: made once where several pipelines need it.
+    /// Module of `shader`, shared by several pipelines.
     pub(super) module: &'a wgpu::ShaderModule,
-    /// Of vertices and of fragments.
+    /// Entry points of vertex and fragment stage.
     pub(super) entries: [&'a str; 2],
     pub(super) groups: &'a [Option<&'a wgpu::BindGroupLayout>],
     pub(super) buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
@@ -113,10 +114,11 @@ pub(super) struct PictureState<'a> {
     pub(super) write_depth: bool,
 }
 
-pub(super) fn picture_pipeline(
+/// Pipeline of the colour pass: reversed depth test, MSAA, optional back-face culling and blending.
+pub(super) fn scene_pipeline(
     device: &wgpu::Device,
     attachments: Attachments,
-    state: &PictureState<'_>,
+    state: &ScenePipelineState<'_>,
 ) -> wgpu::RenderPipeline {
     let module = state.module;
     let options = wgpu::PipelineCompilationOptions { constants: state.constants, ..Default::default() };
@@ -140,7 +142,7 @@ pub(super) fn picture_pipeline(
             ..Default::default()
         },
         depth_stencil: Some(wgpu::DepthStencilState {
-            format: DEPTH,
+            format: DEPTH_BUFFER_FORMAT,
             depth_write_enabled: Some(state.write_depth),
             depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
             stencil: wgpu::StencilState::default(),
@@ -162,7 +164,7 @@ pub(super) fn picture_pipeline(
     })
 }
 
-/// A uniform buffer's entry in a layout.
+/// Bind group layout entry of a uniform buffer.
 pub(super) fn uniform_entry(binding: u32, dynamic: bool, size: u64) -> wgpu::BindGroupLayoutEntry {
     wgpu::BindGroupLayoutEntry {
         binding,
@@ -176,7 +178,7 @@ pub(super) fn uniform_entry(binding: u32, dynamic: bool, size: u64) -> wgpu::Bin
     }
 }
 
-/// A texture's entry in a layout.
+/// Bind group layout entry of a texture.
 pub(super) fn texture_entry(
     binding: u32,
     sample_type: wgpu::TextureSampleType,
@@ -190,7 +192,7 @@ pub(super) fn texture_entry(
     }
 }
 
-/// A sampler's entry in a layout.
+/// Bind group layout entry of a sampler.
 pub(super) fn sampler_entry(binding: u32, ty: wgpu::SamplerBindingType) -> wgpu::BindGroupLayoutEntry {
     wgpu::BindGroupLayoutEntry {
         binding,

@@ -1,13 +1,14 @@
-//! Ambient occlusion, from the depths of a picture.
+//! Screen-space ambient occlusion (SSAO) from the depth buffer, after McGuire, Mara and Luebke 2012.
 
-use super::common::FrameGroup;
+use super::common::FrameBindGroup;
 use super::tiles::{self, Tiles};
 use super::{Attachments, texture_entry};
 use crate::render::shader::Shader;
 
-/// How much of the light from all sides a pixel gets, and its depth.
+/// Ambient visibility of a pixel, and its depth for the bilateral blur.
 pub(in crate::render) const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Float;
 
+/// Pipeline of the SSAO pass.
 #[derive(Debug)]
 pub(in crate::render) struct OcclusionPass {
     pipeline: wgpu::RenderPipeline,
@@ -15,20 +16,20 @@ pub(in crate::render) struct OcclusionPass {
 }
 
 impl OcclusionPass {
-    /// With so many looks around each pixel.
+    /// With `samples` taps per pixel.
     pub(in crate::render) fn new(
         device: &wgpu::Device,
         attachments: Attachments,
-        looks: u32,
+        samples: u32,
         frame: &wgpu::BindGroupLayout,
     ) -> Self {
         let depths = texture_entry(1, wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2);
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("occlusion"),
-            entries: &[attachments.sampled(depths)],
+            entries: &[attachments.with_sample_count(depths)],
         });
-        let constants = [("looks", f64::from(looks))];
-        let shader = Shader::Occlusion(attachments.reading());
+        let constants = [("ssao_samples", f64::from(samples))];
+        let shader = Shader::Occlusion(attachments.sample_count());
         let pipeline = tiles::pipeline(device, shader, [frame, &layout], &constants, FORMAT);
         Self { pipeline, layout }
     }
@@ -52,7 +53,7 @@ impl OcclusionPass {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         target: &wgpu::TextureView,
-        groups: (&FrameGroup, &wgpu::BindGroup),
+        groups: (&FrameBindGroup, &wgpu::BindGroup),
         tiles: Tiles<'_>,
     ) {
         tiles::draw(encoder, target, &self.pipeline, groups, tiles);

@@ -1,16 +1,16 @@
-//! The sun's shadow map: one for all views. It covers the whole city and never moves, so that edges
-//! of shadows stand still. The standing city is drawn into it once; at each tick only the patches
-//! around vehicles are restored and drawn anew.
+//! Shadow map of the sun, shared by all views: orthographic, over the whole city, aligned to whole texels, so that
+//! shadow edges do not flicker. The static city is drawn into it once; each tick restores and redraws the patches of
+//! vehicles.
 
-use super::{city, common::FrameGroup, texture_entry, vehicle};
-use crate::render::fleet::Fleet;
+use super::{city, common::FrameBindGroup, texture_entry, vehicle};
+use crate::render::fleet::FleetRenderer;
 use crate::render::shader::Shader;
-use crate::render::standing::Standing;
+use crate::render::static_scene::StaticScene;
 use glam::{Mat4, Vec2, Vec3};
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth16Unorm;
 
-/// Where the sun's orthographic camera looks.
+/// Orthographic projection of the shadow map.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::render) struct SunView {
     pub(in crate::render) shadow_from_world: Mat4,
@@ -19,7 +19,7 @@ pub(in crate::render) struct SunView {
 }
 
 impl SunView {
-    /// The view from the sun that holds a box of the city, square, on whole texels.
+    /// Square projection along the sunlight that contains a box of the city, aligned to whole texels.
     pub(in crate::render) fn around([low, high]: [Vec3; 2], to_sun: Vec3, texels: u32) -> Self {
         let right = Vec3::Z.cross(to_sun).normalize_or(Vec3::X);
         let up = to_sun.cross(right);
@@ -48,7 +48,7 @@ impl SunView {
         Self { shadow_from_world, texel_m, texels }
     }
 
-    /// The texels that a ball's shadow can touch: left, top, width, height.
+    /// Texels that the shadow of a sphere can touch: left, top, width, height.
     fn patch(&self, centre: Vec3, radius: f32) -> [u32; 4] {
         let at = self.shadow_from_world.project_point3(centre).truncate() * Vec2::new(0.5, -0.5) + 0.5;
         let (at, reach) = (at * self.texels as f32, radius / self.texel_m + 2.0);
@@ -59,18 +59,19 @@ impl SunView {
     }
 }
 
+/// Pipelines and textures of the shadow map.
 #[derive(Debug)]
 pub(in crate::render) struct ShadowPass {
-    /// What the passes of a picture read.
+    /// The map that colour passes read.
     pub(in crate::render) map: wgpu::TextureView,
-    standing: wgpu::TextureView,
+    static_map: wgpu::TextureView,
     restore_group: wgpu::BindGroup,
     city: wgpu::RenderPipeline,
     vehicles: wgpu::RenderPipeline,
     restore: wgpu::RenderPipeline,
     sun: SunView,
     /// Patches that hold shadows of vehicles since the last tick.
-    touched: Vec<[u32; 4]>,
+    vehicle_patches: Vec<[u32; 4]>,
 }
 
 impl ShadowPass {
@@ -89,17 +90,17 @@ impl ShadowPass {
                 })
                 .create_view(&wgpu::TextureViewDescriptor::default())
         };
-        let (map, standing) = (texture("shadow map"), texture("shadow of the standing city"));
+        let (map, static_map) = (texture("shadow map"), texture("static shadow map"));
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some("standing shadow"),
+            label: Some("static shadow map"),
             entries: &[texture_entry(0, wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2)],
         });
         let restore_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("standing shadow"),
+            label: Some("static shadow map"),
             layout: &layout,
             entries: &[wgpu::BindGroupEntry {
                 binding: 0,
-                resource: wgpu::BindingResource::TextureView(&standing),
+                resource: wgpu::BindingResource::TextureView(&static_map),
             }],
         });
         let module = Shader::Shadow.module(device, None);
@@ -159,58 +160,59 @@ impl ShadowPass {
             city: pipeline("city_vertex", &[Some(frame)], false),
             vehicles: pipeline("vehicle_vertex", &[Some(frame)], false),
             restore: pipeline("restore_vertex", &[Some(frame), Some(&layout)], true),
-            touched: vec![[0, 0, sun.texels, sun.texels]],
+            vehicle_patches: vec![[0, 0, sun.texels, sun.texels]],
             map,
-            standing,
+            static_map,
             restore_group,
             sun,
         }
     }
 
-    /// Draws the standing city; once, and again if the sun moves.
-    pub(in crate::render) fn draw_standing(
+    /// Draws the static city, once.
+    pub(in crate::render) fn draw_static(
         &self,
         encoder: &mut wgpu::CommandEncoder,
-        frame: &FrameGroup,
-        standing: &Standing,
+        frame: &FrameBindGroup,
+        static_scene: &StaticScene,
     ) {
-        let mut pass = begin(encoder, &self.standing, wgpu::LoadOp::Clear(1.0));
+        let mut pass = begin_pass(encoder, &self.static_map, wgpu::LoadOp::Clear(1.0));
         pass.set_pipeline(&self.city);
         pass.set_bind_group(0, &frame.group, &[0]);
-        self.leave_rim(&mut pass);
-        standing.draw_shadows(&mut pass);
+        self.scissor_rim(&mut pass);
+        static_scene.draw_shadows(&mut pass);
     }
 
-    /// Keeps shadows off the outermost texels, which stand for all that lies beyond the map.
-    fn leave_rim(&self, pass: &mut wgpu::RenderPass<'_>) {
+    /// Leaves the outermost texels clear: clamped lookups beyond the map read them as lit.
+    fn scissor_rim(&self, pass: &mut wgpu::RenderPass<'_>) {
         let inside = self.sun.texels.saturating_sub(2).max(1);
         pass.set_scissor_rect(1, 1, inside, inside);
     }
 
-    /// Brings the shadows of vehicles up to date.
+    /// Restores the patches of the last tick and draws the vehicles of this one.
     pub(in crate::render) fn draw_vehicles(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
-        frame: &FrameGroup,
-        fleet: &Fleet,
+        frame: &FrameBindGroup,
+        fleet: &FleetRenderer,
     ) {
-        let mut pass = begin(encoder, &self.map, wgpu::LoadOp::Load);
+        let mut pass = begin_pass(encoder, &self.map, wgpu::LoadOp::Load);
         pass.set_bind_group(0, &frame.group, &[0]);
         pass.set_pipeline(&self.restore);
         pass.set_bind_group(1, &self.restore_group, &[]);
-        for &[x, y, width, height] in self.touched.iter().filter(|p| p[2] > 0 && p[3] > 0) {
+        for &[x, y, width, height] in self.vehicle_patches.iter().filter(|p| p[2] > 0 && p[3] > 0) {
             pass.set_scissor_rect(x, y, width, height);
             pass.draw(0..4, 0..1);
         }
-        self.leave_rim(&mut pass);
-        self.touched.clear();
-        self.touched.extend(fleet.balls().map(|(centre, radius)| self.sun.patch(centre, radius)));
+        self.scissor_rim(&mut pass);
+        self.vehicle_patches.clear();
+        self.vehicle_patches
+            .extend(fleet.bounding_spheres().map(|(centre, radius)| self.sun.patch(centre, radius)));
         pass.set_pipeline(&self.vehicles);
         fleet.draw_shadows(&mut pass, self.sun.texel_m);
     }
 }
 
-fn begin<'a>(
+fn begin_pass<'a>(
     encoder: &'a mut wgpu::CommandEncoder,
     view: &wgpu::TextureView,
     load: wgpu::LoadOp<f32>,

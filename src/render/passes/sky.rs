@@ -1,9 +1,9 @@
-//! The sky: a box around the eye with a panorama that is painted once, drawn last where nothing else is.
+//! Sky box: panorama texture, disc of sun or moon, stars; drawn last, at the far plane.
 
-use super::{Attachments, PictureState, picture_pipeline, sampler_entry, texture_entry};
+use super::{Attachments, ScenePipelineState, sampler_entry, scene_pipeline, texture_entry};
 use crate::render::Context;
 use crate::render::shader::Shader;
-use crate::render::textures::{self, Paintings};
+use crate::render::textures::{self, BakedTextures};
 use wgpu::util::DeviceExt;
 
 pub(in crate::render) mod gpu_data {
@@ -36,13 +36,14 @@ pub(in crate::render) mod gpu_data {
     };
 }
 
+/// Pipelines and vertices of the sky.
 #[derive(Debug)]
 pub(in crate::render) struct SkyPass {
     pipeline: wgpu::RenderPipeline,
     panorama: wgpu::BindGroup,
     vertices: wgpu::Buffer,
     count: u32,
-    /// Sun or moon, and by night the stars: pipeline, vertices and how many.
+    /// Disc of sun or moon, and stars at night: pipeline, vertices, number of vertices.
     lights: Vec<(wgpu::RenderPipeline, wgpu::Buffer, u32)>,
 }
 
@@ -50,10 +51,10 @@ impl SkyPass {
     pub(in crate::render) fn new(
         context: &Context,
         attachments: Attachments,
-        paintings: &Paintings,
+        baked: &BakedTextures,
         groups: [&wgpu::BindGroupLayout; 2],
     ) -> Self {
-        let (device, light) = (&context.device, &paintings.light);
+        let (device, light) = (&context.device, &baked.light);
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("sky"),
             entries: &[
@@ -65,7 +66,7 @@ impl SkyPass {
                 sampler_entry(1, wgpu::SamplerBindingType::Filtering),
             ],
         });
-        let view = paintings.panorama(context);
+        let view = baked.panorama(context);
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("sky"),
             address_mode_u: wgpu::AddressMode::Repeat,
@@ -82,7 +83,7 @@ impl SkyPass {
             ],
         });
         let module = Shader::Sky.module(device, None);
-        let state = PictureState {
+        let state = ScenePipelineState {
             shader: Shader::Sky,
             module: &module,
             entries: ["vertex_main", attachments.entries()[1]],
@@ -94,7 +95,7 @@ impl SkyPass {
             blend: None,
             write_depth: false,
         };
-        let pipeline = picture_pipeline(device, attachments, &state);
+        let pipeline = scene_pipeline(device, attachments, &state);
         let vertices: Vec<gpu_data::Vertex> = textures::sky_triangles()
             .into_iter()
             .flatten()
@@ -107,7 +108,7 @@ impl SkyPass {
                 usage: wgpu::BufferUsages::VERTEX,
             })
         };
-        let shown = |colour| if attachments.light_at_vertices { colour } else { light.radiance_of(colour) };
+        let shown = |colour| if attachments.vertex_lit { colour } else { light.radiance_of(colour) };
         let lights = [
             (textures::disc(light), wgpu::PrimitiveTopology::TriangleList),
             (textures::stars(light), wgpu::PrimitiveTopology::PointList),
@@ -119,13 +120,13 @@ impl SkyPass {
                     colour: shown(colour),
                 };
                 let vertices: Vec<gpu_data::Star> = corners.into_iter().map(star).collect();
-                let state = PictureState {
+                let state = ScenePipelineState {
                     entries: ["star_vertex", "star_fragment"],
                     buffers: &[Some(gpu_data::STAR_LAYOUT)],
                     topology,
                     ..state
                 };
-                let pipeline = picture_pipeline(device, attachments, &state);
+                let pipeline = scene_pipeline(device, attachments, &state);
                 (pipeline, buffer(bytemuck::cast_slice(&vertices)), vertices.len() as u32)
             });
         let lights = lights.collect();
@@ -138,7 +139,7 @@ impl SkyPass {
         }
     }
 
-    /// Groups 0 and 1 are set already.
+    /// Draws the sky. The caller has set bind groups 0 and 1.
     pub(in crate::render) fn draw(&self, pass: &mut wgpu::RenderPass<'_>) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(2, &self.panorama, &[]);

@@ -1,12 +1,13 @@
-//! Passes over whole tiles: no vertices, one target, and in bind group 1 what was drawn before.
+//! Full-screen passes over tiles of an atlas: one triangle per tile, earlier attachments in bind group 1.
 
-use super::common::FrameGroup;
+use super::common::FrameBindGroup;
 use crate::render::grid::Tile;
 use crate::render::shader::Shader;
 
-/// Views of the frame by number, each with the upper left corner of its tile, and the extent of a tile.
+/// Views by index, each with the upper left corner of its tile, and the extent of a tile.
 pub(in crate::render) type Tiles<'a> = (&'a [(usize, [u32; 2])], [u32; 2]);
 
+/// Pipeline of a full-screen pass.
 pub(super) fn pipeline(
     device: &wgpu::Device,
     shader: Shader,
@@ -48,12 +49,12 @@ pub(super) fn pipeline(
     })
 }
 
-/// Draws tiles of a target anew.
+/// Clears the target and draws the tiles.
 pub(super) fn draw(
     encoder: &mut wgpu::CommandEncoder,
     target: &wgpu::TextureView,
     pipeline: &wgpu::RenderPipeline,
-    (frame, group): (&FrameGroup, &wgpu::BindGroup),
+    (frame, group): (&FrameBindGroup, &wgpu::BindGroup),
     (tiles, extent): Tiles<'_>,
 ) {
     let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -72,8 +73,8 @@ pub(super) fn draw(
     pass.set_pipeline(pipeline);
     pass.set_bind_group(1, group, &[]);
     for &(view, origin) in tiles {
-        Tile { origin, extent }.enter(&mut pass);
-        pass.set_bind_group(0, &frame.group, &[FrameGroup::offset(view)]);
+        Tile { origin, extent }.set_viewport(&mut pass);
+        pass.set_bind_group(0, &frame.group, &[FrameBindGroup::offset(view)]);
         pass.draw(0..3, 0..1);
     }
 }

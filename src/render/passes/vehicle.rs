@@ -1,23 +1,22 @@
-//! Vehicles: bodies and wheels, nearest first.
+//! Colour pass of vehicles: instanced bodies and wheels, front to back.
 
 use super::common::gpu_data::Frame;
-use super::{Attachments, PictureState, city, picture_pipeline};
-use crate::render::fleet::{Fleet, Sight};
+use super::{Attachments, ScenePipelineState, city, scene_pipeline};
+use crate::render::fleet::{FleetRenderer, VisibleVehicle};
 use crate::render::shader::Shader;
 
 pub(in crate::render) mod gpu_data {
     use bytemuck::{Pod, Zeroable};
 
-    /// A body or a wheel where it is now.
+    /// Instance data of a body, a wheel or a contact shadow.
     #[repr(C)]
     #[derive(Clone, Copy, Debug, Pod, Zeroable)]
     pub(in crate::render) struct Instance {
-        /// City from body, by rows.
+        /// Affine transform to the city from the body or wheel, by rows.
         pub(in crate::render) rows: [[f32; 4]; 3],
-        /// Linear colour of the paint, and the number of the vehicle. Of the patch under a vehicle half its
-        /// length and width.
+        /// Paint colour; w: number of the vehicle. Contact shadow: half length and half width of the body.
         pub(in crate::render) paint: [f32; 4],
-        /// Brake, left indicator, right indicator, reverse: 0 off to 1 on.
+        /// Brake, left indicator, right indicator, reverse light: 0 off to 1 on.
         pub(in crate::render) lamps: [f32; 4],
     }
 
@@ -32,6 +31,7 @@ pub(in crate::render) mod gpu_data {
     };
 }
 
+/// Pipeline of vehicles.
 #[derive(Debug)]
 pub(in crate::render) struct VehiclePass {
     pipeline: wgpu::RenderPipeline,
@@ -41,17 +41,17 @@ impl VehiclePass {
     pub(in crate::render) fn new(
         device: &wgpu::Device,
         attachments: Attachments,
-        (fixed, constants): (&Frame, &[(&str, f64)]),
+        (frame_constants, constants): (&Frame, &[(&str, f64)]),
         groups: [&wgpu::BindGroupLayout; 2],
     ) -> Self {
-        let pipeline = picture_pipeline(
+        let pipeline = scene_pipeline(
             device,
             attachments,
-            &PictureState {
+            &ScenePipelineState {
                 shader: Shader::Vehicle,
-                module: &Shader::Vehicle.module(device, Some(fixed)),
-                entries: if attachments.light_at_vertices {
-                    attachments.plain_entries()
+                module: &Shader::Vehicle.module(device, Some(frame_constants)),
+                entries: if attachments.vertex_lit {
+                    attachments.untextured_entries()
                 } else {
                     attachments.entries()
                 },
@@ -67,13 +67,18 @@ impl VehiclePass {
         Self { pipeline }
     }
 
-    /// Groups 0 and 1 are set already.
-    pub(in crate::render) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, fleet: &Fleet, seen: &[Sight]) {
-        if seen.is_empty() {
+    /// Draws visible vehicles. The caller has set bind groups 0 and 1.
+    pub(in crate::render) fn draw(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        fleet: &FleetRenderer,
+        visible: &[VisibleVehicle],
+    ) {
+        if visible.is_empty() {
             return;
         }
         pass.set_pipeline(&self.pipeline);
-        fleet.draw(pass, seen);
+        fleet.draw(pass, visible);
     }
 }
 

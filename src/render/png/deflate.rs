@@ -1,57 +1,57 @@
-//! Compressed data of filtered rows (RFC 1950 and 1951): codes by how often bytes are in a sample of the rows, and runs of
-//! zeros; nothing else is looked for. What is short and what is quick go together here: a byte takes no branch.
+//! DEFLATE encoder for filtered rows, as a zlib stream (RFC 1950 and 1951): one dynamic Huffman code from sampled byte
+//! frequencies, and run lengths of zeros; no other matches. Encoding takes no branch per byte.
 
 use simd_adler32::Adler32;
 
-/// Bytes, the end, and lengths of runs.
+/// Symbols of literals, end of block and match lengths.
 const SYMBOLS: usize = 286;
 const END: usize = 256;
-/// Four of them, and what is left of a byte before, fit a word of 64 bits.
+/// Limit of the code length: four codes and up to 7 pending bits fit 64 bits.
 const LONGEST_CODE: u32 = 14;
-/// Bytes that are looked at together.
+/// Bytes that are encoded together.
 const GROUP: usize = 8;
-/// The longest repetition that there is a symbol for.
+/// Longest match that has a symbol.
 const LONGEST_RUN: usize = 258;
 
-/// How often symbols are in a sample.
+/// Symbol frequencies of a sample.
 #[derive(Debug)]
-pub(super) struct Sample {
+pub(super) struct SymbolCounts {
     counts: [u32; SYMBOLS],
 }
 
-/// Bits of each symbol, the first lowest.
+/// Huffman code: bits of each symbol, the first bit lowest.
 #[derive(Debug)]
-struct Code {
-    /// Bits, and how many they are above them.
+struct HuffmanCode {
+    /// Literals: bits in the lower half, their number in the upper.
     bytes: [u32; 256],
     end: (u64, u32),
-    /// By how much longer than 3 bytes a repetition is: with what tells the length and that it is of one byte.
+    /// Matches at distance 1 by length minus 3: length symbol, extra bits and distance code.
     runs: Vec<(u64, u32)>,
 }
 
-/// Data on its way.
-pub(super) struct Deflate {
+/// Streaming encoder.
+pub(super) struct DeflateEncoder {
     bytes: Vec<u8>,
-    end: Bits,
-    code: Code,
+    end: BitWriter,
+    code: HuffmanCode,
     checksum: Adler32,
 }
 
-/// Where bits are written next; those of the last byte wait.
+/// Position in the bit stream, with the bits of the last incomplete byte.
 #[derive(Clone, Copy, Debug, Default)]
-struct Bits {
+struct BitWriter {
     at: usize,
     waiting: u64,
     count: u32,
 }
 
-impl Bits {
-    /// So many bits, 56 at the most.
+impl BitWriter {
+    /// Writes `count` bits, at most 56.
     #[inline(always)]
-    fn put(&mut self, room: &mut [u8], (bits, count): (u64, u32)) {
+    fn put(&mut self, buffer: &mut [u8], (bits, count): (u64, u32)) {
         self.waiting |= bits << self.count;
         self.count += count;
-        room[self.at..self.at + 8].copy_from_slice(&self.waiting.to_le_bytes());
+        buffer[self.at..self.at + 8].copy_from_slice(&self.waiting.to_le_bytes());
         let whole = self.count & !7;
         self.at += whole as usize / 8;
         self.waiting >>= whole;
@@ -59,14 +59,14 @@ impl Bits {
     }
 }
 
-/// Takes what data are made of.
-trait Take {
+/// Receiver of literals and runs of zeros.
+trait SymbolSink {
     fn group(&mut self, bytes: [u8; GROUP]);
     fn zeros(&mut self, count: usize);
     fn byte(&mut self, byte: u8);
 }
 
-fn take_apart(data: &[u8], taker: &mut impl Take) {
+fn for_each_symbol(data: &[u8], sink: &mut impl SymbolSink) {
     let (groups, rest) = data.as_chunks::<GROUP>();
     let mut zeros = 0;
     for &group in groups {
@@ -75,22 +75,22 @@ fn take_apart(data: &[u8], taker: &mut impl Take) {
             continue;
         }
         if zeros > 0 {
-            taker.zeros(zeros);
+            sink.zeros(zeros);
             zeros = 0;
         }
-        taker.group(group);
+        sink.group(group);
     }
     if zeros > 0 {
-        taker.zeros(zeros);
+        sink.zeros(zeros);
     }
-    rest.iter().for_each(|&byte| taker.byte(byte));
+    rest.iter().for_each(|&byte| sink.byte(byte));
 }
 
-/// The lengths that a run of zeros is repeated by after its first.
+/// Match lengths that encode a run of zeros after its first byte.
 fn repetitions(zeros: usize) -> impl Iterator<Item = usize> {
     let mut left = zeros - 1;
     std::iter::from_fn(move || {
-        // No rest is shorter than what there is a symbol for.
+        // Leaves no rest below the minimum match length of 3.
         let length =
             if left > LONGEST_RUN && left < LONGEST_RUN + 3 { left - 3 } else { left.min(LONGEST_RUN) };
         left -= length;
@@ -98,7 +98,7 @@ fn repetitions(zeros: usize) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Symbol, extra bits and how many they are, of a repetition of `length` bytes (RFC 1951, 3.2.5).
+/// Length symbol, extra bits and their number of a match (RFC 1951, 3.2.5).
 fn length_symbol(length: usize) -> (usize, u64, u32) {
     if length == LONGEST_RUN {
         return (285, 0, 0);
@@ -111,19 +111,20 @@ fn length_symbol(length: usize) -> (usize, u64, u32) {
     (257 + 4 * extra as usize + (beyond >> extra), (beyond & ((1 << extra) - 1)) as u64, extra)
 }
 
-impl Default for Sample {
+impl Default for SymbolCounts {
     fn default() -> Self {
-        // Each symbol may come.
+        // Every symbol gets a code.
         Self { counts: [1; SYMBOLS] }
     }
 }
 
-impl Sample {
+impl SymbolCounts {
+    /// Counts the symbols of data.
     pub(super) fn add(&mut self, data: &[u8]) {
-        take_apart(data, self);
+        for_each_symbol(data, self);
     }
 
-    /// How long the code of each symbol is.
+    /// Code length of each symbol; halves the frequencies until none exceeds the limit.
     fn lengths(mut self) -> [u8; SYMBOLS] {
         loop {
             let lengths = huffman(&self.counts);
@@ -135,7 +136,7 @@ impl Sample {
     }
 }
 
-impl Take for Sample {
+impl SymbolSink for SymbolCounts {
     fn group(&mut self, bytes: [u8; GROUP]) {
         bytes.into_iter().for_each(|byte| self.byte(byte));
     }
@@ -150,11 +151,11 @@ impl Take for Sample {
     }
 }
 
-/// Code lengths of Huffman's tree.
+/// Code lengths by Huffman's algorithm.
 fn huffman(counts: &[u32; SYMBOLS]) -> [u8; SYMBOLS] {
     use std::cmp::Reverse;
     use std::collections::BinaryHeap;
-    // Leaves first; a node's parent comes after it.
+    // Nodes: leaves first, every parent after its children.
     let mut parents = vec![0; 2 * SYMBOLS - 1];
     let mut rarest: BinaryHeap<_> =
         counts.iter().zip(0..).map(|(&count, node)| Reverse((count, node))).collect();
@@ -173,9 +174,9 @@ fn huffman(counts: &[u32; SYMBOLS]) -> [u8; SYMBOLS] {
     std::array::from_fn(|symbol| depths[symbol])
 }
 
-impl Code {
+impl HuffmanCode {
     fn new(lengths: &[u8; SYMBOLS]) -> Self {
-        // Codes of a length follow each other, and shorter ones come first (RFC 1951, 3.2.2).
+        // Canonical codes: consecutive within a length, shorter lengths first (RFC 1951, 3.2.2).
         let mut next = 0_u32;
         let mut codes = [(0_u64, 0_u32); SYMBOLS];
         for length in 1..=LONGEST_CODE {
@@ -188,7 +189,7 @@ impl Code {
         let run = |beyond: usize| {
             let (symbol, extra, extra_count) = length_symbol(beyond + 3);
             let (bits, count) = codes[symbol];
-            // The only distance has the code 0 of one bit.
+            // The only distance code is one bit, 0.
             (bits | extra << count, count + extra_count + 1)
         };
         Self {
@@ -203,7 +204,7 @@ impl Code {
         (u64::from(entry & 0xffff), entry >> 16)
     }
 
-    /// The bits of four bytes.
+    /// Concatenated codes of four literals.
     #[inline(always)]
     fn four(&self, bytes: [u8; 4]) -> (u64, u32) {
         let [a, b, c, d] = bytes.map(|byte| self.bytes[usize::from(byte)]);
@@ -216,42 +217,42 @@ impl Code {
     }
 }
 
-/// The room for what is written with a code.
-struct Writer<'a> {
-    code: &'a Code,
-    room: &'a mut [u8],
-    end: Bits,
+/// Encodes literals and runs with a Huffman code.
+struct HuffmanWriter<'a> {
+    code: &'a HuffmanCode,
+    buffer: &'a mut [u8],
+    end: BitWriter,
 }
 
 /// Inlined, so that the state stays in registers.
-impl Take for Writer<'_> {
+impl SymbolSink for HuffmanWriter<'_> {
     #[inline(always)]
     fn group(&mut self, [a, b, c, d, e, f, g, h]: [u8; GROUP]) {
-        self.end.put(self.room, self.code.four([a, b, c, d]));
-        self.end.put(self.room, self.code.four([e, f, g, h]));
+        self.end.put(self.buffer, self.code.four([a, b, c, d]));
+        self.end.put(self.buffer, self.code.four([e, f, g, h]));
     }
 
     fn zeros(&mut self, count: usize) {
         self.byte(0);
-        repetitions(count).for_each(|length| self.end.put(self.room, self.code.runs[length - 3]));
+        repetitions(count).for_each(|length| self.end.put(self.buffer, self.code.runs[length - 3]));
     }
 
     fn byte(&mut self, byte: u8) {
-        self.end.put(self.room, self.code.byte(byte));
+        self.end.put(self.buffer, self.code.byte(byte));
     }
 }
 
-impl Deflate {
-    /// Begins data in memory that is used again.
-    pub(super) fn new(memory: Vec<u8>, sample: Sample) -> Self {
+impl DeflateEncoder {
+    /// Starts a stream in reused memory.
+    pub(super) fn new(memory: Vec<u8>, sample: SymbolCounts) -> Self {
         let lengths = sample.lengths();
-        let (code, checksum) = (Code::new(&lengths), Adler32::new());
-        let mut data = Self { bytes: memory, end: Bits::default(), code, checksum };
-        // A stream of zlib, of deflated data, of the quickest kind.
+        let (code, checksum) = (HuffmanCode::new(&lengths), Adler32::new());
+        let mut data = Self { bytes: memory, end: BitWriter::default(), code, checksum };
+        // zlib header: deflate, 32 KiB window, fastest.
         data.put(0x0178, 16);
-        // The last block, of codes that follow: of all symbols, of one distance, of all 19 lengths of lengths.
+        // Final block with a dynamic code: all symbols, one distance code, all 19 code length codes.
         data.put(0b1 | 0b10 << 1 | (SYMBOLS as u64 - 257) << 3 | (19 - 4) << 13, 17);
-        // Lengths are told in four bits each; what would repeat them (the first three) is not used.
+        // Code lengths take four bits each; the three repeat codes, which come first, are unused.
         data.put(0, 9);
         (0..16).for_each(|_| data.put(4, 3));
         for length in lengths.into_iter().chain([1]) {
@@ -272,16 +273,17 @@ impl Deflate {
         self.end.put(&mut self.bytes, (bits, count));
     }
 
+    /// Appends data to the stream.
     pub(super) fn write(&mut self, data: &[u8]) {
         self.checksum.write(data);
-        // No byte takes more than the longest code.
+        // No byte takes more bits than the longest code.
         self.make_room(data.len() * LONGEST_CODE as usize / 8);
-        let mut writer = Writer { code: &self.code, room: &mut self.bytes, end: self.end };
-        take_apart(data, &mut writer);
+        let mut writer = HuffmanWriter { code: &self.code, buffer: &mut self.bytes, end: self.end };
+        for_each_symbol(data, &mut writer);
         self.end = writer.end;
     }
 
-    /// The memory that was given, and how much of it is data.
+    /// Ends the stream; returns the memory and the length of the stream in it.
     pub(super) fn finish(mut self) -> (Vec<u8>, usize) {
         let (bits, count) = self.code.end;
         self.put(bits, count);
@@ -297,9 +299,9 @@ mod tests {
     use proptest::prelude::*;
 
     fn deflated(parts: &[&[u8]], sample: &[u8]) -> Vec<u8> {
-        let mut counts = Sample::default();
+        let mut counts = SymbolCounts::default();
         counts.add(sample);
-        let mut data = Deflate::new(Vec::new(), counts);
+        let mut data = DeflateEncoder::new(Vec::new(), counts);
         parts.iter().for_each(|part| data.write(part));
         let (bytes, count) = data.finish();
         bytes[..count].to_vec()

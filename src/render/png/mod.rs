@@ -1,26 +1,25 @@
-//! PNG files.
+//! PNG encoder for RGB images, tuned for speed.
 
 mod deflate;
 
 use super::{Image, RenderError};
 use ::png::EncodingError;
-use deflate::{Deflate, Sample};
+use deflate::{DeflateEncoder, SymbolCounts};
 use std::cell::RefCell;
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
 
-/// Writes a picture as PNG, compressed for speed rather than size. Its bytes are sRGB, which is
-/// what readers take a PNG without a colour profile for.
+/// Writes a picture as PNG, compressed for speed rather than size. The colours are sRGB, the default of readers for a
+/// PNG without a colour profile.
 ///
-/// # Errors
-/// [`RenderError::File`] where the file cannot be made or the disk is full, [`RenderError::Encoding`]
-/// where the encoder refuses; both name the path.
+/// # Errors [`RenderError::File`] if the file cannot be written, [`RenderError::Encoding`] if the encoder refuses the
+/// picture; both name the path.
 pub fn write_png(path: &Path, image: &Image) -> Result<(), RenderError> {
     write_rows(path, [image.width, image.height], |y, row| row_of(image, y, row))
 }
 
-/// The bytes of such a file.
+/// Encodes a picture as [`write_png`] does, in memory.
 ///
 /// # Errors
 /// Where the encoder refuses the picture.
@@ -34,7 +33,7 @@ fn row_of(image: &Image, y: usize, row: &mut [u8]) {
     row.copy_from_slice(&image.rgb[y * row.len()..][..row.len()]);
 }
 
-/// [`write_png`] of a picture whose rows come one by one: `fill` writes the pixels of a row, from the top on.
+/// [`write_png`] from a callback: `fill` writes the pixels of row `y`. It may be called for a row more than once.
 pub(super) fn write_rows(
     path: &Path,
     extent: [u32; 2],
@@ -48,12 +47,12 @@ pub(super) fn write_rows(
 }
 
 thread_local! {
-    /// Fresh memory costs as much as a tenth of the compression.
+    /// Reused output buffer: fresh memory costs a tenth of the compression.
     static MEMORY: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Rows go through the filter "up" to the compressor some at a time, so that they stay in the processor's cache;
-/// the encoder of `png` would want them all at once.
+/// Filters rows by "up" and compresses them in small groups, so that they stay in the processor's cache; the encoder of
+/// `png` takes the whole image.
 fn encode_rows(
     to: impl Write,
     [width, height]: [u32; 2],
@@ -61,25 +60,25 @@ fn encode_rows(
 ) -> Result<(), EncodingError> {
     let bytes = width as usize * 3;
     let (mut above, mut row) = (vec![0; bytes], vec![0; bytes]);
-    let mut filtered = Vec::with_capacity(ROWS * (bytes + 1));
-    let mut sample = Sample::default();
-    for y in (height as usize / 2 % SAMPLED..height as usize).step_by(SAMPLED) {
+    let mut filtered = Vec::with_capacity(GROUP_ROWS * (bytes + 1));
+    let mut counts = SymbolCounts::default();
+    for y in (height as usize / 2 % SAMPLE_STEP..height as usize).step_by(SAMPLE_STEP) {
         above.fill(0);
         if y > 0 {
             fill(y - 1, &mut above);
         }
         fill(y, &mut row);
         filter_up(&row, &above, &mut filtered);
-        sample.add(&filtered);
+        counts.add(&filtered);
         filtered.clear();
     }
     above.fill(0);
-    let mut data = Deflate::new(MEMORY.take(), sample);
+    let mut data = DeflateEncoder::new(MEMORY.take(), counts);
     for y in 0..height as usize {
         fill(y, &mut row);
         filter_up(&row, &above, &mut filtered);
         std::mem::swap(&mut row, &mut above);
-        if y % ROWS == ROWS - 1 {
+        if y % GROUP_ROWS == GROUP_ROWS - 1 {
             data.write(&filtered);
             filtered.clear();
         }
@@ -90,19 +89,19 @@ fn encode_rows(
     encoder.set_color(::png::ColorType::Rgb);
     let mut writer = encoder.write_header()?;
     let written = writer.write_chunk(::png::chunk::IDAT, &memory[..count]);
-    if memory.len() <= MOST_KEPT {
+    if memory.len() <= MAX_KEPT_BYTES {
         MEMORY.set(memory);
     }
     written?;
     writer.finish()
 }
 
-/// Bytes of memory that a thread keeps for its next picture.
-const MOST_KEPT: usize = 8 << 20;
-/// How many rows go to the compressor at a time.
-const ROWS: usize = 16;
-/// One row of so many tells the compressor which bytes are frequent.
-const SAMPLED: usize = 32;
+/// Largest output buffer that a thread keeps for its next picture, bytes.
+const MAX_KEPT_BYTES: usize = 8 << 20;
+/// Rows per group.
+const GROUP_ROWS: usize = 16;
+/// Every 32nd row is sampled for the byte frequencies of the Huffman code.
+const SAMPLE_STEP: usize = 32;
 
 fn filter_up(row: &[u8], above: &[u8], to: &mut Vec<u8>) {
     to.push(::png::Filter::Up as u8);

@@ -1,4 +1,4 @@
-//! Walls with windows, shop fronts and doors: one repeat is a bay of a storey, v upwards.
+//! Facade textures: walls with windows, shop fronts, doors. One repeat is a bay of a storey, v upwards.
 
 use super::noise::{hash, octaves, value};
 use super::patterns::{Texel, brick, grey};
@@ -11,8 +11,7 @@ fn tinted([r, g, b]: [f32; 3], level: f32) -> Texel {
     ([r * level, g * level, b * level], 1.0)
 }
 
-/// Panes: the dark of a room with curtains at its sides, lighter above. What glass mirrors is for the shaders, which
-/// know panes and the part of a frame in a texel by their dullness.
+/// Window pane: a dark room with curtains. Shaders add the reflection; they tell panes and frames by roughness.
 fn pane([x, y]: [f32; 2], seed: i32) -> Texel {
     let level = 0.1 + 0.13 * y * y;
     let fold = 0.5 + 0.5 * (x * 95.0).sin();
@@ -28,23 +27,23 @@ fn pane([x, y]: [f32; 2], seed: i32) -> Texel {
     ([level * 0.74, level * 0.94, level * 1.14], 0.13)
 }
 
-/// Render with faint stains that run down.
+/// Rendered (plastered) wall with faint vertical stains.
 fn render_wall(at: [f32; 2]) -> f32 {
     let run = value(at, [40, 3], 63) - 0.5;
     0.92 + 0.07 * (octaves(at, [10, 10], 3, 61) - 0.5) + 0.035 * run
 }
 
-/// A window in an opening: frame, sashes, the shade of the reveal at its top and left.
-struct Window {
+/// Window in an opening: frame, sashes, shade of the reveal at the top and left.
+struct WindowPattern {
     across: [f32; 2],
     up: [f32; 2],
     frame: [f32; 3],
-    /// Bars between panes: one upright, one across at this part of the height.
+    /// Height of the horizontal glazing bar, as a share of the window.
     bar: f32,
     seed: i32,
 }
 
-impl Window {
+impl WindowPattern {
     fn at(&self, [u, v]: [f32; 2]) -> Option<Texel> {
         let x = (u - self.across[0]) / (self.across[1] - self.across[0]);
         let y = (v - self.up[0]) / (self.up[1] - self.up[0]);
@@ -73,9 +72,9 @@ const WHITE: [f32; 3] = [0.94, 0.94, 0.92];
 const DARK: [f32; 3] = [0.17, 0.18, 0.19];
 const RED: [f32; 3] = [0.64, 0.40, 0.32];
 
-/// A plain casement under a small cornice.
+/// Casement window under a small cornice.
 pub(super) fn windows(at: [f32; 2]) -> Texel {
-    let window = Window { across: [0.30, 0.70], up: [0.28, 0.80], frame: WHITE, bar: 0.66, seed: 4 };
+    let window = WindowPattern { across: [0.30, 0.70], up: [0.28, 0.80], frame: WHITE, bar: 0.66, seed: 4 };
     if let Some(texel) = window.at(at) {
         return texel;
     }
@@ -105,9 +104,9 @@ pub(super) fn windows(at: [f32; 2]) -> Texel {
     grey((wall - run) * band)
 }
 
-/// Brick in its own red, so that frames and stone stay white under a tint near white.
+/// Sash window in brick. The brick has its own red, so that frames stay white under a tint near white.
 pub(super) fn sash(at: [f32; 2]) -> Texel {
-    let window = Window { across: [0.32, 0.68], up: [0.26, 0.80], frame: WHITE, bar: 0.50, seed: 7 };
+    let window = WindowPattern { across: [0.32, 0.68], up: [0.26, 0.80], frame: WHITE, bar: 0.50, seed: 7 };
     if let Some((colour, dull)) = window.at(at) {
         return (colour, dull);
     }
@@ -121,7 +120,7 @@ pub(super) fn sash(at: [f32; 2]) -> Texel {
         let level = if joint { 1.25 } else { 0.92 };
         return if key { grey(0.96) } else { tinted(RED, level) };
     }
-    // Three bricks of 2 m side by side make a bay.
+    // A bay of 3 m has one and a half repeats of 2 m of brick.
     let (colour, dull) = brick([at[0] * 1.5, at[1] * 1.5]);
     let shade = if within(at, [0.29, 0.73], [0.195, 0.225]) { 0.78 } else { 1.0 };
     let course = if at[1] > 0.965 { 1.14 } else { 1.0 };
@@ -129,7 +128,7 @@ pub(super) fn sash(at: [f32; 2]) -> Texel {
 }
 
 pub(super) fn shutters(at: [f32; 2]) -> Texel {
-    let window = Window { across: [0.345, 0.655], up: [0.27, 0.78], frame: WHITE, bar: 0.34, seed: 9 };
+    let window = WindowPattern { across: [0.345, 0.655], up: [0.27, 0.78], frame: WHITE, bar: 0.34, seed: 9 };
     if let Some(texel) = window.at(at) {
         return texel;
     }
@@ -164,7 +163,7 @@ pub(super) fn balcony(at: [f32; 2]) -> Texel {
             return tinted(DARK, 1.0);
         }
     }
-    let window = Window { across: [0.18, 0.82], up: [0.06, 0.76], frame: DARK, bar: 0.86, seed: 5 };
+    let window = WindowPattern { across: [0.18, 0.82], up: [0.06, 0.76], frame: DARK, bar: 0.86, seed: 5 };
     if let Some((colour, dull)) = window.at(at) {
         // The railing's shade.
         return (colour, dull);
@@ -199,22 +198,22 @@ pub(super) fn glazing(at: [f32; 2]) -> Texel {
     ([level * 0.78, level * 0.97, level * 1.16], 0.10)
 }
 
-/// A bay with shelves of goods behind its windows.
+/// Shop front with shelves of goods behind the windows.
 pub(super) fn shopfront(at: [f32; 2]) -> Texel {
     shop(at, shop_room)
 }
 
-/// The same with clothes.
+/// Shop front with clothes.
 pub(super) fn boutique(at: [f32; 2]) -> Texel {
     shop(at, clothes_room)
 }
 
-/// The same with tables.
+/// Shop front with tables.
 pub(super) fn tearoom(at: [f32; 2]) -> Texel {
     shop(at, tea_room)
 }
 
-/// A bay of a shop front; `room` is what is seen behind one of its two panes.
+/// Shop front; `room` is the interior behind one of the two panes.
 fn shop(at: [f32; 2], room: impl Fn([f32; 2], i32) -> [f32; 3]) -> Texel {
     let [u, v] = at;
     if v > 0.82 {
@@ -243,8 +242,7 @@ fn shop(at: [f32; 2], room: impl Fn([f32; 2], i32) -> [f32; 3]) -> Texel {
     (room([x, y], half as i32).map(|c| c + sheen), 0.25)
 }
 
-/// What stands behind one pane of a shop window: a room with lamps, shelves of goods at its back, a few larger
-/// things on stands in front.
+/// Interior of a shop: lamps, shelves of goods at the back, larger goods on stands in front.
 fn shop_room([x, y]: [f32; 2], half: i32) -> [f32; 3] {
     const WALL: [f32; 3] = [0.44, 0.39, 0.32];
     let hue = |a: i32, b: i32| {
@@ -307,7 +305,7 @@ fn empty_room([x, y]: [f32; 2], wall: [f32; 3], floor: f32) -> [f32; 3] {
     wall.map(|c| c * (0.70 + 0.34 * y))
 }
 
-/// A rail of clothes at the back, figures that wear some in front.
+/// Interior of a boutique: a rail of clothes at the back, mannequins in front.
 fn clothes_room([x, y]: [f32; 2], half: i32) -> [f32; 3] {
     let cloth = |a: i32, b: i32| {
         let grey = 0.22 + 0.42 * hash(a * 5 + 3, b + 30 * half, 81);
@@ -345,7 +343,7 @@ fn clothes_room([x, y]: [f32; 2], half: i32) -> [f32; 3] {
     empty_room([x, y], [0.56, 0.54, 0.52], 0.14)
 }
 
-/// Tables with chairs before a counter, lamps that hang over them.
+/// Interior of a tearoom: tables with chairs and pendant lamps, a counter behind.
 fn tea_room([x, y]: [f32; 2], half: i32) -> [f32; 3] {
     let wood = |level: f32| [0.46 * level, 0.31 * level, 0.20 * level];
     for (table, middle) in [(0, 0.26_f32), (1, 0.72)] {
@@ -419,7 +417,7 @@ pub(super) fn door(at: [f32; 2]) -> Texel {
     ([0.36 * level, 0.20 * level, 0.15 * level], 0.85)
 }
 
-/// Panels with a row of windows, the tint is that of the panels.
+/// Sectional gate: panels with a row of windows; the tint colours the panels.
 pub(super) fn gate(at: [f32; 2]) -> Texel {
     let [u, v] = at;
     if !(0.02..=0.98).contains(&u) || v > 0.985 {

@@ -1,15 +1,16 @@
-//! Letters and road signs as pictures in cells of a layer.
+//! Texture layers of letters and road signs, one glyph per cell.
 
 use super::patterns::{Texel, grey};
 use crate::city::scene::{glyph_cell, sign_cell};
 
+/// Distance from a point to a segment.
 fn to_segment([x, y]: [f32; 2], [ax, ay]: [f32; 2], [bx, by]: [f32; 2]) -> f32 {
     let (dx, dy) = (bx - ax, by - ay);
     let t = (((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy).max(1e-6)).clamp(0.0, 1.0);
     (x - ax - t * dx).hypot(y - ay - t * dy)
 }
 
-/// Dark strokes on the tint: the cells of a letter's five by seven grid that are set, joined by lines.
+/// Letters as dark strokes that join the set cells of a five by seven bitmap.
 pub(super) fn letters(at: [f32; 2]) -> Texel {
     let Some((rows, [x, y])) = glyph_cell(at) else { return grey(1.0) };
     // Cell units: six wide and nine high, the letter's grid in the middle.
@@ -48,7 +49,7 @@ const WHITE: [f32; 3] = [0.97, 0.97, 0.96];
 const BLACK: [f32; 3] = [0.06, 0.06, 0.07];
 const YELLOW: [f32; 3] = [0.98, 0.76, 0.10];
 
-/// Signs as they stand: x to the right and y upwards from -1 to 1 in each cell.
+/// Road signs: x to the right and y upwards from -1 to 1 in each cell.
 pub(super) fn signs(at: [f32; 2]) -> Texel {
     let (index, [u, v]) = sign_cell(at);
     let (x, y) = (2.0 * u - 1.0, 2.0 * v - 1.0);

@@ -1,18 +1,18 @@
-//! Noise that repeats without a seam.
+//! Tileable value noise and its octaves.
 
-use crate::geom::scatter;
+use crate::geom::hash;
 
-/// A well-mixed number in [0, 1) for a lattice point.
+/// Hash of a lattice point to [0, 1).
 pub(super) fn hash(x: i32, y: i32, seed: u32) -> f32 {
-    scatter::unit(
+    hash::unit_f32(
         (x as u32).wrapping_mul(0x9E37_79B1)
             ^ (y as u32).wrapping_mul(0x85EB_CA77)
             ^ seed.wrapping_mul(0xC2B2_AE3D),
     )
 }
 
-/// Numbers that stand for those of a lattice, which would take twice as long to mix: start-up asks some ten million
-/// times. A permutation that is looked up for one axis after the other.
+/// Permutation table for lattice noise, looked up for one axis after the other. Start-up takes some ten million
+/// lookups; a hash would take twice as long.
 const ORDER: [u8; 256] = {
     let mut order = [0; 256];
     let mut k = 0;
@@ -20,7 +20,7 @@ const ORDER: [u8; 256] = {
         order[k] = k as u8;
         k += 1;
     }
-    // Fisher and Yates 1938, with the numbers of a linear congruential generator.
+    // Fisher-Yates shuffle by a linear congruential generator.
     let mut state: u32 = 0x2545_F491;
     while k > 1 {
         k -= 1;
@@ -51,8 +51,7 @@ pub(super) fn value([u, v]: [f32; 2], cells: [i32; 2], seed: u32) -> f32 {
     (a + (b - a) * fy) * (1.0 / 255.0)
 }
 
-/// The lattice points on both sides of a place, and how far it lies between them, smoothed: without a
-/// division or a call.
+/// Lattice points on both sides of `x`, and the smoothstep weight of the second. Avoids divisions and calls.
 fn lattice(x: f32, cells: i32) -> ([i32; 2], f32) {
     let whole = x as i32;
     let below = whole - i32::from((whole as f32) > x);
@@ -62,7 +61,7 @@ fn lattice(x: f32, cells: i32) -> ([i32; 2], f32) {
     ([first, second], t * t * (3.0 - 2.0 * t))
 }
 
-/// Octaves of [`value`], each twice as fine and half as strong; about 0.5 on average.
+/// Fractal sum of octaves of [`value`], each twice as fine and about half as strong; mean about 0.5.
 pub(super) fn octaves(at: [f32; 2], cells: [i32; 2], count: u32, seed: u32) -> f32 {
     let (mut sum, mut weight, mut total) = (0.0, 1.0, 0.0);
     for k in 0..count {

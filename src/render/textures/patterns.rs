@@ -1,9 +1,10 @@
-//! The pattern of each surface: what tints multiply. Alpha is dullness, 255 for no gloss at all.
+//! Procedural texture of each surface, which vertex colours multiply. Alpha is roughness: 255 for fully matt.
 
 use super::noise::{hash, octaves, value};
 use super::{facades, glyphs};
 use crate::city::scene::Surface;
 
+/// Colour and roughness, each from 0 to 1.
 pub(super) type Texel = ([f32; 3], f32);
 
 /// RGBA texels of a layer, row by row with v growing.
@@ -59,7 +60,7 @@ pub(super) fn grey(level: f32) -> Texel {
     ([level; 3], 1.0)
 }
 
-/// Grain, stones, stains and fine cracks; its mean is that of [`lane`].
+/// Grain, stones, stains and fine cracks; the mean equals that of [`lane`].
 fn asphalt(at: [f32; 2]) -> Texel {
     let broad = octaves(at, [3, 3], 4, 2) - 0.5;
     grey(0.80 + grain(at, [150, 150]) + 0.16 * broad - 0.16 * crack(at, [5, 5]))
@@ -70,7 +71,7 @@ fn grain(at: [f32; 2], cells: [i32; 2]) -> f32 {
     0.15 * (value(at, cells, 1) - 0.5) + stone
 }
 
-/// 1 on thin lines that wander, and only here and there.
+/// 1 on thin cracks in some places, 0 elsewhere.
 fn crack(at: [f32; 2], cells: [i32; 2]) -> f32 {
     let line = (octaves(at, cells, 3, 301) - 0.5).abs();
     let there = ((value(at, [3, 3], 305) - 0.62) * 6.0).clamp(0.0, 1.0);
@@ -80,12 +81,12 @@ fn crack(at: [f32; 2], cells: [i32; 2]) -> f32 {
 /// u across the lane, v along it: tyres polish two tracks, oil drips between them.
 fn lane(at: [f32; 2]) -> Texel {
     let [u, v] = at;
-    // As wide as two lanes of asphalt are long.
+    // Gaussian profile of a tyre track.
     let near = |track: f32| (-((u - track) / 0.085).powi(2)).exp();
     let wander = 0.02 * (value([0.0, v], [1, 6], 311) - 0.5);
     let tracks = near(0.27 + wander) + near(0.73 + wander);
     let oil = (-((u - 0.5) / 0.07).powi(2)).exp() * (0.35 + 0.65 * value(at, [6, 20], 313));
-    // Nothing at the edges, where other asphalt goes on.
+    // Fades to plain asphalt at the edges.
     let inside = (1.0 - (2.0 * u - 1.0).abs().powi(6)).max(0.0);
     let broad = octaves(at, [3, 8], 4, 315) - 0.5;
     let level = 0.80 + grain(at, [110, 300]) + 0.14 * broad
@@ -133,7 +134,7 @@ fn grass(at: [f32; 2]) -> Texel {
     )
 }
 
-/// Joint lines of a bond: 0 in a joint to 1 inside, and a number of the piece.
+/// Masonry bond: 0 in a joint to 1 inside a piece, and the number of the piece.
 pub(super) fn bond([u, v]: [f32; 2], columns: i32, rows: i32, joint: [f32; 2], shift: f32) -> (f32, i32) {
     let row = (v * rows as f32).floor();
     let x = u * columns as f32 + if row as i32 % 2 == 0 { 0.0 } else { shift };
@@ -187,7 +188,7 @@ fn gravel(at: [f32; 2]) -> Texel {
     grey(0.80 + 0.34 * (value(at, [110, 110], 91) - 0.5) + 0.12 * (octaves(at, [6, 6], 3, 92) - 0.5))
 }
 
-/// Leaves as small ovals, each in a light of its own, over the dark between them.
+/// Leaves as small ellipses of random brightness over dark gaps (cellular noise).
 fn leaves(at: [f32; 2]) -> Texel {
     const CELLS: i32 = 26;
     let clumps = octaves(at, [5, 5], 3, 101);
@@ -241,7 +242,7 @@ fn sand(at: [f32; 2]) -> Texel {
     grey(0.90 + 0.12 * (value(at, [120, 120], 131) - 0.5) + 0.10 * (octaves(at, [5, 5], 4, 132) - 0.5))
 }
 
-/// Clumps of one colour each, of flowers among their leaves.
+/// Flowers among leaves, in clumps of one colour (Voronoi cells).
 fn flowers(at: [f32; 2]) -> Texel {
     const PETALS: [[f32; 3]; 4] =
         [[0.80, 0.20, 0.24], [0.90, 0.72, 0.24], [0.88, 0.86, 0.82], [0.54, 0.34, 0.66]];
@@ -250,7 +251,7 @@ fn flowers(at: [f32; 2]) -> Texel {
     const FLOWERS: i32 = 42;
     let cell = |count: i32| at.map(|c| (c * count as f32).floor() as i32);
     let seed_of = |x: i32, y: i32, salt: u32| hash(x.rem_euclid(CLUMPS), y.rem_euclid(CLUMPS), salt);
-    // The clump whose middle is nearest.
+    // The nearest clump.
     let [cx, cy] = cell(CLUMPS);
     let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (cx + dx, cy + dy)));
     let squared = |(x, y): (i32, i32)| {

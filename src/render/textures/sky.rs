@@ -1,17 +1,16 @@
-//! The sky: haze at the horizon, far hills, clouds, the sun.
+//! Procedural sky: panorama on a sky box, environment map, disc of sun or moon, stars.
 
 use super::super::daylight::Light;
 use super::noise::{hash, octaves};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Around the eye the sky is a box without a floor, a unit away, whose walls face east, north, west and south. Its
-/// faces are few and large, so that they cost little to draw, and even in the panorama: bands of it, wall by wall
-/// from left to right, each wall as wide as another. From the part of the panorama where a band begins, v from 0
-/// to 1, and its height; the last is the lid, from its edge to where it is over the eye.
+/// Bands of the panorama on the sky box: v where a band begins, and its height on the box. The box surrounds the eye at
+/// unit distance, without a floor; its walls face east, north, west and south and are equally wide in the panorama. The
+/// last band is the lid, from its edge to the zenith. Few large faces cost little to draw.
 const BANDS: [(f32, f32); 3] = [(0.0, -0.13), (0.5, 0.25), (0.82, 1.0)];
 
-/// Triangles of the box: corners as directions, not of unit length, and places in the panorama.
+/// Triangles of the sky box: corners as directions (not of unit length) and texture coordinates in the panorama.
 pub(in crate::render) fn triangles() -> Vec<[(Vec3, [f32; 2]); 3]> {
     let mut triangles = Vec::new();
     for wall in 0..4 {
@@ -29,7 +28,7 @@ pub(in crate::render) fn triangles() -> Vec<[(Vec3, [f32; 2]); 3]> {
     triangles
 }
 
-/// What a place of the panorama shows: of a wall, from -1 to 1 across it.
+/// Direction that a point of the panorama shows: on a wall, `across` from -1 to 1.
 fn direction(wall: i32, across: f32, v: f32) -> Vec3 {
     let [(_, foot), (low_end, sill), (top, edge)] = BANDS;
     let part = |from: f32, to: f32| (v - from) / (to - from);
@@ -44,28 +43,28 @@ fn direction(wall: i32, across: f32, v: f32) -> Vec3 {
     Vec3::new(ahead.0 * out - ahead.1 * across, ahead.1 * out + ahead.0 * across, up)
 }
 
-/// sRGB texels, row by row with v growing.
-pub(super) fn paint(size: [u32; 2], light: &Light) -> Vec<u8> {
+/// Panorama as sRGB texels, row by row with v growing.
+pub(super) fn panorama_srgb(size: [u32; 2], light: &Light) -> Vec<u8> {
     texels(size, |direction| {
         let [r, g, b] = colour(direction, light).map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8);
         [r, g, b, 255]
     })
 }
 
-/// Radiance as half floats, row by row with v growing.
-pub(super) fn paint_radiance(size: [u32; 2], light: &Light) -> Vec<u8> {
+/// Panorama as radiance in half floats, row by row with v growing.
+pub(super) fn panorama_radiance(size: [u32; 2], light: &Light) -> Vec<u8> {
     texels(size, |direction| halves(light.radiance_of(colour(direction, light))))
 }
 
-/// Radiance above the horizon as half floats, unfolded as `sky_at` of `shaders/light.wgsl` reads it, level by
-/// level.
-pub(super) fn mirrored(size: u32, light: &Light) -> Vec<Vec<u8>> {
+/// Environment map: radiance above the horizon in half floats, hemi-octahedral as `sky_radiance` of
+/// `shaders/light.wgsl` reads it, by mipmap level.
+pub(super) fn environment_map(size: u32, light: &Light) -> Vec<Vec<u8>> {
     let at = |k: u32| (k as f32 + 0.5) / size as f32 * 2.0 - 1.0;
     let texel = |index: u32| {
         let (a, b) = (at(index % size), at(index / size));
         let (x, y) = ((a + b) / 2.0, (a - b) / 2.0);
         let direction = Vec3::new(x, y, 1.0 - x.abs() - y.abs()).normalize_or(Vec3::Z);
-        // Hills at the horizon are for the panorama.
+        // Only the panorama shows the hills at the horizon.
         let above =
             Vec3::new(direction.x, direction.y, direction.z.max(0.07 * direction.truncate().length()));
         light.radiance_of(colour(above.normalize_or(Vec3::Z), light))
@@ -107,9 +106,9 @@ fn texels<const N: usize>([width, height]: [u32; 2], texel: impl Fn(Vec3) -> [u8
         .collect()
 }
 
-/// Bits of the half float next to a number from 0 to 60000.
+/// Bits of the nearest half float (IEEE 754 binary16), clamped to 0 to 60000.
 fn half(value: f32) -> u16 {
-    // Scaled so that the exponents' biases meet; numbers too small for it become subnormal, then 0.
+    // The factor 2^-112 shifts the exponent bias from single to half precision; small numbers become subnormal, then 0.
     let scaled = (value.clamp(0.0, 6e4) * f32::from_bits(0x0780_0000)).to_bits();
     (scaled.wrapping_add(0x1000) >> 13) as u16
 }
@@ -118,7 +117,7 @@ fn mix(a: [f32; 3], b: [f32; 3], part: f32) -> [f32; 3] {
     [0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * part)
 }
 
-/// In a direction of unit length, as displayed: sRGB in [0, 1].
+/// Displayed colour of the sky in a unit direction: sRGB in [0, 1].
 fn colour(direction: Vec3, light: &Light) -> [f32; 3] {
     let up = direction.z;
     let horizon = light.haze_srgb;
@@ -133,14 +132,14 @@ fn colour(direction: Vec3, light: &Light) -> [f32; 3] {
         sky = mix(sky, light.cloud_srgb.map(|c| c * lit), cover * fade * (0.78 - 0.2 * night));
     }
     let glow = (towards.max(0.0).powi(24) * 0.30 + towards.max(0.0).powi(400) * 0.5) * (1.0 - 0.7 * night);
-    // Low, the sun lights the haze far around it.
+    // A low sun lights the haze far around it.
     let low = (1.0 - 2.5 * light.to_sun.z).clamp(0.0, 1.0) * (1.0 - night);
     let wide = low * towards.max(0.0).powi(5) * 0.55 * (-5.0 * up.max(0.0)).exp();
     sky = mix(sky, light.glow_srgb, (glow + wide).min(1.0));
     // Two chains of hills in the haze.
     let elevation = up.asin();
     for (seed, height, base, part) in [(221, 0.060, 0.008, 0.30), (231, 0.034, 0.002, 0.55)] {
-        // Most of the sky is over all hills.
+        // Early out: most of the sky is above the hills.
         if elevation > base + height * 0.70 {
             continue;
         }
@@ -158,8 +157,8 @@ fn night_of(light: &Light) -> f32 {
     ((0.16 - light.zenith_srgb[2]) / 0.08).clamp(0.0, 1.0)
 }
 
-/// The disc of the sun or the moon as triangles: corners as unit vectors, and its colour as displayed. It is sharper
-/// than the texels of the panorama.
+/// Disc of sun or moon as triangles: directions of corners, displayed colour. Geometry is sharper than the texels of
+/// the panorama.
 pub(in crate::render) fn disc(light: &Light) -> Vec<(Vec3, [f32; 3])> {
     const SIDES: u32 = 40;
     const RADIUS_RAD: f32 = 0.0115;
@@ -172,7 +171,7 @@ pub(in crate::render) fn disc(light: &Light) -> Vec<(Vec3, [f32; 3])> {
     (0..SIDES).flat_map(|k| [light.to_sun, rim(k), rim(k + 1)]).map(|corner| (corner, shown)).collect()
 }
 
-/// Stars that are seen where no cloud is: directions, and colours as displayed. None by day.
+/// Stars where no cloud is: unit directions and displayed colours; empty by day.
 pub(in crate::render) fn stars(light: &Light) -> Vec<(Vec3, [f32; 3])> {
     const COUNT: i32 = 1400;
     let night = night_of(light);
@@ -180,7 +179,7 @@ pub(in crate::render) fn stars(light: &Light) -> Vec<(Vec3, [f32; 3])> {
         return Vec::new();
     }
     let star = |k: i32| {
-        // Evenly over the dome, but for the haze at the horizon.
+        // Uniform over the dome, except for the haze at the horizon.
         let up = 0.10 + 0.90 * hash(k, 0, 301);
         let (sin, cos) = (std::f32::consts::TAU * hash(k, 1, 301)).sin_cos();
         let out = (1.0 - up * up).sqrt();
@@ -196,12 +195,12 @@ pub(in crate::render) fn stars(light: &Light) -> Vec<(Vec3, [f32; 3])> {
     (0..COUNT).filter_map(star).collect()
 }
 
-/// Turns counter-clockwise from east, 0 to 1.
+/// Azimuth counter-clockwise from east, in turns from 0 to 1.
 fn turn_of(direction: Vec3) -> f32 {
     direction.y.atan2(direction.x).rem_euclid(std::f32::consts::TAU) / std::f32::consts::TAU
 }
 
-/// Flat clouds, seen from below: nearer the horizon they are closer together.
+/// Cloud cover on a plane above: clouds get closer together towards the horizon.
 fn cloud_cover(direction: Vec3) -> f32 {
     ((octaves(cloud_plane(direction), [9, 9], 6, 201) - 0.53) * 4.6).clamp(0.0, 1.0)
 }
@@ -223,8 +222,8 @@ mod tests {
                 let seen = a.0 * x + b.0 * y + c.0 * z;
                 let [u, v] = [0, 1].map(|k| a.1[k] * x + b.1[k] * y + c.1[k] * z);
                 let wall = (u * 4.0) as i32;
-                let painted = direction(wall, 2.0 * (4.0 * u - wall as f32) - 1.0, v);
-                assert!(seen.distance(painted) < 1e-4, "{seen} shows {painted}");
+                let expected = direction(wall, 2.0 * (4.0 * u - wall as f32) - 1.0, v);
+                assert!(seen.distance(expected) < 1e-4, "{seen} shows {expected}");
             }
         }
         // What is looked for lies in one face at least.

@@ -1,24 +1,24 @@
-//! Meshes of vehicles: models stretched to the measures of each, their materials told by name.
+//! Vehicle meshes: models fitted to the dimensions of each vehicle, with parts identified by material name.
 
 mod models;
 
 use super::passes::city::gpu_data::Vertex;
-use super::standing::pack_normal;
+use super::static_scene::pack_normal;
 use crate::city::scene::{clustered, reach};
 use crate::model::{self, Material};
 use crate::snapshot::{BodyType, Dimensions};
 use glam::Vec3;
 use std::collections::BTreeSet;
 
-pub(super) use models::Models;
+pub(super) use models::VehicleModels;
 
-/// Half width of sheet metal over that of the outline, to which mirrors reach.
+/// Half width of the body without mirrors, as a share of that of the outline.
 pub(super) const SHEET_METAL: f32 = 0.88;
 
-/// What a face of a vehicle is. Shaders get the numbers as constants ([`Shader`](super::shader::Shader)).
+/// Part of a vehicle that a face belongs to. Shaders get the numbers as constants ([`Shader`](super::shader::Shader)).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
-pub(super) enum Part {
+pub(super) enum VehiclePart {
     Dull = 0,
     Paint = 1,
     Glass = 2,
@@ -30,22 +30,22 @@ pub(super) enum Part {
     Bright = 8,
 }
 
-impl Part {
-    /// Lamps; those that both sides have are lit as one.
+impl VehiclePart {
+    /// Parts that are lamps.
     const LAMPS: [Self; 5] =
         [Self::Head, Self::Tail, Self::IndicatorLeft, Self::IndicatorRight, Self::Reverse];
 
-    /// The lamp that a vertex of a material belongs to.
+    /// Lamp that a vertex with this packed material belongs to.
     fn lamp_of(material: u32) -> Option<Self> {
         Self::LAMPS.into_iter().find(|&lamp| lamp as u32 == material & 0xff)
     }
 
-    /// Of the material of a vertex.
+    /// Whether a vertex with this packed material belongs to a lamp.
     fn is_lamp(material: u32) -> bool {
         Self::lamp_of(material).is_some()
     }
 
-    /// What a material is by its name; endings that modelling programs add (".001") do not count.
+    /// Part by the name of a material, without suffixes of modelling programs (".001").
     fn of(material: &Material) -> Self {
         let name = material.name.split('.').next().unwrap_or_default().to_ascii_lowercase();
         match name.as_str() {
@@ -62,13 +62,13 @@ impl Part {
     }
 }
 
-/// Part, roughness and metallic of a material, a byte each.
+/// Packs part, roughness and metallic of a material, a byte each.
 fn packed(material: &Material) -> u32 {
     let byte = |part: f32| (part.clamp(0.0, 1.0) * 255.0).round() as u32;
-    Part::of(material) as u32 | byte(material.roughness) << 8 | byte(material.metallic) << 16
+    VehiclePart::of(material) as u32 | byte(material.roughness) << 8 | byte(material.metallic) << 16
 }
 
-/// Triangles of a vehicle in its body frame, metres.
+/// Triangle mesh of a vehicle in its body frame, metres.
 #[derive(Clone, Debug, Default)]
 pub(super) struct VehicleMesh {
     pub(super) vertices: Vec<Vertex>,
@@ -76,7 +76,7 @@ pub(super) struct VehicleMesh {
 }
 
 impl VehicleMesh {
-    pub(super) fn new(parts: &[model::Part]) -> Self {
+    pub(super) fn new(parts: &[model::MeshPrimitive]) -> Self {
         let mut mesh = Self::default();
         for part in parts {
             let base = mesh.vertices.len() as u32;
@@ -94,7 +94,7 @@ impl VehicleMesh {
         mesh
     }
 
-    /// Adds another, its axes turned over where `signs` say so, at a place.
+    /// Appends another mesh at a position, its axes mirrored where `signs` is negative.
     pub(super) fn append(&mut self, other: &Self, at: Vec3, signs: Vec3) {
         let base = self.vertices.len() as u32;
         let sign = signs.to_array();
@@ -106,16 +106,16 @@ impl VehicleMesh {
         self.indices.extend(other.indices.iter().map(|k| k + base));
     }
 
-    /// How far the outlines of two meshes lie apart at most.
+    /// Largest distance between the outlines of two meshes.
     pub(super) fn outline_apart(&self, other: &Self) -> f32 {
         let [a, b] = [self, other].map(|mesh| reach(mesh.vertices.iter().map(|v| v.position.into())));
         a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
     }
 
-    /// The same of fewer triangles, for a distance; see [`clustered`]. Lamps, which are small and are seen
-    /// from afar at night, become a face each.
+    /// Coarser mesh for a distance, by vertex clustering; see [`clustered`]. Each lamp becomes a quad,
+    /// because lamps are small and visible from afar at night.
     pub(super) fn simplified(&self, edge_m: f32) -> Self {
-        let is_lamp = |v: &Vertex| Part::is_lamp(v.material);
+        let is_lamp = |v: &Vertex| VehiclePart::is_lamp(v.material);
         let dark = self.indices.chunks_exact(3).filter(|t| !is_lamp(&self.vertices[t[0] as usize]));
         let dark: Vec<u32> = dark.flatten().copied().collect();
         let kind = |v: &Vertex| (v.material, v.normal.map(|n| n / 48));
@@ -137,18 +137,18 @@ impl VehicleMesh {
         mesh
     }
 
-    /// Lamps, each of connected faces.
-    fn lamps(&self) -> Vec<Lamp> {
+    /// Lamps: connected components of lamp faces.
+    fn lamps(&self) -> Vec<LampBounds> {
         let corner = |k: u32| &self.vertices[k as usize];
         let place = |v: &Vertex| v.position.map(f32::to_bits);
-        let mut lamps: Vec<(Lamp, BTreeSet<[u32; 3]>)> = Vec::new();
-        for face in self.indices.chunks_exact(3).filter(|t| Part::is_lamp(corner(t[0]).material)) {
+        let mut lamps: Vec<(LampBounds, BTreeSet<[u32; 3]>)> = Vec::new();
+        for face in self.indices.chunks_exact(3).filter(|t| VehiclePart::is_lamp(corner(t[0]).material)) {
             let vertex = *corner(face[0]);
             let places: BTreeSet<_> = face.iter().map(|&k| place(corner(k))).collect();
             let at = face.iter().map(|&k| Vec3::from(corner(k).position));
             let (low, high) = at.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
-            let mut joined = (Lamp { vertex, low, high, is_front: low.x > 0.0 }, places);
-            // All that it touches becomes one with it.
+            let mut joined = (LampBounds { vertex, low, high, is_front: low.x > 0.0 }, places);
+            // Merges all components that the face touches.
             lamps.retain(|(lamp, places)| {
                 let touches = lamp.vertex.material == vertex.material && !places.is_disjoint(&joined.1);
                 if touches {
@@ -163,12 +163,12 @@ impl VehicleMesh {
         lamps.into_iter().map(|(lamp, _)| lamp).collect()
     }
 
-    /// Where its lamps shine from.
-    pub(super) fn lenses(&self) -> Vec<Lens> {
-        let lens = |lamp: Lamp| {
+    /// Lamps as light sources.
+    pub(super) fn lenses(&self) -> Vec<LampLens> {
+        let lens = |lamp: LampBounds| {
             let size = lamp.high - lamp.low;
-            Some(Lens {
-                part: Part::lamp_of(lamp.vertex.material)?,
+            Some(LampLens {
+                part: VehiclePart::lamp_of(lamp.vertex.material)?,
                 at: (lamp.low + lamp.high) / 2.0,
                 area_m2: size.y * size.z,
                 is_front: lamp.is_front,
@@ -177,8 +177,8 @@ impl VehicleMesh {
         self.lamps().into_iter().filter_map(lens).collect()
     }
 
-    /// An upright face as large as a lamp, across the vehicle.
-    fn add_lamp(&mut self, Lamp { vertex, low, high, is_front }: &Lamp, x: f32) {
+    /// Appends an upright quad of a lamp's size, across the vehicle.
+    fn add_lamp(&mut self, LampBounds { vertex, low, high, is_front }: &LampBounds, x: f32) {
         let base = self.vertices.len() as u32;
         let normal = [if *is_front { 127 } else { -127 }, 0, 0, 0];
         let corners = [[x, low.y, low.z], [x, high.y, low.z], [x, high.y, high.z], [x, low.y, high.z]];
@@ -188,26 +188,26 @@ impl VehicleMesh {
     }
 }
 
-/// A lamp of a vehicle as a light, in the body frame.
+/// Lamp of a vehicle as a light source, body frame.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Lens {
-    pub(super) part: Part,
+pub(super) struct LampLens {
+    pub(super) part: VehiclePart,
     pub(super) at: Vec3,
-    /// As seen along the vehicle.
+    /// Area projected along the vehicle.
     pub(super) area_m2: f32,
     pub(super) is_front: bool,
 }
 
-/// The box around a lamp of a vehicle.
-struct Lamp {
-    /// One of its vertices.
+/// Bounding box of a lamp.
+struct LampBounds {
+    /// Any of its vertices.
     vertex: Vertex,
     low: Vec3,
     high: Vec3,
     is_front: bool,
 }
 
-/// What a body is made for; vehicles that share it share the mesh.
+/// Key of a mesh: vehicles with the same body type and dimensions share it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct MeshKey {
     body: BodyType,

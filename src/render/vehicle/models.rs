@@ -1,46 +1,45 @@
-//! Which model each body type has, and what of it goes to the GPU.
+//! Models of body types, fitted to dimensions and simplified to levels of detail (LOD).
 
-use super::{Lens, VehicleMesh};
+use super::{LampLens, VehicleMesh};
 use crate::model::{Measures, Model, fitted, glb, shipped};
 use crate::snapshot::{BodyType, Dimensions};
 use glam::Vec3;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Bodies without few faces of their own are simplified in cubes of these edges, the second with its wheels.
+/// Cell edges of vertex clustering for models without coarse meshes of their own; the second level includes the wheels.
 const COARSENESS_M: [f32; 2] = [0.16, 0.4];
-/// The least that what can be told apart on a coarser body, its lamps and windows, lies off.
+/// Least errors of the coarser levels: positions of lamps and windows.
 const LEAST_ERRORS_M: [f32; 2] = [0.05, 0.12];
 
-/// Models of body types; what is not among them is drawn as a sedan.
+/// Models of body types; others are drawn as a sedan.
 #[derive(Clone, Debug)]
-pub(in crate::render) struct Models {
+pub(in crate::render) struct VehicleModels {
     models: BTreeMap<BodyType, Arc<Model>>,
 }
 
-/// A vehicle at one level of detail.
+/// Level of detail of a fitted vehicle.
 #[derive(Clone, Debug)]
-pub(in crate::render) struct BuildLevel {
+pub(in crate::render) struct FittedLod {
     pub(in crate::render) body: VehicleMesh,
-    /// Empty where the body has its wheels.
+    /// Empty if the body includes the wheels.
     pub(in crate::render) wheel: VehicleMesh,
-    /// How far its outline and what can be told apart on it may lie from where they are in the finest
-    /// level, metres.
+    /// Geometric error: largest distance of outline and features from those of the finest level, metres.
     pub(in crate::render) error_m: f32,
 }
 
-/// Meshes of a vehicle to its measures.
+/// Model fitted to the dimensions of a vehicle.
 #[derive(Clone, Debug)]
-pub(in crate::render) struct Build {
-    /// The finest first.
-    pub(in crate::render) levels: Vec<BuildLevel>,
-    /// Of its lamps.
-    pub(in crate::render) lenses: Vec<Lens>,
-    /// From the middle of the vehicle to the middle of a wheel.
+pub(in crate::render) struct FittedVehicle {
+    /// Levels of detail, the finest first.
+    pub(in crate::render) levels: Vec<FittedLod>,
+    /// Lamps as light sources.
+    pub(in crate::render) lenses: Vec<LampLens>,
+    /// From the centre line of the vehicle to the centre of a wheel.
     pub(in crate::render) half_track_m: f32,
 }
 
-impl Default for Models {
+impl Default for VehicleModels {
     fn default() -> Self {
         let files = [
             (BodyType::Sedan, "sedan.glb"),
@@ -49,21 +48,22 @@ impl Default for Models {
             (BodyType::Van, "van.glb"),
             (BodyType::Pickup, "pickup.glb"),
         ];
-        // Tests see to it that the program's own files can be read.
+        // Tests make sure that the shipped files are readable.
         let load = |(body, file)| Some((body, Arc::new(glb::read(shipped(file)?).ok()?)));
         Self { models: files.into_iter().filter_map(load).collect() }
     }
 }
 
-impl Models {
-    /// Draws a body type with a model.
+impl VehicleModels {
+    /// Sets the model of a body type.
     pub(in crate::render) fn insert(&mut self, body: BodyType, model: Arc<Model>) {
         self.models.insert(body, model);
     }
 
-    pub(in crate::render) fn build(&self, body: BodyType, d: &Dimensions) -> Build {
+    /// Fits the model of a body type to dimensions and makes its levels of detail.
+    pub(in crate::render) fn fit(&self, body: BodyType, d: &Dimensions) -> FittedVehicle {
         let Some(model) = self.models.get(&body).or_else(|| self.models.get(&BodyType::Sedan)) else {
-            return Build::empty(d);
+            return FittedVehicle::empty(d);
         };
         let measures = Measures {
             length: d.length_m as f32,
@@ -98,19 +98,19 @@ impl Models {
             None => finest.simplified(COARSENESS_M[1]),
         };
         let lenses = body.lenses();
-        let mut levels = vec![BuildLevel { body, wheel, error_m: 0.0 }];
+        let mut levels = vec![FittedLod { body, wheel, error_m: 0.0 }];
         for ((body, wheel), least_m) in
             [(far_body, far_wheel), (farther, VehicleMesh::default())].into_iter().zip(LEAST_ERRORS_M)
         {
             let before_m = levels.last().map_or(0.0, |level| level.error_m);
             let error_m = finest.outline_apart(&whole(&body, &wheel)).max(least_m).max(before_m);
-            levels.push(BuildLevel { body, wheel, error_m });
+            levels.push(FittedLod { body, wheel, error_m });
         }
-        Build { levels, lenses, half_track_m }
+        FittedVehicle { levels, lenses, half_track_m }
     }
 }
 
-impl Build {
+impl FittedVehicle {
     fn empty(d: &Dimensions) -> Self {
         Self { levels: Vec::new(), lenses: Vec::new(), half_track_m: d.track_m as f32 / 2.0 }
     }
@@ -118,7 +118,7 @@ impl Build {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Part;
+    use super::super::VehiclePart;
     use super::*;
     use crate::model;
 
@@ -140,8 +140,8 @@ mod tests {
     fn bodies_fill_their_outline_and_face_outwards() {
         for kind in BODIES {
             let d = dimensions(1.5);
-            let build = Models::default().build(kind, &d);
-            for mesh in build.levels[..2].iter().map(|level| &level.body) {
+            let fitted = VehicleModels::default().fit(kind, &d);
+            for mesh in fitted.levels[..2].iter().map(|level| &level.body) {
                 let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
                 for v in &mesh.vertices {
                     (low, high) = (low.min(v.position.into()), high.max(v.position.into()));
@@ -155,27 +155,28 @@ mod tests {
     }
 
     /// Triangles of a vehicle with its wheels.
-    fn faces(level: &BuildLevel) -> usize {
+    fn faces(level: &FittedLod) -> usize {
         (level.body.indices.len() + 4 * level.wheel.indices.len()) / 3
     }
 
-    fn has(level: &BuildLevel, part: Part) -> bool {
+    fn has(level: &FittedLod, part: VehiclePart) -> bool {
         level.body.indices.iter().any(|&k| level.body.vertices[k as usize].material & 0xff == part as u32)
     }
 
-    const LAMPS: [Part; 4] = [Part::Head, Part::Tail, Part::IndicatorLeft, Part::IndicatorRight];
+    const LAMPS: [VehiclePart; 4] =
+        [VehiclePart::Head, VehiclePart::Tail, VehiclePart::IndicatorLeft, VehiclePart::IndicatorRight];
 
     #[test]
     fn far_bodies_have_few_faces_and_every_lamp() {
         for kind in BODIES {
-            let build = Models::default().build(kind, &dimensions(1.5));
-            let counts: Vec<usize> = build.levels.iter().map(faces).collect();
-            let errors: Vec<f32> = build.levels.iter().map(|level| level.error_m).collect();
+            let fitted = VehicleModels::default().fit(kind, &dimensions(1.5));
+            let counts: Vec<usize> = fitted.levels.iter().map(faces).collect();
+            let errors: Vec<f32> = fitted.levels.iter().map(|level| level.error_m).collect();
             assert_eq!(counts.len(), 3, "{kind:?}");
-            let body = build.levels[1].body.indices.len() / 3;
+            let body = fitted.levels[1].body.indices.len() / 3;
             assert!(body < 420 && counts[1] * 2 < counts[0] && counts[2] < 160, "{kind:?}: {counts:?}");
             assert!(errors[1] < 0.08 && errors[2] < 0.25, "{kind:?}: {errors:?}");
-            for level in &build.levels {
+            for level in &fitted.levels {
                 for lamp in LAMPS {
                     assert!(has(level, lamp), "{kind:?} without {lamp:?} at {} m", level.error_m);
                 }
@@ -188,15 +189,15 @@ mod tests {
     fn the_windscreen_camera_is_behind_the_glass() {
         for kind in BODIES {
             let d = dimensions(1.5);
-            let build = Models::default().build(kind, &d);
+            let fitted = VehicleModels::default().fit(kind, &d);
             let height = d.height_m * kind.height_factor();
             let eye = Vec3::new(0.11 * d.length_m as f32, 0.0, (0.88 * height) as f32);
-            let mesh = &build.levels[0].body;
+            let mesh = &fitted.levels[0].body;
             let corner = |k: u32| Vec3::from(mesh.vertices[k as usize].position);
             for t in mesh.indices.chunks_exact(3) {
                 let [a, b, c] = [t[0], t[1], t[2]].map(corner);
                 let faces_eye = (b - a).cross(c - a).dot(eye - a) > 0.0;
-                let is_glass = mesh.vertices[t[0] as usize].material & 0xff == Part::Glass as u32;
+                let is_glass = mesh.vertices[t[0] as usize].material & 0xff == VehiclePart::Glass as u32;
                 assert!(!(faces_eye && is_glass), "{kind:?}: glass at {a} faces the camera at {eye}");
             }
         }
@@ -206,14 +207,14 @@ mod tests {
     #[test]
     fn lamps_outlast_simplification() {
         for kind in BODIES {
-            let mut models = Models::default();
+            let mut models = VehicleModels::default();
             let mut model = Model::clone(&models.models[&kind]);
             model.nodes.retain(|node| !model::is_stand_in(node));
             models.insert(kind, Arc::new(model));
-            let build = models.build(kind, &dimensions(1.5));
-            let counts: Vec<usize> = build.levels.iter().map(faces).collect();
+            let fitted = models.fit(kind, &dimensions(1.5));
+            let counts: Vec<usize> = fitted.levels.iter().map(faces).collect();
             assert!(counts.len() == 3 && counts.is_sorted_by(|a, b| a > b), "{kind:?}: {counts:?}");
-            for level in &build.levels {
+            for level in &fitted.levels {
                 for lamp in LAMPS {
                     assert!(has(level, lamp), "{kind:?} without {lamp:?} at {} m", level.error_m);
                 }

@@ -1,76 +1,75 @@
-//! Status messages of a rosbridge server (protocol 2.0, section 3.2.1), told to the user: each text once, and only so
-//! many a minute.
+//! Status messages of a rosbridge server (protocol 2.0, section 3.2.1): rate-limits their log, and logs each text once.
 
 use serde::Deserialize;
 use serde_json::Value;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// Texts that are remembered; of more, the oldest is forgotten and may be told again.
-const MOST_KNOWN: usize = 256;
-/// New texts that are told within a minute.
-const MOST_A_MINUTE: usize = 10;
+/// Texts that are remembered; the oldest is forgotten for another and may be logged again.
+const MAX_KNOWN: usize = 256;
+/// Rate limit: new texts per minute.
+const MAX_PER_MINUTE: usize = 10;
 const MINUTE: Duration = Duration::from_secs(60);
-/// Characters of a text that are told.
-const LONGEST_TEXT: usize = 400;
+/// Characters of a text that are logged.
+const MAX_TEXT_CHARS: usize = 400;
 
-/// What a server says about an operation of its client.
+/// Status message of a server about an operation of its client.
 #[derive(Debug, Deserialize)]
-pub(super) struct Status {
+pub(super) struct BridgeStatus {
     #[serde(default)]
     level: String,
     #[serde(default)]
     msg: Value,
 }
 
-/// How grave a status is.
+/// Severity of a status message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Level {
+pub(super) enum Severity {
     Error,
     Warning,
     Other,
 }
 
-impl Status {
-    pub(super) fn level(&self) -> Level {
+impl BridgeStatus {
+    pub(super) fn level(&self) -> Severity {
         match self.level.as_str() {
-            "error" => Level::Error,
+            "error" => Severity::Error,
             // rosbridge_suite writes both.
-            "warning" | "warn" => Level::Warning,
-            _ => Level::Other,
+            "warning" | "warn" => Severity::Warning,
+            _ => Severity::Other,
         }
     }
 
-    /// The server's words, without what could steer a terminal.
+    /// The text without control characters, which could control a terminal.
     pub(super) fn text(&self) -> String {
         let text = self.msg.as_str().map_or_else(|| self.msg.to_string(), str::to_owned);
-        text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(LONGEST_TEXT).collect()
+        text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(MAX_TEXT_CHARS).collect()
     }
 }
 
-/// Which texts have been told: a rate limit over a set of texts.
+/// Rate limiter over a set of texts (sliding window log).
 #[derive(Debug, Default)]
 pub(super) struct StatusLog {
     /// The oldest first.
     known: VecDeque<String>,
-    /// When the last texts were told, at most as many as are told within a minute.
+    /// Times of the texts of the last minute.
     recent: VecDeque<Instant>,
     withheld: u64,
 }
 
 impl StatusLog {
-    /// What to tell of a text that has come now: nothing of one that is known, and nothing while too many are new.
+    /// The text to log now; `None` for a known text, or above the rate limit.
     pub(super) fn admit(&mut self, text: &str, now: Instant) -> Option<String> {
         if self.known.iter().any(|known| known == text) {
             return None;
         }
         self.recent.retain(|told| now.duration_since(*told) < MINUTE);
-        if self.recent.len() >= MOST_A_MINUTE {
+        if self.recent.len() >= MAX_PER_MINUTE {
             self.withheld += 1;
             return None;
         }
         self.recent.push_back(now);
-        if self.known.len() >= MOST_KNOWN {
+        if self.known.len() >= MAX_KNOWN {
             self.known.pop_front();
         }
         self.known.push_back(text.to_owned());
@@ -104,15 +103,15 @@ mod tests {
         let next = told(&mut log, 101).unwrap();
         assert_eq!(next, "message 101 (90 other messages were not shown)");
         assert!((102..2000).filter_map(|k| told(&mut log, k)).count() <= 190);
-        assert!(log.known.len() <= MOST_KNOWN);
+        assert!(log.known.len() <= MAX_KNOWN);
     }
 
     #[test]
     fn words_are_those_of_the_server_and_steer_no_terminal() {
-        let status: Status =
+        let status: BridgeStatus =
             serde_json::from_str(r#"{"level": "error", "msg": "advertise: \u001b[2Jno type"}"#).unwrap();
-        assert_eq!((status.level(), status.text().as_str()), (Level::Error, "advertise:  [2Jno type"));
-        let odd: Status = serde_json::from_str(r#"{"level": "warn", "msg": {"why": 3}}"#).unwrap();
-        assert_eq!((odd.level(), odd.text().as_str()), (Level::Warning, r#"{"why":3}"#));
+        assert_eq!((status.level(), status.text().as_str()), (Severity::Error, "advertise:  [2Jno type"));
+        let odd: BridgeStatus = serde_json::from_str(r#"{"level": "warn", "msg": {"why": 3}}"#).unwrap();
+        assert_eq!((odd.level(), odd.text().as_str()), (Severity::Warning, r#"{"why":3}"#));
     }
 }

@@ -1,21 +1,21 @@
-//! Which side of a building is its front, and what is on it: doors, gates, the board with the name, awnings.
+//! Fronts of buildings: choice of the front side, doors, gates, name boards, awnings.
 
-use super::super::lanes::LaneBoxes;
+use super::super::lanes::LaneBoxIndex;
 use super::super::mesh::{Finish, Mesh, Surface};
 use super::super::{lettering, special};
-use super::side::Side;
+use super::side::Facade;
 use super::storeys_up_to;
 use super::style::{Style, TRIM, has, wall};
 use glam::{Vec2, Vec3};
 
-/// Of these sides the one that is nearest to a road, wide ones before narrow ones.
+/// The front: the side nearest to a road, wide sides before narrow ones.
 pub(super) fn front_of(
-    sides: &[Side],
+    sides: &[Facade],
     open: &[usize],
-    lanes: &LaneBoxes<'_>,
+    lanes: &LaneBoxIndex<'_>,
     stated_rad: Option<f64>,
 ) -> usize {
-    let less = |worth: &dyn Fn(&Side) -> f32| {
+    let less = |worth: &dyn Fn(&Facade) -> f32| {
         open.iter().copied().min_by(|&a, &b| worth(&sides[a]).total_cmp(&worth(&sides[b]))).unwrap_or(0)
     };
     if let Some(angle) = stated_rad {
@@ -29,14 +29,13 @@ pub(super) fn front_of(
     })
 }
 
-/// The bay of a front that the door is in: the middle one where the public goes in, else the first before which
-/// nothing is in the way.
-pub(super) fn door_bay(front: &Side, style: &Style, bars_the_way: impl Fn(Vec2) -> bool) -> f32 {
+/// The bay of the door: the middle one of public buildings, else the first that is accessible.
+pub(super) fn door_bay(front: &Facade, style: &Style, bars_the_way: impl Fn(Vec2) -> bool) -> f32 {
     let count = front.bays();
     if style.sign.is_some() {
         return (count / 2.0).floor();
     }
-    // On the step, and where one comes from.
+    // On the step and on the way to it.
     let is_clear = |bay: &f32| {
         let before = |out: f32| front.at((bay + 0.5) / count, 0.0, out).truncate();
         [0.7, 1.6, 2.6].into_iter().all(|out| !bars_the_way(before(out)))
@@ -44,19 +43,19 @@ pub(super) fn door_bay(front: &Side, style: &Style, bars_the_way: impl Fn(Vec2) 
     (0..count as u32).map(|bay| bay as f32).find(is_clear).unwrap_or(0.0)
 }
 
-/// Part of the width of a front that has no windows on the ground, for gates or the door in its bay.
-pub(super) fn windowless(front: &Side, style: &Style, bay: f32) -> [f32; 2] {
+/// Share of the front without ground-floor windows, for gates or the door in its bay.
+pub(super) fn windowless(front: &Facade, style: &Style, bay: f32) -> [f32; 2] {
     let count = front.bays();
     if style.gates.is_some() { [0.0, 1.0] } else { [bay / count, (bay + 1.0) / count] }
 }
 
-/// With its fanlight.
+/// Height of a door with its fanlight.
 fn door_height(storey: f32) -> f32 {
     2.66_f32.min(storey - 0.14)
 }
 
-/// A door of a house, or two leaves of glass into a shop, in their bay.
-fn door(mesh: &mut Mesh, (front, bay): (&Side, f32), style: &Style, [storey, eaves]: [f32; 2]) {
+/// A house door, or two glazed shop doors, in their bay.
+fn door(mesh: &mut Mesh, (front, bay): (&Facade, f32), style: &Style, [storey, eaves]: [f32; 2]) {
     let width = front.width();
     let middle = (bay + 0.5) / front.bays() * width;
     if style.ground.surface.is_shopfront() {
@@ -66,7 +65,7 @@ fn door(mesh: &mut Mesh, (front, bay): (&Side, f32), style: &Style, [storey, eav
         let high = 2.52_f32.min(0.8 * storey);
         front.slab(mesh, [middle, 1.9], [0.02, high], 0.06, frame);
         for (leaf, across) in [(-0.45, [0.10, 0.35]), (0.45, [0.62, 0.87])] {
-            // What is seen through the window there.
+            // Interior behind the glass.
             let behind = [Vec2::new(across[0], 0.16), Vec2::new(across[1], 0.64)];
             front.picture(mesh, [middle + leaf, 0.76], [0.22, high - 0.12], (0.068, behind), style.ground);
             front.slab(mesh, [middle + 0.16 * leaf, 0.04], [0.95, 1.35], 0.11, TRIM);
@@ -83,7 +82,7 @@ fn door(mesh: &mut Mesh, (front, bay): (&Side, f32), style: &Style, [storey, eav
     }
 }
 
-pub(super) fn entrance(mesh: &mut Mesh, (front, bay): (&Side, f32), style: &Style, name: &str, eaves: f32) {
+pub(super) fn entrance(mesh: &mut Mesh, (front, bay): (&Facade, f32), style: &Style, name: &str, eaves: f32) {
     let width = front.width();
     let storey = eaves / storeys_up_to(eaves);
     if let Some(colour) = style.gates {
@@ -103,7 +102,7 @@ pub(super) fn entrance(mesh: &mut Mesh, (front, bay): (&Side, f32), style: &Styl
         return;
     }
     let is_shop = style.ground.surface.is_shopfront();
-    // Over the door, under the windows of the next storey.
+    // Height of the board between the door and the windows above.
     let room = [door_height(storey) + 0.12, storey * 1.21];
     let most = if style.gates.is_some() || is_shop {
         0.62
@@ -114,7 +113,7 @@ pub(super) fn entrance(mesh: &mut Mesh, (front, bay): (&Side, f32), style: &Styl
     let board_width = lettering::width_of(&text, letter) + 0.7;
     let half = lettering::half_board(letter);
     let z = if style.gates.is_some() {
-        // On the parapet or under the roof: there is no room between the gates and the windows above them.
+        // With gates, on the parapet or under the roof: there is no space between gates and windows.
         if style.gabled { eaves - half - 0.05 } else { eaves + 0.1 }
     } else if is_shop {
         storey * 0.93
@@ -130,8 +129,8 @@ pub(super) fn entrance(mesh: &mut Mesh, (front, bay): (&Side, f32), style: &Styl
     }
 }
 
-/// Cloth over shop windows, in the colour of the board: it slopes from the wall and hangs down in front.
-fn awning(mesh: &mut Mesh, front: &Side, z: f32, board: Finish) {
+/// An awning over shop windows in the colour of the board: it slopes from the wall with a hanging edge.
+fn awning(mesh: &mut Mesh, front: &Facade, z: f32, board: Finish) {
     const HANGS_M: f32 = 0.24;
     let striped = Finish { surface: Surface::Awning, ..board.shaded(1.1) };
     let stripes = (front.width() / 2.4).round().max(1.0);

@@ -1,5 +1,5 @@
-//! Buildings from their ground plans: storeys of windows, doors, signs, flat and gabled roofs, and
-//! what names ask for.
+//! Procedural buildings from footprints: storeys of windows, doors, signs, flat and gabled roofs, details by
+//! name.
 
 mod entrance;
 mod roof;
@@ -9,22 +9,27 @@ mod style;
 pub(super) use style::DARK;
 
 use super::grounds::ring_of;
-use super::lanes::LaneBoxes;
+use super::lanes::LaneBoxIndex;
 use super::mesh::{Finish, Mesh, Surface};
 use super::special;
 use super::surroundings::Surroundings;
-use super::{Place, Wall};
+use super::{SeededScenery, Wall};
 use glam::{Vec2, Vec3};
-use side::Side;
+use side::Facade;
 use style::{BARE_BRICK, Style, TRIM};
 
 const STOREY_M: f32 = 3.1;
-/// Walls begin here, in the ground.
+/// Depth of walls below the ground.
 const FOOT_M: f32 = 0.05;
 
-/// A building with everything on it.
-/// Its front is none of the sides before which others stand, and its door not where something bars the way.
-pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, lanes: &LaneBoxes<'_>, around: &Surroundings<'_>) {
+/// Draws a building. Its front is not a side that other buildings block, and its door not where an obstacle
+/// blocks the way.
+pub(super) fn building(
+    mesh: &mut Mesh,
+    place: &SeededScenery<'_>,
+    lanes: &LaneBoxIndex<'_>,
+    around: &Surroundings<'_>,
+) {
     let ring = outline(place);
     if ring.len() < 3 {
         return;
@@ -34,9 +39,9 @@ pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, lanes: &LaneBoxes<'_>
     if special::pavilion(mesh, &name, &ring, height) {
         return;
     }
-    let sides: Vec<Side> =
-        (0..ring.len()).map(|k| Side { from: ring[k], to: ring[(k + 1) % ring.len()] }).collect();
-    let short = sides.iter().map(Side::width).fold(f32::INFINITY, f32::min);
+    let sides: Vec<Facade> =
+        (0..ring.len()).map(|k| Facade { from: ring[k], to: ring[(k + 1) % ring.len()] }).collect();
+    let short = sides.iter().map(Facade::width).fold(f32::INFINITY, f32::min);
     let style = style::style(place, &name, short, height);
     let gabled = style.gabled && ring.len() == 4;
     let rise = if gabled { rise_of(short, height) } else { 0.0 };
@@ -47,9 +52,9 @@ pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, lanes: &LaneBoxes<'_>
         roof::flat_roof(mesh, place, &ring, eaves);
     }
     let is_built = |at: Vec2| around.is_built(at, place.piece);
-    // As far out as awnings and steps reach, all along.
+    // Sampling distance in front of a wall, as far as awnings and steps reach.
     let is_hidden =
-        |side: &Side| [0.1, 0.5, 0.9].iter().any(|&at| is_built(side.at(at, 0.0, 1.4).truncate()));
+        |side: &Facade| [0.1, 0.5, 0.9].iter().any(|&at| is_built(side.at(at, 0.0, 1.4).truncate()));
     let mut open: Vec<usize> = (0..sides.len()).filter(|&k| !is_hidden(&sides[k])).collect();
     if open.is_empty() {
         open = (0..sides.len()).collect();
@@ -63,45 +68,45 @@ pub(super) fn building(mesh: &mut Mesh, place: &Place<'_>, lanes: &LaneBoxes<'_>
     special::additions(mesh, &name, &ring, height);
 }
 
-/// Its corners on the ground.
-fn outline(place: &Place<'_>) -> Vec<Vec2> {
+/// The corners of its footprint.
+fn outline(place: &SeededScenery<'_>) -> Vec<Vec2> {
     ring_of(&place.piece.shape).iter().map(|p| p.as_vec2()).collect()
 }
 
-/// Fuel pumps that belong to it: where each stands and looks to.
-pub(super) fn pumps(place: &Place<'_>) -> Vec<(Vec3, Vec2)> {
+/// Its fuel pumps: position and direction.
+pub(super) fn pumps(place: &SeededScenery<'_>) -> Vec<(Vec3, Vec2)> {
     let ring = outline(place);
     special::pumps(&place.piece.name.to_lowercase(), &ring)
 }
 
-/// Clocks on its tower.
-pub(super) fn clocks(place: &Place<'_>) -> Option<Mesh> {
+/// The clocks on its tower.
+pub(super) fn clocks(place: &SeededScenery<'_>) -> Option<Mesh> {
     special::clocks(&place.piece.name.to_lowercase(), &outline(place), height_of(place))
 }
 
-/// Lamps that belong to it.
-pub(super) fn lights(place: &Place<'_>) -> Vec<Vec3> {
+/// Its lamps.
+pub(super) fn lights(place: &SeededScenery<'_>) -> Vec<Vec3> {
     let ring = outline(place);
     special::lights(&place.piece.name.to_lowercase(), &ring, height_of(place))
 }
 
-/// Where the board with its prices stands, and the way along it.
-pub(super) fn price_board(place: &Place<'_>) -> Option<(Vec2, Vec2)> {
+/// Position and direction of its price board.
+pub(super) fn price_board(place: &SeededScenery<'_>) -> Option<(Vec2, Vec2)> {
     let ring = outline(place);
     special::price_board(&place.piece.name.to_lowercase(), &ring)
 }
 
-fn height_of(place: &Place<'_>) -> f32 {
+fn height_of(place: &SeededScenery<'_>) -> f32 {
     place.piece.height_m.map_or(6.5 + 6.0 * place.dice(9), |h| h as f32).clamp(2.2, 120.0)
 }
 
-/// Of a gabled roof, from the eaves to the ridge.
+/// Height of a gabled roof from eaves to ridge.
 fn rise_of(short_m: f32, height: f32) -> f32 {
     (0.42 * short_m).min(0.42 * height)
 }
 
-/// The outer walls, as high as nothing can be seen through them.
-pub(super) fn opaque_walls(place: &Place<'_>) -> Vec<Wall> {
+/// Its occluders: outer walls up to the height at which they are opaque.
+pub(super) fn opaque_walls(place: &SeededScenery<'_>) -> Vec<Wall> {
     let ring = outline(place);
     if ring.len() < 3 || special::is_open(&place.piece.name.to_lowercase()) {
         return Vec::new();
@@ -109,17 +114,17 @@ pub(super) fn opaque_walls(place: &Place<'_>) -> Vec<Wall> {
     let sides = || (0..ring.len()).map(|k| (ring[k], ring[(k + 1) % ring.len()]));
     let short = sides().map(|(from, to)| from.distance(to)).fold(f32::INFINITY, f32::min);
     let height_m = height_of(place);
-    // Under the eaves, whatever the roof is.
+    // Up to the eaves, whatever the roof.
     let height_m = height_m - rise_of(short, height_m);
     sides().map(|(from, to)| Wall { from, to, height_m }).collect()
 }
 
-/// How many storeys of about [`STOREY_M`] there are.
+/// Number of storeys of about [`STOREY_M`].
 fn storeys_up_to(eaves: f32) -> f32 {
     (eaves / STOREY_M).round().max(1.0)
 }
 
-/// The same wall without windows.
+/// The same wall finish without windows.
 fn bare(finish: Finish) -> Finish {
     let surface = match finish.surface {
         Surface::Sash => Surface::Brick,
@@ -130,13 +135,13 @@ fn bare(finish: Finish) -> Finish {
     Finish { surface, colour, ..finish }
 }
 
-/// The wall of one side, on the ground without windows between these parts of its width.
-fn storeys(mesh: &mut Mesh, side: &Side, style: &Style, eaves: f32, windowless: Option<[f32; 2]>) {
+/// Draws one facade; its ground floor has no windows between the given shares of its width.
+fn storeys(mesh: &mut Mesh, side: &Facade, style: &Style, eaves: f32, windowless: Option<[f32; 2]>) {
     let storeys = storeys_up_to(eaves);
     let first = eaves / storeys;
     let uv = |finish: Finish, [a, b]: [f32; 2], from: f32, to: f32| {
         let across = match finish.surface {
-            // Patterns of walls without windows are laid on in metres.
+            // Windowless walls have texture coordinates in metres.
             Surface::Brick | Surface::Concrete | Surface::Plain => Vec2::new(side.width(), first) / 2.0,
             _ => Vec2::new(side.bays(), 1.0),
         };
@@ -163,7 +168,7 @@ fn storeys(mesh: &mut Mesh, side: &Side, style: &Style, eaves: f32, windowless: 
         let uv = uv(style.upper, [0.0, 1.0], 0.0, storeys - 1.0);
         side.face(mesh, [first, eaves], uv, style.upper, under);
     }
-    // A plinth, so that walls do not grow out of the lawn.
+    // A plinth.
     if !style.ground.surface.is_shopfront() {
         side.slab(mesh, [side.width() / 2.0, side.width() + 0.08], [0.0, 0.45], 0.05, TRIM.shaded(0.8));
     }

@@ -4,14 +4,14 @@ use super::super::grounds::distance_to;
 use super::super::mesh::{Finish, Mesh, Surface};
 use super::super::polygon::Region;
 use super::super::roads::level;
-use super::super::{Place, special};
+use super::super::{SeededScenery, special};
 use super::style::{BARE_BRICK, DARK, FLAT_ROOF, Style, TRIM, wall};
-use crate::city::Shape;
+use crate::city::Footprint;
 use glam::{Vec2, Vec3};
 
 const PARAPET_M: f32 = 0.55;
 
-pub(super) fn flat_roof(mesh: &mut Mesh, place: &Place<'_>, ring: &[Vec2], eaves: f32) {
+pub(super) fn flat_roof(mesh: &mut Mesh, place: &SeededScenery<'_>, ring: &[Vec2], eaves: f32) {
     let plan: Vec<_> = ring.iter().map(|p| p.as_dvec2()).collect();
     level(mesh, &Region::simple(&plan), eaves, FLAT_ROOF, 3.0);
     let top = eaves + PARAPET_M;
@@ -27,7 +27,7 @@ pub(super) fn flat_roof(mesh: &mut Mesh, place: &Place<'_>, ring: &[Vec2], eaves
     // Plant on the roof.
     let centre = ring.iter().copied().sum::<Vec2>() / ring.len() as f32;
     let yaw = (ring[1] - ring[0]).to_angle();
-    let edge = Shape::Polyline(plan.iter().copied().chain(plan.first().copied()).collect());
+    let edge = Footprint::Polyline(plan.iter().copied().chain(plan.first().copied()).collect());
     for k in 0..3 {
         if place.dice(20 + k) < 0.6 {
             let corner = ring[k as usize % ring.len()];
@@ -37,7 +37,7 @@ pub(super) fn flat_roof(mesh: &mut Mesh, place: &Place<'_>, ring: &[Vec2], eaves
                 1.0 + place.dice(50 + k),
                 0.7 + 0.9 * place.dice(60 + k),
             );
-            // Nothing sticks out, and towers stand alone on their roofs.
+            // Roof plant stays inside the parapet and clear of towers.
             let reach = size.truncate().length() / 2.0 + 0.3;
             let has_room = distance_to(&edge, at.as_dvec2()) > f64::from(reach);
             let spire = special::spire_reach(&place.piece.name.to_lowercase(), ring);
@@ -48,7 +48,7 @@ pub(super) fn flat_roof(mesh: &mut Mesh, place: &Place<'_>, ring: &[Vec2], eaves
     }
 }
 
-/// A band along a ring whose corners stay corners: profile points are (outwards, height).
+/// A band along a ring with mitred corners: profile points are (outwards, height).
 fn sharp_band(mesh: &mut Mesh, ring: &[Vec2], [from, to]: [Vec2; 2], finish: Finish) {
     let count = ring.len();
     let moved = |k: usize, out: f32| {
@@ -69,14 +69,14 @@ fn sharp_band(mesh: &mut Mesh, ring: &[Vec2], [from, to]: [Vec2; 2], finish: Fin
     }
 }
 
-/// Two slopes with overhanging eaves along the longer axis of a rectangle, gables and a chimney.
+/// A gabled roof with overhanging eaves along the longer axis of a rectangle, gables and a chimney.
 pub(super) fn gable_roof(
     mesh: &mut Mesh,
     ring: &[Vec2],
     eaves: f32,
     rise: f32,
     style: &Style,
-    place: &Place<'_>,
+    place: &SeededScenery<'_>,
 ) {
     const OVERHANG_M: f32 = 0.4;
     // a to b is the longer side.

@@ -1,28 +1,28 @@
-//! Walls of buildings, one side at a time.
+//! One facade of a building.
 
 use super::super::mesh::{Finish, Mesh};
 use glam::{Vec2, Vec3};
 
 const BAY_M: f32 = 3.0;
 
-/// One wall: where it stands and how wide it is, seen from outside.
+/// A facade: one side of a building, seen from outside.
 #[derive(Clone, Copy)]
-pub(super) struct Side {
+pub(super) struct Facade {
     pub(super) from: Vec2,
     pub(super) to: Vec2,
 }
 
-impl Side {
+impl Facade {
     pub(super) fn width(&self) -> f32 {
         self.from.distance(self.to)
     }
 
-    /// Windows side by side.
+    /// Number of window bays.
     pub(super) fn bays(&self) -> f32 {
         (self.width() / BAY_M).round().max(1.0)
     }
 
-    /// To the right, for someone who looks at it.
+    /// Direction to the right for an observer outside.
     pub(super) fn across(&self) -> Vec2 {
         (self.to - self.from).normalize_or(Vec2::X)
     }
@@ -31,17 +31,17 @@ impl Side {
         -self.across().perp()
     }
 
-    /// A point on it: part of its width, height, and how far in front of it.
+    /// A point: share of the width, height, and distance in front.
     pub(super) fn at(&self, part: f32, z: f32, out: f32) -> Vec3 {
         (self.from.lerp(self.to, part) + self.outward() * out).extend(z)
     }
 
-    /// What of it lies between two parts of its width.
+    /// The part between two shares of its width.
     pub(super) fn between(&self, [from, to]: [f32; 2]) -> Self {
         Self { from: self.from.lerp(self.to, from), to: self.from.lerp(self.to, to) }
     }
 
-    /// A face on it between two heights; `open` is how much light its upper edge gets.
+    /// Draws a face between two heights; `open` is the openness of its upper edge.
     pub(super) fn face(&self, mesh: &mut Mesh, z: [f32; 2], uv: [Vec2; 2], finish: Finish, open: u8) {
         let corners = [
             self.at(0.0, z[0], 0.0),
@@ -50,17 +50,18 @@ impl Side {
             self.at(0.0, z[1], 0.0),
         ];
         let uvs = [uv[0], Vec2::new(uv[1].x, uv[0].y), uv[1], Vec2::new(uv[0].x, uv[1].y)];
-        // The ground hides half of the sky's neighbourhood from the foot of a wall.
+        // The ground hides half of the surroundings from the foot of a wall.
         let low = if z[0] < 0.5 { 140 } else { 235 };
         mesh.shaded_face(&corners, &uvs, finish, &[low, low, open, open]);
     }
 
-    /// A picture in front of it: middle and width in metres along it, heights, how far in front.
+    /// Draws a textured panel in front: centre and width along the facade in metres, heights, distance in
+    /// front.
     pub(super) fn panel(&self, mesh: &mut Mesh, across: [f32; 2], z: [f32; 2], out: f32, finish: Finish) {
         self.picture(mesh, across, z, (out, [Vec2::ZERO, Vec2::ONE]), finish);
     }
 
-    /// [`Self::panel`] with a part of the picture: its lower left and its upper right.
+    /// [`Self::panel`] with a part of the texture: its lower left and its upper right.
     pub(super) fn picture(
         &self,
         mesh: &mut Mesh,
@@ -77,7 +78,7 @@ impl Side {
         mesh.shaded_face(&corners, &uvs, finish, &[170, 170, 235, 235]);
     }
 
-    /// A slab in front of it: middle and width in metres along it, heights, thickness.
+    /// Draws a slab in front: centre and width along the facade in metres, heights, thickness.
     pub(super) fn slab(
         &self,
         mesh: &mut Mesh,

@@ -1,6 +1,6 @@
-//! What a building's name says about its walls and roof.
+//! Style of a building by its name: walls and roof.
 
-use super::super::Place;
+use super::super::SeededScenery;
 use super::super::mesh::{Class, Finish, Surface};
 
 pub(super) const fn wall(surface: Surface, colour: [u8; 3]) -> Finish {
@@ -16,17 +16,17 @@ const PLASTERS: [[u8; 3]; 7] = [
     [226, 226, 220],
     [196, 206, 190],
 ];
-/// Tints of brick, whose red is its own.
+/// Tints of brick, multiplied with its red texture.
 const BRICKS: [[u8; 3]; 3] = [[255, 250, 244], [236, 216, 200], [255, 236, 214]];
 const TILES: [[u8; 3]; 4] = [[170, 92, 66], [146, 82, 64], [104, 102, 106], [134, 98, 78]];
-/// Boards, light enough for dark letters.
+/// Board colours, light enough for dark letters.
 const SIGNS: [[u8; 3]; 6] =
     [[150, 176, 150], [206, 122, 104], [140, 168, 196], [226, 186, 96], [226, 214, 190], [184, 166, 190]];
 pub(super) const TRIM: Finish = wall(Surface::Concrete, [206, 202, 194]);
 pub(super) const FLAT_ROOF: Finish = wall(Surface::Gravel, [150, 148, 144]);
 pub(in crate::city::scene) const DARK: Finish = wall(Surface::Metal, [72, 76, 80]);
 
-/// What a building's name says about it.
+/// The style of a building.
 pub(super) struct Style {
     pub(super) upper: Finish,
     pub(super) ground: Finish,
@@ -41,7 +41,7 @@ pub(super) fn has(name: &str, words: &[&str]) -> bool {
     words.iter().any(|word| name.contains(word))
 }
 
-/// What stands behind the windows of a shop of a name.
+/// Shop-window surface by the name of the shop.
 fn shop_of(name: &str) -> Surface {
     if has(name, &["cafe", "bakery", "hotel", "restaurant", "theatre", "cinema"]) {
         Surface::Tearoom
@@ -52,7 +52,7 @@ fn shop_of(name: &str) -> Surface {
     }
 }
 
-pub(super) fn style(place: &Place<'_>, name: &str, short_m: f32, height: f32) -> Style {
+pub(super) fn style(place: &SeededScenery<'_>, name: &str, short_m: f32, height: f32) -> Style {
     let pick = |colours: &[[u8; 3]], salt: u32| {
         colours[(place.dice(salt) * colours.len() as f32) as usize % colours.len()]
     };
@@ -126,5 +126,5 @@ pub(super) fn style(place: &Place<'_>, name: &str, short_m: f32, height: f32) ->
     base
 }
 
-/// Bricks of the colour that [`Surface::Sash`] has.
+/// Brick in the colour of [`Surface::Sash`].
 pub(super) const BARE_BRICK: Finish = wall(Surface::Brick, [190, 118, 95]);
