@@ -134,7 +134,7 @@ fn assert_same(a: &Experiment, b: &Experiment, what: &str) {
     let words = |experiment: &Experiment| -> Vec<String> {
         let copy = Experiment { scenario_text: String::new(), map_bytes: Vec::new(), ..experiment.clone() };
         let rest = (copy.seed, copy.duration_s, copy.rates, copy.scale, copy.right_of_way, copy.environment);
-        let rest = (rest, copy.link_timeout_s, copy.outcome, copy.city_map.lanes.len());
+        let rest = (rest, copy.link_timeout_s, copy.expectations, copy.city_map.lanes.len());
         let text = format!("{:?} {rest:?}", copy.vehicles);
         text.split([' ', ',', '(', ')', '[', ']']).map(str::to_owned).collect()
     };

@@ -10,6 +10,10 @@ use city3d::vehicle::ModelKind;
 use glam::DVec2;
 use std::sync::Arc;
 
+fn angle_of(direction: DVec2) -> f64 {
+    trig::atan2(direction.y, direction.x)
+}
+
 fn run(text: &str, model: ModelKind) -> Run {
     let overrides = Overrides { model: Some(model), ..Overrides::default() };
     let experiment = read_experiment("test", text, &Library::default(), overrides);
@@ -34,7 +38,7 @@ impl Person {
     fn pedals(&self, map: &CityMap, vehicle: &VehicleState) -> Pedals {
         let axle = vehicle.position.truncate() - vehicle.forward() * 1.5;
         let ahead = self.ahead(map, axle, 7.0) - axle;
-        let angle = wrap_angle(ahead.to_angle() - vehicle.forward().to_angle());
+        let angle = wrap_angle(angle_of(ahead) - angle_of(vehicle.forward()));
         let error = self.speed_mps - vehicle.speed_mps;
         Pedals {
             gas: (0.25 * error).clamp(0.0, 0.6),
@@ -236,7 +240,7 @@ fn given_back_off_the_road_at_speed_it_brakes_to_a_stand_and_no_link_is_lost() {
         }
         let after = state(&run, id);
         let way_m = after.position.distance(left.position);
-        let braking_m = left.speed_mps.powi(2) / (2.0 * 2.0);
+        let braking_m = trig::powi(left.speed_mps, 2) / (2.0 * 2.0);
         assert!(after.speed_mps.abs() < 0.1 && way_m < braking_m + 3.0, "{model:?}: {way_m} m, {after:?}");
         assert!(matches!(after.status, Status::Stopped | Status::Collided), "{model:?}: {after:?}");
     }

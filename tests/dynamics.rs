@@ -242,7 +242,7 @@ fn the_body_leans_out_of_a_bend_and_its_wheels_turn_apart() {
         rig.drive(&Actuation { gas, steering_rad: 0.25, ..Actuation::default() });
     }
     let car = &rig.spec;
-    let stiffness = (car.suspension.frequency_hz * std::f64::consts::TAU).powi(2) * car.mass_kg;
+    let stiffness = trig::powi(car.suspension.frequency_hz * std::f64::consts::TAU, 2) * car.mass_kg;
     let lateral = rig.motion.speed_mps * rig.motion.yaw_rate_radps;
     // The lean moves the weight outwards as well.
     let track = car.dimensions.track_m;

@@ -401,7 +401,7 @@ fn drive_block(client: &mut Command, folder: &Path, key: Option<&str>) {
     for (x, y) in [(1.2, 1.793), (1.974, 0.8), (1.0, -0.241), (0.071, 0.8), (0.44, 1.793)] {
         let near = |place: &&serde_json::Value| {
             let [dx, dy] = [("x", x), ("y", y)].map(|(key, at)| place[key].as_f64().unwrap() - at);
-            dx.hypot(dy) < 0.25
+            city3d::geom::trig::hypot(dx, dy) < 0.25
         };
         assert!(places.iter().any(|place| near(&place)), "not near {x}, {y}: {told}");
     }

@@ -6,7 +6,7 @@
 mod drawing;
 
 use city3d::camera::{Camera, Extrinsics, Lens, Mount, PictureKind, PictureKinds, View};
-use city3d::city::scene::{Class, Finish, Mesh, Object, SceneDescription, Surface};
+use city3d::city::scene::{Class, Finish, Mesh, SceneDescription, SceneObject, Surface};
 use city3d::render::{
     AdapterPreference, Context, Image, Pictures, PngStream, Quality, RenderError, RenderRequest, Renderer,
     Settings,
@@ -23,7 +23,7 @@ fn black_plain() -> SceneDescription {
         [(-60.0, -60.0), (60.0, -60.0), (60.0, 60.0), (-60.0, 60.0)].map(|(x, y)| Vec3::new(x, y, 0.0));
     mesh.plate(&ring, black, 1.0);
     SceneDescription {
-        ground: vec![Object::of_one_level(mesh)],
+        ground: vec![SceneObject::of_one_level(mesh)],
         bounds: [Vec3::new(-60.0, -60.0, 0.0), Vec3::new(60.0, 60.0, 10.0)],
         ..SceneDescription::default()
     }
@@ -331,7 +331,7 @@ fn what_a_view_cannot_see_costs_it_nothing() {
             let mut mesh = Mesh::default();
             let finish = Finish::new(Surface::Plain, [200, 60, 60], Class::Building);
             mesh.block(at, Vec3::splat(1.5), 0.0, finish);
-            Object::of_one_level(mesh)
+            SceneObject::of_one_level(mesh)
         })
     };
     let mut near = black_plain();

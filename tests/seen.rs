@@ -64,12 +64,17 @@ fn a_city_is_seen_as_it_is() {
     are_alike(seen("roundabout", |status, _| status), 0.002);
 }
 
-/// What the city shows of a physical vehicle is an estimate, which is estimated a second time here.
+/// The status tells whether a physical vehicle stands, but for one that yields: its poses, which are estimates, are
+/// estimated a second time then. One that creeps at the speed of a stand may stand in one of the two and not in the other.
 #[test]
 fn physical_vehicles_have_the_stops_that_the_city_counts() {
     let [(true_stops, true_m), (seen_stops, seen_m)] = seen("mixed", |status, _| status);
-    assert!(true_stops.values().sum::<u32>() > 4);
-    assert_eq!(true_stops, seen_stops);
+    let total = |stops: &Stops| stops.values().sum::<u32>();
+    assert!(total(&true_stops) > 4 && total(&true_stops).abs_diff(total(&seen_stops)) <= 1);
+    for (vehicle, count) in &true_stops {
+        let seen = seen_stops.get(vehicle).copied().unwrap_or(0);
+        assert!(count.abs_diff(seen) <= 1, "vehicle {vehicle}: {seen} stops, and {count} in the city");
+    }
     for (a, b) in true_m.iter().zip(&seen_m) {
         assert!((b / a - 1.0).abs() < 0.03, "{b} m, and {a} m in truth");
     }

@@ -298,7 +298,7 @@ impl RoadMap {
         for scenery in &self.scenery {
             match &scenery.shape {
                 Footprint::Polygon(points) | Footprint::Polyline(points) => {
-                    points.iter().for_each(|&p| add(p, 0.0))
+                    points.iter().for_each(|&p| add(p, 0.0));
                 }
                 Footprint::Circle { centre, radius_m } => add(*centre, *radius_m),
             }

@@ -18,7 +18,7 @@ pub const LEFT_M: f64 = 0.25;
 /// And at least this many standard deviations of its position.
 const LEFT_STDS: f64 = 5.0;
 /// Slow means at most this many standard deviations above the first threshold.
-const SLOW_STDS: f64 = 0.5;
+const SLOW_STDS: f64 = 1.0;
 /// A slow vehicle is observed until a moving one would have covered this many standard deviations of its
 /// position, at most for the second time.
 const WATCHED_STDS: f64 = 10.0;

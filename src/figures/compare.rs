@@ -381,7 +381,7 @@ fn stands(run: &RunLog) -> BTreeMap<VehicleId, Vec<StopInterval>> {
         let of = found.entry(event.vehicle).or_default();
         match event.kind {
             EventKind::Stop => {
-                of.push(StopInterval { from_s: event.time_s, to_s: run.end_s.max(event.time_s) })
+                of.push(StopInterval { from_s: event.time_s, to_s: run.end_s.max(event.time_s) });
             }
             EventKind::Go { stood_s } => {
                 if let Some(last) = of.last_mut() {

@@ -2,7 +2,7 @@
 //! simulation.
 
 use super::LinkError;
-use super::burst::Bursts;
+use super::burst::BurstSender;
 use super::receive_queue::{Inbound, ReceiveQueue};
 use super::senders::{SenderId, Senders};
 use super::warmup::SendPathWarmup;

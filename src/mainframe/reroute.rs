@@ -33,7 +33,7 @@ pub fn reroute_blocked(
                 let before = cavs[vehicle].set_route(route);
                 let is_section = cavs[vehicle].passage.next_section < cavs[vehicle].route.sections.len();
                 if is_section && right_of_way.has_room_behind(vehicle, cavs, occupancy) {
-                    cavs[vehicle].take_new_route(map);
+                    cavs[vehicle].commit_route(map);
                     right_of_way.admit_behind_line(vehicle, cavs);
                     break;
                 }

@@ -106,6 +106,13 @@ pub struct BodyState {
     pub angular_velocity_radps: DVec3,
 }
 
+impl Digest for BodyState {
+    fn digest(&self, hash: &mut StateHash) {
+        hash.all([&self.position, &self.velocity_mps, &self.angular_velocity_radps]);
+        self.orientation.digest(hash);
+    }
+}
+
 impl BodyState {
     /// Velocity of a point of the body, given in the city frame.
     pub fn velocity_at(&self, point: DVec3) -> DVec3 {
@@ -119,18 +126,6 @@ pub struct GroundHit {
     /// From the ray's origin, along it.
     pub distance_m: f64,
     pub normal: DVec3,
-}
-
-impl Digest for Physics {
-    fn digest(&self, hash: &mut StateHash) {
-        for (_, body) in self.bodies.iter() {
-            dvec(body.translation()).digest(hash);
-            let q = body.rotation();
-            hash.numbers([q.x, q.y, q.z, q.w]);
-            dvec(body.linvel()).digest(hash);
-            dvec(body.angvel()).digest(hash);
-        }
-    }
 }
 
 impl Physics {

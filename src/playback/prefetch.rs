@@ -185,6 +185,10 @@ impl ChunkPrefetcher {
         let mut state = self.shared.lock();
         state.readable = state.readable.min(chunk);
         state.truncation = Some(reason);
+        // Chunks behind the damage may have been searched before it was found.
+        if let Some(end_s) = self.begins_s.get(chunk) {
+            Arc::make_mut(&mut state.marks).retain(|mark| mark.time_s <= *end_s);
+        }
         drop(state);
         (self.on_update)();
     }

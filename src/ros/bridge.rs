@@ -4,7 +4,7 @@ mod fragments;
 mod status;
 
 use super::node::{MAX_BACKOFF, MIN_BACKOFF, REQUEST_TIMEOUT};
-use super::report::Report;
+use super::report::ReachabilityLog;
 use super::{HostPort, NodeStatus, NodeThread, RosError, RosMessage, Topics};
 use fragments::{Fragment, FragmentReassembly};
 use futures_util::stream::{SplitSink, SplitStream};

@@ -1,8 +1,8 @@
 //! ROS 1 node: its thread, its listening sockets, and its registration with the master.
 
-use super::header::Fields;
+use super::header::ConnectionHeader;
 use super::publisher::{Outbox, Publication, framed};
-use super::report::Report;
+use super::report::ReachabilityLog;
 use super::subscriber::{PublisherLink, Subscription};
 use super::xmlrpc::XmlRpcValue;
 use super::{

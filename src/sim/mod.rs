@@ -42,12 +42,18 @@ pub struct WorldState {
     pending: Vec<Event>,
 }
 
+/// Without whether the clock runs: a world that is paused has no ticks.
 impl Digest for WorldState {
     fn digest(&self, hash: &mut StateHash) {
         hash.word(self.tick);
-        hash.flags([self.is_running]);
-        self.physics.digest(hash);
-        hash.all(&self.vehicles);
+        for vehicle in &self.vehicles {
+            vehicle.digest(hash);
+            self.physics.body(vehicle.body()).digest(hash);
+            // Commands that come before the first step belong to it.
+            if self.tick > 0 {
+                vehicle.digest_commands(hash);
+            }
+        }
         self.collisions.digest(hash);
     }
 }

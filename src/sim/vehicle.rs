@@ -2,7 +2,7 @@
 
 use crate::digest::{Digest, StateHash};
 use crate::estimation::{LEFT_M, MotionSample, STANDS_MPS, StandstillChange, StandstillDetector};
-use crate::physics::Physics;
+use crate::physics::{BodyId, Physics};
 use crate::scenario::Experiment;
 use crate::snapshot::{
     Event, EventKind, Indicator, MeasuredPose, Pedals, Setup, Status, Trajectory, VehicleState,
@@ -51,8 +51,14 @@ impl Digest for SimVehicle {
         hash.numbers([state.yaw_rate_radps, state.steering_rad, state.gas, state.brake, state.handbrake]);
         hash.numbers([state.distance_m, self.collided_at_m]);
         self.dynamics.digest(hash);
-        self.tracker.digest(hash);
         self.stand.digest(hash);
+    }
+}
+
+impl SimVehicle {
+    /// Adds the state that comes from commands, without the motion.
+    pub fn digest_commands(&self, hash: &mut StateHash) {
+        self.tracker.digest(hash);
         hash.optional(self.last_trajectory_s);
         hash.word(self.sequence.map_or(u64::MAX, u64::from));
         if let DriveMode::Human(pedals) = &self.driver {
@@ -61,7 +67,7 @@ impl Digest for SimVehicle {
         }
         let is_by_hand = matches!(self.driver, DriveMode::Human(_));
         hash.flags([is_by_hand, self.is_link_lost, self.has_collided, self.is_finished]);
-        hash.flags([self.is_yielding, self.has_reported_yield, state.reverse]);
+        hash.flags([self.is_yielding, self.has_reported_yield, self.state.reverse]);
     }
 }
 
@@ -93,6 +99,11 @@ impl SimVehicle {
         };
         vehicle.describe();
         vehicle
+    }
+
+    /// Its body in the physics.
+    pub fn body(&self) -> BodyId {
+        self.dynamics.body()
     }
 
     pub fn spec(&self) -> &VehicleSpec {

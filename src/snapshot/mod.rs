@@ -81,13 +81,14 @@ fn lerp(from: f64, to: f64, weight: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geom::trig;
     use glam::{DQuat, DVec3};
 
     fn at(tick: u64, x: f64, yaw_rad: f64) -> FrameSnapshot {
         let vehicle = VehicleState {
             id: VehicleId(1),
             position: DVec3::new(x, 2.0, 0.0),
-            orientation: DQuat::from_axis_angle(DVec3::Z, yaw_rad),
+            orientation: DQuat::from_xyzw(0.0, 0.0, trig::sin(yaw_rad / 2.0), trig::cos(yaw_rad / 2.0)),
             gas: x,
             ..VehicleState::default()
         };

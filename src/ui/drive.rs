@@ -64,7 +64,7 @@ pub fn act(state: &mut UiState, actions: &mut Vec<UiAction>) {
         match (&mut state.driving, function) {
             (Some(_), ControlFunction::TakeWheel) => actions.push(UiAction::GiveBack),
             (None, ControlFunction::TakeWheel) => {
-                actions.extend(state.selection.vehicle.map(UiAction::Drive))
+                actions.extend(state.selection.vehicle.map(UiAction::Drive));
             }
             (Some(driving), function) => driving.push(function),
             (None, _) => {}

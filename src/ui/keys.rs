@@ -76,15 +76,15 @@ fn press(key: Key, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec
             if shown.replay.is_some() => {}
         Key::F3 if shown.replay.is_some() => state.open.events = !state.open.events,
         Key::Space if run_state.phase == RunPhase::Running => {
-            actions.push(UiAction::RunCommand(RunCommand::Pause))
+            actions.push(UiAction::RunCommand(RunCommand::Pause));
         }
         Key::Space => actions.push(UiAction::RunCommand(RunCommand::Start)),
         Key::N => actions.push(UiAction::RunCommand(RunCommand::Step)),
         Key::Plus | Key::Equals => {
-            actions.push(UiAction::RunCommand(RunCommand::Speed(other_speed(run_state.speed, true))))
+            actions.push(UiAction::RunCommand(RunCommand::Speed(other_speed(run_state.speed, true))));
         }
         Key::Minus => {
-            actions.push(UiAction::RunCommand(RunCommand::Speed(other_speed(run_state.speed, false))))
+            actions.push(UiAction::RunCommand(RunCommand::Speed(other_speed(run_state.speed, false))));
         }
         Key::F1 | Key::Questionmark => state.open.help = !state.open.help,
         Key::F2 => state.open.controllers = !state.open.controllers,

@@ -4,6 +4,7 @@ use super::history::{HistorySample, KEPT_S};
 use super::vehicles::tenths;
 use super::{PictureRequest, PictureSlot, UiAction, UiState, ViewModel, status};
 use crate::camera::{Camera, Lens, Mount, MountPoint, View};
+use crate::geom::trig;
 use crate::snapshot::{FrameSnapshot, VehicleId, VehicleState};
 use egui::emath::GuiRounding as _;
 use egui::{Align2, Color32, ComboBox, FontId, Rangef, RichText, Sense, Ui, Vec2};
@@ -403,7 +404,7 @@ fn marks((from, to): (f64, f64), step: f64) -> Vec<GridMark> {
 /// The smallest of 1, 2, 5, 10, 20 ... that divides a span into at most three.
 fn round_step(span: f64) -> f64 {
     let least = (span / 3.0).max(1.0);
-    let power = 10.0_f64.powi(least.log10().floor() as i32);
+    let power = trig::pow(10.0, trig::log10(least).floor());
     let step = [1.0, 2.0, 5.0].into_iter().find(|step| step * power >= least);
     step.unwrap_or(10.0) * power
 }

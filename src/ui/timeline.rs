@@ -2,6 +2,7 @@
 
 use super::events::{colour, go_to, name, update};
 use super::{ReplayView, UiAction, UiState, ViewModel};
+use crate::geom::trig;
 use crate::playback::{MarkKind, PlaybackCommand, Playhead, SPEEDS, TimelineMark};
 use crate::snapshot::VehicleId;
 use egui::{
@@ -83,7 +84,7 @@ impl TimelineRange {
     fn zoom(&mut self, head: &Playhead, steps: f64, about_s: f64) {
         let (from_s, to_s) = self.times(head);
         let whole_s = head.to_s - head.from_s;
-        let span_s = ((to_s - from_s) * ZOOM_STEP.powi(steps.round() as i32)).max(SHORTEST_S);
+        let span_s = ((to_s - from_s) * trig::pow(ZOOM_STEP, steps.round())).max(SHORTEST_S);
         let share = if to_s > from_s { (about_s - from_s) / (to_s - from_s) } else { 0.5 };
         self.0 = (span_s < whole_s).then_some((about_s - share * span_s, about_s + (1.0 - share) * span_s));
         self.shift(head, 0.0);
@@ -522,7 +523,7 @@ mod tests {
         let mut section = TimelineRange::default();
         section.zoom(&HEAD, 4.0, 75.0);
         let (from_s, to_s) = section.times(&HEAD);
-        assert!((to_s - from_s - 300.0 * 0.8_f64.powi(4)).abs() < 1e-9);
+        assert!((to_s - from_s - 300.0 * trig::powi(0.8, 4)).abs() < 1e-9);
         assert!(
             ((75.0 - from_s) / (to_s - from_s) - 0.25).abs() < 1e-9,
             "what is under the pointer stays there"

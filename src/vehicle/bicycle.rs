@@ -32,6 +32,10 @@ impl Digest for Bicycle {
 }
 
 impl Bicycle {
+    pub(super) fn body(&self) -> BodyId {
+        self.body
+    }
+
     /// Spawns it on the road, rolling at `speed_mps`; `pose` is the middle of its outline.
     pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2, speed_mps: f64) -> Self {
         Self {

@@ -65,6 +65,10 @@ impl Digest for Measured {
 }
 
 impl Measured {
+    pub(super) fn body(&self) -> BodyId {
+        self.body
+    }
+
     /// Spawns it at its expected pose; `pose` is the middle of its outline.
     pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2, scale: LengthScale) -> Self {
         Self {

@@ -28,7 +28,7 @@ pub use wheels::set_wheels;
 
 use crate::digest::{Digest, StateHash};
 use crate::geom::{LengthScale, Pose2, trig};
-use crate::physics::Physics;
+use crate::physics::{BodyId, Physics};
 use crate::snapshot::WheelState;
 use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -110,6 +110,15 @@ impl Dynamics {
             ModelKind::Raycast => Self::Raycast(RaycastCar::spawn(physics, spec, pose, speed_mps)),
             ModelKind::Bicycle => Self::Bicycle(Bicycle::spawn(physics, spec, pose, speed_mps)),
             ModelKind::Measured => Self::Measured(Box::new(Measured::spawn(physics, spec, pose, scale))),
+        }
+    }
+
+    /// What others run into.
+    pub fn body(&self) -> BodyId {
+        match self {
+            Self::Raycast(car) => car.body(),
+            Self::Bicycle(bicycle) => bicycle.body(),
+            Self::Measured(measured) => measured.body(),
         }
     }
 

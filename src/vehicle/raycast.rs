@@ -116,7 +116,6 @@ pub(super) fn chassis(spec: &VehicleSpec, pose: Pose2, speed_mps: f64) -> BoxBod
     }
 }
 
-/// Its body is part of the digest of the physics.
 impl Digest for RaycastCar {
     fn digest(&self, hash: &mut StateHash) {
         hash.numbers([self.steering_rad, self.mass_speed_mps]);
@@ -125,6 +124,10 @@ impl Digest for RaycastCar {
 }
 
 impl RaycastCar {
+    pub(super) fn body(&self) -> BodyId {
+        self.body
+    }
+
     /// Spawns a car on the road at its rest height, rolling at `speed_mps`.
     pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2, speed_mps: f64) -> Self {
         let body = physics.add_box(&chassis(spec, pose, speed_mps));

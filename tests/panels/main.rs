@@ -81,7 +81,8 @@ fn while_paused_the_numbers_are_those_of_the_tick() {
         }
         harness.state_mut().state.toggle_preview(vehicle.id);
         harness.run_steps(3);
-        let steering = format!("Steering {:+.1}\u{b0}", vehicle.steering_rad.to_degrees());
+        let degrees = (vehicle.steering_rad.to_degrees() * 10.0).round() / 10.0 + 0.0;
+        let steering = format!("Steering {degrees:+.1}\u{b0}");
         let pedal = |name: &str, value: f64| format!("{name} {value:.2}");
         harness.get_by_label(&steering);
         harness.get_by_label(&format!("{kmh} km/h"));

@@ -218,7 +218,7 @@ fn the_wheel_on_the_timeline_shows_a_part_of_the_run_and_a_button_the_whole_agai
     click_at(&mut harness, Pos2::new(rect.left() + 8.0, rect.top() + 17.0));
     let told = cues(&harness);
     let [PlaybackCommand::Seek(first_s)] = told[..] else { panic!("{told:?}") };
-    let zoomed_s = 20.0 - 20.0 * 0.8_f64.powi(6);
+    let zoomed_s = 20.0 - 20.0 * city3d::geom::trig::powi(0.8, 6);
     // The playhead at 12.3 s is outside: the part that is shown turned over to it.
     assert!((first_s - zoomed_s).abs() > 1.0 && (9.0..=12.31).contains(&first_s), "{first_s}, {zoomed_s}");
     harness.state_mut().actions.clear();

@@ -2,11 +2,12 @@
 
 #![allow(dead_code, reason = "each test uses its own part")]
 
+use city3d::geom::trig;
 use city3d::render::{AdapterPreference, Context};
 use city3d::snapshot::{
     Appearance, BodyType, Dimensions, FrameSnapshot, VehicleId, VehicleInfo, VehicleState,
 };
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DQuat, DVec2};
 use std::sync::Arc;
 
 /// The software adapter; without one a test is skipped loudly, and fails in CI.
@@ -35,7 +36,7 @@ pub fn car(id: u32, at: DVec2, yaw_rad: f64, colour: [u8; 3]) -> (VehicleState, 
     let state = VehicleState {
         id: VehicleId(id),
         position: at.extend(0.0),
-        orientation: DQuat::from_axis_angle(DVec3::Z, yaw_rad),
+        orientation: DQuat::from_xyzw(0.0, 0.0, trig::sin(yaw_rad / 2.0), trig::cos(yaw_rad / 2.0)),
         ..VehicleState::default()
     };
     let info = VehicleInfo {

@@ -54,7 +54,7 @@ fn steps(from: &str, to: &str, step: &str) -> Result<Vec<Value>, String> {
         return Err(format!("more than {MAX_RUNS} values"));
     }
     // Rounding makes 0.1 + 0.2 equal 0.3.
-    let value = |k: usize| (from + k as f64 * step).mul_add(1e9, 0.0).round() / 1e9;
+    let value = |k: usize| ((from + k as f64 * step) * 1e9).round() / 1e9;
     Ok((0..=count as usize).map(|k| Value::Float(value(k))).collect())
 }
 

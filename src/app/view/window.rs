@@ -332,7 +332,7 @@ impl OpenWindow {
             WindowRequest::Look | WindowRequest::Scenario(_) => self.load(request),
             WindowRequest::Screenshot => self.wants_shot = true,
             WindowRequest::KeepDevices if self.remembers => {
-                save_profiles(self.viewer.state.devices.profiles())
+                save_profiles(self.viewer.state.devices.profiles());
             }
             WindowRequest::KeepDevices | WindowRequest::Quit => {}
         }

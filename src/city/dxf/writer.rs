@@ -65,7 +65,7 @@ impl Drawing {
             match &entity.shape {
                 EntityShape::Line { from, to } => [from, to].into_iter().for_each(|&p| add(p, 0.0)),
                 EntityShape::Arc { centre, radius, .. } | EntityShape::Circle { centre, radius } => {
-                    add(*centre, *radius)
+                    add(*centre, *radius);
                 }
                 EntityShape::Polyline { vertices, .. } => vertices.iter().for_each(|v| add(v.at, 0.0)),
                 EntityShape::Text { at, .. } => add(*at, 0.0),

@@ -1,6 +1,6 @@
 //! Junctions: turns between the roads, straight connectors, stop and yield lines.
 
-use super::network::{BEND_SPEED, LANE_WIDTH, LINE_SETBACK, Line, OmittedTurn, RoadNetwork};
+use super::network::{BEND_SPEED, DraftControlLine, LANE_WIDTH, LINE_SETBACK, OmittedTurn, RoadNetwork};
 use super::path::{Fit, TurnDirection, fit};
 use super::roads::SPACING;
 use crate::city::ControlLineKind;
@@ -362,7 +362,7 @@ fn add_yielding(net: &mut RoadNetwork) {
         at
     });
     let along = (at[1] - at[0]).normalize_or(DVec2::X) * (LANE_WIDTH / 2.0);
-    net.lines.push(Line { kind: ControlLineKind::Yield, ends: [at[1] + along, at[0] - along] });
+    net.lines.push(DraftControlLine { kind: ControlLineKind::Yield, ends: [at[1] + along, at[0] - along] });
     for (track, others, name) in YIELDING {
         net.yield_before(track, others, YIELD_CLEARANCE, name);
     }

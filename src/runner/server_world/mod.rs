@@ -176,7 +176,7 @@ impl ServerWorld {
 
     fn has_timed_out(&self, sender: SenderNumber, now_s: f64) -> bool {
         let silence_s = self.experiment().link_timeout_s.max(MIN_HEARTBEAT_TIMEOUT_S);
-        self.known.get(&sender).is_none_or(|known| now_s - known.heard_s > silence_s)
+        self.known.get(&sender).is_none_or(|known| now_s - known.last_heard_s > silence_s)
     }
 
     /// Whether a sender leads the experiment; makes it the leader when there is none.
@@ -211,7 +211,7 @@ impl ServerWorld {
     }
 
     fn push(&mut self, pending: PendingCommand) {
-        if self.pending.len() < MOST_PENDING {
+        if self.pending.len() < MAX_PENDING {
             self.pending.push(pending);
         } else {
             self.dropped.push(DropReason::Full);
@@ -350,7 +350,7 @@ impl ServerWorld {
 
     /// Setups of the present vehicles, in the order of their arrival; a reset keeps them.
     pub fn spawned(&self) -> &[AppliedBody] {
-        &self.brought
+        &self.spawned
     }
 
     /// Reasons of the drops since the last call.

@@ -118,7 +118,7 @@ impl ServerWorld {
         if let Some((id, _)) = self.vehicles.iter().find(|(_, owned)| owned.setup.name == setup.name) {
             return Err(format!("the name \"{}\" belongs to vehicle {id}; choose another", setup.name));
         }
-        if self.vehicles.len() >= MOST_VEHICLES {
+        if self.vehicles.len() >= MAX_VEHICLES {
             return Err(format!("there are {MAX_VEHICLES} vehicles already, and no room for more"));
         }
         let spec = self.spec_of(&setup)?;
