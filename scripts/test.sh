@@ -17,6 +17,7 @@ set_up_tests
 step cargo fmt --check
 step cargo clippy --locked --all-targets -- -D warnings
 step cargo clippy --locked --all-targets --no-default-features -- -D warnings
+step cargo clippy --locked --no-default-features --features render -- -D warnings
 step env RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
 if cargo nextest --version >/dev/null 2>&1; then
     step cargo nextest run --locked --no-fail-fast

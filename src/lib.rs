@@ -1,6 +1,6 @@
 //! City3D: the digital twin of a 1:25 scaled smart city for connected and automated vehicles.
 //!
-//! `ARCHITECTURE.md` says which module does what and which may use which.
+//! `ARCHITECTURE.md` describes the modules; `tests/architecture/modules.md` states which may use which.
 
 pub mod app;
 pub mod camera;

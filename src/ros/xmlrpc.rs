@@ -254,7 +254,7 @@ mod tests {
         let text = b"<?xml version='1.0'?>\r\n<methodResponse>\n <params><param>\n<value><array><data>\n<value><i4> 1 \
             </i4></value><value>bare &#65;&amp;</value><value><string/></value><value><nothing/></value>\
             </data></array></value></param></params></methodResponse>";
-        assert_eq!(read_answer(text), Err("<nothing> is not read".to_owned()));
+        assert_eq!(read_answer(text), Err("<nothing> is not supported".to_owned()));
         let text = String::from_utf8_lossy(text).replace("<value><nothing/></value>", "");
         let list = vec![XmlRpcValue::Int(1), XmlRpcValue::from("bare A&"), XmlRpcValue::from("")];
         assert_eq!(read_answer(text.as_bytes()), Ok(XmlRpcValue::List(list)));

@@ -1,6 +1,6 @@
 //! Wire format of the laboratory's link, in laboratory metres, and its conversion to and from the full-scale city.
 //!
-//! [`LengthScale`] is applied here and nowhere else. [`Body::encode`] and [`Body::decode`] implement the datagrams of
+//! [`LengthScale`] is applied here for poses and messages. [`Body::encode`] and [`Body::decode`] implement the datagrams of
 //! `docs/wire.md`; sockets are in `link`.
 
 mod body;
