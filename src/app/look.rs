@@ -92,6 +92,7 @@ pub(super) fn open(
 ///
 /// # Errors
 /// Where the adapter does not take the scene.
+#[cfg(feature = "window")]
 pub(super) fn renderer(
     context: &Context,
     experiment: &Experiment,

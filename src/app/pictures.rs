@@ -6,6 +6,7 @@ use super::look::{self, LookArgs, in_batches};
 use crate::camera::{Camera, Lens, Mount, View};
 use crate::render::{Image, Renderer};
 use crate::scenario::Experiment;
+#[cfg(feature = "ros")]
 use crate::sensor::{CameraSensor, SensorKind};
 use crate::snapshot::{FrameSnapshot, VehicleId};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -19,11 +20,14 @@ use thread_priority::{
 };
 
 /// Default camera where the scenario has none: pictures per second behind each windscreen.
+#[cfg(feature = "ros")]
 const USUAL_HZ: f64 = 10.0;
+#[cfg(feature = "ros")]
 const USUAL_NAME: &str = "windscreen";
 
 /// A camera on a vehicle.
 #[derive(Clone, Debug)]
+#[cfg_attr(not(feature = "ros"), allow(dead_code, reason = "names are those of ROS topics"))]
 pub(super) struct CarriedCamera {
     pub(super) vehicle: VehicleId,
     /// Name of the vehicle.
@@ -36,6 +40,7 @@ pub(super) struct CarriedCamera {
 }
 
 /// The cameras that a scenario gives its vehicles, or one behind each windscreen where it gives none.
+#[cfg(feature = "ros")]
 pub(super) fn carried_cameras(experiment: &Experiment, extent: Option<[u32; 2]>) -> Vec<CarriedCamera> {
     let sized = |lens: Lens| Lens { extent: extent.unwrap_or(lens.extent), ..lens };
     let mut cameras: Vec<CarriedCamera> = Vec::new();
@@ -67,6 +72,7 @@ pub(super) fn carried_cameras(experiment: &Experiment, extent: Option<[u32; 2]>)
 
 /// A finished picture.
 #[derive(Debug)]
+#[cfg_attr(not(feature = "ros"), allow(dead_code, reason = "only ROS publishes where it was taken"))]
 pub(super) struct TakenPicture {
     /// Index of the camera.
     pub(super) camera: usize,

@@ -5,10 +5,8 @@ use super::instruments::{Instruments, TimingMark};
 #[cfg(all(feature = "render", feature = "ros"))]
 use super::look::LookArgs;
 use super::loss_reporter::LossReporter;
-#[cfg(feature = "render")]
-use super::pictures::PictureThread;
 #[cfg(all(feature = "render", feature = "ros"))]
-use super::pictures::carried_cameras;
+use super::pictures::{PictureThread, carried_cameras};
 #[cfg(all(feature = "render", feature = "ros"))]
 use super::ros::publish_pictures;
 #[cfg(feature = "ros")]

@@ -149,7 +149,7 @@ impl NodeThread {
         Ok(Self { status, ended })
     }
 
-    /// Waits for the end of the thread, at most a little longer than [`SHUTDOWN_TIMEOUT`].
+    /// Waits for the end of the thread, for little more than two seconds at most.
     pub fn join(&self) {
         // The channel carries no message; it disconnects.
         let _ = self.ended.recv_timeout(SHUTDOWN_TIMEOUT + ACCEPT_RETRY_DELAY);
