@@ -92,6 +92,7 @@ struct Leaves {
 // Sizes of a pixel in metres between which leaves at the outline fade to a solid crown.
 const LEAVES_FADE: vec2<f32> = vec2<f32>(0.025, 0.055);
 
+// Alpha to coverage: the mask of samples that a leaf covers.
 @fragment
 fn crown_fragment(in: Fragment) -> Leaves {
     let texel = textureSampleBias(surfaces, surface_sampler, in.uv, LEAVES, -0.5);

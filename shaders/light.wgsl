@@ -26,7 +26,7 @@ fn lamplight(world: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     return (street * height + beams * low) * (frame.zenith.w * (0.62 + 0.38 * normal.z));
 }
 
-// Shadow map lookup: 1 in sunlight, 0 in shadow.
+// Shadow map lookup with PCF: 1 in sunlight, 0 in shadow.
 fn sun_visibility(world: vec3<f32>, normal: vec3<f32>) -> f32 {
     // Normal offset against shadow acne: as far as the taps reach on a surface at a grazing angle to the sun.
     let facing = clamp(dot(normal, frame.to_sun.xyz), 0.0, 1.0);

@@ -1,5 +1,8 @@
 //! City3D: the digital twin of a 1:25 scaled smart city for connected and automated vehicles.
 //!
+//! *The paper*, in all modules: *A Digital Smart City for Emerging Mobility Systems* (Zayas, Beaver, Chalaki, Bang,
+//! Malikopoulos).
+//!
 //! `ARCHITECTURE.md` describes the modules; `tests/architecture/modules.md` states which may use which.
 
 pub mod app;

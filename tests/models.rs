@@ -4,7 +4,7 @@
 
 use city3d::city::dxf::EntityShape;
 use city3d::city::generate;
-use city3d::model::{MeshPrimitive, Model, SHIPPED, glb, is_stand_in};
+use city3d::model::{MeshPrimitive, Model, SHIPPED, glb, is_distant_lod};
 use glam::{DVec2, Vec3};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -46,7 +46,7 @@ fn every_shipped_model_can_be_read_and_is_of_its_measures() {
     for (name, bytes) in SHIPPED {
         let model = glb::read(bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
         if model.node("body").is_some() {
-            let [low, high] = model.bounds(|node| !is_stand_in(node)).unwrap();
+            let [low, high] = model.bounds(|node| !is_distant_lod(node)).unwrap();
             let size = high - low;
             assert!(
                 (size.x - 5.0).abs() < 0.03 && (size.y - 2.5).abs() < 0.03 && low.z.abs() < 0.01,

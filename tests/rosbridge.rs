@@ -97,9 +97,9 @@ fn subjects() -> Arc<Vec<Subject>> {
 /// A client that publishes, or listens to others.
 fn client(server: &Server, keepalive: Keepalive, heard: Vec<Subject>) -> Vicon {
     let options = BridgeOptions { uri: server.uri().parse().unwrap(), keepalive };
-    let carrier = RosTransport::Bridge(options);
+    let transport = RosTransport::Bridge(options);
     let vicon =
-        Vicon::start(ViconOptions { carrier, has_clock: false, subscribed: heard, cameras: Vec::new() })
+        Vicon::start(ViconOptions { transport, has_clock: false, subscribed: heard, cameras: Vec::new() })
             .unwrap();
     let begun = Instant::now();
     while !vicon.counters().is_registered {

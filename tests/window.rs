@@ -139,17 +139,17 @@ impl<'a> Program<'a> {
 
     /// The tick that is shown: a screenshot is named after it.
     fn tick(&self) -> u64 {
-        let (name, _) = self.shoot();
+        let (name, _) = self.render_offscreen();
         let number = |text: &str| text.strip_prefix("city3d-")?.parse().ok();
         number(&name).unwrap_or_else(|| panic!("a screenshot is called {name}"))
     }
 
     fn screenshot(&self) -> image::RgbImage {
-        self.shoot().1
+        self.render_offscreen().1
     }
 
     /// Takes a screenshot with F12: the stem of its name, and what it shows.
-    fn shoot(&self) -> (String, image::RgbImage) {
+    fn render_offscreen(&self) -> (String, image::RgbImage) {
         let pictures = || -> BTreeSet<PathBuf> {
             let files = std::fs::read_dir(&self.folder).unwrap().map(|entry| entry.unwrap().path());
             files.filter(|path| path.extension().is_some_and(|e| e == "png")).collect()

@@ -30,14 +30,14 @@ pub struct CheckArgs {
     out: Option<PathBuf>,
 }
 
-/// What a file that can be used holds.
-struct Good {
+/// Result for a valid file: its report and its map.
+struct ValidFile {
     text: String,
     map: Arc<LabMap>,
 }
 
 /// What was found in one file, or what is wrong.
-type Finding = Result<Good, String>;
+type Finding = Result<ValidFile, String>;
 
 /// A lane as it is listed, laboratory metres.
 #[derive(Serialize)]
@@ -153,7 +153,7 @@ fn check_map(file: &str) -> Finding {
     for note in &loaded.notes {
         text.push_str(&format!("\n{file}: note: {note}"));
     }
-    Ok(Good { text, map: Arc::new(loaded.map) })
+    Ok(ValidFile { text, map: Arc::new(loaded.map) })
 }
 
 fn check_scenario(file: &str) -> Finding {
@@ -173,5 +173,5 @@ fn check_scenario(file: &str) -> Finding {
             moved.vehicle, moved.behind, moved.by_m
         ));
     }
-    Ok(Good { text, map: Arc::clone(&experiment.lab_map) })
+    Ok(ValidFile { text, map: Arc::clone(&experiment.lab_map) })
 }

@@ -1,5 +1,5 @@
 //! Onboard pictures of a served city, drawn on a separate thread. The simulation hands over the latest snapshot
-//! through a slot of size one and never waits: the slot drops the oldest job (back-pressure) and counts it.
+//! through a slot of size one and never waits: a newer job replaces the one that waits there, and is counted.
 
 use super::Failure;
 use super::look::{self, LookArgs, in_batches};

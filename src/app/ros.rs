@@ -31,11 +31,11 @@ use std::time::Duration;
 #[derive(Clone, Debug, Args)]
 pub struct RosArgs {
     /// Exchange poses over ROS 1 as VICON does [default master: ROS_MASTER_URI, or this machine]
-    #[arg(long, value_name = "MASTER_URI", num_args = 0..=1, require_equals = true, group = "carrier")]
+    #[arg(long, value_name = "MASTER_URI", num_args = 0..=1, require_equals = true, group = "transport")]
     ros: Option<Option<MasterUri>>,
     /// Exchange poses over rosbridge, for ROS 2 or across networks [default server: ws://127.0.0.1:9090]
     #[cfg(feature = "rosbridge")]
-    #[arg(long, value_name = "WS_URI", num_args = 0..=1, require_equals = true, group = "carrier")]
+    #[arg(long, value_name = "WS_URI", num_args = 0..=1, require_equals = true, group = "transport")]
     rosbridge: Option<Option<BridgeUri>>,
     /// Address that the ROS node listens on, 0.0.0.0 for all [default: ROS_HOSTNAME, ROS_IP or 127.0.0.1]
     #[arg(long, value_name = "IP", requires = "ros")]
@@ -84,7 +84,7 @@ impl RosArgs {
         subscribed: Vec<Subject>,
     ) -> Result<Option<ViconOptions>, Failure> {
         let transport = self.transport(name)?;
-        Ok(transport.map(|carrier| ViconOptions { carrier, has_clock, subscribed, cameras: Vec::new() }))
+        Ok(transport.map(|transport| ViconOptions { transport, has_clock, subscribed, cameras: Vec::new() }))
     }
 }
 

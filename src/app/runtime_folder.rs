@@ -1,4 +1,4 @@
-//! `XDG_RUNTIME_DIR` for commands that draw.
+//! Restarts the program with `XDG_RUNTIME_DIR` set, so that libwayland prints no error.
 //!
 //! Mesa's Vulkan layer for the choice of a device (`VK_LAYER_MESA_device_select`) looks for a Wayland display whenever
 //! an adapter is opened, and libwayland writes `error: XDG_RUNTIME_DIR is invalid or not set in the environment.` to

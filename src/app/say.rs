@@ -1,5 +1,5 @@
-//! What commands print. A reader that has had enough (`city3d run city --out out | head -3`) closes the
-//! pipe: the command goes on quietly, and its exit code still tells how it went.
+//! Standard output of commands. A closed pipe (`city3d run city --out out | head -3`) ends the output, not the
+//! command, whose exit code still tells how it went.
 
 use super::Failure;
 use std::fmt::Display;

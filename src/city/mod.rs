@@ -1,4 +1,5 @@
-//! The static world: lanes with their curves, junctions, signs and scenery.
+//! The road map (lane graph, conflict zones, control lines, scenery), its import from DXF, repair and generation,
+//! and its 3D scene.
 
 mod build;
 pub mod dxf;

@@ -1,4 +1,4 @@
-//! Stands: with states that are known, and with estimated ones.
+//! Tests of standstill detection, on exact motion and on motion estimated from noisy poses.
 
 use super::tests::Draws;
 use super::{

@@ -1,5 +1,6 @@
-//! Map matching with a hidden Markov model (Newson and Krumm 2009), decoded by the Viterbi algorithm: the lanes that a vehicle has followed, from its poses
-//! alone. It works alike for simulated, served, manual and recorded runs.
+//! Map matching: the lanes that a vehicle has followed, from its poses alone, for all kinds of runs.
+//!
+//! A hidden Markov model (Newson and Krumm 2009), decoded by the Viterbi algorithm.
 
 use crate::city::{CityMap, LaneId};
 use crate::geom::{Pose2, trig, wrap_angle};
@@ -180,6 +181,7 @@ fn nodes(map: &CityMap, bounds: &LaneBoxes, poses: &[Pose2]) -> Vec<TrellisNode>
     nodes
 }
 
+/// Emission cost of a pose on a lane; `None` where the lane is too far away or leads elsewhere.
 fn candidate(map: &CityMap, lane: LaneId, pose: &Pose2) -> Option<LaneCandidate> {
     let curve = &map.lane(lane).curve;
     let foot = curve.project(pose.position);
@@ -192,7 +194,7 @@ fn candidate(map: &CityMap, lane: LaneId, pose: &Pose2) -> Option<LaneCandidate>
     (turn < ALONG_RAD).then_some(LaneCandidate { lane, s: foot.s, cost, from: None })
 }
 
-/// Adds the best transition from the node before to each candidate.
+/// Adds the best transition from the node before, with its cost, to each candidate.
 fn connect(map: &CityMap, last: &TrellisNode, candidates: &mut [LaneCandidate], moved_m: f64) {
     let mut ways: Vec<(f64, Option<usize>)> = vec![(f64::INFINITY, None); candidates.len()];
     for (index, old) in last.candidates.iter().enumerate() {

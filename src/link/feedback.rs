@@ -26,7 +26,7 @@ const DROPPED_AFTER_S: f64 = 5.0;
 /// Growth of the uncertainty of a clock sample, seconds per second, compared with round-trip times.
 const DRIFT: f64 = 0.01;
 
-/// Time of the city's clock at an instant of this machine's clock.
+/// Sample of Cristian's algorithm: time of the city's clock at an instant of this machine's clock.
 #[derive(Clone, Copy, Debug)]
 struct ClockSample {
     clock: CityClock,
@@ -122,6 +122,7 @@ impl ViconFeedback {
         }
     }
 
+    /// Takes an answer of the city's clock (Cristian's algorithm).
     fn update_clock(&mut self, clock: CityClock) {
         self.answered = Some(Instant::now());
         let (token, Some((when, asked_s))) = self.asked else { return };

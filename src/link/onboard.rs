@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use tokio::sync::broadcast;
 
-/// Bounded queue to the thread of ROS: pictures that wait; back-pressure drops the oldest.
+/// Bounded queue to the thread of ROS: pictures that wait; the oldest are dropped (load shedding).
 const CAPACITY: usize = 32;
 
 /// Names of an onboard camera and of its vehicle.

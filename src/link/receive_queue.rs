@@ -1,8 +1,7 @@
 //! Bounded queue from the receive thread to the simulation.
 //!
 //! Trajectories do not wake a reader that sleeps until its next tick: it looks at them then, and a thread that woke for
-//! each of them would delay the next ones. A full queue refuses the newest datagram, which is the only back-pressure on
-//! UDP senders.
+//! each of them would delay the next ones. A full queue drops the newest datagram (load shedding).
 
 use super::senders::SenderId;
 use crate::wire::Body;

@@ -17,9 +17,9 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::broadcast::{self, Receiver};
 
-/// Bounded queue to the thread of ROS: instants that wait; back-pressure drops the oldest.
+/// Bounded queue to the thread of ROS: instants that wait; the oldest are dropped (load shedding).
 const FRAME_CAPACITY: usize = 64;
-/// Bounded queue of received poses; back-pressure drops the oldest.
+/// Bounded queue of received poses; the oldest are dropped (load shedding).
 const POSE_CAPACITY: usize = 4096;
 /// Norms of a quaternion that count as a rotation.
 const UNIT_NORM: std::ops::RangeInclusive<f64> = 0.9..=1.1;
@@ -46,7 +46,7 @@ pub enum RosTransport {
 /// Settings of a [`Vicon`].
 #[derive(Clone, Debug)]
 pub struct ViconOptions {
-    pub carrier: RosTransport,
+    pub transport: RosTransport,
     /// Publish simulated time on `/clock` and in the stamps, instead of wall-clock time.
     pub has_clock: bool,
     /// Subjects whose poses are subscribed.
@@ -127,7 +127,7 @@ impl Vicon {
     /// # Errors
     /// When the node cannot be started.
     pub fn start(options: ViconOptions) -> Result<Self, RosError> {
-        let ViconOptions { carrier, has_clock, subscribed, cameras } = options;
+        let ViconOptions { transport, has_clock, subscribed, cameras } = options;
         let (frames, coming) = broadcast::channel(FRAME_CAPACITY);
         let (counts, queue) = (Arc::new(PoseCounters::default()), Arc::new(PoseQueue::default()));
         let (pictures, topics) = pictures(cameras);
@@ -139,7 +139,7 @@ impl Vicon {
             queue: Arc::clone(&queue),
             counts: Arc::clone(&counts),
         };
-        let thread = match carrier {
+        let thread = match transport {
             RosTransport::Node(options) => run(options, move |node| work.run(node))?,
             #[cfg(feature = "rosbridge")]
             RosTransport::Bridge(options) => run_bridge(options, move |bridge| work.run(bridge))?,
@@ -349,7 +349,7 @@ mod tests {
         let master = "http://127.0.0.1:9".parse().unwrap();
         let node = NodeOptions { name: "/test".to_owned(), master, bind: Some("127.0.0.1".parse().unwrap()) };
         ViconOptions {
-            carrier: RosTransport::Node(node),
+            transport: RosTransport::Node(node),
             has_clock,
             subscribed: Vec::new(),
             cameras: Vec::new(),

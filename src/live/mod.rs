@@ -180,8 +180,8 @@ impl LiveRun {
         Ok(Self { sender, latest_state, thread: Some(thread) })
     }
 
-    /// Sends a command without blocking. `false` where the channel is full (back-pressure: the newest command is
-    /// refused) or the thread has ended.
+    /// Sends a command without blocking. `false` where the channel is full, and the command is refused, or the
+    /// thread has ended.
     pub fn send(&self, command: RunCommand) -> bool {
         match self.sender.try_send(command) {
             Ok(()) => true,

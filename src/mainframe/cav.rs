@@ -2,7 +2,7 @@
 
 use super::estimate::RouteEstimate;
 use super::off_route;
-use super::right_of_way::Passage;
+use super::right_of_way::RightOfWayState;
 use super::{Controller, Decision, DriverParams, LeaderState, OwnMotion, Route, SetupError, controller};
 use crate::city::{LabMap, LaneId};
 use crate::geom::Pose2;
@@ -80,7 +80,7 @@ pub struct Cav {
     pub driver: DriverParams,
     pub body: CavGeometry,
     pub route: Route,
-    pub passage: Passage,
+    pub passage: RightOfWayState,
     pub plan: PlanState,
     pub indicator: Indicator,
     /// Yielding at a section of its route, from when it was held until it may go.
@@ -133,7 +133,7 @@ impl Cav {
             driver: setup.driver,
             body: setup.body,
             route: Route::new(map, &setup.route, setup.body, &setup.driver),
-            passage: Passage::default(),
+            passage: RightOfWayState::default(),
             plan: PlanState::default(),
             indicator: Indicator::Off,
             yielding: Yielding::default(),
@@ -236,7 +236,7 @@ impl Cav {
     /// Starts on the first lane of its route.
     fn begin(&mut self, map: &LabMap, now_s: f64, seen: &Measurement, speed_mps: f64) {
         let first = RouteEstimate::first(map, (&self.route, self.body), now_s, seen, speed_mps);
-        self.passage = Passage::default();
+        self.passage = RightOfWayState::default();
         self.plan = PlanState { axle_s: first.axle_s, speed_mps: first.speed_mps, acceleration_mps2: 0.0 };
         self.axle_s = first.axle_s;
         self.estimate = Some(first);

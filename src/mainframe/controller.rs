@@ -38,6 +38,7 @@ pub fn controller(name: &str, params: DriverParams) -> Option<Box<dyn Controller
     }
 }
 
+/// IDM below Gipps' safe speed.
 #[derive(Debug)]
 struct Idm(DriverParams);
 

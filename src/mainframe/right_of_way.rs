@@ -74,16 +74,16 @@ const ZONE_MARGIN_M: f64 = 0.02;
 
 /// An admission to a section of a route.
 #[derive(Clone, Copy, Debug)]
-pub struct Admission {
+pub struct Reservation {
     pub section: usize,
     pub order: u64,
 }
 
 /// The right-of-way state of a vehicle.
 #[derive(Clone, Debug, Default)]
-pub struct Passage {
+pub struct RightOfWayState {
     /// Sections it was admitted to and has not left, in route order.
-    pub admissions: Vec<Admission>,
+    pub admissions: Vec<Reservation>,
     /// Index of the section to request next.
     pub next_section: usize,
     /// It was able to stop before that section.
@@ -100,7 +100,7 @@ pub struct Passage {
     pub(super) reroutes_from_s: f64,
 }
 
-impl Passage {
+impl RightOfWayState {
     /// How long admission has failed because of vehicles ahead.
     pub fn blocked_s(&self, now_s: f64) -> f64 {
         self.blocked_since_s.map_or(0.0, |since_s| now_s - since_s)
@@ -446,7 +446,7 @@ impl RightOfWay {
         self.loops.enter(cav);
         let section = cav.passage.next_section;
         cav.passage.was_before_line = false;
-        cav.passage.admissions.push(Admission { section, order });
+        cav.passage.admissions.push(Reservation { section, order });
         cav.passage.next_section += 1;
         cav.passage.standing_since_s = None;
         cav.passage.blocked_since_s = None;
@@ -527,7 +527,7 @@ impl RightOfWay {
 /// it. Vehicles that follow their plan start at once.
 fn revoke_stalled_admissions(now_s: f64, cav: &mut Cav) {
     let front_s = cav.front_s();
-    let is_ahead = |admission: &Admission| cav.route.sections[admission.section].from_s > front_s;
+    let is_ahead = |admission: &Reservation| cav.route.sections[admission.section].from_s > front_s;
     let stands = cav.speed_mps() < super::STANDS_MPS && cav.plan.acceleration_mps2 > 0.0;
     let first = cav.passage.admissions.iter().position(is_ahead).filter(|_| stands);
     let Some(first) = first else {

@@ -37,12 +37,12 @@ const FAR_WHEEL: &str = "far_wheel";
 const FARTHER: &str = "farther_";
 
 /// Whether a node belongs to a distant level of detail.
-pub fn is_stand_in(node: &ModelNode) -> bool {
+pub fn is_distant_lod(node: &ModelNode) -> bool {
     node.name.starts_with(FAR) || node.name.starts_with(FARTHER)
 }
 
 fn is_body(node: &ModelNode) -> bool {
-    !node.name.starts_with(WHEEL) && !is_stand_in(node)
+    !node.name.starts_with(WHEEL) && !is_distant_lod(node)
 }
 
 /// A piecewise linear function, extrapolated beyond its knots.
@@ -78,7 +78,7 @@ impl PiecewiseLinear {
 /// Fits a model: the bounding box of its body and wheels becomes the vehicle's; wheels and axles move to
 /// those of the vehicle.
 pub fn fitted(model: &Model, measures: &Measures) -> FittedCar {
-    let Some([low, high]) = model.bounds(|node| !is_stand_in(node)) else {
+    let Some([low, high]) = model.bounds(|node| !is_distant_lod(node)) else {
         return FittedCar::default();
     };
     let wheels: Vec<&ModelNode> = model.nodes.iter().filter(|node| node.name.starts_with(WHEEL)).collect();

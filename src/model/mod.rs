@@ -11,7 +11,7 @@ pub mod glb;
 mod shipped;
 pub mod street;
 
-pub use fit::{FittedCar, Measures, fitted, is_stand_in};
+pub use fit::{FittedCar, Measures, fitted, is_distant_lod};
 pub use glb::ModelError;
 pub use shipped::{SHIPPED, made, shipped};
 

@@ -1,4 +1,4 @@
-//! Bytes of a message of each kind: what earlier versions have logged has to be read by later ones.
+//! Golden bytes of every message type of the log: the test of backward compatibility.
 
 use super::log::CommandKind;
 use super::schema::{NetworkCommand, encode_event, encode_network, encode_snapshot, encode_tick};

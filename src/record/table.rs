@@ -55,7 +55,7 @@ impl<W: Write> VehicleTable<W> {
             let row = &mut self.row;
             fixed(row, snapshot.time_s, 3);
             let (tick, id, name, status) = (snapshot.tick, v.id, &info.name, v.status.label());
-            let has_control = info.tells_control();
+            let has_control = info.has_control_data();
             // Writing to a string cannot fail.
             let _ = write!(row, ",{tick},{id},{name},{status}");
             for (number, decimals, is_known) in [

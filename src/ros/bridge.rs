@@ -27,7 +27,7 @@ use tokio_tungstenite::tungstenite::protocol::{CloseFrame, WebSocketConfig};
 use tokio_tungstenite::tungstenite::{Bytes, Message as Packet};
 use tokio_tungstenite::{WebSocketStream, client_async_with_config};
 
-/// Messages in the outbox; back-pressure drops the oldest.
+/// Messages in the outbox; the oldest are dropped (load shedding).
 const OUTBOX_CAPACITY: usize = 1024;
 /// Messages that are written before a flush.
 const BATCH_MESSAGES: usize = 64;

@@ -10,7 +10,7 @@ use tokio::net::TcpStream;
 use tokio::sync::Notify;
 use tokio::time::timeout;
 
-/// Messages in the queue of a subscriber; back-pressure drops the oldest.
+/// Messages in the queue of a subscriber; the oldest are dropped (load shedding).
 const OUTBOX_CAPACITY: usize = 64;
 /// Bytes of one write, except for longer messages.
 const BATCH_BYTES: usize = 32 << 10;

@@ -3,7 +3,7 @@
 use super::Library;
 use super::read_vehicles::BODIES;
 use crate::city::PlacedModel;
-use crate::model::{Model, glb, is_stand_in, street};
+use crate::model::{Model, glb, is_distant_lod, street};
 use crate::snapshot::BodyType;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -48,7 +48,7 @@ impl<'l> ModelReader<'l> {
             Some(index) => index,
             None => {
                 let model = self.load(name)?;
-                if model.node("wheel").is_none() && model.bounds(|node| !is_stand_in(node)).is_none() {
+                if model.node("wheel").is_none() && model.bounds(|node| !is_distant_lod(node)).is_none() {
                     return Err(format!(
                         "{name}: all its meshes are for a distance (far_, farther_); name the body's node \"body\""
                     ));

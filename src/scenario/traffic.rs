@@ -198,7 +198,7 @@ fn draw_routes(
         let here = routes[index][routes[index].len() - 1];
         let mut way = way_to_unused(map, rng, open, &is_covered, here);
         if way.is_empty() {
-            way = trip_by_lot(map, rng, open, &uses, here);
+            way = sample_trip(map, rng, open, &uses, here);
         }
         if way.is_empty() {
             // Networks have no dead ends, except a map of one lane.
@@ -229,7 +229,7 @@ fn expected_s(map: &LabMap, uses: &[u32], mean_uses: f64, lane: LaneId) -> f64 {
 }
 
 /// The cheapest route to a random lane, biased towards long routes: junctions are where vehicles wait.
-fn trip_by_lot(map: &LabMap, rng: &mut ChaCha8Rng, open: &[bool], uses: &[u32], from: LaneId) -> Vec<LaneId> {
+fn sample_trip(map: &LabMap, rng: &mut ChaCha8Rng, open: &[bool], uses: &[u32], from: LaneId) -> Vec<LaneId> {
     let is_goal = |lane: &&Lane| lane.kind == LaneKind::Lane && open[lane.id.index()] && lane.id != from;
     let weight = |lane: &Lane| lane.curve.length() * lane.curve.length();
     let total: f64 = map.lanes.iter().filter(is_goal).map(weight).sum();

@@ -124,7 +124,7 @@ const MEASURED: &str = "measured";
 
 impl VehicleInfo {
     /// Whether control data is known besides poses: pedals, steering, path.
-    pub fn tells_control(&self) -> bool {
+    pub fn has_control_data(&self) -> bool {
         !self.model.is_empty()
     }
 
@@ -144,7 +144,7 @@ impl VehicleInfo {
     }
 }
 
-/// One wheel: front left, front right, rear left, rear right.
+/// State of one wheel. Arrays of four: front left, front right, rear left, rear right.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct WheelState {
     /// Rolling angle about the axle, increasing forwards.

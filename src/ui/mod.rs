@@ -73,7 +73,7 @@ pub struct ViewModel<'a> {
     /// Pixel budget of the large view while it moves; above it the resolution is reduced.
     pub most_moving_pixels: Option<u32>,
     /// Pedals, steering and lateral errors are known; otherwise only poses are.
-    pub tells_control: bool,
+    pub has_control_data: bool,
     /// The playback, where a recorded run is shown.
     pub replay: Option<ReplayView<'a>>,
 }

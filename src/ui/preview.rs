@@ -215,7 +215,7 @@ fn show(
         }
         speed(ui, vehicle);
     });
-    pedals(ui, vehicle, shown.tells_control);
+    pedals(ui, vehicle, shown.has_control_data);
     plots(ui, shown, vehicle, layout);
     is_kept
 }
@@ -334,7 +334,7 @@ fn plots(ui: &mut Ui, shown: &ViewModel<'_>, vehicle: &VehicleState, layout: Pre
     let orange = Color32::from_rgb(235, 160, 80);
     let errors = |ui: &mut Ui| {
         let is_manual = vehicle.tracked_lateral_error_m().is_none();
-        if is_manual || !shown.tells_control {
+        if is_manual || !shown.has_control_data {
             let tip = if is_manual {
                 "A person drives: there is no path to follow"
             } else {

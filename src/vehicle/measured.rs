@@ -31,7 +31,7 @@ fn yaw_of(orientation: DQuat) -> f64 {
     trig::atan2(forward.y, forward.x)
 }
 
-/// A vehicle whose dynamics are measured.
+/// Dynamics model of a physical vehicle: its motion is estimated from measured poses.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Measured {
     /// Kinematic body for collisions with other vehicles.

@@ -1,4 +1,4 @@
-//! Maps the throttle to pedals (the paper, eq. 2-4).
+//! Splits the signed throttle u_d in [-1, 1] into gas, brake and handbrake (the paper, eq. 2-4).
 
 /// Gas, brake and handbrake for a throttle u_d in [-1, 1]: `h = 1 if u_d <= -0.5 else 0`, `b = max(0, -u_d)
 /// (1 - h)`, `g = max(0, u_d) (1 - h)`. NaN touches no pedal.

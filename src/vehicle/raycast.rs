@@ -169,7 +169,7 @@ impl RaycastCar {
 }
 
 impl ChassisStep<'_> {
-    /// Tyre force of one wheel without its load, and the speed along the wheel.
+    /// Force of one tyre (brush model, limited by the friction circle) without its load, and the speed along the wheel.
     ///
     /// Lateral and braking forces are implicit: those at the end of the step for the wheel's share of the
     /// mass. They are stable and unbiased down to standstill, and brakes never turn a wheel backwards.

@@ -216,7 +216,7 @@ impl Tracker {
         Tracking { actuation: self.actuation(throttle), lateral_error_m: -nearest.path_to_left_m, throttle }
     }
 
-    /// Detects overshoot: a vehicle that has passed its waypoint stops until the waypoint passes it (the
+    /// Detects overshoot, with hysteresis: a vehicle that has passed its waypoint stops until the waypoint passes it (the
     /// paper, section on speed control). The distance covered during a delay is no overshoot.
     fn note_overshoot(&mut self, reference: Option<Reference>, station: f64, along_mps: f64) {
         let Some(reference) = reference else {
@@ -236,7 +236,7 @@ impl Tracker {
         Actuation { gas, brake, handbrake, steering_rad: self.steering_rad, reverse: false }
     }
 
-    /// Throttle of the longitudinal control.
+    /// PID controller with feed-forward and anti-windup: the throttle that keeps the front axle at its reference.
     fn throttle(
         &mut self,
         spec: &VehicleSpec,

@@ -1,4 +1,4 @@
-//! Steering and wheels, shared by the dynamics models.
+//! Ackermann steering geometry, steering-rate limit and wheel rotation of all dynamics models.
 
 use super::{ModelKind, VehicleSpec, raycast};
 use crate::geom::trig;

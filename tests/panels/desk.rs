@@ -40,7 +40,7 @@ pub struct Desk {
     pub steering_geometry: BTreeMap<VehicleId, SteeringGeometry>,
     pub actions: Vec<UiAction>,
     pub recording: Option<Recording>,
-    pub tells_control: bool,
+    pub has_control_data: bool,
 }
 
 /// A recorded run that the panels are shown.
@@ -100,7 +100,7 @@ impl Desk {
             steering_geometry: ids().map(|id| (id, steering_geometry)).collect(),
             actions: Vec::new(),
             recording: None,
-            tells_control: true,
+            has_control_data: true,
             run_state: RunState {
                 before: Arc::clone(&now),
                 now,
@@ -142,7 +142,7 @@ impl Desk {
             footer: "an adapter",
             frames_per_s: 30.0,
             most_moving_pixels: Some(100_000),
-            tells_control: self.tells_control,
+            has_control_data: self.has_control_data,
             replay: self.recording.as_ref().map(|recording| ReplayView {
                 name: "straight",
                 head: recording.head,

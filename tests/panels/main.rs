@@ -220,7 +220,7 @@ fn who_left_the_road_is_told_why_it_stands() {
 #[test]
 fn of_poses_alone_no_pedals_are_told() {
     let mut desk = Desk::with(fleet(1));
-    desk.tells_control = false;
+    desk.has_control_data = false;
     desk.state.toggle_preview(VehicleId(1));
     let harness = harness(desk);
     for label in ["Steering -", "Gas -", "Brake -", "Handbrake -", "Lateral error, cm: -"] {

@@ -106,7 +106,7 @@ pub fn take(subject: &ViewSubject<'_>, file: &Path) -> Result<(), Failure> {
     let look = viewer.state.look;
     let mut painter =
         WindowPainter::new(context, viewer.experiment(), look, wgpu::TextureFormat::Rgba8Unorm)?;
-    let image = shoot(&mut viewer, &mut painter, args.size.unwrap_or(USUAL_SIZE))?;
+    let image = render_offscreen(&mut viewer, &mut painter, args.size.unwrap_or(USUAL_SIZE))?;
     write_png(file, &image).map_err(Failure::failed)?;
     super::super::say::say(file.display())
 }
@@ -188,7 +188,11 @@ fn find(viewer: &ViewerState, name: &str) -> Result<VehicleId, Failure> {
 }
 
 /// Draws the window into memory.
-fn shoot(viewer: &mut ViewerState, painter: &mut WindowPainter, extent: [u32; 2]) -> Result<Image, Failure> {
+fn render_offscreen(
+    viewer: &mut ViewerState,
+    painter: &mut WindowPainter,
+    extent: [u32; 2],
+) -> Result<Image, Failure> {
     let egui = super::window::egui_context();
     let texture = painter.memory(extent);
     let view = texture.create_view(&wgpu::TextureViewDescriptor::default());

@@ -123,7 +123,7 @@ struct ScenarioInfo {
     /// The vehicle that the scenario reserves for a person.
     own: Option<VehicleId>,
     /// Pedals, steering and lateral errors are known; otherwise only poses are.
-    tells_control: bool,
+    has_control_data: bool,
 }
 
 fn own_camera(sensor: &Sensor) -> ScenarioCamera {
@@ -146,7 +146,7 @@ impl ScenarioInfo {
                 .collect(),
             walls: SceneDescription::walls_of(&experiment.city_map),
             own: vehicles().find(|v| v.is_human).map(|v| v.id),
-            tells_control: true,
+            has_control_data: true,
         }
     }
 }
@@ -175,9 +175,9 @@ impl ViewerState {
         let experiment = Arc::clone(player.experiment());
         let (truncation, is_measured) = (player.info().truncation, player.origin() == LogOrigin::Recorded);
         let args = ScenarioArgs { scenario: log, ..ScenarioArgs::default() };
-        let tells_control = player.origin().has_world();
+        let has_control_data = player.origin().has_world();
         let mut viewer = Self::on(ViewedRun::Log(Box::new(player)), args, experiment, (look, recording));
-        viewer.scenario_info.tells_control = tells_control;
+        viewer.scenario_info.has_control_data = has_control_data;
         if is_measured {
             // The scenario's algorithm did not drive them.
             viewer.scenario_info.drivers.values_mut().for_each(|driver| "recorded".clone_into(driver));
@@ -344,7 +344,7 @@ impl ViewerState {
             footer: &self.footer,
             frames_per_s,
             most_moving_pixels: self.most_moving_pixels,
-            tells_control: self.scenario_info.tells_control,
+            has_control_data: self.scenario_info.has_control_data,
             replay,
         };
         ui::show(ui, &mut self.state, &shown)

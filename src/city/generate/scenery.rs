@@ -68,7 +68,7 @@ fn turned([x, y, heading_deg]: [f64; 3], size: [f64; 2]) -> Vec<DVec2> {
         .to_vec()
 }
 
-/// The occupied area so far, for placing trees and lamps.
+/// Drawing under construction, with the footprints that trees and lamps must avoid.
 struct Site<'a> {
     drawing: &'a mut Drawing,
     lanes: &'a [DraftLane],

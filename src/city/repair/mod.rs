@@ -61,7 +61,7 @@ pub fn repair_map(bytes: &[u8], tolerance_m: f64) -> Result<RepairedMap, MapErro
     let mut changes = Vec::new();
     let kinds: Vec<_> = entities
         .iter()
-        .map(|entity| lane_kind(&entity.layer).filter(|_| !is_speck(entity, metres, &mut changes)))
+        .map(|entity| lane_kind(&entity.layer).filter(|_| !is_degenerate(entity, metres, &mut changes)))
         .collect();
     let mut strokes = LaneStrokes::of(entities, &kinds, metres, tolerance_m);
     if strokes.all.len() > MAX_PIECES {
@@ -86,13 +86,13 @@ pub fn repair_map(bytes: &[u8], tolerance_m: f64) -> Result<RepairedMap, MapErro
     let mut edits = outcome.edits();
     outcome.report(&cuts, &mut changes);
     edits.extend(outcome.control_lines(&joints, &mut changes));
-    edits.extend(changes.iter().filter_map(RepairChange::deleted_speck));
+    edits.extend(changes.iter().filter_map(RepairChange::deleted_degenerate));
     changes.sort_by_key(|change| change.line);
     Ok(RepairedMap { dxf: dxf::edit(bytes, &edits), changes })
 }
 
 /// Whether a line or an arc is too short to be a lane; it is dropped.
-fn is_speck(entity: &Entity, metres: f64, changes: &mut Vec<RepairChange>) -> bool {
+fn is_degenerate(entity: &Entity, metres: f64, changes: &mut Vec<RepairChange>) -> bool {
     let Some((segments, _)) = segments_of(&entity.shape, metres) else { return false };
     let length_m: f64 = segments.iter().map(|segment| segment.length).sum();
     let speck = length_m < JOIN_TOLERANCE_M && !matches!(entity.shape, EntityShape::Polyline { .. });

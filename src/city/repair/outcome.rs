@@ -52,7 +52,7 @@ impl RepairChange {
         Self { line: entity.line, entity: entity.label(), action }
     }
 
-    pub(super) fn deleted_speck(&self) -> Option<EntityEdit> {
+    pub(super) fn deleted_degenerate(&self) -> Option<EntityEdit> {
         matches!(self.action, RepairAction::TooShort { .. })
             .then(|| EntityEdit { line: self.line, shapes: Vec::new() })
     }

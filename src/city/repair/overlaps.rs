@@ -21,7 +21,7 @@ pub(super) fn remove(strokes: &mut LaneStrokes, cuts: &mut Vec<Cut>) -> Joints {
     for _ in 0..4 * strokes.all.len() + 4 {
         let joints = joints::find(strokes);
         let finder = OverlapFinder { strokes, joints: &joints };
-        let twins = finder.twin_chains();
+        let twins = finder.duplicate_chains();
         let changes = if twins.is_empty() { finder.overhangs() } else { twins };
         if changes.is_empty() {
             return joints;
@@ -64,7 +64,7 @@ struct OverlapFinder<'a> {
 impl OverlapFinder<'_> {
     /// Duplicate chains: between the same joints, side by side all the way. The later one is dropped. No
     /// stroke takes part in two changes of one round.
-    fn twin_chains(&self) -> Vec<PlannedCut> {
+    fn duplicate_chains(&self) -> Vec<PlannedCut> {
         let mut touched = BTreeSet::new();
         let mut changes = Vec::new();
         for joint in &self.joints.all {

@@ -58,8 +58,8 @@ const HULL_LEAN: f32 = 0.22;
 const INSIDE: f32 = 0.42;
 
 impl Crown {
-    fn dice(&self, index: u32, salt: u32) -> f32 {
-        super::dice(self.seed.wrapping_mul(977).wrapping_add(index), salt)
+    fn hash_to_unit(&self, index: u32, salt: u32) -> f32 {
+        super::hash_to_unit(self.seed.wrapping_mul(977).wrapping_add(index), salt)
     }
 
     /// Centre and half size of the bounding box of all clumps.
@@ -101,11 +101,11 @@ impl Crown {
 
     fn clump(&self, mesh: &mut Mesh, index: usize, [around, rings]: [u32; 2]) {
         let clump = self.clumps[index];
-        let dice = |salt: u32| self.dice(index as u32, salt);
+        let hash_to_unit = |salt: u32| self.hash_to_unit(index as u32, salt);
         // A slim tilted clump would stretch its leaf texture.
-        let lean = 0.9 * dice(23) * clump.size.min_element() / clump.size.max_element();
-        let axis = Vec3::new(dice(21) - 0.5, dice(22) - 0.5, 0.0).normalize_or(Vec3::X);
-        let lean = Quat::from_axis_angle(axis, lean) * Quat::from_rotation_z(TAU * dice(24));
+        let lean = 0.9 * hash_to_unit(23) * clump.size.min_element() / clump.size.max_element();
+        let axis = Vec3::new(hash_to_unit(21) - 0.5, hash_to_unit(22) - 0.5, 0.0).normalize_or(Vec3::X);
+        let lean = Quat::from_axis_angle(axis, lean) * Quat::from_rotation_z(TAU * hash_to_unit(24));
         let base = mesh.vertices.len() as u32;
         for ring in 0..=rings {
             let (sin_up, cos_up) = (PI * (ring as f32 / rings as f32 - 0.5)).sin_cos();
@@ -115,7 +115,7 @@ impl Crown {
                 let out = lean * Vec3::new(cos * cos_up, sin * cos_up, sin_up);
                 // A pole is one point for all columns.
                 let column = if ring == 0 || ring == rings { 0 } else { turned };
-                let reach = 1.0 + ROUGH * (2.0 * dice(40 + ring * around + column) - 1.0);
+                let reach = 1.0 + ROUGH * (2.0 * hash_to_unit(40 + ring * around + column) - 1.0);
                 let uv = Vec2::new(
                     (k as f32 / around as f32) * (TAU * clump.size.x * REPEATS).round().max(1.0),
                     ring as f32 / rings as f32 * PI * clump.size.z * REPEATS,
@@ -147,12 +147,12 @@ impl Crown {
 
     /// A twig: a kite-shaped face that sticks out of a clump.
     fn spray(&self, mesh: &mut Mesh, number: u32) {
-        let dice = |salt: u32| self.dice(1000 + number, salt);
-        let index = (dice(1) * self.clumps.len() as f32) as usize % self.clumps.len().max(1);
+        let hash_to_unit = |salt: u32| self.hash_to_unit(1000 + number, salt);
+        let index = (hash_to_unit(1) * self.clumps.len() as f32) as usize % self.clumps.len().max(1);
         let Some(&clump) = self.clumps.get(index) else { return };
         let (middle, _) = self.bulk();
-        let turn = TAU * dice(2);
-        let up = 1.7 * dice(3) - 0.7;
+        let turn = TAU * hash_to_unit(2);
+        let up = 1.7 * hash_to_unit(3) - 0.7;
         let flat = (1.0 - up * up).max(0.0).sqrt();
         let away = (clump.centre - middle).normalize_or(Vec3::Z);
         let out = (Vec3::new(turn.cos() * flat, turn.sin() * flat, up) + 0.7 * away).normalize_or(Vec3::Z);
@@ -162,12 +162,12 @@ impl Crown {
             return;
         }
         let (side, over) = out.any_orthonormal_pair();
-        let (sin, cos) = (TAU * dice(4)).sin_cos();
+        let (sin, cos) = (TAU * hash_to_unit(4)).sin_cos();
         let along = side * cos + over * sin;
         let along = (along + 0.55 * out - 0.25 * Vec3::Z).normalize_or(Vec3::X);
         let across = out.cross(along).normalize_or(Vec3::X);
-        let length = (0.30 + 0.18 * dice(5)) * clump.size.min_element();
-        let half = length * (0.34 + 0.16 * dice(6));
+        let length = (0.30 + 0.18 * hash_to_unit(5)) * clump.size.min_element();
+        let half = length * (0.34 + 0.16 * hash_to_unit(6));
         let corners = [
             foot,
             foot + along * (0.55 * length) - across * half,
@@ -178,12 +178,12 @@ impl Crown {
         let order = if facing.dot(out) > 0.0 { [0, 1, 2, 3] } else { [0, 3, 2, 1] };
         let normal = (facing * facing.dot(out).signum()).normalize_or(out);
         let normal = (normal * 0.6 + out * 0.6).normalize_or(out);
-        let start = Vec2::new(dice(7), dice(8));
+        let start = Vec2::new(hash_to_unit(7), hash_to_unit(8));
         let uv = |k: usize| {
             let from = corners[k] - foot;
             start + Vec2::new(from.dot(across), from.dot(along)) * REPEATS
         };
-        let tone = clump.tone * (0.92 + 0.22 * dice(9));
+        let tone = clump.tone * (0.92 + 0.22 * hash_to_unit(9));
         let base = mesh.vertices.len() as u32;
         for k in order {
             mesh.vertex(self.leaf(corners[k], normal, uv(k), tone));
@@ -208,9 +208,11 @@ impl Crown {
                 let (reach, tone) = outermost.unwrap_or((0.0, 1.0));
                 // A hull shows clumps by brightness and tilted normals only.
                 let column = if ring == 0 || ring == rings { 0 } else { k % around };
-                let dice = |salt: u32| self.dice(300 + ring * around + column, salt) - 0.5;
-                let tone = HULL_TONE + HULL_CONTRAST * (tone - 1.0) + 0.2 * dice(31);
-                let lean = HULL_LEAN * around as f32 * Vec3::new(dice(32), dice(33), dice(34));
+                let hash_to_unit = |salt: u32| self.hash_to_unit(300 + ring * around + column, salt) - 0.5;
+                let tone = HULL_TONE + HULL_CONTRAST * (tone - 1.0) + 0.2 * hash_to_unit(31);
+                let lean = HULL_LEAN
+                    * around as f32
+                    * Vec3::new(hash_to_unit(32), hash_to_unit(33), hash_to_unit(34));
                 let normal = ((out / half).normalize_or(Vec3::Z) + lean).normalize_or(Vec3::Z);
                 let reach = reach.max(0.42 * (out * half).length());
                 let uv = Vec2::new(

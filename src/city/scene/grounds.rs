@@ -126,20 +126,30 @@ pub(super) fn pond_life(mesh: &mut Mesh, place: &SeededScenery<'_>) {
     let at = |k: u32, out: f32| {
         let (here, next) = (ring[(k % count) as usize].as_vec2(), ring[((k + 1) % count) as usize].as_vec2());
         let outward = -(next - here).perp().normalize_or(Vec2::X);
-        here.lerp(next, place.dice(900 + k)) + outward * out
+        here.lerp(next, place.hash_to_unit(900 + k)) + outward * out
     };
     for k in 0..count / 2 {
-        let dice = |salt: u32| place.dice(100 + 16 * k + salt);
-        let spot = (dice(1) * count as f32) as u32;
-        if dice(2) < 0.5 {
-            let size = 0.16 + 0.26 * dice(3);
-            stone(mesh, at(spot, -0.12 + 0.2 * dice(4)).extend(POND_M - 0.04), size, dice(5) * 6.0);
+        let hash_to_unit = |salt: u32| place.hash_to_unit(100 + 16 * k + salt);
+        let spot = (hash_to_unit(1) * count as f32) as u32;
+        if hash_to_unit(2) < 0.5 {
+            let size = 0.16 + 0.26 * hash_to_unit(3);
+            stone(
+                mesh,
+                at(spot, -0.12 + 0.2 * hash_to_unit(4)).extend(POND_M - 0.04),
+                size,
+                hash_to_unit(5) * 6.0,
+            );
         } else {
             for blade in 0..9 {
-                let dice = |salt: u32| place.dice(2000 + 160 * k + 8 * blade + salt);
-                let foot = at(spot, -0.45 + 0.35 * dice(1))
-                    + Vec2::from_angle(std::f32::consts::TAU * dice(2)) * (0.3 * dice(3));
-                reed(mesh, foot.extend(POND_M - 0.02), 0.5 + 0.6 * dice(4), std::f32::consts::TAU * dice(5));
+                let hash_to_unit = |salt: u32| place.hash_to_unit(2000 + 160 * k + 8 * blade + salt);
+                let foot = at(spot, -0.45 + 0.35 * hash_to_unit(1))
+                    + Vec2::from_angle(std::f32::consts::TAU * hash_to_unit(2)) * (0.3 * hash_to_unit(3));
+                reed(
+                    mesh,
+                    foot.extend(POND_M - 0.02),
+                    0.5 + 0.6 * hash_to_unit(4),
+                    std::f32::consts::TAU * hash_to_unit(5),
+                );
             }
         }
     }

@@ -40,24 +40,24 @@ const fn line_of(finish: Finish) -> Finish {
 pub(super) const LEVELS: [f32; 3] = [0.0, 0.03, 0.10];
 
 /// All road markings.
-pub(super) struct Paint {
+pub(super) struct RoadMarkings {
     /// Edge lines, closed.
     edges: Vec<Vec<DVec2>>,
     dashes: Vec<Vec<Pose2>>,
     /// Middle lines of double lines.
     doubles: Vec<Vec<Pose2>>,
     /// Stop lines, yield triangles, arrows.
-    figures: Figures,
+    figures: PaintedSymbols,
 }
 
-/// Painted symbols; for a distance, their bars become lines, since they are thinner than a pixel.
+/// Painted symbols at two levels of detail; in the distant one, bars are lines.
 #[derive(Default)]
-struct Figures {
+struct PaintedSymbols {
     near: Mesh,
     far: Mesh,
 }
 
-impl Figures {
+impl PaintedSymbols {
     fn polygon(&mut self, corners: &[DVec2]) {
         figure(&mut self.near, corners, FIGURES_M, WHITE);
         figure(&mut self.far, corners, FIGURES_M, WHITE);
@@ -71,9 +71,9 @@ impl Figures {
     }
 }
 
-impl Paint {
+impl RoadMarkings {
     pub(super) fn new(map: &CityMap, field: &RoadField, boxes: &LaneBoxIndex<'_>) -> Self {
-        let mut figures = Figures::default();
+        let mut figures = PaintedSymbols::default();
         let mut dashes = Vec::new();
         for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Lane) {
             add_dashes(&mut dashes, map, lane);
@@ -192,7 +192,7 @@ fn double_line(mesh: &mut Mesh, line: &[Pose2]) {
     ribbon(mesh, line, -DOUBLE_M / 2.0, LINE_M, [outer, inner], YELLOW);
 }
 
-fn stop_line(figures: &mut Figures, driving: Pose2, [a, b]: [DVec2; 2]) {
+fn stop_line(figures: &mut PaintedSymbols, driving: Pose2, [a, b]: [DVec2; 2]) {
     const WIDTH_M: f64 = 0.45;
     let back = driving.forward() * (-WIDTH_M / 2.0);
     let inset = (b - a).try_normalize().unwrap_or(DVec2::X) * 0.15;
@@ -200,7 +200,7 @@ fn stop_line(figures: &mut Figures, driving: Pose2, [a, b]: [DVec2; 2]) {
 }
 
 /// A row of yield triangles that point towards approaching traffic.
-fn yield_triangles(figures: &mut Figures, driving: Pose2, [a, b]: [DVec2; 2]) {
+fn yield_triangles(figures: &mut PaintedSymbols, driving: Pose2, [a, b]: [DVec2; 2]) {
     let (width, pitch, height) = (0.46, 0.66, 0.72);
     let across = b - a;
     let length = across.length();
@@ -232,7 +232,7 @@ pub(super) fn arrow_room(lane: &Lane) -> [f64; 2] {
 }
 
 /// Arrows before a junction where lanes turn.
-fn arrows(figures: &mut Figures, map: &CityMap, lane: &Lane) {
+fn arrows(figures: &mut PaintedSymbols, map: &CityMap, lane: &Lane) {
     let length = lane.curve.length();
     let turns: BTreeSet<ArrowDirection> = lane
         .successors

@@ -249,7 +249,7 @@ impl SceneDescription {
         objects.retain(|object: &SceneObject| !object.is_empty());
         let roads = |error_m: &f32| LodMesh { mesh: outlines.ground(*error_m, &drives), error_m: *error_m };
         let paint = || {
-            let paint = markings::Paint::new(map, &field, &lanes);
+            let paint = markings::RoadMarkings::new(map, &field, &lanes);
             markings::LEVELS
                 .par_iter()
                 .map(|&error_m| LodMesh { mesh: paint.mesh(error_m), error_m })
@@ -297,13 +297,13 @@ struct SeededScenery<'a> {
 
 impl SeededScenery<'_> {
     /// A hashed number in [0, 1) for each `salt`.
-    fn dice(&self, salt: u32) -> f32 {
-        dice(self.seed, salt)
+    fn hash_to_unit(&self, salt: u32) -> f32 {
+        hash_to_unit(self.seed, salt)
     }
 }
 
 /// A hashed number in [0, 1) for two integers.
-fn dice(seed: u32, salt: u32) -> f32 {
+fn hash_to_unit(seed: u32, salt: u32) -> f32 {
     hash::unit_f32(seed.wrapping_mul(0x9E37_79B1) ^ salt.wrapping_mul(0x85EB_CA77))
 }
 

@@ -88,17 +88,19 @@ pub(super) fn cars(map: &CityMap, drives: &[&Footprint]) -> Vec<SceneObject> {
         let Footprint::Polygon(ring) = &piece.shape else { continue };
         let bays = bays_of(&super::polygon::counter_clockwise(ring), drives);
         for (number, ParkingBay { middle, ahead }) in bays.into_iter().enumerate() {
-            let dice = |salt: u32| super::dice(index as u32 * 131 + number as u32, salt);
+            let hash_to_unit = |salt: u32| super::hash_to_unit(index as u32 * 131 + number as u32, salt);
             // The first bay is for wheelchairs.
-            if number == 0 || dice(1) > TAKEN {
+            if number == 0 || hash_to_unit(1) > TAKEN {
                 continue;
             }
-            let body = &bodies[USUAL[(dice(2) * USUAL.len() as f32) as usize % USUAL.len()]];
-            let colour = COLOURS[(dice(3) * COLOURS.len() as f32) as usize % COLOURS.len()];
+            let body = &bodies[USUAL[(hash_to_unit(2) * USUAL.len() as f32) as usize % USUAL.len()]];
+            let colour = COLOURS[(hash_to_unit(3) * COLOURS.len() as f32) as usize % COLOURS.len()];
             // Some have backed in.
             let (middle, into) = (middle.as_vec2(), ahead.as_vec2());
-            let ahead = into * if dice(4) < 0.3 { -1.0 } else { 1.0 };
-            let middle = middle + into * (0.3 * dice(5) - 0.3) + into.perp() * (0.24 * (dice(6) - 0.5));
+            let ahead = into * if hash_to_unit(4) < 0.3 { -1.0 } else { 1.0 };
+            let middle = middle
+                + into * (0.3 * hash_to_unit(5) - 0.3)
+                + into.perp() * (0.24 * (hash_to_unit(6) - 0.5));
             let turn = Mat3::from_cols(ahead.extend(0.0), ahead.perp().extend(0.0), Vec3::Z);
             let place = Affine3A::from_mat3_translation(turn, middle.extend(CAR_PARK_M));
             parked.push(body.placed(place, |finish| match finish.surface {

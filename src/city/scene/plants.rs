@@ -73,7 +73,8 @@ fn hedge_piece(mesh: &mut Mesh, [a, b]: [Vec2; 2], height: f32, seed: u32, is_ne
         let mut rim = Vec::new();
         for (k, &(out, up, openness)) in profile.iter().enumerate() {
             let salt = station * 16 + k as u32;
-            let jitter = if is_near && up > 0.0 { 0.09 * (super::dice(seed, salt) - 0.5) } else { 0.0 };
+            let jitter =
+                if is_near && up > 0.0 { 0.09 * (super::hash_to_unit(seed, salt) - 0.5) } else { 0.0 };
             let out_m = half * out + jitter * out.signum();
             let z = 0.05 + height * up + 0.6 * jitter * up;
             if let Some(&(before, low, _)) = k.checked_sub(1).and_then(|k| profile.get(k)) {
@@ -81,7 +82,7 @@ fn hedge_piece(mesh: &mut Mesh, [a, b]: [Vec2; 2], height: f32, seed: u32, is_ne
             }
             let position = (a + ahead * along + right * out_m).extend(z);
             let uv = Vec2::new(along, round) * HEDGE_REPEATS;
-            let finish = HEDGE.shaded(0.94 + 0.16 * super::dice(seed, 500 + station));
+            let finish = HEDGE.shaded(0.94 + 0.16 * super::hash_to_unit(seed, 500 + station));
             rim.push(Vertex { position, normal: Vec3::Z, uv, finish, openness });
         }
         rims.push(rim);

@@ -101,7 +101,7 @@ pub(super) fn bench(
     let front = -ahead.perp();
     let mut pieces = vec![furniture.place(FurnitureKind::Bench, at.extend(FOOT_M), front, 1.0)];
     let beside = [1.0_f32, -1.0].map(|side| at + ahead * (side * (length / 2.0 + 0.55)));
-    if place.dice(2) < 0.5
+    if place.hash_to_unit(2) < 0.5
         && let Some(&spot) = beside.iter().find(|&&spot| is_free(spot))
     {
         pieces.push(furniture.place(FurnitureKind::Bin, spot.extend(FOOT_M), front, 1.0));

@@ -97,20 +97,22 @@ impl TreePrototypes {
         let Footprint::Circle { centre, radius_m } = place.piece.shape else { return SceneObject::default() };
         let radius = radius_m as f32 * REACH;
         let shares = if (radius_m as f32) < STREET_M { IN_STREETS } else { IN_PARKS };
-        let mut drawn = place.dice(3);
+        let mut drawn = place.hash_to_unit(3);
         let kind = shares.iter().position(|share| {
             drawn -= share;
             drawn < 0.0
         });
         let kind = kind.unwrap_or(0);
-        let variant = (place.dice(8) * VARIANTS as f32) as usize % VARIANTS as usize;
-        let pick = |greens: &[[u8; 3]]| greens[(place.dice(1) * greens.len() as f32) as usize % greens.len()];
+        let variant = (place.hash_to_unit(8) * VARIANTS as f32) as usize % VARIANTS as usize;
+        let pick = |greens: &[[u8; 3]]| {
+            greens[(place.hash_to_unit(1) * greens.len() as f32) as usize % greens.len()]
+        };
         let green = match KINDS[kind] {
             TreeKind::Spruce => pick(&NEEDLE_GREENS),
-            TreeKind::Round | TreeKind::Wide if place.dice(6) > 0.95 => COPPER,
+            TreeKind::Round | TreeKind::Wide if place.hash_to_unit(6) > 0.95 => COPPER,
             _ => pick(&GREENS),
         };
-        let brightness = 0.94 + 0.12 * place.dice(7);
+        let brightness = 0.94 + 0.12 * place.hash_to_unit(7);
         let over = |finish: Finish| match finish.surface {
             Surface::Leaves | Surface::Needles => {
                 let colour = std::array::from_fn(|k| {
@@ -122,10 +124,10 @@ impl TreePrototypes {
             _ => finish,
         };
         // Not wider than its circle allows.
-        let scale = radius * (0.90 + 0.10 * place.dice(2));
+        let scale = radius * (0.90 + 0.10 * place.hash_to_unit(2));
         let here = Affine3A::from_scale_rotation_translation(
             Vec3::splat(scale),
-            Quat::from_rotation_z(TAU * place.dice(4)),
+            Quat::from_rotation_z(TAU * place.hash_to_unit(4)),
             centre.as_vec2().extend(0.06),
         );
         self.shapes[kind * VARIANTS as usize + variant].placed(here, over)
@@ -178,11 +180,11 @@ impl Tree {
             TreeKind::Upright => (5.6, 0.80, 0.10),
             TreeKind::Birch | TreeKind::Spruce => (4.8, 1.30, 0.075),
         };
-        Self { kind, seed, height: height * (0.94 + 0.14 * super::dice(seed, 61)), clear, girth }
+        Self { kind, seed, height: height * (0.94 + 0.14 * super::hash_to_unit(seed, 61)), clear, girth }
     }
 
-    fn dice(&self, salt: u32) -> f32 {
-        super::dice(self.seed, salt)
+    fn hash_to_unit(&self, salt: u32) -> f32 {
+        super::hash_to_unit(self.seed, salt)
     }
 
     fn bark(&self) -> Finish {
@@ -191,7 +193,7 @@ impl Tree {
 
     /// Offset of the trunk at its top.
     fn bend(&self) -> Vec3 {
-        let turn = TAU * self.dice(62);
+        let turn = TAU * self.hash_to_unit(62);
         Vec3::new(turn.cos(), turn.sin(), 0.0) * 0.10
     }
 
@@ -230,17 +232,17 @@ impl Tree {
         for (ring, &(up, out, count, [wide, tall])) in rings.iter().enumerate() {
             for k in 0..count {
                 let salt = 70 + 16 * ring as u32 + k;
-                let dice = |more: u32| self.dice(salt + 200 * more);
+                let hash_to_unit = |more: u32| self.hash_to_unit(salt + 200 * more);
                 let turn = TAU * (k as f32 / count as f32 + 0.37 * ring as f32)
-                    + 0.7 * (dice(1) - 0.5)
-                    + self.dice(63);
-                let size = 0.84 + 0.30 * dice(2);
-                let out = out * (0.88 + 0.22 * dice(3));
-                let z = self.clear + crown * (up + 0.10 * (dice(4) - 0.5));
+                    + 0.7 * (hash_to_unit(1) - 0.5)
+                    + self.hash_to_unit(63);
+                let size = 0.84 + 0.30 * hash_to_unit(2);
+                let out = out * (0.88 + 0.22 * hash_to_unit(3));
+                let z = self.clear + crown * (up + 0.10 * (hash_to_unit(4) - 0.5));
                 let centre = Vec3::new(turn.cos() * out, turn.sin() * out, z) + self.bend() * up;
                 let size = Vec3::new(wide, wide, tall) * size;
                 let centre = centre.with_z(centre.z.max(self.clear * 0.92 + size.z));
-                clumps.push(Clump { centre, size, tone: 0.86 + 0.26 * dice(5) });
+                clumps.push(Clump { centre, size, tone: 0.86 + 0.26 * hash_to_unit(5) });
             }
         }
         clumps
@@ -271,8 +273,8 @@ impl Tree {
 
 /// A spruce: tiers of hanging branches, each a star.
 fn spruce(mesh: &mut Mesh, seed: u32, detail: TreeDetail) {
-    let dice = |salt: u32| super::dice(seed, salt);
-    let height = 4.5 * (0.92 + 0.2 * dice(1));
+    let hash_to_unit = |salt: u32| super::hash_to_unit(seed, salt);
+    let height = 4.5 * (0.92 + 0.2 * hash_to_unit(1));
     let (sides, tiers, trunk) = match detail {
         TreeDetail::Clumps(..) => (12, 6, 5),
         TreeDetail::Hull([8, _], _) => (8, 4, 3),
@@ -284,7 +286,8 @@ fn spruce(mesh: &mut Mesh, seed: u32, detail: TreeDetail) {
     let first = 0.09 * height;
     for k in 0..tiers {
         let part = k as f32 / tiers as f32;
-        let (from, wide) = (first + (height - first) * part, (1.0 - part) * (0.95 + 0.1 * dice(10 + k)));
+        let (from, wide) =
+            (first + (height - first) * part, (1.0 - part) * (0.95 + 0.1 * hash_to_unit(10 + k)));
         // Tiers reach into those above them, the last to the tip.
         let next = first + (height - first) * (k + 1) as f32 / tiers as f32;
         let to = if k + 1 == tiers {
@@ -299,7 +302,7 @@ fn spruce(mesh: &mut Mesh, seed: u32, detail: TreeDetail) {
             mesh,
             Vec3::Z * from,
             [wide, to - from],
-            (TAU * dice(20 + k), sides, is_star),
+            (TAU * hash_to_unit(20 + k), sides, is_star),
             0.84 + 0.30 * part,
         );
     }

@@ -73,7 +73,7 @@ pub(super) fn wear(map: &CityMap, lanes: &LaneBoxIndex<'_>) -> Mesh {
     let steps = steps(map, lanes);
     for lane in worn(map) {
         tracks(&mut mesh, lane, TRACKS_M + STEP_M * steps[lane.id.index()] as f32);
-        let spot = |salt: u32| super::dice(lane.id.0, salt);
+        let spot = |salt: u32| super::hash_to_unit(lane.id.0, salt);
         let length = lane.curve.length();
         let mut at = 4.0 + 22.0 * f64::from(spot(1));
         let mut count = 2;
@@ -100,7 +100,7 @@ pub(super) fn wear(map: &CityMap, lanes: &LaneBoxIndex<'_>) -> Mesh {
 /// A ribbon as wide as the lane.
 fn tracks(mesh: &mut Mesh, lane: &Lane, z: f32) {
     let half = lane.width_m / 2.0 + LAP_M;
-    let start = f64::from(super::dice(lane.id.0, 77)) * 8.0;
+    let start = f64::from(super::hash_to_unit(lane.id.0, 77)) * 8.0;
     for ends in poses(lane).windows(2) {
         let [(last, from), (pose, s)] = [ends[0], ends[1]];
         let corners = [

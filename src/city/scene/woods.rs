@@ -53,8 +53,8 @@ const TOPS_FALL_M: f32 = 0.5;
 /// Position and height of a tree line at a point.
 fn place(ground: [Vec2; 2], number: u32, k: u32) -> (Vec2, f32) {
     let row = &ROWS[number as usize];
-    let wander = WANDER_M * (super::dice(k % POINTS, 31 + number) - 0.5);
-    let tall = row.tall_m * (0.72 + 0.45 * super::dice(k % POINTS, 37 + number));
+    let wander = WANDER_M * (super::hash_to_unit(k % POINTS, 31 + number) - 0.5);
+    let tall = row.tall_m * (0.72 + 0.45 * super::hash_to_unit(k % POINTS, 37 + number));
     (around(ground, k, row.away_m + wander), tall)
 }
 
@@ -121,17 +121,17 @@ impl RowEdge {
 /// Draws the crowns of a segment; `along` is the arc length around the line before it; returns the one after
 /// it.
 fn crowns(mesh: &mut Mesh, (row, number): (&TreeRow, u32), k: u32, [a, b]: [RowEdge; 2], along: f32) -> f32 {
-    let dice = |salt: u32| super::dice(k, salt + number);
+    let hash_to_unit = |salt: u32| super::hash_to_unit(k, salt + number);
     let then = along + a.at.distance(b.at) / METRES_PER_REPEAT;
     // Points run counter-clockwise. Crowns also take light from above when seen against the sun.
     let inward = (b.at - a.at).perp().extend(0.0).normalize_or(Vec3::X);
     for crown in 0..row.crowns {
         let salt = 50 + 8 * crown;
         let [from, to] = [crown, crown + 1].map(|c| c as f32 / row.crowns as f32);
-        let lean = 0.16 * (dice(salt) - 0.5);
-        let normal = (inward + Vec3::Z * (0.7 + 0.8 * dice(salt + 4))).normalize_or(Vec3::Z);
-        let finish = WOODS.shaded(row.tone * (0.82 + 0.32 * dice(salt + 2)));
-        let rise = (1.0 + 1.6 * dice(salt + 6)) * 3.0 / row.crowns as f32;
+        let lean = 0.16 * (hash_to_unit(salt) - 0.5);
+        let normal = (inward + Vec3::Z * (0.7 + 0.8 * hash_to_unit(salt + 4))).normalize_or(Vec3::Z);
+        let finish = WOODS.shaded(row.tone * (0.82 + 0.32 * hash_to_unit(salt + 2)));
+        let rise = (1.0 + 1.6 * hash_to_unit(salt + 6)) * 3.0 / row.crowns as f32;
         let base = mesh.vertices.len() as u32;
         // Dark at the ground.
         let foot_of = |edge: RowEdge| (60.0 + 130.0 * edge.foot_m / edge.high_m) as u8;
@@ -171,7 +171,7 @@ fn tops(mesh: &mut Mesh, city: [Vec2; 2], number: u32, k: u32) {
                 lines.push((behind.extend(high - TOPS_FALL_M), 110));
             }
             None => {
-                let bump = 2.5 * (super::dice(k % POINTS, 43) - 0.3);
+                let bump = 2.5 * (super::hash_to_unit(k % POINTS, 43) - 0.3);
                 let beyond = |away_m: f32| around(city, k, row.away_m + away_m);
                 lines.push((beyond(0.5 * BEYOND_M).extend(high + bump), 235));
                 lines.push((beyond(BEYOND_M).extend(0.85 * high), 220));
@@ -181,8 +181,9 @@ fn tops(mesh: &mut Mesh, city: [Vec2; 2], number: u32, k: u32) {
         lines
     };
     // The canopy is in the light, the sides of crowns in shade.
-    let tone =
-        |k: u32, step: usize| row.tone * (1.2 + 0.4 * super::dice(k % POINTS, 61 + 4 * number + step as u32));
+    let tone = |k: u32, step: usize| {
+        row.tone * (1.2 + 0.4 * super::hash_to_unit(k % POINTS, 61 + 4 * number + step as u32))
+    };
     let (here, there) = (lines(k), lines(k + 1));
     for step in 0..here.len() - 1 {
         let corners =

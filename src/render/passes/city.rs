@@ -116,7 +116,7 @@ impl CityPass {
                     buffers: &[Some(gpu_data::LAYOUT)],
                     constants: &constants,
                     topology: wgpu::PrimitiveTopology::TriangleList,
-                    cull: true,
+                    cull_back_faces: true,
                     blend: None,
                     write_depth: true,
                 },

@@ -27,7 +27,7 @@ impl ContactPass {
                 buffers: &[Some(vehicle::gpu_data::LAYOUT)],
                 constants: &[],
                 topology: wgpu::PrimitiveTopology::TriangleStrip,
-                cull: false,
+                cull_back_faces: false,
                 // Alpha of the HDR target is the ambient share of the radiance, which a patch does not change.
                 blend: Some(wgpu::BlendState {
                     alpha: wgpu::BlendComponent {

@@ -81,7 +81,7 @@ impl GlowPass {
                 buffers: &[Some(gpu_data::LAYOUT)],
                 constants: &[],
                 topology: wgpu::PrimitiveTopology::TriangleStrip,
-                cull: false,
+                cull_back_faces: false,
                 blend: Some(wgpu::BlendState { color: add(dst_factor), alpha: keep }),
                 write_depth: false,
             },

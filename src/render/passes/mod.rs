@@ -1,4 +1,4 @@
-//! Render passes: one file each, with the shader of the same name in `shaders/`.
+//! Render passes, the bind groups that they share, and the full-screen pass; shaders are in `shaders/`.
 
 pub(super) mod city;
 pub(super) mod common;
@@ -109,7 +109,7 @@ pub(super) struct ScenePipelineState<'a> {
     pub(super) buffers: &'a [Option<wgpu::VertexBufferLayout<'a>>],
     pub(super) constants: &'a [(&'a str, f64)],
     pub(super) topology: wgpu::PrimitiveTopology,
-    pub(super) cull: bool,
+    pub(super) cull_back_faces: bool,
     pub(super) blend: Option<wgpu::BlendState>,
     pub(super) write_depth: bool,
 }
@@ -138,7 +138,7 @@ pub(super) fn scene_pipeline(
         },
         primitive: wgpu::PrimitiveState {
             topology: state.topology,
-            cull_mode: state.cull.then_some(wgpu::Face::Back),
+            cull_mode: state.cull_back_faces.then_some(wgpu::Face::Back),
             ..Default::default()
         },
         depth_stencil: Some(wgpu::DepthStencilState {

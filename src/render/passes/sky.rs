@@ -91,7 +91,7 @@ impl SkyPass {
             buffers: &[Some(gpu_data::LAYOUT)],
             constants: &[],
             topology: wgpu::PrimitiveTopology::TriangleList,
-            cull: false,
+            cull_back_faces: false,
             blend: None,
             write_depth: false,
         };

@@ -59,7 +59,7 @@ impl VehiclePass {
                 buffers: &[Some(city::gpu_data::LAYOUT), Some(gpu_data::LAYOUT)],
                 constants,
                 topology: wgpu::PrimitiveTopology::TriangleList,
-                cull: true,
+                cull_back_faces: true,
                 blend: None,
                 write_depth: true,
             },

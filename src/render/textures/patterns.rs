@@ -262,12 +262,12 @@ fn flowers(at: [f32; 2]) -> Texel {
     let (squared, (x, y)) = nearest.unwrap_or((0.0, (cx, cy)));
     let colour = PETALS[(seed_of(x, y, 146) * 4.0) as usize % 4];
     let [fx, fy] = cell(FLOWERS);
-    let dice = |salt: u32| hash(fx, fy, salt);
+    let hash_to_unit = |salt: u32| hash(fx, fy, salt);
     let off = [at[0] * FLOWERS as f32 - fx as f32, at[1] * FLOWERS as f32 - fy as f32];
-    let out = (off[0] - 0.3 - 0.4 * dice(147)).hypot(off[1] - 0.3 - 0.4 * dice(148));
-    let radius = 0.22 + 0.20 * dice(142);
-    if out < radius && dice(141) < 0.66 && squared < 0.62 * 0.62 {
-        let tone = (0.80 + 0.30 * dice(149)) * (1.0 - 0.35 * out / radius);
+    let out = (off[0] - 0.3 - 0.4 * hash_to_unit(147)).hypot(off[1] - 0.3 - 0.4 * hash_to_unit(148));
+    let radius = 0.22 + 0.20 * hash_to_unit(142);
+    if out < radius && hash_to_unit(141) < 0.66 && squared < 0.62 * 0.62 {
+        let tone = (0.80 + 0.30 * hash_to_unit(149)) * (1.0 - 0.35 * out / radius);
         return (colour.map(|c| c * tone), 1.0);
     }
     let level = 0.20 + 0.22 * value(at, [64, 64], 143);

@@ -209,7 +209,7 @@ mod tests {
         for kind in BODIES {
             let mut models = VehicleModels::default();
             let mut model = Model::clone(&models.models[&kind]);
-            model.nodes.retain(|node| !model::is_stand_in(node));
+            model.nodes.retain(|node| !model::is_distant_lod(node));
             models.insert(kind, Arc::new(model));
             let fitted = models.fit(kind, &dimensions(1.5));
             let counts: Vec<usize> = fitted.levels.iter().map(faces).collect();

@@ -97,7 +97,7 @@ pub(super) fn price_board(place: &SeededScenery<'_>) -> Option<(Vec2, Vec2)> {
 }
 
 fn height_of(place: &SeededScenery<'_>) -> f32 {
-    place.piece.height_m.map_or(6.5 + 6.0 * place.dice(9), |h| h as f32).clamp(2.2, 120.0)
+    place.piece.height_m.map_or(6.5 + 6.0 * place.hash_to_unit(9), |h| h as f32).clamp(2.2, 120.0)
 }
 
 /// Height of a gabled roof from eaves to ridge.

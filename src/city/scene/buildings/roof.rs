@@ -29,13 +29,13 @@ pub(super) fn flat_roof(mesh: &mut Mesh, place: &SeededScenery<'_>, ring: &[Vec2
     let yaw = (ring[1] - ring[0]).to_angle();
     let edge = Footprint::Polyline(plan.iter().copied().chain(plan.first().copied()).collect());
     for k in 0..3 {
-        if place.dice(20 + k) < 0.6 {
+        if place.hash_to_unit(20 + k) < 0.6 {
             let corner = ring[k as usize % ring.len()];
-            let at = centre.lerp(corner, 0.25 + 0.3 * place.dice(30 + k));
+            let at = centre.lerp(corner, 0.25 + 0.3 * place.hash_to_unit(30 + k));
             let size = Vec3::new(
-                1.0 + 1.6 * place.dice(40 + k),
-                1.0 + place.dice(50 + k),
-                0.7 + 0.9 * place.dice(60 + k),
+                1.0 + 1.6 * place.hash_to_unit(40 + k),
+                1.0 + place.hash_to_unit(50 + k),
+                0.7 + 0.9 * place.hash_to_unit(60 + k),
             );
             // Roof plant stays inside the parapet and clear of towers.
             let reach = size.truncate().length() / 2.0 + 0.3;
@@ -119,7 +119,7 @@ pub(super) fn gable_roof(
         let corners = [left.extend(eaves), right.extend(eaves), top.extend(eaves + rise)];
         mesh.plate(&corners, plain, 2.0);
     }
-    let at = ridge_a.lerp(ridge_b, 0.22 + 0.5 * place.dice(12)) + out * (0.25 * half);
+    let at = ridge_a.lerp(ridge_b, 0.22 + 0.5 * place.hash_to_unit(12)) + out * (0.25 * half);
     let chimney = wall(Surface::Brick, [150, 96, 80]);
     mesh.block(
         at.extend(eaves + 0.4 * rise),

@@ -54,7 +54,7 @@ fn shop_of(name: &str) -> Surface {
 
 pub(super) fn style(place: &SeededScenery<'_>, name: &str, short_m: f32, height: f32) -> Style {
     let pick = |colours: &[[u8; 3]], salt: u32| {
-        colours[(place.dice(salt) * colours.len() as f32) as usize % colours.len()]
+        colours[(place.hash_to_unit(salt) * colours.len() as f32) as usize % colours.len()]
     };
     let plaster = wall(Surface::Windows, pick(&PLASTERS, 1));
     let tiles = wall(Surface::RoofTiles, pick(&TILES, 2));
@@ -99,7 +99,7 @@ pub(super) fn style(place: &SeededScenery<'_>, name: &str, short_m: f32, height:
         return Style { upper: stone, ground: shop, sign, ..base };
     }
     if has(name, &["shop", "bakery", "pharmacy", "cafe", "cinema", "theatre", "hotel", "store", "station"]) {
-        let upper = if place.dice(5) < 0.3 { sash } else { plaster };
+        let upper = if place.hash_to_unit(5) < 0.3 { sash } else { plaster };
         return Style { upper, ground: shop, sign, ..base };
     }
     if has(name, &["town hall", "observatory", "school"]) {
@@ -107,7 +107,7 @@ pub(super) fn style(place: &SeededScenery<'_>, name: &str, short_m: f32, height:
         return Style { upper: stone, ground: stone, sign, ..base };
     }
     if has(name, &["apartments"]) {
-        let upper = match place.dice(5) {
+        let upper = match place.hash_to_unit(5) {
             d if d < 0.40 => balcony,
             d if d < 0.75 => sash,
             _ => plaster,
@@ -116,10 +116,10 @@ pub(super) fn style(place: &SeededScenery<'_>, name: &str, short_m: f32, height:
             if upper.surface == Surface::Balcony { wall(Surface::Windows, balcony.colour) } else { upper };
         return Style { upper, ground: ground.shaded(0.95), ..base };
     }
-    if has(name, &["row house", "terrace"]) && place.dice(5) < 0.55 {
+    if has(name, &["row house", "terrace"]) && place.hash_to_unit(5) < 0.55 {
         return Style { upper: sash, ground: sash, ..base };
     }
-    if dwelling && !has(name, &["chapel", "terrace"]) && place.dice(5) < 0.5 {
+    if dwelling && !has(name, &["chapel", "terrace"]) && place.hash_to_unit(5) < 0.5 {
         let shutters = Finish { surface: Surface::Shutters, ..plaster };
         return Style { upper: shutters, ground: shutters.shaded(0.97), ..base };
     }
