@@ -67,7 +67,7 @@ pub struct ServeArgs {
     ros: RosArgs,
     /// Publish simulated time over ROS: on /clock and in the stamps
     #[cfg(feature = "ros")]
-    #[arg(long, requires = "carrier")]
+    #[arg(long, requires = "transport")]
     ros_clock: bool,
     /// Publish onboard pictures over ROS: from the scenario's cameras, or one behind each windscreen
     #[cfg(all(feature = "render", feature = "ros"))]
