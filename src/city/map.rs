@@ -345,6 +345,18 @@ impl RoadMap {
 }
 
 /// The map as drawn, in laboratory metres. The control framework uses it.
+///
+/// ```
+/// use city3d::city::load_map;
+/// use city3d::geom::LengthScale;
+/// use city3d::scenario::Library;
+///
+/// let map = load_map(&Library::default().map("ids3c")?)?.map;
+/// let city = map.to_city(LengthScale::TESTBED);
+/// let (lane, full_size) = (&map.lanes[0], &city.lanes[0]);
+/// assert!((full_size.curve.length() - 25.0 * lane.curve.length()).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LabMap(pub RoadMap);
 

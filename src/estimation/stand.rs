@@ -88,6 +88,19 @@ struct TimedPosition {
 }
 
 /// Detects standstill of one vehicle.
+///
+/// ```
+/// use city3d::estimation::{MotionSample, StandstillChange, StandstillDetector};
+/// use glam::DVec2;
+///
+/// let mut detector = StandstillDetector::default();
+/// let at = |x, speed_mps| MotionSample::exact(speed_mps, DVec2::new(x, 0.0));
+/// assert_eq!(detector.update(0.0, &at(0.0, 5.0)), None);
+/// assert_eq!(detector.update(1.0, &at(2.0, 0.05)), Some(StandstillChange::Stopped));
+/// // Hysteresis: a slow creep does not end the stand.
+/// assert_eq!(detector.update(2.0, &at(2.1, 0.3)), None);
+/// assert!(detector.is_standing());
+/// ```
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct StandstillDetector {
     /// Its first position, until it leaves it: a vehicle that stands from the start has not stopped.

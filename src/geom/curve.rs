@@ -140,6 +140,16 @@ impl Segment {
 }
 
 /// A chain of segments, each starting where the one before ends.
+///
+/// ```
+/// use city3d::geom::{Curve, Segment};
+/// use glam::DVec2;
+///
+/// let curve = Curve::new(vec![Segment::line(DVec2::ZERO, DVec2::new(10.0, 0.0))]);
+/// let foot = curve.project(DVec2::new(4.0, 1.5));
+/// assert_eq!((foot.s, foot.lateral), (4.0, 1.5));
+/// assert_eq!(curve.at(foot.s).pose.position, DVec2::new(4.0, 0.0));
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
     segments: Vec<Segment>,

@@ -4,6 +4,13 @@ use serde::{Deserialize, Serialize};
 
 /// City metres for one laboratory metre. Time is not scaled, so speeds and accelerations carry the
 /// same factor as lengths.
+///
+/// ```
+/// use city3d::geom::LengthScale;
+///
+/// assert_eq!(LengthScale::TESTBED.city_from_lab(0.2), 5.0);
+/// assert!(LengthScale::new(0.0).is_none());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LengthScale(f64);
 

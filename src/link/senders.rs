@@ -19,6 +19,17 @@ pub struct SenderId(pub u32);
 
 /// Token bucket: rate limiter with `rate_per_s` tokens per second and a burst of as many (Tanenbaum, *Computer Networks*,
 /// traffic shaping).
+///
+/// ```
+/// use city3d::link::TokenBucket;
+/// use std::time::{Duration, Instant};
+///
+/// let start = Instant::now();
+/// let mut bucket = TokenBucket::full(start, 2.0);
+/// assert!(bucket.take(start, 2.0) && bucket.take(start, 2.0));
+/// assert!(!bucket.take(start, 2.0));
+/// assert!(bucket.take(start + Duration::from_millis(500), 2.0));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct TokenBucket {
     tokens: f64,

@@ -7,6 +7,19 @@ pub const WIDTH: u64 = 1024;
 const WORDS: usize = (WIDTH / 64) as usize;
 
 /// Sliding anti-replay window (RFC 4303, section 3.4.3) kept as a ring of words (RFC 6479).
+///
+/// ```
+/// use city3d::link::AntiReplayWindow;
+/// use city3d::wire::DropReason;
+///
+/// let mut window = AntiReplayWindow::default();
+/// for sequence in [1, 3, 2] {
+///     assert!(window.check(sequence).is_ok());
+///     window.mark_received(sequence);
+/// }
+/// assert_eq!(window.check(2), Err(DropReason::Duplicate));
+/// assert_eq!(window.missing(), 0);
+/// ```
 #[derive(Clone, Debug)]
 pub struct AntiReplayWindow {
     newest: u64,

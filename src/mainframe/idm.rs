@@ -5,6 +5,16 @@ use crate::geom::trig;
 use serde::{Deserialize, Serialize};
 
 /// IDM parameters of a driver, laboratory units.
+///
+/// ```
+/// use city3d::mainframe::{DriverParams, LeaderState};
+///
+/// let driver = DriverParams::default();
+/// // No acceleration at the desired speed on a free road, and hard braking towards an obstacle.
+/// assert_eq!(driver.acceleration(0.35, 0.35, None), 0.0);
+/// let obstacle = LeaderState { gap_m: 0.1, speed_mps: 0.0 };
+/// assert_eq!(driver.acceleration(0.35, 0.35, Some(obstacle)), driver.min_acceleration_mps2);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DriverParams {
     /// Desired speed v_0 on a free road; posted limits and curve speeds may be lower.

@@ -26,6 +26,23 @@ use std::sync::Arc;
 /// One run of an experiment in lockstep.
 ///
 /// Robots of [`testbed`](crate::testbed) stand in for physical vehicles.
+///
+/// ```
+/// use city3d::runner::Run;
+/// use city3d::scenario::{Library, Overrides, read_experiment};
+/// use std::sync::Arc;
+///
+/// let (text, library) = Library::scenario("straight")?;
+/// let experiment = read_experiment("straight", &text, &library, Overrides::default())?;
+/// let mut run = Run::new(Arc::new(experiment))?;
+/// for _ in 0..100 {
+///     run.step();
+/// }
+/// let snapshot = run.snapshot();
+/// assert_eq!((snapshot.tick, snapshot.time_s), (100, 1.0));
+/// assert!(snapshot.vehicles.iter().all(|vehicle| vehicle.speed_mps > 0.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Run {
     world: World,

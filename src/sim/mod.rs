@@ -19,6 +19,25 @@ use std::sync::Arc;
 use vehicle::SimVehicle;
 
 /// The whole simulation.
+///
+/// A world and its copy stay equal under the same commands:
+///
+/// ```
+/// use city3d::scenario::{Library, Overrides, read_experiment};
+/// use city3d::sim::World;
+/// use city3d::snapshot::SimCommand;
+/// use std::sync::Arc;
+///
+/// let (text, library) = Library::scenario("straight")?;
+/// let experiment = read_experiment("straight", &text, &library, Overrides::default())?;
+/// let mut world = World::new(Arc::new(experiment));
+/// let mut copy = world.clone();
+/// let (mut one, mut other) = (world.snapshot(), copy.snapshot());
+/// world.tick_into(&[SimCommand::Start], &mut one);
+/// copy.tick_into(&[SimCommand::Start], &mut other);
+/// assert_eq!((one.tick, one.state_hash), (1, other.state_hash));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct World {
     experiment: Arc<Experiment>,

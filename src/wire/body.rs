@@ -94,6 +94,18 @@ pub struct Poses {
 }
 
 /// Body of a datagram. Laboratory metres.
+///
+/// ```
+/// use city3d::wire::{Authenticator, Body, DatagramHeader};
+///
+/// let header = DatagramHeader { kind: 0, session: 1, peer: 0, world: 0, sequence: 1 };
+/// let key = Authenticator::Key(b"sixteen bytes or more".to_vec());
+/// let datagram = Body::Hello { token: 7 }.encode(header, &key)?;
+/// let (_, body) = Body::decode(&datagram, &key)?;
+/// assert_eq!(body, Body::Hello { token: 7 });
+/// assert!(Body::decode(&datagram, &Authenticator::Checksum).is_err());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Body {
     /// Handshake and heartbeat: asks for a [`CityClock`], from which the sender learns the city's session.
