@@ -1,8 +1,8 @@
 //! State digest of a world: FNV-1a over 64-bit words.
 //!
-//! Two runs are equal if and only if their digests are equal at every tick. The digest covers all state that
-//! determines the future, not only the visible part. It excludes the contact caches of the physics, which
-//! follow from the states of earlier ticks. Control and the emulated network are outside the world; they
+//! Two runs of an experiment that get the same vehicles are equal when their digests are equal at every tick. The digest
+//! covers the state that determines the future, not only the visible part. It excludes how vehicles are built, whether
+//! the clock runs, and the contact caches of the physics, which follow from the states of earlier ticks. Control and the emulated network are outside the world; they
 //! affect the digest as soon as their commands arrive.
 
 use crate::geom::Pose2;

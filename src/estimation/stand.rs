@@ -163,8 +163,7 @@ impl StandstillDetector {
             }
             (Some(place), false) => {
                 let fast_since_s = self.fast_since_s.unwrap_or(time_s);
-                (self.stands, self.fast_since_s, self.has_moved) = (None, None, true);
-                Some(StandstillChange::MovedOff { stood_s: fast_since_s - place.since_s })
+                Some(self.move_off(place, fast_since_s))
             }
             (None, false) => {
                 self.has_moved = true;
@@ -186,8 +185,13 @@ impl StandstillDetector {
         if !seen.has_left(place.at) {
             return None;
         }
+        Some(self.move_off(place, fast_since_s))
+    }
+
+    /// Ends the standstill at a place; the vehicle has been fast since a time.
+    fn move_off(&mut self, place: TimedPosition, fast_since_s: f64) -> StandstillChange {
         (self.stands, self.fast_since_s, self.has_moved) = (None, None, true);
-        Some(StandstillChange::MovedOff { stood_s: fast_since_s - place.since_s })
+        StandstillChange::MovedOff { stood_s: fast_since_s - place.since_s }
     }
 
     fn watch_motion(&mut self, time_s: f64, seen: &MotionSample) -> Option<StandstillChange> {

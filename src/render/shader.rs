@@ -5,6 +5,7 @@ use super::passes::common::gpu_data::Frame;
 use super::passes::lamps::LAMP_REACH_M;
 use super::vehicle::VehiclePart;
 use crate::city::scene::{ASPHALT, Surface};
+use crate::model::glb::linear_from_srgb;
 use std::borrow::Cow;
 
 /// File of `shaders/`.
@@ -154,13 +155,9 @@ fn surface_constants() -> String {
         ("BOUTIQUE", Surface::Boutique),
         ("TEAROOM", Surface::Tearoom),
     ];
-    let [r, g, b] = ASPHALT.colour.map(|part| linear_from_srgb(f32::from(part) / 255.0));
+    let [r, g, b] = ASPHALT.colour.map(linear_from_srgb);
     layers.map(|(name, surface)| format!("const {name}: u32 = {}u;\n", surface as u32)).concat()
         + &format!("const ASPHALT_TINT: vec3<f32> = vec3<f32>({r:.3}, {g:.3}, {b:.3});\n")
-}
-
-fn linear_from_srgb(part: f32) -> f32 {
-    if part <= 0.040_45 { part / 12.92 } else { ((part + 0.055) / 1.055).powf(2.4) }
 }
 
 fn vehicle_part_constants() -> String {

@@ -30,11 +30,12 @@ pub struct ObservedCity {
 struct VehicleTrack {
     filter: MotionFilter,
     odometer: Odometer,
+    is_physical: bool,
 }
 
 impl VehicleTrack {
-    fn new(filter: MotionFilter) -> Self {
-        Self { filter, odometer: Odometer::default() }
+    fn new(filter: MotionFilter, is_physical: bool) -> Self {
+        Self { filter, odometer: Odometer::default(), is_physical }
     }
 }
 
@@ -105,15 +106,13 @@ impl ObservedCity {
         let start_mps = self.start_mps(time_s, seen);
         let experiment = &self.experiment;
         let track = self.tracks.entry(vehicle).or_insert_with(|| {
-            let noise = if experiment.is_physical(vehicle) {
-                carried_noise(self.noise, experiment)
-            } else {
-                self.noise
-            };
-            VehicleTrack::new(match start_mps {
+            let is_physical = experiment.is_physical(vehicle);
+            let noise = if is_physical { carried_noise(self.noise, experiment) } else { self.noise };
+            let filter = match start_mps {
                 Some(speed_mps) => MotionFilter::moving(noise, stamp_s, pose, speed_mps),
                 None => MotionFilter::new(noise),
-            })
+            };
+            VehicleTrack::new(filter, is_physical)
         });
         track.filter.update(stamp_s, pose);
         let motion = track.filter.at(time_s);
@@ -161,11 +160,14 @@ impl ObservedCity {
     fn state_of(&mut self, seen: &ObservedMotion, is_later: bool) -> VehicleState {
         let ObservedMotion { vehicle: id, status, position, orientation, motion } = *seen;
         let mut state = VehicleState { id, status, position, orientation, ..VehicleState::default() };
-        let (noise, is_physical) = (self.noise, self.experiment.is_physical(id));
-        let track = self.tracks.entry(id).or_insert_with(|| VehicleTrack::new(MotionFilter::new(noise)));
+        let (noise, experiment) = (self.noise, &self.experiment);
+        let track = self
+            .tracks
+            .entry(id)
+            .or_insert_with(|| VehicleTrack::new(MotionFilter::new(noise), experiment.is_physical(id)));
         // The city decides with all poses whether a physical vehicle stands.
         let found_to_stand = match status {
-            _ if !is_physical => None,
+            _ if !track.is_physical => None,
             Status::Driving => Some(false),
             Status::Stopped => Some(true),
             _ => None,

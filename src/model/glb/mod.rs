@@ -28,7 +28,8 @@ fn srgb_from_linear(value: f32) -> u8 {
     (s * 255.0).round() as u8
 }
 
-fn linear_from_srgb(value: u8) -> f32 {
+/// A linear colour component of an sRGB one.
+pub fn linear_from_srgb(value: u8) -> f32 {
     let c = f32::from(value) / 255.0;
     if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
