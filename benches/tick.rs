@@ -1,12 +1,12 @@
 //! Times one tick of the world: vehicles that follow trajectories sent at the control rate, and the whole
 //! lockstep of the city.
 
-use city3d::city::dxf::{Drawing, EntityShape};
-use city3d::runner::Run;
-use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
-use city3d::sim::World;
-use city3d::snapshot::{FrameSnapshot, SimCommand, Trajectory, TrajectoryPoint, VehicleId};
-use city3d::vehicle::ModelKind;
+use city3d_dynamics::vehicle::ModelKind;
+use city3d_protocol::snapshot::{FrameSnapshot, SimCommand, Trajectory, TrajectoryPoint, VehicleId};
+use city3d_roadmap::dxf::{Drawing, EntityShape};
+use city3d_simulation::runner::Run;
+use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
+use city3d_simulation::sim::World;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec2;
 use std::fmt::Write;
@@ -89,7 +89,7 @@ impl Parade {
         for &(vehicle, x, y) in &self.starts {
             let point = |k: u32| {
                 let time_s = now_s + 0.25 * f64::from(k);
-                let pose = city3d::geom::Pose2::new(x + SPEED_MPS * time_s, y, 0.0);
+                let pose = city3d_geometry::Pose2::new(x + SPEED_MPS * time_s, y, 0.0);
                 TrajectoryPoint { time_s, pose, speed_mps: SPEED_MPS }
             };
             let points = (0..HORIZON_POINTS).map(point).collect();

@@ -14,16 +14,18 @@ step() {
 
 set_up_tests
 
-step cargo fmt --check
-step cargo clippy --locked --all-targets -- -D warnings
+step cargo fmt --all --check
+step cargo clippy --locked --workspace --all-targets -- -D warnings
+# The feature sets that README.md and docs/ros.md name.
 step cargo clippy --locked --all-targets --no-default-features -- -D warnings
 step cargo clippy --locked --no-default-features --features render -- -D warnings
-step env RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
+step cargo clippy --locked --no-default-features --features ros -- -D warnings
+step env RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps
 if cargo nextest --version >/dev/null 2>&1; then
-    step cargo nextest run --locked --no-fail-fast
-    step cargo test --locked --doc
+    step cargo nextest run --locked --workspace --no-fail-fast
+    step cargo test --locked --workspace --doc
 else
-    step cargo test --locked --no-fail-fast
+    step cargo test --locked --workspace --no-fail-fast
 fi
 
 say "all passed in $((SECONDS / 60)) min $((SECONDS % 60)) s"

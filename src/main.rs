@@ -1,5 +1,5 @@
-//! The program `city3d`; everything is in the library.
+//! The program `city3d`; the crate `city3d-cli` has its commands.
 
 fn main() -> std::process::ExitCode {
-    city3d::app::main()
+    city3d_cli::main()
 }

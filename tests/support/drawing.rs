@@ -2,11 +2,11 @@
 
 #![allow(dead_code, reason = "each test uses its own part")]
 
-use city3d::geom::trig;
-use city3d::render::{AdapterPreference, Context};
-use city3d::snapshot::{
+use city3d_geometry::trig;
+use city3d_protocol::snapshot::{
     Appearance, BodyType, Dimensions, FrameSnapshot, VehicleId, VehicleInfo, VehicleState,
 };
+use city3d_render::{AdapterPreference, Context};
 use glam::{DQuat, DVec2};
 use std::sync::Arc;
 

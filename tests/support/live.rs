@@ -2,8 +2,8 @@
 
 #![allow(dead_code, reason = "each test uses its own part")]
 
-use city3d::live::{LiveRun, RunState};
-use city3d::scenario::{Experiment, Library, Overrides, read_experiment};
+use city3d_session::live::{LiveRun, RunState};
+use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 

@@ -2,8 +2,8 @@
 
 #![allow(dead_code, reason = "each test uses its own part")]
 
-use city3d::link::{Client, ClientEvent};
-use city3d::wire::{Authenticator, Body, ObservedVehicle, Poses};
+use city3d_network::link::{Client, ClientEvent};
+use city3d_protocol::wire::{Authenticator, Body, ObservedVehicle, Poses};
 use std::path::Path;
 use std::time::{Duration, Instant};
 

@@ -1,0 +1,280 @@
+//! `city3d frames`: camera pictures of a scenario or of a recorded run as files, with `frames.csv` beside them, or
+//! as a video.
+//!
+//! Files are `<camera>_<vehicle>_<tick, 8 digits>.png`, which sorts each camera's pictures by time; other kinds than
+//! rgb add `_<kind>`; cameras of no vehicle have `city` in its place. `docs/cameras.md` describes the files, the
+//! columns of the table and the axes.
+
+#![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
+
+mod cameras;
+mod carriers;
+mod kinds;
+mod schedule;
+mod shots;
+mod source;
+mod table;
+mod video;
+mod y4m;
+
+use super::files::new_folder;
+use super::look::{self, LookArgs, failure};
+use super::overwrite::OverwriteArgs;
+use super::say::say;
+use super::{Failure, ScenarioArgs, progress};
+use cameras::CameraArgs;
+use city3d_render::{CaptureJob, Image, PendingReadback, PngStream, Renderer};
+use city3d_sensors::PictureKinds;
+use city3d_simulation::scenario::Experiment;
+use clap::Args;
+use kinds::{KindArgs, file_name};
+use schedule::Schedule;
+use shots::{CameraOverrides, Shot};
+use source::{FramePlayback, FrameSource};
+use std::collections::{BTreeSet, VecDeque};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+use table::{FrameRow, FrameTable};
+use video::{Destination, ReaderState, Video};
+use y4m::FrameRate;
+
+/// Longest edge of a picture that can be asked for.
+const LARGEST_EDGE: u32 = 8192;
+
+#[derive(Debug, Args)]
+pub struct FramesArgs {
+    #[command(flatten)]
+    scenario: ScenarioArgs,
+    /// Folder for the pictures and frames.csv; or a video of one camera: a file such as run.mp4 (with
+    /// ffmpeg) or run.y4m, or "-" for a Y4M stream to standard output [default: a new folder, such as
+    /// out/roundabout-frames-1]
+    #[arg(long, value_name = "DIR|FILE|-")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
+    #[command(flatten)]
+    cameras: CameraArgs,
+    #[command(flatten)]
+    kinds: KindArgs,
+    /// Width and height of the pictures in pixels [default: the sensors', or 640x480]
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
+    /// Simulated seconds between two pictures of a camera [default: by the sensors' rates, or 1]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    every: Option<f64>,
+    /// Pictures per simulated second, instead of --every [default for a video: 30]
+    #[arg(long, value_name = "HZ", value_parser = positive, conflicts_with = "every")]
+    fps: Option<f64>,
+    /// Simulated time of the first pictures in seconds; the run ends at --duration
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
+    from: f64,
+    /// Vertical field of view of the cameras in degrees [default: the sensors', or 50]
+    #[arg(long, value_name = "DEG", value_parser = field_of_view)]
+    fov: Option<f64>,
+    #[command(flatten)]
+    look: LookArgs,
+}
+
+pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
+    let edge = |text: &str| text.parse().ok().filter(|edge| (1..=LARGEST_EDGE).contains(edge));
+    let parts = text.split_once(['x', 'X']).and_then(|(w, h)| edge(w).zip(edge(h)));
+    parts.map(|(w, h)| [w, h]).ok_or_else(|| {
+        format!("a width and a height from 1 to {LARGEST_EDGE} pixels are needed, as in 640x480")
+    })
+}
+
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
+        _ => Err("a number above 0 is needed".to_owned()),
+    }
+}
+
+pub(super) fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && number >= 0.0 => Ok(number),
+        _ => Err("a number of at least 0 is needed".to_owned()),
+    }
+}
+
+fn field_of_view(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if (1.0..=150.0).contains(&number) => Ok(number),
+        _ => Err("degrees from 1 to 150 are needed".to_owned()),
+    }
+}
+
+pub fn frames(args: &FramesArgs) -> Result<(), Failure> {
+    let source = FrameSource::of(&args.scenario)?;
+    let experiment = Arc::clone(source.experiment());
+    let out = args.out.clone().unwrap_or_else(|| new_folder(&format!("{}-frames", experiment.name)));
+    let destination = Destination::of(&out).map_err(Failure::bad_input)?;
+    destination.check(args.overwrite)?;
+    let overrides = overrides(args, &destination, &experiment)?;
+    let shots = shots::shots(&args.cameras, &overrides, &experiment, &source.carriers())?;
+    let schedule = Schedule::new(args.from, &shots, &experiment)?;
+    let capture = FrameCapture { args, experiment: &experiment, shots: &shots, out: &out };
+    match &destination {
+        Destination::Folder(folder) => capture.take_pictures(source, schedule, folder),
+        _ => capture.take_video(source, schedule, &destination),
+    }
+}
+
+/// The overrides of the command line for all cameras.
+fn overrides(
+    args: &FramesArgs,
+    destination: &Destination,
+    experiment: &Experiment,
+) -> Result<CameraOverrides, Failure> {
+    let is_video = !matches!(destination, Destination::Folder(_));
+    let kinds = args.kinds.overrides();
+    if is_video && kinds.is_some_and(|kinds| kinds != PictureKinds::RGB) {
+        return Err(Failure::bad_input(
+            "a video has kind rgb only; leave --kind out, or give --out a folder for single pictures",
+        ));
+    }
+    let video_hz = experiment.rates.physics_hz.min(30);
+    Ok(CameraOverrides {
+        extent: args.size,
+        vertical_fov_rad: args.fov.map(f64::to_radians),
+        every_s: args.every.or(args.fps.map(|fps| 1.0 / fps)),
+        default_every_s: if is_video { 1.0 / f64::from(video_hz) } else { 1.0 },
+        kinds: if is_video { Some(PictureKinds::RGB) } else { kinds },
+    })
+}
+
+/// Takes the pictures of a run.
+struct FrameCapture<'a> {
+    args: &'a FramesArgs,
+    experiment: &'a Arc<Experiment>,
+    shots: &'a [Shot],
+    out: &'a Path,
+}
+
+impl FrameCapture<'_> {
+    fn open(&self, schedule: &Schedule) -> Result<Renderer, Failure> {
+        let is_many = schedule.clone().has(self.shots, look::PictureCount::MANY);
+        let pictures = if is_many { look::PictureCount::Many } else { look::PictureCount::Few };
+        look::open(&self.args.look, self.experiment, (look::QualityArg::High, pictures))
+    }
+
+    /// Writes pictures and table into a folder.
+    fn take_pictures(
+        &self,
+        source: FrameSource,
+        mut schedule: Schedule,
+        folder: &Path,
+    ) -> Result<(), Failure> {
+        let mut table = FrameTable::create(folder)?;
+        let mut renderer = self.open(&schedule)?;
+        let adapter = renderer.context().adapter_name.clone();
+        let start = Instant::now();
+        let mut playback = source.begin()?;
+        let mut stream = PngStream::new(&mut renderer);
+        let bar = progress::simulated_seconds(self.experiment.duration_s);
+        while let Some((tick, due)) = schedule.next(self.shots) {
+            playback.advance(tick, &bar)?;
+            let orders = self.order(&playback, &due, folder, &mut table)?;
+            stream.push_jobs(playback.snapshot(), orders).map_err(failure)?;
+        }
+        let count = stream.finish().map_err(failure)?;
+        table.finish()?;
+        bar.finish_and_clear();
+        let speed = count as f64 / start.elapsed().as_secs_f64().max(1e-9);
+        let sizes: BTreeSet<[u32; 2]> = self.shots.iter().map(|shot| shot.lens.extent).collect();
+        let sizes: Vec<String> = sizes.iter().map(|[width, height]| format!("{width} x {height}")).collect();
+        let (sizes, folder) = (sizes.join(" and "), folder.display());
+        say(format_args!(
+            "{count} pictures of {sizes} and frames.csv in {folder}: {speed:.1} images/s on {adapter}"
+        ))
+    }
+
+    /// The files of the due cameras, each with its row.
+    fn order(
+        &self,
+        playback: &FramePlayback,
+        due: &[usize],
+        folder: &Path,
+        table: &mut FrameTable,
+    ) -> Result<Vec<CaptureJob>, Failure> {
+        let snapshot = playback.snapshot();
+        let mut orders = Vec::with_capacity(due.len());
+        for shot in due.iter().map(|&index| &self.shots[index]) {
+            // A vehicle that has left takes no pictures.
+            let Some(view) = shot.view(snapshot).map_err(Failure::failed)? else { continue };
+            let mut files = Vec::with_capacity(shot.kinds.len());
+            for format in shot.kinds.iter().map(|kind| self.args.kinds.format(kind)) {
+                let file = file_name(&shot.stem(snapshot.tick), format);
+                table.add(&FrameRow::new((&file, format), shot, snapshot, &view))?;
+                files.push((format, folder.join(file)));
+            }
+            orders.push(CaptureJob { view, files });
+        }
+        Ok(orders)
+    }
+
+    /// Writes the video of one camera. Messages go to standard error: standard output may carry the stream.
+    fn take_video(
+        &self,
+        source: FrameSource,
+        mut schedule: Schedule,
+        destination: &Destination,
+    ) -> Result<(), Failure> {
+        let shot = self.only_shot()?;
+        let rate = FrameRate::of_period(shot.every_s);
+        let mut renderer = self.open(&schedule)?;
+        let Some(mut video) = Video::create(destination, shot.lens.extent, rate)? else { return Ok(()) };
+        let start = Instant::now();
+        let mut playback = source.begin()?;
+        let bar = progress::simulated_seconds(self.experiment.duration_s);
+        let mut drawn: VecDeque<PendingReadback> = VecDeque::new();
+        let mut count = 0_u64;
+        loop {
+            let next = schedule.next(self.shots);
+            if let Some((tick, _)) = next {
+                playback.advance(tick, &bar)?;
+                let snapshot = playback.snapshot();
+                let Some(view) = shot.view(snapshot).map_err(Failure::failed)? else { continue };
+                drawn.push_back(renderer.submit(snapshot, &[view]).map_err(failure)?);
+            }
+            if next.is_some() && drawn.len() <= renderer.batches_in_flight(1) {
+                continue;
+            }
+            let Some(pending) = drawn.pop_front() else { break };
+            let images: Vec<Image> = renderer.finish(pending).map_err(failure)?;
+            for image in &images {
+                if video.add(image)? == ReaderState::Left {
+                    bar.finish_and_clear();
+                    return Ok(());
+                }
+                count += 1;
+            }
+        }
+        let reader = video.finish()?;
+        bar.finish_and_clear();
+        if reader == ReaderState::Listens {
+            let speed = count as f64 / start.elapsed().as_secs_f64().max(1e-9);
+            let [width, height] = shot.lens.extent;
+            let (out, adapter) = (self.out.display(), &renderer.context().adapter_name);
+            eprintln!("{count} pictures of {width} x {height} in {out}: {speed:.1} images/s on {adapter}");
+        }
+        Ok(())
+    }
+
+    fn only_shot(&self) -> Result<&Shot, Failure> {
+        let [shot] = self.shots else {
+            let count = self.shots.len();
+            return Err(Failure::bad_input(format!(
+                "a video shows one camera, and {count} are chosen; choose one with --vehicle and --camera or --sensor"
+            )));
+        };
+        let [width, height] = shot.lens.extent;
+        if !(width.is_multiple_of(2) && height.is_multiple_of(2)) {
+            return Err(Failure::bad_input(format!(
+                "a video of {width} x {height} pixels cannot be encoded; give it an even width and height with --size"
+            )));
+        }
+        Ok(shot)
+    }
+}

@@ -1,0 +1,337 @@
+//! The command line: arguments, subcommands and exit codes.
+
+#![allow(clippy::disallowed_types, reason = "wires clocks, threads and files together")]
+
+#[cfg(feature = "render")]
+mod bench;
+mod check;
+mod compare;
+mod files;
+mod fork;
+#[cfg(feature = "render")]
+mod frames;
+mod generate;
+mod load;
+#[cfg(feature = "render")]
+mod look;
+mod mainframe;
+mod overwrite;
+#[cfg(feature = "render")]
+mod pictures;
+mod plot;
+mod progress;
+mod recorded;
+mod repair;
+mod replay;
+#[cfg_attr(not(feature = "ros"), path = "no_ros.rs")]
+mod ros;
+mod run;
+#[cfg(feature = "render")]
+mod runtime_folder;
+mod say;
+mod serve;
+mod sweep;
+mod testbed;
+#[cfg(feature = "window")]
+mod view;
+
+use city3d_dynamics::vehicle::ModelKind;
+use city3d_session::{ExistingResults, SessionError};
+use city3d_simulation::environment::EnvironmentProfile;
+use city3d_simulation::scenario::{Overrides, ScenarioRequest};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// The run failed: a collision where the scenario forbids one, a file that cannot be written.
+const EXIT_FAILED: u8 = 1;
+/// The input is wrong.
+const EXIT_BAD_INPUT: u8 = 2;
+
+#[derive(Debug, Parser)]
+#[command(
+    version,
+    about,
+    max_term_width = 110,
+    after_help = "Without a command the window opens. Try: city3d run roundabout --out out"
+)]
+#[cfg_attr(not(feature = "window"), command(subcommand_required = true, arg_required_else_help = true))]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// Write more messages: -v for information, -vv for debugging
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    verbose: u8,
+}
+
+#[cfg(feature = "render")]
+impl Cli {
+    /// Whether the command may open an adapter.
+    fn draws(&self) -> bool {
+        match self.command {
+            #[cfg(feature = "window")]
+            Some(Command::View(_)) => true,
+            Some(Command::Frames(_) | Command::Bench(_) | Command::Replay(_) | Command::Serve(_)) => true,
+            // The window.
+            None => true,
+            Some(_) => false,
+        }
+    }
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Open the window to watch and drive [default without a command]
+    #[cfg(feature = "window")]
+    View(Box<view::ViewArgs>),
+    /// Run a scenario without a window and write its log, vehicles.csv and summary.json
+    Run(run::RunArgs),
+    /// Draw the figures of recorded runs: SVG, PNG, and their data as CSV
+    Plot(plot::PlotArgs),
+    /// Compare two runs of one scenario: figures with both, and a table of what happened
+    Compare(compare::CompareArgs),
+    /// Watch a recorded run in the window, or simulate it again from its log and compare it
+    Replay(Box<replay::ReplayArgs>),
+    /// Run a scenario for all combinations of parameters and seeds, on all cores: a table, and a map of the outcome
+    Sweep(sweep::SweepArgs),
+    /// Serve the city alone: receive vehicles and commands over UDP, send poses
+    Serve(Box<serve::ServeArgs>),
+    /// Run the control framework alone, and drive the vehicles of a served city
+    Mainframe(Box<mainframe::MainframeArgs>),
+    /// Emulate the laboratory: robots for the physical vehicles, and motion capture
+    Testbed(Box<testbed::TestbedArgs>),
+    /// Take camera pictures of a scenario or of the log of a run: PNG files and frames.csv
+    #[cfg(feature = "render")]
+    Frames(Box<frames::FramesArgs>),
+    /// Validate scenarios (.toml) and maps (.dxf)
+    Check(check::CheckArgs),
+    /// Benchmark this machine: one line of JSON per measurement
+    #[cfg(feature = "render")]
+    #[command(subcommand)]
+    Bench(bench::BenchCommand),
+    /// Write files that the program carries: the map and the models
+    Generate(generate::GenerateArgs),
+}
+
+/// Options that both ends of the laboratory's link must agree on.
+#[derive(Clone, Debug, Args)]
+struct LinkArgs {
+    /// World number, which tells several cities on one network apart; 0 matches any city
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    world: u32,
+    /// File with a shared key of at least 16 bytes; datagrams without its tag are dropped
+    #[arg(long, value_name = "FILE")]
+    key: Option<PathBuf>,
+}
+
+/// A flag that SIGINT and SIGTERM set.
+fn on_end() -> Result<std::sync::Arc<std::sync::atomic::AtomicBool>, Failure> {
+    let ends = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
+    let told = std::sync::Arc::clone(&ends);
+    ctrlc::set_handler(move || told.store(true, std::sync::atomic::Ordering::Relaxed))
+        .map_err(Failure::failed)?;
+    Ok(ends)
+}
+
+/// Scenario and overrides of several commands.
+#[derive(Clone, Debug, Default, PartialEq, Args)]
+struct ScenarioArgs {
+    /// A scenario file, or a shipped one: roundabout, mixed, city, straight, student
+    scenario: String,
+    /// Seed of all random draws, instead of the scenario's
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Simulated seconds, instead of the scenario's
+    #[arg(long, value_name = "S", value_parser = duration)]
+    duration: Option<f64>,
+    /// Dynamics model of all vehicles, instead of the scenario's
+    #[arg(long)]
+    model: Option<ModelArg>,
+    /// Environment profile (delay, loss, noise, disturbance), instead of the scenario's
+    #[arg(long)]
+    environment: Option<ProfileArg>,
+}
+
+/// An environment on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ProfileArg {
+    Ideal,
+    Testbed,
+}
+
+impl ProfileArg {
+    fn profile(self) -> EnvironmentProfile {
+        match self {
+            Self::Ideal => EnvironmentProfile::Ideal,
+            Self::Testbed => EnvironmentProfile::Testbed,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ModelArg {
+    Raycast,
+    Bicycle,
+}
+
+impl ScenarioArgs {
+    /// The scenario with what is set otherwise.
+    fn request(&self) -> ScenarioRequest {
+        let model = self.model.map(|model| match model {
+            ModelArg::Raycast => ModelKind::Raycast,
+            ModelArg::Bicycle => ModelKind::Bicycle,
+        });
+        let environment = self.environment.map(ProfileArg::profile);
+        let overrides = Overrides {
+            seed: self.seed,
+            duration_s: self.duration,
+            model,
+            environment,
+            allows_no_vehicles: false,
+        };
+        ScenarioRequest { scenario: self.scenario.clone(), overrides }
+    }
+}
+
+fn pace(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(factor) if (0.001..=1e6).contains(&factor) => Ok(factor),
+        _ => Err("a factor between 0.001 and 1000000 is needed".to_owned()),
+    }
+}
+
+fn duration(text: &str) -> Result<f64, String> {
+    // As in a scenario: traffic draws its routes for the whole of it.
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.01..=86_400.0).contains(&seconds) => Ok(seconds),
+        _ => Err("a number of seconds between 0.01 and 86400 is needed".to_owned()),
+    }
+}
+
+/// An error with the exit code that it ends the program with.
+#[derive(Debug)]
+struct Failure {
+    code: u8,
+    message: String,
+}
+
+impl Failure {
+    #[allow(clippy::needless_pass_by_value, reason = "the shape that map_err wants")]
+    fn bad_input(message: impl ToString) -> Self {
+        Self { code: EXIT_BAD_INPUT, message: message.to_string() }
+    }
+
+    #[allow(clippy::needless_pass_by_value, reason = "the shape that map_err wants")]
+    fn failed(message: impl ToString) -> Self {
+        Self { code: EXIT_FAILED, message: message.to_string() }
+    }
+}
+
+impl From<SessionError> for Failure {
+    fn from(error: SessionError) -> Self {
+        match error {
+            SessionError::Exists(existing) => existing.into(),
+            error if error.is_bad_input() => Self::bad_input(error),
+            error => Self::failed(error),
+        }
+    }
+}
+
+impl From<ExistingResults> for Failure {
+    fn from(existing: ExistingResults) -> Self {
+        Self::bad_input(format!("{existing}; choose another --out, or --force writes over it"))
+    }
+}
+
+/// Runs the program with the arguments of the process.
+pub fn main() -> ExitCode {
+    let cli = match Cli::from_arg_matches(&with_negative_numbers(Cli::command()).get_matches()) {
+        Ok(cli) => cli,
+        Err(error) => error.exit(),
+    };
+    #[cfg(feature = "render")]
+    if cli.draws() {
+        runtime_folder::provide();
+    }
+    start_logging(cli.verbose);
+    let result = match cli.command {
+        None => without_command(),
+        Some(command) => run_command(command),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            say::complain(failure.message);
+            ExitCode::from(failure.code)
+        }
+    }
+}
+
+/// `--distance -5` is an invalid value, not an unknown option.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    command
+        .mut_args(|argument| {
+            let takes_value = argument.get_action().takes_values();
+            argument.allow_negative_numbers(takes_value)
+        })
+        .mut_subcommands(with_negative_numbers)
+}
+
+#[cfg(feature = "window")]
+fn without_command() -> Result<(), Failure> {
+    view::view(&view::ViewArgs::default())
+}
+
+#[cfg(not(feature = "window"))]
+fn without_command() -> Result<(), Failure> {
+    Err(Failure::bad_input("this program was built without the window; see city3d --help"))
+}
+
+fn run_command(command: Command) -> Result<(), Failure> {
+    match command {
+        #[cfg(feature = "window")]
+        Command::View(args) => view::view(&args),
+        Command::Run(args) => run::run(&args),
+        Command::Plot(args) => plot::plot(&args),
+        Command::Compare(args) => compare::compare(&args),
+        Command::Replay(args) => replay::replay(&args),
+        Command::Sweep(args) => sweep::sweep(&args),
+        Command::Serve(args) => serve::serve(&args),
+        Command::Mainframe(args) => mainframe::mainframe(&args),
+        Command::Testbed(args) => testbed::testbed(&args),
+        #[cfg(feature = "render")]
+        Command::Frames(args) => frames::frames(&args),
+        Command::Check(args) => check::check(&args),
+        #[cfg(feature = "render")]
+        Command::Bench(command) => bench::bench(&command),
+        Command::Generate(args) => generate::generate(&args),
+    }
+}
+
+fn start_logging(verbose: u8) {
+    use tracing_subscriber::EnvFilter;
+    let level = ["warn", "info", "debug"][usize::from(verbose.min(2))];
+    let filter = EnvFilter::try_from_env("CITY3D_LOG")
+        .unwrap_or_else(|_| EnvFilter::new(format!("error,city3d={level}")));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(has_colours())
+        .without_time()
+        .init();
+}
+
+/// Whether standard error shows colours: a terminal that can, unless `NO_COLOR` (<https://no-color.org>) asks for none.
+fn has_colours() -> bool {
+    let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
+    std::io::stderr().is_terminal() && !is_set("NO_COLOR") && !is_dumb
+}
+
+/// Creates the folder that a command writes into.
+fn create_folder(folder: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|error| {
+        Failure::failed(format!("{}: the folder cannot be created: {error}", folder.display()))
+    })
+}

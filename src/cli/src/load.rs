@@ -1,0 +1,39 @@
+//! Loads the experiment of a command's arguments.
+
+use super::{Failure, ScenarioArgs};
+use city3d_simulation::scenario::{Experiment, Library, Overrides, ScenarioRequest, read_experiment};
+use std::sync::Arc;
+
+pub fn experiment(args: &ScenarioArgs) -> Result<Arc<Experiment>, Failure> {
+    city3d_session::load(&args.request()).map_err(Failure::bad_input)
+}
+
+/// The experiment of a served city: vehicles come over the link, so it may have none of its own.
+pub fn city(args: &ScenarioArgs) -> Result<Experiment, Failure> {
+    let ScenarioRequest { scenario, overrides } = args.request();
+    let overrides = Overrides { allows_no_vehicles: true, ..overrides };
+    ScenarioRequest { scenario, overrides }.read().map_err(Failure::bad_input)
+}
+
+/// The city with so much traffic, whatever its scenario says.
+#[cfg(feature = "render")]
+pub fn city_of(vehicles: u32, seed: Option<u64>) -> Result<Experiment, Failure> {
+    let (text, library) = Library::scenario("city").map_err(Failure::bad_input)?;
+    let mut table: toml::Table = text.parse().map_err(Failure::failed)?;
+    if let Some(traffic) = table.get_mut("traffic").and_then(toml::Value::as_table_mut) {
+        traffic.insert("vehicles".to_owned(), i64::from(vehicles).into());
+    }
+    let overrides = Overrides { seed, ..Overrides::default() };
+    read_experiment("city", &table.to_string(), &library, overrides).map_err(Failure::bad_input)
+}
+
+/// The experiment of a text that is the scenario's, or was made from it.
+pub fn from_text(
+    args: &ScenarioArgs,
+    text: &str,
+    library: &Library,
+    allows_no_vehicles: bool,
+) -> Result<Experiment, Failure> {
+    let overrides = Overrides { allows_no_vehicles, ..args.request().overrides };
+    read_experiment(&args.scenario, text, library, overrides).map_err(Failure::bad_input)
+}

@@ -1,0 +1,28 @@
+//! ROS, in a program without it: no options and no ends.
+
+use super::Failure;
+use city3d_session::remote_control::PoseFeedback;
+use city3d_session::robots::CaptureEnd;
+use city3d_session::served::ServedEnds;
+use city3d_simulation::scenario::Experiment;
+use clap::Args;
+
+#[derive(Clone, Debug, Args)]
+pub struct RosArgs {}
+
+#[derive(Clone, Debug, Args)]
+pub struct ServedRosArgs {}
+
+impl ServedRosArgs {
+    pub fn ends(&self, _: &Experiment) -> Result<ServedEnds, Failure> {
+        Ok(ServedEnds::default())
+    }
+}
+
+pub fn feedback(_: &RosArgs, _: &Experiment) -> Result<Option<Box<dyn PoseFeedback>>, Failure> {
+    Ok(None)
+}
+
+pub fn capture(_: &RosArgs, _: &Experiment) -> Result<Option<Box<dyn CaptureEnd>>, Failure> {
+    Ok(None)
+}

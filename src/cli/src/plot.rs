@@ -1,0 +1,158 @@
+//! `city3d plot`: the figures of recorded runs.
+
+use super::files::log_argument;
+use super::overwrite::OverwriteArgs;
+use super::say::say;
+use super::{Failure, create_folder};
+use city3d_logbook::figures::{FigureSet, FigureSize, RunLog, StreamLayout, Trace, write};
+use city3d_protocol::snapshot::VehicleId;
+use clap::{Args, ValueEnum};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, Args)]
+pub struct PlotArgs {
+    /// Logs (run.mcap) or folders of runs; with several, each run gets a folder of its own in --out
+    #[arg(required = true, value_parser = log_argument)]
+    logs: Vec<PathBuf>,
+    /// Folder for the figures: SVG, PNG and their data as CSV
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
+    #[command(flatten)]
+    figures: FigureArgs,
+}
+
+/// What figures show and how large they are.
+#[derive(Clone, Debug, Args)]
+pub struct FigureArgs {
+    /// Merging point, by the lane that begins there [default: the one that most vehicles use]
+    #[arg(long, value_name = "LANE")]
+    merge: Option<String>,
+    /// Distance of position 0 before the merging point, in laboratory metres [default: the start of the last vehicle
+    /// of Path 1]
+    #[arg(long, value_name = "M", value_parser = metres)]
+    origin: Option<f64>,
+    /// Only these vehicles, by number or name
+    #[arg(long = "vehicle", value_name = "ID", value_delimiter = ',')]
+    vehicles: Vec<String>,
+    #[command(flatten)]
+    size: SizeArgs,
+}
+
+/// How large figures are.
+#[derive(Clone, Debug, Args)]
+pub struct SizeArgs {
+    /// Printed width of the figures: a column of a paper (88 mm) or a page (180 mm)
+    #[arg(long, value_enum, default_value = "page")]
+    size: SizeArg,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum SizeArg {
+    Column,
+    Page,
+}
+
+impl SizeArgs {
+    pub fn size(&self) -> FigureSize {
+        match self.size {
+            SizeArg::Column => FigureSize::Column,
+            SizeArg::Page => FigureSize::Page,
+        }
+    }
+}
+
+impl FigureArgs {
+    pub fn size(&self) -> FigureSize {
+        self.size.size()
+    }
+
+    /// Streams and position axis, from the first of some runs.
+    pub fn layout(&self, run: &RunLog) -> Result<StreamLayout, Failure> {
+        let origin_m = self.origin.map(|lab_m| run.experiment.scale.city_from_lab(lab_m));
+        StreamLayout::of(run, self.merge.as_deref(), origin_m).map_err(Failure::bad_input)
+    }
+
+    /// The requested vehicles, all of which exist; none for all.
+    pub fn vehicles(&self, run: &RunLog) -> Result<BTreeSet<VehicleId>, Failure> {
+        let there = || {
+            let words = run.vehicles.iter().map(|trace| format!("{} {}", trace.id, trace.name));
+            words.collect::<Vec<_>>().join(", ")
+        };
+        let of = |word: &String| {
+            let is_meant = |trace: &&Trace| trace.name == *word || trace.id.to_string() == *word;
+            let found = run.vehicles.iter().find(is_meant).map(|trace| trace.id);
+            found.ok_or_else(|| {
+                Failure::bad_input(format!("the run has no vehicle {word}; it has {}", there()))
+            })
+        };
+        self.vehicles.iter().map(of).collect()
+    }
+}
+
+fn metres(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(metres) if metres.abs() <= 1000.0 => Ok(metres),
+        _ => Err("a number of metres between -1000 and 1000 is needed".to_owned()),
+    }
+}
+
+/// Reads a log, and says where it ends early.
+pub fn read(log: &Path) -> Result<RunLog, Failure> {
+    let run = RunLog::read(log).map_err(Failure::bad_input)?;
+    if let Some(why) = &run.truncation {
+        tracing::warn!(
+            "{}: the log is truncated: {why}; it is read up to its last whole record",
+            log.display()
+        );
+    }
+    Ok(run)
+}
+
+pub fn plot(args: &PlotArgs) -> Result<(), Failure> {
+    let mut taken = BTreeSet::new();
+    for log in &args.logs {
+        let run = read(log)?;
+        let folder =
+            if args.logs.len() == 1 { args.out.clone() } else { args.out.join(own_folder(log, &mut taken)) };
+        let layout = args.figures.layout(&run)?;
+        let only = args.figures.vehicles(&run)?;
+        let runs = [run];
+        draw(&FigureSet::new(&runs, &layout, &only), args, &folder)?;
+    }
+    Ok(())
+}
+
+/// Writes all figures of a run, and says which.
+fn draw(views: &FigureSet<'_>, args: &PlotArgs, folder: &Path) -> Result<(), Failure> {
+    let (figures, notes) = views.all();
+    args.overwrite
+        .policy()
+        .check_files(folder, &files_of(figures.iter().map(|figure| figure.name.as_str())))?;
+    create_folder(folder)?;
+    let size = args.figures.size();
+    for figure in &figures {
+        write(figure, size, folder).map_err(Failure::failed)?;
+    }
+    let names: Vec<&str> = figures.iter().map(|figure| figure.name.as_str()).collect();
+    say(format_args!("{}: {} (SVG, PNG, CSV)", folder.display(), names.join(", ")))?;
+    notes.iter().try_for_each(say)
+}
+
+/// The files that figures of these names are written to.
+pub fn files_of<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
+    names.flat_map(|name| ["svg", "png", "csv"].map(|extension| format!("{name}.{extension}"))).collect()
+}
+
+/// The name of a log's folder, or with a number where that is taken.
+fn own_folder(log: &Path, taken: &mut BTreeSet<String>) -> String {
+    let parent = log.parent().and_then(Path::file_name).or(log.file_stem());
+    let name = parent.map_or_else(|| "run".to_owned(), |name| name.to_string_lossy().into_owned());
+    let numbered = (2..).map(|number| format!("{name}-{number}"));
+    let mut free = std::iter::once(name.clone()).chain(numbered).filter(|name| !taken.contains(name));
+    let free = free.next().unwrap_or(name);
+    taken.insert(free.clone());
+    free
+}

@@ -1,0 +1,285 @@
+//! `city3d replay`: shows a recorded run in the window, or simulates it again and verifies its state digests.
+
+use super::files::{LogArgs, log_of};
+use super::recorded::RecordedPoses;
+use super::say::say;
+use super::{Failure, progress};
+use city3d_logbook::record::{is_ros1_bag, last_tick};
+use city3d_logbook::replay::{Replay, ReplayError, StateDifferences, TickDigests};
+use city3d_simulation::scenario::shipped_scenarios;
+use clap::Args;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, Args)]
+pub struct ReplayArgs {
+    /// The run.mcap or the folder of a run; or poses that were measured elsewhere: a bag of ROS 1 or ROS 2 (MCAP) with
+    /// transforms or stamped poses named after the vehicles, or a CSV file (time, id, x, y, yaw; seconds, laboratory
+    /// metres, radians)
+    log: PathBuf,
+    /// With poses: the scenario that has their map and vehicles
+    #[arg(long, value_name = "FILE", conflicts_with = "verify")]
+    scenario: Option<String>,
+    /// With poses: folder for the files of the run
+    #[arg(long, value_name = "DIR", requires = "scenario")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    files: LogArgs,
+    /// Simulate the run again from its commands alone, and compare the state at every tick
+    #[arg(long)]
+    verify: bool,
+    /// Print the outcome as JSON instead of text
+    #[arg(long)]
+    json: bool,
+    #[cfg(feature = "window")]
+    #[command(flatten)]
+    window: super::view::WindowArgs,
+}
+
+/// Result of `--verify`.
+#[derive(Debug, Serialize)]
+struct VerifyReport {
+    log: PathBuf,
+    scenario: String,
+    /// Version of City3D that wrote the log.
+    version: String,
+    /// Simulated time of the last tick that was compared.
+    simulated_s: f64,
+    /// Ticks whose states are equal, the beginning among them.
+    ticks_agreeing: u64,
+    /// Why the log is truncated, if it is.
+    torn: Option<String>,
+    first_difference: Option<FirstDifference>,
+}
+
+#[derive(Debug, Serialize)]
+struct FirstDifference {
+    tick: u64,
+    time_s: f64,
+    /// Digests, hexadecimal.
+    recorded: String,
+    simulated: String,
+    /// The tick of the snapshot in which the vehicles were compared, and those that differ.
+    compared_at_tick: Option<u64>,
+    vehicles: Vec<DifferentVehicle>,
+}
+
+#[derive(Debug, Serialize)]
+struct DifferentVehicle {
+    id: u32,
+    name: String,
+    apart_m: Option<f64>,
+}
+
+pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
+    if let (Some(scenario), Some(out)) = (&args.scenario, &args.out) {
+        return RecordedPoses { poses: &args.log, scenario, out, log: args.files, json: args.json }.replay();
+    }
+    if let Some(failure) = no_log(&args.log) {
+        return Err(failure);
+    }
+    let log = &log_of(&args.log);
+    let is_table = log.extension().is_some_and(|extension| extension == "csv");
+    if !args.verify && (is_table || is_ros1_bag(log)) {
+        return Err(poses_need(&args.log));
+    }
+    if !args.verify {
+        return if args.json {
+            Err(Failure::bad_input("--json needs --verify, or poses with --scenario and --out"))
+        } else {
+            watch(log, args)
+        };
+    }
+    let report = verify(log)?;
+    if args.json {
+        say(serde_json::to_string(&report).map_err(Failure::failed)?)?;
+    } else {
+        print(&report)?;
+    }
+    match report.first_difference {
+        None => Ok(()),
+        Some(first) => Err(Failure::failed(format!(
+            "tick {} differs from the log when it is simulated again",
+            first.tick
+        ))),
+    }
+}
+
+/// The error for poses without a scenario.
+fn poses_need(path: &Path) -> Failure {
+    let path = path.display();
+    Failure::bad_input(format!(
+        "{path} has measured poses and no run: make a run of them with the scenario that has their map and vehicles \
+         (city3d replay {path} --scenario SCENARIO --out DIR), then watch it with city3d replay DIR"
+    ))
+}
+
+/// Why what was given is no log, where it is something else that is known; with what to do instead.
+fn no_log(path: &Path) -> Option<Failure> {
+    let name = path.display();
+    let file = path.file_name().unwrap_or_default();
+    let run = |scenario: &str| {
+        Failure::bad_input(format!(
+            "{name} is a scenario, not a recorded run: record one with city3d run {scenario} --out out/run, and watch it \
+             with city3d replay out/run; or watch it live: city3d view {scenario}"
+        ))
+    };
+    let text = path.to_string_lossy();
+    if !path.exists() && shipped_scenarios().any(|shipped| *shipped == *text) {
+        return Some(run(&text));
+    }
+    if path.is_file() && path.extension().is_some_and(|extension| extension == "toml") {
+        return Some(run(&text));
+    }
+    if path.is_file() && file == "summary.json" {
+        let folder = path.parent().unwrap_or(path).display();
+        return Some(Failure::bad_input(format!(
+            "{name} is the summary of a run; give the folder of the run: city3d replay {folder}"
+        )));
+    }
+    if path.is_dir() && !log_of(path).is_file() {
+        return Some(no_run(path));
+    }
+    None
+}
+
+/// A folder that has no log itself: those of its folders that have.
+fn no_run(path: &Path) -> Failure {
+    const TOLD: usize = 20;
+    let mut runs: Vec<PathBuf> = Vec::new();
+    let mut folders = vec![(path.to_path_buf(), 0)];
+    while let Some((folder, depth)) = folders.pop() {
+        let inside = std::fs::read_dir(&folder).into_iter().flatten().flatten();
+        for inside in inside.map(|entry| entry.path()).filter(|inside| inside.is_dir()) {
+            if inside.join("run.mcap").is_file() {
+                runs.push(inside);
+            } else if depth < 2 {
+                folders.push((inside, depth + 1));
+            }
+        }
+    }
+    runs.sort();
+    let name = path.display();
+    if runs.is_empty() {
+        return Failure::bad_input(format!(
+            "{name} is a folder without a run.mcap; give the folder of a run, such as city3d run SCENARIO --out DIR writes"
+        ));
+    }
+    let told: Vec<String> = runs.iter().take(TOLD).map(|run| run.display().to_string()).collect();
+    let more = if runs.len() > TOLD { format!(" and {} more", runs.len() - TOLD) } else { String::new() };
+    Failure::bad_input(format!("{name} is a folder of runs; give one of them: {}{more}", told.join(", ")))
+}
+
+#[cfg(feature = "window")]
+fn watch(log: &Path, args: &ReplayArgs) -> Result<(), Failure> {
+    super::view::replay(log, &args.window)
+}
+
+#[cfg(not(feature = "window"))]
+fn watch(log: &Path, _args: &ReplayArgs) -> Result<(), Failure> {
+    city3d_logbook::record::LogReader::open(log).map_err(Failure::bad_input)?;
+    let log = log.display();
+    Err(Failure::bad_input(format!(
+        "this program was built without the window. city3d replay {log} --verify simulates the run again and \
+         compares it"
+    )))
+}
+
+fn verify(log: &Path) -> Result<VerifyReport, Failure> {
+    let (last, _) = last_tick(log).map_err(Failure::bad_input)?;
+    let mut replay = Replay::open(log).map_err(failure)?;
+    warn_of_version(&replay);
+    let bar = progress::simulated_seconds(replay.experiment().rates.time_s(last));
+    let mut ticks_agreeing = 0;
+    let mut first_difference = None;
+    while let Some(ticked) = replay.step().map_err(failure)? {
+        if !ticked.agrees() {
+            first_difference = Some(first(&mut replay, ticked)?);
+            break;
+        }
+        ticks_agreeing += 1;
+        if ticked.tick.is_multiple_of(100) {
+            progress::show(&bar, replay.snapshot().time_s);
+        }
+    }
+    bar.finish_and_clear();
+    Ok(VerifyReport {
+        log: log.to_path_buf(),
+        scenario: replay.experiment().name.clone(),
+        version: replay.log().version().to_owned(),
+        simulated_s: replay.snapshot().time_s,
+        ticks_agreeing,
+        torn: replay.log().truncation().map(str::to_owned),
+        first_difference,
+    })
+}
+
+/// Warns of a log of another version, which may simulate differently.
+pub(super) fn warn_of_version(replay: &Replay) {
+    let (theirs, ours) = (replay.log().version(), env!("CARGO_PKG_VERSION"));
+    if theirs != ours {
+        tracing::warn!(
+            "the log was written by version {theirs}, and this is {ours}: its simulation may differ"
+        );
+    }
+}
+
+/// A log that cannot be used is bad input.
+pub(super) fn failure(error: ReplayError) -> Failure {
+    Failure::bad_input(error)
+}
+
+fn first(replay: &mut Replay, ticked: TickDigests) -> Result<FirstDifference, Failure> {
+    let time_s = replay.snapshot().time_s;
+    let found = replay.differences().map_err(failure)?;
+    let (compared_at_tick, vehicles) = match found {
+        Some(StateDifferences { tick, vehicles }) => (Some(tick), vehicles),
+        None => (None, Vec::new()),
+    };
+    let name = |id| replay.snapshot().info(id).map(|info| info.name.clone()).unwrap_or_default();
+    let vehicles = vehicles.into_iter().map(|found| DifferentVehicle {
+        id: found.vehicle.0,
+        name: name(found.vehicle),
+        apart_m: found.apart_m,
+    });
+    Ok(FirstDifference {
+        tick: ticked.tick,
+        time_s,
+        recorded: format!("{:016x}", ticked.recorded),
+        simulated: format!("{:016x}", ticked.simulated),
+        compared_at_tick,
+        vehicles: vehicles.collect(),
+    })
+}
+
+fn print(report: &VerifyReport) -> Result<(), Failure> {
+    if let Some(why) = &report.torn {
+        say(format_args!(
+            "{}: the log is truncated: {why}; it is read up to its last whole record",
+            report.log.display()
+        ))?;
+    }
+    say(format_args!(
+        "{}: {} ticks agree, {:.2} s simulated again from the commands",
+        report.scenario, report.ticks_agreeing, report.simulated_s
+    ))?;
+    let Some(first) = &report.first_difference else { return Ok(()) };
+    say(format_args!(
+        "tick {} ({:.2} s) differs: state {} in the log, {} simulated again",
+        first.tick, first.time_s, first.recorded, first.simulated
+    ))?;
+    let Some(tick) = first.compared_at_tick else {
+        return say("the log has no later snapshot to show which vehicles differ");
+    };
+    if first.vehicles.is_empty() {
+        return say(format_args!("at tick {tick} no vehicle differs within the precision of snapshots"));
+    }
+    for DifferentVehicle { id, name, apart_m } in &first.vehicles {
+        let how = match apart_m {
+            Some(apart_m) => format!("differs at tick {tick}, {apart_m:.6} m apart"),
+            None => format!("exists in only one of the two at tick {tick}"),
+        };
+        say(format_args!("vehicle {id} ({name}) {how}"))?;
+    }
+    Ok(())
+}

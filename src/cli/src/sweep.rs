@@ -1,0 +1,175 @@
+//! `city3d sweep`: parameter sweep of a scenario over a grid of values and seeds, on all cores.
+
+mod grid;
+mod map;
+mod table;
+
+use super::overwrite::OverwriteArgs;
+use super::say::say;
+use super::{Failure, ProfileArg, ScenarioArgs, create_folder, load, on_end};
+use city3d_simulation::runner::RunMetrics;
+use city3d_simulation::scenario::Library;
+use clap::Args;
+use grid::{Axis, Job, Seeds};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use table::SweepTable;
+
+#[derive(Debug, Args)]
+pub struct SweepArgs {
+    #[command(flatten)]
+    scenario: ScenarioArgs,
+    /// A parameter of the scenario and its values: environment.command_delay_s=0:0.3:0.05 (from, to, step),
+    /// right_of_way.clear_area_m=0.4,0.8 or vehicle.path1_a.at_m=0.3,0.4; repeat for several axes
+    #[arg(long = "set", value_name = "KEY=VALUES")]
+    set: Vec<Axis>,
+    /// Seeds: 1..20 (both included) or 1,4,9 [default: the scenario's]
+    #[arg(long, value_name = "SEEDS", conflicts_with = "seed")]
+    seeds: Option<Seeds>,
+    /// Folder for sweep.csv and the figures; a sweep that was interrupted there continues
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
+    /// Number of runs in parallel [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    #[command(flatten)]
+    size: super::plot::SizeArgs,
+}
+
+/// The runs of a sweep.
+struct SweepPlan {
+    args: ScenarioArgs,
+    document: toml::Table,
+    library: Library,
+    jobs: Vec<Job>,
+}
+
+impl SweepPlan {
+    /// Validates every value of each axis before the first run.
+    fn check(&self, axes: &[Axis]) -> Result<(), Failure> {
+        for job in axes.iter().flat_map(|axis| grid::jobs(std::slice::from_ref(axis), None)).flatten() {
+            let text = job.scenario(&self.document).map_err(Failure::bad_input)?;
+            load::from_text(&self.args, &text, &self.library, false)?;
+        }
+        Ok(())
+    }
+
+    /// Runs one job; gives its row.
+    fn run(&self, index: usize) -> Result<Vec<String>, Failure> {
+        let job = &self.jobs[index];
+        let text = job.scenario(&self.document).map_err(Failure::bad_input)?;
+        let args = ScenarioArgs { seed: job.seed.or(self.args.seed), ..self.args.clone() };
+        let experiment = Arc::new(load::from_text(&args, &text, &self.library, false)?);
+        let seed = experiment.seed;
+        let outcome = RunMetrics::of(experiment).map_err(Failure::bad_input)?;
+        Ok(table::row(job, seed, &outcome))
+    }
+}
+
+pub fn sweep(args: &SweepArgs) -> Result<(), Failure> {
+    let (text, library) = Library::scenario(&args.scenario.scenario).map_err(Failure::bad_input)?;
+    // Errors of the unchanged scenario are reported with their places.
+    load::from_text(&args.scenario, &text, &library, false)?;
+    let document: toml::Table = text.parse().map_err(Failure::bad_input)?;
+    let jobs = grid::jobs(&args.set, args.seeds.as_ref()).map_err(Failure::bad_input)?;
+    let plan = SweepPlan { args: args.scenario.clone(), document, library, jobs };
+    plan.check(&args.set)?;
+    create_folder(&args.out)?;
+    let head = table::SweepHeader::new(&args.scenario, &text, &args.set, &plan.jobs);
+    let mut table = SweepTable::open(&args.out, &head, &plan.jobs, args.overwrite)?;
+    let done = table.rows();
+    if done > 0 && done < plan.jobs.len() {
+        say(format_args!("{done} of {} runs are done already", plan.jobs.len()))?;
+    }
+    let ends = on_end()?;
+    let threads = args.threads.map_or_else(cores, usize::from).min(plan.jobs.len() - done).max(1);
+    run_all(&plan, &mut table, threads, &ends)?;
+    if table.rows() < plan.jobs.len() {
+        return Err(Failure::failed(format!(
+            "stopped after {} of {} runs; the same command continues",
+            table.rows(),
+            plan.jobs.len()
+        )));
+    }
+    let rows = table.finish()?;
+    say(format_args!("{} runs: {}", rows.len(), args.out.join("sweep.csv").display()))?;
+    let is_testbed = args.scenario.environment == Some(ProfileArg::Testbed)
+        || args.set.iter().any(|axis| axis.key.starts_with("environment."));
+    let sweep = map::Sweep { axes: &args.set, rows: &rows, document: &plan.document, is_testbed };
+    let figures = sweep.figures();
+    for figure in &figures {
+        city3d_logbook::figures::write(figure, args.size.size(), &args.out).map_err(Failure::failed)?;
+        say(format_args!("{}: {} (SVG, PNG, CSV)", args.out.display(), figure.name))?;
+    }
+    if figures.is_empty() { say("no map of the outcome: it needs one or two axes (--set)") } else { Ok(()) }
+}
+
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
+}
+
+/// Runs the remaining jobs. Rows are written in job order, so that the table depends neither on the number of threads
+/// nor on interruptions.
+fn run_all(
+    plan: &SweepPlan,
+    table: &mut SweepTable,
+    threads: usize,
+    ends: &AtomicBool,
+) -> Result<(), Failure> {
+    let bar = progress(plan.jobs.len(), table.rows());
+    let next = AtomicUsize::new(table.rows());
+    let (sender, rows) = channel();
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            let (sender, next) = (sender.clone(), &next);
+            scope.spawn(move || work(plan, next, ends, &sender));
+        }
+        drop(sender);
+        let result = collect(&rows, table, &bar);
+        if result.is_err() {
+            // No thread starts another job.
+            next.store(plan.jobs.len(), Ordering::Relaxed);
+        }
+        bar.finish_and_clear();
+        result
+    })
+}
+
+type JobResult = (usize, Result<Vec<String>, Failure>);
+
+fn work(plan: &SweepPlan, next: &AtomicUsize, ends: &AtomicBool, sender: &Sender<JobResult>) {
+    while !ends.load(Ordering::Relaxed) {
+        let index = next.fetch_add(1, Ordering::Relaxed);
+        if index >= plan.jobs.len() || sender.send((index, plan.run(index))).is_err() {
+            break;
+        }
+    }
+}
+
+fn collect(rows: &Receiver<JobResult>, table: &mut SweepTable, bar: &ProgressBar) -> Result<(), Failure> {
+    let mut early: BTreeMap<usize, Vec<String>> = BTreeMap::new();
+    for (index, row) in rows {
+        early.insert(index, row?);
+        while let Some(row) = early.remove(&table.rows()) {
+            table.add(&row)?;
+        }
+        bar.inc(1);
+    }
+    Ok(())
+}
+
+fn progress(all: usize, done: usize) -> ProgressBar {
+    let bar = ProgressBar::new(all as u64);
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} runs  {per_sec}  {eta} left") {
+        bar.set_style(style);
+    }
+    bar.set_position(done as u64);
+    bar.reset_eta();
+    bar
+}

@@ -1,0 +1,38 @@
+//! `city3d testbed`: emulates the laboratory's robots and its motion capture.
+
+use super::ros::{self, RosArgs};
+use super::say::say;
+use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
+use city3d_network::link::{AllowedNetwork, read_key};
+use city3d_session::robots::{TestbedOptions, TestbedServer};
+use clap::Args;
+
+#[derive(Debug, Args)]
+pub struct TestbedArgs {
+    #[command(flatten)]
+    scenario: ScenarioArgs,
+    #[command(flatten)]
+    link: LinkArgs,
+    /// Address or network that may send; repeat for several [default: all that can reach the ports]
+    #[arg(long, value_name = "IP")]
+    allow: Vec<AllowedNetwork>,
+    #[command(flatten)]
+    ros: RosArgs,
+}
+
+pub fn testbed(args: &TestbedArgs) -> Result<(), Failure> {
+    let experiment = load::experiment(&args.scenario)?;
+    let options = TestbedOptions {
+        world: args.link.world,
+        authenticator: read_key(args.link.key.as_deref()).map_err(Failure::bad_input)?,
+        allowed: args.allow.clone(),
+    };
+    let stop = on_end()?;
+    let mut server = TestbedServer::open(&options, &experiment, ros::capture(&args.ros, &experiment)?)?;
+    for (robots, address) in server.robots() {
+        let robots: Vec<String> = robots.iter().map(ToString::to_string).collect();
+        say(format_args!("robot {} listens on udp {address}", robots.join(", ")))?;
+    }
+    server.run(&stop);
+    Ok(())
+}

@@ -1,0 +1,386 @@
+//! State of one connected and automated vehicle (CAV) in the control framework.
+
+use super::estimate::RouteEstimate;
+use super::off_route;
+use super::right_of_way::RightOfWayState;
+use super::{Controller, Decision, DriverParams, LeaderState, OwnMotion, Route, SetupError, controller};
+use city3d_geometry::lab::Pose2;
+use city3d_protocol::snapshot::{Indicator, VehicleId};
+use city3d_protocol::wire::Measurement;
+use city3d_roadmap::{LabMap, LaneId};
+use serde::{Deserialize, Serialize};
+
+/// Dimensions of a vehicle for control, laboratory metres. The overhangs are equal, and the measured pose is
+/// the middle of the outline.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CavGeometry {
+    pub length_m: f64,
+    pub wheelbase_m: f64,
+    /// Of the front-axle centre at the steering limit.
+    pub min_turn_radius_m: f64,
+}
+
+impl CavGeometry {
+    /// From the middle of the outline to the front axle.
+    pub fn front_axle_m(&self) -> f64 {
+        self.wheelbase_m / 2.0
+    }
+
+    /// From the front axle to the front bumper.
+    pub fn overhang_m(&self) -> f64 {
+        (self.length_m - self.wheelbase_m) / 2.0
+    }
+}
+
+/// Setup of a vehicle for the control framework.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CavSetup {
+    pub id: VehicleId,
+    /// Name of the control algorithm, see [`CONTROLLERS`](super::CONTROLLERS).
+    pub controller: String,
+    pub driver: DriverParams,
+    pub body: CavGeometry,
+    /// Lanes of the route, each a successor of the one before.
+    pub route: Vec<LaneId>,
+    pub speed_mps: f64,
+}
+
+/// State of the plan model: a double integrator along the route (the paper, eq. 7).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PlanState {
+    pub axle_s: f64,
+    pub speed_mps: f64,
+    pub acceleration_mps2: f64,
+}
+
+/// Yielding state of a vehicle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Yielding {
+    #[default]
+    No,
+    /// Held at a section, but not yet for long.
+    Held {
+        section: usize,
+        since_s: f64,
+    },
+    At {
+        section: usize,
+        since_s: f64,
+    },
+}
+
+/// Shorter holds do not count as yielding.
+const YIELDS_AFTER_S: f64 = 0.4;
+/// Shortest time for which yielding is shown.
+const YIELDS_FOR_S: f64 = 1.0;
+
+#[derive(Debug)]
+pub struct Cav {
+    pub id: VehicleId,
+    pub driver: DriverParams,
+    pub body: CavGeometry,
+    pub route: Route,
+    pub passage: RightOfWayState,
+    pub plan: PlanState,
+    pub indicator: Indicator,
+    /// Yielding at a section of its route, from when it was held until it may go.
+    pub yielding: Yielding,
+    /// Number of reroutes.
+    pub reroutes: u32,
+    /// Sequence number of messages to the vehicle.
+    pub sequence: u32,
+    controller: Box<dyn Controller>,
+    setup_speed_mps: f64,
+    estimate: Option<RouteEstimate>,
+    /// Off its route and on no lane in the direction of travel, as a person may drive.
+    is_off_route: bool,
+    /// As measured.
+    pub pose: Pose2,
+    /// Speed along its heading; used while it is on no lane.
+    pub(super) heading_mps: f64,
+    /// The estimate at the time of the control step.
+    axle_s: f64,
+    speed_mps: f64,
+    position_std_m: f64,
+    /// Not measured for too long; it may be up to `ahead_m` farther.
+    is_lost: bool,
+    ahead_m: f64,
+}
+
+/// Largest deviation of the plan from the measurement.
+const PLAN_SLACK_M: f64 = 0.04;
+const PLAN_SLACK_MPS: f64 = 0.08;
+
+/// Worst-case gap to the leader, and standard deviations of the own position that are added.
+const SAFE_GAP_M: f64 = 0.02;
+const SAFETY_SIGMAS: f64 = 3.0;
+
+/// Distance behind a section at which its exit is looked up.
+const BEHIND_SECTION_M: f64 = 1e-6;
+/// A route is finished when its vehicle stands this close to its end.
+const FINISHED_WITHIN_M: f64 = 0.05;
+const FINISHED_MPS: f64 = 0.004;
+
+impl Cav {
+    pub(super) fn new(map: &LabMap, setup: CavSetup) -> Result<Self, SetupError> {
+        if setup.route.is_empty() {
+            return Err(SetupError::EmptyRoute { vehicle: setup.id });
+        }
+        let controller = controller(&setup.controller, setup.driver)
+            .ok_or(SetupError::UnknownController { vehicle: setup.id, name: setup.controller })?;
+        Ok(Self {
+            id: setup.id,
+            driver: setup.driver,
+            body: setup.body,
+            route: Route::new(map, &setup.route, setup.body, &setup.driver),
+            passage: RightOfWayState::default(),
+            plan: PlanState::default(),
+            indicator: Indicator::Off,
+            yielding: Yielding::default(),
+            reroutes: 0,
+            sequence: 0,
+            controller,
+            setup_speed_mps: setup.speed_mps,
+            estimate: None,
+            is_off_route: false,
+            pose: Pose2::default(),
+            heading_mps: setup.speed_mps,
+            axle_s: 0.0,
+            speed_mps: 0.0,
+            position_std_m: 0.0,
+            is_lost: false,
+            ahead_m: 0.0,
+        })
+    }
+
+    /// Whether a pose has arrived.
+    pub fn is_seen(&self) -> bool {
+        self.estimate.is_some()
+    }
+
+    /// Whether it is on its route.
+    pub fn is_on_route(&self) -> bool {
+        self.is_seen() && !self.is_off_route
+    }
+
+    /// Whether it has not been measured for too long. It is then treated as stopped.
+    pub fn is_lost(&self) -> bool {
+        self.is_lost
+    }
+
+    /// Front-axle centre along the route, predicted to the current time.
+    pub fn axle_s(&self) -> f64 {
+        self.axle_s
+    }
+
+    /// Front-axle centre along the route at the last measured pose.
+    pub(super) fn measured_s(&self) -> f64 {
+        self.estimate.as_ref().map_or(0.0, |estimate| estimate.axle_s)
+    }
+
+    pub fn front_s(&self) -> f64 {
+        self.axle_s + self.body.overhang_m()
+    }
+
+    /// Farthest possible position of its front bumper, ahead of the estimate if the vehicle is lost.
+    pub(super) fn farthest_front_s(&self) -> f64 {
+        self.front_s() + self.ahead_m
+    }
+
+    pub fn rear_s(&self) -> f64 {
+        self.front_s() - self.body.length_m
+    }
+
+    /// Estimated from the measured poses.
+    pub fn speed_mps(&self) -> f64 {
+        self.speed_mps
+    }
+
+    /// The speed that followers may rely on: none if the vehicle is on no lane.
+    pub(super) fn speed_along_mps(&self) -> f64 {
+        if self.is_off_route { 0.0 } else { self.speed_mps() }
+    }
+
+    pub(super) fn update_pose(&mut self, map: &LabMap, now_s: f64, seen: &Measurement) {
+        self.pose = seen.pose_in_lab();
+        let Some(estimate) = &mut self.estimate else {
+            self.begin(map, now_s, seen, self.setup_speed_mps);
+            return;
+        };
+        let was_lost = estimate.is_lost(now_s);
+        estimate.update(map, (&self.route, self.body), now_s, seen);
+        let (axle_s, speed_mps) = (estimate.axle_s, estimate.speed_mps);
+        self.heading_mps = estimate.heading_mps();
+        if was_lost {
+            // It may have missed the messages meanwhile.
+            self.plan = PlanState { axle_s, speed_mps, acceleration_mps2: 0.0 };
+        }
+        if !off_route::has_left_route(map, self) {
+            self.is_off_route = false;
+        } else {
+            let way = off_route::route_from(map, self);
+            self.is_off_route = way.is_none();
+            if let Some(way) = way {
+                self.route = Route::new(map, &way, self.body, &self.driver);
+                self.reroutes += 1;
+                self.begin(map, now_s, seen, speed_mps);
+            }
+        }
+    }
+
+    /// Front-axle centre from the route, left-positive.
+    pub(super) fn lateral_m(&self) -> f64 {
+        self.estimate.as_ref().map_or(0.0, |estimate| estimate.lateral_m)
+    }
+
+    /// Starts on the first lane of its route.
+    fn begin(&mut self, map: &LabMap, now_s: f64, seen: &Measurement, speed_mps: f64) {
+        let first = RouteEstimate::first(map, (&self.route, self.body), now_s, seen, speed_mps);
+        self.passage = RightOfWayState::default();
+        self.plan = PlanState { axle_s: first.axle_s, speed_mps: first.speed_mps, acceleration_mps2: 0.0 };
+        self.axle_s = first.axle_s;
+        self.estimate = Some(first);
+        let rear_s = self.rear_s();
+        let behind = self.route.sections.iter().take_while(|section| section.to_s < rear_s);
+        self.passage.next_section = behind.count();
+    }
+
+    pub(super) fn advance_to(&mut self, time_s: f64) {
+        if let Some(estimate) = &self.estimate {
+            let place = estimate.at(time_s);
+            (self.axle_s, self.speed_mps) = (place.axle_s, place.speed_mps);
+            self.position_std_m = place.position_std_m;
+            self.is_lost = estimate.is_lost(time_s);
+            let stopping_m = self.driver.stopping_distance(estimate.speed_mps);
+            self.ahead_m =
+                if self.is_lost { estimate.farthest_if_lost(stopping_m) - self.axle_s } else { 0.0 };
+        }
+    }
+
+    /// Acceleration of the driver model with respect to one leader, or on a free road.
+    pub(super) fn acceleration_for(&self, ahead: Option<LeaderState>) -> f64 {
+        let desired = self.route.speed_at(self.axle_s);
+        let own = OwnMotion {
+            planned_mps: self.plan.speed_mps,
+            measured_mps: self.speed_mps,
+            margin_m: self.margin_m(),
+        };
+        self.controller.acceleration(own, desired, ahead)
+    }
+
+    /// Safety margin on measured distances.
+    pub(super) fn margin_m(&self) -> f64 {
+        SAFE_GAP_M + SAFETY_SIGMAS * self.position_std_m
+    }
+
+    /// The end of the route as a standing leader; the front bumper stops at the end.
+    pub(super) fn end_of_route(&self) -> Option<LeaderState> {
+        let gap_m = self.route.length() + self.driver.standstill_gap_m - self.front_s();
+        (gap_m < super::SIGHT_M).then_some(LeaderState { gap_m, speed_mps: 0.0 })
+    }
+
+    /// Whether it stands at the end of its route.
+    pub(super) fn is_finished(&self) -> bool {
+        self.route.length() - self.front_s() < FINISHED_WITHIN_M && self.plan.speed_mps < FINISHED_MPS
+    }
+
+    /// Updates the yielding state. Yielding begins when right of way has held the vehicle for a while, and
+    /// lasts until no vehicle has priority at that section, whatever else limits it meanwhile.
+    pub(super) fn note_yielding(
+        &mut self,
+        now_s: f64,
+        decision: &Decision,
+        gives_way: impl Fn(usize) -> bool,
+    ) {
+        self.yielding = match (self.yielding, decision.gives_way_at) {
+            (Yielding::At { section, since_s }, _)
+                if gives_way(section) || now_s - since_s < YIELDS_FOR_S =>
+            {
+                Yielding::At { section, since_s }
+            }
+            (Yielding::Held { section, since_s }, Some(at)) if at == section => {
+                if now_s - since_s >= YIELDS_AFTER_S {
+                    Yielding::At { section, since_s: now_s }
+                } else {
+                    Yielding::Held { section, since_s }
+                }
+            }
+            (_, Some(section)) => Yielding::Held { section, since_s: now_s },
+            (_, None) => Yielding::No,
+        };
+    }
+
+    /// Advances the plan by a control step, within its bounds and close to the measurement.
+    pub(super) fn apply(&mut self, decision: Decision, dt_s: f64) {
+        if self.is_lost {
+            self.brake(dt_s);
+            return;
+        }
+        let measured_mps = self.speed_mps();
+        let old = self.plan;
+        let base_mps =
+            old.speed_mps.clamp((measured_mps - PLAN_SLACK_MPS).max(0.0), measured_mps + PLAN_SLACK_MPS);
+        let allowed_mps = self.route.speed_at(old.axle_s + base_mps * dt_s);
+        let lowest_mps = (base_mps + self.driver.min_acceleration_mps2 * dt_s).max(0.0);
+        let wanted_mps = (base_mps + decision.acceleration_mps2 * dt_s).max(0.0);
+        let speed_mps = wanted_mps.min(allowed_mps.max(lowest_mps));
+        let ahead_m = old.axle_s + (base_mps + speed_mps) / 2.0 * dt_s - self.axle_s;
+        let ahead_m = ahead_m.clamp(-PLAN_SLACK_M, PLAN_SLACK_M);
+        let acceleration_mps2 =
+            if dt_s > 0.0 { (speed_mps - base_mps) / dt_s } else { decision.acceleration_mps2 };
+        self.plan = PlanState { axle_s: self.axle_s + ahead_m, speed_mps, acceleration_mps2 };
+    }
+
+    /// A lost vehicle is planned to a stop.
+    fn brake(&mut self, dt_s: f64) {
+        let PlanState { axle_s, speed_mps: before_mps, .. } = self.plan;
+        let acceleration_mps2 = self.driver.min_acceleration_mps2;
+        let speed_mps = (before_mps + acceleration_mps2 * dt_s).max(0.0);
+        let axle_s = axle_s + (before_mps + speed_mps) / 2.0 * dt_s;
+        self.plan = PlanState { axle_s, speed_mps, acceleration_mps2 };
+    }
+
+    /// Replaces the driver.
+    pub(super) fn change_driver(
+        &mut self,
+        map: &LabMap,
+        name: String,
+        driver: DriverParams,
+    ) -> Result<(), SetupError> {
+        self.controller =
+            controller(&name, driver).ok_or(SetupError::UnknownController { vehicle: self.id, name })?;
+        if self.driver != driver {
+            self.driver = driver;
+            self.route.plan_speeds(map, self.body, &self.driver);
+        }
+        Ok(())
+    }
+
+    /// Installs another route that begins with the same lanes up to the present one; returns the old route.
+    pub(super) fn set_route(&mut self, route: Route) -> Route {
+        std::mem::replace(&mut self.route, route)
+    }
+
+    /// Commits the installed route.
+    pub(super) fn commit_route(&mut self, map: &LabMap) {
+        self.reroutes += 1;
+        self.route.plan_speeds(map, self.body, &self.driver);
+    }
+
+    /// The admission number for a section, if it has one.
+    pub(super) fn order_of(&self, section: usize) -> Option<u64> {
+        self.passage.admissions.iter().find(|a| a.section == section).map(|a| a.order)
+    }
+
+    /// The lane of its route behind a section.
+    pub(super) fn exit_lane_of(&self, section: usize) -> LaneId {
+        let end_s = self.route.sections[section].to_s + BEHIND_SECTION_M;
+        self.route.lanes()[self.route.index_at(end_s)]
+    }
+
+    /// Whether its route uses a lane between two arc lengths.
+    pub(super) fn uses_lane(&self, lane: LaneId, from_s: f64, to_s: f64) -> bool {
+        (self.route.index_at(from_s)..=self.route.index_at(to_s))
+            .any(|index| self.route.lanes()[index] == lane)
+    }
+}

@@ -1,0 +1,143 @@
+//! Position and speed of a vehicle along its route, estimated from measured poses by the Kalman filter of
+//! [`estimation`](city3d_estimation).
+
+use super::{CavGeometry, Route};
+use city3d_estimation::{MotionEstimate, MotionFilter, NoiseModel};
+use city3d_geometry::Lab;
+use city3d_protocol::wire::Measurement;
+use city3d_roadmap::LabMap;
+
+/// Search window around the expected position on the route, laboratory metres.
+const SEARCH_BEHIND_M: f64 = 0.15;
+const SEARCH_AHEAD_M: f64 = 0.40;
+/// A vehicle not measured for longer than this is lost.
+const LOST_AFTER_S: f64 = 0.5;
+/// A lost vehicle counts as stopped where it was predicted this long after its last pose, as in the city.
+const STANDS_AFTER_S: f64 = 0.25;
+/// By then a vehicle that has lost its link brakes.
+const NOTICES_S: f64 = 1.0;
+/// Largest distance from the first lanes of the route at the start.
+const BEGINS_WITHIN_M: f64 = 0.1;
+
+/// Filter of a vehicle, and its state along the route at the newest stamp.
+#[derive(Clone, Debug)]
+pub struct RouteEstimate {
+    filter: MotionFilter<Lab>,
+    /// Motion at the newest stamp; `None` before the first pose.
+    motion: Option<MotionEstimate<Lab>>,
+    /// Stamp of the newest pose.
+    pub stamp_s: f64,
+    /// Time of arrival of that pose.
+    heard_s: f64,
+    /// Front-axle centre along the route at that time.
+    pub axle_s: f64,
+    pub speed_mps: f64,
+    /// Front-axle centre from the route, left-positive.
+    pub lateral_m: f64,
+    /// Unit vector along the route at the front axle.
+    along: glam::DVec2,
+    front_axle_m: f64,
+}
+
+/// State along the route at a time.
+#[derive(Clone, Copy, Debug)]
+pub struct RouteState {
+    pub axle_s: f64,
+    pub speed_mps: f64,
+    /// Standard deviation of the arc length.
+    pub position_std_m: f64,
+}
+
+impl RouteEstimate {
+    /// Starts from the first pose of a vehicle; its speed is that of its setup.
+    pub fn first(
+        map: &LabMap,
+        (route, body): (&Route, CavGeometry),
+        now_s: f64,
+        seen: &Measurement,
+        speed_mps: f64,
+    ) -> Self {
+        let pose = seen.pose_in_lab();
+        let axle = pose.point_at(body.front_axle_m(), 0.0);
+        let mut foot = route.project(map, axle, 0.0, route.lane_end(1));
+        if foot.distance > BEGINS_WITHIN_M {
+            // Control has started while the vehicle was under way.
+            foot = route.project(map, axle, 0.0, route.length());
+        }
+        let filter = MotionFilter::moving(NoiseModel::LABORATORY, seen.stamp_s, pose, speed_mps);
+        Self {
+            motion: filter.at(seen.stamp_s),
+            filter,
+            stamp_s: seen.stamp_s,
+            heard_s: now_s,
+            axle_s: foot.s,
+            speed_mps,
+            lateral_m: foot.lateral,
+            along: route.at(map, foot.s).pose.forward(),
+            front_axle_m: body.front_axle_m(),
+        }
+    }
+
+    /// Adds a newer pose; older ones are ignored.
+    pub fn update(
+        &mut self,
+        map: &LabMap,
+        (route, body): (&Route, CavGeometry),
+        now_s: f64,
+        seen: &Measurement,
+    ) {
+        let dt_s = seen.stamp_s - self.stamp_s;
+        if dt_s <= 0.0 {
+            return;
+        }
+        let expected_s = self.axle_s + self.speed_mps * dt_s;
+        // A lost vehicle is re-localised where it is found.
+        let earliest_s = if self.is_lost(now_s) { self.axle_s } else { expected_s };
+        self.filter.update(seen.stamp_s, seen.pose_in_lab());
+        self.motion = self.filter.at(seen.stamp_s);
+        let Some(motion) = self.motion else { return };
+        let axle = motion.pose.point_at(body.front_axle_m(), 0.0);
+        let foot = route.project(map, axle, earliest_s - SEARCH_BEHIND_M, expected_s + SEARCH_AHEAD_M);
+        self.along = route.at(map, foot.s).pose.forward();
+        self.axle_s = foot.s;
+        self.speed_mps = self.speed_along(&motion);
+        (self.stamp_s, self.heard_s, self.lateral_m) = (seen.stamp_s, now_s, foot.lateral);
+    }
+
+    /// Speed of the front axle along the route; 0 in reverse.
+    fn speed_along(&self, motion: &MotionEstimate<Lab>) -> f64 {
+        let turning = motion.pose.forward().perp() * (motion.yaw_rate_radps * self.front_axle_m);
+        (motion.velocity_mps + turning).dot(self.along).max(0.0)
+    }
+
+    /// Speed of the middle of the vehicle along its heading.
+    pub fn heading_mps(&self) -> f64 {
+        self.motion.map_or(0.0, |motion| motion.speed_mps)
+    }
+
+    /// Whether it has not been measured for too long.
+    pub fn is_lost(&self, now_s: f64) -> bool {
+        now_s - self.heard_s > LOST_AFTER_S
+    }
+
+    /// Predicted position and speed at a later time.
+    pub fn at(&self, time_s: f64) -> RouteState {
+        let is_lost = self.is_lost(time_s);
+        let until_s = if is_lost { self.heard_s + STANDS_AFTER_S } else { time_s };
+        let dt_s = until_s - self.stamp_s;
+        let expected = self.filter.at(until_s);
+        let std = expected.map_or(0.0, |motion| motion.std.position_m);
+        // It has turned with the route since the pose.
+        let gained_mps = expected.map_or(0.0, |motion| motion.velocity_mps.length())
+            - self.motion.map_or(0.0, |motion| motion.velocity_mps.length());
+        let speed_mps = (self.speed_mps + gained_mps).max(0.0);
+        let axle_s = self.axle_s + (self.speed_mps + speed_mps) / 2.0 * dt_s;
+        RouteState { axle_s, speed_mps: if is_lost { 0.0 } else { speed_mps }, position_std_m: std }
+    }
+
+    /// Farthest position of a lost vehicle that stops within a distance.
+    pub fn farthest_if_lost(&self, stopping_m: f64) -> f64 {
+        let goes_on_s = self.heard_s + NOTICES_S - self.stamp_s;
+        self.axle_s + self.speed_mps * goes_on_s + stopping_m
+    }
+}

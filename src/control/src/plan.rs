@@ -1,0 +1,77 @@
+//! The trajectory message to a vehicle: its plan over the next seconds.
+
+use super::cav::Yielding;
+use super::{Cav, turn_of};
+use city3d_geometry::lab::Pose2;
+use city3d_geometry::{Lab, trig};
+use city3d_protocol::snapshot::{Indicator, Trajectory, TrajectoryPoint};
+use city3d_protocol::wire::empty_trajectory;
+use city3d_roadmap::{LabMap, LaneKind};
+
+/// Waypoint times after now. At any permitted speed the distance covered by the last one exceeds the stopping
+/// distance.
+const OFFSETS_S: [f64; 13] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9, 1.2, 1.5, 2.0, 2.5, 3.0];
+/// Assumed duration of an acceleration; braking lasts to the stop.
+const ACCELERATION_LASTS_S: f64 = 1.0;
+/// Distance before a turn at which indicators start, laboratory metres.
+const INDICATE_M: f64 = 1.0;
+/// Least angle of a turn.
+const TURN_RAD: f64 = 0.7;
+
+/// The trajectory of a vehicle from now on, with its indicators.
+pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory<Lab> {
+    cav.sequence = cav.sequence.wrapping_add(1);
+    cav.indicator = indicator(map, cav);
+    let mut trajectory = empty_trajectory(cav.id, cav.sequence, OFFSETS_S.len());
+    trajectory.yielding = matches!(cav.yielding, Yielding::At { .. });
+    trajectory.finished = cav.is_finished();
+    trajectory.indicator = cav.indicator;
+    let (mut s, mut speed_mps, mut last_s) = (cav.plan.axle_s, cav.plan.speed_mps, 0.0);
+    for offset_s in OFFSETS_S {
+        let dt_s = offset_s - last_s;
+        let u = cav.plan.acceleration_mps2;
+        let u = if u > 0.0 && last_s >= ACCELERATION_LASTS_S { 0.0 } else { u };
+        let wanted_mps = (speed_mps + u * dt_s).max(0.0);
+        // A bend that comes too soon is entered too fast: no plan brakes harder than u_min.
+        let lowest_mps = (speed_mps + cav.driver.min_acceleration_mps2 * dt_s).max(0.0);
+        let next_mps = wanted_mps.min(cav.route.speed_at(s + speed_mps * dt_s).max(lowest_mps));
+        s += (speed_mps + next_mps) / 2.0 * dt_s;
+        (speed_mps, last_s) = (next_mps, offset_s);
+        let pose = cav.route.at(map, s).pose;
+        trajectory.points.push(TrajectoryPoint { time_s: now_s + offset_s, pose, speed_mps });
+    }
+    trajectory
+}
+
+/// Trajectory for a vehicle on no lane: straight on to a stop, with hazard lights.
+pub fn stop_straight(cav: &mut Cav, now_s: f64) -> Trajectory<Lab> {
+    cav.sequence = cav.sequence.wrapping_add(1);
+    cav.indicator = Indicator::Hazard;
+    let mut trajectory = empty_trajectory(cav.id, cav.sequence, OFFSETS_S.len());
+    trajectory.indicator = cav.indicator;
+    let axle = cav.pose.point_at(cav.body.front_axle_m(), 0.0);
+    let before_mps = if cav.heading_mps > super::STANDS_MPS { cav.heading_mps } else { 0.0 };
+    let braking_mps2 = -cav.driver.min_acceleration_mps2;
+    for offset_s in OFFSETS_S {
+        let speed_mps = (before_mps - braking_mps2 * offset_s).max(0.0);
+        let way_m = (trig::powi(before_mps, 2) - trig::powi(speed_mps, 2)) / (2.0 * braking_mps2);
+        let pose = Pose2::at(axle + cav.pose.forward() * way_m, cav.pose.yaw_rad);
+        trajectory.points.push(TrajectoryPoint { time_s: now_s + offset_s, pose, speed_mps });
+    }
+    trajectory
+}
+
+fn indicator(map: &LabMap, cav: &Cav) -> Indicator {
+    let (from_s, to_s) = (cav.rear_s(), cav.front_s() + INDICATE_M);
+    let route = &cav.route;
+    for index in route.index_at(from_s)..=route.index_at(to_s) {
+        let lane = map.lane(route.lanes()[index]);
+        if lane.kind == LaneKind::Connector {
+            let turn = turn_of(map, lane.id);
+            if turn.abs() > TURN_RAD {
+                return if turn > 0.0 { Indicator::Left } else { Indicator::Right };
+            }
+        }
+    }
+    Indicator::Off
+}

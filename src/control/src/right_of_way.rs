@@ -1,0 +1,555 @@
+//! Right of way: gap acceptance and reservation of the conflict zones of a junction.
+//!
+//! A vehicle requests the next section of its route (the conflict zones between which it cannot wait) in time
+//! to stop before it. An admission carries a number, which decides in every zone: a vehicle waits before a
+//! zone until vehicles with lower numbers have left it. A vehicle waits for lower numbers only, keeps the
+//! order of its lane, and is admitted only if there is room for it behind the last crossing of the section.
+//! So no circular wait (deadlock) can arise inside a junction. Before a stop or yield line a vehicle is
+//! admitted when the area in front of the merging or crossing point is clear; until then a virtual stopped
+//! vehicle stands at the line (the paper, section III).
+
+use super::loops::LoopCapacity;
+use super::route::{RANK_MAJOR, RANK_STOP, RANK_YIELD, Rank, ZoneCrossing};
+use super::traffic::Occupancy;
+use super::{Cav, LeaderState};
+use city3d_roadmap::{LabMap, LaneId, ZoneKind};
+use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
+
+/// Parameters of the right of way, laboratory units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RightOfWayParams {
+    /// Gap acceptance by distance: a yielding vehicle enters when no priority vehicle is closer to the
+    /// conflict zone than this.
+    pub clear_area_m: f64,
+    /// Gap acceptance by time: nor arrives within this time. A priority vehicle reserves the junction some 2
+    /// s before it: shorter times change nothing.
+    pub clear_time_s: f64,
+    /// After waiting this long at a line a vehicle gets priority.
+    pub patience_s: f64,
+    /// Whether vehicles stop at stop lines even if the junction is free.
+    pub full_stop: bool,
+    /// A vehicle that has been blocked this long behind a full road is rerouted, if an alternative has room.
+    /// Infinite: never.
+    pub reroute_s: f64,
+}
+
+impl Default for RightOfWayParams {
+    fn default() -> Self {
+        Self {
+            clear_area_m: 0.5,
+            clear_time_s: 3.0,
+            patience_s: 12.0,
+            full_stop: true,
+            reroute_s: f64::INFINITY,
+        }
+    }
+}
+
+/// Share of full braking for a vehicle that was admitted before.
+const COMFORTABLE_BRAKING: f64 = 0.6;
+/// Share of full braking where it is unlikely to be needed.
+const FIRM_BRAKING: f64 = 0.8;
+/// Slower vehicles may stop inside a zone.
+const LEAVING_MPS: f64 = 0.06;
+/// Time and distance by which a request precedes the braking point.
+const ASK_AHEAD_S: f64 = 0.4;
+const ASK_AHEAD_M: f64 = 0.12;
+/// A vehicle that stands this close to a line stands at it.
+const AT_LINE_M: f64 = 0.16;
+/// Share of its stopping distance that a moving vehicle behind the section is trusted to continue.
+const ROLLS_ON: f64 = 0.7;
+/// Slower traffic may stop.
+const JAM_MPS: f64 = 0.1;
+/// A vehicle that would overshoot its line by this has entered.
+const OVERSHOOT_M: f64 = 0.02;
+/// An admitted vehicle that stands this long is stalled, as a person may be: others go first.
+const STALLED_AFTER_S: f64 = 2.0;
+/// A stalled vehicle requests again after this time.
+const ASKS_AGAIN_S: f64 = 8.0;
+/// Stopping accuracy: a vehicle that just fits may keep its tail in the junction.
+const STAND_MARGIN_M: f64 = 0.01;
+/// Clearance to a zone that others have yet to leave.
+const ZONE_MARGIN_M: f64 = 0.02;
+
+/// An admission to a section of a route.
+#[derive(Clone, Copy, Debug)]
+pub struct Reservation {
+    pub section: usize,
+    pub order: u64,
+}
+
+/// The right-of-way state of a vehicle.
+#[derive(Clone, Debug, Default)]
+pub struct RightOfWayState {
+    /// Sections it was admitted to and has not left, in route order.
+    pub admissions: Vec<Reservation>,
+    /// Index of the section to request next.
+    pub next_section: usize,
+    /// It was able to stop before that section.
+    was_before_line: bool,
+    /// Since when it stands at the line of that section.
+    standing_since_s: Option<f64>,
+    /// Since when admission fails because of vehicles in or behind the section.
+    blocked_since_s: Option<f64>,
+    /// Since when it stands although it was admitted and is not obstructed.
+    stalled_since_s: Option<f64>,
+    /// While standing it is not admitted before this time.
+    asks_from_s: f64,
+    /// It is not rerouted before this time.
+    pub(super) reroutes_from_s: f64,
+}
+
+impl RightOfWayState {
+    /// How long admission has failed because of vehicles ahead.
+    pub fn blocked_s(&self, now_s: f64) -> f64 {
+        self.blocked_since_s.map_or(0.0, |since_s| now_s - since_s)
+    }
+}
+
+/// A vehicle near a conflict zone or in it.
+#[derive(Clone, Copy, Debug)]
+struct ZoneUser {
+    vehicle: usize,
+    side: usize,
+    /// Distance from its front bumper to the zone; negative inside.
+    to_entry_m: f64,
+    /// Distance from its rear bumper to the exit of the zone; positive until it has left.
+    to_exit_m: f64,
+    order: Option<u64>,
+    rank: Rank,
+}
+
+/// A vehicle that requests admission.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    rank: Rank,
+    /// Infinite while it moves.
+    standing_since_s: f64,
+    distance: f64,
+    vehicle: usize,
+}
+
+impl Candidate {
+    /// Order: rank, then longest standing, then nearest.
+    fn before(&self, other: &Self) -> Ordering {
+        self.rank
+            .cmp(&other.rank)
+            .then(self.standing_since_s.total_cmp(&other.standing_since_s))
+            .then(self.distance.total_cmp(&other.distance))
+            .then(self.vehicle.cmp(&other.vehicle))
+    }
+}
+
+/// A constraint on a vehicle from the right of way of others.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct YieldConstraint {
+    pub kind: ConstraintKind,
+    /// Index of the section of the route that it applies to.
+    pub section: usize,
+    /// Whether the vehicle gives way by its rank: behind a line, or turning left across oncoming traffic.
+    pub gives_way: bool,
+}
+
+/// The kind of a yield constraint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ConstraintKind {
+    /// A virtual stopped vehicle at this distance from the front bumper.
+    Stop { gap_m: f64 },
+    /// A vehicle merges ahead: follow it or wait before the zone, whichever brakes less.
+    Merging { leader: LeaderState, wait_gap_m: f64 },
+}
+
+#[derive(Clone, Debug)]
+pub struct RightOfWay {
+    params: RightOfWayParams,
+    next_order: u64,
+    /// Number of the next intruder, who entered without admission; below all others.
+    next_intruder: u64,
+    loops: LoopCapacity,
+    /// Users by zone, rebuilt each control step.
+    users: Vec<Vec<ZoneUser>>,
+    /// Buffer of candidates.
+    candidates: Vec<Candidate>,
+}
+
+/// First regular admission number; intruders are below.
+const FIRST_ORDER: u64 = 1 << 32;
+
+/// Vehicles within this distance of a zone are its users.
+const HORIZON_M: f64 = 2.0;
+
+impl RightOfWay {
+    pub fn new(params: RightOfWayParams, map: &LabMap) -> Self {
+        let users = vec![Vec::new(); map.zones.len()];
+        Self {
+            params,
+            next_order: FIRST_ORDER,
+            next_intruder: 0,
+            loops: LoopCapacity::new(map),
+            users,
+            candidates: Vec::new(),
+        }
+    }
+
+    pub fn params(&self) -> &RightOfWayParams {
+        &self.params
+    }
+
+    /// Replaces the rules. Admissions stay.
+    pub fn set_params(&mut self, params: RightOfWayParams) {
+        self.params = params;
+    }
+
+    /// Releases sections that were left, then admits candidates.
+    pub fn update(&mut self, now_s: f64, cavs: &mut [Cav], occupancy: &Occupancy) {
+        for cav in cavs.iter_mut().filter(|cav| cav.is_on_route()) {
+            let (rear_s, sections) = (cav.rear_s(), &cav.route.sections);
+            cav.passage.admissions.retain(|admission| sections[admission.section].to_s > rear_s);
+            self.note_standing(now_s, cav);
+            revoke_stalled_admissions(now_s, cav);
+        }
+        self.collect_zone_users(cavs);
+        self.loops.recount(cavs);
+        self.admit_vehicles_inside(cavs);
+        self.candidates.clear();
+        // Lost vehicles are stopped and request nothing.
+        let may_ask = |cav: &Cav| cav.is_on_route() && !cav.is_lost();
+        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| may_ask(cav)) {
+            if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
+                let distance = section.hold_s - cav.front_s();
+                let asks = now_s >= cav.passage.asks_from_s || cav.speed_mps() > super::STANDS_MPS;
+                if asks && distance < asking_distance(cav) {
+                    let rank = if self.is_impatient(now_s, cav) { RANK_MAJOR } else { section.rank };
+                    let standing_since_s = cav.passage.standing_since_s.unwrap_or(f64::INFINITY);
+                    self.candidates.push(Candidate { rank, standing_since_s, distance, vehicle });
+                }
+            }
+        }
+        let mut candidates = std::mem::take(&mut self.candidates);
+        candidates.sort_by(Candidate::before);
+        // Exits that a standing vehicle waits for: later requests do not overtake it.
+        let mut awaited: Vec<LaneId> = Vec::new();
+        for candidate in &candidates {
+            let vehicle = candidate.vehicle;
+            let exit = cavs[vehicle].exit_lane_of(cavs[vehicle].passage.next_section);
+            if awaited.contains(&exit) {
+                continue;
+            }
+            let has_room = self.has_room_behind(vehicle, cavs, occupancy);
+            if self.may_enter(now_s, candidate, has_room, cavs, occupancy) {
+                let order = self.next_order;
+                self.next_order += 1;
+                self.admit(vehicle, &mut cavs[vehicle], order);
+            } else if candidate.standing_since_s.is_finite() && !has_room {
+                awaited.push(exit);
+            }
+        }
+        self.candidates = candidates;
+    }
+
+    /// Admits vehicles that started inside a section or could not stop before it, so that others respect
+    /// them. One that was able to stop and did not, as a person may, goes before all admitted ones.
+    fn admit_vehicles_inside(&mut self, cavs: &mut [Cav]) {
+        for (vehicle, cav) in cavs.iter_mut().enumerate().filter(|(_, cav)| cav.is_on_route()) {
+            while let Some(section) = cav.route.sections.get(cav.passage.next_section) {
+                let to_hold_m = section.hold_s - cav.front_s();
+                if to_hold_m > cav.driver.stopping_distance(cav.speed_mps()) - OVERSHOOT_M {
+                    cav.passage.was_before_line = true;
+                    break;
+                }
+                let counter =
+                    if cav.passage.was_before_line { &mut self.next_intruder } else { &mut self.next_order };
+                let order = *counter;
+                *counter += 1;
+                self.admit(vehicle, cav, order);
+            }
+        }
+    }
+
+    fn note_standing(&self, now_s: f64, cav: &mut Cav) {
+        let Some(section) = cav.route.sections.get(cav.passage.next_section) else { return };
+        let at_line = section.hold_s - cav.front_s() < AT_LINE_M;
+        if cav.speed_mps() < super::STANDS_MPS && at_line && !cav.is_lost() {
+            cav.passage.standing_since_s.get_or_insert(now_s);
+        }
+    }
+
+    fn is_impatient(&self, now_s: f64, cav: &Cav) -> bool {
+        cav.passage.standing_since_s.is_some_and(|since_s| now_s - since_s > self.params.patience_s)
+    }
+
+    fn collect_zone_users(&mut self, cavs: &[Cav]) {
+        self.users.iter_mut().for_each(Vec::clear);
+        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_on_route()) {
+            // A lost vehicle occupies the interval from its last to its farthest position.
+            let (front_s, rear_s) = (cav.farthest_front_s(), cav.rear_s());
+            let route = &cav.route;
+            let mut section = cav.passage.admissions.first().map_or(cav.passage.next_section, |a| a.section);
+            while let Some(here) = route.sections.get(section) {
+                if here.from_s > front_s + HORIZON_M {
+                    break;
+                }
+                let order = cav.order_of(section);
+                for crossing in &route.crossings[here.crossings.clone()] {
+                    let user = ZoneUser {
+                        vehicle,
+                        side: crossing.side,
+                        to_entry_m: crossing.from_s - front_s,
+                        to_exit_m: crossing.to_s - rear_s,
+                        order,
+                        rank: here.rank,
+                    };
+                    if user.to_exit_m > 0.0 {
+                        self.users[crossing.zone.index()].push(user);
+                    }
+                }
+                section += 1;
+            }
+        }
+    }
+
+    fn may_enter(
+        &self,
+        now_s: f64,
+        candidate: &Candidate,
+        has_room: bool,
+        cavs: &mut [Cav],
+        occupancy: &Occupancy,
+    ) -> bool {
+        let Candidate { rank, vehicle, .. } = *candidate;
+        let cav = &cavs[vehicle];
+        let section = &cav.route.sections[cav.passage.next_section];
+        if section.rank == RANK_STOP && self.params.full_stop && cav.passage.standing_since_s.is_none() {
+            return false;
+        }
+        // At a mere lane drop, holding one lane back would starve it.
+        let waits_for_loops = section.rank >= RANK_YIELD;
+        if !has_room
+            || self.has_leader_before_line(vehicle, cavs, occupancy)
+            || (waits_for_loops && !self.loops.have_room(&cavs[vehicle]))
+        {
+            cavs[vehicle].passage.blocked_since_s.get_or_insert(now_s);
+            return false;
+        }
+        cavs[vehicle].passage.blocked_since_s = None;
+        rank == RANK_MAJOR || self.is_clear(vehicle, rank, cavs)
+    }
+
+    /// Whether a leader, now or after merging, may have to wait for its own admission in the section or
+    /// before it. This keeps numbers in lane order, so that no vehicle is blocked by one with a higher
+    /// number.
+    fn has_leader_before_line(&self, vehicle: usize, cavs: &[Cav], occupancy: &Occupancy) -> bool {
+        let cav = &cavs[vehicle];
+        let end_s = cav.route.sections[cav.passage.next_section].to_s;
+        let within_m = (end_s - cav.front_s()).max(0.0);
+        // `front_s`: its front bumper along the own route.
+        let waits_before_end = |other: usize, front_s: f64| {
+            let other = &cavs[other];
+            let next = other.route.sections.get(other.passage.next_section);
+            next.is_some_and(|next| front_s + next.hold_s - other.front_s() < end_s)
+        };
+        let leader = occupancy.leader(cavs, vehicle, within_m);
+        if leader.is_some_and(|leader| {
+            waits_before_end(leader.vehicle, leader.rear_s + cavs[leader.vehicle].body.length_m)
+        }) {
+            return true;
+        }
+        let admitted = cav.passage.admissions.iter().map(|admission| (admission.section, admission.order));
+        let asked = std::iter::once((cav.passage.next_section, u64::MAX));
+        admitted.chain(asked).any(|(section, order)| {
+            let crossings = &cav.route.crossings[cav.route.sections[section].crossings.clone()];
+            crossings.iter().filter(|crossing| crossing.kind == ZoneKind::Merge).any(|crossing| {
+                self.users[crossing.zone.index()].iter().any(|user| {
+                    let merges_ahead = user.side != crossing.side
+                        && user.vehicle != vehicle
+                        && user.order.is_some_and(|other| other < order);
+                    let front_s = crossing.to_s - user.to_exit_m + cavs[user.vehicle].body.length_m;
+                    merges_ahead && waits_before_end(user.vehicle, front_s)
+                })
+            })
+        })
+    }
+
+    /// Whether the vehicle, and all admitted towards the same exit, have room between the last crossing of
+    /// the section and the traffic behind it.
+    pub fn has_room_behind(&self, vehicle: usize, cavs: &[Cav], occupancy: &Occupancy) -> bool {
+        let cav = &cavs[vehicle];
+        let section = &cav.route.sections[cav.passage.next_section];
+        let clear_s = section.clear_s;
+        let room_for = |other: &Cav| other.body.length_m + other.driver.standstill_gap_m;
+        let exit_lane = cav.exit_lane_of(cav.passage.next_section);
+        let on_the_way = |other: &Cav| {
+            other.passage.admissions.iter().any(|admission| {
+                let there = &other.route.sections[admission.section];
+                // A vehicle also admitted to the next section does not wait in between.
+                let goes_on = other.passage.admissions.iter().any(|a| a.section > admission.section);
+                !goes_on
+                    && other.rear_s() < there.to_s
+                    && other.uses_lane(exit_lane, there.from_s, there.to_s + 0.05)
+            })
+        };
+        let others = cavs.iter().enumerate().filter(|(other, cav)| *other != vehicle && cav.is_on_route());
+        let admitted = others.filter(|(_, other)| on_the_way(other)).map(|(_, other)| room_for(other));
+        let needed = room_for(cav) + admitted.sum::<f64>();
+        let next_hold_s = cav.route.sections.get(cav.passage.next_section + 1).map(|s| s.hold_s);
+        let mut available_s = next_hold_s.unwrap_or(f64::INFINITY).min(clear_s + HORIZON_M);
+        let standing_there =
+            occupancy.first_rear_after(cavs, vehicle, clear_s, HORIZON_M, |other| !on_the_way(&cavs[other]));
+        if let Some((other, rear_s)) = standing_there {
+            let other = &cavs[other];
+            let rolls_on_m = ROLLS_ON * other.driver.stopping_distance(other.speed_mps());
+            // In standing traffic, vehicles from a yield line leave one space free: a completely full
+            // roundabout cannot move.
+            let is_jammed = section.rank == RANK_YIELD && other.speed_mps() < JAM_MPS;
+            let spare_m = if is_jammed { room_for(cav) } else { 0.0 };
+            available_s = available_s.min(rear_s + rolls_on_m - spare_m);
+        }
+        available_s - clear_s >= needed + STAND_MARGIN_M
+    }
+
+    /// Admits a vehicle that has turned off behind the line of its new route and can no longer request there;
+    /// it goes after all admitted ones.
+    pub fn admit_behind_line(&mut self, vehicle: usize, cavs: &mut [Cav]) {
+        let cav = &mut cavs[vehicle];
+        let section = cav.route.sections.get(cav.passage.next_section);
+        if section.is_some_and(|section| section.hold_s < cav.front_s()) {
+            let order = self.next_order;
+            self.next_order += 1;
+            self.admit(vehicle, cav, order);
+        }
+    }
+
+    /// Gap acceptance: whether no priority vehicle is in the zones of the section, or soon will be.
+    fn is_clear(&self, vehicle: usize, rank: Rank, cavs: &[Cav]) -> bool {
+        let cav = &cavs[vehicle];
+        let section = &cav.route.sections[cav.passage.next_section];
+        cav.route.crossings[section.crossings.clone()].iter().all(|crossing| {
+            self.users[crossing.zone.index()].iter().all(|user| {
+                if user.side == crossing.side || user.vehicle == vehicle {
+                    return true;
+                }
+                if user.order.is_some() {
+                    return user.to_entry_m <= 0.0;
+                }
+                let other = &cavs[user.vehicle];
+                if user.rank >= rank || other.passage.blocked_since_s.is_some() {
+                    return true;
+                }
+                let arrival_m = self.params.clear_time_s * other.speed_mps();
+                user.to_entry_m > self.params.clear_area_m.max(arrival_m)
+            })
+        })
+    }
+
+    fn admit(&mut self, vehicle: usize, cav: &mut Cav, order: u64) {
+        self.loops.enter(cav);
+        let section = cav.passage.next_section;
+        cav.passage.was_before_line = false;
+        cav.passage.admissions.push(Reservation { section, order });
+        cav.passage.next_section += 1;
+        cav.passage.standing_since_s = None;
+        cav.passage.blocked_since_s = None;
+        for crossing in &cav.route.crossings[cav.route.sections[section].crossings.clone()] {
+            for user in &mut self.users[crossing.zone.index()] {
+                if user.vehicle == vehicle && user.side == crossing.side {
+                    user.order.get_or_insert(order);
+                }
+            }
+        }
+    }
+
+    /// Collects the yield constraints of a vehicle.
+    pub fn yield_constraints(&self, vehicle: usize, cavs: &[Cav], out: &mut Vec<YieldConstraint>) {
+        let cav = &cavs[vehicle];
+        let front_s = cav.front_s();
+        if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
+            let gap_m = section.hold_s - front_s;
+            // A vehicle that can no longer stop was admitted and has no virtual stopped vehicle; nor has one
+            // that has yet to request.
+            if gap_m < asking_distance(cav) {
+                let gives_way = section.rank > RANK_MAJOR;
+                let kind = ConstraintKind::Stop { gap_m };
+                out.push(YieldConstraint { kind, section: cav.passage.next_section, gives_way });
+            }
+        }
+        for admission in &cav.passage.admissions {
+            let section = &cav.route.sections[admission.section];
+            let gives_way = section.rank > RANK_MAJOR;
+            for crossing in &cav.route.crossings[section.crossings.clone()] {
+                self.constraints_in(vehicle, cavs, crossing, admission.order, |kind| {
+                    out.push(YieldConstraint { kind, section: admission.section, gives_way });
+                });
+            }
+        }
+    }
+
+    fn constraints_in(
+        &self,
+        vehicle: usize,
+        cavs: &[Cav],
+        crossing: &ZoneCrossing,
+        order: u64,
+        mut add: impl FnMut(ConstraintKind),
+    ) {
+        let front_s = cavs[vehicle].front_s();
+        let to_entry_m = crossing.from_s - front_s;
+        let to_end_m = crossing.to_s - front_s;
+        for user in &self.users[crossing.zone.index()] {
+            let goes_first = user.order.is_some_and(|other| other < order);
+            if user.side == crossing.side || user.vehicle == vehicle || !goes_first {
+                continue;
+            }
+            let wait_gap_m = to_entry_m - ZONE_MARGIN_M;
+            match crossing.kind {
+                ZoneKind::Merge if to_end_m > 0.0 => {
+                    let speed_mps = cavs[user.vehicle].speed_mps();
+                    let leader = LeaderState { gap_m: to_end_m - user.to_exit_m, speed_mps };
+                    add(ConstraintKind::Merging { leader, wait_gap_m });
+                }
+                ZoneKind::Merge => {}
+                // A zone has to be left once entered.
+                _ if to_entry_m > -ZONE_MARGIN_M => {
+                    // A leaving vehicle is likely gone before braking has to begin.
+                    let is_leaving = user.to_entry_m < 0.0 && cavs[user.vehicle].speed_mps() > LEAVING_MPS;
+                    let braking = if is_leaving { FIRM_BRAKING } else { COMFORTABLE_BRAKING };
+                    if wait_gap_m < braking_distance(&cavs[vehicle], braking) {
+                        add(ConstraintKind::Stop { gap_m: wait_gap_m });
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+}
+
+/// Revokes the admissions of a stalled vehicle to sections that it has not entered, so that nobody waits for
+/// it. Vehicles that follow their plan start at once.
+fn revoke_stalled_admissions(now_s: f64, cav: &mut Cav) {
+    let front_s = cav.front_s();
+    let is_ahead = |admission: &Reservation| cav.route.sections[admission.section].from_s > front_s;
+    let stands = cav.speed_mps() < super::STANDS_MPS && cav.plan.acceleration_mps2 > 0.0;
+    let first = cav.passage.admissions.iter().position(is_ahead).filter(|_| stands);
+    let Some(first) = first else {
+        cav.passage.stalled_since_s = None;
+        return;
+    };
+    let since_s = *cav.passage.stalled_since_s.get_or_insert(now_s);
+    if now_s - since_s > STALLED_AFTER_S {
+        let passage = &mut cav.passage;
+        passage.next_section = passage.admissions[first].section;
+        passage.admissions.truncate(first);
+        (passage.stalled_since_s, passage.asks_from_s) = (None, now_s + ASKS_AGAIN_S);
+    }
+}
+
+/// Request distance: early enough to stop comfortably.
+fn asking_distance(cav: &Cav) -> f64 {
+    braking_distance(cav, COMFORTABLE_BRAKING) + cav.speed_mps() * ASK_AHEAD_S + ASK_AHEAD_M
+}
+
+/// Stopping distance at a share of full braking after the response time, plus the standstill gap.
+fn braking_distance(cav: &Cav, part: f64) -> f64 {
+    let responding_m = cav.speed_mps() * cav.driver.response_time_s;
+    cav.driver.stopping_distance(cav.speed_mps()) / part + responding_m + cav.driver.standstill_gap_m
+}

@@ -1,0 +1,326 @@
+//! A vehicle's route over the lane graph: arc length, speed profile, and the conflict zones on it.
+
+use super::{CavGeometry, DriverParams};
+use city3d_geometry::lab::CurvePoint;
+use city3d_geometry::{CurveProjection, wrap_angle};
+use city3d_roadmap::{ControlLineKind, LabMap, LaneId, LaneKind, ZoneId, ZoneKind};
+use glam::DVec2;
+use std::ops::Range;
+
+/// A conflict zone that the route passes.
+#[derive(Clone, Copy, Debug)]
+pub struct ZoneCrossing {
+    pub zone: ZoneId,
+    pub kind: ZoneKind,
+    /// Which of the zone's sides the route passes.
+    pub side: usize,
+    /// Arc lengths along the route.
+    pub from_s: f64,
+    pub to_s: f64,
+}
+
+/// Priority rank of a vehicle in a section; the lower goes first.
+pub type Rank = u8;
+/// On the major road.
+pub const RANK_MAJOR: Rank = 0;
+/// Turning left across oncoming traffic.
+pub const RANK_LEFT_TURN: Rank = 1;
+/// Behind a yield line.
+pub const RANK_YIELD: Rank = 2;
+/// Behind a stop line.
+pub const RANK_STOP: Rank = 3;
+
+/// A junction section: consecutive crossings without room to wait in between. A vehicle enters all or none.
+#[derive(Clone, Debug)]
+pub struct JunctionSection {
+    /// Range in [`Route::crossings`].
+    pub crossings: Range<usize>,
+    pub from_s: f64,
+    pub to_s: f64,
+    /// End of the last zone that another route crosses. Beyond it routes only merge: a vehicle that stands
+    /// there blocks only its followers.
+    pub clear_s: f64,
+    /// Where the front bumper waits: at the control line, or before the first zone.
+    pub hold_s: f64,
+    pub rank: Rank,
+}
+
+/// A lane that diverges from the route: a vehicle on it still reaches into the route.
+#[derive(Clone, Copy, Debug)]
+pub struct DivergingLane {
+    pub other: LaneId,
+    /// Start of the divergence along the route, and where bodies are clear of one another.
+    pub from_s: f64,
+    pub to_s: f64,
+    /// How far along the other lane bodies still touch.
+    pub other_to_m: f64,
+}
+
+#[derive(Clone, Debug)]
+pub struct Route {
+    lanes: Vec<LaneId>,
+    /// Arc length at the start of each lane, and the whole length at the end.
+    stations: Vec<f64>,
+    /// Index of the lane at every [`PLACE_STEP_M`] of the route, for look-up.
+    places: Vec<u32>,
+    pub crossings: Vec<ZoneCrossing>,
+    pub sections: Vec<JunctionSection>,
+    pub diverging: Vec<DivergingLane>,
+    profile: SpeedProfile,
+}
+
+/// About the length of a connector: a look-up seldom passes more than two lanes.
+const PLACE_STEP_M: f64 = 0.25;
+/// Waiting distance before a zone without a line, laboratory metres.
+const HOLD_BEFORE_ZONE_M: f64 = 0.02;
+/// Largest distance of a control line before its section.
+const LINE_BEFORE_SECTION_M: f64 = 0.75;
+/// Space beyond its own length that a vehicle needs to wait between two sections.
+const ROOM_M: f64 = 0.09;
+/// A connector that turns left by more than this gives way to oncoming traffic.
+const LEFT_TURN_RAD: f64 = 0.8;
+
+impl Route {
+    /// A route over lanes, each a successor of the one before.
+    pub fn new(map: &LabMap, lanes: &[LaneId], body: CavGeometry, driver: &DriverParams) -> Self {
+        let mut route = Self::without_speeds(map, lanes, body);
+        route.plan_speeds(map, body, driver);
+        route
+    }
+
+    /// A route without its speed profile, for comparison; [`Route::plan_speeds`] completes it.
+    pub(super) fn without_speeds(map: &LabMap, lanes: &[LaneId], body: CavGeometry) -> Self {
+        let mut stations = vec![0.0];
+        for lane in lanes {
+            stations.push(stations[stations.len() - 1] + map.lane(*lane).curve.length());
+        }
+        let mut route = Self {
+            places: places(&stations),
+            lanes: lanes.to_vec(),
+            stations,
+            crossings: Vec::new(),
+            sections: Vec::new(),
+            diverging: Vec::new(),
+            profile: SpeedProfile::default(),
+        };
+        route.find_crossings(map);
+        route.find_sections(map, body);
+        route
+    }
+
+    pub(super) fn plan_speeds(&mut self, map: &LabMap, body: CavGeometry, driver: &DriverParams) {
+        self.profile = SpeedProfile::new(map, self, body, driver);
+    }
+
+    pub fn lanes(&self) -> &[LaneId] {
+        &self.lanes
+    }
+
+    pub fn length(&self) -> f64 {
+        self.stations[self.lanes.len()]
+    }
+
+    /// Arc length at which the lane at `index` begins.
+    pub fn lane_start(&self, index: usize) -> f64 {
+        self.stations[index]
+    }
+
+    /// Arc length at which the first `count` lanes end.
+    pub fn lane_end(&self, count: usize) -> f64 {
+        self.stations[count.min(self.lanes.len())]
+    }
+
+    /// Index of the lane at an arc length; the first or last beyond the ends.
+    pub fn index_at(&self, s: f64) -> usize {
+        // Called many times per vehicle and control step: no search over the whole route.
+        let place = (s / PLACE_STEP_M).max(0.0) as usize;
+        let mut index = self.places[place.min(self.places.len() - 1)] as usize;
+        while index + 1 < self.lanes.len() && self.stations[index + 1] <= s {
+            index += 1;
+        }
+        index
+    }
+
+    /// The point at an arc length, extended straight beyond the ends.
+    pub fn at(&self, map: &LabMap, s: f64) -> CurvePoint {
+        let index = self.index_at(s);
+        map.lane(self.lanes[index]).curve.at(s - self.stations[index])
+    }
+
+    /// The nearest point between two arc lengths.
+    pub fn project(&self, map: &LabMap, point: DVec2, from_s: f64, to_s: f64) -> CurveProjection {
+        let (first, last) = (self.index_at(from_s), self.index_at(to_s));
+        let mut best: Option<CurveProjection> = None;
+        for index in first..=last {
+            let (curve, start) = (&map.lane(self.lanes[index]).curve, self.stations[index]);
+            let foot = curve.project_within(point, from_s - start, to_s - start);
+            if best.is_none_or(|best| foot.distance < best.distance) {
+                best = Some(CurveProjection { s: start + foot.s, ..foot });
+            }
+        }
+        best.unwrap_or(CurveProjection { s: from_s, lateral: 0.0, distance: f64::INFINITY })
+    }
+
+    /// The speed profile at an arc length: posted limits, curve speeds and braking ahead.
+    pub fn speed_at(&self, s: f64) -> f64 {
+        self.profile.at(s)
+    }
+
+    fn find_crossings(&mut self, map: &LabMap) {
+        for (index, &lane) in self.lanes.iter().enumerate() {
+            let start = self.stations[index];
+            for zone in map.zones_on(lane) {
+                let side = usize::from(zone.sides[0].lane != lane);
+                let (own, other) = (zone.sides[side], zone.sides[1 - side]);
+                if zone.kind == ZoneKind::Diverge {
+                    let to_s = start + own.to_m;
+                    self.diverging.push(DivergingLane {
+                        other: other.lane,
+                        from_s: start,
+                        to_s,
+                        other_to_m: other.to_m,
+                    });
+                } else {
+                    let (from_s, to_s) = (start + own.from_m, start + own.to_m);
+                    self.crossings.push(ZoneCrossing { zone: zone.id, kind: zone.kind, side, from_s, to_s });
+                }
+            }
+        }
+        self.crossings.sort_by(|a, b| a.from_s.total_cmp(&b.from_s).then(a.zone.cmp(&b.zone)));
+    }
+
+    fn find_sections(&mut self, map: &LabMap, body: CavGeometry) {
+        let lines = self.lines(map);
+        let mut first = 0;
+        let mut free_from_s = f64::NEG_INFINITY;
+        while first < self.crossings.len() {
+            let from_s = self.crossings[first].from_s;
+            let line = line_before(&lines, free_from_s, from_s);
+            let mut to_s = self.crossings[first].to_s;
+            let mut end = first + 1;
+            while let Some(next) = self.crossings.get(end) {
+                let hold_s = line_before(&lines, to_s, next.from_s)
+                    .map_or(next.from_s - HOLD_BEFORE_ZONE_M, |(at_s, _)| at_s);
+                if hold_s >= to_s + body.length_m + ROOM_M {
+                    break;
+                }
+                to_s = to_s.max(next.to_s);
+                end += 1;
+            }
+            let (hold_s, rank) = match line {
+                Some((at_s, ControlLineKind::Stop)) => (at_s, RANK_STOP),
+                Some((at_s, ControlLineKind::Yield)) => (at_s, RANK_YIELD),
+                None if self.turns_left(map, from_s, to_s) => (from_s - HOLD_BEFORE_ZONE_M, RANK_LEFT_TURN),
+                None => (from_s - HOLD_BEFORE_ZONE_M, RANK_MAJOR),
+            };
+            let crossed = self.crossings[first..end].iter().filter(|c| c.kind == ZoneKind::Cross);
+            let clear_s = crossed.map(|c| c.to_s).fold(from_s, f64::max);
+            self.sections.push(JunctionSection {
+                crossings: first..end,
+                from_s,
+                to_s,
+                clear_s,
+                hold_s,
+                rank,
+            });
+            (first, free_from_s) = (end, to_s);
+        }
+    }
+
+    /// Control lines along the route, in order.
+    fn lines(&self, map: &LabMap) -> Vec<(f64, ControlLineKind)> {
+        let mut lines = Vec::new();
+        for (index, lane) in self.lanes.iter().enumerate() {
+            let here = map.lines.iter().filter(|line| line.lane == *lane);
+            lines.extend(here.map(|line| (self.stations[index] + line.at_m, line.kind)));
+        }
+        lines.sort_by(|a, b| a.0.total_cmp(&b.0));
+        lines
+    }
+
+    fn turns_left(&self, map: &LabMap, from_s: f64, to_s: f64) -> bool {
+        (self.index_at(from_s)..=self.index_at(to_s)).any(|index| {
+            let lane = map.lane(self.lanes[index]);
+            lane.kind == LaneKind::Connector && turn_of(map, lane.id) > LEFT_TURN_RAD
+        })
+    }
+}
+
+/// The lane index at each step along the route.
+fn places(stations: &[f64]) -> Vec<u32> {
+    let last = stations.len().saturating_sub(2);
+    let mut index = 0;
+    let mut place = |k: usize| {
+        while index < last && stations[index + 1] <= k as f64 * PLACE_STEP_M {
+            index += 1;
+        }
+        index as u32
+    };
+    let count = (stations[stations.len() - 1] / PLACE_STEP_M) as usize + 1;
+    (0..count).map(&mut place).collect()
+}
+
+/// The last control line after `free_from_s` that belongs to a zone at `from_s`.
+fn line_before(
+    lines: &[(f64, ControlLineKind)],
+    free_from_s: f64,
+    from_s: f64,
+) -> Option<(f64, ControlLineKind)> {
+    let line = *lines.iter().rev().find(|(at_s, _)| *at_s <= from_s + HOLD_BEFORE_ZONE_M)?;
+    (line.0 > free_from_s && from_s - line.0 < LINE_BEFORE_SECTION_M).then_some(line)
+}
+
+/// Total turning angle of a lane, left-positive.
+pub fn turn_of(map: &LabMap, lane: LaneId) -> f64 {
+    let curve = &map.lane(lane).curve;
+    wrap_angle(curve.end().yaw_rad - curve.start().yaw_rad)
+}
+
+/// Speed profile: squares of the allowed speed, sampled along the route.
+#[derive(Clone, Debug, Default)]
+struct SpeedProfile {
+    squares: Vec<f64>,
+}
+
+const PROFILE_STEP_M: f64 = 0.02;
+/// Share of u_min for braking before bends: tracking keeps a reserve.
+const BEND_BRAKING: f64 = 0.6;
+
+impl SpeedProfile {
+    fn new(map: &LabMap, route: &Route, body: CavGeometry, driver: &DriverParams) -> Self {
+        let count = (route.length() / PROFILE_STEP_M).ceil() as usize + 1;
+        let desired = driver.desired_speed_mps;
+        let mut squares = vec![desired * desired; count];
+        let sample = |s: f64| ((s / PROFILE_STEP_M).max(0.0) as usize).min(count - 1);
+        for (index, lane) in route.lanes.iter().enumerate() {
+            let lane = map.lane(*lane);
+            let start = route.stations[index];
+            let mut limit = |from_s: f64, to_s: f64, square: f64| {
+                for value in &mut squares[sample(from_s)..=sample(to_s)] {
+                    *value = value.min(square);
+                }
+            };
+            limit(start, start + lane.curve.length(), lane.speed_limit_mps * lane.speed_limit_mps);
+            for (k, segment) in lane.curve.segments().iter().enumerate() {
+                if let Some(radius) = segment.radius() {
+                    let from_s = start + lane.curve.station(k);
+                    // The rear axle leaves a bend a wheelbase after the front axle.
+                    let to_s = from_s + segment.length + body.wheelbase_m;
+                    limit(from_s, to_s, driver.lateral_acceleration_mps2 * radius);
+                }
+            }
+        }
+        let gain = 2.0 * BEND_BRAKING * driver.min_acceleration_mps2.abs() * PROFILE_STEP_M;
+        for k in (0..count - 1).rev() {
+            squares[k] = squares[k].min(squares[k + 1] + gain);
+        }
+        Self { squares }
+    }
+
+    fn at(&self, s: f64) -> f64 {
+        let place = (s / PROFILE_STEP_M).clamp(0.0, (self.squares.len() - 1) as f64);
+        let index = place as usize;
+        let (low, high) = (self.squares[index], self.squares[(index + 1).min(self.squares.len() - 1)]);
+        (low + (high - low) * (place - index as f64)).sqrt()
+    }
+}

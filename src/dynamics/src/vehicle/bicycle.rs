@@ -1,0 +1,123 @@
+//! Kinematic bicycle model: no tyre slip, with motor, brakes and resistances of the specification. The
+//! reference point is the middle of the rear axle.
+
+use super::raycast::chassis;
+use super::wheels::{ackermann_headings, angle_of, pedal, steered};
+use super::{Actuation, Motion, VehicleModel, VehicleSpec};
+use crate::physics::{BodyId, Physics};
+use city3d_geometry::digest::{Digest, StateHash};
+use city3d_geometry::{Pose2, trig, wrap_angle};
+use city3d_protocol::snapshot::WheelState;
+use glam::{DQuat, DVec2};
+use serde::{Deserialize, Serialize};
+
+/// A vehicle with the kinematic bicycle model.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Bicycle {
+    /// Kinematic body for collisions with other vehicles.
+    body: BodyId,
+    rear: Pose2,
+    speed_mps: f64,
+    acceleration_mps2: f64,
+    steering_rad: f64,
+    spins_rad: [f64; 4],
+}
+
+impl Digest for Bicycle {
+    fn digest(&self, hash: &mut StateHash) {
+        self.rear.digest(hash);
+        hash.numbers([self.speed_mps, self.acceleration_mps2, self.steering_rad]);
+        hash.numbers(self.spins_rad);
+    }
+}
+
+impl Bicycle {
+    pub(super) fn body(&self) -> BodyId {
+        self.body
+    }
+
+    /// Spawns it on the road, rolling at `speed_mps`; `pose` is the middle of its outline.
+    pub fn spawn(physics: &mut Physics, spec: &VehicleSpec, pose: Pose2, speed_mps: f64) -> Self {
+        Self {
+            body: physics.add_guided_box(&chassis(spec, pose, speed_mps)),
+            rear: pose.advanced(-spec.dimensions.wheelbase_m / 2.0),
+            speed_mps,
+            acceleration_mps2: 0.0,
+            steering_rad: 0.0,
+            spins_rad: [0.0; 4],
+        }
+    }
+
+    fn middle(&self, spec: &VehicleSpec) -> Pose2 {
+        self.rear.advanced(spec.dimensions.wheelbase_m / 2.0)
+    }
+
+    fn yaw_rate(&self, spec: &VehicleSpec, speed_mps: f64) -> f64 {
+        speed_mps * trig::tan(self.steering_rad) / spec.dimensions.wheelbase_m
+    }
+}
+
+/// Longitudinal force: motor less brakes and resistances, which stop the vehicle within the step at most;
+/// limited by the grip of its tyres.
+fn longitudinal_force(spec: &VehicleSpec, actuation: &Actuation, speed_mps: f64, dt_s: f64) -> f64 {
+    let motor = pedal(actuation.gas) * spec.motor_force(speed_mps);
+    let drive = if actuation.reverse { -motor } else { motor } - spec.drag_force(speed_mps);
+    let brakes = pedal(actuation.brake) * spec.brake_force()
+        + pedal(actuation.handbrake) * spec.handbrake_force()
+        + spec.rolling_force();
+    let held = -(speed_mps * spec.mass_kg / dt_s + drive);
+    let grip = spec.grip_force();
+    (drive + held.clamp(-brakes, brakes)).clamp(-grip, grip)
+}
+
+impl VehicleModel for Bicycle {
+    fn apply(&mut self, physics: &mut Physics, spec: &VehicleSpec, actuation: &Actuation, dt_s: f64) {
+        self.steering_rad = steered(spec, self.steering_rad, actuation.steering_rad, dt_s);
+        let before = self.speed_mps;
+        self.acceleration_mps2 = longitudinal_force(spec, actuation, before, dt_s) / spec.mass_kg;
+        self.speed_mps = before + self.acceleration_mps2 * dt_s;
+        let mean = 0.5 * (before + self.speed_mps);
+        let turn = self.yaw_rate(spec, mean) * dt_s;
+        let chord: Pose2 = Pose2::at(self.rear.position, self.rear.yaw_rad + turn / 2.0);
+        self.rear = Pose2::at(chord.point_at(mean * dt_s, 0.0), wrap_angle(self.rear.yaw_rad + turn));
+        let d = &spec.dimensions;
+        let headings = ackermann_headings(spec, self.steering_rad);
+        for (wheel, spin) in self.spins_rad.iter_mut().enumerate() {
+            let side = if wheel % 2 == 0 { -d.track_m / 2.0 } else { d.track_m / 2.0 };
+            let along = mean * dt_s + turn * side;
+            // A steered front wheel is faster by 1 / cos of its angle.
+            let along = if wheel < 2 { along / headings[wheel].x } else { along };
+            *spin += along / d.wheel_radius_m;
+        }
+        let middle = self.middle(spec);
+        physics.move_to(self.body, middle.position.extend(0.0), middle.yaw_rad);
+    }
+
+    fn read_back(&mut self, _physics: &Physics, spec: &VehicleSpec, _dt_s: f64) -> Motion {
+        let middle = self.middle(spec);
+        let yaw_rate = self.yaw_rate(spec, self.speed_mps);
+        let sideways = yaw_rate * spec.dimensions.wheelbase_m / 2.0;
+        let velocity: DVec2 = middle.forward() * self.speed_mps + middle.left() * sideways;
+        let (sin, cos) = trig::sin_cos(middle.yaw_rad / 2.0);
+        let steer = ackermann_headings(spec, self.steering_rad).map(angle_of);
+        let wheel = |k: usize| WheelState {
+            spin_rad: self.spins_rad[k],
+            steer_rad: if k < 2 { steer[k] } else { 0.0 },
+            lift_m: 0.0,
+        };
+        Motion {
+            position: middle.position.extend(0.0),
+            orientation: DQuat::from_xyzw(0.0, 0.0, sin, cos),
+            velocity_mps: velocity.extend(0.0),
+            speed_mps: self.speed_mps,
+            acceleration_mps2: self.acceleration_mps2,
+            yaw_rate_radps: yaw_rate,
+            steering_rad: self.steering_rad,
+            wheels: [wheel(0), wheel(1), wheel(2), wheel(3)],
+        }
+    }
+
+    fn remove(&mut self, physics: &mut Physics) {
+        physics.remove(self.body);
+    }
+}

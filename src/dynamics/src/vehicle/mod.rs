@@ -1,0 +1,154 @@
+//! Vehicles: specification, tracking control and dynamics models.
+//!
+//! City frame and full-scale SI units throughout. A vehicle has a [`VehicleSpec`], a [`Dynamics`] model and a
+//! [`Tracker`] that keeps its front axle on a trajectory. At each tick the tracker computes an [`Actuation`]
+//! from the last [`Motion`], the model applies it, all bodies make one physics step, and the model reads its
+//! motion back.
+
+mod bicycle;
+mod measured;
+mod path;
+mod pedals;
+mod raycast;
+mod tracker;
+mod wheels;
+
+pub use bicycle::Bicycle;
+pub use city3d_protocol::snapshot::{
+    CentreOfMass, ControlGains, Drive, GRAVITY_MPS2, ModelKind, Motor, SpecError, Suspension, TorquePoint,
+    VehicleSpec,
+};
+pub use measured::{Measured, UNSEEN_AFTER_S};
+pub use pedals::pedals;
+pub use raycast::RaycastCar;
+pub use tracker::{Tracker, Tracking};
+pub use wheels::set_wheels;
+
+use crate::physics::{BodyId, Physics};
+use city3d_geometry::digest::{Digest, StateHash};
+use city3d_geometry::{LengthScale, Pose2, trig};
+use city3d_protocol::snapshot::WheelState;
+use glam::{DQuat, DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// Actuator commands: pedals in [0, 1] and the desired steering angle. Values outside are clamped; NaN
+/// releases a pedal and holds the steering angle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Actuation {
+    pub gas: f64,
+    pub brake: f64,
+    pub handbrake: f64,
+    /// Desired steering angle of the equivalent single front wheel, left-positive.
+    pub steering_rad: f64,
+    /// The motor drives backwards.
+    pub reverse: bool,
+}
+
+/// Motion of a vehicle at one tick, city frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Motion {
+    /// Middle of the outline, on the ground when the body is level.
+    pub position: DVec3,
+    /// City from body.
+    pub orientation: DQuat,
+    pub velocity_mps: DVec3,
+    /// Along the heading, at road level, negative in reverse.
+    pub speed_mps: f64,
+    /// Along the heading, of the centre of mass, over the last step.
+    pub acceleration_mps2: f64,
+    pub yaw_rate_radps: f64,
+    /// Steering angle of the equivalent single front wheel, after rate and limit.
+    pub steering_rad: f64,
+    /// Front left, front right, rear left, rear right.
+    pub wheels: [WheelState; 4],
+}
+
+impl Motion {
+    /// Unit vector of the heading, seen from above.
+    pub fn forward(&self) -> DVec2 {
+        (self.orientation * DVec3::X).truncate().normalize_or(DVec2::X)
+    }
+
+    /// Middle of the outline and heading, seen from above.
+    pub fn pose(&self) -> Pose2 {
+        let forward = self.orientation * DVec3::X;
+        Pose2::at(self.position.truncate(), trig::atan2(forward.y, forward.x))
+    }
+}
+
+/// An interchangeable dynamics model around the shared physics step.
+pub trait VehicleModel {
+    /// Before the step: applies the actuation as forces or as the next pose. `dt_s` is the step length.
+    fn apply(&mut self, physics: &mut Physics, spec: &VehicleSpec, actuation: &Actuation, dt_s: f64);
+    /// Reads the motion back, once after each step.
+    fn read_back(&mut self, physics: &Physics, spec: &VehicleSpec, dt_s: f64) -> Motion;
+    /// Removes its bodies from the physics.
+    fn remove(&mut self, physics: &mut Physics);
+}
+
+/// The dynamics model of one vehicle.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub enum Dynamics {
+    Raycast(RaycastCar),
+    Bicycle(Bicycle),
+    Measured(Box<Measured>),
+}
+
+impl Dynamics {
+    /// Spawns a vehicle on the road at its rest height, rolling at `speed_mps`. `pose` is the middle of its
+    /// outline; `spec` has passed [`VehicleSpec::validate`]. `scale` is that of the laboratory in which a
+    /// physical vehicle is measured.
+    pub fn spawn(
+        physics: &mut Physics,
+        spec: &VehicleSpec,
+        (pose, speed_mps): (Pose2, f64),
+        scale: LengthScale,
+    ) -> Self {
+        match spec.model {
+            ModelKind::Raycast => Self::Raycast(RaycastCar::spawn(physics, spec, pose, speed_mps)),
+            ModelKind::Bicycle => Self::Bicycle(Bicycle::spawn(physics, spec, pose, speed_mps)),
+            ModelKind::Measured => Self::Measured(Box::new(Measured::spawn(physics, spec, pose, scale))),
+        }
+    }
+
+    /// What others run into.
+    pub fn body(&self) -> BodyId {
+        match self {
+            Self::Raycast(car) => car.body(),
+            Self::Bicycle(bicycle) => bicycle.body(),
+            Self::Measured(measured) => measured.body(),
+        }
+    }
+
+    fn model(&mut self) -> &mut dyn VehicleModel {
+        match self {
+            Self::Raycast(car) => car,
+            Self::Bicycle(bicycle) => bicycle,
+            Self::Measured(measured) => measured.as_mut(),
+        }
+    }
+}
+
+impl Digest for Dynamics {
+    fn digest(&self, hash: &mut StateHash) {
+        match self {
+            Self::Raycast(car) => car.digest(hash),
+            Self::Bicycle(bicycle) => bicycle.digest(hash),
+            Self::Measured(measured) => measured.digest(hash),
+        }
+    }
+}
+
+impl VehicleModel for Dynamics {
+    fn apply(&mut self, physics: &mut Physics, spec: &VehicleSpec, actuation: &Actuation, dt_s: f64) {
+        self.model().apply(physics, spec, actuation, dt_s);
+    }
+
+    fn read_back(&mut self, physics: &Physics, spec: &VehicleSpec, dt_s: f64) -> Motion {
+        self.model().read_back(physics, spec, dt_s)
+    }
+
+    fn remove(&mut self, physics: &mut Physics) {
+        self.model().remove(physics);
+    }
+}

@@ -1,0 +1,299 @@
+//! Groups vehicles into traffic streams with a common position axis: streams that merge at a point or, without one,
+//! vehicles on the same lanes.
+
+use super::run::{RunLog, Trace};
+use city3d_protocol::snapshot::VehicleId;
+use city3d_roadmap::{CityMap, ControlLineKind, LaneId, ZoneKind};
+use std::collections::{BTreeMap, BTreeSet};
+use thiserror::Error;
+
+/// One passage of a vehicle on a path; a circulating vehicle has one per round.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StreamMember {
+    pub vehicle: VehicleId,
+    /// Station along the vehicle's way of the merging point or, without one, of the origin.
+    pub zero_m: f64,
+    /// Stations between which the vehicle is on this path.
+    pub from_m: f64,
+    pub to_m: f64,
+}
+
+/// A traffic stream: vehicles on the same path.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stream {
+    /// "Path 1".
+    pub name: String,
+    /// The lane that identifies the path.
+    pub lane: String,
+    /// Stop or yield line, city metres before the merging point.
+    pub line_before_m: Option<f64>,
+    pub members: Vec<StreamMember>,
+}
+
+/// A merging point: where two or more streams meet.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MergingPoint {
+    /// Name of the lane that begins there.
+    pub name: String,
+    pub lanes: Vec<LaneId>,
+    /// Lanes that end there and were driven.
+    pub approaches: Vec<LaneId>,
+    /// Number of vehicles that passed.
+    pub vehicles: usize,
+}
+
+/// The requested merging point is not one of the run.
+#[derive(Debug, Error)]
+pub enum PathError {
+    #[error("in this run no streams merge at \"{name}\"; {known}")]
+    NoMerge { name: String, known: String },
+}
+
+/// Position range before and after the merging point, laboratory metres.
+const BEFORE_M: f64 = 5.0;
+const BEHIND_M: f64 = 2.5;
+/// A line this far before the merging point belongs to it, laboratory metres.
+const LINE_WITHIN_M: f64 = 1.0;
+/// Most groups of vehicles in a run without a merging point.
+const MOST_GROUPS: usize = 4;
+
+/// Streams and position axis of one run, or of several that are compared.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StreamLayout {
+    /// `None` where no streams merge.
+    pub merge: Option<MergingPoint>,
+    /// Position of the merging point, city metres. Without one it is 0, and positions count from the beginning of
+    /// the stream's lane.
+    pub merge_at_m: f64,
+    /// Lanes of the streams; those that give way come first.
+    pub streams: Vec<StreamLane>,
+}
+
+/// A stream apart from its vehicles.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StreamLane {
+    pub lane: LaneId,
+    pub line_before_m: Option<f64>,
+}
+
+impl StreamLayout {
+    /// Chooses the merging point: the named one, or the one with most vehicles from at least two streams. The origin
+    /// lies `origin_m` city metres before it, or where the last vehicle of the first stream starts.
+    ///
+    /// # Errors
+    /// [`PathError::NoMerge`] with the known merging points.
+    pub fn of(run: &RunLog, name: Option<&str>, origin_m: Option<f64>) -> Result<Self, PathError> {
+        let map = &run.experiment.city_map;
+        let merges = merges(run);
+        let merge = match name {
+            Some(name) => Some(find(map, &merges, name)?),
+            None => merges.into_iter().next(),
+        };
+        let Some(merge) = merge else {
+            return Ok(Self { merge: None, merge_at_m: 0.0, streams: groups(run) });
+        };
+        let mut streams: Vec<StreamLane> = merge
+            .approaches
+            .iter()
+            .map(|&lane| StreamLane { lane, line_before_m: line_before(run, lane) })
+            .collect();
+        streams.sort_by_key(|stream| (stream.line_before_m.is_none(), stream.lane));
+        let mut layout = Self { merge: Some(merge), merge_at_m: 0.0, streams };
+        layout.merge_at_m = origin_m.unwrap_or_else(|| layout.first_start(run));
+        Ok(layout)
+    }
+
+    /// From where the last vehicle of the first stream starts to the merging point, city metres.
+    fn first_start(&self, run: &RunLog) -> f64 {
+        let most_m = run.experiment.scale.city_from_lab(BEFORE_M);
+        let streams = self.streams(run);
+        let starts = streams[0].members.iter().filter_map(|member| {
+            let trace = run.vehicle(member.vehicle)?;
+            let first = (0..trace.samples.len()).map(|k| trace.front_m(k)).find(|front| front.is_finite())?;
+            Some(member.zero_m - first)
+        });
+        starts.fold(0.0, f64::max).min(most_m)
+    }
+
+    /// The streams of a run with their vehicles, in the order of the layout.
+    pub fn streams(&self, run: &RunLog) -> Vec<Stream> {
+        let map = &run.experiment.city_map;
+        let named = |(index, stream): (usize, &StreamLane)| Stream {
+            name: format!("Path {}", index + 1),
+            lane: map.lane(stream.lane).name.clone(),
+            line_before_m: stream.line_before_m,
+            members: match &self.merge {
+                Some(merge) => self.through(run, merge, stream.lane),
+                None => self.along(run, stream.lane),
+            },
+        };
+        self.streams.iter().enumerate().map(named).collect()
+    }
+
+    fn through(&self, run: &RunLog, merge: &MergingPoint, approach: LaneId) -> Vec<StreamMember> {
+        let scale = run.experiment.scale;
+        let (before_m, behind_m) = (scale.city_from_lab(BEFORE_M), scale.city_from_lab(BEHIND_M));
+        let mut members = Vec::new();
+        for trace in &run.vehicles {
+            let all = passes(&run.experiment.city_map, trace, merge);
+            for (index, &(zero_m, lane)) in all.iter().enumerate() {
+                if lane != approach {
+                    continue;
+                }
+                // The way between two rounds is split in the middle.
+                let middle =
+                    |other: Option<&(f64, LaneId)>| other.map(|(other_m, _)| f64::midpoint(*other_m, zero_m));
+                let from_m = middle(index.checked_sub(1).and_then(|before| all.get(before)));
+                let to_m = middle(all.get(index + 1));
+                members.push(StreamMember {
+                    vehicle: trace.id,
+                    zero_m,
+                    from_m: from_m.unwrap_or(f64::NEG_INFINITY).max(zero_m - before_m),
+                    to_m: to_m.unwrap_or(f64::INFINITY).min(zero_m + behind_m),
+                });
+            }
+        }
+        members
+    }
+
+    /// Vehicles on a lane, without those of an earlier stream.
+    fn along(&self, run: &RunLog, lane: LaneId) -> Vec<StreamMember> {
+        let earlier = self.streams.iter().take_while(|stream| stream.lane != lane);
+        let earlier: Vec<LaneId> = earlier.map(|stream| stream.lane).collect();
+        let member = |trace: &Trace| {
+            let visits = &trace.track.visits;
+            if visits.iter().any(|visit| earlier.contains(&visit.lane)) {
+                return None;
+            }
+            let visit = visits.iter().find(|visit| visit.lane == lane)?;
+            let (from_m, to_m) = (f64::NEG_INFINITY, f64::INFINITY);
+            Some(StreamMember { vehicle: trace.id, zero_m: visit.start_m, from_m, to_m })
+        };
+        run.vehicles.iter().filter_map(member).collect()
+    }
+
+    /// Position of a member at a sample on the layout's scale, city metres: its front bumper; `None` off its path.
+    pub fn position_m(&self, trace: &Trace, member: &StreamMember, sample: usize) -> Option<f64> {
+        let front_m = trace.front_m(sample);
+        (member.from_m..=member.to_m).contains(&front_m).then_some(front_m - member.zero_m + self.merge_at_m)
+    }
+}
+
+/// Times at which front bumpers crossed a merging point, in order.
+pub fn crossings(run: &RunLog, merge: &MergingPoint) -> Vec<(f64, VehicleId)> {
+    let mut found = Vec::new();
+    for trace in &run.vehicles {
+        for (zero_m, _) in passes(&run.experiment.city_map, trace, merge) {
+            let fronts: Vec<(f64, f64)> = trace
+                .samples
+                .iter()
+                .enumerate()
+                .map(|(k, sample)| (sample.time_s, trace.front_m(k)))
+                .collect();
+            let step = fronts.windows(2).find(|pair| pair[0].1 < zero_m && pair[1].1 >= zero_m);
+            if let Some([(before_s, before_m), (after_s, after_m)]) = step {
+                let share = (zero_m - before_m) / (after_m - before_m);
+                found.push((before_s + share * (after_s - before_s), trace.id));
+            }
+        }
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    found
+}
+
+/// Station and approach of each time that a vehicle came through a merging point.
+fn passes(map: &CityMap, trace: &Trace, merge: &MergingPoint) -> Vec<(f64, LaneId)> {
+    let pairs = trace.track.visits.windows(2);
+    let through = pairs.filter_map(|pair| {
+        let (before, after) = (pair[0], pair[1]);
+        let is_way = map.lane(before.lane).successors.contains(&after.lane);
+        (is_way && merge.lanes.contains(&after.lane)).then_some((after.start_m, before.lane))
+    });
+    through.collect()
+}
+
+/// The merging points of at least two streams; those with most vehicles first.
+pub fn merges(run: &RunLog) -> Vec<MergingPoint> {
+    let map = &run.experiment.city_map;
+    // Lanes that begin at a merging point, by the first one that ends there.
+    let mut points: BTreeMap<LaneId, BTreeSet<LaneId>> = BTreeMap::new();
+    for zone in map.zones.iter().filter(|zone| zone.kind == ZoneKind::Merge) {
+        for &next in &map.lane(zone.sides[0].lane).successors {
+            let first = map.lane(next).predecessors.iter().min().copied().unwrap_or(next);
+            points.entry(first).or_default().insert(next);
+        }
+    }
+    let mut found = Vec::new();
+    for lanes in points.into_values() {
+        let lanes: Vec<LaneId> = lanes.into_iter().collect();
+        let name = map.lane(lanes[0]).name.clone();
+        let mut merge = MergingPoint { name, lanes, approaches: Vec::new(), vehicles: 0 };
+        let mut used = BTreeSet::new();
+        for trace in &run.vehicles {
+            let passes = passes(map, trace, &merge);
+            merge.vehicles += usize::from(!passes.is_empty());
+            used.extend(passes.into_iter().map(|(_, approach)| approach));
+        }
+        merge.approaches = used.into_iter().collect();
+        if merge.approaches.len() > 1 {
+            found.push(merge);
+        }
+    }
+    found.sort_by(|a, b| b.vehicles.cmp(&a.vehicles).then(a.lanes.cmp(&b.lanes)));
+    found
+}
+
+fn find(map: &CityMap, merges: &[MergingPoint], name: &str) -> Result<MergingPoint, PathError> {
+    let lane = map.lane_by_name(name).map(|lane| lane.id);
+    let found = merges.iter().find(|merge| lane.is_some_and(|lane| merge.lanes.contains(&lane)));
+    found.cloned().ok_or_else(|| {
+        let some = merges.iter().take(8).map(|merge| format!("{} ({} vehicles)", merge.name, merge.vehicles));
+        let known = match merges.len() {
+            0 => "no streams merge anywhere".to_owned(),
+            _ => format!("they do at {}", some.collect::<Vec<_>>().join(", ")),
+        };
+        PathError::NoMerge { name: name.to_owned(), known }
+    })
+}
+
+/// Distance from the nearest stop or yield line to the merging point.
+fn line_before(run: &RunLog, approach: LaneId) -> Option<f64> {
+    let map = &run.experiment.city_map;
+    let most_m = run.experiment.scale.city_from_lab(LINE_WITHIN_M);
+    let mut open = vec![(approach, 0.0)];
+    let mut nearest: Option<f64> = None;
+    while let Some((lane, behind_m)) = open.pop() {
+        let length_m = map.lane(lane).curve.length();
+        let gives_way = |kind| matches!(kind, ControlLineKind::Stop | ControlLineKind::Yield);
+        let lines = map.lines.iter().filter(|line| line.lane == lane && gives_way(line.kind));
+        let here = lines.map(|line| behind_m + length_m - line.at_m).filter(|m| *m <= most_m);
+        match here.min_by(f64::total_cmp) {
+            Some(found) => nearest = Some(nearest.map_or(found, |known| known.min(found))),
+            None if behind_m + length_m < most_m => {
+                open.extend(map.lane(lane).predecessors.iter().map(|&before| (before, behind_m + length_m)));
+            }
+            None => {}
+        }
+    }
+    nearest
+}
+
+/// Lanes that partition the vehicles into groups, the largest first (greedy).
+fn groups(run: &RunLog) -> Vec<StreamLane> {
+    let mut left: Vec<&Trace> = run.vehicles.iter().filter(|trace| !trace.track.visits.is_empty()).collect();
+    let mut found = Vec::new();
+    while found.len() < MOST_GROUPS && !left.is_empty() {
+        let mut counts: BTreeMap<LaneId, usize> = BTreeMap::new();
+        for trace in &left {
+            let lanes: BTreeSet<LaneId> = trace.track.visits.iter().map(|visit| visit.lane).collect();
+            lanes.into_iter().for_each(|lane| *counts.entry(lane).or_default() += 1);
+        }
+        let most = counts.values().max().copied().unwrap_or(0);
+        // Of equal ones the first on the way of the first vehicle.
+        let way = left.iter().flat_map(|trace| &trace.track.visits).map(|visit| visit.lane);
+        let Some(lane) = way.into_iter().find(|lane| counts.get(lane) == Some(&most)) else { break };
+        left.retain(|trace| trace.track.visits.iter().all(|visit| visit.lane != lane));
+        found.push(StreamLane { lane, line_before_m: None });
+    }
+    found
+}

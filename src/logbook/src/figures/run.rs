@@ -1,0 +1,243 @@
+//! A recorded run as read from its log: the input of figures and tables.
+
+use super::track::{LaneBoxes, MatchedPath};
+use crate::record::{LogEntry, LogOrigin, LogReader, LoggedVehicle, NetworkCommand, RecordError};
+use city3d_geometry::Pose2;
+use city3d_protocol::snapshot::{Dimensions, Event, SimCommand, Status, Trajectory, VehicleId};
+use city3d_protocol::wire::Body;
+use city3d_simulation::environment::EnvironmentSpec;
+use city3d_simulation::scenario::Experiment;
+use glam::DVec2;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// A log that has nothing to draw.
+#[derive(Debug, Error)]
+pub enum RunError {
+    #[error(transparent)]
+    Log(#[from] RecordError),
+    #[error("{path}: the log has no vehicle in any snapshot: there is nothing to draw{why}")]
+    Empty { path: PathBuf, why: String },
+    #[error("{path}: tick {tick}: what came over the link is damaged: {reason}")]
+    Network { path: PathBuf, tick: u64, reason: String },
+}
+
+/// A vehicle in one snapshot of a log, city metres and SI units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TraceSample {
+    pub time_s: f64,
+    /// Middle of the outline.
+    pub pose: Pose2,
+    /// Along the heading.
+    pub speed_mps: f64,
+    /// Distance driven since the start.
+    pub distance_m: f64,
+    /// Front-axle centre from the desired path, left-positive.
+    pub lateral_error_m: f64,
+    /// Pedals in [0, 1].
+    pub gas: f64,
+    pub brake: f64,
+    pub handbrake: f64,
+    /// Distance from the front-axle centre to its reference on the last trajectory; NaN without one.
+    pub tracking_error_m: f64,
+}
+
+/// One vehicle of a run.
+#[derive(Clone, Debug)]
+pub struct Trace {
+    pub id: VehicleId,
+    pub name: String,
+    pub dimensions: Dimensions,
+    /// In order of time.
+    pub samples: Vec<TraceSample>,
+    pub track: MatchedPath,
+}
+
+impl Trace {
+    /// Station of the front bumper along the matched path, city metres; NaN off the lanes.
+    pub fn front_m(&self, sample: usize) -> f64 {
+        self.track.stations_m[sample] + (self.dimensions.length_m - self.dimensions.wheelbase_m) / 2.0
+    }
+}
+
+/// A recorded run.
+#[derive(Debug)]
+pub struct RunLog {
+    pub path: PathBuf,
+    pub origin: LogOrigin,
+    pub experiment: Experiment,
+    /// Version of City3D that wrote the log.
+    pub version: String,
+    /// Why the log is truncated, if it is.
+    pub truncation: Option<String>,
+    /// In id order.
+    pub vehicles: Vec<Trace>,
+    /// In order of time.
+    pub events: Vec<Event>,
+    /// Time of the last snapshot.
+    pub end_s: f64,
+    /// Whether physical vehicles took part.
+    pub has_physical: bool,
+}
+
+impl RunLog {
+    /// Reads a log, up to its last whole record.
+    ///
+    /// # Errors
+    /// Where it is no log, or one without a vehicle in it.
+    pub fn read(path: &Path) -> Result<Self, RunError> {
+        let mut log = LogReader::open(path)?;
+        let experiment = log.experiment()?;
+        let mut builder = TraceBuilder::new(&experiment);
+        let mut events = Vec::new();
+        while let Some(entry) = log.read()? {
+            match entry {
+                LogEntry::Event(event) => events.push(event),
+                LogEntry::Command { command, .. } => builder.take(command),
+                LogEntry::Network(command) => {
+                    let damaged =
+                        |reason| RunError::Network { path: path.into(), tick: command.tick, reason };
+                    commands_of(&command, &experiment)
+                        .map_err(damaged)?
+                        .into_iter()
+                        .for_each(|c| builder.take(c));
+                }
+                LogEntry::Snapshot(snapshot) => {
+                    let vehicles = snapshot.vehicles.iter();
+                    vehicles.for_each(|vehicle| builder.see(snapshot.time_s, vehicle));
+                }
+                LogEntry::Tick { .. } => {}
+            }
+        }
+        let truncation = log.truncation().map(str::to_owned);
+        if builder.traces.is_empty() {
+            let why = truncation.map(|why| format!(" ({why})")).unwrap_or_default();
+            return Err(RunError::Empty { path: path.to_path_buf(), why });
+        }
+        let (origin, version) = (log.origin(), log.version().to_owned());
+        let TraceBuilder { traces, end_s, has_physical, .. } = builder;
+        let mut vehicles: Vec<Trace> = traces.into_values().collect();
+        let bounds = LaneBoxes::of(&experiment.city_map);
+        for trace in &mut vehicles {
+            let axle_m = trace.dimensions.front_axle_m();
+            let poses: Vec<Pose2> = trace.samples.iter().map(|sample| sample.pose.advanced(axle_m)).collect();
+            trace.track = MatchedPath::of(&experiment.city_map, &bounds, &poses);
+            if !origin.has_world() {
+                // Logs of poses have no desired path: the offset from the lane centre replaces the lateral error.
+                let lateral = trace.track.lateral_m.iter();
+                trace.samples.iter_mut().zip(lateral).for_each(|(sample, &m)| sample.lateral_error_m = m);
+            }
+        }
+        let path = path.to_path_buf();
+        Ok(Self { path, origin, experiment, version, truncation, vehicles, events, end_s, has_physical })
+    }
+
+    pub fn vehicle(&self, id: VehicleId) -> Option<&Trace> {
+        self.vehicles.binary_search_by_key(&id, |trace| trace.id).ok().map(|index| &self.vehicles[index])
+    }
+
+    /// The environment between control framework and vehicles, for labels.
+    pub fn setting(&self) -> &'static str {
+        if self.has_physical {
+            "physical"
+        } else if self.experiment.environment == EnvironmentSpec::IDEAL {
+            "ideal"
+        } else {
+            "testbed emulator"
+        }
+    }
+
+    /// Converts city to laboratory lengths, speeds or accelerations.
+    pub fn lab(&self, city: f64) -> f64 {
+        self.experiment.scale.lab_from_city(city)
+    }
+}
+
+fn commands_of(command: &NetworkCommand, experiment: &Experiment) -> Result<Vec<SimCommand>, String> {
+    let body = Body::from_log(command.kind, &command.body).map_err(|error| error.to_string())?;
+    body.into_commands(experiment.scale, &experiment.vehicle_types)
+}
+
+/// Builds the traces while a log is read.
+struct TraceBuilder<'a> {
+    experiment: &'a Experiment,
+    traces: BTreeMap<VehicleId, Trace>,
+    /// Names and dimensions of vehicles that came over the link.
+    set_up: BTreeMap<VehicleId, (String, Dimensions)>,
+    /// The last trajectory of each vehicle.
+    wanted: BTreeMap<VehicleId, Trajectory>,
+    end_s: f64,
+    has_physical: bool,
+}
+
+impl<'a> TraceBuilder<'a> {
+    fn new(experiment: &'a Experiment) -> Self {
+        let (traces, set_up, wanted) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+        Self { experiment, traces, set_up, wanted, end_s: 0.0, has_physical: false }
+    }
+
+    fn take(&mut self, command: SimCommand) {
+        match command {
+            SimCommand::Spawn(setup) => {
+                self.set_up.insert(setup.id, (setup.name, setup.spec.dimensions));
+            }
+            SimCommand::Follow(trajectory) => {
+                self.wanted.insert(trajectory.vehicle, trajectory);
+            }
+            _ => {}
+        }
+    }
+
+    fn begin(&self, id: VehicleId) -> Trace {
+        let planned = self.experiment.vehicles.iter().find(|planned| planned.id == id);
+        let planned = planned.map(|planned| (planned.name.clone(), planned.spec.dimensions));
+        let unknown =
+            || (format!("vehicle{id}"), city3d_protocol::snapshot::VehicleSpec::default().dimensions);
+        let (name, dimensions) = planned.or_else(|| self.set_up.get(&id).cloned()).unwrap_or_else(unknown);
+        Trace { id, name, dimensions, samples: Vec::new(), track: MatchedPath::default() }
+    }
+
+    fn see(&mut self, time_s: f64, vehicle: &LoggedVehicle) {
+        let state = vehicle.state();
+        self.end_s = self.end_s.max(time_s);
+        self.has_physical |= state.status == Status::Physical;
+        if !self.traces.contains_key(&state.id) {
+            self.has_physical |= self.experiment.is_physical(state.id);
+            self.traces.insert(state.id, self.begin(state.id));
+        }
+        let Some(trace) = self.traces.get_mut(&state.id) else { return };
+        // After a reset of the city the trace starts again.
+        if trace.samples.last().is_some_and(|last| last.time_s >= time_s) {
+            trace.samples.clear();
+        }
+        let pose = state.pose();
+        let axle = pose.point_at(trace.dimensions.front_axle_m(), 0.0);
+        let wanted = self.wanted.get(&state.id).and_then(|trajectory| wanted_at(trajectory, time_s));
+        trace.samples.push(TraceSample {
+            time_s,
+            pose,
+            speed_mps: state.speed_mps,
+            distance_m: state.distance_m,
+            lateral_error_m: state.tracked_lateral_error_m().unwrap_or(f64::NAN),
+            gas: state.gas,
+            brake: state.brake,
+            handbrake: state.handbrake,
+            tracking_error_m: wanted.map_or(f64::NAN, |wanted| wanted.distance(axle)),
+        });
+    }
+}
+
+/// Reference of the front-axle centre at a time: linear interpolation of the trajectory.
+fn wanted_at(trajectory: &Trajectory, time_s: f64) -> Option<DVec2> {
+    let after = trajectory.points.partition_point(|point| point.time_s <= time_s);
+    let (next, last) = (trajectory.points.get(after), trajectory.points.get(after.checked_sub(1)?));
+    match (last, next) {
+        (Some(a), Some(b)) => {
+            let share = (time_s - a.time_s) / (b.time_s - a.time_s);
+            Some(a.pose.position.lerp(b.pose.position, share))
+        }
+        (Some(a), None) => Some(a.pose.position),
+        _ => None,
+    }
+}

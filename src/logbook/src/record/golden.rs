@@ -1,0 +1,135 @@
+//! Golden bytes of every message type of the log: the test of backward compatibility.
+
+use super::log::CommandKind;
+use super::schema::{NetworkCommand, encode_event, encode_network, encode_snapshot, encode_tick};
+use super::transforms::encode_transform;
+use city3d_geometry::Pose2;
+use city3d_protocol::snapshot::{
+    Event, EventKind, FrameSnapshot, Indicator, MeasuredPose, Pedals, SimCommand, Status, Trajectory,
+    TrajectoryPoint, VehicleId, VehicleState,
+};
+use city3d_protocol::wire::Measurement;
+use glam::{DQuat, DVec3};
+use std::fmt::Write;
+use std::path::Path;
+
+const VEHICLE: VehicleId = VehicleId(7);
+
+fn commands() -> Vec<(&'static str, SimCommand)> {
+    let pedals = Pedals {
+        gas: 0.5,
+        brake: 0.25,
+        handbrake: 1.0,
+        steering_rad: -0.125,
+        reverse: true,
+        indicator: Indicator::Hazard,
+    };
+    let point = |time_s: f64| TrajectoryPoint { time_s, pose: Pose2::new(1.5, -0.25, 0.125), speed_mps: 0.5 };
+    let trajectory = Trajectory {
+        vehicle: VEHICLE,
+        sequence: 9,
+        points: vec![point(0.5), point(0.75)],
+        yielding: true,
+        finished: true,
+        indicator: Indicator::Left,
+    };
+    let position = DVec3::new(1.0, 2.0, 0.5);
+    let measured = MeasuredPose { stamp_s: 2.5, position, orientation: DQuat::from_xyzw(0.0, 0.0, 0.6, 0.8) };
+    vec![
+        ("drive", SimCommand::Drive(VEHICLE, pedals)),
+        ("release", SimCommand::Release(VEHICLE)),
+        ("remove", SimCommand::Remove(VEHICLE)),
+        ("trajectory", SimCommand::Follow(trajectory)),
+        ("measured", SimCommand::Measure(VEHICLE, measured)),
+    ]
+}
+
+/// Of all kinds.
+fn events() -> Vec<EventKind> {
+    vec![
+        EventKind::Spawn,
+        EventKind::Moved { behind: VehicleId(2), by_m: 0.5 },
+        EventKind::Stop,
+        EventKind::Go { stood_s: 0.5 },
+        EventKind::Yield,
+        EventKind::Merge,
+        EventKind::Collision { with: VehicleId(3) },
+        EventKind::CollisionStatic { with: "a wall".to_owned() },
+        EventKind::LinkLost,
+        EventKind::LinkBack,
+        EventKind::Unseen,
+        EventKind::SeenAgain,
+        EventKind::Finish,
+        EventKind::Remove,
+    ]
+}
+
+fn snapshot() -> FrameSnapshot {
+    let vehicle = |(number, status): (u32, Status)| VehicleState {
+        id: VehicleId(number),
+        status,
+        position: DVec3::new(1.0, 2.0, 0.5),
+        orientation: DQuat::from_xyzw(0.0, 0.0, 0.6, 0.8),
+        speed_mps: 4.0,
+        gas: 0.5,
+        reverse: true,
+        brake_lights: true,
+        indicator: Indicator::Right,
+        distance_m: 12.5,
+        ..VehicleState::default()
+    };
+    let vehicles = (1..).zip(Status::ALL).map(vehicle).collect();
+    FrameSnapshot {
+        tick: 250,
+        time_s: 2.5,
+        state_hash: 0x0123_4567_89ab_cdef,
+        vehicles,
+        ..FrameSnapshot::default()
+    }
+}
+
+#[test]
+fn messages_of_each_kind() {
+    let mut messages: Vec<(String, Vec<u8>)> = vec![
+        ("tick".to_owned(), encode_tick(250, 0x0123_4567_89ab_cdef, Vec::new())),
+        ("snapshot".to_owned(), encode_snapshot(&snapshot(), Vec::new())),
+    ];
+    for (name, command) in commands() {
+        let mut bytes = Vec::new();
+        assert!(CommandKind::encode(250, &command, &mut bytes).is_some(), "{name}");
+        messages.push((name.to_owned(), bytes));
+    }
+    for kind in events() {
+        let name = format!("event {kind:?}");
+        messages.push((name, encode_event(&Event { time_s: 2.5, vehicle: VEHICLE, kind }, Vec::new())));
+    }
+    let network = NetworkCommand {
+        tick: 250,
+        sender: "127.0.0.1:9".to_owned(),
+        kind: 4,
+        body: vec![0, 0, 0, 0, 7, 0, 0, 0],
+    };
+    messages.push(("network".to_owned(), encode_network(&network, Vec::new())));
+    let pose = Measurement {
+        vehicle: VEHICLE,
+        stamp_s: 2.5,
+        position: DVec3::new(0.5, 0.25, 0.0),
+        orientation: DQuat::from_xyzw(0.0, 0.0, 0.6, 0.8),
+    };
+    messages.push(("transform".to_owned(), encode_transform("path1_a", &pose, 2_500_000_000, Vec::new())));
+
+    let mut found = String::from("# The message in hexadecimal digits\n");
+    for (name, bytes) in &messages {
+        let digits: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+        writeln!(found, "{name}: {digits}").unwrap();
+    }
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/golden/log_messages.txt");
+    if std::env::var_os("CITY3D_RENEW_GOLDEN").is_some() {
+        std::fs::write(&path, &found).unwrap();
+    }
+    let expected = std::fs::read_to_string(&path).unwrap();
+    for (expected, found) in expected.lines().zip(found.lines()) {
+        assert_eq!(expected, found, "{}", path.display());
+    }
+    assert_eq!(expected.lines().count(), found.lines().count());
+}

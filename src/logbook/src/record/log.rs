@@ -1,0 +1,346 @@
+//! Writer of the run log: one MCAP file (profile `ros2`, CDR messages with ros2msg schemas) that Foxglove, the `mcap`
+//! tools and ROS readers open.
+
+use super::schema::{
+    COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, MEASURED_SCHEMA, MEASURED_TYPE, NETWORK_SCHEMA,
+    NETWORK_TYPE, NetworkCommand, PersonCommand, SNAPSHOT_SCHEMA, SNAPSHOT_TYPE, TICK_SCHEMA, TICK_TYPE,
+    TRAJECTORY_SCHEMA, TRAJECTORY_TYPE, encode_command, encode_event, encode_measured, encode_network,
+    encode_snapshot, encode_tick, encode_trajectory,
+};
+use super::transforms::{TRANSFORM_SCHEMA, TRANSFORM_TYPE, encode_transform};
+use city3d_geometry::LengthScale;
+use city3d_geometry::digest;
+use city3d_protocol::snapshot::{Event, FrameSnapshot, ModelKind, SimCommand, Status};
+use city3d_protocol::wire::{Measurement, vicon_frame};
+use city3d_simulation::environment::EnvironmentProfile;
+use city3d_simulation::scenario::Experiment;
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{Attachment, McapResult, WriteOptions, Writer};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::io::{Seek, Write};
+
+/// Writes a log. The experiment is embedded: scenario and map as attachments, the rest as metadata.
+pub struct LogWriter<W: Write + Seek> {
+    writer: Writer<W>,
+    snapshots: u16,
+    events: u16,
+    commands: u16,
+    network: u16,
+    trajectories: u16,
+    measured: u16,
+    ticks: u16,
+    transform_schema: u16,
+    /// Channels of the vehicles' transforms, by the vehicles' names.
+    transforms: BTreeMap<String, u16>,
+    scale: LengthScale,
+    sequence: u32,
+    buffer: Vec<u8>,
+}
+
+impl<W: Write + Seek> std::fmt::Debug for LogWriter<W> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LogWriter").field("messages", &self.sequence).finish_non_exhaustive()
+    }
+}
+
+/// Topic of the commands of persons.
+pub(super) const COMMAND_TOPIC: &str = "/city3d/command";
+
+/// Topic of the control framework's trajectories.
+pub(super) const TRAJECTORY_TOPIC: &str = "/city3d/trajectory";
+
+/// Topic of the measured poses of physical vehicles.
+pub(super) const MEASURED_TOPIC: &str = "/city3d/measured";
+
+/// Topic of the state digests.
+pub(super) const TICK_TOPIC: &str = "/city3d/tick";
+
+pub(super) const SNAPSHOT_TOPIC: &str = "/city3d/snapshot";
+
+/// Topic of the events.
+pub(super) const EVENT_TOPIC: &str = "/city3d/event";
+
+/// Name of the metadata record of the experiment.
+pub(super) const METADATA: &str = "city3d";
+/// Format version; raised when an older reader would misread a log.
+pub(super) const FORMAT: &str = "3";
+/// Metadata key of the simulation revision, [`digest::REVISION`].
+pub(super) const REVISION: &str = "revision";
+pub(super) const SCENARIO: &str = "scenario.toml";
+pub(super) const MAP: &str = "map.dxf";
+/// Prefix of model attachments.
+pub(super) const MODELS: &str = "models/";
+
+/// The program that wrote a log; it tells which commands moved the vehicles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LogOrigin {
+    /// A run in one process: trajectories, and commands of persons.
+    Run,
+    /// A city whose vehicles and commands came over the laboratory's link.
+    Served,
+    /// The control framework in a process of its own: it has seen poses, and no world.
+    Mainframe,
+    /// Made from poses that were measured elsewhere.
+    Recorded,
+}
+
+impl LogOrigin {
+    pub(super) const ALL: [Self; 4] = [Self::Run, Self::Served, Self::Mainframe, Self::Recorded];
+
+    /// Whether it can be replayed; other logs hold only poses.
+    pub fn has_world(self) -> bool {
+        matches!(self, Self::Run | Self::Served)
+    }
+
+    pub(super) fn label(self) -> &'static str {
+        match self {
+            Self::Run => "run",
+            Self::Served => "served",
+            Self::Mainframe => "mainframe",
+            Self::Recorded => "recorded",
+        }
+    }
+}
+
+/// Topic of the datagrams of the laboratory's link.
+pub(super) const NETWORK_TOPIC: &str = "/city3d/network";
+
+/// Size of an MCAP chunk, which is compressed and written at once: the most that a killed process loses.
+const CHUNK_BYTES: u64 = 512 << 10;
+/// Zstandard's quick levels lie below zero: this one takes two thirds of level 1's time for a sixteenth more of size.
+const COMPRESSION_LEVEL: i32 = -3;
+
+impl<W: Write + Seek> LogWriter<W> {
+    /// Begins a log with everything a run depends on.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn new(sink: W, experiment: &Experiment, origin: LogOrigin) -> McapResult<Self> {
+        let mut writer = WriteOptions::new()
+            .profile("ros2")
+            .library(concat!("city3d ", env!("CARGO_PKG_VERSION")))
+            .compression(Some(mcap::Compression::Zstd))
+            // Handed on to Zstandard with its sign.
+            .compression_level(COMPRESSION_LEVEL.cast_unsigned())
+            // The writer is a thread of its own already.
+            .compression_threads(0)
+            .chunk_size(Some(CHUNK_BYTES))
+            // A chunk is written at once when it is whole, not begun and mended.
+            .disable_seeking(true)
+            .create(sink)?;
+        writer.write_metadata(&Metadata {
+            name: METADATA.to_owned(),
+            metadata: metadata_of(experiment, origin),
+        })?;
+        let models = experiment.models.files.iter();
+        let models = models.map(|(name, file)| (format!("{MODELS}{name}"), "model/gltf-binary", &file[..]));
+        let files = [
+            (SCENARIO.to_owned(), "application/toml", experiment.scenario_text.as_bytes()),
+            (MAP.to_owned(), "image/vnd.dxf", experiment.map_bytes.as_slice()),
+        ];
+        for (name, media_type, data) in files.into_iter().chain(models) {
+            writer.attach(&Attachment {
+                log_time: 0,
+                create_time: 0,
+                name,
+                media_type: media_type.to_owned(),
+                data: Cow::Borrowed(data),
+            })?;
+        }
+        let mut channel = |topic: &str, name: &str, schema: &str| {
+            let schema = writer.add_schema(name, "ros2msg", schema.as_bytes())?;
+            writer.add_channel(schema, topic, "cdr", &BTreeMap::new())
+        };
+        let snapshots = channel(SNAPSHOT_TOPIC, SNAPSHOT_TYPE, SNAPSHOT_SCHEMA)?;
+        let events = channel(EVENT_TOPIC, EVENT_TYPE, EVENT_SCHEMA)?;
+        let commands = channel(COMMAND_TOPIC, COMMAND_TYPE, COMMAND_SCHEMA)?;
+        let network = channel(NETWORK_TOPIC, NETWORK_TYPE, NETWORK_SCHEMA)?;
+        let trajectories = channel(TRAJECTORY_TOPIC, TRAJECTORY_TYPE, TRAJECTORY_SCHEMA)?;
+        let measured = channel(MEASURED_TOPIC, MEASURED_TYPE, MEASURED_SCHEMA)?;
+        let ticks = channel(TICK_TOPIC, TICK_TYPE, TICK_SCHEMA)?;
+        let transform_schema = writer.add_schema(TRANSFORM_TYPE, "ros2msg", TRANSFORM_SCHEMA.as_bytes())?;
+        Ok(Self {
+            writer,
+            snapshots,
+            events,
+            commands,
+            network,
+            trajectories,
+            measured,
+            ticks,
+            transform_schema,
+            transforms: BTreeMap::new(),
+            scale: experiment.scale,
+            sequence: 0,
+            buffer: Vec::new(),
+        })
+    }
+
+    /// Adds a snapshot, and the transforms of the vehicles that motion capture sees in it.
+    ///
+    /// # Errors
+    /// When it cannot be written; what was written before stays readable.
+    pub fn snapshot(&mut self, snapshot: &FrameSnapshot) -> McapResult<()> {
+        self.buffer = encode_snapshot(snapshot, std::mem::take(&mut self.buffer));
+        self.message(self.snapshots, snapshot.time_s)?;
+        for (state, info) in snapshot.iter().filter(|(state, _)| state.status != Status::Unseen) {
+            let channel = self.transforms_of(&info.name)?;
+            let pose = Measurement::of(state, snapshot.time_s, self.scale);
+            let stamp = nanoseconds(snapshot.time_s);
+            self.buffer = encode_transform(&info.name, &pose, stamp, std::mem::take(&mut self.buffer));
+            self.message(channel, snapshot.time_s)?;
+        }
+        Ok(())
+    }
+
+    /// The channel of a vehicle's transforms.
+    fn transforms_of(&mut self, name: &str) -> McapResult<u16> {
+        if let Some(&channel) = self.transforms.get(name) {
+            return Ok(channel);
+        }
+        let topic = format!("/{}", vicon_frame(name));
+        let channel = self.writer.add_channel(self.transform_schema, &topic, "cdr", &BTreeMap::new())?;
+        self.transforms.insert(name.to_owned(), channel);
+        Ok(channel)
+    }
+
+    /// Adds an event.
+    ///
+    /// # Errors
+    /// When it cannot be written; what was written before stays readable.
+    pub fn event(&mut self, event: &Event) -> McapResult<()> {
+        self.buffer = encode_event(event, std::mem::take(&mut self.buffer));
+        self.message(self.events, event.time_s)
+    }
+
+    /// Adds the digest of a tick.
+    ///
+    /// # Errors
+    /// When it cannot be written; what was written before stays readable.
+    pub fn tick(&mut self, tick: u64, time_s: f64, state_hash: u64) -> McapResult<()> {
+        self.buffer = encode_tick(tick, state_hash, std::mem::take(&mut self.buffer));
+        self.message(self.ticks, time_s)
+    }
+
+    /// Adds a command that is applied in the step after a tick: a trajectory, a measured pose, or a command of a
+    /// person. The start of the clock is not logged.
+    ///
+    /// # Errors
+    /// When it cannot be written; what was written before stays readable.
+    pub fn command(&mut self, tick: u64, time_s: f64, command: &SimCommand) -> McapResult<()> {
+        let mut buffer = std::mem::take(&mut self.buffer);
+        buffer.clear();
+        let kind = CommandKind::encode(tick, command, &mut buffer);
+        let written = kind.map_or(Ok(()), |kind| self.encoded(kind, time_s, &buffer));
+        self.buffer = buffer;
+        written
+    }
+
+    /// Adds an encoded command.
+    ///
+    /// # Errors
+    /// When it cannot be written; what was written before stays readable.
+    pub(super) fn encoded(&mut self, kind: CommandKind, time_s: f64, message: &[u8]) -> McapResult<()> {
+        let channel = match kind {
+            CommandKind::Person => self.commands,
+            CommandKind::Trajectory => self.trajectories,
+            CommandKind::Measured => self.measured,
+        };
+        let header = self.header(channel, time_s);
+        self.writer.write_to_known_channel(&header, message)
+    }
+
+    /// Adds a datagram that was carried out.
+    ///
+    /// # Errors
+    /// When it cannot be written; what was written before stays readable.
+    pub fn network(&mut self, time_s: f64, command: &NetworkCommand) -> McapResult<()> {
+        self.buffer = encode_network(command, std::mem::take(&mut self.buffer));
+        self.message(self.network, time_s)
+    }
+
+    fn message(&mut self, channel_id: u16, time_s: f64) -> McapResult<()> {
+        let header = self.header(channel_id, time_s);
+        self.writer.write_to_known_channel(&header, &self.buffer)
+    }
+
+    fn header(&mut self, channel_id: u16, time_s: f64) -> MessageHeader {
+        self.sequence = self.sequence.wrapping_add(1);
+        let stamp = nanoseconds(time_s);
+        MessageHeader { channel_id, sequence: self.sequence, log_time: stamp, publish_time: stamp }
+    }
+
+    /// Ends the present chunk: its messages survive a crash.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn flush(&mut self) -> McapResult<()> {
+        self.writer.flush()
+    }
+
+    /// Writes the index and ends the log.
+    ///
+    /// # Errors
+    /// When it cannot be written; the messages stay readable without their index.
+    pub fn finish(mut self) -> McapResult<()> {
+        self.writer.finish().map(|_| ())
+    }
+}
+
+/// The message type of a logged command.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum CommandKind {
+    /// Command of a person.
+    Person,
+    Trajectory,
+    Measured,
+}
+
+impl CommandKind {
+    /// Appends a command, applied in the step after a tick, to a buffer; `None` for commands that are not logged.
+    pub fn encode(tick: u64, command: &SimCommand, buffer: &mut Vec<u8>) -> Option<Self> {
+        let mut memory = || std::mem::take(buffer);
+        let (kind, message) = match command {
+            SimCommand::Follow(trajectory) => {
+                (Self::Trajectory, encode_trajectory(tick, trajectory, memory()))
+            }
+            SimCommand::Measure(vehicle, pose) => {
+                (Self::Measured, encode_measured(tick, *vehicle, pose, memory()))
+            }
+            other => (Self::Person, encode_command(tick, PersonCommand::of(other)?, memory())),
+        };
+        *buffer = message;
+        Some(kind)
+    }
+}
+
+/// Simulated seconds as log nanoseconds.
+fn nanoseconds(time_s: f64) -> u64 {
+    (time_s * 1e9).round() as u64
+}
+
+fn metadata_of(experiment: &Experiment, origin: LogOrigin) -> BTreeMap<String, String> {
+    let model = match experiment.model {
+        None => "",
+        Some(ModelKind::Raycast) => "raycast",
+        Some(ModelKind::Bicycle) => "bicycle",
+        // No override: a scenario states it vehicle by vehicle.
+        Some(ModelKind::Measured) => "",
+    };
+    let pairs = [
+        ("format", FORMAT.to_owned()),
+        (REVISION, digest::REVISION.to_string()),
+        ("origin", origin.label().to_owned()),
+        ("model", model.to_owned()),
+        ("environment", experiment.profile.map_or("", EnvironmentProfile::name).to_owned()),
+        ("scenario", experiment.name.clone()),
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("seed", experiment.seed.to_string()),
+        ("duration_s", experiment.duration_s.to_string()),
+        ("length_scale", experiment.scale.factor().to_string()),
+        ("physics_hz", experiment.rates.physics_hz.to_string()),
+        ("control_hz", experiment.rates.control_hz.to_string()),
+    ];
+    pairs.map(|(key, value)| (key.to_owned(), value)).into()
+}

@@ -1,0 +1,379 @@
+//! Sequential MCAP log reader: the experiment first, then entry by entry. A truncated log, as of a killed process, is
+//! read up to its last whole record.
+
+use super::RecordError;
+use super::log::{
+    COMMAND_TOPIC, EVENT_TOPIC, FORMAT, LogOrigin, MAP, MEASURED_TOPIC, METADATA, MODELS, NETWORK_TOPIC,
+    REVISION, SCENARIO, SNAPSHOT_TOPIC, TICK_TOPIC, TRAJECTORY_TOPIC,
+};
+use super::schema::{
+    LoggedSnapshot, NetworkCommand, decode_command, decode_event, decode_measured, decode_network,
+    decode_snapshot, decode_tick, decode_trajectory,
+};
+use city3d_protocol::snapshot::{Event, ModelKind, SimCommand};
+use city3d_simulation::environment::EnvironmentProfile;
+use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
+use mcap::McapError;
+use mcap::records::Record;
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// A decoded message of a log.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LogEntry {
+    /// A trajectory, a measured pose, or a command of a person, applied in the step after the tick.
+    Command {
+        tick: u64,
+        command: SimCommand,
+    },
+    /// A datagram of the laboratory's link that was carried out.
+    Network(NetworkCommand),
+    /// The state digest after a step, or at the beginning.
+    Tick {
+        tick: u64,
+        state_hash: u64,
+    },
+    Snapshot(LoggedSnapshot),
+    Event(Event),
+}
+
+/// Reads a log from start to end.
+#[derive(Debug)]
+pub struct LogReader {
+    path: PathBuf,
+    records: RecordStream,
+    /// Topics by channel.
+    topics: HashMap<u16, String>,
+    metadata: BTreeMap<String, String>,
+    attachments: BTreeMap<String, Vec<u8>>,
+    origin: LogOrigin,
+    /// The first message: opening reads metadata and attachments up to it.
+    ahead: Option<LogEntry>,
+}
+
+impl LogReader {
+    /// Opens a log of this version's format.
+    ///
+    /// # Errors
+    /// [`RecordError::NoLog`] where the file cannot be read, is none of City3D, or of another format.
+    pub fn open(path: &Path) -> Result<Self, RecordError> {
+        if path.is_file() && !is_log(path) {
+            return Err(no_log(path, "it is not an MCAP file; give the run.mcap of a run"));
+        }
+        let mut log = Self {
+            path: path.to_path_buf(),
+            records: RecordStream::open(path).map_err(|error| no_log(path, error))?,
+            topics: HashMap::new(),
+            metadata: BTreeMap::new(),
+            attachments: BTreeMap::new(),
+            origin: LogOrigin::Run,
+            ahead: None,
+        };
+        log.ahead = log.next_entry()?;
+        let truncation = log.records.truncation.clone();
+        if log.metadata.is_empty() {
+            let why = match truncation {
+                Some(why) => format!("{why}; give the run.mcap of a run"),
+                None => "it has no metadata of City3D; give the run.mcap of a run of City3D. From a bag of poses, city3d \
+                         replay BAG --scenario SCENARIO --out DIR makes a run"
+                    .to_owned(),
+            };
+            return Err(no_log(path, why));
+        }
+        let format = log.metadata.get("format").map_or("1", String::as_str);
+        if format != FORMAT {
+            return Err(no_log(
+                path,
+                format!(
+                    "its format is {format}, written by version {}, and this is version {} with format {FORMAT}; \
+                     read it with the version that wrote it, or record the run again",
+                    log.version(),
+                    env!("CARGO_PKG_VERSION")
+                ),
+            ));
+        }
+        let origin = log.metadata.get("origin").cloned().unwrap_or_default();
+        let known = LogOrigin::ALL.into_iter().find(|known| known.label() == origin);
+        log.origin = known.ok_or_else(|| no_log(path, format!("unknown origin \"{origin}\"")))?;
+        if let Some(missing) = [SCENARIO, MAP].into_iter().find(|name| !log.attachments.contains_key(*name)) {
+            let why = truncation.map(|why| format!(": {why}")).unwrap_or_default();
+            return Err(no_log(
+                path,
+                format!("it ends before {missing}{why}; nothing can be recovered from it"),
+            ));
+        }
+        Ok(log)
+    }
+
+    pub fn origin(&self) -> LogOrigin {
+        self.origin
+    }
+
+    /// The version of City3D that has written it.
+    pub fn version(&self) -> &str {
+        self.metadata.get("version").map_or("?", String::as_str)
+    }
+
+    /// The revision of the simulation that has made it, [`digest::REVISION`](city3d_geometry::digest::REVISION); logs that do not
+    /// state it are of the first.
+    pub fn revision(&self) -> u32 {
+        self.metadata.get(REVISION).and_then(|text| text.parse().ok()).unwrap_or(1)
+    }
+
+    /// Topics of the channels read so far.
+    pub(super) fn topics(&self) -> &HashMap<u16, String> {
+        &self.topics
+    }
+
+    /// Why the log is truncated, if it is.
+    pub fn truncation(&self) -> Option<&str> {
+        self.records.truncation.as_deref()
+    }
+
+    /// The experiment from the log alone, without other files. That of a served city has no vehicles: they came over
+    /// the link.
+    ///
+    /// # Errors
+    /// [`RecordError::NoLog`] where it is damaged, or this version does not take the scenario.
+    pub fn experiment(&self) -> Result<Experiment, RecordError> {
+        let planned = self.planned()?;
+        Ok(if self.origin == LogOrigin::Served { planned.without_vehicles() } else { planned })
+    }
+
+    /// The experiment with all vehicles of its scenario; a served city had only those that came over the link.
+    ///
+    /// # Errors
+    /// As for [`LogReader::experiment`].
+    pub fn planned(&self) -> Result<Experiment, RecordError> {
+        let wrong = |why: String| no_log(&self.path, why);
+        let number = |key: &str| self.metadata.get(key).ok_or_else(|| wrong(format!("it lacks \"{key}\"")));
+        let damaged = |key: &str| wrong(format!("\"{key}\" is damaged"));
+        let file = |name: &str| self.attachments.get(name).cloned().unwrap_or_default();
+        let text = String::from_utf8(file(SCENARIO)).map_err(|_| damaged(SCENARIO))?;
+        let models = self.attachments.iter();
+        let models =
+            models.filter_map(|(name, file)| Some((name.strip_prefix(MODELS)?.to_owned(), file.clone())));
+        let library = Library::kept(file(MAP), models.collect());
+        let overrides = Overrides {
+            seed: Some(number("seed")?.parse().map_err(|_| damaged("seed"))?),
+            duration_s: Some(number("duration_s")?.parse().map_err(|_| damaged("duration_s"))?),
+            model: match number("model")?.as_str() {
+                "" => None,
+                "raycast" => Some(ModelKind::Raycast),
+                "bicycle" => Some(ModelKind::Bicycle),
+                _ => return Err(damaged("model")),
+            },
+            // Older logs have none.
+            environment: match self.metadata.get("environment").map_or("", String::as_str) {
+                "" => None,
+                name => {
+                    let known = EnvironmentProfile::ALL.into_iter().find(|profile| profile.name() == name);
+                    Some(known.ok_or_else(|| damaged("environment"))?)
+                }
+            },
+            allows_no_vehicles: self.origin == LogOrigin::Served,
+        };
+        let name = format!("{}: {SCENARIO}", self.path.display());
+        read_experiment(&name, &text, &library, overrides).map_err(|error| wrong(error.to_string()))
+    }
+
+    /// The next entry; `None` at the end, see [`LogReader::truncation`].
+    ///
+    /// # Errors
+    /// [`RecordError::NoLog`] where the file cannot be read.
+    pub fn read(&mut self) -> Result<Option<LogEntry>, RecordError> {
+        match self.ahead.take() {
+            Some(entry) => Ok(Some(entry)),
+            None => self.next_entry(),
+        }
+    }
+
+    fn next_entry(&mut self) -> Result<Option<LogEntry>, RecordError> {
+        loop {
+            let record = self.records.next().map_err(|error| no_log(&self.path, error))?;
+            match record {
+                None => return Ok(None),
+                Some(Record::Metadata(data)) if data.name == METADATA => self.metadata = data.metadata,
+                Some(Record::Attachment { header, data, .. }) => {
+                    self.attachments.insert(header.name, data.into_owned());
+                }
+                Some(Record::Channel(channel)) => drop(self.topics.insert(channel.id, channel.topic)),
+                Some(Record::Message { header, data }) => {
+                    let topic = self.topics.get(&header.channel_id).map_or("", String::as_str);
+                    match decode(topic, &data) {
+                        None => {}
+                        Some(Some(entry)) => return Ok(Some(entry)),
+                        Some(None) => self.records.end(format!("a message of {topic} is damaged")),
+                    }
+                }
+                Some(_) => {}
+            }
+        }
+    }
+}
+
+pub(super) fn no_log(path: &Path, reason: impl ToString) -> RecordError {
+    RecordError::NoLog { path: path.to_path_buf(), reason: reason.to_string() }
+}
+
+/// Decodes a message: `None` for other topics, `Some(None)` for a damaged message.
+pub(super) fn decode(topic: &str, data: &[u8]) -> Option<Option<LogEntry>> {
+    let command = |(tick, command)| LogEntry::Command { tick, command };
+    Some(match topic {
+        COMMAND_TOPIC => decode_command(data).map(command),
+        TRAJECTORY_TOPIC => {
+            decode_trajectory(data).map(|(tick, trajectory)| command((tick, SimCommand::Follow(trajectory))))
+        }
+        MEASURED_TOPIC => decode_measured(data).map(command),
+        NETWORK_TOPIC => decode_network(data).map(LogEntry::Network),
+        TICK_TOPIC => decode_tick(data).map(|(tick, state_hash)| LogEntry::Tick { tick, state_hash }),
+        SNAPSHOT_TOPIC => decode_snapshot(data).map(LogEntry::Snapshot),
+        EVENT_TOPIC => decode_event(data).map(LogEntry::Event),
+        _ => return None,
+    })
+}
+
+/// Largest record or chunk: a damaged length must not exhaust the memory.
+pub(super) const LARGEST_RECORD: usize = 256 << 20;
+
+/// The records of an MCAP file, also those inside chunks, up to its data end.
+struct RecordStream {
+    file: File,
+    reader: LinearReader,
+    is_over: bool,
+    truncation: Option<String>,
+}
+
+impl std::fmt::Debug for RecordStream {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Records").field("torn", &self.truncation).finish_non_exhaustive()
+    }
+}
+
+impl RecordStream {
+    fn open(path: &Path) -> std::io::Result<Self> {
+        let options = LinearReaderOptions::default()
+            .with_skip_end_magic(true)
+            .with_prevalidate_chunk_crcs(true)
+            .with_record_length_limit(LARGEST_RECORD);
+        let reader = LinearReader::new_with_options(options);
+        Ok(Self { file: File::open(path)?, reader, is_over: false, truncation: None })
+    }
+
+    fn end(&mut self, why: String) {
+        self.is_over = true;
+        self.truncation = Some(why);
+    }
+
+    fn next(&mut self) -> std::io::Result<Option<Record<'static>>> {
+        while !self.is_over {
+            match self.reader.next_event() {
+                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
+                    let read = self.file.read(self.reader.insert(wanted))?;
+                    self.reader.notify_read(read);
+                }
+                Some(Ok(LinearReadEvent::Record { data, opcode })) => {
+                    match mcap::parse_record(opcode, data).map(Record::into_owned) {
+                        Ok(Record::DataEnd(_)) => self.is_over = true,
+                        Ok(record) => return Ok(Some(record)),
+                        Err(error) => self.end(why(&error)),
+                    }
+                }
+                Some(Err(error)) => self.end(why(&error)),
+                None => self.end(why(&McapError::UnexpectedEof)),
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// Calls `take` with type, topic and bytes of each message of any MCAP file. Returns why the file is truncated, if it
+/// is.
+pub(super) fn each_message(
+    path: &Path,
+    mut take: impl FnMut(&str, &str, &[u8]),
+) -> std::io::Result<Option<String>> {
+    let mut records = RecordStream::open(path)?;
+    // Type names by schema; type and topic by channel.
+    let mut schemas: HashMap<u16, String> = HashMap::new();
+    let mut channels: HashMap<u16, (String, String)> = HashMap::new();
+    while let Some(record) = records.next()? {
+        match record {
+            Record::Schema { header, .. } => drop(schemas.insert(header.id, header.name)),
+            Record::Channel(channel) => {
+                let kind = schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                channels.insert(channel.id, (kind, channel.topic));
+            }
+            Record::Message { header, data } => {
+                if let Some((kind, topic)) = channels.get(&header.channel_id) {
+                    take(kind, topic, &data);
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok(records.truncation)
+}
+
+pub(super) fn why(error: &McapError) -> String {
+    match error {
+        McapError::UnexpectedEof | McapError::UnexpectedEoc => "it ends in the middle of a record".to_owned(),
+        McapError::BadMagic => "it is not an MCAP file".to_owned(),
+        other => format!("a record is damaged ({other})"),
+    }
+}
+
+/// The last tick of a log, and why the log is truncated, if it is.
+///
+/// # Errors
+/// As for [`LogReader::open`].
+pub fn last_tick(path: &Path) -> Result<(u64, Option<String>), RecordError> {
+    let mut log = LogReader::open(path)?;
+    let mut last = 0;
+    while let Some(entry) = log.read()? {
+        if let LogEntry::Tick { tick, .. } = entry {
+            last = tick;
+        }
+    }
+    Ok((last, log.truncation().map(str::to_owned)))
+}
+
+/// Whether a file is an MCAP file, as logs are.
+pub fn is_log(path: &Path) -> bool {
+    let mut start = [0; mcap::MAGIC.len()];
+    let is_mcap = File::open(path).and_then(|mut file| file.read_exact(&mut start)).is_ok();
+    is_mcap && start == mcap::MAGIC
+}
+
+/// The commands of persons in a log, each with the tick at which the step began that applied it.
+///
+/// # Errors
+/// [`RecordError::NoLog`] where the file cannot be read or is none.
+pub fn read_commands(path: &Path) -> Result<Vec<(u64, SimCommand)>, RecordError> {
+    let of_person = |entry| match entry {
+        LogEntry::Command { command: SimCommand::Follow(_), .. } => None,
+        LogEntry::Command { tick, command } => Some((tick, command)),
+        _ => None,
+    };
+    read_some(path, of_person)
+}
+
+/// The datagrams of the laboratory's link in the order in which they were carried out.
+///
+/// # Errors
+/// [`RecordError::NoLog`] where the file cannot be read or is none.
+pub fn read_network(path: &Path) -> Result<Vec<NetworkCommand>, RecordError> {
+    read_some(path, |entry| if let LogEntry::Network(command) = entry { Some(command) } else { None })
+}
+
+fn read_some<T>(path: &Path, pick: impl Fn(LogEntry) -> Option<T>) -> Result<Vec<T>, RecordError> {
+    let mut log = LogReader::open(path)?;
+    let mut found = Vec::new();
+    while let Some(entry) = log.read()? {
+        found.extend(pick(entry));
+    }
+    Ok(found)
+}

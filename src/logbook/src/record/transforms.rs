@@ -1,0 +1,46 @@
+//! Poses in the log as `geometry_msgs/TransformStamped`, as the VICON bridge publishes them.
+
+use super::cdr::CdrWriter;
+use city3d_protocol::wire::{Measurement, VICON_WORLD, vicon_frame};
+
+pub const TRANSFORM_TYPE: &str = "geometry_msgs/msg/TransformStamped";
+pub const TRANSFORM_SCHEMA: &str = "\
+std_msgs/Header header
+string child_frame_id
+geometry_msgs/Transform transform
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+================================================================================
+MSG: geometry_msgs/Transform
+geometry_msgs/Vector3 translation
+geometry_msgs/Quaternion rotation
+================================================================================
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+================================================================================
+MSG: geometry_msgs/Quaternion
+float64 x 0
+float64 y 0
+float64 z 0
+float64 w 1
+";
+
+/// The message of a vehicle's pose: laboratory metres, simulated time.
+pub fn encode_transform(name: &str, pose: &Measurement, nanoseconds: u64, buffer: Vec<u8>) -> Vec<u8> {
+    let mut cdr = CdrWriter::reusing(buffer);
+    cdr.u32((nanoseconds / 1_000_000_000) as u32);
+    cdr.u32((nanoseconds % 1_000_000_000) as u32);
+    cdr.string(VICON_WORLD);
+    cdr.string(&vicon_frame(name));
+    let numbers = pose.position.to_array().into_iter().chain(pose.orientation.to_array());
+    numbers.for_each(|number| cdr.f64(number));
+    cdr.into_bytes()
+}

@@ -1,0 +1,7 @@
+//! Transports: the UDP link of the laboratory, ROS 1 and rosbridge.
+
+#![allow(clippy::disallowed_types, reason = "has the sockets, their threads and their clocks")]
+
+pub mod link;
+#[cfg(feature = "ros")]
+pub mod ros;

@@ -1,0 +1,42 @@
+//! UDP link of the laboratory: sockets, handshake, replay protection, rate limits and bounded receive queues.
+//!
+//! [`city3d_protocol::wire`] defines the datagrams; the served city acts on them.
+
+mod burst;
+mod client;
+mod echo;
+#[cfg(feature = "ros")]
+pub mod feedback;
+mod key;
+#[cfg(feature = "ros")]
+pub mod onboard;
+mod physical_fleet;
+mod receive_queue;
+mod senders;
+mod server;
+#[cfg(feature = "ros")]
+pub mod vicon;
+mod warmup;
+mod window;
+
+pub use client::{Client, ClientEvent};
+pub use echo::round_trips;
+pub use key::{KeyError, read_key};
+pub use physical_fleet::PhysicalFleet;
+pub use receive_queue::Inbound;
+pub use senders::{ReplyAddress, SenderId, Senders, TokenBucket};
+pub use server::{AllowedNetwork, LinkCounters, Server, ServerOptions};
+pub use window::AntiReplayWindow;
+
+use thiserror::Error;
+
+/// Error that keeps a link from opening.
+#[derive(Debug, Error)]
+pub enum LinkError {
+    #[error("{address} is not an address with a port; write it as 127.0.0.1:9870")]
+    Address { address: String },
+    #[error("{address} is not an IP address or a network; write it as 192.168.1.7 or 192.168.1.0/24")]
+    Network { address: String },
+    #[error("{address}: the socket cannot be opened: {source}")]
+    Socket { address: String, source: std::io::Error },
+}

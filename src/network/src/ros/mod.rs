@@ -1,0 +1,63 @@
+//! ROS 1 node and rosbridge client: publish and subscribe topics, independent of the city.
+//!
+//! The protocols are those of the ROS wiki: the Master and Slave APIs (XML-RPC over HTTP) and TCPROS. A node runs on
+//! one thread ([`run`]). All input and all queues are bounded, and a misbehaving peer cannot stop the node.
+
+mod api;
+mod bridge;
+mod header;
+mod http;
+mod message;
+mod node;
+mod picture;
+mod publisher;
+mod report;
+mod subscriber;
+mod uri;
+mod xmlrpc;
+
+pub use bridge::{Bridge, BridgeOptions, BridgeUri, Keepalive, run_bridge};
+pub use message::{
+    ClockMessage, Header, MessageError, MessageType, Quaternion, RosMessage, TfMessage, Time, Transform,
+    TransformStamped, Vector3,
+};
+pub use node::{NodeOptions, NodeStatus, NodeThread, RosNode, run};
+pub use picture::{CameraInfo, CompressedImage, RegionOfInterest};
+pub use uri::{BindAddress, HostPort, MasterUri};
+
+use thiserror::Error;
+
+/// Publishes and subscribes topics, over any transport.
+pub trait Topics {
+    /// Advertises a topic.
+    fn advertise<M: RosMessage>(&self, topic: &str);
+    /// Withdraws an advertised topic.
+    fn unadvertise(&self, topic: &str);
+    /// Queues a message for the subscribers of an advertised topic without blocking.
+    fn publish<M: RosMessage>(&self, topic: &str, message: impl FnOnce() -> M);
+    /// Whether an advertised topic may have subscribers.
+    fn has_subscribers(&self, topic: &str) -> bool;
+    /// Subscribes to a topic of any publisher; `on_message` handles each message.
+    fn subscribe<M: RosMessage>(&self, topic: &str, on_message: impl Fn(M) + 'static);
+}
+
+/// Error between this node and its peers.
+#[derive(Debug, Error)]
+pub enum RosError {
+    #[error("{uri} is not the address of a ROS master; write it as http://127.0.0.1:11311")]
+    MasterUri { uri: String },
+    #[error("{uri} is not the address of a rosbridge; write it as ws://127.0.0.1:9090")]
+    BridgeUri { uri: String },
+    #[error("{host}: a ROS node cannot have this address: {why}")]
+    Host { host: String, why: String },
+    #[error("the ROS node cannot listen on {address}: {source}")]
+    Listen { address: String, source: std::io::Error },
+    #[error("the ROS node cannot be started: {0}")]
+    Start(std::io::Error),
+    #[error("{place}: {source}")]
+    Io { place: String, source: std::io::Error },
+    #[error("{place}: no answer within {} s", node::REQUEST_TIMEOUT.as_secs())]
+    NoAnswer { place: String },
+    #[error("{place}: {why}")]
+    Answer { place: String, why: String },
+}

@@ -1,0 +1,186 @@
+//! Commands: the only way to change the world. Network packets, key presses and replayed logs all become
+//! commands.
+
+use super::{Indicator, VehicleId, VehicleSpec};
+use city3d_geometry::{City, Frame, Lab, LengthScale, Pose2};
+use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// A waypoint: desired state of a vehicle at one time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub struct TrajectoryPoint<F: Frame = City> {
+    /// Simulated time of the waypoint.
+    pub time_s: f64,
+    /// Desired pose of the front-axle centre, the reference point of the tracking control.
+    pub pose: Pose2<F>,
+    /// In metres of the frame.
+    pub speed_mps: f64,
+}
+
+/// The desired motion of one vehicle over a horizon that covers its stopping distance.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub struct Trajectory<F: Frame = City> {
+    pub vehicle: VehicleId,
+    /// Sequence number per vehicle, incremented by the sender; older messages are dropped.
+    pub sequence: u32,
+    /// In time order.
+    pub points: Vec<TrajectoryPoint<F>>,
+    /// The vehicle yields at a sign or to the right of way of another.
+    pub yielding: bool,
+    /// The vehicle is at the end of its route.
+    pub finished: bool,
+    pub indicator: Indicator,
+}
+
+/// A sequence number this far behind means a restarted sender, not an old message.
+const SENDER_RESTARTED: u32 = 1 << 16;
+
+impl<F: Frame> Trajectory<F> {
+    /// Whether it is newer than the sequence number `last` of the same sender.
+    pub fn follows(&self, last: u32) -> bool {
+        let ahead = self.sequence.wrapping_sub(last);
+        ahead != 0 && (ahead < u32::MAX / 2 || ahead.wrapping_neg() > SENDER_RESTARTED)
+    }
+
+    /// Whether it ends before a time.
+    pub fn is_over(&self, time_s: f64) -> bool {
+        self.points.last().is_none_or(|point| point.time_s < time_s)
+    }
+}
+
+impl Trajectory<Lab> {
+    /// The same motion in the city.
+    pub fn into_city(self, scale: LengthScale) -> Trajectory<City> {
+        let points = self.points.into_iter().map(|point| TrajectoryPoint {
+            time_s: point.time_s,
+            pose: point.pose.to_city(scale),
+            speed_mps: scale.city_from_lab(point.speed_mps),
+        });
+        Trajectory {
+            vehicle: self.vehicle,
+            sequence: self.sequence,
+            points: points.collect(),
+            yielding: self.yielding,
+            finished: self.finished,
+            indicator: self.indicator,
+        }
+    }
+}
+
+/// Body types that the renderer has models for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BodyType {
+    #[default]
+    Sedan,
+    Hatchback,
+    Suv,
+    Van,
+    Pickup,
+    /// A user's model, by index in the scenario.
+    Own(u16),
+}
+
+impl BodyType {
+    /// Height factor of the body relative to the stated vehicle height, which is a sedan's. It affects
+    /// drawing only.
+    pub fn height_factor(self) -> f64 {
+        match self {
+            Self::Sedan | Self::Own(_) => 1.0,
+            Self::Hatchback => 1.02,
+            Self::Suv => 1.18,
+            Self::Pickup => 1.17,
+            Self::Van => 1.40,
+        }
+    }
+}
+
+/// Appearance of a vehicle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Appearance {
+    pub body: BodyType,
+    /// sRGB.
+    pub colour: [u8; 3],
+}
+
+impl Default for Appearance {
+    fn default() -> Self {
+        Self { body: BodyType::Sedan, colour: [178, 34, 34] }
+    }
+}
+
+/// Setup of a new vehicle, city frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Setup {
+    pub id: VehicleId,
+    pub name: String,
+    pub appearance: Appearance,
+    /// Middle of the outline.
+    pub pose: Pose2,
+    /// Along the heading.
+    pub speed_mps: f64,
+    /// Specification of its build and control.
+    pub spec: VehicleSpec,
+}
+
+/// Pedals and steering wheel of a human driver.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Pedals {
+    pub gas: f64,
+    pub brake: f64,
+    pub handbrake: f64,
+    /// Desired steering angle, left-positive.
+    pub steering_rad: f64,
+    pub reverse: bool,
+    pub indicator: Indicator,
+}
+
+/// Measured pose of a physical vehicle, city frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MeasuredPose {
+    /// Simulated time of the measurement.
+    pub stamp_s: f64,
+    /// Middle of the outline, on the ground.
+    pub position: DVec3,
+    /// City from body.
+    pub orientation: DQuat,
+}
+
+/// A change of the world, applied at the tick at which it arrives.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum SimCommand {
+    Start,
+    Pause,
+    /// Back to the initial conditions: the run that follows equals the first one exactly.
+    Reset,
+    /// Adds a vehicle. If the id exists, the vehicle stays and its sequence number is reset: its sender has
+    /// restarted.
+    Spawn(Box<Setup>),
+    Follow(Trajectory),
+    Remove(VehicleId),
+    /// Measured pose of a physical vehicle; other vehicles ignore it.
+    Measure(VehicleId, MeasuredPose),
+    /// A person takes over or updates the pedals.
+    Drive(VehicleId, Pedals),
+    /// The person hands back to the algorithm.
+    Release(VehicleId),
+}
+
+impl SimCommand {
+    /// The vehicle it addresses; commands are applied in the order of (vehicle, sequence).
+    pub fn vehicle(&self) -> Option<VehicleId> {
+        match self {
+            Self::Start | Self::Pause | Self::Reset => None,
+            Self::Spawn(setup) => Some(setup.id),
+            Self::Follow(trajectory) => Some(trajectory.vehicle),
+            Self::Remove(id) | Self::Measure(id, _) | Self::Drive(id, _) | Self::Release(id) => Some(*id),
+        }
+    }
+
+    /// Sort key of commands within a tick; the sort is stable.
+    pub fn order(&self) -> (Option<VehicleId>, u32) {
+        (self.vehicle(), if let Self::Follow(trajectory) = self { trajectory.sequence } else { 0 })
+    }
+}

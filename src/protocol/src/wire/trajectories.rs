@@ -1,0 +1,109 @@
+//! Encodes trajectories, several vehicles in one datagram.
+
+use super::bytes::{ByteReader, ByteWriter};
+use super::envelope::MAX_BODY_BYTES;
+use super::{Body, DecodeError, EncodeError, MAX_ANGLE_RAD, MAX_COORDINATE_M, MAX_SPEED_MPS, MAX_TIME_S};
+use super::{DecodeFault, Message};
+use crate::snapshot::{Indicator, Trajectory, TrajectoryPoint, VehicleId};
+use city3d_geometry::{Lab, Pose2};
+
+/// Most points of a trajectory: they fill a datagram.
+pub const MAX_POINTS: usize = 28;
+/// Most trajectories of a datagram.
+pub const MAX_TRAJECTORIES: usize = 64;
+const POINT_BYTES: usize = 40;
+const TRAJECTORY_BYTES: usize = 12;
+/// The number of trajectories, and three reserved bytes.
+const COUNT_BYTES: usize = 4;
+
+const YIELDING: u8 = 1;
+const FINISHED: u8 = 2;
+const INDICATORS: [Indicator; 4] = [Indicator::Off, Indicator::Left, Indicator::Right, Indicator::Hazard];
+
+/// Packs messages in their order into as few bodies as possible.
+pub fn pack(messages: impl Iterator<Item = Message>) -> Vec<Body> {
+    let mut bodies = Vec::new();
+    let (mut together, mut bytes) = (Vec::new(), COUNT_BYTES);
+    for message in messages {
+        let Message::Follow(trajectory) = message else {
+            bodies.extend(take(&mut together));
+            bodies.push(Body::Remove { request: 0, vehicle: message.vehicle() });
+            bytes = COUNT_BYTES;
+            continue;
+        };
+        let more = TRAJECTORY_BYTES + POINT_BYTES * trajectory.points.len();
+        if bytes + more > MAX_BODY_BYTES || together.len() == MAX_TRAJECTORIES {
+            bodies.extend(take(&mut together));
+            bytes = COUNT_BYTES;
+        }
+        bytes += more;
+        together.push(trajectory);
+    }
+    bodies.extend(take(&mut together));
+    bodies
+}
+
+fn take(together: &mut Vec<Trajectory<Lab>>) -> Option<Body> {
+    (!together.is_empty()).then(|| Body::Trajectories(std::mem::take(together)))
+}
+
+pub(super) fn write(trajectories: &[Trajectory<Lab>], out: &mut ByteWriter) -> Result<(), EncodeError> {
+    out.count("trajectories", trajectories.len(), MAX_TRAJECTORIES)?;
+    [0; COUNT_BYTES - 1].into_iter().for_each(|byte| out.u8(byte));
+    for trajectory in trajectories {
+        out.u32(trajectory.vehicle.0);
+        out.u32(trajectory.sequence);
+        out.u8((u8::from(trajectory.yielding) * YIELDING) | (u8::from(trajectory.finished) * FINISHED));
+        out.u8(trajectory.indicator as u8);
+        out.count("points", trajectory.points.len(), MAX_POINTS)?;
+        out.u8(0);
+        for point in &trajectory.points {
+            let at = point.pose.position;
+            for number in [point.time_s, at.x, at.y, point.pose.yaw_rad, point.speed_mps] {
+                out.f64(number);
+            }
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn read(from: &mut ByteReader<'_>) -> Result<Vec<Trajectory<Lab>>, DecodeError> {
+    let count = from.u8("trajectories")?;
+    let count = from.within("trajectories", count, (1, MAX_TRAJECTORIES as u8))?;
+    for _ in 1..COUNT_BYTES {
+        zero(from, "reserved")?;
+    }
+    (0..count).map(|_| read_one(from)).collect()
+}
+
+fn zero(from: &mut ByteReader<'_>, field: &'static str) -> Result<(), DecodeError> {
+    let found = from.u8(field)?;
+    from.within(field, found, (0, 0)).map(drop)
+}
+
+fn read_one(from: &mut ByteReader<'_>) -> Result<Trajectory<Lab>, DecodeError> {
+    let (vehicle, sequence) = (VehicleId(from.u32("vehicle id")?), from.u32("trajectory sequence")?);
+    let flags = from.u8("trajectory flags")?;
+    let flags = from.within("trajectory flags", flags, (0, YIELDING | FINISHED))?;
+    let known = "0 (off), 1 (left), 2 (right) and 3 (hazard)";
+    let indicator = from.one_of("indicator", &INDICATORS, known)?;
+    let count = from.u8("points")?;
+    let count = from.within("points", count, (1, MAX_POINTS as u8))?;
+    zero(from, "reserved")?;
+    let mut points: Vec<TrajectoryPoint<Lab>> = Vec::with_capacity(count.into());
+    for _ in 0..count {
+        let time_s = from.number("time", 0.0, MAX_TIME_S)?;
+        if points.last().is_some_and(|before| before.time_s >= time_s) {
+            return Err(from.error("time", 8, DecodeFault::NotLater));
+        }
+        let (x, y) = (
+            from.number("x", -MAX_COORDINATE_M, MAX_COORDINATE_M)?,
+            from.number("y", -MAX_COORDINATE_M, MAX_COORDINATE_M)?,
+        );
+        let yaw_rad = from.number("yaw", -MAX_ANGLE_RAD, MAX_ANGLE_RAD)?;
+        let speed_mps = from.number("speed", 0.0, MAX_SPEED_MPS)?;
+        points.push(TrajectoryPoint { time_s, pose: Pose2::new(x, y, yaw_rad), speed_mps });
+    }
+    let (yielding, finished) = (flags & YIELDING != 0, flags & FINISHED != 0);
+    Ok(Trajectory { vehicle, sequence, points, yielding, finished, indicator })
+}

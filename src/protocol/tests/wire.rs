@@ -1,0 +1,343 @@
+//! The datagrams of the laboratory's link: what is sent is received, and nothing else is taken for it.
+#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
+
+use city3d_geometry::Lab;
+use city3d_geometry::lab::Pose2;
+use city3d_protocol::snapshot::{
+    Appearance, BodyType, Drive, Indicator, ModelKind, Status, TorquePoint, Trajectory, TrajectoryPoint,
+    VehicleId, VehicleSpec,
+};
+use city3d_protocol::wire::{
+    Authenticator, Body, CityClock, DatagramHeader, DecodeFault, DropReason, ExperimentAction,
+    ExperimentPhase, HEADER_BYTES, MAX_DATAGRAM_BYTES, Measurement, Message, ObservedVehicle, Poses,
+    RequestOutcome, VehicleBuild, VehicleSetup, pack,
+};
+use glam::{DQuat, DVec3};
+use proptest::prelude::*;
+use std::path::PathBuf;
+
+fn authenticators() -> [Authenticator; 2] {
+    [Authenticator::Checksum, Authenticator::Key(b"a key of the laboratory".to_vec())]
+}
+
+fn vehicle() -> impl Strategy<Value = VehicleId> {
+    any::<u32>().prop_map(VehicleId)
+}
+
+fn metres() -> impl Strategy<Value = f64> {
+    prop_oneof![-1000.0..=1000.0, Just(-0.0), Just(f64::MIN_POSITIVE)]
+}
+
+fn pose() -> impl Strategy<Value = Pose2> {
+    (metres(), metres(), -1000.0..=1000.0f64).prop_map(|(x, y, yaw)| Pose2::new(x, y, yaw))
+}
+
+fn trajectory() -> impl Strategy<Value = Trajectory<Lab>> {
+    let point = (0.001..10.0f64, pose(), 0.0..=100.0f64);
+    let indicators = [Indicator::Off, Indicator::Left, Indicator::Right, Indicator::Hazard];
+    let flags = (any::<bool>(), any::<bool>(), prop::sample::select(indicators.to_vec()));
+    (vehicle(), any::<u32>(), prop::collection::vec(point, 1..=13), flags).prop_map(
+        |(vehicle, sequence, points, (yielding, finished, indicator))| {
+            let mut now_s = 0.0;
+            let points = points.into_iter().map(|(later_s, pose, speed_mps)| {
+                now_s += later_s;
+                TrajectoryPoint { time_s: now_s, pose, speed_mps }
+            });
+            Trajectory { vehicle, sequence, points: points.collect(), yielding, finished, indicator }
+        },
+    )
+}
+
+fn build() -> impl Strategy<Value = VehicleBuild> {
+    let spec = (1.0..1e5f64, 1..=24usize, prop::sample::select(vec![Drive::Front, Drive::Rear, Drive::All]));
+    let spec = spec.prop_map(|(number, points, drive)| {
+        let mut spec =
+            VehicleSpec { drive, model: ModelKind::Bicycle, mass_kg: number, ..VehicleSpec::default() };
+        spec.control.speed_d = -number;
+        spec.dimensions.length_m = 1.0 / number;
+        let point = |k: usize| TorquePoint { rpm: number * k as f64, torque_nm: number };
+        spec.motor.torque_curve = (0..points).map(point).collect();
+        VehicleBuild::Spec(Box::new(spec))
+    });
+    prop_oneof!["[a-zß]{0,32}".prop_map(VehicleBuild::Type), spec]
+}
+
+fn setup() -> impl Strategy<Value = VehicleSetup> {
+    let bodies = [BodyType::Sedan, BodyType::Pickup, BodyType::Own(0), BodyType::Own(9000)];
+    let looks = (prop::sample::select(bodies.to_vec()), any::<[u8; 3]>());
+    let texts =
+        ("[a-z_0-9]{1,64}", "[a-z]{0,64}", prop::collection::vec(("[a-z]{1,8}", -1e9..1e9f64), 0..=4));
+    (vehicle(), looks, texts, pose(), 0.0..=100.0f64, build()).prop_map(
+        |(id, (body, colour), (name, controller, parameters), pose, speed_mps, build)| VehicleSetup {
+            id,
+            name,
+            controller,
+            parameters,
+            appearance: Appearance { body, colour },
+            pose,
+            speed_mps,
+            build,
+        },
+    )
+}
+
+fn poses() -> impl Strategy<Value = Poses> {
+    let part = -1.0..=1.0f64;
+    let seen = (vehicle(), [metres(), metres(), metres()], [part.clone(), part.clone(), part.clone(), part]);
+    let seen = (seen, prop::sample::select(Status::ALL.to_vec()));
+    (any::<[u64; 2]>(), 0.0..1e9f64, 0..=254u8, prop::collection::vec(seen, 0..=17)).prop_map(
+        |([tick, state_hash], stamp_s, part, seen)| {
+            let vehicles = seen.into_iter().map(|((vehicle, at, turn), status)| {
+                let (position, orientation) = (DVec3::from(at), DQuat::from_array(turn));
+                ObservedVehicle { pose: Measurement { vehicle, stamp_s, position, orientation }, status }
+            });
+            let vehicles = vehicles.collect();
+            Poses {
+                tick,
+                time_s: stamp_s,
+                state_hash,
+                phase: ExperimentPhase::Running,
+                part,
+                parts: part + 1,
+                vehicles,
+            }
+        },
+    )
+}
+
+fn clock() -> impl Strategy<Value = CityClock> {
+    (any::<[u64; 2]>(), 0.0..=1e9f64, any::<u32>(), 0.0..=1e6f64, any::<bool>()).prop_map(
+        |([token, tick], time_s, physics_hz, length_scale, is_lockstep)| CityClock {
+            token,
+            tick,
+            time_s,
+            physics_hz,
+            length_scale,
+            phase: ExperimentPhase::Paused,
+            is_lockstep,
+        },
+    )
+}
+
+fn body() -> impl Strategy<Value = Body> {
+    let actions = vec![ExperimentAction::Start, ExperimentAction::Pause, ExperimentAction::Reset];
+    let outcomes = vec![RequestOutcome::Done, RequestOutcome::Busy, RequestOutcome::Refused];
+    prop_oneof![
+        any::<u64>().prop_map(|token| Body::Hello { token }),
+        (any::<u32>(), setup()).prop_map(|(request, setup)| Body::Setup { request, setup: Box::new(setup) }),
+        prop::collection::vec(trajectory(), 1..=2).prop_map(Body::Trajectories),
+        (any::<u32>(), vehicle()).prop_map(|(request, vehicle)| Body::Remove { request, vehicle }),
+        (any::<u32>(), prop::sample::select(actions))
+            .prop_map(|(request, action)| Body::Command { request, action }),
+        (any::<u32>(), 1..u16::MAX, 0.0..=60.0f64)
+            .prop_map(|(request, every_ticks, lease_s)| Body::Subscribe { request, every_ticks, lease_s }),
+        (any::<[u64; 2]>(), any::<u32>()).prop_map(|([tick, first], count)| Body::Barrier {
+            tick,
+            first,
+            count
+        }),
+        clock().prop_map(Body::Clock),
+        (any::<u32>(), prop::sample::select(outcomes), any::<u64>(), "[a-zA-Z ]{0,200}")
+            .prop_map(|(request, outcome, tick, detail)| Body::Ack { request, outcome, tick, detail }),
+        poses().prop_map(Body::Poses),
+    ]
+}
+
+fn header() -> impl Strategy<Value = DatagramHeader> {
+    (any::<[u64; 3]>(), any::<u32>()).prop_map(|([session, peer, sequence], world)| DatagramHeader {
+        kind: 0,
+        session,
+        peer,
+        world,
+        sequence,
+    })
+}
+
+/// The bytes with the check value that belongs to them, so that the body is looked at.
+fn checked(mut bytes: Vec<u8>) -> Vec<u8> {
+    let end = bytes.len().saturating_sub(4);
+    bytes.truncate(end);
+    let check = crc32fast::hash(&bytes);
+    bytes.extend_from_slice(&check.to_le_bytes());
+    bytes
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(512))]
+
+    #[test]
+    fn what_is_sent_is_received(header in header(), body in body()) {
+        for authenticator in authenticators() {
+            let bytes = body.encode(header, &authenticator).unwrap();
+            prop_assert!(bytes.len() <= MAX_DATAGRAM_BYTES);
+            let (read, back) = Body::decode(&bytes, &authenticator).unwrap();
+            prop_assert_eq!(&back, &body);
+            prop_assert_eq!(DatagramHeader { kind: 0, ..read }, header);
+        }
+        let (kind, bytes) = body.to_log().unwrap();
+        prop_assert_eq!(Body::from_log(kind, &bytes).unwrap(), body);
+    }
+
+    #[test]
+    fn any_bytes_are_read_or_refused_with_a_place(bytes in prop::collection::vec(any::<u8>(), 0..1300)) {
+        for authenticator in authenticators() {
+            let error = Body::decode(&bytes, &authenticator).unwrap_err();
+            prop_assert!(error.offset <= bytes.len() && !error.field.is_empty());
+        }
+        for kind in 0..=255 {
+            if let Err(error) = Body::from_log(kind, &bytes) {
+                prop_assert!(error.offset <= bytes.len().max(5));
+            }
+        }
+    }
+
+    #[test]
+    fn damaged_datagrams_are_refused(
+        body in body(),
+        changes in prop::collection::vec((any::<prop::sample::Index>(), 1..=255u8), 1..6),
+        cut in any::<prop::sample::Index>(),
+    ) {
+        let header = DatagramHeader { session: 7, peer: 8, world: 1, sequence: 9, kind: 0 };
+        for authenticator in authenticators() {
+            let good = body.encode(header, &authenticator).unwrap();
+            let mut bad = good.clone();
+            for (place, change) in &changes {
+                let place = place.index(bad.len());
+                bad[place] ^= change;
+            }
+            prop_assume!(bad != good);
+            prop_assert!(Body::decode(&bad, &authenticator).is_err());
+            prop_assert!(Body::decode(&good[..cut.index(good.len())], &authenticator).is_err());
+        }
+        // With the right check value: taken for something else, or refused with its place.
+        let mut bad = body.encode(header, &Authenticator::Checksum).unwrap();
+        for (place, change) in &changes {
+            let place = HEADER_BYTES + place.index(bad.len() - HEADER_BYTES);
+            bad[place] ^= change;
+        }
+        if let Err(error) = Body::decode(&checked(bad.clone()), &Authenticator::Checksum) {
+            prop_assert!(error.offset <= bad.len());
+        }
+    }
+}
+
+fn drive_on(vehicle: u32, points: usize) -> Trajectory<Lab> {
+    let point = |k: usize| TrajectoryPoint {
+        time_s: 1.5 + 0.25 * k as f64,
+        pose: Pose2::new(1.0 + 0.125 * k as f64, -2.0, 0.0),
+        speed_mps: 0.5,
+    };
+    let points = (0..points).map(point).collect();
+    Trajectory { vehicle: VehicleId(vehicle), sequence: 42, points, ..Trajectory::default() }
+}
+
+fn example() -> (DatagramHeader, Body) {
+    let header = DatagramHeader {
+        kind: 0,
+        session: 0x0011_2233_4455_6677,
+        peer: 0x8899_aabb_ccdd_eeff,
+        world: 1,
+        sequence: 5,
+    };
+    (header, Body::Trajectories(vec![drive_on(3, 2)]))
+}
+
+/// Bytes of the fences of a document that hold nothing but them.
+fn hex_blocks(text: &str) -> Vec<Vec<u8>> {
+    let blocks = text.split("\n```hex\n").skip(1).map(|rest| rest.split("\n```").next().unwrap());
+    let bytes = |block: &str| {
+        let digits = block.lines().map(|line| line.split('#').next().unwrap()).collect::<String>();
+        let digits: String = digits.split_whitespace().collect();
+        (0..digits.len()).step_by(2).map(|k| u8::from_str_radix(&digits[k..k + 2], 16).unwrap()).collect()
+    };
+    blocks.map(bytes).collect()
+}
+
+#[test]
+fn the_worked_example_of_the_document_is_right() {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../docs/wire.md");
+    let blocks = hex_blocks(&std::fs::read_to_string(path).unwrap());
+    let (header, body) = example();
+    let plain = body.encode(header, &Authenticator::Checksum).unwrap();
+    let authenticator = Authenticator::Key(b"0123456789abcdef".to_vec());
+    let signed = body.encode(header, &authenticator).unwrap();
+    let tag = signed[signed.len() - 16..].to_vec();
+    assert_eq!(blocks, [plain, tag], "the blocks of docs/wire.md");
+}
+
+#[test]
+fn errors_name_field_place_and_what_would_be_right() {
+    let (header, body) = example();
+    let good = body.encode(header, &Authenticator::Checksum).unwrap();
+    // The time stamp of the first point: behind the header, the count and the trajectory's own header.
+    let stamp = HEADER_BYTES + 4 + 12;
+    let planted = |place: usize, bytes: &[u8]| {
+        let mut bad = good.clone();
+        bad[place..place + bytes.len()].copy_from_slice(bytes);
+        Body::decode(&checked(bad), &Authenticator::Checksum).unwrap_err()
+    };
+    let error = planted(stamp, &f64::NAN.to_le_bytes());
+    assert_eq!((error.field, error.offset, &error.fault), ("time", stamp, &DecodeFault::NotFinite));
+    assert_eq!(DropReason::from(&error), DropReason::NotFinite);
+    assert_eq!(error.to_string(), format!("time, byte {stamp}: not a finite number"));
+    let error = planted(stamp + 8, &5e3f64.to_le_bytes());
+    assert_eq!(error.to_string(), format!("x, byte {}: 5000; it must be between -1000 and 1000", stamp + 8));
+    let error = planted(stamp + 40, &1.5f64.to_le_bytes());
+    assert_eq!((error.field, error.fault), ("time", DecodeFault::NotLater));
+    let error = planted(HEADER_BYTES + 4 + 10, &[29]);
+    assert_eq!(error.to_string(), format!("points, byte {}: 29; it must be between 1 and 28", stamp - 2));
+    let error = planted(5, &[99]);
+    assert_eq!(error.to_string(), "kind, byte 5: 99 is unknown; there are 1 to 7 and 65 to 67");
+    let error = planted(4, &[2]);
+    assert_eq!(error.to_string(), "version, byte 4: version 2; this program speaks version 1");
+    assert_eq!(
+        Body::decode(b"GET / HTTP/1.1", &Authenticator::Checksum).unwrap_err().fault,
+        DecodeFault::Magic
+    );
+    let mut long = good.clone();
+    long.truncate(good.len() - 4);
+    long.extend_from_slice(&[0; 12]);
+    let error = Body::decode(&checked(long), &Authenticator::Checksum).unwrap_err();
+    assert_eq!((error.field, error.fault), ("end", DecodeFault::Trailing { found: 8 }));
+}
+
+#[test]
+fn a_key_keeps_others_out() {
+    let (header, body) = example();
+    let authenticator = |key: &str| Authenticator::Key(key.as_bytes().to_vec());
+    let signed = body.encode(header, &authenticator("0123456789abcdef")).unwrap();
+    assert_eq!(
+        Body::decode(&signed, &authenticator("0123456789abcdeg")).unwrap_err().fault,
+        DecodeFault::Check
+    );
+    assert_eq!(Body::decode(&signed, &Authenticator::Checksum).unwrap_err().fault, DecodeFault::NoKey);
+    let plain = body.encode(header, &Authenticator::Checksum).unwrap();
+    let error = Body::decode(&plain, &authenticator("0123456789abcdef")).unwrap_err();
+    assert_eq!(error.fault, DecodeFault::Unauthenticated);
+    assert_eq!(format!("{:?}", authenticator("0123456789abcdef")), "Key", "no key in a log");
+}
+
+#[test]
+fn messages_are_packed_in_their_order_into_few_datagrams() {
+    let messages = || {
+        let follow = (1..=5).map(|id| Message::Follow(drive_on(id, 13)));
+        follow.chain([Message::Remove(VehicleId(9)), Message::Follow(drive_on(6, 28))])
+    };
+    let bodies = pack(messages());
+    let mut back = Vec::new();
+    for body in &bodies {
+        assert!(
+            body.encode(DatagramHeader::default(), &authenticators()[1]).unwrap().len() <= MAX_DATAGRAM_BYTES
+        );
+        match body {
+            Body::Trajectories(list) => back.extend(list.iter().cloned().map(Message::Follow)),
+            Body::Remove { vehicle, .. } => back.push(Message::Remove(*vehicle)),
+            other => panic!("{other:?}"),
+        }
+    }
+    assert_eq!(back, messages().collect::<Vec<_>>());
+    assert_eq!(bodies.len(), 5, "two cars in each of the first two, one, the removal, the long one");
+    let error =
+        Body::Trajectories(vec![drive_on(1, 29)]).encode(DatagramHeader::default(), &Authenticator::Checksum);
+    assert_eq!(error.unwrap_err().to_string(), "points: 29; at most 28 fit in a datagram");
+}

@@ -1,0 +1,461 @@
+//! Instanced drawing of vehicles: one mesh per body type and dimensions, instance data per snapshot; culling and levels
+//! of detail (LOD) per view.
+
+use super::Context;
+use super::RenderError;
+use super::ego_occlusion::EgoOcclusionMask;
+use super::occlusion_horizon::BoundingCylinder;
+use super::passes::city::gpu_data::Vertex;
+use super::passes::glow::gpu_data::Glow;
+use super::passes::vehicle::gpu_data::Instance;
+use super::static_scene::CullContext;
+use super::vehicle::{self, LampLens, MeshKey, VehicleMesh, VehiclePart};
+use city3d_models::Model;
+use city3d_protocol::snapshot::{BodyType, FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
+use city3d_sensors::View;
+use glam::{DMat4, Mat3, Quat, Vec3};
+use std::collections::BTreeMap;
+use std::f32::consts::PI;
+use std::ops::Range;
+use std::sync::Arc;
+use wgpu::util::DeviceExt;
+
+/// Flash rate of turn signals.
+const FLASHES_HZ: f64 = 1.5;
+/// Lens area of a lamp of usual size, seen along the vehicle.
+const REFERENCE_LENS_M2: f32 = 0.05;
+/// Screen-space error allowed for vehicles, as a share of that for the city.
+const VEHICLE_LOD_FACTOR: f32 = 0.75;
+/// Small-feature culling: wheels of a smaller diameter are not drawn.
+const MIN_WHEEL_PX: f32 = 2.0;
+
+/// Index ranges and lamps of the mesh of one [`MeshKey`].
+#[derive(Clone, Debug)]
+struct GpuMesh {
+    /// Levels of detail, the finest first.
+    levels: Vec<GpuMeshLod>,
+    lenses: Vec<LampLens>,
+    half_track_m: f32,
+}
+
+#[derive(Clone, Debug)]
+struct GpuMeshLod {
+    body: Range<u32>,
+    /// Empty if the body includes the wheels.
+    wheel: Range<u32>,
+    error_m: f32,
+}
+
+/// Vehicle that passed the culling tests of a view, at its selected level of detail.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct VisibleVehicle {
+    index: usize,
+    distance_m: f32,
+    level: usize,
+    has_wheels: bool,
+}
+
+/// Pose, bounding sphere and lamp states of a vehicle of the snapshot.
+#[derive(Debug)]
+struct PlacedVehicle {
+    id: VehicleId,
+    key: MeshKey,
+    centre: Vec3,
+    radius: f32,
+    wheel_radius: f32,
+    /// Pose in the city, with `orientation`.
+    position: Vec3,
+    orientation: Quat,
+    /// The same pose in double precision: a camera on the vehicle needs millimetres far from the origin.
+    world_from_body: DMat4,
+    /// See [`Instance::lamps`].
+    lamps: [f32; 4],
+}
+
+impl VisibleVehicle {
+    /// Index of the vehicle in the snapshot.
+    pub(super) fn index(&self) -> usize {
+        self.index
+    }
+}
+
+impl PlacedVehicle {
+    fn bounding_cylinder(&self) -> BoundingCylinder {
+        BoundingCylinder {
+            middle: self.centre.truncate(),
+            radius_m: self.radius,
+            // Roof boxes and heave reach above the nominal height.
+            top_m: self.centre.z + self.radius,
+        }
+    }
+
+    /// Glow of one of its lamps; `None` if it is off.
+    fn glow(&self, lens: &LampLens) -> Option<Glow> {
+        let [brake, left, right, reverse] = self.lamps;
+        // Radius in metres and radiance at reference size, exponent of the beam.
+        let (reach_m, colour, narrow) = match lens.part {
+            VehiclePart::Head => (1.1, Vec3::new(2.6, 2.5, 2.2), 10.0),
+            VehiclePart::Tail => (0.42 + 0.4 * brake, Vec3::new(1.0, 0.05, 0.02) * (0.45 + 1.0 * brake), 1.5),
+            VehiclePart::IndicatorLeft => (0.6, Vec3::new(1.0, 0.36, 0.02) * left, 1.0),
+            VehiclePart::IndicatorRight => (0.6, Vec3::new(1.0, 0.36, 0.02) * right, 1.0),
+            VehiclePart::Reverse => (0.7, Vec3::new(1.0, 1.0, 0.95) * reverse, 1.5),
+            _ => return None,
+        };
+        let size = (lens.area_m2 / REFERENCE_LENS_M2).sqrt().clamp(0.4, 1.2);
+        let ahead = self.orientation * if lens.is_front { Vec3::X } else { Vec3::NEG_X };
+        (colour.max_element() > 0.0).then(|| Glow {
+            at: (self.position + self.orientation * lens.at).extend(reach_m * size).to_array(),
+            colour: (colour * size).extend(narrow).to_array(),
+            ahead: ahead.extend(0.0).to_array(),
+        })
+    }
+}
+
+/// Meshes, instances and bounds of all vehicles on one device.
+#[derive(Debug)]
+pub(super) struct FleetRenderer {
+    /// Vertices and indices of all meshes.
+    mesh: VehicleMesh,
+    models: vehicle::VehicleModels,
+    meshes: BTreeMap<MeshKey, GpuMesh>,
+    /// Vertex and index buffer of `mesh`; `None` while it is empty.
+    buffers: Option<(wgpu::Buffer, wgpu::Buffer)>,
+    instances: wgpu::Buffer,
+    /// Vehicles that `instances` has room for.
+    capacity: usize,
+    placed: Vec<PlacedVehicle>,
+    /// Masks of vehicles that carried cameras.
+    ego_masks: BTreeMap<MeshKey, EgoOcclusionMask>,
+    /// Whether instances hold the paint as linear light instead of sRGB.
+    is_paint_linear: bool,
+}
+
+impl FleetRenderer {
+    pub(super) fn new(device: &wgpu::Device, is_paint_linear: bool) -> Self {
+        let capacity = 64;
+        Self {
+            mesh: VehicleMesh::default(),
+            models: vehicle::VehicleModels::default(),
+            meshes: BTreeMap::new(),
+            buffers: None,
+            instances: instance_buffer(device, capacity),
+            capacity,
+            placed: Vec::new(),
+            ego_masks: BTreeMap::new(),
+            is_paint_linear,
+        }
+    }
+
+    /// Sets the model of a body type.
+    pub(super) fn set_model(&mut self, body: BodyType, model: Arc<Model>) {
+        self.models.insert(body, model);
+        self.meshes.retain(|key, _| key.body() != body);
+        self.ego_masks.retain(|key, _| key.body() != body);
+    }
+
+    /// Writes the instances of a snapshot that passed [`check`]: bodies, then wheels, then contact shadows.
+    pub(super) fn update(&mut self, context: &Context, snapshot: &FrameSnapshot) {
+        self.upload_meshes(&context.device, snapshot);
+        self.placed.clear();
+        let count = snapshot.vehicles.len();
+        let (mut bodies, mut wheels, mut contacts) = (Vec::new(), Vec::new(), Vec::new());
+        for (state, info) in snapshot.iter() {
+            let d = &info.dimensions;
+            let height_m = d.height_m * info.appearance.body.height_factor();
+            let half = Vec3::new(d.length_m as f32, d.width_m as f32, height_m as f32) / 2.0;
+            let key = MeshKey::new(info.appearance.body, d);
+            let lamps = lamps(state, snapshot.time_s);
+            self.placed.push(PlacedVehicle {
+                id: state.id,
+                key,
+                centre: state.position.as_vec3() + Vec3::Z * half.z,
+                radius: half.length(),
+                wheel_radius: d.wheel_radius_m as f32,
+                position: state.position.as_vec3(),
+                orientation: state.orientation.as_quat(),
+                world_from_body: DMat4::from_rotation_translation(state.orientation, state.position),
+                lamps,
+            });
+            let encode =
+                |c: u8| if self.is_paint_linear { linear_from_srgb(c) } else { f32::from(c) / 255.0 };
+            let paint = info.appearance.colour.map(encode);
+            let body = Instance {
+                rows: rows(Mat3::from_quat(state.orientation.as_quat()), state.position.as_vec3()),
+                paint: [paint[0], paint[1], paint[2], state.id.0 as f32],
+                lamps,
+            };
+            bodies.push(body);
+            let half_track_m = self.meshes.get(&key).map_or(d.track_m as f32 / 2.0, |mesh| mesh.half_track_m);
+            wheels.extend(self::wheels(state, info, half_track_m).map(|rows| Instance { rows, ..body }));
+            let sheet = vehicle::SHEET_METAL * half.y;
+            contacts.push(Instance { paint: [half.x, sheet, 0.0, 0.0], ..body });
+        }
+        if count > self.capacity {
+            self.capacity = count.next_power_of_two();
+            self.instances = instance_buffer(&context.device, self.capacity);
+        }
+        bodies.append(&mut wheels);
+        bodies.append(&mut contacts);
+        context.queue.write_buffer(&self.instances, 0, bytemuck::cast_slice(&bodies));
+    }
+
+    fn upload_meshes(&mut self, device: &wgpu::Device, snapshot: &FrameSnapshot) {
+        let known = self.meshes.len();
+        for info in snapshot.roster.iter() {
+            let (kind, d) = (info.appearance.body, &info.dimensions);
+            let mesh = &mut self.mesh;
+            let models = &self.models;
+            self.meshes.entry(MeshKey::new(kind, d)).or_insert_with(|| {
+                let fitted = models.fit(kind, d);
+                GpuMesh {
+                    levels: fitted
+                        .levels
+                        .iter()
+                        .map(|level| GpuMeshLod {
+                            body: append_mesh(mesh, &level.body),
+                            wheel: append_mesh(mesh, &level.wheel),
+                            error_m: level.error_m,
+                        })
+                        .collect(),
+                    lenses: fitted.lenses,
+                    half_track_m: fitted.half_track_m,
+                }
+            });
+        }
+        if self.meshes.len() > known && !self.mesh.indices.is_empty() {
+            let buffer = |contents, usage| {
+                device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                    label: Some("vehicles"),
+                    contents,
+                    usage,
+                })
+            };
+            self.buffers = Some((
+                buffer(bytemuck::cast_slice(&self.mesh.vertices), wgpu::BufferUsages::VERTEX),
+                buffer(bytemuck::cast_slice(&self.mesh.indices), wgpu::BufferUsages::INDEX),
+            ));
+        }
+    }
+
+    /// Number of rows from the top that the vehicle that carries the camera does not cover entirely (ego occlusion).
+    pub(super) fn visible_rows(&mut self, view: &View) -> u32 {
+        let carrier = self.placed.iter().find(|placed| view.carrier == Some(placed.id));
+        let drawn = carrier.and_then(|placed| Some((placed, self.meshes.get(&placed.key)?.levels.first()?)));
+        let Some((placed, GpuMeshLod { body, .. })) = drawn else { return view.extent[1] };
+        let clip_from_body = (view.clip_from_world() * placed.world_from_body).as_mat4();
+        let mesh = &self.mesh;
+        let corner = |k: u32| clip_from_body * Vec3::from(mesh.vertices[k as usize].position).extend(1.0);
+        let faces = || {
+            let faces = mesh.indices[body.start as usize..body.end as usize].as_chunks::<3>().0;
+            faces.iter().map(|face| face.map(corner))
+        };
+        self.ego_masks.entry(placed.key).or_default().visible_rows(clip_from_body, view.extent, faces)
+    }
+
+    /// Vehicles that pass frustum and occlusion culling, front to back, with their levels of detail.
+    pub(super) fn visible_vehicles(
+        &self,
+        cull: &CullContext<'_>,
+        carrier: Option<VehicleId>,
+    ) -> Vec<VisibleVehicle> {
+        let mut visible: Vec<VisibleVehicle> = self
+            .placed
+            .iter()
+            .enumerate()
+            .filter(|(_, p)| cull.frustum.intersects_sphere(p.centre, p.radius + 1.0))
+            .filter(|(_, p)| !cull.horizon.hides_cylinder(&p.bounding_cylinder()))
+            .map(|(index, p)| {
+                let distance_m = p.centre.distance(cull.eye);
+                let projected_px = |length_m| cull.pixel_scale.projected_px(length_m, distance_m);
+                let is_carrier = carrier == Some(p.id);
+                let levels = self.meshes.get(&p.key).map_or(&[][..], |mesh| &mesh.levels);
+                let fits =
+                    |level: &GpuMeshLod| projected_px(level.error_m) < VEHICLE_LOD_FACTOR * cull.lod_error_px;
+                VisibleVehicle {
+                    index,
+                    distance_m,
+                    level: if is_carrier { 0 } else { levels.iter().rposition(fits).unwrap_or(0) },
+                    // A camera inside the body would see the wheels through it.
+                    has_wheels: projected_px(2.0 * p.wheel_radius) > MIN_WHEEL_PX && !is_carrier,
+                }
+            })
+            .collect();
+        visible.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
+        visible
+    }
+
+    pub(super) fn triangles(&self, visible: &[VisibleVehicle]) -> u64 {
+        let indices = |vehicle: &VisibleVehicle| {
+            let mesh = self.meshes.get(&self.placed[vehicle.index].key)?;
+            let GpuMeshLod { body, wheel, .. } = mesh.levels.get(vehicle.level)?;
+            Some(body.len() + if vehicle.has_wheels { 4 * wheel.len() } else { 0 })
+        };
+        visible.iter().filter_map(indices).sum::<usize>() as u64 / 3
+    }
+
+    /// Centre and radius of the bounding sphere of each vehicle.
+    pub(super) fn bounding_spheres(&self) -> impl Iterator<Item = (Vec3, f32)> {
+        self.placed.iter().map(|p| (p.centre, p.radius))
+    }
+
+    /// Glows of the lamps of each vehicle, in the order of the snapshot.
+    pub(super) fn glows(&self) -> impl Iterator<Item = impl Iterator<Item = Glow>> {
+        self.placed.iter().map(|placed| {
+            let lenses = self.meshes.get(&placed.key).map_or(&[][..], |mesh| &mesh.lenses);
+            lenses.iter().filter_map(|lens| placed.glow(lens))
+        })
+    }
+
+    fn bind(&self, pass: &mut wgpu::RenderPass<'_>) -> bool {
+        let Some((vertices, indices)) = &self.buffers else { return false };
+        pass.set_vertex_buffer(0, vertices.slice(..));
+        pass.set_vertex_buffer(1, self.instances.slice(..));
+        pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
+        true
+    }
+
+    /// Draws bodies and wheels. The caller has set bind groups and pipeline.
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, visible: &[VisibleVehicle]) {
+        if !self.bind(pass) {
+            return;
+        }
+        let count = self.placed.len() as u32;
+        for vehicle in visible {
+            let Some(mesh) = self.meshes.get(&self.placed[vehicle.index].key) else { continue };
+            let index = vehicle.index as u32;
+            let Some(GpuMeshLod { body, wheel, .. }) = mesh.levels.get(vehicle.level) else { continue };
+            pass.draw_indexed(body.clone(), 0, index..index + 1);
+            if vehicle.has_wheels && !wheel.is_empty() {
+                let first = count + 4 * index;
+                pass.draw_indexed(wheel.clone(), 0, first..first + 4);
+            }
+        }
+    }
+
+    /// Draws shadow casters, at a coarser level where its error is below two texels of the shadow map. The caller has
+    /// set bind groups and pipeline.
+    pub(super) fn draw_shadows(&self, pass: &mut wgpu::RenderPass<'_>, texel_m: f32) {
+        if !self.bind(pass) {
+            return;
+        }
+        for (index, placed) in (0_u32..).zip(&self.placed) {
+            let Some(mesh) = self.meshes.get(&placed.key) else { continue };
+            let Some(level) = mesh.levels.iter().take(2).rfind(|level| level.error_m < 2.0 * texel_m) else {
+                continue;
+            };
+            pass.draw_indexed(level.body.clone(), 0, index..index + 1);
+        }
+    }
+
+    /// Draws the light of headlights and tail lamps into the light map, for each vehicle in the order of
+    /// [`Self::bounding_spheres`]. The caller has set bind groups, pipeline and the second vertex buffer.
+    pub(super) fn draw_beams(&self, pass: &mut wgpu::RenderPass<'_>) {
+        let count = self.placed.len();
+        if count == 0 {
+            return;
+        }
+        pass.set_vertex_buffer(0, self.instances.slice((5 * count * size_of::<Instance>()) as u64..));
+        pass.draw(0..4, 0..count as u32);
+    }
+
+    /// Draws contact shadows. The caller has set bind group 0 and pipeline.
+    pub(super) fn draw_contacts(&self, pass: &mut wgpu::RenderPass<'_>, visible: &[VisibleVehicle]) {
+        let first = 5 * self.placed.len() as u32;
+        pass.set_vertex_buffer(0, self.instances.slice(..));
+        for vehicle in visible {
+            let index = first + vehicle.index as u32;
+            pass.draw(0..4, index..index + 1);
+        }
+    }
+}
+
+fn instance_buffer(device: &wgpu::Device, vehicles: usize) -> wgpu::Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("vehicle instances"),
+        // A body, four wheels and a contact shadow each.
+        size: (vehicles * 6 * size_of::<Instance>()) as u64,
+        usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
+
+fn append_mesh(mesh: &mut VehicleMesh, part: &VehicleMesh) -> Range<u32> {
+    let (base, start) = (mesh.vertices.len() as u32, mesh.indices.len() as u32);
+    let vertices: &[Vertex] = &part.vertices;
+    mesh.vertices.extend_from_slice(vertices);
+    mesh.indices.extend(part.indices.iter().map(|k| k + base));
+    start..mesh.indices.len() as u32
+}
+
+/// Checks that all vehicles of a snapshot can be drawn.
+///
+/// # Errors
+/// [`RenderError::Vehicle`] for dimensions or poses that cannot.
+pub(super) fn check(snapshot: &FrameSnapshot) -> Result<(), RenderError> {
+    snapshot.iter().try_for_each(|(state, info)| check_one(state, info))
+}
+
+fn check_one(state: &VehicleState, info: &VehicleInfo) -> Result<(), RenderError> {
+    let d = &info.dimensions;
+    let measures = [
+        ("length", d.length_m),
+        ("width", d.width_m),
+        ("height", d.height_m),
+        ("wheelbase", d.wheelbase_m),
+        ("wheel radius", d.wheel_radius_m),
+    ];
+    for (what, found) in measures {
+        if !(found.is_finite() && found > 0.0) {
+            return Err(RenderError::Vehicle { vehicle: info.id, what, found });
+        }
+    }
+    if !(state.position.is_finite() && state.orientation.is_finite()) {
+        let found = state.position.length();
+        return Err(RenderError::Vehicle { vehicle: info.id, what: "pose", found });
+    }
+    Ok(())
+}
+
+fn lamps(state: &VehicleState, time_s: f64) -> [f32; 4] {
+    let flash = (time_s * FLASHES_HZ).rem_euclid(1.0) < 0.5;
+    let on = |yes: bool| if yes { 1.0 } else { 0.0 };
+    let left = matches!(state.indicator, Indicator::Left | Indicator::Hazard);
+    let right = matches!(state.indicator, Indicator::Right | Indicator::Hazard);
+    [on(state.brake_lights), on(left && flash), on(right && flash), on(state.reverse)]
+}
+
+fn rows(rotation: Mat3, position: Vec3) -> [[f32; 4]; 3] {
+    [0, 1, 2].map(|k| rotation.row(k).extend(position[k]).to_array())
+}
+
+/// Transforms to the city from each wheel: front left, front right, rear left, rear right.
+fn wheels(state: &VehicleState, info: &VehicleInfo, half_track: f32) -> impl Iterator<Item = [[f32; 4]; 3]> {
+    let d = &info.dimensions;
+    let (orientation, position) = (state.orientation.as_quat(), state.position.as_vec3());
+    let radius = d.wheel_radius_m as f32;
+    let axle = d.wheelbase_m as f32 / 2.0;
+    let wheels = state.wheels;
+    (0..4).map(move |k| {
+        let left = k % 2 == 0;
+        let wheel = &wheels[k];
+        let at = Vec3::new(
+            if k < 2 { axle } else { -axle },
+            if left { half_track } else { -half_track },
+            radius + wheel.lift_m as f32,
+        );
+        let spin = wheel.spin_rad.rem_euclid(std::f64::consts::TAU) as f32;
+        let steer = Quat::from_rotation_z(wheel.steer_rad as f32);
+        let turn = if left {
+            Quat::from_rotation_y(spin)
+        } else {
+            Quat::from_rotation_z(PI) * Quat::from_rotation_y(-spin)
+        };
+        rows(Mat3::from_quat(orientation * steer * turn), position + orientation * at)
+    })
+}
+
+/// Linear light of an 8-bit sRGB channel (IEC 61966-2-1).
+pub(super) fn linear_from_srgb(value: u8) -> f32 {
+    let c = f32::from(value) / 255.0;
+    if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+}

@@ -1,0 +1,182 @@
+//! Colour pass of the static city: pipelines and texture array; objects are drawn before the ground that they hide.
+
+use super::common::gpu_data::Frame;
+use super::{Attachments, ScenePipelineState, sampler_entry, scene_pipeline, texture_entry};
+use crate::settings::Quality;
+use crate::shader::Shader;
+use crate::static_scene::{StaticScene, VisibleRanges};
+use crate::textures::BakedTextures;
+
+pub(crate) mod gpu_data {
+    use bytemuck::{Pod, Zeroable};
+
+    /// A vertex of the city or of a vehicle.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Pod, Zeroable)]
+    pub(crate) struct Vertex {
+        pub(crate) position: [f32; 3],
+        pub(crate) normal: [i8; 4],
+        /// sRGB; alpha: baked ambient visibility.
+        pub(crate) colour: [u8; 4],
+        pub(crate) uv: [f32; 2],
+        /// City: layer of the texture array, class, hash seed of the piece. Vehicle: part, roughness, metallic. A byte
+        /// each, the lowest first.
+        pub(crate) material: u32,
+    }
+
+    pub(crate) const ATTRIBUTES: [wgpu::VertexAttribute; 5] = wgpu::vertex_attr_array![
+        0 => Float32x3, 1 => Snorm8x4, 2 => Unorm8x4, 3 => Float32x2, 4 => Uint32
+    ];
+
+    pub(crate) const LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
+        array_stride: size_of::<Vertex>() as u64,
+        step_mode: wgpu::VertexStepMode::Vertex,
+        attributes: &ATTRIBUTES,
+    };
+}
+
+/// Pipelines of the static city and bind group 2 with the texture array of surfaces.
+#[derive(Debug)]
+pub(crate) struct CityPass {
+    pipeline: wgpu::RenderPipeline,
+    /// Pipeline of the [`crate::static_scene::DrawBucket`].
+    bucket: wgpu::RenderPipeline,
+    /// With vertex lighting.
+    vertex_lit: Option<VertexLitPipelines>,
+    surfaces: wgpu::BindGroup,
+}
+
+/// Additional pipelines of the vertex-lit path.
+#[derive(Debug)]
+struct VertexLitPipelines {
+    /// Painted lines, with analytic anti-aliasing.
+    lines: wgpu::RenderPipeline,
+    /// Pieces too far away to show their texture.
+    untextured: wgpu::RenderPipeline,
+}
+
+impl CityPass {
+    pub(crate) fn new(
+        context: &crate::Context,
+        attachments: Attachments,
+        quality: &Quality,
+        (frame_constants, constants): (&Frame, &[(&str, f64)]),
+        groups: [&wgpu::BindGroupLayout; 2],
+        textures: &BakedTextures,
+    ) -> Self {
+        let device = &context.device;
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("surfaces"),
+            entries: &[
+                texture_entry(
+                    0,
+                    wgpu::TextureSampleType::Float { filterable: true },
+                    wgpu::TextureViewDimension::D2Array,
+                ),
+                sampler_entry(1, wgpu::SamplerBindingType::Filtering),
+            ],
+        });
+        let view = textures.surfaces(context, attachments);
+        // Anisotropic filtering of Mesa's software adapter does not terminate for degenerate derivatives (seen with
+        // 22.3).
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("surfaces"),
+            address_mode_u: wgpu::AddressMode::Repeat,
+            address_mode_v: wgpu::AddressMode::Repeat,
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            mipmap_filter: if quality.vertex_lit {
+                wgpu::MipmapFilterMode::Nearest
+            } else {
+                wgpu::MipmapFilterMode::Linear
+            },
+            anisotropy_clamp: if context.is_software { 1 } else { quality.anisotropy },
+            ..Default::default()
+        });
+        let surfaces = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("surfaces"),
+            layout: &layout,
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
+                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
+            ],
+        });
+        let mut constants = constants.to_vec();
+        constants.push(("detail", f64::from(u8::from(quality.detail))));
+        let module = Shader::City.module(device, Some(frame_constants));
+        let pipeline = |entries| {
+            scene_pipeline(
+                device,
+                attachments,
+                &ScenePipelineState {
+                    shader: Shader::City,
+                    module: &module,
+                    entries,
+                    groups: &[Some(groups[0]), Some(groups[1]), Some(&layout)],
+                    buffers: &[Some(gpu_data::LAYOUT)],
+                    constants: &constants,
+                    topology: wgpu::PrimitiveTopology::TriangleList,
+                    cull_back_faces: true,
+                    blend: None,
+                    write_depth: true,
+                },
+            )
+        };
+        let vertex_lit = attachments.vertex_lit.then(|| VertexLitPipelines {
+            lines: pipeline(["vertex_lit_line_vertex", "vertex_lit_line_fragment"]),
+            untextured: pipeline(attachments.untextured_entries()),
+        });
+        let bucket = pipeline(if attachments.vertex_lit {
+            ["vertex_lit_vertex", "unlit_fragment"]
+        } else {
+            ["vertex_main", "crown_fragment"]
+        });
+        Self { pipeline: pipeline(attachments.entries()), bucket, vertex_lit, surfaces }
+    }
+
+    /// Draws the visible triangles of a view. The caller has set bind groups 0 and 1.
+    pub(crate) fn draw(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        static_scene: &StaticScene,
+        visible: &VisibleRanges,
+    ) {
+        pass.set_bind_group(2, &self.surfaces, &[]);
+        pass.set_pipeline(&self.pipeline);
+        static_scene.draw(pass, &visible.objects);
+        if !visible.bucket.is_empty() {
+            pass.set_pipeline(&self.bucket);
+            static_scene.draw(pass, &visible.bucket);
+        }
+        if let Some(vertex_lit) = &self.vertex_lit {
+            // These pieces are far away and mostly hidden by the others.
+            pass.set_pipeline(&vertex_lit.untextured);
+            static_scene.draw(pass, &visible.untextured);
+        }
+        // Before the ground, so that the depth test rejects the ground under them.
+        pass.set_pipeline(self.vertex_lit.as_ref().map_or(&self.pipeline, |vertex_lit| &vertex_lit.lines));
+        static_scene.draw(pass, &visible.lines);
+        pass.set_pipeline(&self.pipeline);
+        static_scene.draw(pass, &visible.ground);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::gpu_data::{ATTRIBUTES, Vertex};
+    use std::mem::offset_of;
+
+    #[test]
+    fn attributes_lie_where_the_vertex_has_them() {
+        let offsets = [
+            offset_of!(Vertex, position),
+            offset_of!(Vertex, normal),
+            offset_of!(Vertex, colour),
+            offset_of!(Vertex, uv),
+            offset_of!(Vertex, material),
+        ];
+        assert_eq!(ATTRIBUTES.map(|a| a.offset as usize), offsets);
+        let last = ATTRIBUTES[4];
+        assert_eq!((last.offset + last.format.size()) as usize, size_of::<Vertex>());
+    }
+}

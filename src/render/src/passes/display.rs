@@ -1,0 +1,79 @@
+//! Display transform: exposure, tone mapping, MSAA resolve, sRGB encoding and dither of the HDR target.
+
+use super::common::FrameBindGroup;
+use super::tiles::{self, Tiles};
+use super::{Attachments, texture_entry};
+use crate::shader::Shader;
+
+/// Pipelines of the display transform, one for each pixel format of targets.
+#[derive(Debug)]
+pub(crate) struct DisplayPass {
+    attachments: Attachments,
+    ambient_occlusion: bool,
+    layout: wgpu::BindGroupLayout,
+    pipelines: Vec<(wgpu::TextureFormat, wgpu::RenderPipeline)>,
+}
+
+impl DisplayPass {
+    /// Without `ambient_occlusion` the shader does not read the occlusion texture.
+    pub(crate) fn new(device: &wgpu::Device, attachments: Attachments, ambient_occlusion: bool) -> Self {
+        let unfiltered = wgpu::TextureSampleType::Float { filterable: false };
+        let texture = |binding| texture_entry(binding, unfiltered, wgpu::TextureViewDimension::D2);
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("display"),
+            entries: &[attachments.with_sample_count(texture(0)), texture(2)],
+        });
+        Self { attachments, ambient_occlusion, layout, pipelines: Vec::new() }
+    }
+
+    /// Makes the pipeline for targets of a pixel format, if it is missing.
+    pub(crate) fn prepare_pipeline(
+        &mut self,
+        device: &wgpu::Device,
+        frame: &wgpu::BindGroupLayout,
+        format: wgpu::TextureFormat,
+    ) {
+        if self.pipeline(format).is_none() {
+            let constants = [
+                ("ambient_occlusion", f64::from(u8::from(self.ambient_occlusion))),
+                ("target_is_srgb", f64::from(u8::from(format.is_srgb()))),
+            ];
+            let shader = Shader::Display(self.attachments.sample_count());
+            let pipeline = tiles::pipeline(device, shader, [frame, &self.layout], &constants, format);
+            self.pipelines.push((format, pipeline));
+        }
+    }
+
+    fn pipeline(&self, format: wgpu::TextureFormat) -> Option<&wgpu::RenderPipeline> {
+        self.pipelines.iter().find_map(|(of, pipeline)| (*of == format).then_some(pipeline))
+    }
+
+    pub(crate) fn bind(
+        &self,
+        device: &wgpu::Device,
+        radiances: &wgpu::TextureView,
+        occlusion: &wgpu::TextureView,
+    ) -> wgpu::BindGroup {
+        device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("display"),
+            layout: &self.layout,
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(radiances) },
+                wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::TextureView(occlusion) },
+            ],
+        })
+    }
+
+    /// Draws to a target. [`Self::prepare_pipeline`] has seen its format.
+    pub(crate) fn draw(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        (target, format): (&wgpu::TextureView, wgpu::TextureFormat),
+        groups: (&FrameBindGroup, &wgpu::BindGroup),
+        tiles: Tiles<'_>,
+    ) {
+        if let Some(pipeline) = self.pipeline(format) {
+            tiles::draw(encoder, target, pipeline, groups, tiles);
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! Vehicle meshes: models fitted to the dimensions of each vehicle, with parts identified by material name.
+
+mod models;
+
+use super::passes::city::gpu_data::Vertex;
+use super::static_scene::pack_normal;
+use city3d_models::Material;
+use city3d_protocol::snapshot::{BodyType, Dimensions};
+use city3d_scene::{clustered, reach};
+use glam::Vec3;
+use std::collections::BTreeSet;
+
+pub(super) use models::VehicleModels;
+
+/// Half width of the body without mirrors, as a share of that of the outline.
+pub(super) const SHEET_METAL: f32 = 0.88;
+
+/// Part of a vehicle that a face belongs to. Shaders get the numbers as constants ([`Shader`](super::shader::Shader)).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub(super) enum VehiclePart {
+    Dull = 0,
+    Paint = 1,
+    Glass = 2,
+    Head = 3,
+    Tail = 4,
+    IndicatorLeft = 5,
+    IndicatorRight = 6,
+    Reverse = 7,
+    Bright = 8,
+}
+
+impl VehiclePart {
+    /// Parts that are lamps.
+    const LAMPS: [Self; 5] =
+        [Self::Head, Self::Tail, Self::IndicatorLeft, Self::IndicatorRight, Self::Reverse];
+
+    /// Lamp that a vertex with this packed material belongs to.
+    fn lamp_of(material: u32) -> Option<Self> {
+        Self::LAMPS.into_iter().find(|&lamp| lamp as u32 == material & 0xff)
+    }
+
+    /// Whether a vertex with this packed material belongs to a lamp.
+    fn is_lamp(material: u32) -> bool {
+        Self::lamp_of(material).is_some()
+    }
+
+    /// Part by the name of a material, without suffixes of modelling programs (".001").
+    fn of(material: &Material) -> Self {
+        let name = material.name.split('.').next().unwrap_or_default().to_ascii_lowercase();
+        match name.as_str() {
+            "paint" => Self::Paint,
+            "glass" => Self::Glass,
+            "head" => Self::Head,
+            "tail" => Self::Tail,
+            "indicator_left" => Self::IndicatorLeft,
+            "indicator_right" => Self::IndicatorRight,
+            "reverse" => Self::Reverse,
+            _ if material.metallic > 0.5 || material.roughness < 0.3 => Self::Bright,
+            _ => Self::Dull,
+        }
+    }
+}
+
+/// Packs part, roughness and metallic of a material, a byte each.
+fn packed(material: &Material) -> u32 {
+    let byte = |part: f32| (part.clamp(0.0, 1.0) * 255.0).round() as u32;
+    VehiclePart::of(material) as u32 | byte(material.roughness) << 8 | byte(material.metallic) << 16
+}
+
+/// Triangle mesh of a vehicle in its body frame, metres.
+#[derive(Clone, Debug, Default)]
+pub(super) struct VehicleMesh {
+    pub(super) vertices: Vec<Vertex>,
+    pub(super) indices: Vec<u32>,
+}
+
+impl VehicleMesh {
+    pub(super) fn new(parts: &[city3d_models::MeshPrimitive]) -> Self {
+        let mut mesh = Self::default();
+        for part in parts {
+            let base = mesh.vertices.len() as u32;
+            let [r, g, b] = part.material.colour;
+            let material = packed(&part.material);
+            mesh.vertices.extend(part.vertices.iter().map(|v| Vertex {
+                position: v.position.to_array(),
+                normal: pack_normal(v.normal),
+                colour: [r, g, b, v.openness],
+                uv: [0.0; 2],
+                material,
+            }));
+            mesh.indices.extend(part.indices.iter().map(|k| k + base));
+        }
+        mesh
+    }
+
+    /// Appends another mesh at a position, its axes mirrored where `signs` is negative.
+    pub(super) fn append(&mut self, other: &Self, at: Vec3, signs: Vec3) {
+        let base = self.vertices.len() as u32;
+        let sign = signs.to_array();
+        self.vertices.extend(other.vertices.iter().map(|v| Vertex {
+            position: (at + signs * Vec3::from(v.position)).to_array(),
+            normal: [0, 1, 2, 3].map(|k| if k < 3 && sign[k] < 0.0 { -v.normal[k] } else { v.normal[k] }),
+            ..*v
+        }));
+        self.indices.extend(other.indices.iter().map(|k| k + base));
+    }
+
+    /// Largest distance between the outlines of two meshes.
+    pub(super) fn outline_apart(&self, other: &Self) -> f32 {
+        let [a, b] = [self, other].map(|mesh| reach(mesh.vertices.iter().map(|v| v.position.into())));
+        a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    }
+
+    /// Coarser mesh for a distance, by vertex clustering; see [`clustered`]. Each lamp becomes a quad,
+    /// because lamps are small and visible from afar at night.
+    pub(super) fn simplified(&self, edge_m: f32) -> Self {
+        let is_lamp = |v: &Vertex| VehiclePart::is_lamp(v.material);
+        let dark = self.indices.chunks_exact(3).filter(|t| !is_lamp(&self.vertices[t[0] as usize]));
+        let dark: Vec<u32> = dark.flatten().copied().collect();
+        let kind = |v: &Vertex| (v.material, v.normal.map(|n| n / 48));
+        let moved = |v: &Vertex, at: Vec3| Vertex { position: at.to_array(), ..*v };
+        let place = (|v: &Vertex| Vec3::from(v.position), moved);
+        let (vertices, indices, _) = clustered((&self.vertices, &dark), edge_m, place, kind);
+        let mut mesh = Self { vertices, indices };
+        let xs = mesh.vertices.iter().map(|v| v.position[0]);
+        let [rear, front] = xs.fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
+        for lamp in self.lamps() {
+            // Before what has moved outwards.
+            let x = if lamp.is_front {
+                (lamp.high.x + edge_m / 2.0).min(front + 0.01)
+            } else {
+                (lamp.low.x - edge_m / 2.0).max(rear - 0.01)
+            };
+            mesh.add_lamp(&lamp, x);
+        }
+        mesh
+    }
+
+    /// Lamps: connected components of lamp faces.
+    fn lamps(&self) -> Vec<LampBounds> {
+        let corner = |k: u32| &self.vertices[k as usize];
+        let place = |v: &Vertex| v.position.map(f32::to_bits);
+        let mut lamps: Vec<(LampBounds, BTreeSet<[u32; 3]>)> = Vec::new();
+        for face in self.indices.chunks_exact(3).filter(|t| VehiclePart::is_lamp(corner(t[0]).material)) {
+            let vertex = *corner(face[0]);
+            let places: BTreeSet<_> = face.iter().map(|&k| place(corner(k))).collect();
+            let at = face.iter().map(|&k| Vec3::from(corner(k).position));
+            let (low, high) = at.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+            let mut joined = (LampBounds { vertex, low, high, is_front: low.x > 0.0 }, places);
+            // Merges all components that the face touches.
+            lamps.retain(|(lamp, places)| {
+                let touches = lamp.vertex.material == vertex.material && !places.is_disjoint(&joined.1);
+                if touches {
+                    (joined.0.low, joined.0.high) =
+                        (joined.0.low.min(lamp.low), joined.0.high.max(lamp.high));
+                    joined.1.extend(places);
+                }
+                !touches
+            });
+            lamps.push(joined);
+        }
+        lamps.into_iter().map(|(lamp, _)| lamp).collect()
+    }
+
+    /// Lamps as light sources.
+    pub(super) fn lenses(&self) -> Vec<LampLens> {
+        let lens = |lamp: LampBounds| {
+            let size = lamp.high - lamp.low;
+            Some(LampLens {
+                part: VehiclePart::lamp_of(lamp.vertex.material)?,
+                at: (lamp.low + lamp.high) / 2.0,
+                area_m2: size.y * size.z,
+                is_front: lamp.is_front,
+            })
+        };
+        self.lamps().into_iter().filter_map(lens).collect()
+    }
+
+    /// Appends an upright quad of a lamp's size, across the vehicle.
+    fn add_lamp(&mut self, LampBounds { vertex, low, high, is_front }: &LampBounds, x: f32) {
+        let base = self.vertices.len() as u32;
+        let normal = [if *is_front { 127 } else { -127 }, 0, 0, 0];
+        let corners = [[x, low.y, low.z], [x, high.y, low.z], [x, high.y, high.z], [x, low.y, high.z]];
+        self.vertices.extend(corners.map(|position| Vertex { position, normal, ..*vertex }));
+        let turn = if *is_front { [0, 1, 2, 0, 2, 3] } else { [2, 1, 0, 3, 2, 0] };
+        self.indices.extend(turn.map(|k| base + k));
+    }
+}
+
+/// Lamp of a vehicle as a light source, body frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LampLens {
+    pub(super) part: VehiclePart,
+    pub(super) at: Vec3,
+    /// Area projected along the vehicle.
+    pub(super) area_m2: f32,
+    pub(super) is_front: bool,
+}
+
+/// Bounding box of a lamp.
+struct LampBounds {
+    /// Any of its vertices.
+    vertex: Vertex,
+    low: Vec3,
+    high: Vec3,
+    is_front: bool,
+}
+
+/// Key of a mesh: vehicles with the same body type and dimensions share it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct MeshKey {
+    body: BodyType,
+    /// Length, width, height, wheelbase, wheel radius in millimetres.
+    measures: [u32; 5],
+}
+
+impl MeshKey {
+    pub(super) fn body(self) -> BodyType {
+        self.body
+    }
+
+    pub(super) fn new(body: BodyType, d: &Dimensions) -> Self {
+        let measures = [d.length_m, d.width_m, d.height_m, d.wheelbase_m, d.wheel_radius_m]
+            .map(|m| (m * 1000.0).round().clamp(1.0, 1e6) as u32);
+        Self { body, measures }
+    }
+}

@@ -1,0 +1,223 @@
+//! Models of body types, fitted to dimensions and simplified to levels of detail (LOD).
+
+use super::{LampLens, VehicleMesh};
+use city3d_models::{Measures, Model, fitted, glb, shipped};
+use city3d_protocol::snapshot::{BodyType, Dimensions};
+use glam::Vec3;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Cell edges of vertex clustering for models without coarse meshes of their own; the second level includes the wheels.
+const COARSENESS_M: [f32; 2] = [0.16, 0.4];
+/// Least errors of the coarser levels: positions of lamps and windows.
+const LEAST_ERRORS_M: [f32; 2] = [0.05, 0.12];
+
+/// Models of body types; others are drawn as a sedan.
+#[derive(Clone, Debug)]
+pub(crate) struct VehicleModels {
+    models: BTreeMap<BodyType, Arc<Model>>,
+}
+
+/// Level of detail of a fitted vehicle.
+#[derive(Clone, Debug)]
+pub(crate) struct FittedLod {
+    pub(crate) body: VehicleMesh,
+    /// Empty if the body includes the wheels.
+    pub(crate) wheel: VehicleMesh,
+    /// Geometric error: largest distance of outline and features from those of the finest level, metres.
+    pub(crate) error_m: f32,
+}
+
+/// Model fitted to the dimensions of a vehicle.
+#[derive(Clone, Debug)]
+pub(crate) struct FittedVehicle {
+    /// Levels of detail, the finest first.
+    pub(crate) levels: Vec<FittedLod>,
+    /// Lamps as light sources.
+    pub(crate) lenses: Vec<LampLens>,
+    /// From the centre line of the vehicle to the centre of a wheel.
+    pub(crate) half_track_m: f32,
+}
+
+impl Default for VehicleModels {
+    fn default() -> Self {
+        let files = [
+            (BodyType::Sedan, "sedan.glb"),
+            (BodyType::Hatchback, "hatchback.glb"),
+            (BodyType::Suv, "suv.glb"),
+            (BodyType::Van, "van.glb"),
+            (BodyType::Pickup, "pickup.glb"),
+        ];
+        // Tests make sure that the shipped files are readable.
+        let load = |(body, file)| Some((body, Arc::new(glb::read(shipped(file)?).ok()?)));
+        Self { models: files.into_iter().filter_map(load).collect() }
+    }
+}
+
+impl VehicleModels {
+    /// Sets the model of a body type.
+    pub(crate) fn insert(&mut self, body: BodyType, model: Arc<Model>) {
+        self.models.insert(body, model);
+    }
+
+    /// Fits the model of a body type to dimensions and makes its levels of detail.
+    pub(crate) fn fit(&self, body: BodyType, d: &Dimensions) -> FittedVehicle {
+        let Some(model) = self.models.get(&body).or_else(|| self.models.get(&BodyType::Sedan)) else {
+            return FittedVehicle::empty(d);
+        };
+        let measures = Measures {
+            length: d.length_m as f32,
+            width: d.width_m as f32,
+            height: (d.height_m * body.height_factor()) as f32,
+            wheelbase: d.wheelbase_m as f32,
+            wheel_radius: d.wheel_radius_m as f32,
+        };
+        let fitted = fitted(model, &measures);
+        let half_track_m = fitted.half_track.unwrap_or(d.track_m as f32 / 2.0);
+        let (body, wheel) = (VehicleMesh::new(&fitted.body), VehicleMesh::new(&fitted.wheel));
+        let axle_m = measures.wheelbase / 2.0;
+        let whole = |body: &VehicleMesh, wheel: &VehicleMesh| {
+            let mut whole = body.clone();
+            for (x, side) in [(axle_m, 1.0), (axle_m, -1.0), (-axle_m, 1.0), (-axle_m, -1.0)] {
+                let hub = Vec3::new(x, side * half_track_m, measures.wheel_radius);
+                whole.append(wheel, hub, Vec3::new(side, side, 1.0));
+            }
+            whole
+        };
+        let finest = whole(&body, &wheel);
+        let far_body = match &fitted.far_body {
+            Some(parts) => VehicleMesh::new(parts),
+            None => body.simplified(COARSENESS_M[0]),
+        };
+        let far_wheel = match &fitted.far_wheel {
+            Some(parts) => VehicleMesh::new(parts),
+            None => wheel.simplified(COARSENESS_M[0]),
+        };
+        let farther = match &fitted.farther_body {
+            Some(parts) => VehicleMesh::new(parts),
+            None => finest.simplified(COARSENESS_M[1]),
+        };
+        let lenses = body.lenses();
+        let mut levels = vec![FittedLod { body, wheel, error_m: 0.0 }];
+        for ((body, wheel), least_m) in
+            [(far_body, far_wheel), (farther, VehicleMesh::default())].into_iter().zip(LEAST_ERRORS_M)
+        {
+            let before_m = levels.last().map_or(0.0, |level| level.error_m);
+            let error_m = finest.outline_apart(&whole(&body, &wheel)).max(least_m).max(before_m);
+            levels.push(FittedLod { body, wheel, error_m });
+        }
+        FittedVehicle { levels, lenses, half_track_m }
+    }
+}
+
+impl FittedVehicle {
+    fn empty(d: &Dimensions) -> Self {
+        Self { levels: Vec::new(), lenses: Vec::new(), half_track_m: d.track_m as f32 / 2.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::VehiclePart;
+    use super::*;
+
+    fn dimensions(height_m: f64) -> Dimensions {
+        Dimensions {
+            length_m: 5.0,
+            width_m: 2.5,
+            height_m,
+            wheelbase_m: 3.0,
+            track_m: 2.1,
+            wheel_radius_m: 0.35,
+        }
+    }
+
+    const BODIES: [BodyType; 5] =
+        [BodyType::Sedan, BodyType::Hatchback, BodyType::Suv, BodyType::Van, BodyType::Pickup];
+
+    #[test]
+    fn bodies_fill_their_outline_and_face_outwards() {
+        for kind in BODIES {
+            let d = dimensions(1.5);
+            let fitted = VehicleModels::default().fit(kind, &d);
+            for mesh in fitted.levels[..2].iter().map(|level| &level.body) {
+                let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+                for v in &mesh.vertices {
+                    (low, high) = (low.min(v.position.into()), high.max(v.position.into()));
+                }
+                let top = (1.5 * kind.height_factor()) as f32;
+                assert!((high.x - 2.5).abs() < 0.03 && (low.x + 2.5).abs() < 0.03, "{kind:?} {low} {high}");
+                assert!((high.y - 1.25).abs() < 0.03 && (low.y + 1.25).abs() < 0.03, "{kind:?} {low} {high}");
+                assert!((high.z - top).abs() < 0.06 && low.z > 0.05, "{kind:?} {low} {high}");
+            }
+        }
+    }
+
+    /// Triangles of a vehicle with its wheels.
+    fn faces(level: &FittedLod) -> usize {
+        (level.body.indices.len() + 4 * level.wheel.indices.len()) / 3
+    }
+
+    fn has(level: &FittedLod, part: VehiclePart) -> bool {
+        level.body.indices.iter().any(|&k| level.body.vertices[k as usize].material & 0xff == part as u32)
+    }
+
+    const LAMPS: [VehiclePart; 4] =
+        [VehiclePart::Head, VehiclePart::Tail, VehiclePart::IndicatorLeft, VehiclePart::IndicatorRight];
+
+    #[test]
+    fn far_bodies_have_few_faces_and_every_lamp() {
+        for kind in BODIES {
+            let fitted = VehicleModels::default().fit(kind, &dimensions(1.5));
+            let counts: Vec<usize> = fitted.levels.iter().map(faces).collect();
+            let errors: Vec<f32> = fitted.levels.iter().map(|level| level.error_m).collect();
+            assert_eq!(counts.len(), 3, "{kind:?}");
+            let body = fitted.levels[1].body.indices.len() / 3;
+            assert!(body < 420 && counts[1] * 2 < counts[0] && counts[2] < 160, "{kind:?}: {counts:?}");
+            assert!(errors[1] < 0.08 && errors[2] < 0.25, "{kind:?}: {errors:?}");
+            for level in &fitted.levels {
+                for lamp in LAMPS {
+                    assert!(has(level, lamp), "{kind:?} without {lamp:?} at {} m", level.error_m);
+                }
+            }
+        }
+    }
+
+    /// From behind the windscreen nothing is in the way but the bonnet.
+    #[test]
+    fn the_windscreen_camera_is_behind_the_glass() {
+        for kind in BODIES {
+            let d = dimensions(1.5);
+            let fitted = VehicleModels::default().fit(kind, &d);
+            let height = d.height_m * kind.height_factor();
+            let eye = Vec3::new(0.11 * d.length_m as f32, 0.0, (0.88 * height) as f32);
+            let mesh = &fitted.levels[0].body;
+            let corner = |k: u32| Vec3::from(mesh.vertices[k as usize].position);
+            for t in mesh.indices.chunks_exact(3) {
+                let [a, b, c] = [t[0], t[1], t[2]].map(corner);
+                let faces_eye = (b - a).cross(c - a).dot(eye - a) > 0.0;
+                let is_glass = mesh.vertices[t[0] as usize].material & 0xff == VehiclePart::Glass as u32;
+                assert!(!(faces_eye && is_glass), "{kind:?}: glass at {a} faces the camera at {eye}");
+            }
+        }
+    }
+
+    /// A model of a user's need not have anything for a distance.
+    #[test]
+    fn lamps_outlast_simplification() {
+        for kind in BODIES {
+            let mut models = VehicleModels::default();
+            let mut model = Model::clone(&models.models[&kind]);
+            model.nodes.retain(|node| !city3d_models::is_distant_lod(node));
+            models.insert(kind, Arc::new(model));
+            let fitted = models.fit(kind, &dimensions(1.5));
+            let counts: Vec<usize> = fitted.levels.iter().map(faces).collect();
+            assert!(counts.len() == 3 && counts.is_sorted_by(|a, b| a > b), "{kind:?}: {counts:?}");
+            for level in &fitted.levels {
+                for lamp in LAMPS {
+                    assert!(has(level, lamp), "{kind:?} without {lamp:?} at {} m", level.error_m);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,374 @@
+//! The road map: a directed lane graph with conflict zones, control lines and scenery.
+
+use city3d_geometry::{City, Curve, Frame, Lab, LengthScale};
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// Index of a lane in its map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct LaneId(pub u32);
+
+impl LaneId {
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+impl fmt::Display for LaneId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "lane {}", self.0)
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LaneKind {
+    /// A lane of a road, with markings.
+    Lane,
+    /// A lane across a junction, without markings.
+    Connector,
+}
+
+/// A directed lane between two branchings of the lane graph.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub struct Lane<F: Frame = City> {
+    pub id: LaneId,
+    /// Unique in the map and stable as long as the drawing is.
+    pub name: String,
+    pub kind: LaneKind,
+    /// Centre line in driving direction.
+    pub curve: Curve<F>,
+    /// Width of the straight lane. On tight arcs a lane is wider on the inside, by [`Lane::widening`].
+    pub width_m: f64,
+    /// Posted speed limit. Curve speeds may be lower.
+    pub speed_limit_mps: f64,
+    /// Lanes that start at its end, in id order.
+    pub successors: Vec<LaneId>,
+    pub predecessors: Vec<LaneId>,
+    /// Adjacent lanes of the same direction, alongside for at least half of the lane.
+    pub left: Option<LaneId>,
+    pub right: Option<LaneId>,
+}
+
+/// Wheelbase of the testbed's car in lane widths: the vehicle that tight arcs are widened for.
+const REFERENCE_WHEELBASE: f64 = 0.12 / 0.1524;
+/// Arcs tighter than this many lane widths are widened.
+const WIDENED_BELOW: f64 = 2.5;
+
+impl<F: Frame> Lane<F> {
+    /// Curve widening: the addition to the inner half width in a bend of this curvature. It equals the
+    /// off-tracking of the testbed's car, whose rear axle cuts the inside of a bend that its front axle
+    /// follows. Only arcs tighter than 2.5 lane widths are widened.
+    pub fn widening(&self, curvature: f64) -> f64 {
+        let radius = 1.0 / curvature.abs();
+        if radius >= WIDENED_BELOW * self.width_m {
+            return 0.0;
+        }
+        let wheelbase = REFERENCE_WHEELBASE * self.width_m;
+        radius - (radius * radius - wheelbase * wheelbase).max(0.0).sqrt()
+    }
+
+    /// Distance from the centre line to the left and to the right edge at an arc length.
+    pub fn half_widths_at(&self, s: f64) -> (f64, f64) {
+        let curvature = self.curve.curvature_at(s);
+        let (half, widening) = (self.width_m / 2.0, self.widening(curvature));
+        if curvature > 0.0 { (half + widening, half) } else { (half, half + widening) }
+    }
+}
+
+/// Index of a conflict zone in its map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct ZoneId(pub u32);
+
+impl ZoneId {
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ZoneKind {
+    /// The lanes cross, or pass so close that two vehicles would touch.
+    Cross,
+    /// The lanes end in the same place.
+    Merge,
+    /// The lanes start in the same place.
+    Diverge,
+}
+
+/// The part of a lane that lies in a conflict zone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ZoneSide {
+    pub lane: LaneId,
+    pub from_m: f64,
+    pub to_m: f64,
+}
+
+/// A conflict zone: the parts of two lanes on which vehicles can touch. Ids are stable: zones are ordered by
+/// their lanes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ConflictZone {
+    pub id: ZoneId,
+    pub kind: ZoneKind,
+    /// The side of the lane with the smaller id, then the other.
+    pub sides: [ZoneSide; 2],
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ControlLineKind {
+    /// Stop first, then go when the junction is clear.
+    Stop,
+    /// Give way; stop only if necessary.
+    Yield,
+}
+
+/// A stop or yield line across a lane.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ControlLine {
+    pub kind: ControlLineKind,
+    pub lane: LaneId,
+    /// Arc length along the lane.
+    pub at_m: f64,
+    /// As drawn.
+    pub ends: [DVec2; 2],
+}
+
+/// The kind of a scenery item. Its DXF layer is `SCENERY_` and the name in capitals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SceneryKind {
+    /// Solid; its text names it ("fire station"), a number in the text is its height.
+    Building,
+    /// Solid, low.
+    Wall,
+    /// Solid.
+    Hedge,
+    /// Circle of the crown.
+    Tree,
+    Lamp,
+    Bench,
+    /// Grass of a park or a garden.
+    Grass,
+    /// Flower bed.
+    Bed,
+    /// Pond.
+    Water,
+    /// Paved ground: squares, forecourts.
+    Paving,
+    /// Asphalt with slanted parking bays.
+    Parking,
+    /// Playground.
+    Playground,
+    PicnicTable,
+}
+
+impl SceneryKind {
+    pub const ALL: [Self; 13] = [
+        Self::Building,
+        Self::Wall,
+        Self::Hedge,
+        Self::Tree,
+        Self::Lamp,
+        Self::Bench,
+        Self::Grass,
+        Self::Bed,
+        Self::Water,
+        Self::Paving,
+        Self::Parking,
+        Self::Playground,
+        Self::PicnicTable,
+    ];
+
+    /// The name of its DXF layer.
+    pub fn layer(self) -> &'static str {
+        match self {
+            Self::Building => "SCENERY_BUILDING",
+            Self::Wall => "SCENERY_WALL",
+            Self::Hedge => "SCENERY_HEDGE",
+            Self::Tree => "SCENERY_TREE",
+            Self::Lamp => "SCENERY_LAMP",
+            Self::Bench => "SCENERY_BENCH",
+            Self::Grass => "SCENERY_GRASS",
+            Self::Bed => "SCENERY_BED",
+            Self::Water => "SCENERY_WATER",
+            Self::Paving => "SCENERY_PAVING",
+            Self::Parking => "SCENERY_PARKING",
+            Self::Playground => "SCENERY_PLAYGROUND",
+            Self::PicnicTable => "SCENERY_PICNIC_TABLE",
+        }
+    }
+
+    /// Whether a vehicle that reaches into it has collided.
+    pub fn is_solid(self) -> bool {
+        matches!(self, Self::Building | Self::Wall | Self::Hedge)
+    }
+}
+
+/// The footprint of a scenery item: its outline on the ground.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Footprint {
+    /// Closed, corners in order, the first not repeated; bulges already flattened.
+    Polygon(Vec<DVec2>),
+    /// Open: a wall or a hedge along a line.
+    Polyline(Vec<DVec2>),
+    Circle {
+        centre: DVec2,
+        radius_m: f64,
+    },
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Scenery {
+    pub kind: SceneryKind,
+    /// The text placed on it in the drawing, empty without one: "fire station".
+    pub name: String,
+    /// Height above ground where the drawing states one.
+    pub height_m: Option<f64>,
+    /// Heading of its front, counter-clockwise from east, if the drawing states it.
+    pub front_rad: Option<f64>,
+    pub shape: Footprint,
+}
+
+/// A 3D model file placed on the map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlacedModel {
+    /// File name as in the drawing: "shed.glb".
+    pub file: String,
+    /// Position of its origin.
+    pub at: DVec2,
+    /// Heading of its front, counter-clockwise from east.
+    pub front_rad: f64,
+    /// Scale factor; the file is in full-scale metres.
+    pub size: f64,
+    /// Line of the drawing, 0 for one made in memory.
+    pub line: usize,
+}
+
+/// A road map: lanes, zones, lines and scenery in one frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub struct RoadMap<F: Frame = City> {
+    /// By id.
+    pub lanes: Vec<Lane<F>>,
+    /// By id.
+    pub zones: Vec<ConflictZone>,
+    pub lines: Vec<ControlLine>,
+    pub scenery: Vec<Scenery>,
+    /// Models from files. They are drawn only: nothing collides with them.
+    pub models: Vec<PlacedModel>,
+    /// Conflict zones by lane, sorted by where they begin.
+    pub(super) zones_of_lane: Vec<Vec<ZoneId>>,
+}
+
+impl<F: Frame> RoadMap<F> {
+    pub fn lane(&self, id: LaneId) -> &Lane<F> {
+        &self.lanes[id.index()]
+    }
+
+    pub fn zone(&self, id: ZoneId) -> &ConflictZone {
+        &self.zones[id.index()]
+    }
+
+    pub fn lane_by_name(&self, name: &str) -> Option<&Lane<F>> {
+        self.lanes.iter().find(|lane| lane.name == name)
+    }
+
+    /// Zones on a lane, by where they begin on it.
+    pub fn zones_on(&self, lane: LaneId) -> impl Iterator<Item = &ConflictZone> {
+        self.zones_of_lane[lane.index()].iter().map(|&id| self.zone(id))
+    }
+
+    /// South-west and north-east corner of all lanes and scenery.
+    pub fn bounds(&self) -> [DVec2; 2] {
+        let mut low = DVec2::splat(f64::INFINITY);
+        let mut high = DVec2::splat(f64::NEG_INFINITY);
+        let mut add = |point: DVec2, margin: f64| {
+            low = low.min(point - margin);
+            high = high.max(point + margin);
+        };
+        for lane in &self.lanes {
+            for (_, point) in lane.curve.sample(lane.width_m * 3.0) {
+                add(point.pose.position, lane.width_m / 2.0);
+            }
+        }
+        for scenery in &self.scenery {
+            match &scenery.shape {
+                Footprint::Polygon(points) | Footprint::Polyline(points) => {
+                    points.iter().for_each(|&p| add(p, 0.0));
+                }
+                Footprint::Circle { centre, radius_m } => add(*centre, *radius_m),
+            }
+        }
+        [low, high]
+    }
+}
+
+/// The map as drawn, in laboratory metres. The control framework uses it.
+///
+/// ```
+/// use city3d_roadmap::load_map;
+/// use city3d_geometry::LengthScale;
+/// use city3d_simulation::scenario::Library;
+///
+/// let map = load_map(&Library::default().map("ids3c")?)?.map;
+/// let city = map.to_city(LengthScale::TESTBED);
+/// let (lane, full_size) = (&map.lanes[0], &city.lanes[0]);
+/// assert!((full_size.curve.length() - 25.0 * lane.curve.length()).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub type LabMap = RoadMap<Lab>;
+
+/// The map at full scale, in city metres. Simulation and rendering use it.
+pub type CityMap = RoadMap<City>;
+
+impl LabMap {
+    /// The map at full scale.
+    pub fn to_city(&self, scale: LengthScale) -> CityMap {
+        let factor = scale.factor();
+        let lanes = self.lanes.iter().map(|lane| Lane {
+            curve: lane.curve.to_city(scale),
+            width_m: lane.width_m * factor,
+            speed_limit_mps: lane.speed_limit_mps * factor,
+            id: lane.id,
+            name: lane.name.clone(),
+            kind: lane.kind,
+            successors: lane.successors.clone(),
+            predecessors: lane.predecessors.clone(),
+            left: lane.left,
+            right: lane.right,
+        });
+        let side = |s: ZoneSide| ZoneSide { from_m: s.from_m * factor, to_m: s.to_m * factor, ..s };
+        let zones = self.zones.iter().map(|zone| ConflictZone { sides: zone.sides.map(side), ..*zone });
+        let lines = self.lines.iter().map(|line| ControlLine {
+            at_m: line.at_m * factor,
+            ends: line.ends.map(|p| p * factor),
+            ..*line
+        });
+        let points = |points: &[DVec2]| points.iter().map(|&p| p * factor).collect();
+        let scenery = self.scenery.iter().map(|s| Scenery {
+            front_rad: s.front_rad,
+            height_m: s.height_m.map(|h| h * factor),
+            shape: match &s.shape {
+                Footprint::Polygon(p) => Footprint::Polygon(points(p)),
+                Footprint::Polyline(p) => Footprint::Polyline(points(p)),
+                Footprint::Circle { centre, radius_m } => {
+                    Footprint::Circle { centre: *centre * factor, radius_m: radius_m * factor }
+                }
+            },
+            ..s.clone()
+        });
+        RoadMap {
+            lanes: lanes.collect(),
+            zones: zones.collect(),
+            lines: lines.collect(),
+            scenery: scenery.collect(),
+            models: self.models.iter().map(|m| PlacedModel { at: m.at * factor, ..m.clone() }).collect(),
+            zones_of_lane: self.zones_of_lane.clone(),
+        }
+    }
+}

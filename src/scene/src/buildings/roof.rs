@@ -1,0 +1,130 @@
+//! Flat roofs with parapets and plant, gabled roofs with chimneys.
+
+use super::super::grounds::distance_to;
+use super::super::mesh::{Finish, Mesh, Surface};
+use super::super::polygon::Region;
+use super::super::roads::level;
+use super::super::{SeededScenery, special};
+use super::style::{BARE_BRICK, DARK, FLAT_ROOF, Style, TRIM, wall};
+use city3d_roadmap::Footprint;
+use glam::{Vec2, Vec3};
+
+const PARAPET_M: f32 = 0.55;
+
+pub(super) fn flat_roof(mesh: &mut Mesh, place: &SeededScenery<'_>, ring: &[Vec2], eaves: f32) {
+    let plan: Vec<_> = ring.iter().map(|p| p.as_dvec2()).collect();
+    level(mesh, &Region::simple(&plan), eaves, FLAT_ROOF, 3.0);
+    let top = eaves + PARAPET_M;
+    let profile = [
+        Vec2::new(0.06, eaves - 0.25),
+        Vec2::new(0.06, top),
+        Vec2::new(-0.24, top),
+        Vec2::new(-0.24, eaves - 0.02),
+    ];
+    for pair in profile.windows(2) {
+        sharp_band(mesh, ring, [pair[0], pair[1]], TRIM);
+    }
+    // Plant on the roof.
+    let centre = ring.iter().copied().sum::<Vec2>() / ring.len() as f32;
+    let yaw = (ring[1] - ring[0]).to_angle();
+    let edge = Footprint::Polyline(plan.iter().copied().chain(plan.first().copied()).collect());
+    for k in 0..3 {
+        if place.hash_to_unit(20 + k) < 0.6 {
+            let corner = ring[k as usize % ring.len()];
+            let at = centre.lerp(corner, 0.25 + 0.3 * place.hash_to_unit(30 + k));
+            let size = Vec3::new(
+                1.0 + 1.6 * place.hash_to_unit(40 + k),
+                1.0 + place.hash_to_unit(50 + k),
+                0.7 + 0.9 * place.hash_to_unit(60 + k),
+            );
+            // Roof plant stays inside the parapet and clear of towers.
+            let reach = size.truncate().length() / 2.0 + 0.3;
+            let has_room = distance_to(&edge, at.as_dvec2()) > f64::from(reach);
+            let spire = special::spire_reach(&place.piece.name.to_lowercase(), ring);
+            if has_room && spire.is_none_or(|spire| at.distance(centre) > reach + spire) {
+                mesh.block(at.extend(eaves), size, yaw, DARK.shaded(1.9));
+            }
+        }
+    }
+}
+
+/// A band along a ring with mitred corners: profile points are (outwards, height).
+fn sharp_band(mesh: &mut Mesh, ring: &[Vec2], [from, to]: [Vec2; 2], finish: Finish) {
+    let count = ring.len();
+    let moved = |k: usize, out: f32| {
+        let (before, at, after) = (ring[(k + count - 1) % count], ring[k], ring[(k + 1) % count]);
+        let (a, b) = ((at - before).normalize_or(Vec2::X), (after - at).normalize_or(Vec2::X));
+        let mean = (a + b).normalize_or(a);
+        at - mean.perp() * (out / mean.dot(a).max(0.3))
+    };
+    for k in 0..count {
+        let next = (k + 1) % count;
+        let corners = [
+            moved(k, from.x).extend(from.y),
+            moved(next, from.x).extend(from.y),
+            moved(next, to.x).extend(to.y),
+            moved(k, to.x).extend(to.y),
+        ];
+        mesh.plate(&corners, finish, 2.0);
+    }
+}
+
+/// A gabled roof with overhanging eaves along the longer axis of a rectangle, gables and a chimney.
+pub(super) fn gable_roof(
+    mesh: &mut Mesh,
+    ring: &[Vec2],
+    eaves: f32,
+    rise: f32,
+    style: &Style,
+    place: &SeededScenery<'_>,
+) {
+    const OVERHANG_M: f32 = 0.4;
+    // a to b is the longer side.
+    let turn = usize::from(ring[0].distance(ring[1]) < ring[1].distance(ring[2]));
+    let [a, b, c, d] = [0, 1, 2, 3].map(|k| ring[(k + turn) % 4]);
+    let (ridge_a, ridge_b) = ((a + d) / 2.0, (b + c) / 2.0);
+    let along = (b - a).normalize_or(Vec2::X) * OVERHANG_M;
+    let out = (a - d).normalize_or(Vec2::Y);
+    let half = a.distance(d) / 2.0;
+    let slope_drop = rise / half * OVERHANG_M;
+    let ridge = |p: Vec2, end: f32| (p + along * end).extend(eaves + rise);
+    let eave = |p: Vec2, side: f32, end: f32| {
+        (p + along * end + out * (side * OVERHANG_M)).extend(eaves - slope_drop)
+    };
+    let length = a.distance(b) + 2.0 * OVERHANG_M;
+    let run = (half + OVERHANG_M).hypot(rise + slope_drop);
+    let uvs =
+        [Vec2::ZERO, Vec2::new(length, 0.0), Vec2::new(length, run), Vec2::new(0.0, run)].map(|uv| uv / 3.0);
+    for (corners, lift) in [
+        ([eave(a, 1.0, -1.0), eave(b, 1.0, 1.0), ridge(ridge_b, 1.0), ridge(ridge_a, -1.0)], 0.14),
+        ([eave(c, -1.0, 1.0), eave(d, -1.0, -1.0), ridge(ridge_a, -1.0), ridge(ridge_b, 1.0)], 0.14),
+    ] {
+        let top = corners.map(|p| p + Vec3::Z * lift);
+        mesh.face(&top, &uvs, style.tiles);
+        // Underside and fascia.
+        let [p, q, r, s] = corners;
+        let first = mesh.vertices.len();
+        mesh.plate(&[q, p, s, r], TRIM.shaded(0.85), 2.0);
+        mesh.set_openness(first, 90);
+        mesh.plate(&[p, q, top[1], top[0]], TRIM, 2.0);
+        mesh.plate(&[q, r, top[2], top[1]], TRIM, 2.0);
+        mesh.plate(&[s, p, top[0], top[3]], TRIM, 2.0);
+    }
+    let plain = if style.upper.surface == Surface::Sash {
+        BARE_BRICK
+    } else {
+        wall(Surface::Concrete, style.upper.colour)
+    };
+    for [left, right, top] in [[d, a, ridge_a], [b, c, ridge_b]] {
+        let corners = [left.extend(eaves), right.extend(eaves), top.extend(eaves + rise)];
+        mesh.plate(&corners, plain, 2.0);
+    }
+    let at = ridge_a.lerp(ridge_b, 0.22 + 0.5 * place.hash_to_unit(12)) + out * (0.25 * half);
+    let chimney = wall(Surface::Brick, [150, 96, 80]);
+    mesh.block(
+        at.extend(eaves + 0.4 * rise),
+        Vec3::new(0.7, 0.6, 0.6 * rise + 0.7),
+        along.to_angle(),
+        chimney,
+    );
+}

@@ -1,0 +1,311 @@
+//! Generates the scene geometry of a map: a pure function of the map.
+
+#![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
+
+mod buildings;
+mod car_parks;
+mod centre_lines;
+mod class;
+mod field;
+mod foliage;
+mod furniture;
+mod grounds;
+mod kerbs;
+mod lanes;
+mod lettering;
+mod markings;
+mod mesh;
+mod models;
+mod parked;
+mod plants;
+mod polygon;
+mod props;
+mod roads;
+mod signs;
+mod smoothing;
+mod special;
+mod surroundings;
+mod trees;
+mod wear;
+mod woods;
+
+pub use lettering::glyph_cell;
+pub use mesh::{Class, Finish, Mesh, Surface, Vertex, clustered, reach};
+pub use roads::ASPHALT;
+pub use signs::sign_cell;
+
+use city3d_geometry::hash;
+use city3d_models::Model;
+use city3d_roadmap::{CityMap, Footprint, Scenery, SceneryKind};
+use furniture::FurnitureKind;
+use glam::{Affine3A, DVec2, Mat3, Vec2, Vec3};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use surroundings::Surroundings;
+
+/// The geometry of the whole city, in metres relative to the city's origin.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneDescription {
+    /// Ground meshes: roads with their markings, lawns, water, and the plain around the city.
+    pub ground: Vec<SceneObject>,
+    /// Objects on the ground: buildings, trees, furniture, vehicles.
+    pub objects: Vec<SceneObject>,
+    /// Opaque walls: occluders for occlusion culling.
+    pub walls: Vec<Wall>,
+    /// Bounding box of the city itself, without the plain around it.
+    pub bounds: [Vec3; 2],
+    /// Lenses of street lamps.
+    pub lamps: Vec<Vec3>,
+}
+
+/// A static object at one or more levels of detail (LOD).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneObject {
+    /// The finest first.
+    pub levels: Vec<LodMesh>,
+}
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LodMesh {
+    pub mesh: Mesh,
+    /// Geometric error: how far its silhouette and visible detail may be from the finest level, metres; 0 for
+    /// the finest level.
+    pub error_m: f32,
+}
+
+/// Edge of the grid cells at which ground meshes are split, so that triangles stay short and cells can be
+/// culled. Only the plain around the city has larger triangles.
+pub const CELL_M: f32 = 13.0;
+
+/// An occluder: a vertical rectangle that stands on the ground.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wall {
+    pub from: Vec2,
+    pub to: Vec2,
+    pub height_m: f32,
+}
+
+/// Cell sizes of the vertex clustering for the coarser levels.
+const COARSER_M: [f32; 3] = [0.16, 0.4, 1.0];
+
+impl SceneObject {
+    pub fn of_one_level(mesh: Mesh) -> Self {
+        Self { levels: vec![LodMesh { mesh, error_m: 0.0 }] }
+    }
+
+    /// Adds a level of detail with this error, or a larger one if its silhouette differs by more. A level
+    /// that saves no triangles is left out.
+    fn add_level(&mut self, mesh: Mesh, error_m: f32) {
+        let (Some(finest), Some(last)) = (self.levels.first(), self.levels.last()) else { return };
+        if mesh.triangle_count() >= last.mesh.triangle_count() || mesh.is_empty() {
+            return;
+        }
+        let error_m = error_m.max(finest.mesh.outline_apart(&mesh));
+        if error_m > last.error_m {
+            self.levels.push(LodMesh { mesh, error_m });
+        }
+    }
+
+    /// Raises the errors to the distance of the coarser levels' vertices from the finest level; for small
+    /// meshes.
+    fn measure_corners(&mut self) {
+        // Rotated copies are rounded.
+        const MARGIN: f32 = 1.005;
+        let [finest, coarser @ ..] = &mut self.levels[..] else { return };
+        let mut least_m = 0.0;
+        for level in coarser {
+            let corners = level.mesh.vertices.iter().map(|v| finest.mesh.distance_to(v.position));
+            let off_m = corners.fold(0.0, f32::max) * MARGIN;
+            level.error_m = level.error_m.max(off_m).max(least_m);
+            least_m = level.error_m + 1e-3;
+        }
+    }
+
+    /// Adds coarser levels by vertex clustering while each saves enough triangles.
+    fn add_coarser_levels(&mut self) {
+        let Some(base) = self.levels.last().cloned() else { return };
+        for edge_m in COARSER_M.into_iter().filter(|edge_m| edge_m / 2.0 > base.error_m) {
+            let (mesh, moved_m) = base.mesh.simplified(edge_m);
+            let last = self.levels.last().map_or(0, |level| level.mesh.triangle_count());
+            if mesh.triangle_count() * 4 < last * 3 {
+                self.add_level(mesh, base.error_m + moved_m);
+            }
+        }
+    }
+
+    /// An instance: rotated, moved and scaled uniformly, with other finishes.
+    fn placed(&self, city_from_object: Affine3A, look: impl Fn(Finish) -> Finish) -> Self {
+        let turn = Mat3::from(city_from_object.matrix3);
+        let scale = turn.x_axis.length();
+        let vertex = |v: &Vertex| Vertex {
+            position: city_from_object.transform_point3(v.position),
+            normal: turn * v.normal / scale,
+            finish: look(v.finish),
+            ..*v
+        };
+        let level = |level: &LodMesh| LodMesh {
+            mesh: Mesh {
+                vertices: level.mesh.vertices.iter().map(vertex).collect(),
+                indices: level.mesh.indices.clone(),
+            },
+            error_m: level.error_m * scale,
+        };
+        let mut levels: Vec<LodMesh> = self.levels.iter().map(level).collect();
+        // After rotation, silhouettes are measured along other directions.
+        let mut least_m = 0.0;
+        if let [finest, coarser @ ..] = &mut levels[..] {
+            let reach = finest.mesh.reach();
+            for level in coarser {
+                level.error_m = level.error_m.max(level.mesh.outline_from(&reach)).max(least_m);
+                least_m = level.error_m + 1e-3;
+            }
+        }
+        Self { levels }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.levels.iter().all(|level| level.mesh.is_empty())
+    }
+}
+
+impl SceneDescription {
+    /// The scene of a map without the user's model files.
+    pub fn from_map(map: &CityMap) -> Self {
+        Self::with_models(map, &BTreeMap::new())
+    }
+
+    /// The scene of a map with the model files that it places, by name; missing ones are left out.
+    pub fn with_models(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Self {
+        let (field, (nursery, furniture)) = rayon::join(
+            || roads::RoadField::new(map),
+            || rayon::join(trees::TreePrototypes::new, || furniture::Furniture::new(models)),
+        );
+        let lanes = lanes::LaneBoxIndex::new(map);
+        let around = Surroundings { map, field: &field };
+        let is_paved = |piece: &&Scenery| matches!(piece.kind, SceneryKind::Paving | SceneryKind::Parking);
+        let paving: Vec<Vec<DVec2>> =
+            map.scenery.iter().filter(is_paved).map(|piece| grounds::ring_of(&piece.shape)).collect();
+        let outlines = roads::Outlines::new(&field, wear::covered(map), &paving);
+        let beside_roads = |ring: &[DVec2]| outlines.beside_roads(&field, ring);
+        let (mut lying, mut objects, mut walls) = (Mesh::default(), Vec::new(), Vec::new());
+        let (mut lamps, mut clocks) = (Vec::new(), Vec::new());
+        // Footpaths have no name.
+        let is_drive = |piece: &&Scenery| piece.kind == SceneryKind::Paving && piece.name.is_empty();
+        let drives: Vec<&Footprint> = map.scenery.iter().filter(is_drive).map(|piece| &piece.shape).collect();
+        // Street furniture faces the road, so it needs the road field.
+        for (index, piece) in map.scenery.iter().enumerate() {
+            let place = SeededScenery { piece, seed: index as u32 };
+            let one = |draw: &dyn Fn(&mut Mesh)| {
+                let mut mesh = Mesh::default();
+                draw(&mut mesh);
+                SceneObject::of_one_level(mesh)
+            };
+            objects.push(match piece.kind {
+                SceneryKind::Building => one(&|mesh| {
+                    buildings::building(mesh, &place, &lanes, &around);
+                }),
+                SceneryKind::Tree => nursery.tree(&place),
+                SceneryKind::Hedge => plants::hedge(&place),
+                SceneryKind::Wall => one(&|mesh| props::wall(mesh, &place)),
+                SceneryKind::Lamp => {
+                    let lamp = props::lamp(&place, &lanes, &furniture);
+                    lamps.extend(furniture::lens(&lamp));
+                    lamp
+                }
+                SceneryKind::Bench => {
+                    objects.extend(props::bench(&place, &furniture, |at| around.is_free(at, piece)));
+                    continue;
+                }
+                SceneryKind::PicnicTable => props::picnic_table(&place, &furniture),
+                SceneryKind::Playground => one(&|mesh| props::playground(mesh, &place)),
+                SceneryKind::Water => {
+                    grounds::ground(&mut lying, &place, &drives, beside_roads);
+                    one(&|mesh| grounds::pond_life(mesh, &place))
+                }
+                SceneryKind::Grass | SceneryKind::Bed | SceneryKind::Paving | SceneryKind::Parking => {
+                    grounds::ground(&mut lying, &place, &drives, beside_roads);
+                    continue;
+                }
+            });
+            if piece.kind == SceneryKind::Building {
+                let pumps = buildings::pumps(&place).into_iter();
+                objects.extend(
+                    pumps.map(|(at, front)| furniture.place(FurnitureKind::FuelPump, at, front, 1.0)),
+                );
+                lamps.extend(buildings::lights(&place));
+                clocks.extend(buildings::clocks(&place).map(SceneObject::of_one_level));
+                let board = buildings::price_board(&place).filter(|&(at, _)| around.is_free(at, piece));
+                objects.extend(board.map(|board| SceneObject::of_one_level(special::price_board_at(board))));
+                walls.extend(buildings::opaque_walls(&place));
+            }
+        }
+        let [low, high] = map.bounds().map(|corner| corner.as_vec2());
+        objects.extend(signs::signs(map, &field, &lanes));
+        objects.extend(woods::woods([low, high]));
+        walls.extend(woods::walls([low, high]));
+        objects.extend(models::place(map, models));
+        objects.extend(parked::cars(map, &drives));
+        objects.retain(|object: &SceneObject| !object.is_empty());
+        let roads = |error_m: &f32| LodMesh { mesh: outlines.ground(*error_m, &drives), error_m: *error_m };
+        let paint = || {
+            let paint = markings::RoadMarkings::new(map, &field, &lanes);
+            markings::LEVELS
+                .par_iter()
+                .map(|&error_m| LodMesh { mesh: paint.mesh(error_m), error_m })
+                .collect()
+        };
+        let (_, (roads, paint)) = rayon::join(
+            || objects.par_iter_mut().for_each(SceneObject::add_coarser_levels),
+            || rayon::join(|| roads::LEVELS.par_iter().map(roads).collect(), paint),
+        );
+        objects.extend(clocks);
+        let mut ground = vec![SceneObject { levels: roads }, SceneObject { levels: paint }];
+        let mut wear = SceneObject::of_one_level(wear::wear(map, &lanes));
+        // From afar plain asphalt suffices.
+        wear.levels.push(LodMesh { mesh: Mesh::default(), error_m: wear::SEEN_M });
+        ground.push(SceneObject::of_one_level(roads::plain(map)));
+        ground.push(wear);
+        ground.push(SceneObject::of_one_level(lying));
+        ground.retain(|object| !object.is_empty());
+        let finest = ground.iter().chain(&objects).filter_map(|object| object.levels.first());
+        let top = finest.map(|level| level.mesh.bounds()[1].z).fold(1.0, f32::max);
+        let bounds = [low.extend(0.0), high.extend(top)];
+        Self { ground, objects, walls, bounds, lamps }
+    }
+
+    /// The occluding walls alone, for a map without meshes.
+    pub fn walls_of(map: &CityMap) -> Vec<Wall> {
+        let pieces = map.scenery.iter().enumerate();
+        let buildings = pieces.filter(|(_, piece)| piece.kind == SceneryKind::Building);
+        buildings
+            .flat_map(|(index, piece)| buildings::opaque_walls(&SeededScenery { piece, seed: index as u32 }))
+            .collect()
+    }
+
+    /// Every mesh at every level of detail.
+    pub fn meshes(&self) -> impl Iterator<Item = &Mesh> {
+        self.ground.iter().chain(&self.objects).flat_map(|object| &object.levels).map(|level| &level.mesh)
+    }
+}
+
+/// A scenery item with a random seed of its own, for deterministic variety.
+struct SeededScenery<'a> {
+    piece: &'a Scenery,
+    seed: u32,
+}
+
+impl SeededScenery<'_> {
+    /// A hashed number in [0, 1) for each `salt`.
+    fn hash_to_unit(&self, salt: u32) -> f32 {
+        hash_to_unit(self.seed, salt)
+    }
+}
+
+/// A hashed number in [0, 1) for two integers.
+fn hash_to_unit(seed: u32, salt: u32) -> f32 {
+    hash::unit_f32(seed.wrapping_mul(0x9E37_79B1) ^ salt.wrapping_mul(0x85EB_CA77))
+}
+
+#[cfg(test)]
+mod tests;

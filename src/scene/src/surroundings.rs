@@ -1,0 +1,53 @@
+//! Free-space queries around a point of the map.
+
+use super::grounds::{covers, distance_to};
+use super::roads::RoadField;
+use city3d_roadmap::{CityMap, Footprint, Scenery, SceneryKind};
+use glam::Vec2;
+
+/// Clearance of street furniture from the road and from other objects, metres.
+const OFF_ROAD_M: f32 = 1.0;
+const APART_M: f64 = 0.5;
+/// Clearance in front of a door to both sides, metres.
+const WAY_M: f64 = 1.0;
+
+/// The scenery of a map, queried by one item about all others.
+#[derive(Clone, Copy)]
+pub(super) struct Surroundings<'a> {
+    pub(super) map: &'a CityMap,
+    pub(super) field: &'a RoadField,
+}
+
+impl Surroundings<'_> {
+    fn others(&self, but: &Scenery) -> impl Iterator<Item = &Scenery> {
+        self.map.scenery.iter().filter(move |piece| !std::ptr::eq(*piece, but))
+    }
+
+    /// Whether a point is off the road and clear of all other items.
+    pub(super) fn is_free(&self, at: Vec2, but: &Scenery) -> bool {
+        let at = at.as_dvec2();
+        let stands = |piece: &&Scenery| {
+            !matches!(piece.kind, SceneryKind::Grass | SceneryKind::Paving | SceneryKind::Tree)
+        };
+        self.field.distance.at(at) > OFF_ROAD_M
+            && self.others(but).filter(stands).all(|piece| distance_to(&piece.shape, at) > APART_M)
+    }
+
+    /// Whether another building covers the point.
+    pub(super) fn is_built(&self, at: Vec2, but: &Scenery) -> bool {
+        let is_building = |piece: &&Scenery| piece.kind == SceneryKind::Building;
+        self.others(but).filter(is_building).any(|piece| covers(&piece.shape, at.as_dvec2()))
+    }
+
+    /// Whether a trunk, post, hedge or wall blocks a pedestrian there.
+    pub(super) fn bars_the_way(&self, at: Vec2) -> bool {
+        let away = |piece: &Scenery| match (piece.kind, &piece.shape) {
+            (SceneryKind::Tree | SceneryKind::Lamp, Footprint::Circle { centre, .. }) => {
+                centre.distance(at.as_dvec2())
+            }
+            (SceneryKind::Hedge | SceneryKind::Wall, shape) => distance_to(shape, at.as_dvec2()),
+            _ => f64::INFINITY,
+        };
+        self.map.scenery.iter().any(|piece| away(piece) < WAY_M)
+    }
+}

@@ -1,0 +1,351 @@
+//! Trees: prototypes of several species, instanced where the map has trees.
+
+use super::foliage::{Clump, Crown, CrownDetail, limb};
+use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
+use super::{SceneObject, SeededScenery};
+use city3d_roadmap::Footprint;
+use glam::{Affine3A, Quat, Vec2, Vec3};
+use std::f32::consts::TAU;
+
+const BARK: Finish = Finish::new(Surface::Wood, [104, 84, 66], Class::Vegetation);
+const BIRCH_BARK: Finish = Finish::new(Surface::Wood, [206, 202, 192], Class::Vegetation);
+/// A grey that is tinted with the green of a tree.
+const LEAVES: Finish = Finish::new(Surface::Leaves, [200, 200, 200], Class::Vegetation);
+const NEEDLES: Finish = Finish::new(Surface::Needles, [200, 200, 200], Class::Vegetation);
+
+/// Greens of crowns.
+const GREENS: [[u8; 3]; 6] =
+    [[144, 168, 88], [124, 154, 84], [160, 174, 98], [116, 146, 92], [152, 164, 80], [138, 164, 108]];
+const NEEDLE_GREENS: [[u8; 3]; 3] = [[118, 146, 110], [106, 134, 108], [126, 148, 104]];
+/// Crowns that are not green.
+const COPPER: [u8; 3] = [122, 92, 78];
+/// Ratio of the crown to the circle of the drawing, which keeps more clearance from lanes.
+const REACH: f32 = 1.30;
+/// Smaller circles are street trees.
+const STREET_M: f32 = 1.27;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum TreeKind {
+    /// A round crown: maple, lime.
+    Round,
+    /// A wide one: plane, cherry.
+    Wide,
+    /// Poplar, hornbeam.
+    Upright,
+    Birch,
+    Spruce,
+}
+
+const KINDS: [TreeKind; 5] =
+    [TreeKind::Round, TreeKind::Wide, TreeKind::Upright, TreeKind::Birch, TreeKind::Spruce];
+/// Shares of the species, in the order of [`KINDS`].
+const IN_STREETS: [f32; 5] = [0.50, 0.12, 0.18, 0.20, 0.0];
+const IN_PARKS: [f32; 5] = [0.34, 0.20, 0.12, 0.16, 0.18];
+/// Prototypes per species.
+const VARIANTS: u32 = 3;
+
+/// Level of detail of a tree.
+#[derive(Clone, Copy)]
+enum TreeDetail {
+    /// Leaf clumps and branches; faces around the trunk.
+    Clumps(CrownDetail, u32),
+    /// A hull with these numbers of faces; faces around the trunk.
+    Hull([u32; 2], u32),
+}
+
+const FINEST: TreeDetail = TreeDetail::Clumps(CrownDetail { clumps: [7, 4], sprays: 28 }, 5);
+/// Coarser levels with their errors in crown radii. Hulls differ from crowns by more than their silhouettes.
+const COARSER: [(TreeDetail, f32); 6] = [
+    (TreeDetail::Clumps(CrownDetail { clumps: [5, 3], sprays: 26 }, 5), 0.06),
+    (TreeDetail::Clumps(CrownDetail { clumps: [4, 2], sprays: 6 }, 3), 0.10),
+    (TreeDetail::Hull([8, 5], 3), 0.17),
+    (TreeDetail::Hull([7, 3], 3), 0.20),
+    (TreeDetail::Hull([5, 3], 3), 0.26),
+    (TreeDetail::Hull([4, 2], 3), 0.54),
+];
+
+/// Hulls bridge gaps between clumps and tiers, which silhouettes do not show: allowed excess over their
+/// error, as a share of the width.
+#[cfg(test)]
+pub(super) const BRIDGED: f32 = 0.16;
+
+/// Tree prototypes with a crown of radius 1.
+pub(super) struct TreePrototypes {
+    shapes: Vec<SceneObject>,
+}
+
+impl TreePrototypes {
+    pub(super) fn new() -> Self {
+        let shape = |kind: TreeKind, variant: u32| {
+            let grown = |detail| {
+                let mut mesh = Mesh::default();
+                grow(&mut mesh, kind, variant, detail);
+                mesh
+            };
+            let mut object = SceneObject::of_one_level(grown(FINEST));
+            for (detail, error_m) in COARSER {
+                object.add_level(grown(detail), error_m);
+            }
+            object
+        };
+        let of_kind = |kind| (0..VARIANTS).map(move |variant| shape(kind, variant));
+        Self { shapes: KINDS.into_iter().flat_map(of_kind).collect() }
+    }
+
+    /// A tree instance of a random species; the circle of the drawing is its crown.
+    pub(super) fn tree(&self, place: &SeededScenery<'_>) -> SceneObject {
+        let Footprint::Circle { centre, radius_m } = place.piece.shape else { return SceneObject::default() };
+        let radius = radius_m as f32 * REACH;
+        let shares = if (radius_m as f32) < STREET_M { IN_STREETS } else { IN_PARKS };
+        let mut drawn = place.hash_to_unit(3);
+        let kind = shares.iter().position(|share| {
+            drawn -= share;
+            drawn < 0.0
+        });
+        let kind = kind.unwrap_or(0);
+        let variant = (place.hash_to_unit(8) * VARIANTS as f32) as usize % VARIANTS as usize;
+        let pick = |greens: &[[u8; 3]]| {
+            greens[(place.hash_to_unit(1) * greens.len() as f32) as usize % greens.len()]
+        };
+        let green = match KINDS[kind] {
+            TreeKind::Spruce => pick(&NEEDLE_GREENS),
+            TreeKind::Round | TreeKind::Wide if place.hash_to_unit(6) > 0.95 => COPPER,
+            _ => pick(&GREENS),
+        };
+        let brightness = 0.94 + 0.12 * place.hash_to_unit(7);
+        let over = |finish: Finish| match finish.surface {
+            Surface::Leaves | Surface::Needles => {
+                let colour = std::array::from_fn(|k| {
+                    let product = f32::from(finish.colour[k]) * f32::from(green[k]) * brightness / 200.0;
+                    product.min(255.0) as u8
+                });
+                Finish { colour, ..finish }
+            }
+            _ => finish,
+        };
+        // Not wider than its circle allows.
+        let scale = radius * (0.90 + 0.10 * place.hash_to_unit(2));
+        let here = Affine3A::from_scale_rotation_translation(
+            Vec3::splat(scale),
+            Quat::from_rotation_z(TAU * place.hash_to_unit(4)),
+            centre.as_vec2().extend(0.06),
+        );
+        self.shapes[kind * VARIANTS as usize + variant].placed(here, over)
+    }
+}
+
+fn grow(mesh: &mut Mesh, kind: TreeKind, variant: u32, detail: TreeDetail) {
+    let seed = kind as u32 * 31 + variant;
+    if kind == TreeKind::Spruce {
+        return spruce(mesh, seed, detail);
+    }
+    let tree = Tree::new(kind, seed);
+    let crown = Crown { clumps: tree.clumps(), finish: LEAVES, seed };
+    match detail {
+        TreeDetail::Clumps(leafage, sides) => {
+            tree.trunk(mesh, sides);
+            if leafage.sprays > 0 {
+                tree.branches(mesh, &crown.clumps);
+            }
+            crown.draw(mesh, leafage);
+        }
+        TreeDetail::Hull(faces, sides) => {
+            let top = Vec3::Z * (tree.clear + 0.3) + tree.bend();
+            limb(mesh, &[(Vec3::ZERO, tree.girth), (top, tree.girth * 0.6)], sides, tree.bark());
+            let mut leaves = Mesh::default();
+            if let TreeDetail::Clumps(leafage, _) = FINEST {
+                crown.draw(&mut leaves, leafage);
+            }
+            crown.hull(mesh, faces, leaves.bounds());
+        }
+    }
+}
+
+/// Dimensions of a broad-leaved tree, in crown radii.
+struct Tree {
+    kind: TreeKind,
+    seed: u32,
+    height: f32,
+    /// Up to the lowest leaves.
+    clear: f32,
+    /// Half the width of the trunk at its foot.
+    girth: f32,
+}
+
+impl Tree {
+    fn new(kind: TreeKind, seed: u32) -> Self {
+        let (height, clear, girth) = match kind {
+            TreeKind::Round => (4.0, 1.25, 0.11),
+            TreeKind::Wide => (3.1, 1.20, 0.13),
+            TreeKind::Upright => (5.6, 0.80, 0.10),
+            TreeKind::Birch | TreeKind::Spruce => (4.8, 1.30, 0.075),
+        };
+        Self { kind, seed, height: height * (0.94 + 0.14 * super::hash_to_unit(seed, 61)), clear, girth }
+    }
+
+    fn hash_to_unit(&self, salt: u32) -> f32 {
+        super::hash_to_unit(self.seed, salt)
+    }
+
+    fn bark(&self) -> Finish {
+        if self.kind == TreeKind::Birch { BIRCH_BARK } else { BARK }
+    }
+
+    /// Offset of the trunk at its top.
+    fn bend(&self) -> Vec3 {
+        let turn = TAU * self.hash_to_unit(62);
+        Vec3::new(turn.cos(), turn.sin(), 0.0) * 0.10
+    }
+
+    /// Clumps of the species: rings one above the other, around a core.
+    fn clumps(&self) -> Vec<Clump> {
+        let crown = self.height - self.clear;
+        // Per ring: height, radius, number of clumps, and their half width and height.
+        let rings: &[(f32, f32, u32, [f32; 2])] = match self.kind {
+            TreeKind::Round => &[
+                (0.26, 0.50, 4, [0.50, 0.48]),
+                (0.54, 0.46, 4, [0.52, 0.54]),
+                (0.78, 0.10, 1, [0.58, 0.52]),
+                (0.50, 0.0, 1, [0.70, 1.10]),
+            ],
+            TreeKind::Wide => &[
+                (0.30, 0.60, 6, [0.40, 0.38]),
+                (0.64, 0.38, 3, [0.46, 0.40]),
+                (0.78, 0.08, 1, [0.40, 0.36]),
+                (0.46, 0.0, 1, [0.66, 0.62]),
+            ],
+            TreeKind::Upright => &[
+                (0.22, 0.20, 2, [0.36, 0.80]),
+                (0.48, 0.20, 2, [0.38, 0.95]),
+                (0.72, 0.12, 2, [0.32, 0.90]),
+                (0.52, 0.0, 1, [0.38, 2.30]),
+            ],
+            TreeKind::Birch | TreeKind::Spruce => &[
+                (0.14, 0.50, 3, [0.36, 0.44]),
+                (0.40, 0.44, 3, [0.38, 0.50]),
+                (0.64, 0.28, 2, [0.36, 0.50]),
+                (0.82, 0.06, 1, [0.30, 0.50]),
+                (0.54, 0.0, 1, [0.40, 1.40]),
+            ],
+        };
+        let mut clumps = Vec::new();
+        for (ring, &(up, out, count, [wide, tall])) in rings.iter().enumerate() {
+            for k in 0..count {
+                let salt = 70 + 16 * ring as u32 + k;
+                let hash_to_unit = |more: u32| self.hash_to_unit(salt + 200 * more);
+                let turn = TAU * (k as f32 / count as f32 + 0.37 * ring as f32)
+                    + 0.7 * (hash_to_unit(1) - 0.5)
+                    + self.hash_to_unit(63);
+                let size = 0.84 + 0.30 * hash_to_unit(2);
+                let out = out * (0.88 + 0.22 * hash_to_unit(3));
+                let z = self.clear + crown * (up + 0.10 * (hash_to_unit(4) - 0.5));
+                let centre = Vec3::new(turn.cos() * out, turn.sin() * out, z) + self.bend() * up;
+                let size = Vec3::new(wide, wide, tall) * size;
+                let centre = centre.with_z(centre.z.max(self.clear * 0.92 + size.z));
+                clumps.push(Clump { centre, size, tone: 0.86 + 0.26 * hash_to_unit(5) });
+            }
+        }
+        clumps
+    }
+
+    /// A trunk with a flared foot, up into the crown.
+    fn trunk(&self, mesh: &mut Mesh, sides: u32) {
+        let (foot, knee) = (Vec3::ZERO, self.bend() * 0.3 + Vec3::Z * (0.55 * self.clear));
+        let top = self.bend() + Vec3::Z * (self.clear + 0.28 * (self.height - self.clear));
+        let mut joints = vec![(foot, 1.2), (knee, 0.86), (top, 0.40)];
+        if sides > 4 {
+            joints[0].1 = 1.5;
+            joints.insert(1, (Vec3::Z * 0.16, 1.06));
+        }
+        let joints: Vec<_> = joints.into_iter().map(|(at, part)| (at, part * self.girth)).collect();
+        limb(mesh, &joints, sides, self.bark());
+    }
+
+    /// Branches from the trunk to the lowest clumps.
+    fn branches(&self, mesh: &mut Mesh, clumps: &[Clump]) {
+        for clump in clumps.iter().take(4).filter(|clump| clump.centre.truncate().length() > 0.25) {
+            let from = self.bend() * 0.6 + Vec3::Z * (0.80 * self.clear.max(clump.centre.z - 0.75));
+            let joints = [(from, self.girth * 0.42), (clump.centre, self.girth * 0.16)];
+            limb(mesh, &joints, 3, self.bark().shaded(0.86));
+        }
+    }
+}
+
+/// A spruce: tiers of hanging branches, each a star.
+fn spruce(mesh: &mut Mesh, seed: u32, detail: TreeDetail) {
+    let hash_to_unit = |salt: u32| super::hash_to_unit(seed, salt);
+    let height = 4.5 * (0.92 + 0.2 * hash_to_unit(1));
+    let (sides, tiers, trunk) = match detail {
+        TreeDetail::Clumps(..) => (12, 6, 5),
+        TreeDetail::Hull([8, _], _) => (8, 4, 3),
+        TreeDetail::Hull([7, _], _) => (6, 3, 3),
+        TreeDetail::Hull([5, _], _) => (5, 2, 3),
+        TreeDetail::Hull(..) => (4, 1, 3),
+    };
+    limb(mesh, &[(Vec3::ZERO, 0.11), (Vec3::Z * 0.7, 0.08)], trunk, BARK.shaded(0.8));
+    let first = 0.09 * height;
+    for k in 0..tiers {
+        let part = k as f32 / tiers as f32;
+        let (from, wide) =
+            (first + (height - first) * part, (1.0 - part) * (0.95 + 0.1 * hash_to_unit(10 + k)));
+        // Tiers reach into those above them, the last to the tip.
+        let next = first + (height - first) * (k + 1) as f32 / tiers as f32;
+        let to = if k + 1 == tiers {
+            height
+        } else {
+            (from + (height - from) * (0.30 + 1.1 / tiers as f32))
+                .max(next + 0.45 * (height - next))
+                .min(height)
+        };
+        let is_star = tiers > 3;
+        tier(
+            mesh,
+            Vec3::Z * from,
+            [wide, to - from],
+            (TAU * hash_to_unit(20 + k), sides, is_star),
+            0.84 + 0.30 * part,
+        );
+    }
+}
+
+/// A tier: a cone with a jagged rim, dark below.
+fn tier(
+    mesh: &mut Mesh,
+    foot: Vec3,
+    [radius, height]: [f32; 2],
+    (turn, sides, is_star): (f32, u32, bool),
+    tone: f32,
+) {
+    let finish = NEEDLES.shaded(tone);
+    let base = mesh.vertices.len() as u32;
+    for k in 0..=sides {
+        let (sin, cos) = (turn + TAU * (k % sides) as f32 / sides as f32).sin_cos();
+        let normal = Vec3::new(cos * height, sin * height, 0.8 * radius).normalize_or(Vec3::Z);
+        let is_notch = is_star && k % 2 == 1;
+        let (out, drop) = if is_notch { (0.70, 0.16 * height) } else { (1.0, -0.05 * height) };
+        let uv = Vec2::new(k as f32 / sides as f32 * (TAU * radius).round().max(1.0), 0.0);
+        let rim = foot + Vec3::new(cos * out, sin * out, 0.0) * radius + Vec3::Z * drop;
+        let openness = if is_notch { 120 } else { 225 };
+        mesh.vertex(Vertex { position: rim, normal, uv, finish, openness });
+        let tip = foot + Vec3::Z * height;
+        mesh.vertex(Vertex { position: tip, normal, uv: uv + Vec2::Y * height, finish, openness: 130 });
+    }
+    for k in 0..sides {
+        let a = base + 2 * k;
+        mesh.indices.extend([a, a + 2, a + 1]);
+    }
+    if !is_star {
+        return;
+    }
+    let middle = mesh.vertex(Vertex {
+        position: foot + Vec3::Z * (0.30 * height),
+        normal: -Vec3::Z,
+        uv: Vec2::ZERO,
+        finish: finish.shaded(0.6),
+        openness: 60,
+    });
+    for k in 0..sides {
+        let a = base + 2 * k;
+        mesh.indices.extend([a + 2, a, middle]);
+    }
+}

@@ -1,0 +1,250 @@
+//! Camera extrinsics from a snapshot: each camera gives a [`View`] of one instant.
+
+use super::{Extrinsics, Lens, View};
+use city3d_protocol::snapshot::{Dimensions, FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
+use glam::{DMat3, DQuat, DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// Pose of a camera on a vehicle (extrinsics in the body frame).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mount {
+    /// Behind the mirror, looking slightly down over the bonnet.
+    #[default]
+    Windscreen,
+    /// In the middle of the front bumper.
+    Bumper,
+    /// Any mount point and direction. Angles turn the camera from straight ahead: yaw to the left, then pitch
+    /// upwards, then roll with the right side down.
+    Custom { place: MountPoint, yaw_rad: f64, pitch_rad: f64, roll_rad: f64 },
+}
+
+/// Position of a camera on a vehicle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MountPoint {
+    Windscreen,
+    Bumper,
+    /// In the body frame, city metres: x forward, y left, z up, origin on the ground under the middle
+    /// of the outline.
+    Point(DVec3),
+}
+
+impl MountPoint {
+    fn in_body(self, d: &Dimensions) -> DVec3 {
+        match self {
+            Self::Windscreen => DVec3::new(0.11 * d.length_m, 0.0, 0.88 * d.height_m),
+            Self::Bumper => DVec3::new(0.5 * d.length_m + 0.03, 0.0, 0.55),
+            Self::Point(point) => point,
+        }
+    }
+
+    /// Default pitch of a camera at this point.
+    pub fn usual_pitch_rad(self) -> f64 {
+        match self {
+            Self::Windscreen => -0.06,
+            Self::Bumper | Self::Point(_) => 0.0,
+        }
+    }
+}
+
+/// A camera that can give a view of every snapshot.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Camera {
+    /// Fixed to a vehicle, with its roll and pitch.
+    Onboard { vehicle: VehicleId, mount: Mount },
+    /// Behind and above a vehicle, horizon level.
+    Chase { vehicle: VehicleId, distance_m: f64, height_m: f64 },
+    /// Orbits a point. The azimuth is the direction from the target to the camera, counter-clockwise from east.
+    Orbit { target: DVec3, distance_m: f64, azimuth_rad: f64, elevation_rad: f64 },
+    /// Looks straight down, north at the top.
+    Overhead { centre: DVec2, height_m: f64 },
+    /// Fixed in the city.
+    Fixed(Extrinsics),
+}
+
+/// Why a camera has no view of a snapshot.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum CameraError {
+    #[error("no vehicle {wanted} carries a camera at tick {tick}: the vehicles there are {present}")]
+    NoVehicle { wanted: VehicleId, tick: u64, present: String },
+}
+
+impl Mount {
+    /// `body_from_camera` as position and rotation.
+    fn in_body(self, info: &VehicleInfo) -> (DVec3, DQuat) {
+        let (place, [yaw_rad, pitch_rad, roll_rad]) = match self {
+            Self::Windscreen => {
+                (MountPoint::Windscreen, [0.0, MountPoint::Windscreen.usual_pitch_rad(), 0.0])
+            }
+            Self::Bumper => (MountPoint::Bumper, [0.0, MountPoint::Bumper.usual_pitch_rad(), 0.0]),
+            Self::Custom { place, yaw_rad, pitch_rad, roll_rad } => (place, [yaw_rad, pitch_rad, roll_rad]),
+        };
+        // A van's driver sits higher than a sedan's.
+        let height_m = info.dimensions.height_m * info.appearance.body.height_factor();
+        let dimensions = Dimensions { height_m, ..info.dimensions };
+        (place.in_body(&dimensions), body_from_camera(yaw_rad, pitch_rad, roll_rad))
+    }
+}
+
+/// Body axes (forward, left, up) from camera axes (right, down, forward), turned by the angles of a mount.
+fn body_from_camera(yaw_rad: f64, pitch_rad: f64, roll_rad: f64) -> DQuat {
+    let looking_ahead = DQuat::from_mat3(&DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X));
+    DQuat::from_axis_angle(DVec3::Z, yaw_rad)
+        * DQuat::from_axis_angle(DVec3::Y, -pitch_rad)
+        * DQuat::from_axis_angle(DVec3::X, roll_rad)
+        * looking_ahead
+}
+
+impl Camera {
+    /// A chase camera at the usual distance.
+    pub fn chase(vehicle: VehicleId) -> Self {
+        Self::Chase { vehicle, distance_m: 9.0, height_m: 3.6 }
+    }
+
+    pub fn onboard(vehicle: VehicleId, mount: Mount) -> Self {
+        Self::Onboard { vehicle, mount }
+    }
+
+    /// The view of this camera at the instant of a snapshot.
+    ///
+    /// # Errors
+    /// [`CameraError::NoVehicle`] where the vehicle that carries it is not in the snapshot.
+    pub fn view(&self, snapshot: &FrameSnapshot, lens: &Lens) -> Result<View, CameraError> {
+        let extrinsics = match *self {
+            Self::Onboard { vehicle, mount } => {
+                let (state, info) = carrier(snapshot, vehicle)?;
+                let (position, body_from_camera) = mount.in_body(info);
+                let extrinsics = Extrinsics {
+                    position: state.position + state.orientation * position,
+                    orientation: state.orientation * body_from_camera,
+                };
+                return Ok(View { carrier: Some(vehicle), ..View::new(extrinsics, lens) });
+            }
+            Self::Chase { vehicle, distance_m, height_m } => {
+                let (state, info) = carrier(snapshot, vehicle)?;
+                let ahead = (state.orientation * DVec3::X).with_z(0.0).normalize_or(DVec3::X);
+                let from = state.position - ahead * distance_m + DVec3::Z * height_m;
+                let target = state.position + ahead * 3.0 + DVec3::Z * (0.6 * info.dimensions.height_m);
+                Extrinsics::looking_at(from, target)
+            }
+            Self::Orbit { target, distance_m, azimuth_rad, elevation_rad } => {
+                let (sin, cos) = azimuth_rad.sin_cos();
+                let (up, out) = elevation_rad.sin_cos();
+                let from = target + DVec3::new(cos * out, sin * out, up) * distance_m;
+                Extrinsics::looking_at(from, target)
+            }
+            Self::Overhead { centre, height_m } => {
+                Extrinsics::looking_at(centre.extend(height_m), centre.extend(0.0))
+            }
+            Self::Fixed(extrinsics) => extrinsics,
+        };
+        Ok(View::new(extrinsics, lens))
+    }
+}
+
+fn carrier(
+    snapshot: &FrameSnapshot,
+    wanted: VehicleId,
+) -> Result<(&VehicleState, &VehicleInfo), CameraError> {
+    snapshot.vehicle(wanted).zip(snapshot.info(wanted)).ok_or_else(|| {
+        let ids: Vec<_> = snapshot.vehicles.iter().map(|v| v.id.to_string()).collect();
+        let present = if ids.is_empty() { "none".to_owned() } else { ids.join(", ") };
+        CameraError::NoVehicle { wanted, tick: snapshot.tick, present }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use city3d_protocol::snapshot::Appearance;
+    use std::sync::Arc;
+
+    fn snapshot(yaw_rad: f64) -> FrameSnapshot {
+        let dimensions = Dimensions {
+            length_m: 5.0,
+            width_m: 2.5,
+            height_m: 1.6,
+            wheelbase_m: 3.0,
+            track_m: 2.1,
+            wheel_radius_m: 0.35,
+        };
+        let info = VehicleInfo {
+            id: VehicleId(7),
+            name: "cav7".into(),
+            dimensions,
+            appearance: Appearance::default(),
+            model: String::new(),
+        };
+        let state = VehicleState {
+            id: VehicleId(7),
+            position: DVec3::new(10.0, 20.0, 0.0),
+            orientation: DQuat::from_axis_angle(DVec3::Z, yaw_rad),
+            ..VehicleState::default()
+        };
+        FrameSnapshot { vehicles: vec![state], roster: Arc::new(vec![info]), ..FrameSnapshot::default() }
+    }
+
+    #[test]
+    fn onboard_cameras_look_where_the_vehicle_does() {
+        let snapshot = snapshot(1.2);
+        let ahead = DVec3::new(1.2_f64.cos(), 1.2_f64.sin(), 0.0);
+        let at = DVec3::new(10.0, 20.0, 0.55) + ahead * 50.0;
+        let view = Camera::onboard(VehicleId(7), Mount::Bumper).view(&snapshot, &Lens::default()).unwrap();
+        assert!(view.project(at).unwrap().distance(DVec2::new(319.5, 239.5)) < 1e-6);
+        // What is to the left of the vehicle is to the left of the middle of the picture.
+        let left = ahead.cross(DVec3::Z) * -5.0;
+        assert!(view.project(at + left).unwrap().x < 300.0);
+        assert_eq!(view.carrier, Some(VehicleId(7)));
+    }
+
+    #[test]
+    fn angles_of_a_mount_turn_it_to_the_left_upwards_and_to_the_right() {
+        let snapshot = snapshot(0.0);
+        let eye = DVec3::new(1.0, 0.5, 1.2);
+        let look = |[yaw_deg, pitch_deg, roll_deg]: [f64; 3]| {
+            let [yaw_rad, pitch_rad, roll_rad] = [yaw_deg, pitch_deg, roll_deg].map(f64::to_radians);
+            let mount = Mount::Custom { place: MountPoint::Point(eye), yaw_rad, pitch_rad, roll_rad };
+            let view = Camera::onboard(VehicleId(7), mount).view(&snapshot, &Lens::default()).unwrap();
+            assert!(view.extrinsics.position.distance(DVec3::new(11.0, 20.5, 1.2)) < 1e-9);
+            let axes = view.extrinsics.orientation;
+            [axes * DVec3::X, axes * DVec3::Y, axes * DVec3::Z]
+        };
+        let is = |a: [DVec3; 3], b: [DVec3; 3]| {
+            assert!(a.iter().zip(&b).all(|(a, b)| a.distance(*b) < 1e-9), "{a:?} {b:?}");
+        };
+        // Where right, down and forward of the camera point to.
+        is(look([90.0, 0.0, 0.0]), [DVec3::X, -DVec3::Z, DVec3::Y]);
+        is(look([0.0, 90.0, 0.0]), [-DVec3::Y, DVec3::X, DVec3::Z]);
+        is(look([0.0, 0.0, 90.0]), [-DVec3::Z, DVec3::Y, DVec3::X]);
+        // Pitch is about the camera's own axis after yaw, roll about the one along which it looks then.
+        let (sin, cos) = 30_f64.to_radians().sin_cos();
+        let ahead = DVec3::new(0.0, cos, sin);
+        is(look([90.0, 30.0, 0.0]), [DVec3::X, DVec3::new(0.0, sin, -cos), ahead]);
+        is(look([90.0, 30.0, 90.0]), [DVec3::new(0.0, sin, -cos), -DVec3::X, ahead]);
+    }
+
+    #[test]
+    fn chase_sees_its_vehicle_and_orbit_its_target() {
+        let snapshot = snapshot(-2.0);
+        let lens = Lens::default();
+        let chase = Camera::chase(VehicleId(7)).view(&snapshot, &lens).unwrap();
+        let pixel = chase.project(DVec3::new(10.0, 20.0, 0.8)).unwrap();
+        assert!((pixel.x - 319.5).abs() < 1e-6 && (240.0..400.0).contains(&pixel.y), "{pixel}");
+        let target = DVec3::new(3.0, 4.0, 1.0);
+        let orbit = Camera::Orbit { target, distance_m: 30.0, azimuth_rad: 2.0, elevation_rad: 0.5 };
+        let view = orbit.view(&snapshot, &lens).unwrap();
+        assert!(view.project(target).unwrap().distance(DVec2::new(319.5, 239.5)) < 1e-6);
+        assert!((view.extrinsics.position.distance(target) - 30.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_missing_vehicle_is_named_with_those_present() {
+        let error = Camera::chase(VehicleId(3)).view(&snapshot(0.0), &Lens::default()).unwrap_err();
+        assert!(
+            error.to_string().contains("no vehicle 3") && error.to_string().ends_with("are 7"),
+            "{error}"
+        );
+    }
+}

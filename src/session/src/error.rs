@@ -1,0 +1,73 @@
+//! Errors of sessions.
+
+use city3d_control::SetupError;
+use city3d_logbook::record::RecordError;
+use city3d_network::link::LinkError;
+use city3d_protocol::wire::EncodeError;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// Why a session cannot begin, or ended early.
+#[derive(Debug, Error)]
+pub enum SessionError {
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    #[error(transparent)]
+    Setup(#[from] SetupError),
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+    /// Files of an earlier run are in the way.
+    #[error(transparent)]
+    Exists(#[from] ExistingResults),
+    #[error("{path}: the folder cannot be created: {source}", path = path.display())]
+    Folder { path: PathBuf, source: std::io::Error },
+    #[error("{path}: {source}", path = path.display())]
+    File { path: PathBuf, source: std::io::Error },
+    #[error("the summary cannot be written as JSON: {0}")]
+    Summary(#[from] serde_json::Error),
+    #[error("physical vehicles need real time: leave out --lockstep and --speed, or set body = \"virtual\"")]
+    PhysicalOutOfPace,
+    #[error("{scenario} has no physical vehicles: set body = \"physical\" on a [[vehicle]]")]
+    NoPhysical { scenario: String },
+    #[error("lockstep needs the city's own poses: leave out --ros here, or --lockstep in city3d serve")]
+    LockstepWithoutCity,
+    #[error(
+        "the city at {city} makes {found_hz} physics steps a second at a scale of {found_scale}, the scenario asks for \
+         {wanted_hz} at {wanted_scale}: serve the same scenario"
+    )]
+    OtherCity { city: String, found_hz: u32, found_scale: f64, wanted_hz: u32, wanted_scale: f64 },
+    #[error("the city refuses {what}: {detail}")]
+    Refused { what: String, detail: String },
+    #[error("the city at {city} has not answered")]
+    Silent { city: String },
+    /// Of an end of the session, such as standard output.
+    #[error("{0}")]
+    End(Box<dyn std::error::Error + Send + Sync>),
+}
+
+impl SessionError {
+    /// Whether what was asked for is wrong, rather than something having failed.
+    pub fn is_bad_input(&self) -> bool {
+        matches!(
+            self,
+            Self::Link(_)
+                | Self::Setup(_)
+                | Self::Exists(_)
+                | Self::PhysicalOutOfPace
+                | Self::NoPhysical { .. }
+                | Self::LockstepWithoutCity
+                | Self::OtherCity { .. }
+        )
+    }
+}
+
+/// Results of an earlier command that would be written over.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{path}: {what}", path = path.display())]
+pub struct ExistingResults {
+    pub path: PathBuf,
+    /// What is there, as a clause.
+    pub what: String,
+}

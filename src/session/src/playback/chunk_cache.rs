@@ -1,0 +1,190 @@
+//! A bounded cache of decoded MCAP chunks around the playhead. It evicts the chunk farthest from the requested one,
+//! not the least recently used (LRU): playback moves along the log.
+
+use super::playhead::{SeekTarget, TIME_TOLERANCE_S};
+use city3d_protocol::snapshot::FrameSnapshot;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The decoded snapshots of one chunk, in order of time.
+pub(super) type DecodedChunk = Arc<Vec<Arc<FrameSnapshot>>>;
+
+/// Capacity of the cache, in snapshots.
+const CAPACITY_SNAPSHOTS: usize = 600;
+
+/// A recorded snapshot and its predecessor: `(before, now)`.
+pub(super) type SnapshotPair = (Arc<FrameSnapshot>, Arc<FrameSnapshot>);
+
+/// The decoded chunks by their numbers.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ChunkCache(BTreeMap<usize, DecodedChunk>);
+
+impl ChunkCache {
+    pub(super) fn get(&self, chunk: usize) -> Option<DecodedChunk> {
+        self.0.get(&chunk).cloned()
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    /// Inserts a decoded chunk and evicts the chunks farthest from the wanted one.
+    pub(super) fn insert(&mut self, chunk: usize, decoded: DecodedChunk, wanted: usize) {
+        self.0.insert(chunk, decoded);
+        // Chunks without snapshots count too: there may be many.
+        let weight = |decoded: &DecodedChunk| decoded.len().max(1);
+        while self.0.len() > 4 && self.0.values().map(weight).sum::<usize>() > CAPACITY_SNAPSHOTS {
+            let farthest = self.0.keys().copied().max_by_key(|chunk| chunk.abs_diff(wanted));
+            farthest.map(|chunk| self.0.remove(&chunk));
+        }
+    }
+
+    pub(super) fn snapshots(&self) -> usize {
+        self.0.values().map(|decoded| decoded.len()).sum()
+    }
+}
+
+/// Binary search for the chunk that holds a time: the last one that begins no later.
+pub(super) fn chunk_at(begins_s: &[f64], time_s: f64) -> usize {
+    begins_s.partition_point(|begin_s| *begin_s <= time_s + TIME_TOLERANCE_S).saturating_sub(1)
+}
+
+/// The snapshots that bracket a time for interpolation: the last one not after it and the first one after it, where
+/// they exist.
+///
+/// # Errors
+/// The number of a chunk that is not in the cache.
+pub(super) fn bracketing(
+    begins_s: &[f64],
+    time_s: f64,
+    decoded: &mut impl FnMut(usize) -> Option<DecodedChunk>,
+) -> Result<[Option<Arc<FrameSnapshot>>; 2], usize> {
+    let here = chunk_at(begins_s, time_s);
+    let is_before = |snapshot: &Arc<FrameSnapshot>| snapshot.time_s <= time_s + TIME_TOLERANCE_S;
+    let (mut before, mut after) = (None, None);
+    for chunk in (0..begins_s.len().min(here + 1)).rev() {
+        let snapshots = decoded(chunk).ok_or(chunk)?;
+        before = snapshots.iter().rev().find(|snapshot| is_before(snapshot)).cloned();
+        if before.is_some() {
+            break;
+        }
+    }
+    for chunk in here..begins_s.len() {
+        let snapshots = decoded(chunk).ok_or(chunk)?;
+        after = snapshots.iter().find(|snapshot| !is_before(snapshot)).cloned();
+        if after.is_some() {
+            break;
+        }
+    }
+    Ok([before, after])
+}
+
+/// The snapshot of a seek target, with its predecessor; `None` where the log has no snapshots.
+///
+/// # Errors
+/// As for [`bracketing`].
+pub(super) fn find(
+    begins_s: &[f64],
+    target: SeekTarget,
+    decoded: &mut impl FnMut(usize) -> Option<DecodedChunk>,
+) -> Result<Option<SnapshotPair>, usize> {
+    let now = match target {
+        SeekTarget::Nearest(time_s) => {
+            let [before, after] = bracketing(begins_s, time_s, decoded)?;
+            let distance = |snapshot: &Arc<FrameSnapshot>| (snapshot.time_s - time_s).abs();
+            let both = before.into_iter().chain(after);
+            both.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        }
+        SeekTarget::NotBefore(time_s) => {
+            let [before, after] = bracketing(begins_s, time_s - 2.0 * TIME_TOLERANCE_S, decoded)?;
+            after.or(before)
+        }
+        SeekTarget::After(time_s) => {
+            let [before, after] = bracketing(begins_s, time_s, decoded)?;
+            after.or(before)
+        }
+        SeekTarget::Before(time_s) => {
+            let [before, after] = bracketing(begins_s, time_s - 2.0 * TIME_TOLERANCE_S, decoded)?;
+            before.or(after)
+        }
+    };
+    let Some(now) = now else { return Ok(None) };
+    let [before, _] = bracketing(begins_s, now.time_s - 2.0 * TIME_TOLERANCE_S, decoded)?;
+    Ok(Some((before.unwrap_or_else(|| Arc::clone(&now)), now)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Chunks that begin at 0, 1 and 3 s; the second one has no snapshots.
+    const BEGINS_S: [f64; 4] = [0.0, 1.0, 2.0, 3.0];
+
+    fn decoded(times_s: &[f64]) -> DecodedChunk {
+        let at = |time_s: &f64| Arc::new(FrameSnapshot { time_s: *time_s, ..FrameSnapshot::default() });
+        Arc::new(times_s.iter().map(at).collect())
+    }
+
+    fn cache() -> [DecodedChunk; 4] {
+        [decoded(&[0.0, 0.4, 1.0]), decoded(&[]), decoded(&[2.5]), decoded(&[3.0, 3.5])]
+    }
+
+    fn times(target: SeekTarget) -> (f64, f64) {
+        let cache = cache();
+        let (before, now) =
+            find(&BEGINS_S, target, &mut |chunk| Some(Arc::clone(&cache[chunk]))).unwrap().unwrap();
+        (before.time_s, now.time_s)
+    }
+
+    #[test]
+    fn aims_are_found_over_the_edges_of_chunks() {
+        for (target, found) in [
+            (SeekTarget::Nearest(0.5), (0.0, 0.4)),
+            (SeekTarget::Nearest(1.6), (0.4, 1.0)),
+            (SeekTarget::Nearest(2.0), (1.0, 2.5)),
+            (SeekTarget::Nearest(99.0), (3.0, 3.5)),
+            (SeekTarget::NotBefore(1.0), (0.4, 1.0)),
+            (SeekTarget::NotBefore(1.01), (1.0, 2.5)),
+            (SeekTarget::NotBefore(9.0), (3.0, 3.5)),
+            (SeekTarget::After(1.0), (1.0, 2.5)),
+            (SeekTarget::After(3.5), (3.0, 3.5)),
+            (SeekTarget::Before(2.5), (0.4, 1.0)),
+            (SeekTarget::Before(3.0), (1.0, 2.5)),
+            (SeekTarget::Before(0.0), (0.0, 0.0)),
+        ] {
+            assert_eq!(times(target), found, "{target:?}");
+        }
+    }
+
+    #[test]
+    fn only_what_is_needed_is_asked_for() {
+        let cache = cache();
+        let mut requested = Vec::new();
+        let mut decode = |chunk: usize| {
+            requested.push(chunk);
+            Some(Arc::clone(&cache[chunk]))
+        };
+        bracketing(&BEGINS_S, 0.5, &mut decode).unwrap();
+        assert_eq!(requested, [0, 0]);
+        let missing =
+            bracketing(&BEGINS_S, 2.1, &mut |chunk| (chunk != 1).then(|| Arc::clone(&cache[chunk])));
+        assert_eq!(missing, Err(1), "what is missing is named");
+    }
+
+    #[test]
+    fn nothing_is_found_where_there_is_nothing() {
+        let nothing = find(&BEGINS_S, SeekTarget::Nearest(1.0), &mut |_| Some(decoded(&[])));
+        assert_eq!(nothing, Ok(None));
+    }
+
+    #[test]
+    fn the_memory_of_film_is_bounded_and_keeps_what_is_near() {
+        let mut cache = ChunkCache::default();
+        let hundred: Vec<f64> = (0..100).map(f64::from).collect();
+        for chunk in 0..50 {
+            cache.insert(chunk, decoded(&hundred), chunk);
+        }
+        assert!(cache.snapshots() <= CAPACITY_SNAPSHOTS, "{}", cache.snapshots());
+        assert!((45..50).all(|chunk| cache.get(chunk).is_some()) && cache.get(10).is_none());
+    }
+}

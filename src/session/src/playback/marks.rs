@@ -1,0 +1,151 @@
+//! Events of a recorded run for the timeline: logged events, and take-overs by a person.
+
+use city3d_logbook::record::LogEntry;
+use city3d_protocol::snapshot::{EventKind, SimCommand, VehicleId};
+use city3d_simulation::scenario::Rates;
+use std::collections::BTreeSet;
+
+/// An event on the timeline.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TimelineMark {
+    /// Simulated time.
+    pub time_s: f64,
+    pub vehicle: VehicleId,
+    pub what: Occurrence,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum Occurrence {
+    Event(EventKind),
+    /// A person took control of the vehicle.
+    TakeOver,
+    GiveBack,
+}
+
+/// The class of an event, in rising order of severity: it sets the colour of the mark.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum MarkKind {
+    /// Spawn, moved, finish, remove, go.
+    Usual,
+    Stop,
+    Yield,
+    Merge,
+    Person,
+    /// Its link, or the sight of it, was lost or came back.
+    Link,
+    Collision,
+}
+
+impl Occurrence {
+    pub fn kind(&self) -> MarkKind {
+        match self {
+            Self::TakeOver | Self::GiveBack => MarkKind::Person,
+            Self::Event(event) => match event {
+                EventKind::Collision { .. } | EventKind::CollisionStatic { .. } => MarkKind::Collision,
+                EventKind::LinkLost | EventKind::LinkBack | EventKind::Unseen | EventKind::SeenAgain => {
+                    MarkKind::Link
+                }
+                EventKind::Merge => MarkKind::Merge,
+                EventKind::Yield => MarkKind::Yield,
+                EventKind::Stop => MarkKind::Stop,
+                EventKind::Spawn
+                | EventKind::Moved { .. }
+                | EventKind::Go { .. }
+                | EventKind::Finish
+                | EventKind::Remove => MarkKind::Usual,
+            },
+        }
+    }
+
+    /// The event in words.
+    pub fn label(&self) -> String {
+        let event = match self {
+            Self::TakeOver => return "take-over".to_owned(),
+            Self::GiveBack => return "given back".to_owned(),
+            Self::Event(event) => event,
+        };
+        match event {
+            EventKind::Spawn => "spawn".to_owned(),
+            EventKind::Moved { behind, by_m } => format!("moved {by_m:.1} m behind {behind}"),
+            EventKind::Stop => "stop".to_owned(),
+            EventKind::Go { stood_s } => format!("go after {stood_s:.1} s"),
+            EventKind::Yield => "yield".to_owned(),
+            EventKind::Merge => "merge".to_owned(),
+            EventKind::Collision { with } => format!("collision with {with}"),
+            EventKind::CollisionStatic { with } => format!("collision with {with}"),
+            EventKind::LinkLost => "link lost".to_owned(),
+            EventKind::LinkBack => "link back".to_owned(),
+            EventKind::Unseen => "unseen".to_owned(),
+            EventKind::SeenAgain => "seen again".to_owned(),
+            EventKind::Finish => "finish".to_owned(),
+            EventKind::Remove => "removed".to_owned(),
+        }
+    }
+}
+
+/// Turns log entries, in their order, into timeline marks.
+#[derive(Debug)]
+pub(super) struct MarkCollector {
+    rates: Rates,
+    /// Vehicles that persons drive.
+    driven: BTreeSet<VehicleId>,
+}
+
+impl MarkCollector {
+    pub(super) fn new(rates: Rates) -> Self {
+        Self { rates, driven: BTreeSet::new() }
+    }
+
+    /// `None` for entries that are no event.
+    pub(super) fn mark(&mut self, entry: &LogEntry) -> Option<TimelineMark> {
+        match entry {
+            LogEntry::Event(event) => {
+                let what = Occurrence::Event(event.kind.clone());
+                Some(TimelineMark { time_s: event.time_s, vehicle: event.vehicle, what })
+            }
+            LogEntry::Command { tick, command } => {
+                let what = match *command {
+                    SimCommand::Drive(vehicle, _) if self.driven.insert(vehicle) => Occurrence::TakeOver,
+                    SimCommand::Release(vehicle) if self.driven.remove(&vehicle) => Occurrence::GiveBack,
+                    _ => return None,
+                };
+                Some(TimelineMark { time_s: self.rates.time_s(*tick), vehicle: command.vehicle()?, what })
+            }
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use city3d_protocol::snapshot::{Event, Pedals};
+
+    #[test]
+    fn of_the_pedals_of_a_person_only_taking_and_giving_back_are_marked() {
+        let id = VehicleId(3);
+        let mut marker = MarkCollector::new(Rates::default());
+        let mut mark = |tick, command| {
+            marker.mark(&LogEntry::Command { tick, command }).map(|mark| (mark.time_s, mark.what))
+        };
+        let drive = |gas| SimCommand::Drive(id, Pedals { gas, ..Pedals::default() });
+        assert_eq!(mark(150, drive(0.1)), Some((1.5, Occurrence::TakeOver)));
+        assert_eq!(mark(160, drive(0.2)), None);
+        assert_eq!(mark(250, SimCommand::Release(id)), Some((2.5, Occurrence::GiveBack)));
+        assert_eq!(mark(251, SimCommand::Release(id)), None);
+        assert_eq!(mark(300, drive(0.0)), Some((3.0, Occurrence::TakeOver)));
+    }
+
+    #[test]
+    fn events_are_told_in_words_and_kinds() {
+        let mut marker = MarkCollector::new(Rates::default());
+        let mut of = |kind| {
+            let event = Event { time_s: 2.0, vehicle: VehicleId(1), kind };
+            marker.mark(&LogEntry::Event(event)).map(|mark| (mark.what.label(), mark.what.kind()))
+        };
+        let collision = of(EventKind::Collision { with: VehicleId(7) });
+        assert_eq!(collision, Some(("collision with 7".to_owned(), MarkKind::Collision)));
+        assert_eq!(of(EventKind::Go { stood_s: 2.24 }), Some(("go after 2.2 s".to_owned(), MarkKind::Usual)));
+        assert_eq!(of(EventKind::LinkBack), Some(("link back".to_owned(), MarkKind::Link)));
+    }
+}

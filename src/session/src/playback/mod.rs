@@ -1,0 +1,29 @@
+//! Playback of recorded runs at any speed, forwards and backwards, with random access to any time. It shows the
+//! snapshots of the log, interpolated; nothing is simulated.
+//!
+//! A prefetch thread decodes the MCAP chunks around the playhead into a bounded cache. While no chunk is requested,
+//! it scans the whole log for events. The window never waits for it.
+
+mod chunk_cache;
+mod marks;
+mod player;
+mod playhead;
+mod plot_cache;
+mod prefetch;
+mod registry;
+
+pub use marks::{MarkKind, Occurrence, TimelineMark};
+pub use player::{LogInfo, PlaybackStats, Player};
+pub use playhead::{PlaybackCommand, Playhead, SPEEDS};
+pub use plot_cache::PlotSample;
+
+/// Why a log cannot be played.
+#[derive(Debug, thiserror::Error)]
+pub enum PlaybackError {
+    #[error(transparent)]
+    Log(#[from] city3d_logbook::record::RecordError),
+    #[error("{0}: the log has no snapshots to show; record the run again")]
+    Empty(std::path::PathBuf),
+    #[error("the thread that reads the log cannot be started: {0}")]
+    Thread(std::io::Error),
+}

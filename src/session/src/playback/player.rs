@@ -1,0 +1,333 @@
+//! The player of a log: resolves seeks, interpolates between snapshots, and requests chunks from the prefetch thread.
+
+use super::PlaybackError;
+use super::chunk_cache::{SnapshotPair, bracketing, chunk_at, find};
+use super::marks::{MarkCollector, TimelineMark};
+use super::playhead::{FrameTimer, PlaybackCommand, Playhead, SeekTarget, TIME_TOLERANCE_S};
+use super::plot_cache::{PlotCache, PlotSample};
+use super::prefetch::{ChunkPrefetcher, ReadRequest, ReaderMonitor, SharedState};
+use super::registry::VehicleRegistry;
+use crate::live::{RunPhase, RunState, Speed};
+use city3d_logbook::record::{ChunkedLog, EntryFilter, LogOrigin, LogReader};
+use city3d_protocol::snapshot::VehicleId;
+use city3d_simulation::scenario::Experiment;
+use std::path::Path;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+/// What the window shows of a log beside its snapshots.
+#[derive(Clone, Debug, Default)]
+pub struct LogInfo {
+    /// In order of time.
+    pub marks: Arc<Vec<TimelineMark>>,
+    /// Fraction of the log that has been scanned for events, 0 to 1.
+    pub searched: f64,
+    /// Why the log is truncated, if it is.
+    pub truncation: Option<String>,
+}
+
+/// Counters of the playback: chunks decoded and snapshots in memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PlaybackStats {
+    /// Chunks of the log.
+    pub chunks: usize,
+    /// Decoded chunks; one that was evicted and decoded again counts twice.
+    pub decoded: u64,
+    /// Snapshots in memory.
+    pub kept: usize,
+}
+
+/// Plays a log: takes commands and returns the state to show.
+#[derive(Debug)]
+pub struct Player {
+    shared: Arc<ReaderMonitor>,
+    thread: Option<JoinHandle<()>>,
+    experiment: Arc<Experiment>,
+    origin: LogOrigin,
+    begins_s: Arc<Vec<f64>>,
+    head: Playhead,
+    ticker: FrameTimer,
+    /// A seek that is not resolved yet.
+    target: Option<SeekTarget>,
+    /// Time to which it plays while the chunk of that time is still missing (buffering).
+    pending_s: Option<f64>,
+    run_state: Arc<RunState>,
+    weight: f64,
+    requested: Option<(ReadRequest, u64)>,
+    past_s: f64,
+}
+
+impl Player {
+    /// Opens a log, paused at its first snapshot. `on_update` is called on the prefetch thread when there is
+    /// something new to show; it must not block.
+    ///
+    /// # Errors
+    /// Where it is no log, or one without snapshots.
+    pub fn open(path: &Path, on_update: Box<dyn Fn() + Send>) -> Result<Self, PlaybackError> {
+        let reader = LogReader::open(path)?;
+        let experiment = Arc::new(reader.experiment()?);
+        let log = ChunkedLog::of(&reader, path)?;
+        let begins_s: Arc<Vec<f64>> = Arc::new(log.chunks().iter().map(|chunk| chunk.from_s).collect());
+        let state = SharedState {
+            readable: log.chunks().len(),
+            truncation: log.truncation().map(str::to_owned),
+            past: PlotCache::default(),
+            ..SharedState::default()
+        };
+        let shared = Arc::new(ReaderMonitor::new(state));
+        let mut prefetcher = ChunkPrefetcher {
+            log,
+            begins_s: Arc::clone(&begins_s),
+            registry: VehicleRegistry::of(Arc::clone(&experiment)),
+            marker: MarkCollector::new(experiment.rates),
+            shared: Arc::clone(&shared),
+            on_update,
+        };
+        if reader.origin() == LogOrigin::Served {
+            prefetcher.register_first();
+        }
+        let empty = || PlaybackError::Empty(path.to_path_buf());
+        let (first, last) = prefetcher.first_and_last().ok_or_else(empty)?;
+        let run_state = RunState {
+            before: Arc::clone(&first),
+            now: Arc::clone(&first),
+            phase: RunPhase::Paused,
+            speed: Speed::default(),
+            clock: None,
+            real_time_factor: 0.0,
+            run: 1,
+            folder: None,
+        };
+        let thread = std::thread::Builder::new().name("log".to_owned()).spawn(move || prefetcher.work());
+        Ok(Self {
+            shared,
+            thread: Some(thread.map_err(PlaybackError::Thread)?),
+            experiment,
+            origin: reader.origin(),
+            begins_s,
+            head: Playhead::new(first.time_s, last.time_s),
+            ticker: FrameTimer::stopped(),
+            target: None,
+            pending_s: None,
+            run_state: Arc::new(run_state),
+            weight: 1.0,
+            requested: None,
+            past_s: 0.0,
+        })
+    }
+
+    pub fn experiment(&self) -> &Arc<Experiment> {
+        &self.experiment
+    }
+
+    /// The program that wrote the log.
+    pub fn origin(&self) -> LogOrigin {
+        self.origin
+    }
+
+    pub fn head(&self) -> Playhead {
+        self.head
+    }
+
+    /// Whether the picture changes without further commands.
+    pub fn is_moving(&self) -> bool {
+        self.head.is_playing || self.target.is_some()
+    }
+
+    /// Whether it waits for a chunk (buffering).
+    pub fn is_late(&self) -> bool {
+        self.target.is_some() || self.pending_s.is_some()
+    }
+
+    /// Whether the prefetch thread is idle and no seek is pending.
+    pub fn is_settled(&self) -> bool {
+        let state = self.shared.lock();
+        !self.is_late() && state.is_idle && state.request.is_none()
+    }
+
+    /// The state that was shown last.
+    pub fn run_state(&self) -> Arc<RunState> {
+        Arc::clone(&self.run_state)
+    }
+
+    pub fn info(&self) -> LogInfo {
+        let state = self.shared.lock();
+        let searched = state.searched as f64 / state.readable.max(1) as f64;
+        LogInfo {
+            marks: Arc::clone(&state.marks),
+            searched: searched.min(1.0),
+            truncation: state.truncation.clone(),
+        }
+    }
+
+    pub fn stats(&self) -> PlaybackStats {
+        let state = self.shared.lock();
+        PlaybackStats { chunks: self.begins_s.len(), decoded: state.decoded, kept: state.cache.snapshots() }
+    }
+
+    pub fn command(&mut self, command: PlaybackCommand) {
+        // The command is relative to the resolved position.
+        if let Some(target) = self.target {
+            self.resolve_seek(target);
+        }
+        if let Some(target) = self.head.apply(command) {
+            self.target = Some(target);
+        }
+        self.pending_s = None;
+        if !self.head.is_playing {
+            self.ticker.stop();
+        }
+    }
+
+    /// Plot samples of a vehicle over the last `past_s` seconds; the prefetch thread keeps this span loaded from now
+    /// on.
+    pub fn plot_samples(&mut self, vehicle: VehicleId, past_s: f64) -> Vec<PlotSample> {
+        self.past_s = past_s;
+        let to_s = self.head.at_s + TIME_TOLERANCE_S;
+        self.shared.lock().past.of(vehicle, to_s - past_s, to_s)
+    }
+
+    /// Advances to an instant. Returns the state to show and the interpolation weight between `before` (0) and `now`
+    /// (1). A chunk that is not decoded yet is shown in a later frame.
+    pub fn advance(&mut self, now: Instant) -> (Arc<RunState>, f64) {
+        self.clamp_to_readable();
+        let passed_s = if self.head.is_playing { self.ticker.pass(now) } else { 0.0 };
+        let missing = match self.target {
+            Some(target) => self.resolve_seek(target),
+            None if self.head.is_playing => self.play(passed_s),
+            None => None,
+        };
+        self.request_chunks(missing, passed_s);
+        (Arc::clone(&self.run_state), self.weight)
+    }
+
+    /// Resolves a seek; returns the missing chunk, if any.
+    fn resolve_seek(&mut self, target: SeekTarget) -> Option<usize> {
+        let found = {
+            let state = self.shared.lock();
+            find(&self.begins_s[..state.readable], target, &mut |chunk| state.cache.get(chunk))
+        };
+        match found {
+            Ok(pair) => {
+                self.target = None;
+                self.pending_s = None;
+                if let Some(pair) = pair {
+                    self.head.at_s = pair.1.time_s;
+                    self.show(pair, 1.0);
+                }
+                None
+            }
+            Err(chunk) => Some(chunk),
+        }
+    }
+
+    /// Plays on for some seconds. Returns the missing chunk, if any; the time spent waiting for it is skipped.
+    fn play(&mut self, passed_s: f64) -> Option<usize> {
+        let to_s = self.pending_s.unwrap_or_else(|| self.head.after(passed_s));
+        let found = {
+            let state = self.shared.lock();
+            bracketing(&self.begins_s[..state.readable], to_s, &mut |chunk| state.cache.get(chunk))
+        };
+        let [before, after] = match found {
+            Ok(found) => found,
+            Err(chunk) => {
+                self.pending_s = Some(to_s);
+                return Some(chunk);
+            }
+        };
+        self.pending_s = None;
+        self.head.at_s = to_s;
+        if self.is_over() {
+            self.head.is_playing = false;
+            self.ticker.stop();
+            self.target = Some(SeekTarget::Nearest(to_s));
+            return self.resolve_seek(SeekTarget::Nearest(to_s));
+        }
+        let (before, after) = match (before, after) {
+            (Some(before), Some(after)) => (before, after),
+            (Some(only), None) | (None, Some(only)) => (Arc::clone(&only), only),
+            (None, None) => return None,
+        };
+        let span_s = after.time_s - before.time_s;
+        let weight = if span_s > 0.0 { ((to_s - before.time_s) / span_s).clamp(0.0, 1.0) } else { 1.0 };
+        self.show((before, after), weight);
+        None
+    }
+
+    fn is_over(&self) -> bool {
+        if self.head.is_reverse { self.head.is_at_start() } else { self.head.is_at_end() }
+    }
+
+    fn show(&mut self, (before, now): SnapshotPair, weight: f64) {
+        self.head.before_s = before.time_s;
+        self.weight = weight;
+        let phase = if self.head.is_playing { RunPhase::Running } else { RunPhase::Paused };
+        let speed = Speed::Times(self.head.speed);
+        self.run_state = Arc::new(RunState { before, now, phase, speed, ..RunState::clone(&self.run_state) });
+    }
+
+    /// Requests the missing chunk and the prefetch of the next ones, unless the same request is pending.
+    fn request_chunks(&mut self, missing: Option<usize>, passed_s: f64) {
+        let at_s = self.pending_s.unwrap_or(self.head.at_s);
+        let next_s = if self.head.is_playing { at_s + self.head.rate() * passed_s.max(0.02) } else { at_s };
+        let chunk = missing.unwrap_or_else(|| chunk_at(&self.begins_s, at_s));
+        let request = ReadRequest { chunk, next_s, past_s: self.past_s, at_s };
+        let next = chunk_at(&self.begins_s, next_s) as u64;
+        let is_same = self.requested.is_some_and(|(requested, requested_next)| {
+            requested.chunk == chunk && requested_next == next && requested.past_s == self.past_s
+        });
+        // The missing chunk may have been evicted since.
+        if missing.is_some() || !is_same {
+            self.requested = Some((request, next));
+            self.shared.request(request);
+        }
+    }
+
+    /// Ends the playback before the first damaged chunk.
+    fn clamp_to_readable(&mut self) {
+        let (readable, known) = (self.shared.lock().readable, self.begins_s.len());
+        let end_s = self.begins_s.get(readable).copied();
+        if let (true, Some(end_s)) = (readable < known, end_s)
+            && self.head.to_s > end_s
+        {
+            self.head.to_s = end_s.max(self.head.from_s);
+            self.target = self.target.or((self.head.at_s > end_s).then_some(SeekTarget::Nearest(end_s)));
+        }
+    }
+}
+
+impl Drop for Player {
+    fn drop(&mut self) {
+        self.shared.end();
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            tracing::warn!("the thread that reads the log ended early");
+        }
+    }
+}
+
+impl ChunkPrefetcher {
+    /// The first and the last snapshot of the log; both stay in the cache.
+    fn first_and_last(&mut self) -> Option<SnapshotPair> {
+        let count = self.begins_s.len();
+        let first = (0..count).find_map(|chunk| self.cache_chunk(chunk)?.first().cloned())?;
+        let last = (0..count).rev().find_map(|chunk| self.cache_chunk(chunk)?.last().cloned())?;
+        Some((first, last))
+    }
+
+    fn cache_chunk(&mut self, chunk: usize) -> Option<super::chunk_cache::DecodedChunk> {
+        let known = self.shared.lock().cache.get(chunk);
+        let decoded = known.or_else(|| self.read_chunk(chunk))?;
+        self.shared.lock().cache.insert(chunk, Arc::clone(&decoded), chunk);
+        Some(decoded)
+    }
+
+    /// Registers the vehicles of the first chunk: mostly all of them.
+    fn register_first(&mut self) {
+        for entry in self.log.read(0, EntryFilter::Events).unwrap_or_default() {
+            self.registry.register(&entry);
+        }
+    }
+}

@@ -1,0 +1,210 @@
+//! A run on its own thread: started, paused, stepped, reset, paced, driven by a person, and its log.
+#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
+
+#[path = "../../../tests/support/live.rs"]
+mod support;
+
+use city3d_logbook::record::read_commands;
+use city3d_protocol::snapshot::{FrameSnapshot, Pedals, SimCommand, Status, VehicleId};
+use city3d_session::live::{LiveOptions, LiveRun, RunCommand, RunPhase, Speed};
+use city3d_simulation::runner::Run;
+use std::path::Path;
+use std::time::{Duration, Instant};
+use support::{roundabout, until};
+
+fn live(folder: Option<&Path>) -> LiveRun {
+    let options = LiveOptions { record: folder.map(Into::into), ..LiveOptions::default() };
+    LiveRun::new(roundabout(40.0), options).unwrap()
+}
+
+/// The same run in lockstep, up to a tick.
+fn reference(tick: u64) -> FrameSnapshot {
+    let mut run = Run::new(roundabout(40.0)).unwrap();
+    while run.snapshot().tick < tick {
+        run.step();
+    }
+    run.snapshot().clone()
+}
+
+#[test]
+fn it_waits_to_be_started_and_stands_while_paused() {
+    let live = live(None);
+    std::thread::sleep(Duration::from_millis(50));
+    assert_eq!((live.run_state().phase.clone(), live.run_state().now.tick), (RunPhase::Ready, 0));
+    live.send(RunCommand::Start);
+    until(&live, "running", |run_state| run_state.phase == RunPhase::Running && run_state.now.tick > 5);
+    live.send(RunCommand::Pause);
+    let paused = until(&live, "paused", |run_state| run_state.phase == RunPhase::Paused);
+    std::thread::sleep(Duration::from_millis(100));
+    assert_eq!(live.run_state().now.tick, paused.now.tick);
+    assert_eq!(paused.interpolation_weight(Instant::now()), 1.0, "what stands is seen where it is");
+    assert_eq!(paused.now.state_hash, reference(paused.now.tick).state_hash);
+    live.stop().unwrap();
+}
+
+#[test]
+fn a_step_is_exactly_one_tick() {
+    let live = live(None);
+    for tick in 1..=5 {
+        live.send(RunCommand::Step);
+        let run_state = until(&live, "a step", |run_state| run_state.now.tick >= tick);
+        assert_eq!((run_state.now.tick, run_state.phase.clone()), (tick, RunPhase::Paused));
+        assert_eq!(run_state.before.tick, tick - 1);
+    }
+    assert_eq!(live.run_state().now.state_hash, reference(5).state_hash);
+}
+
+#[test]
+fn after_a_reset_the_run_is_the_first_one_again() {
+    let live = live(None);
+    let first = live.run_state().now.state_hash;
+    live.send(RunCommand::Vehicle(SimCommand::Drive(VehicleId(1), Pedals { gas: 1.0, ..Pedals::default() })));
+    live.send(RunCommand::Speed(Speed::Unlimited));
+    live.send(RunCommand::Start);
+    until(&live, "far on", |run_state| run_state.now.tick > 300);
+    live.send(RunCommand::Reset);
+    let again = until(&live, "reset", |run_state| run_state.phase == RunPhase::Ready);
+    assert_eq!((again.now.tick, again.now.state_hash, again.run), (0, first, 2));
+    assert_eq!(again.before.tick, 0);
+    for _ in 0..30 {
+        live.send(RunCommand::Step);
+    }
+    let run_state = until(&live, "30 steps", |run_state| run_state.now.tick == 30);
+    assert_eq!(run_state.now.state_hash, reference(30).state_hash, "nobody drives by hand any more");
+}
+
+#[test]
+fn simulated_time_goes_by_the_speed_that_is_asked_for() {
+    let live = live(None);
+    for (speed, least, most) in [(0.1, 0.05, 0.15), (1.0, 0.8, 1.2), (4.0, 3.2, 4.8)] {
+        live.send(RunCommand::Speed(Speed::times(speed)));
+        live.send(RunCommand::Start);
+        let measured = || {
+            let start = (Instant::now(), live.run_state().now.time_s);
+            std::thread::sleep(Duration::from_millis(700));
+            let factor = (live.run_state().now.time_s - start.1) / start.0.elapsed().as_secs_f64();
+            [factor, live.run_state().real_time_factor]
+        };
+        // A run lets time go that the host took from it: one stretch that the host leaves alone tells.
+        let is_so = |both: &[f64; 2]| both.iter().all(|factor| (least..most).contains(factor));
+        let mut tried = vec![measured()];
+        while tried.len() < 10 && !tried.last().is_some_and(is_so) {
+            tried.push(measured());
+        }
+        let [factor, shown] = tried[tried.len() - 1];
+        assert!((least..most).contains(&factor), "{factor} times real time instead of {speed}: {tried:?}");
+        assert!((least..most).contains(&shown), "it says {shown} instead of {speed}: {tried:?}");
+    }
+}
+
+#[test]
+fn as_fast_as_possible_comes_to_the_end_and_can_go_on_beyond() {
+    let live = LiveRun::new(roundabout(5.0), LiveOptions::default()).unwrap();
+    live.send(RunCommand::Speed(Speed::Unlimited));
+    live.send(RunCommand::Start);
+    let over = until(&live, "the end", |run_state| run_state.phase == RunPhase::Over);
+    assert_eq!(over.now.tick, 500);
+    assert_eq!(over.now.state_hash, reference(500).state_hash);
+    live.send(RunCommand::Start);
+    until(&live, "beyond the end", |run_state| run_state.now.tick > 600);
+}
+
+#[test]
+fn poses_between_ticks_follow_the_clock() {
+    let live = live(None);
+    live.send(RunCommand::Speed(Speed::times(0.1)));
+    live.send(RunCommand::Start);
+    let run_state = until(&live, "two ticks", |run_state| run_state.now.tick > 2);
+    let clock = run_state.clock.unwrap();
+    // A tick takes 100 ms at this speed, and the run is never behind by more than one.
+    let now = Instant::now();
+    assert!(run_state.interpolation_weight(now + clock.until(now, run_state.now.time_s)) > 0.999);
+    let middle = (run_state.before.time_s + run_state.now.time_s) / 2.0;
+    if clock.simulated_s(now) < middle {
+        let weight = run_state.interpolation_weight(now + clock.until(now, middle));
+        assert!((weight - 0.5).abs() < 0.01, "{weight}");
+    }
+    assert_eq!(run_state.now.tick - run_state.before.tick, 1);
+}
+
+#[test]
+fn what_a_person_commands_is_in_the_log_and_makes_the_run_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let live = live(Some(folder.path()));
+    live.send(RunCommand::Speed(Speed::times(10.0)));
+    live.send(RunCommand::Start);
+    let vehicle = VehicleId(1);
+    until(&live, "two seconds", |run_state| run_state.now.tick > 200);
+    for gas in [0.1, 0.3, 1.0 / 3.0] {
+        let pedals = Pedals { gas, steering_rad: 0.013 * gas, ..Pedals::default() };
+        live.send(RunCommand::Vehicle(SimCommand::Drive(vehicle, pedals)));
+        until(&live, "the pedal", |run_state| run_state.now.vehicle(vehicle).unwrap().gas == gas);
+    }
+    let taken = live.run_state().now.tick;
+    let manual = until(&live, "some way by hand", |run_state| run_state.now.tick > taken + 30);
+    assert_eq!(manual.now.vehicle(vehicle).unwrap().status, Status::Manual);
+    live.send(RunCommand::Vehicle(SimCommand::Release(vehicle)));
+    until(&live, "given back", |run_state| run_state.now.vehicle(vehicle).unwrap().status != Status::Manual);
+    live.send(RunCommand::Pause);
+    let last = until(&live, "paused", |run_state| run_state.phase == RunPhase::Paused);
+    // Closed in mid-run: the files are whole.
+    live.stop().unwrap();
+
+    let folder = folder.path().join("run-1");
+    let commands = read_commands(&folder.join("run.mcap")).unwrap();
+    assert_eq!(commands.len(), 4, "{commands:?}");
+    let mut again = Run::new(roundabout(40.0)).unwrap();
+    while again.snapshot().tick < last.now.tick {
+        let tick = again.snapshot().tick;
+        for (_, command) in commands.iter().filter(|(at, _)| *at == tick) {
+            again.inject(command.clone());
+        }
+        again.step();
+    }
+    assert_eq!(again.snapshot().state_hash, last.now.state_hash);
+    assert_ne!(reference(last.now.tick).state_hash, last.now.state_hash, "the person changed the run");
+    let summary: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(summary["state_hash"], format!("{:016x}", last.now.state_hash));
+    let table = std::fs::read_to_string(folder.join("vehicles.csv")).unwrap();
+    let mut rows = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let column = rows.next().unwrap().iter().position(|name| *name == "lateral_error").unwrap();
+    let (by_hand, driven): (Vec<_>, Vec<_>) = rows.partition(|row| row.contains(&"manual"));
+    assert!(!by_hand.is_empty(), "the table tells who drove");
+    assert!(by_hand.iter().all(|row| row[column].is_empty()), "nobody told the person what path to follow");
+    assert!(driven.iter().all(|row| !row[column].is_empty()));
+}
+
+#[test]
+fn each_run_has_its_files_and_one_that_never_began_has_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let recorded = live(Some(folder.path()));
+    recorded.send(RunCommand::Step);
+    until(&recorded, "a step", |run_state| run_state.now.tick == 1);
+    recorded.send(RunCommand::Reset);
+    recorded.send(RunCommand::Step);
+    let second = until(&recorded, "a step of the second run", |run_state| {
+        run_state.run == 2 && run_state.now.tick == 1
+    });
+    assert_eq!(second.folder.as_deref(), Some(folder.path().join("run-2").as_path()));
+    recorded.send(RunCommand::Reset);
+    until(&recorded, "a third run", |run_state| run_state.run == 3);
+    recorded.stop().unwrap();
+    for run in ["run-1", "run-2"] {
+        assert!(read_commands(&folder.path().join(run).join("run.mcap")).unwrap().is_empty(), "{run}");
+        assert!(folder.path().join(run).join("summary.json").is_file(), "{run}");
+    }
+    assert!(!folder.path().join("run-3").exists());
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_stops_the_run_with_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("taken");
+    std::fs::write(&file, "a file").unwrap();
+    let live = live(Some(&file));
+    live.send(RunCommand::Start);
+    let failed = until(&live, "the failure", |run_state| matches!(run_state.phase, RunPhase::Failed(_)));
+    let RunPhase::Failed(reason) = &failed.phase else { unreachable!() };
+    assert!(reason.contains("taken"), "{reason}");
+}

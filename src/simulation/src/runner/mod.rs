@@ -1,0 +1,166 @@
+//! Runs world, environment and control framework in lockstep, without clocks or threads: a run is exactly repeatable
+//! and as fast as the machine.
+
+mod control;
+mod observed;
+mod observer;
+mod outcome;
+mod server_world;
+mod summary;
+
+pub use control::ControlLoop;
+pub use observed::{ObservedCity, ObservedMotion};
+pub use observer::{LaneUse, Observer, VehicleTotals};
+pub use outcome::{MergingStreams, RunMetrics};
+pub use server_world::{AppliedBody, MOTION_CAPTURE, SenderNumber, ServerRules, ServerWorld};
+pub use summary::{LinkSummary, PicturesSummary, RosSummary, Summary, VehicleSummary};
+
+use crate::scenario::Experiment;
+use crate::sim::World;
+use crate::testbed::{ExperimentClock, Testbed};
+use city3d_control::{Mainframe, SetupError};
+use city3d_protocol::snapshot::{FrameSnapshot, SimCommand, Status};
+use city3d_protocol::wire::{Measurement, Message};
+use std::sync::Arc;
+
+/// One run of an experiment in lockstep.
+///
+/// Robots of [`testbed`](crate::testbed) stand in for physical vehicles.
+///
+/// ```
+/// use city3d_simulation::runner::Run;
+/// use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+/// use std::sync::Arc;
+///
+/// let (text, library) = Library::scenario("straight")?;
+/// let experiment = read_experiment("straight", &text, &library, Overrides::default())?;
+/// let mut run = Run::new(Arc::new(experiment))?;
+/// for _ in 0..100 {
+///     run.step();
+/// }
+/// let snapshot = run.snapshot();
+/// assert_eq!((snapshot.tick, snapshot.time_s), (100, 1.0));
+/// assert!(snapshot.vehicles.iter().all(|vehicle| vehicle.speed_mps > 0.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Run {
+    world: World,
+    control: ControlLoop,
+    snapshot: FrameSnapshot,
+    commands: Vec<SimCommand>,
+    /// External commands for the next tick.
+    injected: Vec<SimCommand>,
+    delivered: Vec<Message>,
+    /// Emulates the physical vehicles, where there are any.
+    testbed: Option<Testbed>,
+    /// Poses of the physical vehicles.
+    measured: Vec<Measurement>,
+}
+
+impl Run {
+    /// A run at its initial conditions.
+    ///
+    /// # Errors
+    /// When the control framework cannot take a vehicle's setup.
+    pub fn new(experiment: Arc<Experiment>) -> Result<Self, SetupError> {
+        let world = World::new(experiment);
+        let control = ControlLoop::new(world.experiment())?;
+        let testbed = testbed_of(world.experiment());
+        Ok(Self {
+            snapshot: world.snapshot(),
+            world,
+            control,
+            commands: Vec::new(),
+            injected: vec![SimCommand::Start],
+            delivered: Vec::new(),
+            testbed,
+            measured: Vec::new(),
+        })
+    }
+
+    /// Resumes a run: from a world without physical vehicles, and its control loop.
+    pub fn resume(world: World, control: ControlLoop) -> Self {
+        Self {
+            snapshot: world.snapshot(),
+            world,
+            control,
+            commands: Vec::new(),
+            injected: Vec::new(),
+            delivered: Vec::new(),
+            testbed: None,
+            measured: Vec::new(),
+        }
+    }
+
+    /// Resets to the initial conditions; the run after it repeats the first one exactly.
+    ///
+    /// # Errors
+    /// As for [`Run::new`].
+    pub fn reset(&mut self) -> Result<(), SetupError> {
+        self.control = ControlLoop::new(self.world.experiment())?;
+        self.testbed = testbed_of(self.world.experiment());
+        self.measured.clear();
+        self.world.tick_into(&[SimCommand::Reset], &mut self.snapshot);
+        self.injected = vec![SimCommand::Start];
+        Ok(())
+    }
+
+    /// Adds a command to those of the next tick, after the ones of the control framework.
+    pub fn inject(&mut self, command: SimCommand) {
+        self.injected.push(command);
+    }
+
+    /// One physics step, with a control step before it when one is due.
+    pub fn step(&mut self) -> &FrameSnapshot {
+        let scale = self.world.experiment().scale;
+        self.delivered.clear();
+        self.commands.clear();
+        let now = (self.world.tick(), self.world.time_s());
+        // Motion capture measures only the visible vehicles.
+        let seen = self.snapshot.vehicles.iter().filter(|state| state.status != Status::Unseen);
+        let seen = seen.map(|state| Measurement::of(state, now.1, scale));
+        self.control.step(now, seen, &mut self.delivered);
+        self.commands.extend(self.measured.drain(..).map(|pose| pose.into_command(scale)));
+        if let Some(testbed) = &mut self.testbed {
+            testbed.set_clock(ExperimentClock { time_s: now.1, is_running: true });
+            for message in &self.delivered {
+                if let Message::Follow(trajectory) = message {
+                    testbed.follow(trajectory);
+                }
+            }
+            testbed.step(&mut self.measured);
+        }
+        self.commands.extend(self.delivered.drain(..).map(|message| message.into_command(scale)));
+        self.commands.append(&mut self.injected);
+        self.commands.sort_by_key(SimCommand::order);
+        self.world.tick_into(&self.commands, &mut self.snapshot);
+        &self.snapshot
+    }
+
+    /// The commands of the last step, in the order in which they were applied.
+    pub fn commands(&self) -> &[SimCommand] {
+        &self.commands
+    }
+
+    pub fn snapshot(&self) -> &FrameSnapshot {
+        &self.snapshot
+    }
+
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    pub fn mainframe(&self) -> &Mainframe {
+        self.control.mainframe()
+    }
+
+    pub fn experiment(&self) -> &Arc<Experiment> {
+        self.world.experiment()
+    }
+}
+
+/// Emulates the physical vehicles of an experiment, where it has any.
+fn testbed_of(experiment: &Experiment) -> Option<Testbed> {
+    experiment.physical().next().map(|_| Testbed::new(experiment))
+}

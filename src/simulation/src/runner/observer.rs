@@ -1,0 +1,338 @@
+//! Evaluates a run: progress of each vehicle on its route, lane keeping of its outline, stops, and use of the lanes.
+
+use crate::scenario::{Experiment, PlannedVehicle};
+use city3d_control::Mainframe;
+use city3d_estimation::STANDS_MPS;
+use city3d_geometry::{OrientedRect, trig};
+use city3d_protocol::snapshot::{
+    Dimensions, Event, EventKind, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState,
+};
+use city3d_roadmap::{CityMap, Lane, LaneId, ZoneKind};
+use glam::DVec2;
+use std::sync::Arc;
+
+/// Totals of one vehicle over a run, full scale.
+#[derive(Clone, Debug)]
+pub struct VehicleTotals {
+    /// Front-axle centre along the route, city metres.
+    pub axle_s: f64,
+    /// Mean and largest distance of the front-axle centre from the desired path.
+    pub lateral_error_sum_m: f64,
+    pub max_lateral_error_m: f64,
+    /// Largest distance of the outline beyond the edges of its lane; negative when it stays inside.
+    pub max_lane_excess_m: f64,
+    pub stops: u32,
+    pub longest_stand_s: f64,
+    pub collisions: u32,
+    pub samples: u64,
+}
+
+/// Lanes that a vehicle has entered.
+#[derive(Clone, Debug)]
+pub struct LaneUse {
+    entered: Vec<bool>,
+}
+
+impl LaneUse {
+    pub fn is_used(&self, lane: LaneId) -> bool {
+        self.entered[lane.index()]
+    }
+
+    /// Lanes that no vehicle has entered.
+    pub fn unused(&self) -> impl Iterator<Item = LaneId> {
+        self.entered.iter().enumerate().filter(|(_, used)| !**used).map(|(index, _)| LaneId(index as u32))
+    }
+}
+
+/// Evaluates the snapshots of a run.
+#[derive(Clone, Debug)]
+pub struct Observer {
+    map: Arc<CityMap>,
+    /// By lane.
+    lane_bounds: Vec<LaneBounds>,
+    /// In id order.
+    tracks: Vec<RouteProgress>,
+    /// Roster of the last snapshot.
+    roster: Arc<Vec<VehicleInfo>>,
+    lanes: LaneUse,
+    every_ticks: u64,
+}
+
+/// Progress and totals of a vehicle.
+#[derive(Clone, Debug)]
+struct RouteProgress {
+    id: VehicleId,
+    name: String,
+    /// Empty where it is unknown.
+    route: Vec<LaneId>,
+    /// How often the control framework has changed the route.
+    reroutes: u32,
+    /// Index of the lane under the front axle, and the arc length at which it begins.
+    index: usize,
+    lane_start_s: f64,
+    front_axle_m: f64,
+    wheelbase_m: f64,
+    length_m: f64,
+    width_m: f64,
+    stands_since_s: Option<f64>,
+    totals: VehicleTotals,
+}
+
+/// Bounding box of a lane's centre line and its largest half width, city metres: a bound for early rejection.
+#[derive(Clone, Copy, Debug)]
+struct LaneBounds {
+    low: DVec2,
+    high: DVec2,
+    half_width_m: f64,
+}
+
+impl LaneBounds {
+    fn of(lane: &Lane) -> Self {
+        let mut extent =
+            Self { low: DVec2::INFINITY, high: DVec2::NEG_INFINITY, half_width_m: lane.width_m / 2.0 };
+        for (_, point) in lane.curve.sample(EXTENT_STEP_M) {
+            extent.low = extent.low.min(point.pose.position - EXTENT_STEP_M / 2.0);
+            extent.high = extent.high.max(point.pose.position + EXTENT_STEP_M / 2.0);
+            let half_width_m = lane.width_m / 2.0 + lane.widening(point.curvature);
+            extent.half_width_m = extent.half_width_m.max(half_width_m);
+        }
+        extent
+    }
+
+    /// Lower bound of the distance of a point beyond the lane's edges.
+    fn least_excess(&self, point: DVec2) -> f64 {
+        point.distance(point.clamp(self.low, self.high)) - self.half_width_m
+    }
+}
+
+/// Sampling step of centre lines, city metres; between samples a line stays within half a step.
+const EXTENT_STEP_M: f64 = 0.5;
+
+/// The widening of a tight bend tapers off within this distance after its lane, city metres: a rear axle that leaves a
+/// bend is still on its inside.
+const TAPER_M: f64 = 0.6;
+
+/// Sampling rate of outlines, in simulated time.
+const SAMPLES_PER_S: u32 = 20;
+
+impl Observer {
+    pub fn new(experiment: &Experiment) -> Self {
+        let mut lanes = LaneUse { entered: vec![false; experiment.city_map.lanes.len()] };
+        for vehicle in &experiment.vehicles {
+            lanes.entered[vehicle.route[0].index()] = true;
+        }
+        Self {
+            map: Arc::clone(&experiment.city_map),
+            lane_bounds: experiment.city_map.lanes.iter().map(LaneBounds::of).collect(),
+            tracks: experiment.vehicles.iter().map(RouteProgress::planned).collect(),
+            roster: Arc::default(),
+            lanes,
+            every_ticks: u64::from((experiment.rates.physics_hz / SAMPLES_PER_S).max(1)),
+        }
+    }
+
+    /// Evaluates a snapshot, and adds the merge events, which only routes show. Without a control framework routes stay
+    /// as they are.
+    pub fn observe(
+        &mut self,
+        mainframe: Option<&Mainframe>,
+        snapshot: &FrameSnapshot,
+        events: &mut Vec<Event>,
+    ) {
+        self.add_new_vehicles(&snapshot.roster);
+        for cav in mainframe.into_iter().flat_map(Mainframe::cavs) {
+            if let Some(track) = self.track(cav.id)
+                && track.reroutes != cav.reroutes
+            {
+                track.reroutes = cav.reroutes;
+                track.take_route(cav.route.lanes());
+            }
+        }
+        for event in &snapshot.events {
+            self.count(event);
+        }
+        let samples = snapshot.tick.is_multiple_of(self.every_ticks);
+        for state in &snapshot.vehicles {
+            let Ok(index) = self.tracks.binary_search_by_key(&state.id, |track| track.id) else {
+                continue;
+            };
+            let track = &mut self.tracks[index];
+            track.time_stand(state, snapshot.time_s);
+            if samples {
+                track.sample(&self.map, &self.lane_bounds, state);
+                track.advance(&self.map, state, snapshot.time_s, &mut self.lanes, events);
+            }
+        }
+    }
+
+    /// Adds vehicles that have joined the run.
+    fn add_new_vehicles(&mut self, roster: &Arc<Vec<VehicleInfo>>) {
+        if Arc::ptr_eq(&self.roster, roster) {
+            return;
+        }
+        self.roster = Arc::clone(roster);
+        for info in roster.iter() {
+            if let Err(index) = self.tracks.binary_search_by_key(&info.id, |track| track.id) {
+                self.tracks.insert(index, RouteProgress::new(info.id, &info.name, &info.dimensions));
+            }
+        }
+    }
+
+    fn track(&mut self, id: VehicleId) -> Option<&mut RouteProgress> {
+        let index = self.tracks.binary_search_by_key(&id, |track| track.id).ok()?;
+        Some(&mut self.tracks[index])
+    }
+
+    fn count(&mut self, event: &Event) {
+        let mut with = |id, count: fn(&mut VehicleTotals)| {
+            if let Some(track) = self.track(id) {
+                count(&mut track.totals);
+            }
+        };
+        match &event.kind {
+            EventKind::Stop => with(event.vehicle, |totals| totals.stops += 1),
+            EventKind::Collision { with: other } => {
+                with(event.vehicle, |totals| totals.collisions += 1);
+                with(*other, |totals| totals.collisions += 1);
+            }
+            EventKind::CollisionStatic { .. } => with(event.vehicle, |totals| totals.collisions += 1),
+            _ => {}
+        }
+    }
+
+    /// Id, name and totals of the vehicles, in id order.
+    pub fn vehicles(&self) -> impl Iterator<Item = (VehicleId, &str, &VehicleTotals)> {
+        self.tracks.iter().map(|track| (track.id, track.name.as_str(), &track.totals))
+    }
+
+    /// In id order.
+    pub fn totals(&self) -> impl Iterator<Item = &VehicleTotals> {
+        self.tracks.iter().map(|track| &track.totals)
+    }
+
+    pub fn lanes(&self) -> &LaneUse {
+        &self.lanes
+    }
+}
+
+impl RouteProgress {
+    fn planned(vehicle: &PlannedVehicle) -> Self {
+        let route = vehicle.route.clone();
+        Self { route, ..Self::new(vehicle.id, &vehicle.name, &vehicle.spec.dimensions) }
+    }
+
+    fn new(id: VehicleId, name: &str, size: &Dimensions) -> Self {
+        Self {
+            id,
+            name: name.to_owned(),
+            route: Vec::new(),
+            reroutes: 0,
+            index: 0,
+            lane_start_s: 0.0,
+            front_axle_m: size.front_axle_m(),
+            wheelbase_m: size.wheelbase_m,
+            length_m: size.length_m,
+            width_m: size.width_m,
+            stands_since_s: None,
+            totals: VehicleTotals {
+                axle_s: 0.0,
+                lateral_error_sum_m: 0.0,
+                max_lateral_error_m: 0.0,
+                max_lane_excess_m: f64::NEG_INFINITY,
+                stops: 0,
+                longest_stand_s: 0.0,
+                collisions: 0,
+                samples: 0,
+            },
+        }
+    }
+
+    /// Takes a new route: a continuation of the present one, or one that starts at the vehicle.
+    fn take_route(&mut self, lanes: &[LaneId]) {
+        if !lanes.starts_with(&self.route[..=self.index]) {
+            (self.index, self.lane_start_s) = (0, self.totals.axle_s);
+        }
+        self.route = lanes.to_vec();
+    }
+
+    fn time_stand(&mut self, state: &VehicleState, time_s: f64) {
+        // An occlusion neither starts nor ends a stand: the true motion is unknown.
+        if state.status == Status::Unseen {
+            return;
+        }
+        if state.speed_mps.abs() < STANDS_MPS {
+            let since_s = *self.stands_since_s.get_or_insert(time_s);
+            self.totals.longest_stand_s = self.totals.longest_stand_s.max(time_s - since_s);
+        } else {
+            self.stands_since_s = None;
+        }
+    }
+
+    fn sample(&mut self, map: &CityMap, lane_bounds: &[LaneBounds], state: &VehicleState) {
+        if let Some(error) = state.tracked_lateral_error_m().map(f64::abs) {
+            self.totals.samples += 1;
+            self.totals.lateral_error_sum_m += error;
+            self.totals.max_lateral_error_m = self.totals.max_lateral_error_m.max(error);
+        }
+        if self.route.is_empty() {
+            return;
+        }
+        let half = DVec2::new(self.length_m, self.width_m) / 2.0;
+        let outline = OrientedRect { centre: state.position.truncate(), axis: state.forward(), half };
+        let rear_axle = outline.centre - outline.axis * (self.wheelbase_m / 2.0);
+        let side = outline.axis.perp() * half.y;
+        for point in outline.corners().into_iter().chain([rear_axle + side, rear_axle - side]) {
+            let excess = self.excess(map, lane_bounds, point);
+            self.totals.max_lane_excess_m = self.totals.max_lane_excess_m.max(excess);
+        }
+    }
+
+    /// How far a point lies beyond the edge of the nearest lane of the route around the vehicle.
+    fn excess(&self, map: &CityMap, lane_bounds: &[LaneBounds], point: DVec2) -> f64 {
+        let first = self.index.saturating_sub(2);
+        let last = (self.index + 2).min(self.route.len() - 1);
+        let mut least = f64::INFINITY;
+        // The lane under the front axle comes first, so that the bounds reject most others.
+        for index in std::iter::once(self.index).chain((first..=last).filter(|k| *k != self.index)) {
+            if lane_bounds[self.route[index].index()].least_excess(point) >= least {
+                continue;
+            }
+            let lane = map.lane(self.route[index]);
+            let foot = lane.curve.project(point);
+            let beyond_ends_m = (trig::powi(foot.distance, 2) - trig::powi(foot.lateral, 2)).max(0.0).sqrt();
+            let is_outermost =
+                (index == 0 && foot.s == 0.0) || (index + 1 == self.route.len() && foot.s > 0.0);
+            if beyond_ends_m > TAPER_M && !is_outermost {
+                continue;
+            }
+            let (left, right) = lane.half_widths_at(foot.s);
+            least = least.min(if foot.lateral > 0.0 { foot.lateral - left } else { -foot.lateral - right });
+        }
+        if least.is_finite() { least } else { 0.0 }
+    }
+
+    fn advance(
+        &mut self,
+        map: &CityMap,
+        state: &VehicleState,
+        time_s: f64,
+        lanes: &mut LaneUse,
+        events: &mut Vec<Event>,
+    ) {
+        let axle = state.position.truncate() + state.forward() * self.front_axle_m;
+        while !self.route.is_empty() {
+            let lane = map.lane(self.route[self.index]);
+            let s = lane.curve.project(axle).s;
+            self.totals.axle_s = self.lane_start_s + s;
+            if s < lane.curve.length() - 1e-6 || self.index + 1 == self.route.len() {
+                break;
+            }
+            self.lane_start_s += lane.curve.length();
+            self.index += 1;
+            lanes.entered[self.route[self.index].index()] = true;
+            if map.zones_on(lane.id).any(|zone| zone.kind == ZoneKind::Merge) {
+                events.push(Event { time_s, vehicle: state.id, kind: EventKind::Merge });
+            }
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! Metrics of a run for parameter studies, without files.
+
+use super::{Observer, Run};
+use crate::scenario::Experiment;
+use city3d_control::SetupError;
+use city3d_protocol::snapshot::{Event, EventKind, VehicleId};
+use city3d_roadmap::{CityMap, LaneId, ZoneKind};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// The streams of vehicles that meet at the busiest merging point of an experiment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MergingStreams {
+    /// Name of the lane that begins at the merging point.
+    pub name: String,
+    /// Vehicles of each stream; the yielding stream comes first.
+    pub streams: Vec<Vec<VehicleId>>,
+    /// By vehicle, which of its merges happens here, from 0.
+    merge_index: BTreeMap<VehicleId, usize>,
+}
+
+/// Yield and stop lines within this distance before a merging point belong to it, laboratory metres.
+const LINE_WITHIN_M: f64 = 1.0;
+
+impl MergingStreams {
+    /// Finds the streams; `None` where no routes merge.
+    pub fn of(experiment: &Experiment) -> Option<Self> {
+        let map = &experiment.city_map;
+        // By the lane after a merging point, then by the lane before it: the vehicles, with the index of their merge.
+        let mut points: BTreeMap<LaneId, BTreeMap<LaneId, BTreeMap<VehicleId, usize>>> = BTreeMap::new();
+        for vehicle in &experiment.vehicles {
+            let merges = vehicle.route.windows(2).filter(|pair| ends_in_merge(map, pair[0]));
+            for (count, pair) in merges.enumerate() {
+                points
+                    .entry(pair[1])
+                    .or_default()
+                    .entry(pair[0])
+                    .or_default()
+                    .entry(vehicle.id)
+                    .or_insert(count);
+            }
+        }
+        let vehicles = |from: &BTreeMap<LaneId, BTreeMap<VehicleId, usize>>| {
+            from.values().map(BTreeMap::len).sum::<usize>()
+        };
+        let met = points.into_iter().filter(|(_, from)| from.len() > 1);
+        let (lane, from) = met.max_by(|a, b| vehicles(&a.1).cmp(&vehicles(&b.1)).then(b.0.cmp(&a.0)))?;
+        let within_m = experiment.scale.city_from_lab(LINE_WITHIN_M);
+        let mut streams: Vec<(bool, LaneId, Vec<VehicleId>)> = from
+            .iter()
+            .map(|(&lane, ids)| (!has_line(map, lane, within_m), lane, ids.keys().copied().collect()))
+            .collect();
+        streams.sort();
+        let merge_index = from.into_values().flatten().collect();
+        let name = map.lane(lane).name.clone();
+        Some(Self { name, streams: streams.into_iter().map(|(_, _, ids)| ids).collect(), merge_index })
+    }
+}
+
+fn ends_in_merge(map: &CityMap, lane: LaneId) -> bool {
+    map.zones_on(lane).any(|zone| zone.kind == ZoneKind::Merge)
+}
+
+/// Whether a lane, or its predecessors within a distance, has a yield or stop line.
+fn has_line(map: &CityMap, lane: LaneId, within_m: f64) -> bool {
+    let length_m = map.lane(lane).curve.length();
+    map.lines.iter().any(|line| line.lane == lane && length_m - line.at_m <= within_m)
+        || length_m < within_m
+            && map.lane(lane).predecessors.iter().any(|&before| has_line(map, before, within_m - length_m))
+}
+
+/// Metrics of a run. Laboratory units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunMetrics {
+    /// Vehicles in the order of their front axles at the merging point.
+    pub merge_order: Vec<VehicleId>,
+    /// Number of yielding vehicles that merged before the last one of the other streams; `None` where no streams merge.
+    pub squeezed_in: Option<u32>,
+    /// When the last vehicle merged, if all did.
+    pub all_merged_s: Option<f64>,
+    /// Mean time that a yielding vehicle stood before it merged.
+    pub mean_wait_s: Option<f64>,
+    pub collisions: u32,
+    pub stops: u32,
+    /// Number of merges at any merging point.
+    pub merges: u32,
+    /// Mean distance driven by a vehicle.
+    pub mean_distance_m: f64,
+    pub mean_speed_mps: f64,
+    /// Longest stand of any vehicle.
+    pub longest_stand_s: f64,
+    pub max_lateral_error_m: f64,
+    /// Digest of the last state.
+    pub state_hash: u64,
+}
+
+impl RunMetrics {
+    /// Runs an experiment from start to end.
+    ///
+    /// # Errors
+    /// When the control framework cannot take a vehicle's setup.
+    pub fn of(experiment: Arc<Experiment>) -> Result<Self, SetupError> {
+        let streams = MergingStreams::of(&experiment);
+        let mut run = Run::new(Arc::clone(&experiment))?;
+        let mut observer = Observer::new(&experiment);
+        let (mut events, mut tick_events) = (Vec::new(), Vec::new());
+        for _ in 0..experiment.ticks() {
+            run.step();
+            tick_events.clear();
+            tick_events.extend_from_slice(&run.snapshot().events);
+            observer.observe(Some(run.mainframe()), run.snapshot(), &mut tick_events);
+            events.append(&mut tick_events);
+        }
+        let last = run.snapshot();
+        let crossings = streams.as_ref().map(|streams| crossings(streams, &events)).unwrap_or_default();
+        let lab = |city: f64| experiment.scale.lab_from_city(city);
+        let driven_m: f64 = last.vehicles.iter().map(|state| state.distance_m).fold(0.0, |sum, m| sum + m);
+        let vehicles = last.vehicles.len().max(1) as f64;
+        let worst = observer.totals().map(|totals| totals.max_lateral_error_m).fold(0.0, f64::max);
+        Ok(Self {
+            squeezed_in: streams.as_ref().map(|streams| squeezed_in(streams, &crossings)),
+            all_merged_s: streams.as_ref().and_then(|streams| {
+                let last_s = crossings.last().map(|(time_s, _)| *time_s);
+                last_s.filter(|_| crossings.len() == streams.merge_index.len())
+            }),
+            mean_wait_s: streams.as_ref().map(|streams| mean_wait(streams, &crossings, &events, last.time_s)),
+            merge_order: crossings.into_iter().map(|(_, id)| id).collect(),
+            collisions: events.iter().filter(|event| event.kind.is_collision()).count() as u32,
+            stops: observer.totals().map(|totals| totals.stops).sum(),
+            merges: events.iter().filter(|event| event.kind == EventKind::Merge).count() as u32,
+            mean_distance_m: lab(driven_m / vehicles),
+            longest_stand_s: observer.totals().map(|totals| totals.longest_stand_s).fold(0.0, f64::max),
+            mean_speed_mps: lab(driven_m / vehicles / last.time_s.max(1e-9)),
+            max_lateral_error_m: lab(worst),
+            state_hash: last.state_hash,
+        })
+    }
+}
+
+/// Times and vehicles at the merging point, in order of time.
+fn crossings(streams: &MergingStreams, events: &[Event]) -> Vec<(f64, VehicleId)> {
+    let mut counts: BTreeMap<VehicleId, usize> = BTreeMap::new();
+    let mut found = Vec::new();
+    for event in events.iter().filter(|event| event.kind == EventKind::Merge) {
+        let count = counts.entry(event.vehicle).or_default();
+        if streams.merge_index.get(&event.vehicle) == Some(count) {
+            found.push((event.time_s, event.vehicle));
+        }
+        *count += 1;
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    found
+}
+
+fn squeezed_in(streams: &MergingStreams, crossings: &[(f64, VehicleId)]) -> u32 {
+    let first: BTreeSet<VehicleId> = streams.streams[0].iter().copied().collect();
+    let last_other = crossings.iter().rposition(|(_, id)| !first.contains(id)).unwrap_or(0);
+    crossings[..last_other].iter().filter(|(_, id)| first.contains(id)).count() as u32
+}
+
+fn mean_wait(streams: &MergingStreams, crossings: &[(f64, VehicleId)], events: &[Event], end_s: f64) -> f64 {
+    let wait = |id: &VehicleId| {
+        let until_s = crossings.iter().find(|(_, other)| other == id).map_or(end_s, |(time_s, _)| *time_s);
+        let mut since_s: Option<f64> = None;
+        let mut waited_s = 0.0;
+        for event in events.iter().filter(|event| event.vehicle == *id && event.time_s < until_s) {
+            match event.kind {
+                EventKind::Stop => since_s = Some(event.time_s),
+                EventKind::Go { stood_s } if since_s.take().is_some() => waited_s += stood_s,
+                _ => {}
+            }
+        }
+        waited_s + since_s.map_or(0.0, |since_s| until_s - since_s)
+    };
+    let first = &streams.streams[0];
+    first.iter().map(wait).fold(0.0, |sum, wait_s| sum + wait_s) / first.len().max(1) as f64
+}

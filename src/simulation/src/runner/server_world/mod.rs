@@ -1,0 +1,406 @@
+//! World of a served city, whose vehicles and commands come from senders over the link: permissions, idempotent
+//! requests, the heartbeat timeout of the leader, and the commands of each tick. Without sockets, threads or wall-clock
+//! time.
+
+mod setup;
+
+use crate::scenario::Experiment;
+use crate::sim::World;
+use city3d_geometry::Lab;
+use city3d_protocol::snapshot::{FrameSnapshot, ModelKind, SimCommand, Status, Trajectory, VehicleId};
+use city3d_protocol::wire::{
+    Body, CityClock, DropReason, ExperimentAction, ExperimentPhase, MAX_POSES, Measurement, Message,
+    ObservedVehicle, Poses, RequestOutcome, VehicleBuild, VehicleSetup,
+};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::Arc;
+
+/// Number of a sender in one of its sessions: that of `SenderId` in the link.
+pub type SenderNumber = u32;
+
+/// Number that stands for motion capture.
+pub const MOTION_CAPTURE: SenderNumber = 0;
+
+/// Permissions of senders.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ServerRules {
+    /// Lockstep: the world waits at each tick for a barrier of the leader.
+    pub is_lockstep: bool,
+    /// Number of senders besides the leader that may set up vehicles.
+    pub guests: usize,
+}
+
+/// A body that a tick has applied, with its sender, as a log keeps it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AppliedBody {
+    pub sender: SenderNumber,
+    pub body: Body,
+}
+
+impl AppliedBody {
+    fn is_setup_of(&self, id: VehicleId) -> bool {
+        matches!(&self.body, Body::Setup { setup, .. } if setup.id == id)
+    }
+}
+
+/// A vehicle with its owner, the sender that has set it up.
+#[derive(Clone, Debug)]
+struct OwnedVehicle {
+    owner: SenderNumber,
+    setup: VehicleSetup,
+    /// Sequence number of the newest trajectory of the present owner.
+    sequence: Option<u32>,
+}
+
+/// What is remembered of a sender.
+#[derive(Clone, Debug, Default)]
+struct SenderRecord {
+    /// Wall-clock time of its last datagram, seconds.
+    last_heard_s: f64,
+    /// The latest answers by request number, so that a repeated request is carried out once.
+    answers: VecDeque<(u32, Body)>,
+}
+
+/// A command that waits for the next tick.
+#[derive(Clone, Debug)]
+struct PendingCommand {
+    sender: SenderNumber,
+    body: Body,
+    command: SimCommand,
+}
+
+/// Answers that are remembered of each sender.
+const MAX_ANSWERS: usize = 64;
+/// Capacity of the queue of commands for a tick.
+const MAX_PENDING: usize = 8192;
+/// Senders that are remembered although they neither lead nor own vehicles.
+const MAX_REMEMBERED: usize = 64;
+/// Shortest heartbeat timeout of the leader, wall-clock seconds.
+const MIN_HEARTBEAT_TIMEOUT_S: f64 = 1.0;
+
+/// A world under the control of senders. The first sender that acts leads until its heartbeat times out.
+#[derive(Debug)]
+pub struct ServerWorld {
+    world: World,
+    rules: ServerRules,
+    snapshot: FrameSnapshot,
+    pending: Vec<PendingCommand>,
+    applied: Vec<AppliedBody>,
+    /// Setups of the present vehicles, in the order of their arrival.
+    spawned: Vec<AppliedBody>,
+    commands: Vec<SimCommand>,
+    vehicles: BTreeMap<VehicleId, OwnedVehicle>,
+    /// Senders that have led or set up vehicles; others take no memory.
+    known: BTreeMap<SenderNumber, SenderRecord>,
+    leader: Option<SenderNumber>,
+    dropped: Vec<DropReason>,
+}
+
+impl ServerWorld {
+    /// Creates the world of an experiment without its vehicles, which come as setups.
+    pub fn new(experiment: Experiment, rules: ServerRules) -> Self {
+        let world = World::new(Arc::new(experiment.without_vehicles()));
+        Self {
+            snapshot: world.snapshot(),
+            world,
+            rules,
+            pending: Vec::new(),
+            applied: Vec::new(),
+            spawned: Vec::new(),
+            commands: Vec::new(),
+            vehicles: BTreeMap::new(),
+            known: BTreeMap::new(),
+            leader: None,
+            dropped: Vec::new(),
+        }
+    }
+
+    pub fn experiment(&self) -> &Arc<Experiment> {
+        self.world.experiment()
+    }
+
+    pub fn snapshot(&self) -> &FrameSnapshot {
+        &self.snapshot
+    }
+
+    /// Handles a body of a sender at a wall-clock time, and returns the answer.
+    pub fn take(&mut self, sender: SenderNumber, now_s: f64, body: Body) -> Option<Body> {
+        self.note_activity(sender, now_s);
+        let request = body.request();
+        if let (Some(request), Some(known)) = (request, self.known.get(&sender))
+            && let Some((_, answer)) = known.answers.iter().find(|(number, _)| *number == request)
+        {
+            return Some(answer.clone());
+        }
+        let (outcome, detail) = match body {
+            Body::Hello { token } => return Some(Body::Clock(self.clock(token))),
+            Body::Trajectories(list) => {
+                list.into_iter().for_each(|trajectory| self.follow(sender, trajectory));
+                return None;
+            }
+            Body::Setup { setup, .. } => self.set_up(sender, now_s, *setup),
+            Body::Remove { request, vehicle } => self.remove(sender, now_s, request, vehicle),
+            Body::Command { request, action } => self.command(sender, now_s, request, action),
+            Body::Subscribe { .. } => (RequestOutcome::Done, String::new()),
+            Body::Barrier { .. } | Body::Clock(_) | Body::Ack { .. } | Body::Poses(_) => return None,
+        };
+        let answer = Body::Ack { request: request?, outcome, tick: self.snapshot.tick, detail };
+        // A request that was not carried out may be repeated.
+        if outcome == RequestOutcome::Done
+            && let Some(known) = self.known.get_mut(&sender)
+        {
+            known.answers.truncate(MAX_ANSWERS - 1);
+            known.answers.push_front((request?, answer.clone()));
+        }
+        Some(answer)
+    }
+
+    fn note_activity(&mut self, sender: SenderNumber, now_s: f64) {
+        if let Some(known) = self.known.get_mut(&sender) {
+            known.last_heard_s = now_s;
+        }
+        if self.leader.is_some_and(|leader| self.has_timed_out(leader, now_s)) {
+            self.leader = None;
+        }
+    }
+
+    /// Remembers a sender, and forgets senders without role when there are too many.
+    fn remember(&mut self, sender: SenderNumber, now_s: f64) {
+        self.known.entry(sender).or_default().last_heard_s = now_s;
+        if self.known.len() > MAX_REMEMBERED {
+            let owners: BTreeSet<SenderNumber> = self.vehicles.values().map(|owned| owned.owner).collect();
+            let leader = self.leader;
+            self.known
+                .retain(|known, _| *known == sender || Some(*known) == leader || owners.contains(known));
+        }
+    }
+
+    fn has_timed_out(&self, sender: SenderNumber, now_s: f64) -> bool {
+        let silence_s = self.experiment().link_timeout_s.max(MIN_HEARTBEAT_TIMEOUT_S);
+        self.known.get(&sender).is_none_or(|known| now_s - known.last_heard_s > silence_s)
+    }
+
+    /// Whether a sender leads the experiment; makes it the leader when there is none.
+    fn leads(&mut self, sender: SenderNumber, now_s: f64) -> bool {
+        if self.leader.is_none() {
+            self.leader = Some(sender);
+            self.remember(sender, now_s);
+        }
+        self.leader == Some(sender)
+    }
+
+    /// The leader of the experiment.
+    pub fn leader(&self) -> Option<SenderNumber> {
+        self.leader
+    }
+
+    fn refuse_not_owner(&mut self, what: &str) -> (RequestOutcome, String) {
+        self.dropped.push(DropReason::NotYours);
+        (RequestOutcome::Busy, format!("another sender {what}"))
+    }
+
+    fn follow(&mut self, sender: SenderNumber, trajectory: Trajectory<Lab>) {
+        match self.vehicles.get(&trajectory.vehicle) {
+            None => self.dropped.push(DropReason::UnknownVehicle),
+            Some(owned) if owned.owner != sender => self.dropped.push(DropReason::NotYours),
+            Some(_) => {
+                let scale = self.experiment().scale;
+                let command = Message::Follow(trajectory.clone()).into_command(scale);
+                self.push(PendingCommand { sender, body: Body::Trajectories(vec![trajectory]), command });
+            }
+        }
+    }
+
+    fn push(&mut self, pending: PendingCommand) {
+        if self.pending.len() < MAX_PENDING {
+            self.pending.push(pending);
+        } else {
+            self.dropped.push(DropReason::Full);
+        }
+    }
+
+    fn remove(
+        &mut self,
+        sender: SenderNumber,
+        now_s: f64,
+        request: u32,
+        vehicle: VehicleId,
+    ) -> (RequestOutcome, String) {
+        let Some(owned) = self.vehicles.get(&vehicle) else {
+            self.dropped.push(DropReason::UnknownVehicle);
+            return (RequestOutcome::Refused, format!("there is no vehicle {vehicle}"));
+        };
+        let owner = owned.owner;
+        if owner != sender && !(self.leads(sender, now_s) && self.has_timed_out(owner, now_s)) {
+            return self.refuse_not_owner(&format!("has set up vehicle {vehicle}"));
+        }
+        self.vehicles.remove(&vehicle);
+        let body = Body::Remove { request, vehicle };
+        self.push(PendingCommand { sender, body, command: SimCommand::Remove(vehicle) });
+        (RequestOutcome::Done, String::new())
+    }
+
+    fn command(
+        &mut self,
+        sender: SenderNumber,
+        now_s: f64,
+        request: u32,
+        action: ExperimentAction,
+    ) -> (RequestOutcome, String) {
+        if !self.leads(sender, now_s) {
+            return self.refuse_not_owner("leads the experiment");
+        }
+        let command = match action {
+            ExperimentAction::Start => SimCommand::Start,
+            ExperimentAction::Pause => SimCommand::Pause,
+            ExperimentAction::Reset => {
+                self.vehicles.values_mut().for_each(|owned| owned.sequence = None);
+                SimCommand::Reset
+            }
+        };
+        self.push(PendingCommand { sender, body: Body::Command { request, action }, command });
+        (RequestOutcome::Done, String::new())
+    }
+
+    /// Queues the measured pose of a physical vehicle, stamped with the city's clock; ignores other vehicles.
+    pub fn measure(&mut self, pose: Measurement) {
+        let is_measured = |owned: &OwnedVehicle| match &owned.setup.build {
+            VehicleBuild::Spec(spec) => spec.model == ModelKind::Measured,
+            VehicleBuild::Type(_) => false,
+        };
+        if self.vehicles.get(&pose.vehicle).is_none_or(|owned| !is_measured(owned)) {
+            return;
+        }
+        let poses = Poses {
+            tick: self.snapshot.tick,
+            time_s: pose.stamp_s,
+            state_hash: 0,
+            phase: self.phase(),
+            part: 0,
+            parts: 1,
+            vehicles: vec![ObservedVehicle { pose, status: Status::Physical }],
+        };
+        let command = pose.into_command(self.experiment().scale);
+        self.push(PendingCommand { sender: MOTION_CAPTURE, body: Body::Poses(poses), command });
+    }
+
+    /// Whether the next tick makes a physics step: the clock runs, or a waiting command starts it.
+    pub fn is_running(&self) -> bool {
+        let last = self.pending.iter().rev().find_map(|pending| match pending.command {
+            SimCommand::Start => Some(true),
+            SimCommand::Pause | SimCommand::Reset => Some(false),
+            _ => None,
+        });
+        last.unwrap_or(self.world.is_running())
+    }
+
+    /// Whether commands wait for a tick.
+    pub fn has_pending(&self) -> bool {
+        !self.pending.is_empty()
+    }
+
+    /// Applies the waiting commands, and makes a physics step if the clock runs.
+    pub fn tick(&mut self) -> &FrameSnapshot {
+        let (time_s, timeout_s) = (self.snapshot.time_s, self.experiment().link_timeout_s);
+        self.applied.clear();
+        self.commands.clear();
+        // In the order of the world, so that two trajectories that were reordered on their way both count.
+        let mut pending = std::mem::take(&mut self.pending);
+        pending.sort_by_key(|pending| pending.command.order());
+        for PendingCommand { sender, body, command } in pending.drain(..) {
+            if let SimCommand::Follow(trajectory) = &command {
+                let refusal = match self.vehicles.get_mut(&trajectory.vehicle) {
+                    None => Some(DropReason::UnknownVehicle),
+                    Some(_) if trajectory.is_over(time_s - timeout_s) => Some(DropReason::Stale),
+                    Some(owned) if owned.sequence.is_some_and(|last| last == trajectory.sequence) => {
+                        Some(DropReason::Duplicate)
+                    }
+                    Some(owned) if owned.sequence.is_some_and(|last| !trajectory.follows(last)) => {
+                        Some(DropReason::Reordered)
+                    }
+                    Some(owned) => {
+                        owned.sequence = Some(trajectory.sequence);
+                        None
+                    }
+                };
+                if let Some(reason) = refusal {
+                    self.dropped.push(reason);
+                    continue;
+                }
+            }
+            let is_there = |id| self.spawned.iter().any(|applied| applied.is_setup_of(id));
+            match &command {
+                SimCommand::Spawn(setup) if !is_there(setup.id) => {
+                    self.spawned.push(AppliedBody { sender, body: body.clone() });
+                }
+                SimCommand::Remove(id) => self.spawned.retain(|applied| !applied.is_setup_of(*id)),
+                _ => {}
+            }
+            self.applied.push(AppliedBody { sender, body });
+            self.commands.push(command);
+        }
+        self.pending = pending;
+        self.world.tick_into(&self.commands, &mut self.snapshot);
+        &self.snapshot
+    }
+
+    /// The bodies that the last tick has applied.
+    pub fn applied(&self) -> &[AppliedBody] {
+        &self.applied
+    }
+
+    /// Setups of the present vehicles, in the order of their arrival; a reset keeps them.
+    pub fn spawned(&self) -> &[AppliedBody] {
+        &self.spawned
+    }
+
+    /// Reasons of the drops since the last call.
+    pub fn drain_dropped(&mut self) -> impl Iterator<Item = DropReason> + '_ {
+        self.dropped.drain(..)
+    }
+
+    pub fn phase(&self) -> ExperimentPhase {
+        match (self.world.is_running(), self.snapshot.tick) {
+            (true, _) => ExperimentPhase::Running,
+            (false, 0) => ExperimentPhase::Ready,
+            (false, _) => ExperimentPhase::Paused,
+        }
+    }
+
+    fn clock(&self, token: u64) -> CityClock {
+        let experiment = self.experiment();
+        CityClock {
+            token,
+            tick: self.snapshot.tick,
+            time_s: self.snapshot.time_s,
+            physics_hz: experiment.rates.physics_hz,
+            length_scale: experiment.scale.factor(),
+            phase: self.phase(),
+            is_lockstep: self.rules.is_lockstep,
+        }
+    }
+
+    /// The present poses as bodies for subscribers.
+    pub fn poses(&self) -> Vec<Body> {
+        let scale = self.experiment().scale;
+        let statuses = self.snapshot.vehicles.iter().map(|vehicle| vehicle.status);
+        let seen: Vec<ObservedVehicle> = Measurement::all(&self.snapshot, scale)
+            .zip(statuses)
+            .map(|(pose, status)| ObservedVehicle { pose, status })
+            .collect();
+        let parts = seen.len().div_ceil(MAX_POSES).max(1);
+        let part = |part: usize| {
+            let vehicles = seen.iter().skip(part * MAX_POSES).take(MAX_POSES).copied().collect();
+            Body::Poses(Poses {
+                tick: self.snapshot.tick,
+                time_s: self.snapshot.time_s,
+                state_hash: self.snapshot.state_hash,
+                phase: self.phase(),
+                part: part as u8,
+                parts: parts as u8,
+                vehicles,
+            })
+        };
+        (0..parts).map(part).collect()
+    }
+}

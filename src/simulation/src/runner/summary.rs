@@ -1,0 +1,170 @@
+//! `summary.json`: the results of a run.
+
+use super::Observer;
+use crate::scenario::Experiment;
+use city3d_protocol::snapshot::{Event, FrameSnapshot, Status};
+use city3d_protocol::wire::DropCounts;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// One vehicle of a summary, full-scale SI units.
+#[derive(Clone, Debug, Serialize)]
+pub struct VehicleSummary {
+    pub name: String,
+    pub status: Status,
+    pub distance_m: f64,
+    pub mean_speed_mps: f64,
+    pub stops: u32,
+    pub longest_stand_s: f64,
+    /// `None` where the desired path is unknown.
+    pub mean_lateral_error_m: Option<f64>,
+    pub max_lateral_error_m: Option<f64>,
+    /// Largest distance of the outline beyond its lane's edges; negative when it stays inside.
+    pub max_lane_excess_m: f64,
+    pub collisions: u32,
+}
+
+/// Results of a run, full-scale SI units.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    pub scenario: String,
+    pub seed: u64,
+    pub version: &'static str,
+    pub simulated_s: f64,
+    pub wall_s: f64,
+    pub real_time_factor: f64,
+    pub collisions: usize,
+    /// Digest of the final state, hexadecimal.
+    pub state_hash: String,
+    pub mean_speed_mps: f64,
+    /// Lanes that no vehicle has entered.
+    pub unused_lanes: Vec<String>,
+    pub events: Vec<Event>,
+    pub vehicles: BTreeMap<u32, VehicleSummary>,
+    /// Statistics of the link, in a run that is controlled over it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub link: Option<LinkSummary>,
+}
+
+/// Statistics of the laboratory's link.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct LinkSummary {
+    /// Received datagrams.
+    pub received: u64,
+    /// Received datagrams that passed all checks.
+    pub used: u64,
+    /// Datagrams lost on their way, by the gaps in the sequence numbers.
+    pub missing: u64,
+    /// Dropped datagrams, trajectories and requests, by reason.
+    pub dropped: DropCounts,
+    /// Simulated seconds that were skipped because the simulation fell behind real time.
+    pub time_skipped_s: f64,
+    /// Statistics of ROS, where it is used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ros: Option<RosSummary>,
+}
+
+/// Statistics of poses over ROS.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct RosSummary {
+    /// Instants whose poses were published.
+    pub published: u64,
+    /// Instants that were dropped because ROS fell behind.
+    pub dropped: u64,
+    /// Messages that were dropped for subscribers that were too slow.
+    pub dropped_for_slow: u64,
+    /// Received poses.
+    pub heard: u64,
+    /// Whether the topics were registered at the end, and how often the connection was restored.
+    pub master_is_there: bool,
+    pub master_returns: u64,
+    /// Onboard pictures, where they are published.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pictures: Option<PicturesSummary>,
+}
+
+/// Statistics of onboard pictures.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct PicturesSummary {
+    pub published: u64,
+    /// Pictures that were due and were not published, because drawing or ROS fell behind.
+    pub dropped: u64,
+}
+
+impl Summary {
+    /// Removes what poses alone do not show.
+    #[must_use]
+    pub fn of_poses(mut self) -> Self {
+        for vehicle in self.vehicles.values_mut() {
+            (vehicle.mean_lateral_error_m, vehicle.max_lateral_error_m) = (None, None);
+        }
+        self
+    }
+
+    pub fn new(
+        experiment: &Experiment,
+        observer: &Observer,
+        last: &FrameSnapshot,
+        events: Vec<Event>,
+        wall_s: f64,
+    ) -> Self {
+        let simulated_s = last.time_s;
+        let mut vehicles = BTreeMap::new();
+        for (id, name, totals) in observer.vehicles() {
+            let state = last.vehicle(id);
+            let had_path = totals.samples > 0;
+            let distance_m = state.map_or(0.0, |state| state.distance_m);
+            let summary = VehicleSummary {
+                name: name.to_owned(),
+                status: state.map_or(Status::Finished, |state| state.status),
+                distance_m,
+                mean_speed_mps: distance_m / simulated_s.max(1e-9),
+                stops: totals.stops,
+                longest_stand_s: totals.longest_stand_s,
+                mean_lateral_error_m: had_path.then(|| totals.lateral_error_sum_m / totals.samples as f64),
+                max_lateral_error_m: had_path.then_some(totals.max_lateral_error_m),
+                max_lane_excess_m: Some(totals.max_lane_excess_m)
+                    .filter(|excess_m| excess_m.is_finite())
+                    .unwrap_or(0.0),
+                collisions: totals.collisions,
+            };
+            vehicles.insert(id.0, summary);
+        }
+        let lanes = observer.lanes().unused().map(|lane| experiment.city_map.lane(lane).name.clone());
+        // An empty sum of floats is -0.
+        let mean = |of: fn(&VehicleSummary) -> f64| {
+            vehicles.values().map(of).fold(0.0, |sum, value| sum + value) / vehicles.len().max(1) as f64
+        };
+        Self {
+            scenario: experiment.name.clone(),
+            seed: experiment.seed,
+            version: env!("CARGO_PKG_VERSION"),
+            simulated_s,
+            wall_s,
+            real_time_factor: simulated_s / wall_s.max(1e-9),
+            collisions: events.iter().filter(|event| event.kind.is_collision()).count(),
+            state_hash: format!("{:016x}", last.state_hash),
+            mean_speed_mps: mean(|vehicle| vehicle.mean_speed_mps),
+            unused_lanes: lanes.collect(),
+            events,
+            vehicles,
+            link: None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::{Library, Overrides, read_experiment};
+
+    #[test]
+    fn a_city_that_nobody_has_driven_in_has_no_speed_below_nothing() {
+        let (text, library) = Library::scenario("straight").unwrap();
+        let mut experiment = read_experiment("straight", &text, &library, Overrides::default()).unwrap();
+        experiment.vehicles.clear();
+        let observer = Observer::new(&experiment);
+        let summary = Summary::new(&experiment, &observer, &FrameSnapshot::default(), Vec::new(), 1.0);
+        assert_eq!(format!("{:.2}", summary.mean_speed_mps), "0.00");
+    }
+}

@@ -1,0 +1,208 @@
+//! A validated experiment: everything that a run depends on, apart from incoming commands.
+
+use super::feasibility::STEERING_RESERVE;
+use super::models::UserModels;
+use super::placement::MovedStart;
+use super::time_of_day::TimeOfDay;
+use crate::environment::{EnvironmentProfile, EnvironmentSpec};
+use city3d_control::{CavGeometry, CavSetup, DriverParams, RightOfWayParams};
+use city3d_dynamics::vehicle::{ModelKind, VehicleSpec};
+use city3d_geometry::{Lab, LengthScale, Pose2, trig};
+use city3d_protocol::snapshot::{Appearance, Dimensions, Setup, VehicleId};
+use city3d_roadmap::{CityMap, LabMap, LaneId};
+use city3d_sensors::Sensor;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Step rates, per second of simulated time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rates {
+    /// Physics steps.
+    pub physics_hz: u32,
+    /// Control steps; divides the physics rate.
+    pub control_hz: u32,
+}
+
+impl Rates {
+    pub fn dt_s(&self) -> f64 {
+        1.0 / f64::from(self.physics_hz)
+    }
+
+    pub fn ticks_per_control(&self) -> u64 {
+        u64::from(self.physics_hz / self.control_hz)
+    }
+
+    /// Simulated time of a tick.
+    pub fn time_s(&self, tick: u64) -> f64 {
+        tick as f64 / f64::from(self.physics_hz)
+    }
+}
+
+impl Default for Rates {
+    fn default() -> Self {
+        Self { physics_hz: 100, control_hz: 50 }
+    }
+}
+
+/// What a scenario expects of its run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Expectations {
+    /// A collision makes the run fail.
+    pub collisions_forbidden: bool,
+}
+
+/// Start state of a vehicle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    pub lane: LaneId,
+    /// Position of the front-axle centre along the lane, laboratory metres.
+    pub at_m: f64,
+    /// Laboratory m/s.
+    pub speed_mps: f64,
+}
+
+/// One vehicle of an experiment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlannedVehicle {
+    pub id: VehicleId,
+    pub name: String,
+    pub appearance: Appearance,
+    pub spec: VehicleSpec,
+    /// Name of the control algorithm.
+    pub controller: String,
+    /// Laboratory units.
+    pub driver: DriverParams,
+    /// A person drives from the start; the algorithm takes over when the person hands back.
+    pub is_human: bool,
+    pub route: Vec<LaneId>,
+    pub start: Start,
+    pub sensors: Vec<Sensor>,
+    /// Link of a physical vehicle, which is measured instead of simulated.
+    pub physical: Option<Physical>,
+}
+
+/// Link parameters of a physical vehicle.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Physical {
+    /// UDP address for its trajectories.
+    pub address: String,
+    /// Its subject name in motion capture.
+    pub subject: String,
+}
+
+/// Pose of the middle of the outline for these dimensions, see [`PlannedVehicle::pose_on`].
+pub fn pose_on(size: &Dimensions, map: &CityMap, lane: LaneId, axle_at_m: f64) -> Pose2 {
+    let curve = &map.lane(lane).curve;
+    let mut axle = curve.at(axle_at_m).pose;
+    let curvature = curve.at(axle_at_m - size.wheelbase_m / 2.0).curvature;
+    axle.yaw_rad -= trig::asin((size.wheelbase_m * curvature).clamp(-1.0, 1.0));
+    axle.advanced(-size.front_axle_m())
+}
+
+impl PlannedVehicle {
+    /// Dimensions for control, laboratory metres.
+    pub fn body_in_lab(&self, scale: LengthScale) -> CavGeometry {
+        CavGeometry {
+            length_m: scale.lab_from_city(self.spec.dimensions.length_m),
+            wheelbase_m: scale.lab_from_city(self.spec.dimensions.wheelbase_m),
+            min_turn_radius_m: scale.lab_from_city(self.spec.min_turn_radius() * STEERING_RESERVE),
+        }
+    }
+
+    /// Pose of the middle of the outline for a front-axle position on a lane, city metres. In a bend the body
+    /// is oriented as in a steady turn, its rear axle inside.
+    pub fn pose_on(&self, map: &CityMap, lane: LaneId, axle_at_m: f64) -> Pose2 {
+        pose_on(&self.spec.dimensions, map, lane, axle_at_m)
+    }
+
+    /// Start pose of the middle of its outline, laboratory metres.
+    pub fn pose_in_lab(&self, map: &CityMap, scale: LengthScale) -> Pose2<Lab> {
+        let at_m = scale.city_from_lab(self.start.at_m);
+        self.pose_on(map, self.start.lane, at_m).to_lab(scale)
+    }
+
+    /// Its setup command. The pose is converted through laboratory metres, so that it has the same bits
+    /// whether or not it came over the link.
+    pub fn setup(&self, map: &CityMap, scale: LengthScale) -> Setup {
+        Setup {
+            id: self.id,
+            name: self.name.clone(),
+            appearance: self.appearance,
+            pose: self.pose_in_lab(map, scale).to_city(scale),
+            speed_mps: scale.city_from_lab(self.start.speed_mps),
+            spec: self.spec.clone(),
+        }
+    }
+}
+
+/// Everything that a run depends on.
+#[derive(Clone, Debug)]
+pub struct Experiment {
+    pub name: String,
+    pub description: String,
+    pub seed: u64,
+    pub duration_s: f64,
+    pub rates: Rates,
+    pub scale: LengthScale,
+    pub lab_map: Arc<LabMap>,
+    pub city_map: Arc<CityMap>,
+    /// In id order.
+    pub vehicles: Vec<PlannedVehicle>,
+    /// Vehicle types by name; `default` always exists.
+    pub vehicle_types: BTreeMap<String, VehicleSpec>,
+    /// Vehicles whose starts overlapped others and were moved.
+    pub moved: Vec<MovedStart>,
+    pub right_of_way: RightOfWayParams,
+    pub environment: EnvironmentSpec,
+    /// Environment of the robots of `city3d testbed`.
+    pub testbed: EnvironmentSpec,
+    /// Affects rendering only.
+    pub time_of_day: TimeOfDay,
+    /// A vehicle without a trajectory for this time stops on its path.
+    pub link_timeout_s: f64,
+    pub expectations: Expectations,
+    /// Affects rendering only.
+    pub models: UserModels,
+    /// Scenario text and map bytes as read, for logs.
+    pub scenario_text: String,
+    pub map_bytes: Vec<u8>,
+    /// Dynamics model that overrides those of the scenario.
+    pub model: Option<ModelKind>,
+    /// Environment profile that overrides the scenario's.
+    pub profile: Option<EnvironmentProfile>,
+}
+
+impl Experiment {
+    /// Setups of the vehicles for the control framework.
+    pub fn cav_setups(&self) -> Vec<CavSetup> {
+        let setup = |vehicle: &PlannedVehicle| CavSetup {
+            id: vehicle.id,
+            controller: vehicle.controller.clone(),
+            driver: vehicle.driver,
+            body: vehicle.body_in_lab(self.scale),
+            route: vehicle.route.clone(),
+            speed_mps: vehicle.start.speed_mps,
+        };
+        self.vehicles.iter().map(setup).collect()
+    }
+
+    /// The physical vehicles.
+    pub fn physical(&self) -> impl Iterator<Item = (&PlannedVehicle, &Physical)> {
+        self.vehicles.iter().filter_map(|planned| Some((planned, planned.physical.as_ref()?)))
+    }
+
+    /// Whether a vehicle is physical.
+    pub fn is_physical(&self, vehicle: VehicleId) -> bool {
+        self.physical().any(|(planned, _)| planned.id == vehicle)
+    }
+
+    /// The experiment without its vehicles, which arrive over the link.
+    pub fn without_vehicles(self) -> Self {
+        Self { vehicles: Vec::new(), moved: Vec::new(), ..self }
+    }
+
+    /// Number of physics steps of the whole run.
+    pub fn ticks(&self) -> u64 {
+        (self.duration_s * f64::from(self.rates.physics_hz)).round() as u64
+    }
+}

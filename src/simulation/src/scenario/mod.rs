@@ -1,0 +1,25 @@
+//! Scenario files, validated into an [`Experiment`].
+
+mod experiment;
+mod feasibility;
+mod fields;
+mod models;
+mod placement;
+mod read;
+mod read_sensors;
+mod read_settings;
+mod read_traffic;
+mod read_vehicles;
+mod source;
+mod time_of_day;
+mod traffic;
+mod vehicle_type;
+
+pub use experiment::{Expectations, Experiment, Physical, PlannedVehicle, Rates, Start, pose_on};
+pub use fields::Problem;
+pub use models::UserModels;
+pub use placement::MovedStart;
+pub use read::{LoadError, Overrides, ScenarioError, ScenarioRequest, read_experiment};
+pub use read_vehicles::{LARGEST_ID, is_topic_name};
+pub use source::{Library, SourceError, shipped_scenarios};
+pub use time_of_day::TimeOfDay;

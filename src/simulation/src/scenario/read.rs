@@ -1,0 +1,305 @@
+//! Reads a scenario file into an [`Experiment`].
+
+use super::experiment::{Expectations, Experiment, PlannedVehicle, Rates};
+use super::feasibility::infeasible_starts;
+use super::fields::{Problem, Problems, TableFields};
+use super::models::{ModelReader, UserModels};
+use super::read_settings::{NamedSettings, read_environment, read_rates, read_right_of_way};
+use super::time_of_day::read_time_of_day;
+use super::{Library, MovedStart, SourceError, placement};
+use crate::environment::EnvironmentProfile;
+use city3d_dynamics::vehicle::ModelKind;
+use city3d_geometry::LengthScale;
+use city3d_protocol::snapshot::VehicleId;
+use city3d_roadmap::{CityMap, LabMap, load_map};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::ops::Range;
+use std::sync::Arc;
+use thiserror::Error;
+use toml::de::DeTable;
+
+/// A scenario that cannot be run.
+#[derive(Debug, Error)]
+pub enum ScenarioError {
+    /// Problems of the scenario file, in its order.
+    #[error("{}", join(file, problems))]
+    Scenario { file: String, problems: Vec<Problem> },
+    /// Problems of the map that the scenario names.
+    #[error("{}", join(file, problems))]
+    Map { file: String, problems: Vec<String> },
+    #[error(transparent)]
+    Source(#[from] SourceError),
+}
+
+fn join<P: std::fmt::Display>(file: &str, problems: &[P]) -> String {
+    let mut text = String::new();
+    for (index, problem) in problems.iter().enumerate() {
+        let newline = if index > 0 { "\n" } else { "" };
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{newline}{file}: {problem}");
+    }
+    text
+}
+
+/// Most syntax errors reported.
+const MOST_SYNTAX_ERRORS: usize = 10;
+
+/// Command-line overrides of a scenario.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Overrides {
+    pub seed: Option<u64>,
+    pub duration_s: Option<f64>,
+    /// All vehicles get this dynamics model.
+    pub model: Option<ModelKind>,
+    /// Overrides the environment of the file.
+    pub environment: Option<EnvironmentProfile>,
+    /// Permits a file without vehicles, which arrive over the link.
+    pub allows_no_vehicles: bool,
+}
+
+/// A scenario, and what is set otherwise than in it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ScenarioRequest {
+    /// A file, or the name of a shipped scenario.
+    pub scenario: String,
+    pub overrides: Overrides,
+}
+
+/// Why a requested scenario cannot be loaded.
+#[derive(Debug, Error)]
+pub enum LoadError {
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+}
+
+impl ScenarioRequest {
+    /// Reads and validates the scenario.
+    ///
+    /// # Errors
+    /// When it cannot be read, or has problems; each has its place and remedy.
+    pub fn read(&self) -> Result<Experiment, LoadError> {
+        let (text, library) = Library::scenario(&self.scenario)?;
+        Ok(read_experiment(&self.scenario, &text, &library, self.overrides)?)
+    }
+}
+
+/// Reads and validates a scenario. `file` is the name that errors carry.
+///
+/// # Errors
+/// Every problem of the file with line and column, or of its map with line and handle.
+pub fn read_experiment(
+    file: &str,
+    text: &str,
+    library: &Library,
+    overrides: Overrides,
+) -> Result<Experiment, ScenarioError> {
+    let problems = Problems::new(text);
+    let (document, syntax_errors) = DeTable::parse_recoverable(text);
+    // A file of another kind has an error on every line.
+    let is_other = syntax_errors.len() > MOST_SYNTAX_ERRORS;
+    if is_other {
+        let remedy =
+            "a scenario has lines such as key = value and tables such as [[vehicle]], see docs/scenarios.md";
+        problems.add(&(0..0), format!("this does not look like a scenario: {remedy}"));
+    }
+    for error in syntax_errors.iter().take(if is_other { 2 } else { usize::MAX }) {
+        let remedy = match error.message() {
+            "duplicate key" => "; it is there already: keep one",
+            message if message.contains("recursion") || message.contains("recurse") => "; nest less deeply",
+            _ => "",
+        };
+        problems.add(&error.span().unwrap_or(0..0), format!("{}{remedy}", error.message()));
+    }
+    let fail = |problems: Problems<'_>| ScenarioError::Scenario {
+        file: file.to_owned(),
+        problems: problems.into_sorted(),
+    };
+    if !syntax_errors.is_empty() {
+        return Err(fail(problems));
+    }
+    let root = TableFields::new(document.get_ref(), 0..0, &problems);
+    let map_name = root.string("map").unwrap_or("ids3c");
+    let map_bytes = match library.map(map_name) {
+        Ok(bytes) => bytes,
+        Err(error) => {
+            root.wrong("map", error.to_string());
+            return Err(fail(problems));
+        }
+    };
+    let loaded = load_map(&map_bytes).map_err(|errors| ScenarioError::Map {
+        file: map_name.to_owned(),
+        problems: errors.listed.iter().map(ToString::to_string).collect(),
+    })?;
+    let models = ModelReader::new(library);
+    let reader = ScenarioReader { map: Arc::new(loaded.map), models: &models, overrides };
+    let mut experiment = reader.read(&root, text, map_bytes);
+    let (models, faults) = models.finish(&experiment.lab_map.models);
+    experiment.models = models;
+    root.finish();
+    if !problems.is_empty() {
+        return Err(fail(problems));
+    }
+    if !faults.is_empty() {
+        return Err(ScenarioError::Map { file: map_name.to_owned(), problems: faults });
+    }
+    Ok(experiment)
+}
+
+struct ScenarioReader<'m> {
+    map: Arc<LabMap>,
+    models: &'m ModelReader<'m>,
+    overrides: Overrides,
+}
+
+/// Context for reading vehicles.
+pub(super) struct ReadContext<'m> {
+    pub map: &'m LabMap,
+    pub models: &'m ModelReader<'m>,
+    pub scale: LengthScale,
+    /// All vehicles get this dynamics model.
+    pub model: Option<ModelKind>,
+    pub seed: u64,
+    pub duration_s: f64,
+    pub rates: Rates,
+}
+
+/// The vehicles read so far.
+#[derive(Default)]
+pub(super) struct FleetBuilder {
+    pub vehicles: Vec<PlannedVehicle>,
+    /// Names of all vehicles by id, including invalid ones.
+    pub names: BTreeMap<VehicleId, String>,
+    /// Source tables of the vehicles.
+    pub places: BTreeMap<VehicleId, Range<usize>>,
+    /// The first randomly drawn vehicle, if any.
+    pub first_drawn: Option<VehicleId>,
+}
+
+impl FleetBuilder {
+    /// Whether the file has no vehicles at all, not even wrong ones.
+    fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// Moves vehicles whose places overlap.
+    fn place(&mut self, root: &TableFields<'_, '_>, map: &CityMap, scale: LengthScale) -> Vec<MovedStart> {
+        self.vehicles.sort_by_key(|vehicle| vehicle.id);
+        placement::resolve(map, scale, &mut self.vehicles).unwrap_or_else(|id| {
+            let name = self.names.get(&id).map_or("", String::as_str);
+            let message = format!(
+                "{name} (id {id}) overlaps another vehicle at the start, and behind that one no place is \
+                 free; start it elsewhere with at_m or route"
+            );
+            root.problems.add(&self.places.get(&id).cloned().unwrap_or_default(), message);
+            Vec::new()
+        })
+    }
+}
+
+impl FleetBuilder {
+    /// Lowers infeasible start speeds of automatically placed vehicles; stated starts must be feasible.
+    fn check_starts(
+        &mut self,
+        root: &TableFields<'_, '_>,
+        map: &LabMap,
+        scale: LengthScale,
+        moved: &[MovedStart],
+    ) {
+        for _ in 0..MOST_ROUNDS {
+            let infeasible = infeasible_starts(map, scale, &self.vehicles);
+            let is_found = |id: VehicleId| {
+                self.first_drawn.is_some_and(|first| id >= first)
+                    || moved.iter().any(|moved| moved.vehicle == id)
+            };
+            let (found, stated): (Vec<_>, Vec<_>) =
+                infeasible.into_iter().partition(|start| is_found(start.vehicle));
+            if found.is_empty() {
+                for start in stated {
+                    let place = self.places.get(&start.vehicle).cloned().unwrap_or_default();
+                    root.problems.add(&place, start.message);
+                }
+                return;
+            }
+            for start in found {
+                let slowed = self.vehicles.iter_mut().filter(|vehicle| vehicle.id == start.vehicle);
+                slowed.for_each(|vehicle| vehicle.start.speed_mps = start.most_mps * SLOWER);
+            }
+        }
+    }
+}
+
+/// Slowing a vehicle may make the one behind it infeasible: largest number of rounds.
+const MOST_ROUNDS: usize = 64;
+/// Start speed of a slowed vehicle as a share of the highest feasible one.
+const SLOWER: f64 = 0.95;
+
+impl ScenarioReader<'_> {
+    fn read(&self, root: &TableFields<'_, '_>, text: &str, map_bytes: Vec<u8>) -> Experiment {
+        let name =
+            root.required_string("name", "a short name of the experiment").unwrap_or_default().to_owned();
+        let description = root.string("description").unwrap_or_default().to_owned();
+        let seed = root.integer("seed", 0..=i64::MAX as u64).unwrap_or(1);
+        let mut duration_s = root.required_number("duration_s", 0.01..=86_400.0);
+        let mut link_timeout_s = 0.5;
+        root.number("link_timeout_s", 0.02..=60.0, &mut link_timeout_s);
+        let mut factor = LengthScale::TESTBED.factor();
+        root.number("length_scale", 1.0..=100.0, &mut factor);
+        let scale = LengthScale::new(factor).unwrap_or_default();
+        let mut collisions_forbidden = true;
+        root.boolean("collisions_forbidden", &mut collisions_forbidden);
+        duration_s = self.overrides.duration_s.unwrap_or(duration_s);
+        let seed = self.overrides.seed.unwrap_or(seed);
+        let rates = read_rates(root);
+        let named = NamedSettings::read(root, self.overrides.model, rates);
+        let model = self.overrides.model;
+        let basis =
+            ReadContext { map: &self.map, models: self.models, scale, model, seed, duration_s, rates };
+        let mut fleet = FleetBuilder::default();
+        basis.read_vehicles(root, &named, &mut fleet);
+        basis.read_traffic(root, &named, &mut fleet);
+        // Errors under `vehicle` or `traffic` have been reported.
+        let is_asked_for = root.entry("vehicle").is_some() || root.entry("traffic").is_some();
+        let needs_vehicles = !self.overrides.allows_no_vehicles;
+        if needs_vehicles && fleet.is_empty() && (!is_asked_for || root.problems.is_empty()) {
+            root.problems.add(&(0..0), "no vehicles: add [[vehicle]] tables or a [traffic] table");
+        }
+        let (environment, testbed) = read_environment(root, self.overrides.environment);
+        let city_map = Arc::new(self.map.to_city(scale));
+        // Robots stand when an experiment begins, and other vehicles must not run into them.
+        if fleet.vehicles.iter().any(|vehicle| vehicle.physical.is_some()) {
+            fleet.vehicles.iter_mut().for_each(|vehicle| vehicle.start.speed_mps = 0.0);
+        }
+        // Positions are checked once every vehicle has one.
+        let moved = if root.problems.is_empty() { fleet.place(root, &city_map, scale) } else { Vec::new() };
+        if root.problems.is_empty() {
+            fleet.check_starts(root, &self.map, scale, &moved);
+        }
+        Experiment {
+            name,
+            description,
+            seed,
+            duration_s,
+            rates,
+            scale,
+            city_map,
+            lab_map: Arc::clone(&self.map),
+            vehicles: fleet.vehicles,
+            moved,
+            vehicle_types: named.types.into_iter().map(|(name, build)| (name, build.spec)).collect(),
+            right_of_way: read_right_of_way(root),
+            environment,
+            testbed,
+            time_of_day: read_time_of_day(root),
+            link_timeout_s,
+            expectations: Expectations { collisions_forbidden },
+            models: UserModels::default(),
+            scenario_text: text.to_owned(),
+            map_bytes,
+            model,
+            profile: self.overrides.environment,
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! Locates scenarios, maps and models: files on disk take precedence over embedded ones.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use thiserror::Error;
+
+/// Largest file that is read.
+const LARGEST_FILE_BYTES: u64 = 64 << 20;
+
+const SCENARIOS: [(&str, &str); 5] = [
+    ("roundabout", include_str!("../../../../scenarios/roundabout.toml")),
+    ("mixed", include_str!("../../../../scenarios/mixed.toml")),
+    ("city", include_str!("../../../../scenarios/city.toml")),
+    ("straight", include_str!("../../../../scenarios/straight.toml")),
+    ("student", include_str!("../../../../scenarios/student.toml")),
+];
+const MAPS: [(&str, &[u8]); 1] = [("ids3c", include_bytes!("../../../../assets/maps/ids3c.dxf"))];
+
+/// A file that cannot be loaded.
+#[derive(Debug, Error)]
+pub enum SourceError {
+    #[error("{path}: {reason}")]
+    Unreadable { path: PathBuf, reason: std::io::Error },
+    #[error("{path}: {bytes} bytes; files of more than {LARGEST_FILE_BYTES} bytes are not read")]
+    TooLarge { path: PathBuf, bytes: u64 },
+    #[error("{path}: line {line}, column {column}: not UTF-8 text; save the file as UTF-8")]
+    NotText { path: PathBuf, line: usize, column: usize },
+    #[error("{path}: this is {what}")]
+    Other { path: PathBuf, what: &'static str },
+    #[error(
+        "\"{name}\" is neither a file nor one of the shipped {kind}: {names}; give the path of a file or one of these names"
+    )]
+    Unknown { name: String, kind: &'static str, names: String },
+}
+
+/// Names of the embedded scenarios.
+pub fn shipped_scenarios() -> impl Iterator<Item = &'static str> {
+    SCENARIOS.iter().map(|(name, _)| *name)
+}
+
+/// Finds maps and models of a scenario: beside it, in the working directory, or embedded; for a scenario from
+/// a log, only among those stored with it.
+#[derive(Clone, Debug, Default)]
+pub struct Library {
+    folder: PathBuf,
+    kept: Option<Arc<Kept>>,
+}
+
+#[derive(Debug)]
+struct Kept {
+    map: Vec<u8>,
+    models: BTreeMap<String, Vec<u8>>,
+}
+
+impl Library {
+    /// A library that looks for relative paths in `folder` first.
+    pub fn beside(scenario: &Path) -> Self {
+        Self { folder: scenario.parent().map(Path::to_path_buf).unwrap_or_default(), kept: None }
+    }
+
+    /// A library of stored files: map, whatever its name, and models by name. No file is read; embedded ones
+    /// remain available.
+    pub fn kept(map: Vec<u8>, models: BTreeMap<String, Vec<u8>>) -> Self {
+        Self { folder: PathBuf::new(), kept: Some(Arc::new(Kept { map, models })) }
+    }
+
+    /// The file of this name next to the scenario or in the working directory.
+    fn file(&self, name: &str) -> Option<PathBuf> {
+        let paths = [self.folder.join(name), PathBuf::from(name)];
+        paths.into_iter().find(|path| self.kept.is_none() && path.is_file())
+    }
+
+    /// Loads a scenario by path or embedded name, with the library of its maps.
+    ///
+    /// # Errors
+    /// If there is no such file or name, or it is too large or no text.
+    pub fn scenario(name: &str) -> Result<(String, Self), SourceError> {
+        let path = Path::new(name);
+        if path.is_file() {
+            let text = String::from_utf8(read(path)?).map_err(|error| not_text(path, &error))?;
+            return Ok((text, Self::beside(path)));
+        }
+        let stem = name.strip_prefix("scenarios/").unwrap_or(name);
+        let stem = stem.strip_suffix(".toml").unwrap_or(stem);
+        let embedded = SCENARIOS.iter().find(|(shipped, _)| *shipped == stem);
+        embedded.map(|(_, text)| ((*text).to_owned(), Self::default())).ok_or_else(|| SourceError::Unknown {
+            name: name.to_owned(),
+            kind: "scenarios",
+            names: shipped_scenarios().collect::<Vec<_>>().join(", "),
+        })
+    }
+
+    /// Loads a model by path or embedded name.
+    ///
+    /// # Errors
+    /// When there is no such file or name, or it is too large.
+    pub fn model(&self, name: &str) -> Result<Vec<u8>, SourceError> {
+        if let Some(bytes) = self.kept.as_ref().and_then(|kept| kept.models.get(name)) {
+            return Ok(bytes.clone());
+        }
+        if let Some(path) = self.file(name) {
+            return read(&path);
+        }
+        let embedded = city3d_models::shipped(name);
+        embedded.map(<[u8]>::to_vec).ok_or_else(|| SourceError::Unknown {
+            name: name.to_owned(),
+            kind: "models",
+            names: city3d_models::SHIPPED.map(|(name, _)| name).join(", "),
+        })
+    }
+
+    /// Whether a model file lies beside the scenario or in the working directory.
+    pub fn has_own_model(&self, name: &str) -> bool {
+        self.kept.as_ref().is_some_and(|kept| kept.models.contains_key(name)) || self.file(name).is_some()
+    }
+
+    /// Loads a map by path or embedded name.
+    ///
+    /// # Errors
+    /// When there is no such file or name, or it is too large.
+    pub fn map(&self, name: &str) -> Result<Vec<u8>, SourceError> {
+        if let Some(kept) = &self.kept {
+            return Ok(kept.map.clone());
+        }
+        if let Some(path) = self.file(name) {
+            return read(&path);
+        }
+        let embedded = MAPS.iter().find(|(shipped, _)| *shipped == name);
+        embedded.map(|(_, bytes)| bytes.to_vec()).ok_or_else(|| SourceError::Unknown {
+            name: name.to_owned(),
+            kind: "maps",
+            names: MAPS.map(|(name, _)| name).join(", "),
+        })
+    }
+}
+
+fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> SourceError {
+    const KINDS: [(&[u8], &str); 4] = [
+        (
+            b"\x89MCAP0",
+            "the log of a run, not a scenario: give it to `city3d replay LOG --verify`, `city3d frames LOG`, `city3d \
+             plot LOG` or `city3d compare LOG LOG`",
+        ),
+        (b"\x89PNG", "a picture (PNG), not a scenario: scenarios are text, see docs/scenarios.md"),
+        (b"glTF", "a model (glTF), not a scenario: scenarios are text, see docs/scenarios.md"),
+        (b"\xff\xd8\xff", "a picture (JPEG), not a scenario: scenarios are text, see docs/scenarios.md"),
+    ];
+    if let Some((_, what)) = KINDS.iter().find(|(start, _)| error.as_bytes().starts_with(start)) {
+        return SourceError::Other { path: path.to_path_buf(), what };
+    }
+    let good = String::from_utf8_lossy(&error.as_bytes()[..error.utf8_error().valid_up_to()]);
+    let last_line = good.rsplit('\n').next().unwrap_or_default();
+    SourceError::NotText {
+        path: path.to_path_buf(),
+        line: good.matches('\n').count() + 1,
+        column: last_line.chars().count() + 1,
+    }
+}
+
+/// Reads a file within the size limit.
+fn read(path: &Path) -> Result<Vec<u8>, SourceError> {
+    let unreadable = |reason| SourceError::Unreadable { path: path.to_path_buf(), reason };
+    let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
+    if bytes > LARGEST_FILE_BYTES {
+        return Err(SourceError::TooLarge { path: path.to_path_buf(), bytes });
+    }
+    std::fs::read(path).map_err(unreadable)
+}

@@ -1,0 +1,299 @@
+//! The simulated world: vehicles, physics and the experiment's clock. Commands in, snapshots out.
+//!
+//! A run is a function of the experiment and the command stream. No wall clock, thread, static or random draw
+//! affects it.
+
+mod collision;
+mod vehicle;
+
+use crate::scenario::Experiment;
+use city3d_dynamics::physics::Physics;
+use city3d_geometry::OrientedRect;
+use city3d_geometry::digest::{Digest, StateHash};
+use city3d_protocol::snapshot::{
+    Event, EventKind, FrameSnapshot, Setup, SimCommand, VehicleId, VehicleInfo, VehicleState,
+};
+use collision::{Collisions, StaticObstacles};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use vehicle::SimVehicle;
+
+/// The whole simulation.
+///
+/// A world and its copy stay equal under the same commands:
+///
+/// ```
+/// use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+/// use city3d_simulation::sim::World;
+/// use city3d_protocol::snapshot::SimCommand;
+/// use std::sync::Arc;
+///
+/// let (text, library) = Library::scenario("straight")?;
+/// let experiment = read_experiment("straight", &text, &library, Overrides::default())?;
+/// let mut world = World::new(Arc::new(experiment));
+/// let mut copy = world.clone();
+/// let (mut one, mut other) = (world.snapshot(), copy.snapshot());
+/// world.tick_into(&[SimCommand::Start], &mut one);
+/// copy.tick_into(&[SimCommand::Start], &mut other);
+/// assert_eq!((one.tick, one.state_hash), (1, other.state_hash));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct World {
+    experiment: Arc<Experiment>,
+    solids: Arc<StaticObstacles>,
+    roster: Arc<Vec<VehicleInfo>>,
+    state: WorldState,
+}
+
+/// The mutable state: with the experiment it restores the world at any tick.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct WorldState {
+    tick: u64,
+    is_running: bool,
+    physics: Physics,
+    /// In id order.
+    vehicles: Vec<SimVehicle>,
+    /// Setups of the vehicles that commands added, in the order of arrival.
+    setups: Vec<Setup>,
+    collisions: Collisions,
+    /// Events since the last snapshot, outside of a step.
+    pending: Vec<Event>,
+}
+
+/// Without whether the clock runs: a world that is paused has no ticks.
+impl Digest for WorldState {
+    fn digest(&self, hash: &mut StateHash) {
+        hash.word(self.tick);
+        for vehicle in &self.vehicles {
+            vehicle.digest(hash);
+            self.physics.body(vehicle.body()).digest(hash);
+            // Commands that come before the first step belong to it.
+            if self.tick > 0 {
+                vehicle.digest_commands(hash);
+            }
+        }
+        self.collisions.digest(hash);
+    }
+}
+
+impl World {
+    /// The world at the initial conditions of an experiment; its clock is stopped.
+    pub fn new(experiment: Arc<Experiment>) -> Self {
+        let solids = Arc::new(StaticObstacles::of(&experiment.city_map));
+        let state = WorldState::initial(&experiment, &solids);
+        let roster = state.roster(&experiment);
+        Self { experiment, solids, roster, state }
+    }
+
+    pub fn experiment(&self) -> &Arc<Experiment> {
+        &self.experiment
+    }
+
+    pub fn tick(&self) -> u64 {
+        self.state.tick
+    }
+
+    pub fn time_s(&self) -> f64 {
+        self.experiment.rates.time_s(self.state.tick)
+    }
+
+    pub fn is_running(&self) -> bool {
+        self.state.is_running
+    }
+
+    pub fn state(&self) -> &WorldState {
+        &self.state
+    }
+
+    /// The world of the same experiment at a saved state.
+    pub fn with_state(&self, state: WorldState) -> Self {
+        let roster = state.roster(&self.experiment);
+        Self { experiment: Arc::clone(&self.experiment), solids: Arc::clone(&self.solids), roster, state }
+    }
+
+    /// Applies commands, advances by one physics step if the clock runs, and writes the snapshot. Commands
+    /// are applied in the order of (vehicle, sequence); experiment commands come first.
+    pub fn tick_into(&mut self, commands: &[SimCommand], out: &mut FrameSnapshot) {
+        if commands.is_sorted_by_key(SimCommand::order) {
+            return self.tick_as_given(commands, out);
+        }
+        let mut ordered = commands.to_vec();
+        ordered.sort_by_key(SimCommand::order);
+        self.tick_as_given(&ordered, out);
+    }
+
+    /// [`Self::tick_into`] without sorting: a log has commands in the order in which they were applied, while
+    /// the clock was stopped perhaps one by one.
+    pub fn tick_as_given(&mut self, commands: &[SimCommand], out: &mut FrameSnapshot) {
+        commands.iter().for_each(|command| self.apply(command));
+        out.events.clear();
+        if self.state.is_running {
+            // Events before the start belong to the first tick, also after a reset.
+            out.events.append(&mut self.state.pending);
+            self.step(&mut out.events);
+        }
+        self.describe(out);
+    }
+
+    /// The present snapshot without events.
+    pub fn snapshot(&self) -> FrameSnapshot {
+        let mut out = FrameSnapshot::default();
+        self.describe(&mut out);
+        out
+    }
+
+    fn apply(&mut self, command: &SimCommand) {
+        let (time_s, timeout_s) = (self.time_s(), self.experiment.link_timeout_s);
+        match command {
+            SimCommand::Start => self.state.is_running = true,
+            SimCommand::Pause => self.state.is_running = false,
+            SimCommand::Reset => {
+                let setups = std::mem::take(&mut self.state.setups);
+                self.state = WorldState::initial(&self.experiment, &self.solids);
+                setups.into_iter().for_each(|setup| self.state.spawn(&self.experiment, setup));
+                self.roster = self.state.roster(&self.experiment);
+            }
+            SimCommand::Spawn(setup) => match self.vehicle_mut(setup.id) {
+                Some(vehicle) => vehicle.reset_sequence(),
+                None => {
+                    self.state.spawn(&self.experiment, Setup::clone(setup));
+                    self.roster = self.state.roster(&self.experiment);
+                }
+            },
+            SimCommand::Remove(id) => self.remove(*id),
+            SimCommand::Measure(id, pose) => {
+                let state = &mut self.state;
+                if let Ok(index) = state.vehicles.binary_search_by_key(id, |vehicle| vehicle.state.id) {
+                    state.vehicles[index].measure(pose, &state.physics, time_s, state.is_running);
+                }
+            }
+            SimCommand::Follow(trajectory) => {
+                if let Some(vehicle) = self.vehicle_mut(trajectory.vehicle) {
+                    vehicle.follow(trajectory, time_s, timeout_s);
+                }
+            }
+            SimCommand::Drive(id, pedals) => {
+                if let Some(vehicle) = self.vehicle_mut(*id) {
+                    vehicle.drive(Some(*pedals));
+                }
+            }
+            SimCommand::Release(id) => {
+                if let Some(vehicle) = self.vehicle_mut(*id) {
+                    vehicle.drive(None);
+                }
+            }
+        }
+    }
+
+    fn vehicle_mut(&mut self, id: VehicleId) -> Option<&mut SimVehicle> {
+        let index = self.state.vehicles.binary_search_by_key(&id, |vehicle| vehicle.state.id).ok()?;
+        Some(&mut self.state.vehicles[index])
+    }
+
+    fn remove(&mut self, id: VehicleId) {
+        let Ok(index) = self.state.vehicles.binary_search_by_key(&id, |vehicle| vehicle.state.id) else {
+            return;
+        };
+        self.state.vehicles.remove(index).leave(&mut self.state.physics);
+        self.state.setups.retain(|setup| setup.id != id);
+        let time_s = self.time_s();
+        self.state.pending.push(Event { time_s, vehicle: id, kind: EventKind::Remove });
+        self.roster = self.state.roster(&self.experiment);
+    }
+
+    fn step(&mut self, events: &mut Vec<Event>) {
+        let dt_s = self.experiment.rates.dt_s();
+        let before_s = self.time_s();
+        let state = &mut self.state;
+        for vehicle in &mut state.vehicles {
+            vehicle.actuate(&mut state.physics, before_s, dt_s, self.experiment.link_timeout_s, events);
+        }
+        state.physics.step();
+        state.tick += 1;
+        let time_s = self.experiment.rates.time_s(state.tick);
+        for vehicle in &mut state.vehicles {
+            vehicle.read_back(&state.physics, time_s, dt_s, events);
+        }
+        let first = events.len();
+        state.collisions.find(&state.vehicles, &self.solids, time_s, events);
+        for event in &events[first..] {
+            for vehicle in &mut state.vehicles {
+                let is_hit = matches!(event.kind, EventKind::Collision { with } if with == vehicle.state.id);
+                if is_hit || event.vehicle == vehicle.state.id {
+                    vehicle.collide();
+                }
+            }
+        }
+    }
+
+    fn describe(&self, out: &mut FrameSnapshot) {
+        out.tick = self.state.tick;
+        out.time_s = self.time_s();
+        out.vehicles.clear();
+        out.vehicles.extend(self.state.vehicles.iter().map(|vehicle| vehicle.state.clone()));
+        if !Arc::ptr_eq(&out.roster, &self.roster) {
+            out.roster = Arc::clone(&self.roster);
+        }
+        let mut hash = StateHash::default();
+        self.state.digest(&mut hash);
+        out.state_hash = hash.finish();
+    }
+}
+
+impl WorldState {
+    fn initial(experiment: &Experiment, solids: &StaticObstacles) -> Self {
+        let mut physics = Physics::new(experiment.rates.dt_s());
+        for solid in solids.iter() {
+            physics.add_static_polygon(&solid.polygon, solid.height_m);
+        }
+        let event = |vehicle, kind| Event { time_s: 0.0, vehicle, kind };
+        let mut pending = Vec::new();
+        let mut vehicles = Vec::with_capacity(experiment.vehicles.len());
+        for planned in &experiment.vehicles {
+            pending.push(event(planned.id, EventKind::Spawn));
+            let setup = planned.setup(&experiment.city_map, experiment.scale);
+            let mut vehicle = SimVehicle::spawn(&setup, &mut physics, experiment);
+            if planned.is_human {
+                vehicle.start_manual();
+            }
+            vehicles.push(vehicle);
+        }
+        for moved in &experiment.moved {
+            pending.push(event(moved.vehicle, EventKind::Moved { behind: moved.behind, by_m: moved.by_m }));
+        }
+        let collisions = Collisions::default();
+        Self { tick: 0, is_running: false, physics, vehicles, setups: Vec::new(), collisions, pending }
+    }
+
+    /// Adds a vehicle with a new id.
+    fn spawn(&mut self, experiment: &Experiment, setup: Setup) {
+        let time_s = experiment.rates.time_s(self.tick);
+        self.pending.push(Event { time_s, vehicle: setup.id, kind: EventKind::Spawn });
+        let index = self.vehicles.partition_point(|vehicle| vehicle.state.id < setup.id);
+        let vehicle = SimVehicle::spawn(&setup, &mut self.physics, experiment);
+        self.vehicles.insert(index, vehicle);
+        self.setups.push(setup);
+    }
+
+    /// The static data of the present vehicles.
+    fn roster(&self, experiment: &Experiment) -> Arc<Vec<VehicleInfo>> {
+        let is_there =
+            |id| self.vehicles.binary_search_by_key(&id, |vehicle: &SimVehicle| vehicle.state.id).is_ok();
+        let planned = experiment.vehicles.iter().filter(|planned| is_there(planned.id));
+        let planned = planned
+            .map(|planned| VehicleInfo::of(planned.id, &planned.name, planned.appearance, &planned.spec));
+        let set_up = self
+            .setups
+            .iter()
+            .map(|setup| VehicleInfo::of(setup.id, &setup.name, setup.appearance, &setup.spec));
+        let mut roster: Vec<VehicleInfo> = planned.chain(set_up).collect();
+        roster.sort_by_key(|info| info.id);
+        Arc::new(roster)
+    }
+}
+
+/// The outline of a vehicle of the world seen from above.
+fn outline_of(state: &VehicleState, vehicle: &SimVehicle) -> OrientedRect {
+    state.outline(&vehicle.spec().dimensions)
+}

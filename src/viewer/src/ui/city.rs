@@ -1,0 +1,200 @@
+//! The large view of the city: picture, overlays, and mouse control.
+
+use super::layers::{self, Canvas};
+use super::{PictureRequest, PictureSlot, UiState, ViewModel, map, status};
+use city3d_protocol::snapshot::{Status, VehicleId};
+use city3d_session::live::RunPhase;
+use egui::emath::GuiRounding as _;
+use egui::{Align2, Color32, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Ui};
+use glam::DVec3;
+
+/// Picking radius, points.
+const NEAR_POINTS: f32 = 16.0;
+/// Points of scrolling that are one step of zoom.
+const SCROLL_STEP: f64 = 40.0;
+
+pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
+    let rect = ui.available_rect_before_wrap().round_to_pixels(ui.ctx().pixels_per_point());
+    let response = ui.allocate_rect(rect, Sense::click_and_drag());
+    move_camera(ui, &response, state);
+    state.viewpoint.update(shown.interpolated);
+    let moves = shown.run_state.phase == RunPhase::Running || response.dragged() || state.is_scrubbing;
+    let extent = extent(rect, ui.ctx().pixels_per_point(), shown.most_moving_pixels.filter(|_| moves));
+    state.viewpoint.show_whole(shown.interpolated, extent, shown.walls);
+    let view = state.viewpoint.view(shown.interpolated, extent);
+    state.pictures.push(PictureRequest { slot: PictureSlot::City, view });
+    super::paint_picture(ui, rect, shown, PictureSlot::City);
+    let canvas = Canvas::new(ui, &view, rect);
+    if let (true, Some(at)) =
+        (response.clicked() || response.double_clicked(), response.interact_pointer_pos())
+    {
+        let picked = pick(&canvas, shown, at);
+        state.selection.vehicle = picked;
+        state.table.reveal = picked.is_some();
+        if response.double_clicked() && picked.is_some() {
+            state.selection.follow = picked;
+        }
+    }
+    layers::paint(&canvas, state, shown);
+    if state.layers.map {
+        map::show(ui, rect, state, shown);
+    }
+    followed(ui, rect, state, shown);
+    dashboard(ui, rect, state, shown);
+    loading(ui, rect, shown);
+    let free = if state.layers.map { map::beside(rect) } else { rect };
+    notice(ui, free, state);
+}
+
+/// Resolution of the picture, reduced to the pixel budget.
+fn extent(rect: Rect, pixels_per_point: f32, most: Option<u32>) -> [u32; 2] {
+    let [width, height] = super::pixels(rect.size(), pixels_per_point);
+    let there = width as f32 * height as f32;
+    let scale = most.map_or(1.0, |most| (most as f32 / there).sqrt().min(1.0));
+    super::pixels(rect.size(), pixels_per_point * scale)
+}
+
+fn move_camera(ui: &Ui, response: &Response, state: &mut UiState) {
+    let delta = response.drag_delta();
+    let (right, down) = (f64::from(delta.x), f64::from(delta.y));
+    let shifts = ui.input(|input| input.modifiers.shift);
+    if response.dragged_by(PointerButton::Primary) && !shifts {
+        state.viewpoint.turn(right, down);
+    } else if response.dragged() {
+        state.viewpoint.shift(right, down);
+    }
+    if response.hovered() {
+        let (scroll, zoom) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+        let steps = f64::from(scroll) / SCROLL_STEP + f64::from(zoom - 1.0) * 8.0;
+        if steps != 0.0 {
+            state.viewpoint.zoom(steps);
+        }
+    }
+}
+
+/// Picking: the vehicle at a screen point, of several the nearest to the camera.
+fn pick(canvas: &Canvas<'_>, shown: &ViewModel<'_>, at: Pos2) -> Option<VehicleId> {
+    let hits = shown.interpolated.iter().filter_map(|(vehicle, info)| {
+        let d = &info.dimensions;
+        let forward = vehicle.orientation * DVec3::X * (d.length_m / 2.0);
+        let middle = vehicle.position + DVec3::Z * (d.height_m / 2.0);
+        let [front, centre, rear] = [middle + forward, middle, middle - forward].map(|p| canvas.place(p));
+        let centre = centre?;
+        let reach = front.zip(rear).map_or(0.0, |(front, rear)| front.distance(rear) / 2.0);
+        let distance = distance_to_segment(at, front.unwrap_or(centre), rear.unwrap_or(centre));
+        (distance < NEAR_POINTS.max(0.45 * reach)).then_some((canvas.depth(middle), vehicle.id))
+    });
+    hits.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, id)| id)
+}
+
+fn distance_to_segment(point: Pos2, from: Pos2, to: Pos2) -> f32 {
+    let along = to - from;
+    let share = if along.length_sq() > 0.0 { (point - from).dot(along) / along.length_sq() } else { 0.0 };
+    point.distance(from + along * share.clamp(0.0, 1.0))
+}
+
+/// Speed and pedals of the vehicle that the user drives.
+fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
+    let Some(driving) = &state.driving else { return };
+    let Some(vehicle) = shown.run_state.now.vehicle(driving.vehicle) else { return };
+    let pedals = driving.driver().pedals();
+    let gear = match (pedals.reverse, driving.driver().is_shifting()) {
+        (_, true) => "stop before you change gear",
+        (true, false) => "gear R",
+        (false, false) => "gear D",
+    };
+    let arrows = match pedals.indicator {
+        city3d_protocol::snapshot::Indicator::Off => "",
+        city3d_protocol::snapshot::Indicator::Left => "\u{25c0} ",
+        city3d_protocol::snapshot::Indicator::Right => " \u{25b6}",
+        city3d_protocol::snapshot::Indicator::Hazard => "\u{25c0} \u{25b6}",
+    };
+    let speed = format!("{:.0} km/h", vehicle.speed_mps.abs() * 3.6);
+    egui::Area::new(ui.scope_id().with("dashboard"))
+        .fixed_pos(rect.center_bottom() + egui::vec2(0.0, -10.0))
+        .pivot(Align2::CENTER_BOTTOM)
+        .show(ui.ctx(), |ui| {
+            egui::Frame::popup(ui.style()).show(ui, |ui| {
+                ui.vertical_centered(|ui| {
+                    ui.set_width(320.0_f32.min(rect.width() - 24.0).max(80.0));
+                    ui.label(RichText::new(speed).size(30.0).strong());
+                    ui.label(format!("{gear}   {arrows}"));
+                    if let Some(trouble) = trouble(vehicle.status, &shown.run_state.phase, pedals.reverse) {
+                        ui.label(RichText::new(trouble).strong().color(ui.visuals().warn_fg_color));
+                    }
+                    if driving.is_by_device() {
+                        ui.small("by gamepad or wheel   F2 its buttons   Enter gives back");
+                    } else {
+                        ui.small("W S pedals   A D steer   B handbrake   R reverse gear");
+                        ui.small("Q E indicators   V look back   Enter gives back");
+                    }
+                });
+            });
+        });
+}
+
+/// Why the vehicle does not obey its driver.
+fn trouble(status: Status, phase: &RunPhase, reverse: bool) -> Option<&'static str> {
+    match (phase, status) {
+        (RunPhase::Over, _) => Some("The scenario is over: Space continues, Ctrl+R starts again"),
+        (RunPhase::Running, Status::Collided) if reverse => Some("Collided: W backs off"),
+        (RunPhase::Running, Status::Collided) => Some("Collided: W drives on, R then W backs off"),
+        (RunPhase::Running, _) | (RunPhase::Failed(_), _) => None,
+        _ => Some("The experiment is not running: Space starts it"),
+    }
+}
+
+/// Shows what is being loaded; the city stays as it is.
+fn loading(ui: &Ui, rect: Rect, shown: &ViewModel<'_>) {
+    let Some(what) = shown.loading else { return };
+    egui::Area::new(ui.scope_id().with("loading"))
+        .fixed_pos(rect.center())
+        .pivot(Align2::CENTER_CENTER)
+        .interactable(false)
+        .show(ui.ctx(), |ui| {
+            egui::Frame::popup(ui.style()).show(ui, |ui| {
+                ui.horizontal(|ui| {
+                    ui.spinner();
+                    ui.label(what);
+                });
+            });
+        });
+}
+
+/// Names the followed vehicle, which has no label.
+fn followed(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
+    let Some(id) = state.viewpoint.follow else { return };
+    let Some((vehicle, info)) = shown.interpolated.vehicle(id).zip(shown.interpolated.info(id)) else {
+        return;
+    };
+    let [r, g, b] = info.appearance.colour;
+    let text = format!("{}: {} {}", state.viewpoint.mode.label(), id, info.name);
+    let painter = ui.painter_at(rect);
+    let text = painter.layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
+    let swatch = text.size().y * 0.7;
+    let size = text.size() + egui::vec2(swatch + 6.0, 0.0);
+    let place = Align2::LEFT_TOP.anchor_size(rect.left_top() + egui::vec2(14.0, 12.0), size);
+    painter.rect_filled(place.expand2(egui::vec2(7.0, 4.0)), 4.0, Color32::from_black_alpha(150));
+    let mark = Rect::from_center_size(
+        place.left_center() + egui::vec2(swatch / 2.0, 0.0),
+        egui::Vec2::splat(swatch),
+    );
+    painter.rect_filled(mark, 2.0, Color32::from_rgb(r, g, b));
+    painter.rect_stroke(mark, 2.0, (1.0, status::colour(vehicle.status)), egui::StrokeKind::Outside);
+    painter.galley(place.min + egui::vec2(swatch + 6.0, 0.0), text, Color32::WHITE);
+}
+
+fn notice(ui: &Ui, rect: Rect, state: &mut UiState) {
+    let now_s = ui.input(|input| input.time);
+    state.notice = state.notice.take().filter(|(_, until_s)| now_s < *until_s);
+    if let Some((text, until_s)) = &state.notice {
+        let painter = ui.painter_at(rect);
+        let galley =
+            painter.layout(text.clone(), FontId::proportional(14.0), Color32::WHITE, rect.width() - 40.0);
+        let place = Align2::CENTER_TOP.anchor_size(rect.center_top() + egui::vec2(0.0, 14.0), galley.size());
+        painter.rect_filled(place.expand(8.0), 5.0, Color32::from_black_alpha(200));
+        painter.galley(place.min, galley, Color32::WHITE);
+        let left = (until_s - now_s).max(0.0);
+        ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(left));
+    }
+}

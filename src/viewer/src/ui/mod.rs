@@ -1,0 +1,445 @@
+//! The panels of the window, an immediate-mode user interface with egui. They are functions of a view model and of
+//! the user's choices; they request pictures and return actions, and touch neither the run nor the GPU.
+
+mod bar;
+mod city;
+mod controllers;
+mod drive;
+mod events;
+mod help;
+mod history;
+mod keys;
+mod layers;
+mod map;
+mod occlusion;
+mod preview;
+mod status;
+mod timeline;
+mod vehicles;
+mod viewpoint;
+
+pub use drive::ManualDrive;
+pub use events::EventFilter;
+pub use history::{History, HistorySample, KEPT_S};
+pub use layers::Layers;
+pub use preview::{Preview, PreviewCamera, ScenarioCamera};
+pub use status::is_off_lanes;
+pub use timeline::TimelineRange;
+pub use vehicles::TableState;
+pub use viewpoint::{CameraMode, Viewpoint};
+
+use crate::cockpit::{Devices, SteeringGeometry};
+use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
+use city3d_roadmap::{CityMap, LaneId};
+use city3d_scene::Wall;
+use city3d_sensors::View;
+use city3d_session::live::{RunCommand, RunState};
+use city3d_session::playback::{PlaybackCommand, Playhead, TimelineMark};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Names of the control algorithms, by vehicle.
+pub type DriverNames = BTreeMap<VehicleId, String>;
+
+/// The view model: the data that the panels show in one frame.
+#[derive(Debug)]
+pub struct ViewModel<'a> {
+    /// The state that tables and numbers show.
+    pub run_state: &'a RunState,
+    /// The snapshot that the pictures show, interpolated between the last two while the run goes on.
+    pub interpolated: &'a FrameSnapshot,
+    pub history: &'a History,
+    pub map: &'a CityMap,
+    /// Walls that occlude vehicles.
+    pub walls: &'a [Wall],
+    pub drivers: &'a DriverNames,
+    /// Planned lanes of each vehicle, by the scenario.
+    pub routes: &'a BTreeMap<VehicleId, Vec<LaneId>>,
+    /// Cameras that the scenario gives vehicles.
+    pub cameras: &'a BTreeMap<VehicleId, Vec<ScenarioCamera>>,
+    /// Geometry for manual driving.
+    pub steering_geometry: &'a BTreeMap<VehicleId, SteeringGeometry>,
+    pub scenario: &'a str,
+    pub duration_s: f64,
+    pub scenarios: &'a [ScenarioChoice],
+    /// What is being loaded, in words; nothing changes until it is loaded.
+    pub loading: Option<&'a str>,
+    /// Textures of the requested pictures.
+    pub textures: &'a BTreeMap<PictureSlot, egui::TextureId>,
+    /// Text of the footer: the adapter, the folder of the log.
+    pub footer: &'a str,
+    /// Frames of the window per second.
+    pub frames_per_s: f64,
+    /// Pixel budget of the large view while it moves; above it the resolution is reduced.
+    pub most_moving_pixels: Option<u32>,
+    /// Pedals, steering and lateral errors are known; otherwise only poses are.
+    pub has_control_data: bool,
+    /// The playback, where a recorded run is shown.
+    pub replay: Option<ReplayView<'a>>,
+}
+
+impl ViewModel<'_> {
+    fn cameras_of(&self, vehicle: VehicleId) -> &[ScenarioCamera] {
+        self.cameras.get(&vehicle).map_or(&[], Vec::as_slice)
+    }
+}
+
+/// A scenario that the user can choose.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ScenarioChoice {
+    /// A shipped name, or a file.
+    pub name: String,
+    /// Its description.
+    pub description: String,
+}
+
+/// A recorded run and its playhead.
+#[derive(Clone, Copy, Debug)]
+pub struct ReplayView<'a> {
+    /// Name of the recorded scenario.
+    pub name: &'a str,
+    pub head: Playhead,
+    /// Events in order of time.
+    pub marks: &'a [TimelineMark],
+    /// Fraction of the log that has been scanned for events, 0 to 1.
+    pub searched: f64,
+    /// Why the log is truncated, if it is.
+    pub truncation: Option<&'a str>,
+    /// It waits for a chunk of the log (buffering).
+    pub is_late: bool,
+}
+
+/// Where a picture is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum PictureSlot {
+    City,
+    Preview(VehicleId),
+}
+
+/// A picture that the panels request for this frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PictureRequest {
+    pub slot: PictureSlot,
+    pub view: View,
+}
+
+/// An action of the user that the panels do not carry out themselves.
+#[derive(Clone, Debug, PartialEq)]
+pub enum UiAction {
+    RunCommand(RunCommand),
+    /// A command to the player of a log.
+    PlaybackCommand(PlaybackCommand),
+    Drive(VehicleId),
+    GiveBack,
+    Scenario(String),
+    Look(Look),
+    /// A device mapping has changed and is to be stored.
+    KeepDevices,
+    Screenshot,
+    Quit,
+}
+
+/// Quality preset of the pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum QualityPreset {
+    Low,
+    Medium,
+    #[default]
+    High,
+    Ultra,
+}
+
+impl QualityPreset {
+    pub const ALL: [Self; 4] = [Self::Low, Self::Medium, Self::High, Self::Ultra];
+
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Low => "low",
+            Self::Medium => "medium",
+            Self::High => "high",
+            Self::Ultra => "ultra",
+        }
+    }
+}
+
+/// Appearance of the pictures: quality and time of day.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Look {
+    pub preset: QualityPreset,
+    /// Local time from midnight.
+    pub hours: f64,
+}
+
+/// Widths of the panels at the sides, points.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct PanelWidths {
+    pub vehicles: f32,
+    pub previews: f32,
+}
+
+impl Default for PanelWidths {
+    fn default() -> Self {
+        Self { vehicles: 425.0, previews: 270.0 }
+    }
+}
+
+/// The selected vehicle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Selection {
+    pub vehicle: Option<VehicleId>,
+    /// Vehicle that the camera starts to follow.
+    pub follow: Option<VehicleId>,
+}
+
+/// Panels that are open.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct OpenPanels {
+    #[serde(skip)]
+    pub help: bool,
+    #[serde(skip)]
+    pub layers: bool,
+    #[serde(skip)]
+    pub controllers: bool,
+    /// The list of events of a recorded run.
+    #[serde(skip)]
+    pub events: bool,
+}
+
+/// State of the user interface: what the user has chosen.
+#[derive(Clone, Debug)]
+pub struct UiState {
+    pub viewpoint: Viewpoint,
+    pub selection: Selection,
+    pub previews: Vec<Preview>,
+    pub table: TableState,
+    pub layers: Layers,
+    pub look: Look,
+    pub open: OpenPanels,
+    pub widths: PanelWidths,
+    /// Manual control of the vehicle that the user drives.
+    pub driving: Option<ManualDrive>,
+    /// Filter of the events of a recorded run.
+    pub events: EventFilter,
+    /// Visible range of the timeline.
+    pub section: TimelineRange,
+    /// The playhead is being dragged.
+    pub is_scrubbing: bool,
+    /// Gamepads and steering wheels.
+    pub devices: Devices,
+    /// A message to the user, and until when it is shown, seconds of egui's clock.
+    pub notice: Option<(String, f64)>,
+    /// The pictures that this frame needs.
+    pub pictures: Vec<PictureRequest>,
+}
+
+impl UiState {
+    pub fn new(snapshot: &FrameSnapshot, look: Look) -> Self {
+        Self {
+            viewpoint: Viewpoint::around(snapshot),
+            selection: Selection::default(),
+            previews: Vec::new(),
+            table: TableState::default(),
+            layers: Layers::default(),
+            look,
+            open: OpenPanels::default(),
+            widths: PanelWidths::default(),
+            driving: None,
+            events: EventFilter::default(),
+            section: TimelineRange::default(),
+            is_scrubbing: false,
+            devices: Devices::default(),
+            notice: None,
+            pictures: Vec::new(),
+        }
+    }
+
+    /// Opens the preview of a vehicle, or closes it.
+    pub fn toggle_preview(&mut self, vehicle: VehicleId) {
+        let count = self.previews.len();
+        self.previews.retain(|preview| preview.vehicle != vehicle);
+        if self.previews.len() == count {
+            self.previews.push(Preview { vehicle, eye: PreviewCamera::default() });
+        }
+    }
+
+    /// The vehicle that the user drives.
+    pub fn driven(&self) -> Option<VehicleId> {
+        self.driving.as_ref().map(|driving| driving.vehicle)
+    }
+
+    pub fn set_mode(&mut self, mode: CameraMode) {
+        if matches!(mode, CameraMode::Chase | CameraMode::Onboard) {
+            self.viewpoint.follow = self.selection.vehicle.or(self.viewpoint.follow);
+        }
+        let nearest = self.selection.vehicle;
+        self.viewpoint.set_mode(mode, nearest);
+    }
+
+    pub fn follow(&mut self, vehicle: Option<VehicleId>) {
+        self.viewpoint.follow = vehicle;
+    }
+
+    /// Shows a message for some seconds.
+    pub fn say(&mut self, text: impl Into<String>, now_s: f64) {
+        self.notice = Some((text.into(), now_s + 6.0));
+    }
+
+    /// Drops references to vehicles that have left.
+    fn update(&mut self, shown: &ViewModel<'_>) {
+        let is_there = |id: VehicleId| shown.run_state.now.vehicle(id).is_some();
+        let is_late = shown.replay.is_some_and(|replay| replay.is_late);
+        // A seek may select a vehicle that exists only at its target.
+        if !is_late {
+            self.selection.vehicle = self.selection.vehicle.filter(|id| is_there(*id));
+        }
+        let is_seen = |id: VehicleId| shown.interpolated.vehicle(id).is_some();
+        if let Some(vehicle) = self.selection.follow.take_if(|id| !is_late || is_seen(*id)) {
+            self.viewpoint.follow = Some(vehicle);
+            if matches!(self.viewpoint.mode, CameraMode::Free | CameraMode::Overhead) {
+                self.viewpoint.set_mode(CameraMode::Orbit, Some(vehicle));
+            }
+        }
+        self.viewpoint.update(shown.interpolated);
+        if self.driving.as_ref().is_some_and(|driving| !is_there(driving.vehicle)) {
+            self.driving = None;
+        }
+    }
+}
+
+/// Least widths of the side panels, points.
+const LEAST_VEHICLES: f32 = 180.0;
+const LEAST_PREVIEWS: f32 = 160.0;
+/// Largest width of a side panel, points.
+const WIDEST: f32 = 640.0;
+/// Largest fraction of the window for a side panel.
+const MOST_OF_WINDOW: f32 = 0.333;
+
+/// Background colour of the panels. The painter clears to it; the panels do not paint it.
+pub const GROUND: egui::Color32 = egui::Color32::from_gray(27);
+
+/// Lays out all panels for one frame. Afterwards `state.pictures` holds the pictures that they need.
+pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Vec<UiAction> {
+    let mut actions = Vec::new();
+    state.pictures.clear();
+    state.update(shown);
+    if let Some(replay) = &shown.replay {
+        if !state.open.events {
+            // A closed list must not hide events.
+            state.events.filter.clear();
+        }
+        state.events.update(replay.marks);
+    }
+    keys::act(ui, state, shown, &mut actions);
+    if shown.replay.is_some() {
+        // Gamepad buttons have no function in a replay.
+        drop(state.devices.take_pressed());
+    } else {
+        drive::act(state, &mut actions);
+    }
+    let frame = egui::Frame::side_top_panel(ui.style()).fill(egui::Color32::TRANSPARENT);
+    egui::Panel::top("bar").frame(frame).show(ui, |ui| {
+        ui.add_space(3.0);
+        bar::show(ui, state, shown, &mut actions);
+        ui.add_space(3.0);
+    });
+    egui::Panel::bottom("footer").frame(frame).show(ui, |ui| footer(ui, shown));
+    if let Some(replay) = &shown.replay {
+        egui::Panel::bottom("timeline").frame(frame).show(ui, |ui| {
+            ui.add_space(2.0);
+            timeline::show(ui, state, shown, replay, &mut actions);
+        });
+    }
+    // The city keeps at least a third of the window.
+    let whole = ui.available_width();
+    let third = (whole * MOST_OF_WINDOW).clamp(0.0, WIDEST);
+    let side = |panel: egui::Panel, width: f32, (least, most): (f32, f32)| {
+        panel.frame(frame).default_size(width.min(most)).size_range(least.min(most)..=most)
+    };
+    // A panel below its preferred width gets another id per width: egui then restores the preferred width.
+    let room = |preferred: f32, most: f32| if preferred > most { most as u32 } else { 0 };
+    let beside = if state.previews.is_empty() { preview::STRIP } else { LEAST_PREVIEWS.min(third) };
+    let most = vehicles::least_width(ui).min(whole - third - beside).max(third);
+    let panel = egui::Panel::left(("vehicles", room(state.widths.vehicles, most)));
+    let panel = side(panel, state.widths.vehicles, (LEAST_VEHICLES, most));
+    let panel = panel.show(ui, |ui| {
+        // A panel keeps its width whatever it holds.
+        ui.set_min_width(ui.available_width());
+        vehicles::show(ui, shown, state);
+    });
+    let width = panel.response.rect.width();
+    remember_width(&mut state.widths.vehicles, width, most);
+    if state.previews.is_empty() {
+        let panel = egui::Panel::right("no previews").frame(frame.inner_margin(0)).resizable(false);
+        panel.exact_size(preview::STRIP).show(ui, |ui| preview::strip(ui, state, shown));
+    } else {
+        let most = third.min((whole - third - width).max(0.0));
+        let panel = egui::Panel::right(("previews", room(state.widths.previews, most)));
+        let panel = side(panel, state.widths.previews, (LEAST_PREVIEWS, most));
+        let panel = panel.show(ui, |ui| {
+            ui.set_min_width(ui.available_width());
+            preview::show_all(ui, state, shown, &mut actions);
+        });
+        remember_width(&mut state.widths.previews, panel.response.rect.width(), most);
+    }
+    egui::CentralPanel::no_frame().show(ui, |ui| city::show(ui, state, shown));
+    layers::window(ui, state);
+    controllers::window(ui, state, &mut actions);
+    if let Some(replay) = &shown.replay {
+        events::window(ui, state, shown, replay, &mut actions);
+    }
+    help::window(ui, state, shown.replay.is_some());
+    drive::step(ui, state, shown, &mut actions);
+    actions
+}
+
+/// Stores the width that the user has given a panel; a width that only the window limits is not stored.
+fn remember_width(preferred: &mut f32, width: f32, most: f32) {
+    if (width - preferred.min(most)).abs() > 0.5 {
+        *preferred = width;
+    }
+}
+
+/// A window over the city, below the bar and between the side panels.
+fn sheet(ui: &egui::Ui, title: &'static str) -> egui::Window<'static> {
+    let top = ui.ctx().content_rect().center_top() + egui::vec2(0.0, 70.0);
+    egui::Window::new(title).pivot(egui::Align2::CENTER_TOP).default_pos(top).resizable(false)
+}
+
+fn footer(ui: &mut egui::Ui, shown: &ViewModel<'_>) {
+    ui.horizontal(|ui| {
+        ui.small(if shown.replay.is_some() {
+            "Space play/pause   left right 5 s   [ ] event   click a car to select   F follow   P preview   F1 all keys"
+        } else {
+            "Space start/pause   N step   click a car to select   F follow   P preview   Enter drive   F1 all keys"
+        });
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            if shown.frames_per_s > 0.0 {
+                // Fixed width, so that its neighbours do not move.
+                let text = format!("{:3.0} pictures/s", shown.frames_per_s);
+                ui.label(egui::RichText::new(text).small().monospace());
+            }
+            ui.add(egui::Label::new(egui::RichText::new(shown.footer).small().weak()).truncate());
+        });
+    });
+}
+
+/// Size in pixels of a screen rectangle, at least 1 by 1.
+fn pixels(size: egui::Vec2, pixels_per_point: f32) -> [u32; 2] {
+    [size.x, size.y].map(|points| (points * pixels_per_point).round().clamp(1.0, 8192.0) as u32)
+}
+
+/// Paints the picture of a slot, or a dark rectangle until it is drawn.
+fn paint_picture(ui: &egui::Ui, rect: egui::Rect, shown: &ViewModel<'_>, slot: PictureSlot) {
+    match shown.textures.get(&slot) {
+        Some(&texture) => {
+            let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
+            ui.painter().image(texture, rect, whole, egui::Color32::WHITE);
+        }
+        None => {
+            ui.painter().rect_filled(rect, 0.0, egui::Color32::from_gray(20));
+        }
+    }
+}

@@ -1,0 +1,426 @@
+//! The preview panels: camera picture, pedals and running plots of one vehicle.
+
+use super::history::{HistorySample, KEPT_S};
+use super::vehicles::tenths;
+use super::{PictureRequest, PictureSlot, UiAction, UiState, ViewModel, status};
+use city3d_geometry::trig;
+use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleState};
+use city3d_sensors::{Camera, Lens, Mount, MountPoint, View};
+use egui::emath::GuiRounding as _;
+use egui::{Align2, Color32, ComboBox, FontId, Rangef, RichText, Sense, Ui, Vec2};
+use egui_plot::{AxisHints, GridMark, Line, Plot, PlotPoints};
+use serde::{Deserialize, Serialize};
+
+/// The camera of a preview.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PreviewCamera {
+    #[default]
+    Windscreen,
+    Bumper,
+    Rear,
+    Chase,
+    /// A camera sensor of the vehicle, by its index.
+    Own(usize),
+}
+
+/// A camera sensor of a vehicle.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScenarioCamera {
+    pub name: String,
+    pub mount: Mount,
+    pub lens: Lens,
+}
+
+impl PreviewCamera {
+    const ALL: [(Self, &'static str); 4] = [
+        (Self::Windscreen, "windscreen"),
+        (Self::Bumper, "bumper"),
+        (Self::Rear, "rear"),
+        (Self::Chase, "chase"),
+    ];
+
+    /// The camera sensor, if the vehicle has it: another scenario may lack it.
+    fn own(self, cameras: &[ScenarioCamera]) -> Option<&ScenarioCamera> {
+        if let Self::Own(place) = self { cameras.get(place) } else { None }
+    }
+
+    fn label(self, cameras: &[ScenarioCamera]) -> &str {
+        let known = Self::ALL.iter().find(|(eye, _)| *eye == self).map_or(Self::ALL[0].1, |(_, label)| label);
+        self.own(cameras).map_or(known, |camera| &camera.name)
+    }
+
+    fn camera(self, vehicle: VehicleId, cameras: &[ScenarioCamera]) -> Camera {
+        let back = Mount::Custom {
+            place: MountPoint::Windscreen,
+            yaw_rad: std::f64::consts::PI,
+            pitch_rad: -0.06,
+            roll_rad: 0.0,
+        };
+        match self {
+            Self::Windscreen => Camera::onboard(vehicle, Mount::Windscreen),
+            Self::Own(_) => {
+                Camera::onboard(vehicle, self.own(cameras).map_or(Mount::Windscreen, |own| own.mount))
+            }
+            Self::Bumper => Camera::onboard(vehicle, Mount::Bumper),
+            Self::Rear => Camera::onboard(vehicle, back),
+            Self::Chase => Camera::chase(vehicle),
+        }
+    }
+}
+
+/// One preview panel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Preview {
+    pub vehicle: VehicleId,
+    pub eye: PreviewCamera,
+}
+
+impl Preview {
+    /// The view of its camera, with the lens of `city3d frames` or of the camera sensor.
+    pub fn view(&self, seen: &FrameSnapshot, cameras: &[ScenarioCamera], extent: [u32; 2]) -> Option<View> {
+        let lens = self.eye.own(cameras).map_or_else(Lens::default, |own| own.lens);
+        self.eye.camera(self.vehicle, cameras).view(seen, &Lens { extent, ..lens }).ok()
+    }
+}
+
+/// Aspect ratio of the pictures, where there is room.
+const ASPECT: f32 = 4.0 / 3.0;
+/// Height of a panel without its picture, points: plots stacked, and plots side by side.
+const FULL: f32 = 294.0;
+const COMPACT: f32 = 216.0;
+
+/// Layout of a panel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct PreviewLayout {
+    aspect: f32,
+    /// The plots are side by side, and lower.
+    is_compact: bool,
+}
+
+impl PreviewLayout {
+    /// Sized so that two panels fit at once.
+    fn of(count: usize, place: Vec2) -> Self {
+        let each = place.y / 2.0;
+        if count < 2 || each >= place.x / ASPECT + FULL {
+            return Self { aspect: ASPECT, is_compact: false };
+        }
+        Self { aspect: (place.x / (each - COMPACT).max(1.0)).clamp(ASPECT, 2.1), is_compact: true }
+    }
+}
+
+/// Width of the strip while no preview is open, points.
+pub const STRIP: f32 = 24.0;
+
+/// A strip in place of the previews; a click opens that of the selected vehicle, else of the first.
+pub fn strip(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
+    let rect = ui.available_rect_before_wrap();
+    let response = ui.allocate_rect(rect, Sense::click());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, "Previews"));
+    let visuals = ui.style().interact(&response);
+    if response.hovered() {
+        ui.painter().rect_filled(rect, 0.0, visuals.bg_fill);
+    }
+    let text = "Previews: what a vehicle's camera sees (P)".to_owned();
+    let galley = ui.painter().layout_no_wrap(text, FontId::proportional(13.0), visuals.text_color());
+    // The text runs from the top down.
+    let corner = rect.center_top() + Vec2::new(galley.size().y / 2.0, 10.0);
+    let text = egui::epaint::TextShape::new(corner, galley, visuals.text_color());
+    ui.painter().add(text.with_angle(std::f32::consts::FRAC_PI_2));
+    let first = shown.run_state.now.vehicles.first().map(|vehicle| vehicle.id);
+    let tip = "Camera, pedals and plots of the selected vehicle (P)";
+    if response.on_hover_text(tip).clicked()
+        && let Some(vehicle) = state.selection.vehicle.or(first)
+    {
+        state.selection.vehicle = Some(vehicle);
+        state.toggle_preview(vehicle);
+    }
+}
+
+/// Shows all panels that are open.
+pub fn show_all(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    ui.horizontal(|ui| {
+        ui.heading("Previews");
+        let selected = state.selection.vehicle.filter(|id| !state.previews.iter().any(|p| p.vehicle == *id));
+        let add = ui.add_enabled(selected.is_some(), egui::Button::new("+ Open"));
+        let add = add.on_hover_text("Camera, pedals and plots of the selected vehicle (P)");
+        let add = add.on_disabled_hover_text("Select a vehicle first: click it in the city or in the table");
+        if let (true, Some(vehicle)) = (add.clicked(), selected) {
+            state.toggle_preview(vehicle);
+        }
+    });
+    let layout = PreviewLayout::of(state.previews.len(), ui.available_size());
+    egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+        let mut previews = std::mem::take(&mut state.previews);
+        previews.retain_mut(|preview| {
+            let is_kept =
+                ui.push_id(preview.vehicle.0, |ui| show(ui, (preview, layout), state, shown, actions)).inner;
+            ui.separator();
+            is_kept
+        });
+        state.previews = previews;
+    });
+}
+
+/// Shows a panel; `false` once it is closed.
+fn show(
+    ui: &mut Ui,
+    (preview, layout): (&mut Preview, PreviewLayout),
+    state: &mut UiState,
+    shown: &ViewModel<'_>,
+    actions: &mut Vec<UiAction>,
+) -> bool {
+    let now = &shown.run_state.now;
+    let (Some(vehicle), Some(info)) = (now.vehicle(preview.vehicle), now.info(preview.vehicle)) else {
+        return ui
+            .horizontal(|ui| {
+                ui.label(format!("Vehicle {} is no longer in the city.", preview.vehicle));
+                !ui.small_button("Close").clicked()
+            })
+            .inner;
+    };
+    let mut is_kept = true;
+    ui.horizontal(|ui| {
+        let [r, g, b] = info.appearance.colour;
+        super::vehicles::chip(ui, Color32::from_rgb(r, g, b), info.is_physical());
+        ui.label(RichText::new(format!("{} {}", vehicle.id, info.name)).strong());
+        let text = RichText::new(vehicle.status.label()).color(status::colour(vehicle.status));
+        ui.label(text).on_hover_ui(|ui| _ = ui.label(status::reason(vehicle, info, shown.map)));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            is_kept = !ui.small_button("x").on_hover_text("Close this preview").clicked();
+        });
+    });
+    picture(ui, (preview, layout.aspect), shown, state);
+    ui.horizontal_wrapped(|ui| {
+        let cameras = shown.cameras_of(preview.vehicle);
+        ComboBox::from_id_salt("eye")
+            .selected_text(preview.eye.label(cameras))
+            .width(90.0)
+            .show_ui(ui, |ui| {
+                for (eye, label) in PreviewCamera::ALL {
+                    ui.selectable_value(&mut preview.eye, eye, label);
+                }
+                if !cameras.is_empty() {
+                    ui.separator();
+                }
+                for (place, camera) in cameras.iter().enumerate() {
+                    ui.selectable_value(&mut preview.eye, PreviewCamera::Own(place), &camera.name)
+                        .on_hover_text("A camera that the scenario gives this vehicle");
+                }
+            })
+            .response
+            .on_hover_text("Where the picture is taken from");
+        if shown.replay.is_none() {
+            drive_button(ui, preview.vehicle, state, actions);
+        }
+        speed(ui, vehicle);
+    });
+    pedals(ui, vehicle, shown.has_control_data);
+    plots(ui, shown, vehicle, layout);
+    is_kept
+}
+
+fn drive_button(ui: &mut Ui, vehicle: VehicleId, state: &UiState, actions: &mut Vec<UiAction>) {
+    if state.driven() == Some(vehicle) {
+        if ui.button("Give back").on_hover_text("Back to its algorithm (Enter)").clicked() {
+            actions.push(UiAction::GiveBack);
+        }
+    } else if ui.button("Drive").on_hover_text("Take the wheel with the keyboard (Enter)").clicked() {
+        actions.push(UiAction::Drive(vehicle));
+    }
+}
+
+/// The picture, aligned to pixels: one screen pixel per camera pixel.
+fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_>, state: &mut UiState) {
+    let per_point = ui.ctx().pixels_per_point();
+    let width = (ui.available_width().max(40.0) * per_point).floor();
+    let size = Vec2::new(width, (width / aspect).round()) / per_point;
+    let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
+    if !ui.is_rect_visible(rect) {
+        return;
+    }
+    let rect = egui::Rect::from_min_size(rect.min.round_to_pixels(per_point), size);
+    let slot = PictureSlot::Preview(preview.vehicle);
+    let extent = super::pixels(size, per_point);
+    if let Some(view) = preview.view(shown.interpolated, shown.cameras_of(preview.vehicle), extent) {
+        state.pictures.push(PictureRequest { slot, view });
+    }
+    super::paint_picture(ui, rect, shown, slot);
+}
+
+fn speed(ui: &mut Ui, vehicle: &VehicleState) {
+    let gear = if vehicle.reverse { "  R" } else { "" };
+    let text = format!("{} km/h{gear}", tenths(vehicle.speed_mps * 3.6));
+    ui.label(RichText::new(text).monospace().strong()).on_hover_text("Speed along its heading");
+}
+
+/// Steering, gas, brake and handbrake as bars and numbers; without numbers where only poses are known.
+fn pedals(ui: &mut Ui, vehicle: &VehicleState, is_told: bool) {
+    if !is_told {
+        for name in ["Steering", "Gas", "Brake", "Handbrake"] {
+            gauge(ui, name, "-", |_, _| {});
+        }
+        return;
+    }
+    let steering_deg = vehicle.steering_rad.to_degrees();
+    steering(ui, steering_deg);
+    bar(ui, "Gas", vehicle.gas, Color32::from_rgb(90, 170, 90));
+    bar(ui, "Brake", vehicle.brake, Color32::from_rgb(205, 80, 70));
+    bar(ui, "Handbrake", vehicle.handbrake, Color32::from_rgb(205, 140, 60));
+}
+
+const NAME_WIDTH: f32 = 72.0;
+const NUMBER_WIDTH: f32 = 56.0;
+const BAR_HEIGHT: f32 = 14.0;
+/// Steering angle at the end of the bar.
+const STEERING_END_DEG: f64 = 45.0;
+
+fn bar(ui: &mut Ui, name: &str, value: f64, colour: Color32) {
+    gauge(ui, name, &format!("{value:.2}"), |painter, rect| {
+        let width = rect.width() * value.clamp(0.0, 1.0) as f32;
+        painter.rect_filled(
+            egui::Rect::from_min_size(rect.min, Vec2::new(width, rect.height())),
+            2.0,
+            colour,
+        );
+    });
+}
+
+/// Left is left.
+fn steering(ui: &mut Ui, angle_deg: f64) {
+    let number = tenths(angle_deg);
+    let sign = if number.starts_with('-') { "" } else { "+" };
+    gauge(ui, "Steering", &format!("{sign}{number}\u{b0}"), |painter, rect| {
+        let share = (-angle_deg / STEERING_END_DEG).clamp(-1.0, 1.0) as f32;
+        let middle = rect.center().x;
+        let end = middle + share * rect.width() / 2.0;
+        let part = egui::Rect::from_x_y_ranges(middle.min(end)..=middle.max(end), rect.y_range());
+        painter.rect_filled(part, 0.0, Color32::from_rgb(90, 140, 210));
+        painter.vline(middle, rect.y_range(), egui::Stroke::new(1.0, Color32::GRAY));
+    });
+}
+
+fn gauge(ui: &mut Ui, name: &str, number: &str, fill: impl FnOnce(&egui::Painter, egui::Rect)) {
+    let size = Vec2::new(ui.available_width(), BAR_HEIGHT);
+    let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
+    response.widget_info(|| {
+        egui::WidgetInfo::labeled(egui::Role::ProgressIndicator, true, format!("{name} {number}"))
+    });
+    let painter = ui.painter_at(rect);
+    let colour = ui.visuals().text_color();
+    let font = FontId::proportional(12.0);
+    painter.text(rect.left_center(), Align2::LEFT_CENTER, name, font, colour);
+    painter.text(rect.right_center(), Align2::RIGHT_CENTER, number, FontId::monospace(12.0), colour);
+    let mut track = rect.shrink2(Vec2::new(0.0, 2.0));
+    track.min.x += NAME_WIDTH;
+    track.max.x = (track.max.x - NUMBER_WIDTH).max(track.min.x);
+    painter.rect_filled(track, 2.0, ui.visuals().extreme_bg_color);
+    fill(&painter, track);
+}
+
+fn plots(ui: &mut Ui, shown: &ViewModel<'_>, vehicle: &VehicleState, layout: PreviewLayout) {
+    let (history, now_s) = (shown.history, shown.run_state.now.time_s);
+    // The last point is the present value: samples are some ticks apart.
+    let series = |of: fn(&HistorySample) -> f64, now: f64| -> Vec<[f64; 2]> {
+        let samples = history.of(vehicle.id).filter(|sample| sample.time_s < now_s);
+        samples.map(|sample| [sample.time_s - now_s, of(sample)]).chain([[0.0, now]]).collect()
+    };
+    let height = if layout.is_compact { 52.0 } else { 72.0 };
+    let blue = Color32::from_rgb(110, 175, 255);
+    let speeds = |ui: &mut Ui| {
+        let speeds = series(|sample| sample.speed_mps * 3.6, vehicle.speed_mps * 3.6);
+        plot(ui, ("Speed, km/h", height), speeds, (0.0, 50.0), blue);
+    };
+    let orange = Color32::from_rgb(235, 160, 80);
+    let errors = |ui: &mut Ui| {
+        let is_manual = vehicle.tracked_lateral_error_m().is_none();
+        if is_manual || !shown.has_control_data {
+            let tip = if is_manual {
+                "A person drives: there is no path to follow"
+            } else {
+                "Only poses are known: the log does not have its desired path"
+            };
+            ui.label(RichText::new("Lateral error, cm: -").small()).on_hover_text(tip);
+            return;
+        }
+        let errors = series(|sample| sample.lateral_error_m * 100.0, vehicle.lateral_error_m * 100.0);
+        plot(ui, ("Lateral error, cm", height), errors, (-10.0, 10.0), orange);
+    };
+    if layout.is_compact {
+        ui.columns(2, |columns| {
+            speeds(&mut columns[0]);
+            errors(&mut columns[1]);
+        });
+    } else {
+        speeds(ui);
+        errors(ui);
+    }
+}
+
+fn plot(
+    ui: &mut Ui,
+    (name, height): (&str, f32),
+    points: Vec<[f64; 2]>,
+    (low, high): (f64, f64),
+    colour: Color32,
+) {
+    let last = points.last().map_or_else(String::new, |[_, value]| format!(" {}", tenths(*value)));
+    ui.label(RichText::new(format!("{name}:{last}")).small())
+        .on_hover_text(format!("The last {KEPT_S:.0} simulated seconds"));
+    let text = FontId::monospace(9.0);
+    let colour_of_text = ui.visuals().text_color();
+    let axis = |axis: AxisHints<'static>| {
+        axis.tick_label_font(text.clone())
+            .tick_label_color(colour_of_text)
+            .label_spacing(Rangef::new(6.0, 8.0))
+    };
+    let time = axis(AxisHints::new_x()).min_thickness(11.0).formatter(|mark, _| match mark.value {
+        ago if ago > -0.5 => "0 s".to_owned(),
+        ago => format!("{ago:.0}"),
+    });
+    let value = axis(AxisHints::new_y()).min_thickness(26.0).formatter(|mark, _| format!("{}", mark.value));
+    Plot::new(name)
+        .height(height)
+        .include_x(-KEPT_S)
+        .include_x(0.0)
+        .include_y(low)
+        .include_y(high)
+        .allow_zoom(false)
+        .allow_drag(false)
+        .allow_scroll(false)
+        .custom_x_axes(vec![time])
+        .custom_y_axes(vec![value])
+        .x_grid_spacer(|_| marks((-KEPT_S, 0.0), KEPT_S / 2.0))
+        .y_grid_spacer(|grid| marks(grid.bounds, round_step(grid.bounds.1 - grid.bounds.0)))
+        .show(ui, |plot| plot.line(Line::new(name, PlotPoints::from(points)).color(colour)));
+}
+
+/// Grid marks at multiples of a step.
+fn marks((from, to): (f64, f64), step: f64) -> Vec<GridMark> {
+    let (first, last) = ((from / step).ceil() as i64, (to / step).floor() as i64);
+    (first..=last).map(|k| GridMark { value: k as f64 * step, step_size: step }).collect()
+}
+
+/// The smallest of 1, 2, 5, 10, 20 ... that divides a span into at most three.
+fn round_step(span: f64) -> f64 {
+    let least = (span / 3.0).max(1.0);
+    let power = trig::pow(10.0, trig::log10(least).floor());
+    let step = [1.0, 2.0, 5.0].into_iter().find(|step| step * power >= least);
+    step.unwrap_or(10.0) * power
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_have_two_or_three_round_numbers_whatever_they_span() {
+        let values = |from: f64, to: f64| -> Vec<f64> {
+            marks((from, to), round_step(to - from)).iter().map(|mark| mark.value).collect()
+        };
+        assert_eq!(values(-2.5, 52.5), [0.0, 20.0, 40.0]);
+        assert_eq!(values(-11.0, 11.0), [-10.0, 0.0, 10.0]);
+        assert_eq!(values(-11.0, 190.0), [0.0, 100.0]);
+        assert_eq!(values(-2.75, 57.75), [0.0, 50.0]);
+    }
+}

@@ -1,0 +1,413 @@
+//! The table of all vehicles.
+
+use super::{DriverNames, Selection, UiState, ViewModel, status};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId};
+use city3d_roadmap::CityMap;
+use city3d_session::live::RunPhase;
+use egui::{Align, Color32, Layout, RichText, Sense, Ui, Vec2};
+use egui_extras::{Column, TableBuilder};
+use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
+
+/// Sort column of the table.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SortKey {
+    #[default]
+    Id,
+    Name,
+    Driver,
+    Status,
+    X,
+    Y,
+    Speed,
+}
+
+impl SortKey {
+    const COLUMNS: [(Self, &'static str, &'static str); 7] = [
+        (Self::Id, "ID", "Number and colour; a round mark is a physical vehicle"),
+        (Self::Name, "Name", "Its name in the scenario"),
+        (Self::Driver, "Driver", "The algorithm that drives it, or a person"),
+        (Self::Status, "Status", "What it is doing; hover over a row for the meaning"),
+        (Self::X, "x m", "Metres to the east of the city's middle"),
+        (Self::Y, "y m", "Metres to the north of the city's middle"),
+        (Self::Speed, "km/h", "Speed along its heading"),
+    ];
+}
+
+/// Sorting and filter of the table.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct TableState {
+    pub key: SortKey,
+    pub descending: bool,
+    /// Rows whose texts contain all of these words.
+    #[serde(skip)]
+    pub filter: String,
+    /// Scroll once to the selected vehicle.
+    #[serde(skip)]
+    pub reveal: bool,
+    #[serde(skip)]
+    pub(crate) held: HeldRowOrder,
+}
+
+/// Holds the row order for a while when the sort key changes all the time, so that rows can be read and clicked.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct HeldRowOrder {
+    by: (SortKey, bool),
+    until_ms: i64,
+    places: BTreeMap<VehicleId, usize>,
+}
+
+/// Hold time of the row order.
+const HELD_MS: i64 = 1000;
+
+impl HeldRowOrder {
+    /// Restores the held order, or holds the present one once the hold time is over.
+    fn apply(&mut self, rows: &mut [VehicleRow<'_>], by: (SortKey, bool), now_s: f64) {
+        let now_ms = (now_s * 1e3) as i64;
+        let is_due = by != self.by || !(self.until_ms - HELD_MS..self.until_ms).contains(&now_ms);
+        if is_due {
+            let places = rows.iter().enumerate().map(|(place, row)| (row.id, place)).collect();
+            *self = Self { by, until_ms: now_ms + HELD_MS, places };
+        }
+        rows.sort_by_key(|row| self.places.get(&row.id).copied().unwrap_or(usize::MAX));
+    }
+}
+
+/// One vehicle in the table.
+#[derive(Clone, Debug, PartialEq)]
+struct VehicleRow<'a> {
+    id: VehicleId,
+    colour: Color32,
+    is_physical: bool,
+    name: &'a str,
+    driver: &'a str,
+    status: Status,
+    x_m: f64,
+    y_m: f64,
+    speed_kmh: f64,
+}
+
+impl VehicleRow<'_> {
+    fn cmp_by(&self, other: &Self, key: SortKey) -> Ordering {
+        match key {
+            SortKey::Id => Ordering::Equal,
+            SortKey::Name => self.name.cmp(other.name),
+            SortKey::Driver => self.driver.cmp(other.driver),
+            SortKey::Status => self.status.label().cmp(other.status.label()),
+            SortKey::X => self.x_m.total_cmp(&other.x_m),
+            SortKey::Y => self.y_m.total_cmp(&other.y_m),
+            SortKey::Speed => self.speed_kmh.total_cmp(&other.speed_kmh),
+        }
+        .then(self.id.cmp(&other.id))
+    }
+
+    fn contains(&self, word: &str) -> bool {
+        let kind = if self.is_physical { "physical" } else { "virtual" };
+        let texts = [self.name, self.driver, self.status.label(), kind];
+        texts.iter().any(|text| text.to_lowercase().contains(word)) || self.id.to_string() == word
+    }
+}
+
+/// Rows that match, in order.
+fn rows<'a>(
+    snapshot: &'a FrameSnapshot,
+    (drivers, driven): (&'a DriverNames, Option<VehicleId>),
+    table: &TableState,
+) -> Vec<VehicleRow<'a>> {
+    let words: Vec<String> = table.filter.split_whitespace().map(str::to_lowercase).collect();
+    let row = |(vehicle, info): (
+        &'a city3d_protocol::snapshot::VehicleState,
+        &'a city3d_protocol::snapshot::VehicleInfo,
+    )| {
+        let [r, g, b] = info.appearance.colour;
+        let driver = drivers.get(&vehicle.id).map_or("", String::as_str);
+        VehicleRow {
+            id: vehicle.id,
+            colour: Color32::from_rgb(r, g, b),
+            is_physical: info.is_physical(),
+            name: &info.name,
+            // A collided vehicle under manual control keeps its status.
+            driver: if vehicle.status == Status::Manual || driven == Some(vehicle.id) {
+                "human"
+            } else {
+                driver
+            },
+            status: vehicle.status,
+            x_m: vehicle.position.x,
+            y_m: vehicle.position.y,
+            speed_kmh: vehicle.speed_mps * 3.6,
+        }
+    };
+    let mut rows: Vec<VehicleRow<'a>> = snapshot.iter().map(row).collect();
+    rows.retain(|row| words.iter().all(|word| row.contains(word)));
+    rows.sort_by(|a, b| a.cmp_by(b, table.key));
+    if table.descending {
+        rows.reverse();
+    }
+    rows
+}
+
+const ROW_HEIGHT: f32 = 20.0;
+/// Column widths of usual texts, points.
+const WIDTHS: [f32; 7] = [40.0, 50.0, 54.0, 52.0, 47.0, 47.0, 40.0];
+/// Weights by which columns share the remaining width.
+const SHARES: [f32; 7] = [0.0, 3.0, 2.0, 1.0, 1.0, 1.0, 1.0];
+
+/// Columns that every table has room for where the window is not tiny: number, status, position and speed.
+const KEPT: [usize; 5] = [0, 3, 4, 5, 6];
+
+/// Width of a panel in which the columns for number, status, position and speed find room, points.
+pub fn least_width(ui: &Ui) -> f32 {
+    /// For edges that egui rounds to pixels.
+    const SLACK: f32 = 4.0;
+    let spacing = ui.spacing();
+    let columns: f32 = KEPT.iter().map(|&k| WIDTHS[k] + spacing.item_spacing.x).sum();
+    SLACK + columns + scrollbar(ui) + egui::Frame::side_top_panel(ui.style()).total_margin().sum().x
+}
+
+fn scrollbar(ui: &Ui) -> f32 {
+    ui.spacing().scroll.bar_width + ui.spacing().scroll.bar_inner_margin
+}
+
+/// The columns that fit, as indices into [`SortKey::COLUMNS`]. Driver and name are dropped first: label and tooltip
+/// show them too.
+fn columns(width: f32, spacing: f32) -> Vec<usize> {
+    let needed = |columns: &[usize]| columns.iter().map(|&k| WIDTHS[k] + spacing).sum::<f32>();
+    let mut columns: Vec<usize> = (0..WIDTHS.len()).collect();
+    for dropped in [&[2][..], &[1], &[4, 5]] {
+        if needed(&columns) > width {
+            columns.retain(|k| !dropped.contains(k));
+        }
+    }
+    columns
+}
+
+/// Shows the table. A click selects, a double click follows. While the vehicles move, the row order changes once a
+/// second.
+pub fn show(ui: &mut Ui, shown: &ViewModel<'_>, state: &mut UiState) {
+    let snapshot = &*shown.run_state.now;
+    let drivers = (shown.drivers, state.driving.as_ref().map(|driving| driving.vehicle));
+    let (table, selection) = (&mut state.table, &mut state.selection);
+    let moves = shown.run_state.phase == RunPhase::Running;
+    let map = shown.map;
+    let listed = rows(snapshot, drivers, table);
+    ui.horizontal(|ui| {
+        ui.heading("Vehicles");
+        let all = snapshot.vehicles.len();
+        let count = if listed.len() == all { all.to_string() } else { format!("{} of {all}", listed.len()) };
+        ui.label(RichText::new(count).weak());
+    });
+    // Laid out from the right, so that the row does not widen the panel.
+    let line = egui::vec2(ui.available_width(), ui.spacing().interact_size.y);
+    ui.allocate_ui_with_layout(line, Layout::right_to_left(Align::Center), |ui| {
+        let clear = ui.add_enabled(!table.filter.is_empty(), egui::Button::new("x"));
+        if clear.on_hover_text("Show all").clicked() {
+            table.filter.clear();
+        }
+        let field = egui::TextEdit::singleline(&mut table.filter)
+            .hint_text("Filter by name, status, driver or ID")
+            .desired_width(ui.available_width());
+        ui.add(field);
+    });
+    // The filter may have changed in this frame.
+    let mut listed = rows(snapshot, drivers, table);
+    if moves {
+        let by = (table.key, table.descending);
+        table.held.apply(&mut listed, by, ui.input(|input| input.time));
+    }
+    if listed.is_empty() {
+        let text = if snapshot.vehicles.is_empty() {
+            "This scenario has no vehicles."
+        } else {
+            "No vehicle matches the filter."
+        };
+        ui.add_space(8.0);
+        ui.label(RichText::new(text).weak());
+        return;
+    }
+    grid(ui, &listed, (snapshot, map), table, selection);
+}
+
+fn grid(
+    ui: &mut Ui,
+    shown: &[VehicleRow<'_>],
+    (snapshot, map): (&FrameSnapshot, &CityMap),
+    table: &mut TableState,
+    selection: &mut Selection,
+) {
+    // A click on a text of a row means the row.
+    ui.style_mut().interaction.selectable_labels = false;
+    let spacing = ui.spacing().item_spacing.x;
+    let width = ui.available_width() - scrollbar(ui);
+    let columns = columns(width, spacing);
+    let needed: f32 = columns.iter().map(|&k| WIDTHS[k] + spacing).sum();
+    let shares: f32 = columns.iter().map(|&k| SHARES[k]).sum();
+    let share = ((width - needed) / shares).max(0.0);
+    let mut builder = TableBuilder::new(ui)
+        .striped(true)
+        .sense(Sense::click())
+        .auto_shrink(false)
+        .cell_layout(Layout::left_to_right(Align::Center));
+    for &k in &columns {
+        builder = builder.column(Column::exact(WIDTHS[k] + SHARES[k] * share).clip(true));
+    }
+    if std::mem::take(&mut table.reveal)
+        && let Some(row) = shown.iter().position(|row| Some(row.id) == selection.vehicle)
+    {
+        builder = builder.scroll_to_row(row, None);
+    }
+    builder
+        .header(ROW_HEIGHT, |mut header| {
+            for &k in &columns {
+                let (key, title, tip) = SortKey::COLUMNS[k];
+                header.col(|ui| heading(ui, table, key, (title, tip)));
+            }
+        })
+        .body(|body| {
+            body.rows(ROW_HEIGHT, shown.len(), |mut line| {
+                let row = &shown[line.index()];
+                line.set_selected(Some(row.id) == selection.vehicle);
+                columns.iter().for_each(|&k| cell(&mut line, row, SortKey::COLUMNS[k].0));
+                let response = line.response();
+                if response.clicked() {
+                    selection.vehicle = Some(row.id);
+                }
+                if response.double_clicked() {
+                    selection.follow = Some(row.id);
+                }
+                response.on_hover_ui(|ui| {
+                    let found = snapshot.vehicle(row.id).zip(snapshot.info(row.id));
+                    let why = found.map(|(vehicle, info)| status::reason(vehicle, info, map));
+                    ui.label(format!("{} {}, driver {}", row.id, row.name, row.driver));
+                    ui.label(format!("{}: {}", row.status.label(), why.unwrap_or_default()));
+                });
+            });
+        });
+}
+
+fn heading(ui: &mut Ui, table: &mut TableState, key: SortKey, (title, tip): (&str, &str)) {
+    let mark = match (table.key == key, table.descending) {
+        (false, _) => "",
+        (true, false) => " \u{23f6}",
+        (true, true) => " \u{23f7}",
+    };
+    let text = RichText::new(format!("{title}{mark}")).strong();
+    let button = ui.add(egui::Button::new(text).frame(false));
+    if button.on_hover_text(format!("{tip}. Click to sort")).clicked() {
+        table.descending = table.key == key && !table.descending;
+        table.key = key;
+    }
+}
+
+fn cell(line: &mut egui_extras::TableRow<'_, '_>, row: &VehicleRow<'_>, key: SortKey) {
+    line.col(|ui| match key {
+        SortKey::Id => {
+            chip(ui, row.colour, row.is_physical);
+            ui.label(row.id.to_string());
+        }
+        SortKey::Name => _ = ui.label(row.name),
+        SortKey::Driver => _ = ui.label(row.driver),
+        SortKey::Status => {
+            ui.label(RichText::new(row.status.label()).color(status::colour(row.status)));
+        }
+        SortKey::X => number(ui, row.x_m),
+        SortKey::Y => number(ui, row.y_m),
+        SortKey::Speed => number(ui, row.speed_kmh),
+    });
+}
+
+fn number(ui: &mut Ui, value: f64) {
+    ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.monospace(tenths(value)));
+}
+
+/// Formats with one decimal, without a negative zero: all panels show a number alike.
+pub fn tenths(number: f64) -> String {
+    format!("{:.1}", (number * 10.0).round() / 10.0 + 0.0)
+}
+
+/// A patch of the colour of a vehicle: round for one of the laboratory.
+pub fn chip(ui: &mut Ui, colour: Color32, is_physical: bool) {
+    let (rect, _) = ui.allocate_exact_size(Vec2::splat(11.0), Sense::hover());
+    let corner = if is_physical { rect.width() / 2.0 } else { 2.0 };
+    ui.painter().rect_filled(rect, corner, colour);
+    let edge = egui::Stroke::new(1.0, ui.visuals().weak_text_color());
+    ui.painter().rect_stroke(rect, corner, edge, egui::StrokeKind::Inside);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(id: u32, speed_kmh: f64) -> VehicleRow<'static> {
+        let (id, colour, status) = (VehicleId(id), Color32::RED, Status::Driving);
+        VehicleRow {
+            id,
+            colour,
+            is_physical: false,
+            name: "",
+            driver: "",
+            status,
+            x_m: 0.0,
+            y_m: 0.0,
+            speed_kmh,
+        }
+    }
+
+    #[test]
+    fn rows_keep_their_places_for_a_second_while_the_vehicles_move() {
+        let mut held = HeldRowOrder::default();
+        let mut shown = |speeds: [f64; 3], by: (SortKey, bool), now_s: f64| {
+            let mut rows: Vec<VehicleRow<'_>> =
+                speeds.iter().zip(1..).map(|(&speed, id)| row(id, speed)).collect();
+            rows.sort_by(|a, b| a.cmp_by(b, by.0));
+            held.apply(&mut rows, by, now_s);
+            rows.iter().map(|row| row.id.0).collect::<Vec<_>>()
+        };
+        let by = (SortKey::Speed, false);
+        assert_eq!(shown([3.0, 1.0, 2.0], by, 10.0), [2, 3, 1]);
+        assert_eq!(shown([1.0, 2.0, 3.0], by, 10.9), [2, 3, 1]);
+        assert_eq!(shown([1.0, 2.0, 3.0], by, 11.1), [1, 2, 3]);
+        // Whoever sorts otherwise sees it at once.
+        assert_eq!(shown([3.0, 2.0, 1.0], (SortKey::Id, false), 11.2), [1, 2, 3]);
+        assert_eq!(shown([3.0, 2.0, 1.0], by, 11.3), [3, 2, 1]);
+    }
+
+    #[test]
+    fn usual_texts_are_not_cut_off() {
+        let wide = [
+            (SortKey::Name, "path2_b", false),
+            (SortKey::Driver, "recorded", false),
+            (SortKey::Status, "collided", false),
+            (SortKey::Status, "link lost", false),
+            (SortKey::Status, "yielding", false),
+            (SortKey::X, "-165.3", true),
+            (SortKey::Y, "-165.3", true),
+            (SortKey::Speed, "100.0", true),
+        ];
+        let context = egui::Context::default();
+        let mut checked = 0;
+        let mut output = context.run_ui(egui::RawInput::default(), |ui| {
+            for (key, text, is_number) in wide {
+                let style = if is_number { egui::TextStyle::Monospace } else { egui::TextStyle::Body };
+                let font = style.resolve(ui.style());
+                let size = ui.painter().layout_no_wrap(text.to_owned(), font, Color32::WHITE).size();
+                let column = SortKey::COLUMNS.iter().position(|(other, ..)| *other == key).unwrap();
+                assert!(size.x <= WIDTHS[column], "{text}: {} of {}", size.x, WIDTHS[column]);
+                checked += 1;
+            }
+        });
+        output.textures_delta.clear();
+        assert!(checked >= wide.len());
+    }
+
+    #[test]
+    fn a_narrow_table_drops_what_matters_least() {
+        assert_eq!(columns(390.0, 8.0), [0, 1, 2, 3, 4, 5, 6]);
+        assert_eq!(columns(330.0, 8.0), [0, 1, 3, 4, 5, 6]);
+        assert_eq!(columns(290.0, 8.0), KEPT);
+        assert_eq!(columns(160.0, 8.0), [0, 3, 6]);
+    }
+}

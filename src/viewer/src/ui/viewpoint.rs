@@ -1,0 +1,523 @@
+//! Camera of the large view, and its control by mouse and keys.
+
+#![allow(clippy::disallowed_methods, reason = "cameras draw; no state of a run depends on them")]
+
+use super::occlusion;
+use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleState};
+use city3d_scene::Wall;
+use city3d_sensors::{Camera, Extrinsics, Lens, Mount, View};
+use glam::{DMat3, DQuat, DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// Modes of the large view's camera.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CameraMode {
+    /// Around a point, or around a vehicle that is followed.
+    #[default]
+    Orbit,
+    /// Behind a vehicle.
+    Chase,
+    /// Behind the windscreen of a vehicle.
+    Onboard,
+    /// Straight down, north at the top.
+    Overhead,
+    /// Free flight by keys.
+    Free,
+}
+
+impl CameraMode {
+    pub const ALL: [Self; 5] = [Self::Orbit, Self::Chase, Self::Onboard, Self::Overhead, Self::Free];
+
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Orbit => "Orbit",
+            Self::Chase => "Chase",
+            Self::Onboard => "Onboard",
+            Self::Overhead => "Overhead",
+            Self::Free => "Free",
+        }
+    }
+}
+
+/// The large view's camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Viewpoint {
+    pub mode: CameraMode,
+    /// The followed vehicle. Chase and onboard need one.
+    pub follow: Option<VehicleId>,
+    /// Looks backwards.
+    pub rear: bool,
+    /// Ground rectangle that the view fits, until the user moves the camera.
+    whole: Option<[DVec2; 2]>,
+    /// Whether the best direction has been chosen.
+    is_turned: bool,
+    target: DVec3,
+    distance_m: f64,
+    azimuth_rad: f64,
+    elevation_rad: f64,
+    /// Position of the free camera.
+    eye: DVec3,
+    yaw_rad: f64,
+    pitch_rad: f64,
+}
+
+/// Margin around the vehicles.
+const AROUND_M: f64 = 18.0;
+/// Largest fraction of the picture that the fitted rectangle fills.
+const MOST_OF_PICTURE: f64 = 0.92;
+/// Range of distances of a fitted camera.
+const UNMOVED_M: [f64; 2] = [50.0, 240.0];
+/// Default azimuth and elevation.
+const UNTURNED_RAD: [f64; 2] = [-1.9, 0.85];
+/// Candidate directions where walls occlude vehicles: this many azimuths at the default elevation and at a steeper
+/// one.
+const SIDES: u32 = 8;
+const STEEPER_RAD: f64 = 1.2;
+/// Largest distance from which an event is shown.
+const EVENT_M: f64 = 60.0;
+const NEAREST_M: f64 = 3.0;
+const FARTHEST_M: f64 = 600.0;
+const LOWEST_RAD: f64 = 0.03;
+const STEEPEST_RAD: f64 = FRAC_PI_2 - 0.02;
+/// Rotation per point of mouse motion.
+const RAD_PER_POINT: f64 = 0.006;
+
+impl Viewpoint {
+    /// An orbit camera around all vehicles.
+    pub fn around(snapshot: &FrameSnapshot) -> Self {
+        let positions = || snapshot.vehicles.iter().map(|v| v.position);
+        let low = positions().fold(DVec3::INFINITY, DVec3::min);
+        let high = positions().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let (target, reach_m) =
+            if low.is_finite() { ((low + high) / 2.0, (high - low).length()) } else { (DVec3::ZERO, 150.0) };
+        let [nearest, farthest] = UNMOVED_M;
+        let distance_m = (1.1 * reach_m).clamp(nearest, farthest);
+        Self {
+            mode: CameraMode::Orbit,
+            follow: None,
+            rear: false,
+            whole: low.is_finite().then(|| [low.truncate() - AROUND_M, high.truncate() + AROUND_M]),
+            is_turned: false,
+            target,
+            distance_m,
+            azimuth_rad: UNTURNED_RAD[0],
+            elevation_rad: UNTURNED_RAD[1],
+            eye: target + DVec3::new(-0.3, -0.75, 0.5) * distance_m,
+            yaw_rad: 1.2,
+            pitch_rad: -0.5,
+        }
+    }
+
+    /// Fits all vehicles into the picture, as long as the user has not moved the camera.
+    pub fn show_whole(&mut self, seen: &FrameSnapshot, extent: [u32; 2], walls: &[Wall]) {
+        if self.mode == CameraMode::Free && self.whole.is_some() && !self.is_turned {
+            // An unmoved free camera starts where the orbit camera would be.
+            self.mode = CameraMode::Orbit;
+            self.show_whole(seen, extent, walls);
+            return self.set_mode(CameraMode::Free, None);
+        }
+        let is_apt = self.follow.is_none() && matches!(self.mode, CameraMode::Orbit | CameraMode::Overhead);
+        let Some(whole) = self.whole.filter(|_| is_apt && extent.iter().all(|pixels| *pixels > 1)) else {
+            return;
+        };
+        if self.mode == CameraMode::Orbit && !self.is_turned {
+            *self = self.turned(whole, seen, extent, walls);
+        }
+        self.fit(whole, seen, extent);
+    }
+
+    /// The direction from which walls occlude the fewest vehicles.
+    fn turned(&self, whole: [DVec2; 2], seen: &FrameSnapshot, extent: [u32; 2], walls: &[Wall]) -> Self {
+        let sides = (0..SIDES).map(|k| TAU * f64::from(k) / f64::from(SIDES));
+        let ways = [UNTURNED_RAD[1], STEEPER_RAD]
+            .into_iter()
+            .flat_map(|up| sides.clone().map(move |turn| (turn, up)));
+        let look = |(turn, elevation_rad)| {
+            let azimuth_rad = UNTURNED_RAD[0] + turn;
+            let mut turned = Self { azimuth_rad, elevation_rad, is_turned: true, ..self.clone() };
+            turned.fit(whole, seen, extent);
+            let eye = turned.view(seen, extent).extrinsics.position;
+            let is_hidden = |v: &&VehicleState| occlusion::is_occluded(eye, v.position + DVec3::Z, walls);
+            (seen.vehicles.iter().filter(is_hidden).count(), turned)
+        };
+        // Of equals the first, which is the default.
+        let best = ways.map(look).min_by_key(|(hidden, _)| *hidden);
+        best.map_or_else(|| self.clone(), |(_, turned)| turned)
+    }
+
+    /// Fits a ground rectangle into the picture by fixed-point iteration over target and distance.
+    fn fit(&mut self, [low, high]: [DVec2; 2], seen: &FrameSnapshot, extent: [u32; 2]) {
+        let corners = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
+        let room = DVec2::from(extent.map(f64::from));
+        let [nearest, farthest] = UNMOVED_M;
+        let focal = room.y / 2.0 / (Lens::default().vertical_fov_rad / 2.0).tan();
+        let middle = ((low + high) / 2.0).extend(0.0);
+        (self.target, self.distance_m) = (middle, farthest);
+        for _ in 0..12 {
+            let view = self.view(seen, extent);
+            let on_screen = corners.map(|corner| view.project(corner.extend(0.0)));
+            let [Some(a), Some(b), Some(c), Some(d)] = on_screen else {
+                (self.target, self.distance_m) = (middle, farthest);
+                break;
+            };
+            let (least, most) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
+            let off_m = ((least + most) / 2.0 - room / 2.0) * (self.distance_m / focal);
+            self.drag_ground(-off_m.x, -off_m.y);
+            let share = ((most - least) / (room * MOST_OF_PICTURE)).max_element();
+            self.distance_m = (self.distance_m * share).clamp(nearest, farthest);
+        }
+    }
+
+    /// Pans: drags the ground by metres to the right and towards the viewer.
+    fn drag_ground(&mut self, right_m: f64, near_m: f64) {
+        let azimuth_rad = if self.mode == CameraMode::Overhead { -FRAC_PI_2 } else { self.azimuth_rad };
+        let (sin, cos) = azimuth_rad.sin_cos();
+        let (near, east) = (DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0));
+        self.target -= east * right_m + near * near_m;
+    }
+
+    /// Changes the mode and keeps about the same position. A mode that needs a vehicle takes `nearest`.
+    pub fn set_mode(&mut self, mode: CameraMode, nearest: Option<VehicleId>) {
+        if matches!(mode, CameraMode::Chase | CameraMode::Onboard) {
+            self.follow = self.follow.or(nearest);
+        }
+        if mode == CameraMode::Free && self.mode != CameraMode::Free {
+            let (sin, cos) = self.azimuth_rad.sin_cos();
+            let (up, out) = self.elevation_rad.sin_cos();
+            self.eye = self.target + DVec3::new(cos * out, sin * out, up) * self.distance_m;
+            (self.yaw_rad, self.pitch_rad) = (self.azimuth_rad + FRAC_PI_2 * 2.0, -self.elevation_rad);
+            self.follow = None;
+        }
+        self.mode = mode;
+    }
+
+    /// Moves the target with the followed vehicle; stops following a vehicle that has left.
+    pub fn update(&mut self, seen: &FrameSnapshot) {
+        self.follow = self.follow.filter(|id| seen.vehicle(*id).is_some());
+        if let Some(vehicle) = self.follow.and_then(|id| seen.vehicle(id)) {
+            self.target = vehicle.position;
+            self.whole = None;
+        } else if matches!(self.mode, CameraMode::Chase | CameraMode::Onboard) {
+            self.mode = CameraMode::Orbit;
+        }
+    }
+
+    /// Comes near enough to show an event of the followed vehicle.
+    pub fn come_near(&mut self) {
+        self.distance_m = self.distance_m.min(EVENT_M);
+        self.whole = None;
+    }
+
+    /// Moves the middle of the view to a point of the ground.
+    pub fn look_at(&mut self, point: DVec2) {
+        (self.follow, self.whole) = (None, None);
+        self.target = point.extend(0.0);
+        if matches!(self.mode, CameraMode::Chase | CameraMode::Onboard) {
+            self.mode = CameraMode::Orbit;
+        }
+        if self.mode == CameraMode::Free {
+            self.eye = self.target - self.forward() * 40.0;
+        }
+    }
+
+    fn forward(&self) -> DVec3 {
+        let (sin, cos) = self.yaw_rad.sin_cos();
+        let (up, out) = self.pitch_rad.sin_cos();
+        DVec3::new(cos * out, sin * out, up)
+    }
+
+    fn camera(&self) -> Camera {
+        match (self.mode, self.follow) {
+            (CameraMode::Chase, Some(vehicle)) => {
+                let distance_m = if self.rear { -8.0 } else { 9.0 };
+                Camera::Chase { vehicle, distance_m, height_m: 3.6 }
+            }
+            (CameraMode::Onboard, Some(vehicle)) => Camera::onboard(vehicle, Mount::Windscreen),
+            (CameraMode::Overhead, _) => {
+                Camera::Overhead { centre: self.target.truncate(), height_m: self.distance_m }
+            }
+            (CameraMode::Free, _) => {
+                Camera::Fixed(Extrinsics::looking_at(self.eye, self.eye + self.forward()))
+            }
+            _ => Camera::Orbit {
+                target: self.target + DVec3::Z,
+                distance_m: self.distance_m,
+                azimuth_rad: self.azimuth_rad,
+                elevation_rad: self.elevation_rad,
+            },
+        }
+    }
+
+    /// The view of a snapshot for a picture of some pixels.
+    pub fn view(&self, seen: &FrameSnapshot, extent: [u32; 2]) -> View {
+        let lens = Lens { extent, ..Lens::default() };
+        let fallback = || {
+            let from = self.target + DVec3::new(0.0, -1.0, 1.0) * self.distance_m;
+            View::new(Extrinsics::looking_at(from, self.target), &lens)
+        };
+        let view = self.camera().view(seen, &lens);
+        let mut view = view.unwrap_or_else(|_| fallback());
+        if self.rear && self.mode == CameraMode::Onboard {
+            let about = DQuat::from_mat3(&DMat3::from_cols(-DVec3::X, DVec3::Y, -DVec3::Z));
+            view.extrinsics.orientation *= about;
+        }
+        if self.rear && self.mode == CameraMode::Chase {
+            self.look_back(seen, &mut view);
+        }
+        view
+    }
+
+    /// Turns the chase camera backwards, over the vehicle.
+    fn look_back(&self, seen: &FrameSnapshot, view: &mut View) {
+        if let Some(state) = self.follow.and_then(|id| seen.vehicle(id)) {
+            let back = -state.forward().extend(0.0);
+            let target = state.position + back * 6.0 + DVec3::Z;
+            view.extrinsics = Extrinsics::looking_at(view.extrinsics.position, target);
+        }
+    }
+
+    /// Rotates the view by a mouse drag, points.
+    pub fn turn(&mut self, right: f64, down: f64) {
+        self.whole = None;
+        match self.mode {
+            CameraMode::Overhead => self.shift(right, down),
+            CameraMode::Free => {
+                self.yaw_rad = (self.yaw_rad - right * RAD_PER_POINT).rem_euclid(TAU);
+                self.pitch_rad = (self.pitch_rad - down * RAD_PER_POINT).clamp(-1.5, 1.5);
+            }
+            CameraMode::Orbit => {
+                self.azimuth_rad = (self.azimuth_rad - right * RAD_PER_POINT).rem_euclid(TAU);
+                let elevation = self.elevation_rad + down * RAD_PER_POINT;
+                self.elevation_rad = elevation.clamp(LOWEST_RAD, STEEPEST_RAD);
+            }
+            CameraMode::Chase | CameraMode::Onboard => {}
+        }
+    }
+
+    /// Pans the view by a mouse drag, points.
+    pub fn shift(&mut self, right: f64, down: f64) {
+        let metres = self.distance_m * 0.0016;
+        self.whole = None;
+        match self.mode {
+            CameraMode::Overhead | CameraMode::Orbit => {
+                self.follow = None;
+                self.drag_ground(right * metres, down * metres);
+            }
+            CameraMode::Free => self.fly(DVec3::new(-right, 0.0, down) * 0.05),
+            CameraMode::Chase | CameraMode::Onboard => {}
+        }
+    }
+
+    /// Zooms in for positive steps of the mouse wheel.
+    pub fn zoom(&mut self, steps: f64) {
+        self.whole = None;
+        if self.mode == CameraMode::Free {
+            self.fly(DVec3::new(0.0, steps * 3.0, 0.0));
+        } else {
+            self.distance_m = (self.distance_m * 0.88_f64.powf(steps)).clamp(NEAREST_M, FARTHEST_M);
+        }
+    }
+
+    /// Moves by metres to the right, forward and up in the camera's heading.
+    pub fn fly(&mut self, by: DVec3) {
+        self.whole = None;
+        match self.mode {
+            CameraMode::Free => {
+                let forward = self.forward();
+                let right = forward.cross(DVec3::Z).normalize_or(DVec3::X);
+                self.eye += right * by.x + forward * by.y + DVec3::Z * by.z;
+                self.eye.z = self.eye.z.max(0.5);
+            }
+            CameraMode::Orbit | CameraMode::Overhead => {
+                let ahead = if self.mode == CameraMode::Overhead {
+                    FRAC_PI_2
+                } else {
+                    self.azimuth_rad + FRAC_PI_2 * 2.0
+                };
+                let (sin, cos) = ahead.sin_cos();
+                self.target += DVec3::new(cos, sin, 0.0) * by.y + DVec3::new(sin, -cos, 0.0) * by.x;
+                if by.x != 0.0 || by.y != 0.0 {
+                    self.follow = None;
+                }
+            }
+            CameraMode::Chase | CameraMode::Onboard => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use city3d_protocol::snapshot::{Appearance, Dimensions, VehicleInfo, VehicleState};
+    use std::sync::Arc;
+
+    fn snapshot(x: f64) -> FrameSnapshot {
+        let dimensions = Dimensions {
+            length_m: 5.0,
+            width_m: 2.5,
+            height_m: 1.5,
+            wheelbase_m: 3.0,
+            track_m: 2.1,
+            wheel_radius_m: 0.34,
+        };
+        let info = VehicleInfo {
+            id: VehicleId(3),
+            name: "car".into(),
+            dimensions,
+            appearance: Appearance::default(),
+            model: String::new(),
+        };
+        let vehicle =
+            VehicleState { id: VehicleId(3), position: DVec3::new(x, 4.0, 0.0), ..VehicleState::default() };
+        FrameSnapshot { vehicles: vec![vehicle], roster: Arc::new(vec![info]), ..FrameSnapshot::default() }
+    }
+
+    fn sees(viewpoint: &Viewpoint, seen: &FrameSnapshot) -> bool {
+        let pixel = viewpoint.view(seen, [400, 300]).project(seen.vehicles[0].position + DVec3::Z);
+        pixel.is_some_and(|p| (0.0..400.0).contains(&p.x) && (0.0..300.0).contains(&p.y))
+    }
+
+    #[test]
+    fn every_mode_but_onboard_sees_the_vehicle_that_it_follows() {
+        let seen = snapshot(10.0);
+        for mode in [CameraMode::Orbit, CameraMode::Chase, CameraMode::Overhead] {
+            let mut viewpoint = Viewpoint::around(&snapshot(-200.0));
+            viewpoint.follow = Some(VehicleId(3));
+            viewpoint.set_mode(mode, None);
+            viewpoint.update(&seen);
+            assert!(sees(&viewpoint, &seen), "{mode:?}");
+        }
+        let mut viewpoint = Viewpoint::around(&seen);
+        viewpoint.set_mode(CameraMode::Free, None);
+        assert!(sees(&viewpoint, &seen), "the free camera starts where the orbit was");
+        viewpoint.set_mode(CameraMode::Onboard, Some(VehicleId(3)));
+        assert_eq!(viewpoint.view(&seen, [400, 300]).carrier, Some(VehicleId(3)));
+    }
+
+    #[test]
+    fn a_free_camera_that_is_asked_for_at_first_begins_where_the_orbit_would() {
+        let mut seen = snapshot(-70.0);
+        let far = DVec3::new(-10.0, 90.0, 0.0);
+        seen.vehicles.push(VehicleState { id: VehicleId(4), position: far, ..seen.vehicles[0].clone() });
+        let (mut orbit, mut free) = (Viewpoint::around(&seen), Viewpoint::around(&seen));
+        free.set_mode(CameraMode::Free, None);
+        for _ in 0..2 {
+            orbit.show_whole(&seen, [400, 300], &[]);
+            free.show_whole(&seen, [400, 300], &[]);
+        }
+        assert_eq!(free.mode, CameraMode::Free);
+        let [orbit, free] =
+            [orbit, free].map(|viewpoint| viewpoint.view(&seen, [400, 300]).extrinsics.position);
+        assert!((orbit - free).length() < 1.5, "{free}, the orbit is at {orbit}");
+    }
+
+    #[test]
+    fn at_first_everything_that_drives_is_seen_in_pictures_of_all_shapes() {
+        let mut seen = snapshot(-70.0);
+        seen.vehicles.push(VehicleState {
+            id: VehicleId(4),
+            position: DVec3::new(-10.0, 60.0, 0.0),
+            ..seen.vehicles[0].clone()
+        });
+        for mode in [CameraMode::Orbit, CameraMode::Overhead] {
+            for extent in [[586, 662], [1400, 500], [700, 900]] {
+                let mut viewpoint = Viewpoint::around(&seen);
+                viewpoint.set_mode(mode, None);
+                viewpoint.show_whole(&seen, extent, &[]);
+                let corners = [(-88.0, -14.0), (8.0, -14.0), (8.0, 78.0), (-88.0, 78.0)];
+                let view = viewpoint.view(&seen, extent);
+                let pixels = corners.map(|(x, y)| view.project(DVec3::new(x, y, 0.0)).unwrap());
+                let size = DVec2::from(extent.map(f64::from));
+                assert!(
+                    pixels.iter().all(|p| p.min_element() >= 0.0 && p.cmple(size).all()),
+                    "{mode:?} {pixels:?}"
+                );
+                let widest = |of: fn(&DVec2) -> f64| {
+                    let values = pixels.iter().map(of);
+                    values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min)
+                };
+                let share = (widest(|p| p.x) / size.x).max(widest(|p| p.y) / size.y);
+                assert!(share > 0.8, "{mode:?} {extent:?}: no farther away than it has to be, {share}");
+                // Whoever has moved it finds it where it was left.
+                viewpoint.zoom(3.0);
+                let left = viewpoint.clone();
+                viewpoint.show_whole(&seen, extent, &[]);
+                assert_eq!(viewpoint, left);
+            }
+        }
+    }
+
+    #[test]
+    fn at_first_it_looks_from_where_walls_hide_the_fewest() {
+        let seen = snapshot(10.0);
+        let extent = [800, 600];
+        let mut usual = Viewpoint::around(&seen);
+        usual.show_whole(&seen, extent, &[]);
+        assert_eq!([usual.azimuth_rad, usual.elevation_rad], UNTURNED_RAD);
+        let eye = usual.view(&seen, extent).extrinsics.position;
+        // Before the car, across the usual line of sight, and so high that it hides it from there.
+        let car = seen.vehicles[0].position;
+        let (towards, across) =
+            ((eye - car).truncate().normalize(), (eye - car).truncate().normalize().perp());
+        let end = |side: f64| (car.truncate() + towards * 6.0 + across * side).as_vec2();
+        let wall = Wall { from: end(-5.0), to: end(5.0), height_m: 40.0 };
+        let is_hidden = |viewpoint: &Viewpoint| {
+            occlusion::is_occluded(viewpoint.view(&seen, extent).extrinsics.position, car + DVec3::Z, &[wall])
+        };
+        assert!(is_hidden(&usual));
+        let mut turned = Viewpoint::around(&seen);
+        turned.show_whole(&seen, extent, &[wall]);
+        assert!(!is_hidden(&turned) && sees(&turned, &seen));
+        // Once, not whenever something drives on.
+        let azimuth_rad = turned.azimuth_rad;
+        turned.show_whole(&snapshot(40.0), extent, &[]);
+        assert_eq!(turned.azimuth_rad, azimuth_rad);
+    }
+
+    #[test]
+    fn looking_back_sees_what_is_behind() {
+        let seen = snapshot(10.0);
+        let behind = DVec3::new(-15.0, 4.0, 0.5);
+        for mode in [CameraMode::Chase, CameraMode::Onboard] {
+            let mut viewpoint = Viewpoint::around(&seen);
+            viewpoint.set_mode(mode, Some(VehicleId(3)));
+            viewpoint.rear = true;
+            let pixel = viewpoint.view(&seen, [400, 300]).project(behind);
+            assert!(pixel.is_some_and(|p| (50.0..350.0).contains(&p.x)), "{mode:?} {pixel:?}");
+        }
+    }
+
+    #[test]
+    fn a_vehicle_that_has_left_is_not_followed_and_nothing_breaks_without_any() {
+        let mut viewpoint = Viewpoint::around(&snapshot(10.0));
+        viewpoint.set_mode(CameraMode::Chase, Some(VehicleId(3)));
+        let empty = FrameSnapshot::default();
+        viewpoint.update(&empty);
+        assert_eq!((viewpoint.mode, viewpoint.follow), (CameraMode::Orbit, None));
+        assert!(viewpoint.view(&empty, [1, 1]).clip_from_world().is_finite());
+        assert!(Viewpoint::around(&empty).view(&empty, [8, 8]).clip_from_world().is_finite());
+    }
+
+    #[test]
+    fn dragging_takes_the_ground_along_and_zooming_brings_it_nearer() {
+        let seen = snapshot(10.0);
+        for mode in [CameraMode::Orbit, CameraMode::Overhead] {
+            let mut viewpoint = Viewpoint::around(&seen);
+            viewpoint.set_mode(mode, None);
+            let at = |viewpoint: &Viewpoint| {
+                viewpoint.view(&seen, [800, 600]).project(seen.vehicles[0].position).unwrap()
+            };
+            let before = at(&viewpoint);
+            viewpoint.shift(40.0, 25.0);
+            let moved = at(&viewpoint) - before;
+            assert!(moved.x > 15.0 && moved.y > 8.0, "{mode:?} {moved}");
+            let (near, far) = (viewpoint.distance_m, {
+                viewpoint.zoom(-2.0);
+                viewpoint.distance_m
+            });
+            assert!(far > near);
+        }
+    }
+}

@@ -1,0 +1,415 @@
+//! The window: event loop, surface and frame pacing.
+
+use super::gamepads::Gamepads;
+use super::loading::{LoadJob, LoadRequest};
+use super::painter::{PaintTarget, WindowPainter};
+use super::settings::{load_profiles, save_profiles};
+use super::surface::WindowSurface;
+use super::viewer::{RecordedRun, RecordingOptions, ViewerState, WindowRequest};
+use super::{Subject, ViewSettings, WindowError, WindowOptions};
+use crate::cockpit::Devices;
+use city3d_render::{Context, write_png};
+use city3d_session::live::RunCommand;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use winit::application::ApplicationHandler;
+use winit::dpi::PhysicalSize;
+use winit::event::{StartCause, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
+use winit::window::{Window, WindowId};
+
+const USUAL_SIZE: [u32; 2] = [1280, 720];
+/// Least time between two frames; without a GPU, frames leave CPU time to the run.
+const FRAME: Duration = Duration::from_millis(1000 / 60);
+const SOFTWARE_FRAME: Duration = Duration::from_millis(1000 / 30);
+
+/// Retry interval of a surface that cannot be drawn to.
+const RETRY_DELAY: Duration = Duration::from_millis(50);
+
+/// User event from other threads: redraw the window.
+#[derive(Clone, Copy, Debug)]
+struct RedrawRequest;
+
+/// Opens the window and stays until it is closed; returns the runs that it recorded.
+///
+/// # Errors
+/// When there is no display or no adapter, when the subject is wrong, or when a log could not be written.
+pub fn open(subject: &Subject, options: &WindowOptions) -> Result<Vec<RecordedRun>, WindowError> {
+    let no_display = |error: &dyn std::fmt::Display| {
+        // winit's messages begin with their source location.
+        let error = error.to_string();
+        let error = error
+            .rsplit_once(".rs:")
+            .and_then(|(_, rest)| rest.split_once(": "))
+            .map_or(&*error, |(_, why)| why);
+        WindowError::NoDisplay(error.trim_end_matches('.').to_owned())
+    };
+    let events = EventLoop::<RedrawRequest>::with_user_event().build().map_err(|error| no_display(&error))?;
+    let mut app =
+        App { subject, options, proxy: events.create_proxy(), open_window: None, outcome: Ok(Vec::new()) };
+    events.run_app(&mut app).map_err(|error| no_display(&error))?;
+    app.outcome
+}
+
+/// The egui context with the style of the panels.
+pub fn egui_context() -> egui::Context {
+    let context = egui::Context::default();
+    context.set_theme(egui::Theme::Dark);
+    // Slow frames lengthen clicks.
+    context.options_mut(|options| options.input_options.max_click_duration = 2.0);
+    context
+}
+
+struct App<'a> {
+    subject: &'a Subject,
+    options: &'a WindowOptions,
+    proxy: EventLoopProxy<RedrawRequest>,
+    open_window: Option<OpenWindow>,
+    outcome: Result<Vec<RecordedRun>, WindowError>,
+}
+
+/// State of an open window.
+struct OpenWindow {
+    window: Arc<Window>,
+    surface: WindowSurface,
+    painter: WindowPainter,
+    viewer: ViewerState,
+    egui: egui::Context,
+    input: egui_winit::State,
+    gamepads: Gamepads,
+    /// The load job, and the request that follows it.
+    loading: Option<LoadJob>,
+    next: Option<WindowRequest>,
+    on_update: Arc<dyn Fn() + Send + Sync>,
+    settings: ViewSettings,
+    remembers: bool,
+    is_hidden: bool,
+    /// The next frame is saved as a screenshot.
+    wants_shot: bool,
+    /// When the next frame is due, if one is.
+    due: Option<Instant>,
+    drawn: Instant,
+    /// Mean frame time (exponential moving average).
+    interval_s: f64,
+}
+
+impl App<'_> {
+    fn fail(&mut self, events: &ActiveEventLoop, error: WindowError) {
+        if self.outcome.is_ok() {
+            self.outcome = Err(error);
+        }
+        events.exit();
+    }
+}
+
+impl ApplicationHandler<RedrawRequest> for App<'_> {
+    fn resumed(&mut self, events: &ActiveEventLoop) {
+        if self.open_window.is_some() {
+            return;
+        }
+        match OpenWindow::open(events, (self.subject, self.options), self.proxy.clone()) {
+            Ok(open_window) => self.open_window = Some(open_window),
+            Err(error) => self.fail(events, error),
+        }
+    }
+
+    fn user_event(&mut self, _events: &ActiveEventLoop, _news: RedrawRequest) {
+        if let Some(open_window) = &mut self.open_window {
+            open_window.schedule_frame(Duration::ZERO);
+        }
+    }
+
+    fn new_events(&mut self, _events: &ActiveEventLoop, cause: StartCause) {
+        if let (StartCause::ResumeTimeReached { .. }, Some(open_window)) = (cause, &mut self.open_window) {
+            open_window.window.request_redraw();
+        }
+    }
+
+    fn window_event(&mut self, events: &ActiveEventLoop, _window: WindowId, event: WindowEvent) {
+        let Some(open_window) = &mut self.open_window else { return };
+        if open_window.input.on_window_event(&open_window.window, &event).repaint {
+            open_window.schedule_frame(Duration::ZERO);
+        }
+        match event {
+            // Some systems destroy the window without asking.
+            WindowEvent::CloseRequested | WindowEvent::Destroyed => events.exit(),
+            WindowEvent::Resized(size) => open_window.resize(size),
+            WindowEvent::Occluded(is_hidden) => open_window.is_hidden = is_hidden,
+            WindowEvent::RedrawRequested => match open_window.redraw() {
+                Ok(true) => {}
+                Ok(false) => events.exit(),
+                Err(error) => self.fail(events, error),
+            },
+            _ => {}
+        }
+    }
+
+    fn about_to_wait(&mut self, events: &ActiveEventLoop) {
+        let flow =
+            self.open_window.as_ref().and_then(|open_window| open_window.due).map(ControlFlow::WaitUntil);
+        events.set_control_flow(flow.unwrap_or(ControlFlow::Wait));
+    }
+
+    fn exiting(&mut self, _events: &ActiveEventLoop) {
+        if let Some(open_window) = self.open_window.take() {
+            let closed = open_window.close();
+            if self.outcome.is_ok() {
+                self.outcome = closed;
+            }
+        }
+    }
+}
+
+impl OpenWindow {
+    fn open(
+        events: &ActiveEventLoop,
+        (subject, options): (&Subject, &WindowOptions),
+        proxy: EventLoopProxy<RedrawRequest>,
+    ) -> Result<Self, WindowError> {
+        let settings = options.settings();
+        let [width, height] = options.size.or(settings.size).unwrap_or(USUAL_SIZE);
+        let attributes = Window::default_attributes()
+            .with_title("City3D")
+            .with_inner_size(PhysicalSize::new(width, height))
+            .with_min_inner_size(PhysicalSize::new(320, 240));
+        let window = Arc::new(events.create_window(attributes)?);
+        let mut descriptor =
+            wgpu::InstanceDescriptor::new_with_display_handle(Box::new(events.owned_display_handle()));
+        descriptor.backends = wgpu::Backends::PRIMARY;
+        let instance = wgpu::Instance::new(descriptor);
+        let surface = instance.create_surface(Arc::clone(&window))?;
+        let context = Context::for_surface(&instance, &surface, &options.preference())?;
+        let surface = WindowSurface::new(Arc::clone(&window), instance, surface, &context)?;
+        let on_update: Arc<dyn Fn() + Send + Sync> = Arc::new(move || {
+            // The event loop may have ended before the run.
+            let _ = proxy.send_event(RedrawRequest);
+        });
+        let recording = RecordingOptions { logs: subject.logs(), on_update: Arc::clone(&on_update) };
+        let mut viewer = subject.viewer(options, &context, &settings, recording)?;
+        super::picture::arrange(&mut viewer, options)?;
+        if !options.is_fresh {
+            viewer.state.devices = Devices::new(load_profiles());
+        }
+        let gamepads = Gamepads::listen(Arc::clone(&on_update));
+        let painter = WindowPainter::new(context, viewer.experiment(), viewer.state.look, surface.format())?;
+        let egui = egui_context();
+        let most = painter.context().device.limits().max_texture_dimension_2d as usize;
+        let input = egui_winit::State::new(
+            egui.clone(),
+            egui::ViewportId::ROOT,
+            &window,
+            Some(window.scale_factor() as f32),
+            None,
+            Some(most),
+        );
+        if matches!(subject, Subject::Scenario(scenario) if scenario.starts) {
+            viewer.send(RunCommand::Start);
+        }
+        Ok(Self {
+            window,
+            surface,
+            painter,
+            viewer,
+            egui,
+            input,
+            gamepads,
+            loading: None,
+            next: None,
+            on_update,
+            settings,
+            remembers: !options.is_fresh,
+            is_hidden: false,
+            wants_shot: false,
+            due: Some(Instant::now()),
+            drawn: Instant::now(),
+            interval_s: 0.0,
+        })
+    }
+
+    fn resize(&mut self, size: PhysicalSize<u32>) {
+        if self.surface.has_size() {
+            self.surface.configure();
+            self.settings.size = Some(size.into());
+            self.schedule_frame(Duration::ZERO);
+        }
+    }
+
+    fn frame(&self) -> Duration {
+        if self.painter.context().is_software { SOFTWARE_FRAME } else { FRAME }
+    }
+
+    /// Schedules a frame, not before the least frame time.
+    fn schedule_frame(&mut self, after: Duration) {
+        let earliest = self.drawn + self.frame();
+        let Some(wanted) = Instant::now().checked_add(after) else { return };
+        let at = wanted.max(earliest);
+        self.due = Some(self.due.map_or(at, |due| due.min(at)));
+    }
+
+    /// Lays out and draws one frame; `false` when the user quits.
+    fn redraw(&mut self) -> Result<bool, WindowError> {
+        self.due = None;
+        if self.is_hidden || !self.surface.has_size() {
+            return Ok(true);
+        }
+        self.measure();
+        self.hear_gamepads();
+        self.take_loaded();
+        let textures = self.painter.textures();
+        let input = self.input.take_egui_input(&self.window);
+        let (viewer, frames_per_s) = (&mut self.viewer, 1.0 / self.interval_s.max(1e-3));
+        let mut actions = Vec::new();
+        let output = self.egui.run_ui(input, |ui| actions.extend(viewer.pass(ui, &textures, frames_per_s)));
+        self.input.handle_platform_output(&self.window, output.platform_output.clone());
+        let repaint =
+            output.viewport_output.get(&egui::ViewportId::ROOT).map(|viewport| viewport.repaint_delay);
+        self.painter.draw(self.viewer.interpolated(), self.viewer.pictures())?;
+        self.present(output);
+        let requests = self.viewer.act(actions, self.egui.input(|input| input.time));
+        for request in requests {
+            if request == WindowRequest::Quit {
+                return Ok(false);
+            }
+            self.fulfil(request);
+        }
+        if self.viewer.is_moving() {
+            self.schedule_frame(Duration::ZERO);
+        } else if let Some(delay) = repaint {
+            self.schedule_frame(delay);
+        }
+        Ok(true)
+    }
+
+    fn hear_gamepads(&mut self) {
+        let now_s = self.egui.input(|input| input.time);
+        while let Some(event) = self.gamepads.try_next() {
+            if let Some(text) = self.viewer.state.devices.take(event, now_s) {
+                self.viewer.state.say(text, now_s);
+            }
+        }
+    }
+
+    fn measure(&mut self) {
+        let now = Instant::now();
+        let interval_s = now.duration_since(self.drawn).as_secs_f64();
+        self.drawn = now;
+        // An idle window does not measure the frame rate.
+        if interval_s < 0.5 {
+            let share = if self.interval_s > 0.0 { 0.1 } else { 1.0 };
+            self.interval_s += (interval_s - self.interval_s) * share;
+        }
+    }
+
+    /// Presents a frame, if the surface is available.
+    fn present(&mut self, output: egui::FullOutput) {
+        let Some(texture) = self.surface.next() else {
+            self.painter.paint(&self.egui, output, &[]);
+            self.schedule_frame(RETRY_DELAY);
+            return;
+        };
+        let extent = self.surface.extent();
+        let view_of = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let view = view_of(&texture.texture);
+        let memory = std::mem::take(&mut self.wants_shot).then(|| self.painter.memory(extent));
+        let copy = memory.as_ref().map(view_of);
+        let screens: Vec<_> = [Some(&view), copy.as_ref()]
+            .into_iter()
+            .flatten()
+            .map(|view| PaintTarget { view, extent })
+            .collect();
+        self.painter.paint(&self.egui, output, &screens);
+        self.window.pre_present_notify();
+        self.painter.context().queue.present(texture);
+        if let Some(memory) = memory {
+            self.keep(&memory);
+        }
+    }
+
+    fn fulfil(&mut self, request: WindowRequest) {
+        match request {
+            WindowRequest::Look | WindowRequest::Scenario(_) => self.load(request),
+            WindowRequest::Screenshot => self.wants_shot = true,
+            WindowRequest::KeepDevices if self.remembers => {
+                save_profiles(self.viewer.state.devices.profiles());
+            }
+            WindowRequest::KeepDevices | WindowRequest::Quit => {}
+        }
+        self.schedule_frame(Duration::ZERO);
+    }
+
+    /// Starts a load job, or queues the request behind the running one.
+    fn load(&mut self, request: WindowRequest) {
+        if self.loading.is_some() {
+            // A queued scenario takes the look of that time.
+            if !matches!((&self.next, &request), (Some(WindowRequest::Scenario(_)), WindowRequest::Look)) {
+                self.next = Some(request);
+            }
+            return;
+        }
+        let look = self.viewer.state.look;
+        let request = match request {
+            WindowRequest::Scenario(request) => LoadRequest::Scenario(request, look),
+            _ => {
+                self.settings.preset = Some(look.preset);
+                LoadRequest::Look(Arc::clone(self.viewer.experiment()), look)
+            }
+        };
+        self.viewer.loading = Some(request.label());
+        match LoadJob::begin(request, self.painter.context(), Arc::clone(&self.on_update)) {
+            Ok(loading) => self.loading = Some(loading),
+            Err(error) => self.say(error.to_string()),
+        }
+    }
+
+    /// Shows the result of a finished load job.
+    fn take_loaded(&mut self) {
+        let Some(outcome) = self.loading.as_ref().and_then(LoadJob::try_finish) else { return };
+        (self.loading, self.viewer.loading) = (None, None);
+        let shown = outcome.and_then(|loaded| -> Result<(), WindowError> {
+            if let Some((request, experiment)) = loaded.scenario {
+                self.viewer.enter(request, experiment, self.egui.input(|input| input.time))?;
+                self.viewer.state.look.hours = loaded.look.hours;
+            }
+            self.painter.set_city(loaded.city);
+            Ok(())
+        });
+        if let Err(error) = shown {
+            self.say(error.to_string());
+        }
+        if let Some(request) = self.next.take() {
+            self.load(request);
+        }
+    }
+
+    fn say(&mut self, text: String) {
+        self.viewer.state.say(text, self.egui.input(|input| input.time));
+    }
+
+    /// Writes a screenshot into the working folder.
+    fn keep(&mut self, memory: &wgpu::Texture) {
+        let file = unused(self.viewer.run_state().now.tick);
+        let written = self.painter.read(memory);
+        let written = written.and_then(|image| Ok(write_png(&file, &image)?));
+        let whole = std::path::absolute(&file).unwrap_or(file);
+        let said =
+            written.map_or_else(|error| error.to_string(), |()| format!("Screenshot: {}", whole.display()));
+        self.say(said);
+        self.schedule_frame(Duration::ZERO);
+    }
+
+    fn close(mut self) -> Result<Vec<RecordedRun>, WindowError> {
+        if self.remembers {
+            self.viewer.remember(&mut self.settings);
+            self.settings.save();
+        }
+        self.viewer.close()
+    }
+}
+
+/// An unused file name for a screenshot of a tick.
+fn unused(tick: u64) -> std::path::PathBuf {
+    let first = std::iter::once(format!("city3d-{tick}.png"));
+    let others = (2..).map(|k| format!("city3d-{tick}-{k}.png"));
+    let mut names = first.chain(others).map(std::path::PathBuf::from);
+    names.find(|name| !name.exists()).unwrap_or_else(|| format!("city3d-{tick}.png").into())
+}

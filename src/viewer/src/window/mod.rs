@@ -1,0 +1,152 @@
+//! The window: a live run or a log, its settings, event loop and painter, and pictures of it without a display.
+
+mod error;
+mod event_loop;
+mod frame_times;
+mod gamepads;
+mod loading;
+mod painter;
+mod picture;
+mod settings;
+mod surface;
+mod viewer;
+
+pub use error::WindowError;
+pub use event_loop::open;
+pub use frame_times::{FrameTimes, frame_times};
+pub use picture::{WindowPicture, picture};
+pub use viewer::{LogLocation, RecordedRun};
+
+use crate::ui::{CameraMode, Look, QualityPreset};
+use city3d_render::{AdapterPreference, Context};
+use city3d_session::live::Speed;
+use city3d_session::playback::Player;
+use city3d_simulation::scenario::{ScenarioRequest, TimeOfDay};
+use settings::ViewSettings;
+use std::path::PathBuf;
+use std::sync::Arc;
+use viewer::{RecordingOptions, ViewerState};
+
+/// What the window shows.
+#[derive(Clone, Debug)]
+pub enum Subject {
+    Scenario(ScenarioSubject),
+    /// The log of a recorded run.
+    Log(PathBuf),
+}
+
+/// A scenario that the window runs.
+#[derive(Clone, Debug)]
+pub struct ScenarioSubject {
+    pub request: ScenarioRequest,
+    pub logs: LogLocation,
+    /// Multiple of real time; `None` for the stored one.
+    pub speed: Option<Speed>,
+    /// Whether the run starts at once.
+    pub starts: bool,
+    /// Whether a person drives the selected vehicle in a picture of the window.
+    pub is_driven: bool,
+}
+
+/// Quality of the pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum QualityChoice {
+    /// The stored one, or else that of the adapter.
+    #[default]
+    Stored,
+    /// By the adapter: low without a GPU, high with one.
+    Auto,
+    Preset(QualityPreset),
+}
+
+/// How the window looks at first.
+#[derive(Clone, Debug, Default)]
+pub struct WindowOptions {
+    /// The adapter; by default that of the environment.
+    pub adapter: Option<AdapterPreference>,
+    pub quality: QualityChoice,
+    /// Time of day; by default the scenario's.
+    pub time: Option<TimeOfDay>,
+    /// Pixels; by default the last one.
+    pub size: Option<[u32; 2]>,
+    /// Stored settings are neither read nor written.
+    pub is_fresh: bool,
+    /// Simulated time of a picture, or at which a log opens.
+    pub at_s: Option<f64>,
+    /// Vehicle to select, by name or id.
+    pub select: Option<String>,
+    /// Vehicles whose previews to open, by name or id.
+    pub previews: Vec<String>,
+    pub mode: Option<CameraMode>,
+}
+
+impl Subject {
+    /// Builds the viewer state from options and stored settings.
+    fn viewer(
+        &self,
+        options: &WindowOptions,
+        context: &Context,
+        settings: &ViewSettings,
+        recording: RecordingOptions,
+    ) -> Result<ViewerState, WindowError> {
+        let mut viewer = match self {
+            Self::Scenario(subject) => subject.viewer(options, context, settings, recording)?,
+            Self::Log(log) => {
+                let on_update = Arc::clone(&recording.on_update);
+                let player = Player::open(log, Box::new(move || on_update()))?;
+                let look = options.look(context, settings, player.experiment().time_of_day);
+                ViewerState::on_log(player, log.display().to_string(), look, recording)
+            }
+        };
+        viewer.restore(settings);
+        if let Self::Scenario(subject) = self
+            && let Some(speed) = subject.speed.or(settings.speed.map(Speed::sane))
+        {
+            viewer.set_speed(speed);
+        }
+        viewer.set_adapter(context);
+        Ok(viewer)
+    }
+
+    /// Where runs are recorded; a replayed log stays as it is.
+    fn logs(&self) -> LogLocation {
+        match self {
+            Self::Scenario(subject) => subject.logs.clone(),
+            Self::Log(_) => LogLocation::Nowhere,
+        }
+    }
+}
+
+impl ScenarioSubject {
+    fn viewer(
+        &self,
+        options: &WindowOptions,
+        context: &Context,
+        settings: &ViewSettings,
+        recording: RecordingOptions,
+    ) -> Result<ViewerState, WindowError> {
+        let experiment = city3d_session::load(&self.request)?;
+        let look = options.look(context, settings, experiment.time_of_day);
+        ViewerState::new(self.request.clone(), experiment, look, recording)
+    }
+}
+
+impl WindowOptions {
+    fn preference(&self) -> AdapterPreference {
+        self.adapter.clone().unwrap_or_else(AdapterPreference::from_environment)
+    }
+
+    fn settings(&self) -> ViewSettings {
+        if self.is_fresh { ViewSettings::default() } else { ViewSettings::load() }
+    }
+
+    fn look(&self, context: &Context, settings: &ViewSettings, usual: TimeOfDay) -> Look {
+        let of_the_adapter = if context.is_software { QualityPreset::Low } else { QualityPreset::High };
+        let preset = match self.quality {
+            QualityChoice::Stored => settings.preset.unwrap_or(of_the_adapter),
+            QualityChoice::Auto => of_the_adapter,
+            QualityChoice::Preset(preset) => preset,
+        };
+        Look { preset, hours: self.time.unwrap_or(usual).hours }
+    }
+}

@@ -1,0 +1,227 @@
+//! Draws a frame of the window: the requested pictures of the city into textures, and the panels over them.
+
+use super::WindowError;
+use crate::ui::{self, Look, PictureRequest, PictureSlot, QualityPreset};
+use city3d_protocol::snapshot::FrameSnapshot;
+use city3d_render::{
+    BakedTextures, Context, Daylight, Image, Quality, Renderer, Settings, TargetView, read_texture,
+};
+use city3d_scene::SceneDescription;
+use city3d_simulation::scenario::Experiment;
+use egui_wgpu::{RendererOptions, ScreenDescriptor};
+use std::collections::BTreeMap;
+
+pub struct WindowPainter {
+    context: Context,
+    city: Renderer,
+    panels: egui_wgpu::Renderer,
+    /// Format of the targets.
+    format: wgpu::TextureFormat,
+    slots: BTreeMap<PictureSlot, Texture>,
+    /// Snapshot and pictures in the textures: equal ones are not drawn again.
+    drawn: Option<(FrameSnapshot, Vec<PictureRequest>)>,
+}
+
+/// Texture of a picture. The city's shaders encode sRGB themselves, so its format is linear.
+struct Texture {
+    extent: [u32; 2],
+    texture: wgpu::Texture,
+    id: egui::TextureId,
+}
+
+const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+
+/// Render target of the panels.
+#[derive(Clone, Copy, Debug)]
+pub struct PaintTarget<'a> {
+    pub view: &'a wgpu::TextureView,
+    pub extent: [u32; 2],
+}
+
+impl WindowPainter {
+    /// `format` is that of the targets.
+    pub fn new(
+        context: Context,
+        experiment: &Experiment,
+        look: Look,
+        format: wgpu::TextureFormat,
+    ) -> Result<Self, WindowError> {
+        let city = renderer(&context, experiment, look)?;
+        // Dithering would cost a software adapter at every pixel what only gradients need.
+        let options = RendererOptions { dithering: false, ..RendererOptions::default() };
+        let panels = egui_wgpu::Renderer::new(&context.device, format, options);
+        Ok(Self { context, city, panels, format, slots: BTreeMap::new(), drawn: None })
+    }
+
+    pub fn context(&self) -> &Context {
+        &self.context
+    }
+
+    /// Replaces the renderer: another city, or another light.
+    pub fn set_city(&mut self, city: Renderer) {
+        self.city = city;
+        self.drawn = None;
+    }
+
+    /// The textures of the pictures that have been drawn.
+    pub fn textures(&self) -> BTreeMap<PictureSlot, egui::TextureId> {
+        self.slots.iter().map(|(slot, texture)| (*slot, texture.id)).collect()
+    }
+
+    /// Draws the pictures of a frame, all of one snapshot; unchanged ones are not drawn again.
+    pub fn draw(&mut self, snapshot: &FrameSnapshot, pictures: &[PictureRequest]) -> Result<(), WindowError> {
+        if self.drawn.as_ref().is_some_and(|(of, what)| of == snapshot && what == pictures) {
+            return Ok(());
+        }
+        self.drawn = None;
+        let gone: Vec<PictureSlot> =
+            self.slots.keys().filter(|slot| !pictures.iter().any(|p| p.slot == **slot)).copied().collect();
+        for slot in gone {
+            if let Some(texture) = self.slots.remove(&slot) {
+                self.panels.free_texture(&texture.id);
+            }
+        }
+        for picture in pictures {
+            self.make_texture(picture);
+        }
+        let views: Vec<wgpu::TextureView> = pictures
+            .iter()
+            .filter_map(|picture| self.slots.get(&picture.slot))
+            .map(|slot| slot.texture.create_view(&wgpu::TextureViewDescriptor::default()))
+            .collect();
+        let targets: Vec<TargetView<'_>> = views
+            .iter()
+            .zip(pictures)
+            .map(|(color, picture)| TargetView { color, format: FORMAT, extent: picture.view.extent })
+            .collect();
+        let views: Vec<_> = pictures.iter().map(|picture| picture.view).collect();
+        self.city.draw(snapshot, &views, &targets)?;
+        self.drawn = Some((snapshot.clone(), pictures.to_vec()));
+        Ok(())
+    }
+
+    fn make_texture(&mut self, picture: &PictureRequest) {
+        let extent = picture.view.extent;
+        if self.slots.get(&picture.slot).is_some_and(|slot| slot.extent == extent) {
+            return;
+        }
+        let device = &self.context.device;
+        let texture = device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("picture of a panel"),
+            size: wgpu::Extent3d { width: extent[0], height: extent[1], depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: FORMAT,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        });
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let id = match self.slots.get(&picture.slot) {
+            Some(slot) => {
+                let filter = wgpu::FilterMode::Linear;
+                self.panels.update_egui_texture_from_wgpu_texture(device, &view, filter, slot.id);
+                slot.id
+            }
+            None => self.panels.register_native_texture(device, &view, wgpu::FilterMode::Linear),
+        };
+        self.slots.insert(picture.slot, Texture { extent, texture, id });
+    }
+
+    /// An offscreen target that can be read back.
+    pub fn memory(&self, extent: [u32; 2]) -> wgpu::Texture {
+        self.context.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("picture of the window"),
+            size: wgpu::Extent3d { width: extent[0], height: extent[1], depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: self.format,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+            view_formats: &[],
+        })
+    }
+
+    /// Reads an offscreen target back.
+    pub fn read(&self, memory: &wgpu::Texture) -> Result<Image, WindowError> {
+        Ok(read_texture(&self.context, memory)?)
+    }
+
+    /// Paints the panels of a frame on each target. Without targets it only applies the texture changes, which later
+    /// frames need.
+    pub fn paint(&mut self, egui: &egui::Context, mut output: egui::FullOutput, screens: &[PaintTarget<'_>]) {
+        let (device, queue) = (&self.context.device, &self.context.queue);
+        for (id, deltas) in &output.textures_delta.set {
+            for delta in deltas {
+                self.panels.update_texture(device, queue, *id, delta);
+            }
+        }
+        let gone: Vec<egui::TextureId> = output.textures_delta.free.iter().copied().collect();
+        output.textures_delta.clear();
+        if !screens.is_empty() {
+            let points = output.pixels_per_point;
+            let primitives = egui.tessellate(std::mem::take(&mut output.shapes), points);
+            screens.iter().for_each(|screen| self.paint_primitives(&primitives, points, *screen));
+        }
+        gone.iter().for_each(|id| self.panels.free_texture(id));
+    }
+
+    /// Clear colour under the panels: a clear costs less than a rectangle.
+    fn ground(&self) -> wgpu::Color {
+        let [r, g, b, _] = if self.format.is_srgb() {
+            egui::Rgba::from(ui::GROUND).to_array().map(f64::from)
+        } else {
+            ui::GROUND.to_array().map(|part| f64::from(part) / 255.0)
+        };
+        wgpu::Color { r, g, b, a: 1.0 }
+    }
+
+    fn paint_primitives(
+        &mut self,
+        primitives: &[egui::ClippedPrimitive],
+        pixels_per_point: f32,
+        screen: PaintTarget<'_>,
+    ) {
+        let (device, queue) = (&self.context.device, &self.context.queue);
+        let size = ScreenDescriptor { size_in_pixels: screen.extent, pixels_per_point };
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let before = self.panels.update_buffers(device, queue, &mut encoder, primitives, &size);
+        let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("panels"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: screen.view,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(self.ground()),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            ..Default::default()
+        });
+        self.panels.render(&mut pass.forget_lifetime(), primitives, &size);
+        queue.submit(before.into_iter().chain([encoder.finish()]));
+    }
+}
+
+/// The renderer of an experiment's city.
+pub fn renderer(context: &Context, experiment: &Experiment, look: Look) -> Result<Renderer, WindowError> {
+    let quality = match look.preset {
+        QualityPreset::Low => Quality::LOW,
+        QualityPreset::Medium => Quality::MEDIUM,
+        QualityPreset::High => Quality::HIGH,
+        QualityPreset::Ultra => Quality::ULTRA,
+    };
+    let daylight = Daylight { hours: look.hours as f32 };
+    let settings = Settings { quality, daylight, ..Settings::default() };
+    // Side by side: each takes as long as the other.
+    let (baked, scene) = rayon::join(
+        || BakedTextures::new(settings),
+        || SceneDescription::with_models(&experiment.city_map, &experiment.models.placed),
+    );
+    let mut renderer = Renderer::with_textures(context, &scene, baked)?;
+    for (&body, model) in &experiment.models.vehicles {
+        renderer.set_vehicle_model(body, model);
+    }
+    Ok(renderer)
+}

@@ -1,0 +1,186 @@
+//! Settings of the window that are stored between sessions, in the user's configuration folder.
+
+use crate::cockpit::DeviceProfile;
+use crate::ui::{CameraMode, Layers, PanelWidths, PreviewCamera, QualityPreset, TableState};
+use city3d_session::live::Speed;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ViewSettings {
+    /// Size of the window, pixels.
+    pub size: Option<[u32; 2]>,
+    /// `None` until the user chooses: the adapter decides.
+    pub preset: Option<QualityPreset>,
+    pub mode: CameraMode,
+    /// `None` until the user chooses.
+    pub speed: Option<Speed>,
+    pub layers: Layers,
+    pub table: TableState,
+    pub widths: PanelWidths,
+    pub views: WatchedVehicles,
+}
+
+/// Followed vehicle and open previews of one scenario, by vehicle name.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct WatchedVehicles {
+    pub scenario: String,
+    pub followed: Option<String>,
+    pub previews: Vec<(String, PreviewCamera)>,
+}
+
+impl ViewSettings {
+    /// Loads the stored settings, or the defaults.
+    pub fn load() -> Self {
+        file("view.toml").map(|path| read(&path)).unwrap_or_default()
+    }
+
+    /// Stores the settings.
+    pub fn save(&self) {
+        keep("view.toml", self);
+    }
+}
+
+/// Device mappings by device key.
+pub type Profiles = BTreeMap<String, DeviceProfile>;
+
+pub fn load_profiles() -> Profiles {
+    file("devices.toml").map(|path| read(&path)).unwrap_or_default()
+}
+
+pub fn save_profiles(profiles: &Profiles) {
+    keep("devices.toml", profiles);
+}
+
+/// Reads a file, or returns the default.
+fn read<T: Default + DeserializeOwned>(path: &Path) -> T {
+    let Ok(text) = std::fs::read_to_string(path) else { return T::default() };
+    toml::from_str(&text).unwrap_or_else(|error| {
+        tracing::warn!("{}: the stored settings are ignored: {error}", path.display());
+        T::default()
+    })
+}
+
+/// Writes a file of the user's. A folder that cannot be written is no reason to fail.
+fn keep(name: &str, value: &impl Serialize) {
+    let Some(path) = file(name) else { return };
+    if let Err(error) = write(&path, value) {
+        tracing::warn!("{}: the settings cannot be stored: {error}", path.display());
+    }
+}
+
+fn write(path: &Path, value: &impl Serialize) -> std::io::Result<()> {
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder)?;
+    }
+    let text = toml::to_string_pretty(value).map_err(std::io::Error::other)?;
+    std::fs::write(path, text)
+}
+
+fn file(name: &str) -> Option<PathBuf> {
+    folder("XDG_CONFIG_HOME", ".config").map(|folder| folder.join("city3d").join(name))
+}
+
+/// A new folder for the logs of a window on a scenario.
+pub fn log_folder(scenario: &str) -> Option<PathBuf> {
+    let stem = Path::new(scenario).file_stem()?.to_string_lossy().into_owned();
+    let seconds = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).ok()?.as_secs();
+    let [year, month, day] = date(seconds / 86_400);
+    let (hour, minute, second) = (seconds / 3600 % 24, seconds / 60 % 60, seconds % 60);
+    let name = format!("{stem}-{year:04}{month:02}{day:02}-{hour:02}{minute:02}{second:02}");
+    let runs = folder("XDG_DATA_HOME", ".local/share")?.join("city3d").join("runs");
+    let others = (2..).map(|k| format!("{name}-{k}"));
+    std::iter::once(name.clone()).chain(others).map(|name| runs.join(name)).find(|folder| !folder.exists())
+}
+
+/// A folder of the user's: by a variable, else in the home folder, on Windows in `APPDATA`.
+fn folder(variable: &str, in_home: &str) -> Option<PathBuf> {
+    let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    set(variable).or_else(|| set("APPDATA")).or_else(|| Some(set("HOME")?.join(in_home)))
+}
+
+/// Year, month and day of a number of days since 1 January 1970 (UTC).
+fn date(days: u64) -> [u64; 3] {
+    let is_leap =
+        |year: u64| year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400));
+    let (mut year, mut left) = (1970, days);
+    loop {
+        let length = if is_leap(year) { 366 } else { 365 };
+        if left < length {
+            break;
+        }
+        left -= length;
+        year += 1;
+    }
+    let february = if is_leap(year) { 29 } else { 28 };
+    let mut month = 1;
+    for length in [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31] {
+        if left < length {
+            break;
+        }
+        left -= length;
+        month += 1;
+    }
+    [year, month, left + 1]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cockpit::{ControlFunction, DeviceControl, LeverCalibration};
+
+    #[test]
+    fn days_become_dates() {
+        assert_eq!(date(0), [1970, 1, 1]);
+        assert_eq!(date(59), [1970, 3, 1]);
+        assert_eq!(date(11_016), [2000, 2, 29]);
+        assert_eq!(date(20_819), [2027, 1, 1]);
+    }
+
+    #[test]
+    fn settings_come_back_as_they_were_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("new").join("view.toml");
+        let settings = ViewSettings {
+            size: Some([1600, 900]),
+            preset: Some(QualityPreset::Medium),
+            mode: CameraMode::Overhead,
+            layers: Layers { lanes: true, labels: false, ..Layers::default() },
+            table: TableState { descending: true, ..TableState::default() },
+            speed: Some(Speed::Times(2.0)),
+            widths: PanelWidths { vehicles: 321.5, previews: 300.0 },
+            views: WatchedVehicles {
+                scenario: "roundabout".to_owned(),
+                followed: Some("path1_a".to_owned()),
+                previews: vec![
+                    ("path1_b".to_owned(), PreviewCamera::Rear),
+                    ("path1_a".to_owned(), PreviewCamera::Own(1)),
+                ],
+            },
+        };
+        write(&path, &settings).unwrap();
+        assert_eq!(read::<ViewSettings>(&path), settings);
+        std::fs::write(&path, "from_a_later_version = 1").unwrap();
+        assert_eq!(read::<ViewSettings>(&path), ViewSettings::default());
+        std::fs::write(&path, "size = [").unwrap();
+        assert_eq!(read::<ViewSettings>(&path), ViewSettings::default());
+    }
+
+    #[test]
+    fn what_was_assigned_on_a_device_comes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("devices.toml");
+        let axis = DeviceControl::Axis(0x0003_0002);
+        let pedal = LeverCalibration { control: axis, rest: 0.987_654_321, full: -0.9, dead_zone: 0.03 };
+        let buttons = [(ControlFunction::TakeWheel, DeviceControl::Button(0x0001_0120))];
+        let mut profile = DeviceProfile::usual(Some(DeviceControl::Axis(0x0003_0000)), true, &buttons);
+        profile.levers.insert(ControlFunction::Gas, pedal);
+        let profiles = Profiles::from([("Wheel \"G\" 0300".to_owned(), profile)]);
+        write(&path, &profiles).unwrap();
+        assert_eq!(read::<Profiles>(&path), profiles);
+    }
+}

@@ -1,0 +1,536 @@
+//! The viewer without its window: a live run or a player, the state of the panels, and the actions between them.
+
+use super::WindowError;
+use super::settings::{ViewSettings, WatchedVehicles};
+use crate::cockpit::SteeringGeometry;
+use crate::ui::{
+    self, CameraMode, DriverNames, History, HistorySample, KEPT_S, Look, ManualDrive, PictureRequest,
+    PictureSlot, Preview, ReplayView, ScenarioCamera, ScenarioChoice, UiAction, UiState, ViewModel,
+};
+use city3d_logbook::record::LogOrigin;
+use city3d_protocol::snapshot::{FrameSnapshot, SimCommand, VehicleId};
+use city3d_render::Context;
+use city3d_roadmap::LaneId;
+use city3d_scene::{SceneDescription, Wall};
+use city3d_sensors::{Sensor, SensorKind};
+use city3d_session::live::{LiveOptions, LiveRun, RunCommand, RunPhase, RunState, Speed};
+use city3d_session::playback::{LogInfo, PlaybackCommand, Player};
+use city3d_simulation::scenario::{Experiment, Library, ScenarioRequest, shipped_scenarios};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Recording of runs, and notification of updates.
+pub struct RecordingOptions {
+    pub logs: LogLocation,
+    pub on_update: Arc<dyn Fn() + Send + Sync>,
+}
+
+/// A finished run that was recorded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecordedRun {
+    /// Name of the scenario.
+    pub scenario: String,
+    pub folder: PathBuf,
+}
+
+/// Where runs are recorded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LogLocation {
+    Nowhere,
+    /// In this folder, one run after another.
+    In(PathBuf),
+    /// In the user's data folder, in a new folder named after the scenario.
+    OfTheUser,
+}
+
+impl LogLocation {
+    fn of(&self, scenario: &str) -> Option<PathBuf> {
+        match self {
+            Self::Nowhere => None,
+            Self::In(folder) => Some(folder.clone()),
+            Self::OfTheUser => super::settings::log_folder(scenario),
+        }
+    }
+}
+
+/// What has to be done outside after a pass.
+#[derive(Clone, Debug, PartialEq)]
+pub enum WindowRequest {
+    /// The pictures look otherwise from now on.
+    Look,
+    /// Another experiment.
+    Scenario(ScenarioRequest),
+    Screenshot,
+    KeepDevices,
+    Quit,
+}
+
+/// What is shown.
+enum ViewedRun {
+    /// A run that goes on.
+    Run(LiveRun),
+    /// One that was recorded.
+    Log(Box<Player>),
+}
+
+impl ViewedRun {
+    fn run_state(&self) -> Arc<RunState> {
+        match self {
+            Self::Run(live) => live.run_state(),
+            Self::Log(player) => player.run_state(),
+        }
+    }
+
+    /// Advances to an instant; returns the state and the interpolation weight between its `before` (0) and `now` (1).
+    fn advance(&mut self, now: Instant) -> (Arc<RunState>, f64) {
+        match self {
+            Self::Run(live) => {
+                let run_state = live.run_state();
+                let weight = run_state.interpolation_weight(now);
+                (run_state, weight)
+            }
+            Self::Log(player) => player.advance(now),
+        }
+    }
+}
+
+pub struct ViewerState {
+    request: ScenarioRequest,
+    recording: RecordingOptions,
+    source: ViewedRun,
+    experiment: Arc<Experiment>,
+    scenario_info: ScenarioInfo,
+    pub state: UiState,
+    history: History,
+    interpolated: FrameSnapshot,
+    scenarios: Vec<ScenarioChoice>,
+    /// Description of what is being loaded.
+    pub loading: Option<String>,
+    /// Number of the run in which the user last took the driver's seat.
+    seated_in_run: u32,
+    footer: String,
+    adapter: String,
+    most_moving_pixels: Option<u32>,
+    recorded: Vec<RecordedRun>,
+}
+
+/// Pixel budget of a software adapter for a fluent frame rate.
+const MOST_MOVING_PIXELS: u32 = 240_000;
+
+/// Data of an experiment for the panels.
+struct ScenarioInfo {
+    drivers: DriverNames,
+    routes: BTreeMap<VehicleId, Vec<LaneId>>,
+    cameras: BTreeMap<VehicleId, Vec<ScenarioCamera>>,
+    steering_geometry: BTreeMap<VehicleId, SteeringGeometry>,
+    walls: Vec<Wall>,
+    /// The vehicle that the scenario reserves for a person.
+    own: Option<VehicleId>,
+    /// Pedals, steering and lateral errors are known; otherwise only poses are.
+    has_control_data: bool,
+}
+
+fn own_camera(sensor: &Sensor) -> ScenarioCamera {
+    let SensorKind::Camera(camera) = sensor.kind;
+    ScenarioCamera { name: sensor.name.clone(), mount: camera.mount, lens: camera.lens }
+}
+
+impl ScenarioInfo {
+    fn of(experiment: &Experiment) -> Self {
+        let vehicles = || experiment.vehicles.iter();
+        Self {
+            drivers: vehicles().map(|v| (v.id, v.controller.clone())).collect(),
+            routes: vehicles().map(|v| (v.id, v.route.clone())).collect(),
+            cameras: vehicles().map(|v| (v.id, v.sensors.iter().map(own_camera).collect())).collect(),
+            steering_geometry: vehicles()
+                .map(|v| {
+                    let wheelbase_m = v.spec.dimensions.wheelbase_m;
+                    (v.id, SteeringGeometry { wheelbase_m, steering_limit_rad: v.spec.steering_limit_rad })
+                })
+                .collect(),
+            walls: SceneDescription::walls_of(&experiment.city_map),
+            own: vehicles().find(|v| v.is_human).map(|v| v.id),
+            has_control_data: true,
+        }
+    }
+}
+
+impl ViewerState {
+    pub fn new(
+        request: ScenarioRequest,
+        experiment: Arc<Experiment>,
+        look: Look,
+        recording: RecordingOptions,
+    ) -> Result<Self, WindowError> {
+        let source = ViewedRun::Run(start(&request, &experiment, &recording, 0)?);
+        let mut scenarios: Vec<ScenarioChoice> = shipped_scenarios().map(choice).collect();
+        if scenarios.iter().all(|choice| choice.name != request.scenario) {
+            let description = experiment.description.clone();
+            scenarios.insert(0, ScenarioChoice { name: request.scenario.clone(), description });
+        }
+        let mut viewer = Self::on(source, request, experiment, (look, recording));
+        viewer.scenarios = scenarios;
+        viewer.seat_user(0.0);
+        Ok(viewer)
+    }
+
+    /// A viewer of a recorded run; `log` is its name.
+    pub fn on_log(player: Player, log: String, look: Look, recording: RecordingOptions) -> Self {
+        let experiment = Arc::clone(player.experiment());
+        let (truncation, is_measured) = (player.info().truncation, player.origin() == LogOrigin::Recorded);
+        let request = ScenarioRequest { scenario: log, ..ScenarioRequest::default() };
+        let has_control_data = player.origin().has_world();
+        let mut viewer = Self::on(ViewedRun::Log(Box::new(player)), request, experiment, (look, recording));
+        viewer.scenario_info.has_control_data = has_control_data;
+        if is_measured {
+            // The scenario's algorithm did not drive them.
+            viewer.scenario_info.drivers.values_mut().for_each(|driver| "recorded".clone_into(driver));
+        }
+        if let Some(why) = truncation {
+            viewer
+                .state
+                .say(format!("The log is truncated: {why}. It is shown up to its last whole record."), 0.0);
+        }
+        viewer
+    }
+
+    fn on(
+        source: ViewedRun,
+        request: ScenarioRequest,
+        experiment: Arc<Experiment>,
+        (look, recording): (Look, RecordingOptions),
+    ) -> Self {
+        let interpolated = FrameSnapshot::clone(&source.run_state().now);
+        Self {
+            scenario_info: ScenarioInfo::of(&experiment),
+            state: UiState::new(&interpolated, look),
+            request,
+            recording,
+            source,
+            experiment,
+            history: History::default(),
+            interpolated,
+            scenarios: Vec::new(),
+            loading: None,
+            seated_in_run: 0,
+            footer: String::new(),
+            adapter: String::new(),
+            most_moving_pixels: None,
+            recorded: Vec::new(),
+        }
+    }
+
+    pub fn experiment(&self) -> &Arc<Experiment> {
+        &self.experiment
+    }
+
+    /// The interpolated snapshot to draw.
+    pub fn interpolated(&self) -> &FrameSnapshot {
+        &self.interpolated
+    }
+
+    pub fn run_state(&self) -> Arc<RunState> {
+        self.source.run_state()
+    }
+
+    pub fn send(&self, command: RunCommand) {
+        if let ViewedRun::Run(live) = &self.source
+            && !live.send(command)
+        {
+            tracing::warn!("a command is dropped: the simulation does not accept it");
+        }
+    }
+
+    /// Sends a playback command to the player.
+    pub fn control_playback(&mut self, command: PlaybackCommand) {
+        if let ViewedRun::Log(player) = &mut self.source {
+            player.command(command);
+        }
+    }
+
+    /// Advances the playback; returns whether everything on display is loaded.
+    pub fn is_settled(&mut self) -> bool {
+        let (run_state, _) = self.source.advance(Instant::now());
+        self.record_samples(&run_state);
+        // This frame requests the data of the running plots.
+        self.source.advance(Instant::now());
+        match &self.source {
+            ViewedRun::Log(player) => player.is_settled(),
+            ViewedRun::Run(_) => true,
+        }
+    }
+
+    /// The player of a recorded run.
+    pub fn player(&self) -> Option<&Player> {
+        if let ViewedRun::Log(player) = &self.source { Some(player) } else { None }
+    }
+
+    pub fn set_speed(&self, speed: Speed) {
+        self.send(RunCommand::Speed(speed));
+    }
+
+    /// Sets the adapter: name and pixel budget.
+    pub fn set_adapter(&mut self, context: &Context) {
+        context.adapter_name.clone_into(&mut self.adapter);
+        self.most_moving_pixels = context.is_software.then_some(MOST_MOVING_PIXELS);
+    }
+
+    /// Whether the picture changes by itself, so that each frame is drawn.
+    pub fn is_moving(&self) -> bool {
+        match &self.source {
+            ViewedRun::Run(live) => live.run_state().phase == RunPhase::Running,
+            ViewedRun::Log(player) => player.is_moving(),
+        }
+    }
+
+    /// The pictures that the last frame requested.
+    pub fn pictures(&self) -> &[PictureRequest] {
+        &self.state.pictures
+    }
+
+    /// Samples the vehicles of the open previews for the running plots.
+    pub fn record_samples(&mut self, run_state: &RunState) {
+        let watched = self.state.previews.iter().map(|preview| preview.vehicle);
+        match &mut self.source {
+            ViewedRun::Run(_) => self.history.record_samples(&run_state.now, watched),
+            // Playback may go backwards: take the samples from the log.
+            ViewedRun::Log(player) => {
+                self.history = History::default();
+                for vehicle in watched {
+                    let samples = player.plot_samples(vehicle, KEPT_S).into_iter();
+                    self.history.set(vehicle, samples.map(HistorySample::from));
+                }
+            }
+        }
+    }
+
+    /// Lays out the panels for one frame over the latest state.
+    pub fn pass(
+        &mut self,
+        ui: &mut egui::Ui,
+        textures: &BTreeMap<PictureSlot, egui::TextureId>,
+        frames_per_s: f64,
+    ) -> Vec<UiAction> {
+        let (run_state, weight) = self.source.advance(Instant::now());
+        self.interpolated.blend(&run_state.before, &run_state.now, weight);
+        self.record_samples(&run_state);
+        self.seat_user(ui.input(|input| input.time));
+        let told = self.player().map(|player| (player.head(), player.is_late(), player.info()));
+        let replay = told.as_ref().map(|(head, is_late, told)| {
+            let LogInfo { marks, searched, truncation } = told;
+            let name = &self.experiment.name;
+            ReplayView {
+                name,
+                head: *head,
+                is_late: *is_late,
+                marks,
+                searched: *searched,
+                truncation: truncation.as_deref(),
+            }
+        });
+        let log = run_state.folder.as_ref().map(|folder| format!("log {}   ", folder.display()));
+        self.footer = format!("{}{}", log.unwrap_or_default(), self.adapter);
+        let shown = ViewModel {
+            run_state: &run_state,
+            interpolated: &self.interpolated,
+            history: &self.history,
+            map: &self.experiment.city_map,
+            walls: &self.scenario_info.walls,
+            drivers: &self.scenario_info.drivers,
+            routes: &self.scenario_info.routes,
+            cameras: &self.scenario_info.cameras,
+            steering_geometry: &self.scenario_info.steering_geometry,
+            scenario: &self.request.scenario,
+            duration_s: self.experiment.duration_s,
+            scenarios: &self.scenarios,
+            loading: self.loading.as_deref(),
+            textures,
+            footer: &self.footer,
+            frames_per_s,
+            most_moving_pixels: self.most_moving_pixels,
+            has_control_data: self.scenario_info.has_control_data,
+            replay,
+        };
+        ui::show(ui, &mut self.state, &shown)
+    }
+
+    /// Carries out the actions of a frame; returns the requests to the window.
+    pub fn act(&mut self, actions: Vec<UiAction>, now_s: f64) -> Vec<WindowRequest> {
+        let mut requests = Vec::new();
+        for action in actions {
+            match action {
+                UiAction::RunCommand(command) => self.send(command),
+                UiAction::PlaybackCommand(command) => self.control_playback(command),
+                UiAction::Drive(vehicle) => self.take_over(vehicle, now_s),
+                UiAction::GiveBack => self.give_back(now_s),
+                UiAction::Look(_) => requests.push(WindowRequest::Look),
+                UiAction::Screenshot => requests.push(WindowRequest::Screenshot),
+                UiAction::KeepDevices => requests.push(WindowRequest::KeepDevices),
+                UiAction::Quit => requests.push(WindowRequest::Quit),
+                UiAction::Scenario(scenario) => {
+                    requests
+                        .push(WindowRequest::Scenario(ScenarioRequest { scenario, ..self.request.clone() }));
+                }
+            }
+        }
+        requests
+    }
+
+    /// Gives the user the vehicle that the scenario reserves for a person, once per run.
+    fn seat_user(&mut self, now_s: f64) {
+        let run = self.run_state().run;
+        if matches!(self.source, ViewedRun::Run(_)) && self.seated_in_run != run {
+            self.seated_in_run = run;
+            if let Some(vehicle) = self.scenario_info.own {
+                self.take_over(vehicle, now_s);
+            }
+        }
+    }
+
+    fn take_over(&mut self, vehicle: VehicleId, now_s: f64) {
+        self.give_back(now_s);
+        let run_state = self.run_state();
+        let Some(state) = run_state.now.vehicle(vehicle) else { return };
+        self.state.driving = Some(ManualDrive::take_over(vehicle, run_state.run, state.steering_rad));
+        self.state.selection.vehicle = Some(vehicle);
+        self.state.viewpoint.set_mode(CameraMode::Chase, Some(vehicle));
+        self.state.follow(Some(vehicle));
+        if run_state.phase != RunPhase::Running {
+            self.state.say(
+                "The experiment is not running: press Space to start it, then drive with W A S D.",
+                now_s,
+            );
+        }
+    }
+
+    fn give_back(&mut self, now_s: f64) {
+        let Some(driving) = self.state.driving.take() else { return };
+        self.send(RunCommand::Vehicle(SimCommand::Release(driving.vehicle)));
+        self.state.viewpoint.rear = false;
+        let run_state = self.run_state();
+        let found = run_state.now.vehicle(driving.vehicle).zip(run_state.now.info(driving.vehicle));
+        if let Some((vehicle, info)) = found
+            && ui::is_off_lanes(vehicle, info, &self.experiment.city_map)
+        {
+            let name = &info.name;
+            self.state.say(
+                format!(
+                    "{name} is off the lanes: its algorithm has no route from there, and stops it. \
+                     Drive it back onto a lane (Enter), or reset the run."
+                ),
+                now_s,
+            );
+        }
+    }
+
+    /// Ends the present run with its log, and starts another scenario.
+    ///
+    /// # Errors
+    /// Where it cannot be run; the present one goes on then.
+    pub fn enter(
+        &mut self,
+        request: ScenarioRequest,
+        experiment: Arc<Experiment>,
+        now_s: f64,
+    ) -> Result<(), WindowError> {
+        // Runs in one folder are numbered on.
+        let before = if let LogLocation::In(_) = self.recording.logs { self.run_state().run } else { 0 };
+        let live = start(&request, &experiment, &self.recording, before)?;
+        let old = std::mem::replace(&mut self.source, ViewedRun::Run(live));
+        let old_name = self.experiment.name.clone();
+        self.request = request;
+        self.seated_in_run = 0;
+        self.scenario_info = ScenarioInfo::of(&experiment);
+        self.experiment = experiment;
+        let first = self.run_state();
+        let look = self.state.look;
+        let before = std::mem::replace(&mut self.state, UiState::new(&first.now, look));
+        (self.state.table, self.state.layers) = (before.table, before.layers);
+        (self.state.devices, self.state.widths) = (before.devices, before.widths);
+        self.set_speed(old.run_state().speed);
+        if let ViewedRun::Run(old) = old {
+            match old.stop() {
+                Ok(folders) => {
+                    let scenario = || old_name.clone();
+                    let runs = folders.into_iter().map(|folder| RecordedRun { scenario: scenario(), folder });
+                    self.recorded.extend(runs);
+                }
+                Err(error) => self.state.say(error.to_string(), now_s),
+            }
+        }
+        Ok(())
+    }
+
+    /// Restores the stored settings.
+    pub fn restore(&mut self, settings: &ViewSettings) {
+        let state = &mut self.state;
+        (state.table, state.layers, state.widths) =
+            (settings.table.clone(), settings.layers, settings.widths);
+        let views = Some(&settings.views).filter(|views| views.scenario == self.request.scenario);
+        let find = |name: &String| self.experiment.vehicles.iter().find(|v| v.name == *name).map(|v| v.id);
+        let previews = views.into_iter().flat_map(|views| &views.previews);
+        state.previews =
+            previews.filter_map(|(name, eye)| Some(Preview { vehicle: find(name)?, eye: *eye })).collect();
+        // A driver keeps the chase view.
+        if state.driving.is_none() {
+            let followed = views.and_then(|views| views.followed.as_ref()).and_then(find);
+            state.selection.vehicle = followed;
+            state.set_mode(settings.mode);
+            state.follow(followed);
+        }
+    }
+
+    /// Stores the settings.
+    pub fn remember(&self, settings: &mut ViewSettings) {
+        let state = &self.state;
+        (settings.table, settings.layers, settings.widths) =
+            (state.table.clone(), state.layers, state.widths);
+        settings.mode = state.viewpoint.mode;
+        // Settings of a replay are not stored for the next run.
+        let ViewedRun::Run(live) = &self.source else { return };
+        settings.speed = Some(live.run_state().speed);
+        let name =
+            |id: VehicleId| self.experiment.vehicles.iter().find(|v| v.id == id).map(|v| v.name.clone());
+        let previews = state.previews.iter().filter_map(|p| Some((name(p.vehicle)?, p.eye)));
+        settings.views = WatchedVehicles {
+            scenario: self.request.scenario.clone(),
+            followed: state.viewpoint.follow.and_then(name),
+            previews: previews.collect(),
+        };
+    }
+
+    /// Ends the run and finishes its log.
+    ///
+    /// # Errors
+    /// When the log could not be written to its end.
+    pub fn close(mut self) -> Result<Vec<RecordedRun>, WindowError> {
+        let ViewedRun::Run(live) = self.source else { return Ok(Vec::new()) };
+        let folders = live.stop().map_err(WindowError::End)?;
+        let name = &self.experiment.name;
+        let last = folders.into_iter().map(|folder| RecordedRun { scenario: name.clone(), folder });
+        self.recorded.extend(last);
+        Ok(self.recorded)
+    }
+}
+
+/// A shipped scenario with its description.
+fn choice(name: &str) -> ScenarioChoice {
+    let text = Library::scenario(name).map(|(text, _)| text).unwrap_or_default();
+    let table = text.parse::<toml::Table>().unwrap_or_default();
+    let description = table.get("description").and_then(toml::Value::as_str).unwrap_or_default();
+    ScenarioChoice { name: name.to_owned(), description: description.to_owned() }
+}
+
+fn start(
+    request: &ScenarioRequest,
+    experiment: &Arc<Experiment>,
+    recording: &RecordingOptions,
+    runs_before: u32,
+) -> Result<LiveRun, WindowError> {
+    let on_update = Arc::clone(&recording.on_update);
+    let record = recording.logs.of(&request.scenario);
+    let options = LiveOptions { record, runs_before, on_update: Some(Box::new(move || on_update())) };
+    LiveRun::new(Arc::clone(experiment), options).map_err(WindowError::Begin)
+}

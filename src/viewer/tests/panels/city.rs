@@ -1,0 +1,302 @@
+//! The large view: what is drawn over it, clicks in it, its map, and sizes of all kinds.
+
+use super::desk::{Desk, click, fleet, harness, press, with};
+use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
+use city3d_scene::Wall;
+use city3d_session::live::RunPhase;
+use city3d_viewer::ui::{CameraMode, PictureRequest, PictureSlot, UiAction};
+use egui::{Pos2, Rect, Shape, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use glam::{DVec3, Vec2 as Point};
+
+/// Every text that is painted, those that are no widgets too.
+fn texts(harness: &Harness<'static, Desk>) -> Vec<String> {
+    fn of(shape: &Shape) -> Vec<String> {
+        match shape {
+            Shape::Text(text) => vec![text.galley.text().to_owned()],
+            Shape::Vec(shapes) => shapes.iter().flat_map(of).collect(),
+            _ => Vec::new(),
+        }
+    }
+    harness.output().shapes.iter().flat_map(|clipped| of(&clipped.shape)).collect()
+}
+
+fn has_text(harness: &Harness<'static, Desk>, text: &str) -> bool {
+    texts(harness).iter().any(|painted| painted == text)
+}
+
+fn picture(harness: &Harness<'static, Desk>, slot: PictureSlot) -> PictureRequest {
+    *harness.state().state.pictures.iter().find(|picture| picture.slot == slot).unwrap()
+}
+
+/// The place of the large view on screen: where its picture would be, which no test has.
+fn place(harness: &Harness<'static, Desk>) -> Rect {
+    let extent = picture(harness, PictureSlot::City).view.extent.map(|pixels| pixels as f32);
+    let rects = harness.output().shapes.iter().filter_map(|clipped| match &clipped.shape {
+        Shape::Rect(rect) => Some(rect.rect),
+        _ => None,
+    });
+    let is_city =
+        |rect: &Rect| (rect.size() * harness.ctx.pixels_per_point() - Vec2::from(extent)).length() < 1.5;
+    rects.into_iter().find(is_city).unwrap()
+}
+
+/// Where a vehicle is on screen.
+fn vehicle_at(harness: &Harness<'static, Desk>, index: usize) -> Pos2 {
+    let view = picture(harness, PictureSlot::City).view;
+    let middle = harness.state().run_state.now.vehicles[index].position + DVec3::Z * 0.75;
+    let pixel = view.project(middle).unwrap();
+    let [width, height] = view.extent.map(f64::from);
+    let share = Vec2::new((pixel.x / width) as f32, (pixel.y / height) as f32);
+    place(harness).min + share * place(harness).size()
+}
+
+fn click_at(harness: &mut Harness<'static, Desk>, at: Pos2, times: u32) {
+    harness.event(egui::Event::PointerMoved(at));
+    for _ in 0..times {
+        for pressed in [true, false] {
+            let (button, modifiers) = (egui::PointerButton::Primary, egui::Modifiers::NONE);
+            harness.event(egui::Event::PointerButton { pos: at, button, pressed, modifiers });
+        }
+        harness.run_steps(1);
+    }
+    harness.run_steps(1);
+}
+
+/// Cars far apart, named like those of a scenario.
+fn spread(count: u32) -> FrameSnapshot {
+    let mut snapshot = fleet(count);
+    for (index, vehicle) in snapshot.vehicles.iter_mut().enumerate() {
+        vehicle.position = DVec3::new(30.0 * index as f64, 8.0 * index as f64, 0.0);
+    }
+    snapshot
+}
+
+#[test]
+fn vehicles_carry_labels_unless_walls_hide_them() {
+    let mut desk = Desk::with(spread(3));
+    // Round the second car, taller than any camera of this test looks down on.
+    let middle = Point::new(30.0, 8.0);
+    let corners = [[-4.0, -4.0], [4.0, -4.0], [4.0, 4.0], [-4.0, 4.0]].map(|c| middle + Point::from(c));
+    let wall = |k: usize| Wall { from: corners[k], to: corners[(k + 1) % 4], height_m: 60.0 };
+    desk.walls = (0..4).map(wall).collect();
+    let mut harness = harness(desk);
+    assert!(has_text(&harness, "1 car1") && has_text(&harness, "3 car3"), "{:?}", texts(&harness));
+    assert!(!has_text(&harness, "2 car2"), "its walls hide it");
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(2));
+    harness.run_steps(2);
+    assert!(has_text(&harness, "2 car2"), "the selected one is found");
+    harness.state_mut().state.selection.vehicle = None;
+    press(&mut harness, egui::Key::L);
+    assert!(!has_text(&harness, "1 car1"), "L switches them off");
+}
+
+#[test]
+fn of_labels_that_would_cover_one_another_the_nearest_stays() {
+    let mut desk = Desk::with(spread(2));
+    desk.change(|now| now.vehicles[1].position = now.vehicles[0].position + DVec3::new(0.4, 0.3, 0.0));
+    let mut harness = harness(desk);
+    let count = |harness: &Harness<'static, Desk>| {
+        ["1 car1", "2 car2"].into_iter().filter(|text| has_text(harness, text)).count()
+    };
+    assert_eq!(count(&harness), 1);
+    for id in [1, 2] {
+        harness.state_mut().state.selection.vehicle = Some(VehicleId(id));
+        harness.run_steps(2);
+        assert!(has_text(&harness, &format!("{id} car{id}")), "the selected one goes before");
+    }
+}
+
+#[test]
+fn a_click_selects_a_double_click_follows_and_one_beside_deselects() {
+    let mut harness = harness(Desk::with(spread(3)));
+    // Passes of a test are a quarter of a second apart.
+    harness.ctx.options_mut(|options| options.input_options.max_double_click_delay = 1.0);
+    let at = vehicle_at(&harness, 1);
+    click_at(&mut harness, at, 1);
+    assert_eq!(harness.state().state.selection.vehicle, Some(VehicleId(2)));
+    assert_eq!(harness.state().state.viewpoint.follow, None);
+    harness.run_steps(20);
+    let at = vehicle_at(&harness, 2);
+    click_at(&mut harness, at, 2);
+    assert_eq!(harness.state().state.viewpoint.follow, Some(VehicleId(3)));
+    harness.run_steps(20);
+    let corner = place(&harness).left_bottom() + Vec2::new(10.0, -10.0);
+    click_at(&mut harness, corner, 1);
+    assert_eq!(harness.state().state.selection.vehicle, None);
+}
+
+#[test]
+fn the_map_moves_the_view_and_can_be_hidden() {
+    let mut harness = with(6);
+    let target =
+        |harness: &Harness<'static, Desk>| picture(harness, PictureSlot::City).view.extrinsics.position;
+    let before = target(&harness);
+    let corner = place(&harness).right_top() + Vec2::new(-30.0, 30.0);
+    click_at(&mut harness, corner, 1);
+    assert!(target(&harness).distance(before) > 10.0, "it looks at the north-east now");
+    press(&mut harness, egui::Key::M);
+    let there = target(&harness);
+    harness.run_steps(20);
+    click_at(&mut harness, corner, 1);
+    assert_eq!(target(&harness), there, "where the map was there is the city");
+}
+
+#[test]
+fn layers_are_drawn_with_no_one_six_and_five_hundred_vehicles() {
+    for count in [0, 1, 6, 500] {
+        let mut harness = with(count);
+        let shapes = |harness: &Harness<'static, Desk>| harness.output().shapes.len();
+        click(&mut harness, "Layers");
+        let before = shapes(&harness);
+        for layer in ["Lanes", "Conflict zones"] {
+            click(&mut harness, layer);
+        }
+        assert!(shapes(&harness) > before + 20, "{count}: the lanes of the map are lines");
+        click(&mut harness, "Route of the selected vehicle, or of all");
+        press(&mut harness, egui::Key::PageDown);
+        assert_eq!(harness.state().state.selection.vehicle.is_some(), count > 0);
+        let layers = harness.state().state.layers;
+        assert!(layers.lanes && layers.zones && layers.routes);
+    }
+}
+
+#[test]
+fn what_is_loading_is_said_and_the_panels_go_on() {
+    let mut desk = Desk::with(fleet(6));
+    desk.loading = Some("Loading city ...".to_owned());
+    let mut harness = harness(desk);
+    harness.get_by_label("Loading city ...");
+    press(&mut harness, egui::Key::Num4);
+    assert_eq!(harness.state().state.viewpoint.mode, CameraMode::Overhead);
+    harness.state_mut().loading = None;
+    harness.run_steps(4);
+    assert!(harness.query_by_label("Loading city ...").is_none());
+}
+
+#[test]
+fn another_scale_factor_has_finer_pictures_at_the_same_places() {
+    let mut desk = Desk::with(spread(3));
+    desk.state.toggle_preview(VehicleId(1));
+    let mut harness = harness(desk);
+    let extents = |harness: &Harness<'static, Desk>| {
+        [PictureSlot::City, PictureSlot::Preview(VehicleId(1))].map(|slot| picture(harness, slot).view.extent)
+    };
+    let (before, at) = (extents(&harness), vehicle_at(&harness, 1));
+    // Twice the pixels and twice the scale factor: as many points.
+    harness.set_pixels_per_point(2.0);
+    harness.run_steps(1);
+    harness.set_size(Vec2::new(1280.0, 720.0));
+    harness.run_steps(4);
+    for (fine, coarse) in extents(&harness).into_iter().flatten().zip(before.into_iter().flatten()) {
+        assert!(fine.abs_diff(2 * coarse) <= 2, "{fine} pixels instead of {coarse}");
+    }
+    assert!(vehicle_at(&harness, 1).distance(at) < 2.0);
+    harness.get_by_label("car2");
+    let at = vehicle_at(&harness, 1);
+    click_at(&mut harness, at, 1);
+    assert_eq!(harness.state().state.selection.vehicle, Some(VehicleId(2)), "clicks are where they were");
+    // The same window on a finer screen: everything is larger, and the city still has its place.
+    harness.set_size(Vec2::new(640.0, 360.0));
+    harness.run_steps(4);
+    let [width, height] = picture(&harness, PictureSlot::City).view.extent;
+    assert!(width > 400 && height > 400, "{width} x {height}");
+    harness.get_by_label("Status");
+}
+
+#[test]
+fn windows_of_all_sizes_are_drawn() {
+    let mut desk = Desk::with(fleet(500));
+    desk.run_state.phase = RunPhase::Running;
+    (1..=4).for_each(|id| desk.state.toggle_preview(VehicleId(id)));
+    (desk.state.open.help, desk.state.open.layers, desk.state.open.controllers) = (true, true, true);
+    let mut harness = harness(desk);
+    for size in [[320.0, 240.0], [1.0, 1.0], [0.0, 0.0], [900.0, 600.0], [3840.0, 2160.0], [200.0, 1500.0]] {
+        harness.set_size(size.into());
+        harness.run_steps(3);
+        let pictures = &harness.state().state.pictures;
+        let are_real = pictures.iter().flat_map(|p| p.view.extent).all(|pixels| (1..=8192).contains(&pixels));
+        assert!(are_real && pictures.iter().any(|p| p.slot == PictureSlot::City), "{size:?}");
+    }
+}
+
+#[test]
+fn the_width_of_a_panel_is_taken_from_the_last_time_and_kept() {
+    let mut desk = Desk::with(fleet(6));
+    (desk.state.widths.vehicles, desk.state.widths.previews) = (330.0, 350.0);
+    desk.state.toggle_preview(VehicleId(1));
+    let mut harness = harness(desk);
+    harness.run_steps(20);
+    let widths = harness.state().state.widths;
+    assert_eq!((widths.vehicles, widths.previews), (330.0, 350.0));
+    let left = harness.get_by_label("Previews").rect().left();
+    assert!((1280.0 - 350.0..1280.0 - 330.0).contains(&left), "{left}");
+    let edge = egui::pos2(330.0, 400.0);
+    harness.event(egui::Event::PointerMoved(edge));
+    harness.run_steps(2);
+    harness.drag_at(edge);
+    harness.run_steps(2);
+    harness.hover_at(edge + Vec2::new(60.0, 0.0));
+    harness.run_steps(2);
+    harness.drop_at(edge + Vec2::new(60.0, 0.0));
+    harness.run_steps(2);
+    let dragged = harness.state().state.widths.vehicles;
+    assert!((370.0..=395.0).contains(&dragged), "{dragged}");
+    harness.run_steps(20);
+    assert_eq!(harness.state().state.widths.vehicles, dragged);
+}
+
+#[test]
+fn a_small_window_keeps_the_columns_for_id_status_position_and_speed() {
+    let kept = ["ID", "Status", "x m", "y m", "km/h"];
+    for (size, has_previews, more) in [
+        ([1280.0, 720.0], true, &["Name", "Driver"][..]),
+        ([960.0, 600.0], true, &[]),
+        ([800.0, 600.0], true, &[]),
+        ([640.0, 480.0], false, &[]),
+    ] {
+        let mut desk = Desk::with(fleet(6));
+        if has_previews {
+            desk.state.toggle_preview(VehicleId(1));
+        }
+        let mut harness = harness(desk);
+        harness.set_size(size.into());
+        harness.run_steps(6);
+        let edge = size[0] * 0.5;
+        for title in kept.iter().chain(more) {
+            let headings = harness.query_all_by_label_contains(title);
+            let is_seen = headings.into_iter().any(|heading| {
+                let rect = heading.rect();
+                rect.width() > 10.0 && rect.right() < edge
+            });
+            assert!(is_seen, "{title} in a window of {size:?}");
+        }
+        let [width, _] = picture(&harness, PictureSlot::City).view.extent;
+        assert!(f64::from(width) > 0.32 * f64::from(size[0]), "{width} pixels for the city in {size:?}");
+    }
+}
+
+#[test]
+fn the_bar_picks_scenarios_cameras_and_looks() {
+    let mut harness = with(6);
+    for (label, mode) in
+        [("Overhead", CameraMode::Overhead), ("Free", CameraMode::Free), ("Orbit", CameraMode::Orbit)]
+    {
+        click(&mut harness, label);
+        assert_eq!(harness.state().state.viewpoint.mode, mode);
+    }
+    click(&mut harness, "Chase");
+    assert_eq!(harness.state().state.viewpoint.mode, CameraMode::Orbit, "nothing is selected");
+    let pick = |harness: &mut Harness<'static, Desk>, shown: &str, wanted: &str| {
+        harness.get_by_value(shown).click();
+        harness.run_steps(4);
+        harness.get_by_label(wanted).click();
+        harness.run_steps(4);
+    };
+    pick(&mut harness, "straight", "city");
+    pick(&mut harness, "noon", "night");
+    let actions = &harness.state().actions;
+    assert_eq!(actions[0], UiAction::Scenario("city".to_owned()));
+    assert!(matches!(&actions[1], UiAction::Look(look) if look.hours == 22.0), "{actions:?}");
+}

@@ -1,0 +1,182 @@
+//! A desk for the panels: everything that they are shown, and what they ask for.
+
+use city3d_protocol::snapshot::{
+    Appearance, Dimensions, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState,
+};
+use city3d_roadmap::{CityMap, LaneId};
+use city3d_scene::Wall;
+use city3d_session::live::{RunPhase, RunState, Speed};
+use city3d_session::playback::{Playhead, TimelineMark};
+use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+use city3d_viewer::cockpit::SteeringGeometry;
+use city3d_viewer::ui::{
+    self, DriverNames, History, Look, QualityPreset, ReplayView, ScenarioCamera, ScenarioChoice, UiAction,
+    UiState, ViewModel,
+};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use glam::DVec3;
+use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
+
+pub fn map() -> Arc<CityMap> {
+    static MAP: OnceLock<Arc<CityMap>> = OnceLock::new();
+    let read = || {
+        let (text, library) = Library::scenario("straight").unwrap();
+        read_experiment("straight", &text, &library, Overrides::default()).unwrap().city_map
+    };
+    Arc::clone(MAP.get_or_init(read))
+}
+
+/// Everything that the panels are shown, and what they ask for.
+pub struct Desk {
+    pub state: UiState,
+    pub run_state: RunState,
+    pub history: History,
+    pub map: Arc<CityMap>,
+    pub walls: Vec<Wall>,
+    pub loading: Option<String>,
+    pub drivers: DriverNames,
+    pub routes: BTreeMap<VehicleId, Vec<LaneId>>,
+    pub cameras: BTreeMap<VehicleId, Vec<ScenarioCamera>>,
+    pub steering_geometry: BTreeMap<VehicleId, SteeringGeometry>,
+    pub actions: Vec<UiAction>,
+    pub recording: Option<Recording>,
+    pub has_control_data: bool,
+}
+
+/// A recorded run that the panels are shown.
+pub struct Recording {
+    pub head: Playhead,
+    pub marks: Vec<TimelineMark>,
+    pub searched: f64,
+    pub truncation: Option<String>,
+}
+
+pub fn fleet(count: u32) -> FrameSnapshot {
+    let dimensions = Dimensions {
+        length_m: 5.0,
+        width_m: 2.5,
+        height_m: 1.5,
+        wheelbase_m: 3.0,
+        track_m: 2.1,
+        wheel_radius_m: 0.34,
+    };
+    let info = |id| VehicleInfo {
+        id: VehicleId(id),
+        name: format!("car{id}"),
+        dimensions,
+        appearance: Appearance::default(),
+        model: "raycast".to_owned(),
+    };
+    let state = |id: u32| VehicleState {
+        id: VehicleId(id),
+        status: Status::ALL[id as usize % 4],
+        position: DVec3::new(f64::from(id) * 2.0, -f64::from(id % 7), 0.0),
+        speed_mps: f64::from(id % 13),
+        ..VehicleState::default()
+    };
+    FrameSnapshot {
+        tick: 250,
+        time_s: 2.5,
+        vehicles: (1..=count).map(state).collect(),
+        roster: Arc::new((1..=count).map(info).collect()),
+        ..FrameSnapshot::default()
+    }
+}
+
+impl Desk {
+    pub fn with(now: FrameSnapshot) -> Self {
+        let now = Arc::new(now);
+        let ids = || now.vehicles.iter().map(|v| v.id);
+        let steering_geometry = SteeringGeometry { wheelbase_m: 3.0, steering_limit_rad: 0.7 };
+        Self {
+            state: UiState::new(&now, Look { preset: QualityPreset::Low, hours: 12.0 }),
+            history: History::default(),
+            map: map(),
+            walls: Vec::new(),
+            loading: None,
+            drivers: ids().map(|id| (id, "idm".to_owned())).collect(),
+            routes: BTreeMap::new(),
+            cameras: BTreeMap::new(),
+            steering_geometry: ids().map(|id| (id, steering_geometry)).collect(),
+            actions: Vec::new(),
+            recording: None,
+            has_control_data: true,
+            run_state: RunState {
+                before: Arc::clone(&now),
+                now,
+                phase: RunPhase::Paused,
+                speed: Speed::Times(1.0),
+                clock: None,
+                real_time_factor: 0.0,
+                run: 1,
+                folder: None,
+            },
+        }
+    }
+
+    pub fn change(&mut self, change: impl FnOnce(&mut FrameSnapshot)) {
+        change(Arc::make_mut(&mut self.run_state.now));
+    }
+
+    fn show(&mut self, ui: &mut egui::Ui) {
+        self.history.record_samples(&self.run_state.now, self.state.previews.iter().map(|p| p.vehicle));
+        let textures = BTreeMap::new();
+        let shown = ViewModel {
+            run_state: &self.run_state,
+            interpolated: &self.run_state.now,
+            history: &self.history,
+            map: &self.map,
+            walls: &self.walls,
+            drivers: &self.drivers,
+            routes: &self.routes,
+            cameras: &self.cameras,
+            steering_geometry: &self.steering_geometry,
+            scenario: "straight",
+            duration_s: 30.0,
+            scenarios: &["straight", "city"].map(|name| ScenarioChoice {
+                name: name.to_owned(),
+                description: format!("What {name} is about"),
+            }),
+            loading: self.loading.as_deref(),
+            textures: &textures,
+            footer: "an adapter",
+            frames_per_s: 30.0,
+            most_moving_pixels: Some(100_000),
+            has_control_data: self.has_control_data,
+            replay: self.recording.as_ref().map(|recording| ReplayView {
+                name: "straight",
+                head: recording.head,
+                marks: &recording.marks,
+                searched: recording.searched,
+                truncation: recording.truncation.as_deref(),
+                is_late: false,
+            }),
+        };
+        let actions = ui::show(ui, &mut self.state, &shown);
+        self.actions.extend(actions);
+    }
+}
+
+pub fn harness(desk: Desk) -> Harness<'static, Desk> {
+    let mut harness = Harness::builder()
+        .with_size([1280.0, 720.0])
+        .build_ui_state(|ui, desk: &mut Desk| desk.show(ui), desk);
+    harness.run_steps(4);
+    harness
+}
+
+pub fn with(count: u32) -> Harness<'static, Desk> {
+    harness(Desk::with(fleet(count)))
+}
+
+pub fn click(harness: &mut Harness<'static, Desk>, label: &str) {
+    harness.get_by_label(label).click();
+    harness.run_steps(3);
+}
+
+pub fn press(harness: &mut Harness<'static, Desk>, key: egui::Key) {
+    harness.key_press(key);
+    harness.run_steps(2);
+}

@@ -1,0 +1,73 @@
+//! `cargo xtask`: runs a task of the project's own.
+
+use city3d_models::{glb, made};
+use clap::{Parser, Subcommand};
+use std::io::Error;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use xtask::generate::ids3c;
+
+/// Tasks of the project's own
+#[derive(Debug, Parser)]
+#[command(name = "cargo xtask")]
+struct Xtask {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Debug, Subcommand)]
+enum Task {
+    /// Generate the files of assets/: the map and the models
+    #[command(subcommand)]
+    Generate(GenerateTask),
+}
+
+#[derive(Debug, Subcommand)]
+enum GenerateTask {
+    /// The map of the IDS 3D City as a DXF drawing
+    Map {
+        /// Folder for the map, or a file name that ends in .dxf
+        #[arg(long, value_name = "PATH", default_value = "assets/maps")]
+        out: PathBuf,
+    },
+    /// Cars and street furniture as glTF binary files
+    Models {
+        /// Folder for the models
+        #[arg(long, value_name = "DIR", default_value = "assets/models")]
+        out: PathBuf,
+    },
+}
+
+fn main() -> ExitCode {
+    let Task::Generate(task) = Xtask::parse().task;
+    match generate(&task) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn generate(task: &GenerateTask) -> Result<(), String> {
+    match task {
+        GenerateTask::Map { out } => {
+            let is_file = out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dxf"));
+            let path = if is_file { out.clone() } else { out.join("ids3c.dxf") };
+            write(&path, ids3c().to_dxf().as_ref())
+        }
+        GenerateTask::Models { out } => {
+            made().iter().try_for_each(|(name, model)| write(&out.join(name), &glb::write(model)))
+        }
+    }
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    let place = |error: Error| format!("{}: {error}", path.display());
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(place)?;
+    }
+    std::fs::write(path, bytes).map_err(place)?;
+    println!("{}", path.display());
+    Ok(())
+}

@@ -1,0 +1,414 @@
+//! The laboratory's link when things go wrong: loss, jitter, noise, foreign senders, keys.
+#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
+
+use crate::support::link;
+
+use city3d_geometry::lab::Pose2;
+use city3d_geometry::{Lab, LengthScale};
+use city3d_logbook::record::read_network;
+use city3d_network::link::{Client, ClientEvent};
+use city3d_protocol::snapshot::{Appearance, SimCommand, Trajectory, TrajectoryPoint, VehicleId};
+use city3d_protocol::wire::{
+    Authenticator, Body, DatagramHeader, ExperimentAction, Message, RequestOutcome, VehicleBuild,
+    VehicleSetup,
+};
+use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+use city3d_simulation::sim::World;
+use link::{digests, events, mainframe, serve, summary};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use std::collections::{BTreeMap, BinaryHeap};
+use std::net::{SocketAddr, UdpSocket};
+use std::path::Path;
+use std::process::Command;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+fn share(rng: &mut ChaCha8Rng) -> f64 {
+    f64::from(rng.next_u32()) / f64::from(u32::MAX)
+}
+
+/// A network between one sender and a city that loses some datagrams, holds up each for another while, and lets
+/// each tenth one wait until others have overtaken it.
+fn bad_network(city: &str, loss: f64, jitter: Duration) -> String {
+    let near = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let far = UdpSocket::bind("127.0.0.1:0").unwrap();
+    far.connect(city).unwrap();
+    let address = near.local_addr().unwrap().to_string();
+    for socket in [&near, &far] {
+        socket.set_read_timeout(Some(Duration::from_millis(1))).unwrap();
+    }
+    std::thread::spawn(move || {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut sender: Option<SocketAddr> = None;
+        // By arrival, the earliest on top.
+        let mut under_way: BinaryHeap<(std::cmp::Reverse<Instant>, bool, Vec<u8>)> = BinaryHeap::new();
+        let mut bytes = [0; 2000];
+        loop {
+            let mut found = Vec::new();
+            if let Ok((length, from)) = near.recv_from(&mut bytes) {
+                sender = Some(from);
+                found.push((true, bytes[..length].to_vec()));
+            }
+            if let Ok(length) = far.recv(&mut bytes) {
+                found.push((false, bytes[..length].to_vec()));
+            }
+            for (is_to_city, datagram) in found {
+                if share(&mut rng) >= loss {
+                    let waits = if share(&mut rng) < 0.1 { 3.0 } else { 0.0 };
+                    let due = Instant::now() + jitter.mul_f64(waits + share(&mut rng));
+                    under_way.push((std::cmp::Reverse(due), is_to_city, datagram));
+                }
+            }
+            while under_way.peek().is_some_and(|(due, ..)| due.0 <= Instant::now()) {
+                let (_, is_to_city, datagram) = under_way.pop().unwrap();
+                // Who is gone gets nothing.
+                let _ = match (is_to_city, sender) {
+                    (true, _) => far.send(&datagram),
+                    (false, Some(sender)) => near.send_to(&datagram, sender),
+                    (false, None) => Ok(0),
+                };
+            }
+        }
+    });
+    address
+}
+
+#[test]
+fn loss_jitter_and_reordering_cause_no_collision_and_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut city = serve(&["roundabout", "--out", "served"], folder);
+    let network = bad_network(&city.address, 0.05, Duration::from_millis(20));
+    let mut far = mainframe(&network, &["roundabout", "--duration", "11", "--out", "far"], folder);
+    assert_eq!((far.wait(), city.end()), (0, 0));
+    let served = summary(&folder.join("served"));
+    assert_eq!(served["collisions"], 0);
+    let link = &served["link"];
+    let (received, missing) = (link["received"].as_f64().unwrap(), link["missing"].as_f64().unwrap());
+    assert!((0.02..0.09).contains(&(missing / (missing + received))), "{link}");
+    assert!(link["dropped"]["reordered"].as_u64().unwrap() > 10, "{link}");
+    // It has been said while it ran, and not for each of them.
+    let said = city.said();
+    let lines: Vec<&str> = said.lines().filter(|line| line.contains("link, last ")).collect();
+    assert!((1..10).contains(&lines.len()), "{said}");
+    assert!(lines.iter().any(|line| line.contains(" reordered")), "{said}");
+    for vehicle in served["vehicles"].as_object().unwrap().values() {
+        assert!(vehicle["distance_m"].as_f64().unwrap() > 30.0, "{vehicle}");
+    }
+}
+
+fn follow(vehicle: u32, sequence: u32, time_s: f64) -> Trajectory<Lab> {
+    let point = |k: u32| TrajectoryPoint {
+        time_s: time_s + 0.1 * f64::from(k),
+        pose: Pose2::new(0.5 + 0.02 * f64::from(k), 1.793, 0.0),
+        speed_mps: 0.2,
+    };
+    let points = (0..13).map(point).collect();
+    Trajectory { vehicle: VehicleId(vehicle), sequence, points, ..Trajectory::default() }
+}
+
+fn setup_of(id: u32, name: &str, x: f64) -> VehicleSetup {
+    VehicleSetup {
+        id: VehicleId(id),
+        name: name.to_owned(),
+        controller: "by hand".to_owned(),
+        parameters: vec![("patience".to_owned(), 0.5)],
+        appearance: Appearance::default(),
+        pose: Pose2::new(x, 1.793, 0.0),
+        speed_mps: 0.0,
+        build: VehicleBuild::Type(String::new()),
+    }
+}
+
+fn setup(id: u32, name: &str, x: f64) -> impl Fn(u32) -> Body {
+    let setup = Box::new(setup_of(id, name, x));
+    move |request| Body::Setup { request, setup: setup.clone() }
+}
+
+/// A datagram of any kind, some of its bytes changed, half of them with the check value that then belongs to it.
+fn mutated(rng: &mut ChaCha8Rng, peer: u64) -> Vec<u8> {
+    let vehicle = 1 + rng.next_u32() % 7;
+    let body = match rng.next_u32() % 8 {
+        0 => Body::Hello { token: 7 },
+        1 => Body::Setup { request: rng.next_u32(), setup: Box::new(setup_of(vehicle, "intruder", 0.5)) },
+        2 => Body::Remove { request: 3, vehicle: VehicleId(vehicle) },
+        3 => Body::Command { request: rng.next_u32(), action: ExperimentAction::Reset },
+        4 => Body::Subscribe { request: 4, every_ticks: 1, lease_s: 60.0 },
+        5 => Body::Barrier { tick: 4, first: 1, count: 0 },
+        _ => Body::Trajectories(vec![follow(vehicle, rng.next_u32(), 2.0)]),
+    };
+    let session = u64::from(rng.next_u32() % 4) + 1;
+    let header = DatagramHeader { session, peer, sequence: rng.next_u64() % 100_000, world: 0, kind: 0 };
+    let mut bytes = body.encode(header, &Authenticator::Checksum).unwrap();
+    for _ in 0..rng.next_u32() % 4 {
+        let place = rng.next_u32() as usize % bytes.len();
+        bytes[place] ^= 1 << (rng.next_u32() % 8);
+    }
+    if rng.next_u32().is_multiple_of(8) {
+        bytes.truncate(rng.next_u32() as usize % bytes.len());
+    }
+    if rng.next_u32().is_multiple_of(2) && bytes.len() > 40 {
+        let end = bytes.len() - 4;
+        let check = crc32fast::hash(&bytes[..end]);
+        bytes[end..].copy_from_slice(&check.to_le_bytes());
+    }
+    bytes
+}
+
+fn resident_kib(process: u32) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap();
+    let line = status.lines().find(|line| line.starts_with("VmRSS:")).unwrap();
+    line.split_whitespace().nth(1).unwrap().parse().unwrap()
+}
+
+#[test]
+fn a_hundred_thousand_mutated_datagrams_do_no_harm() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut city = serve(&["roundabout", "--out", "served"], folder);
+    let mut far = mainframe(&city.address, &["roundabout", "--duration", "60"], folder);
+    let mut watcher = Client::new(&city.address, 0, Authenticator::Checksum).unwrap();
+    let mut poses_after = |time_s: f64| {
+        watcher.send(&Body::Subscribe { request: 1, every_ticks: 10, lease_s: 60.0 });
+        let begun = Instant::now();
+        loop {
+            assert!(begun.elapsed() < Duration::from_secs(100), "no poses come");
+            match watcher.receive(Duration::from_millis(500)) {
+                Some(ClientEvent::Body(Body::Poses(poses))) if poses.time_s > time_s => return poses,
+                _ => watcher.send(&Body::Subscribe { request: 1, every_ticks: 10, lease_s: 60.0 }),
+            };
+        }
+    };
+    let before = poses_after(1.0);
+    let resident = resident_kib(city.child.id());
+    // From several addresses, and none waits for an answer.
+    let sockets: Vec<UdpSocket> = (0..3).map(|_| UdpSocket::bind("127.0.0.1:0").unwrap()).collect();
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let begun = Instant::now();
+    for k in 0..100_000 {
+        // A full socket of theirs is their loss.
+        let _ = sockets[k % 3].send_to(&mutated(&mut rng, 0), &city.address);
+    }
+    let storm_s = begun.elapsed().as_secs_f64();
+    let after = poses_after(before.time_s + 2.0);
+    assert!(resident_kib(city.child.id()) < resident + (48 << 10), "{resident} KiB before");
+    assert_eq!(after.vehicles.len(), 6, "nobody else has brought or removed any");
+    let ways = before.vehicles.iter().zip(&after.vehicles);
+    let ways: Vec<f64> = ways.map(|(a, b)| (a.pose.position - b.pose.position).length() * 25.0).collect();
+    let driven = ways.iter().filter(|way_m| **way_m > 3.0).count();
+    assert!(driven >= 5, "{ways:?} m in {} s", after.time_s - before.time_s);
+    assert_eq!((far.end(), city.end()), (0, 0));
+    let served = summary(&folder.join("served"));
+    assert_eq!(served["collisions"], 0);
+    assert!(events(&served, "link_lost").is_empty() || storm_s > 5.0, "{:?}", events(&served, "link_lost"));
+    let dropped = served["link"]["dropped"].as_object().unwrap();
+    let total: u64 = dropped.values().map(|count| count.as_u64().unwrap()).sum();
+    assert!(total > 10_000 && dropped.contains_key("malformed"), "{dropped:?}");
+}
+
+#[test]
+fn what_a_log_holds_makes_the_run_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let every = ["--log-hz", "100"];
+    let arguments = ["roundabout", "--duration", "4", "--speed", "4", "--out", "served"];
+    let mut city = serve(&[&arguments[..], &every].concat(), folder);
+    let mut far = mainframe(&city.address, &["roundabout", "--duration", "4"], folder);
+    assert_eq!((far.wait(), city.wait()), (0, 0));
+    let log = folder.join("served/run.mcap");
+    assert_eq!(replayed(&log), digests(&log));
+}
+
+/// Digests of the world that carries out what a log has of the link.
+fn replayed(log: &Path) -> Vec<(u64, u64)> {
+    let (text, library) = Library::scenario("roundabout").unwrap();
+    let experiment = read_experiment("roundabout", &text, &library, Overrides::default()).unwrap();
+    let mut world = World::new(Arc::new(experiment.without_vehicles()));
+    let mut by_tick: BTreeMap<u64, Vec<SimCommand>> = BTreeMap::new();
+    for command in read_network(log).unwrap() {
+        let body = Body::from_log(command.kind, &command.body).unwrap();
+        assert!(command.sender.starts_with("127.0.0.1:"), "{}", command.sender);
+        let command_of = |body| match body {
+            Body::Trajectories(mut list) => {
+                Message::Follow(list.remove(0)).into_command(LengthScale::TESTBED)
+            }
+            Body::Setup { setup, .. } => {
+                let VehicleBuild::Spec(spec) = setup.build.clone() else {
+                    panic!("figures are logged: {setup:?}")
+                };
+                SimCommand::Spawn(Box::new(setup.in_city(LengthScale::TESTBED, *spec)))
+            }
+            Body::Command { action: ExperimentAction::Start, .. } => SimCommand::Start,
+            other => panic!("{other:?}"),
+        };
+        by_tick.entry(command.tick).or_default().push(command_of(body));
+    }
+    let mut snapshot = world.snapshot();
+    // Setups come before the clock runs.
+    let first = by_tick.remove(&0).unwrap();
+    let (setups, rest): (Vec<_>, Vec<_>) =
+        first.into_iter().partition(|command| matches!(command, SimCommand::Spawn(_)));
+    world.tick_into(&setups, &mut snapshot);
+    by_tick.insert(0, rest);
+    let mut digests = vec![(snapshot.tick, snapshot.state_hash)];
+    while snapshot.tick < 400 {
+        let commands = by_tick.remove(&snapshot.tick).unwrap_or_default();
+        world.tick_into(&commands, &mut snapshot);
+        digests.push((snapshot.tick, snapshot.state_hash));
+    }
+    digests
+}
+
+const SOON: Duration = Duration::from_secs(20);
+
+#[test]
+fn setups_are_checked_and_vehicles_belong_to_who_has_set_them_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut city = serve(&["straight", "--guests", "1"], folder.path());
+    let client = || Client::new(&city.address, 0, Authenticator::Checksum).unwrap();
+    let (mut leader, mut guest, mut third) = (client(), client(), client());
+    let told = |client: &mut Client, body: &dyn Fn(u32) -> Body| client.request(SOON, body).unwrap();
+    let done = (RequestOutcome::Done, String::new());
+    assert_eq!(told(&mut leader, &setup(1, "first", 0.5)), done);
+    let refused = |(outcome, detail): (RequestOutcome, String), words: &str| {
+        assert!(outcome == RequestOutcome::Refused && detail.contains(words), "{outcome:?} {detail}");
+    };
+    refused(told(&mut leader, &setup(0, "nobody", 0.0)), "between 1 and 65535");
+    refused(told(&mut leader, &setup(2, "first", 0.0)), "choose another");
+    refused(told(&mut leader, &setup(2, "a b", 0.0)), "a letter first");
+    refused(told(&mut leader, &setup(2, "far", 500.0)), "outside of the map");
+    let mut odd = setup_of(2, "odd", 0.0);
+    odd.build = VehicleBuild::Type("lorry".to_owned());
+    let body = |request| Body::Setup { request, setup: Box::new(odd.clone()) };
+    refused(told(&mut leader, &body), "vehicle type \"lorry\" is not defined; there are default");
+
+    // On the place of another: behind it on the lane.
+    let (outcome, detail) = told(&mut guest, &setup(2, "second", 0.52));
+    assert!(outcome == RequestOutcome::Done && detail.contains("taken by vehicle 1"), "{outcome:?} {detail}");
+    let (outcome, detail) = told(&mut third, &setup(3, "third", -0.2));
+    assert!(outcome == RequestOutcome::Busy && detail.contains("--guests"), "{outcome:?} {detail}");
+    let start = |request| Body::Command { request, action: ExperimentAction::Start };
+    assert_eq!(told(&mut guest, &start).0, RequestOutcome::Busy);
+    let remove = |vehicle| move |request| Body::Remove { request, vehicle: VehicleId(vehicle) };
+    assert_eq!(told(&mut guest, &remove(1)).0, RequestOutcome::Busy);
+    refused(told(&mut guest, &remove(9)), "no vehicle 9");
+    assert_eq!(told(&mut guest, &remove(2)), done);
+    assert_eq!(told(&mut leader, &start), done);
+    assert_eq!(city.end(), 0);
+}
+
+#[test]
+fn with_a_key_nobody_else_is_heard() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let key = "a key that only the laboratory knows";
+    std::fs::write(folder.join("key"), format!("{key}\n")).unwrap();
+    std::fs::write(folder.join("short"), "secret").unwrap();
+    let told = link::city3d(&["serve", "straight", "--key", "short"], folder).output().unwrap();
+    assert_eq!(told.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&told.stderr).contains("at least 16"), "{told:?}");
+
+    let mut city = serve(&["straight", "--key", "key", "--out", "served"], folder);
+    let mut stranger = Client::new(&city.address, 0, Authenticator::Checksum).unwrap();
+    let mut other =
+        Client::new(&city.address, 0, Authenticator::Key(b"another key of the same length......".to_vec()))
+            .unwrap();
+    for client in [&mut stranger, &mut other] {
+        client.send(&Body::Hello { token: 1 });
+        assert_eq!(client.request(Duration::from_millis(250), setup(1, "intruder", 0.5)), None);
+    }
+    let mut friend = Client::new(&city.address, 0, Authenticator::Key(key.as_bytes().to_vec())).unwrap();
+    // The city's session has to be known first.
+    assert_eq!(friend.request(Duration::from_millis(250), setup(1, "friend", 0.5)), None);
+    friend.send(&Body::Hello { token: 1 });
+    let begun = Instant::now();
+    while !matches!(friend.receive(Duration::from_secs(1)), Some(ClientEvent::Body(Body::Clock(_)))) {
+        assert!(begun.elapsed() < SOON);
+        friend.send(&Body::Hello { token: 1 });
+    }
+    assert_eq!(friend.request(SOON, setup(1, "friend", 0.5)).unwrap().0, RequestOutcome::Done);
+    // The same datagram again does nothing.
+    let (_, bytes) = friend.prepare(&Body::Trajectories(vec![follow(1, 1, 1.0)])).unwrap();
+    (0..3).for_each(|_| friend.resend(&bytes));
+    let start = |request| Body::Command { request, action: ExperimentAction::Start };
+    assert_eq!(friend.request(SOON, start).unwrap().0, RequestOutcome::Done);
+    std::thread::sleep(Duration::from_millis(200));
+    assert_eq!(city.end(), 0);
+    let dropped = &summary(&folder.join("served"))["link"]["dropped"];
+    assert!(dropped["unauthenticated"].as_u64().unwrap() >= 2, "{dropped}");
+    assert!(dropped["malformed"].as_u64().unwrap() >= 2, "of another key: {dropped}");
+    assert_eq!((&dropped["duplicate"], &dropped["other_city"].is_u64()), (&2.into(), &true), "{dropped}");
+}
+
+#[test]
+fn addresses_that_are_not_on_the_list_are_foreign() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut city = serve(&["straight", "--allow", "10.0.0.0/8", "--out", "served"], folder.path());
+    let mut client = Client::new(&city.address, 0, Authenticator::Checksum).unwrap();
+    assert_eq!(client.request(Duration::from_millis(250), setup(1, "foreign", 0.5)), None);
+    assert_eq!(city.end(), 0);
+    // Nothing has happened that would be worth files.
+    assert!(!folder.path().join("served").exists());
+}
+
+#[test]
+fn the_client_in_python_drives_a_car_around_a_block() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = link::root().join("clients/python/drive_block.py");
+    drive_block(Command::new("python3").arg("-B").arg(&script), folder.path(), None);
+    drive_block(Command::new("python3").arg("-B").arg(script), folder.path(), Some("block key of a client"));
+}
+
+#[test]
+fn the_client_in_cpp_drives_a_car_around_a_block() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let built = Command::new("g++")
+        .args(["-std=c++17", "-O1", "-Wall", "-Wextra", "-Werror", "-o", "drive_block"])
+        .arg(link::root().join("clients/cpp/drive_block.cpp"))
+        .current_dir(folder)
+        .output();
+    match built {
+        Ok(built) => assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr)),
+        Err(error) => {
+            assert!(std::env::var_os("CI").is_none(), "g++ is missing: {error}");
+            eprintln!("SKIPPED: g++ is missing: scripts/setup.sh tests installs it");
+            return;
+        }
+    }
+    let client = || Command::new(folder.join("drive_block"));
+    drive_block(&mut client(), folder, None);
+    // Longer than a block of the hash, which HMAC treats otherwise.
+    drive_block(&mut client(), folder, Some(&"a long key ".repeat(9)));
+}
+
+/// A client sets up a car, sends it around a block and tells its poses; with a shared key where there is one.
+fn drive_block(client: &mut Command, folder: &Path, key: Option<&str>) {
+    std::fs::write(folder.join("key"), format!("{}\n", key.unwrap_or_default())).unwrap();
+    let file = key.map_or(&[][..], |_| &["key"]);
+    let sealed = key.map_or(&[][..], |_| &["--key", "key"]);
+    let arguments = ["roundabout", "--speed", "8", "--out", "served", "--force"];
+    let mut city = serve(&[&arguments[..], sealed].concat(), folder);
+    let port = city.address.rsplit(':').next().unwrap();
+    let output = client.arg(port).args(file).current_dir(folder).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(city.end(), 0);
+    let told = String::from_utf8(output.stdout).unwrap();
+    let places: Vec<serde_json::Value> =
+        told.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    // It has passed each side of the block, and is back where it began.
+    for (x, y) in [(1.2, 1.793), (1.974, 0.8), (1.0, -0.241), (0.071, 0.8), (0.44, 1.793)] {
+        let near = |place: &&serde_json::Value| {
+            let [dx, dy] = [("x", x), ("y", y)].map(|(key, at)| place[key].as_f64().unwrap() - at);
+            city3d_geometry::trig::hypot(dx, dy) < 0.25
+        };
+        assert!(places.iter().any(|place| near(&place)), "not near {x}, {y}: {told}");
+    }
+    assert_eq!(places.last().unwrap()["status"], "finished", "{told}");
+    let served = summary(&folder.join("served"));
+    let car = &served["vehicles"]["1"];
+    assert_eq!((&served["collisions"], &car["name"]), (&0.into(), &"courier".into()));
+    let [way_m, aside_m] = ["distance_m", "max_lateral_error_m"].map(|key| car[key].as_f64().unwrap());
+    assert!((180.0..196.0).contains(&way_m) && aside_m < 0.6, "{way_m} m, {aside_m} m aside");
+}

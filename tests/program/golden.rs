@@ -1,0 +1,225 @@
+//! What must not move: state digests of the shipped scenarios, bytes of datagrams, logs of earlier versions.
+//!
+//! A change of a golden value names its cause in CHANGELOG.md; one of the digests also counts `digest::REVISION` up, one of the
+//! datagrams the version of the wire. `CITY3D_RENEW_GOLDEN=1 cargo nextest run --test program golden` writes the present values.
+#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
+
+use crate::support::link;
+
+use city3d_geometry::Lab;
+use city3d_geometry::lab::Pose2;
+use city3d_protocol::snapshot::{
+    Appearance, BodyType, Drive, Indicator, ModelKind, Status, Trajectory, TrajectoryPoint, VehicleId,
+    VehicleSpec,
+};
+use city3d_protocol::wire::{
+    Authenticator, Body, CityClock, DatagramHeader, ExperimentAction, ExperimentPhase, Measurement,
+    ObservedVehicle, Poses, RequestOutcome, VehicleBuild, VehicleSetup,
+};
+use city3d_simulation::environment::EnvironmentProfile;
+use city3d_simulation::runner::Run;
+use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+use glam::{DQuat, DVec3};
+use link::city3d;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+fn golden(file: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(file)
+}
+
+/// Holds a text against the file of golden values, line by line.
+fn is_golden(file: &str, found: &str) {
+    let path = golden(file);
+    if std::env::var_os("CITY3D_RENEW_GOLDEN").is_some() {
+        std::fs::write(&path, found).unwrap();
+    }
+    let expected = std::fs::read_to_string(&path).unwrap();
+    let mut pairs = expected.lines().zip(found.lines());
+    let first = pairs.find(|(expected, found)| expected != found);
+    assert!(
+        first.is_none(),
+        "{}: expected and found:\n{}\n{}",
+        path.display(),
+        first.unwrap().0,
+        first.unwrap().1
+    );
+    assert_eq!(expected.lines().count(), found.lines().count(), "lines of {}", path.display());
+}
+
+const SCENARIOS: [&str; 5] = ["city", "mixed", "roundabout", "straight", "student"];
+const SIMULATED_S: f64 = 8.0;
+
+/// The same on every machine: CI runs it on more than one architecture.
+#[test]
+fn state_digests_of_the_shipped_scenarios() {
+    let mut found = String::from("# scenario, dynamics, environment: digest after 8 s\n");
+    for name in SCENARIOS {
+        let (text, library) = Library::scenario(name).unwrap();
+        for (model, dynamics) in [(ModelKind::Raycast, "raycast"), (ModelKind::Bicycle, "bicycle")] {
+            for environment in [EnvironmentProfile::Ideal, EnvironmentProfile::Testbed] {
+                let (model, environment_override) = (Some(model), Some(environment));
+                let duration_s = Some(SIMULATED_S);
+                let overrides = Overrides {
+                    model,
+                    environment: environment_override,
+                    duration_s,
+                    ..Overrides::default()
+                };
+                let experiment = read_experiment(name, &text, &library, overrides).unwrap();
+                let ticks = experiment.ticks();
+                let mut run = Run::new(Arc::new(experiment)).unwrap();
+                for _ in 0..ticks {
+                    run.step();
+                }
+                let (profile, digest) = (environment.name(), run.snapshot().state_hash);
+                writeln!(found, "{name}, {dynamics}, {profile}: {digest:016x}").unwrap();
+            }
+        }
+    }
+    is_golden("digests.txt", &found);
+}
+
+fn trajectory() -> Trajectory<Lab> {
+    let point = |time_s: f64| TrajectoryPoint {
+        time_s,
+        pose: Pose2::new(1.5 + time_s, -0.25, 0.125),
+        speed_mps: 0.5,
+    };
+    let points = vec![point(0.5), point(0.75)];
+    Trajectory {
+        vehicle: VehicleId(7),
+        sequence: 9,
+        points,
+        yielding: true,
+        finished: false,
+        indicator: Indicator::Hazard,
+    }
+}
+
+fn setup(build: VehicleBuild) -> VehicleSetup {
+    VehicleSetup {
+        id: VehicleId(7),
+        name: "path1_a".to_owned(),
+        controller: "idm".to_owned(),
+        parameters: vec![("time_headway_s".to_owned(), 1.25)],
+        appearance: Appearance { body: BodyType::Van, colour: [1, 2, 3] },
+        pose: Pose2::new(1.0, 2.0, -0.5),
+        speed_mps: 0.25,
+        build,
+    }
+}
+
+/// One of each kind, and of each value of what is told by a number.
+fn bodies() -> Vec<(String, Body)> {
+    let spec = VehicleSpec { drive: Drive::All, model: ModelKind::Bicycle, ..VehicleSpec::default() };
+    let clock = |phase| CityClock {
+        token: 1,
+        tick: 250,
+        time_s: 2.5,
+        physics_hz: 100,
+        length_scale: 25.0,
+        phase,
+        is_lockstep: true,
+    };
+    let seen = |status| ObservedVehicle {
+        pose: Measurement {
+            vehicle: VehicleId(7),
+            stamp_s: 2.5,
+            position: DVec3::new(1.0, 2.0, 0.0),
+            orientation: DQuat::from_xyzw(0.0, 0.0, 0.6, 0.8),
+        },
+        status,
+    };
+    let poses = Poses {
+        tick: 250,
+        time_s: 2.5,
+        state_hash: 0x0123_4567_89ab_cdef,
+        phase: ExperimentPhase::Running,
+        part: 0,
+        parts: 1,
+        vehicles: Status::ALL.map(seen).to_vec(),
+    };
+    let mut bodies = vec![
+        ("hello".to_owned(), Body::Hello { token: 1 }),
+        (
+            "setup, of a type".to_owned(),
+            Body::Setup { request: 1, setup: Box::new(setup(VehicleBuild::Type("van".to_owned()))) },
+        ),
+        (
+            "setup, by figures".to_owned(),
+            Body::Setup { request: 2, setup: Box::new(setup(VehicleBuild::Spec(Box::new(spec)))) },
+        ),
+        ("trajectories".to_owned(), Body::Trajectories(vec![trajectory()])),
+        ("remove".to_owned(), Body::Remove { request: 3, vehicle: VehicleId(7) }),
+        ("subscribe".to_owned(), Body::Subscribe { request: 4, every_ticks: 2, lease_s: 10.0 }),
+        ("barrier".to_owned(), Body::Barrier { tick: 250, first: 12, count: 3 }),
+        ("poses".to_owned(), Body::Poses(poses)),
+    ];
+    for action in [ExperimentAction::Start, ExperimentAction::Pause, ExperimentAction::Reset] {
+        bodies.push((format!("command {action:?}"), Body::Command { request: 5, action }));
+    }
+    for phase in [ExperimentPhase::Ready, ExperimentPhase::Running, ExperimentPhase::Paused] {
+        bodies.push((format!("clock {phase:?}"), Body::Clock(clock(phase))));
+    }
+    for outcome in [RequestOutcome::Done, RequestOutcome::Busy, RequestOutcome::Refused] {
+        let detail = "why".to_owned();
+        bodies.push((format!("ack {outcome:?}"), Body::Ack { request: 6, outcome, tick: 250, detail }));
+    }
+    bodies
+}
+
+#[test]
+fn datagrams_of_each_kind() {
+    let header = DatagramHeader { kind: 0, session: 1, peer: 2, world: 3, sequence: 4 };
+    let mut found = String::from("# The datagram with a checksum, in hexadecimal digits\n");
+    for (name, body) in bodies() {
+        let bytes = body.encode(header, &Authenticator::Checksum).unwrap();
+        let digits: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+        writeln!(found, "{name}: {digits}").unwrap();
+        let (_, decoded) = Body::decode(&bytes, &Authenticator::Checksum).unwrap();
+        assert_eq!(decoded, body, "{name}");
+    }
+    is_golden("datagrams.txt", &found);
+}
+
+/// Numbers of statuses are their places: the decoder finds them so.
+#[test]
+fn statuses_have_their_numbers() {
+    assert!(Status::ALL.iter().enumerate().all(|(number, status)| usize::from(*status as u8) == number));
+}
+
+/// Logs that earlier versions have written are read. One of this revision of the simulation is simulated again to the
+/// last bit, one of another is refused by its name.
+#[test]
+fn logs_of_earlier_versions() {
+    let folder = tempfile::tempdir().unwrap();
+    let say = |arguments: &[&str]| {
+        let output = city3d(arguments, folder.path()).output().unwrap();
+        let text =
+            String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+        (output.status.code(), text)
+    };
+    let mut verified = 0;
+    for revision in 1..=city3d_geometry::digest::REVISION {
+        let path = golden(&format!("revision-{revision}.mcap"));
+        let log = path.to_str().unwrap();
+        let (code, said) = say(&["replay", log, "--verify"]);
+        if revision == city3d_geometry::digest::REVISION {
+            assert_eq!(code, Some(0), "{said}");
+            verified += 1;
+        } else {
+            assert_eq!(code, Some(2), "{said}");
+            assert!(
+                said.contains(&format!("revision {revision} of the simulation, written by version 0.1.0")),
+                "{said}"
+            );
+        }
+        let out = format!("figures-{revision}");
+        let (code, said) = say(&["plot", log, "--out", &out]);
+        assert_eq!(code, Some(0), "{said}");
+        assert!(folder.path().join(out).join("space_time.svg").is_file(), "{said}");
+    }
+    assert_eq!(verified, 1, "a log of this revision is kept: city3d run straight --duration 1 --log-hz 10");
+}
