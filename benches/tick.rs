@@ -1,5 +1,6 @@
 //! Times one tick of the world: vehicles that follow trajectories sent at the control rate, and the whole
 //! lockstep of the city.
+#![allow(clippy::disallowed_types, reason = "measures time")]
 
 use city3d_dynamics::vehicle::ModelKind;
 use city3d_protocol::snapshot::{FrameSnapshot, SimCommand, Trajectory, TrajectoryPoint, VehicleId};

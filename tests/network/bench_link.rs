@@ -1,5 +1,4 @@
 //! `city3d bench link` measures what it says.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use crate::support::drawing;
 

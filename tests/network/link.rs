@@ -1,5 +1,4 @@
 //! City and control framework in two processes, as in the laboratory.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use crate::support::link;
 use crate::support::watch;

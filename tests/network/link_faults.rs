@@ -1,5 +1,4 @@
 //! The laboratory's link when things go wrong: loss, jitter, noise, foreign senders, keys.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use crate::support::link;
 

@@ -1,6 +1,4 @@
 //! Vehicles of the laboratory among those of the city: one experiment over four processes.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
-#![allow(clippy::disallowed_methods, reason = "looks at what a run came to; no state depends on it")]
 
 use crate::support::link;
 use crate::support::mixed;

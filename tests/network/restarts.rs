@@ -1,6 +1,4 @@
 //! Virtual and physical vehicles while each of the processes that drive them is killed and started again.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
-#![allow(clippy::disallowed_methods, reason = "looks at what a run came to; no state depends on it")]
 
 use crate::support::link;
 use crate::support::mixed;

@@ -1,5 +1,4 @@
 //! Poses over ROS 1, against the `roscore`, `rostopic`, `rosnode` and `rosbag` of Debian.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 #[cfg(feature = "render")]
 use crate::support::drawing;

@@ -1,5 +1,4 @@
 //! Poses over rosbridge, against a server of Autobahn, Twisted and rospy: what rosbridge_suite is made of.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use crate::support::link;
 use crate::support::ros;

@@ -1,4 +1,10 @@
 //! Pictures as the program takes them: camera frames, video, the window, and the golden pictures.
+#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
+#![allow(
+    clippy::disallowed_types,
+    clippy::disallowed_methods,
+    reason = "looks at what a run came to; no state depends on it"
+)]
 
 mod frames;
 #[path = "../support/mod.rs"]

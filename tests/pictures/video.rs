@@ -1,5 +1,4 @@
 //! Videos as a user makes them: streams, files by ffmpeg, and what happens where there is none.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use crate::support::drawing;
 

@@ -1,7 +1,6 @@
 //! The window: a real one on a virtual display, driven by keys and mouse, and its picture without one.
 //!
 //! Needs Xvfb and xdotool (`scripts/setup.sh tests`); without them the test is skipped loudly, and fails in CI.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use city3d_logbook::record::read_commands;
 use city3d_protocol::snapshot::{SimCommand, VehicleId};

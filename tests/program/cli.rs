@@ -1,7 +1,5 @@
 //! The program as its users meet it: exit codes, files, formats.
 
-#![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
-
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -1,5 +1,4 @@
 //! The documents say what the program does: keys, defaults and ranges of scenarios, files of a run.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use city3d_scene::Class;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};

@@ -1,5 +1,4 @@
 //! Figures and comparisons of recorded runs: what they show is held against the logs and the files of the runs.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use crate::support::link;
 

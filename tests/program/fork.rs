@@ -1,5 +1,4 @@
 //! Runs that go on otherwise from the middle of a log.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use crate::support::link;
 

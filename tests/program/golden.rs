@@ -2,7 +2,6 @@
 //!
 //! A change of a golden value names its cause in CHANGELOG.md; one of the digests also counts `digest::REVISION` up, one of the
 //! datagrams the version of the wire. `CITY3D_RENEW_GOLDEN=1 cargo nextest run --test program golden` writes the present values.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use crate::support::link;
 

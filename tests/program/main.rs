@@ -1,4 +1,10 @@
 //! The program as its users meet it: commands, files, documents, and readers of other hands.
+#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
+#![allow(
+    clippy::disallowed_types,
+    clippy::disallowed_methods,
+    reason = "looks at what a run came to; no state depends on it"
+)]
 
 mod cli;
 mod docs;

@@ -1,7 +1,5 @@
 //! Model files: what is shipped is what the command writes, and what is broken is refused by name.
 
-#![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
-
 use city3d_models::{MeshPrimitive, Model, SHIPPED, glb, is_distant_lod};
 use city3d_roadmap::dxf::EntityShape;
 use glam::{DVec2, Vec3};

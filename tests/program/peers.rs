@@ -1,8 +1,6 @@
 //! City3D against independent programs: what they write it reads, what it writes they read.
 //!
 //! `scripts/test.sh` installs the peers and names their Python in `CITY3D_PEERS_PYTHON`.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
-#![allow(clippy::disallowed_methods, reason = "looks at pictures; no state of a run depends on it")]
 
 use serde_json::Value;
 use std::collections::BTreeMap;

@@ -1,5 +1,4 @@
 //! Recorded runs that are watched: at any time, forwards and backwards, from no more than is needed of the log.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use crate::support::live;
 

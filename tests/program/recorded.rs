@@ -1,6 +1,4 @@
 //! Round trips: an ideal run written as noisy poses, in a table and in a bag, comes back as the run that it was.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
-#![allow(clippy::disallowed_methods, reason = "looks at what a run came to; no state depends on it")]
 
 use crate::support::bag;
 use crate::support::link;

@@ -1,5 +1,4 @@
 //! Runs made again from their logs: verified to the last bit, recovered where torn, refused where changed.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use crate::support::link;
 use crate::support::live;

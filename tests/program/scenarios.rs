@@ -1,8 +1,6 @@
 //! Scenarios that are wrong: the program refuses each with its place and what would be right, and is
 //! never brought down.
 
-#![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
-
 use city3d_sensors::Mount;
 use city3d_sensors::{Sensor, SensorKind};
 use city3d_simulation::scenario::{Library, Overrides, ScenarioError, read_experiment, shipped_scenarios};

@@ -1,5 +1,4 @@
 //! Parameter studies: the same table wherever they were stopped and however many threads they had.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use crate::support::link;
 

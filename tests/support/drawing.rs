@@ -1,7 +1,5 @@
 //! The adapter that tests of pictures draw with, and what stands in front of their cameras.
 
-#![allow(dead_code, reason = "each test uses its own part")]
-
 use city3d_geometry::trig;
 use city3d_protocol::snapshot::{
     Appearance, BodyType, Dimensions, FrameSnapshot, VehicleId, VehicleInfo, VehicleState,

@@ -1,7 +1,5 @@
 //! Processes of city and control framework, and what they have written.
 
-#![allow(dead_code, reason = "each test uses its own part")]
-
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};

@@ -1,7 +1,5 @@
 //! A run on its own thread, to be waited for.
 
-#![allow(dead_code, reason = "each test uses its own part")]
-
 use city3d_session::live::{LiveRun, RunState};
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use std::sync::Arc;

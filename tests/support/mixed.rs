@@ -1,7 +1,5 @@
 //! The scenario `mixed` at ports that are free, and its robots.
 
-#![allow(dead_code, reason = "each test uses its own part")]
-
 use super::link::{Process, city3d, root};
 use std::io::{BufRead, BufReader};
 use std::net::UdpSocket;

@@ -1,7 +1,5 @@
 //! A ROS master of a test, and the programs of Debian's ROS packages that ask it.
 
-#![allow(dead_code, reason = "each test uses its own part")]
-
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};

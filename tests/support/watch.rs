@@ -1,7 +1,5 @@
 //! Somebody who watches a city over UDP, and what can be told from its poses.
 
-#![allow(dead_code, reason = "each test uses its own part")]
-
 use city3d_network::link::{Client, ClientEvent};
 use city3d_protocol::wire::{Authenticator, Body, ObservedVehicle, Poses};
 use std::path::Path;

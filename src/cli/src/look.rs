@@ -2,11 +2,10 @@
 
 use super::Failure;
 use city3d_render::{
-    AdapterPreference, BakedTextures, Context, Daylight, Quality as RenderQuality, RenderError,
-    RenderRequest, Renderer, Settings,
+    AdapterPreference, BakedTextures, Context, Daylight, Quality as RenderQuality, RenderError, Renderer,
+    Settings,
 };
 use city3d_scene::SceneDescription;
-use city3d_sensors::View;
 use city3d_simulation::scenario::{Experiment, TimeOfDay};
 use clap::{Args, ValueEnum};
 
@@ -107,18 +106,6 @@ fn renderer_of(
         renderer.set_vehicle_model(body, model);
     }
     Ok(renderer)
-}
-
-/// Splits views into batches that the renderer takes at once.
-pub(super) fn in_batches(renderer: &Renderer, views: &[View]) -> Vec<Vec<View>> {
-    let mut rest: Vec<RenderRequest> = views.iter().map(RenderRequest::from).collect();
-    let mut batches = Vec::new();
-    while !rest.is_empty() {
-        let after = rest.split_off(renderer.max_batch_len(&rest));
-        batches.push(rest.iter().map(|request| request.view).collect());
-        rest = after;
-    }
-    batches
 }
 
 /// What the user asked for wrongly ends with another code than what went wrong underway.

@@ -2,7 +2,7 @@
 //! through a slot of size one and never waits: a newer job replaces the one that waits there, and is counted.
 
 use super::Failure;
-use super::look::{self, LookArgs, in_batches};
+use super::look::{self, LookArgs};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_render::{Image, Renderer};
 use city3d_sensors::{Camera, Lens, Mount, View};
@@ -228,7 +228,7 @@ fn draw_job(
         camera_indices.push(k);
     }
     let mut images = Vec::with_capacity(views.len());
-    for batch in in_batches(renderer, &views) {
+    for batch in renderer.batches(&views) {
         images.extend(renderer.render(&job.snapshot, &batch).map_err(look::failure)?);
     }
     let taken = camera_indices.into_iter().zip(views).zip(images);

@@ -9,6 +9,7 @@
 #![allow(clippy::disallowed_types, reason = "writes picture files")]
 
 mod atlas;
+pub mod benchmark;
 mod cells;
 mod context;
 mod daylight;

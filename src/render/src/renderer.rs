@@ -132,6 +132,18 @@ impl Renderer {
         ends.take_while(|&end| end <= most).count().max(1).min(requests.len())
     }
 
+    /// Splits views into batches that the renderer takes at once.
+    pub fn batches(&self, views: &[View]) -> Vec<Vec<View>> {
+        let mut rest: Vec<RenderRequest> = views.iter().map(RenderRequest::from).collect();
+        let mut batches = Vec::new();
+        while !rest.is_empty() {
+            let after = rest.split_off(self.max_batch_len(&rest));
+            batches.push(rest.iter().map(|request| request.view).collect());
+            rest = after;
+        }
+        batches
+    }
+
     /// Number of batches of `views` views to keep in flight so that no device runs idle.
     pub fn batches_in_flight(&self, views: usize) -> usize {
         let adapters = self.devices.len();

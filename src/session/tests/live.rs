@@ -1,6 +1,12 @@
 //! A run on its own thread: started, paused, stepped, reset, paced, driven by a person, and its log.
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
+#![allow(
+    clippy::disallowed_types,
+    clippy::disallowed_methods,
+    reason = "looks at what a run came to; no state depends on it"
+)]
 
+#[allow(dead_code, reason = "each test uses its own part")]
 #[path = "../../../tests/support/live.rs"]
 mod support;
 

@@ -1,7 +1,9 @@
-//! Tasks of the project's own, which the program does not need: generators of the files of `assets/`.
+//! Tasks of the project's own, which the program does not need: generators of the files of `assets/`, and a
+//! benchmark beside other engines.
 //!
 //! `cargo xtask --help` lists them.
 
 #![allow(clippy::disallowed_types, reason = "writes files")]
 
 pub mod generate;
+pub mod neutral;

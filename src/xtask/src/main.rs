@@ -6,6 +6,7 @@ use std::io::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use xtask::generate::ids3c;
+use xtask::neutral::{NeutralArgs, neutral};
 
 /// Tasks of the project's own
 #[derive(Debug, Parser)]
@@ -20,6 +21,8 @@ enum Task {
     /// Generate the files of assets/: the map and the models
     #[command(subcommand)]
     Generate(GenerateTask),
+    /// Measure camera pictures per second of a neutral scene that other engines can draw
+    Neutral(NeutralArgs),
 }
 
 #[derive(Debug, Subcommand)]
@@ -39,11 +42,14 @@ enum GenerateTask {
 }
 
 fn main() -> ExitCode {
-    let Task::Generate(task) = Xtask::parse().task;
-    match generate(&task) {
+    let result = match Xtask::parse().task {
+        Task::Generate(task) => generate(&task).map_err(Into::into),
+        Task::Neutral(args) => neutral(&args),
+    };
+    match result {
         Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("{message}");
+        Err(error) => {
+            eprintln!("{error}");
             ExitCode::FAILURE
         }
     }

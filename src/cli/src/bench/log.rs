@@ -1,11 +1,11 @@
 //! `city3d bench log`: cost of the log, by the same run with and without it, in turns.
 
-use super::cpu_s;
 use crate::files::LogArgs;
 use crate::run::simulate;
 use crate::say::say;
 use crate::{Failure, ScenarioArgs, create_folder, load};
 use city3d_logbook::record::LogOrigin;
+use city3d_render::benchmark::cpu_s;
 use city3d_session::RunFiles;
 use city3d_simulation::scenario::Experiment;
 use clap::Args;

@@ -3,7 +3,6 @@
 mod cameras;
 mod link;
 mod log;
-mod neutral;
 mod replay;
 
 use super::Failure;
@@ -14,7 +13,7 @@ const STEP_S: f64 = 0.1;
 
 #[derive(Debug, Subcommand)]
 pub enum BenchCommand {
-    /// Measure camera pictures per second, of a scenario or of a neutral scene that other engines can draw
+    /// Measure camera pictures per second, of a scenario
     Cameras(cameras::CamerasArgs),
     /// Measure how fast the window opens a recorded run and seeks in it
     Replay(replay::ReplayBenchArgs),
@@ -36,13 +35,4 @@ pub fn bench(command: &BenchCommand) -> Result<(), Failure> {
         #[cfg(feature = "window")]
         BenchCommand::Window(args) => super::view::bench(args),
     }
-}
-
-/// CPU time of this process on all cores, from `/proc/self/stat`.
-fn cpu_s() -> Option<f64> {
-    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The name in brackets may hold spaces; after it come the state and ten more fields.
-    let mut fields = stat.rsplit_once(')')?.1.split_whitespace().skip(11);
-    let ticks = fields.next()?.parse::<f64>().ok()? + fields.next()?.parse::<f64>().ok()?;
-    Some(ticks / 100.0)
 }

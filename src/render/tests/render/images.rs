@@ -1,5 +1,4 @@
 //! Pictures as a user gets them, small, on the software adapter.
-#![allow(clippy::disallowed_methods, reason = "only draws")]
 
 use crate::drawing;
 

@@ -1,7 +1,5 @@
 //! Depth, classes and instances against geometry: known points and known boxes, small pictures on the
 //! software adapter.
-#![allow(clippy::disallowed_methods, reason = "only draws")]
-#![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
 
 use crate::drawing;
 

@@ -1,5 +1,4 @@
 //! Light in pictures that are developed from radiance: occlusion, exposure, dither, tiles. On the software adapter.
-#![allow(clippy::disallowed_methods, reason = "only draws")]
 
 use crate::drawing;
 

@@ -96,7 +96,7 @@ fn build_map(read: &ParsedDrawing) -> Result<LoadedMap, MapErrors> {
     diagnostics.check()?;
     let mut map = RoadMap::new(roads.lanes, zones, lines, scenery);
     map.models = models;
-    Ok(LoadedMap { map: map, notes: diagnostics.notes })
+    Ok(LoadedMap { map, notes: diagnostics.notes })
 }
 
 /// Whether a point is within the permitted coordinates.

@@ -1,7 +1,5 @@
 //! Fifty cars all over the city for five minutes.
 
-#![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
-
 use city3d_simulation::runner::{Observer, Run, Summary};
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
 use std::sync::Arc;

@@ -1,5 +1,4 @@
 //! A person at the wheel: through bends and other ways than planned, among others who react, and back.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use city3d_dynamics::vehicle::ModelKind;
 use city3d_geometry::{trig, wrap_angle};

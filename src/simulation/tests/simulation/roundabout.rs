@@ -1,8 +1,6 @@
 //! The roundabout experiment of the paper (section III), asserted on the trajectories, with both
 //! dynamics models.
 
-#![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
-
 use city3d_dynamics::vehicle::ModelKind;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_simulation::environment::{EnvironmentProfile, EnvironmentSpec};

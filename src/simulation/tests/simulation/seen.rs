@@ -1,5 +1,4 @@
 //! What the control framework counts of a city that it sees by poses alone.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 use city3d_protocol::snapshot::{EventKind, FrameSnapshot, Status, VehicleId};
 use city3d_protocol::wire::{ExperimentPhase, Measurement, ObservedVehicle, Poses};

@@ -1,6 +1,4 @@
 //! A vehicle that motion capture loses for good, whatever it does meanwhile: nobody runs into it.
-#![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
-#![allow(clippy::disallowed_methods, reason = "looks at what control came to; no state depends on it")]
 
 use city3d_control::Mainframe;
 use city3d_geometry::lab::Pose2;

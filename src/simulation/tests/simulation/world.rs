@@ -1,8 +1,6 @@
 //! The world as a function of experiment and commands: it repeats, forks, reports collisions when they
 //! happen, and looks after vehicles that nobody talks to.
 
-#![allow(clippy::unwrap_used, reason = "what cannot go on fails the test")]
-
 use city3d_dynamics::vehicle::ModelKind;
 use city3d_geometry::Pose2;
 use city3d_protocol::snapshot::{

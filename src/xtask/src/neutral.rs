@@ -3,18 +3,20 @@
 
 #![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
 
-use crate::Failure;
 use city3d_models::{Material, MeshPrimitive, Model, ModelNode, ModelVertex};
 use city3d_protocol::snapshot::{
     Appearance, BodyType, Dimensions, FrameSnapshot, VehicleId, VehicleInfo, VehicleState,
 };
-use city3d_render::{Context, FlatLight, Quality, Renderer, Settings};
+use city3d_render::benchmark::{BenchmarkOptions, ViewSource, benchmark};
+use city3d_render::{AdapterPreference, Context, FlatLight, Quality, RenderError, Renderer, Settings};
 use city3d_scene::{Class, Finish, Mesh, SceneDescription, SceneObject, Surface, Wall};
 use city3d_sensors::{Extrinsics, Lens, View};
+use clap::Args;
 use glam::{Affine3A, DQuat, DVec3, Vec2, Vec3};
 use serde::Deserialize;
+use std::error::Error;
 use std::f32::consts::TAU;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Ambient light, and the additional light on a face towards the sun.
@@ -26,6 +28,72 @@ const PLAIN: [f32; 3] = [0.35, 0.5, 0.3];
 const FLAT_BELOW_M: f32 = 0.1;
 /// Sides of a wheel.
 const SIDES: u32 = 16;
+
+/// Simulated seconds from one set of pictures to the next.
+const STEP_S: f64 = 0.1;
+
+#[derive(Debug, Args)]
+pub struct NeutralArgs {
+    /// The scene (JSON)
+    #[arg(value_name = "FILE")]
+    scene: PathBuf,
+    /// Number of cars, each with a camera
+    #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    cars: u32,
+    /// Width of the pictures in pixels
+    #[arg(long, default_value_t = 640, value_parser = clap::value_parser!(u32).range(1..=8192))]
+    width: u32,
+    /// Height of the pictures in pixels
+    #[arg(long, default_value_t = 480, value_parser = clap::value_parser!(u32).range(1..=8192))]
+    height: u32,
+    /// Duration of the measurement in seconds
+    #[arg(long, value_name = "S", default_value_t = 10.0)]
+    seconds: f64,
+    /// Folder for the pictures; without it they are read back and not written
+    #[arg(long, value_name = "DIR")]
+    png: Option<PathBuf>,
+    /// Graphics adapter: "software", or a part of its name [default: the best one] [env: CITY3D_ADAPTER]
+    #[arg(long, value_name = "NAME")]
+    adapter: Option<String>,
+}
+
+/// Draws a neutral scene as fast as it goes, and prints a line of JSON.
+pub fn neutral(args: &NeutralArgs) -> Result<(), Box<dyn Error + Send + Sync>> {
+    if let Some(folder) = &args.png {
+        std::fs::create_dir_all(folder)?;
+    }
+    let preference =
+        args.adapter.as_deref().map_or_else(AdapterPreference::from_environment, AdapterPreference::parse);
+    let scene = NeutralScene::read(&args.scene, args.cars as usize)?;
+    let mut renderer = scene.renderer(&Context::for_batches(&preference)?)?;
+    let extent = [args.width, args.height];
+    let mut source = NeutralViews { scene, tick: 0, cameras: args.cars as usize, extent };
+    let options =
+        BenchmarkOptions { cameras: args.cars, extent, seconds: args.seconds, png: args.png.clone() };
+    let report = benchmark(&mut renderer, &mut source, &options)?;
+    println!("{}", serde_json::to_string(&report)?);
+    Ok(())
+}
+
+/// Views of the cameras of a scene; it starts at its first instant.
+struct NeutralViews {
+    scene: NeutralScene,
+    tick: u64,
+    cameras: usize,
+    extent: [u32; 2],
+}
+
+impl ViewSource for NeutralViews {
+    fn next(&mut self) -> Result<(&FrameSnapshot, Vec<View>), Box<dyn Error + Send + Sync>> {
+        self.scene.go_to(self.tick);
+        self.tick += 1;
+        Ok((&self.scene.snapshot, self.scene.views(self.extent, self.cameras)))
+    }
+
+    fn rewind(&mut self) {
+        self.tick = 0;
+    }
+}
 
 /// File format of a scene. Metres, z up; colours from 0 to 1 as displayed.
 #[derive(Debug, Deserialize)]
@@ -76,15 +144,15 @@ enum PartShape {
 
 /// A neutral scene with its cars at one of its times.
 #[derive(Debug)]
-pub(super) struct NeutralScene {
+struct NeutralScene {
     file: NeutralFile,
     snapshot: FrameSnapshot,
 }
 
 impl NeutralScene {
     /// Reads a file; `cars` of its cars drive and carry cameras.
-    pub(super) fn read(path: &Path, cars: usize) -> Result<Self, Failure> {
-        let bad = |what: String| Failure::bad_input(format!("{}: {what}", path.display()));
+    fn read(path: &Path, cars: usize) -> Result<Self, String> {
+        let bad = |what: String| format!("{}: {what}", path.display());
         let text = std::fs::read_to_string(path).map_err(|error| bad(error.to_string()))?;
         let file: NeutralFile = serde_json::from_str(&text).map_err(|error| bad(error.to_string()))?;
         file.check(cars).map_err(bad)?;
@@ -96,27 +164,23 @@ impl NeutralScene {
     }
 
     /// Creates the renderer, with the preset `low`.
-    pub(super) fn renderer(&self, context: &Context) -> Result<Renderer, Failure> {
+    fn renderer(&self, context: &Context) -> Result<Renderer, RenderError> {
         let file = &self.file;
         let flat = FlatLight { to_sun: file.to_sun, ambient: AMBIENT, sun: SUN, background: file.background };
         // Full level of detail, for the same silhouettes as in the other engines.
         let quality = Quality { lod_error_px: 0.5, ..Quality::LOW };
         let settings = Settings { quality, flat: Some(flat), ..Settings::default() };
-        let mut renderer = Renderer::new(context, &file.description(), settings).map_err(Failure::failed)?;
+        let mut renderer = Renderer::new(context, &file.description(), settings)?;
         renderer.set_vehicle_model(BodyType::Sedan, &Arc::new(file.model()));
         Ok(renderer)
     }
 
-    pub(super) fn snapshot(&self) -> &FrameSnapshot {
-        &self.snapshot
-    }
-
     /// Puts the cars where they are at a tick of 0.1 s. Between the times of the file they drive straight on;
     /// after the last they come back.
-    pub(super) fn go_to(&mut self, tick: u64) {
+    fn go_to(&mut self, tick: u64) {
         let (first, last) = (self.file.t[0], self.file.t[self.file.t.len() - 1]);
         let span = last - first;
-        let turn = if span > 0.0 { (tick as f64 * super::STEP_S) % (2.0 * span) } else { 0.0 };
+        let turn = if span > 0.0 { (tick as f64 * STEP_S) % (2.0 * span) } else { 0.0 };
         let time_s = first + turn.min(2.0 * span - turn);
         self.snapshot.tick = tick;
         self.snapshot.time_s = time_s;
@@ -125,7 +189,7 @@ impl NeutralScene {
     }
 
     /// Views of the cameras of the first cars.
-    pub(super) fn views(&self, extent: [u32; 2], cameras: usize) -> Vec<View> {
+    fn views(&self, extent: [u32; 2], cameras: usize) -> Vec<View> {
         let file = &self.file;
         // The angle belongs to the shorter side.
         let [width, height] = extent.map(f64::from);
