@@ -1,6 +1,12 @@
 //! The embedded models, written by `cargo xtask generate models`.
 
-use super::{Model, car, street};
+/// File names of street furniture.
+pub const BENCH: &str = "bench.glb";
+pub const PICNIC_TABLE: &str = "picnic_table.glb";
+pub const LAMP: &str = "lamp.glb";
+pub const BIN: &str = "bin.glb";
+pub const FUEL_PUMP: &str = "fuel_pump.glb";
+pub const FURNITURE: [&str; 5] = [BENCH, PICNIC_TABLE, LAMP, BIN, FUEL_PUMP];
 
 /// Names of files and their bytes.
 pub const SHIPPED: [(&str, &[u8]); 10] = [
@@ -9,22 +15,14 @@ pub const SHIPPED: [(&str, &[u8]); 10] = [
     ("suv.glb", include_bytes!("../../../assets/models/suv.glb")),
     ("van.glb", include_bytes!("../../../assets/models/van.glb")),
     ("pickup.glb", include_bytes!("../../../assets/models/pickup.glb")),
-    (street::BENCH, include_bytes!("../../../assets/models/bench.glb")),
-    (street::PICNIC_TABLE, include_bytes!("../../../assets/models/picnic_table.glb")),
-    (street::LAMP, include_bytes!("../../../assets/models/lamp.glb")),
-    (street::BIN, include_bytes!("../../../assets/models/bin.glb")),
-    (street::FUEL_PUMP, include_bytes!("../../../assets/models/fuel_pump.glb")),
+    (BENCH, include_bytes!("../../../assets/models/bench.glb")),
+    (PICNIC_TABLE, include_bytes!("../../../assets/models/picnic_table.glb")),
+    (LAMP, include_bytes!("../../../assets/models/lamp.glb")),
+    (BIN, include_bytes!("../../../assets/models/bin.glb")),
+    (FUEL_PUMP, include_bytes!("../../../assets/models/fuel_pump.glb")),
 ];
 
 /// The bytes of a model by its file's name.
 pub fn shipped(name: &str) -> Option<&'static [u8]> {
     SHIPPED.iter().find(|(shipped, _)| *shipped == name).map(|(_, bytes)| *bytes)
-}
-
-/// All models made in code, by file name.
-pub fn made() -> Vec<(String, Model)> {
-    let cars = [car::SEDAN, car::HATCHBACK, car::SUV, car::VAN, car::PICKUP];
-    let cars = cars.iter().map(|shape| (format!("{}.glb", shape.name), car::model(shape)));
-    let street = street::models().into_iter().map(|(name, model)| (name.to_owned(), model));
-    cars.chain(street).collect()
 }

@@ -2,7 +2,7 @@
 
 use super::mesh::{Class, Surface};
 use super::{SceneObject, models};
-use city3d_models::{Model, glb, shipped, street};
+use city3d_models::{BENCH, BIN, FUEL_PUMP, LAMP, Model, PICNIC_TABLE, glb, shipped};
 use glam::{Affine3A, Quat, Vec2, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -20,11 +20,11 @@ pub(super) enum FurnitureKind {
 }
 
 const FILES: [(FurnitureKind, &str, Class); 5] = [
-    (FurnitureKind::Bench, street::BENCH, Class::Furniture),
-    (FurnitureKind::PicnicTable, street::PICNIC_TABLE, Class::Furniture),
-    (FurnitureKind::Lamp, street::LAMP, Class::Pole),
-    (FurnitureKind::Bin, street::BIN, Class::Furniture),
-    (FurnitureKind::FuelPump, street::FUEL_PUMP, Class::Furniture),
+    (FurnitureKind::Bench, BENCH, Class::Furniture),
+    (FurnitureKind::PicnicTable, PICNIC_TABLE, Class::Furniture),
+    (FurnitureKind::Lamp, LAMP, Class::Pole),
+    (FurnitureKind::Bin, BIN, Class::Furniture),
+    (FurnitureKind::FuelPump, FUEL_PUMP, Class::Furniture),
 ];
 
 /// Prototypes of all furniture at all levels of detail.

@@ -3,7 +3,7 @@
 use super::car_parks::{CAR_PARK_M, ParkingBay, bays_of};
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::{LodMesh, SceneObject};
-use city3d_models::{Measures, MeshPrimitive, car, fitted};
+use city3d_models::{Measures, MeshPrimitive, fitted, glb, shipped};
 use city3d_roadmap::{CityMap, Footprint, SceneryKind};
 use glam::{Affine3A, Mat3, Vec3};
 
@@ -52,13 +52,19 @@ fn add(mesh: &mut Mesh, parts: &[MeshPrimitive], place: impl Fn(Vec3) -> Vec3, t
     }
 }
 
+/// Shipped bodies and their heights.
+const BODIES: [(&str, f32); 4] =
+    [("hatchback.glb", 1.48), ("sedan.glb", SEDAN_M), ("suv.glb", 1.74), ("van.glb", 2.10)];
+const SEDAN_M: f32 = 1.45;
+
 /// Error of the simplified bodies.
 const COARSENESS_M: f32 = 0.16;
 
 /// A white car at all levels of detail, origin at the middle of its outline on the ground.
-fn car_object(shape: &car::CarShape) -> SceneObject {
-    let height = SIZE.height * shape.height / car::SEDAN.height * if shape.height > 2.0 { 0.95 } else { 1.0 };
-    let model = fitted(&car::model(shape), &Measures { height, ..SIZE });
+fn car_object((file, height): (&str, f32)) -> SceneObject {
+    let height = SIZE.height * height / SEDAN_M * if height > 2.0 { 0.95 } else { 1.0 };
+    let model = shipped(file).and_then(|bytes| glb::read(bytes).ok()).unwrap_or_default();
+    let model = fitted(&model, &Measures { height, ..SIZE });
     let half_track = model.half_track.unwrap_or(0.8);
     let bodies = [Some(&model.body), model.far_body.as_ref()];
     let wheels = [Some(&model.wheel), model.far_wheel.as_ref()];
@@ -80,7 +86,7 @@ fn car_object(shape: &car::CarShape) -> SceneObject {
 /// Parks cars in some bays of car parks with these driveways.
 pub(super) fn cars(map: &CityMap, drives: &[&Footprint]) -> Vec<SceneObject> {
     let mut parked = Vec::new();
-    let bodies = [car::HATCHBACK, car::SEDAN, car::SUV, car::VAN].map(|shape| car_object(&shape));
+    let bodies = BODIES.map(car_object);
     /// Body types by frequency.
     const USUAL: [usize; 7] = [0, 1, 2, 0, 3, 2, 1];
     let parks = map.scenery.iter().enumerate().filter(|(_, piece)| piece.kind == SceneryKind::Parking);

@@ -6,4 +6,5 @@
 #![allow(clippy::disallowed_types, reason = "writes files")]
 
 pub mod generate;
+pub mod models;
 pub mod neutral;

@@ -1,11 +1,11 @@
 //! `cargo xtask`: runs a task of the project's own.
 
-use city3d_models::{glb, made};
 use clap::{Parser, Subcommand};
 use std::io::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use xtask::generate::ids3c;
+use xtask::models;
 use xtask::neutral::{NeutralArgs, neutral};
 
 /// Tasks of the project's own
@@ -63,7 +63,7 @@ fn generate(task: &GenerateTask) -> Result<(), String> {
             write(&path, ids3c().to_dxf().as_ref())
         }
         GenerateTask::Models { out } => {
-            made().iter().try_for_each(|(name, model)| write(&out.join(name), &glb::write(model)))
+            models::made().iter().try_for_each(|(name, model)| write(&out.join(name), &models::write(model)))
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Library;
 use super::read_vehicles::BODIES;
-use city3d_models::{Model, glb, is_distant_lod, street};
+use city3d_models::{FURNITURE, Model, glb, is_distant_lod};
 use city3d_protocol::snapshot::BodyType;
 use city3d_roadmap::PlacedModel;
 use std::cell::RefCell;
@@ -73,7 +73,7 @@ impl<'l> ModelReader<'l> {
                 }
             }
         }
-        for file in street::FURNITURE.into_iter().filter(|file| self.library.has_own_model(file)) {
+        for file in FURNITURE.into_iter().filter(|file| self.library.has_own_model(file)) {
             match self.load(file) {
                 Ok(model) => drop(models.placed.insert(file.to_owned(), model)),
                 Err(problem) => problems.push(problem),

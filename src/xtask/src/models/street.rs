@@ -1,7 +1,8 @@
 //! Street furniture made in code: benches, picnic tables, lamps, bins, fuel pumps. All face +x and stand on
 //! the ground at their origin.
 
-use super::{Model, ModelNode, PrimitiveBuilder, StaticMaterial};
+use super::{PrimitiveBuilder, StaticMaterial};
+use city3d_models::{BENCH, BIN, FUEL_PUMP, LAMP, Model, ModelNode, PICNIC_TABLE};
 use glam::{Affine3A, Vec2, Vec3};
 use std::f32::consts::TAU;
 
@@ -16,14 +17,6 @@ const RED: StaticMaterial = StaticMaterial::new("red_sheet", [190, 44, 40]).meta
 const RUBBER: StaticMaterial = StaticMaterial::new("rubber", [26, 26, 28]);
 const SCREEN: StaticMaterial = StaticMaterial::new("glass", [255, 255, 255]).rough(0.1);
 const STONE: StaticMaterial = StaticMaterial::new("concrete", [206, 202, 194]);
-
-/// File names of street furniture.
-pub const BENCH: &str = "bench.glb";
-pub const PICNIC_TABLE: &str = "picnic_table.glb";
-pub const LAMP: &str = "lamp.glb";
-pub const BIN: &str = "bin.glb";
-pub const FUEL_PUMP: &str = "fuel_pump.glb";
-pub const FURNITURE: [&str; 5] = [BENCH, PICNIC_TABLE, LAMP, BIN, FUEL_PUMP];
 
 type Draw = fn(&mut PrimitiveBuilder);
 

@@ -6,7 +6,8 @@ mod shape;
 mod trim;
 mod wheel;
 
-use super::{MeshPrimitive, Model, ModelNode, PrimitiveBuilder, StaticMaterial};
+use super::{MeshPrimitive, Model, PrimitiveBuilder, StaticMaterial};
+use city3d_models::ModelNode;
 use glam::{Affine3A, Quat, Vec3};
 use std::f32::consts::PI;
 

@@ -1,7 +1,7 @@
 //! Writes models as deterministic GLB files.
 
-use super::{linear_from_srgb, to_file};
-use crate::{Material, MeshPrimitive, Model};
+use city3d_models::glb::linear_from_srgb;
+use city3d_models::{Material, MeshPrimitive, Model};
 use glam::{Mat3, Quat, Vec3};
 use serde_json::{Value, json};
 
@@ -11,6 +11,11 @@ const UNSIGNED_BYTE: u32 = 5121;
 const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;
+
+/// Files have y up and z forward (Khronos, glTF 2.0, section 3.4); models have z up and x forward.
+fn to_file(v: Vec3) -> [f32; 3] {
+    [v.y, v.z, v.x]
+}
 
 #[derive(Default)]
 struct GlbWriter {
