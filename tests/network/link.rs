@@ -43,6 +43,22 @@ fn in_lockstep_two_processes_do_what_one_does_tick_by_tick() {
 }
 
 #[test]
+fn the_files_of_a_run_end_with_what_was_before_the_reset() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut city = serve(&["straight", "--lockstep", "--out", "served"], folder);
+    for _ in 0..2 {
+        // The second one finds the experiment at its end, and resets it.
+        assert_eq!(mainframe(&city.address, &["straight", "--duration", "2"], folder).wait(), 0);
+    }
+    assert_eq!(city.end(), 0);
+    let [first, second] = ["served", "served/part-2"].map(|name| summary(&folder.join(name)));
+    assert_eq!(first["simulated_s"], 2.0, "{first}");
+    assert!(first["mean_speed_mps"].as_f64().unwrap() > 0.0, "{first}");
+    assert_eq!(first["state_hash"], second["state_hash"]);
+}
+
+#[test]
 fn in_real_time_the_same_merge_in_the_same_order() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -98,3 +98,26 @@ fn a_preview_is_the_picture_that_frames_takes() {
     let differing = preview.pixels().zip(taken.pixels()).filter(|(a, b)| a != b).count();
     assert_eq!(differing, 0, "pixels differ at {best:?}");
 }
+
+#[test]
+fn a_run_that_cannot_be_recorded_ends_with_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("file");
+    std::fs::write(&file, "").unwrap();
+    let inside = file.join("logs");
+    let output = Command::new(CITY3D)
+        .args(["view", "straight", "--quality", "low", "--adapter", "software", "--at", "0.1", "--picture"])
+        .arg(folder.path().join("window.png"))
+        .arg("--out")
+        .arg(&inside)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    if said.contains("adapter") {
+        assert!(std::env::var_os("CI").is_none(), "{said}");
+        eprintln!("SKIPPED: {said}");
+        return;
+    }
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("file/logs"), "{said}");
+}

@@ -28,6 +28,7 @@ pub struct ServeOptions {
     pub bind: String,
     /// World number, which tells several cities on one network apart; 0 matches any.
     pub world: u32,
+    /// Seals and verifies the datagrams of senders and of physical vehicles.
     pub authenticator: Authenticator,
     /// Networks that may send; empty for all.
     pub allowed: Vec<AllowedNetwork>,
@@ -43,6 +44,7 @@ pub struct ServeOptions {
     pub ends_by_itself: bool,
     /// Folder of the files of the run; without it nothing is written.
     pub folder: Option<PathBuf>,
+    /// Rates of the files, and what becomes of earlier results.
     pub files: FileOptions,
 }
 
@@ -57,22 +59,28 @@ pub trait PoseExchange {
     /// Takes the next pose of a physical vehicle, stamped with the simulated time `time_s` of now.
     fn next(&mut self, time_s: f64, is_running: bool) -> Option<Measurement>;
 
+    /// Counters since the start; without pictures.
     fn summary(&self) -> RosSummary;
 }
 
 /// Takes onboard pictures. It never waits: pictures that come too fast are dropped and counted.
 pub trait PictureEnd: Send {
+    /// Queues the pictures that are due at a snapshot. They carry the stamp of its poses,
+    /// [`PoseExchange::stamp_s`], or 0 where poses are not exchanged.
     fn show(&mut self, snapshot: &FrameSnapshot, stamp_s: f64);
 
+    /// Numbers of pictures since the start.
     fn counts(&self) -> PictureCounts;
 }
 
 /// Numbers of onboard pictures so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PictureCounts {
+    /// Pictures that were drawn.
     pub taken: u64,
     /// Published pictures among those taken.
     pub published: u64,
+    /// Pictures that were due and were discarded, because drawing or publishing fell behind.
     pub dropped: u64,
 }
 
@@ -81,6 +89,7 @@ pub struct PictureCounts {
 pub struct ServedEnds {
     /// Poses over ROS; physical vehicles send theirs there too then.
     pub poses: Option<Box<dyn PoseExchange + Send>>,
+    /// Onboard pictures; `None` draws none.
     pub pictures: Option<Box<dyn PictureEnd>>,
     /// Time stamps of datagrams and ticks, for benchmarks.
     pub marks: Option<Sender<TimingMark>>,
@@ -403,6 +412,7 @@ impl CityServer {
     fn tick(&mut self) -> Result<(), SessionError> {
         let experiment = Arc::clone(self.world.experiment());
         let (before, time_s) = (self.snapshot().tick, self.snapshot().time_s);
+        let last = self.world.will_reset().then(|| self.snapshot().clone());
         let files = match &mut self.files {
             Some(files) => files,
             None => {
@@ -444,9 +454,11 @@ impl CityServer {
         for reason in self.world.drain_dropped() {
             self.server.count_drop(reason);
         }
-        if after < before {
+        if after < before
+            && let Some(last) = last
+        {
             // The present instant belongs to the new run already, so the files end here.
-            self.end_part()?;
+            self.end_part(&last)?;
         }
         if let Some(pictures) = &mut self.ends.pictures {
             let stamp_s = self.ends.poses.as_ref().map_or(0.0, |poses| poses.stamp_s());
@@ -455,10 +467,11 @@ impl CityServer {
         Ok(())
     }
 
-    fn end_part(&mut self) -> Result<(), SessionError> {
+    /// Finishes the files of a run, whose last snapshot is given.
+    fn end_part(&mut self, last: &FrameSnapshot) -> Result<(), SessionError> {
         let Some(files) = self.files.take() else { return Ok(()) };
         self.part += 1;
-        files.finish(self.world.experiment(), self.world.snapshot(), Some(self.summary())).map(drop)
+        files.finish(self.world.experiment(), last, Some(self.summary())).map(drop)
     }
 
     /// Logs at intervals what the link has lost.
@@ -512,6 +525,7 @@ impl CityServer {
         }
     }
 
+    /// The served experiment; its vehicles come as setups over the link.
     pub fn experiment(&self) -> &Arc<Experiment> {
         self.world.experiment()
     }

@@ -50,7 +50,7 @@ impl AntiReplayWindow {
         if sequence > self.newest {
             return Ok(());
         }
-        if sequence + WIDTH <= self.newest {
+        if self.newest - sequence >= WIDTH {
             return Err(DropReason::Stale);
         }
         if self.has(sequence) { Err(DropReason::Duplicate) } else { Ok(()) }
@@ -88,7 +88,7 @@ impl AntiReplayWindow {
         count == 0
             || (first > 0
                 && end - 1 <= self.newest
-                && first + WIDTH > self.newest
+                && self.newest - first < WIDTH
                 && (first..end).all(|sequence| self.has(sequence)))
     }
 
@@ -136,6 +136,16 @@ mod tests {
         assert_eq!(window.check(2997), Ok(()), "left out, and not far behind");
         assert_eq!(window.check(2998), Err(DropReason::Duplicate));
         assert_eq!(window.missing(), 999);
+    }
+
+    #[test]
+    fn the_largest_numbers_do_not_overflow() {
+        let mut window = AntiReplayWindow::default();
+        window.mark_received(u64::MAX - 1);
+        assert_eq!(window.check(u64::MAX - 1), Err(DropReason::Duplicate));
+        assert_eq!(window.check(u64::MAX - 2), Ok(()));
+        assert_eq!(window.check(1), Err(DropReason::Stale));
+        assert!(window.has_all(u64::MAX - 1, 1) && !window.has_all(u64::MAX - 1, 2));
     }
 
     #[test]

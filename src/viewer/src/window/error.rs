@@ -9,6 +9,7 @@ use thiserror::Error;
 /// Why the window cannot open, or had to close.
 #[derive(Debug, Error)]
 pub enum WindowError {
+    /// The scenario cannot be read, or has problems.
     #[error(transparent)]
     Load(#[from] LoadError),
     /// A run that cannot begin.
@@ -17,32 +18,47 @@ pub enum WindowError {
     /// A run whose log is not whole.
     #[error(transparent)]
     End(LiveError),
+    /// The log cannot be opened, or holds nothing to show.
+    /// A run that failed under way.
+    #[error("{0}")]
+    Failed(String),
     #[error(transparent)]
     Playback(#[from] PlaybackError),
+    /// There is no adapter, or a picture cannot be drawn or written.
     #[error(transparent)]
     Render(#[from] RenderError),
+    /// There is no display; holds the window system's reason.
     #[error(
         "no window can be opened: {0}. On a machine without a display use `city3d run` or `city3d frames`, \
          `city3d view --picture FILE` (`city3d replay LOG --picture FILE`) for a picture of the window, or a virtual \
          display (xvfb-run city3d); over ssh, `ssh -X`"
     )]
     NoDisplay(String),
+    /// The window system refuses a window.
     #[error(transparent)]
     Window(#[from] winit::error::OsError),
+    /// The window has no surface that the graphics API can draw to.
     #[error(transparent)]
     Surface(#[from] wgpu::CreateSurfaceError),
+    /// The adapter supports no pixel format of the window's surface.
     #[error("{adapter} cannot draw to this window")]
     NoFormat { adapter: String },
+    /// The adapter did not finish the drawing of a frame.
     #[error(transparent)]
     Poll(#[from] wgpu::PollError),
+    /// The operating system refuses the thread that loads scenarios.
     #[error("no thread can be started: {0}")]
     Thread(std::io::Error),
+    /// The thread that loads scenarios ended without a result.
     #[error("loading ended early")]
     LoadingEnded,
+    /// The options name a vehicle that is not there; `known` lists up to 20 that are.
     #[error("no vehicle is called \"{name}\"; there are {known}")]
     NoVehicle { name: String, known: String },
+    /// The time of a picture is after the end of the run; simulated seconds.
     #[error("--at {at_s}: the run ends at {end_s} s; take an earlier time or a longer --duration")]
     AfterRun { at_s: f64, end_s: f64 },
+    /// The time to open a log at is after its last snapshot; simulated seconds.
     #[error("--at {at_s}: the log ends at {to_s:.2} s; give a time from {from_s:.2} to {to_s:.2}")]
     AfterLog { at_s: f64, from_s: f64, to_s: f64 },
 }

@@ -6,7 +6,7 @@ use super::{Subject, ViewSettings, WindowError, WindowOptions};
 use crate::ui::UiAction;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_render::{Context, Image};
-use city3d_session::live::RunCommand;
+use city3d_session::live::{LiveError, RunCommand, RunPhase};
 use city3d_session::playback::{PlaybackCommand, Player};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -15,6 +15,7 @@ use std::time::Duration;
 /// A picture of the window.
 #[derive(Clone, Debug)]
 pub struct WindowPicture {
+    /// City and panels, as the window shows them.
     pub image: Image,
     /// Why the log ends early, where it does.
     pub truncation: Option<String>,
@@ -43,7 +44,7 @@ pub fn picture(subject: &Subject, options: &WindowOptions) -> Result<WindowPictu
             if at_s > end_s {
                 return Err(WindowError::AfterRun { at_s, end_s });
             }
-            run_to(&mut viewer, at_s);
+            run_to(&mut viewer, at_s)?;
             None
         }
         Subject::Log(_) => {
@@ -91,16 +92,25 @@ fn wait_for_log(viewer: &mut ViewerState) {
 }
 
 /// Steps the run to a time.
-fn run_to(viewer: &mut ViewerState, time_s: f64) {
+fn run_to(viewer: &mut ViewerState, time_s: f64) -> Result<(), WindowError> {
     let ticks = (time_s * f64::from(viewer.experiment().rates.physics_hz)).round() as u64;
     for tick in 1..=ticks {
-        viewer.send(RunCommand::Step);
-        while viewer.run_state().now.tick < tick {
-            std::thread::sleep(Duration::from_micros(20));
+        if !viewer.send(RunCommand::Step) {
+            return Err(WindowError::End(LiveError::Ended));
         }
-        let run_state = viewer.run_state();
+        let run_state = loop {
+            let run_state = viewer.run_state();
+            if let RunPhase::Failed(reason) = &run_state.phase {
+                return Err(WindowError::Failed(reason.clone()));
+            }
+            if run_state.now.tick >= tick {
+                break run_state;
+            }
+            std::thread::sleep(Duration::from_micros(20));
+        };
         viewer.record_samples(&run_state);
     }
+    Ok(())
 }
 
 fn open_previews(viewer: &mut ViewerState, options: &WindowOptions) -> Result<(), WindowError> {

@@ -23,7 +23,9 @@ use std::time::Instant;
 
 /// Recording of runs, and notification of updates.
 pub struct RecordingOptions {
+    /// Where live runs are recorded.
     pub logs: LogLocation,
+    /// Called on another thread when there is something new to show; it must not block.
     pub on_update: Arc<dyn Fn() + Send + Sync>,
 }
 
@@ -32,12 +34,14 @@ pub struct RecordingOptions {
 pub struct RecordedRun {
     /// Name of the scenario.
     pub scenario: String,
+    /// Folder of its log, table and summary.
     pub folder: PathBuf,
 }
 
 /// Where runs are recorded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LogLocation {
+    /// Runs are not recorded.
     Nowhere,
     /// In this folder, one run after another.
     In(PathBuf),
@@ -62,8 +66,11 @@ pub enum WindowRequest {
     Look,
     /// Another experiment.
     Scenario(ScenarioRequest),
+    /// The next frame is saved as a picture.
     Screenshot,
+    /// The device mappings are stored.
     KeepDevices,
+    /// The window closes.
     Quit,
 }
 
@@ -96,12 +103,14 @@ impl ViewedRun {
     }
 }
 
+/// A live run or a recorded one, with everything that the panels show of it.
 pub struct ViewerState {
     request: ScenarioRequest,
     recording: RecordingOptions,
     source: ViewedRun,
     experiment: Arc<Experiment>,
     scenario_info: ScenarioInfo,
+    /// What the user has chosen.
     pub state: UiState,
     history: History,
     interpolated: FrameSnapshot,
@@ -158,6 +167,10 @@ impl ScenarioInfo {
 }
 
 impl ViewerState {
+    /// A viewer of a new live run, which waits for its start.
+    ///
+    /// # Errors
+    /// When the run cannot begin.
     pub fn new(
         request: ScenarioRequest,
         experiment: Arc<Experiment>,
@@ -222,6 +235,7 @@ impl ViewerState {
         }
     }
 
+    /// The present scenario; in a replay, the recorded one.
     pub fn experiment(&self) -> &Arc<Experiment> {
         &self.experiment
     }
@@ -231,16 +245,19 @@ impl ViewerState {
         &self.interpolated
     }
 
+    /// Latest state of the live run, or the recorded state that was shown last.
     pub fn run_state(&self) -> Arc<RunState> {
         self.source.run_state()
     }
 
-    pub fn send(&self, command: RunCommand) {
-        if let ViewedRun::Run(live) = &self.source
-            && !live.send(command)
-        {
+    /// Sends a command to the live run; returns whether it takes it. A replay has no run.
+    pub fn send(&self, command: RunCommand) -> bool {
+        let ViewedRun::Run(live) = &self.source else { return false };
+        let is_taken = live.send(command);
+        if !is_taken {
             tracing::warn!("a command is dropped: the simulation does not accept it");
         }
+        is_taken
     }
 
     /// Sends a playback command to the player.
@@ -267,6 +284,7 @@ impl ViewerState {
         if let ViewedRun::Log(player) = &self.source { Some(player) } else { None }
     }
 
+    /// Sets the speed of the live run as a multiple of real time.
     pub fn set_speed(&self, speed: Speed) {
         self.send(RunCommand::Speed(speed));
     }
@@ -361,7 +379,9 @@ impl ViewerState {
         let mut requests = Vec::new();
         for action in actions {
             match action {
-                UiAction::RunCommand(command) => self.send(command),
+                UiAction::RunCommand(command) => {
+                    self.send(command);
+                }
                 UiAction::PlaybackCommand(command) => self.control_playback(command),
                 UiAction::Drive(vehicle) => self.take_over(vehicle, now_s),
                 UiAction::GiveBack => self.give_back(now_s),

@@ -33,7 +33,9 @@ pub struct ServerRules {
 /// A body that a tick has applied, with its sender, as a log keeps it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AppliedBody {
+    /// [`MOTION_CAPTURE`] for measured poses.
     pub sender: SenderNumber,
+    /// As it was carried out: a setup may have been moved back to free space.
     pub body: Body,
 }
 
@@ -115,10 +117,12 @@ impl ServerWorld {
         }
     }
 
+    /// The served experiment, without vehicles.
     pub fn experiment(&self) -> &Arc<Experiment> {
         self.world.experiment()
     }
 
+    /// Snapshot after the last tick, or of the initial conditions.
     pub fn snapshot(&self) -> &FrameSnapshot {
         &self.snapshot
     }
@@ -299,6 +303,11 @@ impl ServerWorld {
         !self.pending.is_empty()
     }
 
+    /// Whether the next tick resets the experiment.
+    pub fn will_reset(&self) -> bool {
+        self.pending.iter().any(|pending| pending.command == SimCommand::Reset)
+    }
+
     /// Applies the waiting commands, and makes a physics step if the clock runs.
     pub fn tick(&mut self) -> &FrameSnapshot {
         let (time_s, timeout_s) = (self.snapshot.time_s, self.experiment().link_timeout_s);
@@ -359,6 +368,7 @@ impl ServerWorld {
         self.dropped.drain(..)
     }
 
+    /// Phase after the last tick: `Running`, or with a stopped clock `Ready` at tick 0 and `Paused` later.
     pub fn phase(&self) -> ExperimentPhase {
         match (self.world.is_running(), self.snapshot.tick) {
             (true, _) => ExperimentPhase::Running,
