@@ -6,15 +6,12 @@
     reason = "looks at what a run came to; no state depends on it"
 )]
 
-#[cfg(feature = "render")]
 mod bench_link;
 mod link;
 mod link_faults;
 mod physical;
 mod restarts;
-#[cfg(feature = "ros")]
 mod ros;
-#[cfg(feature = "ros")]
 mod rosbridge;
 #[path = "../support/mod.rs"]
 mod support;

@@ -2,7 +2,6 @@
 
 use crate::support::link;
 use crate::support::mixed;
-#[cfg(feature = "ros")]
 use crate::support::ros;
 
 use link::{city3d, events, mainframe, serve, summary};
@@ -11,7 +10,6 @@ use serde_json::Value;
 use std::path::Path;
 
 /// Numbers of the vehicles in a picture of instances.
-#[cfg(feature = "render")]
 fn instances(path: &Path) -> std::collections::BTreeSet<u16> {
     let picture = image::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     picture.into_luma16().pixels().map(|pixel| pixel.0[0]).filter(|number| *number != 0).collect()
@@ -62,7 +60,6 @@ fn three_virtual_and_three_physical_vehicles_are_one_experiment() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     drive_together(folder, &[]);
-    #[cfg(feature = "render")]
     {
         let view = ["--camera", "overhead", "--kind", "instance", "--every", "10", "--size", "640x640"];
         let arguments = [&["frames", "served/run.mcap", "--out", "pictures"], &view[..]].concat();
@@ -80,7 +77,6 @@ fn three_virtual_and_three_physical_vehicles_are_one_experiment() {
     }
 }
 
-#[cfg(feature = "ros")]
 #[test]
 fn they_are_one_experiment_over_ros_as_well() {
     if !ros::has_peers() {

@@ -2,7 +2,6 @@
 
 use crate::support::link;
 use crate::support::mixed;
-#[cfg(feature = "ros")]
 use crate::support::ros;
 use crate::support::watch;
 
@@ -235,7 +234,6 @@ fn all_but_the_network_may_be_killed_and_started_again() {
     kill_in_turn(&mut Lab::new(folder.path(), Vec::new()), |_| {});
 }
 
-#[cfg(feature = "ros")]
 #[test]
 fn over_ros_the_master_may_be_killed_as_well() {
     if !ros::has_peers() {

@@ -1,11 +1,9 @@
 //! Poses over ROS 1, against the `roscore`, `rostopic`, `rosnode` and `rosbag` of Debian.
 
-#[cfg(feature = "render")]
 use crate::support::drawing;
 use crate::support::link;
 use crate::support::ros;
 
-#[cfg(feature = "render")]
 use glam::{DQuat, DVec3};
 use link::{Process, assert_same_merges, city3d, events, mainframe, serve, summary, was_held_up};
 use ros::{Ros, has_peers, number};
@@ -89,7 +87,6 @@ fn poses_come_at_the_rate_of_physics_in_laboratory_metres() {
 }
 
 /// What a stranger has heard of a camera: a picture, its figures and its transform of one stamp.
-#[cfg(feature = "render")]
 #[derive(serde::Deserialize)]
 struct HeardPicture {
     stamp: u64,
@@ -108,12 +105,10 @@ struct HeardPicture {
     vehicle: [f64; 7],
 }
 
-#[cfg(feature = "render")]
 fn pose([x, y, z, i, j, k, w]: [f64; 7]) -> (DVec3, DQuat) {
     (DVec3::new(x, y, z), DQuat::from_xyzw(i, j, k, w))
 }
 
-#[cfg(feature = "render")]
 #[test]
 fn a_stranger_sees_what_the_cameras_of_the_scenario_see() {
     if !has_peers() || drawing::software().is_none() {

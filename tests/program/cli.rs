@@ -264,7 +264,6 @@ fn what_is_no_log_is_told_what_to_do_instead() {
     }
 }
 
-#[cfg(feature = "window")]
 #[test]
 fn pictures_of_a_log_say_what_cannot_be_had() {
     let folder = tempfile::tempdir().unwrap();

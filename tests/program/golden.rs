@@ -28,23 +28,8 @@ fn golden(file: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(file)
 }
 
-/// Holds a text against the file of golden values, line by line.
 fn is_golden(file: &str, found: &str) {
-    let path = golden(file);
-    if std::env::var_os("CITY3D_RENEW_GOLDEN").is_some() {
-        std::fs::write(&path, found).unwrap();
-    }
-    let expected = std::fs::read_to_string(&path).unwrap();
-    let mut pairs = expected.lines().zip(found.lines());
-    let first = pairs.find(|(expected, found)| expected != found);
-    assert!(
-        first.is_none(),
-        "{}: expected and found:\n{}\n{}",
-        path.display(),
-        first.unwrap().0,
-        first.unwrap().1
-    );
-    assert_eq!(expected.lines().count(), found.lines().count(), "lines of {}", path.display());
+    crate::support::golden::is_golden(&golden(file), found);
 }
 
 const SCENARIOS: [&str; 5] = ["city", "mixed", "roundabout", "straight", "student"];

@@ -156,7 +156,6 @@ fn compare_with_table(table: &Path, last: &Value) {
     }
 }
 
-#[cfg(feature = "render")]
 #[test]
 fn numpy_and_pillow_read_the_pictures_of_all_kinds() {
     use city3d_render::{AdapterPreference, Context};
@@ -234,7 +233,6 @@ fn pygltflib_and_trimesh_read_the_shipped_models() {
 }
 
 /// The box around the magenta pixels of a picture.
-#[cfg(feature = "render")]
 fn magenta(path: &Path) -> [f64; 4] {
     let picture = image::open(path).unwrap().to_rgb8();
     let mut found = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
@@ -248,7 +246,6 @@ fn magenta(path: &Path) -> [f64; 4] {
     found
 }
 
-#[cfg(feature = "render")]
 #[test]
 fn models_made_with_trimesh_are_drawn_at_their_place_and_size() {
     use city3d_roadmap::dxf::EntityShape;

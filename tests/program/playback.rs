@@ -299,7 +299,6 @@ fn logs_that_hold_no_world_are_watched_too() {
     }
 }
 
-#[cfg(feature = "render")]
 #[test]
 fn opening_and_jumping_are_measured() {
     let folder = tempfile::tempdir().unwrap();

@@ -288,7 +288,6 @@ fn what_is_no_log_of_city3d_is_refused_with_the_remedy() {
     assert!(output.status.code() == Some(2) && said.contains("record the run again"), "{said}");
 }
 
-#[cfg(feature = "render")]
 #[test]
 fn pictures_of_a_log_are_those_of_its_run() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,8 @@
 //! Golden bytes of every message type of the log: the test of backward compatibility.
 
+#[path = "../../../../tests/support/golden.rs"]
+mod shared;
+
 use super::log::CommandKind;
 use super::schema::{NetworkCommand, encode_event, encode_network, encode_snapshot, encode_tick};
 use super::transforms::encode_transform;
@@ -124,12 +127,5 @@ fn messages_of_each_kind() {
         writeln!(found, "{name}: {digits}").unwrap();
     }
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/golden/log_messages.txt");
-    if std::env::var_os("CITY3D_RENEW_GOLDEN").is_some() {
-        std::fs::write(&path, &found).unwrap();
-    }
-    let expected = std::fs::read_to_string(&path).unwrap();
-    for (expected, found) in expected.lines().zip(found.lines()) {
-        assert_eq!(expected, found, "{}", path.display());
-    }
-    assert_eq!(expected.lines().count(), found.lines().count());
+    shared::is_golden(&path, &found);
 }
