@@ -14,7 +14,9 @@ use serde::{Deserialize, Serialize};
 /// the middle of the outline.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CavGeometry {
+    /// Of the outline, from bumper to bumper.
     pub length_m: f64,
+    /// From the rear axle to the front axle.
     pub wheelbase_m: f64,
     /// Of the front-axle centre at the steering limit.
     pub min_turn_radius_m: f64,
@@ -35,36 +37,49 @@ impl CavGeometry {
 /// Setup of a vehicle for the control framework.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CavSetup {
+    /// Id in its measurements and trajectories.
     pub id: VehicleId,
     /// Name of the control algorithm, see [`CONTROLLERS`](super::CONTROLLERS).
     pub controller: String,
+    /// Parameters of car following, and bounds on speed and acceleration.
     pub driver: DriverParams,
+    /// Dimensions at the scale of the laboratory.
     pub body: CavGeometry,
     /// Lanes of the route, each a successor of the one before.
     pub route: Vec<LaneId>,
+    /// Speed at the start, laboratory m/s; the estimate begins with it.
     pub speed_mps: f64,
 }
 
 /// State of the plan model: a double integrator along the route (the paper, eq. 7).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PlanState {
+    /// Front-axle centre along the route, laboratory metres.
     pub axle_s: f64,
+    /// Speed along the route, laboratory m/s.
     pub speed_mps: f64,
+    /// Acceleration of the last control step, laboratory m/s2.
     pub acceleration_mps2: f64,
 }
 
 /// Yielding state of a vehicle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Yielding {
+    /// It does not give way.
     #[default]
     No,
     /// Held at a section, but not yet for long.
     Held {
+        /// Index in [`Route::sections`].
         section: usize,
+        /// Time of the control step at which the hold began.
         since_s: f64,
     },
+    /// It counts as yielding.
     At {
+        /// Index in [`Route::sections`].
         section: usize,
+        /// Time of the control step from which it counts as yielding.
         since_s: f64,
     },
 }
@@ -74,14 +89,22 @@ const YIELDS_AFTER_S: f64 = 0.4;
 /// Shortest time for which yielding is shown.
 const YIELDS_FOR_S: f64 = 1.0;
 
+/// A vehicle under control, with its route, right of way, plan and estimated motion.
 #[derive(Debug)]
 pub struct Cav {
+    /// Id in its measurements and trajectories.
     pub id: VehicleId,
+    /// Present parameters of car following, and bounds on speed and acceleration.
     pub driver: DriverParams,
+    /// Dimensions at the scale of the laboratory.
     pub body: CavGeometry,
+    /// Present route; another one replaces it when the vehicle leaves it or is rerouted.
     pub route: Route,
+    /// Admissions to the junction sections of the route.
     pub passage: RightOfWayState,
+    /// Plan of the last control step.
     pub plan: PlanState,
+    /// Indicators in its last trajectory; off before the first one.
     pub indicator: Indicator,
     /// Yielding at a section of its route, from when it was held until it may go.
     pub yielding: Yielding,
@@ -178,6 +201,7 @@ impl Cav {
         self.estimate.as_ref().map_or(0.0, |estimate| estimate.axle_s)
     }
 
+    /// Front bumper along the route, predicted to the current time.
     pub fn front_s(&self) -> f64 {
         self.axle_s + self.body.overhang_m()
     }
@@ -187,6 +211,7 @@ impl Cav {
         self.front_s() + self.ahead_m
     }
 
+    /// Rear bumper along the route, predicted to the current time.
     pub fn rear_s(&self) -> f64 {
         self.front_s() - self.body.length_m
     }

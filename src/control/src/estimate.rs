@@ -31,6 +31,7 @@ pub struct RouteEstimate {
     heard_s: f64,
     /// Front-axle centre along the route at that time.
     pub axle_s: f64,
+    /// Speed of the front axle along the route; 0 in reverse.
     pub speed_mps: f64,
     /// Front-axle centre from the route, left-positive.
     pub lateral_m: f64,
@@ -42,7 +43,9 @@ pub struct RouteEstimate {
 /// State along the route at a time.
 #[derive(Clone, Copy, Debug)]
 pub struct RouteState {
+    /// Front-axle centre along the route.
     pub axle_s: f64,
+    /// Speed along the route; 0 if the vehicle is lost.
     pub speed_mps: f64,
     /// Standard deviation of the arc length.
     pub position_std_m: f64,

@@ -57,6 +57,7 @@ impl Default for DriverParams {
 pub struct LeaderState {
     /// Gap from the own front bumper to its rear.
     pub gap_m: f64,
+    /// Speed of the leader, laboratory m/s; 0 for an obstacle.
     pub speed_mps: f64,
 }
 

@@ -32,8 +32,10 @@ use traffic::Occupancy;
 /// A setup that the control framework rejects.
 #[derive(Debug, Error, PartialEq)]
 pub enum SetupError {
+    /// The algorithm `name` of `vehicle` is not one of [`CONTROLLERS`].
     #[error("vehicle {vehicle}: no control algorithm is called \"{name}\"; there are {CONTROLLERS:?}")]
     UnknownController { vehicle: VehicleId, name: String },
+    /// The route of `vehicle` has no lanes.
     #[error("vehicle {vehicle}: its route is empty; give it at least one lane")]
     EmptyRoute { vehicle: VehicleId },
 }
@@ -56,6 +58,8 @@ const SIGHT_M: f64 = 2.5;
 const STANDS_MPS: f64 = 0.02;
 
 impl Mainframe {
+    /// A mainframe for these vehicles, none of which has been measured yet.
+    ///
     /// # Errors
     /// When a vehicle names an unknown algorithm or has no route.
     pub fn new(map: Arc<LabMap>, setups: Vec<CavSetup>, rules: RightOfWayParams) -> Result<Self, SetupError> {

@@ -15,6 +15,7 @@ const TAKEN: f64 = 0.5;
 /// Distance behind a section at which its exit is looked up.
 const BEHIND_SECTION_M: f64 = 0.05;
 
+/// Vehicles on each short loop of a map, and the most that may be on it.
 #[derive(Clone, Debug)]
 pub struct LoopCapacity {
     most: Vec<u32>,
@@ -24,6 +25,7 @@ pub struct LoopCapacity {
 }
 
 impl LoopCapacity {
+    /// Finds the short loops of a map, without vehicles.
     pub fn new(map: &LabMap) -> Self {
         let loops: BTreeSet<Vec<LaneId>> =
             map.lanes.iter().filter_map(|lane| short_loop(map, lane.id)).collect();

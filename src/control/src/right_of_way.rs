@@ -75,7 +75,9 @@ const ZONE_MARGIN_M: f64 = 0.02;
 /// An admission to a section of a route.
 #[derive(Clone, Copy, Debug)]
 pub struct Reservation {
+    /// Index in [`Route::sections`](super::Route::sections).
     pub section: usize,
+    /// Admission number: in every zone the lower one goes first.
     pub order: u64,
 }
 
@@ -144,6 +146,7 @@ impl Candidate {
 /// A constraint on a vehicle from the right of way of others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct YieldConstraint {
+    /// Obstacle or leader that the driver model has to heed.
     pub kind: ConstraintKind,
     /// Index of the section of the route that it applies to.
     pub section: usize,
@@ -160,6 +163,7 @@ pub enum ConstraintKind {
     Merging { leader: LeaderState, wait_gap_m: f64 },
 }
 
+/// Right of way of all vehicles: rules, admission numbers, and the users of each zone.
 #[derive(Clone, Debug)]
 pub struct RightOfWay {
     params: RightOfWayParams,
@@ -180,6 +184,7 @@ const FIRST_ORDER: u64 = 1 << 32;
 const HORIZON_M: f64 = 2.0;
 
 impl RightOfWay {
+    /// Right of way on a map, before any admission.
     pub fn new(params: RightOfWayParams, map: &LabMap) -> Self {
         let users = vec![Vec::new(); map.zones.len()];
         Self {
@@ -192,6 +197,7 @@ impl RightOfWay {
         }
     }
 
+    /// The rules in force.
     pub fn params(&self) -> &RightOfWayParams {
         &self.params
     }

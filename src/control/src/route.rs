@@ -10,12 +10,15 @@ use std::ops::Range;
 /// A conflict zone that the route passes.
 #[derive(Clone, Copy, Debug)]
 pub struct ZoneCrossing {
+    /// The zone in its map.
     pub zone: ZoneId,
+    /// A merge or a crossing; [`Route::diverging`] has the diverges.
     pub kind: ZoneKind,
     /// Which of the zone's sides the route passes.
     pub side: usize,
     /// Arc lengths along the route.
     pub from_s: f64,
+    /// Where the route leaves the zone.
     pub to_s: f64,
 }
 
@@ -35,27 +38,33 @@ pub const RANK_STOP: Rank = 3;
 pub struct JunctionSection {
     /// Range in [`Route::crossings`].
     pub crossings: Range<usize>,
+    /// Start of its first zone along the route.
     pub from_s: f64,
+    /// End of its last zone along the route.
     pub to_s: f64,
     /// End of the last zone that another route crosses. Beyond it routes only merge: a vehicle that stands
     /// there blocks only its followers.
     pub clear_s: f64,
     /// Where the front bumper waits: at the control line, or before the first zone.
     pub hold_s: f64,
+    /// Priority by control line and turn. Impatient vehicles get the highest instead.
     pub rank: Rank,
 }
 
 /// A lane that diverges from the route: a vehicle on it still reaches into the route.
 #[derive(Clone, Copy, Debug)]
 pub struct DivergingLane {
+    /// The lane that starts with a lane of the route and turns away from it.
     pub other: LaneId,
     /// Start of the divergence along the route, and where bodies are clear of one another.
     pub from_s: f64,
+    /// Where bodies on the two lanes are clear of one another, along the route.
     pub to_s: f64,
     /// How far along the other lane bodies still touch.
     pub other_to_m: f64,
 }
 
+/// A route with its speed profile, crossings and sections. Positions are arc lengths, laboratory metres.
 #[derive(Clone, Debug)]
 pub struct Route {
     lanes: Vec<LaneId>,
@@ -63,8 +72,11 @@ pub struct Route {
     stations: Vec<f64>,
     /// Index of the lane at every [`PLACE_STEP_M`] of the route, for look-up.
     places: Vec<u32>,
+    /// Merges and crossings on the route, by where they begin.
     pub crossings: Vec<ZoneCrossing>,
+    /// Junction sections in driving order.
     pub sections: Vec<JunctionSection>,
+    /// Lanes that diverge from the route, in driving order.
     pub diverging: Vec<DivergingLane>,
     profile: SpeedProfile,
 }
@@ -112,10 +124,12 @@ impl Route {
         self.profile = SpeedProfile::new(map, self, body, driver);
     }
 
+    /// Its lanes in driving order.
     pub fn lanes(&self) -> &[LaneId] {
         &self.lanes
     }
 
+    /// Length of all its lanes, laboratory metres.
     pub fn length(&self) -> f64 {
         self.stations[self.lanes.len()]
     }

@@ -21,9 +21,11 @@ pub struct Occupancy {
 /// The leader: the nearest vehicle ahead on the route.
 #[derive(Clone, Copy, Debug)]
 pub struct Leader {
+    /// Index in the list of vehicles.
     pub vehicle: usize,
     /// Its rear bumper along the own route.
     pub rear_s: f64,
+    /// Its gap and speed for the driver model.
     pub ahead: LeaderState,
 }
 
@@ -34,6 +36,7 @@ const FORK_REACH_M: f64 = 2.0;
 const OBSTACLE_MARGIN_M: f64 = 0.05;
 
 impl Occupancy {
+    /// Lists the vehicles anew. One that is on no lane blocks every lane within its reach.
     pub fn fill(&mut self, map: &LabMap, cavs: &[Cav]) {
         self.on_lane.resize_with(map.lanes.len(), Vec::new);
         self.on_lane.iter_mut().for_each(Vec::clear);

@@ -53,14 +53,21 @@ pub enum PoseUpdate {
 /// State estimate at a stamp.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct FilterState {
+    /// Time of the state: the stamp of the last pose, or the time of a prediction.
     pub stamp_s: f64,
+    /// Metres of the poses' frame.
     pub position: DVec2,
+    /// Along the axes of the frame.
     pub velocity: DVec2,
     /// Without the centripetal part.
     pub acceleration: DVec2,
+    /// Counter-clockwise from the x axis (east), wrapped.
     pub yaw_rad: f64,
+    /// Counter-clockwise.
     pub yaw_rate_radps: f64,
+    /// Of position, velocity and acceleration, the same along both axes.
     pub covariance: Covariance3,
+    /// Of heading and yaw rate.
     pub yaw_covariance: Covariance2,
 }
 
@@ -136,6 +143,7 @@ impl FilterState {
         self.yaw_rate_radps += off * rate;
     }
 
+    /// The state as an estimate: speed and acceleration along the heading.
     pub fn motion<F: Frame>(&self) -> MotionEstimate<F> {
         let pose = Pose2::at(self.position, self.yaw_rad);
         let forward = pose.forward();
@@ -175,7 +183,7 @@ fn count_outlier(outliers: &mut Option<OutlierRun>, stamp_s: f64, clock_stands: 
 ///
 /// ```
 /// use city3d_estimation::{MotionFilter, NoiseModel};
-/// use city3d_geometry::Pose2<F>;
+/// use city3d_geometry::Pose2;
 ///
 /// // 0.3 m/s along x, measured 100 times a second.
 /// let mut filter = MotionFilter::new(NoiseModel::LABORATORY);
@@ -253,6 +261,7 @@ impl<F: Frame> MotionFilter<F> {
         self.state.map(|state| state.stamp_s)
     }
 
+    /// The noise model that the filter was made with.
     pub fn noise_model(&self) -> &NoiseModel<F> {
         &self.noise
     }

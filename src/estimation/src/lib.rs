@@ -24,8 +24,11 @@ use glam::DVec2;
 /// Estimated motion of a vehicle at a time, with standard deviations. Lengths are in the unit of the poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionEstimate<F: Frame = City> {
+    /// Seconds of the clock that stamps the poses.
     pub time_s: f64,
+    /// Frame and reference point are those of the measured poses.
     pub pose: Pose2<F>,
+    /// Components along the axes of the frame.
     pub velocity_mps: DVec2,
     /// Along the heading; negative backwards.
     pub speed_mps: f64,
@@ -33,6 +36,7 @@ pub struct MotionEstimate<F: Frame = City> {
     pub acceleration_mps2: f64,
     /// Counter-clockwise.
     pub yaw_rate_radps: f64,
+    /// Standard deviations of the estimates above.
     pub std: MotionStd,
 }
 
@@ -41,10 +45,13 @@ pub struct MotionEstimate<F: Frame = City> {
 pub struct MotionStd {
     /// Of each coordinate.
     pub position_m: f64,
+    /// Of the heading.
     pub heading_rad: f64,
     /// Of each velocity component, and so of the speed.
     pub speed_mps: f64,
+    /// Of the yaw rate.
     pub yaw_rate_radps: f64,
+    /// Of each acceleration component, and so of the acceleration along the heading.
     pub acceleration_mps2: f64,
 }
 

@@ -17,6 +17,7 @@ pub struct NoiseModel<F: Frame = City> {
     pub is_estimated: bool,
     /// Standard deviation and correlation time of accelerations (Singer model).
     pub acceleration_std_mps2: f64,
+    /// Time after which the autocorrelation of an acceleration has fallen to 1/e, seconds.
     pub acceleration_time_s: f64,
     /// Spectral density of the white angular acceleration, rad2/s3.
     pub yaw_density: f64,
@@ -211,6 +212,7 @@ impl<F: Frame> Digest for NoiseEstimator<F> {
 }
 
 impl<F: Frame> NoiseEstimator<F> {
+    /// Starts with the measurement noise that the model states.
     pub fn new(noise: &NoiseModel<F>) -> Self {
         let variances = [trig::powi(noise.position_std_m, 2), trig::powi(noise.heading_std_rad, 2)];
         Self { recent: none(), count: PRIOR_WEIGHT, variances }
@@ -221,6 +223,7 @@ impl<F: Frame> NoiseEstimator<F> {
         self.recent = none();
     }
 
+    /// Variances of a coordinate, squared metres, and of the heading, squared radians.
     pub fn variances(&self) -> [f64; 2] {
         self.variances
     }

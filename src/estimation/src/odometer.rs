@@ -79,6 +79,7 @@ impl Odometer {
         MotionEstimate { velocity_mps: DVec2::ZERO, speed_mps: 0.0, acceleration_mps2: 0.0, ..*motion }
     }
 
+    /// Whether the vehicle counts as standing, by the hysteresis of [`StandstillDetector`].
     pub fn is_standing(&self) -> bool {
         self.stand.is_standing()
     }

@@ -19,10 +19,13 @@ pub(super) fn parts(dt_s: f64) -> (u32, f64) {
 /// "Estimating optimal tracking filter performance for manned maneuvering targets", IEEE Trans. AES 6, 1970).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SingerTransition {
+    /// Length of the step, seconds; negative backwards.
     pub dt_s: f64,
     /// Contribution of an acceleration to position and velocity, and its remaining share.
     pub position_s2: f64,
+    /// Velocity that an initial acceleration of 1 adds.
     pub velocity_s: f64,
+    /// Share of the initial acceleration that is left.
     pub remains: f64,
     /// Spectral density of the white jerk that drives it, m2/s5.
     density: f64,
@@ -46,19 +49,28 @@ impl SingerTransition {
 /// Covariance of position, velocity and acceleration along one axis.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Covariance3 {
+    /// Variance of the position.
     pub pp: f64,
+    /// Covariance of position and velocity.
     pub pv: f64,
+    /// Covariance of position and acceleration.
     pub pa: f64,
+    /// Variance of the velocity.
     pub vv: f64,
+    /// Covariance of velocity and acceleration.
     pub va: f64,
+    /// Variance of the acceleration.
     pub aa: f64,
 }
 
 /// Kalman gains of a measured position.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gain3 {
+    /// Of the position.
     pub p: f64,
+    /// Of the velocity, 1/s.
     pub v: f64,
+    /// Of the acceleration, 1/s2.
     pub a: f64,
 }
 
@@ -111,11 +123,17 @@ impl Covariance3 {
 /// Symmetric information matrix of the backward pass, over position, velocity and acceleration.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Information3 {
+    /// About the position.
     pub pp: f64,
+    /// Common term of position and velocity.
     pub pv: f64,
+    /// Common term of position and acceleration.
     pub pa: f64,
+    /// About the velocity.
     pub vv: f64,
+    /// Common term of velocity and acceleration.
     pub va: f64,
+    /// About the acceleration.
     pub aa: f64,
 }
 
@@ -166,8 +184,11 @@ impl Covariance3 {
 /// Covariance of an angle and its rate, driven by white angular acceleration.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Covariance2 {
+    /// Variance of the angle, rad2.
     pub pp: f64,
+    /// Covariance of angle and rate, rad2/s.
     pub pv: f64,
+    /// Variance of the rate, rad2/s2.
     pub vv: f64,
 }
 

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 /// Hysteresis thresholds, full-scale metres a second: stopped below the first, moving above the second.
 pub const STANDS_MPS: f64 = 0.1;
+/// A vehicle that stands moves off above this speed, once it has left its position.
 pub const MOVES_MPS: f64 = 0.4;
 /// Distance at which a vehicle has left its position, full-scale metres: 10 mm in the laboratory.
 pub const LEFT_M: f64 = 0.25;
@@ -32,9 +33,11 @@ const SLOW_SHARE: f64 = 0.25;
 pub struct MotionSample {
     /// Along the heading.
     pub speed_mps: f64,
+    /// A fixed point of the vehicle, seen from above.
     pub position: DVec2,
     /// Standard deviations; 0 if exact.
     pub speed_std_mps: f64,
+    /// Of each coordinate; 0 if exact.
     pub position_std_m: f64,
 }
 
@@ -73,9 +76,11 @@ impl From<&MotionEstimate> for MotionSample {
 /// A transition of the standstill detector.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum StandstillChange {
+    /// It has come to a stand after it had moved.
     Stopped,
     /// `stood_s` ends when it exceeded [`MOVES_MPS`].
     MovedOff {
+        /// Duration of the stand, seconds.
         stood_s: f64,
     },
 }
@@ -129,6 +134,7 @@ impl Digest for StandstillDetector {
 }
 
 impl StandstillDetector {
+    /// Whether the vehicle counts as standing, also if it has not moved yet.
     pub fn is_standing(&self) -> bool {
         self.stands.is_some()
     }

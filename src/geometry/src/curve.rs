@@ -8,7 +8,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Segment<F: Frame = City> {
+    /// First point, with the heading of the tangent there.
     pub start: Pose2<F>,
+    /// Arc length, metres of the frame.
     pub length: f64,
     /// Signed, left-positive, 1 / radius.
     pub curvature: f64,
@@ -19,6 +21,7 @@ pub struct Segment<F: Frame = City> {
 /// A point of a curve with its tangent and curvature.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CurvePoint<F: Frame = City> {
+    /// Position, with the heading of the tangent.
     pub pose: Pose2<F>,
     /// Signed, left-positive, 1 / radius.
     pub curvature: f64,
@@ -37,6 +40,7 @@ pub struct CurveProjection {
 }
 
 impl<F: Frame> Segment<F> {
+    /// A segment from its first point on, of an arc length and a curvature (left-positive, 1 / radius).
     pub fn new(start: Pose2<F>, length: f64, curvature: f64) -> Self {
         let (start_sin, start_cos) = trig::sin_cos(start.yaw_rad);
         Self { start, length, curvature, start_sin, start_cos }
@@ -88,6 +92,7 @@ impl<F: Frame> Segment<F> {
         Pose2::at(position, wrap_angle(self.start.yaw_rad + turned))
     }
 
+    /// The pose at the last point.
     pub fn end(&self) -> Pose2<F> {
         self.pose_at(self.length)
     }
@@ -160,6 +165,8 @@ pub struct Curve<F: Frame = City> {
 }
 
 impl<F: Frame> Curve<F> {
+    /// The curve of these segments, each of which has to start where the one before ends.
+    ///
     /// # Panics
     /// If there is no segment: an empty curve has no tangent.
     pub fn new(segments: Vec<Segment<F>>) -> Self {
@@ -174,15 +181,20 @@ impl<F: Frame> Curve<F> {
         Self { segments, stations }
     }
 
+    /// In order of arc length; at least one.
     pub fn segments(&self) -> &[Segment<F>] {
         &self.segments
     }
 
+    /// Arc length of the whole curve, metres of the frame.
     pub fn length(&self) -> f64 {
         self.stations[self.segments.len()]
     }
 
     /// Arc length at which segment `index` starts.
+    ///
+    /// # Panics
+    /// If `index` exceeds the number of segments; equal to it, the answer is the whole length.
     pub fn station(&self, index: usize) -> f64 {
         self.stations[index]
     }
@@ -214,10 +226,12 @@ impl<F: Frame> Curve<F> {
         self.segments[self.segment_index_at(s)].curvature
     }
 
+    /// The pose at arc length 0.
     pub fn start(&self) -> Pose2<F> {
         self.segments[0].start
     }
 
+    /// The pose at the end of the last segment.
     pub fn end(&self) -> Pose2<F> {
         self.segments[self.segments.len() - 1].end()
     }

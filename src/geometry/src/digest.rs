@@ -37,15 +37,18 @@ impl StateHash {
         self.0
     }
 
+    /// Adds a word; the order of the calls counts.
     pub fn word(&mut self, word: u64) {
         // Multiplication alone never moves high bits down; the shift does.
         self.0 = (self.0 ^ word ^ (self.0 >> 29)).wrapping_mul(PRIME);
     }
 
+    /// Adds a number by its bits, so that 0.0 and -0.0 differ.
     pub fn number(&mut self, number: f64) {
         self.word(number.to_bits());
     }
 
+    /// Adds numbers in their order, without their count.
     pub fn numbers(&mut self, numbers: impl IntoIterator<Item = f64>) {
         numbers.into_iter().for_each(|number| self.number(number));
     }
@@ -62,6 +65,7 @@ impl StateHash {
         self.word(flags.into_iter().fold(0, |word, flag| word << 1 | u64::from(flag)));
     }
 
+    /// Adds each part in its order, without their count.
     pub fn all<'a, D: Digest + 'a>(&mut self, parts: impl IntoIterator<Item = &'a D>) {
         parts.into_iter().for_each(|part| part.digest(self));
     }

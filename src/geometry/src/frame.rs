@@ -25,8 +25,12 @@ impl Frame for City {}
 
 /// Geometry of the laboratory's frame, for modules that know no other.
 pub mod lab {
+    /// A planar pose on the laboratory's floor.
     pub type Pose2 = crate::Pose2<super::Lab>;
+    /// A straight line or an arc on the laboratory's floor.
     pub type Segment = crate::Segment<super::Lab>;
+    /// A point of a curve on the laboratory's floor.
     pub type CurvePoint = crate::CurvePoint<super::Lab>;
+    /// A curve of lines and arcs on the laboratory's floor.
     pub type Curve = crate::Curve<super::Lab>;
 }

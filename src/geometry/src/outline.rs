@@ -6,6 +6,7 @@ use glam::DVec2;
 /// An oriented rectangle: the outline of a vehicle seen from above.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OrientedRect {
+    /// Metres of the frame.
     pub centre: DVec2,
     /// Unit vector along the length.
     pub axis: DVec2,
@@ -16,10 +17,12 @@ pub struct OrientedRect {
 /// The penetration of two outlines: their depth along the axis of least overlap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Overlap {
+    /// Metres of the frame, above 0.
     pub depth: f64,
 }
 
 impl OrientedRect {
+    /// The outline about the middle `pose`: `length` along its heading, `width` across, metres of the frame.
     pub fn new<F: Frame>(pose: Pose2<F>, length: f64, width: f64) -> Self {
         Self { centre: pose.position, axis: pose.forward(), half: DVec2::new(length / 2.0, width / 2.0) }
     }
@@ -36,6 +39,7 @@ impl OrientedRect {
         self.half.length()
     }
 
+    /// Overlap with another outline; `None` if the two are apart or only touch.
     pub fn overlap(&self, other: &Self) -> Option<Overlap> {
         let offset = other.centre - self.centre;
         let mut depth = f64::INFINITY;

@@ -26,10 +26,12 @@ pub struct Pose2<F: Frame = City> {
 }
 
 impl<F: Frame> Pose2<F> {
+    /// The pose at two coordinates, metres of the frame.
     pub fn new(x: f64, y: f64, yaw_rad: f64) -> Self {
         Self::at(DVec2::new(x, y), yaw_rad)
     }
 
+    /// The pose at a position, metres of the frame.
     pub const fn at(position: DVec2, yaw_rad: f64) -> Self {
         Self { position, yaw_rad, frame: PhantomData }
     }
@@ -56,6 +58,7 @@ impl<F: Frame> Pose2<F> {
         Self::at(self.point_at(ahead, 0.0), self.yaw_rad)
     }
 
+    /// Whether no coordinate and no angle is infinite or NaN.
     pub fn is_finite(&self) -> bool {
         self.position.is_finite() && self.yaw_rad.is_finite()
     }

@@ -5,10 +5,12 @@
 
 use std::f64::consts::{PI, TAU};
 
+/// Sine of an angle.
 pub fn sin(angle_rad: f64) -> f64 {
     libm::sin(angle_rad)
 }
 
+/// Cosine of an angle.
 pub fn cos(angle_rad: f64) -> f64 {
     libm::cos(angle_rad)
 }
@@ -18,30 +20,37 @@ pub fn sin_cos(angle_rad: f64) -> (f64, f64) {
     libm::sincos(angle_rad)
 }
 
+/// Tangent of an angle.
 pub fn tan(angle_rad: f64) -> f64 {
     libm::tan(angle_rad)
 }
 
+/// Arc sine in [-pi/2, pi/2]; NaN for arguments beyond [-1, 1].
 pub fn asin(sine: f64) -> f64 {
     libm::asin(sine)
 }
 
+/// Arc cosine in [0, pi]; NaN for arguments beyond [-1, 1].
 pub fn acos(cosine: f64) -> f64 {
     libm::acos(cosine)
 }
 
+/// Arc tangent in [-pi/2, pi/2].
 pub fn atan(tangent: f64) -> f64 {
     libm::atan(tangent)
 }
 
+/// Direction of the vector (`x`, `y`), counter-clockwise from the x axis, in [-pi, pi].
 pub fn atan2(y: f64, x: f64) -> f64 {
     libm::atan2(y, x)
 }
 
+/// Power of Euler's number.
 pub fn exp(exponent: f64) -> f64 {
     libm::exp(exponent)
 }
 
+/// `base` to a real power; NaN for a negative base and an exponent that is no whole number.
 pub fn pow(base: f64, exponent: f64) -> f64 {
     libm::pow(base, exponent)
 }
@@ -62,10 +71,12 @@ pub fn powi(base: f64, exponent: u32) -> f64 {
     power
 }
 
+/// Logarithm to base 10; NaN for negative numbers.
 pub fn log10(number: f64) -> f64 {
     libm::log10(number)
 }
 
+/// Length of the vector (`x`, `y`), computed without overflow in between.
 pub fn hypot(x: f64, y: f64) -> f64 {
     libm::hypot(x, y)
 }

@@ -24,14 +24,17 @@ impl LengthScale {
             .then_some(Self(city_metres_per_lab_metre))
     }
 
+    /// City metres for one laboratory metre.
     pub fn factor(self) -> f64 {
         self.0
     }
 
+    /// The full-scale value of a length, speed or acceleration of the laboratory.
     pub fn city_from_lab(self, lab: f64) -> f64 {
         lab * self.0
     }
 
+    /// The laboratory's value of a full-scale length, speed or acceleration.
     pub fn lab_from_city(self, city: f64) -> f64 {
         city / self.0
     }

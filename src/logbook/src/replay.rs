@@ -17,23 +17,29 @@ use thiserror::Error;
 /// A log that cannot be replayed.
 #[derive(Debug, Error)]
 pub enum ReplayError {
+    /// The log cannot be read.
     #[error(transparent)]
     Log(#[from] RecordError),
+    /// The log is of [`LogOrigin::Mainframe`].
     #[error(
         "the log is that of the control framework, which has no world of its own; \
          give the log of the city that it drove in (city3d serve --out)"
     )]
     Mainframe,
+    /// The log is of [`LogOrigin::Recorded`].
     #[error("the log has poses that were measured elsewhere: there is no world to simulate again")]
     Recorded,
+    /// The log is of another revision of the simulation than [`digest::REVISION`].
     #[error(
         "the log is of revision {found} of the simulation, written by version {version}, and this is revision {known}: \
          their states differ in some bits. Simulate it again with the version that wrote it; city3d replay LOG shows it \
          in the window"
     )]
     Revision { found: u32, known: u32, version: String },
+    /// The ticks of the log are not consecutive.
     #[error("the log goes from tick {from} to tick {to}: the ticks between them are missing")]
     Gap { from: u64, to: u64 },
+    /// A logged datagram of the laboratory's link cannot be decoded into commands.
     #[error("tick {tick}: what came over the link is damaged: {reason}")]
     Network { tick: u64, reason: String },
 }
@@ -41,12 +47,16 @@ pub enum ReplayError {
 /// State digests of one tick: recorded and simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TickDigests {
+    /// Physics steps since the start or the last reset.
     pub tick: u64,
+    /// Digest of the state in the log.
     pub recorded: u64,
+    /// Digest of the state that the replay has come to.
     pub simulated: u64,
 }
 
 impl TickDigests {
+    /// Whether the replay has come to the recorded state.
     pub fn agrees(&self) -> bool {
         self.recorded == self.simulated
     }
@@ -55,8 +65,10 @@ impl TickDigests {
 /// A vehicle whose simulated state differs from the log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VehicleDifference {
+    /// Number of the vehicle, unique in the run.
     pub vehicle: VehicleId,
     /// Distance between the two positions; `None` where only one of them exists.
+    /// City metres.
     pub apart_m: Option<f64>,
 }
 
@@ -100,10 +112,12 @@ impl Replay {
         Ok(Self { snapshot: world.snapshot(), log, world, commands: Vec::new(), applied: Vec::new() })
     }
 
+    /// The experiment of the log: scenario, map and settings of the simulated world.
     pub fn experiment(&self) -> &Arc<Experiment> {
         self.world.experiment()
     }
 
+    /// The log, read as far as the replay has come.
     pub fn log(&self) -> &LogReader {
         &self.log
     }

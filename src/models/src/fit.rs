@@ -7,22 +7,30 @@ use glam::Vec3;
 /// Full-scale dimensions of a vehicle, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measures {
+    /// Length of the outline, from bumper to bumper.
     pub length: f32,
+    /// Width of the outline, with the mirrors.
     pub width: f32,
+    /// Height of the roof above the road.
     pub height: f32,
+    /// Distance between the axles.
     pub wheelbase: f32,
+    /// Radius of a wheel with its tyre.
     pub wheel_radius: f32,
 }
 
 /// A fitted car: bodies in the body frame, wheels about their own centres, the outer face towards +y.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FittedCar {
+    /// Finest body, without wheels.
     pub body: Vec<MeshPrimitive>,
+    /// Finest wheel, drawn four times; empty if the model has none.
     pub wheel: Vec<MeshPrimitive>,
     /// Coarser body, if the model has one.
     pub far_body: Option<Vec<MeshPrimitive>>,
     /// Coarsest body, including its wheels.
     pub farther_body: Option<Vec<MeshPrimitive>>,
+    /// Coarser wheel, if the model has one.
     pub far_wheel: Option<Vec<MeshPrimitive>>,
     /// Half the track width; `None` without wheels.
     pub half_track: Option<f32>,

@@ -18,6 +18,7 @@ use glam::{Affine3A, Vec2, Vec3};
 /// A material. Its name states its purpose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
+    /// As in the file; empty if the file has none.
     pub name: String,
     /// sRGB.
     pub colour: [u8; 3],
@@ -27,10 +28,14 @@ pub struct Material {
     pub roughness: f32,
 }
 
+/// A corner of a triangle, in the frame of its mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelVertex {
+    /// Metres, before [`ModelNode::model_from_mesh`] is applied.
     pub position: Vec3,
+    /// Outward unit vector.
     pub normal: Vec3,
+    /// Texture coordinates of glTF, v downwards; 0 if the file has none.
     pub uv: Vec2,
     /// How much of the sky's light reaches it, 255 for all.
     pub openness: u8,
@@ -39,24 +44,31 @@ pub struct ModelVertex {
 /// A mesh primitive (glTF): indexed triangles of one material, counter-clockwise seen from outside.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshPrimitive {
+    /// Colour and gloss of all its triangles.
     pub material: Material,
+    /// Corners that the triangles share.
     pub vertices: Vec<ModelVertex>,
+    /// Three for each triangle, into `vertices`.
     pub indices: Vec<u32>,
 }
 
 /// A node (glTF): a mesh with a transform.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModelNode {
+    /// As in the file, where it states the purpose; `node_` and the index if the file has none.
     pub name: String,
     /// Index into [`Model::meshes`].
     pub mesh: usize,
+    /// Transform of vertices into the frame of the model, metres.
     pub model_from_mesh: Affine3A,
 }
 
 /// A 3D model: meshes and nodes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
+    /// Meshes of the file, each with its primitives.
     pub meshes: Vec<Vec<MeshPrimitive>>,
+    /// Nodes with a mesh, in the order of the scene.
     pub nodes: Vec<ModelNode>,
 }
 
@@ -84,6 +96,7 @@ impl Model {
         bounds
     }
 
+    /// Triangles of all nodes; a mesh counts once for each node that shows it.
     pub fn triangle_count(&self) -> usize {
         self.nodes.iter().flat_map(|node| self.parts(node)).map(|part| part.indices.len() / 3).sum()
     }

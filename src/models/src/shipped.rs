@@ -2,10 +2,15 @@
 
 /// File names of street furniture.
 pub const BENCH: &str = "bench.glb";
+/// File name of the table with two benches.
 pub const PICNIC_TABLE: &str = "picnic_table.glb";
+/// File name of the street lamp.
 pub const LAMP: &str = "lamp.glb";
+/// File name of the litter bin.
 pub const BIN: &str = "bin.glb";
+/// File name of the pump of a filling station.
 pub const FUEL_PUMP: &str = "fuel_pump.glb";
+/// File names of all street furniture.
 pub const FURNITURE: [&str; 5] = [BENCH, PICNIC_TABLE, LAMP, BIN, FUEL_PUMP];
 
 /// Names of files and their bytes.

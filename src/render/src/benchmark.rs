@@ -32,6 +32,7 @@ pub trait ViewSource {
 /// What is measured.
 #[derive(Clone, Debug)]
 pub struct BenchmarkOptions {
+    /// Number of views that the source has at each instant.
     pub cameras: u32,
     /// Width and height in pixels.
     pub extent: [u32; 2],

@@ -40,12 +40,15 @@ impl AdapterPreference {
 /// GPU context: an open adapter with its device and queue.
 #[derive(Clone, Debug)]
 pub struct Context {
+    /// Logical device that creates buffers, textures and pipelines.
     pub device: wgpu::Device,
+    /// Queue that takes the command buffers of the device.
     pub queue: wgpu::Queue,
     /// Name and driver, for logs and reports.
     pub adapter_name: String,
     /// Whether the adapter draws on the CPU.
     pub is_software: bool,
+    /// The adapter that the device was opened on.
     pub adapter: wgpu::Adapter,
     /// Further devices of the same adapter: see [`Context::for_batches`].
     pub(super) peers: Arc<[Context]>,
@@ -54,7 +57,9 @@ pub struct Context {
 /// Render target of a view: a window's surface or a texture.
 #[derive(Clone, Copy, Debug)]
 pub struct TargetView<'a> {
+    /// Texture view that is drawn into.
     pub color: &'a wgpu::TextureView,
+    /// Pixel format of the texture view.
     pub format: wgpu::TextureFormat,
     /// Width and height in pixels.
     pub extent: [u32; 2],

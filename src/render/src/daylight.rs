@@ -12,8 +12,11 @@ pub struct Daylight {
 }
 
 impl Daylight {
+    /// High sun.
     pub const NOON: Self = Self { hours: 12.0 };
+    /// Half past four in the afternoon: the sun is low in the west.
     pub const LOW_SUN: Self = Self { hours: 16.5 };
+    /// Ten in the evening: moon and lamps.
     pub const NIGHT: Self = Self { hours: 22.0 };
 
     /// Unit vector towards the sun from latitude, declination and hour angle: 44 degrees north in autumn, solar noon at

@@ -6,29 +6,39 @@ use std::path::PathBuf;
 /// Error of adapter selection, drawing, read-back or a picture file.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
+    /// The machine has no adapter of the preferred kind; `wanted` says which, or is empty.
     #[error(
         "no graphics adapter was found{wanted}; on a machine without a GPU install Mesa's software adapter \
          (Debian and Ubuntu: apt-get install mesa-vulkan-drivers), which draws the same pictures on the CPU"
     )]
     NoAdapter { wanted: String },
+    /// No adapter has the preferred name; `present` lists the names that there are.
     #[error("no adapter's name contains \"{wanted}\"; there are: {present}")]
     NoSuchAdapter { wanted: String, present: String },
+    /// The adapter refuses to open a device.
     #[error("the adapter {adapter} cannot be opened: {source}")]
     NoDevice { adapter: String, source: wgpu::RequestDeviceError },
+    /// The width or the height of a view is 0 pixels, or more than the adapter draws.
     #[error(
         "a view of {width} x {height} pixels was asked for; the adapter draws from 1 x 1 to {most} x {most}"
     )]
     Extent { width: u32, height: u32, most: u32 },
+    /// A view, by its index in the batch, has a number that is not finite.
     #[error("the projection or pose of view {index} holds a number that is not finite")]
     View { index: usize },
+    /// A dimension of a vehicle is not above zero, or its pose is not finite.
     #[error("vehicle {vehicle} cannot be drawn: its {what} is {found}; it has to be finite and above zero")]
     Vehicle { vehicle: VehicleId, what: &'static str, found: f64 },
+    /// The id of a vehicle is 0 or exceeds the 16 bits of a pixel of an instance picture.
     #[error("instance pictures cannot show vehicle {vehicle}; they show ids from 1 to 65535")]
     Number { vehicle: VehicleId },
+    /// The adapter was lost, or a staging buffer cannot be mapped.
     #[error("the pictures did not come back from the adapter: {0}")]
     Readback(String),
+    /// The PNG encoder refuses a picture.
     #[error("{path}: {source}", path = path.display())]
     Encoding { path: PathBuf, source: ::png::EncodingError },
+    /// A picture file cannot be written.
     #[error("{path}: {source}", path = path.display())]
     File { path: PathBuf, source: std::io::Error },
 }

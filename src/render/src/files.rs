@@ -26,6 +26,7 @@ pub enum PictureFormat {
 }
 
 impl PictureFormat {
+    /// Kind of the pictures that a file of this format holds.
     pub fn kind(self) -> PictureKind {
         match self {
             Self::Rgb => PictureKind::Rgb,

@@ -123,6 +123,7 @@ impl MappedReadback {
         self.parts.iter().map(|part| part.layouts.len()).sum()
     }
 
+    /// Whether the batch has no views.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

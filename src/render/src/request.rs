@@ -7,13 +7,16 @@ use city3d_sensors::{PictureKind, PictureKinds, View};
 /// View and the requested kinds of its pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RenderRequest {
+    /// Camera pose, projection and resolution.
     pub view: View,
+    /// Kinds of pictures to draw and read back.
     pub kinds: PictureKinds,
 }
 
 /// Pictures of one view at one instant; `None` for kinds that were not requested.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pictures {
+    /// Colour, sRGB.
     pub rgb: Option<Image>,
     /// Depth map: metres along the optical axis; infinite where nothing is seen.
     pub depth: Option<Plane<f32>>,

@@ -82,8 +82,11 @@ impl Quality {
 /// Other engines draw the same, so that pictures and speed can be compared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlatLight {
+    /// Direction towards the sun, city frame; of any length.
     pub to_sun: Vec3,
+    /// Factor on the colour of every face.
     pub ambient: f32,
+    /// Additional factor on a face that is turned to the sun, times the cosine of the angle.
     pub sun: f32,
     /// Background colour, as displayed.
     pub background: [f32; 3],
@@ -92,7 +95,9 @@ pub struct FlatLight {
 /// Settings of a [`super::Renderer`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
+    /// Preset or own choice of shading, filtering and level of detail.
     pub quality: Quality,
+    /// Time of day: sun, moon, sky and lamps.
     pub daylight: Daylight,
     /// Replaces the light of the time of day; needs [`Quality::vertex_lit`].
     pub flat: Option<FlatLight>,

@@ -14,7 +14,9 @@ const MAX_BYTES_IN_FLIGHT: u64 = 384 << 20;
 /// View and the picture files to write of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CaptureJob {
+    /// Camera pose, projection and resolution.
     pub view: View,
+    /// Format and path of each file; a file that is there is replaced.
     pub files: Vec<(PictureFormat, PathBuf)>,
 }
 
@@ -41,6 +43,7 @@ struct WrittenFile {
 }
 
 impl<'a> PngStream<'a> {
+    /// A pipeline with nothing in flight.
     pub fn new(renderer: &'a mut Renderer) -> Self {
         let (report, done) = mpsc::channel();
         Self { renderer, in_flight: VecDeque::new(), done, report, bytes: 0, in_queue: 0, written: 0 }

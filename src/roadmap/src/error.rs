@@ -41,6 +41,7 @@ pub enum MapErrorKind {
 /// One fault of a drawing.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct MapError {
+    /// Category of the fault, whatever its wording.
     pub kind: MapErrorKind,
     /// Line of the file; 0 for a drawing made in memory.
     pub line: usize,
@@ -99,6 +100,7 @@ pub struct MapNote {
     pub line: usize,
     /// Kind and handle of the entity, or empty.
     pub entity: String,
+    /// What was noticed, ignored or changed.
     pub message: String,
 }
 

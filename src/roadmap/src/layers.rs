@@ -2,12 +2,19 @@
 
 use super::SceneryKind;
 
+/// Centre lines of the lanes of roads, which have markings.
 pub const LANES: &str = "LANES";
+/// Centre lines of lanes across a junction, without markings.
 pub const CONNECTORS: &str = "CONNECTORS";
+/// Stop lines, drawn across lanes.
 pub const STOP_LINES: &str = "STOP_LINES";
+/// Yield lines, drawn across lanes.
 pub const YIELD_LINES: &str = "YIELD_LINES";
+/// Lines from tail to tip: the direction of travel of arcs that get none from a line.
 pub const ARROWS: &str = "ARROWS";
+/// Texts that name the lanes that they are placed on.
 pub const NAMES: &str = "NAMES";
+/// Texts with the posted speeds of lanes, laboratory m/s.
 pub const SPEEDS: &str = "SPEEDS";
 /// Texts that name model files, each at the place where its model stands.
 pub const MODELS: &str = "MODELS";

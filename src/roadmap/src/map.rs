@@ -10,6 +10,7 @@ use std::fmt;
 pub struct LaneId(pub u32);
 
 impl LaneId {
+    /// Position of the lane in [`RoadMap::lanes`].
     pub fn index(self) -> usize {
         self.0 as usize
     }
@@ -21,6 +22,7 @@ impl fmt::Display for LaneId {
     }
 }
 
+/// Whether a lane is part of a road or leads across a junction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LaneKind {
@@ -34,9 +36,11 @@ pub enum LaneKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Lane<F: Frame = City> {
+    /// Its index in [`RoadMap::lanes`].
     pub id: LaneId,
     /// Unique in the map and stable as long as the drawing is.
     pub name: String,
+    /// Follows from the layer on which it is drawn.
     pub kind: LaneKind,
     /// Centre line in driving direction.
     pub curve: Curve<F>,
@@ -46,9 +50,11 @@ pub struct Lane<F: Frame = City> {
     pub speed_limit_mps: f64,
     /// Lanes that start at its end, in id order.
     pub successors: Vec<LaneId>,
+    /// Lanes that end at its start, in id order.
     pub predecessors: Vec<LaneId>,
     /// Adjacent lanes of the same direction, alongside for at least half of the lane.
     pub left: Option<LaneId>,
+    /// As [`Self::left`], on the other side; `None` if there is none.
     pub right: Option<LaneId>,
 }
 
@@ -83,11 +89,13 @@ impl<F: Frame> Lane<F> {
 pub struct ZoneId(pub u32);
 
 impl ZoneId {
+    /// Position of the zone in [`RoadMap::zones`].
     pub fn index(self) -> usize {
         self.0 as usize
     }
 }
 
+/// How the lanes of a conflict zone meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ZoneKind {
@@ -102,8 +110,11 @@ pub enum ZoneKind {
 /// The part of a lane that lies in a conflict zone.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ZoneSide {
+    /// One of the two lanes of the zone.
     pub lane: LaneId,
+    /// Arc length along the lane where the zone begins, metres of the map.
     pub from_m: f64,
+    /// Arc length along the lane where the zone ends, metres of the map.
     pub to_m: f64,
 }
 
@@ -111,12 +122,15 @@ pub struct ZoneSide {
 /// their lanes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ConflictZone {
+    /// Its index in [`RoadMap::zones`].
     pub id: ZoneId,
+    /// A merge or a diverge where the lanes share an end, otherwise a crossing.
     pub kind: ZoneKind,
     /// The side of the lane with the smaller id, then the other.
     pub sides: [ZoneSide; 2],
 }
 
+/// What a vehicle does at a control line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ControlLineKind {
@@ -129,7 +143,9 @@ pub enum ControlLineKind {
 /// A stop or yield line across a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ControlLine {
+    /// Follows from the layer on which it is drawn.
     pub kind: ControlLineKind,
+    /// Lane that it applies to. A drawn line across several lanes yields a control line for each.
     pub lane: LaneId,
     /// Arc length along the lane.
     pub at_m: f64,
@@ -149,7 +165,9 @@ pub enum SceneryKind {
     Hedge,
     /// Circle of the crown.
     Tree,
+    /// Street lamp.
     Lamp,
+    /// Park bench.
     Bench,
     /// Grass of a park or a garden.
     Grass,
@@ -163,10 +181,12 @@ pub enum SceneryKind {
     Parking,
     /// Playground.
     Playground,
+    /// Table with benches.
     PicnicTable,
 }
 
 impl SceneryKind {
+    /// In the order in which a map lists its scenery.
     pub const ALL: [Self; 13] = [
         Self::Building,
         Self::Wall,
@@ -216,14 +236,19 @@ pub enum Footprint {
     Polygon(Vec<DVec2>),
     /// Open: a wall or a hedge along a line.
     Polyline(Vec<DVec2>),
+    /// A disc: the crown of a tree, or another item drawn as a circle.
     Circle {
+        /// Metres of the map.
         centre: DVec2,
+        /// Metres of the map.
         radius_m: f64,
     },
 }
 
+/// An item of scenery beside the road.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scenery {
+    /// Follows from the layer on which it is drawn.
     pub kind: SceneryKind,
     /// The text placed on it in the drawing, empty without one: "fire station".
     pub name: String,
@@ -231,6 +256,7 @@ pub struct Scenery {
     pub height_m: Option<f64>,
     /// Heading of its front, counter-clockwise from east, if the drawing states it.
     pub front_rad: Option<f64>,
+    /// Its outline on the ground, metres of the map.
     pub shape: Footprint,
 }
 
@@ -257,7 +283,9 @@ pub struct RoadMap<F: Frame = City> {
     pub lanes: Vec<Lane<F>>,
     /// By id.
     pub zones: Vec<ConflictZone>,
+    /// Stop lines, then yield lines, each in the order of the file.
     pub lines: Vec<ControlLine>,
+    /// By kind, in the order of [`SceneryKind::ALL`], then as in the file.
     pub scenery: Vec<Scenery>,
     /// Models from files. They are drawn only: nothing collides with them.
     pub models: Vec<PlacedModel>,
@@ -266,14 +294,23 @@ pub struct RoadMap<F: Frame = City> {
 }
 
 impl<F: Frame> RoadMap<F> {
+    /// The lane with this id.
+    ///
+    /// # Panics
+    /// If the map has no such lane: the id is that of another map.
     pub fn lane(&self, id: LaneId) -> &Lane<F> {
         &self.lanes[id.index()]
     }
 
+    /// The conflict zone with this id.
+    ///
+    /// # Panics
+    /// If the map has no such zone: the id is that of another map.
     pub fn zone(&self, id: ZoneId) -> &ConflictZone {
         &self.zones[id.index()]
     }
 
+    /// The lane with exactly this name; `None` if the map has none.
     pub fn lane_by_name(&self, name: &str) -> Option<&Lane<F>> {
         self.lanes.iter().find(|lane| lane.name == name)
     }

@@ -66,8 +66,10 @@ pub struct SceneObject {
     pub levels: Vec<LodMesh>,
 }
 
+/// The mesh of an object at one level of detail.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LodMesh {
+    /// Empty where the object is not drawn at this level.
     pub mesh: Mesh,
     /// Geometric error: how far its silhouette and visible detail may be from the finest level, metres; 0 for
     /// the finest level.
@@ -81,8 +83,11 @@ pub const CELL_M: f32 = 13.0;
 /// An occluder: a vertical rectangle that stands on the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wall {
+    /// One end of its foot, city metres.
     pub from: Vec2,
+    /// The other end of its foot, city metres.
     pub to: Vec2,
+    /// Height above the ground up to which it is opaque.
     pub height_m: f32,
 }
 
@@ -90,6 +95,7 @@ pub struct Wall {
 const COARSER_M: [f32; 3] = [0.16, 0.4, 1.0];
 
 impl SceneObject {
+    /// An object that is drawn with the same mesh at every distance.
     pub fn of_one_level(mesh: Mesh) -> Self {
         Self { levels: vec![LodMesh { mesh, error_m: 0.0 }] }
     }
@@ -164,6 +170,7 @@ impl SceneObject {
         Self { levels }
     }
 
+    /// Whether it has no triangles at any level.
     pub fn is_empty(&self) -> bool {
         self.levels.iter().all(|level| level.mesh.is_empty())
     }

@@ -8,13 +8,20 @@ use std::hash::Hash;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Surface {
+    /// Uniform, fully matt.
     #[default]
     Plain,
+    /// Grain, stains and fine cracks.
     Asphalt,
+    /// Lawns and verges.
     Grass,
+    /// Paving slabs with joints.
     Slabs,
+    /// Concrete, render and cut stone.
     Concrete,
+    /// Worn paint on asphalt.
     Paint,
+    /// Courses of brick with mortar joints.
     Brick,
     /// A bay of a rendered wall with a window; u counts bays, v storeys.
     Windows,
@@ -22,14 +29,23 @@ pub enum Surface {
     Glazing,
     /// A bay of a shop front: window down to the pavement.
     Shopfront,
+    /// Rows of overlapping tiles.
     RoofTiles,
+    /// Loose stones, as on flat roofs.
     Gravel,
+    /// Foliage of broad-leaved trees and hedges.
     Leaves,
+    /// Boards and bark.
     Wood,
+    /// Rippled surface of a pond.
     Water,
+    /// Sand of playgrounds and shores.
     Sand,
+    /// Flowers among leaves, in clumps of one colour.
     Flowers,
+    /// Dark, smooth window glass.
     Glass,
+    /// Painted or bare metal, less rough than [`Self::Plain`].
     Metal,
     /// A lane from its right edge (u 0) to its left one, with the tracks of tyres.
     Lane,
@@ -71,6 +87,7 @@ pub enum Surface {
 }
 
 impl Surface {
+    /// Number of surfaces: layers of the texture array.
     pub const COUNT: usize = Self::Tearoom as usize + 1;
 
     /// Whether it is a shop-front bay of any kind.
@@ -103,18 +120,30 @@ impl Surface {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Class {
+    /// Pixels that no object covers.
     #[default]
     Sky = 0,
+    /// Asphalt of roads and car parks, with manhole covers.
     Road = 1,
+    /// Paint on asphalt: lines, arrows, parking bays.
     Marking = 2,
+    /// Pavements, kerbs, paved squares and the sand of playgrounds.
     Pavement = 3,
+    /// Lawns, verges, and banks and shores of ponds.
     Grass = 4,
+    /// Buildings with all their parts; model files too, unless their materials are of another class.
     Building = 5,
+    /// Free-standing walls, and stone edges of car parks and grounds.
     Wall = 6,
+    /// Trees, hedges, flower beds, reeds and woods.
     Vegetation = 7,
+    /// Street lamps, and posts of signs.
     Pole = 8,
+    /// Benches, picnic tables, bins, fuel pumps and playground equipment.
     Furniture = 9,
+    /// Ponds.
     Water = 10,
+    /// Vehicles with glass, lamps and wheels, and parked cars.
     Vehicle = 11,
     /// Faces of road signs; their poles are poles.
     Sign = 12,
@@ -123,13 +152,16 @@ pub enum Class {
 /// The finish of a face: surface, colour and class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Finish {
+    /// Selects the texture.
     pub surface: Surface,
     /// sRGB, multiplied with the surface's texture.
     pub colour: [u8; 3],
+    /// What its pixels count as in semantic segmentation.
     pub class: Class,
 }
 
 impl Finish {
+    /// The finish of a surface with an sRGB tint.
     pub const fn new(surface: Surface, colour: [u8; 3], class: Class) -> Self {
         Self { surface, colour, class }
     }
@@ -140,13 +172,16 @@ impl Finish {
     }
 }
 
+/// A corner of triangles with its shading attributes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vertex {
     /// Metres, relative to the origin of the mesh's owner.
     pub position: Vec3,
+    /// Unit vector out of the surface.
     pub normal: Vec3,
     /// In texture repeats.
     pub uv: Vec2,
+    /// Finish of the triangles that meet here.
     pub finish: Finish,
     /// Ambient openness: the share of the sky that is visible, 255 for all.
     pub openness: u8,
@@ -249,15 +284,19 @@ const FOOT_OPENNESS: u8 = 140;
 /// Indexed triangles, counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
+    /// Corners that the triangles refer to by index.
     pub vertices: Vec<Vertex>,
+    /// Three for each triangle.
     pub indices: Vec<u32>,
 }
 
 impl Mesh {
+    /// Number of triangles.
     pub fn triangle_count(&self) -> usize {
         self.indices.len() / 3
     }
 
+    /// Whether it has no triangles; unused vertices do not count.
     pub fn is_empty(&self) -> bool {
         self.indices.is_empty()
     }
@@ -269,6 +308,7 @@ impl Mesh {
         self.indices.extend(other.indices.iter().map(|k| k + base));
     }
 
+    /// Adds a vertex and returns its index.
     pub fn vertex(&mut self, vertex: Vertex) -> u32 {
         self.vertices.push(vertex);
         self.vertices.len() as u32 - 1

@@ -13,7 +13,9 @@ use i_overlay::mesh::float::style::OutlineStyle;
 /// A region of the plane: the outer ring counter-clockwise, holes clockwise.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Region {
+    /// City metres, the first corner not repeated.
     pub outer: Vec<DVec2>,
+    /// One ring for each hole, as [`Self::outer`].
     pub holes: Vec<Vec<DVec2>>,
 }
 

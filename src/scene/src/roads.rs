@@ -35,6 +35,7 @@ pub(super) const KERB_M: f32 = 0.12;
 /// Height of the ground beyond the pavements.
 pub(super) const GRASS_M: f32 = 0.10;
 
+/// Finish of roads and car parks, without paint and wear.
 pub const ASPHALT: Finish = Finish::new(Surface::Asphalt, [110, 110, 112], Class::Road);
 pub(super) const GRASS: Finish = Finish::new(Surface::Grass, [104, 118, 74], Class::Grass);
 /// Texture repeat of the slabs, metres.

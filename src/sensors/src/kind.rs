@@ -17,6 +17,7 @@ pub enum PictureKind {
 }
 
 impl PictureKind {
+    /// All kinds, in the order of [`PictureKinds::iter`].
     pub const ALL: [Self; 4] = [Self::Rgb, Self::Depth, Self::Semantic, Self::Instance];
 
     /// Name in scenarios, arguments and tables.
@@ -35,14 +36,18 @@ impl PictureKind {
 pub struct PictureKinds(u8);
 
 impl PictureKinds {
+    /// The empty set.
     pub const NONE: Self = Self(0);
+    /// Only colour: what a camera takes unless its scenario says otherwise.
     pub const RGB: Self = Self(1 << PictureKind::Rgb as u8);
 
+    /// The set with one more kind.
     #[must_use]
     pub fn with(self, kind: PictureKind) -> Self {
         Self(self.0 | 1 << kind as u8)
     }
 
+    /// Whether a kind is a member.
     pub fn contains(self, kind: PictureKind) -> bool {
         self.0 & 1 << kind as u8 != 0
     }
@@ -52,10 +57,12 @@ impl PictureKinds {
         PictureKind::ALL.into_iter().filter(move |kind| self.contains(*kind))
     }
 
+    /// Number of members.
     pub fn len(self) -> usize {
         self.iter().count()
     }
 
+    /// Whether no kind is a member.
     pub fn is_empty(self) -> bool {
         self == Self::NONE
     }

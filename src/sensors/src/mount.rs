@@ -23,7 +23,9 @@ pub enum Mount {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MountPoint {
+    /// Behind the mirror, as far ahead and as high as the vehicle's length and height imply.
     Windscreen,
+    /// In the middle of the front bumper.
     Bumper,
     /// In the body frame, city metres: x forward, y left, z up, origin on the ground under the middle
     /// of the outline.
@@ -67,6 +69,7 @@ pub enum Camera {
 /// Why a camera has no view of a snapshot.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CameraError {
+    /// The carrying vehicle `wanted` is not in the snapshot of `tick`; `present` lists those that are.
     #[error("no vehicle {wanted} carries a camera at tick {tick}: the vehicles there are {present}")]
     NoVehicle { wanted: VehicleId, tick: u64, present: String },
 }
@@ -103,6 +106,7 @@ impl Camera {
         Self::Chase { vehicle, distance_m: 9.0, height_m: 3.6 }
     }
 
+    /// A camera fixed to a vehicle.
     pub fn onboard(vehicle: VehicleId, mount: Mount) -> Self {
         Self::Onboard { vehicle, mount }
     }

@@ -7,10 +7,13 @@ use serde::{Deserialize, Serialize};
 /// Intrinsics of a pinhole camera without lens distortion, pixels: the camera matrix of OpenCV.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Intrinsics {
+    /// Horizontal focal length.
     pub fx: f64,
+    /// Vertical focal length.
     pub fy: f64,
     /// Principal point; the middle of the image is `(width - 1) / 2`.
     pub cx: f64,
+    /// Principal point from the top; the middle of the image is `(height - 1) / 2`.
     pub cy: f64,
 }
 
@@ -19,7 +22,9 @@ pub struct Intrinsics {
 pub struct Lens {
     /// Vertical field of view: angle between the upper and the lower edge of the image.
     pub vertical_fov_rad: f64,
+    /// Distance of the near clip plane along the optical axis, city metres; nothing nearer is drawn.
     pub near_m: f64,
+    /// Distance of the far clip plane along the optical axis, city metres; nothing beyond is drawn.
     pub far_m: f64,
     /// Width and height of the image in pixels.
     pub extent: [u32; 2],
@@ -48,15 +53,22 @@ impl Lens {
 /// Projection of the camera frame onto the image.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Projection {
+    /// Perspective projection: the rays meet in the camera centre.
     Pinhole {
+        /// Focal lengths and principal point.
         intrinsics: Intrinsics,
+        /// Distance of the near clip plane, city metres.
         near_m: f64,
+        /// Distance of the far clip plane, city metres.
         far_m: f64,
     },
     /// Orthographic projection: parallel rays; the image shows this many metres from top to bottom.
     Orthographic {
+        /// Height of what the image shows, city metres.
         height_m: f64,
+        /// Distance of the near clip plane, city metres.
         near_m: f64,
+        /// Distance of the far clip plane, city metres.
         far_m: f64,
     },
     /// Any other projection: `clip_from_camera` (x right, y up, depth 1 at the near plane and 0 at the far one).
@@ -100,6 +112,7 @@ impl Projection {
 /// Extrinsics: the pose of a camera in the city frame (`city_from_camera`).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Extrinsics {
+    /// Camera centre, city metres.
     pub position: DVec3,
     /// City from camera (x right, y down, z forward).
     pub orientation: DQuat,
@@ -129,7 +142,9 @@ impl Extrinsics {
 /// A camera view: extrinsics, projection and resolution of one picture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct View {
+    /// Pose of the camera in the city.
     pub extrinsics: Extrinsics,
+    /// Intrinsics and clip planes, or another projection.
     pub projection: Projection,
     /// Width and height in pixels.
     pub extent: [u32; 2],
@@ -138,6 +153,7 @@ pub struct View {
 }
 
 impl View {
+    /// The perspective view of a camera that no vehicle carries.
     pub fn new(extrinsics: Extrinsics, lens: &Lens) -> Self {
         Self { extrinsics, projection: lens.projection(), extent: lens.extent, carrier: None }
     }

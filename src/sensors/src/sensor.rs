@@ -10,6 +10,7 @@ pub struct Sensor {
     pub name: String,
     /// Measurements per second of simulated time.
     pub rate_hz: f64,
+    /// What it measures, and how.
     pub kind: SensorKind,
 }
 
@@ -17,13 +18,17 @@ pub struct Sensor {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SensorKind {
+    /// A camera, which takes pictures.
     Camera(CameraSensor),
 }
 
 /// A camera: mount (extrinsics), lens (intrinsics) and picture kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraSensor {
+    /// Pose on the vehicle.
     pub mount: Mount,
+    /// Field of view, clip planes and resolution.
     pub lens: Lens,
+    /// Kinds of the pictures, which all show the same instant.
     pub kinds: PictureKinds,
 }

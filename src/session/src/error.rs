@@ -10,36 +10,49 @@ use thiserror::Error;
 /// Why a session cannot begin, or ended early.
 #[derive(Debug, Error)]
 pub enum SessionError {
+    /// A link cannot be opened.
     #[error(transparent)]
     Link(#[from] LinkError),
+    /// The control framework rejects a vehicle.
     #[error(transparent)]
     Setup(#[from] SetupError),
+    /// The log or the table of a run cannot be written.
     #[error(transparent)]
     Record(#[from] RecordError),
+    /// A command from the link cannot be encoded for the log.
     #[error(transparent)]
     Encode(#[from] EncodeError),
     /// Files of an earlier run are in the way.
     #[error(transparent)]
     Exists(#[from] ExistingResults),
+    /// The folder of a run cannot be created.
     #[error("{path}: the folder cannot be created: {source}", path = path.display())]
     Folder { path: PathBuf, source: std::io::Error },
+    /// `summary.json` cannot be written, or that of an earlier run cannot be removed.
     #[error("{path}: {source}", path = path.display())]
     File { path: PathBuf, source: std::io::Error },
+    /// The summary cannot be encoded.
     #[error("the summary cannot be written as JSON: {0}")]
     Summary(#[from] serde_json::Error),
+    /// Physical vehicles were asked for in lockstep, or at another speed than real time.
     #[error("physical vehicles need real time: leave out --lockstep and --speed, or set body = \"virtual\"")]
     PhysicalOutOfPace,
+    /// Robots were to be emulated for a scenario without physical vehicles.
     #[error("{scenario} has no physical vehicles: set body = \"physical\" on a [[vehicle]]")]
     NoPhysical { scenario: String },
+    /// A city in lockstep was to be controlled with poses from elsewhere, such as ROS.
     #[error("lockstep needs the city's own poses: leave out --ros here, or --lockstep in city3d serve")]
     LockstepWithoutCity,
+    /// The city has another physics rate or length scale than the scenario.
     #[error(
         "the city at {city} makes {found_hz} physics steps a second at a scale of {found_scale}, the scenario asks for \
          {wanted_hz} at {wanted_scale}: serve the same scenario"
     )]
     OtherCity { city: String, found_hz: u32, found_scale: f64, wanted_hz: u32, wanted_scale: f64 },
+    /// The city refuses a request for good; `detail` is its reason.
     #[error("the city refuses {what}: {detail}")]
     Refused { what: String, detail: String },
+    /// The session ended before the city had sent poses.
     #[error("the city at {city} has not answered")]
     Silent { city: String },
     /// Of an end of the session, such as standard output.
@@ -67,6 +80,7 @@ impl SessionError {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{path}: {what}", path = path.display())]
 pub struct ExistingResults {
+    /// The folder or the file that has the results.
     pub path: PathBuf,
     /// What is there, as a clause.
     pub what: String,

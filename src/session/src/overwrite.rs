@@ -9,8 +9,10 @@ const RUN_FILES: [&str; 3] = ["run.mcap", "vehicles.csv", "summary.json"];
 /// What becomes of the results of an earlier command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Overwrite {
+    /// They stay, and the new command fails.
     #[default]
     Refuse,
+    /// They are written over.
     Replace,
 }
 

@@ -23,9 +23,11 @@ pub struct RemoteControlOptions {
     pub city: String,
     /// World number, which tells several cities on one network apart; 0 matches any.
     pub world: u32,
+    /// Seals and verifies the datagrams of the city and of physical vehicles.
     pub authenticator: Authenticator,
     /// Folder of the files of the run; without it nothing is written.
     pub folder: Option<PathBuf>,
+    /// Rates of the files, and what becomes of earlier results.
     pub files: FileOptions,
 }
 

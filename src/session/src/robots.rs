@@ -19,6 +19,7 @@ use std::time::{Duration, Instant};
 pub struct TestbedOptions {
     /// World number, which tells several cities on one network apart; 0 matches any.
     pub world: u32,
+    /// Seals and verifies datagrams.
     pub authenticator: Authenticator,
     /// Networks that may send; empty for all.
     pub allowed: Vec<AllowedNetwork>,

@@ -16,6 +16,7 @@ pub struct FileOptions {
     pub log_hz: u32,
     /// Rows per simulated second and vehicle in `vehicles.csv`.
     pub csv_hz: u32,
+    /// What becomes of the results of an earlier command.
     pub overwrite: Overwrite,
 }
 
@@ -56,6 +57,9 @@ impl RunFiles {
     ///
     /// # Errors
     /// When the folder has another run, or cannot be written.
+    ///
+    /// # Panics
+    /// When a rate of the options is 0.
     pub fn begin(
         folder: Option<PathBuf>,
         experiment: &Experiment,

@@ -79,6 +79,7 @@ pub struct BodyId(RigidBodyHandle);
 pub struct BoxBody {
     /// Of the body's origin, city frame.
     pub position: DVec3,
+    /// Heading, counter-clockwise from east.
     pub yaw_rad: f64,
     /// Of the whole body, city frame.
     pub velocity_mps: DVec3,
@@ -86,6 +87,7 @@ pub struct BoxBody {
     pub size_m: DVec3,
     /// Of the box's underside above the body's origin.
     pub clearance_m: f64,
+    /// Of the whole body.
     pub mass_kg: f64,
     /// Body frame.
     pub centre_of_mass_m: DVec3,
@@ -96,11 +98,15 @@ pub struct BoxBody {
 /// Pose and velocity of a body, city frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyState {
+    /// Of the body's origin, metres.
     pub position: DVec3,
+    /// City from body.
     pub orientation: DQuat,
+    /// Position of the centre of mass, metres.
     pub centre_of_mass: DVec3,
     /// Of the centre of mass.
     pub velocity_mps: DVec3,
+    /// About the axes of the city frame.
     pub angular_velocity_radps: DVec3,
 }
 
@@ -123,6 +129,7 @@ impl BodyState {
 pub struct GroundHit {
     /// From the ray's origin, along it.
     pub distance_m: f64,
+    /// Unit vector out of the ground, city frame; zero if the ray starts below the ground.
     pub normal: DVec3,
 }
 

@@ -97,6 +97,7 @@ impl Measured {
         self.change
     }
 
+    /// Whether it counts as stopped: standstill detection with hysteresis.
     pub fn is_standing(&self) -> bool {
         self.odometer.is_standing()
     }

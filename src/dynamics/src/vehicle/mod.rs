@@ -35,8 +35,11 @@ use serde::{Deserialize, Serialize};
 /// releases a pedal and holds the steering angle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Actuation {
+    /// Gas pedal: share of the motor force that is available at the present speed.
     pub gas: f64,
+    /// Brake pedal: share of the largest force of the service brake.
     pub brake: f64,
+    /// Handbrake lever: share of its largest force.
     pub handbrake: f64,
     /// Desired steering angle of the equivalent single front wheel, left-positive.
     pub steering_rad: f64,
@@ -51,11 +54,13 @@ pub struct Motion {
     pub position: DVec3,
     /// City from body.
     pub orientation: DQuat,
+    /// Of [`Self::position`].
     pub velocity_mps: DVec3,
     /// Along the heading, at road level, negative in reverse.
     pub speed_mps: f64,
     /// Along the heading, of the centre of mass, over the last step.
     pub acceleration_mps2: f64,
+    /// About the vertical, left-positive.
     pub yaw_rate_radps: f64,
     /// Steering angle of the equivalent single front wheel, after rate and limit.
     pub steering_rad: f64,
@@ -89,8 +94,11 @@ pub trait VehicleModel {
 /// The dynamics model of one vehicle.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum Dynamics {
+    /// Rigid body on four sprung wheels with tyre slip.
     Raycast(RaycastCar),
+    /// Kinematic bicycle model without tyre slip.
     Bicycle(Bicycle),
+    /// Physical vehicle of the laboratory, which follows its measured poses.
     Measured(Box<Measured>),
 }
 

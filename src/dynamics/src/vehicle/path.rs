@@ -45,6 +45,7 @@ pub(super) struct Path {
 /// The nearest point of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct NearestPoint {
+    /// Arc length along the path, metres.
     pub station: f64,
     /// Unit vector along the path.
     pub tangent: DVec2,

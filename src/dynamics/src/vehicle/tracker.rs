@@ -96,6 +96,7 @@ pub struct Tracker {
 /// Output of the tracking control at one tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tracking {
+    /// Pedals and desired steering angle for the dynamics model.
     pub actuation: Actuation,
     /// Lateral error: front-axle centre from the path, left-positive; 0 without a path.
     pub lateral_error_m: f64,

@@ -6,7 +6,9 @@ use city3d_geometry::trig;
 /// sRGB.
 pub type Colour = [u8; 3];
 
+/// Colour of axes and text: a soft black.
 pub const BLACK: Colour = [34, 34, 34];
+/// Colour of notes, and of reference lines and their labels.
 pub const GREY: Colour = [110, 110, 110];
 
 /// Colour-blind safe palette (Okabe and Ito 2008), without the yellow that is too light on white.
@@ -33,23 +35,30 @@ pub fn viridis(share: f64) -> Colour {
     std::array::from_fn(|k| (f64::from(low[k]) * (1.0 - weight) + f64::from(high[k]) * weight).round() as u8)
 }
 
+/// Dash pattern of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dash {
+    /// Without gaps.
     Solid,
+    /// Dashes of 2.2 mm with gaps of 1.3 mm in print.
     Dashed,
+    /// Dots of 0.6 mm with gaps of 0.9 mm in print.
     Dotted,
 }
 
 /// Style of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineStyle {
+    /// Stroke colour.
     pub colour: Colour,
+    /// Dash pattern along the line.
     pub dash: Dash,
     /// Typographic points.
     pub width_pt: f64,
 }
 
 impl LineStyle {
+    /// A solid line of the usual width, 1.1 points.
     pub fn solid(colour: Colour) -> Self {
         Self { colour, dash: Dash::Solid, width_pt: 1.1 }
     }
@@ -58,17 +67,22 @@ impl LineStyle {
 /// A polyline; NaN interrupts it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChartLine {
+    /// Points in the units of the panel's axes, in drawing order.
     pub points: Vec<(f64, f64)>,
+    /// Colour, dash pattern and width.
     pub stroke: LineStyle,
 }
 
 /// A labelled reference line across a panel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReferenceLine {
+    /// Value of y or x at which the line lies, in the unit of that axis.
     pub at: f64,
     /// Horizontal at a value of y; otherwise vertical at a value of x.
     pub is_level: bool,
+    /// Label outside the axes; in a column figure the legend has those of horizontal lines.
     pub name: String,
+    /// Dash pattern; the colour is [`GREY`].
     pub dash: Dash,
     /// The label is to the left of a vertical line.
     pub is_before: bool,
@@ -77,12 +91,19 @@ pub struct ReferenceLine {
 /// A panel: one pair of axes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Panel {
+    /// Text above the axes; empty for none.
     pub title: String,
+    /// Label of the x axis with its unit; an empty one hides the tick labels too.
     pub x_label: String,
+    /// Label of the y axis with its unit; empty for none.
     pub y_label: String,
+    /// Values at the left and the right end of the x axis.
     pub x: (f64, f64),
+    /// Values at the lower and the upper end of the y axis.
     pub y: (f64, f64),
+    /// Data lines, drawn in this order over cells and reference lines.
     pub lines: Vec<ChartLine>,
+    /// Reference lines; those outside the axes are not drawn.
     pub rules: Vec<ReferenceLine>,
     /// Heat map cells, under the lines.
     pub cells: Vec<HeatMapCell>,
@@ -93,9 +114,13 @@ pub struct Panel {
 /// A cell of a heat map with its label; `share` from 0 to 1 sets the colour.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeatMapCell {
+    /// Left and right edge, in the unit of the x axis.
     pub x: (f64, f64),
+    /// Lower and upper edge, in the unit of the y axis.
     pub y: (f64, f64),
+    /// Position on the colour map, see [`viridis`].
     pub share: f64,
+    /// Label in the middle of the cell.
     pub word: String,
 }
 
@@ -127,15 +152,20 @@ fn widened((low, high): (f64, f64)) -> (f64, f64) {
 /// An entry of the legend.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LegendEntry {
+    /// Text right of the line sample.
     pub name: String,
+    /// Style of the line sample.
     pub stroke: LineStyle,
 }
 
 /// A colour bar.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColourBar {
+    /// Quantity and unit, right of the bar.
     pub label: String,
+    /// Value at the left end, the darkest colour.
     pub from: f64,
+    /// Value at the right end, the lightest colour.
     pub to: f64,
 }
 
@@ -144,16 +174,21 @@ pub struct ColourBar {
 pub struct Figure {
     /// Base name of its files.
     pub name: String,
+    /// Heading at the top, broken into lines that fit the width.
     pub title: String,
     /// Row by row; rows of equal height.
     pub panels: Vec<Panel>,
+    /// Panels in a row; [`FigureSize::Column`](super::FigureSize) has one.
     pub columns: usize,
     /// Height of a row of axes over the width of the figure.
     pub row_height: f64,
+    /// Line samples with names below the title; empty for none.
     pub legend: Vec<LegendEntry>,
+    /// Colour bar below the legend; `None` where no colour stands for a value.
     pub scale: Option<ColourBar>,
     /// Note below the figure.
     pub note: String,
+    /// The plotted data with units in the names of the columns.
     pub table: TidyTable,
 }
 

@@ -22,12 +22,15 @@ pub struct CompareError {
 /// A quantity of both runs, or of one vehicle in both.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ComparisonRow {
+    /// Quantity in words, such as "RMS jerk".
     pub quantity: &'static str,
     /// Empty for numbers, `m`, `s` and the like otherwise; laboratory units.
     pub unit: &'static str,
     /// `None` for the whole run.
     pub vehicle: Option<u32>,
+    /// Name of the vehicle; empty for the whole run.
     pub name: String,
+    /// Value in the first run and in the second.
     pub values: [ComparisonValue; 2],
 }
 
@@ -35,9 +38,13 @@ pub struct ComparisonRow {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum ComparisonValue {
+    /// The quantity does not apply, or has no finite value.
     None,
+    /// A number of occurrences, or a rank.
     Count(u64),
+    /// A measure in the unit of the row.
     Number(f64),
+    /// Words, such as the names of vehicles in merge order.
     Text(String),
 }
 
@@ -60,10 +67,15 @@ impl ComparisonValue {
 /// Distance between the positions of a vehicle in both runs, laboratory metres.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RunSeparation {
+    /// Number of the vehicle, the same in both runs.
     pub vehicle: u32,
+    /// Name of the vehicle in the first run.
     pub name: String,
+    /// Mean over the times that both runs have logged.
     pub mean_m: f64,
+    /// Largest distance at one of these times.
     pub max_m: f64,
+    /// Simulated time of the largest distance, seconds.
     pub max_at_s: f64,
     /// RMS speed difference, laboratory metres per second.
     pub rms_speed_mps: f64,
@@ -72,22 +84,30 @@ pub struct RunSeparation {
 /// Two runs side by side.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
+    /// Name of the scenario of both runs.
     pub scenario: String,
+    /// The first run and the second.
     pub runs: [RunHeader; 2],
     /// The lane that begins at the merging point.
     pub merge: Option<String>,
     /// Settings that differ, such as "environment.loss: 0, 0.01".
     pub settings: Vec<String>,
+    /// Quantities of the whole run, then those of each vehicle in id order.
     pub rows: Vec<ComparisonRow>,
+    /// Separations in id order, of the vehicles that both runs have at common times.
     pub apart: Vec<RunSeparation>,
 }
 
 /// Identification of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RunHeader {
+    /// Label in figures and tables, such as "ideal".
     pub label: String,
+    /// Path of the log.
     pub log: String,
+    /// Seed of the random numbers of the run.
     pub seed: u64,
+    /// Simulated time of the last snapshot, seconds.
     pub simulated_s: f64,
     /// Why the log is truncated, if it is.
     pub torn: Option<String>,
@@ -98,6 +118,9 @@ impl Comparison {
     ///
     /// # Errors
     /// Where they are not runs of one scenario; says what differs.
+    ///
+    /// # Panics
+    /// When there are fewer than two labels.
     pub fn of(runs: &[RunLog; 2], layout: &StreamLayout, labels: &[String]) -> Result<Self, CompareError> {
         let [a, b] = runs;
         require_same(a, b)?;

@@ -19,10 +19,13 @@ use thiserror::Error;
 /// A figure that cannot be drawn.
 #[derive(Debug, Error)]
 pub enum DrawError {
+    /// The embedded font cannot be registered.
     #[error("the font of figures cannot be used")]
     Font,
+    /// An error of plotters, in words.
     #[error("a figure cannot be drawn: {0}")]
     Plot(String),
+    /// The pixels cannot be encoded.
     #[error("a PNG cannot be written: {0}")]
     Png(#[from] png::EncodingError),
 }
@@ -38,6 +41,7 @@ pub enum FigureSize {
 }
 
 impl FigureSize {
+    /// Printed width, millimetres.
     pub fn width_mm(self) -> f64 {
         match self {
             Self::Column => 88.0,
@@ -459,8 +463,10 @@ pub fn write(figure: &Figure, size: FigureSize, folder: &Path) -> Result<(), Wri
 /// A figure that cannot be written.
 #[derive(Debug, Error)]
 pub enum WriteError {
+    /// The figure cannot be drawn.
     #[error(transparent)]
     Draw(#[from] DrawError),
+    /// A file cannot be written, or the table cannot be encoded as CSV.
     #[error("{path}: cannot be written: {error}")]
     File { path: String, error: std::io::Error },
 }

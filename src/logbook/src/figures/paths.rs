@@ -10,11 +10,13 @@ use thiserror::Error;
 /// One passage of a vehicle on a path; a circulating vehicle has one per round.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StreamMember {
+    /// Number of the vehicle, unique in the run.
     pub vehicle: VehicleId,
     /// Station along the vehicle's way of the merging point or, without one, of the origin.
     pub zero_m: f64,
     /// Stations between which the vehicle is on this path.
     pub from_m: f64,
+    /// End of that range; infinite without a merging point.
     pub to_m: f64,
 }
 
@@ -27,6 +29,7 @@ pub struct Stream {
     pub lane: String,
     /// Stop or yield line, city metres before the merging point.
     pub line_before_m: Option<f64>,
+    /// Passages in id order of the vehicles.
     pub members: Vec<StreamMember>,
 }
 
@@ -35,6 +38,7 @@ pub struct Stream {
 pub struct MergingPoint {
     /// Name of the lane that begins there.
     pub name: String,
+    /// Lanes that begin there, in id order.
     pub lanes: Vec<LaneId>,
     /// Lanes that end there and were driven.
     pub approaches: Vec<LaneId>,
@@ -45,6 +49,7 @@ pub struct MergingPoint {
 /// The requested merging point is not one of the run.
 #[derive(Debug, Error)]
 pub enum PathError {
+    /// No streams merge at the beginning of the lane `name`; `known` says where they do.
     #[error("in this run no streams merge at \"{name}\"; {known}")]
     NoMerge { name: String, known: String },
 }
@@ -72,7 +77,9 @@ pub struct StreamLayout {
 /// A stream apart from its vehicles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StreamLane {
+    /// Last lane before the merging point; without one, a lane that all vehicles of the stream have driven.
     pub lane: LaneId,
+    /// Stop or yield line, city metres before the merging point; `None` without one nearby.
     pub line_before_m: Option<f64>,
 }
 

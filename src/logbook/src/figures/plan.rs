@@ -8,7 +8,9 @@ use std::sync::OnceLock;
 /// A rectangle in millimetres from the upper left corner.
 #[derive(Clone, Copy, Debug)]
 pub struct PaperRect {
+    /// Distance of the left edge from the left edge of the page.
     pub x: f64,
+    /// Distance of the upper edge from the top of the page.
     pub y: f64,
     pub width: f64,
     pub height: f64,
@@ -16,22 +18,31 @@ pub struct PaperRect {
 
 /// Page layout of a figure, millimetres.
 pub struct PageLayout {
+    /// Width of the page, that of its [`FigureSize`].
     pub width_mm: f64,
+    /// Height of the page, rounded up to a whole millimetre.
     pub height_mm: f64,
+    /// Lines of the title, each with the height of its upper edge below the top.
     pub title: Vec<(f64, String)>,
     /// Legend entries with their upper left corners.
     pub keys: Vec<(LegendEntry, (f64, f64))>,
+    /// Place of the colour bar; `None` where the figure has none.
     pub scale: Option<PaperRect>,
     /// Height between the axes and the title of the panel.
     pub over: f64,
+    /// Axes of each panel, without title and labels.
     pub panels: Vec<PaperRect>,
     /// Whether each panel labels its horizontal reference lines: the last one of a row.
     pub have_names: Vec<bool>,
+    /// Lines of the note, each with the height of its upper edge below the top.
     pub note: Vec<(f64, String)>,
 }
 
+/// Margin of the page.
 pub const EDGE_MM: f64 = 2.0;
+/// Line spacing of the text.
 pub const LINE_MM: f64 = 4.0;
+/// Length of the line sample of a legend entry.
 pub const KEY_MM: f64 = 8.0;
 
 /// Width of bold over normal letters.
@@ -53,6 +64,10 @@ fn legend(figure: &Figure, size: FigureSize) -> Vec<LegendEntry> {
 }
 
 impl PageLayout {
+    /// Lays out title, legend, colour bar, panels and note from top to bottom.
+    ///
+    /// # Errors
+    /// [`DrawError`] where the font cannot be used.
     pub fn of(figure: &Figure, size: FigureSize) -> Result<Self, DrawError> {
         font()?;
         let width_mm = size.width_mm();
@@ -136,6 +151,7 @@ impl PageLayout {
         })
     }
 
+    /// Width and height of the page in units of which a millimetre has so many.
     pub fn extent(&self, per_mm: f64) -> (u32, u32) {
         ((self.width_mm * per_mm).round() as u32, (self.height_mm * per_mm).round() as u32)
     }

@@ -15,10 +15,13 @@ use thiserror::Error;
 /// A log that has nothing to draw.
 #[derive(Debug, Error)]
 pub enum RunError {
+    /// The log cannot be read.
     #[error(transparent)]
     Log(#[from] RecordError),
+    /// No snapshot has a vehicle; `why` is the reason where the log is truncated, else empty.
     #[error("{path}: the log has no vehicle in any snapshot: there is nothing to draw{why}")]
     Empty { path: PathBuf, why: String },
+    /// A logged datagram of the laboratory's link cannot be decoded into commands.
     #[error("{path}: tick {tick}: what came over the link is damaged: {reason}")]
     Network { path: PathBuf, tick: u64, reason: String },
 }
@@ -26,6 +29,7 @@ pub enum RunError {
 /// A vehicle in one snapshot of a log, city metres and SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceSample {
+    /// Simulated time of the snapshot, seconds.
     pub time_s: f64,
     /// Middle of the outline.
     pub pose: Pose2,
@@ -37,7 +41,9 @@ pub struct TraceSample {
     pub lateral_error_m: f64,
     /// Pedals in [0, 1].
     pub gas: f64,
+    /// Brake pedal in [0, 1].
     pub brake: f64,
+    /// Handbrake in [0, 1].
     pub handbrake: f64,
     /// Distance from the front-axle centre to its reference on the last trajectory; NaN without one.
     pub tracking_error_m: f64,
@@ -46,11 +52,15 @@ pub struct TraceSample {
 /// One vehicle of a run.
 #[derive(Clone, Debug)]
 pub struct Trace {
+    /// Number of the vehicle, unique in the run.
     pub id: VehicleId,
+    /// Name in the scenario, or in the setup that came over the link; made from the number where both lack.
     pub name: String,
+    /// Outline and wheelbase, city metres.
     pub dimensions: Dimensions,
     /// In order of time.
     pub samples: Vec<TraceSample>,
+    /// Lanes that the front axle has followed, with the station of each sample.
     pub track: MatchedPath,
 }
 
@@ -64,8 +74,11 @@ impl Trace {
 /// A recorded run.
 #[derive(Debug)]
 pub struct RunLog {
+    /// File of the log.
     pub path: PathBuf,
+    /// Kind of program that wrote the log.
     pub origin: LogOrigin,
+    /// Scenario, map and settings, as embedded in the log.
     pub experiment: Experiment,
     /// Version of City3D that wrote the log.
     pub version: String,
@@ -133,6 +146,7 @@ impl RunLog {
         Ok(Self { path, origin, experiment, version, truncation, vehicles, events, end_s, has_physical })
     }
 
+    /// The trace of a vehicle; `None` where no snapshot has it.
     pub fn vehicle(&self, id: VehicleId) -> Option<&Trace> {
         self.vehicles.binary_search_by_key(&id, |trace| trace.id).ok().map(|index| &self.vehicles[index])
     }

@@ -5,11 +5,14 @@ use std::io;
 /// A table of text and numbers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct TidyTable {
+    /// Names of the columns, with their units.
     pub columns: Vec<&'static str>,
+    /// Rows with one cell for each column; an empty cell has no value.
     pub rows: Vec<Vec<String>>,
 }
 
 impl TidyTable {
+    /// A table with these columns and no rows.
     pub fn new(columns: &[&'static str]) -> Self {
         Self { columns: columns.to_vec(), rows: Vec::new() }
     }

@@ -9,6 +9,7 @@ use glam::DVec2;
 /// A lane that was driven, city metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaneVisit {
+    /// The driven lane of the city map.
     pub lane: LaneId,
     /// Station at which the lane begins; stations grow along the whole way.
     pub start_m: f64,
@@ -252,6 +253,7 @@ fn ahead(map: &CityMap, from: &LaneCandidate, moved_m: f64) -> Vec<ReachableLane
 pub struct LaneBoxes(Vec<(LaneId, DVec2, DVec2)>);
 
 impl LaneBoxes {
+    /// Boxes around the lanes of a map, with a margin for the largest distance of a candidate.
     pub fn of(map: &CityMap) -> Self {
         let around = |lane: &city3d_roadmap::Lane| {
             let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);

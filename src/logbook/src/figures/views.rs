@@ -508,6 +508,9 @@ impl<'a> FigureSet<'a> {
     }
 
     /// Distance between the positions of a vehicle in two runs over time.
+    ///
+    /// # Panics
+    /// When there are fewer than two runs.
     pub fn difference(&self) -> Figure {
         let columns = ["vehicle", "name", "time_s", "difference_m"];
         let mut figure = self.figure("difference", "distance between the two runs", &columns);

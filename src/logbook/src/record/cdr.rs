@@ -24,6 +24,7 @@ impl CdrWriter {
         Self { start: bytes.len(), bytes }
     }
 
+    /// The whole buffer, with the message at its end.
     pub fn into_bytes(self) -> Vec<u8> {
         self.bytes
     }
@@ -33,25 +34,30 @@ impl CdrWriter {
         self.bytes.resize(self.start + padded, 0);
     }
 
+    /// Appends one byte.
     pub fn u8(&mut self, value: u8) {
         self.bytes.push(value);
     }
 
+    /// Appends four bytes, aligned to 4.
     pub fn u32(&mut self, value: u32) {
         self.align(4);
         self.bytes.extend_from_slice(&value.to_le_bytes());
     }
 
+    /// Appends eight bytes, aligned to 8.
     pub fn u64(&mut self, value: u64) {
         self.align(8);
         self.bytes.extend_from_slice(&value.to_le_bytes());
     }
 
+    /// Appends a single-precision number, aligned to 4.
     pub fn f32(&mut self, value: f32) {
         self.align(4);
         self.bytes.extend_from_slice(&value.to_le_bytes());
     }
 
+    /// Appends a double-precision number, aligned to 8.
     pub fn f64(&mut self, value: f64) {
         self.align(8);
         self.bytes.extend_from_slice(&value.to_le_bytes());
@@ -104,22 +110,27 @@ impl<'a> CdrReader<'a> {
         Some(bytes)
     }
 
+    /// Reads one byte.
     pub fn u8(&mut self) -> Option<u8> {
         self.take::<1>().map(|[byte]| byte)
     }
 
+    /// Reads four bytes, aligned to 4.
     pub fn u32(&mut self) -> Option<u32> {
         self.take().map(u32::from_le_bytes)
     }
 
+    /// Reads eight bytes, aligned to 8.
     pub fn u64(&mut self) -> Option<u64> {
         self.take().map(u64::from_le_bytes)
     }
 
+    /// Reads a single-precision number, aligned to 4.
     pub fn f32(&mut self) -> Option<f32> {
         self.take().map(f32::from_le_bytes)
     }
 
+    /// Reads a double-precision number, aligned to 8.
     pub fn f64(&mut self) -> Option<f64> {
         self.take().map(f64::from_le_bytes)
     }
@@ -129,6 +140,7 @@ impl<'a> CdrReader<'a> {
         (0..self.u32()?).map(|_| self.f64()).collect()
     }
 
+    /// A sequence of bytes: their length, then they.
     pub fn octets(&mut self) -> Option<&'a [u8]> {
         let length = self.u32()? as usize;
         let octets = self.bytes.get(self.at..self.at.checked_add(length)?)?;
@@ -136,6 +148,7 @@ impl<'a> CdrReader<'a> {
         Some(octets)
     }
 
+    /// A string with its terminating zero; `None` also for bytes that are not UTF-8.
     pub fn string(&mut self) -> Option<String> {
         let octets = self.octets()?;
         String::from_utf8(octets.strip_suffix(&[0])?.to_vec()).ok()

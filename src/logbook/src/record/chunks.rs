@@ -16,6 +16,7 @@ use std::path::{Path, PathBuf};
 /// Which entries of a chunk to decode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EntryFilter {
+    /// States of all vehicles at one tick.
     Snapshots,
     /// Events, commands of persons, and datagrams of the laboratory's link.
     Events,
@@ -35,6 +36,7 @@ impl EntryFilter {
 pub struct ChunkInfo {
     /// Simulated time of its first and of its last message.
     pub from_s: f64,
+    /// Simulated time of its last message, seconds.
     pub to_s: f64,
     offset: u64,
     /// Length of the record with its header, bytes.
@@ -75,6 +77,7 @@ impl ChunkedLog {
         Ok(Self { path: path.to_path_buf(), file, topics, chunks, truncation })
     }
 
+    /// The chunks in order of their first times.
     pub fn chunks(&self) -> &[ChunkInfo] {
         &self.chunks
     }

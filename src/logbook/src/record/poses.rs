@@ -9,6 +9,7 @@ use std::path::Path;
 /// A pose of one vehicle at one time. Laboratory metres, radians counter-clockwise from east.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RecordedPose {
+    /// Time of the measurement, seconds on the clock of the file.
     pub time_s: f64,
     /// Middle of the outline.
     pub pose: Pose2,

@@ -26,17 +26,23 @@ use std::path::{Path, PathBuf};
 pub enum LogEntry {
     /// A trajectory, a measured pose, or a command of a person, applied in the step after the tick.
     Command {
+        /// Tick at which the step begins that applies it.
         tick: u64,
+        /// The command as the simulation takes it.
         command: SimCommand,
     },
     /// A datagram of the laboratory's link that was carried out.
     Network(NetworkCommand),
     /// The state digest after a step, or at the beginning.
     Tick {
+        /// Physics steps since the start or the last reset.
         tick: u64,
+        /// Digest of the whole state; a replay must come to it.
         state_hash: u64,
     },
+    /// The states of all vehicles at one tick.
     Snapshot(LoggedSnapshot),
+    /// Something that happened to a vehicle.
     Event(Event),
 }
 
@@ -108,6 +114,7 @@ impl LogReader {
         Ok(log)
     }
 
+    /// The kind of program that has written it.
     pub fn origin(&self) -> LogOrigin {
         self.origin
     }

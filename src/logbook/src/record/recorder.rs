@@ -15,14 +15,19 @@ use thiserror::Error;
 /// A file of a run that cannot be written or read.
 #[derive(Debug, Error)]
 pub enum RecordError {
+    /// A file cannot be created or written.
     #[error("{path}: cannot be written: {reason}")]
     File { path: PathBuf, reason: String },
+    /// The writer thread has ended before the run.
     #[error("the recorder's thread ended early")]
     Thread,
+    /// A table of poses cannot be read, or has a fault in this line.
     #[error("{path}: line {line}: {reason}")]
     Poses { path: PathBuf, line: u64, reason: String },
+    /// A file cannot be read as a log.
     #[error("{path}: not a log of City3D: {reason}")]
     NoLog { path: PathBuf, reason: String },
+    /// A file cannot be read as a bag, or has no pose of the named vehicles.
     #[error("{path}: not a bag of poses: {reason}")]
     NoBag { path: PathBuf, reason: String },
 }
@@ -78,7 +83,9 @@ impl Batch {
 /// Intervals of log, table and flush, in ticks.
 #[derive(Clone, Copy, Debug)]
 pub struct Cadence {
+    /// Ticks from one snapshot in the log to the next.
     pub log_ticks: u64,
+    /// Ticks from one sample of the table to the next.
     pub table_ticks: u64,
     /// A killed process loses at most this many ticks.
     pub flush_ticks: u64,

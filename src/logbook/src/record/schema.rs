@@ -8,7 +8,9 @@ use city3d_protocol::snapshot::{
 };
 use glam::{DQuat, DVec3};
 
+/// Name of the ROS 2 type of snapshots.
 pub const SNAPSHOT_TYPE: &str = "city3d_msgs/msg/Snapshot";
+/// Definition of [`SNAPSHOT_TYPE`].
 pub const SNAPSHOT_SCHEMA: &str = "\
 # One instant of a run. City frame: full-scale metres, x east, y north, z up; SI units, radians.
 uint64 tick
@@ -52,7 +54,9 @@ float32 distance
 float32[4] wheel_spin
 ";
 
+/// Name of the ROS 2 type of events.
 pub const EVENT_TYPE: &str = "city3d_msgs/msg/Event";
+/// Definition of [`EVENT_TYPE`].
 pub const EVENT_SCHEMA: &str = "\
 # Something that happened to a vehicle.
 # Simulated time, seconds.
@@ -64,6 +68,7 @@ string kind
 string json
 ";
 
+/// The message of a snapshot, in a buffer whose old content is dropped.
 pub fn encode_snapshot(snapshot: &FrameSnapshot, buffer: Vec<u8>) -> Vec<u8> {
     let mut cdr = CdrWriter::reusing(buffer);
     cdr.u64(snapshot.tick);
@@ -101,6 +106,7 @@ fn indicator_of(bits: u8) -> Indicator {
     }
 }
 
+/// The message of an event, in a buffer whose old content is dropped.
 pub fn encode_event(event: &Event, buffer: Vec<u8>) -> Vec<u8> {
     let json = serde_json::to_value(event).unwrap_or_default();
     let mut cdr = CdrWriter::reusing(buffer);
@@ -118,7 +124,9 @@ pub fn decode_event(bytes: &[u8]) -> Option<Event> {
     serde_json::from_str(&cdr.string()?).ok()
 }
 
+/// Name of the ROS 2 type of commands of persons.
 pub const COMMAND_TYPE: &str = "city3d_msgs/msg/Command";
+/// Definition of [`COMMAND_TYPE`].
 pub const COMMAND_SCHEMA: &str = "\
 # What a person did, beside the trajectories of the control framework: with the scenario it makes the
 # run again exactly.
@@ -204,7 +212,9 @@ pub fn decode_command(bytes: &[u8]) -> Option<(u64, SimCommand)> {
     Some((tick, command))
 }
 
+/// Name of the ROS 2 type of measured poses.
 pub const MEASURED_TYPE: &str = "city3d_msgs/msg/MeasuredPose";
+/// Definition of [`MEASURED_TYPE`].
 pub const MEASURED_SCHEMA: &str = "\
 # Where a physical vehicle was measured to be. City frame: full-scale metres, x east, y north, z up.
 # It was applied in the step that begins at this tick.
@@ -238,7 +248,9 @@ pub fn decode_measured(bytes: &[u8]) -> Option<(u64, SimCommand)> {
     Some((tick, SimCommand::Measure(vehicle, MeasuredPose { stamp_s, position, orientation })))
 }
 
+/// Name of the ROS 2 type of ticks.
 pub const TICK_TYPE: &str = "city3d_msgs/msg/Tick";
+/// Definition of [`TICK_TYPE`].
 pub const TICK_SCHEMA: &str = "\
 # One physics step of a run, or its beginning.
 uint64 tick
@@ -246,6 +258,7 @@ uint64 tick
 uint64 state_hash
 ";
 
+/// The message of a tick, in a buffer whose old content is dropped.
 pub fn encode_tick(tick: u64, state_hash: u64, buffer: Vec<u8>) -> Vec<u8> {
     let mut cdr = CdrWriter::reusing(buffer);
     cdr.u64(tick);
@@ -259,7 +272,9 @@ pub fn decode_tick(bytes: &[u8]) -> Option<(u64, u64)> {
     Some((cdr.u64()?, cdr.u64()?))
 }
 
+/// Name of the ROS 2 type of trajectories.
 pub const TRAJECTORY_TYPE: &str = "city3d_msgs/msg/Trajectory";
+/// Definition of [`TRAJECTORY_TYPE`].
 pub const TRAJECTORY_SCHEMA: &str = "\
 # The desired motion of a vehicle, as the control framework has told it and as it reached the vehicle.
 # City frame: full-scale metres, x east, y north; SI units, radians.
@@ -322,6 +337,7 @@ pub fn decode_trajectory(bytes: &[u8]) -> Option<(u64, Trajectory)> {
 /// One vehicle in a logged snapshot, in the precision of the log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoggedVehicle {
+    /// Number of the vehicle, unique in the run.
     pub id: VehicleId,
     status: u8,
     lights: u8,
@@ -407,8 +423,11 @@ impl LoggedVehicle {
 /// A snapshot in a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoggedSnapshot {
+    /// Physics steps since the start or the last reset.
     pub tick: u64,
+    /// Simulated time, seconds.
     pub time_s: f64,
+    /// Digest of the whole state, also of what the log does not hold.
     pub state_hash: u64,
     /// In id order.
     pub vehicles: Vec<LoggedVehicle>,
@@ -425,7 +444,9 @@ pub fn decode_snapshot(bytes: &[u8]) -> Option<LoggedSnapshot> {
     Some(LoggedSnapshot { tick, time_s, state_hash, vehicles })
 }
 
+/// Name of the ROS 2 type of datagrams that were carried out.
 pub const NETWORK_TYPE: &str = "city3d_msgs/msg/NetworkCommand";
+/// Definition of [`NETWORK_TYPE`].
 pub const NETWORK_SCHEMA: &str = "\
 # Something that came over the laboratory's link and was carried out.
 # In the step that begins at this tick.
@@ -446,9 +467,11 @@ pub struct NetworkCommand {
     pub sender: String,
     /// Kind and body of the datagram, see [`wire`](city3d_protocol::wire).
     pub kind: u8,
+    /// The encoded body, without the header and the authentication of its datagram.
     pub body: Vec<u8>,
 }
 
+/// The message of a datagram, in a buffer whose old content is dropped.
 pub fn encode_network(command: &NetworkCommand, buffer: Vec<u8>) -> Vec<u8> {
     let mut cdr = CdrWriter::reusing(buffer);
     cdr.u64(command.tick);

@@ -82,12 +82,16 @@ impl<W: Write> VehicleTable<W> {
         self.sink.write_all(self.row.as_bytes())
     }
 
+    /// Writes out the rows so far.
+    ///
     /// # Errors
     /// When the rows so far cannot be written.
     pub fn flush(&mut self) -> io::Result<()> {
         self.sink.flush()
     }
 
+    /// Writes out the last rows.
+    ///
     /// # Errors
     /// When the last rows cannot be written.
     pub fn finish(mut self) -> io::Result<()> {

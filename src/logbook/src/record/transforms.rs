@@ -3,7 +3,9 @@
 use super::cdr::CdrWriter;
 use city3d_protocol::wire::{Measurement, VICON_WORLD, vicon_frame};
 
+/// Name of the ROS 2 type of transforms.
 pub const TRANSFORM_TYPE: &str = "geometry_msgs/msg/TransformStamped";
+/// Definition of [`TRANSFORM_TYPE`].
 pub const TRANSFORM_SCHEMA: &str = "\
 std_msgs/Header header
 string child_frame_id

@@ -16,8 +16,11 @@ const DEEPEST: usize = 64;
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{place}: {message}; {remedy}")]
 pub struct ModelError {
+    /// Place in the file: header, chunk, mesh, accessor or node.
     pub place: String,
+    /// What is wrong there.
     pub message: String,
+    /// What makes the file usable.
     pub remedy: &'static str,
 }
 

@@ -74,6 +74,8 @@ pub struct ViconFeedback {
 }
 
 impl ViconFeedback {
+    /// Feedback of so many tracked vehicles, before the first pose.
+    /// A control step has `ticks_per_control` ticks.
     pub fn new(vicon: Vicon, vehicles: usize, ticks_per_control: u64) -> Self {
         Self {
             vicon,

@@ -7,8 +7,10 @@ use thiserror::Error;
 /// Error of a key file.
 #[derive(Debug, Error)]
 pub enum KeyError {
+    /// The file cannot be read.
     #[error("{path}: the key cannot be read: {source}", path = path.display())]
     Unreadable { path: PathBuf, source: std::io::Error },
+    /// The key has fewer than [`MIN_KEY_BYTES`] bytes.
     #[error(
         "{path}: the key has {found} bytes; it needs at least {MIN_KEY_BYTES}, such as from: openssl rand -hex 32",
         path = path.display()

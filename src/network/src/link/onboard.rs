@@ -16,7 +16,9 @@ const CAPACITY: usize = 32;
 /// Names of an onboard camera and of its vehicle.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OnboardCamera {
+    /// Name of the vehicle, the first part of the topics.
     pub vehicle: String,
+    /// Name of the camera, the second part of the topics.
     pub camera: String,
 }
 
@@ -40,8 +42,11 @@ impl OnboardCamera {
 pub struct OnboardPicture {
     /// Index of the camera.
     pub camera: usize,
+    /// When it was taken: seconds since the epoch, or of simulated time.
     pub stamp_s: f64,
+    /// The picture as a PNG file.
     pub png: Vec<u8>,
+    /// Width and height, pixels.
     pub extent: [u32; 2],
     /// Focal lengths and principal point, pixels.
     pub pinhole: [f64; 4],
@@ -66,6 +71,8 @@ pub struct PictureSender {
 }
 
 impl PictureSender {
+    /// Queues a picture; a full queue drops the oldest one.
+    /// Once the thread of ROS has ended, the picture itself is dropped.
     pub fn send(&self, picture: OnboardPicture) {
         if self.pictures.send(Arc::new(picture)).is_err() {
             self.counts.dropped.fetch_add(1, Ordering::Relaxed);

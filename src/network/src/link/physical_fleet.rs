@@ -62,6 +62,7 @@ impl PhysicalFleet {
         Ok(Self { links, wants_poses, sent_clock: None })
     }
 
+    /// Whether there are no physical vehicles.
     pub fn is_empty(&self) -> bool {
         self.links.is_empty()
     }

@@ -17,7 +17,9 @@ const WAKE_COUNT: usize = 64;
 /// A datagram that has passed all checks of the link.
 #[derive(Clone, Debug)]
 pub struct Inbound {
+    /// Session of the sender.
     pub sender: SenderId,
+    /// Decoded content of the datagram.
     pub body: Body,
     /// When it had been decoded.
     pub at: Instant,
@@ -69,6 +71,7 @@ impl ReceiveQueue {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Whether the queue takes another datagram.
     pub fn has_room(&self) -> bool {
         self.lock().datagrams.len() < CAPACITY
     }

@@ -37,6 +37,7 @@ pub struct TokenBucket {
 }
 
 impl TokenBucket {
+    /// A bucket with all its tokens at this instant: it lets a whole burst pass.
     pub fn full(now: Instant, rate_per_s: f64) -> Self {
         Self { tokens: rate_per_s, refilled: now }
     }
@@ -66,8 +67,11 @@ struct SenderState {
 /// Address of a reply, with the session and sequence number of its datagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReplyAddress {
+    /// IP address and port of the sender.
     pub address: SocketAddr,
+    /// Session of the sender, by which it recognises its replies.
     pub session: u64,
+    /// Sequence number of the reply; it counts from 1 in each session.
     pub sequence: u64,
 }
 
@@ -86,6 +90,7 @@ pub struct Senders {
 }
 
 impl Senders {
+    /// An empty table; each address may send so many datagrams per second.
     pub fn new(rate_per_s: f64) -> Self {
         Self {
             by_address: BTreeMap::new(),
@@ -192,6 +197,7 @@ impl Senders {
         Some(ReplyAddress { address, session: sender.session, sequence: sender.sequence })
     }
 
+    /// The address of a sender; `None` once its session has ended.
     pub fn address(&self, id: SenderId) -> Option<SocketAddr> {
         self.addresses.get(&id).copied()
     }

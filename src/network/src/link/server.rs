@@ -67,7 +67,9 @@ fn same_prefix(a: u128, b: u128, host_bits: u32) -> bool {
 pub struct ServerOptions {
     /// Address and port to listen on.
     pub address: String,
+    /// World number of the city; datagrams with another one are dropped, those with 0 are not.
     pub world: u32,
+    /// Signs and checks the datagrams: with a shared key, or with a checksum alone.
     pub authenticator: Authenticator,
     /// Allow list of senders; empty allows all.
     pub allowed: Vec<AllowedNetwork>,
@@ -86,6 +88,7 @@ pub struct LinkCounters {
     pub used: u64,
     /// Datagrams lost on their way, by the gaps in the sequence numbers.
     pub missing: u64,
+    /// Dropped datagrams by reason.
     pub dropped: DropCounts,
 }
 

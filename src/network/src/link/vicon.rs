@@ -28,7 +28,9 @@ const CLOCK: &str = "/clock";
 /// Subject of VICON: a tracked vehicle by its name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Subject {
+    /// Number of the vehicle in the city.
     pub vehicle: VehicleId,
+    /// Name of the vehicle, of which the frame and the topic are made.
     pub name: String,
 }
 
@@ -44,6 +46,7 @@ pub enum RosTransport {
 /// Settings of a [`Vicon`].
 #[derive(Clone, Debug)]
 pub struct ViconOptions {
+    /// ROS 1 node or rosbridge client, with its settings.
     pub transport: RosTransport,
     /// Publish simulated time on `/clock` and in the stamps, instead of wall-clock time.
     pub has_clock: bool,
@@ -56,7 +59,9 @@ pub struct ViconOptions {
 /// A pose received over ROS. Its stamp is as it was sent: seconds since the epoch, or of simulated time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReceivedPose {
+    /// Sequence number in the header; 0 where the message has none, as in ROS 2.
     pub seq: u32,
+    /// Pose of the vehicle, laboratory metres.
     pub pose: Measurement,
 }
 
@@ -91,12 +96,15 @@ pub struct ViconCounters {
     pub dropped: u64,
     /// Messages that were dropped because their subscriber was too slow.
     pub slow: u64,
+    /// Subscribers that are connected now; 0 over rosbridge, which does not report them.
     pub subscribers: u64,
     /// Whether the topics are registered now, and how often the connection was lost and restored.
     pub is_registered: bool,
+    /// How often the connection was lost and restored.
     pub returns: u64,
     /// Received poses, and of them the ones that the full queue has dropped.
     pub received: u64,
+    /// Received poses that the full queue has dropped.
     pub overwritten: u64,
 }
 
@@ -175,6 +183,7 @@ impl Vicon {
         }
     }
 
+    /// The counters since the start, and the present state of the connection.
     pub fn counters(&self) -> ViconCounters {
         let (counts, status) = (&self.counts, &self.thread.status);
         let of = |count: &AtomicU64| count.load(Ordering::Relaxed);

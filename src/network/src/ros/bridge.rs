@@ -86,7 +86,9 @@ impl Default for Keepalive {
 /// Settings of a rosbridge client.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BridgeOptions {
+    /// Server to connect to.
     pub uri: BridgeUri,
+    /// Ping interval and timeout.
     pub keepalive: Keepalive,
 }
 

@@ -18,24 +18,33 @@ pub struct MessageType {
 /// Decoding error of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum MessageError {
+    /// The bytes end within a field.
     #[error("the message ends early")]
     Torn,
+    /// So many bytes follow the last field.
     #[error("{0} bytes too many")]
     Long(usize),
+    /// A string field is not UTF-8.
     #[error("a text is not UTF-8")]
     Text,
 }
 
 /// A message that can be encoded and decoded; its JSON has the field names of the definition.
 pub trait RosMessage: Sized + Serialize + DeserializeOwned {
+    /// Name, MD5 sum and definition, as peers compare them.
     const TYPE: MessageType;
 
+    /// Appends the encoded fields to a buffer, without a length prefix.
     fn write(&self, out: &mut Vec<u8>);
 
+    /// Reads the fields of one message; bytes may follow.
+    ///
     /// # Errors
     /// [`MessageError`]
     fn read(from: &mut MessageReader<'_>) -> Result<Self, MessageError>;
 
+    /// Decodes the bytes of one message.
+    ///
     /// # Errors
     /// When the bytes are not exactly one message of this type.
     fn decode(bytes: &[u8]) -> Result<Self, MessageError> {
@@ -90,10 +99,13 @@ pub(super) fn write_bytes(out: &mut Vec<u8>, bytes: &[u8]) {
     out.extend(bytes);
 }
 
+/// Time in ROS: `time` of ROS 1, `builtin_interfaces/Time` of ROS 2.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Time {
+    /// Whole seconds since the epoch or, for simulated time, since its start.
     #[serde(alias = "sec")]
     pub secs: u32,
+    /// Nanoseconds after the whole second.
     #[serde(alias = "nanosec")]
     pub nsecs: u32,
 }
@@ -108,6 +120,7 @@ impl Time {
         }
     }
 
+    /// Seconds with their fraction.
     pub fn seconds(self) -> f64 {
         f64::from(self.secs) + f64::from(self.nsecs) * 1e-9
     }
@@ -122,12 +135,15 @@ impl Time {
     }
 }
 
+/// `std_msgs/Header`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Header {
     /// Absent in ROS 2.
     #[serde(default)]
     pub seq: u32,
+    /// When the data were measured.
     pub stamp: Time,
+    /// Name of the coordinate frame of the data.
     pub frame_id: String,
 }
 
@@ -143,44 +159,61 @@ impl Header {
     }
 }
 
+/// `geometry_msgs/Vector3`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Vector3 {
+    /// Component along the x axis, metres in a translation.
     pub x: f64,
+    /// Component along the y axis, likewise.
     pub y: f64,
+    /// Component along the z axis, likewise.
     pub z: f64,
 }
 
+/// `geometry_msgs/Quaternion`; a rotation has norm 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quaternion {
+    /// First component of the vector part.
     pub x: f64,
+    /// Second component of the vector part.
     pub y: f64,
+    /// Third component of the vector part.
     pub z: f64,
+    /// Scalar part.
     pub w: f64,
 }
 
+/// `geometry_msgs/Transform`: pose of a child frame in its parent frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Transform {
+    /// Origin of the child frame in the parent frame, metres.
     pub translation: Vector3,
+    /// Parent from child.
     pub rotation: Quaternion,
 }
 
 /// `geometry_msgs/TransformStamped`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TransformStamped {
+    /// Stamp, and name of the parent frame.
     pub header: Header,
+    /// Name of the child frame.
     pub child_frame_id: String,
+    /// Parent from child.
     pub transform: Transform,
 }
 
 /// `tf2_msgs/TFMessage`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TfMessage {
+    /// Transforms between pairs of frames, each with its own stamp.
     pub transforms: Vec<TransformStamped>,
 }
 
 /// `rosgraph_msgs/Clock`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ClockMessage {
+    /// Simulated time.
     pub clock: Time,
 }
 

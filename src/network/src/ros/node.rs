@@ -42,6 +42,7 @@ const MAX_CALLS: usize = 64;
 pub struct NodeOptions {
     /// Name with a leading slash.
     pub name: String,
+    /// Master to register with.
     pub master: MasterUri,
     /// Address to listen on; by default `ROS_HOSTNAME` or `ROS_IP`, or else the loopback interface.
     pub bind: Option<BindAddress>,
@@ -94,6 +95,7 @@ pub struct NodeStatus {
     pub is_registered: AtomicBool,
     /// How often the connection was lost and restored.
     pub returns: AtomicU64,
+    /// Subscribers that are connected now; a bridge does not count them.
     pub subscribers: AtomicU64,
     /// Messages that were dropped because a subscriber was too slow.
     pub slow: AtomicU64,
@@ -123,6 +125,7 @@ struct NodeState {
 /// The thread of a node or bridge.
 #[derive(Debug)]
 pub struct NodeThread {
+    /// State of the connection, which the thread updates.
     pub status: Arc<NodeStatus>,
     /// Disconnects when the thread ends.
     ended: Receiver<()>,
@@ -204,6 +207,7 @@ fn warn_of_reach(master: &MasterUri, bind: IpAddr) {
 }
 
 impl RosNode {
+    /// Name under which the node registers, with a leading slash.
     pub fn name(&self) -> &str {
         &self.0.options.name
     }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 /// `sensor_msgs/CompressedImage`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CompressedImage {
+    /// Stamp of the exposure, and name of the frame of the camera.
     pub header: Header,
     /// Format, such as `png`.
     pub format: String,
@@ -17,30 +18,46 @@ pub struct CompressedImage {
 /// `sensor_msgs/RegionOfInterest`; all zeros mean the whole picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RegionOfInterest {
+    /// Leftmost column, pixels.
     pub x_offset: u32,
+    /// Uppermost row, pixels.
     pub y_offset: u32,
+    /// Number of rows.
     pub height: u32,
+    /// Number of columns.
     pub width: u32,
+    /// Whether a rectified region is to be computed from this raw one.
     pub do_rectify: bool,
 }
 
 /// `sensor_msgs/CameraInfo`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CameraInfo {
+    /// Stamp of the exposure, and name of the frame of the camera.
     pub header: Header,
+    /// Height of the picture, pixels.
     pub height: u32,
+    /// Width of the picture, pixels.
     pub width: u32,
+    /// Name of the model of lens distortion, such as `plumb_bob`.
     pub distortion_model: String,
+    /// Coefficients of that model; zeros mean no distortion.
     #[serde(rename = "D", alias = "d")]
     pub d: Vec<f64>,
+    /// Intrinsic matrix of the raw picture, 3 × 3, row by row, pixels.
     #[serde(rename = "K", alias = "k")]
     pub k: [f64; 9],
+    /// Rectifying rotation of the camera frame, 3 × 3, row by row.
     #[serde(rename = "R", alias = "r")]
     pub r: [f64; 9],
+    /// Projection matrix of the rectified picture, 3 × 4, row by row, pixels.
     #[serde(rename = "P", alias = "p")]
     pub p: [f64; 12],
+    /// Columns of the sensor for one pixel; 0 and 1 mean no binning.
     pub binning_x: u32,
+    /// Rows of the sensor for one pixel; 0 and 1 mean no binning.
     pub binning_y: u32,
+    /// Captured window, in pixels without binning.
     pub roi: RegionOfInterest,
 }
 

@@ -22,7 +22,9 @@ const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(5);
 /// A published topic and its subscribers.
 #[derive(Debug)]
 pub(super) struct Publication {
+    /// Message type that subscribers must agree on.
     pub kind: MessageType,
+    /// One queue for each connected subscriber.
     pub outboxes: Vec<Rc<Outbox>>,
 }
 
@@ -37,7 +39,9 @@ pub(super) struct Outbox {
     /// A message was queued, or the topic was unadvertised.
     is_changed: Notify,
     is_closed: Cell<bool>,
+    /// Messages that were taken from the queue to be sent.
     pub sent: Cell<u64>,
+    /// Bytes of these messages with their length prefixes.
     pub sent_bytes: Cell<u64>,
 }
 

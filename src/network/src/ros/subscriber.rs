@@ -26,6 +26,7 @@ pub(super) type Deliver = Box<dyn Fn(&[u8])>;
 /// A subscribed topic.
 pub(super) struct Subscription {
     pub topic: String,
+    /// Message type that publishers must agree on.
     pub kind: MessageType,
     deliver: Deliver,
     /// URIs of its publishers, as last reported by the master.
@@ -37,9 +38,13 @@ pub(super) struct Subscription {
 /// Link to a publisher.
 #[derive(Debug)]
 pub(super) struct PublisherLink {
+    /// Number of the connection in the Slave API, unique in the node.
     pub id: i32,
+    /// The handshake is done and the connection is open.
     pub is_connected: Cell<bool>,
+    /// Messages received so far, over all connections to this publisher.
     pub received: Cell<u64>,
+    /// Bytes of these messages with their length prefixes.
     pub received_bytes: Cell<u64>,
 }
 

@@ -13,6 +13,7 @@ const DEFAULT_MASTER: &str = "http://127.0.0.1:11311";
 pub struct HostPort {
     /// A name or an IP address, one of version 6 without its brackets.
     pub host: String,
+    /// TCP port.
     pub port: u16,
 }
 
@@ -54,7 +55,9 @@ impl FromStr for BindAddress {
 /// Address of a ROS master.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MasterUri {
+    /// The URI as it was given.
     pub uri: String,
+    /// Host and port of the Master API.
     pub place: HostPort,
 }
 

@@ -10,6 +10,7 @@ use std::f64::consts::{FRAC_PI_3, TAU};
 pub struct SpecError {
     /// Path of the field, as in a scenario file.
     pub field: String,
+    /// The invalid value as text, or what is invalid about it.
     pub found: String,
     /// What would be right.
     pub remedy: String,

@@ -22,6 +22,7 @@ pub struct TrajectoryPoint<F: Frame = City> {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Trajectory<F: Frame = City> {
+    /// The vehicle that is to follow it.
     pub vehicle: VehicleId,
     /// Sequence number per vehicle, incremented by the sender; older messages are dropped.
     pub sequence: u32,
@@ -31,6 +32,7 @@ pub struct Trajectory<F: Frame = City> {
     pub yielding: bool,
     /// The vehicle is at the end of its route.
     pub finished: bool,
+    /// Turn signal that the vehicle shows.
     pub indicator: Indicator,
 }
 
@@ -73,11 +75,16 @@ impl Trajectory<Lab> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BodyType {
+    /// Car with a boot; the only body that is as high as its dimensions state.
     #[default]
     Sedan,
+    /// Car with a rear door in place of a boot.
     Hatchback,
+    /// High car with plastic cladding and roof rails.
     Suv,
+    /// Delivery van with a closed cargo space.
     Van,
+    /// Pickup truck with an open bed.
     Pickup,
     /// A user's model, by index in the scenario.
     Own(u16),
@@ -100,6 +107,7 @@ impl BodyType {
 /// Appearance of a vehicle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Appearance {
+    /// Model to draw, which also determines how high a camera sits behind the windscreen.
     pub body: BodyType,
     /// sRGB.
     pub colour: [u8; 3],
@@ -114,8 +122,11 @@ impl Default for Appearance {
 /// Setup of a new vehicle, city frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Setup {
+    /// Unique in the city.
     pub id: VehicleId,
+    /// Its name in the laboratory: the VICON subject.
     pub name: String,
+    /// Body type and colour; without effect on the motion.
     pub appearance: Appearance,
     /// Middle of the outline.
     pub pose: Pose2,
@@ -128,12 +139,17 @@ pub struct Setup {
 /// Pedals and steering wheel of a human driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pedals {
+    /// Accelerator pedal in [0, 1]; values beyond are clamped.
     pub gas: f64,
+    /// Brake pedal in [0, 1]; values beyond are clamped.
     pub brake: f64,
+    /// Handbrake lever in [0, 1]; values beyond are clamped.
     pub handbrake: f64,
     /// Desired steering angle, left-positive.
     pub steering_rad: f64,
+    /// Reverse gear: gas drives the vehicle backwards.
     pub reverse: bool,
+    /// Turn signal that the driver has set.
     pub indicator: Indicator,
 }
 
@@ -151,14 +167,18 @@ pub struct MeasuredPose {
 /// A change of the world, applied at the tick at which it arrives.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum SimCommand {
+    /// The clock runs, from the present tick on.
     Start,
+    /// The clock stops; all vehicles stay as they are.
     Pause,
     /// Back to the initial conditions: the run that follows equals the first one exactly.
     Reset,
     /// Adds a vehicle. If the id exists, the vehicle stays and its sequence number is reset: its sender has
     /// restarted.
     Spawn(Box<Setup>),
+    /// A vehicle follows this trajectory in place of the one before.
     Follow(Trajectory),
+    /// Takes a vehicle out of the city.
     Remove(VehicleId),
     /// Measured pose of a physical vehicle; other vehicles ignore it.
     Measure(VehicleId, MeasuredPose),

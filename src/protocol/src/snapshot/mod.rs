@@ -25,6 +25,8 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Immutable snapshot of one instant of a run, shared by renderer, panels, publishers and log.
+///
+/// Invariant: `vehicles` and `roster` have the same ids in the same, increasing order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameSnapshot {
     /// Physics steps since the start or the last reset.
@@ -42,10 +44,12 @@ pub struct FrameSnapshot {
 }
 
 impl FrameSnapshot {
+    /// State of a vehicle; `None` if the city has none of this id.
     pub fn vehicle(&self, id: VehicleId) -> Option<&VehicleState> {
         self.vehicles.binary_search_by_key(&id, |v| v.id).ok().map(|index| &self.vehicles[index])
     }
 
+    /// Static data of a vehicle; `None` if the city has none of this id.
     pub fn info(&self, id: VehicleId) -> Option<&VehicleInfo> {
         self.roster.binary_search_by_key(&id, |v| v.id).ok().map(|index| &self.roster[index])
     }

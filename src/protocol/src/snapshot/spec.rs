@@ -10,11 +10,15 @@ pub const GRAVITY_MPS2: f64 = 9.81;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VehicleSpec {
+    /// Outline, wheelbase, track and wheels.
     pub dimensions: Dimensions,
+    /// Mass of the whole vehicle.
     pub mass_kg: f64,
     /// Yaw inertia as a multiple of that of a homogeneous block of the outline's length and width.
     pub yaw_inertia_factor: f64,
+    /// Place of the centre of mass between the axles and above the road.
     pub centre_of_mass: CentreOfMass,
+    /// Torque, gear and power of the motor.
     pub motor: Motor,
     /// Of all four wheels together, pedal fully down.
     pub brake_torque_nm: f64,
@@ -22,7 +26,9 @@ pub struct VehicleSpec {
     pub handbrake_torque_nm: f64,
     /// Largest angle of the front axle's middle to either side.
     pub steering_limit_rad: f64,
+    /// Largest rate of change of the same angle.
     pub steering_rate_radps: f64,
+    /// Spring and damper, the same at all wheels.
     pub suspension: Suspension,
     /// Friction coefficient between tyre and road.
     pub tyre_friction: f64,
@@ -32,8 +38,11 @@ pub struct VehicleSpec {
     pub drag_area_m2: f64,
     /// Rolling resistance over weight.
     pub rolling_resistance: f64,
+    /// The axles that the motor drives.
     pub drive: Drive,
+    /// Dynamics model that computes the motion.
     pub model: ModelKind,
+    /// Gains of the tracking control.
     pub control: ControlGains,
 }
 
@@ -55,6 +64,7 @@ pub struct Motor {
     pub torque_curve: Vec<TorquePoint>,
     /// Motor turns per wheel turn.
     pub gear_ratio: f64,
+    /// Limit of motor force times speed.
     pub max_power_w: f64,
 }
 
@@ -62,7 +72,9 @@ pub struct Motor {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TorquePoint {
+    /// Motor speed, turns a minute.
     pub rpm: f64,
+    /// Torque of the motor, before the gear.
     pub torque_nm: f64,
 }
 
@@ -82,9 +94,12 @@ pub struct Suspension {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Drive {
+    /// Front-wheel drive.
     #[default]
     Front,
+    /// Rear-wheel drive.
     Rear,
+    /// All-wheel drive.
     All,
 }
 

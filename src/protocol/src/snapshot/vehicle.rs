@@ -46,6 +46,7 @@ pub enum Status {
 }
 
 impl Status {
+    /// All statuses, each at the index of its number.
     pub const ALL: [Self; 10] = [
         Self::Waiting,
         Self::Driving,
@@ -81,22 +82,31 @@ impl Status {
 #[serde(rename_all = "snake_case")]
 #[repr(u8)]
 pub enum Indicator {
+    /// No turn signal.
     #[default]
     Off = 0,
+    /// The lamps of the left side flash.
     Left = 1,
+    /// The lamps of the right side flash.
     Right = 2,
+    /// The lamps of both sides flash.
     Hazard = 3,
 }
 
 /// Dimensions of a vehicle for drawing and driving, city metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Dimensions {
+    /// Length of the outline, from bumper to bumper.
     pub length_m: f64,
+    /// Width of the outline, with the mirrors.
     pub width_m: f64,
+    /// Height of a sedan above the road; other bodies are drawn higher.
     pub height_m: f64,
+    /// Distance between the axles.
     pub wheelbase_m: f64,
     /// Track width between wheel centres.
     pub track_m: f64,
+    /// Radius of a wheel with its tyre.
     pub wheel_radius_m: f64,
 }
 
@@ -110,10 +120,13 @@ impl Dimensions {
 /// Static data of a vehicle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VehicleInfo {
+    /// Unique in the city.
     pub id: VehicleId,
     /// Its name in the laboratory: the VICON subject.
     pub name: String,
+    /// Outline, wheelbase, track and wheels.
     pub dimensions: Dimensions,
+    /// Body type and colour.
     pub appearance: Appearance,
     /// Name of the dynamics model; empty if only poses are known.
     pub model: String,
@@ -158,7 +171,9 @@ pub struct WheelState {
 /// A vehicle at one tick.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct VehicleState {
+    /// Unique in the city.
     pub id: VehicleId,
+    /// What it does, or what holds it back.
     pub status: Status,
     /// Middle of the outline, on the ground when the body is level.
     pub position: DVec3,
@@ -170,16 +185,23 @@ pub struct VehicleState {
     pub speed_mps: f64,
     /// Along the heading.
     pub acceleration_mps2: f64,
+    /// Counter-clockwise seen from above.
     pub yaw_rate_radps: f64,
     /// Steering angle of the front axle's middle, left-positive.
     pub steering_rad: f64,
     /// Pedals in [0, 1].
     pub gas: f64,
+    /// Brake pedal in [0, 1].
     pub brake: f64,
+    /// Handbrake lever in [0, 1].
     pub handbrake: f64,
+    /// Whether the reverse gear is engaged.
     pub reverse: bool,
+    /// Whether the brake lights are on: brake or handbrake is applied.
     pub brake_lights: bool,
+    /// Turn signal; hazard while a physical vehicle is not measured.
     pub indicator: Indicator,
+    /// Front left, front right, rear left, rear right.
     pub wheels: [WheelState; 4],
     /// Lateral error: front-axle centre from the desired path, left-positive; 0 without a path.
     pub lateral_error_m: f64,

@@ -21,8 +21,11 @@ pub const MAX_LEASE_S: f64 = 60.0;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum ExperimentAction {
+    /// The simulated clock runs, for the first time or after a pause.
     Start = 0,
+    /// The simulated clock stops.
     Pause = 1,
+    /// The clock returns to 0 and stops; the vehicles return to the poses of their setups.
     Reset = 2,
 }
 
@@ -33,6 +36,7 @@ const ACTIONS: [ExperimentAction; 3] =
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum RequestOutcome {
+    /// Carried out; changes of the city take effect at its next tick.
     Done = 0,
     /// Not now, because another sender leads; a later request may succeed.
     Busy = 1,
@@ -48,7 +52,9 @@ const OUTCOMES: [RequestOutcome; 3] = [RequestOutcome::Done, RequestOutcome::Bus
 pub enum ExperimentPhase {
     /// At its start, not running yet.
     Ready = 0,
+    /// The simulated clock runs.
     Running = 1,
+    /// Started before: the simulated clock stands at a later tick.
     Paused = 2,
 }
 
@@ -60,12 +66,15 @@ const PHASES: [ExperimentPhase; 3] =
 pub struct CityClock {
     /// The token of the request.
     pub token: u64,
+    /// Physics steps since the start or the last reset.
     pub tick: u64,
     /// Simulated seconds since the start or the last reset: the clock of all stamps.
     pub time_s: f64,
+    /// Physics steps per simulated second.
     pub physics_hz: u32,
     /// City metres for one laboratory metre.
     pub length_scale: f64,
+    /// Whether the simulated clock runs.
     pub phase: ExperimentPhase,
     /// Lockstep: the city waits for a barrier at each tick.
     pub is_lockstep: bool,
@@ -76,19 +85,24 @@ pub struct CityClock {
 pub struct ObservedVehicle {
     /// Stamped with the time of the datagram.
     pub pose: Measurement,
+    /// What it does, as the sender of the poses sees it.
     pub status: Status,
 }
 
 /// Poses of one tick, or one part of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Poses {
+    /// Physics steps since the start or the last reset.
     pub tick: u64,
+    /// Simulated time at this tick.
     pub time_s: f64,
     /// Digest of the city's state at this tick.
     pub state_hash: u64,
+    /// Whether the simulated clock runs.
     pub phase: ExperimentPhase,
     /// Number of this part, from 0.
     pub part: u8,
+    /// Number of parts with the poses of this tick.
     pub parts: u8,
     /// In id order.
     pub vehicles: Vec<ObservedVehicle>,
@@ -111,42 +125,65 @@ pub struct Poses {
 pub enum Body {
     /// Handshake and heartbeat: asks for a [`CityClock`], from which the sender learns the city's session.
     Hello {
+        /// Any number; the answer repeats it, so that the sender can measure the round-trip time.
         token: u64,
     },
+    /// Adds a vehicle to the city, or takes over one whose sender is silent.
     Setup {
+        /// Number of the request, unique in the session of the sender; 0 asks for no answer.
         request: u32,
+        /// The vehicle: identity, start and build.
         setup: Box<VehicleSetup>,
     },
+    /// Desired motions of 1 to [`MAX_TRAJECTORIES`](super::MAX_TRAJECTORIES) vehicles.
     Trajectories(Vec<Trajectory<Lab>>),
+    /// Takes a vehicle out of the city.
     Remove {
+        /// Number of the request, unique in the session of the sender; 0 asks for no answer.
         request: u32,
+        /// The vehicle to remove.
         vehicle: VehicleId,
     },
+    /// Starts, pauses or resets the experiment.
     Command {
+        /// Number of the request, unique in the session of the sender; 0 asks for no answer.
         request: u32,
+        /// What to do with the experiment.
         action: ExperimentAction,
     },
     /// Subscribes to the poses of every n-th tick until the lease ends; a repeated subscription renews it.
     Subscribe {
+        /// Number of the request, unique in the session of the sender; 0 asks for no answer.
         request: u32,
+        /// Physics steps from one pose to the next, at least 1.
         every_ticks: u16,
+        /// Seconds of the wall clock, up to [`MAX_LEASE_S`]; 0 ends the subscription.
         lease_s: f64,
     },
     /// Lockstep barrier: all commands for this tick have been sent, in `count` datagrams from sequence number `first`
     /// on.
     Barrier {
+        /// Tick of the poses that the commands answer.
         tick: u64,
+        /// Sequence number of the first of these datagrams.
         first: u64,
+        /// Number of these datagrams.
         count: u32,
     },
+    /// Answers [`Body::Hello`]; a physical vehicle also gets it from the sender that drives it.
     Clock(CityClock),
     /// Acknowledges the request of this number.
     Ack {
+        /// Number that the request had.
         request: u32,
+        /// Whether the request is carried out.
         outcome: RequestOutcome,
+        /// Tick at which the city answers.
         tick: u64,
+        /// Reason or remark in words, up to [`MAX_DETAIL_BYTES`]; empty if there is none.
         detail: String,
     },
+    /// Poses of one tick for a subscriber.
     Poses(Poses),
 }
 

@@ -11,36 +11,50 @@ pub struct DecodeError {
     pub field: &'static str,
     /// Bytes from the start of the datagram.
     pub offset: usize,
+    /// What is wrong with the field.
     pub fault: DecodeFault,
 }
 
 /// Fault of a field.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum DecodeFault {
+    /// The datagram ends too early: bytes that the field takes, and bytes that are left.
     #[error("{needed} bytes are needed here, {left} are left")]
     Short { needed: usize, left: usize },
+    /// The datagram or a text is too long: its bytes, and the limit.
     #[error("{found} bytes are longer than {most}")]
     Long { found: usize, most: usize },
+    /// Bytes follow the last field: their number.
     #[error("{found} bytes too many")]
     Trailing { found: usize },
+    /// The first bytes are not [`MAGIC`](super::MAGIC).
     #[error("it does not begin with C3DL, as datagrams of this link do")]
     Magic,
+    /// Another version of the wire format than [`VERSION`].
     #[error("version {found}; this program speaks version {VERSION}")]
     Version { found: u8 },
+    /// Checksum or tag does not match the bytes.
     #[error("its checksum or tag does not match: it was damaged on its way, or made with another key")]
     Check,
+    /// A checksum where the receiver requires a tag made with the shared key.
     #[error("not authenticated, and this end requires the shared key")]
     Unauthenticated,
+    /// A tag that the receiver cannot verify, for want of the shared key.
     #[error("authenticated with a shared key, and this end has none")]
     NoKey,
+    /// A number is infinite or NaN.
     #[error("not a finite number")]
     NotFinite,
+    /// A number outside of its range: the number and both limits, which are allowed.
     #[error("{found}; it must be between {least} and {most}")]
     OutOfRange { found: f64, least: f64, most: f64 },
+    /// A number without a meaning: the number, and those that have one.
     #[error("{found} is unknown; there are {known}")]
     Unknown { found: u64, known: &'static str },
+    /// A text is not valid UTF-8.
     #[error("not UTF-8 text")]
     NotText,
+    /// The time of a waypoint does not exceed that of the one before.
     #[error("not later than the one before")]
     NotLater,
 }
@@ -49,14 +63,18 @@ pub enum DecodeFault {
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("{what}: {found}; at most {most} fit in a datagram")]
 pub struct EncodeError {
+    /// Name of the text or list, or the whole body.
     pub what: &'static str,
+    /// Its length in bytes, or its number of items.
     pub found: usize,
+    /// Largest length or number that fits.
     pub most: usize,
 }
 
 /// Appends little-endian primitives to a datagram.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ByteWriter {
+    /// What has been written so far.
     pub bytes: Vec<u8>,
 }
 
@@ -109,6 +127,7 @@ impl<'a> ByteReader<'a> {
         Self { bytes, at }
     }
 
+    /// The error of a field of `size` bytes that has just been read.
     pub fn error(&self, field: &'static str, size: usize, fault: DecodeFault) -> DecodeError {
         DecodeError { field, offset: self.at - size, fault }
     }
@@ -181,6 +200,7 @@ impl<'a> ByteReader<'a> {
             .ok_or_else(|| self.error(field, 1, DecodeFault::Unknown { found: found.into(), known }))
     }
 
+    /// Reads a text of at most `most` bytes: its length in one byte, then UTF-8.
     pub fn text(&mut self, field: &'static str, most: usize) -> Result<String, DecodeError> {
         let length = usize::from(self.u8(field)?);
         if length > most {

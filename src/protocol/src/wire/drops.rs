@@ -80,14 +80,17 @@ impl From<&DecodeError> for DropReason {
 pub struct DropCounts(BTreeMap<DropReason, u64>);
 
 impl DropCounts {
+    /// Adds one drop.
     pub fn count(&mut self, reason: DropReason) {
         *self.0.entry(reason).or_default() += 1;
     }
 
+    /// Number of drops for one reason.
     pub fn of(&self, reason: DropReason) -> u64 {
         self.0.get(&reason).copied().unwrap_or(0)
     }
 
+    /// Number of drops for all reasons together.
     pub fn total(&self) -> u64 {
         self.0.values().sum()
     }
@@ -99,6 +102,7 @@ impl DropCounts {
         }
     }
 
+    /// The reasons that have occurred, in the order of [`DropReason`], with their numbers of drops.
     pub fn iter(&self) -> impl Iterator<Item = (DropReason, u64)> + '_ {
         self.0.iter().map(|(reason, count)| (*reason, *count))
     }

@@ -45,6 +45,7 @@ pub struct DatagramHeader {
 /// 2104) with a shared key.
 #[derive(Clone, Default)]
 pub enum Authenticator {
+    /// CRC-32: detects damage, but anyone can make one.
     #[default]
     Checksum,
     /// HMAC-SHA-256 with this key.

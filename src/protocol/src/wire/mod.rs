@@ -51,6 +51,7 @@ pub fn vicon_frame(subject: &str) -> String {
 /// A measured pose of motion capture, without speed. Laboratory metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measurement {
+    /// The measured vehicle.
     pub vehicle: VehicleId,
     /// When the pose was measured.
     pub stamp_s: f64,
@@ -85,6 +86,7 @@ impl Measurement {
         )
     }
 
+    /// Position and heading seen from above, on the laboratory's floor.
     pub fn pose_in_lab(&self) -> Pose2<Lab> {
         let forward = self.orientation * DVec3::X;
         Pose2::at(self.position.truncate(), city3d_geometry::trig::atan2(forward.y, forward.x))
@@ -97,10 +99,12 @@ pub enum Message {
     /// Desired motion of one vehicle: poses of the front-axle centre over a horizon that covers the
     /// stopping distance.
     Follow(Trajectory<Lab>),
+    /// The vehicle leaves the city.
     Remove(VehicleId),
 }
 
 impl Message {
+    /// The vehicle that the message is for.
     pub fn vehicle(&self) -> VehicleId {
         match self {
             Self::Follow(trajectory) => trajectory.vehicle,

@@ -51,6 +51,7 @@ impl VehicleBuild {
 /// Setup of a vehicle. Laboratory metres, except for the full-scale build.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VehicleSetup {
+    /// Unique in the city, 1 to 65535.
     pub id: VehicleId,
     /// Its name in the laboratory.
     pub name: String,
@@ -58,11 +59,13 @@ pub struct VehicleSetup {
     pub controller: String,
     /// Parameters of the algorithm by name; the city logs them.
     pub parameters: Vec<(String, f64)>,
+    /// Body type and colour.
     pub appearance: Appearance,
     /// Pose of the centre of the outline.
     pub pose: Pose2<Lab>,
     /// Along the heading.
     pub speed_mps: f64,
+    /// Its construction: dimensions, motor, tyres and control.
     pub build: VehicleBuild,
 }
 

@@ -25,6 +25,7 @@ pub const LANE_WIDTH_M: f64 = 0.1524;
 /// Ends closer than this are one point; moving them together is reported unless they are closer
 /// than `SILENT_JOIN_M`.
 pub const JOIN_TOLERANCE_M: f64 = 1e-3;
+/// Ends closer than this are joined without a note.
 pub const SILENT_JOIN_M: f64 = 1e-6;
 /// Texts, arrows and gaps belong to a lane up to this distance.
 pub const REACH_M: f64 = LANE_WIDTH_M / 2.0;
@@ -34,16 +35,19 @@ pub const KINK_TOLERANCE_DEG: f64 = 1.0;
 pub const DEFAULT_SPEED_MPS: f64 = 0.5;
 /// Largest distance of a coordinate from the origin: 25 km at full scale.
 pub const MAX_COORDINATE_M: f64 = 1000.0;
-/// Most pieces of lanes, and most metres of them, that a map may have.
+/// Most pieces of lanes, that a map may have.
 pub const MAX_PIECES: usize = 5000;
 /// Most entities on any layer that the map uses.
 pub const MAX_ENTITIES_OF_LAYER: usize = 5000;
+/// Largest sum of the lengths of all lanes, laboratory metres.
 pub const MAX_LANES_LENGTH_M: f64 = 1000.0;
 
 /// A map, and notes for its author.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadedMap {
+    /// The map in laboratory metres.
     pub map: LabMap,
+    /// What the author may want to know; empty if there is nothing to report.
     pub notes: Vec<MapNote>,
 }
 

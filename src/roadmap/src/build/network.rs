@@ -28,6 +28,7 @@ pub(crate) enum Tangency {
 /// Pieces and the nodes where their ends meet.
 #[derive(Debug)]
 pub(super) struct PieceGraph {
+    /// Lines and arcs of lanes; splitting adds to them.
     pub pieces: Vec<LanePiece>,
     nodes: Vec<DVec2>,
     /// By end.

@@ -18,6 +18,7 @@ const MAX_RADIUS_M: f64 = 1e6;
 pub(crate) struct LanePiece {
     /// Index in the drawing.
     pub entity: usize,
+    /// Follows from the layer of the entity.
     pub kind: LaneKind,
     /// Laboratory metres; an ARC runs counter-clockwise.
     pub segment: Segment,
@@ -28,8 +29,11 @@ pub(crate) struct LanePiece {
 /// A LINE on an arrow or stop-line layer.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DrawnLine<'a> {
+    /// Its LINE or straight LWPOLYLINE, for messages.
     pub entity: &'a Entity,
+    /// Start as drawn, laboratory metres.
     pub from: DVec2,
+    /// End as drawn, laboratory metres.
     pub to: DVec2,
 }
 

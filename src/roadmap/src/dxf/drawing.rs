@@ -8,15 +8,21 @@ use serde::{Deserialize, Serialize};
 pub enum Units {
     /// Code 0: taken as metres.
     Unitless,
+    /// Code 1.
     Inches,
+    /// Code 2.
     Feet,
+    /// Code 4.
     Millimetres,
+    /// Code 5.
     Centimetres,
+    /// Code 6.
     #[default]
     Metres,
 }
 
 impl Units {
+    /// Length of one drawing unit in metres.
     pub fn metres(self) -> f64 {
         match self {
             Self::Unitless | Self::Metres => 1.0,
@@ -32,35 +38,54 @@ impl Units {
 /// angle, positive counter-clockwise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PolyVertex {
+    /// Drawing units.
     pub at: DVec2,
+    /// 0 for a straight piece.
     pub bulge: f64,
 }
 
 /// The geometry of an entity. Angles in degrees, as DXF has them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum EntityShape {
+    /// A LINE; a lane runs from its first point to its last.
     Line {
+        /// First point, drawing units.
         from: DVec2,
+        /// Last point, drawing units.
         to: DVec2,
     },
     /// Always counter-clockwise from one angle to the other: DXF arcs have no direction of travel.
     Arc {
+        /// Drawing units.
         centre: DVec2,
+        /// Drawing units.
         radius: f64,
+        /// Angle of the start, counter-clockwise from the x axis.
         from_deg: f64,
+        /// Angle of the end, counter-clockwise from the x axis.
         to_deg: f64,
     },
+    /// An LWPOLYLINE of straight and circular pieces.
     Polyline {
+        /// In drawing order, which is the direction of travel of a lane.
         vertices: Vec<PolyVertex>,
+        /// Whether a further piece leads from the last vertex to the first.
         closed: bool,
     },
+    /// A CIRCLE, for footprints of scenery: no lane can start on it.
     Circle {
+        /// Drawing units.
         centre: DVec2,
+        /// Drawing units.
         radius: f64,
     },
+    /// A TEXT or MTEXT.
     Text {
+        /// Insertion point, or alignment point of a justified text, drawing units.
         at: DVec2,
+        /// Height of the letters, drawing units; 0 where the file states none.
         height: f64,
+        /// Its characters, without the formatting codes of MTEXT.
         text: String,
     },
 }
@@ -68,7 +93,9 @@ pub enum EntityShape {
 /// A drawing entity with its layer, handle and line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entity {
+    /// Layer name as written in the file; comparisons ignore capitals.
     pub layer: String,
+    /// Geometry in drawing units.
     pub shape: EntityShape,
     /// Hexadecimal, as CAD programs show it; empty where the drawing has none.
     pub handle: String,
@@ -76,9 +103,12 @@ pub struct Entity {
     pub line: usize,
 }
 
+/// A drawing: the entities of its model space and their unit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Drawing {
+    /// Unit of all coordinates, radii and text heights.
     pub units: Units,
+    /// In the order of the file.
     pub entities: Vec<Entity>,
 }
 

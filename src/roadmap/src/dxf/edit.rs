@@ -11,6 +11,7 @@ use std::ops::Range;
 pub struct EntityEdit {
     /// Line of the file at which the entity starts.
     pub line: usize,
+    /// The first replaces the geometry of the entity itself.
     pub shapes: Vec<EntityShape>,
 }
 

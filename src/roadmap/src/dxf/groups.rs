@@ -8,8 +8,11 @@ pub const MAX_BYTES: usize = 16 << 20;
 /// A code, its value and the line of the file on which the code stands.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DxfGroup<'a> {
+    /// Group code: the meaning of the value.
     pub code: i32,
+    /// Bytes of the value line without its line ending, not trimmed.
     pub value: &'a [u8],
+    /// Counted from 1.
     pub line: usize,
 }
 

@@ -11,8 +11,11 @@ use glam::DVec2;
 pub struct UnsupportedEntity {
     /// Its type name in the file: "SPLINE".
     pub kind: String,
+    /// Layer name as written in the file; `0` where it states none.
     pub layer: String,
+    /// Hexadecimal, as CAD programs show it; empty where the file has none.
     pub handle: String,
+    /// Line of the file at which the entity starts.
     pub line: usize,
     /// What the author could draw instead.
     pub remedy: &'static str,
@@ -21,7 +24,9 @@ pub struct UnsupportedEntity {
 /// A parsed drawing and its unsupported entities.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ParsedDrawing {
+    /// The entities that maps can use.
     pub drawing: Drawing,
+    /// The entities of other kinds, and tilted ones, in the order of the file.
     pub unsupported: Vec<UnsupportedEntity>,
 }
 

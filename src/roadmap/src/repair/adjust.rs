@@ -43,7 +43,9 @@ const SLOTS: usize = 5;
 /// A joint of the adjustment: position and tangent.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct JointNode {
+    /// Laboratory metres.
     pub at: DVec2,
+    /// Heading of the tangent, counter-clockwise from east.
     pub tangent_rad: f64,
 }
 
@@ -93,9 +95,12 @@ impl ResidualKind {
     }
 }
 
+/// The least-squares problem; [`Self::solve`] moves its joints.
 #[derive(Clone, Debug)]
 pub(super) struct Adjustment {
+    /// Joints: as drawn at first, adjusted after the solution.
     pub nodes: Vec<JointNode>,
+    /// Edges between the joints.
     pub members: Vec<NetworkEdge>,
     /// By edge: whole turns that make the sweep that of the drawing.
     turns_rad: Vec<f64>,

@@ -10,13 +10,17 @@ const BASE_TURN_RAD: f64 = 0.035;
 /// The overlap of a stroke with another one, from one of its ends on.
 #[derive(Clone, Copy)]
 pub(super) struct StrokeOverlap {
+    /// End of the stroke at which the overlap begins.
     pub end: StrokeEnd,
+    /// Index of the other stroke.
     pub other: usize,
+    /// How much of the stroke overlaps.
     pub share: OverlapExtent,
     /// Length of the overlap on the stroke itself.
     pub length_m: f64,
     /// Length on the other stroke, from beside the end to its own end ahead.
     pub other_length_m: f64,
+    /// End of the other stroke that the overlap runs to.
     pub other_end: StrokeEnd,
 }
 

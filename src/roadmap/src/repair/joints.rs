@@ -35,6 +35,7 @@ const MAX_PARTITIONS: usize = 200_000;
 /// Ends that meet in one point.
 #[derive(Clone, Debug)]
 pub(super) struct Joint {
+    /// The first one sets the side for `with_first`.
     pub ends: Vec<StrokeEnd>,
     /// By end: whether it leaves to the same side as the first end.
     pub with_first: Vec<bool>,
@@ -50,7 +51,9 @@ impl Joint {
 /// All joints; every remaining end is in one.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Joints {
+    /// Sorted by their ends.
     pub all: Vec<Joint>,
+    /// Index of the joint of each end.
     pub of_end: BTreeMap<StrokeEnd, usize>,
 }
 

@@ -21,6 +21,7 @@ const FREE_GAP_ANGLE_RAD: f64 = 15.0 * PI / 180.0;
 
 /// The adjustment network, and the edges of each stroke.
 pub(super) struct AdjustmentNetwork {
+    /// Joints and edges for the solver.
     pub adjustment: Adjustment,
     /// By stroke, in order along it.
     pub members: BTreeMap<usize, Vec<usize>>,
@@ -33,9 +34,13 @@ struct Split {
     joint: usize,
 }
 
+/// Builds the adjustment network of the strokes that are left.
 pub(super) struct NetworkBuilder<'a> {
+    /// Lines and arcs of lanes, trimmed.
     pub strokes: &'a LaneStrokes,
+    /// Clusters of their ends.
     pub joints: &'a Joints,
+    /// Entities of the drawing, for messages.
     pub entities: &'a [Entity],
 }
 

@@ -28,6 +28,7 @@ pub struct RepairChange {
     pub line: usize,
     /// Kind and handle: "ARC 2F".
     pub entity: String,
+    /// What the repair did to the entity.
     pub action: RepairAction,
 }
 
@@ -93,9 +94,13 @@ impl fmt::Display for RepairChange {
 
 /// An adjusted network with the strokes and entities that it came from.
 pub(super) struct RepairOutcome<'a> {
+    /// Lines and arcs of lanes, trimmed.
     pub strokes: &'a LaneStrokes,
+    /// The network after its solution.
     pub network: &'a AdjustmentNetwork,
+    /// Entities of the drawing as read.
     pub entities: &'a [Entity],
+    /// Metres per drawing unit.
     pub metres: f64,
 }
 

@@ -22,6 +22,7 @@ pub(super) struct LaneStroke {
     pub entity: usize,
     /// Index among the segments of the entity: 0 except in polylines.
     pub part: usize,
+    /// Follows from the layer of the entity.
     pub kind: LaneKind,
     /// Whether the drawing gives it a direction of travel.
     pub directed: bool,
@@ -31,12 +32,14 @@ pub(super) struct LaneStroke {
     pub rest: Segment,
     /// Length trimmed off each end, metres.
     pub trimmed_m: [f64; 2],
+    /// Whether it was removed because it lies along another stroke.
     pub dropped: bool,
 }
 
 /// All strokes of a drawing.
 #[derive(Clone, Debug)]
 pub(super) struct LaneStrokes {
+    /// In the order of the file, dropped ones included.
     pub all: Vec<LaneStroke>,
     /// Largest displacement of an end, metres.
     pub tolerance_m: f64,

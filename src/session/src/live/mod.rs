@@ -22,14 +22,19 @@ use std::time::Instant;
 /// Why a run cannot begin or go on.
 #[derive(Debug, thiserror::Error)]
 pub enum LiveError {
+    /// The control framework rejects a vehicle.
     #[error(transparent)]
     Setup(#[from] city3d_control::SetupError),
+    /// The operating system refuses the simulation thread.
     #[error("the simulation's thread cannot be started: {0}")]
     Thread(std::io::Error),
+    /// The simulation thread has panicked.
     #[error("the simulation's thread ended early; the log holds what was written until then")]
     Ended,
+    /// The log or the table cannot be written.
     #[error(transparent)]
     Record(#[from] city3d_logbook::record::RecordError),
+    /// The folder or the summary of a run cannot be written.
     #[error("{path}: cannot be written: {source}", path = path.display())]
     File { path: PathBuf, source: std::io::Error },
 }
@@ -37,12 +42,15 @@ pub enum LiveError {
 /// A command to a run.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RunCommand {
+    /// Starts the clock, or lets it go on; a failed run needs a reset first.
     Start,
+    /// Stops the clock of a running run.
     Pause,
     /// One tick, then pause.
     Step,
     /// Back to the initial conditions, paused; the present log is finished first.
     Reset,
+    /// Sets the target speed.
     Speed(Speed),
     /// A vehicle command of a person, applied in the next tick. The last command for a vehicle before that tick wins.
     Vehicle(SimCommand),
@@ -56,7 +64,9 @@ pub enum RunPhase {
     /// At its initial conditions.
     #[default]
     Ready,
+    /// Its clock runs.
     Running,
+    /// Its clock is stopped.
     Paused,
     /// The scenario's duration is over. It can be started again to go on beyond it.
     Over,
@@ -65,6 +75,7 @@ pub enum RunPhase {
 }
 
 impl RunPhase {
+    /// Phase in one word, without the reason of a failure.
     pub fn label(&self) -> &str {
         match self {
             Self::Ready => "ready",
@@ -81,8 +92,11 @@ impl RunPhase {
 pub struct RunState {
     /// The snapshot published before `now`, or `now` itself.
     pub before: Arc<FrameSnapshot>,
+    /// Latest published snapshot.
     pub now: Arc<FrameSnapshot>,
+    /// Phase at the time of publication.
     pub phase: RunPhase,
+    /// Target speed.
     pub speed: Speed,
     /// The pacing clock, while the run is paced.
     pub clock: Option<PacingClock>,

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Speed {
+    /// Multiple of real time; [`Speed::sane`] clamps it to the permitted range.
     Times(f64),
     /// As fast as the machine can.
     Unlimited,
@@ -19,7 +20,9 @@ impl Default for Speed {
 }
 
 impl Speed {
+    /// Smallest permitted multiple of real time.
     pub const SLOWEST: f64 = 0.1;
+    /// Largest permitted multiple of real time.
     pub const FASTEST: f64 = 100.0;
 
     /// The speed clamped to the permitted range.
@@ -53,6 +56,7 @@ impl PacingClock {
         Self { since: now, from_s, factor }
     }
 
+    /// Simulated time that the clock shows at an instant, seconds.
     pub fn simulated_s(&self, now: Instant) -> f64 {
         self.from_s + now.saturating_duration_since(self.since).as_secs_f64() * self.factor
     }

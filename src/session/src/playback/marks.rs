@@ -10,15 +10,20 @@ use std::collections::BTreeSet;
 pub struct TimelineMark {
     /// Simulated time.
     pub time_s: f64,
+    /// The vehicle that it concerns.
     pub vehicle: VehicleId,
+    /// The logged event, or the change of the driver.
     pub what: Occurrence,
 }
 
+/// What happened to a vehicle of a recorded run.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Occurrence {
+    /// An event that the run has logged.
     Event(EventKind),
     /// A person took control of the vehicle.
     TakeOver,
+    /// The person handed the vehicle back to its control algorithm.
     GiveBack,
 }
 
@@ -27,16 +32,22 @@ pub enum Occurrence {
 pub enum MarkKind {
     /// Spawn, moved, finish, remove, go.
     Usual,
+    /// It came to a stop.
     Stop,
+    /// It began to give way.
     Yield,
+    /// It passed a yield line.
     Merge,
+    /// A person took control or handed it back.
     Person,
     /// Its link, or the sight of it, was lost or came back.
     Link,
+    /// It collided with a vehicle or a static obstacle.
     Collision,
 }
 
 impl Occurrence {
+    /// Class that sets the colour of the mark.
     pub fn kind(&self) -> MarkKind {
         match self {
             Self::TakeOver | Self::GiveBack => MarkKind::Person,

@@ -20,10 +20,13 @@ pub use plot_cache::PlotSample;
 /// Why a log cannot be played.
 #[derive(Debug, thiserror::Error)]
 pub enum PlaybackError {
+    /// The file cannot be read, or is not a log.
     #[error(transparent)]
     Log(#[from] city3d_logbook::record::RecordError),
+    /// The log has no snapshots.
     #[error("{0}: the log has no snapshots to show; record the run again")]
     Empty(std::path::PathBuf),
+    /// The operating system refuses the prefetch thread.
     #[error("the thread that reads the log cannot be started: {0}")]
     Thread(std::io::Error),
 }

@@ -117,6 +117,7 @@ impl Player {
         })
     }
 
+    /// The experiment, from the scenario and the map in the log.
     pub fn experiment(&self) -> &Arc<Experiment> {
         &self.experiment
     }
@@ -126,6 +127,7 @@ impl Player {
         self.origin
     }
 
+    /// Position, direction and speed of the playback.
     pub fn head(&self) -> Playhead {
         self.head
     }
@@ -151,6 +153,7 @@ impl Player {
         Arc::clone(&self.run_state)
     }
 
+    /// Events found so far, and damage of the log.
     pub fn info(&self) -> LogInfo {
         let state = self.shared.lock();
         let searched = state.searched as f64 / state.readable.max(1) as f64;
@@ -161,11 +164,13 @@ impl Player {
         }
     }
 
+    /// Chunks decoded since the log was opened, and snapshots in memory.
     pub fn stats(&self) -> PlaybackStats {
         let state = self.shared.lock();
         PlaybackStats { chunks: self.begins_s.len(), decoded: state.decoded, kept: state.cache.snapshots() }
     }
 
+    /// Applies a transport command; a seek is shown once its chunk is decoded.
     pub fn command(&mut self, command: PlaybackCommand) {
         // The command is relative to the resolved position.
         if let Some(target) = self.target {

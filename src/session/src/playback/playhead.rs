@@ -12,9 +12,11 @@ pub enum PlaybackCommand {
     Play,
     /// Plays backwards at the present speed; restarts at the start.
     Reverse,
+    /// Stops at the recorded snapshot nearest to the time on display.
     Pause,
     /// Moves to the next or the previous recorded snapshot and pauses.
     Step {
+        /// To the next snapshot; otherwise to the previous one.
         forward: bool,
     },
     /// Moves to the recorded snapshot nearest to a time; playback goes on from there.
@@ -42,12 +44,15 @@ pub(super) const TIME_TOLERANCE_S: f64 = 1e-6;
 pub struct Playhead {
     /// Simulated times of the first and the last recorded snapshot.
     pub from_s: f64,
+    /// A damaged log ends before its first damaged chunk.
     pub to_s: f64,
     /// Simulated time on display.
     pub at_s: f64,
     /// Simulated time of the recorded snapshot before it.
     pub before_s: f64,
+    /// Whether the log is being played, forwards or backwards.
     pub is_playing: bool,
+    /// Whether playback goes backwards in time.
     pub is_reverse: bool,
     /// Simulated seconds per second, in either direction.
     pub speed: f64,
@@ -72,10 +77,12 @@ impl Playhead {
         if self.is_reverse { -self.speed } else { self.speed }
     }
 
+    /// Whether the first snapshot is on display.
     pub fn is_at_start(&self) -> bool {
         self.at_s <= self.from_s + TIME_TOLERANCE_S
     }
 
+    /// Whether the last snapshot is on display.
     pub fn is_at_end(&self) -> bool {
         self.at_s >= self.to_s - TIME_TOLERANCE_S
     }

@@ -9,7 +9,9 @@ use std::sync::Arc;
 pub struct PlotSample {
     /// Simulated time.
     pub time_s: f64,
+    /// Along the heading, city m/s; negative in reverse.
     pub speed_mps: f64,
+    /// Front-axle centre from the desired path, city metres, left-positive; 0 without a path.
     pub lateral_error_m: f64,
 }
 

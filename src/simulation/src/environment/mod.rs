@@ -43,6 +43,7 @@ pub struct EnvironmentSpec {
 }
 
 impl EnvironmentSpec {
+    /// No delay, loss, noise, occlusion or lag: what is sent arrives unchanged in the same step.
     pub const IDEAL: Self = Self {
         measurement_delay_s: 0.0,
         command_delay_s: 0.0,
@@ -79,13 +80,17 @@ impl EnvironmentSpec {
 /// Named environment of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EnvironmentProfile {
+    /// No disturbances but those that the scenario adds: [`EnvironmentSpec::IDEAL`].
     Ideal,
+    /// A laboratory: [`EnvironmentSpec::TESTBED`], with the changes of the scenario.
     Testbed,
 }
 
 impl EnvironmentProfile {
+    /// Every profile.
     pub const ALL: [Self; 2] = [Self::Ideal, Self::Testbed];
 
+    /// Name in scenarios, arguments and logs.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ideal => "ideal",
@@ -124,6 +129,7 @@ fn random_stream(seed: u64) -> ChaCha8Rng {
 }
 
 impl Environment {
+    /// An environment with nothing in transit; `seed` sets its random stream.
     pub fn new(spec: EnvironmentSpec, seed: u64) -> Self {
         let rng = random_stream(seed);
         let (measurements, messages) = (DelayQueue::default(), DelayQueue::default());

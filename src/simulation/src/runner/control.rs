@@ -22,6 +22,8 @@ pub struct ControlLoop {
 }
 
 impl ControlLoop {
+    /// Control loop before its first step, with nothing in transit.
+    ///
     /// # Errors
     /// When the control framework cannot take a vehicle's setup.
     pub fn new(experiment: &Experiment) -> Result<Self, SetupError> {
@@ -71,6 +73,7 @@ impl ControlLoop {
         self.mainframe.change(experiment.cav_setups(), experiment.right_of_way)
     }
 
+    /// The control framework, with the vehicles and their present routes.
     pub fn mainframe(&self) -> &Mainframe {
         &self.mainframe
     }

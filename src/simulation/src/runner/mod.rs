@@ -143,18 +143,22 @@ impl Run {
         &self.commands
     }
 
+    /// Snapshot after the last step, or of the initial conditions.
     pub fn snapshot(&self) -> &FrameSnapshot {
         &self.snapshot
     }
 
+    /// The simulated vehicles, their physics and the clock.
     pub fn world(&self) -> &World {
         &self.world
     }
 
+    /// The control framework, with the vehicles and their present routes.
     pub fn mainframe(&self) -> &Mainframe {
         self.control.mainframe()
     }
 
+    /// The validated scenario of the run.
     pub fn experiment(&self) -> &Arc<Experiment> {
         self.world.experiment()
     }

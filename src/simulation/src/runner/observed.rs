@@ -44,7 +44,9 @@ impl VehicleTrack {
 /// Observed state of a vehicle at one instant. City metres.
 #[derive(Clone, Copy, Debug)]
 pub struct ObservedMotion {
+    /// Id in the city.
     pub vehicle: VehicleId,
+    /// As the city reports it.
     pub status: Status,
     /// On the ground.
     pub position: DVec3,
@@ -78,12 +80,14 @@ fn carried_noise(noise: NoiseModel, experiment: &Experiment) -> NoiseModel {
 }
 
 impl ObservedCity {
+    /// An observed city before its first poses.
     pub fn new(experiment: Arc<Experiment>) -> Self {
         let noise = NoiseModel::LABORATORY.to_city(experiment.scale);
         let (tracks, known) = (BTreeMap::new(), BTreeSet::new());
         Self { experiment, noise, snapshot: FrameSnapshot::default(), tracks, known }
     }
 
+    /// Snapshot of the last poses; without vehicles before the first.
     pub fn snapshot(&self) -> &FrameSnapshot {
         &self.snapshot
     }

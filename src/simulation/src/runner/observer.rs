@@ -18,12 +18,17 @@ pub struct VehicleTotals {
     pub axle_s: f64,
     /// Mean and largest distance of the front-axle centre from the desired path.
     pub lateral_error_sum_m: f64,
+    /// Largest distance of the front-axle centre from the desired path, city metres; 0 without samples.
     pub max_lateral_error_m: f64,
     /// Largest distance of the outline beyond the edges of its lane; negative when it stays inside.
     pub max_lane_excess_m: f64,
+    /// How often the vehicle came to a stop.
     pub stops: u32,
+    /// Longest standstill, simulated seconds.
     pub longest_stand_s: f64,
+    /// Collisions with vehicles and static obstacles; one between two vehicles counts for both.
     pub collisions: u32,
+    /// Number of samples in the sum of lateral errors; there are none while a person drives.
     pub samples: u64,
 }
 
@@ -34,6 +39,10 @@ pub struct LaneUse {
 }
 
 impl LaneUse {
+    /// Whether a vehicle has entered a lane or started on it.
+    ///
+    /// # Panics
+    /// When the map of the observed run has no such lane.
     pub fn is_used(&self, lane: LaneId) -> bool {
         self.entered[lane.index()]
     }
@@ -116,6 +125,10 @@ const TAPER_M: f64 = 0.6;
 const SAMPLES_PER_S: u32 = 20;
 
 impl Observer {
+    /// Observer of a run at its start, with the routes of the planned vehicles.
+    ///
+    /// # Panics
+    /// When a planned vehicle has an empty route.
     pub fn new(experiment: &Experiment) -> Self {
         let mut lanes = LaneUse { entered: vec![false; experiment.city_map.lanes.len()] };
         for vehicle in &experiment.vehicles {
@@ -210,6 +223,7 @@ impl Observer {
         self.tracks.iter().map(|track| &track.totals)
     }
 
+    /// Lanes that were entered so far.
     pub fn lanes(&self) -> &LaneUse {
         &self.lanes
     }

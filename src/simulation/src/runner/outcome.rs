@@ -80,15 +80,19 @@ pub struct RunMetrics {
     pub all_merged_s: Option<f64>,
     /// Mean time that a yielding vehicle stood before it merged.
     pub mean_wait_s: Option<f64>,
+    /// Collisions with vehicles and static obstacles; one between two vehicles counts once.
     pub collisions: u32,
+    /// How often vehicles came to a stop, all together.
     pub stops: u32,
     /// Number of merges at any merging point.
     pub merges: u32,
     /// Mean distance driven by a vehicle.
     pub mean_distance_m: f64,
+    /// Mean distance driven, divided by the simulated time of the run.
     pub mean_speed_mps: f64,
     /// Longest stand of any vehicle.
     pub longest_stand_s: f64,
+    /// Largest distance of a front-axle centre from its desired path.
     pub max_lateral_error_m: f64,
     /// Digest of the last state.
     pub state_hash: u64,

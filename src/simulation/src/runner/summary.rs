@@ -10,36 +10,54 @@ use std::collections::BTreeMap;
 /// One vehicle of a summary, full-scale SI units.
 #[derive(Clone, Debug, Serialize)]
 pub struct VehicleSummary {
+    /// Name in the scenario or in the setup that came over the link.
     pub name: String,
+    /// Status at the end; `Finished` for a vehicle that has left.
     pub status: Status,
+    /// Odometer at the end; 0 for a vehicle that has left.
     pub distance_m: f64,
+    /// Distance driven, divided by the simulated time of the run.
     pub mean_speed_mps: f64,
+    /// How often the vehicle came to a stop.
     pub stops: u32,
+    /// Longest standstill, simulated seconds.
     pub longest_stand_s: f64,
     /// `None` where the desired path is unknown.
     pub mean_lateral_error_m: Option<f64>,
+    /// Largest lateral error; `None` where the desired path is unknown.
     pub max_lateral_error_m: Option<f64>,
     /// Largest distance of the outline beyond its lane's edges; negative when it stays inside.
     pub max_lane_excess_m: f64,
+    /// Collisions with vehicles and static obstacles; one between two vehicles counts for both.
     pub collisions: u32,
 }
 
 /// Results of a run, full-scale SI units.
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
+    /// Name of the experiment, from its scenario.
     pub scenario: String,
+    /// Seed of the traffic and the environment.
     pub seed: u64,
+    /// Version of City3D.
     pub version: &'static str,
+    /// Simulated time at the end, seconds.
     pub simulated_s: f64,
+    /// Wall-clock time that the run took, seconds; in the window, only that of the simulation.
     pub wall_s: f64,
+    /// Simulated seconds per wall-clock second.
     pub real_time_factor: f64,
+    /// Collisions with vehicles and static obstacles; one between two vehicles counts once.
     pub collisions: usize,
     /// Digest of the final state, hexadecimal.
     pub state_hash: String,
+    /// Mean over the vehicles of their mean speeds; 0 without vehicles.
     pub mean_speed_mps: f64,
     /// Lanes that no vehicle has entered.
     pub unused_lanes: Vec<String>,
+    /// Events of all vehicles, tick by tick.
     pub events: Vec<Event>,
+    /// By vehicle id, also those that have left.
     pub vehicles: BTreeMap<u32, VehicleSummary>,
     /// Statistics of the link, in a run that is controlled over it.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -77,6 +95,7 @@ pub struct RosSummary {
     pub heard: u64,
     /// Whether the topics were registered at the end, and how often the connection was restored.
     pub master_is_there: bool,
+    /// How often the connection to the ROS master was restored.
     pub master_returns: u64,
     /// Onboard pictures, where they are published.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -86,6 +105,7 @@ pub struct RosSummary {
 /// Statistics of onboard pictures.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct PicturesSummary {
+    /// Pictures that were published over ROS.
     pub published: u64,
     /// Pictures that were due and were not published, because drawing or ROS fell behind.
     pub dropped: u64,
@@ -101,6 +121,7 @@ impl Summary {
         self
     }
 
+    /// Summary of a run that took `wall_s` wall-clock seconds and ended with `last`, without a link.
     pub fn new(
         experiment: &Experiment,
         observer: &Observer,

@@ -24,10 +24,15 @@ pub struct Rates {
 }
 
 impl Rates {
+    /// Physics step, simulated seconds.
     pub fn dt_s(&self) -> f64 {
         1.0 / f64::from(self.physics_hz)
     }
 
+    /// Physics steps from one control step to the next.
+    ///
+    /// # Panics
+    /// When the control rate is 0.
     pub fn ticks_per_control(&self) -> u64 {
         u64::from(self.physics_hz / self.control_hz)
     }
@@ -54,6 +59,7 @@ pub struct Expectations {
 /// Start state of a vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
+    /// First lane of the route.
     pub lane: LaneId,
     /// Position of the front-axle centre along the lane, laboratory metres.
     pub at_m: f64,
@@ -64,9 +70,13 @@ pub struct Start {
 /// One vehicle of an experiment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlannedVehicle {
+    /// Unique in the experiment, from 1 to [`LARGEST_ID`](super::LARGEST_ID).
     pub id: VehicleId,
+    /// Unique in the experiment; part of ROS topics.
     pub name: String,
+    /// Body type and colour.
     pub appearance: Appearance,
+    /// Build and tracking control, full scale.
     pub spec: VehicleSpec,
     /// Name of the control algorithm.
     pub controller: String,
@@ -74,8 +84,11 @@ pub struct PlannedVehicle {
     pub driver: DriverParams,
     /// A person drives from the start; the algorithm takes over when the person hands back.
     pub is_human: bool,
+    /// Successive lanes; the first is that of the start.
     pub route: Vec<LaneId>,
+    /// Lane, position and speed at time 0.
     pub start: Start,
+    /// Sensors that the vehicle carries; empty for none.
     pub sensors: Vec<Sensor>,
     /// Link of a physical vehicle, which is measured instead of simulated.
     pub physical: Option<Physical>,
@@ -138,13 +151,21 @@ impl PlannedVehicle {
 /// Everything that a run depends on.
 #[derive(Clone, Debug)]
 pub struct Experiment {
+    /// Name that the scenario states.
     pub name: String,
+    /// Empty where the scenario has none.
     pub description: String,
+    /// Seed of the random streams of traffic and environment.
     pub seed: u64,
+    /// Duration of a run, simulated seconds.
     pub duration_s: f64,
+    /// Step rates of physics and control.
     pub rates: Rates,
+    /// City metres for one laboratory metre.
     pub scale: LengthScale,
+    /// Road map in laboratory metres, for the control framework.
     pub lab_map: Arc<LabMap>,
+    /// The same map in city metres, for the world.
     pub city_map: Arc<CityMap>,
     /// In id order.
     pub vehicles: Vec<PlannedVehicle>,
@@ -152,7 +173,9 @@ pub struct Experiment {
     pub vehicle_types: BTreeMap<String, VehicleSpec>,
     /// Vehicles whose starts overlapped others and were moved.
     pub moved: Vec<MovedStart>,
+    /// Right of way at junctions, laboratory units.
     pub right_of_way: RightOfWayParams,
+    /// Environment between the control framework and the simulated vehicles.
     pub environment: EnvironmentSpec,
     /// Environment of the robots of `city3d testbed`.
     pub testbed: EnvironmentSpec,
@@ -160,11 +183,13 @@ pub struct Experiment {
     pub time_of_day: TimeOfDay,
     /// A vehicle without a trajectory for this time stops on its path.
     pub link_timeout_s: f64,
+    /// What makes a run fail.
     pub expectations: Expectations,
     /// Affects rendering only.
     pub models: UserModels,
     /// Scenario text and map bytes as read, for logs.
     pub scenario_text: String,
+    /// Content of the map file.
     pub map_bytes: Vec<u8>,
     /// Dynamics model that overrides those of the scenario.
     pub model: Option<ModelKind>,

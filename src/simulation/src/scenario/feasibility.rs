@@ -15,6 +15,7 @@ const GRAVITY: f64 = 9.81;
 pub struct Infeasible {
     /// The vehicle's field that demands it.
     pub field: &'static str,
+    /// The demand, what is possible, and the remedy.
     pub message: String,
 }
 
@@ -100,9 +101,11 @@ const STEP_M: f64 = 0.02;
 /// A start that requires harder braking than u_min, and its feasible speed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InfeasibleStart {
+    /// The vehicle that starts too fast.
     pub vehicle: VehicleId,
     /// Laboratory m/s.
     pub most_mps: f64,
+    /// The demand and the remedy.
     pub message: String,
 }
 

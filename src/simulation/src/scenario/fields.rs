@@ -15,6 +15,7 @@ pub struct Problem {
     pub line: usize,
     /// From 1, in characters.
     pub column: usize,
+    /// What is wrong, and the remedy.
     pub message: String,
 }
 
@@ -35,10 +36,12 @@ pub struct Problems<'a> {
 }
 
 impl<'a> Problems<'a> {
+    /// A collection without problems; `text` is the content of the file.
     pub fn new(text: &'a str) -> Self {
         Self { text, found: RefCell::new(Vec::new()) }
     }
 
+    /// Adds a problem at a byte range of the text; those beyond a limit are dropped.
     pub fn add(&self, at: &Range<usize>, message: impl Into<String>) {
         let mut found = self.found.borrow_mut();
         if found.len() < MOST_PROBLEMS {
@@ -53,6 +56,7 @@ impl<'a> Problems<'a> {
         }
     }
 
+    /// Whether no problem has been found.
     pub fn is_empty(&self) -> bool {
         self.found.borrow().is_empty()
     }
@@ -73,16 +77,19 @@ pub struct TableFields<'a, 'p> {
     /// Position of the table, for missing fields.
     pub span: Range<usize>,
     known: RefCell<BTreeSet<&'static str>>,
+    /// Problems of the file that holds the table.
     pub problems: &'p Problems<'p>,
 }
 
 type TableEntry<'a> = (&'a Spanned<DeString<'a>>, &'a Spanned<DeValue<'a>>);
 
 impl<'a, 'p> TableFields<'a, 'p> {
+    /// Reader of a table at a byte range of the file; no field has been read yet.
     pub fn new(table: &'a DeTable<'a>, span: Range<usize>, problems: &'p Problems<'p>) -> Self {
         Self { table, span, known: RefCell::default(), problems }
     }
 
+    /// Value of a field, which is known from now on; `None` if it is missing.
     pub fn entry(&self, key: &'static str) -> Option<&'a Spanned<DeValue<'a>>> {
         self.known.borrow_mut().insert(key);
         self.table.get(key)
@@ -110,6 +117,7 @@ impl<'a, 'p> TableFields<'a, 'p> {
         span
     }
 
+    /// Adds a problem at a field, or at the table if the field is missing.
     pub fn wrong(&self, key: &str, message: impl Into<String>) {
         self.problems.add(&self.span_of(key), message);
     }
@@ -166,6 +174,7 @@ impl<'a, 'p> TableFields<'a, 'p> {
         }
     }
 
+    /// Reads an optional truth value.
     pub fn boolean(&self, key: &'static str, into: &mut bool) {
         let Some(value) = self.entry(key) else { return };
         match value.get_ref().as_bool() {
@@ -174,6 +183,7 @@ impl<'a, 'p> TableFields<'a, 'p> {
         }
     }
 
+    /// Reads an optional text.
     pub fn string(&self, key: &'static str) -> Option<&'a str> {
         let value = self.entry(key)?;
         let text = value.get_ref().as_str();
@@ -183,6 +193,7 @@ impl<'a, 'p> TableFields<'a, 'p> {
         text
     }
 
+    /// Reads a required text; `meaning` describes it where it is missing.
     pub fn required_string(&self, key: &'static str, meaning: &str) -> Option<&'a str> {
         if self.entry(key).is_none() {
             self.problems.add(&self.span, format!("{key} is missing: {meaning}"));
@@ -201,6 +212,7 @@ impl<'a, 'p> TableFields<'a, 'p> {
         }
     }
 
+    /// Reads an optional table.
     pub fn table(&self, key: &'static str) -> Option<Self> {
         let value = self.entry(key)?;
         self.table_of(key, value)

@@ -8,7 +8,9 @@ use city3d_roadmap::CityMap;
 /// A vehicle whose start was moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MovedStart {
+    /// The moved vehicle.
     pub vehicle: VehicleId,
+    /// The vehicle that its stated start overlapped.
     pub behind: VehicleId,
     /// Back along the lane, city metres.
     pub by_m: f64,

@@ -28,6 +28,7 @@ pub enum ScenarioError {
     /// Problems of the map that the scenario names.
     #[error("{}", join(file, problems))]
     Map { file: String, problems: Vec<String> },
+    /// A file cannot be loaded.
     #[error(transparent)]
     Source(#[from] SourceError),
 }
@@ -48,7 +49,9 @@ const MOST_SYNTAX_ERRORS: usize = 10;
 /// Command-line overrides of a scenario.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Overrides {
+    /// Replaces the seed of the file.
     pub seed: Option<u64>,
+    /// Replaces the duration of the file, simulated seconds.
     pub duration_s: Option<f64>,
     /// All vehicles get this dynamics model.
     pub model: Option<ModelKind>,
@@ -63,14 +66,17 @@ pub struct Overrides {
 pub struct ScenarioRequest {
     /// A file, or the name of a shipped scenario.
     pub scenario: String,
+    /// What replaces values of the file.
     pub overrides: Overrides,
 }
 
 /// Why a requested scenario cannot be loaded.
 #[derive(Debug, Error)]
 pub enum LoadError {
+    /// The scenario file cannot be loaded.
     #[error(transparent)]
     Source(#[from] SourceError),
+    /// The scenario or its map has problems.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
 }
@@ -156,19 +162,26 @@ struct ScenarioReader<'m> {
 
 /// Context for reading vehicles.
 pub(super) struct ReadContext<'m> {
+    /// Road map in laboratory metres.
     pub map: &'m LabMap,
+    /// Loads the models that vehicles name.
     pub models: &'m ModelReader<'m>,
+    /// City metres for one laboratory metre.
     pub scale: LengthScale,
     /// All vehicles get this dynamics model.
     pub model: Option<ModelKind>,
+    /// Seed of the traffic.
     pub seed: u64,
+    /// Duration of the run, simulated seconds: the routes of the traffic last longer.
     pub duration_s: f64,
+    /// Step rates, which limit those of sensors.
     pub rates: Rates,
 }
 
 /// The vehicles read so far.
 #[derive(Default)]
 pub(super) struct FleetBuilder {
+    /// Vehicles without errors that prevent reading them.
     pub vehicles: Vec<PlannedVehicle>,
     /// Names of all vehicles by id, including invalid ones.
     pub names: BTreeMap<VehicleId, String>,

@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 
 /// Named settings that vehicles refer to.
 pub struct NamedSettings {
+    /// Vehicle types; `default` always exists.
     pub types: BTreeMap<String, VehicleType>,
     /// Control algorithm and parameters.
     pub drivers: NamedDrivers,
@@ -105,6 +106,7 @@ fn stated_drivers(root: &TableFields<'_, '_>) -> NamedDrivers {
     drivers
 }
 
+/// Reads `[rates]`; missing fields keep their defaults.
 pub fn read_rates(root: &TableFields<'_, '_>) -> Rates {
     let mut rates = Rates::default();
     if let Some(fields) = root.table("rates") {
@@ -121,6 +123,7 @@ pub fn read_rates(root: &TableFields<'_, '_>) -> Rates {
     rates
 }
 
+/// Reads `[right_of_way]`; missing fields keep their defaults.
 pub fn read_right_of_way(root: &TableFields<'_, '_>) -> RightOfWayParams {
     let mut params = RightOfWayParams::default();
     if let Some(fields) = root.table("right_of_way") {

@@ -20,14 +20,19 @@ const MAPS: [(&str, &[u8]); 1] = [("ids3c", include_bytes!("../../../../assets/m
 /// A file that cannot be loaded.
 #[derive(Debug, Error)]
 pub enum SourceError {
+    /// The operating system cannot read the file.
     #[error("{path}: {reason}")]
     Unreadable { path: PathBuf, reason: std::io::Error },
+    /// The file exceeds the size limit.
     #[error("{path}: {bytes} bytes; files of more than {LARGEST_FILE_BYTES} bytes are not read")]
     TooLarge { path: PathBuf, bytes: u64 },
+    /// The scenario is not UTF-8; line and column, from 1, of the first wrong byte.
     #[error("{path}: line {line}, column {column}: not UTF-8 text; save the file as UTF-8")]
     NotText { path: PathBuf, line: usize, column: usize },
+    /// The file is of another kind, such as a log or a picture.
     #[error("{path}: this is {what}")]
     Other { path: PathBuf, what: &'static str },
+    /// No file and no embedded scenario, map or model has this name.
     #[error(
         "\"{name}\" is neither a file nor one of the shipped {kind}: {names}; give the path of a file or one of these names"
     )]

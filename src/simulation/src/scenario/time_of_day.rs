@@ -45,6 +45,7 @@ impl FromStr for TimeOfDay {
     }
 }
 
+/// Reads the time of day; noon where it is missing or wrong.
 pub fn read_time_of_day(root: &TableFields<'_, '_>) -> TimeOfDay {
     let Some(text) = root.string("time_of_day") else { return TimeOfDay::default() };
     text.parse().unwrap_or_else(|remedy| {

@@ -11,15 +11,22 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 /// A share of the traffic with a common vehicle type.
 #[derive(Clone, Debug)]
 pub struct TrafficShare {
+    /// Vehicle type of the share.
     pub build: VehicleType,
+    /// Size of the share relative to the weights of the others, above 0.
     pub weight: f64,
 }
 
+/// What the random traffic of a scenario is drawn from.
 #[derive(Clone, Debug)]
 pub struct TrafficSpec {
+    /// Number of vehicles.
     pub vehicles: usize,
+    /// One at least.
     pub shares: Vec<TrafficShare>,
+    /// Name of the control algorithm of all vehicles.
     pub controller: String,
+    /// Parameters before they vary, laboratory units.
     pub driver: DriverParams,
     /// Driver parameters vary uniformly by up to this share.
     pub spread: f64,
@@ -30,8 +37,11 @@ pub struct TrafficSpec {
 /// A randomly drawn vehicle.
 #[derive(Clone, Debug)]
 pub struct SampledVehicle {
+    /// Vehicle type of its share.
     pub build: VehicleType,
+    /// Parameters as drawn, laboratory units.
     pub driver: DriverParams,
+    /// Successive lanes from the lane of the start.
     pub route: Vec<LaneId>,
     /// Front-axle centre along the first lane, laboratory metres.
     pub at_m: f64,

@@ -6,13 +6,16 @@ use super::read_sensors::read_sensors;
 use city3d_dynamics::vehicle::{Drive, ModelKind, TorquePoint, VehicleSpec};
 use city3d_sensors::Sensor;
 
+/// Dynamics models by their names in scenarios.
 pub const MODELS: [(&str, ModelKind); 2] = [("raycast", ModelKind::Raycast), ("bicycle", ModelKind::Bicycle)];
 const DRIVES: [(&str, Drive); 3] = [("front", Drive::Front), ("rear", Drive::Rear), ("all", Drive::All)];
 
 /// A vehicle specification with its default sensors.
 #[derive(Clone, Debug, Default)]
 pub struct VehicleType {
+    /// Build and tracking control, full scale.
     pub spec: VehicleSpec,
+    /// Sensors of vehicles that state none themselves.
     pub sensors: Vec<Sensor>,
 }
 

@@ -13,9 +13,11 @@ use std::collections::BTreeSet;
 /// A static obstacle.
 #[derive(Clone, Debug)]
 pub struct StaticObstacle {
+    /// Name in the map, or the kind of scenery where it has none.
     pub name: String,
     /// Corners in order.
     pub polygon: Vec<DVec2>,
+    /// Above the ground, city metres.
     pub height_m: f64,
     low: DVec2,
     high: DVec2,
@@ -35,6 +37,7 @@ const WALL_HEIGHT_M: f64 = 1.0;
 const BUILDING_HEIGHT_M: f64 = 8.0;
 
 impl StaticObstacles {
+    /// Obstacles from the buildings, walls and hedges of a map.
     pub fn of(map: &CityMap) -> Self {
         let mut solids: Vec<StaticObstacle> =
             map.scenery.iter().filter(|s| s.kind.is_solid()).flat_map(solids_of).collect();
@@ -43,6 +46,7 @@ impl StaticObstacles {
         Self { solids, widest_m }
     }
 
+    /// Obstacles from west to east.
     pub fn iter(&self) -> impl Iterator<Item = &StaticObstacle> {
         self.solids.iter()
     }
@@ -113,6 +117,7 @@ impl Digest for Collisions {
 }
 
 impl Collisions {
+    /// Finds the contacts of a tick and adds an event for each that is new; `vehicles` are in id order.
     pub fn find(
         &mut self,
         vehicles: &[SimVehicle],

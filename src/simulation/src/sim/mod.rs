@@ -86,22 +86,27 @@ impl World {
         Self { experiment, solids, roster, state }
     }
 
+    /// The experiment that sets the initial conditions.
     pub fn experiment(&self) -> &Arc<Experiment> {
         &self.experiment
     }
 
+    /// Physics steps since the start or the last reset.
     pub fn tick(&self) -> u64 {
         self.state.tick
     }
 
+    /// Simulated time of the present tick, seconds.
     pub fn time_s(&self) -> f64 {
         self.experiment.rates.time_s(self.state.tick)
     }
 
+    /// Whether the experiment's clock runs.
     pub fn is_running(&self) -> bool {
         self.state.is_running
     }
 
+    /// The state that [`World::with_state`] restores.
     pub fn state(&self) -> &WorldState {
         &self.state
     }

@@ -17,8 +17,10 @@ enum DriveMode {
     Human(Pedals),
 }
 
+/// A vehicle that follows trajectories, the pedals of a person, or measured poses.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SimVehicle {
+    /// State as snapshots show it.
     pub state: VehicleState,
     spec: VehicleSpec,
     dynamics: Dynamics,
@@ -76,6 +78,7 @@ const BRAKE_LIGHT_TRAVEL: f64 = 0.02;
 /// Distance after a collision at which a manual vehicle is clear.
 const CLEAR_AFTER_M: f64 = 5.0;
 impl SimVehicle {
+    /// Adds a vehicle to the physics, at the pose and the speed of its setup.
     pub fn spawn(setup: &Setup, physics: &mut Physics, experiment: &Experiment) -> Self {
         let (spec, start) = (&setup.spec, (setup.pose, setup.speed_mps));
         let mut dynamics = Dynamics::spawn(physics, spec, start, experiment.scale);
@@ -106,10 +109,12 @@ impl SimVehicle {
         self.dynamics.body()
     }
 
+    /// Specification of its build and control.
     pub fn spec(&self) -> &VehicleSpec {
         &self.spec
     }
 
+    /// Removes its body from the physics.
     pub fn leave(mut self, physics: &mut Physics) {
         self.dynamics.remove(physics);
     }
@@ -181,6 +186,7 @@ impl SimVehicle {
         }
     }
 
+    /// Notes a collision: without a person the vehicle brakes to a standstill and stays.
     pub fn collide(&mut self) {
         self.has_collided = true;
         self.collided_at_m = self.state.distance_m;

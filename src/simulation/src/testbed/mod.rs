@@ -23,7 +23,9 @@ const SLEW_SHARE: f64 = 0.1;
 /// The experiment's clock, as the controller has sent it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ExperimentClock {
+    /// Simulated time of the experiment, seconds.
     pub time_s: f64,
+    /// Whether the experiment runs; robots hold while it does not.
     pub is_running: bool,
 }
 
@@ -90,6 +92,7 @@ impl Testbed {
         self.ticks as f64 * self.dt_s
     }
 
+    /// The experiment's clock, as the robots continue it between two synchronisations.
     pub fn clock(&self) -> ExperimentClock {
         self.clock
     }

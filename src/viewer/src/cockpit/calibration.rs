@@ -8,7 +8,9 @@ use std::collections::BTreeMap;
 /// The result of a calibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Assignment {
+    /// The steering axis with its range.
     Steering(SteeringCalibration),
+    /// The control of any other function, with its range.
     LeverCalibration(ControlFunction, LeverCalibration),
 }
 
@@ -73,6 +75,7 @@ impl Calibrator {
         Self { function, travels: travels.collect() }
     }
 
+    /// The function that gets a control.
     pub fn function(&self) -> ControlFunction {
         self.function
     }

@@ -32,20 +32,30 @@ pub type Values = BTreeMap<DeviceControl, f64>;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ControlFunction {
+    /// Steering wheel or stick.
     Steering,
+    /// Accelerator pedal or trigger.
     Gas,
+    /// Brake pedal or trigger.
     Brake,
+    /// Handbrake lever, or a button for it.
     Handbrake,
+    /// Requests the other gear, forward or reverse.
     Reverse,
+    /// Switches the left indicator on or off.
     IndicateLeft,
+    /// Switches the right indicator on or off.
     IndicateRight,
+    /// Switches the hazard lights on or off.
     Hazard,
+    /// Turns the camera backwards while it is held.
     LookBack,
     /// Takes over the selected vehicle, or gives it back.
     TakeWheel,
 }
 
 impl ControlFunction {
+    /// All functions, in the order of the page of devices.
     pub const ALL: [Self; 10] = [
         Self::Steering,
         Self::Gas,
@@ -59,6 +69,7 @@ impl ControlFunction {
         Self::TakeWheel,
     ];
 
+    /// Name on the page of devices.
     pub fn label(self) -> &'static str {
         match self {
             Self::Steering => "Steering",
@@ -85,6 +96,7 @@ impl ControlFunction {
 /// Calibration of a pedal, a trigger or a button.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LeverCalibration {
+    /// The axis or button that is read.
     pub control: DeviceControl,
     /// Value when nobody touches it.
     pub rest: f64,
@@ -95,6 +107,7 @@ pub struct LeverCalibration {
 }
 
 impl LeverCalibration {
+    /// A button or trigger with its usual range: 0 at rest, 1 fully pressed, no dead zone.
     pub fn button(control: DeviceControl) -> Self {
         Self { control, rest: 0.0, full: 1.0, dead_zone: 0.0 }
     }
@@ -109,9 +122,13 @@ impl LeverCalibration {
 /// Calibration of the steering axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SteeringCalibration {
+    /// The axis that is read.
     pub control: DeviceControl,
+    /// Value when it is turned fully to the left.
     pub left: f64,
+    /// Value when nobody touches it.
     pub centre: f64,
+    /// Value when it is turned fully to the right.
     pub right: f64,
     /// Dead zone: fraction of the travel to either side without effect.
     pub dead_zone: f64,
@@ -146,6 +163,7 @@ pub struct DeviceProfile {
     /// Speed-sensitive steering: reduces the angle at speed, as a short stick needs; a wheel does not.
     #[serde(rename = "eases")]
     pub speed_sensitive: bool,
+    /// `None` while no axis steers.
     pub steering: Option<SteeringCalibration>,
     /// All functions but the steering.
     pub levers: BTreeMap<ControlFunction, LeverCalibration>,
@@ -192,6 +210,7 @@ impl DeviceProfile {
         }
     }
 
+    /// Sets the dead zone of a function, a fraction of its travel, if a control is assigned.
     pub fn set_dead_zone(&mut self, function: ControlFunction, fraction: f64) {
         if let (ControlFunction::Steering, Some(steering)) = (function, &mut self.steering) {
             steering.dead_zone = fraction;
@@ -200,6 +219,7 @@ impl DeviceProfile {
         }
     }
 
+    /// Removes the control of a function, with its calibration.
     pub fn clear(&mut self, function: ControlFunction) {
         match function {
             ControlFunction::Steering => self.steering = None,
@@ -230,8 +250,11 @@ impl DeviceProfile {
 pub struct LeverPositions {
     /// 1 is full left, -1 full right.
     pub steering: f64,
+    /// 0 is released, 1 fully pressed.
     pub gas: f64,
+    /// 0 is released, 1 fully pressed.
     pub brake: f64,
+    /// 0 is released, 1 fully applied.
     pub handbrake: f64,
     /// Speed-sensitive steering.
     pub speed_sensitive: bool,
@@ -255,7 +278,9 @@ impl LeverPositions {
 pub struct Device {
     /// Identifies the device across sessions.
     pub key: String,
+    /// Name that the operating system gives it.
     pub name: String,
+    /// Its present mapping.
     pub profile: DeviceProfile,
     values: Values,
     /// Positions when use was last detected.
@@ -268,10 +293,12 @@ const USE_THRESHOLD: f64 = 0.1;
 const PRESS_THRESHOLD: f64 = 0.5;
 
 impl Device {
+    /// A device whose controls have not moved yet: everything is released.
     pub fn new(key: String, name: String, profile: DeviceProfile) -> Self {
         Self { key, name, profile, values: Values::new(), noticed: LeverPositions::default() }
     }
 
+    /// Latest uncalibrated values of its controls.
     pub fn values(&self) -> &Values {
         &self.values
     }
@@ -296,6 +323,7 @@ impl Device {
         self.profile.position(function, &self.values)
     }
 
+    /// Present positions of steering and pedals.
     pub fn levers(&self) -> LeverPositions {
         LeverPositions {
             steering: self.position(ControlFunction::Steering),

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 pub struct DeviceInfo {
     /// Identifies the device across sessions.
     pub key: String,
+    /// Name that the operating system gives it.
     pub name: String,
     /// The default mapping.
     pub usual: DeviceProfile,
@@ -17,8 +18,11 @@ pub struct DeviceInfo {
 /// A device event. Devices keep their number while they are connected.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DeviceEvent {
+    /// A device is connected and has this number from now on.
     Plugged(usize, DeviceInfo),
+    /// The device with this number is disconnected.
     Unplugged(usize),
+    /// A control of the device with this number has a new value, uncalibrated.
     Moved(usize, DeviceControl, f64),
     /// Gamepads cannot be read on this machine, for this reason.
     Missing(String),
@@ -111,6 +115,7 @@ impl Devices {
         self.plugged.iter().map(|(number, device)| (*number, device))
     }
 
+    /// The device with this number; `None` while it is not connected.
     pub fn get(&self, number: usize) -> Option<&Device> {
         self.plugged.get(&number)
     }
@@ -153,6 +158,7 @@ impl Devices {
         self.learner.as_ref().map(|(number, learner)| (*number, learner))
     }
 
+    /// Cancels the calibration, if one is in progress; the mapping stays as it is.
     pub fn stop_learning(&mut self) {
         self.learner = None;
     }

@@ -7,24 +7,33 @@ use city3d_protocol::snapshot::{Indicator, Pedals};
 /// Driving keys that are held down.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HeldKeys {
+    /// Presses the gas pedal; the brake key wins.
     pub gas: bool,
+    /// Presses the brake pedal.
     pub brake: bool,
+    /// Applies the handbrake fully.
     pub handbrake: bool,
+    /// Steers to the left; with `right` the steering returns to the centre.
     pub left: bool,
+    /// Steers to the right.
     pub right: bool,
 }
 
 /// The input of the driver: keys, or analogue controls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DriverInput {
+    /// Keys: pedals and steering move at limited rates.
     HeldKeys(HeldKeys),
+    /// Calibrated positions of a gamepad or a steering wheel, which apply at once.
     LeverPositions(LeverPositions),
 }
 
 /// Geometry that limits the steering angle, city metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SteeringGeometry {
+    /// Distance from the rear axle to the front axle.
     pub wheelbase_m: f64,
+    /// Largest steering angle of the front axle's middle, to either side.
     pub steering_limit_rad: f64,
 }
 
@@ -58,6 +67,7 @@ impl ManualDriver {
         Self { pedals, wants_reverse: false }
     }
 
+    /// Present pedals, steering angle, gear and indicators.
     pub fn pedals(&self) -> Pedals {
         self.pedals
     }

@@ -9,6 +9,7 @@ use std::path::Path;
 /// The selectable speeds.
 const SPEEDS: [f64; 8] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
 
+/// Shows the toolbar; adds what its controls request to `actions`.
 pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     ui.horizontal_wrapped(|ui| {
         // One row at the width of 1280 points, whatever its menus say.

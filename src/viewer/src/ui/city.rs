@@ -13,6 +13,7 @@ const NEAR_POINTS: f32 = 16.0;
 /// Points of scrolling that are one step of zoom.
 const SCROLL_STEP: f64 = 40.0;
 
+/// Shows the large view of the city with its overlays, and handles the mouse in it.
 pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     let rect = ui.available_rect_before_wrap().round_to_pixels(ui.ctx().pixels_per_point());
     let response = ui.allocate_rect(rect, Sense::click_and_drag());

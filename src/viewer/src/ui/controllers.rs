@@ -4,6 +4,7 @@ use super::{UiAction, UiState};
 use crate::cockpit::{ControlFunction, Device, DeviceControl, Devices};
 use egui::{RichText, Sense, Ui, Vec2};
 
+/// Shows the window while it is open; closing it cancels a calibration.
 pub fn window(ui: &Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
     let mut is_open = state.open.controllers;
     if !is_open {

@@ -9,6 +9,7 @@ use egui::{Key, Ui};
 /// Manual control of a vehicle by the user.
 #[derive(Clone, Copy, Debug)]
 pub struct ManualDrive {
+    /// The vehicle that the user drives.
     pub vehicle: VehicleId,
     driver: ManualDriver,
     /// Whether a gamepad or a steering wheel drives, not the keys: the last one used wins.
@@ -49,10 +50,12 @@ impl ManualDrive {
         }
     }
 
+    /// Its driver: present pedals, steering angle and requested gear.
     pub fn driver(&self) -> &ManualDriver {
         &self.driver
     }
 
+    /// Whether a gamepad or a steering wheel drives; otherwise the keys do.
     pub fn is_by_device(&self) -> bool {
         self.by_device
     }

@@ -78,6 +78,7 @@ const TWO_COLUMNS: f32 = 700.0;
 /// Narrower windows show one column, points.
 const TWO_COLUMNS_FROM: f32 = 720.0;
 
+/// Shows the window while it is open; a replay has the keys of the player in place of those of a run.
 pub fn window(ui: &Ui, state: &mut UiState, is_replay: bool) {
     // Nobody drives in a replay.
     let [experiment, look, vehicles, driving] = &SECTIONS;

@@ -8,7 +8,9 @@ use std::collections::{BTreeMap, VecDeque};
 pub struct HistorySample {
     /// Simulated time.
     pub time_s: f64,
+    /// Speed along the heading, negative in reverse, city frame.
     pub speed_mps: f64,
+    /// Front-axle centre from the desired path, left-positive, city metres; 0 without a path.
     pub lateral_error_m: f64,
 }
 
@@ -59,6 +61,7 @@ impl History {
         self.samples.insert(vehicle, samples.collect());
     }
 
+    /// Samples of a vehicle in order of time; none for a vehicle that is not watched.
     pub fn of(&self, id: VehicleId) -> impl Iterator<Item = &HistorySample> {
         self.samples.get(&id).into_iter().flatten()
     }

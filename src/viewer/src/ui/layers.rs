@@ -12,10 +12,15 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Layers {
+    /// Numbers and names over the vehicles; the selected vehicle always has its label.
     pub labels: bool,
+    /// Centre lines of all lanes.
     pub lanes: bool,
+    /// Planned lanes of the selected vehicle, or of all vehicles while none is selected.
     pub routes: bool,
+    /// Merging and crossing conflict zones, as the stretches of lanes that they cover.
     pub zones: bool,
+    /// The minimap in the corner of the city view.
     pub map: bool,
 }
 
@@ -50,6 +55,7 @@ pub struct Canvas<'a> {
 }
 
 impl<'a> Canvas<'a> {
+    /// Maps the pixels of `view` to `rect` on the screen, points; drawing is clipped to it.
     pub fn new(ui: &Ui, view: &'a View, rect: Rect) -> Self {
         Self { painter: ui.painter_at(rect), view, rect }
     }

@@ -48,10 +48,13 @@ pub struct ViewModel<'a> {
     pub run_state: &'a RunState,
     /// The snapshot that the pictures show, interpolated between the last two while the run goes on.
     pub interpolated: &'a FrameSnapshot,
+    /// Samples for the running plots of the previews.
     pub history: &'a History,
+    /// Lane graph of the city, city frame.
     pub map: &'a CityMap,
     /// Walls that occlude vehicles.
     pub walls: &'a [Wall],
+    /// Control algorithm of each vehicle; it drives while no person does.
     pub drivers: &'a DriverNames,
     /// Planned lanes of each vehicle, by the scenario.
     pub routes: &'a BTreeMap<VehicleId, Vec<LaneId>>,
@@ -59,8 +62,11 @@ pub struct ViewModel<'a> {
     pub cameras: &'a BTreeMap<VehicleId, Vec<ScenarioCamera>>,
     /// Geometry for manual driving.
     pub steering_geometry: &'a BTreeMap<VehicleId, SteeringGeometry>,
+    /// The scenario as it was requested: a shipped name or a file. In a replay, the path of the log.
     pub scenario: &'a str,
+    /// Duration that the scenario sets, simulated seconds; a run may go on beyond it.
     pub duration_s: f64,
+    /// Scenarios to choose from; none in a replay.
     pub scenarios: &'a [ScenarioChoice],
     /// What is being loaded, in words; nothing changes until it is loaded.
     pub loading: Option<&'a str>,
@@ -98,6 +104,7 @@ pub struct ScenarioChoice {
 pub struct ReplayView<'a> {
     /// Name of the recorded scenario.
     pub name: &'a str,
+    /// Position, direction and speed of the playback in this frame.
     pub head: Playhead,
     /// Events in order of time.
     pub marks: &'a [TimelineMark],
@@ -112,30 +119,41 @@ pub struct ReplayView<'a> {
 /// Where a picture is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PictureSlot {
+    /// The large view of the city.
     City,
+    /// The preview of this vehicle.
     Preview(VehicleId),
 }
 
 /// A picture that the panels request for this frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PictureRequest {
+    /// The panel that shows the picture.
     pub slot: PictureSlot,
+    /// Camera and resolution of the picture, city frame.
     pub view: View,
 }
 
 /// An action of the user that the panels do not carry out themselves.
 #[derive(Clone, Debug, PartialEq)]
 pub enum UiAction {
+    /// A command to the live run.
     RunCommand(RunCommand),
     /// A command to the player of a log.
     PlaybackCommand(PlaybackCommand),
+    /// The user takes over this vehicle.
     Drive(VehicleId),
+    /// The user gives the driven vehicle back to its algorithm.
     GiveBack,
+    /// Another scenario, by a shipped name or a file, from its beginning.
     Scenario(String),
+    /// Another quality or time of day; the city's renderer is built again.
     Look(Look),
     /// A device mapping has changed and is to be stored.
     KeepDevices,
+    /// A picture of the next frame, saved as a PNG file in the working folder.
     Screenshot,
+    /// The window closes.
     Quit,
 }
 
@@ -143,16 +161,22 @@ pub enum UiAction {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum QualityPreset {
+    /// Vertex lighting, no multisampling: for a software adapter.
     Low,
+    /// For an integrated or older GPU.
     Medium,
+    /// The default on a GPU.
     #[default]
     High,
+    /// Finest shadows and meshes: for stills.
     Ultra,
 }
 
 impl QualityPreset {
+    /// All presets, from the quickest to the finest.
     pub const ALL: [Self; 4] = [Self::Low, Self::Medium, Self::High, Self::Ultra];
 
+    /// Name on the toolbar and in reports.
     pub fn label(self) -> &'static str {
         match self {
             Self::Low => "low",
@@ -166,6 +190,7 @@ impl QualityPreset {
 /// Appearance of the pictures: quality and time of day.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Look {
+    /// Quality preset of the city's renderer.
     pub preset: QualityPreset,
     /// Local time from midnight.
     pub hours: f64,
@@ -175,7 +200,9 @@ pub struct Look {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct PanelWidths {
+    /// The table of vehicles, at the left.
     pub vehicles: f32,
+    /// The previews, at the right.
     pub previews: f32,
 }
 
@@ -188,6 +215,7 @@ impl Default for PanelWidths {
 /// The selected vehicle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
+    /// `None` while no vehicle is selected.
     pub vehicle: Option<VehicleId>,
     /// Vehicle that the camera starts to follow.
     pub follow: Option<VehicleId>,
@@ -197,10 +225,13 @@ pub struct Selection {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct OpenPanels {
+    /// All keys and statuses (F1).
     #[serde(skip)]
     pub help: bool,
+    /// Switches of the overlays.
     #[serde(skip)]
     pub layers: bool,
+    /// Mapping and calibration of gamepads and steering wheels (F2).
     #[serde(skip)]
     pub controllers: bool,
     /// The list of events of a recorded run.
@@ -211,13 +242,21 @@ pub struct OpenPanels {
 /// State of the user interface: what the user has chosen.
 #[derive(Clone, Debug)]
 pub struct UiState {
+    /// Camera of the large view.
     pub viewpoint: Viewpoint,
+    /// The selected vehicle, which the keys act on.
     pub selection: Selection,
+    /// The open previews, from top to bottom.
     pub previews: Vec<Preview>,
+    /// Sorting and filter of the table of vehicles.
     pub table: TableState,
+    /// Overlays of the city view.
     pub layers: Layers,
+    /// The chosen quality and time of day; the pictures follow once their renderer is built.
     pub look: Look,
+    /// The windows that are open over the city.
     pub open: OpenPanels,
+    /// Widths that the user has given the side panels; a narrow window limits them.
     pub widths: PanelWidths,
     /// Manual control of the vehicle that the user drives.
     pub driving: Option<ManualDrive>,
@@ -236,6 +275,7 @@ pub struct UiState {
 }
 
 impl UiState {
+    /// A new window: an orbit camera around all vehicles of `snapshot`, nothing selected, no previews.
     pub fn new(snapshot: &FrameSnapshot, look: Look) -> Self {
         Self {
             viewpoint: Viewpoint::around(snapshot),
@@ -270,6 +310,7 @@ impl UiState {
         self.driving.as_ref().map(|driving| driving.vehicle)
     }
 
+    /// Changes the mode of the large view; chase and onboard take the selected vehicle.
     pub fn set_mode(&mut self, mode: CameraMode) {
         if matches!(mode, CameraMode::Chase | CameraMode::Onboard) {
             self.viewpoint.follow = self.selection.vehicle.or(self.viewpoint.follow);
@@ -278,6 +319,7 @@ impl UiState {
         self.viewpoint.set_mode(mode, nearest);
     }
 
+    /// Follows a vehicle with the large view; `None` stops following.
     pub fn follow(&mut self, vehicle: Option<VehicleId>) {
         self.viewpoint.follow = vehicle;
     }

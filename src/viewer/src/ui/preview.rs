@@ -15,10 +15,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PreviewCamera {
+    /// Behind the windscreen, looking ahead.
     #[default]
     Windscreen,
+    /// At the front bumper, looking ahead.
     Bumper,
+    /// At the mount point of the windscreen, looking backwards.
     Rear,
+    /// Behind and above the vehicle, looking at it.
     Chase,
     /// A camera sensor of the vehicle, by its index.
     Own(usize),
@@ -27,8 +31,11 @@ pub enum PreviewCamera {
 /// A camera sensor of a vehicle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScenarioCamera {
+    /// Name of the sensor in the scenario.
     pub name: String,
+    /// Place and direction on the vehicle, body frame.
     pub mount: Mount,
+    /// Field of view and clip planes; a preview replaces the resolution by that of its panel.
     pub lens: Lens,
 }
 
@@ -72,7 +79,9 @@ impl PreviewCamera {
 /// One preview panel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Preview {
+    /// The vehicle that the panel shows; at most one panel shows a vehicle.
     pub vehicle: VehicleId,
+    /// Camera of the picture.
     pub eye: PreviewCamera,
 }
 

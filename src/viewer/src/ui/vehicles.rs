@@ -14,13 +14,20 @@ use std::collections::BTreeMap;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SortKey {
+    /// Number of the vehicle; also orders rows that are equal by another key.
     #[default]
     Id,
+    /// Name in the scenario.
     Name,
+    /// Control algorithm, or a person.
     Driver,
+    /// Label of the status, in alphabetical order.
     Status,
+    /// East of the city's middle, city metres.
     X,
+    /// North of the city's middle, city metres.
     Y,
+    /// Along the heading, km/h.
     Speed,
 }
 
@@ -40,7 +47,9 @@ impl SortKey {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct TableState {
+    /// Column that orders the rows.
     pub key: SortKey,
+    /// Largest number or last name first.
     pub descending: bool,
     /// Rows whose texts contain all of these words.
     #[serde(skip)]

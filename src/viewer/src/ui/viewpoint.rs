@@ -28,8 +28,10 @@ pub enum CameraMode {
 }
 
 impl CameraMode {
+    /// All modes, in the order of the toolbar and of the keys 1 to 5.
     pub const ALL: [Self; 5] = [Self::Orbit, Self::Chase, Self::Onboard, Self::Overhead, Self::Free];
 
+    /// Name on the toolbar; in lower case also the value of `--mode`.
     pub fn label(self) -> &'static str {
         match self {
             Self::Orbit => "Orbit",
@@ -44,6 +46,7 @@ impl CameraMode {
 /// The large view's camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Viewpoint {
+    /// Present mode. Chase and onboard fall back to orbit when no vehicle is followed.
     pub mode: CameraMode,
     /// The followed vehicle. Chase and onboard need one.
     pub follow: Option<VehicleId>,

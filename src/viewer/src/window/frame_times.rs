@@ -15,10 +15,13 @@ pub struct FrameTimes {
     pub times: Vec<Duration>,
     /// Real-time factor of the run, with a target of 1.
     pub real_time_factor: f64,
+    /// Number of vehicles in the scenario.
     pub vehicles: usize,
+    /// Width and height of the drawn frames, pixels.
     pub extent: [u32; 2],
     /// Name of the preset.
     pub preset: &'static str,
+    /// Name of the graphics adapter that drew them.
     pub adapter: String,
 }
 

@@ -17,6 +17,7 @@ pub enum LoadRequest {
 }
 
 impl LoadRequest {
+    /// What is being loaded, for the user.
     pub fn label(&self) -> String {
         match self {
             Self::Look(_, look) => format!("Preparing {} ...", look.label()),
@@ -29,7 +30,9 @@ impl LoadRequest {
 pub struct LoadedView {
     /// `None` where the scenario stays the same.
     pub scenario: Option<(ScenarioRequest, Arc<Experiment>)>,
+    /// Quality and time of day that the renderer was built for.
     pub look: Look,
+    /// Renderer of the scenario's city in this look.
     pub city: Renderer,
 }
 

@@ -30,6 +30,7 @@ use viewer::{RecordingOptions, ViewerState};
 /// What the window shows.
 #[derive(Clone, Debug)]
 pub enum Subject {
+    /// A live run of a scenario.
     Scenario(ScenarioSubject),
     /// The log of a recorded run.
     Log(PathBuf),
@@ -38,7 +39,9 @@ pub enum Subject {
 /// A scenario that the window runs.
 #[derive(Clone, Debug)]
 pub struct ScenarioSubject {
+    /// The scenario, and the settings that replace its own.
     pub request: ScenarioRequest,
+    /// Where its runs are recorded.
     pub logs: LogLocation,
     /// Multiple of real time; `None` for the stored one.
     pub speed: Option<Speed>,
@@ -56,6 +59,7 @@ pub enum QualityChoice {
     Stored,
     /// By the adapter: low without a GPU, high with one.
     Auto,
+    /// This preset; the stored one and the adapter do not matter.
     Preset(QualityPreset),
 }
 
@@ -64,6 +68,7 @@ pub enum QualityChoice {
 pub struct WindowOptions {
     /// The adapter; by default that of the environment.
     pub adapter: Option<AdapterPreference>,
+    /// How the quality preset is chosen.
     pub quality: QualityChoice,
     /// Time of day; by default the scenario's.
     pub time: Option<TimeOfDay>,
@@ -77,6 +82,7 @@ pub struct WindowOptions {
     pub select: Option<String>,
     /// Vehicles whose previews to open, by name or id.
     pub previews: Vec<String>,
+    /// Camera of the large view; by default the last one, or the chase camera of a driven vehicle.
     pub mode: Option<CameraMode>,
 }
 

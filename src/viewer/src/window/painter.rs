@@ -11,6 +11,7 @@ use city3d_simulation::scenario::Experiment;
 use egui_wgpu::{RendererOptions, ScreenDescriptor};
 use std::collections::BTreeMap;
 
+/// Renderers of the city and of the panels, and the textures between them.
 pub struct WindowPainter {
     context: Context,
     city: Renderer,
@@ -34,12 +35,17 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// Render target of the panels.
 #[derive(Clone, Copy, Debug)]
 pub struct PaintTarget<'a> {
+    /// Texture of the swap chain or in memory, in the format of the painter.
     pub view: &'a wgpu::TextureView,
+    /// Width and height of the texture, pixels.
     pub extent: [u32; 2],
 }
 
 impl WindowPainter {
     /// `format` is that of the targets.
+    ///
+    /// # Errors
+    /// When the renderer of the city cannot be built.
     pub fn new(
         context: Context,
         experiment: &Experiment,
@@ -53,6 +59,7 @@ impl WindowPainter {
         Ok(Self { context, city, panels, format, slots: BTreeMap::new(), drawn: None })
     }
 
+    /// The adapter and the device that draw.
     pub fn context(&self) -> &Context {
         &self.context
     }
@@ -69,6 +76,9 @@ impl WindowPainter {
     }
 
     /// Draws the pictures of a frame, all of one snapshot; unchanged ones are not drawn again.
+    ///
+    /// # Errors
+    /// When the adapter cannot draw a view or a vehicle.
     pub fn draw(&mut self, snapshot: &FrameSnapshot, pictures: &[PictureRequest]) -> Result<(), WindowError> {
         if self.drawn.as_ref().is_some_and(|(of, what)| of == snapshot && what == pictures) {
             return Ok(());
@@ -143,6 +153,9 @@ impl WindowPainter {
     }
 
     /// Reads an offscreen target back.
+    ///
+    /// # Errors
+    /// When the pixels do not come back from the adapter.
     pub fn read(&self, memory: &wgpu::Texture) -> Result<Image, WindowError> {
         Ok(read_texture(&self.context, memory)?)
     }
@@ -205,6 +218,9 @@ impl WindowPainter {
 }
 
 /// The renderer of an experiment's city.
+///
+/// # Errors
+/// When it cannot be built on the adapter.
 pub fn renderer(context: &Context, experiment: &Experiment, look: Look) -> Result<Renderer, WindowError> {
     let quality = match look.preset {
         QualityPreset::Low => Quality::LOW,

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+/// Layout and choices of the last window: `view.toml`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ViewSettings {
@@ -15,12 +16,17 @@ pub struct ViewSettings {
     pub size: Option<[u32; 2]>,
     /// `None` until the user chooses: the adapter decides.
     pub preset: Option<QualityPreset>,
+    /// Camera of the large view.
     pub mode: CameraMode,
     /// `None` until the user chooses.
     pub speed: Option<Speed>,
+    /// Overlays of the city view.
     pub layers: Layers,
+    /// Sort column and direction of the table of vehicles; its filter is not stored.
     pub table: TableState,
+    /// Widths of the side panels, points.
     pub widths: PanelWidths,
+    /// What was watched in the last live run.
     pub views: WatchedVehicles,
 }
 
@@ -28,8 +34,11 @@ pub struct ViewSettings {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct WatchedVehicles {
+    /// The scenario as it was requested; the views apply to no other.
     pub scenario: String,
+    /// `None` where the camera followed no vehicle.
     pub followed: Option<String>,
+    /// Vehicle and camera of each open preview, from top to bottom.
     pub previews: Vec<(String, PreviewCamera)>,
 }
 
@@ -48,10 +57,12 @@ impl ViewSettings {
 /// Device mappings by device key.
 pub type Profiles = BTreeMap<String, DeviceProfile>;
 
+/// Loads the mappings from `devices.toml`; none where the file is missing or cannot be read.
 pub fn load_profiles() -> Profiles {
     file("devices.toml").map(|path| read(&path)).unwrap_or_default()
 }
 
+/// Stores the mappings in `devices.toml`; a failure is only logged.
 pub fn save_profiles(profiles: &Profiles) {
     keep("devices.toml", profiles);
 }

@@ -7,6 +7,7 @@ use wgpu::CurrentSurfaceTexture as Current;
 use winit::dpi::PhysicalSize;
 use winit::window::Window;
 
+/// Surface of one window, with its configuration.
 pub struct WindowSurface {
     window: Arc<Window>,
     instance: wgpu::Instance,
@@ -60,6 +61,7 @@ impl WindowSurface {
         Ok(surface)
     }
 
+    /// Pixel format of the surface textures.
     pub fn format(&self) -> wgpu::TextureFormat {
         self.config.format
     }

@@ -10,6 +10,7 @@ pub struct BagPose {
     pub path: String,
     /// Header stamp, seconds: since the epoch, or simulated.
     pub time_s: f64,
+    /// Position in the world frame, laboratory metres.
     pub position: DVec3,
     /// World from body.
     pub orientation: DQuat,
@@ -19,8 +20,11 @@ pub struct BagPose {
 pub trait PrimitiveReader {
     /// Whether headers have a `seq` field (ROS 1).
     const HAS_SEQ: bool;
+    /// Reads a little-endian integer of four bytes.
     fn u32(&mut self) -> Option<u32>;
+    /// Reads a little-endian number in double precision.
     fn f64(&mut self) -> Option<f64>;
+    /// Reads a string; `None` also for bytes that are not UTF-8.
     fn text(&mut self) -> Option<String>;
 }
 
@@ -44,6 +48,7 @@ impl PrimitiveReader for CdrReader<'_> {
 pub struct Ros1Reader<'a>(&'a [u8]);
 
 impl<'a> Ros1Reader<'a> {
+    /// Begins at the first byte of a message.
     pub fn new(bytes: &'a [u8]) -> Self {
         Self(bytes)
     }
