@@ -21,7 +21,7 @@ use super::files::new_folder;
 use super::look::{self, LookArgs, failure};
 use super::overwrite::OverwriteArgs;
 use super::say::say;
-use super::{Failure, ScenarioArgs, progress};
+use super::{Failure, ScenarioArgs, progress, values};
 use cameras::CameraArgs;
 use city3d_render::{CaptureJob, Image, PendingReadback, PngStream, Renderer};
 use city3d_sensors::PictureKinds;
@@ -39,9 +39,6 @@ use table::{FrameRow, FrameTable};
 use video::{Destination, ReaderState, Video};
 use y4m::FrameRate;
 
-/// Longest edge of a picture that can be asked for.
-const LARGEST_EDGE: u32 = 8192;
-
 #[derive(Debug, Args)]
 pub struct FramesArgs {
     #[command(flatten)]
@@ -58,44 +55,22 @@ pub struct FramesArgs {
     #[command(flatten)]
     kinds: KindArgs,
     /// Width and height of the pictures in pixels [default: the sensors', or 640x480]
-    #[arg(long, value_name = "WxH", value_parser = size)]
+    #[arg(long, value_name = "WxH", value_parser = values::size)]
     size: Option<[u32; 2]>,
     /// Simulated seconds between two pictures of a camera [default: by the sensors' rates, or 1]
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", value_parser = values::positive)]
     every: Option<f64>,
     /// Pictures per simulated second, instead of --every [default for a video: 30]
-    #[arg(long, value_name = "HZ", value_parser = positive, conflicts_with = "every")]
+    #[arg(long, value_name = "HZ", value_parser = values::positive, conflicts_with = "every")]
     fps: Option<f64>,
     /// Simulated time of the first pictures in seconds; the run ends at --duration
-    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = values::not_negative)]
     from: f64,
     /// Vertical field of view of the cameras in degrees [default: the sensors', or 50]
     #[arg(long, value_name = "DEG", value_parser = field_of_view)]
     fov: Option<f64>,
     #[command(flatten)]
     look: LookArgs,
-}
-
-pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
-    let edge = |text: &str| text.parse().ok().filter(|edge| (1..=LARGEST_EDGE).contains(edge));
-    let parts = text.split_once(['x', 'X']).and_then(|(w, h)| edge(w).zip(edge(h)));
-    parts.map(|(w, h)| [w, h]).ok_or_else(|| {
-        format!("a width and a height from 1 to {LARGEST_EDGE} pixels are needed, as in 640x480")
-    })
-}
-
-pub(super) fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
-        _ => Err("a number above 0 is needed".to_owned()),
-    }
-}
-
-pub(super) fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number.is_finite() && number >= 0.0 => Ok(number),
-        _ => Err("a number of at least 0 is needed".to_owned()),
-    }
 }
 
 fn field_of_view(text: &str) -> Result<f64, String> {

@@ -32,6 +32,7 @@ mod say;
 mod serve;
 mod sweep;
 mod testbed;
+mod values;
 #[cfg(feature = "window")]
 mod view;
 
@@ -143,7 +144,7 @@ struct ScenarioArgs {
     #[arg(long)]
     seed: Option<u64>,
     /// Simulated seconds, instead of the scenario's
-    #[arg(long, value_name = "S", value_parser = duration)]
+    #[arg(long, value_name = "S", value_parser = values::duration)]
     duration: Option<f64>,
     /// Dynamics model of all vehicles, instead of the scenario's
     #[arg(long)]
@@ -191,21 +192,6 @@ impl ScenarioArgs {
             allows_no_vehicles: false,
         };
         ScenarioRequest { scenario: self.scenario.clone(), overrides }
-    }
-}
-
-fn pace(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(factor) if (0.001..=1e6).contains(&factor) => Ok(factor),
-        _ => Err("a factor between 0.001 and 1000000 is needed".to_owned()),
-    }
-}
-
-fn duration(text: &str) -> Result<f64, String> {
-    // As in a scenario: traffic draws its routes for the whole of it.
-    match text.parse::<f64>() {
-        Ok(seconds) if (0.01..=86_400.0).contains(&seconds) => Ok(seconds),
-        _ => Err("a number of seconds between 0.01 and 86400 is needed".to_owned()),
     }
 }
 

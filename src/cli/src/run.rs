@@ -20,7 +20,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Speed as a multiple of real time [default: as fast as the machine can]
-    #[arg(long, value_name = "X", value_parser = super::pace)]
+    #[arg(long, value_name = "X", value_parser = super::values::pace)]
     speed: Option<f64>,
     /// With a log: simulate its run again up to this tick, and continue from there
     #[arg(long, value_name = "N")]

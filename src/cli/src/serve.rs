@@ -37,7 +37,7 @@ pub struct ServeArgs {
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(1..))]
     rate: u32,
     /// Speed as a multiple of real time
-    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = super::pace)]
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = super::values::pace)]
     speed: f64,
     #[command(flatten)]
     ros: ServedRosArgs,

@@ -8,7 +8,8 @@ use city3d_render::{AdapterPreference, write_png};
 use city3d_session::live::Speed;
 use city3d_viewer::ui::{CameraMode, QualityPreset};
 use city3d_viewer::window::{
-    self, LogLocation, QualityChoice, ScenarioSubject, Subject, WindowError, WindowOptions, WindowPicture,
+    self, LogLocation, QualityChoice, ScenarioSubject, WindowError, WindowOptions, WindowPicture,
+    WindowSubject,
 };
 use clap::{Args, ValueEnum};
 use serde::Serialize;
@@ -27,7 +28,7 @@ pub struct ViewArgs {
     #[arg(long)]
     seed: Option<u64>,
     /// Simulated seconds, instead of the scenario's
-    #[arg(long, value_name = "S", value_parser = super::duration)]
+    #[arg(long, value_name = "S", value_parser = super::values::duration)]
     duration: Option<f64>,
     /// Dynamics model of all vehicles, instead of the scenario's
     #[arg(long)]
@@ -62,13 +63,13 @@ pub struct WindowArgs {
     #[command(flatten)]
     look: look::LookArgs,
     /// Size of the window in pixels [default: the last one]
-    #[arg(long, value_name = "WxH", value_parser = super::frames::size)]
+    #[arg(long, value_name = "WxH", value_parser = super::values::size)]
     size: Option<[u32; 2]>,
     /// Neither read nor write the stored settings: layout, quality, previews, gamepads
     #[arg(long)]
     fresh: bool,
     #[command(flatten)]
-    picture: PictureArgs,
+    picture: WindowPictureArgs,
 }
 
 fn speed(text: &str) -> Result<Speed, String> {
@@ -99,12 +100,12 @@ impl Default for ViewArgs {
 }
 
 #[derive(Debug, Default, Args)]
-struct PictureArgs {
+struct WindowPictureArgs {
     /// Write a picture of the window as a PNG file instead of opening it; needs no display
     #[arg(long, value_name = "FILE", value_parser = png)]
     picture: Option<PathBuf>,
     /// Simulated time of the picture in seconds [default: 0]; with a log also the time at which the window opens
-    #[arg(long, value_name = "S", value_parser = super::frames::not_negative)]
+    #[arg(long, value_name = "S", value_parser = super::values::not_negative)]
     at: Option<f64>,
     /// Vehicle to select, by name or id
     #[arg(long, value_name = "VEHICLE")]
@@ -160,17 +161,17 @@ pub fn view(args: &ViewArgs) -> Result<(), Failure> {
     }
     // Each run has its own folder: run-1, run-2.
     args.out.iter().try_for_each(|folder| args.overwrite.policy().check_runs(folder, "run-"))?;
-    show(&Subject::Scenario(args.subject()), &args.window)
+    show(&WindowSubject::Scenario(args.subject()), &args.window)
 }
 
 /// Shows a recorded run.
 pub fn replay(log: &Path, args: &WindowArgs) -> Result<(), Failure> {
     // Reports a bad log before the display is opened.
     LogReader::open(log).map_err(Failure::bad_input)?;
-    show(&Subject::Log(log.to_path_buf()), args)
+    show(&WindowSubject::Log(log.to_path_buf()), args)
 }
 
-fn show(subject: &Subject, args: &WindowArgs) -> Result<(), Failure> {
+fn show(subject: &WindowSubject, args: &WindowArgs) -> Result<(), Failure> {
     let options = args.options();
     let Some(file) = &args.picture.picture else {
         let recorded = window::open(subject, &options)?;
@@ -183,7 +184,7 @@ fn show(subject: &Subject, args: &WindowArgs) -> Result<(), Failure> {
         };
     };
     let WindowPicture { image, truncation } = window::picture(subject, &options)?;
-    if let (Some(why), Subject::Log(log)) = (truncation, subject) {
+    if let (Some(why), WindowSubject::Log(log)) = (truncation, subject) {
         complain(format_args!(
             "{}: the log is truncated: {why}; it is shown up to its last whole record",
             log.display()

@@ -57,7 +57,7 @@ pub struct LinkBenchArgs {
     #[arg(long, default_value_t = 240, value_parser = clap::value_parser!(u32).range(1..=8192))]
     height: u32,
     /// Duration of each measurement in seconds
-    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = super::super::duration)]
+    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = crate::values::duration)]
     seconds: f64,
     /// Seed of the traffic, instead of the scenario's
     #[arg(long)]

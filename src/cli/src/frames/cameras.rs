@@ -24,7 +24,7 @@ pub(super) struct CameraArgs {
     #[arg(long, value_name = "X,Y", value_parser = point, allow_hyphen_values = true)]
     pub(super) at: Option<DVec2>,
     /// Distance of an orbit, overhead or chase camera from its target, in metres
-    #[arg(long, value_name = "M", value_parser = super::positive)]
+    #[arg(long, value_name = "M", value_parser = crate::values::positive)]
     distance: Option<f64>,
     /// Azimuth of an orbit camera seen from its target, in degrees counter-clockwise from east
     #[arg(long, value_name = "DEG", default_value_t = 235.0, value_parser = degrees, allow_hyphen_values = true)]

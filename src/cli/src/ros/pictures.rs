@@ -25,7 +25,7 @@ pub struct PictureArgs {
     #[arg(long, requires = "ros")]
     ros_cameras: bool,
     /// Width and height of the onboard pictures in pixels [default: the sensors', or 640x480]
-    #[arg(long, value_name = "WxH", requires = "ros_cameras", value_parser = crate::frames::size)]
+    #[arg(long, value_name = "WxH", requires = "ros_cameras", value_parser = crate::values::size)]
     ros_camera_size: Option<[u32; 2]>,
     #[command(flatten)]
     look: LookArgs,

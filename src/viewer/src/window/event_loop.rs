@@ -6,7 +6,7 @@ use super::painter::{PaintTarget, WindowPainter};
 use super::settings::{load_profiles, save_profiles};
 use super::surface::WindowSurface;
 use super::viewer::{RecordedRun, RecordingOptions, ViewerState, WindowRequest};
-use super::{Subject, ViewSettings, WindowError, WindowOptions};
+use super::{ViewSettings, WindowError, WindowOptions, WindowSubject};
 use crate::cockpit::Devices;
 use city3d_render::{Context, write_png};
 use city3d_session::live::RunCommand;
@@ -34,7 +34,7 @@ struct RedrawRequest;
 ///
 /// # Errors
 /// When there is no display or no adapter, when the subject is wrong, or when a log could not be written.
-pub fn open(subject: &Subject, options: &WindowOptions) -> Result<Vec<RecordedRun>, WindowError> {
+pub fn open(subject: &WindowSubject, options: &WindowOptions) -> Result<Vec<RecordedRun>, WindowError> {
     let no_display = |error: &dyn std::fmt::Display| {
         // winit's messages begin with their source location.
         let error = error.to_string();
@@ -61,7 +61,7 @@ pub fn egui_context() -> egui::Context {
 }
 
 struct App<'a> {
-    subject: &'a Subject,
+    subject: &'a WindowSubject,
     options: &'a WindowOptions,
     proxy: EventLoopProxy<RedrawRequest>,
     open_window: Option<OpenWindow>,
@@ -163,7 +163,7 @@ impl ApplicationHandler<RedrawRequest> for App<'_> {
 impl OpenWindow {
     fn open(
         events: &ActiveEventLoop,
-        (subject, options): (&Subject, &WindowOptions),
+        (subject, options): (&WindowSubject, &WindowOptions),
         proxy: EventLoopProxy<RedrawRequest>,
     ) -> Result<Self, WindowError> {
         let settings = options.settings();
@@ -202,7 +202,7 @@ impl OpenWindow {
             None,
             Some(most),
         );
-        if matches!(subject, Subject::Scenario(scenario) if scenario.starts) {
+        if matches!(subject, WindowSubject::Scenario(scenario) if scenario.starts) {
             viewer.send(RunCommand::Start);
         }
         Ok(Self {

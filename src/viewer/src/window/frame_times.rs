@@ -2,7 +2,7 @@
 
 use super::painter::{PaintTarget, WindowPainter};
 use super::viewer::{LogLocation, RecordingOptions, ViewerState};
-use super::{ScenarioSubject, Subject, ViewSettings, WindowError, WindowOptions, event_loop, picture};
+use super::{ScenarioSubject, ViewSettings, WindowError, WindowOptions, WindowSubject, event_loop, picture};
 use city3d_render::Context;
 use city3d_session::live::RunCommand;
 use std::sync::Arc;
@@ -40,7 +40,7 @@ pub fn frame_times(
 ) -> Result<FrameTimes, WindowError> {
     let context = Context::headless(&options.preference())?;
     let recording = RecordingOptions { logs: LogLocation::Nowhere, on_update: Arc::new(|| {}) };
-    let subject = Subject::Scenario(scenario.clone());
+    let subject = WindowSubject::Scenario(scenario.clone());
     let mut viewer = subject.viewer(options, &context, &ViewSettings::default(), recording)?;
     let open: Vec<_> = viewer.experiment().vehicles.iter().take(previews).map(|v| v.id).collect();
     open.into_iter().for_each(|vehicle| viewer.state.toggle_preview(vehicle));

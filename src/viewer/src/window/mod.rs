@@ -29,7 +29,7 @@ use viewer::{RecordingOptions, ViewerState};
 
 /// What the window shows.
 #[derive(Clone, Debug)]
-pub enum Subject {
+pub enum WindowSubject {
     /// A live run of a scenario.
     Scenario(ScenarioSubject),
     /// The log of a recorded run.
@@ -86,7 +86,7 @@ pub struct WindowOptions {
     pub mode: Option<CameraMode>,
 }
 
-impl Subject {
+impl WindowSubject {
     /// Builds the viewer state from options and stored settings.
     fn viewer(
         &self,

@@ -2,7 +2,7 @@
 
 use super::painter::{PaintTarget, WindowPainter};
 use super::viewer::{LogLocation, RecordingOptions, ViewerState};
-use super::{Subject, ViewSettings, WindowError, WindowOptions};
+use super::{ViewSettings, WindowError, WindowOptions, WindowSubject};
 use crate::ui::UiAction;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_render::{Context, Image};
@@ -29,7 +29,7 @@ const PASSES: u32 = 4;
 ///
 /// # Errors
 /// When there is no adapter, or when the subject, the time or a vehicle is wrong.
-pub fn picture(subject: &Subject, options: &WindowOptions) -> Result<WindowPicture, WindowError> {
+pub fn picture(subject: &WindowSubject, options: &WindowOptions) -> Result<WindowPicture, WindowError> {
     let context = Context::headless(&options.preference())?;
     let logs = match subject.logs() {
         LogLocation::In(folder) => LogLocation::In(folder),
@@ -39,7 +39,7 @@ pub fn picture(subject: &Subject, options: &WindowOptions) -> Result<WindowPictu
     let mut viewer = subject.viewer(options, &context, &ViewSettings::default(), recording)?;
     open_previews(&mut viewer, options)?;
     let truncation = match subject {
-        Subject::Scenario(_) => {
+        WindowSubject::Scenario(_) => {
             let (at_s, end_s) = (options.at_s.unwrap_or(0.0), viewer.experiment().duration_s);
             if at_s > end_s {
                 return Err(WindowError::AfterRun { at_s, end_s });
@@ -47,14 +47,14 @@ pub fn picture(subject: &Subject, options: &WindowOptions) -> Result<WindowPictu
             run_to(&mut viewer, at_s)?;
             None
         }
-        Subject::Log(_) => {
+        WindowSubject::Log(_) => {
             go_to(&mut viewer, options)?;
             wait_for_log(&mut viewer);
             viewer.player().and_then(|player| player.info().truncation)
         }
     };
     choose(&mut viewer, options)?;
-    if let (Subject::Scenario(scenario), Some(vehicle)) = (subject, viewer.state.selection.vehicle)
+    if let (WindowSubject::Scenario(scenario), Some(vehicle)) = (subject, viewer.state.selection.vehicle)
         && scenario.is_driven
     {
         viewer.act(vec![UiAction::Drive(vehicle)], f64::NEG_INFINITY);

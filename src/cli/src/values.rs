@@ -1,0 +1,43 @@
+//! Parsers of option values, with what would be right in place of a wrong one.
+
+#![cfg_attr(not(feature = "render"), allow(dead_code, reason = "some are of commands that draw"))]
+
+/// Longest edge of a picture that can be asked for.
+const LARGEST_EDGE: u32 = 8192;
+
+pub fn size(text: &str) -> Result<[u32; 2], String> {
+    let edge = |text: &str| text.parse().ok().filter(|edge| (1..=LARGEST_EDGE).contains(edge));
+    let parts = text.split_once(['x', 'X']).and_then(|(w, h)| edge(w).zip(edge(h)));
+    parts.map(|(w, h)| [w, h]).ok_or_else(|| {
+        format!("a width and a height from 1 to {LARGEST_EDGE} pixels are needed, as in 640x480")
+    })
+}
+
+pub fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
+        _ => Err("a number above 0 is needed".to_owned()),
+    }
+}
+
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && number >= 0.0 => Ok(number),
+        _ => Err("a number of at least 0 is needed".to_owned()),
+    }
+}
+
+pub fn pace(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(factor) if (0.001..=1e6).contains(&factor) => Ok(factor),
+        _ => Err("a factor between 0.001 and 1000000 is needed".to_owned()),
+    }
+}
+
+pub fn duration(text: &str) -> Result<f64, String> {
+    // As in a scenario: traffic draws its routes for the whole of it.
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.01..=86_400.0).contains(&seconds) => Ok(seconds),
+        _ => Err("a number of seconds between 0.01 and 86400 is needed".to_owned()),
+    }
+}
