@@ -34,10 +34,18 @@ use traffic::Occupancy;
 pub enum SetupError {
     /// The algorithm `name` of `vehicle` is not one of [`CONTROLLERS`].
     #[error("vehicle {vehicle}: no control algorithm is called \"{name}\"; there are {CONTROLLERS:?}")]
-    UnknownController { vehicle: VehicleId, name: String },
+    UnknownController {
+        /// The vehicle whose setup is rejected.
+        vehicle: VehicleId,
+        /// Name of the algorithm that was asked for.
+        name: String,
+    },
     /// The route of `vehicle` has no lanes.
     #[error("vehicle {vehicle}: its route is empty; give it at least one lane")]
-    EmptyRoute { vehicle: VehicleId },
+    EmptyRoute {
+        /// The vehicle whose setup is rejected.
+        vehicle: VehicleId,
+    },
 }
 
 /// All vehicles under control with their occupancy and right of way.

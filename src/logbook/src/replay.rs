@@ -35,13 +35,30 @@ pub enum ReplayError {
          their states differ in some bits. Simulate it again with the version that wrote it; city3d replay LOG shows it \
          in the window"
     )]
-    Revision { found: u32, known: u32, version: String },
+    Revision {
+        /// Revision in the log.
+        found: u32,
+        /// Revision of this program, [`digest::REVISION`].
+        known: u32,
+        /// Version of City3D that wrote the log.
+        version: String,
+    },
     /// The ticks of the log are not consecutive.
     #[error("the log goes from tick {from} to tick {to}: the ticks between them are missing")]
-    Gap { from: u64, to: u64 },
+    Gap {
+        /// Last tick that the replay has simulated.
+        from: u64,
+        /// Next tick in the log.
+        to: u64,
+    },
     /// A logged datagram of the laboratory's link cannot be decoded into commands.
     #[error("tick {tick}: what came over the link is damaged: {reason}")]
-    Network { tick: u64, reason: String },
+    Network {
+        /// Tick at the beginning of the step that carried the datagram out.
+        tick: u64,
+        /// What is wrong with the datagram, in words.
+        reason: String,
+    },
 }
 
 /// State digests of one tick: recorded and simulated.

@@ -11,36 +11,79 @@ pub enum RenderError {
         "no graphics adapter was found{wanted}; on a machine without a GPU install Mesa's software adapter \
          (Debian and Ubuntu: apt-get install mesa-vulkan-drivers), which draws the same pictures on the CPU"
     )]
-    NoAdapter { wanted: String },
+    NoAdapter {
+        /// The kind that was preferred and the names that there are, as text; empty if there are no adapters.
+        wanted: String,
+    },
     /// No adapter has the preferred name; `present` lists the names that there are.
     #[error("no adapter's name contains \"{wanted}\"; there are: {present}")]
-    NoSuchAdapter { wanted: String, present: String },
+    NoSuchAdapter {
+        /// The part of an adapter's name that was asked for.
+        wanted: String,
+        /// Names of the adapters that can be used, separated by commas.
+        present: String,
+    },
     /// The adapter refuses to open a device.
     #[error("the adapter {adapter} cannot be opened: {source}")]
-    NoDevice { adapter: String, source: wgpu::RequestDeviceError },
+    NoDevice {
+        /// Name of the adapter, with its backend and driver.
+        adapter: String,
+        /// Why the graphics library could not open it.
+        source: wgpu::RequestDeviceError,
+    },
     /// The width or the height of a view is 0 pixels, or more than the adapter draws.
     #[error(
         "a view of {width} x {height} pixels was asked for; the adapter draws from 1 x 1 to {most} x {most}"
     )]
-    Extent { width: u32, height: u32, most: u32 },
+    Extent {
+        /// Width of the view, pixels.
+        width: u32,
+        /// Height of the view, pixels.
+        height: u32,
+        /// Largest width and height that the adapter draws, pixels.
+        most: u32,
+    },
     /// A view, by its index in the batch, has a number that is not finite.
     #[error("the projection or pose of view {index} holds a number that is not finite")]
-    View { index: usize },
+    View {
+        /// Position of the view in the batch, from 0.
+        index: usize,
+    },
     /// A dimension of a vehicle is not above zero, or its pose is not finite.
     #[error("vehicle {vehicle} cannot be drawn: its {what} is {found}; it has to be finite and above zero")]
-    Vehicle { vehicle: VehicleId, what: &'static str, found: f64 },
+    Vehicle {
+        /// The vehicle that cannot be drawn.
+        vehicle: VehicleId,
+        /// Name of the dimension, or "pose".
+        what: &'static str,
+        /// The dimension, city metres; for a pose, the distance of its position from the origin.
+        found: f64,
+    },
     /// The id of a vehicle is 0 or exceeds the 16 bits of a pixel of an instance picture.
     #[error("instance pictures cannot show vehicle {vehicle}; they show ids from 1 to 65535")]
-    Number { vehicle: VehicleId },
+    Number {
+        /// The vehicle whose id no pixel can hold.
+        vehicle: VehicleId,
+    },
     /// The adapter was lost, or a staging buffer cannot be mapped.
     #[error("the pictures did not come back from the adapter: {0}")]
     Readback(String),
     /// The PNG encoder refuses a picture.
     #[error("{path}: {source}", path = path.display())]
-    Encoding { path: PathBuf, source: ::png::EncodingError },
+    Encoding {
+        /// Path of the picture file.
+        path: PathBuf,
+        /// Why the encoder refused the picture.
+        source: ::png::EncodingError,
+    },
     /// A picture file cannot be written.
     #[error("{path}: {source}", path = path.display())]
-    File { path: PathBuf, source: std::io::Error },
+    File {
+        /// Path of the picture file.
+        path: PathBuf,
+        /// Why the operating system could not create or write it.
+        source: std::io::Error,
+    },
 }
 
 impl RenderError {

@@ -14,7 +14,10 @@ pub enum PictureFormat {
     Rgb,
     /// Depth, 16-bit grey PNG: multiples of `metres_per_count`; 0 where nothing is seen or the depth exceeds the
     /// largest count.
-    DepthPng { metres_per_count: f64 },
+    DepthPng {
+        /// City metres of depth that one unit of a pixel value stands for.
+        metres_per_count: f64,
+    },
     /// Depth, numpy array (`.npy`) of 32-bit floats by row and column: metres, infinite where nothing is seen.
     DepthNpy,
     /// Numbers of [`Class`], grey PNG of 8 bits.

@@ -16,7 +16,16 @@ pub enum Mount {
     Bumper,
     /// Any mount point and direction. Angles turn the camera from straight ahead: yaw to the left, then pitch
     /// upwards, then roll with the right side down.
-    Custom { place: MountPoint, yaw_rad: f64, pitch_rad: f64, roll_rad: f64 },
+    Custom {
+        /// Where the centre of the camera is on the vehicle.
+        place: MountPoint,
+        /// Turn to the left from straight ahead, about the vertical axis of the body, radians.
+        yaw_rad: f64,
+        /// Turn upwards after the yaw, about the camera's own horizontal axis, radians.
+        pitch_rad: f64,
+        /// Turn about the direction of view after yaw and pitch, right side down, radians.
+        roll_rad: f64,
+    },
 }
 
 /// Position of a camera on a vehicle.
@@ -55,13 +64,39 @@ impl MountPoint {
 #[serde(rename_all = "snake_case")]
 pub enum Camera {
     /// Fixed to a vehicle, with its roll and pitch.
-    Onboard { vehicle: VehicleId, mount: Mount },
+    Onboard {
+        /// The vehicle that carries the camera.
+        vehicle: VehicleId,
+        /// Where it is fixed to the vehicle, and which way it looks.
+        mount: Mount,
+    },
     /// Behind and above a vehicle, horizon level.
-    Chase { vehicle: VehicleId, distance_m: f64, height_m: f64 },
+    Chase {
+        /// The vehicle that the camera follows.
+        vehicle: VehicleId,
+        /// Horizontal distance behind the vehicle's position, against its heading, city metres.
+        distance_m: f64,
+        /// Height above the vehicle's position, city metres.
+        height_m: f64,
+    },
     /// Orbits a point. The azimuth is the direction from the target to the camera, counter-clockwise from east.
-    Orbit { target: DVec3, distance_m: f64, azimuth_rad: f64, elevation_rad: f64 },
+    Orbit {
+        /// The point in the middle of the picture, city metres.
+        target: DVec3,
+        /// Straight distance from the target to the camera, city metres.
+        distance_m: f64,
+        /// Horizontal direction from the target to the camera, counter-clockwise from east, radians.
+        azimuth_rad: f64,
+        /// Angle of the camera above the horizontal plane through the target, radians.
+        elevation_rad: f64,
+    },
     /// Looks straight down, north at the top.
-    Overhead { centre: DVec2, height_m: f64 },
+    Overhead {
+        /// The point straight below the camera, city metres (x east, y north).
+        centre: DVec2,
+        /// Height of the camera above z = 0 of the city, city metres.
+        height_m: f64,
+    },
     /// Fixed in the city.
     Fixed(Extrinsics),
 }
@@ -71,7 +106,14 @@ pub enum Camera {
 pub enum CameraError {
     /// The carrying vehicle `wanted` is not in the snapshot of `tick`; `present` lists those that are.
     #[error("no vehicle {wanted} carries a camera at tick {tick}: the vehicles there are {present}")]
-    NoVehicle { wanted: VehicleId, tick: u64, present: String },
+    NoVehicle {
+        /// The vehicle that should carry the camera.
+        wanted: VehicleId,
+        /// Simulation tick of the snapshot.
+        tick: u64,
+        /// Ids of the vehicles in the snapshot, separated by commas; "none" where it has none.
+        present: String,
+    },
 }
 
 impl Mount {

@@ -27,10 +27,20 @@ pub enum SessionError {
     Exists(#[from] ExistingResults),
     /// The folder of a run cannot be created.
     #[error("{path}: the folder cannot be created: {source}", path = path.display())]
-    Folder { path: PathBuf, source: std::io::Error },
+    Folder {
+        /// The folder that was to be created.
+        path: PathBuf,
+        /// Reason of the operating system.
+        source: std::io::Error,
+    },
     /// `summary.json` cannot be written, or that of an earlier run cannot be removed.
     #[error("{path}: {source}", path = path.display())]
-    File { path: PathBuf, source: std::io::Error },
+    File {
+        /// Path of the summary.
+        path: PathBuf,
+        /// Reason of the operating system.
+        source: std::io::Error,
+    },
     /// The summary cannot be encoded.
     #[error("the summary cannot be written as JSON: {0}")]
     Summary(#[from] serde_json::Error),
@@ -39,7 +49,10 @@ pub enum SessionError {
     PhysicalOutOfPace,
     /// Robots were to be emulated for a scenario without physical vehicles.
     #[error("{scenario} has no physical vehicles: set body = \"physical\" on a [[vehicle]]")]
-    NoPhysical { scenario: String },
+    NoPhysical {
+        /// Name of the experiment, as its file states it.
+        scenario: String,
+    },
     /// A city in lockstep was to be controlled with poses from elsewhere, such as ROS.
     #[error("lockstep needs the city's own poses: leave out --ros here, or --lockstep in city3d serve")]
     LockstepWithoutCity,
@@ -48,13 +61,32 @@ pub enum SessionError {
         "the city at {city} makes {found_hz} physics steps a second at a scale of {found_scale}, the scenario asks for \
          {wanted_hz} at {wanted_scale}: serve the same scenario"
     )]
-    OtherCity { city: String, found_hz: u32, found_scale: f64, wanted_hz: u32, wanted_scale: f64 },
+    OtherCity {
+        /// Address and port of the city, as given to the session.
+        city: String,
+        /// Physics steps per simulated second of the city.
+        found_hz: u32,
+        /// City metres for one laboratory metre in the city.
+        found_scale: f64,
+        /// Physics steps per simulated second of the scenario.
+        wanted_hz: u32,
+        /// City metres for one laboratory metre in the scenario.
+        wanted_scale: f64,
+    },
     /// The city refuses a request for good; `detail` is its reason.
     #[error("the city refuses {what}: {detail}")]
-    Refused { what: String, detail: String },
+    Refused {
+        /// The refused request, as a noun phrase.
+        what: String,
+        /// Reason of the city, in its own words.
+        detail: String,
+    },
     /// The session ended before the city had sent poses.
     #[error("the city at {city} has not answered")]
-    Silent { city: String },
+    Silent {
+        /// Address and port of the city, as given to the session.
+        city: String,
+    },
     /// Of an end of the session, such as standard output.
     #[error("{0}")]
     End(Box<dyn std::error::Error + Send + Sync>),

@@ -99,9 +99,27 @@ pub struct ServedEnds {
 #[derive(Clone, Copy, Debug)]
 pub enum TimingMark {
     /// A datagram of trajectories has been queued for the next tick.
-    Taken { vehicle: VehicleId, sequence: u32, at: Instant },
+    Taken {
+        /// The vehicle of the first trajectory of the datagram.
+        vehicle: VehicleId,
+        /// Sequence number of that trajectory, which counts per vehicle.
+        sequence: u32,
+        /// When the datagram arrived, wall clock.
+        at: Instant,
+    },
     /// A tick is done and its poses have been sent.
-    Ticked { tick: u64, due: Instant, begun: Instant, done: Instant, sent: Instant },
+    Ticked {
+        /// Number of the tick that the world has reached.
+        tick: u64,
+        /// When the pacing clock wanted the tick, wall clock.
+        due: Instant,
+        /// When its computation began, wall clock.
+        begun: Instant,
+        /// When its computation ended, before the poses were sent.
+        done: Instant,
+        /// When its poses had been handed to the network.
+        sent: Instant,
+    },
 }
 
 /// Interval at which unchanged poses are sent again, for subscribers that have missed them.

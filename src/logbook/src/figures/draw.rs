@@ -468,7 +468,12 @@ pub enum WriteError {
     Draw(#[from] DrawError),
     /// A file cannot be written, or the table cannot be encoded as CSV.
     #[error("{path}: cannot be written: {error}")]
-    File { path: String, error: std::io::Error },
+    File {
+        /// Path of the file; only its name where the CSV table cannot be encoded.
+        path: String,
+        /// Reason of the failure.
+        error: std::io::Error,
+    },
 }
 
 #[cfg(test)]

@@ -51,7 +51,12 @@ pub struct MergingPoint {
 pub enum PathError {
     /// No streams merge at the beginning of the lane `name`; `known` says where they do.
     #[error("in this run no streams merge at \"{name}\"; {known}")]
-    NoMerge { name: String, known: String },
+    NoMerge {
+        /// Requested name of a lane.
+        name: String,
+        /// Lanes at which streams merge, with their numbers of vehicles, in words.
+        known: String,
+    },
 }
 
 /// Position range before and after the merging point, laboratory metres.

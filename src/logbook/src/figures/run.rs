@@ -20,10 +20,22 @@ pub enum RunError {
     Log(#[from] RecordError),
     /// No snapshot has a vehicle; `why` is the reason where the log is truncated, else empty.
     #[error("{path}: the log has no vehicle in any snapshot: there is nothing to draw{why}")]
-    Empty { path: PathBuf, why: String },
+    Empty {
+        /// Path of the log.
+        path: PathBuf,
+        /// Reason of the truncation in brackets, after a space; else empty.
+        why: String,
+    },
     /// A logged datagram of the laboratory's link cannot be decoded into commands.
     #[error("{path}: tick {tick}: what came over the link is damaged: {reason}")]
-    Network { path: PathBuf, tick: u64, reason: String },
+    Network {
+        /// Path of the log.
+        path: PathBuf,
+        /// Tick at the beginning of the step that carried the datagram out.
+        tick: u64,
+        /// What is wrong with the datagram, in words.
+        reason: String,
+    },
 }
 
 /// A vehicle in one snapshot of a log, city metres and SI units.

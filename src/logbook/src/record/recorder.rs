@@ -17,19 +17,41 @@ use thiserror::Error;
 pub enum RecordError {
     /// A file cannot be created or written.
     #[error("{path}: cannot be written: {reason}")]
-    File { path: PathBuf, reason: String },
+    File {
+        /// Path of the file, or the folder of the run where the writer thread cannot start.
+        path: PathBuf,
+        /// Reason of the failure, in words.
+        reason: String,
+    },
     /// The writer thread has ended before the run.
     #[error("the recorder's thread ended early")]
     Thread,
     /// A table of poses cannot be read, or has a fault in this line.
     #[error("{path}: line {line}: {reason}")]
-    Poses { path: PathBuf, line: u64, reason: String },
+    Poses {
+        /// Path of the table.
+        path: PathBuf,
+        /// Line of the file, counted from 1; 1 where the file cannot be opened.
+        line: u64,
+        /// Fault of that line, in words.
+        reason: String,
+    },
     /// A file cannot be read as a log.
     #[error("{path}: not a log of City3D: {reason}")]
-    NoLog { path: PathBuf, reason: String },
+    NoLog {
+        /// Path of the file.
+        path: PathBuf,
+        /// What makes it unreadable as a log, in words.
+        reason: String,
+    },
     /// A file cannot be read as a bag, or has no pose of the named vehicles.
     #[error("{path}: not a bag of poses: {reason}")]
-    NoBag { path: PathBuf, reason: String },
+    NoBag {
+        /// Path of the file.
+        path: PathBuf,
+        /// What is damaged or missing in it, in words.
+        reason: String,
+    },
 }
 
 #[derive(Debug)]

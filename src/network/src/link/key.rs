@@ -9,13 +9,23 @@ use thiserror::Error;
 pub enum KeyError {
     /// The file cannot be read.
     #[error("{path}: the key cannot be read: {source}", path = path.display())]
-    Unreadable { path: PathBuf, source: std::io::Error },
+    Unreadable {
+        /// Path of the key file.
+        path: PathBuf,
+        /// Reason that the system gives.
+        source: std::io::Error,
+    },
     /// The key has fewer than [`MIN_KEY_BYTES`] bytes.
     #[error(
         "{path}: the key has {found} bytes; it needs at least {MIN_KEY_BYTES}, such as from: openssl rand -hex 32",
         path = path.display()
     )]
-    Short { path: PathBuf, found: usize },
+    Short {
+        /// Path of the key file.
+        path: PathBuf,
+        /// Length of the key without the white space around it, bytes.
+        found: usize,
+    },
 }
 
 /// The authenticator for the key in a file, trimmed of white space; without a file, the one that only has a checksum.

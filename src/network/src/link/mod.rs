@@ -35,11 +35,22 @@ use thiserror::Error;
 pub enum LinkError {
     /// The text is no address with a port, or its host name cannot be resolved.
     #[error("{address} is not an address with a port; write it as 127.0.0.1:9870")]
-    Address { address: String },
+    Address {
+        /// The text as given.
+        address: String,
+    },
     /// The text is neither an IP address nor a network in CIDR notation.
     #[error("{address} is not an IP address or a network; write it as 192.168.1.7 or 192.168.1.0/24")]
-    Network { address: String },
+    Network {
+        /// The text as given.
+        address: String,
+    },
     /// The system refuses a socket for the address.
     #[error("{address}: the socket cannot be opened: {source}")]
-    Socket { address: String, source: std::io::Error },
+    Socket {
+        /// Address to bind or to reach, as text.
+        address: String,
+        /// Reason that the system gives.
+        source: std::io::Error,
+    },
 }

@@ -46,26 +46,55 @@ pub trait Topics {
 pub enum RosError {
     /// The text is no URI of a master.
     #[error("{uri} is not the address of a ROS master; write it as http://127.0.0.1:11311")]
-    MasterUri { uri: String },
+    MasterUri {
+        /// The text as given.
+        uri: String,
+    },
     /// The text is no WebSocket URI of a rosbridge.
     #[error("{uri} is not the address of a rosbridge; write it as ws://127.0.0.1:9090")]
-    BridgeUri { uri: String },
+    BridgeUri {
+        /// The text as given.
+        uri: String,
+    },
     /// The node cannot use this address or host name.
     #[error("{host}: a ROS node cannot have this address: {why}")]
-    Host { host: String, why: String },
+    Host {
+        /// Address or host name that was given or found.
+        host: String,
+        /// Reason and remedy, in words.
+        why: String,
+    },
     /// The node cannot open a listening socket.
     #[error("the ROS node cannot listen on {address}: {source}")]
-    Listen { address: String, source: std::io::Error },
+    Listen {
+        /// IP address of this machine that the node binds to.
+        address: String,
+        /// Reason that the system gives.
+        source: std::io::Error,
+    },
     /// The runtime or the thread of the node cannot be started.
     #[error("the ROS node cannot be started: {0}")]
     Start(std::io::Error),
     /// The connection to a master or a node fails.
     #[error("{place}: {source}")]
-    Io { place: String, source: std::io::Error },
+    Io {
+        /// Host and port of the peer.
+        place: String,
+        /// Error of the socket or of the transfer.
+        source: std::io::Error,
+    },
     /// A master or a node does not answer in time.
     #[error("{place}: no answer within {} s", node::REQUEST_TIMEOUT.as_secs())]
-    NoAnswer { place: String },
+    NoAnswer {
+        /// Host and port of the peer, and the called XML-RPC method.
+        place: String,
+    },
     /// A master or a node answers with a fault, or not as the protocol demands.
     #[error("{place}: {why}")]
-    Answer { place: String, why: String },
+    Answer {
+        /// Host and port of the peer, and the called XML-RPC method.
+        place: String,
+        /// The fault, or what is wrong with the answer, in words.
+        why: String,
+    },
 }

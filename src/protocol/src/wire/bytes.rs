@@ -20,19 +20,35 @@ pub struct DecodeError {
 pub enum DecodeFault {
     /// The datagram ends too early: bytes that the field takes, and bytes that are left.
     #[error("{needed} bytes are needed here, {left} are left")]
-    Short { needed: usize, left: usize },
+    Short {
+        /// Bytes that the field takes.
+        needed: usize,
+        /// Bytes between its offset and the end of the datagram.
+        left: usize,
+    },
     /// The datagram or a text is too long: its bytes, and the limit.
     #[error("{found} bytes are longer than {most}")]
-    Long { found: usize, most: usize },
+    Long {
+        /// Length of the datagram or text, bytes.
+        found: usize,
+        /// Largest length allowed, bytes.
+        most: usize,
+    },
     /// Bytes follow the last field: their number.
     #[error("{found} bytes too many")]
-    Trailing { found: usize },
+    Trailing {
+        /// Number of bytes after the last field.
+        found: usize,
+    },
     /// The first bytes are not [`MAGIC`](super::MAGIC).
     #[error("it does not begin with C3DL, as datagrams of this link do")]
     Magic,
     /// Another version of the wire format than [`VERSION`].
     #[error("version {found}; this program speaks version {VERSION}")]
-    Version { found: u8 },
+    Version {
+        /// Version that the header names.
+        found: u8,
+    },
     /// Checksum or tag does not match the bytes.
     #[error("its checksum or tag does not match: it was damaged on its way, or made with another key")]
     Check,
@@ -47,10 +63,22 @@ pub enum DecodeFault {
     NotFinite,
     /// A number outside of its range: the number and both limits, which are allowed.
     #[error("{found}; it must be between {least} and {most}")]
-    OutOfRange { found: f64, least: f64, most: f64 },
+    OutOfRange {
+        /// The number as read, in the unit of its field.
+        found: f64,
+        /// Smallest number allowed.
+        least: f64,
+        /// Largest number allowed.
+        most: f64,
+    },
     /// A number without a meaning: the number, and those that have one.
     #[error("{found} is unknown; there are {known}")]
-    Unknown { found: u64, known: &'static str },
+    Unknown {
+        /// The number as read.
+        found: u64,
+        /// The numbers that have a meaning, as text.
+        known: &'static str,
+    },
     /// A text is not valid UTF-8.
     #[error("not UTF-8 text")]
     NotText,

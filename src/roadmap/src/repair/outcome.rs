@@ -36,17 +36,47 @@ pub struct RepairChange {
 #[derive(Clone, Debug, PartialEq)]
 pub enum RepairAction {
     /// The ends of a line or an arc were moved, each by this much; the radius of an arc may have changed.
-    Moved { start_m: f64, end_m: f64, radius_m: Option<[f64; 2]> },
+    Moved {
+        /// Displacement of the start, laboratory metres.
+        start_m: f64,
+        /// Displacement of the end, laboratory metres.
+        end_m: f64,
+        /// Radius of an arc before and after, laboratory metres; none for a line.
+        radius_m: Option<[f64; 2]>,
+    },
     /// Vertices of a polyline were moved, by at most this much; bulges may have changed.
-    Vertices { count: usize, most_m: f64 },
+    Vertices {
+        /// Number of vertices that were moved.
+        count: usize,
+        /// Largest displacement of a vertex, laboratory metres.
+        most_m: f64,
+    },
     /// An end was trimmed because it ran along another entity.
-    Trimmed { at_start: bool, by_m: f64, along: String },
+    Trimmed {
+        /// Whether the start was trimmed, rather than the end.
+        at_start: bool,
+        /// Length that was cut off, laboratory metres.
+        by_m: f64,
+        /// The entity along which that length lay: kind, handle and line of the file.
+        along: String,
+    },
     /// Deleted because it duplicates another entity.
-    Deleted { length_m: f64, along: String },
+    Deleted {
+        /// Length of what was deleted, laboratory metres.
+        length_m: f64,
+        /// The entity that it duplicates: kind, handle and line of the file.
+        along: String,
+    },
     /// Deleted, because it is too short to be a lane.
-    TooShort { length_m: f64 },
+    TooShort {
+        /// Its length as drawn, laboratory metres.
+        length_m: f64,
+    },
     /// A stop or yield line was moved back to the end of its lane.
-    LineMoved { by_m: f64 },
+    LineMoved {
+        /// Displacement of the line, laboratory metres.
+        by_m: f64,
+    },
 }
 
 impl RepairChange {

@@ -36,7 +36,12 @@ pub enum LiveError {
     Record(#[from] city3d_logbook::record::RecordError),
     /// The folder or the summary of a run cannot be written.
     #[error("{path}: cannot be written: {source}", path = path.display())]
-    File { path: PathBuf, source: std::io::Error },
+    File {
+        /// The folder or the file that was to be written.
+        path: PathBuf,
+        /// Reason of the operating system, or of the encoding as JSON.
+        source: std::io::Error,
+    },
 }
 
 /// A command to a run.

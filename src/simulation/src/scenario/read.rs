@@ -24,10 +24,20 @@ use toml::de::DeTable;
 pub enum ScenarioError {
     /// Problems of the scenario file, in its order.
     #[error("{}", join(file, problems))]
-    Scenario { file: String, problems: Vec<Problem> },
+    Scenario {
+        /// Name of the scenario for the message: its path, or its shipped name.
+        file: String,
+        /// Every problem found, with line, column and remedy.
+        problems: Vec<Problem>,
+    },
     /// Problems of the map that the scenario names.
     #[error("{}", join(file, problems))]
-    Map { file: String, problems: Vec<String> },
+    Map {
+        /// Name of the map, as the scenario states it.
+        file: String,
+        /// Every problem of the map or of the models in it, as text.
+        problems: Vec<String>,
+    },
     /// A file cannot be loaded.
     #[error(transparent)]
     Source(#[from] SourceError),

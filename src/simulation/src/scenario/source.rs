@@ -22,21 +22,50 @@ const MAPS: [(&str, &[u8]); 1] = [("ids3c", include_bytes!("../../../../assets/m
 pub enum SourceError {
     /// The operating system cannot read the file.
     #[error("{path}: {reason}")]
-    Unreadable { path: PathBuf, reason: std::io::Error },
+    Unreadable {
+        /// Path of the file.
+        path: PathBuf,
+        /// Reason of the operating system.
+        reason: std::io::Error,
+    },
     /// The file exceeds the size limit.
     #[error("{path}: {bytes} bytes; files of more than {LARGEST_FILE_BYTES} bytes are not read")]
-    TooLarge { path: PathBuf, bytes: u64 },
+    TooLarge {
+        /// Path of the file.
+        path: PathBuf,
+        /// Size of the file, bytes.
+        bytes: u64,
+    },
     /// The scenario is not UTF-8; line and column, from 1, of the first wrong byte.
     #[error("{path}: line {line}, column {column}: not UTF-8 text; save the file as UTF-8")]
-    NotText { path: PathBuf, line: usize, column: usize },
+    NotText {
+        /// Path of the scenario.
+        path: PathBuf,
+        /// Line of the first wrong byte, from 1.
+        line: usize,
+        /// Column of the first wrong byte, from 1, in characters.
+        column: usize,
+    },
     /// The file is of another kind, such as a log or a picture.
     #[error("{path}: this is {what}")]
-    Other { path: PathBuf, what: &'static str },
+    Other {
+        /// Path of the file.
+        path: PathBuf,
+        /// What the file is and what to do with it, to follow "this is".
+        what: &'static str,
+    },
     /// No file and no embedded scenario, map or model has this name.
     #[error(
         "\"{name}\" is neither a file nor one of the shipped {kind}: {names}; give the path of a file or one of these names"
     )]
-    Unknown { name: String, kind: &'static str, names: String },
+    Unknown {
+        /// The name that was asked for.
+        name: String,
+        /// What was looked for, in the plural: `scenarios`, `models` or `maps`.
+        kind: &'static str,
+        /// Embedded names of this kind, separated by commas.
+        names: String,
+    },
 }
 
 /// Names of the embedded scenarios.

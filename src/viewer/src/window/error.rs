@@ -18,10 +18,10 @@ pub enum WindowError {
     /// A run whose log is not whole.
     #[error(transparent)]
     End(LiveError),
-    /// The log cannot be opened, or holds nothing to show.
     /// A run that failed under way.
     #[error("{0}")]
     Failed(String),
+    /// The log cannot be opened, or holds nothing to show.
     #[error(transparent)]
     Playback(#[from] PlaybackError),
     /// There is no adapter, or a picture cannot be drawn or written.
@@ -42,7 +42,10 @@ pub enum WindowError {
     Surface(#[from] wgpu::CreateSurfaceError),
     /// The adapter supports no pixel format of the window's surface.
     #[error("{adapter} cannot draw to this window")]
-    NoFormat { adapter: String },
+    NoFormat {
+        /// Name of the adapter, as its driver reports it.
+        adapter: String,
+    },
     /// The adapter did not finish the drawing of a frame.
     #[error(transparent)]
     Poll(#[from] wgpu::PollError),
@@ -54,13 +57,30 @@ pub enum WindowError {
     LoadingEnded,
     /// The options name a vehicle that is not there; `known` lists up to 20 that are.
     #[error("no vehicle is called \"{name}\"; there are {known}")]
-    NoVehicle { name: String, known: String },
+    NoVehicle {
+        /// The name that the options give.
+        name: String,
+        /// Names of vehicles that are there, separated by commas.
+        known: String,
+    },
     /// The time of a picture is after the end of the run; simulated seconds.
     #[error("--at {at_s}: the run ends at {end_s} s; take an earlier time or a longer --duration")]
-    AfterRun { at_s: f64, end_s: f64 },
+    AfterRun {
+        /// Time asked for, simulated seconds.
+        at_s: f64,
+        /// Duration of the run, simulated seconds.
+        end_s: f64,
+    },
     /// The time to open a log at is after its last snapshot; simulated seconds.
     #[error("--at {at_s}: the log ends at {to_s:.2} s; give a time from {from_s:.2} to {to_s:.2}")]
-    AfterLog { at_s: f64, from_s: f64, to_s: f64 },
+    AfterLog {
+        /// Time asked for, simulated seconds.
+        at_s: f64,
+        /// Time of the first snapshot of the log, simulated seconds.
+        from_s: f64,
+        /// Time of the last snapshot of the log, simulated seconds.
+        to_s: f64,
+    },
 }
 
 impl WindowError {
