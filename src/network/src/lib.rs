@@ -2,6 +2,8 @@
 
 #![allow(clippy::disallowed_types, reason = "has the sockets, their threads and their clocks")]
 
+pub mod host;
 pub mod link;
 #[cfg(feature = "ros")]
 pub mod ros;
+pub mod simulated;

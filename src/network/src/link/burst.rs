@@ -9,7 +9,7 @@ const MAX_SEGMENTS: usize = 32;
 
 /// Sends bursts of datagrams with generic segmentation offload (GSO), or one by one.
 #[derive(Debug, Default)]
-pub(super) struct BurstSender {
+pub(crate) struct BurstSender {
     /// The system has refused segmentation offload.
     is_refused: AtomicBool,
 }

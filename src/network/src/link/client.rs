@@ -1,22 +1,19 @@
 //! UDP client of a city: sends datagrams, checks the ones that come back, repeats requests.
 
 use super::{AntiReplayWindow, LinkError};
-use city3d_protocol::wire::{Authenticator, Body, DatagramHeader, MAX_DATAGRAM_BYTES, RequestOutcome};
-use std::collections::hash_map::RandomState;
-use std::hash::BuildHasher;
-use std::io::ErrorKind;
-use std::net::{ToSocketAddrs, UdpSocket};
-use std::time::{Duration, Instant, SystemTime};
+use crate::host::{DatagramSocket, Host};
+use city3d_protocol::wire::{
+    Authenticator, Body, DatagramHeader, Denial, DenialReason, MAX_DATAGRAM_BYTES, RequestOutcome,
+};
+use std::io::{self, ErrorKind};
+use std::net::ToSocketAddrs;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 /// A request without an answer is retransmitted after this time.
 const RETRANSMIT_INTERVAL: Duration = Duration::from_millis(100);
-const SOCKET_BYTES: usize = 4 << 20;
-
-/// Draws a session number that no other process has had, with overwhelming probability.
-pub(super) fn new_session() -> u64 {
-    // The hasher's keys come from the system's source of randomness.
-    RandomState::new().hash_one((SystemTime::now(), std::process::id())).max(1)
-}
+/// How long it waits before it asks an address again where nothing listens.
+const REFUSED_INTERVAL: Duration = Duration::from_millis(5);
 
 /// What a client receives.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,34 +27,67 @@ pub enum ClientEvent {
 /// Client of a city, with a session of its own.
 #[derive(Debug)]
 pub struct Client {
-    socket: UdpSocket,
+    host: Host,
+    socket: Box<dyn DatagramSocket>,
     authenticator: Authenticator,
     header: DatagramHeader,
     window: AntiReplayWindow,
     last_request: u32,
+    /// Own session before this one: a denial may still answer it.
+    previous_session: Option<u64>,
+    /// Why the city has rejected a handshake since it last answered.
+    denial: Option<DenialReason>,
+    /// Nothing listened at the address since then; atomic, for it also shows while the client only sends.
+    is_refused: AtomicBool,
 }
 
 impl Client {
-    /// Opens a socket to a city; nothing is sent yet.
+    /// Opens a socket of this machine to a city; nothing is sent yet.
     ///
     /// # Errors
     /// When the address is malformed, or cannot be reached from here.
     pub fn new(city: &str, world: u32, authenticator: Authenticator) -> Result<Self, LinkError> {
+        Self::on(&Host::system(), city, world, authenticator)
+    }
+
+    /// Opens a socket of a host to a city; nothing is sent yet.
+    ///
+    /// # Errors
+    /// When the address is malformed, or cannot be reached from there.
+    pub fn on(host: &Host, city: &str, world: u32, authenticator: Authenticator) -> Result<Self, LinkError> {
         let address = || city.to_owned();
-        let no_socket = |source| LinkError::Socket { address: address(), source };
         let found = city.to_socket_addrs().ok().and_then(|mut found| found.next());
         let found = found.ok_or_else(|| LinkError::Address { address: address() })?;
-        let own = if found.is_ipv4() { "0.0.0.0:0" } else { "[::]:0" };
-        let socket = UdpSocket::bind(own).map_err(no_socket)?;
-        let _ = socket2::SockRef::from(&socket).set_recv_buffer_size(SOCKET_BYTES);
-        socket.connect(found).map_err(no_socket)?;
-        let header = DatagramHeader { session: new_session(), world, ..DatagramHeader::default() };
-        Ok(Self { socket, authenticator, header, window: AntiReplayWindow::default(), last_request: 0 })
+        let socket =
+            host.network.connect(found).map_err(|source| LinkError::Socket { address: address(), source })?;
+        let header = DatagramHeader { session: host.network.session(), world, ..DatagramHeader::default() };
+        let window = AntiReplayWindow::default();
+        Ok(Self {
+            host: host.clone(),
+            socket,
+            authenticator,
+            header,
+            window,
+            last_request: 0,
+            previous_session: None,
+            denial: None,
+            is_refused: AtomicBool::new(false),
+        })
+    }
+
+    /// Why the city cannot be reached, as a clause; `None` while it answers or nothing is known.
+    pub fn trouble(&self) -> Option<String> {
+        if self.is_refused.load(Ordering::Relaxed) {
+            return Some("nothing listens there".to_owned());
+        }
+        self.denial.map(|reason| clause(reason).to_owned())
     }
 
     /// Starts a new session and forgets that of the city; the next handshake learns it again.
     pub fn reset_session(&mut self) {
-        self.header = DatagramHeader { session: new_session(), peer: 0, sequence: 0, ..self.header };
+        self.previous_session = Some(self.header.session);
+        self.header =
+            DatagramHeader { session: self.host.network.session(), peer: 0, sequence: 0, ..self.header };
         self.window = AntiReplayWindow::default();
     }
 
@@ -92,8 +122,10 @@ impl Client {
 
     /// Sends the bytes of an encoded datagram, once more if it has been sent before.
     pub fn resend(&self, bytes: &[u8]) {
-        // The error of an absent city does not matter: its next answer shows that it is back.
-        let _ = self.socket.send(bytes);
+        // Nothing is done about an absent city: its next answer shows that it is back.
+        if let Err(error) = self.socket.send(bytes) {
+            self.note_refusal(&error);
+        }
     }
 
     /// Receives the next event, and waits for it at most this long.
@@ -101,54 +133,52 @@ impl Client {
         if wait.is_zero() {
             return self.poll();
         }
-        let until = Instant::now() + wait;
+        let until = self.host.clock.now() + wait;
+        let mut left = wait;
         let mut bytes = [0; MAX_DATAGRAM_BYTES + 1];
-        loop {
-            let left = until.saturating_duration_since(Instant::now());
-            // A timeout of zero would mean to wait for ever.
-            let _ = self.socket.set_read_timeout(Some(left.max(Duration::from_micros(1))));
-            match self.socket.recv(&mut bytes) {
-                Ok(length) => {
+        while !left.is_zero() {
+            match self.socket.receive(&mut bytes, left) {
+                Ok(Some((length, _))) => {
                     if let Some(event) = self.accept(&bytes[..length]) {
                         return Some(event);
                     }
                 }
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+                Ok(None) => {}
                 // Nothing listens at the address: asking again at once would spin.
-                Err(_) => std::thread::sleep(left.min(Duration::from_millis(5))),
+                Err(error) => {
+                    self.note_refusal(&error);
+                    self.host.clock.sleep(left.min(REFUSED_INTERVAL));
+                }
             }
-            if Instant::now() >= until {
-                return None;
-            }
+            left = until.saturating_duration_since(self.host.clock.now());
         }
+        None
     }
 
-    /// Receives without waiting. A timeout would last some milliseconds at least, a tick of the system's timer.
+    /// Receives without waiting.
     fn poll(&mut self) -> Option<ClientEvent> {
         let mut bytes = [0; MAX_DATAGRAM_BYTES + 1];
-        self.socket.set_nonblocking(true).ok()?;
-        let mut event = None;
-        while event.is_none() {
-            match self.socket.recv(&mut bytes) {
-                Ok(length) => event = self.accept(&bytes[..length]),
+        loop {
+            match self.socket.receive(&mut bytes, Duration::ZERO) {
+                Ok(Some((length, _))) => {
+                    if let Some(event) = self.accept(&bytes[..length]) {
+                        return Some(event);
+                    }
+                }
                 // The error of an earlier send; datagrams may wait behind it.
-                Err(error) if error.kind() == ErrorKind::ConnectionRefused => {}
-                Err(_) => break,
+                Err(error) if error.kind() == ErrorKind::ConnectionRefused => self.note_refusal(&error),
+                Ok(None) | Err(_) => return None,
             }
         }
-        // A socket that stayed non-blocking would turn waiting into spinning.
-        if let Err(error) = self.socket.set_nonblocking(false) {
-            tracing::warn!("the socket cannot be set to wait: {error}");
-        }
-        event
     }
 
     fn accept(&mut self, bytes: &[u8]) -> Option<ClientEvent> {
         let (header, body) = match Body::decode(bytes, &self.authenticator) {
             Ok(read) => read,
             Err(error) => {
-                tracing::debug!("a datagram from the city is dropped: {error}");
+                if !self.note_denial(bytes) {
+                    tracing::debug!("a datagram from the city is dropped: {error}");
+                }
                 return None;
             }
         };
@@ -159,11 +189,36 @@ impl Client {
             self.header.peer = header.session;
         }
         if header.session != self.header.peer {
+            self.forget_trouble();
             return Some(ClientEvent::Restarted);
         }
         self.window.check(header.sequence).ok()?;
         self.window.mark_received(header.sequence);
+        self.forget_trouble();
         Some(ClientEvent::Body(body))
+    }
+
+    /// Remembers a denial of the own handshake; `false` when the bytes are none. Anyone could have made it, so that
+    /// nothing else depends on it.
+    fn note_denial(&mut self, bytes: &[u8]) -> bool {
+        let Ok((header, denial)) = Denial::decode(bytes) else { return false };
+        let is_own = header.peer == self.header.session || Some(header.peer) == self.previous_session;
+        if is_own {
+            self.denial = Some(denial.reason);
+            self.is_refused.store(false, Ordering::Relaxed);
+        }
+        is_own
+    }
+
+    fn note_refusal(&self, error: &io::Error) {
+        if error.kind() == ErrorKind::ConnectionRefused {
+            self.is_refused.store(true, Ordering::Relaxed);
+        }
+    }
+
+    fn forget_trouble(&mut self) {
+        self.denial = None;
+        self.is_refused.store(false, Ordering::Relaxed);
     }
 
     /// Sends a request, with retransmissions, until its acknowledgement comes; `None` after the timeout. Requests are
@@ -176,22 +231,40 @@ impl Client {
         self.last_request += 1;
         let number = self.last_request;
         let body = body(number);
-        let until = Instant::now() + timeout;
-        while Instant::now() < until {
+        let until = self.host.clock.now() + timeout;
+        while self.host.clock.now() < until {
             self.send(&body);
-            let retransmit_at = Instant::now() + RETRANSMIT_INTERVAL;
-            while let Some(left) = retransmit_at.checked_duration_since(Instant::now()) {
-                match self.receive(left) {
-                    Some(ClientEvent::Body(Body::Ack { request, outcome, detail, .. }))
-                        if request == number =>
-                    {
-                        return Some((outcome, detail));
-                    }
-                    Some(ClientEvent::Restarted) => return None,
-                    _ => {}
-                }
+            if let Some(answer) = self.await_answer(number, RETRANSMIT_INTERVAL) {
+                return answer;
             }
         }
         None
+    }
+
+    /// Waits for the acknowledgement of a request; `Some(None)` when the city has been restarted and will not send it.
+    fn await_answer(&mut self, number: u32, wait: Duration) -> Option<Option<(RequestOutcome, String)>> {
+        let until = self.host.clock.now() + wait;
+        let mut left = wait;
+        while !left.is_zero() {
+            match self.receive(left) {
+                Some(ClientEvent::Body(Body::Ack { request, outcome, detail, .. })) if request == number => {
+                    return Some(Some((outcome, detail)));
+                }
+                Some(ClientEvent::Restarted) => return Some(None),
+                _ => {}
+            }
+            left = until.saturating_duration_since(self.host.clock.now());
+        }
+        None
+    }
+}
+
+/// A reason as a clause about the city, with what to do.
+fn clause(reason: DenialReason) -> &'static str {
+    match reason {
+        DenialReason::KeyNeeded => "it requires a shared key: give --key FILE",
+        DenialReason::NoKey => "it has no shared key: leave out --key",
+        DenialReason::OtherKey => "it has another shared key: --key names the wrong file",
+        DenialReason::OtherWorld => "it is another world: see --world",
     }
 }

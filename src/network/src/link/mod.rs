@@ -2,11 +2,12 @@
 //!
 //! [`city3d_protocol::wire`] defines the datagrams; the served city acts on them.
 
-mod burst;
+pub(crate) mod burst;
 mod client;
 mod echo;
 #[cfg(feature = "ros")]
 pub mod feedback;
+mod inbound_filter;
 mod key;
 #[cfg(feature = "ros")]
 pub mod onboard;
@@ -14,6 +15,8 @@ mod physical_fleet;
 mod receive_queue;
 mod senders;
 mod server;
+#[cfg(test)]
+mod simulated_tests;
 #[cfg(feature = "ros")]
 pub mod vicon;
 mod warmup;

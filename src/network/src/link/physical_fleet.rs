@@ -2,6 +2,7 @@
 //! poses by a subscription with a lease.
 
 use super::{Client, ClientEvent, LinkError};
+use crate::host::{Clock, Host};
 use city3d_geometry::Lab;
 use city3d_protocol::snapshot::{Trajectory, VehicleId};
 use city3d_protocol::wire::{Authenticator, Body, CityClock, Measurement, Message, pack};
@@ -32,6 +33,7 @@ struct VehicleLink {
 /// The links to all physical vehicles.
 #[derive(Debug, Default)]
 pub struct PhysicalFleet {
+    host: Host,
     links: Vec<VehicleLink>,
     /// Whether to subscribe to poses.
     wants_poses: bool,
@@ -40,11 +42,25 @@ pub struct PhysicalFleet {
 }
 
 impl PhysicalFleet {
-    /// Opens sockets to vehicles and their addresses; nothing is sent yet.
+    /// Opens sockets of this machine to vehicles and their addresses; nothing is sent yet.
     ///
     /// # Errors
     /// When an address is malformed, or cannot be reached from here.
     pub fn new(
+        vehicles: impl Iterator<Item = (VehicleId, String)>,
+        wants_poses: bool,
+        world: u32,
+        authenticator: &Authenticator,
+    ) -> Result<Self, LinkError> {
+        Self::on(&Host::system(), vehicles, wants_poses, world, authenticator)
+    }
+
+    /// Opens sockets of a host to vehicles and their addresses; nothing is sent yet.
+    ///
+    /// # Errors
+    /// When an address is malformed, or cannot be reached from there.
+    pub fn on(
+        host: &Host,
         vehicles: impl Iterator<Item = (VehicleId, String)>,
         wants_poses: bool,
         world: u32,
@@ -55,11 +71,11 @@ impl PhysicalFleet {
             by_address.entry(address).or_default().push(vehicle);
         }
         let link = |(address, vehicles): (String, Vec<VehicleId>)| {
-            let client = Client::new(&address, world, authenticator.clone())?;
+            let client = Client::on(host, &address, world, authenticator.clone())?;
             Ok(VehicleLink { address, vehicles, client, renewed: None, last_heard: None, is_silent: false })
         };
         let links = by_address.into_iter().map(link).collect::<Result<_, LinkError>>()?;
-        Ok(Self { links, wants_poses, sent_clock: None })
+        Ok(Self { host: host.clone(), links, wants_poses, sent_clock: None })
     }
 
     /// Whether there are no physical vehicles.
@@ -75,17 +91,20 @@ impl PhysicalFleet {
     /// Receives datagrams, sends due heartbeats and lease renewals; adds the poses that have come.
     pub fn poll(&mut self, poses: &mut Vec<Measurement>) {
         for link in &mut self.links {
-            link.poll(self.wants_poses, poses);
+            link.poll(&*self.host.clock, self.wants_poses, poses);
         }
     }
 
     /// Sends the experiment's clock to the vehicles when that is due.
     pub fn send_clock(&mut self, clock: CityClock) {
+        let now = self.host.clock.now();
         let is_due = self.sent_clock.is_none_or(|(when, sent)| {
-            when.elapsed() >= CLOCK_INTERVAL || sent.phase != clock.phase || clock.time_s < sent.time_s
+            now.duration_since(when) >= CLOCK_INTERVAL
+                || sent.phase != clock.phase
+                || clock.time_s < sent.time_s
         });
         if is_due {
-            self.sent_clock = Some((Instant::now(), clock));
+            self.sent_clock = Some((now, clock));
             self.links.iter_mut().for_each(|link| _ = link.client.send(&Body::Clock(clock)));
         }
     }
@@ -102,12 +121,15 @@ impl PhysicalFleet {
 }
 
 impl VehicleLink {
-    fn poll(&mut self, wants_poses: bool, poses: &mut Vec<Measurement>) {
-        if self.renewed.is_none_or(|renewed| renewed.elapsed() >= HEARTBEAT_INTERVAL) {
-            self.renewed = Some(Instant::now());
+    fn poll(&mut self, clock: &dyn Clock, wants_poses: bool, poses: &mut Vec<Measurement>) {
+        let now = clock.now();
+        if self.renewed.is_none_or(|renewed| now.duration_since(renewed) >= HEARTBEAT_INTERVAL) {
+            self.renewed = Some(now);
             // A silent vehicle may have been restarted and does not know this session any more.
             match self.last_heard {
-                Some(last_heard) if last_heard.elapsed() > HEARTBEAT_INTERVAL => self.client.probe(),
+                Some(last_heard) if now.duration_since(last_heard) > HEARTBEAT_INTERVAL => {
+                    self.client.probe();
+                }
                 _ => _ = self.client.send(&Body::Hello { token: 0 }),
             }
             if wants_poses {
@@ -121,7 +143,7 @@ impl VehicleLink {
                     self.renewed = None;
                 }
                 Some(ClientEvent::Body(body)) => {
-                    self.last_heard = Some(Instant::now());
+                    self.last_heard = Some(clock.now());
                     if let Body::Poses(seen) = body {
                         let own = seen.vehicles.iter().map(|seen| seen.pose);
                         poses.extend(own.filter(|pose| self.vehicles.contains(&pose.vehicle)));
@@ -130,12 +152,12 @@ impl VehicleLink {
                 None => break,
             }
         }
-        self.report();
+        self.report(clock.now());
     }
 
-    fn report(&mut self) {
-        let begun = *self.last_heard.get_or_insert_with(Instant::now);
-        let is_silent = begun.elapsed() > HEARTBEAT_TIMEOUT;
+    fn report(&mut self, now: Instant) {
+        let begun = *self.last_heard.get_or_insert(now);
+        let is_silent = now.duration_since(begun) > HEARTBEAT_TIMEOUT;
         if is_silent && !self.is_silent {
             let names: Vec<String> = self.vehicles.iter().map(ToString::to_string).collect();
             tracing::warn!(

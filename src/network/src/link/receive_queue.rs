@@ -28,16 +28,17 @@ pub struct Inbound {
 impl Inbound {
     /// Whether its sender waits for an answer.
     fn is_urgent(&self) -> bool {
-        !matches!(self.body, Body::Trajectories(_))
+        !matches!(self.body, Body::Trajectories(_) | Body::Drive { .. })
     }
 }
 
 /// What wakes the reader.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum WakeCondition {
+pub(super) enum WakeCondition {
     #[default]
     Nothing,
     Anything,
+    /// A datagram that wants an answer, or [`WAKE_COUNT`] datagrams.
     Urgent,
 }
 
@@ -74,6 +75,11 @@ impl ReceiveQueue {
     /// Whether the queue takes another datagram.
     pub fn has_room(&self) -> bool {
         self.lock().datagrams.len() < CAPACITY
+    }
+
+    /// Whether it holds what would wake the reader.
+    pub fn has(&self, waiting: WakeCondition) -> bool {
+        self.lock().has(waiting)
     }
 
     /// Appends a datagram. The only writer has checked [`ReceiveQueue::has_room`].

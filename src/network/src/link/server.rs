@@ -1,28 +1,27 @@
 //! UDP server of the link: a socket, a thread that receives and checks datagrams, and a bounded queue for the
-//! simulation.
+//! simulation. On a host without threads the reader of the queue reads the socket.
 
 use super::LinkError;
-use super::burst::BurstSender;
-use super::receive_queue::{Inbound, ReceiveQueue};
-use super::senders::{SenderId, Senders};
+use super::inbound_filter::{InboundFilter, LinkState};
+use super::receive_queue::{Inbound, ReceiveQueue, WakeCondition};
+use super::senders::SenderId;
 use super::warmup::SendPathWarmup;
+use crate::host::{Clock, DatagramSocket, Host};
 use city3d_protocol::wire::{
     Authenticator, Body, DatagramHeader, DropCounts, DropReason, MAX_DATAGRAM_BYTES,
 };
-use std::io::ErrorKind;
-use std::net::{IpAddr, SocketAddr, ToSocketAddrs, UdpSocket};
+use std::io::{self, ErrorKind};
+use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::str::FromStr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-/// Receive buffer of the socket: holds a burst of all trajectories of a large fleet.
-const SOCKET_BYTES: usize = 4 << 20;
+/// One byte more than the longest datagram, to notice longer ones.
+const BUFFER_BYTES: usize = MAX_DATAGRAM_BYTES + 1;
 /// Interval at which the thread checks whether it shall stop.
 const STOP_CHECK_INTERVAL: Duration = Duration::from_millis(100);
-/// Dropped datagrams are logged no more often than this.
-const LOG_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Entry of the allow list: an IP address or a network in CIDR notation (RFC 4632).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,81 +91,63 @@ pub struct LinkCounters {
     pub dropped: DropCounts,
 }
 
-/// What the server shares with its thread.
+/// Who reads the socket of a server.
 #[derive(Debug)]
-struct LinkState {
-    senders: Senders,
-    drops: DropCounts,
-    received: u64,
-    used: u64,
+enum Reader {
+    /// A thread, until it is told to stop.
+    Thread { stop: Arc<AtomicBool>, thread: Option<JoinHandle<()>> },
+    /// The caller, while it asks for datagrams.
+    Caller { clock: Arc<dyn Clock>, filter: Mutex<InboundFilter> },
 }
 
 /// UDP server of a city or of a vehicle. It stops its thread when it is dropped.
 #[derive(Debug)]
 pub struct Server {
-    socket: UdpSocket,
+    socket: Box<dyn DatagramSocket>,
     address: SocketAddr,
     queue: Arc<ReceiveQueue>,
     shared: Arc<Mutex<LinkState>>,
     header: DatagramHeader,
     authenticator: Authenticator,
-    bursts: BurstSender,
-    warmup: SendPathWarmup,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    warmup: Option<SendPathWarmup>,
+    reader: Reader,
 }
 
 impl Server {
-    /// Opens the socket and begins to read it.
+    /// Opens a socket of this machine and begins to read it.
     ///
     /// # Errors
     /// When the address is malformed or in use.
     pub fn bind(options: &ServerOptions) -> Result<Self, LinkError> {
+        Self::on(&Host::system(), options)
+    }
+
+    /// Opens a socket of a host and begins to read it.
+    ///
+    /// # Errors
+    /// When the address is malformed or in use.
+    pub fn on(host: &Host, options: &ServerOptions) -> Result<Self, LinkError> {
         let address = || options.address.clone();
         let no_socket = |source| LinkError::Socket { address: address(), source };
         let found = options.address.to_socket_addrs().ok().and_then(|mut found| found.next());
-        let socket = UdpSocket::bind(found.ok_or_else(|| LinkError::Address { address: address() })?)
-            .map_err(no_socket)?;
-        // A smaller buffer works too.
-        let _ = socket2::SockRef::from(&socket).set_recv_buffer_size(SOCKET_BYTES);
-        socket.set_read_timeout(Some(STOP_CHECK_INTERVAL)).map_err(no_socket)?;
+        let found = found.ok_or_else(|| LinkError::Address { address: address() })?;
+        let socket = host.network.bind(found).map_err(no_socket)?;
         let queue = Arc::new(ReceiveQueue::default());
-        let senders = Senders::new(options.rate_per_s);
-        let shared = LinkState { senders, drops: DropCounts::default(), received: 0, used: 0 };
-        let shared = Arc::new(Mutex::new(shared));
-        let stop = Arc::new(AtomicBool::new(false));
-        let header = DatagramHeader {
-            session: super::client::new_session(),
-            world: options.world,
-            ..DatagramHeader::default()
+        let shared = Arc::new(Mutex::new(LinkState::new(options.rate_per_s)));
+        let session = host.network.session();
+        let header = DatagramHeader { session, world: options.world, ..DatagramHeader::default() };
+        let filter = InboundFilter::new(options, header, Arc::clone(&queue), Arc::clone(&shared));
+        let clock = Arc::clone(&host.clock);
+        let reader = if host.network.has_threads() {
+            let socket = socket.try_clone().map_err(no_socket)?;
+            Reader::thread(socket, clock, filter).map_err(no_socket)?
+        } else {
+            Reader::Caller { clock, filter: Mutex::new(filter) }
         };
-        let reader = ReceiveThread {
-            socket: socket.try_clone().map_err(no_socket)?,
-            queue: Arc::clone(&queue),
-            shared: Arc::clone(&shared),
-            header,
-            authenticator: options.authenticator.clone(),
-            allowed: options.allowed.clone(),
-            takes_clock: options.takes_clock,
-            stop: Arc::clone(&stop),
-            drop_log: DropLog { dropped: 0, logged_at: None },
-        };
-        let thread = std::thread::Builder::new().name("link".to_owned()).spawn(move || reader.run());
-        let thread = Some(thread.map_err(no_socket)?);
-        let address = socket.local_addr().map_err(no_socket)?;
+        let warmup = host.network.has_threads().then(SendPathWarmup::new).transpose()?;
+        let address = socket.local_address().map_err(no_socket)?;
         let authenticator = options.authenticator.clone();
-        Ok(Self {
-            socket,
-            address,
-            queue,
-            shared,
-            header,
-            authenticator,
-            bursts: BurstSender::default(),
-            warmup: SendPathWarmup::new()?,
-            stop,
-            thread,
-        })
+        Ok(Self { socket, address, queue, shared, header, authenticator, warmup, reader })
     }
 
     /// The address that it listens on.
@@ -181,13 +162,51 @@ impl Server {
 
     /// Takes the next datagram, and waits for it at most this long.
     pub fn receive(&self, wait: Duration) -> Option<Inbound> {
-        self.queue.receive(wait)
+        match &self.reader {
+            Reader::Thread { .. } => self.queue.receive(wait),
+            Reader::Caller { .. } => {
+                if !self.queue.has(WakeCondition::Anything) {
+                    self.read(WakeCondition::Anything, wait);
+                }
+                self.queue.receive(Duration::ZERO)
+            }
+        }
     }
 
     /// Waits at most this long for a datagram that wants an answer, or for many datagrams. Trajectories wait for the
     /// next tick.
     pub fn wait_for_urgent(&self, wait: Duration) {
-        self.queue.wait_for_urgent(wait);
+        match &self.reader {
+            Reader::Thread { .. } => self.queue.wait_for_urgent(wait),
+            Reader::Caller { .. } => self.read(WakeCondition::Urgent, wait),
+        }
+    }
+
+    /// Reads the socket in the place of the thread: all that has come, and what comes until the queue has what is waited
+    /// for, or until the wait is over.
+    fn read(&self, waiting: WakeCondition, wait: Duration) {
+        let Reader::Caller { clock, filter } = &self.reader else { return };
+        let mut filter = filter.lock().unwrap_or_else(PoisonError::into_inner);
+        let begun = clock.now();
+        let mut bytes = [0; BUFFER_BYTES];
+        loop {
+            let left = wait.saturating_sub(clock.now().saturating_duration_since(begun));
+            let left = if self.queue.has(waiting) { Duration::ZERO } else { left };
+            match self.socket.receive(&mut bytes, left) {
+                Ok(Some((length, from))) => {
+                    let denial = filter.take(&bytes[..length], from, &**clock);
+                    send_denial(&*self.socket, from, denial);
+                }
+                // A wait that is over needs no poll behind it.
+                Ok(None) if left.is_zero() || clock.now().saturating_duration_since(begun) >= wait => return,
+                Ok(None) => {}
+                Err(error) if is_of_peer(&error) => {}
+                Err(error) => {
+                    tracing::warn!("the link's socket cannot be read: {error}");
+                    return clock.sleep(left);
+                }
+            }
+        }
     }
 
     /// Sends a body to a sender. It is lost when the session of the sender has ended or its address is unreachable.
@@ -209,7 +228,7 @@ impl Server {
             address = Some(reply.address);
         }
         if let Some(address) = address
-            && let Err(error) = self.bursts.send(&self.socket, address, &datagrams)
+            && let Err(error) = self.socket.send_burst(address, &datagrams)
         {
             tracing::debug!("{address}: a datagram is not sent: {error}");
         }
@@ -217,9 +236,10 @@ impl Server {
 
     /// Dry run of [`Server::send_all`] that warms the caches, so that the real call soon after is faster.
     pub fn warm_up(&self, bodies: &[Body]) {
+        let Some(warmup) = &self.warmup else { return };
         for body in bodies {
             if let Ok(bytes) = body.encode(self.header, &self.authenticator) {
-                self.warmup.run(&bytes);
+                warmup.run(&bytes);
             }
         }
     }
@@ -255,124 +275,122 @@ impl Server {
     }
 }
 
-impl Drop for Server {
+impl Reader {
+    fn thread(
+        socket: Box<dyn DatagramSocket>,
+        clock: Arc<dyn Clock>,
+        filter: InboundFilter,
+    ) -> io::Result<Self> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let reader = ReceiveThread { socket, clock, filter, stop: Arc::clone(&stop) };
+        let thread = std::thread::Builder::new().name("link".to_owned()).spawn(move || reader.run())?;
+        Ok(Self::Thread { stop, thread: Some(thread) })
+    }
+}
+
+impl Drop for Reader {
     fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
+        let Self::Thread { stop, thread } = self else { return };
+        stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = thread.take() {
             // A panic of the thread has been reported already.
             let _ = thread.join();
         }
     }
 }
 
-/// Thread that receives datagrams, checks them and queues them.
+/// Thread that receives datagrams and gives them to the filter.
 struct ReceiveThread {
-    socket: UdpSocket,
-    queue: Arc<ReceiveQueue>,
-    shared: Arc<Mutex<LinkState>>,
-    /// Session and world of this server.
-    header: DatagramHeader,
-    authenticator: Authenticator,
-    allowed: Vec<AllowedNetwork>,
-    takes_clock: bool,
+    socket: Box<dyn DatagramSocket>,
+    clock: Arc<dyn Clock>,
+    filter: InboundFilter,
     stop: Arc<AtomicBool>,
-    drop_log: DropLog,
-}
-
-/// Rate limiter of the log messages about dropped datagrams.
-struct DropLog {
-    /// Drops since the last message.
-    dropped: u64,
-    logged_at: Option<Instant>,
 }
 
 impl ReceiveThread {
     fn run(mut self) {
-        // One byte more than the longest datagram, to notice longer ones.
-        let mut bytes = [0; MAX_DATAGRAM_BYTES + 1];
+        let mut bytes = [0; BUFFER_BYTES];
         while !self.stop.load(Ordering::Relaxed) {
-            match self.socket.recv_from(&mut bytes) {
-                Ok((length, from)) => {
-                    if let Err((reason, why)) = self.accept(&bytes[..length], from) {
-                        self.note_drop(reason, from, &why);
-                    }
+            match self.socket.receive(&mut bytes, STOP_CHECK_INTERVAL) {
+                Ok(Some((length, from))) => {
+                    let denial = self.filter.take(&bytes[..length], from, &*self.clock);
+                    send_denial(&*self.socket, from, denial);
                 }
-                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
-                // The error of an earlier send to a peer that is gone.
-                Err(error)
-                    if matches!(error.kind(), ErrorKind::ConnectionRefused | ErrorKind::ConnectionReset) => {}
+                Ok(None) => {}
+                Err(error) if is_of_peer(&error) => {}
                 Err(error) => {
                     tracing::warn!("the link's socket cannot be read: {error}");
-                    std::thread::sleep(STOP_CHECK_INTERVAL);
+                    self.clock.sleep(STOP_CHECK_INTERVAL);
                 }
             }
         }
     }
+}
 
-    /// Checks a datagram and queues it: allow list, rate limit, authentication, session, replay window, room.
-    fn accept(&self, bytes: &[u8], from: SocketAddr) -> Result<(), (DropReason, String)> {
-        let now = Instant::now();
-        let plain = |reason| (reason, String::new());
-        let is_allowed =
-            self.allowed.is_empty() || self.allowed.iter().any(|allowed| allowed.contains(from.ip()));
-        let mut shared = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
-        shared.received += 1;
-        if !is_allowed {
-            return Err(plain(DropReason::ForeignSender));
-        }
-        if !shared.senders.may_send(from, now) {
-            return Err(plain(DropReason::TooFast));
-        }
-        drop(shared);
-        let (header, body) = Body::decode(bytes, &self.authenticator)
-            .map_err(|error| (DropReason::from(&error), format!(": {error}")))?;
-        let is_clock = self.takes_clock && matches!(body, Body::Clock(_));
-        if !body.is_to_city() && !is_clock {
-            return Err(plain(DropReason::WrongWay));
-        }
-        let is_ours = header.peer == self.header.session
-            || (header.peer == 0
-                && (matches!(self.authenticator, Authenticator::Checksum)
-                    || matches!(body, Body::Hello { .. })));
-        if !is_ours || (header.world != 0 && header.world != self.header.world) {
-            return Err(plain(DropReason::OtherCity));
-        }
-        let mut shared = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
-        let sender = shared.senders.admit(from, &header, now).map_err(plain)?;
-        if let Body::Barrier { first, count, .. } = body
-            && !shared.senders.has_all(from, first, count)
-        {
-            return Err(plain(DropReason::Incomplete));
-        }
-        // No other thread adds to the queue.
-        if !self.queue.has_room() {
-            return Err(plain(DropReason::Full));
-        }
-        shared.senders.mark_received(from, header.sequence);
-        shared.used += 1;
-        drop(shared);
-        self.queue.push(Inbound { sender, body, at: Instant::now() });
-        Ok(())
+/// Sends a denial to whom the filter has rejected. Nobody relies on it, so it may be lost.
+fn send_denial(socket: &dyn DatagramSocket, to: SocketAddr, denial: Option<Vec<u8>>) {
+    let Some(denial) = denial else { return };
+    if let Err(error) = socket.send_burst(to, &[denial]) {
+        tracing::debug!("{to}: a denial is not sent: {error}");
     }
+}
 
-    fn note_drop(&mut self, reason: DropReason, from: SocketAddr, why: &str) {
-        self.shared.lock().unwrap_or_else(PoisonError::into_inner).drops.count(reason);
-        self.drop_log.dropped += 1;
-        let now = Instant::now();
-        if self.drop_log.logged_at.is_none_or(|at| now.duration_since(at) >= LOG_INTERVAL) {
-            let more = match self.drop_log.dropped {
-                1 => String::new(),
-                count => format!(" ({count} dropped since the last such message)"),
-            };
-            tracing::warn!("{from}: a datagram is dropped, {}{why}{more}", reason.label());
-            self.drop_log = DropLog { dropped: 0, logged_at: Some(now) };
-        }
-    }
+/// Whether it is the error of an earlier send to a peer that is gone.
+fn is_of_peer(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::ConnectionRefused | ErrorKind::ConnectionReset)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::link::{Client, ClientEvent};
+    use city3d_protocol::wire::{Denial, DenialReason, RequestOutcome};
+
+    #[test]
+    fn a_server_of_this_machine_reads_its_socket_in_a_thread() {
+        let (authenticator, long) = (Authenticator::Checksum, Duration::from_secs(10));
+        let server = Server::bind(&ServerOptions {
+            address: "127.0.0.1:0".to_owned(),
+            world: 1,
+            authenticator: authenticator.clone(),
+            allowed: Vec::new(),
+            rate_per_s: 100.0,
+            takes_clock: false,
+        });
+        let server = server.unwrap();
+        let mut client = Client::new(&server.address(), 1, authenticator).unwrap();
+        client.send(&Body::Hello { token: 7 });
+        server.wait_for_urgent(long);
+        let inbound = server.receive(Duration::ZERO).unwrap();
+        assert_eq!(inbound.body, Body::Hello { token: 7 });
+        let ack =
+            |request| Body::Ack { request, outcome: RequestOutcome::Done, tick: 0, detail: String::new() };
+        server.send_all(inbound.sender, &[ack(1), ack(2)]);
+        assert_eq!(client.receive(long), Some(ClientEvent::Body(ack(1))));
+        assert_eq!(client.receive(long), Some(ClientEvent::Body(ack(2))));
+        assert_eq!(client.receive(Duration::ZERO), None);
+    }
+
+    #[test]
+    fn the_thread_denies_a_handshake_without_the_key() {
+        let server = Server::bind(&ServerOptions {
+            address: "127.0.0.1:0".to_owned(),
+            world: 1,
+            authenticator: Authenticator::Key(b"a key of the laboratory".to_vec()),
+            allowed: Vec::new(),
+            rate_per_s: 100.0,
+            takes_clock: false,
+        });
+        let server = server.unwrap();
+        let socket = Host::system().network.connect(server.address().parse().unwrap()).unwrap();
+        let header = DatagramHeader { session: 7, ..DatagramHeader::default() };
+        let hello = Body::Hello { token: 1 }.encode(header, &Authenticator::Checksum).unwrap();
+        socket.send(&hello).unwrap();
+        let mut bytes = [0; BUFFER_BYTES];
+        let (length, _) = socket.receive(&mut bytes, Duration::from_secs(10)).unwrap().unwrap();
+        let (header, denial) = Denial::decode(&bytes[..length]).unwrap();
+        assert_eq!((header.peer, denial.reason), (7, DenialReason::KeyNeeded));
+    }
 
     #[test]
     fn a_list_of_senders_has_addresses_and_networks() {
