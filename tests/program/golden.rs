@@ -8,12 +8,12 @@ use crate::support::link;
 use city3d_geometry::Lab;
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{
-    Appearance, BodyType, Drive, Indicator, ModelKind, Status, Trajectory, TrajectoryPoint, VehicleId,
-    VehicleSpec,
+    Appearance, BodyType, Drive, Indicator, ModelKind, Pedals, Status, Trajectory, TrajectoryPoint,
+    VehicleId, VehicleInfo, VehicleSpec,
 };
 use city3d_protocol::wire::{
-    Authenticator, Body, CityClock, DatagramHeader, ExperimentAction, ExperimentPhase, Measurement,
-    ObservedVehicle, Poses, RequestOutcome, VehicleBuild, VehicleSetup,
+    Authenticator, Body, CityClock, CityDescription, DatagramHeader, Denial, DenialReason, ExperimentAction,
+    ExperimentPhase, Measurement, ObservedVehicle, Poses, RequestOutcome, VehicleBuild, VehicleSetup,
 };
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::runner::Run;
@@ -151,7 +151,39 @@ fn bodies() -> Vec<(String, Body)> {
         let detail = "why".to_owned();
         bodies.push((format!("ack {outcome:?}"), Body::Ack { request: 6, outcome, tick: 250, detail }));
     }
+    bodies.extend(driving());
+    bodies.extend(describing());
     bodies
+}
+
+fn driving() -> Vec<(String, Body)> {
+    let pedals = Pedals {
+        gas: 0.25,
+        brake: 0.5,
+        handbrake: 1.0,
+        steering_rad: -0.125,
+        reverse: true,
+        indicator: Indicator::Right,
+    };
+    let drive = |pedals| Body::Drive { vehicle: VehicleId(7), sequence: 9, pedals };
+    vec![("drive".to_owned(), drive(Some(pedals))), ("drive, handed back".to_owned(), drive(None))]
+}
+
+fn describing() -> Vec<(String, Body)> {
+    let spec = VehicleSpec { model: ModelKind::Measured, ..VehicleSpec::default() };
+    let info = |id, body| {
+        let appearance = Appearance { body, colour: [1, 2, 3] };
+        VehicleInfo::of(VehicleId(id), "path1_a", appearance, &spec)
+    };
+    let vehicles = [info(7, BodyType::Van), info(8, BodyType::Own(2))];
+    let described = CityDescription::parts(7, "straight", "10.0.0.2:4040", &vehicles);
+    let mut bodies = vec![("describe".to_owned(), Body::Describe { request: 7 })];
+    bodies.extend(described.into_iter().map(|body| ("description".to_owned(), body)));
+    bodies
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[test]
@@ -160,10 +192,14 @@ fn datagrams_of_each_kind() {
     let mut found = String::from("# The datagram with a checksum, in hexadecimal digits\n");
     for (name, body) in bodies() {
         let bytes = body.encode(header, &Authenticator::Checksum).unwrap();
-        let digits: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
-        writeln!(found, "{name}: {digits}").unwrap();
+        writeln!(found, "{name}: {}", hex(&bytes)).unwrap();
         let (_, decoded) = Body::decode(&bytes, &Authenticator::Checksum).unwrap();
         assert_eq!(decoded, body, "{name}");
+    }
+    for denial in DenialReason::ALL.map(|reason| Denial { reason }) {
+        let bytes = denial.encode(header);
+        writeln!(found, "denied {:?}: {}", denial.reason, hex(&bytes)).unwrap();
+        assert_eq!(Denial::decode(&bytes).unwrap().1, denial);
     }
     is_golden("datagrams.txt", &found);
 }

@@ -4,13 +4,14 @@
 use city3d_geometry::Lab;
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{
-    Appearance, BodyType, Drive, Indicator, ModelKind, Status, TorquePoint, Trajectory, TrajectoryPoint,
-    VehicleId, VehicleSpec,
+    Appearance, BodyType, Drive, Indicator, ModelKind, Pedals, SimCommand, Status, TorquePoint, Trajectory,
+    TrajectoryPoint, VehicleId, VehicleInfo, VehicleSpec,
 };
 use city3d_protocol::wire::{
-    Authenticator, Body, CityClock, DatagramHeader, DecodeFault, DropReason, ExperimentAction,
-    ExperimentPhase, HEADER_BYTES, MAX_DATAGRAM_BYTES, Measurement, Message, ObservedVehicle, Poses,
-    RequestOutcome, VehicleBuild, VehicleSetup, pack,
+    Authenticator, Body, CityClock, CityDescription, DatagramHeader, DecodeFault, Denial, DenialReason,
+    DropReason, ExperimentAction, ExperimentPhase, HEADER_BYTES, MAX_DATAGRAM_BYTES, MAX_DESCRIBED,
+    MAX_DETAIL_BYTES, MAX_NAME_BYTES, Measurement, Message, ObservedVehicle, Poses, RequestOutcome,
+    VehicleBuild, VehicleSetup, pack,
 };
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
@@ -119,6 +120,47 @@ fn clock() -> impl Strategy<Value = CityClock> {
     )
 }
 
+fn pedals() -> impl Strategy<Value = Pedals> {
+    let indicators = [Indicator::Off, Indicator::Left, Indicator::Right, Indicator::Hazard];
+    let levers = [0.0..=1.0f64, 0.0..=1.0, 0.0..=1.0];
+    (levers, -1.57..=1.57f64, any::<bool>(), prop::sample::select(indicators.to_vec())).prop_map(
+        |([gas, brake, handbrake], steering_rad, reverse, indicator)| Pedals {
+            gas,
+            brake,
+            handbrake,
+            steering_rad,
+            reverse,
+            indicator,
+        },
+    )
+}
+
+fn info() -> impl Strategy<Value = VehicleInfo> {
+    let bodies = [BodyType::Sedan, BodyType::Pickup, BodyType::Own(0), BodyType::Own(9000)];
+    let looks = (prop::sample::select(bodies.to_vec()), any::<[u8; 3]>());
+    (vehicle(), looks, "[a-z_ß]{1,32}", "[a-z]{0,8}", 0.01..=100.0f64).prop_map(
+        |(id, (body, colour), name, model, length_m)| {
+            let mut dimensions = VehicleSpec::default().dimensions;
+            dimensions.length_m = length_m;
+            VehicleInfo { id, name, dimensions, appearance: Appearance { body, colour }, model }
+        },
+    )
+}
+
+fn description() -> impl Strategy<Value = CityDescription> {
+    let texts = ("[a-zß]{0,50}", "[0-9.:]{0,21}");
+    (any::<u32>(), texts, 0..u16::MAX, prop::collection::vec(info(), 0..=6)).prop_map(
+        |(request, (scenario, leader), part, vehicles)| CityDescription {
+            request,
+            scenario,
+            leader,
+            part,
+            parts: part + 1,
+            vehicles,
+        },
+    )
+}
+
 fn body() -> impl Strategy<Value = Body> {
     let actions = vec![ExperimentAction::Start, ExperimentAction::Pause, ExperimentAction::Reset];
     let outcomes = vec![RequestOutcome::Done, RequestOutcome::Busy, RequestOutcome::Refused];
@@ -140,6 +182,10 @@ fn body() -> impl Strategy<Value = Body> {
         (any::<u32>(), prop::sample::select(outcomes), any::<u64>(), "[a-zA-Z ]{0,200}")
             .prop_map(|(request, outcome, tick, detail)| Body::Ack { request, outcome, tick, detail }),
         poses().prop_map(Body::Poses),
+        (vehicle(), any::<u32>(), prop::option::of(pedals()))
+            .prop_map(|(vehicle, sequence, pedals)| Body::Drive { vehicle, sequence, pedals }),
+        any::<u32>().prop_map(|request| Body::Describe { request }),
+        description().prop_map(Body::Description),
     ]
 }
 
@@ -287,7 +333,7 @@ fn errors_name_field_place_and_what_would_be_right() {
     let error = planted(HEADER_BYTES + 4 + 10, &[29]);
     assert_eq!(error.to_string(), format!("points, byte {}: 29; it must be between 1 and 28", stamp - 2));
     let error = planted(5, &[99]);
-    assert_eq!(error.to_string(), "kind, byte 5: 99 is unknown; there are 1 to 7 and 65 to 67");
+    assert_eq!(error.to_string(), "kind, byte 5: 99 is unknown; there are 1 to 9 and 65 to 68");
     let error = planted(4, &[2]);
     assert_eq!(error.to_string(), "version, byte 4: version 2; this program speaks version 1");
     assert_eq!(
@@ -340,4 +386,193 @@ fn messages_are_packed_in_their_order_into_few_datagrams() {
     let error =
         Body::Trajectories(vec![drive_on(1, 29)]).encode(DatagramHeader::default(), &Authenticator::Checksum);
     assert_eq!(error.unwrap_err().to_string(), "points: 29; at most 28 fit in a datagram");
+}
+
+fn read_parts(bodies: &[Body]) -> Vec<CityDescription> {
+    let read = |body: &Body| {
+        let bytes = body.encode(DatagramHeader::default(), &authenticators()[1]).unwrap();
+        assert!(bytes.len() <= MAX_DATAGRAM_BYTES);
+        match Body::decode(&bytes, &authenticators()[1]).unwrap().1 {
+            Body::Description(part) => part,
+            other => panic!("{other:?}"),
+        }
+    };
+    bodies.iter().map(read).collect()
+}
+
+#[test]
+fn descriptions_of_any_size_come_back_in_few_datagrams() {
+    let spec = VehicleSpec { model: ModelKind::Measured, ..VehicleSpec::default() };
+    let info = |id| VehicleInfo::of(VehicleId(id), &format!("car_{id}"), Appearance::default(), &spec);
+    for (count, most) in [(0, 1), (1, 1), (2000, 140)] {
+        let vehicles: Vec<VehicleInfo> = (1..=count).map(info).collect();
+        let parts = read_parts(&CityDescription::parts(7, "city", "10.0.0.2:4040", &vehicles));
+        assert!(!parts.is_empty() && parts.len() <= most, "{count} vehicles in {} parts", parts.len());
+        for (number, part) in parts.iter().enumerate() {
+            assert_eq!((part.request, part.part, part.parts), (7, number as u16, parts.len() as u16));
+            assert_eq!((part.scenario.as_str(), part.leader.as_str()), ("city", "10.0.0.2:4040"));
+        }
+        let back: Vec<VehicleInfo> = parts.into_iter().flat_map(|part| part.vehicles).collect();
+        assert_eq!(back, vehicles);
+    }
+}
+
+#[test]
+fn a_description_is_cut_and_split_where_a_datagram_ends() {
+    let long = "ß".repeat(300);
+    let spec = VehicleSpec::default();
+    let vehicle = |id| VehicleInfo {
+        name: long.clone(),
+        model: format!("x{long}"),
+        ..VehicleInfo::of(VehicleId(id), "", Appearance::default(), &spec)
+    };
+    let vehicles: Vec<VehicleInfo> = (1..=2000).map(vehicle).collect();
+    let parts = read_parts(&CityDescription::parts(0, &long, &format!("x{long}"), &vehicles));
+    assert_eq!(parts.iter().map(|part| part.vehicles.len()).sum::<usize>(), 2000);
+    let last = parts.last().unwrap();
+    assert_eq!((last.scenario.len(), last.leader.len()), (MAX_DETAIL_BYTES, MAX_DETAIL_BYTES - 1));
+    let info = &last.vehicles[0];
+    assert_eq!((info.name.len(), info.model.len()), (MAX_NAME_BYTES, MAX_NAME_BYTES - 1));
+    // Without texts a datagram is full of vehicles.
+    let nameless: Vec<VehicleInfo> = (1..=40)
+        .map(|id| VehicleInfo {
+            model: String::new(),
+            ..VehicleInfo::of(VehicleId(id), "", Appearance::default(), &spec)
+        })
+        .collect();
+    let counts: Vec<usize> = read_parts(&CityDescription::parts(0, "", "", &nameless))
+        .iter()
+        .map(|part| part.vehicles.len())
+        .collect();
+    assert_eq!(counts, [MAX_DESCRIBED, MAX_DESCRIBED, 2]);
+}
+
+#[test]
+fn pedals_are_sent_within_their_ranges_and_read_only_so() {
+    let vehicle = VehicleId(3);
+    let wild = Pedals { gas: 7.0, brake: -1.0, handbrake: f64::NAN, steering_rad: -9.0, ..Pedals::default() };
+    let body = Body::Drive { vehicle, sequence: 1, pedals: Some(wild) };
+    let good = body.encode(DatagramHeader::default(), &Authenticator::Checksum).unwrap();
+    let (_, back) = Body::decode(&good, &Authenticator::Checksum).unwrap();
+    let told = Pedals { gas: 1.0, steering_rad: -Pedals::MAX_STEERING_RAD, ..Pedals::default() };
+    assert_eq!(back, Body::Drive { vehicle, sequence: 1, pedals: Some(told) });
+    let planted = |place: usize, bytes: &[u8]| {
+        let mut bad = good.clone();
+        bad[place..place + bytes.len()].copy_from_slice(bytes);
+        let error = Body::decode(&checked(bad), &Authenticator::Checksum).unwrap_err();
+        assert_eq!(error.offset, place, "{error}");
+        error.to_string()
+    };
+    // Behind the vehicle and the sequence number: driver, reverse, indicator, reserved, and the levers.
+    let driver = HEADER_BYTES + 8;
+    for (field, offset, bytes) in [
+        ("driver", 0, &[2][..]),
+        ("reverse", 1, &[2]),
+        ("indicator", 2, &[4]),
+        ("reserved", 3, &[1]),
+        ("gas", 4, &1.5f64.to_le_bytes()),
+        ("brake", 12, &(-0.1f64).to_le_bytes()),
+        ("handbrake", 20, &f64::NAN.to_le_bytes()),
+        ("steering", 28, &1.6f64.to_le_bytes()),
+    ] {
+        let error = planted(driver + offset, bytes);
+        assert!(error.starts_with(&format!("{field}, byte {}", driver + offset)), "{error}");
+    }
+    // Nothing follows when a vehicle is handed back.
+    let mut long = good.clone();
+    long[driver] = 0;
+    assert!(Body::decode(&checked(long), &Authenticator::Checksum).is_err());
+}
+
+#[test]
+fn logged_pedals_become_commands() {
+    let (scale, types) = (city3d_geometry::LengthScale::TESTBED, std::collections::BTreeMap::new());
+    let vehicle = VehicleId(3);
+    let commands =
+        |pedals| Body::Drive { vehicle, sequence: 1, pedals }.into_commands(scale, &types).unwrap();
+    let pedals = Pedals { gas: 0.5, steering_rad: 0.1, ..Pedals::default() };
+    assert_eq!(commands(Some(pedals)), [SimCommand::Drive(vehicle, pedals)]);
+    assert_eq!(commands(None), [SimCommand::Release(vehicle)]);
+    assert!(Body::Describe { request: 1 }.into_commands(scale, &types).is_err());
+    assert_eq!(Body::Describe { request: 1 }.request(), None, "no acknowledgement answers it");
+}
+
+#[test]
+fn a_description_is_read_within_its_ranges_only() {
+    let info = VehicleInfo::of(VehicleId(1), "car", Appearance::default(), &VehicleSpec::default());
+    let body = |vehicles, (part, parts)| {
+        let (scenario, leader) = (String::new(), String::new());
+        let body = CityDescription { request: 1, scenario, leader, part, parts, vehicles };
+        Body::Description(body).encode(DatagramHeader::default(), &Authenticator::Checksum).unwrap()
+    };
+    let refused = |bytes: &[u8]| Body::decode(bytes, &Authenticator::Checksum).unwrap_err().to_string();
+    for (part, parts) in [(0, 0), (1, 1), (u16::MAX, u16::MAX)] {
+        assert!(refused(&body(Vec::new(), (part, parts))).contains("it must be between"));
+    }
+    for length_m in [0.0, -4.0, 1e4, f64::INFINITY] {
+        let mut info = info.clone();
+        info.dimensions.length_m = length_m;
+        assert!(refused(&body(vec![info], (0, 1))).starts_with("length, byte "));
+    }
+}
+
+fn denial() -> impl Strategy<Value = Denial> {
+    prop::sample::select(DenialReason::ALL.to_vec()).prop_map(|reason| Denial { reason })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    #[test]
+    fn anyone_reads_a_denial_and_it_is_no_body(header in header(), denial in denial()) {
+        let bytes = denial.encode(header);
+        let (read, back) = Denial::decode(&bytes).unwrap();
+        prop_assert_eq!((DatagramHeader { kind: 0, ..read }, back), (header, denial));
+        prop_assert!(authenticators().iter().all(|authenticator| Body::decode(&bytes, authenticator).is_err()));
+    }
+
+    #[test]
+    fn only_a_handshake_is_denied_and_never_with_more_bytes(
+        header in header(),
+        body in body(),
+        denial in denial(),
+        cut in any::<prop::sample::Index>(),
+    ) {
+        for authenticator in authenticators() {
+            let whole = body.encode(header, &authenticator).unwrap();
+            let is_hello = matches!(body, Body::Hello { .. });
+            prop_assert_eq!(denial.answer(&whole, 3).is_some(), is_hello);
+            let part = &whole[..cut.index(whole.len())];
+            for bytes in [&whole, part] {
+                let Some(answer) = denial.answer(bytes, 3) else { continue };
+                prop_assert!(answer.len() <= bytes.len());
+                let (read, _) = Denial::decode(&answer).unwrap();
+                prop_assert_eq!((read.session, read.peer, read.world), (0, header.session, 3));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_denial_is_read_only_with_a_reason() {
+    let good = Denial { reason: DenialReason::OtherWorld }.encode(DatagramHeader::default());
+    let planted = |place: usize, byte: u8| {
+        let mut bad = good.clone();
+        bad[place] = byte;
+        Denial::decode(&checked(bad)).unwrap_err().to_string()
+    };
+    for unknown in [0, 5] {
+        let expected = "1 (key needed), 2 (no key), 3 (other key) and 4 (other world)";
+        assert_eq!(
+            planted(HEADER_BYTES, unknown),
+            format!("reason, byte {HEADER_BYTES}: {unknown} is unknown; there are {expected}")
+        );
+    }
+    assert_eq!(planted(5, 68), "kind, byte 5: 68 is unknown; there are 69");
+    let mut long = good.clone();
+    long.push(0);
+    assert_eq!(Denial::decode(&checked(long)).unwrap_err().fault, DecodeFault::Trailing { found: 1 });
+    let mut damaged = good;
+    damaged[HEADER_BYTES] = 1;
+    assert_eq!(Denial::decode(&damaged).unwrap_err().fault, DecodeFault::Check);
 }

@@ -5,6 +5,7 @@ use super::{Indicator, VehicleId, VehicleSpec};
 use city3d_geometry::{City, Frame, Lab, LengthScale, Pose2};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
+use std::f64::consts::FRAC_PI_2;
 
 /// A waypoint: desired state of a vehicle at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -39,11 +40,16 @@ pub struct Trajectory<F: Frame = City> {
 /// A sequence number this far behind means a restarted sender, not an old message.
 const SENDER_RESTARTED: u32 = 1 << 16;
 
+/// Whether a sequence number is newer than `last` of the same sender, across the wrap-around (RFC 1982).
+pub fn is_newer(sequence: u32, last: u32) -> bool {
+    let ahead = sequence.wrapping_sub(last);
+    ahead != 0 && (ahead < u32::MAX / 2 || ahead.wrapping_neg() > SENDER_RESTARTED)
+}
+
 impl<F: Frame> Trajectory<F> {
     /// Whether it is newer than the sequence number `last` of the same sender.
     pub fn follows(&self, last: u32) -> bool {
-        let ahead = self.sequence.wrapping_sub(last);
-        ahead != 0 && (ahead < u32::MAX / 2 || ahead.wrapping_neg() > SENDER_RESTARTED)
+        is_newer(self.sequence, last)
     }
 
     /// Whether it ends before a time.
@@ -151,6 +157,23 @@ pub struct Pedals {
     pub reverse: bool,
     /// Turn signal that the driver has set.
     pub indicator: Indicator,
+}
+
+impl Pedals {
+    /// Largest desired steering angle to either side: beyond the steering limit of any vehicle.
+    pub const MAX_STEERING_RAD: f64 = FRAC_PI_2;
+
+    /// The pedals with each value clamped to its range; NaN counts as 0.
+    pub fn clamped(self) -> Self {
+        let clamp = |value: f64, least, most| if value.is_nan() { 0.0 } else { value.clamp(least, most) };
+        Self {
+            gas: clamp(self.gas, 0.0, 1.0),
+            brake: clamp(self.brake, 0.0, 1.0),
+            handbrake: clamp(self.handbrake, 0.0, 1.0),
+            steering_rad: clamp(self.steering_rad, -Self::MAX_STEERING_RAD, Self::MAX_STEERING_RAD),
+            ..self
+        }
+    }
 }
 
 /// Measured pose of a physical vehicle, city frame.

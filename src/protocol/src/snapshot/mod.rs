@@ -13,7 +13,7 @@ mod vehicle;
 
 pub use check::SpecError;
 pub use command::{
-    Appearance, BodyType, MeasuredPose, Pedals, Setup, SimCommand, Trajectory, TrajectoryPoint,
+    Appearance, BodyType, MeasuredPose, Pedals, Setup, SimCommand, Trajectory, TrajectoryPoint, is_newer,
 };
 pub use event::{Event, EventKind};
 pub use spec::{

@@ -1,12 +1,14 @@
 //! Bodies of the datagrams, and their encoding.
 
 use super::bytes::{ByteReader, ByteWriter};
+use super::description::CityDescription;
+use super::drive;
 use super::setup::VehicleSetup;
 use super::{
     Authenticator, DatagramHeader, DecodeError, DecodeFault, EncodeError, MAX_COORDINATE_M, MAX_TIME_S,
     Measurement, trajectories,
 };
-use crate::snapshot::{Status, Trajectory, VehicleId};
+use crate::snapshot::{Pedals, Status, Trajectory, VehicleId};
 use city3d_geometry::Lab;
 use glam::{DQuat, DVec3};
 
@@ -170,6 +172,20 @@ pub enum Body {
         /// Number of these datagrams.
         count: u32,
     },
+    /// Pedals and steering wheel of a person who drives a vehicle. Not acknowledged: a driver repeats it.
+    Drive {
+        /// The vehicle to drive.
+        vehicle: VehicleId,
+        /// Sequence number per vehicle, incremented by its driver; the city drops older ones than the newest.
+        sequence: u32,
+        /// Encoded [clamped](Pedals::clamped); `None` hands the vehicle back to its trajectories.
+        pedals: Option<Pedals>,
+    },
+    /// Asks for a [`CityDescription`], which answers in place of an acknowledgement.
+    Describe {
+        /// Any number; the answer repeats it.
+        request: u32,
+    },
     /// Answers [`Body::Hello`]; a physical vehicle also gets it from the sender that drives it.
     Clock(CityClock),
     /// Acknowledges the request of this number.
@@ -185,18 +201,23 @@ pub enum Body {
     },
     /// Poses of one tick for a subscriber.
     Poses(Poses),
+    /// Answers [`Body::Describe`].
+    Description(CityDescription),
 }
 
-const HELLO: u8 = 1;
+pub(super) const HELLO: u8 = 1;
 const SETUP: u8 = 2;
 const TRAJECTORIES: u8 = 3;
 const REMOVE: u8 = 4;
 const COMMAND: u8 = 5;
 const SUBSCRIBE: u8 = 6;
 const BARRIER: u8 = 7;
+const DRIVE: u8 = 8;
+const DESCRIBE: u8 = 9;
 const CLOCK: u8 = 65;
 const ACK: u8 = 66;
 const POSES: u8 = 67;
+const DESCRIPTION: u8 = 68;
 
 impl Body {
     pub(super) fn kind(&self) -> u8 {
@@ -208,9 +229,12 @@ impl Body {
             Self::Command { .. } => COMMAND,
             Self::Subscribe { .. } => SUBSCRIBE,
             Self::Barrier { .. } => BARRIER,
+            Self::Drive { .. } => DRIVE,
+            Self::Describe { .. } => DESCRIBE,
             Self::Clock(_) => CLOCK,
             Self::Ack { .. } => ACK,
             Self::Poses(_) => POSES,
+            Self::Description(_) => DESCRIPTION,
         }
     }
 
@@ -219,7 +243,7 @@ impl Body {
         self.kind() < CLOCK
     }
 
-    /// Number of a request, repeated in its acknowledgement; `None` for bodies that get none.
+    /// Number of a request, repeated in its acknowledgement; `None` for bodies that get none, as [`Body::Describe`].
     pub fn request(&self) -> Option<u32> {
         match self {
             Self::Setup { request, .. }
@@ -294,6 +318,7 @@ impl Body {
         | Self::Remove { request, .. }
         | Self::Command { request, .. }
         | Self::Subscribe { request, .. }
+        | Self::Describe { request }
         | Self::Ack { request, .. } = self
         {
             out.u32(*request);
@@ -313,6 +338,12 @@ impl Body {
                 out.u64(*first);
                 out.u32(*count);
             }
+            Self::Drive { vehicle, sequence, pedals } => {
+                out.u32(vehicle.0);
+                out.u32(*sequence);
+                drive::write(*pedals, out);
+            }
+            Self::Describe { .. } => {}
             Self::Clock(clock) => clock.write(out),
             Self::Ack { outcome, tick, detail, .. } => {
                 out.u8(*outcome as u8);
@@ -320,13 +351,14 @@ impl Body {
                 out.text("detail", detail, MAX_DETAIL_BYTES)?;
             }
             Self::Poses(poses) => poses.write(out)?,
+            Self::Description(description) => description.write(out)?,
         }
         Ok(())
     }
 
     fn read(kind: u8, from: &mut ByteReader<'_>) -> Result<Self, DecodeError> {
         let request = match kind {
-            SETUP | REMOVE | COMMAND | SUBSCRIBE | ACK => from.u32("request")?,
+            SETUP | REMOVE | COMMAND | SUBSCRIBE | DESCRIBE | ACK => from.u32("request")?,
             _ => 0,
         };
         Ok(match kind {
@@ -348,6 +380,12 @@ impl Body {
                 first: from.u64("first sequence")?,
                 count: from.u32("datagrams")?,
             },
+            DRIVE => Self::Drive {
+                vehicle: VehicleId(from.u32("vehicle id")?),
+                sequence: from.u32("drive sequence")?,
+                pedals: drive::read(from)?,
+            },
+            DESCRIBE => Self::Describe { request },
             CLOCK => Self::Clock(CityClock::read(from)?),
             ACK => Self::Ack {
                 request,
@@ -356,8 +394,9 @@ impl Body {
                 detail: from.text("detail", MAX_DETAIL_BYTES)?,
             },
             POSES => Self::Poses(Poses::read(from)?),
+            DESCRIPTION => Self::Description(CityDescription::read(from)?),
             found => {
-                let fault = DecodeFault::Unknown { found: found.into(), known: "1 to 7 and 65 to 67" };
+                let fault = DecodeFault::Unknown { found: found.into(), known: "1 to 9 and 65 to 68" };
                 return Err(DecodeError { field: "kind", offset: 5, fault });
             }
         })

@@ -28,6 +28,10 @@ impl Body {
                 poses.vehicles.iter().map(|observed| observed.pose.into_command(scale)).collect()
             }
             Self::Remove { vehicle, .. } => vec![SimCommand::Remove(vehicle)],
+            Self::Drive { vehicle, pedals, .. } => vec![match pedals {
+                Some(pedals) => SimCommand::Drive(vehicle, pedals),
+                None => SimCommand::Release(vehicle),
+            }],
             Self::Command { action, .. } => vec![match action {
                 ExperimentAction::Start => SimCommand::Start,
                 ExperimentAction::Pause => SimCommand::Pause,

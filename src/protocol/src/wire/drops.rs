@@ -22,7 +22,7 @@ pub enum DropReason {
     OtherCity,
     /// Replay: the sequence number has come already.
     Duplicate,
-    /// A newer trajectory of the vehicle came before.
+    /// A newer trajectory of the vehicle, or newer pedals, came before.
     Reordered,
     /// The whole trajectory lies in the past, or the sequence number is older than the anti-replay window.
     Stale,

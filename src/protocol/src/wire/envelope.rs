@@ -18,6 +18,8 @@ pub const HEADER_BYTES: usize = 36;
 const CHECKSUM_BYTES: usize = 4;
 /// Length of the tag: HMAC-SHA-256 truncated to its left half (RFC 2104, section 5).
 const TAG_BYTES: usize = 16;
+/// Length of the shortest `Hello`, which has a token of eight bytes and a checksum.
+pub(super) const MIN_HELLO_BYTES: usize = HEADER_BYTES + 8 + CHECKSUM_BYTES;
 /// Longest body, with either trailer.
 pub const MAX_BODY_BYTES: usize = MAX_DATAGRAM_BYTES - HEADER_BYTES - TAG_BYTES;
 
@@ -39,6 +41,27 @@ pub struct DatagramHeader {
     pub world: u32,
     /// Sequence number of the datagram to this peer, from 1.
     pub sequence: u64,
+}
+
+impl DatagramHeader {
+    /// Header of a datagram that was not verified: anyone may have written it. `None` when the datagram is shorter.
+    pub(super) fn unverified(bytes: &[u8]) -> Option<Self> {
+        let mut read = ByteReader::new(bytes, MAGIC.len() + 1);
+        let kind = read.u8("kind").ok()?;
+        read.u16("flags").ok()?;
+        Self::read(kind, &mut read).ok()
+    }
+
+    /// Reads the fields behind the flags.
+    fn read(kind: u8, from: &mut ByteReader<'_>) -> Result<Self, DecodeError> {
+        Ok(Self {
+            kind,
+            session: from.u64("session")?,
+            peer: from.u64("peer")?,
+            sequence: from.u64("sequence")?,
+            world: from.u32("world")?,
+        })
+    }
 }
 
 /// Seals and verifies datagrams: by a CRC-32 against damage, or by a message authentication code (HMAC-SHA-256, RFC
@@ -124,13 +147,7 @@ impl Authenticator {
             (AUTHENTICATED, Self::Checksum) => return fail("flags", 6, DecodeFault::NoKey),
             _ => return fail("flags", 6, DecodeFault::Unknown { found: flags.into(), known: "0 and 1" }),
         }
-        let header = DatagramHeader {
-            kind,
-            session: read.u64("session")?,
-            peer: read.u64("peer")?,
-            sequence: read.u64("sequence")?,
-            world: read.u32("world")?,
-        };
+        let header = DatagramHeader::read(kind, &mut read)?;
         let size = if flags == 0 { CHECKSUM_BYTES } else { TAG_BYTES };
         let left = bytes.len() - HEADER_BYTES;
         let Some(end) = bytes.len().checked_sub(size).filter(|end| *end >= HEADER_BYTES) else {

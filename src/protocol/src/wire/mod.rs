@@ -6,6 +6,9 @@
 mod body;
 mod bytes;
 mod commands;
+mod denial;
+mod description;
+mod drive;
 mod drops;
 mod envelope;
 mod setup;
@@ -16,12 +19,14 @@ pub use body::{
     ObservedVehicle, Poses, RequestOutcome,
 };
 pub use bytes::{DecodeError, DecodeFault, EncodeError};
+pub use denial::{Denial, DenialReason};
+pub use description::{CityDescription, MAX_DESCRIBED};
 pub use drops::{DropCounts, DropReason};
 pub use envelope::{
     Authenticator, DatagramHeader, HEADER_BYTES, MAGIC, MAX_BODY_BYTES, MAX_DATAGRAM_BYTES, MIN_KEY_BYTES,
     VERSION,
 };
-pub use setup::{MAX_NAME_BYTES, MAX_PARAMETERS, MAX_TORQUE_POINTS, VehicleBuild, VehicleSetup};
+pub use setup::{MAX_NAME_BYTES, MAX_PARAMETERS, MAX_TORQUE_POINTS, PERSON, VehicleBuild, VehicleSetup};
 pub use trajectories::{MAX_POINTS, MAX_TRAJECTORIES, pack};
 
 use crate::snapshot::{

@@ -6,6 +6,8 @@ use crate::snapshot::{Appearance, BodyType, Drive, ModelKind, Setup, TorquePoint
 use city3d_geometry::{Lab, LengthScale, Pose2};
 use std::collections::BTreeMap;
 
+/// Controller of a car that a person drives over the link. Its sender is a guest, and does not lead by bringing it.
+pub const PERSON: &str = "person";
 /// Longest name, bytes.
 pub const MAX_NAME_BYTES: usize = 64;
 /// Most parameters of a control algorithm.
@@ -84,11 +86,7 @@ impl VehicleSetup {
 
     pub(super) fn write(&self, out: &mut ByteWriter) -> Result<(), EncodeError> {
         out.u32(self.id.0);
-        out.u16(match self.appearance.body {
-            BodyType::Own(index) => FIRST_OWN_BODY.saturating_add(index),
-            body => BODIES.iter().position(|shipped| *shipped == body).unwrap_or(0) as u16,
-        });
-        self.appearance.colour.into_iter().for_each(|part| out.u8(part));
+        write_appearance(&self.appearance, out);
         let pose = &self.pose;
         [pose.position.x, pose.position.y, pose.yaw_rad, self.speed_mps].into_iter().for_each(|n| out.f64(n));
         out.text("name", &self.name, MAX_NAME_BYTES)?;
@@ -112,8 +110,7 @@ impl VehicleSetup {
 
     pub(super) fn read(from: &mut ByteReader<'_>) -> Result<Self, DecodeError> {
         let id = VehicleId(from.u32("vehicle id")?);
-        let body = read_body(from)?;
-        let colour = [from.u8("red")?, from.u8("green")?, from.u8("blue")?];
+        let appearance = read_appearance(from)?;
         let (x, y) = (
             from.number("x", -MAX_COORDINATE_M, MAX_COORDINATE_M)?,
             from.number("y", -MAX_COORDINATE_M, MAX_COORDINATE_M)?,
@@ -141,12 +138,25 @@ impl VehicleSetup {
             name,
             controller,
             parameters,
-            appearance: Appearance { body, colour },
+            appearance,
             pose: Pose2::new(x, y, yaw_rad),
             speed_mps,
             build,
         })
     }
+}
+
+pub(super) fn write_appearance(appearance: &Appearance, out: &mut ByteWriter) {
+    out.u16(match appearance.body {
+        BodyType::Own(index) => FIRST_OWN_BODY.saturating_add(index),
+        body => BODIES.iter().position(|shipped| *shipped == body).unwrap_or(0) as u16,
+    });
+    appearance.colour.into_iter().for_each(|part| out.u8(part));
+}
+
+pub(super) fn read_appearance(from: &mut ByteReader<'_>) -> Result<Appearance, DecodeError> {
+    let body = read_body(from)?;
+    Ok(Appearance { body, colour: [from.u8("red")?, from.u8("green")?, from.u8("blue")?] })
 }
 
 fn read_body(from: &mut ByteReader<'_>) -> Result<BodyType, DecodeError> {

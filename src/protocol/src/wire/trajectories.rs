@@ -76,17 +76,20 @@ pub(super) fn read(from: &mut ByteReader<'_>) -> Result<Vec<Trajectory<Lab>>, De
     (0..count).map(|_| read_one(from)).collect()
 }
 
-fn zero(from: &mut ByteReader<'_>, field: &'static str) -> Result<(), DecodeError> {
+pub(super) fn zero(from: &mut ByteReader<'_>, field: &'static str) -> Result<(), DecodeError> {
     let found = from.u8(field)?;
     from.within(field, found, (0, 0)).map(drop)
+}
+
+pub(super) fn read_indicator(from: &mut ByteReader<'_>) -> Result<Indicator, DecodeError> {
+    from.one_of("indicator", &INDICATORS, "0 (off), 1 (left), 2 (right) and 3 (hazard)")
 }
 
 fn read_one(from: &mut ByteReader<'_>) -> Result<Trajectory<Lab>, DecodeError> {
     let (vehicle, sequence) = (VehicleId(from.u32("vehicle id")?), from.u32("trajectory sequence")?);
     let flags = from.u8("trajectory flags")?;
     let flags = from.within("trajectory flags", flags, (0, YIELDING | FINISHED))?;
-    let known = "0 (off), 1 (left), 2 (right) and 3 (hazard)";
-    let indicator = from.one_of("indicator", &INDICATORS, known)?;
+    let indicator = read_indicator(from)?;
     let count = from.u8("points")?;
     let count = from.within("points", count, (1, MAX_POINTS as u8))?;
     zero(from, "reserved")?;

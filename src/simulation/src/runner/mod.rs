@@ -5,6 +5,7 @@ mod control;
 mod observed;
 mod observer;
 mod outcome;
+mod poses;
 mod server_world;
 mod summary;
 
@@ -12,8 +13,9 @@ pub use control::ControlLoop;
 pub use observed::{ObservedCity, ObservedMotion};
 pub use observer::{LaneUse, Observer, VehicleTotals};
 pub use outcome::{MergingStreams, RunMetrics};
-pub use server_world::{AppliedBody, MOTION_CAPTURE, SenderNumber, ServerRules, ServerWorld};
-pub use summary::{LinkSummary, PicturesSummary, RosSummary, Summary, VehicleSummary};
+pub use poses::pose_bodies;
+pub use server_world::{AppliedBody, MOTION_CAPTURE, OPERATOR, SenderNumber, ServerRules, ServerWorld};
+pub use summary::{EndSummary, LinkSummary, PicturesSummary, RosSummary, Summary, VehicleSummary};
 
 use crate::scenario::Experiment;
 use crate::sim::World;

@@ -25,6 +25,10 @@ pub struct ObservedCity {
     tracks: BTreeMap<VehicleId, VehicleTrack>,
     /// All vehicles that have been observed.
     known: BTreeSet<VehicleId>,
+    /// Static data that the city has described.
+    described: BTreeMap<VehicleId, VehicleInfo>,
+    /// The description has changed since the roster was made.
+    is_roster_old: bool,
 }
 
 /// Motion filter and odometer of a vehicle, city metres.
@@ -83,8 +87,37 @@ impl ObservedCity {
     /// An observed city before its first poses.
     pub fn new(experiment: Arc<Experiment>) -> Self {
         let noise = NoiseModel::LABORATORY.to_city(experiment.scale);
-        let (tracks, known) = (BTreeMap::new(), BTreeSet::new());
-        Self { experiment, noise, snapshot: FrameSnapshot::default(), tracks, known }
+        Self {
+            experiment,
+            noise,
+            snapshot: FrameSnapshot::default(),
+            tracks: BTreeMap::new(),
+            known: BTreeSet::new(),
+            described: BTreeMap::new(),
+            is_roster_old: false,
+        }
+    }
+
+    /// Takes static data from a description of the city, or from one part of it. It replaces what the plan of the
+    /// experiment says of these vehicles, from the next poses on.
+    pub fn describe(&mut self, vehicles: impl IntoIterator<Item = VehicleInfo>) {
+        for info in vehicles {
+            // Poses of physical vehicles have other noise: their filter starts anew.
+            if self.tracks.get(&info.id).is_some_and(|track| track.is_physical != info.is_physical()) {
+                self.tracks.remove(&info.id);
+            }
+            self.is_roster_old |= self.described.get(&info.id) != Some(&info);
+            self.described.insert(info.id, info);
+        }
+    }
+
+    /// Whether the static data of a vehicle is known, from the plan of the experiment or a description.
+    pub fn knows(&self, id: VehicleId) -> bool {
+        self.described.contains_key(&id) || self.experiment.vehicles.iter().any(|planned| planned.id == id)
+    }
+
+    fn is_physical(&self, id: VehicleId) -> bool {
+        self.described.get(&id).map_or_else(|| self.experiment.is_physical(id), VehicleInfo::is_physical)
     }
 
     /// Snapshot of the last poses; without vehicles before the first.
@@ -109,10 +142,9 @@ impl ObservedCity {
         }
         let forward = orientation * DVec3::X;
         let pose = Pose2::at(position.truncate(), trig::atan2(forward.y, forward.x));
-        let start_mps = self.start_mps(time_s, seen);
+        let (start_mps, is_physical) = (self.start_mps(time_s, seen), self.is_physical(vehicle));
         let experiment = &self.experiment;
         let track = self.tracks.entry(vehicle).or_insert_with(|| {
-            let is_physical = experiment.is_physical(vehicle);
             let noise = if is_physical { carried_noise(self.noise, experiment) } else { self.noise };
             let filter = match start_mps {
                 Some(speed_mps) => MotionFilter::moving(noise, stamp_s, pose, speed_mps),
@@ -152,7 +184,8 @@ impl ObservedCity {
             self.snapshot.vehicles.push(state);
         }
         let ids = |vehicles: &[VehicleState]| vehicles.iter().map(|state| state.id).collect::<Vec<_>>();
-        if ids(&before) != ids(&self.snapshot.vehicles) {
+        let has_changed = ids(&before) != ids(&self.snapshot.vehicles);
+        if std::mem::take(&mut self.is_roster_old) || has_changed {
             self.snapshot.roster = self.roster();
             let is_there = |id: &VehicleId| self.snapshot.vehicle(*id).is_some();
             let lost: Vec<VehicleId> = ids(&before).into_iter().filter(|id| !is_there(id)).collect();
@@ -166,11 +199,9 @@ impl ObservedCity {
     fn state_of(&mut self, seen: &ObservedMotion, is_later: bool) -> VehicleState {
         let ObservedMotion { vehicle: id, status, position, orientation, motion } = *seen;
         let mut state = VehicleState { id, status, position, orientation, ..VehicleState::default() };
-        let (noise, experiment) = (self.noise, &self.experiment);
-        let track = self
-            .tracks
-            .entry(id)
-            .or_insert_with(|| VehicleTrack::new(MotionFilter::new(noise), experiment.is_physical(id)));
+        let (noise, is_physical) = (self.noise, self.is_physical(id));
+        let track =
+            self.tracks.entry(id).or_insert_with(|| VehicleTrack::new(MotionFilter::new(noise), is_physical));
         // The city decides with all poses whether a physical vehicle stands.
         let found_to_stand = match status {
             _ if !track.is_physical => None,
@@ -227,6 +258,11 @@ impl ObservedCity {
     }
 
     fn info(&self, id: VehicleId) -> VehicleInfo {
+        if let Some(info) = self.described.get(&id) {
+            // Its pedals are not seen here, whatever model moves it.
+            let model = if info.is_physical() { info.model.clone() } else { String::new() };
+            return VehicleInfo { model, ..info.clone() };
+        }
         let planned = self.experiment.vehicles.iter().find(|planned| planned.id == id);
         let spec = planned.map_or_else(Default::default, |planned| planned.spec.clone());
         VehicleInfo {
@@ -236,5 +272,78 @@ impl ObservedCity {
             appearance: planned.map_or_else(Default::default, |planned| planned.appearance),
             model: String::new(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::{Library, Overrides, read_experiment};
+    use city3d_protocol::snapshot::{Appearance, BodyType, VehicleSpec};
+    use city3d_protocol::wire::ExperimentPhase;
+
+    fn info(id: VehicleId, name: &str) -> VehicleInfo {
+        let appearance = Appearance { body: BodyType::Van, colour: [1, 2, 3] };
+        VehicleInfo::of(id, name, appearance, &VehicleSpec::default())
+    }
+
+    fn add_poses(city: &mut ObservedCity, tick: u64, ids: &[VehicleId]) {
+        let time_s = tick as f64 / 100.0;
+        let (phase, vehicles) = (ExperimentPhase::Running, Vec::new());
+        let head = Poses { tick, time_s, state_hash: 0, phase, part: 0, parts: 1, vehicles };
+        let seen = |id: &VehicleId| ObservedVehicle {
+            pose: Measurement {
+                vehicle: *id,
+                stamp_s: time_s,
+                position: DVec3::new(f64::from(id.0), 0.0, 0.0),
+                orientation: DQuat::IDENTITY,
+            },
+            status: Status::Driving,
+        };
+        let seen: Vec<ObservedVehicle> = ids.iter().map(seen).collect();
+        city.add_poses(&head, &seen);
+    }
+
+    #[test]
+    fn a_description_tells_what_vehicles_look_like() {
+        let (text, library) = Library::scenario("straight").unwrap();
+        let experiment = read_experiment("straight", &text, &library, Overrides::default()).unwrap();
+        let (planned, planned_name) = (experiment.vehicles[0].id, experiment.vehicles[0].name.clone());
+        let guest = VehicleId(4000);
+        let mut city = ObservedCity::new(Arc::new(experiment));
+        assert!(city.knows(planned) && !city.knows(guest));
+        let name_of = |city: &ObservedCity, id| {
+            city.snapshot().roster.iter().find(|info| info.id == id).unwrap().name.clone()
+        };
+        add_poses(&mut city, 1, &[planned, guest]);
+        assert_eq!(name_of(&city, planned), planned_name);
+        assert_eq!(name_of(&city, guest), "vehicle4000");
+        // Described later, and the plan is overruled.
+        let described = [info(planned, "other"), info(guest, "guest")];
+        city.describe(described.clone());
+        assert!(city.knows(guest));
+        assert_eq!(name_of(&city, guest), "vehicle4000", "until the next poses");
+        add_poses(&mut city, 2, &[planned, guest]);
+        // Their dynamics models are not seen in poses.
+        let seen = described.clone().map(|info| VehicleInfo { model: String::new(), ..info });
+        assert_eq!(*city.snapshot().roster, seen);
+        // The same description again makes no new roster.
+        let roster = Arc::clone(&city.snapshot().roster);
+        city.describe(described);
+        add_poses(&mut city, 3, &[planned, guest]);
+        assert!(Arc::ptr_eq(&roster, &city.snapshot().roster));
+    }
+
+    #[test]
+    fn a_vehicle_that_is_described_as_physical_is_filtered_as_one() {
+        let (text, library) = Library::scenario("straight").unwrap();
+        let experiment = read_experiment("straight", &text, &library, Overrides::default()).unwrap();
+        let id = experiment.vehicles[0].id;
+        let mut city = ObservedCity::new(Arc::new(experiment));
+        add_poses(&mut city, 1, &[id]);
+        assert!(!city.tracks[&id].is_physical);
+        city.describe([VehicleInfo { model: "measured".to_owned(), ..info(id, "car") }]);
+        add_poses(&mut city, 2, &[id]);
+        assert!(city.tracks[&id].is_physical && city.snapshot().roster[0].is_physical());
     }
 }

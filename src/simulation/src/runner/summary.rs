@@ -62,6 +62,23 @@ pub struct Summary {
     /// Statistics of the link, in a run that is controlled over it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkSummary>,
+    /// Ends of the session by name: subscribers, ROS, pictures, a window; files where they failed.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub ends: BTreeMap<&'static str, EndSummary>,
+}
+
+/// What became of the moments of a run at one end of its session.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct EndSummary {
+    /// Moments, or what they became, that have gone out.
+    pub delivered: u64,
+    /// Those that have not, because the end was too slow or did not work.
+    pub dropped: u64,
+    /// How often it stopped working.
+    pub failures: u64,
+    /// Why it did not work at the end of the run, as a sentence.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub failure: Option<String>,
 }
 
 /// Statistics of the laboratory's link.
@@ -170,6 +187,7 @@ impl Summary {
             events,
             vehicles,
             link: None,
+            ends: BTreeMap::new(),
         }
     }
 }

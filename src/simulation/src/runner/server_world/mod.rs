@@ -1,16 +1,25 @@
 //! World of a served city, whose vehicles and commands come from senders over the link: permissions, idempotent
-//! requests, the heartbeat timeout of the leader, and the commands of each tick. Without sockets, threads or wall-clock
-//! time.
+//! requests, the heartbeat timeouts of the leader and of drivers, and the commands of each tick. Without sockets, threads
+//! or wall-clock time.
 
+mod drive;
+mod role;
 mod setup;
+#[cfg(test)]
+mod tests;
 
+use self::drive::Driver;
+use self::role::Act;
+use super::pose_bodies;
 use crate::scenario::Experiment;
 use crate::sim::World;
 use city3d_geometry::Lab;
-use city3d_protocol::snapshot::{FrameSnapshot, ModelKind, SimCommand, Status, Trajectory, VehicleId};
+use city3d_protocol::snapshot::{
+    FrameSnapshot, ModelKind, SimCommand, Status, Trajectory, VehicleId, is_newer,
+};
 use city3d_protocol::wire::{
-    Body, CityClock, DropReason, ExperimentAction, ExperimentPhase, MAX_POSES, Measurement, Message,
-    ObservedVehicle, Poses, RequestOutcome, VehicleBuild, VehicleSetup,
+    Body, CityClock, DropReason, ExperimentAction, ExperimentPhase, Measurement, Message, ObservedVehicle,
+    Poses, RequestOutcome, VehicleBuild, VehicleSetup,
 };
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
@@ -20,6 +29,9 @@ pub type SenderNumber = u32;
 
 /// Number that stands for motion capture.
 pub const MOTION_CAPTURE: SenderNumber = 0;
+
+/// Number that stands for the person at the city's own window.
+pub const OPERATOR: SenderNumber = SenderNumber::MAX;
 
 /// Permissions of senders.
 #[derive(Clone, Copy, Debug, Default)]
@@ -33,7 +45,7 @@ pub struct ServerRules {
 /// A body that a tick has applied, with its sender, as a log keeps it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AppliedBody {
-    /// [`MOTION_CAPTURE`] for measured poses.
+    /// [`MOTION_CAPTURE`] for measured poses, [`OPERATOR`] for the city's own window.
     pub sender: SenderNumber,
     /// As it was carried out: a setup may have been moved back to free space.
     pub body: Body,
@@ -52,6 +64,20 @@ struct OwnedVehicle {
     setup: VehicleSetup,
     /// Sequence number of the newest trajectory of the present owner.
     sequence: Option<u32>,
+    /// That of the owner's newest pedals.
+    drive_sequence: Option<u32>,
+    /// Who holds the steering wheel, while a person drives it.
+    driver: Option<Driver>,
+}
+
+impl OwnedVehicle {
+    fn new(owner: SenderNumber, setup: VehicleSetup) -> Self {
+        Self { owner, setup, sequence: None, drive_sequence: None, driver: None }
+    }
+
+    fn is_physical(&self) -> bool {
+        matches!(&self.setup.build, VehicleBuild::Spec(spec) if spec.model == ModelKind::Measured)
+    }
 }
 
 /// What is remembered of a sender.
@@ -77,8 +103,20 @@ const MAX_ANSWERS: usize = 64;
 const MAX_PENDING: usize = 8192;
 /// Senders that are remembered although they neither lead nor own vehicles.
 const MAX_REMEMBERED: usize = 64;
-/// Shortest heartbeat timeout of the leader, wall-clock seconds.
+/// Shortest heartbeat timeout of a leader, an owner or a driver, wall-clock seconds.
 const MIN_HEARTBEAT_TIMEOUT_S: f64 = 1.0;
+
+/// Notes the sequence number of a vehicle's trajectory or pedals as the newest one, if it is.
+fn note_sequence(newest: &mut Option<u32>, sequence: u32) -> Result<(), DropReason> {
+    match *newest {
+        Some(last) if last == sequence => Err(DropReason::Duplicate),
+        Some(last) if !is_newer(sequence, last) => Err(DropReason::Reordered),
+        _ => {
+            *newest = Some(sequence);
+            Ok(())
+        }
+    }
+}
 
 /// A world under the control of senders. The first sender that acts leads until its heartbeat times out.
 #[derive(Debug)]
@@ -142,11 +180,21 @@ impl ServerWorld {
                 list.into_iter().for_each(|trajectory| self.follow(sender, trajectory));
                 return None;
             }
+            Body::Drive { vehicle, sequence, pedals } => {
+                let refusal = self.drive(sender, now_s, vehicle, sequence, pedals).err();
+                self.dropped.extend(refusal);
+                return None;
+            }
             Body::Setup { setup, .. } => self.set_up(sender, now_s, *setup),
             Body::Remove { request, vehicle } => self.remove(sender, now_s, request, vehicle),
             Body::Command { request, action } => self.command(sender, now_s, request, action),
             Body::Subscribe { .. } => (RequestOutcome::Done, String::new()),
-            Body::Barrier { .. } | Body::Clock(_) | Body::Ack { .. } | Body::Poses(_) => return None,
+            Body::Barrier { .. }
+            | Body::Describe { .. }
+            | Body::Clock(_)
+            | Body::Ack { .. }
+            | Body::Poses(_)
+            | Body::Description(_) => return None,
         };
         let answer = Body::Ack { request: request?, outcome, tick: self.snapshot.tick, detail };
         // A request that was not carried out may be repeated.
@@ -157,6 +205,31 @@ impl ServerWorld {
             known.answers.push_front((request?, answer.clone()));
         }
         Some(answer)
+    }
+
+    /// Carries out what the person at the city's own window asks for: to start, pause or reset the experiment, whoever
+    /// leads it, or to drive a vehicle that is not physical. The numbers of requests and of pedals do not matter, for
+    /// nothing is lost or repeated on the way.
+    ///
+    /// # Errors
+    /// Why it is not carried out, in words.
+    pub fn operate(&mut self, now_s: f64, body: Body) -> Result<(), String> {
+        match body {
+            Body::Command { action, .. } => match self.command(OPERATOR, now_s, 0, action) {
+                (RequestOutcome::Done, _) => Ok(()),
+                (_, detail) => Err(detail),
+            },
+            Body::Drive { vehicle, sequence, pedals } => {
+                self.drive(OPERATOR, now_s, vehicle, sequence, pedals).map_err(|reason| match reason {
+                    DropReason::UnknownVehicle => format!("there is no vehicle {vehicle}"),
+                    DropReason::NotYours => {
+                        format!("vehicle {vehicle} is physical: nobody can drive it from here")
+                    }
+                    reason => format!("the pedals of vehicle {vehicle} are {}", reason.label()),
+                })
+            }
+            _ => Err("the city's own window may only start, pause, reset and drive".to_owned()),
+        }
     }
 
     fn note_activity(&mut self, sender: SenderNumber, now_s: f64) {
@@ -180,22 +253,35 @@ impl ServerWorld {
     }
 
     fn has_timed_out(&self, sender: SenderNumber, now_s: f64) -> bool {
-        let silence_s = self.experiment().link_timeout_s.max(MIN_HEARTBEAT_TIMEOUT_S);
+        let silence_s = self.heartbeat_timeout_s();
         self.known.get(&sender).is_none_or(|known| now_s - known.last_heard_s > silence_s)
     }
 
-    /// Whether a sender leads the experiment; makes it the leader when there is none.
-    fn leads(&mut self, sender: SenderNumber, now_s: f64) -> bool {
-        if self.leader.is_none() {
+    fn heartbeat_timeout_s(&self) -> f64 {
+        self.experiment().link_timeout_s.max(MIN_HEARTBEAT_TIMEOUT_S)
+    }
+
+    /// Makes a sender the leader of the experiment when there is none. The operator needs no lead.
+    fn claim_lead(&mut self, sender: SenderNumber, now_s: f64) {
+        if self.leader.is_none() && sender != OPERATOR {
             self.leader = Some(sender);
             self.remember(sender, now_s);
         }
-        self.leader == Some(sender)
     }
 
     /// The leader of the experiment.
     pub fn leader(&self) -> Option<SenderNumber> {
         self.leader
+    }
+
+    /// The sender that has set up a vehicle.
+    pub fn owner(&self, vehicle: VehicleId) -> Option<SenderNumber> {
+        self.vehicles.get(&vehicle).map(|owned| owned.owner)
+    }
+
+    /// Whether a vehicle is there and is one of the laboratory, whose poses motion capture measures.
+    pub fn is_physical(&self, vehicle: VehicleId) -> bool {
+        self.vehicles.get(&vehicle).is_some_and(OwnedVehicle::is_physical)
     }
 
     fn refuse_not_owner(&mut self, what: &str) -> (RequestOutcome, String) {
@@ -204,23 +290,27 @@ impl ServerWorld {
     }
 
     fn follow(&mut self, sender: SenderNumber, trajectory: Trajectory<Lab>) {
-        match self.vehicles.get(&trajectory.vehicle) {
-            None => self.dropped.push(DropReason::UnknownVehicle),
-            Some(owned) if owned.owner != sender => self.dropped.push(DropReason::NotYours),
-            Some(_) => {
-                let scale = self.experiment().scale;
-                let command = Message::Follow(trajectory.clone()).into_command(scale);
-                self.push(PendingCommand { sender, body: Body::Trajectories(vec![trajectory]), command });
-            }
+        let Some(owned) = self.vehicles.get(&trajectory.vehicle) else {
+            return self.dropped.push(DropReason::UnknownVehicle);
+        };
+        if !self.role(sender, Some(owned)).may(Act::Follow) {
+            return self.dropped.push(DropReason::NotYours);
         }
+        let command = Message::Follow(trajectory.clone()).into_command(self.experiment().scale);
+        self.push(PendingCommand { sender, body: Body::Trajectories(vec![trajectory]), command });
     }
 
     fn push(&mut self, pending: PendingCommand) {
-        if self.pending.len() < MAX_PENDING {
-            self.pending.push(pending);
-        } else {
-            self.dropped.push(DropReason::Full);
+        let refusal = self.queue(pending).err();
+        self.dropped.extend(refusal);
+    }
+
+    fn queue(&mut self, pending: PendingCommand) -> Result<(), DropReason> {
+        if self.pending.len() >= MAX_PENDING {
+            return Err(DropReason::Full);
         }
+        self.pending.push(pending);
+        Ok(())
     }
 
     fn remove(
@@ -235,7 +325,11 @@ impl ServerWorld {
             return (RequestOutcome::Refused, format!("there is no vehicle {vehicle}"));
         };
         let owner = owned.owner;
-        if owner != sender && !(self.leads(sender, now_s) && self.has_timed_out(owner, now_s)) {
+        if owner != sender {
+            self.claim_lead(sender, now_s);
+        }
+        let act = Act::Remove { is_orphaned: self.has_timed_out(owner, now_s) };
+        if !self.role(sender, self.vehicles.get(&vehicle)).may(act) {
             return self.refuse_not_owner(&format!("has set up vehicle {vehicle}"));
         }
         self.vehicles.remove(&vehicle);
@@ -251,7 +345,8 @@ impl ServerWorld {
         request: u32,
         action: ExperimentAction,
     ) -> (RequestOutcome, String) {
-        if !self.leads(sender, now_s) {
+        self.claim_lead(sender, now_s);
+        if !self.role(sender, None).may(Act::Command) {
             return self.refuse_not_owner("leads the experiment");
         }
         let command = match action {
@@ -259,6 +354,7 @@ impl ServerWorld {
             ExperimentAction::Pause => SimCommand::Pause,
             ExperimentAction::Reset => {
                 self.vehicles.values_mut().for_each(|owned| owned.sequence = None);
+                self.forget_drivers();
                 SimCommand::Reset
             }
         };
@@ -268,11 +364,7 @@ impl ServerWorld {
 
     /// Queues the measured pose of a physical vehicle, stamped with the city's clock; ignores other vehicles.
     pub fn measure(&mut self, pose: Measurement) {
-        let is_measured = |owned: &OwnedVehicle| match &owned.setup.build {
-            VehicleBuild::Spec(spec) => spec.model == ModelKind::Measured,
-            VehicleBuild::Type(_) => false,
-        };
-        if self.vehicles.get(&pose.vehicle).is_none_or(|owned| !is_measured(owned)) {
+        if !self.is_physical(pose.vehicle) {
             return;
         }
         let poses = Poses {
@@ -321,16 +413,7 @@ impl ServerWorld {
                 let refusal = match self.vehicles.get_mut(&trajectory.vehicle) {
                     None => Some(DropReason::UnknownVehicle),
                     Some(_) if trajectory.is_over(time_s - timeout_s) => Some(DropReason::Stale),
-                    Some(owned) if owned.sequence.is_some_and(|last| last == trajectory.sequence) => {
-                        Some(DropReason::Duplicate)
-                    }
-                    Some(owned) if owned.sequence.is_some_and(|last| !trajectory.follows(last)) => {
-                        Some(DropReason::Reordered)
-                    }
-                    Some(owned) => {
-                        owned.sequence = Some(trajectory.sequence);
-                        None
-                    }
+                    Some(owned) => note_sequence(&mut owned.sequence, trajectory.sequence).err(),
                 };
                 if let Some(reason) = refusal {
                     self.dropped.push(reason);
@@ -392,25 +475,6 @@ impl ServerWorld {
 
     /// The present poses as bodies for subscribers.
     pub fn poses(&self) -> Vec<Body> {
-        let scale = self.experiment().scale;
-        let statuses = self.snapshot.vehicles.iter().map(|vehicle| vehicle.status);
-        let seen: Vec<ObservedVehicle> = Measurement::all(&self.snapshot, scale)
-            .zip(statuses)
-            .map(|(pose, status)| ObservedVehicle { pose, status })
-            .collect();
-        let parts = seen.len().div_ceil(MAX_POSES).max(1);
-        let part = |part: usize| {
-            let vehicles = seen.iter().skip(part * MAX_POSES).take(MAX_POSES).copied().collect();
-            Body::Poses(Poses {
-                tick: self.snapshot.tick,
-                time_s: self.snapshot.time_s,
-                state_hash: self.snapshot.state_hash,
-                phase: self.phase(),
-                part: part as u8,
-                parts: parts as u8,
-                vehicles,
-            })
-        };
-        (0..parts).map(part).collect()
+        pose_bodies(&self.snapshot, self.phase(), self.experiment().scale)
     }
 }

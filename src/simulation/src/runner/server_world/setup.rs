@@ -1,10 +1,11 @@
 //! Carries out setups of vehicles: validates them, and moves them back on their lane to free space.
 
+use super::role::Act;
 use super::{OwnedVehicle, PendingCommand, SenderNumber, ServerWorld};
 use crate::scenario::{LARGEST_ID, is_topic_name, pose_on};
 use city3d_geometry::{OrientedRect, Pose2, wrap_angle};
 use city3d_protocol::snapshot::{BodyType, Dimensions, SimCommand, VehicleId, VehicleSpec};
-use city3d_protocol::wire::{Body, MAX_DETAIL_BYTES, RequestOutcome, VehicleBuild, VehicleSetup};
+use city3d_protocol::wire::{Body, MAX_DETAIL_BYTES, PERSON, RequestOutcome, VehicleBuild, VehicleSetup};
 use city3d_roadmap::{CityMap, LaneId};
 use std::collections::BTreeSet;
 
@@ -31,7 +32,16 @@ impl ServerWorld {
             let (owner, name) = (owned.owner, owned.setup.name.clone());
             return self.take_over(sender, now_s, setup, owner, &name);
         }
-        if !self.may_spawn(sender, now_s) {
+        let is_guest = setup.controller == PERSON;
+        if !is_guest {
+            self.claim_lead(sender, now_s);
+        }
+        let act = Act::SetUp { has_room: self.has_room_for_guest(sender, now_s) };
+        if !self.role(sender, None).may(act) {
+            if is_guest {
+                let why = "there is no room for a guest's car; city3d serve --guests N lets in N guests";
+                return (RequestOutcome::Busy, why.to_owned());
+            }
             return self
                 .refuse_not_owner("leads the experiment; city3d serve --guests lets others set up vehicles");
         }
@@ -39,8 +49,7 @@ impl ServerWorld {
             Ok((setup, spec, detail)) => {
                 self.remember(sender, now_s);
                 let in_city = setup.in_city(self.experiment().scale, spec);
-                self.vehicles
-                    .insert(setup.id, OwnedVehicle { owner: sender, setup: setup.clone(), sequence: None });
+                self.vehicles.insert(setup.id, OwnedVehicle::new(sender, setup.clone()));
                 self.queue_spawn(sender, setup, SimCommand::Spawn(Box::new(in_city)));
                 (RequestOutcome::Done, detail)
             }
@@ -69,28 +78,31 @@ impl ServerWorld {
             let why = format!("number {} belongs to \"{name}\"; choose another, or the same name", setup.id);
             return (RequestOutcome::Refused, shortened(why));
         }
-        if owner != sender && !self.has_timed_out(owner, now_s) {
+        let act = Act::TakeOver { is_orphaned: self.has_timed_out(owner, now_s) };
+        if !self.role(sender, self.vehicles.get(&setup.id)).may(act) {
             return self.refuse_not_owner(&format!("has set up vehicle {}", setup.id));
         }
-        self.leads(sender, now_s);
+        if setup.controller != PERSON {
+            self.claim_lead(sender, now_s);
+        }
         self.remember(sender, now_s);
         let spec = match self.spec_of(&setup) {
             Ok(spec) => spec,
             Err(why) => return (RequestOutcome::Refused, shortened(why)),
         };
         if let Some(owned) = self.vehicles.get_mut(&setup.id) {
-            (owned.owner, owned.sequence) = (sender, None);
+            (owned.owner, owned.sequence, owned.drive_sequence) = (sender, None, None);
+        }
+        if owner != sender && self.driver(setup.id) == Some(owner) {
+            self.release_lost(setup.id);
         }
         let command = SimCommand::Spawn(Box::new(setup.in_city(self.experiment().scale, spec)));
         self.queue_spawn(sender, setup, command);
         (RequestOutcome::Done, "the vehicle exists already and stays where it is".to_owned())
     }
 
-    /// Whether a sender may set up vehicles: the leader, and a limited number of guests.
-    fn may_spawn(&mut self, sender: SenderNumber, now_s: f64) -> bool {
-        if self.leads(sender, now_s) {
-            return true;
-        }
+    /// Whether fewer other senders than the rules allow have set up vehicles besides the leader.
+    fn has_room_for_guest(&self, sender: SenderNumber, now_s: f64) -> bool {
         let leader = self.leader;
         let others = self.vehicles.values().map(|owned| owned.owner);
         let guests: BTreeSet<SenderNumber> = others
