@@ -55,7 +55,7 @@ fn open(log: &Path) -> Player {
 }
 
 /// Waits until what is wanted at an instant is shown.
-fn look(player: &mut Player, now: Instant) -> (std::sync::Arc<city3d_session::live::RunState>, f64) {
+fn look(player: &mut Player, now: Instant) -> (std::sync::Arc<city3d_session::RunState>, f64) {
     let start = Instant::now();
     loop {
         let seen = player.advance(now);
@@ -67,7 +67,7 @@ fn look(player: &mut Player, now: Instant) -> (std::sync::Arc<city3d_session::li
     }
 }
 
-fn go(player: &mut Player, cue: PlaybackCommand) -> std::sync::Arc<city3d_session::live::RunState> {
+fn go(player: &mut Player, cue: PlaybackCommand) -> std::sync::Arc<city3d_session::RunState> {
     player.command(cue);
     look(player, Instant::now()).0
 }

@@ -5,12 +5,12 @@ use crate::support::live;
 
 use city3d_logbook::record::{LogOrigin, LogWriter, read_commands};
 use city3d_protocol::snapshot::{Pedals, SimCommand, VehicleId};
-use city3d_session::live::{LiveOptions, LiveRun, RunCommand, RunPhase, Speed};
 use city3d_session::playback::{PlaybackCommand, Player};
+use city3d_session::{Order, RunPhase, Speed};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::shipped_scenarios;
 use link::{city3d, mainframe, root, serve};
-use live::{roundabout, until};
+use live::{live as run_live, roundabout, until};
 use serde_json::Value;
 use std::fs::File;
 use std::io::BufWriter;
@@ -66,21 +66,20 @@ fn a_log_needs_no_other_file_and_keeps_what_the_command_line_changed() {
 #[test]
 fn a_person_who_takes_over_and_gives_back_is_in_the_log() {
     let folder = tempfile::tempdir().unwrap();
-    let options = LiveOptions { record: Some(folder.path().into()), ..LiveOptions::default() };
-    let live = LiveRun::new(roundabout(40.0), options).unwrap();
-    live.send(RunCommand::Speed(Speed::times(10.0)));
-    live.send(RunCommand::Start);
+    let live = run_live(roundabout(40.0), Some(folder.path()));
+    live.send(Order::Speed(Speed::times(10.0)));
+    live.send(Order::Start);
     let vehicle = VehicleId(1);
     until(&live, "a second", |run_state| run_state.now.tick > 100);
     for gas in [0.2, 1.0 / 3.0] {
         let pedals = Pedals { gas, steering_rad: 0.02 * gas, ..Pedals::default() };
-        live.send(RunCommand::Vehicle(SimCommand::Drive(vehicle, pedals)));
+        live.send(Order::Drive(vehicle, pedals));
         until(&live, "the pedal", |run_state| run_state.now.vehicle(vehicle).unwrap().gas == gas);
     }
-    live.send(RunCommand::Vehicle(SimCommand::Release(vehicle)));
+    live.send(Order::Release(vehicle));
     let given_back = live.run_state().now.tick;
     until(&live, "some way further", |run_state| run_state.now.tick > given_back + 100);
-    live.send(RunCommand::Pause);
+    live.send(Order::Pause);
     let last = until(&live, "paused", |run_state| run_state.phase == RunPhase::Paused);
     live.stop().unwrap();
     let log = folder.path().join("run-1/run.mcap");

@@ -3,7 +3,7 @@
 use super::Failure;
 use super::overwrite::OverwriteArgs;
 use super::say::say;
-use city3d_session::FileOptions;
+use city3d_session::{FileOptions, FilesWritten};
 use city3d_simulation::runner::Summary;
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
@@ -51,6 +51,20 @@ pub fn log_of(path: &Path) -> PathBuf {
 /// [`log_of`] as a parser of command-line arguments.
 pub fn log_argument(text: &str) -> Result<PathBuf, Infallible> {
     Ok(log_of(Path::new(text)))
+}
+
+/// Prints the summary of the run that a session ended with.
+///
+/// # Errors
+/// When its files are not whole, or as for [`conclude`].
+pub fn conclude_files(written: &FilesWritten, experiment: &Experiment, json: bool) -> Result<(), Failure> {
+    if let Some(summary) = &written.summary {
+        conclude(summary, experiment, written.folder.as_deref(), json)?;
+    }
+    match &written.failure {
+        Some(why) => Err(Failure::failed(format!("the files are not whole: {why}"))),
+        None => Ok(()),
+    }
 }
 
 /// Prints the summary of a run.

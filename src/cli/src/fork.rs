@@ -1,13 +1,13 @@
 //! `city3d run LOG --from-tick N`: forks a recorded run at a tick, by replay up to it.
 
 use super::files::{LogArgs, log_of};
-use super::run::simulate_rest;
+use super::run::{files_of, simulate_rest};
 use super::{Failure, ModelArg, ProfileArg, ScenarioArgs, load, progress, replay};
 use city3d_logbook::record::{LogOrigin, is_log};
 use city3d_logbook::replay::Replay;
 use city3d_protocol::snapshot::{ModelKind, SimCommand};
 use city3d_protocol::wire::Measurement;
-use city3d_session::RunFiles;
+use city3d_session::{Inputs, Moment, RunFiles};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::runner::{ControlLoop, Run, Summary};
 use city3d_simulation::scenario::Experiment;
@@ -64,11 +64,12 @@ impl ForkedRun<'_> {
                 folder.display()
             )));
         }
-        let mut files = RunFiles::begin(Some(folder.clone()), &changed, LogOrigin::Run, self.log.options())?;
+        let mut files = files_of(Some(folder.clone()), self.log);
+        files.begin(&changed)?;
         let bar = progress::simulated_seconds(changed.duration_s);
         let control = self.replay_until_fork(&mut replay, &original, &mut files)?;
         let run = Run::resume(replay.into_world(), control(&changed)?);
-        let summary = simulate_rest(run, &changed, files, None, &bar)?;
+        let summary = simulate_rest(run, &changed, files, None, bar)?;
         Ok((summary, changed, folder))
     }
 
@@ -121,7 +122,7 @@ impl ForkedRun<'_> {
     fn replay_until_fork(
         &self,
         replay: &mut Replay,
-        original: &Experiment,
+        original: &Arc<Experiment>,
         files: &mut RunFiles,
     ) -> Result<impl FnOnce(&Experiment) -> Result<ControlLoop, Failure> + use<>, Failure> {
         let mut control = ControlLoop::new(original).map_err(Failure::bad_input)?;
@@ -142,7 +143,7 @@ impl ForkedRun<'_> {
                 )));
             }
             if ticked.tick == 0 {
-                files.first(replay.snapshot())?;
+                files.record_or_fail(&Moment::first(original, replay.snapshot()))?;
             } else {
                 delivered.clear();
                 control.step((tick, time_s), seen.into_iter(), &mut delivered);
@@ -151,8 +152,10 @@ impl ForkedRun<'_> {
                 commands.sort_by_key(SimCommand::order);
                 let is_control = |command: &&SimCommand| matches!(command, SimCommand::Follow(_));
                 is_same &= commands.iter().filter(is_control).eq(replay.applied().iter().filter(is_control));
-                files.commands(tick, time_s, replay.applied());
-                files.tick(Some(control.mainframe()), replay.snapshot())?;
+                let inputs = Inputs::Commands(replay.applied());
+                let (snapshot, mainframe) = (replay.snapshot(), Some(control.mainframe()));
+                let moment = Moment::tick(original, snapshot, inputs, mainframe, (tick, time_s));
+                files.record_or_fail(&moment)?;
             }
             if ticked.tick == self.from_tick {
                 break;

@@ -132,6 +132,7 @@ impl FrameCapture<'_> {
         let is_many = schedule.clone().has(self.shots, look::PictureCount::MANY);
         let pictures = if is_many { look::PictureCount::Many } else { look::PictureCount::Few };
         look::open(&self.args.look, self.experiment, (look::QualityArg::High, pictures))
+            .map_err(look::failure)
     }
 
     /// Writes pictures and table into a folder.

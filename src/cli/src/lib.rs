@@ -16,8 +16,6 @@ mod load;
 mod look;
 mod mainframe;
 mod overwrite;
-#[cfg(feature = "render")]
-mod pictures;
 mod plot;
 mod progress;
 mod recorded;
@@ -30,6 +28,7 @@ mod run;
 mod runtime_folder;
 mod say;
 mod serve;
+mod status;
 mod sweep;
 mod testbed;
 mod values;
@@ -37,6 +36,8 @@ mod values;
 mod view;
 
 use city3d_dynamics::vehicle::ModelKind;
+use city3d_network::link::read_key;
+use city3d_protocol::wire::Authenticator;
 use city3d_session::{ExistingResults, SessionError};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::scenario::{Overrides, ScenarioRequest};
@@ -124,6 +125,13 @@ struct LinkArgs {
     /// File with a shared key of at least 16 bytes; datagrams without its tag are dropped
     #[arg(long, value_name = "FILE")]
     key: Option<PathBuf>,
+}
+
+impl LinkArgs {
+    /// What seals and verifies datagrams.
+    fn authenticator(&self) -> Result<Authenticator, Failure> {
+        read_key(self.key.as_deref()).map_err(Failure::bad_input)
+    }
 }
 
 /// A flag that SIGINT and SIGTERM set.

@@ -6,8 +6,10 @@ use city3d_render::{
     Settings,
 };
 use city3d_scene::SceneDescription;
+use city3d_session::pictures::{OpenRenderer, PictureError};
 use city3d_simulation::scenario::{Experiment, TimeOfDay};
 use clap::{Args, ValueEnum};
+use std::sync::Arc;
 
 #[derive(Clone, Debug, Default, Args)]
 pub(super) struct LookArgs {
@@ -50,14 +52,13 @@ impl PictureCount {
 ///
 /// # Errors
 /// Where there is no such adapter, or none at all.
-pub(super) fn context(args: &LookArgs, pictures: PictureCount) -> Result<Context, Failure> {
+pub(super) fn context(args: &LookArgs, pictures: PictureCount) -> Result<Context, RenderError> {
     let preference =
         args.adapter.as_deref().map_or_else(AdapterPreference::from_environment, AdapterPreference::parse);
-    let context = match pictures {
+    match pictures {
         PictureCount::Few => Context::headless(&preference),
         PictureCount::Many => Context::for_batches(&preference),
-    };
-    context.map_err(failure)
+    }
 }
 
 /// A renderer of an experiment's city, with the models of its scenario.
@@ -68,10 +69,10 @@ pub(super) fn open(
     args: &LookArgs,
     experiment: &Experiment,
     (usual, pictures): (QualityArg, PictureCount),
-) -> Result<Renderer, Failure> {
+) -> Result<Renderer, RenderError> {
     let time = args.time.unwrap_or(experiment.time_of_day);
     // Built in parallel: the scene takes as long as everything else.
-    let prepared = || -> Result<_, Failure> {
+    let prepared = || -> Result<_, RenderError> {
         let context = context(args, pictures)?;
         let quality = match args.quality.unwrap_or(usual) {
             QualityArg::Low => RenderQuality::LOW,
@@ -80,35 +81,36 @@ pub(super) fn open(
             QualityArg::Ultra => RenderQuality::ULTRA,
             QualityArg::Auto => RenderQuality::auto(context.is_software),
         };
-        Ok((context, baked(quality, time.hours)))
+        let daylight = Daylight { hours: time.hours as f32 };
+        Ok((context, BakedTextures::new(Settings { quality, daylight, ..Settings::default() })))
     };
-    let (prepared, scene) = rayon::join(prepared, || scene(experiment));
+    let scene = || SceneDescription::with_models(&experiment.city_map, &experiment.models.placed);
+    let (prepared, scene) = rayon::join(prepared, scene);
     let (context, baked) = prepared?;
-    renderer_of(&context, (experiment, &scene), baked)
-}
-
-fn scene(experiment: &Experiment) -> SceneDescription {
-    SceneDescription::with_models(&experiment.city_map, &experiment.models.placed)
-}
-
-fn baked(quality: RenderQuality, hours: f64) -> BakedTextures {
-    let daylight = Daylight { hours: hours as f32 };
-    BakedTextures::new(Settings { quality, daylight, ..Settings::default() })
-}
-
-fn renderer_of(
-    context: &Context,
-    (experiment, scene): (&Experiment, &SceneDescription),
-    baked: BakedTextures,
-) -> Result<Renderer, Failure> {
-    let mut renderer = Renderer::with_textures(context, scene, baked).map_err(failure)?;
-    for (&body, model) in &experiment.models.vehicles {
-        renderer.set_vehicle_model(body, model);
-    }
+    let mut renderer = Renderer::with_textures(&context, &scene, baked)?;
+    renderer.set_vehicle_models(&experiment.models.vehicles);
     Ok(renderer)
+}
+
+/// Opens the renderer of onboard pictures, on the thread that draws them.
+pub(super) fn opener(args: &LookArgs, experiment: &Arc<Experiment>) -> OpenRenderer {
+    let (args, experiment) = (args.clone(), Arc::clone(experiment));
+    Box::new(move |cameras| {
+        let pictures = if cameras > 1 { PictureCount::Many } else { PictureCount::Few };
+        open(&args, &experiment, (QualityArg::Low, pictures))
+    })
 }
 
 /// What the user asked for wrongly ends with another code than what went wrong underway.
 pub(super) fn failure(error: RenderError) -> Failure {
     if error.is_bad_input() { Failure::bad_input(error) } else { Failure::failed(error) }
+}
+
+impl From<PictureError> for Failure {
+    fn from(error: PictureError) -> Self {
+        match error {
+            PictureError::Renderer(error) => failure(error),
+            error @ PictureError::Thread(_) => Self::failed(error),
+        }
+    }
 }

@@ -1,15 +1,15 @@
 //! `city3d mainframe`: runs the control framework in a process of its own, as a remote controller of a served city.
 
-use super::files::{LogArgs, conclude};
+use super::files::{LogArgs, conclude_files};
 use super::ros::{self, RosArgs};
 use super::say::say;
-use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
-use city3d_network::link::read_key;
-use city3d_session::remote_control::{RemoteControlOptions, RemoteController};
+use super::{Failure, LinkArgs, ScenarioArgs, load, on_end, status};
+use city3d_logbook::record::LogOrigin;
+use city3d_session::remote::{RemoteCity, RemoteOptions};
+use city3d_session::{Host, RunFiles, RunFolders, Session, SessionError};
 use clap::Args;
-use std::io::Error;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 
 #[derive(Debug, Args)]
 pub struct MainframeArgs {
@@ -34,25 +34,31 @@ pub struct MainframeArgs {
 
 pub fn mainframe(args: &MainframeArgs) -> Result<(), Failure> {
     let experiment = load::experiment(&args.scenario)?;
-    let files = args.log.options();
+    let file_options = args.log.options();
     if let Some(folder) = &args.out {
-        files.check_folder(folder)?;
+        file_options.check_folder(folder)?;
     }
-    let options = RemoteControlOptions {
+    let stop = on_end()?;
+    let options = RemoteOptions {
         city: args.city.clone(),
         world: args.link.world,
-        authenticator: read_key(args.link.key.as_deref()).map_err(Failure::bad_input)?,
-        folder: args.out.clone(),
-        files,
+        authenticator: args.link.authenticator()?,
+        stop: Arc::clone(&stop),
     };
     let feedback = ros::feedback(&args.ros, &experiment)?;
-    let stop = on_end()?;
-    let city = args.city.clone();
-    let on_set_up = move |vehicles| {
-        say(format_args!("{vehicles} vehicles in the city at {city}"))
-            .map_err(|failure| Error::other(failure.message))
-    };
-    let controller = RemoteController::open(options, Arc::clone(&experiment), feedback, Box::new(on_set_up))?;
-    let summary = controller.run(&stop)?;
-    conclude(&summary, &experiment, args.out.as_deref(), args.json)
+    let (host, city) = (Host::system(), args.city.clone());
+    // Where standard output is closed, the vehicles are driven all the same.
+    let on_set_up = move |vehicles| drop(say(format_args!("{vehicles} vehicles in the city at {city}")));
+    let source = RemoteCity::control(options, Arc::clone(&experiment), feedback, host.clone())?
+        .on_set_up(Box::new(on_set_up));
+    let files = RunFiles::new(RunFolders::parts(args.out.clone()), LogOrigin::Mainframe, file_options)
+        .without_waiting();
+    let written = files.written();
+    let session =
+        Session::new(source, host).stopped_by(stop).with_end(Box::new(files)).reporting(status::reporter());
+    if !session.run()?.has_seen() {
+        return Err(SessionError::Silent { city: args.city.clone() }.into());
+    }
+    let written = written.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    conclude_files(&written, &experiment, args.json)
 }

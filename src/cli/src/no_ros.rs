@@ -1,9 +1,9 @@
 //! ROS, in a program without it: no options and no ends.
 
 use super::Failure;
-use city3d_session::remote_control::PoseFeedback;
+use super::serve::ServedEnds;
+use city3d_session::remote::PoseFeedback;
 use city3d_session::robots::CaptureEnd;
-use city3d_session::served::ServedEnds;
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
 
@@ -14,6 +14,12 @@ pub struct RosArgs {}
 pub struct ServedRosArgs {}
 
 impl ServedRosArgs {
+    #[cfg(feature = "window")]
+    #[allow(clippy::unused_self, reason = "the same call with and without ROS")]
+    pub fn look(&self) -> super::look::LookArgs {
+        super::look::LookArgs::default()
+    }
+
     pub fn ends(&self, _: &Experiment) -> Result<ServedEnds, Failure> {
         Ok(ServedEnds::default())
     }

@@ -1,6 +1,7 @@
 //! Progress display of long commands: a bar on a terminal, periodic lines where standard error is a file or a pipe.
 
 use super::say::complain;
+use city3d_session::{End, EndHealth, Moment};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::cell::Cell;
 use std::io::IsTerminal;
@@ -39,6 +40,26 @@ pub fn show(progress: &Progress, time_s: f64) {
             progress.bar.set_position((time_s * 10.0) as u64);
             progress.bar.set_message(format!("{time_s:.1} s simulated"));
         }
+    }
+}
+
+impl End for Progress {
+    fn name(&self) -> &'static str {
+        "progress"
+    }
+
+    fn take(&mut self, moment: &Moment<'_>) {
+        if moment.snapshot.tick.is_multiple_of(100) {
+            show(self, moment.snapshot.time_s);
+        }
+    }
+
+    fn close(&mut self) {
+        self.finish_and_clear();
+    }
+
+    fn health(&self) -> EndHealth {
+        EndHealth::default()
     }
 }
 

@@ -9,7 +9,7 @@ use city3d_logbook::record::{
 };
 use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_protocol::wire::{ExperimentPhase, Poses};
-use city3d_session::RunFiles;
+use city3d_session::{Inputs, Moment, RunFiles, RunFolders};
 use city3d_simulation::runner::{ObservedCity, ObservedMotion, Summary};
 use city3d_simulation::scenario::Experiment;
 use std::collections::BTreeMap;
@@ -121,12 +121,9 @@ impl RecordedPoses<'_> {
         from_s: f64,
         experiment: &Arc<Experiment>,
     ) -> Result<Summary, Failure> {
-        let mut files = RunFiles::begin(
-            Some(PathBuf::from(self.out)),
-            experiment,
-            LogOrigin::Recorded,
-            self.log.options(),
-        )?;
+        let folders = RunFolders::parts(Some(PathBuf::from(self.out)));
+        let mut files = RunFiles::new(folders, LogOrigin::Recorded, self.log.options());
+        files.begin(experiment)?;
         let mut city = ObservedCity::new(Arc::clone(experiment));
         let bar = progress::simulated_seconds(experiment.duration_s);
         let last = (experiment.duration_s * f64::from(experiment.rates.physics_hz) + 1e-6).floor() as u64;
@@ -143,17 +140,17 @@ impl RecordedPoses<'_> {
                 vehicles: Vec::new(),
             };
             let snapshot = city.build_snapshot(&head, &smoothed.at(tick));
-            if tick == 0 {
-                files.first(snapshot)?;
-            } else {
-                files.tick(None, snapshot)?;
-            }
+            let moment = match tick {
+                0 => Moment::first(experiment, snapshot),
+                _ => Moment::tick(experiment, snapshot, Inputs::None, None, (tick - 1, time_s)),
+            };
+            files.record_or_fail(&moment)?;
             if tick % 100 == 0 {
                 progress::show(&bar, time_s);
             }
         }
         bar.finish_and_clear();
-        Ok(files.finish(experiment, city.snapshot(), None)?)
+        Ok(files.conclude(&Moment::first(experiment, city.snapshot()))?)
     }
 }
 

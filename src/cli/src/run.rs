@@ -4,13 +4,12 @@ use super::files::{LogArgs, conclude, new_folder};
 use super::fork::ForkedRun;
 use super::{Failure, ScenarioArgs, load, progress};
 use city3d_logbook::record::{LogOrigin, is_log};
-use city3d_session::RunFiles;
+use city3d_session::{Host, LocalCity, RunFiles, RunFolders, Session, SessionEnd, Speed};
 use city3d_simulation::runner::{Run, Summary};
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::sync::{Arc, PoisonError};
 
 #[derive(Debug, Args)]
 pub struct RunArgs {
@@ -52,51 +51,44 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     }
     let experiment = load::experiment(&args.scenario)?;
     let folder = folder(&experiment);
-    let files = RunFiles::begin(Some(folder.clone()), &experiment, LogOrigin::Run, args.log.options())?;
+    let mut files = files_of(Some(folder.clone()), args.log);
+    files.begin(&experiment)?;
     let summary = simulate(&experiment, files, args.speed)?;
     conclude(&summary, &experiment, Some(&folder), args.json)
+}
+
+/// The files of a single run.
+pub fn files_of(folder: Option<PathBuf>, log: LogArgs) -> RunFiles {
+    RunFiles::new(RunFolders::parts(folder), LogOrigin::Run, log.options())
 }
 
 /// Simulates an experiment and writes its files, as fast as possible or at `speed` times real time.
 pub fn simulate(
     experiment: &Arc<Experiment>,
-    mut files: RunFiles,
+    files: RunFiles,
     speed: Option<f64>,
 ) -> Result<Summary, Failure> {
     let run = Run::new(Arc::clone(experiment)).map_err(Failure::bad_input)?;
-    files.first(run.snapshot())?;
-    simulate_rest(run, experiment, files, speed, &progress::simulated_seconds(experiment.duration_s))
+    simulate_rest(run, experiment, files, speed, progress::simulated_seconds(experiment.duration_s))
 }
 
 /// Simulates the rest of a run, up to the end of its experiment.
 pub fn simulate_rest(
-    mut run: Run,
-    experiment: &Experiment,
-    mut files: RunFiles,
+    run: Run,
+    experiment: &Arc<Experiment>,
+    files: RunFiles,
     speed: Option<f64>,
-    bar: &progress::Progress,
+    bar: progress::Progress,
 ) -> Result<Summary, Failure> {
-    let start = Instant::now();
-    for tick in run.snapshot().tick..experiment.ticks() {
-        let time_s = run.snapshot().time_s;
-        run.step();
-        files.commands(tick, time_s, run.commands());
-        let snapshot = run.snapshot();
-        files.tick(Some(run.mainframe()), snapshot)?;
-        if tick % 100 == 0 {
-            progress::show(bar, snapshot.time_s);
-        }
-        if let Some(speed) = speed {
-            keep_pace(start, snapshot.time_s / speed);
-        }
-    }
-    let summary = files.finish(experiment, run.snapshot(), None)?;
-    bar.finish_and_clear();
-    Ok(summary)
-}
-
-fn keep_pace(start: Instant, due_s: f64) {
-    if let Some(early) = Duration::from_secs_f64(due_s).checked_sub(start.elapsed()) {
-        std::thread::sleep(early);
-    }
+    let (host, written) = (Host::system(), files.written());
+    let city = LocalCity::on(run, Arc::clone(experiment), host.clone());
+    Session::new(city.started(), host)
+        .at_speed(speed.map_or(Speed::Unlimited, Speed::Times))
+        .until(SessionEnd::AtTick(experiment.ticks()))
+        .with_end(Box::new(files))
+        .with_end(Box::new(bar))
+        .strictly()
+        .run()?;
+    let summary = written.lock().unwrap_or_else(PoisonError::into_inner).summary.clone();
+    summary.ok_or_else(|| Failure::failed("the run has no summary"))
 }

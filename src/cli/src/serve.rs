@@ -1,14 +1,17 @@
-//! `city3d serve`: serves the city alone, for controllers that connect over UDP.
+//! `city3d serve`: serves the city, for controllers that connect over UDP, with a window on it where there is a display.
 
-use super::files::{LogArgs, conclude};
+use super::files::{LogArgs, conclude_files};
 use super::ros::ServedRosArgs;
 use super::say::say;
-use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
-use city3d_network::link::{AllowedNetwork, read_key};
-use city3d_session::served::{CityServer, ServeOptions};
+use super::{Failure, LinkArgs, ScenarioArgs, load, on_end, status};
+use city3d_logbook::record::LogOrigin;
+use city3d_network::link::AllowedNetwork;
+use city3d_session::served::{MotionCapture, ServeOptions, ServedCity};
+use city3d_session::{End, Host, RunFiles, RunFolders, Session, SessionEnd, SessionHandle, Speed};
+use city3d_simulation::scenario::Experiment;
 use clap::Args;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 
 #[derive(Debug, Args)]
 pub struct ServeArgs {
@@ -41,32 +44,60 @@ pub struct ServeArgs {
     speed: f64,
     #[command(flatten)]
     ros: ServedRosArgs,
-    /// Open no window
+    /// Open no window [default where there is no display]
     #[arg(long)]
     headless: bool,
+    #[cfg(feature = "window")]
+    #[command(flatten)]
+    window: super::view::ServedWindowArgs,
     /// Print the summary as JSON instead of text
     #[arg(long)]
     json: bool,
 }
 
+/// What is attached to a served city besides the link and the files.
+#[derive(Default)]
+pub struct ServedEnds {
+    /// Poses of physical vehicles, where they do not come by their own links.
+    pub capture: Option<Box<dyn MotionCapture>>,
+    /// Those whose receivers wait for each moment.
+    pub urgent: Vec<Box<dyn End>>,
+    /// Those that may be told later.
+    pub later: Vec<Box<dyn End>>,
+}
+
 pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
-    let experiment = load::city(&args.scenario)?;
-    let options = args.options()?;
-    if let Some(folder) = &options.folder {
-        options.files.check_folder(folder)?;
+    let experiment = Arc::new(load::city(&args.scenario)?);
+    let (options, file_options) = (args.options()?, args.log.options());
+    if let Some(folder) = &args.out {
+        file_options.check_folder(folder)?;
     }
     let stop = on_end()?;
-    if !args.headless {
-        tracing::warn!("a served city has no window yet; it runs as with --headless");
+    let ServedEnds { capture, urgent, later } = args.ros.ends(&experiment)?;
+    let host = Host::system();
+    let city = ServedCity::open(options, Experiment::clone(&experiment), capture, host.clone())?;
+    let address = city.address();
+    let files =
+        RunFiles::new(RunFolders::parts(args.out.clone()), LogOrigin::Served, file_options).without_waiting();
+    let (written, poses) = (files.written(), city.poses());
+    let mut session = Session::new(city, host)
+        .at_speed(Speed::Times(args.speed))
+        .until(args.end(&experiment))
+        .stopped_by(stop)
+        .with_end(poses);
+    session = urgent.into_iter().fold(session, Session::with_end).with_end(Box::new(files));
+    session = later.into_iter().fold(session, Session::with_end);
+    if args.is_watched() {
+        session = session.reporting(status::reporter());
     }
-    let ends = args.ros.ends(&experiment)?;
-    let mut server = CityServer::open(options, experiment, ends)?;
-    let experiment = Arc::clone(server.experiment());
     let pace = if args.lockstep { ", in lockstep" } else { "" };
-    say(format_args!("{} is served on udp {}{pace}", experiment.name, server.address()))?;
-    server.serve(&stop)?;
-    let summary = server.conclude()?;
-    conclude(&summary, &experiment, args.out.as_deref(), args.json)
+    say(format_args!("{} is served on udp {address}{pace}", experiment.name))?;
+    let session = session.spawn(Some(Arc::clone(&written)))?;
+    if let Some(session) = args.show(session, &experiment)? {
+        session.wait()?;
+    }
+    let written = written.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    conclude_files(&written, &experiment, args.json)
 }
 
 impl ServeArgs {
@@ -74,15 +105,48 @@ impl ServeArgs {
         Ok(ServeOptions {
             bind: self.bind.clone(),
             world: self.link.world,
-            authenticator: read_key(self.link.key.as_deref()).map_err(Failure::bad_input)?,
+            authenticator: self.link.authenticator()?,
             allowed: self.allow.clone(),
             is_lockstep: self.lockstep,
             guests: self.guests,
             rate_per_s: f64::from(self.rate),
             speed: self.speed,
-            ends_by_itself: self.scenario.duration.is_some(),
-            folder: self.out.clone(),
-            files: self.log.options(),
         })
+    }
+
+    /// With a duration of its own the city ends by itself.
+    fn end(&self, experiment: &Experiment) -> SessionEnd {
+        match self.scenario.duration {
+            Some(_) => SessionEnd::AtTick(experiment.ticks()),
+            None => SessionEnd::Never,
+        }
+    }
+
+    /// Whether somebody may look at the terminal, and at no window.
+    fn is_watched(&self) -> bool {
+        self.headless && std::io::IsTerminal::is_terminal(&std::io::stderr())
+    }
+
+    /// Shows the city in a window, where there is a display, until it is closed; else gives the session back.
+    #[cfg(feature = "window")]
+    fn show(
+        &self,
+        session: SessionHandle,
+        experiment: &Arc<Experiment>,
+    ) -> Result<Option<SessionHandle>, Failure> {
+        if self.headless {
+            return Ok(Some(session));
+        }
+        self.window.show(session, (&self.scenario, experiment), self.ros.look())
+    }
+
+    #[cfg(not(feature = "window"))]
+    #[allow(
+        clippy::unused_self,
+        clippy::unnecessary_wraps,
+        reason = "the same call with and without a window"
+    )]
+    fn show(&self, session: SessionHandle, _: &Arc<Experiment>) -> Result<Option<SessionHandle>, Failure> {
+        Ok(Some(session))
     }
 }

@@ -2,8 +2,10 @@
 
 use super::ros::{self, RosArgs};
 use super::say::say;
+use super::status::StatusLine;
 use super::{Failure, LinkArgs, ScenarioArgs, load, on_end};
-use city3d_network::link::{AllowedNetwork, read_key};
+use city3d_network::link::AllowedNetwork;
+use city3d_session::Host;
 use city3d_session::robots::{TestbedOptions, TestbedServer};
 use clap::Args;
 
@@ -24,15 +26,17 @@ pub fn testbed(args: &TestbedArgs) -> Result<(), Failure> {
     let experiment = load::experiment(&args.scenario)?;
     let options = TestbedOptions {
         world: args.link.world,
-        authenticator: read_key(args.link.key.as_deref()).map_err(Failure::bad_input)?,
+        authenticator: args.link.authenticator()?,
         allowed: args.allow.clone(),
     };
     let stop = on_end()?;
-    let mut server = TestbedServer::open(&options, &experiment, ros::capture(&args.ros, &experiment)?)?;
+    let capture = ros::capture(&args.ros, &experiment)?;
+    let mut server = TestbedServer::open(&options, &experiment, capture, Host::system())?;
     for (robots, address) in server.robots() {
         let robots: Vec<String> = robots.iter().map(ToString::to_string).collect();
         say(format_args!("robot {} listens on udp {address}", robots.join(", ")))?;
     }
-    server.run(&stop);
+    let mut line = StatusLine::new();
+    server.run(&stop, &mut |report| line.show(&report.to_string()));
     Ok(())
 }

@@ -2,28 +2,34 @@
 
 use super::overwrite::OverwriteArgs;
 use super::say::{complain, say};
-use super::{Failure, ModelArg, ProfileArg, ScenarioArgs, look};
-use city3d_logbook::record::LogReader;
+use super::{Failure, LinkArgs, ModelArg, ProfileArg, ScenarioArgs, load, look, on_end};
+use city3d_logbook::record::{LogOrigin, LogReader};
 use city3d_render::{AdapterPreference, write_png};
-use city3d_session::live::Speed;
-use city3d_viewer::ui::{CameraMode, QualityPreset};
+use city3d_session::pictures::lower_priority;
+use city3d_session::remote::{self, RemoteCity, RemoteOptions};
+use city3d_session::{FileOptions, Host, RunFiles, RunFolders, Session, SessionHandle, Speed};
+use city3d_simulation::scenario::Experiment;
+use city3d_viewer::ui::{CameraMode, CityKind, QualityPreset};
 use city3d_viewer::window::{
-    self, LogLocation, QualityChoice, ScenarioSubject, WindowError, WindowOptions, WindowPicture,
-    WindowSubject,
+    self, CitySubject, LogLocation, QualityChoice, ScenarioSubject, WindowError, WindowOptions,
+    WindowPicture, WindowSubject,
 };
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
+/// Longest wait for a city that is asked which scenario it serves.
+const ASKING: Duration = Duration::from_secs(2);
 /// Default scenario of the window.
 const FIRST_SCENARIO: &str = "roundabout";
 
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 pub struct ViewArgs {
-    /// A scenario file, or a shipped one: roundabout, mixed, city, straight, student
-    #[arg(default_value = FIRST_SCENARIO)]
-    scenario: String,
+    /// A scenario file, or a shipped one: roundabout, mixed, city, straight, student [default: roundabout, or the one
+    /// that --city serves]
+    scenario: Option<String>,
     /// Seed of all random draws, instead of the scenario's
     #[arg(long)]
     seed: Option<u64>,
@@ -54,7 +60,26 @@ pub struct ViewArgs {
     #[arg(long, requires = "select", requires = "picture")]
     driven: bool,
     #[command(flatten)]
+    elsewhere: ElsewhereArgs,
+    #[command(flatten)]
     window: WindowArgs,
+}
+
+/// A city that runs elsewhere.
+#[derive(Debug, Default, Args)]
+struct ElsewhereArgs {
+    /// Watch the city that is served there, instead of running one here
+    #[arg(long, value_name = "ADDR", conflicts_with_all = ["start", "speed", "no_log", "model", "environment", "driven"])]
+    city: Option<String>,
+    /// With --city: bring a car of your own and drive it there; the city needs --guests [default name: guest]
+    #[arg(long, value_name = "NAME", num_args = 0..=1, require_equals = true, requires = "city")]
+    guest: Option<Option<String>>,
+    /// With --city: its world number; 0 matches any [default: 1]
+    #[arg(long, value_name = "N", requires = "city")]
+    world: Option<u32>,
+    /// With --city: file with the shared key
+    #[arg(long, value_name = "FILE", requires = "city")]
+    key: Option<PathBuf>,
 }
 
 /// Options of the windows of scenarios and of logs.
@@ -77,25 +102,6 @@ fn speed(text: &str) -> Result<Speed, String> {
         _ if text == "fastest" => Ok(Speed::Unlimited),
         Ok(factor) if (Speed::SLOWEST..=Speed::FASTEST).contains(&factor) => Ok(Speed::Times(factor)),
         _ => Err("a factor between 0.1 and 100, or \"fastest\" is needed".to_owned()),
-    }
-}
-
-impl Default for ViewArgs {
-    fn default() -> Self {
-        Self {
-            scenario: FIRST_SCENARIO.to_owned(),
-            seed: None,
-            duration: None,
-            model: None,
-            environment: None,
-            out: None,
-            overwrite: OverwriteArgs::default(),
-            no_log: false,
-            speed: None,
-            start: false,
-            driven: false,
-            window: WindowArgs::default(),
-        }
     }
 }
 
@@ -159,6 +165,9 @@ pub fn view(args: &ViewArgs) -> Result<(), Failure> {
     if args.window.picture.at.is_some() && args.window.picture.picture.is_none() {
         return Err(Failure::bad_input("--at needs --picture FILE; the window starts at 0"));
     }
+    if let Some(city) = &args.elsewhere.city {
+        return show(&WindowSubject::City(args.watched(city)?), &args.window);
+    }
     // Each run has its own folder: run-1, run-2.
     args.out.iter().try_for_each(|folder| args.overwrite.policy().check_runs(folder, "run-"))?;
     show(&WindowSubject::Scenario(args.subject()), &args.window)
@@ -194,6 +203,58 @@ fn show(subject: &WindowSubject, args: &WindowArgs) -> Result<(), Failure> {
     say(file.display())
 }
 
+/// Options of the window on a served city.
+#[derive(Debug, Default, Args)]
+pub struct ServedWindowArgs {
+    /// Size of the window in pixels [default: the last one]
+    #[arg(long, value_name = "WxH", value_parser = super::values::size)]
+    size: Option<[u32; 2]>,
+    /// Neither read nor write the stored settings of the window
+    #[arg(long)]
+    fresh: bool,
+}
+
+impl ServedWindowArgs {
+    /// Shows a served city until the window is closed, which ends the session; gives it back where there is no display.
+    pub fn show(
+        &self,
+        session: SessionHandle,
+        (args, experiment): (&ScenarioArgs, &Arc<Experiment>),
+        look: look::LookArgs,
+    ) -> Result<Option<SessionHandle>, Failure> {
+        if !has_display() {
+            tracing::info!("there is no display: the city is served without a window");
+            return Ok(Some(session));
+        }
+        // Robots wait for the city, and nobody for its picture. The session's thread has its priority already.
+        lower_priority();
+        let subject = CitySubject::new(session, (args.request(), Arc::clone(experiment)), CityKind::Served);
+        let window = WindowArgs {
+            look: look::LookArgs { quality: None, ..look },
+            size: self.size,
+            fresh: self.fresh,
+            picture: WindowPictureArgs::default(),
+        };
+        let outcome = window::open(&WindowSubject::City(subject.clone()), &window.options());
+        match (subject.take(), outcome) {
+            (Some(session), Err(error)) => {
+                tracing::warn!("{error}; the city is served without a window");
+                Ok(Some(session))
+            }
+            (session, outcome) => {
+                outcome?;
+                Ok(session)
+            }
+        }
+    }
+}
+
+/// Whether a window may open here. On Linux its server is named by the environment.
+fn has_display() -> bool {
+    let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    !cfg!(target_os = "linux") || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
+}
+
 impl WindowArgs {
     fn options(&self) -> WindowOptions {
         WindowOptions {
@@ -211,14 +272,52 @@ impl WindowArgs {
 }
 
 impl ViewArgs {
-    fn subject(&self) -> ScenarioSubject {
-        let args = ScenarioArgs {
-            scenario: self.scenario.clone(),
+    fn scenario(&self, usual: &str) -> ScenarioArgs {
+        ScenarioArgs {
+            scenario: self.scenario.clone().unwrap_or_else(|| usual.to_owned()),
             seed: self.seed,
             duration: self.duration,
             model: self.model,
             environment: self.environment,
+        }
+    }
+
+    /// A session that watches a city elsewhere, or visits it.
+    fn watched(&self, city: &str) -> Result<CitySubject, Failure> {
+        let (host, stop) = (Host::system(), on_end()?);
+        let link = LinkArgs { world: self.elsewhere.world.unwrap_or(1), key: self.elsewhere.key.clone() };
+        let options = RemoteOptions {
+            city: city.to_owned(),
+            world: link.world,
+            authenticator: link.authenticator()?,
+            stop: Arc::clone(&stop),
         };
+        let served = match &self.scenario {
+            Some(_) => None,
+            None => remote::served_scenario(&options, &host, ASKING)?,
+        };
+        let args = self.scenario(served.as_deref().unwrap_or(FIRST_SCENARIO));
+        let experiment = Arc::new(load::city(&args)?);
+        let known = Arc::clone(&experiment);
+        let source = match &self.elsewhere.guest {
+            None => RemoteCity::watch(options, known, host.clone()),
+            Some(name) => {
+                let name = name.clone().unwrap_or_else(|| "guest".to_owned());
+                RemoteCity::visit(options, known, name, host.clone())
+            }
+        }?;
+        let folders = RunFolders::parts(self.out.clone());
+        let options = FileOptions { overwrite: self.overwrite.policy(), ..FileOptions::default() };
+        self.out.iter().try_for_each(|folder| options.check_folder(folder))?;
+        let files = RunFiles::new(folders, LogOrigin::Mainframe, options).without_waiting();
+        let written = files.written();
+        let session = Session::new(source, host).stopped_by(stop).with_end(Box::new(files));
+        let session = session.spawn(Some(written))?;
+        Ok(CitySubject::new(session, (args.request(), experiment), CityKind::Elsewhere))
+    }
+
+    fn subject(&self) -> ScenarioSubject {
+        let args = self.scenario(FIRST_SCENARIO);
         let logs = match &self.out {
             _ if self.no_log => LogLocation::Nowhere,
             Some(folder) => LogLocation::In(folder.clone()),

@@ -11,6 +11,7 @@ use city3d_protocol::snapshot::{BodyType, FrameSnapshot};
 use city3d_scene::SceneDescription;
 use city3d_sensors::{PictureKind, View};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Draws one scene and the vehicles of snapshots.
@@ -64,6 +65,11 @@ impl Renderer {
         for device in &mut self.devices {
             device.set_vehicle_model(body, Arc::clone(model));
         }
+    }
+
+    /// Sets the models of several body types, such as those of a scenario.
+    pub fn set_vehicle_models(&mut self, models: &BTreeMap<BodyType, Arc<Model>>) {
+        models.iter().for_each(|(&body, model)| self.set_vehicle_model(body, model));
     }
 
     /// Settings that it was built for.

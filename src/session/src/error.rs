@@ -41,6 +41,9 @@ pub enum SessionError {
         /// Reason of the operating system.
         source: std::io::Error,
     },
+    /// The files of a run cannot be written, in words.
+    #[error("{0}")]
+    Files(String),
     /// The summary cannot be encoded.
     #[error("the summary cannot be written as JSON: {0}")]
     Summary(#[from] serde_json::Error),
@@ -87,6 +90,12 @@ pub enum SessionError {
         /// Address and port of the city, as given to the session.
         city: String,
     },
+    /// The operating system refuses the thread of a session.
+    #[error("the simulation's thread cannot be started: {0}")]
+    Thread(std::io::Error),
+    /// The thread of a session has panicked.
+    #[error("the simulation's thread ended early; the log holds what was written until then")]
+    Ended,
     /// Of an end of the session, such as standard output.
     #[error("{0}")]
     End(Box<dyn std::error::Error + Send + Sync>),

@@ -1,23 +1,48 @@
-//! Cities that run: live runs and playback of logs for the window, and the processes of the laboratory (served city,
-//! remote control, emulated robots).
+//! Cities that run. A [`Session`] is one [`Source`] of motion, one clock, and the [`End`]s that are told what happens:
+//! files, subscribers, ROS, pictures, a window. Sources: the control framework in this process ([`LocalCity`]), commands
+//! over the network ([`served`]), and a city elsewhere ([`remote`]); recorded runs have their own time ([`playback`]).
+//! [`robots`] emulates the physical vehicles.
 
 #![allow(clippy::disallowed_types, reason = "paces cities by the clock, and writes their files")]
 #![allow(missing_debug_implementations, reason = "ends are trait objects, which have nothing to show")]
 
+mod clock;
+mod end;
 mod error;
-pub mod live;
+mod local;
 mod loss_reporter;
+mod moment;
+mod order;
 mod overwrite;
+#[cfg(feature = "render")]
+pub mod pictures;
 pub mod playback;
-pub mod remote_control;
+pub mod remote;
 pub mod robots;
+#[cfg(feature = "ros")]
+pub mod ros;
+#[cfg(all(feature = "render", feature = "ros"))]
+pub mod ros_pictures;
 mod run_files;
 pub mod served;
+mod session;
+mod source;
+mod state;
+mod udp_poses;
 
+pub use city3d_network::host::Host;
 pub use city3d_simulation::scenario::LoadError;
+pub use clock::{PacingClock, Speed};
+pub use end::{End, EndHealth, Ends, RunAccount};
 pub use error::{ExistingResults, SessionError};
+pub use local::LocalCity;
+pub use moment::{Inputs, Moment, MomentKind, SenderLabels, StepTiming};
+pub use order::{Order, OrderSender, Orders, orders};
 pub use overwrite::Overwrite;
-pub use run_files::{FileOptions, RunFiles, folder_of};
+pub use run_files::{FileOptions, FilesWritten, RunFiles, RunFolders, WallTime};
+pub use session::{OnReport, OnUpdate, Session, SessionEnd, SessionHandle, SessionReport};
+pub use source::{Now, Pace, Source, Step};
+pub use state::{EndStatus, LinkStatus, RunPhase, RunState};
 
 use city3d_simulation::scenario::{Experiment, ScenarioRequest};
 use std::sync::Arc;

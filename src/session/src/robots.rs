@@ -1,6 +1,7 @@
 //! The emulated laboratory behind its UDP links: robots that follow trajectories, and their motion capture.
 
-use super::SessionError;
+use super::{PacingClock, SessionError};
+use city3d_network::host::Host;
 use city3d_network::link::{AllowedNetwork, Inbound, SenderId, Server, ServerOptions};
 use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_protocol::wire::{
@@ -10,6 +11,7 @@ use city3d_protocol::wire::{
 use city3d_simulation::scenario::Experiment;
 use city3d_simulation::testbed::{ExperimentClock, Testbed};
 use std::collections::BTreeMap;
+use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -26,15 +28,49 @@ pub struct TestbedOptions {
 }
 
 /// Publishes the poses of motion capture besides the links, such as over ROS. It never waits.
-pub trait CaptureEnd {
+pub trait CaptureEnd: Send {
     /// Queues the poses of an instant, in id order; `latency_s` ago they were measured.
     fn publish(&mut self, latency_s: f64, poses: Vec<Measurement>);
 }
 
+/// What the emulated laboratory does, for people.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TestbedReport {
+    /// Time of the experiment's clock, as the controller told it, seconds.
+    pub time_s: f64,
+    /// Whether that clock runs.
+    pub is_running: bool,
+    /// Robots that are emulated.
+    pub robots: usize,
+    /// Robots that somebody controls now.
+    pub controlled: usize,
+    /// Datagrams that have come since the start.
+    pub received: u64,
+    /// Datagrams per second since the last report.
+    pub received_per_s: f64,
+    /// Datagrams lost on their way since the start.
+    pub missing: u64,
+    /// Datagrams that were dropped since the start.
+    pub dropped: u64,
+}
+
+impl fmt::Display for TestbedReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { time_s, robots, controlled, received_per_s, missing, dropped, .. } = self;
+        let phase = if self.is_running { "running" } else { "stopped" };
+        write!(f, "{time_s:.1} s, {phase} | {controlled} of {robots} robots controlled | ")?;
+        write!(f, "{received_per_s:.0} datagrams/s")?;
+        if missing + dropped > 0 {
+            write!(f, " | {missing} missing, {dropped} dropped")?;
+        }
+        Ok(())
+    }
+}
+
+/// Interval of the reports.
+const REPORT_INTERVAL: Duration = Duration::from_millis(500);
 /// Interval at which datagrams are received between two steps.
 const POLL_INTERVAL: Duration = Duration::from_millis(1);
-/// When the steps fall behind by more than this, the schedule is reset.
-const MAX_LAG: Duration = Duration::from_millis(100);
 /// A controller that is silent for this long loses its robots.
 const HEARTBEAT_TIMEOUT: Duration = Duration::from_secs(1);
 /// Subscribers of a robot at once, at most.
@@ -52,6 +88,7 @@ struct Subscriber {
 
 /// UDP server of the robots at one address.
 struct RobotServer {
+    host: Host,
     robots: Vec<VehicleId>,
     server: Server,
     subscribers: Vec<Subscriber>,
@@ -61,6 +98,7 @@ struct RobotServer {
 
 /// The emulated testbed with its UDP servers.
 pub struct TestbedServer {
+    host: Host,
     testbed: Testbed,
     servers: Vec<RobotServer>,
     /// Physics rate of the experiment.
@@ -79,6 +117,7 @@ impl TestbedServer {
         options: &TestbedOptions,
         experiment: &Arc<Experiment>,
         capture: Option<Box<dyn CaptureEnd>>,
+        host: Host,
     ) -> Result<Self, SessionError> {
         if experiment.physical().next().is_none() {
             return Err(SessionError::NoPhysical { scenario: experiment.name.clone() });
@@ -88,10 +127,12 @@ impl TestbedServer {
             by_address.entry(&physical.address).or_default().push(planned.id);
         }
         let servers =
-            by_address.into_iter().map(|(address, robots)| RobotServer::new(options, address, robots));
+            by_address.into_iter().map(|(address, robots)| RobotServer::new(options, address, robots, &host));
+        let servers = servers.collect::<Result<_, _>>()?;
         Ok(Self {
+            host,
             testbed: Testbed::new(experiment),
-            servers: servers.collect::<Result<_, _>>()?,
+            servers,
             physics_hz: experiment.rates.physics_hz,
             length_scale: experiment.scale.factor(),
             ticks: 0,
@@ -104,27 +145,52 @@ impl TestbedServer {
         self.servers.iter().map(|robots| (robots.robots.as_slice(), robots.server.address()))
     }
 
-    /// Steps the robots by the clock until `stop` is set.
-    pub fn run(&mut self, stop: &AtomicBool) {
-        let step = Duration::from_secs_f64(1.0 / f64::from(self.physics_hz));
-        let mut due = Instant::now() + step;
-        let mut arrived = Vec::new();
+    /// Steps the robots by the clock until `stop` is set; `on_report` is told twice a second what they do.
+    pub fn run(&mut self, stop: &AtomicBool, on_report: &mut dyn FnMut(&TestbedReport)) {
+        let clock = Arc::clone(&self.host.clock);
+        let mut pace = PacingClock::new(clock.now(), 0.0, 1.0);
+        let (mut arrived, mut reported) = (Vec::new(), (clock.now(), 0));
         while !stop.load(Ordering::Relaxed) {
             for robot_server in &mut self.servers {
                 robot_server.receive(&mut self.testbed, (self.physics_hz, self.length_scale));
             }
-            let now = Instant::now();
-            if now < due {
-                std::thread::sleep(POLL_INTERVAL.min(due - now));
+            let (now, due_s) = (clock.now(), (self.ticks + 1) as f64 / f64::from(self.physics_hz));
+            let wait = pace.until(now, due_s);
+            if !wait.is_zero() {
+                clock.sleep(POLL_INTERVAL.min(wait));
                 continue;
             }
-            due += step;
-            if now > due + MAX_LAG {
-                due = now;
-            }
+            pace.resync(now, due_s);
             self.ticks += 1;
             self.testbed.step(&mut arrived);
             self.publish(&mut arrived);
+            let passed = now.saturating_duration_since(reported.0);
+            if passed >= REPORT_INTERVAL {
+                let report = self.report(reported.1, passed);
+                reported = (now, report.received);
+                on_report(&report);
+            }
+        }
+    }
+
+    fn report(&self, received_before: u64, passed: Duration) -> TestbedReport {
+        let counters = || self.servers.iter().map(|robots| robots.server.counters());
+        let now = self.host.clock.now();
+        let robots_of = |is_counted: &dyn Fn(&RobotServer) -> bool| {
+            self.servers.iter().filter(|robots| is_counted(robots)).map(|robots| robots.robots.len()).sum()
+        };
+        let received = counters().map(|counters| counters.received).sum();
+        TestbedReport {
+            time_s: self.testbed.clock().time_s,
+            is_running: self.testbed.clock().is_running,
+            robots: robots_of(&|_| true),
+            controlled: robots_of(&|robots| {
+                robots.controller.is_some_and(|(_, at)| now.saturating_duration_since(at) < HEARTBEAT_TIMEOUT)
+            }),
+            received,
+            received_per_s: (received - received_before) as f64 / passed.as_secs_f64(),
+            missing: counters().map(|counters| counters.missing).sum(),
+            dropped: counters().map(|counters| counters.dropped.total()).sum(),
         }
     }
 
@@ -150,7 +216,12 @@ impl TestbedServer {
 }
 
 impl RobotServer {
-    fn new(options: &TestbedOptions, address: &str, robots: Vec<VehicleId>) -> Result<Self, SessionError> {
+    fn new(
+        options: &TestbedOptions,
+        address: &str,
+        robots: Vec<VehicleId>,
+        host: &Host,
+    ) -> Result<Self, SessionError> {
         let options = ServerOptions {
             address: address.to_owned(),
             world: options.world,
@@ -159,8 +230,8 @@ impl RobotServer {
             rate_per_s: RATE_PER_S,
             takes_clock: true,
         };
-        let server = Server::bind(&options)?;
-        Ok(Self { robots, server, subscribers: Vec::new(), controller: None })
+        let server = Server::on(host, &options)?;
+        Ok(Self { host: host.clone(), robots, server, subscribers: Vec::new(), controller: None })
     }
 
     fn receive(&mut self, testbed: &mut Testbed, (physics_hz, length_scale): (u32, f64)) {
@@ -207,15 +278,19 @@ impl RobotServer {
     fn is_controlled_by(&mut self, sender: SenderId, testbed: &mut Testbed) -> bool {
         match self.controller {
             Some((controller, _)) if controller == sender => {}
-            Some((_, last_heard)) if last_heard.elapsed() < HEARTBEAT_TIMEOUT => return false,
+            Some((_, last_heard))
+                if self.host.clock.now().saturating_duration_since(last_heard) < HEARTBEAT_TIMEOUT =>
+            {
+                return false;
+            }
             _ => self.robots.iter().for_each(|robot| testbed.reset_sequence(*robot)),
         }
-        self.controller = Some((sender, Instant::now()));
+        self.controller = Some((sender, self.host.clock.now()));
         true
     }
 
     fn subscribe(&mut self, sender: SenderId, lease_s: f64) {
-        let now = Instant::now();
+        let now = self.host.clock.now();
         self.subscribers.retain(|subscriber| subscriber.sender != sender && subscriber.lease_end > now);
         if lease_s > 0.0 && self.subscribers.len() < MAX_SUBSCRIBERS {
             self.subscribers.push(Subscriber { sender, lease_end: now + Duration::from_secs_f64(lease_s) });
@@ -231,7 +306,7 @@ impl RobotServer {
 
     /// Sends the poses of its robots at an instant to the subscribers.
     fn publish(&mut self, tick: u64, time_s: f64, clock: ExperimentClock, poses: &[Measurement]) {
-        let now = Instant::now();
+        let now = self.host.clock.now();
         self.subscribers.retain(|subscriber| subscriber.lease_end > now);
         let own = poses.iter().filter(|pose| self.robots.contains(&pose.vehicle));
         let seen: Vec<ObservedVehicle> =

@@ -1,13 +1,14 @@
 //! Files of a run: `run.mcap`, `vehicles.csv` and `summary.json`.
 
-use super::{Overwrite, SessionError};
-use city3d_control::Mainframe;
-use city3d_logbook::record::{Cadence, LogOrigin, NetworkCommand, Recorder};
-use city3d_protocol::snapshot::{Event, FrameSnapshot, SimCommand};
-use city3d_simulation::runner::{LinkSummary, Observer, Summary};
+use super::end::{End, EndHealth, RunAccount};
+use super::{Inputs, Moment, MomentKind, Overwrite, SessionError};
+use city3d_logbook::record::{Backpressure, Cadence, ClosingFiles, LogOrigin, RecordError, Recorder};
+use city3d_protocol::snapshot::Event;
+use city3d_simulation::runner::{Observer, Summary};
 use city3d_simulation::scenario::Experiment;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Options of the files of a run.
 #[derive(Clone, Copy, Debug)]
@@ -20,8 +21,14 @@ pub struct FileOptions {
     pub overwrite: Overwrite,
 }
 
+impl Default for FileOptions {
+    fn default() -> Self {
+        Self { log_hz: 50, csv_hz: 10, overwrite: Overwrite::Refuse }
+    }
+}
+
 impl FileOptions {
-    /// Refuses a folder that already has a run, or one of the parts of [`folder_of`].
+    /// Refuses a folder that already has a run, or one of the parts of [`RunFolders::Parts`].
     ///
     /// # Errors
     /// Names the folder and its files.
@@ -34,139 +41,415 @@ impl FileOptions {
 /// Prefix of the folders of the second and later runs.
 const PART_PREFIX: &str = "part-";
 
-/// The folder of one of several runs of a process, counted from 1; the first has the folder `out` itself.
-pub fn folder_of(out: Option<&Path>, part: u32) -> Option<PathBuf> {
-    out.map(
-        |folder| if part <= 1 { folder.to_path_buf() } else { folder.join(format!("{PART_PREFIX}{part}")) },
-    )
+/// Where the runs of a session are written.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum RunFolders {
+    /// Nowhere.
+    #[default]
+    None,
+    /// The first run in the folder itself, later ones in its folders `part-2`, `part-3`.
+    Parts(PathBuf),
+    /// In the folders `run-1`, `run-2` of this one, counted on from `before`.
+    Numbered {
+        /// The folder around them.
+        root: PathBuf,
+        /// Runs that it has already.
+        before: u32,
+    },
 }
 
-/// The open files of one run; without a folder only the summary is computed.
+impl RunFolders {
+    /// Parts of a folder, where there is one.
+    pub fn parts(folder: Option<PathBuf>) -> Self {
+        folder.map_or(Self::None, Self::Parts)
+    }
+
+    /// The folder of a run, counted from 1.
+    pub fn of(&self, run: u32) -> Option<PathBuf> {
+        match self {
+            Self::None => None,
+            Self::Parts(folder) if run <= 1 => Some(folder.clone()),
+            Self::Parts(folder) => Some(folder.join(format!("{PART_PREFIX}{run}"))),
+            Self::Numbered { root, before } => Some(root.join(format!("run-{}", before + run))),
+        }
+    }
+}
+
+/// What the wall-clock time of a summary counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum WallTime {
+    /// From the beginning of the run to its end.
+    #[default]
+    Whole,
+    /// Only the computation of its steps: a person pauses in between.
+    Steps,
+}
+
+/// What the files have come to, for who started the session.
+#[derive(Clone, Debug, Default)]
+pub struct FilesWritten {
+    /// Folders of the runs that have begun, in order.
+    pub folders: Vec<PathBuf>,
+    /// The present folder.
+    pub folder: Option<PathBuf>,
+    /// Summary of the run that ended last.
+    pub summary: Option<Summary>,
+    /// The first failure, in words.
+    pub failure: Option<String>,
+}
+
+/// The end of a session that writes the files of its runs; without a folder only the summary is computed.
 pub struct RunFiles {
+    folders: RunFolders,
+    origin: LogOrigin,
+    options: FileOptions,
+    backpressure: Backpressure,
+    wall_time: WallTime,
+    run: u32,
+    open: Option<OpenRun>,
+    closing: Vec<ClosingFiles>,
+    written: Arc<Mutex<FilesWritten>>,
+    health: EndHealth,
+}
+
+/// The files of the present run.
+struct OpenRun {
     folder: Option<PathBuf>,
     recorder: Option<Recorder>,
     observer: Observer,
-    origin: LogOrigin,
     events: Vec<Event>,
     tick_events: Vec<Event>,
     start: Instant,
+    steps: Duration,
 }
 
 impl RunFiles {
-    /// Opens the files. They are complete up to the last simulated second even if the process dies.
+    /// The files of the runs of a session; nothing is written before the first one begins.
+    pub fn new(folders: RunFolders, origin: LogOrigin, options: FileOptions) -> Self {
+        Self {
+            folders,
+            origin,
+            options,
+            backpressure: Backpressure::Wait,
+            wall_time: WallTime::Whole,
+            run: 0,
+            open: None,
+            closing: Vec::new(),
+            written: Arc::default(),
+            health: EndHealth::default(),
+        }
+    }
+
+    /// Files that never delay the city: a disk that fails or is too slow ends them.
+    #[must_use]
+    pub fn without_waiting(mut self) -> Self {
+        self.backpressure = Backpressure::GiveUp;
+        self
+    }
+
+    /// Counts only the time of steps as the time of a run.
+    #[must_use]
+    pub fn counting(mut self, wall_time: WallTime) -> Self {
+        self.wall_time = wall_time;
+        self
+    }
+
+    /// Opens the files of the first run at once, for who wants to know at once that they cannot be written.
     ///
     /// # Errors
     /// When the folder has another run, or cannot be written.
     ///
     /// # Panics
     /// When a rate of the options is 0.
-    pub fn begin(
+    pub fn begin(&mut self, experiment: &Arc<Experiment>) -> Result<(), SessionError> {
+        self.run += 1;
+        let folder = self.folders.of(self.run);
+        self.warn_of_rates(experiment);
+        let recorder = match &folder {
+            Some(folder) => {
+                prepare_folder(folder, self.options)?;
+                let before = Box::new(|| Ok(()));
+                let cadence = self.options.cadence(experiment);
+                Some(Recorder::new(folder, experiment, self.origin, cadence, (self.backpressure, before))?)
+            }
+            None => None,
+        };
+        self.open_run(folder, recorder, experiment);
+        Ok(())
+    }
+
+    /// What the files have come to; it goes on counting.
+    pub fn written(&self) -> Arc<Mutex<FilesWritten>> {
+        Arc::clone(&self.written)
+    }
+
+    /// Records a moment outside of a session.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn record_or_fail(&mut self, moment: &Moment<'_>) -> Result<(), SessionError> {
+        self.take(moment);
+        match &self.health.failure {
+            Some(why) => Err(SessionError::Files(why.clone())),
+            None => Ok(()),
+        }
+    }
+
+    /// Finishes the files of a run outside of a session.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn conclude(mut self, last: &Moment<'_>) -> Result<Summary, SessionError> {
+        self.finish_run(last, &RunAccount::default());
+        self.join();
+        let written = self.written.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        match (written.failure, written.summary) {
+            (None, Some(summary)) => Ok(summary),
+            (why, _) => Err(SessionError::Files(why.unwrap_or_default())),
+        }
+    }
+
+    /// Waits until the files of all runs are closed.
+    fn join(&mut self) {
+        for closing in std::mem::take(&mut self.closing) {
+            // A disk that takes nothing must not keep the program for ever.
+            let until = Instant::now() + CLOSING_TIMEOUT;
+            while self.backpressure == Backpressure::GiveUp && !closing.is_closed() && Instant::now() < until
+            {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            if self.backpressure == Backpressure::Wait || closing.is_closed() {
+                if let Err(error) = closing.join() {
+                    self.fail(error.to_string());
+                }
+            } else {
+                self.fail("the disk takes nothing; the last files are not whole".to_owned());
+            }
+        }
+    }
+
+    /// Begins the next run without waiting for a disk.
+    fn open_next(&mut self, experiment: &Arc<Experiment>) {
+        self.run += 1;
+        if self.run == 1 {
+            self.warn_of_rates(experiment);
+        }
+        self.health.failure = None;
+        let folder = self.folders.of(self.run);
+        let recorder = folder.as_ref().map(|folder| {
+            let (at, options) = (folder.clone(), self.options);
+            let before = Box::new(move || Ok(prepare_folder(&at, options)?));
+            let cadence = self.options.cadence(experiment);
+            Recorder::new(folder, experiment, self.origin, cadence, (self.backpressure, before))
+        });
+        let recorder = recorder.transpose().unwrap_or_else(|error| {
+            self.fail(error.to_string());
+            None
+        });
+        self.open_run(folder, recorder, experiment);
+    }
+
+    fn open_run(
+        &mut self,
         folder: Option<PathBuf>,
-        experiment: &Experiment,
-        origin: LogOrigin,
-        options: FileOptions,
-    ) -> Result<Self, SessionError> {
+        recorder: Option<Recorder>,
+        experiment: &Arc<Experiment>,
+    ) {
+        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+        written.folders.extend(folder.clone());
+        written.folder.clone_from(&folder);
+        drop(written);
+        self.open = Some(OpenRun {
+            folder,
+            recorder,
+            observer: Observer::new(experiment),
+            events: Vec::new(),
+            tick_events: Vec::new(),
+            start: Instant::now(),
+            steps: Duration::ZERO,
+        });
+    }
+
+    fn warn_of_rates(&self, experiment: &Experiment) {
         let physics_hz = experiment.rates.physics_hz;
-        for (option, hz) in [("--log-hz", options.log_hz), ("--csv-hz", options.csv_hz)] {
+        for (option, hz) in [("--log-hz", self.options.log_hz), ("--csv-hz", self.options.csv_hz)] {
             if hz > physics_hz {
                 tracing::warn!("{option} {hz}: the run has {physics_hz} ticks per second, all are written");
             }
         }
-        let every = |hz: u32| u64::from((physics_hz / hz).max(1));
-        let cadence = Cadence {
-            log_ticks: every(options.log_hz),
-            table_ticks: every(options.csv_hz),
-            flush_ticks: every(1),
-        };
-        let recorder = match &folder {
-            Some(folder) => {
-                options.check_folder(folder)?;
-                std::fs::create_dir_all(folder)
-                    .map_err(|source| SessionError::Folder { path: folder.clone(), source })?;
-                remove_summary(folder)?;
-                Some(Recorder::new(folder, experiment, origin, cadence)?)
-            }
-            None => None,
-        };
-        let observer = Observer::new(experiment);
-        let start = Instant::now();
-        Ok(Self { folder, recorder, observer, origin, events: Vec::new(), tick_events: Vec::new(), start })
     }
 
-    /// Records the initial snapshot.
-    ///
-    /// # Errors
-    /// When the log cannot be written.
-    pub fn first(&mut self, snapshot: &FrameSnapshot) -> Result<(), SessionError> {
-        match &mut self.recorder {
-            Some(recorder) => Ok(recorder.record(snapshot, &[])?),
-            None => Ok(()),
+    /// The files end here; what was written stays whole.
+    fn fail(&mut self, why: String) {
+        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+        written.failure.get_or_insert_with(|| why.clone());
+        drop(written);
+        self.health.failure.get_or_insert(why);
+        if let Some(open) = &mut self.open {
+            open.recorder = None;
         }
-    }
-
-    /// Records the commands of the step that begins at a tick.
-    pub fn commands(&mut self, tick: u64, time_s: f64, commands: &[SimCommand]) {
-        if let Some(recorder) = &mut self.recorder {
-            recorder.commands(tick, time_s, commands);
-        }
-    }
-
-    /// Records a command that came over the link.
-    ///
-    /// # Errors
-    /// When the log cannot be written.
-    pub fn network(&mut self, time_s: f64, command: NetworkCommand) -> Result<(), SessionError> {
-        match &mut self.recorder {
-            Some(recorder) => Ok(recorder.network(time_s, command)?),
-            None => Ok(()),
-        }
-    }
-
-    /// Records the snapshot after a tick.
-    ///
-    /// # Errors
-    /// When the log cannot be written.
-    pub fn tick(
-        &mut self,
-        mainframe: Option<&Mainframe>,
-        snapshot: &FrameSnapshot,
-    ) -> Result<(), SessionError> {
-        self.tick_events.clear();
-        self.tick_events.extend_from_slice(&snapshot.events);
-        self.observer.observe(mainframe, snapshot, &mut self.tick_events);
-        if let Some(recorder) = &mut self.recorder {
-            recorder.record(snapshot, &self.tick_events)?;
-        }
-        self.events.append(&mut self.tick_events);
-        Ok(())
-    }
-
-    /// Closes the files and writes the summary.
-    ///
-    /// # Errors
-    /// When a file cannot be written.
-    pub fn finish(
-        self,
-        experiment: &Experiment,
-        last: &FrameSnapshot,
-        link: Option<LinkSummary>,
-    ) -> Result<Summary, SessionError> {
-        if let Some(recorder) = self.recorder {
-            recorder.finish()?;
-        }
-        let wall_s = self.start.elapsed().as_secs_f64();
-        let summary = Summary::new(experiment, &self.observer, last, self.events, wall_s);
-        let summary = Summary { link, ..summary };
-        let summary = if !self.origin.has_world() { summary.of_poses() } else { summary };
-        if let Some(folder) = &self.folder {
-            write_summary(folder, &summary)?;
-        }
-        Ok(summary)
     }
 }
 
-/// An overwritten run has no summary until the new one ends.
-fn remove_summary(folder: &Path) -> Result<(), SessionError> {
+impl FileOptions {
+    fn cadence(self, experiment: &Experiment) -> Cadence {
+        let every = |hz: u32| u64::from((experiment.rates.physics_hz / hz).max(1));
+        Cadence { log_ticks: every(self.log_hz), table_ticks: every(self.csv_hz), flush_ticks: every(1) }
+    }
+}
+
+/// Longest wait for files at the end of a session that does not wait for its disk.
+const CLOSING_TIMEOUT: Duration = Duration::from_secs(5);
+
+impl End for RunFiles {
+    fn name(&self) -> &'static str {
+        "files"
+    }
+
+    fn prepare(&mut self, before: &Moment<'_>) {
+        if self.open.is_none() {
+            self.open_next(before.experiment);
+            // A reset keeps vehicles, so their setups belong to the new run as well.
+            self.record(before);
+        }
+    }
+
+    fn take(&mut self, moment: &Moment<'_>) {
+        if moment.kind == MomentKind::Still || self.open.is_none() {
+            return;
+        }
+        self.record(moment);
+    }
+
+    fn finish_run(&mut self, last: &Moment<'_>, account: &RunAccount) {
+        if self.open.is_none() && self.run == 0 {
+            // Nothing has happened: there is a summary without files.
+            self.open_run(None, None, last.experiment);
+        }
+        let Some(open) = self.open.take() else { return };
+        let (folder, recorder) = (open.folder.clone(), open.recorder.is_some());
+        let (summary, closing) = open.finish(last, account, self.origin, self.wall_time);
+        match closing {
+            Some(Ok(closing)) => self.closing.push(closing),
+            Some(Err(error)) => self.fail(error.to_string()),
+            None => {}
+        }
+        if !recorder && let Some(folder) = folder {
+            // The log has failed; the summary may still find room.
+            if let Err(error) = write_summary(&folder, &summary) {
+                tracing::debug!("{error}");
+            }
+        }
+        self.written.lock().unwrap_or_else(PoisonError::into_inner).summary = Some(summary);
+        match self.backpressure {
+            Backpressure::Wait => self.join(),
+            Backpressure::GiveUp => self.closing.retain(|closing| !closing.is_closed()),
+        }
+    }
+
+    fn close(&mut self) {
+        self.join();
+    }
+
+    fn health(&self) -> EndHealth {
+        self.health.clone()
+    }
+}
+
+impl Drop for RunFiles {
+    fn drop(&mut self) {
+        self.join();
+    }
+}
+
+impl RunFiles {
+    /// Records the commands that led to a moment, and what has come of them.
+    fn record(&mut self, moment: &Moment<'_>) {
+        let Some(open) = &mut self.open else { return };
+        let is_recorded = open.recorder.is_some();
+        match open.record(moment) {
+            Ok(()) if is_recorded => self.health.delivered += 1,
+            Ok(()) if self.health.failure.is_some() => self.health.dropped += 1,
+            Ok(()) => {}
+            Err(error) => {
+                self.health.dropped += 1;
+                self.fail(error.to_string());
+            }
+        }
+    }
+}
+
+impl OpenRun {
+    fn record(&mut self, moment: &Moment<'_>) -> Result<(), SessionError> {
+        if let Some(recorder) = &mut self.recorder {
+            record_inputs(recorder, moment)?;
+        }
+        match moment.kind {
+            MomentKind::First => match &mut self.recorder {
+                Some(recorder) => Ok(recorder.record(moment.snapshot, &[])?),
+                None => Ok(()),
+            },
+            MomentKind::Tick => self.tick(moment),
+            MomentKind::Applied | MomentKind::Still => Ok(()),
+        }
+    }
+
+    fn tick(&mut self, moment: &Moment<'_>) -> Result<(), SessionError> {
+        self.steps += moment.timing.lasted();
+        self.tick_events.clear();
+        self.tick_events.extend_from_slice(&moment.snapshot.events);
+        self.observer.observe(moment.mainframe, moment.snapshot, &mut self.tick_events);
+        let recorded = match &mut self.recorder {
+            Some(recorder) => recorder.record(moment.snapshot, &self.tick_events),
+            None => Ok(()),
+        };
+        self.events.append(&mut self.tick_events);
+        Ok(recorded?)
+    }
+
+    /// The summary, and the files that close with it.
+    fn finish(
+        self,
+        last: &Moment<'_>,
+        account: &RunAccount,
+        origin: LogOrigin,
+        wall_time: WallTime,
+    ) -> (Summary, Option<Result<ClosingFiles, RecordError>>) {
+        let wall = match wall_time {
+            WallTime::Whole => self.start.elapsed(),
+            WallTime::Steps => self.steps,
+        };
+        let summary =
+            Summary::new(last.experiment, &self.observer, last.snapshot, self.events, wall.as_secs_f64());
+        let summary = Summary { link: account.link.clone(), ends: account.ends.clone(), ..summary };
+        let summary = if origin.has_world() { summary } else { summary.of_poses() };
+        let closing = self.recorder.zip(self.folder).map(|(recorder, folder)| {
+            let of_files = summary.clone();
+            recorder.close(Box::new(move || Ok(write_summary(&folder, &of_files)?)))
+        });
+        (summary, closing)
+    }
+}
+
+fn record_inputs(recorder: &mut Recorder, moment: &Moment<'_>) -> Result<(), SessionError> {
+    let (tick, time_s) = moment.from;
+    match moment.inputs {
+        Inputs::None => {}
+        Inputs::Commands(commands) => recorder.commands(tick, time_s, commands),
+        Inputs::Network(applied, labels) => {
+            for applied in applied {
+                recorder.network(time_s, labels.logged(tick, applied)?)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Creates a folder for the files of a run. An overwritten run has no summary until the new one ends.
+fn prepare_folder(folder: &Path, options: FileOptions) -> Result<(), SessionError> {
+    options.check_folder(folder)?;
+    std::fs::create_dir_all(folder)
+        .map_err(|source| SessionError::Folder { path: folder.to_path_buf(), source })?;
     let path = folder.join("summary.json");
     match std::fs::remove_file(&path) {
         Err(source) if source.kind() != std::io::ErrorKind::NotFound => {

@@ -1,24 +1,28 @@
 //! A served city: the world behind the UDP link, paced by the clock or in lockstep, for controllers that connect.
 
 use super::loss_reporter::LossReporter;
-use super::{FileOptions, RunFiles, SessionError, folder_of};
-use crate::live::PacingClock;
-use city3d_geometry::LengthScale;
-use city3d_logbook::record::{LogOrigin, NetworkCommand};
+use super::moment::SenderLabels;
+use super::source::{Now, Pace, Source, Step};
+use super::udp_poses::{PoseSubscribers, UdpPoses};
+use super::{
+    End, EndHealth, Inputs, LinkStatus, Moment, MomentKind, Order, Orders, RunPhase, SessionError, StepTiming,
+};
+use city3d_logbook::record::LogOrigin;
+use city3d_network::host::Host;
 use city3d_network::link::{
     AllowedNetwork, Inbound, LinkCounters, PhysicalFleet, SenderId, Server, ServerOptions,
 };
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
-use city3d_protocol::wire::{Authenticator, Body, Measurement, RequestOutcome};
+use city3d_protocol::wire::{
+    Authenticator, Body, CityDescription, ExperimentAction, ExperimentPhase, Measurement, RequestOutcome,
+};
 use city3d_simulation::runner::{
-    AppliedBody, LinkSummary, MOTION_CAPTURE, PicturesSummary, RosSummary, ServerRules, ServerWorld, Summary,
+    LinkSummary, MOTION_CAPTURE, OPERATOR, RosSummary, SenderNumber, ServerRules, ServerWorld,
 };
 use city3d_simulation::scenario::Experiment;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// How a city is served.
@@ -40,62 +44,18 @@ pub struct ServeOptions {
     pub rate_per_s: f64,
     /// Multiple of real time.
     pub speed: f64,
-    /// Whether the city ends with the duration of its experiment.
-    pub ends_by_itself: bool,
-    /// Folder of the files of the run; without it nothing is written.
-    pub folder: Option<PathBuf>,
-    /// Rates of the files, and what becomes of earlier results.
-    pub files: FileOptions,
 }
 
-/// An exchange of poses besides the link, such as ROS. It never waits.
-pub trait PoseExchange {
-    /// Queues the poses of an instant.
-    fn publish(&mut self, snapshot: &FrameSnapshot, scale: LengthScale);
-
-    /// Stamp of the poses that were published last, in the exchange's own time.
-    fn stamp_s(&self) -> f64;
-
+/// Poses of physical vehicles from elsewhere than their own links, such as ROS. It never waits.
+pub trait MotionCapture: Send {
     /// Takes the next pose of a physical vehicle, stamped with the simulated time `time_s` of now.
     fn next(&mut self, time_s: f64, is_running: bool) -> Option<Measurement>;
 
-    /// Counters since the start; without pictures.
+    /// Counters since the start.
     fn summary(&self) -> RosSummary;
 }
 
-/// Takes onboard pictures. It never waits: pictures that come too fast are dropped and counted.
-pub trait PictureEnd: Send {
-    /// Queues the pictures that are due at a snapshot. They carry the stamp of its poses,
-    /// [`PoseExchange::stamp_s`], or 0 where poses are not exchanged.
-    fn show(&mut self, snapshot: &FrameSnapshot, stamp_s: f64);
-
-    /// Numbers of pictures since the start.
-    fn counts(&self) -> PictureCounts;
-}
-
-/// Numbers of onboard pictures so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PictureCounts {
-    /// Pictures that were drawn.
-    pub taken: u64,
-    /// Published pictures among those taken.
-    pub published: u64,
-    /// Pictures that were due and were discarded, because drawing or publishing fell behind.
-    pub dropped: u64,
-}
-
-/// What is attached to a served city besides the link and the files.
-#[derive(Default)]
-pub struct ServedEnds {
-    /// Poses over ROS; physical vehicles send theirs there too then.
-    pub poses: Option<Box<dyn PoseExchange + Send>>,
-    /// Onboard pictures; `None` draws none.
-    pub pictures: Option<Box<dyn PictureEnd>>,
-    /// Time stamps of datagrams and ticks, for benchmarks.
-    pub marks: Option<Sender<TimingMark>>,
-}
-
-/// Time stamps of an event inside a served city.
+/// Time stamps of an event inside a served city, for benchmarks.
 #[derive(Clone, Copy, Debug)]
 pub enum TimingMark {
     /// A datagram of trajectories has been queued for the next tick.
@@ -107,49 +67,77 @@ pub enum TimingMark {
         /// When the datagram arrived, wall clock.
         at: Instant,
     },
-    /// A tick is done and its poses have been sent.
+    /// A tick is done, and the ends before this one have its poses.
     Ticked {
         /// Number of the tick that the world has reached.
         tick: u64,
-        /// When the pacing clock wanted the tick, wall clock.
-        due: Instant,
-        /// When its computation began, wall clock.
-        begun: Instant,
-        /// When its computation ended, before the poses were sent.
-        done: Instant,
-        /// When its poses had been handed to the network.
+        /// When its computation was due, began and ended.
+        timing: StepTiming,
+        /// When its poses had been handed on.
         sent: Instant,
     },
 }
 
-/// Interval at which unchanged poses are sent again, for subscribers that have missed them.
-const IDLE_RESEND_INTERVAL: Duration = Duration::from_millis(100);
-/// Subscribers at once, at most.
-const MAX_SUBSCRIBERS: usize = 64;
+/// An end that marks when each tick was told to those before it.
+#[derive(Debug)]
+pub struct TimingMarks {
+    marks: Sender<TimingMark>,
+    told: u64,
+}
+
+impl TimingMarks {
+    /// Sends its marks here.
+    pub fn new(marks: Sender<TimingMark>) -> Self {
+        Self { marks, told: 0 }
+    }
+}
+
+impl End for TimingMarks {
+    fn name(&self) -> &'static str {
+        "marks"
+    }
+
+    fn take(&mut self, moment: &Moment<'_>) {
+        if moment.kind == MomentKind::Tick {
+            let (tick, timing) = (moment.snapshot.tick, moment.timing);
+            // The bench may have ended.
+            let _ = self.marks.send(TimingMark::Ticked { tick, timing, sent: Instant::now() });
+            self.told += 1;
+        }
+    }
+
+    fn health(&self) -> EndHealth {
+        EndHealth { delivered: self.told, ..EndHealth::default() }
+    }
+}
+
 /// Rate limit in lockstep, where barriers already hold the sender back.
 const LOCKSTEP_RATE_PER_S: f64 = 1e6;
-/// How long the final poses are sent again after the end of the experiment.
-const FINAL_RESEND_DURATION: Duration = Duration::from_millis(300);
 /// Datagrams that are handled before the clock is checked again.
 const MAX_DATAGRAMS_PER_POLL: usize = 1024;
 /// Timer slack: the loop stops sleeping this long before a tick, because systems wake sleepers late.
 const TIMER_SLACK: Duration = Duration::from_micros(400);
 /// The dry run of sending starts this long before a tick, so that it ends in time.
 const WARMUP_LEAD: Duration = Duration::from_micros(200);
+/// While the clock stands, orders of the city's own window are looked for at this interval.
+const ORDER_INTERVAL: Duration = Duration::from_millis(20);
 
 /// Binds the socket of the city.
-fn server_of(options: &ServeOptions, experiment: &Experiment) -> Result<Server, SessionError> {
+fn server_of(options: &ServeOptions, experiment: &Experiment, host: &Host) -> Result<Server, SessionError> {
     if experiment.physical().next().is_some() && (options.is_lockstep || options.speed != 1.0) {
         return Err(SessionError::PhysicalOutOfPace);
     }
-    let server = Server::bind(&ServerOptions {
-        address: options.bind.clone(),
-        world: options.world,
-        authenticator: options.authenticator.clone(),
-        allowed: options.allowed.clone(),
-        rate_per_s: if options.is_lockstep { LOCKSTEP_RATE_PER_S } else { options.rate_per_s },
-        takes_clock: false,
-    })?;
+    let server = Server::on(
+        host,
+        &ServerOptions {
+            address: options.bind.clone(),
+            world: options.world,
+            authenticator: options.authenticator.clone(),
+            allowed: options.allowed.clone(),
+            rate_per_s: if options.is_lockstep { LOCKSTEP_RATE_PER_S } else { options.rate_per_s },
+            takes_clock: false,
+        },
+    )?;
     let has_key = !matches!(options.authenticator, Authenticator::Checksum);
     if !server.is_loopback() && options.allowed.is_empty() && !has_key {
         tracing::warn!(
@@ -160,93 +148,90 @@ fn server_of(options: &ServeOptions, experiment: &Experiment) -> Result<Server, 
     Ok(server)
 }
 
-fn logged(server: &Server, tick: u64, applied: &AppliedBody) -> Result<NetworkCommand, SessionError> {
-    let (kind, body) = applied.body.to_log()?;
-    let sender = match applied.sender {
-        MOTION_CAPTURE => "motion capture".to_owned(),
-        sender => server.label(SenderId(sender)),
-    };
-    Ok(NetworkCommand { tick, sender, kind, body })
-}
-
 /// Links to the physical vehicles that send their poses over UDP.
-fn physical_fleet_of(options: &ServeOptions, experiment: &Experiment) -> Result<PhysicalFleet, SessionError> {
+fn physical_fleet_of(
+    options: &ServeOptions,
+    experiment: &Experiment,
+    host: &Host,
+) -> Result<PhysicalFleet, SessionError> {
     let physical = experiment.physical().map(|(planned, physical)| (planned.id, physical.address.clone()));
-    Ok(PhysicalFleet::new(physical, true, 0, &options.authenticator)?)
+    Ok(PhysicalFleet::on(host, physical, true, 0, &options.authenticator)?)
 }
 
-/// Subscription to poses, with a lease.
-struct PoseSubscriber {
-    sender: SenderId,
-    every_ticks: u64,
-    lease_end: Instant,
-}
-
-/// A served city: the world, its UDP server, its subscribers and its files.
-pub struct CityServer {
+/// A city whose vehicles and commands come over the link: the world and its UDP server.
+pub struct ServedCity {
     options: ServeOptions,
-    server: Server,
+    host: Host,
+    server: Arc<Server>,
     world: ServerWorld,
-    files: Option<RunFiles>,
-    /// Number of the run: a reset begins a new one, with files of its own.
-    part: u32,
-    subscribers: Vec<PoseSubscriber>,
-    /// Pacing clock while the experiment runs.
-    clock: Option<PacingClock>,
-    /// When poses were last sent.
-    sent_at: Instant,
+    subscribers: Arc<Mutex<PoseSubscribers>>,
     begun: Instant,
-    time_skipped_s: f64,
-    /// Number of ticks after which the city ends.
-    duration: Option<u64>,
     /// Physical vehicles that send their poses over UDP.
     physical_fleet: PhysicalFleet,
+    capture: Option<Box<dyn MotionCapture>>,
     /// Newest measured poses while the clock is stopped.
     idle_poses: BTreeMap<VehicleId, Measurement>,
     /// Scratch buffer of measured poses.
     arrived: Vec<Measurement>,
-    ends: ServedEnds,
+    /// Came while the session slept.
+    first: Option<Inbound>,
+    /// In lockstep, the leader has sent all commands for the present tick.
+    has_barrier: bool,
+    /// A sender has come who has not seen the present poses.
+    has_newcomer: bool,
+    marks: Option<Sender<TimingMark>>,
     loss_reporter: LossReporter,
+    rate: ReceiveRate,
     /// The loop has slept since the last dry run.
     has_slept: bool,
 }
 
-impl CityServer {
-    /// Opens the sockets and builds the world; no datagram is handled yet.
+/// Datagrams per second over the last interval.
+#[derive(Clone, Copy, Debug)]
+struct ReceiveRate {
+    at: Instant,
+    received: u64,
+    per_s: f64,
+}
+
+impl ServedCity {
+    /// Opens the sockets and builds the world; no datagram is handled yet. Poses of physical vehicles come by
+    /// `capture` where there is one, and otherwise over UDP.
     ///
     /// # Errors
     /// When an address cannot be bound, or the experiment cannot be served this way.
     pub fn open(
         options: ServeOptions,
         experiment: Experiment,
-        ends: ServedEnds,
+        capture: Option<Box<dyn MotionCapture>>,
+        host: Host,
     ) -> Result<Self, SessionError> {
-        let server = server_of(&options, &experiment)?;
+        let server = Arc::new(server_of(&options, &experiment, &host)?);
         let rules = ServerRules { is_lockstep: options.is_lockstep, guests: options.guests };
-        let duration = options.ends_by_itself.then(|| experiment.ticks());
         // Where poses come from another exchange, those of physical vehicles do too.
-        let physical_fleet = match ends.poses {
+        let physical_fleet = match capture {
             Some(_) => PhysicalFleet::default(),
-            None => physical_fleet_of(&options, &experiment)?,
+            None => physical_fleet_of(&options, &experiment, &host)?,
         };
+        let now = host.clock.now();
         Ok(Self {
             options,
+            subscribers: Arc::new(Mutex::new(PoseSubscribers::new(Arc::clone(&server), host.clone()))),
             server,
             world: ServerWorld::new(experiment, rules),
-            files: None,
-            part: 1,
-            subscribers: Vec::new(),
-            clock: None,
-            sent_at: Instant::now(),
-            begun: Instant::now(),
-            time_skipped_s: 0.0,
-            duration,
+            begun: now,
             physical_fleet,
+            capture,
             idle_poses: BTreeMap::new(),
             arrived: Vec::new(),
-            ends,
-            loss_reporter: LossReporter::new(Instant::now()),
+            first: None,
+            has_barrier: false,
+            has_newcomer: false,
+            marks: None,
+            loss_reporter: LossReporter::new(now),
+            rate: ReceiveRate { at: now, received: 0, per_s: 0.0 },
             has_slept: false,
+            host,
         })
     }
 
@@ -255,314 +240,282 @@ impl CityServer {
         self.server.address()
     }
 
-    /// Runs until `stop` is set or the duration is over.
-    ///
-    /// # Errors
-    /// When a file of the run cannot be written.
-    pub fn serve(&mut self, stop: &AtomicBool) -> Result<(), SessionError> {
-        while !stop.load(Ordering::Relaxed) && !self.is_over() {
-            self.wait()?;
-            self.receive(Duration::ZERO)?;
-            self.warm_up();
-            self.advance()?;
-            self.report_losses();
-        }
-        // The final poses may get lost.
-        let until = Instant::now() + if self.is_over() { FINAL_RESEND_DURATION } else { Duration::ZERO };
-        while let Some(left) = until.checked_duration_since(Instant::now()) {
-            self.receive(left.min(IDLE_RESEND_INTERVAL))?;
-            self.publish();
-        }
-        Ok(())
+    /// The end that sends poses to subscribers.
+    pub fn poses(&self) -> Box<UdpPoses> {
+        Box::new(UdpPoses::new(Arc::clone(&self.subscribers)))
     }
 
-    fn is_over(&self) -> bool {
-        self.duration.is_some_and(|ticks| self.snapshot().tick >= ticks)
+    /// Marks each datagram of trajectories as it is queued, for benchmarks.
+    pub fn mark_taken(&mut self, marks: Sender<TimingMark>) {
+        self.marks = Some(marks);
     }
 
-    /// Handles waiting datagrams, and waits for the first one at most this long.
-    fn receive(&mut self, mut wait: Duration) -> Result<(), SessionError> {
-        for _ in 0..MAX_DATAGRAMS_PER_POLL {
-            let Some(inbound) = self.server.receive(wait) else { break };
-            self.handle(inbound)?;
-            wait = Duration::ZERO;
-        }
-        Ok(())
+    fn subscribers(&self) -> std::sync::MutexGuard<'_, PoseSubscribers> {
+        self.subscribers.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
-    fn snapshot(&self) -> &FrameSnapshot {
-        self.world.snapshot()
+    fn now_s(&self, at: Instant) -> f64 {
+        at.saturating_duration_since(self.begun).as_secs_f64()
     }
 
-    /// Sleeps until a tick is due, or a datagram has come that cannot wait for it.
-    fn wait(&mut self) -> Result<(), SessionError> {
-        let now = Instant::now();
-        let until_resend = IDLE_RESEND_INTERVAL.saturating_sub(now.duration_since(self.sent_at));
-        match self.clock {
-            Some(clock) => {
-                let sleep = clock.until(now, self.snapshot().time_s).saturating_sub(TIMER_SLACK);
-                self.has_slept |= sleep > TIMER_SLACK;
-                self.server.wait_for_urgent(sleep);
-                Ok(())
+    fn handle(&mut self, Inbound { sender, body, at }: Inbound) {
+        let now_s = self.now_s(at);
+        match body {
+            Body::Barrier { tick, .. } => {
+                // From the leader it is a heartbeat as well.
+                self.world.take(sender.0, now_s, body);
+                self.barrier(sender, tick);
+                return;
             }
-            None => self.receive(until_resend.max(Duration::from_micros(1))),
+            Body::Subscribe { request, every_ticks, lease_s } => {
+                if let Err(detail) = self.subscribers().subscribe(sender, every_ticks.into(), lease_s) {
+                    let tick = self.world.snapshot().tick;
+                    let answer = Body::Ack { request, outcome: RequestOutcome::Busy, tick, detail };
+                    self.server.send(sender, &answer);
+                    return;
+                }
+            }
+            Body::Describe { request } => {
+                self.world.take(sender.0, now_s, Body::Describe { request });
+                self.server.send_all(sender, &self.description(request));
+                return;
+            }
+            _ => {}
         }
-    }
-
-    /// Warms up the send path after a sleep, shortly before a tick that has subscribers.
-    fn warm_up(&mut self) {
-        let (now, time_s) = (Instant::now(), self.snapshot().time_s);
-        let is_soon = self.clock.is_some_and(|clock| clock.until(now, time_s) < WARMUP_LEAD);
-        if self.has_slept && is_soon && !self.subscribers.is_empty() {
-            self.has_slept = false;
-            self.server.warm_up(&self.world.poses());
-        }
-    }
-
-    fn handle(&mut self, Inbound { sender, body, at }: Inbound) -> Result<(), SessionError> {
-        let now_s = at.saturating_duration_since(self.begun).as_secs_f64();
-        if let Body::Barrier { tick, .. } = body {
-            // From the leader it is a heartbeat as well.
-            self.world.take(sender.0, now_s, body);
-            return self.barrier(sender, tick);
-        }
-        if let Body::Subscribe { request, every_ticks, lease_s } = body
-            && !self.subscribe(sender, every_ticks.into(), lease_s)
+        if let (Body::Trajectories(list), Some(marks)) = (&body, &self.marks)
+            && let Some(first) = list.first()
         {
-            let (tick, detail) =
-                (self.snapshot().tick, format!("there are {MAX_SUBSCRIBERS} subscribers already"));
-            self.server.send(sender, &Body::Ack { request, outcome: RequestOutcome::Busy, tick, detail });
-            return Ok(());
-        }
-        if let Body::Trajectories(list) = &body
-            && let (Some(marks), Some(first)) = (&self.ends.marks, list.first())
-        {
-            // The bench may have ended.
             let _ = marks.send(TimingMark::Taken { vehicle: first.vehicle, sequence: first.sequence, at });
         }
-        let is_new = matches!(body, Body::Subscribe { .. } | Body::Setup { .. });
+        self.has_newcomer |= matches!(body, Body::Subscribe { .. } | Body::Setup { .. });
         if let Some(answer) = self.world.take(sender.0, now_s, body) {
             self.server.send(sender, &answer);
         }
-        if is_new && !self.world.is_running() {
-            self.apply()?;
-            self.publish();
-        }
-        Ok(())
     }
 
-    /// Adds, renews or ends a subscription; `false` when there is no room.
-    fn subscribe(&mut self, sender: SenderId, every_ticks: u64, lease_s: f64) -> bool {
-        self.subscribers
-            .retain(|subscriber| subscriber.sender != sender && self.server.knows(subscriber.sender));
-        let has_room = self.subscribers.len() < MAX_SUBSCRIBERS;
-        if lease_s > 0.0 && has_room {
-            let lease_end = Instant::now() + Duration::from_secs_f64(lease_s);
-            self.subscribers.push(PoseSubscriber { sender, every_ticks, lease_end });
-        }
-        has_room
+    /// What a stranger has to know of the vehicles here.
+    fn description(&self, request: u32) -> Vec<Body> {
+        let leader = self.leader().unwrap_or_default();
+        CityDescription::parts(request, &self.world.experiment().name, &leader, &self.world.snapshot().roster)
+    }
+
+    fn leader(&self) -> Option<String> {
+        self.world.leader().map(|leader| self.label(leader))
     }
 
     /// Lockstep barrier: the leader has sent all commands for a tick.
-    fn barrier(&mut self, sender: SenderId, tick: u64) -> Result<(), SessionError> {
+    fn barrier(&mut self, sender: SenderId, tick: u64) {
         if !self.options.is_lockstep || self.world.leader() != Some(sender.0) {
-            return Ok(());
+            return;
         }
-        if tick == self.snapshot().tick && self.world.is_running() && !self.is_over() {
-            return self.tick();
+        if tick == self.world.snapshot().tick && self.world.is_running() {
+            self.has_barrier = true;
+        } else {
+            self.server.send_all(sender, &self.world.poses());
         }
-        self.server.send_all(sender, &self.world.poses());
-        Ok(())
     }
 
     /// Passes measured poses on to the world. While the clock is stopped, ten times per second is enough.
-    fn take_measurements(&mut self) {
+    fn take_measurements(&mut self, now: &Now) {
         let is_running = self.world.is_running();
         let mut arrived = std::mem::take(&mut self.arrived);
         self.physical_fleet.poll(&mut arrived);
-        if let Some(poses) = &mut self.ends.poses {
-            let clock = self.clock.filter(|_| is_running);
-            let time_s =
-                clock.map_or(self.world.snapshot().time_s, |clock| clock.simulated_s(Instant::now()));
-            arrived.extend(std::iter::from_fn(|| poses.next(time_s, is_running)));
+        if let Some(capture) = &mut self.capture {
+            arrived.extend(std::iter::from_fn(|| capture.next(now.simulated_s, is_running)));
         }
         if is_running {
             arrived.drain(..).for_each(|pose| self.world.measure(pose));
         } else {
             self.idle_poses.extend(arrived.drain(..).map(|pose| (pose.vehicle, pose)));
-            if self.sent_at.elapsed() >= IDLE_RESEND_INTERVAL {
+            if now.is_still_due {
                 std::mem::take(&mut self.idle_poses).into_values().for_each(|pose| self.world.measure(pose));
             }
         }
         self.arrived = arrived;
     }
 
-    /// Makes the tick that is due by the clock.
-    fn advance(&mut self) -> Result<(), SessionError> {
-        self.take_measurements();
-        if !self.world.is_running() {
-            self.clock = None;
-            self.apply()?;
-        } else if !self.options.is_lockstep {
-            let now = Instant::now();
-            let time_s = self.snapshot().time_s;
-            let mut clock =
-                *self.clock.get_or_insert_with(|| PacingClock::new(now, time_s, self.options.speed));
-            if self.snapshot().time_s <= clock.simulated_s(now) {
-                self.tick()?;
-            }
-            let behind_s = clock.simulated_s(Instant::now());
-            clock.resync(Instant::now(), self.snapshot().time_s);
-            self.time_skipped_s += (behind_s - clock.simulated_s(Instant::now())).max(0.0);
-            self.clock = Some(clock);
+    /// Warms up the send path after a sleep, shortly before a tick that has subscribers.
+    fn warm_up(&mut self, now: &Now) {
+        let is_soon = now.until_due.is_some_and(|left| left < WARMUP_LEAD);
+        if self.has_slept && is_soon && !self.subscribers().is_empty() {
+            self.has_slept = false;
+            self.server.warm_up(&self.world.poses());
         }
-        if self.sent_at.elapsed() >= IDLE_RESEND_INTERVAL {
-            self.publish();
-        }
-        Ok(())
     }
 
-    /// Applies waiting commands while the clock is stopped.
-    fn apply(&mut self) -> Result<(), SessionError> {
-        if self.world.has_pending() { self.tick() } else { Ok(()) }
-    }
-
-    fn tick(&mut self) -> Result<(), SessionError> {
-        let experiment = Arc::clone(self.world.experiment());
-        let (before, time_s) = (self.snapshot().tick, self.snapshot().time_s);
-        let last = self.world.will_reset().then(|| self.snapshot().clone());
-        let files = match &mut self.files {
-            Some(files) => files,
-            None => {
-                let folder = folder_of(self.options.folder.as_deref(), self.part);
-                let files = RunFiles::begin(folder, &experiment, LogOrigin::Served, self.options.files)?;
-                let files = self.files.insert(files);
-                // A reset keeps the vehicles, so their setups belong to the new run as well.
-                for spawned in self.world.spawned() {
-                    files.network(time_s, logged(&self.server, before, spawned)?)?;
-                }
-                files
-            }
-        };
-        if before == 0 && self.world.is_running() {
-            files.first(self.world.snapshot())?;
+    fn update_rate(&mut self, now: Instant) {
+        let passed_s = now.saturating_duration_since(self.rate.at).as_secs_f64();
+        if passed_s >= 1.0 {
+            let received = self.server.counters().received;
+            let per_s = received.saturating_sub(self.rate.received) as f64 / passed_s;
+            self.rate = ReceiveRate { at: now, received, per_s };
         }
-        let begun = Instant::now();
-        let after = self.world.tick().tick;
-        let done = Instant::now();
-        // Subscribers wait for the poses; the files can wait.
-        self.publish();
-        if let (Some(marks), Some(clock)) = (&self.ends.marks, self.clock) {
-            let _ = marks.send(TimingMark::Ticked {
-                tick: after,
-                due: clock.at(time_s),
-                begun,
-                done,
-                sent: Instant::now(),
-            });
-        }
-        if let Some(files) = &mut self.files {
-            for applied in self.world.applied() {
-                files.network(time_s, logged(&self.server, before, applied)?)?;
-            }
-            if after > before {
-                files.tick(None, self.world.snapshot())?;
-            }
-        }
-        for reason in self.world.drain_dropped() {
-            self.server.count_drop(reason);
-        }
-        if after < before
-            && let Some(last) = last
-        {
-            // The present instant belongs to the new run already, so the files end here.
-            self.end_part(&last)?;
-        }
-        if let Some(pictures) = &mut self.ends.pictures {
-            let stamp_s = self.ends.poses.as_ref().map_or(0.0, |poses| poses.stamp_s());
-            pictures.show(self.world.snapshot(), stamp_s);
-        }
-        Ok(())
-    }
-
-    /// Finishes the files of a run, whose last snapshot is given.
-    fn end_part(&mut self, last: &FrameSnapshot) -> Result<(), SessionError> {
-        let Some(files) = self.files.take() else { return Ok(()) };
-        self.part += 1;
-        files.finish(self.world.experiment(), last, Some(self.summary())).map(drop)
     }
 
     /// Logs at intervals what the link has lost.
-    fn report_losses(&mut self) {
-        let now = Instant::now();
+    fn report_losses(&mut self, now: Instant) {
         if self.loss_reporter.is_due(now)
             && let Some(message) = self.loss_reporter.since(now, self.server.counters())
         {
             tracing::warn!("{message}");
         }
     }
+}
 
-    fn summary(&self) -> LinkSummary {
-        let LinkCounters { received, used, missing, dropped } = self.server.counters();
-        LinkSummary {
-            received,
-            used,
-            missing,
-            dropped,
-            time_skipped_s: self.time_skipped_s,
-            ros: self.ros_summary(),
+impl SenderLabels for ServedCity {
+    fn label(&self, sender: SenderNumber) -> String {
+        match sender {
+            MOTION_CAPTURE => "motion capture".to_owned(),
+            OPERATOR => "window".to_owned(),
+            sender => self.server.label(SenderId(sender)),
         }
     }
+}
 
-    fn ros_summary(&self) -> Option<RosSummary> {
-        let summary = self.ends.poses.as_ref()?.summary();
-        let pictures = self.ends.pictures.as_ref().map(|pictures| {
-            let PictureCounts { published, dropped, .. } = pictures.counts();
-            PicturesSummary { published, dropped }
-        });
-        Some(RosSummary { pictures, ..summary })
-    }
-
-    /// Sends the present poses to the subscribers, and over ROS.
-    fn publish(&mut self) {
-        let (now, tick) = (Instant::now(), self.snapshot().tick);
-        self.sent_at = now;
-        if let Some(poses) = &mut self.ends.poses {
-            poses.publish(self.world.snapshot(), self.world.experiment().scale);
-        }
-        self.subscribers.retain(|subscriber| subscriber.lease_end > now);
-        if self.subscribers.is_empty() {
-            return;
-        }
-        let poses = self.world.poses();
-        let is_stopped = !self.world.is_running();
-        for subscriber in &self.subscribers {
-            if is_stopped || tick.is_multiple_of(subscriber.every_ticks) {
-                self.server.send_all(subscriber.sender, &poses);
-            }
-        }
-    }
-
-    /// The served experiment; its vehicles come as setups over the link.
-    pub fn experiment(&self) -> &Arc<Experiment> {
+impl Source for ServedCity {
+    fn experiment(&self) -> &Arc<Experiment> {
         self.world.experiment()
     }
 
-    /// Numbers of onboard pictures so far.
-    pub fn picture_counts(&self) -> PictureCounts {
-        self.ends.pictures.as_ref().map(|pictures| pictures.counts()).unwrap_or_default()
+    fn snapshot(&self) -> &FrameSnapshot {
+        self.world.snapshot()
     }
 
-    /// Finishes the files.
-    ///
-    /// # Errors
-    /// When a file cannot be written.
-    pub fn conclude(mut self) -> Result<Summary, SessionError> {
-        let experiment = Arc::clone(self.world.experiment());
-        let files = match self.files.take() {
-            Some(files) => files,
-            None => RunFiles::begin(None, &experiment, LogOrigin::Served, self.options.files)?,
+    fn origin(&self) -> LogOrigin {
+        LogOrigin::Served
+    }
+
+    fn pace(&self) -> Pace {
+        if self.options.is_lockstep { Pace::Arrivals } else { Pace::Clock }
+    }
+
+    fn is_running(&self) -> bool {
+        self.world.is_running()
+    }
+
+    fn is_ready(&self) -> bool {
+        self.has_barrier || (!self.world.is_running() && self.world.has_pending())
+    }
+
+    fn is_beginning(&self) -> bool {
+        self.world.snapshot().tick == 0 && self.world.is_running()
+    }
+
+    fn lingers(&self) -> bool {
+        true
+    }
+
+    fn phase(&self) -> RunPhase {
+        match self.world.phase() {
+            ExperimentPhase::Ready => RunPhase::Ready,
+            ExperimentPhase::Running => RunPhase::Running,
+            ExperimentPhase::Paused => RunPhase::Paused,
+        }
+    }
+
+    fn experiment_phase(&self) -> ExperimentPhase {
+        self.world.phase()
+    }
+
+    fn order(&mut self, order: &Order) -> Result<(), String> {
+        let command = |action| Body::Command { request: 0, action };
+        let body = match order {
+            Order::Start => command(ExperimentAction::Start),
+            Order::Pause => command(ExperimentAction::Pause),
+            Order::Reset => command(ExperimentAction::Reset),
+            Order::Step => return Err("a served city makes no single steps".to_owned()),
+            Order::Speed(_) => {
+                return Err("a served city keeps the speed that it was started with".to_owned());
+            }
+            Order::Drive(vehicle, pedals) => {
+                Body::Drive { vehicle: *vehicle, sequence: 0, pedals: Some(*pedals) }
+            }
+            Order::Release(vehicle) => Body::Drive { vehicle: *vehicle, sequence: 0, pedals: None },
         };
-        files.finish(&experiment, self.world.snapshot(), Some(self.summary()))
+        let now_s = self.now_s(self.host.clock.now());
+        self.world.operate(now_s, body)
+    }
+
+    fn wait(&mut self, _orders: &mut Orders, most: Duration) {
+        if self.first.is_some() {
+            return;
+        }
+        if self.world.is_running() && !self.options.is_lockstep {
+            let sleep = most.saturating_sub(TIMER_SLACK);
+            self.has_slept |= sleep > TIMER_SLACK;
+            self.server.wait_for_urgent(sleep);
+        } else {
+            self.first = self.server.receive(most.min(ORDER_INTERVAL));
+        }
+    }
+
+    fn receive(&mut self, now: &Now) -> Result<(), SessionError> {
+        for _ in 0..MAX_DATAGRAMS_PER_POLL {
+            let Some(inbound) = self.first.take().or_else(|| self.server.receive(Duration::ZERO)) else {
+                break;
+            };
+            self.handle(inbound);
+            // The next one may be for the tick that this one lets begin.
+            if self.has_barrier {
+                break;
+            }
+        }
+        self.warm_up(now);
+        let now_s = self.now_s(now.at);
+        self.world.release_silent_drivers(now_s);
+        self.take_measurements(now);
+        self.report_losses(now.at);
+        self.update_rate(now.at);
+        Ok(())
+    }
+
+    fn step(&mut self) -> Result<Step, SessionError> {
+        self.has_barrier = false;
+        let before = self.world.snapshot().tick;
+        let last = self.world.will_reset().then(|| Box::new(self.world.snapshot().clone()));
+        let after = self.world.tick().tick;
+        Ok(match last {
+            Some(last) if before > 0 => Step::Reset(last),
+            _ if after > before => Step::Tick,
+            _ => Step::Applied,
+        })
+    }
+
+    fn told(&mut self) {
+        for reason in self.world.drain_dropped() {
+            self.server.count_drop(reason);
+        }
+    }
+
+    fn wants_still(&mut self) -> bool {
+        std::mem::take(&mut self.has_newcomer) && !self.world.is_running()
+    }
+
+    fn inputs(&self) -> Inputs<'_> {
+        Inputs::Network(self.world.applied(), self)
+    }
+
+    fn setups(&self) -> Inputs<'_> {
+        // A reset keeps the vehicles.
+        Inputs::Network(self.world.spawned(), self)
+    }
+
+    fn link(&self) -> Option<LinkSummary> {
+        let LinkCounters { received, used, missing, dropped } = self.server.counters();
+        let ros = self.capture.as_ref().map(|capture| capture.summary());
+        Some(LinkSummary { received, used, missing, dropped, time_skipped_s: 0.0, ros })
+    }
+
+    fn link_status(&self) -> Option<LinkStatus> {
+        let LinkCounters { missing, dropped, .. } = self.server.counters();
+        Some(LinkStatus {
+            address: self.server.address(),
+            leader: self.leader(),
+            subscribers: self.subscribers().count(),
+            received_per_s: self.rate.per_s,
+            missing,
+            dropped: dropped.total(),
+            ..LinkStatus::default()
+        })
     }
 }

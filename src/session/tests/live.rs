@@ -11,16 +11,15 @@
 mod support;
 
 use city3d_logbook::record::read_commands;
-use city3d_protocol::snapshot::{FrameSnapshot, Pedals, SimCommand, Status, VehicleId};
-use city3d_session::live::{LiveOptions, LiveRun, RunCommand, RunPhase, Speed};
+use city3d_protocol::snapshot::{FrameSnapshot, Pedals, Status, VehicleId};
+use city3d_session::{Order, RunPhase, SessionHandle, Speed};
 use city3d_simulation::runner::Run;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use support::{roundabout, until};
 
-fn live(folder: Option<&Path>) -> LiveRun {
-    let options = LiveOptions { record: folder.map(Into::into), ..LiveOptions::default() };
-    LiveRun::new(roundabout(40.0), options).unwrap()
+fn live(folder: Option<&Path>) -> SessionHandle {
+    support::live(roundabout(40.0), folder)
 }
 
 /// The same run in lockstep, up to a tick.
@@ -37,9 +36,9 @@ fn it_waits_to_be_started_and_stands_while_paused() {
     let live = live(None);
     std::thread::sleep(Duration::from_millis(50));
     assert_eq!((live.run_state().phase.clone(), live.run_state().now.tick), (RunPhase::Ready, 0));
-    live.send(RunCommand::Start);
+    live.send(Order::Start);
     until(&live, "running", |run_state| run_state.phase == RunPhase::Running && run_state.now.tick > 5);
-    live.send(RunCommand::Pause);
+    live.send(Order::Pause);
     let paused = until(&live, "paused", |run_state| run_state.phase == RunPhase::Paused);
     std::thread::sleep(Duration::from_millis(100));
     assert_eq!(live.run_state().now.tick, paused.now.tick);
@@ -52,7 +51,7 @@ fn it_waits_to_be_started_and_stands_while_paused() {
 fn a_step_is_exactly_one_tick() {
     let live = live(None);
     for tick in 1..=5 {
-        live.send(RunCommand::Step);
+        live.send(Order::Step);
         let run_state = until(&live, "a step", |run_state| run_state.now.tick >= tick);
         assert_eq!((run_state.now.tick, run_state.phase.clone()), (tick, RunPhase::Paused));
         assert_eq!(run_state.before.tick, tick - 1);
@@ -64,16 +63,16 @@ fn a_step_is_exactly_one_tick() {
 fn after_a_reset_the_run_is_the_first_one_again() {
     let live = live(None);
     let first = live.run_state().now.state_hash;
-    live.send(RunCommand::Vehicle(SimCommand::Drive(VehicleId(1), Pedals { gas: 1.0, ..Pedals::default() })));
-    live.send(RunCommand::Speed(Speed::Unlimited));
-    live.send(RunCommand::Start);
+    live.send(Order::Drive(VehicleId(1), Pedals { gas: 1.0, ..Pedals::default() }));
+    live.send(Order::Speed(Speed::Unlimited));
+    live.send(Order::Start);
     until(&live, "far on", |run_state| run_state.now.tick > 300);
-    live.send(RunCommand::Reset);
+    live.send(Order::Reset);
     let again = until(&live, "reset", |run_state| run_state.phase == RunPhase::Ready);
     assert_eq!((again.now.tick, again.now.state_hash, again.run), (0, first, 2));
     assert_eq!(again.before.tick, 0);
     for _ in 0..30 {
-        live.send(RunCommand::Step);
+        live.send(Order::Step);
     }
     let run_state = until(&live, "30 steps", |run_state| run_state.now.tick == 30);
     assert_eq!(run_state.now.state_hash, reference(30).state_hash, "nobody drives by hand any more");
@@ -83,8 +82,8 @@ fn after_a_reset_the_run_is_the_first_one_again() {
 fn simulated_time_goes_by_the_speed_that_is_asked_for() {
     let live = live(None);
     for (speed, least, most) in [(0.1, 0.05, 0.15), (1.0, 0.8, 1.2), (4.0, 3.2, 4.8)] {
-        live.send(RunCommand::Speed(Speed::times(speed)));
-        live.send(RunCommand::Start);
+        live.send(Order::Speed(Speed::times(speed)));
+        live.send(Order::Start);
         let measured = || {
             let start = (Instant::now(), live.run_state().now.time_s);
             std::thread::sleep(Duration::from_millis(700));
@@ -105,21 +104,21 @@ fn simulated_time_goes_by_the_speed_that_is_asked_for() {
 
 #[test]
 fn as_fast_as_possible_comes_to_the_end_and_can_go_on_beyond() {
-    let live = LiveRun::new(roundabout(5.0), LiveOptions::default()).unwrap();
-    live.send(RunCommand::Speed(Speed::Unlimited));
-    live.send(RunCommand::Start);
+    let live = support::live(roundabout(5.0), None);
+    live.send(Order::Speed(Speed::Unlimited));
+    live.send(Order::Start);
     let over = until(&live, "the end", |run_state| run_state.phase == RunPhase::Over);
     assert_eq!(over.now.tick, 500);
     assert_eq!(over.now.state_hash, reference(500).state_hash);
-    live.send(RunCommand::Start);
+    live.send(Order::Start);
     until(&live, "beyond the end", |run_state| run_state.now.tick > 600);
 }
 
 #[test]
 fn poses_between_ticks_follow_the_clock() {
     let live = live(None);
-    live.send(RunCommand::Speed(Speed::times(0.1)));
-    live.send(RunCommand::Start);
+    live.send(Order::Speed(Speed::times(0.1)));
+    live.send(Order::Start);
     let run_state = until(&live, "two ticks", |run_state| run_state.now.tick > 2);
     let clock = run_state.clock.unwrap();
     // A tick takes 100 ms at this speed, and the run is never behind by more than one.
@@ -137,21 +136,21 @@ fn poses_between_ticks_follow_the_clock() {
 fn what_a_person_commands_is_in_the_log_and_makes_the_run_again() {
     let folder = tempfile::tempdir().unwrap();
     let live = live(Some(folder.path()));
-    live.send(RunCommand::Speed(Speed::times(10.0)));
-    live.send(RunCommand::Start);
+    live.send(Order::Speed(Speed::times(10.0)));
+    live.send(Order::Start);
     let vehicle = VehicleId(1);
     until(&live, "two seconds", |run_state| run_state.now.tick > 200);
     for gas in [0.1, 0.3, 1.0 / 3.0] {
         let pedals = Pedals { gas, steering_rad: 0.013 * gas, ..Pedals::default() };
-        live.send(RunCommand::Vehicle(SimCommand::Drive(vehicle, pedals)));
+        live.send(Order::Drive(vehicle, pedals));
         until(&live, "the pedal", |run_state| run_state.now.vehicle(vehicle).unwrap().gas == gas);
     }
     let taken = live.run_state().now.tick;
     let manual = until(&live, "some way by hand", |run_state| run_state.now.tick > taken + 30);
     assert_eq!(manual.now.vehicle(vehicle).unwrap().status, Status::Manual);
-    live.send(RunCommand::Vehicle(SimCommand::Release(vehicle)));
+    live.send(Order::Release(vehicle));
     until(&live, "given back", |run_state| run_state.now.vehicle(vehicle).unwrap().status != Status::Manual);
-    live.send(RunCommand::Pause);
+    live.send(Order::Pause);
     let last = until(&live, "paused", |run_state| run_state.phase == RunPhase::Paused);
     // Closed in mid-run: the files are whole.
     live.stop().unwrap();
@@ -185,15 +184,15 @@ fn what_a_person_commands_is_in_the_log_and_makes_the_run_again() {
 fn each_run_has_its_files_and_one_that_never_began_has_none() {
     let folder = tempfile::tempdir().unwrap();
     let recorded = live(Some(folder.path()));
-    recorded.send(RunCommand::Step);
+    recorded.send(Order::Step);
     until(&recorded, "a step", |run_state| run_state.now.tick == 1);
-    recorded.send(RunCommand::Reset);
-    recorded.send(RunCommand::Step);
+    recorded.send(Order::Reset);
+    recorded.send(Order::Step);
     let second = until(&recorded, "a step of the second run", |run_state| {
         run_state.run == 2 && run_state.now.tick == 1
     });
     assert_eq!(second.folder.as_deref(), Some(folder.path().join("run-2").as_path()));
-    recorded.send(RunCommand::Reset);
+    recorded.send(Order::Reset);
     until(&recorded, "a third run", |run_state| run_state.run == 3);
     recorded.stop().unwrap();
     for run in ["run-1", "run-2"] {
@@ -204,13 +203,17 @@ fn each_run_has_its_files_and_one_that_never_began_has_none() {
 }
 
 #[test]
-fn a_folder_that_cannot_be_written_stops_the_run_with_its_name() {
+fn a_folder_that_cannot_be_written_is_named_and_the_city_drives_on() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("taken");
     std::fs::write(&file, "a file").unwrap();
     let live = live(Some(&file));
-    live.send(RunCommand::Start);
-    let failed = until(&live, "the failure", |run_state| matches!(run_state.phase, RunPhase::Failed(_)));
-    let RunPhase::Failed(reason) = &failed.phase else { unreachable!() };
-    assert!(reason.contains("taken"), "{reason}");
+    live.send(Order::Start);
+    let failed =
+        until(&live, "the failure", |run_state| run_state.ends.iter().any(|end| end.failure.is_some()));
+    let failure = failed.ends.iter().find_map(|end| end.failure.clone()).unwrap();
+    assert!(failure.contains("taken"), "{failure}");
+    until(&live, "further ticks", |run_state| run_state.now.tick > failed.now.tick + 10);
+    let written = live.stop().unwrap();
+    assert!(written.failure.unwrap().contains("taken"));
 }

@@ -55,8 +55,8 @@ pub fn cameras(args: &CamerasArgs) -> Result<(), Failure> {
     let scenario = args.name.clone().or_else(|| args.scenario.clone()).unwrap_or_default();
     let choice = ScenarioArgs { scenario, seed: args.seed, model: args.model, ..ScenarioArgs::default() };
     let experiment = load::experiment(&choice)?;
-    let mut renderer =
-        look::open(&args.look, &experiment, (look::QualityArg::Low, look::PictureCount::Many))?;
+    let mut renderer = look::open(&args.look, &experiment, (look::QualityArg::Low, look::PictureCount::Many))
+        .map_err(look::failure)?;
     let mut run = Run::new(experiment).map_err(Failure::bad_input)?;
     while run.snapshot().time_s < args.from {
         run.step();

@@ -2,8 +2,7 @@
 //! and without onboard cameras.
 
 use super::super::load::city_of;
-use super::super::look::{LookArgs, QualityArg};
-use super::super::pictures::{CarriedCamera, PictureThread};
+use super::super::look::{self, LookArgs, QualityArg};
 use super::super::{Failure, say::say};
 use city3d_geometry::Lab;
 use city3d_network::link::{Client, ClientEvent, round_trips};
@@ -14,9 +13,10 @@ use city3d_protocol::wire::{
 };
 use city3d_render::encode_png;
 use city3d_sensors::{Lens, Mount};
-use city3d_session::remote_control::setup_of;
-use city3d_session::served::{CityServer, PictureEnd, ServeOptions, ServedEnds, TimingMark};
-use city3d_session::{FileOptions, Overwrite};
+use city3d_session::pictures::{CarriedCamera, PictureStamps, PictureThread};
+use city3d_session::remote::setup_of;
+use city3d_session::served::{ServeOptions, ServedCity, TimingMark, TimingMarks};
+use city3d_session::{Host, Session, SessionHandle, StepTiming};
 use city3d_simulation::runner::ControlLoop;
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
@@ -25,8 +25,8 @@ use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
 /// Baseline: a UDP echo server in Python.
@@ -126,64 +126,54 @@ fn measure(args: &LinkBenchArgs, experiment: &Arc<Experiment>, cameras: u32) -> 
     let (marks, marked) = channel();
     let pictures = (cameras > 0).then(|| pictures(args, experiment, cameras)).transpose()?;
     let adapter = pictures.as_ref().map(|pictures| pictures.adapter.clone());
-    let pictures = pictures.map(|pictures| -> Box<dyn PictureEnd> { Box::new(pictures) });
-    let ends = ServedEnds { marks: Some(marks), pictures, poses: None };
-    let mut server = CityServer::open(serve_options(), Experiment::clone(experiment), ends)?;
-    let address = server.address();
-    let stop = AtomicBool::new(false);
+    let counter = pictures.as_ref().map(PictureThread::counter);
+    let (city, address) = served(experiment, marks, pictures)?;
     let lasting = Duration::from_secs_f64(args.seconds);
-    let (mut report, driven_s) = std::thread::scope(|scope| -> Result<(LinkReport, f64), Failure> {
-        let city = std::thread::Builder::new()
-            .name("city".to_owned())
-            .spawn_scoped(scope, || server.serve(&stop).map_err(Failure::from))
-            .map_err(Failure::failed)?;
-        let begin = || -> Result<LinkReport, Failure> {
-            let mut generator = LoadGenerator::new(experiment, &address)?;
-            generator.set_up()?;
-            generator.run(WARM_UP)?;
-            let begun = Instant::now();
-            generator.run(lasting)?;
-            let found = generator.samples(&marked, begun);
-            let python_echo = echo(&generator.datagrams()?, experiment.rates.dt_s(), lasting)?;
-            let LatencySamples { beyond, inward, late, outward, sending, step } = found;
-            Ok(LinkReport {
-                bench: "city3d_link",
-                vehicles: args.vehicles,
-                physics_hz: experiment.rates.physics_hz,
-                cameras,
-                w: args.width,
-                h: args.height,
-                wall_s: args.seconds,
-                datagrams: beyond.len(),
-                beyond_tick: LatencyPercentiles::of(beyond),
-                inward: LatencyPercentiles::of(inward),
-                late: LatencyPercentiles::of(late),
-                outward: LatencyPercentiles::of(outward),
-                sending: LatencyPercentiles::of(sending),
-                step: LatencyPercentiles::of(step),
-                python_echo,
-                images: 0,
-                img_per_s: 0.0,
-                adapter,
-            })
-        };
-        let (begun, report) = (Instant::now(), begin());
-        let driven_s = begun.elapsed().as_secs_f64();
-        stop.store(true, Ordering::Relaxed);
-        city.join().map_err(|_| Failure::failed("the city has ended early"))??;
-        Ok((report?, driven_s))
-    })?;
-    report.images = server.picture_counts().taken;
-    report.img_per_s = (report.images as f64 / driven_s * 10.0).round() / 10.0;
+    let begun = Instant::now();
+    let mut generator = LoadGenerator::new(experiment, &address)?;
+    generator.set_up()?;
+    generator.run(WARM_UP)?;
+    let measured = Instant::now();
+    generator.run(lasting)?;
+    let found = generator.samples(&marked, measured);
+    let python_echo = echo(&generator.datagrams()?, experiment.rates.dt_s(), lasting)?;
+    let images = counter.map_or(0, |counter| counter.taken());
+    let driven_s = begun.elapsed().as_secs_f64();
+    city.stop()?;
+    let LatencySamples { beyond, inward, late, outward, sending, step } = found;
+    let report = LinkReport {
+        bench: "city3d_link",
+        vehicles: args.vehicles,
+        physics_hz: experiment.rates.physics_hz,
+        cameras,
+        w: args.width,
+        h: args.height,
+        wall_s: args.seconds,
+        datagrams: beyond.len(),
+        beyond_tick: LatencyPercentiles::of(beyond),
+        inward: LatencyPercentiles::of(inward),
+        late: LatencyPercentiles::of(late),
+        outward: LatencyPercentiles::of(outward),
+        sending: LatencyPercentiles::of(sending),
+        step: LatencyPercentiles::of(step),
+        python_echo,
+        images,
+        img_per_s: (images as f64 / driven_s * 10.0).round() / 10.0,
+        adapter,
+    };
     if report.datagrams == 0 {
         return Err(Failure::failed("the city has sent no pose"));
     }
     say(serde_json::to_string(&report).map_err(Failure::failed)?)
 }
 
-/// A city on this machine, without files and without a rate limit in reach.
-fn serve_options() -> ServeOptions {
-    ServeOptions {
+/// Serves a city on this machine on a thread, without files and without a rate limit in reach; gives its address.
+fn served(
+    experiment: &Arc<Experiment>,
+    marks: Sender<TimingMark>,
+    pictures: Option<PictureThread>,
+) -> Result<(SessionHandle, String), Failure> {
+    let options = ServeOptions {
         bind: "127.0.0.1:0".to_owned(),
         world: 1,
         authenticator: Authenticator::Checksum,
@@ -192,10 +182,16 @@ fn serve_options() -> ServeOptions {
         guests: 0,
         rate_per_s: 1e6,
         speed: 1.0,
-        ends_by_itself: false,
-        folder: None,
-        files: FileOptions { log_hz: 50, csv_hz: 10, overwrite: Overwrite::Refuse },
+    };
+    let host = Host::system();
+    let mut city = ServedCity::open(options, Experiment::clone(experiment), None, host.clone())?;
+    city.mark_taken(marks.clone());
+    let (address, poses) = (city.address(), city.poses());
+    let mut session = Session::new(city, host).with_end(poses).with_end(Box::new(TimingMarks::new(marks)));
+    if let Some(pictures) = pictures {
+        session = session.with_end(Box::new(pictures));
     }
+    Ok((session.spawn(None)?, address))
 }
 
 /// Onboard cameras of the first vehicles; their pictures are encoded as for subscribers and discarded.
@@ -216,13 +212,15 @@ fn pictures(
         .collect();
     let wanted = cameras.iter().map(|_| AtomicBool::new(true)).collect();
     let look = LookArgs { quality: args.look.quality.or(Some(QualityArg::Low)), ..args.look.clone() };
-    PictureThread::start(experiment, look, cameras, wanted, |taken| {
+    let open = look::opener(&look, experiment);
+    let pictures = PictureThread::start(open, (cameras, PictureStamps::Wall), wanted, |taken| {
         for picture in taken {
             if let Err(error) = encode_png(&picture.image) {
                 tracing::warn!("a picture could not be drawn: {error}");
             }
         }
-    })
+    });
+    Ok(pictures?)
 }
 
 /// Load generator: a control framework that sends each vehicle a trajectory each tick, and records the times.
@@ -349,7 +347,8 @@ impl<'a> LoadGenerator<'a> {
                         waiting.push((vehicle, sent, at));
                     }
                 }
-                TimingMark::Ticked { tick, due, begun, done, sent: handed } => {
+                TimingMark::Ticked { tick, timing, sent: handed } => {
+                    let StepTiming { due, begun, done } = timing;
                     for (vehicle, sent, taken) in waiting.drain(..) {
                         let Some(&received) = received.get(&(tick, vehicle)) else { continue };
                         let parts = [

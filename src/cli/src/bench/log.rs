@@ -1,12 +1,10 @@
 //! `city3d bench log`: cost of the log, by the same run with and without it, in turns.
 
 use crate::files::LogArgs;
-use crate::run::simulate;
+use crate::run::{files_of, simulate};
 use crate::say::say;
 use crate::{Failure, ScenarioArgs, create_folder, load};
-use city3d_logbook::record::LogOrigin;
 use city3d_render::benchmark::cpu_s;
-use city3d_session::RunFiles;
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
 use serde::Serialize;
@@ -91,7 +89,8 @@ pub fn log(args: &LogBenchArgs) -> Result<(), Failure> {
 
 fn cost(experiment: &Arc<Experiment>, folder: Option<&Path>, log: LogArgs) -> Result<RunCost, Failure> {
     let before = cpu_s();
-    let files = RunFiles::begin(folder.map(Path::to_path_buf), experiment, LogOrigin::Run, log.options())?;
+    let mut files = files_of(folder.map(Path::to_path_buf), log);
+    files.begin(experiment)?;
     let summary = simulate(experiment, files, None)?;
     Ok(RunCost { wall_s: summary.wall_s, cpu_s: cpu_s().zip(before).map(|(after, before)| after - before) })
 }

@@ -1,8 +1,9 @@
 //! Onboard pictures over ROS, in a program without the renderer: there are none.
 
 use crate::Failure;
-use city3d_network::link::onboard::{OnboardCamera, PictureSender};
-use city3d_session::served::PictureEnd;
+use city3d_network::link::onboard::OnboardCamera;
+use city3d_session::End;
+use city3d_session::ros::RosNode;
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
 
@@ -22,7 +23,7 @@ impl PublishedCameras {
         Vec::new()
     }
 
-    pub fn publish(self, _: PictureSender, _: &Experiment) -> Result<Option<Box<dyn PictureEnd>>, Failure> {
+    pub fn publish(self, _: &RosNode, _: &Experiment) -> Result<Option<Box<dyn End>>, Failure> {
         Ok(None)
     }
 }

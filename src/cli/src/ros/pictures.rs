@@ -1,17 +1,15 @@
 //! Onboard pictures over ROS.
 
 use crate::Failure;
-use crate::look::LookArgs;
-use crate::pictures::{CarriedCamera, PictureThread, TakenPicture};
-use city3d_geometry::LengthScale;
-use city3d_network::link::onboard::{OnboardCamera, OnboardPicture, PictureSender};
-use city3d_protocol::snapshot::FrameSnapshot;
-use city3d_render::encode_png;
-use city3d_sensors::{CameraSensor, Lens, Mount, Projection, SensorKind};
-use city3d_session::served::{PictureCounts, PictureEnd};
+use crate::look::{self, LookArgs};
+use city3d_network::link::onboard::OnboardCamera;
+use city3d_sensors::{CameraSensor, Lens, Mount, SensorKind};
+use city3d_session::End;
+use city3d_session::pictures::CarriedCamera;
+use city3d_session::ros::RosNode;
+use city3d_session::ros_pictures::RosPictures;
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Default camera where the scenario has none: pictures per second behind each windscreen.
@@ -32,6 +30,11 @@ pub struct PictureArgs {
 }
 
 impl PictureArgs {
+    #[cfg(feature = "window")]
+    pub fn look(&self) -> LookArgs {
+        self.look.clone()
+    }
+
     /// The cameras whose pictures are asked for.
     pub fn cameras(&self, experiment: &Experiment) -> Result<PublishedCameras<'_>, Failure> {
         let cameras =
@@ -58,20 +61,13 @@ impl PublishedCameras<'_> {
     }
 
     /// Starts to draw, where there are cameras.
-    pub fn publish(
-        self,
-        sender: PictureSender,
-        experiment: &Experiment,
-    ) -> Result<Option<Box<dyn PictureEnd>>, Failure> {
+    pub fn publish(self, node: &RosNode, experiment: &Experiment) -> Result<Option<Box<dyn End>>, Failure> {
         if self.cameras.is_empty() {
             return Ok(None);
         }
-        let (wanted, scale, publisher) = (sender.wanted(), experiment.scale, sender.clone());
-        let take = move |taken: Vec<_>| publish(&publisher, &taken, scale);
         let cameras = self.cameras.into_iter().map(|(_, camera)| camera).collect();
-        let experiment = Arc::new(experiment.clone());
-        let thread = PictureThread::start(&experiment, self.look.clone(), cameras, wanted, take)?;
-        Ok(Some(Box::new(PublishedPictures { thread, sender })))
+        let open = look::opener(self.look, &Arc::new(experiment.clone()));
+        Ok(Some(Box::new(RosPictures::start(open, cameras, node, experiment.scale)?)))
     }
 }
 
@@ -95,41 +91,4 @@ fn carried_cameras(experiment: &Experiment, extent: Option<[u32; 2]>) -> Vec<(On
         }));
     }
     cameras
-}
-
-/// Onboard pictures that are published over ROS.
-struct PublishedPictures {
-    thread: PictureThread,
-    sender: PictureSender,
-}
-
-impl PictureEnd for PublishedPictures {
-    fn show(&mut self, snapshot: &FrameSnapshot, stamp_s: f64) {
-        self.thread.show(snapshot, stamp_s);
-    }
-
-    fn counts(&self) -> PictureCounts {
-        let PictureCounts { taken, dropped, .. } = self.thread.counts();
-        let (published, lost) = self.sender.counters();
-        PictureCounts { taken, published, dropped: lost + dropped }
-    }
-}
-
-/// Encodes the pictures of an instant as PNG and queues them.
-fn publish(sender: &PictureSender, taken: &[TakenPicture], scale: LengthScale) {
-    taken.par_iter().for_each(|taken| {
-        let Projection::Pinhole { intrinsics: k, .. } = taken.view.projection else { return };
-        match encode_png(&taken.image) {
-            Ok(png) => sender.send(OnboardPicture {
-                camera: taken.camera,
-                stamp_s: taken.stamp_s,
-                png,
-                extent: taken.view.extent,
-                pinhole: [k.fx, k.fy, k.cx, k.cy],
-                position: taken.view.extrinsics.position / scale.factor(),
-                orientation: taken.view.extrinsics.orientation,
-            }),
-            Err(error) => tracing::warn!("an onboard picture is dropped: {error}"),
-        }
-    });
 }

@@ -19,6 +19,6 @@ pub use chunks::{ChunkInfo, ChunkedLog, EntryFilter};
 pub use log::{LogOrigin, LogWriter};
 pub use poses::{POSE_COLUMNS, RecordedPose, read_poses};
 pub use reader::{LogEntry, LogReader, is_log, last_tick, read_commands, read_network};
-pub use recorder::{Cadence, RecordError, Recorder};
+pub use recorder::{Backpressure, Cadence, ClosingFiles, FileWork, RecordError, Recorder};
 pub use schema::{LoggedSnapshot, LoggedVehicle, NetworkCommand};
 pub use table::{COLUMNS, VehicleTable};

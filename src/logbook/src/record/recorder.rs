@@ -1,5 +1,5 @@
-//! Writes the files of a run on a writer thread. A bounded channel gives back-pressure: a full one blocks the
-//! simulation until the disk catches up.
+//! Writes the files of a run on a writer thread, behind a bounded channel. What a full channel does is the caller's
+//! choice: a run without a clock waits for the disk (back-pressure), a city that keeps real time goes on without files.
 
 use super::log::CommandKind;
 use super::{LogOrigin, LogWriter, NetworkCommand, VehicleTable};
@@ -8,7 +8,8 @@ use city3d_simulation::scenario::Experiment;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use thiserror::Error;
 
@@ -26,6 +27,17 @@ pub enum RecordError {
     /// The writer thread has ended before the run.
     #[error("the recorder's thread ended early")]
     Thread,
+    /// The disk takes less than the run writes, so that its files end early.
+    #[error("{path}: the disk is too slow for this run; the files end at {time_s:.2} s")]
+    Slow {
+        /// The folder of the run.
+        path: PathBuf,
+        /// Simulated time up to which the files are whole.
+        time_s: f64,
+    },
+    /// What comes before or after the files could not be done.
+    #[error(transparent)]
+    Around(Box<dyn std::error::Error + Send + Sync>),
     /// A table of poses cannot be read, or has a fault in this line.
     #[error("{path}: line {line}: {reason}")]
     Poses {
@@ -97,10 +109,27 @@ struct Batch {
 
 impl Batch {
     fn is_full(&self) -> bool {
-        let size = self.bytes.len() + self.vehicles * size_of::<VehicleState>();
-        size >= BATCH_BYTES || self.items.len() >= BATCH_ITEMS
+        self.size() >= BATCH_BYTES || self.items.len() >= BATCH_ITEMS
+    }
+
+    /// Memory of its contents, bytes.
+    fn size(&self) -> usize {
+        self.bytes.len() + self.vehicles * size_of::<VehicleState>() + self.items.len() * size_of::<Item>()
     }
 }
+
+/// What a run does when its disk is slower than it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Backpressure {
+    /// It waits: nothing is lost, and the run takes longer.
+    #[default]
+    Wait,
+    /// It goes on, and its files end: for a city that keeps real time.
+    GiveUp,
+}
+
+/// Something that the writer thread does before or after the files.
+pub type FileWork = Box<dyn FnOnce() -> Result<(), Box<dyn std::error::Error + Send + Sync>> + Send>;
 
 /// Intervals of log, table and flush, in ticks.
 #[derive(Clone, Copy, Debug)]
@@ -117,45 +146,103 @@ pub struct Cadence {
 const BATCH_BYTES: usize = 512 << 10;
 /// A batch is sent at this number of items, where they are small.
 const BATCH_ITEMS: usize = 4096;
-/// Capacity of the channel: the simulation does not wait for the compression of each chunk, but for a slow disk
-/// (back-pressure) rather than exhaust the memory.
+/// Capacity of the channel: the simulation does not wait for the compression of each chunk, but does not exhaust the
+/// memory behind a slow disk either.
 const BATCH_QUEUE: usize = 32;
+/// Without back-pressure, this much waits behind a full channel before the files end.
+const BACKLOG_BYTES: usize = 32 << 20;
 
 /// Writes `run.mcap` and `vehicles.csv` into a folder.
 #[derive(Debug)]
 pub struct Recorder {
+    folder: PathBuf,
     batches: Option<SyncSender<Batch>>,
     /// Not sent yet.
     batch: Batch,
     written: Receiver<Batch>,
+    /// What the thread writes last.
+    last: Arc<Mutex<Option<LastWork>>>,
     thread: Option<JoinHandle<Result<(), RecordError>>>,
     cadence: Cadence,
+    backpressure: Backpressure,
+    /// Simulated time of the last tick.
+    time_s: f64,
+}
+
+/// The end of the files: it does not wait for room in the channel.
+struct LastWork {
+    batch: Batch,
+    after: FileWork,
+}
+
+impl std::fmt::Debug for LastWork {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LastWork").field("batch", &self.batch).finish_non_exhaustive()
+    }
+}
+
+/// Files that are being closed by their writer thread.
+#[derive(Debug)]
+pub struct ClosingFiles(JoinHandle<Result<(), RecordError>>);
+
+impl ClosingFiles {
+    /// Whether they are closed, so that [`ClosingFiles::join`] does not wait.
+    pub fn is_closed(&self) -> bool {
+        self.0.is_finished()
+    }
+
+    /// Waits until they are closed.
+    ///
+    /// # Errors
+    /// What went wrong when a file could not be written.
+    pub fn join(self) -> Result<(), RecordError> {
+        self.0.join().unwrap_or(Err(RecordError::Thread))
+    }
 }
 
 impl Recorder {
     /// Begins both files.
     ///
+    /// With [`Backpressure::GiveUp`] the writer thread opens them, after the work `before`, so that no disk delays the
+    /// caller; an error shows with a later call.
+    ///
     /// # Errors
     /// When a file cannot be created.
     pub fn new(
         folder: &Path,
-        experiment: &Experiment,
+        experiment: &Arc<Experiment>,
         origin: LogOrigin,
         cadence: Cadence,
+        (backpressure, before): (Backpressure, FileWork),
     ) -> Result<Self, RecordError> {
-        let (log_path, table_path) = (folder.join("run.mcap"), folder.join("vehicles.csv"));
-        let create = |path: &Path| File::create(path).map(BufWriter::new).map_err(|e| failed(path, e));
-        let log = LogWriter::new(create(&log_path)?, experiment, origin).map_err(|e| failed(&log_path, e))?;
-        let table = VehicleTable::new(create(&table_path)?).map_err(|e| failed(&table_path, e))?;
         let (batches, queue) = sync_channel(BATCH_QUEUE);
         let (recycle, written) = sync_channel(BATCH_QUEUE);
-        let files = RunFileWriter { log, table, log_path, table_path };
-        let thread = std::thread::Builder::new()
-            .name("recorder".to_owned())
-            .spawn(move || files.write_all(&queue, &recycle))
-            .map_err(|error| failed(folder, error))?;
-        let batch = Batch::default();
-        Ok(Self { batches: Some(batches), batch, written, thread: Some(thread), cadence })
+        let last = Arc::new(Mutex::new(None));
+        let (of_thread, at) = (Arc::clone(&last), folder.to_path_buf());
+        let experiment = Arc::clone(experiment);
+        let open = move || {
+            before().map_err(RecordError::Around)?;
+            RunFileWriter::create(&at, &experiment, origin)
+        };
+        let thread = std::thread::Builder::new().name("recorder".to_owned());
+        let thread = match backpressure {
+            Backpressure::Wait => {
+                let files = open()?;
+                thread.spawn(move || files.write_all(&queue, &recycle, &of_thread))
+            }
+            Backpressure::GiveUp => thread.spawn(move || open()?.write_all(&queue, &recycle, &of_thread)),
+        };
+        Ok(Self {
+            folder: folder.to_path_buf(),
+            batches: Some(batches),
+            batch: Batch::default(),
+            written,
+            last,
+            thread: Some(thread.map_err(|error| failed(folder, error))?),
+            cadence,
+            backpressure,
+            time_s: 0.0,
+        })
     }
 
     /// Records a tick: its digest, its events, and its snapshot when one is due.
@@ -164,6 +251,7 @@ impl Recorder {
     /// What went wrong when a file could not be written.
     pub fn record(&mut self, snapshot: &FrameSnapshot, events: &[Event]) -> Result<(), RecordError> {
         let FrameSnapshot { tick, time_s, state_hash, .. } = *snapshot;
+        self.time_s = time_s;
         let items = &mut self.batch.items;
         items.extend(events.iter().cloned().map(Item::Event));
         items.push(Item::Tick { tick, time_s, state_hash });
@@ -205,21 +293,53 @@ impl Recorder {
     }
 
     fn send_batch(&mut self) -> Result<(), RecordError> {
+        let Some(batches) = &self.batches else { return Err(RecordError::Thread) };
         let empty = self.written.try_recv().unwrap_or_default();
         let full = std::mem::replace(&mut self.batch, empty);
-        let is_sent = self.batches.as_ref().is_some_and(|batches| batches.send(full).is_ok());
-        if is_sent { Ok(()) } else { self.join().and(Err(RecordError::Thread)) }
+        let sent = match self.backpressure {
+            Backpressure::Wait => batches.send(full).map_err(|_| None),
+            Backpressure::GiveUp => batches.try_send(full).map_err(|error| match error {
+                TrySendError::Full(full) => Some(full),
+                TrySendError::Disconnected(_) => None,
+            }),
+        };
+        match sent {
+            Ok(()) => Ok(()),
+            // The thread has ended, and says why.
+            Err(None) => self.join().and(Err(RecordError::Thread)),
+            Err(Some(full)) => {
+                self.batch = full;
+                if self.batch.size() < BACKLOG_BYTES {
+                    return Ok(());
+                }
+                // What waits is lost; what was sent is written whole.
+                self.batch = Batch::default();
+                self.batches = None;
+                Err(RecordError::Slow { path: self.folder.clone(), time_s: self.time_s })
+            }
+        }
     }
 
     /// Writes what is left and closes the files.
     ///
     /// # Errors
     /// What went wrong when a file could not be written.
-    pub fn finish(mut self) -> Result<(), RecordError> {
-        self.send_batch()?;
-        self.join()
+    pub fn finish(self) -> Result<(), RecordError> {
+        self.close(Box::new(|| Ok(())))?.join()
     }
 
+    /// Lets the writer thread write what is left, close the files, and do the work `after`; does not wait for it.
+    ///
+    /// # Errors
+    /// What went wrong when the thread had ended before.
+    pub fn close(mut self, after: FileWork) -> Result<ClosingFiles, RecordError> {
+        let batch = std::mem::take(&mut self.batch);
+        *self.last.lock().unwrap_or_else(PoisonError::into_inner) = Some(LastWork { batch, after });
+        self.batches = None;
+        self.thread.take().map(ClosingFiles).ok_or(RecordError::Thread)
+    }
+
+    /// Waits for the thread; only called where it has ended.
     fn join(&mut self) -> Result<(), RecordError> {
         self.batches = None;
         let Some(thread) = self.thread.take() else { return Ok(()) };
@@ -228,8 +348,18 @@ impl Recorder {
 }
 
 #[allow(clippy::needless_pass_by_value, reason = "the shape that map_err wants")]
-fn failed(path: &Path, reason: impl ToString) -> RecordError {
-    RecordError::File { path: path.to_path_buf(), reason: reason.to_string() }
+fn failed(path: &Path, error: impl std::error::Error) -> RecordError {
+    let mut reason = error.to_string();
+    // What the system says, such as that a disk is full, may be behind it.
+    let mut cause = error.source();
+    while let Some(behind) = cause {
+        let words = behind.to_string();
+        if !reason.contains(&words) {
+            reason = format!("{reason}: {words}");
+        }
+        cause = behind.source();
+    }
+    RecordError::File { path: path.to_path_buf(), reason }
 }
 
 struct RunFileWriter {
@@ -240,14 +370,36 @@ struct RunFileWriter {
 }
 
 impl RunFileWriter {
-    fn write_all(mut self, queue: &Receiver<Batch>, recycle: &SyncSender<Batch>) -> Result<(), RecordError> {
+    fn create(folder: &Path, experiment: &Experiment, origin: LogOrigin) -> Result<Self, RecordError> {
+        let (log_path, table_path) = (folder.join("run.mcap"), folder.join("vehicles.csv"));
+        let create = |path: &Path| File::create(path).map(BufWriter::new).map_err(|e| failed(path, e));
+        let log = LogWriter::new(create(&log_path)?, experiment, origin).map_err(|e| failed(&log_path, e))?;
+        let table = VehicleTable::new(create(&table_path)?).map_err(|e| failed(&table_path, e))?;
+        Ok(Self { log, table, log_path, table_path })
+    }
+
+    fn write_all(
+        mut self,
+        queue: &Receiver<Batch>,
+        recycle: &SyncSender<Batch>,
+        last: &Mutex<Option<LastWork>>,
+    ) -> Result<(), RecordError> {
         for mut batch in queue {
             self.write(&mut batch)?;
             // A full return channel only costs an allocation.
             let _ = recycle.try_send(batch);
         }
+        let last = last.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let after = match last {
+            Some(LastWork { mut batch, after }) => {
+                self.write(&mut batch)?;
+                Some(after)
+            }
+            None => None,
+        };
         self.log.finish().map_err(|e| failed(&self.log_path, e))?;
-        self.table.finish().map_err(|e| failed(&self.table_path, e))
+        self.table.finish().map_err(|e| failed(&self.table_path, e))?;
+        after.map_or(Ok(()), |after| after().map_err(RecordError::Around))
     }
 
     /// Writes a batch and leaves it empty.

@@ -7,7 +7,7 @@ use super::playhead::{FrameTimer, PlaybackCommand, Playhead, SeekTarget, TIME_TO
 use super::plot_cache::{PlotCache, PlotSample};
 use super::prefetch::{ChunkPrefetcher, ReadRequest, ReaderMonitor, SharedState};
 use super::registry::VehicleRegistry;
-use crate::live::{RunPhase, RunState, Speed};
+use crate::{RunPhase, RunState, Speed};
 use city3d_logbook::record::{ChunkedLog, EntryFilter, LogOrigin, LogReader};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_simulation::scenario::Experiment;
@@ -89,16 +89,7 @@ impl Player {
         }
         let empty = || PlaybackError::Empty(path.to_path_buf());
         let (first, last) = prefetcher.first_and_last().ok_or_else(empty)?;
-        let run_state = RunState {
-            before: Arc::clone(&first),
-            now: Arc::clone(&first),
-            phase: RunPhase::Paused,
-            speed: Speed::default(),
-            clock: None,
-            real_time_factor: 0.0,
-            run: 1,
-            folder: None,
-        };
+        let run_state = RunState::standing(Arc::clone(&first), RunPhase::Paused);
         let thread = std::thread::Builder::new().name("log".to_owned()).spawn(move || prefetcher.work());
         Ok(Self {
             shared,

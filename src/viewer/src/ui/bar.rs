@@ -1,8 +1,8 @@
 //! The toolbar: controls of the run, clock, scenario, camera and quality.
 
 use super::viewpoint::CameraMode;
-use super::{Look, QualityPreset, ScenarioChoice, UiAction, UiState, ViewModel};
-use city3d_session::live::{RunCommand, RunPhase, Speed};
+use super::{CityKind, Look, QualityPreset, ScenarioChoice, UiAction, UiState, ViewModel};
+use city3d_session::{Order, RunPhase, Speed};
 use egui::{Button, ComboBox, RichText, Ui};
 use std::path::Path;
 
@@ -19,10 +19,15 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
             ui.label(RichText::new(format!("Replay of {}", replay.name)).strong()).on_hover_text(tip);
         } else {
             run_controls(ui, shown, actions);
-            speed(ui, shown.run_state.speed, actions);
+            if shown.city == CityKind::Local {
+                speed(ui, shown.run_state.speed, actions);
+            }
             clock(ui, shown);
             ui.separator();
-            scenario(ui, shown, actions);
+            match &shown.run_state.link {
+                Some(link) => super::link::show(ui, link, shown),
+                None => scenario(ui, shown, actions),
+            }
         }
         ui.separator();
         cameras(ui, state);
@@ -45,25 +50,31 @@ const PACE: f32 = 58.0;
 fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let phase = &shown.run_state.phase;
     let can_run = !matches!(phase, RunPhase::Failed(_));
-    let mut button = |ui: &mut Ui, text: &str, enabled: bool, tip: &str, order: RunCommand| {
+    let mut button = |ui: &mut Ui, text: &str, enabled: bool, tip: &str, order: Order| {
         // Fixed width, so that its neighbours do not move.
-        let least = if order == RunCommand::Start || order == RunCommand::Pause { BUTTON } else { 0.0 };
+        let least = if order == Order::Start || order == Order::Pause { BUTTON } else { 0.0 };
         let button = Button::new(text).min_size(egui::vec2(least, 0.0));
         if ui.add_enabled(enabled, button).on_hover_text(tip).clicked() {
-            actions.push(UiAction::RunCommand(order));
+            actions.push(UiAction::Order(order));
         }
     };
     if *phase == RunPhase::Running {
-        button(ui, "\u{23f8} Pause", true, "Pause the experiment (Space)", RunCommand::Pause);
+        button(ui, "\u{23f8} Pause", true, "Pause the experiment (Space)", Order::Pause);
     } else if *phase == RunPhase::Over {
         let tip = format!("Continue beyond the {} s of the scenario, until paused (Space)", shown.duration_s);
-        button(ui, "\u{25b6} Go on", true, &tip, RunCommand::Start);
+        button(ui, "\u{25b6} Go on", true, &tip, Order::Start);
     } else {
-        button(ui, "\u{25b6} Start", can_run, "Start the experiment (Space)", RunCommand::Start);
+        button(ui, "\u{25b6} Start", can_run, "Start the experiment (Space)", Order::Start);
     }
-    button(ui, "\u{23ed} Step", can_run, "Advance by one tick, then pause (N)", RunCommand::Step);
-    let tip = "Back to the start; a new log begins (Ctrl+R)";
-    button(ui, "\u{27f2} Reset", true, tip, RunCommand::Reset);
+    if shown.city == CityKind::Local {
+        button(ui, "\u{23ed} Step", can_run, "Advance by one tick, then pause (N)", Order::Step);
+    }
+    let tip = match shown.city {
+        CityKind::Local => "Back to the start; a new log begins (Ctrl+R)",
+        CityKind::Served => "Back to the start with the same vehicles; a new log begins (Ctrl+R)",
+        CityKind::Elsewhere => "Asks the city to go back to its start (Ctrl+R)",
+    };
+    button(ui, "\u{27f2} Reset", true, tip, Order::Reset);
 }
 
 fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<UiAction>) {
@@ -80,7 +91,7 @@ fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<UiAction>) {
         .response
         .on_hover_text("Simulated seconds per second (+ and -)");
     if chosen != present {
-        actions.push(UiAction::RunCommand(RunCommand::Speed(chosen)));
+        actions.push(UiAction::Order(Order::Speed(chosen)));
     }
 }
 
@@ -114,7 +125,9 @@ fn clock(ui: &mut Ui, shown: &ViewModel<'_>) {
     let tip =
         format!("Experiment clock, tick {}; the scenario lasts {} s", run_state.now.tick, shown.duration_s);
     ui.label(RichText::new(text).monospace().strong()).on_hover_text(&tip);
-    ui.label(RichText::new(format!("/ {} s", shown.duration_s)).weak()).on_hover_text(tip);
+    if shown.city == CityKind::Local {
+        ui.label(RichText::new(format!("/ {} s", shown.duration_s)).weak()).on_hover_text(tip);
+    }
     let (text, tip) = match &run_state.phase {
         RunPhase::Running => (
             format!("at {}x", factor(run_state.real_time_factor)),

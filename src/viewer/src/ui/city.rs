@@ -3,7 +3,7 @@
 use super::layers::{self, Canvas};
 use super::{PictureRequest, PictureSlot, UiState, ViewModel, map, status};
 use city3d_protocol::snapshot::{Status, VehicleId};
-use city3d_session::live::RunPhase;
+use city3d_session::RunPhase;
 use egui::emath::GuiRounding as _;
 use egui::{Align2, Color32, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Ui};
 use glam::DVec3;

@@ -2,8 +2,8 @@
 
 use super::{UiAction, UiState, ViewModel};
 use crate::cockpit::{ControlFunction, DriverInput, HeldKeys, ManualDriver};
-use city3d_protocol::snapshot::{Indicator, Pedals, SimCommand, VehicleId};
-use city3d_session::live::{RunCommand, RunPhase};
+use city3d_protocol::snapshot::{Indicator, Pedals, VehicleId};
+use city3d_session::{Order, RunPhase};
 use egui::{Key, Ui};
 
 /// Manual control of a vehicle by the user.
@@ -113,7 +113,7 @@ pub fn step(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut V
     let pedals = driving.driver.step(hands, vehicle.speed_mps, steering_geometry, dt_s);
     if driving.told != Some(pedals) {
         driving.told = Some(pedals);
-        actions.push(UiAction::RunCommand(RunCommand::Vehicle(SimCommand::Drive(driving.vehicle, pedals))));
+        actions.push(UiAction::Order(Order::Drive(driving.vehicle, pedals)));
     }
     ui.ctx().request_repaint();
 }

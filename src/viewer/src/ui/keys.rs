@@ -2,9 +2,9 @@
 
 use super::bar::other_speed;
 use super::viewpoint::CameraMode;
-use super::{UiAction, UiState, ViewModel, timeline};
+use super::{CityKind, UiAction, UiState, ViewModel, timeline};
 use city3d_protocol::snapshot::VehicleId;
-use city3d_session::live::{RunCommand, RunPhase};
+use city3d_session::{Order, RunPhase};
 use egui::{Event, Key, Modifiers, Ui};
 use glam::DVec3;
 
@@ -32,7 +32,7 @@ pub fn act(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Ve
             // Key repeat only seeks in a recording.
         } else if modifiers.command {
             match key {
-                Key::R if shown.replay.is_none() => actions.push(UiAction::RunCommand(RunCommand::Reset)),
+                Key::R if shown.replay.is_none() => actions.push(UiAction::Order(Order::Reset)),
                 Key::Q => actions.push(UiAction::Quit),
                 _ => {}
             }
@@ -74,17 +74,19 @@ fn press(key: Key, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec
         // A replay is not simulated, and nobody drives in it.
         Key::Space | Key::N | Key::Plus | Key::Equals | Key::Minus | Key::F2 | Key::Enter
             if shown.replay.is_some() => {}
+        // Only a local city is stepped, and keeps another time than the clock's.
+        Key::N | Key::Plus | Key::Equals | Key::Minus if shown.city != CityKind::Local => {}
         Key::F3 if shown.replay.is_some() => state.open.events = !state.open.events,
         Key::Space if run_state.phase == RunPhase::Running => {
-            actions.push(UiAction::RunCommand(RunCommand::Pause));
+            actions.push(UiAction::Order(Order::Pause));
         }
-        Key::Space => actions.push(UiAction::RunCommand(RunCommand::Start)),
-        Key::N => actions.push(UiAction::RunCommand(RunCommand::Step)),
+        Key::Space => actions.push(UiAction::Order(Order::Start)),
+        Key::N => actions.push(UiAction::Order(Order::Step)),
         Key::Plus | Key::Equals => {
-            actions.push(UiAction::RunCommand(RunCommand::Speed(other_speed(run_state.speed, true))));
+            actions.push(UiAction::Order(Order::Speed(other_speed(run_state.speed, true))));
         }
         Key::Minus => {
-            actions.push(UiAction::RunCommand(RunCommand::Speed(other_speed(run_state.speed, false))));
+            actions.push(UiAction::Order(Order::Speed(other_speed(run_state.speed, false))));
         }
         Key::F1 | Key::Questionmark => state.open.help = !state.open.help,
         Key::F2 => state.open.controllers = !state.open.controllers,

@@ -10,6 +10,7 @@ mod help;
 mod history;
 mod keys;
 mod layers;
+mod link;
 mod map;
 mod occlusion;
 mod preview;
@@ -33,8 +34,8 @@ use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_roadmap::{CityMap, LaneId};
 use city3d_scene::Wall;
 use city3d_sensors::View;
-use city3d_session::live::{RunCommand, RunState};
 use city3d_session::playback::{PlaybackCommand, Playhead, TimelineMark};
+use city3d_session::{Order, RunState};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -80,8 +81,22 @@ pub struct ViewModel<'a> {
     pub most_moving_pixels: Option<u32>,
     /// Pedals, steering and lateral errors are known; otherwise only poses are.
     pub has_control_data: bool,
+    /// Where the city runs, and so what can be asked of it.
+    pub city: CityKind,
     /// The playback, where a recorded run is shown.
     pub replay: Option<ReplayView<'a>>,
+}
+
+/// Where a city runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CityKind {
+    /// In this window's process, with its control framework.
+    #[default]
+    Local,
+    /// In this window's process, for controllers that connect.
+    Served,
+    /// Somewhere else; it is watched over the link.
+    Elsewhere,
 }
 
 impl ViewModel<'_> {
@@ -137,8 +152,8 @@ pub struct PictureRequest {
 /// An action of the user that the panels do not carry out themselves.
 #[derive(Clone, Debug, PartialEq)]
 pub enum UiAction {
-    /// A command to the live run.
-    RunCommand(RunCommand),
+    /// An order to the city.
+    Order(Order),
     /// A command to the player of a log.
     PlaybackCommand(PlaybackCommand),
     /// The user takes over this vehicle.
@@ -452,7 +467,9 @@ fn sheet(ui: &egui::Ui, title: &'static str) -> egui::Window<'static> {
 
 fn footer(ui: &mut egui::Ui, shown: &ViewModel<'_>) {
     ui.horizontal(|ui| {
-        ui.small(if shown.replay.is_some() {
+        ui.small(if shown.replay.is_none() && shown.city != CityKind::Local {
+            "Space start/pause   click a car to select   F follow   P preview   Enter drive   F1 all keys"
+        } else if shown.replay.is_some() {
             "Space play/pause   left right 5 s   [ ] event   click a car to select   F follow   P preview   F1 all keys"
         } else {
             "Space start/pause   N step   click a car to select   F follow   P preview   Enter drive   F1 all keys"

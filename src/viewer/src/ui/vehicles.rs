@@ -3,7 +3,7 @@
 use super::{DriverNames, Selection, UiState, ViewModel, status};
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId};
 use city3d_roadmap::CityMap;
-use city3d_session::live::RunPhase;
+use city3d_session::RunPhase;
 use egui::{Align, Color32, Layout, RichText, Sense, Ui, Vec2};
 use egui_extras::{Column, TableBuilder};
 use serde::{Deserialize, Serialize};
@@ -229,9 +229,9 @@ pub fn show(ui: &mut Ui, shown: &ViewModel<'_>, state: &mut UiState) {
     }
     if listed.is_empty() {
         let text = if snapshot.vehicles.is_empty() {
-            "This scenario has no vehicles."
+            super::link::absence(shown)
         } else {
-            "No vehicle matches the filter."
+            "No vehicle matches the filter.".to_owned()
         };
         ui.add_space(8.0);
         ui.label(RichText::new(text).weak());

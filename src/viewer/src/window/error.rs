@@ -1,9 +1,8 @@
 //! Errors of the window.
 
 use city3d_render::RenderError;
-use city3d_session::LoadError;
-use city3d_session::live::LiveError;
 use city3d_session::playback::PlaybackError;
+use city3d_session::{LoadError, SessionError};
 use thiserror::Error;
 
 /// Why the window cannot open, or had to close.
@@ -14,10 +13,10 @@ pub enum WindowError {
     Load(#[from] LoadError),
     /// A run that cannot begin.
     #[error(transparent)]
-    Begin(LiveError),
+    Begin(SessionError),
     /// A run whose log is not whole.
     #[error(transparent)]
-    End(LiveError),
+    End(SessionError),
     /// A run that failed under way.
     #[error("{0}")]
     Failed(String),

@@ -8,8 +8,9 @@ use super::surface::WindowSurface;
 use super::viewer::{RecordedRun, RecordingOptions, ViewerState, WindowRequest};
 use super::{ViewSettings, WindowError, WindowOptions, WindowSubject};
 use crate::cockpit::Devices;
+use crate::ui::CityKind;
 use city3d_render::{Context, write_png};
-use city3d_session::live::RunCommand;
+use city3d_session::Order;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
@@ -22,6 +23,8 @@ const USUAL_SIZE: [u32; 2] = [1280, 720];
 /// Least time between two frames; without a GPU, frames leave CPU time to the run.
 const FRAME: Duration = Duration::from_millis(1000 / 60);
 const SOFTWARE_FRAME: Duration = Duration::from_millis(1000 / 30);
+/// Robots and controllers wait for a served city, which shares the processors with its window.
+const SERVED_FRAME: Duration = Duration::from_millis(1000 / 15);
 
 /// Retry interval of a surface that cannot be drawn to.
 const RETRY_DELAY: Duration = Duration::from_millis(50);
@@ -203,7 +206,7 @@ impl OpenWindow {
             Some(most),
         );
         if matches!(subject, WindowSubject::Scenario(scenario) if scenario.starts) {
-            viewer.send(RunCommand::Start);
+            viewer.send(Order::Start);
         }
         Ok(Self {
             window,
@@ -235,7 +238,11 @@ impl OpenWindow {
     }
 
     fn frame(&self) -> Duration {
-        if self.painter.context().is_software { SOFTWARE_FRAME } else { FRAME }
+        match (self.painter.context().is_software, self.viewer.city()) {
+            (true, CityKind::Served) => SERVED_FRAME,
+            (true, _) => SOFTWARE_FRAME,
+            (false, _) => FRAME,
+        }
     }
 
     /// Schedules a frame, not before the least frame time.
@@ -251,6 +258,9 @@ impl OpenWindow {
         self.due = None;
         if self.is_hidden || !self.surface.has_size() {
             return Ok(true);
+        }
+        if self.viewer.has_ended() {
+            return Ok(false);
         }
         self.measure();
         self.hear_gamepads();

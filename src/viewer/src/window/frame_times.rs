@@ -4,7 +4,7 @@ use super::painter::{PaintTarget, WindowPainter};
 use super::viewer::{LogLocation, RecordingOptions, ViewerState};
 use super::{ScenarioSubject, ViewSettings, WindowError, WindowOptions, WindowSubject, event_loop, picture};
 use city3d_render::Context;
-use city3d_session::live::RunCommand;
+use city3d_session::Order;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -48,7 +48,7 @@ pub fn frame_times(
     let mut painter =
         WindowPainter::new(context, viewer.experiment(), look, wgpu::TextureFormat::Rgba8Unorm)?;
     let extent = options.size.unwrap_or(picture::USUAL_SIZE);
-    viewer.send(RunCommand::Start);
+    viewer.send(Order::Start);
     let (times, real_time_factor) = measure(&mut viewer, &mut painter, extent, seconds)?;
     Ok(FrameTimes {
         times,

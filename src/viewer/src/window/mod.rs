@@ -17,14 +17,14 @@ pub use frame_times::{FrameTimes, frame_times};
 pub use picture::{WindowPicture, picture};
 pub use viewer::{LogLocation, RecordedRun};
 
-use crate::ui::{CameraMode, Look, QualityPreset};
+use crate::ui::{CameraMode, CityKind, Look, QualityPreset};
 use city3d_render::{AdapterPreference, Context};
-use city3d_session::live::Speed;
 use city3d_session::playback::Player;
-use city3d_simulation::scenario::{ScenarioRequest, TimeOfDay};
+use city3d_session::{SessionError, SessionHandle, Speed};
+use city3d_simulation::scenario::{Experiment, ScenarioRequest, TimeOfDay};
 use settings::ViewSettings;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use viewer::{RecordingOptions, ViewerState};
 
 /// What the window shows.
@@ -32,8 +32,39 @@ use viewer::{RecordingOptions, ViewerState};
 pub enum WindowSubject {
     /// A live run of a scenario.
     Scenario(ScenarioSubject),
+    /// A session that somebody else has started: a served city, or one elsewhere.
+    City(CitySubject),
     /// The log of a recorded run.
     Log(PathBuf),
+}
+
+/// A session that was started before the window.
+#[derive(Clone, Debug)]
+pub struct CitySubject {
+    /// The scenario with its vehicles: what the window knows of the city before it is told.
+    pub experiment: Arc<Experiment>,
+    /// The scenario as it was requested.
+    pub request: ScenarioRequest,
+    /// Where the city runs.
+    pub kind: CityKind,
+    /// The session; a window that opens takes it.
+    pub session: Arc<Mutex<Option<SessionHandle>>>,
+}
+
+impl CitySubject {
+    /// A subject of a session.
+    pub fn new(
+        session: SessionHandle,
+        (request, experiment): (ScenarioRequest, Arc<Experiment>),
+        kind: CityKind,
+    ) -> Self {
+        Self { experiment, request, kind, session: Arc::new(Mutex::new(Some(session))) }
+    }
+
+    /// Takes the session, once.
+    pub fn take(&self) -> Option<SessionHandle> {
+        self.session.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
 }
 
 /// A scenario that the window runs.
@@ -97,6 +128,11 @@ impl WindowSubject {
     ) -> Result<ViewerState, WindowError> {
         let mut viewer = match self {
             Self::Scenario(subject) => subject.viewer(options, context, settings, recording)?,
+            Self::City(subject) => {
+                let look = options.look(context, settings, subject.experiment.time_of_day);
+                let session = subject.take().ok_or(WindowError::End(SessionError::Ended))?;
+                ViewerState::on_city(session, subject, look, recording)
+            }
             Self::Log(log) => {
                 let on_update = Arc::clone(&recording.on_update);
                 let player = Player::open(log, Box::new(move || on_update()))?;
@@ -118,7 +154,7 @@ impl WindowSubject {
     fn logs(&self) -> LogLocation {
         match self {
             Self::Scenario(subject) => subject.logs.clone(),
-            Self::Log(_) => LogLocation::Nowhere,
+            Self::City(_) | Self::Log(_) => LogLocation::Nowhere,
         }
     }
 }

@@ -236,8 +236,6 @@ pub fn renderer(context: &Context, experiment: &Experiment, look: Look) -> Resul
         || SceneDescription::with_models(&experiment.city_map, &experiment.models.placed),
     );
     let mut renderer = Renderer::with_textures(context, &scene, baked)?;
-    for (&body, model) in &experiment.models.vehicles {
-        renderer.set_vehicle_model(body, model);
-    }
+    renderer.set_vehicle_models(&experiment.models.vehicles);
     Ok(renderer)
 }

@@ -6,11 +6,11 @@ use super::{ViewSettings, WindowError, WindowOptions, WindowSubject};
 use crate::ui::UiAction;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_render::{Context, Image};
-use city3d_session::live::{LiveError, RunCommand, RunPhase};
 use city3d_session::playback::{PlaybackCommand, Player};
+use city3d_session::{Order, RunPhase, SessionError};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A picture of the window.
 #[derive(Clone, Debug)]
@@ -47,6 +47,10 @@ pub fn picture(subject: &WindowSubject, options: &WindowOptions) -> Result<Windo
             run_to(&mut viewer, at_s)?;
             None
         }
+        WindowSubject::City(city) => {
+            wait_for_city(&viewer, options.at_s.unwrap_or(0.0), &city.request.scenario)?;
+            None
+        }
         WindowSubject::Log(_) => {
             go_to(&mut viewer, options)?;
             wait_for_log(&mut viewer);
@@ -63,6 +67,7 @@ pub fn picture(subject: &WindowSubject, options: &WindowOptions) -> Result<Windo
     let mut painter =
         WindowPainter::new(context, viewer.experiment(), look, wgpu::TextureFormat::Rgba8Unorm)?;
     let image = render_offscreen(&mut viewer, &mut painter, options.size.unwrap_or(USUAL_SIZE))?;
+    viewer.close()?;
     Ok(WindowPicture { image, truncation })
 }
 
@@ -91,12 +96,35 @@ fn wait_for_log(viewer: &mut ViewerState) {
     }
 }
 
+/// Waits until a city elsewhere has come to a time.
+fn wait_for_city(viewer: &ViewerState, time_s: f64, name: &str) -> Result<(), WindowError> {
+    const PATIENCE: Duration = Duration::from_secs(10);
+    let (mut since, mut last) = (Instant::now(), viewer.run_state());
+    loop {
+        let state = viewer.run_state();
+        let trouble = state.link.as_ref().and_then(|link| link.trouble.clone());
+        let is_there = !state.now.vehicles.is_empty() && state.now.time_s >= time_s && trouble.is_none();
+        if is_there {
+            return Ok(());
+        }
+        if state.now.tick != last.now.tick {
+            since = Instant::now();
+        }
+        if state.has_ended || since.elapsed() > PATIENCE {
+            let why = trouble.unwrap_or_else(|| format!("{name} has not come to {time_s} s"));
+            return Err(WindowError::Failed(why));
+        }
+        last = state;
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
 /// Steps the run to a time.
 fn run_to(viewer: &mut ViewerState, time_s: f64) -> Result<(), WindowError> {
     let ticks = (time_s * f64::from(viewer.experiment().rates.physics_hz)).round() as u64;
     for tick in 1..=ticks {
-        if !viewer.send(RunCommand::Step) {
-            return Err(WindowError::End(LiveError::Ended));
+        if !viewer.send(Order::Step) {
+            return Err(WindowError::End(SessionError::Ended));
         }
         let run_state = loop {
             let run_state = viewer.run_state();

@@ -2,7 +2,7 @@
 
 use crate::cockpit::DeviceProfile;
 use crate::ui::{CameraMode, Layers, PanelWidths, PreviewCamera, QualityPreset, TableState};
-use city3d_session::live::Speed;
+use city3d_session::Speed;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

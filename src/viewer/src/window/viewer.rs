@@ -1,21 +1,26 @@
 //! The viewer without its window: a live run or a player, the state of the panels, and the actions between them.
 
-use super::WindowError;
 use super::settings::{ViewSettings, WatchedVehicles};
+use super::{CitySubject, WindowError};
 use crate::cockpit::SteeringGeometry;
 use crate::ui::{
-    self, CameraMode, DriverNames, History, HistorySample, KEPT_S, Look, ManualDrive, PictureRequest,
-    PictureSlot, Preview, ReplayView, ScenarioCamera, ScenarioChoice, UiAction, UiState, ViewModel,
+    self, CameraMode, CityKind, DriverNames, History, HistorySample, KEPT_S, Look, ManualDrive,
+    PictureRequest, PictureSlot, Preview, ReplayView, ScenarioCamera, ScenarioChoice, UiAction, UiState,
+    ViewModel,
 };
 use city3d_logbook::record::LogOrigin;
-use city3d_protocol::snapshot::{FrameSnapshot, SimCommand, VehicleId};
+use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleInfo, VehicleSpec};
 use city3d_render::Context;
 use city3d_roadmap::LaneId;
 use city3d_scene::{SceneDescription, Wall};
 use city3d_sensors::{Sensor, SensorKind};
-use city3d_session::live::{LiveOptions, LiveRun, RunCommand, RunPhase, RunState, Speed};
 use city3d_session::playback::{LogInfo, PlaybackCommand, Player};
+use city3d_session::{
+    FileOptions, Host, LocalCity, Order, Overwrite, RunFiles, RunFolders, RunPhase, RunState, Session,
+    SessionHandle, Speed, WallTime,
+};
 use city3d_simulation::scenario::{Experiment, Library, ScenarioRequest, shipped_scenarios};
+use city3d_simulation::sim::World;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -76,8 +81,8 @@ pub enum WindowRequest {
 
 /// What is shown.
 enum ViewedRun {
-    /// A run that goes on.
-    Run(LiveRun),
+    /// A session that goes on.
+    Run(SessionHandle),
     /// One that was recorded.
     Log(Box<Player>),
 }
@@ -108,6 +113,11 @@ pub struct ViewerState {
     request: ScenarioRequest,
     recording: RecordingOptions,
     source: ViewedRun,
+    city: CityKind,
+    /// Runs of this window in the present folder before the session.
+    runs_before: u32,
+    /// The refusal of an order that was said last.
+    refused: u64,
     experiment: Arc<Experiment>,
     scenario_info: ScenarioInfo,
     /// What the user has chosen.
@@ -189,6 +199,28 @@ impl ViewerState {
         Ok(viewer)
     }
 
+    /// A viewer of a session that is there already.
+    pub fn on_city(
+        session: SessionHandle,
+        subject: &CitySubject,
+        look: Look,
+        recording: RecordingOptions,
+    ) -> Self {
+        let on_update = Arc::clone(&recording.on_update);
+        session.on_update(Arc::new(move || on_update()));
+        let experiment = Arc::clone(&subject.experiment);
+        let planned = World::new(Arc::clone(&experiment)).snapshot();
+        let run = ViewedRun::Run(session);
+        let mut viewer = Self::on(run, subject.request.clone(), experiment, (look, recording));
+        viewer.city = subject.kind;
+        viewer.scenario_info.own = None;
+        // A city elsewhere tells its poses alone.
+        viewer.scenario_info.has_control_data = subject.kind == CityKind::Served;
+        // The first picture shows where vehicles will be.
+        viewer.state = UiState::new(&planned, look);
+        viewer
+    }
+
     /// A viewer of a recorded run; `log` is its name.
     pub fn on_log(player: Player, log: String, look: Look, recording: RecordingOptions) -> Self {
         let experiment = Arc::clone(player.experiment());
@@ -222,6 +254,9 @@ impl ViewerState {
             request,
             recording,
             source,
+            city: CityKind::Local,
+            runs_before: 0,
+            refused: 0,
             experiment,
             history: History::default(),
             interpolated,
@@ -251,7 +286,7 @@ impl ViewerState {
     }
 
     /// Sends a command to the live run; returns whether it takes it. A replay has no run.
-    pub fn send(&self, command: RunCommand) -> bool {
+    pub fn send(&self, command: Order) -> bool {
         let ViewedRun::Run(live) = &self.source else { return false };
         let is_taken = live.send(command);
         if !is_taken {
@@ -286,7 +321,7 @@ impl ViewerState {
 
     /// Sets the speed of the live run as a multiple of real time.
     pub fn set_speed(&self, speed: Speed) {
-        self.send(RunCommand::Speed(speed));
+        self.send(Order::Speed(speed));
     }
 
     /// Sets the adapter: name and pixel budget.
@@ -334,7 +369,10 @@ impl ViewerState {
         let (run_state, weight) = self.source.advance(Instant::now());
         self.interpolated.blend(&run_state.before, &run_state.now, weight);
         self.record_samples(&run_state);
-        self.seat_user(ui.input(|input| input.time));
+        let now_s = ui.input(|input| input.time);
+        self.meet_vehicles(&run_state);
+        self.seat_user(now_s);
+        self.say_refusal(&run_state, now_s);
         let told = self.player().map(|player| (player.head(), player.is_late(), player.info()));
         let replay = told.as_ref().map(|(head, is_late, told)| {
             let LogInfo { marks, searched, truncation } = told;
@@ -369,6 +407,7 @@ impl ViewerState {
             frames_per_s,
             most_moving_pixels: self.most_moving_pixels,
             has_control_data: self.scenario_info.has_control_data,
+            city: self.city,
             replay,
         };
         ui::show(ui, &mut self.state, &shown)
@@ -379,7 +418,7 @@ impl ViewerState {
         let mut requests = Vec::new();
         for action in actions {
             match action {
-                UiAction::RunCommand(command) => {
+                UiAction::Order(command) => {
                     self.send(command);
                 }
                 UiAction::PlaybackCommand(command) => self.control_playback(command),
@@ -398,20 +437,71 @@ impl ViewerState {
         requests
     }
 
-    /// Gives the user the vehicle that the scenario reserves for a person, once per run.
+    /// Vehicles that the scenario does not have: guests of a served city.
+    fn meet_vehicles(&mut self, run_state: &RunState) {
+        for info in run_state.now.roster.iter() {
+            self.scenario_info.steering_geometry.entry(info.id).or_insert_with(|| SteeringGeometry {
+                wheelbase_m: info.dimensions.wheelbase_m,
+                steering_limit_rad: VehicleSpec::default().steering_limit_rad,
+            });
+        }
+    }
+
+    /// Says why an order was not carried out.
+    fn say_refusal(&mut self, run_state: &RunState, now_s: f64) {
+        if let Some((count, why)) = &run_state.refusal
+            && *count != self.refused
+        {
+            self.refused = *count;
+            self.state.say(sentence(why), now_s);
+        }
+    }
+
+    /// Gives the user the vehicle that the scenario reserves for a person, or the car that this window has brought,
+    /// once per run.
     fn seat_user(&mut self, now_s: f64) {
-        let run = self.run_state().run;
-        if matches!(self.source, ViewedRun::Run(_)) && self.seated_in_run != run {
-            self.seated_in_run = run;
-            if let Some(vehicle) = self.scenario_info.own {
+        let run_state = self.run_state();
+        let is_new = matches!(self.source, ViewedRun::Run(_)) && self.seated_in_run != run_state.run;
+        let own = match self.city {
+            CityKind::Local => self.scenario_info.own,
+            CityKind::Served => None,
+            CityKind::Elsewhere => run_state.link.as_ref().and_then(|link| link.own_vehicle),
+        };
+        let is_there = own.is_some_and(|vehicle| run_state.now.vehicle(vehicle).is_some());
+        if is_new && (is_there || self.city == CityKind::Local) {
+            self.seated_in_run = run_state.run;
+            if let Some(vehicle) = own {
                 self.take_over(vehicle, now_s);
             }
         }
     }
 
+    /// Why a vehicle cannot be driven from here.
+    fn reason_against_driving(&self, vehicle: VehicleId, run_state: &RunState) -> Option<String> {
+        let is_physical = run_state.now.info(vehicle).is_some_and(VehicleInfo::is_physical);
+        if is_physical || self.experiment.is_physical(vehicle) {
+            return Some(format!("Vehicle {vehicle} is in the laboratory: it is measured here, not driven."));
+        }
+        let own = run_state.link.as_ref().and_then(|link| link.own_vehicle);
+        match (self.city, own) {
+            (CityKind::Elsewhere, None) => Some(
+                "This window watches a city elsewhere; city3d view --city ADDR --guest brings a car of your own."
+                    .to_owned(),
+            ),
+            (CityKind::Elsewhere, Some(own)) if own != vehicle => {
+                Some(format!("Vehicle {vehicle} is not yours; your car is number {own}."))
+            }
+            _ => None,
+        }
+    }
+
     fn take_over(&mut self, vehicle: VehicleId, now_s: f64) {
-        self.give_back(now_s);
         let run_state = self.run_state();
+        if let Some(why) = self.reason_against_driving(vehicle, &run_state) {
+            self.state.say(why, now_s);
+            return;
+        }
+        self.give_back(now_s);
         let Some(state) = run_state.now.vehicle(vehicle) else { return };
         self.state.driving = Some(ManualDrive::take_over(vehicle, run_state.run, state.steering_rad));
         self.state.selection.vehicle = Some(vehicle);
@@ -427,7 +517,7 @@ impl ViewerState {
 
     fn give_back(&mut self, now_s: f64) {
         let Some(driving) = self.state.driving.take() else { return };
-        self.send(RunCommand::Vehicle(SimCommand::Release(driving.vehicle)));
+        self.send(Order::Release(driving.vehicle));
         self.state.viewpoint.rear = false;
         let run_state = self.run_state();
         let found = run_state.now.vehicle(driving.vehicle).zip(run_state.now.info(driving.vehicle));
@@ -456,11 +546,14 @@ impl ViewerState {
         now_s: f64,
     ) -> Result<(), WindowError> {
         // Runs in one folder are numbered on.
-        let before = if let LogLocation::In(_) = self.recording.logs { self.run_state().run } else { 0 };
+        let before = match self.recording.logs {
+            LogLocation::In(_) => self.runs_before + self.run_state().run,
+            LogLocation::Nowhere | LogLocation::OfTheUser => 0,
+        };
         let live = start(&request, &experiment, &self.recording, before)?;
         let old = std::mem::replace(&mut self.source, ViewedRun::Run(live));
         let old_name = self.experiment.name.clone();
-        self.request = request;
+        (self.request, self.runs_before, self.refused) = (request, before, 0);
         self.seated_in_run = 0;
         self.scenario_info = ScenarioInfo::of(&experiment);
         self.experiment = experiment;
@@ -472,10 +565,9 @@ impl ViewerState {
         self.set_speed(old.run_state().speed);
         if let ViewedRun::Run(old) = old {
             match old.stop() {
-                Ok(folders) => {
-                    let scenario = || old_name.clone();
-                    let runs = folders.into_iter().map(|folder| RecordedRun { scenario: scenario(), folder });
-                    self.recorded.extend(runs);
+                Ok(written) => {
+                    self.state.notice = written.failure.map(|why| (why, now_s + 6.0));
+                    self.recorded.extend(recorded(&old_name, written.folders));
                 }
                 Err(error) => self.state.say(error.to_string(), now_s),
             }
@@ -508,8 +600,8 @@ impl ViewerState {
         (settings.table, settings.layers, settings.widths) =
             (state.table.clone(), state.layers, state.widths);
         settings.mode = state.viewpoint.mode;
-        // Settings of a replay are not stored for the next run.
-        let ViewedRun::Run(live) = &self.source else { return };
+        // Settings of a replay, or of a city that keeps its own time, are not stored for the next run.
+        let (ViewedRun::Run(live), CityKind::Local) = (&self.source, self.city) else { return };
         settings.speed = Some(live.run_state().speed);
         let name =
             |id: VehicleId| self.experiment.vehicles.iter().find(|v| v.id == id).map(|v| v.name.clone());
@@ -527,12 +619,39 @@ impl ViewerState {
     /// When the log could not be written to its end.
     pub fn close(mut self) -> Result<Vec<RecordedRun>, WindowError> {
         let ViewedRun::Run(live) = self.source else { return Ok(Vec::new()) };
-        let folders = live.stop().map_err(WindowError::End)?;
-        let name = &self.experiment.name;
-        let last = folders.into_iter().map(|folder| RecordedRun { scenario: name.clone(), folder });
-        self.recorded.extend(last);
-        Ok(self.recorded)
+        if self.city == CityKind::Served {
+            // Who serves the city tells what was written.
+            live.stop().map_err(WindowError::End)?;
+            return Ok(Vec::new());
+        }
+        let written = live.stop().map_err(WindowError::End)?;
+        self.recorded.extend(recorded(&self.experiment.name, written.folders));
+        match written.failure {
+            Some(why) => Err(WindowError::Failed(why)),
+            None => Ok(self.recorded),
+        }
     }
+
+    /// Whether the session has ended by itself.
+    pub fn has_ended(&self) -> bool {
+        matches!(self.source, ViewedRun::Run(_)) && self.run_state().has_ended
+    }
+
+    /// Where the city runs.
+    pub fn city(&self) -> CityKind {
+        self.city
+    }
+}
+
+/// The recorded runs of a scenario.
+fn recorded(scenario: &str, folders: Vec<PathBuf>) -> impl Iterator<Item = RecordedRun> {
+    folders.into_iter().map(|folder| RecordedRun { scenario: scenario.to_owned(), folder })
+}
+
+/// A clause as a sentence.
+fn sentence(clause: &str) -> String {
+    let mut letters = clause.chars();
+    letters.next().map_or_else(String::new, |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))
 }
 
 /// A shipped scenario with its description.
@@ -547,10 +666,20 @@ fn start(
     request: &ScenarioRequest,
     experiment: &Arc<Experiment>,
     recording: &RecordingOptions,
-    runs_before: u32,
-) -> Result<LiveRun, WindowError> {
+    before: u32,
+) -> Result<SessionHandle, WindowError> {
     let on_update = Arc::clone(&recording.on_update);
-    let record = recording.logs.of(&request.scenario);
-    let options = LiveOptions { record, runs_before, on_update: Some(Box::new(move || on_update())) };
-    LiveRun::new(Arc::clone(experiment), options).map_err(WindowError::Begin)
+    let folders = match recording.logs.of(&request.scenario) {
+        Some(root) => RunFolders::Numbered { root, before },
+        None => RunFolders::None,
+    };
+    // The command has asked already whether runs may be written over.
+    let options = FileOptions { overwrite: Overwrite::Replace, ..FileOptions::default() };
+    let files = RunFiles::new(folders, LogOrigin::Run, options).without_waiting().counting(WallTime::Steps);
+    let (host, written) = (Host::system(), files.written());
+    let city = LocalCity::new(Arc::clone(experiment), host.clone()).map_err(WindowError::Begin)?;
+    let session = Session::new(city, host).with_end(Box::new(files));
+    let session = session.spawn(Some(written)).map_err(WindowError::Begin)?;
+    session.on_update(Arc::new(move || on_update()));
+    Ok(session)
 }

@@ -3,7 +3,7 @@
 use super::desk::{Desk, click, fleet, harness, press, with};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_scene::Wall;
-use city3d_session::live::RunPhase;
+use city3d_session::RunPhase;
 use city3d_viewer::ui::{CameraMode, PictureRequest, PictureSlot, UiAction};
 use egui::{Pos2, Rect, Shape, Vec2};
 use egui_kittest::Harness;

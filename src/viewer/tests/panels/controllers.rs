@@ -1,8 +1,8 @@
 //! The page of gamepads and steering wheels, and driving with them.
 
 use super::desk::{Desk, click, fleet, harness, press};
-use city3d_protocol::snapshot::{Indicator, Pedals, SimCommand, VehicleId};
-use city3d_session::live::{RunCommand, RunPhase};
+use city3d_protocol::snapshot::{Indicator, Pedals, VehicleId};
+use city3d_session::{Order, RunPhase};
 use city3d_viewer::cockpit::{ControlFunction, DeviceControl, DeviceEvent, DeviceInfo, DeviceProfile};
 use city3d_viewer::ui::{ManualDrive, UiAction};
 use egui_kittest::Harness;
@@ -50,7 +50,7 @@ fn go(harness: &mut Harness<'static, Desk>, device: usize, control: DeviceContro
 
 fn last(harness: &Harness<'static, Desk>) -> Pedals {
     let pedals = |action: &UiAction| match action {
-        UiAction::RunCommand(RunCommand::Vehicle(SimCommand::Drive(VehicleId(1), pedals))) => Some(*pedals),
+        UiAction::Order(Order::Drive(VehicleId(1), pedals)) => Some(*pedals),
         _ => None,
     };
     harness.state().actions.iter().rev().find_map(pedals).unwrap()

@@ -5,13 +5,13 @@ use city3d_protocol::snapshot::{
 };
 use city3d_roadmap::{CityMap, LaneId};
 use city3d_scene::Wall;
-use city3d_session::live::{RunPhase, RunState, Speed};
 use city3d_session::playback::{Playhead, TimelineMark};
+use city3d_session::{RunPhase, RunState};
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
 use city3d_viewer::cockpit::SteeringGeometry;
 use city3d_viewer::ui::{
-    self, DriverNames, History, Look, QualityPreset, ReplayView, ScenarioCamera, ScenarioChoice, UiAction,
-    UiState, ViewModel,
+    self, CityKind, DriverNames, History, Look, QualityPreset, ReplayView, ScenarioCamera, ScenarioChoice,
+    UiAction, UiState, ViewModel,
 };
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -43,6 +43,7 @@ pub struct Desk {
     pub actions: Vec<UiAction>,
     pub recording: Option<Recording>,
     pub has_control_data: bool,
+    pub city: CityKind,
 }
 
 /// A recorded run that the panels are shown.
@@ -103,16 +104,8 @@ impl Desk {
             actions: Vec::new(),
             recording: None,
             has_control_data: true,
-            run_state: RunState {
-                before: Arc::clone(&now),
-                now,
-                phase: RunPhase::Paused,
-                speed: Speed::Times(1.0),
-                clock: None,
-                real_time_factor: 0.0,
-                run: 1,
-                folder: None,
-            },
+            run_state: RunState::standing(now, RunPhase::Paused),
+            city: CityKind::Local,
         }
     }
 
@@ -145,6 +138,7 @@ impl Desk {
             frames_per_s: 30.0,
             most_moving_pixels: Some(100_000),
             has_control_data: self.has_control_data,
+            city: self.city,
             replay: self.recording.as_ref().map(|recording| ReplayView {
                 name: "straight",
                 head: recording.head,

@@ -6,9 +6,9 @@ mod controllers;
 mod desk;
 mod timeline;
 
-use city3d_protocol::snapshot::{SimCommand, Status, VehicleId};
+use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_sensors::{Lens, Mount, MountPoint};
-use city3d_session::live::{RunCommand, RunPhase, Speed};
+use city3d_session::{Order, RunPhase, Speed};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
 use city3d_viewer::ui::{CameraMode, ManualDrive, PictureSlot, PreviewCamera, ScenarioCamera, UiAction};
@@ -314,10 +314,7 @@ fn the_bar_starts_pauses_steps_and_resets() {
     harness.get_by_label("  2.50 s");
     harness.get_by_label("paused");
     let orders = |harness: &Harness<'static, Desk>| harness.state().actions.clone();
-    assert_eq!(
-        orders(&harness),
-        [RunCommand::Start, RunCommand::Step, RunCommand::Reset].map(UiAction::RunCommand)
-    );
+    assert_eq!(orders(&harness), [Order::Start, Order::Step, Order::Reset].map(UiAction::Order));
     harness.state_mut().run_state.phase = RunPhase::Running;
     harness.state_mut().run_state.real_time_factor = 0.98;
     harness.state_mut().actions.clear();
@@ -326,8 +323,7 @@ fn the_bar_starts_pauses_steps_and_resets() {
     click(&mut harness, "\u{23f8} Pause");
     press(&mut harness, egui::Key::Space);
     press(&mut harness, egui::Key::Plus);
-    let expected = [RunCommand::Pause, RunCommand::Pause, RunCommand::Speed(Speed::Times(2.0))]
-        .map(UiAction::RunCommand);
+    let expected = [Order::Pause, Order::Pause, Order::Speed(Speed::Times(2.0))].map(UiAction::Order);
     assert_eq!(orders(&harness), expected);
 }
 
@@ -351,7 +347,7 @@ fn a_run_that_failed_says_why_and_offers_a_reset_alone() {
     harness.get_by_label("failed: /full: cannot be written");
     click(&mut harness, "\u{25b6} Start");
     click(&mut harness, "\u{27f2} Reset");
-    assert_eq!(harness.state().actions, [UiAction::RunCommand(RunCommand::Reset)]);
+    assert_eq!(harness.state().actions, [UiAction::Order(Order::Reset)]);
 }
 
 #[test]
@@ -447,7 +443,7 @@ fn who_sits_at_the_wheel_is_told_why_the_car_does_not_go() {
         }
     }
     click(&mut harness, "\u{25b6} Go on");
-    assert_eq!(harness.state().actions.last(), Some(&UiAction::RunCommand(RunCommand::Start)));
+    assert_eq!(harness.state().actions.last(), Some(&UiAction::Order(Order::Start)));
 }
 
 #[test]
@@ -488,7 +484,7 @@ fn keys_at_the_wheel_become_pedals_and_a_reset_takes_it_away() {
     desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.05));
     let mut harness = harness(desk);
     let last = |harness: &Harness<'static, Desk>| match harness.state().actions.last() {
-        Some(UiAction::RunCommand(RunCommand::Vehicle(SimCommand::Drive(VehicleId(1), pedals)))) => *pedals,
+        Some(UiAction::Order(Order::Drive(VehicleId(1), pedals))) => *pedals,
         other => panic!("no pedals: {other:?}"),
     };
     harness.key_down(egui::Key::W);

@@ -1,13 +1,11 @@
-//! Onboard pictures of a served city, drawn on a separate thread. The simulation hands over the latest snapshot
-//! through a slot of size one and never waits: a newer job replaces the one that waits there, and is counted.
+//! The end of onboard pictures, drawn on a separate thread. The session hands over the latest snapshot through a slot
+//! of size one and never waits: a newer job replaces the one that waits there, and is counted.
 
-use super::Failure;
-use super::look::{self, LookArgs};
+use super::end::{End, EndHealth};
+use super::{Moment, MomentKind};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
-use city3d_render::{Image, Renderer};
+use city3d_render::{Image, RenderError, Renderer};
 use city3d_sensors::{Camera, Lens, Mount, View};
-use city3d_session::served::{PictureCounts, PictureEnd};
-use city3d_simulation::scenario::Experiment;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -20,23 +18,52 @@ use thread_priority::{
 
 /// A camera on a vehicle.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct CarriedCamera {
-    pub(super) vehicle: VehicleId,
-    pub(super) mount: Mount,
-    pub(super) lens: Lens,
+pub struct CarriedCamera {
+    /// The vehicle that carries it.
+    pub vehicle: VehicleId,
+    /// Where on the vehicle.
+    pub mount: Mount,
+    /// Projection and size of its pictures.
+    pub lens: Lens,
     /// Simulated seconds from one picture to the next.
-    pub(super) every_s: f64,
+    pub every_s: f64,
 }
 
 /// A finished picture.
 #[derive(Debug)]
-#[cfg_attr(not(feature = "ros"), allow(dead_code, reason = "only ROS publishes where it was taken"))]
-pub(super) struct TakenPicture {
+pub struct TakenPicture {
     /// Index of the camera.
-    pub(super) camera: usize,
-    pub(super) view: View,
-    pub(super) stamp_s: f64,
-    pub(super) image: Image,
+    pub camera: usize,
+    /// From where it was taken.
+    pub view: View,
+    /// When it was taken, by the clock of [`PictureStamps`].
+    pub stamp_s: f64,
+    /// The picture.
+    pub image: Image,
+}
+
+/// The clock of pictures: that of the poses beside them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PictureStamps {
+    /// Seconds since 1970.
+    #[default]
+    Wall,
+    /// Simulated time.
+    Simulated,
+}
+
+/// Opens the renderer on the thread that draws; the number tells how many cameras there are.
+pub type OpenRenderer = Box<dyn FnOnce(usize) -> Result<Renderer, RenderError> + Send>;
+
+/// Why onboard pictures cannot begin.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    /// No adapter can draw.
+    #[error(transparent)]
+    Renderer(#[from] RenderError),
+    /// The operating system refuses a thread.
+    #[error("no thread for onboard pictures can be started: {0}")]
+    Thread(String),
 }
 
 /// A snapshot to draw, with the cameras that are due.
@@ -50,6 +77,8 @@ struct DrawJob {
 #[derive(Debug, Default)]
 struct JobSlot {
     job: Option<DrawJob>,
+    /// Why the last job was not drawn.
+    failure: Option<String>,
     is_over: bool,
 }
 
@@ -83,17 +112,34 @@ impl SharedSlot {
 
 /// Handle of the drawing thread. Dropping it ends the thread.
 #[derive(Debug)]
-pub(super) struct PictureThread {
+pub struct PictureThread {
     shared: Arc<SharedSlot>,
     cameras: Arc<[CarriedCamera]>,
     /// Whether the picture of each camera has subscribers.
     wanted: Arc<[AtomicBool]>,
+    stamps: PictureStamps,
     /// Simulated time of the next picture of each camera.
     due_s: Vec<f64>,
     shown_s: f64,
     /// The name of the adapter that draws.
-    pub(super) adapter: String,
+    pub adapter: String,
     thread: Option<JoinHandle<()>>,
+}
+
+/// Numbers of onboard pictures; they go on counting.
+#[derive(Clone, Debug)]
+pub struct PictureCounter(Arc<SharedSlot>);
+
+impl PictureCounter {
+    /// Pictures that were drawn.
+    pub fn taken(&self) -> u64 {
+        self.0.taken.load(Ordering::Relaxed)
+    }
+
+    /// Pictures that were due and were not drawn, because drawing fell behind or failed.
+    pub fn dropped(&self) -> u64 {
+        self.0.dropped.load(Ordering::Relaxed)
+    }
 }
 
 impl PictureThread {
@@ -101,36 +147,38 @@ impl PictureThread {
     ///
     /// # Errors
     /// Where no adapter can draw.
-    pub(super) fn start(
-        experiment: &Arc<Experiment>,
-        look: LookArgs,
-        cameras: Vec<CarriedCamera>,
+    pub fn start(
+        open: OpenRenderer,
+        (cameras, stamps): (Vec<CarriedCamera>, PictureStamps),
         wanted: Arc<[AtomicBool]>,
         take: impl FnMut(Vec<TakenPicture>) + Send + 'static,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, PictureError> {
         let (cameras, shared) = (Arc::<[CarriedCamera]>::from(cameras), Arc::new(SharedSlot::default()));
         let (opened, opening) = channel();
-        let (experiment, inner, carried) =
-            (Arc::clone(experiment), Arc::clone(&shared), Arc::clone(&cameras));
+        let (inner, carried) = (Arc::clone(&shared), Arc::clone(&cameras));
         let work = move || {
             lower_priority();
             // Threads inherit the priority of their creator: the global pool must keep its own.
             match rayon::ThreadPoolBuilder::new().thread_name(|_| "pictures".to_owned()).build() {
-                Ok(pool) => pool.install(|| draw(&experiment, &look, &carried, &inner, take, &opened)),
-                Err(error) => drop(opened.send(Err(Failure::failed(error)))),
+                Ok(pool) => pool.install(|| draw(open, &carried, &inner, take, &opened)),
+                Err(error) => drop(opened.send(Err(PictureError::Thread(error.to_string())))),
             }
         };
+        let no_thread = |error: &dyn std::fmt::Display| PictureError::Thread(error.to_string());
         let thread = std::thread::Builder::new().name("pictures".to_owned()).spawn(work);
-        let thread = Some(thread.map_err(Failure::failed)?);
-        let adapter = opening.recv().map_err(Failure::failed)??;
+        let thread = Some(thread.map_err(|error| no_thread(&error))?);
+        let adapter = opening.recv().map_err(|error| no_thread(&error))??;
         let due_s = vec![0.0; cameras.len()];
-        Ok(Self { shared, cameras, wanted, due_s, shown_s: 0.0, adapter, thread })
+        Ok(Self { shared, cameras, wanted, stamps, due_s, shown_s: 0.0, adapter, thread })
     }
-}
 
-impl PictureEnd for PictureThread {
-    /// Submits the present snapshot without blocking.
-    fn show(&mut self, snapshot: &FrameSnapshot, stamp_s: f64) {
+    /// Counts its pictures also when a session has taken it.
+    pub fn counter(&self) -> PictureCounter {
+        PictureCounter(Arc::clone(&self.shared))
+    }
+
+    /// The cameras that are due at a time.
+    fn due(&mut self, snapshot: &FrameSnapshot) -> Vec<usize> {
         let time_s = snapshot.time_s;
         if time_s < self.shown_s {
             self.due_s.fill(time_s);
@@ -148,19 +196,41 @@ impl PictureEnd for PictureThread {
                 cameras.push(k);
             }
         }
+        cameras
+    }
+}
+
+impl End for PictureThread {
+    fn name(&self) -> &'static str {
+        "pictures"
+    }
+
+    fn take(&mut self, moment: &Moment<'_>) {
+        if matches!(moment.kind, MomentKind::First | MomentKind::Still) {
+            return;
+        }
+        let cameras = self.due(moment.snapshot);
         if cameras.is_empty() {
             return;
         }
-        let job = DrawJob { snapshot: snapshot.clone(), stamp_s, cameras };
+        let stamp_s = match self.stamps {
+            PictureStamps::Wall => moment.unix_s,
+            PictureStamps::Simulated => moment.snapshot.time_s,
+        };
+        let job = DrawJob { snapshot: moment.snapshot.clone(), stamp_s, cameras };
         let before = self.shared.slot().job.replace(job);
         self.shared.wake.notify_one();
         let dropped = before.map_or(0, |before| before.cameras.len() as u64);
         self.shared.dropped.fetch_add(dropped, Ordering::Relaxed);
     }
 
-    fn counts(&self) -> PictureCounts {
-        let of = |count: &AtomicU64| count.load(Ordering::Relaxed);
-        PictureCounts { taken: of(&self.shared.taken), published: 0, dropped: of(&self.shared.dropped) }
+    fn health(&self) -> EndHealth {
+        let counter = self.counter();
+        EndHealth {
+            delivered: counter.taken(),
+            dropped: counter.dropped(),
+            failure: self.shared.slot().failure.clone(),
+        }
     }
 }
 
@@ -177,7 +247,7 @@ impl Drop for PictureThread {
 
 /// Moves the thread to the idle scheduling class (`SCHED_IDLE`). A merely nice thread is not preempted at once on
 /// Linux, which would delay ticks and the control framework on the same machine.
-fn lower_priority() {
+pub fn lower_priority() {
     #[cfg(target_os = "linux")]
     {
         let policy = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Idle);
@@ -188,29 +258,28 @@ fn lower_priority() {
 }
 
 fn draw(
-    experiment: &Experiment,
-    look: &LookArgs,
+    open: OpenRenderer,
     cameras: &[CarriedCamera],
     shared: &SharedSlot,
     mut take: impl FnMut(Vec<TakenPicture>),
-    opened: &Sender<Result<String, Failure>>,
+    opened: &Sender<Result<String, PictureError>>,
 ) {
-    let pictures = if cameras.len() > 1 { look::PictureCount::Many } else { look::PictureCount::Few };
-    let mut renderer = match look::open(look, experiment, (look::QualityArg::Low, pictures)) {
+    let mut renderer = match open(cameras.len()) {
         Ok(renderer) => renderer,
         // The waiting caller reports it.
-        Err(failure) => return drop(opened.send(Err(failure))),
+        Err(error) => return drop(opened.send(Err(PictureError::Renderer(error)))),
     };
     drop(opened.send(Ok(renderer.context().adapter_name.clone())));
     while let Some(job) = shared.wait() {
-        match draw_job(&mut renderer, cameras, &job) {
+        let drawn = draw_job(&mut renderer, cameras, &job);
+        shared.slot().failure = drawn.as_ref().err().map(ToString::to_string);
+        match drawn {
             Ok(pictures) => {
                 shared.taken.fetch_add(pictures.len() as u64, Ordering::Relaxed);
                 take(pictures);
             }
-            Err(failure) => {
+            Err(_) => {
                 shared.dropped.fetch_add(job.cameras.len() as u64, Ordering::Relaxed);
-                tracing::warn!("no onboard pictures at {} s: {}", job.snapshot.time_s, failure.message);
             }
         }
     }
@@ -220,16 +289,19 @@ fn draw_job(
     renderer: &mut Renderer,
     cameras: &[CarriedCamera],
     job: &DrawJob,
-) -> Result<Vec<TakenPicture>, Failure> {
+) -> Result<Vec<TakenPicture>, RenderError> {
     let (mut views, mut camera_indices) = (Vec::new(), Vec::new());
     for &k in &job.cameras {
         let camera = Camera::onboard(cameras[k].vehicle, cameras[k].mount);
-        views.push(camera.view(&job.snapshot, &cameras[k].lens).map_err(Failure::failed)?);
-        camera_indices.push(k);
+        // A vehicle that has left since has no picture.
+        if let Ok(view) = camera.view(&job.snapshot, &cameras[k].lens) {
+            views.push(view);
+            camera_indices.push(k);
+        }
     }
     let mut images = Vec::with_capacity(views.len());
     for batch in renderer.batches(&views) {
-        images.extend(renderer.render(&job.snapshot, &batch).map_err(look::failure)?);
+        images.extend(renderer.render(&job.snapshot, &batch)?);
     }
     let taken = camera_indices.into_iter().zip(views).zip(images);
     let stamp_s = job.stamp_s;

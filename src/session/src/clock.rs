@@ -1,4 +1,4 @@
-//! Pacing: simulated time against the wall clock.
+//! Simulated time against the clock: speeds, the pacing clock, and the real-time factor as measured.
 
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
@@ -84,7 +84,7 @@ impl PacingClock {
 
 /// Measures the real-time factor: simulated seconds per wall-clock second.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct RealTimeFactorMeter {
+pub(crate) struct RealTimeFactorMeter {
     since: Instant,
     from_s: f64,
     factor: f64,
@@ -93,12 +93,12 @@ pub(super) struct RealTimeFactorMeter {
 const METER_WINDOW: Duration = Duration::from_millis(500);
 
 impl RealTimeFactorMeter {
-    pub(super) fn new(now: Instant, time_s: f64) -> Self {
+    pub(crate) fn new(now: Instant, time_s: f64) -> Self {
         Self { since: now, from_s: time_s, factor: 0.0 }
     }
 
     /// Records the simulated time that the run has reached.
-    pub(super) fn record(&mut self, now: Instant, time_s: f64) {
+    pub(crate) fn record(&mut self, now: Instant, time_s: f64) {
         let passed = now.saturating_duration_since(self.since);
         if passed >= METER_WINDOW {
             let factor = (time_s - self.from_s) / passed.as_secs_f64();
@@ -106,7 +106,7 @@ impl RealTimeFactorMeter {
         }
     }
 
-    pub(super) fn factor(&self) -> f64 {
+    pub(crate) fn factor(&self) -> f64 {
         self.factor
     }
 }

@@ -1,0 +1,116 @@
+//! Orders: what a person or a program wants of a city that runs.
+
+use super::Speed;
+use city3d_network::host::Host;
+use city3d_protocol::snapshot::{Pedals, SimCommand, VehicleId};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, TrySendError, sync_channel};
+use std::time::Duration;
+
+/// An order to a city. Its source says whether it is carried out: a local city obeys, a served one has a leader, and
+/// a city elsewhere decides for itself.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Order {
+    /// Starts the clock, or lets it go on; a failed run needs a reset first.
+    Start,
+    /// Stops the clock of a running city.
+    Pause,
+    /// One tick, then pause.
+    Step,
+    /// Back to the initial conditions, paused; the files of the present run are finished first.
+    Reset,
+    /// Sets the target speed.
+    Speed(Speed),
+    /// A person drives a vehicle, with these pedals from the next tick on. The last ones before that tick count.
+    Drive(VehicleId, Pedals),
+    /// The person hands the vehicle back.
+    Release(VehicleId),
+}
+
+impl Order {
+    /// The vehicle that the order is for.
+    pub fn vehicle(&self) -> Option<VehicleId> {
+        match self {
+            Self::Drive(vehicle, _) | Self::Release(vehicle) => Some(*vehicle),
+            _ => None,
+        }
+    }
+
+    /// What the order does to a vehicle, as a command of the simulation.
+    pub(crate) fn vehicle_command(&self) -> Option<SimCommand> {
+        match self {
+            Self::Drive(vehicle, pedals) => Some(SimCommand::Drive(*vehicle, *pedals)),
+            Self::Release(vehicle) => Some(SimCommand::Release(*vehicle)),
+            _ => None,
+        }
+    }
+}
+
+/// Orders that wait at most: a second of pedals and some clicks.
+const CAPACITY: usize = 256;
+/// In simulated time nobody wakes the session, so it looks this often.
+const SIMULATED_POLL: Duration = Duration::from_millis(10);
+
+/// Gives orders to a session.
+#[derive(Clone, Debug)]
+pub struct OrderSender(SyncSender<Order>);
+
+impl OrderSender {
+    /// Gives an order without blocking; `false` where the queue is full, or the session has ended.
+    pub fn send(&self, order: Order) -> bool {
+        match self.0.try_send(order) {
+            Ok(()) => true,
+            Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => false,
+        }
+    }
+}
+
+/// The session's end of the queue.
+#[derive(Debug)]
+pub struct Orders {
+    queue: Receiver<Order>,
+    /// Came while the session waited.
+    first: Option<Order>,
+    /// Nobody can give orders any more.
+    is_closed: bool,
+}
+
+/// A bounded queue of orders.
+pub fn orders() -> (OrderSender, Orders) {
+    let (sender, queue) = sync_channel(CAPACITY);
+    (OrderSender(sender), Orders { queue, first: None, is_closed: false })
+}
+
+impl Orders {
+    /// Waits for an order, at most so long.
+    pub fn wait(&mut self, host: &Host, most: Duration) {
+        if self.first.is_some() || most.is_zero() {
+            return;
+        }
+        if self.is_closed {
+            host.clock.sleep(most);
+        } else if host.network.has_threads() {
+            match self.queue.recv_timeout(most) {
+                Ok(order) => self.first = Some(order),
+                Err(RecvTimeoutError::Disconnected) => self.is_closed = true,
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+        } else {
+            host.clock.sleep(most.min(SIMULATED_POLL));
+        }
+    }
+
+    /// The next order, if one has come.
+    pub fn take(&mut self) -> Option<Order> {
+        if let Some(order) = self.first.take() {
+            return Some(order);
+        }
+        match self.queue.try_recv() {
+            Ok(order) => Some(order),
+            Err(TryRecvError::Disconnected) => {
+                self.is_closed = true;
+                None
+            }
+            Err(TryRecvError::Empty) => None,
+        }
+    }
+}

@@ -1,0 +1,704 @@
+//! A city elsewhere, seen over the UDP link: watched, controlled by the control framework here, or visited with a car
+//! that a person drives.
+
+mod control;
+mod guest;
+mod reassembly;
+
+pub use control::{PoseFeedback, setup_of};
+
+use super::source::{Now, Pace, Source, Step};
+use super::{Inputs, LinkStatus, Order, Orders, RunPhase, SessionError};
+use city3d_control::Mainframe;
+use city3d_logbook::record::LogOrigin;
+use city3d_network::host::Host;
+use city3d_network::link::{Client, ClientEvent};
+use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleInfo};
+use city3d_protocol::wire::{
+    Authenticator, Body, CityClock, CityDescription, ExperimentAction, ExperimentPhase, ObservedVehicle,
+    Poses, RequestOutcome,
+};
+use city3d_simulation::runner::ObservedCity;
+use city3d_simulation::scenario::Experiment;
+use control::RemoteControl;
+use guest::GuestCar;
+use reassembly::PoseReassembly;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Which city is watched or controlled.
+#[derive(Clone, Debug)]
+pub struct RemoteOptions {
+    /// Address and port of the served city.
+    pub city: String,
+    /// World number, which tells several cities on one network apart; 0 matches any.
+    pub world: u32,
+    /// Seals and verifies the datagrams of the city and of physical vehicles.
+    pub authenticator: Authenticator,
+    /// Ends waits for the city when it is set.
+    pub stop: Arc<AtomicBool>,
+}
+
+/// A city that has sent no poses for this long gets a heartbeat request, again at this interval.
+const HEARTBEAT_TIMEOUT: Duration = Duration::from_secs(1);
+/// Longest wait for the answer to a request.
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(2);
+/// Interval of handshakes with a city that does not answer.
+const HANDSHAKE_INTERVAL: Duration = Duration::from_millis(200);
+/// The same with a city that has said why it does not.
+const DENIED_INTERVAL: Duration = Duration::from_millis(500);
+/// In lockstep, the last commands are retransmitted when poses do not come within this time.
+const RETRANSMIT_INTERVAL: Duration = Duration::from_millis(50);
+/// Orders of a window are looked for at this interval.
+const ORDER_INTERVAL: Duration = Duration::from_millis(10);
+/// This many consecutive pose datagrams of a city that is `Ready` again mean that it was reset.
+const RESET_CONFIRMATIONS: u32 = 3;
+/// Lease of the subscription, and the interval of its renewal.
+const LEASE_S: f64 = 10.0;
+/// It is a heartbeat as well: while the clock stands nothing else is sent, and who is silent for a second loses the lead.
+const LEASE_RENEWAL_INTERVAL: Duration = Duration::from_millis(300);
+/// Interval at which a watcher asks what the city is; sooner when it sees a vehicle that it does not know.
+const DESCRIBE_INTERVAL: Duration = Duration::from_secs(3);
+const UNKNOWN_INTERVAL: Duration = Duration::from_millis(250);
+
+/// The link to the city.
+struct Connection {
+    client: Client,
+    host: Host,
+    stop: Arc<AtomicBool>,
+}
+
+/// What a city says to a request that may take several tries.
+enum Reply {
+    /// Carried out, with a remark.
+    Done(String),
+    /// No answer, because the city is gone, was restarted, or this process is stopped.
+    Nothing,
+}
+
+impl Connection {
+    /// Repeats a request until the city carries it out.
+    fn request_until_done(&mut self, what: &str, body: impl Fn(u32) -> Body) -> Result<Reply, SessionError> {
+        let mut has_logged = false;
+        while !self.stop.load(Ordering::Relaxed) {
+            let Some((outcome, detail)) = self.client.request(REQUEST_TIMEOUT, &body) else {
+                return Ok(Reply::Nothing);
+            };
+            match outcome {
+                RequestOutcome::Done => return Ok(Reply::Done(detail)),
+                RequestOutcome::Refused => {
+                    return Err(SessionError::Refused { what: what.to_owned(), detail });
+                }
+                RequestOutcome::Busy => {
+                    if !has_logged {
+                        tracing::warn!("{what} has to wait: {detail}");
+                        has_logged = true;
+                    }
+                    self.host.clock.sleep(RETRANSMIT_INTERVAL);
+                }
+            }
+        }
+        Ok(Reply::Nothing)
+    }
+}
+
+/// How far the connection has come.
+enum Stage {
+    /// Sends `Hello` until the city answers with its clock.
+    Handshake {
+        since: Instant,
+        has_logged: bool,
+    },
+    Connected(Box<Link>),
+}
+
+/// A connection that is up.
+struct Link {
+    clock: CityClock,
+    reassembly: PoseReassembly,
+    /// Consecutive pose datagrams of a city that is `Ready` again.
+    resets: u32,
+    last_heard: Instant,
+    renewed: Instant,
+    described: Option<Instant>,
+    /// Tick of the newest poses that were complete.
+    newest: Option<u64>,
+    is_away: bool,
+}
+
+/// What this process does with the city.
+enum Role {
+    Watch,
+    Visit(Box<GuestCar>),
+    Control(Box<RemoteControl>),
+}
+
+/// A city elsewhere.
+pub struct RemoteCity {
+    options: RemoteOptions,
+    experiment: Arc<Experiment>,
+    connection: Connection,
+    role: Role,
+    city: ObservedCity,
+    stage: Stage,
+    /// Came while the session slept.
+    event: Option<ClientEvent>,
+    /// Poses of a tick that are not told yet.
+    pending: Option<(Poses, Vec<ObservedVehicle>)>,
+    /// The poses that were told last, which control answers.
+    told: Option<(Poses, Vec<ObservedVehicle>)>,
+    /// A snapshot of this session of the city was told.
+    has_begun: bool,
+    /// The run in the files ends before the pending poses.
+    ends_run: bool,
+    has_seen: bool,
+    failure: Option<SessionError>,
+    infos: BTreeMap<VehicleId, VehicleInfo>,
+    leader: Option<String>,
+    scenario: Option<String>,
+    received: u64,
+    rate: (Instant, u64, f64),
+    on_set_up: Box<dyn FnMut(usize) + Send>,
+}
+
+impl RemoteCity {
+    /// Watches a city; nothing is sent yet. The experiment is what is known of it here: its map and its looks.
+    ///
+    /// # Errors
+    /// When the address is wrong.
+    pub fn watch(
+        options: RemoteOptions,
+        experiment: Arc<Experiment>,
+        host: Host,
+    ) -> Result<Self, SessionError> {
+        Self::open(options, experiment, Role::Watch, host)
+    }
+
+    /// Visits a city with a car of one's own.
+    ///
+    /// # Errors
+    /// When the address is wrong.
+    pub fn visit(
+        options: RemoteOptions,
+        experiment: Arc<Experiment>,
+        name: String,
+        host: Host,
+    ) -> Result<Self, SessionError> {
+        let car = GuestCar::new(Arc::clone(&experiment), name);
+        Self::open(options, experiment, Role::Visit(Box::new(car)), host)
+    }
+
+    /// Controls the vehicles of a city by the control framework here.
+    ///
+    /// # Errors
+    /// When an address is wrong, or the control framework cannot take a vehicle.
+    pub fn control(
+        options: RemoteOptions,
+        experiment: Arc<Experiment>,
+        feedback: Option<Box<dyn PoseFeedback>>,
+        host: Host,
+    ) -> Result<Self, SessionError> {
+        let control = RemoteControl::new(&experiment, &options.authenticator, feedback, &host)?;
+        Self::open(options, experiment, Role::Control(Box::new(control)), host)
+    }
+
+    fn open(
+        options: RemoteOptions,
+        experiment: Arc<Experiment>,
+        role: Role,
+        host: Host,
+    ) -> Result<Self, SessionError> {
+        let client = Client::on(&host, &options.city, options.world, options.authenticator.clone())?;
+        let now = host.clock.now();
+        let stop = Arc::clone(&options.stop);
+        Ok(Self {
+            city: ObservedCity::new(Arc::clone(&experiment)),
+            options,
+            experiment,
+            connection: Connection { client, host, stop },
+            role,
+            stage: Stage::Handshake { since: now, has_logged: false },
+            event: None,
+            pending: None,
+            told: None,
+            has_begun: false,
+            ends_run: false,
+            has_seen: false,
+            failure: None,
+            infos: BTreeMap::new(),
+            leader: None,
+            scenario: None,
+            received: 0,
+            rate: (now, 0, 0.0),
+            on_set_up: Box::new(|_| {}),
+        })
+    }
+
+    /// Calls this with the number of vehicles whenever they have been set up in the city.
+    #[must_use]
+    pub fn on_set_up(mut self, on_set_up: Box<dyn FnMut(usize) + Send>) -> Self {
+        self.on_set_up = on_set_up;
+        self
+    }
+
+    /// Whether the city has sent poses.
+    pub fn has_seen(&self) -> bool {
+        self.has_seen
+    }
+
+    /// The guest's car, once the city has it.
+    pub fn own_vehicle(&self) -> Option<VehicleId> {
+        if let Role::Visit(car) = &self.role { car.vehicle() } else { None }
+    }
+
+    fn has_own_feedback(&self) -> bool {
+        matches!(&self.role, Role::Control(control) if control.feedback.is_some())
+    }
+
+    /// One handshake: `Hello`, and the city's clock if it answers.
+    fn shake_hands(&mut self) -> Result<(), SessionError> {
+        let Connection { client, host, .. } = &mut self.connection;
+        client.send(&Body::Hello { token: 0 });
+        let now = host.clock.now();
+        let interval = if client.trouble().is_some() { DENIED_INTERVAL } else { HANDSHAKE_INTERVAL };
+        if let Some(ClientEvent::Body(Body::Clock(clock))) = client.receive(interval) {
+            self.check(&clock)?;
+            return self.connect(clock);
+        }
+        if let Stage::Handshake { since, has_logged } = &mut self.stage
+            && !*has_logged
+            && now.saturating_duration_since(*since) > HEARTBEAT_TIMEOUT
+        {
+            *has_logged = true;
+            match client.trouble() {
+                Some(why) => tracing::warn!("waiting for a city at {}: {why}", self.options.city),
+                None => tracing::warn!("waiting for a city at {}", self.options.city),
+            }
+        }
+        Ok(())
+    }
+
+    fn check(&self, clock: &CityClock) -> Result<(), SessionError> {
+        let (ours, theirs) = (self.experiment.rates.physics_hz, clock.physics_hz);
+        let (scale, other) = (self.experiment.scale.factor(), clock.length_scale);
+        if ours != theirs || scale != other {
+            return Err(SessionError::OtherCity {
+                city: self.options.city.clone(),
+                found_hz: theirs,
+                found_scale: other,
+                wanted_hz: ours,
+                wanted_scale: scale,
+            });
+        }
+        if clock.is_lockstep && self.has_own_feedback() {
+            return Err(SessionError::LockstepWithoutCity);
+        }
+        Ok(())
+    }
+
+    /// Sets up what this process brings, and subscribes to poses.
+    fn connect(&mut self, clock: CityClock) -> Result<(), SessionError> {
+        let connection = &mut self.connection;
+        let is_set_up = match &mut self.role {
+            Role::Watch => true,
+            Role::Visit(car) => {
+                car.set_up(connection);
+                true
+            }
+            Role::Control(control) => control.set_up(connection, &clock)?,
+        };
+        if !is_set_up {
+            self.lose();
+            return Ok(());
+        }
+        if !self.has_own_feedback()
+            && let Reply::Nothing = self.connection.request_until_done("the subscription", subscription)?
+        {
+            self.lose();
+            return Ok(());
+        }
+        if let Role::Control(_) = &self.role {
+            (self.on_set_up)(self.experiment.vehicles.len());
+        }
+        let now = self.connection.host.clock.now();
+        self.ends_run |= std::mem::take(&mut self.has_begun);
+        self.stage = Stage::Connected(Box::new(Link {
+            clock,
+            reassembly: PoseReassembly::default(),
+            resets: 0,
+            last_heard: now,
+            renewed: now,
+            described: None,
+            newest: None,
+            is_away: false,
+        }));
+        Ok(())
+    }
+
+    /// Begins anew, as somebody whom the city does not know.
+    fn lose(&mut self) {
+        self.connection.client.reset_session();
+        self.shake_hands_again();
+    }
+
+    fn shake_hands_again(&mut self) {
+        self.stage = Stage::Handshake { since: self.connection.host.clock.now(), has_logged: false };
+    }
+
+    /// Renews what has to be renewed while the connection is up.
+    fn keep_up(&mut self) {
+        let now = self.connection.host.clock.now();
+        let has_own_feedback = self.has_own_feedback();
+        let Stage::Connected(link) = &mut self.stage else { return };
+        let client = &mut self.connection.client;
+        if now.saturating_duration_since(link.renewed) > LEASE_RENEWAL_INTERVAL {
+            link.renewed = now;
+            client.send(&if has_own_feedback { Body::Hello { token: 0 } } else { subscription(0) });
+        }
+        match &mut self.role {
+            Role::Control(control) => control.keep_up_links(),
+            Role::Watch | Role::Visit(_) => {
+                let is_unknown = self.city.snapshot().vehicles.iter().any(|state| !self.city.knows(state.id));
+                let every = if is_unknown { UNKNOWN_INTERVAL } else { DESCRIBE_INTERVAL };
+                if link.described.is_none_or(|at| now.saturating_duration_since(at) > every) {
+                    link.described = Some(now);
+                    client.send(&Body::Describe { request: 1 });
+                }
+            }
+        }
+        if let Role::Visit(car) = &mut self.role {
+            car.keep_up(&mut self.connection);
+        }
+    }
+
+    /// Nothing has come for a while.
+    fn notice_silence(&mut self) {
+        let now = self.connection.host.clock.now();
+        let has_own_feedback = self.has_own_feedback();
+        let Stage::Connected(link) = &mut self.stage else { return };
+        if link.clock.is_lockstep
+            && let Role::Control(control) = &mut self.role
+        {
+            control.retransmit(&mut self.connection);
+        }
+        if now.saturating_duration_since(link.last_heard) > HEARTBEAT_TIMEOUT {
+            if !link.is_away {
+                tracing::warn!("the city at {} does not answer any more", self.options.city);
+            }
+            (link.last_heard, link.is_away) = (now, true);
+            self.connection.client.probe();
+            if !has_own_feedback {
+                self.connection.client.send(&subscription(0));
+            }
+        }
+    }
+
+    fn take(&mut self, event: ClientEvent) {
+        match event {
+            ClientEvent::Restarted => {
+                tracing::warn!("the city has been restarted");
+                self.lose();
+            }
+            ClientEvent::Body(Body::Poses(poses)) => self.take_poses(poses),
+            ClientEvent::Body(Body::Description(description)) => self.take_description(description),
+            ClientEvent::Body(_) => {}
+        }
+    }
+
+    fn take_poses(&mut self, poses: Poses) {
+        let now = self.connection.host.clock.now();
+        self.received += 1;
+        let Stage::Connected(link) = &mut self.stage else { return };
+        if std::mem::take(&mut link.is_away) {
+            tracing::warn!("the city at {} answers again", self.options.city);
+        }
+        link.last_heard = now;
+        let is_old = link.newest.is_some_and(|tick| poses.tick <= tick);
+        let is_before = link.newest.is_some_and(|tick| poses.tick < tick);
+        // A single one may be a late datagram.
+        link.resets = if is_before && poses.phase == ExperimentPhase::Ready { link.resets + 1 } else { 0 };
+        if link.resets >= RESET_CONFIRMATIONS {
+            tracing::warn!("the city has been reset");
+            if let Role::Control(control) = &mut self.role {
+                // The city knows this session, and whose its vehicles are.
+                control.was_reset = true;
+                self.shake_hands_again();
+            } else {
+                (link.newest, link.resets) = (None, 0);
+                self.ends_run |= std::mem::take(&mut self.has_begun);
+            }
+            return;
+        }
+        if let Role::Control(control) = &mut self.role {
+            control.pass_clock(&link.clock, &poses);
+        } else if is_old && !is_before {
+            // A watcher sees what changes while the clock stands.
+            link.newest = None;
+        }
+        let is_old = is_old && link.newest.is_some();
+        if !is_old && let Some(vehicles) = link.reassembly.add(&poses) {
+            let sees_all = match &mut self.role {
+                Role::Control(control) => control.sees_all_physical(&poses, &vehicles),
+                Role::Watch | Role::Visit(_) => true,
+            };
+            if sees_all {
+                link.newest = Some(poses.tick);
+                self.pending = Some((poses, vehicles));
+            }
+        }
+    }
+
+    fn take_description(&mut self, description: CityDescription) {
+        let CityDescription { scenario, leader, part, vehicles, .. } = description;
+        if part == 0 {
+            self.infos.clear();
+        }
+        self.infos.extend(vehicles.into_iter().map(|info| (info.id, info)));
+        self.city.describe(self.infos.values().cloned());
+        self.leader = Some(leader).filter(|leader| !leader.is_empty());
+        self.scenario = Some(scenario);
+    }
+
+    fn update_rate(&mut self, now: Instant) {
+        let (at, received, _) = self.rate;
+        let passed_s = now.saturating_duration_since(at).as_secs_f64();
+        if passed_s >= 1.0 {
+            self.rate = (now, self.received, (self.received - received) as f64 / passed_s);
+        }
+    }
+
+    /// What is wrong with the connection, as a sentence.
+    fn trouble(&self) -> Option<String> {
+        let city = &self.options.city;
+        match &self.stage {
+            Stage::Connected(link) if link.is_away => Some(format!("{city} does not answer any more")),
+            Stage::Connected(_) => match &self.role {
+                Role::Visit(car) => car.trouble().map(str::to_owned),
+                Role::Watch | Role::Control(_) => None,
+            },
+            Stage::Handshake { .. } => Some(
+                self.connection
+                    .client
+                    .trouble()
+                    .map_or_else(|| format!("waiting for a city at {city}"), |why| format!("{city}: {why}")),
+            ),
+        }
+    }
+
+    fn request(&mut self, action: ExperimentAction) -> Result<(), String> {
+        if let Stage::Handshake { .. } = self.stage {
+            return Err("there is no city yet".to_owned());
+        }
+        let body = |request| Body::Command { request, action };
+        match self.connection.client.request(REQUEST_TIMEOUT, body) {
+            Some((RequestOutcome::Done, _)) => Ok(()),
+            Some((_, detail)) => Err(format!("the city refuses: {detail}")),
+            None => Err("the city does not answer".to_owned()),
+        }
+    }
+}
+
+impl Source for RemoteCity {
+    fn experiment(&self) -> &Arc<Experiment> {
+        &self.experiment
+    }
+
+    fn snapshot(&self) -> &FrameSnapshot {
+        self.city.snapshot()
+    }
+
+    fn origin(&self) -> LogOrigin {
+        LogOrigin::Mainframe
+    }
+
+    fn mainframe(&self) -> Option<&Mainframe> {
+        if let Role::Control(control) = &self.role { Some(control.mainframe()) } else { None }
+    }
+
+    fn pace(&self) -> Pace {
+        Pace::Arrivals
+    }
+
+    fn is_running(&self) -> bool {
+        self.experiment_phase() == ExperimentPhase::Running
+    }
+
+    fn is_ready(&self) -> bool {
+        self.pending.is_some()
+    }
+
+    fn is_beginning(&self) -> bool {
+        false
+    }
+
+    fn opens_files(&self) -> bool {
+        !self.ends_run
+    }
+
+    fn phase(&self) -> RunPhase {
+        match (&self.told, self.experiment_phase()) {
+            (None, _) | (_, ExperimentPhase::Ready) => RunPhase::Ready,
+            (_, ExperimentPhase::Running) => RunPhase::Running,
+            (_, ExperimentPhase::Paused) => RunPhase::Paused,
+        }
+    }
+
+    fn experiment_phase(&self) -> ExperimentPhase {
+        self.told.as_ref().map_or(ExperimentPhase::Ready, |(head, _)| head.phase)
+    }
+
+    fn order(&mut self, order: &Order) -> Result<(), String> {
+        match (order, &mut self.role) {
+            (Order::Start, _) => self.request(ExperimentAction::Start),
+            (Order::Pause, _) => self.request(ExperimentAction::Pause),
+            (Order::Reset, _) => self.request(ExperimentAction::Reset),
+            (Order::Step | Order::Speed(_), _) => Err("the city elsewhere keeps its own time".to_owned()),
+            (Order::Drive(vehicle, pedals), Role::Visit(car)) if car.vehicle() == Some(*vehicle) => {
+                car.drive(&mut self.connection, Some(*pedals));
+                Ok(())
+            }
+            (Order::Release(vehicle), Role::Visit(car)) if car.vehicle() == Some(*vehicle) => {
+                car.drive(&mut self.connection, None);
+                Ok(())
+            }
+            (Order::Release(_), _) => Ok(()),
+            (Order::Drive(vehicle, _), Role::Visit(_)) => {
+                Err(format!("vehicle {vehicle} is not yours: you drive the car that you have brought"))
+            }
+            (Order::Drive(..), _) => {
+                Err("here you watch; city3d view --city ADDR --guest brings a car of your own".to_owned())
+            }
+        }
+    }
+
+    fn wait(&mut self, _orders: &mut Orders, most: Duration) {
+        if self.event.is_some() || self.pending.is_some() || matches!(self.stage, Stage::Handshake { .. }) {
+            return;
+        }
+        self.event = match &mut self.role {
+            Role::Control(control) => control.receive(&mut self.connection, most),
+            Role::Watch | Role::Visit(_) => self.connection.client.receive(most.min(ORDER_INTERVAL)),
+        };
+    }
+
+    fn receive(&mut self, now: &Now) -> Result<(), SessionError> {
+        if let Some(failure) = self.failure.take() {
+            return Err(failure);
+        }
+        self.update_rate(now.at);
+        if let Stage::Handshake { .. } = self.stage {
+            return self.shake_hands();
+        }
+        self.keep_up();
+        match self.event.take() {
+            Some(event) => self.take(event),
+            None => self.notice_silence(),
+        }
+        Ok(())
+    }
+
+    fn step(&mut self) -> Result<Step, SessionError> {
+        if std::mem::take(&mut self.ends_run) {
+            return Ok(Step::Reset(Box::new(self.city.snapshot().clone())));
+        }
+        let Some((head, vehicles)) = self.pending.take() else { return Ok(Step::Applied) };
+        let is_first = !std::mem::replace(&mut self.has_begun, true);
+        if is_first {
+            self.city = ObservedCity::new(Arc::clone(&self.experiment));
+            self.city.describe(self.infos.values().cloned());
+        }
+        let is_same = !is_first && self.city.snapshot().tick == head.tick;
+        let snapshot = self.city.add_poses(&head, &vehicles);
+        match &mut self.role {
+            Role::Control(control) => control.remember(&snapshot.vehicles),
+            Role::Visit(car) => car.remember(snapshot),
+            Role::Watch => {}
+        }
+        (self.told, self.has_seen) = (Some((head, vehicles)), true);
+        Ok(match (is_first, is_same) {
+            (true, _) => Step::First,
+            (false, true) => Step::Applied,
+            (false, false) => Step::Tick,
+        })
+    }
+
+    fn told(&mut self) {
+        let Role::Control(control) = &mut self.role else { return };
+        let Stage::Connected(link) = &self.stage else { return };
+        let Some((head, vehicles)) = &self.told else { return };
+        if self.pending.is_some() || !self.has_begun {
+            return;
+        }
+        if let Err(error) = control.answer(&mut self.connection, (head, vehicles), link.clock.is_lockstep) {
+            self.failure = Some(error);
+        }
+    }
+
+    fn inputs(&self) -> Inputs<'_> {
+        Inputs::None
+    }
+
+    fn is_over(&self) -> bool {
+        matches!(&self.role, Role::Control(control) if control.is_over)
+    }
+
+    fn link_status(&self) -> Option<LinkStatus> {
+        Some(LinkStatus {
+            address: self.options.city.clone(),
+            is_remote: true,
+            trouble: self.trouble(),
+            leader: self.leader.clone(),
+            received_per_s: self.rate.2,
+            scenario: self.scenario.clone(),
+            own_vehicle: self.own_vehicle(),
+            ..LinkStatus::default()
+        })
+    }
+}
+
+impl Drop for RemoteCity {
+    fn drop(&mut self) {
+        if let Role::Visit(car) = &mut self.role {
+            car.leave(&mut self.connection);
+        }
+    }
+}
+
+/// Asks a city which scenario it serves, and waits at most so long for the answer.
+///
+/// # Errors
+/// When the address is wrong.
+pub fn served_scenario(
+    options: &RemoteOptions,
+    host: &Host,
+    most: Duration,
+) -> Result<Option<String>, SessionError> {
+    let mut client = Client::on(host, &options.city, options.world, options.authenticator.clone())?;
+    let until = host.clock.now() + most;
+    client.send(&Body::Hello { token: 0 });
+    let mut asked_at = host.clock.now();
+    while host.clock.now() < until {
+        match client.receive(ORDER_INTERVAL) {
+            // From here on the client names the city's session, as requests under a key have to.
+            Some(ClientEvent::Body(Body::Clock(_))) => {
+                client.send(&Body::Describe { request: 1 });
+            }
+            Some(ClientEvent::Body(Body::Description(description))) => {
+                return Ok(Some(description.scenario).filter(|name| !name.is_empty()));
+            }
+            _ => {}
+        }
+        let now = host.clock.now();
+        if now.saturating_duration_since(asked_at) >= HANDSHAKE_INTERVAL {
+            asked_at = now;
+            client.send(&Body::Hello { token: 0 });
+        }
+    }
+    Ok(None)
+}
+
+fn subscription(request: u32) -> Body {
+    Body::Subscribe { request, every_ticks: 1, lease_s: LEASE_S }
+}

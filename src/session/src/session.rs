@@ -1,0 +1,677 @@
+//! A session: one source, one clock, and the ends that are told what happens.
+
+use super::clock::RealTimeFactorMeter;
+use super::end::{Ends, RunAccount};
+use super::source::{Now, Pace, Source, Step};
+use super::state::{EndStatus, LatestState};
+use super::{
+    FilesWritten, Inputs, LinkStatus, Moment, MomentKind, Order, OrderSender, Orders, PacingClock, RunPhase,
+    RunState, SessionError, Speed, StepTiming, orders,
+};
+use city3d_network::host::Host;
+use city3d_protocol::snapshot::FrameSnapshot;
+use city3d_simulation::runner::{LinkSummary, PicturesSummary, RosSummary};
+use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Interval at which a moment is told again while the clock stands, for those who have missed it.
+const STILL_INTERVAL: Duration = Duration::from_millis(100);
+/// How long the last moment is told again after the end of the experiment.
+const FINAL_DURATION: Duration = Duration::from_millis(300);
+/// Least time between two published states while the speed is unlimited.
+const PUBLISH_INTERVAL: Duration = Duration::from_millis(8);
+/// Interval at which failures of ends are looked for, and the link is described.
+const REPORT_INTERVAL: Duration = Duration::from_millis(500);
+/// Longest sleep while nothing is due; orders and input end it.
+const IDLE_WAIT: Duration = Duration::from_secs(3600);
+
+/// When a session ends by itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SessionEnd {
+    /// It does not: a person, or a signal, ends it.
+    #[default]
+    Never,
+    /// After this tick.
+    AtTick(u64),
+}
+
+/// A city that runs.
+pub struct Session<S: Source> {
+    source: S,
+    ends: Ends,
+    host: Host,
+    orders: Orders,
+    sender: Option<OrderSender>,
+    stop: Arc<AtomicBool>,
+    end: SessionEnd,
+    speed: Speed,
+    /// The pacing clock while the city is paced by it.
+    clock: Option<PacingClock>,
+    rate: RealTimeFactorMeter,
+    /// Simulated time that was skipped because the machine fell behind.
+    time_skipped_s: f64,
+    /// Number of the run, from 1; a reset begins the next one.
+    run: u32,
+    /// The first moment of the present run was told.
+    has_begun: bool,
+    told_at: Instant,
+    reported_at: Instant,
+    view: Option<View>,
+    refusal: Option<(u64, Arc<str>)>,
+    on_report: Option<OnReport>,
+    /// A failure of an end ends the session.
+    is_strict: bool,
+}
+
+/// Is told at intervals what a session does.
+pub type OnReport = Box<dyn FnMut(&SessionReport) + Send>;
+/// Is told of each published state; it must not block.
+pub type OnUpdate = Arc<dyn Fn() + Send + Sync>;
+
+/// What a session does, for people.
+#[derive(Clone, Debug)]
+pub struct SessionReport {
+    /// Simulated time, seconds.
+    pub time_s: f64,
+    /// Phase of the experiment.
+    pub phase: RunPhase,
+    /// Vehicles in the city.
+    pub vehicles: usize,
+    /// Measured real-time factor; 0 while the clock stands.
+    pub real_time_factor: f64,
+    /// Its link, where it has one.
+    pub link: Option<LinkStatus>,
+    /// Its ends.
+    pub ends: Vec<EndStatus>,
+}
+
+/// What a window sees of a session: a mailbox of size one, and whom to tell.
+struct View {
+    latest_state: Arc<LatestState>,
+    updates: UpdateSignal,
+    /// The snapshot that was published last.
+    latest: Arc<FrameSnapshot>,
+    /// The city has changed since.
+    is_stale: bool,
+    published_at: Instant,
+    /// Where moments come as they arrive: a clock to interpolate by.
+    arrival_clock: Option<PacingClock>,
+    folder: Box<dyn Fn() -> Option<std::path::PathBuf> + Send>,
+    link: Option<Arc<LinkStatus>>,
+    ends: Arc<Vec<EndStatus>>,
+}
+
+impl<S: Source> Session<S> {
+    /// A session of a source, by the clock of a host; it has no ends yet.
+    pub fn new(source: S, host: Host) -> Self {
+        let (sender, orders) = orders();
+        let now = host.clock.now();
+        Self {
+            rate: RealTimeFactorMeter::new(now, source.snapshot().time_s),
+            source,
+            ends: Ends::default(),
+            orders,
+            sender: Some(sender),
+            stop: Arc::default(),
+            end: SessionEnd::Never,
+            speed: Speed::default(),
+            clock: None,
+            time_skipped_s: 0.0,
+            run: 1,
+            has_begun: false,
+            told_at: now,
+            reported_at: now,
+            view: None,
+            refusal: None,
+            on_report: None,
+            is_strict: false,
+            host,
+        }
+    }
+
+    /// Attaches an end; those that somebody waits for come first.
+    #[must_use]
+    pub fn with_end(mut self, end: Box<dyn super::End>) -> Self {
+        self.ends.attach(end);
+        self
+    }
+
+    /// Sets the target speed.
+    #[must_use]
+    pub fn at_speed(mut self, speed: Speed) -> Self {
+        self.speed = speed;
+        self
+    }
+
+    /// Sets when the session ends by itself.
+    #[must_use]
+    pub fn until(mut self, end: SessionEnd) -> Self {
+        self.end = end;
+        self
+    }
+
+    /// Ends the session when this flag is set.
+    #[must_use]
+    pub fn stopped_by(mut self, stop: Arc<AtomicBool>) -> Self {
+        self.stop = stop;
+        self
+    }
+
+    /// Calls this twice a second with what it does.
+    #[must_use]
+    pub fn reporting(mut self, on_report: OnReport) -> Self {
+        self.on_report = Some(on_report);
+        self
+    }
+
+    /// Ends with an error when an end fails: for a run whose files are all that is wanted of it.
+    #[must_use]
+    pub fn strictly(mut self) -> Self {
+        self.is_strict = true;
+        self
+    }
+
+    /// The source of its motion.
+    pub fn source(&self) -> &S {
+        &self.source
+    }
+
+    /// What gives it orders.
+    pub fn orders(&self) -> Option<OrderSender> {
+        self.sender.clone()
+    }
+
+    /// Runs until it is stopped, or over.
+    ///
+    /// # Errors
+    /// When the source cannot go on.
+    pub fn run(mut self) -> Result<S, SessionError> {
+        // Only who asked for it gives orders.
+        self.sender = None;
+        let outcome = self.run_to_end();
+        let finished = self.finish();
+        self.publish(true);
+        outcome.and(finished).map(|()| self.source)
+    }
+
+    fn run_to_end(&mut self) -> Result<(), SessionError> {
+        while !self.stop.load(Ordering::Relaxed) && !self.is_over() {
+            let most = self.wait_time();
+            self.source.wait(&mut self.orders, most);
+            // An order that waits for a step comes before the next one.
+            while !self.source.is_ready()
+                && let Some(order) = self.orders.take()
+            {
+                self.carry_out(order);
+            }
+            self.source.receive(&self.now())?;
+            self.advance()?;
+            self.report()?;
+        }
+        if self.is_over() {
+            self.tell_last()?;
+        }
+        Ok(())
+    }
+
+    fn is_over(&self) -> bool {
+        let is_at_end = match self.end {
+            SessionEnd::Never => false,
+            SessionEnd::AtTick(tick) => self.source.snapshot().tick >= tick,
+        };
+        is_at_end || self.source.is_over()
+    }
+
+    /// The final poses may get lost, so they are told for a while.
+    fn tell_last(&mut self) -> Result<(), SessionError> {
+        if !self.source.lingers() {
+            return Ok(());
+        }
+        let until = self.host.clock.now() + FINAL_DURATION;
+        while let Some(left) =
+            until.checked_duration_since(self.host.clock.now()).filter(|left| !left.is_zero())
+        {
+            self.source.wait(&mut self.orders, left.min(STILL_INTERVAL));
+            self.source.receive(&self.now())?;
+            self.tell(MomentKind::Still, self.standing());
+        }
+        Ok(())
+    }
+
+    /// Longest sleep before something is due.
+    fn wait_time(&self) -> Duration {
+        let now = self.host.clock.now();
+        if self.source.is_ready() {
+            return Duration::ZERO;
+        }
+        let until_still = STILL_INTERVAL.saturating_sub(now.saturating_duration_since(self.told_at));
+        match (self.source.pace(), self.source.is_running(), self.clock) {
+            (Pace::Clock, true, Some(clock)) => clock.until(now, self.source.snapshot().time_s),
+            (Pace::Clock, true, None) => Duration::ZERO,
+            _ if self.source.lingers() => until_still.max(Duration::from_micros(1)),
+            _ => IDLE_WAIT,
+        }
+    }
+
+    fn now(&self) -> Now {
+        let (at, time_s) = (self.host.clock.now(), self.source.snapshot().time_s);
+        Now {
+            at,
+            simulated_s: self.clock.map_or(time_s, |clock| clock.simulated_s(at)),
+            until_due: self.clock.map(|clock| clock.until(at, time_s)),
+            is_still_due: at.saturating_duration_since(self.told_at) >= STILL_INTERVAL,
+        }
+    }
+
+    fn carry_out(&mut self, order: Order) {
+        match (self.source.order(&order), order) {
+            (Ok(()), Order::Speed(speed)) => {
+                self.speed = speed;
+                self.clock = None;
+                self.rate = RealTimeFactorMeter::new(self.host.clock.now(), self.source.snapshot().time_s);
+            }
+            // Pedals come with every frame, and show with the next tick.
+            (Ok(()), Order::Drive(..) | Order::Release(_)) => return,
+            (Ok(()), _) => {}
+            (Err(why), _) => {
+                let count = self.refusal.as_ref().map_or(0, |(count, _)| *count);
+                self.refusal = Some((count + 1, why.into()));
+            }
+        }
+        self.publish(true);
+    }
+
+    /// Makes the step that is due.
+    fn advance(&mut self) -> Result<(), SessionError> {
+        let now = self.host.clock.now();
+        let time_s = self.source.snapshot().time_s;
+        let is_running = self.source.is_running();
+        if !is_running {
+            self.clock = None;
+        }
+        if self.source.is_ready() {
+            self.step(now)?;
+        } else if is_running && self.source.pace() == Pace::Clock {
+            match self.speed {
+                Speed::Unlimited => self.step(now)?,
+                Speed::Times(factor) => {
+                    let clock = *self.clock.get_or_insert_with(|| PacingClock::new(now, time_s, factor));
+                    // The same rounding as that of the wait before it: else neither of them would go on.
+                    if clock.until(now, time_s).is_zero() {
+                        self.step(clock.at(time_s))?;
+                    }
+                    self.give_up_lost_time();
+                }
+            }
+        }
+        let is_still_due = now.saturating_duration_since(self.told_at) >= STILL_INTERVAL;
+        if self.source.wants_still() || (is_still_due && self.source.lingers()) {
+            self.tell(MomentKind::Still, self.standing());
+        }
+        Ok(())
+    }
+
+    /// A session far behind its clock does not hurry after it.
+    fn give_up_lost_time(&mut self) {
+        let (now, time_s) = (self.host.clock.now(), self.source.snapshot().time_s);
+        if let Some(clock) = &mut self.clock {
+            let before_s = clock.simulated_s(now);
+            clock.resync(now, time_s);
+            self.time_skipped_s += (before_s - clock.simulated_s(now)).max(0.0);
+        }
+    }
+
+    fn standing(&self) -> ((u64, f64), StepTiming) {
+        let snapshot = self.source.snapshot();
+        ((snapshot.tick, snapshot.time_s), StepTiming::at(self.host.clock.now()))
+    }
+
+    fn step(&mut self, due: Instant) -> Result<(), SessionError> {
+        let from = (self.source.snapshot().tick, self.source.snapshot().time_s);
+        self.prepare(from);
+        let begun = self.host.clock.now();
+        let step = self.source.step()?;
+        let timing = StepTiming { due, begun, done: self.host.clock.now() };
+        match step {
+            Step::First => {
+                self.has_begun = true;
+                self.tell(MomentKind::First, (from, timing));
+            }
+            Step::Tick => self.tell(MomentKind::Tick, (from, timing)),
+            Step::Applied => self.tell(MomentKind::Applied, (from, timing)),
+            Step::Reset(last) => {
+                self.tell(MomentKind::Applied, (from, timing));
+                self.end_run(&last);
+            }
+        }
+        self.source.told();
+        Ok(())
+    }
+
+    /// Tells the ends that a step comes, and that a run begins with it.
+    fn prepare(&mut self, from: (u64, f64)) {
+        let now = self.host.clock.now();
+        let moment = |kind, inputs| Moment {
+            kind,
+            experiment: self.source.experiment(),
+            snapshot: self.source.snapshot(),
+            phase: self.source.experiment_phase(),
+            mainframe: self.source.mainframe(),
+            inputs,
+            from,
+            timing: StepTiming::at(now),
+            unix_s: self.host.clock.unix_s(),
+        };
+        if self.source.opens_files() {
+            self.ends.prepare(&moment(MomentKind::Applied, self.source.setups()));
+        }
+        if !self.has_begun && self.source.is_beginning() {
+            self.has_begun = true;
+            self.ends.take(&moment(MomentKind::First, Inputs::None));
+        }
+    }
+
+    fn tell(&mut self, kind: MomentKind, (from, timing): ((u64, f64), StepTiming)) {
+        let inputs = if kind == MomentKind::Still { Inputs::None } else { self.source.inputs() };
+        let moment = Moment {
+            kind,
+            experiment: self.source.experiment(),
+            snapshot: self.source.snapshot(),
+            phase: self.source.experiment_phase(),
+            mainframe: self.source.mainframe(),
+            inputs,
+            from,
+            timing,
+            unix_s: self.host.clock.unix_s(),
+        };
+        self.ends.take(&moment);
+        self.told_at = self.host.clock.now();
+        if let (Some(view), true) = (&mut self.view, kind != MomentKind::Still) {
+            view.is_stale = true;
+        }
+        self.publish(false);
+    }
+
+    fn end_run(&mut self, last: &FrameSnapshot) {
+        let account = self.account();
+        let moment = Moment {
+            kind: MomentKind::Still,
+            experiment: self.source.experiment(),
+            snapshot: last,
+            phase: self.source.experiment_phase(),
+            mainframe: self.source.mainframe(),
+            inputs: Inputs::None,
+            from: (last.tick, last.time_s),
+            timing: StepTiming::at(self.host.clock.now()),
+            unix_s: self.host.clock.unix_s(),
+        };
+        self.ends.finish_run(&moment, &account);
+        self.run += 1;
+        self.has_begun = false;
+        self.rate = RealTimeFactorMeter::new(self.host.clock.now(), self.source.snapshot().time_s);
+        self.publish(true);
+    }
+
+    fn account(&self) -> RunAccount {
+        let ends = self.ends.summary();
+        let pictures = ends
+            .get("pictures")
+            .map(|end| PicturesSummary { published: end.delivered, dropped: end.dropped });
+        let link = self.source.link().map(|link| LinkSummary {
+            time_skipped_s: self.time_skipped_s,
+            ros: link.ros.map(|ros| RosSummary { pictures, ..ros }),
+            ..link
+        });
+        RunAccount { link, ends }
+    }
+
+    fn finish(&mut self) -> Result<(), SessionError> {
+        let last = self.source.snapshot().clone();
+        self.end_run(&last);
+        self.run -= 1;
+        self.ends.close();
+        self.check_ends()
+    }
+
+    /// Tells at intervals what it does, and what has failed.
+    fn report(&mut self) -> Result<(), SessionError> {
+        let now = self.host.clock.now();
+        if now.saturating_duration_since(self.reported_at) < REPORT_INTERVAL {
+            return Ok(());
+        }
+        self.reported_at = now;
+        self.check_ends()?;
+        if self.view.is_none() && self.on_report.is_none() {
+            return Ok(());
+        }
+        let (snapshot, phase) = (self.source.snapshot(), self.source.phase());
+        self.rate.record(now, snapshot.time_s);
+        let real_time_factor = if phase == RunPhase::Running { self.rate.factor() } else { 0.0 };
+        let report = SessionReport {
+            time_s: snapshot.time_s,
+            vehicles: snapshot.vehicles.len(),
+            phase,
+            real_time_factor,
+            link: self.source.link_status(),
+            ends: self.ends.status(),
+        };
+        if let Some(on_report) = &mut self.on_report {
+            on_report(&report);
+        }
+        if let Some(view) = &mut self.view {
+            (view.link, view.ends) = (report.link.map(Arc::new), Arc::new(report.ends));
+            self.publish(true);
+        }
+        Ok(())
+    }
+
+    fn check_ends(&mut self) -> Result<(), SessionError> {
+        if !self.is_strict {
+            self.ends.say_failures();
+            return Ok(());
+        }
+        match self.ends.status().into_iter().find_map(|end| end.failure) {
+            Some(why) => Err(SessionError::Files(why)),
+            None => Ok(()),
+        }
+    }
+
+    /// Publishes the present state to the window; while the speed is unlimited not each tick, unless it has to be.
+    fn publish(&mut self, must: bool) {
+        let Some(view) = &mut self.view else { return };
+        let now = self.host.clock.now();
+        let (snapshot, phase) = (self.source.snapshot(), self.source.phase());
+        self.rate.record(now, snapshot.time_s);
+        let is_running = phase == RunPhase::Running;
+        let is_paced = self.clock.is_some() || !is_running || self.source.pace() == Pace::Arrivals;
+        if !must && !is_paced && now.saturating_duration_since(view.published_at) < PUBLISH_INTERVAL {
+            return;
+        }
+        let is_new = std::mem::take(&mut view.is_stale);
+        let before = if is_new {
+            std::mem::replace(&mut view.latest, Arc::new(snapshot.clone()))
+        } else {
+            Arc::clone(&view.latest_state.get().before)
+        };
+        // After a reset there is nothing to interpolate between.
+        let before = if before.tick < view.latest.tick { before } else { Arc::clone(&view.latest) };
+        let is_running = phase == RunPhase::Running;
+        if is_running && self.source.pace() == Pace::Arrivals && is_new {
+            // What arrives is shown as it was paced where it comes from.
+            let factor = if self.rate.factor() > 0.0 { self.rate.factor() } else { 1.0 };
+            view.arrival_clock = Some(PacingClock::new(now, before.time_s, factor));
+        }
+        let clock = self.clock.or(view.arrival_clock.filter(|_| is_running));
+        view.latest_state.put(RunState {
+            before,
+            now: Arc::clone(&view.latest),
+            phase,
+            speed: self.speed,
+            clock,
+            real_time_factor: if is_running { self.rate.factor() } else { 0.0 },
+            run: self.run,
+            folder: (view.folder)(),
+            link: view.link.clone(),
+            ends: Arc::clone(&view.ends),
+            refusal: self.refusal.clone(),
+            has_ended: false,
+        });
+        view.published_at = now;
+        view.updates.give();
+    }
+}
+
+/// Tells a window that there is something new. The window may come after the session.
+#[derive(Clone, Default)]
+struct UpdateSignal(Arc<Mutex<Option<OnUpdate>>>);
+
+impl UpdateSignal {
+    fn set(&self, on_update: OnUpdate) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(on_update);
+    }
+
+    fn give(&self) {
+        let on_update = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        if let Some(on_update) = on_update {
+            on_update();
+        }
+    }
+}
+
+impl fmt::Debug for UpdateSignal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("UpdateSignal")
+    }
+}
+
+/// Handle of a session on its own thread. Dropping it ends the session and finishes its files.
+#[derive(Debug)]
+pub struct SessionHandle {
+    sender: Option<OrderSender>,
+    latest_state: Arc<LatestState>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<Result<(), SessionError>>>,
+    files: Option<Arc<Mutex<FilesWritten>>>,
+    updates: UpdateSignal,
+}
+
+impl<S: Source + 'static> Session<S> {
+    /// Runs on a thread of its own, which a window watches; `files` is what its files have come to, where it has some.
+    ///
+    /// # Errors
+    /// When the operating system refuses the thread.
+    pub fn spawn(mut self, files: Option<Arc<Mutex<FilesWritten>>>) -> Result<SessionHandle, SessionError> {
+        let first = Arc::new(self.source.snapshot().clone());
+        let link = self.source.link_status().map(Arc::new);
+        let state = RunState {
+            speed: self.speed,
+            link: link.clone(),
+            ..RunState::standing(Arc::clone(&first), self.source.phase())
+        };
+        let latest_state = Arc::new(LatestState::new(state));
+        let folder_of = files.clone();
+        let folder = move || {
+            let files = folder_of.as_ref()?;
+            files.lock().unwrap_or_else(PoisonError::into_inner).folder.clone()
+        };
+        let updates = UpdateSignal::default();
+        self.view = Some(View {
+            latest_state: Arc::clone(&latest_state),
+            updates: updates.clone(),
+            latest: first,
+            is_stale: false,
+            published_at: self.host.clock.now(),
+            arrival_clock: None,
+            folder: Box::new(folder),
+            link,
+            ends: Arc::default(),
+        });
+        let (sender, stop) = (self.sender.take(), Arc::clone(&self.stop));
+        let (ended, told) = (Arc::clone(&latest_state), updates.clone());
+        let work = move || {
+            let on_end = EndNotice(ended, told);
+            let outcome = self.run().map(drop);
+            drop(on_end);
+            outcome
+        };
+        let thread = std::thread::Builder::new().name("simulation".to_owned()).spawn(work);
+        Ok(SessionHandle {
+            sender,
+            latest_state,
+            stop,
+            thread: Some(thread.map_err(SessionError::Thread)?),
+            files,
+            updates,
+        })
+    }
+}
+
+/// Marks the state as ended when the thread ends, however it does.
+struct EndNotice(Arc<LatestState>, UpdateSignal);
+
+impl Drop for EndNotice {
+    fn drop(&mut self) {
+        let state = RunState::clone(&self.0.get());
+        self.0.put(RunState { has_ended: true, ..state });
+        self.1.give();
+    }
+}
+
+impl SessionHandle {
+    /// Gives an order without blocking. `false` where the queue is full, or the session has ended.
+    pub fn send(&self, order: Order) -> bool {
+        self.sender.as_ref().is_some_and(|sender| sender.send(order))
+    }
+
+    /// The latest published state.
+    pub fn run_state(&self) -> Arc<RunState> {
+        self.latest_state.get()
+    }
+
+    /// Calls this on the session's thread after each published state; it must not block.
+    pub fn on_update(&self, on_update: OnUpdate) {
+        self.updates.set(on_update);
+    }
+
+    /// Ends the session and waits until its files are complete; tells what was written.
+    ///
+    /// # Errors
+    /// When the source could not go on.
+    pub fn stop(mut self) -> Result<FilesWritten, SessionError> {
+        self.stop.store(true, Ordering::Relaxed);
+        self.join()
+    }
+
+    /// Waits until the session ends by itself or by its flag.
+    ///
+    /// # Errors
+    /// When the source could not go on.
+    pub fn wait(mut self) -> Result<FilesWritten, SessionError> {
+        self.join()
+    }
+
+    fn join(&mut self) -> Result<FilesWritten, SessionError> {
+        self.sender = None;
+        let outcome = match self.thread.take() {
+            Some(thread) => thread.join().unwrap_or(Err(SessionError::Ended)),
+            None => Ok(()),
+        };
+        let written =
+            self.files.as_ref().map(|files| files.lock().unwrap_or_else(PoisonError::into_inner).clone());
+        outcome.map(|()| written.unwrap_or_default())
+    }
+}
+
+impl Drop for SessionHandle {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if self.thread.is_some()
+            && let Err(error) = self.join()
+        {
+            tracing::warn!("{error}");
+        }
+    }
+}

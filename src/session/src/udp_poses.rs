@@ -1,0 +1,116 @@
+//! Poses over UDP: subscribers with their leases, and the end that sends to them.
+
+use super::end::{End, EndHealth};
+use super::{Moment, MomentKind};
+use city3d_network::host::Host;
+use city3d_network::link::{SenderId, Server};
+use city3d_simulation::runner::pose_bodies;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Subscribers at once, at most.
+const MAX_SUBSCRIBERS: usize = 64;
+
+/// Subscription to poses, with a lease.
+#[derive(Debug)]
+struct PoseSubscriber {
+    sender: SenderId,
+    every_ticks: u64,
+    lease_end: Instant,
+}
+
+/// Those who get poses over the link.
+#[derive(Debug)]
+pub struct PoseSubscribers {
+    server: Arc<Server>,
+    host: Host,
+    subscribers: Vec<PoseSubscriber>,
+    delivered: u64,
+    refused: u64,
+}
+
+impl PoseSubscribers {
+    pub(crate) fn new(server: Arc<Server>, host: Host) -> Self {
+        Self { server, host, subscribers: Vec::new(), delivered: 0, refused: 0 }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.subscribers.is_empty()
+    }
+
+    pub(crate) fn count(&self) -> usize {
+        self.subscribers.len()
+    }
+
+    /// Adds, renews or ends a subscription.
+    ///
+    /// # Errors
+    /// When there is no room.
+    pub(crate) fn subscribe(
+        &mut self,
+        sender: SenderId,
+        every_ticks: u64,
+        lease_s: f64,
+    ) -> Result<(), String> {
+        self.subscribers
+            .retain(|subscriber| subscriber.sender != sender && self.server.knows(subscriber.sender));
+        if self.subscribers.len() >= MAX_SUBSCRIBERS {
+            self.refused += 1;
+            return Err(format!("there are {MAX_SUBSCRIBERS} subscribers already"));
+        }
+        if lease_s > 0.0 {
+            let lease_end = self.host.clock.now() + Duration::from_secs_f64(lease_s);
+            self.subscribers.push(PoseSubscriber { sender, every_ticks, lease_end });
+        }
+        Ok(())
+    }
+
+    fn send(&mut self, moment: &Moment<'_>) {
+        let now = self.host.clock.now();
+        self.subscribers.retain(|subscriber| subscriber.lease_end > now);
+        if self.subscribers.is_empty() {
+            return;
+        }
+        let poses = pose_bodies(moment.snapshot, moment.phase, moment.scale());
+        let is_due =
+            |every_ticks| moment.kind != MomentKind::Tick || moment.snapshot.tick.is_multiple_of(every_ticks);
+        for subscriber in &self.subscribers {
+            if is_due(subscriber.every_ticks) {
+                self.server.send_all(subscriber.sender, &poses);
+                self.delivered += 1;
+            }
+        }
+    }
+}
+
+/// The end that sends poses to subscribers. The system drops what finds no room in their sockets; they see it by the
+/// gaps in the sequence numbers.
+#[derive(Debug)]
+pub struct UdpPoses(Arc<Mutex<PoseSubscribers>>);
+
+impl UdpPoses {
+    pub(crate) fn new(subscribers: Arc<Mutex<PoseSubscribers>>) -> Self {
+        Self(subscribers)
+    }
+
+    fn subscribers(&self) -> MutexGuard<'_, PoseSubscribers> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl End for UdpPoses {
+    fn name(&self) -> &'static str {
+        "udp"
+    }
+
+    fn take(&mut self, moment: &Moment<'_>) {
+        if moment.kind != MomentKind::First {
+            self.subscribers().send(moment);
+        }
+    }
+
+    fn health(&self) -> EndHealth {
+        let subscribers = self.subscribers();
+        EndHealth { delivered: subscribers.delivered, dropped: subscribers.refused, failure: None }
+    }
+}
