@@ -13,6 +13,7 @@ mod plan;
 mod reroute;
 mod right_of_way;
 mod route;
+mod strangers;
 mod traffic;
 
 pub use cav::{Cav, CavGeometry, CavSetup};
@@ -26,6 +27,7 @@ use city3d_protocol::wire::{Measurement, Message};
 use city3d_roadmap::LabMap;
 use right_of_way::{ConstraintKind, RightOfWay, YieldConstraint};
 use std::sync::Arc;
+use strangers::Strangers;
 use thiserror::Error;
 use traffic::Occupancy;
 
@@ -57,6 +59,8 @@ pub struct Mainframe {
     occupancy: Occupancy,
     right_of_way: RightOfWay,
     yield_constraints: Vec<YieldConstraint>,
+    /// Vehicles that somebody else controls.
+    strangers: Strangers,
     last_step_s: Option<f64>,
 }
 
@@ -80,6 +84,7 @@ impl Mainframe {
             cavs,
             occupancy: Occupancy::default(),
             yield_constraints: Vec::new(),
+            strangers: Strangers::default(),
             last_step_s: None,
         })
     }
@@ -90,8 +95,11 @@ impl Mainframe {
         for seen in arrived {
             if let Ok(index) = self.cavs.binary_search_by_key(&seen.vehicle, |cav| cav.id) {
                 self.cavs[index].update_pose(&self.map, time_s, seen);
+            } else {
+                self.strangers.update(seen);
             }
         }
+        self.strangers.advance_to(&self.map, time_s);
         let dt_s = self.last_step_s.map_or(0.0, |last_s| time_s - last_s);
         self.last_step_s = Some(time_s);
         for cav in &mut self.cavs {
@@ -121,6 +129,9 @@ impl Mainframe {
         let mut decision = Decision { acceleration_mps2: cav.acceleration_for(None), gives_way_at: None };
         if let Some(leader) = self.occupancy.leader(&self.cavs, index, SIGHT_M) {
             decision.limit(cav.acceleration_for(Some(leader.ahead)), None);
+        }
+        if let Some(stranger) = self.strangers.leader(cav, SIGHT_M) {
+            decision.limit(cav.acceleration_for(Some(stranger)), None);
         }
         if let Some(end) = cav.end_of_route() {
             decision.limit(cav.acceleration_for(Some(end)), None);
