@@ -5,11 +5,10 @@ use super::run::{files_of, simulate_rest};
 use super::{Failure, ModelArg, ProfileArg, ScenarioArgs, load, progress, replay};
 use city3d_logbook::record::{LogOrigin, is_log};
 use city3d_logbook::replay::Replay;
-use city3d_protocol::snapshot::{ModelKind, SimCommand};
-use city3d_protocol::wire::Measurement;
-use city3d_session::{Inputs, Moment, RunFiles};
+use city3d_protocol::snapshot::ModelKind;
+use city3d_session::fork::{Fork, ForkError, differences};
 use city3d_simulation::environment::EnvironmentProfile;
-use city3d_simulation::runner::{ControlLoop, Run, Summary};
+use city3d_simulation::runner::Summary;
 use city3d_simulation::scenario::Experiment;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -38,7 +37,7 @@ impl ForkedRun<'_> {
                 path.display()
             )));
         }
-        let mut replay = Replay::open(path).map_err(replay::failure)?;
+        let replay = Replay::open(path).map_err(replay::failure)?;
         replay::warn_of_version(&replay);
         if replay.log().origin() != LogOrigin::Run {
             return Err(Failure::bad_input(format!(
@@ -67,8 +66,14 @@ impl ForkedRun<'_> {
         let mut files = files_of(Some(folder.clone()), self.log);
         files.begin(&changed)?;
         let bar = progress::simulated_seconds(changed.duration_s);
-        let control = self.replay_until_fork(&mut replay, &original, &mut files)?;
-        let run = Run::resume(replay.into_world(), control(&changed)?);
+        let fork = Fork::at(replay, self.from_tick, &mut files).map_err(|error| self.failure(error))?;
+        if !fork.control_agrees() {
+            tracing::warn!(
+                "the control framework, simulated again, sends other trajectories than the log has; it continues \
+                 from its own state"
+            );
+        }
+        let run = fork.resume(&changed).map_err(|error| self.failure(error))?;
         let summary = simulate_rest(run, &changed, files, None, bar)?;
         Ok((summary, changed, folder))
     }
@@ -118,92 +123,18 @@ impl ForkedRun<'_> {
         Ok(Experiment::clone(&changed))
     }
 
-    /// Replays the log up to the tick, with the control framework beside it, which so reaches its state of then.
-    fn replay_until_fork(
-        &self,
-        replay: &mut Replay,
-        original: &Arc<Experiment>,
-        files: &mut RunFiles,
-    ) -> Result<impl FnOnce(&Experiment) -> Result<ControlLoop, Failure> + use<>, Failure> {
-        let mut control = ControlLoop::new(original).map_err(Failure::bad_input)?;
-        let (mut delivered, mut is_same) = (Vec::new(), true);
-        loop {
-            let (tick, time_s) = (replay.snapshot().tick, replay.snapshot().time_s);
-            let seen: Vec<Measurement> = Measurement::all(replay.snapshot(), original.scale).collect();
-            let Some(ticked) = replay.step().map_err(replay::failure)? else {
-                return Err(Failure::bad_input(format!(
-                    "the log ends at tick {tick}; give --from-tick this tick or an earlier one"
-                )));
-            };
-            if !ticked.agrees() {
-                return Err(Failure::failed(format!(
-                    "tick {} differs from the log when it is simulated again, so the run cannot be continued; \
-                     city3d replay {} --verify tells more",
-                    ticked.tick, self.args.scenario
-                )));
+    fn failure(&self, error: ForkError) -> Failure {
+        match error {
+            ForkError::Setup(error) => Failure::bad_input(error),
+            ForkError::Replay(error) => replay::failure(error),
+            ForkError::Files(error) => error.into(),
+            ForkError::LogEnd { .. } => {
+                Failure::bad_input(format!("{error}; give --from-tick this tick or an earlier one"))
             }
-            if ticked.tick == 0 {
-                files.record_or_fail(&Moment::first(original, replay.snapshot()))?;
-            } else {
-                delivered.clear();
-                control.step((tick, time_s), seen.into_iter(), &mut delivered);
-                let mut commands: Vec<SimCommand> =
-                    delivered.drain(..).map(|message| message.into_command(original.scale)).collect();
-                commands.sort_by_key(SimCommand::order);
-                let is_control = |command: &&SimCommand| matches!(command, SimCommand::Follow(_));
-                is_same &= commands.iter().filter(is_control).eq(replay.applied().iter().filter(is_control));
-                let inputs = Inputs::Commands(replay.applied());
-                let (snapshot, mainframe) = (replay.snapshot(), Some(control.mainframe()));
-                let moment = Moment::tick(original, snapshot, inputs, mainframe, (tick, time_s));
-                files.record_or_fail(&moment)?;
-            }
-            if ticked.tick == self.from_tick {
-                break;
+            ForkError::Diverged { .. } => {
+                let log = &self.args.scenario;
+                Failure::failed(format!("{error}; city3d replay {log} --verify tells more"))
             }
         }
-        if !is_same {
-            tracing::warn!(
-                "the control framework, simulated again, sends other trajectories than the log has; it continues \
-                 from its own state"
-            );
-        }
-        Ok(move |changed: &Experiment| {
-            control.change(changed).map_err(Failure::bad_input)?;
-            Ok(control)
-        })
     }
-}
-
-/// Differences from the original that its past depends on.
-fn differences(original: &Experiment, changed: &Experiment) -> Vec<String> {
-    let mut wrong = Vec::new();
-    let mut check = |same: bool, what: &str| {
-        if !same {
-            wrong.push(what.to_owned());
-        }
-    };
-    check(original.map_bytes == changed.map_bytes, "its map differs");
-    check(original.scale == changed.scale, "its length_scale differs");
-    check(original.rates == changed.rates, "its [rates] differ");
-    check(original.link_timeout_s == changed.link_timeout_s, "its link_timeout_s differs");
-    let ids =
-        |experiment: &Experiment| experiment.vehicles.iter().map(|vehicle| vehicle.id).collect::<Vec<_>>();
-    if ids(original) != ids(changed) {
-        wrong.push("it has other vehicles".to_owned());
-        return wrong;
-    }
-    for (a, b) in original.vehicles.iter().zip(&changed.vehicles) {
-        let parts = [
-            (a.name == b.name, "name"),
-            (a.start == b.start, "start (route, at_m, speed_mps)"),
-            (a.route == b.route, "route"),
-            (a.spec == b.spec, "vehicle type"),
-            (a.is_human == b.is_human, "person at the wheel"),
-        ];
-        let other: Vec<&str> = parts.into_iter().filter(|(same, _)| !same).map(|(_, what)| what).collect();
-        if !other.is_empty() {
-            wrong.push(format!("vehicle {} ({}) has another {}", a.id, a.name, other.join(", ")));
-        }
-    }
-    wrong
 }

@@ -8,14 +8,11 @@
 #![allow(clippy::disallowed_methods, reason = "only draws; no state of a run depends on it")]
 
 mod cameras;
-mod carriers;
+mod destination;
 mod kinds;
-mod schedule;
 mod shots;
 mod source;
 mod table;
-mod video;
-mod y4m;
 
 use super::files::new_folder;
 use super::look::{self, LookArgs, failure};
@@ -23,21 +20,20 @@ use super::overwrite::OverwriteArgs;
 use super::say::say;
 use super::{Failure, ScenarioArgs, progress, values};
 use cameras::CameraArgs;
-use city3d_render::{CaptureJob, Image, PendingReadback, PngStream, Renderer};
+use city3d_render::video::{FrameRate, ReaderState, Video, VideoOutput};
+use city3d_render::{CaptureJob, Image, PendingReadback, PictureRow, PictureTable, PngStream, Renderer};
 use city3d_sensors::PictureKinds;
+use city3d_session::capture::{CaptureError, CaptureSchedule, CapturedRun};
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
+use destination::Destination;
 use kinds::{KindArgs, file_name};
-use schedule::Schedule;
 use shots::{CameraOverrides, Shot};
-use source::{FramePlayback, FrameSource};
+use source::FrameSource;
 use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
-use table::{FrameRow, FrameTable};
-use video::{Destination, ReaderState, Video};
-use y4m::FrameRate;
 
 #[derive(Debug, Args)]
 pub struct FramesArgs {
@@ -88,11 +84,11 @@ pub fn frames(args: &FramesArgs) -> Result<(), Failure> {
     destination.check(args.overwrite)?;
     let overrides = overrides(args, &destination, &experiment)?;
     let shots = shots::shots(&args.cameras, &overrides, &experiment, &source.carriers())?;
-    let schedule = Schedule::new(args.from, &shots, &experiment)?;
+    let schedule = schedule(args.from, &shots, &experiment)?;
     let capture = FrameCapture { args, experiment: &experiment, shots: &shots, out: &out };
     match &destination {
         Destination::Folder(folder) => capture.take_pictures(source, schedule, folder),
-        _ => capture.take_video(source, schedule, &destination),
+        Destination::Video(output) => capture.take_video(source, schedule, output),
     }
 }
 
@@ -119,6 +115,23 @@ fn overrides(
     })
 }
 
+/// When the cameras are due.
+fn schedule(from_s: f64, shots: &[Shot], experiment: &Experiment) -> Result<CaptureSchedule, Failure> {
+    let periods = shots.iter().map(|shot| shot.every_s).collect();
+    CaptureSchedule::new(from_s, periods, experiment).ok_or_else(|| {
+        Failure::bad_input(format!(
+            "--from {from_s} s lies after the end of the run at {} s; take an earlier time or a longer --duration",
+            experiment.duration_s
+        ))
+    })
+}
+
+impl From<CaptureError> for Failure {
+    fn from(error: CaptureError) -> Self {
+        if error.is_bad_input() { Self::bad_input(error) } else { Self::failed(error) }
+    }
+}
+
 /// Takes the pictures of a run.
 struct FrameCapture<'a> {
     args: &'a FramesArgs,
@@ -128,8 +141,8 @@ struct FrameCapture<'a> {
 }
 
 impl FrameCapture<'_> {
-    fn open(&self, schedule: &Schedule) -> Result<Renderer, Failure> {
-        let is_many = schedule.clone().has(self.shots, look::PictureCount::MANY);
+    fn open(&self, schedule: &CaptureSchedule) -> Result<Renderer, Failure> {
+        let is_many = schedule.clone().has(look::PictureCount::MANY);
         let pictures = if is_many { look::PictureCount::Many } else { look::PictureCount::Few };
         look::open(&self.args.look, self.experiment, (look::QualityArg::High, pictures))
             .map_err(look::failure)
@@ -139,18 +152,18 @@ impl FrameCapture<'_> {
     fn take_pictures(
         &self,
         source: FrameSource,
-        mut schedule: Schedule,
+        mut schedule: CaptureSchedule,
         folder: &Path,
     ) -> Result<(), Failure> {
-        let mut table = FrameTable::create(folder)?;
+        let mut table = table::create(folder)?;
         let mut renderer = self.open(&schedule)?;
         let adapter = renderer.context().adapter_name.clone();
         let start = Instant::now();
         let mut playback = source.begin()?;
         let mut stream = PngStream::new(&mut renderer);
         let bar = progress::simulated_seconds(self.experiment.duration_s);
-        while let Some((tick, due)) = schedule.next(self.shots) {
-            playback.advance(tick, &bar)?;
+        while let Some((tick, due)) = schedule.next_due() {
+            playback.advance(tick, &mut |time_s| progress::show(&bar, time_s))?;
             let orders = self.order(&playback, &due, folder, &mut table)?;
             stream.push_jobs(playback.snapshot(), orders).map_err(failure)?;
         }
@@ -169,10 +182,10 @@ impl FrameCapture<'_> {
     /// The files of the due cameras, each with its row.
     fn order(
         &self,
-        playback: &FramePlayback,
+        playback: &CapturedRun,
         due: &[usize],
         folder: &Path,
-        table: &mut FrameTable,
+        table: &mut PictureTable,
     ) -> Result<Vec<CaptureJob>, Failure> {
         let snapshot = playback.snapshot();
         let mut orders = Vec::with_capacity(due.len());
@@ -182,7 +195,7 @@ impl FrameCapture<'_> {
             let mut files = Vec::with_capacity(shot.kinds.len());
             for format in shot.kinds.iter().map(|kind| self.args.kinds.format(kind)) {
                 let file = file_name(&shot.stem(snapshot.tick), format);
-                table.add(&FrameRow::new((&file, format), shot, snapshot, &view))?;
+                table.add(&PictureRow::new((&file, format), shot.taken_by(), snapshot, &view))?;
                 files.push((format, folder.join(file)));
             }
             orders.push(CaptureJob { view, files });
@@ -194,22 +207,22 @@ impl FrameCapture<'_> {
     fn take_video(
         &self,
         source: FrameSource,
-        mut schedule: Schedule,
-        destination: &Destination,
+        mut schedule: CaptureSchedule,
+        output: &VideoOutput,
     ) -> Result<(), Failure> {
         let shot = self.only_shot()?;
         let rate = FrameRate::of_period(shot.every_s);
         let mut renderer = self.open(&schedule)?;
-        let Some(mut video) = Video::create(destination, shot.lens.extent, rate)? else { return Ok(()) };
+        let mut video = Video::create(output, shot.lens.extent, rate)?;
         let start = Instant::now();
         let mut playback = source.begin()?;
         let bar = progress::simulated_seconds(self.experiment.duration_s);
         let mut drawn: VecDeque<PendingReadback> = VecDeque::new();
         let mut count = 0_u64;
         loop {
-            let next = schedule.next(self.shots);
+            let next = schedule.next_due();
             if let Some((tick, _)) = next {
-                playback.advance(tick, &bar)?;
+                playback.advance(tick, &mut |time_s| progress::show(&bar, time_s))?;
                 let snapshot = playback.snapshot();
                 let Some(view) = shot.view(snapshot).map_err(Failure::failed)? else { continue };
                 drawn.push_back(renderer.submit(snapshot, &[view]).map_err(failure)?);

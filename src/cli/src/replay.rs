@@ -1,14 +1,14 @@
 //! `city3d replay`: shows a recorded run in the window, or simulates it again and verifies its state digests.
 
 use super::files::{LogArgs, log_of};
-use super::recorded::RecordedPoses;
+use super::recorded::PosesReplay;
 use super::say::say;
 use super::{Failure, progress};
 use city3d_logbook::record::{is_ros1_bag, last_tick};
-use city3d_logbook::replay::{Replay, ReplayError, StateDifferences, TickDigests};
+use city3d_logbook::replay::{Replay, ReplayError};
+use city3d_logbook::verify::{DifferentVehicle, VerifyReport};
 use city3d_simulation::scenario::shipped_scenarios;
 use clap::Args;
-use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
@@ -36,44 +36,9 @@ pub struct ReplayArgs {
     window: super::view::WindowArgs,
 }
 
-/// Result of `--verify`.
-#[derive(Debug, Serialize)]
-struct VerifyReport {
-    log: PathBuf,
-    scenario: String,
-    /// Version of City3D that wrote the log.
-    version: String,
-    /// Simulated time of the last tick that was compared.
-    simulated_s: f64,
-    /// Ticks whose states are equal, the beginning among them.
-    ticks_agreeing: u64,
-    /// Why the log is truncated, if it is.
-    torn: Option<String>,
-    first_difference: Option<FirstDifference>,
-}
-
-#[derive(Debug, Serialize)]
-struct FirstDifference {
-    tick: u64,
-    time_s: f64,
-    /// Digests, hexadecimal.
-    recorded: String,
-    simulated: String,
-    /// The tick of the snapshot in which the vehicles were compared, and those that differ.
-    compared_at_tick: Option<u64>,
-    vehicles: Vec<DifferentVehicle>,
-}
-
-#[derive(Debug, Serialize)]
-struct DifferentVehicle {
-    id: u32,
-    name: String,
-    apart_m: Option<f64>,
-}
-
 pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     if let (Some(scenario), Some(out)) = (&args.scenario, &args.out) {
-        return RecordedPoses { poses: &args.log, scenario, out, log: args.files, json: args.json }.replay();
+        return PosesReplay { poses: &args.log, scenario, out, log: args.files, json: args.json }.replay();
     }
     if let Some(failure) = no_log(&args.log) {
         return Err(failure);
@@ -190,28 +155,9 @@ fn verify(log: &Path) -> Result<VerifyReport, Failure> {
     let mut replay = Replay::open(log).map_err(failure)?;
     warn_of_version(&replay);
     let bar = progress::simulated_seconds(replay.experiment().rates.time_s(last));
-    let mut ticks_agreeing = 0;
-    let mut first_difference = None;
-    while let Some(ticked) = replay.step().map_err(failure)? {
-        if !ticked.agrees() {
-            first_difference = Some(first(&mut replay, ticked)?);
-            break;
-        }
-        ticks_agreeing += 1;
-        if ticked.tick.is_multiple_of(100) {
-            progress::show(&bar, replay.snapshot().time_s);
-        }
-    }
+    let report = VerifyReport::of(&mut replay, log, &mut |time_s| progress::show(&bar, time_s));
     bar.finish_and_clear();
-    Ok(VerifyReport {
-        log: log.to_path_buf(),
-        scenario: replay.experiment().name.clone(),
-        version: replay.log().version().to_owned(),
-        simulated_s: replay.snapshot().time_s,
-        ticks_agreeing,
-        torn: replay.log().truncation().map(str::to_owned),
-        first_difference,
-    })
+    report.map_err(failure)
 }
 
 /// Warns of a log of another version, which may simulate differently.
@@ -227,29 +173,6 @@ pub(super) fn warn_of_version(replay: &Replay) {
 /// A log that cannot be used is bad input.
 pub(super) fn failure(error: ReplayError) -> Failure {
     Failure::bad_input(error)
-}
-
-fn first(replay: &mut Replay, ticked: TickDigests) -> Result<FirstDifference, Failure> {
-    let time_s = replay.snapshot().time_s;
-    let found = replay.differences().map_err(failure)?;
-    let (compared_at_tick, vehicles) = match found {
-        Some(StateDifferences { tick, vehicles }) => (Some(tick), vehicles),
-        None => (None, Vec::new()),
-    };
-    let name = |id| replay.snapshot().info(id).map(|info| info.name.clone()).unwrap_or_default();
-    let vehicles = vehicles.into_iter().map(|found| DifferentVehicle {
-        id: found.vehicle.0,
-        name: name(found.vehicle),
-        apart_m: found.apart_m,
-    });
-    Ok(FirstDifference {
-        tick: ticked.tick,
-        time_s,
-        recorded: format!("{:016x}", ticked.recorded),
-        simulated: format!("{:016x}", ticked.simulated),
-        compared_at_tick,
-        vehicles: vehicles.collect(),
-    })
 }
 
 fn print(report: &VerifyReport) -> Result<(), Failure> {

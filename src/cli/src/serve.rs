@@ -124,7 +124,18 @@ impl ServeArgs {
 
     /// Whether somebody may look at the terminal, and at no window.
     fn is_watched(&self) -> bool {
-        self.headless && std::io::IsTerminal::is_terminal(&std::io::stderr())
+        !self.opens_window() && std::io::IsTerminal::is_terminal(&std::io::stderr())
+    }
+
+    #[cfg(feature = "window")]
+    fn opens_window(&self) -> bool {
+        !self.headless && super::view::has_display()
+    }
+
+    #[cfg(not(feature = "window"))]
+    #[allow(clippy::unused_self, reason = "the same call with and without a window")]
+    fn opens_window(&self) -> bool {
+        false
     }
 
     /// Shows the city in a window, where there is a display, until it is closed; else gives the session back.
@@ -134,7 +145,7 @@ impl ServeArgs {
         session: SessionHandle,
         experiment: &Arc<Experiment>,
     ) -> Result<Option<SessionHandle>, Failure> {
-        if self.headless {
+        if !self.opens_window() {
             return Ok(Some(session));
         }
         self.window.show(session, (&self.scenario, experiment), self.ros.look())

@@ -1,23 +1,19 @@
 //! `city3d sweep`: parameter sweep of a scenario over a grid of values and seeds, on all cores.
 
-mod grid;
-mod map;
-mod table;
-
 use super::overwrite::OverwriteArgs;
 use super::say::say;
 use super::{Failure, ProfileArg, ScenarioArgs, create_folder, load, on_end};
+use city3d_logbook::sweep::{self, SweepHeader, SweepResults, SweepTable, SweepTableError};
 use city3d_simulation::runner::RunMetrics;
 use city3d_simulation::scenario::Library;
+use city3d_simulation::sweep::{Axis, Job, Seeds, jobs};
 use clap::Args;
-use grid::{Axis, Job, Seeds};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use table::SweepTable;
 
 #[derive(Debug, Args)]
 pub struct SweepArgs {
@@ -53,7 +49,7 @@ struct SweepPlan {
 impl SweepPlan {
     /// Validates every value of each axis before the first run.
     fn check(&self, axes: &[Axis]) -> Result<(), Failure> {
-        for job in axes.iter().flat_map(|axis| grid::jobs(std::slice::from_ref(axis), None)).flatten() {
+        for job in axes.iter().flat_map(|axis| jobs(std::slice::from_ref(axis), None)).flatten() {
             let text = job.scenario(&self.document).map_err(Failure::bad_input)?;
             load::from_text(&self.args, &text, &self.library, false)?;
         }
@@ -68,7 +64,7 @@ impl SweepPlan {
         let experiment = Arc::new(load::from_text(&args, &text, &self.library, false)?);
         let seed = experiment.seed;
         let outcome = RunMetrics::of(experiment).map_err(Failure::bad_input)?;
-        Ok(table::row(job, seed, &outcome))
+        Ok(sweep::row(job, seed, &outcome))
     }
 }
 
@@ -77,12 +73,15 @@ pub fn sweep(args: &SweepArgs) -> Result<(), Failure> {
     // Errors of the unchanged scenario are reported with their places.
     load::from_text(&args.scenario, &text, &library, false)?;
     let document: toml::Table = text.parse().map_err(Failure::bad_input)?;
-    let jobs = grid::jobs(&args.set, args.seeds.as_ref()).map_err(Failure::bad_input)?;
+    let jobs = jobs(&args.set, args.seeds.as_ref()).map_err(Failure::bad_input)?;
     let plan = SweepPlan { args: args.scenario.clone(), document, library, jobs };
     plan.check(&args.set)?;
     create_folder(&args.out)?;
-    let head = table::SweepHeader::new(&args.scenario, &text, &args.set, &plan.jobs);
-    let mut table = SweepTable::open(&args.out, &head, &plan.jobs, args.overwrite)?;
+    let head = SweepHeader::new(&args.scenario.request().overrides, &text, &args.set, &plan.jobs);
+    let mut table = match SweepTable::open(&args.out, &head) {
+        Err(_) if args.overwrite.force => SweepTable::replace(&args.out, &head),
+        result => result,
+    }?;
     let done = table.rows();
     if done > 0 && done < plan.jobs.len() {
         say(format_args!("{done} of {} runs are done already", plan.jobs.len()))?;
@@ -97,17 +96,31 @@ pub fn sweep(args: &SweepArgs) -> Result<(), Failure> {
             plan.jobs.len()
         )));
     }
-    let rows = table.finish()?;
+    let rows = table.into_rows();
     say(format_args!("{} runs: {}", rows.len(), args.out.join("sweep.csv").display()))?;
     let is_testbed = args.scenario.environment == Some(ProfileArg::Testbed)
         || args.set.iter().any(|axis| axis.key.starts_with("environment."));
-    let sweep = map::Sweep { axes: &args.set, rows: &rows, document: &plan.document, is_testbed };
-    let figures = sweep.figures();
+    let results = SweepResults { axes: &args.set, rows: &rows, document: &plan.document, is_testbed };
+    let figures = results.figures();
     for figure in &figures {
         city3d_logbook::figures::write(figure, args.size.size(), &args.out).map_err(Failure::failed)?;
         say(format_args!("{}: {} (SVG, PNG, CSV)", args.out.display(), figure.name))?;
     }
     if figures.is_empty() { say("no map of the outcome: it needs one or two axes (--set)") } else { Ok(()) }
+}
+
+impl From<SweepTableError> for Failure {
+    fn from(error: SweepTableError) -> Self {
+        match error {
+            SweepTableError::Other { .. } => {
+                Self::bad_input(format!("{error}; choose another --out, or --force writes over it"))
+            }
+            SweepTableError::Damaged { .. } => {
+                Self::bad_input(format!("{error}; --force starts the sweep again"))
+            }
+            SweepTableError::File { .. } | SweepTableError::Row { .. } => Self::failed(error),
+        }
+    }
 }
 
 fn cores() -> usize {

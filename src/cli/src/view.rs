@@ -42,7 +42,8 @@ pub struct ViewArgs {
     /// Environment profile (delay, loss, noise, disturbance), instead of the scenario's
     #[arg(long)]
     environment: Option<ProfileArg>,
-    /// Folder for the logs: run-1 for the first run, run-2 after a reset [default: a new one in the user's data folder]
+    /// Folder for the logs: run-1 for the first run, run-2 after a reset [default: a new one in the user's data folder].
+    /// With --city: the folder itself, part-2 after a reset [default: nothing is written]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -215,26 +216,18 @@ pub struct ServedWindowArgs {
 }
 
 impl ServedWindowArgs {
-    /// Shows a served city until the window is closed, which ends the session; gives it back where there is no display.
+    /// Shows a served city until the window is closed, which ends the session; gives it back where no window opens.
     pub fn show(
         &self,
         session: SessionHandle,
         (args, experiment): (&ScenarioArgs, &Arc<Experiment>),
         look: look::LookArgs,
     ) -> Result<Option<SessionHandle>, Failure> {
-        if !has_display() {
-            tracing::info!("there is no display: the city is served without a window");
-            return Ok(Some(session));
-        }
         // Robots wait for the city, and nobody for its picture. The session's thread has its priority already.
         lower_priority();
         let subject = CitySubject::new(session, (args.request(), Arc::clone(experiment)), CityKind::Served);
-        let window = WindowArgs {
-            look: look::LookArgs { quality: None, ..look },
-            size: self.size,
-            fresh: self.fresh,
-            picture: WindowPictureArgs::default(),
-        };
+        let window =
+            WindowArgs { look, size: self.size, fresh: self.fresh, picture: WindowPictureArgs::default() };
         let outcome = window::open(&WindowSubject::City(subject.clone()), &window.options());
         match (subject.take(), outcome) {
             (Some(session), Err(error)) => {
@@ -250,7 +243,7 @@ impl ServedWindowArgs {
 }
 
 /// Whether a window may open here. On Linux its server is named by the environment.
-fn has_display() -> bool {
+pub fn has_display() -> bool {
     let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     !cfg!(target_os = "linux") || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
 }

@@ -1,7 +1,8 @@
 //! GPU renderer of camera pictures (wgpu), with asynchronous read-back and PNG encoding.
 //!
 //! [`Context`] opens an adapter, [`Renderer`] draws snapshots of a scene into [`Image`]s or into the caller's
-//! [`TargetView`], [`PngStream`] writes pictures to disk while the next ones are drawn.
+//! [`TargetView`], [`PngStream`] writes pictures to disk while the next ones are drawn,
+//! [`PictureTable`] lists them, [`video`] writes them as a stream.
 //!
 //! Bind groups are numbered by how often they change: 0 frame and view, 1 light (shadow map, light map, environment
 //! map), 2 materials. Vehicles differ by instance data alone.
@@ -26,6 +27,7 @@ mod image;
 mod normal_clusters;
 mod occlusion_horizon;
 mod passes;
+mod picture_table;
 mod png;
 mod post_process;
 mod readback;
@@ -38,12 +40,14 @@ mod stream;
 mod textures;
 mod threads;
 mod vehicle;
+pub mod video;
 
 pub use context::{AdapterPreference, Context, TargetView};
 pub use daylight::Daylight;
 pub use error::RenderError;
 pub use files::PictureFormat;
 pub use image::{Image, Plane};
+pub use picture_table::{PictureCamera, PictureRow, PictureTable, PictureTableError};
 pub use png::{encode_png, write_png};
 pub use readback::{MappedReadback, PendingReadback, read_texture};
 pub use renderer::Renderer;

@@ -1,14 +1,19 @@
 //! Cities that run. A [`Session`] is one [`Source`] of motion, one clock, and the [`End`]s that are told what happens:
 //! files, subscribers, ROS, pictures, a window. Sources: the control framework in this process ([`LocalCity`]), commands
 //! over the network ([`served`]), and a city elsewhere ([`remote`]); recorded runs have their own time ([`playback`]).
-//! [`robots`] emulates the physical vehicles.
+//! [`robots`] emulates the physical vehicles. Without a clock, [`fork`] continues recorded runs and [`recorded`] makes runs
+//! of measured poses; [`link_benchmark`] measures the link.
 
 #![allow(clippy::disallowed_types, reason = "paces cities by the clock, and writes their files")]
 #![allow(missing_debug_implementations, reason = "ends are trait objects, which have nothing to show")]
 
+#[cfg(feature = "render")]
+pub mod capture;
 mod clock;
 mod end;
 mod error;
+pub mod fork;
+pub mod link_benchmark;
 mod local;
 mod loss_reporter;
 mod moment;
@@ -17,6 +22,7 @@ mod overwrite;
 #[cfg(feature = "render")]
 pub mod pictures;
 pub mod playback;
+pub mod recorded;
 pub mod remote;
 pub mod robots;
 #[cfg(feature = "ros")]

@@ -1,8 +1,9 @@
 //! The simulated city: scenarios, the world, the environment between it and its control framework, the emulated
-//! testbed, and runs of all of them in lockstep.
+//! testbed, runs of all of them in lockstep, and the parameter grids of sweeps.
 
 pub mod environment;
 pub mod runner;
 pub mod scenario;
 pub mod sim;
+pub mod sweep;
 pub mod testbed;

@@ -1,9 +1,9 @@
 //! Camera options of the command line: onboard, chase, orbit and overhead cameras.
 
 use super::super::Failure;
-use super::carriers::CameraCarrier;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_sensors::{Camera, Lens, Mount};
+use city3d_session::capture::CameraCarrier;
 use city3d_simulation::scenario::Experiment;
 use clap::{Args, ValueEnum};
 use glam::{DVec2, DVec3};

@@ -2,10 +2,11 @@
 
 use super::super::Failure;
 use super::cameras::{CameraArgs, CameraChoice, Standpoint};
-use super::carriers::CameraCarrier;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
+use city3d_render::PictureCamera;
 use city3d_sensors::{Camera, CameraError, Lens, Mount, PictureKinds, View};
 use city3d_sensors::{CameraSensor, Sensor, SensorKind};
+use city3d_session::capture::CameraCarrier;
 use city3d_simulation::scenario::Experiment;
 
 /// Overrides of the command line for all cameras; they win over the scenario.
@@ -51,6 +52,11 @@ impl Shot {
             ShotCamera::Free(standpoint) => standpoint.camera(snapshot, &self.lens),
         };
         camera.view(snapshot, &self.lens).map(Some)
+    }
+
+    /// The camera, as the table names it.
+    pub(super) fn taken_by(&self) -> PictureCamera<'_> {
+        PictureCamera { camera: &self.camera, owner: &self.owner, vehicle: self.vehicle, lens: self.lens }
     }
 
     /// File stem of a picture, without the kind.

@@ -2,12 +2,10 @@
 
 use super::super::files::log_of;
 use super::super::replay::{failure, warn_of_version};
-use super::super::{Failure, ScenarioArgs, load, progress};
-use super::carriers::{self, CameraCarrier};
+use super::super::{Failure, ScenarioArgs, load};
 use city3d_logbook::record::{is_log, last_tick};
 use city3d_logbook::replay::Replay;
-use city3d_protocol::snapshot::FrameSnapshot;
-use city3d_simulation::runner::Run;
+use city3d_session::capture::{CameraCarrier, CapturedRun};
 use city3d_simulation::scenario::{Experiment, shipped_scenarios};
 use std::path::Path;
 use std::sync::Arc;
@@ -41,14 +39,14 @@ impl FrameSource {
         }
         let duration_s = args.duration.unwrap_or(recorded_s).min(recorded_s);
         let experiment = Experiment { duration_s, ..Experiment::clone(replay.experiment()) };
-        let carriers = carriers::of_log(path, &experiment)?;
+        let carriers = CameraCarrier::of_log(path, &experiment)?;
         Ok(Self::Log(Box::new(replay), Arc::new(experiment), carriers))
     }
 
     /// The vehicles that may carry cameras.
     pub(super) fn carriers(&self) -> Vec<CameraCarrier> {
         match self {
-            Self::Scenario(experiment) => carriers::of_experiment(experiment),
+            Self::Scenario(experiment) => CameraCarrier::of_experiment(experiment),
             Self::Log(.., carriers) => carriers.clone(),
         }
     }
@@ -61,59 +59,10 @@ impl FrameSource {
     }
 
     /// Starts the simulation or the replay at its first instant.
-    pub(super) fn begin(self) -> Result<FramePlayback, Failure> {
-        match self {
-            Self::Scenario(experiment) => {
-                Run::new(experiment).map(Box::new).map(FramePlayback::Run).map_err(Failure::bad_input)
-            }
-            Self::Log(mut replay, ..) => {
-                proceed(&mut replay)?;
-                Ok(FramePlayback::Replay(replay))
-            }
-        }
-    }
-}
-
-/// A running simulation or replay.
-pub(super) enum FramePlayback {
-    Run(Box<Run>),
-    Replay(Box<Replay>),
-}
-
-impl FramePlayback {
-    pub(super) fn snapshot(&self) -> &FrameSnapshot {
-        match self {
-            Self::Run(run) => run.snapshot(),
-            Self::Replay(replay) => replay.snapshot(),
-        }
-    }
-
-    /// Advances to a tick.
-    pub(super) fn advance(&mut self, tick: u64, bar: &progress::Progress) -> Result<(), Failure> {
-        while self.snapshot().tick < tick {
-            match self {
-                Self::Run(run) => drop(run.step()),
-                Self::Replay(replay) => proceed(replay)?,
-            }
-            if self.snapshot().tick.is_multiple_of(100) {
-                progress::show(bar, self.snapshot().time_s);
-            }
-        }
-        progress::show(bar, self.snapshot().time_s);
-        Ok(())
-    }
-}
-
-/// Replays one tick and checks its digest: a diverged replay would give wrong pictures.
-fn proceed(replay: &mut Replay) -> Result<(), Failure> {
-    match replay.step().map_err(failure)? {
-        Some(ticked) if ticked.agrees() => Ok(()),
-        Some(ticked) => Err(Failure::failed(format!(
-            "tick {} differs from the log when it is simulated again, and so would the pictures; \
-             city3d replay --verify tells more, and version {}, which wrote the log, can draw it",
-            ticked.tick,
-            replay.log().version()
-        ))),
-        None => Err(Failure::failed(format!("the log ends at {} s", replay.snapshot().time_s))),
+    pub(super) fn begin(self) -> Result<CapturedRun, Failure> {
+        Ok(match self {
+            Self::Scenario(experiment) => CapturedRun::of_experiment(experiment),
+            Self::Log(replay, ..) => CapturedRun::of_replay(replay),
+        }?)
     }
 }

@@ -451,7 +451,7 @@ pub const NETWORK_SCHEMA: &str = "\
 # Something that came over the laboratory's link and was carried out.
 # In the step that begins at this tick.
 uint64 tick
-# Address of who has sent it; motion capture has none.
+# Address of who has sent it, or 'window' or 'motion capture'.
 string sender
 # Kind of the datagram and its body, as docs/wire.md has them; of trajectories and measured poses one at a time.
 uint8 kind

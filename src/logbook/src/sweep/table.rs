@@ -1,13 +1,13 @@
 //! Table of a sweep, which an interrupted sweep resumes.
 
-use super::grid::{Axis, Job};
-use crate::overwrite::OverwriteArgs;
-use crate::{Failure, ScenarioArgs};
-use city3d_logbook::figures::number;
+use crate::figures::number;
 use city3d_simulation::runner::RunMetrics;
+use city3d_simulation::scenario::Overrides;
+use city3d_simulation::sweep::{Axis, Job};
 use std::fs::{File, OpenOptions};
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use thiserror::Error;
 
 /// Columns behind those of the axes and of the seed. Laboratory units.
 const COLUMNS: [&str; 12] = [
@@ -26,22 +26,27 @@ const COLUMNS: [&str; 12] = [
 ];
 
 /// Identity of a sweep: the columns of its table, and all inputs of its rows.
+#[derive(Clone, Debug)]
 pub struct SweepHeader {
     columns: Vec<String>,
     /// All inputs of the rows, as text.
     text: String,
+    /// Number of runs.
+    runs: usize,
 }
 
 impl SweepHeader {
-    pub fn new(args: &ScenarioArgs, scenario: &str, axes: &[Axis], jobs: &[Job]) -> Self {
+    /// The identity of the runs of `jobs` over `axes`: `scenario` is the text of the scenario, `overrides` what is set
+    /// otherwise in all of them.
+    pub fn new(overrides: &Overrides, scenario: &str, axes: &[Axis], jobs: &[Job]) -> Self {
         let keys = axes.iter().map(|axis| axis.key.clone());
         let columns =
             keys.chain(std::iter::once("seed".to_owned())).chain(COLUMNS.map(str::to_owned)).collect();
-        let ScenarioArgs { seed, duration, model, environment, .. } = args;
+        let Overrides { seed, duration_s, model, environment, .. } = overrides;
         let version = env!("CARGO_PKG_VERSION");
         let mut text = format!(
             "# A sweep of City3D {version}: what the rows of sweep.csv depend on.\n# seed {seed:?}, duration \
-             {duration:?}, model {model:?}, environment {environment:?}\n"
+             {duration_s:?}, model {model:?}, environment {environment:?}\n"
         );
         for job in jobs {
             let settings: Vec<String> =
@@ -49,11 +54,45 @@ impl SweepHeader {
             text.push_str(&format!("# {} seed {:?}\n", settings.join(" "), job.seed));
         }
         text.push_str(scenario);
-        Self { columns, text }
+        Self { columns, text, runs: jobs.len() }
     }
 }
 
-/// The rows so far, and their file.
+/// Why the table of a sweep cannot be used.
+#[derive(Debug, Error)]
+pub enum SweepTableError {
+    /// The folder has the table of another sweep.
+    #[error("{path} is of another sweep, scenario or version", path = path.display())]
+    Other {
+        /// Path of the table.
+        path: PathBuf,
+    },
+    /// The table does not belong to its `sweep.toml`.
+    #[error("{path} is damaged", path = path.display())]
+    Damaged {
+        /// Path of the table.
+        path: PathBuf,
+    },
+    /// A file cannot be written or removed.
+    #[error("{path}: {source}", path = path.display())]
+    File {
+        /// Path of the file.
+        path: PathBuf,
+        /// Reason of the operating system.
+        source: io::Error,
+    },
+    /// A row cannot be encoded.
+    #[error("{path}: {source}", path = path.display())]
+    Row {
+        /// Path of the table.
+        path: PathBuf,
+        /// What is wrong with the row.
+        source: csv::Error,
+    },
+}
+
+/// The rows so far, and their file `sweep.csv`, with the identity of the sweep beside it in `sweep.toml`.
+#[derive(Debug)]
 pub struct SweepTable {
     path: PathBuf,
     file: BufWriter<File>,
@@ -61,50 +100,25 @@ pub struct SweepTable {
 }
 
 impl SweepTable {
-    /// Creates a table, or resumes that of the same sweep, whose last row may be incomplete. `--force` overwrites
-    /// another one.
+    /// Creates a table in an existing folder, or resumes that of the same sweep, whose last row may be incomplete.
     ///
     /// # Errors
-    /// When the folder has another or a damaged sweep, or a file cannot be read or written.
-    pub fn open(
-        folder: &Path,
-        head: &SweepHeader,
-        jobs: &[Job],
-        overwrite: OverwriteArgs,
-    ) -> Result<Self, Failure> {
-        match Self::resume(folder, head, jobs) {
-            Err(_) if overwrite.force => {
-                let path = folder.join("sweep.csv");
-                std::fs::remove_file(&path)
-                    .map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
-                Self::resume(folder, head, jobs)
-            }
-            result => result,
-        }
-    }
-
-    fn resume(folder: &Path, head: &SweepHeader, jobs: &[Job]) -> Result<Self, Failure> {
+    /// When the folder has another or a damaged sweep, or a file cannot be written.
+    pub fn open(folder: &Path, head: &SweepHeader) -> Result<Self, SweepTableError> {
         let (path, beside) = (folder.join("sweep.csv"), folder.join("sweep.toml"));
-        let failed = |path: &Path| {
-            let path = path.display().to_string();
-            move |error: std::io::Error| Failure::failed(format!("{path}: {error}"))
-        };
         if path.exists() {
             let before = std::fs::read_to_string(&beside).unwrap_or_default();
             if before != head.text {
-                return Err(Failure::bad_input(format!(
-                    "{} is of another sweep, scenario or version; choose another --out, or --force writes over it",
-                    path.display()
-                )));
+                return Err(SweepTableError::Other { path });
             }
         } else {
             std::fs::write(&beside, &head.text).map_err(failed(&beside))?;
         }
         let text = std::fs::read_to_string(&path).unwrap_or_default();
         let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
-        let rows = rows_of(whole, &head.columns, jobs.len()).ok_or_else(|| {
-            Failure::bad_input(format!("{} is damaged; --force starts the sweep again", path.display()))
-        })?;
+        let Some(rows) = rows_of(whole, &head.columns, head.runs) else {
+            return Err(SweepTableError::Damaged { path });
+        };
         let file =
             OpenOptions::new().create(true).truncate(false).write(true).open(&path).map_err(failed(&path))?;
         file.set_len(whole.len() as u64).map_err(failed(&path))?;
@@ -116,29 +130,49 @@ impl SweepTable {
         Ok(table)
     }
 
+    /// Removes the table in a folder and creates an empty one.
+    ///
+    /// # Errors
+    /// When a file cannot be removed or written.
+    pub fn replace(folder: &Path, head: &SweepHeader) -> Result<Self, SweepTableError> {
+        let path = folder.join("sweep.csv");
+        std::fs::remove_file(&path).map_err(failed(&path))?;
+        Self::open(folder, head)
+    }
+
+    /// The number of rows.
     pub fn rows(&self) -> usize {
         self.rows.len()
     }
 
     /// Appends a row and flushes the file.
-    pub fn add(&mut self, row: &[String]) -> Result<(), Failure> {
+    ///
+    /// # Errors
+    /// When the row cannot be written.
+    pub fn add(&mut self, row: &[String]) -> Result<(), SweepTableError> {
         self.write(row)?;
         self.rows.push(row.to_vec());
         Ok(())
     }
 
-    fn write(&mut self, row: &[String]) -> Result<(), Failure> {
-        let failed =
-            |error: &dyn std::fmt::Display| Failure::failed(format!("{}: {error}", self.path.display()));
+    fn write(&mut self, row: &[String]) -> Result<(), SweepTableError> {
+        let unencoded = |source| SweepTableError::Row { path: self.path.clone(), source };
         let mut line = csv::Writer::from_writer(Vec::new());
-        line.write_record(row).map_err(|error| failed(&error))?;
-        let line = line.into_inner().map_err(|error| failed(&error))?;
-        self.file.write_all(&line).and_then(|()| self.file.flush()).map_err(|error| failed(&error))
+        line.write_record(row).map_err(unencoded)?;
+        let line = line.into_inner().map_err(|error| unencoded(error.into_error().into()))?;
+        self.file.write_all(&line).and_then(|()| self.file.flush()).map_err(failed(&self.path))
     }
 
-    pub fn finish(self) -> Result<Vec<Vec<String>>, Failure> {
-        Ok(self.rows)
+    /// All rows, in the order of the jobs.
+    pub fn into_rows(self) -> Vec<Vec<String>> {
+        self.rows
     }
+}
+
+/// The error of a file.
+fn failed(path: &Path) -> impl FnOnce(io::Error) -> SweepTableError + use<> {
+    let path = path.to_path_buf();
+    move |source| SweepTableError::File { path, source }
 }
 
 /// Parses the rows of a table; `None` when it belongs to another sweep.
@@ -155,7 +189,7 @@ fn rows_of(text: &str, columns: &[String], most: usize) -> Option<Vec<Vec<String
     rows.filter(|rows| rows.len() <= most)
 }
 
-/// The row of a run, in the order of the columns.
+/// The row of a run with its seed, in the order of the columns.
 pub fn row(job: &Job, seed: u64, outcome: &RunMetrics) -> Vec<String> {
     let settings = job.settings.iter().map(|(_, value)| match value {
         toml::Value::String(word) => word.clone(),

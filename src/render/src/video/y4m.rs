@@ -3,18 +3,21 @@
 //! 4:2:0 chroma subsampling with centred siting, limited range, ITU-R BT.601 matrix: the defaults of readers, as the
 //! format cannot state them.
 
-use city3d_render::Image;
+use crate::Image;
 use rayon::prelude::*;
 
 /// Pictures per second as a fraction of whole numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct FrameRate {
-    pub(super) numerator: u64,
-    pub(super) denominator: u64,
+pub struct FrameRate {
+    /// Pictures in [`Self::denominator`] seconds.
+    pub numerator: u64,
+    /// Seconds, which share no factor with the numerator.
+    pub denominator: u64,
 }
 
 impl FrameRate {
-    pub(super) fn of_period(period_s: f64) -> Self {
+    /// The rate of a period in seconds: exact where it is a whole number of pictures per second, else to a microsecond.
+    pub fn of_period(period_s: f64) -> Self {
         let fps = 1.0 / period_s;
         let (numerator, denominator) = if (fps - fps.round()).abs() < 1e-6 {
             (fps.round() as u64, 1)

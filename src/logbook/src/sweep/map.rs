@@ -1,18 +1,21 @@
 //! Heat maps of a sweep over one or two axes: the share of seeds with a collision and, where streams merge, the share
 //! in which a yielding vehicle merges before the others are through.
 
-use super::grid::Axis;
 use super::table::column;
-use city3d_logbook::figures::chart::{ColourBar, Figure, HeatMapCell, Panel};
-use city3d_logbook::figures::{TidyTable, number};
+use crate::figures::chart::{ColourBar, Figure, HeatMapCell, Panel};
+use crate::figures::{TidyTable, number};
+use city3d_simulation::sweep::Axis;
 
-/// Results of a sweep.
+/// Results of a whole sweep.
 #[derive(Debug)]
-pub struct Sweep<'s> {
+pub struct SweepResults<'s> {
+    /// The parameters that were varied.
     pub axes: &'s [Axis],
-    /// In the order of the axes, seeds last.
+    /// Rows of [`row`](super::row), in the order of the axes, seeds last.
     pub rows: &'s [Vec<String>],
+    /// The scenario before its parameters are set.
     pub document: &'s toml::Table,
+    /// Whether the runs had the environment of a laboratory, which the notes of the maps tell.
     pub is_testbed: bool,
 }
 
@@ -33,7 +36,7 @@ struct MapText {
     columns: [&'static str; 2],
 }
 
-impl Sweep<'_> {
+impl SweepResults<'_> {
     /// Every map that can be drawn; none where the sweep has not one or two axes.
     pub fn figures(&self) -> Vec<Figure> {
         self.merging().into_iter().chain(self.collisions()).collect()

@@ -1,29 +1,95 @@
-//! Parameter grid of a sweep: axes, seeds and their combinations.
+//! Parameter grid of a sweep: axes over values of a scenario, seeds, and the runs of their combinations.
 
 use std::str::FromStr;
+use thiserror::Error;
 use toml::Value;
 
-/// A parameter of the scenario with its values.
+/// A parameter of the scenario with its values. It is parsed from `KEY=VALUES`: a dotted path, and values separated by
+/// commas or a range `FROM:TO:STEP` with both ends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
     /// Dotted path in the scenario.
     pub key: String,
+    /// Values in the order of the runs, in the unit of the key.
     pub values: Vec<Value>,
 }
 
 /// Limit of values on one axis and of runs: more are a typing error.
 const MAX_RUNS: usize = 1_000_000;
 
-impl FromStr for Axis {
-    type Err = String;
+/// Why there is no such grid.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum GridError {
+    /// An axis has no values.
+    #[error("write KEY=VALUES, such as environment.loss=0,0.1")]
+    NoValues,
+    /// The key of an axis is empty, or has an empty part.
+    #[error("\"{0}\" is not a key of a scenario; write a dotted path, such as environment.loss")]
+    Key(String),
+    /// A bound or the step of a range is no finite number.
+    #[error("\"{0}\" is not a number; write FROM:TO:STEP, such as 0:0.3:0.05")]
+    Number(String),
+    /// A range has no values.
+    #[error("FROM:TO:STEP needs a positive STEP, and TO must not be less than FROM")]
+    Range,
+    /// An axis has more values than the limit.
+    #[error("more than {MAX_RUNS} values")]
+    TooManyValues,
+    /// A seed is not a whole number from 0 to the largest of a scenario.
+    #[error("\"{0}\" is not a seed; write 1..20 or 1,4,9")]
+    Seed(String),
+    /// A range of seeds ends before it begins.
+    #[error("the last seed comes before the first")]
+    SeedOrder,
+    /// There are more seeds than the limit.
+    #[error("more than {MAX_RUNS} seeds")]
+    TooManySeeds,
+    /// There are more combinations than the limit.
+    #[error("more than {MAX_RUNS} runs")]
+    TooManyRuns,
+    /// A key leads to a list without choosing an entry.
+    #[error("{key}: {list} is a list; write {list}.1.{rest}")]
+    WholeList {
+        /// The dotted path.
+        key: String,
+        /// The part of it that is a list.
+        list: String,
+        /// The last part of it.
+        rest: String,
+    },
+    /// A key chooses an entry that its list does not have.
+    #[error("{key}: {list} has no entry \"{entry}\"; give a name, or a number from 1")]
+    NoEntry {
+        /// The dotted path.
+        key: String,
+        /// The part of it that is a list.
+        list: String,
+        /// Name or number of the missing entry.
+        entry: String,
+    },
+    /// A key leads into a value that is neither a table nor a list.
+    #[error("{key}: {value} is a value and has no key {rest}")]
+    NoTable {
+        /// The dotted path.
+        key: String,
+        /// The part of it that is a value.
+        value: String,
+        /// The last part of it.
+        rest: String,
+    },
+    /// The changed scenario cannot be written as TOML.
+    #[error(transparent)]
+    Toml(#[from] toml::ser::Error),
+}
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        let (key, values) = text.split_once('=').ok_or("write KEY=VALUES, such as environment.loss=0,0.1")?;
+impl FromStr for Axis {
+    type Err = GridError;
+
+    fn from_str(text: &str) -> Result<Self, GridError> {
+        let (key, values) = text.split_once('=').ok_or(GridError::NoValues)?;
         let key = key.trim();
         if key.is_empty() || key.split('.').any(str::is_empty) {
-            return Err(format!(
-                "\"{key}\" is not a key of a scenario; write a dotted path, such as environment.loss"
-            ));
+            return Err(GridError::Key(key.to_owned()));
         }
         let values = match values.split(':').collect::<Vec<_>>()[..] {
             [from, to, step] => steps(from, to, step)?,
@@ -40,42 +106,42 @@ fn literal(text: &str) -> Value {
 }
 
 /// Values of a range, with both ends if the steps meet them.
-fn steps(from: &str, to: &str, step: &str) -> Result<Vec<Value>, String> {
-    let number = |text: &str| -> Result<f64, String> {
+fn steps(from: &str, to: &str, step: &str) -> Result<Vec<Value>, GridError> {
+    let number = |text: &str| {
         let number = text.trim().parse::<f64>().ok().filter(|number| number.is_finite());
-        number.ok_or_else(|| format!("\"{text}\" is not a number; write FROM:TO:STEP, such as 0:0.3:0.05"))
+        number.ok_or_else(|| GridError::Number(text.to_owned()))
     };
     let (from, to, step) = (number(from)?, number(to)?, number(step)?);
     if step <= 0.0 || to < from {
-        return Err("FROM:TO:STEP needs a positive STEP, and TO must not be less than FROM".to_owned());
+        return Err(GridError::Range);
     }
     let count = ((to - from) / step + 1e-6).floor();
     if count >= MAX_RUNS as f64 {
-        return Err(format!("more than {MAX_RUNS} values"));
+        return Err(GridError::TooManyValues);
     }
     // Rounding makes 0.1 + 0.2 equal 0.3.
     let value = |k: usize| ((from + k as f64 * step) * 1e9).round() / 1e9;
     Ok((0..=count as usize).map(|k| Value::Float(value(k))).collect())
 }
 
-/// Seeds in their order.
+/// Seeds in their order. They are parsed from a range `1..20` with both ends, or a list `1,4,9`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Seeds(pub Vec<u64>);
 
 impl FromStr for Seeds {
-    type Err = String;
+    type Err = GridError;
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        let number = |text: &str| -> Result<u64, String> {
+    fn from_str(text: &str) -> Result<Self, GridError> {
+        let number = |text: &str| {
             let seed = text.trim().parse::<u64>().ok().filter(|seed| i64::try_from(*seed).is_ok());
-            seed.ok_or_else(|| format!("\"{text}\" is not a seed; write 1..20 or 1,4,9"))
+            seed.ok_or_else(|| GridError::Seed(text.to_owned()))
         };
         if let Some((first, last)) = text.split_once("..") {
             let (first, last) = (number(first)?, number(last)?);
             return match last.checked_sub(first) {
                 Some(more) if more < MAX_RUNS as u64 => Ok(Self((first..=last).collect())),
-                Some(_) => Err(format!("more than {MAX_RUNS} seeds")),
-                None => Err("the last seed comes before the first".to_owned()),
+                Some(_) => Err(GridError::TooManySeeds),
+                None => Err(GridError::SeedOrder),
             };
         }
         text.split(',').map(number).collect::<Result<_, _>>().map(Self)
@@ -87,16 +153,20 @@ impl FromStr for Seeds {
 pub struct Job {
     /// Keys with their values, in the order of the axes.
     pub settings: Vec<(String, Value)>,
+    /// Its seed, where it is not the scenario's.
     pub seed: Option<u64>,
 }
 
 /// All combinations in a fixed order: seeds change fastest, then the last axis.
-pub fn jobs(axes: &[Axis], seeds: Option<&Seeds>) -> Result<Vec<Job>, String> {
+///
+/// # Errors
+/// [`GridError::TooManyRuns`].
+pub fn jobs(axes: &[Axis], seeds: Option<&Seeds>) -> Result<Vec<Job>, GridError> {
     let seeds: Vec<Option<u64>> =
         seeds.map_or(vec![None], |seeds| seeds.0.iter().copied().map(Some).collect());
     let count = axes.iter().try_fold(seeds.len(), |count, axis| count.checked_mul(axis.values.len()));
     if count.is_none_or(|count| count > MAX_RUNS) {
-        return Err(format!("more than {MAX_RUNS} runs"));
+        return Err(GridError::TooManyRuns);
     }
     let mut settings: Vec<Vec<(String, Value)>> = vec![Vec::new()];
     for axis in axes {
@@ -119,34 +189,36 @@ impl Job {
     ///
     /// # Errors
     /// When a key does not lead to a value.
-    pub fn scenario(&self, document: &toml::Table) -> Result<String, String> {
+    pub fn scenario(&self, document: &toml::Table) -> Result<String, GridError> {
         let mut changed = document.clone();
         for (key, value) in &self.settings {
             set(&mut changed, key, value)?;
         }
-        toml::to_string(&changed).map_err(|error| error.to_string())
+        Ok(toml::to_string(&changed)?)
     }
 }
 
 /// Sets a value at a dotted path. Missing tables are created; an entry of a list is chosen by its `name` or its number
 /// from 1.
-fn set(document: &mut toml::Table, key: &str, value: &Value) -> Result<(), String> {
+fn set(document: &mut toml::Table, key: &str, value: &Value) -> Result<(), GridError> {
     let parts: Vec<&str> = key.split('.').collect();
     let Some((last, before)) = parts.split_last() else { return Ok(()) };
+    let [whole, rest] = [key, last].map(|text| text.to_owned());
     let mut table = document;
     let mut parts = before.iter();
     while let Some(part) = parts.next() {
-        let entry = table.entry((*part).to_owned()).or_insert_with(|| Value::Table(toml::Table::new()));
+        let at = (*part).to_owned();
+        let entry = table.entry(at.clone()).or_insert_with(|| Value::Table(toml::Table::new()));
         table = match entry {
             Value::Table(table) => table,
             Value::Array(list) => {
-                let which =
-                    parts.next().ok_or_else(|| format!("{key}: {part} is a list; write {part}.1.{last}"))?;
-                entry_of(list, which).ok_or_else(|| {
-                    format!("{key}: {part} has no entry \"{which}\"; give a name, or a number from 1")
-                })?
+                let Some(which) = parts.next() else {
+                    return Err(GridError::WholeList { key: whole, list: at, rest });
+                };
+                let entry = (*which).to_owned();
+                entry_of(list, which).ok_or(GridError::NoEntry { key: whole.clone(), list: at, entry })?
             }
-            _ => return Err(format!("{key}: {part} is a value and has no key {last}")),
+            _ => return Err(GridError::NoTable { key: whole, value: at, rest }),
         };
     }
     table.insert((*last).to_owned(), value.clone());
@@ -214,7 +286,7 @@ mod tests {
         assert_eq!(with("vehicle.b.at_m").unwrap()["vehicle"][1]["at_m"], Value::Integer(5));
         assert_eq!(with("vehicle.1.at_m").unwrap()["vehicle"][0]["at_m"], Value::Integer(5));
         assert_eq!(with("environment.loss").unwrap()["environment"]["loss"], Value::Integer(5));
-        assert!(with("vehicle.c.at_m").unwrap_err().contains("\"c\""));
+        assert!(with("vehicle.c.at_m").unwrap_err().to_string().contains("\"c\""));
         assert!(with("vehicle.at_m").is_err() && with("vehicle.b.name.x").is_err());
     }
 }

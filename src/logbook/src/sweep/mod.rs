@@ -1,0 +1,7 @@
+//! Results of a parameter sweep: its table, and maps of the outcome.
+
+mod map;
+mod table;
+
+pub use map::SweepResults;
+pub use table::{SweepHeader, SweepTable, SweepTableError, row};
