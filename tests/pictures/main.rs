@@ -7,6 +7,7 @@
 )]
 
 mod frames;
+mod served_window;
 #[path = "../support/mod.rs"]
 mod support;
 mod video;

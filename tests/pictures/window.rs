@@ -19,13 +19,13 @@ const WITHIN: Duration = Duration::from_secs(60);
 const PICKER: (u32, u32) = (535, 15);
 
 /// A virtual display, gone with its value.
-struct Display {
+pub struct Display {
     server: Child,
     name: String,
 }
 
 impl Display {
-    fn open() -> Option<Self> {
+    pub fn open() -> Option<Self> {
         let there = |tool: &str| {
             let path = std::env::var_os("PATH").unwrap_or_default();
             std::env::split_paths(&path).any(|folder| folder.join(tool).is_file())
@@ -49,7 +49,7 @@ impl Display {
         Some(Self { server, name: format!(":{}", line.trim()) })
     }
 
-    fn xdotool(&self, args: &[&str]) -> String {
+    pub fn xdotool(&self, args: &[&str]) -> String {
         let output = Command::new("xdotool").args(args).env("DISPLAY", &self.name).output().unwrap();
         String::from_utf8(output.stdout).unwrap().trim().to_owned()
     }
@@ -63,9 +63,9 @@ impl Drop for Display {
 }
 
 /// The program with its window on a display.
-struct Program<'a> {
+pub struct Program<'a> {
     display: &'a Display,
-    child: Child,
+    pub child: Child,
     window: String,
     folder: PathBuf,
 }
@@ -84,7 +84,7 @@ impl<'a> Program<'a> {
     }
 
     /// Opens the window of a command.
-    fn start(display: &'a Display, folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Self {
+    pub fn start(display: &'a Display, folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Self {
         let child = Command::new(CITY3D)
             .args(args)
             .args(["--quality", "low", "--adapter", "software"])
@@ -113,12 +113,12 @@ impl<'a> Program<'a> {
         program
     }
 
-    fn key(&self, key: &str) {
+    pub fn key(&self, key: &str) {
         self.display.xdotool(&["key", key]);
         pause_ms(250);
     }
 
-    fn hold(&self, keys: &[&str], ms: u64) {
+    pub fn hold(&self, keys: &[&str], ms: u64) {
         keys.iter().for_each(|key| _ = self.display.xdotool(&["keydown", key]));
         pause_ms(ms);
         keys.iter().for_each(|key| _ = self.display.xdotool(&["keyup", key]));
@@ -139,7 +139,7 @@ impl<'a> Program<'a> {
         number(&name).unwrap_or_else(|| panic!("a screenshot is called {name}"))
     }
 
-    fn screenshot(&self) -> image::RgbImage {
+    pub fn screenshot(&self) -> image::RgbImage {
         self.render_offscreen().1
     }
 
@@ -178,7 +178,7 @@ impl<'a> Program<'a> {
     }
 
     /// Quits; what it has printed.
-    fn quit(mut self) -> String {
+    pub fn quit(mut self) -> String {
         self.key("ctrl+q");
         let start = Instant::now();
         while start.elapsed() < WITHIN {
@@ -199,11 +199,11 @@ impl Drop for Program<'_> {
     }
 }
 
-fn pause_ms(ms: u64) {
+pub fn pause_ms(ms: u64) {
     std::thread::sleep(Duration::from_millis(ms));
 }
 
-fn until(what: &str, mut is_so: impl FnMut() -> bool) {
+pub fn until(what: &str, mut is_so: impl FnMut() -> bool) {
     let start = Instant::now();
     while !is_so() {
         assert!(start.elapsed() < WITHIN, "never came: {what}");
