@@ -24,6 +24,11 @@ pub trait End: Send {
 
     /// How it does, and what it has dropped.
     fn health(&self) -> EndHealth;
+
+    /// Whether it logs its failures itself, with what it knows of them.
+    fn says_failures(&self) -> bool {
+        false
+    }
 }
 
 /// Whether an end works.
@@ -89,9 +94,11 @@ impl Ends {
             match (&failure, &said) {
                 (Some(why), None) => {
                     *failures += 1;
-                    tracing::warn!("{}: {why}; the city goes on without", end.name());
+                    if !end.says_failures() {
+                        tracing::warn!("{}: {why}; the city goes on without", end.name());
+                    }
                 }
-                (None, Some(_)) => tracing::warn!("{}: works again", end.name()),
+                (None, Some(_)) if !end.says_failures() => tracing::warn!("{}: works again", end.name()),
                 _ => {}
             }
             *said = failure;

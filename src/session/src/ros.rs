@@ -112,6 +112,10 @@ impl End for RosPoses {
         let failure = (!is_registered).then(|| "its master or server is away".to_owned());
         EndHealth { delivered: published, dropped: dropped + slow, failure }
     }
+
+    fn says_failures(&self) -> bool {
+        true
+    }
 }
 
 /// Poses of physical vehicles that motion capture publishes over ROS.

@@ -174,7 +174,7 @@ impl RunFiles {
             }
             None => None,
         };
-        self.open_run(folder, recorder, experiment);
+        self.open_run(folder, recorder, (experiment, Instant::now()));
         Ok(())
     }
 
@@ -228,8 +228,20 @@ impl RunFiles {
         }
     }
 
+    /// Hears of the files that are closed already.
+    fn join_closed(&mut self) {
+        let (closed, open) = std::mem::take(&mut self.closing).into_iter().partition(ClosingFiles::is_closed);
+        self.closing = open;
+        let closed: Vec<ClosingFiles> = closed;
+        for closing in closed {
+            if let Err(error) = closing.join() {
+                self.fail(error.to_string());
+            }
+        }
+    }
+
     /// Begins the next run without waiting for a disk.
-    fn open_next(&mut self, experiment: &Arc<Experiment>) {
+    fn open_next(&mut self, experiment: &Arc<Experiment>, now: Instant) {
         self.run += 1;
         if self.run == 1 {
             self.warn_of_rates(experiment);
@@ -246,14 +258,14 @@ impl RunFiles {
             self.fail(error.to_string());
             None
         });
-        self.open_run(folder, recorder, experiment);
+        self.open_run(folder, recorder, (experiment, now));
     }
 
     fn open_run(
         &mut self,
         folder: Option<PathBuf>,
         recorder: Option<Recorder>,
-        experiment: &Arc<Experiment>,
+        (experiment, start): (&Experiment, Instant),
     ) {
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         written.folders.extend(folder.clone());
@@ -265,7 +277,7 @@ impl RunFiles {
             observer: Observer::new(experiment),
             events: Vec::new(),
             tick_events: Vec::new(),
-            start: Instant::now(),
+            start,
             steps: Duration::ZERO,
         });
     }
@@ -308,7 +320,7 @@ impl End for RunFiles {
 
     fn prepare(&mut self, before: &Moment<'_>) {
         if self.open.is_none() {
-            self.open_next(before.experiment);
+            self.open_next(before.experiment, before.timing.begun);
             // A reset keeps vehicles, so their setups belong to the new run as well.
             self.record(before);
         }
@@ -324,7 +336,7 @@ impl End for RunFiles {
     fn finish_run(&mut self, last: &Moment<'_>, account: &RunAccount) {
         if self.open.is_none() && self.run == 0 {
             // Nothing has happened: there is a summary without files.
-            self.open_run(None, None, last.experiment);
+            self.open_run(None, None, (last.experiment, last.timing.done));
         }
         let Some(open) = self.open.take() else { return };
         let (folder, recorder) = (open.folder.clone(), open.recorder.is_some());
@@ -343,7 +355,7 @@ impl End for RunFiles {
         self.written.lock().unwrap_or_else(PoisonError::into_inner).summary = Some(summary);
         match self.backpressure {
             Backpressure::Wait => self.join(),
-            Backpressure::GiveUp => self.closing.retain(|closing| !closing.is_closed()),
+            Backpressure::GiveUp => self.join_closed(),
         }
     }
 
@@ -416,7 +428,7 @@ impl OpenRun {
         wall_time: WallTime,
     ) -> (Summary, Option<Result<ClosingFiles, RecordError>>) {
         let wall = match wall_time {
-            WallTime::Whole => self.start.elapsed(),
+            WallTime::Whole => last.timing.done.saturating_duration_since(self.start),
             WallTime::Steps => self.steps,
         };
         let summary =
@@ -462,5 +474,9 @@ fn prepare_folder(folder: &Path, options: FileOptions) -> Result<(), SessionErro
 fn write_summary(folder: &Path, summary: &Summary) -> Result<(), SessionError> {
     let path = folder.join("summary.json");
     let text = serde_json::to_string_pretty(summary)?;
-    std::fs::write(&path, text).map_err(|source| SessionError::File { path, source })
+    std::fs::write(&path, text).map_err(|source| {
+        // Half a summary is none.
+        let _ = std::fs::remove_file(&path);
+        SessionError::File { path, source }
+    })
 }

@@ -343,7 +343,8 @@ impl<S: Source> Session<S> {
             Step::Tick => self.tell(MomentKind::Tick, (from, timing)),
             Step::Applied => self.tell(MomentKind::Applied, (from, timing)),
             Step::Reset(last) => {
-                self.tell(MomentKind::Applied, (from, timing));
+                // A window hears of it with the number of the new run.
+                self.tell_ends(MomentKind::Applied, (from, timing));
                 self.end_run(&last);
             }
         }
@@ -353,18 +354,8 @@ impl<S: Source> Session<S> {
 
     /// Tells the ends that a step comes, and that a run begins with it.
     fn prepare(&mut self, from: (u64, f64)) {
-        let now = self.host.clock.now();
-        let moment = |kind, inputs| Moment {
-            kind,
-            experiment: self.source.experiment(),
-            snapshot: self.source.snapshot(),
-            phase: self.source.experiment_phase(),
-            mainframe: self.source.mainframe(),
-            inputs,
-            from,
-            timing: StepTiming::at(now),
-            unix_s: self.host.clock.unix_s(),
-        };
+        let timing = StepTiming::at(self.host.clock.now());
+        let moment = |kind, inputs| moment(&self.source, &self.host, (kind, inputs), (from, timing));
         if self.source.opens_files() {
             self.ends.prepare(&moment(MomentKind::Applied, self.source.setups()));
         }
@@ -374,40 +365,30 @@ impl<S: Source> Session<S> {
         }
     }
 
-    fn tell(&mut self, kind: MomentKind, (from, timing): ((u64, f64), StepTiming)) {
+    fn tell(&mut self, kind: MomentKind, times: ((u64, f64), StepTiming)) {
+        self.tell_ends(kind, times);
+        self.publish(false);
+    }
+
+    fn tell_ends(&mut self, kind: MomentKind, (from, timing): ((u64, f64), StepTiming)) {
         let inputs = if kind == MomentKind::Still { Inputs::None } else { self.source.inputs() };
-        let moment = Moment {
-            kind,
-            experiment: self.source.experiment(),
-            snapshot: self.source.snapshot(),
-            phase: self.source.experiment_phase(),
-            mainframe: self.source.mainframe(),
-            inputs,
-            from,
-            timing,
-            unix_s: self.host.clock.unix_s(),
-        };
+        let moment = moment(&self.source, &self.host, (kind, inputs), (from, timing));
         self.ends.take(&moment);
         self.told_at = self.host.clock.now();
         if let (Some(view), true) = (&mut self.view, kind != MomentKind::Still) {
             view.is_stale = true;
         }
-        self.publish(false);
     }
 
     fn end_run(&mut self, last: &FrameSnapshot) {
+        if !self.is_strict {
+            // A failure since the last report counts too.
+            self.ends.say_failures();
+        }
         let account = self.account();
-        let moment = Moment {
-            kind: MomentKind::Still,
-            experiment: self.source.experiment(),
-            snapshot: last,
-            phase: self.source.experiment_phase(),
-            mainframe: self.source.mainframe(),
-            inputs: Inputs::None,
-            from: (last.tick, last.time_s),
-            timing: StepTiming::at(self.host.clock.now()),
-            unix_s: self.host.clock.unix_s(),
-        };
+        let times = ((last.tick, last.time_s), StepTiming::at(self.host.clock.now()));
+        let moment = moment(&self.source, &self.host, (MomentKind::Still, Inputs::None), times);
+        let moment = Moment { snapshot: last, ..moment };
         self.ends.finish_run(&moment, &account);
         self.run += 1;
         self.has_begun = false;
@@ -521,6 +502,26 @@ impl<S: Source> Session<S> {
         });
         view.published_at = now;
         view.updates.give();
+    }
+}
+
+/// The present moment of a source: what has changed and by which commands, and when that began.
+fn moment<'a, S: Source>(
+    source: &'a S,
+    host: &Host,
+    (kind, inputs): (MomentKind, Inputs<'a>),
+    (from, timing): ((u64, f64), StepTiming),
+) -> Moment<'a> {
+    Moment {
+        kind,
+        experiment: source.experiment(),
+        snapshot: source.snapshot(),
+        phase: source.experiment_phase(),
+        mainframe: source.mainframe(),
+        inputs,
+        from,
+        timing,
+        unix_s: host.clock.unix_s(),
     }
 }
 

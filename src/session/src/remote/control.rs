@@ -94,6 +94,10 @@ impl RemoteControl {
             }
             self.was_reset = true;
         }
+        if self.was_reset {
+            // They are at their starts again.
+            self.last_seen.clear();
+        }
         let experiment = Arc::clone(&self.experiment);
         for planned in &experiment.vehicles {
             let setup = setup_of(&experiment, planned, self.last_seen.get(&planned.id));

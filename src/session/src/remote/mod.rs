@@ -57,7 +57,8 @@ const ORDER_INTERVAL: Duration = Duration::from_millis(10);
 const RESET_CONFIRMATIONS: u32 = 3;
 /// Lease of the subscription, and the interval of its renewal.
 const LEASE_S: f64 = 10.0;
-/// It is a heartbeat as well: while the clock stands nothing else is sent, and who is silent for a second loses the lead.
+/// It is a heartbeat as well: while the clock stands nothing else is sent, and a leader that is silent for a second
+/// loses the lead.
 const LEASE_RENEWAL_INTERVAL: Duration = Duration::from_millis(300);
 /// Interval at which a watcher asks what the city is; sooner when it sees a vehicle that it does not know.
 const DESCRIBE_INTERVAL: Duration = Duration::from_secs(3);
@@ -357,16 +358,21 @@ impl RemoteCity {
             link.renewed = now;
             client.send(&if has_own_feedback { Body::Hello { token: 0 } } else { subscription(0) });
         }
-        match &mut self.role {
-            Role::Control(control) => control.keep_up_links(),
-            Role::Watch | Role::Visit(_) => {
-                let is_unknown = self.city.snapshot().vehicles.iter().any(|state| !self.city.knows(state.id));
-                let every = if is_unknown { UNKNOWN_INTERVAL } else { DESCRIBE_INTERVAL };
-                if link.described.is_none_or(|at| now.saturating_duration_since(at) > every) {
-                    link.described = Some(now);
-                    client.send(&Body::Describe { request: 1 });
-                }
+        let is_unknown = self.city.snapshot().vehicles.iter().any(|state| !self.city.knows(state.id));
+        let is_due = |every| link.described.is_none_or(|at| now.saturating_duration_since(at) > every);
+        let asks = match &mut self.role {
+            Role::Control(control) => {
+                control.keep_up_links();
+                // It has brought all others itself.
+                is_unknown && is_due(UNKNOWN_INTERVAL)
             }
+            Role::Watch | Role::Visit(_) => {
+                is_due(if is_unknown { UNKNOWN_INTERVAL } else { DESCRIBE_INTERVAL })
+            }
+        };
+        if asks {
+            link.described = Some(now);
+            client.send(&Body::Describe { request: 1 });
         }
         if let Role::Visit(car) = &mut self.role {
             car.keep_up(&mut self.connection);

@@ -100,6 +100,13 @@ pub enum CityKind {
 }
 
 impl ViewModel<'_> {
+    /// Whether the user may take the wheel of a vehicle.
+    pub fn may_drive(&self, vehicle: VehicleId) -> bool {
+        let own = self.run_state.link.as_ref().and_then(|link| link.own_vehicle);
+        let is_physical = self.run_state.now.info(vehicle).is_some_and(|info| info.is_physical());
+        !is_physical && (self.city != CityKind::Elsewhere || own == Some(vehicle))
+    }
+
     fn cameras_of(&self, vehicle: VehicleId) -> &[ScenarioCamera] {
         self.cameras.get(&vehicle).map_or(&[], Vec::as_slice)
     }
@@ -467,12 +474,18 @@ fn sheet(ui: &egui::Ui, title: &'static str) -> egui::Window<'static> {
 
 fn footer(ui: &mut egui::Ui, shown: &ViewModel<'_>) {
     ui.horizontal(|ui| {
-        ui.small(if shown.replay.is_none() && shown.city != CityKind::Local {
-            "Space start/pause   click a car to select   F follow   P preview   Enter drive   F1 all keys"
-        } else if shown.replay.is_some() {
-            "Space play/pause   left right 5 s   [ ] event   click a car to select   F follow   P preview   F1 all keys"
-        } else {
-            "Space start/pause   N step   click a car to select   F follow   P preview   Enter drive   F1 all keys"
+        let has_own = shown.run_state.link.as_ref().is_some_and(|link| link.own_vehicle.is_some());
+        ui.small(match shown.city {
+            _ if shown.replay.is_some() => {
+                "Space play/pause   left right 5 s   [ ] event   click a car to select   F follow   P preview   F1 all keys"
+            }
+            CityKind::Local => {
+                "Space start/pause   N step   click a car to select   F follow   P preview   Enter drive   F1 all keys"
+            }
+            CityKind::Elsewhere if !has_own => "click a car to select   F follow   P preview   F1 all keys",
+            CityKind::Served | CityKind::Elsewhere => {
+                "Space start/pause   click a car to select   F follow   P preview   Enter drive   F1 all keys"
+            }
         });
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if shown.frames_per_s > 0.0 {

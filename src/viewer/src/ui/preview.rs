@@ -220,7 +220,7 @@ fn show(
             .response
             .on_hover_text("Where the picture is taken from");
         if shown.replay.is_none() {
-            drive_button(ui, preview.vehicle, state, actions);
+            drive_button(ui, (preview.vehicle, shown), state, actions);
         }
         speed(ui, vehicle);
     });
@@ -229,12 +229,19 @@ fn show(
     is_kept
 }
 
-fn drive_button(ui: &mut Ui, vehicle: VehicleId, state: &UiState, actions: &mut Vec<UiAction>) {
+fn drive_button(
+    ui: &mut Ui,
+    (vehicle, shown): (VehicleId, &ViewModel<'_>),
+    state: &UiState,
+    actions: &mut Vec<UiAction>,
+) {
     if state.driven() == Some(vehicle) {
         if ui.button("Give back").on_hover_text("Back to its algorithm (Enter)").clicked() {
             actions.push(UiAction::GiveBack);
         }
-    } else if ui.button("Drive").on_hover_text("Take the wheel with the keyboard (Enter)").clicked() {
+    } else if shown.may_drive(vehicle)
+        && ui.button("Drive").on_hover_text("Take the wheel with the keyboard (Enter)").clicked()
+    {
         actions.push(UiAction::Drive(vehicle));
     }
 }

@@ -99,6 +99,8 @@ fn wait_for_log(viewer: &mut ViewerState) {
 /// Waits until a city elsewhere has come to a time.
 fn wait_for_city(viewer: &ViewerState, time_s: f64, name: &str) -> Result<(), WindowError> {
     const PATIENCE: Duration = Duration::from_secs(10);
+    /// A city that has said why it does not answer will not soon.
+    const PATIENCE_WHEN_DENIED: Duration = Duration::from_secs(3);
     let (mut since, mut last) = (Instant::now(), viewer.run_state());
     loop {
         let state = viewer.run_state();
@@ -110,7 +112,9 @@ fn wait_for_city(viewer: &ViewerState, time_s: f64, name: &str) -> Result<(), Wi
         if state.now.tick != last.now.tick {
             since = Instant::now();
         }
-        if state.has_ended || since.elapsed() > PATIENCE {
+        let is_denied = trouble.as_ref().is_some_and(|why| !why.starts_with("waiting"));
+        let patience = if is_denied { PATIENCE_WHEN_DENIED } else { PATIENCE };
+        if state.has_ended || since.elapsed() > patience {
             let why = trouble.unwrap_or_else(|| format!("{name} has not come to {time_s} s"));
             return Err(WindowError::Failed(why));
         }

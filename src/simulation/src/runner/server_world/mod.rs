@@ -345,8 +345,8 @@ impl ServerWorld {
         request: u32,
         action: ExperimentAction,
     ) -> (RequestOutcome, String) {
-        self.claim_lead(sender, now_s);
-        if !self.role(sender, None).may(Act::Command) {
+        self.remember(sender, now_s);
+        if !self.role(sender, None).may(Act::Command { has_leader: self.leader.is_some() }) {
             return self.refuse_not_owner("leads the experiment");
         }
         let command = match action {

@@ -19,7 +19,10 @@ pub(super) enum Role {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Act {
     /// To start, pause or reset the experiment.
-    Command,
+    Command {
+        /// Somebody leads it.
+        has_leader: bool,
+    },
     /// To set up a new vehicle.
     SetUp {
         /// The rules allow another guest.
@@ -50,15 +53,17 @@ impl Role {
     /// Whether a sender in this role may do it.
     pub fn may(self, act: Act) -> bool {
         match (self, act) {
-            (Self::Operator, Act::Command) => true,
+            (Self::Operator | Self::Leader, Act::Command { .. }) => true,
             (Self::Operator, Act::Drive { is_physical, .. }) => !is_physical,
             (Self::Operator, _) => false,
             (Self::Owner, Act::Drive { is_physical, has_operator }) => !is_physical && !has_operator,
             (Self::Owner, Act::TakeOver { .. } | Act::Remove { .. } | Act::Follow) => true,
-            (Self::Leader, Act::Command | Act::SetUp { .. }) => true,
+            (Self::Leader, Act::SetUp { .. }) => true,
             (Self::Leader, Act::Remove { is_orphaned }) => is_orphaned,
             (Self::Leader | Self::Stranger, Act::TakeOver { is_orphaned }) => is_orphaned,
             (Self::Stranger, Act::SetUp { has_room }) => has_room,
+            // Whoever starts an experiment that nobody leads does not lead it: a watcher may go on watching.
+            (Self::Stranger, Act::Command { has_leader }) => !has_leader,
             (Self::Owner | Self::Leader | Self::Stranger, _) => false,
         }
     }

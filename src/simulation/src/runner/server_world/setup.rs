@@ -161,6 +161,8 @@ impl ServerWorld {
                     )
                 })?;
             setup.pose = back.to_lab(scale);
+            // Close behind another, nobody knows whether there is room to brake.
+            setup.speed_mps = 0.0;
             detail =
                 format!("its place is taken by vehicle {other}: it starts {by_m:.2} m (full scale) behind");
         }

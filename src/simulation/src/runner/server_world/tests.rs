@@ -126,8 +126,9 @@ fn the_operator_commands_whoever_leads_and_does_not_lead_himself() {
     operate(&mut world, ExperimentAction::Start);
     world.tick();
     assert_eq!((world.phase(), world.leader()), (ExperimentPhase::Running, None));
+    // Nor does a stranger, such as a watcher, where nobody leads.
     assert!(is_done(&command(&mut world, STRANGER, 9.0, ExperimentAction::Pause)));
-    assert_eq!(world.leader(), Some(STRANGER));
+    assert_eq!(world.leader(), None);
 }
 
 #[test]
