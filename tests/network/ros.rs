@@ -277,17 +277,14 @@ fn the_control_framework_drives_by_poses_over_ros() {
             .success()
     );
     let expected = events(&summary(&folder.join("run")), "merge");
-    for attempt in 1.. {
-        let mut city = serve(&[&length[..], &[&ros, "--out", "served"]].concat(), folder);
-        let mut far = mainframe(&city.address, &[&length[..], &[&ros, "--out", "far"]].concat(), folder);
-        assert_eq!((far.wait(), city.wait()), (0, 0));
-        let [served, far] = ["served", "far"].map(|name| summary(&folder.join(name)));
-        assert_eq!(served["collisions"], 0);
-        assert!(served["link"]["ros"]["published"].as_u64().unwrap() > 1700, "{}", served["link"]);
-        if was_held_up(&served) && attempt < 6 {
-            continue;
-        }
+    let mut city = serve(&[&length[..], &[&ros, "--out", "served"]].concat(), folder);
+    let mut far = mainframe(&city.address, &[&length[..], &[&ros, "--out", "far"]].concat(), folder);
+    assert_eq!((far.wait(), city.wait()), (0, 0));
+    let [served, far] = ["served", "far"].map(|name| summary(&folder.join(name)));
+    assert_eq!(served["collisions"], 0);
+    assert!(served["link"]["ros"]["published"].as_u64().unwrap() > 1700, "{}", served["link"]);
+    // Where the machine took the processors away for a while, vehicles may merge at other times.
+    if !was_held_up(&served) {
         assert_same_merges(&events(&far, "merge"), &expected);
-        return;
     }
 }

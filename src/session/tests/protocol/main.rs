@@ -15,6 +15,7 @@ mod lab;
 mod lockstep;
 mod mixed;
 mod motion;
+mod pace;
 mod person;
 mod real_time;
 mod restarts;
