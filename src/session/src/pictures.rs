@@ -226,11 +226,12 @@ impl End for PictureThread {
 
     fn health(&self) -> EndHealth {
         let counter = self.counter();
-        EndHealth {
-            delivered: counter.taken(),
-            dropped: counter.dropped(),
-            failure: self.shared.slot().failure.clone(),
-        }
+        let has_ended = self.thread.as_ref().is_some_and(JoinHandle::is_finished);
+        let failure = match has_ended {
+            true => Some("the thread that draws has ended early".to_owned()),
+            false => self.shared.slot().failure.clone(),
+        };
+        EndHealth { delivered: counter.taken(), dropped: counter.dropped(), failure }
     }
 }
 

@@ -58,15 +58,24 @@ fn words(link: &LinkStatus, city: CityKind) -> String {
     if let Some(trouble) = &link.trouble {
         return trouble.clone();
     }
-    let place = if city == CityKind::Served { "served on" } else { "watching" };
-    let leader =
-        link.leader.as_deref().map_or_else(|| "nobody leads".to_owned(), |who| format!("{who} leads"));
-    format!("{place} {}, {leader}", link.address)
+    // The bar has one row at 1280 points.
+    match city {
+        CityKind::Elsewhere => format!("watching {}", link.address),
+        CityKind::Local | CityKind::Served => leader(link),
+    }
+}
+
+fn leader(link: &LinkStatus) -> String {
+    link.leader.as_deref().map_or_else(|| "nobody leads".to_owned(), |who| format!("{who} leads"))
 }
 
 /// Everything that is counted of the link and of the ends of the session.
 fn details(link: &LinkStatus, ends: &[EndStatus]) -> String {
-    let mut lines = vec![format!("{:.0} datagrams per second come in", link.received_per_s)];
+    let place = if link.is_remote { "Watching" } else { "Served on udp" };
+    let mut lines = vec![
+        format!("{place} {}, {}", link.address, leader(link)),
+        format!("{:.0} datagrams per second come in", link.received_per_s),
+    ];
     if !link.is_remote {
         lines.push(format!("{} subscribed to poses", link.subscribers));
         lines.push(format!("{} missing, {} dropped since the start", link.missing, link.dropped));
@@ -96,9 +105,10 @@ mod tests {
     #[test]
     fn the_words_say_who_leads_or_what_is_wrong() {
         let mut link = LinkStatus { address: "127.0.0.1:9870".to_owned(), ..LinkStatus::default() };
-        assert_eq!(words(&link, CityKind::Served), "served on 127.0.0.1:9870, nobody leads");
+        assert_eq!(words(&link, CityKind::Served), "nobody leads");
         link.leader = Some("127.0.0.1:4000".to_owned());
-        assert_eq!(words(&link, CityKind::Elsewhere), "watching 127.0.0.1:9870, 127.0.0.1:4000 leads");
+        assert_eq!(words(&link, CityKind::Elsewhere), "watching 127.0.0.1:9870");
+        assert!(details(&link, &[]).starts_with("Served on udp 127.0.0.1:9870, 127.0.0.1:4000 leads"));
         link.trouble = Some("127.0.0.1:9870: nothing listens there".to_owned());
         assert_eq!(words(&link, CityKind::Served), "127.0.0.1:9870: nothing listens there");
     }

@@ -118,7 +118,7 @@ fn note_sequence(newest: &mut Option<u32>, sequence: u32) -> Result<(), DropReas
     }
 }
 
-/// A world under the control of senders. The first sender that acts leads until its heartbeat times out.
+/// A world under the control of senders. The first sender that sets up a vehicle leads until its heartbeat times out.
 #[derive(Debug)]
 pub struct ServerWorld {
     world: World,
