@@ -53,7 +53,7 @@ pub struct RunAccount {
 
 /// The ends of a session, in the order in which they are told.
 #[derive(Default)]
-pub struct Ends {
+pub(crate) struct Ends {
     ends: Vec<AttachedEnd>,
 }
 
@@ -67,7 +67,7 @@ struct AttachedEnd {
 
 impl Ends {
     /// Attaches an end. Those that somebody waits for come first.
-    pub fn attach(&mut self, end: Box<dyn End>) {
+    pub(crate) fn attach(&mut self, end: Box<dyn End>) {
         self.ends.push(AttachedEnd { end, said: None, failures: 0 });
     }
 

@@ -96,9 +96,6 @@ pub enum SessionError {
     /// The thread of a session has panicked.
     #[error("the simulation's thread ended early; the log holds what was written until then")]
     Ended,
-    /// Of an end of the session, such as standard output.
-    #[error("{0}")]
-    End(Box<dyn std::error::Error + Send + Sync>),
 }
 
 impl SessionError {

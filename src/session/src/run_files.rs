@@ -2,7 +2,9 @@
 
 use super::end::{End, EndHealth, RunAccount};
 use super::{Inputs, Moment, MomentKind, Overwrite, SessionError};
-use city3d_logbook::record::{Backpressure, Cadence, ClosingFiles, LogOrigin, RecordError, Recorder};
+use city3d_logbook::record::{
+    Backpressure, Cadence, ClosingFiles, FileWork, LogOrigin, RecordError, Recorder,
+};
 use city3d_protocol::snapshot::Event;
 use city3d_simulation::runner::{Observer, Summary};
 use city3d_simulation::scenario::Experiment;
@@ -165,15 +167,11 @@ impl RunFiles {
         self.run += 1;
         let folder = self.folders.of(self.run);
         self.warn_of_rates(experiment);
-        let recorder = match &folder {
-            Some(folder) => {
-                prepare_folder(folder, self.options)?;
-                let before = Box::new(|| Ok(()));
-                let cadence = self.options.cadence(experiment);
-                Some(Recorder::new(folder, experiment, self.origin, cadence, (self.backpressure, before))?)
-            }
-            None => None,
-        };
+        if let Some(folder) = &folder {
+            prepare_folder(folder, self.options)?;
+        }
+        let recorder = folder.as_ref().map(|folder| self.recorder(folder, experiment, Box::new(|| Ok(()))));
+        let recorder = recorder.transpose()?;
         self.open_run(folder, recorder, (experiment, Instant::now()));
         Ok(())
     }
@@ -219,24 +217,24 @@ impl RunFiles {
                 std::thread::sleep(Duration::from_millis(1));
             }
             if self.backpressure == Backpressure::Wait || closing.is_closed() {
-                if let Err(error) = closing.join() {
-                    self.fail(error.to_string());
-                }
+                self.hear_of(closing);
             } else {
                 self.fail("the disk takes nothing; the last files are not whole".to_owned());
             }
         }
     }
 
+    /// Waits until files are closed, and keeps in mind what went wrong with them.
+    fn hear_of(&mut self, closing: ClosingFiles) {
+        if let Err(error) = closing.join() {
+            self.fail(error.to_string());
+        }
+    }
+
     /// Hears of the files that are closed already.
     fn join_closed(&mut self) {
-        let (closed, open) = std::mem::take(&mut self.closing).into_iter().partition(ClosingFiles::is_closed);
-        self.closing = open;
-        let closed: Vec<ClosingFiles> = closed;
-        for closing in closed {
-            if let Err(error) = closing.join() {
-                self.fail(error.to_string());
-            }
+        for closing in self.closing.extract_if(.., |closing| closing.is_closed()).collect::<Vec<_>>() {
+            self.hear_of(closing);
         }
     }
 
@@ -250,15 +248,24 @@ impl RunFiles {
         let folder = self.folders.of(self.run);
         let recorder = folder.as_ref().map(|folder| {
             let (at, options) = (folder.clone(), self.options);
-            let before = Box::new(move || Ok(prepare_folder(&at, options)?));
-            let cadence = self.options.cadence(experiment);
-            Recorder::new(folder, experiment, self.origin, cadence, (self.backpressure, before))
+            self.recorder(folder, experiment, Box::new(move || Ok(prepare_folder(&at, options)?)))
         });
         let recorder = recorder.transpose().unwrap_or_else(|error| {
             self.fail(error.to_string());
             None
         });
         self.open_run(folder, recorder, (experiment, now));
+    }
+
+    /// What writes the log and the table, after some work.
+    fn recorder(
+        &self,
+        folder: &Path,
+        experiment: &Arc<Experiment>,
+        before: FileWork,
+    ) -> Result<Recorder, RecordError> {
+        let cadence = self.options.cadence(experiment);
+        Recorder::new(folder, experiment, self.origin, cadence, (self.backpressure, before))
     }
 
     fn open_run(

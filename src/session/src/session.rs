@@ -174,11 +174,6 @@ impl<S: Source> Session<S> {
         self
     }
 
-    /// The source of its motion.
-    pub fn source(&self) -> &S {
-        &self.source
-    }
-
     /// What gives it orders.
     pub fn orders(&self) -> Option<OrderSender> {
         self.sender.clone()
