@@ -110,7 +110,7 @@ impl From<PictureError> for Failure {
     fn from(error: PictureError) -> Self {
         match error {
             PictureError::Renderer(error) => failure(error),
-            error @ PictureError::Thread(_) => Self::failed(error),
+            error @ (PictureError::Thread(_) | PictureError::Ended) => Self::failed(error),
         }
     }
 }

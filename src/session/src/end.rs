@@ -4,6 +4,8 @@
 use super::{EndStatus, Moment};
 use city3d_simulation::runner::{EndSummary, LinkSummary};
 use std::collections::BTreeMap;
+use std::error::Error;
+use std::sync::Arc;
 
 /// Something that is told the moments of a city: files, subscribers, a window.
 pub trait End: Send {
@@ -31,15 +33,43 @@ pub trait End: Send {
     }
 }
 
+/// Why an end does not work: an error of its own, with what caused it. Copies share it.
+#[derive(Clone, Debug)]
+pub struct EndFailure(Arc<dyn Error + Send + Sync>);
+
+impl EndFailure {
+    /// An end fails with this error.
+    pub fn new(error: impl Error + Send + Sync + 'static) -> Self {
+        Self(Arc::new(error))
+    }
+
+    /// The error of the end, which may be downcast to its type.
+    pub fn error(&self) -> &(dyn Error + Send + Sync + 'static) {
+        &*self.0
+    }
+}
+
+impl Error for EndFailure {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        self.0.source()
+    }
+}
+
+impl std::fmt::Display for EndFailure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
 /// Whether an end works.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default)]
 pub struct EndHealth {
     /// Moments, or what they became, that have gone out.
     pub delivered: u64,
     /// Those that have not: there was no room for them, or the end had failed.
     pub dropped: u64,
-    /// Why it does not work now, as a sentence; `None` while it does.
-    pub failure: Option<String>,
+    /// Why it does not work now; `None` while it does.
+    pub failure: Option<EndFailure>,
 }
 
 /// What a session has counted when a run ends.
@@ -59,8 +89,8 @@ pub(crate) struct Ends {
 
 struct AttachedEnd {
     end: Box<dyn End>,
-    /// The failure that was said last.
-    said: Option<String>,
+    /// Its present failure has been said.
+    is_said: bool,
     /// How often it has failed.
     failures: u64,
 }
@@ -68,7 +98,7 @@ struct AttachedEnd {
 impl Ends {
     /// Attaches an end. Those that somebody waits for come first.
     pub(crate) fn attach(&mut self, end: Box<dyn End>) {
-        self.ends.push(AttachedEnd { end, said: None, failures: 0 });
+        self.ends.push(AttachedEnd { end, is_said: false, failures: 0 });
     }
 
     pub(crate) fn prepare(&mut self, before: &Moment<'_>) {
@@ -89,19 +119,19 @@ impl Ends {
 
     /// Says each failure once, and that an end works again.
     pub(crate) fn say_failures(&mut self) {
-        for AttachedEnd { end, said, failures } in &mut self.ends {
+        for AttachedEnd { end, is_said, failures } in &mut self.ends {
             let failure = end.health().failure;
-            match (&failure, &said) {
-                (Some(why), None) => {
+            match (&failure, *is_said) {
+                (Some(why), false) => {
                     *failures += 1;
                     if !end.says_failures() {
                         tracing::warn!("{}: {why}; the city goes on without", end.name());
                     }
                 }
-                (None, Some(_)) if !end.says_failures() => tracing::warn!("{}: works again", end.name()),
+                (None, true) if !end.says_failures() => tracing::warn!("{}: works again", end.name()),
                 _ => {}
             }
-            *said = failure;
+            *is_said = failure.is_some();
         }
     }
 
@@ -109,6 +139,7 @@ impl Ends {
     pub(crate) fn summary(&self) -> BTreeMap<&'static str, EndSummary> {
         let of = |attached: &AttachedEnd| {
             let EndHealth { delivered, dropped, failure } = attached.end.health();
+            let failure = failure.map(|why| why.to_string());
             EndSummary { delivered, dropped, failures: attached.failures, failure }
         };
         let is_worth_telling = |(name, end): &(&str, EndSummary)| {
@@ -125,8 +156,14 @@ impl Ends {
     pub(crate) fn status(&self) -> Vec<EndStatus> {
         let of = |attached: &AttachedEnd| {
             let EndHealth { delivered, dropped, failure } = attached.end.health();
+            let failure = failure.map(|why| why.to_string());
             EndStatus { name: attached.end.name().to_owned(), delivered, dropped, failure }
         };
         self.ends.iter().map(of).collect()
+    }
+
+    /// The first failure of an end, if one fails.
+    pub(crate) fn failure(&self) -> Option<EndFailure> {
+        self.ends.iter().find_map(|attached| attached.end.health().failure)
     }
 }

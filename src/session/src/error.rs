@@ -1,5 +1,6 @@
 //! Errors of sessions.
 
+use super::EndFailure;
 use city3d_control::SetupError;
 use city3d_logbook::record::RecordError;
 use city3d_network::link::LinkError;
@@ -41,9 +42,12 @@ pub enum SessionError {
         /// Reason of the operating system.
         source: std::io::Error,
     },
-    /// The files of a run cannot be written, in words.
-    #[error("{0}")]
-    Files(String),
+    /// An end has failed that the session does not go on without, such as the files of a run.
+    #[error(transparent)]
+    End(EndFailure),
+    /// The disk does not take the last files of a run.
+    #[error("the disk takes nothing; the last files are not whole")]
+    Stuck,
     /// The summary cannot be encoded.
     #[error("the summary cannot be written as JSON: {0}")]
     Summary(#[from] serde_json::Error),

@@ -39,7 +39,7 @@ mod udp_poses;
 pub use city3d_network::host::Host;
 pub use city3d_simulation::scenario::LoadError;
 pub use clock::{PacingClock, Speed};
-pub use end::{End, EndHealth, RunAccount};
+pub use end::{End, EndFailure, EndHealth, RunAccount};
 pub use error::{ExistingResults, SessionError};
 pub use local::LocalCity;
 pub use moment::{Inputs, Moment, MomentKind, SenderLabels, StepTiming};

@@ -1,7 +1,7 @@
 //! The end of onboard pictures, drawn on a separate thread. The session hands over the latest snapshot through a slot
 //! of size one and never waits: a newer job replaces the one that waits there, and is counted.
 
-use super::end::{End, EndHealth};
+use super::end::{End, EndFailure, EndHealth};
 use super::{Moment, MomentKind};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_render::{Image, RenderError, Renderer};
@@ -63,7 +63,14 @@ pub enum PictureError {
     Renderer(#[from] RenderError),
     /// The operating system refuses a thread.
     #[error("no thread for onboard pictures can be started: {0}")]
-    Thread(String),
+    Thread(Box<dyn std::error::Error + Send + Sync>),
+    /// The thread that draws has panicked.
+    #[error("the thread that draws has ended early")]
+    Ended,
+}
+
+fn no_thread(error: impl std::error::Error + Send + Sync + 'static) -> PictureError {
+    PictureError::Thread(Box::new(error))
 }
 
 /// A snapshot to draw, with the cameras that are due.
@@ -78,7 +85,7 @@ struct DrawJob {
 struct JobSlot {
     job: Option<DrawJob>,
     /// Why the last job was not drawn.
-    failure: Option<String>,
+    failure: Option<EndFailure>,
     is_over: bool,
 }
 
@@ -161,13 +168,12 @@ impl PictureThread {
             // Threads inherit the priority of their creator: the global pool must keep its own.
             match rayon::ThreadPoolBuilder::new().thread_name(|_| "pictures".to_owned()).build() {
                 Ok(pool) => pool.install(|| draw(open, &carried, &inner, take, &opened)),
-                Err(error) => drop(opened.send(Err(PictureError::Thread(error.to_string())))),
+                Err(error) => drop(opened.send(Err(no_thread(error)))),
             }
         };
-        let no_thread = |error: &dyn std::fmt::Display| PictureError::Thread(error.to_string());
         let thread = std::thread::Builder::new().name("pictures".to_owned()).spawn(work);
-        let thread = Some(thread.map_err(|error| no_thread(&error))?);
-        let adapter = opening.recv().map_err(|error| no_thread(&error))??;
+        let thread = Some(thread.map_err(no_thread)?);
+        let adapter = opening.recv().map_err(|_| PictureError::Ended)??;
         let due_s = vec![0.0; cameras.len()];
         Ok(Self { shared, cameras, wanted, stamps, due_s, shown_s: 0.0, adapter, thread })
     }
@@ -228,7 +234,7 @@ impl End for PictureThread {
         let counter = self.counter();
         let has_ended = self.thread.as_ref().is_some_and(JoinHandle::is_finished);
         let failure = match has_ended {
-            true => Some("the thread that draws has ended early".to_owned()),
+            true => Some(EndFailure::new(PictureError::Ended)),
             false => self.shared.slot().failure.clone(),
         };
         EndHealth { delivered: counter.taken(), dropped: counter.dropped(), failure }
@@ -272,14 +278,14 @@ fn draw(
     };
     drop(opened.send(Ok(renderer.context().adapter_name.clone())));
     while let Some(job) = shared.wait() {
-        let drawn = draw_job(&mut renderer, cameras, &job);
-        shared.slot().failure = drawn.as_ref().err().map(ToString::to_string);
-        match drawn {
+        match draw_job(&mut renderer, cameras, &job) {
             Ok(pictures) => {
+                shared.slot().failure = None;
                 shared.taken.fetch_add(pictures.len() as u64, Ordering::Relaxed);
                 take(pictures);
             }
-            Err(_) => {
+            Err(error) => {
+                shared.slot().failure = Some(EndFailure::new(error));
                 shared.dropped.fetch_add(job.cameras.len() as u64, Ordering::Relaxed);
             }
         }

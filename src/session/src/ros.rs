@@ -1,7 +1,7 @@
 //! ROS as an end of a city: poses as VICON publishes them, over ROS 1 or rosbridge, and poses from there.
 
 use super::Moment;
-use super::end::{End, EndHealth};
+use super::end::{End, EndFailure, EndHealth};
 use super::remote::PoseFeedback;
 use super::robots::CaptureEnd;
 use super::served::MotionCapture;
@@ -18,6 +18,7 @@ use city3d_simulation::runner::RosSummary;
 use city3d_simulation::scenario::{Experiment, PlannedVehicle};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+use thiserror::Error;
 
 /// The vehicles of an experiment as VICON subjects.
 pub fn subjects_of(experiment: &Experiment) -> Vec<Subject> {
@@ -77,6 +78,11 @@ impl RosNode {
     }
 }
 
+/// The master or the rosbridge server of a node does not answer.
+#[derive(Clone, Copy, Debug, Error)]
+#[error("its master or server is away")]
+pub struct RosAway;
+
 /// The end that publishes the poses of a city over ROS.
 #[derive(Debug)]
 pub struct RosPoses {
@@ -109,7 +115,7 @@ impl End for RosPoses {
 
     fn health(&self) -> EndHealth {
         let ViconCounters { published, dropped, slow, is_registered, .. } = self.node.vicon().counters();
-        let failure = (!is_registered).then(|| "its master or server is away".to_owned());
+        let failure = (!is_registered).then(|| EndFailure::new(RosAway));
         EndHealth { delivered: published, dropped: dropped + slow, failure }
     }
 

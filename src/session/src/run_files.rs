@@ -1,6 +1,6 @@
 //! Files of a run: `run.mcap`, `vehicles.csv` and `summary.json`.
 
-use super::end::{End, EndHealth, RunAccount};
+use super::end::{End, EndFailure, EndHealth, RunAccount};
 use super::{Inputs, Moment, MomentKind, Overwrite, SessionError};
 use city3d_logbook::record::{
     Backpressure, Cadence, ClosingFiles, FileWork, LogOrigin, RecordError, Recorder,
@@ -8,6 +8,7 @@ use city3d_logbook::record::{
 use city3d_protocol::snapshot::Event;
 use city3d_simulation::runner::{Observer, Summary};
 use city3d_simulation::scenario::Experiment;
+use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -96,8 +97,8 @@ pub struct FilesWritten {
     pub folder: Option<PathBuf>,
     /// Summary of the run that ended last.
     pub summary: Option<Summary>,
-    /// The first failure, in words.
-    pub failure: Option<String>,
+    /// The first failure.
+    pub failure: Option<EndFailure>,
 }
 
 /// The end of a session that writes the files of its runs; without a folder only the summary is computed.
@@ -188,7 +189,7 @@ impl RunFiles {
     pub fn record_or_fail(&mut self, moment: &Moment<'_>) -> Result<(), SessionError> {
         self.take(moment);
         match &self.health.failure {
-            Some(why) => Err(SessionError::Files(why.clone())),
+            Some(failure) => Err(SessionError::End(failure.clone())),
             None => Ok(()),
         }
     }
@@ -202,8 +203,9 @@ impl RunFiles {
         self.join();
         let written = self.written.lock().unwrap_or_else(PoisonError::into_inner).clone();
         match (written.failure, written.summary) {
+            (Some(failure), _) => Err(SessionError::End(failure)),
             (None, Some(summary)) => Ok(summary),
-            (why, _) => Err(SessionError::Files(why.unwrap_or_default())),
+            (None, None) => Err(SessionError::Ended),
         }
     }
 
@@ -219,7 +221,7 @@ impl RunFiles {
             if self.backpressure == Backpressure::Wait || closing.is_closed() {
                 self.hear_of(closing);
             } else {
-                self.fail("the disk takes nothing; the last files are not whole".to_owned());
+                self.fail(SessionError::Stuck);
             }
         }
     }
@@ -227,7 +229,7 @@ impl RunFiles {
     /// Waits until files are closed, and keeps in mind what went wrong with them.
     fn hear_of(&mut self, closing: ClosingFiles) {
         if let Err(error) = closing.join() {
-            self.fail(error.to_string());
+            self.fail(error);
         }
     }
 
@@ -251,7 +253,7 @@ impl RunFiles {
             self.recorder(folder, experiment, Box::new(move || Ok(prepare_folder(&at, options)?)))
         });
         let recorder = recorder.transpose().unwrap_or_else(|error| {
-            self.fail(error.to_string());
+            self.fail(error);
             None
         });
         self.open_run(folder, recorder, (experiment, now));
@@ -299,11 +301,12 @@ impl RunFiles {
     }
 
     /// The files end here; what was written stays whole.
-    fn fail(&mut self, why: String) {
+    fn fail(&mut self, error: impl Error + Send + Sync + 'static) {
+        let failure = EndFailure::new(error);
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
-        written.failure.get_or_insert_with(|| why.clone());
+        written.failure.get_or_insert_with(|| failure.clone());
         drop(written);
-        self.health.failure.get_or_insert(why);
+        self.health.failure.get_or_insert(failure);
         if let Some(open) = &mut self.open {
             open.recorder = None;
         }
@@ -350,7 +353,7 @@ impl End for RunFiles {
         let (summary, closing) = open.finish(last, account, self.origin, self.wall_time);
         match closing {
             Some(Ok(closing)) => self.closing.push(closing),
-            Some(Err(error)) => self.fail(error.to_string()),
+            Some(Err(error)) => self.fail(error),
             None => {}
         }
         if !recorder && let Some(folder) = folder {
@@ -392,7 +395,7 @@ impl RunFiles {
             Ok(()) => {}
             Err(error) => {
                 self.health.dropped += 1;
-                self.fail(error.to_string());
+                self.fail(error);
             }
         }
     }

@@ -449,10 +449,7 @@ impl<S: Source> Session<S> {
             self.ends.say_failures();
             return Ok(());
         }
-        match self.ends.status().into_iter().find_map(|end| end.failure) {
-            Some(why) => Err(SessionError::Files(why)),
-            None => Ok(()),
-        }
+        self.ends.failure().map_or(Ok(()), |failure| Err(SessionError::End(failure)))
     }
 
     /// Publishes the present state to the window; while the speed is unlimited not each tick, unless it has to be.

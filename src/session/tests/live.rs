@@ -191,5 +191,5 @@ fn a_folder_that_cannot_be_written_is_named_and_the_city_drives_on() {
     assert!(failure.contains("taken"), "{failure}");
     until(&live, "further ticks", |run_state| run_state.now.tick > failed.now.tick + 10);
     let written = live.stop().unwrap();
-    assert!(written.failure.unwrap().contains("taken"));
+    assert!(written.failure.unwrap().to_string().contains("taken"));
 }

@@ -23,6 +23,8 @@ pub enum RecordError {
         path: PathBuf,
         /// Reason of the failure, in words.
         reason: String,
+        /// What the file's writer or the operating system says.
+        source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// The writer thread has ended before the run.
     #[error("the recorder's thread ended early")]
@@ -347,8 +349,7 @@ impl Recorder {
     }
 }
 
-#[allow(clippy::needless_pass_by_value, reason = "the shape that map_err wants")]
-fn failed(path: &Path, error: impl std::error::Error) -> RecordError {
+fn failed(path: &Path, error: impl std::error::Error + Send + Sync + 'static) -> RecordError {
     let mut reason = error.to_string();
     // What the system says, such as that a disk is full, may be behind it.
     let mut cause = error.source();
@@ -359,7 +360,7 @@ fn failed(path: &Path, error: impl std::error::Error) -> RecordError {
         }
         cause = behind.source();
     }
-    RecordError::File { path: path.to_path_buf(), reason }
+    RecordError::File { path: path.to_path_buf(), reason, source: Box::new(error) }
 }
 
 struct RunFileWriter {

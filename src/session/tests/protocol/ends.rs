@@ -15,8 +15,9 @@ use city3d_logbook::record::LogOrigin;
 use city3d_network::simulated::{SimulatedNetwork, SimulatedOptions};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleInfo, VehicleState};
 use city3d_session::{
-    End, EndHealth, FileOptions, Inputs, LocalCity, Moment, MomentKind, Now, Order, OrderSender, Orders,
-    Pace, RunAccount, RunFiles, RunFolders, RunPhase, Session, SessionEnd, SessionError, Source, Step,
+    End, EndFailure, EndHealth, FileOptions, Inputs, LocalCity, Moment, MomentKind, Now, Order, OrderSender,
+    Orders, Pace, RunAccount, RunFiles, RunFolders, RunPhase, Session, SessionEnd, SessionError, Source,
+    Step,
 };
 use city3d_simulation::runner::{EndSummary, Run};
 use city3d_simulation::scenario::Experiment;
@@ -286,7 +287,8 @@ impl End for Broken {
     fn take(&mut self, _moment: &Moment<'_>) {}
 
     fn health(&self) -> EndHealth {
-        EndHealth { failure: Some("it is broken".to_owned()), ..EndHealth::default() }
+        let failure = Some(EndFailure::new(std::io::Error::other("it is broken")));
+        EndHealth { failure, ..EndHealth::default() }
     }
 }
 

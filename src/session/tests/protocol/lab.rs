@@ -295,7 +295,7 @@ impl Program {
         let desk = self.desk();
         assert_eq!(desk.outcome, Some(Ok(())), "{}", self.name);
         let written = desk.written.lock().unwrap();
-        assert_eq!(written.failure, None);
+        assert!(written.failure.is_none(), "{:?}", written.failure);
         written.summary.clone().unwrap()
     }
 }

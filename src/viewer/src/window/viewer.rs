@@ -17,7 +17,7 @@ use city3d_sensors::{Sensor, SensorKind};
 use city3d_session::playback::{LogInfo, PlaybackCommand, Player};
 use city3d_session::{
     FileOptions, Host, LocalCity, Order, Overwrite, RunFiles, RunFolders, RunPhase, RunState, Session,
-    SessionHandle, Speed, WallTime,
+    SessionError, SessionHandle, Speed, WallTime,
 };
 use city3d_simulation::scenario::{Experiment, Library, ScenarioRequest, shipped_scenarios};
 use city3d_simulation::sim::World;
@@ -566,7 +566,7 @@ impl ViewerState {
         if let ViewedRun::Run(old) = old {
             match old.stop() {
                 Ok(written) => {
-                    self.state.notice = written.failure.map(|why| (why, now_s + 6.0));
+                    self.state.notice = written.failure.map(|why| (why.to_string(), now_s + 6.0));
                     self.recorded.extend(recorded(&old_name, written.folders));
                 }
                 Err(error) => self.state.say(error.to_string(), now_s),
@@ -627,7 +627,7 @@ impl ViewerState {
         let written = live.stop().map_err(WindowError::End)?;
         self.recorded.extend(recorded(&self.experiment.name, written.folders));
         match written.failure {
-            Some(why) => Err(WindowError::Failed(why)),
+            Some(failure) => Err(WindowError::End(SessionError::End(failure))),
             None => Ok(self.recorded),
         }
     }

@@ -1,9 +1,13 @@
 //! Files on a disk that is slow, full, or away.
 
 use super::{EndHealth, EndSummary, Stage, passes};
+use crate::lab::scenario;
 use city3d_logbook::record::LogOrigin;
 use city3d_logbook::replay::Replay;
-use city3d_session::{FileOptions, Order, Overwrite, RunFiles, RunFolders};
+use city3d_session::{
+    FileOptions, Host, LocalCity, Order, Overwrite, RunFiles, RunFolders, Session, SessionEnd,
+};
+use std::error::Error;
 use std::path::Path;
 
 /// More vehicles, so that what waits for a disk is soon too much.
@@ -28,7 +32,7 @@ fn fails_once(root: &Path, crowd: u32, words: &[&str]) -> Vec<EndSummary> {
         Stage::new("they work again", works),
     ];
     let (health, accounts) = passes(files(root), crowd, stages);
-    assert_eq!((health.failure, accounts.len()), (None, 2));
+    assert!(health.failure.is_none() && accounts.len() == 2, "{health:?} {accounts:?}");
     let [first, second] = &accounts[..] else { panic!("{accounts:?}") };
     let why = first.failure.as_ref().unwrap();
     assert!(words.iter().all(|word| why.contains(word)), "{why}");
@@ -50,7 +54,7 @@ fn fails_once(root: &Path, crowd: u32, words: &[&str]) -> Vec<EndSummary> {
 fn files_that_work_delay_nothing() {
     let root = tempfile::tempdir().unwrap();
     let (health, accounts) = passes(files(root.path()), 0, vec![Stage::new("they work", works)]);
-    assert_eq!((health.failure, health.dropped), (None, 0));
+    assert!(health.failure.is_none() && health.dropped == 0, "{health:?}");
     assert!(health.delivered > 60 && accounts.is_empty(), "the summary is silent about files that are whole");
 }
 
@@ -102,4 +106,21 @@ fn a_disk_that_does_not_open_a_file_ends_the_files_of_a_run_and_not_the_city() {
     fails_once(root.path(), CROWD, &["run-1", "too slow"]);
     // The writer waits for a reader until now.
     drop(std::fs::File::open(path).unwrap());
+}
+
+#[test]
+#[cfg(unix)]
+fn what_the_system_says_is_behind_the_failure_of_files() {
+    let root = tempfile::tempdir().unwrap();
+    std::os::unix::fs::symlink("/dev/full", root.path().join("run.mcap")).unwrap();
+    let options = FileOptions { overwrite: Overwrite::Replace, ..FileOptions::default() };
+    let folders = RunFolders::Parts(root.path().to_path_buf());
+    let host = Host::system();
+    let city = LocalCity::new(scenario("roundabout", 2.0), host.clone()).unwrap().started();
+    let files = Box::new(RunFiles::new(folders, LogOrigin::Run, options));
+    let session = Session::new(city, host).until(SessionEnd::AtTick(200)).with_end(files).strictly();
+    let error = session.run().map(drop).unwrap_err();
+    let mut chain = std::iter::successors(Some(&error as &dyn Error), |error| (*error).source());
+    let kind = chain.find_map(|error| error.downcast_ref::<std::io::Error>()).map(std::io::Error::kind);
+    assert_eq!(kind, Some(std::io::ErrorKind::StorageFull), "{error:?}");
 }

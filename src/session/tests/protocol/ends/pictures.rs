@@ -68,7 +68,7 @@ fn who_takes_pictures_slowly_or_dies_delays_nobody() {
         Stage::new("it is dead", |health| health.failure.is_some()),
     ];
     let (health, accounts) = passes(Box::new(thread), 0, stages);
-    assert!(health.failure.unwrap().contains("ended early"));
+    assert!(health.failure.unwrap().to_string().contains("ended early"));
     assert_eq!(accounts.last().map(|account| account.failures), Some(1));
 }
 
