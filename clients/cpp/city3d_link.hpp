@@ -272,6 +272,7 @@ public:
 
 private:
     static constexpr std::size_t header_bytes = 36;
+    static constexpr std::uint8_t version = 2;
 
     struct Datagram {
         unsigned kind;
@@ -294,12 +295,13 @@ private:
     void send(unsigned kind, const std::string& body) {
         detail::Writer out;
         out.bytes = "C3DL";
-        out.number(std::uint8_t{1});
+        out.number(version);
         out.number(static_cast<std::uint8_t>(kind));
         out.number(static_cast<std::uint16_t>(key_.empty() ? 0 : 1));
         out.number(session_);
-        out.number(peer_);
-        out.number(++sequence_);
+        out.number(challenge_);
+        // A Hello that asks for the challenge belongs to no session yet.
+        out.number(challenge_ != 0 ? ++sequence_ : std::uint64_t{0});
         out.number(std::uint32_t{0});
         out.bytes += body;
         out.bytes += check(out.bytes);
@@ -324,22 +326,32 @@ private:
             const std::string last(data + length - size, data + length);
             detail::Reader head(found.bytes, 8);
             const auto session = head.number<std::uint64_t>(), peer = head.number<std::uint64_t>();
-            const bool is_ours = found.bytes.compare(0, 5, std::string("C3DL\1", 5)) == 0 && peer == session_ &&
-                                 (peer_ == 0 || peer_ == session) &&
+            const bool is_ours = found.bytes.compare(0, 4, "C3DL") == 0 && found.bytes[4] == version &&
+                                 peer == session_ && (city_ == 0 || city_ == session) &&
                                  detail::are_same(last, check(found.bytes));
             if (!is_ours) continue;
-            peer_ = session;
+            city_ = session;
             return found;
         }
         return std::nullopt;
     }
 
+    /// Answers the city's challenge, which all later datagrams name.
     void hello() {
         const double until = now() + patience_;
+        std::random_device random;
+        const std::uint64_t nonce = std::uint64_t{random()} << 32 | random();
+        detail::Writer body;
+        body.number(nonce);
+        body.number(std::uint64_t{0});
         while (now() < until) {
-            send(1, std::string(8, '\0'));
+            send(1, body.bytes);
             const auto found = receive(now() + 0.2);
-            if (found && found->kind == 65) return;
+            if (!found) continue;
+            if (found->kind == 65) return;
+            if (found->kind != 70 || challenge_ != 0) continue;
+            detail::Reader in(found->bytes, header_bytes);
+            if (in.number<std::uint64_t>() == nonce) challenge_ = in.number<std::uint64_t>();
         }
         throw std::runtime_error("no city answers there");
     }
@@ -368,7 +380,7 @@ private:
     int socket_;
     double patience_;
     std::string key_;
-    std::uint64_t session_ = 0, peer_ = 0, sequence_ = 0;
+    std::uint64_t session_ = 0, city_ = 0, challenge_ = 0, sequence_ = 0;
     std::uint32_t request_ = 0;
     std::map<std::uint32_t, std::uint32_t> counts_;
 };

@@ -23,7 +23,8 @@ from collections import namedtuple
 
 HEADER = struct.Struct("<4sBBHQQQI")
 HELLO, SETUP, TRAJECTORIES, REMOVE, COMMAND, SUBSCRIBE = 1, 2, 3, 4, 5, 6
-CLOCK, ACK, POSES = 65, 66, 67
+CLOCK, ACK, POSES, CHALLENGE = 65, 66, 67, 70
+VERSION = 2
 START, PAUSE, RESET = 0, 1, 2
 STATUS = ("waiting", "driving", "yielding", "stopped", "manual", "link lost", "collided", "finished", "physical",
           "unseen")
@@ -44,7 +45,7 @@ class City:
         self.socket.connect((host, port))
         self.key, self.world, self.patience = key, world, patience
         self.session = int.from_bytes(os.urandom(8), "little") | 1
-        self.peer = self.sequence = self.request = 0
+        self.city = self.challenge = self.sequence = self.request = 0
         self.counts = {}
         self._waiting = []
         self.clock = self._hello()
@@ -109,9 +110,10 @@ class City:
     # Below: datagrams.
 
     def _send(self, kind, text):
-        self.sequence += 1
+        # A Hello that asks for the challenge belongs to no session yet.
+        self.sequence += 1 if self.challenge else 0
         flags = 1 if self.key else 0
-        head = HEADER.pack(b"C3DL", 1, kind, flags, self.session, self.peer, self.sequence, self.world)
+        head = HEADER.pack(b"C3DL", VERSION, kind, flags, self.session, self.challenge, self.sequence, self.world)
         self.socket.send(head + text + self._check(head + text))
 
     def _check(self, text):
@@ -137,17 +139,22 @@ class City:
             if len(text) < HEADER.size or not hmac.compare_digest(self._check(text), check):
                 continue
             magic, version, kind, _, session, peer, _, _ = HEADER.unpack_from(text)
-            if (magic, version, peer) != (b"C3DL", 1, self.session) or self.peer not in (0, session):
+            if (magic, version, peer) != (b"C3DL", VERSION, self.session) or self.city not in (0, session):
                 continue
-            self.peer = session
+            self.city = session
             return kind, text[HEADER.size:]
 
     def _hello(self):
+        """Answers the city's challenge, which all later datagrams name, and gives its clock."""
         until = time.monotonic() + self.patience
+        nonce = int.from_bytes(os.urandom(8), "little")
         while time.monotonic() < until:
-            self._send(HELLO, struct.pack("<Q", 0))
+            self._send(HELLO, struct.pack("<QQ", nonce, 0))
             found = self._receive(time.monotonic() + 0.2)
-            if found and found[0] == CLOCK:
+            if found and found[0] == CHALLENGE and not self.challenge:
+                token, challenge = struct.unpack("<QQ", found[1])
+                self.challenge = challenge if token == nonce else 0
+            elif found and found[0] == CLOCK:
                 names = "token tick time physics_hz length_scale phase lockstep"
                 return namedtuple("Clock", names)(*struct.unpack("<QQdIdBB", found[1]))
         raise TimeoutError("no city answers there")

@@ -51,8 +51,33 @@ fn setup(id: u32, name: &str, x: f64) -> impl Fn(u32) -> Body {
     move |request| Body::Setup { request, setup: setup.clone() }
 }
 
-/// A datagram of any kind, some of its bytes changed, half of them with the check value that then belongs to it.
-fn mutated(rng: &mut ChaCha8Rng, peer: u64) -> Vec<u8> {
+/// Somebody without manners, whose session the city has let begin.
+struct Intruder {
+    socket: UdpSocket,
+    session: u64,
+    challenge: u64,
+}
+
+impl Intruder {
+    fn new(city: &str, session: u64) -> Self {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.connect(city).unwrap();
+        socket.set_read_timeout(Some(SOON)).unwrap();
+        let header = DatagramHeader { session, sequence: 1, ..DatagramHeader::default() };
+        let hello = Body::Hello { token: 9 }.encode(header, &Authenticator::Checksum).unwrap();
+        socket.send(&hello).unwrap();
+        let mut answer = [0; 1200];
+        let length = socket.recv(&mut answer).unwrap();
+        assert!(length <= hello.len(), "an answer to a stranger is no longer than the question");
+        let (_, body) = Body::decode(&answer[..length], &Authenticator::Checksum).unwrap();
+        let Body::Challenge { token: 9, challenge } = body else { panic!("{body:?}") };
+        Self { socket, session, challenge }
+    }
+}
+
+/// A datagram of any kind, some of its bytes changed, half of them with the check value that then belongs to it. One of
+/// eight is of a session that has not begun.
+fn mutated(rng: &mut ChaCha8Rng, intruder: &Intruder) -> Vec<u8> {
     let vehicle = 1 + rng.next_u32() % 7;
     let body = match rng.next_u32() % 8 {
         0 => Body::Hello { token: 7 },
@@ -63,8 +88,9 @@ fn mutated(rng: &mut ChaCha8Rng, peer: u64) -> Vec<u8> {
         5 => Body::Barrier { tick: 4, first: 1, count: 0 },
         _ => Body::Trajectories(vec![follow(vehicle, rng.next_u32(), 2.0)]),
     };
-    let session = u64::from(rng.next_u32() % 4) + 1;
-    let header = DatagramHeader { session, peer, sequence: rng.next_u64() % 100_000, world: 0, kind: 0 };
+    let session = intruder.session + u64::from(rng.next_u32().is_multiple_of(8));
+    let sequence = rng.next_u64() % 100_000;
+    let header = DatagramHeader { session, peer: intruder.challenge, sequence, world: 0, kind: 0 };
     let mut bytes = body.encode(header, &Authenticator::Checksum).unwrap();
     for _ in 0..rng.next_u32() % 4 {
         let place = rng.next_u32() as usize % bytes.len();
@@ -108,12 +134,13 @@ fn a_hundred_thousand_mutated_datagrams_do_no_harm() {
     let before = poses_after(1.0);
     let resident = resident_kib(city.child.id());
     // From several addresses, and none waits for an answer.
-    let sockets: Vec<UdpSocket> = (0..3).map(|_| UdpSocket::bind("127.0.0.1:0").unwrap()).collect();
+    let intruders = [10, 20, 30].map(|session| Intruder::new(&city.address, session));
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let begun = Instant::now();
     for k in 0..100_000 {
         // A full socket of theirs is their loss.
-        let _ = sockets[k % 3].send_to(&mutated(&mut rng, 0), &city.address);
+        let intruder = &intruders[k % 3];
+        let _ = intruder.socket.send(&mutated(&mut rng, intruder));
     }
     let storm_s = begun.elapsed().as_secs_f64();
     let after = poses_after(before.time_s + 2.0);
@@ -208,8 +235,6 @@ fn with_a_key_nobody_else_is_heard() {
         assert_eq!(client.request(Duration::from_millis(250), setup(1, "intruder", 0.5)), None);
     }
     let mut friend = Client::new(&city.address, 0, Authenticator::Key(key.as_bytes().to_vec())).unwrap();
-    // The city's session has to be known first.
-    assert_eq!(friend.request(Duration::from_millis(250), setup(1, "friend", 0.5)), None);
     friend.send(&Body::Hello { token: 1 });
     let begun = Instant::now();
     while !matches!(friend.receive(Duration::from_secs(1)), Some(ClientEvent::Body(Body::Clock(_)))) {

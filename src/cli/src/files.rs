@@ -125,8 +125,12 @@ fn print(summary: &Summary, folder: Option<&Path>) -> Result<(), Failure> {
         ))?;
         if let Some(ros) = &link.ros {
             let master = if ros.master_is_there { "there" } else { "away" };
+            let ignored = match ros.invalid + ros.ahead {
+                0 => String::new(),
+                _ => format!(" ({} invalid, {} ahead of the clock)", ros.invalid, ros.ahead),
+            };
             say(format_args!(
-                "ros: poses of {} instants published, {} dropped, {} heard; the master is {master}",
+                "ros: poses of {} instants published, {} dropped, {} heard{ignored}; the master is {master}",
                 ros.published, ros.dropped, ros.heard
             ))?;
         }

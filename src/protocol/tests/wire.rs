@@ -89,7 +89,9 @@ fn poses() -> impl Strategy<Value = Poses> {
     (any::<[u64; 2]>(), 0.0..1e9f64, 0..=254u8, prop::collection::vec(seen, 0..=17)).prop_map(
         |([tick, state_hash], stamp_s, part, seen)| {
             let vehicles = seen.into_iter().map(|((vehicle, at, turn), status)| {
-                let (position, orientation) = (DVec3::from(at), DQuat::from_array(turn));
+                let turn = DQuat::from_array(turn);
+                let orientation = if turn.length() > 0.01 { turn.normalize() } else { DQuat::IDENTITY };
+                let position = DVec3::from(at);
                 ObservedVehicle { pose: Measurement { vehicle, stamp_s, position, orientation }, status }
             });
             let vehicles = vehicles.collect();
@@ -166,6 +168,7 @@ fn body() -> impl Strategy<Value = Body> {
     let outcomes = vec![RequestOutcome::Done, RequestOutcome::Busy, RequestOutcome::Refused];
     prop_oneof![
         any::<u64>().prop_map(|token| Body::Hello { token }),
+        (any::<u64>(), 1..=u64::MAX).prop_map(|(token, challenge)| Body::Challenge { token, challenge }),
         (any::<u32>(), setup()).prop_map(|(request, setup)| Body::Setup { request, setup: Box::new(setup) }),
         prop::collection::vec(trajectory(), 1..=2).prop_map(Body::Trajectories),
         (any::<u32>(), vehicle()).prop_map(|(request, vehicle)| Body::Remove { request, vehicle }),
@@ -333,9 +336,9 @@ fn errors_name_field_place_and_what_would_be_right() {
     let error = planted(HEADER_BYTES + 4 + 10, &[29]);
     assert_eq!(error.to_string(), format!("points, byte {}: 29; it must be between 1 and 28", stamp - 2));
     let error = planted(5, &[99]);
-    assert_eq!(error.to_string(), "kind, byte 5: 99 is unknown; there are 1 to 9 and 65 to 68");
-    let error = planted(4, &[2]);
-    assert_eq!(error.to_string(), "version, byte 4: version 2; this program speaks version 1");
+    assert_eq!(error.to_string(), "kind, byte 5: 99 is unknown; there are 1 to 9, 65 to 68 and 70");
+    let error = planted(4, &[1]);
+    assert_eq!(error.to_string(), "version, byte 4: version 1; this program speaks version 2");
     assert_eq!(
         Body::decode(b"GET / HTTP/1.1", &Authenticator::Checksum).unwrap_err().fault,
         DecodeFault::Magic
@@ -561,8 +564,8 @@ fn a_denial_is_read_only_with_a_reason() {
         bad[place] = byte;
         Denial::decode(&checked(bad)).unwrap_err().to_string()
     };
-    for unknown in [0, 5] {
-        let expected = "1 (key needed), 2 (no key), 3 (other key) and 4 (other world)";
+    for unknown in [0, 6] {
+        let expected = "1 (key needed), 2 (no key), 3 (other key), 4 (other world) and 5 (other version)";
         assert_eq!(
             planted(HEADER_BYTES, unknown),
             format!("reason, byte {HEADER_BYTES}: {unknown} is unknown; there are {expected}")

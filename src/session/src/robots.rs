@@ -1,5 +1,6 @@
 //! The emulated laboratory behind its UDP links: robots that follow trajectories, and their motion capture.
 
+use super::udp_poses::PoseSubscribers;
 use super::{PacingClock, SessionError};
 use city3d_network::host::Host;
 use city3d_network::link::{AllowedNetwork, Inbound, SenderId, Server, ServerOptions};
@@ -80,18 +81,12 @@ const RATE_PER_S: f64 = 20_000.0;
 /// Datagrams that one poll handles at most.
 const MAX_DATAGRAMS_PER_POLL: usize = 256;
 
-/// Subscription to the poses of robots, with a lease.
-struct Subscriber {
-    sender: SenderId,
-    lease_end: Instant,
-}
-
 /// UDP server of the robots at one address.
 struct RobotServer {
     host: Host,
     robots: Vec<VehicleId>,
-    server: Server,
-    subscribers: Vec<Subscriber>,
+    server: Arc<Server>,
+    subscribers: PoseSubscribers,
     /// The sender that controls them, and when its last datagram came.
     controller: Option<(SenderId, Instant)>,
 }
@@ -230,8 +225,9 @@ impl RobotServer {
             rate_per_s: RATE_PER_S,
             takes_clock: true,
         };
-        let server = Server::on(host, &options)?;
-        Ok(Self { host: host.clone(), robots, server, subscribers: Vec::new(), controller: None })
+        let server = Arc::new(Server::on(host, &options)?);
+        let subscribers = PoseSubscribers::new(Arc::clone(&server), host.clone(), MAX_SUBSCRIBERS);
+        Ok(Self { host: host.clone(), robots, server, subscribers, controller: None })
     }
 
     fn receive(&mut self, testbed: &mut Testbed, (physics_hz, length_scale): (u32, f64)) {
@@ -261,8 +257,12 @@ impl RobotServer {
                     own.for_each(|trajectory| testbed.follow(&trajectory));
                 }
                 Body::Subscribe { request, lease_s, .. } => {
-                    self.subscribe(sender, lease_s);
-                    self.answer(sender, request, RequestOutcome::Done, "");
+                    let leads = self.controller.is_some_and(|(controller, _)| controller == sender);
+                    match self.subscribers.subscribe((sender, leads), 1, lease_s) {
+                        Ok(()) => self.answer(sender, request, RequestOutcome::Done, ""),
+                        Err(why) => self.answer(sender, request, RequestOutcome::Busy, &why),
+                    }
+                    self.keep_places();
                 }
                 Body::Setup { request, .. }
                 | Body::Remove { request, .. }
@@ -285,16 +285,18 @@ impl RobotServer {
             }
             _ => self.robots.iter().for_each(|robot| testbed.reset_sequence(*robot)),
         }
-        self.controller = Some((sender, self.host.clock.now()));
+        let before = self.controller.replace((sender, self.host.clock.now()));
+        if before.is_none_or(|(controller, _)| controller != sender) {
+            self.keep_places();
+        }
         true
     }
 
-    fn subscribe(&mut self, sender: SenderId, lease_s: f64) {
-        let now = self.host.clock.now();
-        self.subscribers.retain(|subscriber| subscriber.sender != sender && subscriber.lease_end > now);
-        if lease_s > 0.0 && self.subscribers.len() < MAX_SUBSCRIBERS {
-            self.subscribers.push(Subscriber { sender, lease_end: now + Duration::from_secs_f64(lease_s) });
-        }
+    /// Whoever controls the robots or gets their poses keeps its place among the senders.
+    fn keep_places(&mut self) {
+        let subscribed = self.subscribers.present().iter().map(|subscriber| subscriber.sender);
+        let controller = self.controller.map(|(controller, _)| controller);
+        self.server.keep(subscribed.chain(controller));
     }
 
     fn answer(&self, sender: SenderId, request: u32, outcome: RequestOutcome, detail: &str) {
@@ -306,8 +308,6 @@ impl RobotServer {
 
     /// Sends the poses of its robots at an instant to the subscribers.
     fn publish(&mut self, tick: u64, time_s: f64, clock: ExperimentClock, poses: &[Measurement]) {
-        let now = self.host.clock.now();
-        self.subscribers.retain(|subscriber| subscriber.lease_end > now);
         let own = poses.iter().filter(|pose| self.robots.contains(&pose.vehicle));
         let seen: Vec<ObservedVehicle> =
             own.map(|pose| ObservedVehicle { pose: *pose, status: Status::Physical }).collect();
@@ -316,7 +316,9 @@ impl RobotServer {
             let vehicles = vehicles.to_vec();
             let poses =
                 Body::Poses(Poses { tick, time_s, state_hash: 0, phase, part: 0, parts: 1, vehicles });
-            self.subscribers.iter().for_each(|subscriber| self.server.send(subscriber.sender, &poses));
+            for subscriber in self.subscribers.present() {
+                self.server.send(subscriber.sender, &poses);
+            }
         }
     }
 }

@@ -13,7 +13,7 @@ use city3d_network::link::vicon::{
 use city3d_network::link::{Client, ClientEvent};
 use city3d_network::ros::RosError;
 use city3d_protocol::snapshot::VehicleInfo;
-use city3d_protocol::wire::Measurement;
+use city3d_protocol::wire::{MAX_AHEAD_S, Measurement};
 use city3d_simulation::runner::RosSummary;
 use city3d_simulation::scenario::{Experiment, PlannedVehicle};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -130,13 +130,19 @@ pub struct RosCapture(RosNode);
 
 impl MotionCapture for RosCapture {
     fn next(&mut self, time_s: f64, is_running: bool) -> Option<Measurement> {
-        let ReceivedPose { pose, .. } = self.0.vicon().receive(Duration::ZERO)?;
-        let stamp_s = match is_running {
-            _ if pose.stamp_s < EPOCH_S => pose.stamp_s,
-            true => (time_s + pose.stamp_s - wall_s()).max(0.0),
-            false => time_s,
-        };
-        Some(Measurement { stamp_s, ..pose })
+        let mut vicon = self.0.vicon();
+        loop {
+            let ReceivedPose { pose, .. } = vicon.receive(Duration::ZERO)?;
+            let stamp_s = match is_running {
+                _ if pose.stamp_s < EPOCH_S => pose.stamp_s,
+                true => (time_s + pose.stamp_s - wall_s()).max(0.0),
+                false => time_s,
+            };
+            if !is_running || stamp_s <= time_s + MAX_AHEAD_S {
+                return Some(Measurement { stamp_s, ..pose });
+            }
+            vicon.drop_ahead(pose.vehicle, stamp_s - time_s);
+        }
     }
 
     fn summary(&self) -> RosSummary {
@@ -146,6 +152,8 @@ impl MotionCapture for RosCapture {
             dropped: counters.dropped,
             dropped_for_slow: counters.slow,
             heard: counters.received,
+            invalid: counters.invalid,
+            ahead: counters.ahead,
             master_is_there: counters.is_registered,
             master_returns: counters.returns,
             pictures: None,

@@ -113,6 +113,8 @@ impl End for TimingMarks {
 
 /// Rate limit in lockstep, where barriers already hold the sender back.
 const LOCKSTEP_RATE_PER_S: f64 = 1e6;
+/// Subscribers of a city at once, at most.
+const MAX_SUBSCRIBERS: usize = 64;
 /// Datagrams that are handled before the clock is checked again.
 const MAX_DATAGRAMS_PER_POLL: usize = 1024;
 /// Timer slack: the loop stops sleeping this long before a tick, because systems wake sleepers late.
@@ -216,7 +218,11 @@ impl ServedCity {
         let now = host.clock.now();
         Ok(Self {
             options,
-            subscribers: Arc::new(Mutex::new(PoseSubscribers::new(Arc::clone(&server), host.clone()))),
+            subscribers: Arc::new(Mutex::new(PoseSubscribers::new(
+                Arc::clone(&server),
+                host.clone(),
+                MAX_SUBSCRIBERS,
+            ))),
             server,
             world: ServerWorld::new(experiment, rules),
             begun: now,
@@ -268,7 +274,9 @@ impl ServedCity {
                 return;
             }
             Body::Subscribe { request, every_ticks, lease_s } => {
-                if let Err(detail) = self.subscribers().subscribe(sender, every_ticks.into(), lease_s) {
+                let who = (sender, self.world.leader() == Some(sender.0));
+                let subscribed = self.subscribers().subscribe(who, every_ticks.into(), lease_s);
+                if let Err(detail) = subscribed {
                     let tick = self.world.snapshot().tick;
                     let answer = Body::Ack { request, outcome: RequestOutcome::Busy, tick, detail };
                     self.server.send(sender, &answer);
@@ -287,10 +295,21 @@ impl ServedCity {
         {
             let _ = marks.send(TimingMark::Taken { vehicle: first.vehicle, sequence: first.sequence, at });
         }
-        self.has_newcomer |= matches!(body, Body::Subscribe { .. } | Body::Setup { .. });
+        let is_newcomer = matches!(body, Body::Subscribe { .. } | Body::Setup { .. });
+        self.has_newcomer |= is_newcomer;
         if let Some(answer) = self.world.take(sender.0, now_s, body) {
             self.server.send(sender, &answer);
         }
+        if is_newcomer {
+            self.keep_places();
+        }
+    }
+
+    /// Whoever leads, owns a vehicle or gets poses keeps its place among the senders.
+    fn keep_places(&self) {
+        let mut subscribers = self.subscribers();
+        let subscribed = subscribers.present().iter().map(|subscriber| subscriber.sender);
+        self.server.keep(subscribed.chain(self.world.holders().map(SenderId)));
     }
 
     /// What a stranger has to know of the vehicles here.

@@ -8,30 +8,29 @@ use city3d_simulation::runner::pose_bodies;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Subscribers at once, at most.
-const MAX_SUBSCRIBERS: usize = 64;
-
 /// Subscription to poses, with a lease.
 #[derive(Debug)]
-struct PoseSubscriber {
-    sender: SenderId,
+pub(crate) struct PoseSubscriber {
+    pub sender: SenderId,
     every_ticks: u64,
     lease_end: Instant,
 }
 
-/// Those who get poses over the link.
+/// Those who get poses over the link of a server.
 #[derive(Debug)]
 pub struct PoseSubscribers {
     server: Arc<Server>,
     host: Host,
+    /// Subscribers at once; one more is let in if it leads.
+    most: usize,
     subscribers: Vec<PoseSubscriber>,
     delivered: u64,
     refused: u64,
 }
 
 impl PoseSubscribers {
-    pub(crate) fn new(server: Arc<Server>, host: Host) -> Self {
-        Self { server, host, subscribers: Vec::new(), delivered: 0, refused: 0 }
+    pub(crate) fn new(server: Arc<Server>, host: Host, most: usize) -> Self {
+        Self { server, host, most, subscribers: Vec::new(), delivered: 0, refused: 0 }
     }
 
     pub(crate) fn is_empty(&self) -> bool {
@@ -42,33 +41,40 @@ impl PoseSubscribers {
         self.subscribers.len()
     }
 
-    /// Adds, renews or ends a subscription.
+    /// Those whose lease has not ended.
+    pub(crate) fn present(&mut self) -> &[PoseSubscriber] {
+        let now = self.host.clock.now();
+        self.subscribers.retain(|subscriber| subscriber.lease_end > now);
+        &self.subscribers
+    }
+
+    /// Adds, renews or ends a subscription. A place is kept for who leads.
     ///
     /// # Errors
     /// When there is no room.
     pub(crate) fn subscribe(
         &mut self,
-        sender: SenderId,
+        (sender, leads): (SenderId, bool),
         every_ticks: u64,
         lease_s: f64,
     ) -> Result<(), String> {
-        self.subscribers
-            .retain(|subscriber| subscriber.sender != sender && self.server.knows(subscriber.sender));
-        if self.subscribers.len() >= MAX_SUBSCRIBERS {
+        let now = self.host.clock.now();
+        self.subscribers.retain(|subscriber| {
+            subscriber.sender != sender && subscriber.lease_end > now && self.server.knows(subscriber.sender)
+        });
+        if self.subscribers.len() >= self.most + usize::from(leads) {
             self.refused += 1;
-            return Err(format!("there are {MAX_SUBSCRIBERS} subscribers already"));
+            return Err(format!("there are {} subscribers already", self.subscribers.len()));
         }
         if lease_s > 0.0 {
-            let lease_end = self.host.clock.now() + Duration::from_secs_f64(lease_s);
+            let lease_end = now + Duration::from_secs_f64(lease_s);
             self.subscribers.push(PoseSubscriber { sender, every_ticks, lease_end });
         }
         Ok(())
     }
 
     fn send(&mut self, moment: &Moment<'_>) {
-        let now = self.host.clock.now();
-        self.subscribers.retain(|subscriber| subscriber.lease_end > now);
-        if self.subscribers.is_empty() {
+        if self.present().is_empty() {
             return;
         }
         let poses = pose_bodies(moment.snapshot, moment.phase, moment.scale());

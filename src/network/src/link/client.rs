@@ -20,18 +20,36 @@ const REFUSED_INTERVAL: Duration = Duration::from_millis(5);
 pub enum ClientEvent {
     /// A datagram of the city that has passed all checks.
     Body(Body),
-    /// The city has another session than before: it has been restarted and has lost its state.
+    /// The city has been restarted, or has forgotten this session: it knows nothing of what this client has set up.
     Restarted,
 }
 
-/// Client of a city, with a session of its own.
+/// A handshake that the city has not answered.
+#[derive(Clone, Copy, Debug)]
+struct Handshake {
+    /// Random token of the datagrams that ask for a challenge.
+    nonce: u64,
+    /// Token of the `Hello` that follows.
+    token: u64,
+}
+
+/// Challenges that were answered without effect, after which the city has forgotten this session.
+const MAX_VAIN_CHALLENGES: u32 = 3;
+
+/// Client of a city, with a session of its own. It answers the city's challenge by itself.
 #[derive(Debug)]
 pub struct Client {
     host: Host,
     socket: Box<dyn DatagramSocket>,
     authenticator: Authenticator,
+    /// Its `peer` is the city's challenge, 0 before the first.
     header: DatagramHeader,
+    /// Session of the city; 0 before its first answer.
+    city: u64,
     window: AntiReplayWindow,
+    handshake: Option<Handshake>,
+    /// Challenges since the city has last answered otherwise.
+    vain_challenges: u32,
     last_request: u32,
     /// Own session before this one: a denial may still answer it.
     previous_session: Option<u64>,
@@ -67,7 +85,10 @@ impl Client {
             socket,
             authenticator,
             header,
+            city: 0,
             window,
+            handshake: None,
+            vain_challenges: 0,
             last_request: 0,
             previous_session: None,
             denial: None,
@@ -88,24 +109,51 @@ impl Client {
         self.previous_session = Some(self.header.session);
         self.header =
             DatagramHeader { session: self.host.network.session(), peer: 0, sequence: 0, ..self.header };
+        (self.city, self.handshake, self.vain_challenges) = (0, None, 0);
         self.window = AntiReplayWindow::default();
     }
 
-    /// Sends a datagram without delivery guarantee, and gives its sequence number.
+    /// Whether the city has let this session begin, so that it takes more than a `Hello`.
+    pub fn is_connected(&self) -> bool {
+        self.header.peer != 0
+    }
+
+    /// Sends a datagram without delivery guarantee, and gives its sequence number. Until the city has let this session
+    /// begin, a `Hello` goes in its place.
     pub fn send(&mut self, body: &Body) -> u64 {
+        match body {
+            _ if self.is_connected() => self.send_now(body),
+            Body::Hello { token } => self.ask_for_challenge(*token),
+            _ => self.ask_for_challenge(0),
+        }
+        self.header.sequence
+    }
+
+    fn send_now(&mut self, body: &Body) {
         self.header.sequence += 1;
         match body.encode(self.header, &self.authenticator) {
             Ok(bytes) => self.resend(&bytes),
             Err(error) => tracing::warn!("a datagram is not sent: {error}"),
         }
-        self.header.sequence
     }
 
-    /// Sends a heartbeat `Hello` that a restarted city answers too: it names no session of the city.
+    /// Sends a `Hello` that any city answers, also one that has been restarted or sees another address than before.
     pub fn probe(&mut self) {
-        let peer = std::mem::take(&mut self.header.peer);
-        self.send(&Body::Hello { token: 0 });
-        self.header.peer = peer;
+        self.ask_for_challenge(0);
+    }
+
+    fn ask_for_challenge(&mut self, token: u64) {
+        let nonce = match self.handshake {
+            Some(handshake) => handshake.nonce,
+            None => self.host.network.session(),
+        };
+        self.handshake = Some(Handshake { nonce, token });
+        // It belongs to no session yet, so that it is not counted.
+        let header = DatagramHeader { peer: 0, sequence: 0, ..self.header };
+        match (Body::Hello { token: nonce }).encode(header, &self.authenticator) {
+            Ok(bytes) => self.resend(&bytes),
+            Err(error) => tracing::warn!("a handshake is not sent: {error}"),
+        }
     }
 
     /// Encodes the next datagram for [`Client::resend`]; gives its sequence number and bytes.
@@ -185,17 +233,31 @@ impl Client {
         if body.is_to_city() || header.peer != self.header.session {
             return None;
         }
-        if self.header.peer == 0 {
-            self.header.peer = header.session;
+        if let Body::Challenge { token, challenge } = body {
+            return self.answer_challenge(header.session, token, challenge);
         }
-        if header.session != self.header.peer {
-            self.forget_trouble();
-            return Some(ClientEvent::Restarted);
+        if header.session != self.city {
+            return None;
         }
         self.window.check(header.sequence).ok()?;
         self.window.mark_received(header.sequence);
+        self.vain_challenges = 0;
         self.forget_trouble();
         Some(ClientEvent::Body(body))
+    }
+
+    /// Takes a challenge that was asked for, and says `Hello` with it.
+    fn answer_challenge(&mut self, city: u64, nonce: u64, challenge: u64) -> Option<ClientEvent> {
+        let handshake = self.handshake.filter(|handshake| handshake.nonce == nonce)?;
+        self.handshake = None;
+        self.vain_challenges += 1;
+        let is_other = self.city != 0 && self.city != city;
+        if is_other || self.vain_challenges > MAX_VAIN_CHALLENGES {
+            return Some(ClientEvent::Restarted);
+        }
+        (self.city, self.header.peer) = (city, challenge);
+        self.send_now(&Body::Hello { token: handshake.token });
+        None
     }
 
     /// Remembers a denial of the own handshake; `false` when the bytes are none. Anyone could have made it, so that
@@ -233,19 +295,22 @@ impl Client {
         let body = body(number);
         let until = self.host.clock.now() + timeout;
         while self.host.clock.now() < until {
+            let was_connected = self.is_connected();
             self.send(&body);
-            if let Some(answer) = self.await_answer(number, RETRANSMIT_INTERVAL) {
+            let answer = self.await_answer(number, was_connected);
+            if let Some(answer) = answer {
                 return answer;
             }
         }
         None
     }
 
-    /// Waits for the acknowledgement of a request; `Some(None)` when the city has been restarted and will not send it.
-    fn await_answer(&mut self, number: u32, wait: Duration) -> Option<Option<(RequestOutcome, String)>> {
-        let until = self.host.clock.now() + wait;
-        let mut left = wait;
-        while !left.is_zero() {
+    /// Waits for the acknowledgement of a request, or for the city to let this session begin; `Some(None)` when the city
+    /// has been restarted and will not send it.
+    fn await_answer(&mut self, number: u32, was_connected: bool) -> Option<Option<(RequestOutcome, String)>> {
+        let until = self.host.clock.now() + RETRANSMIT_INTERVAL;
+        let mut left = RETRANSMIT_INTERVAL;
+        while !left.is_zero() && was_connected == self.is_connected() {
             match self.receive(left) {
                 Some(ClientEvent::Body(Body::Ack { request, outcome, detail, .. })) if request == number => {
                     return Some(Some((outcome, detail)));
@@ -266,5 +331,8 @@ fn clause(reason: DenialReason) -> &'static str {
         DenialReason::NoKey => "it has no shared key: leave out --key",
         DenialReason::OtherKey => "it has another shared key: --key names the wrong file",
         DenialReason::OtherWorld => "it is another world: see --world",
+        DenialReason::OtherVersion => {
+            "it speaks another version of the protocol: use the same release of City3D"
+        }
     }
 }

@@ -7,7 +7,9 @@
 use super::vicon::{EPOCH_S, Vicon, wall_s};
 use super::{Client, ClientEvent};
 use city3d_protocol::snapshot::{Status, VehicleId};
-use city3d_protocol::wire::{Body, CityClock, ExperimentPhase, Measurement, ObservedVehicle, Poses};
+use city3d_protocol::wire::{
+    Body, CityClock, ExperimentPhase, MAX_AHEAD_S, Measurement, ObservedVehicle, Poses,
+};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -23,6 +25,8 @@ const POLL_TIMEOUT: Duration = Duration::from_millis(2);
 /// A vehicle without a pose for the first time counts as unseen; after the second it is dropped.
 const UNSEEN_AFTER_S: f64 = 0.25;
 const DROPPED_AFTER_S: f64 = 5.0;
+/// Multiple of real time up to which stamps of simulated time are taken.
+const MAX_SPEED: f64 = 20.0;
 /// Growth of the uncertainty of a clock sample, seconds per second, compared with round-trip times.
 const DRIFT: f64 = 0.01;
 
@@ -42,6 +46,14 @@ impl ClockSample {
             _ if stamp_s < EPOCH_S => stamp_s,
             ExperimentPhase::Running => (self.clock.time_s + stamp_s - self.wall_s).max(0.0),
             ExperimentPhase::Ready | ExperimentPhase::Paused => self.clock.time_s,
+        }
+    }
+
+    /// How far ahead of this clock a stamp may be. Between two samples simulated time may run faster than this clock.
+    fn most_ahead_s(&self, stamp_s: f64) -> f64 {
+        match stamp_s < EPOCH_S {
+            true => MAX_AHEAD_S + MAX_SPEED * SYNC_INTERVAL_RUNNING.as_secs_f64(),
+            false => MAX_AHEAD_S,
         }
     }
 
@@ -146,6 +158,10 @@ impl ViconFeedback {
     fn add(&mut self, pose: Measurement) {
         let Some(sample) = self.sample else { return };
         let time_s = sample.time_s(pose.stamp_s);
+        let ahead_s = time_s - sample.time_s(wall_s());
+        if ahead_s > sample.most_ahead_s(pose.stamp_s) {
+            return self.vicon.drop_ahead(pose.vehicle, ahead_s);
+        }
         let pose = Measurement { stamp_s: time_s, ..pose };
         let newest = self.newest.entry(pose.vehicle).or_insert(pose);
         if time_s >= newest.stamp_s {

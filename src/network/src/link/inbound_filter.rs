@@ -1,10 +1,12 @@
-//! Checks datagrams that have come to a server: allow list, rate limit, authentication, session, replay window, room.
-//! A handshake with the wrong key or world gets a denial. The filter knows no socket, so whoever reads the socket can call it.
+//! Checks datagrams that have come to a server: allow list, authentication, challenge, rate limit, replay window, room.
+//! A handshake gets a challenge, or a denial with the wrong key, world or version; neither is longer than the handshake.
+//! The filter knows no socket, so whoever reads the socket can call it.
 
+use super::challenges::Challenges;
 use super::receive_queue::{Inbound, ReceiveQueue};
-use super::senders::{Senders, TokenBucket};
+use super::senders::{SenderId, Senders, TokenBucket};
 use super::{AllowedNetwork, ServerOptions};
-use crate::host::Clock;
+use crate::host::{Clock, Host};
 use city3d_protocol::wire::{
     Authenticator, Body, DatagramHeader, DecodeError, DecodeFault, Denial, DenialReason, DropCounts,
     DropReason,
@@ -17,6 +19,8 @@ use std::time::{Duration, Instant};
 const LOG_INTERVAL: Duration = Duration::from_secs(1);
 /// Rate limit of the denials to all addresses together: a rejected sender has no limit of its own.
 const MAX_DENIALS_PER_S: f64 = 100.0;
+/// Rate limit of the challenges to all addresses together.
+const MAX_CHALLENGES_PER_S: f64 = 5000.0;
 
 /// What a server shares with who reads its socket.
 #[derive(Debug)]
@@ -44,8 +48,17 @@ pub(super) struct InboundFilter {
     allowed: Vec<AllowedNetwork>,
     takes_clock: bool,
     drop_log: DropLog,
-    /// Rate limiter of the denials, from the first one on.
-    denials: Option<TokenBucket>,
+    challenges: Challenges,
+    /// Rate limiters of what is sent without a session.
+    denials: TokenBucket,
+    challenged: TokenBucket,
+}
+
+/// A datagram that has passed all checks but those of its sender's table.
+struct Authentic {
+    header: DatagramHeader,
+    body: Body,
+    sender: SenderId,
 }
 
 /// Why a datagram is dropped, and what its sender is told if it was a handshake.
@@ -74,10 +87,12 @@ struct DropLog {
 impl InboundFilter {
     pub fn new(
         options: &ServerOptions,
+        host: &Host,
         header: DatagramHeader,
         queue: Arc<ReceiveQueue>,
         shared: Arc<Mutex<LinkState>>,
     ) -> Self {
+        let now = host.clock.now();
         Self {
             queue,
             shared,
@@ -86,54 +101,112 @@ impl InboundFilter {
             allowed: options.allowed.clone(),
             takes_clock: options.takes_clock,
             drop_log: DropLog { dropped: 0, logged_at: None },
-            denials: None,
+            challenges: Challenges::new(&*host.network, now),
+            denials: TokenBucket::full(now, MAX_DENIALS_PER_S),
+            challenged: TokenBucket::full(now, MAX_CHALLENGES_PER_S),
         }
     }
 
-    /// Checks a datagram that comes now, and queues it or counts its drop. Gives the denial to send back, if any.
+    /// Checks a datagram that comes now, and queues it or counts its drop. Gives what to send back at once, if anything.
     pub fn take(&mut self, bytes: &[u8], from: SocketAddr, clock: &dyn Clock) -> Option<Vec<u8>> {
-        let rejection = self.accept(bytes, from, clock).err()?;
         let now = clock.now();
+        let rejection = match self.accept(bytes, from, clock) {
+            Ok(challenge) => return challenge,
+            Err(rejection) => rejection,
+        };
         self.note_drop(&rejection, from, now);
         let denial = Denial { reason: rejection.denial? }.answer(bytes, self.header.world)?;
-        let bucket = self.denials.get_or_insert_with(|| TokenBucket::full(now, MAX_DENIALS_PER_S));
-        bucket.take(now, MAX_DENIALS_PER_S).then_some(denial)
+        self.denials.take(now, MAX_DENIALS_PER_S).then_some(denial)
     }
 
-    fn accept(&self, bytes: &[u8], from: SocketAddr, clock: &dyn Clock) -> Result<(), Rejection> {
+    /// Queues a good datagram, or gives the challenge that answers it.
+    fn accept(
+        &mut self,
+        bytes: &[u8],
+        from: SocketAddr,
+        clock: &dyn Clock,
+    ) -> Result<Option<Vec<u8>>, Rejection> {
         let now = clock.now();
         let is_allowed =
             self.allowed.is_empty() || self.allowed.iter().any(|allowed| allowed.contains(from.ip()));
-        let mut shared = self.lock();
-        shared.received += 1;
+        self.lock().received += 1;
         if !is_allowed {
             return Err(DropReason::ForeignSender.into());
         }
-        if !shared.senders.may_send(from, now) {
-            return Err(DropReason::TooFast.into());
-        }
-        drop(shared);
         let (header, body) =
-            Body::decode(bytes, &self.authenticator).map_err(|error| self.rejection(&error))?;
-        let is_clock = self.takes_clock && matches!(body, Body::Clock(_));
-        if !body.is_to_city() && !is_clock {
-            return Err(DropReason::WrongWay.into());
-        }
-        let is_ours = header.peer == self.header.session
-            || (header.peer == 0
-                && (matches!(self.authenticator, Authenticator::Checksum)
-                    || matches!(body, Body::Hello { .. })));
+            Body::open(bytes, &self.authenticator).map_err(|error| self.rejection(&error))?;
         if header.world != 0 && header.world != self.header.world {
             let denial = Some(DenialReason::OtherWorld);
             return Err(Rejection { denial, ..DropReason::OtherCity.into() });
         }
-        if !is_ours {
+        let Some(sender) = self.sender(from, &header, now)? else {
+            return match body {
+                Ok(Body::Hello { token }) => self.challenge(from, &header, token, now).map(Some),
+                _ => Err(DropReason::OtherCity.into()),
+            };
+        };
+        let mut shared = self.lock();
+        if !shared.senders.may_send(sender, now) {
+            return Err(DropReason::TooFast.into());
+        }
+        shared.senders.check(sender, header.sequence, now)?;
+        let body = body.map_err(|error| {
+            // It is not missing: it has come.
+            shared.senders.mark_received(sender, header.sequence);
+            self.rejection(&error)
+        })?;
+        drop(shared);
+        self.queue_up(Authentic { header, body, sender }, clock)
+    }
+
+    /// The sender of an authentic datagram; `None` while nobody has answered a challenge at its address.
+    fn sender(
+        &self,
+        from: SocketAddr,
+        header: &DatagramHeader,
+        now: Instant,
+    ) -> Result<Option<SenderId>, Rejection> {
+        let mut shared = self.lock();
+        if let Some(sender) = shared.senders.find(from, header) {
+            return Ok(Some(sender));
+        }
+        if !self.challenges.is_fresh(header.peer, from, header.session, now) {
+            return Ok(None);
+        }
+        Ok(Some(shared.senders.begin(from, header, now)?))
+    }
+
+    /// The challenge to a handshake.
+    fn challenge(
+        &mut self,
+        from: SocketAddr,
+        header: &DatagramHeader,
+        token: u64,
+        now: Instant,
+    ) -> Result<Vec<u8>, Rejection> {
+        // Whoever knows a challenge has lost it: 0 asks for a new one.
+        if header.peer != 0 || header.session == 0 {
             return Err(DropReason::OtherCity.into());
         }
+        if !self.challenged.take(now, MAX_CHALLENGES_PER_S) {
+            return Err(DropReason::TooFast.into());
+        }
+        self.lock().used += 1;
+        let challenge = self.challenges.make(from, header.session, now);
+        let header = DatagramHeader { peer: header.session, sequence: 0, ..self.header };
+        let challenge = Body::Challenge { token, challenge }.encode(header, &self.authenticator);
+        challenge.map_err(|_| DropReason::Malformed.into())
+    }
+
+    fn queue_up(&self, datagram: Authentic, clock: &dyn Clock) -> Result<Option<Vec<u8>>, Rejection> {
+        let Authentic { header, body, sender } = datagram;
+        let is_clock = self.takes_clock && matches!(body, Body::Clock(_));
+        if !body.is_to_city() && !is_clock {
+            return Err(DropReason::WrongWay.into());
+        }
         let mut shared = self.lock();
-        let sender = shared.senders.admit(from, &header, now)?;
         if let Body::Barrier { first, count, .. } = body
-            && !shared.senders.has_all(from, first, count)
+            && !shared.senders.has_all(sender, first, count)
         {
             return Err(DropReason::Incomplete.into());
         }
@@ -141,11 +214,11 @@ impl InboundFilter {
         if !self.queue.has_room() {
             return Err(DropReason::Full.into());
         }
-        shared.senders.mark_received(from, header.sequence);
+        shared.senders.mark_received(sender, header.sequence);
         shared.used += 1;
         drop(shared);
         self.queue.push(Inbound { sender, body, at: clock.now() });
-        Ok(())
+        Ok(None)
     }
 
     /// The rejection of a datagram that cannot be decoded.
@@ -153,6 +226,7 @@ impl InboundFilter {
         let denial = match (&error.fault, &self.authenticator) {
             (DecodeFault::Unauthenticated, _) => Some(DenialReason::KeyNeeded),
             (DecodeFault::NoKey, _) => Some(DenialReason::NoKey),
+            (DecodeFault::Version { .. }, _) => Some(DenialReason::OtherVersion),
             // With a checksum it is damaged.
             (DecodeFault::Check, Authenticator::Key(_)) => Some(DenialReason::OtherKey),
             _ => None,

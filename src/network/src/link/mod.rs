@@ -3,6 +3,7 @@
 //! [`city3d_protocol::wire`] defines the datagrams; the served city acts on them.
 
 pub(crate) mod burst;
+mod challenges;
 mod client;
 mod echo;
 #[cfg(feature = "ros")]

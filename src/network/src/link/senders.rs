@@ -1,17 +1,16 @@
-//! Table of senders: their sessions by address, replay protection and rate limit of each.
+//! Table of senders: their sessions, with the address, replay protection and rate limit of each.
 
 use super::AntiReplayWindow;
+use super::challenges::LIFETIME;
 use city3d_protocol::wire::{DatagramHeader, DropReason};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::net::SocketAddr;
-use std::time::{Duration, Instant};
+use std::net::{IpAddr, SocketAddr};
+use std::time::Instant;
 
-/// Addresses that are known at once, at most.
+/// Sessions that are known at once, at most.
 const MAX_SENDERS: usize = 256;
-/// Retired sessions that are remembered, and never accepted again.
-const MAX_RETIRED: usize = 4096;
-/// When the table is full, a sender that has been silent for this long is evicted for another.
-const EVICTION_TIMEOUT: Duration = Duration::from_secs(10);
+/// Ended sessions that are remembered at most; each for as long as a challenge could begin it again.
+const MAX_ENDED: usize = 65_536;
 
 /// Identifies one session of a sender within this process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -22,7 +21,7 @@ pub struct SenderId(pub u32);
 ///
 /// ```
 /// use city3d_network::link::TokenBucket;
-/// use std::time::{Duration, Instant};
+/// use std::time::Instant;
 ///
 /// let start = Instant::now();
 /// let mut bucket = TokenBucket::full(start, 2.0);
@@ -55,8 +54,10 @@ impl TokenBucket {
 
 #[derive(Debug)]
 struct SenderState {
-    id: SenderId,
     session: u64,
+    address: SocketAddr,
+    /// What its datagrams name as `peer`.
+    challenge: u64,
     window: AntiReplayWindow,
     bucket: TokenBucket,
     last_seen: Instant,
@@ -76,13 +77,18 @@ pub struct ReplyAddress {
 }
 
 /// The known senders, bounded in number.
+///
+/// A session begins when its sender has answered a challenge. From then on it is known by its number, wherever it comes
+/// from: it moves to another address only when that address answers a challenge with a new sequence number, and no other
+/// session displaces it, except when the table is full: then one that nobody has [kept](Senders::keep) makes room.
 #[derive(Debug)]
 pub struct Senders {
-    by_address: BTreeMap<SocketAddr, SenderState>,
-    addresses: BTreeMap<SenderId, SocketAddr>,
-    retired: BTreeSet<(SocketAddr, u64)>,
-    /// The same sessions, oldest first.
-    retired_in_order: VecDeque<(SocketAddr, u64)>,
+    by_id: BTreeMap<SenderId, SenderState>,
+    by_session: BTreeMap<u64, SenderId>,
+    kept: BTreeSet<SenderId>,
+    ended: BTreeSet<u64>,
+    /// The same sessions with their ends, oldest first.
+    ended_in_order: VecDeque<(Instant, u64)>,
     next: u32,
     rate_per_s: f64,
     /// Lost datagrams of senders that are no longer known.
@@ -90,170 +96,237 @@ pub struct Senders {
 }
 
 impl Senders {
-    /// An empty table; each address may send so many datagrams per second.
+    /// An empty table; each sender may send so many datagrams per second.
     pub fn new(rate_per_s: f64) -> Self {
         Self {
-            by_address: BTreeMap::new(),
-            addresses: BTreeMap::new(),
-            retired: BTreeSet::new(),
-            retired_in_order: VecDeque::new(),
+            by_id: BTreeMap::new(),
+            by_session: BTreeMap::new(),
+            kept: BTreeSet::new(),
+            ended: BTreeSet::new(),
+            ended_in_order: VecDeque::new(),
             next: 1,
             rate_per_s,
             missing: 0,
         }
     }
 
-    /// Whether the rate limit lets an address send now; unknown addresses have no limit yet.
-    pub fn may_send(&mut self, address: SocketAddr, now: Instant) -> bool {
-        self.by_address.get_mut(&address).is_none_or(|sender| sender.bucket.take(now, self.rate_per_s))
+    /// The sender of an authentic datagram, if its session is known at this address by this challenge.
+    pub fn find(&self, address: SocketAddr, header: &DatagramHeader) -> Option<SenderId> {
+        let id = *self.by_session.get(&header.session)?;
+        let sender = self.by_id.get(&id)?;
+        (sender.address == address && sender.challenge == header.peer).then_some(id)
     }
 
-    /// Checks session and sequence number of an authentic datagram, and gives its sender.
+    /// Begins the session of an authentic datagram that answers a fresh challenge, or moves it to this address.
     ///
     /// # Errors
-    /// The reason to drop it.
-    pub fn admit(
+    /// The reason to drop the datagram: it is old, or there is no room.
+    pub fn begin(
         &mut self,
         address: SocketAddr,
         header: &DatagramHeader,
         now: Instant,
     ) -> Result<SenderId, DropReason> {
-        if self.by_address.get(&address).is_none_or(|sender| sender.session != header.session) {
-            self.begin_session(address, header.session, now)?;
-        }
-        let Some(sender) = self.by_address.get_mut(&address) else { return Err(DropReason::Full) };
-        sender.window.check(header.sequence)?;
-        sender.last_seen = now;
-        Ok(sender.id)
-    }
-
-    /// Marks the sequence number of an admitted datagram as received.
-    pub fn mark_received(&mut self, address: SocketAddr, sequence: u64) {
-        if let Some(sender) = self.by_address.get_mut(&address) {
-            sender.window.mark_received(sequence);
-        }
-    }
-
-    /// Whether `count` datagrams of a sender have come, from sequence number `first` on.
-    pub fn has_all(&self, address: SocketAddr, first: u64, count: u32) -> bool {
-        self.by_address.get(&address).is_some_and(|sender| sender.window.has_all(first, count))
-    }
-
-    fn begin_session(&mut self, address: SocketAddr, session: u64, now: Instant) -> Result<(), DropReason> {
-        if session == 0 {
+        if header.session == 0 {
             return Err(DropReason::Malformed);
         }
-        if self.retired.contains(&(address, session)) {
+        if let Some(id) = self.by_session.get(&header.session)
+            && let Some(sender) = self.by_id.get_mut(id)
+        {
+            if header.sequence <= sender.window.newest() {
+                return Err(DropReason::Stale);
+            }
+            (sender.address, sender.challenge) = (address, header.peer);
+            return Ok(*id);
+        }
+        self.forget_ended(now);
+        if self.ended.contains(&header.session) {
             return Err(DropReason::Stale);
         }
-        let bucket = match self.retire(address) {
-            Some(old) => old.bucket,
+        if self.by_id.len() >= MAX_SENDERS || self.ended.len() >= MAX_ENDED {
+            let evicted = self.least_wanted().ok_or(DropReason::Full)?;
+            self.end(evicted, now);
+        }
+        let same_address = self.by_id.values().find(|sender| sender.address == address);
+        let bucket = match same_address {
+            Some(other) => other.bucket,
             None => TokenBucket::full(now, self.rate_per_s),
         };
-        if self.by_address.len() >= MAX_SENDERS {
-            let stalest = self.by_address.iter().min_by_key(|(_, sender)| sender.last_seen);
-            let stalest = stalest.map(|(address, sender)| (*address, sender.last_seen));
-            match stalest
-                .filter(|(_, last_seen)| now.saturating_duration_since(*last_seen) > EVICTION_TIMEOUT)
-            {
-                Some((address, _)) => drop(self.retire(address)),
-                None => return Err(DropReason::Full),
-            }
-        }
         let id = SenderId(self.next);
         self.next += 1;
         let sender = SenderState {
-            id,
-            session,
+            session: header.session,
+            address,
+            challenge: header.peer,
             window: AntiReplayWindow::default(),
             bucket,
             last_seen: now,
             sequence: 0,
         };
-        self.by_address.insert(address, sender);
-        self.addresses.insert(id, address);
+        self.by_id.insert(id, sender);
+        self.by_session.insert(header.session, id);
+        Ok(id)
+    }
+
+    /// Whether the rate limit lets a sender send now.
+    pub fn may_send(&mut self, id: SenderId, now: Instant) -> bool {
+        self.by_id.get_mut(&id).is_some_and(|sender| sender.bucket.take(now, self.rate_per_s))
+    }
+
+    /// Checks the sequence number of an authentic datagram.
+    ///
+    /// # Errors
+    /// The reason to drop it.
+    pub fn check(&mut self, id: SenderId, sequence: u64, now: Instant) -> Result<(), DropReason> {
+        let sender = self.by_id.get_mut(&id).ok_or(DropReason::Full)?;
+        sender.window.check(sequence)?;
+        sender.last_seen = now;
         Ok(())
     }
 
-    fn retire(&mut self, address: SocketAddr) -> Option<SenderState> {
-        let old = self.by_address.remove(&address)?;
-        self.addresses.remove(&old.id);
-        if self.retired_in_order.len() == MAX_RETIRED
-            && let Some(oldest) = self.retired_in_order.pop_front()
-        {
-            self.retired.remove(&oldest);
+    /// Marks the sequence number of a datagram that was checked as received.
+    pub fn mark_received(&mut self, id: SenderId, sequence: u64) {
+        if let Some(sender) = self.by_id.get_mut(&id) {
+            sender.window.mark_received(sequence);
         }
-        self.retired.insert((address, old.session));
-        self.retired_in_order.push_back((address, old.session));
-        self.missing += old.window.missing();
-        Some(old)
+    }
+
+    /// Whether `count` datagrams of a sender have come, from sequence number `first` on.
+    pub fn has_all(&self, id: SenderId, first: u64, count: u32) -> bool {
+        self.by_id.get(&id).is_some_and(|sender| sender.window.has_all(first, count))
+    }
+
+    /// These senders keep their places in a full table, and no others.
+    pub fn keep(&mut self, kept: BTreeSet<SenderId>) {
+        self.kept = kept;
+    }
+
+    /// Whom to evict from a full table: of the machine with the most senders that nobody keeps, the one that has been
+    /// silent for the longest.
+    fn least_wanted(&self) -> Option<SenderId> {
+        let others = || self.by_id.iter().filter(|(id, _)| !self.kept.contains(id));
+        let mut counts = BTreeMap::<IpAddr, usize>::new();
+        others().for_each(|(_, sender)| *counts.entry(sender.address.ip()).or_default() += 1);
+        let (machine, _) = counts.into_iter().max_by_key(|(_, count)| *count)?;
+        others()
+            .filter(|(_, sender)| sender.address.ip() == machine)
+            .min_by_key(|(_, sender)| sender.last_seen)
+            .map(|(id, _)| *id)
+    }
+
+    fn end(&mut self, id: SenderId, now: Instant) {
+        let Some(sender) = self.by_id.remove(&id) else { return };
+        self.by_session.remove(&sender.session);
+        self.ended.insert(sender.session);
+        self.ended_in_order.push_back((now, sender.session));
+        self.missing += sender.window.missing();
+    }
+
+    /// Forgets the sessions that no challenge could begin any more.
+    fn forget_ended(&mut self, now: Instant) {
+        while let Some((ended, session)) = self.ended_in_order.front()
+            && now.saturating_duration_since(*ended) > LIFETIME
+        {
+            self.ended.remove(session);
+            self.ended_in_order.pop_front();
+        }
     }
 
     /// Where to send the next datagram for a sender; `None` once its session has ended.
     pub fn next_reply(&mut self, id: SenderId) -> Option<ReplyAddress> {
-        let address = *self.addresses.get(&id)?;
-        let sender = self.by_address.get_mut(&address)?;
+        let sender = self.by_id.get_mut(&id)?;
         sender.sequence += 1;
-        Some(ReplyAddress { address, session: sender.session, sequence: sender.sequence })
+        Some(ReplyAddress { address: sender.address, session: sender.session, sequence: sender.sequence })
     }
 
     /// The address of a sender; `None` once its session has ended.
     pub fn address(&self, id: SenderId) -> Option<SocketAddr> {
-        self.addresses.get(&id).copied()
+        self.by_id.get(&id).map(|sender| sender.address)
     }
 
     /// Datagrams lost on their way, by the gaps in the sequence numbers.
     pub fn missing(&self) -> u64 {
-        self.missing + self.by_address.values().map(|sender| sender.window.missing()).sum::<u64>()
+        self.missing + self.by_id.values().map(|sender| sender.window.missing()).sum::<u64>()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Duration;
 
     fn header(session: u64, sequence: u64) -> DatagramHeader {
-        DatagramHeader { session, sequence, ..DatagramHeader::default() }
+        DatagramHeader { session, sequence, peer: 99, ..DatagramHeader::default() }
     }
 
     fn address(port: u16) -> SocketAddr {
         SocketAddr::from(([127, 0, 0, 1], port))
     }
 
-    #[test]
-    fn a_session_that_was_given_up_is_never_taken_again() {
-        let (mut senders, now) = (Senders::new(100.0), Instant::now());
-        let first = senders.admit(address(1), &header(7, 1), now).unwrap();
-        let second = senders.admit(address(1), &header(8, 1), now).unwrap();
-        assert_ne!(first, second);
-        assert_eq!(senders.admit(address(1), &header(7, 2), now), Err(DropReason::Stale));
-        assert_eq!(senders.address(first), None);
-        assert_eq!(senders.next_reply(second).unwrap().sequence, 1);
-        assert_eq!(senders.admit(address(1), &header(0, 1), now), Err(DropReason::Malformed));
+    fn receive(senders: &mut Senders, id: SenderId, sequence: u64, now: Instant) {
+        senders.check(id, sequence, now).unwrap();
+        senders.mark_received(id, sequence);
     }
 
     #[test]
-    fn the_number_of_senders_is_bounded_and_silent_ones_make_room() {
+    fn a_session_moves_by_its_own_sequence_only() {
         let (mut senders, now) = (Senders::new(100.0), Instant::now());
-        for port in 1..=MAX_SENDERS as u16 {
-            assert!(senders.admit(address(port), &header(1, 1), now).is_ok());
+        let id = senders.begin(address(1), &header(7, 3), now).unwrap();
+        (3..=5).for_each(|sequence| receive(&mut senders, id, sequence, now));
+        assert_eq!(senders.find(address(1), &header(7, 6)), Some(id));
+        assert_eq!(senders.find(address(2), &header(7, 6)), None, "it has not answered there");
+        for old in [1, 3, 5] {
+            assert_eq!(senders.begin(address(2), &header(7, old), now), Err(DropReason::Stale));
         }
-        assert_eq!(senders.admit(address(999), &header(1, 1), now), Err(DropReason::Full));
-        let later = now + EVICTION_TIMEOUT + Duration::from_secs(1);
-        assert!(senders.admit(address(999), &header(1, 1), later).is_ok());
-        assert!(senders.by_address.len() <= MAX_SENDERS);
+        assert_eq!(senders.address(id), Some(address(1)));
+        let moved = DatagramHeader { peer: 98, ..header(7, 6) };
+        assert_eq!(senders.begin(address(2), &moved, now), Ok(id));
+        assert_eq!((senders.address(id), senders.find(address(1), &header(7, 7))), (Some(address(2)), None));
+        assert_eq!(senders.check(id, 5, now), Err(DropReason::Duplicate), "its window goes with it");
+        assert_eq!(senders.begin(address(1), &header(0, 1), now), Err(DropReason::Malformed));
+    }
+
+    #[test]
+    fn another_session_of_the_same_address_ends_none() {
+        let (mut senders, now) = (Senders::new(100.0), Instant::now());
+        let first = senders.begin(address(1), &header(7, 1), now).unwrap();
+        let second = senders.begin(address(1), &header(8, 1), now).unwrap();
+        assert_eq!(senders.find(address(1), &header(7, 2)), Some(first));
+        assert_eq!(senders.find(address(1), &header(8, 2)), Some(second));
+        assert_eq!(senders.next_reply(second).unwrap().sequence, 1);
+    }
+
+    #[test]
+    fn who_is_kept_stays_and_the_crowd_of_one_machine_makes_room() {
+        let (mut senders, begun) = (Senders::new(100.0), Instant::now());
+        let far = |port| SocketAddr::from(([10, 0, 0, 9], port));
+        let leader = senders.begin(far(1), &header(1, 1), begun).unwrap();
+        let guest = senders.begin(far(2), &header(2, 1), begun).unwrap();
+        senders.keep(BTreeSet::from([leader]));
+        let at = |number: u64| begun + Duration::from_millis(number);
+        for number in 3..=10_000 {
+            let port = number as u16;
+            assert!(senders.begin(address(port), &header(number, 1), at(number)).is_ok(), "{number}");
+        }
+        assert_eq!(senders.by_id.len(), MAX_SENDERS);
+        assert!(senders.address(leader).is_some() && senders.address(guest).is_some());
+        // Those who went cannot begin again by the challenge that they had.
+        assert_eq!(senders.begin(address(9), &header(9, 2), at(10_000)), Err(DropReason::Stale));
+        senders.keep(senders.by_id.keys().copied().collect());
+        let later = at(10_000) + LIFETIME + Duration::from_secs(1);
+        assert_eq!(senders.begin(address(9), &header(20_000, 1), later), Err(DropReason::Full));
+        assert!(senders.ended.is_empty(), "no challenge could begin them any more");
     }
 
     #[test]
     fn nobody_sends_faster_than_the_bucket_fills() {
         let (mut senders, now) = (Senders::new(50.0), Instant::now());
-        senders.admit(address(1), &header(7, 1), now).unwrap();
-        let passed = (0..200).filter(|_| senders.may_send(address(1), now)).count();
-        assert_eq!(passed, 50);
+        let id = senders.begin(address(1), &header(7, 1), now).unwrap();
+        assert_eq!((0..200).filter(|_| senders.may_send(id, now)).count(), 50);
         let later = now + Duration::from_millis(100);
-        assert_eq!((0..200).filter(|_| senders.may_send(address(1), later)).count(), 5);
+        assert_eq!((0..200).filter(|_| senders.may_send(id, later)).count(), 5);
         // A new session of the same address begins with what is left.
-        senders.admit(address(1), &header(9, 1), later).unwrap();
-        assert!(!senders.may_send(address(1), later));
+        let other = senders.begin(address(1), &header(9, 1), later).unwrap();
+        assert!(!senders.may_send(other, later));
     }
 }

@@ -97,7 +97,7 @@ enum Reader {
     /// A thread, until it is told to stop.
     Thread { stop: Arc<AtomicBool>, thread: Option<JoinHandle<()>> },
     /// The caller, while it asks for datagrams.
-    Caller { clock: Arc<dyn Clock>, filter: Mutex<InboundFilter> },
+    Caller { clock: Arc<dyn Clock>, filter: Box<Mutex<InboundFilter>> },
 }
 
 /// UDP server of a city or of a vehicle. It stops its thread when it is dropped.
@@ -136,13 +136,13 @@ impl Server {
         let shared = Arc::new(Mutex::new(LinkState::new(options.rate_per_s)));
         let session = host.network.session();
         let header = DatagramHeader { session, world: options.world, ..DatagramHeader::default() };
-        let filter = InboundFilter::new(options, header, Arc::clone(&queue), Arc::clone(&shared));
+        let filter = InboundFilter::new(options, host, header, Arc::clone(&queue), Arc::clone(&shared));
         let clock = Arc::clone(&host.clock);
         let reader = if host.network.has_threads() {
             let socket = socket.try_clone().map_err(no_socket)?;
             Reader::thread(socket, clock, filter).map_err(no_socket)?
         } else {
-            Reader::Caller { clock, filter: Mutex::new(filter) }
+            Reader::Caller { clock, filter: Box::new(Mutex::new(filter)) }
         };
         let warmup = host.network.has_threads().then(SendPathWarmup::new).transpose()?;
         let address = socket.local_address().map_err(no_socket)?;
@@ -194,8 +194,8 @@ impl Server {
             let left = if self.queue.has(waiting) { Duration::ZERO } else { left };
             match self.socket.receive(&mut bytes, left) {
                 Ok(Some((length, from))) => {
-                    let denial = filter.take(&bytes[..length], from, &**clock);
-                    send_denial(&*self.socket, from, denial);
+                    let answer = filter.take(&bytes[..length], from, &**clock);
+                    send_answer(&*self.socket, from, answer);
                 }
                 // A wait that is over needs no poll behind it.
                 Ok(None) if left.is_zero() || clock.now().saturating_duration_since(begun) >= wait => return,
@@ -252,6 +252,11 @@ impl Server {
     /// Whether the session of a sender still exists.
     pub fn knows(&self, sender: SenderId) -> bool {
         self.lock().senders.address(sender).is_some()
+    }
+
+    /// These senders keep their places when there are too many, and no others.
+    pub fn keep(&self, senders: impl Iterator<Item = SenderId>) {
+        self.lock().senders.keep(senders.collect());
     }
 
     /// Counts a drop that happened after the datagram had left the queue.
@@ -313,8 +318,8 @@ impl ReceiveThread {
         while !self.stop.load(Ordering::Relaxed) {
             match self.socket.receive(&mut bytes, STOP_CHECK_INTERVAL) {
                 Ok(Some((length, from))) => {
-                    let denial = self.filter.take(&bytes[..length], from, &*self.clock);
-                    send_denial(&*self.socket, from, denial);
+                    let answer = self.filter.take(&bytes[..length], from, &*self.clock);
+                    send_answer(&*self.socket, from, answer);
                 }
                 Ok(None) => {}
                 Err(error) if is_of_peer(&error) => {}
@@ -327,11 +332,11 @@ impl ReceiveThread {
     }
 }
 
-/// Sends a denial to whom the filter has rejected. Nobody relies on it, so it may be lost.
-fn send_denial(socket: &dyn DatagramSocket, to: SocketAddr, denial: Option<Vec<u8>>) {
-    let Some(denial) = denial else { return };
-    if let Err(error) = socket.send_burst(to, &[denial]) {
-        tracing::debug!("{to}: a denial is not sent: {error}");
+/// Sends a challenge or a denial of the filter. It may be lost: a handshake is repeated.
+fn send_answer(socket: &dyn DatagramSocket, to: SocketAddr, answer: Option<Vec<u8>>) {
+    let Some(answer) = answer else { return };
+    if let Err(error) = socket.send_burst(to, &[answer]) {
+        tracing::debug!("{to}: a handshake is not answered: {error}");
     }
 }
 
@@ -360,6 +365,9 @@ mod tests {
         let server = server.unwrap();
         let mut client = Client::new(&server.address(), 1, authenticator).unwrap();
         client.send(&Body::Hello { token: 7 });
+        while !client.is_connected() {
+            assert_eq!(client.receive(Duration::from_millis(10)), None);
+        }
         server.wait_for_urgent(long);
         let inbound = server.receive(Duration::ZERO).unwrap();
         assert_eq!(inbound.body, Body::Hello { token: 7 });

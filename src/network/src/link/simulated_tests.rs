@@ -151,19 +151,22 @@ fn a_sender_that_is_too_fast_is_held_to_its_rate() {
     let lab = SimulatedNetwork::new(SimulatedOptions::default());
     let city = lab.spawn("city", |host| {
         let server = server(&host, 50.0);
-        while server.receive(Duration::from_secs(1)).is_some() {}
+        while server.receive(Duration::from_secs(3)).is_some() {}
         let counters = server.counters();
         (counters.received, counters.used, counters.dropped.of(DropReason::TooFast))
     });
     lab.spawn("vehicle", |host| {
         let mut client = client(&host);
+        client.send(&Body::Hello { token: 0 });
+        assert_eq!(client.receive(Duration::from_secs(2)), None);
+        assert!(client.is_connected());
         (0..200).for_each(|token| _ = client.send(&Body::Hello { token }));
         host.clock.sleep(Duration::from_millis(100));
         (0..200).for_each(|token| _ = client.send(&Body::Hello { token }));
     });
     lab.run();
-    // The first one of an unknown address, the burst, and what a tenth of a second refills.
-    assert_eq!(city.join(), (400, 1 + 50 + 5, 344));
+    // The handshake, the burst, and what a tenth of a second refills.
+    assert_eq!(city.join(), (2 + 400, 2 + 50 + 5, 345));
 }
 
 #[test]
@@ -245,9 +248,7 @@ fn only_urgent_datagrams_and_many_wake_a_city() {
         SimulatedNetwork::new(SimulatedOptions { delay: Duration::ZERO, ..SimulatedOptions::default() });
     let city = lab.spawn("city", |host| {
         let (server, begun) = (server(&host, 1000.0), host.clock.now());
-        let short = Duration::from_millis(500);
-        server.wait_for_urgent(short);
-        assert_eq!(host.clock.now() - begun, short);
+        assert!(server.receive(Duration::from_millis(500)).is_some(), "the handshake");
         [10; 4].map(|wait_s| {
             server.wait_for_urgent(Duration::from_secs(wait_s));
             let woken = host.clock.now() - begun;
@@ -257,6 +258,9 @@ fn only_urgent_datagrams_and_many_wake_a_city() {
     });
     lab.spawn("vehicle", |host| {
         let mut client = client(&host);
+        client.send(&Body::Hello { token: 0 });
+        assert_eq!(client.receive(Duration::from_millis(10)), None);
+        assert!(client.is_connected());
         let points = vec![TrajectoryPoint { time_s: 3.5, pose: Pose2::new(1.0, -2.0, 0.4), speed_mps: 0.35 }];
         let trajectory = Body::Trajectories(vec![Trajectory { points, ..Trajectory::default() }]);
         let mut send_at = |at_s: u64, body: &Body, count: usize| {
@@ -308,7 +312,8 @@ fn a_vehicle_gets_heartbeats_and_the_clock() {
     });
     let begun = Instant::now();
     lab.run();
-    assert_eq!(vehicle.join(), (100, 10, 10));
+    // The first second begins with the handshake.
+    assert_eq!(vehicle.join(), (99, 10, 9));
     assert!(begun.elapsed() < lab.elapsed());
 }
 
@@ -432,7 +437,7 @@ fn denials_answer_handshakes_only_and_not_more_than_a_hundred_per_second() {
         let denial = Denial { reason: DenialReason::OtherKey }.encode(header);
         let mut other_version = hello.clone();
         other_version[4] += 1;
-        for silent in [&encode(&start(1)), &hello[..hello.len() - 1], &denial, &other_version, b"C3DL", b""] {
+        for silent in [&encode(&start(1)), &hello[..47], &denial, &other_version, b"C3DL", b""] {
             socket.send(silent).unwrap();
         }
         let silent = denials(&*socket);
@@ -487,4 +492,185 @@ fn a_denial_counts_only_for_the_session_now_and_the_one_before() {
     lab.run();
     let none = || (None, None);
     assert_eq!(visitor.join(), [none(), none(), none(), (None, Some(KEY_NEEDED.to_owned()))]);
+}
+
+/// Somebody between a client and its city, who reads what passes and knows no key. It stands at its own address, where
+/// the city takes it for the client.
+struct Eavesdropper {
+    socket: Box<dyn DatagramSocket>,
+    recorded: Vec<Vec<u8>>,
+}
+
+const BETWEEN: &str = "127.0.0.1:9999";
+
+impl Eavesdropper {
+    fn new(host: &Host) -> Self {
+        Self { socket: host.network.bind(BETWEEN.parse().unwrap()).unwrap(), recorded: Vec::new() }
+    }
+
+    /// Passes on what comes, until nothing comes for this long.
+    fn pass_on(&mut self, quiet: Duration) {
+        let city = ADDRESS.parse().unwrap();
+        let (mut bytes, mut client) = ([0; MAX_DATAGRAM_BYTES], None);
+        while let Some((length, from)) = self.socket.receive(&mut bytes, quiet).unwrap() {
+            let datagram = bytes[..length].to_vec();
+            if from == city {
+                client.map(|to| self.socket.send_burst(to, &[datagram]).unwrap());
+            } else {
+                client = Some(from);
+                self.recorded.push(datagram.clone());
+                self.socket.send_burst(city, &[datagram]).unwrap();
+            }
+        }
+    }
+
+    /// Sends everything again from a socket; gives the number and the bytes of the answers.
+    fn replay(&self, socket: &dyn DatagramSocket) -> (usize, usize) {
+        socket.send_burst(ADDRESS.parse().unwrap(), &self.recorded).unwrap();
+        let (mut bytes, mut answers) = ([0; MAX_DATAGRAM_BYTES], (0, 0));
+        while let Some((length, _)) = socket.receive(&mut bytes, Duration::from_millis(100)).unwrap() {
+            answers = (answers.0 + 1, answers.1 + length);
+        }
+        answers
+    }
+
+    fn sent(&self) -> usize {
+        self.recorded.iter().map(Vec::len).sum()
+    }
+}
+
+#[test]
+fn what_was_recorded_cannot_be_played_back_from_anywhere() {
+    let lab = SimulatedNetwork::new(SimulatedOptions::default());
+    let city = lab.spawn("city", |host| {
+        let server = Server::on(&host, &options(key(KEY))).unwrap();
+        let mut commands = 0;
+        while let Some(inbound) = server.receive(Duration::from_secs(50)) {
+            match inbound.body {
+                Body::Hello { token } => server.send(inbound.sender, &Body::Clock(clock(token))),
+                Body::Command { request, .. } => {
+                    commands += 1;
+                    let (outcome, detail) = (RequestOutcome::Done, String::new());
+                    server.send(inbound.sender, &Body::Ack { request, outcome, tick: 0, detail });
+                }
+                body => panic!("{body:?}"),
+            }
+        }
+        (commands, server.counters().dropped)
+    });
+    let between = lab.spawn("between", |host| {
+        let mut between = Eavesdropper::new(&host);
+        between.pass_on(Duration::from_secs(2));
+        let elsewhere = host.network.bind("127.0.0.1:5000".parse().unwrap()).unwrap();
+        let found = [between.replay(&*elsewhere), between.replay(&*between.socket)];
+        // Not either when the city has no reason any more to remember the session.
+        host.clock.sleep(Duration::from_secs(40));
+        (found, between.replay(&*elsewhere), between.recorded.len(), between.sent())
+    });
+    lab.spawn("client", |host| {
+        let mut client = Client::on(&host, BETWEEN, 1, key(KEY)).unwrap();
+        for _ in 0..3 {
+            assert_eq!(client.request(LONG, start), Some((RequestOutcome::Done, String::new())));
+        }
+    });
+    lab.run();
+    let ((commands, dropped), ([elsewhere, there], later, count, sent)) = (city.join(), between.join());
+    assert_eq!((commands, count), (3, 5), "two handshakes and three requests");
+    // Only the first datagram is answered: with a challenge that nobody can answer without the key.
+    for (answers, bytes) in [elsewhere, there, later] {
+        assert!(answers == 1 && bytes < sent / count + 16, "{answers} answers of {bytes} bytes to {sent}");
+    }
+    assert_eq!(
+        dropped.of(DropReason::OtherCity),
+        4 + 4,
+        "from elsewhere, where its challenge counts for nothing"
+    );
+    assert_eq!(dropped.of(DropReason::Duplicate), 4, "from the same address");
+}
+
+#[test]
+fn a_stranger_gets_no_more_bytes_than_it_has_sent() {
+    let lab = SimulatedNetwork::new(SimulatedOptions::default());
+    lab.spawn("city", city);
+    let other = lab.clone();
+    let visitor = lab.spawn("visitor", move |host| {
+        let socket = host.network.connect(ADDRESS.parse().unwrap()).unwrap();
+        let mut bytes = [0; MAX_DATAGRAM_BYTES];
+        let mut ask = |body: &Body, header: DatagramHeader| {
+            let datagram = body.encode(header, &Authenticator::Checksum).unwrap();
+            socket.send(&datagram).unwrap();
+            let answer = socket.receive(&mut bytes, Duration::from_millis(10)).unwrap();
+            answer.map(|(length, _)| (length <= datagram.len(), bytes[..length].to_vec()))
+        };
+        let header = DatagramHeader { session: 7, sequence: 1, ..DatagramHeader::default() };
+        let hello = Body::Hello { token: 9 };
+        let subscribe = Body::Subscribe { request: 1, every_ticks: 1, lease_s: 60.0 };
+        assert_eq!(ask(&subscribe, header), None);
+        assert_eq!(ask(&start(1), header), None);
+        let (is_short, challenge) = ask(&hello, header).unwrap();
+        let (_, body) = Body::decode(&challenge, &Authenticator::Checksum).unwrap();
+        let Body::Challenge { token: 9, challenge } = body else { panic!("{body:?}") };
+        // The challenge is for this session; another one, or a wrong guess, gets nothing.
+        assert_eq!(ask(&start(1), DatagramHeader { session: 8, peer: challenge, ..header }), None);
+        assert_eq!(ask(&start(1), DatagramHeader { peer: challenge ^ 1 << 40, ..header }), None);
+        let answered = ask(&start(1), DatagramHeader { peer: challenge, ..header }).is_some();
+        other.stop("city");
+        (is_short, answered)
+    });
+    lab.run();
+    assert_eq!(visitor.join(), (true, true));
+}
+
+#[test]
+fn who_is_not_answered_begins_a_new_session() {
+    let lab = SimulatedNetwork::new(SimulatedOptions::default());
+    // It challenges everybody, and has forgotten them at once.
+    lab.spawn("city", |host| {
+        let socket = host.network.bind(ADDRESS.parse().unwrap()).unwrap();
+        let mut bytes = [0; MAX_DATAGRAM_BYTES];
+        while let Some((length, from)) = socket.receive(&mut bytes, Duration::from_secs(5)).unwrap() {
+            let (header, body) = Body::decode(&bytes[..length], &Authenticator::Checksum).unwrap();
+            let Body::Hello { token } = body else { continue };
+            if header.peer == 0 {
+                let header = DatagramHeader { session: 5, peer: header.session, ..DatagramHeader::default() };
+                let challenge = Body::Challenge { token, challenge: 77 };
+                let challenge = challenge.encode(header, &Authenticator::Checksum).unwrap();
+                socket.send_burst(from, &[challenge]).unwrap();
+            }
+        }
+    });
+    let visitor = lab.spawn("visitor", |host| {
+        let mut client = client(&host);
+        let restarted = (1..).find(|_| {
+            client.probe();
+            client.receive(Duration::from_secs(1)) == Some(ClientEvent::Restarted)
+        });
+        client.reset_session();
+        (restarted, client.is_connected())
+    });
+    lab.run();
+    assert_eq!(visitor.join(), (Some(4), false));
+}
+
+#[test]
+fn an_old_client_is_told_and_others_get_nothing() {
+    let lab = SimulatedNetwork::new(SimulatedOptions::default());
+    lab.spawn("city", city);
+    let other = lab.clone();
+    let visitor = lab.spawn("visitor", move |host| {
+        let socket = host.network.connect(ADDRESS.parse().unwrap()).unwrap();
+        let header = DatagramHeader { session: 7, sequence: 1, ..DatagramHeader::default() };
+        let mut bytes = [0; MAX_DATAGRAM_BYTES];
+        let found = [0, 1, 3].map(|version| {
+            let mut hello = Body::Hello { token: 1 }.encode(header, &Authenticator::Checksum).unwrap();
+            hello[4] = version;
+            socket.send(&hello).unwrap();
+            socket.receive(&mut bytes, Duration::from_millis(10)).unwrap().map(|_| (bytes[4], bytes[36]))
+        });
+        other.stop("city");
+        found
+    });
+    lab.run();
+    // In its own version: reason 5.
+    assert_eq!(visitor.join(), [None, Some((1, 5)), None]);
 }

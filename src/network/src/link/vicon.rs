@@ -7,7 +7,7 @@ use crate::ros::{
     TransformStamped, Vector3, run,
 };
 use city3d_protocol::snapshot::VehicleId;
-use city3d_protocol::wire::{MAX_COORDINATE_M, Measurement, VICON_WORLD, vicon_frame};
+use city3d_protocol::wire::{MAX_COORDINATE_M, Measurement, UNIT_NORM, VICON_WORLD, vicon_frame};
 use glam::{DQuat, DVec3};
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -20,8 +20,8 @@ use tokio::sync::broadcast::{self, Receiver};
 const FRAME_CAPACITY: usize = 64;
 /// Bounded queue of received poses; the oldest are dropped (load shedding).
 const POSE_CAPACITY: usize = 4096;
-/// Norms of a quaternion that count as a rotation.
-const UNIT_NORM: std::ops::RangeInclusive<f64> = 0.9..=1.1;
+/// Dropped poses are logged no more often than this.
+const LOG_INTERVAL: Duration = Duration::from_secs(5);
 pub(super) const TF: &str = "/tf";
 const CLOCK: &str = "/clock";
 
@@ -85,6 +85,8 @@ struct PoseCounters {
     dropped: AtomicU64,
     received: AtomicU64,
     overwritten: AtomicU64,
+    invalid: AtomicU64,
+    ahead: AtomicU64,
 }
 
 /// Counters of the poses over ROS.
@@ -102,10 +104,14 @@ pub struct ViconCounters {
     pub is_registered: bool,
     /// How often the connection was lost and restored.
     pub returns: u64,
-    /// Received poses, and of them the ones that the full queue has dropped.
+    /// Received poses of vehicles on the floor.
     pub received: u64,
-    /// Received poses that the full queue has dropped.
+    /// Of them, those that the full queue has dropped.
     pub overwritten: u64,
+    /// Messages that hold no pose on the floor: a number is not finite, far away, or the quaternion is no rotation.
+    pub invalid: u64,
+    /// Received poses with stamps later than now.
+    pub ahead: u64,
 }
 
 /// Bounded queue of received poses.
@@ -125,6 +131,8 @@ pub struct Vicon {
     seq: u32,
     stamp: Option<Time>,
     thread: NodeThread,
+    /// When a pose with a later stamp was last logged.
+    ahead_logged: Option<Instant>,
 }
 
 impl Vicon {
@@ -149,7 +157,16 @@ impl Vicon {
             RosTransport::Node(options) => run(options, move |node| work.run(node))?,
             RosTransport::Bridge(options) => run_bridge(options, move |bridge| work.run(bridge))?,
         };
-        Ok(Self { frames: Some(frames), queue, counts, pictures, seq: 0, stamp: None, thread })
+        Ok(Self {
+            frames: Some(frames),
+            queue,
+            counts,
+            pictures,
+            seq: 0,
+            stamp: None,
+            thread,
+            ahead_logged: None,
+        })
     }
 
     /// Queues the poses of an instant without blocking. Subjects without a pose are not visible then. The stamp counts
@@ -196,6 +213,20 @@ impl Vicon {
             returns: of(&status.returns),
             received: of(&counts.received),
             overwritten: of(&counts.overwritten),
+            invalid: of(&counts.invalid),
+            ahead: of(&counts.ahead),
+        }
+    }
+
+    /// Counts a received pose that its receiver drops, because its stamp is this much later than now.
+    pub fn drop_ahead(&mut self, vehicle: VehicleId, ahead_s: f64) {
+        let count = self.counts.ahead.fetch_add(1, Ordering::Relaxed) + 1;
+        if self.ahead_logged.is_none_or(|at| at.elapsed() >= LOG_INTERVAL) {
+            self.ahead_logged = Some(Instant::now());
+            tracing::warn!(
+                "a pose of vehicle {vehicle} is dropped, {ahead_s:.1} s ahead of this machine's clock ({count} so far): \
+                 synchronise the clocks, as by NTP"
+            );
         }
     }
 }
@@ -319,6 +350,7 @@ fn subscribe_poses(
     let (queue, counts) = (Arc::clone(queue), Arc::clone(counts));
     topics.subscribe(&topic(&subject.name), move |message: TransformStamped| {
         let Some(received) = received_pose(subject.vehicle, &message) else {
+            counts.invalid.fetch_add(1, Ordering::Relaxed);
             return tracing::debug!("{}: an invalid pose is dropped", subject.name);
         };
         counts.received.fetch_add(1, Ordering::Relaxed);

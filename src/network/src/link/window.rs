@@ -92,6 +92,11 @@ impl AntiReplayWindow {
                 && (first..end).all(|sequence| self.has(sequence)))
     }
 
+    /// The largest sequence number that has come; 0 before the first.
+    pub fn newest(&self) -> u64 {
+        self.newest
+    }
+
     /// Sequence numbers up to the newest one that have not come.
     pub fn missing(&self) -> u64 {
         self.missing

@@ -125,7 +125,8 @@ pub struct Poses {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Body {
-    /// Handshake and heartbeat: asks for a [`CityClock`], from which the sender learns the city's session.
+    /// Handshake and heartbeat: asks for a [`CityClock`]. A city that has not checked the sender's address answers with a
+    /// [`Body::Challenge`] instead.
     Hello {
         /// Any number; the answer repeats it, so that the sender can measure the round-trip time.
         token: u64,
@@ -186,6 +187,13 @@ pub enum Body {
         /// Any number; the answer repeats it.
         request: u32,
     },
+    /// Answers the [`Body::Hello`] of an address that has not been checked. It is as long as the question.
+    Challenge {
+        /// Token of the `Hello`, which only its sender and who reads its datagrams know.
+        token: u64,
+        /// What the sender has to name in the headers of all its datagrams, as `peer`; not 0.
+        challenge: u64,
+    },
     /// Answers [`Body::Hello`]; a physical vehicle also gets it from the sender that drives it.
     Clock(CityClock),
     /// Acknowledges the request of this number.
@@ -218,6 +226,8 @@ const CLOCK: u8 = 65;
 const ACK: u8 = 66;
 const POSES: u8 = 67;
 const DESCRIPTION: u8 = 68;
+// 69 is a denial.
+const CHALLENGE: u8 = 70;
 
 impl Body {
     pub(super) fn kind(&self) -> u8 {
@@ -235,6 +245,7 @@ impl Body {
             Self::Ack { .. } => ACK,
             Self::Poses(_) => POSES,
             Self::Description(_) => DESCRIPTION,
+            Self::Challenge { .. } => CHALLENGE,
         }
     }
 
@@ -280,10 +291,21 @@ impl Body {
         bytes: &[u8],
         authenticator: &Authenticator,
     ) -> Result<(DatagramHeader, Self), DecodeError> {
+        let (header, body) = Self::open(bytes, authenticator)?;
+        Ok((header, body?))
+    }
+
+    /// Verifies a datagram, and decodes its body, which may have a fault in a datagram that is authentic.
+    ///
+    /// # Errors
+    /// The fault and its place: the header must not be used either.
+    pub fn open(
+        bytes: &[u8],
+        authenticator: &Authenticator,
+    ) -> Result<(DatagramHeader, Result<Self, DecodeError>), DecodeError> {
         let (header, end) = authenticator.verify(bytes)?;
         let mut from = ByteReader::new(&bytes[..end], super::HEADER_BYTES);
-        let body = Self::read(header.kind, &mut from)?;
-        from.finish()?;
+        let body = Self::read(header.kind, &mut from).and_then(|body| from.finish().map(|()| body));
         Ok((header, body))
     }
 
@@ -324,7 +346,10 @@ impl Body {
             out.u32(*request);
         }
         match self {
-            Self::Hello { token } => out.u64(*token),
+            Self::Hello { token } => {
+                out.u64(*token);
+                out.u64(HELLO_PADDING);
+            }
             Self::Setup { setup, .. } => setup.write(out)?,
             Self::Trajectories(list) => trajectories::write(list, out)?,
             Self::Remove { vehicle, .. } => out.u32(vehicle.0),
@@ -352,6 +377,10 @@ impl Body {
             }
             Self::Poses(poses) => poses.write(out)?,
             Self::Description(description) => description.write(out)?,
+            Self::Challenge { token, challenge } => {
+                out.u64(*token);
+                out.u64(*challenge);
+            }
         }
         Ok(())
     }
@@ -362,7 +391,15 @@ impl Body {
             _ => 0,
         };
         Ok(match kind {
-            HELLO => Self::Hello { token: from.u64("token")? },
+            HELLO => {
+                let token = from.u64("token")?;
+                match from.u64("reserved")? {
+                    HELLO_PADDING => Self::Hello { token },
+                    found => {
+                        return Err(from.error("reserved", 8, DecodeFault::Unknown { found, known: "0" }));
+                    }
+                }
+            }
             SETUP => Self::Setup { request, setup: Box::new(VehicleSetup::read(from)?) },
             TRAJECTORIES => Self::Trajectories(trajectories::read(from)?),
             REMOVE => Self::Remove { request, vehicle: VehicleId(from.u32("vehicle id")?) },
@@ -395,13 +432,26 @@ impl Body {
             },
             POSES => Self::Poses(Poses::read(from)?),
             DESCRIPTION => Self::Description(CityDescription::read(from)?),
+            CHALLENGE => {
+                let token = from.u64("token")?;
+                match from.u64("challenge")? {
+                    0 => {
+                        let fault = DecodeFault::Unknown { found: 0, known: "those from 1 on" };
+                        return Err(from.error("challenge", 8, fault));
+                    }
+                    challenge => Self::Challenge { token, challenge },
+                }
+            }
             found => {
-                let fault = DecodeFault::Unknown { found: found.into(), known: "1 to 9 and 65 to 68" };
+                let fault = DecodeFault::Unknown { found: found.into(), known: "1 to 9, 65 to 68 and 70" };
                 return Err(DecodeError { field: "kind", offset: 5, fault });
             }
         })
     }
 }
+
+/// Makes a `Hello` as long as the challenge that may answer it.
+const HELLO_PADDING: u64 = 0;
 
 const KNOWN_PHASES: &str = "0 (ready), 1 (running) and 2 (paused)";
 
@@ -479,6 +529,12 @@ impl ObservedVehicle {
             *part = from.number(field, -1.001, 1.001)?;
         }
         let orientation = DQuat::from_array(turn);
+        let norm = orientation.length();
+        if !super::UNIT_NORM.contains(&norm) {
+            let (least, most) = (*super::UNIT_NORM.start(), *super::UNIT_NORM.end());
+            let fault = DecodeFault::OutOfRange { found: norm, least, most };
+            return Err(from.error("length of the quaternion", size_of_val(&turn), fault));
+        }
         Ok(Self { pose: Measurement { vehicle, stamp_s, position, orientation }, status })
     }
 }

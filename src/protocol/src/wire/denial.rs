@@ -4,11 +4,14 @@
 //! another key or none can read it. It proves nothing for that reason, and only informs.
 
 use super::bytes::{ByteReader, ByteWriter};
-use super::envelope::MIN_HELLO_BYTES;
+use super::envelope::{MAGIC, MIN_HELLO_BYTES, VERSION};
 use super::{Authenticator, DatagramHeader, DecodeError, DecodeFault, HEADER_BYTES, body};
 
 const DENIED: u8 = 69;
-const KNOWN_REASONS: &str = "1 (key needed), 2 (no key), 3 (other key) and 4 (other world)";
+const KNOWN_REASONS: &str =
+    "1 (key needed), 2 (no key), 3 (other key), 4 (other world) and 5 (other version)";
+/// Versions whose header this program can read and write.
+const SAME_HEADER: std::ops::RangeInclusive<u8> = 1..=VERSION;
 
 /// Reason of a denial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,11 +25,14 @@ pub enum DenialReason {
     OtherKey = 3,
     /// The datagram was for another world number.
     OtherWorld = 4,
+    /// The datagram has another version of the wire format.
+    OtherVersion = 5,
 }
 
 impl DenialReason {
     /// All reasons, by their numbers.
-    pub const ALL: [Self; 4] = [Self::KeyNeeded, Self::NoKey, Self::OtherKey, Self::OtherWorld];
+    pub const ALL: [Self; 5] =
+        [Self::KeyNeeded, Self::NoKey, Self::OtherKey, Self::OtherWorld, Self::OtherVersion];
 }
 
 /// Denial of a handshake. The `peer` of its header is the session that the rejected datagram named.
@@ -51,19 +57,28 @@ pub struct Denial {
 impl Denial {
     /// Encodes the datagram, with a checksum. `header.kind` is ignored.
     pub fn encode(self, header: DatagramHeader) -> Vec<u8> {
+        self.encode_as(VERSION, header)
+    }
+
+    fn encode_as(self, version: u8, header: DatagramHeader) -> Vec<u8> {
         let mut out = ByteWriter::default();
         out.u8(self.reason as u8);
-        Authenticator::Checksum.seal(DatagramHeader { kind: DENIED, ..header }, &out.bytes)
+        Authenticator::Checksum.seal_as(version, DatagramHeader { kind: DENIED, ..header }, &out.bytes)
     }
 
     /// Encodes the answer of the city of this world to the bytes of a rejected datagram. Only a `Hello` gets one, and none
     /// that is shorter than a whole one: the answer is never longer than the datagram, so that a forged source address
-    /// amplifies nothing. It names no session of the city, lest its receiver take it for the handshake.
+    /// amplifies nothing. It names no session of the city, lest its receiver take it for the handshake. It has the
+    /// version of the rejected datagram, so that an old program can read it.
     pub fn answer(self, rejected: &[u8], world: u32) -> Option<Vec<u8>> {
         let header = DatagramHeader::unverified(rejected)?;
-        let is_hello = header.kind == body::HELLO && rejected.len() >= MIN_HELLO_BYTES;
-        let peer = header.session;
-        is_hello.then(|| self.encode(DatagramHeader { peer, world, ..DatagramHeader::default() }))
+        let version = *rejected.get(MAGIC.len())?;
+        let is_hello = rejected.starts_with(&MAGIC)
+            && SAME_HEADER.contains(&version)
+            && header.kind == body::HELLO
+            && rejected.len() >= MIN_HELLO_BYTES;
+        let header = DatagramHeader { peer: header.session, world, ..DatagramHeader::default() };
+        is_hello.then(|| self.encode_as(version, header))
     }
 
     /// Verifies the checksum of a datagram and decodes it into its header and the denial.

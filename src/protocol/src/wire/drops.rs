@@ -18,12 +18,14 @@ pub enum DropReason {
     Unauthenticated,
     /// The address is not on the allow list.
     ForeignSender,
-    /// For another city, or for this one before its restart.
+    /// For another city, for this one before its restart, or from an address that has not answered a challenge.
     OtherCity,
     /// Replay: the sequence number has come already.
     Duplicate,
     /// A newer trajectory of the vehicle, or newer pedals, came before.
     Reordered,
+    /// The pose was measured later than now: the clocks differ.
+    Ahead,
     /// The whole trajectory lies in the past, or the sequence number is older than the anti-replay window.
     Stale,
     /// No vehicle has this number.
@@ -52,6 +54,7 @@ impl DropReason {
             Self::OtherCity => "for another city",
             Self::Duplicate => "duplicate",
             Self::Reordered => "reordered",
+            Self::Ahead => "ahead of the clock",
             Self::Stale => "stale",
             Self::UnknownVehicle => "for an unknown vehicle",
             Self::NotYours => "without permission",

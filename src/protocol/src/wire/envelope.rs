@@ -7,7 +7,7 @@ use sha2::Sha256;
 use std::fmt;
 
 /// Version of the wire format.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 /// The first bytes of every datagram.
 pub const MAGIC: [u8; 4] = *b"C3DL";
 /// Longest datagram: it passes common networks without fragmentation.
@@ -18,7 +18,7 @@ pub const HEADER_BYTES: usize = 36;
 const CHECKSUM_BYTES: usize = 4;
 /// Length of the tag: HMAC-SHA-256 truncated to its left half (RFC 2104, section 5).
 const TAG_BYTES: usize = 16;
-/// Length of the shortest `Hello`, which has a token of eight bytes and a checksum.
+/// Length of the shortest `Hello` of version 1, which had eight bytes and a checksum; that of this version is longer.
 pub(super) const MIN_HELLO_BYTES: usize = HEADER_BYTES + 8 + CHECKSUM_BYTES;
 /// Longest body, with either trailer.
 pub const MAX_BODY_BYTES: usize = MAX_DATAGRAM_BYTES - HEADER_BYTES - TAG_BYTES;
@@ -35,7 +35,7 @@ pub struct DatagramHeader {
     pub kind: u8,
     /// Session of the sender: a random number drawn at its start.
     pub session: u64,
-    /// Session of the receiver; 0 while the sender does not know it.
+    /// To a city, its challenge to the sender; from a city, the session of the receiver. 0 while the sender has none.
     pub peer: u64,
     /// The world of the city; 0 is any.
     pub world: u32,
@@ -101,10 +101,15 @@ impl Authenticator {
 
     /// Encloses a body in header and checksum or tag.
     pub(super) fn seal(&self, header: DatagramHeader, body: &[u8]) -> Vec<u8> {
+        self.seal_as(VERSION, header, body)
+    }
+
+    /// The same for a receiver of another version, whose header is the same.
+    pub(super) fn seal_as(&self, version: u8, header: DatagramHeader, body: &[u8]) -> Vec<u8> {
         let mut datagram = ByteWriter::default();
         datagram.bytes.reserve(HEADER_BYTES + body.len() + TAG_BYTES);
         datagram.bytes.extend_from_slice(&MAGIC);
-        datagram.u8(VERSION);
+        datagram.u8(version);
         datagram.u8(header.kind);
         datagram.u16(self.flags());
         datagram.u64(header.session);

@@ -45,6 +45,12 @@ pub const MAX_SPEED_MPS: f64 = 100.0;
 /// Largest time.
 pub const MAX_TIME_S: f64 = 1e9;
 
+/// A measured pose may be stamped this far ahead of the clock of who receives it, seconds.
+pub const MAX_AHEAD_S: f64 = 0.5;
+
+/// Length of a quaternion that is taken for a rotation.
+pub const UNIT_NORM: std::ops::RangeInclusive<f64> = 0.9..=1.1;
+
 /// Name of the frame of VICON's measurements.
 pub const VICON_WORLD: &str = "/vicon/world";
 

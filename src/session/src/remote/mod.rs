@@ -261,12 +261,25 @@ impl RemoteCity {
     /// One handshake: `Hello`, and the city's clock if it answers.
     fn shake_hands(&mut self) -> Result<(), SessionError> {
         let Connection { client, host, .. } = &mut self.connection;
-        client.send(&Body::Hello { token: 0 });
         let now = host.clock.now();
+        match self.stage {
+            // It may have been restarted since it was known.
+            Stage::Handshake { since, .. } if now.saturating_duration_since(since) > HEARTBEAT_TIMEOUT => {
+                client.probe();
+            }
+            _ => _ = client.send(&Body::Hello { token: 0 }),
+        }
         let interval = if client.trouble().is_some() { DENIED_INTERVAL } else { HANDSHAKE_INTERVAL };
-        if let Some(ClientEvent::Body(Body::Clock(clock))) = client.receive(interval) {
-            self.check(&clock)?;
-            return self.connect(clock);
+        match client.receive(interval) {
+            Some(ClientEvent::Body(Body::Clock(clock))) => {
+                self.check(&clock)?;
+                return self.connect(clock);
+            }
+            Some(ClientEvent::Restarted) => {
+                self.lose();
+                return Ok(());
+            }
+            _ => {}
         }
         if let Stage::Handshake { since, has_logged } = &mut self.stage
             && !*has_logged

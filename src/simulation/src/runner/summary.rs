@@ -110,6 +110,10 @@ pub struct RosSummary {
     pub dropped_for_slow: u64,
     /// Received poses.
     pub heard: u64,
+    /// Received messages that hold no pose on the floor.
+    pub invalid: u64,
+    /// Received poses that were dropped because their stamps were later than now.
+    pub ahead: u64,
     /// Whether the topics were registered at the end, and how often the connection was restored.
     pub master_is_there: bool,
     /// How often the connection to the ROS master was restored.

@@ -232,8 +232,13 @@ fn topic_address(node: SocketAddr) -> SocketAddr {
     let head = format!("POST / HTTP/1.1\r\nContent-Type: text/xml\r\nContent-Length: {}\r\n\r\n", body.len());
     stream.write_all((head + &body).as_bytes()).unwrap();
     let told = read_http(&mut stream);
-    let port =
-        told.split("TCPROS").nth(1).unwrap().split(['<', '>']).filter_map(|word| word.parse().ok()).last();
+    let port = told
+        .split("TCPROS")
+        .nth(1)
+        .unwrap()
+        .split(['<', '>'])
+        .filter_map(|word| word.parse().ok())
+        .next_back();
     SocketAddr::new(node.ip(), port.unwrap())
 }
 

@@ -18,8 +18,8 @@ use city3d_protocol::snapshot::{
     FrameSnapshot, ModelKind, SimCommand, Status, Trajectory, VehicleId, is_newer,
 };
 use city3d_protocol::wire::{
-    Body, CityClock, DropReason, ExperimentAction, ExperimentPhase, Measurement, Message, ObservedVehicle,
-    Poses, RequestOutcome, VehicleBuild, VehicleSetup,
+    Body, CityClock, DropReason, ExperimentAction, ExperimentPhase, MAX_AHEAD_S, Measurement, Message,
+    ObservedVehicle, Poses, RequestOutcome, VehicleBuild, VehicleSetup,
 };
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
@@ -103,8 +103,29 @@ const MAX_ANSWERS: usize = 64;
 const MAX_PENDING: usize = 8192;
 /// Senders that are remembered although they neither lead nor own vehicles.
 const MAX_REMEMBERED: usize = 64;
+/// Resets over the link: each begins new files.
+const RESETS_PER_S: f64 = 1.0;
+const RESETS_AT_ONCE: f64 = 10.0;
 /// Shortest heartbeat timeout of a leader, an owner or a driver, wall-clock seconds.
 const MIN_HEARTBEAT_TIMEOUT_S: f64 = 1.0;
+
+/// Leaky bucket of resets.
+#[derive(Clone, Copy, Debug, Default)]
+struct ResetLimit {
+    level: f64,
+    at_s: f64,
+}
+
+impl ResetLimit {
+    /// Takes a reset; `false` when there were too many.
+    fn take(&mut self, now_s: f64) -> bool {
+        self.level = (self.level - (now_s - self.at_s).max(0.0) * RESETS_PER_S).max(0.0);
+        self.at_s = now_s;
+        let passes = self.level <= RESETS_AT_ONCE - 1.0;
+        self.level += f64::from(u8::from(passes));
+        passes
+    }
+}
 
 /// Notes the sequence number of a vehicle's trajectory or pedals as the newest one, if it is.
 fn note_sequence(newest: &mut Option<u32>, sequence: u32) -> Result<(), DropReason> {
@@ -134,6 +155,7 @@ pub struct ServerWorld {
     known: BTreeMap<SenderNumber, SenderRecord>,
     leader: Option<SenderNumber>,
     dropped: Vec<DropReason>,
+    resets: ResetLimit,
 }
 
 impl ServerWorld {
@@ -152,6 +174,7 @@ impl ServerWorld {
             known: BTreeMap::new(),
             leader: None,
             dropped: Vec::new(),
+            resets: ResetLimit::default(),
         }
     }
 
@@ -194,7 +217,8 @@ impl ServerWorld {
             | Body::Clock(_)
             | Body::Ack { .. }
             | Body::Poses(_)
-            | Body::Description(_) => return None,
+            | Body::Description(_)
+            | Body::Challenge { .. } => return None,
         };
         let answer = Body::Ack { request: request?, outcome, tick: self.snapshot.tick, detail };
         // A request that was not carried out may be repeated.
@@ -230,6 +254,11 @@ impl ServerWorld {
             }
             _ => Err("the city's own window may only start, pause, reset and drive".to_owned()),
         }
+    }
+
+    /// The leader, and whoever has set up a vehicle that is here.
+    pub fn holders(&self) -> impl Iterator<Item = SenderNumber> + '_ {
+        self.leader.into_iter().chain(self.vehicles.values().map(|owned| owned.owner))
     }
 
     fn note_activity(&mut self, sender: SenderNumber, now_s: f64) {
@@ -352,6 +381,10 @@ impl ServerWorld {
         let command = match action {
             ExperimentAction::Start => SimCommand::Start,
             ExperimentAction::Pause => SimCommand::Pause,
+            ExperimentAction::Reset if sender != OPERATOR && !self.resets.take(now_s) => {
+                let detail = format!("the city is reset {RESETS_PER_S} times a second at most");
+                return (RequestOutcome::Busy, detail);
+            }
             ExperimentAction::Reset => {
                 self.vehicles.values_mut().for_each(|owned| owned.sequence = None);
                 self.forget_drivers();
@@ -362,10 +395,14 @@ impl ServerWorld {
         (RequestOutcome::Done, String::new())
     }
 
-    /// Queues the measured pose of a physical vehicle, stamped with the city's clock; ignores other vehicles.
+    /// Queues the measured pose of a physical vehicle, stamped with the city's clock; ignores other vehicles. While the
+    /// clock runs, a pose that is measured later than now is dropped and counted.
     pub fn measure(&mut self, pose: Measurement) {
         if !self.is_physical(pose.vehicle) {
             return;
+        }
+        if self.is_running() && pose.stamp_s > self.snapshot.time_s + MAX_AHEAD_S {
+            return self.dropped.push(DropReason::Ahead);
         }
         let poses = Poses {
             tick: self.snapshot.tick,
