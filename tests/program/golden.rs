@@ -127,6 +127,7 @@ fn bodies() -> Vec<(String, Body)> {
     };
     let mut bodies = vec![
         ("hello".to_owned(), Body::Hello { token: 1 }),
+        ("challenge".to_owned(), Body::Challenge { token: 1, challenge: 0x0102_0304_0506_0708 }),
         (
             "setup, of a type".to_owned(),
             Body::Setup { request: 1, setup: Box::new(setup(VehicleBuild::Type("van".to_owned()))) },

@@ -25,12 +25,12 @@ pub enum ClientEvent {
 }
 
 /// A handshake that the city has not answered.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Handshake {
     /// Random token of the datagrams that ask for a challenge.
     nonce: u64,
-    /// Token of the `Hello` that follows.
-    token: u64,
+    /// What the session begins with.
+    first: Body,
 }
 
 /// Challenges that were answered without effect, after which the city has forgotten this session.
@@ -118,13 +118,13 @@ impl Client {
         self.header.peer != 0
     }
 
-    /// Sends a datagram without delivery guarantee, and gives its sequence number. Until the city has let this session
-    /// begin, a `Hello` goes in its place.
+    /// Sends a datagram without delivery guarantee, and gives its sequence number. While the city has not let this session
+    /// begin, a `Hello` goes in its place, and the last such datagram follows when the session begins.
     pub fn send(&mut self, body: &Body) -> u64 {
-        match body {
-            _ if self.is_connected() => self.send_now(body),
-            Body::Hello { token } => self.ask_for_challenge(*token),
-            _ => self.ask_for_challenge(0),
+        if self.is_connected() {
+            self.send_now(body);
+        } else {
+            self.ask_for_challenge(body.clone());
         }
         self.header.sequence
     }
@@ -139,15 +139,15 @@ impl Client {
 
     /// Sends a `Hello` that any city answers, also one that has been restarted or sees another address than before.
     pub fn probe(&mut self) {
-        self.ask_for_challenge(0);
+        self.ask_for_challenge(Body::Hello { token: 0 });
     }
 
-    fn ask_for_challenge(&mut self, token: u64) {
-        let nonce = match self.handshake {
+    fn ask_for_challenge(&mut self, first: Body) {
+        let nonce = match &self.handshake {
             Some(handshake) => handshake.nonce,
             None => self.host.network.session(),
         };
-        self.handshake = Some(Handshake { nonce, token });
+        self.handshake = Some(Handshake { nonce, first });
         // It belongs to no session yet, so that it is not counted.
         let header = DatagramHeader { peer: 0, sequence: 0, ..self.header };
         match (Body::Hello { token: nonce }).encode(header, &self.authenticator) {
@@ -246,17 +246,16 @@ impl Client {
         Some(ClientEvent::Body(body))
     }
 
-    /// Takes a challenge that was asked for, and says `Hello` with it.
+    /// Takes a challenge that was asked for, and begins the session with it.
     fn answer_challenge(&mut self, city: u64, nonce: u64, challenge: u64) -> Option<ClientEvent> {
-        let handshake = self.handshake.filter(|handshake| handshake.nonce == nonce)?;
-        self.handshake = None;
+        let Handshake { first, .. } = self.handshake.take_if(|handshake| handshake.nonce == nonce)?;
         self.vain_challenges += 1;
         let is_other = self.city != 0 && self.city != city;
         if is_other || self.vain_challenges > MAX_VAIN_CHALLENGES {
             return Some(ClientEvent::Restarted);
         }
         (self.city, self.header.peer) = (city, challenge);
-        self.send_now(&Body::Hello { token: handshake.token });
+        self.send_now(&first);
         None
     }
 
@@ -295,22 +294,19 @@ impl Client {
         let body = body(number);
         let until = self.host.clock.now() + timeout;
         while self.host.clock.now() < until {
-            let was_connected = self.is_connected();
             self.send(&body);
-            let answer = self.await_answer(number, was_connected);
-            if let Some(answer) = answer {
+            if let Some(answer) = self.await_answer(number, RETRANSMIT_INTERVAL) {
                 return answer;
             }
         }
         None
     }
 
-    /// Waits for the acknowledgement of a request, or for the city to let this session begin; `Some(None)` when the city
-    /// has been restarted and will not send it.
-    fn await_answer(&mut self, number: u32, was_connected: bool) -> Option<Option<(RequestOutcome, String)>> {
-        let until = self.host.clock.now() + RETRANSMIT_INTERVAL;
-        let mut left = RETRANSMIT_INTERVAL;
-        while !left.is_zero() && was_connected == self.is_connected() {
+    /// Waits for the acknowledgement of a request; `Some(None)` when the city has been restarted and will not send it.
+    fn await_answer(&mut self, number: u32, wait: Duration) -> Option<Option<(RequestOutcome, String)>> {
+        let until = self.host.clock.now() + wait;
+        let mut left = wait;
+        while !left.is_zero() {
             match self.receive(left) {
                 Some(ClientEvent::Body(Body::Ack { request, outcome, detail, .. })) if request == number => {
                     return Some(Some((outcome, detail)));

@@ -312,8 +312,8 @@ fn a_vehicle_gets_heartbeats_and_the_clock() {
     });
     let begun = Instant::now();
     lab.run();
-    // The first second begins with the handshake.
-    assert_eq!(vehicle.join(), (99, 10, 9));
+    // The handshake takes the place of the first heartbeat and subscription.
+    assert_eq!(vehicle.join(), (100, 9, 9));
     assert!(begun.elapsed() < lab.elapsed());
 }
 
@@ -575,17 +575,17 @@ fn what_was_recorded_cannot_be_played_back_from_anywhere() {
     });
     lab.run();
     let ((commands, dropped), ([elsewhere, there], later, count, sent)) = (city.join(), between.join());
-    assert_eq!((commands, count), (3, 5), "two handshakes and three requests");
+    assert_eq!((commands, count), (3, 4), "a handshake and three requests");
     // Only the first datagram is answered: with a challenge that nobody can answer without the key.
     for (answers, bytes) in [elsewhere, there, later] {
         assert!(answers == 1 && bytes < sent / count + 16, "{answers} answers of {bytes} bytes to {sent}");
     }
     assert_eq!(
         dropped.of(DropReason::OtherCity),
-        4 + 4,
+        3 + 3,
         "from elsewhere, where its challenge counts for nothing"
     );
-    assert_eq!(dropped.of(DropReason::Duplicate), 4, "from the same address");
+    assert_eq!(dropped.of(DropReason::Duplicate), 3, "from the same address");
 }
 
 #[test]
