@@ -351,6 +351,33 @@ fn errors_name_field_place_and_what_would_be_right() {
 }
 
 #[test]
+fn a_quaternion_that_is_no_rotation_is_malformed() {
+    let header = example().0;
+    let decoded = |orientation: DQuat| {
+        let (vehicle, position) = (VehicleId(1), DVec3::ZERO);
+        let pose = Measurement { vehicle, stamp_s: 1.0, position, orientation };
+        let vehicles = vec![ObservedVehicle { pose, status: Status::Physical }];
+        let poses = Poses {
+            tick: 1,
+            time_s: 1.0,
+            state_hash: 0,
+            phase: ExperimentPhase::Running,
+            part: 0,
+            parts: 1,
+            vehicles,
+        };
+        let bytes = Body::Poses(poses).encode(header, &Authenticator::Checksum).unwrap();
+        Body::decode(&bytes, &Authenticator::Checksum)
+    };
+    assert!(decoded(DQuat::IDENTITY).is_ok() && decoded(DQuat::IDENTITY * 0.95).is_ok());
+    let long = DQuat::from_xyzw(0.7, 0.7, 0.7, 0.7);
+    for wrong in [0.0, 1e-300, 0.5].map(|length| DQuat::IDENTITY * length).into_iter().chain([long]) {
+        let told = decoded(wrong).unwrap_err().to_string();
+        assert!(told.contains("length of the quaternion"), "{told}");
+    }
+}
+
+#[test]
 fn a_key_keeps_others_out() {
     let (header, body) = example();
     let authenticator = |key: &str| Authenticator::Key(key.as_bytes().to_vec());

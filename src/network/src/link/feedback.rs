@@ -214,7 +214,10 @@ impl ViconFeedback {
 
 #[cfg(test)]
 mod tests {
+    use super::super::vicon::{RosTransport, ViconOptions};
     use super::*;
+    use crate::ros::NodeOptions;
+    use glam::{DQuat, DVec3};
 
     fn sample(phase: ExperimentPhase, time_s: f64, wall_s: f64, round_trip_s: f64) -> ClockSample {
         let clock = CityClock {
@@ -243,5 +246,28 @@ mod tests {
         assert!(!short.is_worse_than(&sample(ExperimentPhase::Running, 3.2, 100.2, 0.02)));
         assert!(short.is_worse_than(&sample(ExperimentPhase::Running, 5.2, 102.2, 0.02)));
         assert!(short.is_worse_than(&sample(ExperimentPhase::Paused, 3.1, 100.1, 0.02)));
+    }
+
+    #[test]
+    fn a_stamp_ahead_of_the_clock_ends_no_experiment() {
+        let master = "http://127.0.0.1:9".parse().unwrap();
+        let node = NodeOptions { name: "/test".to_owned(), master, bind: None };
+        let transport = RosTransport::Node(node);
+        let options =
+            ViconOptions { transport, has_clock: false, subscribed: Vec::new(), cameras: Vec::new() };
+        let mut feedback = ViconFeedback::new(Vicon::start(options).unwrap(), 1, 10);
+        let (now_s, vehicle) = (wall_s(), VehicleId(1));
+        feedback.sample = Some(sample(ExperimentPhase::Running, 3.0, now_s, 0.001));
+        let mut add = |stamp_s: f64| {
+            let (position, orientation) = (DVec3::ZERO, DQuat::IDENTITY);
+            feedback.add(Measurement { vehicle, stamp_s, position, orientation });
+            let newest_s = feedback.newest.get(&vehicle).map(|pose| pose.stamp_s);
+            (newest_s.is_some_and(|stamp_s| stamp_s < 5.0), feedback.vicon.counters().ahead)
+        };
+        assert_eq!(add(now_s + 30.0), (false, 1));
+        assert_eq!(add(4_294_967_295.0), (false, 2));
+        assert_eq!(add(1e7), (false, 3), "of simulated time");
+        assert_eq!(add(now_s), (true, 3));
+        assert_eq!(add(now_s + 30.0), (true, 4));
     }
 }

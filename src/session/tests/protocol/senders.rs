@@ -140,3 +140,48 @@ fn addresses_that_are_not_on_the_list_are_foreign() {
     assert_eq!((served.vehicles.len(), served.simulated_s), (0, 0.0));
     assert!(served.link.unwrap().dropped.of(DropReason::ForeignSender) >= 3);
 }
+
+#[test]
+fn who_leads_keeps_its_place_whoever_else_comes() {
+    let served = serve(ServeOptions { guests: 1, ..serving() }, |director| {
+        let hello = Body::Hello { token: 1 };
+        let subscribe = |request| Body::Subscribe { request, every_ticks: 100, lease_s: 60.0 };
+        let mut leader = client(director, Authenticator::Checksum);
+        assert_eq!(leader.request(SOON, setup(1, "first", 0.5)).unwrap().0, RequestOutcome::Done);
+        assert_eq!(leader.request(SOON, start).unwrap().0, RequestOutcome::Done);
+        let mut strangers = Vec::new();
+        for number in 0..300 {
+            let mut stranger = client(director, Authenticator::Checksum);
+            if number < 64 {
+                assert_eq!(stranger.request(SOON, subscribe).unwrap().0, RequestOutcome::Done);
+            } else {
+                stranger.send(&hello);
+                assert!(
+                    matches!(stranger.receive(SOON), Some(ClientEvent::Body(Body::Clock(_)))),
+                    "{number}"
+                );
+            }
+            strangers.push(stranger);
+            // A heartbeat of who leads.
+            leader.send(&hello);
+        }
+        assert_eq!(strangers[299].request(SOON, subscribe).unwrap().0, RequestOutcome::Busy);
+        assert_eq!(leader.request(SOON, subscribe).unwrap().0, RequestOutcome::Done, "a place is kept");
+        // The oldest that did nothing has made room, and notices it.
+        strangers[64].send(&hello);
+        let answers = std::iter::from_fn(|| strangers[64].receive(TRIES)).count();
+        assert_eq!(answers, 0);
+        let begins_anew = (0..10).any(|_| {
+            strangers[64].probe();
+            strangers[64].receive(TRIES) == Some(ClientEvent::Restarted)
+        });
+        assert!(begins_anew);
+        let mut next = client(director, Authenticator::Checksum);
+        assert_eq!(
+            next.request(SOON, setup(2, "next", -3.0)).unwrap().0,
+            RequestOutcome::Done,
+            "and so may others"
+        );
+    });
+    assert_eq!(served.link.unwrap().dropped.of(DropReason::Full), 0);
+}

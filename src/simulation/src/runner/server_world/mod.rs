@@ -382,7 +382,7 @@ impl ServerWorld {
             ExperimentAction::Start => SimCommand::Start,
             ExperimentAction::Pause => SimCommand::Pause,
             ExperimentAction::Reset if sender != OPERATOR && !self.resets.take(now_s) => {
-                let detail = format!("the city is reset {RESETS_PER_S} times a second at most");
+                let detail = "over the link the city is reset once a second at most; ask again".to_owned();
                 return (RequestOutcome::Busy, detail);
             }
             ExperimentAction::Reset => {

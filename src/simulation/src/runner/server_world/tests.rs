@@ -8,8 +8,10 @@ use city3d_protocol::snapshot::{
     FrameSnapshot, ModelKind, Pedals, SimCommand, Status, Trajectory, TrajectoryPoint, VehicleId, VehicleSpec,
 };
 use city3d_protocol::wire::{
-    Body, DropReason, ExperimentAction, ExperimentPhase, RequestOutcome, VehicleBuild, VehicleSetup,
+    Body, DropReason, ExperimentAction, ExperimentPhase, Measurement, RequestOutcome, VehicleBuild,
+    VehicleSetup,
 };
+use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
 const LEADER: SenderNumber = 1;
@@ -389,4 +391,39 @@ fn a_question_for_the_description_is_a_heartbeat_and_has_another_answer() {
     assert_eq!(world.take(LEADER, 0.9, Body::Describe { request }), None);
     let answer = command(&mut world, GUEST, 0.9 + 0.9, ExperimentAction::Pause);
     assert!(!is_done(&answer), "the leader is not silent: {answer:?}");
+}
+
+#[test]
+fn resets_over_the_link_are_limited_and_those_of_the_operator_are_not() {
+    let mut world = city();
+    let mut resets = |now_s: f64, first: u32| {
+        let action = ExperimentAction::Reset;
+        let asked = (first..first + 100).map(|request| Body::Command { request, action });
+        asked.filter(|body| is_done(&world.take(LEADER, now_s, body.clone()).unwrap())).count()
+    };
+    assert_eq!([resets(0.0, 1000), resets(0.5, 2000), resets(3.0, 3000)], [10, 0, 3]);
+    let told = world.take(LEADER, 3.0, Body::Command { request: 4000, action: ExperimentAction::Reset });
+    let Some(Body::Ack { outcome: RequestOutcome::Busy, detail, .. }) = told else { panic!("{told:?}") };
+    assert!(detail.contains("once a second"), "{detail}");
+    (0..100).for_each(|_| operate(&mut world, ExperimentAction::Reset));
+}
+
+#[test]
+fn a_pose_that_was_measured_later_than_now_is_dropped_while_the_clock_runs() {
+    let mut world = city();
+    let measure = |world: &mut ServerWorld, stamp_s: f64| {
+        let (position, orientation) = (DVec3::new(0.0, 0.0, 0.0), DQuat::IDENTITY);
+        world.measure(Measurement { vehicle: PHYSICAL, stamp_s, position, orientation });
+        world.drain_dropped().collect::<Vec<_>>()
+    };
+    operate(&mut world, ExperimentAction::Pause);
+    assert_eq!(measure(&mut world, 40.0), [], "the robots have not heard of the new clock yet");
+    operate(&mut world, ExperimentAction::Start);
+    world.tick();
+    assert_eq!(measure(&mut world, 0.4), []);
+    assert_eq!(measure(&mut world, 30.0), [DropReason::Ahead]);
+    assert_eq!(measure(&mut world, 1e9), [DropReason::Ahead]);
+    world.tick();
+    let state = world.snapshot().vehicle(PHYSICAL).unwrap();
+    assert!(state.position.is_finite() && state.speed_mps.is_finite());
 }
