@@ -1,5 +1,5 @@
-//! Tasks of the project's own, which the program does not need: generators of the files of `assets/`, and a
-//! benchmark beside other engines.
+//! Tasks of the project's own, which the program does not need: generators of the files of `assets/`, a
+//! benchmark beside other engines, and a soak test.
 //!
 //! `cargo xtask --help` lists them.
 
@@ -9,3 +9,4 @@
 pub mod generate;
 pub mod models;
 pub mod neutral;
+pub mod soak;

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use xtask::generate::ids3c;
 use xtask::models;
 use xtask::neutral::{NeutralArgs, neutral};
+use xtask::soak::{SoakArgs, soak};
 
 /// Tasks of the project's own
 #[derive(Debug, Parser)]
@@ -23,6 +24,8 @@ enum Task {
     Generate(GenerateTask),
     /// Measure camera pictures per second of a neutral scene that other engines can draw
     Neutral(NeutralArgs),
+    /// Serve a city for hours in simulated time, while its mainframe comes and goes
+    Soak(SoakArgs),
 }
 
 #[derive(Debug, Subcommand)]
@@ -45,6 +48,7 @@ fn main() -> ExitCode {
     let result = match Xtask::parse().task {
         Task::Generate(task) => generate(&task).map_err(Into::into),
         Task::Neutral(args) => neutral(&args),
+        Task::Soak(args) => soak(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
