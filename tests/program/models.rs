@@ -178,6 +178,31 @@ fn triangle(change: impl Fn(&mut Value)) -> Vec<u8> {
     bytes
 }
 
+/// A second primitive whose vertices, with those of the first, are too many.
+fn many_vertices(document: &mut Value) {
+    let mut accessor = document["accessors"][0].clone();
+    accessor["count"] = json!(1_499_998);
+    document["accessors"].as_array_mut().unwrap().push(accessor);
+    let primitive = json!({ "attributes": { "POSITION": 2 } });
+    document["meshes"][0]["primitives"].as_array_mut().unwrap().push(primitive);
+}
+
+/// A second primitive whose triangles, with that of the first, are too many.
+fn many_indices(document: &mut Value) {
+    let accessor = json!({ "bufferView": 1, "componentType": 5123, "count": 1_500_000, "type": "SCALAR" });
+    document["accessors"].as_array_mut().unwrap().push(accessor);
+    let primitive = json!({ "attributes": { "POSITION": 0, "NORMAL": 0 }, "indices": 2 });
+    document["meshes"][0]["primitives"].as_array_mut().unwrap().push(primitive);
+}
+
+/// A small mesh in many nodes.
+fn many_nodes(document: &mut Value) {
+    let primitive = document["meshes"][0]["primitives"][0].clone();
+    document["meshes"][0]["primitives"] = json!(vec![primitive; 50]);
+    document["nodes"] = json!(vec![json!({ "mesh": 0 }); 20_000]);
+    document["scenes"][0]["nodes"] = json!((0..20_000).collect::<Vec<_>>());
+}
+
 /// Name, file, and words of the message that it is refused with.
 fn broken() -> Vec<(&'static str, Vec<u8>, &'static str)> {
     let good = triangle(|_| ());
@@ -209,7 +234,23 @@ fn broken() -> Vec<(&'static str, Vec<u8>, &'static str)> {
         (
             "far_too_many",
             triangle(|d| d["accessors"][0]["count"] = json!(4_000_000_000_u64)),
-            "at most 500000",
+            "4000000000 vertices up to here; a model has at most 1500000",
+        ),
+        (
+            "vertices_together",
+            triangle(many_vertices),
+            "primitive 1: attributes: 1500001 vertices up to here; a model has at most 1500000; simplify",
+        ),
+        (
+            "indices_together",
+            triangle(many_indices),
+            "500001 triangles up to here; a model has at most 500000",
+        ),
+        ("nodes_together", triangle(many_nodes), "1500003 vertices up to here; a model has at most 1500000"),
+        (
+            "objects_without_end",
+            triangle(|d| d["nodes"] = json!(vec![json!({}); 500_000])),
+            "objects; at most 500000 are read",
         ),
         ("view_beyond", triangle(|d| d["bufferViews"][0]["byteOffset"] = json!(30)), "binary part"),
         ("elsewhere", triangle(|d| d["buffers"][0]["uri"] = json!("mesh.bin")), "everything in one file"),

@@ -22,7 +22,7 @@ fn bytes_of(kind: DataType) -> usize {
     }
 }
 
-/// All elements with at least the required components; further ones are dropped.
+/// All elements with at least the required components; further ones are dropped. The caller limits their count.
 pub(super) fn numbers<const N: usize>(
     accessor: &gltf::Accessor<'_>,
     blob: &[u8],
@@ -50,10 +50,6 @@ pub(super) fn numbers<const N: usize>(
         return Err(fail("a sparse accessor".to_owned(), "export without sparse accessors"));
     }
     let count = accessor.count();
-    if count > super::MOST_VERTICES {
-        let message = format!("{count} elements; at most {} can be used", super::MOST_VERTICES);
-        return Err(fail(message, "simplify the mesh"));
-    }
     let Some(view) = accessor.view() else {
         return Ok(vec![[0.0; N]; count]);
     };

@@ -9,8 +9,10 @@ pub use read::{ModelError, read};
 
 use glam::Vec3;
 
-/// Limit of vertices, and of indices, in a file.
-pub const MOST_VERTICES: usize = 500_000;
+/// Most triangles of a file, and of all its nodes: a mesh counts once for each node that shows it.
+pub const MOST_TRIANGLES: usize = 500_000;
+/// Most vertices of a file, and of all its nodes. Without normals each triangle has vertices of its own.
+pub const MOST_VERTICES: usize = 3 * MOST_TRIANGLES;
 
 fn from_file([x, y, z]: [f32; 3]) -> Vec3 {
     Vec3::new(z, x, y)

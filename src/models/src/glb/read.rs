@@ -1,7 +1,7 @@
 //! Reads GLB files: nodes with triangles, and materials by name and plain colour.
 
 use super::accessor::{AccessorSpec, numbers};
-use super::{MOST_VERTICES, from_file, srgb_from_linear};
+use super::{MOST_TRIANGLES, MOST_VERTICES, from_file, srgb_from_linear};
 use crate::{Material, MeshPrimitive, Model, ModelNode, ModelVertex};
 use glam::{Affine3A, Mat3, Mat4, Vec2, Vec3};
 use gltf::mesh::{Mode, Semantic};
@@ -11,6 +11,8 @@ use thiserror::Error;
 const FARTHEST_M: f32 = 1000.0;
 /// Largest nesting depth of nodes.
 const DEEPEST: usize = 64;
+/// Most objects in the JSON chunk: some of few bytes take much memory.
+const MOST_OBJECTS: usize = 500_000;
 
 /// An unusable model file: place, finding and remedy.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -29,6 +31,7 @@ fn fault(place: &str, message: impl Into<String>, remedy: &'static str) -> Model
 }
 
 const DAMAGED: &str = "the file is damaged or cut off: export it again";
+const SIMPLIFY: &str = "simplify the meshes";
 
 /// The JSON and the binary chunk of a file.
 fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8]), ModelError> {
@@ -71,6 +74,11 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8]), ModelError> {
 /// [`ModelError`] if the bytes are no usable GLB file.
 pub fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     let (text, blob) = chunks(bytes)?;
+    let objects = text.iter().filter(|&&byte| byte == b'{').count();
+    if objects > MOST_OBJECTS {
+        let message = format!("{objects} objects; at most {MOST_OBJECTS} are read");
+        return Err(fault("JSON chunk", message, "join meshes and nodes before exporting"));
+    }
     let json: gltf::json::Root = gltf::json::deserialize::from_slice(text)
         .map_err(|error| fault("JSON chunk", error.to_string(), DAMAGED))?;
     // The crate's validation reads this accessor before it checks that it exists.
@@ -96,22 +104,23 @@ pub fn read(bytes: &[u8]) -> Result<Model, ModelError> {
         }
         other => fault("JSON chunk", other.to_string(), DAMAGED),
     })?;
-    let meshes = document.meshes().map(|mesh| parts(&mesh, blob)).collect::<Result<Vec<_>, _>>()?;
-    let corners: usize =
-        meshes.iter().flatten().map(|part| part.vertices.len().max(part.indices.len())).sum();
-    if corners > 3 * MOST_VERTICES {
-        return Err(fault("meshes", format!("{corners} corners of triangles"), "simplify the meshes"));
-    }
-    let mut model = Model { meshes, nodes: Vec::new() };
+    let mut size = MeshSize::default();
+    let meshes = document.meshes().map(|mesh| parts(&mesh, blob, &mut size));
+    let meshes = meshes.collect::<Result<Vec<_>, _>>()?;
+    let mut scene_reader = SceneReader {
+        most: document.nodes().count(),
+        model: Model { meshes, nodes: Vec::new() },
+        size: MeshSize::default(),
+    };
     let scene = document.default_scene().or_else(|| document.scenes().next());
     let roots: Vec<gltf::Node<'_>> = match scene {
         Some(scene) => scene.nodes().collect(),
         None => document.nodes().collect(),
     };
-    let most = document.nodes().count();
     for root in roots {
-        add(&mut model, &root, Mat4::IDENTITY, (0, most))?;
+        scene_reader.add(&root, Mat4::IDENTITY, 0)?;
     }
+    let model = scene_reader.model;
     let farthest = model.bounds(|_| true).map(|[low, high]| low.abs().max(high.abs()).max_element());
     match farthest.filter(|_| model.triangle_count() > 0) {
         None => Err(fault("scene", "it shows no triangles", "export at least one mesh")),
@@ -123,46 +132,87 @@ pub fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     }
 }
 
-/// Adds a node and its descendants.
-fn add(
-    model: &mut Model,
-    node: &gltf::Node<'_>,
-    parent: Mat4,
-    (depth, most): (usize, usize),
-) -> Result<(), ModelError> {
-    let place = || format!("node {} ({})", node.index(), node.name().unwrap_or("without a name"));
-    // Cyclic nodes would never end, and shared ones could take exponential time.
-    if depth > DEEPEST || model.nodes.len() > most {
-        return Err(fault(&place(), "the nodes form a cycle", DAMAGED));
-    }
-    let here = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
-    if !here.is_finite() {
-        return Err(fault(&place(), "its transform is not finite", DAMAGED));
-    }
-    if let Some(mesh) = node.mesh() {
-        // Converts axes on both sides of the transform.
-        let axes = Mat3::from_cols(Vec3::Y, Vec3::Z, Vec3::X);
-        let linear = axes * Mat3::from_mat4(here) * axes.transpose();
-        let translation = from_file(here.w_axis.truncate().to_array());
-        if linear.determinant().abs() < 1e-12 {
-            return Err(fault(&place(), "its scale is 0", "apply the scale before exporting"));
-        }
-        model.nodes.push(ModelNode {
-            name: node.name().map_or_else(|| format!("node_{}", node.index()), str::to_owned),
-            mesh: mesh.index(),
-            model_from_mesh: Affine3A::from_mat3_translation(linear, translation),
-        });
-    }
-    for child in node.children() {
-        add(model, &child, here, (depth + 1, most))?;
-    }
-    Ok(())
+/// Vertices and triangles that were counted so far.
+#[derive(Clone, Copy, Debug, Default)]
+struct MeshSize {
+    vertices: usize,
+    indices: usize,
 }
 
-fn parts(mesh: &gltf::Mesh<'_>, blob: &[u8]) -> Result<Vec<MeshPrimitive>, ModelError> {
+impl MeshSize {
+    /// Counts further ones; the reason where they are too many.
+    fn add(&mut self, vertices: usize, indices: usize) -> Result<(), String> {
+        self.vertices = self.vertices.saturating_add(vertices);
+        self.indices = self.indices.saturating_add(indices);
+        let triangles = self.indices.div_ceil(3);
+        if self.vertices > MOST_VERTICES {
+            return Err(format!(
+                "{} vertices up to here; a model has at most {MOST_VERTICES}",
+                self.vertices
+            ));
+        }
+        if triangles > MOST_TRIANGLES {
+            return Err(format!("{triangles} triangles up to here; a model has at most {MOST_TRIANGLES}"));
+        }
+        Ok(())
+    }
+}
+
+/// Adds nodes to a model.
+struct SceneReader {
+    model: Model,
+    /// Nodes of the file.
+    most: usize,
+    /// That of all nodes added.
+    size: MeshSize,
+}
+
+impl SceneReader {
+    /// Adds a node and its descendants.
+    fn add(&mut self, node: &gltf::Node<'_>, parent: Mat4, depth: usize) -> Result<(), ModelError> {
+        let place = || format!("node {} ({})", node.index(), node.name().unwrap_or("without a name"));
+        // Cyclic nodes would never end, and shared ones could take exponential time.
+        if depth > DEEPEST || self.model.nodes.len() > self.most {
+            return Err(fault(&place(), "the nodes form a cycle", DAMAGED));
+        }
+        let here = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
+        if !here.is_finite() {
+            return Err(fault(&place(), "its transform is not finite", DAMAGED));
+        }
+        if let Some(mesh) = node.mesh() {
+            for part in self.model.meshes.get(mesh.index()).into_iter().flatten() {
+                let counted = self.size.add(part.vertices.len(), part.indices.len());
+                counted.map_err(|message| fault(&place(), message, SIMPLIFY))?;
+            }
+            self.model.nodes.push(
+                shown_mesh(node, mesh.index(), here)
+                    .ok_or_else(|| fault(&place(), "its scale is 0", "apply the scale before exporting"))?,
+            );
+        }
+        for child in node.children() {
+            self.add(&child, here, depth + 1)?;
+        }
+        Ok(())
+    }
+}
+
+/// The node that shows a mesh with a transform; `None` for a transform without volume.
+fn shown_mesh(node: &gltf::Node<'_>, mesh: usize, here: Mat4) -> Option<ModelNode> {
+    // Converts axes on both sides of the transform.
+    let axes = Mat3::from_cols(Vec3::Y, Vec3::Z, Vec3::X);
+    let linear = axes * Mat3::from_mat4(here) * axes.transpose();
+    let translation = from_file(here.w_axis.truncate().to_array());
+    (linear.determinant().abs() >= 1e-12).then(|| ModelNode {
+        name: node.name().map_or_else(|| format!("node_{}", node.index()), str::to_owned),
+        mesh,
+        model_from_mesh: Affine3A::from_mat3_translation(linear, translation),
+    })
+}
+
+fn parts(mesh: &gltf::Mesh<'_>, blob: &[u8], size: &mut MeshSize) -> Result<Vec<MeshPrimitive>, ModelError> {
     mesh.primitives()
         .map(|primitive| {
-            part(&primitive, blob).map_err(|error| ModelError {
+            part(&primitive, blob, size).map_err(|error| ModelError {
                 place: format!(
                     "mesh {} ({}), primitive {}: {}",
                     mesh.index(),
@@ -176,7 +226,11 @@ fn parts(mesh: &gltf::Mesh<'_>, blob: &[u8]) -> Result<Vec<MeshPrimitive>, Model
         .collect()
 }
 
-fn part(primitive: &gltf::Primitive<'_>, blob: &[u8]) -> Result<MeshPrimitive, ModelError> {
+fn part(
+    primitive: &gltf::Primitive<'_>,
+    blob: &[u8],
+    size: &mut MeshSize,
+) -> Result<MeshPrimitive, ModelError> {
     if primitive.mode() != Mode::Triangles {
         let message = format!("it is made of {:?}", primitive.mode());
         return Err(fault("mode", message, "export triangles"));
@@ -185,25 +239,29 @@ fn part(primitive: &gltf::Primitive<'_>, blob: &[u8]) -> Result<MeshPrimitive, M
     let Some(positions) = attribute(Semantic::Positions) else {
         return Err(fault("attributes", "POSITION is missing", "export positions"));
     };
+    let [normals, colours, uvs] =
+        [Semantic::Normals, Semantic::Colors(0), Semantic::TexCoords(0)].map(attribute);
+    for (what, accessor) in [("NORMAL", &normals), ("COLOR_0", &colours), ("TEXCOORD_0", &uvs)] {
+        if let Some(count) = accessor.as_ref().map(gltf::Accessor::count)
+            && count != positions.count()
+        {
+            let message = format!("{} positions and {count} of {what}", positions.count());
+            return Err(fault("attributes", message, DAMAGED));
+        }
+    }
+    let corners = primitive.indices().map_or(positions.count(), |indices| indices.count());
+    // Without normals each corner becomes a vertex.
+    let vertices = if normals.is_some() { positions.count() } else { positions.count().max(corners) };
+    size.add(vertices, corners).map_err(|message| fault("attributes", message, SIMPLIFY))?;
     let wanted =
         |what, least, most, whole_are_parts| AccessorSpec { what, numbers: [least, most], whole_are_parts };
     let positions = numbers::<3>(&positions, blob, wanted("POSITION", 3, 3, positions.normalized()))?;
     let of = |accessor: Option<gltf::Accessor<'_>>, what, least, most| {
         accessor.map(|a| numbers::<3>(&a, blob, wanted(what, least, most, true))).transpose()
     };
-    let normals = of(attribute(Semantic::Normals), "NORMAL", 3, 3)?;
-    let colours = of(attribute(Semantic::Colors(0)), "COLOR_0", 3, 4)?;
-    let uvs = of(attribute(Semantic::TexCoords(0)), "TEXCOORD_0", 2, 2)?;
-    for (what, length) in
-        [("NORMAL", normals.as_ref()), ("COLOR_0", colours.as_ref()), ("TEXCOORD_0", uvs.as_ref())]
-            .map(|(what, list)| (what, list.map(Vec::len)))
-    {
-        if length.is_some_and(|length| length != positions.len()) {
-            let message =
-                format!("{} positions and {} of {what}", positions.len(), length.unwrap_or_default());
-            return Err(fault("attributes", message, DAMAGED));
-        }
-    }
+    let normals = of(normals, "NORMAL", 3, 3)?;
+    let colours = of(colours, "COLOR_0", 3, 4)?;
+    let uvs = of(uvs, "TEXCOORD_0", 2, 2)?;
     let indices: Vec<u32> = match primitive.indices() {
         // Whole numbers below 2^24 are exact as floats.
         Some(accessor) => numbers::<1>(&accessor, blob, wanted("indices", 1, 1, false))?
