@@ -5,6 +5,7 @@ use super::feasibility::infeasible_starts;
 use super::fields::{Problem, Problems, TableFields};
 use super::models::{ModelReader, UserModels};
 use super::read_settings::{NamedSettings, read_environment, read_rates, read_right_of_way};
+use super::source::LARGEST_SCENARIO_BYTES;
 use super::time_of_day::read_time_of_day;
 use super::{Library, MovedStart, SourceError, placement};
 use crate::environment::EnvironmentProfile;
@@ -112,6 +113,10 @@ pub fn read_experiment(
     library: &Library,
     overrides: Overrides,
 ) -> Result<Experiment, ScenarioError> {
+    let (bytes, most) = (text.len() as u64, LARGEST_SCENARIO_BYTES);
+    if bytes > most {
+        return Err(SourceError::TooLarge { path: file.into(), kind: "scenarios", bytes, most }.into());
+    }
     let problems = Problems::new(text);
     let (document, syntax_errors) = DeTable::parse_recoverable(text);
     // A file of another kind has an error on every line.

@@ -1,12 +1,15 @@
 //! Locates scenarios, maps and models: files on disk take precedence over embedded ones.
 
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
 
-/// Largest file that is read.
+/// Largest map or model that is read.
 const LARGEST_FILE_BYTES: u64 = 64 << 20;
+/// Largest scenario that is read: parsed, it takes many times the memory.
+pub const LARGEST_SCENARIO_BYTES: u64 = 8 << 20;
 
 const SCENARIOS: [(&str, &str); 5] = [
     ("roundabout", include_str!("../../../../scenarios/roundabout.toml")),
@@ -29,12 +32,16 @@ pub enum SourceError {
         reason: std::io::Error,
     },
     /// The file exceeds the size limit.
-    #[error("{path}: {bytes} bytes; files of more than {LARGEST_FILE_BYTES} bytes are not read")]
+    #[error("{path}: {bytes} bytes; {kind} of more than {} MiB are not read", most >> 20)]
     TooLarge {
         /// Path of the file.
         path: PathBuf,
+        /// What it was read as, in the plural: `scenarios`, `models` or `maps`.
+        kind: &'static str,
         /// Size of the file, bytes.
         bytes: u64,
+        /// Largest size that is read, bytes.
+        most: u64,
     },
     /// The scenario is not UTF-8; line and column, from 1, of the first wrong byte.
     #[error("{path}: line {line}, column {column}: not UTF-8 text; save the file as UTF-8")]
@@ -112,7 +119,9 @@ impl Library {
     pub fn scenario(name: &str) -> Result<(String, Self), SourceError> {
         let path = Path::new(name);
         if path.is_file() {
-            let text = String::from_utf8(read(path)?).map_err(|error| not_text(path, &error))?;
+            let bytes = read(path, "scenarios", LARGEST_SCENARIO_BYTES)
+                .map_err(|error| other_kind(path, &first_bytes(path)).unwrap_or(error))?;
+            let text = String::from_utf8(bytes).map_err(|error| not_text(path, &error))?;
             return Ok((text, Self::beside(path)));
         }
         let stem = name.strip_prefix("scenarios/").unwrap_or(name);
@@ -134,7 +143,7 @@ impl Library {
             return Ok(bytes.clone());
         }
         if let Some(path) = self.file(name) {
-            return read(&path);
+            return read(&path, "models", LARGEST_FILE_BYTES);
         }
         let embedded = city3d_models::shipped(name);
         embedded.map(<[u8]>::to_vec).ok_or_else(|| SourceError::Unknown {
@@ -158,7 +167,7 @@ impl Library {
             return Ok(kept.map.clone());
         }
         if let Some(path) = self.file(name) {
-            return read(&path);
+            return read(&path, "maps", LARGEST_FILE_BYTES);
         }
         let embedded = MAPS.iter().find(|(shipped, _)| *shipped == name);
         embedded.map(|(_, bytes)| bytes.to_vec()).ok_or_else(|| SourceError::Unknown {
@@ -169,7 +178,8 @@ impl Library {
     }
 }
 
-fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> SourceError {
+/// The error for a file of another kind than scenarios, where its first bytes tell it.
+fn other_kind(path: &Path, start: &[u8]) -> Option<SourceError> {
     const KINDS: [(&[u8], &str); 4] = [
         (
             b"\x89MCAP0",
@@ -180,8 +190,22 @@ fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> SourceError {
         (b"glTF", "a model (glTF), not a scenario: scenarios are text, see docs/scenarios.md"),
         (b"\xff\xd8\xff", "a picture (JPEG), not a scenario: scenarios are text, see docs/scenarios.md"),
     ];
-    if let Some((_, what)) = KINDS.iter().find(|(start, _)| error.as_bytes().starts_with(start)) {
-        return SourceError::Other { path: path.to_path_buf(), what };
+    let (_, what) = KINDS.iter().find(|(magic, _)| start.starts_with(magic))?;
+    Some(SourceError::Other { path: path.to_path_buf(), what })
+}
+
+/// The first bytes of a file; none where it cannot be read.
+#[allow(clippy::disallowed_types, reason = "files that are too large are not read whole")]
+fn first_bytes(path: &Path) -> Vec<u8> {
+    let mut start = Vec::new();
+    // What cannot be read is of no known kind.
+    let _ = std::fs::File::open(path).and_then(|file| file.take(16).read_to_end(&mut start));
+    start
+}
+
+fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> SourceError {
+    if let Some(other) = other_kind(path, error.as_bytes()) {
+        return other;
     }
     let good = String::from_utf8_lossy(&error.as_bytes()[..error.utf8_error().valid_up_to()]);
     let last_line = good.rsplit('\n').next().unwrap_or_default();
@@ -192,12 +216,45 @@ fn not_text(path: &Path, error: &std::string::FromUtf8Error) -> SourceError {
     }
 }
 
-/// Reads a file within the size limit.
-fn read(path: &Path) -> Result<Vec<u8>, SourceError> {
+/// Reads a file of at most so many bytes.
+fn read(path: &Path, kind: &'static str, most: u64) -> Result<Vec<u8>, SourceError> {
     let unreadable = |reason| SourceError::Unreadable { path: path.to_path_buf(), reason };
     let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
-    if bytes > LARGEST_FILE_BYTES {
-        return Err(SourceError::TooLarge { path: path.to_path_buf(), bytes });
+    if bytes > most {
+        return Err(SourceError::TooLarge { path: path.to_path_buf(), kind, bytes, most });
+    }
+    // Files of /proc state no size, and some of them never end.
+    if bytes == 0 {
+        return Ok(Vec::new());
     }
     std::fs::read(path).map_err(unreadable)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[allow(clippy::disallowed_types, reason = "a file of which only the size matters")]
+    fn files_beyond_their_limit_are_refused_unread() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sparse");
+        let refused = |size: u64, start: &[u8]| {
+            std::fs::write(&path, start).unwrap();
+            std::fs::File::options().write(true).open(&path).unwrap().set_len(size).unwrap();
+            Library::scenario(path.to_str().unwrap()).unwrap_err().to_string()
+        };
+        let said = refused(LARGEST_SCENARIO_BYTES + 1, b"");
+        assert!(said.contains("8388609 bytes; scenarios of more than 8 MiB are not read"), "{said}");
+        let text = "x = 1\n".repeat(1_500_000);
+        let read = crate::scenario::read_experiment("log", &text, &Library::default(), Default::default());
+        assert!(read.unwrap_err().to_string().contains("log: 9000000 bytes; scenarios of more than 8 MiB"));
+        assert!(refused(20 << 30, b"\x89MCAP0\r\n").contains("the log of a run, not a scenario"));
+        let library = Library::beside(&path);
+        let said = library.map("sparse").unwrap_err().to_string();
+        assert!(said.contains("21474836480 bytes; maps of more than 64 MiB are not read"), "{said}");
+        assert!(library.model("sparse").unwrap_err().to_string().contains("models of more than 64 MiB"));
+        // A file without a size, which would block its reader.
+        assert_eq!(Library::beside(Path::new("/proc/x")).map("kmsg").unwrap(), b"");
+    }
 }
