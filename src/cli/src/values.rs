@@ -20,6 +20,21 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Farthest place from the middle of the city, and longest distance, that a camera can be given.
+const FARTHEST_M: f64 = 100_000.0;
+
+/// A coordinate in the city.
+pub fn coordinate(text: &str) -> Option<f64> {
+    text.trim().parse().ok().filter(|metres: &f64| metres.abs() <= FARTHEST_M)
+}
+
+pub fn camera_distance(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(metres) if (0.1..=FARTHEST_M).contains(&metres) => Ok(metres),
+        _ => Err(format!("a number of metres between 0.1 and {FARTHEST_M} is needed")),
+    }
+}
+
 pub fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(number) if number.is_finite() && number >= 0.0 => Ok(number),

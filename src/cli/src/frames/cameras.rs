@@ -1,6 +1,6 @@
 //! Camera options of the command line: onboard, chase, orbit and overhead cameras.
 
-use super::super::Failure;
+use super::super::{Failure, values};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_sensors::{Camera, Lens, Mount};
 use city3d_session::capture::CameraCarrier;
@@ -24,7 +24,7 @@ pub(super) struct CameraArgs {
     #[arg(long, value_name = "X,Y", value_parser = point, allow_hyphen_values = true)]
     pub(super) at: Option<DVec2>,
     /// Distance of an orbit, overhead or chase camera from its target, in metres
-    #[arg(long, value_name = "M", value_parser = crate::values::positive)]
+    #[arg(long, value_name = "M", value_parser = values::camera_distance)]
     distance: Option<f64>,
     /// Azimuth of an orbit camera seen from its target, in degrees counter-clockwise from east
     #[arg(long, value_name = "DEG", default_value_t = 235.0, value_parser = degrees, allow_hyphen_values = true)]
@@ -74,20 +74,19 @@ impl CameraChoice {
     }
 }
 
-fn numbers(text: &str) -> Option<DVec2> {
-    let (x, y) = text.split_once(',')?;
-    let at = DVec2::new(x.trim().parse().ok()?, y.trim().parse().ok()?);
-    at.is_finite().then_some(at)
-}
-
 fn point(text: &str) -> Result<DVec2, String> {
-    numbers(text).ok_or_else(|| "two numbers with a comma between them are needed, as in 51.5,-20".to_owned())
+    let point = text
+        .split_once(',')
+        .and_then(|(x, y)| Some(DVec2::new(values::coordinate(x)?, values::coordinate(y)?)));
+    point.ok_or_else(|| {
+        "two numbers of metres up to 100000 with a comma between them are needed, as in 51.5,-20".to_owned()
+    })
 }
 
 fn degrees(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(number) if number.is_finite() => Ok(number),
-        _ => Err("degrees are needed".to_owned()),
+        Ok(number) if number.abs() <= 360.0 => Ok(number),
+        _ => Err("degrees from -360 to 360 are needed".to_owned()),
     }
 }
 
