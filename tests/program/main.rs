@@ -7,6 +7,7 @@
 )]
 
 mod cli;
+mod damage;
 mod docs;
 mod figures;
 mod fork;

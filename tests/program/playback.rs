@@ -74,6 +74,8 @@ fn go(player: &mut Player, cue: PlaybackCommand) -> std::sync::Arc<city3d_sessio
 
 fn settle(player: &mut Player) {
     let start = Instant::now();
+    // What it asks for first is not read before it was asked to show something.
+    player.advance(start);
     while !player.is_settled() {
         player.advance(Instant::now());
         assert!(start.elapsed() < Duration::from_secs(60), "it never comes to rest");

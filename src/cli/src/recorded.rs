@@ -2,8 +2,8 @@
 
 use super::files::{LogArgs, conclude};
 use super::{Failure, ScenarioArgs, load, progress};
-use city3d_logbook::record::LogOrigin;
-use city3d_session::recorded::{RecordedPoses, RecordedPosesError, is_bag};
+use city3d_logbook::record::{FileKind, LogOrigin, file_kind};
+use city3d_session::recorded::{MeasurementGap, RecordedPoses, RecordedPosesError};
 use city3d_session::{RunFiles, RunFolders};
 use city3d_simulation::scenario::Experiment;
 use std::path::{Path, PathBuf};
@@ -25,13 +25,20 @@ impl From<RecordedPosesError> for Failure {
 
 impl PosesReplay<'_> {
     pub fn replay(&self) -> Result<(), Failure> {
-        let poses = if is_bag(self.poses) {
-            RecordedPoses::of_bag(self.poses, &*load::experiment(&self.scenario(None))?)
-        } else {
-            RecordedPoses::of_table(self.poses)
+        let poses = match file_kind(self.poses).map_err(Failure::bad_input)? {
+            FileKind::Mcap | FileKind::Ros1Bag => {
+                RecordedPoses::of_bag(self.poses, &*load::experiment(&self.scenario(None))?)
+            }
+            FileKind::Text => RecordedPoses::of_table(self.poses),
+            FileKind::Other => {
+                return Err(Failure::bad_input(format!(
+                    "{}: its first bytes are those of no bag (ROS 1 in format 2.0, or MCAP) and of no table (text in UTF-8)",
+                    self.poses.display()
+                )));
+            }
         }?;
         let experiment = load::experiment(&self.scenario(Some(poses.duration_s())))?;
-        self.warn(&poses, &experiment);
+        self.examine(&poses, &experiment)?;
         let folders = RunFolders::parts(Some(PathBuf::from(self.out)));
         let mut files = RunFiles::new(folders, LogOrigin::Recorded, self.log.options());
         files.begin(&experiment)?;
@@ -45,16 +52,23 @@ impl PosesReplay<'_> {
         ScenarioArgs { scenario: self.scenario.to_owned(), duration, ..ScenarioArgs::default() }
     }
 
-    /// Warns of poses that are probably wrong.
-    fn warn(&self, poses: &RecordedPoses, experiment: &Experiment) {
+    /// Warns of poses that are probably wrong, and refuses those that certainly are.
+    fn examine(&self, poses: &RecordedPoses, experiment: &Experiment) -> Result<(), Failure> {
         let path = self.poses.display();
-        let strangers: Vec<String> = poses.strangers(experiment).iter().map(ToString::to_string).collect();
+        let strangers = poses.strangers(experiment);
+        if strangers.len() > MOST_STRANGERS {
+            return Err(Failure::bad_input(format!(
+                "{path}: {} vehicles that the scenario does not have; at most {MOST_STRANGERS} are shown. Is id the right \
+                 column?",
+                strangers.len()
+            )));
+        }
         if !strangers.is_empty() {
             let known = experiment.vehicles.iter().map(|planned| format!("{} {}", planned.id, planned.name));
             tracing::warn!(
                 "{path}: the scenario has no vehicle {}; it has {}. The unknown ones are shown with default dimensions",
-                strangers.join(", "),
-                known.take(20).collect::<Vec<_>>().join(", ")
+                first_of(strangers.iter().map(ToString::to_string)),
+                first_of(known)
             );
         }
         if let Some(share) = poses.share_outside(experiment) {
@@ -65,13 +79,31 @@ impl PosesReplay<'_> {
                 share * 100.0
             );
         }
-        for gap in poses.gaps() {
+        let mut gaps = poses.gaps();
+        for MeasurementGap { vehicle, from_s, to_s } in gaps.by_ref().take(MOST_LISTED) {
             tracing::warn!(
-                "{path}: vehicle {} was not measured from {:.2} s to {:.2} s and is absent for that time",
-                gap.vehicle,
-                gap.from_s,
-                gap.to_s
+                "{path}: vehicle {vehicle} was not measured from {from_s:.2} s to {to_s:.2} s and is absent for that time"
             );
         }
+        let more = gaps.count();
+        if more > 0 {
+            tracing::warn!("{path}: {more} more gaps in which a vehicle is absent");
+        }
+        Ok(())
     }
+}
+
+/// Most vehicles that the scenario does not have.
+const MOST_STRANGERS: usize = 1000;
+/// Most things of one kind that warnings list.
+const MOST_LISTED: usize = 20;
+
+/// The first words of a list, and how many follow.
+fn first_of(mut words: impl Iterator<Item = String>) -> String {
+    let mut listed: Vec<String> = words.by_ref().take(MOST_LISTED).collect();
+    let more = words.count();
+    if more > 0 {
+        listed.push(format!("and {more} more"));
+    }
+    listed.join(", ")
 }

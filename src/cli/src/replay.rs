@@ -4,7 +4,7 @@ use super::files::{LogArgs, log_of};
 use super::recorded::PosesReplay;
 use super::say::say;
 use super::{Failure, progress};
-use city3d_logbook::record::{is_ros1_bag, last_tick};
+use city3d_logbook::record::{FileKind, file_kind, last_tick};
 use city3d_logbook::replay::{Replay, ReplayError};
 use city3d_logbook::verify::{DifferentVehicle, VerifyReport};
 use city3d_simulation::scenario::shipped_scenarios;
@@ -45,7 +45,8 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     }
     let log = &log_of(&args.log);
     let is_table = log.extension().is_some_and(|extension| extension == "csv");
-    if !args.verify && (is_table || is_ros1_bag(log)) {
+    let is_ros1_bag = matches!(file_kind(log), Ok(FileKind::Ros1Bag));
+    if !args.verify && (is_table || is_ros1_bag) {
         return Err(poses_need(&args.log));
     }
     if !args.verify {
@@ -61,13 +62,7 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     } else {
         print(&report)?;
     }
-    match report.first_difference {
-        None => Ok(()),
-        Some(first) => Err(Failure::failed(format!(
-            "tick {} differs from the log when it is simulated again",
-            first.tick
-        ))),
-    }
+    report.failure().map_or(Ok(()), |why| Err(Failure::failed(why)))
 }
 
 /// The error for poses without a scenario.
@@ -178,7 +173,7 @@ pub(super) fn failure(error: ReplayError) -> Failure {
 fn print(report: &VerifyReport) -> Result<(), Failure> {
     if let Some(why) = &report.torn {
         say(format_args!(
-            "{}: the log is truncated: {why}; it is read up to its last whole record",
+            "{}: the log has no end: {why}. It is compared up to its last whole record",
             report.log.display()
         ))?;
     }

@@ -17,8 +17,12 @@ pub struct VerifyReport {
     pub simulated_s: f64,
     /// Ticks whose states are equal, the beginning among them.
     pub ticks_agreeing: u64,
-    /// Why the log is truncated, if it is.
+    /// Why the log has no end, as that of a killed process; its ticks up to there were compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub torn: Option<String>,
+    /// Where the log is damaged and why; no tick behind that was compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub damage: Option<String>,
     /// Where the states differ, if they do.
     pub first_difference: Option<FirstDifference>,
 }
@@ -69,15 +73,37 @@ impl VerifyReport {
                 progress(replay.snapshot().time_s);
             }
         }
+        let (damage, torn) = match replay.log().truncation() {
+            Some(truncation) if truncation.is_damage() => (Some(truncation.to_string()), None),
+            truncation => (None, truncation.map(ToString::to_string)),
+        };
         Ok(Self {
             log: log.to_path_buf(),
             scenario: replay.experiment().name.clone(),
             version: replay.log().version().to_owned(),
             simulated_s: replay.snapshot().time_s,
             ticks_agreeing,
-            torn: replay.log().truncation().map(str::to_owned),
+            torn,
+            damage,
             first_difference,
         })
+    }
+
+    /// Why the log is not verified; `None` where all of its ticks were compared and agree. A torn log counts up to where it
+    /// ends.
+    pub fn failure(&self) -> Option<String> {
+        if let Some(first) = &self.first_difference {
+            return Some(format!("tick {} differs from the log when it is simulated again", first.tick));
+        }
+        let log = self.log.display();
+        if let Some(damage) = &self.damage {
+            return Some(format!(
+                "{log}: {damage}; what follows was not compared. Copy the log again, or record it again"
+            ));
+        }
+        let torn = self.torn.as_ref().map(|why| format!(": {why}")).unwrap_or_default();
+        let is_empty = self.ticks_agreeing == 0;
+        is_empty.then(|| format!("{log}: the log has no tick to compare{torn}; record the run again"))
     }
 }
 

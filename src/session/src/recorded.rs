@@ -4,15 +4,13 @@
 use super::{Inputs, Moment, RunFiles, SessionError};
 use city3d_estimation::{LONGEST_GAP_S, MotionEstimate, NoiseModel, smooth};
 use city3d_geometry::Pose2;
-use city3d_logbook::record::{
-    COLUMNS, POSE_COLUMNS, RecordError, RecordedPose, is_log, is_ros1_bag, read_bag, read_poses,
-};
+use city3d_logbook::record::{COLUMNS, POSE_COLUMNS, RecordError, RecordedPose, read_bag, read_poses};
 use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_protocol::wire::{ExperimentPhase, Poses};
 use city3d_simulation::runner::{ObservedCity, ObservedMotion, Summary};
 use city3d_simulation::scenario::Experiment;
 use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
@@ -54,9 +52,11 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Whether a file is a bag of ROS 1 or ROS 2 (MCAP), rather than a table.
-pub fn is_bag(path: &Path) -> bool {
-    is_ros1_bag(path) || is_log(path)
+/// The first line of a file, or so many bytes of it.
+fn first_line(path: &Path, most: u64) -> std::io::Result<String> {
+    let mut line = String::new();
+    BufReader::new(std::fs::File::open(path)?).take(most).read_line(&mut line)?;
+    Ok(line)
 }
 
 /// Time in which a vehicle was not measured, too long to bridge. Seconds since the first pose of all vehicles.
@@ -86,14 +86,13 @@ impl RecordedPoses {
     /// # Errors
     /// When it cannot be read, is in city metres, or its poses span no suitable time.
     pub fn of_table(path: &Path) -> Result<Self, RecordedPosesError> {
-        let text = std::fs::File::open(path).map(BufReader::new).and_then(|mut file| {
-            let mut line = String::new();
-            file.read_line(&mut line).map(|_| line)
-        });
-        if text.is_ok_and(|header| header.trim_end() == COLUMNS.join(",")) {
+        let own = COLUMNS.join(",");
+        let poses = read_poses(path);
+        let is_own = || first_line(path, own.len() as u64 + 2).is_ok_and(|line| line.trim_end() == own);
+        if matches!(poses, Err(RecordError::Poses { .. })) && is_own() {
             return Err(RecordedPosesError::OwnTable { path: path.to_path_buf() });
         }
-        Self::new(path, read_poses(path)?)
+        Self::new(path, poses?)
     }
 
     /// Reads a bag, by the names of the scenario's vehicles and of their subjects.
@@ -197,6 +196,8 @@ const OUTSIDE_SHARE: f64 = 0.1;
 /// smoothing all poses at once.
 const CHUNK_S: f64 = 60.0;
 const OVERLAP_S: f64 = 5.0;
+/// Most motions of all vehicles in a chunk, which has 1 s at least: many vehicles have shorter chunks.
+const MOST_MOTIONS: u64 = 1_000_000;
 
 /// Motions of the vehicles at the ticks of the experiment, smoothed chunk by chunk. City metres.
 struct SmoothedMotions<'a> {
@@ -215,7 +216,9 @@ impl<'a> SmoothedMotions<'a> {
     }
 
     fn ticks_per_chunk(&self) -> u64 {
-        (CHUNK_S * f64::from(self.experiment.rates.physics_hz)) as u64
+        let second = u64::from(self.experiment.rates.physics_hz);
+        let most = MOST_MOTIONS / (self.recorded.poses.len() as u64).max(1);
+        most.clamp(second, CHUNK_S as u64 * second)
     }
 
     /// Motions of the vehicles that are present at a tick. Ticks come in order.

@@ -135,7 +135,7 @@ impl RunLog {
                 LogEntry::Tick { .. } => {}
             }
         }
-        let truncation = log.truncation().map(str::to_owned);
+        let truncation = log.truncation().map(ToString::to_string);
         if builder.traces.is_empty() {
             let why = truncation.map(|why| format!(" ({why})")).unwrap_or_default();
             return Err(RunError::Empty { path: path.to_path_buf(), why });

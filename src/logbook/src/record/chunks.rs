@@ -1,13 +1,15 @@
-//! Random access to the chunks of an MCAP log. It uses the chunk index in the summary section; a truncated log
-//! without one is scanned by record headers.
+//! Random access to the chunks of an MCAP log. It uses the chunk index in the summary section; a log without one, or with
+//! a damaged one, is scanned by record headers.
 
-use super::RecordError;
+use super::budget::DecompressionBudget;
 use super::log::{COMMAND_TOPIC, EVENT_TOPIC, NETWORK_TOPIC, SNAPSHOT_TOPIC};
-use super::reader::{LARGEST_RECORD, LogEntry, LogReader, decode, no_log, why};
-use mcap::McapError;
-use mcap::records::op;
+use super::reader::{LogEntry, LogReader, decode, no_log};
+use super::records::{
+    ChunkHead, HEAD, LARGEST_RECORD, Truncation, chunk_reader, describe, is_ended, parse_checked,
+};
+use super::{RecordError, input};
+use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 use std::collections::{BTreeSet, HashMap};
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
@@ -38,11 +40,37 @@ pub struct ChunkInfo {
     pub from_s: f64,
     /// Simulated time of its last message, seconds.
     pub to_s: f64,
+    /// Place of the record in the file.
     offset: u64,
-    /// Length of the record with its header, bytes.
+    /// Length of the record with its opcode and length, bytes.
     length: u64,
+    head: ChunkHead,
     /// Channels of its messages, where the index tells them.
     channels: Option<BTreeSet<u16>>,
+}
+
+impl ChunkInfo {
+    /// A chunk at a place, with a record of so many bytes.
+    ///
+    /// # Errors
+    /// What cannot be right, in words.
+    fn new(offset: u64, length: u64, head: ChunkHead) -> Result<Self, String> {
+        if head.from_ns > head.to_ns {
+            return Err(format!("the chunk at byte {offset} ends before it begins"));
+        }
+        if length < HEAD + ChunkHead::SIZE as u64 || length > HEAD + LARGEST_RECORD as u64 {
+            return Err(format!("the chunk at byte {offset} has {length} bytes"));
+        }
+        let (from_s, to_s) = (seconds(head.from_ns), seconds(head.to_ns));
+        Ok(Self { from_s, to_s, offset, length, head, channels: None })
+    }
+
+    /// Whether a snapshot of a time may be in it.
+    fn has(&self, time_s: f64) -> bool {
+        /// Times of messages are in nanoseconds.
+        const TOLERANCE_S: f64 = 1e-6;
+        (self.from_s - TOLERANCE_S..=self.to_s + TOLERANCE_S).contains(&time_s)
+    }
 }
 
 /// An MCAP log with random access to its chunks.
@@ -53,26 +81,36 @@ pub struct ChunkedLog {
     topics: HashMap<u16, String>,
     /// In order of time.
     chunks: Vec<ChunkInfo>,
-    truncation: Option<String>,
+    truncation: Option<Truncation>,
 }
-
-/// Bytes of a record header: opcode and length.
-const HEAD: u64 = 9;
 
 impl ChunkedLog {
     /// Finds the chunks of a log that a reader has opened.
     ///
     /// # Errors
-    /// [`RecordError::NoLog`] where the file cannot be read.
+    /// [`RecordError::NoLog`] where the file cannot be read, or its chunks grow too large.
     pub fn of(reader: &LogReader, path: &Path) -> Result<Self, RecordError> {
         let failed = |error: std::io::Error| no_log(path, error);
-        let mut file = File::open(path).map_err(failed)?;
+        let (mut file, size) = input::open(path).map_err(failed)?;
         let mut topics = reader.topics().clone();
-        let size = file.metadata().map_err(failed)?.len();
-        let (mut chunks, truncation) = match indexed(&mut file, size, &mut topics) {
-            Some(chunks) => (chunks, None),
+        let index = indexed(&mut file, size).unwrap_or_else(|damage| {
+            tracing::warn!(
+                "{}: the index of the log is damaged: {damage}; the log is read from its front",
+                path.display()
+            );
+            None
+        });
+        let (mut chunks, truncation) = match index {
+            Some(index) => {
+                topics.extend(index.topics);
+                (index.chunks, None)
+            }
             None => walked(&mut file, size).map_err(failed)?,
         };
+        let mut budget = DecompressionBudget::of_file(size);
+        for chunk in &chunks {
+            budget.take(chunk.head.uncompressed_size).map_err(|error| no_log(path, error))?;
+        }
         chunks.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
         Ok(Self { path: path.to_path_buf(), file, topics, chunks, truncation })
     }
@@ -82,9 +120,9 @@ impl ChunkedLog {
         &self.chunks
     }
 
-    /// Why the log has no end, where it is torn.
-    pub fn truncation(&self) -> Option<&str> {
-        self.truncation.as_deref()
+    /// Why the log was not read up to its end, if it was not.
+    pub fn truncation(&self) -> Option<&Truncation> {
+        self.truncation.as_ref()
     }
 
     /// Whether a chunk may have something of a part; it is not read for that.
@@ -103,41 +141,47 @@ impl ChunkedLog {
     /// # Errors
     /// [`RecordError::NoLog`] where it cannot be read or is damaged.
     pub fn read(&mut self, chunk: usize, part: EntryFilter) -> Result<Vec<LogEntry>, RecordError> {
-        let Some(place) = self.chunks.get(chunk) else { return Ok(Vec::new()) };
-        let mut bytes = vec![0; place.length as usize];
+        let Some(chunk) = self.chunks.get(chunk) else { return Ok(Vec::new()) };
+        let damaged =
+            |reason: String| no_log(&self.path, format!("the chunk at byte {}: {reason}", chunk.offset));
+        let mut bytes = vec![0; chunk.length as usize];
         let read =
-            self.file.seek(SeekFrom::Start(place.offset)).and_then(|_| self.file.read_exact(&mut bytes));
+            self.file.seek(SeekFrom::Start(chunk.offset)).and_then(|_| self.file.read_exact(&mut bytes));
         read.map_err(|error| no_log(&self.path, error))?;
-        let options = LinearReaderOptions::default()
-            .with_skip_start_magic(true)
-            .with_skip_end_magic(true)
-            .with_prevalidate_chunk_crcs(true)
-            .with_record_length_limit(LARGEST_RECORD);
-        let mut reader = LinearReader::new_with_options(options);
-        let (mut rest, mut entries) = (&bytes[..], Vec::new());
+        let body = body_of(chunk, &bytes).map_err(damaged)?;
+        let mut reader = chunk_reader(chunk.head, body);
+        let mut entries = Vec::new();
         while let Some(event) = reader.next_event() {
-            match event.map_err(|error| no_log(&self.path, why(&error)))? {
-                LinearReadEvent::ReadRequest(wanted) => {
-                    let taken = wanted.min(rest.len());
-                    reader.insert(taken).copy_from_slice(&rest[..taken]);
-                    reader.notify_read(taken);
-                    rest = &rest[taken..];
-                }
+            match event.map_err(|error| damaged(describe(&error)))? {
+                LinearReadEvent::ReadRequest(_) => reader.notify_read(0),
                 LinearReadEvent::Record { data, opcode: op::MESSAGE } => {
-                    entries.extend(self.entry(data, part)?);
+                    entries.extend(self.entry(data, part).map_err(damaged)?);
                 }
                 LinearReadEvent::Record { .. } => {}
             }
         }
-        Ok(entries)
+        let times = entries.iter().filter_map(|entry| match entry {
+            LogEntry::Snapshot(snapshot) => Some(snapshot.time_s),
+            _ => None,
+        });
+        match times.into_iter().find(|time_s| !chunk.has(*time_s)) {
+            Some(time_s) => {
+                Err(damaged(format!("it has a snapshot of {time_s} s, which is not in its time")))
+            }
+            None => Ok(entries),
+        }
     }
 
-    fn entry(&self, message: &[u8], part: EntryFilter) -> Result<Option<LogEntry>, RecordError> {
+    /// Decodes a message, where it is of the part.
+    ///
+    /// # Errors
+    /// What is wrong with it, in words.
+    fn entry(&self, message: &[u8], part: EntryFilter) -> Result<Option<LogEntry>, String> {
         /// Channel, sequence, and the times of logging and publishing.
         const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
         let (Some(&[low, high]), Some(body)) = (message.first_chunk::<2>(), message.get(MESSAGE_HEAD..))
         else {
-            return Err(no_log(&self.path, why(&McapError::UnexpectedEof)));
+            return Err("a message ends in its head".to_owned());
         };
         let channel = u16::from_le_bytes([low, high]);
         if !self.is_of(channel, part) {
@@ -145,7 +189,22 @@ impl ChunkedLog {
         }
         let topic = self.topics.get(&channel).map_or("", String::as_str);
         let entry = decode(topic, body).flatten();
-        entry.map(Some).ok_or_else(|| no_log(&self.path, format!("a message of {topic} is damaged")))
+        entry.map(Some).ok_or_else(|| format!("a message of {topic} is damaged"))
+    }
+}
+
+/// The body of a chunk's record.
+///
+/// # Errors
+/// In words, where it is another record than the index, or the scan, has found there.
+fn body_of<'a>(chunk: &ChunkInfo, record: &'a [u8]) -> Result<&'a [u8], String> {
+    let (start, body) = record.split_at_checked(HEAD as usize).unwrap_or_default();
+    let length = (body.len() as u64).to_le_bytes();
+    let is_there = start.split_first() == Some((&op::CHUNK, &length[..]));
+    if is_there && ChunkHead::read(body)? == chunk.head {
+        Ok(body)
+    } else {
+        Err("it is not what the index of the log states".to_owned())
     }
 }
 
@@ -153,70 +212,126 @@ fn seconds(nanoseconds: u64) -> f64 {
     nanoseconds as f64 * 1e-9
 }
 
-/// The chunks by the chunk index of the summary section; `None` without a complete one.
-fn indexed(file: &mut File, size: u64, topics: &mut HashMap<u16, String>) -> Option<Vec<ChunkInfo>> {
-    let options =
-        SummaryReaderOptions::default().with_file_size(size).with_record_length_limit(LARGEST_RECORD);
-    let mut reader = SummaryReader::new_with_options(options);
-    while let Some(event) = reader.next_event() {
-        match event.ok()? {
-            SummaryReadEvent::ReadRequest(wanted) => {
-                let read = file.read(reader.insert(wanted)).ok()?;
-                reader.notify_read(read);
-            }
-            SummaryReadEvent::SeekRequest(to) => reader.notify_seeked(file.seek(to).ok()?),
-        }
-    }
-    let summary = reader.finish()?;
-    let stated = summary.stats.as_ref().map(|stats| stats.chunk_count as usize);
-    if summary.chunk_indexes.is_empty() || stated.is_some_and(|count| count != summary.chunk_indexes.len()) {
-        return None;
-    }
-    topics.extend(summary.channels.iter().map(|(id, channel)| (*id, channel.topic.clone())));
-    let fits = |index: &mcap::records::ChunkIndex| {
-        let is_sane = index.chunk_length <= LARGEST_RECORD as u64;
-        is_sane && index.chunk_start_offset.checked_add(index.chunk_length).is_some_and(|end| end <= size)
-    };
-    let chunk = |index: &mcap::records::ChunkIndex| ChunkInfo {
-        from_s: seconds(index.message_start_time),
-        to_s: seconds(index.message_end_time),
-        offset: index.chunk_start_offset,
-        length: index.chunk_length,
-        channels: (!index.message_index_offsets.is_empty())
-            .then(|| index.message_index_offsets.keys().copied().collect()),
-    };
-    summary.chunk_indexes.iter().all(fits).then(|| summary.chunk_indexes.iter().map(chunk).collect())
+/// What the summary section of a log tells.
+#[derive(Default)]
+struct LogIndex {
+    chunks: Vec<ChunkInfo>,
+    topics: HashMap<u16, String>,
+    /// Chunks of the log by its statistics.
+    stated: Option<usize>,
 }
 
-/// The complete chunks of a file without an index, and why it is truncated.
-fn walked(file: &mut File, size: u64) -> std::io::Result<(Vec<ChunkInfo>, Option<String>)> {
-    let truncation = |chunks, error: McapError| Ok((chunks, Some(why(&error))));
+/// The index of a log by its summary section; `None` where it has none.
+///
+/// # Errors
+/// What is damaged in it, in words.
+fn indexed(file: &mut File, size: u64) -> Result<Option<LogIndex>, String> {
+    let Some((start, section)) = summary_section(file, size)? else { return Ok(None) };
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_validate_summary_section_crc(true)
+        .with_record_length_limit(section.len());
+    let mut reader = LinearReader::new_with_options(options);
+    reader.insert(section.len()).copy_from_slice(&section);
+    reader.notify_read(section.len());
+    let mut index = LogIndex::default();
+    while let Some(event) = reader.next_event() {
+        match event.map_err(|error| error.to_string())? {
+            LinearReadEvent::ReadRequest(_) => reader.notify_read(0),
+            LinearReadEvent::Record { data, opcode } => index.take(opcode, data, start)?,
+        }
+    }
+    let known = index.chunks.len();
+    match index.stated {
+        Some(stated) if stated != known => Err(format!("it lists {known} of {stated} chunks")),
+        _ => Ok((known > 0).then_some(index)),
+    }
+}
+
+impl LogIndex {
+    /// Takes a record of a summary section that begins at byte `start`.
+    fn take(&mut self, opcode: u8, data: &[u8], start: u64) -> Result<(), String> {
+        if ![op::CHANNEL, op::CHUNK_INDEX, op::STATISTICS].contains(&opcode) {
+            return Ok(());
+        }
+        match parse_checked(opcode, data)? {
+            Record::Channel(channel) => drop(self.topics.insert(channel.id, channel.topic)),
+            Record::Statistics(statistics) => self.stated = Some(statistics.chunk_count as usize),
+            Record::ChunkIndex(index) => {
+                let head = ChunkHead {
+                    from_ns: index.message_start_time,
+                    to_ns: index.message_end_time,
+                    uncompressed_size: index.uncompressed_size,
+                };
+                let mut chunk = ChunkInfo::new(index.chunk_start_offset, index.chunk_length, head)?;
+                if chunk.offset.checked_add(chunk.length).is_none_or(|end| end > start) {
+                    return Err(format!("the chunk at byte {} reaches beyond the data", chunk.offset));
+                }
+                let channels = index.message_index_offsets;
+                chunk.channels = (!channels.is_empty()).then(|| channels.into_keys().collect());
+                self.chunks.push(chunk);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// The place of the summary section, and its bytes from the data end before it to the end of the file; `None` where the
+/// log has none.
+fn summary_section(file: &mut File, size: u64) -> Result<Option<(u64, Vec<u8>)>, String> {
+    /// Data end with its checksum, before the section.
+    const DATA_END: u64 = HEAD + 4;
+    /// Footer with two places and a checksum, and the magic bytes.
+    const FOOTER: u64 = HEAD + 8 + 8 + 4 + mcap::MAGIC.len() as u64;
+    let failed = |error: std::io::Error| error.to_string();
+    let Some(footer) = size.checked_sub(FOOTER).filter(|_| is_ended(file, size).unwrap_or_default()) else {
+        return Ok(None);
+    };
+    let mut head = [0; HEAD as usize + 8];
+    file.seek(SeekFrom::Start(footer)).and_then(|_| file.read_exact(&mut head)).map_err(failed)?;
+    let start = head.last_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
+    if head[0] != op::FOOTER {
+        return Err("the file does not end with a footer".to_owned());
+    }
+    if start == 0 {
+        return Ok(None);
+    }
+    if start < DATA_END || start > footer || footer - start > LARGEST_RECORD as u64 {
+        return Err(format!("it begins at byte {start} of {size}"));
+    }
+    let mut section = vec![0; (size - (start - DATA_END)) as usize];
+    file.seek(SeekFrom::Start(start - DATA_END))
+        .and_then(|_| file.read_exact(&mut section))
+        .map_err(failed)?;
+    Ok(Some((start, section)))
+}
+
+/// The complete chunks of a file without an index, and why it was not read up to its end.
+fn walked(file: &mut File, size: u64) -> std::io::Result<(Vec<ChunkInfo>, Option<Truncation>)> {
+    let is_ended = is_ended(file, size)?;
     let mut chunks: Vec<ChunkInfo> = Vec::new();
     let mut offset = mcap::MAGIC.len() as u64;
     loop {
-        // Opcode and length; for a chunk also the times of its messages.
-        let mut head = [0; HEAD as usize + 16];
+        let mut start = [0; HEAD as usize + ChunkHead::SIZE];
         file.seek(SeekFrom::Start(offset))?;
-        let there = fill(file, &mut head)?;
-        let number =
-            |from: usize| head[from..from + 8].iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte));
-        let length = number(1);
-        if (there as u64) < HEAD || length > size - offset - HEAD {
-            return truncation(chunks, McapError::UnexpectedEof);
+        let there = fill(file, &mut start)? as u64;
+        let (opcode, rest) = (start[0], &start[1..]);
+        let length = rest.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
+        if there < HEAD || length > size - offset - HEAD {
+            return Ok((chunks, Some(Truncation::of_cut(offset, is_ended))));
         }
-        match head[0] {
-            op::DATA_END => return Ok((chunks, None)),
-            op::CHUNK if length > LARGEST_RECORD as u64 || length < 16 => {
-                return truncation(chunks, McapError::UnexpectedEoc);
+        let head = rest.last_chunk().map(ChunkHead::of_start);
+        let damage = match (opcode, head) {
+            (op::DATA_END, _) => return Ok((chunks, None)),
+            (op::CHUNK, Some(head)) => {
+                ChunkInfo::new(offset, HEAD + length, head).map(|chunk| chunks.push(chunk)).err()
             }
-            op::CHUNK => chunks.push(ChunkInfo {
-                from_s: seconds(number(HEAD as usize)),
-                to_s: seconds(number(HEAD as usize + 8)),
-                offset,
-                length: HEAD + length,
-                channels: None,
-            }),
-            _ => {}
+            (0, _) => Some("a record of no kind".to_owned()),
+            _ => None,
+        };
+        if let Some(reason) = damage {
+            return Ok((chunks, Some(Truncation::Damaged { offset, reason })));
         }
         offset += HEAD + length;
     }

@@ -2,23 +2,28 @@
 //! the vehicles.
 
 mod bag;
+mod budget;
 mod cdr;
 mod chunks;
 #[cfg(test)]
 mod golden;
+mod input;
 mod log;
 mod poses;
 mod reader;
 mod recorder;
+mod records;
 mod schema;
 mod table;
 mod transforms;
 
-pub use bag::{is_ros1_bag, read_bag};
+pub use bag::read_bag;
 pub use chunks::{ChunkInfo, ChunkedLog, EntryFilter};
+pub use input::{FileKind, file_kind, is_log};
 pub use log::{LogOrigin, LogWriter};
 pub use poses::{POSE_COLUMNS, RecordedPose, read_poses};
-pub use reader::{LogEntry, LogReader, is_log, last_tick, read_commands, read_network};
+pub use reader::{LogEntry, LogReader, last_tick, read_commands, read_network};
 pub use recorder::{Backpressure, Cadence, ClosingFiles, FileWork, RecordError, Recorder};
+pub use records::Truncation;
 pub use schema::{LoggedSnapshot, LoggedVehicle, NetworkCommand};
 pub use table::{COLUMNS, VehicleTable};

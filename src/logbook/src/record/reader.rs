@@ -2,10 +2,12 @@
 //! read up to its last whole record.
 
 use super::RecordError;
+use super::input::{FileKind, file_kind};
 use super::log::{
     COMMAND_TOPIC, EVENT_TOPIC, FORMAT, LogOrigin, MAP, MEASURED_TOPIC, METADATA, MODELS, NETWORK_TOPIC,
     REVISION, SCENARIO, SNAPSHOT_TOPIC, TICK_TOPIC, TRAJECTORY_TOPIC,
 };
+use super::records::{RecordStream, Truncation};
 use super::schema::{
     LoggedSnapshot, NetworkCommand, decode_command, decode_event, decode_measured, decode_network,
     decode_snapshot, decode_tick, decode_trajectory,
@@ -13,12 +15,8 @@ use super::schema::{
 use city3d_protocol::snapshot::{Event, ModelKind, SimCommand};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
-use mcap::McapError;
 use mcap::records::Record;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// A decoded message of a log.
@@ -64,9 +62,10 @@ impl LogReader {
     /// Opens a log of this version's format.
     ///
     /// # Errors
-    /// [`RecordError::NoLog`] where the file cannot be read, is none of City3D, or of another format.
+    /// [`RecordError::Unreadable`] where the file cannot be read, [`RecordError::NoLog`] where it is none of City3D, or of
+    /// another format.
     pub fn open(path: &Path) -> Result<Self, RecordError> {
-        if path.is_file() && !is_log(path) {
+        if file_kind(path)? != FileKind::Mcap {
             return Err(no_log(path, "it is not an MCAP file; give the run.mcap of a run"));
         }
         let mut log = Self {
@@ -79,7 +78,7 @@ impl LogReader {
             ahead: None,
         };
         log.ahead = log.next_entry()?;
-        let truncation = log.records.truncation.clone();
+        let truncation = log.truncation().cloned();
         if log.metadata.is_empty() {
             let why = match truncation {
                 Some(why) => format!("{why}; give the run.mcap of a run"),
@@ -135,9 +134,9 @@ impl LogReader {
         &self.topics
     }
 
-    /// Why the log is truncated, if it is.
-    pub fn truncation(&self) -> Option<&str> {
-        self.records.truncation.as_deref()
+    /// Why the log was not read up to its end, if it was not.
+    pub fn truncation(&self) -> Option<&Truncation> {
+        self.records.truncation()
     }
 
     /// The experiment from the log alone, without other files. That of a served city has no vehicles: they came over
@@ -204,7 +203,7 @@ impl LogReader {
             match record {
                 None => return Ok(None),
                 Some(Record::Metadata(data)) if data.name == METADATA => self.metadata = data.metadata,
-                Some(Record::Attachment { header, data, .. }) => {
+                Some(Record::Attachment { header, data, .. }) if is_of_experiment(&header.name) => {
                     self.attachments.insert(header.name, data.into_owned());
                 }
                 Some(Record::Channel(channel)) => drop(self.topics.insert(channel.id, channel.topic)),
@@ -213,13 +212,18 @@ impl LogReader {
                     match decode(topic, &data) {
                         None => {}
                         Some(Some(entry)) => return Ok(Some(entry)),
-                        Some(None) => self.records.end(format!("a message of {topic} is damaged")),
+                        Some(None) => self.records.end_damaged(format!("a message of {topic} is damaged")),
                     }
                 }
                 Some(_) => {}
             }
         }
     }
+}
+
+/// Whether an attachment belongs to the experiment of a log.
+fn is_of_experiment(name: &str) -> bool {
+    name == SCENARIO || name == MAP || name.starts_with(MODELS)
 }
 
 pub(super) fn no_log(path: &Path, reason: impl ToString) -> RecordError {
@@ -243,66 +247,12 @@ pub(super) fn decode(topic: &str, data: &[u8]) -> Option<Option<LogEntry>> {
     })
 }
 
-/// Largest record or chunk: a damaged length must not exhaust the memory.
-pub(super) const LARGEST_RECORD: usize = 256 << 20;
-
-/// The records of an MCAP file, also those inside chunks, up to its data end.
-struct RecordStream {
-    file: File,
-    reader: LinearReader,
-    is_over: bool,
-    truncation: Option<String>,
-}
-
-impl std::fmt::Debug for RecordStream {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Records").field("torn", &self.truncation).finish_non_exhaustive()
-    }
-}
-
-impl RecordStream {
-    fn open(path: &Path) -> std::io::Result<Self> {
-        let options = LinearReaderOptions::default()
-            .with_skip_end_magic(true)
-            .with_prevalidate_chunk_crcs(true)
-            .with_record_length_limit(LARGEST_RECORD);
-        let reader = LinearReader::new_with_options(options);
-        Ok(Self { file: File::open(path)?, reader, is_over: false, truncation: None })
-    }
-
-    fn end(&mut self, why: String) {
-        self.is_over = true;
-        self.truncation = Some(why);
-    }
-
-    fn next(&mut self) -> std::io::Result<Option<Record<'static>>> {
-        while !self.is_over {
-            match self.reader.next_event() {
-                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                    let read = self.file.read(self.reader.insert(wanted))?;
-                    self.reader.notify_read(read);
-                }
-                Some(Ok(LinearReadEvent::Record { data, opcode })) => {
-                    match mcap::parse_record(opcode, data).map(Record::into_owned) {
-                        Ok(Record::DataEnd(_)) => self.is_over = true,
-                        Ok(record) => return Ok(Some(record)),
-                        Err(error) => self.end(why(&error)),
-                    }
-                }
-                Some(Err(error)) => self.end(why(&error)),
-                None => self.end(why(&McapError::UnexpectedEof)),
-            }
-        }
-        Ok(None)
-    }
-}
-
-/// Calls `take` with type, topic and bytes of each message of any MCAP file. Returns why the file is truncated, if it
-/// is.
+/// Calls `take` with type, topic and bytes of each message of any MCAP file. Returns why the file was not read up to its
+/// end, if it was not.
 pub(super) fn each_message(
     path: &Path,
     mut take: impl FnMut(&str, &str, &[u8]),
-) -> std::io::Result<Option<String>> {
+) -> std::io::Result<Option<Truncation>> {
     let mut records = RecordStream::open(path)?;
     // Type names by schema; type and topic by channel.
     let mut schemas: HashMap<u16, String> = HashMap::new();
@@ -322,22 +272,14 @@ pub(super) fn each_message(
             _ => {}
         }
     }
-    Ok(records.truncation)
+    Ok(records.truncation().cloned())
 }
 
-pub(super) fn why(error: &McapError) -> String {
-    match error {
-        McapError::UnexpectedEof | McapError::UnexpectedEoc => "it ends in the middle of a record".to_owned(),
-        McapError::BadMagic => "it is not an MCAP file".to_owned(),
-        other => format!("a record is damaged ({other})"),
-    }
-}
-
-/// The last tick of a log, and why the log is truncated, if it is.
+/// The last tick of a log, and why the log was not read up to its end, if it was not.
 ///
 /// # Errors
 /// As for [`LogReader::open`].
-pub fn last_tick(path: &Path) -> Result<(u64, Option<String>), RecordError> {
+pub fn last_tick(path: &Path) -> Result<(u64, Option<Truncation>), RecordError> {
     let mut log = LogReader::open(path)?;
     let mut last = 0;
     while let Some(entry) = log.read()? {
@@ -345,14 +287,7 @@ pub fn last_tick(path: &Path) -> Result<(u64, Option<String>), RecordError> {
             last = tick;
         }
     }
-    Ok((last, log.truncation().map(str::to_owned)))
-}
-
-/// Whether a file is an MCAP file, as logs are.
-pub fn is_log(path: &Path) -> bool {
-    let mut start = [0; mcap::MAGIC.len()];
-    let is_mcap = File::open(path).and_then(|mut file| file.read_exact(&mut start)).is_ok();
-    is_mcap && start == mcap::MAGIC
+    Ok((last, log.truncation().cloned()))
 }
 
 /// The commands of persons in a log, each with the tick at which the step began that applied it.

@@ -50,6 +50,14 @@ pub enum RecordError {
         /// Fault of that line, in words.
         reason: String,
     },
+    /// A file cannot be read at all.
+    #[error("{path}: cannot be read: {reason}")]
+    Unreadable {
+        /// Path of the file.
+        path: PathBuf,
+        /// What the operating system says, or why the file is refused.
+        reason: std::io::Error,
+    },
     /// A file cannot be read as a log.
     #[error("{path}: not a log of City3D: {reason}")]
     NoLog {

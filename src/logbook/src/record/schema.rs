@@ -416,6 +416,10 @@ impl LoggedVehicle {
         for number in &mut numbers {
             *number = cdr.f32()?;
         }
+        let pose = numbers.iter().take(4).copied().map(f64::from).chain(position.to_array());
+        if !pose.into_iter().all(f64::is_finite) {
+            return None;
+        }
         Some(Self { id, status, lights, position, numbers })
     }
 }
@@ -437,6 +441,9 @@ pub struct LoggedSnapshot {
 pub fn decode_snapshot(bytes: &[u8]) -> Option<LoggedSnapshot> {
     let mut cdr = CdrReader::new(bytes)?;
     let (tick, time_s, state_hash) = (cdr.u64()?, cdr.f64()?, cdr.u64()?);
+    if !time_s.is_finite() {
+        return None;
+    }
     let mut vehicles = Vec::new();
     for _ in 0..cdr.u32()? {
         vehicles.push(LoggedVehicle::read(&mut cdr)?);

@@ -71,7 +71,7 @@ impl Player {
         let begins_s: Arc<Vec<f64>> = Arc::new(log.chunks().iter().map(|chunk| chunk.from_s).collect());
         let state = SharedState {
             readable: log.chunks().len(),
-            truncation: log.truncation().map(str::to_owned),
+            truncation: log.truncation().map(ToString::to_string),
             past: PlotCache::default(),
             ..SharedState::default()
         };

@@ -59,11 +59,11 @@ pub struct Playhead {
 }
 
 impl Playhead {
-    /// A paused playhead at the first snapshot.
+    /// A paused playhead at the first snapshot. Times are finite; the last snapshot of a damaged log may precede the first.
     pub(super) fn new(from_s: f64, to_s: f64) -> Self {
         Self {
             from_s,
-            to_s,
+            to_s: to_s.max(from_s),
             at_s: from_s,
             before_s: from_s,
             is_playing: false,
@@ -204,6 +204,15 @@ mod tests {
     #[test]
     fn a_log_of_one_snapshot_does_not_play() {
         let mut head = Playhead::new(3.0, 3.0);
+        head.apply(PlaybackCommand::Play);
+        assert!(!head.is_playing);
+    }
+
+    #[test]
+    fn a_log_that_ends_before_it_begins_stands() {
+        let mut head = Playhead::new(5.0, 1.0);
+        assert_eq!((head.after(3.0), head.to_s), (5.0, 5.0));
+        assert_eq!(head.apply(PlaybackCommand::Seek(2.0)), Some(SeekTarget::Nearest(5.0)));
         head.apply(PlaybackCommand::Play);
         assert!(!head.is_playing);
     }

@@ -3,10 +3,11 @@
 mod message;
 mod ros1;
 
-use super::RecordError;
 use super::cdr::CdrReader;
+use super::input::{FileKind, file_kind};
 use super::poses::RecordedPose;
 use super::reader::each_message;
+use super::{RecordError, Truncation};
 use city3d_geometry::lab::Pose2;
 use city3d_geometry::trig;
 use city3d_protocol::snapshot::VehicleId;
@@ -15,8 +16,6 @@ use message::{BagPose, Ros1Reader, poses_of};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-pub use ros1::is_ros1_bag;
-
 /// Most other frame and topic names that an error message lists.
 const MAX_LISTED_PATHS: usize = 12;
 
@@ -24,37 +23,42 @@ const MAX_LISTED_PATHS: usize = 12;
 /// the name as a part, and stamped poses whose topic has it.
 ///
 /// # Errors
-/// [`RecordError::NoBag`] where the file cannot be read, or has no pose of any of them.
+/// [`RecordError::Unreadable`] where the file cannot be read, [`RecordError::NoBag`] where it has no pose of any of them.
 pub fn read_bag(
     path: &Path,
     names: &BTreeMap<String, VehicleId>,
 ) -> Result<BTreeMap<VehicleId, Vec<RecordedPose>>, RecordError> {
     let wrong = |reason: String| RecordError::NoBag { path: path.to_path_buf(), reason };
     let mut sorter = PoseCollector { names, found: BTreeMap::new(), other_paths: BTreeSet::new() };
-    let truncation = if is_ros1_bag(path) {
-        ros1::read(path, |kind, topic, data| sorter.take(poses_of(kind, topic, &mut Ros1Reader::new(data))))
-    } else {
-        each_message(path, |kind, topic, data| {
+    let truncation = match file_kind(path)? {
+        FileKind::Ros1Bag => ros1::read(path, |kind, topic, data| {
+            sorter.take(poses_of(kind, topic, &mut Ros1Reader::new(data)));
+        }),
+        FileKind::Mcap => each_message(path, |kind, topic, data| {
             sorter.take(CdrReader::new(data).and_then(|mut cdr| poses_of(kind, topic, &mut cdr)));
-        })
+        }),
+        FileKind::Text | FileKind::Other => {
+            return Err(wrong("it is neither an MCAP file nor a bag of ROS 1 in format 2.0".to_owned()));
+        }
     };
-    if let Some(truncation) = truncation.map_err(|error| wrong(error.to_string()))? {
+    let truncation =
+        truncation.map_err(|reason| RecordError::Unreadable { path: path.to_path_buf(), reason })?;
+    if let Some(truncation) = &truncation {
         tracing::warn!("{}: {truncation}; the records before that are used", path.display());
     }
     let PoseCollector { found, other_paths, .. } = sorter;
     if found.is_empty() {
         let list = |names: Vec<&str>| if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        let damage = truncation.filter(Truncation::is_damage);
+        let damage = damage.map(|damage| format!("; {damage}")).unwrap_or_default();
         return Err(wrong(format!(
-            "it has no pose of a vehicle of the scenario ({}); it has poses of: {}",
+            "it has no pose of a vehicle of the scenario ({}); it has poses of: {}{damage}",
             list(names.keys().map(String::as_str).collect()),
             list(other_paths.iter().map(String::as_str).collect())
         )));
     }
     Ok(found.into_iter().map(|(vehicle, poses)| (vehicle, super::poses::in_order(poses))).collect())
 }
-
-/// Why the bag is truncated, if it is.
-type TruncationReason = Option<String>;
 
 /// Collects poses by vehicle.
 struct PoseCollector<'a> {

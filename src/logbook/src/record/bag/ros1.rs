@@ -3,13 +3,13 @@
 //! Format: <http://wiki.ros.org/Bags/Format/2.0>. A record has a header of named fields, and data; chunks hold
 //! connections and messages, and may be compressed.
 
-use super::TruncationReason;
+use crate::record::Truncation;
+use crate::record::budget::{DecompressionBudget, TooCompressed};
+use crate::record::input::{self, ROS1_MAGIC};
 use std::collections::HashMap;
-use std::fs::File;
 use std::io::{BufReader, Error, ErrorKind, Read, Result};
 use std::path::Path;
 
-const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
 /// Largest part of a record: a damaged length must not exhaust the memory.
 const LARGEST: u64 = 256 << 20;
 
@@ -18,39 +18,45 @@ const MESSAGE: u8 = 2;
 const CHUNK: u8 = 5;
 const CONNECTION: u8 = 7;
 
-/// Whether a file is a bag of ROS 1.
-pub fn is_ros1_bag(path: &Path) -> bool {
-    let mut start = [0; MAGIC.len()];
-    File::open(path).and_then(|mut file| file.read_exact(&mut start)).is_ok() && start == MAGIC
-}
-
-/// Calls `take` with type, topic and bytes of each message. Returns why the bag is truncated, if it is.
+/// Calls `take` with type, topic and bytes of each message. Returns why the bag was not read up to its end, if it was not.
 ///
 /// # Errors
 /// When the file cannot be read.
-pub fn read(path: &Path, mut take: impl FnMut(&str, &str, &[u8])) -> Result<TruncationReason> {
-    let mut file = BufReader::new(File::open(path)?);
-    file.read_exact(&mut [0; MAGIC.len()])?;
-    let mut connections = Connections::default();
-    let outcome = loop {
-        match Record::read(&mut file) {
-            Ok(Some(record)) => {
-                if let Err(error) = connections.read(&record, &mut take) {
-                    break Err(error);
-                }
+pub fn read(path: &Path, take: impl FnMut(&str, &str, &[u8])) -> Result<Option<Truncation>> {
+    let (file, size) = input::open(path)?;
+    let mut file = CountingReader { from: BufReader::new(file).take(size), count: 0 };
+    file.read_exact(&mut [0; ROS1_MAGIC.len()])?;
+    let mut messages =
+        MessageReader { connections: HashMap::new(), budget: DecompressionBudget::of_file(size), take };
+    loop {
+        let offset = file.count;
+        let outcome = Record::read(&mut file).and_then(|record| match record {
+            Some(record) => messages.read(&record).map(|()| true),
+            None => Ok(false),
+        });
+        match outcome {
+            Ok(true) => {}
+            Ok(false) => return Ok(None),
+            Err(error) if error.kind() == ErrorKind::UnexpectedEof => return Ok(Some(Truncation::Torn)),
+            Err(error) if error.kind() == ErrorKind::InvalidData => {
+                return Ok(Some(Truncation::Damaged { offset, reason: error.to_string() }));
             }
-            Ok(None) => break Ok(None),
-            Err(error) => break Err(error),
+            Err(error) => return Err(error),
         }
-    };
-    match outcome {
-        Err(error) if error.kind() == ErrorKind::UnexpectedEof => {
-            Ok(Some("the bag ends in the middle of a record".to_owned()))
-        }
-        Err(error) if error.kind() == ErrorKind::InvalidData => {
-            Ok(Some(format!("the bag is damaged: {error}")))
-        }
-        other => other,
+    }
+}
+
+/// Counts the bytes that are read.
+struct CountingReader<R> {
+    from: R,
+    count: u64,
+}
+
+impl<R: Read> Read for CountingReader<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
+        let read = self.from.read(buffer)?;
+        self.count += read as u64;
+        Ok(read)
     }
 }
 
@@ -68,11 +74,16 @@ impl Record {
         let Some(header) = whole_part(from)? else { return Ok(None) };
         let (data, is_whole) = part(from)?.ok_or(ErrorKind::UnexpectedEof)?;
         let record = Self { fields: fields(&header)?, data, is_whole };
-        if is_whole || record.op() == CHUNK { Ok(Some(record)) } else { Err(ErrorKind::UnexpectedEof.into()) }
+        if is_whole || record.op()? == CHUNK {
+            Ok(Some(record))
+        } else {
+            Err(ErrorKind::UnexpectedEof.into())
+        }
     }
 
-    fn op(&self) -> u8 {
-        self.fields.get("op").and_then(|op| op.first().copied()).unwrap_or_default()
+    fn op(&self) -> Result<u8> {
+        let op = self.fields.get("op").and_then(|op| op.first().copied());
+        op.ok_or_else(|| damaged("a record without a kind"))
     }
 
     fn connection(&self) -> Result<u32> {
@@ -121,20 +132,24 @@ fn fields(mut header: &[u8]) -> Result<HashMap<String, Vec<u8>>> {
     Ok(found)
 }
 
-/// Types and topics by connection number.
-#[derive(Default)]
-struct Connections(HashMap<u32, (String, String)>);
+/// Reads the messages of records, also of those in chunks.
+struct MessageReader<T> {
+    /// Types and topics by connection number.
+    connections: HashMap<u32, (String, String)>,
+    budget: DecompressionBudget,
+    take: T,
+}
 
-impl Connections {
-    fn read(&mut self, record: &Record, take: &mut impl FnMut(&str, &str, &[u8])) -> Result<()> {
-        match record.op() {
+impl<T: FnMut(&str, &str, &[u8])> MessageReader<T> {
+    fn read(&mut self, record: &Record) -> Result<()> {
+        match record.op()? {
             CHUNK => {
-                let chunk = inflate(record)?;
+                let chunk = inflate(record, &mut self.budget)?;
                 let mut from = chunk.as_slice();
                 while let Some(record) = Record::read(&mut from)? {
                     // Chunks do not nest.
-                    if record.op() != CHUNK {
-                        self.read(&record, take)?;
+                    if record.op()? != CHUNK {
+                        self.read(&record)?;
                     }
                 }
                 if !record.is_whole {
@@ -148,11 +163,11 @@ impl Connections {
                 };
                 let topic = text(&record.fields, "topic").or_else(|| text(&told, "topic"));
                 let of = (text(&told, "type").unwrap_or_default(), topic.unwrap_or_default());
-                self.0.insert(record.connection()?, of);
+                self.connections.insert(record.connection()?, of);
             }
             MESSAGE => {
-                if let Some((kind, topic)) = self.0.get(&record.connection()?) {
-                    take(kind, topic, &record.data);
+                if let Some((kind, topic)) = self.connections.get(&record.connection()?) {
+                    (self.take)(kind, topic, &record.data);
                 }
             }
             _ => {}
@@ -161,10 +176,11 @@ impl Connections {
     }
 }
 
-fn inflate(chunk: &Record) -> Result<Vec<u8>> {
+/// The records of a chunk.
+fn inflate(chunk: &Record, budget: &mut DecompressionBudget) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let data = chunk.data.as_slice();
-    let most = LARGEST + 1;
+    let most = LARGEST.min(budget.left()) + 1;
     let inflated = match chunk.fields.get("compression").map_or(&b"none"[..], Vec::as_slice) {
         b"none" => return Ok(data.to_vec()),
         b"lz4" => lz4_flex::frame::FrameDecoder::new(data).take(most).read_to_end(&mut bytes),
@@ -174,7 +190,16 @@ fn inflate(chunk: &Record) -> Result<Vec<u8>> {
     if inflated.is_err() && chunk.is_whole {
         return Err(damaged("compressed data that cannot be read"));
     }
-    if bytes.len() as u64 > LARGEST { Err(damaged("compressed data that is too large")) } else { Ok(bytes) }
+    if bytes.len() as u64 > LARGEST {
+        return Err(damaged("compressed data that is too large"));
+    }
+    budget.take(bytes.len() as u64).map_err(|TooCompressed| damaged(&TooCompressed.to_string()))?;
+    let stated = chunk.fields.get("size").and_then(|bytes| bytes.first_chunk());
+    let stated = stated.map(|bytes| u32::from_le_bytes(*bytes) as usize);
+    if chunk.is_whole && stated.is_some_and(|stated| stated != bytes.len()) {
+        return Err(damaged("a chunk of another size than it states"));
+    }
+    Ok(bytes)
 }
 
 #[cfg(test)]
@@ -200,13 +225,12 @@ mod tests {
         let message = |data: &[u8]| record(&[("op", &[MESSAGE]), ("conn", &[3, 0, 0, 0])], data);
         let chunk = [connection, message(b"one"), message(b"two")].concat();
         let chunk = record(&[("op", &[CHUNK]), ("compression", compression)], &chunk);
-        [MAGIC, &record(&[("op", &[3])], b"   "), &chunk].concat()
+        [ROS1_MAGIC, &record(&[("op", &[3])], b"   "), &chunk].concat()
     }
 
-    fn messages(bag: &[u8]) -> (TruncationReason, Vec<String>) {
+    fn messages(bag: &[u8]) -> (Option<Truncation>, Vec<String>) {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), bag).unwrap();
-        assert!(is_ros1_bag(file.path()));
         let mut found = Vec::new();
         let truncation = read(file.path(), |kind, topic, data| {
             found.push(format!("{kind} {topic} {}", String::from_utf8_lossy(data)));
@@ -224,9 +248,45 @@ mod tests {
     fn a_chunk_that_is_torn_gives_what_it_has() {
         let whole = bag(b"none");
         let (truncation, found) = messages(&whole[..whole.len() - 2]);
-        assert!(truncation.unwrap().contains("in the middle of a record"));
+        assert_eq!(truncation, Some(Truncation::Torn));
         assert_eq!(found, ["a/B /here one"]);
-        assert!(messages(&bag(b"nine")).0.unwrap().contains("damaged"));
+        let (truncation, _) = messages(&bag(b"nine"));
+        // Behind the magic bytes and the bag's header.
+        let unknown = Truncation::Damaged { offset: 32, reason: "an unknown compression".to_owned() };
+        assert_eq!(truncation, Some(unknown));
+    }
+
+    /// A bag whose chunk has `data`, compressed as LZ4, and states `size` bytes.
+    fn lz4_bag(data: &[u8], size: u32) -> Vec<u8> {
+        let mut encoder = lz4_flex::frame::FrameEncoder::new(Vec::new());
+        std::io::Write::write_all(&mut encoder, data).unwrap();
+        let fields: [(&str, &[u8]); 3] =
+            [("op", &[CHUNK]), ("compression", b"lz4"), ("size", &size.to_le_bytes())];
+        [ROS1_MAGIC, &record(&fields, &encoder.finish().unwrap())].concat()
+    }
+
+    fn damage(bag: &[u8]) -> String {
+        messages(bag).0.filter(Truncation::is_damage).unwrap().to_string()
+    }
+
+    #[test]
+    fn chunks_that_grow_too_large_or_to_another_size_are_refused() {
+        let message = record(&[("op", &[MESSAGE]), ("conn", &[3, 0, 0, 0])], b"one");
+        let size = message.len() as u32;
+        assert_eq!(messages(&lz4_bag(&message, size)).0, None);
+        assert!(damage(&lz4_bag(&message, size + 1)).contains("another size than it states"));
+        let zeros = vec![0; 100 << 20];
+        let said = damage(&lz4_bag(&zeros, zeros.len() as u32));
+        assert!(said.contains("decompress the file first"), "{said}");
+    }
+
+    #[test]
+    fn a_bag_of_nothing_but_zeros_ends_at_once() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), ROS1_MAGIC).unwrap();
+        file.as_file().set_len(20 << 30).unwrap();
+        let truncation = read(file.path(), |_, _, _| ()).unwrap().unwrap();
+        assert_eq!(truncation.to_string(), "it is damaged at byte 13: a record without a kind");
     }
 
     proptest! {
