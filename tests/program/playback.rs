@@ -74,7 +74,7 @@ fn go(player: &mut Player, cue: PlaybackCommand) -> std::sync::Arc<city3d_sessio
 
 fn settle(player: &mut Player) {
     let start = Instant::now();
-    // What it asks for first is not read before it was asked to show something.
+    // The thread is idle too before the first chunk is requested.
     player.advance(start);
     while !player.is_settled() {
         player.advance(Instant::now());
