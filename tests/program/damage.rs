@@ -336,7 +336,7 @@ fn a_file_that_may_not_be_read_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("run.mcap");
     std::fs::write(&log, mcap::MAGIC).unwrap();
-    std::fs::set_permissions(&log, std::fs::Permissions::from_mode(0)).unwrap();
+    std::fs::set_permissions(&log, std::fs::Permissions::from_mode(0o0)).unwrap();
     let may_read = File::open(&log).is_ok();
     let (code, said) = outcome(&city3d(&["replay", "run.mcap", "--verify"], folder.path()).output().unwrap());
     // An administrator may read anything.

@@ -11,8 +11,8 @@ use thiserror::Error;
 const FARTHEST_M: f32 = 1000.0;
 /// Largest nesting depth of nodes.
 const DEEPEST: usize = 64;
-/// Most objects in the JSON chunk: some of few bytes take much memory.
-const MOST_OBJECTS: usize = 500_000;
+/// Most objects and elements of lists in the JSON chunk: some of few bytes take much memory.
+const MOST_VALUES: usize = 2_000_000;
 
 /// An unusable model file: place, finding and remedy.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -74,9 +74,9 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8]), ModelError> {
 /// [`ModelError`] if the bytes are no usable GLB file.
 pub fn read(bytes: &[u8]) -> Result<Model, ModelError> {
     let (text, blob) = chunks(bytes)?;
-    let objects = text.iter().filter(|&&byte| byte == b'{').count();
-    if objects > MOST_OBJECTS {
-        let message = format!("{objects} objects; at most {MOST_OBJECTS} are read");
+    let values = text.iter().filter(|&&byte| matches!(byte, b'{' | b',')).count();
+    if values > MOST_VALUES {
+        let message = format!("{values} values; at most {MOST_VALUES} are read");
         return Err(fault("JSON chunk", message, "join meshes and nodes before exporting"));
     }
     let json: gltf::json::Root = gltf::json::deserialize::from_slice(text)

@@ -3,11 +3,11 @@
 mod message;
 mod ros1;
 
+use super::RecordError;
 use super::cdr::CdrReader;
 use super::input::{FileKind, file_kind};
 use super::poses::RecordedPose;
 use super::reader::each_message;
-use super::{RecordError, Truncation};
 use city3d_geometry::lab::Pose2;
 use city3d_geometry::trig;
 use city3d_protocol::snapshot::VehicleId;
@@ -43,19 +43,18 @@ pub fn read_bag(
     };
     let truncation =
         truncation.map_err(|reason| RecordError::Unreadable { path: path.to_path_buf(), reason })?;
-    if let Some(truncation) = &truncation {
-        tracing::warn!("{}: {truncation}; the records before that are used", path.display());
-    }
     let PoseCollector { found, other_paths, .. } = sorter;
     if found.is_empty() {
         let list = |names: Vec<&str>| if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-        let damage = truncation.filter(Truncation::is_damage);
-        let damage = damage.map(|damage| format!("; {damage}")).unwrap_or_default();
+        let truncation = truncation.map(|truncation| format!("; {truncation}")).unwrap_or_default();
         return Err(wrong(format!(
-            "it has no pose of a vehicle of the scenario ({}); it has poses of: {}{damage}",
+            "it has no pose of a vehicle of the scenario ({}); it has poses of: {}{truncation}",
             list(names.keys().map(String::as_str).collect()),
             list(other_paths.iter().map(String::as_str).collect())
         )));
+    }
+    if let Some(truncation) = &truncation {
+        tracing::warn!("{}: {truncation}; the records before that are used", path.display());
     }
     Ok(found.into_iter().map(|(vehicle, poses)| (vehicle, super::poses::in_order(poses))).collect())
 }

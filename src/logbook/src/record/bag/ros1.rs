@@ -62,7 +62,7 @@ impl<R: Read> Read for CountingReader<R> {
 
 /// Header fields and data.
 struct Record {
-    fields: HashMap<String, Vec<u8>>,
+    header: Vec<u8>,
     data: Vec<u8>,
     /// `false` for a chunk of which only the beginning is in the file.
     is_whole: bool,
@@ -73,7 +73,7 @@ impl Record {
     fn read(from: &mut impl Read) -> Result<Option<Self>> {
         let Some(header) = whole_part(from)? else { return Ok(None) };
         let (data, is_whole) = part(from)?.ok_or(ErrorKind::UnexpectedEof)?;
-        let record = Self { fields: fields(&header)?, data, is_whole };
+        let record = Self { header, data, is_whole };
         if is_whole || record.op()? == CHUNK {
             Ok(Some(record))
         } else {
@@ -82,12 +82,12 @@ impl Record {
     }
 
     fn op(&self) -> Result<u8> {
-        let op = self.fields.get("op").and_then(|op| op.first().copied());
-        op.ok_or_else(|| damaged("a record without a kind"))
+        let op = field(&self.header, "op")?.and_then(<[u8]>::first);
+        op.copied().ok_or_else(|| damaged("a record without a kind"))
     }
 
     fn connection(&self) -> Result<u32> {
-        let number = self.fields.get("conn").and_then(|bytes| bytes.first_chunk());
+        let number = field(&self.header, "conn")?.and_then(<[u8]>::first_chunk);
         number.map(|bytes| u32::from_le_bytes(*bytes)).ok_or_else(|| damaged("a record without a connection"))
     }
 }
@@ -122,14 +122,24 @@ fn whole_part(from: &mut impl Read) -> Result<Option<Vec<u8>>> {
     }
 }
 
-fn fields(mut header: &[u8]) -> Result<HashMap<String, Vec<u8>>> {
-    let mut found = HashMap::new();
-    while let Some(field) = whole_part(&mut header)? {
+/// The value of a field among those of a header; `None` where it has no such field.
+fn field<'a>(mut header: &'a [u8], name: &str) -> Result<Option<&'a [u8]>> {
+    while let Some((length, rest)) = header.split_first_chunk() {
+        let length = u32::from_le_bytes(*length) as usize;
+        let (field, rest) =
+            rest.split_at_checked(length).ok_or_else(|| damaged("a field beyond its header"))?;
         let equals = field.iter().position(|&byte| byte == b'=');
-        let (name, value) = field.split_at(equals.ok_or_else(|| damaged("a field without a value"))?);
-        found.insert(String::from_utf8_lossy(name).into_owned(), value[1..].to_vec());
+        let (found, value) = field.split_at(equals.ok_or_else(|| damaged("a field without a value"))?);
+        if found == name.as_bytes() {
+            return Ok(Some(&value[1..]));
+        }
+        header = rest;
     }
-    Ok(found)
+    Ok(None)
+}
+
+fn text_field(header: &[u8], name: &str) -> Result<Option<String>> {
+    Ok(field(header, name)?.map(|text| String::from_utf8_lossy(text).into_owned()))
 }
 
 /// Reads the messages of records, also of those in chunks.
@@ -157,12 +167,11 @@ impl<T: FnMut(&str, &str, &[u8])> MessageReader<T> {
                 }
             }
             CONNECTION => {
-                let told = fields(&record.data)?;
-                let text = |fields: &HashMap<String, Vec<u8>>, name: &str| {
-                    fields.get(name).map(|bytes| String::from_utf8_lossy(bytes).into_owned())
-                };
-                let topic = text(&record.fields, "topic").or_else(|| text(&told, "topic"));
-                let of = (text(&told, "type").unwrap_or_default(), topic.unwrap_or_default());
+                let topic = text_field(&record.header, "topic")?;
+                let topic =
+                    topic.map_or_else(|| text_field(&record.data, "topic"), |topic| Ok(Some(topic)))?;
+                let kind = text_field(&record.data, "type")?;
+                let of = (kind.unwrap_or_default(), topic.unwrap_or_default());
                 self.connections.insert(record.connection()?, of);
             }
             MESSAGE => {
@@ -181,7 +190,7 @@ fn inflate(chunk: &Record, budget: &mut DecompressionBudget) -> Result<Vec<u8>> 
     let mut bytes = Vec::new();
     let data = chunk.data.as_slice();
     let most = LARGEST.min(budget.left()) + 1;
-    let inflated = match chunk.fields.get("compression").map_or(&b"none"[..], Vec::as_slice) {
+    let inflated = match field(&chunk.header, "compression")?.unwrap_or(b"none") {
         b"none" => return Ok(data.to_vec()),
         b"lz4" => lz4_flex::frame::FrameDecoder::new(data).take(most).read_to_end(&mut bytes),
         b"bz2" => bzip2::read::BzDecoder::new(data).take(most).read_to_end(&mut bytes),
@@ -194,7 +203,7 @@ fn inflate(chunk: &Record, budget: &mut DecompressionBudget) -> Result<Vec<u8>> 
         return Err(damaged("compressed data that is too large"));
     }
     budget.take(bytes.len() as u64).map_err(|TooCompressed| damaged(&TooCompressed.to_string()))?;
-    let stated = chunk.fields.get("size").and_then(|bytes| bytes.first_chunk());
+    let stated = field(&chunk.header, "size")?.and_then(<[u8]>::first_chunk);
     let stated = stated.map(|bytes| u32::from_le_bytes(*bytes) as usize);
     if chunk.is_whole && stated.is_some_and(|stated| stated != bytes.len()) {
         return Err(damaged("a chunk of another size than it states"));
