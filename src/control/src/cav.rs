@@ -226,20 +226,29 @@ impl Cav {
         if self.is_off_route { 0.0 } else { self.speed_mps() }
     }
 
+    pub(super) fn expect_standing(&mut self) {
+        self.setup_speed_mps = 0.0;
+    }
+
     pub(super) fn update_pose(&mut self, map: &LabMap, now_s: f64, seen: &Measurement) {
         self.pose = seen.pose_in_lab();
-        let Some(estimate) = &mut self.estimate else {
-            self.begin(map, now_s, seen, self.setup_speed_mps);
-            return;
+        let speed_mps = match &mut self.estimate {
+            None => {
+                self.begin(map, now_s, seen, self.setup_speed_mps);
+                self.setup_speed_mps
+            }
+            Some(estimate) => {
+                let was_lost = estimate.is_lost(now_s);
+                estimate.update(map, (&self.route, self.body), now_s, seen);
+                let (axle_s, speed_mps) = (estimate.axle_s, estimate.speed_mps);
+                self.heading_mps = estimate.heading_mps();
+                if was_lost {
+                    // It may have missed the messages meanwhile.
+                    self.plan = PlanState { axle_s, speed_mps, acceleration_mps2: 0.0 };
+                }
+                speed_mps
+            }
         };
-        let was_lost = estimate.is_lost(now_s);
-        estimate.update(map, (&self.route, self.body), now_s, seen);
-        let (axle_s, speed_mps) = (estimate.axle_s, estimate.speed_mps);
-        self.heading_mps = estimate.heading_mps();
-        if was_lost {
-            // It may have missed the messages meanwhile.
-            self.plan = PlanState { axle_s, speed_mps, acceleration_mps2: 0.0 };
-        }
         if !off_route::has_left_route(map, self) {
             self.is_off_route = false;
         } else {

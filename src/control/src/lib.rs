@@ -89,6 +89,11 @@ impl Mainframe {
         })
     }
 
+    /// The vehicles are somewhere on their way, and may stand: the speeds of their setups do not hold.
+    pub fn expect_standing(&mut self) {
+        self.cavs.iter_mut().for_each(Cav::expect_standing);
+    }
+
     /// One control step at `time_s`: takes the poses that have arrived and returns a message for every
     /// vehicle that has been measured.
     pub fn step(&mut self, time_s: f64, arrived: &[Measurement], messages: &mut Vec<Message>) {

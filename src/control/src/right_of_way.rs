@@ -255,22 +255,74 @@ impl RightOfWay {
     }
 
     /// Admits vehicles that started inside a section or could not stop before it, so that others respect
-    /// them. One that was able to stop and did not, as a person may, goes before all admitted ones.
+    /// them. One that was able to stop and did not, as a person may, goes before all admitted ones. Of several
+    /// that are new, as when the control framework is restarted, those inside a zone go before those that have
+    /// yet to enter it.
     fn admit_vehicles_inside(&mut self, cavs: &mut [Cav]) {
-        for (vehicle, cav) in cavs.iter_mut().enumerate().filter(|(_, cav)| cav.is_on_route()) {
-            while let Some(section) = cav.route.sections.get(cav.passage.next_section) {
-                let to_hold_m = section.hold_s - cav.front_s();
-                if to_hold_m > cav.driver.stopping_distance(cav.speed_mps()) - OVERSHOOT_M {
-                    cav.passage.was_before_line = true;
-                    break;
-                }
-                let counter =
-                    if cav.passage.was_before_line { &mut self.next_intruder } else { &mut self.next_order };
-                let order = *counter;
-                *counter += 1;
-                self.admit(vehicle, cav, order);
-            }
+        let mut inside = Vec::new();
+        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_on_route()) {
+            let stopping_m = cav.driver.stopping_distance(cav.speed_mps());
+            let next = cav.passage.next_section;
+            let entered = cav.route.sections[next.min(cav.route.sections.len())..]
+                .iter()
+                .take_while(|section| section.hold_s - cav.front_s() <= stopping_m - OVERSHOOT_M);
+            inside.extend((0..entered.count()).map(|k| (vehicle, next + k)));
         }
+        if inside.len() > 1 {
+            inside = self.by_occupancy(&inside, cavs);
+        }
+        for (vehicle, _) in inside {
+            let cav = &mut cavs[vehicle];
+            let counter =
+                if cav.passage.was_before_line { &mut self.next_intruder } else { &mut self.next_order };
+            let order = *counter;
+            *counter += 1;
+            self.admit(vehicle, cav, order);
+        }
+        for cav in cavs.iter_mut().filter(|cav| cav.is_on_route()) {
+            cav.passage.was_before_line |= cav.passage.next_section < cav.route.sections.len();
+        }
+    }
+
+    /// Sorts sections of vehicles such that whoever is in the way of another goes first, else by vehicle
+    /// (topological sort, Kahn 1962). Of vehicles that are in the way of each other the first goes first.
+    fn by_occupancy(&self, inside: &[(usize, usize)], cavs: &[Cav]) -> Vec<(usize, usize)> {
+        let mut left = inside.to_vec();
+        let mut sorted = Vec::with_capacity(left.len());
+        while !left.is_empty() {
+            let is_free = |one: &(usize, usize)| !left.iter().any(|other| self.is_in_way(*other, *one, cavs));
+            let next = left.iter().position(is_free).unwrap_or(0);
+            sorted.push(left.remove(next));
+        }
+        sorted
+    }
+
+    /// Whether a vehicle has to leave a zone of its section before another vehicle can pass through its own.
+    fn is_in_way(&self, one: (usize, usize), other: (usize, usize), cavs: &[Cav]) -> bool {
+        if one.0 == other.0 {
+            return one.1 < other.1;
+        }
+        let crossings = |(vehicle, section): (usize, usize)| {
+            let route = &cavs[vehicle].route;
+            &route.crossings[route.sections[section].crossings.clone()]
+        };
+        let user = |vehicle: usize, crossing: &ZoneCrossing| {
+            let mut users = self.users[crossing.zone.index()].iter();
+            users.find(|user| user.vehicle == vehicle && user.side == crossing.side).copied()
+        };
+        crossings(one).iter().any(|here| {
+            let there = crossings(other).iter().find(|there| there.zone == here.zone);
+            let users = user(one.0, here).zip(there.and_then(|there| user(other.0, there)));
+            users.is_some_and(|(one, other)| {
+                let is_ahead = one.to_exit_m < other.to_exit_m;
+                let is_alone_inside = one.to_entry_m <= 0.0 && other.to_entry_m > 0.0;
+                match here.kind {
+                    _ if one.side == other.side => is_ahead,
+                    ZoneKind::Merge => one.to_entry_m <= 0.0 && is_ahead,
+                    _ => is_alone_inside,
+                }
+            })
+        })
     }
 
     fn note_standing(&self, now_s: f64, cav: &mut Cav) {

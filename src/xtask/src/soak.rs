@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 #[derive(Debug, Args)]
@@ -52,8 +52,14 @@ struct Seen {
     vehicles: usize,
     collisions: usize,
     longest_stand_s: f64,
+    /// The mainframe that came last, when it came, and when it went.
+    mainframe: (u32, f64, Option<f64>),
     /// Distance of each vehicle when it last moved, and when that was.
     moved: BTreeMap<VehicleId, (f64, f64)>,
+}
+
+fn lock(seen: &Mutex<Seen>) -> MutexGuard<'_, Seen> {
+    seen.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Watches the city from within.
@@ -68,11 +74,15 @@ impl End for Watch {
         if moment.kind != MomentKind::Tick {
             return;
         }
-        let (snapshot, mut seen) = (moment.snapshot, self.0.lock().unwrap_or_else(PoisonError::into_inner));
+        let (snapshot, mut seen) = (moment.snapshot, lock(&self.0));
         (seen.time_s, seen.vehicles) = (snapshot.time_s, snapshot.vehicles.len());
-        let is_collision =
-            |event: &&city3d_protocol::snapshot::Event| matches!(event.kind, EventKind::Collision { .. });
-        seen.collisions += snapshot.events.iter().filter(is_collision).count();
+        for event in &snapshot.events {
+            if matches!(event.kind, EventKind::Collision { .. } | EventKind::CollisionStatic { .. }) {
+                seen.collisions += 1;
+                let (number, came_s, went_s) = seen.mainframe;
+                eprintln!("{event:?}; mainframe {number} came at {came_s:.1} s, went at {went_s:.1?} s");
+            }
+        }
         for state in &snapshot.vehicles {
             let (driven_m, since_s) =
                 *seen.moved.entry(state.id).or_insert((state.distance_m, snapshot.time_s));
@@ -166,7 +176,7 @@ fn direct(
     };
     let (begun, real) = (host.clock.now(), Instant::now());
     let passed_s = || host.clock.now().duration_since(begun).as_secs_f64();
-    let (mut mainframes, mut hour, mut memory_kib) = (0, 0.0, Vec::new());
+    let (mut mainframes, mut hour, mut memory_kib) = (0u32, 0.0, Vec::new());
     println!(
         "| hour | memory, KiB | vehicles | mainframes | collisions | longest stand, s | real time, s |\n|---|---|---|---|---|---|---|"
     );
@@ -174,13 +184,14 @@ fn direct(
         let of_mainframe = Arc::clone(experiment);
         lab.spawn("mainframe", move |host| control(of_mainframe, host).map_err(|error| error.to_string()));
         mainframes += 1;
+        lock(seen).mainframe = (mainframes, passed_s(), None);
         let until_s = passed_s() + between(LIFE_S);
         while passed_s() < until_s && hour < hours {
             host.clock.sleep(Duration::from_secs(1));
             if passed_s() >= (hour + 1.0) * HOUR_S {
                 hour += 1.0;
                 memory_kib.push(resident_kib());
-                let seen = seen.lock().unwrap_or_else(PoisonError::into_inner);
+                let seen = lock(seen);
                 let Seen { vehicles, collisions, longest_stand_s, .. } = &*seen;
                 println!(
                     "| {hour} | {} | {vehicles} | {mainframes} | {collisions} | {longest_stand_s:.1} | {:.0} |",
@@ -190,9 +201,10 @@ fn direct(
             }
         }
         lab.stop("mainframe");
+        lock(seen).mainframe.2 = Some(passed_s());
         host.clock.sleep(Duration::from_secs_f64(between([0.0, LONGEST_ABSENCE_S])));
     }
-    let seen = seen.lock().unwrap_or_else(PoisonError::into_inner);
+    let seen = lock(seen);
     let growth_kib = memory_kib.last().unwrap_or(&0).saturating_sub(*memory_kib.first().unwrap_or(&0));
     match &*seen {
         Seen { collisions: 1.., .. } => Err("vehicles have collided".to_owned()),

@@ -111,14 +111,18 @@ impl RemoteControl {
                 Reply::Done(_) => {}
             }
         }
-        self.begin_session()?;
+        self.begin_session(clock.tick > 0)?;
         Ok(true)
     }
 
-    fn begin_session(&mut self) -> Result<(), SessionError> {
+    fn begin_session(&mut self, has_begun: bool) -> Result<(), SessionError> {
+        let is_resumed = has_begun && !self.was_reset;
         // A clock at `Ready` would put the robots back to their starts, which is wrong after a restart of the city.
         self.is_continued = !std::mem::take(&mut self.was_reset) && self.sessions > 0;
         self.control = ControlLoop::new(&self.experiment)?;
+        if is_resumed {
+            self.control.resume();
+        }
         (self.answered, self.barrier) = (None, None);
         self.sessions += 1;
         Ok(())

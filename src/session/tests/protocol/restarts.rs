@@ -139,3 +139,25 @@ fn merges_in(folder: &Path) -> Vec<(VehicleId, f64)> {
     let events = serde_json::from_value::<Vec<_>>(summary_in(folder)["events"].clone()).unwrap();
     merges(&events)
 }
+
+#[test]
+fn a_mainframe_that_comes_back_to_a_full_city_lets_nobody_collide() {
+    let (lab, experiment) = (Lab::new(SimulatedOptions::default()), scenario("city", 300.0));
+    let city = lab.serve(&experiment, serving(), None);
+    let (served, first) = (city.clone(), lab.mainframe(&experiment, None));
+    lab.direct(move |director| {
+        let mut far = first;
+        for at_s in [25.0, 50.0] {
+            director.until(&city, "its time", |told| told.snapshot.time_s >= at_s);
+            director.kill(&far);
+            // They stand wherever they were: in front of lines, behind others, and in the middle of junctions.
+            director.pass(4.0);
+            far = director.lab.mainframe(&experiment, None);
+        }
+        director.until(&city, "some way", |told| told.snapshot.time_s >= 75.0);
+        assert!(city.last().driving() >= 25, "most drive");
+        director.end(&city);
+    });
+    let served = served.summary();
+    assert_eq!(served.collisions, 0);
+}

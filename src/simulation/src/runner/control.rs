@@ -38,6 +38,11 @@ impl ControlLoop {
         })
     }
 
+    /// The vehicles are on their way already, and may stand.
+    pub fn resume(&mut self) {
+        self.mainframe.expect_standing();
+    }
+
     /// Steps one tick: makes a control step with the visible poses when one is due, and adds to `delivered` the
     /// messages that arrive at the vehicles now.
     pub fn step(
