@@ -4,8 +4,9 @@ use super::files::log_argument;
 use super::overwrite::OverwriteArgs;
 use super::plot::{self, FigureArgs};
 use super::say::say;
-use super::{Failure, create_folder};
-use city3d_logbook::figures::{Comparison, ComparisonRow, FigureSet, write};
+use super::{Failure, on_end};
+use city3d_logbook::figures::{Comparison, ComparisonRow, FigureSet};
+use city3d_outputs::WholeFile;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -37,11 +38,12 @@ pub fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let comparison = Comparison::of(&runs, &layout, views.labels()).map_err(Failure::bad_input)?;
     let (mut figures, notes) = views.all();
     figures.push(views.difference());
-    if let Some(folder) = &args.out {
-        let files = plot::files_of(figures.iter().map(|figure| figure.name.as_str()));
-        let tables = ["comparison.csv", "comparison.json"].map(str::to_owned);
-        args.overwrite.policy().check_files(folder, &[files, tables.to_vec()].concat())?;
-    }
+    let claim = |folder| {
+        let mut files = plot::files_of(figures.iter().map(|figure| figure.name.as_str()));
+        files.extend(["comparison.csv", "comparison.json"].map(str::to_owned));
+        plot::claim(folder, &files, args.overwrite, &[args.a.clone(), args.b.clone()])
+    };
+    let _locked = args.out.as_deref().map(claim).transpose()?;
     let json = serde_json::to_string_pretty(&comparison).map_err(Failure::failed)?;
     if args.json {
         say(&json)?;
@@ -49,14 +51,11 @@ pub fn compare(args: &CompareArgs) -> Result<(), Failure> {
         print(&comparison)?;
     }
     let Some(folder) = &args.out else { return Ok(()) };
-    create_folder(folder)?;
-    for figure in &figures {
-        write(figure, args.figures.size(), folder).map_err(Failure::failed)?;
-    }
+    plot::write_all(&figures, args.figures.size(), folder, &*on_end()?)?;
     let csv = comparison.table().to_csv().map_err(Failure::failed)?;
     for (name, bytes) in [("comparison.csv", csv), ("comparison.json", json.into_bytes())] {
         let path = folder.join(name);
-        std::fs::write(&path, bytes)
+        WholeFile::write(&path, &bytes)
             .map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
     }
     if args.json {

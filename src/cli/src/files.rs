@@ -53,6 +53,13 @@ pub fn log_argument(text: &str) -> Result<PathBuf, Infallible> {
     Ok(log_of(Path::new(text)))
 }
 
+/// The failure of a run that was stopped before its end; its files are whole up to there.
+pub fn fail_if_stopped(summary: &Summary, experiment: &Experiment) -> Result<(), Failure> {
+    let Some(tick) = summary.stopped_at_tick else { return Ok(()) };
+    let (done_s, all_s) = (summary.simulated_s, experiment.duration_s);
+    Err(Failure::failed(format!("stopped after {done_s:.2} of {all_s:.2} s, at tick {tick}")))
+}
+
 /// Prints the summary of the run that a session ended with.
 ///
 /// # Errors

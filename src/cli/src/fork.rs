@@ -2,11 +2,12 @@
 
 use super::files::{LogArgs, log_of};
 use super::run::{files_of, simulate_rest};
-use super::{Failure, ModelArg, ProfileArg, ScenarioArgs, load, progress, replay};
+use super::{Failure, ModelArg, ProfileArg, ScenarioArgs, load, on_end, progress, replay};
 use city3d_logbook::record::{LogOrigin, is_log};
 use city3d_logbook::replay::Replay;
 use city3d_protocol::snapshot::ModelKind;
 use city3d_session::fork::{Fork, ForkError, differences};
+use city3d_session::{Moment, RunFiles};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::runner::Summary;
 use city3d_simulation::scenario::Experiment;
@@ -25,10 +26,11 @@ pub struct ForkedRun<'a> {
 
 impl ForkedRun<'_> {
     /// Replays the run up to the tick and simulates on; returns the summary, the experiment after the fork and the
-    /// folder of the files.
+    /// folder of the files. `set` sets what else the files shall have.
     pub fn run(
         &self,
         folder: impl FnOnce(&Experiment) -> PathBuf,
+        set: impl FnOnce(RunFiles) -> RunFiles,
     ) -> Result<(Summary, Arc<Experiment>, PathBuf), Failure> {
         let path = &log_of(Path::new(&self.args.scenario));
         if !is_log(path) {
@@ -56,17 +58,20 @@ impl ForkedRun<'_> {
             )));
         }
         let folder = folder(&changed);
-        if log_of(&folder).canonicalize().is_ok_and(|there| path.canonicalize().is_ok_and(|log| log == there))
-        {
-            return Err(Failure::bad_input(format!(
-                "--out {}: this folder has the log that is to be continued, and would lose it; choose another folder",
-                folder.display()
-            )));
-        }
-        let mut files = files_of(Some(folder.clone()), self.log);
+        let mut inputs = vec![path.clone()];
+        inputs.extend(self.scenario.iter().flat_map(|scenario| load::inputs(scenario, &changed)));
+        let claimed = self.log.options().claim_folder(&folder, &inputs)?;
+        let stop = on_end()?;
+        let mut files = set(files_of(Some(folder.clone()), self.log).in_claimed(Some(claimed)));
         files.begin(&changed)?;
         let bar = progress::simulated_seconds(changed.duration_s);
-        let fork = Fork::at(replay, self.from_tick, &mut files).map_err(|error| self.failure(error))?;
+        let fork = match Fork::at(replay, self.from_tick, &mut files, &stop) {
+            Err(ForkError::Stopped { last }) => {
+                let summary = files.conclude(&Moment::first(&original, &last), true)?;
+                return Ok((summary, changed, folder));
+            }
+            fork => fork.map_err(|error| self.failure(error))?,
+        };
         if !fork.control_agrees() {
             tracing::warn!(
                 "the control framework, simulated again, sends other trajectories than the log has; it continues \
@@ -74,7 +79,7 @@ impl ForkedRun<'_> {
             );
         }
         let run = fork.resume(&changed).map_err(|error| self.failure(error))?;
-        let summary = simulate_rest(run, &changed, files, None, bar)?;
+        let summary = simulate_rest(run, &changed, files, (None, stop), bar)?;
         Ok((summary, changed, folder))
     }
 
@@ -131,6 +136,7 @@ impl ForkedRun<'_> {
             ForkError::LogEnd { .. } => {
                 Failure::bad_input(format!("{error}; give --from-tick this tick or an earlier one"))
             }
+            ForkError::Stopped { .. } => Failure::failed(error),
             ForkError::Diverged { .. } => {
                 let log = &self.args.scenario;
                 Failure::failed(format!("{error}; city3d replay {log} --verify tells more"))

@@ -18,21 +18,23 @@ use super::files::new_folder;
 use super::look::{self, LookArgs, failure};
 use super::overwrite::OverwriteArgs;
 use super::say::say;
-use super::{Failure, ScenarioArgs, progress, values};
+use super::{Failure, ScenarioArgs, on_end, progress, values};
 use cameras::CameraArgs;
+use city3d_outputs::OutputFolder;
 use city3d_render::video::{FrameRate, ReaderState, Video, VideoOutput};
 use city3d_render::{CaptureJob, Image, PendingReadback, PictureRow, PictureTable, PngStream, Renderer};
 use city3d_sensors::PictureKinds;
 use city3d_session::capture::{CaptureError, CaptureSchedule, CapturedRun};
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
-use destination::Destination;
+use destination::{ClaimedDestination, Destination};
 use kinds::{KindArgs, file_name};
 use shots::{CameraOverrides, Shot};
 use source::FrameSource;
 use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 #[derive(Debug, Args)]
@@ -81,14 +83,15 @@ pub fn frames(args: &FramesArgs) -> Result<(), Failure> {
     let experiment = Arc::clone(source.experiment());
     let out = args.out.clone().unwrap_or_else(|| new_folder(&format!("{}-frames", experiment.name)));
     let destination = Destination::of(&out).map_err(Failure::bad_input)?;
-    destination.check(args.overwrite)?;
+    let claimed = destination.claim(args.overwrite, &source.inputs(&args.scenario))?;
     let overrides = overrides(args, &destination, &experiment)?;
     let shots = shots::shots(&args.cameras, &overrides, &experiment, &source.carriers())?;
     let schedule = schedule(args.from, &shots, &experiment)?;
-    let capture = FrameCapture { args, experiment: &experiment, shots: &shots, out: &out };
-    match &destination {
-        Destination::Folder(folder) => capture.take_pictures(source, schedule, folder),
-        Destination::Video(output) => capture.take_video(source, schedule, output),
+    let stop = on_end()?;
+    let capture = FrameCapture { args, experiment: &experiment, shots: &shots, out: &out, stop: &stop };
+    match &claimed {
+        ClaimedDestination::Folder(folder) => capture.take_pictures(source, schedule, folder),
+        ClaimedDestination::Video(output) => capture.take_video(source, schedule, output),
     }
 }
 
@@ -138,6 +141,8 @@ struct FrameCapture<'a> {
     experiment: &'a Arc<Experiment>,
     shots: &'a [Shot],
     out: &'a Path,
+    /// The pictures end where this is set.
+    stop: &'a AtomicBool,
 }
 
 impl FrameCapture<'_> {
@@ -152,8 +157,8 @@ impl FrameCapture<'_> {
     fn take_pictures(
         &self,
         source: FrameSource,
-        mut schedule: CaptureSchedule,
-        folder: &Path,
+        schedule: CaptureSchedule,
+        folder: &OutputFolder,
     ) -> Result<(), Failure> {
         let mut table = table::create(folder)?;
         let mut renderer = self.open(&schedule)?;
@@ -161,22 +166,56 @@ impl FrameCapture<'_> {
         let start = Instant::now();
         let mut playback = source.begin()?;
         let mut stream = PngStream::new(&mut renderer);
-        let bar = progress::simulated_seconds(self.experiment.duration_s);
-        while let Some((tick, due)) = schedule.next_due() {
-            playback.advance(tick, &mut |time_s| progress::show(&bar, time_s))?;
-            let orders = self.order(&playback, &due, folder, &mut table)?;
-            stream.push_jobs(playback.snapshot(), orders).map_err(failure)?;
-        }
-        let count = stream.finish().map_err(failure)?;
-        table.finish()?;
-        bar.finish_and_clear();
+        let taken = self.push_pictures(&mut playback, schedule, &mut stream, (folder.path(), &mut table));
+        // Pictures under way are completed, and the table lists all that are whole: also after a failure.
+        let count = stream.finish().map_err(failure);
+        let listed = table.settle(&stream.take_outcomes()).map_err(Failure::from);
+        let named = table.finish().map_err(Failure::from);
+        let count = taken.and(count).and_then(|count| listed.and(named).map(|()| count))?;
+        self.fail_if_stopped(&playback)?;
         let speed = count as f64 / start.elapsed().as_secs_f64().max(1e-9);
         let sizes: BTreeSet<[u32; 2]> = self.shots.iter().map(|shot| shot.lens.extent).collect();
         let sizes: Vec<String> = sizes.iter().map(|[width, height]| format!("{width} x {height}")).collect();
-        let (sizes, folder) = (sizes.join(" and "), folder.display());
+        let (sizes, folder) = (sizes.join(" and "), folder.path().display());
         say(format_args!(
             "{count} pictures of {sizes} and frames.csv in {folder}: {speed:.1} images/s on {adapter}"
         ))
+    }
+
+    /// Draws the pictures of the schedule one after another, and lists those that are written.
+    fn push_pictures(
+        &self,
+        playback: &mut CapturedRun,
+        mut schedule: CaptureSchedule,
+        stream: &mut PngStream<'_>,
+        (folder, table): (&Path, &mut PictureTable),
+    ) -> Result<(), Failure> {
+        let bar = progress::simulated_seconds(self.experiment.duration_s);
+        while let Some((tick, due)) = schedule.next_due() {
+            playback.advance(tick, self.stop, &mut |time_s| progress::show(&bar, time_s))?;
+            if self.is_stopped() {
+                break;
+            }
+            let orders = self.order(playback, &due, folder, table)?;
+            stream.push_jobs(playback.snapshot(), orders).map_err(failure)?;
+            table.settle(&stream.take_outcomes())?;
+        }
+        bar.finish_and_clear();
+        Ok(())
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// The failure of pictures that were stopped before their end; what is written is whole.
+    fn fail_if_stopped(&self, playback: &CapturedRun) -> Result<(), Failure> {
+        let (done_s, all_s) = (playback.snapshot().time_s, self.experiment.duration_s);
+        if !self.is_stopped() {
+            return Ok(());
+        }
+        let out = self.out.display();
+        Err(Failure::failed(format!("stopped after {done_s:.2} of {all_s:.2} s; {out} is whole up to there")))
     }
 
     /// The files of the due cameras, each with its row.
@@ -220,9 +259,12 @@ impl FrameCapture<'_> {
         let mut drawn: VecDeque<PendingReadback> = VecDeque::new();
         let mut count = 0_u64;
         loop {
-            let next = schedule.next_due();
+            let next = schedule.next_due().filter(|_| !self.is_stopped());
             if let Some((tick, _)) = next {
-                playback.advance(tick, &mut |time_s| progress::show(&bar, time_s))?;
+                playback.advance(tick, self.stop, &mut |time_s| progress::show(&bar, time_s))?;
+                if self.is_stopped() {
+                    continue;
+                }
                 let snapshot = playback.snapshot();
                 let Some(view) = shot.view(snapshot).map_err(Failure::failed)? else { continue };
                 drawn.push_back(renderer.submit(snapshot, &[view]).map_err(failure)?);
@@ -242,6 +284,7 @@ impl FrameCapture<'_> {
         }
         let reader = video.finish()?;
         bar.finish_and_clear();
+        self.fail_if_stopped(&playback)?;
         if reader == ReaderState::Listens {
             let speed = count as f64 / start.elapsed().as_secs_f64().max(1e-9);
             let [width, height] = shot.lens.extent;

@@ -1,11 +1,13 @@
 //! `city3d generate`: writes the files that the program carries, to draw or to model from them.
 
 use super::say::say;
-use super::{Failure, create_folder};
+use super::{Failure, create_folder, on_end};
 use city3d_models::SHIPPED;
+use city3d_outputs::WholeFile;
 use city3d_simulation::scenario::Library;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
@@ -37,7 +39,15 @@ pub fn generate(args: &GenerateArgs) -> Result<(), Failure> {
             write(&path, &Library::default().map("ids3c").map_err(Failure::failed)?)
         }
         GenerateCommand::Models { out } => {
-            SHIPPED.iter().try_for_each(|(name, bytes)| write(&out.join(name), bytes))
+            let stop = on_end()?;
+            for (done, (name, bytes)) in SHIPPED.iter().enumerate() {
+                if stop.load(Ordering::Relaxed) {
+                    let all = SHIPPED.len();
+                    return Err(Failure::failed(format!("stopped after {done} of {all} models")));
+                }
+                write(&out.join(name), bytes)?;
+            }
+            Ok(())
         }
     }
 }
@@ -46,6 +56,6 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     if let Some(folder) = path.parent() {
         create_folder(folder)?;
     }
-    std::fs::write(path, bytes).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+    WholeFile::write(path, bytes).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
     say(path.display())
 }

@@ -29,6 +29,7 @@ mod runtime_folder;
 mod say;
 mod serve;
 mod status;
+mod signals;
 mod sweep;
 mod testbed;
 mod values;
@@ -37,11 +38,13 @@ mod view;
 
 use city3d_dynamics::vehicle::ModelKind;
 use city3d_network::link::read_key;
+use city3d_outputs::OutputError;
 use city3d_protocol::wire::Authenticator;
 use city3d_session::{ExistingResults, SessionError};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::scenario::{Overrides, ScenarioRequest};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use signals::on_end;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -134,15 +137,6 @@ impl LinkArgs {
     }
 }
 
-/// A flag that SIGINT and SIGTERM set.
-fn on_end() -> Result<std::sync::Arc<std::sync::atomic::AtomicBool>, Failure> {
-    let ends = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
-    let told = std::sync::Arc::clone(&ends);
-    ctrlc::set_handler(move || told.store(true, std::sync::atomic::Ordering::Relaxed))
-        .map_err(Failure::failed)?;
-    Ok(ends)
-}
-
 /// Scenario and overrides of several commands.
 #[derive(Clone, Debug, Default, PartialEq, Args)]
 struct ScenarioArgs {
@@ -232,6 +226,12 @@ impl From<SessionError> for Failure {
     }
 }
 
+impl From<OutputError> for Failure {
+    fn from(error: OutputError) -> Self {
+        if error.is_bad_input() { Self::bad_input(error) } else { Self::failed(error) }
+    }
+}
+
 impl From<ExistingResults> for Failure {
     fn from(existing: ExistingResults) -> Self {
         Self::bad_input(format!("{existing}; choose another --out, or --force writes over it"))
@@ -249,10 +249,10 @@ pub fn main() -> ExitCode {
         runtime_folder::provide();
     }
     start_logging(cli.verbose);
-    let result = match cli.command {
+    let result = signals::survive_file_limit().and_then(|()| match cli.command {
         None => without_command(),
         Some(command) => run_command(command),
-    };
+    });
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

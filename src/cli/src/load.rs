@@ -2,10 +2,21 @@
 
 use super::{Failure, ScenarioArgs};
 use city3d_simulation::scenario::{Experiment, Library, Overrides, ScenarioRequest, read_experiment};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub fn experiment(args: &ScenarioArgs) -> Result<Arc<Experiment>, Failure> {
     city3d_session::load(&args.request()).map_err(Failure::bad_input)
+}
+
+/// The files that an experiment may have been read from: its scenario, its map and its models. Shipped ones are none.
+pub fn inputs(scenario: &str, experiment: &Experiment) -> Vec<PathBuf> {
+    let beside = Path::new(scenario).parent().unwrap_or(Path::new(""));
+    let document: toml::Table = experiment.scenario_text.parse().unwrap_or_default();
+    let map = document.get("map").and_then(toml::Value::as_str);
+    let named = map.into_iter().chain(experiment.models.files.keys().map(String::as_str));
+    let paths = named.flat_map(|name| [beside.join(name), PathBuf::from(name)]);
+    std::iter::once(PathBuf::from(scenario)).chain(paths).collect()
 }
 
 /// The experiment of a served city: vehicles come over the link, so it may have none of its own.

@@ -35,9 +35,9 @@ pub struct MainframeArgs {
 pub fn mainframe(args: &MainframeArgs) -> Result<(), Failure> {
     let experiment = load::experiment(&args.scenario)?;
     let file_options = args.log.options();
-    if let Some(folder) = &args.out {
-        file_options.check_folder(folder)?;
-    }
+    let mut inputs = load::inputs(&args.scenario.scenario, &experiment);
+    inputs.extend(args.link.key.clone());
+    let claimed = args.out.as_ref().map(|folder| file_options.claim_folder(folder, &inputs)).transpose()?;
     let stop = on_end()?;
     let options = RemoteOptions {
         city: args.city.clone(),
@@ -52,6 +52,7 @@ pub fn mainframe(args: &MainframeArgs) -> Result<(), Failure> {
     let source = RemoteCity::control(options, Arc::clone(&experiment), feedback, host.clone())?
         .on_set_up(Box::new(on_set_up));
     let files = RunFiles::new(RunFolders::parts(args.out.clone()), LogOrigin::Mainframe, file_options)
+        .in_claimed(claimed)
         .without_waiting();
     let written = files.written();
     let session =

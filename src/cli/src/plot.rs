@@ -3,12 +3,16 @@
 use super::files::log_argument;
 use super::overwrite::OverwriteArgs;
 use super::say::say;
-use super::{Failure, create_folder};
+use super::{Failure, on_end};
+use city3d_logbook::figures::chart::Figure;
 use city3d_logbook::figures::{FigureSet, FigureSize, RunLog, StreamLayout, Trace, write};
+use city3d_outputs::{OutputFolder, refuse_inputs};
 use city3d_protocol::snapshot::VehicleId;
 use clap::{Args, ValueEnum};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 #[derive(Debug, Args)]
 pub struct PlotArgs {
@@ -112,7 +116,7 @@ pub fn read(log: &Path) -> Result<RunLog, Failure> {
 }
 
 pub fn plot(args: &PlotArgs) -> Result<(), Failure> {
-    let mut taken = BTreeSet::new();
+    let (mut taken, mut stop) = (BTreeSet::new(), None);
     for log in &args.logs {
         let run = read(log)?;
         let folder =
@@ -120,25 +124,64 @@ pub fn plot(args: &PlotArgs) -> Result<(), Failure> {
         let layout = args.figures.layout(&run)?;
         let only = args.figures.vehicles(&run)?;
         let runs = [run];
-        draw(&FigureSet::new(&runs, &layout, &only), args, &folder)?;
+        // Until there is something to complete, a signal ends the command at once.
+        let stop = match &stop {
+            Some(stop) => Arc::clone(stop),
+            None => Arc::clone(stop.insert(on_end()?)),
+        };
+        draw(&FigureSet::new(&runs, &layout, &only), args, &folder, &stop)?;
     }
     Ok(())
 }
 
 /// Writes all figures of a run, and says which.
-fn draw(views: &FigureSet<'_>, args: &PlotArgs, folder: &Path) -> Result<(), Failure> {
+fn draw(
+    views: &FigureSet<'_>,
+    args: &PlotArgs,
+    folder: &Path,
+    stop: &AtomicBool,
+) -> Result<(), Failure> {
     let (figures, notes) = views.all();
-    args.overwrite
-        .policy()
-        .check_files(folder, &files_of(figures.iter().map(|figure| figure.name.as_str())))?;
-    create_folder(folder)?;
-    let size = args.figures.size();
-    for figure in &figures {
-        write(figure, size, folder).map_err(Failure::failed)?;
-    }
+    let files = files_of(figures.iter().map(|figure| figure.name.as_str()));
+    let _locked = claim(folder, &files, args.overwrite, &args.logs)?;
+    write_all(&figures, args.figures.size(), folder, stop)?;
     let names: Vec<&str> = figures.iter().map(|figure| figure.name.as_str()).collect();
     say(format_args!("{}: {} (SVG, PNG, CSV)", folder.display(), names.join(", ")))?;
     notes.iter().try_for_each(say)
+}
+
+/// Locks a folder and removes the files of these names, so that none of an earlier command is beside a new one.
+///
+/// # Errors
+/// When one of them is an input, or is there and may not be written over, or when the folder cannot be written.
+pub fn claim(
+    folder: &Path,
+    files: &[String],
+    overwrite: OverwriteArgs,
+    inputs: &[PathBuf],
+) -> Result<OutputFolder, Failure> {
+    refuse_inputs(inputs, files.iter().map(|file| folder.join(file)))?;
+    let locked = OutputFolder::open(folder)?;
+    overwrite.policy().check_files(folder, files)?;
+    locked.remove(files)?;
+    Ok(locked)
+}
+
+/// Writes figures, each whole, until `stop` is set.
+pub fn write_all(
+    figures: &[Figure],
+    size: FigureSize,
+    folder: &Path,
+    stop: &AtomicBool,
+) -> Result<(), Failure> {
+    for (done, figure) in figures.iter().enumerate() {
+        if stop.load(Ordering::Relaxed) {
+            let (folder, all) = (folder.display(), figures.len());
+            return Err(Failure::failed(format!("stopped after {done} of {all} figures in {folder}")));
+        }
+        write(figure, size, folder).map_err(Failure::failed)?;
+    }
+    Ok(())
 }
 
 /// The files that figures of these names are written to.

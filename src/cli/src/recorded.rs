@@ -1,7 +1,7 @@
 //! `city3d replay POSES`: makes a run of poses that were measured elsewhere, smoothed, with the same files as any run.
 
-use super::files::{LogArgs, conclude};
-use super::{Failure, ScenarioArgs, load, progress};
+use super::files::{LogArgs, conclude, fail_if_stopped};
+use super::{Failure, ScenarioArgs, load, on_end, progress};
 use city3d_logbook::record::{FileKind, LogOrigin, file_kind};
 use city3d_session::recorded::{MeasurementGap, RecordedPoses, RecordedPosesError};
 use city3d_session::{RunFiles, RunFolders};
@@ -40,12 +40,18 @@ impl PosesReplay<'_> {
         let experiment = load::experiment(&self.scenario(Some(poses.duration_s())))?;
         self.examine(&poses, &experiment)?;
         let folders = RunFolders::parts(Some(PathBuf::from(self.out)));
-        let mut files = RunFiles::new(folders, LogOrigin::Recorded, self.log.options());
+        let options = self.log.options();
+        let mut inputs = load::inputs(self.scenario, &experiment);
+        inputs.push(self.poses.to_path_buf());
+        let claimed = options.claim_folder(self.out, &inputs)?;
+        let stop = on_end()?;
+        let mut files = RunFiles::new(folders, LogOrigin::Recorded, options).in_claimed(Some(claimed));
         files.begin(&experiment)?;
         let bar = progress::simulated_seconds(experiment.duration_s);
-        let summary = poses.write(&experiment, files, &mut |time_s| progress::show(&bar, time_s))?;
+        let summary = poses.write(&experiment, files, &stop, &mut |time_s| progress::show(&bar, time_s))?;
         bar.finish_and_clear();
-        conclude(&summary, &experiment, Some(self.out), self.json)
+        conclude(&summary, &experiment, Some(self.out), self.json)?;
+        fail_if_stopped(&summary, &experiment)
     }
 
     fn scenario(&self, duration: Option<f64>) -> ScenarioArgs {

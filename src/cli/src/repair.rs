@@ -2,6 +2,7 @@
 
 use super::Failure;
 use super::say::{complain, say};
+use city3d_outputs::{WholeFile, refuse_inputs};
 use city3d_roadmap::repair_map;
 use city3d_simulation::scenario::Library;
 use std::path::Path;
@@ -34,10 +35,7 @@ pub fn repair(files: &[String], tolerance: Length, out: &Path, json: bool) -> Re
     let [file] = files else {
         return Err(Failure::bad_input("--repair takes exactly one map"));
     };
-    let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    if same(Path::new(file), out) {
-        return Err(Failure::bad_input(format!("{file}: --out is the map itself; choose another file")));
-    }
+    refuse_inputs(&[file.into()], [out.to_path_buf()])?;
     let bytes = Library::default().map(file).map_err(Failure::bad_input)?;
     let repaired = match repair_map(&bytes, tolerance.metres) {
         Ok(repaired) => repaired,
@@ -52,7 +50,7 @@ pub fn repair(files: &[String], tolerance: Length, out: &Path, json: bool) -> Re
             )));
         }
     };
-    std::fs::write(out, &repaired.dxf)
+    WholeFile::write(out, &repaired.dxf)
         .map_err(|error| Failure::failed(format!("{}: {error}", out.display())))?;
     if json {
         let changes: Vec<String> = repaired.changes.iter().map(ToString::to_string).collect();

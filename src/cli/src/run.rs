@@ -1,14 +1,15 @@
 //! `city3d run`: simulates a scenario from start to end.
 
-use super::files::{LogArgs, conclude, new_folder};
+use super::files::{LogArgs, conclude, fail_if_stopped, new_folder};
 use super::fork::ForkedRun;
-use super::{Failure, ScenarioArgs, load, progress};
+use super::{Failure, ScenarioArgs, load, on_end, progress};
 use city3d_logbook::record::{LogOrigin, is_log};
 use city3d_session::{Host, LocalCity, RunFiles, RunFolders, Session, SessionEnd, Speed};
 use city3d_simulation::runner::{Run, Summary};
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, PoisonError};
 
 #[derive(Debug, Args)]
@@ -29,6 +30,9 @@ pub struct RunArgs {
     changed: Option<String>,
     #[command(flatten)]
     log: LogArgs,
+    /// Write summary.json alone, without run.mcap and vehicles.csv
+    #[arg(long, conflicts_with_all = ["log_hz", "csv_hz"])]
+    no_log: bool,
     /// Print the summary as JSON instead of text
     #[arg(long)]
     json: bool,
@@ -39,8 +43,9 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     if let Some(from_tick) = args.from_tick {
         let fork =
             ForkedRun { args: &args.scenario, from_tick, scenario: args.changed.as_ref(), log: args.log };
-        let (summary, experiment, folder) = fork.run(folder)?;
-        return conclude(&summary, &experiment, Some(&folder), args.json);
+        let (summary, experiment, folder) = fork.run(folder, |files| args.files(files))?;
+        conclude(&summary, &experiment, Some(&folder), args.json)?;
+        return fail_if_stopped(&summary, &experiment);
     }
     if is_log(Path::new(&args.scenario.scenario)) {
         return Err(Failure::bad_input(format!(
@@ -51,10 +56,21 @@ pub fn run(args: &RunArgs) -> Result<(), Failure> {
     }
     let experiment = load::experiment(&args.scenario)?;
     let folder = folder(&experiment);
-    let mut files = files_of(Some(folder.clone()), args.log);
+    let inputs = load::inputs(&args.scenario.scenario, &experiment);
+    let claimed = args.log.options().claim_folder(&folder, &inputs)?;
+    let stop = on_end()?;
+    let mut files = args.files(files_of(Some(folder.clone()), args.log).in_claimed(Some(claimed)));
     files.begin(&experiment)?;
-    let summary = simulate(&experiment, files, args.speed)?;
-    conclude(&summary, &experiment, Some(&folder), args.json)
+    let summary = simulate(&experiment, files, args.speed, stop)?;
+    conclude(&summary, &experiment, Some(&folder), args.json)?;
+    fail_if_stopped(&summary, &experiment)
+}
+
+impl RunArgs {
+    /// The files with or without a log.
+    fn files(&self, files: RunFiles) -> RunFiles {
+        if self.no_log { files.without_log() } else { files }
+    }
 }
 
 /// The files of a single run.
@@ -62,22 +78,24 @@ pub fn files_of(folder: Option<PathBuf>, log: LogArgs) -> RunFiles {
     RunFiles::new(RunFolders::parts(folder), LogOrigin::Run, log.options())
 }
 
-/// Simulates an experiment and writes its files, as fast as possible or at `speed` times real time.
+/// Simulates an experiment and writes its files, as fast as possible or at `speed` times real time, until `stop` is set.
 pub fn simulate(
     experiment: &Arc<Experiment>,
     files: RunFiles,
     speed: Option<f64>,
+    stop: Arc<AtomicBool>,
 ) -> Result<Summary, Failure> {
     let run = Run::new(Arc::clone(experiment)).map_err(Failure::bad_input)?;
-    simulate_rest(run, experiment, files, speed, progress::simulated_seconds(experiment.duration_s))
+    let bar = progress::simulated_seconds(experiment.duration_s);
+    simulate_rest(run, experiment, files, (speed, stop), bar)
 }
 
-/// Simulates the rest of a run, up to the end of its experiment.
+/// Simulates the rest of a run, up to the end of its experiment or until the flag is set.
 pub fn simulate_rest(
     run: Run,
     experiment: &Arc<Experiment>,
     files: RunFiles,
-    speed: Option<f64>,
+    (speed, stop): (Option<f64>, Arc<AtomicBool>),
     bar: progress::Progress,
 ) -> Result<Summary, Failure> {
     let (host, written) = (Host::system(), files.written());
@@ -85,6 +103,7 @@ pub fn simulate_rest(
     Session::new(city.started(), host)
         .at_speed(speed.map_or(Speed::Unlimited, Speed::Times))
         .until(SessionEnd::AtTick(experiment.ticks()))
+        .stopped_by(stop)
         .with_end(Box::new(files))
         .with_end(Box::new(bar))
         .strictly()

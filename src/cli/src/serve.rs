@@ -69,16 +69,17 @@ pub struct ServedEnds {
 pub fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let experiment = Arc::new(load::city(&args.scenario)?);
     let (options, file_options) = (args.options()?, args.log.options());
-    if let Some(folder) = &args.out {
-        file_options.check_folder(folder)?;
-    }
+    let mut inputs = load::inputs(&args.scenario.scenario, &experiment);
+    inputs.extend(args.link.key.clone());
+    let claimed = args.out.as_ref().map(|folder| file_options.claim_folder(folder, &inputs)).transpose()?;
     let stop = on_end()?;
     let ServedEnds { capture, urgent, later } = args.ros.ends(&experiment)?;
     let host = Host::system();
     let city = ServedCity::open(options, Experiment::clone(&experiment), capture, host.clone())?;
     let address = city.address();
-    let files =
-        RunFiles::new(RunFolders::parts(args.out.clone()), LogOrigin::Served, file_options).without_waiting();
+    let files = RunFiles::new(RunFolders::parts(args.out.clone()), LogOrigin::Served, file_options)
+        .in_claimed(claimed)
+        .without_waiting();
     let (written, poses) = (files.written(), city.poses());
     let mut session = Session::new(city, host)
         .at_speed(Speed::Times(args.speed))

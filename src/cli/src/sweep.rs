@@ -2,8 +2,9 @@
 
 use super::overwrite::OverwriteArgs;
 use super::say::say;
-use super::{Failure, ProfileArg, ScenarioArgs, create_folder, load, on_end};
-use city3d_logbook::sweep::{self, SweepHeader, SweepResults, SweepTable, SweepTableError};
+use super::{Failure, ProfileArg, ScenarioArgs, load, on_end, plot};
+use city3d_logbook::sweep::{self, MAPS, SweepHeader, SweepResults, SweepTable, SweepTableError};
+use city3d_outputs::{OutputFolder, refuse_inputs};
 use city3d_simulation::runner::RunMetrics;
 use city3d_simulation::scenario::Library;
 use city3d_simulation::sweep::{Axis, Job, Seeds, jobs};
@@ -71,18 +72,26 @@ impl SweepPlan {
 pub fn sweep(args: &SweepArgs) -> Result<(), Failure> {
     let (text, library) = Library::scenario(&args.scenario.scenario).map_err(Failure::bad_input)?;
     // Errors of the unchanged scenario are reported with their places.
-    load::from_text(&args.scenario, &text, &library, false)?;
+    let unchanged = load::from_text(&args.scenario, &text, &library, false)?;
     let document: toml::Table = text.parse().map_err(Failure::bad_input)?;
     let jobs = jobs(&args.set, args.seeds.as_ref()).map_err(Failure::bad_input)?;
     let plan = SweepPlan { args: args.scenario.clone(), document, library, jobs };
     plan.check(&args.set)?;
-    create_folder(&args.out)?;
+    let maps = plot::files_of(MAPS.into_iter());
+    let files = SweepTable::FILES.into_iter().chain(maps.iter().map(String::as_str));
+    let inputs = load::inputs(&args.scenario.scenario, &unchanged);
+    refuse_inputs(&inputs, files.map(|file| args.out.join(file)))?;
+    let locked = OutputFolder::open(&args.out)?;
     let head = SweepHeader::new(&args.scenario.request().overrides, &text, &args.set, &plan.jobs);
     let mut table = match SweepTable::open(&args.out, &head) {
         Err(_) if args.overwrite.force => SweepTable::replace(&args.out, &head),
         result => result,
     }?;
     let done = table.rows();
+    if done < plan.jobs.len() {
+        // Maps of a sweep that is not over would be those of another one.
+        locked.remove(&maps)?;
+    }
     if done > 0 && done < plan.jobs.len() {
         say(format_args!("{done} of {} runs are done already", plan.jobs.len()))?;
     }

@@ -4,6 +4,7 @@ use super::overwrite::OverwriteArgs;
 use super::say::{complain, say};
 use super::{Failure, LinkArgs, ModelArg, ProfileArg, ScenarioArgs, load, look, on_end};
 use city3d_logbook::record::{LogOrigin, LogReader};
+use city3d_outputs::refuse_inputs;
 use city3d_render::{AdapterPreference, write_png};
 use city3d_session::pictures::lower_priority;
 use city3d_session::remote::{self, RemoteCity, RemoteOptions};
@@ -193,6 +194,12 @@ fn show(subject: &WindowSubject, args: &WindowArgs) -> Result<(), Failure> {
             None => Ok(()),
         };
     };
+    let input = match subject {
+        WindowSubject::Scenario(subject) => PathBuf::from(&subject.request.scenario),
+        WindowSubject::City(subject) => PathBuf::from(&subject.request.scenario),
+        WindowSubject::Log(log) => log.clone(),
+    };
+    refuse_inputs(&[input], [file.clone()])?;
     let WindowPicture { image, truncation } = window::picture(subject, &options)?;
     if let (Some(why), WindowSubject::Log(log)) = (truncation, subject) {
         complain(format_args!(
@@ -301,8 +308,11 @@ impl ViewArgs {
         }?;
         let folders = RunFolders::parts(self.out.clone());
         let options = FileOptions { overwrite: self.overwrite.policy(), ..FileOptions::default() };
-        self.out.iter().try_for_each(|folder| options.check_folder(folder))?;
-        let files = RunFiles::new(folders, LogOrigin::Mainframe, options).without_waiting();
+        let mut inputs = load::inputs(&args.scenario, &experiment);
+        inputs.extend(link.key);
+        let claimed = self.out.as_ref().map(|folder| options.claim_folder(folder, &inputs)).transpose()?;
+        let files =
+            RunFiles::new(folders, LogOrigin::Mainframe, options).in_claimed(claimed).without_waiting();
         let written = files.written();
         let session = Session::new(source, host).stopped_by(stop).with_end(Box::new(files));
         let session = session.spawn(Some(written))?;

@@ -1,10 +1,10 @@
 //! Picture file formats: PNG and numpy's `.npy`, one file for each kind; OpenCV and numpy read each with one call.
 
 use super::{Pictures, Plane, RenderError, write_png};
+use city3d_outputs::WholeFile;
 use city3d_scene::Class;
 use city3d_sensors::PictureKind;
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, IntoInnerError, Write};
 use std::path::Path;
 
 /// File format of a picture.
@@ -111,7 +111,7 @@ impl Png {
     fn write(self, path: &Path, [width, height]: [u32; 2], bytes: &[u8]) -> Result<(), RenderError> {
         let at = |source| RenderError::File { path: path.to_owned(), source };
         let encoding = |source| RenderError::Encoding { path: path.to_owned(), source };
-        let mut file = BufWriter::new(File::create(path).map_err(at)?);
+        let mut file = BufWriter::new(WholeFile::create(path).map_err(at)?);
         let mut encoder = ::png::Encoder::new(&mut file, width, height);
         encoder.set_color(self.color);
         encoder.set_depth(self.depth);
@@ -122,14 +122,14 @@ impl Png {
         let mut writer = encoder.write_header().map_err(encoding)?;
         writer.write_image_data(bytes).map_err(encoding)?;
         writer.finish().map_err(encoding)?;
-        file.flush().map_err(at)
+        file.into_inner().map_err(IntoInnerError::into_error).and_then(WholeFile::commit).map_err(at)
     }
 }
 
 /// Writes format 1.0 of numpy's arrays (numpy.lib.format).
 fn write_npy(path: &Path, plane: &Plane<f32>) -> Result<(), RenderError> {
     let at = |source| RenderError::File { path: path.to_owned(), source };
-    let mut file = BufWriter::new(File::create(path).map_err(at)?);
+    let mut file = BufWriter::new(WholeFile::create(path).map_err(at)?);
     let (height, width) = (plane.height, plane.width);
     let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
     const BEFORE: usize = 10;
@@ -142,7 +142,7 @@ fn write_npy(path: &Path, plane: &Plane<f32>) -> Result<(), RenderError> {
     for part in [b"\x93NUMPY\x01\x00".as_slice(), &length, header.as_bytes(), &bytes] {
         file.write_all(part).map_err(at)?;
     }
-    file.flush().map_err(at)
+    file.into_inner().map_err(IntoInnerError::into_error).and_then(WholeFile::commit).map_err(at)
 }
 
 #[cfg(test)]

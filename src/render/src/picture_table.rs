@@ -1,10 +1,12 @@
 //! `frames.csv`: file, extrinsics and intrinsics of each picture.
 
 use super::PictureFormat;
+use city3d_outputs::WholeFile;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_sensors::{Lens, View};
 use serde::Serialize;
-use std::fs::File;
+use std::collections::VecDeque;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
@@ -105,70 +107,100 @@ impl<'a> PictureRow<'a> {
 /// Why the table of pictures cannot be written.
 #[derive(Debug, Error)]
 pub enum PictureTableError {
-    /// The folder or the table in it cannot be created.
-    #[error("{folder}: pictures cannot be written into this folder: {source}", folder = folder.display())]
-    Folder {
-        /// Path of the folder.
-        folder: PathBuf,
-        /// Reason of the operating system.
-        source: std::io::Error,
-    },
-    /// A row cannot be written.
+    /// A row cannot be encoded.
     #[error("{path}: {source}", path = path.display())]
     Row {
         /// Path of the table.
         path: PathBuf,
-        /// What is wrong with the row or the file.
+        /// What is wrong with the row.
         source: csv::Error,
     },
-    /// The last rows cannot be written.
+    /// The table cannot be written.
     #[error("{path}: {source}", path = path.display())]
     File {
         /// Path of the table.
         path: PathBuf,
         /// Reason of the operating system.
-        source: std::io::Error,
+        source: io::Error,
     },
 }
 
-/// The table of the pictures in a folder.
+/// The table of the pictures in a folder: it lists those whose files are whole, and appears when it is finished.
 #[derive(Debug)]
 pub struct PictureTable {
     path: PathBuf,
-    writer: csv::Writer<File>,
+    file: WholeFile,
+    /// Bytes of the whole rows in the file, with the header.
+    length: u64,
+    has_header: bool,
+    /// Encoded rows of pictures that are not written yet, in their order.
+    waiting: VecDeque<Vec<u8>>,
 }
 
 impl PictureTable {
     /// Name of the file.
     pub const FILE: &str = "frames.csv";
 
-    /// Creates the folder and the table in it; a table that is there is replaced.
+    /// Begins the table of an existing folder.
     ///
     /// # Errors
-    /// [`PictureTableError::Folder`].
+    /// When the folder cannot be written.
     pub fn create(folder: &Path) -> Result<Self, PictureTableError> {
         let path = folder.join(Self::FILE);
-        let file = std::fs::create_dir_all(folder).and_then(|()| File::create(&path));
-        let file =
-            file.map_err(|source| PictureTableError::Folder { folder: folder.to_path_buf(), source })?;
-        Ok(Self { path, writer: csv::Writer::from_writer(file) })
+        match WholeFile::create(&path) {
+            Ok(file) => Ok(Self { path, file, length: 0, has_header: false, waiting: VecDeque::new() }),
+            Err(source) => Err(PictureTableError::File { path, source }),
+        }
     }
 
-    /// Appends a row.
+    /// Adds the row of a picture that is about to be written.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// When it cannot be encoded, or the header cannot be written.
     pub fn add(&mut self, row: &PictureRow<'_>) -> Result<(), PictureTableError> {
-        let lost = |source| PictureTableError::Row { path: self.path.clone(), source };
-        self.writer.serialize(row).map_err(lost)
+        let unencoded = |source| PictureTableError::Row { path: self.path.clone(), source };
+        let mut encoder = csv::WriterBuilder::new().has_headers(!self.has_header).from_writer(Vec::new());
+        encoder.serialize(row).map_err(unencoded)?;
+        let mut bytes =
+            encoder.into_inner().map_err(|error| unencoded(error.into_error().into()))?;
+        if !self.has_header {
+            let header = bytes.iter().position(|&byte| byte == b'\n').map_or(0, |end| end + 1);
+            let row = bytes.split_off(header);
+            self.write(&bytes)?;
+            (self.has_header, bytes) = (true, row);
+        }
+        self.waiting.push_back(bytes);
+        Ok(())
     }
 
-    /// Writes the rows that are still in memory.
+    /// Writes the rows of the next pictures, as far as these could be written.
     ///
     /// # Errors
-    /// When they cannot be written.
-    pub fn finish(&mut self) -> Result<(), PictureTableError> {
+    /// When a row cannot be written; those before it stay whole.
+    pub fn settle(&mut self, written: &[bool]) -> Result<(), PictureTableError> {
+        for &is_written in written {
+            let Some(row) = self.waiting.pop_front() else { break };
+            if is_written {
+                self.write(&row)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Gives the table its name. It has the rows so far, also after an error.
+    ///
+    /// # Errors
+    /// When it cannot be renamed.
+    pub fn finish(self) -> Result<(), PictureTableError> {
+        let Self { path, file, length, .. } = self;
+        let finished = file.cut(length).and_then(|()| file.commit());
+        finished.map_err(|source| PictureTableError::File { path, source })
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> Result<(), PictureTableError> {
         let lost = |source| PictureTableError::File { path: self.path.clone(), source };
-        self.writer.flush().map_err(lost)
+        self.file.write_all(bytes).map_err(lost)?;
+        self.length += bytes.len() as u64;
+        Ok(())
     }
 }

@@ -4,7 +4,7 @@ use super::grid::tile_bytes;
 use super::{PendingReadback, PictureFormat, RenderError, RenderRequest, Renderer};
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_sensors::{PictureKinds, View};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 use std::sync::{Arc, mpsc};
 
@@ -33,11 +33,18 @@ pub struct PngStream<'a> {
     /// Files queued for encoders.
     in_queue: usize,
     written: u64,
+    /// Number of files queued so far, which numbers them.
+    queued: u64,
+    /// Whether each file could be written: those that nobody has asked about, by their numbers.
+    outcomes: BTreeMap<u64, bool>,
+    /// Number of the file that is asked about next.
+    next: u64,
 }
 
 /// Outcome of one file.
 #[derive(Debug)]
 struct WrittenFile {
+    number: u64,
     bytes: u64,
     result: Result<(), RenderError>,
 }
@@ -46,7 +53,18 @@ impl<'a> PngStream<'a> {
     /// A pipeline with nothing in flight.
     pub fn new(renderer: &'a mut Renderer) -> Self {
         let (report, done) = mpsc::channel();
-        Self { renderer, in_flight: VecDeque::new(), done, report, bytes: 0, in_queue: 0, written: 0 }
+        Self {
+            renderer,
+            in_flight: VecDeque::new(),
+            done,
+            report,
+            bytes: 0,
+            in_queue: 0,
+            written: 0,
+            queued: 0,
+            outcomes: BTreeMap::new(),
+            next: 0,
+        }
     }
 
     /// Draws views of one snapshot in colour and writes each to the path of the same index. Returns once the pictures
@@ -103,15 +121,27 @@ impl<'a> PngStream<'a> {
     /// Waits until every file is written and returns their number.
     ///
     /// # Errors
-    /// The first that occurred.
-    pub fn finish(mut self) -> Result<u64, RenderError> {
+    /// The first that occurred; all files that could be written are, nevertheless.
+    pub fn finish(&mut self) -> Result<u64, RenderError> {
+        let mut outcome = Ok(());
         while !self.in_flight.is_empty() {
-            self.deliver()?;
+            outcome = outcome.and(self.deliver());
         }
         while self.in_queue > 0 {
-            self.wait_for_one()?;
+            outcome = outcome.and(self.wait_for_one());
         }
-        Ok(self.written)
+        outcome.map(|()| self.written)
+    }
+
+    /// Whether each file could be written, in the order in which they were pushed and as far as all files before it are
+    /// done; each outcome once.
+    pub fn take_outcomes(&mut self) -> Vec<bool> {
+        std::iter::from_fn(|| {
+            let outcome = self.outcomes.remove(&self.next)?;
+            self.next += 1;
+            Some(outcome)
+        })
+        .collect()
     }
 
     fn make_room(&mut self) -> Result<(), RenderError> {
@@ -121,11 +151,22 @@ impl<'a> PngStream<'a> {
     /// Waits for the oldest batch and queues its pictures for the encoders, on rayon's threads.
     fn deliver(&mut self) -> Result<(), RenderError> {
         let Some((pending, jobs)) = self.in_flight.pop_front() else { return Ok(()) };
-        let readback = Arc::new(self.renderer.wait(pending)?);
+        let readback = match self.renderer.wait(pending) {
+            Ok(readback) => Arc::new(readback),
+            Err(error) => {
+                for _ in jobs.iter().flat_map(|job| &job.files) {
+                    self.outcomes.insert(self.queued, false);
+                    self.queued += 1;
+                }
+                return Err(error);
+            }
+        };
         for (index, job) in jobs.into_iter().enumerate() {
             let bytes = tile_bytes(job.view.extent);
             for (format, path) in job.files {
                 self.in_queue += 1;
+                let number = self.queued;
+                self.queued += 1;
                 let (readback, report) = (Arc::clone(&readback), self.report.clone());
                 rayon::spawn(move || {
                     let result = match format {
@@ -139,7 +180,7 @@ impl<'a> PngStream<'a> {
                     // The last drop returns the staging buffer to its pool.
                     drop(readback);
                     // The receiver is gone if the stream was dropped with an error.
-                    let _ = report.send(WrittenFile { bytes, result });
+                    let _ = report.send(WrittenFile { number, bytes, result });
                 });
             }
         }
@@ -148,12 +189,19 @@ impl<'a> PngStream<'a> {
 
     fn wait_for_one(&mut self) -> Result<(), RenderError> {
         // The stream holds a sender itself, so receiving cannot fail.
-        if let Ok(done) = self.done.recv() {
-            self.in_queue -= 1;
-            self.bytes -= done.bytes;
-            done.result?;
-            self.written += 1;
+        match self.done.recv() {
+            Ok(done) => self.settle(done),
+            Err(_) => Ok(()),
         }
+    }
+
+    /// Counts a file that is done.
+    fn settle(&mut self, done: WrittenFile) -> Result<(), RenderError> {
+        self.in_queue -= 1;
+        self.bytes -= done.bytes;
+        self.outcomes.insert(done.number, done.result.is_ok());
+        done.result?;
+        self.written += 1;
         Ok(())
     }
 }

@@ -12,6 +12,7 @@ use city3d_simulation::scenario::{Experiment, PlannedVehicle};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use thiserror::Error;
 
 /// Why a run cannot be captured.
@@ -192,12 +193,17 @@ impl CapturedRun {
         }
     }
 
-    /// Advances to a tick; `progress` hears the simulated time.
+    /// Advances to a tick, or until `stop` is set; `progress` hears the simulated time.
     ///
     /// # Errors
     /// When the log cannot be replayed as far.
-    pub fn advance(&mut self, tick: u64, progress: &mut dyn FnMut(f64)) -> Result<(), CaptureError> {
-        while self.snapshot().tick < tick {
+    pub fn advance(
+        &mut self,
+        tick: u64,
+        stop: &AtomicBool,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<(), CaptureError> {
+        while self.snapshot().tick < tick && !stop.load(Ordering::Relaxed) {
             match self {
                 Self::Run(run) => drop(run.step()),
                 Self::Replay(replay) => proceed(replay)?,

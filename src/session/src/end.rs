@@ -79,6 +79,8 @@ pub struct RunAccount {
     pub link: Option<LinkSummary>,
     /// Of each end.
     pub ends: BTreeMap<&'static str, EndSummary>,
+    /// The run was stopped before its end.
+    pub is_stopped: bool,
 }
 
 /// The ends of a session, in the order in which they are told.

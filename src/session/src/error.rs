@@ -4,6 +4,7 @@ use super::EndFailure;
 use city3d_control::SetupError;
 use city3d_logbook::record::RecordError;
 use city3d_network::link::LinkError;
+use city3d_outputs::OutputError;
 use city3d_protocol::wire::EncodeError;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -26,22 +27,9 @@ pub enum SessionError {
     /// Files of an earlier run are in the way.
     #[error(transparent)]
     Exists(#[from] ExistingResults),
-    /// The folder of a run cannot be created.
-    #[error("{path}: the folder cannot be created: {source}", path = path.display())]
-    Folder {
-        /// The folder that was to be created.
-        path: PathBuf,
-        /// Reason of the operating system.
-        source: std::io::Error,
-    },
-    /// `summary.json` cannot be written, or that of an earlier run cannot be removed.
-    #[error("{path}: {source}", path = path.display())]
-    File {
-        /// Path of the summary.
-        path: PathBuf,
-        /// Reason of the operating system.
-        source: std::io::Error,
-    },
+    /// The folder of a run, or `summary.json`, cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// An end has failed that the session does not go on without, such as the files of a run.
     #[error(transparent)]
     End(EndFailure),
@@ -105,6 +93,9 @@ pub enum SessionError {
 impl SessionError {
     /// Whether what was asked for is wrong, rather than something having failed.
     pub fn is_bad_input(&self) -> bool {
+        if let Self::Output(error) = self {
+            return error.is_bad_input();
+        }
         matches!(
             self,
             Self::Link(_)

@@ -4,11 +4,12 @@
 use super::{Inputs, Moment, RunFiles, SessionError};
 use city3d_control::SetupError;
 use city3d_logbook::replay::{Replay, ReplayError};
-use city3d_protocol::snapshot::SimCommand;
+use city3d_protocol::snapshot::{FrameSnapshot, SimCommand};
 use city3d_protocol::wire::Measurement;
 use city3d_simulation::runner::{ControlLoop, Run};
 use city3d_simulation::scenario::Experiment;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use thiserror::Error;
 
 /// Why a run cannot be forked.
@@ -28,6 +29,12 @@ pub enum ForkError {
     LogEnd {
         /// The last tick of the log.
         tick: u64,
+    },
+    /// The flag that stops the command was set.
+    #[error("stopped at tick {tick}, before the run was continued", tick = last.tick)]
+    Stopped {
+        /// The last instant of the log that was simulated again and recorded.
+        last: Box<FrameSnapshot>,
     },
     /// The replay has come to another state than the log.
     #[error("tick {tick} differs from the log when it is simulated again, so the run cannot be continued")]
@@ -50,13 +57,21 @@ impl Fork {
     /// are recorded in `files`.
     ///
     /// # Errors
-    /// When the log ends before or cannot be replayed, or a file cannot be written.
-    pub fn at(mut replay: Replay, fork_tick: u64, files: &mut RunFiles) -> Result<Self, ForkError> {
+    /// When the log ends before or cannot be replayed, when `stop` is set, or a file cannot be written.
+    pub fn at(
+        mut replay: Replay,
+        fork_tick: u64,
+        files: &mut RunFiles,
+        stop: &AtomicBool,
+    ) -> Result<Self, ForkError> {
         let original = &Arc::clone(replay.experiment());
         let mut control = ControlLoop::new(original)?;
         let (mut delivered, mut is_same) = (Vec::new(), true);
         loop {
             let (tick, time_s) = (replay.snapshot().tick, replay.snapshot().time_s);
+            if stop.load(Ordering::Relaxed) {
+                return Err(ForkError::Stopped { last: Box::new(replay.snapshot().clone()) });
+            }
             let seen: Vec<Measurement> = Measurement::all(replay.snapshot(), original.scale).collect();
             let Some(ticked) = replay.step()? else { return Err(ForkError::LogEnd { tick }) };
             if !ticked.agrees() {

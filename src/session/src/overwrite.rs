@@ -3,8 +3,8 @@
 use super::ExistingResults;
 use std::path::{Path, PathBuf};
 
-/// File names of a run.
-const RUN_FILES: [&str; 3] = ["run.mcap", "vehicles.csv", "summary.json"];
+/// File names of a run. The summary, written last, is the first one to go.
+pub const RUN_FILES: [&str; 3] = ["summary.json", "vehicles.csv", "run.mcap"];
 
 /// What becomes of the results of an earlier command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,7 +30,7 @@ impl Overwrite {
     /// # Errors
     /// Names the first of these folders.
     pub fn check_runs(self, folder: &Path, prefix: &str) -> Result<(), ExistingResults> {
-        folders(folder, prefix).into_iter().try_for_each(|run| self.check_run(&run))
+        run_folders(folder, prefix).into_iter().try_for_each(|run| self.check_run(&run))
     }
 
     /// Refuses a folder that has any of these files.
@@ -70,7 +70,7 @@ fn listed(names: &[&str]) -> String {
 }
 
 /// Subfolders with a name prefix, sorted.
-fn folders(folder: &Path, prefix: &str) -> Vec<PathBuf> {
+pub fn run_folders(folder: &Path, prefix: &str) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let named = entries.filter(|entry| entry.file_name().to_string_lossy().starts_with(prefix));
     let mut folders: Vec<PathBuf> = named.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();

@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use thiserror::Error;
 
 /// Shortest and longest time that poses may span, seconds.
@@ -149,7 +150,8 @@ impl RecordedPoses {
         })
     }
 
-    /// Writes the files of the run for the duration of the experiment; `progress` hears the simulated time.
+    /// Writes the files of the run for the duration of the experiment, or until `stop` is set; `progress` hears the
+    /// simulated time.
     ///
     /// # Errors
     /// When a file cannot be written.
@@ -157,11 +159,13 @@ impl RecordedPoses {
         &self,
         experiment: &Arc<Experiment>,
         mut files: RunFiles,
+        stop: &AtomicBool,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Summary, SessionError> {
         let mut city = ObservedCity::new(Arc::clone(experiment));
         let last = (experiment.duration_s * f64::from(experiment.rates.physics_hz) + 1e-6).floor() as u64;
         let mut smoothed = SmoothedMotions::new(self, experiment);
+        let mut is_stopped = false;
         for tick in 0..=last {
             let time_s = experiment.rates.time_s(tick);
             let head = Poses {
@@ -182,8 +186,12 @@ impl RecordedPoses {
             if tick % 100 == 0 {
                 progress(time_s);
             }
+            is_stopped = tick < last && stop.load(Ordering::Relaxed);
+            if is_stopped {
+                break;
+            }
         }
-        files.conclude(&Moment::first(experiment, city.snapshot()))
+        files.conclude(&Moment::first(experiment, city.snapshot()), is_stopped)
     }
 }
 

@@ -1,10 +1,12 @@
 //! Files of a run: `run.mcap`, `vehicles.csv` and `summary.json`.
 
 use super::end::{End, EndFailure, EndHealth, RunAccount};
+use super::overwrite::{RUN_FILES, run_folders};
 use super::{Inputs, Moment, MomentKind, Overwrite, SessionError};
 use city3d_logbook::record::{
-    Backpressure, Cadence, ClosingFiles, FileWork, LogOrigin, RecordError, Recorder,
+    Backpressure, Cadence, ClosingFiles, FileWork, FolderWork, LogOrigin, RecordError, Recorder,
 };
+use city3d_outputs::{OutputError, OutputFolder, WholeFile, refuse_inputs};
 use city3d_protocol::snapshot::Event;
 use city3d_simulation::runner::{Observer, Summary};
 use city3d_simulation::scenario::Experiment;
@@ -38,6 +40,17 @@ impl FileOptions {
     pub fn check_folder(self, folder: &Path) -> Result<(), SessionError> {
         self.overwrite.check_run(folder)?;
         Ok(self.overwrite.check_runs(folder, PART_PREFIX)?)
+    }
+
+    /// Locks a folder for the runs of a command that reads `inputs`. What is there stays until the first run begins.
+    ///
+    /// # Errors
+    /// When a file of a run is one of the inputs, when the folder has a run already, or when it cannot be written.
+    pub fn claim_folder(self, folder: &Path, inputs: &[PathBuf]) -> Result<OutputFolder, SessionError> {
+        refuse_inputs(inputs, RUN_FILES.map(|name| folder.join(name)))?;
+        let claimed = OutputFolder::open(folder)?;
+        self.check_folder(folder)?;
+        Ok(claimed)
     }
 }
 
@@ -108,6 +121,9 @@ pub struct RunFiles {
     options: FileOptions,
     backpressure: Backpressure,
     wall_time: WallTime,
+    /// The folder that was locked for all runs before the first one, and whether they have logs.
+    claimed: Option<Arc<OutputFolder>>,
+    is_logged: bool,
     run: u32,
     open: Option<OpenRun>,
     closing: Vec<ClosingFiles>,
@@ -117,7 +133,7 @@ pub struct RunFiles {
 
 /// The files of the present run.
 struct OpenRun {
-    folder: Option<PathBuf>,
+    folder: LockedFolder,
     recorder: Option<Recorder>,
     observer: Observer,
     events: Vec<Event>,
@@ -125,6 +141,9 @@ struct OpenRun {
     start: Instant,
     steps: Duration,
 }
+
+/// The folder of a run, once it is locked: who has it may write there.
+type LockedFolder = Arc<Mutex<Option<Arc<OutputFolder>>>>;
 
 impl RunFiles {
     /// The files of the runs of a session; nothing is written before the first one begins.
@@ -135,6 +154,8 @@ impl RunFiles {
             options,
             backpressure: Backpressure::Wait,
             wall_time: WallTime::Whole,
+            claimed: None,
+            is_logged: true,
             run: 0,
             open: None,
             closing: Vec::new(),
@@ -147,6 +168,20 @@ impl RunFiles {
     #[must_use]
     pub fn without_waiting(mut self) -> Self {
         self.backpressure = Backpressure::GiveUp;
+        self
+    }
+
+    /// Keeps a folder of [`FileOptions::claim_folder`] locked for as long as there are runs.
+    #[must_use]
+    pub fn in_claimed(mut self, folder: Option<OutputFolder>) -> Self {
+        self.claimed = folder.map(Arc::new);
+        self
+    }
+
+    /// Writes summaries only.
+    #[must_use]
+    pub fn without_log(mut self) -> Self {
+        self.is_logged = false;
         self
     }
 
@@ -166,14 +201,10 @@ impl RunFiles {
     /// When a rate of the options is 0.
     pub fn begin(&mut self, experiment: &Arc<Experiment>) -> Result<(), SessionError> {
         self.run += 1;
-        let folder = self.folders.of(self.run);
         self.warn_of_rates(experiment);
-        if let Some(folder) = &folder {
-            prepare_folder(folder, self.options)?;
-        }
-        let recorder = folder.as_ref().map(|folder| self.recorder(folder, experiment, Box::new(|| Ok(()))));
-        let recorder = recorder.transpose()?;
-        self.open_run(folder, recorder, (experiment, Instant::now()));
+        let folder = self.folders.of(self.run);
+        let (locked, recorder) = self.open_files(folder.as_deref(), experiment)?;
+        self.open_run((folder, locked), recorder, (experiment, Instant::now()));
         Ok(())
     }
 
@@ -194,12 +225,12 @@ impl RunFiles {
         }
     }
 
-    /// Finishes the files of a run outside of a session.
+    /// Finishes the files of a run outside of a session; `is_stopped` where it was stopped before its end.
     ///
     /// # Errors
     /// When a file cannot be written.
-    pub fn conclude(mut self, last: &Moment<'_>) -> Result<Summary, SessionError> {
-        self.finish_run(last, &RunAccount::default());
+    pub fn conclude(mut self, last: &Moment<'_>, is_stopped: bool) -> Result<Summary, SessionError> {
+        self.finish_run(last, &RunAccount { is_stopped, ..RunAccount::default() });
         self.join();
         let written = self.written.lock().unwrap_or_else(PoisonError::into_inner).clone();
         match (written.failure, written.summary) {
@@ -248,40 +279,56 @@ impl RunFiles {
         }
         self.health.failure = None;
         let folder = self.folders.of(self.run);
-        let recorder = folder.as_ref().map(|folder| {
-            let (at, options) = (folder.clone(), self.options);
-            self.recorder(folder, experiment, Box::new(move || Ok(prepare_folder(&at, options)?)))
-        });
-        let recorder = recorder.transpose().unwrap_or_else(|error| {
+        let (locked, recorder) = self.open_files(folder.as_deref(), experiment).unwrap_or_else(|error| {
             self.fail(error);
-            None
+            Default::default()
         });
-        self.open_run(folder, recorder, (experiment, now));
+        self.open_run((folder, locked), recorder, (experiment, now));
     }
 
-    /// What writes the log and the table, after some work.
-    fn recorder(
+    /// Locks the folder of a run and opens its files, on the writer thread where no disk may delay the caller.
+    fn open_files(
         &self,
-        folder: &Path,
+        folder: Option<&Path>,
         experiment: &Arc<Experiment>,
-        before: FileWork,
-    ) -> Result<Recorder, RecordError> {
+    ) -> Result<(LockedFolder, Option<Recorder>), SessionError> {
+        let locked = LockedFolder::default();
+        let Some(folder) = folder else { return Ok((locked, None)) };
+        let claimed = self.claimed.clone().filter(|claimed| claimed.path() == folder);
+        let (at, options, slot) = (folder.to_path_buf(), self.options, Arc::clone(&locked));
+        let prepare = move || -> Result<Arc<OutputFolder>, SessionError> {
+            let folder = prepare_folder(&at, claimed, options)?;
+            *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&folder));
+            Ok(folder)
+        };
+        let prepare: FolderWork = match self.backpressure {
+            Backpressure::Wait => {
+                let ready = prepare()?;
+                Box::new(move || Ok(ready))
+            }
+            Backpressure::GiveUp => Box::new(move || Ok(prepare()?)),
+        };
+        if !self.is_logged {
+            return Ok((locked, None));
+        }
         let cadence = self.options.cadence(experiment);
-        Recorder::new(folder, experiment, self.origin, cadence, (self.backpressure, before))
+        let how = (self.backpressure, prepare);
+        let recorder = Recorder::new(folder, experiment, self.origin, cadence, how)?;
+        Ok((locked, Some(recorder)))
     }
 
     fn open_run(
         &mut self,
-        folder: Option<PathBuf>,
+        (folder, locked): (Option<PathBuf>, LockedFolder),
         recorder: Option<Recorder>,
         (experiment, start): (&Experiment, Instant),
     ) {
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         written.folders.extend(folder.clone());
-        written.folder.clone_from(&folder);
+        written.folder = folder;
         drop(written);
         self.open = Some(OpenRun {
-            folder,
+            folder: locked,
             recorder,
             observer: Observer::new(experiment),
             events: Vec::new(),
@@ -346,21 +393,14 @@ impl End for RunFiles {
     fn finish_run(&mut self, last: &Moment<'_>, account: &RunAccount) {
         if self.open.is_none() && self.run == 0 {
             // Nothing has happened: there is a summary without files.
-            self.open_run(None, None, (last.experiment, last.timing.done));
+            self.open_run(Default::default(), None, (last.experiment, last.timing.done));
         }
         let Some(open) = self.open.take() else { return };
-        let (folder, recorder) = (open.folder.clone(), open.recorder.is_some());
         let (summary, closing) = open.finish(last, account, self.origin, self.wall_time);
         match closing {
             Some(Ok(closing)) => self.closing.push(closing),
             Some(Err(error)) => self.fail(error),
             None => {}
-        }
-        if !recorder && let Some(folder) = folder {
-            // The log has failed; the summary may still find room.
-            if let Err(error) = write_summary(&folder, &summary) {
-                tracing::debug!("{error}");
-            }
         }
         self.written.lock().unwrap_or_else(PoisonError::into_inner).summary = Some(summary);
         match self.backpressure {
@@ -380,6 +420,11 @@ impl End for RunFiles {
 
 impl Drop for RunFiles {
     fn drop(&mut self) {
+        // A run that was given up has a whole log, and no summary.
+        let given_up = self.open.take().and_then(|open| open.recorder);
+        if let Some(Ok(closing)) = given_up.map(|recorder| recorder.close(Box::new(|| Ok(())))) {
+            self.closing.push(closing);
+        }
         self.join();
     }
 }
@@ -443,12 +488,22 @@ impl OpenRun {
         };
         let summary =
             Summary::new(last.experiment, &self.observer, last.snapshot, self.events, wall.as_secs_f64());
-        let summary = Summary { link: account.link.clone(), ends: account.ends.clone(), ..summary };
+        let stopped_at_tick = account.is_stopped.then_some(last.snapshot.tick);
+        let summary =
+            Summary { link: account.link.clone(), ends: account.ends.clone(), stopped_at_tick, ..summary };
         let summary = if origin.has_world() { summary } else { summary.of_poses() };
-        let closing = self.recorder.zip(self.folder).map(|(recorder, folder)| {
-            let of_files = summary.clone();
-            recorder.close(Box::new(move || Ok(write_summary(&folder, &of_files)?)))
+        let (locked, of_files) = (self.folder, summary.clone());
+        let path = locked_path(&locked);
+        let write: FileWork = Box::new(move || match locked_path(&locked) {
+            Some(folder) => Ok(write_summary(&folder, &of_files)?),
+            None => Ok(()),
         });
+        let closing = match (self.recorder, path) {
+            (Some(recorder), _) => Some(recorder.close(write)),
+            // There is no log, or it has failed; the summary may still find room.
+            (None, Some(folder)) => Some(ClosingFiles::by_thread(&folder, write)),
+            (None, None) => None,
+        };
         (summary, closing)
     }
 }
@@ -467,26 +522,36 @@ fn record_inputs(recorder: &mut Recorder, moment: &Moment<'_>) -> Result<(), Ses
     Ok(())
 }
 
-/// Creates a folder for the files of a run. An overwritten run has no summary until the new one ends.
-fn prepare_folder(folder: &Path, options: FileOptions) -> Result<(), SessionError> {
+/// The path of a folder that is locked already.
+fn locked_path(locked: &LockedFolder) -> Option<PathBuf> {
+    let folder = locked.lock().unwrap_or_else(PoisonError::into_inner);
+    folder.as_ref().map(|folder| folder.path().to_path_buf())
+}
+
+/// Locks the folder of a run unless that was done before, and removes an earlier run with its parts: nothing of it is
+/// ever beside the new files.
+fn prepare_folder(
+    folder: &Path,
+    claimed: Option<Arc<OutputFolder>>,
+    options: FileOptions,
+) -> Result<Arc<OutputFolder>, SessionError> {
+    let locked = match claimed {
+        Some(claimed) => claimed,
+        None => Arc::new(OutputFolder::open(folder)?),
+    };
     options.check_folder(folder)?;
-    std::fs::create_dir_all(folder)
-        .map_err(|source| SessionError::Folder { path: folder.to_path_buf(), source })?;
-    let path = folder.join("summary.json");
-    match std::fs::remove_file(&path) {
-        Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
-            Err(SessionError::File { path, source })
-        }
-        _ => Ok(()),
+    locked.remove(&RUN_FILES)?;
+    for part in run_folders(folder, PART_PREFIX) {
+        OutputFolder::open(&part)?.remove(&RUN_FILES)?;
+        // One that has other files stays.
+        let _ = std::fs::remove_dir(&part);
     }
+    Ok(locked)
 }
 
 fn write_summary(folder: &Path, summary: &Summary) -> Result<(), SessionError> {
     let path = folder.join("summary.json");
     let text = serde_json::to_string_pretty(summary)?;
-    std::fs::write(&path, text).map_err(|source| {
-        // Half a summary is none.
-        let _ = std::fs::remove_file(&path);
-        SessionError::File { path, source }
-    })
+    let written = WholeFile::write(&path, text.as_bytes());
+    Ok(written.map_err(|source| OutputError::File { path, source })?)
 }

@@ -340,7 +340,7 @@ impl<S: Source> Session<S> {
             Step::Reset(last) => {
                 // A window hears of it with the number of the new run.
                 self.tell_ends(MomentKind::Applied, (from, timing));
-                self.end_run(&last);
+                self.end_run(&last, false);
             }
         }
         self.source.told();
@@ -375,12 +375,13 @@ impl<S: Source> Session<S> {
         }
     }
 
-    fn end_run(&mut self, last: &FrameSnapshot) {
+    /// The present run ends with this snapshot; `is_stopped` where that is before its end.
+    fn end_run(&mut self, last: &FrameSnapshot, is_stopped: bool) {
         if !self.is_strict {
             // A failure since the last report counts too.
             self.ends.say_failures();
         }
-        let account = self.account();
+        let account = RunAccount { is_stopped, ..self.account() };
         let times = ((last.tick, last.time_s), StepTiming::at(self.host.clock.now()));
         let moment = moment(&self.source, &self.host, (MomentKind::Still, Inputs::None), times);
         let moment = Moment { snapshot: last, ..moment };
@@ -401,12 +402,12 @@ impl<S: Source> Session<S> {
             ros: link.ros.map(|ros| RosSummary { pictures, ..ros }),
             ..link
         });
-        RunAccount { link, ends }
+        RunAccount { link, ends, is_stopped: false }
     }
 
     fn finish(&mut self) -> Result<(), SessionError> {
         let last = self.source.snapshot().clone();
-        self.end_run(&last);
+        self.end_run(&last, !self.is_over());
         self.run -= 1;
         self.ends.close();
         self.check_ends()

@@ -3,7 +3,7 @@
 use crate::files::LogArgs;
 use crate::run::{files_of, simulate};
 use crate::say::say;
-use crate::{Failure, ScenarioArgs, create_folder, load};
+use crate::{Failure, ScenarioArgs, load};
 use city3d_render::benchmark::cpu_s;
 use city3d_simulation::scenario::Experiment;
 use clap::Args;
@@ -56,7 +56,6 @@ struct RunCost {
 
 pub fn log(args: &LogBenchArgs) -> Result<(), Failure> {
     let experiment = load::experiment(&args.scenario)?;
-    create_folder(&args.out)?;
     let (mut with, mut without) = (Vec::new(), Vec::new());
     if args.out != Path::new(DEFAULT_FOLDER) {
         args.log.options().check_folder(&args.out)?;
@@ -91,7 +90,7 @@ fn cost(experiment: &Arc<Experiment>, folder: Option<&Path>, log: LogArgs) -> Re
     let before = cpu_s();
     let mut files = files_of(folder.map(Path::to_path_buf), log);
     files.begin(experiment)?;
-    let summary = simulate(experiment, files, None)?;
+    let summary = simulate(experiment, files, None, Arc::default())?;
     Ok(RunCost { wall_s: summary.wall_s, cpu_s: cpu_s().zip(before).map(|(after, before)| after - before) })
 }
 

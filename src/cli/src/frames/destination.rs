@@ -2,6 +2,7 @@
 
 use super::super::Failure;
 use super::super::overwrite::OverwriteArgs;
+use city3d_outputs::{OutputFolder, refuse_inputs};
 use city3d_render::PictureTable;
 use city3d_render::video::{VideoError, VideoOutput};
 use std::path::{Path, PathBuf};
@@ -13,6 +14,13 @@ const OTHERS: [&str; 9] = ["gif", "png", "jpg", "jpeg", "mpg", "mpeg", "wmv", "f
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Destination {
     Folder(PathBuf),
+    Video(VideoOutput),
+}
+
+/// A destination that may be written: a folder is locked.
+#[derive(Debug)]
+pub(super) enum ClaimedDestination {
+    Folder(OutputFolder),
     Video(VideoOutput),
 }
 
@@ -42,14 +50,26 @@ impl Destination {
         })
     }
 
-    /// Refuses to overwrite existing pictures or videos.
-    pub(super) fn check(&self, overwrite: OverwriteArgs) -> Result<(), Failure> {
+    /// Locks a folder for pictures. Refuses to overwrite inputs, and pictures or videos of an earlier command.
+    pub(super) fn claim(
+        &self,
+        overwrite: OverwriteArgs,
+        inputs: &[PathBuf],
+    ) -> Result<ClaimedDestination, Failure> {
         match self {
-            Self::Folder(folder) => Ok(overwrite.policy().check_files(folder, &[PictureTable::FILE])?),
-            Self::Video(VideoOutput::Y4m(file) | VideoOutput::Encoded(file)) => {
-                Ok(overwrite.policy().check_file(file)?)
+            Self::Folder(folder) => {
+                refuse_inputs(inputs, [folder.join(PictureTable::FILE)])?;
+                let locked = OutputFolder::open(folder)?;
+                overwrite.policy().check_files(folder, &[PictureTable::FILE])?;
+                Ok(ClaimedDestination::Folder(locked))
             }
-            Self::Video(VideoOutput::Stdout) => Ok(()),
+            Self::Video(output) => {
+                if let VideoOutput::Y4m(file) | VideoOutput::Encoded(file) = output {
+                    refuse_inputs(inputs, [file.clone()])?;
+                    overwrite.policy().check_file(file)?;
+                }
+                Ok(ClaimedDestination::Video(output.clone()))
+            }
         }
     }
 }

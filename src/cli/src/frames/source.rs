@@ -7,7 +7,7 @@ use city3d_logbook::record::{is_log, last_tick};
 use city3d_logbook::replay::Replay;
 use city3d_session::capture::{CameraCarrier, CapturedRun};
 use city3d_simulation::scenario::{Experiment, shipped_scenarios};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub(super) enum FrameSource {
@@ -41,6 +41,14 @@ impl FrameSource {
         let experiment = Experiment { duration_s, ..Experiment::clone(replay.experiment()) };
         let carriers = CameraCarrier::of_log(path, &experiment)?;
         Ok(Self::Log(Box::new(replay), Arc::new(experiment), carriers))
+    }
+
+    /// The files that it was read from, where these are no shipped ones.
+    pub(super) fn inputs(&self, args: &ScenarioArgs) -> Vec<PathBuf> {
+        match self {
+            Self::Scenario(experiment) => load::inputs(&args.scenario, experiment),
+            Self::Log(..) => vec![log_of(Path::new(&args.scenario))],
+        }
     }
 
     /// The vehicles that may carry cameras.

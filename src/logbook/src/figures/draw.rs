@@ -7,6 +7,7 @@ use super::chart::{
 };
 use super::plan::{EDGE_MM, KEY_MM, LINE_MM, PageLayout, PaperRect};
 use city3d_geometry::trig;
+use city3d_outputs::WholeFile;
 use plotters::backend::{BitMapBackend, DrawingBackend, SVGBackend};
 use plotters::coord::Shift;
 use plotters::drawing::{DrawingArea, IntoDrawingArea};
@@ -451,7 +452,7 @@ fn dashes(points: &[(f64, f64)], on_mm: f64, off_mm: f64) -> Vec<Vec<(f64, f64)>
 pub fn write(figure: &Figure, size: FigureSize, folder: &Path) -> Result<(), WriteError> {
     let write = |extension: &str, bytes: &[u8]| {
         let path = folder.join(format!("{}.{extension}", figure.name));
-        std::fs::write(&path, bytes)
+        WholeFile::write(&path, bytes)
             .map_err(|error| WriteError::File { path: path.display().to_string(), error })
     };
     write("svg", svg(figure, size)?.as_bytes())?;

@@ -23,7 +23,9 @@ pub use input::{FileKind, file_kind, is_log};
 pub use log::{LogOrigin, LogWriter};
 pub use poses::{POSE_COLUMNS, RecordedPose, read_poses};
 pub use reader::{LogEntry, LogReader, last_tick, read_commands, read_network};
-pub use recorder::{Backpressure, Cadence, ClosingFiles, FileWork, RecordError, Recorder};
+pub use recorder::{
+    AroundError, Backpressure, Cadence, ClosingFiles, FileWork, FolderWork, RecordError, Recorder,
+};
 pub use records::Truncation;
 pub use schema::{LoggedSnapshot, LoggedVehicle, NetworkCommand};
 pub use table::{COLUMNS, VehicleTable};

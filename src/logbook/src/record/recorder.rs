@@ -3,6 +3,7 @@
 
 use super::log::CommandKind;
 use super::{LogOrigin, LogWriter, NetworkCommand, VehicleTable};
+use city3d_outputs::OutputFolder;
 use city3d_protocol::snapshot::{Event, FrameSnapshot, SimCommand, VehicleState};
 use city3d_simulation::scenario::Experiment;
 use std::fs::File;
@@ -39,7 +40,7 @@ pub enum RecordError {
     },
     /// What comes before or after the files could not be done.
     #[error(transparent)]
-    Around(Box<dyn std::error::Error + Send + Sync>),
+    Around(AroundError),
     /// A table of poses cannot be read, or has a fault in this line.
     #[error("{path}: line {line}: {reason}")]
     Poses {
@@ -138,8 +139,14 @@ pub enum Backpressure {
     GiveUp,
 }
 
-/// Something that the writer thread does before or after the files.
-pub type FileWork = Box<dyn FnOnce() -> Result<(), Box<dyn std::error::Error + Send + Sync>> + Send>;
+/// Gives the folder of the files, which the writer thread keeps locked until they are closed.
+pub type FolderWork = Box<dyn FnOnce() -> Result<Arc<OutputFolder>, AroundError> + Send>;
+
+/// Something that the writer thread does after the files.
+pub type FileWork = Box<dyn FnOnce() -> Result<(), AroundError> + Send>;
+
+/// Why work before or after the files cannot be done.
+pub type AroundError = Box<dyn std::error::Error + Send + Sync>;
 
 /// Intervals of log, table and flush, in ticks.
 #[derive(Clone, Copy, Debug)]
@@ -196,6 +203,16 @@ impl std::fmt::Debug for LastWork {
 pub struct ClosingFiles(JoinHandle<Result<(), RecordError>>);
 
 impl ClosingFiles {
+    /// Does what is left to do for the files of a run on a thread of its own.
+    ///
+    /// # Errors
+    /// When the operating system refuses the thread; `folder` is that of the run.
+    pub fn by_thread(folder: &Path, work: FileWork) -> Result<Self, RecordError> {
+        let thread = std::thread::Builder::new().name("recorder".to_owned());
+        let thread = thread.spawn(move || work().map_err(RecordError::Around));
+        thread.map(Self).map_err(|error| failed(folder, error))
+    }
+
     /// Whether they are closed, so that [`ClosingFiles::join`] does not wait.
     pub fn is_closed(&self) -> bool {
         self.0.is_finished()
@@ -213,8 +230,8 @@ impl ClosingFiles {
 impl Recorder {
     /// Begins both files.
     ///
-    /// With [`Backpressure::GiveUp`] the writer thread opens them, after the work `before`, so that no disk delays the
-    /// caller; an error shows with a later call.
+    /// `prepare` locks their folder. With [`Backpressure::GiveUp`] the writer thread does that and opens them, so that no
+    /// disk delays the caller; an error shows with a later call.
     ///
     /// # Errors
     /// When a file cannot be created.
@@ -223,16 +240,16 @@ impl Recorder {
         experiment: &Arc<Experiment>,
         origin: LogOrigin,
         cadence: Cadence,
-        (backpressure, before): (Backpressure, FileWork),
+        (backpressure, prepare): (Backpressure, FolderWork),
     ) -> Result<Self, RecordError> {
         let (batches, queue) = sync_channel(BATCH_QUEUE);
         let (recycle, written) = sync_channel(BATCH_QUEUE);
         let last = Arc::new(Mutex::new(None));
-        let (of_thread, at) = (Arc::clone(&last), folder.to_path_buf());
+        let of_thread = Arc::clone(&last);
         let experiment = Arc::clone(experiment);
         let open = move || {
-            before().map_err(RecordError::Around)?;
-            RunFileWriter::create(&at, &experiment, origin)
+            let folder = prepare().map_err(RecordError::Around)?;
+            RunFileWriter::create(folder, &experiment, origin)
         };
         let thread = std::thread::Builder::new().name("recorder".to_owned());
         let thread = match backpressure {
@@ -376,15 +393,21 @@ struct RunFileWriter {
     table: VehicleTable<BufWriter<File>>,
     log_path: PathBuf,
     table_path: PathBuf,
+    /// Keeps other writers out.
+    _folder: Arc<OutputFolder>,
 }
 
 impl RunFileWriter {
-    fn create(folder: &Path, experiment: &Experiment, origin: LogOrigin) -> Result<Self, RecordError> {
-        let (log_path, table_path) = (folder.join("run.mcap"), folder.join("vehicles.csv"));
+    fn create(
+        folder: Arc<OutputFolder>,
+        experiment: &Experiment,
+        origin: LogOrigin,
+    ) -> Result<Self, RecordError> {
+        let (log_path, table_path) = (folder.path().join("run.mcap"), folder.path().join("vehicles.csv"));
         let create = |path: &Path| File::create(path).map(BufWriter::new).map_err(|e| failed(path, e));
         let log = LogWriter::new(create(&log_path)?, experiment, origin).map_err(|e| failed(&log_path, e))?;
         let table = VehicleTable::new(create(&table_path)?).map_err(|e| failed(&table_path, e))?;
-        Ok(Self { log, table, log_path, table_path })
+        Ok(Self { log, table, log_path, table_path, _folder: folder })
     }
 
     fn write_all(

@@ -6,6 +6,9 @@ use crate::figures::chart::{ColourBar, Figure, HeatMapCell, Panel};
 use crate::figures::{TidyTable, number};
 use city3d_simulation::sweep::Axis;
 
+/// Names of the maps.
+pub const MAPS: [&str; 2] = ["merge_success", "collisions"];
+
 /// Results of a whole sweep.
 #[derive(Debug)]
 pub struct SweepResults<'s> {
@@ -51,7 +54,7 @@ impl SweepResults<'_> {
             return None;
         }
         let words = MapText {
-            name: "merge_success",
+            name: MAPS[0],
             title: format!("{}: a vehicle of Path 1 merges before Path 2 is through", self.name()),
             note: "Path 1 is the stream that gives way. *: a collision in at least one run.",
             columns: ["share_squeezed_in", "runs_with_collisions"],
@@ -68,7 +71,7 @@ impl SweepResults<'_> {
         let collisions = column(self.axes.len(), "collisions")?;
         let speed = column(self.axes.len(), "mean_speed_mps")?;
         let words = MapText {
-            name: "collisions",
+            name: MAPS[1],
             title: format!("{}: runs with a collision", self.name()),
             note: "Beside the share: mean speed of all vehicles, laboratory m/s.",
             columns: ["share_with_collisions", "mean_speed_mps"],

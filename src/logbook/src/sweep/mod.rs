@@ -3,5 +3,5 @@
 mod map;
 mod table;
 
-pub use map::SweepResults;
+pub use map::{MAPS, SweepResults};
 pub use table::{SweepHeader, SweepTable, SweepTableError, row};

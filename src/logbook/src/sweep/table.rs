@@ -1,11 +1,12 @@
 //! Table of a sweep, which an interrupted sweep resumes.
 
 use crate::figures::number;
+use city3d_outputs::WholeFile;
 use city3d_simulation::runner::RunMetrics;
 use city3d_simulation::scenario::Overrides;
 use city3d_simulation::sweep::{Axis, Job};
 use std::fs::{File, OpenOptions};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
@@ -91,43 +92,74 @@ pub enum SweepTableError {
     },
 }
 
-/// The rows so far, and their file `sweep.csv`, with the identity of the sweep beside it in `sweep.toml`.
+/// The rows so far and their file, with the identity of the sweep beside it in `sweep.toml`. The file is `sweep.csv.part`
+/// until it has all rows, then `sweep.csv`.
 #[derive(Debug)]
 pub struct SweepTable {
+    /// The place of the whole table, and that of one with fewer rows.
     path: PathBuf,
-    file: BufWriter<File>,
+    unfinished: PathBuf,
+    /// `None` once the table is whole.
+    file: Option<BufWriter<File>>,
     rows: Vec<Vec<String>>,
+    /// Number of rows of the whole table.
+    runs: usize,
 }
 
 impl SweepTable {
+    /// Names of its files: the whole table, one with fewer rows, and the identity.
+    pub const FILES: [&str; 3] = ["sweep.csv", "sweep.csv.part", "sweep.toml"];
+
     /// Creates a table in an existing folder, or resumes that of the same sweep, whose last row may be incomplete.
     ///
     /// # Errors
     /// When the folder has another or a damaged sweep, or a file cannot be written.
     pub fn open(folder: &Path, head: &SweepHeader) -> Result<Self, SweepTableError> {
-        let (path, beside) = (folder.join("sweep.csv"), folder.join("sweep.toml"));
-        if path.exists() {
-            let before = std::fs::read_to_string(&beside).unwrap_or_default();
-            if before != head.text {
-                return Err(SweepTableError::Other { path });
+        let [path, unfinished, beside] = Self::FILES.map(|name| folder.join(name));
+        let there = [&path, &unfinished].into_iter().find(|path| path.exists()).cloned();
+        match &there {
+            Some(there) => {
+                let before = std::fs::read_to_string(&beside).unwrap_or_default();
+                if before != head.text {
+                    return Err(SweepTableError::Other { path: there.clone() });
+                }
             }
-        } else {
-            std::fs::write(&beside, &head.text).map_err(failed(&beside))?;
+            None => WholeFile::write(&beside, head.text.as_bytes()).map_err(failed(&beside))?,
         }
-        let text = std::fs::read_to_string(&path).unwrap_or_default();
+        let text = there.as_ref().and_then(|there| std::fs::read_to_string(there).ok()).unwrap_or_default();
         let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
         let Some(rows) = rows_of(whole, &head.columns, head.runs) else {
-            return Err(SweepTableError::Damaged { path });
+            return Err(SweepTableError::Damaged { path: there.unwrap_or(path) });
         };
-        let file =
-            OpenOptions::new().create(true).truncate(false).write(true).open(&path).map_err(failed(&path))?;
-        file.set_len(whole.len() as u64).map_err(failed(&path))?;
-        let file = OpenOptions::new().append(true).open(&path).map_err(failed(&path))?;
-        let mut table = Self { path, file: BufWriter::new(file), rows };
-        if whole.is_empty() {
-            table.write(&head.columns)?;
+        let mut table = Self { path, unfinished, file: None, rows, runs: head.runs };
+        if table.rows.len() < table.runs {
+            if there.is_some_and(|there| there == table.path) {
+                // Rows were taken out of it.
+                std::fs::rename(&table.path, &table.unfinished).map_err(failed(&table.path))?;
+            }
+            table.append(whole.len() as u64, &head.columns)?;
+        } else if there.is_some_and(|there| there == table.unfinished) {
+            table.complete()?;
         }
         Ok(table)
+    }
+
+    /// Opens the unfinished table behind its whole rows.
+    fn append(&mut self, whole: u64, columns: &[String]) -> Result<(), SweepTableError> {
+        let path = &self.unfinished;
+        let file = OpenOptions::new().create(true).append(true).open(path).map_err(failed(path))?;
+        file.set_len(whole).map_err(failed(path))?;
+        self.file = Some(BufWriter::new(file));
+        if whole == 0 { self.write(columns) } else { Ok(()) }
+    }
+
+    /// Gives the table its name once it has all rows.
+    fn complete(&mut self) -> Result<(), SweepTableError> {
+        if self.rows.len() < self.runs {
+            return Ok(());
+        }
+        self.file = None;
+        std::fs::rename(&self.unfinished, &self.path).map_err(failed(&self.path))
     }
 
     /// Removes the table in a folder and creates an empty one.
@@ -135,8 +167,12 @@ impl SweepTable {
     /// # Errors
     /// When a file cannot be removed or written.
     pub fn replace(folder: &Path, head: &SweepHeader) -> Result<Self, SweepTableError> {
-        let path = folder.join("sweep.csv");
-        std::fs::remove_file(&path).map_err(failed(&path))?;
+        for path in Self::FILES.map(|name| folder.join(name)) {
+            match std::fs::remove_file(&path) {
+                Err(error) if error.kind() != ErrorKind::NotFound => return Err(failed(&path)(error)),
+                _ => {}
+            }
+        }
         Self::open(folder, head)
     }
 
@@ -145,14 +181,14 @@ impl SweepTable {
         self.rows.len()
     }
 
-    /// Appends a row and flushes the file.
+    /// Appends a row and flushes the file; the last row completes it.
     ///
     /// # Errors
     /// When the row cannot be written.
     pub fn add(&mut self, row: &[String]) -> Result<(), SweepTableError> {
         self.write(row)?;
         self.rows.push(row.to_vec());
-        Ok(())
+        self.complete()
     }
 
     fn write(&mut self, row: &[String]) -> Result<(), SweepTableError> {
@@ -160,7 +196,8 @@ impl SweepTable {
         let mut line = csv::Writer::from_writer(Vec::new());
         line.write_record(row).map_err(unencoded)?;
         let line = line.into_inner().map_err(|error| unencoded(error.into_error().into()))?;
-        self.file.write_all(&line).and_then(|()| self.file.flush()).map_err(failed(&self.path))
+        let Some(file) = &mut self.file else { return Ok(()) };
+        file.write_all(&line).and_then(|()| file.flush()).map_err(failed(&self.unfinished))
     }
 
     /// All rows, in the order of the jobs.

@@ -4,9 +4,9 @@ mod deflate;
 
 use super::{Image, RenderError};
 use ::png::EncodingError;
+use city3d_outputs::WholeFile;
 use deflate::{DeflateEncoder, SymbolCounts};
 use std::cell::RefCell;
-use std::fs::File;
 use std::io::Write;
 use std::path::Path;
 
@@ -40,10 +40,12 @@ pub(super) fn write_rows(
     fill: impl FnMut(usize, &mut [u8]),
 ) -> Result<(), RenderError> {
     let at = |source| RenderError::File { path: path.to_owned(), source };
-    encode_rows(File::create(path).map_err(at)?, extent, fill).map_err(|error| match error {
+    let mut file = WholeFile::create(path).map_err(at)?;
+    encode_rows(&mut file, extent, fill).map_err(|error| match error {
         EncodingError::IoError(source) => at(source),
         source => RenderError::Encoding { path: path.to_owned(), source },
-    })
+    })?;
+    file.commit().map_err(at)
 }
 
 thread_local! {

@@ -5,8 +5,8 @@ mod y4m;
 pub use y4m::FrameRate;
 
 use crate::Image;
-use std::fs::File;
-use std::io::{self, BufWriter, Read, Stdout, Write};
+use city3d_outputs::WholeFile;
+use std::io::{self, BufWriter, IntoInnerError, Read, Stdout, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::thread::JoinHandle;
@@ -89,7 +89,7 @@ pub struct Video {
 #[derive(Debug)]
 enum VideoSink {
     Stdout(BufWriter<Stdout>),
-    File(BufWriter<File>, PathBuf),
+    File(BufWriter<WholeFile>, PathBuf),
     Ffmpeg(Ffmpeg),
 }
 
@@ -102,6 +102,8 @@ struct Ffmpeg {
     /// Collects its standard error.
     said: Option<JoinHandle<String>>,
     path: PathBuf,
+    /// The file that it writes into, until it is whole.
+    file: Option<WholeFile>,
 }
 
 impl Video {
@@ -113,7 +115,7 @@ impl Video {
         let sink = match output {
             VideoOutput::Stdout => VideoSink::Stdout(BufWriter::new(io::stdout())),
             VideoOutput::Y4m(path) => {
-                let file = File::create(path).map_err(lost(path))?;
+                let file = WholeFile::create(path).map_err(lost(path))?;
                 VideoSink::File(BufWriter::new(file), path.clone())
             }
             VideoOutput::Encoded(path) => VideoSink::Ffmpeg(Ffmpeg::start(path)?),
@@ -135,15 +137,16 @@ impl Video {
         result
     }
 
-    /// Flushes and waits for the encoder.
+    /// Flushes, waits for the encoder, and gives the file its name.
     ///
     /// # Errors
     /// When the rest cannot be written, or ffmpeg has failed.
     pub fn finish(self) -> Result<ReaderState, VideoError> {
         match self.sink {
             VideoSink::Stdout(mut out) => of_stream(out.flush()),
-            VideoSink::File(mut file, path) => {
-                file.flush().map_err(lost(&path))?;
+            VideoSink::File(file, path) => {
+                let file = file.into_inner().map_err(IntoInnerError::into_error);
+                file.and_then(WholeFile::commit).map_err(lost(&path))?;
                 Ok(ReaderState::Listens)
             }
             VideoSink::Ffmpeg(mut ffmpeg) => {
@@ -188,6 +191,16 @@ fn of_stream(written: io::Result<()>) -> Result<ReaderState, VideoError> {
     }
 }
 
+/// ffmpeg's name of the format of a file, by its extension.
+fn format_of(path: &Path) -> &'static str {
+    let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+    let known = VideoOutput::ENCODED.into_iter().find(|known| extension.eq_ignore_ascii_case(known));
+    match known {
+        None | Some("mkv") => "matroska",
+        Some(known) => known,
+    }
+}
+
 impl Ffmpeg {
     fn start(path: &Path) -> Result<Self, VideoError> {
         let mut command = Command::new("ffmpeg");
@@ -208,10 +221,19 @@ impl Ffmpeg {
         if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mp4")) {
             command.args(["-movflags", "+faststart"]);
         }
+        // The file has another name until it is whole, which does not tell its format.
+        let file = WholeFile::create(path).map_err(lost(path))?;
+        command.args(["-f", format_of(path)]);
         // A name that begins with a dash, or with what looks like a protocol, is a file all the same.
-        let mut file = std::ffi::OsString::from("file:");
-        file.push(path);
-        command.arg(file).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut name = std::ffi::OsString::from("file:");
+        name.push(file.unfinished_path());
+        command.arg(name).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+        #[cfg(unix)]
+        {
+            use std::os::unix::process::CommandExt;
+            // Ctrl-C is for this program, which then lets ffmpeg complete the file.
+            command.process_group(0);
+        }
         let mut child = command.spawn().map_err(|source| {
             let path = path.to_path_buf();
             match source.kind() {
@@ -229,7 +251,7 @@ impl Ffmpeg {
         let said = std::thread::Builder::new().name("ffmpeg".to_owned()).spawn(read);
         let said = Some(said.map_err(lost(path))?);
         let pictures = child.stdin.take().map(BufWriter::new);
-        Ok(Self { child, pictures, said, path: path.to_owned() })
+        Ok(Self { child, pictures, said, path: path.to_owned(), file: Some(file) })
     }
 
     /// Waits until the file is complete.
@@ -238,7 +260,7 @@ impl Ffmpeg {
         let status = self.child.wait().map_err(lost(&self.path))?;
         let said = self.said.take().and_then(|said| said.join().ok()).unwrap_or_default();
         if status.success() {
-            return Ok(());
+            return self.file.take().map_or(Ok(()), WholeFile::commit).map_err(lost(&self.path));
         }
         let reason = if said.trim().is_empty() { status.to_string() } else { said.trim().to_owned() };
         Err(VideoError::Encoding { path: self.path.clone(), reason })

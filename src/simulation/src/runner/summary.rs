@@ -43,6 +43,9 @@ pub struct Summary {
     pub version: &'static str,
     /// Simulated time at the end, seconds.
     pub simulated_s: f64,
+    /// Tick at which the run was stopped before its end; `None` where it came to its end or was reset.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped_at_tick: Option<u64>,
     /// Wall-clock time that the run took, seconds; in the window, only that of the simulation.
     pub wall_s: f64,
     /// Simulated seconds per wall-clock second.
@@ -182,6 +185,7 @@ impl Summary {
             seed: experiment.seed,
             version: env!("CARGO_PKG_VERSION"),
             simulated_s,
+            stopped_at_tick: None,
             wall_s,
             real_time_factor: simulated_s / wall_s.max(1e-9),
             collisions: events.iter().filter(|event| event.kind.is_collision()).count(),

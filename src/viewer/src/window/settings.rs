@@ -2,6 +2,7 @@
 
 use crate::cockpit::DeviceProfile;
 use crate::ui::{CameraMode, Layers, PanelWidths, PreviewCamera, QualityPreset, TableState};
+use city3d_outputs::WholeFile;
 use city3d_session::Speed;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -89,7 +90,7 @@ fn write(path: &Path, value: &impl Serialize) -> std::io::Result<()> {
         std::fs::create_dir_all(folder)?;
     }
     let text = toml::to_string_pretty(value).map_err(std::io::Error::other)?;
-    std::fs::write(path, text)
+    WholeFile::write(path, text.as_bytes())
 }
 
 fn file(name: &str) -> Option<PathBuf> {
