@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 fn record(log: &Path, seconds: u64, origin: LogOrigin) -> (Vec<FrameSnapshot>, Vec<Event>) {
     let mut run = Run::new(roundabout(seconds as f64)).unwrap();
     let sink = BufWriter::new(File::create(log).unwrap());
-    let mut writer = LogWriter::new(sink, run.experiment(), origin).unwrap();
+    let mut writer = LogWriter::new(sink, run.experiment(), origin, &std::env::temp_dir()).unwrap();
     let (mut snapshots, mut events) = (Vec::new(), Vec::new());
     loop {
         let snapshot = run.snapshot().clone();
@@ -332,7 +332,7 @@ fn what_is_no_log_is_refused() {
     let refused = |log: &Path| Player::open(log, Box::new(|| {})).unwrap_err().to_string();
     assert!(refused(&log).contains("run.mcap"));
     let sink = BufWriter::new(File::create(&log).unwrap());
-    LogWriter::new(sink, &roundabout(1.0), LogOrigin::Run).unwrap().finish().unwrap();
+    LogWriter::new(sink, &roundabout(1.0), LogOrigin::Run, folder.path()).unwrap().finish().unwrap();
     let said = refused(&log);
     assert!(said.contains("no snapshots"), "{said}");
 }

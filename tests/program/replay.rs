@@ -212,7 +212,7 @@ fn fifty_processes_that_are_killed_lose_their_last_second_at_most() {
 fn falsified(log: &Path, at_tick: u64, falsify: impl Fn(&mut SimCommand)) {
     let mut run = Run::new(roundabout(3.0)).unwrap();
     let sink = BufWriter::new(File::create(log).unwrap());
-    let mut writer = LogWriter::new(sink, run.experiment(), LogOrigin::Run).unwrap();
+    let mut writer = LogWriter::new(sink, run.experiment(), LogOrigin::Run, &std::env::temp_dir()).unwrap();
     loop {
         let (tick, time_s, state_hash) = {
             let snapshot = run.snapshot();

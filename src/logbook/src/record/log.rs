@@ -1,6 +1,7 @@
 //! Writer of the run log: one MCAP file (profile `ros2`, CDR messages with ros2msg schemas) that Foxglove, the `mcap`
 //! tools and ROS readers open.
 
+use super::mcap_writer::McapWriter;
 use super::schema::{
     COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, MEASURED_SCHEMA, MEASURED_TYPE, NETWORK_SCHEMA,
     NETWORK_TYPE, NetworkCommand, PersonCommand, SNAPSHOT_SCHEMA, SNAPSHOT_TYPE, TICK_SCHEMA, TICK_TYPE,
@@ -14,15 +15,14 @@ use city3d_protocol::snapshot::{Event, FrameSnapshot, ModelKind, SimCommand, Sta
 use city3d_protocol::wire::{Measurement, vicon_frame};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::scenario::Experiment;
-use mcap::records::{MessageHeader, Metadata};
-use mcap::{Attachment, McapResult, WriteOptions, Writer};
-use std::borrow::Cow;
+use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
-use std::io::{Seek, Write};
+use std::io::{self, Write};
+use std::path::Path;
 
 /// Writes a log. The experiment is embedded: scenario and map as attachments, the rest as metadata.
-pub struct LogWriter<W: Write + Seek> {
-    writer: Writer<W>,
+pub struct LogWriter<W> {
+    writer: McapWriter<W>,
     snapshots: u16,
     events: u16,
     commands: u16,
@@ -38,7 +38,7 @@ pub struct LogWriter<W: Write + Seek> {
     buffer: Vec<u8>,
 }
 
-impl<W: Write + Seek> std::fmt::Debug for LogWriter<W> {
+impl<W> std::fmt::Debug for LogWriter<W> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("LogWriter").field("messages", &self.sequence).finish_non_exhaustive()
     }
@@ -106,51 +106,29 @@ impl LogOrigin {
 /// Topic of the datagrams of the laboratory's link.
 pub(super) const NETWORK_TOPIC: &str = "/city3d/network";
 
-/// Size of an MCAP chunk, which is compressed and written at once: the most that a killed process loses.
-const CHUNK_BYTES: u64 = 512 << 10;
-/// Zstandard's quick levels lie below zero: this one takes two thirds of level 1's time for a sixteenth more of size.
-const COMPRESSION_LEVEL: i32 = -3;
-
-impl<W: Write + Seek> LogWriter<W> {
-    /// Begins a log with everything a run depends on.
+impl<W: Write> LogWriter<W> {
+    /// Begins a log with everything a run depends on. The index of a long log waits in a file without a name in
+    /// `index_folder`.
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn new(sink: W, experiment: &Experiment, origin: LogOrigin) -> McapResult<Self> {
-        let mut writer = WriteOptions::new()
-            .profile("ros2")
-            .library(concat!("city3d ", env!("CARGO_PKG_VERSION")))
-            .compression(Some(mcap::Compression::Zstd))
-            // Handed on to Zstandard with its sign.
-            .compression_level(COMPRESSION_LEVEL.cast_unsigned())
-            // The writer is a thread of its own already.
-            .compression_threads(0)
-            .chunk_size(Some(CHUNK_BYTES))
-            // A chunk is written at once when it is whole, not begun and mended.
-            .disable_seeking(true)
-            .create(sink)?;
-        writer.write_metadata(&Metadata {
-            name: METADATA.to_owned(),
-            metadata: metadata_of(experiment, origin),
-        })?;
-        let models = experiment.models.files.iter();
-        let models = models.map(|(name, file)| (format!("{MODELS}{name}"), "model/gltf-binary", &file[..]));
-        let files = [
-            (SCENARIO.to_owned(), "application/toml", experiment.scenario_text.as_bytes()),
-            (MAP.to_owned(), "image/vnd.dxf", experiment.map_bytes.as_slice()),
-        ];
-        for (name, media_type, data) in files.into_iter().chain(models) {
-            writer.attach(&Attachment {
-                log_time: 0,
-                create_time: 0,
-                name,
-                media_type: media_type.to_owned(),
-                data: Cow::Borrowed(data),
-            })?;
+    pub fn new(
+        sink: W,
+        experiment: &Experiment,
+        origin: LogOrigin,
+        index_folder: &Path,
+    ) -> io::Result<Self> {
+        let library = concat!("city3d ", env!("CARGO_PKG_VERSION"));
+        let mut writer = McapWriter::new(sink, ("ros2", library), index_folder)?;
+        writer.metadata(METADATA, &metadata_of(experiment, origin))?;
+        writer.attachment(SCENARIO, "application/toml", experiment.scenario_text.as_bytes())?;
+        writer.attachment(MAP, "image/vnd.dxf", &experiment.map_bytes)?;
+        for (name, file) in &experiment.models.files {
+            writer.attachment(&format!("{MODELS}{name}"), "model/gltf-binary", file)?;
         }
         let mut channel = |topic: &str, name: &str, schema: &str| {
-            let schema = writer.add_schema(name, "ros2msg", schema.as_bytes())?;
-            writer.add_channel(schema, topic, "cdr", &BTreeMap::new())
+            let schema = writer.schema(name, "ros2msg", schema);
+            writer.channel(schema, topic)
         };
         let snapshots = channel(SNAPSHOT_TOPIC, SNAPSHOT_TYPE, SNAPSHOT_SCHEMA)?;
         let events = channel(EVENT_TOPIC, EVENT_TYPE, EVENT_SCHEMA)?;
@@ -159,7 +137,7 @@ impl<W: Write + Seek> LogWriter<W> {
         let trajectories = channel(TRAJECTORY_TOPIC, TRAJECTORY_TYPE, TRAJECTORY_SCHEMA)?;
         let measured = channel(MEASURED_TOPIC, MEASURED_TYPE, MEASURED_SCHEMA)?;
         let ticks = channel(TICK_TOPIC, TICK_TYPE, TICK_SCHEMA)?;
-        let transform_schema = writer.add_schema(TRANSFORM_TYPE, "ros2msg", TRANSFORM_SCHEMA.as_bytes())?;
+        let transform_schema = writer.schema(TRANSFORM_TYPE, "ros2msg", TRANSFORM_SCHEMA);
         Ok(Self {
             writer,
             snapshots,
@@ -181,7 +159,7 @@ impl<W: Write + Seek> LogWriter<W> {
     ///
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
-    pub fn snapshot(&mut self, snapshot: &FrameSnapshot) -> McapResult<()> {
+    pub fn snapshot(&mut self, snapshot: &FrameSnapshot) -> io::Result<()> {
         self.buffer = encode_snapshot(snapshot, std::mem::take(&mut self.buffer));
         self.message(self.snapshots, snapshot.time_s)?;
         for (state, info) in snapshot.iter().filter(|(state, _)| state.status != Status::Unseen) {
@@ -195,12 +173,12 @@ impl<W: Write + Seek> LogWriter<W> {
     }
 
     /// The channel of a vehicle's transforms.
-    fn transforms_of(&mut self, name: &str) -> McapResult<u16> {
+    fn transforms_of(&mut self, name: &str) -> io::Result<u16> {
         if let Some(&channel) = self.transforms.get(name) {
             return Ok(channel);
         }
         let topic = format!("/{}", vicon_frame(name));
-        let channel = self.writer.add_channel(self.transform_schema, &topic, "cdr", &BTreeMap::new())?;
+        let channel = self.writer.channel(self.transform_schema, &topic)?;
         self.transforms.insert(name.to_owned(), channel);
         Ok(channel)
     }
@@ -209,7 +187,7 @@ impl<W: Write + Seek> LogWriter<W> {
     ///
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
-    pub fn event(&mut self, event: &Event) -> McapResult<()> {
+    pub fn event(&mut self, event: &Event) -> io::Result<()> {
         self.buffer = encode_event(event, std::mem::take(&mut self.buffer));
         self.message(self.events, event.time_s)
     }
@@ -218,7 +196,7 @@ impl<W: Write + Seek> LogWriter<W> {
     ///
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
-    pub fn tick(&mut self, tick: u64, time_s: f64, state_hash: u64) -> McapResult<()> {
+    pub fn tick(&mut self, tick: u64, time_s: f64, state_hash: u64) -> io::Result<()> {
         self.buffer = encode_tick(tick, state_hash, std::mem::take(&mut self.buffer));
         self.message(self.ticks, time_s)
     }
@@ -228,7 +206,7 @@ impl<W: Write + Seek> LogWriter<W> {
     ///
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
-    pub fn command(&mut self, tick: u64, time_s: f64, command: &SimCommand) -> McapResult<()> {
+    pub fn command(&mut self, tick: u64, time_s: f64, command: &SimCommand) -> io::Result<()> {
         let mut buffer = std::mem::take(&mut self.buffer);
         buffer.clear();
         let kind = CommandKind::encode(tick, command, &mut buffer);
@@ -241,28 +219,28 @@ impl<W: Write + Seek> LogWriter<W> {
     ///
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
-    pub(super) fn encoded(&mut self, kind: CommandKind, time_s: f64, message: &[u8]) -> McapResult<()> {
+    pub(super) fn encoded(&mut self, kind: CommandKind, time_s: f64, message: &[u8]) -> io::Result<()> {
         let channel = match kind {
             CommandKind::Person => self.commands,
             CommandKind::Trajectory => self.trajectories,
             CommandKind::Measured => self.measured,
         };
         let header = self.header(channel, time_s);
-        self.writer.write_to_known_channel(&header, message)
+        self.writer.message(&header, message)
     }
 
     /// Adds a datagram that was carried out.
     ///
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
-    pub fn network(&mut self, time_s: f64, command: &NetworkCommand) -> McapResult<()> {
+    pub fn network(&mut self, time_s: f64, command: &NetworkCommand) -> io::Result<()> {
         self.buffer = encode_network(command, std::mem::take(&mut self.buffer));
         self.message(self.network, time_s)
     }
 
-    fn message(&mut self, channel_id: u16, time_s: f64) -> McapResult<()> {
+    fn message(&mut self, channel_id: u16, time_s: f64) -> io::Result<()> {
         let header = self.header(channel_id, time_s);
-        self.writer.write_to_known_channel(&header, &self.buffer)
+        self.writer.message(&header, &self.buffer)
     }
 
     fn header(&mut self, channel_id: u16, time_s: f64) -> MessageHeader {
@@ -275,7 +253,7 @@ impl<W: Write + Seek> LogWriter<W> {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn flush(&mut self) -> McapResult<()> {
+    pub fn flush(&mut self) -> io::Result<()> {
         self.writer.flush()
     }
 
@@ -283,8 +261,8 @@ impl<W: Write + Seek> LogWriter<W> {
     ///
     /// # Errors
     /// When it cannot be written; the messages stay readable without their index.
-    pub fn finish(mut self) -> McapResult<()> {
-        self.writer.finish().map(|_| ())
+    pub fn finish(self) -> io::Result<()> {
+        self.writer.finish()
     }
 }
 

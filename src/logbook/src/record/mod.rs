@@ -9,6 +9,7 @@ mod chunks;
 mod golden;
 mod input;
 mod log;
+mod mcap_writer;
 mod poses;
 mod reader;
 mod recorder;

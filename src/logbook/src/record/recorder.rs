@@ -405,7 +405,8 @@ impl RunFileWriter {
     ) -> Result<Self, RecordError> {
         let (log_path, table_path) = (folder.path().join("run.mcap"), folder.path().join("vehicles.csv"));
         let create = |path: &Path| File::create(path).map(BufWriter::new).map_err(|e| failed(path, e));
-        let log = LogWriter::new(create(&log_path)?, experiment, origin).map_err(|e| failed(&log_path, e))?;
+        let log = LogWriter::new(create(&log_path)?, experiment, origin, folder.path());
+        let log = log.map_err(|e| failed(&log_path, e))?;
         let table = VehicleTable::new(create(&table_path)?).map_err(|e| failed(&table_path, e))?;
         Ok(Self { log, table, log_path, table_path, _folder: folder })
     }
