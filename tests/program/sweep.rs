@@ -53,7 +53,7 @@ fn a_sweep_gives_the_same_table_with_other_threads_and_stopped_and_resumed() {
     let mut child = city3d(&rest_of, folder).spawn().unwrap();
     let begun = Instant::now();
     let rows = || {
-        std::fs::read(folder.join("killed/sweep.csv"))
+        std::fs::read(folder.join("killed/sweep.csv.part"))
             .map_or(0, |bytes| bytes.iter().filter(|b| **b == b'\n').count())
     };
     while rows() < 4 {

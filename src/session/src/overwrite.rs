@@ -3,8 +3,8 @@
 use super::ExistingResults;
 use std::path::{Path, PathBuf};
 
-/// File names of a run. The summary, written last, is the first one to go.
-pub const RUN_FILES: [&str; 3] = ["summary.json", "vehicles.csv", "run.mcap"];
+/// File names of a run, in the order in which they are completed.
+pub const RUN_FILES: [&str; 3] = ["run.mcap", "vehicles.csv", "summary.json"];
 
 /// What becomes of the results of an earlier command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

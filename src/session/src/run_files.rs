@@ -540,9 +540,12 @@ fn prepare_folder(
         None => Arc::new(OutputFolder::open(folder)?),
     };
     options.check_folder(folder)?;
-    locked.remove(&RUN_FILES)?;
+    let mut files = RUN_FILES;
+    // The summary, which says that the others are whole, goes first.
+    files.reverse();
+    locked.remove(&files)?;
     for part in run_folders(folder, PART_PREFIX) {
-        OutputFolder::open(&part)?.remove(&RUN_FILES)?;
+        OutputFolder::open(&part)?.remove(&files)?;
         // One that has other files stays.
         let _ = std::fs::remove_dir(&part);
     }

@@ -462,6 +462,24 @@ mod tests {
     }
 
     #[test]
+    fn the_index_of_a_long_log_is_not_in_memory() {
+        let mut bytes = Vec::new();
+        let mut writer = McapWriter::new(&mut bytes, ("ros2", "city3d"), &std::env::temp_dir()).unwrap();
+        let schema = writer.schema("pkg/msg/Kind", "ros2msg", "uint8 one");
+        let channel = writer.channel(schema, "/a").unwrap();
+        let chunks = 4000;
+        for message in 0..chunks {
+            writer.message(&header(channel, message), &message.to_le_bytes()).unwrap();
+            writer.flush().unwrap();
+        }
+        assert!(writer.chunk_index.is_rolled());
+        writer.finish().unwrap();
+        let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+        assert_eq!(summary.chunk_indexes.len(), chunks as usize);
+        assert!(summary.chunk_indexes.is_sorted_by_key(|chunk| chunk.message_start_time));
+    }
+
+    #[test]
     fn a_file_that_was_cut_keeps_its_whole_chunks() {
         let bytes = written(1000);
         let summary = mcap::Summary::read(&bytes).unwrap().unwrap();

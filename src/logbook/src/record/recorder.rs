@@ -166,6 +166,8 @@ const BATCH_ITEMS: usize = 4096;
 /// Capacity of the channel: the simulation does not wait for the compression of each chunk, but does not exhaust the
 /// memory behind a slow disk either.
 const BATCH_QUEUE: usize = 32;
+/// Empty batches that are kept: what a slow disk has made necessary once is not needed for ever.
+const RECYCLED_BATCHES: usize = 4;
 /// Without back-pressure, this much waits behind a full channel before the files end.
 const BACKLOG_BYTES: usize = 32 << 20;
 
@@ -243,7 +245,7 @@ impl Recorder {
         (backpressure, prepare): (Backpressure, FolderWork),
     ) -> Result<Self, RecordError> {
         let (batches, queue) = sync_channel(BATCH_QUEUE);
-        let (recycle, written) = sync_channel(BATCH_QUEUE);
+        let (recycle, written) = sync_channel(RECYCLED_BATCHES);
         let last = Arc::new(Mutex::new(None));
         let of_thread = Arc::clone(&last);
         let experiment = Arc::clone(experiment);
