@@ -58,7 +58,7 @@ fn without_a_change_a_fork_equals_its_origin_at_every_tick_and_a_changed_future_
     for out in ["first", "./first/../first"] {
         let (code, said) =
             tell(&["run", "first", "--from-tick", "700", "--duration", "24", "--out", out], folder);
-        assert!(code == 2 && said.contains("choose another folder"), "{code} {said}");
+        assert!(code == 2 && said.contains("choose another --out"), "{code} {said}");
     }
     assert!(std::fs::read(folder.join("first/run.mcap")).unwrap() == before);
 

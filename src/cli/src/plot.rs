@@ -135,12 +135,7 @@ pub fn plot(args: &PlotArgs) -> Result<(), Failure> {
 }
 
 /// Writes all figures of a run, and says which.
-fn draw(
-    views: &FigureSet<'_>,
-    args: &PlotArgs,
-    folder: &Path,
-    stop: &AtomicBool,
-) -> Result<(), Failure> {
+fn draw(views: &FigureSet<'_>, args: &PlotArgs, folder: &Path, stop: &AtomicBool) -> Result<(), Failure> {
     let (figures, notes) = views.all();
     let files = files_of(figures.iter().map(|figure| figure.name.as_str()));
     let _locked = claim(folder, &files, args.overwrite, &args.logs)?;

@@ -84,7 +84,9 @@ pub fn sweep(args: &SweepArgs) -> Result<(), Failure> {
     let locked = OutputFolder::open(&args.out)?;
     let head = SweepHeader::new(&args.scenario.request().overrides, &text, &args.set, &plan.jobs);
     let mut table = match SweepTable::open(&args.out, &head) {
-        Err(_) if args.overwrite.force => SweepTable::replace(&args.out, &head),
+        Err(SweepTableError::Other { .. } | SweepTableError::Damaged { .. }) if args.overwrite.force => {
+            SweepTable::replace(&args.out, &head)
+        }
         result => result,
     }?;
     let done = table.rows();

@@ -26,9 +26,8 @@ pub fn refuse_inputs(
 
 /// Whether two names are of one file. Files that cannot be opened are compared by their paths.
 fn is_same(a: &Path, b: &Path) -> bool {
-    is_same_file(a, b).unwrap_or_else(|_| {
-        matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
-    })
+    is_same_file(a, b)
+        .unwrap_or_else(|_| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b))
 }
 
 #[cfg(test)]

@@ -161,8 +161,7 @@ impl PictureTable {
         let unencoded = |source| PictureTableError::Row { path: self.path.clone(), source };
         let mut encoder = csv::WriterBuilder::new().has_headers(!self.has_header).from_writer(Vec::new());
         encoder.serialize(row).map_err(unencoded)?;
-        let mut bytes =
-            encoder.into_inner().map_err(|error| unencoded(error.into_error().into()))?;
+        let mut bytes = encoder.into_inner().map_err(|error| unencoded(error.into_error().into()))?;
         if !self.has_header {
             let header = bytes.iter().position(|&byte| byte == b'\n').map_or(0, |end| end + 1);
             let row = bytes.split_off(header);

@@ -112,12 +112,7 @@ impl<W: Write> LogWriter<W> {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn new(
-        sink: W,
-        experiment: &Experiment,
-        origin: LogOrigin,
-        index_folder: &Path,
-    ) -> io::Result<Self> {
+    pub fn new(sink: W, experiment: &Experiment, origin: LogOrigin, index_folder: &Path) -> io::Result<Self> {
         let library = concat!("city3d ", env!("CARGO_PKG_VERSION"));
         let mut writer = McapWriter::new(sink, ("ros2", library), index_folder)?;
         writer.metadata(METADATA, &metadata_of(experiment, origin))?;

@@ -267,12 +267,15 @@ impl<W: Write> McapWriter<W> {
         let mut places = Body::default();
         for (&channel, entries) in index.iter_mut().filter(|(_, entries)| !entries.is_empty()) {
             places = places.u16(channel).u64(self.sink.position);
-            let entries = pairs(entries.drain(..).map(|[time, at]| (time, at)), |body, time, at| body.u64(time).u64(at));
+            let entries = pairs(entries.drain(..).map(|[time, at]| (time, at)), |body, time, at| {
+                body.u64(time).u64(at)
+            });
             self.sink.record(op::MESSAGE_INDEX, &Body::default().u16(channel).bytes(&entries).0)?;
         }
         records.clear();
         let body = Body::default().u64(from).u64(to).u64(at).u64(indexes_at - at).bytes(&places.0);
-        let body = body.u64(self.sink.position - indexes_at).string(COMPRESSION).u64(length as u64).u64(raw).0;
+        let body =
+            body.u64(self.sink.position - indexes_at).string(COMPRESSION).u64(length as u64).u64(raw).0;
         self.chunk_index.write_all(&[&head(op::CHUNK_INDEX, body.len())[..], &body].concat())?;
         if let Some(TimeSpan { from, to }) = times {
             self.times = Some(TimeSpan::with(Some(TimeSpan::with(self.times, from)), to));
@@ -392,8 +395,8 @@ mod tests {
         };
         writer.attach(&file).unwrap();
         let schema = writer.add_schema("pkg/msg/Kind", "ros2msg", b"uint8 one").unwrap();
-        let channels = ["/a", "/b"]
-            .map(|topic| writer.add_channel(schema, topic, "cdr", &BTreeMap::new()).unwrap());
+        let channels =
+            ["/a", "/b"].map(|topic| writer.add_channel(schema, topic, "cdr", &BTreeMap::new()).unwrap());
         for message in 0..messages {
             let header = header(channels[message as usize % 2], message);
             writer.write_to_known_channel(&header, &message.to_le_bytes()).unwrap();
@@ -407,7 +410,9 @@ mod tests {
     }
 
     fn texts() -> BTreeMap<String, String> {
-        BTreeMap::from([("format", "3"), ("seed", "7")].map(|(key, value)| (key.to_owned(), value.to_owned())))
+        BTreeMap::from(
+            [("format", "3"), ("seed", "7")].map(|(key, value)| (key.to_owned(), value.to_owned())),
+        )
     }
 
     fn header(channel_id: u16, message: u32) -> MessageHeader {
@@ -436,7 +441,9 @@ mod tests {
             // The reader of whole files holds all checksums against what it reads.
             let read = |bytes: &[u8]| -> Vec<_> {
                 let messages = mcap::MessageStream::new(bytes).unwrap().map(Result::unwrap);
-                messages.map(|m| (m.channel.topic.clone(), m.sequence, m.log_time, m.data.into_owned())).collect()
+                messages
+                    .map(|m| (m.channel.topic.clone(), m.sequence, m.log_time, m.data.into_owned()))
+                    .collect()
             };
             assert_eq!(read(&ours).len(), messages as usize);
             assert_eq!(read(&ours), read(&theirs));
@@ -486,7 +493,8 @@ mod tests {
         let last = summary.chunk_indexes.iter().max_by_key(|chunk| chunk.chunk_start_offset).unwrap();
         let cut = &bytes[..last.chunk_start_offset as usize + 20];
         let options = mcap::read::Options::IgnoreEndMagic.into();
-        let whole = mcap::MessageStream::new_with_options(cut, options).unwrap().map_while(Result::ok).count();
+        let whole =
+            mcap::MessageStream::new_with_options(cut, options).unwrap().map_while(Result::ok).count();
         assert_eq!(whole, 900);
     }
 }
