@@ -2,7 +2,7 @@
 //!
 //! Needs Xvfb and xdotool (`scripts/setup.sh tests`); without them the test is skipped loudly, and fails in CI.
 
-use city3d_logbook::record::read_commands;
+use city3d_logbook::record::{last_tick, read_commands};
 use city3d_protocol::snapshot::{SimCommand, VehicleId};
 use city3d_roadmap::dxf::{Drawing, EntityShape};
 use glam::DVec2;
@@ -457,6 +457,22 @@ fn logs_of_which_nobody_said_where_are_called_after_the_scenario_that_ran() {
         let line = format!("{scenario}: recorded in {}", log.display());
         assert!(said.contains(&line) && log.join("summary.json").is_file(), "{line}: {said}");
     }
+}
+
+#[test]
+fn a_signal_closes_the_window_and_its_run_has_whole_files() {
+    let Some(display) = Display::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let mut program = Program::open(&display, folder.path(), &["straight", "--start"]);
+    let run = folder.path().join("log/run-1");
+    until("the log", || run.join("run.mcap").is_file());
+    let id = program.child.id().to_string();
+    assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
+    assert_eq!(program.child.wait().unwrap().code(), Some(0));
+    let summary: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(run.join("summary.json")).unwrap()).unwrap();
+    let (last, truncation) = last_tick(&run.join("run.mcap")).unwrap();
+    assert_eq!((summary["stopped_at_tick"].as_u64(), truncation), (Some(last), None));
 }
 
 #[test]

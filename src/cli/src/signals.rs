@@ -16,22 +16,42 @@ const EXIT_INTERRUPTED: i32 = 128 + SIGINT;
 /// When the operating system refuses a handler.
 pub fn on_end() -> Result<Arc<AtomicBool>, Failure> {
     let ends = Arc::new(AtomicBool::new(false));
+    end_at_second_interrupt().map_err(Failure::failed)?;
+    for signal in ending() {
+        flag::register(signal, Arc::clone(&ends)).map_err(Failure::failed)?;
+    }
+    Ok(ends)
+}
+
+/// Calls this at each signal that [`on_end`] knows, on a thread of its own, for a window that waits for events.
+///
+/// # Errors
+/// When the operating system refuses a handler or the thread.
+#[cfg(feature = "window")]
+pub fn at_end(told: impl Fn() + Send + 'static) -> Result<(), Failure> {
+    end_at_second_interrupt().map_err(Failure::failed)?;
+    let mut signals = signal_hook::iterator::Signals::new(ending()).map_err(Failure::failed)?;
+    let wait = move || signals.forever().for_each(|_| told());
+    let thread = std::thread::Builder::new().name("signals".to_owned()).spawn(wait);
+    thread.map(drop).map_err(Failure::failed)
+}
+
+/// The signals that end a command in order.
+fn ending() -> Vec<i32> {
+    let mut signals = vec![SIGINT, SIGTERM];
+    #[cfg(unix)]
+    if !survives_hangup() {
+        signals.push(signal_hook::consts::SIGHUP);
+    }
+    signals
+}
+
+/// Ends the program at once when SIGINT comes again.
+fn end_at_second_interrupt() -> std::io::Result<()> {
     // A terminal that closes may send several signals: only a person who repeats Ctrl-C is in a hurry.
     let is_interrupted = Arc::new(AtomicBool::new(false));
-    let register = || -> std::io::Result<()> {
-        flag::register_conditional_shutdown(SIGINT, EXIT_INTERRUPTED, Arc::clone(&is_interrupted))?;
-        flag::register(SIGINT, Arc::clone(&is_interrupted))?;
-        for signal in [SIGINT, SIGTERM] {
-            flag::register(signal, Arc::clone(&ends))?;
-        }
-        #[cfg(unix)]
-        if !survives_hangup() {
-            flag::register(signal_hook::consts::SIGHUP, Arc::clone(&ends))?;
-        }
-        Ok(())
-    };
-    register().map_err(Failure::failed)?;
-    Ok(ends)
+    flag::register_conditional_shutdown(SIGINT, EXIT_INTERRUPTED, Arc::clone(&is_interrupted))?;
+    flag::register(SIGINT, is_interrupted).map(drop)
 }
 
 /// Whether the command was started to outlive its terminal, as by `nohup`, which ignores SIGHUP.

@@ -2,6 +2,7 @@
 
 use super::overwrite::OverwriteArgs;
 use super::say::{complain, say};
+use super::signals::at_end;
 use super::{Failure, LinkArgs, ModelArg, ProfileArg, ScenarioArgs, load, look, on_end};
 use city3d_logbook::record::{LogOrigin, LogReader};
 use city3d_outputs::refuse_inputs;
@@ -12,7 +13,7 @@ use city3d_session::{FileOptions, Host, RunFiles, RunFolders, Session, SessionHa
 use city3d_simulation::scenario::Experiment;
 use city3d_viewer::ui::{CameraMode, CityKind, QualityPreset};
 use city3d_viewer::window::{
-    self, CitySubject, LogLocation, QualityChoice, ScenarioSubject, WindowError, WindowOptions,
+    self, CitySubject, LogLocation, QualityChoice, QuitSignal, ScenarioSubject, WindowError, WindowOptions,
     WindowPicture, WindowSubject,
 };
 use clap::{Args, ValueEnum};
@@ -185,6 +186,11 @@ pub fn replay(log: &Path, args: &WindowArgs) -> Result<(), Failure> {
 fn show(subject: &WindowSubject, args: &WindowArgs) -> Result<(), Failure> {
     let options = args.options();
     let Some(file) = &args.picture.picture else {
+        if !matches!(subject, WindowSubject::City(_)) {
+            // Signals end the session of a city, and its window with it.
+            let quit = options.quit.clone();
+            at_end(move || quit.give())?;
+        }
         let recorded = window::open(subject, &options)?;
         for run in &recorded {
             say(format_args!("{}: recorded in {}", run.scenario, run.folder.display()))?;
@@ -267,6 +273,7 @@ impl WindowArgs {
             select: self.picture.select.clone(),
             previews: self.picture.preview.clone(),
             mode: self.picture.mode.map(CameraMode::from),
+            quit: QuitSignal::default(),
         }
     }
 }

@@ -29,9 +29,14 @@ const SERVED_FRAME: Duration = Duration::from_millis(1000 / 15);
 /// Retry interval of a surface that cannot be drawn to.
 const RETRY_DELAY: Duration = Duration::from_millis(50);
 
-/// User event from other threads: redraw the window.
+/// User event from other threads.
 #[derive(Clone, Copy, Debug)]
-struct RedrawRequest;
+enum WindowNews {
+    /// There is something new to draw.
+    Redraw,
+    /// The window closes, as when its user closes it.
+    Quit,
+}
 
 /// Opens the window and stays until it is closed; returns the runs that it recorded.
 ///
@@ -47,7 +52,12 @@ pub fn open(subject: &WindowSubject, options: &WindowOptions) -> Result<Vec<Reco
             .map_or(&*error, |(_, why)| why);
         WindowError::NoDisplay(error.trim_end_matches('.').to_owned())
     };
-    let events = EventLoop::<RedrawRequest>::with_user_event().build().map_err(|error| no_display(&error))?;
+    let events = EventLoop::<WindowNews>::with_user_event().build().map_err(|error| no_display(&error))?;
+    let proxy = events.create_proxy();
+    options.quit.tell(Box::new(move || {
+        // The event loop may have ended before.
+        let _ = proxy.send_event(WindowNews::Quit);
+    }));
     let mut app =
         App { subject, options, proxy: events.create_proxy(), open_window: None, outcome: Ok(Vec::new()) };
     events.run_app(&mut app).map_err(|error| no_display(&error))?;
@@ -66,7 +76,7 @@ pub fn egui_context() -> egui::Context {
 struct App<'a> {
     subject: &'a WindowSubject,
     options: &'a WindowOptions,
-    proxy: EventLoopProxy<RedrawRequest>,
+    proxy: EventLoopProxy<WindowNews>,
     open_window: Option<OpenWindow>,
     outcome: Result<Vec<RecordedRun>, WindowError>,
 }
@@ -105,7 +115,7 @@ impl App<'_> {
     }
 }
 
-impl ApplicationHandler<RedrawRequest> for App<'_> {
+impl ApplicationHandler<WindowNews> for App<'_> {
     fn resumed(&mut self, events: &ActiveEventLoop) {
         if self.open_window.is_some() {
             return;
@@ -116,9 +126,11 @@ impl ApplicationHandler<RedrawRequest> for App<'_> {
         }
     }
 
-    fn user_event(&mut self, _events: &ActiveEventLoop, _news: RedrawRequest) {
-        if let Some(open_window) = &mut self.open_window {
-            open_window.schedule_frame(Duration::ZERO);
+    fn user_event(&mut self, events: &ActiveEventLoop, news: WindowNews) {
+        match (news, &mut self.open_window) {
+            (WindowNews::Quit, _) => events.exit(),
+            (WindowNews::Redraw, Some(open_window)) => open_window.schedule_frame(Duration::ZERO),
+            (WindowNews::Redraw, None) => {}
         }
     }
 
@@ -167,7 +179,7 @@ impl OpenWindow {
     fn open(
         events: &ActiveEventLoop,
         (subject, options): (&WindowSubject, &WindowOptions),
-        proxy: EventLoopProxy<RedrawRequest>,
+        proxy: EventLoopProxy<WindowNews>,
     ) -> Result<Self, WindowError> {
         let settings = options.settings();
         let [width, height] = options.size.or(settings.size).unwrap_or(USUAL_SIZE);
@@ -185,7 +197,7 @@ impl OpenWindow {
         let surface = WindowSurface::new(Arc::clone(&window), instance, surface, &context)?;
         let on_update: Arc<dyn Fn() + Send + Sync> = Arc::new(move || {
             // The event loop may have ended before the run.
-            let _ = proxy.send_event(RedrawRequest);
+            let _ = proxy.send_event(WindowNews::Redraw);
         });
         let recording = RecordingOptions { logs: subject.logs(), on_update: Arc::clone(&on_update) };
         let mut viewer = subject.viewer(options, &context, &settings, recording)?;
@@ -256,11 +268,11 @@ impl OpenWindow {
     /// Lays out and draws one frame; `false` when the user quits.
     fn redraw(&mut self) -> Result<bool, WindowError> {
         self.due = None;
-        if self.is_hidden || !self.surface.has_size() {
-            return Ok(true);
-        }
         if self.viewer.has_ended() {
             return Ok(false);
+        }
+        if self.is_hidden || !self.surface.has_size() {
+            return Ok(true);
         }
         self.measure();
         self.hear_gamepads();

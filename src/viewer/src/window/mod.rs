@@ -115,6 +115,44 @@ pub struct WindowOptions {
     pub previews: Vec<String>,
     /// Camera of the large view; by default the last one, or the chase camera of a driven vehicle.
     pub mode: Option<CameraMode>,
+    /// Closes the window from elsewhere.
+    pub quit: QuitSignal,
+}
+
+/// Tells a window to close. It may come before the window.
+#[derive(Clone, Default)]
+pub struct QuitSignal(Arc<Mutex<QuitState>>);
+
+#[derive(Default)]
+struct QuitState {
+    is_given: bool,
+    told: Option<Box<dyn Fn() + Send>>,
+}
+
+impl QuitSignal {
+    /// Closes the window.
+    pub fn give(&self) {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        state.is_given = true;
+        if let Some(told) = &state.told {
+            told();
+        }
+    }
+
+    /// Calls this when the signal is given, at once if it was.
+    fn tell(&self, told: Box<dyn Fn() + Send>) {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if state.is_given {
+            told();
+        }
+        state.told = Some(told);
+    }
+}
+
+impl std::fmt::Debug for QuitSignal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("QuitSignal")
+    }
 }
 
 impl WindowSubject {
