@@ -20,7 +20,8 @@ use std::time::Instant;
 fn log() -> Vec<u8> {
     let mut run = Run::new(roundabout(1.5)).unwrap();
     let mut bytes = Cursor::new(Vec::new());
-    let mut writer = LogWriter::new(&mut bytes, run.experiment(), LogOrigin::Run).unwrap();
+    let mut writer =
+        LogWriter::new(&mut bytes, run.experiment(), LogOrigin::Run, &std::env::temp_dir()).unwrap();
     loop {
         let snapshot = run.snapshot().clone();
         writer.tick(snapshot.tick, snapshot.time_s, snapshot.state_hash).unwrap();
@@ -190,7 +191,10 @@ fn a_verification_tells_damage_from_a_torn_end_and_from_nothing() {
     assert_eq!(report["torn"], "it ends in the middle of a record");
 
     let mut bytes = Cursor::new(Vec::new());
-    LogWriter::new(&mut bytes, &roundabout(1.0), LogOrigin::Run).unwrap().finish().unwrap();
+    LogWriter::new(&mut bytes, &roundabout(1.0), LogOrigin::Run, &std::env::temp_dir())
+        .unwrap()
+        .finish()
+        .unwrap();
     let (code, _, said) = verify(&bytes.into_inner());
     assert!(code == 1 && said.contains("the log has no tick to compare; record the run again"), "{said}");
 }

@@ -515,7 +515,9 @@ impl Eavesdropper {
         while let Some((length, from)) = self.socket.receive(&mut bytes, quiet).unwrap() {
             let datagram = bytes[..length].to_vec();
             if from == city {
-                client.map(|to| self.socket.send_burst(to, &[datagram]).unwrap());
+                if let Some(to) = client {
+                    self.socket.send_burst(to, &[datagram]).unwrap();
+                }
             } else {
                 client = Some(from);
                 self.recorded.push(datagram.clone());
