@@ -25,8 +25,37 @@ struct Fragment {
     @location(5) @interpolate(flat) seed: u32,
 }
 
+// A model of the map: its transform to the city, by rows, and its seed.
+struct Placement {
+    @location(5) row_x: vec4<f32>,
+    @location(6) row_y: vec4<f32>,
+    @location(7) row_z: vec4<f32>,
+    @location(8) seed: u32,
+}
+
+// Vertex of a model, in the city.
+fn placed(in: VertexIn, at: Placement) -> VertexIn {
+    var out = in;
+    let local = vec4<f32>(in.position, 1.0);
+    out.position = vec3<f32>(dot(at.row_x, local), dot(at.row_y, local), dot(at.row_z, local));
+    let n = in.normal.xyz;
+    let normal = vec3<f32>(dot(at.row_x.xyz, n), dot(at.row_y.xyz, n), dot(at.row_z.xyz, n));
+    out.normal = vec4<f32>(normalize(normal), 0.0);
+    out.material = (in.material & 0xff00ffffu) | (at.seed << 16u);
+    return out;
+}
+
 @vertex
 fn vertex_main(in: VertexIn) -> Fragment {
+    return pixel_lit(in);
+}
+
+@vertex
+fn instanced_vertex_main(in: VertexIn, at: Placement) -> Fragment {
+    return pixel_lit(placed(in, at));
+}
+
+fn pixel_lit(in: VertexIn) -> Fragment {
     var out: Fragment;
     out.clip = view.clip_from_world * vec4<f32>(in.position, 1.0);
     out.world = in.position;
@@ -166,6 +195,15 @@ fn vertex_lit_albedo(uv: vec2<f32>, layer: u32) -> vec4<f32> {
 
 @vertex
 fn vertex_lit_vertex(in: VertexIn) -> VertexLit {
+    return vertex_lit(in);
+}
+
+@vertex
+fn instanced_vertex_lit_vertex(in: VertexIn, at: Placement) -> VertexLit {
+    return vertex_lit(placed(in, at));
+}
+
+fn vertex_lit(in: VertexIn) -> VertexLit {
     let colour = vec4<f32>(linear_from_srgb(in.colour.rgb), in.colour.a);
     let layer = in.material & 0xffu;
     let is_emissive = lamplit && layer == LETTERS;
@@ -244,7 +282,18 @@ fn untextured_vertex(in: VertexIn) -> Untextured {
 }
 
 @vertex
+fn instanced_untextured_vertex(in: VertexIn, at: Placement) -> Untextured {
+    return untextured_of(placed(in, at));
+}
+
+@vertex
 fn flat_vertex(in: VertexIn) -> Flat {
     let lit = untextured_of(in);
+    return Flat(lit.clip, lit.colour);
+}
+
+@vertex
+fn instanced_flat_vertex(in: VertexIn, at: Placement) -> Flat {
+    let lit = untextured_of(placed(in, at));
     return Flat(lit.clip, lit.colour);
 }

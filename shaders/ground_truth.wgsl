@@ -41,6 +41,20 @@ fn city_main(@location(0) position: vec3<f32>, @location(4) material: u32) -> Fr
     return project(position, labels_of(material));
 }
 
+@vertex
+fn instanced_main(
+    @location(0) position: vec3<f32>,
+    @location(4) material: u32,
+    // City from model, by rows.
+    @location(5) row_x: vec4<f32>,
+    @location(6) row_y: vec4<f32>,
+    @location(7) row_z: vec4<f32>,
+) -> Fragment {
+    let local = vec4<f32>(position, 1.0);
+    let world = vec3<f32>(dot(row_x, local), dot(row_y, local), dot(row_z, local));
+    return project(world, labels_of(material));
+}
+
 struct LineFragment {
     @builtin(position) clip: vec4<f32>,
     @location(0) depth: f32,

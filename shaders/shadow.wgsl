@@ -9,7 +9,8 @@ fn city_vertex(in: City) -> @builtin(position) vec4<f32> {
     return frame.shadow_from_world * vec4<f32>(in.position, 1.0);
 }
 
-struct Vehicle {
+// A vehicle or a model of the map: city from body, by rows.
+struct Instance {
     @location(0) position: vec3<f32>,
     @location(5) row_x: vec4<f32>,
     @location(6) row_y: vec4<f32>,
@@ -17,7 +18,7 @@ struct Vehicle {
 }
 
 @vertex
-fn vehicle_vertex(in: Vehicle) -> @builtin(position) vec4<f32> {
+fn instanced_vertex(in: Instance) -> @builtin(position) vec4<f32> {
     let local = vec4<f32>(in.position, 1.0);
     let world = vec3<f32>(dot(in.row_x, local), dot(in.row_y, local), dot(in.row_z, local));
     return frame.shadow_from_world * vec4<f32>(world, 1.0);

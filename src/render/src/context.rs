@@ -3,8 +3,8 @@
 use super::RenderError;
 use super::threads;
 use rayon::prelude::*;
-use std::sync::Arc;
-use tracing::info;
+use std::sync::{Arc, OnceLock};
+use tracing::{error, info};
 
 /// Preferred adapter.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -50,6 +50,8 @@ pub struct Context {
     pub is_software: bool,
     /// The adapter that the device was opened on.
     pub adapter: wgpu::Adapter,
+    /// First error that the device reported outside of the result of a call.
+    fault: Arc<OnceLock<String>>,
     /// Further devices of the same adapter: see [`Context::for_batches`].
     pub(super) peers: Arc<[Context]>,
 }
@@ -104,6 +106,17 @@ impl Context {
         pollster::block_on(async { Self::open(find(instance, preference, Some(surface)).await?).await })
     }
 
+    /// Whether the device works.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] where it has reported an error, such as memory that ran out.
+    pub(super) fn check(&self) -> Result<(), RenderError> {
+        let adapter = &self.adapter_name;
+        self.fault.get().map_or(Ok(()), |problem| {
+            Err(RenderError::Device { adapter: adapter.clone(), problem: problem.clone() })
+        })
+    }
+
     /// Number of devices opened on the adapter.
     pub fn device_count(&self) -> usize {
         1 + self.peers.len()
@@ -117,7 +130,10 @@ impl Context {
             .request_device(&wgpu::DeviceDescriptor {
                 label: Some("city3d"),
                 required_features: adapter.features() & super::gpu_timer::FEATURES,
-                required_limits: wgpu::Limits::default().using_resolution(adapter.limits()),
+                required_limits: wgpu::Limits {
+                    max_buffer_size: adapter.limits().max_buffer_size,
+                    ..wgpu::Limits::default().using_resolution(adapter.limits())
+                },
                 ..Default::default()
             })
             .await
@@ -127,9 +143,38 @@ impl Context {
         } else {
             info!(adapter = adapter_name, "drawing");
         }
+        let fault = Arc::new(OnceLock::new());
+        let slot = Arc::clone(&fault);
+        device.on_uncaptured_error(Arc::new(move |problem: wgpu::Error| {
+            let problem = problem.to_string();
+            error!(problem, "the graphics device reports an error");
+            // The first one tells the cause.
+            let _ = slot.set(problem);
+        }));
         let peers = Arc::default();
-        Ok(Self { device, queue, adapter_name, is_software, adapter, peers })
+        Ok(Self { device, queue, adapter_name, is_software, adapter, fault, peers })
     }
+}
+
+/// A buffer with contents. Where memory does not suffice it is of no use, and [`Context::check`] tells.
+pub(super) fn filled_buffer(
+    device: &wgpu::Device,
+    label: &str,
+    contents: &[u8],
+    usage: wgpu::BufferUsages,
+) -> wgpu::Buffer {
+    let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: (contents.len() as u64).next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT),
+        usage,
+        mapped_at_creation: !contents.is_empty(),
+    });
+    if let Ok(mut mapped) = buffer.get_mapped_range_mut(..) {
+        mapped.slice(..contents.len()).copy_from_slice(contents);
+        drop(mapped);
+        buffer.unmap();
+    }
+    buffer
 }
 
 fn instance() -> wgpu::Instance {

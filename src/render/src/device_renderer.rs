@@ -5,11 +5,12 @@ use super::atlas::Atlas;
 use super::daylight::Light;
 use super::fleet::{FleetRenderer, VisibleVehicle};
 use super::frustum::{Frustum, PixelScale};
+use super::geometry::DrawBucket;
 use super::gpu_timer::GpuTimer;
 use super::grid::Tile;
 use super::ground_truth::{self, GroundTruthRenderer, GroundTruthTile};
 use super::occlusion_horizon::AzimuthSector;
-use super::passes::city::CityPass;
+use super::passes::city::{CityPass, CityPassInput};
 use super::passes::common::{FrameBindGroup, gpu_data};
 use super::passes::contact::ContactPass;
 use super::passes::glow::GlowPass;
@@ -23,10 +24,10 @@ use super::post_process::PostProcess;
 use super::readback::{PendingDeviceReadback, StagingPool};
 use super::request::{ReadbackLayout, RenderRequest, readback_layouts};
 use super::static_scene::{
-    CullContext, DrawBucket, PreparedGeometry, StaticScene, TextureDetail, VisibleRanges,
+    CullContext, IndexLists, PreparedGeometry, StaticScene, TextureDetail, VisibleRanges,
 };
 use super::textures::BakedTextures;
-use super::{Context, Settings, TargetView};
+use super::{Context, RenderError, Settings, TargetView};
 use city3d_models::Model;
 use city3d_protocol::snapshot::{BodyType, FrameSnapshot};
 use city3d_scene::SceneDescription;
@@ -136,10 +137,14 @@ impl DeviceRenderer {
             city: CityPass::new(
                 context,
                 attachments,
-                &quality,
-                (&frame_constants, &constants),
-                groups,
-                textures,
+                &CityPassInput {
+                    quality: &quality,
+                    frame_constants: &frame_constants,
+                    constants: &constants,
+                    groups,
+                    textures,
+                    has_instances: geometry.has_instances(),
+                },
             ),
             vehicles: VehiclePass::new(device, attachments, (&frame_constants, &constants), groups),
             contact: ContactPass::new(device, attachments, &frame.layout),
@@ -174,6 +179,11 @@ impl DeviceRenderer {
         }
         context.queue.submit([encoder.finish()]);
         renderer
+    }
+
+    /// Whether the device works; see [`Context::check`].
+    pub(super) fn check(&self) -> Result<(), RenderError> {
+        self.context.check()
     }
 
     /// Draws vehicles of a body type with a model, stretched to the measures of each.
@@ -402,18 +412,19 @@ impl DeviceRenderer {
 
     /// Culls the static scene and the vehicles for each view and uploads the index lists.
     fn cull_views(&mut self, views: &[View]) -> Vec<VisibleSet> {
-        let mut lists = Vec::new();
+        let mut lists = IndexLists::default();
         let visible_rows: Vec<u32> = views.iter().map(|view| self.fleet.visible_rows(view)).collect();
         let cull = |(view, visible_rows)| self.cull_view(view, visible_rows, &mut lists);
         let visible: Vec<VisibleSet> = views.iter().zip(visible_rows).map(cull).collect();
-        let count =
-            |visible: &VisibleSet| visible.ranges.triangles() + self.fleet.triangles(&visible.vehicles);
+        let count = |visible: &VisibleSet| {
+            self.static_scene.triangles(&visible.ranges) + self.fleet.triangles(&visible.vehicles)
+        };
         self.triangles = visible.iter().map(count).sum::<u64>() / (visible.len() as u64).max(1);
         self.static_scene.upload(&self.context.device, &self.context.queue, &lists);
         visible
     }
 
-    fn cull_view(&self, view: &View, visible_rows: u32, lists: &mut Vec<u32>) -> VisibleSet {
+    fn cull_view(&self, view: &View, visible_rows: u32, lists: &mut IndexLists) -> VisibleSet {
         let in_full = view.clip_from_world();
         let clip_from_world = in_full.as_mat4();
         let whole = Frustum::new(&clip_from_world);

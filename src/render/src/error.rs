@@ -43,6 +43,29 @@ pub enum RenderError {
         /// Largest width and height that the adapter draws, pixels.
         most: u32,
     },
+    /// The pictures of one view exceed a buffer of the adapter.
+    #[error(
+        "the pictures of a view of {width} x {height} pixels take {bytes} bytes; the adapter takes {most} at once: \
+         ask for smaller pictures, or for fewer kinds"
+    )]
+    TooLarge {
+        /// Width of the view, pixels.
+        width: u32,
+        /// Height of the view, pixels.
+        height: u32,
+        /// Size of all kinds of pictures of the view.
+        bytes: u64,
+        /// Largest buffer of the adapter, bytes.
+        most: u64,
+    },
+    /// The device has reported an error, after which nothing that it draws can be relied on.
+    #[error("the graphics adapter {adapter} failed: {problem}")]
+    Device {
+        /// Name of the adapter, with its backend and driver.
+        adapter: String,
+        /// What the graphics library reports.
+        problem: String,
+    },
     /// A view, by its index in the batch, has a number that is not finite.
     #[error("the projection or pose of view {index} holds a number that is not finite")]
     View {
@@ -89,6 +112,6 @@ pub enum RenderError {
 impl RenderError {
     /// Whether what was asked for is wrong, rather than something having failed.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::NoSuchAdapter { .. } | Self::Extent { .. })
+        matches!(self, Self::NoSuchAdapter { .. } | Self::Extent { .. } | Self::TooLarge { .. })
     }
 }

@@ -3,13 +3,13 @@
 
 use super::Context;
 use super::RenderError;
+use super::context::filled_buffer;
 use super::ego_occlusion::EgoOcclusionMask;
 use super::occlusion_horizon::BoundingCylinder;
-use super::passes::city::gpu_data::Vertex;
 use super::passes::glow::gpu_data::Glow;
 use super::passes::vehicle::gpu_data::Instance;
 use super::static_scene::CullContext;
-use super::vehicle::{self, LampLens, MeshKey, VehicleMesh, VehiclePart};
+use super::vehicle::{self, FittedVehicle, LampLens, MeshKey, VehicleMesh, VehiclePart};
 use city3d_models::Model;
 use city3d_protocol::snapshot::{BodyType, FrameSnapshot, Indicator, VehicleId, VehicleInfo, VehicleState};
 use city3d_sensors::View;
@@ -18,7 +18,6 @@ use std::collections::BTreeMap;
 use std::f32::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
-use wgpu::util::DeviceExt;
 
 /// Flash rate of turn signals.
 const FLASHES_HZ: f64 = 1.5;
@@ -29,11 +28,15 @@ const VEHICLE_LOD_FACTOR: f32 = 0.75;
 /// Small-feature culling: wheels of a smaller diameter are not drawn.
 const MIN_WHEEL_PX: f32 = 2.0;
 
-/// Index ranges and lamps of the mesh of one [`MeshKey`].
-#[derive(Clone, Debug)]
+/// Buffers and lamps of the mesh of one [`MeshKey`].
+#[derive(Debug)]
 struct GpuMesh {
+    vertices: wgpu::Buffer,
+    indices: wgpu::Buffer,
     /// Levels of detail, the finest first.
     levels: Vec<GpuMeshLod>,
+    /// Body of the finest level, for the ego occlusion mask.
+    finest_body: VehicleMesh,
     lenses: Vec<LampLens>,
     half_track_m: f32,
 }
@@ -79,6 +82,41 @@ impl VisibleVehicle {
     }
 }
 
+impl GpuMesh {
+    /// Uploads a fitted model. A coarser level that does not fit the buffers any more is left out.
+    fn new(device: &wgpu::Device, fitted: FittedVehicle) -> Self {
+        let most = device.limits().max_buffer_size as usize;
+        let mut mesh = VehicleMesh::default();
+        let mut levels = Vec::with_capacity(fitted.levels.len());
+        for level in &fitted.levels {
+            let sizes = [&mesh, &level.body, &level.wheel].map(VehicleMesh::bytes);
+            let fits = |k: usize| sizes.iter().map(|bytes| bytes[k]).sum::<usize>() <= most;
+            if levels.is_empty() || (fits(0) && fits(1)) {
+                let [body, wheel] = [&level.body, &level.wheel].map(|part| {
+                    let start = mesh.indices.len() as u32;
+                    mesh.append(part, Vec3::ZERO, Vec3::ONE);
+                    start..mesh.indices.len() as u32
+                });
+                levels.push(GpuMeshLod { body, wheel, error_m: level.error_m });
+            }
+        }
+        let buffer = |contents: &[u8], usage| filled_buffer(device, "vehicles", contents, usage);
+        Self {
+            vertices: buffer(bytemuck::cast_slice(&mesh.vertices), wgpu::BufferUsages::VERTEX),
+            indices: buffer(bytemuck::cast_slice(&mesh.indices), wgpu::BufferUsages::INDEX),
+            levels,
+            finest_body: fitted.levels.into_iter().next().map(|level| level.body).unwrap_or_default(),
+            lenses: fitted.lenses,
+            half_track_m: fitted.half_track_m,
+        }
+    }
+
+    fn bind(&self, pass: &mut wgpu::RenderPass<'_>) {
+        pass.set_vertex_buffer(0, self.vertices.slice(..));
+        pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
+    }
+}
+
 impl PlacedVehicle {
     fn bounding_cylinder(&self) -> BoundingCylinder {
         BoundingCylinder {
@@ -114,12 +152,8 @@ impl PlacedVehicle {
 /// Meshes, instances and bounds of all vehicles on one device.
 #[derive(Debug)]
 pub(super) struct FleetRenderer {
-    /// Vertices and indices of all meshes.
-    mesh: VehicleMesh,
     models: vehicle::VehicleModels,
     meshes: BTreeMap<MeshKey, GpuMesh>,
-    /// Vertex and index buffer of `mesh`; `None` while it is empty.
-    buffers: Option<(wgpu::Buffer, wgpu::Buffer)>,
     instances: wgpu::Buffer,
     /// Vehicles that `instances` has room for.
     capacity: usize,
@@ -134,10 +168,8 @@ impl FleetRenderer {
     pub(super) fn new(device: &wgpu::Device, is_paint_linear: bool) -> Self {
         let capacity = 64;
         Self {
-            mesh: VehicleMesh::default(),
             models: vehicle::VehicleModels::default(),
             meshes: BTreeMap::new(),
-            buffers: None,
             instances: instance_buffer(device, capacity),
             capacity,
             placed: Vec::new(),
@@ -199,56 +231,24 @@ impl FleetRenderer {
         context.queue.write_buffer(&self.instances, 0, bytemuck::cast_slice(&bodies));
     }
 
+    /// Fits and uploads the models of vehicles that are new.
     fn upload_meshes(&mut self, device: &wgpu::Device, snapshot: &FrameSnapshot) {
-        let known = self.meshes.len();
         for info in snapshot.roster.iter() {
             let (kind, d) = (info.appearance.body, &info.dimensions);
-            let mesh = &mut self.mesh;
             let models = &self.models;
-            self.meshes.entry(MeshKey::new(kind, d)).or_insert_with(|| {
-                let fitted = models.fit(kind, d);
-                GpuMesh {
-                    levels: fitted
-                        .levels
-                        .iter()
-                        .map(|level| GpuMeshLod {
-                            body: append_mesh(mesh, &level.body),
-                            wheel: append_mesh(mesh, &level.wheel),
-                            error_m: level.error_m,
-                        })
-                        .collect(),
-                    lenses: fitted.lenses,
-                    half_track_m: fitted.half_track_m,
-                }
-            });
-        }
-        if self.meshes.len() > known && !self.mesh.indices.is_empty() {
-            let buffer = |contents, usage| {
-                device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                    label: Some("vehicles"),
-                    contents,
-                    usage,
-                })
-            };
-            self.buffers = Some((
-                buffer(bytemuck::cast_slice(&self.mesh.vertices), wgpu::BufferUsages::VERTEX),
-                buffer(bytemuck::cast_slice(&self.mesh.indices), wgpu::BufferUsages::INDEX),
-            ));
+            let fit = || GpuMesh::new(device, models.fit(kind, d));
+            self.meshes.entry(MeshKey::new(kind, d)).or_insert_with(fit);
         }
     }
 
     /// Number of rows from the top that the vehicle that carries the camera does not cover entirely (ego occlusion).
     pub(super) fn visible_rows(&mut self, view: &View) -> u32 {
         let carrier = self.placed.iter().find(|placed| view.carrier == Some(placed.id));
-        let drawn = carrier.and_then(|placed| Some((placed, self.meshes.get(&placed.key)?.levels.first()?)));
-        let Some((placed, GpuMeshLod { body, .. })) = drawn else { return view.extent[1] };
+        let drawn = carrier.and_then(|placed| Some((placed, &self.meshes.get(&placed.key)?.finest_body)));
+        let Some((placed, body)) = drawn else { return view.extent[1] };
         let clip_from_body = (view.clip_from_world() * placed.world_from_body).as_mat4();
-        let mesh = &self.mesh;
-        let corner = |k: u32| clip_from_body * Vec3::from(mesh.vertices[k as usize].position).extend(1.0);
-        let faces = || {
-            let faces = mesh.indices[body.start as usize..body.end as usize].as_chunks::<3>().0;
-            faces.iter().map(|face| face.map(corner))
-        };
+        let corner = |k: u32| clip_from_body * Vec3::from(body.vertices[k as usize].position).extend(1.0);
+        let faces = || body.indices.as_chunks::<3>().0.iter().map(|face| face.map(corner));
         self.ego_masks.entry(placed.key).or_default().visible_rows(clip_from_body, view.extent, faces)
     }
 
@@ -306,24 +306,15 @@ impl FleetRenderer {
         })
     }
 
-    fn bind(&self, pass: &mut wgpu::RenderPass<'_>) -> bool {
-        let Some((vertices, indices)) = &self.buffers else { return false };
-        pass.set_vertex_buffer(0, vertices.slice(..));
-        pass.set_vertex_buffer(1, self.instances.slice(..));
-        pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
-        true
-    }
-
     /// Draws bodies and wheels. The caller has set bind groups and pipeline.
     pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, visible: &[VisibleVehicle]) {
-        if !self.bind(pass) {
-            return;
-        }
+        pass.set_vertex_buffer(1, self.instances.slice(..));
         let count = self.placed.len() as u32;
         for vehicle in visible {
             let Some(mesh) = self.meshes.get(&self.placed[vehicle.index].key) else { continue };
             let index = vehicle.index as u32;
             let Some(GpuMeshLod { body, wheel, .. }) = mesh.levels.get(vehicle.level) else { continue };
+            mesh.bind(pass);
             pass.draw_indexed(body.clone(), 0, index..index + 1);
             if vehicle.has_wheels && !wheel.is_empty() {
                 let first = count + 4 * index;
@@ -335,14 +326,13 @@ impl FleetRenderer {
     /// Draws shadow casters, at a coarser level where its error is below two texels of the shadow map. The caller has
     /// set bind groups and pipeline.
     pub(super) fn draw_shadows(&self, pass: &mut wgpu::RenderPass<'_>, texel_m: f32) {
-        if !self.bind(pass) {
-            return;
-        }
+        pass.set_vertex_buffer(1, self.instances.slice(..));
         for (index, placed) in (0_u32..).zip(&self.placed) {
             let Some(mesh) = self.meshes.get(&placed.key) else { continue };
             let Some(level) = mesh.levels.iter().take(2).rfind(|level| level.error_m < 2.0 * texel_m) else {
                 continue;
             };
+            mesh.bind(pass);
             pass.draw_indexed(level.body.clone(), 0, index..index + 1);
         }
     }
@@ -377,14 +367,6 @@ fn instance_buffer(device: &wgpu::Device, vehicles: usize) -> wgpu::Buffer {
         usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
         mapped_at_creation: false,
     })
-}
-
-fn append_mesh(mesh: &mut VehicleMesh, part: &VehicleMesh) -> Range<u32> {
-    let (base, start) = (mesh.vertices.len() as u32, mesh.indices.len() as u32);
-    let vertices: &[Vertex] = &part.vertices;
-    mesh.vertices.extend_from_slice(vertices);
-    mesh.indices.extend(part.indices.iter().map(|k| k + base));
-    start..mesh.indices.len() as u32
 }
 
 /// Checks that all vehicles of a snapshot can be drawn.

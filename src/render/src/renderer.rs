@@ -33,7 +33,7 @@ impl Renderer {
     /// Uploads a scene and builds the pipelines.
     ///
     /// # Errors
-    /// None that a valid scene and adapter give; the adapter's own are logged by wgpu.
+    /// [`RenderError::Device`] where the adapter does not take the scene.
     pub fn new(context: &Context, scene: &SceneDescription, settings: Settings) -> Result<Self, RenderError> {
         Self::with_textures(context, scene, BakedTextures::new(settings))
     }
@@ -55,7 +55,8 @@ impl Renderer {
         let views_per_pass = if opened.len() > 1 { 1 } else { usize::MAX };
         let device =
             |context: &Context| DeviceRenderer::new(context, (scene, &shared), settings, views_per_pass);
-        let devices = opened.into_par_iter().map(device).collect();
+        let devices: Vec<DeviceRenderer> = opened.into_par_iter().map(device).collect();
+        devices.iter().try_for_each(DeviceRenderer::check)?;
         let context = context.clone();
         Ok(Self { context, settings, devices, next_device: 0, triangles: 0, busy_devices: Vec::new() })
     }
@@ -107,7 +108,8 @@ impl Renderer {
     ///
     /// # Errors
     /// [`RenderError::Extent`], [`RenderError::View`] and [`RenderError::Vehicle`] for what cannot
-    /// be drawn, [`RenderError::Readback`] where the adapter was lost.
+    /// be drawn, [`RenderError::TooLarge`] for more than the adapter takes at once, [`RenderError::Device`] and
+    /// [`RenderError::Readback`] where the adapter failed or was lost.
     pub fn render(&mut self, snapshot: &FrameSnapshot, views: &[View]) -> Result<Vec<Image>, RenderError> {
         let pending = self.submit(snapshot, views)?;
         self.finish(pending)
@@ -184,6 +186,7 @@ impl Renderer {
             ground_truth::check_instance_ids(snapshot)?;
         }
         self.check(snapshot, requests.iter().map(|request| &request.view))?;
+        self.check_sizes(requests)?;
         let share = requests.len().div_ceil(self.devices.len()).max(1);
         let mut triangles = 0;
         self.busy_devices.clear();
@@ -191,6 +194,7 @@ impl Renderer {
         for part in requests.chunks(share) {
             let device = &mut self.devices[self.next_device];
             parts.push(device.submit(snapshot, part));
+            device.check()?;
             triangles += device.triangles() * part.len() as u64;
             self.busy_devices.push(self.next_device);
             self.next_device = (self.next_device + 1) % self.devices.len();
@@ -201,6 +205,15 @@ impl Renderer {
         }
         self.triangles = triangles / (requests.len() as u64).max(1);
         Ok(PendingReadback { parts })
+    }
+
+    /// Checks that the pictures of each view fit a staging buffer.
+    fn check_sizes(&self, requests: &[RenderRequest]) -> Result<(), RenderError> {
+        let most = self.context.device.limits().max_buffer_size;
+        requests.iter().find(|request| request.bytes() > most).map_or(Ok(()), |request| {
+            let [width, height] = request.view.extent;
+            Err(RenderError::TooLarge { width, height, bytes: request.bytes(), most })
+        })
     }
 
     /// Checks that the views and vehicles can be drawn.
@@ -265,6 +278,7 @@ impl Renderer {
         // Targets belong to the device of the context.
         if let Some(device) = self.devices.first_mut() {
             device.draw(snapshot, views, targets);
+            device.check()?;
         }
         Ok(())
     }

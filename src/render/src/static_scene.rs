@@ -1,19 +1,21 @@
-//! Static city on the GPU: one vertex buffer, and for each view an index list of its visible triangles, front to back.
+//! Static city on the GPU: vertex buffers, and for each view an index list of its visible triangles, front to back.
 //!
 //! The CPU makes the lists by frustum culling, small-feature culling, occlusion culling, back-face culling of clusters
 //! and selection of a level of detail (LOD), at a few nanoseconds per triangle. On a software adapter each culled
 //! triangle saves a hundred times that; on a GPU a view is a few draw calls.
 
 use super::cells;
+use super::context::filled_buffer;
 use super::frustum::{Frustum, PixelScale};
-use super::normal_clusters::{self, NormalCluster};
+use super::geometry::{DrawBucket, GeometryChunk, GeometryPacker, PieceLod, ScenePiece};
+use super::instances::{InstancedScene, PreparedInstances, VisibleInstance};
+use super::normal_clusters::NormalCluster;
 use super::occlusion_horizon::{AzimuthSector, OcclusionHorizon};
-use super::passes::city::gpu_data::Vertex as GpuVertex;
-use city3d_scene::{SceneDescription, SceneObject, Surface, Vertex, Wall};
+use city3d_scene::{SceneDescription, SceneObject, Surface, Wall};
 use glam::Vec3;
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
-use wgpu::util::DeviceExt;
 
 /// Size of the features of most textures, and the pixels that a feature must cover to be worth a texture.
 const PATTERN_M: f32 = 0.25;
@@ -22,54 +24,32 @@ const MIN_PATTERN_PX: f32 = 6.0;
 /// Objects farther from the city than this cast no shadow.
 const SHADOW_MARGIN_M: f32 = 20.0;
 
-fn casts_on_city(scene: &SceneDescription, at: Vec3) -> bool {
-    let [low, high] = scene.bounds.map(Vec3::truncate);
-    let at = at.truncate();
-    at.cmpge(low - SHADOW_MARGIN_M).all() && at.cmple(high + SHADOW_MARGIN_M).all()
-}
-
-/// Object or ground cell of the city: the unit of culling and LOD selection.
-#[derive(Clone, Debug)]
-struct ScenePiece {
-    bounds: [Vec3; 2],
-    /// Corners seen from above, each at its greatest height; empty if they are many. See [`top_outline`].
-    top_outline: Vec<Vec3>,
-    /// Levels of detail, the finest first.
-    levels: Vec<PieceLod>,
-    /// Whether its texture shows recognisable things: windows, doors, letters.
-    is_figured: bool,
-}
-
-#[derive(Clone, Debug)]
-struct PieceLod {
-    error_m: f32,
-    main: Vec<NormalCluster>,
-    /// See [`DrawBucket`].
-    bucket: Vec<NormalCluster>,
-}
-
-impl PieceLod {
-    fn all(&self) -> impl Iterator<Item = &NormalCluster> {
-        self.main.iter().chain(&self.bucket)
-    }
+/// Whether a box reaches the city or the ground around it from where its shadow falls on the city.
+pub(super) fn casts_on_city(scene: &SceneDescription, [low, high]: [Vec3; 2]) -> bool {
+    let city = scene.bounds.map(Vec3::truncate);
+    high.truncate().cmpge(city[0] - SHADOW_MARGIN_M).all()
+        && low.truncate().cmple(city[1] + SHADOW_MARGIN_M).all()
 }
 
 /// Buffers of the static city on one device.
 #[derive(Debug)]
 pub(super) struct StaticScene {
     pieces: Arc<ScenePieces>,
-    vertices: wgpu::Buffer,
-    /// Index buffer and number of indices.
-    shadow_casters: (wgpu::Buffer, u32),
-    /// Index buffer with the lists of all views of a batch.
-    index_lists: wgpu::Buffer,
+    /// Vertices of each chunk.
+    vertices: Vec<wgpu::Buffer>,
+    /// By chunk: index buffer and number of indices.
+    shadow_casters: Vec<(usize, wgpu::Buffer, u32)>,
+    /// Index buffers with the lists of all views of a batch, one for each segment of [`IndexLists`].
+    index_lists: Vec<wgpu::Buffer>,
+    /// Models of the map.
+    instanced: InstancedScene,
 }
 
 /// Pieces of the city and their indices on the CPU; all devices share them.
 #[derive(Debug)]
 struct ScenePieces {
-    /// Indices of all pieces at all levels of detail.
-    indices: Vec<u32>,
+    /// Vertices and indices of all pieces at all levels of detail.
+    chunks: Vec<GeometryChunk>,
     objects: Vec<ScenePiece>,
     ground: Vec<ScenePiece>,
     /// Painted lines, drawn with analytic anti-aliasing.
@@ -82,30 +62,61 @@ struct ScenePieces {
 #[derive(Debug)]
 pub(super) struct PreparedGeometry {
     pieces: Arc<ScenePieces>,
-    vertices: Vec<GpuVertex>,
-    /// Indices of everything that casts a shadow.
-    shadow_casters: Vec<u32>,
+    /// Indices of everything that casts a shadow, by chunk.
+    shadow_casters: BTreeMap<usize, Vec<u32>>,
+    instanced: Arc<PreparedInstances>,
 }
 
-/// Triangles of objects that a pipeline of their own draws.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum DrawBucket {
-    /// Faces turned away from the sun (unit vector towards it): they need no shadow lookup.
-    Unlit(Vec3),
-    /// Tree crowns, whose outline is alpha to coverage.
-    AlphaToCoverage,
+/// Indices of the visible triangles of a batch of views, cut into segments that fit the buffers of every adapter.
+#[derive(Debug, Default)]
+pub(super) struct IndexLists {
+    segments: Vec<Vec<u32>>,
 }
 
-impl DrawBucket {
-    fn contains(self, corners: [&Vertex; 3]) -> bool {
-        match self {
-            Self::Unlit(to_sun) => corners.iter().all(|v| v.normal.dot(to_sun) <= 0.0),
-            // Hedges have the same leaves, but flat faces.
-            Self::AlphaToCoverage => {
-                let [a, b, c] = corners;
-                let is_round = a.normal.dot(b.normal).min(b.normal.dot(c.normal)) < 0.999;
-                a.finish.surface == Surface::Leaves && is_round
+/// Indices after which a new segment begins: 64 MiB.
+const SEGMENT_LEN: usize = 16 << 20;
+
+/// Draw call: a range of a segment of the index lists, for the vertices of a chunk.
+#[derive(Clone, Debug)]
+struct DrawCall {
+    chunk: usize,
+    segment: usize,
+    indices: Range<u32>,
+}
+
+/// Draw calls of one pipeline for a view: one, unless the scene or the batch is very large.
+#[derive(Clone, Debug, Default)]
+pub(super) struct DrawList {
+    calls: Vec<DrawCall>,
+}
+
+impl DrawList {
+    pub(super) fn is_empty(&self) -> bool {
+        self.calls.is_empty()
+    }
+
+    fn triangles(&self) -> u64 {
+        self.calls.iter().map(|call| call.indices.len() as u64 / 3).sum()
+    }
+}
+
+impl IndexLists {
+    /// Appends indices into the vertices of a chunk, to the last draw call where it goes on.
+    fn append<'i>(&mut self, list: &mut DrawList, chunk: usize, clusters: impl Iterator<Item = &'i [u32]>) {
+        if self.segments.last().is_none_or(|segment| segment.len() > SEGMENT_LEN) {
+            self.segments.push(Vec::new());
+        }
+        let last = self.segments.len() - 1;
+        let segment = &mut self.segments[last];
+        let start = segment.len() as u32;
+        clusters.for_each(|indices| segment.extend_from_slice(indices));
+        let end = segment.len() as u32;
+        match list.calls.last_mut() {
+            _ if start == end => {}
+            Some(call) if (call.chunk, call.segment, call.indices.end) == (chunk, last, start) => {
+                call.indices.end = end;
             }
+            _ => list.calls.push(DrawCall { chunk, segment: last, indices: start..end }),
         }
     }
 }
@@ -135,29 +146,31 @@ pub(super) struct CullContext<'a> {
     pub(super) min_size_px: f32,
 }
 
-/// Visible triangles of a view, as ranges of the index lists of the batch: one for each draw call.
+/// Visible triangles of a view, by pipeline.
 #[derive(Clone, Debug, Default)]
 pub(super) struct VisibleRanges {
     /// Objects with textures, apart from those in `bucket`.
-    pub(super) objects: Range<u32>,
+    pub(super) objects: DrawList,
     /// See [`DrawBucket`].
-    pub(super) bucket: Range<u32>,
+    pub(super) bucket: DrawList,
     /// Pieces too far away to show their texture.
-    pub(super) untextured: Range<u32>,
-    pub(super) ground: Range<u32>,
-    pub(super) lines: Range<u32>,
+    pub(super) untextured: DrawList,
+    pub(super) ground: DrawList,
+    pub(super) lines: DrawList,
+    /// Models of the map, front to back.
+    pub(super) instances: Vec<VisibleInstance>,
 }
 
 impl VisibleRanges {
     /// Objects of all pipelines.
-    pub(super) fn all_objects(&self) -> [&Range<u32>; 3] {
+    pub(super) fn all_objects(&self) -> [&DrawList; 3] {
         [&self.untextured, &self.bucket, &self.objects]
     }
 
-    pub(super) fn triangles(&self) -> u64 {
+    fn triangles(&self) -> u64 {
         [&self.objects, &self.bucket, &self.untextured, &self.ground, &self.lines]
-            .iter()
-            .map(|list| list.len() as u64 / 3)
+            .into_iter()
+            .map(DrawList::triangles)
             .sum()
     }
 }
@@ -166,7 +179,7 @@ impl PreparedGeometry {
     /// Packs vertices, clusters triangles and splits the ground into cells; `bucket` gets lists of its own.
     pub(super) fn new(scene: &SceneDescription, bucket: Option<DrawBucket>) -> Self {
         let pack_objects = || {
-            let mut packer = GeometryPacker { bucket, ..GeometryPacker::default() };
+            let mut packer = GeometryPacker::new(bucket);
             let objects: Vec<ScenePiece> =
                 scene.objects.iter().map(|object| packer.piece(&object.levels)).collect();
             (packer, objects)
@@ -182,41 +195,58 @@ impl PreparedGeometry {
         // The shadow map ends with the city: shadows of objects around it would be cut off there.
         let is_caster = |(_, object): &(&ScenePiece, &SceneObject)| {
             let finest = object.levels.first();
-            finest.is_some_and(|level| level.mesh.vertices.iter().any(|v| casts_on_city(scene, v.position)))
+            finest.is_some_and(|level| {
+                level.mesh.vertices.iter().any(|v| casts_on_city(scene, [v.position; 2]))
+            })
         };
         let casters = objects.iter().zip(&scene.objects).filter(is_caster);
-        let finest = casters.flat_map(|(piece, _)| piece.levels.first());
-        let shadow_casters: Vec<u32> =
-            finest.flat_map(PieceLod::all).flat_map(|cluster| packer.of(cluster)).copied().collect();
-        let GeometryPacker { vertices, indices, .. } = packer;
-        let pieces = ScenePieces { indices, objects, ground, lines, walls: scene.walls.clone() };
-        Self { pieces: Arc::new(pieces), vertices, shadow_casters }
+        let mut shadow_casters: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
+        for finest in casters.filter_map(|(piece, _)| piece.levels.first()) {
+            let indices = shadow_casters.entry(finest.chunk).or_default();
+            let chunk = &packer.chunks[finest.chunk];
+            finest.all().for_each(|cluster| indices.extend_from_slice(chunk.of(cluster)));
+        }
+        let chunks = packer.chunks;
+        let pieces = ScenePieces { chunks, objects, ground, lines, walls: scene.walls.clone() };
+        let instanced = Arc::new(PreparedInstances::new(scene, bucket));
+        Self { pieces: Arc::new(pieces), shadow_casters, instanced }
+    }
+
+    /// Whether the scene has models of the map.
+    pub(super) fn has_instances(&self) -> bool {
+        !self.instanced.is_empty()
     }
 }
 
 impl StaticScene {
     pub(super) fn new(device: &wgpu::Device, geometry: &PreparedGeometry) -> Self {
-        let buffer = |label, contents, usage| {
-            device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                label: Some(label),
-                contents,
-                usage,
-            })
+        let PreparedGeometry { pieces, shadow_casters, instanced } = geometry;
+        let vertices = |chunk: &GeometryChunk| {
+            filled_buffer(device, "city", bytemuck::cast_slice(&chunk.vertices), wgpu::BufferUsages::VERTEX)
         };
-        let PreparedGeometry { pieces, vertices, shadow_casters } = geometry;
+        let casters = |(&chunk, indices): (&usize, &Vec<u32>)| {
+            let bytes = bytemuck::cast_slice(indices);
+            let label = "shadow casters of the city";
+            let buffer = filled_buffer(device, label, bytes, wgpu::BufferUsages::INDEX);
+            (chunk, buffer, indices.len() as u32)
+        };
         Self {
-            vertices: buffer("city", bytemuck::cast_slice(vertices), wgpu::BufferUsages::VERTEX),
-            shadow_casters: (
-                buffer(
-                    "shadow casters of the city",
-                    bytemuck::cast_slice(shadow_casters),
-                    wgpu::BufferUsages::INDEX,
-                ),
-                shadow_casters.len() as u32,
-            ),
-            index_lists: index_buffer(device, 1 << 16),
+            vertices: pieces.chunks.iter().map(vertices).collect(),
+            shadow_casters: shadow_casters.iter().map(casters).collect(),
+            index_lists: vec![index_buffer(device, 1 << 16)],
             pieces: Arc::clone(pieces),
+            instanced: InstancedScene::new(device, instanced),
         }
+    }
+
+    /// Models of the map.
+    pub(super) fn instanced(&self) -> &InstancedScene {
+        &self.instanced
+    }
+
+    /// Triangles that a view draws.
+    pub(super) fn triangles(&self, visible: &VisibleRanges) -> u64 {
+        visible.triangles() + self.instanced.triangles(&visible.instances)
     }
 
     /// Occlusion horizon of the walls in the frustum; it hides nothing without an eye.
@@ -237,7 +267,7 @@ impl StaticScene {
     }
 
     /// Culls the city for a view and appends the indices of its visible triangles to the lists of the batch.
-    pub(super) fn cull(&self, cull: &CullContext<'_>, index_lists: &mut Vec<u32>) -> VisibleRanges {
+    pub(super) fn cull(&self, cull: &CullContext<'_>, index_lists: &mut IndexLists) -> VisibleRanges {
         let visible = cull.visible_pieces(&self.pieces.objects);
         let (mut untextured, objects): (Vec<_>, Vec<_>) =
             visible.iter().partition(|piece| piece.is_untextured);
@@ -252,6 +282,7 @@ impl StaticScene {
             bucket: self.append_indices(cull, &objects, |level| level.bucket.iter(), index_lists),
             ground: self.append_indices(cull, &ground, PieceLod::all, index_lists),
             lines: self.append_indices(cull, &lines, PieceLod::all, index_lists),
+            instances: self.instanced.visible(cull),
         }
     }
 
@@ -260,49 +291,50 @@ impl StaticScene {
         cull: &CullContext<'_>,
         visible: &[VisiblePiece<'p>],
         part: impl Fn(&'p PieceLod) -> I,
-        index_lists: &mut Vec<u32>,
-    ) -> Range<u32> {
-        let start = index_lists.len() as u32;
+        index_lists: &mut IndexLists,
+    ) -> DrawList {
+        let mut list = DrawList::default();
         for piece in visible {
-            for cluster in part(piece.level) {
-                if cull.is_perspective && cluster.is_backfacing(cull.eye, piece.reach_m) {
-                    continue;
-                }
-                let Range { start, end } = cluster.indices;
-                index_lists.extend_from_slice(&self.pieces.indices[start as usize..end as usize]);
-            }
+            let chunk = &self.pieces.chunks[piece.level.chunk];
+            let faces_eye = |cluster: &&NormalCluster| {
+                !(cull.is_perspective && cluster.is_backfacing(cull.eye, piece.reach_m))
+            };
+            let clusters = part(piece.level).filter(faces_eye).map(|cluster| chunk.of(cluster));
+            index_lists.append(&mut list, piece.level.chunk, clusters);
         }
-        start..index_lists.len() as u32
+        list
     }
 
     /// Uploads the index lists of a batch.
-    pub(super) fn upload(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, index_lists: &[u32]) {
-        let bytes: &[u8] = bytemuck::cast_slice(index_lists);
-        if (bytes.len() as u64) > self.index_lists.size() {
-            self.index_lists = index_buffer(device, (bytes.len() as u64).next_power_of_two());
+    pub(super) fn upload(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, index_lists: &IndexLists) {
+        for (k, indices) in index_lists.segments.iter().enumerate() {
+            let bytes: &[u8] = bytemuck::cast_slice(indices);
+            let size = bytes.len() as u64;
+            match self.index_lists.get_mut(k) {
+                Some(buffer) if buffer.size() >= size => {}
+                Some(buffer) => *buffer = index_buffer(device, size.next_power_of_two()),
+                None => self.index_lists.push(index_buffer(device, size.next_power_of_two())),
+            }
+            queue.write_buffer(&self.index_lists[k], 0, bytes);
         }
-        queue.write_buffer(&self.index_lists, 0, bytes);
     }
 
-    /// Draws a range of the index lists. The caller has set the pipeline and the bind groups.
-    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, list: &Range<u32>) {
-        if list.is_empty() {
-            return;
+    /// Draws a list of triangles. The caller has set the pipeline and the bind groups.
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, list: &DrawList) {
+        for DrawCall { chunk, segment, indices } in &list.calls {
+            pass.set_vertex_buffer(0, self.vertices[*chunk].slice(..));
+            pass.set_index_buffer(self.index_lists[*segment].slice(..), wgpu::IndexFormat::Uint32);
+            pass.draw_indexed(indices.clone(), 0, 0..1);
         }
-        pass.set_vertex_buffer(0, self.vertices.slice(..));
-        pass.set_index_buffer(self.index_lists.slice(..), wgpu::IndexFormat::Uint32);
-        pass.draw_indexed(list.clone(), 0, 0..1);
     }
 
-    /// Draws all shadow casters.
+    /// Draws all shadow casters but the models of the map.
     pub(super) fn draw_shadows(&self, pass: &mut wgpu::RenderPass<'_>) {
-        let (indices, count) = &self.shadow_casters;
-        if *count == 0 {
-            return;
+        for (chunk, indices, count) in self.shadow_casters.iter().filter(|(.., count)| *count > 0) {
+            pass.set_vertex_buffer(0, self.vertices[*chunk].slice(..));
+            pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
+            pass.draw_indexed(0..*count, 0, 0..1);
         }
-        pass.set_vertex_buffer(0, self.vertices.slice(..));
-        pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
-        pass.draw_indexed(0..*count, 0, 0..1);
     }
 }
 
@@ -339,107 +371,68 @@ impl CullContext<'_> {
     /// Frustum, small-feature and occlusion culling; then the coarsest LOD within the screen-space error.
     fn test_piece<'p>(&self, piece: &'p ScenePiece) -> Option<VisiblePiece<'p>> {
         let [low, high] = piece.bounds;
-        if !self.frustum.intersects_box(piece.bounds) {
-            return None;
-        }
-        let distance_m = self.eye.clamp(low, high).distance(self.eye);
-        let projected_px = |length_m| self.pixel_scale.projected_px(length_m, distance_m);
-        if projected_px((high - low).length()) < self.min_size_px
-            || self.horizon.hides_box(piece.bounds)
-            || self.horizon.hides_hull(&piece.top_outline)
-        {
+        let distance_m = self.visible_distance_m(piece.bounds)?;
+        if self.horizon.hides_hull(&piece.top_outline) {
             return None;
         }
         let middle = (low + high) / 2.0;
         let reach_m = middle.distance(self.eye) + high.distance(middle);
-        let level = piece.levels.iter().rev().find(|level| projected_px(level.error_m) < self.lod_error_px);
-        let is_untextured = match self.texture_detail {
+        let level = piece.levels.get(self.lod(&piece.levels, 1.0, distance_m))?;
+        let is_untextured = self.is_untextured(piece, distance_m);
+        Some(VisiblePiece { distance_m, reach_m, level, is_untextured })
+    }
+
+    /// Distance from the eye to the nearest point of a box that passes frustum, small-feature and occlusion culling.
+    pub(super) fn visible_distance_m(&self, bounds: [Vec3; 2]) -> Option<f32> {
+        let [low, high] = bounds;
+        if !self.frustum.intersects_box(bounds) {
+            return None;
+        }
+        let distance_m = self.eye.clamp(low, high).distance(self.eye);
+        let size_px = self.pixel_scale.projected_px((high - low).length(), distance_m);
+        let is_visible = size_px >= self.min_size_px && !self.horizon.hides_box(bounds);
+        is_visible.then_some(distance_m)
+    }
+
+    /// Index of the coarsest LOD within the screen-space error, of an object drawn at a scale; 0 if none is.
+    pub(super) fn lod(&self, levels: &[PieceLod], scale: f32, distance_m: f32) -> usize {
+        let error_px = |level: &PieceLod| self.pixel_scale.projected_px(level.error_m * scale, distance_m);
+        levels.iter().rposition(|level| error_px(level) < self.lod_error_px).unwrap_or(0)
+    }
+
+    /// Whether the texture of a piece is too fine to be seen.
+    pub(super) fn is_untextured(&self, piece: &ScenePiece, distance_m: f32) -> bool {
+        match self.texture_detail {
             TextureDetail::All => false,
-            TextureDetail::Near => !piece.is_figured && projected_px(PATTERN_M) < MIN_PATTERN_PX,
+            TextureDetail::Near => {
+                !piece.is_figured && self.pixel_scale.projected_px(PATTERN_M, distance_m) < MIN_PATTERN_PX
+            }
             TextureDetail::None => true,
-        };
-        level.or(piece.levels.first()).map(|level| VisiblePiece { distance_m, reach_m, level, is_untextured })
-    }
-}
-
-/// Packs pieces into one vertex buffer and one index list.
-#[derive(Default)]
-struct GeometryPacker {
-    vertices: Vec<GpuVertex>,
-    indices: Vec<u32>,
-    bucket: Option<DrawBucket>,
-    pieces: u32,
-}
-
-impl GeometryPacker {
-    fn piece(&mut self, levels: &[city3d_scene::LodMesh]) -> ScenePiece {
-        let first = self.vertices.len();
-        let mut bounds = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-        let mut is_figured = false;
-        let levels = levels
-            .iter()
-            .map(|level| {
-                let mut mesh = level.mesh.clone();
-                mesh.weld();
-                let [low, high] = mesh.bounds();
-                bounds = [bounds[0].min(low), bounds[1].max(high)];
-                is_figured |= mesh.vertices.iter().any(|v| v.finish.surface.is_figured());
-                let base = self.vertices.len() as u32;
-                self.vertices.extend(mesh.vertices.iter().map(|v| pack(v, self.pieces)));
-                let in_bucket = |triangle: &&[u32]| {
-                    let corners = [0, 1, 2].map(|k| &mesh.vertices[triangle[k] as usize]);
-                    self.bucket.is_some_and(|bucket| bucket.contains(corners))
-                };
-                let (bucket, main): (Vec<&[u32]>, Vec<&[u32]>) =
-                    mesh.indices.chunks_exact(3).partition(in_bucket);
-                let at = |k: u32| mesh.vertices[k as usize].position;
-                let indices = &mut self.indices;
-                let [main, bucket] =
-                    [main, bucket].map(|part| normal_clusters::append(indices, base, at, &part));
-                PieceLod { error_m: level.error_m, main, bucket }
-            })
-            .collect();
-        self.pieces += 1;
-        ScenePiece { bounds, top_outline: top_outline(&self.vertices[first..]), levels, is_figured }
-    }
-
-    fn of(&self, cluster: &NormalCluster) -> &[u32] {
-        &self.indices[cluster.indices.start as usize..cluster.indices.end as usize]
-    }
-}
-
-/// A piece with more corners is tested by its bounding box alone.
-const MAX_OUTLINE: usize = 24;
-
-/// Distinct positions of vertices seen from above, each at its greatest height; empty if there are many.
-fn top_outline(vertices: &[GpuVertex]) -> Vec<Vec3> {
-    let mut top_outline: Vec<Vec3> = Vec::new();
-    for at in vertices.iter().map(|v| Vec3::from(v.position)) {
-        if let Some(top) = top_outline.iter_mut().find(|top| top.truncate() == at.truncate()) {
-            top.z = top.z.max(at.z);
-        } else if top_outline.len() < MAX_OUTLINE {
-            top_outline.push(at);
-        } else {
-            return Vec::new();
         }
     }
-    top_outline
 }
 
-/// Vertex in the layout of the vertex buffer.
-fn pack(v: &Vertex, piece: u32) -> GpuVertex {
-    let [r, g, b] = v.finish.colour;
-    GpuVertex {
-        position: v.position.to_array(),
-        normal: pack_normal(v.normal),
-        colour: [r, g, b, v.openness],
-        uv: v.uv.to_array(),
-        material: v.finish.surface as u32 | (v.finish.class as u32) << 8 | (piece & 0xff) << 16,
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn index_lists_go_on_in_one_draw_call_and_are_cut_where_a_buffer_would_be_too_large() {
+        let piece = vec![7; SEGMENT_LEN / 2];
+        let mut lists = IndexLists::default();
+        let (mut near, mut far) = (DrawList::default(), DrawList::default());
+        for chunk in [0, 0, 1, 1] {
+            lists.append(&mut near, chunk, [&piece[..]].into_iter());
+        }
+        lists.append(&mut far, 1, std::iter::empty());
+        lists.append(&mut far, 1, [&piece[..3]].into_iter());
+        let calls = |list: &DrawList| -> Vec<(usize, usize, Range<u32>)> {
+            list.calls.iter().map(|call| (call.chunk, call.segment, call.indices.clone())).collect()
+        };
+        let half = piece.len() as u32;
+        assert_eq!(calls(&near), [(0, 0, 0..2 * half), (1, 0, 2 * half..3 * half), (1, 1, 0..half)]);
+        assert_eq!(calls(&far), [(1, 1, half..half + 3)]);
+        let lengths: Vec<usize> = lists.segments.iter().map(Vec::len).collect();
+        assert_eq!(lengths, [3 * piece.len(), piece.len() + 3]);
     }
-}
-
-/// Normal as three signed normalised bytes.
-pub(super) fn pack_normal(n: Vec3) -> [i8; 4] {
-    let [x, y, z] = n.to_array().map(|c| (c * 127.0).round() as i8);
-    [x, y, z, 0]
 }

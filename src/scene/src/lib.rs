@@ -51,6 +51,8 @@ pub struct SceneDescription {
     pub ground: Vec<SceneObject>,
     /// Objects on the ground: buildings, trees, furniture, vehicles.
     pub objects: Vec<SceneObject>,
+    /// Models that the map places, each once.
+    pub instanced: Vec<InstancedObject>,
     /// Opaque walls: occluders for occlusion culling.
     pub walls: Vec<Wall>,
     /// Bounding box of the city itself, without the plain around it.
@@ -64,6 +66,26 @@ pub struct SceneDescription {
 pub struct SceneObject {
     /// The finest first.
     pub levels: Vec<LodMesh>,
+}
+
+/// A model of the map, and where it stands.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct InstancedObject {
+    /// The model in its own frame.
+    pub object: SceneObject,
+    /// For each of its places the transform to the city: a rotation about the vertical, a uniform scale, and the
+    /// position in metres.
+    pub instances: Vec<Affine3A>,
+}
+
+/// Axis-aligned bounding box of a box after a transform.
+pub fn moved_box([low, high]: [Vec3; 2], city_from_object: &Affine3A) -> [Vec3; 2] {
+    let pick = |bit: u32, k: u32, a: f32, b: f32| if k >> bit & 1 == 0 { a } else { b };
+    let corner =
+        |k| Vec3::new(pick(0, k, low.x, high.x), pick(1, k, low.y, high.y), pick(2, k, low.z, high.z));
+    (0..8)
+        .map(|k| city_from_object.transform_point3(corner(k)))
+        .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
 }
 
 /// The mesh of an object at one level of detail.
@@ -176,6 +198,15 @@ impl SceneObject {
     }
 }
 
+impl InstancedObject {
+    /// Height of the highest point of all instances, metres above the ground.
+    fn top_m(&self) -> f32 {
+        let Some(finest) = self.object.levels.first() else { return 0.0 };
+        let bounds = finest.mesh.bounds();
+        self.instances.iter().map(|at| moved_box(bounds, at)[1].z).fold(0.0, f32::max)
+    }
+}
+
 impl SceneDescription {
     /// The scene of a map without the user's model files.
     pub fn from_map(map: &CityMap) -> Self {
@@ -251,7 +282,7 @@ impl SceneDescription {
         objects.extend(signs::signs(map, &field, &lanes));
         objects.extend(woods::woods([low, high]));
         walls.extend(woods::walls([low, high]));
-        objects.extend(models::place(map, models));
+        let mut instanced = models::place(map, models);
         objects.extend(parked::cars(map, &drives));
         objects.retain(|object: &SceneObject| !object.is_empty());
         let roads = |error_m: &f32| LodMesh { mesh: outlines.ground(*error_m, &drives), error_m: *error_m };
@@ -263,7 +294,10 @@ impl SceneDescription {
                 .collect()
         };
         let (_, (roads, paint)) = rayon::join(
-            || objects.par_iter_mut().for_each(SceneObject::add_coarser_levels),
+            || {
+                objects.par_iter_mut().for_each(SceneObject::add_coarser_levels);
+                instanced.par_iter_mut().for_each(|model| model.object.add_coarser_levels());
+            },
             || rayon::join(|| roads::LEVELS.par_iter().map(roads).collect(), paint),
         );
         objects.extend(clocks);
@@ -276,9 +310,11 @@ impl SceneDescription {
         ground.push(SceneObject::of_one_level(lying));
         ground.retain(|object| !object.is_empty());
         let finest = ground.iter().chain(&objects).filter_map(|object| object.levels.first());
-        let top = finest.map(|level| level.mesh.bounds()[1].z).fold(1.0, f32::max);
+        let tops =
+            finest.map(|level| level.mesh.bounds()[1].z).chain(instanced.iter().map(InstancedObject::top_m));
+        let top = tops.fold(1.0, f32::max);
         let bounds = [low.extend(0.0), high.extend(top)];
-        Self { ground, objects, walls, bounds, lamps }
+        Self { ground, objects, instanced, walls, bounds, lamps }
     }
 
     /// The occluding walls alone, for a map without meshes.
@@ -290,9 +326,15 @@ impl SceneDescription {
             .collect()
     }
 
-    /// Every mesh at every level of detail.
+    /// Every mesh at every level of detail; models of the map once, in their own frame.
     pub fn meshes(&self) -> impl Iterator<Item = &Mesh> {
-        self.ground.iter().chain(&self.objects).flat_map(|object| &object.levels).map(|level| &level.mesh)
+        let models = self.instanced.iter().map(|model| &model.object);
+        self.ground
+            .iter()
+            .chain(&self.objects)
+            .chain(models)
+            .flat_map(|object| &object.levels)
+            .map(|level| &level.mesh)
     }
 }
 

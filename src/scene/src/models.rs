@@ -1,8 +1,8 @@
 //! Places model files on the map.
 
-use super::SceneObject;
 use super::mesh::{Class, Finish, Mesh, Surface, Vertex};
 use super::roads::GRASS_M;
+use super::{InstancedObject, SceneObject};
 use city3d_models::{Material, Model, ModelNode};
 use city3d_roadmap::{CityMap, PlacedModel};
 use glam::{Affine3A, Quat, Vec2, Vec3};
@@ -112,17 +112,19 @@ pub(super) fn object(model: &Model, class: Class, far_errors_m: [f32; 2]) -> Sce
     object
 }
 
-/// Instances of all models on the map.
-pub(super) fn place(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Vec<SceneObject> {
-    let placed = map.models.iter().filter_map(|placed| Some((placed, models.get(&placed.file)?)));
-    placed
-        .map(|(PlacedModel { at, front_rad, size, .. }, model)| {
-            let here = Affine3A::from_scale_rotation_translation(
-                Vec3::splat(*size as f32),
-                Quat::from_rotation_z(*front_rad as f32),
-                at.as_vec2().extend(GRASS_M),
-            );
-            object(model, Class::Building, FAR_ERRORS_M).placed(here, |finish| finish)
-        })
-        .collect()
+/// All models on the map with their instances, by file.
+pub(super) fn place(map: &CityMap, models: &BTreeMap<String, Arc<Model>>) -> Vec<InstancedObject> {
+    let mut places: BTreeMap<&str, Vec<Affine3A>> = BTreeMap::new();
+    for PlacedModel { file, at, front_rad, size, .. } in &map.models {
+        places.entry(file).or_default().push(Affine3A::from_scale_rotation_translation(
+            Vec3::splat(*size as f32),
+            Quat::from_rotation_z(*front_rad as f32),
+            at.as_vec2().extend(GRASS_M),
+        ));
+    }
+    let instanced = places.into_iter().filter_map(|(file, instances)| {
+        let object = object(models.get(file)?, Class::Building, FAR_ERRORS_M);
+        (!object.is_empty()).then_some(InstancedObject { object, instances })
+    });
+    instanced.collect()
 }

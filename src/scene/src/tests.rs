@@ -1,6 +1,6 @@
 use super::*;
 use city3d_geometry::LengthScale;
-use city3d_roadmap::{LaneKind, load_map};
+use city3d_roadmap::{LaneKind, PlacedModel, load_map};
 use glam::{DVec2, Vec2};
 use std::collections::BTreeMap;
 
@@ -406,4 +406,28 @@ fn coarser_levels_keep_to_their_error() {
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     assert!(levels > 800, "{levels} coarser levels");
+}
+
+#[test]
+fn a_model_is_in_memory_once_however_often_the_map_places_it() {
+    let bytes = city3d_models::shipped("sedan.glb").unwrap();
+    let model = Arc::new(city3d_models::glb::read(bytes).unwrap());
+    let models = BTreeMap::from([("sedan.glb".to_owned(), model)]);
+    let with = |count: u32| {
+        let mut map = city();
+        map.scenery.clear();
+        let place = |k: u32| PlacedModel {
+            file: "sedan.glb".to_owned(),
+            at: DVec2::new(f64::from(k % 50), f64::from(k / 50)),
+            front_rad: 0.1 * f64::from(k),
+            size: 4.0,
+            line: 0,
+        };
+        map.models = (0..count).map(place).collect();
+        SceneDescription::with_models(&map, &models)
+    };
+    let vertices = |scene: &SceneDescription| scene.meshes().map(|mesh| mesh.vertices.len()).sum::<usize>();
+    let (one, many) = (with(1), with(2000));
+    assert_eq!(vertices(&one), vertices(&many));
+    assert_eq!(many.instanced.iter().map(|model| model.instances.len()).sum::<usize>(), 2000);
 }

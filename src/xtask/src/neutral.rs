@@ -267,6 +267,7 @@ impl NeutralFile {
         SceneDescription {
             ground: vec![SceneObject::of_one_level(ground)],
             objects,
+            instanced: Vec::new(),
             walls,
             bounds,
             lamps: Vec::new(),

@@ -2,6 +2,7 @@
 
 use super::common::gpu_data::Frame;
 use super::{Attachments, ScenePipelineState, sampler_entry, scene_pipeline, texture_entry};
+use crate::instances::InstancePart;
 use crate::settings::Quality;
 use crate::shader::Shader;
 use crate::static_scene::{StaticScene, VisibleRanges};
@@ -33,16 +34,38 @@ pub(crate) mod gpu_data {
         step_mode: wgpu::VertexStepMode::Vertex,
         attributes: &ATTRIBUTES,
     };
+
+    /// Instance data of a model of the map.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Pod, Zeroable)]
+    pub(crate) struct Placement {
+        /// Affine transform to the city from the model, by rows.
+        pub(crate) rows: [[f32; 4]; 3],
+        /// Hash seed of the piece, a byte.
+        pub(crate) seed: u32,
+    }
+
+    pub(crate) const PLACEMENT_ATTRIBUTES: [wgpu::VertexAttribute; 4] = wgpu::vertex_attr_array![
+        5 => Float32x4, 6 => Float32x4, 7 => Float32x4, 8 => Uint32
+    ];
+
+    pub(crate) const PLACEMENT_LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
+        array_stride: size_of::<Placement>() as u64,
+        step_mode: wgpu::VertexStepMode::Instance,
+        attributes: &PLACEMENT_ATTRIBUTES,
+    };
 }
 
 /// Pipelines of the static city and bind group 2 with the texture array of surfaces.
 #[derive(Debug)]
 pub(crate) struct CityPass {
     pipeline: wgpu::RenderPipeline,
-    /// Pipeline of the [`crate::static_scene::DrawBucket`].
+    /// Pipeline of the [`crate::geometry::DrawBucket`].
     bucket: wgpu::RenderPipeline,
     /// With vertex lighting.
     vertex_lit: Option<VertexLitPipelines>,
+    /// Where the map places models.
+    instanced: Option<InstancedPipelines>,
     surfaces: wgpu::BindGroup,
 }
 
@@ -55,15 +78,32 @@ struct VertexLitPipelines {
     untextured: wgpu::RenderPipeline,
 }
 
+/// Pipelines of the map's models: those of the city, with a [`gpu_data::Placement`].
+#[derive(Debug)]
+struct InstancedPipelines {
+    pipeline: wgpu::RenderPipeline,
+    bucket: wgpu::RenderPipeline,
+    /// With vertex lighting.
+    untextured: Option<wgpu::RenderPipeline>,
+}
+
+/// What the pipelines of the city are made of.
+pub(crate) struct CityPassInput<'a> {
+    pub(crate) quality: &'a Quality,
+    /// Uniforms of the frame that never change.
+    pub(crate) frame_constants: &'a Frame,
+    /// Pipeline-overridable constants of the light.
+    pub(crate) constants: &'a [(&'a str, f64)],
+    /// Layouts of the bind groups 0 and 1.
+    pub(crate) groups: [&'a wgpu::BindGroupLayout; 2],
+    pub(crate) textures: &'a BakedTextures,
+    /// Whether the map places models.
+    pub(crate) has_instances: bool,
+}
+
 impl CityPass {
-    pub(crate) fn new(
-        context: &crate::Context,
-        attachments: Attachments,
-        quality: &Quality,
-        (frame_constants, constants): (&Frame, &[(&str, f64)]),
-        groups: [&wgpu::BindGroupLayout; 2],
-        textures: &BakedTextures,
-    ) -> Self {
+    pub(crate) fn new(context: &crate::Context, attachments: Attachments, input: &CityPassInput<'_>) -> Self {
+        let &CityPassInput { quality, frame_constants, constants, groups, textures, has_instances } = input;
         let device = &context.device;
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("surfaces"),
@@ -104,7 +144,7 @@ impl CityPass {
         let mut constants = constants.to_vec();
         constants.push(("detail", f64::from(u8::from(quality.detail))));
         let module = Shader::City.module(device, Some(frame_constants));
-        let pipeline = |entries| {
+        let placed = |entries: [&str; 2], buffers: &[Option<wgpu::VertexBufferLayout<'static>>]| {
             scene_pipeline(
                 device,
                 attachments,
@@ -113,7 +153,7 @@ impl CityPass {
                     module: &module,
                     entries,
                     groups: &[Some(groups[0]), Some(groups[1]), Some(&layout)],
-                    buffers: &[Some(gpu_data::LAYOUT)],
+                    buffers,
                     constants: &constants,
                     topology: wgpu::PrimitiveTopology::TriangleList,
                     cull_back_faces: true,
@@ -122,16 +162,27 @@ impl CityPass {
                 },
             )
         };
+        let pipeline = |entries| placed(entries, &[Some(gpu_data::LAYOUT)]);
         let vertex_lit = attachments.vertex_lit.then(|| VertexLitPipelines {
             lines: pipeline(["vertex_lit_line_vertex", "vertex_lit_line_fragment"]),
             untextured: pipeline(attachments.untextured_entries()),
         });
-        let bucket = pipeline(if attachments.vertex_lit {
+        let bucket = if attachments.vertex_lit {
             ["vertex_lit_vertex", "unlit_fragment"]
         } else {
             ["vertex_main", "crown_fragment"]
+        };
+        let instanced = |[vertex, fragment]: [&str; 2]| {
+            let vertex = format!("instanced_{vertex}");
+            placed([&vertex, fragment], &[Some(gpu_data::LAYOUT), Some(gpu_data::PLACEMENT_LAYOUT)])
+        };
+        let instanced = has_instances.then(|| InstancedPipelines {
+            pipeline: instanced(attachments.entries()),
+            bucket: instanced(bucket),
+            untextured: attachments.vertex_lit.then(|| instanced(attachments.untextured_entries())),
         });
-        Self { pipeline: pipeline(attachments.entries()), bucket, vertex_lit, surfaces }
+        let (pipeline, bucket) = (pipeline(attachments.entries()), pipeline(bucket));
+        Self { pipeline, bucket, vertex_lit, instanced, surfaces }
     }
 
     /// Draws the visible triangles of a view. The caller has set bind groups 0 and 1.
@@ -153,17 +204,36 @@ impl CityPass {
             pass.set_pipeline(&vertex_lit.untextured);
             static_scene.draw(pass, &visible.untextured);
         }
+        self.draw_instances(pass, static_scene, visible);
         // Before the ground, so that the depth test rejects the ground under them.
         pass.set_pipeline(self.vertex_lit.as_ref().map_or(&self.pipeline, |vertex_lit| &vertex_lit.lines));
         static_scene.draw(pass, &visible.lines);
         pass.set_pipeline(&self.pipeline);
         static_scene.draw(pass, &visible.ground);
     }
+
+    fn draw_instances(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        static_scene: &StaticScene,
+        visible: &VisibleRanges,
+    ) {
+        let Some(pipelines) = &self.instanced else { return };
+        let parts = [
+            (Some(&pipelines.pipeline), InstancePart::Textured),
+            (Some(&pipelines.bucket), InstancePart::Bucket),
+            (pipelines.untextured.as_ref(), InstancePart::Untextured),
+        ];
+        for (pipeline, part) in parts.into_iter().filter_map(|(pipeline, part)| Some((pipeline?, part))) {
+            pass.set_pipeline(pipeline);
+            static_scene.instanced().draw(pass, &visible.instances, part);
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::gpu_data::{ATTRIBUTES, Vertex};
+    use super::gpu_data::{ATTRIBUTES, PLACEMENT_ATTRIBUTES, Placement, Vertex};
     use std::mem::offset_of;
 
     #[test]
@@ -178,5 +248,9 @@ mod tests {
         assert_eq!(ATTRIBUTES.map(|a| a.offset as usize), offsets);
         let last = ATTRIBUTES[4];
         assert_eq!((last.offset + last.format.size()) as usize, size_of::<Vertex>());
+        let rows = offset_of!(Placement, rows);
+        let offsets = [rows, rows + 16, rows + 32, offset_of!(Placement, seed)];
+        assert_eq!(PLACEMENT_ATTRIBUTES.map(|a| a.offset as usize), offsets);
+        assert_eq!(size_of::<Placement>(), offset_of!(Placement, seed) + 4);
     }
 }

@@ -4,6 +4,7 @@ use super::{DEPTH_BUFFER_FORMAT, city, uniform_entry, vehicle};
 use crate::device_renderer::VisibleSet;
 use crate::fleet::FleetRenderer;
 use crate::grid::Tile;
+use crate::instances::InstancePart;
 use crate::shader::Shader;
 use crate::static_scene::StaticScene;
 use city3d_scene::Class;
@@ -30,11 +31,13 @@ pub(crate) mod gpu_data {
     }
 }
 
-/// Pipelines for the static city, painted lines and vehicles, and uniforms of each view.
+/// Pipelines for the static city, painted lines, models of the map and vehicles, and uniforms of each view.
 #[derive(Debug)]
 pub(crate) struct GroundTruthPass {
     city: wgpu::RenderPipeline,
     lines: wgpu::RenderPipeline,
+    /// Models of the map.
+    instanced: wgpu::RenderPipeline,
     vehicles: wgpu::RenderPipeline,
     layout: wgpu::BindGroupLayout,
     uniforms: Option<ViewUniforms>,
@@ -61,6 +64,10 @@ impl GroundTruthPass {
         Self {
             city: pipeline(["city_main", "fragment_main"], &[Some(city::gpu_data::LAYOUT)]),
             lines: pipeline(["line_main", "line_fragment"], &[Some(city::gpu_data::LAYOUT)]),
+            instanced: pipeline(
+                ["instanced_main", "fragment_main"],
+                &[Some(city::gpu_data::LAYOUT), Some(city::gpu_data::PLACEMENT_LAYOUT)],
+            ),
             vehicles: pipeline(
                 ["vehicle_main", "fragment_main"],
                 &[Some(city::gpu_data::LAYOUT), Some(vehicle::gpu_data::LAYOUT)],
@@ -102,6 +109,11 @@ impl GroundTruthPass {
         pass.set_pipeline(&self.city);
         for objects in visible.ranges.all_objects() {
             static_scene.draw(pass, objects);
+        }
+        if !visible.ranges.instances.is_empty() {
+            pass.set_pipeline(&self.instanced);
+            static_scene.instanced().draw(pass, &visible.ranges.instances, InstancePart::All);
+            pass.set_pipeline(&self.city);
         }
         static_scene.draw(pass, &visible.ranges.ground);
         pass.set_pipeline(&self.lines);

@@ -67,6 +67,8 @@ pub(crate) struct ShadowPass {
     static_map: wgpu::TextureView,
     restore_group: wgpu::BindGroup,
     city: wgpu::RenderPipeline,
+    /// Models of the map.
+    instanced: wgpu::RenderPipeline,
     vehicles: wgpu::RenderPipeline,
     restore: wgpu::RenderPipeline,
     sun: SunView,
@@ -104,18 +106,15 @@ impl ShadowPass {
             }],
         });
         let module = Shader::Shadow.module(device, None);
-        let pipeline = |entry: &str, groups: &[Option<&wgpu::BindGroupLayout>], restore: bool| {
+        let pipeline = |entry: &str,
+                        groups: &[Option<&wgpu::BindGroupLayout>],
+                        buffers: &[Option<wgpu::VertexBufferLayout<'_>>]| {
+            let restore = buffers.is_empty();
             let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some(entry),
                 bind_group_layouts: groups,
                 immediate_size: 0,
             });
-            let with_instances = [Some(city::gpu_data::LAYOUT), Some(vehicle::gpu_data::LAYOUT)];
-            let buffers = match entry {
-                "city_vertex" => &with_instances[..1],
-                "vehicle_vertex" => &with_instances[..],
-                _ => &[],
-            };
             let slope = if restore { 0.0 } else { 1.5 };
             device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
                 label: Some(entry),
@@ -156,10 +155,16 @@ impl ShadowPass {
                 cache: None,
             })
         };
+        let mesh = Some(city::gpu_data::LAYOUT);
         Self {
-            city: pipeline("city_vertex", &[Some(frame)], false),
-            vehicles: pipeline("vehicle_vertex", &[Some(frame)], false),
-            restore: pipeline("restore_vertex", &[Some(frame), Some(&layout)], true),
+            city: pipeline("city_vertex", &[Some(frame)], std::slice::from_ref(&mesh)),
+            instanced: pipeline(
+                "instanced_vertex",
+                &[Some(frame)],
+                &[mesh.clone(), Some(city::gpu_data::PLACEMENT_LAYOUT)],
+            ),
+            vehicles: pipeline("instanced_vertex", &[Some(frame)], &[mesh, Some(vehicle::gpu_data::LAYOUT)]),
+            restore: pipeline("restore_vertex", &[Some(frame), Some(&layout)], &[]),
             vehicle_patches: vec![[0, 0, sun.texels, sun.texels]],
             map,
             static_map,
@@ -180,6 +185,8 @@ impl ShadowPass {
         pass.set_bind_group(0, &frame.group, &[0]);
         self.scissor_rim(&mut pass);
         static_scene.draw_shadows(&mut pass);
+        pass.set_pipeline(&self.instanced);
+        static_scene.instanced().draw_shadows(&mut pass, self.sun.texel_m);
     }
 
     /// Leaves the outermost texels clear: clamped lookups beyond the map read them as lit.

@@ -2,15 +2,18 @@
 
 mod models;
 
+use super::geometry::pack_normal;
 use super::passes::city::gpu_data::Vertex;
-use super::static_scene::pack_normal;
 use city3d_models::Material;
 use city3d_protocol::snapshot::{BodyType, Dimensions};
 use city3d_scene::{clustered, reach};
 use glam::Vec3;
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 
-pub(super) use models::VehicleModels;
+pub(super) use models::{FittedVehicle, VehicleModels};
+
+/// Lamps of a vehicle that shine; a model may have more faces of lamps.
+const MOST_LENSES: usize = 256;
 
 /// Half width of the body without mirrors, as a share of that of the outline.
 pub(super) const SHEET_METAL: f32 = 0.88;
@@ -94,6 +97,11 @@ impl VehicleMesh {
         mesh
     }
 
+    /// Bytes of its vertices and of its indices.
+    pub(super) fn bytes(&self) -> [usize; 2] {
+        [size_of_val(&*self.vertices), size_of_val(&*self.indices)]
+    }
+
     /// Appends another mesh at a position, its axes mirrored where `signs` is negative.
     pub(super) fn append(&mut self, other: &Self, at: Vec3, signs: Vec3) {
         let base = self.vertices.len() as u32;
@@ -137,30 +145,32 @@ impl VehicleMesh {
         mesh
     }
 
-    /// Lamps: connected components of lamp faces.
+    /// Lamps: connected components of lamp faces, in the order of their last faces.
     fn lamps(&self) -> Vec<LampBounds> {
         let corner = |k: u32| &self.vertices[k as usize];
-        let place = |v: &Vertex| v.position.map(f32::to_bits);
-        let mut lamps: Vec<(LampBounds, BTreeSet<[u32; 3]>)> = Vec::new();
-        for face in self.indices.chunks_exact(3).filter(|t| VehiclePart::is_lamp(corner(t[0]).material)) {
-            let vertex = *corner(face[0]);
-            let places: BTreeSet<_> = face.iter().map(|&k| place(corner(k))).collect();
+        let is_lamp = |face: &&[u32; 3]| VehiclePart::is_lamp(corner(face[0]).material);
+        let faces: Vec<&[u32; 3]> = self.indices.as_chunks::<3>().0.iter().filter(is_lamp).collect();
+        // Faces of one material that share a corner are joined.
+        let mut components = DisjointSets::new(faces.len());
+        let mut face_at: BTreeMap<(u32, [u32; 3]), usize> = BTreeMap::new();
+        for (index, face) in faces.iter().enumerate() {
+            for place in face.map(|k| corner(k).position.map(f32::to_bits)) {
+                let first = *face_at.entry((corner(face[0]).material, place)).or_insert(index);
+                components.join(first, index);
+            }
+        }
+        let mut lamps: BTreeMap<usize, (usize, LampBounds)> = BTreeMap::new();
+        for (index, face) in faces.iter().enumerate() {
             let at = face.iter().map(|&k| Vec3::from(corner(k).position));
             let (low, high) = at.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
-            let mut joined = (LampBounds { vertex, low, high, is_front: low.x > 0.0 }, places);
-            // Merges all components that the face touches.
-            lamps.retain(|(lamp, places)| {
-                let touches = lamp.vertex.material == vertex.material && !places.is_disjoint(&joined.1);
-                if touches {
-                    (joined.0.low, joined.0.high) =
-                        (joined.0.low.min(lamp.low), joined.0.high.max(lamp.high));
-                    joined.1.extend(places);
-                }
-                !touches
-            });
-            lamps.push(joined);
+            let lamp = LampBounds { vertex: *corner(face[0]), low, high, is_front: low.x > 0.0 };
+            let known = lamps.entry(components.root(index)).or_insert((index, lamp));
+            let (low, high) = (low.min(known.1.low), high.max(known.1.high));
+            *known = (index, LampBounds { low, high, ..lamp });
         }
-        lamps.into_iter().map(|(lamp, _)| lamp).collect()
+        let mut lamps: Vec<(usize, LampBounds)> = lamps.into_values().collect();
+        lamps.sort_by_key(|(last_face, _)| *last_face);
+        lamps.into_iter().map(|(_, lamp)| lamp).collect()
     }
 
     /// Lamps as light sources.
@@ -174,7 +184,7 @@ impl VehicleMesh {
                 is_front: lamp.is_front,
             })
         };
-        self.lamps().into_iter().filter_map(lens).collect()
+        self.lamps().into_iter().filter_map(lens).take(MOST_LENSES).collect()
     }
 
     /// Appends an upright quad of a lamp's size, across the vehicle.
@@ -198,7 +208,32 @@ pub(super) struct LampLens {
     pub(super) is_front: bool,
 }
 
+/// Disjoint sets of indices: union and find with path halving (Tarjan and van Leeuwen 1984).
+struct DisjointSets {
+    parents: Vec<usize>,
+}
+
+impl DisjointSets {
+    fn new(count: usize) -> Self {
+        Self { parents: (0..count).collect() }
+    }
+
+    fn root(&mut self, mut index: usize) -> usize {
+        while self.parents[index] != index {
+            self.parents[index] = self.parents[self.parents[index]];
+            index = self.parents[index];
+        }
+        index
+    }
+
+    fn join(&mut self, a: usize, b: usize) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.parents[b] = a;
+    }
+}
+
 /// Bounding box of a lamp.
+#[derive(Clone, Copy)]
 struct LampBounds {
     /// Any of its vertices.
     vertex: Vertex,

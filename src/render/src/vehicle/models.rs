@@ -118,8 +118,10 @@ impl FittedVehicle {
 
 #[cfg(test)]
 mod tests {
-    use super::super::VehiclePart;
+    use super::super::{MOST_LENSES, VehiclePart};
     use super::*;
+    use city3d_models::{MeshPrimitive, ModelNode};
+    use glam::Affine3A;
 
     fn dimensions(height_m: f64) -> Dimensions {
         Dimensions {
@@ -219,5 +221,25 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_car_of_thousands_of_lamps_is_fitted() {
+        let mut model = Model::default();
+        let sedan = VehicleModels::default().models[&BodyType::Sedan].clone();
+        let is_head = |part: &&MeshPrimitive| part.material.name == "head";
+        let lamp = sedan.meshes.iter().flatten().find(is_head).unwrap().clone();
+        model.meshes.push(vec![lamp]);
+        model.nodes = (0..5000)
+            .map(|k| ModelNode {
+                name: format!("lamp_{k}"),
+                mesh: 0,
+                model_from_mesh: Affine3A::from_translation(Vec3::new(0.01 * k as f32, 0.0, 0.0)),
+            })
+            .collect();
+        let mut models = VehicleModels::default();
+        models.insert(BodyType::Own(0), Arc::new(model));
+        let fitted = models.fit(BodyType::Own(0), &dimensions(1.5));
+        assert_eq!(fitted.lenses.len(), MOST_LENSES);
     }
 }

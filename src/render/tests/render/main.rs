@@ -10,5 +10,6 @@
 #[path = "../../../../tests/support/drawing.rs"]
 mod drawing;
 mod images;
+mod instances;
 mod kinds;
 mod light;

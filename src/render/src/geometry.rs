@@ -1,0 +1,226 @@
+//! Packs the meshes of a scene into chunks of vertices and indices, with their levels of detail and normal clusters. A
+//! chunk fits the buffers of every adapter, however large the scene is.
+
+use super::normal_clusters::{self, NormalCluster};
+use super::passes::city::gpu_data::Vertex as GpuVertex;
+use city3d_scene::{LodMesh, Mesh, Surface, Vertex};
+use glam::Vec3;
+use std::ops::Range;
+
+/// Bytes of vertices, and of indices, after which a chunk takes no more meshes. Every adapter takes 256 MiB in a buffer;
+/// one mesh is far below that by the limits of model files.
+const CHUNK_BYTES: usize = 64 << 20;
+
+/// Object or ground cell of the city: the unit of culling and LOD selection.
+#[derive(Clone, Debug)]
+pub(super) struct ScenePiece {
+    pub(super) bounds: [Vec3; 2],
+    /// Corners seen from above, each at its greatest height; empty if they are many. See [`TopOutline`].
+    pub(super) top_outline: Vec<Vec3>,
+    /// Levels of detail, the finest first.
+    pub(super) levels: Vec<PieceLod>,
+    /// Whether its texture shows recognisable things: windows, doors, letters.
+    pub(super) is_figured: bool,
+}
+
+/// Level of detail of a piece.
+#[derive(Clone, Debug)]
+pub(super) struct PieceLod {
+    pub(super) error_m: f32,
+    /// Chunk that holds its vertices and indices.
+    pub(super) chunk: usize,
+    pub(super) main: Vec<NormalCluster>,
+    /// See [`DrawBucket`].
+    pub(super) bucket: Vec<NormalCluster>,
+}
+
+impl PieceLod {
+    pub(super) fn all(&self) -> impl Iterator<Item = &NormalCluster> {
+        self.main.iter().chain(&self.bucket)
+    }
+}
+
+/// Range of the indices of clusters that follow one another.
+pub(super) fn index_range(clusters: &[NormalCluster]) -> Range<u32> {
+    match clusters {
+        [first, .., last] => first.indices.start..last.indices.end,
+        [one] => one.indices.clone(),
+        [] => 0..0,
+    }
+}
+
+/// Vertices of some meshes, and their indices.
+#[derive(Clone, Debug, Default)]
+pub(super) struct GeometryChunk {
+    pub(super) vertices: Vec<GpuVertex>,
+    pub(super) indices: Vec<u32>,
+}
+
+impl GeometryChunk {
+    fn has_room(&self, vertices: usize, indices: usize) -> bool {
+        let fits = |held: usize, more: usize, size: usize| held == 0 || (held + more) * size <= CHUNK_BYTES;
+        fits(self.vertices.len(), vertices, size_of::<GpuVertex>())
+            && fits(self.indices.len(), indices, size_of::<u32>())
+    }
+
+    /// Indices of a cluster.
+    pub(super) fn of(&self, cluster: &NormalCluster) -> &[u32] {
+        &self.indices[cluster.indices.start as usize..cluster.indices.end as usize]
+    }
+}
+
+/// Triangles of objects that a pipeline of their own draws.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum DrawBucket {
+    /// Faces turned away from the sun (unit vector towards it): they need no shadow lookup.
+    Unlit(Vec3),
+    /// Tree crowns, whose outline is alpha to coverage.
+    AlphaToCoverage,
+}
+
+impl DrawBucket {
+    fn contains(self, corners: [&Vertex; 3]) -> bool {
+        match self {
+            Self::Unlit(to_sun) => corners.iter().all(|v| v.normal.dot(to_sun) <= 0.0),
+            // Hedges have the same leaves, but flat faces.
+            Self::AlphaToCoverage => {
+                let [a, b, c] = corners;
+                let is_round = a.normal.dot(b.normal).min(b.normal.dot(c.normal)) < 0.999;
+                a.finish.surface == Surface::Leaves && is_round
+            }
+        }
+    }
+}
+
+/// Packs pieces into chunks.
+#[derive(Debug, Default)]
+pub(super) struct GeometryPacker {
+    pub(super) chunks: Vec<GeometryChunk>,
+    bucket: Option<DrawBucket>,
+    pieces: u32,
+}
+
+impl GeometryPacker {
+    /// A packer that keeps the triangles of a bucket apart.
+    pub(super) fn new(bucket: Option<DrawBucket>) -> Self {
+        Self { bucket, ..Self::default() }
+    }
+
+    /// Packs a piece with all its levels of detail.
+    pub(super) fn piece(&mut self, levels: &[LodMesh]) -> ScenePiece {
+        let mut bounds = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        let mut is_figured = false;
+        let mut top_outline = TopOutline::default();
+        let levels = levels
+            .iter()
+            .map(|level| {
+                let mut mesh = level.mesh.clone();
+                mesh.weld();
+                let [low, high] = mesh.bounds();
+                bounds = [bounds[0].min(low), bounds[1].max(high)];
+                is_figured |= mesh.vertices.iter().any(|v| v.finish.surface.is_figured());
+                mesh.vertices.iter().for_each(|v| top_outline.add(v.position));
+                self.level(&mesh, level.error_m)
+            })
+            .collect();
+        self.pieces += 1;
+        ScenePiece { bounds, top_outline: top_outline.corners, levels, is_figured }
+    }
+
+    fn level(&mut self, mesh: &Mesh, error_m: f32) -> PieceLod {
+        let has_room = |chunk: &GeometryChunk| chunk.has_room(mesh.vertices.len(), mesh.indices.len());
+        if !self.chunks.last().is_some_and(has_room) {
+            self.chunks.push(GeometryChunk::default());
+        }
+        let chunk = self.chunks.len() - 1;
+        let GeometryChunk { vertices, indices } = &mut self.chunks[chunk];
+        let base = vertices.len() as u32;
+        vertices.extend(mesh.vertices.iter().map(|v| pack(v, self.pieces)));
+        let in_bucket = |triangle: &&[u32]| {
+            let corners = [0, 1, 2].map(|k| &mesh.vertices[triangle[k] as usize]);
+            self.bucket.is_some_and(|bucket| bucket.contains(corners))
+        };
+        let (bucket, main): (Vec<&[u32]>, Vec<&[u32]>) = mesh.indices.chunks_exact(3).partition(in_bucket);
+        let at = |k: u32| mesh.vertices[k as usize].position;
+        let [main, bucket] = [main, bucket].map(|part| normal_clusters::append(indices, base, at, &part));
+        PieceLod { error_m, chunk, main, bucket }
+    }
+}
+
+/// A piece with more corners is tested by its bounding box alone.
+const MAX_OUTLINE: usize = 24;
+
+/// Distinct positions of vertices seen from above, each at its greatest height; none if there are many.
+#[derive(Debug, Default)]
+struct TopOutline {
+    corners: Vec<Vec3>,
+    has_too_many: bool,
+}
+
+impl TopOutline {
+    fn add(&mut self, at: Vec3) {
+        if self.has_too_many {
+            return;
+        }
+        if let Some(top) = self.corners.iter_mut().find(|top| top.truncate() == at.truncate()) {
+            top.z = top.z.max(at.z);
+        } else if self.corners.len() < MAX_OUTLINE {
+            self.corners.push(at);
+        } else {
+            self.has_too_many = true;
+            self.corners.clear();
+        }
+    }
+}
+
+/// Vertex in the layout of the vertex buffer.
+fn pack(v: &Vertex, piece: u32) -> GpuVertex {
+    let [r, g, b] = v.finish.colour;
+    GpuVertex {
+        position: v.position.to_array(),
+        normal: pack_normal(v.normal),
+        colour: [r, g, b, v.openness],
+        uv: v.uv.to_array(),
+        material: v.finish.surface as u32 | (v.finish.class as u32) << 8 | (piece & 0xff) << 16,
+    }
+}
+
+/// Normal as three signed normalised bytes.
+pub(super) fn pack_normal(n: Vec3) -> [i8; 4] {
+    let [x, y, z] = n.to_array().map(|c| (c * 127.0).round() as i8);
+    [x, y, z, 0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use city3d_scene::{Class, Finish};
+
+    #[test]
+    fn chunks_stay_below_the_buffers_of_every_adapter() {
+        let finish = Finish::new(Surface::Plain, [200; 3], Class::Building);
+        let corner = |k: u32| Vertex {
+            position: Vec3::new((k / 3) as f32, (k % 3 % 2) as f32, (k % 3 / 2) as f32),
+            normal: Vec3::Z,
+            uv: glam::Vec2::ZERO,
+            finish,
+            openness: 255,
+        };
+        // A level of 300,000 vertices is 10 MB.
+        let mesh = Mesh { vertices: (0..300_000).map(corner).collect(), indices: (0..300_000).collect() };
+        let levels = [LodMesh { mesh, error_m: 0.0 }];
+        let mut packer = GeometryPacker::new(None);
+        let pieces: Vec<ScenePiece> = (0..8).map(|_| packer.piece(&levels)).collect();
+        assert_eq!(packer.chunks.len(), 2);
+        for chunk in &packer.chunks {
+            assert!(chunk.vertices.len() * size_of::<GpuVertex>() <= CHUNK_BYTES);
+        }
+        for level in pieces.iter().flat_map(|piece| &piece.levels) {
+            let chunk = &packer.chunks[level.chunk];
+            let indices: usize = level.all().map(|cluster| chunk.of(cluster).len()).sum();
+            assert_eq!(indices, 300_000);
+            assert_eq!(index_range(&level.main).len(), 300_000);
+            assert!(level.all().flat_map(|c| chunk.of(c)).all(|&k| (k as usize) < chunk.vertices.len()));
+        }
+    }
+}
