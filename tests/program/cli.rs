@@ -182,6 +182,62 @@ impl Terminal {
 }
 
 #[test]
+fn names_of_files_do_not_control_the_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "name = \"\\u001b]0;title\\u0007\\u001b[31mred\\r\\u202e\"\nduration_s = 1\n[[vehicle]]\n\
+                route = [\"main-boulevard/east/inner/1\"]\nat_m = 0.5\n";
+    std::fs::write(folder.path().join("a.toml"), text).unwrap();
+    let output = city3d(folder.path(), &["run", "a.toml", "--out", "a"]);
+    let shown = stdout(&output) + &String::from_utf8_lossy(&output.stderr);
+    assert_eq!(code(&output), 0, "{shown}");
+    assert!(shown.contains("\\u{1b}]0;title\\u{7}\\u{1b}[31mred\\u{d}\\u{202e}: 1.0 s simulated"), "{shown}");
+    // In an error, and in a message of the log.
+    std::fs::write(folder.path().join("b.toml"), text.replace("inner/1", "inner\\u001b[2J")).unwrap();
+    let (code, error) = told(folder.path(), &["check", "b.toml"]);
+    assert!(code == 2 && error.contains("\\u{1b}[2J"), "{error}");
+    for text in [shown, error] {
+        assert!(!text.contains(|c: char| c != '\n' && c.is_control() || c == '\u{202e}'), "{text:?}");
+    }
+}
+
+#[test]
+fn seeds_are_those_of_a_scenario_and_are_given_once() {
+    let root = root();
+    for command in ["run", "view", "serve"] {
+        let (code, error) = told(&root, &[command, "straight", "--seed", "9223372036854775808"]);
+        assert!(code == 2 && error.contains("from 0 to 9223372036854775807"), "{command}: {error}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for (set, option) in [
+        ("seed=1,2", ["--seeds", "5..6"]),
+        ("seed=1,2", ["--seed", "5"]),
+        ("duration_s=1,2", ["--duration", "3"]),
+    ] {
+        let args = [&["sweep", "straight", "--out", "o", "--set", set], &option[..]].concat();
+        let (code, error) = told(folder.path(), &args);
+        let names_both = error.contains("--set") && error.contains(option[0]);
+        assert!(code == 2 && names_both && !folder.path().join("o").exists(), "{error}");
+    }
+}
+
+#[test]
+fn a_name_that_is_far_too_long_is_told_in_short() {
+    let folder = tempfile::tempdir().unwrap();
+    let long = "a".repeat(100_000);
+    let text = format!(
+        "name = \"{long}\"\nduration_s = 1\n[[vehicle]]\nroute = [\"main-boulevard/east/inner/1\"]\nat_m = 0.5\n"
+    );
+    std::fs::write(folder.path().join("long.toml"), text).unwrap();
+    for command in ["run", "check"] {
+        let (code, error) = told(folder.path(), &[command, "long.toml"]);
+        assert!(code == 2 && error.contains("line 1, column 8: name has 100000 characters"), "{error}");
+        assert!(error.len() < 300, "{error}");
+    }
+    let (code, error) = told(folder.path(), &["run", &long]);
+    assert!(code == 2 && error.contains("aaa... (100000 characters)") && error.len() < 500, "{error}");
+}
+
+#[test]
 fn what_a_log_costs_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let output = city3d(folder.path(), &["bench", "log", "straight", "--duration", "2", "--pairs", "1"]);

@@ -17,7 +17,7 @@ mod table;
 use super::files::new_folder;
 use super::look::{self, LookArgs, failure};
 use super::overwrite::OverwriteArgs;
-use super::say::say;
+use super::say::{complain, say};
 use super::{Failure, ScenarioArgs, on_end, progress, values};
 use cameras::CameraArgs;
 use city3d_outputs::OutputFolder;
@@ -289,7 +289,9 @@ impl FrameCapture<'_> {
             let speed = count as f64 / start.elapsed().as_secs_f64().max(1e-9);
             let [width, height] = shot.lens.extent;
             let (out, adapter) = (self.out.display(), &renderer.context().adapter_name);
-            eprintln!("{count} pictures of {width} x {height} in {out}: {speed:.1} images/s on {adapter}");
+            complain(format_args!(
+                "{count} pictures of {width} x {height} in {out}: {speed:.1} images/s on {adapter}"
+            ));
         }
         Ok(())
     }

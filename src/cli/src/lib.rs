@@ -143,7 +143,7 @@ struct ScenarioArgs {
     /// A scenario file, or a shipped one: roundabout, mixed, city, straight, student
     scenario: String,
     /// Seed of all random draws, instead of the scenario's
-    #[arg(long)]
+    #[arg(long, value_parser = values::seed)]
     seed: Option<u64>,
     /// Simulated seconds, instead of the scenario's
     #[arg(long, value_name = "S", value_parser = values::duration)]
@@ -305,11 +305,22 @@ fn run_command(command: Command) -> Result<(), Failure> {
 
 fn start_logging(verbose: u8) {
     use tracing_subscriber::EnvFilter;
+    use tracing_subscriber::field::MakeExt;
+    use tracing_subscriber::fmt::format;
     let level = ["warn", "info", "debug"][usize::from(verbose.min(2))];
     let filter = EnvFilter::try_from_env("CITY3D_LOG")
         .unwrap_or_else(|_| EnvFilter::new(format!("error,city3d={level}")));
+    // Names in fields come from files and from the network.
+    let fields = format::debug_fn(|writer, field, value| {
+        let value = format!("{value:?}");
+        match field.name() {
+            "message" => write!(writer, "{}", say::visible(&value)),
+            name => write!(writer, "{name}={}", say::visible(&value)),
+        }
+    });
     tracing_subscriber::fmt()
         .with_env_filter(filter)
+        .fmt_fields(fields.delimited(" "))
         .with_writer(std::io::stderr)
         .with_ansi(has_colours())
         .without_time()

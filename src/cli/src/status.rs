@@ -1,7 +1,7 @@
 //! What a command of the laboratory does, while it does it: one line that renews itself on a terminal, plain lines at
 //! intervals elsewhere.
 
-use super::say::complain;
+use super::say::{complain, visible};
 use city3d_session::{EndStatus, LinkStatus, OnReport, RunPhase, SessionReport};
 use std::io::{IsTerminal, Write, stderr};
 use std::time::{Duration, Instant};
@@ -28,6 +28,7 @@ impl StatusLine {
     /// Shows a line, in place of the one before.
     pub fn show(&mut self, line: &str) {
         if self.is_terminal {
+            let line = visible(line).replace('\n', " ");
             let width = self.shown.max(line.chars().count());
             // Where standard error is closed there is nobody left to tell.
             let _ = write!(stderr(), "\r{line:width$}");

@@ -74,6 +74,7 @@ pub fn sweep(args: &SweepArgs) -> Result<(), Failure> {
     // Errors of the unchanged scenario are reported with their places.
     let unchanged = load::from_text(&args.scenario, &text, &library, false)?;
     let document: toml::Table = text.parse().map_err(Failure::bad_input)?;
+    check_axes(args)?;
     let jobs = jobs(&args.set, args.seeds.as_ref()).map_err(Failure::bad_input)?;
     let plan = SweepPlan { args: args.scenario.clone(), document, library, jobs };
     plan.check(&args.set)?;
@@ -118,6 +119,23 @@ pub fn sweep(args: &SweepArgs) -> Result<(), Failure> {
         say(format_args!("{}: {} (SVG, PNG, CSV)", args.out.display(), figure.name))?;
     }
     if figures.is_empty() { say("no map of the outcome: it needs one or two axes (--set)") } else { Ok(()) }
+}
+
+/// Checks that no other option replaces what an axis varies.
+fn check_axes(args: &SweepArgs) -> Result<(), Failure> {
+    let ScenarioArgs { seed, duration, .. } = &args.scenario;
+    let options = [
+        ("seed", "--seeds", args.seeds.is_some()),
+        ("seed", "--seed", seed.is_some()),
+        ("duration_s", "--duration", duration.is_some()),
+    ];
+    let clash =
+        options.iter().find(|(key, _, is_given)| *is_given && args.set.iter().any(|axis| axis.key == *key));
+    clash.map_or(Ok(()), |(key, option, _)| {
+        Err(Failure::bad_input(format!(
+            "--set {key} and {option} both say what {key} is; leave one of them out"
+        )))
+    })
 }
 
 impl From<SweepTableError> for Failure {

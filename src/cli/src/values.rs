@@ -2,6 +2,8 @@
 
 #![cfg_attr(not(feature = "render"), allow(dead_code, reason = "some are of commands that draw"))]
 
+use city3d_simulation::scenario::MOST_SEED;
+
 /// Longest edge of a picture that can be asked for.
 const LARGEST_EDGE: u32 = 8192;
 
@@ -54,5 +56,13 @@ pub fn duration(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if (0.01..=86_400.0).contains(&seconds) => Ok(seconds),
         _ => Err("a number of seconds between 0.01 and 86400 is needed".to_owned()),
+    }
+}
+
+/// A seed, as a scenario may have it: TOML has no larger integers.
+pub fn seed(text: &str) -> Result<u64, String> {
+    match text.parse::<u64>() {
+        Ok(seed) if seed <= MOST_SEED => Ok(seed),
+        _ => Err(format!("a whole number from 0 to {MOST_SEED} is needed")),
     }
 }

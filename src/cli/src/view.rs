@@ -33,7 +33,7 @@ pub struct ViewArgs {
     /// that --city serves]
     scenario: Option<String>,
     /// Seed of all random draws, instead of the scenario's
-    #[arg(long)]
+    #[arg(long, value_parser = super::values::seed)]
     seed: Option<u64>,
     /// Simulated seconds, instead of the scenario's
     #[arg(long, value_name = "S", value_parser = super::values::duration)]

@@ -1,5 +1,6 @@
 //! Parameter grid of a sweep: axes over values of a scenario, seeds, and the runs of their combinations.
 
+use crate::scenario::MOST_SEED;
 use std::str::FromStr;
 use thiserror::Error;
 use toml::Value;
@@ -36,7 +37,7 @@ pub enum GridError {
     #[error("more than {MAX_RUNS} values")]
     TooManyValues,
     /// A seed is not a whole number from 0 to the largest of a scenario.
-    #[error("\"{0}\" is not a seed; write 1..20 or 1,4,9")]
+    #[error("\"{0}\" is not a seed; write 1..20 or 1,4,9, each from 0 to {MOST_SEED}")]
     Seed(String),
     /// A range of seeds ends before it begins.
     #[error("the last seed comes before the first")]
@@ -133,7 +134,7 @@ impl FromStr for Seeds {
 
     fn from_str(text: &str) -> Result<Self, GridError> {
         let number = |text: &str| {
-            let seed = text.trim().parse::<u64>().ok().filter(|seed| i64::try_from(*seed).is_ok());
+            let seed = text.trim().parse::<u64>().ok().filter(|seed| *seed <= MOST_SEED);
             seed.ok_or_else(|| GridError::Seed(text.to_owned()))
         };
         if let Some((first, last)) = text.split_once("..") {

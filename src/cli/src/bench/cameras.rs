@@ -21,7 +21,7 @@ pub struct CamerasArgs {
     #[arg(long, value_name = "SCENARIO")]
     scenario: Option<String>,
     /// Seed of all random draws, instead of the scenario's
-    #[arg(long)]
+    #[arg(long, value_parser = crate::values::seed)]
     seed: Option<u64>,
     /// Dynamics model of all vehicles, instead of the scenario's
     #[arg(long)]

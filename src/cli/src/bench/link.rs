@@ -46,7 +46,7 @@ pub struct LinkBenchArgs {
     #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = crate::values::duration)]
     seconds: f64,
     /// Seed of the traffic, instead of the scenario's
-    #[arg(long)]
+    #[arg(long, value_parser = crate::values::seed)]
     seed: Option<u64>,
     #[command(flatten)]
     look: LookArgs,

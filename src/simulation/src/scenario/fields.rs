@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::ops::{Range, RangeInclusive};
 use toml::Spanned;
-use toml::de::{DeString, DeTable, DeValue};
+use toml::de::{DeInteger, DeString, DeTable, DeValue};
 
 /// A problem of a scenario file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -125,7 +125,7 @@ impl<'a, 'p> TableFields<'a, 'p> {
     fn wrong_type(&self, key: &str, value: &Spanned<DeValue<'_>>, expected: &str) {
         let found = match value.get_ref() {
             // Right type, but not finite, negative, or beyond 64 bits.
-            DeValue::Integer(number) => number.as_str().chars().take(32).collect(),
+            DeValue::Integer(number) => written(number).chars().take(32).collect(),
             DeValue::Float(number) => number.as_str().chars().take(32).collect(),
             other => format!("{} {}", article(other.type_str()), other.type_str()),
         };
@@ -309,7 +309,19 @@ impl<'a, 'p> TableFields<'a, 'p> {
     }
 }
 
-fn number_of(value: &DeValue<'_>) -> Option<f64> {
+/// An integer as TOML writes it, with the prefix of its radix.
+fn written(integer: &DeInteger<'_>) -> String {
+    let prefix = match integer.radix() {
+        16 => "0x",
+        8 => "0o",
+        2 => "0b",
+        _ => "",
+    };
+    format!("{prefix}{}", integer.as_str())
+}
+
+/// A finite number of 64 bits.
+pub(super) fn number_of(value: &DeValue<'_>) -> Option<f64> {
     let number = match value {
         DeValue::Float(float) => float.as_str().parse::<f64>().ok()?,
         DeValue::Integer(integer) => i64::from_str_radix(integer.as_str(), integer.radix()).ok()? as f64,
@@ -378,6 +390,19 @@ mod tests {
                 "line 3, column 14: friction is -3.0; it must be a number between 0 and 2",
             ]
         );
+    }
+
+    #[test]
+    fn integers_are_told_as_they_are_written() {
+        for (text, told) in [
+            ("x = 0xff_ff", "x is 0xffff; it must be a number between 0 and 1"),
+            ("x = 0o17", "x is 0o17; it must be a number between 0 and 1"),
+            ("x = 0b11", "x is 0b11; it must be a number between 0 and 1"),
+            ("x = 12", "x is 12; it must be a number between 0 and 1"),
+        ] {
+            let found = problems_of(text, |fields| fields.number("x", 0.0..=1.0, &mut 0.0));
+            assert_eq!(found, [format!("line 1, column 5: {told}")]);
+        }
     }
 
     #[test]

@@ -19,7 +19,7 @@ pub use experiment::{Expectations, Experiment, Physical, PlannedVehicle, Rates, 
 pub use fields::Problem;
 pub use models::UserModels;
 pub use placement::MovedStart;
-pub use read::{LoadError, Overrides, ScenarioError, ScenarioRequest, read_experiment};
+pub use read::{LoadError, MOST_SEED, Overrides, ScenarioError, ScenarioRequest, read_experiment};
 pub use read_vehicles::{LARGEST_ID, is_topic_name};
 pub use source::{Library, SourceError, shipped_scenarios};
 pub use time_of_day::TimeOfDay;

@@ -264,12 +264,21 @@ const MOST_ROUNDS: usize = 64;
 /// Start speed of a slowed vehicle as a share of the highest feasible one.
 const SLOWER: f64 = 0.95;
 
+/// Largest seed: TOML has no larger integers.
+pub const MOST_SEED: u64 = i64::MAX as u64;
+/// Characters of the longest name of a scenario: folders are named after it.
+const LONGEST_NAME: usize = 100;
+
 impl ScenarioReader<'_> {
     fn read(&self, root: &TableFields<'_, '_>, text: &str, map_bytes: Vec<u8>) -> Experiment {
         let name =
             root.required_string("name", "a short name of the experiment").unwrap_or_default().to_owned();
+        let length = name.chars().count();
+        if length > LONGEST_NAME {
+            root.wrong("name", format!("name has {length} characters; it may have {LONGEST_NAME}"));
+        }
         let description = root.string("description").unwrap_or_default().to_owned();
-        let seed = root.integer("seed", 0..=i64::MAX as u64).unwrap_or(1);
+        let seed = root.integer("seed", 0..=MOST_SEED).unwrap_or(1);
         let mut duration_s = root.required_number("duration_s", 0.01..=86_400.0);
         let mut link_timeout_s = 0.5;
         root.number("link_timeout_s", 0.02..=60.0, &mut link_timeout_s);

@@ -2,7 +2,7 @@
 
 use super::experiment::{PlannedVehicle, Start};
 use super::feasibility::infeasibilities;
-use super::fields::{TableFields, one_of};
+use super::fields::{TableFields, number_of, one_of};
 use super::read::{FleetBuilder, ReadContext};
 use super::read_sensors::read_sensors;
 use super::read_settings::{NamedSettings, is_human, pick};
@@ -118,12 +118,7 @@ fn read_shares(fields: &TableFields<'_, '_>, named: &NamedSettings) -> Vec<Traff
             fields.problems.add(&name.span(), format!("vehicle type \"{key}\" is not defined; {remedy}"));
             continue;
         };
-        let weight = match value.get_ref() {
-            toml::de::DeValue::Float(weight) => weight.as_str().parse().ok(),
-            toml::de::DeValue::Integer(weight) => weight.as_str().parse().ok(),
-            _ => None,
-        };
-        match weight.filter(|weight: &f64| weight.is_finite() && *weight > 0.0) {
+        match number_of(value.get_ref()).filter(|weight| *weight > 0.0) {
             Some(weight) => shares.push(TrafficShare { build: build.clone(), weight }),
             None => {
                 fields

@@ -63,7 +63,8 @@ pub enum SourceError {
     },
     /// No file and no embedded scenario, map or model has this name.
     #[error(
-        "\"{name}\" is neither a file nor one of the shipped {kind}: {names}; give the path of a file or one of these names"
+        "\"{}\" is neither a file nor one of the shipped {kind}: {names}; give the path of a file or one of these names",
+        shortened(name)
     )]
     Unknown {
         /// The name that was asked for.
@@ -73,6 +74,17 @@ pub enum SourceError {
         /// Embedded names of this kind, separated by commas.
         names: String,
     },
+}
+
+/// A name of some length for a message.
+fn shortened(name: &str) -> String {
+    const LONGEST: usize = 100;
+    let count = name.chars().count();
+    if count <= LONGEST {
+        return name.to_owned();
+    }
+    let start: String = name.chars().take(LONGEST).collect();
+    format!("{start}... ({count} characters)")
 }
 
 /// Names of the embedded scenarios.
