@@ -49,6 +49,12 @@ impl Display {
         Some(Self { server, name: format!(":{}", line.trim()) })
     }
 
+    /// Its server goes away beneath the windows.
+    fn die(&self) {
+        let killed = Command::new("kill").arg(self.server.id().to_string()).status().unwrap();
+        assert!(killed.success(), "{killed}");
+    }
+
     pub fn xdotool(&self, args: &[&str]) -> String {
         let output = Command::new("xdotool").args(args).env("DISPLAY", &self.name).output().unwrap();
         String::from_utf8(output.stdout).unwrap().trim().to_owned()
@@ -254,6 +260,27 @@ name = "other"
 route = ["other"]
 at_m = 0.2
 "#;
+
+#[test]
+fn a_window_whose_display_dies_ends_its_run_and_says_so() {
+    let Some(display) = Display::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let mut program = Program::open(&display, folder.path(), &["straight", "--start", "--speed", "10"]);
+    let log = folder.path().join("log/run-1/run.mcap");
+    until("a log", || std::fs::metadata(&log).is_ok_and(|file| file.len() > 0));
+    display.die();
+    let mut status = None;
+    until("its end", || {
+        status = program.child.try_wait().unwrap();
+        status.is_some()
+    });
+    let told = std::io::read_to_string(program.child.stderr.take().unwrap()).unwrap();
+    assert_eq!(status.unwrap().code(), Some(1), "{told}");
+    assert!(told.contains("the display is gone") && !told.contains("panicked"), "{told}");
+    assert!(log.with_file_name("summary.json").is_file(), "{told}");
+    let verified = Command::new(CITY3D).args(["replay", "--verify"]).arg(&log).output().unwrap();
+    assert!(verified.status.success(), "{verified:?}");
+}
 
 #[test]
 fn a_user_starts_watches_drives_and_quits() {

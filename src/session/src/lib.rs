@@ -46,7 +46,7 @@ pub use moment::{Inputs, Moment, MomentKind, SenderLabels, StepTiming};
 pub use order::{Order, OrderSender, Orders, orders};
 pub use overwrite::Overwrite;
 pub use run_files::{FileOptions, FilesWritten, RunFiles, RunFolders, WallTime};
-pub use session::{OnReport, OnUpdate, Session, SessionEnd, SessionHandle, SessionReport};
+pub use session::{OnReport, OnUpdate, Session, SessionEnd, SessionHandle, SessionReport, SessionStopper};
 pub use source::{Now, Pace, Source, Step};
 pub use state::{EndStatus, LinkStatus, RunPhase, RunState};
 

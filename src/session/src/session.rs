@@ -13,7 +13,7 @@ use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_simulation::runner::{LinkSummary, PicturesSummary, RosSummary};
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -196,6 +196,9 @@ impl<S: Source> Session<S> {
         while !self.stop.load(Ordering::Relaxed) && !self.is_over() {
             let most = self.wait_time();
             self.source.wait(&mut self.orders, most);
+            if self.stop.load(Ordering::Relaxed) {
+                break;
+            }
             // An order that waits for a step comes before the next one.
             while !self.source.is_ready()
                 && let Some(order) = self.orders.take()
@@ -544,7 +547,7 @@ impl fmt::Debug for UpdateSignal {
 /// Handle of a session on its own thread. Dropping it ends the session and finishes its files.
 #[derive(Debug)]
 pub struct SessionHandle {
-    sender: Option<OrderSender>,
+    sender: Option<Arc<OrderSender>>,
     latest_state: Arc<LatestState>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<Result<(), SessionError>>>,
@@ -583,7 +586,7 @@ impl<S: Source + 'static> Session<S> {
             link,
             ends: Arc::default(),
         });
-        let (sender, stop) = (self.sender.take(), Arc::clone(&self.stop));
+        let (sender, stop) = (self.sender.take().map(Arc::new), Arc::clone(&self.stop));
         let (ended, told) = (Arc::clone(&latest_state), updates.clone());
         let work = move || {
             let on_end = EndNotice(ended, told);
@@ -625,6 +628,15 @@ impl SessionHandle {
         self.latest_state.get()
     }
 
+    /// What ends the session without the handle.
+    pub fn stopper(&self) -> SessionStopper {
+        SessionStopper {
+            sender: self.sender.as_ref().map(Arc::downgrade),
+            latest_state: Arc::clone(&self.latest_state),
+            stop: Arc::clone(&self.stop),
+        }
+    }
+
     /// Calls this on the session's thread after each published state; it must not block.
     pub fn on_update(&self, on_update: OnUpdate) {
         self.updates.set(on_update);
@@ -656,6 +668,35 @@ impl SessionHandle {
         let written =
             self.files.as_ref().map(|files| files.lock().unwrap_or_else(PoisonError::into_inner).clone());
         outcome.map(|()| written.unwrap_or_default())
+    }
+}
+
+/// Ends a session that somebody else holds the handle of.
+#[derive(Clone, Debug)]
+pub struct SessionStopper {
+    /// The handle's, which closes the queue when it drops it.
+    sender: Option<Weak<OrderSender>>,
+    latest_state: Arc<LatestState>,
+    stop: Arc<AtomicBool>,
+}
+
+impl SessionStopper {
+    /// Ends the session, and waits for its files; `false` where they are not complete within the limit.
+    pub fn stop_within(&self, limit: Duration) -> bool {
+        const POLL: Duration = Duration::from_millis(5);
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(sender) = self.sender.as_ref().and_then(Weak::upgrade) {
+            // Any order wakes it; none is carried out any more.
+            sender.send(Order::Pause);
+        }
+        let start = Instant::now();
+        while !self.latest_state.get().has_ended {
+            if start.elapsed() > limit {
+                return false;
+            }
+            std::thread::sleep(POLL);
+        }
+        true
     }
 }
 

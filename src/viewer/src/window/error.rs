@@ -33,6 +33,11 @@ pub enum WindowError {
          display (xvfb-run city3d); over ssh, `ssh -X`"
     )]
     NoDisplay(String),
+    /// The display was lost while the window was open; holds the window system's reason.
+    #[error(
+        "the display is gone, and the window with it ({0}); what ran in it was stopped and its files are whole"
+    )]
+    DisplayLost(String),
     /// The window system refuses a window.
     #[error(transparent)]
     Window(#[from] winit::error::OsError),

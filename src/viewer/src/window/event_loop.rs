@@ -1,5 +1,6 @@
 //! The window: event loop, surface and frame pacing.
 
+use super::display_loss::{catch_display_loss, guard_session};
 use super::gamepads::Gamepads;
 use super::loading::{LoadJob, LoadRequest};
 use super::painter::{PaintTarget, WindowPainter};
@@ -11,6 +12,7 @@ use crate::cockpit::Devices;
 use crate::ui::CityKind;
 use city3d_render::{Context, write_png};
 use city3d_session::Order;
+use std::mem::ManuallyDrop;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
@@ -60,7 +62,10 @@ pub fn open(subject: &WindowSubject, options: &WindowOptions) -> Result<Vec<Reco
     }));
     let mut app =
         App { subject, options, proxy: events.create_proxy(), open_window: None, outcome: Ok(Vec::new()) };
-    events.run_app(&mut app).map_err(|error| no_display(&error))?;
+    match catch_display_loss(|| events.run_app(&mut app)) {
+        Ok(ended) => ended.map_err(|error| no_display(&error))?,
+        Err(why) => app.lose_display(why),
+    }
     app.outcome
 }
 
@@ -112,6 +117,14 @@ impl App<'_> {
             self.outcome = Err(error);
         }
         events.exit();
+    }
+}
+
+impl App<'_> {
+    /// Stops what the window showed, after its display is gone.
+    fn lose_display(&mut self, why: String) {
+        let closed = self.open_window.take().map_or(Ok(Vec::new()), OpenWindow::abandon);
+        self.outcome = closed.and(Err(WindowError::DisplayLost(why)));
     }
 }
 
@@ -205,6 +218,7 @@ impl OpenWindow {
         if !options.is_fresh {
             viewer.state.devices = Devices::new(load_profiles());
         }
+        guard_session(viewer.stopper());
         let gamepads = Gamepads::listen(Arc::clone(&on_update));
         let painter = WindowPainter::new(context, viewer.experiment(), viewer.state.look, surface.format())?;
         let egui = egui_context();
@@ -281,7 +295,10 @@ impl OpenWindow {
         let input = self.input.take_egui_input(&self.window);
         let (viewer, frames_per_s) = (&mut self.viewer, 1.0 / self.interval_s.max(1e-3));
         let mut actions = Vec::new();
-        let output = self.egui.run_ui(input, |ui| actions.extend(viewer.pass(ui, &textures, frames_per_s)));
+        // A panic of the window system may unwind from here: textures that nobody took would make that two.
+        let output = ManuallyDrop::new(
+            self.egui.run_ui(input, |ui| actions.extend(viewer.pass(ui, &textures, frames_per_s))),
+        );
         self.input.handle_platform_output(&self.window, output.platform_output.clone());
         let repaint =
             output.viewport_output.get(&egui::ViewportId::ROOT).map(|viewport| viewport.repaint_delay);
@@ -323,9 +340,9 @@ impl OpenWindow {
     }
 
     /// Presents a frame, if the surface is available.
-    fn present(&mut self, output: egui::FullOutput) {
+    fn present(&mut self, output: ManuallyDrop<egui::FullOutput>) {
         let Some(texture) = self.surface.next() else {
-            self.painter.paint(&self.egui, output, &[]);
+            self.painter.paint(&self.egui, ManuallyDrop::into_inner(output), &[]);
             self.schedule_frame(RETRY_DELAY);
             return;
         };
@@ -339,7 +356,7 @@ impl OpenWindow {
             .flatten()
             .map(|view| PaintTarget { view, extent })
             .collect();
-        self.painter.paint(&self.egui, output, &screens);
+        self.painter.paint(&self.egui, ManuallyDrop::into_inner(output), &screens);
         self.window.pre_present_notify();
         self.painter.context().queue.present(texture);
         if let Some(memory) = memory {
@@ -390,6 +407,7 @@ impl OpenWindow {
         let shown = outcome.and_then(|loaded| -> Result<(), WindowError> {
             if let Some((request, experiment)) = loaded.scenario {
                 self.viewer.enter(request, experiment, self.egui.input(|input| input.time))?;
+                guard_session(self.viewer.stopper());
                 self.viewer.state.look.hours = loaded.look.hours;
             }
             self.painter.set_city(loaded.city);
@@ -417,6 +435,13 @@ impl OpenWindow {
             written.map_or_else(|error| error.to_string(), |()| format!("Screenshot: {}", whole.display()));
         self.say(said);
         self.schedule_frame(Duration::ZERO);
+    }
+
+    /// Closes what the window shows, without the window: its display is gone, and what would tell it so panics.
+    fn abandon(self) -> Result<Vec<RecordedRun>, WindowError> {
+        let Self { window, surface, painter, viewer, egui: _, input, .. } = self;
+        std::mem::forget((window, surface, painter, input));
+        viewer.close()
     }
 
     fn close(mut self) -> Result<Vec<RecordedRun>, WindowError> {

@@ -9,6 +9,10 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+/// Shortest and longest edge of a window, pixels.
+const SMALLEST_EDGE: u32 = 240;
+const LARGEST_EDGE: u32 = 8192;
+
 /// Layout and choices of the last window: `view.toml`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -46,7 +50,21 @@ pub struct WatchedVehicles {
 impl ViewSettings {
     /// Loads the stored settings, or the defaults.
     pub fn load() -> Self {
-        file("view.toml").map(|path| read(&path)).unwrap_or_default()
+        let settings: Self = file("view.toml").map(|path| read(&path)).unwrap_or_default();
+        settings.with_sane_size()
+    }
+
+    /// The settings, with a size that a window can have.
+    fn with_sane_size(self) -> Self {
+        let size = self.size.map(|[width, height]| {
+            let sane = [width, height].map(|edge| edge.clamp(SMALLEST_EDGE, LARGEST_EDGE));
+            if sane != [width, height] {
+                let [w, h] = sane;
+                tracing::warn!("view.toml: no window is {width} x {height} pixels; it opens with {w} x {h}");
+            }
+            sane
+        });
+        Self { size, ..self }
     }
 
     /// Stores the settings.
@@ -144,6 +162,15 @@ fn date(days: u64) -> [u64; 3] {
 mod tests {
     use super::*;
     use crate::cockpit::{ControlFunction, DeviceControl, LeverCalibration};
+
+    #[test]
+    fn no_stored_size_is_one_that_a_window_cannot_have() {
+        let of = |size| ViewSettings { size, ..ViewSettings::default() }.with_sane_size().size;
+        assert_eq!(of(Some([u32::MAX, u32::MAX])), Some([8192, 8192]));
+        assert_eq!(of(Some([0, 900])), Some([240, 900]));
+        assert_eq!(of(Some([1600, 900])), Some([1600, 900]));
+        assert_eq!(of(None), None);
+    }
 
     #[test]
     fn days_become_dates() {

@@ -17,7 +17,7 @@ use city3d_sensors::{Sensor, SensorKind};
 use city3d_session::playback::{LogInfo, PlaybackCommand, Player};
 use city3d_session::{
     FileOptions, Host, LocalCity, Order, Overwrite, RunFiles, RunFolders, RunPhase, RunState, Session,
-    SessionError, SessionHandle, Speed, WallTime,
+    SessionError, SessionHandle, SessionStopper, Speed, WallTime,
 };
 use city3d_simulation::scenario::{Experiment, Library, ScenarioRequest, shipped_scenarios};
 use city3d_simulation::sim::World;
@@ -630,6 +630,12 @@ impl ViewerState {
             Some(failure) => Err(WindowError::End(SessionError::End(failure))),
             None => Ok(self.recorded),
         }
+    }
+
+    /// What ends the session from outside; `None` for a log.
+    pub fn stopper(&self) -> Option<SessionStopper> {
+        let ViewedRun::Run(live) = &self.source else { return None };
+        Some(live.stopper())
     }
 
     /// Whether the session has ended by itself.
