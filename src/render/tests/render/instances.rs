@@ -72,7 +72,7 @@ fn instances_look_as_if_each_had_a_mesh_of_its_own() {
             let quality = Quality { shadow_texels: 1024, ..quality };
             let settings = Settings { quality, daylight, ..Settings::default() };
             let [own, one] = [&instanced, &baked].map(|scene| {
-                let mut renderer = Renderer::new(&context, scene, settings.clone()).unwrap();
+                let mut renderer = Renderer::new(&context, scene, settings).unwrap();
                 let request = std::slice::from_ref(&request);
                 renderer.render_kinds(&FrameSnapshot::default(), request).unwrap().remove(0)
             });
