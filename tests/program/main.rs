@@ -13,6 +13,7 @@ mod figures;
 mod fork;
 mod golden;
 mod models;
+mod notices;
 mod outputs;
 mod peers;
 mod playback;

@@ -11,6 +11,7 @@ mod fork;
 #[cfg(feature = "render")]
 mod frames;
 mod generate;
+mod licenses;
 mod load;
 #[cfg(feature = "render")]
 mod look;
@@ -117,6 +118,8 @@ enum Command {
     Bench(bench::BenchCommand),
     /// Write files that the program carries: the map and the models
     Generate(generate::GenerateArgs),
+    /// Print the licences of the software that the program contains
+    Licenses,
 }
 
 /// Options that both ends of the laboratory's link must agree on.
@@ -300,6 +303,7 @@ fn run_command(command: Command) -> Result<(), Failure> {
         #[cfg(feature = "render")]
         Command::Bench(command) => bench::bench(&command),
         Command::Generate(args) => generate::generate(&args),
+        Command::Licenses => licenses::licenses(),
     }
 }
 

@@ -9,4 +9,5 @@
 pub mod generate;
 pub mod models;
 pub mod neutral;
+pub mod notices;
 pub mod soak;

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use xtask::generate::ids3c;
 use xtask::models;
 use xtask::neutral::{NeutralArgs, neutral};
+use xtask::notices;
 use xtask::soak::{SoakArgs, soak};
 
 /// Tasks of the project's own
@@ -19,7 +20,7 @@ struct Xtask {
 
 #[derive(Debug, Subcommand)]
 enum Task {
-    /// Generate the files of assets/: the map and the models
+    /// Generate the files of assets/, and the notices of third-party software
     #[command(subcommand)]
     Generate(GenerateTask),
     /// Measure camera pictures per second of a neutral scene that other engines can draw
@@ -42,6 +43,8 @@ enum GenerateTask {
         #[arg(long, value_name = "DIR", default_value = "assets/models")]
         out: PathBuf,
     },
+    /// Licences and copyright lines of the crates that the program consists of
+    Notices,
 }
 
 fn main() -> ExitCode {
@@ -65,6 +68,10 @@ fn generate(task: &GenerateTask) -> Result<(), String> {
             let is_file = out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dxf"));
             let path = if is_file { out.clone() } else { out.join("ids3c.dxf") };
             write(&path, ids3c().to_dxf().as_ref())
+        }
+        GenerateTask::Notices => {
+            let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+            write(Path::new(notices::FILE), notices::notices(&root)?.as_bytes())
         }
         GenerateTask::Models { out } => {
             models::made().iter().try_for_each(|(name, model)| write(&out.join(name), &models::write(model)))
