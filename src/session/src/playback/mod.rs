@@ -4,6 +4,7 @@
 //! A prefetch thread decodes the MCAP chunks around the playhead into a bounded cache. While no chunk is requested,
 //! it scans the whole log for events. The window never waits for it.
 
+mod benchmark;
 mod chunk_cache;
 mod marks;
 mod player;
@@ -12,6 +13,7 @@ mod plot_cache;
 mod prefetch;
 mod registry;
 
+pub use benchmark::{PlaybackReport, benchmark};
 pub use marks::{MarkKind, Occurrence, TimelineMark};
 pub use player::{LogInfo, PlaybackStats, Player};
 pub use playhead::{PlaybackCommand, Playhead, SPEEDS};
