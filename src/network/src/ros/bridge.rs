@@ -1,6 +1,8 @@
 //! rosbridge client: topics as JSON over a WebSocket (rosbridge protocol 2.0, RFC 6455), for ROS 2 or across networks.
 
 mod fragments;
+#[cfg(feature = "fuzzing")]
+pub(super) mod fuzzing;
 mod status;
 
 use super::node::{MAX_BACKOFF, MIN_BACKOFF, REQUEST_TIMEOUT};
@@ -132,15 +134,7 @@ pub fn run_bridge<F: Future<Output = ()>>(
     work: impl FnOnce(Bridge) -> F + Send + 'static,
 ) -> Result<NodeThread, RosError> {
     NodeThread::start("rosbridge", move |runtime, status| {
-        let bridge = Bridge(Rc::new(BridgeState {
-            options,
-            published: RefCell::default(),
-            subscribed: RefCell::default(),
-            outbox: RefCell::default(),
-            is_changed: Notify::new(),
-            status,
-            status_log: RefCell::default(),
-        }));
+        let bridge = Bridge::new(options, status);
         runtime.block_on(bridge.run(work(bridge.clone())));
     })
 }
@@ -203,6 +197,18 @@ fn subscription(topic: &str, kind: &str) -> String {
 type Socket = WebSocketStream<TcpStream>;
 
 impl Bridge {
+    fn new(options: BridgeOptions, status: Arc<NodeStatus>) -> Self {
+        Self(Rc::new(BridgeState {
+            options,
+            published: RefCell::default(),
+            subscribed: RefCell::default(),
+            outbox: RefCell::default(),
+            is_changed: Notify::new(),
+            status,
+            status_log: RefCell::default(),
+        }))
+    }
+
     fn push(&self, text: String) {
         let mut outbox = self.0.outbox.borrow_mut();
         if outbox.len() >= OUTBOX_CAPACITY {

@@ -2,7 +2,7 @@
 
 use super::xmlrpc::{XmlRpcValue, read_answer, write_call};
 use super::{HostPort, RosError};
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::time::timeout;
 
@@ -71,7 +71,10 @@ struct HttpHead {
 ///
 /// # Errors
 /// What is wrong with the head or the body.
-pub(super) async fn read_body(stream: &mut TcpStream, is_answer: bool) -> Result<Vec<u8>, String> {
+pub(super) async fn read_body(
+    stream: &mut (impl AsyncRead + Unpin),
+    is_answer: bool,
+) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
     let head = loop {
         if let Some(head) = parse(&bytes, is_answer)? {
@@ -103,7 +106,7 @@ pub(super) async fn read_body(stream: &mut TcpStream, is_answer: bool) -> Result
 }
 
 /// Reads on; `false` at the end of the connection.
-async fn more(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> Result<bool, String> {
+async fn more(stream: &mut (impl AsyncRead + Unpin), bytes: &mut Vec<u8>) -> Result<bool, String> {
     let mut chunk = [0; CHUNK];
     let length = stream.read(&mut chunk).await.map_err(|error| error.to_string())?;
     bytes.extend(&chunk[..length]);

@@ -5,6 +5,8 @@
 
 mod api;
 mod bridge;
+#[cfg(feature = "fuzzing")]
+pub mod fuzzing;
 mod header;
 mod http;
 mod message;
