@@ -285,7 +285,7 @@ fn log(origin: LogOrigin) -> Vec<u8> {
     let experiment = read_experiment("seed.toml", text, &library, Overrides::default()).unwrap();
     let mut run = Run::new(Arc::new(experiment)).unwrap();
     let mut bytes = Cursor::new(Vec::new());
-    let mut writer = LogWriter::new(&mut bytes, run.experiment(), origin).unwrap();
+    let mut writer = LogWriter::new(&mut bytes, run.experiment(), origin, &std::env::temp_dir()).unwrap();
     loop {
         let snapshot = run.snapshot().clone();
         writer.tick(snapshot.tick, snapshot.time_s, snapshot.state_hash).unwrap();
