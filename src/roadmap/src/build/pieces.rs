@@ -117,8 +117,8 @@ pub(super) fn polyline_segments(vertices: &[PolyVertex], closed: bool, metres: f
         let line = Segment::line(vertex.at * metres, next);
         let half_sweep = 2.0 * trig::atan(vertex.bulge);
         let curvature = 4.0 * vertex.bulge / (line.length * (1.0 + vertex.bulge * vertex.bulge));
-        // Bulges within rounding noise are straight.
-        if curvature.abs() * MAX_RADIUS_M < 1.0 {
+        // Bulges within rounding noise are straight, and a vertex that is repeated has no curvature.
+        if line.length == 0.0 || curvature.abs() * MAX_RADIUS_M < 1.0 {
             segments.push(line);
             continue;
         }
@@ -128,8 +128,9 @@ pub(super) fn polyline_segments(vertices: &[PolyVertex], closed: bool, metres: f
     segments
 }
 
-/// Whether a piece has a length and lies within the permitted coordinates.
-fn check(segment: &Segment, entity: &Entity, diagnostics: &mut Diagnostics) -> bool {
+/// Checks that a piece of a lane lies on the map and is no arc that is practically straight. Farther away, and with larger
+/// radii, computations are not finite.
+pub(crate) fn check_extent(segment: &Segment, entity: &Entity, diagnostics: &mut Diagnostics) -> bool {
     let end = segment.end();
     let finite = segment.length.is_finite() && segment.curvature.is_finite() && end.is_finite();
     let inside = in_map(segment.start.position) && in_map(end.position);
@@ -144,8 +145,17 @@ fn check(segment: &Segment, entity: &Entity, diagnostics: &mut Diagnostics) -> b
         diagnostics.error(MapErrorKind::Number, entity, message, "draw a LINE");
         return false;
     }
+    true
+}
+
+/// Whether a piece has a length and lies within the permitted coordinates.
+fn check(segment: &Segment, entity: &Entity, diagnostics: &mut Diagnostics) -> bool {
+    if !check_extent(segment, entity, diagnostics) {
+        return false;
+    }
     if segment.length < JOIN_TOLERANCE_M {
-        let message = format!("a length of {:.3} mm at {}", segment.length * 1e3, super::place(end.position));
+        let message =
+            format!("a length of {:.3} mm at {}", segment.length * 1e3, super::place(segment.end().position));
         let remedy = "delete it, or give it at least 1 mm (an ARC needs two different angles)";
         diagnostics.error(MapErrorKind::Degenerate, entity, message, remedy);
         return false;

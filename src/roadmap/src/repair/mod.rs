@@ -15,7 +15,7 @@ mod overlaps;
 mod sparse;
 mod strokes;
 
-use super::build::pieces::segments_of;
+use super::build::pieces::{check_extent, segments_of};
 use super::build::{JOIN_TOLERANCE_M, KINK_TOLERANCE_DEG, MAX_PIECES, lane_kind, named, place};
 use super::dxf::{self, Entity, EntityShape, ParsedDrawing};
 use super::error::{Diagnostics, MapErrorKind, MapErrors};
@@ -64,6 +64,9 @@ pub fn repair_map(bytes: &[u8], tolerance_m: f64) -> Result<RepairedMap, MapErro
         .map(|entity| lane_kind(&entity.layer).filter(|_| !is_degenerate(entity, metres, &mut changes)))
         .collect();
     let mut strokes = LaneStrokes::of(entities, &kinds, metres, tolerance_m);
+    for stroke in &strokes.all {
+        check_extent(&stroke.drawn, &entities[stroke.entity], &mut diagnostics);
+    }
     if strokes.all.len() > MAX_PIECES {
         let message = format!("more than {MAX_PIECES} lines and arcs of lanes");
         diagnostics.error_at(MapErrorKind::Size, 0, String::new(), message, "split the map");

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::disallowed_methods, reason = "a test: no state depends on it")]
 
 use city3d_geometry::wrap_angle;
-use city3d_roadmap::dxf::{Drawing, Entity, EntityShape};
+use city3d_roadmap::dxf::{Drawing, Entity, EntityShape, PolyVertex};
 use city3d_roadmap::{LabMap, MapErrorKind, RepairAction, RepairedMap, load_map, repair_map};
 use city3d_simulation::runner::{Observer, Run, Summary};
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
@@ -267,6 +267,40 @@ fn a_gap_beyond_the_tolerance_is_refused_by_name() {
     let errors = repair_map(drawing.to_dxf().as_bytes(), TOLERANCE_M).unwrap_err();
     assert!(errors.listed.iter().any(|error| error.entity == "LINE 27"), "{errors}");
     assert!(repair_map(SHIPPED, 0.0).is_err() && repair_map(SHIPPED, 0.1).is_err());
+}
+
+/// Where numbers are not finite or cells of a grid have no neighbours.
+#[test]
+fn lanes_beyond_the_map_are_refused() {
+    let line = |to: DVec2| EntityShape::Line { from: DVec2::ZERO, to };
+    let arc = EntityShape::Arc { centre: DVec2::ZERO, radius: 1e300, from_deg: 0.0, to_deg: 90.0 };
+    for far in [line(DVec2::X * 1e300), line(DVec2::Y * 1e19), line(DVec2::X * 1001.0), arc] {
+        let mut drawing = Drawing::default();
+        drawing.add("LANES", far);
+        drawing.add("LANES", line(DVec2::Y));
+        let errors = repair_map(drawing.to_dxf().as_bytes(), TOLERANCE_M).unwrap_err();
+        let error = &errors.listed[0];
+        assert_eq!(error.kind, MapErrorKind::Number, "{error}");
+        assert!(error.message.contains("farther than 1000 laboratory metres"), "{error}");
+    }
+}
+
+#[test]
+fn a_vertex_drawn_twice_is_told_with_its_place() {
+    for bulge in [0.0, 1.0] {
+        let vertex = |x, y| PolyVertex { at: DVec2::new(x, y), bulge: 0.0 };
+        let twice = PolyVertex { bulge, ..vertex(4.0, 0.0) };
+        let vertices = vec![vertex(0.0, 0.0), twice, vertex(4.0, 0.0), vertex(8.0, 0.0)];
+        let mut drawing = Drawing::default();
+        drawing.add("LANES", EntityShape::Polyline { vertices, closed: false });
+        let file = drawing.to_dxf();
+        let errors = load_map(file.as_bytes()).unwrap_err();
+        let error = &errors.listed[0];
+        assert_eq!(error.kind, MapErrorKind::Degenerate, "{error}");
+        assert!(error.message.contains("a length of 0.000 mm at (4.000, 0.000)"), "{error}");
+        // Repaired or refused, without a panic.
+        let _ = repair_map(file.as_bytes(), TOLERANCE_M);
+    }
 }
 
 #[test]
