@@ -1,6 +1,6 @@
 //! Seeds of the corpus: small good inputs of each target, written as the program and its peers write them.
 
-use crate::targets::MAP;
+use crate::targets::{MAP, dispatched, served};
 use city3d_logbook::record::{LogOrigin, LogWriter, read_bag, read_poses};
 use city3d_logbook::replay::Replay;
 use city3d_logbook::verify::VerifyReport;
@@ -64,7 +64,17 @@ pub fn is_taken(target: &str, bytes: &[u8], path: &Path) -> bool {
         "xml_rpc" => rewritten_call(bytes).is_ok() || rewritten_answer(bytes).is_ok(),
         "tcpros_headers" => rewritten_header(&[&(bytes.len() as u32).to_le_bytes(), bytes].concat()).is_ok(),
         "http" => http_body(&bytes[2..], &[], bytes[0] % 2 == 1).is_ok(),
-        _ => true,
+        "ros_messages" => match bytes[0] {
+            0 => TransformStamped::decode(&bytes[1..]).is_ok(),
+            1 => TfMessage::decode(&bytes[1..]).is_ok(),
+            2 => ClockMessage::decode(&bytes[1..]).is_ok(),
+            3 => CompressedImage::decode(&bytes[1..]).is_ok(),
+            _ => CameraInfo::decode(&bytes[1..]).is_ok(),
+        },
+        // Of three cars one is removed; a reset keeps the others.
+        "served_world" => served(bytes).snapshot().vehicles.len() == 2,
+        "rosbridge" => dispatched(bytes) == 3,
+        _ => false,
     }
 }
 

@@ -22,10 +22,12 @@ use city3d_roadmap::dxf::Drawing;
 use city3d_roadmap::{MAX_REPAIR_TOLERANCE_M, load_map, repair_map};
 use city3d_simulation::runner::{Run, ServerRules, ServerWorld};
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::io::{Seek, Write};
 use std::path::Path;
+use std::rc::Rc;
 use std::sync::Arc;
 
 /// A target.
@@ -84,6 +86,11 @@ pub fn datagrams(data: &[u8]) {
 
 /// Steps of a served city, see [`WorldStep`].
 pub fn served_world(data: &[u8]) {
+    served(data);
+}
+
+/// The city after its steps.
+pub fn served(data: &[u8]) -> ServerWorld {
     /// Ticks of one input.
     const MOST_TICKS: usize = 200;
     thread_local! {
@@ -121,6 +128,7 @@ pub fn served_world(data: &[u8]) {
         }
         world.drain_dropped().for_each(drop);
     }
+    world
 }
 
 /// A step of a served city, as an input of [`served_world`] has it: a byte, and what follows it.
@@ -360,18 +368,32 @@ fn assert_rewritten<M: RosMessage>(bytes: &[u8]) {
 
 /// Messages of a rosbridge server, each on a line.
 pub fn rosbridge(data: &[u8]) {
-    fn subscribe<M: RosMessage + PartialEq + Debug>(input: &BridgeInput, topic: &str) {
-        input.bridge().subscribe(topic, |message: M| {
+    let lines = data.split(|byte| *byte == b'\n').count();
+    assert!(dispatched(data) <= lines);
+}
+
+/// How many messages of a rosbridge server come to their subscriptions.
+pub fn dispatched(data: &[u8]) -> usize {
+    fn subscribe<M: RosMessage + PartialEq + Debug>(
+        input: &BridgeInput,
+        topic: &str,
+        count: &Rc<Cell<usize>>,
+    ) {
+        let count = Rc::clone(count);
+        input.bridge().subscribe(topic, move |message: M| {
+            count.update(|count| count + 1);
             let mut bytes = Vec::new();
             message.write(&mut bytes);
             assert_eq!(M::decode(&bytes), Ok(message));
         });
     }
+    let count = Rc::new(Cell::new(0));
     let mut input = BridgeInput::new().expect("the default address is good");
-    subscribe::<TransformStamped>(&input, "/vicon/a/a");
-    subscribe::<TfMessage>(&input, "/tf");
-    subscribe::<ClockMessage>(&input, "/clock");
-    subscribe::<CompressedImage>(&input, "/image");
-    subscribe::<CameraInfo>(&input, "/camera_info");
+    subscribe::<TransformStamped>(&input, "/vicon/a/a", &count);
+    subscribe::<TfMessage>(&input, "/tf", &count);
+    subscribe::<ClockMessage>(&input, "/clock", &count);
+    subscribe::<CompressedImage>(&input, "/image", &count);
+    subscribe::<CameraInfo>(&input, "/camera_info", &count);
     data.split(|byte| *byte == b'\n').for_each(|message| input.take(message));
+    count.get()
 }
