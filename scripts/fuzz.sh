@@ -6,9 +6,9 @@
 # Findings lie in target/fuzz/artifacts/TARGET/, the corpus that grows in target/fuzz/corpus/TARGET/. The exit code is 1
 # if anything was found. CONTRIBUTING.md says what to do with a finding.
 #
-# The address sanitizer is on: it finds faults in the C code of the decompressors' callers and in unsafe code of
-# dependencies, and a build takes about eight minutes with it or without. Without it targets run about twice as fast:
-# SANITIZER=none scripts/fuzz.sh. Debug assertions and overflow checks are on in either case.
+# The address sanitizer is on: it finds reads and writes beyond their memory in unsafe code of dependencies. Without it:
+# SANITIZER=none scripts/fuzz.sh. Debug assertions and overflow checks are on in either case. The first build takes about
+# ten minutes on two cores.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/setup.sh
