@@ -21,7 +21,7 @@ pub struct SenderId(pub u32);
 ///
 /// ```
 /// use city3d_network::link::TokenBucket;
-/// use std::time::Instant;
+/// use std::time::{Duration, Instant};
 ///
 /// let start = Instant::now();
 /// let mut bucket = TokenBucket::full(start, 2.0);
