@@ -147,6 +147,29 @@ fn datagrams_that_come_twice_are_taken_once() {
 }
 
 #[test]
+fn a_datagram_that_cannot_be_decoded_has_come_and_is_not_missing() {
+    let lab = SimulatedNetwork::new(SimulatedOptions::default());
+    let city = lab.spawn("city", |host| {
+        let server = server(&host, 1000.0);
+        while server.receive(Duration::from_secs(1)).is_some() {}
+        let counters = server.counters();
+        (counters.received, counters.used, counters.dropped.total(), counters.missing)
+    });
+    lab.spawn("vehicle", |host| {
+        let mut client = client(&host);
+        client.send(&Body::Hello { token: 0 });
+        assert_eq!(client.receive(Duration::from_millis(500)), None);
+        assert!(client.is_connected());
+        let endless = Body::Subscribe { request: 1, every_ticks: 1, lease_s: f64::NAN };
+        (0..3).for_each(|_| _ = client.send(&endless));
+        client.send(&Body::Hello { token: 1 });
+    });
+    lab.run();
+    // The question for a challenge, the first datagram of the session, and the last one are used.
+    assert_eq!(city.join(), (3 + 3, 3, 3, 0));
+}
+
+#[test]
 fn a_sender_that_is_too_fast_is_held_to_its_rate() {
     let lab = SimulatedNetwork::new(SimulatedOptions::default());
     let city = lab.spawn("city", |host| {
