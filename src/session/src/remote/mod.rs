@@ -42,6 +42,14 @@ pub struct RemoteOptions {
     pub stop: Arc<AtomicBool>,
 }
 
+impl RemoteOptions {
+    /// The city at an address, in whichever world, without a key.
+    pub fn to(city: &str) -> Self {
+        let (authenticator, stop) = (Authenticator::Checksum, Arc::default());
+        Self { city: city.to_owned(), world: 0, authenticator, stop }
+    }
+}
+
 /// A city that has sent no poses for this long gets a heartbeat request, again at this interval.
 const HEARTBEAT_TIMEOUT: Duration = Duration::from_secs(1);
 /// The same with a city that has said why it does not.
