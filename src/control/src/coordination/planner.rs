@@ -50,6 +50,8 @@ const LEAST_DELAY_S: f64 = 0.01;
 const GAP_TOLERANCE_S: f64 = 1e-3;
 /// Least effect of a delay at the end of a way on a lack in the middle that is extrapolated.
 const LEAST_GAIN: f64 = 0.1;
+/// Accuracy of arrivals, seconds: a fifth of a control step.
+const ARRIVAL_ACCURACY_S: f64 = 0.004;
 /// Trials of arrival times for one vehicle.
 const MOST_TRIALS: usize = 200;
 
@@ -117,9 +119,9 @@ impl PlanRequest<'_> {
         waits: Waits,
     ) -> Result<MotionPlan, Infeasible> {
         let sections = self.passage.sections.clone();
+        let mut search = Search { request: self, gaps, others, waits, trials: MOST_TRIALS };
         // Of each section, no sooner than this.
         let mut earliest = vec![f64::NEG_INFINITY; sections.len()];
-        let mut trials = MOST_TRIALS;
         if let Some(first) = earliest.first_mut() {
             *first = not_before_s;
         }
@@ -128,8 +130,8 @@ impl PlanRequest<'_> {
             let mut here = self.start;
             let mut failed = None;
             for (k, index) in sections.clone().enumerate() {
-                let waits_here = k == 0 || waits == Waits::BetweenSections;
-                match self.section(gaps, others, &plan, here, index, earliest[k], waits_here, &mut trials) {
+                let is_first = k == 0;
+                match search.section(&plan, here, index, SectionEntry { earliest_s: earliest[k], is_first }) {
                     Ok(longer) => plan = longer,
                     Err(lack_s) => {
                         failed = Some((k, index, lack_s));
@@ -139,7 +141,7 @@ impl PlanRequest<'_> {
                 here = plan.end();
             }
             let Some((k, section, lack_s)) = failed else { return Ok(plan) };
-            if k == 0 || trials == 0 || !lack_s.is_finite() {
+            if k == 0 || search.trials == 0 || !lack_s.is_finite() {
                 return Err(Infeasible { section });
             }
             // An earlier section is entered later by what is lacking.
@@ -151,72 +153,6 @@ impl PlanRequest<'_> {
             earliest[later] = earliest[later].max(plan.time_at(entry_m)) + lack_s.max(LEAST_DELAY_S);
             earliest[later + 1..].fill(f64::NEG_INFINITY);
         }
-    }
-
-    /// Adds the way up to a section and through it.
-    ///
-    /// # Errors
-    /// By how much the section would have to be entered later than is possible, seconds; infinite if nothing helps.
-    #[expect(clippy::too_many_arguments, reason = "one step of the search of `plan`")]
-    fn section(
-        &self,
-        gaps: &PlanGaps,
-        others: &[Heeded<'_>],
-        before: &MotionPlan,
-        start: MotionState,
-        index: usize,
-        earliest_s: f64,
-        waits: bool,
-        trials: &mut usize,
-    ) -> Result<MotionPlan, f64> {
-        let section = &self.route.sections[index];
-        let planner = self.planner();
-        let entry_m = self.axle_of_front(section.from_s);
-        let exit_m = self.axle_of_rear(section.to_s).min(self.route.length());
-        if exit_m <= start.position_m {
-            return Ok(before.clone());
-        }
-        if entry_m <= start.position_m {
-            // It is in the section already.
-            let mut plan = before.clone();
-            plan.push(planner.through(start, exit_m));
-            let lack_s = self.lack(gaps, others, &plan, section.to_s, GAP_TOLERANCE_S);
-            return if lack_s > GAP_TOLERANCE_S { Err(f64::INFINITY) } else { Ok(plan) };
-        }
-        let free = planner.free(start, entry_m, self.time_weight);
-        let free_s = free.last().map_or(start.time_s, |piece| piece.end().time_s);
-        let latest_s = planner.slowest(start, entry_m).end().time_s;
-        let mut arrival_s = free_s.max(earliest_s);
-        let (mut last, mut last_gain): (Option<(f64, f64)>, f64) = (None, 1.0);
-        while *trials > 0 && arrival_s <= latest_s {
-            *trials -= 1;
-            let mut plan = before.clone();
-            let pieces = if arrival_s == free_s {
-                Some(free.clone())
-            } else {
-                planner.arriving_at(start, entry_m, arrival_s)
-            };
-            let mut lack_s = LEAST_DELAY_S;
-            if let Some(pieces) = pieces {
-                pieces.into_iter().for_each(|piece| plan.push(piece));
-                plan.push(planner.through(plan.end(), exit_m));
-                lack_s = self.lack(gaps, others, &plan, section.to_s, GAP_TOLERANCE_S);
-                if lack_s <= GAP_TOLERANCE_S {
-                    return Ok(plan);
-                }
-                if !waits {
-                    return Err(lack_s);
-                }
-            }
-            // A lack early on the way falls by less than the delay at its end: extrapolate (secant method).
-            let gain = last.map_or(1.0, |(time_s, before_s)| (before_s - lack_s) / (arrival_s - time_s));
-            last = Some((arrival_s, lack_s));
-            // The first time, another vehicle may be the one that is in the way.
-            let sure_gain = gain.max(last_gain).clamp(LEAST_GAIN, 1.0);
-            last_gain = gain;
-            arrival_s += (lack_s / sure_gain).max(LEAST_DELAY_S);
-        }
-        Err(arrival_s - latest_s)
     }
 
     /// By how much a plan is too soon for the gaps to others, seconds.
@@ -236,6 +172,116 @@ impl PlanRequest<'_> {
             .map(|other| other.lack(gaps, &own, until_m, tolerance_s))
             .fold(f64::NEG_INFINITY, f64::max)
     }
+}
+
+/// When a section may be entered.
+#[derive(Clone, Copy, Debug)]
+struct SectionEntry {
+    earliest_s: f64,
+    is_first: bool,
+}
+
+/// Search for the arrivals of one plan.
+#[derive(Debug)]
+struct Search<'s> {
+    request: &'s PlanRequest<'s>,
+    gaps: &'s PlanGaps,
+    others: &'s [Heeded<'s>],
+    waits: Waits,
+    /// Arrivals that may still be tried.
+    trials: usize,
+}
+
+impl Search<'_> {
+    /// Adds the way up to a section and through it.
+    ///
+    /// # Errors
+    /// By how much the section would have to be entered later than is possible, seconds; infinite if nothing helps.
+    fn section(
+        &mut self,
+        before: &MotionPlan,
+        start: MotionState,
+        index: usize,
+        entry: SectionEntry,
+    ) -> Result<MotionPlan, f64> {
+        let request = self.request;
+        let section = &request.route.sections[index];
+        let planner = request.planner();
+        let entry_m = request.axle_of_front(section.from_s);
+        let exit_m = request.axle_of_rear(section.to_s).min(request.route.length());
+        if exit_m <= start.position_m {
+            return Ok(before.clone());
+        }
+        let lack =
+            |plan: &MotionPlan| request.lack(self.gaps, self.others, plan, section.to_s, GAP_TOLERANCE_S);
+        if entry_m <= start.position_m {
+            // It is in the section already.
+            let mut plan = before.clone();
+            plan.push(planner.through(start, exit_m));
+            return if lack(&plan) > GAP_TOLERANCE_S { Err(f64::INFINITY) } else { Ok(plan) };
+        }
+        let free = planner.free(start, entry_m, request.time_weight);
+        let free_s = free.last().map_or(start.time_s, |piece| piece.end().time_s);
+        let latest_s = planner.slowest(start, entry_m).end().time_s;
+        let attempt = |arrival_s: f64| {
+            let pieces = if arrival_s == free_s {
+                free.clone()
+            } else {
+                planner.arriving_at(start, entry_m, arrival_s)?
+            };
+            let mut plan = before.clone();
+            pieces.into_iter().for_each(|piece| plan.push(piece));
+            plan.push(planner.through(plan.end(), exit_m));
+            let lack_s = lack(&plan);
+            Some((plan, lack_s))
+        };
+        let mut arrival_s = free_s.max(entry.earliest_s);
+        // The last arrival that was too soon, with its lack.
+        let mut too_soon: Option<(f64, f64)> = None;
+        let mut last_gain: f64 = 1.0;
+        while self.trials > 0 && arrival_s <= latest_s {
+            self.trials -= 1;
+            let Some((plan, lack_s)) = attempt(arrival_s) else {
+                arrival_s += LEAST_DELAY_S;
+                continue;
+            };
+            if lack_s <= GAP_TOLERANCE_S {
+                let sooner = too_soon.and_then(|(soon_s, _)| soonest_between(soon_s, arrival_s, attempt));
+                return Ok(sooner.unwrap_or(plan));
+            }
+            if !entry.is_first && self.waits == Waits::BeforeFirst {
+                return Err(lack_s);
+            }
+            // A lack early on the way falls by less than the delay at its end: extrapolate (secant method).
+            let gain = too_soon.map_or(1.0, |(soon_s, before_s)| (before_s - lack_s) / (arrival_s - soon_s));
+            too_soon = Some((arrival_s, lack_s));
+            // The first time, another vehicle may be the one that is in the way.
+            let sure_gain = gain.max(last_gain).clamp(LEAST_GAIN, 1.0);
+            last_gain = gain;
+            arrival_s += (lack_s / sure_gain).max(LEAST_DELAY_S);
+        }
+        Err(arrival_s - latest_s)
+    }
+}
+
+/// The plan with the soonest arrival between one that is too soon and one that is not, by bisection.
+fn soonest_between(
+    mut soon_s: f64,
+    mut late_s: f64,
+    attempt: impl Fn(f64) -> Option<(MotionPlan, f64)>,
+) -> Option<MotionPlan> {
+    let mut soonest = None;
+    while late_s - soon_s > ARRIVAL_ACCURACY_S {
+        let middle_s = (soon_s + late_s) / 2.0;
+        match attempt(middle_s) {
+            Some((plan, lack_s)) if lack_s <= GAP_TOLERANCE_S => {
+                soonest = Some(plan);
+                late_s = middle_s;
+            }
+            _ => soon_s = middle_s,
+        }
+    }
+    soonest
 }
 
 impl Heeded<'_> {

@@ -6,5 +6,6 @@
     reason = "looks at what a run came to; no state depends on it"
 )]
 
+mod crossing;
 mod roundabout;
 mod support;

@@ -1,8 +1,9 @@
 //! Runs of scenarios given as text, and what is measured of them.
 
 use city3d_protocol::snapshot::{EventKind, VehicleId};
+use city3d_roadmap::Grid;
 use city3d_simulation::runner::Run;
-use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -33,6 +34,14 @@ pub struct Outcome {
 /// A shipped scenario as text.
 pub fn shipped(name: &str) -> String {
     Library::scenario(name).unwrap().0
+}
+
+/// An experiment on a grid map, in the scenario `map.dxf`.
+pub fn grid_experiment(size: &str, control: &str, text: &str) -> Experiment {
+    let grid = Grid { size: size.parse().unwrap(), control: control.parse().unwrap(), ..Grid::default() };
+    let map = grid.to_dxf().unwrap().into_bytes();
+    let library = Library::kept(map, BTreeMap::new());
+    read_experiment("test", text, &library, Overrides::default()).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// A run of a scenario under overrides. `exit_lane`: a vehicle is through when its rear has left the lane before it.
