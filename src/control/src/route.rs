@@ -274,13 +274,15 @@ fn places(stations: &[f64]) -> Vec<u32> {
     (0..count).map(&mut place).collect()
 }
 
-/// The last control line after `free_from_s` that belongs to a zone at `from_s`.
+/// The last control line after `free_from_s` that belongs to a zone at `from_s`, of lines in their order along the route.
 fn line_before(
     lines: &[(f64, ControlLineKind)],
     free_from_s: f64,
     from_s: f64,
 ) -> Option<(f64, ControlLineKind)> {
-    let line = *lines.iter().rev().find(|(at_s, _)| *at_s <= from_s + HOLD_BEFORE_ZONE_M)?;
+    // Called for each zone of a route that may be a day long: no search over all its lines.
+    let behind = lines.partition_point(|(at_s, _)| *at_s <= from_s + HOLD_BEFORE_ZONE_M);
+    let line = *lines.get(behind.checked_sub(1)?)?;
     (line.0 > free_from_s && from_s - line.0 < LINE_BEFORE_SECTION_M).then_some(line)
 }
 

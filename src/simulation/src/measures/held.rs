@@ -1,7 +1,7 @@
 //! Vehicles that are held at the entries of the city before they can come in.
 
-use super::passage::MeasuredZone;
 use city3d_control::CavSetup;
+use city3d_control::coordination::ControlZone;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::LabMap;
 
@@ -40,7 +40,7 @@ impl HeldOutside {
     pub fn update(
         &mut self,
         now_s: f64,
-        (map, zones): (&LabMap, &[MeasuredZone]),
+        (map, zones): (&LabMap, &[ControlZone]),
         has_come: impl Fn(VehicleId) -> bool,
     ) {
         while let Some(arrival) = self.arrivals.get(self.next).filter(|arrival| arrival.due_s <= now_s) {
@@ -58,7 +58,7 @@ impl HeldOutside {
 }
 
 /// The first control zone on a route.
-fn first_zone(map: &LabMap, zones: &[MeasuredZone], setup: &CavSetup) -> Option<usize> {
+fn first_zone(map: &LabMap, zones: &[ControlZone], setup: &CavSetup) -> Option<usize> {
     let of_lane = |lane: &city3d_roadmap::LaneId| {
         map.zones_on(*lane)
             .find_map(|conflict| zones.iter().position(|zone| zone.conflicts.contains(&conflict.id)))

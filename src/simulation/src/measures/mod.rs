@@ -19,13 +19,14 @@ pub use encroachment::{Encroachment, PET_S};
 pub use fuel::{BrakingFuel, Effort, fuel_rate_mlps};
 pub use held::MeasuredArrival;
 pub use motion::{Motion, STANDS_MPS};
-pub use passage::{MeasuredZone, Passage, PassageTotals, Queue, Stretch, ZoneTraffic, stretches};
+pub use passage::{Passage, PassageTotals, Queue, Stretch, ZoneTraffic, stretches};
 pub use place::Station;
 pub use report::{EffortReport, SafetyReport, TrafficReport, TravelReport, VehicleTraffic, ZoneReport};
 pub use surrogate::{DRAC_MPS2, Following, Safety, TTC_S};
 pub use tracked::{Tracked, Trip};
 
 use crate::scenario::Experiment;
+use city3d_control::coordination::ControlZone;
 use city3d_control::{CavSetup, Mainframe};
 use city3d_geometry::LengthScale;
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleInfo};
@@ -68,7 +69,7 @@ pub struct TrafficMeasures {
     /// Setups of the planned vehicles, in id order.
     setups: Arc<Vec<CavSetup>>,
     held: HeldOutside,
-    zones: Vec<MeasuredZone>,
+    zones: Vec<ControlZone>,
     /// One for each of `zones`.
     traffic: Vec<ZoneTraffic>,
     /// Everybody who has been seen, in id order.
@@ -90,11 +91,11 @@ pub struct TrafficMeasures {
 impl TrafficMeasures {
     /// Measures of a run at its start, with the control zones of the experiment.
     pub fn new(experiment: &Experiment) -> Self {
-        Self::with_zones(experiment, Vec::new())
+        Self::with_zones(experiment, experiment.control_zones.clone())
     }
 
     /// Measures of a run at its start, with other control zones.
-    pub fn with_zones(experiment: &Experiment, zones: Vec<MeasuredZone>) -> Self {
+    pub fn with_zones(experiment: &Experiment, zones: Vec<ControlZone>) -> Self {
         let mut setups = experiment.cav_setups();
         setups.sort_by_key(|setup| setup.id);
         Self {
@@ -286,7 +287,7 @@ impl TrafficMeasures {
     }
 
     /// The control zones with their traffic.
-    pub fn zones(&self) -> impl Iterator<Item = (&MeasuredZone, &ZoneTraffic)> {
+    pub fn zones(&self) -> impl Iterator<Item = (&ControlZone, &ZoneTraffic)> {
         self.zones.iter().zip(&self.traffic)
     }
 

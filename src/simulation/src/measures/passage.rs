@@ -2,20 +2,8 @@
 
 use super::fuel::Effort;
 use city3d_control::Route;
+use city3d_control::coordination::ControlZone;
 use city3d_protocol::snapshot::VehicleId;
-use city3d_roadmap::ZoneId;
-use std::collections::BTreeSet;
-
-/// A control zone as the measures see it: conflict zones of the map, and the ways that lead there.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MeasuredZone {
-    /// Name of the zone, unique in the experiment.
-    pub name: String,
-    /// Conflict zones of the map that belong to it.
-    pub conflicts: BTreeSet<ZoneId>,
-    /// Distance of the entry line before the first conflict on each route, laboratory metres.
-    pub length_m: f64,
-}
 
 /// Where a route passes a control zone: arc lengths along the route, laboratory metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,28 +18,12 @@ pub struct Stretch {
     pub to_s: f64,
 }
 
-/// Conflicts of a control zone farther apart than this on a route belong to different passages, laboratory metres.
-const APART_M: f64 = 3.0;
-
-/// Where a route passes the zones, by their entry lines.
-pub fn stretches(zones: &[MeasuredZone], route: &Route) -> Vec<Stretch> {
-    let mut found = Vec::new();
-    for (zone, measured) in zones.iter().enumerate() {
-        let mut open: Option<Stretch> = None;
-        for crossing in route.crossings.iter().filter(|c| measured.conflicts.contains(&c.zone)) {
-            match &mut open {
-                Some(stretch) if crossing.from_s < stretch.to_s + APART_M => {
-                    stretch.to_s = stretch.to_s.max(crossing.to_s);
-                }
-                _ => {
-                    found.extend(open);
-                    let (from_s, to_s) = (crossing.from_s, crossing.to_s);
-                    open = Some(Stretch { zone, entry_s: from_s - measured.length_m, from_s, to_s });
-                }
-            }
-        }
-        found.extend(open);
-    }
+/// Where a route passes the zones, by their entry lines: as the coordination has it.
+pub fn stretches(zones: &[ControlZone], route: &Route) -> Vec<Stretch> {
+    let ways = ControlZone::passages(zones, route).into_iter();
+    let mut found: Vec<Stretch> = ways
+        .map(|way| Stretch { zone: way.zone, entry_s: way.entry_s, from_s: way.from_s, to_s: way.to_s })
+        .collect();
     found.sort_by(|a, b| a.entry_s.total_cmp(&b.entry_s).then(a.zone.cmp(&b.zone)));
     found
 }

@@ -3,9 +3,10 @@
 use super::encroachment::ZoneMove;
 use super::fuel::Effort;
 use super::motion::Motion;
-use super::passage::{MeasuredZone, Passage, PassageMove, Stretch, stretches};
+use super::passage::{Passage, PassageMove, Stretch, stretches};
 use super::place::{FreeRun, RoutePlace, Station};
 use super::surrogate::Safety;
+use city3d_control::coordination::ControlZone;
 use city3d_control::{CavGeometry, CavSetup, DriverParams, Route};
 use city3d_geometry::{Lab, Pose2};
 use city3d_protocol::snapshot::VehicleId;
@@ -159,13 +160,13 @@ impl Tracked {
     }
 
     /// Gives it the route of its setup.
-    pub fn set_up(&mut self, map: &LabMap, zones: &[MeasuredZone], setup: &CavSetup) {
+    pub fn set_up(&mut self, map: &LabMap, zones: &[ControlZone], setup: &CavSetup) {
         self.u_max_mps2 = setup.driver.max_acceleration_mps2;
         let route = Route::new(map, &setup.route, setup.body, &setup.driver);
         self.take_route(zones, route, setup.body, 0);
     }
 
-    fn take_route(&mut self, zones: &[MeasuredZone], route: Route, body: CavGeometry, reroutes: u32) {
+    fn take_route(&mut self, zones: &[ControlZone], route: Route, body: CavGeometry, reroutes: u32) {
         self.stretches = stretches(zones, &route);
         self.place = Some(RoutePlace::new(route, body, reroutes));
         (self.next_crossing, self.next_stretch, self.station) = (0, 0, None);
@@ -175,7 +176,7 @@ impl Tracked {
     /// where the new route is still before the conflicts.
     pub fn reroute(
         &mut self,
-        zones: &[MeasuredZone],
+        zones: &[ControlZone],
         (route, body, reroutes): (&Route, CavGeometry, u32),
         moves: &mut Moves,
     ) {

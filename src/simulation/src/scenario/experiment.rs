@@ -5,7 +5,10 @@ use super::models::UserModels;
 use super::placement::MovedStart;
 use super::time_of_day::TimeOfDay;
 use crate::environment::{EnvironmentProfile, EnvironmentSpec};
-use city3d_control::{CavGeometry, CavSetup, DriverParams, RightOfWayParams};
+use city3d_control::coordination::ControlZone;
+use city3d_control::{
+    CavGeometry, CavSetup, CoordinationRules, DriverParams, RightOfWayParams, TrafficRules,
+};
 use city3d_dynamics::vehicle::{ModelKind, VehicleSpec};
 use city3d_geometry::{Lab, LengthScale, Pose2, trig};
 use city3d_protocol::snapshot::{Appearance, Dimensions, Setup, VehicleId};
@@ -175,6 +178,10 @@ pub struct Experiment {
     pub moved: Vec<MovedStart>,
     /// Right of way at junctions, laboratory units.
     pub right_of_way: RightOfWayParams,
+    /// Coordination of vehicles in control zones; `None` without.
+    pub coordination: Option<CoordinationRules>,
+    /// Control zones, whose passages are measured whether or not vehicles are coordinated there.
+    pub control_zones: Vec<ControlZone>,
     /// Environment between the control framework and the simulated vehicles.
     pub environment: EnvironmentSpec,
     /// Environment of the robots of `city3d testbed`.
@@ -209,6 +216,11 @@ impl Experiment {
             speed_mps: vehicle.start.speed_mps,
         };
         self.vehicles.iter().map(setup).collect()
+    }
+
+    /// Rules of the traffic, for the control framework.
+    pub fn rules(&self) -> TrafficRules {
+        TrafficRules { right_of_way: self.right_of_way, coordination: self.coordination.clone() }
     }
 
     /// The physical vehicles.

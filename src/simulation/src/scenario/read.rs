@@ -4,6 +4,7 @@ use super::experiment::{Expectations, Experiment, PlannedVehicle, Rates};
 use super::feasibility::infeasible_starts;
 use super::fields::{Problem, Problems, TableFields};
 use super::models::{ModelReader, UserModels};
+use super::read_coordination::read_coordination;
 use super::read_settings::{NamedSettings, read_environment, read_rates, read_right_of_way};
 use super::source::LARGEST_SCENARIO_BYTES;
 use super::time_of_day::read_time_of_day;
@@ -314,6 +315,7 @@ impl ScenarioReader<'_> {
         if root.problems.is_empty() {
             fleet.check_starts(root, &self.map, scale, &moved);
         }
+        let coordination = read_coordination(root, &self.map);
         Experiment {
             name,
             description,
@@ -327,6 +329,8 @@ impl ScenarioReader<'_> {
             moved,
             vehicle_types: named.types.into_iter().map(|(name, build)| (name, build.spec)).collect(),
             right_of_way: read_right_of_way(root),
+            control_zones: coordination.zones,
+            coordination: coordination.rules,
             environment,
             testbed,
             time_of_day: read_time_of_day(root),

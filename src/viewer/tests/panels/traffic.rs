@@ -39,8 +39,8 @@ fn the_panel_has_the_numbers_of_the_run() {
     assert!(measures.effort().fuel_ml > 1.0, "{fuel}");
     assert!(harness.query_by_label(&fuel).is_some(), "{fuel}");
     // The first car of Path 1 stands at its line.
-    let stops = measures.trips().stops;
-    assert!(stops >= 1 && harness.query_by_label(&stops.to_string()).is_some(), "{stops}");
+    let stops = measures.trips().stops.to_string();
+    assert!(stops != "0" && harness.query_all_by_label(&stops).count() > 0, "{stops}");
     press(&mut harness, egui::Key::F4);
     assert!(harness.query_by_label("Flow /h").is_none());
 }
