@@ -315,6 +315,7 @@ impl ScenarioReader<'_> {
         if root.problems.is_empty() {
             fleet.check_starts(root, &self.map, scale, &moved);
         }
+        let coordination = read_coordination(root, &self.map);
         Experiment {
             name,
             description,
@@ -328,7 +329,8 @@ impl ScenarioReader<'_> {
             moved,
             vehicle_types: named.types.into_iter().map(|(name, build)| (name, build.spec)).collect(),
             right_of_way: read_right_of_way(root),
-            coordination: read_coordination(root, &self.map),
+            control_zones: coordination.zones,
+            coordination: coordination.rules,
             environment,
             testbed,
             time_of_day: read_time_of_day(root),
