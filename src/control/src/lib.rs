@@ -5,6 +5,7 @@
 
 mod cav;
 mod controller;
+pub mod coordination;
 mod estimate;
 mod idm;
 mod loops;
