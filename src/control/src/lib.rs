@@ -3,29 +3,38 @@
 //!
 //! It runs in lockstep with the city, or in its own process across the network.
 
+mod cacc;
 mod cav;
 mod controller;
 pub mod coordination;
+mod drivers;
 mod estimate;
 mod idm;
 mod loops;
 mod off_route;
 mod plan;
+mod platooning;
+mod ploeg;
 mod reroute;
 mod right_of_way;
 mod route;
 mod strangers;
 mod traffic;
 
+pub use cacc::{CaccGains, CaccInputs};
 pub use cav::{Cav, CavGeometry, CavSetup};
-pub use controller::{CONTROLLERS, CRUISE, Controller, OwnMotion, controller};
+pub use controller::{CONTROLLERS, CRUISE, Controller, OwnMotion, PlatoonBroadcast, controller};
+pub use drivers::Drivers;
 pub use idm::{DriverParams, LeaderState};
+pub use ploeg::{PloegGains, PloegInputs};
 pub use right_of_way::RightOfWayParams;
 pub use route::{JunctionSection, Route, turn_of};
 
 use city3d_protocol::snapshot::VehicleId;
 use city3d_protocol::wire::{Measurement, Message};
 use city3d_roadmap::LabMap;
+use coordination::platoon::{PlatoonParams, Platoons};
+use platooning::Platooning;
 use right_of_way::{ConstraintKind, RightOfWay, YieldConstraint};
 use std::sync::Arc;
 use strangers::Strangers;
@@ -35,13 +44,15 @@ use traffic::Occupancy;
 /// A setup that the control framework rejects.
 #[derive(Debug, Error, PartialEq)]
 pub enum SetupError {
-    /// The algorithm `name` of `vehicle` is not one of [`CONTROLLERS`].
-    #[error("vehicle {vehicle}: no control algorithm is called \"{name}\"; there are {CONTROLLERS:?}")]
+    /// The algorithm `name` of `vehicle` is not one of the program's [`Drivers`].
+    #[error("vehicle {vehicle}: no control algorithm is called \"{name}\"; there are {known:?}")]
     UnknownController {
         /// The vehicle whose setup is rejected.
         vehicle: VehicleId,
         /// Name of the algorithm that was asked for.
         name: String,
+        /// Names of those that the program knows.
+        known: Vec<String>,
     },
     /// The route of `vehicle` has no lanes.
     #[error("vehicle {vehicle}: its route is empty; give it at least one lane")]
@@ -62,6 +73,10 @@ pub struct Mainframe {
     yield_constraints: Vec<YieldConstraint>,
     /// Vehicles that somebody else controls.
     strangers: Strangers,
+    /// Algorithms by name.
+    drivers: Drivers,
+    /// Platoons, where they are formed.
+    platooning: Option<Platooning>,
     last_step_s: Option<f64>,
 }
 
@@ -71,13 +86,26 @@ const SIGHT_M: f64 = 2.5;
 const STANDS_MPS: f64 = 0.02;
 
 impl Mainframe {
-    /// A mainframe for these vehicles, none of which has been measured yet.
+    /// A mainframe for these vehicles, none of which has been measured yet. They have the standard drivers.
     ///
     /// # Errors
     /// When a vehicle names an unknown algorithm or has no route.
     pub fn new(map: Arc<LabMap>, setups: Vec<CavSetup>, rules: RightOfWayParams) -> Result<Self, SetupError> {
+        Self::with_drivers(map, setups, rules, Drivers::standard())
+    }
+
+    /// A mainframe whose vehicles have their algorithms from these drivers.
+    ///
+    /// # Errors
+    /// As for [`Mainframe::new`].
+    pub fn with_drivers(
+        map: Arc<LabMap>,
+        setups: Vec<CavSetup>,
+        rules: RightOfWayParams,
+        drivers: Drivers,
+    ) -> Result<Self, SetupError> {
         let mut cavs =
-            setups.into_iter().map(|setup| Cav::new(&map, setup)).collect::<Result<Vec<_>, _>>()?;
+            setups.into_iter().map(|setup| Cav::new(&map, setup, &drivers)).collect::<Result<Vec<_>, _>>()?;
         cavs.sort_by_key(|cav| cav.id);
         Ok(Self {
             right_of_way: RightOfWay::new(rules, &map),
@@ -86,8 +114,26 @@ impl Mainframe {
             occupancy: Occupancy::default(),
             yield_constraints: Vec::new(),
             strangers: Strangers::default(),
+            drivers,
+            platooning: None,
             last_step_s: None,
         })
+    }
+
+    /// Forms platoons by these parameters from now on, or none. Present platoons go on with changed parameters.
+    pub fn set_platoons(&mut self, params: Option<PlatoonParams>) {
+        match (&mut self.platooning, params) {
+            (Some(platooning), Some(params)) => platooning.set_params(params),
+            (platooning, params) => *platooning = params.map(Platooning::new),
+        }
+        if params.is_none() {
+            self.cavs.iter_mut().for_each(|cav| cav.set_speed_factor(&self.map, 1.0));
+        }
+    }
+
+    /// The platoons, where they are formed.
+    pub fn platoons(&self) -> Option<&Platoons> {
+        self.platooning.as_ref().map(Platooning::platoons)
     }
 
     /// The vehicles are somewhere on their way, and may stand: the speeds of their setups do not hold.
@@ -114,7 +160,11 @@ impl Mainframe {
         self.occupancy.fill(&self.map, &self.cavs);
         self.right_of_way.update(time_s, &mut self.cavs, &self.occupancy);
         reroute::reroute_blocked(time_s, &self.map, &mut self.cavs, &mut self.right_of_way, &self.occupancy);
-        for index in 0..self.cavs.len() {
+        if let Some(platooning) = &mut self.platooning {
+            platooning.update(time_s, &self.map, &mut self.cavs, &self.occupancy, &self.strangers);
+        }
+        for place in 0..self.cavs.len() {
+            let index = self.platooning.as_ref().map_or(place, |platooning| platooning.decides_at(place));
             if self.cavs[index].is_on_route() {
                 let decision = self.decide(index);
                 let gives_way =
@@ -134,7 +184,11 @@ impl Mainframe {
         let cav = &self.cavs[index];
         let mut decision = Decision { acceleration_mps2: cav.acceleration_for(None), gives_way_at: None };
         if let Some(leader) = self.occupancy.leader(&self.cavs, index, SIGHT_M) {
-            decision.limit(cav.acceleration_for(Some(leader.ahead)), None);
+            let told = self.platooning.as_ref().and_then(|p| p.broadcast(&self.cavs, index, &leader));
+            match told {
+                Some(platoon) => decision.acceleration_mps2 = cav.platoon_acceleration(&platoon),
+                None => decision.limit(cav.acceleration_for(Some(leader.ahead)), None),
+            }
         }
         if let Some(stranger) = self.strangers.leader(cav, SIGHT_M) {
             decision.limit(cav.acceleration_for(Some(stranger)), None);
@@ -166,7 +220,7 @@ impl Mainframe {
         self.right_of_way.set_params(rules);
         for setup in setups {
             if let Ok(index) = self.cavs.binary_search_by_key(&setup.id, |cav| cav.id) {
-                self.cavs[index].change_driver(&self.map, setup.controller, setup.driver)?;
+                self.cavs[index].change_driver(&self.map, setup.controller, setup.driver, &self.drivers)?;
             }
         }
         Ok(())

@@ -27,9 +27,12 @@ impl ControlLoop {
     /// # Errors
     /// When the control framework cannot take a vehicle's setup.
     pub fn new(experiment: &Experiment) -> Result<Self, SetupError> {
-        let map = Arc::clone(&experiment.lab_map);
+        let (map, drivers) = (Arc::clone(&experiment.lab_map), experiment.drivers.clone());
+        let setups = experiment.cav_setups();
+        let mut mainframe = Mainframe::with_drivers(map, setups, experiment.right_of_way, drivers)?;
+        mainframe.set_platoons(experiment.platoons);
         Ok(Self {
-            mainframe: Mainframe::new(map, experiment.cav_setups(), experiment.right_of_way)?,
+            mainframe,
             environment: Environment::new(experiment.environment, experiment.seed),
             ticks_per_control: experiment.rates.ticks_per_control(),
             physical: experiment.physical().map(|(planned, _)| planned.id).collect(),
@@ -69,13 +72,15 @@ impl ControlLoop {
         self.environment.command(time_s, self.messages.drain(..), delivered);
     }
 
-    /// Switches to the drivers, right of way, environment and seed of another experiment.
+    /// Switches to the drivers, right of way, platoons, environment and seed of another experiment.
     ///
     /// # Errors
     /// When a vehicle names an unknown algorithm.
     pub fn change(&mut self, experiment: &Experiment) -> Result<(), SetupError> {
         self.environment.change(experiment.environment, experiment.seed);
-        self.mainframe.change(experiment.cav_setups(), experiment.right_of_way)
+        self.mainframe.change(experiment.cav_setups(), experiment.right_of_way)?;
+        self.mainframe.set_platoons(experiment.platoons);
+        Ok(())
     }
 
     /// The control framework, with the vehicles and their present routes.

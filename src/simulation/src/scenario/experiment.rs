@@ -5,7 +5,8 @@ use super::models::UserModels;
 use super::placement::MovedStart;
 use super::time_of_day::TimeOfDay;
 use crate::environment::{EnvironmentProfile, EnvironmentSpec};
-use city3d_control::{CavGeometry, CavSetup, DriverParams, RightOfWayParams};
+use city3d_control::coordination::platoon::PlatoonParams;
+use city3d_control::{CavGeometry, CavSetup, DriverParams, Drivers, RightOfWayParams};
 use city3d_dynamics::vehicle::{ModelKind, VehicleSpec};
 use city3d_geometry::{Lab, LengthScale, Pose2, trig};
 use city3d_protocol::snapshot::{Appearance, Dimensions, Setup, VehicleId};
@@ -175,6 +176,10 @@ pub struct Experiment {
     pub moved: Vec<MovedStart>,
     /// Right of way at junctions, laboratory units.
     pub right_of_way: RightOfWayParams,
+    /// How platoons are formed; `None` for none. Laboratory units.
+    pub platoons: Option<PlatoonParams>,
+    /// The control algorithms that vehicles may name.
+    pub drivers: Drivers,
     /// Environment between the control framework and the simulated vehicles.
     pub environment: EnvironmentSpec,
     /// Environment of the robots of `city3d testbed`.

@@ -1,5 +1,6 @@
 //! Locates scenarios, maps and models: files on disk take precedence over embedded ones.
 
+use city3d_control::Drivers;
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -93,10 +94,11 @@ pub fn shipped_scenarios() -> impl Iterator<Item = &'static str> {
 }
 
 /// Finds maps and models of a scenario: beside it, in the working directory, or embedded; for a scenario from
-/// a log, only among those stored with it.
+/// a log, only among those stored with it. It has the drivers that the scenario may name, too.
 #[derive(Clone, Debug, Default)]
 pub struct Library {
     folder: PathBuf,
+    drivers: Drivers,
     kept: Option<Arc<Kept>>,
 }
 
@@ -109,13 +111,30 @@ struct Kept {
 impl Library {
     /// A library that looks for relative paths in `folder` first.
     pub fn beside(scenario: &Path) -> Self {
-        Self { folder: scenario.parent().map(Path::to_path_buf).unwrap_or_default(), kept: None }
+        Self { folder: scenario.parent().map(Path::to_path_buf).unwrap_or_default(), ..Self::default() }
     }
 
     /// A library of stored files: map, whatever its name, and models by name. No file is read; embedded ones
     /// remain available.
     pub fn kept(map: Vec<u8>, models: BTreeMap<String, Vec<u8>>) -> Self {
-        Self { folder: PathBuf::new(), kept: Some(Arc::new(Kept { map, models })) }
+        Self { kept: Some(Arc::new(Kept { map, models })), ..Self::default() }
+    }
+
+    /// The library with these drivers in place of the standard ones.
+    #[must_use]
+    pub fn with_drivers(self, drivers: Drivers) -> Self {
+        Self { drivers, ..self }
+    }
+
+    /// The drivers that a scenario may name.
+    pub fn drivers(&self) -> &Drivers {
+        &self.drivers
+    }
+
+    /// Whether the scenario is from a log. A log may name a driver that this program lacks: motion is shown and simulated
+    /// again without it.
+    pub(super) fn is_of_log(&self) -> bool {
+        self.kept.is_some()
     }
 
     /// The file of this name next to the scenario or in the working directory.

@@ -8,6 +8,7 @@
 
 mod city;
 mod driving;
+mod platoon;
 mod robustness;
 mod roundabout;
 mod seen;
