@@ -133,7 +133,7 @@ fn assert_same(a: &Experiment, b: &Experiment, what: &str) {
     let words = |experiment: &Experiment| -> Vec<String> {
         let copy = Experiment { scenario_text: String::new(), map_bytes: Vec::new(), ..experiment.clone() };
         let rest = (copy.seed, copy.duration_s, copy.rates, copy.scale, copy.right_of_way, copy.environment);
-        let rest = (rest, copy.link_timeout_s, copy.expectations, copy.city_map.lanes.len());
+        let rest = (rest, copy.link_timeout_s, copy.expectations, copy.city_map.lanes.len(), copy.platoons);
         let text = format!("{:?} {rest:?}", copy.vehicles);
         text.split([' ', ',', '(', ')', '[', ']']).map(str::to_owned).collect()
     };
@@ -161,7 +161,16 @@ fn scenario_keys_are_all_described_and_no_others() {
         // Tables within a table, which have their own.
         let tables: &[&str] = match section.as_str() {
             "[[vehicle]]" | "[traffic]" => &["sensor"],
-            "" => &["rates", "vehicle", "vehicle_type", "driver", "right_of_way", "environment", "traffic"],
+            "" => &[
+                "rates",
+                "vehicle",
+                "vehicle_type",
+                "driver",
+                "right_of_way",
+                "platoon",
+                "environment",
+                "traffic",
+            ],
             "[environment]" => &["testbed"],
             "[vehicle_type.default]" => &["centre_of_mass", "motor", "suspension", "control", "sensor"],
             _ => &[],
@@ -198,7 +207,8 @@ fn scenario_ranges_are_as_described() {
         // Bounds are rounded by less than this where the program has them in other units.
         let beyond = |bound: f64| 0.02 * bound.abs() + 1e-3;
         for value in [low - beyond(low), high + beyond(high)] {
-            let is_whole = matches!(row.key.as_str(), "id" | "vehicles" | "physics_hz" | "control_hz");
+            let is_whole =
+                matches!(row.key.as_str(), "id" | "vehicles" | "max_vehicles" | "physics_hz" | "control_hz");
             let value = if is_whole { value + (value - low).signum() } else { value };
             let value = if is_whole { format!("{value:.0}") } else { format!("{value:?}") };
             let line = format!("{} = {value}", row.key);

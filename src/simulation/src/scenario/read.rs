@@ -5,6 +5,7 @@ use super::feasibility::infeasible_starts;
 use super::fields::{Problem, Problems, TableFields};
 use super::models::{ModelReader, UserModels};
 use super::read_coordination::read_coordination;
+use super::read_platoon::read_platoons;
 use super::read_settings::{NamedSettings, read_environment, read_rates, read_right_of_way};
 use super::source::LARGEST_SCENARIO_BYTES;
 use super::time_of_day::read_time_of_day;
@@ -156,7 +157,7 @@ pub fn read_experiment(
         problems: errors.listed.iter().map(ToString::to_string).collect(),
     })?;
     let models = ModelReader::new(library);
-    let reader = ScenarioReader { map: Arc::new(loaded.map), models: &models, overrides };
+    let reader = ScenarioReader { map: Arc::new(loaded.map), library, models: &models, overrides };
     let mut experiment = reader.read(&root, text, map_bytes);
     let (models, faults) = models.finish(&experiment.lab_map.models);
     experiment.models = models;
@@ -172,6 +173,7 @@ pub fn read_experiment(
 
 struct ScenarioReader<'m> {
     map: Arc<LabMap>,
+    library: &'m Library,
     models: &'m ModelReader<'m>,
     overrides: Overrides,
 }
@@ -291,7 +293,7 @@ impl ScenarioReader<'_> {
         duration_s = self.overrides.duration_s.unwrap_or(duration_s);
         let seed = self.overrides.seed.unwrap_or(seed);
         let rates = read_rates(root);
-        let named = NamedSettings::read(root, self.overrides.model, rates);
+        let named = NamedSettings::read(root, self.library, self.overrides.model, rates);
         let model = self.overrides.model;
         let basis =
             ReadContext { map: &self.map, models: self.models, scale, model, seed, duration_s, rates };
@@ -315,7 +317,7 @@ impl ScenarioReader<'_> {
         if root.problems.is_empty() {
             fleet.check_starts(root, &self.map, scale, &moved);
         }
-        let coordination = read_coordination(root, &self.map);
+        let coordination = read_coordination(root, &self.map, self.library);
         Experiment {
             name,
             description,
@@ -331,6 +333,8 @@ impl ScenarioReader<'_> {
             right_of_way: read_right_of_way(root),
             control_zones: coordination.zones,
             coordination: coordination.rules,
+            platoons: read_platoons(root),
+            algorithms: self.library.algorithms().clone(),
             environment,
             testbed,
             time_of_day: read_time_of_day(root),
