@@ -13,6 +13,7 @@ mod plan;
 mod reroute;
 mod right_of_way;
 mod route;
+mod signals;
 mod strangers;
 mod traffic;
 
@@ -21,6 +22,10 @@ pub use controller::{CONTROLLERS, CRUISE, Controller, OwnMotion, controller};
 pub use idm::{DriverParams, LeaderState};
 pub use right_of_way::RightOfWayParams;
 pub use route::{JunctionSection, Route, turn_of};
+pub use signals::{
+    ActuatedControl, ApproachingVehicle, CountedControl, HeadState, SignalControl, SignalPhase, SignalPlan,
+    Signals, WebsterLimits, WebsterTiming, all_red_time_s, webster, yellow_time_s,
+};
 
 use city3d_protocol::snapshot::VehicleId;
 use city3d_protocol::wire::{Measurement, Message};
@@ -61,6 +66,7 @@ pub struct Mainframe {
     yield_constraints: Vec<YieldConstraint>,
     /// Vehicles that somebody else controls.
     strangers: Strangers,
+    signals: Signals,
     last_step_s: Option<f64>,
 }
 
@@ -85,8 +91,16 @@ impl Mainframe {
             occupancy: Occupancy::default(),
             yield_constraints: Vec::new(),
             strangers: Strangers::default(),
+            signals: Signals::default(),
             last_step_s: None,
         })
+    }
+
+    /// With traffic signals; their heads are those of the map.
+    #[must_use]
+    pub fn with_signals(mut self, plans: Vec<SignalPlan>) -> Self {
+        self.signals = Signals::new(plans, &self.map);
+        self
     }
 
     /// The vehicles are somewhere on their way, and may stand: the speeds of their setups do not hold.
@@ -111,7 +125,9 @@ impl Mainframe {
             cav.advance_to(time_s);
         }
         self.occupancy.fill(&self.map, &self.cavs);
-        self.right_of_way.update(time_s, &mut self.cavs, &self.occupancy);
+        self.signals.update(time_s, &self.map, &self.cavs, &self.strangers);
+        messages.extend(self.signals.messages(time_s).map(Message::Signals));
+        self.right_of_way.update(time_s, &mut self.cavs, &self.occupancy, &self.signals);
         reroute::reroute_blocked(time_s, &self.map, &mut self.cavs, &mut self.right_of_way, &self.occupancy);
         for index in 0..self.cavs.len() {
             if self.cavs[index].is_on_route() {
@@ -169,6 +185,11 @@ impl Mainframe {
             }
         }
         Ok(())
+    }
+
+    /// The traffic signals.
+    pub fn signals(&self) -> &Signals {
+        &self.signals
     }
 
     /// The vehicles under control, in id order.

@@ -4,8 +4,8 @@
 use city3d_geometry::Lab;
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{
-    Appearance, BodyType, Drive, Indicator, ModelKind, Pedals, SimCommand, Status, TorquePoint, Trajectory,
-    TrajectoryPoint, VehicleId, VehicleInfo, VehicleSpec,
+    Appearance, Aspect, BodyType, Drive, Indicator, ModelKind, Pedals, SignalAspects, SignalHeadId,
+    SimCommand, Status, TorquePoint, Trajectory, TrajectoryPoint, VehicleId, VehicleInfo, VehicleSpec,
 };
 use city3d_protocol::wire::{
     Authenticator, Body, CityClock, CityDescription, DatagramHeader, DecodeFault, Denial, DenialReason,
@@ -163,6 +163,12 @@ fn description() -> impl Strategy<Value = CityDescription> {
     )
 }
 
+fn signals() -> impl Strategy<Value = SignalAspects> {
+    let head = (any::<u32>().prop_map(SignalHeadId), prop::sample::select(Aspect::ALL.to_vec()));
+    (0.0..=1e9f64, prop::collection::vec(head, 1..=SignalAspects::MOST))
+        .prop_map(|(stamp_s, heads)| SignalAspects { stamp_s, heads })
+}
+
 fn body() -> impl Strategy<Value = Body> {
     let actions = vec![ExperimentAction::Start, ExperimentAction::Pause, ExperimentAction::Reset];
     let outcomes = vec![RequestOutcome::Done, RequestOutcome::Busy, RequestOutcome::Refused];
@@ -189,6 +195,8 @@ fn body() -> impl Strategy<Value = Body> {
             .prop_map(|(vehicle, sequence, pedals)| Body::Drive { vehicle, sequence, pedals }),
         any::<u32>().prop_map(|request| Body::Describe { request }),
         description().prop_map(Body::Description),
+        signals().prop_map(Body::Signals),
+        signals().prop_map(Body::ShownSignals),
     ]
 }
 
@@ -336,7 +344,7 @@ fn errors_name_field_place_and_what_would_be_right() {
     let error = planted(HEADER_BYTES + 4 + 10, &[29]);
     assert_eq!(error.to_string(), format!("points, byte {}: 29; it must be between 1 and 28", stamp - 2));
     let error = planted(5, &[99]);
-    assert_eq!(error.to_string(), "kind, byte 5: 99 is unknown; there are 1 to 9, 65 to 68 and 70");
+    assert_eq!(error.to_string(), "kind, byte 5: 99 is unknown; there are 1 to 10, 65 to 68, 70 and 71");
     let error = planted(4, &[1]);
     assert_eq!(error.to_string(), "version, byte 4: version 1; this program speaks version 2");
     assert_eq!(

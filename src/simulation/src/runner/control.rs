@@ -29,7 +29,8 @@ impl ControlLoop {
     pub fn new(experiment: &Experiment) -> Result<Self, SetupError> {
         let map = Arc::clone(&experiment.lab_map);
         Ok(Self {
-            mainframe: Mainframe::new(map, experiment.cav_setups(), experiment.right_of_way)?,
+            mainframe: Mainframe::new(map, experiment.cav_setups(), experiment.right_of_way)?
+                .with_signals(experiment.signals.clone()),
             environment: Environment::new(experiment.environment, experiment.seed),
             ticks_per_control: experiment.rates.ticks_per_control(),
             physical: experiment.physical().map(|(planned, _)| planned.id).collect(),
@@ -64,8 +65,10 @@ impl ControlLoop {
             self.measurements.append(&mut measured);
             self.mainframe.step(time_s, &self.measurements, &mut self.messages);
         }
-        let is_physical = |message: &mut Message| self.physical.contains(&message.vehicle());
-        delivered.extend(self.messages.extract_if(.., is_physical));
+        // Signals are wired.
+        let is_direct =
+            |message: &mut Message| message.vehicle().is_none_or(|vehicle| self.physical.contains(&vehicle));
+        delivered.extend(self.messages.extract_if(.., is_direct));
         self.environment.command(time_s, self.messages.drain(..), delivered);
     }
 

@@ -5,7 +5,7 @@ use super::models::UserModels;
 use super::placement::MovedStart;
 use super::time_of_day::TimeOfDay;
 use crate::environment::{EnvironmentProfile, EnvironmentSpec};
-use city3d_control::{CavGeometry, CavSetup, DriverParams, RightOfWayParams};
+use city3d_control::{CavGeometry, CavSetup, DriverParams, RightOfWayParams, SignalPlan};
 use city3d_dynamics::vehicle::{ModelKind, VehicleSpec};
 use city3d_geometry::{Lab, LengthScale, Pose2, trig};
 use city3d_protocol::snapshot::{Appearance, Dimensions, Setup, VehicleId};
@@ -175,6 +175,8 @@ pub struct Experiment {
     pub moved: Vec<MovedStart>,
     /// Right of way at junctions, laboratory units.
     pub right_of_way: RightOfWayParams,
+    /// Traffic signals; their heads are those of the maps.
+    pub signals: Vec<SignalPlan>,
     /// Environment between the control framework and the simulated vehicles.
     pub environment: EnvironmentSpec,
     /// Environment of the robots of `city3d testbed`.

@@ -8,6 +8,7 @@ mod placement;
 mod read;
 mod read_sensors;
 mod read_settings;
+mod read_signals;
 mod read_traffic;
 mod read_vehicles;
 mod source;

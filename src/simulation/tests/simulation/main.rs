@@ -11,5 +11,6 @@ mod driving;
 mod robustness;
 mod roundabout;
 mod seen;
+mod signals;
 mod unseen;
 mod world;
