@@ -11,7 +11,6 @@ import os
 import random
 import socket
 import struct
-import subprocess
 import sys
 import tempfile
 import time
@@ -19,12 +18,14 @@ import zlib
 from multiprocessing import Process
 from pathlib import Path
 
+from beside import Lateness, served_city
+
 OPTIONS = sys.argv[2:]
 CLIENTS = OPTIONS[OPTIONS.index("--clients") + 1] if "--clients" in OPTIONS else str(Path(__file__).parent.parent / "clients/python")
 sys.path.insert(0, CLIENTS)
 from city3d_link import City  # noqa: E402
 
-PORT, TICK_S, SECONDS = 19_880, 0.01, 8.0
+PORT, SECONDS = 19_880, 8.0
 VERSION = 2 if "CHALLENGE" in open(Path(CLIENTS) / "city3d_link.py").read() else 1
 
 
@@ -59,13 +60,9 @@ def flood(kind, sockets, until):
 
 
 def measure(kind, sockets, key, folder):
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     keyed = ["--key", key] if key else []
-    serve = ["serve", "roundabout", "--headless", "--bind", f"127.0.0.1:{PORT}", "--out", f"{folder}/city", "--force"]
-    far = ["mainframe", "roundabout", "--city", f"127.0.0.1:{PORT}", "--out", f"{folder}/far", "--force", "--duration", "60"]
-    city = subprocess.Popen([sys.argv[1], *serve, *keyed], **quiet)
-    far = subprocess.Popen([sys.argv[1], *far, *keyed], **quiet)
-    try:
+    controlling = ["--duration", "60", *keyed]
+    with served_city(sys.argv[1], "roundabout", PORT, folder, ["--headless", *keyed], controlling):
         secret = Path(key).read_bytes().strip() if key else None
         link = City(port=PORT, patience=60.0, key=secret)
         link.subscribe()
@@ -84,21 +81,13 @@ def measure(kind, sockets, key, folder):
                     break
         if flooding:
             flooding.join()
-    finally:
-        for one in (far, city):
-            one.terminate()
-            one.wait()
-    ticks = sorted(came)
-    late = [came[tick] - tick * TICK_S for tick in ticks]
-    beat = sorted(late)[len(late) // 10]
-    late = sorted(1e3 * max(0.0, one - beat) for one in late)
+    ticks, late = sorted(came), Lateness(came.items())
     summary = json.load(open(f"{folder}/city/summary.json"))
     lost = sum(event["kind"] == "link_lost" or "link_lost" in str(event["kind"]) for event in summary["events"])
     missed = ticks[-1] - ticks[0] + 1 - len(ticks)
     received = summary["link"]["received"]
-    at = lambda part: late[min(len(late) - 1, int(part * len(late)))]  # noqa: E731
     print(
-        f"{kind:10} from {sockets:3}: median {at(0.5):.2f}  99 % {at(0.99):.2f}  latest {late[-1]:.2f} ms; "
+        f"{kind:10} from {sockets:3}: median {late.at(0.5):.2f}  99 % {late.at(0.99):.2f}  latest {late.at(1):.2f} ms; "
         f"{missed} ticks missed, {lost} link_lost, {received / SECONDS:.0f} datagrams/s",
         flush=True,
     )

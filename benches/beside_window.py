@@ -7,32 +7,23 @@ display server on the same processors; it takes rights.
 """
 
 import os
-import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
+from beside import Lateness, served_city
+
 sys.path.insert(0, str(Path(__file__).parent.parent / "clients/python"))
 from city3d_link import City  # noqa: E402
 
-PORT, TICKS, TICK_S, TURNS = 19_879, 1000, 0.01, 3
+PORT, TICKS, TURNS = 19_879, 1000, 3
 DRIVING_S = 8.0
 
 
-def program(*args):
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen([sys.argv[1], *args], **quiet)
-
-
 def lateness(window, folder):
-    """Milliseconds by which the poses of each tick came later than an even beat, in order of size."""
-    view = [] if window else ["--headless"]
-    adapter = ["--adapter", "software"] if window else []
-    where = ["--bind", f"127.0.0.1:{PORT}", "--out", f"{folder}/city", "--force"]
-    city = program("serve", "city", *view, *where, *adapter)
-    far = program("mainframe", "city", "--city", f"127.0.0.1:{PORT}", "--out", f"{folder}/far", "--force")
-    try:
+    view = ["--adapter", "software"] if window else ["--headless"]
+    with served_city(sys.argv[1], "city", PORT, folder, view):
         link = City(port=PORT, patience=60.0)
         link.subscribe()
         came = []
@@ -40,16 +31,10 @@ def lateness(window, folder):
             for poses in link.poses(60.0):
                 now = time.monotonic()
                 if poses.phase == 1 and poses.time > DRIVING_S:
-                    came.append(now - poses.tick * TICK_S)
+                    came.append((poses.tick, now))
                 if len(came) == TICKS:
                     break
-        # The beat is that of the earliest tenth: nothing comes before its time.
-        beat = sorted(came)[TICKS // 10]
-        return sorted(1e3 * max(0.0, late - beat) for late in came)
-    finally:
-        for one in (far, city):
-            one.terminate()
-            one.wait()
+        return Lateness(came)
 
 
 def main():
@@ -59,7 +44,7 @@ def main():
         for turn in range(TURNS):
             for window in (False, True):
                 late = lateness(window, folder)
-                median, most, nearly, latest = (late[min(TICKS - 1, int(part * TICKS))] for part in (0.5, 0.9, 0.99, 1))
+                median, most, nearly, latest = (late.at(part) for part in (0.5, 0.9, 0.99, 1))
                 name = "with the window" if window else "headless"
                 print(f"{name:16} median {median:.2f}  90 % {most:.2f}  99 % {nearly:.2f}  latest {latest:.2f} ms", flush=True)
 

@@ -66,24 +66,19 @@ fn every_target_has_its_program_its_corpus_and_its_limits() {
     assert_eq!(limits.map(|(name, _)| name.to_owned()).collect::<BTreeSet<_>>(), targets);
 }
 
-/// `cargo nextest run --test fuzz --run-ignored all renew_seeds` writes the seeds of the corpus anew.
-#[test]
-#[ignore = "writes into the corpus"]
-fn renew_seeds() {
-    for (target, name, bytes) in seeds::all() {
-        let corpus = folder().join("corpus").join(target);
-        std::fs::create_dir_all(&corpus).unwrap();
-        std::fs::write(corpus.join(format!("seed_{name}")), bytes).unwrap();
-    }
-}
-
-/// Seeds are good inputs: each is one that its reader takes, so that fuzzing begins behind the first checks.
+/// Seeds are good inputs: each is one that its reader takes, so that fuzzing begins behind the first checks. With
+/// `CITY3D_RENEW_GOLDEN` set they are written into the corpus.
 #[test]
 fn seeds_are_taken() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("seed");
+    let folder_of_seed = tempfile::tempdir().unwrap();
+    let path = folder_of_seed.path().join("seed");
     for (target, name, bytes) in seeds::all() {
         std::fs::write(&path, &bytes).unwrap();
         assert!(seeds::is_taken(target, &bytes, &path), "{target}: {name}");
+        if std::env::var_os("CITY3D_RENEW_GOLDEN").is_some() {
+            let corpus = folder().join("corpus").join(target);
+            std::fs::create_dir_all(&corpus).unwrap();
+            std::fs::write(corpus.join(format!("seed_{name}")), &bytes).unwrap();
+        }
     }
 }

@@ -347,6 +347,13 @@ fn a_file_that_may_not_be_read_says_so() {
     let told =
         if may_read { "it ends in the middle of a record" } else { "cannot be read: Permission denied" };
     assert!(code == 2 && said.contains(told), "{code} {said}");
+    // What nobody may read.
+    std::os::unix::fs::symlink("loop", folder.path().join("loop")).unwrap();
+    let (code, said) = outcome(&city3d(&["replay", "loop", "--verify"], folder.path()).output().unwrap());
+    assert!(
+        code == 2 && said.contains("loop: cannot be read: Too many levels of symbolic links"),
+        "{code} {said}"
+    );
 }
 
 #[test]

@@ -32,7 +32,7 @@ fn is_golden(file: &str, found: &str) {
     crate::support::golden::is_golden(&golden(file), found);
 }
 
-const SCENARIOS: [&str; 5] = ["city", "mixed", "roundabout", "straight", "student"];
+const SCENARIOS: [&str; 6] = ["city", "mixed", "roundabout", "roundabout-coordinated", "straight", "student"];
 const SIMULATED_S: f64 = 8.0;
 
 /// The same on every machine: CI runs it on more than one architecture.

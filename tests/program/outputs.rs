@@ -409,6 +409,26 @@ fn a_disk_without_room_is_named_by_each_command() {
 }
 
 #[test]
+#[cfg(target_os = "linux")]
+fn pictures_before_a_full_disk_are_listed() {
+    if software().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    std::fs::create_dir(&out).unwrap();
+    std::os::unix::fs::symlink("/dev/full", out.join("chase_leader_00000200.png")).unwrap();
+    let frames = ["frames", "straight", "--duration", "4", "--every", "0.02", "--out", "out"];
+    let (code, said) = told(folder.path(), &[&frames[..], &SMALL].concat());
+    assert!(code == Some(1) && said.contains("No space left on device"), "{said}");
+    let mut there: BTreeSet<String> = files(&out).into_keys().collect();
+    assert!(there.remove("frames.csv"), "{there:?}");
+    let mut table = csv::Reader::from_path(out.join("frames.csv")).unwrap();
+    let listed: BTreeSet<String> = table.records().map(|row| row.unwrap()[0].to_owned()).collect();
+    assert!(listed == there && listed.len() >= 100, "{listed:?}");
+}
+
+#[test]
 #[cfg(unix)]
 fn a_limit_on_the_size_of_files_is_an_error_with_words() {
     let folder = tempfile::tempdir().unwrap();

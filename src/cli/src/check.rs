@@ -1,8 +1,9 @@
 //! `city3d check`: validates scenarios and maps, and repairs measured maps.
 
 use super::Failure;
-use super::repair::{Length, repair};
+use super::repair::repair;
 use super::say::{complain, say};
+use city3d_geometry::Length;
 use city3d_roadmap::{LabMap, LaneId, LaneKind, MapErrorKind, load_map};
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
 use clap::Args;

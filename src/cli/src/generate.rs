@@ -2,8 +2,10 @@
 
 use super::say::say;
 use super::{Failure, create_folder, on_end};
+use city3d_geometry::Length;
 use city3d_models::SHIPPED;
 use city3d_outputs::WholeFile;
+use city3d_roadmap::{Grid, GridControl, GridSize};
 use city3d_simulation::scenario::Library;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
@@ -17,11 +19,16 @@ pub struct GenerateArgs {
 
 #[derive(Debug, Subcommand)]
 enum GenerateCommand {
-    /// The map of the IDS 3D City as a DXF drawing
+    /// A map as a DXF drawing: the IDS 3D City, or a grid of streets
     Map {
         /// Folder for the map, or a file name that ends in .dxf
         #[arg(long, value_name = "PATH", default_value = "assets/maps")]
         out: PathBuf,
+        /// A grid of N streets and M avenues in place of the city
+        #[arg(long, value_name = "NxM")]
+        grid: Option<GridSize>,
+        #[command(flatten)]
+        shape: GridArgs,
     },
     /// Cars and street furniture as glTF binary files
     Models {
@@ -31,12 +38,42 @@ enum GenerateCommand {
     },
 }
 
+/// How a grid is made. Lengths are those of the laboratory.
+#[derive(Debug, Args)]
+struct GridArgs {
+    /// Length of the lanes between two junctions
+    #[arg(long, value_name = "LENGTH", requires = "grid", default_value = "6m")]
+    block: Length,
+    /// Length of the lanes into the grid and out of it
+    #[arg(long, value_name = "LENGTH", requires = "grid", default_value = "10m")]
+    entry: Length,
+    /// Radius of right turns
+    #[arg(long, value_name = "LENGTH", requires = "grid", default_value = "0.25m")]
+    turn_radius: Length,
+    /// Lines at the junctions: yield or stop (for avenues), all-way-stop, none
+    #[arg(long, value_name = "LINES", requires = "grid", default_value = "yield")]
+    control: GridControl,
+}
+
+impl GridArgs {
+    fn grid(&self, size: GridSize) -> Grid {
+        let [block_m, entry_m, turn_radius_m] = [self.block, self.entry, self.turn_radius].map(|l| l.metres);
+        Grid { size, block_m, entry_m, turn_radius_m, control: self.control }
+    }
+}
+
 pub fn generate(args: &GenerateArgs) -> Result<(), Failure> {
     match &args.what {
-        GenerateCommand::Map { out } => {
+        GenerateCommand::Map { out, grid, shape } => {
             let is_file = out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dxf"));
-            let path = if is_file { out.clone() } else { out.join("ids3c.dxf") };
-            write(&path, &Library::default().map("ids3c").map_err(Failure::failed)?)
+            let path_of = |name: &str| if is_file { out.clone() } else { out.join(name) };
+            let Some(size) = *grid else {
+                let map = Library::default().map("ids3c").map_err(Failure::failed)?;
+                return write(&path_of("ids3c.dxf"), &map);
+            };
+            let name = format!("grid-{}x{}.dxf", size.streets, size.avenues);
+            let map = shape.grid(size).to_dxf().map_err(Failure::bad_input)?;
+            write(&path_of(&name), map.as_bytes())
         }
         GenerateCommand::Models { out } => {
             let stop = on_end()?;

@@ -1,9 +1,12 @@
 //! State of one connected and automated vehicle (CAV) in the control framework.
 
+use super::coordination::{CoordinatedState, MotionPlan};
 use super::estimate::RouteEstimate;
 use super::off_route;
 use super::right_of_way::RightOfWayState;
-use super::{Controller, Decision, DriverParams, LeaderState, OwnMotion, Route, SetupError, controller};
+use super::{
+    CRUISE, Controller, Decision, DriverParams, LeaderState, OwnMotion, Route, SetupError, controller,
+};
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{Indicator, VehicleId};
 use city3d_protocol::wire::Measurement;
@@ -104,6 +107,8 @@ pub struct Cav {
     pub passage: RightOfWayState,
     /// Plan of the last control step.
     pub plan: PlanState,
+    /// Control zones on its route, and its plan through the one that it is in.
+    pub coordination: CoordinatedState,
     /// Indicators in its last trajectory; off before the first one.
     pub indicator: Indicator,
     /// Yielding at a section of its route, from when it was held until it may go.
@@ -113,6 +118,7 @@ pub struct Cav {
     /// Sequence number of messages to the vehicle.
     pub sequence: u32,
     controller: Box<dyn Controller>,
+    heeds_others: bool,
     setup_speed_mps: f64,
     estimate: Option<RouteEstimate>,
     /// Off its route and on no lane in the direction of travel, as a person may drive.
@@ -149,6 +155,7 @@ impl Cav {
         if setup.route.is_empty() {
             return Err(SetupError::EmptyRoute { vehicle: setup.id });
         }
+        let heeds_others = setup.controller != CRUISE;
         let controller = controller(&setup.controller, setup.driver)
             .ok_or(SetupError::UnknownController { vehicle: setup.id, name: setup.controller })?;
         Ok(Self {
@@ -158,11 +165,13 @@ impl Cav {
             route: Route::new(map, &setup.route, setup.body, &setup.driver),
             passage: RightOfWayState::default(),
             plan: PlanState::default(),
+            coordination: CoordinatedState::default(),
             indicator: Indicator::Off,
             yielding: Yielding::default(),
             reroutes: 0,
             sequence: 0,
             controller,
+            heeds_others,
             setup_speed_mps: setup.speed_mps,
             estimate: None,
             is_off_route: false,
@@ -302,6 +311,33 @@ impl Cav {
         self.controller.acceleration(own, desired, ahead)
     }
 
+    /// Acceleration with which it can still stop behind a leader that brakes as hard as it can itself (Gipps).
+    pub(super) fn safe_acceleration_for(&self, leader: LeaderState) -> f64 {
+        self.driver.safe_acceleration(self.speed_mps, leader, self.margin_m())
+    }
+
+    /// Whether it takes part in coordination where it is: a driver that heeds nobody does not, nor a vehicle that does
+    /// not follow its plans.
+    pub(super) fn is_coordinated(&self) -> bool {
+        let state = &self.coordination;
+        self.is_on_route() && self.heeds_others && state.inside.is_some() && !state.is_distrusted
+    }
+
+    /// Its coordinated plan, while it is on it.
+    pub(super) fn coordinated_plan(&self) -> Option<&MotionPlan> {
+        self.coordination.plan.as_ref().filter(|_| !self.is_lost)
+    }
+
+    /// Acceleration of its coordinated plan.
+    pub(super) fn planned_acceleration(&self, now_s: f64) -> Option<f64> {
+        self.coordinated_plan().map(|plan| plan.at(now_s).acceleration_mps2)
+    }
+
+    /// Forgets plans and zones.
+    pub(super) fn forget_coordination(&mut self) {
+        self.coordination = CoordinatedState::default();
+    }
+
     /// Safety margin on measured distances.
     pub(super) fn margin_m(&self) -> f64 {
         SAFE_GAP_M + SAFETY_SIGMAS * self.position_std_m
@@ -345,9 +381,19 @@ impl Cav {
     }
 
     /// Advances the plan by a control step, within its bounds and close to the measurement.
-    pub(super) fn apply(&mut self, decision: Decision, dt_s: f64) {
+    pub(super) fn apply(&mut self, decision: Decision, now_s: f64, dt_s: f64) {
+        self.coordination.follows_plan = decision.follows_plan && !self.is_lost;
         if self.is_lost {
             self.brake(dt_s);
+            return;
+        }
+        if let Some(plan) = self.coordination.plan.as_ref().filter(|_| decision.follows_plan) {
+            let here = plan.at(now_s);
+            self.plan = PlanState {
+                axle_s: here.position_m,
+                speed_mps: here.speed_mps,
+                acceleration_mps2: here.acceleration_mps2,
+            };
             return;
         }
         let measured_mps = self.speed_mps();
@@ -381,6 +427,7 @@ impl Cav {
         name: String,
         driver: DriverParams,
     ) -> Result<(), SetupError> {
+        self.heeds_others = name != CRUISE;
         self.controller =
             controller(&name, driver).ok_or(SetupError::UnknownController { vehicle: self.id, name })?;
         if self.driver != driver {

@@ -5,6 +5,7 @@
 
 mod cav;
 mod controller;
+pub mod coordination;
 mod estimate;
 mod idm;
 mod loops;
@@ -30,6 +31,7 @@ pub use signals::{
 use city3d_protocol::snapshot::VehicleId;
 use city3d_protocol::wire::{Measurement, Message};
 use city3d_roadmap::LabMap;
+use coordination::{ControlZone, CoordinationParams, Coordinator, ZoneCoordination, coordinator};
 use right_of_way::{ConstraintKind, RightOfWay, YieldConstraint};
 use std::sync::Arc;
 use strangers::Strangers;
@@ -53,6 +55,34 @@ pub enum SetupError {
         /// The vehicle whose setup is rejected.
         vehicle: VehicleId,
     },
+    /// The coordination algorithm is not one of [`COORDINATORS`](coordination::COORDINATORS).
+    #[error("no coordination algorithm is called \"{name}\"; there are {:?}", coordination::COORDINATORS)]
+    UnknownCoordinator {
+        /// Name of the algorithm that was asked for.
+        name: String,
+    },
+}
+
+/// Rules of the traffic: who goes first, which vehicles are coordinated, and the signals.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TrafficRules {
+    /// Right of way at junctions.
+    pub right_of_way: RightOfWayParams,
+    /// Coordination in control zones; `None` without.
+    pub coordination: Option<CoordinationRules>,
+    /// Traffic signals; their heads are those of the map.
+    pub signals: Vec<SignalPlan>,
+}
+
+/// Coordination of a map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CoordinationRules {
+    /// Name of the algorithm, see [`COORDINATORS`](coordination::COORDINATORS).
+    pub algorithm: String,
+    /// Gaps and tolerances.
+    pub params: CoordinationParams,
+    /// The control zones.
+    pub zones: Vec<ControlZone>,
 }
 
 /// All vehicles under control with their occupancy and right of way.
@@ -63,6 +93,7 @@ pub struct Mainframe {
     cavs: Vec<Cav>,
     occupancy: Occupancy,
     right_of_way: RightOfWay,
+    coordination: Option<ZoneCoordination>,
     yield_constraints: Vec<YieldConstraint>,
     /// Vehicles that somebody else controls.
     strangers: Strangers,
@@ -79,28 +110,43 @@ impl Mainframe {
     /// A mainframe for these vehicles, none of which has been measured yet.
     ///
     /// # Errors
-    /// When a vehicle names an unknown algorithm or has no route.
-    pub fn new(map: Arc<LabMap>, setups: Vec<CavSetup>, rules: RightOfWayParams) -> Result<Self, SetupError> {
+    /// When a vehicle names an unknown algorithm or has no route, or the rules an unknown algorithm.
+    pub fn new(map: Arc<LabMap>, setups: Vec<CavSetup>, rules: TrafficRules) -> Result<Self, SetupError> {
+        let by_name = |rules: &CoordinationRules| {
+            let unknown = || SetupError::UnknownCoordinator { name: rules.algorithm.clone() };
+            coordinator(&rules.algorithm).ok_or_else(unknown)
+        };
+        let algorithm = rules.coordination.as_ref().map(by_name).transpose()?;
+        Self::with_coordinator(map, setups, rules, algorithm)
+    }
+
+    /// A mainframe with a coordination algorithm of its own in place of the one that the rules name.
+    ///
+    /// # Errors
+    /// As for [`Mainframe::new`].
+    pub fn with_coordinator(
+        map: Arc<LabMap>,
+        setups: Vec<CavSetup>,
+        rules: TrafficRules,
+        algorithm: Option<Box<dyn Coordinator>>,
+    ) -> Result<Self, SetupError> {
         let mut cavs =
             setups.into_iter().map(|setup| Cav::new(&map, setup)).collect::<Result<Vec<_>, _>>()?;
         cavs.sort_by_key(|cav| cav.id);
+        let coordination = rules.coordination.zip(algorithm);
+        let signals = Signals::new(rules.signals, &map);
         Ok(Self {
-            right_of_way: RightOfWay::new(rules, &map),
+            right_of_way: RightOfWay::new(rules.right_of_way, &map),
+            coordination: coordination
+                .map(|(rules, algorithm)| ZoneCoordination::new(rules.params, rules.zones, algorithm)),
             map,
             cavs,
             occupancy: Occupancy::default(),
             yield_constraints: Vec::new(),
             strangers: Strangers::default(),
-            signals: Signals::default(),
+            signals,
             last_step_s: None,
         })
-    }
-
-    /// With traffic signals; their heads are those of the map.
-    #[must_use]
-    pub fn with_signals(mut self, plans: Vec<SignalPlan>) -> Self {
-        self.signals = Signals::new(plans, &self.map);
-        self
     }
 
     /// The vehicles are somewhere on their way, and may stand: the speeds of their setups do not hold.
@@ -125,18 +171,21 @@ impl Mainframe {
             cav.advance_to(time_s);
         }
         self.occupancy.fill(&self.map, &self.cavs);
+        if let Some(coordination) = &mut self.coordination {
+            coordination.update(time_s, &mut self.cavs);
+        }
         self.signals.update(time_s, &self.map, &self.cavs, &self.strangers);
         messages.extend(self.signals.messages(time_s).map(Message::Signals));
         self.right_of_way.update(time_s, &mut self.cavs, &self.occupancy, &self.signals);
         reroute::reroute_blocked(time_s, &self.map, &mut self.cavs, &mut self.right_of_way, &self.occupancy);
         for index in 0..self.cavs.len() {
             if self.cavs[index].is_on_route() {
-                let decision = self.decide(index);
+                let decision = self.decide(index, time_s);
                 let gives_way =
                     |section| self.yield_constraints.iter().any(|h| h.gives_way && h.section == section);
                 let cav = &mut self.cavs[index];
                 cav.note_yielding(time_s, &decision, gives_way);
-                cav.apply(decision, dt_s);
+                cav.apply(decision, time_s, dt_s);
                 messages.push(Message::Follow(plan::trajectory(&self.map, cav, time_s)));
             } else if self.cavs[index].is_seen() {
                 // No route leads on from there.
@@ -145,40 +194,60 @@ impl Mainframe {
         }
     }
 
-    fn decide(&mut self, index: usize) -> Decision {
+    fn decide(&mut self, index: usize, now_s: f64) -> Decision {
         let cav = &self.cavs[index];
-        let mut decision = Decision { acceleration_mps2: cav.acceleration_for(None), gives_way_at: None };
+        let planned = cav.planned_acceleration(now_s);
+        let acceleration_mps2 = planned.unwrap_or_else(|| cav.acceleration_for(None));
+        // A plan has its gaps already: what others do limits it only where it would no longer be safe.
+        let behind = |leader: LeaderState| match planned {
+            Some(_) => cav.safe_acceleration_for(leader),
+            None => cav.acceleration_for(Some(leader)),
+        };
+        let mut decision =
+            Decision { acceleration_mps2, gives_way_at: None, follows_plan: planned.is_some() };
         if let Some(leader) = self.occupancy.leader(&self.cavs, index, SIGHT_M) {
-            decision.limit(cav.acceleration_for(Some(leader.ahead)), None);
+            decision.limit(behind(leader.ahead), None);
         }
         if let Some(stranger) = self.strangers.leader(cav, SIGHT_M) {
-            decision.limit(cav.acceleration_for(Some(stranger)), None);
+            decision.limit(behind(stranger), None);
         }
         if let Some(end) = cav.end_of_route() {
-            decision.limit(cav.acceleration_for(Some(end)), None);
+            decision.limit(behind(end), None);
         }
         self.yield_constraints.clear();
         self.right_of_way.yield_constraints(index, &self.cavs, &mut self.yield_constraints);
         for constraint in &self.yield_constraints {
-            let stop = |gap_m| cav.acceleration_for(Some(LeaderState { gap_m, speed_mps: 0.0 }));
+            let stop = |gap_m| behind(LeaderState { gap_m, speed_mps: 0.0 });
             let u = match constraint.kind {
                 ConstraintKind::Stop { gap_m } => stop(gap_m),
                 ConstraintKind::Merging { leader, wait_gap_m } if wait_gap_m > 0.0 => {
-                    cav.acceleration_for(Some(leader)).max(stop(wait_gap_m))
+                    behind(leader).max(stop(wait_gap_m))
                 }
-                ConstraintKind::Merging { leader, .. } => cav.acceleration_for(Some(leader)),
+                ConstraintKind::Merging { leader, .. } => behind(leader),
             };
             decision.limit(u, constraint.gives_way.then_some(constraint.section));
         }
         decision
     }
 
-    /// Replaces drivers and rules for the present vehicles; plans and admissions stay.
+    /// Replaces drivers and rules for the present vehicles; admissions stay. Vehicles in control zones get new plans.
     ///
     /// # Errors
-    /// When a vehicle names an unknown algorithm.
-    pub fn change(&mut self, setups: Vec<CavSetup>, rules: RightOfWayParams) -> Result<(), SetupError> {
-        self.right_of_way.set_params(rules);
+    /// When a vehicle or the rules name an unknown algorithm.
+    pub fn change(&mut self, setups: Vec<CavSetup>, rules: TrafficRules) -> Result<(), SetupError> {
+        self.right_of_way.set_params(rules.right_of_way);
+        self.coordination = match rules.coordination {
+            Some(rules) => {
+                let unknown = SetupError::UnknownCoordinator { name: rules.algorithm.clone() };
+                let algorithm = coordinator(&rules.algorithm).ok_or(unknown)?;
+                Some(ZoneCoordination::new(rules.params, rules.zones, algorithm))
+            }
+            None => None,
+        };
+        self.cavs.iter_mut().for_each(Cav::forget_coordination);
+        if !self.signals.follow(&rules.signals) {
+            self.signals = Signals::new(rules.signals, &self.map);
+        }
         for setup in setups {
             if let Ok(index) = self.cavs.binary_search_by_key(&setup.id, |cav| cav.id) {
                 self.cavs[index].change_driver(&self.map, setup.controller, setup.driver)?;
@@ -196,6 +265,11 @@ impl Mainframe {
     pub fn cavs(&self) -> &[Cav] {
         &self.cavs
     }
+
+    /// Coordination in control zones, where there is any.
+    pub fn coordination(&self) -> Option<&ZoneCoordination> {
+        self.coordination.as_ref()
+    }
 }
 
 /// The decision of a driver for one control step.
@@ -204,12 +278,14 @@ struct Decision {
     acceleration_mps2: f64,
     /// The section at which the vehicle gives way, if that is the active limit.
     gives_way_at: Option<usize>,
+    /// The acceleration is that of a coordinated plan.
+    follows_plan: bool,
 }
 
 impl Decision {
     fn limit(&mut self, acceleration_mps2: f64, gives_way_at: Option<usize>) {
         if acceleration_mps2 < self.acceleration_mps2 {
-            *self = Self { acceleration_mps2, gives_way_at };
+            *self = Self { acceleration_mps2, gives_way_at, follows_plan: false };
         }
     }
 }

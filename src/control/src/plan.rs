@@ -26,10 +26,20 @@ pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory<Lab> {
     trajectory.yielding = matches!(cav.yielding, Yielding::At { .. });
     trajectory.finished = cav.is_finished();
     trajectory.indicator = cav.indicator;
+    let coordinated = cav.coordinated_plan().filter(|_| cav.coordination.follows_plan);
+    let planned_until_s = coordinated.map_or(f64::NEG_INFINITY, |plan| plan.end().time_s - now_s);
     let (mut s, mut speed_mps, mut last_s) = (cav.plan.axle_s, cav.plan.speed_mps, 0.0);
     for offset_s in OFFSETS_S {
+        if let Some(here) =
+            coordinated.map(|plan| plan.at(now_s + offset_s)).filter(|_| offset_s <= planned_until_s)
+        {
+            (s, speed_mps, last_s) = (here.position_m, here.speed_mps, offset_s);
+            let pose = cav.route.at(map, s).pose;
+            trajectory.points.push(TrajectoryPoint { time_s: now_s + offset_s, pose, speed_mps });
+            continue;
+        }
         let dt_s = offset_s - last_s;
-        let u = cav.plan.acceleration_mps2;
+        let u = if coordinated.is_some() { 0.0 } else { cav.plan.acceleration_mps2 };
         let u = if u > 0.0 && last_s >= ACCELERATION_LASTS_S { 0.0 } else { u };
         let wanted_mps = (speed_mps + u * dt_s).max(0.0);
         // A bend that comes too soon is entered too fast: no plan brakes harder than u_min.

@@ -32,7 +32,7 @@ pub fn reroute_blocked(
                 let route = Route::without_speeds(map, &way, body);
                 let before = cavs[vehicle].set_route(route);
                 let is_section = cavs[vehicle].passage.next_section < cavs[vehicle].route.sections.len();
-                if is_section && right_of_way.has_room_behind(vehicle, cavs, occupancy) {
+                if is_section && right_of_way.has_room_behind(now_s, vehicle, cavs, occupancy) {
                     cavs[vehicle].commit_route(map);
                     right_of_way.admit_behind_line(vehicle, cavs);
                     break;

@@ -10,6 +10,7 @@
 //! if it cannot stop comfortably; then the ranks of a junction without lines hold.
 
 mod constraints;
+mod waiting;
 
 pub use constraints::{ConstraintKind, YieldConstraint};
 
@@ -18,10 +19,10 @@ use super::loops::LoopCapacity;
 use super::route::{RANK_MAJOR, RANK_STOP, RANK_YIELD, Rank, ZoneCrossing};
 use super::signals::{self, Signals};
 use super::traffic::Occupancy;
-use city3d_protocol::snapshot::Aspect;
 use city3d_roadmap::{LabMap, LaneId, ZoneKind};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
+use waiting::{note_signal, revoke_stalled_admissions};
 
 /// Parameters of the right of way, laboratory units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -227,8 +228,10 @@ impl RightOfWay {
                 let distance = section.hold_s - cav.front_s();
                 let asks = now_s >= cav.passage.asks_from_s || cav.speed_mps() > super::STANDS_MPS;
                 if asks && distance < asking_distance(cav) && !cav.passage.is_held_by_signal {
-                    let green = section.signal.map(|head| signals.head(head).since_s);
-                    let rank = if self.is_impatient(now_s, cav, green) { RANK_MAJOR } else { section.rank };
+                    let green_since_s = section.signal.map(|head| signals.head(head).since_s);
+                    let has_priority =
+                        cav.coordinated_plan().is_some() || self.is_impatient(now_s, cav, green_since_s);
+                    let rank = if has_priority { RANK_MAJOR } else { section.rank };
                     let standing_since_s = cav.passage.standing_since_s.unwrap_or(f64::INFINITY);
                     self.candidates.push(Candidate { rank, standing_since_s, distance, vehicle });
                 }
@@ -244,7 +247,7 @@ impl RightOfWay {
             if awaited.contains(&exit) {
                 continue;
             }
-            let has_room = self.has_room_behind(vehicle, cavs, occupancy);
+            let has_room = self.has_room_behind(now_s, vehicle, cavs, occupancy);
             if self.may_enter(now_s, candidate, has_room, cavs, occupancy) {
                 let order = self.next_order;
                 self.next_order += 1;
@@ -265,9 +268,9 @@ impl RightOfWay {
         for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_on_route()) {
             let stopping_m = cav.driver.stopping_distance(cav.speed_mps());
             let next = cav.passage.next_section;
-            let entered = cav.route.sections[next.min(cav.route.sections.len())..]
-                .iter()
-                .take_while(|section| section.hold_s - cav.front_s() <= stopping_m - OVERSHOOT_M);
+            let ahead = cav.route.sections.get(next..).unwrap_or_default();
+            let entered =
+                ahead.iter().take_while(|section| section.hold_s - cav.front_s() <= stopping_m - OVERSHOOT_M);
             inside.extend((0..entered.count()).map(|k| (vehicle, next + k)));
         }
         if inside.len() > 1 {
@@ -386,7 +389,9 @@ impl RightOfWay {
         let Candidate { rank, vehicle, .. } = *candidate;
         let cav = &cavs[vehicle];
         let section = &cav.route.sections[cav.passage.next_section];
-        if section.rank == RANK_STOP && self.params.full_stop && cav.passage.standing_since_s.is_none() {
+        let is_planned = cav.coordinated_plan().is_some();
+        let stops_first = section.rank == RANK_STOP && self.params.full_stop && !is_planned;
+        if stops_first && cav.passage.standing_since_s.is_none() {
             return false;
         }
         // At a mere lane drop, holding one lane back would starve it.
@@ -399,7 +404,36 @@ impl RightOfWay {
             return false;
         }
         cavs[vehicle].passage.blocked_since_s = None;
-        rank == RANK_MAJOR || self.is_clear(vehicle, rank, cavs)
+        if is_planned {
+            return self.is_its_turn(vehicle, cavs);
+        }
+        // Who could have a plan gives way to those who have one.
+        (rank == RANK_MAJOR && !cavs[vehicle].is_coordinated()) || self.is_clear(vehicle, rank, cavs)
+    }
+
+    /// Whether a vehicle with a plan is the next one: nobody who is planned to go first at a shared conflict has yet to be
+    /// admitted, and nobody without a plan who has priority is near.
+    fn is_its_turn(&self, vehicle: usize, cavs: &[Cav]) -> bool {
+        let cav = &cavs[vehicle];
+        let section = &cav.route.sections[cav.passage.next_section];
+        let overhang_m = cav.body.overhang_m();
+        cav.route.crossings[section.crossings.clone()].iter().all(|crossing| {
+            let own_s = cav.coordination.front_at(crossing.from_s, overhang_m);
+            self.users[crossing.zone.index()].iter().all(|user| {
+                if user.side == crossing.side || user.vehicle == vehicle || user.order.is_some() {
+                    return true;
+                }
+                let other = &cavs[user.vehicle];
+                let there_s = other.front_s() + user.to_entry_m;
+                let other_s = other
+                    .coordinated_plan()
+                    .and(other.coordination.front_at(there_s, other.body.overhang_m()));
+                match (own_s, other_s) {
+                    (Some(own_s), Some(other_s)) => own_s <= other_s,
+                    _ => other.is_coordinated() || self.leaves_room(user, section.rank, other),
+                }
+            })
+        })
     }
 
     /// Whether a leader, now or after merging, may have to wait for its own admission in the section or
@@ -439,10 +473,12 @@ impl RightOfWay {
 
     /// Whether the vehicle, and all admitted towards the same exit, have room between the last crossing of
     /// the section and the traffic behind it.
-    pub fn has_room_behind(&self, vehicle: usize, cavs: &[Cav], occupancy: &Occupancy) -> bool {
+    pub fn has_room_behind(&self, now_s: f64, vehicle: usize, cavs: &[Cav], occupancy: &Occupancy) -> bool {
         let cav = &cavs[vehicle];
         let section = &cav.route.sections[cav.passage.next_section];
         let clear_s = section.clear_s;
+        let is_planned = cav.coordinated_plan().is_some();
+        let planned_s = cav.coordination.front_at(clear_s, cav.body.overhang_m()).filter(|_| is_planned);
         let room_for = |other: &Cav| other.body.length_m + other.driver.standstill_gap_m;
         let exit_lane = cav.exit_lane_of(cav.passage.next_section);
         let on_the_way = |other: &Cav| {
@@ -464,7 +500,11 @@ impl RightOfWay {
             occupancy.first_rear_after(cavs, vehicle, clear_s, HORIZON_M, |other| !on_the_way(&cavs[other]));
         if let Some((other, rear_s)) = standing_there {
             let other = &cavs[other];
-            let rolls_on_m = ROLLS_ON * other.driver.stopping_distance(other.speed_mps());
+            let mut rolls_on_m = ROLLS_ON * other.driver.stopping_distance(other.speed_mps());
+            if let Some(arrival_s) = planned_s.filter(|_| other.speed_mps() > JAM_MPS) {
+                // By the time of its arrival, traffic that flows has gone on.
+                rolls_on_m = rolls_on_m.max(ROLLS_ON * other.speed_mps() * (arrival_s - now_s));
+            }
             // In standing traffic, vehicles from a yield line leave one space free: a completely full
             // roundabout cannot move.
             let is_jammed = section.rank == RANK_YIELD && other.speed_mps() < JAM_MPS;
@@ -499,14 +539,20 @@ impl RightOfWay {
                     return user.to_entry_m <= 0.0;
                 }
                 let other = &cavs[user.vehicle];
-                let waits = other.passage.blocked_since_s.is_some() || other.passage.is_held_by_signal;
-                if user.rank >= rank || waits {
-                    return true;
-                }
-                let arrival_m = self.params.clear_time_s * other.speed_mps();
-                user.to_entry_m > self.params.clear_area_m.max(arrival_m)
+                let is_planned = cav.is_coordinated() && other.coordinated_plan().is_some();
+                self.leaves_room(user, if is_planned { Rank::MAX } else { rank }, other)
             })
         })
+    }
+
+    /// Gap acceptance before one user of a zone that is not admitted.
+    fn leaves_room(&self, user: &ZoneUser, rank: Rank, other: &Cav) -> bool {
+        let waits = other.passage.blocked_since_s.is_some() || other.passage.is_held_by_signal;
+        if user.rank >= rank || waits {
+            return true;
+        }
+        let arrival_m = self.params.clear_time_s * other.speed_mps();
+        user.to_entry_m > self.params.clear_area_m.max(arrival_m)
     }
 
     fn admit(&mut self, vehicle: usize, cav: &mut Cav, order: u64) {
@@ -525,41 +571,6 @@ impl RightOfWay {
                 }
             }
         }
-    }
-}
-
-/// Revokes the admissions of a stalled vehicle to sections that it has not entered, so that nobody waits for
-/// it. Vehicles that follow their plan start at once.
-fn revoke_stalled_admissions(now_s: f64, cav: &mut Cav) {
-    let front_s = cav.front_s();
-    let is_ahead = |admission: &Reservation| cav.route.sections[admission.section].from_s > front_s;
-    let stands = cav.speed_mps() < super::STANDS_MPS && cav.plan.acceleration_mps2 > 0.0;
-    let first = cav.passage.admissions.iter().position(is_ahead).filter(|_| stands);
-    let Some(first) = first else {
-        cav.passage.stalled_since_s = None;
-        return;
-    };
-    let since_s = *cav.passage.stalled_since_s.get_or_insert(now_s);
-    if now_s - since_s > STALLED_AFTER_S {
-        let passage = &mut cav.passage;
-        passage.revoke_from(first);
-        (passage.stalled_since_s, passage.asks_from_s) = (None, now_s + ASKS_AGAIN_S);
-    }
-}
-
-/// Notes whether the signal at the next line holds a vehicle, and whether it has stood there through a green.
-fn note_signal(cav: &mut Cav, signals: &Signals) {
-    let next = cav.route.sections.get(cav.passage.next_section);
-    let held = next.and_then(|section| {
-        let state = signals.head(section.signal?);
-        (!signals::may_pass(cav, section.hold_s, state)).then_some(state.aspect)
-    });
-    let passage = &mut cav.passage;
-    let stood_on_green = passage.standing_since_s.is_some() && !passage.is_held_by_signal;
-    passage.missed_green |= stood_on_green && held == Some(Aspect::Yellow);
-    passage.is_held_by_signal = held.is_some();
-    if passage.is_held_by_signal {
-        passage.blocked_since_s = None;
     }
 }
 

@@ -266,12 +266,12 @@ impl Route {
     fn add_sections_without_zones(&mut self, lines: &[RouteLine]) {
         for line in lines {
             let Some(head) = line.signal() else { continue };
-            if self.sections.iter().any(|section| section.signal == Some(head) && section.hold_s == line.at_s)
-            {
-                continue;
-            }
             let at_s = line.at_s;
             let place = self.sections.partition_point(|section| section.hold_s < at_s);
+            let mut here = self.sections[place..].iter().take_while(|section| section.hold_s == at_s);
+            if here.any(|section| section.signal == Some(head)) {
+                continue;
+            }
             let crossing = self.sections.get(place).map_or(self.crossings.len(), |s| s.crossings.start);
             self.sections.insert(
                 place,
@@ -343,9 +343,11 @@ impl RouteLine {
     }
 }
 
-/// The last line after `free_from_s` that belongs to a zone at `from_s`.
+/// The last line after `free_from_s` that belongs to a zone at `from_s`, of lines in their order along the route.
 fn line_before(lines: &[RouteLine], free_from_s: f64, from_s: f64) -> Option<RouteLine> {
-    let line = *lines.iter().rev().find(|line| line.at_s <= from_s + HOLD_BEFORE_ZONE_M)?;
+    // Called for each zone of a route that may be a day long: no search over all its lines.
+    let behind = lines.partition_point(|line| line.at_s <= from_s + HOLD_BEFORE_ZONE_M);
+    let line = *lines.get(behind.checked_sub(1)?)?;
     let reach_m = match line.control {
         LineControl::Sign(_) => LINE_BEFORE_SECTION_M,
         LineControl::Signal(_) => SIGNAL_BEFORE_SECTION_M,

@@ -4,6 +4,7 @@ mod across;
 mod build;
 pub mod dxf;
 mod error;
+mod grid;
 pub mod layers;
 mod map;
 mod repair;
@@ -12,6 +13,7 @@ mod route;
 pub use across::LEFT_TURN_RAD;
 pub use build::{DEFAULT_SPEED_MPS, JOIN_TOLERANCE_M, LANE_WIDTH_M, LoadedMap, load_map, map_of_drawing};
 pub use error::{MapError, MapErrorKind, MapErrors, MapNote};
+pub use grid::{Grid, GridArm, GridControl, GridError, GridSize};
 pub use map::{
     CityMap, ConflictZone, ControlLine, ControlLineKind, Footprint, LabMap, Lane, LaneId, LaneKind,
     PlacedModel, RoadMap, Scenery, SceneryKind, SignalHead, ZoneId, ZoneKind, ZoneSide,

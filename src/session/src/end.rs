@@ -42,11 +42,6 @@ impl EndFailure {
     pub fn new(error: impl Error + Send + Sync + 'static) -> Self {
         Self(Arc::new(error))
     }
-
-    /// The error of the end, which may be downcast to its type.
-    pub fn error(&self) -> &(dyn Error + Send + Sync + 'static) {
-        &*self.0
-    }
 }
 
 impl Error for EndFailure {

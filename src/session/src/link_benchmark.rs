@@ -94,16 +94,7 @@ impl BenchmarkCity {
     /// # Errors
     /// When the city cannot be served, or the operating system refuses the thread.
     pub fn serve(experiment: &Experiment, end: Option<Box<dyn End>>) -> Result<Self, SessionError> {
-        let options = ServeOptions {
-            bind: "127.0.0.1:0".to_owned(),
-            world: 1,
-            authenticator: Authenticator::Checksum,
-            allowed: Vec::new(),
-            is_lockstep: false,
-            guests: 0,
-            rate_per_s: 1e6,
-            speed: 1.0,
-        };
+        let options = ServeOptions { world: 1, rate_per_s: 1e6, ..ServeOptions::at("127.0.0.1:0") };
         let (sender, marks) = channel();
         let host = Host::system();
         let mut city = ServedCity::open(options, experiment.clone(), None, host.clone())?;

@@ -46,6 +46,22 @@ pub struct ServeOptions {
     pub speed: f64,
 }
 
+impl ServeOptions {
+    /// A city at an address, in real time, without a key, for one controller on any network.
+    pub fn at(bind: &str) -> Self {
+        Self {
+            bind: bind.to_owned(),
+            world: 0,
+            authenticator: Authenticator::Checksum,
+            allowed: Vec::new(),
+            is_lockstep: false,
+            guests: 0,
+            rate_per_s: 20_000.0,
+            speed: 1.0,
+        }
+    }
+}
+
 /// Poses of physical vehicles from elsewhere than their own links, such as ROS. It never waits.
 pub trait MotionCapture: Send {
     /// Takes the next pose of a physical vehicle, stamped with the simulated time `time_s` of now.

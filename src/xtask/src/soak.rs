@@ -3,7 +3,6 @@
 
 use city3d_network::simulated::{SimulatedNetwork, SimulatedOptions};
 use city3d_protocol::snapshot::{EventKind, VehicleId};
-use city3d_protocol::wire::Authenticator;
 use city3d_session::remote::{RemoteCity, RemoteOptions};
 use city3d_session::served::{ServeOptions, ServedCity};
 use city3d_session::{
@@ -132,17 +131,7 @@ fn serve(
     watch: Watch,
     stop: Arc<AtomicBool>,
 ) -> Result<(), SessionError> {
-    let options = ServeOptions {
-        bind: CITY.to_owned(),
-        world: 0,
-        authenticator: Authenticator::Checksum,
-        allowed: Vec::new(),
-        is_lockstep: false,
-        guests: 0,
-        rate_per_s: 20_000.0,
-        speed: 1.0,
-    };
-    let city = ServedCity::open(options, experiment.clone(), None, host.clone())?;
+    let city = ServedCity::open(ServeOptions::at(CITY), experiment.clone(), None, host.clone())?;
     let (poses, files) =
         (city.poses(), RunFiles::new(RunFolders::None, city.origin(), FileOptions::default()));
     let session = Session::new(city, host).stopped_by(stop);
@@ -150,13 +139,7 @@ fn serve(
 }
 
 fn control(experiment: Arc<Experiment>, host: Host) -> Result<(), SessionError> {
-    let options = RemoteOptions {
-        city: CITY.to_owned(),
-        world: 0,
-        authenticator: Authenticator::Checksum,
-        stop: Arc::default(),
-    };
-    let far = RemoteCity::control(options, experiment, None, host.clone())?;
+    let far = RemoteCity::control(RemoteOptions::to(CITY), experiment, None, host.clone())?;
     Session::new(far, host).run().map(drop)
 }
 

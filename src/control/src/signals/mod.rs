@@ -94,6 +94,11 @@ impl Signals {
         }
     }
 
+    /// Whether they follow these plans.
+    pub fn follow(&self, plans: &[SignalPlan]) -> bool {
+        self.signals.iter().map(|(plan, _)| plan).eq(plans)
+    }
+
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.signals.is_empty()

@@ -35,6 +35,16 @@ impl LinkState {
     pub fn new(rate_per_s: f64) -> Self {
         Self { senders: Senders::new(rate_per_s), drops: DropCounts::default(), received: 0, used: 0 }
     }
+
+    fn count_used(&mut self) {
+        self.received += 1;
+        self.used += 1;
+    }
+
+    fn count_dropped(&mut self, reason: DropReason) {
+        self.received += 1;
+        self.drops.count(reason);
+    }
 }
 
 /// Checks datagrams and queues those that pass.
@@ -52,13 +62,6 @@ pub(super) struct InboundFilter {
     /// Rate limiters of what is sent without a session.
     denials: TokenBucket,
     challenged: TokenBucket,
-}
-
-/// A datagram that has passed all checks but those of its sender's table.
-struct Authentic {
-    header: DatagramHeader,
-    body: Body,
-    sender: SenderId,
 }
 
 /// Why a datagram is dropped, and what its sender is told if it was a handshake.
@@ -129,7 +132,6 @@ impl InboundFilter {
         let now = clock.now();
         let is_allowed =
             self.allowed.is_empty() || self.allowed.iter().any(|allowed| allowed.contains(from.ip()));
-        self.lock().received += 1;
         if !is_allowed {
             return Err(DropReason::ForeignSender.into());
         }
@@ -139,13 +141,21 @@ impl InboundFilter {
             let denial = Some(DenialReason::OtherWorld);
             return Err(Rejection { denial, ..DropReason::OtherCity.into() });
         }
-        let Some(sender) = self.sender(from, &header, now)? else {
-            return match body {
-                Ok(Body::Hello { token }) => self.challenge(from, &header, token, now).map(Some),
-                _ => Err(DropReason::OtherCity.into()),
-            };
-        };
         let mut shared = self.lock();
+        let sender = match shared.senders.find(from, &header) {
+            Some(sender) => sender,
+            None if self.challenges.is_fresh(header.peer, from, header.session, now) => {
+                shared.senders.begin(from, &header, now)?
+            }
+            // Nobody has answered a challenge at this address.
+            None => {
+                drop(shared);
+                return match body {
+                    Ok(Body::Hello { token }) => self.challenge(from, &header, token, now).map(Some),
+                    _ => Err(DropReason::OtherCity.into()),
+                };
+            }
+        };
         if !shared.senders.may_send(sender, now) {
             return Err(DropReason::TooFast.into());
         }
@@ -155,25 +165,7 @@ impl InboundFilter {
             shared.senders.mark_received(sender, header.sequence);
             self.rejection(&error)
         })?;
-        drop(shared);
-        self.queue_up(Authentic { header, body, sender }, clock)
-    }
-
-    /// The sender of an authentic datagram; `None` while nobody has answered a challenge at its address.
-    fn sender(
-        &self,
-        from: SocketAddr,
-        header: &DatagramHeader,
-        now: Instant,
-    ) -> Result<Option<SenderId>, Rejection> {
-        let mut shared = self.lock();
-        if let Some(sender) = shared.senders.find(from, header) {
-            return Ok(Some(sender));
-        }
-        if !self.challenges.is_fresh(header.peer, from, header.session, now) {
-            return Ok(None);
-        }
-        Ok(Some(shared.senders.begin(from, header, now)?))
+        self.queue_up(shared, (sender, header.sequence), body, clock).map(|()| None)
     }
 
     /// The challenge to a handshake.
@@ -191,20 +183,26 @@ impl InboundFilter {
         if !self.challenged.take(now, MAX_CHALLENGES_PER_S) {
             return Err(DropReason::TooFast.into());
         }
-        self.lock().used += 1;
         let challenge = self.challenges.make(from, header.session, now);
         let header = DatagramHeader { peer: header.session, sequence: 0, ..self.header };
         let challenge = Body::Challenge { token, challenge }.encode(header, &self.authenticator);
-        challenge.map_err(|_| DropReason::Malformed.into())
+        let challenge = challenge.map_err(|_| DropReason::Malformed)?;
+        self.lock().count_used();
+        Ok(challenge)
     }
 
-    fn queue_up(&self, datagram: Authentic, clock: &dyn Clock) -> Result<Option<Vec<u8>>, Rejection> {
-        let Authentic { header, body, sender } = datagram;
+    /// Queues a datagram of a sender that has passed the checks of its session.
+    fn queue_up(
+        &self,
+        mut shared: MutexGuard<'_, LinkState>,
+        (sender, sequence): (SenderId, u64),
+        body: Body,
+        clock: &dyn Clock,
+    ) -> Result<(), Rejection> {
         let is_clock = self.takes_clock && matches!(body, Body::Clock(_));
         if !body.is_to_city() && !is_clock {
             return Err(DropReason::WrongWay.into());
         }
-        let mut shared = self.lock();
         if let Body::Barrier { first, count, .. } = body
             && !shared.senders.has_all(sender, first, count)
         {
@@ -214,11 +212,11 @@ impl InboundFilter {
         if !self.queue.has_room() {
             return Err(DropReason::Full.into());
         }
-        shared.senders.mark_received(sender, header.sequence);
-        shared.used += 1;
+        shared.senders.mark_received(sender, sequence);
+        shared.count_used();
         drop(shared);
         self.queue.push(Inbound { sender, body, at: clock.now() });
-        Ok(None)
+        Ok(())
     }
 
     /// The rejection of a datagram that cannot be decoded.
@@ -236,7 +234,7 @@ impl InboundFilter {
 
     fn note_drop(&mut self, rejection: &Rejection, from: SocketAddr, now: Instant) {
         let Rejection { reason, why, .. } = rejection;
-        self.lock().drops.count(*reason);
+        self.lock().count_dropped(*reason);
         self.drop_log.dropped += 1;
         if self.drop_log.logged_at.is_none_or(|at| now.duration_since(at) >= LOG_INTERVAL) {
             let more = match self.drop_log.dropped {

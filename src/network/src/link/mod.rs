@@ -3,6 +3,8 @@
 //! [`city3d_protocol::wire`] defines the datagrams; the served city acts on them.
 
 pub(crate) mod burst;
+#[cfg(test)]
+mod challenge_tests;
 mod challenges;
 mod client;
 mod echo;

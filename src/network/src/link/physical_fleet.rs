@@ -27,8 +27,6 @@ struct VehicleLink {
     client: Client,
     renewed: Option<Instant>,
     last_heard: Option<Instant>,
-    /// In this session.
-    has_subscribed: bool,
     is_silent: bool,
 }
 
@@ -74,15 +72,7 @@ impl PhysicalFleet {
         }
         let link = |(address, vehicles): (String, Vec<VehicleId>)| {
             let client = Client::on(host, &address, world, authenticator.clone())?;
-            Ok(VehicleLink {
-                address,
-                vehicles,
-                client,
-                renewed: None,
-                last_heard: None,
-                has_subscribed: false,
-                is_silent: false,
-            })
+            Ok(VehicleLink { address, vehicles, client, renewed: None, last_heard: None, is_silent: false })
         };
         let links = by_address.into_iter().map(link).collect::<Result<_, LinkError>>()?;
         Ok(Self { host: host.clone(), links, wants_poses, sent_clock: None })
@@ -143,20 +133,17 @@ impl VehicleLink {
                 _ => _ = self.client.send(&Body::Hello { token: 0 }),
             }
             if wants_poses {
-                self.subscribe();
+                self.client.send(&Body::Subscribe { request: 0, every_ticks: 1, lease_s: LEASE_S });
             }
         }
         for _ in 0..MAX_DATAGRAMS_PER_POLL {
             match self.client.receive(Duration::ZERO) {
                 Some(ClientEvent::Restarted) => {
                     self.client.reset_session();
-                    (self.renewed, self.has_subscribed) = (None, false);
+                    self.renewed = None;
                 }
                 Some(ClientEvent::Body(body)) => {
                     self.last_heard = Some(clock.now());
-                    if wants_poses && !self.has_subscribed {
-                        self.subscribe();
-                    }
                     if let Body::Poses(seen) = body {
                         let own = seen.vehicles.iter().map(|seen| seen.pose);
                         poses.extend(own.filter(|pose| self.vehicles.contains(&pose.vehicle)));
@@ -166,13 +153,6 @@ impl VehicleLink {
             }
         }
         self.report(clock.now());
-    }
-
-    fn subscribe(&mut self) {
-        if self.client.is_connected() {
-            self.has_subscribed = true;
-            self.client.send(&Body::Subscribe { request: 0, every_ticks: 1, lease_s: LEASE_S });
-        }
     }
 
     fn report(&mut self, now: Instant) {

@@ -40,7 +40,7 @@ pub const MAX_PIECES: usize = 5000;
 /// Most entities on any layer that the map uses.
 pub const MAX_ENTITIES_OF_LAYER: usize = 5000;
 /// Largest sum of the lengths of all lanes, laboratory metres.
-pub const MAX_LANES_LENGTH_M: f64 = 1000.0;
+pub const MAX_LANES_LENGTH_M: f64 = 10_000.0;
 
 /// A map, and notes for its author.
 #[derive(Clone, Debug, PartialEq)]

@@ -134,7 +134,7 @@ pub(crate) fn check_extent(segment: &Segment, entity: &Entity, diagnostics: &mut
     let end = segment.end();
     let finite = segment.length.is_finite() && segment.curvature.is_finite() && end.is_finite();
     let inside = in_map(segment.start.position) && in_map(end.position);
-    if !finite || !inside || segment.length > MAX_LANES_LENGTH_M {
+    if !finite || !inside || segment.length > MAX_COORDINATE_M {
         let message = format!("it reaches farther than {MAX_COORDINATE_M} laboratory metres from the origin");
         let remedy = "check its coordinates and $INSUNITS: the map is drawn at laboratory scale";
         diagnostics.error(MapErrorKind::Number, entity, message, remedy);

@@ -1,6 +1,6 @@
 //! Remote control of a city: the control framework in a process of its own, behind the UDP link.
 
-use super::{Connection, RETRANSMIT_INTERVAL, Reply};
+use super::connection::{Connection, RETRANSMIT_INTERVAL, Reply};
 use crate::SessionError;
 use city3d_control::Mainframe;
 use city3d_network::host::Host;

@@ -1,6 +1,6 @@
 //! A guest's car: brought into a city elsewhere, and driven there by a person.
 
-use super::{Connection, REQUEST_TIMEOUT};
+use super::connection::{Connection, REQUEST_TIMEOUT};
 use city3d_protocol::snapshot::{
     Appearance, BodyType, FrameSnapshot, ModelKind, Pedals, VehicleId, VehicleSpec, VehicleState,
 };

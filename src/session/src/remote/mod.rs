@@ -1,31 +1,32 @@
 //! A city elsewhere, seen over the UDP link: watched, controlled by the control framework here, or visited with a car
 //! that a person drives.
 
+mod connection;
 mod control;
 mod guest;
 mod reassembly;
+mod source;
 
+pub use connection::served_scenario;
 pub use control::{PoseFeedback, setup_of};
 
-use super::source::{Now, Pace, Source, Step};
-use super::{Inputs, LinkStatus, Order, Orders, RunPhase, SessionError};
-use city3d_control::Mainframe;
-use city3d_logbook::record::LogOrigin;
+use super::SessionError;
 use city3d_network::host::Host;
 use city3d_network::link::{Client, ClientEvent};
-use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleInfo};
+use city3d_protocol::snapshot::{VehicleId, VehicleInfo};
 use city3d_protocol::wire::{
     Authenticator, Body, CityClock, CityDescription, ExperimentAction, ExperimentPhase, ObservedVehicle,
     Poses, RequestOutcome,
 };
 use city3d_simulation::runner::ObservedCity;
 use city3d_simulation::scenario::Experiment;
+use connection::{Connection, HANDSHAKE_INTERVAL, REQUEST_TIMEOUT, Reply, subscription};
 use control::RemoteControl;
 use guest::GuestCar;
 use reassembly::PoseReassembly;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 /// Which city is watched or controlled.
@@ -41,69 +42,26 @@ pub struct RemoteOptions {
     pub stop: Arc<AtomicBool>,
 }
 
+impl RemoteOptions {
+    /// The city at an address, in whichever world, without a key.
+    pub fn to(city: &str) -> Self {
+        let (authenticator, stop) = (Authenticator::Checksum, Arc::default());
+        Self { city: city.to_owned(), world: 0, authenticator, stop }
+    }
+}
+
 /// A city that has sent no poses for this long gets a heartbeat request, again at this interval.
 const HEARTBEAT_TIMEOUT: Duration = Duration::from_secs(1);
-/// Longest wait for the answer to a request.
-const REQUEST_TIMEOUT: Duration = Duration::from_secs(2);
-/// Interval of handshakes with a city that does not answer.
-const HANDSHAKE_INTERVAL: Duration = Duration::from_millis(200);
 /// The same with a city that has said why it does not.
 const DENIED_INTERVAL: Duration = Duration::from_millis(500);
-/// In lockstep, the last commands are retransmitted when poses do not come within this time.
-const RETRANSMIT_INTERVAL: Duration = Duration::from_millis(50);
-/// Orders of a window are looked for at this interval.
-const ORDER_INTERVAL: Duration = Duration::from_millis(10);
 /// This many consecutive pose datagrams of a city that is `Ready` again mean that it was reset.
 const RESET_CONFIRMATIONS: u32 = 3;
-/// Lease of the subscription, and the interval of its renewal.
-const LEASE_S: f64 = 10.0;
-/// It is a heartbeat as well: while the clock stands nothing else is sent, and a leader that is silent for a second
+/// Interval at which the lease is renewed. It is a heartbeat as well: while the clock stands nothing else is sent, and a leader that is silent for a second
 /// loses the lead.
 const LEASE_RENEWAL_INTERVAL: Duration = Duration::from_millis(300);
 /// Interval at which a watcher asks what the city is; sooner when it sees a vehicle that it does not know.
 const DESCRIBE_INTERVAL: Duration = Duration::from_secs(3);
 const UNKNOWN_INTERVAL: Duration = Duration::from_millis(250);
-
-/// The link to the city.
-struct Connection {
-    client: Client,
-    host: Host,
-    stop: Arc<AtomicBool>,
-}
-
-/// What a city says to a request that may take several tries.
-enum Reply {
-    /// Carried out, with a remark.
-    Done(String),
-    /// No answer, because the city is gone, was restarted, or this process is stopped.
-    Nothing,
-}
-
-impl Connection {
-    /// Repeats a request until the city carries it out.
-    fn request_until_done(&mut self, what: &str, body: impl Fn(u32) -> Body) -> Result<Reply, SessionError> {
-        let mut has_logged = false;
-        while !self.stop.load(Ordering::Relaxed) {
-            let Some((outcome, detail)) = self.client.request(REQUEST_TIMEOUT, &body) else {
-                return Ok(Reply::Nothing);
-            };
-            match outcome {
-                RequestOutcome::Done => return Ok(Reply::Done(detail)),
-                RequestOutcome::Refused => {
-                    return Err(SessionError::Refused { what: what.to_owned(), detail });
-                }
-                RequestOutcome::Busy => {
-                    if !has_logged {
-                        tracing::warn!("{what} has to wait: {detail}");
-                        has_logged = true;
-                    }
-                    self.host.clock.sleep(RETRANSMIT_INTERVAL);
-                }
-            }
-        }
-        Ok(Reply::Nothing)
-    }
-}
 
 /// How far the connection has come.
 enum Stage {
@@ -520,205 +478,10 @@ impl RemoteCity {
     }
 }
 
-impl Source for RemoteCity {
-    fn experiment(&self) -> &Arc<Experiment> {
-        &self.experiment
-    }
-
-    fn snapshot(&self) -> &FrameSnapshot {
-        self.city.snapshot()
-    }
-
-    fn origin(&self) -> LogOrigin {
-        LogOrigin::Mainframe
-    }
-
-    fn mainframe(&self) -> Option<&Mainframe> {
-        if let Role::Control(control) = &self.role { Some(control.mainframe()) } else { None }
-    }
-
-    fn pace(&self) -> Pace {
-        Pace::Arrivals
-    }
-
-    fn is_running(&self) -> bool {
-        self.experiment_phase() == ExperimentPhase::Running
-    }
-
-    fn is_ready(&self) -> bool {
-        self.pending.is_some()
-    }
-
-    fn is_beginning(&self) -> bool {
-        false
-    }
-
-    fn opens_files(&self) -> bool {
-        !self.ends_run
-    }
-
-    fn phase(&self) -> RunPhase {
-        match (&self.told, self.experiment_phase()) {
-            (None, _) | (_, ExperimentPhase::Ready) => RunPhase::Ready,
-            (_, ExperimentPhase::Running) => RunPhase::Running,
-            (_, ExperimentPhase::Paused) => RunPhase::Paused,
-        }
-    }
-
-    fn experiment_phase(&self) -> ExperimentPhase {
-        self.told.as_ref().map_or(ExperimentPhase::Ready, |(head, _)| head.phase)
-    }
-
-    fn order(&mut self, order: &Order) -> Result<(), String> {
-        match (order, &mut self.role) {
-            (Order::Start, _) => self.request(ExperimentAction::Start),
-            (Order::Pause, _) => self.request(ExperimentAction::Pause),
-            (Order::Reset, _) => self.request(ExperimentAction::Reset),
-            (Order::Step | Order::Speed(_), _) => Err("the city elsewhere keeps its own time".to_owned()),
-            (Order::Drive(vehicle, pedals), Role::Visit(car)) if car.vehicle() == Some(*vehicle) => {
-                car.drive(&mut self.connection, Some(*pedals));
-                Ok(())
-            }
-            (Order::Release(vehicle), Role::Visit(car)) if car.vehicle() == Some(*vehicle) => {
-                car.drive(&mut self.connection, None);
-                Ok(())
-            }
-            (Order::Release(_), _) => Ok(()),
-            (Order::Drive(vehicle, _), Role::Visit(_)) => {
-                Err(format!("vehicle {vehicle} is not yours: you drive the car that you have brought"))
-            }
-            (Order::Drive(..), _) => {
-                Err("here you watch; city3d view --city ADDR --guest brings a car of your own".to_owned())
-            }
-        }
-    }
-
-    fn wait(&mut self, _orders: &mut Orders, most: Duration) {
-        if self.event.is_some() || self.pending.is_some() || matches!(self.stage, Stage::Handshake { .. }) {
-            return;
-        }
-        self.event = match &mut self.role {
-            Role::Control(control) => control.receive(&mut self.connection, most),
-            Role::Watch | Role::Visit(_) => self.connection.client.receive(most.min(ORDER_INTERVAL)),
-        };
-    }
-
-    fn receive(&mut self, now: &Now) -> Result<(), SessionError> {
-        if let Some(failure) = self.failure.take() {
-            return Err(failure);
-        }
-        self.update_rate(now.at);
-        if let Stage::Handshake { .. } = self.stage {
-            return self.shake_hands();
-        }
-        self.keep_up();
-        match self.event.take() {
-            Some(event) => self.take(event),
-            None => self.notice_silence(),
-        }
-        Ok(())
-    }
-
-    fn step(&mut self) -> Result<Step, SessionError> {
-        if std::mem::take(&mut self.ends_run) {
-            return Ok(Step::Reset(Box::new(self.city.snapshot().clone())));
-        }
-        let Some((head, vehicles)) = self.pending.take() else { return Ok(Step::Applied) };
-        let is_first = !std::mem::replace(&mut self.has_begun, true);
-        if is_first {
-            self.city = ObservedCity::new(Arc::clone(&self.experiment));
-            self.city.describe(self.infos.values().cloned());
-        }
-        let is_same = !is_first && self.city.snapshot().tick == head.tick;
-        let snapshot = self.city.add_poses(&head, &vehicles);
-        match &mut self.role {
-            Role::Control(control) => control.remember(&snapshot.vehicles),
-            Role::Visit(car) => car.remember(snapshot),
-            Role::Watch => {}
-        }
-        (self.told, self.has_seen) = (Some((head, vehicles)), true);
-        Ok(match (is_first, is_same) {
-            (true, _) => Step::First,
-            (false, true) => Step::Applied,
-            (false, false) => Step::Tick,
-        })
-    }
-
-    fn told(&mut self) {
-        let Role::Control(control) = &mut self.role else { return };
-        let Stage::Connected(link) = &self.stage else { return };
-        let Some((head, vehicles)) = &self.told else { return };
-        if self.pending.is_some() || !self.has_begun {
-            return;
-        }
-        if let Err(error) = control.answer(&mut self.connection, (head, vehicles), link.clock.is_lockstep) {
-            self.failure = Some(error);
-        }
-    }
-
-    fn inputs(&self) -> Inputs<'_> {
-        Inputs::None
-    }
-
-    fn is_over(&self) -> bool {
-        matches!(&self.role, Role::Control(control) if control.is_over)
-    }
-
-    fn link_status(&self) -> Option<LinkStatus> {
-        Some(LinkStatus {
-            address: self.options.city.clone(),
-            is_remote: true,
-            trouble: self.trouble(),
-            leader: self.leader.clone(),
-            received_per_s: self.rate.2,
-            scenario: self.scenario.clone(),
-            own_vehicle: self.own_vehicle(),
-            ..LinkStatus::default()
-        })
-    }
-}
-
 impl Drop for RemoteCity {
     fn drop(&mut self) {
         if let Role::Visit(car) = &mut self.role {
             car.leave(&mut self.connection);
         }
     }
-}
-
-/// Asks a city which scenario it serves, and waits at most so long for the answer.
-///
-/// # Errors
-/// When the address is wrong.
-pub fn served_scenario(
-    options: &RemoteOptions,
-    host: &Host,
-    most: Duration,
-) -> Result<Option<String>, SessionError> {
-    let mut client = Client::on(host, &options.city, options.world, options.authenticator.clone())?;
-    let until = host.clock.now() + most;
-    client.send(&Body::Hello { token: 0 });
-    let mut asked_at = host.clock.now();
-    while host.clock.now() < until {
-        match client.receive(ORDER_INTERVAL) {
-            // From here on the client names the city's session, as requests under a key have to.
-            Some(ClientEvent::Body(Body::Clock(_))) => {
-                client.send(&Body::Describe { request: 1 });
-            }
-            Some(ClientEvent::Body(Body::Description(description))) => {
-                return Ok(Some(description.scenario).filter(|name| !name.is_empty()));
-            }
-            _ => {}
-        }
-        let now = host.clock.now();
-        if now.saturating_duration_since(asked_at) >= HANDSHAKE_INTERVAL {
-            asked_at = now;
-            client.send(&Body::Hello { token: 0 });
-        }
-    }
-    Ok(None)
-}
-
-fn subscription(request: u32) -> Body {
-    Body::Subscribe { request, every_ticks: 1, lease_s: LEASE_S }
 }

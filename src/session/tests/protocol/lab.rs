@@ -46,16 +46,7 @@ pub fn network(delay_ms: u64, jitter_ms: u64, loss: f64) -> SimulatedOptions {
 
 /// A city in real time for one mainframe.
 pub fn serving() -> ServeOptions {
-    ServeOptions {
-        bind: CITY.to_owned(),
-        world: 0,
-        authenticator: Authenticator::Checksum,
-        allowed: Vec::new(),
-        is_lockstep: false,
-        guests: 0,
-        rate_per_s: 20_000.0,
-        speed: 1.0,
-    }
+    ServeOptions::at(CITY)
 }
 
 /// Programs on one network.
@@ -241,7 +232,7 @@ impl Lab {
 }
 
 fn remote(stop: Arc<AtomicBool>) -> RemoteOptions {
-    RemoteOptions { city: CITY.to_owned(), world: 0, authenticator: Authenticator::Checksum, stop }
+    RemoteOptions { stop, ..RemoteOptions::to(CITY) }
 }
 
 impl Program {

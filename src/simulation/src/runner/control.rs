@@ -29,8 +29,7 @@ impl ControlLoop {
     pub fn new(experiment: &Experiment) -> Result<Self, SetupError> {
         let map = Arc::clone(&experiment.lab_map);
         Ok(Self {
-            mainframe: Mainframe::new(map, experiment.cav_setups(), experiment.right_of_way)?
-                .with_signals(experiment.signals.clone()),
+            mainframe: Mainframe::new(map, experiment.cav_setups(), experiment.rules())?,
             environment: Environment::new(experiment.environment, experiment.seed),
             ticks_per_control: experiment.rates.ticks_per_control(),
             physical: experiment.physical().map(|(planned, _)| planned.id).collect(),
@@ -78,7 +77,7 @@ impl ControlLoop {
     /// When a vehicle names an unknown algorithm.
     pub fn change(&mut self, experiment: &Experiment) -> Result<(), SetupError> {
         self.environment.change(experiment.environment, experiment.seed);
-        self.mainframe.change(experiment.cav_setups(), experiment.right_of_way)
+        self.mainframe.change(experiment.cav_setups(), experiment.rules())
     }
 
     /// The control framework, with the vehicles and their present routes.

@@ -5,7 +5,9 @@ use super::models::UserModels;
 use super::placement::MovedStart;
 use super::time_of_day::TimeOfDay;
 use crate::environment::{EnvironmentProfile, EnvironmentSpec};
-use city3d_control::{CavGeometry, CavSetup, DriverParams, RightOfWayParams, SignalPlan};
+use city3d_control::{
+    CavGeometry, CavSetup, CoordinationRules, DriverParams, RightOfWayParams, SignalPlan, TrafficRules,
+};
 use city3d_dynamics::vehicle::{ModelKind, VehicleSpec};
 use city3d_geometry::{Lab, LengthScale, Pose2, trig};
 use city3d_protocol::snapshot::{Appearance, Dimensions, Setup, VehicleId};
@@ -177,6 +179,8 @@ pub struct Experiment {
     pub right_of_way: RightOfWayParams,
     /// Traffic signals; their heads are those of the maps.
     pub signals: Vec<SignalPlan>,
+    /// Coordination of vehicles in control zones; `None` without.
+    pub coordination: Option<CoordinationRules>,
     /// Environment between the control framework and the simulated vehicles.
     pub environment: EnvironmentSpec,
     /// Environment of the robots of `city3d testbed`.
@@ -211,6 +215,15 @@ impl Experiment {
             speed_mps: vehicle.start.speed_mps,
         };
         self.vehicles.iter().map(setup).collect()
+    }
+
+    /// Rules of the traffic, for the control framework.
+    pub fn rules(&self) -> TrafficRules {
+        TrafficRules {
+            right_of_way: self.right_of_way,
+            coordination: self.coordination.clone(),
+            signals: self.signals.clone(),
+        }
     }
 
     /// The physical vehicles.

@@ -6,6 +6,7 @@ mod fields;
 mod models;
 mod placement;
 mod read;
+mod read_coordination;
 mod read_sensors;
 mod read_settings;
 mod read_signals;

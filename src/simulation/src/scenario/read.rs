@@ -4,6 +4,7 @@ use super::experiment::{Expectations, Experiment, PlannedVehicle, Rates};
 use super::feasibility::infeasible_starts;
 use super::fields::{Problem, Problems, TableFields};
 use super::models::{ModelReader, UserModels};
+use super::read_coordination::read_coordination;
 use super::read_settings::{NamedSettings, read_environment, read_rates, read_right_of_way};
 use super::read_signals::{check_room_before_signals, read_all_way_stops, read_signals};
 use super::source::LARGEST_SCENARIO_BYTES;
@@ -295,6 +296,7 @@ impl ScenarioReader<'_> {
         let mut map = self.map;
         read_all_way_stops(root, &mut map);
         let signals = read_signals(root, &mut map, &named.worst_driver());
+        let coordination = read_coordination(root, &map);
         let model = self.overrides.model;
         let basis = ReadContext { map: &map, models: self.models, scale, model, seed, duration_s, rates };
         let mut fleet = FleetBuilder::default();
@@ -332,6 +334,7 @@ impl ScenarioReader<'_> {
             vehicle_types: named.types.into_iter().map(|(name, build)| (name, build.spec)).collect(),
             right_of_way: read_right_of_way(root),
             signals,
+            coordination,
             environment,
             testbed,
             time_of_day: read_time_of_day(root),

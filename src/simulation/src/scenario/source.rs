@@ -11,8 +11,9 @@ const LARGEST_FILE_BYTES: u64 = 64 << 20;
 /// Largest scenario that is read: parsed, it takes many times the memory.
 pub const LARGEST_SCENARIO_BYTES: u64 = 8 << 20;
 
-const SCENARIOS: [(&str, &str); 5] = [
+const SCENARIOS: [(&str, &str); 6] = [
     ("roundabout", include_str!("../../../../scenarios/roundabout.toml")),
+    ("roundabout-coordinated", include_str!("../../../../scenarios/roundabout-coordinated.toml")),
     ("mixed", include_str!("../../../../scenarios/mixed.toml")),
     ("city", include_str!("../../../../scenarios/city.toml")),
     ("straight", include_str!("../../../../scenarios/straight.toml")),

@@ -144,7 +144,7 @@ impl LabTwin {
             }
         };
         let cars = experiment.vehicles.iter().map(car).collect();
-        let mainframe = Mainframe::new(map, setups, experiment.right_of_way).unwrap();
+        let mainframe = Mainframe::new(map, setups, experiment.rules()).unwrap();
         Self { mainframe, cars, step: 0 }
     }
 

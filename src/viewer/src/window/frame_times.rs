@@ -1,7 +1,8 @@
 //! Frame times of the window, drawn offscreen while the run goes on.
 
 use super::painter::{PaintTarget, WindowPainter};
-use super::viewer::{LogLocation, RecordingOptions, ViewerState};
+use super::recording::{LogLocation, RecordingOptions};
+use super::viewer::ViewerState;
 use super::{ScenarioSubject, ViewSettings, WindowError, WindowOptions, WindowSubject, event_loop, picture};
 use city3d_render::Context;
 use city3d_session::Order;

@@ -8,6 +8,8 @@ mod gamepads;
 mod loading;
 mod painter;
 mod picture;
+mod recording;
+mod scenario_info;
 mod settings;
 mod surface;
 mod viewer;
@@ -16,17 +18,18 @@ pub use error::WindowError;
 pub use event_loop::open;
 pub use frame_times::{FrameTimes, frame_times};
 pub use picture::{WindowPicture, picture};
-pub use viewer::{LogLocation, RecordedRun};
+pub use recording::{LogLocation, RecordedRun};
 
 use crate::ui::{CameraMode, CityKind, Look, QualityPreset};
 use city3d_render::{AdapterPreference, Context};
 use city3d_session::playback::Player;
 use city3d_session::{SessionError, SessionHandle, Speed};
 use city3d_simulation::scenario::{Experiment, ScenarioRequest, TimeOfDay};
+use recording::RecordingOptions;
 use settings::ViewSettings;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
-use viewer::{RecordingOptions, ViewerState};
+use viewer::ViewerState;
 
 /// What the window shows.
 #[derive(Clone, Debug)]

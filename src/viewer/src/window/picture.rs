@@ -1,7 +1,8 @@
 //! Renders the window offscreen at one time of a run or of a log.
 
 use super::painter::{PaintTarget, WindowPainter};
-use super::viewer::{LogLocation, RecordingOptions, ViewerState};
+use super::recording::{LogLocation, RecordingOptions};
+use super::viewer::ViewerState;
 use super::{ViewSettings, WindowError, WindowOptions, WindowSubject};
 use crate::ui::UiAction;
 use city3d_protocol::snapshot::VehicleId;

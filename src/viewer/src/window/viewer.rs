@@ -1,68 +1,24 @@
 //! The viewer without its window: a live run or a player, the state of the panels, and the actions between them.
 
+use super::recording::{LogLocation, RecordedRun, RecordingOptions, recorded, start};
+use super::scenario_info::ScenarioInfo;
 use super::settings::{ViewSettings, WatchedVehicles};
 use super::{CitySubject, WindowError};
 use crate::cockpit::SteeringGeometry;
 use crate::ui::{
-    self, CameraMode, CityKind, DriverNames, History, HistorySample, KEPT_S, Look, ManualDrive,
-    PictureRequest, PictureSlot, Preview, ReplayView, ScenarioCamera, ScenarioChoice, UiAction, UiState,
-    ViewModel,
+    self, CameraMode, CityKind, History, HistorySample, KEPT_S, Look, ManualDrive, PictureRequest,
+    PictureSlot, Preview, ReplayView, ScenarioChoice, UiAction, UiState, ViewModel,
 };
 use city3d_logbook::record::LogOrigin;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleInfo, VehicleSpec};
 use city3d_render::Context;
-use city3d_roadmap::LaneId;
-use city3d_scene::{SceneDescription, Wall};
-use city3d_sensors::{Sensor, SensorKind};
 use city3d_session::playback::{LogInfo, PlaybackCommand, Player};
-use city3d_session::{
-    FileOptions, Host, LocalCity, Order, Overwrite, RunFiles, RunFolders, RunPhase, RunState, Session,
-    SessionError, SessionHandle, SessionStopper, Speed, WallTime,
-};
+use city3d_session::{Order, RunPhase, RunState, SessionError, SessionHandle, SessionStopper, Speed};
 use city3d_simulation::scenario::{Experiment, Library, ScenarioRequest, shipped_scenarios};
 use city3d_simulation::sim::World;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// Recording of runs, and notification of updates.
-pub struct RecordingOptions {
-    /// Where live runs are recorded.
-    pub logs: LogLocation,
-    /// Called on another thread when there is something new to show; it must not block.
-    pub on_update: Arc<dyn Fn() + Send + Sync>,
-}
-
-/// A finished run that was recorded.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RecordedRun {
-    /// Name of the scenario.
-    pub scenario: String,
-    /// Folder of its log, table and summary.
-    pub folder: PathBuf,
-}
-
-/// Where runs are recorded.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum LogLocation {
-    /// Runs are not recorded.
-    Nowhere,
-    /// In this folder, one run after another.
-    In(PathBuf),
-    /// In the user's data folder, in a new folder named after the scenario.
-    OfTheUser,
-}
-
-impl LogLocation {
-    fn of(&self, scenario: &str) -> Option<PathBuf> {
-        match self {
-            Self::Nowhere => None,
-            Self::In(folder) => Some(folder.clone()),
-            Self::OfTheUser => super::settings::log_folder(scenario),
-        }
-    }
-}
 
 /// What has to be done outside after a pass.
 #[derive(Clone, Debug, PartialEq)]
@@ -137,44 +93,6 @@ pub struct ViewerState {
 
 /// Pixel budget of a software adapter for a fluent frame rate.
 const MOST_MOVING_PIXELS: u32 = 240_000;
-
-/// Data of an experiment for the panels.
-struct ScenarioInfo {
-    drivers: DriverNames,
-    routes: BTreeMap<VehicleId, Vec<LaneId>>,
-    cameras: BTreeMap<VehicleId, Vec<ScenarioCamera>>,
-    steering_geometry: BTreeMap<VehicleId, SteeringGeometry>,
-    walls: Vec<Wall>,
-    /// The vehicle that the scenario reserves for a person.
-    own: Option<VehicleId>,
-    /// Pedals, steering and lateral errors are known; otherwise only poses are.
-    has_control_data: bool,
-}
-
-fn own_camera(sensor: &Sensor) -> ScenarioCamera {
-    let SensorKind::Camera(camera) = sensor.kind;
-    ScenarioCamera { name: sensor.name.clone(), mount: camera.mount, lens: camera.lens }
-}
-
-impl ScenarioInfo {
-    fn of(experiment: &Experiment) -> Self {
-        let vehicles = || experiment.vehicles.iter();
-        Self {
-            drivers: vehicles().map(|v| (v.id, v.controller.clone())).collect(),
-            routes: vehicles().map(|v| (v.id, v.route.clone())).collect(),
-            cameras: vehicles().map(|v| (v.id, v.sensors.iter().map(own_camera).collect())).collect(),
-            steering_geometry: vehicles()
-                .map(|v| {
-                    let wheelbase_m = v.spec.dimensions.wheelbase_m;
-                    (v.id, SteeringGeometry { wheelbase_m, steering_limit_rad: v.spec.steering_limit_rad })
-                })
-                .collect(),
-            walls: SceneDescription::walls_of(&experiment.city_map),
-            own: vehicles().find(|v| v.is_human).map(|v| v.id),
-            has_control_data: true,
-        }
-    }
-}
 
 impl ViewerState {
     /// A viewer of a new live run, which waits for its start.
@@ -649,11 +567,6 @@ impl ViewerState {
     }
 }
 
-/// The recorded runs of a scenario.
-fn recorded(scenario: &str, folders: Vec<PathBuf>) -> impl Iterator<Item = RecordedRun> {
-    folders.into_iter().map(|folder| RecordedRun { scenario: scenario.to_owned(), folder })
-}
-
 /// A clause as a sentence.
 fn sentence(clause: &str) -> String {
     let mut letters = clause.chars();
@@ -666,26 +579,4 @@ fn choice(name: &str) -> ScenarioChoice {
     let table = text.parse::<toml::Table>().unwrap_or_default();
     let description = table.get("description").and_then(toml::Value::as_str).unwrap_or_default();
     ScenarioChoice { name: name.to_owned(), description: description.to_owned() }
-}
-
-fn start(
-    request: &ScenarioRequest,
-    experiment: &Arc<Experiment>,
-    recording: &RecordingOptions,
-    before: u32,
-) -> Result<SessionHandle, WindowError> {
-    let on_update = Arc::clone(&recording.on_update);
-    let folders = match recording.logs.of(&request.scenario) {
-        Some(root) => RunFolders::Numbered { root, before },
-        None => RunFolders::None,
-    };
-    // The command has asked already whether runs may be written over.
-    let options = FileOptions { overwrite: Overwrite::Replace, ..FileOptions::default() };
-    let files = RunFiles::new(folders, LogOrigin::Run, options).without_waiting().counting(WallTime::Steps);
-    let (host, written) = (Host::system(), files.written());
-    let city = LocalCity::new(Arc::clone(experiment), host.clone()).map_err(WindowError::Begin)?;
-    let session = Session::new(city, host).with_end(Box::new(files));
-    let session = session.spawn(Some(written)).map_err(WindowError::Begin)?;
-    session.on_update(Arc::new(move || on_update()));
-    Ok(session)
 }

@@ -1,0 +1,461 @@
+//! Coordination of the vehicles in control zones: who needs a plan, and what the others will do.
+
+use super::conflicts::{PlannedMotion, SharedWay};
+use super::cubic::MotionState;
+use super::motion_plan::{DriveStyle, MotionPlan, Piece, ProfileDrive};
+use super::planner::{Heeded, Infeasible, PlanRequest};
+use super::scheduler::Coordinator;
+use super::zone::{ControlZone, Passage};
+use super::{CoordinationParams, ZoneCounts};
+use crate::{Cav, STANDS_MPS};
+
+/// Coordination state of one vehicle.
+#[derive(Clone, Debug, Default)]
+pub struct CoordinatedState {
+    /// Its ways through control zones, of its present route.
+    pub passages: Vec<Passage>,
+    /// Number of reroutes at which they were found; `None` before the first time.
+    found_at: Option<u32>,
+    /// Index in `passages` of the way that it is on, and when it entered that zone.
+    pub inside: Option<(usize, f64)>,
+    /// Its plan through the zone.
+    pub plan: Option<MotionPlan>,
+    /// Time of the last plan; negative before the first one.
+    planned_s: f64,
+    /// It asks for no plan before this time.
+    asks_from_s: f64,
+    /// When its plan is next compared with what others do.
+    reviewed_s: f64,
+    /// How often in a row it left its plan at once.
+    distrust: u32,
+    /// It does not follow its plans, and is treated as if somebody else drove.
+    pub is_distrusted: bool,
+    trusted_from_s: f64,
+    /// The present control step follows the plan, limited by nothing else.
+    pub follows_plan: bool,
+}
+
+/// A plan that is left sooner than this after it was made says that the vehicle does not follow plans.
+const KEEPS_FOR_S: f64 = 1.0;
+/// So many times in a row, and it is treated as if somebody else drove.
+const MOST_DISTRUST: u32 = 3;
+/// For this long.
+const DISTRUSTED_S: f64 = 5.0;
+/// A review drops a plan whose gaps are short by more, seconds.
+const REVIEW_TOLERANCE_S: f64 = 0.1;
+/// Vehicles farther from their conflicts are not heeded, laboratory metres beyond the zone's length.
+const HEEDED_BEYOND_M: f64 = 1.0;
+/// A vehicle without a plan slows at most to this share of its speed before it is seen again, as a prediction.
+const SLOWEST_SHARE: f64 = 0.7;
+
+impl CoordinatedState {
+    /// The way through a zone that it is on.
+    pub fn passage(&self) -> Option<&Passage> {
+        self.inside.map(|(index, _)| &self.passages[index])
+    }
+
+    /// When its front bumper is planned to be at a place.
+    pub fn front_at(&self, front_s: f64, overhang_m: f64) -> Option<f64> {
+        self.plan.as_ref().map(|plan| plan.time_at(front_s - overhang_m))
+    }
+}
+
+/// Coordinates the vehicles of all control zones.
+#[derive(Debug)]
+pub struct ZoneCoordination {
+    params: CoordinationParams,
+    zones: Vec<ControlZone>,
+    coordinator: Box<dyn Coordinator>,
+    counts: Vec<ZoneCounts>,
+}
+
+impl ZoneCoordination {
+    /// Coordination of these zones by an algorithm.
+    pub fn new(
+        params: CoordinationParams,
+        zones: Vec<ControlZone>,
+        coordinator: Box<dyn Coordinator>,
+    ) -> Self {
+        Self { params, counts: vec![ZoneCounts::default(); zones.len()], zones, coordinator }
+    }
+
+    /// The control zones.
+    pub fn zones(&self) -> &[ControlZone] {
+        &self.zones
+    }
+
+    /// What happened in each zone so far.
+    pub fn counts(&self) -> &[ZoneCounts] {
+        &self.counts
+    }
+
+    /// Drops plans that are over or do not hold, and lets the algorithm give new ones.
+    pub fn update(&mut self, now_s: f64, cavs: &mut [Cav]) {
+        for cav in cavs.iter_mut() {
+            self.locate(now_s, cav);
+            self.drop_left_plan(now_s, cav);
+        }
+        self.review(now_s, cavs);
+        for zone in 0..self.zones.len() {
+            let is_asking = |cav: &Cav| {
+                asks(now_s, cav) && cav.coordination.passage().is_some_and(|way| way.zone == zone)
+            };
+            if cavs.iter().any(is_asking) || self.coordinator.is_due(now_s) {
+                let counts = &mut self.counts[zone];
+                let mut view = ZoneView::new(now_s, zone, &self.params, cavs, counts);
+                self.coordinator.schedule(&mut view);
+                view.refuse_rest();
+            }
+        }
+    }
+
+    /// Notes which zone a vehicle is in.
+    fn locate(&self, now_s: f64, cav: &mut Cav) {
+        let is_on_route = cav.is_on_route();
+        let (front_s, axle_s, body) = (cav.front_s(), cav.axle_s(), cav.body);
+        let state = &mut cav.coordination;
+        state.is_distrusted &= now_s < state.trusted_from_s;
+        if !is_on_route {
+            (state.inside, state.plan, state.found_at) = (None, None, None);
+            return;
+        }
+        if state.found_at != Some(cav.reroutes) {
+            state.passages = ControlZone::passages(&self.zones, &cav.route);
+            (state.inside, state.plan, state.found_at) = (None, None, Some(cav.reroutes));
+        }
+        let index = state.passages.partition_point(|way| way.end_axle_s(body) <= axle_s);
+        let inside = state.passages.get(index).is_some_and(|way| front_s >= way.entry_s);
+        match state.inside {
+            Some((present, _)) if inside && present == index => {}
+            _ => {
+                state.plan = None;
+                state.inside = inside.then_some((index, now_s));
+                (state.asks_from_s, state.distrust) = (now_s, 0);
+            }
+        }
+    }
+
+    /// Drops the plan of a vehicle that is not where the plan has it.
+    fn drop_left_plan(&mut self, now_s: f64, cav: &mut Cav) {
+        let axle_s = cav.axle_s();
+        let is_lost = cav.is_lost();
+        let state = &mut cav.coordination;
+        let (Some(plan), Some(way)) = (&state.plan, state.inside) else { return };
+        let deviation_m = plan.at(now_s).position_m - axle_s;
+        if deviation_m.abs() <= self.params.tolerance_m && !is_lost {
+            if now_s - state.planned_s > KEEPS_FOR_S {
+                state.distrust = 0;
+            }
+            return;
+        }
+        state.distrust = if now_s - state.planned_s < KEEPS_FOR_S { state.distrust + 1 } else { 0 };
+        if state.distrust > MOST_DISTRUST || is_lost {
+            (state.distrust, state.is_distrusted, state.trusted_from_s) = (0, true, now_s + DISTRUSTED_S);
+        }
+        self.counts[state.passages[way.0].zone].replans += 1;
+        state.plan = None;
+    }
+
+    /// Drops plans whose gaps to others no longer hold: somebody left a plan, or a vehicle without one does what was not
+    /// expected.
+    fn review(&mut self, now_s: f64, cavs: &mut [Cav]) {
+        for index in 0..cavs.len() {
+            let state = &cavs[index].coordination;
+            if state.plan.is_none() || now_s < state.reviewed_s {
+                continue;
+            }
+            let Some(way) = state.passage() else { continue };
+            let (zone, until_m) = (way.zone, way.to_s);
+            let predictions = Predictions::of(now_s, zone, &self.params, cavs);
+            let lack_s = {
+                let request = request_of(now_s, &self.params, &cavs[index]);
+                let heeded = predictions.heeded(&cavs[index], cavs, index, |_| false);
+                match (&cavs[index].coordination.plan, request) {
+                    (Some(plan), Some(request)) => {
+                        let gaps = self.params.gaps(&cavs[index]);
+                        request.lack(&gaps, &heeded, plan, until_m, REVIEW_TOLERANCE_S)
+                    }
+                    _ => 0.0,
+                }
+            };
+            let state = &mut cavs[index].coordination;
+            state.reviewed_s = now_s + self.params.replan_s;
+            if lack_s > REVIEW_TOLERANCE_S {
+                self.counts[zone].replans += 1;
+                state.plan = None;
+                state.asks_from_s = now_s;
+            }
+        }
+    }
+}
+
+/// Whether a vehicle asks for a plan.
+fn asks(now_s: f64, cav: &Cav) -> bool {
+    let state = &cav.coordination;
+    cav.is_coordinated()
+        && !cav.is_lost()
+        && state.inside.is_some()
+        && state.plan.is_none()
+        && now_s >= state.asks_from_s
+}
+
+fn request_of<'a>(now_s: f64, params: &CoordinationParams, cav: &'a Cav) -> Option<PlanRequest<'a>> {
+    let passage = cav.coordination.passage()?;
+    Some(PlanRequest {
+        route: &cav.route,
+        body: cav.body,
+        driver: &cav.driver,
+        passage,
+        start: state_of(now_s, cav),
+        min_speed_mps: params.min_speed_mps,
+        time_weight: params.time_weight,
+    })
+}
+
+/// Where a plan begins: the reference of the last control step, within the bounds of the route.
+fn state_of(now_s: f64, cav: &Cav) -> MotionState {
+    let position_m = cav.axle_s();
+    let speed_mps = cav.plan.speed_mps.min(cav.route.speed_at(position_m)).max(0.0);
+    MotionState { time_s: now_s, position_m, speed_mps, acceleration_mps2: 0.0 }
+}
+
+/// The soonest and the latest motion of each vehicle without a plan; indices are those of the vehicles.
+#[derive(Debug)]
+struct Predictions {
+    zone: usize,
+    of: Vec<Option<[MotionPlan; 2]>>,
+}
+
+impl Predictions {
+    fn of(now_s: f64, zone: usize, params: &CoordinationParams, cavs: &[Cav]) -> Self {
+        let of = cavs.iter().map(|cav| {
+            let is_heeded = cav.is_on_route() && cav.coordination.plan.is_none();
+            let near = cav.coordination.passages.iter().find(|way| {
+                way.zone == zone
+                    && cav.front_s() >= way.entry_s - HEEDED_BEYOND_M
+                    && cav.axle_s() < way.end_axle_s(cav.body) + HEEDED_BEYOND_M
+            });
+            near.filter(|_| is_heeded).map(|way| predict(now_s, params, cav, way))
+        });
+        Self { zone, of: of.collect() }
+    }
+
+    /// The vehicles that a plan of one has to heed.
+    fn heeded<'a>(
+        &'a self,
+        own: &'a Cav,
+        cavs: &'a [Cav],
+        index: usize,
+        goes_first: impl Fn(usize) -> bool,
+    ) -> Vec<Heeded<'a>> {
+        let Some(passage) = own.coordination.passage() else { return Vec::new() };
+        let start =
+            MotionPlan::new(vec![Piece::Cubic(super::cubic::Cubic::uniform(state_of(0.0, own), 1e-3))]);
+        let own_motion = PlannedMotion { route: &own.route, body: own.body, plan: &start, latest: &start };
+        let heed = |(other, cav): (usize, &'a Cav)| {
+            let state = &cav.coordination;
+            let (plan, latest, until_m) = match (&state.plan, &self.of[other]) {
+                (Some(plan), _) => {
+                    let way = state.passage().filter(|way| way.zone == self.zone)?;
+                    (plan, plan, way.to_s)
+                }
+                (None, Some([soonest, latest])) => (soonest, latest, soonest.end().position_m),
+                (None, None) => return None,
+            };
+            // From where it is now.
+            let here =
+                MotionPlan::new(vec![Piece::Cubic(super::cubic::Cubic::uniform(state_of(0.0, cav), 1e-3))]);
+            let there = PlannedMotion { route: &cav.route, body: cav.body, plan: &here, latest: &here };
+            let shared = SharedWay::of(&own_motion, passage.to_s, &there, until_m);
+            let yields = state.plan.is_none() && gives_way(cav, own);
+            let is_heeded = !shared.is_empty() && (!yields || shared.is_behind() == Some(true));
+            let motion = PlannedMotion { route: &cav.route, body: cav.body, plan, latest };
+            is_heeded.then(|| Heeded { motion, shared, goes_first: goes_first(other) })
+        };
+        cavs.iter().enumerate().filter(|(other, _)| *other != index).filter_map(heed).collect()
+    }
+}
+
+/// Whether a vehicle without a plan gives way to one with a plan: it could have a plan, too, or does so by the rules of the
+/// road.
+fn gives_way(cav: &Cav, to: &Cav) -> bool {
+    let rank = |cav: &Cav| cav.route.sections.get(cav.passage.next_section).map(|section| section.rank);
+    let in_zone =
+        |section: usize| cav.coordination.passage().is_some_and(|way| way.sections.contains(&section));
+    let is_admitted = cav.passage.admissions.iter().any(|admission| in_zone(admission.section));
+    let by_rank = rank(cav).zip(rank(to)).is_some_and(|(own, other)| own > other);
+    !is_admitted && (cav.is_coordinated() || by_rank)
+}
+
+/// Soonest and latest motion of a vehicle without a plan, up to where it leaves the zone.
+fn predict(now_s: f64, params: &CoordinationParams, cav: &Cav, way: &Passage) -> [MotionPlan; 2] {
+    let speed_mps = cav.speed_mps();
+    let start = MotionState { time_s: now_s, position_m: cav.axle_s(), speed_mps, acceleration_mps2: 0.0 };
+    let end_m =
+        (way.end_axle_s(cav.body) + HEEDED_BEYOND_M).min(cav.route.length()).max(start.position_m + 0.1);
+    let drive = |cap_mps: f64, accelerating_mps2: f64| {
+        let style = DriveStyle {
+            cap_mps,
+            accelerating_mps2,
+            braking_mps2: cav.driver.min_acceleration_mps2.abs(),
+            hardest_braking_mps2: cav.driver.min_acceleration_mps2.abs(),
+        };
+        MotionPlan::new(vec![Piece::Profile(ProfileDrive::new(start, end_m, style, |s| {
+            cav.route.speed_at(s)
+        }))])
+    };
+    let soonest = drive(f64::INFINITY, cav.driver.max_acceleration_mps2);
+    // Who stands may go on standing; who drives is likely to go on.
+    let slowest_mps =
+        if speed_mps < STANDS_MPS { 0.0 } else { (SLOWEST_SHARE * speed_mps).max(params.min_speed_mps) };
+    [soonest, drive(slowest_mps, 0.0)]
+}
+
+/// A vehicle that asks an algorithm for a plan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CoordinationRequest {
+    /// Index of the vehicle; in id order.
+    pub vehicle: usize,
+    /// When it entered the control zone.
+    pub entered_s: f64,
+    /// When it can be at its first conflict at the soonest.
+    pub earliest_s: f64,
+}
+
+/// How an algorithm gives a plan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grant {
+    /// The first conflict is entered no sooner.
+    pub not_before_s: f64,
+    /// Whether the vehicle may go before others that have plans, into a gap of the schedule.
+    pub fills_gaps: bool,
+}
+
+/// A control zone as an algorithm sees it.
+#[derive(Debug)]
+pub struct ZoneView<'a> {
+    now_s: f64,
+    zone: usize,
+    params: &'a CoordinationParams,
+    cavs: &'a mut [Cav],
+    predictions: Predictions,
+    requests: Vec<CoordinationRequest>,
+    counts: &'a mut ZoneCounts,
+}
+
+impl<'a> ZoneView<'a> {
+    fn new(
+        now_s: f64,
+        zone: usize,
+        params: &'a CoordinationParams,
+        cavs: &'a mut [Cav],
+        counts: &'a mut ZoneCounts,
+    ) -> Self {
+        let predictions = Predictions::of(now_s, zone, params, cavs);
+        let mut view = Self { now_s, zone, params, cavs, predictions, requests: Vec::new(), counts };
+        view.requests = (0..view.cavs.len()).filter_map(|vehicle| view.request(vehicle)).collect();
+        view
+    }
+
+    fn request(&self, vehicle: usize) -> Option<CoordinationRequest> {
+        let cav = &self.cavs[vehicle];
+        let is_here = cav.coordination.passage().is_some_and(|way| way.zone == self.zone);
+        if !(is_here && asks(self.now_s, cav)) {
+            return None;
+        }
+        let (_, entered_s) = cav.coordination.inside?;
+        let earliest_s = request_of(self.now_s, self.params, cav)?.earliest_entry_s();
+        Some(CoordinationRequest { vehicle, entered_s, earliest_s })
+    }
+
+    /// Time of the control step, seconds.
+    pub fn now_s(&self) -> f64 {
+        self.now_s
+    }
+
+    /// Index of the zone.
+    pub fn zone(&self) -> usize {
+        self.zone
+    }
+
+    /// Vehicles without a plan, in id order.
+    pub fn requests(&self) -> &[CoordinationRequest] {
+        &self.requests
+    }
+
+    /// All vehicles; the indices of requests point into them.
+    pub fn vehicles(&self) -> &[Cav] {
+        self.cavs
+    }
+
+    /// Priority rank of a vehicle by the rules of the road where it passes the last conflicts of the zone: 0 on the major
+    /// road and in a roundabout.
+    pub fn rank(&self, vehicle: usize) -> u8 {
+        let cav = &self.cavs[vehicle];
+        let last = cav.coordination.passage().and_then(|way| way.sections.clone().last());
+        last.map_or(0, |index| cav.route.sections[index].rank)
+    }
+
+    /// Vehicles of the zone whose plans may still change: they are admitted to none of its sections.
+    pub fn replannable(&self) -> Vec<usize> {
+        let is_free = |cav: &Cav| {
+            cav.coordination.plan.is_some()
+                && cav.passage.admissions.is_empty()
+                && cav
+                    .coordination
+                    .passage()
+                    .is_some_and(|way| way.zone == self.zone && cav.front_s() < way.from_s)
+        };
+        (0..self.cavs.len()).filter(|index| is_free(&self.cavs[*index])).collect()
+    }
+
+    /// Plans a vehicle and keeps the plan.
+    ///
+    /// # Errors
+    /// When no plan keeps bounds and gaps; the vehicle then drives by the rules of the road and asks again.
+    pub fn grant(&mut self, vehicle: usize, grant: Grant) -> Result<&MotionPlan, Infeasible> {
+        let plan = {
+            let cav = &self.cavs[vehicle];
+            let entered_s =
+                |index: usize| self.cavs[index].coordination.inside.map_or(0.0, |(_, time_s)| time_s);
+            let goes_first =
+                |other: usize| !grant.fills_gaps && (entered_s(other), other) < (entered_s(vehicle), vehicle);
+            let heeded = self.predictions.heeded(cav, self.cavs, vehicle, goes_first);
+            let request = request_of(self.now_s, self.params, cav)
+                .ok_or(Infeasible { section: cav.passage.next_section })?;
+            request.plan(&self.params.gaps(cav), &heeded, grant.not_before_s)?
+        };
+        self.requests.retain(|request| request.vehicle != vehicle);
+        self.predictions.of[vehicle] = None;
+        self.counts.plans += 1;
+        let state = &mut self.cavs[vehicle].coordination;
+        (state.planned_s, state.reviewed_s) = (self.now_s, self.now_s + self.params.replan_s);
+        Ok(state.plan.insert(plan))
+    }
+
+    /// Takes a plan back, for [`ZoneView::restore`] or another [`ZoneView::grant`].
+    pub fn revoke(&mut self, vehicle: usize) -> Option<MotionPlan> {
+        let plan = self.cavs[vehicle].coordination.plan.take();
+        if let Some(way) = self.cavs[vehicle].coordination.passage() {
+            self.predictions.of[vehicle] = Some(predict(self.now_s, self.params, &self.cavs[vehicle], way));
+        }
+        self.requests.extend(self.request(vehicle));
+        self.requests.sort_by_key(|request| request.vehicle);
+        plan
+    }
+
+    /// Gives back a plan that was revoked in this step.
+    pub fn restore(&mut self, vehicle: usize, plan: MotionPlan) {
+        self.requests.retain(|request| request.vehicle != vehicle);
+        self.predictions.of[vehicle] = None;
+        self.cavs[vehicle].coordination.plan = Some(plan);
+    }
+
+    /// Vehicles that got no plan drive by the rules of the road, and ask again later.
+    fn refuse_rest(self) {
+        self.counts.infeasible += self.requests.len() as u64;
+        for request in &self.requests {
+            self.cavs[request.vehicle].coordination.asks_from_s = self.now_s + self.params.replan_s;
+        }
+    }
+}

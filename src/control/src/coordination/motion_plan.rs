@@ -1,0 +1,283 @@
+//! Motion plans: pieces of a motion along a route, each a cubic or a drive under the route's speed profile.
+
+use super::cubic::{Cubic, MotionState};
+
+/// A drive under a speed profile: constant acceleration between neighbouring nodes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ProfileDrive {
+    nodes: Vec<Node>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Node {
+    time_s: f64,
+    position_m: f64,
+    speed_mps: f64,
+}
+
+/// How a vehicle drives under a speed profile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriveStyle {
+    /// Largest speed, wherever the profile permits more.
+    pub cap_mps: f64,
+    /// Acceleration up to profile or cap.
+    pub accelerating_mps2: f64,
+    /// Deceleration down to the cap and before bends, positive; where it is too late for that, as the profile brakes.
+    pub braking_mps2: f64,
+    /// Hardest deceleration, positive, for a start above the profile.
+    pub hardest_braking_mps2: f64,
+}
+
+/// Distance of nodes, as of the route's speed profile.
+const STEP_M: f64 = 0.02;
+/// A drive does not get slower: it would never arrive.
+const LEAST_MPS: f64 = 1e-3;
+
+/// Nodes at the positions of the profile's samples, and at both ends.
+fn nodes_between(start: MotionState, end_m: f64) -> Vec<Node> {
+    let mut node = Node {
+        time_s: start.time_s,
+        position_m: start.position_m,
+        speed_mps: start.speed_mps.max(LEAST_MPS),
+    };
+    let mut nodes = vec![node];
+    while node.position_m < end_m - STEP_M * 1e-6 {
+        node.position_m = ((node.position_m / STEP_M + 1e-6).floor() * STEP_M + STEP_M).min(end_m);
+        nodes.push(node);
+    }
+    nodes
+}
+
+impl ProfileDrive {
+    /// The drive from a state to a position. `speed_at` is the profile, which can be braked for.
+    pub fn new(start: MotionState, end_m: f64, style: DriveStyle, speed_at: impl Fn(f64) -> f64) -> Self {
+        let mut nodes = nodes_between(start, end_m);
+        let mut next_mps = f64::INFINITY;
+        for k in (1..nodes.len()).rev() {
+            let way_m = nodes.get(k + 1).map_or(0.0, |next| next.position_m - nodes[k].position_m);
+            let braking = (next_mps * next_mps + 2.0 * style.braking_mps2 * way_m).sqrt();
+            next_mps = speed_at(nodes[k].position_m).min(style.cap_mps).min(braking);
+            nodes[k].speed_mps = next_mps;
+        }
+        for k in 1..nodes.len() {
+            let before = nodes[k - 1];
+            let way_m = nodes[k].position_m - before.position_m;
+            let square = before.speed_mps * before.speed_mps;
+            let fastest = (square + 2.0 * style.accelerating_mps2 * way_m).sqrt();
+            let slowest = |braking_mps2: f64| (square - 2.0 * braking_mps2 * way_m).max(0.0).sqrt();
+            // A start above what the style permits slows down gently, above the profile as hard as it has to.
+            let profile = speed_at(nodes[k].position_m);
+            let wanted = nodes[k].speed_mps.max(slowest(style.braking_mps2).min(profile));
+            let speed_mps = fastest.min(wanted).max(slowest(style.hardest_braking_mps2)).max(LEAST_MPS);
+            nodes[k].speed_mps = speed_mps;
+            nodes[k].time_s = before.time_s + 2.0 * way_m / (before.speed_mps + speed_mps);
+        }
+        Self { nodes }
+    }
+
+    fn at(&self, time_s: f64) -> MotionState {
+        let after = self.nodes.partition_point(|node| node.time_s <= time_s).clamp(1, self.nodes.len() - 1);
+        let (from, to) = (self.nodes[after - 1], self.nodes[after]);
+        let acceleration_mps2 = (to.speed_mps - from.speed_mps) / (to.time_s - from.time_s);
+        let t = time_s - from.time_s;
+        MotionState {
+            time_s,
+            position_m: from.position_m + (from.speed_mps + acceleration_mps2 / 2.0 * t) * t,
+            speed_mps: from.speed_mps + acceleration_mps2 * t,
+            acceleration_mps2,
+        }
+    }
+
+    fn time_at(&self, position_m: f64) -> f64 {
+        let after = self.nodes.partition_point(|node| node.position_m <= position_m);
+        let after = after.clamp(1, self.nodes.len() - 1);
+        let (from, to) = (self.nodes[after - 1], self.nodes[after]);
+        let way_m = position_m - from.position_m;
+        let square = to.speed_mps * to.speed_mps - from.speed_mps * from.speed_mps;
+        let share = way_m / (to.position_m - from.position_m);
+        let speed_mps = (from.speed_mps * from.speed_mps + square * share).max(0.0).sqrt();
+        from.time_s + 2.0 * way_m / (from.speed_mps + speed_mps)
+    }
+
+    fn cost(&self) -> f64 {
+        let squares = self.nodes.windows(2).map(|pair| {
+            let duration_s = pair[1].time_s - pair[0].time_s;
+            let gained_mps = pair[1].speed_mps - pair[0].speed_mps;
+            gained_mps * gained_mps / duration_s
+        });
+        squares.sum::<f64>() / 2.0
+    }
+}
+
+/// A piece of a plan.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Piece {
+    /// The way to a junction.
+    Cubic(Cubic),
+    /// Through a junction, and wherever the profile binds.
+    Profile(ProfileDrive),
+}
+
+impl Piece {
+    fn from_s(&self) -> f64 {
+        match self {
+            Self::Cubic(cubic) => cubic.from_s,
+            Self::Profile(drive) => drive.nodes[0].time_s,
+        }
+    }
+
+    fn at(&self, time_s: f64) -> MotionState {
+        match self {
+            Self::Cubic(cubic) => cubic.at(time_s),
+            Self::Profile(drive) => drive.at(time_s),
+        }
+    }
+
+    fn time_at(&self, position_m: f64) -> f64 {
+        match self {
+            Self::Cubic(cubic) => cubic.time_at(position_m),
+            Self::Profile(drive) => drive.time_at(position_m),
+        }
+    }
+
+    fn start(&self) -> MotionState {
+        self.at(self.from_s())
+    }
+
+    /// The motion at its end.
+    pub fn end(&self) -> MotionState {
+        match self {
+            Self::Cubic(cubic) => cubic.end(),
+            Self::Profile(drive) => drive.at(drive.nodes[drive.nodes.len() - 1].time_s),
+        }
+    }
+
+    /// Half of the integral of squared acceleration.
+    pub fn cost(&self) -> f64 {
+        match self {
+            Self::Cubic(cubic) => cubic.cost(),
+            Self::Profile(drive) => drive.cost(),
+        }
+    }
+}
+
+/// The planned motion of a vehicle along its route: positions of its front-axle centre, laboratory metres. Speeds are
+/// positive, positions continuous and strictly increasing.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MotionPlan {
+    pieces: Vec<Piece>,
+}
+
+impl MotionPlan {
+    /// A plan of pieces that follow one another.
+    pub fn new(pieces: Vec<Piece>) -> Self {
+        Self { pieces }
+    }
+
+    /// Adds a piece that begins where the plan ends.
+    pub fn push(&mut self, piece: Piece) {
+        self.pieces.push(piece);
+    }
+
+    /// Its pieces in order.
+    pub fn pieces(&self) -> &[Piece] {
+        &self.pieces
+    }
+
+    /// State at the beginning; the default one of a plan without pieces.
+    pub fn start(&self) -> MotionState {
+        self.pieces.first().map_or_else(MotionState::default, Piece::start)
+    }
+
+    /// State at the end.
+    pub fn end(&self) -> MotionState {
+        self.pieces.last().map_or_else(MotionState::default, Piece::end)
+    }
+
+    /// The motion at a time. Before the start it stands there; after the end the speed of the end goes on.
+    pub fn at(&self, time_s: f64) -> MotionState {
+        let (start, end) = (self.start(), self.end());
+        if time_s >= end.time_s {
+            let position_m = end.position_m + end.speed_mps * (time_s - end.time_s);
+            return MotionState { time_s, position_m, acceleration_mps2: 0.0, ..end };
+        }
+        if time_s <= start.time_s {
+            return MotionState { time_s, ..start };
+        }
+        let after = self.pieces.partition_point(|piece| piece.from_s() <= time_s);
+        self.pieces[after.max(1) - 1].at(time_s)
+    }
+
+    /// When a position is reached: the start for positions behind it; beyond the end the speed of the end goes on.
+    pub fn time_at(&self, position_m: f64) -> f64 {
+        let (start, end) = (self.start(), self.end());
+        if position_m <= start.position_m {
+            return start.time_s;
+        }
+        if position_m >= end.position_m {
+            return end.time_s + (position_m - end.position_m) / end.speed_mps.max(LEAST_MPS);
+        }
+        let after = self.pieces.partition_point(|piece| piece.start().position_m <= position_m);
+        self.pieces[after.max(1) - 1].time_at(position_m)
+    }
+
+    /// Half of the integral of squared acceleration, m2/s3.
+    pub fn cost(&self) -> f64 {
+        self.pieces.iter().map(Piece::cost).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn start(speed_mps: f64) -> MotionState {
+        MotionState { time_s: 3.0, position_m: 1.003, speed_mps, acceleration_mps2: 0.0 }
+    }
+
+    fn style(cap_mps: f64) -> DriveStyle {
+        DriveStyle { cap_mps, accelerating_mps2: 0.1, braking_mps2: 0.05, hardest_braking_mps2: 0.2 }
+    }
+
+    #[test]
+    fn a_drive_accelerates_to_its_cap_and_goes_on() {
+        // 0.2 to 0.35 m/s at 0.1 m/s2: 1.5 s over 0.4125 m, then 0.35 m/s.
+        let drive = ProfileDrive::new(start(0.2), 4.0, style(0.35), |_| 1.0);
+        let end = Piece::Profile(drive.clone()).end();
+        // The step across the end of the acceleration averages: no more than a step's time.
+        let exact_s = 3.0 + 1.5 + (4.0 - 1.003 - 0.4125) / 0.35;
+        assert!((end.time_s - exact_s).abs() < 0.002, "{} {exact_s}", end.time_s);
+        assert!((end.speed_mps - 0.35).abs() < 1e-12 && (end.position_m - 4.0).abs() < 1e-12);
+        assert!((drive.cost() - 0.1 * 0.15 / 2.0).abs() < 1e-4, "{}", drive.cost());
+    }
+
+    #[test]
+    fn a_drive_brakes_to_a_cap_and_stays_under_a_profile() {
+        let profile = |s: f64| if s > 3.0 { 0.15 } else { (0.15_f64.powi(2) + 0.24 * (3.0 - s)).sqrt() };
+        let drive = ProfileDrive::new(start(0.35), 4.0, style(0.3), profile);
+        for pair in drive.nodes.windows(2) {
+            assert!(pair[1].speed_mps <= profile(pair[1].position_m) + 1e-12);
+            let u = (pair[1].speed_mps - pair[0].speed_mps) / (pair[1].time_s - pair[0].time_s);
+            assert!((-0.1201..=0.1001).contains(&u), "{u}");
+        }
+        assert!((Piece::Profile(drive).end().speed_mps - 0.15).abs() < 1e-12);
+    }
+
+    #[test]
+    fn times_and_positions_of_a_plan_are_inverse_and_it_is_continuous() {
+        let cubic = Cubic::with_free_exit(start(0.3), 3.0, 3.0 + 8.0);
+        let drive = ProfileDrive::new(cubic.end(), 4.5, style(0.35), |_| 0.4);
+        let plan = MotionPlan::new(vec![Piece::Cubic(cubic), Piece::Profile(drive)]);
+        let mut last_m = f64::NEG_INFINITY;
+        for k in 0..400 {
+            let time_s = 3.0 + f64::from(k) * 0.04;
+            let here = plan.at(time_s);
+            assert!(here.position_m > last_m);
+            assert!((plan.time_at(here.position_m) - time_s).abs() < 1e-9, "{time_s}");
+            last_m = here.position_m;
+        }
+        assert!((plan.at(11.0 - 1e-9).speed_mps - plan.at(11.0 + 1e-9).speed_mps).abs() < 1e-6);
+        assert_eq!(plan.time_at(0.0), 3.0);
+        assert_eq!(plan.at(0.0).position_m, 1.003);
+    }
+}

@@ -1,0 +1,89 @@
+//! Runs of scenarios given as text, and what is measured of them.
+
+use city3d_protocol::snapshot::{EventKind, VehicleId};
+use city3d_roadmap::Grid;
+use city3d_simulation::runner::Run;
+use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// What became of one vehicle, laboratory units.
+#[derive(Clone, Debug, Default)]
+pub struct Driven {
+    /// Integral of squared acceleration, m2/s3.
+    pub squared_acceleration: f64,
+    /// The same until it left the zone.
+    pub until_through: f64,
+    /// Times at which it came to a stand.
+    pub stops: Vec<f64>,
+    /// By control zone passed, when the rear left it.
+    pub left_zone_s: Option<f64>,
+    /// Least speed before it left the zone.
+    pub slowest_mps: f64,
+    /// Time and speed, every tick.
+    pub speeds: Vec<(f64, f64)>,
+}
+
+/// What became of a run.
+#[derive(Debug, Default)]
+pub struct Outcome {
+    pub vehicles: BTreeMap<u32, Driven>,
+    pub collisions: usize,
+}
+
+/// A shipped scenario as text.
+pub fn shipped(name: &str) -> String {
+    Library::scenario(name).unwrap().0
+}
+
+/// An experiment on a grid map, in the scenario `map.dxf`.
+pub fn grid_experiment(size: &str, control: &str, text: &str) -> Experiment {
+    let grid = Grid { size: size.parse().unwrap(), control: control.parse().unwrap(), ..Grid::default() };
+    let map = grid.to_dxf().unwrap().into_bytes();
+    let library = Library::kept(map, BTreeMap::new());
+    read_experiment("test", text, &library, Overrides::default()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// A run of a scenario under overrides. `exit_lane`: a vehicle is through when its rear has left the lane before it.
+pub fn run(text: &str, overrides: Overrides, is_through: impl Fn(&Run, VehicleId) -> bool) -> Outcome {
+    let library = Library::scenario("roundabout").unwrap().1;
+    let experiment =
+        read_experiment("test", text, &library, overrides).unwrap_or_else(|error| panic!("{error}"));
+    let ticks = experiment.ticks();
+    let scale = experiment.scale;
+    let mut run = Run::new(Arc::new(experiment)).unwrap();
+    let mut outcome = Outcome::default();
+    let mut last: BTreeMap<u32, f64> = BTreeMap::new();
+    for _ in 0..ticks {
+        let snapshot = run.step().clone();
+        for event in &snapshot.events {
+            match event.kind {
+                EventKind::Collision { .. } | EventKind::CollisionStatic { .. } => outcome.collisions += 1,
+                EventKind::Stop => {
+                    outcome.vehicles.entry(event.vehicle.0).or_default().stops.push(event.time_s);
+                }
+                _ => {}
+            }
+        }
+        for state in &snapshot.vehicles {
+            let driven = outcome
+                .vehicles
+                .entry(state.id.0)
+                .or_insert_with(|| Driven { slowest_mps: f64::INFINITY, ..Driven::default() });
+            let speed_mps = scale.lab_from_city(state.speed_mps);
+            let dt_s = 1.0 / f64::from(run.experiment().rates.physics_hz);
+            if let Some(before_mps) = last.insert(state.id.0, speed_mps) {
+                driven.squared_acceleration += ((speed_mps - before_mps) / dt_s).powi(2) * dt_s;
+            }
+            driven.speeds.push((snapshot.time_s, speed_mps));
+            if driven.left_zone_s.is_none() {
+                driven.slowest_mps = driven.slowest_mps.min(speed_mps);
+                driven.until_through = driven.squared_acceleration;
+                if is_through(&run, state.id) {
+                    driven.left_zone_s = Some(snapshot.time_s);
+                }
+            }
+        }
+    }
+    outcome
+}

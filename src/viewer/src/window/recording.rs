@@ -1,0 +1,76 @@
+//! Recording of the runs of a window: where their files go, and what was written.
+
+use super::WindowError;
+use city3d_logbook::record::LogOrigin;
+use city3d_session::{
+    FileOptions, Host, LocalCity, Overwrite, RunFiles, RunFolders, Session, SessionHandle, WallTime,
+};
+use city3d_simulation::scenario::{Experiment, ScenarioRequest};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Recording of runs, and notification of updates.
+pub struct RecordingOptions {
+    /// Where live runs are recorded.
+    pub logs: LogLocation,
+    /// Called on another thread when there is something new to show; it must not block.
+    pub on_update: Arc<dyn Fn() + Send + Sync>,
+}
+
+/// A finished run that was recorded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecordedRun {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Folder of its log, table and summary.
+    pub folder: PathBuf,
+}
+
+/// Where runs are recorded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LogLocation {
+    /// Runs are not recorded.
+    Nowhere,
+    /// In this folder, one run after another.
+    In(PathBuf),
+    /// In the user's data folder, in a new folder named after the scenario.
+    OfTheUser,
+}
+
+impl LogLocation {
+    fn of(&self, scenario: &str) -> Option<PathBuf> {
+        match self {
+            Self::Nowhere => None,
+            Self::In(folder) => Some(folder.clone()),
+            Self::OfTheUser => super::settings::log_folder(scenario),
+        }
+    }
+}
+
+/// The recorded runs of a scenario.
+pub(super) fn recorded(scenario: &str, folders: Vec<PathBuf>) -> impl Iterator<Item = RecordedRun> {
+    folders.into_iter().map(|folder| RecordedRun { scenario: scenario.to_owned(), folder })
+}
+
+/// Begins a session of a scenario, which waits for its start; its runs are numbered on from those `before`.
+pub(super) fn start(
+    request: &ScenarioRequest,
+    experiment: &Arc<Experiment>,
+    recording: &RecordingOptions,
+    before: u32,
+) -> Result<SessionHandle, WindowError> {
+    let on_update = Arc::clone(&recording.on_update);
+    let folders = match recording.logs.of(&request.scenario) {
+        Some(root) => RunFolders::Numbered { root, before },
+        None => RunFolders::None,
+    };
+    // The command has asked already whether runs may be written over.
+    let options = FileOptions { overwrite: Overwrite::Replace, ..FileOptions::default() };
+    let files = RunFiles::new(folders, LogOrigin::Run, options).without_waiting().counting(WallTime::Steps);
+    let (host, written) = (Host::system(), files.written());
+    let city = LocalCity::new(Arc::clone(experiment), host.clone()).map_err(WindowError::Begin)?;
+    let session = Session::new(city, host).with_end(Box::new(files));
+    let session = session.spawn(Some(written)).map_err(WindowError::Begin)?;
+    session.on_update(Arc::new(move || on_update()));
+    Ok(session)
+}

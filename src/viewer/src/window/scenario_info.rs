@@ -1,0 +1,48 @@
+//! What the panels show of an experiment besides its state: drivers, routes, cameras, steering and walls.
+
+use crate::cockpit::SteeringGeometry;
+use crate::ui::{DriverNames, ScenarioCamera};
+use city3d_protocol::snapshot::VehicleId;
+use city3d_roadmap::LaneId;
+use city3d_scene::{SceneDescription, Wall};
+use city3d_sensors::{Sensor, SensorKind};
+use city3d_simulation::scenario::Experiment;
+use std::collections::BTreeMap;
+
+/// Data of an experiment for the panels.
+pub(super) struct ScenarioInfo {
+    pub drivers: DriverNames,
+    pub routes: BTreeMap<VehicleId, Vec<LaneId>>,
+    pub cameras: BTreeMap<VehicleId, Vec<ScenarioCamera>>,
+    pub steering_geometry: BTreeMap<VehicleId, SteeringGeometry>,
+    pub walls: Vec<Wall>,
+    /// The vehicle that the scenario reserves for a person.
+    pub own: Option<VehicleId>,
+    /// Pedals, steering and lateral errors are known; otherwise only poses are.
+    pub has_control_data: bool,
+}
+
+fn own_camera(sensor: &Sensor) -> ScenarioCamera {
+    let SensorKind::Camera(camera) = sensor.kind;
+    ScenarioCamera { name: sensor.name.clone(), mount: camera.mount, lens: camera.lens }
+}
+
+impl ScenarioInfo {
+    pub fn of(experiment: &Experiment) -> Self {
+        let vehicles = || experiment.vehicles.iter();
+        Self {
+            drivers: vehicles().map(|v| (v.id, v.controller.clone())).collect(),
+            routes: vehicles().map(|v| (v.id, v.route.clone())).collect(),
+            cameras: vehicles().map(|v| (v.id, v.sensors.iter().map(own_camera).collect())).collect(),
+            steering_geometry: vehicles()
+                .map(|v| {
+                    let wheelbase_m = v.spec.dimensions.wheelbase_m;
+                    (v.id, SteeringGeometry { wheelbase_m, steering_limit_rad: v.spec.steering_limit_rad })
+                })
+                .collect(),
+            walls: SceneDescription::walls_of(&experiment.city_map),
+            own: vehicles().find(|v| v.is_human).map(|v| v.id),
+            has_control_data: true,
+        }
+    }
+}
