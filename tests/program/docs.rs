@@ -296,7 +296,10 @@ fn files_of_a_run_are_as_described() {
         serde_json::from_slice(&std::fs::read(folder.join("summary.json")).unwrap()).unwrap();
     let described = first_cells(section(&text, "summary.json"));
     let vehicle = summary["vehicles"]["1"].as_object().unwrap();
-    for field in summary.as_object().unwrap().keys().chain(vehicle.keys()) {
+    let traffic =
+        [&summary["traffic"], &vehicle["traffic"]].map(|traffic| traffic.as_object().unwrap().keys());
+    let of_run = summary.as_object().unwrap().keys().chain(vehicle.keys());
+    for field in of_run.chain(traffic.into_iter().flatten()) {
         assert!(described.contains(field), "{field} of summary.json is not in docs/outputs.md");
     }
 

@@ -125,6 +125,9 @@ struct WindowPictureArgs {
     /// Camera of the large view
     #[arg(long, value_name = "MODE")]
     mode: Option<ModeArg>,
+    /// Open the panel Traffic
+    #[arg(long)]
+    traffic: bool,
 }
 
 /// The name of a PNG file.
@@ -273,6 +276,7 @@ impl WindowArgs {
             select: self.picture.select.clone(),
             previews: self.picture.preview.clone(),
             mode: self.picture.mode.map(CameraMode::from),
+            traffic: self.picture.traffic,
             quit: QuitSignal::default(),
         }
     }

@@ -311,9 +311,10 @@ impl Cav {
         self.controller.acceleration(own, desired, ahead)
     }
 
-    /// Acceleration with which it can still stop behind a leader that brakes as hard as it can itself (Gipps).
-    pub(super) fn safe_acceleration_for(&self, leader: LeaderState) -> f64 {
-        self.driver.safe_acceleration(self.speed_mps, leader, self.margin_m())
+    /// Acceleration with which it can still stop before a place or behind a leader that brakes as hard as it can itself
+    /// (Gipps), with `standstill_m` left.
+    pub(super) fn safe_acceleration_for(&self, leader: LeaderState, standstill_m: f64) -> f64 {
+        self.driver.safe_acceleration(self.speed_mps, leader, self.margin_m() + standstill_m)
     }
 
     /// Whether it takes part in coordination where it is: a driver that heeds nobody does not, nor a vehicle that does

@@ -200,7 +200,7 @@ impl Mainframe {
         let acceleration_mps2 = planned.unwrap_or_else(|| cav.acceleration_for(None));
         // A plan has its gaps already: what others do limits it only where it would no longer be safe.
         let behind = |leader: LeaderState| match planned {
-            Some(_) => cav.safe_acceleration_for(leader),
+            Some(_) => cav.safe_acceleration_for(leader, cav.driver.standstill_gap_m),
             None => cav.acceleration_for(Some(leader)),
         };
         let mut decision =
@@ -217,7 +217,15 @@ impl Mainframe {
         self.yield_constraints.clear();
         self.right_of_way.yield_constraints(index, &self.cavs, &mut self.yield_constraints);
         for constraint in &self.yield_constraints {
-            let stop = |gap_m| behind(LeaderState { gap_m, speed_mps: 0.0 });
+            let stop = |gap_m| {
+                let place = LeaderState { gap_m, speed_mps: 0.0 };
+                match planned {
+                    // Where it has no admission it keeps its distance from the line, so as not to roll over it.
+                    Some(_) if constraint.section == cav.passage.next_section => behind(place),
+                    Some(_) => cav.safe_acceleration_for(place, 0.0),
+                    None => cav.acceleration_for(Some(place)),
+                }
+            };
             let u = match constraint.kind {
                 ConstraintKind::Stop { gap_m } => stop(gap_m),
                 ConstraintKind::Merging { leader, wait_gap_m } if wait_gap_m > 0.0 => {

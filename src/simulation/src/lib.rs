@@ -1,7 +1,8 @@
 //! The simulated city: scenarios, the world, the environment between it and its control framework, the emulated
-//! testbed, runs of all of them in lockstep, and the parameter grids of sweeps.
+//! testbed, runs of all of them in lockstep, measures of their traffic, and the parameter grids of sweeps.
 
 pub mod environment;
+pub mod measures;
 pub mod runner;
 pub mod scenario;
 pub mod sim;

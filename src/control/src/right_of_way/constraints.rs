@@ -1,7 +1,7 @@
 //! What the right of way of others means for the driver of a vehicle: virtual stopped vehicles, and leaders that merge.
 
 use super::{
-    COMFORTABLE_BRAKING, FIRM_BRAKING, LEAVING_MPS, RightOfWay, ZONE_MARGIN_M, asking_distance,
+    COMFORTABLE_BRAKING, FIRM_BRAKING, FIRST_ORDER, LEAVING_MPS, RightOfWay, ZONE_MARGIN_M, asking_distance,
     braking_distance,
 };
 use crate::route::{RANK_MAJOR, ZoneCrossing};
@@ -66,7 +66,9 @@ impl RightOfWay {
         let to_entry_m = crossing.from_s - front_s;
         let to_end_m = crossing.to_s - front_s;
         for user in &self.users[crossing.zone.index()] {
-            let goes_first = user.order.is_some_and(|other| other < order);
+            // Who has come in without a number goes before all others but those that are there already.
+            let is_there_already = order < FIRST_ORDER && to_entry_m > 0.0 && user.to_entry_m <= 0.0;
+            let goes_first = is_there_already || user.order.is_some_and(|other| other < order);
             if user.side == crossing.side || user.vehicle == vehicle || !goes_first {
                 continue;
             }

@@ -3,6 +3,7 @@
 pub mod chart;
 mod compare;
 mod draw;
+mod occupancy;
 mod paths;
 mod plan;
 mod run;
@@ -13,6 +14,7 @@ mod views;
 
 pub use compare::{CompareError, Comparison, ComparisonRow, ComparisonValue, RunHeader, RunSeparation};
 pub use draw::{DrawError, FigureSize, WriteError, png, svg, write};
+pub use occupancy::{ZoneStay, zone_stays};
 pub use paths::{MergingPoint, PathError, Stream, StreamLayout, StreamMember, crossings, merges};
 pub use run::{RunError, RunLog, Trace, TraceSample};
 pub use series::{AVERAGED_S, differences, moving_average, rms_speed_difference};

@@ -21,20 +21,20 @@ const LEAST_SPEED_MPS: f64 = 0.05;
 /// All figures of one run, or of two side by side.
 #[derive(Debug)]
 pub struct FigureSet<'a> {
-    runs: &'a [RunLog],
-    layout: &'a StreamLayout,
+    pub(super) runs: &'a [RunLog],
+    pub(super) layout: &'a StreamLayout,
     /// Streams of each run.
-    streams: Vec<Vec<Stream>>,
-    labels: Vec<String>,
+    pub(super) streams: Vec<Vec<Stream>>,
+    pub(super) labels: Vec<String>,
     /// Line styles of the selected vehicles.
-    strokes: BTreeMap<VehicleId, LineStyle>,
+    pub(super) strokes: BTreeMap<VehicleId, LineStyle>,
     has_own_colours: bool,
 }
 
 /// A trace segment of a vehicle on a path: sample index, position and averaged speed in laboratory units.
-struct PathSegment<'r> {
-    trace: &'r Trace,
-    points: Vec<(usize, f64, f64)>,
+pub(super) struct PathSegment<'r> {
+    pub(super) trace: &'r Trace,
+    pub(super) points: Vec<(usize, f64, f64)>,
 }
 
 /// Columns of a segment's rows.
@@ -103,6 +103,11 @@ impl<'a> FigureSet<'a> {
             );
         }
         figures.push(self.space_time());
+        match self.occupancy() {
+            Some(figure) => figures.push(figure),
+            None => notes
+                .push("no conflict zone was passed on both sides: no figure of their occupancy".to_owned()),
+        }
         figures.push(self.lateral_error());
         if self.runs.iter().any(|run| run.origin.has_world()) {
             figures.push(self.pedals());
@@ -127,7 +132,7 @@ impl<'a> FigureSet<'a> {
         }
     }
 
-    fn panel_title(&self, run: usize) -> String {
+    pub(super) fn panel_title(&self, run: usize) -> String {
         if self.runs.len() == 1 {
             return String::new();
         }
@@ -135,7 +140,7 @@ impl<'a> FigureSet<'a> {
     }
 
     /// Note on the origin of positions.
-    fn origin_note(&self) -> String {
+    pub(super) fn origin_note(&self) -> String {
         let lane = |index: usize| self.streams[0][index].lane.as_str();
         match &self.layout.merge {
             Some(merge) => {
@@ -158,7 +163,7 @@ impl<'a> FigureSet<'a> {
         }
     }
 
-    fn segments(&self, run: usize, stream: usize) -> impl Iterator<Item = PathSegment<'_>> {
+    pub(super) fn segments(&self, run: usize, stream: usize) -> impl Iterator<Item = PathSegment<'_>> {
         let log = &self.runs[run];
         let shown = |member: &&StreamMember| self.strokes.contains_key(&member.vehicle);
         let members = self.streams[run][stream].members.iter().filter(shown);
@@ -177,7 +182,7 @@ impl<'a> FigureSet<'a> {
     }
 
     /// Line style of a vehicle on a path: its own, or that of the path where there are too many.
-    fn stroke_on(&self, stream: usize, id: VehicleId) -> LineStyle {
+    pub(super) fn stroke_on(&self, stream: usize, id: VehicleId) -> LineStyle {
         if self.has_own_colours {
             return self.stroke(id);
         }
@@ -221,7 +226,7 @@ impl<'a> FigureSet<'a> {
     }
 
     /// The vehicles of some streams.
-    fn legend(&self, streams: impl Iterator<Item = usize>) -> Vec<LegendEntry> {
+    pub(super) fn legend(&self, streams: impl Iterator<Item = usize>) -> Vec<LegendEntry> {
         let mut keys = Vec::new();
         for stream in streams {
             let members =
@@ -240,12 +245,12 @@ impl<'a> FigureSet<'a> {
         keys
     }
 
-    fn name(&self, id: VehicleId) -> String {
+    pub(super) fn name(&self, id: VehicleId) -> String {
         let trace = self.runs.iter().find_map(|run| run.vehicle(id));
         trace.map_or_else(|| id.to_string(), |trace| trace.name.clone())
     }
 
-    fn figure(&self, name: &str, what: &str, columns: &[&'static str]) -> Figure {
+    pub(super) fn figure(&self, name: &str, what: &str, columns: &[&'static str]) -> Figure {
         Figure {
             name: name.to_owned(),
             title: self.title(what),
@@ -259,7 +264,7 @@ impl<'a> FigureSet<'a> {
         }
     }
 
-    fn fit_alike(figure: &mut Figure, x_with: &[f64], y_with: &[f64]) {
+    pub(super) fn fit_alike(figure: &mut Figure, x_with: &[f64], y_with: &[f64]) {
         let mut all = Panel::default();
         all.lines.extend(figure.panels.iter().flat_map(|panel| panel.lines.iter().cloned()));
         all.fit(x_with, y_with);

@@ -1,13 +1,14 @@
 //! Heat maps of a sweep over one or two axes: the share of seeds with a collision and, where streams merge, the share
 //! in which a yielding vehicle merges before the others are through.
 
+use super::delay::DELAY_FLOW;
 use super::table::column;
 use crate::figures::chart::{ColourBar, Figure, HeatMapCell, Panel};
 use crate::figures::{TidyTable, number};
 use city3d_simulation::sweep::Axis;
 
-/// Names of the maps.
-pub const MAPS: [&str; 2] = ["merge_success", "collisions"];
+/// Names of the figures.
+pub const MAPS: [&str; 3] = ["merge_success", "collisions", DELAY_FLOW];
 
 /// Results of a whole sweep.
 #[derive(Debug)]
@@ -40,9 +41,10 @@ struct MapText {
 }
 
 impl SweepResults<'_> {
-    /// Every map that can be drawn; none where the sweep has not one or two axes.
+    /// Every figure that can be drawn: maps where the sweep has one or two axes, and delay against flow where one varies
+    /// the demand.
     pub fn figures(&self) -> Vec<Figure> {
-        self.merging().into_iter().chain(self.collisions()).collect()
+        self.merging().into_iter().chain(self.collisions()).chain(self.delay_against_flow()).collect()
     }
 
     fn merging(&self) -> Option<Figure> {
@@ -85,7 +87,7 @@ impl SweepResults<'_> {
         })
     }
 
-    fn name(&self) -> &str {
+    pub(super) fn name(&self) -> &str {
         self.document.get("name").and_then(toml::Value::as_str).unwrap_or_default()
     }
 

@@ -2,7 +2,7 @@
 
 use crate::figures::number;
 use city3d_outputs::WholeFile;
-use city3d_simulation::runner::RunMetrics;
+use city3d_simulation::runner::{RunMetrics, TrafficMetrics};
 use city3d_simulation::scenario::Overrides;
 use city3d_simulation::sweep::{Axis, Job};
 use std::fs::{File, OpenOptions};
@@ -10,8 +10,8 @@ use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// Columns behind those of the axes and of the seed. Laboratory units.
-const COLUMNS: [&str; 12] = [
+/// Columns behind those of the axes and of the seed. Laboratory units; fuel is that of a car at full scale.
+const COLUMNS: [&str; 30] = [
     "merge_order",
     "squeezed_in",
     "all_merged_s",
@@ -23,6 +23,24 @@ const COLUMNS: [&str; 12] = [
     "mean_speed_mps",
     "longest_stand_s",
     "max_lateral_error_m",
+    "passages",
+    "mean_travel_s",
+    "mean_delay_s",
+    "max_delay_s",
+    "held_s",
+    "throughput_per_h",
+    "slow_stops",
+    "stood_s",
+    "mean_queue",
+    "max_queue",
+    "order_inversions",
+    "fuel_ml",
+    "fuel_with_cruise_ml",
+    "int_u2_m2ps3",
+    "min_ttc_s",
+    "max_drac_mps2",
+    "min_gap_m",
+    "min_pet_s",
     "state_hash",
 ];
 
@@ -247,9 +265,35 @@ pub fn row(job: &Job, seed: u64, outcome: &RunMetrics) -> Vec<String> {
         number(outcome.mean_speed_mps, 5),
         number(outcome.longest_stand_s, 2),
         number(outcome.max_lateral_error_m, 6),
-        format!("{:016x}", outcome.state_hash),
     ];
-    settings.chain(rest).collect()
+    let hash = format!("{:016x}", outcome.state_hash);
+    settings.chain(rest).chain(traffic(&outcome.traffic)).chain([hash]).collect()
+}
+
+/// The columns of the traffic.
+fn traffic(of: &TrafficMetrics) -> [String; 18] {
+    let some = |value: Option<f64>, decimals| value.map_or_else(String::new, |value| number(value, decimals));
+    let TrafficMetrics { passages, queue, safety, .. } = of;
+    [
+        passages.count.to_string(),
+        some(passages.mean_travel_s, 4),
+        some(passages.mean_delay_s, 4),
+        some(passages.max_delay_s, 4),
+        number(passages.held_s, 3),
+        some(passages.throughput_per_h, 2),
+        passages.stops.to_string(),
+        number(passages.stood_s, 3),
+        number(queue.mean(), 4),
+        queue.max.to_string(),
+        of.order_inversions.to_string(),
+        number(of.fuel_ml, 3),
+        number(of.fuel_with_cruise_ml, 3),
+        number(of.int_u2_m2ps3, 7),
+        some(safety.min_ttc_s, 3),
+        some(Some(safety.max_drac_mps2).filter(|drac| drac.is_finite()), 5),
+        some(safety.min_gap_m, 5),
+        some(safety.min_pet_s, 3),
+    ]
 }
 
 /// Index of a column of [`row`] after the axes.

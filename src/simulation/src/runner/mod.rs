@@ -12,7 +12,7 @@ mod summary;
 pub use control::ControlLoop;
 pub use observed::{ObservedCity, ObservedMotion};
 pub use observer::{LaneUse, Observer, VehicleTotals};
-pub use outcome::{MergingStreams, RunMetrics};
+pub use outcome::{MergingStreams, RunMetrics, TrafficMetrics};
 pub use poses::pose_bodies;
 pub use server_world::{AppliedBody, MOTION_CAPTURE, OPERATOR, SenderNumber, ServerRules, ServerWorld};
 pub use summary::{EndSummary, LinkSummary, PicturesSummary, RosSummary, Summary, VehicleSummary};

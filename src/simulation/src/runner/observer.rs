@@ -1,5 +1,7 @@
-//! Evaluates a run: progress of each vehicle on its route, lane keeping of its outline, stops, and use of the lanes.
+//! Evaluates a run: progress of each vehicle on its route, lane keeping of its outline, stops, use of the lanes, and the
+//! measures of traffic.
 
+use crate::measures::TrafficMeasures;
 use crate::scenario::{Experiment, PlannedVehicle};
 use city3d_control::Mainframe;
 use city3d_estimation::STANDS_MPS;
@@ -65,6 +67,7 @@ pub struct Observer {
     roster: Arc<Vec<VehicleInfo>>,
     lanes: LaneUse,
     every_ticks: u64,
+    traffic: TrafficMeasures,
 }
 
 /// Progress and totals of a vehicle.
@@ -141,6 +144,7 @@ impl Observer {
             roster: Arc::default(),
             lanes,
             every_ticks: u64::from((experiment.rates.physics_hz / SAMPLES_PER_S).max(1)),
+            traffic: TrafficMeasures::new(experiment),
         }
     }
 
@@ -152,6 +156,7 @@ impl Observer {
         snapshot: &FrameSnapshot,
         events: &mut Vec<Event>,
     ) {
+        self.traffic.observe(mainframe, snapshot);
         self.add_new_vehicles(&snapshot.roster);
         for cav in mainframe.into_iter().flat_map(Mainframe::cavs) {
             if let Some(track) = self.track(cav.id)
@@ -221,6 +226,11 @@ impl Observer {
     /// In id order.
     pub fn totals(&self) -> impl Iterator<Item = &VehicleTotals> {
         self.tracks.iter().map(|track| &track.totals)
+    }
+
+    /// Fuel, stops, surrogate safety, passages and delays.
+    pub fn traffic(&self) -> &TrafficMeasures {
+        &self.traffic
     }
 
     /// Lanes that were entered so far.

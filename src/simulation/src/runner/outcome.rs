@@ -1,6 +1,7 @@
 //! Metrics of a run for parameter studies, without files.
 
 use super::{Observer, Run};
+use crate::measures::{PassageTotals, Queue, Safety, TrafficMeasures};
 use crate::scenario::Experiment;
 use city3d_control::SetupError;
 use city3d_protocol::snapshot::{Event, EventKind, VehicleId};
@@ -94,8 +95,56 @@ pub struct RunMetrics {
     pub longest_stand_s: f64,
     /// Largest distance of a front-axle centre from its desired path.
     pub max_lateral_error_m: f64,
+    /// Delay, fuel and surrogate safety.
+    pub traffic: TrafficMetrics,
     /// Digest of the last state.
     pub state_hash: u64,
+}
+
+/// Traffic of a run. Laboratory units, but fuel is that of a car at full scale.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TrafficMetrics {
+    /// Passages of the control zone where the experiment has exactly one, else whole trips.
+    pub passages: PassageTotals,
+    /// Pairs that left the control zone in another order than they entered it.
+    pub order_inversions: u32,
+    /// Vehicles that stand in the control zone or are held before it; without one, in the whole city.
+    pub queue: Queue,
+    /// Fuel of all vehicles over the whole run, without any while braking.
+    pub fuel_ml: f64,
+    /// The same with the term of the speed while braking.
+    pub fuel_with_cruise_ml: f64,
+    /// Integral of the squared acceleration of all vehicles.
+    pub int_u2_m2ps3: f64,
+    /// Surrogate safety, the worst of all vehicles.
+    pub safety: Safety,
+}
+
+impl TrafficMetrics {
+    /// Metrics of what has been measured.
+    pub fn of(measures: &TrafficMeasures) -> Self {
+        let effort = measures.effort();
+        let factor = measures.scale().factor();
+        let metrics = Self {
+            passages: measures.trips(),
+            order_inversions: 0,
+            queue: *measures.queue(),
+            fuel_ml: effort.fuel_ml,
+            fuel_with_cruise_ml: effort.fuel_with_cruise_ml,
+            int_u2_m2ps3: effort.int_u2_m2ps3 / (factor * factor),
+            safety: measures.safety(),
+        };
+        let mut zones = measures.zones();
+        match (zones.next(), zones.next()) {
+            (Some((zone, traffic)), None) => Self {
+                passages: measures.zone_totals(&zone.name).unwrap_or_default(),
+                order_inversions: traffic.order_inversions,
+                queue: traffic.queue,
+                ..metrics
+            },
+            _ => metrics,
+        }
+    }
 }
 
 impl RunMetrics {
@@ -136,6 +185,7 @@ impl RunMetrics {
             longest_stand_s: observer.totals().map(|totals| totals.longest_stand_s).fold(0.0, f64::max),
             mean_speed_mps: lab(driven_m / vehicles / last.time_s.max(1e-9)),
             max_lateral_error_m: lab(worst),
+            traffic: TrafficMetrics::of(observer.traffic()),
             state_hash: last.state_hash,
         })
     }

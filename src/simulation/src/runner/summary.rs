@@ -1,6 +1,7 @@
 //! `summary.json`: the results of a run.
 
 use super::Observer;
+use crate::measures::{TrafficReport, VehicleTraffic};
 use crate::scenario::Experiment;
 use city3d_protocol::snapshot::{Event, FrameSnapshot, Status};
 use city3d_protocol::wire::DropCounts;
@@ -30,6 +31,9 @@ pub struct VehicleSummary {
     pub max_lane_excess_m: f64,
     /// Collisions with vehicles and static obstacles; one between two vehicles counts for both.
     pub collisions: u32,
+    /// Delay, fuel and effort, surrogate safety; `None` for a vehicle that was never seen.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub traffic: Option<VehicleTraffic>,
 }
 
 /// Results of a run, full-scale SI units.
@@ -56,6 +60,8 @@ pub struct Summary {
     pub state_hash: String,
     /// Mean over the vehicles of their mean speeds; 0 without vehicles.
     pub mean_speed_mps: f64,
+    /// Delay, throughput, fuel and surrogate safety of the whole city, and of the control zones.
+    pub traffic: TrafficReport,
     /// Lanes that no vehicle has entered.
     pub unused_lanes: Vec<String>,
     /// Events of all vehicles, tick by tick.
@@ -172,6 +178,10 @@ impl Summary {
                     .filter(|excess_m| excess_m.is_finite())
                     .unwrap_or(0.0),
                 collisions: totals.collisions,
+                traffic: observer
+                    .traffic()
+                    .vehicle(id)
+                    .map(|tracked| VehicleTraffic::of(tracked, experiment.scale)),
             };
             vehicles.insert(id.0, summary);
         }
@@ -191,6 +201,7 @@ impl Summary {
             collisions: events.iter().filter(|event| event.kind.is_collision()).count(),
             state_hash: format!("{:016x}", last.state_hash),
             mean_speed_mps: mean(|vehicle| vehicle.mean_speed_mps),
+            traffic: TrafficReport::of(observer.traffic()),
             unused_lanes: lanes.collect(),
             events,
             vehicles,

@@ -5,6 +5,7 @@ use super::models::UserModels;
 use super::placement::MovedStart;
 use super::time_of_day::TimeOfDay;
 use crate::environment::{EnvironmentProfile, EnvironmentSpec};
+use city3d_control::coordination::ControlZone;
 use city3d_control::{
     CavGeometry, CavSetup, CoordinationRules, DriverParams, RightOfWayParams, SignalPlan, TrafficRules,
 };
@@ -181,6 +182,8 @@ pub struct Experiment {
     pub signals: Vec<SignalPlan>,
     /// Coordination of vehicles in control zones; `None` without.
     pub coordination: Option<CoordinationRules>,
+    /// Control zones, whose passages are measured whether or not vehicles are coordinated there.
+    pub control_zones: Vec<ControlZone>,
     /// Environment between the control framework and the simulated vehicles.
     pub environment: EnvironmentSpec,
     /// Environment of the robots of `city3d testbed`.

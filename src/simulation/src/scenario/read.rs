@@ -296,7 +296,6 @@ impl ScenarioReader<'_> {
         let mut map = self.map;
         read_all_way_stops(root, &mut map);
         let signals = read_signals(root, &mut map, &named.worst_driver());
-        let coordination = read_coordination(root, &map);
         let model = self.overrides.model;
         let basis = ReadContext { map: &map, models: self.models, scale, model, seed, duration_s, rates };
         let mut fleet = FleetBuilder::default();
@@ -320,6 +319,7 @@ impl ScenarioReader<'_> {
             fleet.check_starts(root, &map, scale, &moved);
             check_room_before_signals(root, &map, scale, &fleet.vehicles);
         }
+        let coordination = read_coordination(root, &map);
         Experiment {
             name,
             description,
@@ -334,7 +334,8 @@ impl ScenarioReader<'_> {
             vehicle_types: named.types.into_iter().map(|(name, build)| (name, build.spec)).collect(),
             right_of_way: read_right_of_way(root),
             signals,
-            coordination,
+            control_zones: coordination.zones,
+            coordination: coordination.rules,
             environment,
             testbed,
             time_of_day: read_time_of_day(root),

@@ -1,4 +1,4 @@
-//! `[coordination]` and `[[control_zone]]`: which vehicles are coordinated, where and how.
+//! `[coordination]` and `[[control_zone]]`: which vehicles are coordinated, where and how, and where passages are measured.
 
 use super::fields::{TableFields, one_of};
 use city3d_control::CoordinationRules;
@@ -10,22 +10,28 @@ use std::ops::Range;
 /// Length of road before a junction on which vehicles are coordinated unless the scenario says otherwise.
 const ZONE_LENGTH_M: f64 = 6.0;
 
-/// Reads the coordination of a scenario; `None` where there is none.
-pub fn read_coordination(root: &TableFields<'_, '_>, map: &LabMap) -> Option<CoordinationRules> {
+/// Name of the algorithm that leaves everybody to the right of way: its control zones are only measured.
+const NO_ALGORITHM: &str = "none";
+
+/// Control zones of a scenario, and their coordination.
+#[derive(Debug, Default)]
+pub struct ZonesAndRules {
+    /// What is measured of passages is measured here.
+    pub zones: Vec<ControlZone>,
+    /// `None` where nobody is coordinated.
+    pub rules: Option<CoordinationRules>,
+}
+
+/// Reads the control zones of a scenario and their coordination.
+pub fn read_coordination(root: &TableFields<'_, '_>, map: &LabMap) -> ZonesAndRules {
     let tables = root.tables("control_zone");
     let Some(fields) = root.table("coordination") else {
-        if !tables.is_empty() {
-            let remedy = "add a [coordination] table with the algorithm, as algorithm = \"insert\"";
-            root.wrong(
-                "control_zone",
-                format!("a control zone does nothing without [coordination]; {remedy}"),
-            );
-        }
-        return None;
+        return ZonesAndRules { zones: read_zones(tables, map, ZONE_LENGTH_M), rules: None };
     };
     let algorithm = fields.string("algorithm").unwrap_or("insert").to_owned();
-    if !COORDINATORS.contains(&algorithm.as_str()) {
-        let remedy = one_of(&algorithm, COORDINATORS.into_iter());
+    let known = || COORDINATORS.into_iter().chain([NO_ALGORITHM]);
+    if !known().any(|name| name == algorithm) {
+        let remedy = one_of(&algorithm, known());
         fields.wrong("algorithm", format!("there is no coordination algorithm \"{algorithm}\"; {remedy}"));
     }
     let mut params = CoordinationParams::default();
@@ -40,7 +46,9 @@ pub fn read_coordination(root: &TableFields<'_, '_>, map: &LabMap) -> Option<Coo
     fields.number("length_m", 0.1..=1000.0, &mut length_m);
     fields.finish();
     let zones = if tables.is_empty() { zones_of(map, length_m) } else { read_zones(tables, map, length_m) };
-    Some(CoordinationRules { algorithm, params, zones })
+    let is_coordinated = algorithm != NO_ALGORITHM;
+    let rules = is_coordinated.then(|| CoordinationRules { algorithm, params, zones: zones.clone() });
+    ZonesAndRules { zones, rules }
 }
 
 /// Name of the junction that a connector belongs to.

@@ -7,5 +7,6 @@
 )]
 
 mod crossing;
+mod disturbed;
 mod roundabout;
 mod support;

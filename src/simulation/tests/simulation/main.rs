@@ -8,6 +8,7 @@
 
 mod city;
 mod driving;
+mod measures;
 mod robustness;
 mod roundabout;
 mod seen;

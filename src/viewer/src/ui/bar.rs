@@ -35,6 +35,8 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
         look(ui, state, actions);
         ui.toggle_value(&mut state.open.layers, "Layers")
             .on_hover_text("Labels, lanes, routes, conflict zones, map");
+        ui.toggle_value(&mut state.open.traffic, "Traffic")
+            .on_hover_text("Delay, flow, queue, safety and energy, and a time-space diagram (F4)");
         if shown.replay.is_none() {
             ui.toggle_value(&mut state.open.controllers, "Gamepad")
                 .on_hover_text("Gamepad and steering wheel: what their axes and buttons do (F2)");

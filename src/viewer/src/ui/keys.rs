@@ -90,6 +90,7 @@ fn press(key: Key, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec
         }
         Key::F1 | Key::Questionmark => state.open.help = !state.open.help,
         Key::F2 => state.open.controllers = !state.open.controllers,
+        Key::F4 => state.open.traffic = !state.open.traffic,
         Key::F12 => actions.push(UiAction::Screenshot),
         Key::L => state.layers.labels = !state.layers.labels,
         Key::M => state.layers.map = !state.layers.map,
@@ -115,6 +116,7 @@ fn press_for_vehicle(key: Key, state: &mut UiState, shown: &ViewModel<'_>, actio
         Key::Enter => actions.extend(selected.map(UiAction::Drive)),
         Key::Escape if state.devices.learning().is_some() => state.devices.stop_learning(),
         Key::Escape if state.open.help => state.open.help = false,
+        Key::Escape if state.open.traffic => state.open.traffic = false,
         Key::Escape if state.open.events => state.open.events = false,
         Key::Escape if state.open.controllers => state.open.controllers = false,
         Key::Escape if state.driving.is_some() => actions.push(UiAction::GiveBack),

@@ -1,6 +1,6 @@
 //! Overlays of the city view: labels, lanes, routes, conflict zones.
 
-use super::{CameraMode, UiState, ViewModel, occlusion, status};
+use super::{CameraMode, UiState, ViewModel, occlusion, status, traffic};
 use city3d_protocol::snapshot::{VehicleId, VehicleInfo, VehicleState};
 use city3d_roadmap::{CityMap, LaneId, ZoneKind};
 use city3d_sensors::View;
@@ -18,7 +18,8 @@ pub struct Layers {
     pub lanes: bool,
     /// Planned lanes of the selected vehicle, or of all vehicles while none is selected.
     pub routes: bool,
-    /// Merging and crossing conflict zones, as the stretches of lanes that they cover.
+    /// Merging and crossing conflict zones, as the stretches of lanes that they cover, and the control zones of the
+    /// scenario.
     pub zones: bool,
     /// The minimap in the corner of the city view.
     pub map: bool,
@@ -42,7 +43,7 @@ pub fn window(ui: &Ui, state: &mut UiState) {
         ui.checkbox(&mut layers.labels, "Labels over vehicles (L)");
         ui.checkbox(&mut layers.lanes, "Lanes");
         ui.checkbox(&mut layers.routes, "Route of the selected vehicle, or of all");
-        ui.checkbox(&mut layers.zones, "Conflict zones");
+        ui.checkbox(&mut layers.zones, "Conflict zones and control zones");
         ui.checkbox(&mut layers.map, "Map (M)");
     });
 }
@@ -108,6 +109,9 @@ pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
             for side in &zone.sides {
                 canvas.lane(map, side.lane, (side.from_m, side.to_m), Stroke::new(3.0, colour));
             }
+        }
+        for (zone, lane, part) in shown.traffic.zone_lanes() {
+            canvas.lane(map, lane, part, Stroke::new(2.0, traffic::zone_colour(zone)));
         }
     }
     if state.layers.routes {

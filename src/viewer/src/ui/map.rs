@@ -1,12 +1,14 @@
 //! The minimap in a corner of the city view.
 
-use super::{UiState, ViewModel, status};
+use super::{UiState, ViewModel, status, traffic};
 use city3d_protocol::snapshot::Aspect;
 use egui::{Color32, Pos2, Rect, Sense, Stroke, Ui, Vec2};
 use glam::DVec2;
 
 const SIZE: f32 = 150.0;
 const MARGIN: f32 = 8.0;
+/// Pieces of the line of a control zone on a lane.
+const ZONE_STEPS: u32 = 12;
 
 /// The part of a rectangle beside the minimap; all of it where it is too small for a minimap.
 pub fn beside(rect: Rect) -> Rect {
@@ -50,6 +52,14 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
         let line: Vec<Pos2> =
             lane.curve.sample(4.0).into_iter().map(|(_, point)| on_screen(point.pose.position)).collect();
         painter.line(line, stroke);
+    }
+    for (zone, lane, (from_m, to_m)) in shown.traffic.zone_lanes() {
+        let curve = &shown.map.lane(lane).curve;
+        let line: Vec<Pos2> = (0..=ZONE_STEPS)
+            .map(|k| from_m + (to_m - from_m) * f64::from(k) / f64::from(ZONE_STEPS))
+            .map(|at_m| on_screen(curve.at(at_m).pose.position))
+            .collect();
+        painter.line(line, Stroke::new(3.0, traffic::zone_colour(zone)));
     }
     for (head, aspect) in shown.map.signals.iter().zip(&shown.interpolated.signals) {
         let at = shown.map.lane(head.lane).curve.at(head.at_m).pose.position;

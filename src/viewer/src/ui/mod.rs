@@ -11,11 +11,13 @@ mod history;
 mod keys;
 mod layers;
 mod link;
+mod live_traffic;
 mod map;
 mod occlusion;
 mod preview;
 mod status;
 mod timeline;
+mod traffic;
 mod vehicles;
 mod viewpoint;
 
@@ -23,6 +25,7 @@ pub use drive::ManualDrive;
 pub use events::EventFilter;
 pub use history::{History, HistorySample, KEPT_S};
 pub use layers::Layers;
+pub use live_traffic::LiveTraffic;
 pub use preview::{Preview, PreviewCamera, ScenarioCamera};
 pub use status::is_off_lanes;
 pub use timeline::TimelineRange;
@@ -51,6 +54,8 @@ pub struct ViewModel<'a> {
     pub interpolated: &'a FrameSnapshot,
     /// Samples for the running plots of the previews.
     pub history: &'a History,
+    /// Live measures of the run.
+    pub traffic: &'a LiveTraffic,
     /// Lane graph of the city, city frame.
     pub map: &'a CityMap,
     /// Walls that occlude vehicles.
@@ -259,6 +264,9 @@ pub struct OpenPanels {
     /// The list of events of a recorded run.
     #[serde(skip)]
     pub events: bool,
+    /// Delay, throughput, safety and energy (F4).
+    #[serde(skip)]
+    pub traffic: bool,
 }
 
 /// State of the user interface: what the user has chosen.
@@ -454,6 +462,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
     if let Some(replay) = &shown.replay {
         events::window(ui, state, shown, replay, &mut actions);
     }
+    traffic::window(ui, state, shown);
     help::window(ui, state, shown.replay.is_some());
     drive::step(ui, state, shown, &mut actions);
     actions

@@ -119,6 +119,8 @@ pub struct WindowOptions {
     pub previews: Vec<String>,
     /// Camera of the large view; by default the last one, or the chase camera of a driven vehicle.
     pub mode: Option<CameraMode>,
+    /// The panel Traffic is open.
+    pub traffic: bool,
     /// Closes the window from elsewhere.
     pub quit: QuitSignal,
 }

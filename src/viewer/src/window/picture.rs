@@ -164,6 +164,7 @@ fn choose(viewer: &mut ViewerState, options: &WindowOptions) -> Result<(), Windo
     if let Some(mode) = options.mode {
         viewer.state.set_mode(mode);
     }
+    viewer.state.open.traffic |= options.traffic;
     Ok(())
 }
 

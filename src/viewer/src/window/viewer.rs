@@ -6,8 +6,8 @@ use super::settings::{ViewSettings, WatchedVehicles};
 use super::{CitySubject, WindowError};
 use crate::cockpit::SteeringGeometry;
 use crate::ui::{
-    self, CameraMode, CityKind, History, HistorySample, KEPT_S, Look, ManualDrive, PictureRequest,
-    PictureSlot, Preview, ReplayView, ScenarioChoice, UiAction, UiState, ViewModel,
+    self, CameraMode, CityKind, History, HistorySample, KEPT_S, LiveTraffic, Look, ManualDrive,
+    PictureRequest, PictureSlot, Preview, ReplayView, ScenarioChoice, UiAction, UiState, ViewModel,
 };
 use city3d_logbook::record::LogOrigin;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleInfo, VehicleSpec};
@@ -79,6 +79,7 @@ pub struct ViewerState {
     /// What the user has chosen.
     pub state: UiState,
     history: History,
+    traffic: LiveTraffic,
     interpolated: FrameSnapshot,
     scenarios: Vec<ScenarioChoice>,
     /// Description of what is being loaded.
@@ -175,6 +176,7 @@ impl ViewerState {
             city: CityKind::Local,
             runs_before: 0,
             refused: 0,
+            traffic: LiveTraffic::new(&experiment),
             experiment,
             history: History::default(),
             interpolated,
@@ -261,8 +263,9 @@ impl ViewerState {
         &self.state.pictures
     }
 
-    /// Samples the vehicles of the open previews for the running plots.
+    /// Samples the traffic, and the vehicles of the open previews for the running plots.
     pub fn record_samples(&mut self, run_state: &RunState) {
+        self.traffic.observe(&run_state.now);
         let watched = self.state.previews.iter().map(|preview| preview.vehicle);
         match &mut self.source {
             ViewedRun::Run(_) => self.history.record_samples(&run_state.now, watched),
@@ -310,6 +313,7 @@ impl ViewerState {
             run_state: &run_state,
             interpolated: &self.interpolated,
             history: &self.history,
+            traffic: &self.traffic,
             map: &self.experiment.city_map,
             walls: &self.scenario_info.walls,
             drivers: &self.scenario_info.drivers,
@@ -474,6 +478,7 @@ impl ViewerState {
         (self.request, self.runs_before, self.refused) = (request, before, 0);
         self.seated_in_run = 0;
         self.scenario_info = ScenarioInfo::of(&experiment);
+        self.traffic = LiveTraffic::new(&experiment);
         self.experiment = experiment;
         let first = self.run_state();
         let look = self.state.look;

@@ -150,7 +150,7 @@ fn layers_are_drawn_with_no_one_six_and_five_hundred_vehicles() {
         let shapes = |harness: &Harness<'static, Desk>| harness.output().shapes.len();
         click(&mut harness, "Layers");
         let before = shapes(&harness);
-        for layer in ["Lanes", "Conflict zones"] {
+        for layer in ["Lanes", "Conflict zones and control zones"] {
             click(&mut harness, layer);
         }
         assert!(shapes(&harness) > before + 20, "{count}: the lanes of the map are lines");

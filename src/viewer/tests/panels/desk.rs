@@ -7,11 +7,11 @@ use city3d_roadmap::{CityMap, LaneId};
 use city3d_scene::Wall;
 use city3d_session::playback::{Playhead, TimelineMark};
 use city3d_session::{RunPhase, RunState};
-use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d_viewer::cockpit::SteeringGeometry;
 use city3d_viewer::ui::{
-    self, CityKind, DriverNames, History, Look, QualityPreset, ReplayView, ScenarioCamera, ScenarioChoice,
-    UiAction, UiState, ViewModel,
+    self, CityKind, DriverNames, History, LiveTraffic, Look, QualityPreset, ReplayView, ScenarioCamera,
+    ScenarioChoice, UiAction, UiState, ViewModel,
 };
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -20,12 +20,16 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 pub fn map() -> Arc<CityMap> {
-    static MAP: OnceLock<Arc<CityMap>> = OnceLock::new();
+    Arc::clone(&experiment().city_map)
+}
+
+pub fn experiment() -> Arc<Experiment> {
+    static EXPERIMENT: OnceLock<Arc<Experiment>> = OnceLock::new();
     let read = || {
         let (text, library) = Library::scenario("straight").unwrap();
-        read_experiment("straight", &text, &library, Overrides::default()).unwrap().city_map
+        Arc::new(read_experiment("straight", &text, &library, Overrides::default()).unwrap())
     };
-    Arc::clone(MAP.get_or_init(read))
+    Arc::clone(EXPERIMENT.get_or_init(read))
 }
 
 /// Everything that the panels are shown, and what they ask for.
@@ -33,6 +37,7 @@ pub struct Desk {
     pub state: UiState,
     pub run_state: RunState,
     pub history: History,
+    pub traffic: LiveTraffic,
     pub map: Arc<CityMap>,
     pub walls: Vec<Wall>,
     pub loading: Option<String>,
@@ -94,6 +99,7 @@ impl Desk {
         Self {
             state: UiState::new(&now, Look { preset: QualityPreset::Low, hours: 12.0 }),
             history: History::default(),
+            traffic: LiveTraffic::new(&experiment()),
             map: map(),
             walls: Vec::new(),
             loading: None,
@@ -115,11 +121,13 @@ impl Desk {
 
     fn show(&mut self, ui: &mut egui::Ui) {
         self.history.record_samples(&self.run_state.now, self.state.previews.iter().map(|p| p.vehicle));
+        self.traffic.observe(&self.run_state.now);
         let textures = BTreeMap::new();
         let shown = ViewModel {
             run_state: &self.run_state,
             interpolated: &self.run_state.now,
             history: &self.history,
+            traffic: &self.traffic,
             map: &self.map,
             walls: &self.walls,
             drivers: &self.drivers,

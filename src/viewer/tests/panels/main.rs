@@ -5,6 +5,7 @@ mod city;
 mod controllers;
 mod desk;
 mod timeline;
+mod traffic;
 
 use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_sensors::{Lens, Mount, MountPoint};

@@ -1,0 +1,316 @@
+//! The panel Traffic: delay, throughput, stops, queue, energy and safety while the run goes on, and the time-space
+//! diagram of a route.
+
+use super::live_traffic::{DIAGRAM_S, LanePlace, LiveTraffic};
+use super::{UiState, ViewModel};
+use city3d_control::Route;
+use city3d_protocol::snapshot::VehicleId;
+use city3d_roadmap::{LaneId, ZoneKind};
+use city3d_simulation::measures::{PassageTotals, Queue, Tracked};
+use egui::{Color32, FontId, Grid, Rangef, RichText, Ui};
+use egui_plot::{AxisHints, Line, Plot, PlotPoints, Polygon, VLine};
+use std::collections::{BTreeMap, VecDeque};
+
+/// Range of the diagram around the selected vehicle, metres of the city.
+const BEHIND_M: f64 = 90.0;
+const AHEAD_M: f64 = 60.0;
+
+/// Colour of a control zone on the map and in the city.
+pub(super) fn zone_colour(zone: usize) -> Color32 {
+    const COLOURS: [Color32; 4] = [
+        Color32::from_rgb(120, 220, 255),
+        Color32::from_rgb(200, 160, 255),
+        Color32::from_rgb(140, 230, 140),
+        Color32::from_rgb(255, 170, 200),
+    ];
+    COLOURS[zone % COLOURS.len()]
+}
+
+/// The window over the city. It shows the measures in full-scale units, as all numbers of the window are.
+pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>) {
+    let mut is_open = state.open.traffic;
+    let room = ui.ctx().content_rect().shrink2(egui::vec2(12.0, 48.0));
+    let place = ui.ctx().content_rect().center_top() + egui::vec2(0.0, 70.0);
+    let sheet = egui::Window::new("Traffic").pivot(egui::Align2::CENTER_TOP).default_pos(place);
+    let size = egui::vec2(480.0, 470.0).min(room.size());
+    let sheet = sheet.open(&mut is_open).default_size(size).resizable(true).constrain_to(room);
+    sheet.show(ui.ctx(), |ui| {
+        let traffic = shown.traffic;
+        flow(ui, traffic);
+        ui.separator();
+        safety_and_energy(ui, traffic);
+        ui.separator();
+        diagram(ui, state, shown);
+    });
+    state.open.traffic = is_open;
+}
+
+/// One row of the table of flows.
+struct FlowRow<'r> {
+    name: &'r str,
+    colour: Option<Color32>,
+    inside: usize,
+    passed: String,
+    totals: PassageTotals,
+    queue: &'r Queue,
+}
+
+/// Numbers of the whole city and of each control zone.
+fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
+    let measures = traffic.measures();
+    let there = |tracked: &&Tracked| tracked.trip.ended_s.is_none();
+    let arrived = measures.vehicles().iter().filter(|tracked| tracked.trip.has_arrived).count();
+    let city = FlowRow {
+        name: "City",
+        colour: None,
+        inside: measures.vehicles().iter().filter(there).count(),
+        passed: arrived.to_string(),
+        totals: measures.trips(),
+        queue: measures.queue(),
+    };
+    let zones = measures.zones().enumerate().map(|(index, (zone, zone_traffic))| FlowRow {
+        name: &zone.name,
+        colour: Some(zone_colour(index)),
+        inside: zone_traffic.inside().len(),
+        passed: zone_traffic.passages.len().to_string(),
+        totals: measures.zone_totals(&zone.name).unwrap_or_default(),
+        queue: &zone_traffic.queue,
+    });
+    Grid::new("flow").striped(true).spacing([14.0, 3.0]).show(ui, |ui| {
+        for (title, tip) in COLUMNS {
+            ui.label(RichText::new(title).small().strong()).on_hover_text(tip);
+        }
+        ui.end_row();
+        for row in std::iter::once(city).chain(zones) {
+            let totals = &row.totals;
+            let seconds = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |s| format!("{s:.1}"));
+            let flow = totals.throughput_per_h.map_or_else(|| "-".to_owned(), |flow| format!("{flow:.0}"));
+            let name = RichText::new(row.name);
+            ui.label(row.colour.map_or(name.clone(), |colour| name.color(colour)));
+            for cell in [
+                row.inside.to_string(),
+                row.passed,
+                flow,
+                seconds(totals.mean_delay_s),
+                seconds(totals.max_delay_s),
+                totals.stops.to_string(),
+                format!("{} ({:.1}, {})", row.queue.now, row.queue.mean(), row.queue.max),
+            ] {
+                ui.monospace(cell);
+            }
+            ui.end_row();
+        }
+    });
+    ui.label(RichText::new(format!("Measured since {:.1} s.", traffic.since_s())).small().weak());
+}
+
+const COLUMNS: [(&str, &str); 8] = [
+    ("", ""),
+    ("Inside", "Vehicles on their way"),
+    ("Passed", "Vehicles that have arrived, or left the control zone behind its last conflict"),
+    ("Flow /h", "Exits after the first one over the time since it, vehicles an hour"),
+    ("Delay s", "Mean time lost against driving alone, with the time held outside"),
+    ("Most s", "Largest delay"),
+    ("Stops", "How often vehicles came to stand: below 0.5 m/s"),
+    ("Queue", "Vehicles that stand now (mean over time, most at a time)"),
+];
+
+/// Surrogate safety and energy of the whole city.
+fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
+    let measures = traffic.measures();
+    let (safety, effort) = (measures.safety(), measures.effort());
+    let scale = measures.scale();
+    let text = |value: Option<f64>, unit: &str| match value {
+        Some(value) => format!("{value:.1} {unit}"),
+        None => "-".to_owned(),
+    };
+    let drac = Some(scale.city_from_lab(safety.max_drac_mps2)).filter(|drac| drac.is_finite());
+    let cells = [
+        (
+            "Least time to collision",
+            text(safety.min_ttc_s, "s"),
+            "Gap over closing speed to the vehicle ahead",
+        ),
+        (
+            "Least gap",
+            text(safety.min_gap_m.map(|m| scale.city_from_lab(m)), "m"),
+            "Bumper to bumper on one path",
+        ),
+        (
+            "Least post-encroachment",
+            text(safety.min_pet_s, "s"),
+            "From the exit of one vehicle out of a conflict zone to the entry of the next from the other side; negative \
+             where both were inside",
+        ),
+        (
+            "Hardest braking needed",
+            text(drac, "m/s2"),
+            "Deceleration that avoids a crash with the vehicle ahead",
+        ),
+        ("Fuel", format!("{:.1} mL", effort.fuel_ml), "Polynomial of Kamal et al., no fuel while braking"),
+        (
+            "Fuel, cruise term",
+            format!("{:.1} mL", effort.fuel_with_cruise_ml),
+            "The same, keeping the term of the speed while braking",
+        ),
+        (
+            "Squared acceleration",
+            format!("{:.1} m2/s3", effort.int_u2_m2ps3),
+            "Integral over time of all vehicles; half of it is the cost of optimal control",
+        ),
+        (
+            "Encounters",
+            format!("{} + {}", safety.ttc_encounters, safety.pet_encounters),
+            "Time to collision below 3 s + post-encroachment time below 2 s",
+        ),
+    ];
+    Grid::new("safety and energy").spacing([14.0, 3.0]).show(ui, |ui| {
+        for pair in cells.chunks(2) {
+            for (name, value, tip) in pair {
+                ui.label(*name).on_hover_text(*tip);
+                ui.monospace(value);
+            }
+            ui.end_row();
+        }
+    });
+}
+
+/// Time-space diagram of the selected vehicle's route: everybody on its lanes.
+fn diagram(ui: &mut Ui, state: &UiState, shown: &ViewModel<'_>) {
+    let measures = shown.traffic.measures();
+    let Some(selected) = state.selection.vehicle else {
+        ui.label(RichText::new("Select a vehicle to see the time-space diagram of its route.").weak());
+        return;
+    };
+    let place = measures.vehicle(selected).and_then(|tracked| Some((tracked.route()?, tracked.station?)));
+    let Some((route, station)) = place else {
+        ui.label(RichText::new("The selected vehicle is not on a known route.").weak());
+        return;
+    };
+    let factor = measures.scale().factor();
+    let now_s = shown.run_state.now.time_s;
+    let starts = lane_starts(route, station.front_s);
+    ui.label(
+        RichText::new("Time-space diagram: front bumpers along the selected vehicle's route, m").small(),
+    );
+    let text = FontId::monospace(9.0);
+    let colour_of_text = ui.visuals().text_color();
+    let axis = |axis: AxisHints<'static>| {
+        axis.tick_label_font(text.clone())
+            .tick_label_color(colour_of_text)
+            .label_spacing(Rangef::new(6.0, 8.0))
+    };
+    let time = axis(AxisHints::new_x()).min_thickness(11.0).formatter(|mark, _| match mark.value {
+        ago if ago > -0.5 => "0 s".to_owned(),
+        ago => format!("{ago:.0}"),
+    });
+    let value = axis(AxisHints::new_y()).min_thickness(26.0).formatter(|mark, _| format!("{}", mark.value));
+    let plot = Plot::new("time-space")
+        .height(ui.available_height().max(160.0))
+        .default_x_bounds(-DIAGRAM_S, 0.5)
+        .default_y_bounds(-BEHIND_M, AHEAD_M)
+        .show_background(false)
+        .allow_scroll(false)
+        .allow_drag(false)
+        .allow_zoom(false)
+        .allow_boxed_zoom(false)
+        .show_x(false)
+        .show_y(false)
+        .custom_x_axes(vec![time])
+        .custom_y_axes(vec![value]);
+    plot.show(ui, |plot| {
+        for crossing in &route.crossings {
+            let [from, to] = [crossing.from_s, crossing.to_s].map(|s| (s - station.front_s) * factor);
+            if to < -BEHIND_M || from > AHEAD_M {
+                continue;
+            }
+            let colour = match crossing.kind {
+                ZoneKind::Cross => Color32::from_rgba_unmultiplied(255, 90, 80, 40),
+                ZoneKind::Merge | ZoneKind::Diverge => Color32::from_rgba_unmultiplied(255, 180, 60, 40),
+            };
+            let (from, to) = (from.max(-BEHIND_M), to.min(AHEAD_M));
+            let corners = vec![[-DIAGRAM_S, from], [0.5, from], [0.5, to], [-DIAGRAM_S, to]];
+            let band = Polygon::new("conflict", PlotPoints::from(corners));
+            plot.polygon(band.fill_color(colour).stroke(egui::Stroke::NONE));
+        }
+        plot.vline(VLine::new("now", 0.0).color(Color32::from_gray(110)).width(1.0));
+        for (id, places) in shown.traffic.places() {
+            let (colour, width) = stroke(shown, id, id == selected);
+            for points in pieces(places, &starts, (station.front_s, factor, now_s)) {
+                plot.line(Line::new(id.to_string(), PlotPoints::from(points)).color(colour).width(width));
+            }
+        }
+    });
+}
+
+fn stroke(shown: &ViewModel<'_>, id: VehicleId, is_selected: bool) -> (Color32, f32) {
+    if is_selected {
+        return (Color32::WHITE, 2.5);
+    }
+    let colour = shown.run_state.now.info(id).map(|info| info.appearance.colour);
+    let [r, g, b] = colour.unwrap_or([140, 150, 160]);
+    // Dark bodies would not show on the dark ground.
+    let lift = |channel: u8| channel.max(70);
+    (Color32::from_rgb(lift(r), lift(g), lift(b)), 1.4)
+}
+
+/// Start of each lane of a route, for the visit nearest to a position.
+fn lane_starts(route: &Route, near_s: f64) -> BTreeMap<LaneId, f64> {
+    let mut starts: BTreeMap<LaneId, f64> = BTreeMap::new();
+    for (index, &lane) in route.lanes().iter().enumerate() {
+        let start_s = route.lane_start(index);
+        let is_nearer = |known: &f64| (start_s - near_s).abs() < (known - near_s).abs();
+        if starts.get(&lane).is_none_or(is_nearer) {
+            starts.insert(lane, start_s);
+        }
+    }
+    starts
+}
+
+/// Lines of one vehicle: time before now and metres ahead of the selected one's front. A vehicle that leaves the route,
+/// or goes round to its beginning, begins another line.
+fn pieces(
+    places: &VecDeque<LanePlace>,
+    starts: &BTreeMap<LaneId, f64>,
+    (origin_s, factor, now_s): (f64, f64, f64),
+) -> Vec<Vec<[f64; 2]>> {
+    let mut lines: Vec<Vec<[f64; 2]>> = vec![Vec::new()];
+    for place in places {
+        let point = starts
+            .get(&place.lane)
+            .map(|start_s| [place.time_s - now_s, (start_s + place.at_m - origin_s) * factor]);
+        let point = point.filter(|[_, y]| (-BEHIND_M..=AHEAD_M).contains(y));
+        let last = lines.last().and_then(|line| line.last().copied());
+        let jumps = point.zip(last).is_some_and(|(new, old)| (new[1] - old[1]).abs() > 0.2 * factor);
+        if (point.is_none() || jumps) && lines.last().is_some_and(|line| !line.is_empty()) {
+            lines.push(Vec::new());
+        }
+        if let (Some(point), Some(line)) = (point, lines.last_mut()) {
+            line.push(point);
+        }
+    }
+    lines.retain(|line| line.len() > 1);
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_vehicle_off_the_route_interrupts_its_line() {
+        let place = |k: u32, lane: u32| LanePlace {
+            time_s: f64::from(k) * 0.1,
+            lane: LaneId(lane),
+            at_m: f64::from(k) * 0.03,
+        };
+        let places: VecDeque<LanePlace> = [(0, 1), (1, 1), (2, 7), (3, 7), (4, 1), (5, 1)]
+            .into_iter()
+            .map(|(k, lane)| place(k, lane))
+            .collect();
+        let starts = [(LaneId(1), 2.0)].into();
+        let lines = pieces(&places, &starts, (2.0, 25.0, 0.5));
+        assert_eq!(lines.iter().map(Vec::len).collect::<Vec<_>>(), [2, 2]);
+        assert!((lines[0][1][0] + 0.4).abs() < 1e-9 && (lines[0][1][1] - 0.75).abs() < 1e-9, "{lines:?}");
+    }
+}
