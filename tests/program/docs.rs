@@ -111,6 +111,17 @@ fn scenario(section: &str, key: &str, line: &str) -> String {
         _ if section.ends_with("sensor]]") && key != "kind" => {
             rest = format!("{section}\nkind = \"camera\"\n{line}\n");
         }
+        "[[signal]]" => {
+            let junction = "junction = \"junction-main-centre\"\n";
+            let green = |street| format!("{{ green = [\"{street}\"], green_s = 5 }}");
+            let phases = format!("phases = [{}, {}]\n", green("centre-street"), green("main-boulevard"));
+            let kind = match key {
+                "saturation_veh_h" | "count_s" | "max_cycle_s" => "kind = \"webster\"\n",
+                "min_green_s" | "max_green_s" | "max_gap_s" | "detector_m" => "kind = \"actuated\"\n",
+                _ => "",
+            };
+            rest = format!("{section}\n{junction}{phases}{kind}{line}\n");
+        }
         _ => rest = format!("{section}\n{line}\n"),
     }
     let lines = |table: BTreeMap<&str, &str>| table.into_values().collect::<Vec<_>>().join("\n");
@@ -134,6 +145,7 @@ fn assert_same(a: &Experiment, b: &Experiment, what: &str) {
         let copy = Experiment { scenario_text: String::new(), map_bytes: Vec::new(), ..experiment.clone() };
         let rest = (copy.seed, copy.duration_s, copy.rates, copy.scale, copy.right_of_way, copy.environment);
         let rest = (rest, copy.link_timeout_s, copy.expectations, copy.city_map.lanes.len(), copy.platoons);
+        let rest = (rest, copy.signals);
         let text = format!("{:?} {rest:?}", copy.vehicles);
         text.split([' ', ',', '(', ')', '[', ']']).map(str::to_owned).collect()
     };
@@ -170,6 +182,7 @@ fn scenario_keys_are_all_described_and_no_others() {
                 "platoon",
                 "environment",
                 "traffic",
+                "signal",
             ],
             "[environment]" => &["testbed"],
             "[vehicle_type.default]" => &["centre_of_mass", "motor", "suspension", "control", "sensor"],

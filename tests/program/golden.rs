@@ -8,8 +8,8 @@ use crate::support::link;
 use city3d_geometry::Lab;
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{
-    Appearance, BodyType, Drive, Indicator, ModelKind, Pedals, Status, Trajectory, TrajectoryPoint,
-    VehicleId, VehicleInfo, VehicleSpec,
+    Appearance, Aspect, BodyType, Drive, Indicator, ModelKind, Pedals, SignalAspects, SignalHeadId, Status,
+    Trajectory, TrajectoryPoint, VehicleId, VehicleInfo, VehicleSpec,
 };
 use city3d_protocol::wire::{
     Authenticator, Body, CityClock, CityDescription, DatagramHeader, Denial, DenialReason, ExperimentAction,
@@ -154,7 +154,17 @@ fn bodies() -> Vec<(String, Body)> {
     }
     bodies.extend(driving());
     bodies.extend(describing());
+    bodies.extend(signalling());
     bodies
+}
+
+fn signalling() -> Vec<(String, Body)> {
+    let heads = (0..).map(SignalHeadId).zip(Aspect::ALL).collect();
+    let aspects = SignalAspects { stamp_s: 2.5, heads };
+    vec![
+        ("signals".to_owned(), Body::Signals(aspects.clone())),
+        ("shown signals".to_owned(), Body::ShownSignals(aspects)),
+    ]
 }
 
 fn driving() -> Vec<(String, Body)> {

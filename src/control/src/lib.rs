@@ -19,6 +19,7 @@ mod reroute;
 mod right_of_way;
 mod route;
 mod rules;
+mod signals;
 mod strangers;
 mod traffic;
 
@@ -31,6 +32,10 @@ pub use ploeg::{PloegGains, PloegInputs};
 pub use right_of_way::RightOfWayParams;
 pub use route::{JunctionSection, Route, turn_of};
 pub use rules::{Algorithms, CoordinationRules, TrafficRules};
+pub use signals::{
+    ActuatedControl, ApproachingVehicle, CountedControl, HeadState, SignalControl, SignalPhase, SignalPlan,
+    Signals, WebsterLimits, WebsterTiming, all_red_time_s, webster, yellow_time_s,
+};
 
 use city3d_protocol::snapshot::VehicleId;
 use city3d_protocol::wire::{Measurement, Message};
@@ -89,6 +94,7 @@ pub struct Mainframe {
     algorithms: Algorithms,
     /// Platoons, where they are formed.
     platooning: Option<Platooning>,
+    signals: Signals,
     last_step_s: Option<f64>,
 }
 
@@ -123,6 +129,7 @@ impl Mainframe {
         cavs.sort_by_key(|cav| cav.id);
         let coordination =
             rules.coordination.map(|rules| rules.start(&algorithms.coordinators)).transpose()?;
+        let signals = Signals::new(rules.signals, &map);
         Ok(Self {
             right_of_way: RightOfWay::new(rules.right_of_way, &map),
             coordination,
@@ -133,6 +140,7 @@ impl Mainframe {
             strangers: Strangers::default(),
             algorithms,
             platooning: rules.platoons.map(Platooning::new),
+            signals,
             last_step_s: None,
         })
     }
@@ -178,7 +186,9 @@ impl Mainframe {
         if let Some(coordination) = &mut self.coordination {
             coordination.update(time_s, &mut self.cavs);
         }
-        self.right_of_way.update(time_s, &mut self.cavs, &self.occupancy);
+        self.signals.update(time_s, &self.map, &self.cavs, &self.strangers);
+        messages.extend(self.signals.messages(time_s).map(Message::Signals));
+        self.right_of_way.update(time_s, &mut self.cavs, &self.occupancy, &self.signals);
         reroute::reroute_blocked(time_s, &self.map, &mut self.cavs, &mut self.right_of_way, &self.occupancy);
         if let Some(platooning) = &mut self.platooning {
             platooning.update(time_s, &self.map, &mut self.cavs, &self.occupancy, &self.strangers);
@@ -258,6 +268,9 @@ impl Mainframe {
         self.coordination = coordination.transpose()?;
         self.set_platoons(rules.platoons);
         self.cavs.iter_mut().for_each(Cav::forget_coordination);
+        if !self.signals.follow(&rules.signals) {
+            self.signals = Signals::new(rules.signals, &self.map);
+        }
         for setup in setups {
             if let Ok(index) = self.cavs.binary_search_by_key(&setup.id, |cav| cav.id) {
                 self.cavs[index].change_driver(
@@ -269,6 +282,11 @@ impl Mainframe {
             }
         }
         Ok(())
+    }
+
+    /// The traffic signals.
+    pub fn signals(&self) -> &Signals {
+        &self.signals
     }
 
     /// The vehicles under control, in id order.

@@ -6,15 +6,23 @@
 //! order of its lane, and is admitted only if there is room for it behind the last crossing of the section.
 //! So no circular wait (deadlock) can arise inside a junction. Before a stop or yield line a vehicle is
 //! admitted when the area in front of the merging or crossing point is clear; until then a virtual stopped
-//! vehicle stands at the line (the paper, section III).
+//! vehicle stands at the line (the paper, section III). Behind a signal head it is admitted only on green, or on yellow
+//! if it cannot stop comfortably; then the ranks of a junction without lines hold.
 
+mod constraints;
+mod waiting;
+
+pub use constraints::{ConstraintKind, YieldConstraint};
+
+use super::Cav;
 use super::loops::LoopCapacity;
 use super::route::{RANK_MAJOR, RANK_STOP, RANK_YIELD, Rank, ZoneCrossing};
+use super::signals::{self, Signals};
 use super::traffic::Occupancy;
-use super::{Cav, LeaderState};
 use city3d_roadmap::{LabMap, LaneId, ZoneKind};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
+use waiting::{note_signal, revoke_stalled_admissions};
 
 /// Parameters of the right of way, laboratory units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,9 +55,9 @@ impl Default for RightOfWayParams {
 }
 
 /// Share of full braking for a vehicle that was admitted before.
-const COMFORTABLE_BRAKING: f64 = 0.6;
+pub(super) const COMFORTABLE_BRAKING: f64 = 0.6;
 /// Share of full braking where it is unlikely to be needed.
-const FIRM_BRAKING: f64 = 0.8;
+pub(super) const FIRM_BRAKING: f64 = 0.8;
 /// Slower vehicles may stop inside a zone.
 const LEAVING_MPS: f64 = 0.06;
 /// Time and distance by which a request precedes the braking point.
@@ -100,12 +108,22 @@ pub struct RightOfWayState {
     asks_from_s: f64,
     /// It is not rerouted before this time.
     pub(super) reroutes_from_s: f64,
+    /// The signal at that line forbids it to enter.
+    pub(super) is_held_by_signal: bool,
+    /// It stood at the line during a green that has ended.
+    missed_green: bool,
 }
 
 impl RightOfWayState {
     /// How long admission has failed because of vehicles ahead.
     pub fn blocked_s(&self, now_s: f64) -> f64 {
         self.blocked_since_s.map_or(0.0, |since_s| now_s - since_s)
+    }
+
+    /// Revokes the admission of this index and those after it.
+    pub(super) fn revoke_from(&mut self, position: usize) {
+        self.next_section = self.admissions[position].section;
+        self.admissions.truncate(position);
     }
 }
 
@@ -141,26 +159,6 @@ impl Candidate {
             .then(self.distance.total_cmp(&other.distance))
             .then(self.vehicle.cmp(&other.vehicle))
     }
-}
-
-/// A constraint on a vehicle from the right of way of others.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct YieldConstraint {
-    /// Obstacle or leader that the driver model has to heed.
-    pub kind: ConstraintKind,
-    /// Index of the section of the route that it applies to.
-    pub section: usize,
-    /// Whether the vehicle gives way by its rank: behind a line, or turning left across oncoming traffic.
-    pub gives_way: bool,
-}
-
-/// The kind of a yield constraint.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ConstraintKind {
-    /// A virtual stopped vehicle at this distance from the front bumper.
-    Stop { gap_m: f64 },
-    /// A vehicle merges ahead: follow it or wait before the zone, whichever brakes less.
-    Merging { leader: LeaderState, wait_gap_m: f64 },
 }
 
 /// Right of way of all vehicles: rules, admission numbers, and the users of each zone.
@@ -207,13 +205,17 @@ impl RightOfWay {
         self.params = params;
     }
 
-    /// Releases sections that were left, then admits candidates.
-    pub fn update(&mut self, now_s: f64, cavs: &mut [Cav], occupancy: &Occupancy) {
+    /// Releases sections that were left, revokes admissions that signals have overtaken, then admits candidates.
+    pub fn update(&mut self, now_s: f64, cavs: &mut [Cav], occupancy: &Occupancy, signals: &Signals) {
         for cav in cavs.iter_mut().filter(|cav| cav.is_on_route()) {
             let (rear_s, sections) = (cav.rear_s(), &cav.route.sections);
             cav.passage.admissions.retain(|admission| sections[admission.section].to_s > rear_s);
             self.note_standing(now_s, cav);
             revoke_stalled_admissions(now_s, cav);
+        }
+        if !signals.is_empty() {
+            signals::revoke_admissions(cavs, signals);
+            cavs.iter_mut().filter(|cav| cav.is_on_route()).for_each(|cav| note_signal(cav, signals));
         }
         self.collect_zone_users(cavs);
         self.loops.recount(cavs);
@@ -225,8 +227,10 @@ impl RightOfWay {
             if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
                 let distance = section.hold_s - cav.front_s();
                 let asks = now_s >= cav.passage.asks_from_s || cav.speed_mps() > super::STANDS_MPS;
-                if asks && distance < asking_distance(cav) {
-                    let has_priority = cav.coordinated_plan().is_some() || self.is_impatient(now_s, cav);
+                if asks && distance < asking_distance(cav) && !cav.passage.is_held_by_signal {
+                    let green_since_s = section.signal.map(|head| signals.head(head).since_s);
+                    let has_priority =
+                        cav.coordinated_plan().is_some() || self.is_impatient(now_s, cav, green_since_s);
                     let rank = if has_priority { RANK_MAJOR } else { section.rank };
                     let standing_since_s = cav.passage.standing_since_s.unwrap_or(f64::INFINITY);
                     self.candidates.push(Candidate { rank, standing_since_s, distance, vehicle });
@@ -334,8 +338,14 @@ impl RightOfWay {
         }
     }
 
-    fn is_impatient(&self, now_s: f64, cav: &Cav) -> bool {
-        cav.passage.standing_since_s.is_some_and(|since_s| now_s - since_s > self.params.patience_s)
+    /// At a signal only time on green counts, and a green that was missed.
+    fn is_impatient(&self, now_s: f64, cav: &Cav, green_since_s: Option<f64>) -> bool {
+        let from_s = green_since_s.unwrap_or(f64::NEG_INFINITY);
+        cav.passage.missed_green
+            || cav
+                .passage
+                .standing_since_s
+                .is_some_and(|since_s| now_s - since_s.max(from_s) > self.params.patience_s)
     }
 
     fn collect_zone_users(&mut self, cavs: &[Cav]) {
@@ -385,7 +395,7 @@ impl RightOfWay {
             return false;
         }
         // At a mere lane drop, holding one lane back would starve it.
-        let waits_for_loops = section.rank >= RANK_YIELD;
+        let waits_for_loops = section.rank >= RANK_YIELD || section.signal.is_some();
         if !has_room
             || self.has_leader_before_line(vehicle, cavs, occupancy)
             || (waits_for_loops && !self.loops.have_room(&cavs[vehicle]))
@@ -537,7 +547,8 @@ impl RightOfWay {
 
     /// Gap acceptance before one user of a zone that is not admitted.
     fn leaves_room(&self, user: &ZoneUser, rank: Rank, other: &Cav) -> bool {
-        if user.rank >= rank || other.passage.blocked_since_s.is_some() {
+        let waits = other.passage.blocked_since_s.is_some() || other.passage.is_held_by_signal;
+        if user.rank >= rank || waits {
             return true;
         }
         let arrival_m = self.params.clear_time_s * other.speed_mps();
@@ -552,6 +563,7 @@ impl RightOfWay {
         cav.passage.next_section += 1;
         cav.passage.standing_since_s = None;
         cav.passage.blocked_since_s = None;
+        (cav.passage.missed_green, cav.passage.is_held_by_signal) = (false, false);
         for crossing in &cav.route.crossings[cav.route.sections[section].crossings.clone()] {
             for user in &mut self.users[crossing.zone.index()] {
                 if user.vehicle == vehicle && user.side == crossing.side {
@@ -559,91 +571,6 @@ impl RightOfWay {
                 }
             }
         }
-    }
-
-    /// Collects the yield constraints of a vehicle.
-    pub fn yield_constraints(&self, vehicle: usize, cavs: &[Cav], out: &mut Vec<YieldConstraint>) {
-        let cav = &cavs[vehicle];
-        let front_s = cav.front_s();
-        if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
-            let gap_m = section.hold_s - front_s;
-            // A vehicle that can no longer stop was admitted and has no virtual stopped vehicle; nor has one
-            // that has yet to request.
-            if gap_m < asking_distance(cav) {
-                let gives_way = section.rank > RANK_MAJOR;
-                let kind = ConstraintKind::Stop { gap_m };
-                out.push(YieldConstraint { kind, section: cav.passage.next_section, gives_way });
-            }
-        }
-        for admission in &cav.passage.admissions {
-            let section = &cav.route.sections[admission.section];
-            let gives_way = section.rank > RANK_MAJOR;
-            for crossing in &cav.route.crossings[section.crossings.clone()] {
-                self.constraints_in(vehicle, cavs, crossing, admission.order, |kind| {
-                    out.push(YieldConstraint { kind, section: admission.section, gives_way });
-                });
-            }
-        }
-    }
-
-    fn constraints_in(
-        &self,
-        vehicle: usize,
-        cavs: &[Cav],
-        crossing: &ZoneCrossing,
-        order: u64,
-        mut add: impl FnMut(ConstraintKind),
-    ) {
-        let front_s = cavs[vehicle].front_s();
-        let to_entry_m = crossing.from_s - front_s;
-        let to_end_m = crossing.to_s - front_s;
-        for user in &self.users[crossing.zone.index()] {
-            // Who has come in without a number goes before all others but those that are there already.
-            let is_there_already = order < FIRST_ORDER && to_entry_m > 0.0 && user.to_entry_m <= 0.0;
-            let goes_first = is_there_already || user.order.is_some_and(|other| other < order);
-            if user.side == crossing.side || user.vehicle == vehicle || !goes_first {
-                continue;
-            }
-            let wait_gap_m = to_entry_m - ZONE_MARGIN_M;
-            match crossing.kind {
-                ZoneKind::Merge if to_end_m > 0.0 => {
-                    let speed_mps = cavs[user.vehicle].speed_mps();
-                    let leader = LeaderState { gap_m: to_end_m - user.to_exit_m, speed_mps };
-                    add(ConstraintKind::Merging { leader, wait_gap_m });
-                }
-                ZoneKind::Merge => {}
-                // A zone has to be left once entered.
-                _ if to_entry_m > -ZONE_MARGIN_M => {
-                    // A leaving vehicle is likely gone before braking has to begin.
-                    let is_leaving = user.to_entry_m < 0.0 && cavs[user.vehicle].speed_mps() > LEAVING_MPS;
-                    let braking = if is_leaving { FIRM_BRAKING } else { COMFORTABLE_BRAKING };
-                    if wait_gap_m < braking_distance(&cavs[vehicle], braking) {
-                        add(ConstraintKind::Stop { gap_m: wait_gap_m });
-                    }
-                }
-                _ => {}
-            }
-        }
-    }
-}
-
-/// Revokes the admissions of a stalled vehicle to sections that it has not entered, so that nobody waits for
-/// it. Vehicles that follow their plan start at once.
-fn revoke_stalled_admissions(now_s: f64, cav: &mut Cav) {
-    let front_s = cav.front_s();
-    let is_ahead = |admission: &Reservation| cav.route.sections[admission.section].from_s > front_s;
-    let stands = cav.speed_mps() < super::STANDS_MPS && cav.plan.acceleration_mps2 > 0.0;
-    let first = cav.passage.admissions.iter().position(is_ahead).filter(|_| stands);
-    let Some(first) = first else {
-        cav.passage.stalled_since_s = None;
-        return;
-    };
-    let since_s = *cav.passage.stalled_since_s.get_or_insert(now_s);
-    if now_s - since_s > STALLED_AFTER_S {
-        let passage = &mut cav.passage;
-        passage.next_section = passage.admissions[first].section;
-        passage.admissions.truncate(first);
-        (passage.stalled_since_s, passage.asks_from_s) = (None, now_s + ASKS_AGAIN_S);
     }
 }
 

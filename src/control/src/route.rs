@@ -1,9 +1,10 @@
 //! A vehicle's route over the lane graph: arc length, speed profile, and the conflict zones on it.
 
 use super::{CavGeometry, DriverParams};
+use city3d_geometry::CurveProjection;
 use city3d_geometry::lab::CurvePoint;
-use city3d_geometry::{CurveProjection, wrap_angle};
-use city3d_roadmap::{ControlLineKind, LabMap, LaneId, LaneKind, ZoneId, ZoneKind};
+use city3d_protocol::snapshot::SignalHeadId;
+use city3d_roadmap::{ControlLineKind, LEFT_TURN_RAD, LabMap, LaneId, LaneKind, ZoneId, ZoneKind};
 use glam::DVec2;
 use std::ops::Range;
 
@@ -49,6 +50,21 @@ pub struct JunctionSection {
     pub hold_s: f64,
     /// Priority by control line and turn. Impatient vehicles get the highest instead.
     pub rank: Rank,
+    /// Signal head at the line: the section is entered on its green.
+    pub signal: Option<SignalHeadId>,
+}
+
+/// What a route meets at a line across its lane.
+#[derive(Clone, Copy, Debug)]
+struct RouteLine {
+    at_s: f64,
+    control: LineControl,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum LineControl {
+    Sign(ControlLineKind),
+    Signal(SignalHeadId),
 }
 
 /// A lane that diverges from the route: a vehicle on it still reaches into the route.
@@ -87,10 +103,10 @@ const PLACE_STEP_M: f64 = 0.25;
 const HOLD_BEFORE_ZONE_M: f64 = 0.02;
 /// Largest distance of a control line before its section.
 const LINE_BEFORE_SECTION_M: f64 = 0.75;
+/// Largest distance of a signal head before its section.
+const SIGNAL_BEFORE_SECTION_M: f64 = 2.0;
 /// Space beyond its own length that a vehicle needs to wait between two sections.
 const ROOM_M: f64 = 0.09;
-/// A connector that turns left by more than this gives way to oncoming traffic.
-const LEFT_TURN_RAD: f64 = 0.8;
 
 impl Route {
     /// A route over lanes, each a successor of the one before.
@@ -214,19 +230,21 @@ impl Route {
             let mut end = first + 1;
             while let Some(next) = self.crossings.get(end) {
                 let hold_s = line_before(&lines, to_s, next.from_s)
-                    .map_or(next.from_s - HOLD_BEFORE_ZONE_M, |(at_s, _)| at_s);
+                    .map_or(next.from_s - HOLD_BEFORE_ZONE_M, |line| line.at_s);
                 if hold_s >= to_s + body.length_m + ROOM_M {
                     break;
                 }
                 to_s = to_s.max(next.to_s);
                 end += 1;
             }
-            let (hold_s, rank) = match line {
-                Some((at_s, ControlLineKind::Stop)) => (at_s, RANK_STOP),
-                Some((at_s, ControlLineKind::Yield)) => (at_s, RANK_YIELD),
-                None if self.turns_left(map, from_s, to_s) => (from_s - HOLD_BEFORE_ZONE_M, RANK_LEFT_TURN),
-                None => (from_s - HOLD_BEFORE_ZONE_M, RANK_MAJOR),
+            let unsigned_rank = if self.turns_left(map, from_s, to_s) { RANK_LEFT_TURN } else { RANK_MAJOR };
+            let rank = match line.map(|line| line.control) {
+                Some(LineControl::Sign(ControlLineKind::Stop)) => RANK_STOP,
+                Some(LineControl::Sign(ControlLineKind::Yield)) => RANK_YIELD,
+                Some(LineControl::Signal(_)) | None => unsigned_rank,
             };
+            let signal = line.and_then(|line| line.signal());
+            let hold_s = line.map_or(from_s - HOLD_BEFORE_ZONE_M, |line| line.at_s);
             let crossed = self.crossings[first..end].iter().filter(|c| c.kind == ZoneKind::Cross);
             let clear_s = crossed.map(|c| c.to_s).fold(from_s, f64::max);
             self.sections.push(JunctionSection {
@@ -236,19 +254,61 @@ impl Route {
                 clear_s,
                 hold_s,
                 rank,
+                signal,
             });
             (first, free_from_s) = (end, to_s);
         }
+        self.add_sections_without_zones(&lines);
     }
 
-    /// Control lines along the route, in order.
-    fn lines(&self, map: &LabMap) -> Vec<(f64, ControlLineKind)> {
+    /// A signal holds also those whose way conflicts with nobody's: a section without zones behind each line that
+    /// no other section has.
+    fn add_sections_without_zones(&mut self, lines: &[RouteLine]) {
+        for line in lines {
+            let Some(head) = line.signal() else { continue };
+            let at_s = line.at_s;
+            let place = self.sections.partition_point(|section| section.hold_s < at_s);
+            let mut here = self.sections[place..].iter().take_while(|section| section.hold_s == at_s);
+            if here.any(|section| section.signal == Some(head)) {
+                continue;
+            }
+            let crossing = self.sections.get(place).map_or(self.crossings.len(), |s| s.crossings.start);
+            self.sections.insert(
+                place,
+                JunctionSection {
+                    crossings: crossing..crossing,
+                    from_s: at_s,
+                    to_s: at_s,
+                    clear_s: at_s,
+                    hold_s: at_s,
+                    rank: RANK_MAJOR,
+                    signal: Some(head),
+                },
+            );
+        }
+    }
+
+    /// Stop and yield lines and signal heads along the route, in order. On a lane with a signal head nothing else
+    /// counts.
+    fn lines(&self, map: &LabMap) -> Vec<RouteLine> {
         let mut lines = Vec::new();
         for (index, lane) in self.lanes.iter().enumerate() {
+            let start = self.stations[index];
+            let heads = map.signals.iter().enumerate().filter(|(_, head)| head.lane == *lane);
+            let before = lines.len();
+            lines.extend(heads.map(|(head, place)| RouteLine {
+                at_s: start + place.at_m,
+                control: LineControl::Signal(SignalHeadId(head as u32)),
+            }));
+            if lines.len() > before {
+                continue;
+            }
             let here = map.lines.iter().filter(|line| line.lane == *lane);
-            lines.extend(here.map(|line| (self.stations[index] + line.at_m, line.kind)));
+            lines.extend(
+                here.map(|line| RouteLine { at_s: start + line.at_m, control: LineControl::Sign(line.kind) }),
+            );
         }
-        lines.sort_by(|a, b| a.0.total_cmp(&b.0));
+        lines.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
         lines
     }
 
@@ -274,22 +334,30 @@ fn places(stations: &[f64]) -> Vec<u32> {
     (0..count).map(&mut place).collect()
 }
 
-/// The last control line after `free_from_s` that belongs to a zone at `from_s`, of lines in their order along the route.
-fn line_before(
-    lines: &[(f64, ControlLineKind)],
-    free_from_s: f64,
-    from_s: f64,
-) -> Option<(f64, ControlLineKind)> {
+impl RouteLine {
+    fn signal(&self) -> Option<SignalHeadId> {
+        match self.control {
+            LineControl::Signal(head) => Some(head),
+            LineControl::Sign(_) => None,
+        }
+    }
+}
+
+/// The last line after `free_from_s` that belongs to a zone at `from_s`, of lines in their order along the route.
+fn line_before(lines: &[RouteLine], free_from_s: f64, from_s: f64) -> Option<RouteLine> {
     // Called for each zone of a route that may be a day long: no search over all its lines.
-    let behind = lines.partition_point(|(at_s, _)| *at_s <= from_s + HOLD_BEFORE_ZONE_M);
+    let behind = lines.partition_point(|line| line.at_s <= from_s + HOLD_BEFORE_ZONE_M);
     let line = *lines.get(behind.checked_sub(1)?)?;
-    (line.0 > free_from_s && from_s - line.0 < LINE_BEFORE_SECTION_M).then_some(line)
+    let reach_m = match line.control {
+        LineControl::Sign(_) => LINE_BEFORE_SECTION_M,
+        LineControl::Signal(_) => SIGNAL_BEFORE_SECTION_M,
+    };
+    (line.at_s > free_from_s && from_s - line.at_s < reach_m).then_some(line)
 }
 
 /// Total turning angle of a lane, left-positive.
 pub fn turn_of(map: &LabMap, lane: LaneId) -> f64 {
-    let curve = &map.lane(lane).curve;
-    wrap_angle(curve.end().yaw_rad - curve.start().yaw_rad)
+    map.turn_of(lane)
 }
 
 /// Speed profile: squares of the allowed speed, sampled along the route.

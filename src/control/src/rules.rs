@@ -2,9 +2,9 @@
 
 use super::coordination::platoon::PlatoonParams;
 use super::coordination::{ControlZone, CoordinationParams, Coordinators, ZoneCoordination};
-use super::{Drivers, RightOfWayParams, SetupError};
+use super::{Drivers, RightOfWayParams, SetupError, SignalPlan};
 
-/// Rules of the traffic: who goes first, and which vehicles are coordinated.
+/// Rules of the traffic: who goes first, which vehicles are coordinated, and the signals.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrafficRules {
     /// Right of way at junctions.
@@ -13,6 +13,8 @@ pub struct TrafficRules {
     pub coordination: Option<CoordinationRules>,
     /// How platoons are formed; `None` for none.
     pub platoons: Option<PlatoonParams>,
+    /// Traffic signals; their heads are those of the map.
+    pub signals: Vec<SignalPlan>,
 }
 
 /// Coordination of a map.

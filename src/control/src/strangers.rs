@@ -54,6 +54,12 @@ impl Strangers {
         }
     }
 
+    /// Front and rear bumper along a lane, and speed along it, of the strangers on it.
+    pub fn on(&self, lane: LaneId) -> impl Iterator<Item = (f64, f64, f64)> + '_ {
+        let here = self.on_lanes.get(&lane).into_iter().flatten();
+        here.map(|other| (other.front_m, other.rear_m, other.speed_mps))
+    }
+
     /// The nearest one ahead on the route of a vehicle.
     pub fn leader(&self, cav: &Cav, within_m: f64) -> Option<LeaderState> {
         if self.on_lanes.is_empty() {

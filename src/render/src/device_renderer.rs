@@ -17,6 +17,7 @@ use super::passes::glow::GlowPass;
 use super::passes::lamps::LampPass;
 use super::passes::light::LightBindGroup;
 use super::passes::shadow::{ShadowPass, SunView};
+use super::passes::signals::SignalPass;
 use super::passes::sky::SkyPass;
 use super::passes::vehicle::VehiclePass;
 use super::passes::{Attachments, light_constants};
@@ -55,6 +56,8 @@ pub(super) struct DeviceRenderer {
     sky: SkyPass,
     /// At night.
     glow: Option<GlowPass>,
+    /// Where the city has traffic signals.
+    signals: Option<SignalPass>,
     /// For the HDR target; `None` where light is computed at the vertices.
     post_process: Option<PostProcess>,
     /// Made at the first request for depth or labels.
@@ -150,6 +153,8 @@ impl DeviceRenderer {
             contact: ContactPass::new(device, attachments, &frame.layout),
             sky: SkyPass::new(context, attachments, textures, groups),
             glow: lamplit.then(|| GlowPass::new(device, attachments, &frame.layout, &scene.lamps)),
+            signals: (!scene.signals.is_empty())
+                .then(|| SignalPass::new(device, attachments, &frame.layout, &scene.signals)),
             post_process: (!vertex_lit)
                 .then(|| PostProcess::new(device, attachments, quality, &frame.layout)),
             ground_truth: None,
@@ -333,8 +338,13 @@ impl DeviceRenderer {
         if self.daylight.is_lamplit() {
             self.lamps.draw_vehicles(&self.context, &mut encoder, &self.frame, &self.fleet);
         }
+        let aspects = &snapshot.signals;
+        if let Some(signals) = &mut self.signals {
+            signals.write(&self.context.queue, aspects);
+        }
         if let Some(glow) = &mut self.glow {
-            glow.write(&self.context, &self.fleet);
+            let signals = self.signals.iter().flat_map(|signals| signals.glows(aspects));
+            glow.write(&self.context, &self.fleet, signals);
         }
         encoder
     }
@@ -457,6 +467,9 @@ impl DeviceRenderer {
         self.vehicles.draw(pass, &self.fleet, &visible.vehicles);
         tile.set_scissor_rows(pass, visible.visible_rows);
         self.city.draw(pass, &self.static_scene, &visible.ranges);
+        if let Some(signals) = &self.signals {
+            signals.draw(pass);
+        }
         if self.settings.flat.is_none() {
             self.sky.draw(pass);
             self.contact.draw(pass, &self.fleet, &visible.vehicles);

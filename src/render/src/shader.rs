@@ -28,6 +28,7 @@ const CITY: ShaderFile = shader_file!("city.wgsl");
 const VEHICLE: ShaderFile = shader_file!("vehicle.wgsl");
 const CONTACT: ShaderFile = shader_file!("contact.wgsl");
 const GLOW: ShaderFile = shader_file!("glow.wgsl");
+const SIGNAL: ShaderFile = shader_file!("signal.wgsl");
 const SHADOW: ShaderFile = shader_file!("shadow.wgsl");
 const SKY: ShaderFile = shader_file!("sky.wgsl");
 const LAMPS: ShaderFile = shader_file!("lamps.wgsl");
@@ -45,6 +46,7 @@ pub(super) enum Shader {
     Vehicle,
     Contact,
     Glow,
+    Signal,
     Shadow,
     Sky,
     GroundTruth,
@@ -62,11 +64,12 @@ pub(super) enum SampleCount {
 
 impl Shader {
     #[cfg(test)]
-    pub(super) const ALL: [Self; 12] = [
+    pub(super) const ALL: [Self; 13] = [
         Self::City,
         Self::Vehicle,
         Self::Contact,
         Self::Glow,
+        Self::Signal,
         Self::Shadow,
         Self::Sky,
         Self::GroundTruth,
@@ -83,6 +86,7 @@ impl Shader {
             Self::Vehicle => &[COMMON, LIGHT, VERTEX_LIT, VEHICLE],
             Self::Contact => &[COMMON, CONTACT],
             Self::Glow => &[COMMON, GLOW],
+            Self::Signal => &[COMMON, SIGNAL],
             Self::Shadow => &[COMMON, SHADOW],
             Self::Sky => &[COMMON, SKY],
             Self::GroundTruth => &[GROUND_TRUTH],
@@ -109,6 +113,7 @@ impl Shader {
                 Self::Vehicle => "vehicle",
                 Self::Contact => "contact",
                 Self::Glow => "glow",
+                Self::Signal => "signal",
                 Self::Shadow => "shadow",
                 Self::Sky => "sky",
                 Self::GroundTruth => "ground truth",

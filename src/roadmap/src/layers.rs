@@ -10,6 +10,8 @@ pub const CONNECTORS: &str = "CONNECTORS";
 pub const STOP_LINES: &str = "STOP_LINES";
 /// Yield lines, drawn across lanes.
 pub const YIELD_LINES: &str = "YIELD_LINES";
+/// Lines across lanes at which their traffic waits for a traffic signal.
+pub const SIGNALS: &str = "SIGNALS";
 /// Lines from tail to tip: the direction of travel of arcs that get none from a line.
 pub const ARROWS: &str = "ARROWS";
 /// Texts that name the lanes that they are placed on.
@@ -32,6 +34,7 @@ pub fn colour(layer: &str) -> u8 {
         CONNECTORS => 8,
         STOP_LINES => 1,
         YIELD_LINES => 2,
+        SIGNALS => 30,
         ARROWS => 3,
         NAMES => 4,
         SPEEDS => 5,

@@ -153,6 +153,15 @@ pub struct ControlLine {
     pub ends: [DVec2; 2],
 }
 
+/// A signal head: where the traffic of a lane waits for a traffic signal.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SignalHead {
+    /// Lane that leads to the junction.
+    pub lane: LaneId,
+    /// Where its traffic waits: arc length along the lane, metres of the map.
+    pub at_m: f64,
+}
+
 /// The kind of a scenery item. Its DXF layer is `SCENERY_` and the name in capitals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -285,6 +294,9 @@ pub struct RoadMap<F: Frame = City> {
     pub zones: Vec<ConflictZone>,
     /// Stop lines, then yield lines, each in the order of the file.
     pub lines: Vec<ControlLine>,
+    /// Signal heads. A drawing has them in the order of the file; the map of an experiment has those that its
+    /// signals control, in the order of their ids.
+    pub signals: Vec<SignalHead>,
     /// By kind, in the order of [`SceneryKind::ALL`], then as in the file.
     pub scenery: Vec<Scenery>,
     /// Models from files. They are drawn only: nothing collides with them.
@@ -403,6 +415,7 @@ impl LabMap {
             lanes: lanes.collect(),
             zones: zones.collect(),
             lines: lines.collect(),
+            signals: self.signals.iter().map(|h| SignalHead { at_m: h.at_m * factor, ..*h }).collect(),
             scenery: scenery.collect(),
             models: self.models.iter().map(|m| PlacedModel { at: m.at * factor, ..m.clone() }).collect(),
             zones_of_lane: self.zones_of_lane.clone(),

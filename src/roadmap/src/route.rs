@@ -42,7 +42,8 @@ impl<F: Frame> RoadMap<F> {
             zones.into_iter().map(|(_, id)| id).collect()
         };
         let zones_of_lane = on_lane.into_iter().map(by_place).collect();
-        Self { lanes, zones, lines, scenery, models: Vec::new(), zones_of_lane }
+        let (signals, models) = (Vec::new(), Vec::new());
+        Self { lanes, zones, lines, signals, scenery, models, zones_of_lane }
     }
 
     /// The shortest path over allowed lanes, both ends included, by Dijkstra's algorithm. The cost of a path

@@ -21,6 +21,7 @@ mod plants;
 mod polygon;
 mod props;
 mod roads;
+mod signals;
 mod signs;
 mod smoothing;
 mod special;
@@ -32,6 +33,7 @@ mod woods;
 pub use lettering::glyph_cell;
 pub use mesh::{Class, Finish, Mesh, Surface, Vertex, clustered, reach};
 pub use roads::ASPHALT;
+pub use signals::{LENS_RADIUS_M, SignalLenses};
 pub use signs::sign_cell;
 
 use city3d_geometry::hash;
@@ -59,6 +61,8 @@ pub struct SceneDescription {
     pub bounds: [Vec3; 2],
     /// Lenses of street lamps.
     pub lamps: Vec<Vec3>,
+    /// Lenses of traffic signals, by the ids of their heads.
+    pub signals: Vec<SignalLenses>,
 }
 
 /// A static object at one or more levels of detail (LOD).
@@ -280,6 +284,8 @@ impl SceneDescription {
         }
         let [low, high] = map.bounds().map(|corner| corner.as_vec2());
         objects.extend(signs::signs(map, &field, &lanes));
+        let (heads, signals): (Vec<_>, Vec<_>) = signals::signals(map, &field).into_iter().unzip();
+        objects.extend(heads);
         objects.extend(woods::woods([low, high]));
         walls.extend(woods::walls([low, high]));
         let mut instanced = models::place(map, models);
@@ -314,7 +320,7 @@ impl SceneDescription {
             finest.map(|level| level.mesh.bounds()[1].z).chain(instanced.iter().map(InstancedObject::top_m));
         let top = tops.fold(1.0, f32::max);
         let bounds = [low.extend(0.0), high.extend(top)];
-        Self { ground, objects, instanced, walls, bounds, lamps }
+        Self { ground, objects, instanced, walls, bounds, lamps, signals }
     }
 
     /// The occluding walls alone, for a map without meshes.

@@ -137,7 +137,7 @@ pub enum Class {
     Wall = 6,
     /// Trees, hedges, flower beds, reeds and woods.
     Vegetation = 7,
-    /// Street lamps, and posts of signs.
+    /// Street lamps, and posts of signs and traffic signals.
     Pole = 8,
     /// Benches, picnic tables, bins, fuel pumps and playground equipment.
     Furniture = 9,
@@ -145,7 +145,7 @@ pub enum Class {
     Water = 10,
     /// Vehicles with glass, lamps and wheels, and parked cars.
     Vehicle = 11,
-    /// Faces of road signs; their poles are poles.
+    /// Faces of road signs and heads of traffic signals; their poles are poles.
     Sign = 12,
 }
 

@@ -132,7 +132,8 @@ fn roadside(map: &CityMap, field: &RoadField, pose: Pose2, clear: SignClearance)
     clear_of_things.then_some(at)
 }
 
-fn at_line(map: &CityMap, field: &RoadField, lane: &Lane, at_m: f64) -> Option<(DVec2, Vec2)> {
+/// A free place behind the kerb at a line or some way before it, and the driving direction there.
+pub(super) fn at_line(map: &CityMap, field: &RoadField, lane: &Lane, at_m: f64) -> Option<(DVec2, Vec2)> {
     let try_at = |back: f64, clear: SignClearance| {
         let pose = lane.curve.at((at_m - back).max(0.0)).pose;
         Some((roadside(map, field, pose, clear)?, pose.forward().as_vec2()))
@@ -148,6 +149,10 @@ pub(super) fn signs(map: &CityMap, field: &RoadField, lanes: &LaneBoxIndex<'_>) 
     let mut standing: Vec<DVec2> = Vec::new();
     for line in &map.lines {
         let lane = map.lane(line.lane);
+        // A signal takes the place of the sign.
+        if map.signals.iter().any(|head| head.lane == line.lane) {
+            continue;
+        }
         // The right neighbour is closer to the kerb.
         if lane.right.is_some_and(|right| map.lines.iter().any(|l| l.lane == right)) {
             continue;

@@ -85,7 +85,8 @@ impl Fork {
                 let mut commands: Vec<SimCommand> =
                     delivered.drain(..).map(|message| message.into_command(original.scale)).collect();
                 commands.sort_by_key(SimCommand::order);
-                let is_control = |command: &&SimCommand| matches!(command, SimCommand::Follow(_));
+                let is_control =
+                    |command: &&SimCommand| matches!(command, SimCommand::Follow(_) | SimCommand::Signals(_));
                 is_same &= commands.iter().filter(is_control).eq(replay.applied().iter().filter(is_control));
                 let inputs = Inputs::Commands(replay.applied());
                 let (snapshot, mainframe) = (replay.snapshot(), Some(control.mainframe()));
@@ -124,6 +125,11 @@ pub fn differences(original: &Experiment, changed: &Experiment) -> Vec<String> {
     };
     check(original.map_bytes == changed.map_bytes, "its map differs");
     check(original.scale == changed.scale, "its length_scale differs");
+    let controls = |experiment: &Experiment| {
+        let map = &experiment.lab_map;
+        (experiment.signals.clone(), map.signals.clone(), map.lines.clone())
+    };
+    check(controls(original) == controls(changed), "its [[signal]] tables or all-way stops differ");
     check(original.rates == changed.rates, "its [rates] differ");
     check(original.link_timeout_s == changed.link_timeout_s, "its link_timeout_s differs");
     let ids =

@@ -198,6 +198,7 @@ impl<'a> LoadGenerator<'a> {
             match message {
                 Message::Follow(trajectory) => drop(self.latest.insert(trajectory.vehicle, trajectory)),
                 Message::Remove(vehicle) => drop(self.latest.remove(&vehicle)),
+                Message::Signals(_) => {}
             }
         }
         self.sequence += 1;

@@ -110,6 +110,11 @@ impl<'a> CdrReader<'a> {
         Some(bytes)
     }
 
+    /// Whether nothing is left to read.
+    pub fn is_at_end(&self) -> bool {
+        self.at >= self.bytes.len()
+    }
+
     /// Reads one byte.
     pub fn u8(&mut self) -> Option<u8> {
         self.take::<1>().map(|[byte]| byte)

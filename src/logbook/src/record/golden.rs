@@ -8,8 +8,8 @@ use super::schema::{NetworkCommand, encode_event, encode_network, encode_snapsho
 use super::transforms::encode_transform;
 use city3d_geometry::Pose2;
 use city3d_protocol::snapshot::{
-    Event, EventKind, FrameSnapshot, Indicator, MeasuredPose, Pedals, SimCommand, Status, Trajectory,
-    TrajectoryPoint, VehicleId, VehicleState,
+    Aspect, Event, EventKind, FrameSnapshot, Indicator, MeasuredPose, Pedals, SignalAspects, SignalHeadId,
+    SimCommand, Status, Trajectory, TrajectoryPoint, VehicleId, VehicleState,
 };
 use city3d_protocol::wire::Measurement;
 use glam::{DQuat, DVec3};
@@ -38,12 +38,15 @@ fn commands() -> Vec<(&'static str, SimCommand)> {
     };
     let position = DVec3::new(1.0, 2.0, 0.5);
     let measured = MeasuredPose { stamp_s: 2.5, position, orientation: DQuat::from_xyzw(0.0, 0.0, 0.6, 0.8) };
+    let heads = (0..).map(SignalHeadId).zip(Aspect::ALL).collect();
+    let signals = SignalAspects { stamp_s: 2.5, heads };
     vec![
         ("drive", SimCommand::Drive(VEHICLE, pedals)),
         ("release", SimCommand::Release(VEHICLE)),
         ("remove", SimCommand::Remove(VEHICLE)),
         ("trajectory", SimCommand::Follow(trajectory)),
         ("measured", SimCommand::Measure(VEHICLE, measured)),
+        ("signals", SimCommand::Signals(signals)),
     ]
 }
 
@@ -95,8 +98,10 @@ fn snapshot() -> FrameSnapshot {
 fn messages_of_each_kind() {
     let mut messages: Vec<(String, Vec<u8>)> = vec![
         ("tick".to_owned(), encode_tick(250, 0x0123_4567_89ab_cdef, Vec::new())),
-        ("snapshot".to_owned(), encode_snapshot(&snapshot(), Vec::new())),
+        ("snapshot".to_owned(), encode_snapshot(&snapshot(), false, Vec::new())),
     ];
+    let signals = FrameSnapshot { vehicles: Vec::new(), signals: Aspect::ALL.to_vec(), ..snapshot() };
+    messages.push(("snapshot with signals".to_owned(), encode_snapshot(&signals, true, Vec::new())));
     for (name, command) in commands() {
         let mut bytes = Vec::new();
         assert!(CommandKind::encode(250, &command, &mut bytes).is_some(), "{name}");

@@ -4,9 +4,10 @@
 use super::mcap_writer::McapWriter;
 use super::schema::{
     COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, MEASURED_SCHEMA, MEASURED_TYPE, NETWORK_SCHEMA,
-    NETWORK_TYPE, NetworkCommand, PersonCommand, SNAPSHOT_SCHEMA, SNAPSHOT_TYPE, TICK_SCHEMA, TICK_TYPE,
-    TRAJECTORY_SCHEMA, TRAJECTORY_TYPE, encode_command, encode_event, encode_measured, encode_network,
-    encode_snapshot, encode_tick, encode_trajectory,
+    NETWORK_TYPE, NetworkCommand, PersonCommand, SIGNALS_SCHEMA, SIGNALS_TYPE, SNAPSHOT_SCHEMA,
+    SNAPSHOT_TYPE, TICK_SCHEMA, TICK_TYPE, TRAJECTORY_SCHEMA, TRAJECTORY_TYPE, encode_command, encode_event,
+    encode_measured, encode_network, encode_signals, encode_snapshot, encode_tick, encode_trajectory,
+    snapshot_schema_with_signals,
 };
 use super::transforms::{TRANSFORM_SCHEMA, TRANSFORM_TYPE, encode_transform};
 use city3d_geometry::LengthScale;
@@ -29,6 +30,8 @@ pub struct LogWriter<W> {
     network: u16,
     trajectories: u16,
     measured: u16,
+    /// In a city with traffic signals.
+    signals: Option<u16>,
     ticks: u16,
     transform_schema: u16,
     /// Channels of the vehicles' transforms, by the vehicles' names.
@@ -52,6 +55,9 @@ pub(super) const TRAJECTORY_TOPIC: &str = "/city3d/trajectory";
 
 /// Topic of the measured poses of physical vehicles.
 pub(super) const MEASURED_TOPIC: &str = "/city3d/measured";
+
+/// Topic of the commands of traffic signals.
+pub(super) const SIGNALS_TOPIC: &str = "/city3d/signals";
 
 /// Topic of the state digests.
 pub(super) const TICK_TOPIC: &str = "/city3d/tick";
@@ -121,17 +127,22 @@ impl<W: Write> LogWriter<W> {
         for (name, file) in &experiment.models.files {
             writer.attachment(&format!("{MODELS}{name}"), "model/gltf-binary", file)?;
         }
+        let has_signals = !experiment.lab_map.signals.is_empty();
+        let snapshot_schema =
+            if has_signals { snapshot_schema_with_signals() } else { SNAPSHOT_SCHEMA.to_owned() };
         let mut channel = |topic: &str, name: &str, schema: &str| {
             let schema = writer.schema(name, "ros2msg", schema);
             writer.channel(schema, topic)
         };
-        let snapshots = channel(SNAPSHOT_TOPIC, SNAPSHOT_TYPE, SNAPSHOT_SCHEMA)?;
+        let snapshots = channel(SNAPSHOT_TOPIC, SNAPSHOT_TYPE, &snapshot_schema)?;
         let events = channel(EVENT_TOPIC, EVENT_TYPE, EVENT_SCHEMA)?;
         let commands = channel(COMMAND_TOPIC, COMMAND_TYPE, COMMAND_SCHEMA)?;
         let network = channel(NETWORK_TOPIC, NETWORK_TYPE, NETWORK_SCHEMA)?;
         let trajectories = channel(TRAJECTORY_TOPIC, TRAJECTORY_TYPE, TRAJECTORY_SCHEMA)?;
         let measured = channel(MEASURED_TOPIC, MEASURED_TYPE, MEASURED_SCHEMA)?;
         let ticks = channel(TICK_TOPIC, TICK_TYPE, TICK_SCHEMA)?;
+        let signals =
+            has_signals.then(|| channel(SIGNALS_TOPIC, SIGNALS_TYPE, SIGNALS_SCHEMA)).transpose()?;
         let transform_schema = writer.schema(TRANSFORM_TYPE, "ros2msg", TRANSFORM_SCHEMA);
         Ok(Self {
             writer,
@@ -141,6 +152,7 @@ impl<W: Write> LogWriter<W> {
             network,
             trajectories,
             measured,
+            signals,
             ticks,
             transform_schema,
             transforms: BTreeMap::new(),
@@ -155,7 +167,7 @@ impl<W: Write> LogWriter<W> {
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
     pub fn snapshot(&mut self, snapshot: &FrameSnapshot) -> io::Result<()> {
-        self.buffer = encode_snapshot(snapshot, std::mem::take(&mut self.buffer));
+        self.buffer = encode_snapshot(snapshot, self.signals.is_some(), std::mem::take(&mut self.buffer));
         self.message(self.snapshots, snapshot.time_s)?;
         for (state, info) in snapshot.iter().filter(|(state, _)| state.status != Status::Unseen) {
             let channel = self.transforms_of(&info.name)?;
@@ -196,8 +208,8 @@ impl<W: Write> LogWriter<W> {
         self.message(self.ticks, time_s)
     }
 
-    /// Adds a command that is applied in the step after a tick: a trajectory, a measured pose, or a command of a
-    /// person. The start of the clock is not logged.
+    /// Adds a command that is applied in the step after a tick: a trajectory, a measured pose, aspects of signals, or a
+    /// command of a person. The start of the clock is not logged.
     ///
     /// # Errors
     /// When it cannot be written; what was written before stays readable.
@@ -219,6 +231,11 @@ impl<W: Write> LogWriter<W> {
             CommandKind::Person => self.commands,
             CommandKind::Trajectory => self.trajectories,
             CommandKind::Measured => self.measured,
+            CommandKind::Signals => match self.signals {
+                Some(channel) => channel,
+                // Nobody has these heads.
+                None => return Ok(()),
+            },
         };
         let header = self.header(channel, time_s);
         self.writer.message(&header, message)
@@ -268,6 +285,7 @@ pub(super) enum CommandKind {
     Person,
     Trajectory,
     Measured,
+    Signals,
 }
 
 impl CommandKind {
@@ -281,6 +299,7 @@ impl CommandKind {
             SimCommand::Measure(vehicle, pose) => {
                 (Self::Measured, encode_measured(tick, *vehicle, pose, memory()))
             }
+            SimCommand::Signals(aspects) => (Self::Signals, encode_signals(tick, aspects, memory())),
             other => (Self::Person, encode_command(tick, PersonCommand::of(other)?, memory())),
         };
         *buffer = message;

@@ -5,12 +5,12 @@ use super::RecordError;
 use super::input::{FileKind, file_kind};
 use super::log::{
     COMMAND_TOPIC, EVENT_TOPIC, FORMAT, LogOrigin, MAP, MEASURED_TOPIC, METADATA, MODELS, NETWORK_TOPIC,
-    REVISION, SCENARIO, SNAPSHOT_TOPIC, TICK_TOPIC, TRAJECTORY_TOPIC,
+    REVISION, SCENARIO, SIGNALS_TOPIC, SNAPSHOT_TOPIC, TICK_TOPIC, TRAJECTORY_TOPIC,
 };
 use super::records::{RecordStream, Truncation};
 use super::schema::{
     LoggedSnapshot, NetworkCommand, decode_command, decode_event, decode_measured, decode_network,
-    decode_snapshot, decode_tick, decode_trajectory,
+    decode_signals, decode_snapshot, decode_tick, decode_trajectory,
 };
 use city3d_protocol::snapshot::{Event, ModelKind, SimCommand};
 use city3d_simulation::environment::EnvironmentProfile;
@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 /// A decoded message of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LogEntry {
-    /// A trajectory, a measured pose, or a command of a person, applied in the step after the tick.
+    /// A trajectory, a measured pose, aspects of signals, or a command of a person, applied in the step after the tick.
     Command {
         /// Tick at which the step begins that applies it.
         tick: u64,
@@ -239,6 +239,7 @@ pub(super) fn decode(topic: &str, data: &[u8]) -> Option<Option<LogEntry>> {
             decode_trajectory(data).map(|(tick, trajectory)| command((tick, SimCommand::Follow(trajectory))))
         }
         MEASURED_TOPIC => decode_measured(data).map(command),
+        SIGNALS_TOPIC => decode_signals(data).map(command),
         NETWORK_TOPIC => decode_network(data).map(LogEntry::Network),
         TICK_TOPIC => decode_tick(data).map(|(tick, state_hash)| LogEntry::Tick { tick, state_hash }),
         SNAPSHOT_TOPIC => decode_snapshot(data).map(LogEntry::Snapshot),
@@ -296,7 +297,7 @@ pub fn last_tick(path: &Path) -> Result<(u64, Option<Truncation>), RecordError> 
 /// [`RecordError::NoLog`] where the file cannot be read or is none.
 pub fn read_commands(path: &Path) -> Result<Vec<(u64, SimCommand)>, RecordError> {
     let of_person = |entry| match entry {
-        LogEntry::Command { command: SimCommand::Follow(_), .. } => None,
+        LogEntry::Command { command: SimCommand::Follow(_) | SimCommand::Signals(_), .. } => None,
         LogEntry::Command { tick, command } => Some((tick, command)),
         _ => None,
     };

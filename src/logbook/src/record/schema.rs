@@ -3,8 +3,8 @@
 use super::cdr::{CdrReader, CdrWriter};
 use city3d_geometry::Pose2;
 use city3d_protocol::snapshot::{
-    Event, FrameSnapshot, Indicator, MeasuredPose, Pedals, SimCommand, Status, Trajectory, TrajectoryPoint,
-    VehicleId, VehicleState, WheelState,
+    Aspect, Event, FrameSnapshot, Indicator, MeasuredPose, Pedals, SignalAspects, SignalHeadId, SimCommand,
+    Status, Trajectory, TrajectoryPoint, VehicleId, VehicleState, WheelState,
 };
 use glam::{DQuat, DVec3};
 
@@ -54,6 +54,13 @@ float32 distance
 float32[4] wheel_spin
 ";
 
+/// [`SNAPSHOT_SCHEMA`] of a city with traffic signals.
+pub fn snapshot_schema_with_signals() -> String {
+    let vehicles = "city3d_msgs/VehicleState[] vehicles\n";
+    let signals = "# Aspects of the signal heads by their numbers: dark 0, red 1, yellow 2, green 3.\nuint8[] signals\n";
+    SNAPSHOT_SCHEMA.replacen(vehicles, &format!("{vehicles}{signals}"), 1)
+}
+
 /// Name of the ROS 2 type of events.
 pub const EVENT_TYPE: &str = "city3d_msgs/msg/Event";
 /// Definition of [`EVENT_TYPE`].
@@ -68,8 +75,9 @@ string kind
 string json
 ";
 
-/// The message of a snapshot, in a buffer whose old content is dropped.
-pub fn encode_snapshot(snapshot: &FrameSnapshot, buffer: Vec<u8>) -> Vec<u8> {
+/// The message of a snapshot, in a buffer whose old content is dropped. With signals its schema is that of
+/// [`snapshot_schema_with_signals`].
+pub fn encode_snapshot(snapshot: &FrameSnapshot, has_signals: bool, buffer: Vec<u8>) -> Vec<u8> {
     let mut cdr = CdrWriter::reusing(buffer);
     cdr.u64(snapshot.tick);
     cdr.f64(snapshot.time_s);
@@ -77,6 +85,10 @@ pub fn encode_snapshot(snapshot: &FrameSnapshot, buffer: Vec<u8>) -> Vec<u8> {
     cdr.u32(snapshot.vehicles.len() as u32);
     for vehicle in &snapshot.vehicles {
         LoggedVehicle::of(vehicle).write(&mut cdr);
+    }
+    if has_signals {
+        let aspects: Vec<u8> = snapshot.signals.iter().map(|aspect| *aspect as u8).collect();
+        cdr.octets(&aspects);
     }
     cdr.into_bytes()
 }
@@ -170,6 +182,7 @@ impl PersonCommand {
             | SimCommand::Reset
             | SimCommand::Spawn(_)
             | SimCommand::Measure(..)
+            | SimCommand::Signals(_)
             | SimCommand::Follow(_) => return None,
         };
         Some(Self { vehicle, kind, pedals })
@@ -435,6 +448,8 @@ pub struct LoggedSnapshot {
     pub state_hash: u64,
     /// In id order.
     pub vehicles: Vec<LoggedVehicle>,
+    /// By head; empty in a city without signals.
+    pub signals: Vec<Aspect>,
 }
 
 /// `None` for a damaged message.
@@ -448,7 +463,53 @@ pub fn decode_snapshot(bytes: &[u8]) -> Option<LoggedSnapshot> {
     for _ in 0..cdr.u32()? {
         vehicles.push(LoggedVehicle::read(&mut cdr)?);
     }
-    Some(LoggedSnapshot { tick, time_s, state_hash, vehicles })
+    let signals = if cdr.is_at_end() { Vec::new() } else { aspects_of(cdr.octets()?)? };
+    Some(LoggedSnapshot { tick, time_s, state_hash, vehicles, signals })
+}
+
+/// `None` for a number that is no aspect.
+fn aspects_of(numbers: &[u8]) -> Option<Vec<Aspect>> {
+    numbers.iter().map(|number| Aspect::ALL.get(usize::from(*number)).copied()).collect()
+}
+
+/// Name of the ROS 2 type of commands of traffic signals.
+pub const SIGNALS_TYPE: &str = "city3d_msgs/msg/Signals";
+/// Definition of [`SIGNALS_TYPE`].
+pub const SIGNALS_SCHEMA: &str = "\
+# New aspects of traffic signal heads, as the control framework has commanded them.
+# Applied in the step that begins at this tick.
+uint64 tick
+# Simulated time of the control step that decided, seconds.
+float64 time
+# Numbers of the heads.
+uint32[] heads
+# One for each head: dark 0, red 1, yellow 2, green 3.
+uint8[] aspects
+";
+
+/// Appends the message of a command of traffic signals to a buffer.
+pub fn encode_signals(tick: u64, command: &SignalAspects, buffer: Vec<u8>) -> Vec<u8> {
+    let mut cdr = CdrWriter::behind(buffer);
+    cdr.u64(tick);
+    cdr.f64(command.stamp_s);
+    cdr.u32(command.heads.len() as u32);
+    command.heads.iter().for_each(|(head, _)| cdr.u32(head.0));
+    let aspects: Vec<u8> = command.heads.iter().map(|(_, aspect)| *aspect as u8).collect();
+    cdr.octets(&aspects);
+    cdr.into_bytes()
+}
+
+/// The tick and the command of a message; `None` for a damaged message.
+pub fn decode_signals(bytes: &[u8]) -> Option<(u64, SimCommand)> {
+    let mut cdr = CdrReader::new(bytes)?;
+    let (tick, stamp_s, count) = (cdr.u64()?, cdr.f64()?, cdr.u32()?);
+    let heads = (0..count).map(|_| cdr.u32().map(SignalHeadId)).collect::<Option<Vec<_>>>()?;
+    let aspects = aspects_of(cdr.octets()?)?;
+    if heads.len() != aspects.len() {
+        return None;
+    }
+    let heads = heads.into_iter().zip(aspects).collect();
+    Some((tick, SimCommand::Signals(SignalAspects { stamp_s, heads })))
 }
 
 /// Name of the ROS 2 type of datagrams that were carried out.

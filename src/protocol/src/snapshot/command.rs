@@ -1,7 +1,7 @@
 //! Commands: the only way to change the world. Network packets, key presses and replayed logs all become
 //! commands.
 
-use super::{Indicator, VehicleId, VehicleSpec};
+use super::{Indicator, SignalAspects, VehicleId, VehicleSpec};
 use city3d_geometry::{City, Frame, Lab, LengthScale, Pose2};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -209,13 +209,15 @@ pub enum SimCommand {
     Drive(VehicleId, Pedals),
     /// The person hands back to the algorithm.
     Release(VehicleId),
+    /// Signal heads show these aspects.
+    Signals(SignalAspects),
 }
 
 impl SimCommand {
     /// The vehicle it addresses; commands are applied in the order of (vehicle, sequence).
     pub fn vehicle(&self) -> Option<VehicleId> {
         match self {
-            Self::Start | Self::Pause | Self::Reset => None,
+            Self::Start | Self::Pause | Self::Reset | Self::Signals(_) => None,
             Self::Spawn(setup) => Some(setup.id),
             Self::Follow(trajectory) => Some(trajectory.vehicle),
             Self::Remove(id) | Self::Measure(id, _) | Self::Drive(id, _) | Self::Release(id) => Some(*id),

@@ -8,6 +8,7 @@ mod check;
 mod command;
 mod event;
 mod limits;
+mod signal;
 mod spec;
 mod vehicle;
 
@@ -16,6 +17,7 @@ pub use command::{
     Appearance, BodyType, MeasuredPose, Pedals, Setup, SimCommand, Trajectory, TrajectoryPoint, is_newer,
 };
 pub use event::{Event, EventKind};
+pub use signal::{Aspect, SignalAspects, SignalHeadId};
 pub use spec::{
     CentreOfMass, ControlGains, Drive, GRAVITY_MPS2, ModelKind, Motor, Suspension, TorquePoint, VehicleSpec,
 };
@@ -41,6 +43,8 @@ pub struct FrameSnapshot {
     pub roster: Arc<Vec<VehicleInfo>>,
     /// Events of this tick.
     pub events: Vec<Event>,
+    /// Aspects of the signal heads, by [`SignalHeadId`]; empty in a city without signals.
+    pub signals: Vec<Aspect>,
 }
 
 impl FrameSnapshot {
@@ -60,10 +64,11 @@ impl FrameSnapshot {
         self.vehicles.clone_from(&other.vehicles);
         self.roster.clone_from(&other.roster);
         self.events.clone_from(&other.events);
+        self.signals.clone_from(&other.signals);
     }
 
     /// Interpolates between two snapshots for drawing: `weight` is 0 at `before` and 1 at `after`. Ticks,
-    /// digests, events, pedals and statuses are those of `after`; everything is, if the two have different
+    /// digests, events, signals, pedals and statuses are those of `after`; everything is, if the two have different
     /// vehicles.
     pub fn blend(&mut self, before: &Self, after: &Self, weight: f64) {
         self.assign(after);

@@ -6,9 +6,9 @@ use super::drive;
 use super::setup::VehicleSetup;
 use super::{
     Authenticator, DatagramHeader, DecodeError, DecodeFault, EncodeError, MAX_COORDINATE_M, MAX_TIME_S,
-    Measurement, trajectories,
+    Measurement, signals, trajectories,
 };
-use crate::snapshot::{Pedals, Status, Trajectory, VehicleId};
+use crate::snapshot::{Pedals, SignalAspects, Status, Trajectory, VehicleId};
 use city3d_geometry::Lab;
 use glam::{DQuat, DVec3};
 
@@ -187,6 +187,8 @@ pub enum Body {
         /// Any number; the answer repeats it.
         request: u32,
     },
+    /// Commands aspects of 1 to [`SignalAspects::MOST`] traffic signal heads. Not acknowledged: its sender repeats it.
+    Signals(SignalAspects),
     /// Answers the [`Body::Hello`] of an address that has not been checked. It is as long as the question.
     Challenge {
         /// Token of the `Hello`, which only its sender and who reads its datagrams know.
@@ -211,6 +213,8 @@ pub enum Body {
     Poses(Poses),
     /// Answers [`Body::Describe`].
     Description(CityDescription),
+    /// Aspects of traffic signal heads at the tick of the poses before it, for a subscriber.
+    ShownSignals(SignalAspects),
 }
 
 pub(super) const HELLO: u8 = 1;
@@ -222,12 +226,14 @@ const SUBSCRIBE: u8 = 6;
 const BARRIER: u8 = 7;
 const DRIVE: u8 = 8;
 const DESCRIBE: u8 = 9;
+const SIGNALS: u8 = 10;
 const CLOCK: u8 = 65;
 const ACK: u8 = 66;
 const POSES: u8 = 67;
 const DESCRIPTION: u8 = 68;
 // 69 is a denial.
 const CHALLENGE: u8 = 70;
+const SHOWN_SIGNALS: u8 = 71;
 
 impl Body {
     pub(super) fn kind(&self) -> u8 {
@@ -246,6 +252,8 @@ impl Body {
             Self::Poses(_) => POSES,
             Self::Description(_) => DESCRIPTION,
             Self::Challenge { .. } => CHALLENGE,
+            Self::Signals(_) => SIGNALS,
+            Self::ShownSignals(_) => SHOWN_SIGNALS,
         }
     }
 
@@ -377,6 +385,7 @@ impl Body {
             }
             Self::Poses(poses) => poses.write(out)?,
             Self::Description(description) => description.write(out)?,
+            Self::Signals(aspects) | Self::ShownSignals(aspects) => signals::write(aspects, out)?,
             Self::Challenge { token, challenge } => {
                 out.u64(*token);
                 out.u64(*challenge);
@@ -423,6 +432,8 @@ impl Body {
                 pedals: drive::read(from)?,
             },
             DESCRIBE => Self::Describe { request },
+            SIGNALS => Self::Signals(signals::read(from)?),
+            SHOWN_SIGNALS => Self::ShownSignals(signals::read(from)?),
             CLOCK => Self::Clock(CityClock::read(from)?),
             ACK => Self::Ack {
                 request,
@@ -443,7 +454,8 @@ impl Body {
                 }
             }
             found => {
-                let fault = DecodeFault::Unknown { found: found.into(), known: "1 to 9, 65 to 68 and 70" };
+                let fault =
+                    DecodeFault::Unknown { found: found.into(), known: "1 to 10, 65 to 68, 70 and 71" };
                 return Err(DecodeError { field: "kind", offset: 5, fault });
             }
         })

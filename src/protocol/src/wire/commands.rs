@@ -32,6 +32,7 @@ impl Body {
                 Some(pedals) => SimCommand::Drive(vehicle, pedals),
                 None => SimCommand::Release(vehicle),
             }],
+            Self::Signals(aspects) => vec![SimCommand::Signals(aspects)],
             Self::Command { action, .. } => vec![match action {
                 ExperimentAction::Start => SimCommand::Start,
                 ExperimentAction::Pause => SimCommand::Pause,

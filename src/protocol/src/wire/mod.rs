@@ -12,6 +12,7 @@ mod drive;
 mod drops;
 mod envelope;
 mod setup;
+mod signals;
 mod trajectories;
 
 pub use body::{
@@ -30,7 +31,7 @@ pub use setup::{MAX_NAME_BYTES, MAX_PARAMETERS, MAX_TORQUE_POINTS, PERSON, Vehic
 pub use trajectories::{MAX_POINTS, MAX_TRAJECTORIES, pack};
 
 use crate::snapshot::{
-    FrameSnapshot, Indicator, MeasuredPose, SimCommand, Trajectory, VehicleId, VehicleState,
+    FrameSnapshot, Indicator, MeasuredPose, SignalAspects, SimCommand, Trajectory, VehicleId, VehicleState,
 };
 use city3d_geometry::{Lab, LengthScale, Pose2};
 use glam::{DQuat, DVec3};
@@ -104,7 +105,7 @@ impl Measurement {
     }
 }
 
-/// A message from the control framework to a vehicle. Laboratory metres.
+/// A message from the control framework to a vehicle or to the traffic signals. Laboratory metres.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Message {
     /// Desired motion of one vehicle: poses of the front-axle centre over a horizon that covers the
@@ -112,14 +113,17 @@ pub enum Message {
     Follow(Trajectory<Lab>),
     /// The vehicle leaves the city.
     Remove(VehicleId),
+    /// Signal heads show these aspects.
+    Signals(SignalAspects),
 }
 
 impl Message {
-    /// The vehicle that the message is for.
-    pub fn vehicle(&self) -> VehicleId {
+    /// The vehicle that the message is for; `None` for traffic signals.
+    pub fn vehicle(&self) -> Option<VehicleId> {
         match self {
-            Self::Follow(trajectory) => trajectory.vehicle,
-            Self::Remove(id) => *id,
+            Self::Follow(trajectory) => Some(trajectory.vehicle),
+            Self::Remove(id) => Some(*id),
+            Self::Signals(_) => None,
         }
     }
 
@@ -128,6 +132,7 @@ impl Message {
         match self {
             Self::Follow(trajectory) => SimCommand::Follow(trajectory.into_city(scale)),
             Self::Remove(id) => SimCommand::Remove(id),
+            Self::Signals(aspects) => SimCommand::Signals(aspects),
         }
     }
 }

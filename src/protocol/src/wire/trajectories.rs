@@ -25,11 +25,19 @@ pub fn pack(messages: impl Iterator<Item = Message>) -> Vec<Body> {
     let mut bodies = Vec::new();
     let (mut together, mut bytes) = (Vec::new(), COUNT_BYTES);
     for message in messages {
-        let Message::Follow(trajectory) = message else {
-            bodies.extend(take(&mut together));
-            bodies.push(Body::Remove { request: 0, vehicle: message.vehicle() });
-            bytes = COUNT_BYTES;
-            continue;
+        let other = match message {
+            Message::Follow(trajectory) => Ok(trajectory),
+            Message::Remove(vehicle) => Err(Body::Remove { request: 0, vehicle }),
+            Message::Signals(aspects) => Err(Body::Signals(aspects)),
+        };
+        let trajectory = match other {
+            Ok(trajectory) => trajectory,
+            Err(body) => {
+                bodies.extend(take(&mut together));
+                bodies.push(body);
+                bytes = COUNT_BYTES;
+                continue;
+            }
         };
         let more = TRAJECTORY_BYTES + POINT_BYTES * trajectory.points.len();
         if bytes + more > MAX_BODY_BYTES || together.len() == MAX_TRAJECTORIES {

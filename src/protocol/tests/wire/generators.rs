@@ -3,8 +3,8 @@
 use city3d_geometry::Lab;
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{
-    Appearance, BodyType, Drive, Indicator, ModelKind, Pedals, Status, TorquePoint, Trajectory,
-    TrajectoryPoint, VehicleId, VehicleInfo, VehicleSpec,
+    Appearance, Aspect, BodyType, Drive, Indicator, ModelKind, Pedals, SignalAspects, SignalHeadId, Status,
+    TorquePoint, Trajectory, TrajectoryPoint, VehicleId, VehicleInfo, VehicleSpec,
 };
 use city3d_protocol::wire::{
     Body, CityClock, CityDescription, DatagramHeader, Denial, DenialReason, ExperimentAction,
@@ -155,6 +155,12 @@ fn description() -> impl Strategy<Value = CityDescription> {
     )
 }
 
+fn signals() -> impl Strategy<Value = SignalAspects> {
+    let head = (any::<u32>().prop_map(SignalHeadId), prop::sample::select(Aspect::ALL.to_vec()));
+    (0.0..=1e9f64, prop::collection::vec(head, 1..=SignalAspects::MOST))
+        .prop_map(|(stamp_s, heads)| SignalAspects { stamp_s, heads })
+}
+
 pub fn body() -> impl Strategy<Value = Body> {
     let actions = vec![ExperimentAction::Start, ExperimentAction::Pause, ExperimentAction::Reset];
     let outcomes = vec![RequestOutcome::Done, RequestOutcome::Busy, RequestOutcome::Refused];
@@ -181,6 +187,8 @@ pub fn body() -> impl Strategy<Value = Body> {
             .prop_map(|(vehicle, sequence, pedals)| Body::Drive { vehicle, sequence, pedals }),
         any::<u32>().prop_map(|request| Body::Describe { request }),
         description().prop_map(Body::Description),
+        signals().prop_map(Body::Signals),
+        signals().prop_map(Body::ShownSignals),
     ]
 }
 

@@ -44,6 +44,8 @@ pub(crate) struct GlowPass {
     vehicles: wgpu::Buffer,
     /// Instances of each vehicle, in the order of the snapshot.
     of_vehicles: Vec<Range<u32>>,
+    /// Instances of traffic signals, in the same buffer.
+    of_signals: Range<u32>,
 }
 
 impl GlowPass {
@@ -102,12 +104,19 @@ impl GlowPass {
             }),
             vehicles: buffer(device, 64 * size_of::<Glow>() as u64),
             of_vehicles: Vec::new(),
+            of_signals: 0..0,
         }
     }
 
-    /// Writes the glows of vehicle lamps of the current snapshot.
-    pub(crate) fn write(&mut self, Context { device, queue, .. }: &Context, fleet: &FleetRenderer) {
-        let mut glows = Vec::new();
+    /// Writes the glows of vehicle lamps and of traffic signals of the current snapshot.
+    pub(crate) fn write(
+        &mut self,
+        Context { device, queue, .. }: &Context,
+        fleet: &FleetRenderer,
+        signals: impl Iterator<Item = Glow>,
+    ) {
+        let mut glows: Vec<Glow> = signals.collect();
+        self.of_signals = 0..glows.len() as u32;
         self.of_vehicles.clear();
         for of_vehicle in fleet.glows() {
             let first = glows.len() as u32;
@@ -129,6 +138,9 @@ impl GlowPass {
             pass.draw(0..4, 0..self.lamp_count);
         }
         pass.set_vertex_buffer(0, self.vehicles.slice(..));
+        if !self.of_signals.is_empty() {
+            pass.draw(0..4, self.of_signals.clone());
+        }
         for glows in visible.iter().filter_map(|vehicle| self.of_vehicles.get(vehicle.index())) {
             pass.draw(0..4, glows.clone());
         }

@@ -10,6 +10,7 @@ pub(super) mod lamps;
 pub(super) mod light;
 pub(super) mod occlusion;
 pub(super) mod shadow;
+pub(super) mod signals;
 pub(super) mod sky;
 pub(super) mod tiles;
 pub(super) mod vehicle;

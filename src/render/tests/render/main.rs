@@ -13,3 +13,4 @@ mod images;
 mod instances;
 mod kinds;
 mod light;
+mod signals;

@@ -1,9 +1,9 @@
-//! Builds control lines from the drawn stop and yield lines, one for each lane crossed.
+//! Builds control lines and signal heads from drawn lines, one for each lane crossed.
 
 use super::pieces::{DrawnLine, lines_of};
 use super::{EntitiesByLayer, JOIN_TOLERANCE_M, place};
 use crate::error::{Diagnostics, MapErrorKind};
-use crate::{ControlLine, ControlLineKind, Lane, LaneId, layers};
+use crate::{ControlLine, ControlLineKind, Lane, LaneId, SignalHead, layers};
 use city3d_geometry::Lab;
 use city3d_geometry::lab::Segment;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -22,18 +22,42 @@ pub(super) fn build(
     for (layer, kind) in
         [(layers::STOP_LINES, ControlLineKind::Stop), (layers::YIELD_LINES, ControlLineKind::Yield)]
     {
-        for drawn in lines_of(by_layer, layer, metres, diagnostics) {
-            let crossed = crossed_lanes(lanes, &drawn);
-            if crossed.is_empty() {
-                let message = format!("the line at {} crosses no lane", place((drawn.from + drawn.to) / 2.0));
-                let remedy = "draw it across the centre line of a lane, within 45 degrees of square to it";
-                diagnostics.error(MapErrorKind::Stray, drawn.entity, message, remedy);
-            }
-            let ends = [drawn.from, drawn.to];
-            lines.extend(crossed.into_iter().map(|(lane, at_m)| ControlLine { kind, lane, at_m, ends }));
+        for (drawn, lane, at_m) in crossings_of(lanes, (by_layer, layer), metres, diagnostics) {
+            lines.push(ControlLine { kind, lane, at_m, ends: [drawn.from, drawn.to] });
         }
     }
     lines
+}
+
+/// Signal heads in the order of the file, those of one drawn line by lane.
+pub(super) fn signal_heads(
+    lanes: &[Lane<Lab>],
+    by_layer: &EntitiesByLayer,
+    metres: f64,
+    diagnostics: &mut Diagnostics,
+) -> Vec<SignalHead> {
+    let crossed = crossings_of(lanes, (by_layer, layers::SIGNALS), metres, diagnostics);
+    crossed.into_iter().map(|(_, lane, at_m)| SignalHead { lane, at_m }).collect()
+}
+
+/// The lines of a layer, each with every lane that it crosses and where.
+fn crossings_of<'a>(
+    lanes: &[Lane<Lab>],
+    (by_layer, layer): (&EntitiesByLayer<'a>, &str),
+    metres: f64,
+    diagnostics: &mut Diagnostics,
+) -> Vec<(DrawnLine<'a>, LaneId, f64)> {
+    let mut found = Vec::new();
+    for drawn in lines_of(by_layer, layer, metres, diagnostics) {
+        let crossed = crossed_lanes(lanes, &drawn);
+        if crossed.is_empty() {
+            let message = format!("the line at {} crosses no lane", place((drawn.from + drawn.to) / 2.0));
+            let remedy = "draw it across the centre line of a lane, within 45 degrees of square to it";
+            diagnostics.error(MapErrorKind::Stray, drawn.entity, message, remedy);
+        }
+        found.extend(crossed.into_iter().map(|(lane, at_m)| (drawn, lane, at_m)));
+    }
+    found
 }
 
 /// Lanes whose centre line the drawn line crosses at more than 45 degrees, and where.

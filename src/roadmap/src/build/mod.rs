@@ -93,13 +93,14 @@ fn build_map(read: &ParsedDrawing) -> Result<LoadedMap, MapErrors> {
     let mut roads = lanes::build(&network, &read.drawing, &mut diagnostics);
     labels::apply(&mut roads, &by_layer, metres, &mut diagnostics);
     let lines = lines::build(&roads.lanes, &by_layer, metres, &mut diagnostics);
+    let signals = lines::signal_heads(&roads.lanes, &by_layer, metres, &mut diagnostics);
     diagnostics.check()?;
 
     neighbours::link(&mut roads.lanes);
     let zones = zones::find(&roads, &mut diagnostics);
     diagnostics.check()?;
     let mut map = RoadMap::new(roads.lanes, zones, lines, scenery);
-    map.models = models;
+    (map.models, map.signals) = (models, signals);
     Ok(LoadedMap { map, notes: diagnostics.notes })
 }
 
@@ -120,11 +121,12 @@ pub(super) fn lane_kind(layer: &str) -> Option<LaneKind> {
 }
 
 fn is_known(layer: &str) -> bool {
-    const KNOWN: [&str; 8] = [
+    const KNOWN: [&str; 9] = [
         layers::LANES,
         layers::CONNECTORS,
         layers::STOP_LINES,
         layers::YIELD_LINES,
+        layers::SIGNALS,
         layers::ARROWS,
         layers::NAMES,
         layers::SPEEDS,

@@ -299,14 +299,16 @@ impl RepairOutcome<'_> {
         }
     }
 
-    /// Moves stop and yield lines at lane ends back if they would lie behind the end.
+    /// Moves stop, yield and signal lines at lane ends back if they would lie behind the end.
     pub(super) fn control_lines(&self, joints: &Joints, changes: &mut Vec<RepairChange>) -> Vec<EntityEdit> {
         let out = self.directions(joints);
         let mut edits = Vec::new();
         for entity in self.entities {
             let on_layer = |layer: &str| entity.layer.eq_ignore_ascii_case(layer);
             let EntityShape::Line { from, to } = entity.shape else { continue };
-            if !on_layer(layers::STOP_LINES) && !on_layer(layers::YIELD_LINES) {
+            let is_line =
+                [layers::STOP_LINES, layers::YIELD_LINES, layers::SIGNALS].into_iter().any(on_layer);
+            if !is_line {
                 continue;
             }
             let drawn = [from * self.metres, to * self.metres];

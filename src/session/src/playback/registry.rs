@@ -70,6 +70,7 @@ impl VehicleRegistry {
             vehicles: logged.vehicles.iter().map(state).collect(),
             roster: Arc::clone(&self.roster),
             events: Vec::new(),
+            signals: logged.signals.clone(),
         }
     }
 

@@ -198,7 +198,7 @@ impl RemoteControl {
         self.control.step((head.tick, head.time_s), seen.map(|seen| seen.pose), &mut delivered);
         self.physical_fleet.send(delivered.iter().filter_map(|message| match message {
             Message::Follow(trajectory) => Some(trajectory),
-            Message::Remove(_) => None,
+            Message::Remove(_) | Message::Signals(_) => None,
         }));
         self.batch.clear();
         for body in pack(delivered.into_iter()) {

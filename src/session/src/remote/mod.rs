@@ -379,6 +379,7 @@ impl RemoteCity {
                 self.lose();
             }
             ClientEvent::Body(Body::Poses(poses)) => self.take_poses(poses),
+            ClientEvent::Body(Body::ShownSignals(aspects)) => self.city.show_signals(&aspects),
             ClientEvent::Body(Body::Description(description)) => self.take_description(description),
             ClientEvent::Body(_) => {}
         }

@@ -65,8 +65,10 @@ impl ControlLoop {
             self.measurements.append(&mut measured);
             self.mainframe.step(time_s, &self.measurements, &mut self.messages);
         }
-        let is_physical = |message: &mut Message| self.physical.contains(&message.vehicle());
-        delivered.extend(self.messages.extract_if(.., is_physical));
+        // Signals are wired.
+        let is_direct =
+            |message: &mut Message| message.vehicle().is_none_or(|vehicle| self.physical.contains(&vehicle));
+        delivered.extend(self.messages.extract_if(.., is_direct));
         self.environment.command(time_s, self.messages.drain(..), delivered);
     }
 

@@ -6,7 +6,7 @@ use crate::scenario::Experiment;
 use city3d_estimation::{MotionEstimate, MotionFilter, NoiseModel, Odometer, StandstillChange};
 use city3d_geometry::{Pose2, trig};
 use city3d_protocol::snapshot::{
-    Event, EventKind, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState,
+    Aspect, Event, EventKind, FrameSnapshot, SignalAspects, Status, VehicleId, VehicleInfo, VehicleState,
 };
 use city3d_protocol::wire::{Measurement, ObservedVehicle, Poses};
 use glam::{DQuat, DVec3};
@@ -88,9 +88,12 @@ impl ObservedCity {
     pub fn new(experiment: Arc<Experiment>) -> Self {
         let noise = NoiseModel::LABORATORY.to_city(experiment.scale);
         Self {
-            experiment,
             noise,
-            snapshot: FrameSnapshot::default(),
+            snapshot: FrameSnapshot {
+                signals: vec![Aspect::Dark; experiment.city_map.signals.len()],
+                ..FrameSnapshot::default()
+            },
+            experiment,
             tracks: BTreeMap::new(),
             known: BTreeSet::new(),
             described: BTreeMap::new(),
@@ -108,6 +111,15 @@ impl ObservedCity {
             }
             self.is_roster_old |= self.described.get(&info.id) != Some(&info);
             self.described.insert(info.id, info);
+        }
+    }
+
+    /// Takes what signal heads show, for the next snapshot.
+    pub fn show_signals(&mut self, aspects: &SignalAspects) {
+        for (head, aspect) in &aspects.heads {
+            if let Some(shown) = self.snapshot.signals.get_mut(head.index()) {
+                *shown = *aspect;
+            }
         }
     }
 

@@ -1,10 +1,11 @@
-//! Poses of a city as the bodies that subscribers get.
+//! Poses and signals of a city as the bodies that subscribers get.
 
 use city3d_geometry::LengthScale;
-use city3d_protocol::snapshot::FrameSnapshot;
+use city3d_protocol::snapshot::{FrameSnapshot, SignalAspects, SignalHeadId};
 use city3d_protocol::wire::{Body, ExperimentPhase, MAX_POSES, Measurement, ObservedVehicle, Poses};
 
-/// The poses of a snapshot, in as many bodies as they need.
+/// The signals and the poses of a snapshot, in as many bodies as they need. Signals come first, so that they are known
+/// when the poses of the tick are complete.
 pub fn pose_bodies(snapshot: &FrameSnapshot, phase: ExperimentPhase, scale: LengthScale) -> Vec<Body> {
     let statuses = snapshot.vehicles.iter().map(|vehicle| vehicle.status);
     let seen: Vec<ObservedVehicle> = Measurement::all(snapshot, scale)
@@ -24,5 +25,9 @@ pub fn pose_bodies(snapshot: &FrameSnapshot, phase: ExperimentPhase, scale: Leng
             vehicles,
         })
     };
-    (0..parts).map(part).collect()
+    let heads: Vec<_> = (0..).map(SignalHeadId).zip(snapshot.signals.iter().copied()).collect();
+    let signals = heads
+        .chunks(SignalAspects::MOST)
+        .map(|heads| Body::ShownSignals(SignalAspects { stamp_s: snapshot.time_s, heads: heads.to_vec() }));
+    signals.chain((0..parts).map(part)).collect()
 }

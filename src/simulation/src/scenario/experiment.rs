@@ -8,7 +8,8 @@ use crate::environment::{EnvironmentProfile, EnvironmentSpec};
 use city3d_control::coordination::ControlZone;
 use city3d_control::coordination::platoon::PlatoonParams;
 use city3d_control::{
-    Algorithms, CavGeometry, CavSetup, CoordinationRules, DriverParams, RightOfWayParams, TrafficRules,
+    Algorithms, CavGeometry, CavSetup, CoordinationRules, DriverParams, RightOfWayParams, SignalPlan,
+    TrafficRules,
 };
 use city3d_dynamics::vehicle::{ModelKind, VehicleSpec};
 use city3d_geometry::{Lab, LengthScale, Pose2, trig};
@@ -179,6 +180,8 @@ pub struct Experiment {
     pub moved: Vec<MovedStart>,
     /// Right of way at junctions, laboratory units.
     pub right_of_way: RightOfWayParams,
+    /// Traffic signals; their heads are those of the maps.
+    pub signals: Vec<SignalPlan>,
     /// Coordination of vehicles in control zones; `None` without.
     pub coordination: Option<CoordinationRules>,
     /// Control zones, whose passages are measured whether or not vehicles are coordinated there.
@@ -229,6 +232,7 @@ impl Experiment {
             right_of_way: self.right_of_way,
             coordination: self.coordination.clone(),
             platoons: self.platoons,
+            signals: self.signals.clone(),
         }
     }
 

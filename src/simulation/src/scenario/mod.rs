@@ -10,6 +10,7 @@ mod read_coordination;
 mod read_platoon;
 mod read_sensors;
 mod read_settings;
+mod read_signals;
 mod read_traffic;
 mod read_vehicles;
 mod source;

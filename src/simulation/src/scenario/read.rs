@@ -7,6 +7,7 @@ use super::models::{ModelReader, UserModels};
 use super::read_coordination::read_coordination;
 use super::read_platoon::read_platoons;
 use super::read_settings::{NamedSettings, read_environment, read_rates, read_right_of_way};
+use super::read_signals::{check_room_before_signals, read_all_way_stops, read_signals};
 use super::source::LARGEST_SCENARIO_BYTES;
 use super::time_of_day::read_time_of_day;
 use super::{Library, MovedStart, SourceError, placement};
@@ -157,7 +158,7 @@ pub fn read_experiment(
         problems: errors.listed.iter().map(ToString::to_string).collect(),
     })?;
     let models = ModelReader::new(library);
-    let reader = ScenarioReader { map: Arc::new(loaded.map), library, models: &models, overrides };
+    let reader = ScenarioReader { map: loaded.map, library, models: &models, overrides };
     let mut experiment = reader.read(&root, text, map_bytes);
     let (models, faults) = models.finish(&experiment.lab_map.models);
     experiment.models = models;
@@ -172,7 +173,7 @@ pub fn read_experiment(
 }
 
 struct ScenarioReader<'m> {
-    map: Arc<LabMap>,
+    map: LabMap,
     library: &'m Library,
     models: &'m ModelReader<'m>,
     overrides: Overrides,
@@ -273,7 +274,7 @@ pub const MOST_SEED: u64 = i64::MAX as u64;
 const LONGEST_NAME: usize = 100;
 
 impl ScenarioReader<'_> {
-    fn read(&self, root: &TableFields<'_, '_>, text: &str, map_bytes: Vec<u8>) -> Experiment {
+    fn read(self, root: &TableFields<'_, '_>, text: &str, map_bytes: Vec<u8>) -> Experiment {
         let name =
             root.required_string("name", "a short name of the experiment").unwrap_or_default().to_owned();
         let length = name.chars().count();
@@ -294,9 +295,11 @@ impl ScenarioReader<'_> {
         let seed = self.overrides.seed.unwrap_or(seed);
         let rates = read_rates(root);
         let named = NamedSettings::read(root, self.library, self.overrides.model, rates);
+        let mut map = self.map;
+        read_all_way_stops(root, &mut map);
+        let signals = read_signals(root, &mut map, &named.worst_driver());
         let model = self.overrides.model;
-        let basis =
-            ReadContext { map: &self.map, models: self.models, scale, model, seed, duration_s, rates };
+        let basis = ReadContext { map: &map, models: self.models, scale, model, seed, duration_s, rates };
         let mut fleet = FleetBuilder::default();
         basis.read_vehicles(root, &named, &mut fleet);
         basis.read_traffic(root, &named, &mut fleet);
@@ -307,7 +310,7 @@ impl ScenarioReader<'_> {
             root.problems.add(&(0..0), "no vehicles: add [[vehicle]] tables or a [traffic] table");
         }
         let (environment, testbed) = read_environment(root, self.overrides.environment);
-        let city_map = Arc::new(self.map.to_city(scale));
+        let city_map = Arc::new(map.to_city(scale));
         // Robots stand when an experiment begins, and other vehicles must not run into them.
         if fleet.vehicles.iter().any(|vehicle| vehicle.physical.is_some()) {
             fleet.vehicles.iter_mut().for_each(|vehicle| vehicle.start.speed_mps = 0.0);
@@ -315,9 +318,10 @@ impl ScenarioReader<'_> {
         // Positions are checked once every vehicle has one.
         let moved = if root.problems.is_empty() { fleet.place(root, &city_map, scale) } else { Vec::new() };
         if root.problems.is_empty() {
-            fleet.check_starts(root, &self.map, scale, &moved);
+            fleet.check_starts(root, &map, scale, &moved);
+            check_room_before_signals(root, &map, scale, &fleet.vehicles);
         }
-        let coordination = read_coordination(root, &self.map, self.library);
+        let coordination = read_coordination(root, &map, self.library);
         Experiment {
             name,
             description,
@@ -326,11 +330,12 @@ impl ScenarioReader<'_> {
             rates,
             scale,
             city_map,
-            lab_map: Arc::clone(&self.map),
+            lab_map: Arc::new(map),
             vehicles: fleet.vehicles,
             moved,
             vehicle_types: named.types.into_iter().map(|(name, build)| (name, build.spec)).collect(),
             right_of_way: read_right_of_way(root),
+            signals,
             control_zones: coordination.zones,
             coordination: coordination.rules,
             platoons: read_platoons(root),

@@ -27,6 +27,19 @@ impl NamedSettings {
     ) -> Self {
         Self { types: read_types(root, model, rates), drivers: read_drivers(root, library) }
     }
+
+    /// What signals have to reckon with: the fastest driver, the weakest braking and the longest response.
+    pub fn worst_driver(&self) -> DriverParams {
+        let drivers = || self.drivers.values().map(|(_, driver)| driver);
+        DriverParams {
+            desired_speed_mps: drivers().map(|d| d.desired_speed_mps).fold(0.0, f64::max),
+            min_acceleration_mps2: drivers()
+                .map(|d| d.min_acceleration_mps2)
+                .fold(f64::NEG_INFINITY, f64::max),
+            response_time_s: drivers().map(|d| d.response_time_s).fold(0.0, f64::max),
+            ..DriverParams::default()
+        }
+    }
 }
 
 fn read_types(
@@ -139,6 +152,8 @@ pub fn read_right_of_way(root: &TableFields<'_, '_>) -> RightOfWayParams {
         fields.number("patience_s", 0.0..=3600.0, &mut params.patience_s);
         fields.boolean("full_stop", &mut params.full_stop);
         fields.number("reroute_s", 1.0..=1e9, &mut params.reroute_s);
+        // Changes the lines of the map, and is read with them.
+        fields.entry("all_way_stop");
         fields.finish();
     }
     params

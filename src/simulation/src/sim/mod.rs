@@ -11,7 +11,8 @@ use city3d_dynamics::physics::Physics;
 use city3d_geometry::OrientedRect;
 use city3d_geometry::digest::{Digest, StateHash};
 use city3d_protocol::snapshot::{
-    Event, EventKind, FrameSnapshot, Setup, SimCommand, VehicleId, VehicleInfo, VehicleState,
+    Aspect, Event, EventKind, FrameSnapshot, Setup, SignalAspects, SimCommand, VehicleId, VehicleInfo,
+    VehicleState,
 };
 use collision::{Collisions, StaticObstacles};
 use serde::{Deserialize, Serialize};
@@ -57,11 +58,41 @@ pub struct WorldState {
     /// Setups of the vehicles that commands added, in the order of arrival.
     setups: Vec<Setup>,
     collisions: Collisions,
+    signals: ShownSignals,
     /// Events since the last snapshot, outside of a step.
     pending: Vec<Event>,
 }
 
-/// Without whether the clock runs: a world that is paused has no ticks.
+/// What the signal heads show.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct ShownSignals {
+    /// Of the newest command.
+    stamp_s: f64,
+    /// By head.
+    aspects: Vec<Aspect>,
+}
+
+impl ShownSignals {
+    fn new(heads: usize) -> Self {
+        Self { stamp_s: 0.0, aspects: vec![Aspect::Dark; heads] }
+    }
+
+    /// Shows aspects, unless newer ones have come; heads that the map does not have are ignored.
+    fn show(&mut self, command: &SignalAspects) {
+        if command.stamp_s < self.stamp_s {
+            return;
+        }
+        self.stamp_s = command.stamp_s;
+        for (head, aspect) in &command.heads {
+            if let Some(shown) = self.aspects.get_mut(head.index()) {
+                *shown = *aspect;
+            }
+        }
+    }
+}
+
+/// Without whether the clock runs: a world that is paused has no ticks. Without the signals: an aspect moves no
+/// vehicle, for the control framework decides who goes, and the trajectories that come of it are covered.
 impl Digest for WorldState {
     fn digest(&self, hash: &mut StateHash) {
         hash.word(self.tick);
@@ -188,6 +219,7 @@ impl World {
                     vehicle.drive(None);
                 }
             }
+            SimCommand::Signals(aspects) => self.state.signals.show(aspects),
         }
     }
 
@@ -237,6 +269,7 @@ impl World {
         out.time_s = self.time_s();
         out.vehicles.clear();
         out.vehicles.extend(self.state.vehicles.iter().map(|vehicle| vehicle.state.clone()));
+        out.signals.clone_from(&self.state.signals.aspects);
         if !Arc::ptr_eq(&out.roster, &self.roster) {
             out.roster = Arc::clone(&self.roster);
         }
@@ -267,8 +300,18 @@ impl WorldState {
         for moved in &experiment.moved {
             pending.push(event(moved.vehicle, EventKind::Moved { behind: moved.behind, by_m: moved.by_m }));
         }
-        let collisions = Collisions::default();
-        Self { tick: 0, is_running: false, physics, vehicles, setups: Vec::new(), collisions, pending }
+        let (collisions, signals) =
+            (Collisions::default(), ShownSignals::new(experiment.city_map.signals.len()));
+        Self {
+            tick: 0,
+            is_running: false,
+            physics,
+            vehicles,
+            setups: Vec::new(),
+            collisions,
+            signals,
+            pending,
+        }
     }
 
     /// Adds a vehicle with a new id.

@@ -13,5 +13,6 @@ mod platoon;
 mod robustness;
 mod roundabout;
 mod seen;
+mod signals;
 mod unseen;
 mod world;

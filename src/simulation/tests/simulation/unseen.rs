@@ -163,7 +163,7 @@ impl LabTwin {
             .into_iter()
             .filter_map(|message| match message {
                 Message::Follow(trajectory) => Some((trajectory.vehicle, trajectory)),
-                Message::Remove(_) => None,
+                Message::Remove(_) | Message::Signals(_) => None,
             })
             .collect();
         self.step += 1;

@@ -1,6 +1,7 @@
 //! The minimap in a corner of the city view.
 
 use super::{UiState, ViewModel, status, traffic};
+use city3d_protocol::snapshot::Aspect;
 use egui::{Color32, Pos2, Rect, Sense, Stroke, Ui, Vec2};
 use glam::DVec2;
 
@@ -16,7 +17,17 @@ pub fn beside(rect: Rect) -> Rect {
     Rect::from_min_max(rect.min, rect.max - Vec2::new(taken, 0.0))
 }
 
-/// Shows the minimap, north up. A click moves the large view there.
+/// Colour of a signal head on the map.
+fn signal_colour(aspect: Aspect) -> Color32 {
+    match aspect {
+        Aspect::Dark => Color32::from_gray(70),
+        Aspect::Red => Color32::from_rgb(255, 60, 50),
+        Aspect::Yellow => Color32::from_rgb(255, 190, 40),
+        Aspect::Green => Color32::from_rgb(60, 230, 120),
+    }
+}
+
+/// Shows the minimap, north up, with the aspects of traffic signals at their lines. A click moves the large view there.
 pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
     let points = || {
         let curves = shown.map.lanes.iter().map(|lane| &lane.curve);
@@ -49,6 +60,10 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
             .map(|at_m| on_screen(curve.at(at_m).pose.position))
             .collect();
         painter.line(line, Stroke::new(3.0, traffic::zone_colour(zone)));
+    }
+    for (head, aspect) in shown.map.signals.iter().zip(&shown.interpolated.signals) {
+        let at = shown.map.lane(head.lane).curve.at(head.at_m).pose.position;
+        painter.circle_filled(on_screen(at), 2.0, signal_colour(*aspect));
     }
     for vehicle in &shown.interpolated.vehicles {
         let is_selected = state.selection.vehicle == Some(vehicle.id);

@@ -15,7 +15,7 @@ use crate::scenario::Experiment;
 use crate::sim::World;
 use city3d_geometry::Lab;
 use city3d_protocol::snapshot::{
-    FrameSnapshot, ModelKind, SimCommand, Status, Trajectory, VehicleId, is_newer,
+    FrameSnapshot, ModelKind, SignalAspects, SimCommand, Status, Trajectory, VehicleId, is_newer,
 };
 use city3d_protocol::wire::{
     Body, CityClock, DropReason, ExperimentAction, ExperimentPhase, MAX_AHEAD_S, Measurement, Message,
@@ -203,6 +203,10 @@ impl ServerWorld {
                 list.into_iter().for_each(|trajectory| self.follow(sender, trajectory));
                 return None;
             }
+            Body::Signals(aspects) => {
+                self.show_signals(sender, aspects);
+                return None;
+            }
             Body::Drive { vehicle, sequence, pedals } => {
                 let refusal = self.drive(sender, now_s, vehicle, sequence, pedals).err();
                 self.dropped.extend(refusal);
@@ -218,6 +222,7 @@ impl ServerWorld {
             | Body::Ack { .. }
             | Body::Poses(_)
             | Body::Description(_)
+            | Body::ShownSignals(_)
             | Body::Challenge { .. } => return None,
         };
         let answer = Body::Ack { request: request?, outcome, tick: self.snapshot.tick, detail };
@@ -327,6 +332,14 @@ impl ServerWorld {
         }
         let command = Message::Follow(trajectory.clone()).into_command(self.experiment().scale);
         self.push(PendingCommand { sender, body: Body::Trajectories(vec![trajectory]), command });
+    }
+
+    fn show_signals(&mut self, sender: SenderNumber, aspects: SignalAspects) {
+        if !self.role(sender, None).may(Act::Command { has_leader: self.leader.is_some() }) {
+            return self.dropped.push(DropReason::NotYours);
+        }
+        let command = SimCommand::Signals(aspects.clone());
+        self.push(PendingCommand { sender, body: Body::Signals(aspects), command });
     }
 
     fn push(&mut self, pending: PendingCommand) {

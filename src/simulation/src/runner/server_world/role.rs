@@ -18,7 +18,7 @@ pub(super) enum Role {
 /// What a body asks for, with the circumstances that decide.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Act {
-    /// To start, pause or reset the experiment.
+    /// To start, pause or reset the experiment, or to set its signals.
     Command {
         /// Somebody leads it.
         has_leader: bool,

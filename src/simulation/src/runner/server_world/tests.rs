@@ -5,7 +5,8 @@ use crate::scenario::{Library, Overrides, read_experiment};
 use crate::sim::World;
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{
-    FrameSnapshot, ModelKind, Pedals, SimCommand, Status, Trajectory, TrajectoryPoint, VehicleId, VehicleSpec,
+    Aspect, FrameSnapshot, ModelKind, Pedals, SignalAspects, SignalHeadId, SimCommand, Status, Trajectory,
+    TrajectoryPoint, VehicleId, VehicleSpec,
 };
 use city3d_protocol::wire::{
     Body, DropReason, ExperimentAction, ExperimentPhase, Measurement, RequestOutcome, VehicleBuild,
@@ -426,4 +427,80 @@ fn a_pose_that_was_measured_later_than_now_is_dropped_while_the_clock_runs() {
     world.tick();
     let state = world.snapshot().vehicle(PHYSICAL).unwrap();
     assert!(state.position.is_finite() && state.speed_mps.is_finite());
+}
+
+/// A city with the signals of one junction, led by a sender with one vehicle.
+fn signalised() -> ServerWorld {
+    let (text, library) = Library::scenario("straight").unwrap();
+    let green = |street| format!("{{ green = [\"{street}\"], green_s = 5 }}");
+    let phases = format!("phases = [{}, {}]", green("centre-street"), green("main-boulevard"));
+    let text = format!("{text}\n[[signal]]\njunction = \"junction-main-centre\"\n{phases}\n");
+    let experiment = read_experiment("signals", &text, &library, Overrides::default()).unwrap();
+    let [low, _] = experiment.city_map.bounds();
+    let left = low.x / experiment.scale.factor();
+    let mut world = ServerWorld::new(experiment, ServerRules::default());
+    assert!(is_done(&set_up(&mut world, LEADER, 0.0, setup(LED, left, ModelKind::Raycast))));
+    assert!(is_done(&command(&mut world, LEADER, 0.0, ExperimentAction::Start)));
+    world
+}
+
+fn show(world: &mut ServerWorld, sender: SenderNumber, stamp_s: f64, head: u32, aspect: Aspect) {
+    let aspects = SignalAspects { stamp_s, heads: vec![(SignalHeadId(head), aspect)] };
+    assert_eq!(world.take(sender, 0.0, Body::Signals(aspects)), None);
+}
+
+#[test]
+fn the_leader_sets_the_signals_and_subscribers_see_them() {
+    let mut world = signalised();
+    assert_eq!(world.snapshot().signals, [Aspect::Dark; 8]);
+    show(&mut world, LEADER, 0.0, 2, Aspect::Green);
+    show(&mut world, GUEST, 0.0, 2, Aspect::Red);
+    world.tick();
+    assert_eq!(world.drain_dropped().collect::<Vec<_>>(), [DropReason::NotYours]);
+    assert_eq!(world.snapshot().signals[2], Aspect::Green);
+    // An older command that comes later, and a head that is not there.
+    show(&mut world, LEADER, 0.5, 2, Aspect::Yellow);
+    world.tick();
+    show(&mut world, LEADER, 0.4, 2, Aspect::Red);
+    show(&mut world, LEADER, 0.6, 8, Aspect::Red);
+    world.tick();
+    assert_eq!(world.snapshot().signals[2], Aspect::Yellow);
+    assert!(world.applied().iter().all(|applied| matches!(applied.body, Body::Signals(_))));
+    let told = world.poses().into_iter().find_map(|body| match body {
+        Body::ShownSignals(aspects) => Some(aspects),
+        _ => None,
+    });
+    let told = told.unwrap();
+    assert_eq!((told.heads.len(), told.heads[2]), (8, (SignalHeadId(2), Aspect::Yellow)));
+    // After a reset nobody has commanded them.
+    command(&mut world, LEADER, 0.0, ExperimentAction::Reset);
+    world.tick();
+    assert_eq!(world.snapshot().signals, [Aspect::Dark; 8]);
+}
+
+#[test]
+fn a_replay_of_what_was_applied_shows_the_same_signals() {
+    let mut world = signalised();
+    let mut replayed = World::new(Arc::clone(world.experiment()));
+    let mut snapshot = FrameSnapshot::default();
+    for tick in 0..40_u32 {
+        let aspect = Aspect::ALL[tick as usize / 3 % 4];
+        show(&mut world, LEADER, f64::from(tick) / 100.0, tick % 8, aspect);
+        world.tick();
+        let scale = world.experiment().scale;
+        let types = &world.experiment().vehicle_types;
+        let applied = world.applied().iter();
+        let commands: Vec<SimCommand> = applied
+            .flat_map(|applied| {
+                let (kind, bytes) = applied.body.to_log().unwrap();
+                Body::from_log(kind, &bytes).unwrap().into_commands(scale, types).unwrap()
+            })
+            .collect();
+        replayed.tick_as_given(&commands, &mut snapshot);
+        assert_eq!(
+            (&snapshot.signals, snapshot.state_hash),
+            (&world.snapshot().signals, world.snapshot().state_hash)
+        );
+    }
+    assert!(snapshot.signals.iter().any(|aspect| *aspect != Aspect::Dark));
 }

@@ -1,0 +1,96 @@
+//! What the right of way of others means for the driver of a vehicle: virtual stopped vehicles, and leaders that merge.
+
+use super::{
+    COMFORTABLE_BRAKING, FIRM_BRAKING, FIRST_ORDER, LEAVING_MPS, RightOfWay, ZONE_MARGIN_M, asking_distance,
+    braking_distance,
+};
+use crate::route::{RANK_MAJOR, ZoneCrossing};
+use crate::{Cav, LeaderState};
+use city3d_roadmap::ZoneKind;
+
+/// A constraint on a vehicle from the right of way of others.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct YieldConstraint {
+    /// Obstacle or leader that the driver model has to heed.
+    pub kind: ConstraintKind,
+    /// Index of the section of the route that it applies to.
+    pub section: usize,
+    /// Whether the vehicle gives way by its rank: behind a line, or turning left across oncoming traffic.
+    pub gives_way: bool,
+}
+
+/// The kind of a yield constraint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ConstraintKind {
+    /// A virtual stopped vehicle at this distance from the front bumper.
+    Stop { gap_m: f64 },
+    /// A vehicle merges ahead: follow it or wait before the zone, whichever brakes less.
+    Merging { leader: LeaderState, wait_gap_m: f64 },
+}
+
+impl RightOfWay {
+    /// Collects the yield constraints of a vehicle.
+    pub fn yield_constraints(&self, vehicle: usize, cavs: &[Cav], out: &mut Vec<YieldConstraint>) {
+        let cav = &cavs[vehicle];
+        let front_s = cav.front_s();
+        if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
+            let gap_m = section.hold_s - front_s;
+            // A vehicle that can no longer stop was admitted and has no virtual stopped vehicle; nor has one
+            // that has yet to request.
+            if gap_m < asking_distance(cav) {
+                let gives_way = section.rank > RANK_MAJOR && !cav.passage.is_held_by_signal;
+                let kind = ConstraintKind::Stop { gap_m };
+                out.push(YieldConstraint { kind, section: cav.passage.next_section, gives_way });
+            }
+        }
+        for admission in &cav.passage.admissions {
+            let section = &cav.route.sections[admission.section];
+            let gives_way = section.rank > RANK_MAJOR;
+            for crossing in &cav.route.crossings[section.crossings.clone()] {
+                self.constraints_in(vehicle, cavs, crossing, admission.order, |kind| {
+                    out.push(YieldConstraint { kind, section: admission.section, gives_way });
+                });
+            }
+        }
+    }
+
+    fn constraints_in(
+        &self,
+        vehicle: usize,
+        cavs: &[Cav],
+        crossing: &ZoneCrossing,
+        order: u64,
+        mut add: impl FnMut(ConstraintKind),
+    ) {
+        let front_s = cavs[vehicle].front_s();
+        let to_entry_m = crossing.from_s - front_s;
+        let to_end_m = crossing.to_s - front_s;
+        for user in &self.users[crossing.zone.index()] {
+            // Who has come in without a number goes before all others but those that are there already.
+            let is_there_already = order < FIRST_ORDER && to_entry_m > 0.0 && user.to_entry_m <= 0.0;
+            let goes_first = is_there_already || user.order.is_some_and(|other| other < order);
+            if user.side == crossing.side || user.vehicle == vehicle || !goes_first {
+                continue;
+            }
+            let wait_gap_m = to_entry_m - ZONE_MARGIN_M;
+            match crossing.kind {
+                ZoneKind::Merge if to_end_m > 0.0 => {
+                    let speed_mps = cavs[user.vehicle].speed_mps();
+                    let leader = LeaderState { gap_m: to_end_m - user.to_exit_m, speed_mps };
+                    add(ConstraintKind::Merging { leader, wait_gap_m });
+                }
+                ZoneKind::Merge => {}
+                // A zone has to be left once entered.
+                _ if to_entry_m > -ZONE_MARGIN_M => {
+                    // A leaving vehicle is likely gone before braking has to begin.
+                    let is_leaving = user.to_entry_m < 0.0 && cavs[user.vehicle].speed_mps() > LEAVING_MPS;
+                    let braking = if is_leaving { FIRM_BRAKING } else { COMFORTABLE_BRAKING };
+                    if wait_gap_m < braking_distance(&cavs[vehicle], braking) {
+                        add(ConstraintKind::Stop { gap_m: wait_gap_m });
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+}
