@@ -179,6 +179,8 @@ fn scenario_keys_are_all_described_and_no_others() {
                 "vehicle_type",
                 "driver",
                 "right_of_way",
+                "coordination",
+                "control_zone",
                 "platoon",
                 "environment",
                 "traffic",
