@@ -8,8 +8,8 @@ use super::schema::{NetworkCommand, encode_event, encode_network, encode_snapsho
 use super::transforms::encode_transform;
 use city3d_geometry::Pose2;
 use city3d_protocol::snapshot::{
-    Event, EventKind, FrameSnapshot, Indicator, MeasuredPose, Pedals, SimCommand, Status, Trajectory,
-    TrajectoryPoint, VehicleId, VehicleState,
+    Appearance, Event, EventKind, FrameSnapshot, Indicator, MeasuredPose, Pedals, Setup, SimCommand, Status,
+    Trajectory, TrajectoryPoint, VehicleId, VehicleSpec, VehicleState,
 };
 use city3d_protocol::wire::Measurement;
 use glam::{DQuat, DVec3};
@@ -38,12 +38,21 @@ fn commands() -> Vec<(&'static str, SimCommand)> {
     };
     let position = DVec3::new(1.0, 2.0, 0.5);
     let measured = MeasuredPose { stamp_s: 2.5, position, orientation: DQuat::from_xyzw(0.0, 0.0, 0.6, 0.8) };
+    let setup = Setup {
+        id: VEHICLE,
+        name: "cav7".to_owned(),
+        appearance: Appearance::default(),
+        pose: Pose2::default(),
+        speed_mps: 8.75,
+        spec: VehicleSpec::default(),
+    };
     vec![
         ("drive", SimCommand::Drive(VEHICLE, pedals)),
         ("release", SimCommand::Release(VEHICLE)),
         ("remove", SimCommand::Remove(VEHICLE)),
         ("trajectory", SimCommand::Follow(trajectory)),
         ("measured", SimCommand::Measure(VEHICLE, measured)),
+        ("arrival", SimCommand::Spawn(Box::new(setup))),
     ]
 }
 

@@ -3,10 +3,11 @@
 
 use super::mcap_writer::McapWriter;
 use super::schema::{
-    COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, MEASURED_SCHEMA, MEASURED_TYPE, NETWORK_SCHEMA,
-    NETWORK_TYPE, NetworkCommand, PersonCommand, SNAPSHOT_SCHEMA, SNAPSHOT_TYPE, TICK_SCHEMA, TICK_TYPE,
-    TRAJECTORY_SCHEMA, TRAJECTORY_TYPE, encode_command, encode_event, encode_measured, encode_network,
-    encode_snapshot, encode_tick, encode_trajectory,
+    ARRIVAL_SCHEMA, ARRIVAL_TYPE, COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, MEASURED_SCHEMA,
+    MEASURED_TYPE, NETWORK_SCHEMA, NETWORK_TYPE, NetworkCommand, PersonCommand, SNAPSHOT_SCHEMA,
+    SNAPSHOT_TYPE, TICK_SCHEMA, TICK_TYPE, TRAJECTORY_SCHEMA, TRAJECTORY_TYPE, encode_arrival,
+    encode_command, encode_event, encode_measured, encode_network, encode_snapshot, encode_tick,
+    encode_trajectory,
 };
 use super::transforms::{TRANSFORM_SCHEMA, TRANSFORM_TYPE, encode_transform};
 use city3d_geometry::LengthScale;
@@ -30,6 +31,8 @@ pub struct LogWriter<W> {
     trajectories: u16,
     measured: u16,
     ticks: u16,
+    /// Of a scenario with inflows.
+    arrivals: Option<u16>,
     transform_schema: u16,
     /// Channels of the vehicles' transforms, by the vehicles' names.
     transforms: BTreeMap<String, u16>,
@@ -52,6 +55,8 @@ pub(super) const TRAJECTORY_TOPIC: &str = "/city3d/trajectory";
 
 /// Topic of the measured poses of physical vehicles.
 pub(super) const MEASURED_TOPIC: &str = "/city3d/measured";
+/// Topic of the arrivals that enter the city.
+pub(super) const ARRIVAL_TOPIC: &str = "/city3d/arrivals";
 
 /// Topic of the state digests.
 pub(super) const TICK_TOPIC: &str = "/city3d/tick";
@@ -132,6 +137,12 @@ impl<W: Write> LogWriter<W> {
         let trajectories = channel(TRAJECTORY_TOPIC, TRAJECTORY_TYPE, TRAJECTORY_SCHEMA)?;
         let measured = channel(MEASURED_TOPIC, MEASURED_TYPE, MEASURED_SCHEMA)?;
         let ticks = channel(TICK_TOPIC, TICK_TYPE, TICK_SCHEMA)?;
+        // Logs of scenarios without inflows stay as they are.
+        let arrivals = if experiment.inflows.is_empty() {
+            None
+        } else {
+            Some(channel(ARRIVAL_TOPIC, ARRIVAL_TYPE, ARRIVAL_SCHEMA)?)
+        };
         let transform_schema = writer.schema(TRANSFORM_TYPE, "ros2msg", TRANSFORM_SCHEMA);
         Ok(Self {
             writer,
@@ -142,6 +153,7 @@ impl<W: Write> LogWriter<W> {
             trajectories,
             measured,
             ticks,
+            arrivals,
             transform_schema,
             transforms: BTreeMap::new(),
             scale: experiment.scale,
@@ -219,6 +231,10 @@ impl<W: Write> LogWriter<W> {
             CommandKind::Person => self.commands,
             CommandKind::Trajectory => self.trajectories,
             CommandKind::Measured => self.measured,
+            CommandKind::Arrival => match self.arrivals {
+                Some(channel) => channel,
+                None => return Ok(()),
+            },
         };
         let header = self.header(channel, time_s);
         self.writer.message(&header, message)
@@ -268,6 +284,8 @@ pub(super) enum CommandKind {
     Person,
     Trajectory,
     Measured,
+    /// A vehicle of an inflow enters.
+    Arrival,
 }
 
 impl CommandKind {
@@ -281,6 +299,7 @@ impl CommandKind {
             SimCommand::Measure(vehicle, pose) => {
                 (Self::Measured, encode_measured(tick, *vehicle, pose, memory()))
             }
+            SimCommand::Spawn(setup) => (Self::Arrival, encode_arrival(tick, setup, memory())),
             other => (Self::Person, encode_command(tick, PersonCommand::of(other)?, memory())),
         };
         *buffer = message;
