@@ -104,16 +104,22 @@ fn scenario(section: &str, key: &str, line: &str) -> String {
     let mut top = BTreeMap::from([("name", "name = \"small\""), ("duration_s", "duration_s = 2")]);
     let mut vehicle =
         BTreeMap::from([("route", "route = [\"main-boulevard/east/inner/1\"]"), ("at_m", "at_m = 0.9")]);
+    let entry = "lane = \"main-boulevard/east/inner/1\"";
+    let mut inflow = BTreeMap::from([("lane", entry), ("rate_veh_h", "rate_veh_h = 60")]);
     let mut rest = String::new();
+    let lines = |table: BTreeMap<&str, &str>| table.into_values().collect::<Vec<_>>().join("\n");
     match section {
         "" => _ = top.insert(key, line),
         "[[vehicle]]" => _ = vehicle.insert(key, line),
+        "[[inflow]]" => {
+            inflow.insert(key, line);
+            rest = format!("[[inflow]]\n{}\n", lines(inflow));
+        }
         _ if section.ends_with("sensor]]") && key != "kind" => {
             rest = format!("{section}\nkind = \"camera\"\n{line}\n");
         }
         _ => rest = format!("{section}\n{line}\n"),
     }
-    let lines = |table: BTreeMap<&str, &str>| table.into_values().collect::<Vec<_>>().join("\n");
     format!("{}\n{rest}[[vehicle]]\n{}\n", lines(top), lines(vehicle))
 }
 
@@ -134,7 +140,7 @@ fn assert_same(a: &Experiment, b: &Experiment, what: &str) {
         let copy = Experiment { scenario_text: String::new(), map_bytes: Vec::new(), ..experiment.clone() };
         let rest = (copy.seed, copy.duration_s, copy.rates, copy.scale, copy.right_of_way, copy.environment);
         let rest = (rest, copy.link_timeout_s, copy.expectations, copy.city_map.lanes.len());
-        let text = format!("{:?} {rest:?}", copy.vehicles);
+        let text = format!("{:?} {:?} {rest:?}", copy.vehicles, copy.arrivals);
         text.split([' ', ',', '(', ')', '[', ']']).map(str::to_owned).collect()
     };
     let (a, b) = (words(a), words(b));
@@ -161,7 +167,16 @@ fn scenario_keys_are_all_described_and_no_others() {
         // Tables within a table, which have their own.
         let tables: &[&str] = match section.as_str() {
             "[[vehicle]]" | "[traffic]" => &["sensor"],
-            "" => &["rates", "vehicle", "vehicle_type", "driver", "right_of_way", "environment", "traffic"],
+            "" => &[
+                "rates",
+                "vehicle",
+                "vehicle_type",
+                "driver",
+                "right_of_way",
+                "environment",
+                "traffic",
+                "inflow",
+            ],
             "[environment]" => &["testbed"],
             "[vehicle_type.default]" => &["centre_of_mass", "motor", "suspension", "control", "sensor"],
             _ => &[],
