@@ -104,10 +104,17 @@ fn scenario(section: &str, key: &str, line: &str) -> String {
     let mut top = BTreeMap::from([("name", "name = \"small\""), ("duration_s", "duration_s = 2")]);
     let mut vehicle =
         BTreeMap::from([("route", "route = [\"main-boulevard/east/inner/1\"]"), ("at_m", "at_m = 0.9")]);
+    let entry = "lane = \"main-boulevard/east/inner/1\"";
+    let mut inflow = BTreeMap::from([("lane", entry), ("rate_veh_h", "rate_veh_h = 60")]);
     let mut rest = String::new();
+    let lines = |table: BTreeMap<&str, &str>| table.into_values().collect::<Vec<_>>().join("\n");
     match section {
         "" => _ = top.insert(key, line),
         "[[vehicle]]" => _ = vehicle.insert(key, line),
+        "[[inflow]]" => {
+            inflow.insert(key, line);
+            rest = format!("[[inflow]]\n{}\n", lines(inflow));
+        }
         _ if section.ends_with("sensor]]") && key != "kind" => {
             rest = format!("{section}\nkind = \"camera\"\n{line}\n");
         }
@@ -124,7 +131,6 @@ fn scenario(section: &str, key: &str, line: &str) -> String {
         }
         _ => rest = format!("{section}\n{line}\n"),
     }
-    let lines = |table: BTreeMap<&str, &str>| table.into_values().collect::<Vec<_>>().join("\n");
     format!("{}\n{rest}[[vehicle]]\n{}\n", lines(top), lines(vehicle))
 }
 
@@ -146,7 +152,7 @@ fn assert_same(a: &Experiment, b: &Experiment, what: &str) {
         let rest = (copy.seed, copy.duration_s, copy.rates, copy.scale, copy.right_of_way, copy.environment);
         let rest = (rest, copy.link_timeout_s, copy.expectations, copy.city_map.lanes.len(), copy.platoons);
         let rest = (rest, copy.signals);
-        let text = format!("{:?} {rest:?}", copy.vehicles);
+        let text = format!("{:?} {:?} {rest:?}", copy.vehicles, copy.arrivals);
         text.split([' ', ',', '(', ')', '[', ']']).map(str::to_owned).collect()
     };
     let (a, b) = (words(a), words(b));
@@ -185,6 +191,7 @@ fn scenario_keys_are_all_described_and_no_others() {
                 "environment",
                 "traffic",
                 "signal",
+                "inflow",
             ],
             "[environment]" => &["testbed"],
             "[vehicle_type.default]" => &["centre_of_mass", "motor", "suspension", "control", "sensor"],

@@ -8,6 +8,7 @@
 
 mod cli;
 mod damage;
+mod demand;
 mod docs;
 mod figures;
 mod fork;

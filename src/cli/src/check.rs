@@ -161,13 +161,10 @@ fn check_scenario(file: &str) -> Finding {
     let (text, library) = Library::scenario(file).map_err(|error| error.to_string())?;
     let experiment =
         read_experiment(file, &text, &library, Overrides::default()).map_err(|error| error.to_string())?;
-    let sensors: usize = experiment.vehicles.iter().map(|vehicle| vehicle.sensors.len()).sum();
-    let mut text = format!(
-        "good: {} vehicles, {sensors} sensors, {} s, seed {}",
-        experiment.vehicles.len(),
-        experiment.duration_s,
-        experiment.seed
-    );
+    let mut text = format!("good: {}", experiment.contents());
+    for line in experiment.inflow_contents() {
+        text.push_str(&format!("\n{file}: {line}"));
+    }
     for moved in &experiment.moved {
         text.push_str(&format!(
             "\n{file}: note: vehicle {} overlaps vehicle {} at the start; it starts {:.2} m further back",

@@ -120,6 +120,9 @@ fn print(summary: &Summary, folder: Option<&Path>) -> Result<(), Failure> {
     if summary.vehicles.len() > 20 {
         say(format_args!("      and {} more in summary.json", summary.vehicles.len() - 20))?;
     }
+    for (name, of) in summary.inflows.iter().take(20) {
+        say(format_args!("inflow {name}: {of}"))?;
+    }
     if let Some(link) = &summary.link {
         let reasons: Vec<String> =
             link.dropped.iter().map(|(reason, count)| format!("{count} {}", reason.label())).collect();

@@ -97,7 +97,7 @@ impl ForkedRun<'_> {
                 ));
             }
             let duration_s = self.args.duration.unwrap_or(original.duration_s);
-            return Ok(Experiment { duration_s, ..original.clone() });
+            return original.lasting(duration_s).map_err(Failure::bad_input);
         };
         // Changes by the command line of the log stay, unless they are changed again.
         let model = original.model.and_then(|model| match model {
@@ -117,7 +117,7 @@ impl ForkedRun<'_> {
             environment: self.args.environment.or(profile),
         };
         let changed = load::experiment(&args)?;
-        let wrong = differences(original, &changed);
+        let wrong = differences(original, &changed, self.from_tick);
         if !wrong.is_empty() {
             return Err(Failure::bad_input(format!(
                 "{scenario} cannot continue this run: {}. Only drivers, controllers, the right of way, \

@@ -6,7 +6,7 @@ use city3d_geometry::Length;
 use city3d_models::SHIPPED;
 use city3d_outputs::WholeFile;
 use city3d_roadmap::{Grid, GridControl, GridSize};
-use city3d_simulation::scenario::Library;
+use city3d_simulation::scenario::{Library, grid_scenario};
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -53,6 +53,9 @@ struct GridArgs {
     /// Lines at the junctions: yield or stop (for avenues), all-way-stop, none
     #[arg(long, value_name = "LINES", requires = "grid", default_value = "yield")]
     control: GridControl,
+    /// Also write a scenario for the grid, with traffic from all sides, to this file
+    #[arg(long, value_name = "FILE", requires = "grid")]
+    scenario: Option<PathBuf>,
 }
 
 impl GridArgs {
@@ -72,8 +75,10 @@ pub fn generate(args: &GenerateArgs) -> Result<(), Failure> {
                 return write(&path_of("ids3c.dxf"), &map);
             };
             let name = format!("grid-{}x{}.dxf", size.streets, size.avenues);
-            let map = shape.grid(size).to_dxf().map_err(Failure::bad_input)?;
-            write(&path_of(&name), map.as_bytes())
+            let (grid, path) = (shape.grid(size), path_of(&name));
+            write(&path, grid.to_dxf().map_err(Failure::bad_input)?.as_bytes())?;
+            let Some(scenario) = &shape.scenario else { return Ok(()) };
+            write(scenario, grid_scenario(&grid, &path, scenario).as_bytes())
         }
         GenerateCommand::Models { out } => {
             let stop = on_end()?;

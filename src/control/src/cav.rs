@@ -38,6 +38,17 @@ impl CavGeometry {
     }
 }
 
+/// What a vehicle is to coordination.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// Connected and automated: it may be coordinated.
+    #[default]
+    Cav,
+    /// Driven by a model of a human driver, and never coordinated.
+    Human,
+}
+
 /// Setup of a vehicle for the control framework.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CavSetup {
@@ -53,6 +64,12 @@ pub struct CavSetup {
     pub route: Vec<LaneId>,
     /// Speed at the start, laboratory m/s; the estimate begins with it.
     pub speed_mps: f64,
+    /// Whether it is coordinated.
+    #[serde(default)]
+    pub role: Role,
+    /// It leaves the city at the end of its route, and does not stop there.
+    #[serde(default)]
+    pub leaves: bool,
 }
 
 /// State of the plan model: a double integrator along the route (the paper, eq. 7).
@@ -102,6 +119,10 @@ pub struct Cav {
     pub driver: DriverParams,
     /// Dimensions at the scale of the laboratory.
     pub body: CavGeometry,
+    /// Whether it is coordinated.
+    pub role: Role,
+    /// It leaves the city at the end of its route, and does not stop there.
+    pub leaves: bool,
     /// Present route; another one replaces it when the vehicle leaves it or is rerouted.
     pub route: Route,
     /// Admissions to the junction sections of the route.
@@ -166,6 +187,8 @@ impl Cav {
             id: setup.id,
             driver: setup.driver,
             body: setup.body,
+            role: setup.role,
+            leaves: setup.leaves,
             route: Route::new(map, &setup.route, setup.body, &setup.driver),
             passage: RightOfWayState::default(),
             plan: PlanState::default(),
@@ -347,11 +370,12 @@ impl Cav {
         self.driver.safe_acceleration(self.speed_mps, leader, self.margin_m() + standstill_m)
     }
 
-    /// Whether it takes part in coordination where it is: a driver that heeds nobody does not, nor a vehicle that does
-    /// not follow its plans.
+    /// Whether it takes part in coordination where it is: persons do not, nor a driver that heeds nobody, nor a vehicle
+    /// that does not follow its plans.
     pub(super) fn is_coordinated(&self) -> bool {
         let state = &self.coordination;
-        self.is_on_route() && self.heeds_others && state.inside.is_some() && !state.is_distrusted
+        let is_cav = self.role == Role::Cav && self.heeds_others;
+        self.is_on_route() && is_cav && state.inside.is_some() && !state.is_distrusted
     }
 
     /// Its coordinated plan, while it is on it.
@@ -374,15 +398,20 @@ impl Cav {
         SAFE_GAP_M + SAFETY_SIGMAS * self.position_std_m
     }
 
-    /// The end of the route as a standing leader; the front bumper stops at the end.
+    /// The end of the route as a standing leader; the front bumper stops at the end. `None` of a vehicle that leaves
+    /// there.
     pub(super) fn end_of_route(&self) -> Option<LeaderState> {
+        if self.leaves {
+            return None;
+        }
         let gap_m = self.route.length() + self.driver.standstill_gap_m - self.front_s();
         (gap_m < super::SIGHT_M).then_some(LeaderState { gap_m, speed_mps: 0.0 })
     }
 
     /// Whether it stands at the end of its route.
     pub(super) fn is_finished(&self) -> bool {
-        self.route.length() - self.front_s() < FINISHED_WITHIN_M && self.plan.speed_mps < FINISHED_MPS
+        let is_at_end = self.route.length() - self.front_s() < FINISHED_WITHIN_M;
+        is_at_end && !self.leaves && self.plan.speed_mps < FINISHED_MPS
     }
 
     /// Updates the yielding state. Yielding begins when right of way has held the vehicle for a while, and

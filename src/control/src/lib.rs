@@ -24,7 +24,7 @@ mod strangers;
 mod traffic;
 
 pub use cacc::{CaccGains, CaccInputs};
-pub use cav::{Cav, CavGeometry, CavSetup};
+pub use cav::{Cav, CavGeometry, CavSetup, Role};
 pub use controller::{CONTROLLERS, CRUISE, Controller, OwnMotion, PlatoonBroadcast, controller};
 pub use drivers::Drivers;
 pub use idm::{DriverParams, LeaderState};
@@ -161,6 +161,25 @@ impl Mainframe {
         self.platooning.as_ref().map(Platooning::platoons)
     }
 
+    /// Takes a vehicle under control that has come to the city. One with its id is replaced.
+    ///
+    /// # Errors
+    /// When it names an unknown algorithm or has no route.
+    pub fn add(&mut self, setup: CavSetup) -> Result<(), SetupError> {
+        let cav = Cav::new(&self.map, setup, &self.algorithms.drivers)?;
+        self.strangers.forget(cav.id);
+        match self.cavs.binary_search_by_key(&cav.id, |cav| cav.id) {
+            Ok(index) => self.cavs[index] = cav,
+            Err(index) => self.cavs.insert(index, cav),
+        }
+        Ok(())
+    }
+
+    /// Gives up a vehicle that leaves the city, with its admissions. Poses of it that come later are those of a stranger.
+    pub fn remove(&mut self, id: VehicleId) {
+        self.cavs.retain(|cav| cav.id != id);
+    }
+
     /// The vehicles are somewhere on their way, and may stand: the speeds of their setups do not hold.
     pub fn expect_standing(&mut self) {
         self.cavs.iter_mut().for_each(Cav::expect_standing);
@@ -287,6 +306,11 @@ impl Mainframe {
     /// The traffic signals.
     pub fn signals(&self) -> &Signals {
         &self.signals
+    }
+
+    /// The vehicle under control with this id.
+    pub fn cav(&self, id: VehicleId) -> Option<&Cav> {
+        self.cavs.binary_search_by_key(&id, |cav| cav.id).ok().map(|index| &self.cavs[index])
     }
 
     /// The vehicles under control, in id order.

@@ -39,6 +39,11 @@ impl Strangers {
         filter.update(seen.stamp_s, seen.pose_in_lab());
     }
 
+    /// Forgets a vehicle that is controlled from now on.
+    pub fn forget(&mut self, id: VehicleId) {
+        self.filters.remove(&id);
+    }
+
     /// Finds them on the lanes at a time.
     pub fn advance_to(&mut self, map: &LabMap, time_s: f64) {
         self.on_lanes.clear();

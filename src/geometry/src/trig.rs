@@ -71,6 +71,11 @@ pub fn powi(base: f64, exponent: u32) -> f64 {
     power
 }
 
+/// Natural logarithm; NaN for negative numbers.
+pub fn ln(number: f64) -> f64 {
+    libm::log(number)
+}
+
 /// Logarithm to base 10; NaN for negative numbers.
 pub fn log10(number: f64) -> f64 {
     libm::log10(number)

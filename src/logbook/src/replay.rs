@@ -5,7 +5,7 @@ use crate::record::{
     LogEntry, LogOrigin, LogReader, LoggedSnapshot, LoggedVehicle, NetworkCommand, RecordError,
 };
 use city3d_geometry::digest;
-use city3d_protocol::snapshot::{FrameSnapshot, SimCommand, VehicleId};
+use city3d_protocol::snapshot::{FrameSnapshot, Setup, SimCommand, VehicleId};
 use city3d_protocol::wire::Body;
 use city3d_simulation::scenario::Experiment;
 use city3d_simulation::sim::World;
@@ -50,6 +50,14 @@ pub enum ReplayError {
         from: u64,
         /// Next tick in the log.
         to: u64,
+    },
+    /// A vehicle enters that the scenario of the log does not have.
+    #[error("tick {tick}: vehicle {vehicle} enters, and no inflow of the log's scenario has it")]
+    Arrival {
+        /// Tick at the beginning of the step that it enters in.
+        tick: u64,
+        /// The unknown vehicle.
+        vehicle: VehicleId,
     },
     /// A logged datagram of the laboratory's link cannot be decoded into commands.
     #[error("tick {tick}: what came over the link is damaged: {reason}")]
@@ -175,6 +183,12 @@ impl Replay {
                 let commands = commands_of(&command, self.world.experiment())
                     .map_err(|reason| ReplayError::Network { tick: command.tick, reason })?;
                 self.commands.extend(commands);
+            }
+            LogEntry::Arrival { tick, vehicle, speed_mps } => {
+                let experiment = self.world.experiment();
+                let arrival = experiment.arrival(vehicle).ok_or(ReplayError::Arrival { tick, vehicle })?;
+                let setup = arrival.vehicle.setup(&experiment.city_map, experiment.scale);
+                self.commands.push(SimCommand::Spawn(Box::new(Setup { speed_mps, ..setup })));
             }
             LogEntry::Tick { .. } | LogEntry::Snapshot(_) | LogEntry::Event(_) => {}
         }

@@ -82,6 +82,12 @@ pub enum SessionError {
         /// Address and port of the city, as given to the session.
         city: String,
     },
+    /// Poses over ROS are those of the vehicles of the beginning.
+    #[error(
+        "vehicles of [[inflow]] are not seen over ROS; run the mainframe without --ros, or take the inflows out of the \
+         scenario"
+    )]
+    InflowsOverRos,
     /// The operating system refuses the thread of a session.
     #[error("the simulation's thread cannot be started: {0}")]
     Thread(std::io::Error),
@@ -105,6 +111,7 @@ impl SessionError {
                 | Self::NoPhysical { .. }
                 | Self::LockstepWithoutCity
                 | Self::OtherCity { .. }
+                | Self::InflowsOverRos
         )
     }
 }

@@ -7,7 +7,7 @@ use city3d_logbook::replay::{Replay, ReplayError};
 use city3d_protocol::snapshot::{FrameSnapshot, SimCommand};
 use city3d_protocol::wire::Measurement;
 use city3d_simulation::runner::{ControlLoop, Run};
-use city3d_simulation::scenario::Experiment;
+use city3d_simulation::scenario::{Experiment, PlannedArrival, PlannedVehicle};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use thiserror::Error;
@@ -115,8 +115,8 @@ impl Fork {
     }
 }
 
-/// Differences from the original that its past depends on, in words.
-pub fn differences(original: &Experiment, changed: &Experiment) -> Vec<String> {
+/// Differences from the original that its past until a tick depends on, in words.
+pub fn differences(original: &Experiment, changed: &Experiment, fork_tick: u64) -> Vec<String> {
     let mut wrong = Vec::new();
     let mut check = |same: bool, what: &str| {
         if !same {
@@ -151,5 +151,26 @@ pub fn differences(original: &Experiment, changed: &Experiment) -> Vec<String> {
             wrong.push(format!("vehicle {} ({}) has another {}", a.id, a.name, other.join(", ")));
         }
     }
+    let until_s = original.rates.time_s(fork_tick);
+    let past = |experiment: &Experiment| -> Vec<PlannedArrival> {
+        experiment.arrivals.iter().take_while(|arrival| arrival.time_s <= until_s).cloned().collect()
+    };
+    if original.inflows.len() != changed.inflows.len() || !same_arrivals(&past(original), &past(changed)) {
+        let remedy = "give them a seed of their own if the seed is to change";
+        wrong.push(format!("its inflows bring other vehicles before tick {fork_tick} ({remedy})"));
+    }
     wrong
+}
+
+/// Whether the same vehicles arrive at the same times. Their drivers may be others.
+fn same_arrivals(one: &[PlannedArrival], other: &[PlannedArrival]) -> bool {
+    let is_same = |(a, b): (&PlannedArrival, &PlannedArrival)| {
+        let (x, y) = (&a.vehicle, &b.vehicle);
+        let start = |planned: &PlannedVehicle| (planned.start.lane, planned.start.at_m);
+        (a.time_s, a.inflow, x.id, &x.name) == (b.time_s, b.inflow, y.id, &y.name)
+            && x.route == y.route
+            && x.spec == y.spec
+            && start(x) == start(y)
+    };
+    one.len() == other.len() && one.iter().zip(other).all(is_same)
 }

@@ -200,30 +200,35 @@ impl Job {
 }
 
 /// Sets a value at a dotted path. Missing tables are created; an entry of a list is chosen by its `name` or its number
-/// from 1.
+/// from 1, all of them by `*`.
 fn set(document: &mut toml::Table, key: &str, value: &Value) -> Result<(), GridError> {
-    let parts: Vec<&str> = key.split('.').collect();
-    let Some((last, before)) = parts.split_last() else { return Ok(()) };
-    let [whole, rest] = [key, last].map(|text| text.to_owned());
-    let mut table = document;
-    let mut parts = before.iter();
-    while let Some(part) = parts.next() {
-        let at = (*part).to_owned();
-        let entry = table.entry(at.clone()).or_insert_with(|| Value::Table(toml::Table::new()));
-        table = match entry {
-            Value::Table(table) => table,
-            Value::Array(list) => {
-                let Some(which) = parts.next() else {
-                    return Err(GridError::WholeList { key: whole, list: at, rest });
-                };
-                let entry = (*which).to_owned();
-                entry_of(list, which).ok_or(GridError::NoEntry { key: whole.clone(), list: at, entry })?
-            }
-            _ => return Err(GridError::NoTable { key: whole, value: at, rest }),
-        };
+    set_at(document, &key.split('.').collect::<Vec<_>>(), key, value)
+}
+
+/// Sets a value at a path below a table; `key` is the whole path.
+fn set_at(table: &mut toml::Table, path: &[&str], key: &str, value: &Value) -> Result<(), GridError> {
+    let (at, below) = match path {
+        [] => return Ok(()),
+        [last] => {
+            table.insert((*last).to_owned(), value.clone());
+            return Ok(());
+        }
+        [at, below @ ..] => ((*at).to_owned(), below),
+    };
+    let (whole, rest) = (key.to_owned(), path[path.len() - 1].to_owned());
+    let entry = table.entry(at.clone()).or_insert_with(|| Value::Table(toml::Table::new()));
+    match (entry, below) {
+        (Value::Table(table), _) => set_at(table, below, key, value),
+        (Value::Array(list), ["*", below @ ..]) if !below.is_empty() => {
+            list.iter_mut().filter_map(Value::as_table_mut).try_for_each(|of| set_at(of, below, key, value))
+        }
+        (Value::Array(list), [which, below @ ..]) if !below.is_empty() => {
+            let missing = || GridError::NoEntry { key: whole, list: at, entry: (*which).to_owned() };
+            set_at(entry_of(list, which).ok_or_else(missing)?, below, key, value)
+        }
+        (Value::Array(_), _) => Err(GridError::WholeList { key: whole, list: at, rest }),
+        _ => Err(GridError::NoTable { key: whole, value: at, rest }),
     }
-    table.insert((*last).to_owned(), value.clone());
-    Ok(())
 }
 
 fn entry_of<'l>(list: &'l mut [Value], which: &str) -> Option<&'l mut toml::Table> {
@@ -286,6 +291,8 @@ mod tests {
         };
         assert_eq!(with("vehicle.b.at_m").unwrap()["vehicle"][1]["at_m"], Value::Integer(5));
         assert_eq!(with("vehicle.1.at_m").unwrap()["vehicle"][0]["at_m"], Value::Integer(5));
+        let all = with("vehicle.*.at_m").unwrap();
+        assert!(all["vehicle"].as_array().unwrap().iter().all(|of| of["at_m"] == Value::Integer(5)));
         assert_eq!(with("environment.loss").unwrap()["environment"]["loss"], Value::Integer(5));
         assert!(with("vehicle.c.at_m").unwrap_err().to_string().contains("\"c\""));
         assert!(with("vehicle.at_m").is_err() && with("vehicle.b.name.x").is_err());

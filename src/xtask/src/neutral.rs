@@ -271,6 +271,7 @@ impl NeutralFile {
             walls,
             bounds,
             lamps: Vec::new(),
+            signals: Vec::new(),
         }
     }
 

@@ -132,7 +132,7 @@ impl RunLog {
                     let vehicles = snapshot.vehicles.iter();
                     vehicles.for_each(|vehicle| builder.see(snapshot.time_s, vehicle));
                 }
-                LogEntry::Tick { .. } => {}
+                LogEntry::Tick { .. } | LogEntry::Arrival { .. } => {}
             }
         }
         let truncation = log.truncation().map(ToString::to_string);
@@ -216,7 +216,7 @@ impl<'a> TraceBuilder<'a> {
     }
 
     fn begin(&self, id: VehicleId) -> Trace {
-        let planned = self.experiment.vehicles.iter().find(|planned| planned.id == id);
+        let planned = self.experiment.planned(id);
         let planned = planned.map(|planned| (planned.name.clone(), planned.spec.dimensions));
         let unknown =
             || (format!("vehicle{id}"), city3d_protocol::snapshot::VehicleSpec::default().dimensions);

@@ -8,8 +8,9 @@ use super::schema::{NetworkCommand, encode_event, encode_network, encode_snapsho
 use super::transforms::encode_transform;
 use city3d_geometry::Pose2;
 use city3d_protocol::snapshot::{
-    Aspect, Event, EventKind, FrameSnapshot, Indicator, MeasuredPose, Pedals, SignalAspects, SignalHeadId,
-    SimCommand, Status, Trajectory, TrajectoryPoint, VehicleId, VehicleState,
+    Appearance, Aspect, Event, EventKind, FrameSnapshot, Indicator, MeasuredPose, Pedals, Setup,
+    SignalAspects, SignalHeadId, SimCommand, Status, Trajectory, TrajectoryPoint, VehicleId, VehicleSpec,
+    VehicleState,
 };
 use city3d_protocol::wire::Measurement;
 use glam::{DQuat, DVec3};
@@ -40,6 +41,14 @@ fn commands() -> Vec<(&'static str, SimCommand)> {
     let measured = MeasuredPose { stamp_s: 2.5, position, orientation: DQuat::from_xyzw(0.0, 0.0, 0.6, 0.8) };
     let heads = (0..).map(SignalHeadId).zip(Aspect::ALL).collect();
     let signals = SignalAspects { stamp_s: 2.5, heads };
+    let setup = Setup {
+        id: VEHICLE,
+        name: "cav7".to_owned(),
+        appearance: Appearance::default(),
+        pose: Pose2::default(),
+        speed_mps: 8.75,
+        spec: VehicleSpec::default(),
+    };
     vec![
         ("drive", SimCommand::Drive(VEHICLE, pedals)),
         ("release", SimCommand::Release(VEHICLE)),
@@ -47,6 +56,7 @@ fn commands() -> Vec<(&'static str, SimCommand)> {
         ("trajectory", SimCommand::Follow(trajectory)),
         ("measured", SimCommand::Measure(VEHICLE, measured)),
         ("signals", SimCommand::Signals(signals)),
+        ("arrival", SimCommand::Spawn(Box::new(setup))),
     ]
 }
 

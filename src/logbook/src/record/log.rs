@@ -3,11 +3,11 @@
 
 use super::mcap_writer::McapWriter;
 use super::schema::{
-    COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, MEASURED_SCHEMA, MEASURED_TYPE, NETWORK_SCHEMA,
-    NETWORK_TYPE, NetworkCommand, PersonCommand, SIGNALS_SCHEMA, SIGNALS_TYPE, SNAPSHOT_SCHEMA,
-    SNAPSHOT_TYPE, TICK_SCHEMA, TICK_TYPE, TRAJECTORY_SCHEMA, TRAJECTORY_TYPE, encode_command, encode_event,
-    encode_measured, encode_network, encode_signals, encode_snapshot, encode_tick, encode_trajectory,
-    snapshot_schema_with_signals,
+    ARRIVAL_SCHEMA, ARRIVAL_TYPE, COMMAND_SCHEMA, COMMAND_TYPE, EVENT_SCHEMA, EVENT_TYPE, MEASURED_SCHEMA,
+    MEASURED_TYPE, NETWORK_SCHEMA, NETWORK_TYPE, NetworkCommand, PersonCommand, SIGNALS_SCHEMA, SIGNALS_TYPE,
+    SNAPSHOT_SCHEMA, SNAPSHOT_TYPE, TICK_SCHEMA, TICK_TYPE, TRAJECTORY_SCHEMA, TRAJECTORY_TYPE,
+    encode_arrival, encode_command, encode_event, encode_measured, encode_network, encode_signals,
+    encode_snapshot, encode_tick, encode_trajectory, snapshot_schema_with_signals,
 };
 use super::transforms::{TRANSFORM_SCHEMA, TRANSFORM_TYPE, encode_transform};
 use city3d_geometry::LengthScale;
@@ -33,6 +33,8 @@ pub struct LogWriter<W> {
     /// In a city with traffic signals.
     signals: Option<u16>,
     ticks: u16,
+    /// Of a scenario with inflows.
+    arrivals: Option<u16>,
     transform_schema: u16,
     /// Channels of the vehicles' transforms, by the vehicles' names.
     transforms: BTreeMap<String, u16>,
@@ -55,6 +57,8 @@ pub(super) const TRAJECTORY_TOPIC: &str = "/city3d/trajectory";
 
 /// Topic of the measured poses of physical vehicles.
 pub(super) const MEASURED_TOPIC: &str = "/city3d/measured";
+/// Topic of the arrivals that enter the city.
+pub(super) const ARRIVAL_TOPIC: &str = "/city3d/arrivals";
 
 /// Topic of the commands of traffic signals.
 pub(super) const SIGNALS_TOPIC: &str = "/city3d/signals";
@@ -143,6 +147,12 @@ impl<W: Write> LogWriter<W> {
         let ticks = channel(TICK_TOPIC, TICK_TYPE, TICK_SCHEMA)?;
         let signals =
             has_signals.then(|| channel(SIGNALS_TOPIC, SIGNALS_TYPE, SIGNALS_SCHEMA)).transpose()?;
+        // Logs of scenarios without inflows stay as they are.
+        let arrivals = if experiment.inflows.is_empty() {
+            None
+        } else {
+            Some(channel(ARRIVAL_TOPIC, ARRIVAL_TYPE, ARRIVAL_SCHEMA)?)
+        };
         let transform_schema = writer.schema(TRANSFORM_TYPE, "ros2msg", TRANSFORM_SCHEMA);
         Ok(Self {
             writer,
@@ -154,6 +164,7 @@ impl<W: Write> LogWriter<W> {
             measured,
             signals,
             ticks,
+            arrivals,
             transform_schema,
             transforms: BTreeMap::new(),
             scale: experiment.scale,
@@ -236,6 +247,10 @@ impl<W: Write> LogWriter<W> {
                 // Nobody has these heads.
                 None => return Ok(()),
             },
+            CommandKind::Arrival => match self.arrivals {
+                Some(channel) => channel,
+                None => return Ok(()),
+            },
         };
         let header = self.header(channel, time_s);
         self.writer.message(&header, message)
@@ -286,6 +301,8 @@ pub(super) enum CommandKind {
     Trajectory,
     Measured,
     Signals,
+    /// A vehicle of an inflow enters.
+    Arrival,
 }
 
 impl CommandKind {
@@ -300,6 +317,7 @@ impl CommandKind {
                 (Self::Measured, encode_measured(tick, *vehicle, pose, memory()))
             }
             SimCommand::Signals(aspects) => (Self::Signals, encode_signals(tick, aspects, memory())),
+            SimCommand::Spawn(setup) => (Self::Arrival, encode_arrival(tick, setup, memory())),
             other => (Self::Person, encode_command(tick, PersonCommand::of(other)?, memory())),
         };
         *buffer = message;

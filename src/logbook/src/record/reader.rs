@@ -4,15 +4,15 @@
 use super::RecordError;
 use super::input::{FileKind, file_kind};
 use super::log::{
-    COMMAND_TOPIC, EVENT_TOPIC, FORMAT, LogOrigin, MAP, MEASURED_TOPIC, METADATA, MODELS, NETWORK_TOPIC,
-    REVISION, SCENARIO, SIGNALS_TOPIC, SNAPSHOT_TOPIC, TICK_TOPIC, TRAJECTORY_TOPIC,
+    ARRIVAL_TOPIC, COMMAND_TOPIC, EVENT_TOPIC, FORMAT, LogOrigin, MAP, MEASURED_TOPIC, METADATA, MODELS,
+    NETWORK_TOPIC, REVISION, SCENARIO, SIGNALS_TOPIC, SNAPSHOT_TOPIC, TICK_TOPIC, TRAJECTORY_TOPIC,
 };
 use super::records::{RecordStream, Truncation};
 use super::schema::{
-    LoggedSnapshot, NetworkCommand, decode_command, decode_event, decode_measured, decode_network,
-    decode_signals, decode_snapshot, decode_tick, decode_trajectory,
+    LoggedSnapshot, NetworkCommand, decode_arrival, decode_command, decode_event, decode_measured,
+    decode_network, decode_signals, decode_snapshot, decode_tick, decode_trajectory,
 };
-use city3d_protocol::snapshot::{Event, ModelKind, SimCommand};
+use city3d_protocol::snapshot::{Event, ModelKind, SimCommand, VehicleId};
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use mcap::records::Record;
@@ -31,6 +31,15 @@ pub enum LogEntry {
     },
     /// A datagram of the laboratory's link that was carried out.
     Network(NetworkCommand),
+    /// A vehicle of an inflow enters the city.
+    Arrival {
+        /// Tick at which the step begins that it enters in.
+        tick: u64,
+        /// Its number, by which the scenario has it.
+        vehicle: VehicleId,
+        /// Its speed, full scale.
+        speed_mps: f64,
+    },
     /// The state digest after a step, or at the beginning.
     Tick {
         /// Physics steps since the start or the last reset.
@@ -241,6 +250,11 @@ pub(super) fn decode(topic: &str, data: &[u8]) -> Option<Option<LogEntry>> {
         MEASURED_TOPIC => decode_measured(data).map(command),
         SIGNALS_TOPIC => decode_signals(data).map(command),
         NETWORK_TOPIC => decode_network(data).map(LogEntry::Network),
+        ARRIVAL_TOPIC => decode_arrival(data).map(|(tick, vehicle, speed_mps)| LogEntry::Arrival {
+            tick,
+            vehicle,
+            speed_mps,
+        }),
         TICK_TOPIC => decode_tick(data).map(|(tick, state_hash)| LogEntry::Tick { tick, state_hash }),
         SNAPSHOT_TOPIC => decode_snapshot(data).map(LogEntry::Snapshot),
         EVENT_TOPIC => decode_event(data).map(LogEntry::Event),

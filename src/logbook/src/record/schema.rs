@@ -3,8 +3,8 @@
 use super::cdr::{CdrReader, CdrWriter};
 use city3d_geometry::Pose2;
 use city3d_protocol::snapshot::{
-    Aspect, Event, FrameSnapshot, Indicator, MeasuredPose, Pedals, SignalAspects, SignalHeadId, SimCommand,
-    Status, Trajectory, TrajectoryPoint, VehicleId, VehicleState, WheelState,
+    Aspect, Event, FrameSnapshot, Indicator, MeasuredPose, Pedals, Setup, SignalAspects, SignalHeadId,
+    SimCommand, Status, Trajectory, TrajectoryPoint, VehicleId, VehicleState, WheelState,
 };
 use glam::{DQuat, DVec3};
 
@@ -259,6 +259,34 @@ pub fn decode_measured(bytes: &[u8]) -> Option<(u64, SimCommand)> {
     let position = DVec3::new(cdr.f64()?, cdr.f64()?, cdr.f64()?);
     let orientation = DQuat::from_xyzw(cdr.f64()?, cdr.f64()?, cdr.f64()?, cdr.f64()?);
     Some((tick, SimCommand::Measure(vehicle, MeasuredPose { stamp_s, position, orientation })))
+}
+
+/// Name of the ROS 2 type of arrivals.
+pub const ARRIVAL_TYPE: &str = "city3d_msgs/msg/Arrival";
+/// Definition of [`ARRIVAL_TYPE`].
+pub const ARRIVAL_SCHEMA: &str = "\
+# A vehicle of an inflow enters the city at its entry; the scenario says what it is.
+# It enters in the step that begins at this tick.
+uint64 tick
+uint32 vehicle
+# Metres per second, full scale.
+float64 speed
+";
+
+/// Appends the message of a vehicle that enters to a buffer.
+pub fn encode_arrival(tick: u64, setup: &Setup, buffer: Vec<u8>) -> Vec<u8> {
+    let mut cdr = CdrWriter::behind(buffer);
+    cdr.u64(tick);
+    cdr.u32(setup.id.0);
+    cdr.f64(setup.speed_mps);
+    cdr.into_bytes()
+}
+
+/// The tick, the vehicle and its speed of a message; `None` for a damaged message.
+pub fn decode_arrival(bytes: &[u8]) -> Option<(u64, VehicleId, f64)> {
+    let mut cdr = CdrReader::new(bytes)?;
+    let (tick, vehicle, speed_mps) = (cdr.u64()?, VehicleId(cdr.u32()?), cdr.f64()?);
+    speed_mps.is_finite().then_some((tick, vehicle, speed_mps))
 }
 
 /// Name of the ROS 2 type of ticks.

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// Columns behind those of the axes and of the seed. Laboratory units; fuel is that of a car at full scale.
-const COLUMNS: [&str; 30] = [
+const COLUMNS: [&str; 33] = [
     "merge_order",
     "squeezed_in",
     "all_merged_s",
@@ -23,6 +23,9 @@ const COLUMNS: [&str; 30] = [
     "mean_speed_mps",
     "longest_stand_s",
     "max_lateral_error_m",
+    "entered",
+    "left",
+    "mean_held_s",
     "passages",
     "mean_travel_s",
     "mean_delay_s",
@@ -252,6 +255,7 @@ pub fn row(job: &Job, seed: u64, outcome: &RunMetrics) -> Vec<String> {
     });
     let order: Vec<String> = outcome.merge_order.iter().map(ToString::to_string).collect();
     let some = |value: Option<f64>| value.map_or_else(String::new, |value| number(value, 3));
+    let come = outcome.all_inflows();
     let rest = [
         seed.to_string(),
         order.join(" "),
@@ -265,6 +269,9 @@ pub fn row(job: &Job, seed: u64, outcome: &RunMetrics) -> Vec<String> {
         number(outcome.mean_speed_mps, 5),
         number(outcome.longest_stand_s, 2),
         number(outcome.max_lateral_error_m, 6),
+        come.map_or_else(String::new, |come| come.entered.to_string()),
+        come.map_or_else(String::new, |come| come.left.to_string()),
+        some(come.map(|come| come.mean_held_s)),
     ];
     let hash = format!("{:016x}", outcome.state_hash);
     settings.chain(rest).chain(traffic(&outcome.traffic)).chain([hash]).collect()

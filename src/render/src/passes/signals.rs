@@ -2,7 +2,6 @@
 
 use super::glow::gpu_data::{Glow, LAYOUT};
 use super::{Attachments, ScenePipelineState, scene_pipeline};
-use crate::Context;
 use crate::shader::Shader;
 use city3d_protocol::snapshot::Aspect;
 use city3d_scene::{LENS_RADIUS_M, SignalLenses};

@@ -58,7 +58,9 @@ impl VehicleRegistry {
         }
         let state = |logged: &city3d_logbook::record::LoggedVehicle| {
             let mut state = logged.state();
-            if let Some((_, spec)) = self.vehicles.get(&state.id) {
+            let registered = self.vehicles.get(&state.id).map(|(_, spec)| spec);
+            let arrived = || self.experiment.arrival(state.id).map(|arrival| &arrival.vehicle.spec);
+            if let Some(spec) = registered.or_else(arrived) {
                 set_wheels(spec, &mut state);
             }
             state
@@ -77,6 +79,11 @@ impl VehicleRegistry {
     fn info(&self, id: VehicleId) -> VehicleInfo {
         let unknown =
             || VehicleInfo::of(id, &format!("vehicle{id}"), Appearance::default(), &VehicleSpec::default());
-        self.vehicles.get(&id).map_or_else(unknown, |(info, _)| info.clone())
+        let arrived = || {
+            let vehicle = &self.experiment.arrival(id)?.vehicle;
+            Some(VehicleInfo::of(id, &vehicle.name, vehicle.appearance, &vehicle.spec))
+        };
+        let registered = self.vehicles.get(&id).map(|(info, _)| info.clone());
+        registered.or_else(arrived).unwrap_or_else(unknown)
     }
 }

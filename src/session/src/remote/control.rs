@@ -119,9 +119,10 @@ impl RemoteControl {
         let is_resumed = has_begun && !self.was_reset;
         // A clock at `Ready` would put the robots back to their starts, which is wrong after a restart of the city.
         self.is_continued = !std::mem::take(&mut self.was_reset) && self.sessions > 0;
-        self.control = ControlLoop::new(&self.experiment)?;
+        let before = std::mem::replace(&mut self.control, ControlLoop::new(&self.experiment)?);
         if is_resumed {
-            self.control.resume();
+            // Before the first session nobody was held here.
+            self.control.resume(Some(&before).filter(|_| self.sessions > 0));
         }
         (self.answered, self.barrier) = (None, None);
         self.sessions += 1;
@@ -173,7 +174,10 @@ impl RemoteControl {
 
     /// Remembers where vehicles are, for a city that forgets them.
     pub(super) fn remember(&mut self, vehicles: &[VehicleState]) {
-        self.last_seen.extend(vehicles.iter().map(|state| (state.id, state.clone())));
+        let has_left = |id: &VehicleId| self.control.demand().has_left(*id);
+        self.last_seen.retain(|id, _| !has_left(id));
+        let present = vehicles.iter().filter(|state| !has_left(&state.id));
+        self.last_seen.extend(present.map(|state| (state.id, state.clone())));
     }
 
     /// Makes a control step with the poses of a tick and sends the commands.
@@ -200,8 +204,16 @@ impl RemoteControl {
             Message::Follow(trajectory) => Some(trajectory),
             Message::Remove(_) | Message::Signals(_) => None,
         }));
+        if is_first && !self.take_over_arrivals(city)? {
+            return Ok(());
+        }
+        let entering =
+            self.control.entering().iter().map(|vehicle| setup_of(&self.experiment, vehicle, None));
+        // Nobody waits for the answers: what the poses do not show is sent again.
+        let entering = entering.map(|setup| Body::Setup { request: 0, setup: Box::new(setup) });
+        let bodies: Vec<Body> = entering.chain(pack(delivered.into_iter())).collect();
         self.batch.clear();
-        for body in pack(delivered.into_iter()) {
+        for body in bodies {
             if let Some(prepared) = city.client.prepare(&body) {
                 city.client.resend(&prepared.1);
                 self.batch.push(prepared);
@@ -218,6 +230,19 @@ impl RemoteControl {
             self.barrier = Some(barrier);
         }
         Ok(())
+    }
+
+    /// Sets up the vehicles of inflows that are in the city since before this session: whoever has set up a vehicle drives
+    /// it. `false` when a new handshake is needed.
+    fn take_over_arrivals(&self, city: &mut Connection) -> Result<bool, SessionError> {
+        for planned in self.control.demand().inside() {
+            let setup = setup_of(&self.experiment, planned, self.last_seen.get(&planned.id));
+            let body = |request| Body::Setup { request, setup: Box::new(setup.clone()) };
+            if let Reply::Nothing = city.request_until_done(&format!("vehicle {}", planned.id), body)? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// Sends the commands of the last tick again, with a new barrier.

@@ -152,13 +152,17 @@ impl RemoteCity {
     /// Controls the vehicles of a city by the control framework here.
     ///
     /// # Errors
-    /// When an address is wrong, or the control framework cannot take a vehicle.
+    /// When an address is wrong, the control framework cannot take a vehicle, or poses from elsewhere would have to show the
+    /// vehicles of inflows.
     pub fn control(
         options: RemoteOptions,
         experiment: Arc<Experiment>,
         feedback: Option<Box<dyn PoseFeedback>>,
         host: Host,
     ) -> Result<Self, SessionError> {
+        if feedback.is_some() && !experiment.inflows.is_empty() {
+            return Err(SessionError::InflowsOverRos);
+        }
         let control = RemoteControl::new(&experiment, &options.authenticator, feedback, &host)?;
         Self::open(options, experiment, Role::Control(Box::new(control)), host)
     }

@@ -9,6 +9,7 @@
 
 mod answers;
 mod compare;
+mod demand;
 mod ends;
 mod guest;
 mod lab;

@@ -2,6 +2,7 @@
 //! and as fast as the machine.
 
 mod control;
+mod inflow_totals;
 mod observed;
 mod observer;
 mod outcome;
@@ -10,13 +11,17 @@ mod server_world;
 mod summary;
 
 pub use control::ControlLoop;
+pub use inflow_totals::{InflowObserver, InflowTotals};
 pub use observed::{ObservedCity, ObservedMotion};
 pub use observer::{LaneUse, Observer, VehicleTotals};
 pub use outcome::{MergingStreams, RunMetrics, TrafficMetrics};
 pub use poses::pose_bodies;
 pub use server_world::{AppliedBody, MOTION_CAPTURE, OPERATOR, SenderNumber, ServerRules, ServerWorld};
-pub use summary::{EndSummary, LinkSummary, PicturesSummary, RosSummary, Summary, VehicleSummary};
+pub use summary::{
+    ArrivalSummary, EndSummary, LinkSummary, PicturesSummary, RosSummary, Summary, VehicleSummary,
+};
 
+use crate::demand::Demand;
 use crate::scenario::Experiment;
 use crate::sim::World;
 use crate::testbed::{ExperimentClock, Testbed};
@@ -134,6 +139,9 @@ impl Run {
             testbed.step(&mut self.measured);
         }
         self.commands.extend(self.delivered.drain(..).map(|message| message.into_command(scale)));
+        let city_map = &self.world.experiment().city_map;
+        let entering = self.control.entering().iter().map(|vehicle| vehicle.setup(city_map, scale));
+        self.commands.extend(entering.map(|setup| SimCommand::Spawn(Box::new(setup))));
         self.commands.append(&mut self.injected);
         self.commands.sort_by_key(SimCommand::order);
         self.world.tick_into(&self.commands, &mut self.snapshot);
@@ -158,6 +166,11 @@ impl Run {
     /// The control framework, with the vehicles and their present routes.
     pub fn mainframe(&self) -> &Mainframe {
         self.control.mainframe()
+    }
+
+    /// Who comes and goes.
+    pub fn demand(&self) -> &Demand {
+        self.control.demand()
     }
 
     /// The validated scenario of the run.

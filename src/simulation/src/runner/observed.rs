@@ -125,7 +125,7 @@ impl ObservedCity {
 
     /// Whether the static data of a vehicle is known, from the plan of the experiment or a description.
     pub fn knows(&self, id: VehicleId) -> bool {
-        self.described.contains_key(&id) || self.experiment.vehicles.iter().any(|planned| planned.id == id)
+        self.described.contains_key(&id) || self.experiment.planned(id).is_some()
     }
 
     fn is_physical(&self, id: VehicleId) -> bool {
@@ -175,10 +175,12 @@ impl ObservedCity {
         }
     }
 
-    /// Initial speed of a simulated vehicle at the start of the experiment.
+    /// Initial speed of a simulated vehicle at the start of the experiment, or of an arrival when it is first seen.
     fn start_mps(&self, time_s: f64, seen: &ObservedVehicle) -> Option<f64> {
-        let planned = self.experiment.vehicles.iter().find(|planned| planned.id == seen.pose.vehicle)?;
-        let is_start = time_s == 0.0 && planned.physical.is_none();
+        let id = seen.pose.vehicle;
+        let planned = self.experiment.planned(id)?;
+        let is_arrival = self.experiment.arrival(id).is_some() && !self.known.contains(&id);
+        let is_start = (time_s == 0.0 || is_arrival) && planned.physical.is_none();
         is_start.then(|| self.experiment.scale.city_from_lab(planned.start.speed_mps))
     }
 
@@ -201,8 +203,17 @@ impl ObservedCity {
             self.snapshot.roster = self.roster();
             let is_there = |id: &VehicleId| self.snapshot.vehicle(*id).is_some();
             let lost: Vec<VehicleId> = ids(&before).into_iter().filter(|id| !is_there(id)).collect();
-            let unseen = |vehicle| Event { time_s: head.time_s, vehicle, kind: EventKind::Unseen };
-            self.snapshot.events.extend(lost.into_iter().map(unseen));
+            for vehicle in lost {
+                // An arrival does not come back, whoever else is only hidden.
+                let has_left = self.experiment.planned(vehicle).is_some_and(|planned| planned.leaves);
+                let (time_s, kind) = if has_left {
+                    self.tracks.remove(&vehicle);
+                    (self.step_began_s(), EventKind::Remove)
+                } else {
+                    (head.time_s, EventKind::Unseen)
+                };
+                self.snapshot.events.push(Event { time_s, vehicle, kind });
+            }
         }
         &self.snapshot
     }
@@ -247,10 +258,14 @@ impl ObservedCity {
     fn note(&mut self, seen: &ObservedMotion, old: Option<Status>) {
         let (time_s, vehicle, status) = (self.snapshot.time_s, seen.vehicle, seen.status);
         let is_first = self.known.insert(vehicle);
-        let mut happened = |kind| self.snapshot.events.push(Event { time_s, vehicle, kind });
-        if old.is_none() {
-            happened(if is_first { EventKind::Spawn } else { EventKind::SeenAgain });
+        if is_first && self.experiment.arrival(vehicle).is_some() {
+            let time_s = self.step_began_s();
+            self.snapshot.events.push(Event { time_s, vehicle, kind: EventKind::Spawn });
+        } else if old.is_none() {
+            let kind = if is_first { EventKind::Spawn } else { EventKind::SeenAgain };
+            self.snapshot.events.push(Event { time_s, vehicle, kind });
         }
+        let mut happened = |kind| self.snapshot.events.push(Event { time_s, vehicle, kind });
         if old != Some(status) {
             match status {
                 Status::LinkLost => happened(EventKind::LinkLost),
@@ -264,6 +279,11 @@ impl ObservedCity {
         }
     }
 
+    /// When the step began that the snapshot ends: vehicles come and go at the beginning of a step.
+    fn step_began_s(&self) -> f64 {
+        self.experiment.rates.time_s(self.snapshot.tick.saturating_sub(1))
+    }
+
     fn roster(&self) -> Arc<Vec<VehicleInfo>> {
         let info = |state: &VehicleState| self.info(state.id);
         Arc::new(self.snapshot.vehicles.iter().map(info).collect())
@@ -275,7 +295,7 @@ impl ObservedCity {
             let model = if info.is_physical() { info.model.clone() } else { String::new() };
             return VehicleInfo { model, ..info.clone() };
         }
-        let planned = self.experiment.vehicles.iter().find(|planned| planned.id == id);
+        let planned = self.experiment.planned(id);
         let spec = planned.map_or_else(Default::default, |planned| planned.spec.clone());
         VehicleInfo {
             id,

@@ -1,6 +1,7 @@
-//! Evaluates a run: progress of each vehicle on its route, lane keeping of its outline, stops, use of the lanes, and the
-//! measures of traffic.
+//! Evaluates a run: progress of each vehicle on its route, lane keeping of its outline, stops, use of the lanes, the
+//! measures of traffic, and those who come and go.
 
+use super::inflow_totals::InflowObserver;
 use crate::measures::TrafficMeasures;
 use crate::scenario::{Experiment, PlannedVehicle};
 use city3d_control::Mainframe;
@@ -32,6 +33,19 @@ pub struct VehicleTotals {
     pub collisions: u32,
     /// Number of samples in the sum of lateral errors; there are none while a person drives.
     pub samples: u64,
+    /// Odometer, also of a vehicle that has left.
+    pub distance_m: f64,
+    /// Simulated times at which it came to the city and was last seen there.
+    pub there_s: [f64; 2],
+    /// It was taken out of the city.
+    pub has_left: bool,
+}
+
+impl VehicleTotals {
+    /// Simulated seconds in the city.
+    pub fn stay_s(&self) -> f64 {
+        self.there_s[1] - self.there_s[0]
+    }
 }
 
 /// Lanes that a vehicle has entered.
@@ -66,6 +80,7 @@ pub struct Observer {
     /// Roster of the last snapshot.
     roster: Arc<Vec<VehicleInfo>>,
     lanes: LaneUse,
+    inflows: InflowObserver,
     every_ticks: u64,
     traffic: TrafficMeasures,
 }
@@ -143,6 +158,7 @@ impl Observer {
             tracks: experiment.vehicles.iter().map(RouteProgress::planned).collect(),
             roster: Arc::default(),
             lanes,
+            inflows: InflowObserver::new(experiment),
             every_ticks: u64::from((experiment.rates.physics_hz / SAMPLES_PER_S).max(1)),
             traffic: TrafficMeasures::new(experiment),
         }
@@ -158,6 +174,7 @@ impl Observer {
     ) {
         self.traffic.observe(mainframe, snapshot);
         self.add_new_vehicles(&snapshot.roster);
+        self.inflows.advance_to(snapshot);
         for cav in mainframe.into_iter().flat_map(Mainframe::cavs) {
             if let Some(track) = self.track(cav.id)
                 && track.reroutes != cav.reroutes
@@ -175,6 +192,8 @@ impl Observer {
                 continue;
             };
             let track = &mut self.tracks[index];
+            track.totals.distance_m = state.distance_m;
+            track.totals.there_s[1] = snapshot.time_s;
             track.time_stand(state, snapshot.time_s);
             if samples {
                 track.sample(&self.map, &self.lane_bounds, state);
@@ -191,7 +210,12 @@ impl Observer {
         self.roster = Arc::clone(roster);
         for info in roster.iter() {
             if let Err(index) = self.tracks.binary_search_by_key(&info.id, |track| track.id) {
-                self.tracks.insert(index, RouteProgress::new(info.id, &info.name, &info.dimensions));
+                let arrival = self.inflows.arrival(info.id, &info.name);
+                if let Some(arrival) = arrival {
+                    self.lanes.entered[arrival.route[0].index()] = true;
+                }
+                let unknown = || RouteProgress::new(info.id, &info.name, &info.dimensions);
+                self.tracks.insert(index, arrival.map_or_else(unknown, RouteProgress::planned));
             }
         }
     }
@@ -202,6 +226,21 @@ impl Observer {
     }
 
     fn count(&mut self, event: &Event) {
+        match event.kind {
+            EventKind::Spawn => {
+                self.inflows.note_entry(event);
+                if let Some(track) = self.track(event.vehicle) {
+                    track.totals.there_s[0] = event.time_s;
+                }
+            }
+            EventKind::Remove => {
+                self.inflows.note_leaving(event);
+                if let Some(track) = self.track(event.vehicle) {
+                    track.leave();
+                }
+            }
+            _ => {}
+        }
         let mut with = |id, count: fn(&mut VehicleTotals)| {
             if let Some(track) = self.track(id) {
                 count(&mut track.totals);
@@ -231,6 +270,11 @@ impl Observer {
     /// Fuel, stops, surrogate safety, passages and delays.
     pub fn traffic(&self) -> &TrafficMeasures {
         &self.traffic
+    }
+
+    /// The inflows, and who has come by them.
+    pub fn inflows(&self) -> &InflowObserver {
+        &self.inflows
     }
 
     /// Lanes that were entered so far.
@@ -267,16 +311,26 @@ impl RouteProgress {
                 longest_stand_s: 0.0,
                 collisions: 0,
                 samples: 0,
+                distance_m: 0.0,
+                there_s: [0.0; 2],
+                has_left: false,
             },
         }
     }
 
     /// Takes a new route: a continuation of the present one, or one that starts at the vehicle.
     fn take_route(&mut self, lanes: &[LaneId]) {
-        if !lanes.starts_with(&self.route[..=self.index]) {
+        if self.route.is_empty() || !lanes.starts_with(&self.route[..=self.index]) {
             (self.index, self.lane_start_s) = (0, self.totals.axle_s);
         }
         self.route = lanes.to_vec();
+    }
+
+    /// Its route is of no more use.
+    fn leave(&mut self) {
+        self.totals.has_left = true;
+        self.route = Vec::new();
+        (self.index, self.stands_since_s) = (0, None);
     }
 
     fn time_stand(&mut self, state: &VehicleState, time_s: f64) {

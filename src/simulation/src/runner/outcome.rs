@@ -1,6 +1,6 @@
 //! Metrics of a run for parameter studies, without files.
 
-use super::{Observer, Run};
+use super::{InflowTotals, Observer, Run};
 use crate::measures::{PassageTotals, Queue, Safety, TrafficMeasures};
 use crate::scenario::Experiment;
 use city3d_control::SetupError;
@@ -89,7 +89,7 @@ pub struct RunMetrics {
     pub merges: u32,
     /// Mean distance driven by a vehicle.
     pub mean_distance_m: f64,
-    /// Mean distance driven, divided by the simulated time of the run.
+    /// Mean distance driven, divided by the mean simulated time in the city.
     pub mean_speed_mps: f64,
     /// Longest stand of any vehicle.
     pub longest_stand_s: f64,
@@ -97,6 +97,8 @@ pub struct RunMetrics {
     pub max_lateral_error_m: f64,
     /// Delay, fuel and surrogate safety.
     pub traffic: TrafficMetrics,
+    /// Totals of the inflows, in the order of the scenario.
+    pub inflows: Vec<InflowTotals>,
     /// Digest of the last state.
     pub state_hash: u64,
 }
@@ -167,8 +169,9 @@ impl RunMetrics {
         let last = run.snapshot();
         let crossings = streams.as_ref().map(|streams| crossings(streams, &events)).unwrap_or_default();
         let lab = |city: f64| experiment.scale.lab_from_city(city);
-        let driven_m: f64 = last.vehicles.iter().map(|state| state.distance_m).fold(0.0, |sum, m| sum + m);
-        let vehicles = last.vehicles.len().max(1) as f64;
+        let driven_m: f64 = observer.totals().map(|totals| totals.distance_m).fold(0.0, |sum, m| sum + m);
+        let vehicles = observer.totals().count().max(1) as f64;
+        let mean_stay_s = mean_stay(&observer, last.time_s);
         let worst = observer.totals().map(|totals| totals.max_lateral_error_m).fold(0.0, f64::max);
         Ok(Self {
             squeezed_in: streams.as_ref().map(|streams| squeezed_in(streams, &crossings)),
@@ -183,12 +186,41 @@ impl RunMetrics {
             merges: events.iter().filter(|event| event.kind == EventKind::Merge).count() as u32,
             mean_distance_m: lab(driven_m / vehicles),
             longest_stand_s: observer.totals().map(|totals| totals.longest_stand_s).fold(0.0, f64::max),
-            mean_speed_mps: lab(driven_m / vehicles / last.time_s.max(1e-9)),
+            mean_speed_mps: lab(driven_m / vehicles / mean_stay_s.max(1e-9)),
             max_lateral_error_m: lab(worst),
             traffic: TrafficMetrics::of(observer.traffic()),
+            inflows: observer.inflows().totals().into_iter().map(|(_, totals)| totals).collect(),
             state_hash: last.state_hash,
         })
     }
+}
+
+impl RunMetrics {
+    /// Totals of all inflows together; `None` of an experiment without any.
+    pub fn all_inflows(&self) -> Option<InflowTotals> {
+        let mut all = InflowTotals::default();
+        let mut held_s = 0.0;
+        for of in &self.inflows {
+            all.arrived += of.arrived;
+            all.entered += of.entered;
+            all.left += of.left;
+            all.held += of.held;
+            held_s += of.mean_held_s * f64::from(of.arrived);
+            all.max_held_s = all.max_held_s.max(of.max_held_s);
+        }
+        all.mean_held_s = held_s / f64::from(all.arrived.max(1));
+        (!self.inflows.is_empty()).then_some(all)
+    }
+}
+
+/// Mean time of a vehicle in the city.
+fn mean_stay(observer: &Observer, end_s: f64) -> f64 {
+    let stays = || observer.totals().map(|totals| totals.stay_s());
+    // Without those who come and go it is the time of the run, to the last bit.
+    if stays().all(|stay_s| stay_s == end_s) {
+        return end_s;
+    }
+    stays().fold(0.0, |sum, stay_s| sum + stay_s) / observer.totals().count().max(1) as f64
 }
 
 /// Times and vehicles at the merging point, in order of time.

@@ -1,9 +1,10 @@
 //! `summary.json`: the results of a run.
 
-use super::Observer;
+use super::{InflowTotals, Observer, VehicleTotals};
 use crate::measures::{TrafficReport, VehicleTraffic};
 use crate::scenario::Experiment;
-use city3d_protocol::snapshot::{Event, FrameSnapshot, Status};
+use city3d_control::Role;
+use city3d_protocol::snapshot::{Event, FrameSnapshot, Status, VehicleId};
 use city3d_protocol::wire::DropCounts;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -15,9 +16,9 @@ pub struct VehicleSummary {
     pub name: String,
     /// Status at the end; `Finished` for a vehicle that has left.
     pub status: Status,
-    /// Odometer at the end; 0 for a vehicle that has left.
+    /// Odometer at the end, or when the vehicle left.
     pub distance_m: f64,
-    /// Distance driven, divided by the simulated time of the run.
+    /// Distance driven, divided by the simulated time in the city.
     pub mean_speed_mps: f64,
     /// How often the vehicle came to a stop.
     pub stops: u32,
@@ -34,6 +35,26 @@ pub struct VehicleSummary {
     /// Delay, fuel and effort, surrogate safety; `None` for a vehicle that was never seen.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub traffic: Option<VehicleTraffic>,
+    /// Of a vehicle that came by an inflow.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub arrival: Option<ArrivalSummary>,
+}
+
+/// How a vehicle of an inflow came and went, simulated seconds.
+#[derive(Clone, Debug, Serialize)]
+pub struct ArrivalSummary {
+    /// Name of the inflow.
+    pub inflow: String,
+    /// Whether it is coordinated.
+    pub role: Role,
+    /// When it arrived at its entry.
+    pub arrived_s: f64,
+    /// How long it was held there.
+    pub held_s: f64,
+    /// When it entered the city.
+    pub entered_s: f64,
+    /// When it left; `None` while it is there.
+    pub left_s: Option<f64>,
 }
 
 /// Results of a run, full-scale SI units.
@@ -68,6 +89,9 @@ pub struct Summary {
     pub events: Vec<Event>,
     /// By vehicle id, also those that have left.
     pub vehicles: BTreeMap<u32, VehicleSummary>,
+    /// Totals of the inflows by name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub inflows: BTreeMap<String, InflowTotals>,
     /// Statistics of the link, in a run that is controlled over it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkSummary>,
@@ -164,12 +188,13 @@ impl Summary {
         for (id, name, totals) in observer.vehicles() {
             let state = last.vehicle(id);
             let had_path = totals.samples > 0;
-            let distance_m = state.map_or(0.0, |state| state.distance_m);
+            let distance_m = state.map_or(totals.distance_m, |state| state.distance_m);
+            let until_s = if state.is_some() { simulated_s } else { totals.there_s[1] };
             let summary = VehicleSummary {
                 name: name.to_owned(),
                 status: state.map_or(Status::Finished, |state| state.status),
                 distance_m,
-                mean_speed_mps: distance_m / simulated_s.max(1e-9),
+                mean_speed_mps: distance_m / (until_s - totals.there_s[0]).max(1e-9),
                 stops: totals.stops,
                 longest_stand_s: totals.longest_stand_s,
                 mean_lateral_error_m: had_path.then(|| totals.lateral_error_sum_m / totals.samples as f64),
@@ -182,6 +207,7 @@ impl Summary {
                     .traffic()
                     .vehicle(id)
                     .map(|tracked| VehicleTraffic::of(tracked, experiment.scale)),
+                arrival: arrival_of(observer, id, totals),
             };
             vehicles.insert(id.0, summary);
         }
@@ -205,10 +231,29 @@ impl Summary {
             unused_lanes: lanes.collect(),
             events,
             vehicles,
+            inflows: observer
+                .inflows()
+                .totals()
+                .into_iter()
+                .map(|(name, of)| (name.to_owned(), of))
+                .collect(),
             link: None,
             ends: BTreeMap::new(),
         }
     }
+}
+
+fn arrival_of(observer: &Observer, id: VehicleId, totals: &VehicleTotals) -> Option<ArrivalSummary> {
+    let inflows = observer.inflows();
+    let (arrival, held_s) = (inflows.planned(id)?, inflows.held_s(id)?);
+    Some(ArrivalSummary {
+        inflow: inflows.name(arrival.inflow).to_owned(),
+        role: arrival.vehicle.role,
+        arrived_s: arrival.time_s,
+        held_s,
+        entered_s: totals.there_s[0],
+        left_s: totals.has_left.then_some(totals.there_s[1]),
+    })
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! A validated experiment: everything that a run depends on, apart from incoming commands.
 
 use super::feasibility::STEERING_RESERVE;
+use super::inflow::{Inflow, PlannedArrival};
 use super::models::UserModels;
 use super::placement::MovedStart;
 use super::time_of_day::TimeOfDay;
@@ -8,7 +9,7 @@ use crate::environment::{EnvironmentProfile, EnvironmentSpec};
 use city3d_control::coordination::ControlZone;
 use city3d_control::coordination::platoon::PlatoonParams;
 use city3d_control::{
-    Algorithms, CavGeometry, CavSetup, CoordinationRules, DriverParams, RightOfWayParams, SignalPlan,
+    Algorithms, CavGeometry, CavSetup, CoordinationRules, DriverParams, RightOfWayParams, Role, SignalPlan,
     TrafficRules,
 };
 use city3d_dynamics::vehicle::{ModelKind, VehicleSpec};
@@ -93,6 +94,10 @@ pub struct PlannedVehicle {
     pub route: Vec<LaneId>,
     /// Lane, position and speed at time 0.
     pub start: Start,
+    /// It leaves the city at the end of its route.
+    pub leaves: bool,
+    /// Whether it is coordinated.
+    pub role: Role,
     /// Sensors that the vehicle carries; empty for none.
     pub sensors: Vec<Sensor>,
     /// Link of a physical vehicle, which is measured instead of simulated.
@@ -139,6 +144,20 @@ impl PlannedVehicle {
         self.pose_on(map, self.start.lane, at_m).to_lab(scale)
     }
 
+    /// Its setup for the control framework.
+    pub fn cav_setup(&self, scale: LengthScale) -> CavSetup {
+        CavSetup {
+            id: self.id,
+            controller: self.controller.clone(),
+            driver: self.driver,
+            body: self.body_in_lab(scale),
+            route: self.route.clone(),
+            speed_mps: self.start.speed_mps,
+            role: self.role,
+            leaves: self.leaves,
+        }
+    }
+
     /// Its setup command. The pose is converted through laboratory metres, so that it has the same bits
     /// whether or not it came over the link.
     pub fn setup(&self, map: &CityMap, scale: LengthScale) -> Setup {
@@ -174,6 +193,11 @@ pub struct Experiment {
     pub city_map: Arc<CityMap>,
     /// In id order.
     pub vehicles: Vec<PlannedVehicle>,
+    /// Sources of traffic, in the order of the scenario.
+    pub inflows: Vec<Inflow>,
+    /// The vehicles of all inflows, in order of time and, at equal times, of the inflows. Their ids increase, and follow
+    /// those of `vehicles`.
+    pub arrivals: Arc<Vec<PlannedArrival>>,
     /// Vehicle types by name; `default` always exists.
     pub vehicle_types: BTreeMap<String, VehicleSpec>,
     /// Vehicles whose starts overlapped others and were moved.
@@ -213,17 +237,26 @@ pub struct Experiment {
 }
 
 impl Experiment {
-    /// Setups of the vehicles for the control framework.
+    /// Setups of the vehicles that are there from the beginning, for the control framework.
     pub fn cav_setups(&self) -> Vec<CavSetup> {
-        let setup = |vehicle: &PlannedVehicle| CavSetup {
-            id: vehicle.id,
-            controller: vehicle.controller.clone(),
-            driver: vehicle.driver,
-            body: vehicle.body_in_lab(self.scale),
-            route: vehicle.route.clone(),
-            speed_mps: vehicle.start.speed_mps,
-        };
-        self.vehicles.iter().map(setup).collect()
+        self.vehicles.iter().map(|vehicle| vehicle.cav_setup(self.scale)).collect()
+    }
+
+    /// The arrival with this id, if it is one of an inflow.
+    pub fn arrival(&self, id: VehicleId) -> Option<&PlannedArrival> {
+        let index = self.arrivals.binary_search_by_key(&id, |arrival| arrival.vehicle.id).ok()?;
+        Some(&self.arrivals[index])
+    }
+
+    /// Whether a vehicle of this id and name is an arrival of an inflow.
+    pub fn is_arrival(&self, id: VehicleId, name: &str) -> bool {
+        self.arrival(id).is_some_and(|arrival| arrival.vehicle.name == name)
+    }
+
+    /// The vehicle with this id, whether it is there from the beginning or arrives later.
+    pub fn planned(&self, id: VehicleId) -> Option<&PlannedVehicle> {
+        let planned = self.vehicles.iter().find(|planned| planned.id == id);
+        planned.or_else(|| self.arrival(id).map(|arrival| &arrival.vehicle))
     }
 
     /// Rules of the traffic, for the control framework.
@@ -246,9 +279,30 @@ impl Experiment {
         self.physical().any(|(planned, _)| planned.id == vehicle)
     }
 
-    /// The experiment without its vehicles, which arrive over the link.
+    /// The experiment without its vehicles, which arrive over the link. It still knows which of them come and go.
     pub fn without_vehicles(self) -> Self {
         Self { vehicles: Vec::new(), moved: Vec::new(), ..self }
+    }
+
+    /// What the experiment has, in words.
+    pub fn contents(&self) -> String {
+        let sensors: usize = self.vehicles.iter().map(|vehicle| vehicle.sensors.len()).sum();
+        let (vehicles, duration_s, seed) = (self.vehicles.len(), self.duration_s, self.seed);
+        format!("{vehicles} vehicles, {sensors} sensors, {duration_s} s, seed {seed}")
+    }
+
+    /// What each inflow brings, in words.
+    pub fn inflow_contents(&self) -> impl Iterator<Item = String> + '_ {
+        self.inflows.iter().enumerate().map(|(index, inflow)| {
+            let own = || self.arrivals.iter().filter(move |arrival| arrival.inflow == index);
+            let humans = own().filter(|arrival| arrival.vehicle.role == Role::Human).count();
+            format!(
+                "inflow {}: {} vehicles, {humans} of them with human drivers, enter on lane \"{}\"",
+                inflow.name,
+                own().count(),
+                self.lab_map.lane(inflow.lane).name
+            )
+        })
     }
 
     /// Number of physics steps of the whole run.

@@ -77,6 +77,9 @@ pub fn infeasibilities(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicl
 
 /// A start too fast to stop on the route.
 fn overrun(map: &LabMap, scale: LengthScale, vehicle: &PlannedVehicle) -> Option<Infeasible> {
+    if vehicle.leaves {
+        return None;
+    }
     let route_m: f64 = vehicle.route.iter().map(|lane| map.lane(*lane).curve.length()).sum();
     let overhang_m =
         scale.lab_from_city((vehicle.spec.dimensions.length_m - vehicle.spec.dimensions.wheelbase_m) / 2.0);

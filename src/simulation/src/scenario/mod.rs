@@ -3,10 +3,13 @@
 mod experiment;
 mod feasibility;
 mod fields;
+mod grid_scenario;
+mod inflow;
 mod models;
 mod placement;
 mod read;
 mod read_coordination;
+mod read_inflows;
 mod read_platoon;
 mod read_sensors;
 mod read_settings;
@@ -20,6 +23,8 @@ mod vehicle_type;
 
 pub use experiment::{Expectations, Experiment, Physical, PlannedVehicle, Rates, Start, pose_on};
 pub use fields::Problem;
+pub use grid_scenario::grid_scenario;
+pub use inflow::{ArrivalProcess, Inflow, PlannedArrival};
 pub use models::UserModels;
 pub use placement::MovedStart;
 pub use read::{LoadError, MOST_SEED, Overrides, ScenarioError, ScenarioRequest, read_experiment};

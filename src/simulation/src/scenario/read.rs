@@ -106,6 +106,31 @@ impl ScenarioRequest {
     }
 }
 
+impl Experiment {
+    /// The experiment with another duration. Its vehicles stay the same, with more or fewer arrivals of inflows at the end.
+    ///
+    /// # Errors
+    /// When its scenario cannot be read with that duration: it may bring more vehicles than there are ids.
+    pub fn lasting(&self, duration_s: f64) -> Result<Self, ScenarioError> {
+        let same = Self { duration_s, ..self.clone() };
+        if self.inflows.is_empty() {
+            return Ok(same);
+        }
+        let files = self.models.files.iter().map(|(name, file)| (name.clone(), file.to_vec()));
+        let library = Library::kept(self.map_bytes.clone(), files.collect());
+        let overrides = Overrides {
+            seed: Some(self.seed),
+            duration_s: Some(duration_s),
+            model: self.model,
+            environment: self.profile,
+            allows_no_vehicles: true,
+        };
+        let Self { inflows, arrivals, .. } =
+            read_experiment(&self.name, &self.scenario_text, &library, overrides)?;
+        Ok(Self { inflows, arrivals, ..same })
+    }
+}
+
 /// Reads and validates a scenario. `file` is the name that errors carry.
 ///
 /// # Errors
@@ -303,11 +328,14 @@ impl ScenarioReader<'_> {
         let mut fleet = FleetBuilder::default();
         basis.read_vehicles(root, &named, &mut fleet);
         basis.read_traffic(root, &named, &mut fleet);
-        // Errors under `vehicle` or `traffic` have been reported.
-        let is_asked_for = root.entry("vehicle").is_some() || root.entry("traffic").is_some();
-        let needs_vehicles = !self.overrides.allows_no_vehicles;
+        let demand = basis.read_inflows(root, &named, &fleet);
+        // Errors under these keys have been reported.
+        let is_asked_for =
+            ["vehicle", "traffic", "inflow"].map(|key| root.entry(key).is_some()).contains(&true);
+        let needs_vehicles = !self.overrides.allows_no_vehicles && demand.inflows.is_empty();
         if needs_vehicles && fleet.is_empty() && (!is_asked_for || root.problems.is_empty()) {
-            root.problems.add(&(0..0), "no vehicles: add [[vehicle]] tables or a [traffic] table");
+            root.problems
+                .add(&(0..0), "no vehicles: add [[vehicle]] or [[inflow]] tables, or a [traffic] table");
         }
         let (environment, testbed) = read_environment(root, self.overrides.environment);
         let city_map = Arc::new(map.to_city(scale));
@@ -333,6 +361,8 @@ impl ScenarioReader<'_> {
             lab_map: Arc::new(map),
             vehicles: fleet.vehicles,
             moved,
+            inflows: demand.inflows,
+            arrivals: Arc::new(demand.arrivals),
             vehicle_types: named.types.into_iter().map(|(name, build)| (name, build.spec)).collect(),
             right_of_way: read_right_of_way(root),
             signals,

@@ -82,14 +82,15 @@ pub fn pick<T: Clone>(
 }
 
 /// Name of the human driver. Its parameters apply to the algorithm that drives after the person hands back.
-const HUMAN: &str = "human";
+pub const HUMAN: &str = "human";
 
 /// Whether a table names the person as its driver.
 pub fn is_human(fields: &TableFields<'_, '_>) -> bool {
     fields.entry("driver").and_then(|value| value.get_ref().as_str()) == Some(HUMAN)
 }
 
-type NamedDrivers = BTreeMap<String, (String, DriverParams)>;
+/// Control algorithm and parameters by the name of the driver.
+pub type NamedDrivers = BTreeMap<String, (String, DriverParams)>;
 
 fn read_drivers(root: &TableFields<'_, '_>, library: &Library) -> NamedDrivers {
     let mut drivers = stated_drivers(root, library);

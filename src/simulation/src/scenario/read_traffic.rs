@@ -8,6 +8,7 @@ use super::read_sensors::read_sensors;
 use super::read_settings::{NamedSettings, is_human, pick};
 use super::read_vehicles::{LARGEST_ID, MOST_VEHICLES, default_appearance};
 use super::traffic::{self, TrafficError, TrafficShare, TrafficSpec};
+use city3d_control::Role;
 use city3d_protocol::snapshot::VehicleId;
 use std::collections::BTreeSet;
 
@@ -73,6 +74,8 @@ impl ReadContext<'_> {
                 controller: spec.controller.clone(),
                 driver: drawn.driver,
                 is_human: false,
+                leaves: false,
+                role: Role::Cav,
                 route: drawn.route,
                 physical: None,
             };
@@ -103,7 +106,8 @@ fn error_text(error: TrafficError, count: usize) -> String {
     }
 }
 
-fn read_shares(fields: &TableFields<'_, '_>, named: &NamedSettings) -> Vec<TrafficShare> {
+/// Reads `types`, shares of vehicle types; all `default` without it.
+pub(super) fn read_shares(fields: &TableFields<'_, '_>, named: &NamedSettings) -> Vec<TrafficShare> {
     let Some(table) = fields.table("types") else {
         return vec![TrafficShare { build: named.types["default"].clone(), weight: 1.0 }];
     };

@@ -7,6 +7,7 @@ use super::read::{FleetBuilder, ReadContext};
 use super::read_sensors::read_sensors;
 use super::read_settings::{NamedSettings, is_human, pick};
 use super::vehicle_type::{MODELS, VehicleType};
+use city3d_control::Role;
 use city3d_protocol::snapshot::{Appearance, BodyType, ModelKind, VehicleId};
 use city3d_roadmap::LaneId;
 use std::collections::BTreeSet;
@@ -76,6 +77,11 @@ impl ReadContext<'_> {
         }
         let mut speed_mps = 0.0;
         fields.number("speed_mps", 0.0..=2.0, &mut speed_mps);
+        let mut leaves = false;
+        fields.boolean("leaves", &mut leaves);
+        if leaves && physical.is_some() {
+            fields.wrong("leaves", "a physical vehicle stays in the laboratory: it cannot leave the city");
+        }
         let (VehicleType { mut spec, sensors: usual }, (controller, driver), route) =
             (build?, driver?, route?);
         if physical.is_some() {
@@ -99,6 +105,8 @@ impl ReadContext<'_> {
             controller,
             driver,
             is_human,
+            leaves,
+            role: Role::Cav,
             route,
             start,
             sensors,
@@ -125,7 +133,30 @@ impl ReadContext<'_> {
             }
             return None;
         };
-        let mut route: Vec<LaneId> = Vec::new();
+        let route = self.join(fields, &names, Vec::new())?;
+        if route.is_empty() {
+            fields.wrong("route", "route is empty; name at least the lane where the vehicle starts");
+            return None;
+        }
+        Some(route)
+    }
+
+    /// Route from an entry lane over the lanes that `route` names behind it; it may name the entry itself first.
+    pub(super) fn read_route_from(&self, fields: &TableFields<'_, '_>, entry: LaneId) -> Option<Vec<LaneId>> {
+        let mut names = fields.strings("route")?;
+        if names.first().is_some_and(|(name, _)| *name == self.map.lane(entry).name) {
+            names.remove(0);
+        }
+        self.join(fields, &names, vec![entry])
+    }
+
+    /// Extends a route by named lanes, joined by shortest paths.
+    fn join(
+        &self,
+        fields: &TableFields<'_, '_>,
+        names: &[(&str, Range<usize>)],
+        mut route: Vec<LaneId>,
+    ) -> Option<Vec<LaneId>> {
         let lanes: Vec<Option<LaneId>> =
             names.iter().map(|(name, span)| self.lane(fields, name, span)).collect();
         for ((name, span), lane) in names.iter().zip(lanes) {
@@ -152,14 +183,15 @@ impl ReadContext<'_> {
             };
             route.extend(way);
         }
-        if route.is_empty() {
-            fields.wrong("route", "route is empty; name at least the lane where the vehicle starts");
-            return None;
-        }
         Some(route)
     }
 
-    fn lane(&self, fields: &TableFields<'_, '_>, name: &str, span: &Range<usize>) -> Option<LaneId> {
+    pub(super) fn lane(
+        &self,
+        fields: &TableFields<'_, '_>,
+        name: &str,
+        span: &Range<usize>,
+    ) -> Option<LaneId> {
         let lane = self.map.lane_by_name(name);
         if lane.is_none() {
             let remedy = one_of(name, self.map.lanes.iter().map(|lane| lane.name.as_str()));

@@ -1,6 +1,7 @@
 //! Random traffic: seeded starts and routes all over the map.
 
 use super::feasibility::can_drive;
+use super::inflow::uniform;
 use super::vehicle_type::VehicleType;
 use city3d_control::DriverParams;
 use city3d_geometry::{Lab, LengthScale};
@@ -299,12 +300,18 @@ fn way_to_unused(
 }
 
 fn vary(rng: &mut ChaCha8Rng, driver: &DriverParams, spread: f64) -> DriverParams {
-    let mut vary = |value: f64| value * (1.0 + spread * (2.0 * uniform(rng) - 1.0));
+    varied(driver, spread, std::array::from_fn(|_| uniform(rng)))
+}
+
+/// A driver whose parameters deviate by up to a share, by four numbers in [0, 1).
+pub(super) fn varied(driver: &DriverParams, spread: f64, deviations: [f64; 4]) -> DriverParams {
+    let [speed, headway, gap, acceleration] = deviations;
+    let vary = |value: f64, deviation: f64| value * (1.0 + spread * (2.0 * deviation - 1.0));
     DriverParams {
-        desired_speed_mps: vary(driver.desired_speed_mps),
-        headway_s: vary(driver.headway_s),
-        standstill_gap_m: vary(driver.standstill_gap_m),
-        max_acceleration_mps2: driver.max_acceleration_mps2 * (1.0 - spread * uniform(rng)),
+        desired_speed_mps: vary(driver.desired_speed_mps, speed),
+        headway_s: vary(driver.headway_s, headway),
+        standstill_gap_m: vary(driver.standstill_gap_m, gap),
+        max_acceleration_mps2: driver.max_acceleration_mps2 * (1.0 - spread * acceleration),
         ..*driver
     }
 }
@@ -313,8 +320,4 @@ fn shuffle<T>(rng: &mut ChaCha8Rng, items: &mut [T]) {
     for k in (1..items.len()).rev() {
         items.swap(k, (rng.next_u64() % (k as u64 + 1)) as usize);
     }
-}
-
-fn uniform(rng: &mut ChaCha8Rng) -> f64 {
-    (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
 }

@@ -185,7 +185,9 @@ impl World {
             SimCommand::Start => self.state.is_running = true,
             SimCommand::Pause => self.state.is_running = false,
             SimCommand::Reset => {
-                let setups = std::mem::take(&mut self.state.setups);
+                let mut setups = std::mem::take(&mut self.state.setups);
+                // Arrivals come again when their time comes.
+                setups.retain(|setup| !self.experiment.is_arrival(setup.id, &setup.name));
                 self.state = WorldState::initial(&self.experiment, &self.solids);
                 setups.into_iter().for_each(|setup| self.state.spawn(&self.experiment, setup));
                 self.roster = self.state.roster(&self.experiment);

@@ -7,6 +7,7 @@
 )]
 
 mod city;
+mod demand;
 mod driving;
 mod measures;
 mod platoon;

@@ -29,7 +29,8 @@ fn own_camera(sensor: &Sensor) -> ScenarioCamera {
 
 impl ScenarioInfo {
     pub fn of(experiment: &Experiment) -> Self {
-        let vehicles = || experiment.vehicles.iter();
+        let arriving = || experiment.arrivals.iter().map(|arrival| &arrival.vehicle);
+        let vehicles = || experiment.vehicles.iter().chain(arriving());
         Self {
             drivers: vehicles().map(|v| (v.id, v.controller.clone())).collect(),
             routes: vehicles().map(|v| (v.id, v.route.clone())).collect(),

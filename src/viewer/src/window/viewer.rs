@@ -526,8 +526,7 @@ impl ViewerState {
         // Settings of a replay, or of a city that keeps its own time, are not stored for the next run.
         let (ViewedRun::Run(live), CityKind::Local) = (&self.source, self.city) else { return };
         settings.speed = Some(live.run_state().speed);
-        let name =
-            |id: VehicleId| self.experiment.vehicles.iter().find(|v| v.id == id).map(|v| v.name.clone());
+        let name = |id: VehicleId| self.experiment.planned(id).map(|v| v.name.clone());
         let previews = state.previews.iter().filter_map(|p| Some((name(p.vehicle)?, p.eye)));
         settings.views = WatchedVehicles {
             scenario: self.request.scenario.clone(),

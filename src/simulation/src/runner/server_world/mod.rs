@@ -55,6 +55,11 @@ impl AppliedBody {
     fn is_setup_of(&self, id: VehicleId) -> bool {
         matches!(&self.body, Body::Setup { setup, .. } if setup.id == id)
     }
+
+    /// Whether it has set up a vehicle of an inflow.
+    fn is_arrival_of(&self, experiment: &Experiment) -> bool {
+        matches!(&self.body, Body::Setup { setup, .. } if experiment.is_arrival(setup.id, &setup.name))
+    }
 }
 
 /// A vehicle with its owner, the sender that has set it up.
@@ -399,6 +404,7 @@ impl ServerWorld {
                 return (RequestOutcome::Busy, detail);
             }
             ExperimentAction::Reset => {
+                self.forget_arrivals();
                 self.vehicles.values_mut().for_each(|owned| owned.sequence = None);
                 self.forget_drivers();
                 SimCommand::Reset
@@ -406,6 +412,14 @@ impl ServerWorld {
         };
         self.push(PendingCommand { sender, body: Body::Command { request, action }, command });
         (RequestOutcome::Done, String::new())
+    }
+
+    /// Vehicles of inflows are gone after a reset, and come again when their time comes.
+    fn forget_arrivals(&mut self) {
+        let experiment = Arc::clone(self.experiment());
+        self.vehicles.retain(|id, owned| !experiment.is_arrival(*id, &owned.setup.name));
+        let is_arrival = |pending: &PendingCommand| matches!(&pending.command, SimCommand::Spawn(setup) if experiment.is_arrival(setup.id, &setup.name));
+        self.pending.retain(|pending| !is_arrival(pending));
     }
 
     /// Queues the measured pose of a physical vehicle, stamped with the city's clock; ignores other vehicles. While the
@@ -476,6 +490,10 @@ impl ServerWorld {
                     self.spawned.push(AppliedBody { sender, body: body.clone() });
                 }
                 SimCommand::Remove(id) => self.spawned.retain(|applied| !applied.is_setup_of(*id)),
+                SimCommand::Reset => {
+                    let experiment = self.world.experiment();
+                    self.spawned.retain(|applied| !applied.is_arrival_of(experiment));
+                }
                 _ => {}
             }
             self.applied.push(AppliedBody { sender, body });
