@@ -144,7 +144,8 @@ fn assert_same(a: &Experiment, b: &Experiment, what: &str) {
     let words = |experiment: &Experiment| -> Vec<String> {
         let copy = Experiment { scenario_text: String::new(), map_bytes: Vec::new(), ..experiment.clone() };
         let rest = (copy.seed, copy.duration_s, copy.rates, copy.scale, copy.right_of_way, copy.environment);
-        let rest = (rest, copy.link_timeout_s, copy.expectations, copy.city_map.lanes.len(), copy.signals);
+        let rest = (rest, copy.link_timeout_s, copy.expectations, copy.city_map.lanes.len());
+        let rest = (rest, copy.platoons, copy.signals);
         let text = format!("{:?} {rest:?}", copy.vehicles);
         text.split([' ', ',', '(', ')', '[', ']']).map(str::to_owned).collect()
     };
@@ -178,6 +179,7 @@ fn scenario_keys_are_all_described_and_no_others() {
                 "vehicle_type",
                 "driver",
                 "right_of_way",
+                "platoon",
                 "environment",
                 "traffic",
                 "signal",
@@ -218,7 +220,8 @@ fn scenario_ranges_are_as_described() {
         // Bounds are rounded by less than this where the program has them in other units.
         let beyond = |bound: f64| 0.02 * bound.abs() + 1e-3;
         for value in [low - beyond(low), high + beyond(high)] {
-            let is_whole = matches!(row.key.as_str(), "id" | "vehicles" | "physics_hz" | "control_hz");
+            let is_whole =
+                matches!(row.key.as_str(), "id" | "vehicles" | "max_vehicles" | "physics_hz" | "control_hz");
             let value = if is_whole { value + (value - low).signum() } else { value };
             let value = if is_whole { format!("{value:.0}") } else { format!("{value:?}") };
             let line = format!("{} = {value}", row.key);

@@ -5,7 +5,8 @@ use super::estimate::RouteEstimate;
 use super::off_route;
 use super::right_of_way::RightOfWayState;
 use super::{
-    CRUISE, Controller, Decision, DriverParams, LeaderState, OwnMotion, Route, SetupError, controller,
+    CRUISE, Controller, Decision, DriverParams, Drivers, LeaderState, OwnMotion, PlatoonBroadcast, Route,
+    SetupError,
 };
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{Indicator, VehicleId};
@@ -42,7 +43,7 @@ impl CavGeometry {
 pub struct CavSetup {
     /// Id in its measurements and trajectories.
     pub id: VehicleId,
-    /// Name of the control algorithm, see [`CONTROLLERS`](super::CONTROLLERS).
+    /// Name of the control algorithm, see [`Drivers`].
     pub controller: String,
     /// Parameters of car following, and bounds on speed and acceleration.
     pub driver: DriverParams,
@@ -119,6 +120,10 @@ pub struct Cav {
     pub sequence: u32,
     controller: Box<dyn Controller>,
     heeds_others: bool,
+    /// Its desired speed outside of platoons.
+    own_desired_mps: f64,
+    /// Duration of the last control step.
+    step_s: f64,
     setup_speed_mps: f64,
     estimate: Option<RouteEstimate>,
     /// Off its route and on no lane in the direction of travel, as a person may drive.
@@ -151,13 +156,12 @@ const FINISHED_WITHIN_M: f64 = 0.05;
 const FINISHED_MPS: f64 = 0.004;
 
 impl Cav {
-    pub(super) fn new(map: &LabMap, setup: CavSetup) -> Result<Self, SetupError> {
+    pub(super) fn new(map: &LabMap, setup: CavSetup, drivers: &Drivers) -> Result<Self, SetupError> {
         if setup.route.is_empty() {
             return Err(SetupError::EmptyRoute { vehicle: setup.id });
         }
         let heeds_others = setup.controller != CRUISE;
-        let controller = controller(&setup.controller, setup.driver)
-            .ok_or(SetupError::UnknownController { vehicle: setup.id, name: setup.controller })?;
+        let controller = controller_of(drivers, setup.id, setup.controller, setup.driver)?;
         Ok(Self {
             id: setup.id,
             driver: setup.driver,
@@ -172,6 +176,8 @@ impl Cav {
             sequence: 0,
             controller,
             heeds_others,
+            own_desired_mps: setup.driver.desired_speed_mps,
+            step_s: 0.0,
             setup_speed_mps: setup.speed_mps,
             estimate: None,
             is_off_route: false,
@@ -302,13 +308,37 @@ impl Cav {
 
     /// Acceleration of the driver model with respect to one leader, or on a free road.
     pub(super) fn acceleration_for(&self, ahead: Option<LeaderState>) -> f64 {
-        let desired = self.route.speed_at(self.axle_s);
-        let own = OwnMotion {
+        self.controller.acceleration(self.own_motion(), self.route.speed_at(self.axle_s), ahead)
+    }
+
+    /// Acceleration behind the predecessor in a platoon.
+    pub(super) fn platoon_acceleration(&self, platoon: &PlatoonBroadcast) -> f64 {
+        let desired_mps = self.route.speed_at(self.axle_s);
+        self.controller.platoon_acceleration(self.own_motion(), desired_mps, platoon)
+    }
+
+    /// Whether its driver can be in a platoon.
+    pub(super) fn can_platoon(&self) -> bool {
+        self.controller.can_platoon()
+    }
+
+    /// Drives at this share of its desired speed from now on.
+    pub(super) fn set_speed_factor(&mut self, map: &LabMap, factor: f64) {
+        let desired_mps = self.own_desired_mps * factor;
+        if self.driver.desired_speed_mps != desired_mps {
+            self.driver.desired_speed_mps = desired_mps;
+            self.route.plan_speeds(map, self.body, &self.driver);
+        }
+    }
+
+    fn own_motion(&self) -> OwnMotion {
+        OwnMotion {
             planned_mps: self.plan.speed_mps,
+            planned_mps2: self.plan.acceleration_mps2,
             measured_mps: self.speed_mps,
             margin_m: self.margin_m(),
-        };
-        self.controller.acceleration(own, desired, ahead)
+            step_s: self.step_s,
+        }
     }
 
     /// Acceleration with which it can still stop before a place or behind a leader that brakes as hard as it can itself
@@ -384,6 +414,7 @@ impl Cav {
     /// Advances the plan by a control step, within its bounds and close to the measurement.
     pub(super) fn apply(&mut self, decision: Decision, now_s: f64, dt_s: f64) {
         self.coordination.follows_plan = decision.follows_plan && !self.is_lost;
+        self.step_s = dt_s;
         if self.is_lost {
             self.brake(dt_s);
             return;
@@ -427,10 +458,11 @@ impl Cav {
         map: &LabMap,
         name: String,
         driver: DriverParams,
+        drivers: &Drivers,
     ) -> Result<(), SetupError> {
         self.heeds_others = name != CRUISE;
-        self.controller =
-            controller(&name, driver).ok_or(SetupError::UnknownController { vehicle: self.id, name })?;
+        self.controller = controller_of(drivers, self.id, name, driver)?;
+        self.own_desired_mps = driver.desired_speed_mps;
         if self.driver != driver {
             self.driver = driver;
             self.route.plan_speeds(map, self.body, &self.driver);
@@ -465,4 +497,18 @@ impl Cav {
         (self.route.index_at(from_s)..=self.route.index_at(to_s))
             .any(|index| self.route.lanes()[index] == lane)
     }
+}
+
+fn controller_of(
+    drivers: &Drivers,
+    vehicle: VehicleId,
+    name: String,
+    params: DriverParams,
+) -> Result<Box<dyn Controller>, SetupError> {
+    let known = || drivers.names().map(str::to_owned).collect();
+    drivers.controller(&name, params).ok_or_else(|| SetupError::UnknownController {
+        vehicle,
+        name,
+        known: known(),
+    })
 }

@@ -1,5 +1,7 @@
 //! Longitudinal control algorithms of one vehicle, by name.
 
+use super::cacc::{CaccGains, CaccInputs};
+use super::ploeg::{PloegGains, PloegInputs};
 use super::{DriverParams, LeaderState};
 use std::fmt::Debug;
 
@@ -8,32 +10,67 @@ pub trait Controller: Debug + Send {
     /// Acceleration along the path, laboratory m/s2, for an allowed speed `desired_mps` and one leader (or a
     /// free road). Of several leaders the least acceleration applies.
     fn acceleration(&self, own: OwnMotion, desired_mps: f64, ahead: Option<LeaderState>) -> f64;
+
+    /// Acceleration of a member of a platoon behind its predecessor, in place of those on a free road and behind that
+    /// vehicle. Bounds on speed, right of way and other leaders still apply.
+    fn platoon_acceleration(&self, own: OwnMotion, desired_mps: f64, platoon: &PlatoonBroadcast) -> f64 {
+        self.acceleration(own, desired_mps, Some(platoon.predecessor))
+    }
+
+    /// Whether its vehicle may be in a platoon.
+    fn can_platoon(&self) -> bool {
+        false
+    }
 }
 
 /// Own motion of the vehicle, laboratory metres.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct OwnMotion {
     /// Speed of the plan.
     pub planned_mps: f64,
+    /// Acceleration of the plan in the last control step.
+    pub planned_mps2: f64,
     /// As estimated from measured poses.
     pub measured_mps: f64,
     /// Safety margin on measured distances.
     pub margin_m: f64,
+    /// Duration of the last control step; 0 in the first one.
+    pub step_s: f64,
+}
+
+/// What the other members of a platoon tell a member, laboratory metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlatoonBroadcast {
+    /// Gap to the predecessor, and its speed.
+    pub predecessor: LeaderState,
+    /// Acceleration that is planned for the predecessor in this control step.
+    pub predecessor_mps2: f64,
+    /// Speed of the leader of the platoon.
+    pub leader_mps: f64,
+    /// Acceleration that is planned for the leader in this control step.
+    pub leader_mps2: f64,
+    /// Spacing for controllers that keep a constant one.
+    pub spacing_m: f64,
+    /// Time headway for controllers that keep a constant one.
+    pub headway_s: f64,
 }
 
 /// Name of the algorithm that ignores leaders.
 pub const CRUISE: &str = "cruise";
 /// Names of all control algorithms.
-pub const CONTROLLERS: [&str; 2] = ["idm", CRUISE];
+pub const CONTROLLERS: [&str; 4] = ["idm", CRUISE, "cacc", "ploeg"];
 
 /// Creates a control algorithm by name; `None` for an unknown one.
 ///
 /// `idm`: intelligent driver model within the safe speed of Gipps. `cruise`: constant speed whatever is
-/// ahead.
+/// ahead. `cacc`, `ploeg`: cooperative adaptive cruise control at constant spacing or time headway behind the predecessor
+/// in a platoon, else as `idm`.
 pub fn controller(name: &str, params: DriverParams) -> Option<Box<dyn Controller>> {
     match name {
         "idm" => Some(Box::new(Idm(params))),
         CRUISE => Some(Box::new(Cruise(params))),
+        "cacc" => Some(Box::new(Cacc { alone: Idm(params), gains: CaccGains::default() })),
+        "ploeg" => Some(Box::new(Ploeg { alone: Idm(params), gains: PloegGains::default() })),
         _ => None,
     }
 }
@@ -41,6 +78,19 @@ pub fn controller(name: &str, params: DriverParams) -> Option<Box<dyn Controller
 /// IDM below Gipps' safe speed.
 #[derive(Debug)]
 struct Idm(DriverParams);
+
+/// Response time to a predecessor whose plan is known when it is made: the delays of link and drive are the same for both
+/// vehicles.
+const MEMBER_RESPONSE_S: f64 = 0.05;
+
+impl Idm {
+    /// Gipps' safe speed as the last word below what a platoon's controller wants.
+    fn limit_member(&self, wanted_mps2: f64, own: OwnMotion, platoon: &PlatoonBroadcast) -> f64 {
+        let params = DriverParams { response_time_s: MEMBER_RESPONSE_S, ..self.0 };
+        let safe_mps2 = params.safe_acceleration(own.measured_mps, platoon.predecessor, own.margin_m);
+        wanted_mps2.min(safe_mps2).clamp(params.min_acceleration_mps2, params.max_acceleration_mps2)
+    }
+}
 
 impl Controller for Idm {
     fn acceleration(&self, own: OwnMotion, desired_mps: f64, ahead: Option<LeaderState>) -> f64 {
@@ -61,6 +111,62 @@ impl Controller for Cruise {
     }
 }
 
+/// CACC at constant spacing in a platoon, IDM elsewhere.
+#[derive(Debug)]
+struct Cacc {
+    alone: Idm,
+    gains: CaccGains,
+}
+
+impl Controller for Cacc {
+    fn acceleration(&self, own: OwnMotion, desired_mps: f64, ahead: Option<LeaderState>) -> f64 {
+        self.alone.acceleration(own, desired_mps, ahead)
+    }
+
+    fn platoon_acceleration(&self, own: OwnMotion, _desired_mps: f64, platoon: &PlatoonBroadcast) -> f64 {
+        let wanted_mps2 = self.gains.acceleration(CaccInputs {
+            spacing_error_m: platoon.predecessor.gap_m - platoon.spacing_m,
+            speed_mps: own.measured_mps,
+            predecessor: (platoon.predecessor.speed_mps, platoon.predecessor_mps2),
+            leader: (platoon.leader_mps, platoon.leader_mps2),
+        });
+        self.alone.limit_member(wanted_mps2, own, platoon)
+    }
+
+    fn can_platoon(&self) -> bool {
+        true
+    }
+}
+
+/// Ploeg's law in a platoon, IDM elsewhere.
+#[derive(Debug)]
+struct Ploeg {
+    alone: Idm,
+    gains: PloegGains,
+}
+
+impl Controller for Ploeg {
+    fn acceleration(&self, own: OwnMotion, desired_mps: f64, ahead: Option<LeaderState>) -> f64 {
+        self.alone.acceleration(own, desired_mps, ahead)
+    }
+
+    fn platoon_acceleration(&self, own: OwnMotion, _desired_mps: f64, platoon: &PlatoonBroadcast) -> f64 {
+        let inputs = PloegInputs {
+            distance_m: platoon.predecessor.gap_m - self.alone.0.standstill_gap_m,
+            headway_s: platoon.headway_s,
+            speed_mps: own.measured_mps,
+            acceleration_mps2: own.planned_mps2,
+            commanded_mps2: own.planned_mps2,
+            predecessor: (platoon.predecessor.speed_mps, platoon.predecessor_mps2),
+        };
+        self.alone.limit_member(self.gains.acceleration(inputs, own.step_s), own, platoon)
+    }
+
+    fn can_platoon(&self) -> bool {
+        true
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -76,9 +182,32 @@ mod tests {
     #[test]
     fn cruise_does_not_see_what_idm_brakes_for() {
         let wall = Some(LeaderState { gap_m: 0.05, speed_mps: 0.0 });
-        let own = OwnMotion { planned_mps: 0.2, measured_mps: 0.2, margin_m: 0.0 };
+        let own = OwnMotion { planned_mps: 0.2, measured_mps: 0.2, ..OwnMotion::default() };
         let u = |name| controller(name, DriverParams::default()).unwrap().acceleration(own, 0.35, wall);
         assert_eq!(u("idm"), -0.2);
         assert!(u("cruise") > 0.0);
+    }
+
+    #[test]
+    fn outside_of_platoons_their_controllers_are_idm_and_inside_they_brake_for_a_predecessor_too_near() {
+        let own = OwnMotion { planned_mps: 0.3, measured_mps: 0.3, step_s: 0.02, ..OwnMotion::default() };
+        for name in ["cacc", "ploeg"] {
+            let driver = controller(name, DriverParams::default()).unwrap();
+            let idm = controller("idm", DriverParams::default()).unwrap();
+            for ahead in [None, Some(LeaderState { gap_m: 0.3, speed_mps: 0.25 })] {
+                let (u, v) = (driver.acceleration(own, 0.35, ahead), idm.acceleration(own, 0.35, ahead));
+                assert_eq!(u, v, "{name}");
+            }
+            // The predecessor stands 0.1 m ahead, and says that it speeds up.
+            let platoon = PlatoonBroadcast {
+                predecessor: LeaderState { gap_m: 0.1, speed_mps: 0.0 },
+                predecessor_mps2: 0.12,
+                leader_mps: 0.3,
+                leader_mps2: 0.12,
+                spacing_m: 0.05,
+                headway_s: 0.1,
+            };
+            assert_eq!(driver.platoon_acceleration(own, 0.35, &platoon), -0.2, "{name}");
+        }
     }
 }

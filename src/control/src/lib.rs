@@ -3,26 +3,35 @@
 //!
 //! It runs in lockstep with the city, or in its own process across the network.
 
+mod cacc;
 mod cav;
 mod controller;
 pub mod coordination;
+mod drivers;
 mod estimate;
 mod idm;
 mod loops;
 mod off_route;
 mod plan;
+mod platooning;
+mod ploeg;
 mod reroute;
 mod right_of_way;
 mod route;
+mod rules;
 mod signals;
 mod strangers;
 mod traffic;
 
+pub use cacc::{CaccGains, CaccInputs};
 pub use cav::{Cav, CavGeometry, CavSetup};
-pub use controller::{CONTROLLERS, CRUISE, Controller, OwnMotion, controller};
+pub use controller::{CONTROLLERS, CRUISE, Controller, OwnMotion, PlatoonBroadcast, controller};
+pub use drivers::Drivers;
 pub use idm::{DriverParams, LeaderState};
+pub use ploeg::{PloegGains, PloegInputs};
 pub use right_of_way::RightOfWayParams;
 pub use route::{JunctionSection, Route, turn_of};
+pub use rules::{Algorithms, CoordinationRules, TrafficRules};
 pub use signals::{
     ActuatedControl, ApproachingVehicle, CountedControl, HeadState, SignalControl, SignalPhase, SignalPlan,
     Signals, WebsterLimits, WebsterTiming, all_red_time_s, webster, yellow_time_s,
@@ -31,7 +40,9 @@ pub use signals::{
 use city3d_protocol::snapshot::VehicleId;
 use city3d_protocol::wire::{Measurement, Message};
 use city3d_roadmap::LabMap;
-use coordination::{ControlZone, CoordinationParams, Coordinator, ZoneCoordination, coordinator};
+use coordination::ZoneCoordination;
+use coordination::platoon::{PlatoonParams, Platoons};
+use platooning::Platooning;
 use right_of_way::{ConstraintKind, RightOfWay, YieldConstraint};
 use std::sync::Arc;
 use strangers::Strangers;
@@ -41,13 +52,15 @@ use traffic::Occupancy;
 /// A setup that the control framework rejects.
 #[derive(Debug, Error, PartialEq)]
 pub enum SetupError {
-    /// The algorithm `name` of `vehicle` is not one of [`CONTROLLERS`].
-    #[error("vehicle {vehicle}: no control algorithm is called \"{name}\"; there are {CONTROLLERS:?}")]
+    /// The algorithm `name` of `vehicle` is not one of the program's [`Drivers`].
+    #[error("vehicle {vehicle}: no control algorithm is called \"{name}\"; there are {known:?}")]
     UnknownController {
         /// The vehicle whose setup is rejected.
         vehicle: VehicleId,
         /// Name of the algorithm that was asked for.
         name: String,
+        /// Names of those that the program knows.
+        known: Vec<String>,
     },
     /// The route of `vehicle` has no lanes.
     #[error("vehicle {vehicle}: its route is empty; give it at least one lane")]
@@ -55,34 +68,14 @@ pub enum SetupError {
         /// The vehicle whose setup is rejected.
         vehicle: VehicleId,
     },
-    /// The coordination algorithm is not one of [`COORDINATORS`](coordination::COORDINATORS).
-    #[error("no coordination algorithm is called \"{name}\"; there are {:?}", coordination::COORDINATORS)]
+    /// The coordination algorithm `name` is not one of the program's [`Coordinators`](coordination::Coordinators).
+    #[error("no coordination algorithm is called \"{name}\"; there are {known:?}")]
     UnknownCoordinator {
         /// Name of the algorithm that was asked for.
         name: String,
+        /// Names of those that the program knows.
+        known: Vec<String>,
     },
-}
-
-/// Rules of the traffic: who goes first, which vehicles are coordinated, and the signals.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct TrafficRules {
-    /// Right of way at junctions.
-    pub right_of_way: RightOfWayParams,
-    /// Coordination in control zones; `None` without.
-    pub coordination: Option<CoordinationRules>,
-    /// Traffic signals; their heads are those of the map.
-    pub signals: Vec<SignalPlan>,
-}
-
-/// Coordination of a map.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CoordinationRules {
-    /// Name of the algorithm, see [`COORDINATORS`](coordination::COORDINATORS).
-    pub algorithm: String,
-    /// Gaps and tolerances.
-    pub params: CoordinationParams,
-    /// The control zones.
-    pub zones: Vec<ControlZone>,
 }
 
 /// All vehicles under control with their occupancy and right of way.
@@ -98,6 +91,10 @@ pub struct Mainframe {
     /// Vehicles that somebody else controls.
     strangers: Strangers,
     signals: Signals,
+    /// Algorithms by name.
+    algorithms: Algorithms,
+    /// Platoons, where they are formed.
+    platooning: Option<Platooning>,
     last_step_s: Option<f64>,
 }
 
@@ -107,46 +104,61 @@ const SIGHT_M: f64 = 2.5;
 const STANDS_MPS: f64 = 0.02;
 
 impl Mainframe {
-    /// A mainframe for these vehicles, none of which has been measured yet.
+    /// A mainframe for these vehicles, none of which has been measured yet, with the standard algorithms.
     ///
     /// # Errors
-    /// When a vehicle names an unknown algorithm or has no route, or the rules an unknown algorithm.
+    /// When a vehicle or the rules name an unknown algorithm, or a vehicle has no route.
     pub fn new(map: Arc<LabMap>, setups: Vec<CavSetup>, rules: TrafficRules) -> Result<Self, SetupError> {
-        let by_name = |rules: &CoordinationRules| {
-            let unknown = || SetupError::UnknownCoordinator { name: rules.algorithm.clone() };
-            coordinator(&rules.algorithm).ok_or_else(unknown)
-        };
-        let algorithm = rules.coordination.as_ref().map(by_name).transpose()?;
-        Self::with_coordinator(map, setups, rules, algorithm)
+        Self::with_algorithms(map, setups, rules, Algorithms::default())
     }
 
-    /// A mainframe with a coordination algorithm of its own in place of the one that the rules name.
+    /// A mainframe whose vehicles and control zones have their algorithms from these.
     ///
     /// # Errors
     /// As for [`Mainframe::new`].
-    pub fn with_coordinator(
+    pub fn with_algorithms(
         map: Arc<LabMap>,
         setups: Vec<CavSetup>,
         rules: TrafficRules,
-        algorithm: Option<Box<dyn Coordinator>>,
+        algorithms: Algorithms,
     ) -> Result<Self, SetupError> {
-        let mut cavs =
-            setups.into_iter().map(|setup| Cav::new(&map, setup)).collect::<Result<Vec<_>, _>>()?;
+        let mut cavs = setups
+            .into_iter()
+            .map(|setup| Cav::new(&map, setup, &algorithms.drivers))
+            .collect::<Result<Vec<_>, _>>()?;
         cavs.sort_by_key(|cav| cav.id);
-        let coordination = rules.coordination.zip(algorithm);
+        let coordination =
+            rules.coordination.map(|rules| rules.start(&algorithms.coordinators)).transpose()?;
         let signals = Signals::new(rules.signals, &map);
         Ok(Self {
             right_of_way: RightOfWay::new(rules.right_of_way, &map),
-            coordination: coordination
-                .map(|(rules, algorithm)| ZoneCoordination::new(rules.params, rules.zones, algorithm)),
+            coordination,
             map,
             cavs,
             occupancy: Occupancy::default(),
             yield_constraints: Vec::new(),
             strangers: Strangers::default(),
             signals,
+            algorithms,
+            platooning: rules.platoons.map(Platooning::new),
             last_step_s: None,
         })
+    }
+
+    /// Forms platoons by these parameters from now on, or none. Present platoons go on with changed parameters.
+    fn set_platoons(&mut self, params: Option<PlatoonParams>) {
+        match (&mut self.platooning, params) {
+            (Some(platooning), Some(params)) => platooning.set_params(params),
+            (platooning, params) => *platooning = params.map(Platooning::new),
+        }
+        if params.is_none() {
+            self.cavs.iter_mut().for_each(|cav| cav.set_speed_factor(&self.map, 1.0));
+        }
+    }
+
+    /// The platoons, where they are formed.
+    pub fn platoons(&self) -> Option<&Platoons> {
+        self.platooning.as_ref().map(Platooning::platoons)
     }
 
     /// The vehicles are somewhere on their way, and may stand: the speeds of their setups do not hold.
@@ -178,7 +190,11 @@ impl Mainframe {
         messages.extend(self.signals.messages(time_s).map(Message::Signals));
         self.right_of_way.update(time_s, &mut self.cavs, &self.occupancy, &self.signals);
         reroute::reroute_blocked(time_s, &self.map, &mut self.cavs, &mut self.right_of_way, &self.occupancy);
-        for index in 0..self.cavs.len() {
+        if let Some(platooning) = &mut self.platooning {
+            platooning.update(time_s, &self.map, &mut self.cavs, &self.occupancy, &self.strangers);
+        }
+        for place in 0..self.cavs.len() {
+            let index = self.platooning.as_ref().map_or(place, |platooning| platooning.decides_at(place));
             if self.cavs[index].is_on_route() {
                 let decision = self.decide(index, time_s);
                 let gives_way =
@@ -206,7 +222,11 @@ impl Mainframe {
         let mut decision =
             Decision { acceleration_mps2, gives_way_at: None, follows_plan: planned.is_some() };
         if let Some(leader) = self.occupancy.leader(&self.cavs, index, SIGHT_M) {
-            decision.limit(behind(leader.ahead), None);
+            let told = self.platooning.as_ref().and_then(|p| p.broadcast(&self.cavs, index, &leader));
+            match told.filter(|_| planned.is_none()) {
+                Some(platoon) => decision.acceleration_mps2 = cav.platoon_acceleration(&platoon),
+                None => decision.limit(behind(leader.ahead), None),
+            }
         }
         if let Some(stranger) = self.strangers.leader(cav, SIGHT_M) {
             decision.limit(behind(stranger), None);
@@ -244,21 +264,21 @@ impl Mainframe {
     /// When a vehicle or the rules name an unknown algorithm.
     pub fn change(&mut self, setups: Vec<CavSetup>, rules: TrafficRules) -> Result<(), SetupError> {
         self.right_of_way.set_params(rules.right_of_way);
-        self.coordination = match rules.coordination {
-            Some(rules) => {
-                let unknown = SetupError::UnknownCoordinator { name: rules.algorithm.clone() };
-                let algorithm = coordinator(&rules.algorithm).ok_or(unknown)?;
-                Some(ZoneCoordination::new(rules.params, rules.zones, algorithm))
-            }
-            None => None,
-        };
+        let coordination = rules.coordination.map(|rules| rules.start(&self.algorithms.coordinators));
+        self.coordination = coordination.transpose()?;
+        self.set_platoons(rules.platoons);
         self.cavs.iter_mut().for_each(Cav::forget_coordination);
         if !self.signals.follow(&rules.signals) {
             self.signals = Signals::new(rules.signals, &self.map);
         }
         for setup in setups {
             if let Ok(index) = self.cavs.binary_search_by_key(&setup.id, |cav| cav.id) {
-                self.cavs[index].change_driver(&self.map, setup.controller, setup.driver)?;
+                self.cavs[index].change_driver(
+                    &self.map,
+                    setup.controller,
+                    setup.driver,
+                    &self.algorithms.drivers,
+                )?;
             }
         }
         Ok(())

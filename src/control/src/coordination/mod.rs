@@ -6,16 +6,24 @@
 //! conflict zone. A [`Coordinator`] decides about the order. Right of way admits vehicles with plans in the order of the
 //! plans, so that what keeps it free of deadlock holds. A vehicle without a feasible plan drives by the rules of the road
 //! and asks again.
+//!
+//! All of it is pure: time is an argument, nothing draws, vehicles are in id order. Laboratory metres throughout.
 
+mod algorithms;
 mod approach;
 mod conflicts;
 mod coordinator;
 mod cubic;
+pub mod filter;
 mod motion_plan;
 mod planner;
+pub mod platoon;
+pub mod predict;
+pub mod queueing;
 mod scheduler;
 mod zone;
 
+pub use algorithms::Coordinators;
 pub use conflicts::{PlanGaps, PlannedMotion, SharedWay};
 pub use coordinator::{CoordinatedState, CoordinationRequest, Grant, ZoneCoordination, ZoneView};
 pub use cubic::{Cubic, ExitWindow, MotionBounds, MotionState};

@@ -27,9 +27,10 @@ impl ControlLoop {
     /// # Errors
     /// When the control framework cannot take a vehicle's setup.
     pub fn new(experiment: &Experiment) -> Result<Self, SetupError> {
-        let map = Arc::clone(&experiment.lab_map);
+        let (map, algorithms) = (Arc::clone(&experiment.lab_map), experiment.algorithms.clone());
+        let (setups, rules) = (experiment.cav_setups(), experiment.rules());
         Ok(Self {
-            mainframe: Mainframe::new(map, experiment.cav_setups(), experiment.rules())?,
+            mainframe: Mainframe::with_algorithms(map, setups, rules, algorithms)?,
             environment: Environment::new(experiment.environment, experiment.seed),
             ticks_per_control: experiment.rates.ticks_per_control(),
             physical: experiment.physical().map(|(planned, _)| planned.id).collect(),
@@ -71,7 +72,7 @@ impl ControlLoop {
         self.environment.command(time_s, self.messages.drain(..), delivered);
     }
 
-    /// Switches to the drivers, right of way, environment and seed of another experiment.
+    /// Switches to the drivers, right of way, platoons, environment and seed of another experiment.
     ///
     /// # Errors
     /// When a vehicle names an unknown algorithm.

@@ -6,8 +6,10 @@ use super::placement::MovedStart;
 use super::time_of_day::TimeOfDay;
 use crate::environment::{EnvironmentProfile, EnvironmentSpec};
 use city3d_control::coordination::ControlZone;
+use city3d_control::coordination::platoon::PlatoonParams;
 use city3d_control::{
-    CavGeometry, CavSetup, CoordinationRules, DriverParams, RightOfWayParams, SignalPlan, TrafficRules,
+    Algorithms, CavGeometry, CavSetup, CoordinationRules, DriverParams, RightOfWayParams, SignalPlan,
+    TrafficRules,
 };
 use city3d_dynamics::vehicle::{ModelKind, VehicleSpec};
 use city3d_geometry::{Lab, LengthScale, Pose2, trig};
@@ -184,6 +186,10 @@ pub struct Experiment {
     pub coordination: Option<CoordinationRules>,
     /// Control zones, whose passages are measured whether or not vehicles are coordinated there.
     pub control_zones: Vec<ControlZone>,
+    /// How platoons are formed; `None` for none. Laboratory units.
+    pub platoons: Option<PlatoonParams>,
+    /// The algorithms that vehicles and control zones may name.
+    pub algorithms: Algorithms,
     /// Environment between the control framework and the simulated vehicles.
     pub environment: EnvironmentSpec,
     /// Environment of the robots of `city3d testbed`.
@@ -225,6 +231,7 @@ impl Experiment {
         TrafficRules {
             right_of_way: self.right_of_way,
             coordination: self.coordination.clone(),
+            platoons: self.platoons,
             signals: self.signals.clone(),
         }
     }

@@ -7,6 +7,7 @@ mod models;
 mod placement;
 mod read;
 mod read_coordination;
+mod read_platoon;
 mod read_sensors;
 mod read_settings;
 mod read_signals;

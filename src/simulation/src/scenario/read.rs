@@ -5,6 +5,7 @@ use super::feasibility::infeasible_starts;
 use super::fields::{Problem, Problems, TableFields};
 use super::models::{ModelReader, UserModels};
 use super::read_coordination::read_coordination;
+use super::read_platoon::read_platoons;
 use super::read_settings::{NamedSettings, read_environment, read_rates, read_right_of_way};
 use super::read_signals::{check_room_before_signals, read_all_way_stops, read_signals};
 use super::source::LARGEST_SCENARIO_BYTES;
@@ -157,7 +158,7 @@ pub fn read_experiment(
         problems: errors.listed.iter().map(ToString::to_string).collect(),
     })?;
     let models = ModelReader::new(library);
-    let reader = ScenarioReader { map: loaded.map, models: &models, overrides };
+    let reader = ScenarioReader { map: loaded.map, library, models: &models, overrides };
     let mut experiment = reader.read(&root, text, map_bytes);
     let (models, faults) = models.finish(&experiment.lab_map.models);
     experiment.models = models;
@@ -173,6 +174,7 @@ pub fn read_experiment(
 
 struct ScenarioReader<'m> {
     map: LabMap,
+    library: &'m Library,
     models: &'m ModelReader<'m>,
     overrides: Overrides,
 }
@@ -292,7 +294,7 @@ impl ScenarioReader<'_> {
         duration_s = self.overrides.duration_s.unwrap_or(duration_s);
         let seed = self.overrides.seed.unwrap_or(seed);
         let rates = read_rates(root);
-        let named = NamedSettings::read(root, self.overrides.model, rates);
+        let named = NamedSettings::read(root, self.library, self.overrides.model, rates);
         let mut map = self.map;
         read_all_way_stops(root, &mut map);
         let signals = read_signals(root, &mut map, &named.worst_driver());
@@ -319,7 +321,7 @@ impl ScenarioReader<'_> {
             fleet.check_starts(root, &map, scale, &moved);
             check_room_before_signals(root, &map, scale, &fleet.vehicles);
         }
-        let coordination = read_coordination(root, &map);
+        let coordination = read_coordination(root, &map, self.library);
         Experiment {
             name,
             description,
@@ -336,6 +338,8 @@ impl ScenarioReader<'_> {
             signals,
             control_zones: coordination.zones,
             coordination: coordination.rules,
+            platoons: read_platoons(root),
+            algorithms: self.library.algorithms().clone(),
             environment,
             testbed,
             time_of_day: read_time_of_day(root),

@@ -1,8 +1,9 @@
 //! `[coordination]` and `[[control_zone]]`: which vehicles are coordinated, where and how, and where passages are measured.
 
+use super::Library;
 use super::fields::{TableFields, one_of};
 use city3d_control::CoordinationRules;
-use city3d_control::coordination::{COORDINATORS, ControlZone, CoordinationParams};
+use city3d_control::coordination::{ControlZone, CoordinationParams};
 use city3d_roadmap::{LabMap, LaneId, LaneKind};
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -23,13 +24,13 @@ pub struct ZonesAndRules {
 }
 
 /// Reads the control zones of a scenario and their coordination.
-pub fn read_coordination(root: &TableFields<'_, '_>, map: &LabMap) -> ZonesAndRules {
+pub fn read_coordination(root: &TableFields<'_, '_>, map: &LabMap, library: &Library) -> ZonesAndRules {
     let tables = root.tables("control_zone");
     let Some(fields) = root.table("coordination") else {
         return ZonesAndRules { zones: read_zones(tables, map, ZONE_LENGTH_M), rules: None };
     };
     let algorithm = fields.string("algorithm").unwrap_or("insert").to_owned();
-    let known = || COORDINATORS.into_iter().chain([NO_ALGORITHM]);
+    let known = || library.algorithms().coordinators.names().chain([NO_ALGORITHM]);
     if !known().any(|name| name == algorithm) {
         let remedy = one_of(&algorithm, known());
         fields.wrong("algorithm", format!("there is no coordination algorithm \"{algorithm}\"; {remedy}"));

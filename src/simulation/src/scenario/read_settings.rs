@@ -2,9 +2,10 @@
 
 use super::experiment::Rates;
 use super::fields::{TableFields, one_of};
+use super::source::Library;
 use super::vehicle_type::{VehicleType, read_vehicle_type};
 use crate::environment::{EnvironmentProfile, EnvironmentSpec};
-use city3d_control::{CONTROLLERS, DriverParams, RightOfWayParams};
+use city3d_control::{DriverParams, RightOfWayParams};
 use city3d_dynamics::vehicle::ModelKind;
 use std::collections::BTreeMap;
 
@@ -18,8 +19,13 @@ pub struct NamedSettings {
 
 impl NamedSettings {
     /// `model` replaces that of every type.
-    pub fn read(root: &TableFields<'_, '_>, model: Option<ModelKind>, rates: Rates) -> Self {
-        Self { types: read_types(root, model, rates), drivers: read_drivers(root) }
+    pub fn read(
+        root: &TableFields<'_, '_>,
+        library: &Library,
+        model: Option<ModelKind>,
+        rates: Rates,
+    ) -> Self {
+        Self { types: read_types(root, model, rates), drivers: read_drivers(root, library) }
     }
 
     /// What signals have to reckon with: the fastest driver, the weakest braking and the longest response.
@@ -85,8 +91,8 @@ pub fn is_human(fields: &TableFields<'_, '_>) -> bool {
 
 type NamedDrivers = BTreeMap<String, (String, DriverParams)>;
 
-fn read_drivers(root: &TableFields<'_, '_>) -> NamedDrivers {
-    let mut drivers = stated_drivers(root);
+fn read_drivers(root: &TableFields<'_, '_>, library: &Library) -> NamedDrivers {
+    let mut drivers = stated_drivers(root, library);
     // The person may hand over to an algorithm.
     let usual = drivers["default"].clone();
     drivers.entry(HUMAN.to_owned()).or_insert(usual);
@@ -94,14 +100,15 @@ fn read_drivers(root: &TableFields<'_, '_>) -> NamedDrivers {
 }
 
 /// The drivers of the file, and the default one.
-fn stated_drivers(root: &TableFields<'_, '_>) -> NamedDrivers {
+fn stated_drivers(root: &TableFields<'_, '_>, library: &Library) -> NamedDrivers {
     let mut drivers = BTreeMap::from([("default".to_owned(), ("idm".to_owned(), DriverParams::default()))]);
     let Some(tables) = root.table("driver") else { return drivers };
     for (name, value) in tables.entries() {
         let Some(fields) = tables.table_of(name.get_ref(), value) else { continue };
         let controller = fields.string("controller").unwrap_or("idm").to_owned();
-        if !CONTROLLERS.contains(&controller.as_str()) {
-            let remedy = one_of(&controller, CONTROLLERS.into_iter());
+        let is_known = library.algorithms().drivers.names().any(|name| name == controller);
+        if !is_known && !library.is_of_log() {
+            let remedy = one_of(&controller, library.algorithms().drivers.names());
             fields.wrong("controller", format!("there is no control algorithm \"{controller}\"; {remedy}"));
         }
         let mut params = DriverParams::default();

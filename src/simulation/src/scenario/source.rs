@@ -1,5 +1,7 @@
 //! Locates scenarios, maps and models: files on disk take precedence over embedded ones.
 
+use city3d_control::coordination::Coordinators;
+use city3d_control::{Algorithms, Drivers};
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -94,10 +96,11 @@ pub fn shipped_scenarios() -> impl Iterator<Item = &'static str> {
 }
 
 /// Finds maps and models of a scenario: beside it, in the working directory, or embedded; for a scenario from
-/// a log, only among those stored with it.
+/// a log, only among those stored with it. It has the drivers that the scenario may name, too.
 #[derive(Clone, Debug, Default)]
 pub struct Library {
     folder: PathBuf,
+    algorithms: Algorithms,
     kept: Option<Arc<Kept>>,
 }
 
@@ -110,13 +113,38 @@ struct Kept {
 impl Library {
     /// A library that looks for relative paths in `folder` first.
     pub fn beside(scenario: &Path) -> Self {
-        Self { folder: scenario.parent().map(Path::to_path_buf).unwrap_or_default(), kept: None }
+        Self { folder: scenario.parent().map(Path::to_path_buf).unwrap_or_default(), ..Self::default() }
     }
 
     /// A library of stored files: map, whatever its name, and models by name. No file is read; embedded ones
     /// remain available.
     pub fn kept(map: Vec<u8>, models: BTreeMap<String, Vec<u8>>) -> Self {
-        Self { folder: PathBuf::new(), kept: Some(Arc::new(Kept { map, models })) }
+        Self { kept: Some(Arc::new(Kept { map, models })), ..Self::default() }
+    }
+
+    /// The library with these drivers in place of the standard ones.
+    #[must_use]
+    pub fn with_drivers(mut self, drivers: Drivers) -> Self {
+        self.algorithms.drivers = drivers;
+        self
+    }
+
+    /// The library with these coordination algorithms in place of the standard ones.
+    #[must_use]
+    pub fn with_coordinators(mut self, coordinators: Coordinators) -> Self {
+        self.algorithms.coordinators = coordinators;
+        self
+    }
+
+    /// The algorithms that a scenario may name.
+    pub fn algorithms(&self) -> &Algorithms {
+        &self.algorithms
+    }
+
+    /// Whether the scenario is from a log. A log may name a driver that this program lacks: motion is shown and simulated
+    /// again without it.
+    pub(super) fn is_of_log(&self) -> bool {
+        self.kept.is_some()
     }
 
     /// The file of this name next to the scenario or in the working directory.

@@ -9,6 +9,7 @@
 mod city;
 mod driving;
 mod measures;
+mod platoon;
 mod robustness;
 mod roundabout;
 mod seen;
