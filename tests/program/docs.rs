@@ -144,8 +144,8 @@ fn assert_same(a: &Experiment, b: &Experiment, what: &str) {
     let words = |experiment: &Experiment| -> Vec<String> {
         let copy = Experiment { scenario_text: String::new(), map_bytes: Vec::new(), ..experiment.clone() };
         let rest = (copy.seed, copy.duration_s, copy.rates, copy.scale, copy.right_of_way, copy.environment);
-        let rest = (rest, copy.link_timeout_s, copy.expectations, copy.city_map.lanes.len());
-        let rest = (rest, copy.platoons, copy.signals);
+        let rest = (rest, copy.link_timeout_s, copy.expectations, copy.city_map.lanes.len(), copy.platoons);
+        let rest = (rest, copy.signals);
         let text = format!("{:?} {rest:?}", copy.vehicles);
         text.split([' ', ',', '(', ')', '[', ']']).map(str::to_owned).collect()
     };
@@ -179,6 +179,8 @@ fn scenario_keys_are_all_described_and_no_others() {
                 "vehicle_type",
                 "driver",
                 "right_of_way",
+                "coordination",
+                "control_zone",
                 "platoon",
                 "environment",
                 "traffic",

@@ -90,11 +90,11 @@ pub struct Mainframe {
     yield_constraints: Vec<YieldConstraint>,
     /// Vehicles that somebody else controls.
     strangers: Strangers,
-    signals: Signals,
     /// Algorithms by name.
     algorithms: Algorithms,
     /// Platoons, where they are formed.
     platooning: Option<Platooning>,
+    signals: Signals,
     last_step_s: Option<f64>,
 }
 
@@ -138,9 +138,9 @@ impl Mainframe {
             occupancy: Occupancy::default(),
             yield_constraints: Vec::new(),
             strangers: Strangers::default(),
-            signals,
             algorithms,
             platooning: rules.platoons.map(Platooning::new),
+            signals,
             last_step_s: None,
         })
     }

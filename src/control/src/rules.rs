@@ -4,7 +4,7 @@ use super::coordination::platoon::PlatoonParams;
 use super::coordination::{ControlZone, CoordinationParams, Coordinators, ZoneCoordination};
 use super::{Drivers, RightOfWayParams, SetupError, SignalPlan};
 
-/// Rules of the traffic: who goes first, which vehicles are coordinated, platoons, and signals.
+/// Rules of the traffic: who goes first, which vehicles are coordinated, and the signals.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrafficRules {
     /// Right of way at junctions.

@@ -39,7 +39,9 @@ fn picture(renderer: &mut Renderer, view: View, aspect: Aspect) -> Image {
 
 fn renderers(context: &Context) -> Vec<(&'static str, Renderer)> {
     let mut all = Vec::new();
-    for (name, daylight) in [("noon", Daylight::NOON), ("low sun", Daylight::LOW_SUN), ("night", Daylight::NIGHT)] {
+    for (name, daylight) in
+        [("noon", Daylight::NOON), ("low sun", Daylight::LOW_SUN), ("night", Daylight::NIGHT)]
+    {
         for quality in [Quality::HIGH, Quality::LOW] {
             let settings = Settings { quality, daylight, ..Settings::default() };
             all.push((name, Renderer::new(context, &scene(), settings).expect("a renderer")));
@@ -66,13 +68,20 @@ fn the_lit_lens_has_its_colour_and_the_others_are_dark() {
     for (name, mut renderer) in renderers(&context) {
         for aspect in [Aspect::Red, Aspect::Yellow, Aspect::Green] {
             let image = picture(&mut renderer, near, aspect);
-            for (lens, of) in scene().signals[0].middles.into_iter().zip([Aspect::Red, Aspect::Yellow, Aspect::Green]) {
+            for (lens, of) in
+                scene().signals[0].middles.into_iter().zip([Aspect::Red, Aspect::Yellow, Aspect::Green])
+            {
                 let at = near.project(lens.as_dvec3()).expect("in view");
                 let colour = image.pixel(at.x.round() as u32, at.y.round() as u32);
                 if of == aspect {
                     assert!(is_of(colour, of), "{name}: the {} lens is {colour:?}", of.name());
                 } else {
-                    assert!(!is_of(colour, of), "{name}, {}: the {} lens is {colour:?}", aspect.name(), of.name());
+                    assert!(
+                        !is_of(colour, of),
+                        "{name}, {}: the {} lens is {colour:?}",
+                        aspect.name(),
+                        of.name()
+                    );
                 }
             }
         }
@@ -104,9 +113,9 @@ fn lit_lenses_are_seen_from_a_hundred_metres() {
         for aspect in [Aspect::Red, Aspect::Yellow, Aspect::Green] {
             let lit = picture(&mut renderer, far, aspect);
             let pixels = (0..240).flat_map(|y| (0..320).map(move |x| (x, y)));
-            let changed = pixels
-                .map(|(x, y)| (lit.pixel(x, y), dark.pixel(x, y)))
-                .map(|(a, b)| a.into_iter().zip(b).map(|(a, b)| i32::from(a) - i32::from(b)).max().unwrap_or(0));
+            let changed = pixels.map(|(x, y)| (lit.pixel(x, y), dark.pixel(x, y))).map(|(a, b)| {
+                a.into_iter().zip(b).map(|(a, b)| i32::from(a) - i32::from(b)).max().unwrap_or(0)
+            });
             let most = changed.max().unwrap_or(0);
             assert!(most > 60, "{name}: {} differs by {most} from 100 m", aspect.name());
         }
