@@ -66,16 +66,17 @@ fn mount(map: &CityMap, field: &RoadField, head: &SignalHead) -> Mount {
     let pose = pose_of(head);
     let width_m = map.lane(head.lane).width_m;
     // How far a head is to the right of this one, if it is of the same arm.
-    let to_right = |other: &SignalHead| {
+    let right_of_this_m = |other: &SignalHead| {
         let there = pose_of(other);
         let offset = there.position - pose.position;
         let right_m = -offset.dot(pose.left());
         let is_of_arm = there.forward().dot(pose.forward()) > SAME_WAY
             && offset.dot(pose.forward()).abs() < BESIDE_ONE_ANOTHER_M
             && (0.5 * width_m..MOST_LANES * width_m).contains(&right_m);
-        is_of_arm.then_some((right_m, other))
+        is_of_arm.then_some(right_m)
     };
-    let outer = map.signals.iter().filter_map(to_right).max_by(|a, b| a.0.total_cmp(&b.0));
+    let others = map.signals.iter().filter_map(|other| Some((right_of_this_m(other)?, other)));
+    let outer = others.max_by(|a, b| a.0.total_cmp(&b.0));
     let rightmost = outer.map_or(head, |(_, other)| other);
     let towards = pose.forward().as_vec2();
     let kerb = || pose_of(rightmost).point_at(0.0, -width_m / 2.0 - 0.7).as_vec2();
