@@ -55,35 +55,42 @@ pub(super) fn signals(map: &CityMap, field: &RoadField) -> Vec<(SceneObject, Sig
     map.signals.iter().map(|head| draw(&mount(map, field, head))).collect()
 }
 
+/// Heads of one arm: their lanes have about one direction, their lines are about beside one another, and they are as
+/// many lane widths apart as a road may have lanes.
+const SAME_WAY: f64 = 0.9;
+const BESIDE_ONE_ANOTHER_M: f64 = 8.0;
+const MOST_LANES: f64 = 5.5;
+
 fn mount(map: &CityMap, field: &RoadField, head: &SignalHead) -> Mount {
-    let lane = map.lane(head.lane);
-    let pose = lane.curve.at(head.at_m).pose;
-    let towards = pose.forward().as_vec2();
-    let beside = |lane: &city3d_roadmap::Lane| {
-        let pose = lane.curve.at(lane.curve.length().min(head.at_m)).pose;
-        let kerb = || pose.point_at(0.0, -lane.width_m / 2.0 - 0.7);
-        at_line(map, field, lane, head.at_m).map_or_else(|| kerb().as_vec2(), |(at, _)| at.as_vec2())
+    let pose_of = |head: &SignalHead| map.lane(head.lane).curve.at(head.at_m).pose;
+    let pose = pose_of(head);
+    let width_m = map.lane(head.lane).width_m;
+    // How far a head is to the right of this one, if it is of the same arm.
+    let right_of_this_m = |other: &SignalHead| {
+        let there = pose_of(other);
+        let offset = there.position - pose.position;
+        let right_m = -offset.dot(pose.left());
+        let is_of_arm = there.forward().dot(pose.forward()) > SAME_WAY
+            && offset.dot(pose.forward()).abs() < BESIDE_ONE_ANOTHER_M
+            && (0.5 * width_m..MOST_LANES * width_m).contains(&right_m);
+        is_of_arm.then_some(right_m)
     };
-    let outer = lane.right.filter(|right| map.signals.iter().any(|other| other.lane == *right));
-    match outer {
-        None => {
-            let foot = beside(lane);
-            // The post stands behind the head.
-            Mount { foot, head: foot - towards * (HOUSING_M.x / 2.0 + 0.08), height_m: BESIDE_M, towards }
-        }
-        Some(mut right) => {
-            while let Some(further) =
-                map.lane(right).right.filter(|lane| map.signals.iter().any(|other| other.lane == *lane))
-            {
-                right = further;
-            }
-            let foot = beside(map.lane(right));
-            // Over the lane, as far along the road as the post.
-            let along = (foot - pose.position.as_vec2()).dot(towards);
-            let head = pose.position.as_vec2() + towards * (along - HOUSING_M.x / 2.0 - 0.1);
-            Mount { foot, head, height_m: OVERHEAD_M, towards }
-        }
+    let others = map.signals.iter().filter_map(|other| Some((right_of_this_m(other)?, other)));
+    let outer = others.max_by(|a, b| a.0.total_cmp(&b.0));
+    let rightmost = outer.map_or(head, |(_, other)| other);
+    let towards = pose.forward().as_vec2();
+    let kerb = || pose_of(rightmost).point_at(0.0, -width_m / 2.0 - 0.7).as_vec2();
+    let foot = at_line(map, field, map.lane(rightmost.lane), rightmost.at_m)
+        .map_or_else(kerb, |(at, _)| at.as_vec2());
+    if outer.is_none() {
+        // The post stands behind the head.
+        let head = foot - towards * (HOUSING_M.x / 2.0 + 0.08);
+        return Mount { foot, head, height_m: BESIDE_M, towards };
     }
+    // Over the lane, as far along the road as the post.
+    let along = (foot - pose.position.as_vec2()).dot(towards);
+    let head = pose.position.as_vec2() + towards * (along - HOUSING_M.x / 2.0 - 0.1);
+    Mount { foot, head, height_m: OVERHEAD_M, towards }
 }
 
 fn draw(mount: &Mount) -> (SceneObject, SignalLenses) {

@@ -2,6 +2,7 @@
 
 use city3d_control::{SignalControl, SignalPlan};
 use city3d_protocol::snapshot::{Aspect, EventKind, SignalHeadId, VehicleId};
+use city3d_roadmap::LaneId;
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use std::collections::BTreeMap;
@@ -202,25 +203,27 @@ fn wrong_tables_are_refused_with_place_and_remedy() {
 #[test]
 fn a_lane_that_comes_to_the_junction_without_a_signal_is_refused() {
     let some = experiment(&city(CENTRE));
-    let name = |head: usize| some.lab_map.lane(some.lab_map.signals[head].lane).name.clone();
-    let all: Vec<String> = (0..8).map(name).collect();
-    let (centre, main): (Vec<_>, Vec<_>) =
-        all.into_iter().partition(|name| name.starts_with("centre-street"));
-    // The main road's approaches have no line, and those of Centre Street get a signal.
-    let quoted =
-        |names: &[String]| names.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ");
-    let text = format!(
-        "[[signal]]\napproaches = [{0}]\nphases = [{{ green = [{0}], green_s = 5.0 }}]\n",
-        quoted(&centre)
-    );
-    match read(&city(&text)) {
-        Err(error) => assert!(error.contains("without a signal or a line"), "{error}"),
-        // Where they have lines they give way as before.
-        Ok(experiment) => assert!(main.iter().all(|name| {
-            let lane = experiment.lab_map.lane_by_name(name).unwrap().id;
-            experiment.lab_map.lines.iter().any(|line| line.lane == lane)
-        })),
-    }
+    let lanes = some.lab_map.signals.iter().map(|head| head.lane);
+    let (centre, main): (Vec<LaneId>, Vec<LaneId>) =
+        lanes.partition(|lane| some.lab_map.lane(*lane).name.starts_with("centre-street"));
+    let signal = |lanes: &[LaneId]| {
+        let names: Vec<String> =
+            lanes.iter().map(|lane| format!("{:?}", some.lab_map.lane(*lane).name)).collect();
+        let names = names.join(", ");
+        city(&format!(
+            "[[signal]]\napproaches = [{names}]\nphases = [{{ green = [{names}], green_s = 5.0 }}]\n"
+        ))
+    };
+    // Without signals the one road has lines, and the other has priority.
+    let plain = experiment(&city(""));
+    let has_line =
+        |lanes: &[LaneId]| lanes.iter().all(|lane| plain.lab_map.lines.iter().any(|l| l.lane == *lane));
+    let (minor, major) = if has_line(&centre) { (centre, main) } else { (main, centre) };
+    assert!(has_line(&minor) && !has_line(&major));
+    let error = read(&signal(&minor)).unwrap_err();
+    assert!(error.contains("without a signal or a line; give it green in a phase"), "{error}");
+    // Those with lines give way as before.
+    experiment(&signal(&major));
 }
 
 #[test]
