@@ -240,8 +240,8 @@ mod tests {
             None,
             "nearer than the standstill gap"
         );
-        assert_eq!(entry.speed(map, &[car(&entry, -0.3, 0.0, 0.6)]), None, "too fast to brake");
-        assert!(is_unhindered(entry.speed(map, &[car(&entry, -0.3, 0.0, 0.3)])));
+        assert_eq!(entry.speed(map, &[car(&entry, -0.35, 0.0, 0.6)]), None, "too fast to brake");
+        assert!(is_unhindered(entry.speed(map, &[car(&entry, -0.35, 0.0, 0.3)])));
         assert!(is_unhindered(entry.speed(map, &[car(&entry, -1.5, 0.0, 0.5)])));
     }
 }

@@ -221,8 +221,14 @@ impl ServerWorld {
             Body::Remove { request, vehicle } => self.remove(sender, now_s, request, vehicle),
             Body::Command { request, action } => self.command(sender, now_s, request, action),
             Body::Subscribe { .. } => (RequestOutcome::Done, String::new()),
-            Body::Barrier { .. }
-            | Body::Describe { .. }
+            // Who keeps the pace leads, although all its vehicles may have yet to come.
+            Body::Barrier { .. } => {
+                if self.rules.is_lockstep {
+                    self.claim_lead(sender, now_s);
+                }
+                return None;
+            }
+            Body::Describe { .. }
             | Body::Clock(_)
             | Body::Ack { .. }
             | Body::Poses(_)
