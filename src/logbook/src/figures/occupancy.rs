@@ -213,7 +213,7 @@ fn named(map: &CityMap, zones: &[ZoneId]) -> String {
         let zone = map.zone(*zone);
         let lanes: BTreeSet<&str> = zone.sides.iter().map(|side| map.lane(side.lane).name.as_str()).collect();
         format!(
-            "zone {}: {} of {}",
+            "Zone {}: {} of {}",
             zone.id.0,
             kind(zone),
             lanes.into_iter().collect::<Vec<_>>().join(" and ")

@@ -250,7 +250,7 @@ fn stroke(shown: &ViewModel<'_>, id: VehicleId, is_selected: bool) -> (Color32, 
     let colour = shown.run_state.now.info(id).map(|info| info.appearance.colour);
     let [r, g, b] = colour.unwrap_or([140, 150, 160]);
     // Dark bodies would not show on the dark ground.
-    let lift = |channel: u8| channel.max(70);
+    let lift = |channel: u8| 90 + (u16::from(channel) * 165 / 255) as u8;
     (Color32::from_rgb(lift(r), lift(g), lift(b)), 1.4)
 }
 
