@@ -56,7 +56,7 @@ impl Column {
         let step_s = 1.0 / (self.frequency_hz * per_period as f64);
         // The modes of CACC decay by e in 5 s, and are as many as there are cars.
         let settling = (400.0 * self.frequency_hz).ceil() as usize + 2;
-        let (mut sums, mut cars) = (vec![(0.0, 0.0); self.cars + 1], self.at_start());
+        let (mut sums, mut cars) = (vec![(0.0_f64, 0.0_f64); self.cars + 1], self.at_start());
         let controller = controller(self.name, self.driver).unwrap();
         for step in 0..(settling + 3) * per_period {
             let leader_mps = |step: usize| {
@@ -206,10 +206,10 @@ fn a_lagging_drive_amplifies_no_more() {
             let settling = (400.0 * frequency_hz).ceil() as usize + 2;
             let decay = (-step_s / tau_s).exp();
             // Position, speed, acceleration, command; in full-scale metres around 20 m/s.
-            let mut cars = [[0.0, 20.0, 0.0, 0.0]; 8];
+            let mut cars = [[0.0_f64, 20.0, 0.0, 0.0]; 8];
             let gap_m = if law == "cacc" { 5.0 } else { 2.0 + 0.5 * 20.0 };
             cars.iter_mut().enumerate().for_each(|(index, car)| car[0] = -(index as f64) * (gap_m + 0.1));
-            let mut sums = [(0.0, 0.0); 8];
+            let mut sums = [(0.0_f64, 0.0_f64); 8];
             for step in 0..(settling + 3) * per_period {
                 let phase = TAU * (step % per_period) as f64 / per_period as f64;
                 let before = cars;

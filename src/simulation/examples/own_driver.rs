@@ -41,7 +41,7 @@ controller = "fvdm"
 vehicles = 20
 "#;
 
-/// Runs the scenario of the first argument.
+/// Registers the driver, and runs the scenario that names it.
 pub fn run() -> Result<RunMetrics, Box<dyn std::error::Error>> {
     let drivers = Drivers::standard().with("fvdm", |params| Box::new(FullVelocityDifference(params)));
     let library = Library::default().with_drivers(drivers);
