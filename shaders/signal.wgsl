@@ -22,8 +22,8 @@ struct Fragment {
 const NEAR: f32 = 0.012;
 const FAR: f32 = 0.35;
 const SHARE: f32 = 0.003;
-// From afar a lens keeps this share of half the picture's height: an eye sees a point of light.
-const LEAST: f32 = 0.0022;
+// From afar a lens keeps this radius in pixels, so that it covers one: an eye sees a point of light.
+const LEAST_PIXELS: f32 = 0.8;
 
 @vertex
 fn vertex_main(in: VertexIn) -> Fragment {
@@ -32,7 +32,7 @@ fn vertex_main(in: VertexIn) -> Fragment {
     let distance = max(length(to_eye), 1e-3);
     let m = view.clip_from_world;
     let upright = length(vec3<f32>(m[0].y, m[1].y, m[2].y)) / max((m * vec4<f32>(in.at.xyz, 1.0)).w, 1e-3);
-    let radius = max(in.at.w, LEAST / max(upright, 1e-6));
+    let radius = max(in.at.w, 2.0 * LEAST_PIXELS / view.extent.y / max(upright, 1e-6));
     let right = cross(vec3<f32>(0.0, 0.0, 1.0), in.facing.xyz);
     let on_lens = in.at.xyz + right * (corner.x * radius) + vec3<f32>(0.0, 0.0, corner.y * radius);
     let before = clamp(SHARE * distance, NEAR, FAR);
