@@ -149,11 +149,12 @@ fn varies_demand(axis: &Axis) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::table::COLUMNS;
     use super::*;
 
     /// Rows of two algorithms at two demands with two seeds each: flow and delay.
     fn rows(axes: &[Axis]) -> Vec<Vec<String>> {
-        let width = axes.len() + 1 + 31;
+        let width = axes.len() + 1 + COLUMNS.len();
         let mut rows = Vec::new();
         for (algorithm, steep) in [("yield", 4.0), ("insert", 1.0)] {
             for rate in [600.0, 1200.0] {

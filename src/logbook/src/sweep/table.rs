@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// Columns behind those of the axes and of the seed. Laboratory units; fuel is that of a car at full scale.
-const COLUMNS: [&str; 33] = [
+pub(super) const COLUMNS: [&str; 33] = [
     "merge_order",
     "squeezed_in",
     "all_merged_s",
