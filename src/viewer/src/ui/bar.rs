@@ -13,7 +13,7 @@ const SPEEDS: [f64; 8] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
 pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     ui.horizontal_wrapped(|ui| {
         // One row at the width of 1280 points, whatever its menus say.
-        ui.spacing_mut().item_spacing.x = 6.0;
+        ui.spacing_mut().item_spacing.x = 4.0;
         if let Some(replay) = &shown.replay {
             let tip = format!("The recorded run of {}; nothing is simulated", shown.scenario);
             ui.label(RichText::new(format!("Replay of {}", replay.name)).strong()).on_hover_text(tip);
@@ -48,6 +48,8 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
 /// Widths of a run button and of the real-time factor, points.
 const BUTTON: f32 = 72.0;
 const PACE: f32 = 58.0;
+/// Width of the list of scenarios: a longer name is cut, and stands in the tip.
+const SCENARIO: f32 = 84.0;
 
 fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let phase = &shown.run_state.phase;
@@ -165,7 +167,8 @@ fn scenario(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
         let stem = Path::new(name).file_stem();
         stem.map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned())
     };
-    let picker = ComboBox::from_id_salt("scenario").selected_text(short(shown.scenario));
+    let picker =
+        ComboBox::from_id_salt("scenario").selected_text(short(shown.scenario)).width(SCENARIO).truncate();
     let choices = |ui: &mut Ui| {
         for ScenarioChoice { name, description } in shown.scenarios {
             let mut chosen = ui.selectable_label(name == shown.scenario, short(name));
