@@ -36,6 +36,16 @@ impl CavGeometry {
     pub fn overhang_m(&self) -> f64 {
         (self.length_m - self.wheelbase_m) / 2.0
     }
+
+    /// Front-axle centre along a route for a position of the front bumper.
+    pub fn axle_of_front(&self, front_s: f64) -> f64 {
+        front_s - self.overhang_m()
+    }
+
+    /// Front-axle centre along a route for a position of the rear bumper.
+    pub fn axle_of_rear(&self, rear_s: f64) -> f64 {
+        rear_s + self.length_m - self.overhang_m()
+    }
 }
 
 /// What a vehicle is to coordination.

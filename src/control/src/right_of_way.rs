@@ -416,18 +416,15 @@ impl RightOfWay {
     fn is_its_turn(&self, vehicle: usize, cavs: &[Cav]) -> bool {
         let cav = &cavs[vehicle];
         let section = &cav.route.sections[cav.passage.next_section];
-        let overhang_m = cav.body.overhang_m();
         cav.route.crossings[section.crossings.clone()].iter().all(|crossing| {
-            let own_s = cav.coordination.front_at(crossing.from_s, overhang_m);
+            let own_s = cav.coordination.front_at(crossing.from_s, cav.body);
             self.users[crossing.zone.index()].iter().all(|user| {
                 if user.side == crossing.side || user.vehicle == vehicle || user.order.is_some() {
                     return true;
                 }
                 let other = &cavs[user.vehicle];
                 let there_s = other.front_s() + user.to_entry_m;
-                let other_s = other
-                    .coordinated_plan()
-                    .and(other.coordination.front_at(there_s, other.body.overhang_m()));
+                let other_s = other.coordinated_plan().and(other.coordination.front_at(there_s, other.body));
                 match (own_s, other_s) {
                     (Some(own_s), Some(other_s)) => own_s <= other_s,
                     _ => other.is_coordinated() || self.leaves_room(user, section.rank, other),
@@ -478,7 +475,7 @@ impl RightOfWay {
         let section = &cav.route.sections[cav.passage.next_section];
         let clear_s = section.clear_s;
         let is_planned = cav.coordinated_plan().is_some();
-        let planned_s = cav.coordination.front_at(clear_s, cav.body.overhang_m()).filter(|_| is_planned);
+        let planned_s = cav.coordination.front_at(clear_s, cav.body).filter(|_| is_planned);
         let room_for = |other: &Cav| other.body.length_m + other.driver.standstill_gap_m;
         let exit_lane = cav.exit_lane_of(cav.passage.next_section);
         let on_the_way = |other: &Cav| {

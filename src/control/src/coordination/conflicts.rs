@@ -31,31 +31,36 @@ pub struct PlannedMotion<'a> {
 }
 
 impl PlannedMotion<'_> {
-    fn axle_of_front(&self, front_m: f64) -> f64 {
-        front_m - self.body.overhang_m()
-    }
-
-    fn axle_of_rear(&self, rear_m: f64) -> f64 {
-        rear_m + self.body.length_m - self.body.overhang_m()
-    }
-
     /// Soonest time at which the front bumper passes a place.
     pub fn front_at(&self, front_m: f64) -> f64 {
-        self.plan.time_at(self.axle_of_front(front_m))
+        self.plan.time_at(self.body.axle_of_front(front_m))
     }
 
     /// Latest time at which the rear bumper passes a place; in the infinite past if it has passed it.
     pub fn rear_at(&self, rear_m: f64) -> f64 {
-        let axle_m = self.axle_of_rear(rear_m);
+        let axle_m = self.body.axle_of_rear(rear_m);
         if axle_m <= self.latest.start().position_m { f64::NEG_INFINITY } else { self.latest.time_at(axle_m) }
     }
 
     fn front_s(&self) -> f64 {
         self.plan.start().position_m + self.body.overhang_m()
     }
+}
 
+/// Where a vehicle is on its route.
+#[derive(Clone, Copy, Debug)]
+pub struct RoutePosition<'a> {
+    /// Its present route.
+    pub route: &'a Route,
+    /// Dimensions at the scale of the laboratory.
+    pub body: CavGeometry,
+    /// Front bumper along the route.
+    pub front_s: f64,
+}
+
+impl RoutePosition<'_> {
     fn rear_s(&self) -> f64 {
-        self.front_s() - self.body.length_m
+        self.front_s - self.body.length_m
     }
 }
 
@@ -90,7 +95,7 @@ const SAME_OFFSET_M: f64 = 1e-6;
 
 impl SharedWay {
     /// What is shared from the present positions up to `until_m` of the own route and `other_until_m` of the other.
-    pub fn of(own: &PlannedMotion<'_>, until_m: f64, other: &PlannedMotion<'_>, other_until_m: f64) -> Self {
+    pub fn of(own: &RoutePosition<'_>, until_m: f64, other: &RoutePosition<'_>, other_until_m: f64) -> Self {
         let mut shared = Self::default();
         shared.find_lanes(own, until_m + BEYOND_M, other, other_until_m + BEYOND_M);
         let (own_rear, other_rear) = (own.rear_s(), other.rear_s());
@@ -122,13 +127,13 @@ impl SharedWay {
 
     fn find_lanes(
         &mut self,
-        own: &PlannedMotion<'_>,
+        own: &RoutePosition<'_>,
         until_m: f64,
-        other: &PlannedMotion<'_>,
+        other: &RoutePosition<'_>,
         other_until_m: f64,
     ) {
-        let lanes_of = |motion: &PlannedMotion<'_>, until_m: f64| {
-            let (first, last) = (motion.route.index_at(motion.rear_s()), motion.route.index_at(until_m));
+        let lanes_of = |at: &RoutePosition<'_>, until_m: f64| {
+            let (first, last) = (at.route.index_at(at.rear_s()), at.route.index_at(until_m));
             first..last + 1
         };
         let (own_lanes, other_lanes) = (lanes_of(own, until_m), lanes_of(other, other_until_m));
@@ -138,7 +143,7 @@ impl SharedWay {
             let Some(there) = there else { continue };
             let start_m = own.route.lane_start(index);
             let offset_m = start_m - other.route.lane_start(there);
-            let (own_front, other_front) = (own.front_s(), other.front_s() + offset_m);
+            let (own_front, other_front) = (own.front_s, other.front_s + offset_m);
             let end_m = own.route.lane_end(index + 1);
             let is_on =
                 |front_m: f64, body: CavGeometry| front_m > start_m && front_m - body.length_m < end_m;

@@ -1,13 +1,13 @@
 //! Coordination of the vehicles in control zones: who needs a plan, and what the others will do.
 
-use super::conflicts::{PlannedMotion, SharedWay};
+use super::conflicts::{PlannedMotion, RoutePosition, SharedWay};
 use super::cubic::MotionState;
 use super::motion_plan::{DriveStyle, MotionPlan, Piece, ProfileDrive};
 use super::planner::{Heeded, Infeasible, PlanRequest};
 use super::scheduler::Coordinator;
 use super::zone::{ControlZone, Passage};
 use super::{CoordinationParams, ZoneCounts};
-use crate::{Cav, STANDS_MPS};
+use crate::{Cav, CavGeometry, STANDS_MPS};
 
 /// Coordination state of one vehicle.
 #[derive(Clone, Debug, Default)]
@@ -55,8 +55,8 @@ impl CoordinatedState {
     }
 
     /// When its front bumper is planned to be at a place.
-    pub fn front_at(&self, front_s: f64, overhang_m: f64) -> Option<f64> {
-        self.plan.as_ref().map(|plan| plan.time_at(front_s - overhang_m))
+    pub fn front_at(&self, front_s: f64, body: CavGeometry) -> Option<f64> {
+        self.plan.as_ref().map(|plan| plan.time_at(body.axle_of_front(front_s)))
     }
 }
 
@@ -249,9 +249,8 @@ impl Predictions {
         goes_first: impl Fn(usize) -> bool,
     ) -> Vec<Heeded<'a>> {
         let Some(passage) = own.coordination.passage() else { return Vec::new() };
-        let start =
-            MotionPlan::new(vec![Piece::Cubic(super::cubic::Cubic::uniform(state_of(0.0, own), 1e-3))]);
-        let own_motion = PlannedMotion { route: &own.route, body: own.body, plan: &start, latest: &start };
+        let position =
+            |cav: &'a Cav| RoutePosition { route: &cav.route, body: cav.body, front_s: cav.front_s() };
         let heed = |(other, cav): (usize, &'a Cav)| {
             let state = &cav.coordination;
             let (plan, latest, until_m) = match (&state.plan, &self.of[other]) {
@@ -262,11 +261,7 @@ impl Predictions {
                 (None, Some([soonest, latest])) => (soonest, latest, soonest.end().position_m),
                 (None, None) => return None,
             };
-            // From where it is now.
-            let here =
-                MotionPlan::new(vec![Piece::Cubic(super::cubic::Cubic::uniform(state_of(0.0, cav), 1e-3))]);
-            let there = PlannedMotion { route: &cav.route, body: cav.body, plan: &here, latest: &here };
-            let shared = SharedWay::of(&own_motion, passage.to_s, &there, until_m);
+            let shared = SharedWay::of(&position(own), passage.to_s, &position(cav), until_m);
             let yields = state.plan.is_none() && gives_way(cav, own);
             let is_heeded = !shared.is_empty() && (!yields || shared.is_behind() == Some(true));
             let motion = PlannedMotion { route: &cav.route, body: cav.body, plan, latest };

@@ -23,9 +23,8 @@ fn solve<const N: usize>(mut rows: [[f64; N]; N], mut right: [f64; N]) -> [f64; 
         for row in 0..N {
             if row != column {
                 let factor = rows[row][column] / rows[column][column];
-                for k in 0..N {
-                    rows[row][k] -= factor * rows[column][k];
-                }
+                let pivot_row = rows[column];
+                rows[row].iter_mut().zip(pivot_row).for_each(|(value, above)| *value -= factor * above);
                 right[row] -= factor * right[column];
             }
         }
@@ -51,7 +50,8 @@ fn a_glide_of_one_and_a_half_seconds_is_that_of_the_closed_form() {
     assert!((end.speed_mps - (speed_mps + 2.0 * b * t + 3.0 * a * t * t)).abs() < 1e-9);
     // `J` by Simpson's rule, which is exact for the square of a linear acceleration.
     let u = |time_s: f64| 2.0 * b + 6.0 * a * time_s;
-    let simpson = (u(0.0).powi(2) + 4.0 * u(t / 2.0).powi(2) + u(t).powi(2)) / 6.0 * t / 2.0;
+    let simpson =
+        (trig::powi(u(0.0), 2) + 4.0 * trig::powi(u(t / 2.0), 2) + trig::powi(u(t), 2)) / 6.0 * t / 2.0;
     assert!((cubic.cost() - simpson).abs() < 1e-9, "{} {simpson}", cubic.cost());
     // Published to six digits.
     assert!((cubic.at(7.0).acceleration_mps2 + 0.015527).abs() < 5e-7);
@@ -75,7 +75,7 @@ fn a_fixed_exit_solves_its_four_conditions() {
     for k in 0..=10 {
         let tau = t * f64::from(k) / 10.0;
         let here = cubic.at(7.0 + tau);
-        assert!((here.position_m - (2.0 + 0.3 * tau + b * tau * tau + a * tau.powi(3))).abs() < 1e-9);
+        assert!((here.position_m - (2.0 + 0.3 * tau + b * tau * tau + a * trig::powi(tau, 3))).abs() < 1e-9);
         assert!((here.speed_mps - (0.3 + 2.0 * b * tau + 3.0 * a * tau * tau)).abs() < 1e-9);
     }
     assert!((cubic.end().speed_mps - 0.22).abs() < 1e-9 && (cubic.end().position_m - 4.5).abs() < 1e-9);
@@ -100,7 +100,7 @@ fn every_perturbed_profile_costs_more() {
     {
         let cubic = Cubic::with_free_exit(start(speed_mps), 2.0 + length_m, 7.0 + duration_s);
         for (power, epsilon) in [(1, 0.02), (1, -0.02), (2, 0.05), (2, -0.05), (3, 0.1), (3, -0.1)] {
-            let bump = |t: f64| t * t * (duration_s - t).powi(power) / duration_s.powi(power + 2);
+            let bump = |t: f64| t * t * trig::powi(duration_s - t, power) / trig::powi(duration_s, power + 2);
             assert!(bump(duration_s).abs() < 1e-15);
             let cost = |epsilon: f64| -> f64 {
                 let step_s = duration_s / 4000.0;
@@ -109,7 +109,7 @@ fn every_perturbed_profile_costs_more() {
                     let second = (bump(t + 1e-3) - 2.0 * bump(t) + bump(t - 1e-3)) / 1e-6;
                     cubic.at(7.0 + t).acceleration_mps2 + epsilon * second
                 };
-                (0..4000).map(|k| u(k).powi(2) / 2.0 * step_s).sum()
+                (0..4000).map(|k| trig::powi(u(k), 2) / 2.0 * step_s).sum()
             };
             assert!((cost(0.0) - cubic.cost()).abs() < 1e-7 * cubic.cost().max(1e-3));
             assert!(cost(epsilon) > cost(0.0), "{speed_mps} {length_m} {power} {epsilon}");

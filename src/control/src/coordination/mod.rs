@@ -24,7 +24,7 @@ mod scheduler;
 mod zone;
 
 pub use algorithms::Coordinators;
-pub use conflicts::{PlanGaps, PlannedMotion, SharedWay};
+pub use conflicts::{PlanGaps, PlannedMotion, RoutePosition, SharedWay};
 pub use coordinator::{CoordinatedState, CoordinationRequest, Grant, ZoneCoordination, ZoneView};
 pub use cubic::{Cubic, ExitWindow, MotionBounds, MotionState};
 pub use motion_plan::{DriveStyle, MotionPlan, Piece, ProfileDrive};

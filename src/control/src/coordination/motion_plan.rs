@@ -119,7 +119,7 @@ pub enum Piece {
 }
 
 impl Piece {
-    fn from_s(&self) -> f64 {
+    fn begins_s(&self) -> f64 {
         match self {
             Self::Cubic(cubic) => cubic.from_s,
             Self::Profile(drive) => drive.nodes[0].time_s,
@@ -141,7 +141,7 @@ impl Piece {
     }
 
     fn start(&self) -> MotionState {
-        self.at(self.from_s())
+        self.at(self.begins_s())
     }
 
     /// The motion at its end.
@@ -204,7 +204,7 @@ impl MotionPlan {
         if time_s <= start.time_s {
             return MotionState { time_s, ..start };
         }
-        let after = self.pieces.partition_point(|piece| piece.from_s() <= time_s);
+        let after = self.pieces.partition_point(|piece| piece.begins_s() <= time_s);
         self.pieces[after.max(1) - 1].at(time_s)
     }
 
@@ -253,7 +253,7 @@ mod tests {
 
     #[test]
     fn a_drive_brakes_to_a_cap_and_stays_under_a_profile() {
-        let profile = |s: f64| if s > 3.0 { 0.15 } else { (0.15_f64.powi(2) + 0.24 * (3.0 - s)).sqrt() };
+        let profile = |s: f64| if s > 3.0 { 0.15 } else { (0.15 * 0.15 + 0.24 * (3.0 - s)).sqrt() };
         let drive = ProfileDrive::new(start(0.35), 4.0, style(0.3), profile);
         for pair in drive.nodes.windows(2) {
             assert!(pair[1].speed_mps <= profile(pair[1].position_m) + 1e-12);

@@ -72,20 +72,13 @@ impl PlanRequest<'_> {
         ApproachPlanner::new(self.route, self.driver, self.min_speed_mps)
     }
 
-    fn axle_of_front(&self, front_m: f64) -> f64 {
-        front_m - self.body.overhang_m()
-    }
-
-    fn axle_of_rear(&self, rear_m: f64) -> f64 {
-        rear_m + self.body.length_m - self.body.overhang_m()
-    }
-
     /// Soonest arrival of the front bumper at the first conflict of the zone that is still ahead; the start if there is
     /// none.
     pub fn earliest_entry_s(&self) -> f64 {
         let ahead = self.passage.sections.clone().map(|index| self.route.sections[index].from_s);
-        let entry_m =
-            ahead.map(|from_s| self.axle_of_front(from_s)).find(|entry_m| *entry_m > self.start.position_m);
+        let entry_m = ahead
+            .map(|from_s| self.body.axle_of_front(from_s))
+            .find(|entry_m| *entry_m > self.start.position_m);
         entry_m.map_or(self.start.time_s, |entry_m| self.planner().fastest(self.start, entry_m).end().time_s)
     }
 
@@ -146,7 +139,7 @@ impl PlanRequest<'_> {
             }
             // An earlier section is entered later by what is lacking.
             let later = if waits == Waits::BeforeFirst { 0 } else { k - 1 };
-            let entry_m = self.axle_of_front(self.route.sections[sections.start + later].from_s);
+            let entry_m = self.body.axle_of_front(self.route.sections[sections.start + later].from_s);
             if entry_m <= self.start.position_m {
                 return Err(Infeasible { section });
             }
@@ -207,8 +200,8 @@ impl Search<'_> {
         let request = self.request;
         let section = &request.route.sections[index];
         let planner = request.planner();
-        let entry_m = request.axle_of_front(section.from_s);
-        let exit_m = request.axle_of_rear(section.to_s).min(request.route.length());
+        let entry_m = request.body.axle_of_front(section.from_s);
+        let exit_m = request.body.axle_of_rear(section.to_s).min(request.route.length());
         if exit_m <= start.position_m {
             return Ok(before.clone());
         }

@@ -124,8 +124,8 @@ impl Prediction {
 
     /// The earliest time at which the front may reach a position; `None` if it cannot before the horizon.
     pub fn earliest_at(&self, position_m: f64) -> Option<f64> {
-        let times = self.farthest.iter().map(|curve| curve.first_at(position_m));
-        let latest_s = times.fold(Some(f64::NEG_INFINITY), |sum, time_s| Some(sum?.max(time_s?)))?;
+        let mut times = self.farthest.iter().map(|curve| curve.first_at(position_m));
+        let latest_s = times.try_fold(f64::NEG_INFINITY, |latest_s, time_s| Some(latest_s.max(time_s?)))?;
         (latest_s <= self.until_s).then_some(latest_s)
     }
 

@@ -34,7 +34,7 @@ pub struct Passage {
 impl Passage {
     /// Where the rear bumper has left the last conflict: position of the front axle.
     pub fn end_axle_s(&self, body: CavGeometry) -> f64 {
-        self.to_s + body.length_m - body.overhang_m()
+        body.axle_of_rear(self.to_s)
     }
 }
 

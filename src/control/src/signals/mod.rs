@@ -130,7 +130,7 @@ impl Signals {
         self.approaching = approaching;
     }
 
-    /// [`Self::update`] with the vehicles before the lines.
+    /// `update` with the vehicles before the lines.
     pub fn step(&mut self, now_s: f64, approaching: &[ApproachingVehicle]) {
         for (plan, running) in &mut self.signals {
             let stage = match running {

@@ -61,7 +61,7 @@ impl RoutePlace {
 
     /// Front axle along the route for a position of the front bumper.
     pub fn axle_s(&self, front_s: f64) -> f64 {
-        front_s - self.body.overhang_m()
+        self.body.axle_of_front(front_s)
     }
 
     /// Arc length of the front bumper for a pose of the middle of the outline; `None` off the route.
