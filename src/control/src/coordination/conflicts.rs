@@ -162,6 +162,12 @@ impl SharedWay {
         }
     }
 
+    /// One point of a route that vehicles pass one at a time.
+    #[cfg(test)]
+    pub(super) fn of_point(at_m: f64) -> Self {
+        Self { exclusive: vec![([at_m; 2], [at_m; 2])], ..Self::default() }
+    }
+
     /// Whether the routes have nothing in common.
     pub fn is_empty(&self) -> bool {
         self.exclusive.is_empty() && self.following.is_empty()

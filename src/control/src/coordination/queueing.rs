@@ -20,6 +20,10 @@ pub fn mean_wait_md1(arrivals_per_s: f64, service_s: f64) -> Option<f64> {
 }
 
 #[cfg(test)]
+#[path = "queueing_tests.rs"]
+mod server;
+
+#[cfg(test)]
 mod tests {
     use super::*;
 

@@ -1,8 +1,8 @@
 //! What the right of way of others means for the driver of a vehicle: virtual stopped vehicles, and leaders that merge.
 
 use super::{
-    COMFORTABLE_BRAKING, FIRM_BRAKING, FIRST_ORDER, LEAVING_MPS, RightOfWay, ZONE_MARGIN_M, asking_distance,
-    braking_distance,
+    COMFORTABLE_BRAKING, FIRM_BRAKING, FIRST_ORDER, LEAVING_MPS, RightOfWay, ZONE_MARGIN_M, ZoneUser,
+    asking_distance, braking_distance,
 };
 use crate::route::{RANK_MAJOR, ZoneCrossing};
 use crate::{Cav, LeaderState};
@@ -80,6 +80,7 @@ impl RightOfWay {
                     add(ConstraintKind::Merging { leader, wait_gap_m });
                 }
                 ZoneKind::Merge => {}
+                _ if leaves_on_plan(&cavs[vehicle], user, &cavs[user.vehicle]) => {}
                 // A zone has to be left once entered.
                 _ if to_entry_m > -ZONE_MARGIN_M => {
                     // A leaving vehicle is likely gone before braking has to begin.
@@ -94,3 +95,14 @@ impl RightOfWay {
         }
     }
 }
+
+/// Whether another vehicle on its plan will have left a zone even if it brakes with u_min from now on: no reason for a
+/// vehicle on its own plan to brake, which has its gap to it.
+fn leaves_on_plan(own: &Cav, user: &ZoneUser, other: &Cav) -> bool {
+    let are_planned = own.coordinated_plan().is_some() && other.coordination.follows_plan;
+    let least_mps = (other.speed_mps() - SPEED_ERROR_MPS).max(0.0);
+    are_planned && user.to_exit_m < other.driver.stopping_distance(least_mps)
+}
+
+/// Error of estimated speeds that is allowed for, laboratory m/s.
+const SPEED_ERROR_MPS: f64 = 0.02;

@@ -1,16 +1,18 @@
 //! Vehicles that are held at the entries of the city before they can come in.
 
+use crate::scenario::Experiment;
 use city3d_control::CavSetup;
 use city3d_control::coordination::ControlZone;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::LabMap;
+use std::sync::Arc;
 
 /// A vehicle that comes in later.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MeasuredArrival {
+#[derive(Clone, Debug)]
+pub(super) struct MeasuredArrival {
     /// When it could enter if nothing held it, simulated seconds.
     pub due_s: f64,
-    /// Its route, driver and dimensions.
+    /// Its route, driver, dimensions, and the speed at which it enters if nobody is in the way.
     pub setup: CavSetup,
 }
 
@@ -18,16 +20,20 @@ pub struct MeasuredArrival {
 #[derive(Clone, Debug, Default)]
 pub struct HeldOutside {
     /// In order of time; their ids increase.
-    arrivals: Vec<MeasuredArrival>,
+    arrivals: Arc<Vec<MeasuredArrival>>,
     next: usize,
     /// Who waits, with the index of the first control zone on the way.
     waiting: Vec<(VehicleId, Option<usize>)>,
 }
 
 impl HeldOutside {
-    /// Arrivals in order of time, whose ids increase.
-    pub fn new(arrivals: Vec<MeasuredArrival>) -> Self {
-        Self { arrivals, ..Self::default() }
+    /// The arrivals of all inflows.
+    pub fn new(experiment: &Experiment) -> Self {
+        let arrivals = experiment.arrivals.iter().map(|arrival| MeasuredArrival {
+            due_s: arrival.time_s,
+            setup: arrival.vehicle.cav_setup(experiment.scale),
+        });
+        Self { arrivals: Arc::new(arrivals.collect()), ..Self::default() }
     }
 
     /// The arrival of a vehicle.
@@ -78,7 +84,8 @@ mod tests {
         let setup = &experiment.cav_setups()[0];
         let arrival =
             |id, due_s| MeasuredArrival { due_s, setup: CavSetup { id: VehicleId(id), ..setup.clone() } };
-        let mut held = HeldOutside::new(vec![arrival(7, 1.0), arrival(8, 2.0), arrival(9, 9.0)]);
+        let arrivals = Arc::new(vec![arrival(7, 1.0), arrival(8, 2.0), arrival(9, 9.0)]);
+        let mut held = HeldOutside { arrivals, ..HeldOutside::default() };
         let map = &experiment.lab_map;
         held.update(2.0, (map, &[]), |_| false);
         assert_eq!((held.count(None), held.count(Some(0))), (2, 0));

@@ -17,7 +17,6 @@ mod tracked;
 pub use audit::{AuditFinding, LEAST_DISPLACEMENT_M, RATIO_TOLERANCE};
 pub use encroachment::{Encroachment, PET_S};
 pub use fuel::{BrakingFuel, Effort, fuel_rate_mlps};
-pub use held::MeasuredArrival;
 pub use motion::{Motion, STANDS_MPS};
 pub use passage::{Passage, PassageTotals, Queue, Stretch, ZoneTraffic, stretches};
 pub use place::Station;
@@ -102,7 +101,7 @@ impl TrafficMeasures {
             map: Arc::clone(&experiment.lab_map),
             scale: experiment.scale,
             setups: Arc::new(setups),
-            held: HeldOutside::default(),
+            held: HeldOutside::new(experiment),
             traffic: vec![ZoneTraffic::default(); zones.len()],
             zones,
             vehicles: Vec::new(),
@@ -110,7 +109,7 @@ impl TrafficMeasures {
             roster: Arc::default(),
             queue: Queue::default(),
             encroachments: Vec::new(),
-            warm_up_s: 0.0,
+            warm_up_s: experiment.warm_up_s,
             now_s: 0.0,
             last_sample_s: None,
             conflict_zones: ZoneStates::new(experiment.lab_map.zones.len()),
@@ -118,18 +117,6 @@ impl TrafficMeasures {
             moves: Moves::default(),
             found: Vec::new(),
         }
-    }
-
-    /// Passages and trips that begin earlier do not count in totals.
-    #[must_use]
-    pub fn with_warm_up(self, warm_up_s: f64) -> Self {
-        Self { warm_up_s, ..self }
-    }
-
-    /// Vehicles come in later: in order of time, their ids increase. How long they are held outside counts as delay.
-    #[must_use]
-    pub fn with_arrivals(self, arrivals: Vec<MeasuredArrival>) -> Self {
-        Self { held: HeldOutside::new(arrivals), ..self }
     }
 
     /// Takes the next snapshot. Without a control framework, routes stay those of the scenario.
@@ -173,7 +160,7 @@ impl TrafficMeasures {
                     tracked.set_up(&self.map, &self.zones, &self.setups[at]);
                 } else if let Some(arrival) = self.held.arrival(state.id) {
                     tracked.set_up(&self.map, &self.zones, &arrival.setup);
-                    tracked.note_held((snapshot.time_s - arrival.due_s).max(0.0));
+                    tracked.come_in((snapshot.time_s - arrival.due_s).max(0.0), arrival.setup.speed_mps);
                 }
                 self.vehicles.insert(index, tracked);
             }

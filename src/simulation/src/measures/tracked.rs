@@ -36,6 +36,8 @@ pub struct Tracked {
     open: Vec<OpenPassage>,
     /// Time held outside that no control zone has counted yet.
     uncounted_held_s: f64,
+    /// Speed at which it comes in if nobody is in the way; until it has come.
+    free_entry_mps: f64,
 }
 
 /// A whole trip: from the first snapshot of a vehicle until it is gone or at the end of its route.
@@ -151,12 +153,15 @@ impl Tracked {
             next_stretch: 0,
             open: Vec::new(),
             uncounted_held_s: 0.0,
+            free_entry_mps: 0.0,
         }
     }
 
-    /// It was held outside the city for this time.
-    pub fn note_held(&mut self, held_s: f64) {
+    /// It comes in after it was held outside for a time. Alone it would come in at a speed: what others cost it at the entry
+    /// counts as delay.
+    pub fn come_in(&mut self, held_s: f64, free_entry_mps: f64) {
         (self.trip.held_s, self.uncounted_held_s) = (held_s, held_s);
+        self.free_entry_mps = free_entry_mps;
     }
 
     /// Gives it the route of its setup.
@@ -241,14 +246,17 @@ impl Tracked {
                 moves.begun.push((crossing.zone, crossing.side, self.id));
             }
         }
+        let allowed_mps = place.route.speed_at(place.axle_s(now.front_s));
+        let free_mps = std::mem::take(&mut self.free_entry_mps).min(allowed_mps);
+        let free = Station { speed_mps: now.speed_mps.max(free_mps), ..now };
         if self.trip.ended_s.is_none() {
-            self.trip.free = Some(FreeRun::new(now.front_s, now.speed_mps));
+            self.trip.free = Some(FreeRun::new(free.front_s, free.speed_mps));
         }
         self.next_stretch = self.stretches.partition_point(|stretch| stretch.entry_s <= now.front_s);
         for index in 0..self.next_stretch {
             // Who starts in the conflicts has not come through the zone.
             if self.stretches[index].from_s > now.front_s {
-                self.enter(self.stretches[index], now, moves);
+                self.enter(self.stretches[index], free, moves);
             }
         }
     }

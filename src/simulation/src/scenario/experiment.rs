@@ -183,6 +183,8 @@ pub struct Experiment {
     pub seed: u64,
     /// Duration of a run, simulated seconds.
     pub duration_s: f64,
+    /// Passages and trips that begin earlier do not count in the totals of the measures.
+    pub warm_up_s: f64,
     /// Step rates of physics and control.
     pub rates: Rates,
     /// City metres for one laboratory metre.

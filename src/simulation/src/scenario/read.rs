@@ -309,6 +309,8 @@ impl ScenarioReader<'_> {
         let description = root.string("description").unwrap_or_default().to_owned();
         let seed = root.integer("seed", 0..=MOST_SEED).unwrap_or(1);
         let mut duration_s = root.required_number("duration_s", 0.01..=86_400.0);
+        let mut warm_up_s = 0.0;
+        root.number("warm_up_s", 0.0..=86_400.0, &mut warm_up_s);
         let mut link_timeout_s = 0.5;
         root.number("link_timeout_s", 0.02..=60.0, &mut link_timeout_s);
         let mut factor = LengthScale::TESTBED.factor();
@@ -355,6 +357,7 @@ impl ScenarioReader<'_> {
             description,
             seed,
             duration_s,
+            warm_up_s,
             rates,
             scale,
             city_map,
