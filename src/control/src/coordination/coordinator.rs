@@ -8,6 +8,7 @@ use super::scheduler::Coordinator;
 use super::zone::{ControlZone, Passage};
 use super::{CoordinationParams, ZoneCounts};
 use crate::{Cav, CavGeometry, STANDS_MPS};
+use std::cell::{Cell, OnceCell};
 
 /// Coordination state of one vehicle.
 #[derive(Clone, Debug, Default)]
@@ -67,6 +68,8 @@ pub struct ZoneCoordination {
     zones: Vec<ControlZone>,
     coordinator: Box<dyn Coordinator>,
     counts: Vec<ZoneCounts>,
+    /// Who is near each zone, listed anew in each control step.
+    vehicles: Vec<ZoneVehicles>,
 }
 
 impl ZoneCoordination {
@@ -76,7 +79,8 @@ impl ZoneCoordination {
         zones: Vec<ControlZone>,
         coordinator: Box<dyn Coordinator>,
     ) -> Self {
-        Self { params, counts: vec![ZoneCounts::default(); zones.len()], zones, coordinator }
+        let vehicles = (0..zones.len()).map(ZoneVehicles::new).collect();
+        Self { params, counts: vec![ZoneCounts::default(); zones.len()], zones, coordinator, vehicles }
     }
 
     /// The control zones.
@@ -89,23 +93,46 @@ impl ZoneCoordination {
         &self.counts
     }
 
+    /// How many pairs of vehicles were compared so far: what coordination costs grows with them.
+    pub fn compared_pairs(&self) -> u64 {
+        self.vehicles.iter().map(|vehicles| vehicles.compared.get()).sum()
+    }
+
     /// Drops plans that are over or do not hold, and lets the algorithm give new ones.
     pub fn update(&mut self, now_s: f64, cavs: &mut [Cav]) {
-        for cav in cavs.iter_mut() {
+        self.vehicles.iter_mut().for_each(ZoneVehicles::clear);
+        for (vehicle, cav) in cavs.iter_mut().enumerate() {
             self.locate(now_s, cav);
             self.drop_left_plan(now_s, cav);
+            self.list(vehicle, cav);
         }
         self.review(now_s, cavs);
         for zone in 0..self.zones.len() {
-            let is_asking = |cav: &Cav| {
+            let vehicles = &self.vehicles[zone];
+            let is_asking = |near: &NearVehicle| {
+                let cav = &cavs[near.vehicle];
                 asks(now_s, cav) && cav.coordination.passage().is_some_and(|way| way.zone == zone)
             };
-            if cavs.iter().any(is_asking) || self.coordinator.is_due(now_s) {
+            if vehicles.near.iter().any(is_asking) || self.coordinator.is_due(now_s) {
                 let counts = &mut self.counts[zone];
-                let mut view = ZoneView::new(now_s, zone, &self.params, cavs, counts);
+                let mut view = ZoneView::new(now_s, vehicles, &self.params, cavs, counts);
                 self.coordinator.schedule(&mut view);
                 view.refuse_rest();
             }
+        }
+    }
+
+    /// Lists a vehicle in the zones that it is near to.
+    fn list(&mut self, vehicle: usize, cav: &Cav) {
+        if !cav.is_on_route() {
+            return;
+        }
+        let passages = &cav.coordination.passages;
+        let axle_s = cav.axle_s() - HEEDED_BEYOND_M;
+        let first = passages.partition_point(|way| way.end_axle_s(cav.body) <= axle_s);
+        let ahead = passages.iter().enumerate().skip(first);
+        for (passage, way) in ahead.take_while(|(_, way)| cav.front_s() >= way.entry_s - HEEDED_BEYOND_M) {
+            self.vehicles[way.zone].add(vehicle, passage);
         }
     }
 
@@ -166,10 +193,9 @@ impl ZoneCoordination {
             }
             let Some(way) = state.passage() else { continue };
             let (zone, until_m) = (way.zone, way.to_s);
-            let predictions = Predictions::of(now_s, zone, &self.params, cavs);
             let lack_s = {
                 let request = request_of(now_s, &self.params, &cavs[index]);
-                let heeded = predictions.heeded(&cavs[index], cavs, index, |_| false);
+                let heeded = self.vehicles[zone].heeded((now_s, &self.params), cavs, index, |_| false);
                 match (&cavs[index].coordination.plan, request) {
                     (Some(plan), Some(request)) => {
                         let gaps = self.params.gaps(&cavs[index]);
@@ -219,55 +245,79 @@ fn state_of(now_s: f64, cav: &Cav) -> MotionState {
     MotionState { time_s: now_s, position_m, speed_mps, acceleration_mps2: 0.0 }
 }
 
-/// The soonest and the latest motion of each vehicle without a plan; indices are those of the vehicles.
+/// A vehicle near a zone.
 #[derive(Debug)]
-struct Predictions {
-    zone: usize,
-    of: Vec<Option<[MotionPlan; 2]>>,
+struct NearVehicle {
+    /// Index of the vehicle.
+    vehicle: usize,
+    /// Index of its passage of the zone.
+    passage: usize,
+    /// Its soonest and its latest motion, for when it has no plan: found when they are needed first.
+    predicted: OnceCell<[MotionPlan; 2]>,
 }
 
-impl Predictions {
-    fn of(now_s: f64, zone: usize, params: &CoordinationParams, cavs: &[Cav]) -> Self {
-        let of = cavs.iter().map(|cav| {
-            let is_heeded = cav.is_on_route() && cav.coordination.plan.is_none();
-            let near = cav.coordination.passages.iter().find(|way| {
-                way.zone == zone
-                    && cav.front_s() >= way.entry_s - HEEDED_BEYOND_M
-                    && cav.axle_s() < way.end_axle_s(cav.body) + HEEDED_BEYOND_M
-            });
-            near.filter(|_| is_heeded).map(|way| predict(now_s, params, cav, way))
-        });
-        Self { zone, of: of.collect() }
+/// The vehicles near a zone in one control step, in id order.
+#[derive(Debug)]
+struct ZoneVehicles {
+    zone: usize,
+    near: Vec<NearVehicle>,
+    /// Pairs that were compared so far.
+    compared: Cell<u64>,
+}
+
+impl ZoneVehicles {
+    fn new(zone: usize) -> Self {
+        Self { zone, near: Vec::new(), compared: Cell::new(0) }
+    }
+
+    fn clear(&mut self) {
+        self.near.clear();
+    }
+
+    /// Adds a vehicle; of several passages of the zone the first one counts.
+    fn add(&mut self, vehicle: usize, passage: usize) {
+        if self.near.last().is_none_or(|last| last.vehicle != vehicle) {
+            self.near.push(NearVehicle { vehicle, passage, predicted: OnceCell::new() });
+        }
     }
 
     /// The vehicles that a plan of one has to heed.
     fn heeded<'a>(
         &'a self,
-        own: &'a Cav,
+        (now_s, params): (f64, &CoordinationParams),
         cavs: &'a [Cav],
         index: usize,
         goes_first: impl Fn(usize) -> bool,
     ) -> Vec<Heeded<'a>> {
+        let own = &cavs[index];
         let Some(passage) = own.coordination.passage() else { return Vec::new() };
         let position =
             |cav: &'a Cav| RoutePosition { route: &cav.route, body: cav.body, front_s: cav.front_s() };
-        let heed = |(other, cav): (usize, &'a Cav)| {
+        let heed = |near: &'a NearVehicle| {
+            let cav = &cavs[near.vehicle];
             let state = &cav.coordination;
-            let (plan, latest, until_m) = match (&state.plan, &self.of[other]) {
-                (Some(plan), _) => {
-                    let way = state.passage().filter(|way| way.zone == self.zone)?;
-                    (plan, plan, way.to_s)
-                }
-                (None, Some([soonest, latest])) => (soonest, latest, soonest.end().position_m),
-                (None, None) => return None,
+            let way = &state.passages[near.passage];
+            let until_m = match &state.plan {
+                Some(_) => state.passage().filter(|way| way.zone == self.zone)?.to_s,
+                None => predicted_until(cav, way),
             };
+            self.compared.set(self.compared.get() + 1);
             let shared = SharedWay::of(&position(own), passage.to_s, &position(cav), until_m);
             let yields = state.plan.is_none() && gives_way(cav, own);
-            let is_heeded = !shared.is_empty() && (!yields || shared.is_behind() == Some(true));
+            if shared.is_empty() || (yields && shared.is_behind() != Some(true)) {
+                return None;
+            }
+            let (plan, latest) = match &state.plan {
+                Some(plan) => (plan, plan),
+                None => {
+                    let [soonest, latest] = near.predicted.get_or_init(|| predict(now_s, params, cav, way));
+                    (soonest, latest)
+                }
+            };
             let motion = PlannedMotion { route: &cav.route, body: cav.body, plan, latest };
-            is_heeded.then(|| Heeded { motion, shared, goes_first: goes_first(other) })
+            Some(Heeded { motion, shared, goes_first: goes_first(near.vehicle) })
         };
-        cavs.iter().enumerate().filter(|(other, _)| *other != index).filter_map(heed).collect()
+        self.near.iter().filter(|near| near.vehicle != index).filter_map(heed).collect()
     }
 }
 
@@ -282,12 +332,16 @@ fn gives_way(cav: &Cav, to: &Cav) -> bool {
     !is_admitted && (cav.is_coordinated() || by_rank)
 }
 
+/// Front-axle centre at the end of a prediction.
+fn predicted_until(cav: &Cav, way: &Passage) -> f64 {
+    (way.end_axle_s(cav.body) + HEEDED_BEYOND_M).min(cav.route.length()).max(cav.axle_s() + 0.1)
+}
+
 /// Soonest and latest motion of a vehicle without a plan, up to where it leaves the zone.
 fn predict(now_s: f64, params: &CoordinationParams, cav: &Cav, way: &Passage) -> [MotionPlan; 2] {
     let speed_mps = cav.speed_mps();
     let start = MotionState { time_s: now_s, position_m: cav.axle_s(), speed_mps, acceleration_mps2: 0.0 };
-    let end_m =
-        (way.end_axle_s(cav.body) + HEEDED_BEYOND_M).min(cav.route.length()).max(start.position_m + 0.1);
+    let end_m = predicted_until(cav, way);
     let drive = |cap_mps: f64, accelerating_mps2: f64| {
         let style = DriveStyle {
             cap_mps,
@@ -330,10 +384,9 @@ pub struct Grant {
 #[derive(Debug)]
 pub struct ZoneView<'a> {
     now_s: f64,
-    zone: usize,
+    vehicles: &'a ZoneVehicles,
     params: &'a CoordinationParams,
     cavs: &'a mut [Cav],
-    predictions: Predictions,
     requests: Vec<CoordinationRequest>,
     counts: &'a mut ZoneCounts,
 }
@@ -341,20 +394,19 @@ pub struct ZoneView<'a> {
 impl<'a> ZoneView<'a> {
     fn new(
         now_s: f64,
-        zone: usize,
+        vehicles: &'a ZoneVehicles,
         params: &'a CoordinationParams,
         cavs: &'a mut [Cav],
         counts: &'a mut ZoneCounts,
     ) -> Self {
-        let predictions = Predictions::of(now_s, zone, params, cavs);
-        let mut view = Self { now_s, zone, params, cavs, predictions, requests: Vec::new(), counts };
-        view.requests = (0..view.cavs.len()).filter_map(|vehicle| view.request(vehicle)).collect();
+        let mut view = Self { now_s, vehicles, params, cavs, requests: Vec::new(), counts };
+        view.requests = vehicles.near.iter().filter_map(|near| view.request(near.vehicle)).collect();
         view
     }
 
     fn request(&self, vehicle: usize) -> Option<CoordinationRequest> {
         let cav = &self.cavs[vehicle];
-        let is_here = cav.coordination.passage().is_some_and(|way| way.zone == self.zone);
+        let is_here = cav.coordination.passage().is_some_and(|way| way.zone == self.zone());
         if !(is_here && asks(self.now_s, cav)) {
             return None;
         }
@@ -370,7 +422,7 @@ impl<'a> ZoneView<'a> {
 
     /// Index of the zone.
     pub fn zone(&self) -> usize {
-        self.zone
+        self.vehicles.zone
     }
 
     /// Vehicles without a plan, in id order.
@@ -399,9 +451,10 @@ impl<'a> ZoneView<'a> {
                 && cav
                     .coordination
                     .passage()
-                    .is_some_and(|way| way.zone == self.zone && cav.front_s() < way.from_s)
+                    .is_some_and(|way| way.zone == self.zone() && cav.front_s() < way.from_s)
         };
-        (0..self.cavs.len()).filter(|index| is_free(&self.cavs[*index])).collect()
+        let near = self.vehicles.near.iter().map(|near| near.vehicle);
+        near.filter(|index| is_free(&self.cavs[*index])).collect()
     }
 
     /// Plans a vehicle and keeps the plan.
@@ -415,13 +468,12 @@ impl<'a> ZoneView<'a> {
                 |index: usize| self.cavs[index].coordination.inside.map_or(0.0, |(_, time_s)| time_s);
             let goes_first =
                 |other: usize| !grant.fills_gaps && (entered_s(other), other) < (entered_s(vehicle), vehicle);
-            let heeded = self.predictions.heeded(cav, self.cavs, vehicle, goes_first);
+            let heeded = self.vehicles.heeded((self.now_s, self.params), self.cavs, vehicle, goes_first);
             let request = request_of(self.now_s, self.params, cav)
                 .ok_or(Infeasible { section: cav.passage.next_section })?;
             request.plan(&self.params.gaps(cav), &heeded, grant.not_before_s)?
         };
         self.requests.retain(|request| request.vehicle != vehicle);
-        self.predictions.of[vehicle] = None;
         self.counts.plans += 1;
         let state = &mut self.cavs[vehicle].coordination;
         (state.planned_s, state.reviewed_s) = (self.now_s, self.now_s + self.params.replan_s);
@@ -431,9 +483,6 @@ impl<'a> ZoneView<'a> {
     /// Takes a plan back, for [`ZoneView::restore`] or another [`ZoneView::grant`].
     pub fn revoke(&mut self, vehicle: usize) -> Option<MotionPlan> {
         let plan = self.cavs[vehicle].coordination.plan.take();
-        if let Some(way) = self.cavs[vehicle].coordination.passage() {
-            self.predictions.of[vehicle] = Some(predict(self.now_s, self.params, &self.cavs[vehicle], way));
-        }
         self.requests.extend(self.request(vehicle));
         self.requests.sort_by_key(|request| request.vehicle);
         plan
@@ -442,7 +491,6 @@ impl<'a> ZoneView<'a> {
     /// Gives back a plan that was revoked in this step.
     pub fn restore(&mut self, vehicle: usize, plan: MotionPlan) {
         self.requests.retain(|request| request.vehicle != vehicle);
-        self.predictions.of[vehicle] = None;
         self.cavs[vehicle].coordination.plan = Some(plan);
     }
 

@@ -88,9 +88,22 @@ impl ProfileDrive {
         }
     }
 
+    /// Index of the first node beyond a position, at least 1 and at most that of the last node. Nodes are at whole steps.
+    fn node_after(&self, position_m: f64) -> usize {
+        let last = self.nodes.len() - 1;
+        let steps = position_m / STEP_M - (self.nodes[0].position_m / STEP_M).floor();
+        let mut after = (steps.max(0.0) as usize).clamp(1, last);
+        while after < last && self.nodes[after].position_m <= position_m {
+            after += 1;
+        }
+        while after > 1 && self.nodes[after - 1].position_m > position_m {
+            after -= 1;
+        }
+        after
+    }
+
     fn time_at(&self, position_m: f64) -> f64 {
-        let after = self.nodes.partition_point(|node| node.position_m <= position_m);
-        let after = after.clamp(1, self.nodes.len() - 1);
+        let after = self.node_after(position_m);
         let (from, to) = (self.nodes[after - 1], self.nodes[after]);
         let way_m = position_m - from.position_m;
         let square = to.speed_mps * to.speed_mps - from.speed_mps * from.speed_mps;
@@ -166,16 +179,23 @@ impl Piece {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MotionPlan {
     pieces: Vec<Piece>,
+    /// The motion where each piece begins.
+    starts: Vec<MotionState>,
+    /// The motion where the last one ends.
+    end: MotionState,
 }
 
 impl MotionPlan {
     /// A plan of pieces that follow one another.
     pub fn new(pieces: Vec<Piece>) -> Self {
-        Self { pieces }
+        let starts = pieces.iter().map(Piece::start).collect();
+        Self { starts, end: pieces.last().map_or_else(MotionState::default, Piece::end), pieces }
     }
 
     /// Adds a piece that begins where the plan ends.
     pub fn push(&mut self, piece: Piece) {
+        self.starts.push(piece.start());
+        self.end = piece.end();
         self.pieces.push(piece);
     }
 
@@ -186,12 +206,12 @@ impl MotionPlan {
 
     /// State at the beginning; the default one of a plan without pieces.
     pub fn start(&self) -> MotionState {
-        self.pieces.first().map_or_else(MotionState::default, Piece::start)
+        self.starts.first().copied().unwrap_or_default()
     }
 
     /// State at the end.
     pub fn end(&self) -> MotionState {
-        self.pieces.last().map_or_else(MotionState::default, Piece::end)
+        self.end
     }
 
     /// The motion at a time. Before the start it stands there; after the end the speed of the end goes on.
@@ -204,7 +224,7 @@ impl MotionPlan {
         if time_s <= start.time_s {
             return MotionState { time_s, ..start };
         }
-        let after = self.pieces.partition_point(|piece| piece.begins_s() <= time_s);
+        let after = self.starts.partition_point(|start| start.time_s <= time_s);
         self.pieces[after.max(1) - 1].at(time_s)
     }
 
@@ -217,7 +237,7 @@ impl MotionPlan {
         if position_m >= end.position_m {
             return end.time_s + (position_m - end.position_m) / end.speed_mps.max(LEAST_MPS);
         }
-        let after = self.pieces.partition_point(|piece| piece.start().position_m <= position_m);
+        let after = self.starts.partition_point(|start| start.position_m <= position_m);
         self.pieces[after.max(1) - 1].time_at(position_m)
     }
 
