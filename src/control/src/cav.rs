@@ -388,6 +388,11 @@ impl Cav {
         self.is_on_route() && is_cav && state.inside.is_some() && !state.is_distrusted
     }
 
+    /// Whether it gives way to all plans while it has none itself: it could have one, and asks for it.
+    pub(super) fn defers_to_plans(&self) -> bool {
+        self.is_coordinated() && !self.coordination.is_behind_uncoordinated
+    }
+
     /// Its coordinated plan, while it is on it.
     pub(super) fn coordinated_plan(&self) -> Option<&MotionPlan> {
         self.coordination.plan.as_ref().filter(|_| !self.is_lost)

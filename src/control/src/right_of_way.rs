@@ -408,7 +408,7 @@ impl RightOfWay {
             return self.is_its_turn(vehicle, cavs);
         }
         // Who could have a plan gives way to those who have one.
-        (rank == RANK_MAJOR && !cavs[vehicle].is_coordinated()) || self.is_clear(vehicle, rank, cavs)
+        (rank == RANK_MAJOR && !cavs[vehicle].defers_to_plans()) || self.is_clear(vehicle, rank, cavs)
     }
 
     /// Whether a vehicle with a plan is the next one: nobody who is planned to go first at a shared conflict has yet to be
@@ -427,7 +427,7 @@ impl RightOfWay {
                 let other_s = other.coordinated_plan().and(other.coordination.front_at(there_s, other.body));
                 match (own_s, other_s) {
                     (Some(own_s), Some(other_s)) => own_s <= other_s,
-                    _ => other.is_coordinated() || self.leaves_room(user, section.rank, other),
+                    _ => other.defers_to_plans() || self.leaves_room(user, section.rank, other),
                 }
             })
         })
@@ -536,7 +536,7 @@ impl RightOfWay {
                     return user.to_entry_m <= 0.0;
                 }
                 let other = &cavs[user.vehicle];
-                let is_planned = cav.is_coordinated() && other.coordinated_plan().is_some();
+                let is_planned = cav.defers_to_plans() && other.coordinated_plan().is_some();
                 self.leaves_room(user, if is_planned { Rank::MAX } else { rank }, other)
             })
         })

@@ -32,6 +32,8 @@ pub struct CoordinatedState {
     /// It does not follow its plans, and is treated as if somebody else drove.
     pub is_distrusted: bool,
     trusted_from_s: f64,
+    /// It has no plan because a vehicle that is not coordinated is ahead: it drives by the rules of the road, as that one does.
+    pub is_behind_uncoordinated: bool,
     /// The present control step follows the plan, limited by nothing else.
     pub follows_plan: bool,
 }
@@ -46,8 +48,19 @@ const DISTRUSTED_S: f64 = 5.0;
 const REVIEW_TOLERANCE_S: f64 = 0.1;
 /// Vehicles farther from their conflicts are not heeded, laboratory metres beyond the zone's length.
 const HEEDED_BEYOND_M: f64 = 1.0;
-/// A vehicle without a plan slows at most to this share of its speed before it is seen again, as a prediction.
-const SLOWEST_SHARE: f64 = 0.7;
+/// A vehicle without a plan may be late by this and a share of the time up to where it leaves the zone, ...
+const LATE_S: f64 = 0.3;
+const LATE_SHARE: f64 = 0.1;
+/// ... but not by more: it is seen again before that.
+const MOST_LATE_S: f64 = 1.5;
+/// One that drives at less than this share of what its route permits will go on slowly, ...
+const SLOW_SHARE: f64 = 0.5;
+/// ... with this share of its largest acceleration at least.
+const SLOW_START_SHARE: f64 = 0.2;
+/// One that stands goes on by then, ...
+const STANDS_FOR_S: f64 = 4.0;
+/// ... with this share of it.
+const START_SHARE: f64 = 0.5;
 
 impl CoordinatedState {
     /// The way through a zone that it is on.
@@ -291,8 +304,6 @@ impl ZoneVehicles {
     ) -> Vec<Heeded<'a>> {
         let own = &cavs[index];
         let Some(passage) = own.coordination.passage() else { return Vec::new() };
-        let position =
-            |cav: &'a Cav| RoutePosition { route: &cav.route, body: cav.body, front_s: cav.front_s() };
         let heed = |near: &'a NearVehicle| {
             let cav = &cavs[near.vehicle];
             let state = &cav.coordination;
@@ -302,7 +313,7 @@ impl ZoneVehicles {
                 None => predicted_until(cav, way),
             };
             self.compared.set(self.compared.get() + 1);
-            let shared = SharedWay::of(&position(own), passage.to_s, &position(cav), until_m);
+            let shared = SharedWay::of(&position_of(own), passage.to_s, &position_of(cav), until_m);
             let yields = state.plan.is_none() && gives_way(cav, own);
             if shared.is_empty() || (yields && shared.is_behind() != Some(true)) {
                 return None;
@@ -321,6 +332,10 @@ impl ZoneVehicles {
     }
 }
 
+fn position_of(cav: &Cav) -> RoutePosition<'_> {
+    RoutePosition { route: &cav.route, body: cav.body, front_s: cav.front_s() }
+}
+
 /// Whether a vehicle without a plan gives way to one with a plan: it could have a plan, too, or does so by the rules of the
 /// road.
 fn gives_way(cav: &Cav, to: &Cav) -> bool {
@@ -329,7 +344,7 @@ fn gives_way(cav: &Cav, to: &Cav) -> bool {
         |section: usize| cav.coordination.passage().is_some_and(|way| way.sections.contains(&section));
     let is_admitted = cav.passage.admissions.iter().any(|admission| in_zone(admission.section));
     let by_rank = rank(cav).zip(rank(to)).is_some_and(|(own, other)| own > other);
-    !is_admitted && (cav.is_coordinated() || by_rank)
+    !is_admitted && (cav.defers_to_plans() || by_rank)
 }
 
 /// Front-axle centre at the end of a prediction.
@@ -342,22 +357,31 @@ fn predict(now_s: f64, params: &CoordinationParams, cav: &Cav, way: &Passage) ->
     let speed_mps = cav.speed_mps();
     let start = MotionState { time_s: now_s, position_m: cav.axle_s(), speed_mps, acceleration_mps2: 0.0 };
     let end_m = predicted_until(cav, way);
-    let drive = |cap_mps: f64, accelerating_mps2: f64| {
+    let drive = |from_s: f64, cap_mps: f64, accelerating_mps2: f64| {
         let style = DriveStyle {
             cap_mps,
             accelerating_mps2,
             braking_mps2: cav.driver.min_acceleration_mps2.abs(),
             hardest_braking_mps2: cav.driver.min_acceleration_mps2.abs(),
         };
+        let start = MotionState { time_s: from_s, ..start };
         MotionPlan::new(vec![Piece::Profile(ProfileDrive::new(start, end_m, style, |s| {
             cav.route.speed_at(s)
         }))])
     };
-    let soonest = drive(f64::INFINITY, cav.driver.max_acceleration_mps2);
-    // Who stands may go on standing; who drives is likely to go on.
-    let slowest_mps =
-        if speed_mps < STANDS_MPS { 0.0 } else { (SLOWEST_SHARE * speed_mps).max(params.min_speed_mps) };
-    [soonest, drive(slowest_mps, 0.0)]
+    let u_max_mps2 = cav.driver.max_acceleration_mps2;
+    let soonest = drive(now_s, f64::INFINITY, u_max_mps2);
+    let latest = if speed_mps < STANDS_MPS {
+        drive(now_s + STANDS_FOR_S, f64::INFINITY, START_SHARE * u_max_mps2)
+    } else if speed_mps < SLOW_SHARE * cav.route.speed_at(start.position_m) {
+        drive(now_s, f64::INFINITY, SLOW_START_SHARE * u_max_mps2)
+    } else {
+        // Who drives is likely to go on, about as fast.
+        let way_s = (end_m - start.position_m) / speed_mps;
+        let late_s = (LATE_S + LATE_SHARE * way_s).min(MOST_LATE_S);
+        drive(now_s, (speed_mps * way_s / (way_s + late_s)).max(params.min_speed_mps), 0.0)
+    };
+    [soonest, latest]
 }
 
 /// A vehicle that asks an algorithm for a plan.
@@ -494,11 +518,28 @@ impl<'a> ZoneView<'a> {
         self.cavs[vehicle].coordination.plan = Some(plan);
     }
 
+    /// Whether a vehicle ahead on the own way has no plan and cannot have one.
+    fn is_behind_uncoordinated(&self, vehicle: usize) -> bool {
+        let own = &self.cavs[vehicle];
+        let Some(passage) = own.coordination.passage() else { return false };
+        let is_ahead = |cav: &Cav| {
+            let shared = SharedWay::of(&position_of(own), passage.to_s, &position_of(cav), passage.to_s);
+            shared.is_behind() == Some(true)
+        };
+        let others = self.vehicles.near.iter().map(|near| &self.cavs[near.vehicle]);
+        others
+            .filter(|cav| cav.coordination.plan.is_none() && !cav.defers_to_plans())
+            .any(|cav| cav.id != own.id && is_ahead(cav))
+    }
+
     /// Vehicles that got no plan drive by the rules of the road, and ask again later.
     fn refuse_rest(self) {
         self.counts.infeasible += self.requests.len() as u64;
         for request in &self.requests {
-            self.cavs[request.vehicle].coordination.asks_from_s = self.now_s + self.params.replan_s;
+            let is_behind_uncoordinated = self.is_behind_uncoordinated(request.vehicle);
+            let state = &mut self.cavs[request.vehicle].coordination;
+            (state.asks_from_s, state.is_behind_uncoordinated) =
+                (self.now_s + self.params.replan_s, is_behind_uncoordinated);
         }
     }
 }
