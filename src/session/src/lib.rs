@@ -21,6 +21,7 @@ mod order;
 mod overwrite;
 #[cfg(feature = "render")]
 pub mod pictures;
+mod plans;
 pub mod playback;
 pub mod recorded;
 pub mod remote;
@@ -45,6 +46,7 @@ pub use local::LocalCity;
 pub use moment::{Inputs, Moment, MomentKind, SenderLabels, StepTiming};
 pub use order::{Order, OrderSender, Orders, orders};
 pub use overwrite::Overwrite;
+pub use plans::{CoordinationState, NoPlan, PLACE_STEP_S, PlannedPassage, PlannedPlace, ZoneVehicle};
 pub use run_files::{FileOptions, FilesWritten, RunFiles, RunFolders, WallTime};
 pub use session::{OnReport, OnUpdate, Session, SessionEnd, SessionHandle, SessionReport, SessionStopper};
 pub use source::{Now, Pace, Source, Step};

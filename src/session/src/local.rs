@@ -135,7 +135,7 @@ impl Source for LocalCity {
             Order::Drive(..) | Order::Release(_) => {
                 self.commands.extend(order.vehicle().zip(order.vehicle_command()));
             }
-            Order::Pause | Order::Speed(_) => {}
+            Order::Pause | Order::Speed(_) | Order::TellPlans(_) => {}
         }
         Ok(())
     }

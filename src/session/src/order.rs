@@ -24,6 +24,8 @@ pub enum Order {
     Drive(VehicleId, Pedals),
     /// The person hands the vehicle back.
     Release(VehicleId),
+    /// Whether published states tell the plans of coordinated vehicles. It changes nothing in the city.
+    TellPlans(bool),
 }
 
 impl Order {

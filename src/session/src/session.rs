@@ -9,8 +9,8 @@ use super::end::{Ends, RunAccount};
 use super::source::{Now, Pace, Source, Step};
 use super::state::{EndStatus, LatestState};
 use super::{
-    Inputs, LinkStatus, Moment, MomentKind, Order, OrderSender, Orders, PacingClock, RunPhase, RunState,
-    SessionError, Speed, StepTiming, orders,
+    CoordinationState, Inputs, LinkStatus, Moment, MomentKind, Order, OrderSender, Orders, PacingClock,
+    RunPhase, RunState, SessionError, Speed, StepTiming, orders,
 };
 use city3d_network::host::Host;
 use city3d_protocol::snapshot::FrameSnapshot;
@@ -64,6 +64,8 @@ pub struct Session<S: Source> {
     reported_at: Instant,
     view: Option<View>,
     refusal: Option<(u64, Arc<str>)>,
+    /// Published states tell plans.
+    tells_plans: bool,
     on_report: Option<OnReport>,
     /// A failure of an end ends the session.
     is_strict: bool,
@@ -127,6 +129,7 @@ impl<S: Source> Session<S> {
             reported_at: now,
             view: None,
             refusal: None,
+            tells_plans: false,
             on_report: None,
             is_strict: false,
             host,
@@ -272,6 +275,7 @@ impl<S: Source> Session<S> {
                 self.clock = None;
                 self.rate = RealTimeFactorMeter::new(self.host.clock.now(), self.source.snapshot().time_s);
             }
+            (Ok(()), Order::TellPlans(tells_plans)) => self.tells_plans = tells_plans,
             // Pedals come with every frame, and show with the next tick.
             (Ok(()), Order::Drive(..) | Order::Release(_)) => return,
             (Ok(()), _) => {}
@@ -483,6 +487,10 @@ impl<S: Source> Session<S> {
             view.arrival_clock = Some(PacingClock::new(now, before.time_s, factor));
         }
         let clock = self.clock.or(view.arrival_clock.filter(|_| is_running));
+        let mainframe = self.source.mainframe().filter(|_| self.tells_plans);
+        let coordination = mainframe.and_then(|mainframe| {
+            CoordinationState::of(mainframe, self.source.experiment(), snapshot.time_s).map(Arc::new)
+        });
         view.latest_state.put(RunState {
             before,
             now: Arc::clone(&view.latest),
@@ -494,6 +502,7 @@ impl<S: Source> Session<S> {
             folder: (view.folder)(),
             link: view.link.clone(),
             ends: Arc::clone(&view.ends),
+            coordination,
             refusal: self.refusal.clone(),
             has_ended: false,
         });

@@ -1,6 +1,6 @@
 //! State of a session as a window shows it.
 
-use super::{PacingClock, Speed};
+use super::{CoordinationState, PacingClock, Speed};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -96,6 +96,8 @@ pub struct RunState {
     pub link: Option<Arc<LinkStatus>>,
     /// The ends of the session.
     pub ends: Arc<Vec<EndStatus>>,
+    /// Plans of coordinated vehicles, where they are asked for and the control framework is in this process.
+    pub coordination: Option<Arc<CoordinationState>>,
     /// The last order that was refused, counted, and why.
     pub refusal: Option<(u64, Arc<str>)>,
     /// The session has ended.
@@ -116,6 +118,7 @@ impl RunState {
             folder: None,
             link: None,
             ends: Arc::default(),
+            coordination: None,
             refusal: None,
             has_ended: false,
         }

@@ -14,12 +14,20 @@ use city3d_logbook::record::read_commands;
 use city3d_protocol::snapshot::{FrameSnapshot, Pedals, Status, VehicleId};
 use city3d_session::{Order, RunPhase, SessionHandle, Speed};
 use city3d_simulation::runner::Run;
+use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use support::{roundabout, until};
 
 fn live(folder: Option<&Path>) -> SessionHandle {
     support::live(roundabout(40.0), folder)
+}
+
+/// The roundabout with its control zone.
+fn coordinated() -> Arc<Experiment> {
+    let (text, library) = Library::scenario("roundabout-coordinated").unwrap();
+    Arc::new(read_experiment("test", &text, &library, Overrides::default()).unwrap())
 }
 
 /// The same run in lockstep, up to a tick.
@@ -192,4 +200,28 @@ fn a_folder_that_cannot_be_written_is_named_and_the_city_drives_on() {
     until(&live, "further ticks", |run_state| run_state.now.tick > failed.now.tick + 10);
     let written = live.stop().unwrap();
     assert!(written.failure.unwrap().to_string().contains("taken"));
+}
+
+#[test]
+fn plans_are_told_to_who_asks_and_change_nothing() {
+    let live = support::live(coordinated(), None);
+    for tick in 1..=600 {
+        live.send(Order::Step);
+        until(&live, "a step", |run_state| run_state.now.tick >= tick);
+    }
+    assert_eq!(live.run_state().coordination, None, "nobody has asked");
+    live.send(Order::TellPlans(true));
+    let told = until(&live, "plans", |run_state| run_state.coordination.is_some());
+    let vehicles = &told.coordination.as_ref().unwrap().vehicles;
+    assert!(vehicles.iter().filter(|vehicle| vehicle.plan.is_ok()).count() >= 2, "{vehicles:?}");
+    let mut run = Run::new(coordinated()).unwrap();
+    while run.snapshot().tick < 601 {
+        run.step();
+    }
+    live.send(Order::Step);
+    let stepped = until(&live, "a step", |run_state| run_state.now.tick == 601);
+    assert_eq!(stepped.now.state_hash, run.snapshot().state_hash);
+    live.send(Order::TellPlans(false));
+    until(&live, "no plans", |run_state| run_state.coordination.is_none());
+    live.stop().unwrap();
 }

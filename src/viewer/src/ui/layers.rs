@@ -1,10 +1,11 @@
-//! Overlays of the city view: labels, lanes, routes, conflict zones.
+//! Overlays of the city view: labels, lanes, routes, conflict zones, control zones, plans.
 
-use super::{CameraMode, UiState, ViewModel, occlusion, status, traffic};
+use super::control_zones::{ControlZoneArea, zone_colour};
+use super::{CameraMode, UiState, ViewModel, occlusion, plans, status};
 use city3d_protocol::snapshot::{VehicleId, VehicleInfo, VehicleState};
 use city3d_roadmap::{CityMap, LaneId, ZoneKind};
 use city3d_sensors::View;
-use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, Ui};
+use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Stroke, Ui};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -18,21 +19,34 @@ pub struct Layers {
     pub lanes: bool,
     /// Planned lanes of the selected vehicle, or of all vehicles while none is selected.
     pub routes: bool,
-    /// Merging and crossing conflict zones, as the stretches of lanes that they cover, and the control zones of the
-    /// scenario.
+    /// Merging and crossing conflict zones, as the stretches of lanes that they cover.
     pub zones: bool,
+    /// Control zones of the scenario: their roads from the entry lines to the last conflicts, and their names.
+    pub control_zones: bool,
+    /// Plans of coordinated vehicles: where and when each will be.
+    pub plans: bool,
     /// The minimap in the corner of the city view.
     pub map: bool,
 }
 
 impl Default for Layers {
     fn default() -> Self {
-        Self { labels: true, lanes: false, routes: false, zones: false, map: true }
+        Self {
+            labels: true,
+            lanes: false,
+            routes: false,
+            zones: false,
+            control_zones: true,
+            plans: true,
+            map: true,
+        }
     }
 }
 
 /// Sampling step of lines on the ground.
 const STEP_M: f64 = 2.0;
+/// Opacity of control zones: the road stays visible below, also where lanes cross.
+const ZONE_TINT: f32 = 0.25;
 /// Largest distance of a label.
 const LABELS_WITHIN_M: f64 = 250.0;
 
@@ -43,7 +57,9 @@ pub fn window(ui: &Ui, state: &mut UiState) {
         ui.checkbox(&mut layers.labels, "Labels over vehicles (L)");
         ui.checkbox(&mut layers.lanes, "Lanes");
         ui.checkbox(&mut layers.routes, "Route of the selected vehicle, or of all");
-        ui.checkbox(&mut layers.zones, "Conflict zones and control zones");
+        ui.checkbox(&mut layers.zones, "Conflict zones");
+        ui.checkbox(&mut layers.control_zones, "Control zones");
+        ui.checkbox(&mut layers.plans, "Plans of coordinated vehicles");
         ui.checkbox(&mut layers.map, "Map (M)");
     });
 }
@@ -89,6 +105,69 @@ impl<'a> Canvas<'a> {
             before = here;
         }
     }
+
+    /// Tints a stretch of a lane over its width.
+    fn tint(&self, map: &CityMap, lane: LaneId, (from_m, to_m): (f64, f64), colour: Color32) {
+        let lane = map.lane(lane);
+        let count = ((to_m - from_m) / STEP_M).ceil().max(1.0) as u32;
+        let mut mesh = Mesh::default();
+        for k in 0..=count {
+            let s = from_m + (to_m - from_m) * f64::from(k) / f64::from(count);
+            let pose = lane.curve.at(s).pose;
+            let edges = [0.5, -0.5].map(|share| pose.position + pose.left() * (share * lane.width_m));
+            let [left, right] = edges.map(|edge| self.place(edge.extend(0.05)));
+            let (Some(left), Some(right)) = (left, right) else {
+                self.painter.add(std::mem::take(&mut mesh));
+                continue;
+            };
+            let corner = mesh.vertices.len() as u32;
+            mesh.colored_vertex(left, colour);
+            mesh.colored_vertex(right, colour);
+            if corner > 0 {
+                mesh.add_triangle(corner - 2, corner - 1, corner);
+                mesh.add_triangle(corner - 1, corner, corner + 1);
+            }
+        }
+        self.painter.add(mesh);
+    }
+
+    /// What overlays paint with.
+    pub(super) fn painter(&self) -> &Painter {
+        &self.painter
+    }
+
+    /// A text on a dark ground around a point, unless another one is there already; whether it is painted.
+    pub(super) fn text(&self, middle: Pos2, text: &str, colour: Color32, taken: &mut Vec<Rect>) -> bool {
+        let text = self.painter.layout_no_wrap(text.to_owned(), FontId::proportional(11.0), colour);
+        let place = Align2::CENTER_CENTER.anchor_size(middle, text.size());
+        let ground = place.expand2(egui::vec2(3.0, 1.0));
+        if taken.iter().any(|other| other.intersects(ground)) {
+            return false;
+        }
+        taken.push(ground);
+        self.painter.rect_filled(ground, 3.0, Color32::from_black_alpha(170));
+        self.painter.galley(place.min, text, Color32::WHITE);
+        true
+    }
+}
+
+/// Tints a control zone, with a line at each entry and its name in its middle.
+fn control_zone(canvas: &Canvas<'_>, map: &CityMap, (zone, area): (usize, &ControlZoneArea)) {
+    let colour = zone_colour(zone);
+    for stretch in &area.stretches {
+        canvas.tint(map, stretch.lane, (stretch.from_m, stretch.to_m), colour.gamma_multiply(ZONE_TINT));
+    }
+    for &(lane, at_m) in &area.entries {
+        let lane = map.lane(lane);
+        let pose = lane.curve.at(at_m).pose;
+        let ends = [0.5, -0.5].map(|share| pose.position + pose.left() * (share * lane.width_m));
+        if let [Some(from), Some(to)] = ends.map(|end| canvas.place(end.extend(0.05))) {
+            canvas.painter.line_segment([from, to], Stroke::new(2.0, colour));
+        }
+    }
+    if let Some(middle) = canvas.place(area.middle.extend(0.0)) {
+        canvas.text(middle, &area.name, colour, &mut Vec::new());
+    }
 }
 
 /// Draws the visible overlays.
@@ -110,9 +189,9 @@ pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
                 canvas.lane(map, side.lane, (side.from_m, side.to_m), Stroke::new(3.0, colour));
             }
         }
-        for (zone, lane, part) in shown.traffic.zone_lanes() {
-            canvas.lane(map, lane, part, Stroke::new(2.0, traffic::zone_colour(zone)));
-        }
+    }
+    if state.layers.control_zones {
+        shown.control_zones.iter().enumerate().for_each(|zone| control_zone(canvas, map, zone));
     }
     if state.layers.routes {
         for (vehicle, info) in shown.interpolated.iter() {
@@ -126,6 +205,9 @@ pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
             lanes.dedup();
             lanes.into_iter().for_each(|lane| canvas.lane(map, lane, whole(lane), stroke));
         }
+    }
+    if state.layers.plans {
+        plans::paint(canvas, state, shown);
     }
     labels(canvas, state, shown);
 }

@@ -2,7 +2,7 @@
 
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_roadmap::LaneId;
-use city3d_simulation::measures::{Stretch, TrafficMeasures};
+use city3d_simulation::measures::TrafficMeasures;
 use city3d_simulation::scenario::Experiment;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -99,29 +99,6 @@ impl LiveTraffic {
     /// The last places of every vehicle in order of time, by vehicle.
     pub fn places(&self) -> impl Iterator<Item = (VehicleId, &VecDeque<LanePlace>)> {
         self.places.iter().map(|(id, places)| (*id, places))
-    }
-
-    /// Where the routes of the present vehicles pass control zones: lane, from and to in metres of the city, with the index
-    /// of the zone.
-    pub fn zone_lanes(&self) -> Vec<(usize, LaneId, (f64, f64))> {
-        let mut found: Vec<(usize, LaneId, (f64, f64))> = Vec::new();
-        for tracked in self.measures.vehicles() {
-            let Some(route) = tracked.route() else { continue };
-            for &Stretch { zone, entry_s, to_s, .. } in tracked.stretches() {
-                for index in route.index_at(entry_s)..=route.index_at(to_s) {
-                    let (start_s, lane) = (route.lane_start(index), route.lanes()[index]);
-                    let length_m = route.lane_end(index + 1) - start_s;
-                    let part = ((entry_s - start_s).max(0.0), (to_s - start_s).min(length_m));
-                    match found.iter_mut().find(|(other, known, _)| (*other, *known) == (zone, lane)) {
-                        Some((_, _, known)) => *known = (known.0.min(part.0), known.1.max(part.1)),
-                        None => found.push((zone, lane, part)),
-                    }
-                }
-            }
-        }
-        let city = |m: f64| self.experiment.scale.city_from_lab(m);
-        found.iter_mut().for_each(|(_, _, part)| *part = (city(part.0), city(part.1)));
-        found
     }
 }
 

@@ -1,6 +1,7 @@
 //! The minimap in a corner of the city view.
 
-use super::{UiState, ViewModel, status, traffic};
+use super::control_zones::{ZoneStretch, zone_colour};
+use super::{UiState, ViewModel, status};
 use city3d_protocol::snapshot::Aspect;
 use egui::{Color32, Pos2, Rect, Sense, Stroke, Ui, Vec2};
 use glam::DVec2;
@@ -53,13 +54,15 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
             lane.curve.sample(4.0).into_iter().map(|(_, point)| on_screen(point.pose.position)).collect();
         painter.line(line, stroke);
     }
-    for (zone, lane, (from_m, to_m)) in shown.traffic.zone_lanes() {
+    let zones = shown.control_zones.iter().enumerate();
+    for (zone, stretch) in zones.flat_map(|(zone, area)| area.stretches.iter().map(move |s| (zone, *s))) {
+        let ZoneStretch { lane, from_m, to_m } = stretch;
         let curve = &shown.map.lane(lane).curve;
         let line: Vec<Pos2> = (0..=ZONE_STEPS)
             .map(|k| from_m + (to_m - from_m) * f64::from(k) / f64::from(ZONE_STEPS))
             .map(|at_m| on_screen(curve.at(at_m).pose.position))
             .collect();
-        painter.line(line, Stroke::new(3.0, traffic::zone_colour(zone)));
+        painter.line(line, Stroke::new(3.0, zone_colour(zone)));
     }
     for (head, aspect) in shown.map.signals.iter().zip(&shown.interpolated.signals) {
         let at = shown.map.lane(head.lane).curve.at(head.at_m).pose.position;

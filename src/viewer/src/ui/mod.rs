@@ -3,6 +3,7 @@
 
 mod bar;
 mod city;
+mod control_zones;
 mod controllers;
 mod drive;
 mod events;
@@ -14,6 +15,7 @@ mod link;
 mod live_traffic;
 mod map;
 mod occlusion;
+mod plans;
 mod preview;
 mod status;
 mod timeline;
@@ -21,6 +23,7 @@ mod traffic;
 mod vehicles;
 mod viewpoint;
 
+pub use control_zones::{ControlZoneArea, ZoneStretch};
 pub use drive::ManualDrive;
 pub use events::EventFilter;
 pub use history::{History, HistorySample, KEPT_S};
@@ -58,6 +61,8 @@ pub struct ViewModel<'a> {
     pub traffic: &'a LiveTraffic,
     /// Lane graph of the city, city frame.
     pub map: &'a CityMap,
+    /// Control zones of the scenario.
+    pub control_zones: &'a [ControlZoneArea],
     /// Walls that occlude vehicles.
     pub walls: &'a [Wall],
     /// Control algorithm of each vehicle; it drives while no person does.
@@ -333,6 +338,11 @@ impl UiState {
         if self.previews.len() == count {
             self.previews.push(Preview { vehicle, eye: PreviewCamera::default() });
         }
+    }
+
+    /// Whether something on display needs the plans of coordinated vehicles.
+    pub fn shows_plans(&self) -> bool {
+        self.layers.plans || self.open.traffic || !self.previews.is_empty()
     }
 
     /// The vehicle that the user drives.

@@ -2,7 +2,7 @@
 
 use super::history::{HistorySample, KEPT_S};
 use super::vehicles::tenths;
-use super::{PictureRequest, PictureSlot, UiAction, UiState, ViewModel, status};
+use super::{PictureRequest, PictureSlot, UiAction, UiState, ViewModel, plans, status};
 use city3d_geometry::trig;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleState};
 use city3d_sensors::{Camera, Lens, Mount, MountPoint, View};
@@ -98,6 +98,8 @@ const ASPECT: f32 = 4.0 / 3.0;
 /// Height of a panel without its picture, points: plots stacked, and plots side by side.
 const FULL: f32 = 294.0;
 const COMPACT: f32 = 216.0;
+/// Height of the line with the plan.
+const PLAN_LINE: f32 = 18.0;
 
 /// Layout of a panel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -109,8 +111,8 @@ struct PreviewLayout {
 
 impl PreviewLayout {
     /// Sized so that two panels fit at once.
-    fn of(count: usize, place: Vec2) -> Self {
-        let each = place.y / 2.0;
+    fn of(count: usize, place: Vec2, has_plans: bool) -> Self {
+        let each = place.y / 2.0 - if has_plans { PLAN_LINE } else { 0.0 };
         if count < 2 || each >= place.x / ASPECT + FULL {
             return Self { aspect: ASPECT, is_compact: false };
         }
@@ -158,7 +160,8 @@ pub fn show_all(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions
             state.toggle_preview(vehicle);
         }
     });
-    let layout = PreviewLayout::of(state.previews.len(), ui.available_size());
+    let layout =
+        PreviewLayout::of(state.previews.len(), ui.available_size(), !shown.control_zones.is_empty());
     egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         let mut previews = std::mem::take(&mut state.previews);
         previews.retain_mut(|preview| {
@@ -225,6 +228,9 @@ fn show(
         speed(ui, vehicle);
     });
     pedals(ui, vehicle, shown.has_control_data);
+    if let Some((words, tip)) = plans::words(shown, preview.vehicle) {
+        ui.add(egui::Label::new(RichText::new(words).small()).truncate()).on_hover_text(tip);
+    }
     plots(ui, shown, vehicle, layout);
     is_kept
 }

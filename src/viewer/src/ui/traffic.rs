@@ -1,8 +1,9 @@
 //! The panel Traffic: delay, throughput, stops, queue, energy and safety while the run goes on, and the time-space
 //! diagram of a route.
 
+use super::control_zones::zone_colour;
 use super::live_traffic::{DIAGRAM_S, LanePlace, LiveTraffic};
-use super::{UiState, ViewModel};
+use super::{UiState, ViewModel, plans};
 use city3d_control::Route;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::{LaneId, ZoneKind};
@@ -15,29 +16,23 @@ use std::collections::{BTreeMap, VecDeque};
 const BEHIND_M: f64 = 90.0;
 const AHEAD_M: f64 = 60.0;
 
-/// Colour of a control zone on the map and in the city.
-pub(super) fn zone_colour(zone: usize) -> Color32 {
-    const COLOURS: [Color32; 4] = [
-        Color32::from_rgb(120, 220, 255),
-        Color32::from_rgb(200, 160, 255),
-        Color32::from_rgb(140, 230, 140),
-        Color32::from_rgb(255, 170, 200),
-    ];
-    COLOURS[zone % COLOURS.len()]
-}
-
 /// The window over the city. It shows the measures in full-scale units, as all numbers of the window are.
 pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     let mut is_open = state.open.traffic;
     let room = ui.ctx().content_rect().shrink2(egui::vec2(12.0, 48.0));
     let place = ui.ctx().content_rect().center_top() + egui::vec2(0.0, 70.0);
     let sheet = egui::Window::new("Traffic").pivot(egui::Align2::CENTER_TOP).default_pos(place);
-    let size = egui::vec2(480.0, 470.0).min(room.size());
+    let queue_height = if shown.control_zones.is_empty() { 0.0 } else { 80.0 };
+    let size = egui::vec2(480.0, 470.0 + queue_height).min(room.size());
     let sheet = sheet.open(&mut is_open).default_size(size).resizable(true).constrain_to(room);
     sheet.show(ui.ctx(), |ui| {
         let traffic = shown.traffic;
         flow(ui, traffic);
         ui.separator();
+        if !shown.control_zones.is_empty() {
+            plans::queue(ui, shown);
+            ui.separator();
+        }
         safety_and_energy(ui, traffic);
         ui.separator();
         diagram(ui, state, shown);

@@ -45,6 +45,7 @@ pub fn picture(subject: &WindowSubject, options: &WindowOptions) -> Result<Windo
             if at_s > end_s {
                 return Err(WindowError::AfterRun { at_s, end_s });
             }
+            viewer.ask_for_plans(true);
             run_to(&mut viewer, at_s)?;
             None
         }

@@ -1,7 +1,7 @@
 //! What the panels show of an experiment besides its state: drivers, routes, cameras, steering and walls.
 
 use crate::cockpit::SteeringGeometry;
-use crate::ui::{DriverNames, ScenarioCamera};
+use crate::ui::{ControlZoneArea, DriverNames, ScenarioCamera};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::LaneId;
 use city3d_scene::{SceneDescription, Wall};
@@ -15,6 +15,7 @@ pub(super) struct ScenarioInfo {
     pub routes: BTreeMap<VehicleId, Vec<LaneId>>,
     pub cameras: BTreeMap<VehicleId, Vec<ScenarioCamera>>,
     pub steering_geometry: BTreeMap<VehicleId, SteeringGeometry>,
+    pub control_zones: Vec<ControlZoneArea>,
     pub walls: Vec<Wall>,
     /// The vehicle that the scenario reserves for a person.
     pub own: Option<VehicleId>,
@@ -41,6 +42,11 @@ impl ScenarioInfo {
                     (v.id, SteeringGeometry { wheelbase_m, steering_limit_rad: v.spec.steering_limit_rad })
                 })
                 .collect(),
+            control_zones: ControlZoneArea::all(
+                &experiment.city_map,
+                &experiment.control_zones,
+                experiment.scale,
+            ),
             walls: SceneDescription::walls_of(&experiment.city_map),
             own: vehicles().find(|v| v.is_human).map(|v| v.id),
             has_control_data: true,

@@ -72,6 +72,8 @@ pub struct ViewerState {
     city: CityKind,
     /// Runs of this window in the present folder before the session.
     runs_before: u32,
+    /// The run was told that its plans are on display.
+    asks_for_plans: bool,
     /// The refusal of an order that was said last.
     refused: u64,
     experiment: Arc<Experiment>,
@@ -175,6 +177,7 @@ impl ViewerState {
             source,
             city: CityKind::Local,
             runs_before: 0,
+            asks_for_plans: false,
             refused: 0,
             traffic: LiveTraffic::new(&experiment),
             experiment,
@@ -291,6 +294,7 @@ impl ViewerState {
         self.interpolated.blend(&run_state.before, &run_state.now, weight);
         self.record_samples(&run_state);
         let now_s = ui.input(|input| input.time);
+        self.ask_for_plans(self.state.shows_plans());
         self.meet_vehicles(&run_state);
         self.seat_user(now_s);
         self.say_refusal(&run_state, now_s);
@@ -315,6 +319,7 @@ impl ViewerState {
             history: &self.history,
             traffic: &self.traffic,
             map: &self.experiment.city_map,
+            control_zones: &self.scenario_info.control_zones,
             walls: &self.scenario_info.walls,
             drivers: &self.scenario_info.drivers,
             routes: &self.scenario_info.routes,
@@ -366,6 +371,14 @@ impl ViewerState {
                 wheelbase_m: info.dimensions.wheelbase_m,
                 steering_limit_rad: VehicleSpec::default().steering_limit_rad,
             });
+        }
+    }
+
+    /// Asks the run for plans while they are on display.
+    pub fn ask_for_plans(&mut self, shows_plans: bool) {
+        let wants = shows_plans && !self.scenario_info.control_zones.is_empty();
+        if wants != self.asks_for_plans && self.send(Order::TellPlans(wants)) {
+            self.asks_for_plans = wants;
         }
     }
 
@@ -476,6 +489,7 @@ impl ViewerState {
         let old = std::mem::replace(&mut self.source, ViewedRun::Run(live));
         let old_name = self.experiment.name.clone();
         (self.request, self.runs_before, self.refused) = (request, before, 0);
+        self.asks_for_plans = false;
         self.seated_in_run = 0;
         self.scenario_info = ScenarioInfo::of(&experiment);
         self.traffic = LiveTraffic::new(&experiment);

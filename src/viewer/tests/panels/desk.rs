@@ -10,8 +10,8 @@ use city3d_session::{RunPhase, RunState};
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d_viewer::cockpit::SteeringGeometry;
 use city3d_viewer::ui::{
-    self, CityKind, DriverNames, History, LiveTraffic, Look, QualityPreset, ReplayView, ScenarioCamera,
-    ScenarioChoice, UiAction, UiState, ViewModel,
+    self, CityKind, ControlZoneArea, DriverNames, History, LiveTraffic, Look, QualityPreset, ReplayView,
+    ScenarioCamera, ScenarioChoice, UiAction, UiState, ViewModel,
 };
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -39,6 +39,7 @@ pub struct Desk {
     pub history: History,
     pub traffic: LiveTraffic,
     pub map: Arc<CityMap>,
+    pub control_zones: Vec<ControlZoneArea>,
     pub walls: Vec<Wall>,
     pub loading: Option<String>,
     pub drivers: DriverNames,
@@ -101,6 +102,7 @@ impl Desk {
             history: History::default(),
             traffic: LiveTraffic::new(&experiment()),
             map: map(),
+            control_zones: Vec::new(),
             walls: Vec::new(),
             loading: None,
             drivers: ids().map(|id| (id, "idm".to_owned())).collect(),
@@ -129,6 +131,7 @@ impl Desk {
             history: &self.history,
             traffic: &self.traffic,
             map: &self.map,
+            control_zones: &self.control_zones,
             walls: &self.walls,
             drivers: &self.drivers,
             routes: &self.routes,

@@ -4,6 +4,7 @@
 mod city;
 mod controllers;
 mod desk;
+mod plans;
 mod timeline;
 mod traffic;
 

@@ -1,0 +1,229 @@
+//! Plans of coordinated vehicles: where and when each will be, over the city and in words.
+
+use super::control_zones::zone_colour;
+use super::layers::Canvas;
+use super::{UiState, ViewModel};
+use city3d_protocol::snapshot::VehicleId;
+use city3d_session::{CoordinationState, NoPlan, PlannedPassage};
+use egui::{Color32, Grid, Pos2, Rect, RichText, Stroke, Ui};
+use glam::DVec3;
+
+/// Height of what is painted over the road.
+const ABOVE_ROAD_M: f64 = 0.1;
+/// Half the width of the bar at the entry of the junction.
+const BAR_HALF_M: f64 = 1.9;
+/// Height of a row of times at an entry, points, and the most rows.
+const ROW: f32 = 17.0;
+const ROWS: u8 = 5;
+/// Vehicles that the order of a zone lists at most.
+const LISTED: usize = 8;
+
+/// Draws the plans: the way to the exit of the zone with a dot every second, and a bar with the time of entry where the
+/// first conflict begins. Seconds of the selected vehicle are numbered.
+pub(super) fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
+    let Some(coordination) = &shown.run_state.coordination else { return };
+    let now_s = shown.run_state.now.time_s;
+    let selected = state.selection.vehicle;
+    let planned =
+        coordination.vehicles.iter().filter_map(|vehicle| Some((vehicle.id, vehicle.plan.as_ref().ok()?)));
+    let mut planned: Vec<_> = planned.collect();
+    planned.sort_by(|a, b| a.1.enters_s.total_cmp(&b.1.enters_s));
+    let mut taken: Vec<Rect> = Vec::new();
+    for (id, plan) in planned.iter().filter(|(_, plan)| plan.enters_s > now_s) {
+        let text = format!("{id} in {:.1} s", plan.enters_s - now_s);
+        entry(canvas, plan, (colour(shown, *id), &text), &mut taken);
+    }
+    for (id, plan) in planned {
+        way(canvas, plan, (colour(shown, id), selected == Some(id)), &mut taken);
+    }
+}
+
+/// The colour of the body, lifted so that dark bodies show on the road.
+fn colour(shown: &ViewModel<'_>, id: VehicleId) -> Color32 {
+    let colour = shown.run_state.now.info(id).map(|info| info.appearance.colour);
+    let [r, g, b] = colour.unwrap_or([140, 150, 160]);
+    let lift = |channel: u8| 90 + (u16::from(channel) * 165 / 255) as u8;
+    Color32::from_rgb(lift(r), lift(g), lift(b))
+}
+
+fn way(
+    canvas: &Canvas<'_>,
+    plan: &PlannedPassage,
+    (colour, is_selected): (Color32, bool),
+    taken: &mut Vec<Rect>,
+) {
+    let places: Vec<(f64, Option<Pos2>)> = plan
+        .places
+        .iter()
+        .map(|place| (place.in_s, canvas.place(place.pose.position.extend(ABOVE_ROAD_M))))
+        .collect();
+    let stroke = Stroke::new(if is_selected { 3.0 } else { 1.5 }, colour.gamma_multiply(0.8));
+    for pair in places.windows(2) {
+        if let [(_, Some(from)), (_, Some(to))] = *pair {
+            canvas.painter().line_segment([from, to], stroke);
+        }
+    }
+    for (in_s, at) in places {
+        let Some(at) = at.filter(|_| in_s > 0.0 && in_s.fract() == 0.0) else { continue };
+        let radius = if is_selected { 4.0 } else { 2.5 };
+        canvas.painter().circle(at, radius, colour, Stroke::new(1.0, Color32::from_black_alpha(160)));
+        if is_selected {
+            canvas.text(at + egui::vec2(0.0, -12.0), &format!("{in_s:.0} s"), Color32::WHITE, taken);
+        }
+    }
+}
+
+/// The bar where a vehicle enters the first conflict, with the time; those of one entry stand above one another.
+fn entry(canvas: &Canvas<'_>, plan: &PlannedPassage, (colour, text): (Color32, &str), taken: &mut Vec<Rect>) {
+    let left = plan.entry.left() * BAR_HALF_M;
+    let ends = [left, -left].map(|side| (plan.entry.position + side).extend(ABOVE_ROAD_M));
+    if let [Some(from), Some(to)] = ends.map(|end: DVec3| canvas.place(end)) {
+        canvas.painter().line_segment([from, to], Stroke::new(4.0, Color32::from_black_alpha(180)));
+        canvas.painter().line_segment([from, to], Stroke::new(2.5, colour));
+        let top = if from.y < to.y { from } else { to };
+        let is_painted = |row: u8| {
+            let place = top - egui::vec2(0.0, 12.0 + ROW * f32::from(row));
+            canvas.text(place, text, colour, taken)
+        };
+        let _ = (0..ROWS).any(is_painted);
+    }
+}
+
+/// The plan of a vehicle in words, and what they mean; `None` where the scenario has no control zones.
+pub(super) fn words(shown: &ViewModel<'_>, id: VehicleId) -> Option<(String, &'static str)> {
+    if shown.control_zones.is_empty() {
+        return None;
+    }
+    let Some(coordination) = &shown.run_state.coordination else {
+        let tip =
+            "Plans are known only where the control framework runs in this window and coordinates vehicles";
+        return Some(("Plan: -".to_owned(), tip));
+    };
+    let Some(vehicle) = coordination.vehicle(id) else {
+        return Some((
+            "Plan: none outside of control zones".to_owned(),
+            "It gets a plan when it enters a zone",
+        ));
+    };
+    let now_s = shown.run_state.now.time_s;
+    let (words, tip) = match &vehicle.plan {
+        Ok(plan) if plan.enters_s > now_s => (
+            format!(
+                "enters junction in {:.1} s, leaves in {:.1} s",
+                plan.enters_s - now_s,
+                plan.leaves_s - now_s
+            ),
+            "Front bumper at the first conflict, rear bumper behind the last one",
+        ),
+        Ok(plan) => (
+            format!("in the junction, leaves in {:.1} s", (plan.leaves_s - now_s).max(0.0)),
+            "Rear bumper behind the last conflict",
+        ),
+        Err(why) => (format!("none, {}", why_not(*why)), "It drives by the rules of the road"),
+    };
+    Some((format!("Plan: {words}"), tip))
+}
+
+fn why_not(why: NoPlan) -> &'static str {
+    match why {
+        NoPlan::NotCoordinated => "not coordinated",
+        NoPlan::LeftItsPlans => "has left its plans",
+        NoPlan::BehindUncoordinated => "behind one without",
+        NoPlan::Infeasible => "infeasible, asks again",
+    }
+}
+
+const COLUMNS: [(&str, &str); 8] = [
+    ("", ""),
+    ("In zone", "Vehicles between the entry lines and the last conflicts"),
+    ("Planned", "Of these: with a plan"),
+    ("Without", "Of these: without a plan; they drive by the rules of the road"),
+    ("Waiting", "Vehicles that stand in the zone"),
+    ("Plans", "Plans given so far"),
+    ("Replans", "Plans that were dropped: the vehicle, or another one, did not do what was expected"),
+    ("Infeasible", "Requests for which no plan kept bounds and gaps; a vehicle asks more than once"),
+];
+
+/// The queue of each control zone: numbers, and who enters its conflicts next.
+pub(super) fn queue(ui: &mut Ui, shown: &ViewModel<'_>) {
+    let coordination = shown.run_state.coordination.as_deref();
+    ui.label(RichText::new("Queue and plans").strong());
+    Grid::new("queue").striped(true).spacing([14.0, 3.0]).show(ui, |ui| {
+        for (title, tip) in COLUMNS {
+            ui.label(RichText::new(title).small().strong()).on_hover_text(tip);
+        }
+        ui.end_row();
+        let measured: Vec<_> = shown.traffic.measures().zones().collect();
+        for (zone, area) in shown.control_zones.iter().enumerate() {
+            ui.label(RichText::new(&area.name).color(zone_colour(zone)));
+            let cells = match (coordination, measured.get(zone)) {
+                (Some(coordination), _) => numbers(coordination, zone),
+                (None, Some((_, traffic))) => {
+                    let mut cells = ["-"; 7].map(str::to_owned);
+                    (cells[0], cells[3]) =
+                        (traffic.inside().len().to_string(), traffic.queue.now.to_string());
+                    cells
+                }
+                (None, None) => ["-"; 7].map(str::to_owned),
+            };
+            for cell in cells {
+                ui.monospace(cell);
+            }
+            ui.end_row();
+        }
+    });
+    let Some(coordination) = coordination else {
+        let text = "Plans are not told by this source: they are those of a control framework in this window.";
+        ui.label(RichText::new(text).small().weak());
+        return;
+    };
+    for (zone, area) in shown.control_zones.iter().enumerate() {
+        let text = RichText::new(format!("{}: {}", area.name, order(coordination, zone, shown))).small();
+        ui.label(text).on_hover_text("By the time at which the front bumper enters the first conflict");
+    }
+}
+
+fn numbers(coordination: &CoordinationState, zone: usize) -> [String; 7] {
+    let inside = || coordination.vehicles.iter().filter(move |vehicle| vehicle.zone == zone);
+    let planned = inside().filter(|vehicle| vehicle.plan.is_ok()).count();
+    let counts = coordination.counts.get(zone).copied().unwrap_or_default();
+    [
+        inside().count().to_string(),
+        planned.to_string(),
+        (inside().count() - planned).to_string(),
+        inside().filter(|vehicle| vehicle.is_standing).count().to_string(),
+        counts.plans.to_string(),
+        counts.replans.to_string(),
+        counts.infeasible.to_string(),
+    ]
+}
+
+/// Who enters the conflicts of a zone next, and in how many seconds; then those without plans.
+fn order(coordination: &CoordinationState, zone: usize, shown: &ViewModel<'_>) -> String {
+    let now_s = shown.run_state.now.time_s;
+    let enters_s = |plan: &Result<PlannedPassage, NoPlan>| match plan {
+        Ok(plan) => plan.enters_s,
+        Err(_) => f64::INFINITY,
+    };
+    let inside = coordination.vehicles.iter().filter(|vehicle| vehicle.zone == zone);
+    let mut queue: Vec<_> = inside.map(|vehicle| (enters_s(&vehicle.plan), vehicle)).collect();
+    queue.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.entered_s.total_cmp(&b.1.entered_s)));
+    if queue.is_empty() {
+        return "nobody is inside".to_owned();
+    }
+    let listed = queue.iter().take(LISTED).map(|(enters_s, vehicle)| {
+        let info = shown.run_state.now.info(vehicle.id);
+        let name = info.map_or_else(|| vehicle.id.to_string(), |info| info.name.clone());
+        let when = match &vehicle.plan {
+            Ok(_) if *enters_s > now_s => format!("in {:.1} s", enters_s - now_s),
+            Ok(_) => "now".to_owned(),
+            Err(why) => format!("({})", why_not(*why)),
+        };
+        format!("{name} {when}")
+    });
+    let mut parts: Vec<String> = listed.collect();
+    if queue.len() > LISTED {
+        parts.push(format!("and {} more", queue.len() - LISTED));
+    }
+    parts.join(", ")
+}

@@ -1,0 +1,124 @@
+//! Control zones and plans: over the city, in a preview, and in the panel Traffic.
+
+use super::city::{has_text, texts};
+use super::desk::{Desk, click, harness, press};
+use city3d_protocol::snapshot::VehicleId;
+use city3d_session::CoordinationState;
+use city3d_simulation::runner::Run;
+use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+use city3d_viewer::ui::{ControlZoneArea, LiveTraffic};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use std::sync::Arc;
+
+/// The coordinated roundabout after eight seconds.
+fn coordinated() -> Desk {
+    let (text, library) = Library::scenario("roundabout-coordinated").unwrap();
+    let experiment = read_experiment("test", &text, &library, Overrides::default()).unwrap();
+    let experiment = Arc::new(experiment);
+    let mut run = Run::new(Arc::clone(&experiment)).unwrap();
+    let mut traffic = LiveTraffic::new(&experiment);
+    while run.snapshot().tick < 800 {
+        run.step();
+        traffic.observe(run.snapshot());
+    }
+    let mut desk = Desk::with(run.snapshot().clone());
+    (desk.traffic, desk.map) = (traffic, Arc::clone(&experiment.city_map));
+    let zones = &experiment.control_zones;
+    desk.control_zones = ControlZoneArea::all(&experiment.city_map, zones, experiment.scale);
+    let told = CoordinationState::of(run.mainframe(), &experiment, run.snapshot().time_s);
+    desk.run_state.coordination = told.map(Arc::new);
+    desk
+}
+
+/// Who has a plan, in the order of entry: when each enters and leaves, seconds from now.
+fn planned(desk: &Desk) -> Vec<(VehicleId, f64, f64)> {
+    let now_s = desk.run_state.now.time_s;
+    let coordination = desk.run_state.coordination.as_ref().unwrap();
+    let plans = coordination.vehicles.iter().filter_map(|vehicle| {
+        let plan = vehicle.plan.as_ref().ok()?;
+        Some((vehicle.id, plan.enters_s - now_s, plan.leaves_s - now_s))
+    });
+    let mut planned: Vec<_> = plans.collect();
+    planned.sort_by(|a, b| a.1.total_cmp(&b.1));
+    assert!(planned.len() >= 3 && planned[2].1 > 0.0, "{planned:?}");
+    planned
+}
+
+fn shapes(harness: &Harness<'static, Desk>) -> usize {
+    harness.output().shapes.len()
+}
+
+#[test]
+fn a_control_zone_is_tinted_and_named_whether_or_not_plans_are_told() {
+    let mut desk = coordinated();
+    desk.run_state.coordination = None;
+    desk.state.layers.control_zones = false;
+    let mut harness = harness(desk);
+    assert!(!has_text(&harness, "west-roundabout"));
+    let before = shapes(&harness);
+    click(&mut harness, "Layers");
+    click(&mut harness, "Control zones");
+    press(&mut harness, egui::Key::Escape);
+    assert!(has_text(&harness, "west-roundabout"), "{:?}", texts(&harness));
+    let stretches = harness.state().control_zones[0].stretches.len();
+    assert!(shapes(&harness) >= before + stretches, "each of {stretches} stretches is tinted");
+}
+
+#[test]
+fn plans_tell_over_the_city_when_vehicles_enter_and_where_the_selected_one_will_be() {
+    let desk = coordinated();
+    let planned = planned(&desk);
+    let (last, enters_s, leaves_s) = planned[planned.len() - 1];
+    let mut harness = harness(desk);
+    let entry = format!("{last} in {enters_s:.1} s");
+    harness.state_mut().state.selection.vehicle = Some(last);
+    harness.run_steps(2);
+    assert!(has_text(&harness, &entry), "{entry} in {:?}", texts(&harness));
+    let numbered = (1..=leaves_s as u32).filter(|second| has_text(&harness, &format!("{second} s"))).count();
+    assert!(numbered >= 3, "{numbered} of {leaves_s} s in {:?}", texts(&harness));
+    harness.state_mut().state.layers.plans = false;
+    harness.run_steps(2);
+    assert!(!has_text(&harness, &entry), "the layer is off");
+}
+
+#[test]
+fn a_preview_says_when_its_vehicle_enters_and_leaves_the_junction() {
+    let mut desk = coordinated();
+    let (last, enters_s, leaves_s) = planned(&desk)[2];
+    desk.state.toggle_preview(last);
+    let mut harness = harness(desk);
+    harness.get_by_label(&format!("Plan: enters junction in {enters_s:.1} s, leaves in {leaves_s:.1} s"));
+    harness.state_mut().run_state.coordination = None;
+    harness.run_steps(3);
+    harness.get_by_label("Plan: -");
+    // A scenario without control zones has no such line.
+    harness.state_mut().control_zones.clear();
+    harness.run_steps(3);
+    assert!(harness.query_by_label_contains("Plan:").is_none());
+}
+
+#[test]
+fn the_panel_traffic_lists_the_queue_in_the_order_of_entry() {
+    let desk = coordinated();
+    let planned = planned(&desk);
+    let mut harness = harness(desk);
+    press(&mut harness, egui::Key::F4);
+    harness.get_by_label("Queue and plans");
+    harness.get_by_label("Infeasible");
+    let list = harness.get_by_label_contains("west-roundabout: ");
+    let list = format!("{list:?}");
+    let desk = harness.state();
+    let places: Vec<usize> = planned
+        .iter()
+        .filter(|(_, enters_s, _)| *enters_s > 0.0)
+        .map(|(id, enters_s, _)| {
+            let part = format!("{} in {enters_s:.1} s", desk.run_state.now.info(*id).unwrap().name);
+            list.find(&part).unwrap_or_else(|| panic!("{part} in {list}"))
+        })
+        .collect();
+    assert!(places.len() >= 2 && places.is_sorted(), "{list}");
+    harness.state_mut().run_state.coordination = None;
+    harness.run_steps(3);
+    harness.get_by_label_contains("Plans are not told by this source");
+}
