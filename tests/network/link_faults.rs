@@ -13,7 +13,7 @@ use city3d_protocol::wire::{
 };
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
 use city3d_simulation::sim::World;
-use link::{digests, events, mainframe, serve, summary};
+use link::{city3d, digests, events, mainframe, serve, summary};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::collections::BTreeMap;
@@ -314,4 +314,36 @@ fn drive_block(client: &mut Command, folder: &Path, key: Option<&str>) {
     assert_eq!((&served["collisions"], &car["name"]), (&0.into(), &"courier".into()));
     let [way_m, aside_m] = ["distance_m", "max_lateral_error_m"].map(|key| car[key].as_f64().unwrap());
     assert!((180.0..196.0).contains(&way_m) && aside_m < 0.6, "{way_m} m, {aside_m} m aside");
+}
+
+#[test]
+fn the_client_in_python_coordinates_the_roundabout() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = link::root().join("clients/python/coordinate_roundabout.py");
+    coordinate_roundabout(Command::new("python3").arg("-B").arg(script), folder.path());
+}
+
+/// A client reads the routes of the scenario and brings its six cars through the roundabout.
+fn coordinate_roundabout(client: &mut Command, folder: &Path) {
+    let checked =
+        city3d(&["check", "roundabout-coordinated", "--json", "--routes"], folder).output().unwrap();
+    assert!(checked.status.success());
+    std::fs::write(folder.join("routes.json"), checked.stdout).unwrap();
+    let mut city = serve(&["roundabout-coordinated", "--speed", "2", "--out", "served"], folder);
+    let port = city.address.rsplit(':').next().unwrap();
+    let output = client.args(["routes.json", port]).current_dir(folder).output().unwrap();
+    let (told, complained) =
+        (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{told}{complained}");
+    assert_eq!(city.end(), 0);
+    let through: Vec<serde_json::Value> =
+        told.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(through.len(), 6, "{told}");
+    assert!(through.iter().all(|car| car["through_s"].as_f64().unwrap() < 27.0), "{told}");
+    let served = summary(&folder.join("served"));
+    assert_eq!(served["collisions"], 0);
+    for id in 1..=6 {
+        let car = &served["vehicles"][id.to_string()];
+        assert_eq!(car["stops"], 0, "{car}");
+    }
 }

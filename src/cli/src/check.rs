@@ -5,7 +5,9 @@ use super::repair::repair;
 use super::say::{complain, say};
 use city3d_geometry::Length;
 use city3d_roadmap::{LabMap, LaneId, LaneKind, MapErrorKind, load_map};
-use city3d_simulation::scenario::{Library, Overrides, read_experiment};
+use city3d_simulation::scenario::{
+    Experiment, Library, Overrides, RouteData, lane_conflicts, read_experiment,
+};
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -19,6 +21,9 @@ pub struct CheckArgs {
     /// List the lanes of the maps too, with the names that routes use
     #[arg(long)]
     lanes: bool,
+    /// Add the conflict zones of the map, and of a scenario the routes, control zones and conflicts of its vehicles
+    #[arg(long, requires = "json")]
+    routes: bool,
     /// Print one line of JSON per file instead of text
     #[arg(long)]
     json: bool,
@@ -35,6 +40,8 @@ pub struct CheckArgs {
 struct ValidFile {
     text: String,
     map: Arc<LabMap>,
+    /// Of a scenario.
+    experiment: Option<Box<Experiment>>,
 }
 
 /// What was found in one file, or what is wrong.
@@ -65,7 +72,7 @@ pub fn check(args: &CheckArgs) -> Result<(), Failure> {
         let finding = check_file(file);
         bad += usize::from(finding.is_err());
         if args.json {
-            say(as_json(file, &finding, args.lanes))?;
+            say(as_json(file, &finding, args))?;
         } else {
             match finding {
                 Ok(good) => {
@@ -84,14 +91,21 @@ pub fn check(args: &CheckArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-fn as_json(file: &str, finding: &Finding, with_lanes: bool) -> serde_json::Value {
+fn as_json(file: &str, finding: &Finding, args: &CheckArgs) -> serde_json::Value {
     let (ok, text) = match finding {
         Ok(good) => (true, &good.text),
         Err(text) => (false, text),
     };
     let mut line = serde_json::json!({ "file": file, "ok": ok, "message": text });
-    if let Some(good) = finding.as_ref().ok().filter(|_| with_lanes) {
+    let Ok(good) = finding else { return line };
+    if args.lanes {
         line["lanes"] = serde_json::json!(lane_rows(&good.map));
+    }
+    if args.routes {
+        line["lane_conflicts"] = serde_json::json!(lane_conflicts(&good.map));
+        if let Some(experiment) = &good.experiment {
+            line["routes"] = serde_json::json!(RouteData::of(experiment));
+        }
     }
     line
 }
@@ -154,7 +168,7 @@ fn check_map(file: &str) -> Finding {
     for note in &loaded.notes {
         text.push_str(&format!("\n{file}: note: {note}"));
     }
-    Ok(ValidFile { text, map: Arc::new(loaded.map) })
+    Ok(ValidFile { text, map: Arc::new(loaded.map), experiment: None })
 }
 
 fn check_scenario(file: &str) -> Finding {
@@ -171,5 +185,6 @@ fn check_scenario(file: &str) -> Finding {
             moved.vehicle, moved.behind, moved.by_m
         ));
     }
-    Ok(ValidFile { text, map: Arc::clone(&experiment.lab_map) })
+    let map = Arc::clone(&experiment.lab_map);
+    Ok(ValidFile { text, map, experiment: Some(Box::new(experiment)) })
 }

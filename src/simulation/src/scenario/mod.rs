@@ -16,6 +16,7 @@ mod read_settings;
 mod read_signals;
 mod read_traffic;
 mod read_vehicles;
+mod route_data;
 mod source;
 mod time_of_day;
 mod traffic;
@@ -29,5 +30,9 @@ pub use models::UserModels;
 pub use placement::MovedStart;
 pub use read::{LoadError, MOST_SEED, Overrides, ScenarioError, ScenarioRequest, read_experiment};
 pub use read_vehicles::{LARGEST_ID, is_topic_name};
+pub use route_data::{
+    ConflictKind, LaneConflict, RouteBody, RouteConflict, RouteData, RouteLane, RoutePassage, RoutePoint,
+    RouteStart, VehicleRoute, lane_conflicts,
+};
 pub use source::{Library, SourceError, shipped_scenarios};
 pub use time_of_day::TimeOfDay;

@@ -1,0 +1,318 @@
+//! Routes, control zones and conflict intervals as data, for coordination algorithms outside of the program. Laboratory
+//! metres.
+
+use super::{Experiment, PlannedVehicle};
+use city3d_control::coordination::{ControlZone, CoordinationParams};
+use city3d_control::{CavGeometry, DriverParams, Route};
+use city3d_roadmap::{LabMap, ZoneKind};
+use serde::Serialize;
+
+/// What a coordinator needs to know of a scenario. Positions along a route are arc lengths from the start of its first lane.
+#[derive(Clone, Debug, Serialize)]
+pub struct RouteData {
+    /// Gaps and tolerances; the defaults where the scenario coordinates nobody.
+    pub coordination: CoordinationParams,
+    /// Vehicles that are there from the beginning, in id order.
+    pub vehicles: Vec<VehicleRoute>,
+    /// Conflicts of each pair of these vehicles.
+    pub conflicts: Vec<RouteConflict>,
+}
+
+/// A vehicle and its route.
+#[derive(Clone, Debug, Serialize)]
+pub struct VehicleRoute {
+    /// Id over the link.
+    pub id: u32,
+    /// Name over the link.
+    pub name: String,
+    /// Where it starts.
+    pub start: RouteStart,
+    /// Dimensions.
+    pub body: RouteBody,
+    /// Desired speed, bounds on acceleration, gaps.
+    pub driver: DriverParams,
+    /// Lanes of the route in driving order.
+    pub lanes: Vec<RouteLane>,
+    /// Ways through control zones, in driving order.
+    pub passages: Vec<RoutePassage>,
+    /// The route, at most [`POINT_STEP_M`] apart, both ends among them.
+    pub points: Vec<RoutePoint>,
+}
+
+/// Start of a vehicle.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct RouteStart {
+    /// Centre of the outline.
+    pub x_m: f64,
+    /// Centre of the outline.
+    pub y_m: f64,
+    /// Heading, counter-clockwise from east.
+    pub yaw_rad: f64,
+    /// Front-axle centre along the route.
+    pub axle_m: f64,
+    /// Along the heading.
+    pub speed_mps: f64,
+}
+
+/// Dimensions of a vehicle.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct RouteBody {
+    /// From bumper to bumper.
+    pub length_m: f64,
+    /// Of the outline.
+    pub width_m: f64,
+    /// From the rear axle to the front axle.
+    pub wheelbase_m: f64,
+    /// From the centre of the outline to the front axle.
+    pub front_axle_m: f64,
+    /// From the front axle to the front bumper.
+    pub overhang_m: f64,
+}
+
+/// A lane of a route.
+#[derive(Clone, Debug, Serialize)]
+pub struct RouteLane {
+    /// Its name in the map.
+    pub name: String,
+    /// Where it begins and ends along the route.
+    pub interval_m: [f64; 2],
+}
+
+/// The way of a route through a control zone, for the front bumper.
+#[derive(Clone, Debug, Serialize)]
+pub struct RoutePassage {
+    /// Name of the control zone.
+    pub zone: String,
+    /// Where the zone begins.
+    pub entry_m: f64,
+    /// Where the first conflict begins and the last one ends.
+    pub conflicts_m: [f64; 2],
+}
+
+/// A place on a route.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct RoutePoint {
+    /// Arc length.
+    pub at_m: f64,
+    /// Position.
+    pub x_m: f64,
+    /// Position.
+    pub y_m: f64,
+    /// Heading of the path, counter-clockwise from east, without jumps by a turn along the route.
+    pub yaw_rad: f64,
+    /// Speed profile: posted limits, desired speed, bends and braking before them.
+    pub speed_mps: f64,
+}
+
+/// How two vehicles meet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ConflictKind {
+    /// One vehicle at a time.
+    Cross,
+    /// Lanes that end in one place: one vehicle follows the other. The intervals end in the same place.
+    Merge,
+    /// A lane of both routes. The intervals begin in the same place.
+    Lane,
+}
+
+/// Where the bodies of two vehicles can touch, along the route of each.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct RouteConflict {
+    /// How they meet.
+    pub kind: ConflictKind,
+    /// Both vehicles, the smaller id first.
+    pub vehicles: [u32; 2],
+    /// From where the front bumper enters to where the rear bumper has left, of the one and the other.
+    pub intervals_m: [[f64; 2]; 2],
+}
+
+/// A conflict zone of a map.
+#[derive(Clone, Debug, Serialize)]
+pub struct LaneConflict {
+    /// How the lanes meet.
+    pub kind: ZoneKind,
+    /// Names of the lanes.
+    pub lanes: [String; 2],
+    /// The intervals along the one and the other lane on which bodies can touch.
+    pub intervals_m: [[f64; 2]; 2],
+}
+
+/// Largest distance of the points of a route.
+const POINT_STEP_M: f64 = 0.02;
+
+/// The conflict zones of a map, by pairs of lanes.
+pub fn lane_conflicts(map: &LabMap) -> Vec<LaneConflict> {
+    let zones = map.zones.iter();
+    let conflict = |zone: &city3d_roadmap::ConflictZone| LaneConflict {
+        kind: zone.kind,
+        lanes: zone.sides.map(|side| map.lane(side.lane).name.clone()),
+        intervals_m: zone.sides.map(|side| [side.from_m, side.to_m]),
+    };
+    zones.map(conflict).collect()
+}
+
+impl RouteData {
+    /// The data of an experiment.
+    pub fn of(experiment: &Experiment) -> Self {
+        let map = &experiment.lab_map;
+        let route_of = |vehicle: &PlannedVehicle| {
+            Route::new(map, &vehicle.route, vehicle.body_in_lab(experiment.scale), &vehicle.driver)
+        };
+        let routes: Vec<Route> = experiment.vehicles.iter().map(route_of).collect();
+        let planned = || experiment.vehicles.iter().zip(&routes);
+        let mut conflicts = Vec::new();
+        for (index, (one, route)) in planned().enumerate() {
+            for (other, other_route) in planned().skip(index + 1) {
+                let found = conflicts_of(route, other_route);
+                conflicts.extend(found.into_iter().map(|(kind, intervals_m)| RouteConflict {
+                    kind,
+                    vehicles: [one.id.0, other.id.0],
+                    intervals_m,
+                }));
+            }
+        }
+        let rules = experiment.coordination.as_ref();
+        Self {
+            coordination: rules.map_or_else(CoordinationParams::default, |rules| rules.params),
+            vehicles: planned().map(|(vehicle, route)| vehicle_route(experiment, vehicle, route)).collect(),
+            conflicts,
+        }
+    }
+}
+
+/// What two routes have in common: zones that they pass on different sides, and lanes.
+fn conflicts_of(one: &Route, other: &Route) -> Vec<(ConflictKind, [[f64; 2]; 2])> {
+    let mut found = Vec::new();
+    for here in &one.crossings {
+        let theirs = other.crossings.iter();
+        for there in theirs.filter(|there| there.zone == here.zone && there.side != here.side) {
+            let kind = if here.kind == ZoneKind::Merge { ConflictKind::Merge } else { ConflictKind::Cross };
+            found.push((kind, [[here.from_s, here.to_s], [there.from_s, there.to_s]]));
+        }
+    }
+    let interval_m = |route: &Route, index: usize| [route.lane_start(index), route.lane_end(index + 1)];
+    for (index, lane) in one.lanes().iter().enumerate() {
+        let theirs = other.lanes().iter().enumerate();
+        for (there, _) in theirs.filter(|(_, there)| *there == lane) {
+            found.push((ConflictKind::Lane, [interval_m(one, index), interval_m(other, there)]));
+        }
+    }
+    found.sort_by(|a, b| a.1[0][0].total_cmp(&b.1[0][0]));
+    found
+}
+
+fn vehicle_route(experiment: &Experiment, vehicle: &PlannedVehicle, route: &Route) -> VehicleRoute {
+    let (map, scale) = (&experiment.lab_map, experiment.scale);
+    let body = vehicle.body_in_lab(scale);
+    let pose = vehicle.pose_in_lab(&experiment.city_map, scale);
+    let zones = &experiment.control_zones;
+    let name = |lane: usize| map.lane(route.lanes()[lane]).name.clone();
+    VehicleRoute {
+        id: vehicle.id.0,
+        name: vehicle.name.clone(),
+        start: RouteStart {
+            x_m: pose.position.x,
+            y_m: pose.position.y,
+            yaw_rad: pose.yaw_rad,
+            axle_m: vehicle.start.at_m,
+            speed_mps: vehicle.start.speed_mps,
+        },
+        body: body_data(body, scale.lab_from_city(vehicle.spec.dimensions.width_m)),
+        driver: vehicle.driver,
+        lanes: (0..route.lanes().len())
+            .map(|lane| RouteLane {
+                name: name(lane),
+                interval_m: [route.lane_start(lane), route.lane_end(lane + 1)],
+            })
+            .collect(),
+        passages: ControlZone::passages(zones, route)
+            .into_iter()
+            .map(|passage| RoutePassage {
+                zone: zones[passage.zone].name.clone(),
+                entry_m: passage.entry_s,
+                conflicts_m: [passage.from_s, passage.to_s],
+            })
+            .collect(),
+        points: points_of(map, route),
+    }
+}
+
+fn body_data(body: CavGeometry, width_m: f64) -> RouteBody {
+    RouteBody {
+        length_m: body.length_m,
+        width_m,
+        wheelbase_m: body.wheelbase_m,
+        front_axle_m: body.front_axle_m(),
+        overhang_m: body.overhang_m(),
+    }
+}
+
+fn points_of(map: &LabMap, route: &Route) -> Vec<RoutePoint> {
+    let steps = (route.length() / POINT_STEP_M).ceil().max(1.0);
+    let mut points: Vec<RoutePoint> = Vec::new();
+    for k in 0..=steps as usize {
+        let at_m = route.length() * k as f64 / steps;
+        let pose = route.at(map, at_m).pose;
+        let turns = points.last().map_or(0.0, |last| {
+            ((last.yaw_rad - pose.yaw_rad) / std::f64::consts::TAU).round() * std::f64::consts::TAU
+        });
+        let speed_mps = route.speed_at(at_m);
+        points.push(RoutePoint {
+            at_m,
+            x_m: pose.position.x,
+            y_m: pose.position.y,
+            yaw_rad: pose.yaw_rad + turns,
+            speed_mps,
+        });
+    }
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Library, Overrides, read_experiment};
+    use super::*;
+
+    fn data() -> RouteData {
+        let (text, library) = Library::scenario("roundabout-coordinated").unwrap();
+        let experiment = read_experiment("here", &text, &library, Overrides::default()).unwrap();
+        RouteData::of(&experiment)
+    }
+
+    #[test]
+    fn vehicles_start_on_their_routes() {
+        for vehicle in &data().vehicles {
+            let (start, points) = (vehicle.start, &vehicle.points);
+            let axle = (start.axle_m / POINT_STEP_M).round() as usize;
+            let to_axle = glam::DVec2::new(points[axle].x_m - start.x_m, points[axle].y_m - start.y_m);
+            assert!((to_axle.length() - vehicle.body.front_axle_m).abs() < 0.02, "{}", vehicle.name);
+            assert!(points.windows(2).all(|pair| (pair[1].yaw_rad - pair[0].yaw_rad).abs() < 0.2));
+            let desired_mps = vehicle.driver.desired_speed_mps;
+            assert!(points.iter().all(|point| point.speed_mps > 0.1 && point.speed_mps <= desired_mps));
+        }
+    }
+
+    #[test]
+    fn the_paths_of_the_roundabout_merge_where_their_routes_meet() {
+        let data = data();
+        let merges = data.conflicts.iter().filter(|conflict| conflict.kind == ConflictKind::Merge);
+        let place = |id: u32, at_m: f64| {
+            let vehicle = data.vehicles.iter().find(|vehicle| vehicle.id == id).unwrap();
+            let point =
+                vehicle.points.iter().min_by(|a, b| (a.at_m - at_m).abs().total_cmp(&(b.at_m - at_m).abs()));
+            point.map(|point| glam::DVec2::new(point.x_m, point.y_m)).unwrap()
+        };
+        let mut pairs = Vec::new();
+        for merge in merges {
+            let [one, other] = merge.vehicles;
+            let [here, there] = merge.intervals_m;
+            assert!((place(one, here[1]) - place(other, there[1])).length() < 0.03, "{merge:?}");
+            // Bodies of 0.1 m begin to touch there.
+            let apart = (place(one, here[0]) - place(other, there[0])).length();
+            assert!((0.05..0.3).contains(&apart), "{merge:?}: {apart} m");
+            pairs.push((one, other));
+        }
+        assert_eq!(pairs, [(1, 4), (1, 5), (1, 6), (2, 4), (2, 5), (2, 6), (3, 4), (3, 5), (3, 6)]);
+    }
+}
