@@ -155,6 +155,8 @@ pub struct Cav {
     own_desired_mps: f64,
     /// Duration of the last control step.
     step_s: f64,
+    /// Time of the present control step.
+    now_s: f64,
     setup_speed_mps: f64,
     estimate: Option<RouteEstimate>,
     /// Off its route and on no lane in the direction of travel, as a person may drive.
@@ -211,6 +213,7 @@ impl Cav {
             heeds_others,
             own_desired_mps: setup.driver.desired_speed_mps,
             step_s: 0.0,
+            now_s: 0.0,
             setup_speed_mps: setup.speed_mps,
             estimate: None,
             is_off_route: false,
@@ -328,6 +331,7 @@ impl Cav {
     }
 
     pub(super) fn advance_to(&mut self, time_s: f64) {
+        self.now_s = time_s;
         if let Some(estimate) = &self.estimate {
             let place = estimate.at(time_s);
             (self.axle_s, self.speed_mps) = (place.axle_s, place.speed_mps);
@@ -371,6 +375,7 @@ impl Cav {
             measured_mps: self.speed_mps,
             margin_m: self.margin_m(),
             step_s: self.step_s,
+            now_s: self.now_s,
         }
     }
 

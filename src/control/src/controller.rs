@@ -3,6 +3,8 @@
 use super::cacc::{CaccGains, CaccInputs};
 use super::ploeg::{PloegGains, PloegInputs};
 use super::{DriverParams, LeaderState};
+use city3d_geometry::trig;
+use std::f64::consts::TAU;
 use std::fmt::Debug;
 
 /// Longitudinal controller: decides the acceleration along the path.
@@ -36,6 +38,8 @@ pub struct OwnMotion {
     pub margin_m: f64,
     /// Duration of the last control step; 0 in the first one.
     pub step_s: f64,
+    /// Time of the control step.
+    pub now_s: f64,
 }
 
 /// What the other members of a platoon tell a member, laboratory metres.
@@ -58,19 +62,20 @@ pub struct PlatoonBroadcast {
 /// Name of the algorithm that ignores leaders.
 pub const CRUISE: &str = "cruise";
 /// Names of all control algorithms.
-pub const CONTROLLERS: [&str; 4] = ["idm", CRUISE, "cacc", "ploeg"];
+pub const CONTROLLERS: [&str; 5] = ["idm", CRUISE, "cacc", "ploeg", "sinusoid"];
 
 /// Creates a control algorithm by name; `None` for an unknown one.
 ///
 /// `idm`: intelligent driver model within the safe speed of Gipps. `cruise`: constant speed whatever is
 /// ahead. `cacc`, `ploeg`: cooperative adaptive cruise control at constant spacing or time headway behind the predecessor
-/// in a platoon, else as `idm`.
+/// in a platoon, else as `idm`. `sinusoid`: a sinusoidal speed below the allowed one, as far as `idm` permits behind a leader.
 pub fn controller(name: &str, params: DriverParams) -> Option<Box<dyn Controller>> {
     match name {
         "idm" => Some(Box::new(Idm(params))),
         CRUISE => Some(Box::new(Cruise(params))),
         "cacc" => Some(Box::new(Cacc { alone: Idm(params), gains: CaccGains::default() })),
         "ploeg" => Some(Box::new(Ploeg { alone: Idm(params), gains: PloegGains::default() })),
+        "sinusoid" => Some(Box::new(Sinusoid(Idm(params)))),
         _ => None,
     }
 }
@@ -167,6 +172,39 @@ impl Controller for Ploeg {
     }
 }
 
+/// A speed that oscillates below the allowed one, as leaders of platoons drive in tests of string stability.
+#[derive(Debug)]
+struct Sinusoid(Idm);
+
+impl Sinusoid {
+    /// Its speed at a time: the allowed one is the highest.
+    fn speed(&self, allowed_mps: f64, time_s: f64) -> f64 {
+        let params = self.0.0;
+        let swing = trig::sin(TAU * params.frequency_hz * time_s) - 1.0;
+        (allowed_mps + params.amplitude_mps * swing).max(0.0)
+    }
+}
+
+impl Controller for Sinusoid {
+    fn acceleration(&self, own: OwnMotion, desired_mps: f64, ahead: Option<LeaderState>) -> f64 {
+        if ahead.is_some() {
+            return self.0.acceleration(own, desired_mps, ahead);
+        }
+        let params = self.0.0;
+        let step_s = own.step_s.max(LEAST_STEP_S);
+        let wanted_mps2 = (self.speed(desired_mps, own.now_s + step_s) - own.planned_mps) / step_s;
+        wanted_mps2.clamp(params.min_acceleration_mps2, params.max_acceleration_mps2)
+    }
+
+    /// It may lead one.
+    fn can_platoon(&self) -> bool {
+        true
+    }
+}
+
+/// The first control step has no duration.
+const LEAST_STEP_S: f64 = 1e-3;
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -186,6 +224,26 @@ mod tests {
         let u = |name| controller(name, DriverParams::default()).unwrap().acceleration(own, 0.35, wall);
         assert_eq!(u("idm"), -0.2);
         assert!(u("cruise") > 0.0);
+    }
+
+    #[test]
+    fn a_sinusoid_swings_below_the_allowed_speed() {
+        let params = DriverParams { amplitude_mps: 0.02, frequency_hz: 0.1, ..DriverParams::default() };
+        let driver = controller("sinusoid", params).unwrap();
+        let (step_s, mut speed_mps, mut speeds) = (0.02, 0.2, Vec::new());
+        for step in 0..1000 {
+            let now_s = f64::from(step) * step_s;
+            let own = OwnMotion { planned_mps: speed_mps, step_s, now_s, ..OwnMotion::default() };
+            speed_mps += driver.acceleration(own, 0.22, None) * step_s;
+            speeds.push(speed_mps);
+        }
+        let (low, high) = speeds.iter().fold((f64::MAX, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
+        assert!((low - 0.18).abs() < 1e-6 && (high - 0.22).abs() < 1e-6, "{low} {high}");
+        // The highest speed is that of a quarter of the period, after 2.5 s.
+        assert!((speeds[124] - 0.22).abs() < 1e-9, "{}", speeds[124]);
+        let wall = Some(LeaderState { gap_m: 0.1, speed_mps: 0.0 });
+        let own = OwnMotion { planned_mps: 0.2, measured_mps: 0.2, step_s, ..OwnMotion::default() };
+        assert_eq!(driver.acceleration(own, 0.22, wall), -0.2);
     }
 
     #[test]

@@ -34,6 +34,12 @@ pub struct DriverParams {
     /// Response time tau: delay between a decision and the motion, of link and drive together. Safe speeds
     /// and stopping distances include it.
     pub response_time_s: f64,
+    /// Amplitude of the speed of the driver `sinusoid`.
+    #[serde(default)]
+    pub amplitude_mps: f64,
+    /// Frequency of the speed of the driver `sinusoid`.
+    #[serde(default)]
+    pub frequency_hz: f64,
 }
 
 impl Default for DriverParams {
@@ -48,6 +54,8 @@ impl Default for DriverParams {
             exponent: 4.0,
             lateral_acceleration_mps2: 0.12,
             response_time_s: 0.3,
+            amplitude_mps: 0.0,
+            frequency_hz: 0.0,
         }
     }
 }
@@ -138,6 +146,7 @@ mod tests {
             exponent: 4.0,
             lateral_acceleration_mps2: 3.0,
             response_time_s: 0.0,
+            ..DriverParams::default()
         }
     }
 

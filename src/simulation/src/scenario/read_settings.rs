@@ -121,6 +121,8 @@ fn stated_drivers(root: &TableFields<'_, '_>, library: &Library) -> NamedDrivers
         fields.number("standstill_gap_m", 0.005..=1.0, &mut params.standstill_gap_m);
         fields.number("exponent", 1.0..=10.0, &mut params.exponent);
         fields.number("lateral_acceleration_mps2", 0.001..=10.0, &mut params.lateral_acceleration_mps2);
+        fields.number("amplitude_mps", 0.0..=1.0, &mut params.amplitude_mps);
+        fields.number("frequency_hz", 0.0..=5.0, &mut params.frequency_hz);
         fields.finish();
         drivers.insert(name.get_ref().to_string(), (controller, params));
     }
