@@ -81,13 +81,12 @@ class Car:
         return low + (place - k) * (high - low)
 
     def measure(self, pose):
-        """Where the front axle is along the route: the nearest point to the measured pose."""
+        """Finds the front axle along the route: the nearest point to the measured pose."""
         yaw = 2.0 * math.atan2(pose.qz, pose.qw)
         x, y = pose.x + self.front_axle * math.cos(yaw), pose.y + self.front_axle * math.sin(yaw)
         near = [p for p in self.points if abs(p[0] - self.place) < 0.5]
         at, px, py, heading, _ = min(near, key=lambda p: math.hypot(p[1] - x, p[2] - y))
         self.place = at + (x - px) * math.cos(heading) + (y - py) * math.sin(heading)
-        return self.place
 
     def front_at(self, place):
         return self.plan.time_at(place - self.overhang)
@@ -218,14 +217,13 @@ class Coordinator:
 
     def step(self, poses):
         """Takes measured poses; a car that is off its plan, and all behind it, get others."""
-        now, late = poses.time, None
+        now = poses.time
         for car in self.cars.values():
-            place = car.measure(poses.vehicles[car.number])
-            if abs(place - car.plan.at(now)[0]) > self.rules["tolerance_m"]:
-                late = car if late is None or late not in self.order else late
+            car.measure(poses.vehicles[car.number])
         self.enter(now)
-        if late in self.order:
-            for car in self.order[self.order.index(late):]:
+        late = [abs(car.place - car.plan.at(now)[0]) > self.rules["tolerance_m"] for car in self.order]
+        if any(late):
+            for car in self.order[late.index(True):]:
                 self.schedule(car, now)
 
     def points(self, car, now):

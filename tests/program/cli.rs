@@ -444,6 +444,26 @@ fn check_lists_the_lanes_that_routes_can_name() {
 }
 
 #[test]
+fn check_gives_routes_and_conflicts_as_data() {
+    let output = city3d(&root(), &["check", "--json", "--routes", "roundabout-coordinated"]);
+    let line: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let vehicles = line["routes"]["vehicles"].as_array().unwrap();
+    let names: Vec<_> = vehicles.iter().filter_map(|vehicle| vehicle["name"].as_str()).collect();
+    assert_eq!(names, ["path1_a", "path1_b", "path1_c", "path2_a", "path2_b", "path2_c"]);
+    assert_eq!(vehicles[0]["start"]["axle_m"], 0.42);
+    assert_eq!(vehicles[0]["driver"]["min_acceleration_mps2"], -0.2);
+    assert_eq!(vehicles[3]["passages"][0]["zone"], "west-roundabout");
+    assert!(
+        line["routes"]["conflicts"].as_array().unwrap().iter().any(|conflict| conflict["kind"] == "merge")
+    );
+    // A map alone has the conflicts of its lanes, and they are those of the scenario's map.
+    let output = city3d(&root(), &["check", "--json", "--routes", "ids3c"]);
+    let map: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert!(map["routes"].is_null() && map["lane_conflicts"] == line["lane_conflicts"]);
+    assert_eq!(map["lane_conflicts"][0]["lanes"].as_array().unwrap().len(), 2);
+}
+
+#[test]
 fn a_folder_that_cannot_be_written_fails_with_its_name() {
     let out = tempfile::tempdir().unwrap();
     std::fs::write(out.path().join("file"), "").unwrap();
