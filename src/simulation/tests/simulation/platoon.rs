@@ -1,7 +1,7 @@
 //! Platoons and drivers of one's own in whole runs.
 
 use city3d_control::coordination::platoon::PlatoonRole;
-use city3d_protocol::snapshot::VehicleId;
+use city3d_protocol::snapshot::{EventKind, VehicleId};
 use city3d_roadmap::dxf::{Drawing, EntityShape};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
@@ -73,6 +73,60 @@ fn a_platoon_forms_and_keeps_its_spacing_or_its_headway() {
         }
     }
 }
+
+/// The experiment of the shipped scenario: from when on the speeds are compared, and until when.
+const SETTLED_S: f64 = 60.0;
+const UNTIL_S: f64 = 140.0;
+
+/// The gain of each car of the shipped scenario: the Fourier component of its true speed at the leader's frequency, over that of the
+/// car ahead, from front to back.
+fn gains(controller: &str, frequency_hz: f64, overrides: Overrides) -> Vec<f64> {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../");
+    let text = std::fs::read_to_string(format!("{root}scenarios/platoon.toml")).unwrap();
+    let text = text
+        .replace("map = \"road\"", &format!("map = \"{root}assets/maps/road.dxf\""))
+        .replace("controller = \"cacc\"", &format!("controller = \"{controller}\""))
+        .replace("frequency_hz = 0.1", &format!("frequency_hz = {frequency_hz}"));
+    let experiment = read_experiment("platoon", &text, &Library::default(), overrides);
+    let mut run = Run::new(Arc::new(experiment.unwrap_or_else(|error| panic!("{error}")))).unwrap();
+    let mut sums = vec![(0.0_f64, 0.0_f64); run.snapshot().vehicles.len()];
+    while run.snapshot().time_s < UNTIL_S - 1e-9 {
+        let snapshot = run.step();
+        let told = &snapshot.events;
+        assert!(!told.iter().any(|event| matches!(event.kind, EventKind::Collision { .. })), "{told:?}");
+        if snapshot.time_s <= SETTLED_S {
+            continue;
+        }
+        let phase = std::f64::consts::TAU * frequency_hz * snapshot.time_s;
+        for (sum, state) in sums.iter_mut().zip(&snapshot.vehicles) {
+            *sum = (sum.0 + state.speed_mps * phase.cos(), sum.1 + state.speed_mps * phase.sin());
+        }
+    }
+    let amplitudes: Vec<f64> = sums.iter().map(|(c, s)| c.hypot(*s)).collect();
+    amplitudes.windows(2).map(|pair| pair[1] / pair[0]).collect()
+}
+
+/// Prints a row of the table in docs/coordination.md; `cargo nextest run --no-capture` shows it.
+fn row_of_table(name: &str, frequency_hz: f64, gains: &[f64]) {
+    let last: f64 = gains.iter().product();
+    let (low, high) = gains.iter().fold((f64::MAX, 0.0_f64), |(l, h), gain| (l.min(*gain), h.max(*gain)));
+    println!("{name} {frequency_hz} Hz: {low:.3} to {high:.3} a car, {last:.3} from first to last");
+}
+
+#[test]
+fn behind_an_oscillating_leader_no_platoon_amplifies() {
+    for controller in ["cacc", "ploeg", "idm"] {
+        for frequency_hz in [0.05, 0.1, 0.2] {
+            let gains = gains(controller, frequency_hz, Overrides::default());
+            row_of_table(controller, frequency_hz, &gains);
+            let most = gains.iter().fold(0.0, |most, gain| f64::max(most, *gain));
+            assert!(most <= 1.0 + TRACKED, "{controller} at {frequency_hz} Hz: {gains:?}");
+        }
+    }
+}
+
+/// What tracking adds to a gain.
+const TRACKED: f64 = 0.02;
 
 #[test]
 fn without_the_table_their_controllers_drive_as_idm_to_the_last_bit() {
