@@ -46,7 +46,7 @@ impl Default for Layers {
 /// Sampling step of lines on the ground.
 const STEP_M: f64 = 2.0;
 /// Opacity of control zones: the road stays visible below, also where lanes cross.
-const ZONE_TINT: f32 = 0.25;
+const ZONE_TINT: f32 = 0.18;
 /// Largest distance of a label.
 const LABELS_WITHIN_M: f64 = 250.0;
 

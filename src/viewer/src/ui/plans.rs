@@ -4,14 +4,16 @@ use super::control_zones::zone_colour;
 use super::layers::Canvas;
 use super::{UiState, ViewModel};
 use city3d_protocol::snapshot::VehicleId;
-use city3d_session::{CoordinationState, NoPlan, PlannedPassage};
-use egui::{Color32, Grid, Pos2, Rect, RichText, Stroke, Ui};
+use city3d_session::{CoordinationState, NoPlan, PlannedPassage, PlannedPlace};
+use egui::{Color32, Grid, Pos2, Rect, RichText, Stroke, Ui, Vec2};
 use glam::DVec3;
 
 /// Height of what is painted over the road.
 const ABOVE_ROAD_M: f64 = 0.1;
 /// Half the width of the bar at the entry of the junction.
 const BAR_HALF_M: f64 = 1.9;
+/// From a dot to its number, points.
+const BESIDE_DOT: Vec2 = Vec2::new(20.0, 0.0);
 /// Height of a row of times at an entry, points, and the most rows.
 const ROW: f32 = 17.0;
 const ROWS: u8 = 5;
@@ -28,13 +30,16 @@ pub(super) fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>)
         coordination.vehicles.iter().filter_map(|vehicle| Some((vehicle.id, vehicle.plan.as_ref().ok()?)));
     let mut planned: Vec<_> = planned.collect();
     planned.sort_by(|a, b| a.1.enters_s.total_cmp(&b.1.enters_s));
+    for (id, plan) in &planned {
+        way(canvas, plan, (colour(shown, *id), selected == Some(*id)));
+    }
     let mut taken: Vec<Rect> = Vec::new();
     for (id, plan) in planned.iter().filter(|(_, plan)| plan.enters_s > now_s) {
         let text = format!("{id} in {:.1} s", plan.enters_s - now_s);
         entry(canvas, plan, (colour(shown, *id), &text), &mut taken);
     }
-    for (id, plan) in planned {
-        way(canvas, plan, (colour(shown, id), selected == Some(id)), &mut taken);
+    if let Some((_, plan)) = planned.iter().find(|(id, _)| Some(*id) == selected) {
+        seconds(canvas, plan, &mut taken);
     }
 }
 
@@ -46,31 +51,36 @@ fn colour(shown: &ViewModel<'_>, id: VehicleId) -> Color32 {
     Color32::from_rgb(lift(r), lift(g), lift(b))
 }
 
-fn way(
-    canvas: &Canvas<'_>,
-    plan: &PlannedPassage,
-    (colour, is_selected): (Color32, bool),
-    taken: &mut Vec<Rect>,
-) {
-    let places: Vec<(f64, Option<Pos2>)> = plan
-        .places
-        .iter()
-        .map(|place| (place.in_s, canvas.place(place.pose.position.extend(ABOVE_ROAD_M))))
-        .collect();
+/// The way to the exit, with a dot every second.
+fn way(canvas: &Canvas<'_>, plan: &PlannedPassage, (colour, is_selected): (Color32, bool)) {
+    let places: Vec<_> = plan.places.iter().map(|place| (place, on_screen(canvas, place))).collect();
     let stroke = Stroke::new(if is_selected { 3.0 } else { 1.5 }, colour.gamma_multiply(0.8));
     for pair in places.windows(2) {
         if let [(_, Some(from)), (_, Some(to))] = *pair {
             canvas.painter().line_segment([from, to], stroke);
         }
     }
-    for (in_s, at) in places {
-        let Some(at) = at.filter(|_| in_s > 0.0 && in_s.fract() == 0.0) else { continue };
-        let radius = if is_selected { 4.0 } else { 2.5 };
+    let radius = if is_selected { 4.0 } else { 2.5 };
+    for at in places.iter().filter(|(place, _)| is_second(place)).filter_map(|(_, at)| *at) {
         canvas.painter().circle(at, radius, colour, Stroke::new(1.0, Color32::from_black_alpha(160)));
-        if is_selected {
-            canvas.text(at + egui::vec2(0.0, -12.0), &format!("{in_s:.0} s"), Color32::WHITE, taken);
+    }
+}
+
+/// Numbers the seconds, beside the dots.
+fn seconds(canvas: &Canvas<'_>, plan: &PlannedPassage, taken: &mut Vec<Rect>) {
+    for place in plan.places.iter().filter(|place| is_second(place)) {
+        if let Some(at) = on_screen(canvas, place) {
+            canvas.text(at + BESIDE_DOT, &format!("{:.0} s", place.in_s), Color32::WHITE, taken);
         }
     }
+}
+
+fn is_second(place: &PlannedPlace) -> bool {
+    place.in_s > 0.0 && place.in_s.fract() == 0.0
+}
+
+fn on_screen(canvas: &Canvas<'_>, place: &PlannedPlace) -> Option<Pos2> {
+    canvas.place(place.pose.position.extend(ABOVE_ROAD_M))
 }
 
 /// The bar where a vehicle enters the first conflict, with the time; those of one entry stand above one another.
@@ -216,7 +226,7 @@ fn order(coordination: &CoordinationState, zone: usize, shown: &ViewModel<'_>) -
         let name = info.map_or_else(|| vehicle.id.to_string(), |info| info.name.clone());
         let when = match &vehicle.plan {
             Ok(_) if *enters_s > now_s => format!("in {:.1} s", enters_s - now_s),
-            Ok(_) => "now".to_owned(),
+            Ok(_) => "in the junction".to_owned(),
             Err(why) => format!("({})", why_not(*why)),
         };
         format!("{name} {when}")

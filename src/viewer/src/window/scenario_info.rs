@@ -42,11 +42,7 @@ impl ScenarioInfo {
                     (v.id, SteeringGeometry { wheelbase_m, steering_limit_rad: v.spec.steering_limit_rad })
                 })
                 .collect(),
-            control_zones: ControlZoneArea::all(
-                &experiment.city_map,
-                &experiment.control_zones,
-                experiment.scale,
-            ),
+            control_zones: ControlZoneArea::all(experiment),
             walls: SceneDescription::walls_of(&experiment.city_map),
             own: vehicles().find(|v| v.is_human).map(|v| v.id),
             has_control_data: true,

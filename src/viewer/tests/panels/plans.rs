@@ -24,8 +24,7 @@ fn coordinated() -> Desk {
     }
     let mut desk = Desk::with(run.snapshot().clone());
     (desk.traffic, desk.map) = (traffic, Arc::clone(&experiment.city_map));
-    let zones = &experiment.control_zones;
-    desk.control_zones = ControlZoneArea::all(&experiment.city_map, zones, experiment.scale);
+    desk.control_zones = ControlZoneArea::all(&experiment);
     let told = CoordinationState::of(run.mainframe(), &experiment, run.snapshot().time_s);
     desk.run_state.coordination = told.map(Arc::new);
     desk
