@@ -225,6 +225,20 @@ impl SharedWay {
         most
     }
 
+    /// Whether the other vehicle passes behind the own one, with whatever gap.
+    pub fn goes_behind(
+        &self,
+        gaps: &PlanGaps,
+        own: &PlannedMotion<'_>,
+        other: &PlannedMotion<'_>,
+        until_m: f64,
+    ) -> bool {
+        match self.is_behind {
+            Some(is_behind) => !is_behind,
+            None => self.lack_ahead(gaps, own, other, until_m) < self.lack_behind(gaps, own, other, until_m),
+        }
+    }
+
     /// Crossings, and merges where they are for one vehicle at a time.
     fn exclusive_lanes(&self, gaps: &PlanGaps) -> impl Iterator<Item = ([f64; 2], [f64; 2])> {
         let merges = self.following.iter().filter(|_| gaps.merges_one_by_one).filter(|way| way.is_merge);

@@ -36,6 +36,8 @@ pub struct CoordinatedState {
     pub is_behind_uncoordinated: bool,
     /// The present control step follows the plan, limited by nothing else.
     pub follows_plan: bool,
+    /// The plan that was dropped in this control step: it has its place in the order.
+    pub(super) dropped: Option<MotionPlan>,
 }
 
 /// A plan that is left sooner than this after it was made says that the vehicle does not follow plans.
@@ -129,6 +131,7 @@ impl ZoneCoordination {
             if vehicles.near.iter().any(is_asking) || self.coordinator.is_due(now_s) {
                 let counts = &mut self.counts[zone];
                 let mut view = ZoneView::new(now_s, vehicles, &self.params, cavs, counts);
+                view.plan_again_in_order();
                 self.coordinator.schedule(&mut view);
                 view.refuse_rest();
             }
@@ -154,6 +157,7 @@ impl ZoneCoordination {
         let is_on_route = cav.is_on_route();
         let (front_s, axle_s, body) = (cav.front_s(), cav.axle_s(), cav.body);
         let state = &mut cav.coordination;
+        state.dropped = None;
         state.is_distrusted &= now_s < state.trusted_from_s;
         if !is_on_route {
             (state.inside, state.plan, state.found_at) = (None, None, None);
@@ -175,9 +179,9 @@ impl ZoneCoordination {
         }
     }
 
-    /// Drops the plan of a vehicle that is not where the plan has it.
+    /// Drops the plan of a vehicle that is not where the plan has it, or delays it where the vehicle is between conflicts.
     fn drop_left_plan(&mut self, now_s: f64, cav: &mut Cav) {
-        let axle_s = cav.axle_s();
+        let (axle_s, front_s) = (cav.axle_s(), cav.front_s());
         let is_lost = cav.is_lost();
         let state = &mut cav.coordination;
         let (Some(plan), Some(way)) = (&state.plan, state.inside) else { return };
@@ -192,8 +196,17 @@ impl ZoneCoordination {
         if state.distrust > MOST_DISTRUST || is_lost {
             (state.distrust, state.is_distrusted, state.trusted_from_s) = (0, true, now_s + DISTRUSTED_S);
         }
-        self.counts[state.passages[way.0].zone].replans += 1;
-        state.plan = None;
+        let way = &state.passages[way.0];
+        self.counts[way.zone].replans += 1;
+        // Between the conflicts nothing is left to choose: a late vehicle goes on, and the others go by it.
+        let goes_on = deviation_m > 0.0 && front_s >= way.from_s && !state.is_distrusted;
+        match &mut state.plan {
+            Some(plan) if goes_on => {
+                plan.delay(now_s - plan.time_at(axle_s));
+                state.planned_s = now_s;
+            }
+            _ => state.dropped = state.plan.take(),
+        }
     }
 
     /// Drops plans whose gaps to others no longer hold: somebody left a plan, or a vehicle without one does what was not
@@ -205,23 +218,13 @@ impl ZoneCoordination {
                 continue;
             }
             let Some(way) = state.passage() else { continue };
-            let (zone, until_m) = (way.zone, way.to_s);
-            let lack_s = {
-                let request = request_of(now_s, &self.params, &cavs[index]);
-                let heeded = self.vehicles[zone].heeded((now_s, &self.params), cavs, index, |_| false);
-                match (&cavs[index].coordination.plan, request) {
-                    (Some(plan), Some(request)) => {
-                        let gaps = self.params.gaps(&cavs[index]);
-                        request.lack(&gaps, &heeded, plan, until_m, REVIEW_TOLERANCE_S)
-                    }
-                    _ => 0.0,
-                }
-            };
+            let zone = way.zone;
+            let keeps_gaps = self.vehicles[zone].keeps_gaps((now_s, &self.params), cavs, index);
             let state = &mut cavs[index].coordination;
             state.reviewed_s = now_s + self.params.replan_s;
-            if lack_s > REVIEW_TOLERANCE_S {
+            if !keeps_gaps {
                 self.counts[zone].replans += 1;
-                state.plan = None;
+                state.dropped = state.plan.take();
                 state.asks_from_s = now_s;
             }
         }
@@ -271,7 +274,7 @@ struct NearVehicle {
 
 /// The vehicles near a zone in one control step, in id order.
 #[derive(Debug)]
-struct ZoneVehicles {
+pub(super) struct ZoneVehicles {
     zone: usize,
     near: Vec<NearVehicle>,
     /// Pairs that were compared so far.
@@ -330,9 +333,29 @@ impl ZoneVehicles {
         };
         self.near.iter().filter(|near| near.vehicle != index).filter_map(heed).collect()
     }
+
+    /// Whether a vehicle's plan has its gaps to what others plan or are expected to do.
+    pub(super) fn keeps_gaps(
+        &self,
+        (now_s, params): (f64, &CoordinationParams),
+        cavs: &[Cav],
+        index: usize,
+    ) -> bool {
+        let cav = &cavs[index];
+        let (Some(plan), Some(way)) = (&cav.coordination.plan, cav.coordination.passage()) else {
+            return true;
+        };
+        let Some(request) = request_of(now_s, params, cav) else { return true };
+        let (gaps, own) =
+            (params.gaps(cav), PlannedMotion { route: &cav.route, body: cav.body, plan, latest: plan });
+        let mut heeded = self.heeded((now_s, params), cavs, index, |_| false);
+        // Who has a plan behind this one keeps the gap, or gets another plan.
+        heeded.retain(|other| !(other.is_planned() && other.goes_behind(&gaps, &own, way.to_s)));
+        request.lack(&gaps, &heeded, plan, way.to_s, REVIEW_TOLERANCE_S) <= REVIEW_TOLERANCE_S
+    }
 }
 
-fn position_of(cav: &Cav) -> RoutePosition<'_> {
+pub(super) fn position_of(cav: &Cav) -> RoutePosition<'_> {
     RoutePosition { route: &cav.route, body: cav.body, front_s: cav.front_s() }
 }
 
@@ -407,12 +430,12 @@ pub struct Grant {
 /// A control zone as an algorithm sees it.
 #[derive(Debug)]
 pub struct ZoneView<'a> {
-    now_s: f64,
-    vehicles: &'a ZoneVehicles,
-    params: &'a CoordinationParams,
-    cavs: &'a mut [Cav],
+    pub(super) now_s: f64,
+    pub(super) vehicles: &'a ZoneVehicles,
+    pub(super) params: &'a CoordinationParams,
+    pub(super) cavs: &'a mut [Cav],
     requests: Vec<CoordinationRequest>,
-    counts: &'a mut ZoneCounts,
+    pub(super) counts: &'a mut ZoneCounts,
 }
 
 impl<'a> ZoneView<'a> {
@@ -447,6 +470,11 @@ impl<'a> ZoneView<'a> {
     /// Index of the zone.
     pub fn zone(&self) -> usize {
         self.vehicles.zone
+    }
+
+    /// The way of a vehicle through this zone, if it is on one.
+    pub(super) fn passage_here(&self, vehicle: usize) -> Option<&Passage> {
+        self.cavs[vehicle].coordination.passage().filter(|way| way.zone == self.zone())
     }
 
     /// Vehicles without a plan, in id order.
@@ -486,16 +514,30 @@ impl<'a> ZoneView<'a> {
     /// # Errors
     /// When no plan keeps bounds and gaps; the vehicle then drives by the rules of the road and asks again.
     pub fn grant(&mut self, vehicle: usize, grant: Grant) -> Result<&MotionPlan, Infeasible> {
+        let entered_s =
+            |cavs: &[Cav], index: usize| cavs[index].coordination.inside.map_or(0.0, |(_, time_s)| time_s);
+        let goes_first = |cavs: &[Cav], other: usize| {
+            !grant.fills_gaps && (entered_s(cavs, other), other) < (entered_s(cavs, vehicle), vehicle)
+        };
+        self.plan_behind(vehicle, grant.not_before_s, goes_first)
+    }
+
+    /// Plans a vehicle behind those that go first, and keeps the plan.
+    pub(super) fn plan_behind(
+        &mut self,
+        vehicle: usize,
+        not_before_s: f64,
+        goes_first: impl Fn(&[Cav], usize) -> bool,
+    ) -> Result<&MotionPlan, Infeasible> {
         let plan = {
-            let cav = &self.cavs[vehicle];
-            let entered_s =
-                |index: usize| self.cavs[index].coordination.inside.map_or(0.0, |(_, time_s)| time_s);
-            let goes_first =
-                |other: usize| !grant.fills_gaps && (entered_s(other), other) < (entered_s(vehicle), vehicle);
-            let heeded = self.vehicles.heeded((self.now_s, self.params), self.cavs, vehicle, goes_first);
+            let cavs = &*self.cavs;
+            let cav = &cavs[vehicle];
+            let heeded = self
+                .vehicles
+                .heeded((self.now_s, self.params), cavs, vehicle, |other| goes_first(cavs, other));
             let request = request_of(self.now_s, self.params, cav)
                 .ok_or(Infeasible { section: cav.passage.next_section })?;
-            request.plan(&self.params.gaps(cav), &heeded, grant.not_before_s)?
+            request.plan(&self.params.gaps(cav), &heeded, not_before_s)?
         };
         self.requests.retain(|request| request.vehicle != vehicle);
         self.counts.plans += 1;
@@ -506,10 +548,10 @@ impl<'a> ZoneView<'a> {
 
     /// Takes a plan back, for [`ZoneView::restore`] or another [`ZoneView::grant`].
     pub fn revoke(&mut self, vehicle: usize) -> Option<MotionPlan> {
-        let plan = self.cavs[vehicle].coordination.plan.take();
+        let plan = self.cavs[vehicle].coordination.plan.take()?;
         self.requests.extend(self.request(vehicle));
         self.requests.sort_by_key(|request| request.vehicle);
-        plan
+        Some(plan)
     }
 
     /// Gives back a plan that was revoked in this step.

@@ -20,6 +20,7 @@ mod planner;
 pub mod platoon;
 pub mod predict;
 pub mod queueing;
+mod replacement;
 mod scheduler;
 mod zone;
 

@@ -132,6 +132,16 @@ pub enum Piece {
 }
 
 impl Piece {
+    fn delay(&mut self, by_s: f64) {
+        match self {
+            Self::Cubic(cubic) => {
+                cubic.from_s += by_s;
+                cubic.to_s += by_s;
+            }
+            Self::Profile(drive) => drive.nodes.iter_mut().for_each(|node| node.time_s += by_s),
+        }
+    }
+
     fn begins_s(&self) -> f64 {
         match self {
             Self::Cubic(cubic) => cubic.from_s,
@@ -214,6 +224,13 @@ impl MotionPlan {
         self.end
     }
 
+    /// Delays the whole motion by a time, seconds.
+    pub fn delay(&mut self, by_s: f64) {
+        self.pieces.iter_mut().for_each(|piece| piece.delay(by_s));
+        self.starts.iter_mut().for_each(|start| start.time_s += by_s);
+        self.end.time_s += by_s;
+    }
+
     /// The motion at a time. Before the start it stands there; after the end the speed of the end goes on.
     pub fn at(&self, time_s: f64) -> MotionState {
         let (start, end) = (self.start(), self.end());
@@ -281,6 +298,28 @@ mod tests {
             assert!((-0.1201..=0.1001).contains(&u), "{u}");
         }
         assert!((Piece::Profile(drive).end().speed_mps - 0.15).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_delayed_plan_is_the_same_motion_later() {
+        let cubic = Cubic::with_free_exit(start(0.3), 3.0, 3.0 + 8.0);
+        let mut plan = MotionPlan::new(vec![Piece::Cubic(cubic)]);
+        let drive = ProfileDrive::new(plan.end(), 6.0, style(0.35), |_| 1.0);
+        plan.push(Piece::Profile(drive));
+        let before = plan.clone();
+        plan.delay(0.25);
+        for position_m in [0.5, 2.9, 3.0, 4.7, 6.0] {
+            assert!(
+                (plan.time_at(position_m) - before.time_at(position_m) - 0.25).abs() < 1e-9,
+                "{position_m}"
+            );
+        }
+        for time_s in [4.0, 9.0, 14.0, 30.0] {
+            let (late, sooner) = (plan.at(time_s + 0.25), before.at(time_s));
+            assert!((late.position_m - sooner.position_m).abs() < 1e-9, "{time_s}");
+            assert!((late.speed_mps - sooner.speed_mps).abs() < 1e-9, "{time_s}");
+        }
+        assert!((plan.end().time_s - before.end().time_s - 0.25).abs() < 1e-12);
     }
 
     #[test]

@@ -278,6 +278,16 @@ fn soonest_between(
 }
 
 impl Heeded<'_> {
+    /// Whether its motion is planned, not predicted between a soonest and a latest one.
+    pub(super) fn is_planned(&self) -> bool {
+        std::ptr::eq(self.motion.plan, self.motion.latest)
+    }
+
+    /// Whether it passes what both share behind an own plan, with whatever gap.
+    pub(super) fn goes_behind(&self, gaps: &PlanGaps, own: &PlannedMotion<'_>, until_m: f64) -> bool {
+        self.shared.goes_behind(gaps, own, &self.motion, until_m)
+    }
+
     /// By how much an own plan is too soon for the gap to this vehicle, seconds; 0 or less if it is ahead of it or far
     /// enough behind.
     pub fn lack(&self, gaps: &PlanGaps, own: &PlannedMotion<'_>, until_m: f64, tolerance_s: f64) -> f64 {

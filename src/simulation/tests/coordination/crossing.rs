@@ -123,11 +123,11 @@ fn of_two_that_cross_the_second_enters_its_gap_after_the_first_has_left() {
 #[test]
 fn where_merges_are_for_one_at_a_time_the_second_waits_for_the_first_to_leave() {
     let turning = "[\"avenue-1/north/1\", \"street-1/east/2\"]";
-    // The way of the second is shorter: it goes first, and the other one behind it.
+    // The first reaches its first conflict sooner, which is before the merge: it goes first.
     let passed = drive(&pair(1, 2, turning, "one-by-one"));
-    let gap_s = passed.gap_s(1, 0);
+    let gap_s = passed.gap_s(0, 1);
     assert!((gap_s - LATERAL_GAP_S).abs() < 0.02, "{gap_s}");
     // Following in the merge is sooner.
     let following = drive(&pair(1, 2, turning, "following"));
-    assert!(following.gap_s(1, 0) < gap_s - 0.2, "{}", following.gap_s(1, 0));
+    assert!(following.gap_s(0, 1) < gap_s - 0.2, "{}", following.gap_s(0, 1));
 }
