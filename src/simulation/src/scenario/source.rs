@@ -13,15 +13,26 @@ const LARGEST_FILE_BYTES: u64 = 64 << 20;
 /// Largest scenario that is read: parsed, it takes many times the memory.
 pub const LARGEST_SCENARIO_BYTES: u64 = 8 << 20;
 
-const SCENARIOS: [(&str, &str); 6] = [
+const SCENARIOS: [(&str, &str); 11] = [
     ("roundabout", include_str!("../../../../scenarios/roundabout.toml")),
     ("roundabout-coordinated", include_str!("../../../../scenarios/roundabout-coordinated.toml")),
+    ("intersection", include_str!("../../../../scenarios/intersection.toml")),
+    ("intersection-signals", include_str!("../../../../scenarios/intersection-signals.toml")),
+    ("corridor", include_str!("../../../../scenarios/corridor.toml")),
+    ("merge", include_str!("../../../../scenarios/merge.toml")),
+    ("platoon", include_str!("../../../../scenarios/platoon.toml")),
     ("mixed", include_str!("../../../../scenarios/mixed.toml")),
     ("city", include_str!("../../../../scenarios/city.toml")),
     ("straight", include_str!("../../../../scenarios/straight.toml")),
     ("student", include_str!("../../../../scenarios/student.toml")),
 ];
-const MAPS: [(&str, &[u8]); 1] = [("ids3c", include_bytes!("../../../../assets/maps/ids3c.dxf"))];
+const MAPS: [(&str, &[u8]); 5] = [
+    ("ids3c", include_bytes!("../../../../assets/maps/ids3c.dxf")),
+    ("crossing", include_bytes!("../../../../assets/maps/crossing.dxf")),
+    ("corridor", include_bytes!("../../../../assets/maps/corridor.dxf")),
+    ("merge", include_bytes!("../../../../assets/maps/merge.dxf")),
+    ("road", include_bytes!("../../../../assets/maps/road.dxf")),
+];
 
 /// A file that cannot be loaded.
 #[derive(Debug, Error)]

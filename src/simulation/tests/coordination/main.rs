@@ -9,4 +9,5 @@
 mod crossing;
 mod disturbed;
 mod roundabout;
+mod studies;
 mod support;
