@@ -1,0 +1,119 @@
+#!/bin/sh
+# The experiments of coordination: the roundabout, an intersection under every controller, human drivers among automated
+# vehicles, planning again, a corridor and a merge, each in the ideal environment and in the testbed emulator.
+# Usage: scripts/coordination.sh [FOLDER] [SEEDS] [EXPERIMENT ...]; docs/coordination.md has what came out.
+set -eu
+cd "$(dirname "$0")/.."
+out=${1:-out/coordination}
+seeds=${2:-1..20}
+[ $# -ge 2 ] && shift 2 || shift $#
+[ $# -gt 0 ] || set -- roundabout intersection penetration replanning corridor merge
+# Another program than that of this folder: CITY3D=/usr/bin/city3d scripts/coordination.sh
+city3d=${CITY3D:-}
+if [ -z "$city3d" ]; then
+    cargo build --release --locked
+    city3d=${CARGO_TARGET_DIR:-target}/release/city3d
+fi
+mkdir -p "$out/scenarios"
+
+# One line for each value of the first column of a table: means over seeds, half the width of their 95 % interval
+# (Student's t for 20 runs) for the delay.
+figures() {
+    awk -F, -v name="$1" '
+        NR == 1 { for (k = 1; k <= NF; k++) column[$k] = k; next }
+        { key = $1; if (!(key in n)) keys[++count] = key
+          n[key]++; delay = $column["mean_delay_s"] + 0; sum[key] += delay; squares[key] += delay * delay
+          travel[key] += $column["mean_travel_s"]; flow[key] += $column["throughput_per_h"]; stops[key] += $column["slow_stops"]
+          u2[key] += $column["int_u2_m2ps3"]; fuel[key] += $column["fuel_ml"]; cruise[key] += $column["fuel_with_cruise_ml"]
+          passed[key] += $column["passages"]; collisions[key] += $column["collisions"] }
+        END { for (k = 1; k <= count; k++) { key = keys[k]; m = sum[key] / n[key]
+          spread = squares[key] / n[key] - m * m; if (spread < 0) spread = 0
+          ci = n[key] > 1 ? 2.093 * sqrt(spread / (n[key] - 1)) : 0
+          printf "%-24s %6s  delay %7.3f +- %.3f s  travel %6.2f s  flow %5.0f /h  stops %6.1f  u2 %.4f m2/s3  fuel %.1f / %.1f mL  passages %.0f  collisions %d\n",
+              name, key, m, ci, travel[key] / n[key], flow[key] / n[key], stops[key] / n[key], u2[key] / n[key],
+              fuel[key] / n[key], cruise[key] / n[key], passed[key] / n[key], collisions[key] } }' "$2/sweep.csv"
+}
+
+# sweep NAME SCENARIO OPTION ...
+sweep() {
+    name=$1 scenario=$2
+    shift 2
+    "$city3d" sweep "$scenario" --out "$out/$name" --force --seeds "$seeds" "$@" >/dev/null
+    figures "$name" "$out/$name"
+}
+
+roundabout() {
+    for scenario in roundabout roundabout-coordinated; do
+        for environment in ideal testbed; do
+            "$city3d" run "$scenario" --environment "$environment" --out "$out/$scenario-$environment" --force
+            "$city3d" plot "$out/$scenario-$environment/run.mcap" --out "$out/$scenario-$environment/figures" --force >/dev/null
+        done
+        "$city3d" sweep "$scenario" --environment testbed --seeds 1..50 --out "$out/$scenario-seeds" --force >/dev/null
+        figures "$scenario-seeds" "$out/$scenario-seeds"
+    done
+}
+
+# Who goes first at an intersection, at 600 to 1800 vehicles an hour in all.
+intersection() {
+    { cat scenarios/intersection.toml
+      printf '\n[right_of_way]\nall_way_stop = ["junction-1-1"]\nfull_stop = true\n'; } \
+        | sed 's/^algorithm = .*/algorithm = "none"/' >"$out/scenarios/all-way-stop.toml"
+    for environment in ideal testbed; do
+        rates=150,225,300,375,450
+        [ "$environment" = ideal ] || rates=150,225,300
+        for algorithm in none fifo insert priority replan; do
+            sweep "$algorithm-$environment" intersection --environment "$environment" \
+                --set "inflow.*.rate_veh_h=$rates" --set "coordination.algorithm=$algorithm"
+        done
+        sweep "all-way-stop-$environment" "$out/scenarios/all-way-stop.toml" --environment "$environment" \
+            --set "inflow.*.rate_veh_h=$rates"
+        for kind in webster actuated; do
+            sweep "$kind-$environment" intersection-signals --environment "$environment" \
+                --set "inflow.*.rate_veh_h=$rates" --set "signal.1.kind=$kind"
+        done
+    done
+}
+
+# Human drivers among automated vehicles, 1200 vehicles an hour.
+penetration() {
+    for environment in ideal testbed; do
+        sweep "penetration-$environment" intersection --environment "$environment" \
+            --set "inflow.*.share_cav=0,0.2,0.4,0.6,0.8,1" --set "inflow.*.rate_veh_h=300"
+    done
+}
+
+# Planning once and planning again, with the values of Le and Malikopoulos (2025): 20 m/s, 3 and -4 m/s2, 250 m of road,
+# 2 s between crossing vehicles; everybody drives straight on.
+replanning() {
+    sed -e 's/^destinations = .*"street-1\/east\/2" = 3.*/destinations = ["street-1\/east\/2"]/' \
+        -e 's/^destinations = .*"avenue-1\/north\/2" = 3.*/destinations = ["avenue-1\/north\/2"]/' \
+        -e 's/^destinations = .*"street-1\/west\/2" = 3.*/destinations = ["street-1\/west\/2"]/' \
+        -e 's/^destinations = .*"avenue-1\/south\/2" = 3.*/destinations = ["avenue-1\/south\/2"]/' \
+        -e 's/^desired_speed_mps = .*/desired_speed_mps = 0.8\nmin_acceleration_mps2 = -0.16/' \
+        scenarios/intersection.toml >"$out/scenarios/replanning.toml"
+    for algorithm in fifo insert replan; do
+        sweep "replanning-$algorithm" "$out/scenarios/replanning.toml" \
+            --set "inflow.*.rate_veh_h=300,350,400" --set "coordination.algorithm=$algorithm"
+    done
+}
+
+corridor() {
+    for environment in ideal testbed; do
+        for algorithm in none fifo insert replan; do
+            sweep "corridor-$algorithm-$environment" corridor --environment "$environment" \
+                --set "inflow.*.rate_veh_h=75,112.5,150" --set "coordination.algorithm=$algorithm"
+        done
+    done
+}
+
+merge() {
+    for environment in ideal testbed; do
+        for algorithm in none fifo insert; do
+            sweep "merge-$algorithm-$environment" merge --environment "$environment" --set "coordination.algorithm=$algorithm"
+        done
+    done
+}
+
+for experiment in "$@"; do
+    "$experiment"
+done
