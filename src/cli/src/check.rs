@@ -4,12 +4,11 @@ use super::Failure;
 use super::repair::repair;
 use super::say::{complain, say};
 use city3d_geometry::Length;
-use city3d_roadmap::{LabMap, LaneId, LaneKind, MapErrorKind, load_map};
+use city3d_roadmap::{LabMap, MapErrorKind, load_map};
 use city3d_simulation::scenario::{
-    Experiment, Library, Overrides, RouteData, lane_conflicts, read_experiment,
+    Experiment, Library, Overrides, RouteData, lane_conflicts, lane_data, read_experiment,
 };
 use clap::Args;
-use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -46,16 +45,6 @@ struct ValidFile {
 
 /// What was found in one file, or what is wrong.
 type Finding = Result<ValidFile, String>;
-
-/// A lane as it is listed, laboratory metres.
-#[derive(Serialize)]
-struct LaneRow<'m> {
-    name: &'m str,
-    kind: LaneKind,
-    length_m: f64,
-    speed_limit_mps: f64,
-    successors: Vec<&'m str>,
-}
 
 pub fn check(args: &CheckArgs) -> Result<(), Failure> {
     let repaired;
@@ -99,7 +88,7 @@ fn as_json(file: &str, finding: &Finding, args: &CheckArgs) -> serde_json::Value
     let mut line = serde_json::json!({ "file": file, "ok": ok, "message": text });
     let Ok(good) = finding else { return line };
     if args.lanes {
-        line["lanes"] = serde_json::json!(lane_rows(&good.map));
+        line["lanes"] = serde_json::json!(lane_data(&good.map));
     }
     if args.routes {
         line["lane_conflicts"] = serde_json::json!(lane_conflicts(&good.map));
@@ -110,26 +99,8 @@ fn as_json(file: &str, finding: &Finding, args: &CheckArgs) -> serde_json::Value
     line
 }
 
-/// By name.
-fn lane_rows(map: &LabMap) -> Vec<LaneRow<'_>> {
-    let name = |id: &LaneId| map.lane(*id).name.as_str();
-    let mut rows: Vec<LaneRow<'_>> = map
-        .lanes
-        .iter()
-        .map(|lane| LaneRow {
-            name: &lane.name,
-            kind: lane.kind,
-            length_m: lane.curve.length(),
-            speed_limit_mps: lane.speed_limit_mps,
-            successors: lane.successors.iter().map(name).collect(),
-        })
-        .collect();
-    rows.sort_by_key(|row| row.name);
-    rows
-}
-
 fn print_lanes(map: &LabMap) -> Result<(), Failure> {
-    let rows = lane_rows(map);
+    let rows = lane_data(map);
     let width = rows.iter().map(|row| row.name.len()).max().unwrap_or(0).max(4);
     let mut text = format!("{:<width$}  length m  limit m/s  leads to\n", "lane");
     for row in rows {
@@ -142,7 +113,10 @@ fn print_lanes(map: &LabMap) -> Result<(), Failure> {
 
 fn check_file(file: &str) -> Finding {
     let is_map = Path::new(file).extension().is_some_and(|ext| ext.eq_ignore_ascii_case("dxf"));
-    if is_map || file == "ids3c" { check_map(file) } else { check_scenario(file) }
+    // Some shipped maps have the name of a scenario, which shows them too.
+    let is_shipped_map =
+        Library::scenario(file).is_err() && !Path::new(file).exists() && Library::default().map(file).is_ok();
+    if is_map || is_shipped_map { check_map(file) } else { check_scenario(file) }
 }
 
 fn check_map(file: &str) -> Finding {

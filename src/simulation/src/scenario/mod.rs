@@ -31,8 +31,8 @@ pub use placement::MovedStart;
 pub use read::{LoadError, MOST_SEED, Overrides, ScenarioError, ScenarioRequest, read_experiment};
 pub use read_vehicles::{LARGEST_ID, is_topic_name};
 pub use route_data::{
-    ConflictKind, LaneConflict, RouteBody, RouteConflict, RouteData, RouteLane, RoutePassage, RoutePoint,
-    RouteStart, VehicleRoute, lane_conflicts,
+    ConflictKind, LaneConflict, LaneData, RouteBody, RouteConflict, RouteData, RouteLane, RoutePassage,
+    RoutePoint, RouteStart, VehicleRoute, lane_conflicts, lane_data,
 };
 pub use source::{Library, SourceError, shipped_scenarios};
 pub use time_of_day::TimeOfDay;

@@ -4,7 +4,7 @@
 use super::{Experiment, PlannedVehicle};
 use city3d_control::coordination::{ControlZone, CoordinationParams};
 use city3d_control::{CavGeometry, DriverParams, Route};
-use city3d_roadmap::{LabMap, ZoneKind};
+use city3d_roadmap::{LabMap, LaneId, LaneKind, ZoneKind};
 use serde::Serialize;
 
 /// What a coordinator needs to know of a scenario. Positions along a route are arc lengths from the start of its first lane.
@@ -35,7 +35,7 @@ pub struct VehicleRoute {
     pub lanes: Vec<RouteLane>,
     /// Ways through control zones, in driving order.
     pub passages: Vec<RoutePassage>,
-    /// The route, at most [`POINT_STEP_M`] apart, both ends among them.
+    /// The route, at most 2 cm apart, both ends among them.
     pub points: Vec<RoutePoint>,
 }
 
@@ -125,6 +125,36 @@ pub struct RouteConflict {
     pub vehicles: [u32; 2],
     /// From where the front bumper enters to where the rear bumper has left, of the one and the other.
     pub intervals_m: [[f64; 2]; 2],
+}
+
+/// A lane of a map.
+#[derive(Clone, Debug, Serialize)]
+pub struct LaneData<'m> {
+    /// Its name, which routes use.
+    pub name: &'m str,
+    /// What it is part of.
+    pub kind: LaneKind,
+    /// Length of its centre line.
+    pub length_m: f64,
+    /// Posted speed.
+    pub speed_limit_mps: f64,
+    /// Names of the lanes that follow it.
+    pub successors: Vec<&'m str>,
+}
+
+/// The lanes of a map, by name.
+pub fn lane_data(map: &LabMap) -> Vec<LaneData<'_>> {
+    let name = |id: &LaneId| map.lane(*id).name.as_str();
+    let lanes = map.lanes.iter().map(|lane| LaneData {
+        name: &lane.name,
+        kind: lane.kind,
+        length_m: lane.curve.length(),
+        speed_limit_mps: lane.speed_limit_mps,
+        successors: lane.successors.iter().map(name).collect(),
+    });
+    let mut lanes: Vec<LaneData<'_>> = lanes.collect();
+    lanes.sort_by_key(|lane| lane.name);
+    lanes
 }
 
 /// A conflict zone of a map.
