@@ -16,15 +16,15 @@ pub const LARGEST_SCENARIO_BYTES: u64 = 8 << 20;
 const SCENARIOS: [(&str, &str); 11] = [
     ("roundabout", include_str!("../../../../scenarios/roundabout.toml")),
     ("roundabout-coordinated", include_str!("../../../../scenarios/roundabout-coordinated.toml")),
+    ("mixed", include_str!("../../../../scenarios/mixed.toml")),
+    ("city", include_str!("../../../../scenarios/city.toml")),
+    ("straight", include_str!("../../../../scenarios/straight.toml")),
+    ("student", include_str!("../../../../scenarios/student.toml")),
     ("intersection", include_str!("../../../../scenarios/intersection.toml")),
     ("intersection-signals", include_str!("../../../../scenarios/intersection-signals.toml")),
     ("corridor", include_str!("../../../../scenarios/corridor.toml")),
     ("merge", include_str!("../../../../scenarios/merge.toml")),
     ("platoon", include_str!("../../../../scenarios/platoon.toml")),
-    ("mixed", include_str!("../../../../scenarios/mixed.toml")),
-    ("city", include_str!("../../../../scenarios/city.toml")),
-    ("straight", include_str!("../../../../scenarios/straight.toml")),
-    ("student", include_str!("../../../../scenarios/student.toml")),
 ];
 const MAPS: [(&str, &[u8]); 5] = [
     ("ids3c", include_bytes!("../../../../assets/maps/ids3c.dxf")),
