@@ -127,8 +127,9 @@ mod tests {
                 city3d_control::Route::new(&experiment.lab_map, &setup.route, setup.body, &setup.driver);
             let passages = ControlZone::passages(&experiment.control_zones, &route);
             let passage = passages.first().expect("all routes pass the roundabout");
-            for k in 0..=100 {
-                let s = passage.entry_s + (passage.to_s - passage.entry_s) * f64::from(k) / 100.0;
+            // Between the ends, where one lane ends and the next one begins.
+            for k in 0..100 {
+                let s = passage.entry_s + (passage.to_s - passage.entry_s) * (f64::from(k) + 0.5) / 100.0;
                 let index = route.index_at(s);
                 let at_m = scale.city_from_lab(s - route.lane_start(index));
                 let found = stretch(route.lanes()[index]);
