@@ -101,7 +101,7 @@ pub struct Mainframe {
 /// Look-ahead distance to the leader, laboratory metres.
 const SIGHT_M: f64 = 2.5;
 /// Speed below which a vehicle counts as stopped, laboratory metres a second.
-const STANDS_MPS: f64 = 0.02;
+pub const STANDS_MPS: f64 = 0.02;
 
 impl Mainframe {
     /// A mainframe for these vehicles, none of which has been measured yet, with the standard algorithms.

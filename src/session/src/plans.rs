@@ -2,7 +2,7 @@
 //! process; nothing of them is in a snapshot, a log or the digest of the state.
 
 use city3d_control::coordination::{Passage, ZoneCounts};
-use city3d_control::{CRUISE, Cav, Mainframe, Role};
+use city3d_control::{CRUISE, Cav, Mainframe, Role, STANDS_MPS};
 use city3d_geometry::Pose2;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_simulation::scenario::Experiment;
@@ -70,8 +70,6 @@ pub struct PlannedPlace {
 pub const PLACE_STEP_S: f64 = 0.5;
 /// A plan is told for so long ahead.
 const LONGEST_S: f64 = 30.0;
-/// Slower vehicles stand, laboratory m/s; as the control framework has it.
-const STANDS_MPS: f64 = 0.02;
 
 impl CoordinationState {
     /// The present plans of a control framework; `None` where it coordinates nobody.
@@ -101,11 +99,8 @@ impl CoordinationState {
 fn planned(cav: &Cav, passage: &Passage, experiment: &Experiment, now_s: f64) -> Option<PlannedPassage> {
     let plan = cav.coordination.plan.as_ref()?;
     let scale = experiment.scale;
-    let pose_at = |front_s: f64| {
-        let pose = cav.route.at(&experiment.lab_map, front_s.min(cav.route.length())).pose;
-        let [x, y] = [pose.position.x, pose.position.y].map(|m| scale.city_from_lab(m));
-        Pose2::new(x, y, pose.yaw_rad)
-    };
+    let pose_at =
+        |front_s: f64| cav.route.at(&experiment.lab_map, front_s.min(cav.route.length())).pose.to_city(scale);
     let leaves_s = plan.time_at(passage.end_axle_s(cav.body));
     let count = ((leaves_s - now_s).clamp(0.0, LONGEST_S) / PLACE_STEP_S).floor() as u32;
     let places = (0..=count).map(|k| f64::from(k) * PLACE_STEP_S).map(|in_s| {

@@ -16,6 +16,12 @@ struct Placed {
     plan: MotionPlan,
 }
 
+impl Placed {
+    fn place(&self) -> (usize, &MotionPlan) {
+        (self.vehicle, &self.plan)
+    }
+}
+
 impl ZoneView<'_> {
     /// Gives new plans to the vehicles whose plans were dropped in this control step, in their places.
     pub(super) fn plan_again_in_order(&mut self) {
@@ -63,7 +69,8 @@ impl ZoneView<'_> {
         let mut later = vec![placed.clone()];
         let mut next = 0;
         while next < later.len() {
-            let is_behind = |other: &Placed| goes_before(self, &later[next], other) == Some(true);
+            let is_behind =
+                |other: &Placed| goes_before(self, later[next].place(), other.place()) == Some(true);
             let (behind, ahead): (Vec<Placed>, Vec<Placed>) = rest.into_iter().partition(is_behind);
             later.extend(behind);
             rest = ahead;
@@ -81,7 +88,7 @@ impl ZoneView<'_> {
     /// Takes the one that goes behind none of the others; where each goes behind another one, the first of them.
     fn take_first(&self, among: &mut Vec<Placed>) -> Option<Placed> {
         let is_first = |one: &Placed| {
-            let is_before = |other: &Placed| goes_before(self, other, one) == Some(true);
+            let is_before = |other: &Placed| goes_before(self, other.place(), one.place()) == Some(true);
             !among.iter().any(|other| other.vehicle != one.vehicle && is_before(other))
         };
         let first = among.iter().position(is_first).or((!among.is_empty()).then_some(0))?;
@@ -90,35 +97,29 @@ impl ZoneView<'_> {
 
     /// Plans a vehicle behind all with plans that went before it. Returns whether that is feasible.
     fn plan_in_order(&mut self, placed: &Placed) -> bool {
-        let ahead: Vec<usize> = (0..self.vehicles().len())
-            .filter(|other| *other != placed.vehicle)
-            .filter(|other| {
-                let plan = self.vehicles()[*other].coordination.plan.clone();
-                let is_here = self.passage_here(*other).is_some();
-                plan.filter(|_| is_here).is_some_and(|plan| {
-                    goes_before(self, &Placed { vehicle: *other, plan }, placed) == Some(true)
-                })
+        let is_ahead = |other: &usize| {
+            let plan = self.vehicles()[*other].coordination.plan.as_ref();
+            plan.is_some_and(|plan| {
+                goes_before(self, (*other, plan), (placed.vehicle, &placed.plan)) == Some(true)
             })
-            .collect();
+        };
+        let others = (0..self.vehicles().len()).filter(|other| *other != placed.vehicle);
+        let ahead: Vec<usize> = others.filter(is_ahead).collect();
         let goes_first = |_: &[Cav], other: usize| ahead.contains(&other);
         self.plan_behind(placed.vehicle, f64::NEG_INFINITY, goes_first).is_ok()
     }
 }
 
 /// Whether a vehicle passes the conflicts that it shares with another one before it; `None` if there are none.
-fn goes_before(view: &ZoneView<'_>, one: &Placed, other: &Placed) -> Option<bool> {
-    let (first, second) = (&view.vehicles()[one.vehicle], &view.vehicles()[other.vehicle]);
-    let until_m = view.passage_here(one.vehicle)?.to_s;
-    let shared = SharedWay::of(
-        &position_of(first),
-        until_m,
-        &position_of(second),
-        view.passage_here(other.vehicle)?.to_s,
-    );
+fn goes_before(view: &ZoneView<'_>, one: (usize, &MotionPlan), other: (usize, &MotionPlan)) -> Option<bool> {
+    let (first, second) = (&view.vehicles()[one.0], &view.vehicles()[other.0]);
+    let until_m = view.passage_here(one.0)?.to_s;
+    let shared =
+        SharedWay::of(&position_of(first), until_m, &position_of(second), view.passage_here(other.0)?.to_s);
     if shared.is_empty() {
         return None;
     }
-    let (own, its) = (motion_of(first, &one.plan), motion_of(second, &other.plan));
+    let (own, its) = (motion_of(first, one.1), motion_of(second, other.1));
     Some(shared.goes_behind(&view.params.gaps(first), &own, &its, until_m))
 }
 
