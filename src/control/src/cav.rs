@@ -1,12 +1,13 @@
 //! State of one connected and automated vehicle (CAV) in the control framework.
 
+use super::coordination::filter::FilterParams;
 use super::coordination::{CoordinatedState, MotionPlan};
+use super::decision::Decision;
 use super::estimate::RouteEstimate;
 use super::off_route;
 use super::right_of_way::RightOfWayState;
 use super::{
-    CRUISE, Controller, Decision, DriverParams, Drivers, LeaderState, OwnMotion, PlatoonBroadcast, Route,
-    SetupError,
+    CRUISE, Controller, DriverParams, Drivers, LeaderState, OwnMotion, PlatoonBroadcast, Route, SetupError,
 };
 use city3d_geometry::lab::Pose2;
 use city3d_protocol::snapshot::{Indicator, VehicleId};
@@ -181,6 +182,9 @@ const PLAN_SLACK_MPS: f64 = 0.08;
 /// Worst-case gap to the leader, and standard deviations of the own position that are added.
 const SAFE_GAP_M: f64 = 0.02;
 const SAFETY_SIGMAS: f64 = 3.0;
+
+/// The first control step has no duration.
+const LEAST_STEP_S: f64 = 1e-3;
 
 /// Distance behind a section at which its exit is looked up.
 const BEHIND_SECTION_M: f64 = 1e-6;
@@ -383,6 +387,21 @@ impl Cav {
     /// (Gipps), with `standstill_m` left.
     pub(super) fn safe_acceleration_for(&self, leader: LeaderState, standstill_m: f64) -> f64 {
         self.driver.safe_acceleration(self.speed_mps, leader, self.margin_m() + standstill_m)
+    }
+
+    /// Its safety filter's parameters: it keeps its response time and the margin on measured distances.
+    pub(super) fn filter_params(&self) -> FilterParams {
+        let DriverParams { response_time_s, min_acceleration_mps2, max_acceleration_mps2, .. } = self.driver;
+        FilterParams {
+            headway_s: response_time_s,
+            standstill_gap_m: self.margin_m(),
+            gain_per_s: 1.0 / response_time_s.max(LEAST_STEP_S),
+            step_s: self.step_s.max(LEAST_STEP_S),
+            min_acceleration_mps2,
+            max_acceleration_mps2,
+            min_mps: 0.0,
+            max_mps: f64::INFINITY,
+        }
     }
 
     /// Whether it takes part in coordination where it is: persons do not, nor a driver that heeds nobody, nor a vehicle

@@ -7,6 +7,7 @@ mod cacc;
 mod cav;
 mod controller;
 pub mod coordination;
+mod decision;
 mod drivers;
 mod estimate;
 mod idm;
@@ -40,8 +41,10 @@ pub use signals::{
 use city3d_protocol::snapshot::VehicleId;
 use city3d_protocol::wire::{Measurement, Message};
 use city3d_roadmap::LabMap;
-use coordination::ZoneCoordination;
+use coordination::filter::SafetyFilter;
 use coordination::platoon::{PlatoonParams, Platoons};
+use coordination::{CoordinationReport, ZoneCoordination};
+use decision::{Decision, Obstacle, ObstacleKind, StopPlace};
 use platooning::Platooning;
 use right_of_way::{ConstraintKind, RightOfWay, YieldConstraint};
 use std::sync::Arc;
@@ -88,6 +91,10 @@ pub struct Mainframe {
     right_of_way: RightOfWay,
     coordination: Option<ZoneCoordination>,
     yield_constraints: Vec<YieldConstraint>,
+    /// What the present vehicle has to heed.
+    ahead: Vec<Obstacle>,
+    /// The last word on plans.
+    safety_filter: SafetyFilter,
     /// Vehicles that somebody else controls.
     strangers: Strangers,
     /// Algorithms by name.
@@ -137,6 +144,8 @@ impl Mainframe {
             cavs,
             occupancy: Occupancy::default(),
             yield_constraints: Vec::new(),
+            ahead: Vec::new(),
+            safety_filter: SafetyFilter::default(),
             strangers: Strangers::default(),
             algorithms,
             platooning: rules.platoons.map(Platooning::new),
@@ -230,51 +239,49 @@ impl Mainframe {
     }
 
     fn decide(&mut self, index: usize, now_s: f64) -> Decision {
+        self.look_ahead(index);
         let cav = &self.cavs[index];
-        let planned = cav.planned_acceleration(now_s);
-        let acceleration_mps2 = planned.unwrap_or_else(|| cav.acceleration_for(None));
-        // A plan has its gaps already: what others do limits it only where it would no longer be safe.
-        let behind = |leader: LeaderState| match planned {
-            Some(_) => cav.safe_acceleration_for(leader, cav.driver.standstill_gap_m),
-            None => cav.acceleration_for(Some(leader)),
-        };
-        let mut decision =
-            Decision { acceleration_mps2, gives_way_at: None, follows_plan: planned.is_some() };
+        match cav.planned_acceleration(now_s) {
+            Some(planned) => Decision::of_plan(planned, cav, &self.ahead, &mut self.safety_filter),
+            None => Decision::of_driver(cav, &self.ahead),
+        }
+    }
+
+    /// Collects what a vehicle has to heed.
+    fn look_ahead(&mut self, index: usize) {
+        let cav = &self.cavs[index];
+        self.ahead.clear();
         if let Some(leader) = self.occupancy.leader(&self.cavs, index, SIGHT_M) {
             let told = self.platooning.as_ref().and_then(|p| p.broadcast(&self.cavs, index, &leader));
-            match told.filter(|_| planned.is_none()) {
-                Some(platoon) => decision.acceleration_mps2 = cav.platoon_acceleration(&platoon),
-                None => decision.limit(behind(leader.ahead), None),
-            }
+            let kind = told.map_or(ObstacleKind::Leader(leader.ahead), |platoon| {
+                ObstacleKind::Predecessor(leader.ahead, platoon)
+            });
+            self.ahead.push(Obstacle { kind, gives_way_at: None });
         }
-        if let Some(stranger) = self.strangers.leader(cav, SIGHT_M) {
-            decision.limit(behind(stranger), None);
-        }
-        if let Some(end) = cav.end_of_route() {
-            decision.limit(behind(end), None);
-        }
+        let others = [self.strangers.leader(cav, SIGHT_M), cav.end_of_route()];
+        self.ahead.extend(others.into_iter().flatten().map(Obstacle::leader));
         self.yield_constraints.clear();
         self.right_of_way.yield_constraints(index, &self.cavs, &mut self.yield_constraints);
         for constraint in &self.yield_constraints {
-            let stop = |gap_m| {
-                let place = LeaderState { gap_m, speed_mps: 0.0 };
-                match planned {
-                    // Where it has no admission it keeps its distance from the line, so as not to roll over it.
-                    Some(_) if constraint.section == cav.passage.next_section => behind(place),
-                    Some(_) => cav.safe_acceleration_for(place, 0.0),
-                    None => cav.acceleration_for(Some(place)),
+            let keeps_gap = constraint.section == cav.passage.next_section;
+            let place = |gap_m| StopPlace { gap_m, keeps_gap };
+            let kind = match constraint.kind {
+                ConstraintKind::Stop { gap_m } => ObstacleKind::Stop(place(gap_m)),
+                ConstraintKind::Merging { leader, wait_gap_m } => {
+                    ObstacleKind::Merging(leader, (wait_gap_m > 0.0).then(|| place(wait_gap_m)))
                 }
             };
-            let u = match constraint.kind {
-                ConstraintKind::Stop { gap_m } => stop(gap_m),
-                ConstraintKind::Merging { leader, wait_gap_m } if wait_gap_m > 0.0 => {
-                    behind(leader).max(stop(wait_gap_m))
-                }
-                ConstraintKind::Merging { leader, .. } => behind(leader),
-            };
-            decision.limit(u, constraint.gives_way.then_some(constraint.section));
+            let gives_way_at = constraint.gives_way.then_some(constraint.section);
+            self.ahead.push(Obstacle { kind, gives_way_at });
         }
-        decision
+    }
+
+    /// What coordination has done so far; `None` without it.
+    pub fn coordination_report(&self) -> Option<CoordinationReport> {
+        let coordination = self.coordination.as_ref()?;
+        let names = coordination.zones().iter().map(|zone| zone.name.clone());
+        let zones = names.zip(coordination.counts().iter().copied()).collect();
+        Some(CoordinationReport { zones, safety_filter: self.safety_filter.counts() })
     }
 
     /// Replaces drivers and rules for the present vehicles; admissions stay. Vehicles in control zones get new plans.
@@ -321,23 +328,5 @@ impl Mainframe {
     /// Coordination in control zones, where there is any.
     pub fn coordination(&self) -> Option<&ZoneCoordination> {
         self.coordination.as_ref()
-    }
-}
-
-/// The decision of a driver for one control step.
-#[derive(Clone, Copy, Debug)]
-struct Decision {
-    acceleration_mps2: f64,
-    /// The section at which the vehicle gives way, if that is the active limit.
-    gives_way_at: Option<usize>,
-    /// The acceleration is that of a coordinated plan.
-    follows_plan: bool,
-}
-
-impl Decision {
-    fn limit(&mut self, acceleration_mps2: f64, gives_way_at: Option<usize>) {
-        if acceleration_mps2 < self.acceleration_mps2 {
-            *self = Self { acceleration_mps2, gives_way_at, follows_plan: false };
-        }
     }
 }

@@ -3,6 +3,7 @@
 use super::end::{End, EndFailure, EndHealth, RunAccount};
 use super::overwrite::{RUN_FILES, run_folders};
 use super::{Inputs, Moment, MomentKind, Overwrite, SessionError};
+use city3d_control::Mainframe;
 use city3d_logbook::record::{
     Backpressure, Cadence, ClosingFiles, FileWork, FolderWork, LogOrigin, RecordError, Recorder,
 };
@@ -489,8 +490,13 @@ impl OpenRun {
         let summary =
             Summary::new(last.experiment, &self.observer, last.snapshot, self.events, wall.as_secs_f64());
         let stopped_at_tick = account.is_stopped.then_some(last.snapshot.tick);
-        let summary =
-            Summary { link: account.link.clone(), ends: account.ends.clone(), stopped_at_tick, ..summary };
+        let summary = Summary {
+            coordination: last.mainframe.and_then(Mainframe::coordination_report),
+            link: account.link.clone(),
+            ends: account.ends.clone(),
+            stopped_at_tick,
+            ..summary
+        };
         let summary = if origin.has_world() { summary } else { summary.of_poses() };
         let (locked, of_files) = (self.folder, summary.clone());
         let path = locked_path(&locked);

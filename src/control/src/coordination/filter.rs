@@ -89,12 +89,27 @@ pub struct AccelerationBounds {
     pub low_mps2: f64,
     /// Largest one. Below `low_mps2` nothing is permitted, and the vehicle brakes at u_min.
     pub high_mps2: f64,
+    /// The least barrier h, metres; infinite with nobody ahead.
+    pub barrier_m: f64,
     /// Whether braking at u_min keeps every barrier, whatever the vehicles ahead do.
     pub is_safe: bool,
 }
 
+impl AccelerationBounds {
+    /// The accelerations that both permit.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            low_mps2: self.low_mps2.max(other.low_mps2),
+            high_mps2: self.high_mps2.min(other.high_mps2),
+            barrier_m: self.barrier_m.min(other.barrier_m),
+            is_safe: self.is_safe && other.is_safe,
+        }
+    }
+}
+
 /// How often the filter has acted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FilterCounts {
     /// Control steps.
     pub steps: u64,
@@ -104,51 +119,56 @@ pub struct FilterCounts {
     pub empty: u64,
     /// Steps in which a barrier could not be kept by braking.
     pub unsafe_states: u64,
+    /// The least barrier h, metres; `None` as long as nobody was ahead.
+    pub least_barrier_m: Option<f64>,
 }
 
-/// The safety filter of one vehicle.
+/// The safety filter, with what it has done.
 ///
 /// ```
 /// use city3d_control::coordination::filter::{FilterParams, Preceding, SafetyFilter};
 ///
-/// let mut filter = SafetyFilter::new(FilterParams::default());
-/// let ahead = |gap_m| Preceding { gap_m, speed_mps: 0.0, min_acceleration_mps2: -0.2, merging: None };
-/// assert_eq!(filter.limit(0.1, 0.3, &[ahead(2.0)]), 0.1);
-/// assert_eq!(filter.limit(0.1, 0.3, &[ahead(0.4)]), -0.2);
+/// let (params, mut filter) = (FilterParams::default(), SafetyFilter::default());
+/// let behind = |gap_m| params.bounds(0.3, &[Preceding { gap_m, speed_mps: 0.0, min_acceleration_mps2: -0.2, merging: None }]);
+/// assert_eq!(filter.limit(0.1, &params, behind(2.0)), 0.1);
+/// assert_eq!(filter.limit(0.1, &params, behind(0.4)), -0.2);
 /// assert_eq!((filter.counts().steps, filter.counts().limited), (2, 1));
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct SafetyFilter {
-    params: FilterParams,
     counts: FilterCounts,
 }
 
 /// Halvings of the interval of accelerations: to 1e-12 m/s2.
 const HALVINGS: u32 = 40;
+/// Rounding of accelerations.
+const EXACT_MPS2: f64 = 1e-9;
 
 impl SafetyFilter {
-    /// A filter that has not acted yet.
-    pub fn new(params: FilterParams) -> Self {
-        Self { params, counts: FilterCounts::default() }
-    }
-
     /// How often it has acted.
     pub fn counts(&self) -> FilterCounts {
         self.counts
     }
 
     /// The permitted acceleration nearest to the wanted one; u_min where none is permitted.
-    pub fn limit(&mut self, wanted_mps2: f64, speed_mps: f64, ahead: &[Preceding]) -> f64 {
-        let bounds = self.params.bounds(speed_mps, ahead);
-        self.counts.steps += 1;
-        self.counts.unsafe_states += u64::from(!bounds.is_safe);
+    pub fn limit(&mut self, wanted_mps2: f64, params: &FilterParams, bounds: AccelerationBounds) -> f64 {
+        let counts = &mut self.counts;
+        counts.steps += 1;
+        counts.unsafe_states += u64::from(!bounds.is_safe);
+        if bounds.barrier_m.is_finite() {
+            let least_m = counts.least_barrier_m.get_or_insert(f64::INFINITY);
+            *least_m = least_m.min(bounds.barrier_m);
+        }
         let limited_mps2 = if bounds.low_mps2 <= bounds.high_mps2 {
             wanted_mps2.clamp(bounds.low_mps2, bounds.high_mps2)
         } else {
-            self.counts.empty += 1;
-            self.params.min_acceleration_mps2
+            counts.empty += 1;
+            params.min_acceleration_mps2
         };
-        self.counts.limited += u64::from(limited_mps2 != wanted_mps2);
+        if (limited_mps2 - wanted_mps2).abs() < EXACT_MPS2 {
+            return wanted_mps2;
+        }
+        counts.limited += 1;
         limited_mps2
     }
 }
@@ -162,10 +182,12 @@ impl FilterParams {
         let mut bounds = AccelerationBounds {
             low_mps2: to_slowest.clamp(least, most),
             high_mps2: to_fastest.clamp(least, most),
+            barrier_m: f64::INFINITY,
             is_safe: true,
         };
         for other in ahead {
             let way = BrakingWay::new(self, speed_mps, other);
+            bounds.barrier_m = bounds.barrier_m.min(way.barrier_at(0.0));
             bounds.is_safe &= way.least_barrier() >= 0.0;
             let high_mps2 = self.rate_bound(speed_mps, other).min(self.braking_bound(speed_mps, other));
             bounds.high_mps2 = bounds.high_mps2.min(high_mps2);

@@ -61,15 +61,17 @@ fn the_step_of_the_rate_bound_decays_the_barrier_exactly() {
 #[test]
 fn speeds_are_bounded_and_an_empty_box_brakes_and_counts() {
     let params = FilterParams { min_mps: 0.05, max_mps: 0.35, ..FilterParams::default() };
-    let mut filter = SafetyFilter::new(params);
-    assert_eq!(filter.limit(0.1, 0.35, &[]), 0.0);
-    assert_eq!(filter.limit(-0.1, 0.05, &[]), 0.0);
-    assert_eq!(filter.counts(), FilterCounts { steps: 2, limited: 2, empty: 0, unsafe_states: 0 });
+    let mut filter = SafetyFilter::default();
+    assert_eq!(filter.limit(0.1, &params, params.bounds(0.35, &[])), 0.0);
+    assert_eq!(filter.limit(-0.1, &params, params.bounds(0.05, &[])), 0.0);
+    let counts = FilterCounts { steps: 2, limited: 2, ..FilterCounts::default() };
+    assert_eq!(filter.counts(), counts);
     // The least speed asks for acceleration, the vehicle ahead for braking.
-    assert_eq!(filter.limit(0.0, 0.04, &[standing(0.0805)]), -0.2);
+    assert_eq!(filter.limit(0.0, &params, params.bounds(0.04, &[standing(0.0805)])), -0.2);
     assert_eq!(filter.counts().empty, 1);
+    assert!((filter.counts().least_barrier_m.unwrap() - (0.0805 - 0.04 - 0.08)).abs() < 1e-12);
     // Too late to brake: counted, and braked all the same.
-    assert_eq!(filter.limit(0.0, 0.35, &[standing(0.3)]), -0.2);
+    assert_eq!(filter.limit(0.0, &params, params.bounds(0.35, &[standing(0.3)])), -0.2);
     assert_eq!((filter.counts().empty, filter.counts().unsafe_states), (2, 2));
 }
 
@@ -78,13 +80,13 @@ fn with_bounded_brakes_the_published_bound_alone_is_not_enough() {
     // Towards a vehicle that stands, with a gain that lets the barrier be used up late.
     let params = FilterParams { headway_s: 0.5, gain_per_s: 5.0, max_mps: 0.35, ..FilterParams::default() };
     let run = |is_published: bool| {
-        let mut filter = SafetyFilter::new(params);
+        let mut filter = SafetyFilter::default();
         let (mut v, mut ahead, mut least) = (0.35, standing(1.5), f64::INFINITY);
         for _ in 0..1500 {
             let u = if is_published {
                 params.rate_bound(v, &ahead).clamp(params.min_acceleration_mps2, 0.0)
             } else {
-                filter.limit(0.0, v, &[ahead])
+                filter.limit(0.0, &params, params.bounds(v, &[ahead]))
             };
             v = advance(&mut ahead, v, (u, 0.0), params.step_s);
             least = f64::min(least, params.barrier(v, &ahead));
@@ -130,13 +132,13 @@ proptest! {
         let merging = zone.map(|(share, length_m)| MergingZone { travelled_m: share * length_m, length_m });
         let mut ahead = Preceding { speed_mps: v_p, merging, ..standing(0.0) };
         ahead.gap_m = params.safe_gap(v, &ahead) + spare_m;
-        let (mut v, mut filter) = (v, SafetyFilter::new(params));
+        let (mut v, mut filter) = (v, SafetyFilter::default());
         let each = |parts: &[(f64, usize)]| -> Vec<f64> {
             parts.iter().flat_map(|&(u, steps)| std::iter::repeat_n(u, steps)).collect()
         };
         let wanted = each(&wanted);
         for (step, u_p) in each(&theirs).into_iter().enumerate() {
-            let u = filter.limit(wanted[step % wanted.len()], v, &[ahead]);
+            let u = filter.limit(wanted[step % wanted.len()], &params, params.bounds(v, &[ahead]));
             // In tenths of a step to see what is between the steps, and whole, as plans are made.
             for _ in 0..parts {
                 v = advance(&mut ahead, v, (u, u_p), params.step_s / f64::from(parts));

@@ -18,7 +18,6 @@ pub mod filter;
 mod motion_plan;
 mod planner;
 pub mod platoon;
-pub mod predict;
 pub mod queueing;
 mod replacement;
 mod scheduler;
@@ -34,7 +33,9 @@ pub use scheduler::{COORDINATORS, Coordinator, coordinator};
 pub use zone::{ControlZone, Passage};
 
 use crate::Cav;
+use filter::FilterCounts;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Parameters of coordination, laboratory units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -91,4 +92,24 @@ pub struct ZoneCounts {
     pub replans: u64,
     /// Requests for which no plan was feasible; a vehicle asks more than once.
     pub infeasible: u64,
+}
+
+/// What coordination has done in a run so far.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CoordinationReport {
+    /// Counts of the control zones by name.
+    pub zones: BTreeMap<String, ZoneCounts>,
+    /// What the safety filter has done.
+    pub safety_filter: FilterCounts,
+}
+
+impl CoordinationReport {
+    /// The counts of all zones together.
+    pub fn totals(&self) -> ZoneCounts {
+        self.zones.values().fold(ZoneCounts::default(), |sum, of| ZoneCounts {
+            plans: sum.plans + of.plans,
+            replans: sum.replans + of.replans,
+            infeasible: sum.infeasible + of.infeasible,
+        })
+    }
 }

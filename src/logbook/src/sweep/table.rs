@@ -2,7 +2,7 @@
 
 use crate::figures::number;
 use city3d_outputs::WholeFile;
-use city3d_simulation::runner::{RunMetrics, TrafficMetrics};
+use city3d_simulation::runner::{CoordinationReport, RunMetrics, TrafficMetrics};
 use city3d_simulation::scenario::Overrides;
 use city3d_simulation::sweep::{Axis, Job};
 use std::fs::{File, OpenOptions};
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// Columns behind those of the axes and of the seed. Laboratory units; fuel is that of a car at full scale.
-pub(super) const COLUMNS: [&str; 33] = [
+pub(super) const COLUMNS: [&str; 38] = [
     "merge_order",
     "squeezed_in",
     "all_merged_s",
@@ -44,6 +44,11 @@ pub(super) const COLUMNS: [&str; 33] = [
     "max_drac_mps2",
     "min_gap_m",
     "min_pet_s",
+    "plans",
+    "replans",
+    "infeasible",
+    "filter_limited",
+    "least_barrier_m",
     "state_hash",
 ];
 
@@ -274,7 +279,21 @@ pub fn row(job: &Job, seed: u64, outcome: &RunMetrics) -> Vec<String> {
         some(come.map(|come| come.mean_held_s)),
     ];
     let hash = format!("{:016x}", outcome.state_hash);
-    settings.chain(rest).chain(traffic(&outcome.traffic)).chain([hash]).collect()
+    let coordination = coordination(outcome.coordination.as_ref());
+    settings.chain(rest).chain(traffic(&outcome.traffic)).chain(coordination).chain([hash]).collect()
+}
+
+/// The columns of coordination; empty where there is none.
+fn coordination(report: Option<&CoordinationReport>) -> [String; 5] {
+    let Some(report) = report else { return Default::default() };
+    let (zones, filter) = (report.totals(), report.safety_filter);
+    [
+        zones.plans.to_string(),
+        zones.replans.to_string(),
+        zones.infeasible.to_string(),
+        filter.limited.to_string(),
+        filter.least_barrier_m.map_or_else(String::new, |barrier_m| number(barrier_m, 6)),
+    ]
 }
 
 /// The columns of the traffic.

@@ -10,6 +10,7 @@ mod poses;
 mod server_world;
 mod summary;
 
+pub use city3d_control::coordination::CoordinationReport;
 pub use control::ControlLoop;
 pub use inflow_totals::{InflowObserver, InflowTotals};
 pub use observed::{ObservedCity, ObservedMotion};

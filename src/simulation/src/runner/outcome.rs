@@ -4,6 +4,7 @@ use super::{InflowTotals, Observer, Run};
 use crate::measures::{PassageTotals, Queue, Safety, TrafficMeasures};
 use crate::scenario::Experiment;
 use city3d_control::SetupError;
+use city3d_control::coordination::CoordinationReport;
 use city3d_protocol::snapshot::{Event, EventKind, VehicleId};
 use city3d_roadmap::{CityMap, LaneId, ZoneKind};
 use std::collections::{BTreeMap, BTreeSet};
@@ -97,6 +98,8 @@ pub struct RunMetrics {
     pub max_lateral_error_m: f64,
     /// Delay, fuel and surrogate safety.
     pub traffic: TrafficMetrics,
+    /// Plans in control zones and what the safety filter has done; `None` without coordination.
+    pub coordination: Option<CoordinationReport>,
     /// Totals of the inflows, in the order of the scenario.
     pub inflows: Vec<InflowTotals>,
     /// Digest of the last state.
@@ -189,6 +192,7 @@ impl RunMetrics {
             mean_speed_mps: lab(driven_m / vehicles / mean_stay_s.max(1e-9)),
             max_lateral_error_m: lab(worst),
             traffic: TrafficMetrics::of(observer.traffic()),
+            coordination: run.mainframe().coordination_report(),
             inflows: observer.inflows().totals().into_iter().map(|(_, totals)| totals).collect(),
             state_hash: last.state_hash,
         })

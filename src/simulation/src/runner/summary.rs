@@ -4,6 +4,7 @@ use super::{InflowTotals, Observer, VehicleTotals};
 use crate::measures::{TrafficReport, VehicleTraffic};
 use crate::scenario::Experiment;
 use city3d_control::Role;
+use city3d_control::coordination::CoordinationReport;
 use city3d_protocol::snapshot::{Event, FrameSnapshot, Status, VehicleId};
 use city3d_protocol::wire::DropCounts;
 use serde::Serialize;
@@ -83,6 +84,9 @@ pub struct Summary {
     pub mean_speed_mps: f64,
     /// Delay, throughput, fuel and surrogate safety of the whole city, and of the control zones.
     pub traffic: TrafficReport,
+    /// Plans in control zones and what the safety filter has done, in a run whose control framework is in this process.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub coordination: Option<CoordinationReport>,
     /// Lanes that no vehicle has entered.
     pub unused_lanes: Vec<String>,
     /// Events of all vehicles, tick by tick.
@@ -228,6 +232,7 @@ impl Summary {
             state_hash: format!("{:016x}", last.state_hash),
             mean_speed_mps: mean(|vehicle| vehicle.mean_speed_mps),
             traffic: TrafficReport::of(observer.traffic()),
+            coordination: None,
             unused_lanes: lanes.collect(),
             events,
             vehicles,
