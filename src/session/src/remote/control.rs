@@ -270,7 +270,7 @@ pub fn setup_of(
 ) -> VehicleSetup {
     let scale = experiment.scale;
     let driver = &planned.driver;
-    let parameters = [
+    let mut parameters = vec![
         ("desired_speed_mps", driver.desired_speed_mps),
         ("max_acceleration_mps2", driver.max_acceleration_mps2),
         ("min_acceleration_mps2", driver.min_acceleration_mps2),
@@ -280,6 +280,10 @@ pub fn setup_of(
         ("exponent", driver.exponent),
         ("lateral_acceleration_mps2", driver.lateral_acceleration_mps2),
     ];
+    if driver.amplitude_mps > 0.0 {
+        parameters.push(("amplitude_mps", driver.amplitude_mps));
+        parameters.push(("frequency_hz", driver.frequency_hz));
+    }
     let (pose, speed_mps) = match seen {
         Some(state) => (state.pose().to_lab(scale), 0.0),
         None => (planned.pose_in_lab(&experiment.city_map, scale), planned.start.speed_mps),
@@ -288,7 +292,7 @@ pub fn setup_of(
         id: planned.id,
         name: planned.name.clone(),
         controller: planned.controller.clone(),
-        parameters: parameters.map(|(name, value)| (name.to_owned(), value)).into(),
+        parameters: parameters.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
         appearance: planned.appearance,
         pose,
         speed_mps,
