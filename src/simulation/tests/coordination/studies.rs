@@ -1,6 +1,6 @@
 //! The shipped studies: a merge and an intersection with vehicles that come and go.
 
-use crate::support::shipped;
+use crate::support::{Audit, shipped};
 use city3d_protocol::snapshot::EventKind;
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::measures::{TrafficMeasures, TrafficReport};
@@ -34,7 +34,7 @@ fn study(name: &str, changes: &[(&str, &str)], overrides: Overrides) -> Studied 
     let experiment = Arc::new(read_experiment(name, &text, &library, overrides).unwrap());
     let mut measures = TrafficMeasures::new(&experiment);
     let mut run = Run::new(Arc::clone(&experiment)).unwrap();
-    let mut collisions = 0;
+    let (mut collisions, mut audit) = (0, Audit::default());
     for _ in 0..experiment.ticks() {
         run.step();
         let is_collision = |kind: &EventKind| {
@@ -42,7 +42,9 @@ fn study(name: &str, changes: &[(&str, &str)], overrides: Overrides) -> Studied 
         };
         collisions += run.snapshot().events.iter().filter(|event| is_collision(&event.kind)).count();
         measures.observe(Some(run.mainframe()), run.snapshot());
+        audit.observe(&run);
     }
+    audit.check(&run, &measures);
     Studied { report: TrafficReport::of(&measures), collisions }
 }
 
@@ -93,4 +95,42 @@ fn more_traffic_than_an_intersection_can_carry_does_not_collide() {
     for overrides in [Overrides::default(), in_testbed()] {
         assert_eq!(study("intersection", &changes, overrides).collisions, 0);
     }
+}
+
+/// The digest of the last state of the intersection, with shares of automated vehicles.
+fn intersection_digest(algorithm: &str, share_cav: f64) -> u64 {
+    let text = shipped("intersection")
+        .replace("algorithm = \"insert\"", &format!("algorithm = \"{algorithm}\""))
+        .replace("rate_veh_h = 200\n", &format!("rate_veh_h = 200\nshare_cav = {share_cav}\n"));
+    let overrides = Overrides { duration_s: Some(90.0), ..Overrides::default() };
+    let library = Library::scenario("intersection").unwrap().1;
+    let experiment = read_experiment("intersection", &text, &library, overrides).unwrap();
+    assert!(experiment.inflows.len() > 1);
+    let ticks = experiment.ticks();
+    let mut run = Run::new(Arc::new(experiment)).unwrap();
+    (0..ticks).for_each(|_| drop(run.step()));
+    run.snapshot().state_hash
+}
+
+#[test]
+fn people_alone_drive_as_where_nobody_is_coordinated_and_automated_vehicles_alone_as_planned() {
+    let yielding = intersection_digest("none", 1.0);
+    assert_eq!(intersection_digest("insert", 0.0), yielding);
+    assert_eq!(intersection_digest("none", 0.0), yielding);
+    let planned = intersection_digest("insert", 1.0);
+    assert_ne!(planned, yielding);
+    let half = intersection_digest("insert", 0.5);
+    assert!(half != planned && half != yielding);
+}
+
+#[test]
+fn a_corridor_is_passed_on_plans_without_a_stop_and_with_less_delay_than_by_yielding() {
+    let shorter = ("duration_s = 360.0", "duration_s = 180.0");
+    let planned = study("corridor", &[shorter], Overrides::default());
+    let line = ("algorithm = \"insert\"", "algorithm = \"none\"");
+    let yielding = study("corridor", &[shorter, line], Overrides::default());
+    assert_eq!((planned.collisions, yielding.collisions), (0, 0));
+    let of = |studied: &Studied| (studied.mean_delay_s(), studied.zone().stops);
+    let (planned, yielding) = (of(&planned), of(&yielding));
+    assert!(planned.0 < yielding.0 && planned.1 == 0, "{planned:?} {yielding:?}");
 }

@@ -1,7 +1,9 @@
 //! Runs of scenarios given as text, and what is measured of them.
 
-use city3d_protocol::snapshot::{EventKind, VehicleId};
-use city3d_roadmap::Grid;
+use city3d_protocol::snapshot::{Aspect, EventKind, VehicleId};
+use city3d_roadmap::{Grid, ZoneKind};
+use city3d_simulation::environment::EnvironmentSpec;
+use city3d_simulation::measures::TrafficMeasures;
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use std::collections::BTreeMap;
@@ -86,4 +88,50 @@ pub fn run(text: &str, overrides: Overrides, is_through: impl Fn(&Run, VehicleId
         }
     }
     outcome
+}
+
+/// What holds in every run, whatever the traffic.
+#[derive(Debug, Default)]
+pub struct Audit {
+    /// By vehicle: reroutes, and the front bumper along its route.
+    fronts: BTreeMap<u32, (u32, f64)>,
+    crossed_on_red: Vec<String>,
+}
+
+/// A front bumper at the line is not beyond it: how exactly a vehicle stops, and how late its pose is.
+const BEYOND_LINE_M: f64 = 0.03;
+
+impl Audit {
+    /// After each step: nobody enters on red.
+    pub fn observe(&mut self, run: &Run) {
+        let signals = run.mainframe().signals();
+        for cav in run.mainframe().cavs().iter().filter(|cav| cav.is_on_route()) {
+            let now = (cav.reroutes, cav.front_s());
+            let Some((reroutes, before_s)) = self.fronts.insert(cav.id.0, now) else { continue };
+            let lines =
+                cav.route.sections.iter().filter_map(|section| Some((section.hold_s, section.signal?)));
+            for (hold_s, head) in lines.filter(|_| reroutes == cav.reroutes) {
+                let line_s = hold_s + BEYOND_LINE_M;
+                if before_s <= line_s && now.1 > line_s && signals.head(head).aspect == Aspect::Red {
+                    self.crossed_on_red.push(format!("{} at {:.2} s", cav.id, run.world().time_s()));
+                }
+            }
+        }
+    }
+
+    /// At the end: displacements are integrals of speeds, crossings are passed one after the other and not on red, and in
+    /// the ideal environment braking keeps the barrier of the safety filter.
+    pub fn check(&self, run: &Run, measures: &TrafficMeasures) {
+        let experiment = run.experiment();
+        let moved = measures.audit_displacement();
+        assert!(moved.is_empty(), "{}", moved[0]);
+        let overlaps = measures.audit_conflicts(&experiment.lab_map, &[ZoneKind::Cross]);
+        assert!(overlaps.is_empty(), "{} overlaps, first: {}", overlaps.len(), overlaps[0]);
+        assert!(self.crossed_on_red.is_empty(), "on red: {:?}", self.crossed_on_red);
+        let filter = run.mainframe().coordination_report().map(|report| report.safety_filter);
+        let least_m = filter.and_then(|filter| filter.least_barrier_m);
+        if experiment.environment == EnvironmentSpec::IDEAL {
+            assert!(least_m.is_none_or(|least_m| least_m >= -1e-6), "{filter:?}");
+        }
+    }
 }
