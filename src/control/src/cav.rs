@@ -21,6 +21,8 @@ use serde::{Deserialize, Serialize};
 pub struct CavGeometry {
     /// Of the outline, from bumper to bumper.
     pub length_m: f64,
+    /// Of the outline.
+    pub width_m: f64,
     /// From the rear axle to the front axle.
     pub wheelbase_m: f64,
     /// Of the front-axle centre at the steering limit.
@@ -173,6 +175,8 @@ pub struct Cav {
     /// Not measured for too long; it may be up to `ahead_m` farther.
     is_lost: bool,
     ahead_m: f64,
+    /// From its front bumper to the nearest place where it has to wait as things are; infinite without one.
+    pub(super) wait_m: f64,
 }
 
 /// Largest deviation of the plan from the measurement.
@@ -228,6 +232,7 @@ impl Cav {
             position_std_m: 0.0,
             is_lost: false,
             ahead_m: 0.0,
+            wait_m: f64::INFINITY,
         })
     }
 
@@ -415,6 +420,15 @@ impl Cav {
     /// Whether it gives way to all plans while it has none itself: it could have one, and asks for it.
     pub(super) fn defers_to_plans(&self) -> bool {
         self.is_coordinated() && !self.coordination.is_behind_uncoordinated
+    }
+
+    /// The highest speed after a step from which it can still stop within a distance from where the step begins.
+    pub(super) fn stopping_speed(&self, distance_m: f64, speed_mps: f64, step_s: f64) -> f64 {
+        let braking_mps2 = -self.driver.min_acceleration_mps2;
+        // v^2 = 2 b (d - (v + v_0) T/2).
+        let half = braking_mps2 * step_s / 2.0;
+        let square = half * half + 2.0 * braking_mps2 * distance_m - 2.0 * half * speed_mps;
+        if square > 0.0 { (square.sqrt() - half).max(0.0) } else { 0.0 }
     }
 
     /// Its coordinated plan, while it is on it.

@@ -261,7 +261,8 @@ impl Mainframe {
         let others = [self.strangers.leader(cav, SIGHT_M), cav.end_of_route()];
         self.ahead.extend(others.into_iter().flatten().map(Obstacle::leader));
         self.yield_constraints.clear();
-        self.right_of_way.yield_constraints(index, &self.cavs, &mut self.yield_constraints);
+        let wait_m =
+            self.right_of_way.yield_constraints(&self.map, index, &self.cavs, &mut self.yield_constraints);
         for constraint in &self.yield_constraints {
             let keeps_gap = constraint.section == cav.passage.next_section;
             let place = |gap_m| StopPlace { gap_m, keeps_gap };
@@ -274,6 +275,7 @@ impl Mainframe {
             let gives_way_at = constraint.gives_way.then_some(constraint.section);
             self.ahead.push(Obstacle { kind, gives_way_at });
         }
+        self.cavs[index].wait_m = wait_m;
     }
 
     /// What coordination has done so far; `None` without it.

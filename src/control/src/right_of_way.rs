@@ -10,6 +10,7 @@
 //! if it cannot stop comfortably; then the ranks of a junction without lines hold.
 
 mod constraints;
+mod inside;
 mod waiting;
 
 pub use constraints::{ConstraintKind, YieldConstraint};

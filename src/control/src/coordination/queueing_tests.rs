@@ -12,7 +12,8 @@ use city3d_roadmap::{Grid, GridControl, load_map};
 const SERVICE_S: f64 = 1.5;
 const SPEED_MPS: f64 = 0.35;
 /// A vehicle as a point.
-const POINT: CavGeometry = CavGeometry { length_m: 0.0, wheelbase_m: 0.0, min_turn_radius_m: 0.1 };
+const POINT: CavGeometry =
+    CavGeometry { length_m: 0.0, width_m: 0.0, wheelbase_m: 0.0, min_turn_radius_m: 0.1 };
 
 /// A straight way of 60 m to a junction, long enough for every delay without a stop.
 struct Road {

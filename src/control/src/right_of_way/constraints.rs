@@ -1,12 +1,13 @@
 //! What the right of way of others means for the driver of a vehicle: virtual stopped vehicles, and leaders that merge.
 
+use super::inside::Inside;
 use super::{
     COMFORTABLE_BRAKING, FIRM_BRAKING, FIRST_ORDER, LEAVING_MPS, RightOfWay, ZONE_MARGIN_M, ZoneUser,
     asking_distance, braking_distance,
 };
 use crate::route::{RANK_MAJOR, ZoneCrossing};
 use crate::{Cav, LeaderState};
-use city3d_roadmap::ZoneKind;
+use city3d_roadmap::{LabMap, ZoneKind};
 
 /// A constraint on a vehicle from the right of way of others.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,13 +29,29 @@ pub enum ConstraintKind {
     Merging { leader: LeaderState, wait_gap_m: f64 },
 }
 
+/// The right of way of one vehicle at the present step.
+struct View<'v> {
+    right_of_way: &'v RightOfWay,
+    map: &'v LabMap,
+    cavs: &'v [Cav],
+    vehicle: usize,
+}
+
 impl RightOfWay {
-    /// Collects the yield constraints of a vehicle.
-    pub fn yield_constraints(&self, vehicle: usize, cavs: &[Cav], out: &mut Vec<YieldConstraint>) {
-        let cav = &cavs[vehicle];
-        let front_s = cav.front_s();
+    /// Collects the yield constraints of a vehicle. Returns the distance from its front bumper to the nearest place where it
+    /// has to wait as things are, whether it has to brake for it yet or not; infinite without one.
+    pub fn yield_constraints(
+        &self,
+        map: &LabMap,
+        vehicle: usize,
+        cavs: &[Cav],
+        out: &mut Vec<YieldConstraint>,
+    ) -> f64 {
+        let (view, cav) = (View { right_of_way: self, map, cavs, vehicle }, &cavs[vehicle]);
+        let mut wait_m = f64::INFINITY;
         if let Some(section) = cav.route.sections.get(cav.passage.next_section) {
-            let gap_m = section.hold_s - front_s;
+            let gap_m = section.hold_s - cav.front_s();
+            wait_m = gap_m;
             // A vehicle that can no longer stop was admitted and has no virtual stopped vehicle; nor has one
             // that has yet to request.
             if gap_m < asking_distance(cav) {
@@ -47,29 +64,47 @@ impl RightOfWay {
             let section = &cav.route.sections[admission.section];
             let gives_way = section.rank > RANK_MAJOR;
             for crossing in &cav.route.crossings[section.crossings.clone()] {
-                self.constraints_in(vehicle, cavs, crossing, admission.order, |kind| {
+                let nearest_m = view.constraints_in(crossing, admission.order, |kind| {
                     out.push(YieldConstraint { kind, section: admission.section, gives_way });
                 });
+                wait_m = wait_m.min(nearest_m);
             }
         }
+        wait_m
     }
+}
 
+impl View<'_> {
+    /// Adds the constraints in a zone; returns the distance to the place before it where the vehicle has to wait, if any.
     fn constraints_in(
         &self,
-        vehicle: usize,
-        cavs: &[Cav],
         crossing: &ZoneCrossing,
         order: u64,
         mut add: impl FnMut(ConstraintKind),
-    ) {
+    ) -> f64 {
+        let (vehicle, cavs) = (self.vehicle, self.cavs);
         let front_s = cavs[vehicle].front_s();
         let to_entry_m = crossing.from_s - front_s;
         let to_end_m = crossing.to_s - front_s;
-        for user in &self.users[crossing.zone.index()] {
+        let mut wait_m = f64::INFINITY;
+        for user in &self.right_of_way.users[crossing.zone.index()] {
             // Who has come in without a number goes before all others but those that are there already.
             let is_there_already = order < FIRST_ORDER && to_entry_m > 0.0 && user.to_entry_m <= 0.0;
             let goes_first = is_there_already || user.order.is_some_and(|other| other < order);
-            if user.side == crossing.side || user.vehicle == vehicle || !goes_first {
+            if user.side == crossing.side || user.vehicle == vehicle {
+                continue;
+            }
+            let are_inside = to_entry_m <= -ZONE_MARGIN_M && user.to_entry_m <= 0.0;
+            if are_inside && crossing.kind == ZoneKind::Cross {
+                let own = Inside { cav: &cavs[vehicle], to_exit_m: crossing.to_s - cavs[vehicle].rear_s() };
+                let other = Inside { cav: &cavs[user.vehicle], to_exit_m: user.to_exit_m };
+                if own.to_exit_m > 0.0 && own.has_to_wait(self.map, other, goes_first) {
+                    add(ConstraintKind::Stop { gap_m: 0.0 });
+                    wait_m = 0.0;
+                }
+                continue;
+            }
+            if !goes_first {
                 continue;
             }
             let wait_gap_m = to_entry_m - ZONE_MARGIN_M;
@@ -84,6 +119,7 @@ impl RightOfWay {
                 // A zone has to be left once entered.
                 _ if to_entry_m > -ZONE_MARGIN_M => {
                     // A leaving vehicle is likely gone before braking has to begin.
+                    wait_m = wait_m.min(wait_gap_m);
                     let is_leaving = user.to_entry_m < 0.0 && cavs[user.vehicle].speed_mps() > LEAVING_MPS;
                     let braking = if is_leaving { FIRM_BRAKING } else { COMFORTABLE_BRAKING };
                     if wait_gap_m < braking_distance(&cavs[vehicle], braking) {
@@ -93,6 +129,7 @@ impl RightOfWay {
                 _ => {}
             }
         }
+        wait_m
     }
 }
 

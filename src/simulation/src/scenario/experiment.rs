@@ -127,6 +127,7 @@ impl PlannedVehicle {
     pub fn body_in_lab(&self, scale: LengthScale) -> CavGeometry {
         CavGeometry {
             length_m: scale.lab_from_city(self.spec.dimensions.length_m),
+            width_m: scale.lab_from_city(self.spec.dimensions.width_m),
             wheelbase_m: scale.lab_from_city(self.spec.dimensions.wheelbase_m),
             min_turn_radius_m: scale.lab_from_city(self.spec.min_turn_radius() * STEERING_RESERVE),
         }

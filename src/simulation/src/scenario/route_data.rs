@@ -248,7 +248,7 @@ fn vehicle_route(experiment: &Experiment, vehicle: &PlannedVehicle, route: &Rout
             axle_m: vehicle.start.at_m,
             speed_mps: vehicle.start.speed_mps,
         },
-        body: body_data(body, scale.lab_from_city(vehicle.spec.dimensions.width_m)),
+        body: body_data(body),
         driver: vehicle.driver,
         lanes: (0..route.lanes().len())
             .map(|lane| RouteLane {
@@ -268,10 +268,10 @@ fn vehicle_route(experiment: &Experiment, vehicle: &PlannedVehicle, route: &Rout
     }
 }
 
-fn body_data(body: CavGeometry, width_m: f64) -> RouteBody {
+fn body_data(body: CavGeometry) -> RouteBody {
     RouteBody {
         length_m: body.length_m,
-        width_m,
+        width_m: body.width_m,
         wheelbase_m: body.wheelbase_m,
         front_axle_m: body.front_axle_m(),
         overhang_m: body.overhang_m(),

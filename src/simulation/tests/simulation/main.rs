@@ -9,6 +9,7 @@
 mod city;
 mod demand;
 mod driving;
+mod lost_link;
 mod measures;
 mod platoon;
 mod robustness;

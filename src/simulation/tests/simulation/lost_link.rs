@@ -1,0 +1,158 @@
+//! Vehicles whose control framework goes away in mid-run: where they stop, and how they go on.
+
+use city3d_control::Mainframe;
+use city3d_protocol::snapshot::{FrameSnapshot, SimCommand, VehicleId};
+use city3d_protocol::wire::{Measurement, Message};
+use city3d_roadmap::{ZoneId, ZoneKind};
+use city3d_simulation::runner::{ControlLoop, Run};
+use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
+use city3d_simulation::sim::World;
+use std::sync::Arc;
+
+fn collisions(snapshot: &FrameSnapshot) -> usize {
+    snapshot.events.iter().filter(|event| event.kind.is_collision()).count()
+}
+
+fn city(duration_s: f64) -> Arc<Experiment> {
+    let (text, library) = Library::scenario("city").unwrap();
+    let overrides = Overrides { duration_s: Some(duration_s), ..Overrides::default() };
+    Arc::new(read_experiment("city", &text, &library, overrides).unwrap())
+}
+
+/// Steps a world with its control framework; returns the messages of the latter.
+fn step(world: &mut World, control: &mut ControlLoop, snapshot: &mut FrameSnapshot) -> Vec<Message> {
+    let (scale, now) = (world.experiment().scale, (world.tick(), world.time_s()));
+    let seen: Vec<Measurement> =
+        snapshot.vehicles.iter().map(|state| Measurement::of(state, now.1, scale)).collect();
+    let mut messages = Vec::new();
+    control.step(now, seen.into_iter(), &mut messages);
+    let mut commands: Vec<_> = messages.iter().map(|message| message.clone().into_command(scale)).collect();
+    if now.0 == 0 {
+        commands.push(SimCommand::Start);
+    }
+    commands.sort_by_key(SimCommand::order);
+    world.tick_into(&commands, snapshot);
+    messages
+}
+
+/// Where a vehicle has to wait as things are, along its route: before a section to which it is not admitted, or before a
+/// crossing that somebody with an earlier admission has not left yet.
+fn waits_at(mainframe: &Mainframe, id: VehicleId) -> Option<f64> {
+    let cav = mainframe.cav(id).filter(|cav| cav.is_on_route())?;
+    let hold_s = cav.route.sections.get(cav.passage.next_section).map(|section| section.hold_s);
+    let goes_first = |zone: ZoneId, side: usize, order: u64| {
+        mainframe.cavs().iter().filter(|other| other.id != id && other.is_on_route()).any(|other| {
+            other.passage.admissions.iter().filter(|theirs| theirs.order < order).any(|theirs| {
+                let there = &other.route.crossings[other.route.sections[theirs.section].crossings.clone()];
+                there.iter().any(|there| {
+                    let is_same = there.zone == zone && there.side != side;
+                    is_same && there.to_s > other.rear_s()
+                })
+            })
+        })
+    };
+    let admitted = cav.passage.admissions.iter().flat_map(|admission| {
+        let crossings = &cav.route.crossings[cav.route.sections[admission.section].crossings.clone()];
+        crossings.iter().map(|crossing| (crossing, admission.order))
+    });
+    let blocked = admitted
+        .filter(|(crossing, _)| crossing.kind == ZoneKind::Cross && crossing.from_s > cav.front_s())
+        .find(|(crossing, order)| goes_first(crossing.zone, crossing.side, *order))
+        .map(|(crossing, _)| crossing.from_s);
+    [hold_s, blocked].into_iter().flatten().min_by(f64::total_cmp)
+}
+
+/// How exactly a trajectory ends at a place, laboratory metres.
+const ENDS_WITHIN_M: f64 = 0.03;
+
+#[test]
+fn trajectories_end_before_what_is_not_free_yet() {
+    let experiment = city(60.0);
+    let map = &experiment.lab_map;
+    let (mut world, mut control) =
+        (World::new(Arc::clone(&experiment)), ControlLoop::new(&experiment).unwrap());
+    let mut snapshot = world.snapshot();
+    let (mut ended, mut beyond) = (0, Vec::new());
+    for _ in 0..experiment.ticks() {
+        let messages = step(&mut world, &mut control, &mut snapshot);
+        for message in &messages {
+            let Message::Follow(trajectory) = message else { continue };
+            let mainframe = control.mainframe();
+            let Some(wait_s) = waits_at(mainframe, trajectory.vehicle) else { continue };
+            let cav = mainframe.cav(trajectory.vehicle).unwrap();
+            let last = trajectory.points.last().unwrap();
+            let foot = cav.route.project(map, last.pose.position, cav.axle_s() - 0.1, cav.axle_s() + 2.0);
+            let front_s = foot.s + cav.body.overhang_m();
+            ended += usize::from(last.speed_mps == 0.0);
+            if front_s > wait_s + ENDS_WITHIN_M {
+                beyond.push((world.time_s(), trajectory.vehicle, front_s - wait_s));
+            }
+        }
+    }
+    assert!(ended > 1000, "{ended}");
+    assert!(beyond.is_empty(), "{} of them, first: {:?}", beyond.len(), &beyond[..beyond.len().min(5)]);
+}
+
+#[test]
+fn a_city_without_commands_comes_to_a_stop_without_a_collision_and_goes_on() {
+    let experiment = city(600.0);
+    let mut run = Run::new(Arc::clone(&experiment)).unwrap();
+    let mut found = 0;
+    for absence in 0..6 {
+        let goes_s = run.world().time_s() + 12.0 + 0.37 * f64::from(absence);
+        while run.world().time_s() < goes_s {
+            found += collisions(run.step());
+        }
+        let mut world = run.world().clone();
+        let mut snapshot = world.snapshot();
+        while world.time_s() < goes_s + 5.0 {
+            world.tick_into(&[], &mut snapshot);
+            found += collisions(&snapshot);
+        }
+        assert!(snapshot.vehicles.iter().all(|state| state.speed_mps < 0.01));
+        let mut control = ControlLoop::new(&experiment).unwrap();
+        control.resume(None);
+        run = Run::resume(world, control);
+    }
+    assert_eq!(found, 0);
+}
+
+/// Two vehicles that stand inside a crossing as the control framework finds them, at `at_m` of their ways through it.
+fn both_inside(ways: [&str; 2], at_m: [f64; 2]) -> Option<Run> {
+    let vehicle = |number: usize| {
+        format!("[[vehicle]]\nname = \"v{number}\"\nroute = {}\nat_m = {}\n", ways[number], at_m[number])
+    };
+    let text = format!(
+        "name = \"inside\"\nmap = \"crossing\"\nseed = 1\nduration_s = 20.0\n{}{}",
+        vehicle(0),
+        vehicle(1)
+    );
+    let library = Library::scenario("intersection").unwrap().1;
+    let experiment = read_experiment("inside", &text, &library, Overrides::default()).ok()?;
+    Some(Run::new(Arc::new(experiment)).unwrap())
+}
+
+#[test]
+fn of_two_inside_a_crossing_the_one_whose_way_is_free_goes_first() {
+    let east = "[\"junction-1-1/west-to-east\", \"street-1/east/2\"]";
+    let north = "[\"junction-1-1/south-to-north\", \"avenue-1/north/2\"]";
+    let left = "[\"junction-1-1/west-to-north\", \"avenue-1/north/2\"]";
+    let west = "[\"junction-1-1/east-to-west\", \"street-1/west/2\"]";
+    let mut runs = 0;
+    for ways in [[east, north], [north, east], [left, west], [west, left]] {
+        for k in 0..100 {
+            let at_m = [0.12 + 0.06 * f64::from(k % 10), 0.12 + 0.06 * f64::from(k / 10)];
+            // Places that overlap are refused.
+            let Some(mut run) = both_inside(ways, at_m) else { continue };
+            runs += 1;
+            for _ in 0..run.experiment().ticks() {
+                assert_eq!(collisions(run.step()), 0, "{ways:?} {at_m:?}");
+            }
+            // A left turn that has begun and oncoming traffic may block each other: then both stand.
+            let stand = run.snapshot().vehicles.iter().filter(|state| state.distance_m < 25.0).count();
+            let may_block = ways.contains(&left) && at_m.iter().all(|at_m| (0.15..0.65).contains(at_m));
+            assert!(stand == 0 || may_block && stand == 2, "{ways:?} {at_m:?}: {stand}");
+        }
+    }
+    assert!(runs > 100, "{runs}");
+}
