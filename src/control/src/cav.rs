@@ -14,6 +14,7 @@ use city3d_protocol::snapshot::{Indicator, VehicleId};
 use city3d_protocol::wire::Measurement;
 use city3d_roadmap::{LabMap, LaneId};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// Dimensions of a vehicle for control, laboratory metres. The overhangs are equal, and the measured pose is
 /// the middle of the outline.
@@ -137,7 +138,7 @@ pub struct Cav {
     /// It leaves the city at the end of its route, and does not stop there.
     pub leaves: bool,
     /// Present route; another one replaces it when the vehicle leaves it or is rerouted.
-    pub route: Route,
+    pub route: Arc<Route>,
     /// Admissions to the junction sections of the route.
     pub passage: RightOfWayState,
     /// Plan of the last control step.
@@ -209,7 +210,7 @@ impl Cav {
             body: setup.body,
             role: setup.role,
             leaves: setup.leaves,
-            route: Route::new(map, &setup.route, setup.body, &setup.driver),
+            route: Arc::new(Route::new(map, &setup.route, setup.body, &setup.driver)),
             passage: RightOfWayState::default(),
             plan: PlanState::default(),
             coordination: CoordinatedState::default(),
@@ -315,7 +316,7 @@ impl Cav {
             let way = off_route::route_from(map, self);
             self.is_off_route = way.is_none();
             if let Some(way) = way {
-                self.route = Route::new(map, &way, self.body, &self.driver);
+                self.route = Arc::new(Route::new(map, &way, self.body, &self.driver));
                 self.reroutes += 1;
                 self.begin(map, now_s, seen, speed_mps);
             }
@@ -373,7 +374,7 @@ impl Cav {
         let desired_mps = self.own_desired_mps * factor;
         if self.driver.desired_speed_mps != desired_mps {
             self.driver.desired_speed_mps = desired_mps;
-            self.route.plan_speeds(map, self.body, &self.driver);
+            Arc::make_mut(&mut self.route).plan_speeds(map, self.body, &self.driver);
         }
     }
 
@@ -547,20 +548,20 @@ impl Cav {
         self.own_desired_mps = driver.desired_speed_mps;
         if self.driver != driver {
             self.driver = driver;
-            self.route.plan_speeds(map, self.body, &self.driver);
+            Arc::make_mut(&mut self.route).plan_speeds(map, self.body, &self.driver);
         }
         Ok(())
     }
 
     /// Installs another route that begins with the same lanes up to the present one; returns the old route.
-    pub(super) fn set_route(&mut self, route: Route) -> Route {
+    pub(super) fn set_route(&mut self, route: Arc<Route>) -> Arc<Route> {
         std::mem::replace(&mut self.route, route)
     }
 
     /// Commits the installed route.
     pub(super) fn commit_route(&mut self, map: &LabMap) {
         self.reroutes += 1;
-        self.route.plan_speeds(map, self.body, &self.driver);
+        Arc::make_mut(&mut self.route).plan_speeds(map, self.body, &self.driver);
     }
 
     /// The admission number for a section, if it has one.

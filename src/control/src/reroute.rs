@@ -5,6 +5,7 @@ use super::right_of_way::RightOfWay;
 use super::traffic::Occupancy;
 use super::{Cav, Route};
 use city3d_roadmap::{LabMap, LaneId};
+use std::sync::Arc;
 
 /// A leader this far ahead leaves room to turn off before it, laboratory metres.
 const LEADER_WITHIN_M: f64 = 2.0;
@@ -29,7 +30,7 @@ pub fn reroute_blocked(
             let leader_s = occupancy.leader(cavs, vehicle, LEADER_WITHIN_M).map(|leader| leader.rear_s);
             let body = cav.body;
             for way in alternative_routes(map, cav, leader_s.unwrap_or(f64::INFINITY)) {
-                let route = Route::without_speeds(map, &way, body);
+                let route = Arc::new(Route::without_speeds(map, &way, body));
                 let before = cavs[vehicle].set_route(route);
                 let is_section = cavs[vehicle].passage.next_section < cavs[vehicle].route.sections.len();
                 if is_section && right_of_way.has_room_behind(now_s, vehicle, cavs, occupancy) {

@@ -9,7 +9,7 @@ use glam::DVec2;
 use std::ops::Range;
 
 /// A conflict zone that the route passes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ZoneCrossing {
     /// The zone in its map.
     pub zone: ZoneId,
@@ -35,7 +35,7 @@ pub const RANK_YIELD: Rank = 2;
 pub const RANK_STOP: Rank = 3;
 
 /// A junction section: consecutive crossings without room to wait in between. A vehicle enters all or none.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct JunctionSection {
     /// Range in [`Route::crossings`].
     pub crossings: Range<usize>,
@@ -68,7 +68,7 @@ enum LineControl {
 }
 
 /// A lane that diverges from the route: a vehicle on it still reaches into the route.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DivergingLane {
     /// The lane that starts with a lane of the route and turns away from it.
     pub other: LaneId,
@@ -81,7 +81,7 @@ pub struct DivergingLane {
 }
 
 /// A route with its speed profile, crossings and sections. Positions are arc lengths, laboratory metres.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Route {
     lanes: Vec<LaneId>,
     /// Arc length at the start of each lane, and the whole length at the end.
@@ -361,7 +361,7 @@ pub fn turn_of(map: &LabMap, lane: LaneId) -> f64 {
 }
 
 /// Speed profile: squares of the allowed speed, sampled along the route.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 struct SpeedProfile {
     squares: Vec<f64>,
 }

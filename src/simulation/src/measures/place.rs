@@ -4,6 +4,7 @@ use city3d_control::{CavGeometry, Route};
 use city3d_geometry::{Lab, Pose2};
 use city3d_roadmap::LabMap;
 use glam::DVec2;
+use std::sync::Arc;
 
 /// A vehicle at an instant, along its route.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,17 +42,26 @@ const BACK_M: f64 = 0.1;
 #[derive(Clone, Debug)]
 pub struct RoutePlace {
     /// The present route.
-    pub route: Route,
+    pub route: Arc<Route>,
     /// Changes of the route that the control framework has counted.
     pub reroutes: u32,
     body: CavGeometry,
     axle_s: Option<f64>,
+    /// The control framework's own copy is not looked at again.
+    is_shared: bool,
 }
 
 impl RoutePlace {
     /// A vehicle that is somewhere on this route.
-    pub fn new(route: Route, body: CavGeometry, reroutes: u32) -> Self {
-        Self { route, reroutes, body, axle_s: None }
+    pub fn new(route: Arc<Route>, body: CavGeometry, reroutes: u32) -> Self {
+        Self { route, reroutes, body, axle_s: None, is_shared: false }
+    }
+
+    /// Shares the control framework's copy of the route where it is the same: that of a day is large.
+    pub fn share(&mut self, route: &Arc<Route>) {
+        if !std::mem::replace(&mut self.is_shared, true) && **route == *self.route {
+            self.route = Arc::clone(route);
+        }
     }
 
     /// Dimensions of the vehicle.

@@ -11,6 +11,7 @@ use city3d_control::{CavGeometry, CavSetup, DriverParams, Route};
 use city3d_geometry::{Lab, Pose2};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_roadmap::{LabMap, ZoneId};
+use std::sync::Arc;
 
 /// One vehicle and what has been measured of it.
 #[derive(Clone, Debug)]
@@ -168,10 +169,10 @@ impl Tracked {
     pub fn set_up(&mut self, map: &LabMap, zones: &[ControlZone], setup: &CavSetup) {
         self.u_max_mps2 = setup.driver.max_acceleration_mps2;
         let route = Route::new(map, &setup.route, setup.body, &setup.driver);
-        self.take_route(zones, route, setup.body, 0);
+        self.take_route(zones, Arc::new(route), setup.body, 0);
     }
 
-    fn take_route(&mut self, zones: &[ControlZone], route: Route, body: CavGeometry, reroutes: u32) {
+    fn take_route(&mut self, zones: &[ControlZone], route: Arc<Route>, body: CavGeometry, reroutes: u32) {
         self.stretches = stretches(zones, &route);
         self.place = Some(RoutePlace::new(route, body, reroutes));
         (self.next_crossing, self.next_stretch, self.station) = (0, 0, None);
@@ -182,16 +183,17 @@ impl Tracked {
     pub fn reroute(
         &mut self,
         zones: &[ControlZone],
-        (route, body, reroutes): (&Route, CavGeometry, u32),
+        (route, body, reroutes): (&Arc<Route>, CavGeometry, u32),
         moves: &mut Moves,
     ) {
-        if self.place.as_ref().is_some_and(|place| place.reroutes == reroutes) {
+        if let Some(place) = self.place.as_mut().filter(|place| place.reroutes == reroutes) {
+            place.share(route);
             return;
         }
         let time_s = self.trip.seen_s;
         self.drop_out(time_s, moves);
         self.trip.free_before_s += self.trip.free.take().map_or(0.0, |free| free.time_s);
-        self.take_route(zones, route.clone(), body, reroutes);
+        self.take_route(zones, Arc::clone(route), body, reroutes);
     }
 
     /// Where its route passes control zones.
@@ -201,7 +203,7 @@ impl Tracked {
 
     /// Its route, while it has one.
     pub fn route(&self) -> Option<&Route> {
-        self.place.as_ref().map(|place| &place.route)
+        self.place.as_ref().map(|place| &*place.route)
     }
 
     /// Bumpers along its route: rear, front.

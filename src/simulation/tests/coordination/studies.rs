@@ -108,7 +108,9 @@ fn intersection_digest(algorithm: &str, share_cav: f64) -> u64 {
     assert!(experiment.inflows.len() > 1);
     let ticks = experiment.ticks();
     let mut run = Run::new(Arc::new(experiment)).unwrap();
-    (0..ticks).for_each(|_| drop(run.step()));
+    for _ in 0..ticks {
+        run.step();
+    }
     run.snapshot().state_hash
 }
 
