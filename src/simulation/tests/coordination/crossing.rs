@@ -1,8 +1,9 @@
 //! Two vehicles that reach a conflict at the same time, on a grid map: against closed forms.
 
-use crate::support::grid_experiment;
+use crate::support::{Audit, grid_experiment};
 use city3d_control::coordination::{MotionPlan, Piece};
 use city3d_protocol::snapshot::VehicleId;
+use city3d_simulation::measures::TrafficMeasures;
 use city3d_simulation::runner::Run;
 use std::sync::Arc;
 
@@ -36,11 +37,15 @@ fn drive(text: &str) -> Passed {
     let experiment = grid_experiment("1x1", "none", text);
     let ticks = experiment.ticks();
     let scale = experiment.scale;
+    let mut measures = TrafficMeasures::new(&experiment);
     let mut run = Run::new(Arc::new(experiment)).unwrap();
+    let mut audit = Audit::default();
     let mut plans: Vec<(VehicleId, MotionPlan)> = Vec::new();
     let mut fronts: Vec<(VehicleId, Vec<(f64, f64)>)> = Vec::new();
     for _ in 0..ticks {
         let snapshot = run.step().clone();
+        measures.observe(Some(run.mainframe()), &snapshot);
+        audit.observe(&run);
         for cav in run.mainframe().cavs() {
             if let Some(plan) = &cav.coordination.plan
                 && !plans.iter().any(|(id, _)| *id == cav.id)
@@ -63,6 +68,7 @@ fn drive(text: &str) -> Passed {
                 .all(|event| !matches!(event.kind, city3d_protocol::snapshot::EventKind::Collision { .. }))
         );
     }
+    audit.check(&run, &measures);
     plans.sort_by_key(|(id, _)| *id);
     fronts.sort_by_key(|(id, _)| *id);
     Passed { run, plans, fronts }

@@ -8,6 +8,9 @@ use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
 use std::sync::Arc;
 
+#[path = "../../examples/own_coordinator.rs"]
+mod own_coordinator;
+
 /// What became of a run.
 struct Studied {
     report: TrafficReport,
@@ -135,4 +138,15 @@ fn a_corridor_is_passed_on_plans_without_a_stop_and_with_less_delay_than_by_yiel
     let of = |studied: &Studied| (studied.mean_delay_s(), studied.zone().stops);
     let (planned, yielding) = (of(&planned), of(&yielding));
     assert!(planned.0 < yielding.0 && planned.1 == 0, "{planned:?} {yielding:?}");
+}
+
+#[test]
+fn an_algorithm_of_ones_own_coordinates_the_roundabout() {
+    let metrics = own_coordinator::run().unwrap();
+    assert_eq!(
+        (metrics.collisions, metrics.traffic.passages.count, metrics.traffic.passages.stops),
+        (0, 6, 0)
+    );
+    let totals = metrics.coordination.unwrap().totals();
+    assert!(totals.plans >= 6, "{totals:?}");
 }

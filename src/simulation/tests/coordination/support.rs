@@ -53,11 +53,14 @@ pub fn run(text: &str, overrides: Overrides, is_through: impl Fn(&Run, VehicleId
         read_experiment("test", text, &library, overrides).unwrap_or_else(|error| panic!("{error}"));
     let ticks = experiment.ticks();
     let scale = experiment.scale;
+    let mut measures = TrafficMeasures::new(&experiment);
     let mut run = Run::new(Arc::new(experiment)).unwrap();
-    let mut outcome = Outcome::default();
+    let (mut outcome, mut audit) = (Outcome::default(), Audit::default());
     let mut last: BTreeMap<u32, f64> = BTreeMap::new();
     for _ in 0..ticks {
         let snapshot = run.step().clone();
+        measures.observe(Some(run.mainframe()), &snapshot);
+        audit.observe(&run);
         for event in &snapshot.events {
             match event.kind {
                 EventKind::Collision { .. } | EventKind::CollisionStatic { .. } => outcome.collisions += 1,
@@ -87,6 +90,7 @@ pub fn run(text: &str, overrides: Overrides, is_through: impl Fn(&Run, VehicleId
             }
         }
     }
+    audit.check(&run, &measures);
     outcome
 }
 
