@@ -3,6 +3,7 @@
 use city3d_control::coordination::platoon::PlatoonRole;
 use city3d_protocol::snapshot::{EventKind, VehicleId};
 use city3d_roadmap::dxf::{Drawing, EntityShape};
+use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
 use glam::DVec2;
@@ -122,6 +123,34 @@ fn behind_an_oscillating_leader_no_platoon_amplifies() {
             let most = gains.iter().fold(0.0, |most, gain| f64::max(most, *gain));
             assert!(most <= 1.0 + TRACKED, "{controller} at {frequency_hz} Hz: {gains:?}");
         }
+    }
+}
+
+/// Frequencies, and the gains of the linearised model at 0.2 m/s and a headway of 0.5 s (`idm_gain` in the tests of control).
+const IDM_GAINS: [(f64, f64); 3] = [(0.05, 1.004), (0.1, 0.978), (0.2, 0.711)];
+
+#[test]
+fn behind_an_oscillating_leader_idm_amplifies_as_its_linearised_model_says() {
+    for (frequency_hz, expected) in IDM_GAINS {
+        for gain in gains("idm", frequency_hz, Overrides::default()) {
+            assert!((gain / expected - 1.0).abs() < 0.05, "{frequency_hz} Hz: {gain} instead of {expected}");
+        }
+    }
+}
+
+/// Under noise, delay and lag the oscillation at the leader's frequency is told from the noise by its mean over seeds.
+#[test]
+fn in_the_testbed_no_platoon_amplifies_from_first_to_last() {
+    for (controller, most) in [("cacc", 1.1), ("ploeg", 1.0), ("idm", 1.0)] {
+        let of = |seed| {
+            let testbed = Some(EnvironmentProfile::Testbed);
+            let overrides = Overrides { seed: Some(seed), environment: testbed, ..Overrides::default() };
+            gains(controller, 0.1, overrides).iter().product::<f64>()
+        };
+        let last: Vec<f64> = (1..=3).map(of).collect();
+        let mean = last.iter().sum::<f64>() / last.len() as f64;
+        println!("{controller} in testbed, 0.1 Hz: {last:.3?} from first to last, mean {mean:.3}");
+        assert!(mean <= most, "{controller}: {last:?}");
     }
 }
 
