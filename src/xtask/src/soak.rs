@@ -13,7 +13,7 @@ use city3d_simulation::scenario::{Experiment, Overrides, ScenarioRequest};
 use clap::Args;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -55,6 +55,8 @@ struct Seen {
     mainframe: (u32, f64, Option<f64>),
     /// Distance of each vehicle when it last moved, and when that was.
     moved: BTreeMap<VehicleId, (f64, f64)>,
+    /// Vehicles of which it is told that they stand for ever.
+    told: BTreeSet<VehicleId>,
 }
 
 fn lock(seen: &Mutex<Seen>) -> MutexGuard<'_, Seen> {
@@ -88,7 +90,12 @@ impl End for Watch {
             if (state.distance_m - driven_m).abs() > STANDSTILL_M {
                 seen.moved.insert(state.id, (state.distance_m, snapshot.time_s));
             } else {
-                seen.longest_stand_s = seen.longest_stand_s.max(snapshot.time_s - since_s);
+                let stood_s = snapshot.time_s - since_s;
+                if stood_s > LONGEST_STAND_S && seen.told.insert(state.id) {
+                    let (at, status) = (state.position, state.status);
+                    eprintln!("vehicle {} ({status:?}) stands at {at:.2} since {since_s:.2} s", state.id);
+                }
+                seen.longest_stand_s = seen.longest_stand_s.max(stood_s);
             }
         }
     }

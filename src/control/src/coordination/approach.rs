@@ -223,7 +223,9 @@ impl<'a> ApproachPlanner<'a> {
         PACES.into_iter().find_map(|(accelerating, braking)| {
             let with_cap = |cap_mps| self.drive(start, end_m, self.style(cap_mps, accelerating, braking));
             let (mut low_mps, mut high_mps) = (self.min_speed_mps, self.driver.desired_speed_mps);
-            if with_cap(high_mps).end().time_s > to_s + ARRIVAL_TOLERANCE_S {
+            let arrives_s = |cap_mps| with_cap(cap_mps).end().time_s;
+            let is_too_soon = arrives_s(low_mps) < to_s - ARRIVAL_TOLERANCE_S;
+            if is_too_soon || arrives_s(high_mps) > to_s + ARRIVAL_TOLERANCE_S {
                 return None;
             }
             for _ in 0..BISECTIONS {

@@ -40,12 +40,20 @@ fn nodes_between(start: MotionState, end_m: f64) -> Vec<Node> {
         position_m: start.position_m,
         speed_mps: start.speed_mps.max(LEAST_MPS),
     };
-    let mut nodes = vec![node];
+    let count = ((end_m - node.position_m) / STEP_M).max(0.0) as usize + 3;
+    let mut nodes = Vec::with_capacity(count);
+    nodes.push(node);
     while node.position_m < end_m - STEP_M * 1e-6 {
-        node.position_m = ((node.position_m / STEP_M + 1e-6).floor() * STEP_M + STEP_M).min(end_m);
+        node.position_m = (whole(node.position_m / STEP_M + 1e-6) * STEP_M + STEP_M).min(end_m);
         nodes.push(node);
     }
     nodes
+}
+
+/// The largest whole number that is not above a position in steps: `floor` is a call on processors of the least kind.
+fn whole(steps: f64) -> f64 {
+    let towards_zero = steps as i64 as f64;
+    if towards_zero > steps { towards_zero - 1.0 } else { towards_zero }
 }
 
 impl ProfileDrive {
@@ -91,7 +99,7 @@ impl ProfileDrive {
     /// Index of the first node beyond a position, at least 1 and at most that of the last node. Nodes are at whole steps.
     fn node_after(&self, position_m: f64) -> usize {
         let last = self.nodes.len() - 1;
-        let steps = position_m / STEP_M - (self.nodes[0].position_m / STEP_M).floor();
+        let steps = position_m / STEP_M - whole(self.nodes[0].position_m / STEP_M);
         let mut after = (steps.max(0.0) as usize).clamp(1, last);
         while after < last && self.nodes[after].position_m <= position_m {
             after += 1;

@@ -94,7 +94,7 @@ impl View<'_> {
             if user.side == crossing.side || user.vehicle == vehicle {
                 continue;
             }
-            let are_inside = to_entry_m <= -ZONE_MARGIN_M && user.to_entry_m <= 0.0;
+            let are_inside = to_entry_m.max(user.to_entry_m) <= -ZONE_MARGIN_M;
             if are_inside && crossing.kind == ZoneKind::Cross {
                 let own = Inside { cav: &cavs[vehicle], to_exit_m: crossing.to_s - cavs[vehicle].rear_s() };
                 let other = Inside { cav: &cavs[user.vehicle], to_exit_m: user.to_exit_m };
