@@ -113,6 +113,10 @@ fn a_city_without_commands_comes_to_a_stop_without_a_collision_and_goes_on() {
         let mut control = ControlLoop::new(&experiment).unwrap();
         control.resume(None);
         run = Run::resume(world, control);
+        // As a control framework does that has come anew: the sequence of its trajectories begins again.
+        for vehicle in &experiment.vehicles {
+            run.inject(SimCommand::Spawn(Box::new(vehicle.setup(&experiment.city_map, experiment.scale))));
+        }
     }
     assert_eq!(found, 0);
 }
