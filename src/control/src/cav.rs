@@ -176,7 +176,7 @@ pub struct Cav {
     /// Not measured for too long; it may be up to `ahead_m` farther.
     is_lost: bool,
     ahead_m: f64,
-    /// From its front bumper to the nearest place where it has to wait as things are; infinite without one.
+    /// Distance from the front bumper to the nearest place where it has no right of way yet; infinite without one.
     pub(super) wait_m: f64,
 }
 
@@ -188,7 +188,7 @@ const PLAN_SLACK_MPS: f64 = 0.08;
 const SAFE_GAP_M: f64 = 0.02;
 const SAFETY_SIGMAS: f64 = 3.0;
 
-/// The first control step has no duration.
+/// Least step and response time of the safety filter: the first control step has no duration.
 const LEAST_STEP_S: f64 = 1e-3;
 
 /// Distance behind a section at which its exit is looked up.
@@ -395,7 +395,7 @@ impl Cav {
         self.driver.safe_acceleration(self.speed_mps, leader, self.margin_m() + standstill_m)
     }
 
-    /// Its safety filter's parameters: it keeps its response time and the margin on measured distances.
+    /// Parameters of the safety filter for this vehicle: the response time as headway, the margin on measured distances as gap.
     pub(super) fn filter_params(&self) -> FilterParams {
         let DriverParams { response_time_s, min_acceleration_mps2, max_acceleration_mps2, .. } = self.driver;
         FilterParams {
@@ -421,15 +421,6 @@ impl Cav {
     /// Whether it gives way to all plans while it has none itself: it could have one, and asks for it.
     pub(super) fn defers_to_plans(&self) -> bool {
         self.is_coordinated() && !self.coordination.is_behind_uncoordinated
-    }
-
-    /// The highest speed after a step from which it can still stop within a distance from where the step begins.
-    pub(super) fn stopping_speed(&self, distance_m: f64, speed_mps: f64, step_s: f64) -> f64 {
-        let braking_mps2 = -self.driver.min_acceleration_mps2;
-        // v^2 = 2 b (d - (v + v_0) T/2).
-        let half = braking_mps2 * step_s / 2.0;
-        let square = half * half + 2.0 * braking_mps2 * distance_m - 2.0 * half * speed_mps;
-        if square > 0.0 { (square.sqrt() - half).max(0.0) } else { 0.0 }
     }
 
     /// Its coordinated plan, while it is on it.

@@ -122,6 +122,16 @@ impl DriverParams {
         speed_mps * speed_mps / (2.0 * self.min_acceleration_mps2.abs())
     }
 
+    /// The highest speed at the end of a step from which full braking stops within `distance_m` of where the step begins;
+    /// 0 where none does.
+    pub fn stopping_speed(&self, distance_m: f64, speed_mps: f64, step_s: f64) -> f64 {
+        let braking_mps2 = -self.min_acceleration_mps2;
+        // v^2 = 2 b (d - (v + v_0) T/2).
+        let half = braking_mps2 * step_s / 2.0;
+        let square = half * half + 2.0 * braking_mps2 * distance_m - 2.0 * half * speed_mps;
+        if square > 0.0 { (square.sqrt() - half).max(0.0) } else { 0.0 }
+    }
+
     fn power(&self, ratio: f64) -> f64 {
         if self.exponent == 4.0 {
             let square = ratio * ratio;

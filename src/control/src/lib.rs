@@ -91,9 +91,9 @@ pub struct Mainframe {
     right_of_way: RightOfWay,
     coordination: Option<ZoneCoordination>,
     yield_constraints: Vec<YieldConstraint>,
-    /// What the present vehicle has to heed.
+    /// Obstacles of the vehicle that is decided for; a buffer.
     ahead: Vec<Obstacle>,
-    /// The last word on plans.
+    /// Safety filter of planned accelerations, with its counts.
     safety_filter: SafetyFilter,
     /// Vehicles that somebody else controls.
     strangers: Strangers,

@@ -28,7 +28,7 @@ pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory<Lab> {
     trajectory.indicator = cav.indicator;
     let coordinated = cav.coordinated_plan().filter(|_| cav.coordination.follows_plan);
     let planned_until_s = coordinated.map_or(f64::NEG_INFINITY, |plan| plan.end().time_s - now_s);
-    // If this message is the last one for a while, nobody rolls into a place that is not free yet.
+    // A vehicle follows its last trajectory until the link times out: the end has to lie before the place of waiting.
     let wait_s = cav.axle_s() + cav.wait_m;
     let (mut s, mut speed_mps, mut last_s) = (cav.plan.axle_s, cav.plan.speed_mps, 0.0);
     for offset_s in OFFSETS_S {
@@ -46,8 +46,11 @@ pub fn trajectory(map: &LabMap, cav: &mut Cav, now_s: f64) -> Trajectory<Lab> {
         let wanted_mps = (speed_mps + u * dt_s).max(0.0);
         // A bend that comes too soon is entered too fast: no plan brakes harder than u_min.
         let lowest_mps = (speed_mps + cav.driver.min_acceleration_mps2 * dt_s).max(0.0);
-        let allowed_mps =
-            cav.route.speed_at(s + speed_mps * dt_s).min(cav.stopping_speed(wait_s - s, speed_mps, dt_s));
+        let allowed_mps = cav.route.speed_at(s + speed_mps * dt_s).min(cav.driver.stopping_speed(
+            wait_s - s,
+            speed_mps,
+            dt_s,
+        ));
         let next_mps = wanted_mps.min(allowed_mps.max(lowest_mps));
         s += (speed_mps + next_mps) / 2.0 * dt_s;
         (speed_mps, last_s) = (next_mps, offset_s);

@@ -55,7 +55,7 @@ struct Seen {
     mainframe: (u32, f64, Option<f64>),
     /// Distance of each vehicle when it last moved, and when that was.
     moved: BTreeMap<VehicleId, (f64, f64)>,
-    /// Vehicles of which it is told that they stand for ever.
+    /// Vehicles whose long stand was printed.
     told: BTreeSet<VehicleId>,
 }
 

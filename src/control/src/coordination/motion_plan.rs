@@ -50,7 +50,7 @@ fn nodes_between(start: MotionState, end_m: f64) -> Vec<Node> {
     nodes
 }
 
-/// The largest whole number that is not above a position in steps: `floor` is a call on processors of the least kind.
+/// `f64::floor`, which is a library call for x86-64 processors without SSE 4.1, the target of our builds.
 fn whole(steps: f64) -> f64 {
     let towards_zero = steps as i64 as f64;
     if towards_zero > steps { towards_zero - 1.0 } else { towards_zero }

@@ -1,19 +1,19 @@
-//! Two vehicles inside a crossing at once, as a lost link or a person leaves them: who has to wait for whom is seen from their
-//! bodies.
+//! Precedence between two vehicles that are inside one crossing at the same time, after a link loss or because of a person.
+//! The outline of each is swept along its route and compared with the present outline of the other.
 
 use crate::{Cav, STANDS_MPS};
 use city3d_geometry::OrientedRect;
-use city3d_geometry::lab::Pose2;
 use city3d_roadmap::LabMap;
+use glam::DVec2;
 
 /// Clearance on each side of a moving body.
 const BESIDE_M: f64 = 0.01;
-/// Ways are looked at in steps of this.
+/// Step of the sweep along a route.
 const STEP_M: f64 = 0.02;
-/// Bodies that come closer by less than this pass each other.
+/// Overlap with the clearance that may be added on the way: bodies that stand close to each other are no obstruction by that.
 const CLOSER_M: f64 = 1e-3;
 
-/// A vehicle inside a crossing, and its way until its rear has left it.
+/// A vehicle inside a crossing, and the distance until its rear has left it.
 #[derive(Clone, Copy)]
 pub(super) struct Inside<'c> {
     pub cav: &'c Cav,
@@ -23,7 +23,7 @@ pub(super) struct Inside<'c> {
 impl Inside<'_> {
     /// Whether it has to wait for another vehicle inside, which may go first.
     pub(super) fn has_to_wait(self, map: &LabMap, other: Inside<'_>, other_goes_first: bool) -> bool {
-        // Whoever has begun to go clears the way soonest.
+        // A moving vehicle leaves the crossing before one that stands.
         let goes_on = self.cav.speed_mps() > STANDS_MPS && other.cav.speed_mps() < STANDS_MPS;
         let gives_way = other_goes_first && !goes_on;
         self.is_obstructed(map, other.cav) || gives_way && !other.is_obstructed(map, self.cav)
@@ -41,11 +41,9 @@ impl Inside<'_> {
     /// Its outline farther on its route, both axles on it.
     fn outline(self, map: &LabMap, ahead_m: f64) -> OrientedRect {
         let (cav, axle_s) = (self.cav, self.cav.axle_s() + ahead_m);
-        let front = cav.route.at(map, axle_s).pose;
+        let front = cav.route.at(map, axle_s).pose.position;
         let rear = cav.route.at(map, axle_s - cav.body.wheelbase_m).pose.position;
-        let along = front.position - rear;
-        let yaw_rad = city3d_geometry::trig::atan2(along.y, along.x);
-        let middle = Pose2::at((front.position + rear) / 2.0, yaw_rad);
-        OrientedRect::new(middle, cav.body.length_m, cav.body.width_m + 2.0 * BESIDE_M)
+        let half = DVec2::new(cav.body.length_m / 2.0, cav.body.width_m / 2.0 + BESIDE_M);
+        OrientedRect { centre: (front + rear) / 2.0, axis: (front - rear).normalize_or(DVec2::X), half }
     }
 }

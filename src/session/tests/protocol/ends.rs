@@ -232,7 +232,7 @@ impl Source for Staged {
 /// Asserts that a city drives in real time with this end as it does without, through all stages: no call of the end
 /// takes long, and ticks and digests are the same. Gives the end as it was at last, and its account of each run.
 fn passes(end: Box<dyn End>, crowd: u32, stages: Vec<Stage>) -> (EndHealth, Vec<EndSummary>) {
-    // Longer than the real clock leaves it: simulated time runs fast while an end is slow on a busy machine.
+    // Long enough for PATIENCE to end first: simulated time runs fast, and an end is slow on a busy machine.
     let experiment = scenario("roundabout", 36_000.0);
     let probe = Arc::<Mutex<Probe>>::default();
     let (of_city, of_end, driven) = (Arc::clone(&probe), Arc::clone(&probe), Arc::clone(&experiment));

@@ -47,19 +47,19 @@ pub struct RoutePlace {
     pub reroutes: u32,
     body: CavGeometry,
     axle_s: Option<f64>,
-    /// The control framework's own copy is not looked at again.
-    is_shared: bool,
+    /// Whether the route was compared with the control framework's.
+    is_compared: bool,
 }
 
 impl RoutePlace {
     /// A vehicle that is somewhere on this route.
     pub fn new(route: Arc<Route>, body: CavGeometry, reroutes: u32) -> Self {
-        Self { route, reroutes, body, axle_s: None, is_shared: false }
+        Self { route, reroutes, body, axle_s: None, is_compared: false }
     }
 
     /// Shares the control framework's copy of the route where it is the same: that of a day is large.
     pub fn share(&mut self, route: &Arc<Route>) {
-        if !std::mem::replace(&mut self.is_shared, true) && **route == *self.route {
+        if !std::mem::replace(&mut self.is_compared, true) && **route == *self.route {
             self.route = Arc::clone(route);
         }
     }

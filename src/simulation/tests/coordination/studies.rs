@@ -1,7 +1,6 @@
 //! The shipped studies: a merge and an intersection with vehicles that come and go.
 
 use crate::support::{Audit, shipped};
-use city3d_protocol::snapshot::EventKind;
 use city3d_simulation::environment::EnvironmentProfile;
 use city3d_simulation::measures::{TrafficMeasures, TrafficReport};
 use city3d_simulation::runner::Run;
@@ -40,10 +39,7 @@ fn study(name: &str, changes: &[(&str, &str)], overrides: Overrides) -> Studied 
     let (mut collisions, mut audit) = (0, Audit::default());
     for _ in 0..experiment.ticks() {
         run.step();
-        let is_collision = |kind: &EventKind| {
-            matches!(kind, EventKind::Collision { .. } | EventKind::CollisionStatic { .. })
-        };
-        collisions += run.snapshot().events.iter().filter(|event| is_collision(&event.kind)).count();
+        collisions += run.snapshot().events.iter().filter(|event| event.kind.is_collision()).count();
         measures.observe(Some(run.mainframe()), run.snapshot());
         audit.observe(&run);
     }

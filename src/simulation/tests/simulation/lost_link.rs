@@ -2,11 +2,9 @@
 
 use city3d_control::Mainframe;
 use city3d_protocol::snapshot::{FrameSnapshot, SimCommand, VehicleId};
-use city3d_protocol::wire::{Measurement, Message};
 use city3d_roadmap::{ZoneId, ZoneKind};
 use city3d_simulation::runner::{ControlLoop, Run};
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
-use city3d_simulation::sim::World;
 use std::sync::Arc;
 
 fn collisions(snapshot: &FrameSnapshot) -> usize {
@@ -19,23 +17,7 @@ fn city(duration_s: f64) -> Arc<Experiment> {
     Arc::new(read_experiment("city", &text, &library, overrides).unwrap())
 }
 
-/// Steps a world with its control framework; returns the messages of the latter.
-fn step(world: &mut World, control: &mut ControlLoop, snapshot: &mut FrameSnapshot) -> Vec<Message> {
-    let (scale, now) = (world.experiment().scale, (world.tick(), world.time_s()));
-    let seen: Vec<Measurement> =
-        snapshot.vehicles.iter().map(|state| Measurement::of(state, now.1, scale)).collect();
-    let mut messages = Vec::new();
-    control.step(now, seen.into_iter(), &mut messages);
-    let mut commands: Vec<_> = messages.iter().map(|message| message.clone().into_command(scale)).collect();
-    if now.0 == 0 {
-        commands.push(SimCommand::Start);
-    }
-    commands.sort_by_key(SimCommand::order);
-    world.tick_into(&commands, snapshot);
-    messages
-}
-
-/// Where a vehicle has to wait as things are, along its route: before a section to which it is not admitted, or before a
+/// Arc length at which a vehicle has to wait: before a section to which it is not admitted, or before a
 /// crossing that somebody with an earlier admission has not left yet.
 fn waits_at(mainframe: &Mainframe, id: VehicleId) -> Option<f64> {
     let cav = mainframe.cav(id).filter(|cav| cav.is_on_route())?;
@@ -62,30 +44,29 @@ fn waits_at(mainframe: &Mainframe, id: VehicleId) -> Option<f64> {
     [hold_s, blocked].into_iter().flatten().min_by(f64::total_cmp)
 }
 
-/// How exactly a trajectory ends at a place, laboratory metres.
+/// Tolerance of the end of a trajectory, laboratory metres.
 const ENDS_WITHIN_M: f64 = 0.03;
 
 #[test]
 fn trajectories_end_before_what_is_not_free_yet() {
     let experiment = city(60.0);
     let map = &experiment.lab_map;
-    let (mut world, mut control) =
-        (World::new(Arc::clone(&experiment)), ControlLoop::new(&experiment).unwrap());
-    let mut snapshot = world.snapshot();
+    let mut run = Run::new(Arc::clone(&experiment)).unwrap();
     let (mut ended, mut beyond) = (0, Vec::new());
     for _ in 0..experiment.ticks() {
-        let messages = step(&mut world, &mut control, &mut snapshot);
-        for message in &messages {
-            let Message::Follow(trajectory) = message else { continue };
-            let mainframe = control.mainframe();
+        run.step();
+        for command in run.commands() {
+            let SimCommand::Follow(trajectory) = command else { continue };
+            let mainframe = run.mainframe();
             let Some(wait_s) = waits_at(mainframe, trajectory.vehicle) else { continue };
             let cav = mainframe.cav(trajectory.vehicle).unwrap();
             let last = trajectory.points.last().unwrap();
-            let foot = cav.route.project(map, last.pose.position, cav.axle_s() - 0.1, cav.axle_s() + 2.0);
+            let end = last.pose.to_lab(experiment.scale).position;
+            let foot = cav.route.project(map, end, cav.axle_s() - 0.1, cav.axle_s() + 2.0);
             let front_s = foot.s + cav.body.overhang_m();
             ended += usize::from(last.speed_mps == 0.0);
             if front_s > wait_s + ENDS_WITHIN_M {
-                beyond.push((world.time_s(), trajectory.vehicle, front_s - wait_s));
+                beyond.push((run.world().time_s(), trajectory.vehicle, front_s - wait_s));
             }
         }
     }

@@ -140,7 +140,7 @@ fn behind_an_oscillating_leader_idm_amplifies_as_its_linearised_model_says() {
 
 /// Under noise, delay and lag the oscillation at the leader's frequency is told from the noise by its mean over seeds.
 #[test]
-fn in_the_testbed_no_platoon_amplifies_from_first_to_last() {
+fn in_the_testbed_cacc_amplifies_by_less_than_a_tenth_and_ploeg_and_idm_do_not() {
     for (controller, most) in [("cacc", 1.1), ("ploeg", 1.0), ("idm", 1.0)] {
         let of = |seed| {
             let testbed = Some(EnvironmentProfile::Testbed);
