@@ -1,11 +1,13 @@
 //! Position and speed of a vehicle along its route, estimated from measured poses by the Kalman filter of
 //! [`estimation`](city3d_estimation).
 
+use super::off_route::METRES_PER_RAD;
 use super::{CavGeometry, Route};
 use city3d_estimation::{MotionEstimate, MotionFilter, NoiseModel};
-use city3d_geometry::Lab;
+use city3d_geometry::{CurveProjection, Lab, wrap_angle};
 use city3d_protocol::wire::Measurement;
 use city3d_roadmap::LabMap;
+use glam::DVec2;
 
 /// Search window around the expected position on the route, laboratory metres.
 const SEARCH_BEHIND_M: f64 = 0.15;
@@ -51,6 +53,23 @@ pub struct RouteState {
     pub position_std_m: f64,
 }
 
+/// Difference of the same place in two passages by rounding.
+const SAME_PLACE_M: f64 = 1e-6;
+
+/// The nearest place of a route by position and heading: where lanes overlap, as before an exit of a roundabout, the
+/// heading tells them apart. Of several passages the first.
+fn nearest_along(map: &LabMap, route: &Route, axle: DVec2, yaw_rad: f64) -> Option<CurveProjection> {
+    let places: Vec<_> = (0..route.lanes().len())
+        .map(|lane| {
+            let foot = route.project(map, axle, route.lane_start(lane), route.lane_end(lane + 1));
+            let turn_rad = wrap_angle(yaw_rad - route.at(map, foot.s).pose.yaw_rad).abs();
+            (foot.distance + turn_rad * METRES_PER_RAD, foot)
+        })
+        .collect();
+    let least_m = places.iter().map(|(cost_m, _)| *cost_m).min_by(f64::total_cmp)?;
+    places.iter().find(|(cost_m, _)| *cost_m <= least_m + SAME_PLACE_M).map(|(_, foot)| *foot)
+}
+
 impl RouteEstimate {
     /// Starts from the first pose of a vehicle; its speed is that of its setup.
     pub fn first(
@@ -65,7 +84,7 @@ impl RouteEstimate {
         let mut foot = route.project(map, axle, 0.0, route.lane_end(1));
         if foot.distance > BEGINS_WITHIN_M {
             // Control has started while the vehicle was under way.
-            foot = route.project(map, axle, 0.0, route.length());
+            foot = nearest_along(map, route, axle, pose.yaw_rad).unwrap_or(foot);
         }
         let filter = MotionFilter::moving(NoiseModel::LABORATORY, seen.stamp_s, pose, speed_mps);
         Self {
@@ -142,5 +161,64 @@ impl RouteEstimate {
     pub fn farthest_if_lost(&self, stopping_m: f64) -> f64 {
         let goes_on_s = self.heard_s + NOTICES_S - self.stamp_s;
         self.axle_s + self.speed_mps * goes_on_s + stopping_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use city3d_roadmap::load_map;
+
+    fn map() -> LabMap {
+        load_map(include_bytes!("../../../assets/maps/ids3c.dxf")).unwrap().map
+    }
+
+    const BODY: CavGeometry =
+        CavGeometry { length_m: 0.19, width_m: 0.08, wheelbase_m: 0.11, min_turn_radius_m: 0.2 };
+
+    /// A route that passes its lanes twice, and then leaves the roundabout where it went round it before.
+    fn route(map: &LabMap) -> Route {
+        let id = |name: &str| map.lane_by_name(name).unwrap().id;
+        let lap = |from: &str, to: &str| map.shortest_route(id(from), id(to), |_| true).unwrap();
+        let ring = "east-roundabout/ring/inner/2";
+        let out = "south-boulevard/west/inner/1";
+        let round = lap(map.lane(map.lane(id(ring)).successors[0]).name.as_str(), ring);
+        let around =
+            if round.contains(&id("east-roundabout/ring-to-west/inner")) { Vec::new() } else { round };
+        let mut lanes = vec![id(ring)];
+        lanes.extend(around.iter());
+        lanes.extend(around.iter());
+        lanes.extend(&lap(ring, out)[1..]);
+        Route::without_speeds(map, &lanes, BODY)
+    }
+
+    #[test]
+    fn a_vehicle_under_way_is_found_by_its_heading_and_in_the_first_passage() {
+        let map = map();
+        let route = route(&map);
+        let exit = map.lane_by_name("east-roundabout/ring-to-west/inner").unwrap().id;
+        let first_exit = route.lanes().iter().position(|lane| *lane == exit).unwrap();
+        let mut by_distance = 0;
+        for k in 0..route.lanes().len() {
+            let lane = route.lanes()[k];
+            let first = route.lanes().iter().position(|other| *other == lane).unwrap();
+            let length_m = route.lane_end(k + 1) - route.lane_start(k);
+            for part in [0.1, 0.3, 0.5, 0.7, 0.9] {
+                let at = map.lane(lane).curve.at(part * length_m).pose;
+                // 2 cm to the right of the lane: nearer to an exit.
+                let axle = at.point_at(0.0, -0.02);
+                let foot = nearest_along(&map, &route, axle, at.yaw_rad).unwrap();
+                let expected_s = route.lane_start(first) + part * length_m;
+                assert!(
+                    (foot.s - expected_s).abs() < 0.02,
+                    "{} {part}: {} {expected_s}",
+                    map.lane(lane).name,
+                    foot.s
+                );
+                let nearest_s = route.project(&map, axle, 0.0, route.length()).s;
+                by_distance += usize::from((nearest_s - expected_s).abs() > 0.02);
+            }
+        }
+        assert!(first_exit > 0 && by_distance > 0, "{first_exit} {by_distance}");
     }
 }

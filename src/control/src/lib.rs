@@ -216,7 +216,7 @@ impl Mainframe {
         }
         self.signals.update(time_s, &self.map, &self.cavs, &self.strangers);
         messages.extend(self.signals.messages(time_s).map(Message::Signals));
-        self.right_of_way.update(time_s, &mut self.cavs, &self.occupancy, &self.signals);
+        self.right_of_way.update(time_s, &self.map, &mut self.cavs, &self.occupancy, &self.signals);
         reroute::reroute_blocked(time_s, &self.map, &mut self.cavs, &mut self.right_of_way, &self.occupancy);
         if let Some(platooning) = &mut self.platooning {
             platooning.update(time_s, &self.map, &mut self.cavs, &self.occupancy, &self.strangers);

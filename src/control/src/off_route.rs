@@ -13,7 +13,7 @@ const TURNED_RAD: f64 = 1.0;
 const ON_LANE_M: f64 = 0.085;
 const ALONG_RAD: f64 = 0.8;
 /// Weight of the heading error in the comparison of lanes, metres per radian.
-const METRES_PER_RAD: f64 = 0.08;
+pub(super) const METRES_PER_RAD: f64 = 0.08;
 /// Least remaining length of a lane.
 const LEFT_OF_LANE_M: f64 = 0.02;
 /// Number of lanes within which the new route rejoins the old one.

@@ -10,6 +10,7 @@
 //! if it cannot stop comfortably; then the ranks of a junction without lines hold.
 
 mod constraints;
+mod deadlock;
 mod inside;
 mod waiting;
 
@@ -99,6 +100,8 @@ pub struct RightOfWayState {
     pub next_section: usize,
     /// It was able to stop before that section.
     was_before_line: bool,
+    /// Since when it stands, wherever.
+    stands_since_s: Option<f64>,
     /// Since when it stands at the line of that section.
     standing_since_s: Option<f64>,
     /// Since when admission fails because of vehicles in or behind the section.
@@ -121,6 +124,11 @@ impl RightOfWayState {
         self.blocked_since_s.map_or(0.0, |since_s| now_s - since_s)
     }
 
+    /// How long it has stood.
+    fn stood_for_s(&self, now_s: f64) -> f64 {
+        self.stands_since_s.map_or(0.0, |since_s| now_s - since_s)
+    }
+
     /// Revokes the admission of this index and those after it.
     pub(super) fn revoke_from(&mut self, position: usize) {
         self.next_section = self.admissions[position].section;
@@ -132,6 +140,8 @@ impl RightOfWayState {
 #[derive(Clone, Copy, Debug)]
 struct ZoneUser {
     vehicle: usize,
+    /// Index in [`Route::sections`](super::Route::sections) of its own route.
+    section: usize,
     side: usize,
     /// Distance from its front bumper to the zone; negative inside.
     to_entry_m: f64,
@@ -167,8 +177,10 @@ impl Candidate {
 pub struct RightOfWay {
     params: RightOfWayParams,
     next_order: u64,
-    /// Number of the next intruder, who entered without admission; below all others.
+    /// Number of the next intruder, who entered without admission; below all admitted ones.
     next_intruder: u64,
+    /// The lowest number so far that resolves a deadlock; below all others.
+    before_all: u64,
     loops: LoopCapacity,
     /// Users by zone, rebuilt each control step.
     users: Vec<Vec<ZoneUser>>,
@@ -178,6 +190,8 @@ pub struct RightOfWay {
 
 /// First regular admission number; intruders are below.
 const FIRST_ORDER: u64 = 1 << 32;
+/// First number of an intruder; who resolves a deadlock is below.
+const FIRST_INTRUDER: u64 = 1 << 31;
 
 /// Vehicles within this distance of a zone are its users.
 const HORIZON_M: f64 = 2.0;
@@ -189,7 +203,8 @@ impl RightOfWay {
         Self {
             params,
             next_order: FIRST_ORDER,
-            next_intruder: 0,
+            next_intruder: FIRST_INTRUDER,
+            before_all: FIRST_INTRUDER,
             loops: LoopCapacity::new(map),
             users,
             candidates: Vec::new(),
@@ -206,8 +221,16 @@ impl RightOfWay {
         self.params = params;
     }
 
-    /// Releases sections that were left, revokes admissions that signals have overtaken, then admits candidates.
-    pub fn update(&mut self, now_s: f64, cavs: &mut [Cav], occupancy: &Occupancy, signals: &Signals) {
+    /// Releases sections that were left, revokes admissions that signals have overtaken, resolves
+    /// deadlocks, then admits candidates.
+    pub fn update(
+        &mut self,
+        now_s: f64,
+        map: &LabMap,
+        cavs: &mut [Cav],
+        occupancy: &Occupancy,
+        signals: &Signals,
+    ) {
         for cav in cavs.iter_mut().filter(|cav| cav.is_on_route()) {
             let (rear_s, sections) = (cav.rear_s(), &cav.route.sections);
             cav.passage.admissions.retain(|admission| sections[admission.section].to_s > rear_s);
@@ -221,6 +244,7 @@ impl RightOfWay {
         self.collect_zone_users(cavs);
         self.loops.recount(cavs);
         self.admit_vehicles_inside(cavs);
+        self.resolve_deadlocks(now_s, map, cavs, occupancy);
         self.candidates.clear();
         // Lost vehicles are stopped and request nothing.
         let may_ask = |cav: &Cav| cav.is_on_route() && !cav.is_lost();
@@ -332,9 +356,11 @@ impl RightOfWay {
     }
 
     fn note_standing(&self, now_s: f64, cav: &mut Cav) {
+        let stands = cav.speed_mps() < super::STANDS_MPS;
+        cav.passage.stands_since_s = stands.then(|| cav.passage.stands_since_s.unwrap_or(now_s));
         let Some(section) = cav.route.sections.get(cav.passage.next_section) else { return };
         let at_line = section.hold_s - cav.front_s() < AT_LINE_M;
-        if cav.speed_mps() < super::STANDS_MPS && at_line && !cav.is_lost() {
+        if stands && at_line && !cav.is_lost() {
             cav.passage.standing_since_s.get_or_insert(now_s);
         }
     }
@@ -364,6 +390,7 @@ impl RightOfWay {
                 for crossing in &route.crossings[here.crossings.clone()] {
                     let user = ZoneUser {
                         vehicle,
+                        section,
                         side: crossing.side,
                         to_entry_m: crossing.from_s - front_s,
                         to_exit_m: crossing.to_s - rear_s,

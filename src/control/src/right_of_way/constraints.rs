@@ -6,7 +6,7 @@ use super::{
     asking_distance, braking_distance,
 };
 use crate::route::{RANK_MAJOR, ZoneCrossing};
-use crate::{Cav, LeaderState};
+use crate::{Cav, LeaderState, STANDS_MPS};
 use city3d_roadmap::{LabMap, ZoneKind};
 
 /// A constraint on a vehicle from the right of way of others.
@@ -18,6 +18,8 @@ pub struct YieldConstraint {
     pub section: usize,
     /// Whether the vehicle gives way by its rank: behind a line, or turning left across oncoming traffic.
     pub gives_way: bool,
+    /// Index of the vehicle that it waits for inside the section.
+    pub other: Option<usize>,
 }
 
 /// The kind of a yield constraint.
@@ -57,15 +59,17 @@ impl RightOfWay {
             if gap_m < asking_distance(cav) {
                 let gives_way = section.rank > RANK_MAJOR && !cav.passage.is_held_by_signal;
                 let kind = ConstraintKind::Stop { gap_m };
-                out.push(YieldConstraint { kind, section: cav.passage.next_section, gives_way });
+                let section = cav.passage.next_section;
+                out.push(YieldConstraint { kind, section, gives_way, other: None });
             }
         }
         for admission in &cav.passage.admissions {
             let section = &cav.route.sections[admission.section];
             let gives_way = section.rank > RANK_MAJOR;
             for crossing in &cav.route.crossings[section.crossings.clone()] {
-                let nearest_m = view.constraints_in(crossing, admission.order, |kind| {
-                    out.push(YieldConstraint { kind, section: admission.section, gives_way });
+                let nearest_m = view.constraints_in(crossing, admission.order, |kind, other| {
+                    let section = admission.section;
+                    out.push(YieldConstraint { kind, section, gives_way, other: Some(other) });
                 });
                 wait_m = wait_m.min(nearest_m);
             }
@@ -80,7 +84,7 @@ impl View<'_> {
         &self,
         crossing: &ZoneCrossing,
         order: u64,
-        mut add: impl FnMut(ConstraintKind),
+        mut add: impl FnMut(ConstraintKind, usize),
     ) -> f64 {
         let (vehicle, cavs) = (self.vehicle, self.cavs);
         let front_s = cavs[vehicle].front_s();
@@ -88,18 +92,18 @@ impl View<'_> {
         let to_end_m = crossing.to_s - front_s;
         let mut wait_m = f64::INFINITY;
         for user in &self.right_of_way.users[crossing.zone.index()] {
-            // Who has come in without a number goes before all others but those that are there already.
-            let is_there_already = order < FIRST_ORDER && to_entry_m > 0.0 && user.to_entry_m <= 0.0;
-            let goes_first = is_there_already || user.order.is_some_and(|other| other < order);
             if user.side == crossing.side || user.vehicle == vehicle {
                 continue;
             }
+            let goes_first = user.order.is_some_and(|other| other < order)
+                || (order < FIRST_ORDER || crossing.kind == ZoneKind::Cross)
+                    && self.is_there_already(crossing, user);
             let are_inside = to_entry_m.max(user.to_entry_m) <= -ZONE_MARGIN_M;
             if are_inside && crossing.kind == ZoneKind::Cross {
                 let own = Inside { cav: &cavs[vehicle], to_exit_m: crossing.to_s - cavs[vehicle].rear_s() };
                 let other = Inside { cav: &cavs[user.vehicle], to_exit_m: user.to_exit_m };
                 if own.to_exit_m > 0.0 && own.has_to_wait(self.map, other, goes_first) {
-                    add(ConstraintKind::Stop { gap_m: 0.0 });
+                    add(ConstraintKind::Stop { gap_m: 0.0 }, user.vehicle);
                     wait_m = 0.0;
                 }
                 continue;
@@ -112,7 +116,7 @@ impl View<'_> {
                 ZoneKind::Merge if to_end_m > 0.0 => {
                     let speed_mps = cavs[user.vehicle].speed_mps();
                     let leader = LeaderState { gap_m: to_end_m - user.to_exit_m, speed_mps };
-                    add(ConstraintKind::Merging { leader, wait_gap_m });
+                    add(ConstraintKind::Merging { leader, wait_gap_m }, user.vehicle);
                 }
                 ZoneKind::Merge => {}
                 _ if leaves_on_plan(&cavs[vehicle], user, &cavs[user.vehicle]) => {}
@@ -123,13 +127,22 @@ impl View<'_> {
                     let is_leaving = user.to_entry_m < 0.0 && cavs[user.vehicle].speed_mps() > LEAVING_MPS;
                     let braking = if is_leaving { FIRM_BRAKING } else { COMFORTABLE_BRAKING };
                     if wait_gap_m < braking_distance(&cavs[vehicle], braking) {
-                        add(ConstraintKind::Stop { gap_m: wait_gap_m });
+                        add(ConstraintKind::Stop { gap_m: wait_gap_m }, user.vehicle);
                     }
                 }
                 _ => {}
             }
         }
         wait_m
+    }
+
+    /// Whether somebody is in a zone before this vehicle and moves in it or stands in its way, whatever the numbers: after
+    /// the control framework was away, or because of a person.
+    fn is_there_already(&self, crossing: &ZoneCrossing, user: &ZoneUser) -> bool {
+        let (own, other) = (&self.cavs[self.vehicle], &self.cavs[user.vehicle]);
+        let is_inside = crossing.from_s > own.front_s() && user.to_entry_m <= 0.0;
+        let way = Inside { cav: own, to_exit_m: crossing.to_s - own.rear_s() };
+        is_inside && (other.speed_mps() > STANDS_MPS || way.is_obstructed(self.map, other))
     }
 }
 

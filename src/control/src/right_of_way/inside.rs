@@ -30,7 +30,7 @@ impl Inside<'_> {
     }
 
     /// Whether a body stands in its way.
-    fn is_obstructed(self, map: &LabMap, body: &Cav) -> bool {
+    pub(super) fn is_obstructed(self, map: &LabMap, body: &Cav) -> bool {
         let there = OrientedRect::new(body.pose, body.body.length_m, body.body.width_m);
         let depth = |ahead_m| self.outline(map, ahead_m).overlap(&there).map_or(0.0, |overlap| overlap.depth);
         let beside_m = depth(0.0);

@@ -74,32 +74,77 @@ fn trajectories_end_before_what_is_not_free_yet() {
     assert!(beyond.is_empty(), "{} of them, first: {:?}", beyond.len(), &beyond[..beyond.len().min(5)]);
 }
 
+/// Drives without commands until a time and resumes with a control framework that has come anew. Returns the collisions.
+fn lose_control(run: Run, until_s: f64) -> (Run, usize) {
+    let experiment = Arc::clone(run.experiment());
+    let mut world = run.world().clone();
+    let mut snapshot = world.snapshot();
+    let mut found = 0;
+    while world.time_s() < until_s {
+        world.tick_into(&[], &mut snapshot);
+        found += collisions(&snapshot);
+    }
+    let mut control = ControlLoop::new(&experiment).unwrap();
+    control.resume(None);
+    let mut run = Run::resume(world, control);
+    // The sequence of its trajectories begins again.
+    for vehicle in &experiment.vehicles {
+        run.inject(SimCommand::Spawn(Box::new(vehicle.setup(&experiment.city_map, experiment.scale))));
+    }
+    (run, found)
+}
+
 #[test]
 fn a_city_without_commands_comes_to_a_stop_without_a_collision_and_goes_on() {
-    let experiment = city(600.0);
-    let mut run = Run::new(Arc::clone(&experiment)).unwrap();
+    let mut run = Run::new(city(600.0)).unwrap();
     let mut found = 0;
     for absence in 0..6 {
         let goes_s = run.world().time_s() + 12.0 + 0.37 * f64::from(absence);
         while run.world().time_s() < goes_s {
             found += collisions(run.step());
         }
-        let mut world = run.world().clone();
-        let mut snapshot = world.snapshot();
-        while world.time_s() < goes_s + 5.0 {
-            world.tick_into(&[], &mut snapshot);
-            found += collisions(&snapshot);
-        }
-        assert!(snapshot.vehicles.iter().all(|state| state.speed_mps < 0.01));
-        let mut control = ControlLoop::new(&experiment).unwrap();
-        control.resume(None);
-        run = Run::resume(world, control);
-        // As a control framework does that has come anew: the sequence of its trajectories begins again.
-        for vehicle in &experiment.vehicles {
-            run.inject(SimCommand::Spawn(Box::new(vehicle.setup(&experiment.city_map, experiment.scale))));
-        }
+        let lost = lose_control(run, goes_s + 5.0);
+        assert!(lost.0.snapshot().vehicles.iter().all(|state| state.speed_mps < 0.01));
+        (run, found) = (lost.0, found + lost.1);
     }
     assert_eq!(found, 0);
+}
+
+/// Longest stand that a city with interruptions may have, seconds.
+const LONGEST_STAND_S: f64 = 100.0;
+/// Absences from here on: vehicles are found where their routes pass twice.
+const FIRST_DRAW: f64 = 500.0;
+const GOLDEN: f64 = 0.618_033_988_749_9;
+const UNTIL_S: f64 = 330.0;
+
+#[test]
+fn a_city_goes_on_after_control_has_been_away_at_any_time() {
+    let mut drawn = FIRST_DRAW;
+    let mut draw = |from_s: f64, to_s: f64| {
+        drawn += 1.0;
+        from_s + (to_s - from_s) * (drawn * drawn * GOLDEN).fract()
+    };
+    let mut run = Run::new(city(2000.0)).unwrap();
+    let mut moved_s = vec![0.0; run.experiment().vehicles.len()];
+    let (mut found, mut longest_s) = (0, 0.0_f64);
+    while run.world().time_s() < UNTIL_S {
+        let goes_s = run.world().time_s() + draw(5.0, 60.0);
+        let comes_s = goes_s + draw(0.5, 20.0);
+        while run.world().time_s() < goes_s {
+            let snapshot = run.step();
+            found += collisions(snapshot);
+            for (state, moved_s) in snapshot.vehicles.iter().zip(&mut moved_s) {
+                if state.speed_mps > 0.1 {
+                    *moved_s = snapshot.time_s;
+                }
+                longest_s = longest_s.max(snapshot.time_s - *moved_s);
+            }
+        }
+        let lost = lose_control(run, comes_s);
+        (run, found) = (lost.0, found + lost.1);
+    }
+    assert_eq!(found, 0);
+    assert!(longest_s < LONGEST_STAND_S, "{longest_s}");
 }
 
 /// Two vehicles that stand inside a crossing as the control framework finds them, at `at_m` of their ways through it.
