@@ -161,7 +161,7 @@ pub struct Cav {
     step_s: f64,
     /// Time of the present control step.
     now_s: f64,
-    setup_speed_mps: f64,
+    setup_speed_mps: Option<f64>,
     estimate: Option<RouteEstimate>,
     /// Off its route and on no lane in the direction of travel, as a person may drive.
     is_off_route: bool,
@@ -223,7 +223,7 @@ impl Cav {
             own_desired_mps: setup.driver.desired_speed_mps,
             step_s: 0.0,
             now_s: 0.0,
-            setup_speed_mps: setup.speed_mps,
+            setup_speed_mps: Some(setup.speed_mps),
             estimate: None,
             is_off_route: false,
             pose: Pose2::default(),
@@ -287,8 +287,31 @@ impl Cav {
         if self.is_off_route { 0.0 } else { self.speed_mps() }
     }
 
-    pub(super) fn expect_standing(&mut self) {
-        self.setup_speed_mps = 0.0;
+    /// The speed of its setup does not hold: it is under way.
+    pub(super) fn expect_under_way(&mut self) {
+        self.setup_speed_mps = None;
+    }
+
+    /// Finds a vehicle under way on its route, by its motion so far.
+    pub(super) fn locate(&mut self, map: &LabMap) {
+        if self.setup_speed_mps.is_none() {
+            if let Some(estimate) = &mut self.estimate {
+                estimate.locate(map, (&self.route, self.body));
+                self.axle_s = estimate.axle_s;
+            }
+            self.plan_from_estimate();
+            self.skip_sections_behind();
+        }
+        // Who has not been seen yet may stand.
+        self.setup_speed_mps.get_or_insert(0.0);
+    }
+
+    /// Plans from its measured motion on.
+    fn plan_from_estimate(&mut self) {
+        if let Some(estimate) = &self.estimate {
+            let (axle_s, speed_mps) = (estimate.axle_s, estimate.speed_mps);
+            self.plan = PlanState { axle_s, speed_mps, acceleration_mps2: 0.0 };
+        }
     }
 
     pub(super) fn update_pose(&mut self, map: &LabMap, now_s: f64, seen: &Measurement) {
@@ -296,21 +319,21 @@ impl Cav {
         let speed_mps = match &mut self.estimate {
             None => {
                 self.begin(map, now_s, seen, self.setup_speed_mps);
-                self.setup_speed_mps
+                self.setup_speed_mps.unwrap_or(0.0)
             }
             Some(estimate) => {
                 let was_lost = estimate.is_lost(now_s);
                 estimate.update(map, (&self.route, self.body), now_s, seen);
-                let (axle_s, speed_mps) = (estimate.axle_s, estimate.speed_mps);
+                let speed_mps = estimate.speed_mps;
                 self.heading_mps = estimate.heading_mps();
                 if was_lost {
                     // It may have missed the messages meanwhile.
-                    self.plan = PlanState { axle_s, speed_mps, acceleration_mps2: 0.0 };
+                    self.plan_from_estimate();
                 }
                 speed_mps
             }
         };
-        if !off_route::has_left_route(map, self) {
+        if self.setup_speed_mps.is_none() || !off_route::has_left_route(map, self) {
             self.is_off_route = false;
         } else {
             let way = off_route::route_from(map, self);
@@ -318,7 +341,7 @@ impl Cav {
             if let Some(way) = way {
                 self.route = Arc::new(Route::new(map, &way, self.body, &self.driver));
                 self.reroutes += 1;
-                self.begin(map, now_s, seen, speed_mps);
+                self.begin(map, now_s, seen, Some(speed_mps));
             }
         }
     }
@@ -328,13 +351,17 @@ impl Cav {
         self.estimate.as_ref().map_or(0.0, |estimate| estimate.lateral_m)
     }
 
-    /// Starts on the first lane of its route.
-    fn begin(&mut self, map: &LabMap, now_s: f64, seen: &Measurement, speed_mps: f64) {
+    /// Starts on the first lane of its route, at a speed if it is known.
+    fn begin(&mut self, map: &LabMap, now_s: f64, seen: &Measurement, speed_mps: Option<f64>) {
         let first = RouteEstimate::first(map, (&self.route, self.body), now_s, seen, speed_mps);
         self.passage = RightOfWayState::default();
         self.plan = PlanState { axle_s: first.axle_s, speed_mps: first.speed_mps, acceleration_mps2: 0.0 };
         self.axle_s = first.axle_s;
         self.estimate = Some(first);
+        self.skip_sections_behind();
+    }
+
+    fn skip_sections_behind(&mut self) {
         let rear_s = self.rear_s();
         let behind = self.route.sections.iter().take_while(|section| section.to_s < rear_s);
         self.passage.next_section = behind.count();

@@ -103,10 +103,15 @@ pub struct Mainframe {
     platooning: Option<Platooning>,
     signals: Signals,
     last_step_s: Option<f64>,
+    /// While it only estimates the motion of vehicles that were under way when it came.
+    estimates_until_s: Option<f64>,
 }
 
 /// Look-ahead distance to the leader, laboratory metres.
 const SIGHT_M: f64 = 2.5;
+/// Time in which the speed of a vehicle that was under way is estimated from its poses. A city brakes without commands
+/// only later.
+const ESTIMATION_S: f64 = 0.2;
 /// Speed below which a vehicle counts as stopped, laboratory metres a second.
 pub const STANDS_MPS: f64 = 0.02;
 
@@ -151,6 +156,7 @@ impl Mainframe {
             platooning: rules.platoons.map(Platooning::new),
             signals,
             last_step_s: None,
+            estimates_until_s: None,
         })
     }
 
@@ -189,9 +195,25 @@ impl Mainframe {
         self.cavs.retain(|cav| cav.id != id);
     }
 
-    /// The vehicles are somewhere on their way, and may stand: the speeds of their setups do not hold.
-    pub fn expect_standing(&mut self) {
-        self.cavs.iter_mut().for_each(Cav::expect_standing);
+    /// The vehicles are somewhere on their way, and may stand: the speeds of their setups do not hold. Decides nothing until
+    /// their motion has been estimated.
+    pub fn expect_under_way(&mut self) {
+        self.cavs.iter_mut().for_each(Cav::expect_under_way);
+        self.estimates_until_s = Some(f64::INFINITY);
+    }
+
+    /// Whether the motion of vehicles under way is still being estimated; once it is, they are located on their routes.
+    fn still_estimates(&mut self, time_s: f64) -> bool {
+        let Some(until_s) = self.estimates_until_s else { return false };
+        if until_s.is_infinite() && self.cavs.iter().any(Cav::is_seen) {
+            self.estimates_until_s = Some(time_s + ESTIMATION_S);
+        }
+        if time_s < until_s {
+            return true;
+        }
+        self.estimates_until_s = None;
+        self.cavs.iter_mut().for_each(|cav| cav.locate(&self.map));
+        false
     }
 
     /// One control step at `time_s`: takes the poses that have arrived and returns a message for every
@@ -205,6 +227,9 @@ impl Mainframe {
             }
         }
         self.strangers.advance_to(&self.map, time_s);
+        if self.still_estimates(time_s) {
+            return;
+        }
         let dt_s = self.last_step_s.map_or(0.0, |last_s| time_s - last_s);
         self.last_step_s = Some(time_s);
         for cav in &mut self.cavs {

@@ -344,12 +344,12 @@ impl RightOfWay {
             let there = crossings(other).iter().find(|there| there.zone == here.zone);
             let users = user(one.0, here).zip(there.and_then(|there| user(other.0, there)));
             users.is_some_and(|(one, other)| {
-                let is_ahead = one.to_exit_m < other.to_exit_m;
-                let is_alone_inside = one.to_entry_m <= 0.0 && other.to_entry_m > 0.0;
-                match here.kind {
-                    _ if one.side == other.side => is_ahead,
-                    ZoneKind::Merge => one.to_entry_m <= 0.0 && is_ahead,
-                    _ => is_alone_inside,
+                let are_inside = one.to_entry_m.max(other.to_entry_m) <= 0.0;
+                let merge = here.kind == ZoneKind::Merge && are_inside;
+                if merge || one.side == other.side {
+                    one.to_exit_m < other.to_exit_m
+                } else {
+                    enters_before(&one, &other, cavs)
                 }
             })
         })
@@ -597,6 +597,19 @@ impl RightOfWay {
             }
         }
     }
+}
+
+/// Whether a vehicle is inside a zone or can no longer stop before it, and another one is not inside and still can.
+fn enters_before(one: &ZoneUser, other: &ZoneUser, cavs: &[Cav]) -> bool {
+    let to_stop_m = |user: &ZoneUser| {
+        let cav = &cavs[user.vehicle];
+        user.to_entry_m - (cav.driver.stopping_distance(cav.speed_mps()) - OVERSHOOT_M).max(0.0)
+    };
+    let is_inside = |user: &ZoneUser| user.to_entry_m <= 0.0;
+    if is_inside(one) || is_inside(other) {
+        return is_inside(one) && !is_inside(other);
+    }
+    to_stop_m(one) <= 0.0 && to_stop_m(one) < to_stop_m(other)
 }
 
 /// Request distance: early enough to stop comfortably.

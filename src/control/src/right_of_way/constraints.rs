@@ -95,9 +95,8 @@ impl View<'_> {
             if user.side == crossing.side || user.vehicle == vehicle {
                 continue;
             }
-            let goes_first = user.order.is_some_and(|other| other < order)
-                || (order < FIRST_ORDER || crossing.kind == ZoneKind::Cross)
-                    && self.is_there_already(crossing, user);
+            let goes_first =
+                user.order.is_some_and(|other| other < order) || self.is_there_already(crossing, order, user);
             let are_inside = to_entry_m.max(user.to_entry_m) <= -ZONE_MARGIN_M;
             if are_inside && crossing.kind == ZoneKind::Cross {
                 let own = Inside { cav: &cavs[vehicle], to_exit_m: crossing.to_s - cavs[vehicle].rear_s() };
@@ -136,13 +135,19 @@ impl View<'_> {
         wait_m
     }
 
-    /// Whether somebody is in a zone before this vehicle and moves in it or stands in its way, whatever the numbers: after
-    /// the control framework was away, or because of a person.
-    fn is_there_already(&self, crossing: &ZoneCrossing, user: &ZoneUser) -> bool {
+    /// Whether somebody is in a zone before this vehicle and stands in its way, or moves in a crossing, whatever the numbers:
+    /// after the control framework was away, or because of a person.
+    fn is_there_already(&self, crossing: &ZoneCrossing, order: u64, user: &ZoneUser) -> bool {
         let (own, other) = (&self.cavs[self.vehicle], &self.cavs[user.vehicle]);
-        let is_inside = crossing.from_s > own.front_s() && user.to_entry_m <= 0.0;
-        let way = Inside { cav: own, to_exit_m: crossing.to_s - own.rear_s() };
-        is_inside && (other.speed_mps() > STANDS_MPS || way.is_obstructed(self.map, other))
+        let moves = other.speed_mps() > STANDS_MPS;
+        let is_before = crossing.from_s > own.front_s();
+        let way = || Inside { cav: own, to_exit_m: crossing.to_s - own.rear_s() };
+        match crossing.kind {
+            _ if user.to_entry_m > 0.0 => false,
+            // Lower numbers are followed, and higher ones follow.
+            ZoneKind::Merge if order >= FIRST_ORDER => !moves && way().is_obstructed(self.map, other),
+            _ => is_before && (moves || way().is_obstructed(self.map, other)),
+        }
     }
 }
 

@@ -111,6 +111,7 @@ fn has_free_way(map: &LabMap, vehicle: usize, cavs: &[Cav]) -> bool {
 mod tests {
     use super::super::{FIRST_INTRUDER, Reservation};
     use crate::{CavGeometry, CavSetup, DriverParams, Mainframe, Role, TrafficRules};
+    use city3d_geometry::trig;
     use city3d_protocol::snapshot::VehicleId;
     use city3d_protocol::wire::Measurement;
     use city3d_roadmap::{Grid, GridControl, LabMap, ZoneSide, load_map};
@@ -154,7 +155,8 @@ mod tests {
             role: Role::Human,
             leaves: false,
         };
-        let orientation = DQuat::from_rotation_z(at.yaw_rad);
+        let (sin, cos) = trig::sin_cos(at.yaw_rad / 2.0);
+        let orientation = DQuat::from_xyzw(0.0, 0.0, sin, cos);
         (
             setup,
             Measurement {

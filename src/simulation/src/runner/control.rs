@@ -49,7 +49,7 @@ impl ControlLoop {
     /// The vehicles are on their way already, and may stand. `before` is the control loop that they had in this process, if
     /// there was one: whom it has held waits on.
     pub fn resume(&mut self, before: Option<&Self>) {
-        self.mainframe.expect_standing();
+        self.mainframe.expect_under_way();
         self.demand.resume(before.map(|before| &before.demand));
     }
 

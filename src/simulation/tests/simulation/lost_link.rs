@@ -112,14 +112,12 @@ fn a_city_without_commands_comes_to_a_stop_without_a_collision_and_goes_on() {
 
 /// Longest stand that a city with interruptions may have, seconds.
 const LONGEST_STAND_S: f64 = 100.0;
-/// Absences from here on: vehicles are found where their routes pass twice.
-const FIRST_DRAW: f64 = 500.0;
 const GOLDEN: f64 = 0.618_033_988_749_9;
 const UNTIL_S: f64 = 330.0;
 
-#[test]
-fn a_city_goes_on_after_control_has_been_away_at_any_time() {
-    let mut drawn = FIRST_DRAW;
+/// Loses control again and again for up to `longest_absence_s`, at times that follow from `first_draw`.
+fn drive_with_absences(longest_absence_s: f64, first_draw: f64) {
+    let mut drawn = first_draw;
     let mut draw = |from_s: f64, to_s: f64| {
         drawn += 1.0;
         from_s + (to_s - from_s) * (drawn * drawn * GOLDEN).fract()
@@ -129,7 +127,7 @@ fn a_city_goes_on_after_control_has_been_away_at_any_time() {
     let (mut found, mut longest_s) = (0, 0.0_f64);
     while run.world().time_s() < UNTIL_S {
         let goes_s = run.world().time_s() + draw(5.0, 60.0);
-        let comes_s = goes_s + draw(0.5, 20.0);
+        let comes_s = goes_s + draw(0.1, longest_absence_s);
         while run.world().time_s() < goes_s {
             let snapshot = run.step();
             found += collisions(snapshot);
@@ -145,6 +143,17 @@ fn a_city_goes_on_after_control_has_been_away_at_any_time() {
     }
     assert_eq!(found, 0);
     assert!(longest_s < LONGEST_STAND_S, "{longest_s}");
+}
+
+#[test]
+fn a_city_goes_on_after_control_has_been_away_until_all_stood() {
+    drive_with_absences(20.0, 500.0);
+}
+
+#[test]
+fn a_city_goes_on_after_control_has_been_away_for_moments() {
+    // Vehicles are still under way when it comes back, one of them before an exit of a roundabout.
+    drive_with_absences(2.5, 800.0);
 }
 
 /// Two vehicles that stand inside a crossing as the control framework finds them, at `at_m` of their ways through it.
