@@ -20,6 +20,8 @@
 #include <chrono>
 #include <cstdint>
 #include <cstring>
+#include <fstream>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <random>
@@ -176,6 +178,15 @@ inline bool are_same(const std::string& a, const std::string& b) {
 }
 
 }  // namespace detail
+
+/// The key that a file holds.
+inline std::string key_of(const char* path) {
+    std::ifstream file(path, std::ios::binary);
+    std::string key{std::istreambuf_iterator<char>(file), {}};
+    const auto begin = key.find_first_not_of(" \t\r\n"), end = key.find_last_not_of(" \t\r\n");
+    if (begin == std::string::npos) throw std::runtime_error(std::string("no key in ") + path);
+    return key.substr(begin, end - begin + 1);
+}
 
 /// A city that is served, and the sender that this object is to it.
 class City {

@@ -3,7 +3,7 @@
 //     g++ -std=c++17 -O2 -o coordinate_roundabout coordinate_roundabout.cpp
 //     city3d check roundabout-coordinated --json --routes > routes.json
 //     city3d serve roundabout-coordinated --headless &
-//     ./coordinate_roundabout routes.json [PORT]
+//     ./coordinate_roundabout routes.json [PORT [KEYFILE]]
 //
 // routes.json has routes, control zones and conflict intervals (docs/link.md, Routes as data). Laboratory metres and
 // seconds of the city's clock.
@@ -300,12 +300,13 @@ std::vector<city3d::Point> trajectory(const Car& car, double now) {
 }  // namespace
 
 int main(int argc, char** argv) try {
-    if (argc < 2) throw std::runtime_error("usage: coordinate_roundabout routes.json [PORT]");
+    if (argc < 2) throw std::runtime_error("usage: coordinate_roundabout routes.json [PORT [KEYFILE]]");
     std::ifstream file(argv[1], std::ios::binary);
     if (!file) throw std::runtime_error(std::string("cannot read ") + argv[1]);
     Coordinator coordinator(Json::parse({std::istreambuf_iterator<char>(file), {}})["routes"]);
     auto& cars = coordinator.cars;
-    city3d::City city("127.0.0.1", static_cast<std::uint16_t>(argc > 2 ? std::atoi(argv[2]) : 9870));
+    const auto port = static_cast<std::uint16_t>(argc > 2 ? std::atoi(argv[2]) : 9870);
+    city3d::City city("127.0.0.1", port, 10.0, argc > 3 ? city3d::key_of(argv[3]) : "");
     for (const Car& car : cars) city.setup(car.id, car.name, car.start, car.start_speed, "coordinate_roundabout");
     coordinator.enter(0.0);
     city.subscribe(4);

@@ -10,8 +10,6 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <fstream>
-#include <iterator>
 #include <utility>
 
 namespace {
@@ -66,20 +64,11 @@ std::pair<double, double> plan(double way, double now) {
     return {speed * std::min(now, begin_s) + speed * late - braking * late * late / 2, speed - braking * late};
 }
 
-/// The key that a file holds.
-std::string key_of(const char* path) {
-    std::ifstream file(path, std::ios::binary);
-    std::string key{std::istreambuf_iterator<char>(file), {}};
-    const auto begin = key.find_first_not_of(" \t\r\n"), end = key.find_last_not_of(" \t\r\n");
-    if (begin == std::string::npos) throw std::runtime_error(std::string("no key in ") + path);
-    return key.substr(begin, end - begin + 1);
-}
-
 }  // namespace
 
 int main(int argc, char** argv) try {
     const auto port = static_cast<std::uint16_t>(argc > 1 ? std::atoi(argv[1]) : 9870);
-    city3d::City city("127.0.0.1", port, 10.0, argc > 2 ? key_of(argv[2]) : "");
+    city3d::City city("127.0.0.1", port, 10.0, argc > 2 ? city3d::key_of(argv[2]) : "");
     const auto pieces = block();
     double way = 0.0;
     for (const Piece& piece : pieces) way += piece.length;

@@ -346,9 +346,11 @@ fn coordinate_roundabout(client: &mut Command, folder: &Path) {
         city3d(&["check", "roundabout-coordinated", "--json", "--routes"], folder).output().unwrap();
     assert!(checked.status.success());
     std::fs::write(folder.join("routes.json"), checked.stdout).unwrap();
-    let mut city = serve(&["roundabout-coordinated", "--speed", "2", "--out", "served"], folder);
+    std::fs::write(folder.join("key"), "the key of this laboratory\n").unwrap();
+    let mut city =
+        serve(&["roundabout-coordinated", "--speed", "2", "--out", "served", "--key", "key"], folder);
     let port = city.address.rsplit(':').next().unwrap();
-    let output = client.args(["routes.json", port]).current_dir(folder).output().unwrap();
+    let output = client.args(["routes.json", port, "key"]).current_dir(folder).output().unwrap();
     let (told, complained) =
         (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{told}{complained}");
