@@ -41,12 +41,14 @@ const SECTIONS: [KeySection; 4] = [
         "Look",
         &[
             ("1 to 5", "orbit, chase, onboard, overhead, free camera"),
-            ("drag", "turn the view"),
+            ("drag", "turn the view, in chase and onboard too"),
             ("right-drag", "move the view"),
             ("wheel", "zoom"),
+            ("Z", "come near the selected vehicle; with Shift: all vehicles"),
             ("W A S D  Q E", "move the camera (arrows too)"),
             ("L", "labels over cars"),
             ("M", "map"),
+            ("Ctrl +  -  0", "larger, smaller, usual panels"),
         ],
     ),
     (

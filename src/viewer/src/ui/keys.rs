@@ -40,7 +40,7 @@ pub fn act(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Ve
             if wants_selection(key, state, shown) {
                 state.say("Click a vehicle first, or press Page Down", ui.input(|input| input.time));
             }
-            press(key, state, shown, actions);
+            press((key, modifiers), state, shown, actions);
         }
     }
     if state.driving.is_none() {
@@ -68,7 +68,12 @@ fn pressed(ui: &Ui) -> Vec<(Key, Modifiers, bool)> {
     ui.input(|input| input.events.iter().filter_map(of).collect())
 }
 
-fn press(key: Key, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+fn press(
+    (key, modifiers): (Key, Modifiers),
+    state: &mut UiState,
+    shown: &ViewModel<'_>,
+    actions: &mut Vec<UiAction>,
+) {
     let run_state = shown.run_state;
     match key {
         // A replay is not simulated, and nobody drives in it.
@@ -92,6 +97,13 @@ fn press(key: Key, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec
         Key::F2 => state.open.controllers = !state.open.controllers,
         Key::F4 => state.open.traffic = !state.open.traffic,
         Key::F12 => actions.push(UiAction::Screenshot),
+        Key::Z => {
+            let selected = state.selection.vehicle.filter(|_| !modifiers.shift);
+            match selected.and_then(|id| shown.interpolated.vehicle(id)) {
+                Some(vehicle) => state.viewpoint.frame(vehicle),
+                None => state.viewpoint.frame_all(shown.interpolated),
+            }
+        }
         Key::L => state.layers.labels = !state.layers.labels,
         Key::M => state.layers.map = !state.layers.map,
         Key::Num1 => state.set_mode(CameraMode::Orbit),
@@ -110,7 +122,10 @@ fn press_for_vehicle(key: Key, state: &mut UiState, shown: &ViewModel<'_>, actio
             state.selection.vehicle = neighbour(shown, selected, key == Key::PageDown);
             state.table.reveal = true;
         }
-        Key::F => state.follow(selected.filter(|_| state.viewpoint.follow != selected)),
+        Key::F => {
+            let followed = selected.filter(|_| state.viewpoint.follow != selected);
+            state.viewpoint.follow(followed.and_then(|id| shown.interpolated.vehicle(id)));
+        }
         Key::P => selected.into_iter().for_each(|vehicle| state.toggle_preview(vehicle)),
         Key::Enter if state.driving.is_some() => actions.push(UiAction::GiveBack),
         Key::Enter => actions.extend(selected.map(UiAction::Drive)),
@@ -119,10 +134,11 @@ fn press_for_vehicle(key: Key, state: &mut UiState, shown: &ViewModel<'_>, actio
         Key::Escape if state.open.traffic => state.open.traffic = false,
         Key::Escape if state.open.events => state.open.events = false,
         Key::Escape if state.open.controllers => state.open.controllers = false,
+        Key::Escape if state.open.layers => state.open.layers = false,
         Key::Escape if state.driving.is_some() => actions.push(UiAction::GiveBack),
         Key::Escape => {
             state.selection.vehicle = None;
-            state.follow(None);
+            state.viewpoint.follow(None);
         }
         _ => {}
     }

@@ -7,6 +7,7 @@ mod control_zones;
 mod controllers;
 mod drive;
 mod events;
+mod gaze;
 mod help;
 mod history;
 mod keys;
@@ -359,11 +360,6 @@ impl UiState {
         self.viewpoint.set_mode(mode, nearest);
     }
 
-    /// Follows a vehicle with the large view; `None` stops following.
-    pub fn follow(&mut self, vehicle: Option<VehicleId>) {
-        self.viewpoint.follow = vehicle;
-    }
-
     /// Shows a message for some seconds.
     pub fn say(&mut self, text: impl Into<String>, now_s: f64) {
         self.notice = Some((text.into(), now_s + 6.0));
@@ -379,10 +375,10 @@ impl UiState {
         }
         let is_seen = |id: VehicleId| shown.interpolated.vehicle(id).is_some();
         if let Some(vehicle) = self.selection.follow.take_if(|id| !is_late || is_seen(*id)) {
-            self.viewpoint.follow = Some(vehicle);
             if matches!(self.viewpoint.mode, CameraMode::Free | CameraMode::Overhead) {
                 self.viewpoint.set_mode(CameraMode::Orbit, Some(vehicle));
             }
+            self.viewpoint.follow(shown.interpolated.vehicle(vehicle));
         }
         self.viewpoint.update(shown.interpolated);
         if self.driving.as_ref().is_some_and(|driving| !is_there(driving.vehicle)) {
@@ -415,6 +411,9 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
         state.events.update(replay.marks);
     }
     keys::act(ui, state, shown, &mut actions);
+    if state.viewpoint.ease(f64::from(ui.input(|input| input.stable_dt.min(0.1)))) {
+        ui.ctx().request_repaint();
+    }
     if shown.replay.is_some() {
         // Gamepad buttons have no function in a replay.
         drop(state.devices.take_pressed());

@@ -7,7 +7,7 @@ use city3d_geometry::trig;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleState};
 use city3d_sensors::{Camera, Lens, Mount, MountPoint, View};
 use egui::emath::GuiRounding as _;
-use egui::{Align2, Color32, ComboBox, FontId, Rangef, RichText, Sense, Ui, Vec2};
+use egui::{Align, Align2, Color32, ComboBox, FontId, Layout, Rangef, RichText, Sense, Ui, Vec2};
 use egui_plot::{AxisHints, GridMark, Line, Plot, PlotPoints};
 use serde::{Deserialize, Serialize};
 
@@ -52,9 +52,16 @@ impl PreviewCamera {
         if let Self::Own(place) = self { cameras.get(place) } else { None }
     }
 
-    fn label(self, cameras: &[ScenarioCamera]) -> &str {
+    /// Name in the list of cameras. A camera of the scenario that is called as one of the usual ones is told apart.
+    fn label(self, cameras: &[ScenarioCamera]) -> String {
         let known = Self::ALL.iter().find(|(eye, _)| *eye == self).map_or(Self::ALL[0].1, |(_, label)| label);
-        self.own(cameras).map_or(known, |camera| &camera.name)
+        match self.own(cameras) {
+            Some(own) if Self::ALL.iter().any(|(_, label)| *label == own.name) => {
+                format!("{} (scenario)", own.name)
+            }
+            Some(own) => own.name.clone(),
+            None => known.to_owned(),
+        }
     }
 
     fn camera(self, vehicle: VehicleId, cameras: &[ScenarioCamera]) -> Camera {
@@ -215,8 +222,9 @@ fn show(
                 if !cameras.is_empty() {
                     ui.separator();
                 }
-                for (place, camera) in cameras.iter().enumerate() {
-                    ui.selectable_value(&mut preview.eye, PreviewCamera::Own(place), &camera.name)
+                for place in 0..cameras.len() {
+                    let own = PreviewCamera::Own(place);
+                    ui.selectable_value(&mut preview.eye, own, own.label(cameras))
                         .on_hover_text("A camera that the scenario gives this vehicle");
                 }
             })
@@ -270,10 +278,20 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_
     super::paint_picture(ui, rect, shown, slot);
 }
 
+/// Width of the widest speed with its gear, points.
+const SPEED_WIDTH: f32 = 100.0;
+
 fn speed(ui: &mut Ui, vehicle: &VehicleState) {
     let gear = if vehicle.reverse { "  R" } else { "" };
     let text = format!("{} km/h{gear}", tenths(vehicle.speed_mps * 3.6));
-    ui.label(RichText::new(text).monospace().strong()).on_hover_text("Speed along its heading");
+    let label = egui::Label::new(RichText::new(text).monospace().strong()).extend();
+    // Of one width, so that the row never breaks and nothing below moves.
+    let size = Vec2::new(SPEED_WIDTH, ui.spacing().interact_size.y);
+    let row = ui.allocate_ui_with_layout(size, Layout::left_to_right(Align::Center), |ui| {
+        ui.set_min_width(SPEED_WIDTH);
+        ui.add(label)
+    });
+    row.inner.on_hover_text("Speed along its heading");
 }
 
 /// Steering, gas, brake and handbrake as bars and numbers; without numbers where only poses are known.

@@ -202,13 +202,14 @@ pub fn show(ui: &mut Ui, shown: &ViewModel<'_>, state: &mut UiState) {
     let (table, selection) = (&mut state.table, &mut state.selection);
     let moves = shown.run_state.phase == RunPhase::Running;
     let map = shown.map;
-    let listed = rows(snapshot, drivers, table);
-    ui.horizontal(|ui| {
-        ui.heading("Vehicles");
-        let all = snapshot.vehicles.len();
-        let count = if listed.len() == all { all.to_string() } else { format!("{} of {all}", listed.len()) };
-        ui.label(RichText::new(count).weak());
-    });
+    // The filter below may change in this frame: its count is filled in afterwards.
+    let count_place = ui
+        .horizontal(|ui| {
+            ui.heading("Vehicles");
+            let size = egui::vec2(ui.available_width(), ui.spacing().interact_size.y);
+            ui.allocate_exact_size(size, Sense::hover()).0
+        })
+        .inner;
     // Laid out from the right, so that the row does not widen the panel.
     let line = egui::vec2(ui.available_width(), ui.spacing().interact_size.y);
     ui.allocate_ui_with_layout(line, Layout::right_to_left(Align::Center), |ui| {
@@ -221,8 +222,12 @@ pub fn show(ui: &mut Ui, shown: &ViewModel<'_>, state: &mut UiState) {
             .desired_width(ui.available_width());
         ui.add(field);
     });
-    // The filter may have changed in this frame.
     let mut listed = rows(snapshot, drivers, table);
+    let all = snapshot.vehicles.len();
+    let count = if listed.len() == all { all.to_string() } else { format!("{} of {all}", listed.len()) };
+    // A child of its own, which moves nothing here.
+    let line = egui::UiBuilder::new().max_rect(count_place).layout(Layout::left_to_right(Align::Center));
+    ui.new_child(line).label(RichText::new(count).weak());
     if moves {
         let by = (table.key, table.descending);
         table.held.apply(&mut listed, by, ui.input(|input| input.time));
@@ -297,17 +302,38 @@ fn grid(
         });
 }
 
+/// Size of the mark beside the title of the column that sorts the rows, points.
+const SORT_MARK: Vec2 = Vec2::new(6.0, 4.0);
+
 fn heading(ui: &mut Ui, table: &mut TableState, key: SortKey, (title, tip): (&str, &str)) {
-    let mark = match (table.key == key, table.descending) {
-        (false, _) => "",
-        (true, false) => " \u{23f6}",
-        (true, true) => " \u{23f7}",
-    };
-    let text = RichText::new(format!("{title}{mark}")).strong();
-    let button = ui.add(egui::Button::new(text).frame(false));
-    if button.on_hover_text(format!("{tip}. Click to sort")).clicked() {
+    let button = ui.add(egui::Button::new(RichText::new(title).strong()).frame(false));
+    let button = button.on_hover_text(format!("{tip}. Click to sort"));
+    if button.clicked() {
         table.descending = table.key == key && !table.descending;
         table.key = key;
+    }
+    let sorts = table.key == key;
+    let order = match (sorts, table.descending) {
+        (false, _) => "",
+        (true, false) => ", ascending",
+        (true, true) => ", descending",
+    };
+    let name = format!("{title}{order}");
+    button.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
+    if sorts {
+        // Drawn, as a character would not fit beside the title in a narrow column.
+        let left = button.rect.right().min(ui.max_rect().right() - SORT_MARK.x) + 1.0;
+        let rect = egui::Rect::from_center_size(
+            egui::pos2(left + SORT_MARK.x / 2.0, button.rect.center().y),
+            SORT_MARK,
+        );
+        let corners = if table.descending {
+            [rect.left_top(), rect.right_top(), rect.center_bottom()]
+        } else {
+            [rect.left_bottom(), rect.right_bottom(), rect.center_top()]
+        };
+        let colour = ui.visuals().strong_text_color();
+        ui.painter().add(egui::Shape::convex_polygon(corners.to_vec(), colour, egui::Stroke::NONE));
     }
 }
 

@@ -2,6 +2,7 @@
 
 #![allow(clippy::disallowed_methods, reason = "cameras draw; no state of a run depends on them")]
 
+use super::gaze::Gaze;
 use super::occlusion;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleState};
 use city3d_scene::Wall;
@@ -64,6 +65,18 @@ pub struct Viewpoint {
     eye: DVec3,
     yaw_rad: f64,
     pitch_rad: f64,
+    /// Chase and onboard cameras, relative to their usual view.
+    gaze: Gaze,
+    /// What the camera eases to.
+    goal: Option<Goal>,
+}
+
+/// Where the camera eases to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Goal {
+    distance_m: f64,
+    /// From the target that it has reached to the one that it eases to.
+    to_go: DVec3,
 }
 
 /// Margin around the vehicles.
@@ -80,6 +93,11 @@ const SIDES: u32 = 8;
 const STEEPER_RAD: f64 = 1.2;
 /// Largest distance from which an event is shown.
 const EVENT_M: f64 = 60.0;
+/// Distance from which a vehicle is followed or framed.
+const VEHICLE_M: f64 = 15.0;
+/// Time constant of easing, and what is left when it ends.
+const EASES_S: f64 = 0.15;
+const EASED: f64 = 0.01;
 const NEAREST_M: f64 = 3.0;
 const FARTHEST_M: f64 = 600.0;
 const LOWEST_RAD: f64 = 0.03;
@@ -110,7 +128,58 @@ impl Viewpoint {
             eye: target + DVec3::new(-0.3, -0.75, 0.5) * distance_m,
             yaw_rad: 1.2,
             pitch_rad: -0.5,
+            gaze: Gaze::default(),
+            goal: None,
         }
+    }
+
+    /// Fits all vehicles into the picture again, until the user moves the camera.
+    pub fn frame_all(&mut self, snapshot: &FrameSnapshot) {
+        let Self { whole, target, .. } = Self::around(snapshot);
+        (self.follow, self.goal) = (None, None);
+        if self.mode != CameraMode::Overhead {
+            self.mode = CameraMode::Orbit;
+        }
+        (self.whole, self.target, self.is_turned) = (whole, target, true);
+    }
+
+    /// Eases to a place near a vehicle without following it.
+    pub fn frame(&mut self, vehicle: &VehicleState) {
+        (self.follow, self.whole) = (None, None);
+        if self.mode != CameraMode::Overhead {
+            self.mode = CameraMode::Orbit;
+        }
+        self.ease_to(vehicle.position);
+    }
+
+    /// Follows a vehicle, and eases to it where the camera was elsewhere; `None` stops following.
+    pub fn follow(&mut self, vehicle: Option<&VehicleState>) {
+        self.follow = vehicle.map(|vehicle| vehicle.id);
+        self.gaze = Gaze::default();
+        if let Some(vehicle) = vehicle.filter(|_| self.mode == CameraMode::Orbit) {
+            self.ease_to(vehicle.position);
+        }
+    }
+
+    fn ease_to(&mut self, position: DVec3) {
+        let distance_m = self.distance_m.min(VEHICLE_M);
+        self.goal = Some(Goal { distance_m, to_go: position - self.target });
+    }
+
+    /// Goes on easing for a frame of `dt_s`; returns whether it has not come to its end.
+    pub fn ease(&mut self, dt_s: f64) -> bool {
+        let Some(goal) = &mut self.goal else { return false };
+        let left = (-dt_s / EASES_S).exp();
+        let gone = goal.to_go * (1.0 - left);
+        goal.to_go -= gone;
+        self.target += gone;
+        self.distance_m = goal.distance_m + (self.distance_m - goal.distance_m) * left;
+        let off_m = (self.distance_m - goal.distance_m).abs() + goal.to_go.length();
+        if off_m < EASED * goal.distance_m {
+            (self.distance_m, self.target) = (goal.distance_m, self.target + goal.to_go);
+            self.goal = None;
+        }
+        self.goal.is_some()
     }
 
     /// Fits all vehicles into the picture, as long as the user has not moved the camera.
@@ -193,6 +262,9 @@ impl Viewpoint {
             (self.yaw_rad, self.pitch_rad) = (self.azimuth_rad + FRAC_PI_2 * 2.0, -self.elevation_rad);
             self.follow = None;
         }
+        if mode != self.mode {
+            (self.gaze, self.goal) = (Gaze::default(), None);
+        }
         self.mode = mode;
     }
 
@@ -200,7 +272,7 @@ impl Viewpoint {
     pub fn update(&mut self, seen: &FrameSnapshot) {
         self.follow = self.follow.filter(|id| seen.vehicle(*id).is_some());
         if let Some(vehicle) = self.follow.and_then(|id| seen.vehicle(id)) {
-            self.target = vehicle.position;
+            self.target = vehicle.position - self.goal.map_or(DVec3::ZERO, |goal| goal.to_go);
             self.whole = None;
         } else if matches!(self.mode, CameraMode::Chase | CameraMode::Onboard) {
             self.mode = CameraMode::Orbit;
@@ -215,7 +287,7 @@ impl Viewpoint {
 
     /// Moves the middle of the view to a point of the ground.
     pub fn look_at(&mut self, point: DVec2) {
-        (self.follow, self.whole) = (None, None);
+        (self.follow, self.whole, self.goal) = (None, None, None);
         self.target = point.extend(0.0);
         if matches!(self.mode, CameraMode::Chase | CameraMode::Onboard) {
             self.mode = CameraMode::Orbit;
@@ -255,13 +327,24 @@ impl Viewpoint {
 
     /// The view of a snapshot for a picture of some pixels.
     pub fn view(&self, seen: &FrameSnapshot, extent: [u32; 2]) -> View {
-        let lens = Lens { extent, ..Lens::default() };
+        let usual = Lens { extent, ..Lens::default() };
+        let lens = if self.mode == CameraMode::Onboard { self.gaze.lens(usual) } else { usual };
         let fallback = || {
             let from = self.target + DVec3::new(0.0, -1.0, 1.0) * self.distance_m;
             View::new(Extrinsics::looking_at(from, self.target), &lens)
         };
         let view = self.camera().view(seen, &lens);
         let mut view = view.unwrap_or_else(|_| fallback());
+        if let Some(state) = self.follow.and_then(|id| seen.vehicle(id)) {
+            match self.mode {
+                CameraMode::Chase if !self.rear => {
+                    let height_m = seen.info(state.id).map_or(0.0, |info| info.dimensions.height_m);
+                    view.extrinsics = self.gaze.chase(state, height_m);
+                }
+                CameraMode::Onboard => view.extrinsics = self.gaze.onboard(state, view.extrinsics),
+                _ => {}
+            }
+        }
         if self.rear && self.mode == CameraMode::Onboard {
             let about = DQuat::from_mat3(&DMat3::from_cols(-DVec3::X, DVec3::Y, -DVec3::Z));
             view.extrinsics.orientation *= about;
@@ -295,7 +378,8 @@ impl Viewpoint {
                 let elevation = self.elevation_rad + down * RAD_PER_POINT;
                 self.elevation_rad = elevation.clamp(LOWEST_RAD, STEEPEST_RAD);
             }
-            CameraMode::Chase | CameraMode::Onboard => {}
+            CameraMode::Chase => self.gaze.turn_chase(right * RAD_PER_POINT, down * RAD_PER_POINT),
+            CameraMode::Onboard => self.gaze.turn_onboard(right * RAD_PER_POINT, down * RAD_PER_POINT),
         }
     }
 
@@ -305,7 +389,7 @@ impl Viewpoint {
         self.whole = None;
         match self.mode {
             CameraMode::Overhead | CameraMode::Orbit => {
-                self.follow = None;
+                (self.follow, self.goal) = (None, None);
                 self.drag_ground(right * metres, down * metres);
             }
             CameraMode::Free => self.fly(DVec3::new(-right, 0.0, down) * 0.05),
@@ -316,10 +400,16 @@ impl Viewpoint {
     /// Zooms in for positive steps of the mouse wheel.
     pub fn zoom(&mut self, steps: f64) {
         self.whole = None;
-        if self.mode == CameraMode::Free {
-            self.fly(DVec3::new(0.0, steps * 3.0, 0.0));
-        } else {
-            self.distance_m = (self.distance_m * 0.88_f64.powf(steps)).clamp(NEAREST_M, FARTHEST_M);
+        match self.mode {
+            CameraMode::Free => self.fly(DVec3::new(0.0, steps * 3.0, 0.0)),
+            CameraMode::Chase => self.gaze.zoom_chase(steps),
+            CameraMode::Onboard => self.gaze.zoom_onboard(steps),
+            CameraMode::Orbit | CameraMode::Overhead => {
+                self.distance_m = (self.distance_m * 0.88_f64.powf(steps)).clamp(NEAREST_M, FARTHEST_M);
+                if let Some(goal) = &mut self.goal {
+                    goal.distance_m = self.distance_m;
+                }
+            }
         }
     }
 
@@ -342,7 +432,7 @@ impl Viewpoint {
                 let (sin, cos) = ahead.sin_cos();
                 self.target += DVec3::new(cos, sin, 0.0) * by.y + DVec3::new(sin, -cos, 0.0) * by.x;
                 if by.x != 0.0 || by.y != 0.0 {
-                    self.follow = None;
+                    (self.follow, self.goal) = (None, None);
                 }
             }
             CameraMode::Chase | CameraMode::Onboard => {}
@@ -490,6 +580,78 @@ mod tests {
             let pixel = viewpoint.view(&seen, [400, 300]).project(behind);
             assert!(pixel.is_some_and(|p| (50.0..350.0).contains(&p.x)), "{mode:?} {pixel:?}");
         }
+    }
+
+    #[test]
+    fn chase_and_onboard_cameras_turn_and_zoom_and_begin_again_with_another_mode() {
+        let seen = snapshot(10.0);
+        let eye_and_axis = |viewpoint: &Viewpoint| {
+            let view = viewpoint.view(&seen, [400, 300]);
+            (view.extrinsics.position - seen.vehicles[0].position, view.extrinsics.forward(), view)
+        };
+        let fov_rad = |viewpoint: &Viewpoint| viewpoint.gaze.lens(Lens::default()).vertical_fov_rad;
+        let mut viewpoint = Viewpoint::around(&seen);
+        let orbit_m = viewpoint.distance_m;
+        viewpoint.set_mode(CameraMode::Chase, Some(VehicleId(3)));
+        let (usual, _, view) = eye_and_axis(&viewpoint);
+        let lens = Lens { extent: [400, 300], ..Lens::default() };
+        let camera = Camera::Chase { vehicle: VehicleId(3), distance_m: 9.0, height_m: 3.6 };
+        let expected = camera.view(&seen, &lens).unwrap();
+        assert!((view.extrinsics.position - expected.extrinsics.position).length() < 1e-9);
+        assert!((view.extrinsics.forward() - expected.extrinsics.forward()).length() < 1e-9);
+        // A quarter turn, a higher camera, three times as far away.
+        viewpoint.turn(FRAC_PI_2 / RAD_PER_POINT, 0.5 / RAD_PER_POINT);
+        let (turned, _, _) = eye_and_axis(&viewpoint);
+        assert!(turned.x.abs() < 1e-6 && turned.y > 5.0 && turned.z > usual.z + 2.0, "{turned}");
+        viewpoint.zoom(-8.6);
+        let (far, axis, _) = eye_and_axis(&viewpoint);
+        assert!((far.length() / turned.length() - 3.0).abs() < 0.02, "{far}");
+        assert!(axis.dot(-far.normalize()) > 0.9 && sees(&viewpoint, &seen));
+        viewpoint.turn(0.0, 1e4);
+        assert!(eye_and_axis(&viewpoint).0.z > 0.9 * far.length(), "it stays above the ground");
+        viewpoint.set_mode(CameraMode::Onboard, None);
+        let (seat, ahead, before) = eye_and_axis(&viewpoint);
+        assert!(ahead.x > 0.9);
+        viewpoint.turn(FRAC_PI_2 / RAD_PER_POINT, -0.3 / RAD_PER_POINT);
+        let (still, right, _) = eye_and_axis(&viewpoint);
+        assert!((seat - still).length() < 1e-9 && right.y < -0.8 && right.z > ahead.z + 0.2, "{right}");
+        viewpoint.zoom(6.0);
+        assert!(fov_rad(&viewpoint) < 0.6 * Lens::default().vertical_fov_rad);
+        let [near, far] = [viewpoint.view(&seen, [400, 300]), before].map(|view| view.clip_from_world());
+        assert!(near != far);
+        // The wheel has moved no other camera, and who comes back finds the usual view.
+        viewpoint.set_mode(CameraMode::Chase, None);
+        assert!((eye_and_axis(&viewpoint).0 - usual).length() < 1e-9);
+        assert_eq!(viewpoint.distance_m, orbit_m);
+    }
+
+    #[test]
+    fn following_eases_to_the_vehicle_and_everything_can_be_framed_again() {
+        let seen = snapshot(10.0);
+        let mut viewpoint = Viewpoint::around(&snapshot(-60.0));
+        viewpoint.distance_m = 200.0;
+        let start = viewpoint.target;
+        viewpoint.follow(seen.vehicle(VehicleId(3)));
+        viewpoint.update(&seen);
+        assert!((viewpoint.target - start).length() < 1e-9, "no jump");
+        let mut frames = 0;
+        while viewpoint.ease(0.02) {
+            let before = viewpoint.distance_m;
+            viewpoint.update(&seen);
+            frames += 1;
+            assert!(viewpoint.distance_m <= before && frames < 100);
+        }
+        viewpoint.update(&seen);
+        assert!(frames > 10 && viewpoint.distance_m == VEHICLE_M);
+        assert!((viewpoint.target - seen.vehicles[0].position).length() < 1e-6);
+        viewpoint.zoom(2.0);
+        let near_m = viewpoint.distance_m;
+        viewpoint.frame(&seen.vehicles[0]);
+        while viewpoint.ease(0.02) {}
+        assert_eq!((viewpoint.follow, viewpoint.distance_m), (None, near_m), "nobody is moved away");
+        viewpoint.frame_all(&seen);
+        viewpoint.show_whole(&seen, [400, 300], &[]);
+        assert!(viewpoint.distance_m >= UNMOVED_M[0] && sees(&viewpoint, &seen));
     }
 
     #[test]

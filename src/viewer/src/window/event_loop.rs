@@ -103,6 +103,8 @@ struct OpenWindow {
     settings: ViewSettings,
     remembers: bool,
     is_hidden: bool,
+    /// As the window system was told.
+    title: String,
     /// The next frame is saved as a screenshot.
     wants_shot: bool,
     /// When the next frame is due, if one is.
@@ -249,6 +251,7 @@ impl OpenWindow {
             settings,
             remembers: !options.is_fresh,
             is_hidden: false,
+            title: String::new(),
             wants_shot: false,
             due: Some(Instant::now()),
             drawn: Instant::now(),
@@ -303,6 +306,11 @@ impl OpenWindow {
         self.input.handle_platform_output(&self.window, output.platform_output.clone());
         let repaint =
             output.viewport_output.get(&egui::ViewportId::ROOT).map(|viewport| viewport.repaint_delay);
+        let title = self.viewer.title();
+        if title != self.title {
+            self.window.set_title(&title);
+            self.title = title;
+        }
         self.painter.draw(self.viewer.interpolated(), self.viewer.pictures())?;
         self.present(output);
         let requests = self.viewer.act(actions, self.egui.input(|input| input.time));

@@ -193,6 +193,13 @@ impl ViewerState {
         }
     }
 
+    /// Title of the window: the scenario, or the log, and the program.
+    pub fn title(&self) -> String {
+        let path = std::path::Path::new(&self.request.scenario);
+        let name = path.file_name().unwrap_or(path.as_os_str());
+        format!("{} - City3D", name.display())
+    }
+
     /// The present scenario; in a replay, the recorded one.
     pub fn experiment(&self) -> &Arc<Experiment> {
         &self.experiment
@@ -441,7 +448,6 @@ impl ViewerState {
         self.state.driving = Some(ManualDrive::take_over(vehicle, run_state.run, state.steering_rad));
         self.state.selection.vehicle = Some(vehicle);
         self.state.viewpoint.set_mode(CameraMode::Chase, Some(vehicle));
-        self.state.follow(Some(vehicle));
         if run_state.phase != RunPhase::Running {
             self.state.say(
                 "The experiment is not running: press Space to start it, then drive with W A S D.",
@@ -527,7 +533,7 @@ impl ViewerState {
             let followed = views.and_then(|views| views.followed.as_ref()).and_then(find);
             state.selection.vehicle = followed;
             state.set_mode(settings.mode);
-            state.follow(followed);
+            state.viewpoint.follow = followed;
         }
     }
 

@@ -101,7 +101,7 @@ fn six_vehicles_are_sorted_filtered_and_selected() {
     let top = |harness: &Harness<'static, Desk>, name: &str| harness.get_by_label(name).rect().top();
     assert!(top(&harness, "car1") < top(&harness, "car6"));
     click(&mut harness, "Name");
-    click(&mut harness, "Name \u{23f6}");
+    click(&mut harness, "Name, ascending");
     assert!(top(&harness, "car1") > top(&harness, "car6"), "the second click turns the order round");
     harness.state_mut().state.table.filter = "CAR3".to_owned();
     harness.run_steps(2);
@@ -403,6 +403,63 @@ fn a_preview_shows_the_cameras_that_the_scenario_gives_the_vehicle() {
     // One that a vehicle of another scenario had is the windscreen's.
     assert!(height_m(1) < 2.0, "{}", height_m(1));
     harness.get_by_value("roof");
+}
+
+#[test]
+fn a_camera_of_the_scenario_is_told_apart_from_a_usual_one_of_its_name() {
+    let mut desk = Desk::with(fleet(1));
+    let (mount, lens) = (Mount::Windscreen, Lens::default());
+    desk.cameras.insert(VehicleId(1), vec![ScenarioCamera { name: "windscreen".to_owned(), mount, lens }]);
+    desk.state.toggle_preview(VehicleId(1));
+    let mut harness = harness(desk);
+    harness.get_by_value("windscreen");
+    harness.state_mut().state.previews[0].eye = PreviewCamera::Own(0);
+    harness.run_steps(2);
+    harness.get_by_value("windscreen (scenario)");
+}
+
+#[test]
+fn escape_closes_the_layers_before_it_deselects() {
+    let mut harness = with(2);
+    press(&mut harness, egui::Key::PageDown);
+    harness.state_mut().state.open.layers = true;
+    press(&mut harness, egui::Key::Escape);
+    let state = &harness.state().state;
+    assert_eq!((state.open.layers, state.selection.vehicle), (false, Some(VehicleId(1))));
+    press(&mut harness, egui::Key::Escape);
+    assert_eq!(harness.state().state.selection.vehicle, None);
+}
+
+#[test]
+fn the_count_of_vehicles_is_that_of_the_filter_as_it_is() {
+    let mut harness = with(12);
+    harness.state_mut().state.table.filter = "car11".to_owned();
+    harness.run_steps(1);
+    harness.get_by_label("1 of 12");
+    harness.get_by_label("x").click();
+    // The click, and the frame that hears it.
+    harness.run_steps(2);
+    assert!(harness.query_by_label("1 of 12").is_none());
+}
+
+#[test]
+fn a_key_frames_the_selected_vehicle_and_with_shift_all_of_them() {
+    let mut harness = with(3);
+    press(&mut harness, egui::Key::PageDown);
+    let seen = |harness: &Harness<'_, Desk>| {
+        let state = &harness.state().state;
+        let view = state.pictures.iter().find(|picture| picture.slot == PictureSlot::City).unwrap().view;
+        (view.extrinsics.position - harness.state().run_state.now.vehicles[0].position).length()
+    };
+    let far_m = seen(&harness);
+    press(&mut harness, egui::Key::Z);
+    harness.run_steps(120);
+    let near_m = seen(&harness);
+    assert!(far_m > 40.0 && (10.0..20.0).contains(&near_m), "{far_m} {near_m}");
+    assert_eq!(harness.state().state.viewpoint.follow, None);
+    harness.key_press_modifiers(egui::Modifiers::SHIFT, egui::Key::Z);
+    harness.run_steps(2);
+    assert!(seen(&harness) > 40.0, "{}", seen(&harness));
 }
 
 #[test]
