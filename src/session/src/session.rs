@@ -6,6 +6,7 @@ pub use handle::{OnUpdate, SessionHandle, SessionStopper};
 
 use super::clock::RealTimeFactorMeter;
 use super::end::{Ends, RunAccount};
+use super::event_feed::EventCollector;
 use super::source::{Now, Pace, Source, Step};
 use super::state::{EndStatus, LatestState};
 use super::{
@@ -105,6 +106,7 @@ struct View {
     folder: Box<dyn Fn() -> Option<std::path::PathBuf> + Send>,
     link: Option<Arc<LinkStatus>>,
     ends: Arc<Vec<EndStatus>>,
+    events: EventCollector,
 }
 
 impl<S: Source> Session<S> {
@@ -364,7 +366,11 @@ impl<S: Source> Session<S> {
         }
         if !self.has_begun && self.source.is_beginning() {
             self.has_begun = true;
-            self.ends.take(&moment(MomentKind::First, Inputs::None));
+            let first = moment(MomentKind::First, Inputs::None);
+            self.ends.take(&first);
+            if let Some(view) = &mut self.view {
+                view.events.take(&first);
+            }
         }
     }
 
@@ -377,10 +383,11 @@ impl<S: Source> Session<S> {
         let inputs = if kind == MomentKind::Still { Inputs::None } else { self.source.inputs() };
         let moment = moment(&self.source, &self.host, (kind, inputs), (from, timing));
         self.ends.take(&moment);
-        self.told_at = self.host.clock.now();
         if let (Some(view), true) = (&mut self.view, kind != MomentKind::Still) {
+            view.events.take(&moment);
             view.is_stale = true;
         }
+        self.told_at = self.host.clock.now();
     }
 
     /// The present run ends with this snapshot; `is_stopped` where that is before its end.
@@ -396,6 +403,9 @@ impl<S: Source> Session<S> {
         self.ends.finish_run(&moment, &account);
         self.run += 1;
         self.has_begun = false;
+        if let Some(view) = &mut self.view {
+            view.events = EventCollector::default();
+        }
         self.rate = RealTimeFactorMeter::new(self.host.clock.now(), self.source.snapshot().time_s);
         self.publish(true);
     }
@@ -503,6 +513,7 @@ impl<S: Source> Session<S> {
             link: view.link.clone(),
             ends: Arc::clone(&view.ends),
             coordination,
+            events: view.events.feed(),
             refusal: self.refusal.clone(),
             has_ended: false,
         });

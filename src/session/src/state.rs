@@ -1,6 +1,6 @@
 //! State of a session as a window shows it.
 
-use super::{CoordinationState, PacingClock, Speed};
+use super::{CoordinationState, EventFeed, PacingClock, Speed};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -98,6 +98,8 @@ pub struct RunState {
     pub ends: Arc<Vec<EndStatus>>,
     /// Plans of coordinated vehicles, where they are asked for and the control framework is in this process.
     pub coordination: Option<Arc<CoordinationState>>,
+    /// Events of the present run so far.
+    pub events: EventFeed,
     /// The last order that was refused, counted, and why.
     pub refusal: Option<(u64, Arc<str>)>,
     /// The session has ended.
@@ -119,6 +121,7 @@ impl RunState {
             link: None,
             ends: Arc::default(),
             coordination: None,
+            events: EventFeed::default(),
             refusal: None,
             has_ended: false,
         }

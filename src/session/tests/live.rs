@@ -12,9 +12,11 @@ mod support;
 
 use city3d_logbook::record::read_commands;
 use city3d_protocol::snapshot::{FrameSnapshot, Pedals, Status, VehicleId};
-use city3d_session::{Order, RunPhase, SessionHandle, Speed};
+use city3d_session::playback::MarkKind;
+use city3d_session::{EventReader, Order, RunPhase, SessionHandle, Speed};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
+use std::cell::RefCell;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -96,6 +98,40 @@ fn as_fast_as_possible_comes_to_the_end_and_can_go_on_beyond() {
     assert_eq!(over.now.state_hash, reference(500).state_hash);
     live.send(Order::Start);
     until(&live, "beyond the end", |run_state| run_state.now.tick > 600);
+}
+
+#[test]
+fn a_reader_hears_each_event_of_the_run_once_however_fast_it_goes() {
+    let live = live(None);
+    let reader = RefCell::new(EventReader::default());
+    live.send(Order::Drive(VehicleId(6), Pedals::default()));
+    live.send(Order::Release(VehicleId(6)));
+    live.send(Order::Speed(Speed::Unlimited));
+    live.send(Order::Start);
+    until(&live, "far on", |run_state| {
+        reader.borrow_mut().read(&run_state.events);
+        run_state.now.tick > 1000
+    });
+    let mut reader = reader.into_inner();
+    let over = until(&live, "the end", |run_state| run_state.phase == RunPhase::Over);
+    reader.read(&over.events);
+    let known = reader.read(&over.events);
+    assert_eq!(known, reader.marks().len(), "nothing is told twice");
+    let mut run = Run::new(roundabout(40.0)).unwrap();
+    let mut expected = Vec::new();
+    while run.snapshot().tick < over.now.tick {
+        run.step();
+        expected.extend(run.snapshot().events.iter().map(|event| (event.time_s, event.vehicle)));
+    }
+    let (of_person, of_city): (Vec<_>, Vec<_>) =
+        reader.marks().iter().partition(|mark| mark.what.kind() == MarkKind::Person);
+    let of_city: Vec<_> = of_city.iter().map(|mark| (mark.time_s, mark.vehicle)).collect();
+    let ticks = |events: &[(f64, VehicleId)]| events.iter().filter(|(time_s, _)| *time_s > 0.0).count();
+    assert!(ticks(&expected) > 10 && ticks(&of_city) == ticks(&expected), "{of_city:?} {expected:?}");
+    assert!(of_person.iter().all(|mark| mark.vehicle == VehicleId(6)), "{of_person:?}");
+    live.send(Order::Reset);
+    let again = until(&live, "reset", |run_state| run_state.phase == RunPhase::Ready);
+    assert_eq!((reader.read(&again.events), reader.marks().len()), (0, 0));
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! A session on a thread of its own: its handle, which a window watches and gives orders by.
 
+use super::super::event_feed::EventCollector;
 use super::super::state::LatestState;
 use super::super::{FilesWritten, Order, OrderSender, RunState, SessionError};
 use super::{Session, Source, View};
@@ -76,6 +77,7 @@ impl<S: Source + 'static> Session<S> {
             folder: Box::new(folder),
             link,
             ends: Arc::default(),
+            events: EventCollector::default(),
         });
         let (sender, stop) = (self.sender.take().map(Arc::new), Arc::clone(&self.stop));
         let (ended, told) = (Arc::clone(&latest_state), updates.clone());

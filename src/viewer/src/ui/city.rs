@@ -44,7 +44,9 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     dashboard(ui, rect, state, shown);
     loading(ui, rect, shown);
     let free = if state.layers.map { map::beside(rect) } else { rect };
-    notice(ui, free, state);
+    // Below the name of the followed vehicle.
+    let below = if state.viewpoint.follow.is_some() { 34.0 } else { 0.0 };
+    notice(ui, free.with_min_y(free.top() + below), state);
 }
 
 /// Resolution of the picture, reduced to the pixel budget.

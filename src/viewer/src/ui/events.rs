@@ -1,11 +1,11 @@
-//! Events of a recorded run: filter and list.
+//! Events of a run, recorded or live: filter, list, and the line below a live city.
 
-use super::{ReplayView, UiAction, UiState, ViewModel};
+use super::{UiAction, UiState, ViewModel};
 use city3d_session::playback::{MarkKind, PlaybackCommand, TimelineMark};
-use egui::{Align, Color32, Layout, RichText, Sense, Ui};
+use egui::{Align, Button, Color32, Layout, RichText, Sense, Ui, Vec2};
 use egui_extras::{Column, TableBuilder};
 
-/// Text filter of the events, for the list and the timeline.
+/// Text filter of the events, for the list, the timeline and the line below a live city.
 #[derive(Clone, Debug, Default)]
 pub struct EventFilter {
     /// Words that a row must contain.
@@ -74,10 +74,56 @@ pub(super) fn name(shown: &ViewModel<'_>, mark: &TimelineMark) -> String {
     }
 }
 
-/// Seeks to an event and selects its vehicle.
-pub(super) fn go_to(mark: &TimelineMark, state: &mut UiState, actions: &mut Vec<UiAction>) {
+/// Selects the vehicle of an event, and seeks to it in a recorded run.
+pub(super) fn go_to(
+    mark: &TimelineMark,
+    state: &mut UiState,
+    shown: &ViewModel<'_>,
+    actions: &mut Vec<UiAction>,
+) {
     let command = update(mark, state);
-    actions.push(UiAction::PlaybackCommand(command));
+    if shown.replay.is_some() {
+        actions.push(UiAction::PlaybackCommand(command));
+    }
+}
+
+/// The button with the number of events, which opens the list.
+pub(super) fn list_button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
+    let (all, matching) = (shown.events.len(), state.events.count());
+    let text = if matching == all { format!("{all} events") } else { format!("{matching} of {all} events") };
+    let button = Button::selectable(state.open.events, text).min_size(Vec2::new(84.0, 0.0));
+    if ui.add(button).on_hover_text("The list of events (F3)").clicked() {
+        state.open.events = !state.open.events;
+    }
+}
+
+/// The line below a live city: number of events, the last one, and collisions, each with a jump to its vehicle.
+pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    ui.horizontal(|ui| {
+        list_button(ui, state, shown);
+        let is_collision = |mark: &&TimelineMark| mark.what.kind() == MarkKind::Collision;
+        let count = shown.events.iter().filter(is_collision).count();
+        if let Some(last) = shown.events.iter().rfind(is_collision) {
+            let text = format!("{count} collision{}", if count == 1 { "" } else { "s" });
+            let button = ui.button(RichText::new(text).color(colour(MarkKind::Collision)).strong());
+            if button.on_hover_text(format!("The last one: {}", words(shown, last))).clicked() {
+                go_to(last, state, shown, actions);
+            }
+        }
+        let last = state.events.of(shown.events).next_back().cloned();
+        if let Some(last) = last {
+            let text = RichText::new(words(shown, &last)).small();
+            let label = egui::Label::new(text).truncate().selectable(false).sense(Sense::click());
+            if ui.add(label).on_hover_text("Select its vehicle and come near").clicked() {
+                go_to(&last, state, shown, actions);
+            }
+        }
+    });
+}
+
+/// An event in words, with its time and vehicle.
+fn words(shown: &ViewModel<'_>, mark: &TimelineMark) -> String {
+    format!("{:.2} s: {}, {}", mark.time_s, name(shown, mark), mark.what.label())
 }
 
 /// Selects and follows the vehicle of an event; returns the seek.
@@ -92,13 +138,7 @@ pub(super) fn update(mark: &TimelineMark, state: &mut UiState) -> PlaybackComman
 const ROW_HEIGHT: f32 = 18.0;
 
 /// The window with the list. A click on a row goes there and selects its vehicle.
-pub(super) fn window(
-    ui: &Ui,
-    state: &mut UiState,
-    shown: &ViewModel<'_>,
-    replay: &ReplayView<'_>,
-    actions: &mut Vec<UiAction>,
-) {
+pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let mut is_open = state.open.events;
     let room = ui.ctx().content_rect().shrink2(egui::vec2(12.0, 48.0));
     let sheet = egui::Window::new("Events").pivot(egui::Align2::CENTER_TOP).open(&mut is_open);
@@ -107,30 +147,31 @@ pub(super) fn window(
     sheet.default_size(size).resizable(true).constrain_to(room).show(ui.ctx(), |ui| {
         ui.horizontal(|ui| {
             let count = state.events.count();
-            ui.weak(format!("{count} of {}", replay.marks.len()));
+            ui.weak(format!("{count} of {}", shown.events.len()));
             let field = egui::TextEdit::singleline(&mut state.events.filter)
                 .hint_text("collision, merge 3 ...")
                 .desired_width(ui.available_width());
             ui.add(field).on_hover_text("Filter by words and vehicles; the timeline shows the same events");
         });
-        state.events.update(replay.marks);
-        let marks: Vec<TimelineMark> = state.events.of(replay.marks).cloned().collect();
+        state.events.update(shown.events);
+        let marks: Vec<TimelineMark> = state.events.of(shown.events).cloned().collect();
         if marks.is_empty() {
-            ui.label(RichText::new(nothing(replay)).weak());
+            ui.label(RichText::new(nothing(shown)).weak());
             return;
         }
-        if let Some(mark) = list(ui, &marks, state, shown, replay) {
-            go_to(&mark, state, actions);
+        if let Some(mark) = list(ui, &marks, state, shown) {
+            go_to(&mark, state, shown, actions);
         }
     });
     state.open.events = is_open;
 }
 
-fn nothing(replay: &ReplayView<'_>) -> &'static str {
-    match (replay.searched < 1.0, replay.marks.is_empty()) {
-        (true, _) => "The log is still being searched.",
-        (false, true) => "Nothing happened in this log.",
-        (false, false) => "No event matches the filter.",
+fn nothing(shown: &ViewModel<'_>) -> &'static str {
+    match (&shown.replay, shown.events.is_empty()) {
+        (Some(replay), _) if replay.searched < 1.0 => "The log is still being searched.",
+        (Some(_), true) => "Nothing happened in this log.",
+        (None, true) => "Nothing has happened yet.",
+        (_, false) => "No event matches the filter.",
     }
 }
 
@@ -140,12 +181,11 @@ fn list(
     marks: &[TimelineMark],
     state: &mut UiState,
     shown: &ViewModel<'_>,
-    replay: &ReplayView<'_>,
 ) -> Option<TimelineMark> {
     ui.style_mut().interaction.selectable_labels = false;
     let mut clicked = None;
-    let at_s = replay.head.at_s;
-    // The last event before the playhead is the current one.
+    let at_s = shown.replay.map_or(f64::INFINITY, |replay| replay.head.at_s);
+    // The last event before the playhead is the current one; of a live run the newest.
     let present = marks.partition_point(|mark| mark.time_s <= at_s + 1e-6).checked_sub(1);
     let mut builder = TableBuilder::new(ui)
         .striped(true)
@@ -175,7 +215,8 @@ fn list(
                     _ = ui.label(RichText::new(mark.what.label()).color(colour(mark.what.kind())));
                 });
                 line.col(|ui| _ = ui.label(name(shown, mark)));
-                if line.response().on_hover_text("Go there, and select the vehicle").clicked() {
+                if line.response().on_hover_text("Select the vehicle; in a recorded run, go there").clicked()
+                {
                     clicked = Some(mark.clone());
                 }
             });

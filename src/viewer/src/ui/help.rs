@@ -32,6 +32,7 @@ const SECTIONS: [KeySection; 4] = [
             ("N", "one tick"),
             ("Ctrl+R", "reset"),
             ("+  -", "faster, slower"),
+            ("F3", "list of events"),
             ("F4", "traffic: delay, safety, time-space diagram"),
             ("F12", "screenshot"),
             ("Ctrl+Q", "quit"),
@@ -116,6 +117,8 @@ pub fn window(ui: &Ui, state: &mut UiState, is_replay: bool) {
         ui.separator();
         for status in Status::ALL {
             ui.horizontal(|ui| {
+                let (place, _) = ui.allocate_exact_size(egui::vec2(12.0, 12.0), egui::Sense::hover());
+                status::paint_sign(ui.painter(), place.center(), 4.0, status);
                 ui.label(RichText::new(status.label()).color(status::colour(status)).strong());
                 ui.label(status::meaning(status));
             });

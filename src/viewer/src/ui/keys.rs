@@ -81,7 +81,7 @@ fn press(
             if shown.replay.is_some() => {}
         // Only a local city is stepped, and keeps another time than the clock's.
         Key::N | Key::Plus | Key::Equals | Key::Minus if shown.city != CityKind::Local => {}
-        Key::F3 if shown.replay.is_some() => state.open.events = !state.open.events,
+        Key::F3 => state.open.events = !state.open.events,
         Key::Space if run_state.phase == RunPhase::Running => {
             actions.push(UiAction::Order(Order::Pause));
         }

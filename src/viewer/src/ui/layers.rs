@@ -2,7 +2,7 @@
 
 use super::control_zones::{ControlZoneArea, zone_colour};
 use super::{CameraMode, UiState, ViewModel, occlusion, plans, status};
-use city3d_protocol::snapshot::{VehicleId, VehicleInfo, VehicleState};
+use city3d_protocol::snapshot::{Status, VehicleId, VehicleInfo, VehicleState};
 use city3d_roadmap::{CityMap, LaneId, ZoneKind};
 use city3d_sensors::View;
 use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Stroke, Ui};
@@ -216,7 +216,7 @@ pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
 struct Label {
     id: VehicleId,
     name: String,
-    colour: Color32,
+    status: Status,
     /// Screen positions of the label and of the vehicle under it.
     place: Pos2,
     foot: Pos2,
@@ -239,18 +239,22 @@ fn labels(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
         // Default names contain the number.
         let is_numbered = label.name == format!("cav{}", label.id);
         let text = if is_numbered { label.name } else { format!("{} {}", label.id, label.name) };
-        let text = painter.layout_no_wrap(text, font, faded(label.colour));
-        let rect = Align2::CENTER_BOTTOM.anchor_size(label.place, text.size());
-        let ground = rect.expand2(egui::vec2(3.0, 1.0));
+        let text = painter.layout_no_wrap(text, font, faded(status::colour(label.status)));
+        // The sign of the status stands before the text.
+        let sign = text.size().y;
+        let whole = Align2::CENTER_BOTTOM.anchor_size(label.place, text.size() + egui::vec2(sign, 0.0));
+        let (ground, rect) = (whole.expand2(egui::vec2(3.0, 1.0)), whole.with_min_x(whole.left() + sign));
         if taken.iter().any(|other| other.intersects(ground)) {
             continue;
         }
         taken.push(ground);
         painter.rect_filled(ground, 3.0, faded(Color32::from_black_alpha(150)));
         painter.galley(rect.min, text, Color32::WHITE);
+        let at = whole.left_center() + egui::vec2(0.4 * sign, 0.0);
+        status::paint_sign(painter, at, 0.24 * sign, label.status);
         if label.is_selected {
             let line = Stroke::new(1.0, faded(Color32::WHITE));
-            painter.line_segment([rect.center_bottom(), label.foot], line);
+            painter.line_segment([whole.center_bottom(), label.foot], line);
         }
     }
 }
@@ -278,7 +282,7 @@ fn label(
     (is_selected || !is_hidden).then(|| Label {
         id: vehicle.id,
         name: info.name.clone(),
-        colour: status::colour(vehicle.status),
+        status: vehicle.status,
         place,
         foot: canvas.place(vehicle.position).unwrap_or(place),
         depth: canvas.depth(top),

@@ -71,9 +71,9 @@ pub fn show(ui: &Ui, rect: Rect, state: &mut UiState, shown: &ViewModel<'_>) {
     for vehicle in &shown.interpolated.vehicles {
         let is_selected = state.selection.vehicle == Some(vehicle.id);
         let at = on_screen(vehicle.position.truncate());
-        painter.circle_filled(at, if is_selected { 4.0 } else { 2.5 }, status::colour(vehicle.status));
+        status::paint_sign(&painter, at, if is_selected { 4.0 } else { 3.0 }, vehicle.status);
         if is_selected {
-            painter.circle_stroke(at, 5.5, Stroke::new(1.5, Color32::WHITE));
+            painter.circle_stroke(at, 6.5, Stroke::new(1.5, Color32::WHITE));
         }
     }
     let response = ui.interact(place, ui.scope_id().with("map"), Sense::click_and_drag());

@@ -58,6 +58,8 @@ pub struct ViewModel<'a> {
     pub interpolated: &'a FrameSnapshot,
     /// Samples for the running plots of the previews.
     pub history: &'a History,
+    /// Events of the run, of a live one those so far.
+    pub events: &'a [TimelineMark],
     /// Live measures of the run.
     pub traffic: &'a LiveTraffic,
     /// Lane graph of the city, city frame.
@@ -267,7 +269,7 @@ pub struct OpenPanels {
     /// Mapping and calibration of gamepads and steering wheels (F2).
     #[serde(skip)]
     pub controllers: bool,
-    /// The list of events of a recorded run.
+    /// The list of events (F3).
     #[serde(skip)]
     pub events: bool,
     /// Delay, throughput, safety and energy (F4).
@@ -296,7 +298,7 @@ pub struct UiState {
     pub widths: PanelWidths,
     /// Manual control of the vehicle that the user drives.
     pub driving: Option<ManualDrive>,
-    /// Filter of the events of a recorded run.
+    /// Filter of the events.
     pub events: EventFilter,
     /// Visible range of the timeline.
     pub section: TimelineRange,
@@ -403,13 +405,11 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
     let mut actions = Vec::new();
     state.pictures.clear();
     state.update(shown);
-    if let Some(replay) = &shown.replay {
-        if !state.open.events {
-            // A closed list must not hide events.
-            state.events.filter.clear();
-        }
-        state.events.update(replay.marks);
+    if !state.open.events {
+        // A closed list must not hide events.
+        state.events.filter.clear();
     }
+    state.events.update(shown.events);
     keys::act(ui, state, shown, &mut actions);
     if state.viewpoint.ease(f64::from(ui.input(|input| input.stable_dt.min(0.1)))) {
         ui.ctx().request_repaint();
@@ -432,6 +432,10 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
             ui.add_space(2.0);
             timeline::show(ui, state, shown, replay, &mut actions);
         });
+    } else {
+        egui::Panel::bottom("events")
+            .frame(frame)
+            .show(ui, |ui| events::live(ui, state, shown, &mut actions));
     }
     // The city keeps at least a third of the window.
     let whole = ui.available_width();
@@ -468,8 +472,8 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
     egui::CentralPanel::no_frame().show(ui, |ui| city::show(ui, state, shown));
     layers::window(ui, state);
     controllers::window(ui, state, &mut actions);
-    if let Some(replay) = &shown.replay {
-        events::window(ui, state, shown, replay, &mut actions);
+    if state.open.events {
+        events::window(ui, state, shown, &mut actions);
     }
     traffic::window(ui, state, shown);
     help::window(ui, state, shown.replay.is_some());

@@ -1,9 +1,9 @@
-//! Colours and explanations of vehicle statuses.
+//! Colours, signs and explanations of vehicle statuses.
 
 use city3d_geometry::wrap_angle;
 use city3d_protocol::snapshot::{Status, VehicleInfo, VehicleState};
 use city3d_roadmap::CityMap;
-use egui::Color32;
+use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2};
 
 /// The colour of a status, readable on a dark ground.
 pub fn colour(status: Status) -> Color32 {
@@ -19,6 +19,69 @@ pub fn colour(status: Status) -> Color32 {
         Status::Physical => Color32::from_rgb(90, 210, 210),
         Status::Unseen => Color32::from_rgb(190, 120, 120),
     }
+}
+
+/// The sign of a status on the map and at labels: colours alone are not told apart by everybody.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Sign {
+    /// Goes as it should.
+    Disc,
+    /// Gives way: the triangle of the yield sign.
+    Triangle,
+    /// Stands.
+    Square,
+    /// A person drives.
+    Diamond,
+    /// Is not to be relied on: no link, or not seen.
+    Ring,
+    /// Has collided.
+    Cross,
+}
+
+/// The sign of a status.
+pub fn sign(status: Status) -> Sign {
+    match status {
+        Status::Driving | Status::Physical => Sign::Disc,
+        Status::Yielding => Sign::Triangle,
+        Status::Stopped | Status::Waiting | Status::Finished => Sign::Square,
+        Status::Manual => Sign::Diamond,
+        Status::LinkLost | Status::Unseen => Sign::Ring,
+        Status::Collided => Sign::Cross,
+    }
+}
+
+/// Paints the sign of a status around a point; all signs have about the same area.
+pub fn paint_sign(painter: &Painter, at: Pos2, radius: f32, status: Status) {
+    let colour = colour(status);
+    let polygon = |points: Vec<Pos2>| Shape::convex_polygon(points, colour, Stroke::NONE);
+    let shape = match sign(status) {
+        Sign::Disc => Shape::circle_filled(at, radius, colour),
+        Sign::Ring => Shape::circle_stroke(at, 0.85 * radius, Stroke::new(0.55 * radius, colour)),
+        Sign::Square => {
+            Shape::rect_filled(Rect::from_center_size(at, Vec2::splat(1.8 * radius)), 0.0, colour)
+        }
+        Sign::Triangle => {
+            let (half, up) = (1.35 * radius, 1.0 * radius);
+            polygon(vec![
+                pos2(at.x - half, at.y - up),
+                pos2(at.x + half, at.y - up),
+                pos2(at.x, at.y + 1.4 * up),
+            ])
+        }
+        Sign::Diamond => {
+            let half = 1.35 * radius;
+            let [east, north] = [Vec2::X * half, Vec2::Y * half];
+            polygon(vec![at + east, at + north, at - east, at - north])
+        }
+        Sign::Cross => {
+            let arm = Vec2::splat(1.2 * radius);
+            let stroke = Stroke::new(0.8 * radius, colour);
+            let other = Vec2::new(arm.x, -arm.y);
+            painter.line_segment([at - other, at + other], stroke);
+            Shape::line_segment([at - arm, at + arm], stroke)
+        }
+    };
+    painter.add(shape);
 }
 
 /// A front axle farther than this from every lane, or turned further from it, is off the lanes: control cannot
@@ -75,5 +138,12 @@ mod tests {
         let colours: std::collections::HashSet<_> = Status::ALL.map(colour).into();
         let meanings: std::collections::HashSet<_> = Status::ALL.map(meaning).into();
         assert_eq!((colours.len(), meanings.len()), (Status::ALL.len(), Status::ALL.len()));
+    }
+
+    #[test]
+    fn what_a_person_has_to_see_at_once_has_a_sign_of_its_own() {
+        let urgent = [Status::Driving, Status::Yielding, Status::Stopped, Status::Manual, Status::Collided];
+        let signs: std::collections::HashSet<_> = urgent.map(sign).into();
+        assert_eq!(signs.len(), urgent.len());
     }
 }

@@ -1,6 +1,6 @@
 //! The timeline of a recorded run: transport controls, playhead and event marks.
 
-use super::events::{colour, go_to, name, update};
+use super::events::{self, colour, go_to, name, update};
 use super::{ReplayView, UiAction, UiState, ViewModel};
 use city3d_geometry::trig;
 use city3d_protocol::snapshot::VehicleId;
@@ -119,7 +119,7 @@ pub(super) fn show(
     ui.horizontal_wrapped(|ui| {
         transport(ui, replay, actions);
         ui.separator();
-        event_buttons(ui, state, replay, actions);
+        event_buttons(ui, state, (shown, replay), actions);
         ui.separator();
         speed(ui, replay, actions);
         clock(ui, shown, replay);
@@ -153,7 +153,12 @@ fn transport(ui: &mut Ui, replay: &ReplayView<'_>, actions: &mut Vec<UiAction>) 
     button("\u{23ed}", false, "To the end (End)", PlaybackCommand::Seek(head.to_s));
 }
 
-fn event_buttons(ui: &mut Ui, state: &mut UiState, replay: &ReplayView<'_>, actions: &mut Vec<UiAction>) {
+fn event_buttons(
+    ui: &mut Ui,
+    state: &mut UiState,
+    (shown, replay): (&ViewModel<'_>, &ReplayView<'_>),
+    actions: &mut Vec<UiAction>,
+) {
     for (forward, text, tip) in
         [(false, "\u{23f4} Event", "The previous event ([)"), (true, "Event \u{23f5}", "The next event (])")]
     {
@@ -161,15 +166,10 @@ fn event_buttons(ui: &mut Ui, state: &mut UiState, replay: &ReplayView<'_>, acti
         let button = ui.add_enabled(mark.is_some(), Button::new(text));
         let button = button.on_hover_text(tip).on_disabled_hover_text("There is no such event");
         if let (true, Some(mark)) = (button.clicked(), mark) {
-            go_to(&mark, state, actions);
+            go_to(&mark, state, shown, actions);
         }
     }
-    let (all, shown) = (replay.marks.len(), state.events.count());
-    let text = if shown == all { format!("{all} events") } else { format!("{shown} of {all} events") };
-    let button = Button::selectable(state.open.events, text).min_size(Vec2::new(84.0, 0.0));
-    if ui.add(button).on_hover_text("The list of events (F3)").clicked() {
-        state.open.events = !state.open.events;
-    }
+    events::list_button(ui, state, shown);
 }
 
 fn speed(ui: &mut Ui, replay: &ReplayView<'_>, actions: &mut Vec<UiAction>) {
@@ -289,7 +289,7 @@ fn track(
             b.what.kind().cmp(&a.what.kind()).then(distance(a).total_cmp(&distance(b)))
         });
         match mark.filter(|_| is_on_marks).cloned() {
-            Some(mark) => go_to(&mark, state, actions),
+            Some(mark) => go_to(&mark, state, shown, actions),
             None => {
                 let time_s = scale.time_s(at.x);
                 // A held pointer sends no new command.

@@ -12,8 +12,10 @@ use crate::ui::{
 use city3d_logbook::record::LogOrigin;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleInfo, VehicleSpec};
 use city3d_render::Context;
-use city3d_session::playback::{LogInfo, PlaybackCommand, Player};
-use city3d_session::{Order, RunPhase, RunState, SessionError, SessionHandle, SessionStopper, Speed};
+use city3d_session::playback::{LogInfo, MarkKind, PlaybackCommand, Player, TimelineMark};
+use city3d_session::{
+    EventReader, Order, RunPhase, RunState, SessionError, SessionHandle, SessionStopper, Speed,
+};
 use city3d_simulation::scenario::{Experiment, Library, ScenarioRequest, shipped_scenarios};
 use city3d_simulation::sim::World;
 use std::collections::BTreeMap;
@@ -76,6 +78,8 @@ pub struct ViewerState {
     asks_for_plans: bool,
     /// The refusal of an order that was said last.
     refused: u64,
+    /// Events of the live run so far.
+    events: EventReader,
     experiment: Arc<Experiment>,
     scenario_info: ScenarioInfo,
     /// What the user has chosen.
@@ -179,6 +183,7 @@ impl ViewerState {
             runs_before: 0,
             asks_for_plans: false,
             refused: 0,
+            events: EventReader::default(),
             traffic: LiveTraffic::new(&experiment),
             experiment,
             history: History::default(),
@@ -305,6 +310,7 @@ impl ViewerState {
         self.meet_vehicles(&run_state);
         self.seat_user(now_s);
         self.say_refusal(&run_state, now_s);
+        self.say_collisions(&run_state, now_s);
         let told = self.player().map(|player| (player.head(), player.is_late(), player.info()));
         let replay = told.as_ref().map(|(head, is_late, told)| {
             let LogInfo { marks, searched, truncation } = told;
@@ -324,6 +330,7 @@ impl ViewerState {
             run_state: &run_state,
             interpolated: &self.interpolated,
             history: &self.history,
+            events: told.as_ref().map_or(self.events.marks(), |(_, _, told)| &told.marks),
             traffic: &self.traffic,
             map: &self.experiment.city_map,
             control_zones: &self.scenario_info.control_zones,
@@ -390,6 +397,17 @@ impl ViewerState {
     }
 
     /// Says why an order was not carried out.
+    /// Takes the new events of a live run, and tells of a collision at once.
+    fn say_collisions(&mut self, run_state: &RunState, now_s: f64) {
+        let known = self.events.read(&run_state.events);
+        let is_collision = |mark: &&TimelineMark| mark.what.kind() == MarkKind::Collision;
+        if let Some(mark) = self.events.marks()[known..].iter().find(is_collision) {
+            let name = run_state.now.info(mark.vehicle).map_or_else(String::new, |info| info.name.clone());
+            let text = format!("{:.1} s: {} {name}, {}", mark.time_s, mark.vehicle, mark.what.label());
+            self.state.say(text, now_s);
+        }
+    }
+
     fn say_refusal(&mut self, run_state: &RunState, now_s: f64) {
         if let Some((count, why)) = &run_state.refusal
             && *count != self.refused
@@ -448,12 +466,7 @@ impl ViewerState {
         self.state.driving = Some(ManualDrive::take_over(vehicle, run_state.run, state.steering_rad));
         self.state.selection.vehicle = Some(vehicle);
         self.state.viewpoint.set_mode(CameraMode::Chase, Some(vehicle));
-        if run_state.phase != RunPhase::Running {
-            self.state.say(
-                "The experiment is not running: press Space to start it, then drive with W A S D.",
-                now_s,
-            );
-        }
+        self.state.viewpoint.follow = Some(vehicle);
     }
 
     fn give_back(&mut self, now_s: f64) {

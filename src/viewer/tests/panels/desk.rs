@@ -36,6 +36,8 @@ pub fn experiment() -> Arc<Experiment> {
 pub struct Desk {
     pub state: UiState,
     pub run_state: RunState,
+    /// Events of a live run.
+    pub events: Vec<TimelineMark>,
     pub history: History,
     pub traffic: LiveTraffic,
     pub map: Arc<CityMap>,
@@ -113,6 +115,7 @@ impl Desk {
             recording: None,
             has_control_data: true,
             run_state: RunState::standing(now, RunPhase::Paused),
+            events: Vec::new(),
             city: CityKind::Local,
         }
     }
@@ -129,6 +132,7 @@ impl Desk {
             run_state: &self.run_state,
             interpolated: &self.run_state.now,
             history: &self.history,
+            events: self.recording.as_ref().map_or(&self.events, |recording| &recording.marks),
             traffic: &self.traffic,
             map: &self.map,
             control_zones: &self.control_zones,

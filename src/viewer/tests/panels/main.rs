@@ -8,8 +8,9 @@ mod plans;
 mod timeline;
 mod traffic;
 
-use city3d_protocol::snapshot::{Status, VehicleId};
+use city3d_protocol::snapshot::{EventKind, Status, VehicleId};
 use city3d_sensors::{Lens, Mount, MountPoint};
+use city3d_session::playback::{Occurrence, TimelineMark};
 use city3d_session::{Order, RunPhase, Speed};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
@@ -416,6 +417,36 @@ fn a_camera_of_the_scenario_is_told_apart_from_a_usual_one_of_its_name() {
     harness.state_mut().state.previews[0].eye = PreviewCamera::Own(0);
     harness.run_steps(2);
     harness.get_by_value("windscreen (scenario)");
+}
+
+#[test]
+fn a_live_run_has_a_list_of_events_and_a_way_to_the_last_collision() {
+    let mut desk = Desk::with(fleet(3));
+    let event = |time_s, vehicle, kind| TimelineMark {
+        time_s,
+        vehicle: VehicleId(vehicle),
+        what: Occurrence::Event(kind),
+    };
+    desk.events = vec![event(1.0, 1, EventKind::Stop), event(2.0, 3, EventKind::Merge)];
+    let mut harness = harness(desk);
+    harness.get_by_label("2 events");
+    harness.get_by_label("2.00 s: 3 car3, merge");
+    assert!(harness.query_by_label_contains("collision").is_none());
+    harness.state_mut().events.push(event(2.5, 2, EventKind::Collision { with: VehicleId(1) }));
+    harness.state_mut().events.push(event(2.6, 1, EventKind::Stop));
+    harness.run_steps(2);
+    click(&mut harness, "1 collision");
+    let state = &harness.state().state;
+    assert_eq!((state.selection.vehicle, state.viewpoint.follow), (Some(VehicleId(2)), Some(VehicleId(2))));
+    assert_eq!(harness.state().actions, [], "a live run does not seek");
+    press(&mut harness, egui::Key::F3);
+    harness.get_by_label("4 of 4");
+    harness.state_mut().state.events.filter = "merge".to_owned();
+    harness.run_steps(2);
+    harness.get_by_label("1 of 4 events");
+    press(&mut harness, egui::Key::F3);
+    harness.run_steps(2);
+    harness.get_by_label("4 events");
 }
 
 #[test]
