@@ -355,9 +355,9 @@ impl Cav {
     fn begin(&mut self, map: &LabMap, now_s: f64, seen: &Measurement, speed_mps: Option<f64>) {
         let first = RouteEstimate::first(map, (&self.route, self.body), now_s, seen, speed_mps);
         self.passage = RightOfWayState::default();
-        self.plan = PlanState { axle_s: first.axle_s, speed_mps: first.speed_mps, acceleration_mps2: 0.0 };
         self.axle_s = first.axle_s;
         self.estimate = Some(first);
+        self.plan_from_estimate();
         self.skip_sections_behind();
     }
 

@@ -1,10 +1,8 @@
 //! Events of the present run for a window: each once, although a window sees only some of the snapshots.
 
-use super::playback::{Occurrence, TimelineMark};
+use super::playback::{DriverChanges, TimelineMark};
 use super::{Inputs, Moment, MomentKind};
-use city3d_protocol::snapshot::{SimCommand, VehicleId};
 use city3d_protocol::wire::Body;
-use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The events of one run so far, in order of time. Copies share them; another run has another feed.
@@ -46,8 +44,7 @@ impl EventReader {
 #[derive(Debug, Default)]
 pub(super) struct EventCollector {
     feed: EventFeed,
-    /// Vehicles that persons drive.
-    driven: BTreeSet<VehicleId>,
+    drivers: DriverChanges,
 }
 
 impl EventCollector {
@@ -63,35 +60,19 @@ impl EventCollector {
             MomentKind::First => *self = Self::default(),
             MomentKind::Tick | MomentKind::Applied => {}
         }
-        let events = moment.snapshot.events.iter().map(|event| TimelineMark {
-            time_s: event.time_s,
-            vehicle: event.vehicle,
-            what: Occurrence::Event(event.kind.clone()),
-        });
-        self.feed.extend(events);
+        self.feed.extend(moment.snapshot.events.iter().map(TimelineMark::from));
+        let (from_s, drivers) = (moment.from.1, &mut self.drivers);
         match moment.inputs {
             Inputs::None => {}
             Inputs::Commands(commands) => {
-                commands.iter().for_each(|command| self.note_driver(moment.from.1, command));
+                self.feed.extend(commands.iter().filter_map(|command| drivers.mark_command(from_s, command)));
             }
-            Inputs::Network(applied, _) => applied.iter().for_each(|applied| {
-                if let Body::Drive { vehicle, pedals, .. } = &applied.body {
-                    let command = match pedals {
-                        Some(pedals) => SimCommand::Drive(*vehicle, *pedals),
-                        None => SimCommand::Release(*vehicle),
-                    };
-                    self.note_driver(moment.from.1, &command);
-                }
-            }),
+            Inputs::Network(applied, _) => {
+                self.feed.extend(applied.iter().filter_map(|applied| match applied.body {
+                    Body::Drive { vehicle, pedals, .. } => drivers.mark(from_s, vehicle, pedals.is_some()),
+                    _ => None,
+                }));
+            }
         }
-    }
-
-    fn note_driver(&mut self, time_s: f64, command: &SimCommand) {
-        let (vehicle, what) = match *command {
-            SimCommand::Drive(vehicle, _) if self.driven.insert(vehicle) => (vehicle, Occurrence::TakeOver),
-            SimCommand::Release(vehicle) if self.driven.remove(&vehicle) => (vehicle, Occurrence::GiveBack),
-            _ => return,
-        };
-        self.feed.extend(std::iter::once(TimelineMark { time_s, vehicle, what }));
     }
 }

@@ -103,8 +103,8 @@ fn has_free_way(map: &LabMap, vehicle: usize, cavs: &[Cav]) -> bool {
     let Some(admission) = cav.passage.admissions.first() else { return false };
     let way_m = cav.route.sections[admission.section].to_s - cav.rear_s();
     let own = Inside { cav, to_exit_m: way_m };
-    let others = cavs.iter().enumerate().filter(|(other, cav)| *other != vehicle && cav.is_seen());
-    !others.into_iter().any(|(_, other)| own.is_obstructed(map, other))
+    let mut others = cavs.iter().enumerate().filter(|(other, cav)| *other != vehicle && cav.is_seen());
+    !others.any(|(_, other)| own.is_obstructed(map, other))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Events of a recorded run for the timeline: logged events, and take-overs by a person.
 
 use city3d_logbook::record::LogEntry;
-use city3d_protocol::snapshot::{EventKind, SimCommand, VehicleId};
+use city3d_protocol::snapshot::{Event, EventKind, SimCommand, VehicleId};
 use city3d_simulation::scenario::Rates;
 use std::collections::BTreeSet;
 
@@ -94,33 +94,59 @@ impl Occurrence {
     }
 }
 
-/// Turns log entries, in their order, into timeline marks.
-#[derive(Debug)]
-pub(super) struct MarkCollector {
-    rates: Rates,
+impl From<&Event> for TimelineMark {
+    fn from(event: &Event) -> Self {
+        let what = Occurrence::Event(event.kind.clone());
+        Self { time_s: event.time_s, vehicle: event.vehicle, what }
+    }
+}
+
+/// Finds the changes between persons and algorithms in the commands of a run.
+#[derive(Debug, Default)]
+pub(crate) struct DriverChanges {
     /// Vehicles that persons drive.
     driven: BTreeSet<VehicleId>,
 }
 
+impl DriverChanges {
+    /// A command by which a person drives a vehicle or gives it back; `None` where that changes nothing.
+    pub(crate) fn mark(&mut self, time_s: f64, vehicle: VehicleId, drives: bool) -> Option<TimelineMark> {
+        let (changes, what) = if drives {
+            (self.driven.insert(vehicle), Occurrence::TakeOver)
+        } else {
+            (self.driven.remove(&vehicle), Occurrence::GiveBack)
+        };
+        changes.then_some(TimelineMark { time_s, vehicle, what })
+    }
+
+    /// As [`Self::mark`] for any command.
+    pub(crate) fn mark_command(&mut self, time_s: f64, command: &SimCommand) -> Option<TimelineMark> {
+        match *command {
+            SimCommand::Drive(vehicle, _) => self.mark(time_s, vehicle, true),
+            SimCommand::Release(vehicle) => self.mark(time_s, vehicle, false),
+            _ => None,
+        }
+    }
+}
+
+/// Turns log entries, in their order, into timeline marks.
+#[derive(Debug)]
+pub(super) struct MarkCollector {
+    rates: Rates,
+    drivers: DriverChanges,
+}
+
 impl MarkCollector {
     pub(super) fn new(rates: Rates) -> Self {
-        Self { rates, driven: BTreeSet::new() }
+        Self { rates, drivers: DriverChanges::default() }
     }
 
     /// `None` for entries that are no event.
     pub(super) fn mark(&mut self, entry: &LogEntry) -> Option<TimelineMark> {
         match entry {
-            LogEntry::Event(event) => {
-                let what = Occurrence::Event(event.kind.clone());
-                Some(TimelineMark { time_s: event.time_s, vehicle: event.vehicle, what })
-            }
+            LogEntry::Event(event) => Some(event.into()),
             LogEntry::Command { tick, command } => {
-                let what = match *command {
-                    SimCommand::Drive(vehicle, _) if self.driven.insert(vehicle) => Occurrence::TakeOver,
-                    SimCommand::Release(vehicle) if self.driven.remove(&vehicle) => Occurrence::GiveBack,
-                    _ => return None,
-                };
-                Some(TimelineMark { time_s: self.rates.time_s(*tick), vehicle: command.vehicle()?, what })
+                self.drivers.mark_command(self.rates.time_s(*tick), command)
             }
             _ => None,
         }
@@ -130,7 +156,7 @@ impl MarkCollector {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use city3d_protocol::snapshot::{Event, Pedals};
+    use city3d_protocol::snapshot::Pedals;
 
     #[test]
     fn of_the_pedals_of_a_person_only_taking_and_giving_back_are_marked() {

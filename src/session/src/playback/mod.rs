@@ -14,6 +14,7 @@ mod prefetch;
 mod registry;
 
 pub use benchmark::{PlaybackReport, benchmark};
+pub(crate) use marks::DriverChanges;
 pub use marks::{MarkKind, Occurrence, TimelineMark};
 pub use player::{LogInfo, PlaybackStats, Player};
 pub use playhead::{PlaybackCommand, Playhead, SPEEDS};

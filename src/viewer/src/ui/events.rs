@@ -1,6 +1,7 @@
 //! Events of a run, recorded or live: filter, list, and the line below a live city.
 
 use super::{UiAction, UiState, ViewModel};
+use city3d_protocol::snapshot::{FrameSnapshot, VehicleInfo};
 use city3d_session::playback::{MarkKind, PlaybackCommand, TimelineMark};
 use egui::{Align, Button, Color32, Layout, RichText, Sense, Ui, Vec2};
 use egui_extras::{Column, TableBuilder};
@@ -62,15 +63,18 @@ pub(super) fn colour(kind: MarkKind) -> Color32 {
     }
 }
 
+/// The vehicle of an event by name and number.
+pub(super) fn name(snapshot: &FrameSnapshot, mark: &TimelineMark) -> String {
+    snapshot.info(mark.vehicle).map_or_else(|| mark.vehicle.to_string(), numbered_name)
+}
+
 /// The name of a vehicle with its number.
-pub(super) fn name(shown: &ViewModel<'_>, mark: &TimelineMark) -> String {
-    match shown.run_state.now.info(mark.vehicle) {
-        // Default names contain the number.
-        Some(info) if info.name != format!("cav{}", mark.vehicle) => {
-            format!("{} {}", mark.vehicle, info.name)
-        }
-        Some(info) => info.name.clone(),
-        None => mark.vehicle.to_string(),
+pub(super) fn numbered_name(info: &VehicleInfo) -> String {
+    // Default names contain the number.
+    if info.name == format!("cav{}", info.id) {
+        info.name.clone()
+    } else {
+        format!("{} {}", info.id, info.name)
     }
 }
 
@@ -106,13 +110,16 @@ pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         if let Some(last) = shown.events.iter().rfind(is_collision) {
             let text = format!("{count} collision{}", if count == 1 { "" } else { "s" });
             let button = ui.button(RichText::new(text).color(colour(MarkKind::Collision)).strong());
-            if button.on_hover_text(format!("The last one: {}", words(shown, last))).clicked() {
+            if button
+                .on_hover_text(format!("The last one: {}", event_words(&shown.run_state.now, last)))
+                .clicked()
+            {
                 go_to(last, state, shown, actions);
             }
         }
         let last = state.events.of(shown.events).next_back().cloned();
         if let Some(last) = last {
-            let text = RichText::new(words(shown, &last)).small();
+            let text = RichText::new(event_words(&shown.run_state.now, &last)).small();
             let label = egui::Label::new(text).truncate().selectable(false).sense(Sense::click());
             if ui.add(label).on_hover_text("Select its vehicle and come near").clicked() {
                 go_to(&last, state, shown, actions);
@@ -122,8 +129,8 @@ pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
 }
 
 /// An event in words, with its time and vehicle.
-fn words(shown: &ViewModel<'_>, mark: &TimelineMark) -> String {
-    format!("{:.2} s: {}, {}", mark.time_s, name(shown, mark), mark.what.label())
+pub fn event_words(snapshot: &FrameSnapshot, mark: &TimelineMark) -> String {
+    format!("{:.2} s: {}, {}", mark.time_s, name(snapshot, mark), mark.what.label())
 }
 
 /// Selects and follows the vehicle of an event; returns the seek.
@@ -214,7 +221,7 @@ fn list(
                 line.col(|ui| {
                     _ = ui.label(RichText::new(mark.what.label()).color(colour(mark.what.kind())));
                 });
-                line.col(|ui| _ = ui.label(name(shown, mark)));
+                line.col(|ui| _ = ui.label(name(&shown.run_state.now, mark)));
                 if line.response().on_hover_text("Select the vehicle; in a recorded run, go there").clicked()
                 {
                     clicked = Some(mark.clone());

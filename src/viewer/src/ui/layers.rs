@@ -1,8 +1,8 @@
 //! Overlays of the city view: labels, lanes, routes, conflict zones, control zones, plans.
 
 use super::control_zones::{ControlZoneArea, zone_colour};
-use super::{CameraMode, UiState, ViewModel, occlusion, plans, status};
-use city3d_protocol::snapshot::{Status, VehicleId, VehicleInfo, VehicleState};
+use super::{CameraMode, UiState, ViewModel, events, occlusion, plans, status};
+use city3d_protocol::snapshot::{Status, VehicleInfo, VehicleState};
 use city3d_roadmap::{CityMap, LaneId, ZoneKind};
 use city3d_sensors::View;
 use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Stroke, Ui};
@@ -214,7 +214,6 @@ pub fn paint(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
 
 /// A label over a vehicle.
 struct Label {
-    id: VehicleId,
     name: String,
     status: Status,
     /// Screen positions of the label and of the vehicle under it.
@@ -236,10 +235,7 @@ fn labels(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
         let faded = |colour: Color32| if label.is_hidden { colour.gamma_multiply(0.45) } else { colour };
         let font = FontId::proportional(if label.is_selected { 13.0 } else { 11.0 });
         let painter = &canvas.painter;
-        // Default names contain the number.
-        let is_numbered = label.name == format!("cav{}", label.id);
-        let text = if is_numbered { label.name } else { format!("{} {}", label.id, label.name) };
-        let text = painter.layout_no_wrap(text, font, faded(status::colour(label.status)));
+        let text = painter.layout_no_wrap(label.name, font, faded(status::colour(label.status)));
         // The sign of the status stands before the text.
         let sign = text.size().y;
         let whole = Align2::CENTER_BOTTOM.anchor_size(label.place, text.size() + egui::vec2(sign, 0.0));
@@ -280,8 +276,7 @@ fn label(
     // A selected vehicle has a label behind walls too.
     let is_hidden = occlusion::is_occluded(eye, roof, shown.walls);
     (is_selected || !is_hidden).then(|| Label {
-        id: vehicle.id,
-        name: info.name.clone(),
+        name: events::numbered_name(info),
         status: vehicle.status,
         place,
         foot: canvas.place(vehicle.position).unwrap_or(place),

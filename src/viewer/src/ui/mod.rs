@@ -26,7 +26,7 @@ mod viewpoint;
 
 pub use control_zones::{ControlZoneArea, ZoneStretch};
 pub use drive::ManualDrive;
-pub use events::EventFilter;
+pub use events::{EventFilter, event_words};
 pub use history::{History, HistorySample, KEPT_S};
 pub use layers::Layers;
 pub use live_traffic::LiveTraffic;

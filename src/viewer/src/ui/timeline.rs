@@ -359,7 +359,7 @@ fn tooltip(
     marks.truncate(TOLD);
     marks.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     for mark in marks {
-        let text = format!("{:.2}  {}  {}", mark.time_s, mark.what.label(), name(shown, mark));
+        let text = format!("{:.2}  {}  {}", mark.time_s, mark.what.label(), name(&shown.run_state.now, mark));
         ui.label(RichText::new(text).color(colour(mark.what.kind())));
     }
     if left > 0 {

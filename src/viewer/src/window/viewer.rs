@@ -396,18 +396,16 @@ impl ViewerState {
         }
     }
 
-    /// Says why an order was not carried out.
     /// Takes the new events of a live run, and tells of a collision at once.
     fn say_collisions(&mut self, run_state: &RunState, now_s: f64) {
         let known = self.events.read(&run_state.events);
         let is_collision = |mark: &&TimelineMark| mark.what.kind() == MarkKind::Collision;
         if let Some(mark) = self.events.marks()[known..].iter().find(is_collision) {
-            let name = run_state.now.info(mark.vehicle).map_or_else(String::new, |info| info.name.clone());
-            let text = format!("{:.1} s: {} {name}, {}", mark.time_s, mark.vehicle, mark.what.label());
-            self.state.say(text, now_s);
+            self.state.say(ui::event_words(&run_state.now, mark), now_s);
         }
     }
 
+    /// Says why an order was not carried out.
     fn say_refusal(&mut self, run_state: &RunState, now_s: f64) {
         if let Some((count, why)) = &run_state.refusal
             && *count != self.refused

@@ -1,0 +1,243 @@
+//! Tests of the large view's camera: what it sees, how it moves, and what it follows.
+
+use super::*;
+use city3d_protocol::snapshot::{Appearance, Dimensions, VehicleInfo, VehicleState};
+use std::sync::Arc;
+
+fn snapshot(x: f64) -> FrameSnapshot {
+    let dimensions = Dimensions {
+        length_m: 5.0,
+        width_m: 2.5,
+        height_m: 1.5,
+        wheelbase_m: 3.0,
+        track_m: 2.1,
+        wheel_radius_m: 0.34,
+    };
+    let info = VehicleInfo {
+        id: VehicleId(3),
+        name: "car".into(),
+        dimensions,
+        appearance: Appearance::default(),
+        model: String::new(),
+    };
+    let vehicle =
+        VehicleState { id: VehicleId(3), position: DVec3::new(x, 4.0, 0.0), ..VehicleState::default() };
+    FrameSnapshot { vehicles: vec![vehicle], roster: Arc::new(vec![info]), ..FrameSnapshot::default() }
+}
+
+fn sees(viewpoint: &Viewpoint, seen: &FrameSnapshot) -> bool {
+    let pixel = viewpoint.view(seen, [400, 300]).project(seen.vehicles[0].position + DVec3::Z);
+    pixel.is_some_and(|p| (0.0..400.0).contains(&p.x) && (0.0..300.0).contains(&p.y))
+}
+
+#[test]
+fn every_mode_but_onboard_sees_the_vehicle_that_it_follows() {
+    let seen = snapshot(10.0);
+    for mode in [CameraMode::Orbit, CameraMode::Chase, CameraMode::Overhead] {
+        let mut viewpoint = Viewpoint::around(&snapshot(-200.0));
+        viewpoint.follow = Some(VehicleId(3));
+        viewpoint.set_mode(mode, None);
+        viewpoint.update(&seen);
+        assert!(sees(&viewpoint, &seen), "{mode:?}");
+    }
+    let mut viewpoint = Viewpoint::around(&seen);
+    viewpoint.set_mode(CameraMode::Free, None);
+    assert!(sees(&viewpoint, &seen), "the free camera starts where the orbit was");
+    viewpoint.set_mode(CameraMode::Onboard, Some(VehicleId(3)));
+    assert_eq!(viewpoint.view(&seen, [400, 300]).carrier, Some(VehicleId(3)));
+}
+
+#[test]
+fn a_free_camera_that_is_asked_for_at_first_begins_where_the_orbit_would() {
+    let mut seen = snapshot(-70.0);
+    let far = DVec3::new(-10.0, 90.0, 0.0);
+    seen.vehicles.push(VehicleState { id: VehicleId(4), position: far, ..seen.vehicles[0].clone() });
+    let (mut orbit, mut free) = (Viewpoint::around(&seen), Viewpoint::around(&seen));
+    free.set_mode(CameraMode::Free, None);
+    for _ in 0..2 {
+        orbit.show_whole(&seen, [400, 300], &[]);
+        free.show_whole(&seen, [400, 300], &[]);
+    }
+    assert_eq!(free.mode, CameraMode::Free);
+    let [orbit, free] = [orbit, free].map(|viewpoint| viewpoint.view(&seen, [400, 300]).extrinsics.position);
+    assert!((orbit - free).length() < 1.5, "{free}, the orbit is at {orbit}");
+}
+
+#[test]
+fn at_first_everything_that_drives_is_seen_in_pictures_of_all_shapes() {
+    let mut seen = snapshot(-70.0);
+    seen.vehicles.push(VehicleState {
+        id: VehicleId(4),
+        position: DVec3::new(-10.0, 60.0, 0.0),
+        ..seen.vehicles[0].clone()
+    });
+    for mode in [CameraMode::Orbit, CameraMode::Overhead] {
+        for extent in [[586, 662], [1400, 500], [700, 900]] {
+            let mut viewpoint = Viewpoint::around(&seen);
+            viewpoint.set_mode(mode, None);
+            viewpoint.show_whole(&seen, extent, &[]);
+            let corners = [(-88.0, -14.0), (8.0, -14.0), (8.0, 78.0), (-88.0, 78.0)];
+            let view = viewpoint.view(&seen, extent);
+            let pixels = corners.map(|(x, y)| view.project(DVec3::new(x, y, 0.0)).unwrap());
+            let size = DVec2::from(extent.map(f64::from));
+            assert!(
+                pixels.iter().all(|p| p.min_element() >= 0.0 && p.cmple(size).all()),
+                "{mode:?} {pixels:?}"
+            );
+            let widest = |of: fn(&DVec2) -> f64| {
+                let values = pixels.iter().map(of);
+                values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min)
+            };
+            let share = (widest(|p| p.x) / size.x).max(widest(|p| p.y) / size.y);
+            assert!(share > 0.8, "{mode:?} {extent:?}: no farther away than it has to be, {share}");
+            // Whoever has moved it finds it where it was left.
+            viewpoint.zoom(3.0);
+            let left = viewpoint.clone();
+            viewpoint.show_whole(&seen, extent, &[]);
+            assert_eq!(viewpoint, left);
+        }
+    }
+}
+
+#[test]
+fn at_first_it_looks_from_where_walls_hide_the_fewest() {
+    let seen = snapshot(10.0);
+    let extent = [800, 600];
+    let mut usual = Viewpoint::around(&seen);
+    usual.show_whole(&seen, extent, &[]);
+    assert_eq!([usual.azimuth_rad, usual.elevation_rad], UNTURNED_RAD);
+    let eye = usual.view(&seen, extent).extrinsics.position;
+    // Before the car, across the usual line of sight, and so high that it hides it from there.
+    let car = seen.vehicles[0].position;
+    let (towards, across) = ((eye - car).truncate().normalize(), (eye - car).truncate().normalize().perp());
+    let end = |side: f64| (car.truncate() + towards * 6.0 + across * side).as_vec2();
+    let wall = Wall { from: end(-5.0), to: end(5.0), height_m: 40.0 };
+    let is_hidden = |viewpoint: &Viewpoint| {
+        occlusion::is_occluded(viewpoint.view(&seen, extent).extrinsics.position, car + DVec3::Z, &[wall])
+    };
+    assert!(is_hidden(&usual));
+    let mut turned = Viewpoint::around(&seen);
+    turned.show_whole(&seen, extent, &[wall]);
+    assert!(!is_hidden(&turned) && sees(&turned, &seen));
+    // Once, not whenever something drives on.
+    let azimuth_rad = turned.azimuth_rad;
+    turned.show_whole(&snapshot(40.0), extent, &[]);
+    assert_eq!(turned.azimuth_rad, azimuth_rad);
+}
+
+#[test]
+fn looking_back_sees_what_is_behind() {
+    let seen = snapshot(10.0);
+    let behind = DVec3::new(-15.0, 4.0, 0.5);
+    for mode in [CameraMode::Chase, CameraMode::Onboard] {
+        let mut viewpoint = Viewpoint::around(&seen);
+        viewpoint.set_mode(mode, Some(VehicleId(3)));
+        viewpoint.rear = true;
+        let pixel = viewpoint.view(&seen, [400, 300]).project(behind);
+        assert!(pixel.is_some_and(|p| (50.0..350.0).contains(&p.x)), "{mode:?} {pixel:?}");
+    }
+}
+
+#[test]
+fn chase_and_onboard_cameras_turn_and_zoom_and_begin_again_with_another_mode() {
+    let seen = snapshot(10.0);
+    let eye_and_axis = |viewpoint: &Viewpoint| {
+        let view = viewpoint.view(&seen, [400, 300]);
+        (view.extrinsics.position - seen.vehicles[0].position, view.extrinsics.forward(), view)
+    };
+    let fov_rad = |viewpoint: &Viewpoint| viewpoint.gaze.lens(Lens::default()).vertical_fov_rad;
+    let mut viewpoint = Viewpoint::around(&seen);
+    let orbit_m = viewpoint.distance_m;
+    viewpoint.set_mode(CameraMode::Chase, Some(VehicleId(3)));
+    let (usual, _, view) = eye_and_axis(&viewpoint);
+    let lens = Lens { extent: [400, 300], ..Lens::default() };
+    let camera = Camera::Chase { vehicle: VehicleId(3), distance_m: 9.0, height_m: 3.6 };
+    let expected = camera.view(&seen, &lens).unwrap();
+    assert!((view.extrinsics.position - expected.extrinsics.position).length() < 1e-9);
+    assert!((view.extrinsics.forward() - expected.extrinsics.forward()).length() < 1e-9);
+    // A quarter turn, a higher camera, three times as far away.
+    viewpoint.turn(FRAC_PI_2 / RAD_PER_POINT, 0.5 / RAD_PER_POINT);
+    let (turned, _, _) = eye_and_axis(&viewpoint);
+    assert!(turned.x.abs() < 1e-6 && turned.y > 5.0 && turned.z > usual.z + 2.0, "{turned}");
+    viewpoint.zoom(-8.6);
+    let (far, axis, _) = eye_and_axis(&viewpoint);
+    assert!((far.length() / turned.length() - 3.0).abs() < 0.02, "{far}");
+    assert!(axis.dot(-far.normalize()) > 0.9 && sees(&viewpoint, &seen));
+    viewpoint.turn(0.0, 1e4);
+    assert!(eye_and_axis(&viewpoint).0.z > 0.9 * far.length(), "it stays above the ground");
+    viewpoint.set_mode(CameraMode::Onboard, None);
+    let (seat, ahead, before) = eye_and_axis(&viewpoint);
+    assert!(ahead.x > 0.9);
+    viewpoint.turn(FRAC_PI_2 / RAD_PER_POINT, -0.3 / RAD_PER_POINT);
+    let (still, right, _) = eye_and_axis(&viewpoint);
+    assert!((seat - still).length() < 1e-9 && right.y < -0.8 && right.z > ahead.z + 0.2, "{right}");
+    viewpoint.zoom(6.0);
+    assert!(fov_rad(&viewpoint) < 0.6 * Lens::default().vertical_fov_rad);
+    let [near, far] = [viewpoint.view(&seen, [400, 300]), before].map(|view| view.clip_from_world());
+    assert!(near != far);
+    // The wheel has moved no other camera, and who comes back finds the usual view.
+    viewpoint.set_mode(CameraMode::Chase, None);
+    assert!((eye_and_axis(&viewpoint).0 - usual).length() < 1e-9);
+    assert_eq!(viewpoint.distance_m, orbit_m);
+}
+
+#[test]
+fn following_eases_to_the_vehicle_and_everything_can_be_framed_again() {
+    let seen = snapshot(10.0);
+    let mut viewpoint = Viewpoint::around(&snapshot(-60.0));
+    viewpoint.distance_m = 200.0;
+    let start = viewpoint.target;
+    viewpoint.follow(seen.vehicle(VehicleId(3)));
+    viewpoint.update(&seen);
+    assert!((viewpoint.target - start).length() < 1e-9, "no jump");
+    let mut frames = 0;
+    while viewpoint.ease(0.02) {
+        let before = viewpoint.distance_m;
+        viewpoint.update(&seen);
+        frames += 1;
+        assert!(viewpoint.distance_m <= before && frames < 100);
+    }
+    viewpoint.update(&seen);
+    assert!(frames > 10 && viewpoint.distance_m == VEHICLE_M);
+    assert!((viewpoint.target - seen.vehicles[0].position).length() < 1e-6);
+    viewpoint.zoom(2.0);
+    let near_m = viewpoint.distance_m;
+    viewpoint.frame(&seen.vehicles[0]);
+    while viewpoint.ease(0.02) {}
+    assert_eq!((viewpoint.follow, viewpoint.distance_m), (None, near_m), "nobody is moved away");
+    viewpoint.frame_all(&seen);
+    viewpoint.show_whole(&seen, [400, 300], &[]);
+    assert!(viewpoint.distance_m >= UNMOVED_M[0] && sees(&viewpoint, &seen));
+}
+
+#[test]
+fn a_vehicle_that_has_left_is_not_followed_and_nothing_breaks_without_any() {
+    let mut viewpoint = Viewpoint::around(&snapshot(10.0));
+    viewpoint.set_mode(CameraMode::Chase, Some(VehicleId(3)));
+    let empty = FrameSnapshot::default();
+    viewpoint.update(&empty);
+    assert_eq!((viewpoint.mode, viewpoint.follow), (CameraMode::Orbit, None));
+    assert!(viewpoint.view(&empty, [1, 1]).clip_from_world().is_finite());
+    assert!(Viewpoint::around(&empty).view(&empty, [8, 8]).clip_from_world().is_finite());
+}
+
+#[test]
+fn dragging_takes_the_ground_along_and_zooming_brings_it_nearer() {
+    let seen = snapshot(10.0);
+    for mode in [CameraMode::Orbit, CameraMode::Overhead] {
+        let mut viewpoint = Viewpoint::around(&seen);
+        viewpoint.set_mode(mode, None);
+        let at = |viewpoint: &Viewpoint| {
+            viewpoint.view(&seen, [800, 600]).project(seen.vehicles[0].position).unwrap()
+        };
+        let before = at(&viewpoint);
+        viewpoint.shift(40.0, 25.0);
+        let moved = at(&viewpoint) - before;
+        assert!(moved.x > 15.0 && moved.y > 8.0, "{mode:?} {moved}");
+        let (near, far) = (viewpoint.distance_m, {
+            viewpoint.zoom(-2.0);
+            viewpoint.distance_m
+        });
+        assert!(far > near);
+    }
+}
