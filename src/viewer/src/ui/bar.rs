@@ -1,7 +1,7 @@
 //! The toolbar: controls of the run, clock, scenario, camera and quality.
 
 use super::viewpoint::CameraMode;
-use super::{CityKind, Look, QualityPreset, ScenarioChoice, UiAction, UiState, ViewModel};
+use super::{CityKind, Look, QualityPreset, ScenarioChoice, UiAction, UiState, ViewModel, commands};
 use city3d_session::{Order, RunPhase, Speed};
 use egui::{Button, ComboBox, RichText, Ui};
 use std::path::Path;
@@ -33,20 +33,23 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
         cameras(ui, state);
         ui.separator();
         look(ui, state, actions);
-        ui.toggle_value(&mut state.open.layers, "Layers")
-            .on_hover_text("Labels, lanes, routes, conflict zones, map");
-        ui.toggle_value(&mut state.open.traffic, "Traffic")
-            .on_hover_text("Delay, flow, queue, safety and energy, and a time-space diagram (F4)");
+        let mut toggle = |is_open: &mut bool, text: &str, command: &commands::Command, tip: &str| {
+            ui.toggle_value(is_open, text).on_hover_text(command.tip(tip));
+        };
+        let open = &mut state.open;
+        toggle(&mut open.layers, "Layers", &commands::LAYERS, "Labels, lanes, routes, conflict zones, map");
+        let tip = "Delay, flow, queue, safety and energy, and a time-space diagram";
+        toggle(&mut open.traffic, "Traffic", &commands::TRAFFIC, tip);
         if shown.replay.is_none() {
-            ui.toggle_value(&mut state.open.controllers, "Gamepad")
-                .on_hover_text("Gamepad and steering wheel: what their axes and buttons do (F2)");
+            let tip = "Gamepad and steering wheel: what their axes and buttons do";
+            toggle(&mut open.controllers, "Gamepad", &commands::CONTROLLERS, tip);
         }
-        ui.toggle_value(&mut state.open.help, "Help").on_hover_text("All keys (F1)");
+        toggle(&mut open.help, "Help", &commands::HELP, "All keys");
     });
 }
 
 /// Widths of a run button and of the real-time factor, points.
-const BUTTON: f32 = 72.0;
+const BUTTON: f32 = 88.0;
 const PACE: f32 = 58.0;
 /// Width of the list of scenarios: a longer name is cut, and stands in the tip.
 const SCENARIO: f32 = 84.0;
@@ -63,28 +66,31 @@ fn run_controls(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>)
         }
     };
     if *phase == RunPhase::Running {
-        button(ui, "\u{23f8} Pause", true, "Pause the experiment (Space)", Order::Pause);
+        button(ui, "\u{23f8} Pause", true, &commands::START_OR_PAUSE.tip("Pause the run"), Order::Pause);
     } else if *phase == RunPhase::Over {
-        let tip = format!("Continue beyond the {} s of the scenario, until paused (Space)", shown.duration_s);
-        button(ui, "\u{25b6} Go on", true, &tip, Order::Start);
+        let tip = format!("Continue beyond the {} s of the scenario, until paused", shown.duration_s);
+        let tip = commands::START_OR_PAUSE.tip(&tip);
+        button(ui, "\u{25b6} Continue", true, &tip, Order::Start);
     } else {
-        button(ui, "\u{25b6} Start", can_run, "Start the experiment (Space)", Order::Start);
+        let tip = commands::START_OR_PAUSE.tip("Start the run");
+        button(ui, "\u{25b6} Start", can_run, &tip, Order::Start);
     }
     if shown.city == CityKind::Local {
-        button(ui, "\u{23ed} Step", can_run, "Advance by one tick, then pause (N)", Order::Step);
+        let tip = commands::STEP.tip("One step (usually 10 ms), then pause");
+        button(ui, "\u{23ed} Step", can_run, &tip, Order::Step);
     }
     let tip = match shown.city {
-        CityKind::Local => "Back to the start; a new log begins (Ctrl+R)",
-        CityKind::Served => "Back to the start with the same vehicles; a new log begins (Ctrl+R)",
-        CityKind::Elsewhere => "Asks the city to go back to its start (Ctrl+R)",
+        CityKind::Local => "Back to the start. The log so far is kept; a new one begins",
+        CityKind::Served => "Back to the start with the same vehicles; a new log begins",
+        CityKind::Elsewhere => "Asks the city to go back to its start",
     };
-    button(ui, "\u{27f2} Reset", true, tip, Order::Reset);
+    button(ui, "\u{27f2} Reset", true, &commands::RESET.tip(tip), Order::Reset);
 }
 
 fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<UiAction>) {
     let mut chosen = present;
     ComboBox::from_id_salt("speed")
-        .selected_text(speed_label(present))
+        .selected_text(if present == Speed::Unlimited { "max".to_owned() } else { speed_label(present) })
         .width(58.0)
         .show_ui(ui, |ui| {
             for factor in SPEEDS {
@@ -93,7 +99,11 @@ fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<UiAction>) {
             ui.selectable_value(&mut chosen, Speed::Unlimited, speed_label(Speed::Unlimited));
         })
         .response
-        .on_hover_text("Simulated seconds per second (+ and -)");
+        .on_hover_text(format!(
+            "Simulated seconds per second ({} and {})",
+            commands::FASTER.key(),
+            commands::SLOWER.key()
+        ));
     if chosen != present {
         actions.push(UiAction::Order(Order::Speed(chosen)));
     }
@@ -102,7 +112,7 @@ fn speed(ui: &mut Ui, present: Speed, actions: &mut Vec<UiAction>) {
 fn speed_label(speed: Speed) -> String {
     match speed {
         Speed::Times(factor) => format!("{factor}x"),
-        Speed::Unlimited => "fastest".to_owned(),
+        Speed::Unlimited => "as fast as possible".to_owned(),
     }
 }
 
@@ -138,7 +148,7 @@ fn clock(ui: &mut Ui, shown: &ViewModel<'_>) {
             "Real-time factor: simulated seconds per second, as measured",
         ),
         RunPhase::Over => {
-            ("over".to_owned(), "The scenario's duration is over: Go on continues, Reset starts again")
+            ("finished".to_owned(), "The scenario's duration is over. Continue goes on, Reset starts again")
         }
         RunPhase::Failed(reason) => (format!("failed: {reason}"), "Reset starts again"),
         phase => (phase.label().to_owned(), "Start or Space runs the experiment"),
@@ -191,8 +201,8 @@ fn scenario(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
 }
 
 fn cameras(ui: &mut Ui, state: &mut UiState) {
-    for (index, mode) in CameraMode::ALL.into_iter().enumerate() {
-        let tip = format!("{} ({})", camera_tip(mode), index + 1);
+    for (mode, command) in CameraMode::ALL.into_iter().zip(commands::CAMERA_MODES) {
+        let tip = command.tip(camera_tip(mode));
         let is_on = state.viewpoint.mode == mode;
         if ui.selectable_label(is_on, mode.label()).on_hover_text(tip).clicked() {
             state.set_mode(mode);

@@ -1,6 +1,6 @@
 //! Events of a run, recorded or live: filter, list, and the line below a live city.
 
-use super::{UiAction, UiState, ViewModel};
+use super::{UiAction, UiState, ViewModel, commands};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleInfo};
 use city3d_session::playback::{MarkKind, PlaybackCommand, TimelineMark};
 use egui::{Align, Button, Color32, Layout, RichText, Sense, Ui, Vec2};
@@ -96,7 +96,7 @@ pub(super) fn list_button(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_
     let (all, matching) = (shown.events.len(), state.events.count());
     let text = if matching == all { format!("{all} events") } else { format!("{matching} of {all} events") };
     let button = Button::selectable(state.open.events, text).min_size(Vec2::new(84.0, 0.0));
-    if ui.add(button).on_hover_text("The list of events (F3)").clicked() {
+    if ui.add(button).on_hover_text(commands::EVENTS.tip("The list of events")).clicked() {
         state.open.events = !state.open.events;
     }
 }

@@ -3,6 +3,7 @@
 
 mod bar;
 mod city;
+mod commands;
 mod control_zones;
 mod controllers;
 mod drive;
@@ -16,6 +17,7 @@ mod link;
 mod live_traffic;
 mod map;
 mod occlusion;
+mod palette;
 mod plans;
 mod preview;
 mod status;
@@ -24,12 +26,14 @@ mod traffic;
 mod vehicles;
 mod viewpoint;
 
+pub use commands::{Command, SECTIONS, Section, Shortcut};
 pub use control_zones::{ControlZoneArea, ZoneStretch};
 pub use drive::ManualDrive;
 pub use events::{EventFilter, event_words};
 pub use history::{History, HistorySample, KEPT_S};
 pub use layers::Layers;
 pub use live_traffic::LiveTraffic;
+pub use palette::Palette;
 pub use preview::{Preview, PreviewCamera, ScenarioCamera};
 pub use status::is_off_lanes;
 pub use timeline::TimelineRange;
@@ -277,6 +281,23 @@ pub struct OpenPanels {
     pub traffic: bool,
 }
 
+impl OpenPanels {
+    /// From the one that is closed first to the last.
+    fn closable(&mut self) -> [&mut bool; 5] {
+        [&mut self.help, &mut self.traffic, &mut self.events, &mut self.controllers, &mut self.layers]
+    }
+
+    /// Whether a panel can be closed.
+    fn is_any(mut self) -> bool {
+        self.closable().into_iter().any(|is_open| *is_open)
+    }
+
+    /// Closes a panel; `false` where none is open.
+    fn close_one(&mut self) -> bool {
+        self.closable().into_iter().find(|is_open| **is_open).is_some_and(|is_open| std::mem::take(is_open))
+    }
+}
+
 /// State of the user interface: what the user has chosen.
 #[derive(Clone, Debug)]
 pub struct UiState {
@@ -296,6 +317,12 @@ pub struct UiState {
     pub open: OpenPanels,
     /// Widths that the user has given the side panels; a narrow window limits them.
     pub widths: PanelWidths,
+    /// The command palette.
+    pub palette: Palette,
+    /// Words that the help is searched for.
+    pub help_words: String,
+    /// A widget had the keyboard focus in the last frame.
+    had_focus: bool,
     /// Manual control of the vehicle that the user drives.
     pub driving: Option<ManualDrive>,
     /// Filter of the events.
@@ -324,6 +351,9 @@ impl UiState {
             look,
             open: OpenPanels::default(),
             widths: PanelWidths::default(),
+            palette: Palette::default(),
+            help_words: String::new(),
+            had_focus: false,
             driving: None,
             events: EventFilter::default(),
             section: TimelineRange::default(),
@@ -410,6 +440,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
         state.events.filter.clear();
     }
     state.events.update(shown.events);
+    palette::show(ui, state, shown, &mut actions);
     keys::act(ui, state, shown, &mut actions);
     if state.viewpoint.ease(f64::from(ui.input(|input| input.stable_dt.min(0.1)))) {
         ui.ctx().request_repaint();
@@ -476,8 +507,9 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
         events::window(ui, state, shown, &mut actions);
     }
     traffic::window(ui, state, shown);
-    help::window(ui, state, shown.replay.is_some());
+    help::window(ui, state, shown);
     drive::step(ui, state, shown, &mut actions);
+    state.had_focus = ui.memory(|memory| memory.focused().is_some());
     actions
 }
 

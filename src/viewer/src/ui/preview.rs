@@ -2,7 +2,7 @@
 
 use super::history::{HistorySample, KEPT_S};
 use super::vehicles::tenths;
-use super::{PictureRequest, PictureSlot, UiAction, UiState, ViewModel, plans, status};
+use super::{PictureRequest, PictureSlot, UiAction, UiState, ViewModel, commands, plans, status};
 use city3d_geometry::trig;
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleState};
 use city3d_sensors::{Camera, Lens, Mount, MountPoint, View};
@@ -146,7 +146,7 @@ pub fn strip(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     let text = egui::epaint::TextShape::new(corner, galley, visuals.text_color());
     ui.painter().add(text.with_angle(std::f32::consts::FRAC_PI_2));
     let first = shown.run_state.now.vehicles.first().map(|vehicle| vehicle.id);
-    let tip = "Camera, pedals and plots of the selected vehicle (P)";
+    let tip = commands::PREVIEW.tip("Camera, pedals and plots of the selected vehicle");
     if response.on_hover_text(tip).clicked()
         && let Some(vehicle) = state.selection.vehicle.or(first)
     {
@@ -161,7 +161,8 @@ pub fn show_all(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions
         ui.heading("Previews");
         let selected = state.selection.vehicle.filter(|id| !state.previews.iter().any(|p| p.vehicle == *id));
         let add = ui.add_enabled(selected.is_some(), egui::Button::new("+ Open"));
-        let add = add.on_hover_text("Camera, pedals and plots of the selected vehicle (P)");
+        let add =
+            add.on_hover_text(commands::PREVIEW.tip("Camera, pedals and plots of the selected vehicle"));
         let add = add.on_disabled_hover_text("Select a vehicle first: click it in the city or in the table");
         if let (true, Some(vehicle)) = (add.clicked(), selected) {
             state.toggle_preview(vehicle);
@@ -250,11 +251,15 @@ fn drive_button(
     actions: &mut Vec<UiAction>,
 ) {
     if state.driven() == Some(vehicle) {
-        if ui.button("Give back").on_hover_text("Back to its algorithm (Enter)").clicked() {
+        if ui.button("Release").on_hover_text(commands::TAKE_CONTROL.tip("Back to its controller")).clicked()
+        {
             actions.push(UiAction::GiveBack);
         }
     } else if shown.may_drive(vehicle)
-        && ui.button("Drive").on_hover_text("Take the wheel with the keyboard (Enter)").clicked()
+        && ui
+            .button("Drive")
+            .on_hover_text(commands::TAKE_CONTROL.tip("Take control of this vehicle"))
+            .clicked()
     {
         actions.push(UiAction::Drive(vehicle));
     }

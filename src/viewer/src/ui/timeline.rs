@@ -1,51 +1,18 @@
 //! The timeline of a recorded run: transport controls, playhead and event marks.
 
 use super::events::{self, colour, go_to, name, update};
-use super::{ReplayView, UiAction, UiState, ViewModel};
+use super::{ReplayView, UiAction, UiState, ViewModel, commands};
 use city3d_geometry::trig;
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::playback::{MarkKind, PlaybackCommand, Playhead, SPEEDS, TimelineMark};
 use egui::{
-    Align2, Button, Color32, ComboBox, FontId, Key, Modifiers, PointerButton, Pos2, Rect, Response, RichText,
-    Sense, Stroke, Ui, Vec2,
+    Align2, Button, Color32, ComboBox, FontId, PointerButton, Pos2, Rect, Response, RichText, Sense, Stroke,
+    Ui, Vec2,
 };
 use std::collections::BTreeMap;
 
-/// Step of the arrow keys, seconds.
-const LEAP_S: f64 = 5.0;
 /// During playback, "previous event" skips events within this time; otherwise it would return to the same one.
 const JUST_PASSED_S: f64 = 0.5;
-
-/// The playback command of a key; `None` for other keys.
-pub(super) fn command(
-    key: Key,
-    modifiers: Modifiers,
-    replay: &ReplayView<'_>,
-    state: &mut UiState,
-) -> Option<PlaybackCommand> {
-    let head = &replay.head;
-    Some(match key {
-        Key::Space => toggle(replay),
-        Key::J => PlaybackCommand::Reverse,
-        Key::Comma => PlaybackCommand::Step { forward: false },
-        Key::Period | Key::N => PlaybackCommand::Step { forward: true },
-        Key::ArrowLeft if modifiers.shift => return to_event(replay, state, false),
-        Key::ArrowRight if modifiers.shift => return to_event(replay, state, true),
-        Key::ArrowLeft => PlaybackCommand::Seek(head.at_s - LEAP_S),
-        Key::ArrowRight => PlaybackCommand::Seek(head.at_s + LEAP_S),
-        Key::OpenBracket => return to_event(replay, state, false),
-        Key::CloseBracket => return to_event(replay, state, true),
-        Key::Home => PlaybackCommand::Seek(head.from_s),
-        Key::End => PlaybackCommand::Seek(head.to_s),
-        Key::Plus | Key::Equals => PlaybackCommand::Speed(head.other_speed(true)),
-        Key::Minus => PlaybackCommand::Speed(head.other_speed(false)),
-        _ => return None,
-    })
-}
-
-fn toggle(replay: &ReplayView<'_>) -> PlaybackCommand {
-    if replay.head.is_playing { PlaybackCommand::Pause } else { PlaybackCommand::Play }
-}
 
 /// The next or previous event that passes the filter.
 fn neighbour<'a>(replay: &'a ReplayView<'_>, state: &'a UiState, forward: bool) -> Option<&'a TimelineMark> {
@@ -61,7 +28,12 @@ fn neighbour<'a>(replay: &'a ReplayView<'_>, state: &'a UiState, forward: bool) 
     }
 }
 
-fn to_event(replay: &ReplayView<'_>, state: &mut UiState, forward: bool) -> Option<PlaybackCommand> {
+/// Selects the vehicle of the next or previous event; returns the seek to it.
+pub(super) fn to_event(
+    replay: &ReplayView<'_>,
+    state: &mut UiState,
+    forward: bool,
+) -> Option<PlaybackCommand> {
     let mark = neighbour(replay, state, forward)?.clone();
     Some(update(&mark, state))
 }
@@ -76,6 +48,11 @@ const SHORTEST_S: f64 = 1.0;
 const ZOOM_STEP: f64 = 0.8;
 
 impl TimelineRange {
+    /// A part of the run.
+    pub fn part(from_s: f64, to_s: f64) -> Self {
+        Self(Some((from_s, to_s)))
+    }
+
     fn times(self, head: &Playhead) -> (f64, f64) {
         self.0.unwrap_or((head.from_s, head.to_s))
     }
@@ -139,18 +116,22 @@ fn transport(ui: &mut Ui, replay: &ReplayView<'_>, actions: &mut Vec<UiAction>) 
             actions.push(UiAction::PlaybackCommand(command));
         }
     };
-    button("\u{23ee}", false, "To the start (Home)", PlaybackCommand::Seek(head.from_s));
-    button("\u{23f4} Step", false, "One recorded step back (,)", PlaybackCommand::Step { forward: false });
+    let of = PlaybackCommand::Seek;
+    button("\u{23ee}", false, &commands::TO_START.tip("To the start"), of(head.from_s));
+    let back = PlaybackCommand::Step { forward: false };
+    button("\u{23f4} Step", false, &commands::STEP_BACK.tip("One recorded step back"), back);
     let is_reversing = head.is_playing && head.is_reverse;
     let command = if is_reversing { PlaybackCommand::Pause } else { PlaybackCommand::Reverse };
-    button("\u{25c0} Back", is_reversing, "Play backwards (J)", command);
+    button("\u{25c0} Backward", is_reversing, &commands::PLAY_BACKWARD.tip("Play backward"), command);
     if head.is_playing {
-        button("\u{23f8} Pause", false, "Pause (Space)", PlaybackCommand::Pause);
+        button("\u{23f8} Pause", false, &commands::PLAY_OR_PAUSE.tip("Pause"), PlaybackCommand::Pause);
     } else {
-        button("\u{25b6} Play", false, "Play; at the end, start again (Space)", PlaybackCommand::Play);
+        let tip = commands::PLAY_OR_PAUSE.tip("Play; at the end, start again");
+        button("\u{25b6} Play", false, &tip, PlaybackCommand::Play);
     }
-    button("Step \u{23f5}", false, "One recorded step forward (.)", PlaybackCommand::Step { forward: true });
-    button("\u{23ed}", false, "To the end (End)", PlaybackCommand::Seek(head.to_s));
+    let on = PlaybackCommand::Step { forward: true };
+    button("Step \u{23f5}", false, &commands::STEP_FORWARD.tip("One recorded step forward"), on);
+    button("\u{23ed}", false, &commands::TO_END.tip("To the end"), of(head.to_s));
 }
 
 fn event_buttons(
@@ -159,9 +140,9 @@ fn event_buttons(
     (shown, replay): (&ViewModel<'_>, &ReplayView<'_>),
     actions: &mut Vec<UiAction>,
 ) {
-    for (forward, text, tip) in
-        [(false, "\u{23f4} Event", "The previous event ([)"), (true, "Event \u{23f5}", "The next event (])")]
-    {
+    let [previous, next] =
+        [commands::PREVIOUS_EVENT.tip("The previous event"), commands::NEXT_EVENT.tip("The next event")];
+    for (forward, text, tip) in [(false, "\u{23f4} Event", previous), (true, "Event \u{23f5}", next)] {
         let mark = neighbour(replay, state, forward).cloned();
         let button = ui.add_enabled(mark.is_some(), Button::new(text));
         let button = button.on_hover_text(tip).on_disabled_hover_text("There is no such event");

@@ -252,6 +252,7 @@ fn grid(
     table: &mut TableState,
     selection: &mut Selection,
 ) {
+    by_keys(ui, shown, table, selection);
     // A click on a text of a row means the row.
     ui.style_mut().interaction.selectable_labels = false;
     let spacing = ui.spacing().item_spacing.x;
@@ -262,7 +263,8 @@ fn grid(
     let share = ((width - needed) / shares).max(0.0);
     let mut builder = TableBuilder::new(ui)
         .striped(true)
-        .sense(Sense::click())
+        // All rows are one stop of the Tab key.
+        .sense(Sense::CLICK)
         .auto_shrink(false)
         .cell_layout(Layout::left_to_right(Align::Center));
     for &k in &columns {
@@ -300,6 +302,28 @@ fn grid(
                 });
             });
         });
+}
+
+/// The rows as one stop of the Tab key: Up and Down move the selection.
+fn by_keys(ui: &Ui, shown: &[VehicleRow<'_>], table: &mut TableState, selection: &mut Selection) {
+    let rect = ui.available_rect_before_wrap();
+    let response = ui.interact(rect, ui.scope_id().with("rows"), Sense::FOCUSABLE);
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ListBox, true, "Vehicles of the table"));
+    if !response.has_focus() {
+        return;
+    }
+    let filter = egui::EventFilter { vertical_arrows: true, ..egui::EventFilter::default() };
+    ui.memory_mut(|memory| memory.set_focus_lock_filter(response.id, filter));
+    let pressed = |key| ui.input_mut(|input| input.count_and_consume_key(egui::Modifiers::NONE, key));
+    let (ups, downs) = (pressed(egui::Key::ArrowUp), pressed(egui::Key::ArrowDown));
+    if ups + downs > 0 && !shown.is_empty() {
+        let place = shown.iter().position(|row| Some(row.id) == selection.vehicle);
+        let place = place.map_or(0, |place| (place + downs).saturating_sub(ups).min(shown.len() - 1));
+        selection.vehicle = Some(shown[place].id);
+        table.reveal = true;
+    }
+    let stroke = ui.visuals().selection.stroke;
+    ui.painter().rect_stroke(rect, 2.0, stroke, egui::StrokeKind::Inside);
 }
 
 /// Size of the mark beside the title of the column that sorts the rows, points.

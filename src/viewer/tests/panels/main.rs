@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
 mod city;
+mod commands;
 mod controllers;
 mod desk;
 mod plans;
@@ -296,12 +297,12 @@ fn escape_closes_a_menu_and_only_then_lets_go_of_the_vehicle() {
     harness.run_steps(2);
     click(&mut harness, "Simulated seconds per second (+ and -)");
     harness.run_steps(2);
-    assert!(harness.query_by_label("fastest").is_some(), "the menu is open");
+    assert!(harness.query_by_label("as fast as possible").is_some(), "the menu is open");
     press(&mut harness, egui::Key::Escape);
     harness.run_steps(2);
     let selected = |harness: &Harness<'static, Desk>| harness.state().state.selection.vehicle;
     assert_eq!(
-        (harness.query_by_label("fastest").is_some(), selected(&harness)),
+        (harness.query_by_label("as fast as possible").is_some(), selected(&harness)),
         (false, Some(VehicleId(2)))
     );
     press(&mut harness, egui::Key::Escape);
@@ -532,7 +533,7 @@ fn who_sits_at_the_wheel_is_told_why_the_car_does_not_go() {
             );
         }
     }
-    click(&mut harness, "\u{25b6} Go on");
+    click(&mut harness, "\u{25b6} Continue");
     assert_eq!(harness.state().actions.last(), Some(&UiAction::Order(Order::Start)));
 }
 
@@ -542,8 +543,8 @@ fn the_help_sheet_stays_in_a_small_window_and_scrolls() {
     harness.set_size(egui::vec2(600.0, 420.0));
     press(&mut harness, egui::Key::F1);
     harness.run_steps(10);
-    for text in ["take the wheel, give it back", "start, pause"] {
-        let rect = harness.get_by_label_contains(text).rect();
+    for text in ["Take control of the selected vehicle", "Start, pause or continue the run"] {
+        let rect = harness.get_by_label(text).rect();
         assert!(rect.left() >= 0.0 && rect.right() <= 600.0, "{text} at {rect:?}");
     }
     // What does not fit can be scrolled to.
