@@ -16,36 +16,42 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &m
         ui.spacing_mut().item_spacing.x = 4.0;
         if let Some(replay) = &shown.replay {
             let tip = format!("The recorded run of {}; nothing is simulated", shown.scenario);
-            ui.label(RichText::new(format!("Replay of {}", replay.name)).strong()).on_hover_text(tip);
+            let name = RichText::new(format!("Replay of {}", replay.name)).strong();
+            group(ui, "replay", |ui| _ = ui.label(name).on_hover_text(tip));
         } else {
-            run_controls(ui, shown, actions);
-            if shown.city == CityKind::Local {
-                speed(ui, shown.run_state.speed, actions);
-            }
-            clock(ui, shown);
-            ui.separator();
-            match &shown.run_state.link {
+            group(ui, "run", |ui| {
+                run_controls(ui, shown, actions);
+                if shown.city == CityKind::Local {
+                    speed(ui, shown.run_state.speed, actions);
+                }
+                clock(ui, shown);
+            });
+            group(ui, "city", |ui| match &shown.run_state.link {
                 Some(link) => super::link::show(ui, link, shown),
                 None => scenario(ui, shown, actions),
-            }
+            });
         }
-        ui.separator();
-        cameras(ui, state);
-        ui.separator();
-        look(ui, state, actions);
-        let mut toggle = |is_open: &mut bool, text: &str, command: &commands::Command, tip: &str| {
-            ui.toggle_value(is_open, text).on_hover_text(command.tip(tip));
-        };
-        let open = &mut state.open;
-        toggle(&mut open.layers, "Layers", &commands::LAYERS, "Labels, lanes, routes, conflict zones, map");
-        let tip = "Delay, flow, queue, safety and energy, and a time-space diagram";
-        toggle(&mut open.traffic, "Traffic", &commands::TRAFFIC, tip);
-        if shown.replay.is_none() {
-            let tip = "Gamepad and steering wheel: what their axes and buttons do";
-            toggle(&mut open.controllers, "Gamepad", &commands::CONTROLLERS, tip);
-        }
-        toggle(&mut open.help, "Help", &commands::HELP, "All keys");
+        group(ui, "cameras", |ui| cameras(ui, state));
+        group(ui, "look", |ui| look(ui, state, actions));
+        group(ui, "panels", |ui| panels(ui, state, shown, actions));
     });
+}
+
+/// Controls that stay together: where they do not fit, they begin a row, without a line before them.
+fn group(ui: &mut Ui, name: &'static str, add: impl FnOnce(&mut Ui)) {
+    /// Width of the line between two groups, with its spacing, points.
+    const LINE: f32 = 14.0;
+    let id = ui.scope_id().with(name);
+    let width: f32 = ui.data(|data| data.get_temp(id)).unwrap_or(0.0);
+    if ui.cursor().left() > ui.max_rect().left() + 1.0 {
+        if width + LINE > ui.available_size_before_wrap().x {
+            ui.end_row();
+        } else {
+            ui.separator();
+        }
+    }
+    let width = ui.horizontal(add).response.rect.width();
+    ui.data_mut(|data| data.insert_temp(id, width));
 }
 
 /// Widths of a run button and of the real-time factor, points.
@@ -135,9 +141,10 @@ pub fn other_speed(present: Speed, faster: bool) -> Speed {
 
 fn clock(ui: &mut Ui, shown: &ViewModel<'_>) {
     let run_state = shown.run_state;
-    let text = format!("{:6.2} s", run_state.now.time_s);
+    // Room for runs of hours, so that its neighbours do not move.
+    let text = format!("{:7.2} s", run_state.now.time_s);
     let tip =
-        format!("Experiment clock, tick {}; the scenario lasts {} s", run_state.now.tick, shown.duration_s);
+        format!("Simulated time, step {}; the scenario lasts {} s", run_state.now.tick, shown.duration_s);
     ui.label(RichText::new(text).monospace().strong()).on_hover_text(&tip);
     if shown.city == CityKind::Local {
         ui.label(RichText::new(format!("/ {} s", shown.duration_s)).weak()).on_hover_text(tip);
@@ -151,7 +158,7 @@ fn clock(ui: &mut Ui, shown: &ViewModel<'_>) {
             ("finished".to_owned(), "The scenario's duration is over. Continue goes on, Reset starts again")
         }
         RunPhase::Failed(reason) => (format!("failed: {reason}"), "Reset starts again"),
-        phase => (phase.label().to_owned(), "Start or Space runs the experiment"),
+        phase => (phase.label().to_owned(), "Start or Space runs it"),
     };
     let mut text = RichText::new(text);
     if matches!(run_state.phase, RunPhase::Over | RunPhase::Failed(_)) {
@@ -196,7 +203,7 @@ fn scenario(ui: &mut Ui, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
     let present = shown.scenarios.iter().find(|choice| choice.name == shown.scenario);
     let about = present.map(|choice| choice.description.as_str()).filter(|about| !about.is_empty());
     let tip = about.map_or_else(String::new, |about| format!("{about}.\n"));
-    let tip = format!("{tip}The experiment {}; another one starts from its beginning", shown.scenario);
+    let tip = format!("{tip}The scenario {}; another one starts from its beginning", shown.scenario);
     picker.show_ui(ui, choices).response.on_hover_text(tip);
 }
 
@@ -207,6 +214,40 @@ fn cameras(ui: &mut Ui, state: &mut UiState) {
         if ui.selectable_label(is_on, mode.label()).on_hover_text(tip).clicked() {
             state.set_mode(mode);
         }
+    }
+}
+
+/// Switches of panels; the menu has all of them with their keys.
+fn panels(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    let open = &mut state.open;
+    ui.toggle_value(&mut open.layers, "Layers").on_hover_text("Labels, lanes, routes, conflict zones, map");
+    let mut chosen: Option<&commands::Command> = None;
+    let has_cameras = open.cameras && !state.previews.is_empty();
+    let cameras = ui.selectable_label(has_cameras, "Cameras");
+    if cameras
+        .on_hover_text(commands::CAMERAS.tip("What cameras of vehicles see, pedals and plots"))
+        .clicked()
+    {
+        chosen = Some(&commands::CAMERAS);
+    }
+    let menu = ui.menu_button("Panels", |ui| {
+        let mut entries = commands::PANEL_MENU.to_vec();
+        if shown.replay.is_none() {
+            entries.push(&commands::CONTROLLERS);
+        }
+        entries.push(&commands::SETTINGS);
+        for command in entries {
+            if ui.add(Button::new(command.name).shortcut_text(command.key())).clicked() {
+                chosen = Some(command);
+            }
+        }
+    });
+    menu.response.on_hover_text("Show and hide panels");
+    ui.toggle_value(&mut state.open.help, "Help").on_hover_text(commands::HELP.tip("All keys"));
+    if let Some(command) = chosen {
+        let now_s = ui.input(|input| input.time);
+        let mut replay = shown.replay;
+        command.run(&mut commands::CommandContext { state, shown, actions, replay: &mut replay, now_s });
     }
 }
 

@@ -1,7 +1,7 @@
 //! The large view of the city: picture, overlays, and mouse control.
 
 use super::layers::{self, Canvas};
-use super::{PictureRequest, PictureSlot, UiState, ViewModel, map, status};
+use super::{PictureRequest, PictureSlot, UiState, ViewModel, map, theme};
 use city3d_protocol::snapshot::{Status, VehicleId};
 use city3d_session::RunPhase;
 use egui::emath::GuiRounding as _;
@@ -112,7 +112,8 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
         city3d_protocol::snapshot::Indicator::Right => " \u{25b6}",
         city3d_protocol::snapshot::Indicator::Hazard => "\u{25c0} \u{25b6}",
     };
-    let speed = format!("{:.0} km/h", vehicle.speed_mps.abs() * 3.6);
+    let (units, scale) = (state.preferences.units, shown.scale());
+    let speed = units.dashboard(vehicle.speed_mps.abs(), scale);
     egui::Area::new(ui.scope_id().with("dashboard"))
         .fixed_pos(rect.center_bottom() + egui::vec2(0.0, -10.0))
         .pivot(Align2::CENTER_BOTTOM)
@@ -126,10 +127,10 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
                         ui.label(RichText::new(trouble).strong().color(ui.visuals().warn_fg_color));
                     }
                     if driving.is_by_device() {
-                        ui.small("by gamepad or wheel   F2 its buttons   Enter gives back");
+                        ui.small("by gamepad or wheel   F2 its buttons   Enter releases");
                     } else {
                         ui.small("W S pedals   A D steer   B handbrake   R reverse gear");
-                        ui.small("Q E indicators   V look back   Enter gives back");
+                        ui.small("Q E indicators   V look back   Enter releases");
                     }
                 });
             });
@@ -139,11 +140,11 @@ fn dashboard(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
 /// Why the vehicle does not obey its driver.
 fn trouble(status: Status, phase: &RunPhase, reverse: bool) -> Option<&'static str> {
     match (phase, status) {
-        (RunPhase::Over, _) => Some("The scenario is over: Space continues, Ctrl+R starts again"),
+        (RunPhase::Over, _) => Some("The run has finished: Space continues, Ctrl+R starts again"),
         (RunPhase::Running, Status::Collided) if reverse => Some("Collided: W backs off"),
         (RunPhase::Running, Status::Collided) => Some("Collided: W drives on, R then W backs off"),
         (RunPhase::Running, _) | (RunPhase::Failed(_), _) => None,
-        _ => Some("The experiment is not running: Space starts it"),
+        _ => Some("Paused: Space starts the run"),
     }
 }
 
@@ -177,13 +178,18 @@ fn followed(ui: &Ui, rect: Rect, state: &UiState, shown: &ViewModel<'_>) {
     let swatch = text.size().y * 0.7;
     let size = text.size() + egui::vec2(swatch + 6.0, 0.0);
     let place = Align2::LEFT_TOP.anchor_size(rect.left_top() + egui::vec2(14.0, 12.0), size);
-    painter.rect_filled(place.expand2(egui::vec2(7.0, 4.0)), 4.0, Color32::from_black_alpha(150));
+    painter.rect_filled(place.expand2(egui::vec2(7.0, 4.0)), 4.0, theme::ON_PICTURE);
     let mark = Rect::from_center_size(
         place.left_center() + egui::vec2(swatch / 2.0, 0.0),
         egui::Vec2::splat(swatch),
     );
     painter.rect_filled(mark, 2.0, Color32::from_rgb(r, g, b));
-    painter.rect_stroke(mark, 2.0, (1.0, status::colour(vehicle.status)), egui::StrokeKind::Outside);
+    painter.rect_stroke(
+        mark,
+        2.0,
+        (1.0, theme::on_picture(painter.ctx(), vehicle.status)),
+        egui::StrokeKind::Outside,
+    );
     painter.galley(place.min + egui::vec2(swatch + 6.0, 0.0), text, Color32::WHITE);
 }
 
@@ -195,7 +201,7 @@ fn notice(ui: &Ui, rect: Rect, state: &mut UiState) {
         let galley =
             painter.layout(text.clone(), FontId::proportional(14.0), Color32::WHITE, rect.width() - 40.0);
         let place = Align2::CENTER_TOP.anchor_size(rect.center_top() + egui::vec2(0.0, 14.0), galley.size());
-        painter.rect_filled(place.expand(8.0), 5.0, Color32::from_black_alpha(200));
+        painter.rect_filled(place.expand(8.0), 5.0, theme::ON_PICTURE);
         painter.galley(place.min, galley, Color32::WHITE);
         let left = (until_s - now_s).max(0.0);
         ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(left));

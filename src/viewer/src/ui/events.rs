@@ -1,7 +1,7 @@
 //! Events of a run, recorded or live: filter, list, and the line below a live city.
 
-use super::{UiAction, UiState, ViewModel, commands};
-use city3d_protocol::snapshot::{FrameSnapshot, VehicleInfo};
+use super::{UiAction, UiState, ViewModel, commands, theme};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleInfo};
 use city3d_session::playback::{MarkKind, PlaybackCommand, TimelineMark};
 use egui::{Align, Button, Color32, Layout, RichText, Sense, Ui, Vec2};
 use egui_extras::{Column, TableBuilder};
@@ -50,17 +50,18 @@ impl EventFilter {
     }
 }
 
-/// The colour of a kind, readable on a dark ground.
-pub(super) fn colour(kind: MarkKind) -> Color32 {
-    match kind {
-        MarkKind::Collision => Color32::from_rgb(255, 85, 85),
-        MarkKind::Link => Color32::from_rgb(230, 110, 230),
-        MarkKind::Person => Color32::from_rgb(110, 175, 255),
-        MarkKind::Merge => Color32::from_rgb(120, 200, 120),
-        MarkKind::Yield => Color32::from_rgb(235, 195, 80),
-        MarkKind::Stop => Color32::from_rgb(235, 140, 80),
-        MarkKind::Usual => Color32::from_rgb(140, 150, 160),
-    }
+/// The colour of an event: that of the status that it leads to.
+pub(super) fn colour(context: &egui::Context, kind: MarkKind) -> Color32 {
+    let status = match kind {
+        MarkKind::Collision => Status::Collided,
+        MarkKind::Link => Status::LinkLost,
+        MarkKind::Person => Status::Manual,
+        MarkKind::Merge => Status::Driving,
+        MarkKind::Yield => Status::Yielding,
+        MarkKind::Stop => Status::Stopped,
+        MarkKind::Usual => Status::Finished,
+    };
+    theme::on_panel(context, status)
 }
 
 /// The vehicle of an event by name and number.
@@ -109,7 +110,7 @@ pub(super) fn live(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, acti
         let count = shown.events.iter().filter(is_collision).count();
         if let Some(last) = shown.events.iter().rfind(is_collision) {
             let text = format!("{count} collision{}", if count == 1 { "" } else { "s" });
-            let button = ui.button(RichText::new(text).color(colour(MarkKind::Collision)).strong());
+            let button = ui.button(RichText::new(text).color(colour(ui.ctx(), MarkKind::Collision)).strong());
             if button
                 .on_hover_text(format!("The last one: {}", event_words(&shown.run_state.now, last)))
                 .clicked()
@@ -144,33 +145,25 @@ pub(super) fn update(mark: &TimelineMark, state: &mut UiState) -> PlaybackComman
 
 const ROW_HEIGHT: f32 = 18.0;
 
-/// The window with the list. A click on a row goes there and selects its vehicle.
-pub(super) fn window(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
-    let mut is_open = state.open.events;
-    let room = ui.ctx().content_rect().shrink2(egui::vec2(12.0, 48.0));
-    let sheet = egui::Window::new("Events").pivot(egui::Align2::CENTER_TOP).open(&mut is_open);
-    let sheet = sheet.default_pos(ui.ctx().content_rect().center_top() + egui::vec2(0.0, 70.0));
-    let size = egui::vec2(330.0, 320.0).min(room.size());
-    sheet.default_size(size).resizable(true).constrain_to(room).show(ui.ctx(), |ui| {
-        ui.horizontal(|ui| {
-            let count = state.events.count();
-            ui.weak(format!("{count} of {}", shown.events.len()));
-            let field = egui::TextEdit::singleline(&mut state.events.filter)
-                .hint_text("collision, merge 3 ...")
-                .desired_width(ui.available_width());
-            ui.add(field).on_hover_text("Filter by words and vehicles; the timeline shows the same events");
-        });
-        state.events.update(shown.events);
-        let marks: Vec<TimelineMark> = state.events.of(shown.events).cloned().collect();
-        if marks.is_empty() {
-            ui.label(RichText::new(nothing(shown)).weak());
-            return;
-        }
-        if let Some(mark) = list(ui, &marks, state, shown) {
-            go_to(&mark, state, shown, actions);
-        }
+/// Shows the list. A click on a row goes there and selects its vehicle.
+pub(super) fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
+    ui.horizontal(|ui| {
+        let count = state.events.count();
+        ui.weak(format!("{count} of {}", shown.events.len()));
+        let field = egui::TextEdit::singleline(&mut state.events.filter)
+            .hint_text("collision, merge 3 ...")
+            .desired_width(ui.available_width());
+        ui.add(field).on_hover_text("Filter by words and vehicles; the timeline shows the same events");
     });
-    state.open.events = is_open;
+    state.events.update(shown.events);
+    let marks: Vec<TimelineMark> = state.events.of(shown.events).cloned().collect();
+    if marks.is_empty() {
+        ui.label(RichText::new(nothing(shown)).weak());
+        return;
+    }
+    if let Some(mark) = list(ui, &marks, state, shown) {
+        go_to(&mark, state, shown, actions);
+    }
 }
 
 fn nothing(shown: &ViewModel<'_>) -> &'static str {
@@ -209,7 +202,7 @@ fn list(
     state.events.present = present;
     builder
         .header(ROW_HEIGHT, |mut header| {
-            for title in ["Time s", "Event", "Vehicle"] {
+            for title in ["Time (s)", "Event", "Vehicle"] {
                 header.col(|ui| _ = ui.strong(title));
             }
         })
@@ -219,7 +212,7 @@ fn list(
                 line.set_selected(Some(line.index()) == present);
                 line.col(|ui| _ = ui.monospace(format!("{:.2}", mark.time_s)));
                 line.col(|ui| {
-                    _ = ui.label(RichText::new(mark.what.label()).color(colour(mark.what.kind())));
+                    _ = ui.label(RichText::new(mark.what.label()).color(colour(ui.ctx(), mark.what.kind())));
                 });
                 line.col(|ui| _ = ui.label(name(&shown.run_state.now, mark)));
                 if line.response().on_hover_text("Select the vehicle; in a recorded run, go there").clicked()

@@ -1,7 +1,7 @@
 //! The help window: all actions with their keys, the use of the mouse, and all statuses. It can be searched.
 
 use super::commands::{SECTIONS, Section};
-use super::{UiState, ViewModel, status};
+use super::{UiState, ViewModel, status, theme};
 use city3d_protocol::snapshot::Status;
 use egui::{Align, Grid, Layout, RichText, ScrollArea, Ui};
 
@@ -89,7 +89,7 @@ fn columns(ui: &mut Ui, count: usize, sections: &[(&str, Vec<Row>)]) {
 }
 
 fn status_words(status: Status) -> String {
-    format!("{} {}", status.label(), status::meaning(status))
+    format!("{} {}", status::label(status), status::meaning(status))
 }
 
 fn has_status(words: &[String]) -> bool {
@@ -103,8 +103,9 @@ fn statuses(ui: &mut Ui, words: &[String]) {
     for status in Status::ALL.into_iter().filter(|status| has_words(&status_words(*status), words)) {
         ui.horizontal(|ui| {
             let (place, _) = ui.allocate_exact_size(egui::vec2(12.0, 12.0), egui::Sense::hover());
-            status::paint_sign(ui.painter(), place.center(), 4.0, status);
-            ui.label(RichText::new(status.label()).color(status::colour(status)).strong());
+            let colour = theme::on_panel(ui.ctx(), status);
+            status::paint_sign_in(ui.painter(), (place.center(), 4.0), status, colour);
+            ui.label(RichText::new(status::label(status)).color(colour).strong());
             ui.label(status::meaning(status));
         });
     }

@@ -1,7 +1,7 @@
 //! Overlays of the city view: labels, lanes, routes, conflict zones, control zones, plans.
 
 use super::control_zones::{ControlZoneArea, zone_colour};
-use super::{CameraMode, UiState, ViewModel, events, occlusion, plans, status};
+use super::{CameraMode, UiState, ViewModel, events, occlusion, plans, status, theme};
 use city3d_protocol::snapshot::{Status, VehicleInfo, VehicleState};
 use city3d_roadmap::{CityMap, LaneId, ZoneKind};
 use city3d_sensors::View;
@@ -50,18 +50,16 @@ const ZONE_TINT: f32 = 0.18;
 /// Largest distance of a label.
 const LABELS_WITHIN_M: f64 = 250.0;
 
-/// The window that switches overlays.
-pub fn window(ui: &Ui, state: &mut UiState) {
+/// Shows the switches of the overlays.
+pub fn show(ui: &mut Ui, state: &mut UiState) {
     let layers = &mut state.layers;
-    super::sheet(ui, "Layers").open(&mut state.open.layers).show(ui.ctx(), |ui| {
-        ui.checkbox(&mut layers.labels, "Labels over vehicles (L)");
-        ui.checkbox(&mut layers.lanes, "Lanes");
-        ui.checkbox(&mut layers.routes, "Route of the selected vehicle, or of all");
-        ui.checkbox(&mut layers.zones, "Conflict zones");
-        ui.checkbox(&mut layers.control_zones, "Control zones");
-        ui.checkbox(&mut layers.plans, "Plans of coordinated vehicles");
-        ui.checkbox(&mut layers.map, "Map (M)");
-    });
+    ui.checkbox(&mut layers.labels, "Labels over vehicles (L)");
+    ui.checkbox(&mut layers.lanes, "Lanes");
+    ui.checkbox(&mut layers.routes, "Route of the selected vehicle, or of all");
+    ui.checkbox(&mut layers.zones, "Conflict zones");
+    ui.checkbox(&mut layers.control_zones, "Control zones");
+    ui.checkbox(&mut layers.plans, "Plans of coordinated vehicles");
+    ui.checkbox(&mut layers.map, "Map (M)");
 }
 
 /// Projects points of the city to the screen.
@@ -145,7 +143,7 @@ impl<'a> Canvas<'a> {
             return false;
         }
         taken.push(ground);
-        self.painter.rect_filled(ground, 3.0, Color32::from_black_alpha(170));
+        self.painter.rect_filled(ground, 3.0, theme::ON_PICTURE);
         self.painter.galley(place.min, text, Color32::WHITE);
         true
     }
@@ -235,7 +233,8 @@ fn labels(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
         let faded = |colour: Color32| if label.is_hidden { colour.gamma_multiply(0.45) } else { colour };
         let font = FontId::proportional(if label.is_selected { 13.0 } else { 11.0 });
         let painter = &canvas.painter;
-        let text = painter.layout_no_wrap(label.name, font, faded(status::colour(label.status)));
+        let text =
+            painter.layout_no_wrap(label.name, font, faded(theme::on_picture(painter.ctx(), label.status)));
         // The sign of the status stands before the text.
         let sign = text.size().y;
         let whole = Align2::CENTER_BOTTOM.anchor_size(label.place, text.size() + egui::vec2(sign, 0.0));
@@ -244,7 +243,7 @@ fn labels(canvas: &Canvas<'_>, state: &UiState, shown: &ViewModel<'_>) {
             continue;
         }
         taken.push(ground);
-        painter.rect_filled(ground, 3.0, faded(Color32::from_black_alpha(150)));
+        painter.rect_filled(ground, 3.0, faded(theme::ON_PICTURE));
         painter.galley(rect.min, text, Color32::WHITE);
         let at = whole.left_center() + egui::vec2(0.4 * sign, 0.0);
         status::paint_sign(painter, at, 0.24 * sign, label.status);

@@ -13,14 +13,18 @@ mod help;
 mod history;
 mod keys;
 mod layers;
+mod layout;
 mod link;
 mod live_traffic;
 mod map;
 mod occlusion;
 mod palette;
+mod panels;
 mod plans;
 mod preview;
+mod settings;
 mod status;
+mod theme;
 mod timeline;
 mod traffic;
 mod vehicles;
@@ -32,10 +36,13 @@ pub use drive::ManualDrive;
 pub use events::{EventFilter, event_words};
 pub use history::{History, HistorySample, KEPT_S};
 pub use layers::Layers;
+pub use layout::{Layout, StoredLayout};
 pub use live_traffic::LiveTraffic;
 pub use palette::Palette;
+pub use panels::Panel;
 pub use preview::{Preview, PreviewCamera, ScenarioCamera};
 pub use status::is_off_lanes;
+pub use theme::{Preferences, SpeedUnit, StatusColours, Theme, ground};
 pub use timeline::TimelineRange;
 pub use vehicles::TableState;
 pub use viewpoint::{CameraMode, Viewpoint};
@@ -117,11 +124,16 @@ pub enum CityKind {
 }
 
 impl ViewModel<'_> {
-    /// Whether the user may take the wheel of a vehicle.
+    /// Whether the user may take control of a vehicle.
     pub fn may_drive(&self, vehicle: VehicleId) -> bool {
         let own = self.run_state.link.as_ref().and_then(|link| link.own_vehicle);
         let is_physical = self.run_state.now.info(vehicle).is_some_and(|info| info.is_physical());
         !is_physical && (self.city != CityKind::Elsewhere || own == Some(vehicle))
+    }
+
+    /// Scale of the laboratory.
+    fn scale(&self) -> city3d_geometry::LengthScale {
+        self.traffic.measures().scale()
     }
 
     fn cameras_of(&self, vehicle: VehicleId) -> &[ScenarioCamera] {
@@ -182,7 +194,7 @@ pub enum UiAction {
     PlaybackCommand(PlaybackCommand),
     /// The user takes over this vehicle.
     Drive(VehicleId),
-    /// The user gives the driven vehicle back to its algorithm.
+    /// The user releases the driven vehicle to its algorithm.
     GiveBack,
     /// Another scenario, by a shipped name or a file, from its beginning.
     Scenario(String),
@@ -235,22 +247,6 @@ pub struct Look {
     pub hours: f64,
 }
 
-/// Widths of the panels at the sides, points.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct PanelWidths {
-    /// The table of vehicles, at the left.
-    pub vehicles: f32,
-    /// The previews, at the right.
-    pub previews: f32,
-}
-
-impl Default for PanelWidths {
-    fn default() -> Self {
-        Self { vehicles: 425.0, previews: 270.0 }
-    }
-}
-
 /// The selected vehicle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
@@ -260,13 +256,20 @@ pub struct Selection {
     pub follow: Option<VehicleId>,
 }
 
-/// Panels that are open.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// Panels and pages that are open.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct OpenPanels {
+    /// The table of vehicles.
+    pub vehicles: bool,
+    /// The previews, while there are any.
+    pub cameras: bool,
     /// All keys and statuses (F1).
     #[serde(skip)]
     pub help: bool,
+    /// Theme, size, units.
+    #[serde(skip)]
+    pub settings: bool,
     /// Switches of the overlays.
     #[serde(skip)]
     pub layers: bool,
@@ -274,27 +277,23 @@ pub struct OpenPanels {
     #[serde(skip)]
     pub controllers: bool,
     /// The list of events (F3).
-    #[serde(skip)]
     pub events: bool,
     /// Delay, throughput, safety and energy (F4).
-    #[serde(skip)]
     pub traffic: bool,
 }
 
-impl OpenPanels {
-    /// From the one that is closed first to the last.
-    fn closable(&mut self) -> [&mut bool; 5] {
-        [&mut self.help, &mut self.traffic, &mut self.events, &mut self.controllers, &mut self.layers]
-    }
-
-    /// Whether a panel can be closed.
-    fn is_any(mut self) -> bool {
-        self.closable().into_iter().any(|is_open| *is_open)
-    }
-
-    /// Closes a panel; `false` where none is open.
-    fn close_one(&mut self) -> bool {
-        self.closable().into_iter().find(|is_open| **is_open).is_some_and(|is_open| std::mem::take(is_open))
+impl Default for OpenPanels {
+    fn default() -> Self {
+        Self {
+            vehicles: true,
+            cameras: true,
+            help: false,
+            settings: false,
+            layers: false,
+            controllers: false,
+            events: false,
+            traffic: false,
+        }
     }
 }
 
@@ -315,8 +314,10 @@ pub struct UiState {
     pub look: Look,
     /// The windows that are open over the city.
     pub open: OpenPanels,
-    /// Widths that the user has given the side panels; a narrow window limits them.
-    pub widths: PanelWidths,
+    /// Where the panels are.
+    pub layout: Layout,
+    /// Theme, status colours, size and units.
+    pub preferences: Preferences,
     /// The command palette.
     pub palette: Palette,
     /// Words that the help is searched for.
@@ -350,7 +351,8 @@ impl UiState {
             layers: Layers::default(),
             look,
             open: OpenPanels::default(),
-            widths: PanelWidths::default(),
+            layout: Layout::default(),
+            preferences: Preferences::default(),
             palette: Palette::default(),
             help_words: String::new(),
             had_focus: false,
@@ -369,6 +371,7 @@ impl UiState {
         let count = self.previews.len();
         self.previews.retain(|preview| preview.vehicle != vehicle);
         if self.previews.len() == count {
+            self.open.cameras = true;
             self.previews.push(Preview { vehicle, eye: PreviewCamera::default() });
         }
     }
@@ -390,6 +393,26 @@ impl UiState {
         }
         let nearest = self.selection.vehicle;
         self.viewpoint.set_mode(mode, nearest);
+    }
+
+    /// All panels back in their usual places.
+    pub fn restore_layout(&mut self) {
+        let pages =
+            OpenPanels { help: self.open.help, settings: self.open.settings, ..OpenPanels::default() };
+        (self.layout, self.open) = (Layout::default(), pages);
+    }
+
+    /// What Escape closes first: a page, else a panel over the city. Docked panels stay.
+    fn first_to_close(&self) -> Option<fn(&mut Self)> {
+        if self.open.help {
+            return Some(|state| state.open.help = false);
+        }
+        if self.open.settings {
+            return Some(|state| state.open.settings = false);
+        }
+        let is_over =
+            |entry: &&panels::PanelEntry| (entry.is_open)(self) && self.layout.is_floating(entry.panel);
+        panels::ALL.iter().find(is_over).map(|entry| entry.close)
     }
 
     /// Shows a message for some seconds.
@@ -419,20 +442,10 @@ impl UiState {
     }
 }
 
-/// Least widths of the side panels, points.
-const LEAST_VEHICLES: f32 = 180.0;
-const LEAST_PREVIEWS: f32 = 160.0;
-/// Largest width of a side panel, points.
-const WIDEST: f32 = 640.0;
-/// Largest fraction of the window for a side panel.
-const MOST_OF_WINDOW: f32 = 0.333;
-
-/// Background colour of the panels. The painter clears to it; the panels do not paint it.
-pub const GROUND: egui::Color32 = egui::Color32::from_gray(27);
-
 /// Lays out all panels for one frame. Afterwards `state.pictures` holds the pictures that they need.
 pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Vec<UiAction> {
     let mut actions = Vec::new();
+    theme::apply(ui.ctx(), state.preferences);
     state.pictures.clear();
     state.update(shown);
     if !state.open.events {
@@ -468,56 +481,15 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
             .frame(frame)
             .show(ui, |ui| events::live(ui, state, shown, &mut actions));
     }
-    // The city keeps at least a third of the window.
-    let whole = ui.available_width();
-    let third = (whole * MOST_OF_WINDOW).clamp(0.0, WIDEST);
-    let side = |panel: egui::Panel, width: f32, (least, most): (f32, f32)| {
-        panel.frame(frame).default_size(width.min(most)).size_range(least.min(most)..=most)
-    };
-    // A panel below its preferred width gets another id per width: egui then restores the preferred width.
-    let room = |preferred: f32, most: f32| if preferred > most { most as u32 } else { 0 };
-    let beside = if state.previews.is_empty() { preview::STRIP } else { LEAST_PREVIEWS.min(third) };
-    let most = vehicles::least_width(ui).min(whole - third - beside).max(third);
-    let panel = egui::Panel::left(("vehicles", room(state.widths.vehicles, most)));
-    let panel = side(panel, state.widths.vehicles, (LEAST_VEHICLES, most));
-    let panel = panel.show(ui, |ui| {
-        // A panel keeps its width whatever it holds.
-        ui.set_min_width(ui.available_width());
-        vehicles::show(ui, shown, state);
-    });
-    let width = panel.response.rect.width();
-    remember_width(&mut state.widths.vehicles, width, most);
-    if state.previews.is_empty() {
-        let panel = egui::Panel::right("no previews").frame(frame.inner_margin(0)).resizable(false);
-        panel.exact_size(preview::STRIP).show(ui, |ui| preview::strip(ui, state, shown));
-    } else {
-        let most = third.min((whole - third - width).max(0.0));
-        let panel = egui::Panel::right(("previews", room(state.widths.previews, most)));
-        let panel = side(panel, state.widths.previews, (LEAST_PREVIEWS, most));
-        let panel = panel.show(ui, |ui| {
-            ui.set_min_width(ui.available_width());
-            preview::show_all(ui, state, shown, &mut actions);
-        });
-        remember_width(&mut state.widths.previews, panel.response.rect.width(), most);
+    if !state.open.controllers {
+        state.devices.stop_learning();
     }
-    egui::CentralPanel::no_frame().show(ui, |ui| city::show(ui, state, shown));
-    layers::window(ui, state);
-    controllers::window(ui, state, &mut actions);
-    if state.open.events {
-        events::window(ui, state, shown, &mut actions);
-    }
-    traffic::window(ui, state, shown);
+    egui::CentralPanel::no_frame().show(ui, |ui| layout::show(ui, state, shown, &mut actions));
+    settings::window(ui, state);
     help::window(ui, state, shown);
     drive::step(ui, state, shown, &mut actions);
     state.had_focus = ui.memory(|memory| memory.focused().is_some());
     actions
-}
-
-/// Stores the width that the user has given a panel; a width that only the window limits is not stored.
-fn remember_width(preferred: &mut f32, width: f32, most: f32) {
-    if (width - preferred.min(most)).abs() > 0.5 {
-        *preferred = width;
-    }
 }
 
 /// A window over the city, below the bar and between the side panels.
@@ -531,20 +503,22 @@ fn footer(ui: &mut egui::Ui, shown: &ViewModel<'_>) {
         let has_own = shown.run_state.link.as_ref().is_some_and(|link| link.own_vehicle.is_some());
         ui.small(match shown.city {
             _ if shown.replay.is_some() => {
-                "Space play/pause   left right 5 s   [ ] event   click a car to select   F follow   P preview   F1 all keys"
+                "Space play/pause   Left Right 5 s   [ ] event   click a car to select   Ctrl+P all actions   F1 help"
             }
             CityKind::Local => {
-                "Space start/pause   N step   click a car to select   F follow   P preview   Enter drive   F1 all keys"
+                "Space start/pause   click a car to select   F follow   P camera   Enter drive   Ctrl+P all actions   F1 help"
             }
-            CityKind::Elsewhere if !has_own => "click a car to select   F follow   P preview   F1 all keys",
+            CityKind::Elsewhere if !has_own => {
+                "click a car to select   F follow   P camera   Ctrl+P all actions   F1 help"
+            }
             CityKind::Served | CityKind::Elsewhere => {
-                "Space start/pause   click a car to select   F follow   P preview   Enter drive   F1 all keys"
+                "Space start/pause   click a car to select   F follow   P camera   Enter drive   Ctrl+P all actions   F1 help"
             }
         });
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if shown.frames_per_s > 0.0 {
                 // Fixed width, so that its neighbours do not move.
-                let text = format!("{:3.0} pictures/s", shown.frames_per_s);
+                let text = format!("{:3.0} fps", shown.frames_per_s);
                 ui.label(egui::RichText::new(text).small().monospace());
             }
             ui.add(egui::Label::new(egui::RichText::new(shown.footer).small().weak()).truncate());

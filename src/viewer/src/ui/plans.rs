@@ -2,7 +2,7 @@
 
 use super::control_zones::zone_colour;
 use super::layers::Canvas;
-use super::{UiState, ViewModel};
+use super::{UiState, ViewModel, theme};
 use city3d_protocol::snapshot::VehicleId;
 use city3d_session::{CoordinationState, NoPlan, PlannedPassage, PlannedPlace};
 use egui::{Color32, Grid, Pos2, Rect, RichText, Stroke, Ui, Vec2};
@@ -165,7 +165,7 @@ pub(super) fn queue(ui: &mut Ui, shown: &ViewModel<'_>) {
         ui.end_row();
         let measured: Vec<_> = shown.traffic.measures().zones().collect();
         for (zone, area) in shown.control_zones.iter().enumerate() {
-            ui.label(RichText::new(&area.name).color(zone_colour(zone)));
+            ui.label(RichText::new(&area.name).color(theme::on_ground(ui.ctx(), zone_colour(zone))));
             let cells = match (coordination, measured.get(zone)) {
                 (Some(coordination), _) => numbers(coordination, zone),
                 (None, Some((_, traffic))) => {

@@ -1,10 +1,11 @@
 //! The preview panels: camera picture, pedals and running plots of one vehicle.
 
 use super::history::{HistorySample, KEPT_S};
+use super::theme::SpeedUnit;
 use super::vehicles::tenths;
-use super::{PictureRequest, PictureSlot, UiAction, UiState, ViewModel, commands, plans, status};
-use city3d_geometry::trig;
-use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleState};
+use super::{PictureRequest, PictureSlot, UiAction, UiState, ViewModel, commands, plans, status, theme};
+use city3d_geometry::{LengthScale, trig};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleState};
 use city3d_sensors::{Camera, Lens, Mount, MountPoint, View};
 use egui::emath::GuiRounding as _;
 use egui::{Align, Align2, Color32, ComboBox, FontId, Layout, Rangef, RichText, Sense, Ui, Vec2};
@@ -127,47 +128,25 @@ impl PreviewLayout {
     }
 }
 
-/// Width of the strip while no preview is open, points.
-pub const STRIP: f32 = 24.0;
-
-/// A strip in place of the previews; a click opens that of the selected vehicle, else of the first.
-pub fn strip(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
-    let rect = ui.available_rect_before_wrap();
-    let response = ui.allocate_rect(rect, Sense::click());
-    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, "Previews"));
-    let visuals = ui.style().interact(&response);
-    if response.hovered() {
-        ui.painter().rect_filled(rect, 0.0, visuals.bg_fill);
-    }
-    let text = "Previews: what a vehicle's camera sees (P)".to_owned();
-    let galley = ui.painter().layout_no_wrap(text, FontId::proportional(13.0), visuals.text_color());
-    // The text runs from the top down.
-    let corner = rect.center_top() + Vec2::new(galley.size().y / 2.0, 10.0);
-    let text = egui::epaint::TextShape::new(corner, galley, visuals.text_color());
-    ui.painter().add(text.with_angle(std::f32::consts::FRAC_PI_2));
+/// Opens the preview of the selected vehicle, else of the first.
+pub fn open_first(state: &mut UiState, shown: &ViewModel<'_>) {
     let first = shown.run_state.now.vehicles.first().map(|vehicle| vehicle.id);
-    let tip = commands::PREVIEW.tip("Camera, pedals and plots of the selected vehicle");
-    if response.on_hover_text(tip).clicked()
-        && let Some(vehicle) = state.selection.vehicle.or(first)
-    {
+    if let Some(vehicle) = state.selection.vehicle.or(first) {
         state.selection.vehicle = Some(vehicle);
         state.toggle_preview(vehicle);
     }
 }
 
-/// Shows all panels that are open.
+/// Shows all previews that are open.
 pub fn show_all(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
-    ui.horizontal(|ui| {
-        ui.heading("Previews");
-        let selected = state.selection.vehicle.filter(|id| !state.previews.iter().any(|p| p.vehicle == *id));
-        let add = ui.add_enabled(selected.is_some(), egui::Button::new("+ Open"));
-        let add =
-            add.on_hover_text(commands::PREVIEW.tip("Camera, pedals and plots of the selected vehicle"));
-        let add = add.on_disabled_hover_text("Select a vehicle first: click it in the city or in the table");
-        if let (true, Some(vehicle)) = (add.clicked(), selected) {
-            state.toggle_preview(vehicle);
-        }
-    });
+    let selected = state.selection.vehicle.filter(|id| !state.previews.iter().any(|p| p.vehicle == *id));
+    let add = ui.add_enabled(selected.is_some(), egui::Button::new("+ Selected vehicle"));
+    let add = add.on_hover_text(commands::PREVIEW.tip("Camera, pedals and plots of the selected vehicle"));
+    let add =
+        add.on_disabled_hover_text("Select another vehicle first: click it in the city or in the table");
+    if let (true, Some(vehicle)) = (add.clicked(), selected) {
+        state.toggle_preview(vehicle);
+    }
     let layout =
         PreviewLayout::of(state.previews.len(), ui.available_size(), !shown.control_zones.is_empty());
     egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
@@ -195,7 +174,7 @@ fn show(
         return ui
             .horizontal(|ui| {
                 ui.label(format!("Vehicle {} is no longer in the city.", preview.vehicle));
-                !ui.small_button("Close").clicked()
+                !ui.small_button("Close preview").clicked()
             })
             .inner;
     };
@@ -204,7 +183,8 @@ fn show(
         let [r, g, b] = info.appearance.colour;
         super::vehicles::chip(ui, Color32::from_rgb(r, g, b), info.is_physical());
         ui.label(RichText::new(format!("{} {}", vehicle.id, info.name)).strong());
-        let text = RichText::new(vehicle.status.label()).color(status::colour(vehicle.status));
+        let colour = theme::on_panel(ui.ctx(), vehicle.status);
+        let text = RichText::new(status::label(vehicle.status)).color(colour);
         ui.label(text).on_hover_ui(|ui| _ = ui.label(status::reason(vehicle, info, shown.map)));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             is_kept = !ui.small_button("x").on_hover_text("Close this preview").clicked();
@@ -234,13 +214,13 @@ fn show(
         if shown.replay.is_none() {
             drive_button(ui, (preview.vehicle, shown), state, actions);
         }
-        speed(ui, vehicle);
+        speed(ui, vehicle, (state.preferences.units, shown.scale()));
     });
     pedals(ui, vehicle, shown.has_control_data);
     if let Some((words, tip)) = plans::words(shown, preview.vehicle) {
         ui.add(egui::Label::new(RichText::new(words).small()).truncate()).on_hover_text(tip);
     }
-    plots(ui, shown, vehicle, layout);
+    plots(ui, (shown, state.preferences.units), vehicle, layout);
     is_kept
 }
 
@@ -286,9 +266,9 @@ fn picture(ui: &mut Ui, (preview, aspect): (&Preview, f32), shown: &ViewModel<'_
 /// Width of the widest speed with its gear, points.
 const SPEED_WIDTH: f32 = 100.0;
 
-fn speed(ui: &mut Ui, vehicle: &VehicleState) {
+fn speed(ui: &mut Ui, vehicle: &VehicleState, (units, scale): (SpeedUnit, LengthScale)) {
     let gear = if vehicle.reverse { "  R" } else { "" };
-    let text = format!("{} km/h{gear}", tenths(vehicle.speed_mps * 3.6));
+    let text = format!("{} {}{gear}", units.number(vehicle.speed_mps, scale), units.label());
     let label = egui::Label::new(RichText::new(text).monospace().strong()).extend();
     // Of one width, so that the row never breaks and nothing below moves.
     let size = Vec2::new(SPEED_WIDTH, ui.spacing().interact_size.y);
@@ -363,20 +343,27 @@ fn gauge(ui: &mut Ui, name: &str, number: &str, fill: impl FnOnce(&egui::Painter
     fill(&painter, track);
 }
 
-fn plots(ui: &mut Ui, shown: &ViewModel<'_>, vehicle: &VehicleState, layout: PreviewLayout) {
-    let (history, now_s) = (shown.history, shown.run_state.now.time_s);
+fn plots(
+    ui: &mut Ui,
+    (shown, units): (&ViewModel<'_>, SpeedUnit),
+    vehicle: &VehicleState,
+    layout: PreviewLayout,
+) {
+    let (history, now_s, scale) = (shown.history, shown.run_state.now.time_s, shown.scale());
     // The last point is the present value: samples are some ticks apart.
-    let series = |of: fn(&HistorySample) -> f64, now: f64| -> Vec<[f64; 2]> {
+    let series = |of: &dyn Fn(&HistorySample) -> f64, now: f64| -> Vec<[f64; 2]> {
         let samples = history.of(vehicle.id).filter(|sample| sample.time_s < now_s);
         samples.map(|sample| [sample.time_s - now_s, of(sample)]).chain([[0.0, now]]).collect()
     };
     let height = if layout.is_compact { 52.0 } else { 72.0 };
-    let blue = Color32::from_rgb(110, 175, 255);
+    let blue = theme::on_panel(ui.ctx(), Status::Manual);
     let speeds = |ui: &mut Ui| {
-        let speeds = series(|sample| sample.speed_mps * 3.6, vehicle.speed_mps * 3.6);
-        plot(ui, ("Speed, km/h", height), speeds, (0.0, 50.0), blue);
+        let of = |speed_mps: f64| units.of(speed_mps, scale);
+        let speeds = series(&|sample| of(sample.speed_mps), of(vehicle.speed_mps));
+        let name = format!("Speed, {}", units.label());
+        plot(ui, (name.as_str(), height), speeds, (0.0, of(50.0 / 3.6)), blue);
     };
-    let orange = Color32::from_rgb(235, 160, 80);
+    let orange = theme::on_panel(ui.ctx(), Status::Stopped);
     let errors = |ui: &mut Ui| {
         let is_manual = vehicle.tracked_lateral_error_m().is_none();
         if is_manual || !shown.has_control_data {
@@ -388,7 +375,7 @@ fn plots(ui: &mut Ui, shown: &ViewModel<'_>, vehicle: &VehicleState, layout: Pre
             ui.label(RichText::new("Lateral error, cm: -").small()).on_hover_text(tip);
             return;
         }
-        let errors = series(|sample| sample.lateral_error_m * 100.0, vehicle.lateral_error_m * 100.0);
+        let errors = series(&|sample| sample.lateral_error_m * 100.0, vehicle.lateral_error_m * 100.0);
         plot(ui, ("Lateral error, cm", height), errors, (-10.0, 10.0), orange);
     };
     if layout.is_compact {

@@ -341,7 +341,7 @@ fn tooltip(
     marks.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     for mark in marks {
         let text = format!("{:.2}  {}  {}", mark.time_s, mark.what.label(), name(&shown.run_state.now, mark));
-        ui.label(RichText::new(text).color(colour(mark.what.kind())));
+        ui.label(RichText::new(text).color(colour(ui.ctx(), mark.what.kind())));
     }
     if left > 0 {
         ui.weak(format!("and {left} more"));
@@ -426,7 +426,11 @@ fn marks(painter: &egui::Painter, rect: Rect, scale: &TimeAxis, state: &UiState,
         };
         let faded = if is_crowded && !is_grave { 0.55 } else { 1.0 };
         let bottom = rect.top() + MARKS - 1.0;
-        painter.vline(x, bottom - height..=bottom, Stroke::new(2.0, colour(kind).gamma_multiply(faded)));
+        painter.vline(
+            x,
+            bottom - height..=bottom,
+            Stroke::new(2.0, colour(painter.ctx(), kind).gamma_multiply(faded)),
+        );
     }
 }
 

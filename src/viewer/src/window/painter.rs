@@ -174,24 +174,25 @@ impl WindowPainter {
         if !screens.is_empty() {
             let points = output.pixels_per_point;
             let primitives = egui.tessellate(std::mem::take(&mut output.shapes), points);
-            screens.iter().for_each(|screen| self.paint_primitives(&primitives, points, *screen));
+            let ground = self.clear_colour(ui::ground(egui));
+            screens.iter().for_each(|screen| self.paint_primitives((&primitives, ground), points, *screen));
         }
         gone.iter().for_each(|id| self.panels.free_texture(id));
     }
 
     /// Clear colour under the panels: a clear costs less than a rectangle.
-    fn ground(&self) -> wgpu::Color {
+    fn clear_colour(&self, ground: egui::Color32) -> wgpu::Color {
         let [r, g, b, _] = if self.format.is_srgb() {
-            egui::Rgba::from(ui::GROUND).to_array().map(f64::from)
+            egui::Rgba::from(ground).to_array().map(f64::from)
         } else {
-            ui::GROUND.to_array().map(|part| f64::from(part) / 255.0)
+            ground.to_array().map(|part| f64::from(part) / 255.0)
         };
         wgpu::Color { r, g, b, a: 1.0 }
     }
 
     fn paint_primitives(
         &mut self,
-        primitives: &[egui::ClippedPrimitive],
+        (primitives, ground): (&[egui::ClippedPrimitive], wgpu::Color),
         pixels_per_point: f32,
         screen: PaintTarget<'_>,
     ) {
@@ -205,10 +206,7 @@ impl WindowPainter {
                 view: screen.view,
                 depth_slice: None,
                 resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(self.ground()),
-                    store: wgpu::StoreOp::Store,
-                },
+                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(ground), store: wgpu::StoreOp::Store },
             })],
             ..Default::default()
         });

@@ -1,7 +1,7 @@
 //! Settings of the window that are stored between sessions, in the user's configuration folder.
 
 use crate::cockpit::DeviceProfile;
-use crate::ui::{CameraMode, Layers, PanelWidths, PreviewCamera, QualityPreset, TableState};
+use crate::ui::{CameraMode, Layers, Preferences, PreviewCamera, QualityPreset, StoredLayout, TableState};
 use city3d_outputs::WholeFile;
 use city3d_session::Speed;
 use serde::de::DeserializeOwned;
@@ -29,8 +29,10 @@ pub struct ViewSettings {
     pub layers: Layers,
     /// Sort column and direction of the table of vehicles; its filter is not stored.
     pub table: TableState,
-    /// Widths of the side panels, points.
-    pub widths: PanelWidths,
+    /// Theme, status colours, size of the interface and units.
+    pub preferences: Preferences,
+    /// Places of the panels, and which are open; the usual ones until the user has closed a window.
+    pub layout: Option<StoredLayout>,
     /// What was watched in the last live run.
     pub views: WatchedVehicles,
 }
@@ -162,6 +164,7 @@ fn date(days: u64) -> [u64; 3] {
 mod tests {
     use super::*;
     use crate::cockpit::{ControlFunction, DeviceControl, LeverCalibration};
+    use crate::ui::{Layout, OpenPanels, Theme};
 
     #[test]
     fn no_stored_size_is_one_that_a_window_cannot_have() {
@@ -191,7 +194,8 @@ mod tests {
             layers: Layers { lanes: true, labels: false, ..Layers::default() },
             table: TableState { descending: true, ..TableState::default() },
             speed: Some(Speed::Times(2.0)),
-            widths: PanelWidths { vehicles: 321.5, previews: 300.0 },
+            preferences: Preferences { theme: Theme::Light, scale: 1.5, ..Preferences::default() },
+            layout: Layout::default().stored(OpenPanels { traffic: true, ..OpenPanels::default() }),
             views: WatchedVehicles {
                 scenario: "roundabout".to_owned(),
                 followed: Some("path1_a".to_owned()),

@@ -515,7 +515,8 @@ impl ViewerState {
         let look = self.state.look;
         let before = std::mem::replace(&mut self.state, UiState::new(&first.now, look));
         (self.state.table, self.state.layers) = (before.table, before.layers);
-        (self.state.devices, self.state.widths) = (before.devices, before.widths);
+        (self.state.devices, self.state.preferences) = (before.devices, before.preferences);
+        (self.state.layout, self.state.open) = (before.layout, before.open);
         self.set_speed(old.run_state().speed);
         if let ViewedRun::Run(old) = old {
             match old.stop() {
@@ -532,8 +533,11 @@ impl ViewerState {
     /// Restores the stored settings.
     pub fn restore(&mut self, settings: &ViewSettings) {
         let state = &mut self.state;
-        (state.table, state.layers, state.widths) =
-            (settings.table.clone(), settings.layers, settings.widths);
+        (state.table, state.layers) = (settings.table.clone(), settings.layers);
+        state.preferences = settings.preferences.sane();
+        if let Some(stored) = &settings.layout {
+            (state.layout, state.open) = (ui::Layout::from(stored), stored.open);
+        }
         let views = Some(&settings.views).filter(|views| views.scenario == self.request.scenario);
         let find = |name: &String| self.experiment.vehicles.iter().find(|v| v.name == *name).map(|v| v.id);
         let previews = views.into_iter().flat_map(|views| &views.previews);
@@ -551,8 +555,9 @@ impl ViewerState {
     /// Stores the settings.
     pub fn remember(&self, settings: &mut ViewSettings) {
         let state = &self.state;
-        (settings.table, settings.layers, settings.widths) =
-            (state.table.clone(), state.layers, state.widths);
+        (settings.table, settings.layers) = (state.table.clone(), state.layers);
+        settings.preferences = state.preferences;
+        settings.layout = state.layout.stored(state.open);
         settings.mode = state.viewpoint.mode;
         // Settings of a replay, or of a city that keeps its own time, are not stored for the next run.
         let (ViewedRun::Run(live), CityKind::Local) = (&self.source, self.city) else { return };

@@ -210,7 +210,10 @@ fn windows_of_all_sizes_are_drawn() {
     let mut desk = Desk::with(fleet(500));
     desk.run_state.phase = RunPhase::Running;
     (1..=4).for_each(|id| desk.state.toggle_preview(VehicleId(id)));
-    (desk.state.open.help, desk.state.open.layers, desk.state.open.controllers) = (true, true, true);
+    let open = &mut desk.state.open;
+    (open.help, open.layers, open.controllers) = (true, true, true);
+    (open.settings, open.events, open.traffic) = (true, true, true);
+    desk.state.palette.is_open = true;
     let mut harness = harness(desk);
     for size in [[320.0, 240.0], [1.0, 1.0], [0.0, 0.0], [900.0, 600.0], [3840.0, 2160.0], [200.0, 1500.0]] {
         harness.set_size(size.into());
@@ -222,39 +225,15 @@ fn windows_of_all_sizes_are_drawn() {
 }
 
 #[test]
-fn the_width_of_a_panel_is_taken_from_the_last_time_and_kept() {
-    let mut desk = Desk::with(fleet(6));
-    (desk.state.widths.vehicles, desk.state.widths.previews) = (330.0, 350.0);
-    desk.state.toggle_preview(VehicleId(1));
-    let mut harness = harness(desk);
-    harness.run_steps(20);
-    let widths = harness.state().state.widths;
-    assert_eq!((widths.vehicles, widths.previews), (330.0, 350.0));
-    let left = harness.get_by_label("Previews").rect().left();
-    assert!((1280.0 - 350.0..1280.0 - 330.0).contains(&left), "{left}");
-    let edge = egui::pos2(330.0, 400.0);
-    harness.event(egui::Event::PointerMoved(edge));
-    harness.run_steps(2);
-    harness.drag_at(edge);
-    harness.run_steps(2);
-    harness.hover_at(edge + Vec2::new(60.0, 0.0));
-    harness.run_steps(2);
-    harness.drop_at(edge + Vec2::new(60.0, 0.0));
-    harness.run_steps(2);
-    let dragged = harness.state().state.widths.vehicles;
-    assert!((370.0..=395.0).contains(&dragged), "{dragged}");
-    harness.run_steps(20);
-    assert_eq!(harness.state().state.widths.vehicles, dragged);
-}
-
-#[test]
 fn a_small_window_keeps_the_columns_for_id_status_position_and_speed() {
-    let kept = ["ID", "Status", "x m", "y m", "km/h"];
+    let kept = ["ID", "Status", "x (m)", "y (m)", "km/h"];
     for (size, has_previews, more) in [
         ([1280.0, 720.0], true, &["Name", "Driver"][..]),
         ([960.0, 600.0], true, &[]),
         ([800.0, 600.0], true, &[]),
         ([640.0, 480.0], false, &[]),
+        // 1280 x 720 pixels at twice the size.
+        ([640.0, 360.0], false, &[]),
     ] {
         let mut desk = Desk::with(fleet(6));
         if has_previews {

@@ -5,6 +5,7 @@ mod city;
 mod commands;
 mod controllers;
 mod desk;
+mod layout;
 mod plans;
 mod timeline;
 mod traffic;
@@ -73,7 +74,7 @@ fn while_paused_the_numbers_are_those_of_the_tick() {
         run.step();
     }
     let mut harness = harness(Desk::with(run.snapshot().clone()));
-    harness.get_by_label("  9.00 s");
+    harness.get_by_label("   9.00 s");
     for (vehicle, info) in run.snapshot().clone().iter() {
         let tenths = |value: f64| format!("{:.1}", (value * 10.0).round() / 10.0 + 0.0);
         let kmh = tenths(vehicle.speed_mps * 3.6);
@@ -152,24 +153,31 @@ fn keys_of_one_pass_are_taken_in_their_order() {
 }
 
 #[test]
-fn without_previews_the_city_has_their_room_and_a_strip_opens_them() {
+fn without_previews_the_city_has_their_room_and_the_bar_opens_one() {
     let mut harness = with(6);
-    let strip = harness.get_by_label("Previews").rect();
-    assert!(strip.width() < 30.0 && strip.right() > 1270.0, "{strip:?}");
     let city = |harness: &Harness<'static, Desk>| {
         let pictures = &harness.state().state.pictures;
         pictures.iter().find(|p| p.slot == PictureSlot::City).unwrap().view.extent[0]
     };
     let wide = city(&harness);
     // Nobody is selected: the first one's.
-    click(&mut harness, "Previews");
+    click(&mut harness, "Cameras");
     assert_eq!(harness.state().state.previews[0].vehicle, VehicleId(1));
     harness.run_steps(3);
     assert!(city(&harness) + 200 < wide, "{} of {wide}", city(&harness));
     harness.state_mut().state.selection.vehicle = Some(VehicleId(4));
     press(&mut harness, egui::Key::P);
-    let open: Vec<u32> = harness.state().state.previews.iter().map(|preview| preview.vehicle.0).collect();
-    assert_eq!(open, [1, 4]);
+    let open = |harness: &Harness<'static, Desk>| -> Vec<u32> {
+        harness.state().state.previews.iter().map(|preview| preview.vehicle.0).collect()
+    };
+    assert_eq!(open(&harness), [1, 4]);
+    // Hidden, they are not drawn, and come back as they were.
+    harness.key_press_modifiers(egui::Modifiers::COMMAND | egui::Modifiers::SHIFT, egui::Key::B);
+    harness.run_steps(3);
+    assert_eq!((city(&harness), harness.state().state.pictures.len()), (wide, 1));
+    harness.key_press_modifiers(egui::Modifiers::COMMAND | egui::Modifiers::SHIFT, egui::Key::B);
+    harness.run_steps(3);
+    assert_eq!((open(&harness), harness.state().state.pictures.len()), (vec![1, 4], 3));
 }
 
 #[test]
@@ -257,7 +265,7 @@ fn a_number_is_the_same_wherever_it_is_told() {
 #[test]
 fn panels_do_not_grow_by_themselves() {
     let mut harness = with(500);
-    let edge = |harness: &Harness<'static, Desk>| harness.get_by_label("Previews").rect().left();
+    let edge = |harness: &Harness<'static, Desk>| harness.get_by_label("Status").rect().left();
     let city = |harness: &Harness<'static, Desk>| {
         harness.state().state.pictures.iter().find(|p| p.slot == PictureSlot::City).unwrap().view.extent
     };
@@ -273,7 +281,7 @@ fn panels_do_not_grow_by_themselves() {
 
 #[test]
 fn statuses_of_trouble_are_shown_and_explained() {
-    for (status, label) in [(Status::LinkLost, "link lost"), (Status::Collided, "collided")] {
+    for (status, label) in [(Status::LinkLost, "no command"), (Status::Collided, "collided")] {
         let mut desk = Desk::with(fleet(1));
         desk.change(|now| now.vehicles[0].status = status);
         desk.state.toggle_preview(VehicleId(1));
@@ -282,7 +290,7 @@ fn statuses_of_trouble_are_shown_and_explained() {
         press(&mut harness, egui::Key::F1);
         harness.run_steps(10);
         let count = |text: &'static str| harness.query_all_by_label_contains(text).count();
-        assert!(count("No trajectory for longer than the link timeout") > 0);
+        assert!(count("No command for longer than the link timeout") > 0);
         assert!(count("Has hit something") > 0);
         press(&mut harness, egui::Key::Escape);
         harness.run_steps(10);
@@ -315,7 +323,7 @@ fn the_bar_starts_pauses_steps_and_resets() {
     click(&mut harness, "\u{25b6} Start");
     click(&mut harness, "\u{23ed} Step");
     click(&mut harness, "\u{27f2} Reset");
-    harness.get_by_label("  2.50 s");
+    harness.get_by_label("   2.50 s");
     harness.get_by_label("paused");
     let orders = |harness: &Harness<'static, Desk>| harness.state().actions.clone();
     assert_eq!(orders(&harness), [Order::Start, Order::Step, Order::Reset].map(UiAction::Order));
@@ -369,8 +377,8 @@ fn a_preview_tells_pedals_and_asks_for_its_picture() {
         harness.get_by_label(label);
     }
     let slots: Vec<PictureSlot> = harness.state().state.pictures.iter().map(|picture| picture.slot).collect();
-    assert_eq!(slots, [PictureSlot::Preview(VehicleId(2)), PictureSlot::City]);
-    let picture = harness.state().state.pictures[0];
+    assert_eq!(slots, [PictureSlot::City, PictureSlot::Preview(VehicleId(2))]);
+    let picture = harness.state().state.pictures[1];
     assert_eq!(picture.view.carrier, Some(VehicleId(2)));
     click(&mut harness, "Drive");
     assert_eq!(harness.state().actions, [UiAction::Drive(VehicleId(2))]);
@@ -505,7 +513,7 @@ fn a_vehicle_that_leaves_takes_nothing_down_with_it() {
     harness.run_steps(3);
     harness.get_by_label("Vehicle 2 is no longer in the city.");
     assert_eq!((harness.state().state.selection.vehicle, harness.state().state.driven()), (None, None));
-    click(&mut harness, "Close");
+    click(&mut harness, "Close preview");
     assert_eq!(harness.state().state.previews, []);
 }
 
@@ -515,16 +523,16 @@ fn who_sits_at_the_wheel_is_told_why_the_car_does_not_go() {
     desk.state.driving = Some(ManualDrive::take_over(VehicleId(1), 1, 0.0));
     let mut harness = harness(desk);
     for (phase, status, told) in [
-        (RunPhase::Paused, Status::Manual, Some("The experiment is not running")),
+        (RunPhase::Paused, Status::Manual, Some("Paused: Space")),
         (RunPhase::Running, Status::Manual, None),
         (RunPhase::Running, Status::Collided, Some("Collided")),
-        (RunPhase::Over, Status::Manual, Some("The scenario is over")),
+        (RunPhase::Over, Status::Manual, Some("The run has finished")),
     ] {
         let desk = harness.state_mut();
         desk.run_state.phase = phase.clone();
         desk.change(|now| now.vehicles[0].status = status);
         harness.run_steps(3);
-        for text in ["The experiment is not running", "Collided:", "The scenario is over"] {
+        for text in ["Paused: Space", "Collided:", "The run has finished"] {
             let is_there = harness.query_by_label_contains(text).is_some();
             assert_eq!(
                 is_there,

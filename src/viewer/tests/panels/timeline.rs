@@ -155,7 +155,7 @@ fn what_means_nothing_in_a_replay_is_not_shown() {
     harness.run_steps(5);
     assert!(harness.query_by_label("Play backward").is_some());
     assert!(harness.query_by_label("Take control of the selected vehicle").is_none());
-    assert!(harness.query_by_label_contains("give back").is_none());
+    assert!(harness.query_by_label_contains("Release the vehicle").is_none());
 }
 
 #[test]

@@ -123,7 +123,8 @@ pub static SECTIONS: [Section; 7] = [
 
 pub use camera::MODES as CAMERA_MODES;
 pub use driving::{CONTROLLERS, TAKE_CONTROL};
-pub use panels::{EVENTS, HELP, LAYERS, TRAFFIC};
+pub use look::{LARGER, SMALLER};
+pub use panels::{CAMERAS, EVENTS, HELP, MENU as PANEL_MENU, SETTINGS};
 pub use replay::{
     NEXT_EVENT, PLAY_BACKWARD, PLAY_OR_PAUSE, PREVIOUS_EVENT, STEP_BACK, STEP_FORWARD, TO_END, TO_START,
 };

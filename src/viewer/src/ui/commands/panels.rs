@@ -1,7 +1,7 @@
 //! Actions on panels, overlays and the window itself.
 
-use super::{Command, ctrl, key, registry};
-use crate::ui::UiAction;
+use super::{Command, CommandContext, ctrl, key, registry};
+use crate::ui::{Panel, UiAction, preview};
 use egui::Key;
 
 registry!(
@@ -9,6 +9,10 @@ registry!(
     HELP = Command::always("Help: all keys and statuses", &[key(Key::F1), key(Key::Questionmark)], |c| {
         c.state.open.help = !c.state.open.help;
     }),
+    VEHICLES = Command::always("Show or hide the table of vehicles", &[ctrl(Key::B)], |c| {
+        c.state.open.vehicles = !c.state.open.vehicles;
+    }),
+    CAMERAS = Command::always("Show or hide the cameras", &[ctrl(Key::B).with_shift()], cameras),
     EVENTS = Command::always("List of events", &[key(Key::F3)], |c| {
         c.state.open.events = !c.state.open.events;
     }),
@@ -18,6 +22,20 @@ registry!(
     LAYERS = Command::always("Layers: overlays of the city", &[], |c| {
         c.state.open.layers = !c.state.open.layers;
     }),
+    SETTINGS = Command::always("Settings: theme, size, units", &[ctrl(Key::Comma)], |c| {
+        c.state.open.settings = !c.state.open.settings;
+    }),
+    RESTORE_LAYOUT = Command::always("Restore the layout", &[], |c| c.state.restore_layout()),
+    FLOAT_VEHICLES =
+        Command::always("Float or dock the table of vehicles", &[], |c| float(c, Panel::Vehicles)),
+    FLOAT_CAMERAS = Command::always("Float or dock the cameras", &[], |c| float(c, Panel::Cameras)),
+    FLOAT_EVENTS = Command::always("Float or dock the list of events", &[], |c| float(c, Panel::Events)),
+    FLOAT_TRAFFIC = Command::always("Float or dock the traffic", &[], |c| float(c, Panel::Traffic)),
+    FLOAT_LAYERS = Command::always("Float or dock the layers", &[], |c| float(c, Panel::Layers)),
+    FLOAT_CONTROLLERS = Command::always("Float or dock the gamepad and steering wheel", &[], |c| float(
+        c,
+        Panel::Controllers
+    )),
     LABELS = Command::always("Show or hide labels over vehicles", &[key(Key::L)], |c| {
         c.state.layers.labels = !c.state.layers.labels;
     }),
@@ -40,3 +58,20 @@ registry!(
     }),
     QUIT = Command::always("Quit", &[ctrl(Key::Q)], |c| c.actions.push(UiAction::Quit)),
 );
+
+/// Panels and pages that the menu of the bar lists.
+pub static MENU: [&Command; 5] = [&VEHICLES, &CAMERAS, &EVENTS, &TRAFFIC, &LAYERS];
+
+fn float(context: &mut CommandContext<'_, '_>, panel: Panel) {
+    context.state.layout.toggle_floating(panel);
+}
+
+/// Shows or hides the previews; where there is none, opens one.
+fn cameras(context: &mut CommandContext<'_, '_>) {
+    let state = &mut *context.state;
+    if state.previews.is_empty() {
+        preview::open_first(state, context.shown);
+    } else {
+        state.open.cameras = !state.open.cameras;
+    }
+}

@@ -74,7 +74,10 @@ fn neighbour(shown: &ViewModel<'_>, from: Option<VehicleId>, forward: bool) -> O
 
 fn has_something_to_close(state: &UiState) -> bool {
     let is_following = state.selection.vehicle.is_some() || state.viewpoint.follow.is_some();
-    state.devices.learning().is_some() || state.open.is_any() || state.driving.is_some() || is_following
+    state.devices.learning().is_some()
+        || state.first_to_close().is_some()
+        || state.driving.is_some()
+        || is_following
 }
 
 /// The nearest thing first: a calibration, a panel, the wheel, the selection.
@@ -84,7 +87,8 @@ fn close(context: &mut CommandContext<'_, '_>) {
         state.devices.stop_learning();
         return;
     }
-    if state.open.close_one() {
+    if let Some(close) = state.first_to_close() {
+        close(state);
         return;
     }
     if state.driving.is_some() {
