@@ -447,7 +447,7 @@ impl Cav {
 
     /// Whether it gives way to all plans while it has none itself: it could have one, and asks for it.
     pub(super) fn defers_to_plans(&self) -> bool {
-        self.is_coordinated() && !self.coordination.is_behind_uncoordinated
+        self.is_coordinated() && !self.coordination.is_among_uncoordinated
     }
 
     /// Its coordinated plan, while it is on it.

@@ -9,6 +9,7 @@
 //! vehicle stands at the line (the paper, section III). Behind a signal head it is admitted only on green, or on yellow
 //! if it cannot stop comfortably; then the ranks of a junction without lines hold.
 
+mod admitted_towards;
 mod constraints;
 mod deadlock;
 mod inside;
@@ -22,6 +23,7 @@ use super::loops::LoopCapacity;
 use super::route::{RANK_MAJOR, RANK_STOP, RANK_YIELD, Rank};
 use super::signals::{self, Signals};
 use super::traffic::Occupancy;
+use admitted_towards::{AdmittedTowards, BEHIND_SECTION_M};
 use city3d_roadmap::{LabMap, LaneId, ZoneKind};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
@@ -185,6 +187,7 @@ pub struct RightOfWay {
     loops: LoopCapacity,
     /// Users by zone, rebuilt each control step.
     users: Vec<Vec<ZoneUser>>,
+    admitted_towards: AdmittedTowards,
     /// Buffer of candidates.
     candidates: Vec<Candidate>,
 }
@@ -208,6 +211,7 @@ impl RightOfWay {
             before_all: FIRST_INTRUDER,
             loops: LoopCapacity::new(map),
             users,
+            admitted_towards: AdmittedTowards::new(map),
             candidates: Vec::new(),
         }
     }
@@ -243,6 +247,7 @@ impl RightOfWay {
             cavs.iter_mut().filter(|cav| cav.is_on_route()).for_each(|cav| note_signal(cav, signals));
         }
         self.collect_zone_users(cavs);
+        self.admitted_towards.fill(cavs);
         self.loops.recount(cavs);
         self.admit_vehicles_inside(cavs);
         self.resolve_deadlocks(now_s, map, cavs, occupancy);
@@ -473,12 +478,13 @@ impl RightOfWay {
                 let goes_on = other.passage.admissions.iter().any(|a| a.section > admission.section);
                 !goes_on
                     && other.rear_s() < there.to_s
-                    && other.uses_lane(exit_lane, there.from_s, there.to_s + 0.05)
+                    && other.uses_lane(exit_lane, there.from_s, there.to_s + BEHIND_SECTION_M)
             })
         };
-        let others = cavs.iter().enumerate().filter(|(other, cav)| *other != vehicle && cav.is_on_route());
-        let admitted = others.filter(|(_, other)| on_the_way(other)).map(|(_, other)| room_for(other));
-        let needed = room_for(cav) + admitted.sum::<f64>();
+        let is_admitted =
+            |other: &usize| *other != vehicle && cavs[*other].is_on_route() && on_the_way(&cavs[*other]);
+        let admitted = self.admitted_towards.lane(exit_lane).into_iter().filter(is_admitted);
+        let needed = room_for(cav) + admitted.map(|other| room_for(&cavs[other])).sum::<f64>();
         let next_hold_s = cav.route.sections.get(cav.passage.next_section + 1).map(|s| s.hold_s);
         let mut available_s = next_hold_s.unwrap_or(f64::INFINITY).min(clear_s + HORIZON_M);
         let standing_there =
@@ -503,6 +509,7 @@ impl RightOfWay {
     /// it goes after all admitted ones.
     pub fn admit_behind_line(&mut self, vehicle: usize, cavs: &mut [Cav]) {
         let cav = &mut cavs[vehicle];
+        self.admitted_towards.add(vehicle, cav);
         let section = cav.route.sections.get(cav.passage.next_section);
         if section.is_some_and(|section| section.hold_s < cav.front_s()) {
             let order = self.next_order;
@@ -546,6 +553,7 @@ impl RightOfWay {
         cav.passage.was_before_line = false;
         cav.passage.admissions.push(Reservation { section, order });
         cav.passage.next_section += 1;
+        self.admitted_towards.add_section(vehicle, cav, section);
         cav.passage.standing_since_s = None;
         cav.passage.blocked_since_s = None;
         (cav.passage.missed_green, cav.passage.is_held_by_signal) = (false, false);

@@ -39,7 +39,7 @@ pub enum NoPlan {
     /// It has left its plans several times in a row, as where a person drives it.
     LeftItsPlans,
     /// A vehicle that is not coordinated is ahead of it.
-    BehindUncoordinated,
+    AmongUncoordinated,
     /// No plan keeps bounds and gaps; it asks again.
     Infeasible,
 }
@@ -121,8 +121,8 @@ fn reason(cav: &Cav, experiment: &Experiment) -> NoPlan {
         NoPlan::NotCoordinated
     } else if cav.coordination.is_distrusted {
         NoPlan::LeftItsPlans
-    } else if cav.coordination.is_behind_uncoordinated {
-        NoPlan::BehindUncoordinated
+    } else if cav.coordination.is_among_uncoordinated {
+        NoPlan::AmongUncoordinated
     } else {
         NoPlan::Infeasible
     }

@@ -173,6 +173,13 @@ impl SharedWay {
         self.exclusive.is_empty() && self.following.is_empty()
     }
 
+    /// Where the other vehicle comes to what is shared first, along its route.
+    pub(super) fn others_entry_m(&self) -> Option<f64> {
+        let exclusive = self.exclusive.iter().map(|(_, there)| there[0]);
+        let following = self.following.iter().map(|stretch| stretch.from_m - stretch.offset_m);
+        exclusive.chain(following).min_by(f64::total_cmp)
+    }
+
     /// Whether the own vehicle is behind the other on a lane of both routes that either is on; `None` if the order is free.
     pub fn is_behind(&self) -> Option<bool> {
         self.is_behind

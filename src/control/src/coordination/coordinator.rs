@@ -32,8 +32,8 @@ pub struct CoordinatedState {
     /// It does not follow its plans, and is treated as if somebody else drove.
     pub is_distrusted: bool,
     trusted_from_s: f64,
-    /// It has no plan because a vehicle that is not coordinated is ahead: it drives by the rules of the road, as that one does.
-    pub is_behind_uncoordinated: bool,
+    /// It has no plan, and vehicles that cannot have one are in the zone: it drives by the rules of the road, as they do.
+    pub is_among_uncoordinated: bool,
     /// The present control step follows the plan, limited by nothing else.
     pub follows_plan: bool,
     /// The plan that was dropped in this control step: it has its place in the order.
@@ -50,6 +50,9 @@ const DISTRUSTED_S: f64 = 5.0;
 const REVIEW_TOLERANCE_S: f64 = 0.1;
 /// Vehicles farther from their conflicts are not heeded, laboratory metres beyond the zone's length.
 const HEEDED_BEYOND_M: f64 = 1.0;
+/// Plans do not heed a vehicle without a plan that is farther than this from what it shares with them, seconds: what it
+/// will do there is not known yet, and a plan that waits for all that it may do is slower than the rules of the road.
+const PREDICTABLE_S: f64 = 3.0;
 /// A vehicle without a plan may be late by this and a share of the time up to where it leaves the zone, ...
 const LATE_S: f64 = 0.3;
 const LATE_SHARE: f64 = 0.1;
@@ -254,6 +257,11 @@ fn request_of<'a>(now_s: f64, params: &CoordinationParams, cav: &'a Cav) -> Opti
     })
 }
 
+/// When a vehicle is at the first place that it shares, by its soonest motion.
+fn soonest_entry_s(soonest: &MotionPlan, shared: &SharedWay, body: CavGeometry) -> f64 {
+    shared.others_entry_m().map_or(f64::INFINITY, |entry_m| soonest.time_at(body.axle_of_front(entry_m)))
+}
+
 /// Where a plan begins: the reference of the last control step, within the bounds of the route.
 fn state_of(now_s: f64, cav: &Cav) -> MotionState {
     let position_m = cav.axle_s();
@@ -328,6 +336,13 @@ impl ZoneVehicles {
                     (soonest, latest)
                 }
             };
+            let is_ahead = shared.is_behind() == Some(true);
+            if state.plan.is_none() && !is_ahead && !cav.defers_to_plans() {
+                let entry_s = soonest_entry_s(plan, &shared, cav.body);
+                if entry_s > now_s + PREDICTABLE_S {
+                    return None;
+                }
+            }
             let motion = PlannedMotion { route: &cav.route, body: cav.body, plan, latest };
             Some(Heeded { motion, shared, goes_first: goes_first(near.vehicle) })
         };
@@ -537,7 +552,7 @@ impl<'a> ZoneView<'a> {
                 .heeded((self.now_s, self.params), cavs, vehicle, |other| goes_first(cavs, other));
             let request = request_of(self.now_s, self.params, cav)
                 .ok_or(Infeasible { section: cav.passage.next_section })?;
-            request.plan(&self.params.gaps(cav), &heeded, not_before_s)?
+            request.plan_among(&self.params.gaps(cav), &heeded, not_before_s)?
         };
         self.requests.retain(|request| request.vehicle != vehicle);
         self.counts.plans += 1;
@@ -560,28 +575,20 @@ impl<'a> ZoneView<'a> {
         self.cavs[vehicle].coordination.plan = Some(plan);
     }
 
-    /// Whether a vehicle ahead on the own way has no plan and cannot have one.
-    fn is_behind_uncoordinated(&self, vehicle: usize) -> bool {
-        let own = &self.cavs[vehicle];
-        let Some(passage) = own.coordination.passage() else { return false };
-        let is_ahead = |cav: &Cav| {
-            let shared = SharedWay::of(&position_of(own), passage.to_s, &position_of(cav), passage.to_s);
-            shared.is_behind() == Some(true)
-        };
-        let others = self.vehicles.near.iter().map(|near| &self.cavs[near.vehicle]);
-        others
-            .filter(|cav| cav.coordination.plan.is_none() && !cav.defers_to_plans())
-            .any(|cav| cav.id != own.id && is_ahead(cav))
+    /// Whether somebody in the zone has no plan and cannot have one.
+    fn has_uncoordinated(&self) -> bool {
+        let mut cavs = self.vehicles.near.iter().map(|near| &self.cavs[near.vehicle]);
+        cavs.any(|cav| cav.coordination.plan.is_none() && !cav.is_coordinated())
     }
 
     /// Vehicles that got no plan drive by the rules of the road, and ask again later.
     fn refuse_rest(self) {
         self.counts.infeasible += self.requests.len() as u64;
+        let is_among_uncoordinated = self.has_uncoordinated();
         for request in &self.requests {
-            let is_behind_uncoordinated = self.is_behind_uncoordinated(request.vehicle);
             let state = &mut self.cavs[request.vehicle].coordination;
-            (state.asks_from_s, state.is_behind_uncoordinated) =
-                (self.now_s + self.params.replan_s, is_behind_uncoordinated);
+            (state.asks_from_s, state.is_among_uncoordinated) =
+                (self.now_s + self.params.replan_s, is_among_uncoordinated);
         }
     }
 }

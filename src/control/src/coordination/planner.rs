@@ -64,6 +64,10 @@ enum Waits {
     BeforeFirst,
 }
 
+/// A plan that is later than this for the sake of others of whom some have no plan is none: what those will do is not
+/// known so far ahead, and the rules of the road get through sooner, seconds.
+const MOST_LATE_AMONG_UNPLANNED_S: f64 = 3.0;
+
 /// A plan that is through sooner by less may cost more.
 const WORTH_A_SLOW_DRIVE_S: f64 = 0.1;
 
@@ -102,6 +106,25 @@ impl PlanRequest<'_> {
             }
             (between, before) => between.or(before),
         }
+    }
+
+    /// The plan of [`PlanRequest::plan`], unless it is very late for the sake of others who have no plan.
+    ///
+    /// # Errors
+    /// As for [`PlanRequest::plan`], and when the rules of the road get through sooner.
+    pub(super) fn plan_among(
+        &self,
+        gaps: &PlanGaps,
+        others: &[Heeded<'_>],
+        not_before_s: f64,
+    ) -> Result<MotionPlan, Infeasible> {
+        let plan = self.plan(gaps, others, not_before_s)?;
+        if others.iter().all(Heeded::is_planned) {
+            return Ok(plan);
+        }
+        let alone = self.plan(gaps, &[], not_before_s)?;
+        let is_too_late = plan.end().time_s > alone.end().time_s + MOST_LATE_AMONG_UNPLANNED_S;
+        if is_too_late { Err(Infeasible { section: self.passage.sections.start }) } else { Ok(plan) }
     }
 
     fn search(

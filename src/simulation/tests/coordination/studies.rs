@@ -89,6 +89,20 @@ fn below_saturation_plans_wait_less_than_signals() {
 }
 
 #[test]
+fn automated_vehicles_among_people_do_not_hold_the_traffic_up() {
+    let overrides = || Overrides { seed: Some(2), ..Overrides::default() };
+    let with = |share: &str| {
+        let share = format!("rate_veh_h = 300\nshare_cav = {share}\n");
+        let studied = study("intersection", &[("rate_veh_h = 200\n", &share)], overrides());
+        assert_eq!(studied.collisions, 0);
+        studied.mean_delay_s()
+    };
+    let (people, mixed) = (with("0"), with("0.6"));
+    // Plans that waited for whatever people might do took twice as long as people alone.
+    assert!(mixed < people, "{mixed} s, people alone {people} s");
+}
+
+#[test]
 fn more_traffic_than_an_intersection_can_carry_does_not_collide() {
     let changes = [("duration_s = 360.0", "duration_s = 120.0"), ("rate_veh_h = 200", "rate_veh_h = 450")];
     for overrides in [Overrides::default(), in_testbed()] {

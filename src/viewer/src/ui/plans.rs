@@ -138,7 +138,7 @@ fn why_not(why: NoPlan) -> &'static str {
     match why {
         NoPlan::NotCoordinated => "not coordinated",
         NoPlan::LeftItsPlans => "has left its plans",
-        NoPlan::BehindUncoordinated => "behind one without",
+        NoPlan::AmongUncoordinated => "among vehicles without",
         NoPlan::Infeasible => "infeasible, asks again",
     }
 }

@@ -1,0 +1,61 @@
+//! An index of admitted vehicles by the lanes that they were admitted to, so that room behind a section is found without
+//! a look at every vehicle.
+
+use crate::Cav;
+use city3d_roadmap::{LabMap, LaneId};
+
+/// Distance behind a section within which its exit lane begins, laboratory metres.
+pub(super) const BEHIND_SECTION_M: f64 = 0.05;
+
+/// The vehicles that have an admission to a section with a lane, by lane; rebuilt each control step. Admissions that ended
+/// within the step are still there.
+#[derive(Clone, Debug)]
+pub(super) struct AdmittedTowards {
+    by_lane: Vec<Vec<usize>>,
+    /// Lanes with vehicles.
+    used: Vec<LaneId>,
+}
+
+impl AdmittedTowards {
+    pub(super) fn new(map: &LabMap) -> Self {
+        Self { by_lane: vec![Vec::new(); map.lanes.len()], used: Vec::new() }
+    }
+
+    /// Lists the vehicles anew.
+    pub(super) fn fill(&mut self, cavs: &[Cav]) {
+        for lane in self.used.drain(..) {
+            self.by_lane[lane.index()].clear();
+        }
+        for (vehicle, cav) in cavs.iter().enumerate().filter(|(_, cav)| cav.is_on_route()) {
+            self.add(vehicle, cav);
+        }
+    }
+
+    /// Adds the admissions of a vehicle.
+    pub(super) fn add(&mut self, vehicle: usize, cav: &Cav) {
+        for admission in &cav.passage.admissions {
+            self.add_section(vehicle, cav, admission.section);
+        }
+    }
+
+    /// Adds an admission to one section of its route.
+    pub(super) fn add_section(&mut self, vehicle: usize, cav: &Cav, section: usize) {
+        let there = &cav.route.sections[section];
+        let lanes = cav.route.index_at(there.from_s)..=cav.route.index_at(there.to_s + BEHIND_SECTION_M);
+        for &lane in &cav.route.lanes()[lanes] {
+            let vehicles = &mut self.by_lane[lane.index()];
+            if vehicles.is_empty() {
+                self.used.push(lane);
+            }
+            vehicles.push(vehicle);
+        }
+    }
+
+    /// The vehicles listed for a lane, each once, in id order.
+    pub(super) fn lane(&self, lane: LaneId) -> Vec<usize> {
+        let mut vehicles = self.by_lane[lane.index()].clone();
+        vehicles.sort_unstable();
+        vehicles.dedup();
+        vehicles
+    }
+}
