@@ -342,6 +342,7 @@ impl ViewArgs {
             logs,
             speed: self.speed,
             starts: self.start,
+            has_start_page: self.scenario.is_none() && !self.start,
             is_driven: self.driven,
         }
     }

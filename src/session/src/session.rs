@@ -10,15 +10,15 @@ use super::event_feed::EventCollector;
 use super::source::{Now, Pace, Source, Step};
 use super::state::{EndStatus, LatestState};
 use super::{
-    CoordinationState, Inputs, LinkStatus, Moment, MomentKind, Order, OrderSender, Orders, PacingClock,
-    RunPhase, RunState, SessionError, Speed, StepTiming, orders,
+    CoordinationState, FilesWritten, Inputs, LinkStatus, Moment, MomentKind, Order, OrderSender, Orders,
+    PacingClock, RunPhase, RunState, SessionError, Speed, StepTiming, orders,
 };
 use city3d_network::host::Host;
 use city3d_protocol::snapshot::FrameSnapshot;
 use city3d_simulation::runner::{LinkSummary, PicturesSummary, RosSummary};
 use handle::UpdateSignal;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Interval at which a moment is told again while the clock stands, for those who have missed it.
@@ -103,7 +103,7 @@ struct View {
     published_at: Instant,
     /// Where moments come as they arrive: a clock to interpolate by.
     arrival_clock: Option<PacingClock>,
-    folder: Box<dyn Fn() -> Option<std::path::PathBuf> + Send>,
+    files: Option<Arc<Mutex<FilesWritten>>>,
     link: Option<Arc<LinkStatus>>,
     ends: Arc<Vec<EndStatus>>,
     events: EventCollector,
@@ -425,7 +425,8 @@ impl<S: Source> Session<S> {
 
     fn finish(&mut self) -> Result<(), SessionError> {
         let last = self.source.snapshot().clone();
-        self.end_run(&last, !self.is_over());
+        let is_whole = self.is_over() || self.source.phase() == RunPhase::Over;
+        self.end_run(&last, !is_whole);
         self.run -= 1;
         self.ends.close();
         self.check_ends()
@@ -501,6 +502,13 @@ impl<S: Source> Session<S> {
         let coordination = mainframe.and_then(|mainframe| {
             CoordinationState::of(mainframe, self.source.experiment(), snapshot.time_s).map(Arc::new)
         });
+        let (folder, outcome) = match &view.files {
+            Some(files) => {
+                let files = files.lock().unwrap_or_else(PoisonError::into_inner);
+                (files.folder.clone(), files.outcome.clone())
+            }
+            None => (None, None),
+        };
         view.latest_state.put(RunState {
             before,
             now: Arc::clone(&view.latest),
@@ -509,7 +517,8 @@ impl<S: Source> Session<S> {
             clock,
             real_time_factor: if is_running { self.rate.factor() } else { 0.0 },
             run: self.run,
-            folder: (view.folder)(),
+            folder,
+            outcome,
             link: view.link.clone(),
             ends: Arc::clone(&view.ends),
             coordination,

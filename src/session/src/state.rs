@@ -2,6 +2,7 @@
 
 use super::{CoordinationState, EventFeed, PacingClock, Speed};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
+use city3d_simulation::runner::Summary;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -92,6 +93,8 @@ pub struct RunState {
     pub run: u32,
     /// Folder of the recording, once the run has begun.
     pub folder: Option<PathBuf>,
+    /// What the run has come to at the scenario's duration; `None` before, and where the session has no files.
+    pub outcome: Option<Arc<Summary>>,
     /// The link of a city that is served or elsewhere.
     pub link: Option<Arc<LinkStatus>>,
     /// The ends of the session.
@@ -118,6 +121,7 @@ impl RunState {
             real_time_factor: 0.0,
             run: 1,
             folder: None,
+            outcome: None,
             link: None,
             ends: Arc::default(),
             coordination: None,

@@ -21,6 +21,7 @@ pub fn show(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>) {
     state.viewpoint.update(shown.interpolated);
     let moves = shown.run_state.phase == RunPhase::Running || response.dragged() || state.is_scrubbing;
     let extent = extent(rect, ui.ctx().pixels_per_point(), shown.most_moving_pixels.filter(|_| moves));
+    state.viewpoint.begin(shown.interpolated, shown.map, shown.control_zones);
     state.viewpoint.show_whole(shown.interpolated, extent, shown.walls);
     let view = state.viewpoint.view(shown.interpolated, extent);
     state.pictures.push(PictureRequest { slot: PictureSlot::City, view });

@@ -10,8 +10,11 @@ const FLY_MPS: f64 = 25.0;
 
 /// Handles the pressed keys in their order.
 pub fn act(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Vec<UiAction>) {
-    // The palette takes all keys.
-    if state.palette.is_open {
+    // The palette takes all keys, and so does a panel before everything else.
+    if state.runs.is_modal() && ui.input(|input| input.modifiers.command && input.key_pressed(Key::Q)) {
+        actions.push(UiAction::Quit);
+    }
+    if state.palette.is_open || state.runs.is_modal() {
         return;
     }
     let is_typing = ui.ctx().text_edit_focused();

@@ -22,6 +22,7 @@ mod palette;
 mod panels;
 mod plans;
 mod preview;
+pub mod runs;
 mod settings;
 mod status;
 mod theme;
@@ -91,7 +92,7 @@ pub struct ViewModel<'a> {
     pub scenario: &'a str,
     /// Duration that the scenario sets, simulated seconds; a run may go on beyond it.
     pub duration_s: f64,
-    /// Scenarios to choose from; none in a replay.
+    /// Scenarios to choose from.
     pub scenarios: &'a [ScenarioChoice],
     /// What is being loaded, in words; nothing changes until it is loaded.
     pub loading: Option<&'a str>,
@@ -109,6 +110,8 @@ pub struct ViewModel<'a> {
     pub city: CityKind,
     /// The playback, where a recorded run is shown.
     pub replay: Option<ReplayView<'a>>,
+    /// Recent files, recorded runs, and what can be run again.
+    pub runs: runs::RunsView<'a>,
 }
 
 /// Where a city runs.
@@ -196,8 +199,18 @@ pub enum UiAction {
     Drive(VehicleId),
     /// The user releases the driven vehicle to its algorithm.
     GiveBack,
-    /// Another scenario, by a shipped name or a file, from its beginning.
+    /// Another scenario, by a shipped name or a file, from its beginning; with what replaces values of the present one.
     Scenario(String),
+    /// A scenario, a map or a log.
+    Open(runs::OpenRequest),
+    /// The log of the present run, which ends with it.
+    Replay,
+    /// The scenario that is shown from its beginning, with this seed or its own, at once.
+    RunAgain(Option<u64>),
+    /// The run is reset: the user was asked.
+    ResetConfirmed,
+    /// The measures of the present run beside those of another one: its folder or its log.
+    CompareWith(std::path::PathBuf),
     /// Another quality or time of day; the city's renderer is built again.
     Look(Look),
     /// A device mapping has changed and is to be stored.
@@ -334,6 +347,8 @@ pub struct UiState {
     pub is_scrubbing: bool,
     /// Gamepads and steering wheels.
     pub devices: Devices,
+    /// Start page, file panel, and the end of a run.
+    pub runs: runs::RunPanels,
     /// A message to the user, and until when it is shown, seconds of egui's clock.
     pub notice: Option<(String, f64)>,
     /// The pictures that this frame needs.
@@ -361,9 +376,22 @@ impl UiState {
             section: TimelineRange::default(),
             is_scrubbing: false,
             devices: Devices::default(),
+            runs: runs::RunPanels::default(),
             notice: None,
             pictures: Vec::new(),
         }
+    }
+
+    /// The state for another run: what belongs to the user stays, what belongs to the run goes.
+    pub fn renewed(&mut self, snapshot: &FrameSnapshot) -> Self {
+        let mut next = Self::new(snapshot, self.look);
+        next.table = std::mem::take(&mut self.table);
+        (next.layers, next.preferences) = (self.layers, self.preferences);
+        next.devices = std::mem::take(&mut self.devices);
+        (next.layout, next.open) = (std::mem::take(&mut self.layout), self.open);
+        next.runs.start_page.fields = self.runs.start_page.fields.clone();
+        next.runs.last_folder = self.runs.last_folder.take();
+        next
     }
 
     /// Opens the preview of a vehicle, or closes it.
@@ -487,6 +515,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
     egui::CentralPanel::no_frame().show(ui, |ui| layout::show(ui, state, shown, &mut actions));
     settings::window(ui, state);
     help::window(ui, state, shown);
+    runs::show(ui, state, shown, &mut actions);
     drive::step(ui, state, shown, &mut actions);
     state.had_focus = ui.memory(|memory| memory.focused().is_some());
     actions

@@ -116,14 +116,14 @@ pub fn reason(vehicle: &VehicleState, info: &VehicleInfo, map: &CityMap) -> &'st
 /// Explanation of a status for tooltips.
 pub fn meaning(status: Status) -> &'static str {
     match status {
-        Status::Waiting => "Set up; waits for its first trajectory",
+        Status::Waiting => "Set up; waits for the start, or for its first trajectory",
         Status::Driving => "Follows its trajectory",
         Status::Yielding => "Gives way at a yield line, or to a vehicle with the right of way",
         Status::Stopped => "Stopped: behind others, at a line, or where a person left it off the lanes",
         Status::Manual => "A person drives",
         Status::LinkLost => "No command for longer than the link timeout: it brakes to a stop on its path",
         Status::Collided => {
-            "Has hit something; it brakes and stays. Take control (Enter) to drive on, or reset the run (Ctrl+R)"
+            "Has hit something and stays. Take control (Enter; R reverses) to drive it off, or reset the run (Ctrl+R)"
         }
         Status::Finished => "At the end of its route",
         Status::Physical => "A vehicle of the laboratory, drawn as it is measured",

@@ -2,7 +2,7 @@
 
 use super::display_loss::{catch_display_loss, guard_session};
 use super::gamepads::Gamepads;
-use super::loading::{LoadJob, LoadRequest};
+use super::loading::{LoadJob, LoadRequest, Opened, ShownCity};
 use super::painter::{PaintTarget, WindowPainter};
 use super::recording::{RecordedRun, RecordingOptions};
 use super::settings::{load_profiles, save_profiles};
@@ -10,7 +10,8 @@ use super::surface::WindowSurface;
 use super::viewer::{ViewerState, WindowRequest};
 use super::{ViewSettings, WindowError, WindowOptions, WindowSubject};
 use crate::cockpit::Devices;
-use crate::ui::CityKind;
+use crate::ui::runs::Problem;
+use crate::ui::{CityKind, Look};
 use city3d_render::{Context, write_png};
 use city3d_session::Order;
 use std::mem::ManuallyDrop;
@@ -218,6 +219,9 @@ impl OpenWindow {
         let recording = RecordingOptions { logs: subject.logs(), on_update: Arc::clone(&on_update) };
         let mut viewer = subject.viewer(options, &context, &settings, recording)?;
         super::picture::arrange(&mut viewer, options)?;
+        if matches!(subject, WindowSubject::Scenario(scenario) if scenario.has_start_page) {
+            viewer.state.runs.start_page.open();
+        }
         if !options.is_fresh {
             viewer.state.devices = Devices::new(load_profiles());
         }
@@ -375,7 +379,7 @@ impl OpenWindow {
 
     fn fulfil(&mut self, request: WindowRequest) {
         match request {
-            WindowRequest::Look | WindowRequest::Scenario(_) => self.load(request),
+            WindowRequest::Look | WindowRequest::Open(_) => self.load(request),
             WindowRequest::Screenshot => self.wants_shot = true,
             WindowRequest::KeepDevices if self.remembers => {
                 save_profiles(self.viewer.state.devices.profiles());
@@ -389,14 +393,21 @@ impl OpenWindow {
     fn load(&mut self, request: WindowRequest) {
         if self.loading.is_some() {
             // A queued scenario takes the look of that time.
-            if !matches!((&self.next, &request), (Some(WindowRequest::Scenario(_)), WindowRequest::Look)) {
+            if !matches!((&self.next, &request), (Some(WindowRequest::Open(_)), WindowRequest::Look)) {
                 self.next = Some(request);
             }
             return;
         }
         let look = self.viewer.state.look;
         let request = match request {
-            WindowRequest::Scenario(request) => LoadRequest::Scenario(request, look),
+            WindowRequest::Open(opening) => {
+                let hours = self.painter.look().hours;
+                let shown = ShownCity {
+                    experiment: Arc::clone(self.viewer.experiment()),
+                    look: Look { hours, ..look },
+                };
+                LoadRequest::Open(opening, shown)
+            }
             _ => {
                 self.settings.preset = Some(look.preset);
                 LoadRequest::Look(Arc::clone(self.viewer.experiment()), look)
@@ -412,18 +423,34 @@ impl OpenWindow {
     /// Shows the result of a finished load job.
     fn take_loaded(&mut self) {
         let Some(outcome) = self.loading.as_ref().and_then(LoadJob::try_finish) else { return };
-        (self.loading, self.viewer.loading) = (None, None);
+        self.loading = None;
+        let what = self.viewer.loading.take();
+        let now_s = self.egui.input(|input| input.time);
         let shown = outcome.and_then(|loaded| -> Result<(), WindowError> {
-            if let Some((request, experiment)) = loaded.scenario {
-                self.viewer.enter(request, experiment, self.egui.input(|input| input.time))?;
-                guard_session(self.viewer.stopper());
-                self.viewer.state.look.hours = loaded.look.hours;
+            match loaded.opened {
+                Some(Opened::Scenario(request, experiment, starts)) => {
+                    self.viewer.enter(request, experiment, now_s)?;
+                    guard_session(self.viewer.stopper());
+                    if starts {
+                        self.viewer.send(Order::Start);
+                    }
+                    self.viewer.state.look.hours = loaded.look.hours;
+                }
+                Some(Opened::Log(log, player)) => {
+                    self.viewer.enter_log(&log, *player, now_s);
+                    guard_session(self.viewer.stopper());
+                    self.viewer.state.look.hours = loaded.look.hours;
+                }
+                None => {}
             }
-            self.painter.set_city(loaded.city);
+            if let Some(city) = loaded.city {
+                self.painter.set_city(city, loaded.look);
+            }
             Ok(())
         });
         if let Err(error) = shown {
-            self.say(error.to_string());
+            let title = what.map_or_else(|| "This cannot be loaded".to_owned(), |what| failed_title(&what));
+            self.viewer.state.runs.problem = Some(Problem::of_file(title, error.to_string()));
         }
         if let Some(request) = self.next.take() {
             self.load(request);
@@ -460,6 +487,13 @@ impl OpenWindow {
         }
         self.viewer.close()
     }
+}
+
+/// The title of a failure, from what was said while it was loading.
+fn failed_title(what: &str) -> String {
+    let what = what.trim_end_matches(" ...");
+    let name = what.strip_prefix("Loading ").unwrap_or(what);
+    format!("{name} cannot be opened")
 }
 
 /// An unused file name for a screenshot of a tick.

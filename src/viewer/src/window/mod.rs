@@ -6,8 +6,10 @@ mod event_loop;
 mod frame_times;
 mod gamepads;
 mod loading;
+mod opening;
 mod painter;
 mod picture;
+mod recorded_runs;
 mod recording;
 mod scenario_info;
 mod settings;
@@ -82,6 +84,8 @@ pub struct ScenarioSubject {
     pub speed: Option<Speed>,
     /// Whether the run starts at once.
     pub starts: bool,
+    /// Whether the window begins with its start page: nobody has named a scenario.
+    pub has_start_page: bool,
     /// Whether a person drives the selected vehicle in a picture of the window.
     pub is_driven: bool,
 }
@@ -194,11 +198,13 @@ impl WindowSubject {
         Ok(viewer)
     }
 
-    /// Where runs are recorded; a replayed log stays as it is.
+    /// Where runs are recorded.
     fn logs(&self) -> LogLocation {
         match self {
             Self::Scenario(subject) => subject.logs.clone(),
-            Self::City(_) | Self::Log(_) => LogLocation::Nowhere,
+            // Scenarios that are opened after the log are recorded.
+            Self::Log(_) => LogLocation::OfTheUser,
+            Self::City(_) => LogLocation::Nowhere,
         }
     }
 }
@@ -211,7 +217,7 @@ impl ScenarioSubject {
         settings: &ViewSettings,
         recording: RecordingOptions,
     ) -> Result<ViewerState, WindowError> {
-        let experiment = city3d_session::load(&self.request)?;
+        let experiment = loading::read(&self.request)?;
         let look = options.look(context, settings, experiment.time_of_day);
         ViewerState::new(self.request.clone(), experiment, look, recording)
     }

@@ -15,6 +15,8 @@ use std::collections::BTreeMap;
 pub struct WindowPainter {
     context: Context,
     city: Renderer,
+    /// Quality and time of day of the renderer.
+    look: Look,
     panels: egui_wgpu::Renderer,
     /// Format of the targets.
     format: wgpu::TextureFormat,
@@ -56,7 +58,7 @@ impl WindowPainter {
         // Dithering would cost a software adapter at every pixel what only gradients need.
         let options = RendererOptions { dithering: false, ..RendererOptions::default() };
         let panels = egui_wgpu::Renderer::new(&context.device, format, options);
-        Ok(Self { context, city, panels, format, slots: BTreeMap::new(), drawn: None })
+        Ok(Self { context, city, look, panels, format, slots: BTreeMap::new(), drawn: None })
     }
 
     /// The adapter and the device that draw.
@@ -64,9 +66,14 @@ impl WindowPainter {
         &self.context
     }
 
+    /// Quality and time of day of what it draws.
+    pub fn look(&self) -> Look {
+        self.look
+    }
+
     /// Replaces the renderer: another city, or another light.
-    pub fn set_city(&mut self, city: Renderer) {
-        self.city = city;
+    pub fn set_city(&mut self, city: Renderer, look: Look) {
+        (self.city, self.look) = (city, look);
         self.drawn = None;
     }
 

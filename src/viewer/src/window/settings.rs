@@ -23,6 +23,8 @@ pub struct ViewSettings {
     pub preset: Option<QualityPreset>,
     /// Camera of the large view.
     pub mode: CameraMode,
+    /// Files that were opened last, the latest first.
+    pub recent: Vec<PathBuf>,
     /// `None` until the user chooses.
     pub speed: Option<Speed>,
     /// Overlays of the city view.
@@ -117,6 +119,11 @@ fn file(name: &str) -> Option<PathBuf> {
     folder("XDG_CONFIG_HOME", ".config").map(|folder| folder.join("city3d").join(name))
 }
 
+/// The folder of the runs that windows have recorded.
+pub fn runs_folder() -> Option<PathBuf> {
+    Some(folder("XDG_DATA_HOME", ".local/share")?.join("city3d").join("runs"))
+}
+
 /// A new folder for the logs of a window on a scenario.
 pub fn log_folder(scenario: &str) -> Option<PathBuf> {
     let stem = Path::new(scenario).file_stem()?.to_string_lossy().into_owned();
@@ -124,7 +131,7 @@ pub fn log_folder(scenario: &str) -> Option<PathBuf> {
     let [year, month, day] = date(seconds / 86_400);
     let (hour, minute, second) = (seconds / 3600 % 24, seconds / 60 % 60, seconds % 60);
     let name = format!("{stem}-{year:04}{month:02}{day:02}-{hour:02}{minute:02}{second:02}");
-    let runs = folder("XDG_DATA_HOME", ".local/share")?.join("city3d").join("runs");
+    let runs = runs_folder()?;
     let others = (2..).map(|k| format!("{name}-{k}"));
     std::iter::once(name.clone()).chain(others).map(|name| runs.join(name)).find(|folder| !folder.exists())
 }
@@ -191,6 +198,7 @@ mod tests {
             size: Some([1600, 900]),
             preset: Some(QualityPreset::Medium),
             mode: CameraMode::Overhead,
+            recent: vec!["/home/me/mine.toml".into()],
             layers: Layers { lanes: true, labels: false, ..Layers::default() },
             table: TableState { descending: true, ..TableState::default() },
             speed: Some(Speed::Times(2.0)),

@@ -1,16 +1,22 @@
 //! The viewer without its window: a live run or a player, the state of the panels, and the actions between them.
 
-use super::recording::{LogLocation, RecordedRun, RecordingOptions, recorded, start};
+mod entering;
+mod seat;
+#[cfg(test)]
+mod tests;
+
+use super::opening::Opening;
+use super::recording::{RecordedRun, RecordingOptions, recorded, start};
 use super::scenario_info::ScenarioInfo;
 use super::settings::{ViewSettings, WatchedVehicles};
 use super::{CitySubject, WindowError};
 use crate::cockpit::SteeringGeometry;
+use crate::ui::runs::{RunsView, StartLists};
 use crate::ui::{
-    self, CameraMode, CityKind, History, HistorySample, KEPT_S, LiveTraffic, Look, ManualDrive,
-    PictureRequest, PictureSlot, Preview, ReplayView, ScenarioChoice, UiAction, UiState, ViewModel,
+    self, CityKind, History, HistorySample, KEPT_S, LiveTraffic, Look, PictureRequest, PictureSlot, Preview,
+    ReplayView, ScenarioChoice, UiAction, UiState, ViewModel,
 };
-use city3d_logbook::record::LogOrigin;
-use city3d_protocol::snapshot::{FrameSnapshot, VehicleId, VehicleInfo, VehicleSpec};
+use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleSpec};
 use city3d_render::Context;
 use city3d_session::playback::{LogInfo, MarkKind, PlaybackCommand, Player, TimelineMark};
 use city3d_session::{
@@ -27,8 +33,8 @@ use std::time::Instant;
 pub enum WindowRequest {
     /// The pictures look otherwise from now on.
     Look,
-    /// Another experiment.
-    Scenario(ScenarioRequest),
+    /// Another scenario, or a log.
+    Open(Opening),
     /// The next frame is saved as a picture.
     Screenshot,
     /// The device mappings are stored.
@@ -43,6 +49,8 @@ enum ViewedRun {
     Run(SessionHandle),
     /// One that was recorded.
     Log(Box<Player>),
+    /// A session that was stopped so that its log can be opened: its last state.
+    Ended(Arc<RunState>),
 }
 
 impl ViewedRun {
@@ -50,6 +58,7 @@ impl ViewedRun {
         match self {
             Self::Run(live) => live.run_state(),
             Self::Log(player) => player.run_state(),
+            Self::Ended(last) => Arc::clone(last),
         }
     }
 
@@ -62,6 +71,7 @@ impl ViewedRun {
                 (run_state, weight)
             }
             Self::Log(player) => player.advance(now),
+            Self::Ended(last) => (Arc::clone(last), 1.0),
         }
     }
 }
@@ -96,6 +106,11 @@ pub struct ViewerState {
     adapter: String,
     most_moving_pixels: Option<u32>,
     recorded: Vec<RecordedRun>,
+    /// What the start page lists, and whether it was shown in the last frame.
+    lists: StartLists,
+    lists_are_shown: bool,
+    /// The scenario that can be run again: the present one, or that of the log which this window wrote.
+    again: Option<ScenarioRequest>,
 }
 
 /// Pixel budget of a software adapter for a fluent frame rate.
@@ -113,13 +128,10 @@ impl ViewerState {
         recording: RecordingOptions,
     ) -> Result<Self, WindowError> {
         let source = ViewedRun::Run(start(&request, &experiment, &recording, 0)?);
-        let mut scenarios: Vec<ScenarioChoice> = shipped_scenarios().map(choice).collect();
-        if scenarios.iter().all(|choice| choice.name != request.scenario) {
-            let description = experiment.description.clone();
-            scenarios.insert(0, ScenarioChoice { name: request.scenario.clone(), description });
-        }
+        let again = Some(request.clone());
         let mut viewer = Self::on(source, request, experiment, (look, recording));
-        viewer.scenarios = scenarios;
+        viewer.again = again;
+        viewer.choose_present();
         viewer.seat_user(0.0);
         Ok(viewer)
     }
@@ -149,20 +161,9 @@ impl ViewerState {
     /// A viewer of a recorded run; `log` is its name.
     pub fn on_log(player: Player, log: String, look: Look, recording: RecordingOptions) -> Self {
         let experiment = Arc::clone(player.experiment());
-        let (truncation, is_measured) = (player.info().truncation, player.origin() == LogOrigin::Recorded);
         let request = ScenarioRequest { scenario: log, ..ScenarioRequest::default() };
-        let has_control_data = player.origin().has_world();
         let mut viewer = Self::on(ViewedRun::Log(Box::new(player)), request, experiment, (look, recording));
-        viewer.scenario_info.has_control_data = has_control_data;
-        if is_measured {
-            // The scenario's algorithm did not drive them.
-            viewer.scenario_info.drivers.values_mut().for_each(|driver| "recorded".clone_into(driver));
-        }
-        if let Some(why) = truncation {
-            viewer
-                .state
-                .say(format!("The log is truncated: {why}. It is shown up to its last whole record."), 0.0);
-        }
+        viewer.tell_of_log(0.0);
         viewer
     }
 
@@ -188,13 +189,16 @@ impl ViewerState {
             experiment,
             history: History::default(),
             interpolated,
-            scenarios: Vec::new(),
+            scenarios: shipped_scenarios().map(choice).collect(),
             loading: None,
             seated_in_run: 0,
             footer: String::new(),
             adapter: String::new(),
             most_moving_pixels: None,
             recorded: Vec::new(),
+            lists: StartLists::default(),
+            lists_are_shown: false,
+            again: None,
         }
     }
 
@@ -245,7 +249,7 @@ impl ViewerState {
         self.source.advance(Instant::now());
         match &self.source {
             ViewedRun::Log(player) => player.is_settled(),
-            ViewedRun::Run(_) => true,
+            ViewedRun::Run(_) | ViewedRun::Ended(_) => true,
         }
     }
 
@@ -270,6 +274,7 @@ impl ViewerState {
         match &self.source {
             ViewedRun::Run(live) => live.run_state().phase == RunPhase::Running,
             ViewedRun::Log(player) => player.is_moving(),
+            ViewedRun::Ended(_) => false,
         }
     }
 
@@ -283,7 +288,7 @@ impl ViewerState {
         self.traffic.observe(&run_state.now);
         let watched = self.state.previews.iter().map(|preview| preview.vehicle);
         match &mut self.source {
-            ViewedRun::Run(_) => self.history.record_samples(&run_state.now, watched),
+            ViewedRun::Run(_) | ViewedRun::Ended(_) => self.history.record_samples(&run_state.now, watched),
             // Playback may go backwards: take the samples from the log.
             ViewedRun::Log(player) => {
                 self.history = History::default();
@@ -303,8 +308,10 @@ impl ViewerState {
         frames_per_s: f64,
     ) -> Vec<UiAction> {
         let (run_state, weight) = self.source.advance(Instant::now());
-        self.interpolated.blend(&run_state.before, &run_state.now, weight);
         self.record_samples(&run_state);
+        let run_state = before_start(run_state);
+        self.interpolated.blend(&run_state.before, &run_state.now, weight);
+        self.list_runs();
         let now_s = ui.input(|input| input.time);
         self.ask_for_plans(self.state.shows_plans());
         self.meet_vehicles(&run_state);
@@ -350,6 +357,7 @@ impl ViewerState {
             has_control_data: self.scenario_info.has_control_data,
             city: self.city,
             replay,
+            runs: RunsView { lists: &self.lists, may_run_again: self.again.is_some() },
         };
         ui::show(ui, &mut self.state, &shown)
     }
@@ -359,8 +367,9 @@ impl ViewerState {
         let mut requests = Vec::new();
         for action in actions {
             match action {
-                UiAction::Order(command) => {
-                    self.send(command);
+                UiAction::Order(order) => requests.extend(self.order(order, now_s)),
+                UiAction::ResetConfirmed => {
+                    self.send(Order::Reset);
                 }
                 UiAction::PlaybackCommand(command) => self.control_playback(command),
                 UiAction::Drive(vehicle) => self.take_over(vehicle, now_s),
@@ -370,9 +379,13 @@ impl ViewerState {
                 UiAction::KeepDevices => requests.push(WindowRequest::KeepDevices),
                 UiAction::Quit => requests.push(WindowRequest::Quit),
                 UiAction::Scenario(scenario) => {
-                    requests
-                        .push(WindowRequest::Scenario(ScenarioRequest { scenario, ..self.request.clone() }));
+                    let request = ScenarioRequest { scenario, ..self.request.clone() };
+                    requests.push(WindowRequest::Open(Opening::scenario(request)));
                 }
+                UiAction::Open(request) => requests.extend(self.open(&request, now_s)),
+                UiAction::Replay => requests.extend(self.replay(now_s)),
+                UiAction::RunAgain(seed) => requests.extend(self.run_again(seed)),
+                UiAction::CompareWith(other) => self.compare_with(&other),
             }
         }
         requests
@@ -415,123 +428,9 @@ impl ViewerState {
         }
     }
 
-    /// Gives the user the vehicle that the scenario reserves for a person, or the car that this window has brought,
-    /// once per run.
-    fn seat_user(&mut self, now_s: f64) {
-        let run_state = self.run_state();
-        let is_new = matches!(self.source, ViewedRun::Run(_)) && self.seated_in_run != run_state.run;
-        let own = match self.city {
-            CityKind::Local => self.scenario_info.own,
-            CityKind::Served => None,
-            CityKind::Elsewhere => run_state.link.as_ref().and_then(|link| link.own_vehicle),
-        };
-        let is_there = own.is_some_and(|vehicle| run_state.now.vehicle(vehicle).is_some());
-        if is_new && (is_there || self.city == CityKind::Local) {
-            self.seated_in_run = run_state.run;
-            if let Some(vehicle) = own {
-                self.take_over(vehicle, now_s);
-            }
-        }
-    }
-
-    /// Why a vehicle cannot be driven from here.
-    fn reason_against_driving(&self, vehicle: VehicleId, run_state: &RunState) -> Option<String> {
-        let is_physical = run_state.now.info(vehicle).is_some_and(VehicleInfo::is_physical);
-        if is_physical || self.experiment.is_physical(vehicle) {
-            return Some(format!("Vehicle {vehicle} is in the laboratory: it is measured here, not driven."));
-        }
-        let own = run_state.link.as_ref().and_then(|link| link.own_vehicle);
-        match (self.city, own) {
-            (CityKind::Elsewhere, None) => Some(
-                "This window watches a city elsewhere; city3d view --city ADDR --guest brings a car of your own."
-                    .to_owned(),
-            ),
-            (CityKind::Elsewhere, Some(own)) if own != vehicle => {
-                Some(format!("Vehicle {vehicle} is not yours; your car is number {own}."))
-            }
-            _ => None,
-        }
-    }
-
-    fn take_over(&mut self, vehicle: VehicleId, now_s: f64) {
-        let run_state = self.run_state();
-        if let Some(why) = self.reason_against_driving(vehicle, &run_state) {
-            self.state.say(why, now_s);
-            return;
-        }
-        self.give_back(now_s);
-        let Some(state) = run_state.now.vehicle(vehicle) else { return };
-        self.state.driving = Some(ManualDrive::take_over(vehicle, run_state.run, state.steering_rad));
-        self.state.selection.vehicle = Some(vehicle);
-        self.state.viewpoint.set_mode(CameraMode::Chase, Some(vehicle));
-        self.state.viewpoint.follow = Some(vehicle);
-    }
-
-    fn give_back(&mut self, now_s: f64) {
-        let Some(driving) = self.state.driving.take() else { return };
-        self.send(Order::Release(driving.vehicle));
-        self.state.viewpoint.rear = false;
-        let run_state = self.run_state();
-        let found = run_state.now.vehicle(driving.vehicle).zip(run_state.now.info(driving.vehicle));
-        if let Some((vehicle, info)) = found
-            && ui::is_off_lanes(vehicle, info, &self.experiment.city_map)
-        {
-            let name = &info.name;
-            self.state.say(
-                format!(
-                    "{name} is off the lanes: its algorithm has no route from there, and stops it. \
-                     Drive it back onto a lane (Enter), or reset the run."
-                ),
-                now_s,
-            );
-        }
-    }
-
-    /// Ends the present run with its log, and starts another scenario.
-    ///
-    /// # Errors
-    /// Where it cannot be run; the present one goes on then.
-    pub fn enter(
-        &mut self,
-        request: ScenarioRequest,
-        experiment: Arc<Experiment>,
-        now_s: f64,
-    ) -> Result<(), WindowError> {
-        // Runs in one folder are numbered on.
-        let before = match self.recording.logs {
-            LogLocation::In(_) => self.runs_before + self.run_state().run,
-            LogLocation::Nowhere | LogLocation::OfTheUser => 0,
-        };
-        let live = start(&request, &experiment, &self.recording, before)?;
-        let old = std::mem::replace(&mut self.source, ViewedRun::Run(live));
-        let old_name = self.experiment.name.clone();
-        (self.request, self.runs_before, self.refused) = (request, before, 0);
-        self.asks_for_plans = false;
-        self.seated_in_run = 0;
-        self.scenario_info = ScenarioInfo::of(&experiment);
-        self.traffic = LiveTraffic::new(&experiment);
-        self.experiment = experiment;
-        let first = self.run_state();
-        let look = self.state.look;
-        let before = std::mem::replace(&mut self.state, UiState::new(&first.now, look));
-        (self.state.table, self.state.layers) = (before.table, before.layers);
-        (self.state.devices, self.state.preferences) = (before.devices, before.preferences);
-        (self.state.layout, self.state.open) = (before.layout, before.open);
-        self.set_speed(old.run_state().speed);
-        if let ViewedRun::Run(old) = old {
-            match old.stop() {
-                Ok(written) => {
-                    self.state.notice = written.failure.map(|why| (why.to_string(), now_s + 6.0));
-                    self.recorded.extend(recorded(&old_name, written.folders));
-                }
-                Err(error) => self.state.say(error.to_string(), now_s),
-            }
-        }
-        Ok(())
-    }
-
     /// Restores the stored settings.
     pub fn restore(&mut self, settings: &ViewSettings) {
+        self.lists.recent.clone_from(&settings.recent);
         let state = &mut self.state;
         (state.table, state.layers) = (settings.table.clone(), settings.layers);
         state.preferences = settings.preferences.sane();
@@ -559,6 +458,7 @@ impl ViewerState {
         settings.preferences = state.preferences;
         settings.layout = state.layout.stored(state.open);
         settings.mode = state.viewpoint.mode;
+        settings.recent.clone_from(&self.lists.recent);
         // Settings of a replay, or of a city that keeps its own time, are not stored for the next run.
         let (ViewedRun::Run(live), CityKind::Local) = (&self.source, self.city) else { return };
         settings.speed = Some(live.run_state().speed);
@@ -576,7 +476,7 @@ impl ViewerState {
     /// # Errors
     /// When the log could not be written to its end.
     pub fn close(mut self) -> Result<Vec<RecordedRun>, WindowError> {
-        let ViewedRun::Run(live) = self.source else { return Ok(Vec::new()) };
+        let ViewedRun::Run(live) = self.source else { return Ok(self.recorded) };
         if self.city == CityKind::Served {
             // Who serves the city tells what was written.
             live.stop().map_err(WindowError::End)?;
@@ -605,6 +505,22 @@ impl ViewerState {
     pub fn city(&self) -> CityKind {
         self.city
     }
+}
+
+/// The state as it is shown: before its start nothing moves, whatever speeds vehicles will start with.
+fn before_start(run_state: Arc<RunState>) -> Arc<RunState> {
+    if run_state.phase != RunPhase::Ready || run_state.link.is_some() {
+        return run_state;
+    }
+    let waiting = |snapshot: &FrameSnapshot| {
+        let mut snapshot = snapshot.clone();
+        for vehicle in &mut snapshot.vehicles {
+            (vehicle.status, vehicle.speed_mps) = (Status::Waiting, 0.0);
+        }
+        Arc::new(snapshot)
+    };
+    let (before, now) = (waiting(&run_state.before), waiting(&run_state.now));
+    Arc::new(RunState { before, now, ..RunState::clone(&run_state) })
 }
 
 /// A clause as a sentence.

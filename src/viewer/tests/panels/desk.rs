@@ -9,6 +9,7 @@ use city3d_session::playback::{Playhead, TimelineMark};
 use city3d_session::{RunPhase, RunState};
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d_viewer::cockpit::SteeringGeometry;
+use city3d_viewer::ui::runs::{RunsView, StartLists};
 use city3d_viewer::ui::{
     self, CityKind, ControlZoneArea, DriverNames, History, LiveTraffic, Look, QualityPreset, ReplayView,
     ScenarioCamera, ScenarioChoice, UiAction, UiState, ViewModel,
@@ -52,6 +53,7 @@ pub struct Desk {
     pub recording: Option<Recording>,
     pub has_control_data: bool,
     pub city: CityKind,
+    pub lists: StartLists,
 }
 
 /// A recorded run that the panels are shown.
@@ -117,6 +119,7 @@ impl Desk {
             run_state: RunState::standing(now, RunPhase::Paused),
             events: Vec::new(),
             city: CityKind::Local,
+            lists: StartLists::default(),
         }
     }
 
@@ -154,6 +157,7 @@ impl Desk {
             most_moving_pixels: Some(100_000),
             has_control_data: self.has_control_data,
             city: self.city,
+            runs: RunsView { lists: &self.lists, may_run_again: true },
             replay: self.recording.as_ref().map(|recording| ReplayView {
                 name: "straight",
                 head: recording.head,

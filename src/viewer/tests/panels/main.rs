@@ -7,6 +7,7 @@ mod controllers;
 mod desk;
 mod layout;
 mod plans;
+mod runs;
 mod timeline;
 mod traffic;
 

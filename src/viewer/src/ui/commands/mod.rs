@@ -3,6 +3,7 @@
 
 mod camera;
 mod driving;
+mod files;
 mod look;
 mod panels;
 mod replay;
@@ -111,9 +112,10 @@ impl Section {
 }
 
 /// All actions. Of two with one key, the first that is available runs.
-pub static SECTIONS: [Section; 7] = [
+pub static SECTIONS: [Section; 8] = [
     Section::new("Run", run::ALL).only(|shown| shown.replay.is_none()),
     Section::new("Replay", replay::ALL).with(replay::GESTURES).only(|shown| shown.replay.is_some()),
+    Section::new("Files", files::ALL),
     Section::new("Camera", camera::ALL).with(camera::GESTURES),
     Section::new("Vehicles", vehicles::ALL).with(vehicles::GESTURES),
     Section::new("Driving", driving::ALL).with(driving::GESTURES).only(|shown| shown.replay.is_none()),
@@ -123,6 +125,7 @@ pub static SECTIONS: [Section; 7] = [
 
 pub use camera::MODES as CAMERA_MODES;
 pub use driving::{CONTROLLERS, TAKE_CONTROL};
+pub use files::OPEN;
 pub use look::{LARGER, SMALLER};
 pub use panels::{CAMERAS, EVENTS, HELP, MENU as PANEL_MENU, SETTINGS};
 pub use replay::{
