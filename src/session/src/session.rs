@@ -7,11 +7,12 @@ pub use handle::{OnUpdate, SessionHandle, SessionStopper};
 use super::clock::RealTimeFactorMeter;
 use super::end::{Ends, RunAccount};
 use super::event_feed::EventCollector;
+use super::playback::TimelineMark;
 use super::source::{Now, Pace, Source, Step};
 use super::state::{EndStatus, LatestState};
 use super::{
     CoordinationState, FilesWritten, Inputs, LinkStatus, Moment, MomentKind, Order, OrderSender, Orders,
-    PacingClock, RunPhase, RunState, SessionError, Speed, StepTiming, orders,
+    PacingClock, RunGoal, RunPhase, RunState, SessionError, Speed, StepTiming, orders,
 };
 use city3d_network::host::Host;
 use city3d_protocol::snapshot::FrameSnapshot;
@@ -65,6 +66,8 @@ pub struct Session<S: Source> {
     reported_at: Instant,
     view: Option<View>,
     refusal: Option<(u64, Arc<str>)>,
+    /// Where the run is to pause by itself.
+    goal: Option<RunGoal>,
     /// Published states tell plans.
     tells_plans: bool,
     on_report: Option<OnReport>,
@@ -131,6 +134,7 @@ impl<S: Source> Session<S> {
             reported_at: now,
             view: None,
             refusal: None,
+            goal: None,
             tells_plans: false,
             on_report: None,
             is_strict: false,
@@ -271,6 +275,12 @@ impl<S: Source> Session<S> {
     }
 
     fn carry_out(&mut self, order: Order) {
+        match order {
+            Order::RunUntil(goal) => return self.run_until(goal),
+            // Whoever takes the run in hand has another goal.
+            Order::Start | Order::Pause | Order::Step | Order::Reset => self.goal = None,
+            _ => {}
+        }
         match (self.source.order(&order), order) {
             (Ok(()), Order::Speed(speed)) => {
                 self.speed = speed;
@@ -281,12 +291,39 @@ impl<S: Source> Session<S> {
             // Pedals come with every frame, and show with the next tick.
             (Ok(()), Order::Drive(..) | Order::Release(_)) => return,
             (Ok(()), _) => {}
-            (Err(why), _) => {
-                let count = self.refusal.as_ref().map_or(0, |(count, _)| *count);
-                self.refusal = Some((count + 1, why.into()));
-            }
+            (Err(why), _) => self.refuse(why),
         }
         self.publish(true);
+    }
+
+    fn refuse(&mut self, why: String) {
+        let count = self.refusal.as_ref().map_or(0, |(count, _)| *count);
+        self.refusal = Some((count + 1, why.into()));
+    }
+
+    /// Lets the run go on until it has come to a goal.
+    fn run_until(&mut self, goal: RunGoal) {
+        let now_s = self.source.snapshot().time_s;
+        let started = match goal {
+            RunGoal::Time(time_s) if time_s <= now_s => Err(format!("the run is at {now_s:.2} s already")),
+            _ if self.source.is_running() => Ok(()),
+            _ => self.source.order(&Order::Start),
+        };
+        match started {
+            Ok(()) => self.goal = Some(goal),
+            Err(why) => self.refuse(why),
+        }
+        self.publish(true);
+    }
+
+    /// Pauses a run that has come to its goal.
+    fn pause_at_goal(&mut self, marks: &[TimelineMark]) {
+        let time_s = self.source.snapshot().time_s;
+        if self.goal.take_if(|goal| goal.is_met(time_s, marks)).is_some()
+            && let Err(why) = self.source.order(&Order::Pause)
+        {
+            self.refuse(why);
+        }
     }
 
     /// Makes the step that is due.
@@ -384,8 +421,11 @@ impl<S: Source> Session<S> {
         let moment = moment(&self.source, &self.host, (kind, inputs), (from, timing));
         self.ends.take(&moment);
         if let (Some(view), true) = (&mut self.view, kind != MomentKind::Still) {
-            view.events.take(&moment);
+            let marks = view.events.take(&moment);
             view.is_stale = true;
+            if kind == MomentKind::Tick {
+                self.pause_at_goal(&marks);
+            }
         }
         self.told_at = self.host.clock.now();
     }
@@ -402,9 +442,9 @@ impl<S: Source> Session<S> {
         let moment = Moment { snapshot: last, ..moment };
         self.ends.finish_run(&moment, &account);
         self.run += 1;
-        self.has_begun = false;
+        (self.has_begun, self.goal) = (false, None);
         if let Some(view) = &mut self.view {
-            view.events = EventCollector::default();
+            view.events.restart();
         }
         self.rate = RealTimeFactorMeter::new(self.host.clock.now(), self.source.snapshot().time_s);
         self.publish(true);
@@ -523,6 +563,8 @@ impl<S: Source> Session<S> {
             ends: Arc::clone(&view.ends),
             coordination,
             events: view.events.feed(),
+            history: view.events.history(),
+            goal: self.goal,
             refusal: self.refusal.clone(),
             has_ended: false,
         });

@@ -1,6 +1,6 @@
 //! State of a session as a window shows it.
 
-use super::{CoordinationState, EventFeed, PacingClock, Speed};
+use super::{CoordinationState, EventFeed, HistoryFeed, PacingClock, RunGoal, Speed};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_simulation::runner::Summary;
 use std::path::PathBuf;
@@ -103,6 +103,10 @@ pub struct RunState {
     pub coordination: Option<Arc<CoordinationState>>,
     /// Events of the present run so far.
     pub events: EventFeed,
+    /// Past states of the present run.
+    pub history: HistoryFeed,
+    /// Where the run is to pause by itself.
+    pub goal: Option<RunGoal>,
     /// The last order that was refused, counted, and why.
     pub refusal: Option<(u64, Arc<str>)>,
     /// The session has ended.
@@ -126,6 +130,8 @@ impl RunState {
             ends: Arc::default(),
             coordination: None,
             events: EventFeed::default(),
+            history: HistoryFeed::default(),
+            goal: None,
             refusal: None,
             has_ended: false,
         }

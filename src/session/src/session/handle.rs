@@ -72,7 +72,7 @@ impl<S: Source + 'static> Session<S> {
             files: files.clone(),
             link,
             ends: Arc::default(),
-            events: EventCollector::default(),
+            events: EventCollector::new(self.source.origin().has_world()),
         });
         let (sender, stop) = (self.sender.take().map(Arc::new), Arc::clone(&self.stop));
         let (ended, told) = (Arc::clone(&latest_state), updates.clone());

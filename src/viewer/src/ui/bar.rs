@@ -1,5 +1,6 @@
 //! The toolbar: controls of the run, clock, scenario, camera and quality.
 
+use super::timeline::TimelineView;
 use super::viewpoint::CameraMode;
 use super::{CityKind, Look, QualityPreset, ScenarioChoice, UiAction, UiState, ViewModel, commands};
 use city3d_session::{Order, RunPhase, Speed};
@@ -299,8 +300,8 @@ fn panels(ui: &mut Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut
     ui.toggle_value(&mut state.open.help, "Help").on_hover_text(commands::HELP.tip("All keys"));
     if let Some(command) = chosen {
         let now_s = ui.input(|input| input.time);
-        let mut replay = shown.replay;
-        command.run(&mut commands::CommandContext { state, shown, actions, replay: &mut replay, now_s });
+        let mut timeline = TimelineView::of(shown);
+        command.run(&mut commands::CommandContext { state, shown, actions, timeline: &mut timeline, now_s });
     }
 }
 

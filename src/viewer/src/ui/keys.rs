@@ -1,6 +1,7 @@
 //! The keyboard, apart from held keys of a driver: pressed keys run the actions of the registry.
 
 use super::commands::{self, CommandContext};
+use super::timeline::TimelineView;
 use super::{UiAction, UiState, ViewModel};
 use egui::{Event, Key, Modifiers, Ui};
 use glam::DVec3;
@@ -20,7 +21,7 @@ pub fn act(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Ve
     let is_typing = ui.ctx().text_edit_focused();
     let has_focus = ui.memory(|memory| memory.focused().is_some());
     let now_s = ui.input(|input| input.time);
-    let mut replay = shown.replay;
+    let mut timeline = TimelineView::of(shown);
     for (key, modifiers, is_repeated) in pressed(ui) {
         let is_of_widget = is_typing && is_typed(key, modifiers) || has_focus && is_of_widgets(key);
         // egui closes a menu and leaves a field by Escape.
@@ -31,7 +32,7 @@ pub fn act(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Ve
         if let Some(command) = commands::of_key((key, modifiers), state, shown)
             && (command.repeats || !is_repeated)
         {
-            command.run(&mut CommandContext { state, shown, actions, replay: &mut replay, now_s });
+            command.run(&mut CommandContext { state, shown, actions, timeline: &mut timeline, now_s });
         }
     }
     if state.palette.is_open {
@@ -39,7 +40,7 @@ pub fn act(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut Ve
         ui.ctx().request_repaint();
     }
     if state.driving.is_none() && !has_focus {
-        fly(ui, state, shown.replay.is_some());
+        fly(ui, state, timeline.is_played());
     }
 }
 

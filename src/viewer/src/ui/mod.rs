@@ -2,6 +2,7 @@
 //! the user's choices; they request pictures and return actions, and touch neither the run nor the GPU.
 
 mod bar;
+mod charts;
 mod city;
 mod commands;
 mod control_zones;
@@ -10,7 +11,6 @@ mod drive;
 mod events;
 mod gaze;
 mod help;
-mod history;
 mod keys;
 mod layers;
 mod layout;
@@ -22,6 +22,7 @@ mod palette;
 mod panels;
 mod plans;
 mod preview;
+mod run_until;
 pub mod runs;
 mod settings;
 mod status;
@@ -29,23 +30,26 @@ mod theme;
 mod timeline;
 mod traffic;
 mod vehicles;
+mod video;
 mod viewpoint;
 
+pub use charts::{ChartKind, ChartSpan, ChartState, ChartView};
 pub use commands::{Command, SECTIONS, Section, Shortcut};
 pub use control_zones::{ControlZoneArea, ZoneStretch};
 pub use drive::ManualDrive;
-pub use events::{EventFilter, event_words};
-pub use history::{History, HistorySample, KEPT_S};
+pub use events::{EventFilter, announcement, event_words};
 pub use layers::Layers;
 pub use layout::{Layout, StoredLayout};
 pub use live_traffic::LiveTraffic;
 pub use palette::Palette;
 pub use panels::Panel;
-pub use preview::{Preview, PreviewCamera, ScenarioCamera};
+pub use preview::{KEPT_S, Preview, PreviewCamera, ScenarioCamera};
+pub use run_until::RunUntilState;
 pub use status::is_off_lanes;
 pub use theme::{Preferences, SpeedUnit, StatusColours, Theme, ground};
-pub use timeline::TimelineRange;
+pub use timeline::{ShownTime, TimelineRange, TimelineView};
 pub use vehicles::TableState;
+pub use video::{VideoKind, VideoStatus};
 pub use viewpoint::{CameraMode, Viewpoint};
 
 use crate::cockpit::{Devices, SteeringGeometry};
@@ -54,7 +58,7 @@ use city3d_roadmap::{CityMap, LaneId};
 use city3d_scene::Wall;
 use city3d_sensors::View;
 use city3d_session::playback::{PlaybackCommand, Playhead, TimelineMark};
-use city3d_session::{Order, RunState};
+use city3d_session::{Order, RunHistory, RunState};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -68,8 +72,8 @@ pub struct ViewModel<'a> {
     pub run_state: &'a RunState,
     /// The snapshot that the pictures show, interpolated between the last two while the run goes on.
     pub interpolated: &'a FrameSnapshot,
-    /// Samples for the running plots of the previews.
-    pub history: &'a History,
+    /// Past states of the run.
+    pub history: &'a RunHistory,
     /// Events of the run, of a live one those so far.
     pub events: &'a [TimelineMark],
     /// Live measures of the run.
@@ -112,6 +116,23 @@ pub struct ViewModel<'a> {
     pub replay: Option<ReplayView<'a>>,
     /// Recent files, recorded runs, and what can be run again.
     pub runs: runs::RunsView<'a>,
+    /// Which time of a run that goes on is shown.
+    pub past: PastView,
+    /// Duration of a step of the simulation, seconds.
+    pub step_s: f64,
+    /// The chart, where one is open.
+    pub chart: ChartView<'a>,
+    /// The video that is being recorded.
+    pub video: Option<VideoStatus>,
+}
+
+/// Which time of a run that goes on the window shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PastView {
+    /// The playhead; it ends at the present.
+    pub head: Playhead,
+    /// The past is shown, while the city drives on.
+    pub is_shown: bool,
 }
 
 /// Where a city runs.
@@ -217,6 +238,10 @@ pub enum UiAction {
     KeepDevices,
     /// A picture of the next frame, saved as a PNG file in the working folder.
     Screenshot,
+    /// The chart, saved into the working folder.
+    SaveChart,
+    /// A video of the window begins, or the one that is being recorded ends.
+    Video(VideoKind),
     /// The window closes.
     Quit,
 }
@@ -293,6 +318,9 @@ pub struct OpenPanels {
     pub events: bool,
     /// Delay, throughput, safety and energy (F4).
     pub traffic: bool,
+    /// Quantities over time and figures (F6).
+    #[serde(skip)]
+    pub charts: bool,
 }
 
 impl Default for OpenPanels {
@@ -306,6 +334,7 @@ impl Default for OpenPanels {
             controllers: false,
             events: false,
             traffic: false,
+            charts: false,
         }
     }
 }
@@ -343,6 +372,12 @@ pub struct UiState {
     pub events: EventFilter,
     /// Visible range of the timeline.
     pub section: TimelineRange,
+    /// What is charted.
+    pub charts: ChartState,
+    /// Goals of a run.
+    pub run_until: RunUntilState,
+    /// Simulated seconds between two pictures of a time-lapse.
+    pub lapse_s: f64,
     /// The playhead is being dragged.
     pub is_scrubbing: bool,
     /// Gamepads and steering wheels.
@@ -374,6 +409,9 @@ impl UiState {
             driving: None,
             events: EventFilter::default(),
             section: TimelineRange::default(),
+            charts: ChartState::default(),
+            run_until: RunUntilState::default(),
+            lapse_s: 1.0,
             is_scrubbing: false,
             devices: Devices::default(),
             runs: runs::RunPanels::default(),
@@ -486,7 +524,7 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
     if state.viewpoint.ease(f64::from(ui.input(|input| input.stable_dt.min(0.1)))) {
         ui.ctx().request_repaint();
     }
-    if shown.replay.is_some() {
+    if TimelineView::of(shown).is_played() {
         // Gamepad buttons have no function in a replay.
         drop(state.devices.take_pressed());
     } else {
@@ -499,16 +537,9 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
         ui.add_space(3.0);
     });
     egui::Panel::bottom("footer").frame(frame).show(ui, |ui| footer(ui, shown));
-    if let Some(replay) = &shown.replay {
-        egui::Panel::bottom("timeline").frame(frame).show(ui, |ui| {
-            ui.add_space(2.0);
-            timeline::show(ui, state, shown, replay, &mut actions);
-        });
-    } else {
-        egui::Panel::bottom("events")
-            .frame(frame)
-            .show(ui, |ui| events::live(ui, state, shown, &mut actions));
-    }
+    egui::Panel::bottom("timeline").frame(frame).show(ui, |ui| {
+        timeline::show(ui, state, shown, &mut actions);
+    });
     if !state.open.controllers {
         state.devices.stop_learning();
     }

@@ -1,6 +1,7 @@
 //! The command palette: every action by its words, with its key.
 
 use super::commands::{self, Availability, Command, CommandContext};
+use super::timeline::TimelineView;
 use super::{UiAction, UiState, ViewModel};
 use egui::{Align2, FontId, Key, Modal, Modifiers, RichText, ScrollArea, Sense, Ui, Vec2};
 
@@ -73,8 +74,8 @@ pub fn show(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions: &mut V
     }
     if let Some(command) = command {
         let now_s = ui.input(|input| input.time);
-        let mut replay = shown.replay;
-        command.run(&mut CommandContext { state, shown, actions, replay: &mut replay, now_s });
+        let mut timeline = TimelineView::of(shown);
+        command.run(&mut CommandContext { state, shown, actions, timeline: &mut timeline, now_s });
     }
 }
 

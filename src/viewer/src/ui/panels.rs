@@ -1,6 +1,9 @@
 //! The panels around and over the city. A panel is one entry: its title, where it opens first, and what it shows.
 
-use super::{UiAction, UiState, ViewModel, city, controllers, events, layers, preview, traffic, vehicles};
+use super::{
+    UiAction, UiState, ViewModel, charts, city, controllers, events, layers, preview, timeline, traffic,
+    vehicles,
+};
 use egui::Ui;
 use serde::{Deserialize, Serialize};
 
@@ -18,6 +21,8 @@ pub enum Panel {
     Events,
     /// Delay, throughput, safety and energy.
     Traffic,
+    /// Quantities over time and figures.
+    Charts,
     /// Switches of the overlays.
     Layers,
     /// Mapping of gamepads and steering wheels.
@@ -49,7 +54,7 @@ pub(super) struct PanelEntry {
     pub show: fn(&mut Ui, &mut UiState, &ViewModel<'_>, &mut Vec<UiAction>),
 }
 
-pub(super) static ALL: [PanelEntry; 7] = [
+pub(super) static ALL: [PanelEntry; 8] = [
     PanelEntry {
         panel: Panel::City,
         title: "City",
@@ -57,7 +62,11 @@ pub(super) static ALL: [PanelEntry; 7] = [
         size: [640.0, 480.0],
         is_open: |_| true,
         close: |_| {},
-        show: |ui, state, shown, _| city::show(ui, state, shown),
+        show: |ui, state, shown, actions| {
+            let rect = ui.available_rect_before_wrap();
+            city::show(ui, state, shown);
+            timeline::past_sign(ui, rect, shown, actions);
+        },
     },
     PanelEntry {
         panel: Panel::Vehicles,
@@ -94,6 +103,15 @@ pub(super) static ALL: [PanelEntry; 7] = [
         is_open: |state| state.open.traffic,
         close: |state| state.open.traffic = false,
         show: |ui, state, shown, _| traffic::show(ui, state, shown),
+    },
+    PanelEntry {
+        panel: Panel::Charts,
+        title: "Charts",
+        home: Home::Floating,
+        size: [560.0, 400.0],
+        is_open: |state| state.open.charts,
+        close: |state| state.open.charts = false,
+        show: charts::show,
     },
     PanelEntry {
         panel: Panel::Layers,

@@ -1,6 +1,5 @@
 //! The preview panels: camera picture, pedals and running plots of one vehicle.
 
-use super::history::{HistorySample, KEPT_S};
 use super::theme::SpeedUnit;
 use super::vehicles::tenths;
 use super::{PictureRequest, PictureSlot, UiAction, UiState, ViewModel, commands, plans, status, theme};
@@ -343,6 +342,9 @@ fn gauge(ui: &mut Ui, name: &str, number: &str, fill: impl FnOnce(&egui::Painter
     fill(&painter, track);
 }
 
+/// Time span of the running plots, simulated seconds.
+pub const KEPT_S: f64 = 30.0;
+
 fn plots(
     ui: &mut Ui,
     (shown, units): (&ViewModel<'_>, SpeedUnit),
@@ -351,9 +353,11 @@ fn plots(
 ) {
     let (history, now_s, scale) = (shown.history, shown.run_state.now.time_s, shown.scale());
     // The last point is the present value: samples are some ticks apart.
-    let series = |of: &dyn Fn(&HistorySample) -> f64, now: f64| -> Vec<[f64; 2]> {
-        let samples = history.of(vehicle.id).filter(|sample| sample.time_s < now_s);
-        samples.map(|sample| [sample.time_s - now_s, of(sample)]).chain([[0.0, now]]).collect()
+    let past = history.between(now_s - KEPT_S, now_s);
+    let series = |of: &dyn Fn(&VehicleState) -> f64, now: f64| -> Vec<[f64; 2]> {
+        let earlier = past.iter().filter(|state| state.time_s() < now_s);
+        let samples = earlier.filter_map(|state| Some((state.time_s(), state.vehicle(vehicle.id)?)));
+        samples.map(|(time_s, state)| [time_s - now_s, of(&state)]).chain([[0.0, now]]).collect()
     };
     let height = if layout.is_compact { 52.0 } else { 72.0 };
     let blue = theme::on_panel(ui.ctx(), Status::Manual);

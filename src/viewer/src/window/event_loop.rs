@@ -7,12 +7,13 @@ use super::painter::{PaintTarget, WindowPainter};
 use super::recording::{RecordedRun, RecordingOptions};
 use super::settings::{load_profiles, save_profiles};
 use super::surface::WindowSurface;
+use super::video::WindowVideos;
 use super::viewer::{ViewerState, WindowRequest};
 use super::{ViewSettings, WindowError, WindowOptions, WindowSubject};
 use crate::cockpit::Devices;
 use crate::ui::runs::Problem;
 use crate::ui::{CityKind, Look};
-use city3d_render::{Context, write_png};
+use city3d_render::{Context, Image, write_png};
 use city3d_session::Order;
 use std::mem::ManuallyDrop;
 use std::sync::Arc;
@@ -108,6 +109,7 @@ struct OpenWindow {
     title: String,
     /// The next frame is saved as a screenshot.
     wants_shot: bool,
+    videos: WindowVideos,
     /// When the next frame is due, if one is.
     due: Option<Instant>,
     drawn: Instant,
@@ -257,6 +259,7 @@ impl OpenWindow {
             is_hidden: false,
             title: String::new(),
             wants_shot: false,
+            videos: WindowVideos::default(),
             due: Some(Instant::now()),
             drawn: Instant::now(),
             interval_s: 0.0,
@@ -299,6 +302,7 @@ impl OpenWindow {
         self.measure();
         self.hear_gamepads();
         self.take_loaded();
+        self.tell_of_videos();
         let textures = self.painter.textures();
         let input = self.input.take_egui_input(&self.window);
         let (viewer, frames_per_s) = (&mut self.viewer, 1.0 / self.interval_s.max(1e-3));
@@ -329,7 +333,21 @@ impl OpenWindow {
         } else if let Some(delay) = repaint {
             self.schedule_frame(delay);
         }
+        if let Some(delay) = self.videos.next_in() {
+            self.schedule_frame(delay);
+        }
         Ok(true)
+    }
+
+    /// Shows how the recording of a video does, and says what has become of it.
+    fn tell_of_videos(&mut self) {
+        self.viewer.video = self.videos.status();
+        if let Some(said) = self.videos.try_said() {
+            self.say(said);
+        }
+        if self.videos.is_finishing() {
+            self.schedule_frame(RETRY_DELAY);
+        }
     }
 
     fn hear_gamepads(&mut self) {
@@ -362,7 +380,9 @@ impl OpenWindow {
         let extent = self.surface.extent();
         let view_of = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let view = view_of(&texture.texture);
-        let memory = std::mem::take(&mut self.wants_shot).then(|| self.painter.memory(extent));
+        let simulated_s = self.viewer.interpolated().time_s;
+        let (is_shot, is_filmed) = (std::mem::take(&mut self.wants_shot), self.videos.wants(simulated_s));
+        let memory = (is_shot || is_filmed).then(|| self.painter.memory(extent));
         let copy = memory.as_ref().map(view_of);
         let screens: Vec<_> = [Some(&view), copy.as_ref()]
             .into_iter()
@@ -372,8 +392,13 @@ impl OpenWindow {
         self.painter.paint(&self.egui, ManuallyDrop::into_inner(output), &screens);
         self.window.pre_present_notify();
         self.painter.context().queue.present(texture);
-        if let Some(memory) = memory {
-            self.keep(&memory);
+        let Some(memory) = memory else { return };
+        let image = self.painter.read(&memory);
+        if let (true, Ok(image)) = (is_filmed, &image) {
+            self.videos.add(image.clone(), simulated_s);
+        }
+        if is_shot {
+            self.keep(image);
         }
     }
 
@@ -381,6 +406,10 @@ impl OpenWindow {
         match request {
             WindowRequest::Look | WindowRequest::Open(_) => self.load(request),
             WindowRequest::Screenshot => self.wants_shot = true,
+            WindowRequest::Video(kind) => {
+                let file = unused(self.viewer.run_state().now.tick, "mp4");
+                self.videos.toggle(kind, &file, self.surface.extent());
+            }
             WindowRequest::KeepDevices if self.remembers => {
                 save_profiles(self.viewer.state.devices.profiles());
             }
@@ -462,10 +491,9 @@ impl OpenWindow {
     }
 
     /// Writes a screenshot into the working folder.
-    fn keep(&mut self, memory: &wgpu::Texture) {
-        let file = unused(self.viewer.run_state().now.tick);
-        let written = self.painter.read(memory);
-        let written = written.and_then(|image| Ok(write_png(&file, &image)?));
+    fn keep(&mut self, image: Result<Image, WindowError>) {
+        let file = unused(self.viewer.run_state().now.tick, "png");
+        let written = image.and_then(|image| Ok(write_png(&file, &image)?));
         let whole = std::path::absolute(&file).unwrap_or(file);
         let said =
             written.map_or_else(|error| error.to_string(), |()| format!("Screenshot: {}", whole.display()));
@@ -475,7 +503,8 @@ impl OpenWindow {
 
     /// Closes what the window shows, without the window: its display is gone, and what would tell it so panics.
     fn abandon(self) -> Result<Vec<RecordedRun>, WindowError> {
-        let Self { window, surface, painter, viewer, egui: _, input, .. } = self;
+        let Self { window, surface, painter, viewer, egui: _, input, videos, .. } = self;
+        drop(videos);
         std::mem::forget((window, surface, painter, input));
         viewer.close()
     }
@@ -496,10 +525,10 @@ fn failed_title(what: &str) -> String {
     format!("{name} cannot be opened")
 }
 
-/// An unused file name for a screenshot of a tick.
-fn unused(tick: u64) -> std::path::PathBuf {
-    let first = std::iter::once(format!("city3d-{tick}.png"));
-    let others = (2..).map(|k| format!("city3d-{tick}-{k}.png"));
+/// An unused name for a file that shows a tick.
+fn unused(tick: u64, extension: &str) -> std::path::PathBuf {
+    let first = std::iter::once(format!("city3d-{tick}.{extension}"));
+    let others = (2..).map(|k| format!("city3d-{tick}-{k}.{extension}"));
     let mut names = first.chain(others).map(std::path::PathBuf::from);
-    names.find(|name| !name.exists()).unwrap_or_else(|| format!("city3d-{tick}.png").into())
+    names.find(|name| !name.exists()).unwrap_or_else(|| format!("city3d-{tick}.{extension}").into())
 }

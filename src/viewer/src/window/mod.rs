@@ -3,6 +3,7 @@
 mod display_loss;
 mod error;
 mod event_loop;
+mod figures;
 mod frame_times;
 mod gamepads;
 mod loading;
@@ -14,6 +15,7 @@ mod recording;
 mod scenario_info;
 mod settings;
 mod surface;
+mod video;
 mod viewer;
 
 pub use error::WindowError;

@@ -5,6 +5,7 @@ mod seat;
 #[cfg(test)]
 mod tests;
 
+use super::figures::LiveFigures;
 use super::opening::Opening;
 use super::recording::{RecordedRun, RecordingOptions, recorded, start};
 use super::scenario_info::ScenarioInfo;
@@ -13,14 +14,15 @@ use super::{CitySubject, WindowError};
 use crate::cockpit::SteeringGeometry;
 use crate::ui::runs::{RunsView, StartLists};
 use crate::ui::{
-    self, CityKind, History, HistorySample, KEPT_S, LiveTraffic, Look, PictureRequest, PictureSlot, Preview,
-    ReplayView, ScenarioChoice, UiAction, UiState, ViewModel,
+    self, CityKind, KEPT_S, LiveTraffic, Look, PastView, PictureRequest, PictureSlot, Preview, ReplayView,
+    ScenarioChoice, UiAction, UiState, VideoKind, VideoStatus, ViewModel,
 };
+use city3d_logbook::record::LogOrigin;
 use city3d_protocol::snapshot::{FrameSnapshot, Status, VehicleId, VehicleSpec};
 use city3d_render::Context;
-use city3d_session::playback::{LogInfo, MarkKind, PlaybackCommand, Player, TimelineMark};
+use city3d_session::playback::{LogInfo, PastPlayer, PlaybackCommand, Player};
 use city3d_session::{
-    EventReader, Order, RunPhase, RunState, SessionError, SessionHandle, SessionStopper, Speed,
+    EventReader, Order, RunHistory, RunPhase, RunState, SessionError, SessionHandle, SessionStopper, Speed,
 };
 use city3d_simulation::scenario::{Experiment, Library, ScenarioRequest, shipped_scenarios};
 use city3d_simulation::sim::World;
@@ -37,6 +39,8 @@ pub enum WindowRequest {
     Open(Opening),
     /// The next frame is saved as a picture.
     Screenshot,
+    /// A video begins, or ends.
+    Video(VideoKind),
     /// The device mappings are stored.
     KeepDevices,
     /// The window closes.
@@ -94,7 +98,12 @@ pub struct ViewerState {
     scenario_info: ScenarioInfo,
     /// What the user has chosen.
     pub state: UiState,
-    history: History,
+    history: RunHistory,
+    /// Which time of a run that goes on is shown.
+    past: PastPlayer,
+    figures: LiveFigures,
+    /// The video that is being recorded.
+    pub video: Option<VideoStatus>,
     traffic: LiveTraffic,
     interpolated: FrameSnapshot,
     scenarios: Vec<ScenarioChoice>,
@@ -153,6 +162,9 @@ impl ViewerState {
         viewer.scenario_info.own = None;
         // A city elsewhere tells its poses alone.
         viewer.scenario_info.has_control_data = subject.kind == CityKind::Served;
+        if subject.kind == CityKind::Elsewhere {
+            viewer.figures = LiveFigures::new(&viewer.experiment, LogOrigin::Mainframe);
+        }
         // The first picture shows where vehicles will be.
         viewer.state = UiState::new(&planned, look);
         viewer
@@ -186,8 +198,11 @@ impl ViewerState {
             refused: 0,
             events: EventReader::default(),
             traffic: LiveTraffic::new(&experiment),
+            figures: LiveFigures::new(&experiment, LogOrigin::Run),
             experiment,
-            history: History::default(),
+            history: RunHistory::default(),
+            past: PastPlayer::default(),
+            video: None,
             interpolated,
             scenarios: shipped_scenarios().map(choice).collect(),
             loading: None,
@@ -234,10 +249,12 @@ impl ViewerState {
         is_taken
     }
 
-    /// Sends a playback command to the player.
+    /// Sends a playback command to the player of a log, or of the past of a run.
     pub fn control_playback(&mut self, command: PlaybackCommand) {
-        if let ViewedRun::Log(player) = &mut self.source {
-            player.command(command);
+        match &mut self.source {
+            ViewedRun::Log(player) => player.command(command),
+            ViewedRun::Run(live) => self.past.command(command, &live.run_state(), &self.history),
+            ViewedRun::Ended(last) => self.past.command(command, last, &self.history),
         }
     }
 
@@ -247,10 +264,11 @@ impl ViewerState {
         self.record_samples(&run_state);
         // This frame requests the data of the running plots.
         self.source.advance(Instant::now());
-        match &self.source {
+        let is_read = match &self.source {
             ViewedRun::Log(player) => player.is_settled(),
             ViewedRun::Run(_) | ViewedRun::Ended(_) => true,
-        }
+        };
+        is_read && self.figures.is_settled()
     }
 
     /// The player of a recorded run.
@@ -272,9 +290,11 @@ impl ViewerState {
     /// Whether the picture changes by itself, so that each frame is drawn.
     pub fn is_moving(&self) -> bool {
         match &self.source {
-            ViewedRun::Run(live) => live.run_state().phase == RunPhase::Running,
+            ViewedRun::Run(live) => {
+                live.run_state().phase == RunPhase::Running || self.past.is_past() || self.figures.is_saving()
+            }
             ViewedRun::Log(player) => player.is_moving(),
-            ViewedRun::Ended(_) => false,
+            ViewedRun::Ended(_) => self.past.is_past() || self.figures.is_saving(),
         }
     }
 
@@ -283,20 +303,23 @@ impl ViewerState {
         &self.state.pictures
     }
 
-    /// Samples the traffic, and the vehicles of the open previews for the running plots.
+    /// Samples the traffic, and takes the past states that have come since for plots and charts.
     pub fn record_samples(&mut self, run_state: &RunState) {
         self.traffic.observe(&run_state.now);
-        let watched = self.state.previews.iter().map(|preview| preview.vehicle);
         match &mut self.source {
-            ViewedRun::Run(_) | ViewedRun::Ended(_) => self.history.record_samples(&run_state.now, watched),
-            // Playback may go backwards: take the samples from the log.
+            ViewedRun::Run(_) | ViewedRun::Ended(_) => self.history.read(&run_state.history),
             ViewedRun::Log(player) => {
-                self.history = History::default();
-                for vehicle in watched {
-                    let samples = player.plot_samples(vehicle, KEPT_S).into_iter();
-                    self.history.set(vehicle, samples.map(HistorySample::from));
-                }
+                // No more of a log is read than is shown.
+                let past_s = match (self.state.open.charts, self.state.previews.is_empty()) {
+                    (true, _) => f64::INFINITY,
+                    (false, false) => KEPT_S,
+                    (false, true) => 0.0,
+                };
+                player.read_history(&mut self.history, past_s);
             }
+        }
+        if self.state.open.charts {
+            self.figures.update(&self.state.charts, self.state.selection.vehicle, &self.history);
         }
     }
 
@@ -307,17 +330,26 @@ impl ViewerState {
         textures: &BTreeMap<PictureSlot, egui::TextureId>,
         frames_per_s: f64,
     ) -> Vec<UiAction> {
-        let (run_state, weight) = self.source.advance(Instant::now());
+        let now = Instant::now();
+        let (run_state, mut weight) = self.source.advance(now);
         self.record_samples(&run_state);
-        let run_state = before_start(run_state);
-        self.interpolated.blend(&run_state.before, &run_state.now, weight);
+        let mut run_state = before_start(run_state);
         self.list_runs();
         let now_s = ui.input(|input| input.time);
         self.ask_for_plans(self.state.shows_plans());
         self.meet_vehicles(&run_state);
         self.seat_user(now_s);
         self.say_refusal(&run_state, now_s);
-        self.say_collisions(&run_state, now_s);
+        self.announce_events(&run_state, now_s);
+        if let Some(saved) = self.figures.try_saved() {
+            self.state.say(saved, now_s);
+        }
+        let live = Arc::clone(&run_state);
+        if let Some(earlier) = self.past.advance(now, &live, &self.history, &self.experiment) {
+            (run_state, weight) = earlier;
+        }
+        let past = PastView { head: self.past.head(&live, &self.history), is_shown: self.past.is_past() };
+        self.interpolated.blend(&run_state.before, &run_state.now, weight);
         let told = self.player().map(|player| (player.head(), player.is_late(), player.info()));
         let replay = told.as_ref().map(|(head, is_late, told)| {
             let LogInfo { marks, searched, truncation } = told;
@@ -358,6 +390,10 @@ impl ViewerState {
             city: self.city,
             replay,
             runs: RunsView { lists: &self.lists, may_run_again: self.again.is_some() },
+            past,
+            step_s: self.experiment.rates.dt_s(),
+            chart: self.figures.view(),
+            video: self.video,
         };
         ui::show(ui, &mut self.state, &shown)
     }
@@ -371,11 +407,13 @@ impl ViewerState {
                 UiAction::ResetConfirmed => {
                     self.send(Order::Reset);
                 }
-                UiAction::PlaybackCommand(command) => self.control_playback(command),
+                UiAction::PlaybackCommand(command) => self.look_back(command, now_s),
                 UiAction::Drive(vehicle) => self.take_over(vehicle, now_s),
                 UiAction::GiveBack => self.give_back(now_s),
                 UiAction::Look(_) => requests.push(WindowRequest::Look),
                 UiAction::Screenshot => requests.push(WindowRequest::Screenshot),
+                UiAction::SaveChart => self.figures.save(std::path::Path::new(".")),
+                UiAction::Video(kind) => requests.push(WindowRequest::Video(kind)),
                 UiAction::KeepDevices => requests.push(WindowRequest::KeepDevices),
                 UiAction::Quit => requests.push(WindowRequest::Quit),
                 UiAction::Scenario(scenario) => {
@@ -409,13 +447,21 @@ impl ViewerState {
         }
     }
 
-    /// Takes the new events of a live run, and tells of a collision at once.
-    fn say_collisions(&mut self, run_state: &RunState, now_s: f64) {
+    /// Takes the new events of a live run, and tells of grave ones at once.
+    fn announce_events(&mut self, run_state: &RunState, now_s: f64) {
         let known = self.events.read(&run_state.events);
-        let is_collision = |mark: &&TimelineMark| mark.what.kind() == MarkKind::Collision;
-        if let Some(mark) = self.events.marks()[known..].iter().find(is_collision) {
-            self.state.say(ui::event_words(&run_state.now, mark), now_s);
+        if let Some(words) = ui::announcement(&run_state.now, &self.events.marks()[known..]) {
+            self.state.say(words, now_s);
         }
+    }
+
+    /// Carries out a playback command. Who drives has to see the present.
+    fn look_back(&mut self, command: PlaybackCommand, now_s: f64) {
+        if self.state.driving.is_some() {
+            self.state.say("You drive: give the vehicle back (Enter) to look at the past", now_s);
+            return;
+        }
+        self.control_playback(command);
     }
 
     /// Says why an order was not carried out.

@@ -1,7 +1,7 @@
 //! The registry of actions: palette, keys, help and the manual tell the same.
 
 use super::desk::{Desk, Recording, fleet, harness, press};
-use city3d_protocol::snapshot::VehicleId;
+use city3d_protocol::snapshot::{EventKind, VehicleId};
 use city3d_session::playback::Playhead;
 use city3d_session::{Order, RunPhase};
 use city3d_viewer::ui::{CameraMode, Command, ManualDrive, SECTIONS, TimelineRange, UiAction};
@@ -34,8 +34,10 @@ fn desks() -> [Desk; 4] {
         is_reverse: false,
         speed: 1.0,
     };
-    let mark = |time_s| super::timeline::mark(time_s, 1, city3d_protocol::snapshot::EventKind::Stop);
+    let mark = |time_s| super::timeline::mark(time_s, 1, EventKind::Stop);
     let marks = vec![mark(4.0), mark(20.0)];
+    running.events = vec![super::timeline::mark(1.0, 1, EventKind::LinkLost)];
+    running.state.open.charts = true;
     replay.state.section = TimelineRange::part(5.0, 15.0);
     replay.recording = Some(Recording { head, marks, searched: 1.0, truncation: None });
     [selected(), running, driving, replay]
@@ -90,7 +92,7 @@ fn names_are_told_apart_and_no_two_actions_share_a_key_and_a_window() {
             .flat_map(|c| c.all_keys().split(" or ").map(str::to_owned).collect::<Vec<_>>())
             .collect()
     };
-    for subject in ["Run", "Replay"] {
+    for subject in ["Run", "Time"] {
         let shared = ["Camera", "Vehicles", "Panels", "Appearance"].map(keys).concat();
         let all: Vec<String> =
             [keys(subject), shared].concat().into_iter().filter(|key| !key.is_empty()).collect();
@@ -158,7 +160,7 @@ fn the_manual_and_the_help_have_every_key() {
         let table: String = rows.iter().map(|(key, what)| format!("| {key} | {what} |\n")).collect();
         let expected = format!("### {}\n\n| key | action |\n|---|---|\n{table}\n", section.title);
         assert!(rows.is_empty() || manual.contains(&expected), "docs/window.md needs:\n{expected}");
-        let is_of_replays = section.title == "Replay";
+        let is_of_replays = section.title == "Time";
         let [local, _, _, replay] = desks();
         let mut harness = harness(if is_of_replays { replay } else { local });
         press(&mut harness, Key::F1);

@@ -1,18 +1,19 @@
 //! A desk for the panels: everything that they are shown, and what they ask for.
 
+use city3d_logbook::figures::chart::Figure;
 use city3d_protocol::snapshot::{
     Appearance, Dimensions, FrameSnapshot, Status, VehicleId, VehicleInfo, VehicleState,
 };
 use city3d_roadmap::{CityMap, LaneId};
 use city3d_scene::Wall;
 use city3d_session::playback::{Playhead, TimelineMark};
-use city3d_session::{RunPhase, RunState};
+use city3d_session::{RunHistory, RunPhase, RunState};
 use city3d_simulation::scenario::{Experiment, Library, Overrides, read_experiment};
 use city3d_viewer::cockpit::SteeringGeometry;
 use city3d_viewer::ui::runs::{RunsView, StartLists};
 use city3d_viewer::ui::{
-    self, CityKind, ControlZoneArea, DriverNames, History, LiveTraffic, Look, QualityPreset, ReplayView,
-    ScenarioCamera, ScenarioChoice, UiAction, UiState, ViewModel,
+    self, ChartView, CityKind, ControlZoneArea, DriverNames, LiveTraffic, Look, PastView, QualityPreset,
+    ReplayView, ScenarioCamera, ScenarioChoice, UiAction, UiState, VideoStatus, ViewModel,
 };
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -39,7 +40,11 @@ pub struct Desk {
     pub run_state: RunState,
     /// Events of a live run.
     pub events: Vec<TimelineMark>,
-    pub history: History,
+    pub history: RunHistory,
+    /// Which time of a run that goes on is shown; its present where `None`.
+    pub past: Option<PastView>,
+    pub chart: Option<Figure>,
+    pub video: Option<VideoStatus>,
     pub traffic: LiveTraffic,
     pub map: Arc<CityMap>,
     pub control_zones: Vec<ControlZoneArea>,
@@ -62,6 +67,19 @@ pub struct Recording {
     pub marks: Vec<TimelineMark>,
     pub searched: f64,
     pub truncation: Option<String>,
+}
+
+/// A playhead at the present of a run.
+pub fn present(time_s: f64) -> Playhead {
+    Playhead {
+        from_s: 0.0,
+        to_s: time_s,
+        at_s: time_s,
+        before_s: time_s - 0.01,
+        is_playing: false,
+        is_reverse: false,
+        speed: 1.0,
+    }
 }
 
 pub fn fleet(count: u32) -> FrameSnapshot {
@@ -103,7 +121,10 @@ impl Desk {
         let steering_geometry = SteeringGeometry { wheelbase_m: 3.0, steering_limit_rad: 0.7 };
         Self {
             state: UiState::new(&now, Look { preset: QualityPreset::Low, hours: 12.0 }),
-            history: History::default(),
+            history: RunHistory::default(),
+            past: None,
+            chart: None,
+            video: None,
             traffic: LiveTraffic::new(&experiment()),
             map: map(),
             control_zones: Vec::new(),
@@ -128,7 +149,7 @@ impl Desk {
     }
 
     fn show(&mut self, ui: &mut egui::Ui) {
-        self.history.record_samples(&self.run_state.now, self.state.previews.iter().map(|p| p.vehicle));
+        self.history.push(&self.run_state.now);
         self.traffic.observe(&self.run_state.now);
         let textures = BTreeMap::new();
         let shown = ViewModel {
@@ -166,6 +187,10 @@ impl Desk {
                 truncation: recording.truncation.as_deref(),
                 is_late: false,
             }),
+            past: self.past.unwrap_or(PastView { head: present(self.run_state.now.time_s), is_shown: false }),
+            step_s: 0.01,
+            chart: ChartView { figure: self.chart.as_ref(), ..ChartView::default() },
+            video: self.video,
         };
         let actions = ui::show(ui, &mut self.state, &shown);
         self.actions.extend(actions);

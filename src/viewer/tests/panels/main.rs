@@ -1,11 +1,13 @@
 //! The panels of the window, one by one, with what they may have to show.
 #![allow(clippy::unwrap_used, reason = "a test may end where it finds something wrong")]
 
+mod charts;
 mod city;
 mod commands;
 mod controllers;
 mod desk;
 mod layout;
+mod live_timeline;
 mod plans;
 mod runs;
 mod timeline;
@@ -13,7 +15,7 @@ mod traffic;
 
 use city3d_protocol::snapshot::{EventKind, Status, VehicleId};
 use city3d_sensors::{Lens, Mount, MountPoint};
-use city3d_session::playback::{Occurrence, TimelineMark};
+use city3d_session::playback::{Occurrence, PlaybackCommand, TimelineMark};
 use city3d_session::{Order, RunPhase, Speed};
 use city3d_simulation::runner::Run;
 use city3d_simulation::scenario::{Library, Overrides, read_experiment};
@@ -448,7 +450,8 @@ fn a_live_run_has_a_list_of_events_and_a_way_to_the_last_collision() {
     click(&mut harness, "1 collision");
     let state = &harness.state().state;
     assert_eq!((state.selection.vehicle, state.viewpoint.follow), (Some(VehicleId(2)), Some(VehicleId(2))));
-    assert_eq!(harness.state().actions, [], "a live run does not seek");
+    let shown = UiAction::PlaybackCommand(PlaybackCommand::Show(2.5));
+    assert_eq!(harness.state().actions, [shown], "when it happened");
     press(&mut harness, egui::Key::F3);
     harness.get_by_label("4 of 4");
     harness.state_mut().state.events.filter = "merge".to_owned();

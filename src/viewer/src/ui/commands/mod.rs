@@ -6,14 +6,15 @@ mod driving;
 mod files;
 mod look;
 mod panels;
-mod replay;
 mod run;
 mod shortcut;
+mod time;
 mod vehicles;
 
 pub use shortcut::{Shortcut, ctrl, key, shift};
 
-use super::{CityKind, ReplayView, UiAction, UiState, ViewModel};
+use super::timeline::TimelineView;
+use super::{CityKind, UiAction, UiState, ViewModel};
 use city3d_session::Order;
 use city3d_session::playback::PlaybackCommand;
 use egui::{Key, Modifiers};
@@ -58,8 +59,8 @@ pub struct CommandContext<'a, 'v> {
     pub shown: &'a ViewModel<'v>,
     /// Actions for whoever owns the window.
     pub actions: &'a mut Vec<UiAction>,
-    /// The playback, as it will be after the commands of this frame.
-    pub replay: &'a mut Option<ReplayView<'v>>,
+    /// The run in time, as it will be after the commands of this frame.
+    pub timeline: &'a mut TimelineView<'v>,
     /// Seconds of egui's clock.
     pub now_s: f64,
 }
@@ -72,8 +73,8 @@ impl CommandContext<'_, '_> {
 
     /// Requests a command to the player.
     pub fn play(&mut self, command: PlaybackCommand) {
-        if let Some(replay) = self.replay {
-            replay.head.predict(command);
+        if self.timeline.is_played() {
+            self.timeline.head.predict(command);
         }
         self.actions.push(UiAction::PlaybackCommand(command));
     }
@@ -113,8 +114,9 @@ impl Section {
 
 /// All actions. Of two with one key, the first that is available runs.
 pub static SECTIONS: [Section; 8] = [
+    // Keys of the run are those of the playback while the past is played.
+    Section::new("Time", time::ALL).with(time::GESTURES),
     Section::new("Run", run::ALL).only(|shown| shown.replay.is_none()),
-    Section::new("Replay", replay::ALL).with(replay::GESTURES).only(|shown| shown.replay.is_some()),
     Section::new("Files", files::ALL),
     Section::new("Camera", camera::ALL).with(camera::GESTURES),
     Section::new("Vehicles", vehicles::ALL).with(vehicles::GESTURES),
@@ -127,11 +129,12 @@ pub use camera::MODES as CAMERA_MODES;
 pub use driving::{CONTROLLERS, TAKE_CONTROL};
 pub use files::OPEN;
 pub use look::{LARGER, SMALLER};
-pub use panels::{CAMERAS, EVENTS, HELP, MENU as PANEL_MENU, SETTINGS};
-pub use replay::{
-    NEXT_EVENT, PLAY_BACKWARD, PLAY_OR_PAUSE, PREVIOUS_EVENT, STEP_BACK, STEP_FORWARD, TO_END, TO_START,
-};
+pub use panels::{CAMERAS, EVENTS, HELP, MENU as PANEL_MENU, SETTINGS, VIDEO};
 pub use run::{FASTER, RESET, SLOWER, START_OR_PAUSE, STEP};
+pub use time::{
+    GRAVE_EVENT, NEXT_EVENT, PLAY_BACKWARD, PLAY_OR_PAUSE, PREVIOUS_EVENT, STEP_BACK, STEP_FORWARD, TO_END,
+    TO_START,
+};
 pub use vehicles::PREVIEW;
 
 /// Every action, in the order in which keys look for theirs.

@@ -1,7 +1,7 @@
 //! Actions on panels, overlays and the window itself.
 
-use super::{Command, CommandContext, ctrl, key, registry};
-use crate::ui::{Panel, UiAction, preview};
+use super::{Availability, Command, CommandContext, ctrl, key, registry};
+use crate::ui::{Panel, UiAction, VideoKind, preview};
 use egui::Key;
 
 registry!(
@@ -31,6 +31,7 @@ registry!(
     FLOAT_CAMERAS = Command::always("Float or dock the cameras", &[], |c| float(c, Panel::Cameras)),
     FLOAT_EVENTS = Command::always("Float or dock the list of events", &[], |c| float(c, Panel::Events)),
     FLOAT_TRAFFIC = Command::always("Float or dock the traffic", &[], |c| float(c, Panel::Traffic)),
+    FLOAT_CHARTS = Command::always("Float or dock the charts", &[], |c| float(c, Panel::Charts)),
     FLOAT_LAYERS = Command::always("Float or dock the layers", &[], |c| float(c, Panel::Layers)),
     FLOAT_CONTROLLERS = Command::always("Float or dock the gamepad and steering wheel", &[], |c| float(
         c,
@@ -53,6 +54,23 @@ registry!(
     PLANS = Command::always("Show or hide plans of coordinated vehicles", &[], |c| {
         c.state.layers.plans = !c.state.layers.plans;
     }),
+    CHARTS = Command::always("Charts of several vehicles", &[key(Key::F6)], |c| {
+        c.state.open.charts = !c.state.open.charts;
+    }),
+    VIDEO = Command::always("Record a video, or end it", &[key(Key::F9)], |c| {
+        c.actions.push(UiAction::Video(VideoKind::AsSeen));
+    }),
+    TIME_LAPSE = Command::always("Record a time-lapse", &[], |c| {
+        c.actions.push(UiAction::Video(VideoKind::TimeLapse { every_s: c.state.lapse_s }));
+    })
+    .only(|_, shown| Availability::when(shown.video.is_none())),
+    SAVE_CHART = Command::always("Save the chart as SVG, PNG and CSV", &[], |c| {
+        c.actions.push(UiAction::SaveChart);
+    })
+    .only(|state, _| match state.open.charts {
+        true => Availability::Now,
+        false => Availability::After("Open the charts first (F6)"),
+    }),
     SCREENSHOT = Command::always("Save a screenshot", &[key(Key::F12)], |c| {
         c.actions.push(UiAction::Screenshot);
     }),
@@ -60,7 +78,7 @@ registry!(
 );
 
 /// Panels and pages that the menu of the bar lists.
-pub static MENU: [&Command; 5] = [&VEHICLES, &CAMERAS, &EVENTS, &TRAFFIC, &LAYERS];
+pub static MENU: [&Command; 6] = [&VEHICLES, &CAMERAS, &EVENTS, &TRAFFIC, &CHARTS, &LAYERS];
 
 fn float(context: &mut CommandContext<'_, '_>, panel: Panel) {
     context.state.layout.toggle_floating(panel);

@@ -1,9 +1,10 @@
 //! Actions on a run that goes on.
 
-use super::{Availability, Command, ctrl, is_live, is_local_run, key, registry};
+use super::{Availability, Command, ctrl, is_live, is_local_run, key, registry, shift};
 use crate::ui::bar::other_speed;
-use crate::ui::{UiState, ViewModel};
-use city3d_session::{Order, RunPhase, Speed};
+use crate::ui::{UiState, ViewModel, run_until};
+use city3d_session::playback::MarkKind;
+use city3d_session::{Order, RunGoal, RunPhase, Speed};
 use egui::Key;
 
 registry!(
@@ -25,6 +26,19 @@ registry!(
     .only(is_local_run),
     REAL_TIME = Command::always("Run in real time", &[], |c| c.order(Order::Speed(Speed::Times(1.0))))
         .only(is_local_run),
+    SOME_STEPS = Command::always("Run the chosen number of steps", &[shift(Key::N)], |c| {
+        let steps = c.state.run_until.steps();
+        c.order(Order::RunUntil(run_until::after_steps(c.shown, steps)));
+    })
+    .only(can_step),
+    UNTIL_COLLISION = Command::always("Run until the next collision", &[], |c| {
+        c.order(Order::RunUntil(RunGoal::Event(Some(MarkKind::Collision))));
+    })
+    .only(can_run),
+    UNTIL_EVENT = Command::always("Run until the next event", &[], |c| {
+        c.order(Order::RunUntil(RunGoal::Event(None)));
+    })
+    .only(can_run),
     UNLIMITED = Command::always("Run as fast as possible", &[], |c| c.order(Order::Speed(Speed::Unlimited)))
         .only(is_local_run),
 );

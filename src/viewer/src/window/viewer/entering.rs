@@ -1,6 +1,7 @@
 //! What the viewer shows next: another scenario or a log in place of the present run, and what becomes of that run.
 
 use super::super::WindowError;
+use super::super::figures::LiveFigures;
 use super::super::opening::{OpenTarget, Opening, log_in};
 use super::super::recorded_runs::recorded_runs;
 use super::super::recording::{LogLocation, recorded, start};
@@ -8,11 +9,11 @@ use super::super::scenario_info::ScenarioInfo;
 use super::super::settings::runs_folder;
 use super::{ViewedRun, ViewerState, WindowRequest};
 use crate::ui::runs::{ComparedRuns, ONLY_LOCAL, OpenRequest, Problem, ResetQuestion};
-use crate::ui::{CityKind, History, LiveTraffic, ScenarioChoice};
+use crate::ui::{CityKind, LiveTraffic, ScenarioChoice};
 use city3d_logbook::measures::RunMeasures;
 use city3d_logbook::record::LogOrigin;
 use city3d_session::playback::Player;
-use city3d_session::{Order, RunPhase, RunState, SessionHandle};
+use city3d_session::{Order, RunHistory, RunPhase, RunState, SessionHandle};
 use city3d_simulation::scenario::{Experiment, ScenarioRequest};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -84,7 +85,7 @@ impl ViewerState {
                 let request = Opening::scenario(self.request.clone());
                 return Some(WindowRequest::Open(Opening { hours: Some(self.state.look.hours), ..request }));
             }
-            (ViewedRun::Ended(_), Order::Start | Order::Step) => {
+            (ViewedRun::Ended(_), Order::Start | Order::Step | Order::RunUntil(_)) => {
                 self.state.say("This run has ended. Reset (Ctrl+R) begins it again.", now_s);
             }
             (ViewedRun::Run(_), Order::Reset)
@@ -193,7 +194,9 @@ impl ViewerState {
         (self.request, self.refused, self.seated_in_run, self.asks_for_plans) = (request, 0, 0, false);
         self.scenario_info = ScenarioInfo::of(&experiment);
         self.traffic = LiveTraffic::new(&experiment);
-        self.history = History::default();
+        self.history = RunHistory::default();
+        self.figures = LiveFigures::new(&experiment, LogOrigin::Run);
+        self.past.go_live();
         self.experiment = experiment;
         let first = self.run_state();
         self.state = self.state.renewed(&first.now);
@@ -205,6 +208,7 @@ impl ViewerState {
         let Some(player) = self.player() else { return };
         let (truncation, origin) = (player.info().truncation, player.origin());
         self.scenario_info.has_control_data = origin.has_world();
+        self.figures = LiveFigures::new(&self.experiment, origin);
         if origin == LogOrigin::Recorded {
             // The scenario's algorithm did not drive them.
             self.scenario_info.drivers.values_mut().for_each(|driver| "recorded".clone_into(driver));

@@ -51,6 +51,7 @@ impl ViewerState {
             return;
         }
         self.give_back(now_s);
+        self.past.go_live();
         let Some(state) = run_state.now.vehicle(vehicle) else { return };
         self.state.driving = Some(ManualDrive::take_over(vehicle, run_state.run, state.steering_rad));
         self.state.selection.vehicle = Some(vehicle);
