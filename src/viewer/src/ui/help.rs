@@ -3,12 +3,14 @@
 use super::commands::{SECTIONS, Section};
 use super::{UiState, ViewModel, status, theme};
 use city3d_protocol::snapshot::Status;
-use egui::{Align, Grid, Layout, RichText, ScrollArea, Ui};
+use egui::{RichText, ScrollArea, Ui};
 
 /// Width of two columns, points.
-const TWO_COLUMNS: f32 = 700.0;
+const TWO_COLUMNS: f32 = 860.0;
 /// Narrower windows show one column, points.
-const TWO_COLUMNS_FROM: f32 = 720.0;
+const TWO_COLUMNS_FROM: f32 = 880.0;
+/// Width of the keys, points.
+const KEYS: f32 = 180.0;
 /// Width of the field for words.
 const FIELD: f32 = 220.0;
 
@@ -74,17 +76,19 @@ fn columns(ui: &mut Ui, count: usize, sections: &[(&str, Vec<Row>)]) {
             let ui = &mut columns[(above * count / all.max(1)).min(count - 1)];
             above += rows.len() + 2;
             ui.label(RichText::new(*title).strong());
-            Grid::new(*title).num_columns(2).show(ui, |ui| {
-                for (key, what) in rows {
-                    ui.monospace(key);
-                    ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-                        ui.add(egui::Label::new(what).wrap());
-                    });
-                    ui.end_row();
-                }
-            });
+            rows.iter().for_each(|row| key_and_action(ui, row));
             ui.add_space(8.0);
         }
+    });
+}
+
+/// A row; a long text takes several lines beside its key.
+fn key_and_action(ui: &mut Ui, (key, what): &Row) {
+    ui.horizontal_top(|ui| {
+        let left = ui.cursor().left();
+        ui.label(RichText::new(key).monospace().size(12.0));
+        ui.add_space((left + KEYS - ui.cursor().left()).max(0.0));
+        ui.add(egui::Label::new(what).wrap());
     });
 }
 

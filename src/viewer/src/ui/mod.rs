@@ -555,7 +555,11 @@ pub fn show(ui: &mut egui::Ui, state: &mut UiState, shown: &ViewModel<'_>) -> Ve
 /// A window over the city, below the bar and between the side panels.
 fn sheet(ui: &egui::Ui, title: &'static str) -> egui::Window<'static> {
     let top = ui.ctx().content_rect().center_top() + egui::vec2(0.0, 70.0);
-    egui::Window::new(title).pivot(egui::Align2::CENTER_TOP).default_pos(top).resizable(false)
+    egui::Window::new(title)
+        .pivot(egui::Align2::CENTER_TOP)
+        .default_pos(top)
+        .resizable(false)
+        .collapsible(false)
 }
 
 fn footer(ui: &mut egui::Ui, shown: &ViewModel<'_>) {

@@ -62,7 +62,7 @@ fn flow(ui: &mut Ui, traffic: &LiveTraffic) {
         totals: measures.zone_totals(&zone.name).unwrap_or_default(),
         queue: &zone_traffic.queue,
     });
-    Grid::new("flow").striped(true).spacing([14.0, 3.0]).show(ui, |ui| {
+    Grid::new("flow").striped(true).spacing([8.0, 3.0]).show(ui, |ui| {
         for (title, tip) in COLUMNS {
             ui.label(RichText::new(title).small().strong()).on_hover_text(tip);
         }
@@ -96,9 +96,9 @@ const COLUMNS: [(&str, &str); 8] = [
     ("", ""),
     ("Inside", "Vehicles on their way"),
     ("Passed", "Vehicles that have arrived, or left the control zone behind its last conflict"),
-    ("Flow /h", "Exits after the first one over the time since it, vehicles an hour"),
-    ("Delay s", "Mean time lost against driving alone, with the time held outside"),
-    ("Most s", "Largest delay"),
+    ("Flow (/h)", "Exits after the first one over the time since it, vehicles an hour"),
+    ("Delay (s)", "Mean time lost against driving alone, with the time held outside"),
+    ("Most (s)", "Largest delay"),
     ("Stops", "How often vehicles stopped: below 0.5 m/s"),
     ("Queue", "Vehicles that are stopped now (mean over time, most at a time)"),
 ];
@@ -130,11 +130,7 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
             "From the exit of one vehicle out of a conflict zone to the entry of the next from the other side; negative \
              where both were inside",
         ),
-        (
-            "Hardest braking needed",
-            text(drac, "m/s2"),
-            "Deceleration that avoids a crash with the vehicle ahead",
-        ),
+        ("Braking needed", text(drac, "m/s2"), "Deceleration that avoids a crash with the vehicle ahead"),
         ("Fuel", format!("{:.1} mL", effort.fuel_ml), "Polynomial of Kamal et al., no fuel while braking"),
         (
             "Fuel, cruise term",
@@ -152,7 +148,7 @@ fn safety_and_energy(ui: &mut Ui, traffic: &LiveTraffic) {
             "Time to collision below 3 s + post-encroachment time below 2 s",
         ),
     ];
-    Grid::new("safety and energy").spacing([14.0, 3.0]).show(ui, |ui| {
+    Grid::new("safety and energy").spacing([8.0, 3.0]).show(ui, |ui| {
         for pair in cells.chunks(2) {
             for (name, value, tip) in pair {
                 ui.label(*name).on_hover_text(*tip);

@@ -24,7 +24,7 @@ pub use frame_times::{FrameTimes, frame_times};
 pub use picture::{WindowPicture, picture};
 pub use recording::{LogLocation, RecordedRun};
 
-use crate::ui::{CameraMode, CityKind, Look, QualityPreset};
+use crate::ui::{CameraMode, CityKind, Look, QualityPreset, Theme};
 use city3d_render::{AdapterPreference, Context};
 use city3d_session::playback::Player;
 use city3d_session::{SessionError, SessionHandle, Speed};
@@ -127,6 +127,10 @@ pub struct WindowOptions {
     pub mode: Option<CameraMode>,
     /// The panel Traffic is open.
     pub traffic: bool,
+    /// Theme of the panels; by default the stored one.
+    pub theme: Option<Theme>,
+    /// Size of texts and widgets, 1 is usual; by default the stored one.
+    pub ui_scale: Option<f32>,
     /// Closes the window from elsewhere.
     pub quit: QuitSignal,
 }
@@ -191,6 +195,10 @@ impl WindowSubject {
             }
         };
         viewer.restore(settings);
+        let preferences = &mut viewer.state.preferences;
+        preferences.theme = options.theme.unwrap_or(preferences.theme);
+        preferences.scale = options.ui_scale.unwrap_or(preferences.scale);
+        *preferences = preferences.sane();
         if let Self::Scenario(subject) = self
             && let Some(speed) = subject.speed.or(settings.speed.map(Speed::sane))
         {

@@ -175,3 +175,27 @@ fn in_a_narrow_window_the_bar_breaks_between_its_groups() {
         assert!((last > 10.0) == (rows > 1), "{width}: {last} below");
     }
 }
+
+#[test]
+fn without_previews_the_city_has_their_room_and_the_bar_opens_one() {
+    let mut harness = with(6);
+    let wide = city_width(&harness);
+    // Nobody is selected: the first one's.
+    click(&mut harness, "Cameras");
+    assert_eq!(harness.state().state.previews[0].vehicle, VehicleId(1));
+    harness.run_steps(3);
+    assert!(city_width(&harness) + 200 < wide, "{} of {wide}", city_width(&harness));
+    harness.state_mut().state.selection.vehicle = Some(VehicleId(4));
+    press(&mut harness, Key::P);
+    let open = |harness: &Harness<'static, Desk>| -> Vec<u32> {
+        harness.state().state.previews.iter().map(|preview| preview.vehicle.0).collect()
+    };
+    assert_eq!(open(&harness), [1, 4]);
+    // Hidden, they are not drawn, and come back as they were.
+    harness.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::B);
+    harness.run_steps(3);
+    assert_eq!((city_width(&harness), harness.state().state.pictures.len()), (wide, 1));
+    harness.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::B);
+    harness.run_steps(3);
+    assert_eq!((open(&harness), harness.state().state.pictures.len()), (vec![1, 4], 3));
+}

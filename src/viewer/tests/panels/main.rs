@@ -156,46 +156,19 @@ fn keys_of_one_pass_are_taken_in_their_order() {
 }
 
 #[test]
-fn without_previews_the_city_has_their_room_and_the_bar_opens_one() {
-    let mut harness = with(6);
-    let city = |harness: &Harness<'static, Desk>| {
-        let pictures = &harness.state().state.pictures;
-        pictures.iter().find(|p| p.slot == PictureSlot::City).unwrap().view.extent[0]
-    };
-    let wide = city(&harness);
-    // Nobody is selected: the first one's.
-    click(&mut harness, "Cameras");
-    assert_eq!(harness.state().state.previews[0].vehicle, VehicleId(1));
-    harness.run_steps(3);
-    assert!(city(&harness) + 200 < wide, "{} of {wide}", city(&harness));
-    harness.state_mut().state.selection.vehicle = Some(VehicleId(4));
-    press(&mut harness, egui::Key::P);
-    let open = |harness: &Harness<'static, Desk>| -> Vec<u32> {
-        harness.state().state.previews.iter().map(|preview| preview.vehicle.0).collect()
-    };
-    assert_eq!(open(&harness), [1, 4]);
-    // Hidden, they are not drawn, and come back as they were.
-    harness.key_press_modifiers(egui::Modifiers::COMMAND | egui::Modifiers::SHIFT, egui::Key::B);
-    harness.run_steps(3);
-    assert_eq!((city(&harness), harness.state().state.pictures.len()), (wide, 1));
-    harness.key_press_modifiers(egui::Modifiers::COMMAND | egui::Modifiers::SHIFT, egui::Key::B);
-    harness.run_steps(3);
-    assert_eq!((open(&harness), harness.state().state.pictures.len()), (vec![1, 4], 3));
-}
-
-#[test]
 fn what_stands_in_the_bar_stays_where_it_is_while_numbers_change() {
     let mut harness = with(6);
     let mut places = Vec::new();
-    for (phase, factor, time_s) in [
-        (RunPhase::Paused, 0.0, 2.5),
-        (RunPhase::Running, 0.98, 9.99),
-        (RunPhase::Running, 12.3, 10.0),
-        (RunPhase::Running, 451.2, 234.5),
-        (RunPhase::Over, 0.0, 30.0),
+    for (phase, factor, time_s, hours) in [
+        (RunPhase::Paused, 0.0, 2.5, 12.0),
+        (RunPhase::Running, 0.98, 9.99, 16.5),
+        (RunPhase::Running, 12.3, 10.0, 22.0),
+        (RunPhase::Running, 451.2, 234.5, 8.0),
+        (RunPhase::Over, 0.0, 3000.0, 17.6),
     ] {
         let desk = harness.state_mut();
         (desk.run_state.phase, desk.run_state.real_time_factor) = (phase, factor);
+        desk.state.look.hours = hours;
         desk.change(|now| now.time_s = time_s);
         harness.run_steps(3);
         let left = |label: &str| harness.get_by_label(label).rect().left();

@@ -28,9 +28,10 @@ fn roundabout(seconds: u32) -> Desk {
 #[test]
 fn the_panel_has_the_numbers_of_the_run() {
     let mut harness = harness(roundabout(15));
-    assert!(harness.query_by_label("Flow /h").is_none());
+    assert!(harness.query_by_label("Flow (/h)").is_none());
     press(&mut harness, egui::Key::F4);
-    for label in ["Flow /h", "City", "Measured since 0.0 s.", "Least time to collision", "Fuel, cruise term"]
+    for label in
+        ["Flow (/h)", "City", "Measured since 0.0 s.", "Least time to collision", "Fuel, cruise term"]
     {
         assert!(harness.query_by_label(label).is_some(), "{label}");
     }
@@ -42,7 +43,7 @@ fn the_panel_has_the_numbers_of_the_run() {
     let stops = measures.trips().stops.to_string();
     assert!(stops != "0" && harness.query_all_by_label(&stops).count() > 0, "{stops}");
     press(&mut harness, egui::Key::F4);
-    assert!(harness.query_by_label("Flow /h").is_none());
+    assert!(harness.query_by_label("Flow (/h)").is_none());
 }
 
 #[test]

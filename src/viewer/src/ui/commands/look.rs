@@ -7,10 +7,12 @@ use egui::Key;
 registry!(
     LARGER = Command::always("Larger interface", &[ctrl(Key::Plus), ctrl(Key::Equals)], |c| {
         c.state.preferences = c.state.preferences.scaled(true);
-    }),
+    })
+    .repeating(),
     SMALLER = Command::always("Smaller interface", &[ctrl(Key::Minus)], |c| {
         c.state.preferences = c.state.preferences.scaled(false);
-    }),
+    })
+    .repeating(),
     USUAL_SIZE = Command::always("Usual size of the interface", &[ctrl(Key::Num0)], |c| {
         c.state.preferences.scale = Preferences::default().scale;
     }),

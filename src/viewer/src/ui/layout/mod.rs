@@ -42,7 +42,7 @@ impl Default for Layout {
 
 /// Widths of the columns beside the city, points.
 const LEFT: f32 = 454.0;
-const RIGHT: f32 = 270.0;
+const RIGHT: f32 = 284.0;
 /// Height of the bar with the titles, points.
 const TAB_BAR: f32 = 22.0;
 
@@ -146,6 +146,7 @@ impl Layout {
                 .default_pos(free_place(city, size, &taken))
                 .default_size(size)
                 .resizable(true)
+                .collapsible(false)
                 .constrain_to(room);
             let response = window.show(ui.ctx(), |ui| {
                 stays_floating = !dock_button(ui);
