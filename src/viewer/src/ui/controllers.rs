@@ -7,7 +7,7 @@ use egui::{RichText, Sense, Ui, Vec2};
 /// Shows all devices.
 pub fn show(ui: &mut Ui, state: &mut UiState, actions: &mut Vec<UiAction>) {
     finish(ui, state, actions);
-    egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| {
+    egui::ScrollArea::both().auto_shrink([false, true]).show(ui, |ui| {
         let devices = &mut state.devices;
         let numbers: Vec<usize> = devices.iter().map(|(number, _)| number).collect();
         if numbers.is_empty() {
