@@ -86,7 +86,7 @@ fn results(ui: &mut Ui, measures: &RunMeasures, mean_speed: &str) {
         row("Collisions", measures.collisions.to_string(), measures.collisions > 0);
         row("Stops", measures.stops().to_string(), false);
         row("Mean speed", mean_speed.to_owned(), false);
-        if let Some(vehicle) = longest.filter(|vehicle| vehicle.longest_stand_s > 0.0) {
+        if let Some(vehicle) = longest.filter(|vehicle| vehicle.longest_stand_s >= 0.1) {
             row("Longest stand", format!("{:.1} s, {}", vehicle.longest_stand_s, vehicle.name), false);
         }
     });

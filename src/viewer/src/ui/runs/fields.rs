@@ -79,7 +79,7 @@ impl OpenFields {
 
 fn field(ui: &mut Ui, name: &str, text: &mut String, tip: &str) {
     let label = ui.label(name);
-    let field = TextEdit::singleline(text).hint_text("scenario's").desired_width(64.0);
+    let field = TextEdit::singleline(text).hint_text("scenario's").desired_width(76.0);
     ui.add(field).labelled_by(label.id).on_hover_text(format!("{tip}; empty: as in the scenario"));
 }
 

@@ -59,7 +59,7 @@ pub(super) fn show(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions:
                     is_closed = ui.button("Close").on_hover_text("Back to the city (Esc)").clicked();
                 });
                 ui.add_space(10.0);
-                ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                ScrollArea::vertical().id_salt("lists").auto_shrink(false).show(ui, |ui| {
                     chosen = lists(ui, shown);
                 });
             });
@@ -68,7 +68,7 @@ pub(super) fn show(ui: &Ui, state: &mut UiState, shown: &ViewModel<'_>, actions:
                 page.fields.show(ui);
                 ui.add_space(6.0);
                 let takes_focus = std::mem::take(&mut page.has_opened);
-                ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                ScrollArea::vertical().id_salt("cards").auto_shrink(false).show(ui, |ui| {
                     let card = cards(ui, shown.scenarios, takes_focus);
                     chosen = chosen.take().or(card);
                 });

@@ -8,6 +8,8 @@ use glam::DVec2;
 
 /// Edge of the part of the city in which vehicles are seen to move.
 const PART_M: f64 = 84.0;
+/// Vehicles that are no farther from one another are all shown.
+const ALL_M: f64 = 120.0;
 /// A part with this fraction of the most vehicles is as good as the best, if it is nearer to the middle of the city:
 /// at its edges half of the picture is the land around.
 const AS_GOOD: f64 = 0.75;
@@ -21,8 +23,8 @@ impl Viewpoint {
     }
 }
 
-/// The ground rectangle that is shown at first: all vehicles where they are near one another, else the part of the city
-/// with the most of them; without vehicles a control zone, where they will come, or the whole map.
+/// The ground rectangle that is shown at first: all vehicles where they are near one another, else a control zone, where
+/// they will come, else the part of the city with the most of them; without vehicles and zones the whole map.
 fn first_view(seen: &FrameSnapshot, map: &CityMap, zones: &[ControlZoneArea]) -> Option<[DVec2; 2]> {
     let places: Vec<DVec2> = seen.vehicles.iter().map(|vehicle| vehicle.position.truncate()).collect();
     let samples = map.lanes.iter().flat_map(|lane| lane.curve.sample(ROUGHLY_M));
@@ -30,8 +32,12 @@ fn first_view(seen: &FrameSnapshot, map: &CityMap, zones: &[ControlZoneArea]) ->
     let Some([low, high]) = bounds(places.iter().copied()) else {
         return zones.first().map(|zone| around(zone.middle)).or(city);
     };
-    if (high - low).max_element() <= PART_M {
+    if (high - low).max_element() <= ALL_M {
         return Some([low - AROUND_M, high + AROUND_M]);
+    }
+    // Who is far apart comes together there.
+    if let Some(zone) = zones.first() {
+        return Some(around(zone.middle));
     }
     let middle = city.map_or((low + high) / 2.0, |[low, high]| (low + high) / 2.0);
     Some(around(busiest(&places, middle)))

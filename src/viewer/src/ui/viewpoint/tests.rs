@@ -304,4 +304,12 @@ fn without_vehicles_the_first_picture_shows_where_they_will_come() {
     let (off_m, near_m) = eye_and_distance(&zones);
     let (_, far_m) = eye_and_distance(&[]);
     assert!(off_m < 30.0 && near_m < 130.0 && far_m > near_m, "{off_m} {near_m} {far_m}");
+    // The first two that have come are far from it, and from one another.
+    let mut seen = snapshot(-150.0);
+    let position = DVec3::new(0.0, 160.0, 0.0);
+    seen.vehicles.push(VehicleState { id: VehicleId(4), position, ..seen.vehicles[0].clone() });
+    let mut viewpoint = Viewpoint::around(&seen);
+    viewpoint.begin(&seen, &experiment.city_map, &zones);
+    viewpoint.show_whole(&seen, [850, 620], &[]);
+    assert!(viewpoint.target.truncate().distance(zones[0].middle) < 30.0, "{:?}", viewpoint.target);
 }
