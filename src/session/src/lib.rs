@@ -10,6 +10,7 @@
 #[cfg(feature = "render")]
 pub mod capture;
 mod clock;
+mod decisions;
 mod end;
 mod error;
 mod event_feed;
@@ -43,6 +44,7 @@ mod watch;
 pub use city3d_network::host::Host;
 pub use city3d_simulation::scenario::LoadError;
 pub use clock::{PacingClock, Speed};
+pub use decisions::{ControlInsight, decisions};
 pub use end::{End, EndFailure, EndHealth, RunAccount};
 pub use error::{ExistingResults, SessionError};
 pub use event_feed::{EventFeed, EventReader};

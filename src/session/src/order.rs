@@ -29,6 +29,9 @@ pub enum Order {
     Release(VehicleId),
     /// Whether published states tell the plans of coordinated vehicles. It changes nothing in the city.
     TellPlans(bool),
+    /// Whether published states tell the decisions of the control framework and the delays of its commands. It changes
+    /// nothing in the city.
+    TellDecisions(bool),
 }
 
 /// Where a run is to pause by itself.

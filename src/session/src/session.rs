@@ -5,6 +5,7 @@ mod handle;
 pub use handle::{OnUpdate, SessionHandle, SessionStopper};
 
 use super::clock::RealTimeFactorMeter;
+use super::decisions::DecisionTeller;
 use super::end::{Ends, RunAccount};
 use super::event_feed::EventCollector;
 use super::playback::TimelineMark;
@@ -70,6 +71,7 @@ pub struct Session<S: Source> {
     goal: Option<RunGoal>,
     /// Published states tell plans.
     tells_plans: bool,
+    decisions: DecisionTeller,
     on_report: Option<OnReport>,
     /// A failure of an end ends the session.
     is_strict: bool,
@@ -136,6 +138,7 @@ impl<S: Source> Session<S> {
             refusal: None,
             goal: None,
             tells_plans: false,
+            decisions: DecisionTeller::default(),
             on_report: None,
             is_strict: false,
             host,
@@ -288,6 +291,7 @@ impl<S: Source> Session<S> {
                 self.rate = RealTimeFactorMeter::new(self.host.clock.now(), self.source.snapshot().time_s);
             }
             (Ok(()), Order::TellPlans(tells_plans)) => self.tells_plans = tells_plans,
+            (Ok(()), Order::TellDecisions(is_asked)) => self.decisions.ask(is_asked),
             // Pedals come with every frame, and show with the next tick.
             (Ok(()), Order::Drive(..) | Order::Release(_)) => return,
             (Ok(()), _) => {}
@@ -420,6 +424,7 @@ impl<S: Source> Session<S> {
         let inputs = if kind == MomentKind::Still { Inputs::None } else { self.source.inputs() };
         let moment = moment(&self.source, &self.host, (kind, inputs), (from, timing));
         self.ends.take(&moment);
+        self.decisions.take(&moment);
         if let (Some(view), true) = (&mut self.view, kind != MomentKind::Still) {
             let marks = view.events.take(&moment);
             view.is_stale = true;
@@ -549,6 +554,7 @@ impl<S: Source> Session<S> {
             }
             None => (None, None),
         };
+        let insight = self.decisions.insight(self.source.mainframe(), self.source.experiment()).map(Arc::new);
         view.latest_state.put(RunState {
             before,
             now: Arc::clone(&view.latest),
@@ -562,6 +568,7 @@ impl<S: Source> Session<S> {
             link: view.link.clone(),
             ends: Arc::clone(&view.ends),
             coordination,
+            insight,
             events: view.events.feed(),
             history: view.events.history(),
             goal: self.goal,

@@ -1,6 +1,6 @@
 //! State of a session as a window shows it.
 
-use super::{CoordinationState, EventFeed, HistoryFeed, PacingClock, RunGoal, Speed};
+use super::{ControlInsight, CoordinationState, EventFeed, HistoryFeed, PacingClock, RunGoal, Speed};
 use city3d_protocol::snapshot::{FrameSnapshot, VehicleId};
 use city3d_simulation::runner::Summary;
 use std::path::PathBuf;
@@ -101,6 +101,8 @@ pub struct RunState {
     pub ends: Arc<Vec<EndStatus>>,
     /// Plans of coordinated vehicles, where they are asked for and the control framework is in this process.
     pub coordination: Option<Arc<CoordinationState>>,
+    /// Decisions of the control framework and delays of its commands, where they are asked for.
+    pub insight: Option<Arc<ControlInsight>>,
     /// Events of the present run so far.
     pub events: EventFeed,
     /// Past states of the present run.
@@ -129,6 +131,7 @@ impl RunState {
             link: None,
             ends: Arc::default(),
             coordination: None,
+            insight: None,
             events: EventFeed::default(),
             history: HistoryFeed::default(),
             goal: None,
